@@ -1,0 +1,57 @@
+"""A straight bar of rectangular section: x from 0 to its length, the section centred on y = z = 0."""
+
+from __future__ import annotations
+
+from typing import Any
+
+from meshes.gmsh_session import MeshArrays, gmsh_model, read_out
+
+
+def hexahedral_bar(length: float, depth: float, width: float, divisions: tuple[int, int, int]) -> MeshArrays:
+    """Mesh a bar with a regular grid of hexahedra.
+
+    Parameters
+    ----------
+    length, depth, width : float
+        Extents along x, y and z [m].
+    divisions : tuple of int
+        Number of cells along x, y and z.
+    """
+    with gmsh_model("bar") as gmsh:
+        geo = gmsh.model.geo
+        corner = geo.addPoint(0.0, -depth / 2, -width / 2)
+        line = geo.extrude([(0, corner)], length, 0, 0, numElements=[divisions[0]])
+        face = geo.extrude([line[1]], 0, depth, 0, numElements=[divisions[1]], recombine=True)
+        volume = geo.extrude([face[1]], 0, 0, width, numElements=[divisions[2]], recombine=True)
+        geo.synchronize()
+        return _meshed(gmsh, volume[1][1], length, depth, width)
+
+
+def tetrahedral_bar(length: float, depth: float, width: float, size: float) -> MeshArrays:
+    """Mesh a bar with tetrahedra of edge length ``size`` [m]; the other arguments as in `hexahedral_bar`."""
+    with gmsh_model("bar") as gmsh:
+        volume = gmsh.model.occ.addBox(0, -depth / 2, -width / 2, length, depth, width)
+        gmsh.model.occ.synchronize()
+        gmsh.option.setNumber("Mesh.MeshSizeMin", size)
+        gmsh.option.setNumber("Mesh.MeshSizeMax", size)
+        return _meshed(gmsh, volume, length, depth, width)
+
+
+def _meshed(gmsh: Any, volume: int, length: float, depth: float, width: float) -> MeshArrays:
+    gmsh.model.addPhysicalGroup(3, [volume], name="bar")
+    gmsh.model.mesh.generate(3)
+    centres = {
+        "x-": (0.0, 0.0, 0.0),
+        "x+": (length, 0.0, 0.0),
+        "y-": (length / 2, -depth / 2, 0.0),
+        "y+": (length / 2, depth / 2, 0.0),
+        "z-": (length / 2, 0.0, -width / 2),
+        "z+": (length / 2, 0.0, width / 2),
+    }
+    faces = {}
+    for _, surface in gmsh.model.getEntities(2):
+        box = gmsh.model.getBoundingBox(2, surface)
+        middle = [(box[i] + box[i + 3]) / 2 for i in range(3)]
+        name = min(centres, key=lambda face: sum((a - b) ** 2 for a, b in zip(middle, centres[face], strict=True)))
+        faces[name] = surface
+    return read_out(gmsh, faces)

@@ -1,0 +1,92 @@
+"""One Gmsh model at a time: opened quiet and single-threaded, read out as arrays, always closed."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator, Mapping
+from contextlib import contextmanager
+from typing import Any, NamedTuple
+
+import numpy as np
+from numpy.typing import NDArray
+
+_GMSH_TO_MESHIO = {4: "tetra", 5: "hexahedron"}
+
+
+class MeshArrays(NamedTuple):
+    """A mesh as plain arrays.
+
+    Attributes
+    ----------
+    points : ndarray, shape (n_points, 3)
+        Positions [m].
+    cells : ndarray, shape (n_cells, n_corners)
+        Point numbers of each cell in meshio's (VTK's) order.
+    cell_type : str
+        meshio's name of the cells: ``tetra`` or ``hexahedron``.
+    parts : dict of str to ndarray
+        Cell numbers of each named part.
+    faces : dict of str to ndarray
+        Point numbers on each named face.
+    """
+
+    points: NDArray[np.float64]
+    cells: NDArray[np.int64]
+    cell_type: str
+    parts: dict[str, NDArray[np.int64]]
+    faces: dict[str, NDArray[np.int64]]
+
+
+@contextmanager
+def gmsh_model(name: str) -> Iterator[Any]:
+    """Yield the ``gmsh`` module with an empty model; results don't depend on the number of threads."""
+    import gmsh
+
+    gmsh.initialize(["gmsh", "-nt", "1"], readConfigFiles=False, interruptible=False)
+    try:
+        gmsh.option.setNumber("General.Terminal", 0)
+        gmsh.option.setNumber("Mesh.RandomSeed", 1)
+        gmsh.model.add(name)
+        yield gmsh
+    finally:
+        gmsh.finalize()
+
+
+def read_out(gmsh: Any, faces: Mapping[str, int]) -> MeshArrays:
+    """Take the current model's volume mesh out of Gmsh.
+
+    Parameters
+    ----------
+    gmsh : module
+        As yielded by `gmsh_model`, after ``mesh.generate(3)``.
+    faces : mapping of str to int
+        Surface tag of each face to be named.
+
+    Returns
+    -------
+    MeshArrays
+        Each named physical volume is a part.
+    """
+    tags, xyz, _ = gmsh.model.mesh.getNodes()
+    number = np.full(int(tags.max()) + 1, -1, dtype=np.int64)
+    number[tags] = np.arange(tags.size)
+    parts: dict[str, NDArray[np.int64]] = {}
+    blocks: list[NDArray[np.int64]] = []
+    cell_type, n_cells = "", 0
+    for dimension, group in gmsh.model.getPhysicalGroups(3):
+        part_blocks = []
+        for entity in gmsh.model.getEntitiesForPhysicalGroup(dimension, group):
+            types, _, nodes = gmsh.model.mesh.getElements(3, entity)
+            for element_type, element_nodes in zip(types, nodes, strict=True):
+                cell_type = _GMSH_TO_MESHIO[int(element_type)]
+                n_corners = gmsh.model.mesh.getElementProperties(element_type)[3]
+                part_blocks.append(number[element_nodes].reshape(-1, n_corners))
+        n_part = sum(len(block) for block in part_blocks)
+        parts[gmsh.model.getPhysicalName(dimension, group)] = np.arange(n_cells, n_cells + n_part)
+        n_cells += n_part
+        blocks += part_blocks
+    cells = np.concatenate(blocks)
+    named = {
+        name: np.unique(number[gmsh.model.mesh.getNodes(2, surface, includeBoundary=True)[0]])
+        for name, surface in faces.items()
+    }
+    return MeshArrays(xyz.reshape(-1, 3), cells, cell_type, parts, named)

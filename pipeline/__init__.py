@@ -1,0 +1,25 @@
+"""From the shape of a flexible part to its stress in motion."""
+
+from __future__ import annotations
+
+from typing import TYPE_CHECKING
+
+if TYPE_CHECKING:
+    from pipeline.scene import Scene, load_scene
+    from pipeline.stages import Pipeline
+
+__all__ = ["Pipeline", "Scene", "load_scene"]
+__version__ = "0.1.0"
+
+
+def __getattr__(name: str) -> object:
+    """Load the public names when first used: ``import pipeline`` alone stays free of heavy modules."""
+    if name in ("Scene", "load_scene"):
+        from pipeline import scene
+
+        return getattr(scene, name)
+    if name == "Pipeline":
+        from pipeline.stages import Pipeline
+
+        return Pipeline
+    raise AttributeError(f"module 'pipeline' has no attribute {name!r}")

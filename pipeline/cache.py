@@ -1,0 +1,82 @@
+"""Results of stages kept between runs, each named by the digest of everything it depends on."""
+
+from __future__ import annotations
+
+import hashlib
+import io
+import json
+import os
+import tempfile
+from dataclasses import dataclass
+from importlib.metadata import version
+from pathlib import Path
+from typing import Any
+
+from pipeline.folders import source_digest
+
+_DIGEST_BYTES = 32
+
+
+def stage_key(stage: str, inputs: Any, sources: tuple[str, ...], packages: tuple[str, ...] = ()) -> str:
+    """Name a stage's result after its inputs, the source code and the packages that make it."""
+    content = {
+        "stage": stage,
+        "inputs": inputs,
+        "source": source_digest(*sources),
+        "packages": {package: version(package) for package in packages},
+    }
+    text = json.dumps(content, sort_keys=True, default=str)
+    return f"{stage}-{hashlib.blake2b(text.encode(), digest_size=16).hexdigest()}"
+
+
+@dataclass(frozen=True)
+class Cache:
+    """A folder of results; each file carries the digest of its content.
+
+    Parameters
+    ----------
+    folder : Path or None
+        ``None`` keeps nothing.
+    """
+
+    folder: Path | None
+
+    def load(self, key: str) -> Any:
+        """Return what was saved under ``key``; ``None`` if there is nothing, or only something damaged."""
+        if self.folder is None:
+            return None
+        try:
+            content = (self.folder / key).read_bytes()
+        except OSError:
+            return None
+        digest, body = content[:_DIGEST_BYTES], content[_DIGEST_BYTES:]
+        if _digest(body) != digest:
+            return None
+        import joblib
+
+        return joblib.load(io.BytesIO(body))
+
+    def save(self, key: str, value: Any) -> None:
+        """Keep ``value`` under ``key``: whole or not at all; a folder that can't be written is left alone."""
+        if self.folder is None:
+            return
+        import joblib
+
+        buffer = io.BytesIO()
+        joblib.dump(value, buffer)
+        body = buffer.getvalue()
+        part = ""
+        try:
+            self.folder.mkdir(parents=True, exist_ok=True)
+            handle, part = tempfile.mkstemp(dir=self.folder, prefix=".part-")
+            with os.fdopen(handle, "wb") as file:
+                file.write(_digest(body))
+                file.write(body)
+            os.replace(part, self.folder / key)
+        except OSError:
+            if part:
+                Path(part).unlink(missing_ok=True)
+
+
+def _digest(body: bytes) -> bytes:
+    return hashlib.blake2b(body, digest_size=_DIGEST_BYTES).digest()

@@ -1,0 +1,1 @@
+"""Equations of motion as compiled kernels over flat arrays."""

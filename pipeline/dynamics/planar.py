@@ -1,0 +1,238 @@
+"""One flexible body turning about a fixed axis, driven by a torque at its joint.
+
+With ``p = (1, q)``, ``ṗ = (0, q̇)`` and the inertia Gram tensor G of the body about the joint, spin about e needs
+only two combinations of it::
+
+    D = Σ_ab (δ_ab − e_a e_b) G[a, b]        A = ε_abc e_a G[b, c]
+
+    inertia   J = pᵀ D p            coupling   H = (pᵀ A)_modes        modal mass   1
+    Q_θ = τ − 2 θ̇ pᵀ D ṗ           Q_q = θ̇² (D p) + 2 θ̇ (A ṗ) − ω² q + τ ψ
+
+Coordinate 0 is the frame's angle θ, the others are the modal coordinates q.
+"""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass
+from functools import cached_property
+from typing import NamedTuple
+
+import numpy as np
+from scipy.linalg import eigh
+
+from pipeline.checks import Array
+from pipeline.dynamics.compiled import inlined, meaning
+from pipeline.dynamics.system import accelerations, fast_steps, freeze
+from pipeline.reduction.body import FlexibleBody
+from pipeline.tensors import EPSILON
+
+# Below this part of the modal mass a coupling between modes is too small to tell within a major cycle.
+_DIAGONAL = 1e-5
+
+
+class TorquePulse(NamedTuple):
+    """A torque of versine shape, ``½ peak (1 − cos(2π (t − start)/duration))``; angular impulse ½ peak · duration.
+
+    Attributes
+    ----------
+    start, duration : float
+        When it acts [s].
+    peak : float
+        Largest torque [N m].
+    """
+
+    start: float
+    duration: float
+    peak: float
+
+
+class PlanarParameters(NamedTuple):
+    """What the kernels read; arrays of length 1 + n begin with the frame's angle."""
+
+    D: Array
+    A: Array
+    stiffness: Array  # (1 + n,) ω², 0 for the angle
+    lever: Array  # (1 + n,) work of the torque on each coordinate: 1, ψ
+    pulse: TorquePulse
+    gyroscopic: bool  # A is not zero
+    diagonal: bool  # modes don't couple with each other through the spin
+
+
+class FrozenPlanar(NamedTuple):
+    """The fast coordinates' equation with the frame's motion held: ``a_S = constant − K q_S − C v_S + τ ψ``."""
+
+    constant: Array  # (1 + n,)
+    k: Array  # (1 + n,), instead of K and C where modes don't couple with each other
+    K: Array  # (1 + n, 1 + n)
+    C: Array  # (1 + n, 1 + n)
+    v_now: Array  # (1 + n,), room to work in
+
+
+@dataclass(frozen=True)
+class PlanarRotor:
+    """A flexible body on a torque-driven revolute joint, as the integrators see it.
+
+    Parameters
+    ----------
+    body : FlexibleBody
+        Referenced to the joint.
+    pulse : TorquePulse
+        The drive.
+    """
+
+    body: FlexibleBody
+    pulse: TorquePulse
+
+    n_slow = 1
+
+    def frozen(self) -> FrozenPlanar:
+        """Fresh storage for the frozen coefficients of a major cycle."""
+        n = self.n
+        return FrozenPlanar(np.zeros(n), np.zeros(n), np.zeros((n, n)), np.zeros((n, n)), np.zeros(n))
+
+    @property
+    def n(self) -> int:
+        """Number of coordinates: the angle and the modes."""
+        return 1 + len(self.body.omega)
+
+    @cached_property
+    def parameters(self) -> PlanarParameters:
+        """Flat arrays for the kernels."""
+        e, G = self.body.axis, self.body.gram.G
+        D = np.einsum("ab,abij->ij", np.eye(3) - np.outer(e, e), G)
+        A = np.einsum("a,abc,bcij->ij", e, EPSILON, G)
+        size = np.sqrt(np.outer(D.diagonal(), D.diagonal()).clip(min=1e-300))
+        gyroscopic = bool((np.abs(A) > 1e-9 * size).any())
+        modes = (D / size)[1:, 1:]
+        off_diagonal = np.abs(modes - np.diag(modes.diagonal())).max(initial=0.0)
+        return PlanarParameters(
+            D=np.ascontiguousarray(D),
+            A=np.ascontiguousarray(A),
+            stiffness=np.r_[0.0, self.body.omega**2],
+            lever=np.r_[1.0, self.body.joint_rotation],
+            pulse=self.pulse,
+            gyroscopic=gyroscopic,
+            diagonal=bool(off_diagonal < _DIAGONAL and (np.abs(A[1:, 1:]) < 1e-9).all()),
+        )
+
+    @cached_property
+    def reference_mass(self) -> Array:
+        """Mass matrix of angle and modes in the reference state, shape (n, n)."""
+        parameters = self.parameters
+        M = np.eye(self.n)
+        M[0, 0] = parameters.D[0, 0]
+        M[0, 1:] = M[1:, 0] = parameters.A[0, 1:]
+        return M
+
+    @property
+    def highest_frequency(self) -> float:
+        """Highest coupled angular frequency in the reference state [rad/s]; it limits the plain explicit step."""
+        K = np.diag(self.parameters.stiffness)
+        return float(np.sqrt(eigh(K, self.reference_mass, eigvals_only=True)[-1]))
+
+    @property
+    def highest_fast_frequency(self) -> float:
+        """Highest angular frequency of the modes with the frame held [rad/s]."""
+        return float(self.body.omega.max())
+
+    def energies(self, q: Array, v: Array) -> tuple[Array, Array]:
+        """Kinetic and strain energy [J] of states q, v, shape (n_times, n)."""
+        p = np.concatenate([np.ones((len(q), 1)), q[:, 1:]], axis=1)
+        rate, modal_rates = v[:, 0], v[:, 1:]
+        J = np.einsum("ti,ij,tj->t", p, self.parameters.D, p)
+        H = (p @ self.parameters.A)[:, 1:]
+        kinetic = 0.5 * (J * rate**2 + (modal_rates**2).sum(axis=1)) + rate * (H * modal_rates).sum(axis=1)
+        return kinetic, 0.5 * (q**2 @ self.parameters.stiffness)
+
+
+@inlined
+def _torque(pulse: TorquePulse, t: float) -> float:
+    s = t - pulse.start
+    if s <= 0.0 or s >= pulse.duration:
+        return 0.0
+    return 0.5 * pulse.peak * (1.0 - math.cos(2.0 * np.pi * s / pulse.duration))
+
+
+@meaning(accelerations, PlanarParameters)
+def _accelerations(p: PlanarParameters, t: float, q: Array, v: Array, a: Array) -> None:
+    D, A, stiffness, lever = p.D, p.A, p.stiffness, p.lever  # locals: Numba counts references otherwise
+    n = q.size
+    rate = v[0]
+    tau = _torque(p.pulse, t)
+    J, half_dJ = D[0, 0], 0.0
+    for j in range(1, n):
+        J += D[0, j] * q[j]
+        half_dJ += D[0, j] * v[j]
+    HQ, HH = 0.0, 0.0
+    for i in range(1, n):
+        y, z = D[i, 0], 0.0
+        for j in range(1, n):
+            y += D[i, j] * q[j]
+            z += D[i, j] * v[j]
+        J += q[i] * y
+        half_dJ += q[i] * z
+        Q = rate * rate * y - stiffness[i] * q[i] + tau * lever[i]
+        if p.gyroscopic:
+            g, H = 0.0, A[0, i]
+            for j in range(1, n):
+                g += A[i, j] * v[j]
+                H += A[j, i] * q[j]
+            Q += 2.0 * rate * g
+            HQ += H * Q
+            HH += H * H
+        a[i] = Q
+    a[0] = (tau - 2.0 * rate * half_dJ - HQ) / (J - HH)
+    if p.gyroscopic:
+        for i in range(1, n):
+            H = A[0, i]
+            for j in range(1, n):
+                H += A[j, i] * q[j]
+            a[i] -= H * a[0]
+
+
+@meaning(freeze, PlanarParameters)
+def _freeze(p: PlanarParameters, t: float, q: Array, v: Array, a: Array, frozen: FrozenPlanar) -> None:
+    D, A, stiffness, lever = p.D, p.A, p.stiffness, p.lever
+    constant, k, K, C = frozen.constant, frozen.k, frozen.K, frozen.C
+    n = q.size
+    rate = v[0]
+    if p.diagonal:  # modes couple with nothing but themselves: the rest is constant over the cycle
+        tau = _torque(p.pulse, t)
+        for i in range(1, n):
+            k[i] = stiffness[i] - rate * rate * D[i, i]
+            constant[i] = a[i] + k[i] * q[i] - tau * lever[i]
+    else:
+        for i in range(1, n):
+            H = A[0, i]
+            for j in range(1, n):
+                K[i, j] = -rate * rate * D[i, j]
+                C[i, j] = -2.0 * rate * A[i, j]
+                H += A[j, i] * q[j]
+            K[i, i] += stiffness[i]
+            constant[i] = rate * rate * D[i, 0] - H * a[0]
+
+
+@meaning(fast_steps, PlanarParameters)
+def _fast_steps(
+    p: PlanarParameters, frozen: FrozenPlanar, first: int, h: float, count: int, q: Array, v: Array, a: Array
+) -> None:
+    lever, constant, k, K, C, v_now = p.lever, frozen.constant, frozen.k, frozen.K, frozen.C, frozen.v_now
+    n = q.size
+    for step in range(first, first + count):
+        tau = _torque(p.pulse, step * h)
+        if p.diagonal:
+            for i in range(1, n):
+                a[i] = constant[i] + tau * lever[i] - k[i] * q[i]
+                v[i] += h * a[i]
+                q[i] += h * v[i]
+        else:
+            for i in range(1, n):
+                v_now[i] = v[i] + 0.5 * h * a[i]
+            for i in range(1, n):
+                a[i] = constant[i] + tau * lever[i]
+                for j in range(1, n):
+                    a[i] -= K[i, j] * q[j] + C[i, j] * v_now[j]
+            for i in range(1, n):
+                v[i] += h * a[i]
+                q[i] += h * v[i]

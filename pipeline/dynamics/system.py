@@ -1,0 +1,58 @@
+"""What the integrators need of a mechanism.
+
+A system is its parameters, a ``NamedTuple`` of flat arrays, and three compiled functions of them. The functions here
+are names only: a mechanism gives each its meaning for its own type of parameters with ``overload``, so one
+integrator kernel serves every mechanism and compiles for just the one it is called with.
+"""
+
+from __future__ import annotations
+
+from typing import Any, Protocol
+
+from pipeline.checks import Array
+
+
+def accelerations(p: Any, t: float, q: Array, v: Array, a: Array) -> None:
+    """Solve ``M̂ a = Q̂`` (eq. 4 of Miao et al. 2008) at time t [s] for coordinates q and rates v, into a."""
+    raise NotImplementedError
+
+
+def freeze(p: Any, t: float, q: Array, v: Array, a: Array, frozen: Any) -> None:
+    """Hold M̂, the slow accelerations and the coefficients of the velocity-dependent terms for a major cycle."""
+    raise NotImplementedError
+
+
+def fast_steps(p: Any, frozen: Any, first: int, h: float, count: int, q: Array, v: Array, a: Array) -> None:
+    """Take ``count`` leapfrog steps h with the fast coordinates alone, from time ``first · h``.
+
+    Each solves ``M_SS a_S = Q_S − K_S q_S − M_SL a_L`` (eq. 11) with what `freeze` holds, into a; then
+    ``v += h a``, ``q += h v``.
+    """
+    raise NotImplementedError
+
+
+class System(Protocol):
+    """A mechanism ready to be integrated; its first ``n_slow`` coordinates are the slow ones."""
+
+    @property
+    def n(self) -> int:
+        """Number of coordinates."""
+
+    @property
+    def n_slow(self) -> int:
+        """Number of slow coordinates."""
+
+    @property
+    def parameters(self) -> Any:
+        """What the compiled functions read."""
+
+    @property
+    def highest_frequency(self) -> float:
+        """Highest coupled angular frequency [rad/s]."""
+
+    @property
+    def highest_fast_frequency(self) -> float:
+        """Highest angular frequency of the fast coordinates with the slow ones held [rad/s]."""
+
+    def frozen(self) -> Any:
+        """Fresh storage for the coefficients that `freeze` holds."""

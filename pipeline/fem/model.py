@@ -1,0 +1,112 @@
+"""The finite element model: nodes, stiffness and mass of one body."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from functools import cached_property
+from typing import Any
+
+import meshio
+import numpy as np
+import scipy.sparse as sp
+from skfem.assembly import Dofs
+from skfem.io.meshio import from_meshio
+
+from pipeline.checks import Array, IntArray, read_only
+from pipeline.fem.elements import ElementKind, element_kind, shape_functions
+from pipeline.fem.material import Material
+from pipeline.fem.mesh import SolidMesh
+
+
+@dataclass(frozen=True)
+class Discretisation:
+    """Nodes and connectivity of a displacement field on a mesh; no matrices yet.
+
+    Parameters
+    ----------
+    mesh : SolidMesh
+        Its geometry.
+    order : int
+        Order of the displacement, 1 or 2.
+    """
+
+    mesh: SolidMesh
+    order: int
+
+    @cached_property
+    def kind(self) -> ElementKind:
+        """The element."""
+        return element_kind(self.mesh.cell_type, self.order)
+
+    @cached_property
+    def skfem_mesh(self) -> Any:
+        """scikit-fem's mesh, in whose node order everything below is."""
+        return from_meshio(
+            meshio.Mesh(self.mesh.points, [(self.mesh.cell_type, self.mesh.cells)]), ignore_orientation=True
+        )
+
+    @cached_property
+    def element_nodes(self) -> IntArray:
+        """Node numbers of each element, shape (n_elements, n_local), numbered by scikit-fem."""
+        return read_only(np.asarray(Dofs(self.skfem_mesh, self.kind.element).element_dofs.T, dtype=np.int64))
+
+    @cached_property
+    def corner_coordinates(self) -> Array:
+        """Positions of the geometry's nodes of each element, shape (n_elements, n_corners, 3) [m]."""
+        return np.asarray(self.skfem_mesh.p.T[self.skfem_mesh.t.T])
+
+    @cached_property
+    def x(self) -> Array:
+        """Node positions, shape (n_nodes, 3) [m]."""
+        N, _ = shape_functions(self.kind.geometry, self.kind.element.doflocs.T)
+        x = np.empty((self.element_nodes.max() + 1, 3))
+        x[self.element_nodes] = N.T @ self.corner_coordinates
+        return read_only(x)
+
+    def jacobians(self, X: Array, elements: slice | IntArray = slice(None)) -> Array:
+        """Derivatives of position by reference coordinates, shape (n_elements, n_q, 3, 3), last axis reference."""
+        _, dN = shape_functions(self.kind.geometry, X)
+        return np.asarray(np.swapaxes(self.corner_coordinates[elements], 1, 2)[:, None] @ dN.transpose(2, 0, 1))
+
+
+@dataclass(frozen=True)
+class FEModel:
+    """Stiffness and mass of a body on its discretisation.
+
+    Attributes
+    ----------
+    K : sparse array, shape (3 n_nodes, 3 n_nodes)
+        Stiffness [N/m]; unknown ``3 i + a`` is node i along axis a.
+    m : sparse array, shape (n_nodes, n_nodes)
+        Consistent scalar mass matrix [kg]; the full mass matrix is ``m ⊗ 1₃``.
+    """
+
+    discretisation: Discretisation
+    material: Material
+    K: sp.csr_array
+    m: sp.csr_array
+
+    @property
+    def x(self) -> Array:
+        """Node positions, shape (n_nodes, 3) [m]."""
+        return self.discretisation.x
+
+    @cached_property
+    def M(self) -> sp.csr_array:
+        """Full consistent mass matrix, shape (3 n_nodes, 3 n_nodes) [kg]."""
+        return sp.csr_array(sp.kron(self.m, sp.eye_array(3), format="csr"))
+
+    @property
+    def mass(self) -> float:
+        """Total mass [kg]."""
+        return float(self.m.sum())
+
+    @cached_property
+    def rigid_modes(self) -> Array:
+        """Three translations and three linearised rotations about the origin, shape (3 n_nodes, 6)."""
+        R = np.zeros((len(self.x), 3, 6))
+        for a in range(3):
+            R[:, a, a] = 1.0
+            R[:, (a + 1) % 3, 3 + a] = -self.x[:, (a + 2) % 3]
+            R[:, (a + 2) % 3, 3 + a] = self.x[:, (a + 1) % 3]
+        return R.reshape(-1, 6)

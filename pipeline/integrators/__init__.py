@@ -1,0 +1,1 @@
+"""Time integrators: one file a method, one protocol."""

@@ -1,0 +1,179 @@
+"""What every integrator takes and gives."""
+
+from __future__ import annotations
+
+import time
+from collections.abc import Callable
+from dataclasses import dataclass, replace
+from typing import Any, Protocol
+
+import numpy as np
+
+from pipeline.checks import Array, StabilityError, require_shape
+from pipeline.dynamics.compiled import kernel
+from pipeline.dynamics.system import System, accelerations
+
+Progress = Callable[[float], None]
+"""Called with the part of the march that is done, 0…1."""
+
+# A rate beyond this is taken as divergence: no mechanism in SI units comes near it.
+_RUNAWAY = 1e30
+_CHUNK_SECONDS = 0.2
+
+
+@dataclass(frozen=True)
+class State:
+    """Where a march stands; a march that starts from it continues bit for bit.
+
+    Attributes
+    ----------
+    step : int
+        Number of fast steps done.
+    q : ndarray, shape (n,)
+        Coordinates at the present time.
+    v : ndarray, shape (n,)
+        Rates; explicit methods keep them half a step behind ``q``.
+    a : ndarray, shape (n,)
+        Accelerations of the last step.
+    """
+
+    step: int
+    q: Array
+    v: Array
+    a: Array
+
+
+@dataclass(frozen=True)
+class Trajectory:
+    """What a march gives.
+
+    Attributes
+    ----------
+    integrator : str
+        The method's name.
+    step : float
+        Fast step [s].
+    substeps : int
+        Fast steps to one slow step.
+    times : ndarray, shape (n_times,)
+        Output times [s].
+    q, v : ndarray, shape (n_times, n)
+        Coordinates and rates at the output times.
+    evaluations, fast_evaluations : int
+        Solutions of the whole system and of the fast part alone.
+    seconds : float
+        Run time of the compiled march.
+    end : State
+        Where it stopped.
+    """
+
+    integrator: str
+    step: float
+    substeps: int
+    times: Array
+    q: Array
+    v: Array
+    evaluations: int
+    fast_evaluations: int
+    seconds: float
+    end: State
+
+
+class Integrator(Protocol):
+    """A method with its settings."""
+
+    @property
+    def name(self) -> str:
+        """Its name in a scene."""
+
+    @property
+    def order(self) -> int:
+        """Declared order of convergence."""
+
+    @property
+    def step(self) -> float:
+        """Fast step [s]."""
+
+    def largest_step(self, system: System) -> float:
+        """Largest stable fast step for a system [s]; infinity if there is none."""
+
+    def march(self, system: System, q0: Array, v0: Array, times: Array, progress: Progress | None = None) -> Trajectory:
+        """Integrate from ``q0``, ``v0`` at time 0 to the last of ``times``, with output at each of them."""
+
+
+def march_in_chunks(
+    run: Callable[..., int],
+    start: State,
+    step: float,
+    stride: int,
+    times: Array,
+    progress: Progress | None,
+) -> tuple[State, Array, Array, float]:
+    """Call a compiled march repeatedly until it has passed the last output time.
+
+    Chunks only let progress be shown and a runaway be seen early; the steps don't depend on them, nor on ``times``.
+
+    Parameters
+    ----------
+    run : callable
+        ``run(state, n_steps, sample_step, sample_offset, sample_q, sample_v, cursor) -> steps done``; it writes
+        into the state's arrays.
+    step : float
+        Fast step [s].
+    stride : int
+        Fast steps that must stay together.
+
+    Raises
+    ------
+    StabilityError
+        A rate ran away; the message gives the time and the coordinate.
+    """
+    state = replace(start, q=start.q.copy(), v=start.v.copy(), a=start.a.copy())
+    sample_step = np.floor(times / step * (1 + 1e-14) + 1e-9).astype(np.int64)
+    sample_offset = np.maximum(times - sample_step * step, 0.0)
+    sample_offset[sample_offset < 1e-9 * step] = 0.0
+    q, v = np.empty((times.size, start.q.size)), np.empty((times.size, start.q.size))
+    cursor = np.array([np.searchsorted(sample_step, state.step)])
+    last = -(-(int(sample_step[-1]) + 1 - state.step) // stride) * stride + state.step
+    seconds, chunk = 0.0, 64 * stride
+    while state.step < last:
+        wanted = min(chunk, last - state.step)
+        tick = time.perf_counter()
+        done = run(state, wanted, sample_step, sample_offset, q, v, cursor)
+        spent = time.perf_counter() - tick
+        seconds += spent
+        state = replace(state, step=state.step + done)
+        if done < wanted or not np.isfinite(state.q).all():
+            culprit = int(np.argmax(np.where(np.isfinite(state.v), np.abs(state.v), np.inf)))
+            raise StabilityError(
+                f"the march diverged at t = {state.step * step:.6g} s, first in coordinate {culprit} "
+                f"(rate {state.v[culprit]:.3g}); take a smaller step"
+            )
+        chunk = stride * max(64, min(4 * chunk // stride, int(chunk // stride * _CHUNK_SECONDS / max(spent, 1e-9))))
+        if progress:
+            progress(state.step / last)
+    return state, q, v, seconds
+
+
+def start_state(system: System, q0: Array, v0: Array, lag: Array) -> State:
+    """State at time 0 with the rates moved back by half of each coordinate's step, ``lag`` (n,) [s]."""
+    require_shape("q0", q0, (system.n,))
+    require_shape("v0", v0, (system.n,))
+    a = np.zeros(system.n)
+    evaluate(system.parameters, 0.0, q0, v0, a)
+    return State(0, q0.astype(float), v0 - lag * a, a)
+
+
+@kernel
+def evaluate(p: Any, t: float, q: Array, v: Array, a: Array) -> None:
+    """Call `accelerations` from Python."""
+    accelerations(p, t, q, v, a)
+
+
+@kernel
+def runs_away(v: Array) -> bool:
+    """Whether any rate is beyond reason or not a number."""
+    total = 0.0
+    for i in range(v.size):
+        total += abs(v[i])
+    return not total < _RUNAWAY

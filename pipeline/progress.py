@@ -1,0 +1,47 @@
+"""Telling what goes on: one bar for each stage that takes more than a second, on standard error."""
+
+from __future__ import annotations
+
+import sys
+import threading
+from collections.abc import Callable, Iterator
+from contextlib import AbstractContextManager, contextmanager
+from typing import Protocol
+
+Advance = Callable[[float], None]
+"""Called with the part of a task that is done, 0…1."""
+
+_SHOW_AFTER_SECONDS = 1.0
+
+
+class Monitor(Protocol):
+    """Anything that can be told of tasks."""
+
+    def __call__(self, name: str) -> AbstractContextManager[Advance]:
+        """Enter a task; what is yielded takes its progress."""
+
+
+@contextmanager
+def silent(name: str) -> Iterator[Advance]:
+    """Tell nobody."""
+    yield lambda done: None
+
+
+@contextmanager
+def bars(name: str) -> Iterator[Advance]:
+    """Show a bar once the task has taken a second; nothing where standard error is not a terminal."""
+    if not sys.stderr.isatty():
+        yield lambda done: None
+        return
+    from rich.console import Console
+    from rich.progress import Progress
+
+    with Progress(console=Console(stderr=True), transient=True) as progress:
+        task = progress.add_task(name, total=None, visible=False)
+        timer = threading.Timer(_SHOW_AFTER_SECONDS, lambda: progress.update(task, visible=True))
+        timer.daemon = True
+        timer.start()
+        try:
+            yield lambda done: progress.update(task, total=1.0, completed=done)
+        finally:
+            timer.cancel()

@@ -1,0 +1,1 @@
+"""What the coordinates mean: positions, energies and stress."""

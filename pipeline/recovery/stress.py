@@ -1,0 +1,129 @@
+"""Stress of a modal basis, and of a motion as its combination.
+
+Stress is linear in the modal coordinates: ``σ(t) = Σ_j q_j(t) σ_j``. Each mode's stress is evaluated at the points
+where the element's strains are most accurate (Barlow, Int J Num Meth Eng 10, 1976), extrapolated to the element's
+nodes and averaged over the elements that share a node. Von Mises and principal values are formed from the summed
+tensor, never summed themselves.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import TYPE_CHECKING
+
+import numpy as np
+
+from pipeline.checks import Array, IntArray, require_shape
+
+if TYPE_CHECKING:
+    from pipeline.fem.material import Material
+    from pipeline.fem.model import Discretisation
+
+_CHUNK = 512  # elements at a time
+
+
+def modal_stress(space: Discretisation, material: Material, shapes: Array, nodes: IntArray) -> Array:
+    """Stress of each shape at chosen nodes.
+
+    Parameters
+    ----------
+    space : Discretisation
+        The body's finite element space.
+    shapes : ndarray, shape (n_nodes, 3, n)
+        Displacement fields.
+    nodes : ndarray, shape (n_chosen,)
+        Node numbers; only the elements that touch them are evaluated.
+
+    Returns
+    -------
+    ndarray, shape (n_chosen, 6, n)
+        xx, yy, zz, yz, xz, xy [Pa per unit of the shape].
+    """
+    from pipeline.fem.assembly import gradients
+
+    require_shape("shapes", shapes, (len(space.x), 3, None))
+    X, _ = space.kind.quadrature(space.kind.stress_order)
+    to_nodes = _extrapolation(X, space.kind.element.doflocs.T)
+    chosen = np.full(len(space.x), -1)
+    chosen[nodes] = np.arange(len(nodes))
+    elements = np.flatnonzero((chosen[space.element_nodes] >= 0).any(axis=1))
+    C = material.stiffness
+    total = np.zeros((len(nodes) + 1, 6, shapes.shape[2]))  # the last row gathers what was not asked for
+    count = np.zeros(len(nodes) + 1)
+    for start in range(0, len(elements), _CHUNK):
+        part = elements[start : start + _CHUNK]
+        local = space.element_nodes[part]
+        g, _ = gradients(space, X, part)
+        u = shapes[local].reshape(len(part), 1, local.shape[1], -1)
+        du = (g.swapaxes(2, 3) @ u).reshape(len(part), X.shape[1], 3, 3, -1)  # du[e, q, j, i] = ∂u_i/∂x_j
+        strain = np.stack(
+            [du[:, :, 0, 0], du[:, :, 1, 1], du[:, :, 2, 2]]
+            + [du[:, :, a, b] + du[:, :, b, a] for a, b in ((1, 2), (0, 2), (0, 1))],
+            axis=2,
+        )
+        stress = np.einsum("rs,aq,eqsn->earn", C, to_nodes, strain, optimize=True)
+        np.add.at(total, chosen[local], stress)
+        np.add.at(count, chosen[local], 1.0)
+    return np.asarray(total[:-1] / count[:-1, None, None])
+
+
+def von_mises(stress: Array) -> Array:
+    """Von Mises stress (n, …) of tensors (n, 6, …) in the order xx, yy, zz, yz, xz, xy."""
+    xx, yy, zz, yz, xz, xy = np.moveaxis(stress, 1, 0)
+    return np.asarray(np.sqrt(0.5 * ((xx - yy) ** 2 + (yy - zz) ** 2 + (zz - xx) ** 2) + 3.0 * (yz**2 + xz**2 + xy**2)))
+
+
+@dataclass(frozen=True)
+class StressHistory:
+    """Stress at some nodes of a body over a motion; nothing is combined before it is asked for.
+
+    Attributes
+    ----------
+    nodes : ndarray, shape (n_nodes,)
+        Node numbers.
+    modal : ndarray, shape (n_nodes, 6, n)
+        Stress of each modal coordinate [Pa].
+    times : ndarray, shape (n_times,)
+        Output times of the motion [s].
+    q : ndarray, shape (n_times, n)
+        Modal coordinates.
+    """
+
+    nodes: IntArray
+    modal: Array
+    times: Array
+    q: Array
+
+    def tensor(self, t: float) -> Array:
+        """Stress tensors (n_nodes, 6) [Pa] at time t [s], linear between output times."""
+        if not self.times[0] <= t <= self.times[-1]:
+            raise ValueError(f"t = {t} s is outside the motion, {self.times[0]} … {self.times[-1]} s")
+        q = np.array([np.interp(t, self.times, column) for column in self.q.T])
+        return np.asarray(self.modal @ q)
+
+    def von_mises(self, t: float) -> Array:
+        """Von Mises stress (n_nodes,) [Pa] at time t [s]."""
+        return von_mises(self.tensor(t))
+
+    def worst(self) -> tuple[float, int, float]:
+        """Time [s], place in ``nodes`` and value [Pa] of the largest von Mises stress at any output time."""
+        peak = (0.0, 0, -1.0)
+        flat = self.modal.reshape(-1, self.modal.shape[2])
+        block = max(1, int(2e7 // len(flat)))
+        for start in range(0, len(self.times), block):
+            history = (flat @ self.q[start : start + block].T).reshape(len(self.nodes), 6, -1)
+            value = von_mises(history)
+            node, k = np.unravel_index(value.argmax(), value.shape)
+            if value[node, k] > peak[2]:
+                peak = float(self.times[start + k]), int(node), float(value[node, k])
+        return peak
+
+
+def _extrapolation(X: Array, nodes: Array) -> Array:
+    """Weights (n_local, n_q) that carry values at the points X (3, n_q) to reference nodes (3, n_local)."""
+
+    def monomials(x: Array) -> Array:
+        one = np.ones(x.shape[1])
+        return np.stack((one, *x, x[0] * x[1], x[1] * x[2], x[2] * x[0], x[0] * x[1] * x[2])[: X.shape[1]])
+
+    return np.asarray(np.linalg.solve(monomials(X), monomials(nodes)).T)

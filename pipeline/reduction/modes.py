@@ -1,0 +1,54 @@
+"""The modes that a body keeps, as data."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+
+from pipeline.checks import Array
+
+
+@dataclass(frozen=True)
+class EigenPairs:
+    """Eigenpairs of ``K φ = ω² M φ``, ascending, ``Φᵀ M Φ = 1``; the rigid-body modes are counted and left out.
+
+    Attributes
+    ----------
+    omega : ndarray, shape (n,)
+        Angular frequencies [rad/s].
+    shapes : ndarray, shape (n_nodes, 3, n)
+        Mode shapes [kg^-1/2].
+    n_rigid : int
+        Number of rigid-body modes found.
+    residual : float
+        Largest ``|K φ − ω² M φ| / |ω² M φ|``.
+    """
+
+    omega: Array
+    shapes: Array
+    n_rigid: int
+    residual: float
+
+
+@dataclass(frozen=True)
+class Modes(EigenPairs):
+    """The chosen among a body's eigenpairs.
+
+    Attributes
+    ----------
+    numbers : tuple of int
+        Place of each among all elastic modes of the body, from 1.
+    """
+
+    numbers: tuple[int, ...]
+
+    @property
+    def frequencies_hz(self) -> Array:
+        """Frequencies [Hz], shape (n,)."""
+        return np.asarray(self.omega / (2 * np.pi))
+
+    @property
+    def dofs(self) -> int:
+        """Unknowns of the finite element model."""
+        return 3 * len(self.shapes)

@@ -1,0 +1,193 @@
+"""Curves over time, with what sets each apart from the first."""
+
+from __future__ import annotations
+
+import itertools
+import math
+import os
+from collections.abc import Iterator, Sequence
+from contextlib import contextmanager
+from dataclasses import dataclass
+from pathlib import Path
+
+import numpy as np
+from matplotlib.axes import Axes
+from matplotlib.backends.backend_agg import FigureCanvasAgg
+from matplotlib.colors import to_rgb
+from matplotlib.figure import Figure
+from matplotlib.layout_engine import ConstrainedLayoutEngine
+from matplotlib.lines import Line2D
+
+from pipeline.checks import Array, read_only
+
+SIZE_INCHES = (10.0, 6.0)
+DOTS_PER_INCH = 160
+# The first curve is broad and pale, the others are thin, dark and broken: where they coincide, all are seen.
+BROKEN = ((0, (6, 3)), (0, (1.2, 2)), (0, (8, 2, 1.5, 2)), (0, (3, 1.5)))
+COLOURS = ("#1f5fa8", "#c8501e", "#2f8f4e", "#7a4fa3", "#8a6d1a", "#4a4a4a")
+GREY = "#444444"
+PALENESS = 0.45
+
+
+@dataclass(frozen=True, slots=True)
+class Curve:
+    """One quantity of one run.
+
+    Attributes
+    ----------
+    label : str
+        The run's name in the legend.
+    values : ndarray, shape (n_times,) or (n_times, n_components)
+        The quantity, in the unit that the chart's ``ylabel`` names.
+    """
+
+    label: str
+    values: Array
+
+    def __post_init__(self) -> None:
+        if self.values.ndim not in (1, 2) or self.values.size == 0:
+            raise ValueError(f"curve {self.label!r} has shape {self.values.shape}, expected (any,) or (any, any)")
+        read_only(self.values)
+
+    @property
+    def columns(self) -> Array:
+        """The values, shape (n_times, n_components)."""
+        return self.values.reshape(len(self.values), -1)
+
+
+@contextmanager
+def whole_file(path: Path) -> Iterator[Path]:
+    """Lend a temporary name beside ``path``: renamed to it if the block ends well, deleted otherwise."""
+    part = path.with_name(f".{path.stem}.{os.getpid()}{path.suffix}")
+    try:
+        yield part
+        os.replace(part, path)
+    finally:
+        part.unlink(missing_ok=True)
+
+
+def draw_chart(
+    time: Array,
+    curves: Sequence[Curve],
+    path: Path,
+    *,
+    title: str,
+    ylabel: str,
+    component_labels: Sequence[str] = (),
+) -> None:
+    """Draw curves in one frame and, below it, the difference of each further curve from the first.
+
+    The first curve is continuous, the others are broken lines over it.
+
+    Parameters
+    ----------
+    time : ndarray, shape (n_times,)
+        Times [s].
+    curves : sequence of Curve
+        All of one shape; the first is the one that the others are compared with.
+    path : Path
+        The picture to write, 1600 × 960 pixels, in the format that its suffix names.
+    title : str
+        Heading of the chart.
+    ylabel : str
+        The quantity with its unit in brackets, e.g. ``velocity [m/s]``.
+    component_labels : sequence of str
+        Names of the components; may be empty if there is only one.
+
+    Raises
+    ------
+    ValueError
+        There are no curves, or the shapes of times, curves and component labels disagree.
+    """
+    _check(time, curves, component_labels)
+    layout = ConstrainedLayoutEngine(w_pad=0.1, h_pad=0.1)
+    figure = Figure(figsize=SIZE_INCHES, dpi=DOTS_PER_INCH, layout=layout)
+    FigureCanvasAgg(figure)
+    figure.suptitle(title, fontsize=15)
+    if len(curves) == 1:
+        upper = lower = figure.add_subplot()
+    else:
+        upper, lower = figure.subplots(2, 1, sharex=True, height_ratios=(3, 1))
+        _add_differences(lower, time, curves, ylabel)
+    for number, curve in enumerate(curves):
+        _add_lines(upper, time, curve.columns, number)
+    upper.set_ylabel(ylabel, fontsize=12)
+    lower.set_xlabel("time [s]", fontsize=12)
+    for axes in (upper, lower):
+        axes.margins(x=0)
+        axes.autoscale_view()
+        axes.grid(color="#dddddd", linewidth=0.7)
+        axes.tick_params(labelsize=11)
+        axes.spines[["top", "right"]].set_visible(False)
+    figure.align_ylabels()
+    _add_legends(figure, curves, component_labels)
+    with whole_file(path) as part:
+        figure.savefig(part)
+
+
+def _check(time: Array, curves: Sequence[Curve], component_labels: Sequence[str]) -> None:
+    """Raise ``ValueError`` unless times, curves and component labels fit together."""
+    if not curves:
+        raise ValueError("a chart needs at least one curve")
+    n_components = curves[0].columns.shape[1]
+    for curve in curves:
+        if curve.columns.shape != (len(time), n_components):
+            raise ValueError(
+                f"curve {curve.label!r} has shape {curve.values.shape}, "
+                f"expected {len(time)} times and {n_components} components"
+            )
+    if len(component_labels) != n_components and (component_labels or n_components > 1):
+        raise ValueError(f"{len(component_labels)} component labels for {n_components} components")
+
+
+def _line(x: Array, y: Array, number: int, colour: str, label: str = "") -> Line2D:
+    """Return curve ``number``: the first broad, pale and continuous, the others thin, dark and broken."""
+    if number == 0:
+        red, green, blue = PALENESS + (1 - PALENESS) * np.array(to_rgb(colour))
+        return Line2D(x, y, color=(red, green, blue), linewidth=3.5, label=label)
+    broken = BROKEN[(number - 1) % len(BROKEN)]
+    return Line2D(x, y, color=colour, linewidth=1.5, linestyle=broken, label=label)
+
+
+def _add_lines(axes: Axes, time: Array, columns: Array, number: int) -> None:
+    """Add one curve: its components differ in colour; curves without components do so themselves."""
+    for component, values in enumerate(columns.T):
+        colour = COLOURS[(component if columns.shape[1] > 1 else number) % len(COLOURS)]
+        axes.add_line(_line(time, values, number, colour))
+
+
+def _add_differences(axes: Axes, time: Array, curves: Sequence[Curve], ylabel: str) -> None:
+    """Add what each further curve is away from the first, in thousandths, millionths ... of the unit."""
+    differences = [curve.columns - curves[0].columns for curve in curves[1:]]
+    largest = max(float(np.max(np.abs(difference))) for difference in differences)
+    exponent = 3 * math.floor(math.log10(largest) / 3) if largest > 0 else 0
+    for number, difference in enumerate(differences, start=1):
+        _add_lines(axes, time, difference / 10.0**exponent, number)
+    factor = f"$10^{{{exponent}}}$" if exponent else ""
+    unit = ylabel.partition("[")[2].partition("]")[0]
+    inside = f"{factor} {unit}".strip()
+    axes.set_ylabel(f"difference\n[{inside}]" if inside else "difference", fontsize=12)
+
+
+def _add_legends(figure: Figure, curves: Sequence[Curve], component_labels: Sequence[str]) -> None:
+    """Add the curves' names below the frames and the components' names beside them: they hide nothing."""
+    none = np.empty(0)
+    runs = [
+        _line(none, none, number, GREY if len(component_labels) > 1 else COLOURS[number % len(COLOURS)], c.label)
+        for number, c in enumerate(curves)
+    ]
+    n_columns = max(1, 100 // (8 + max(len(curve.label) for curve in curves)))
+    figure.legend(
+        handles=runs,
+        loc="outside lower center",
+        ncols=n_columns,
+        fontsize=12,
+        frameon=False,
+        handlelength=3.5,
+    )
+    if len(component_labels) > 1:
+        components = [
+            Line2D(none, none, color=colour, linewidth=3.5, label=label)
+            for colour, label in zip(itertools.cycle(COLOURS), component_labels, strict=False)
+        ]
+        figure.legend(handles=components, loc="outside right center", fontsize=12, frameon=False, handlelength=1.2)

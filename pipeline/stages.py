@@ -1,0 +1,327 @@
+"""The lazy stage graph: each stage runs when something asks for it, once, and not at all if its result is kept."""
+
+from __future__ import annotations
+
+import time
+from collections.abc import Callable
+from dataclasses import dataclass, field
+from functools import cached_property
+from typing import TYPE_CHECKING, TypeVar
+
+import numpy as np
+
+from pipeline.cache import Cache, stage_key
+from pipeline.checks import Array, InputError, IntArray, StabilityError
+from pipeline.folders import cache_folder
+from pipeline.progress import Monitor, silent
+
+if TYPE_CHECKING:
+    from pipeline.dynamics.planar import PlanarRotor
+    from pipeline.fem.marker import Marker
+    from pipeline.fem.mesh import SolidMesh
+    from pipeline.fem.model import FEModel
+    from pipeline.fem.surface import SurfaceTopology
+    from pipeline.integrators.protocol import Integrator
+    from pipeline.recovery.motion import Motion
+    from pipeline.recovery.stress import StressHistory
+    from pipeline.reduction.body import FlexibleBody
+    from pipeline.reduction.eigen import FreeBodySolver
+    from pipeline.reduction.modes import Modes
+    from pipeline.scene import Bar, Revolute, Scene
+
+T = TypeVar("T")
+STAGES = ("mesh", "assembly", "modes", "body", "motion", "surface", "stress", "pictures")
+_FEM_PACKAGES = ("numpy", "scipy", "scikit-fem", "gmsh")
+
+
+@dataclass
+class Log:
+    """What has happened to each stage, in order.
+
+    Attributes
+    ----------
+    seconds : dict of str to float
+        Time that each stage took, whether it ran or was read from the cache [s].
+    run, cached : list of str
+        Stages that were computed and stages that were read.
+    """
+
+    seconds: dict[str, float] = field(default_factory=dict)
+    run: list[str] = field(default_factory=list)
+    cached: list[str] = field(default_factory=list)
+
+    @property
+    def skipped(self) -> list[str]:
+        """Stages that nothing asked for."""
+        return [stage for stage in STAGES if stage not in self.seconds]
+
+
+class Pipeline:
+    """From a scene to its results, each computed on first use and only with what it needs.
+
+    Parameters
+    ----------
+    scene : Scene
+        As `pipeline.load_scene` returns it.
+    cache : Cache, optional
+        Where results are kept; the user's cache folder by default.
+    monitor : Monitor, optional
+        Is told of each stage's progress.
+
+    Raises
+    ------
+    InputError
+        The scene has several bodies: the mechanism of this version is one body on one joint.
+    """
+
+    def __init__(self, scene: Scene, cache: Cache | None = None, monitor: Monitor = silent) -> None:
+        if len(scene.body) != 1:
+            raise InputError(scene.file, "body", sorted(scene.body), "this version moves one body; keep one")
+        self.scene = scene
+        self.log = Log()
+        self._cache = Cache(cache_folder() / "stages") if cache is None else cache
+        self._monitor = monitor
+
+    # What the scene says, resolved -------------------------------------------------------------------------------
+
+    @property
+    def body_name(self) -> str:
+        """Name of the body."""
+        return next(iter(self.scene.body))
+
+    @property
+    def _part(self) -> Bar:
+        return self.scene.body[self.body_name]
+
+    @property
+    def _joint(self) -> Revolute:
+        return next(iter(self.scene.joint.values()))
+
+    @property
+    def _joint_marker(self) -> str:
+        return self._joint.child.partition(".")[2]
+
+    @property
+    def _axis(self) -> Array:
+        return np.array(self._joint.axis, dtype=float)
+
+    # Stages ------------------------------------------------------------------------------------------------------
+
+    @cached_property
+    def mesh(self) -> SolidMesh:
+        """The mesh."""
+        return self._kept("mesh", self._mesh_key, self._make_mesh)
+
+    @cached_property
+    def fe(self) -> FEModel:
+        """Stiffness and mass; never kept, since what follows is."""
+        from pipeline.fem.assembly import assemble
+        from pipeline.fem.material import Material
+
+        mesh, part = self.mesh, self._part
+        return self._timed("assembly", lambda: assemble(mesh, part.mesh.order, Material(part.E, part.nu, part.rho)))
+
+    @cached_property
+    def modes(self) -> Modes:
+        """The free modes that the scene chooses."""
+        return self._kept("modes", self._modes_key, self._make_modes)
+
+    @cached_property
+    def body(self) -> FlexibleBody:
+        """The reduced body at its joint."""
+        return self._kept("body", self._body_key, self._make_body)
+
+    @cached_property
+    def rotor(self) -> PlanarRotor:
+        """The mechanism: the body on its torque-driven joint."""
+        from pipeline.dynamics.planar import PlanarRotor, TorquePulse
+
+        pulse = TorquePulse(0.0, 1.0, 0.0)
+        for drive in self.scene.drive.values():
+            if drive.speed is None:
+                peak = float(drive.torque or 0.0)
+            else:
+                peak = 2.0 * self.body.inertia_about_joint * drive.speed / drive.duration
+            pulse = TorquePulse(drive.start, drive.duration, peak)
+        return PlanarRotor(self.body, pulse)
+
+    @cached_property
+    def motions(self) -> dict[str, Motion]:
+        """The motion by each of the scene's runs; the label tells integrator and ratio.
+
+        Raises
+        ------
+        StabilityError
+            A step is beyond its stability limit; nothing has been integrated then.
+        """
+        rotor = self.rotor
+        integrators = dict(self._integrators())
+        for label, integrator in integrators.items():
+            limit = integrator.largest_step(rotor)
+            if not integrator.step < limit:
+                raise StabilityError(
+                    f"{self.scene.file}: {label}: the step of {integrator.step:.4g} s would diverge; the largest "
+                    f"stable step of this model is {limit:.4g} s (2/ω of its highest frequency, "
+                    f"{1 / (np.pi * limit):.5g} Hz): set simulation.step below it"
+                )
+        return self._timed("motion", lambda: self._march_all(integrators))
+
+    @cached_property
+    def motion(self) -> Motion:
+        """The motion by the scene's first run, with which the others are compared."""
+        return next(iter(self.motions.values()))
+
+    @cached_property
+    def surface(self) -> SurfaceTopology:
+        """The body's outer surface."""
+        return self._kept("surface", self._modes_key, self._make_surface)
+
+    @cached_property
+    def stress(self) -> StressHistory:
+        """Stress on the body's surface over the first run's motion."""
+        from pipeline.recovery.stress import StressHistory
+
+        nodes = self.surface.nodes
+        modal = self._kept("stress", self._body_key, lambda: self._modal_stress(nodes))
+        return StressHistory(nodes, modal, self.motion.times, self.motion.q)
+
+    # How each is made --------------------------------------------------------------------------------------------
+
+    @property
+    def _mesh_key(self) -> str:
+        part = self._part.model_dump(mode="json", include={"shape", "length", "depth", "width", "mesh"})
+        return stage_key("mesh", part, ("meshes", "pipeline/fem/mesh.py"), ("gmsh",))
+
+    @property
+    def _modes_key(self) -> str:
+        part = self._part.model_dump(mode="json", exclude={"marker"})
+        inputs = {"part": part, "axis": self._joint.axis}
+        return stage_key("modes", inputs, ("meshes", "pipeline/fem", "pipeline/reduction"), _FEM_PACKAGES)
+
+    @property
+    def _body_key(self) -> str:
+        inputs = {
+            "modes": self._modes_key,
+            "markers": self._part.model_dump(mode="json", include={"marker"}),
+            "joint": self._joint_marker,
+            "frame": self.scene.simulation.frame,
+        }
+        return stage_key("body", inputs, ("pipeline/reduction", "pipeline/recovery/stress.py"))
+
+    def _make_mesh(self) -> SolidMesh:
+        from meshes.bar import hexahedral_bar, tetrahedral_bar
+        from pipeline.fem.mesh import SolidMesh
+
+        part = self._part
+        size = (part.length, part.depth, part.width)
+        if part.mesh.element == "hexahedron":
+            assert part.mesh.divisions is not None  # the scene's own check
+            return SolidMesh(*hexahedral_bar(*size, part.mesh.divisions))
+        assert part.mesh.size is not None
+        return SolidMesh(*tetrahedral_bar(*size, part.mesh.size))
+
+    @cached_property
+    def _solver(self) -> FreeBodySolver:
+        from pipeline.reduction.eigen import FreeBodySolver
+
+        return FreeBodySolver(self.fe)
+
+    def _make_modes(self) -> Modes:
+        from pipeline.reduction.families import lowest_modes, modes_of_family
+
+        wanted = self._part.modes
+        if wanted.family == "any":
+            return lowest_modes(self._solver, wanted.count)
+        return modes_of_family(self._solver, self.fe, wanted.count, wanted.family, self._axis)
+
+    def _make_body(self) -> FlexibleBody:
+        from pipeline.reduction.body import free_frame_body, joint_conforming_body
+        from pipeline.reduction.enrichment import enriched, inertia_loads
+
+        markers, modes = self._markers(), self.modes
+        omega, shapes = modes.omega, modes.shapes
+        if self._part.modes.enrich == "inertia":
+            loads = inertia_loads(self.fe, markers[self._joint_marker], self._axis)
+            omega, shapes = enriched(modes, self.fe, self._solver, loads)
+        conforming = self.scene.simulation.frame == "joint-conforming"
+        make = joint_conforming_body if conforming else free_frame_body
+        return make(self.fe, omega, shapes, markers, self._joint_marker, self._axis)
+
+    def _markers(self) -> dict[str, Marker]:
+        from pipeline.fem.marker import face_marker
+
+        space, faces = self.fe.discretisation, self.mesh.faces
+        return {name: face_marker(space, faces[marker.face]) for name, marker in self._part.marker.items()}
+
+    def _make_surface(self) -> SurfaceTopology:
+        from pipeline.fem.model import Discretisation
+        from pipeline.fem.surface import surface_topology
+
+        return surface_topology(Discretisation(self.mesh, self._part.mesh.order))
+
+    def _modal_stress(self, nodes: IntArray) -> Array:
+        from pipeline.fem.material import Material
+        from pipeline.fem.model import Discretisation
+        from pipeline.recovery.stress import modal_stress
+
+        part = self._part
+        space = Discretisation(self.mesh, part.mesh.order)
+        return modal_stress(space, Material(part.E, part.nu, part.rho), self.body.shapes, nodes)
+
+    def _integrators(self) -> list[tuple[str, Integrator]]:
+        from pipeline.integrators.central_difference import CentralDifference
+        from pipeline.integrators.subcycling import Subcycling
+
+        made: list[tuple[str, Integrator]] = []
+        for run in self.scene.simulation.run:
+            step = run.step or self.scene.simulation.step
+            if run.integrator == "central-difference":
+                made.append((run.integrator, CentralDifference(step)))
+            else:
+                made.append((f"{run.integrator} {run.substeps}:1", Subcycling(step, run.substeps)))
+        return made
+
+    def _march_all(self, integrators: dict[str, Integrator]) -> dict[str, Motion]:
+        from pipeline.recovery.motion import Motion
+
+        simulation, rotor = self.scene.simulation, self.rotor
+        n_outputs = int(simulation.duration / simulation.output_step * (1 + 1e-12)) + 1
+        times = np.arange(n_outputs, dtype=float) * simulation.output_step
+        q0, v0 = np.zeros(rotor.n), np.zeros(rotor.n)
+        q0[0], v0[0] = self._joint.angle, self._joint.rate
+        tip = simulation.tip.partition(".")[2]
+        motions = {}
+        for label, integrator in integrators.items():
+            integrator.march(rotor, q0, v0, times[:2])  # compiles, or reads compiled kernels: not part of the run time
+            with self._monitor(label) as advance:
+                motions[label] = Motion(rotor, integrator.march(rotor, q0, v0, times, advance), tip)
+        return motions
+
+    def _kept(self, stage: str, key: str, make: Callable[[], T]) -> T:
+        """Read a stage's result, or compute and keep it."""
+        key = f"{stage}-{key}"
+        tick = time.perf_counter()
+        value: T | None = self._cache.load(key)
+        if value is not None:
+            self.log.cached.append(stage)
+            self.log.seconds[stage] = time.perf_counter() - tick
+            return value
+        value = self._timed(stage, make)
+        self._cache.save(key, value)
+        return value
+
+    def _timed(self, stage: str, make: Callable[[], T]) -> T:
+        """Compute a stage; stages that it asks for in turn don't count as its own time."""
+        from threadpoolctl import threadpool_limits
+
+        others = sum(self.log.seconds.values())
+        tick = time.perf_counter()
+        with (
+            self._monitor(stage),
+            threadpool_limits(1),
+        ):  # the products here are small: two BLAS threads only spin
+            value = make()
+        spent = time.perf_counter() - tick
+        self.log.run.append(stage)
+        self.log.seconds[stage] = spent - (sum(self.log.seconds.values()) - others)
+        return value

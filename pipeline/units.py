@@ -1,0 +1,152 @@
+"""Quantities in, SI floats inside.
+
+A scene gives every quantity as text with its unit, ``"340 mm"``. The types below are floats that read such
+text, convert it to SI units and refuse a bare number, a wrong dimension, an unknown unit and a value that
+isn't finite. Radians count as a dimension here: ``"131.2 Hz"`` is no angular rate and ``"8000 rpm"`` no
+frequency, so no factor 2π is lost on the way.
+"""
+
+from __future__ import annotations
+
+import math
+import re
+from decimal import Decimal
+from functools import cache, partial
+from typing import TYPE_CHECKING, Annotated
+
+from pydantic import AfterValidator, BeforeValidator
+
+if TYPE_CHECKING:
+    import pint
+
+# What a quantity may be: its SI unit and an example. The last rows only give wrong quantities their name.
+_KINDS = {
+    "length": ("m", "340 mm"),
+    "stress": ("Pa", "722 MPa"),
+    "density": ("kg/m^3", "2780 kg/m^3"),
+    "time": ("s", "0.5 ms"),
+    "frequency": ("Hz", "131.2 Hz"),
+    "angle": ("rad", "90 deg"),
+    "angular rate": ("rad/s", "20 rad/s"),
+    "torque": ("N m", "1.5 N m"),
+    "force": ("N", "10 N"),
+    "mass": ("kg", "2 kg"),
+    "speed": ("m/s", "3 m/s"),
+    "acceleration": ("m/s^2", "9.81 m/s^2"),
+    "area": ("m^2", "1 m^2"),
+    "volume": ("m^3", "1 m^3"),
+    "temperature": ("K", "293 K"),
+}
+
+# Only units with exponents of one digit reach pint's parser: an expression such as 9**9**9 can't.
+_NUMBER = r"[+-]?(?:[0-9]+\.?[0-9]*|\.[0-9]+)(?:[eE][+-]?[0-9]+)?|[+-]?(?:nan|inf)\b"
+_UNIT = r"[A-Za-zµμ°]+(?:(?:\^|\*\*)-?[1-9]|[²³])?"
+_QUANTITY = re.compile(rf"\s*({_NUMBER})\s*({_UNIT}(?:(?:\s*[*/·]\s*|\s+){_UNIT})*)?\s*")
+_LONGEST = 60
+
+
+@cache
+def _registry() -> pint.UnitRegistry[Decimal]:
+    """Return the units known, loaded when a quantity is first read; decimals make 10 us exactly 1e-05 s."""
+    import pint
+
+    return pint.UnitRegistry(non_int_type=Decimal)
+
+
+def to_si(value: object, kind: str) -> float:
+    """Convert a quantity given as text to SI units.
+
+    Parameters
+    ----------
+    value : object
+        The quantity, e.g. ``"340 mm"``.
+    kind : str
+        What it must be, e.g. ``"length"``.
+
+    Returns
+    -------
+    float
+        The value in the SI unit of its kind [m, Pa, kg/m³, s, Hz, rad, rad/s or N m].
+
+    Raises
+    ------
+    ValueError
+        The text is no quantity of this kind; the message gives one that works.
+    """
+    si, example = _KINDS[kind]
+    wanted = f"{_article(kind)} is wanted, e.g. '{example}'"
+    if isinstance(value, int | float):
+        raise ValueError(f"needs a unit, e.g. '{example}'")
+    if not isinstance(value, str) or len(value) > _LONGEST or not (match := _QUANTITY.fullmatch(value)):
+        raise ValueError(f"isn't a number with a unit: {wanted}")
+    number, unit = match.groups()
+    if unit is None:
+        raise ValueError(f"needs a unit, e.g. '{example}'")
+    factor, base = _base_units(unit)
+    if not base:
+        raise ValueError(f"'{unit}' isn't a known unit: {wanted}")
+    if base != _base_units(si)[1]:
+        raise ValueError(f"{value!r} is {_dimension(base)}, {wanted}")
+    try:
+        result = float(Decimal(number) * factor)
+    except ArithmeticError:
+        result = math.inf
+    if not math.isfinite(result):
+        raise ValueError(f"{value!r} isn't finite: {wanted}")
+    return result
+
+
+def _base_units(unit: str) -> tuple[Decimal, str]:
+    """Return the factor to base units (kg, m, s, rad, …) and these as text, empty for an unknown unit."""
+    registry = _registry()
+    try:
+        factor, base = registry.get_base_units(registry.parse_units(unit))
+    except (AttributeError, ValueError, TypeError):  # what pint's errors derive from
+        return Decimal(0), ""
+    return Decimal(str(factor)), str(base)
+
+
+def _dimension(base: str) -> str:
+    """Name the dimension of base units, "a mass"; one without a name is given by the units themselves."""
+    for kind, (si, _) in _KINDS.items():
+        if _base_units(si)[1] == base:
+            return _article(kind)
+    return f"in '{base}'"
+
+
+def _article(kind: str) -> str:
+    return f"an {kind}" if kind[0] in "aeiou" else f"a {kind}"
+
+
+def _positive(value: float) -> float:
+    if not value > 0:
+        raise ValueError("must be greater than zero")
+    return value
+
+
+def _not_negative(value: float) -> float:
+    if not value >= 0:
+        raise ValueError("must not be negative")
+    return value
+
+
+Positive = AfterValidator(_positive)
+NonNegative = AfterValidator(_not_negative)
+
+Length = Annotated[float, BeforeValidator(partial(to_si, kind="length"))]
+Stress = Annotated[float, BeforeValidator(partial(to_si, kind="stress"))]
+Density = Annotated[float, BeforeValidator(partial(to_si, kind="density"))]
+Time = Annotated[float, BeforeValidator(partial(to_si, kind="time"))]
+Frequency = Annotated[float, BeforeValidator(partial(to_si, kind="frequency"))]
+Angle = Annotated[float, BeforeValidator(partial(to_si, kind="angle"))]
+AngularRate = Annotated[float, BeforeValidator(partial(to_si, kind="angular rate"))]
+Torque = Annotated[float, BeforeValidator(partial(to_si, kind="torque"))]
+Force = Annotated[float, BeforeValidator(partial(to_si, kind="force"))]
+Acceleration = Annotated[float, BeforeValidator(partial(to_si, kind="acceleration"))]
+
+PositiveLength = Annotated[Length, Positive]
+PositiveStress = Annotated[Stress, Positive]
+PositiveDensity = Annotated[Density, Positive]
+PositiveTime = Annotated[Time, Positive]
+PositiveFrequency = Annotated[Frequency, Positive]
+NonNegativeTime = Annotated[Time, NonNegative]

@@ -1,0 +1,79 @@
+from pathlib import Path
+
+import imageio.v3 as iio
+import numpy as np
+import pytest
+from matplotlib.colors import to_rgb
+
+from pipeline.checks import Array
+from pipeline.render.charts import COLOURS, PALENESS, Curve, draw_chart, whole_file
+
+TIME = np.linspace(0.0, 0.5, 201)
+WAVE = np.sin(20 * TIME)
+RGB = np.array([to_rgb(colour) for colour in COLOURS])
+
+
+def draw(path: Path, *curves: Curve, labels: tuple[str, ...] = ()) -> Path:
+    draw_chart(TIME, curves, path, title="Velocity", ylabel="velocity [m/s]", component_labels=labels)
+    return path
+
+
+def count(picture: Array, colour: Array) -> int:
+    """How many pixels have a colour, nearly."""
+    return int(np.count_nonzero(np.all(np.abs(picture[..., :3] - 255 * colour) < 12, axis=-1)))
+
+
+def test_a_chart_has_the_size_of_ten_by_six_inches(tmp_path: Path) -> None:
+    picture = iio.imread(draw(tmp_path / "chart.png", Curve("one run", WAVE)))
+    assert picture.shape[:2] == (960, 1600)
+    assert picture.std() > 0
+
+
+def test_curves_that_coincide_are_all_seen(tmp_path: Path) -> None:
+    curves = [Curve(f"run {number}", WAVE.copy()) for number in range(3)]
+    upper = iio.imread(draw(tmp_path / "chart.png", *curves))[:600]
+    pale = PALENESS + (1 - PALENESS) * RGB[0]
+    assert min(count(upper, colour) for colour in (pale, RGB[1], RGB[2])) > 300
+
+
+def test_components_differ_in_colour(tmp_path: Path) -> None:
+    curves = [Curve(name, np.stack([WAVE, WAVE - 1], axis=1)) for name in ("first", "second")]
+    picture = iio.imread(draw(tmp_path / "chart.png", *curves, labels=("x", "y")))
+    assert min(count(picture, RGB[0]), count(picture, RGB[1])) > 300
+    assert count(picture, RGB[2]) == 0
+
+
+@pytest.mark.parametrize(("size", "factor"), [(4e-5, "$10^{-6}$ m/s"), (2e3, "$10^{3}$ m/s"), (0.0, "[m/s]")])
+def test_differences_are_told_in_the_same_unit_with_a_power_of_a_thousand(
+    tmp_path: Path, size: float, factor: str
+) -> None:
+    text = draw(tmp_path / "chart.svg", Curve("first", WAVE), Curve("second", WAVE + size)).read_text()
+    assert factor in text  # Matplotlib writes each text as a comment beside its outlines
+
+
+def test_shapes_that_disagree_are_refused(tmp_path: Path) -> None:
+    path = tmp_path / "chart.png"
+    with pytest.raises(ValueError, match=r"curve 'short' has shape \(5,\), expected 201 times and 1 components"):
+        draw(path, Curve("first", WAVE), Curve("short", WAVE[:5]))
+    with pytest.raises(ValueError, match="1 component labels for 2 components"):
+        draw(path, Curve("first", np.stack([WAVE, WAVE], axis=1)), labels=("x",))
+    with pytest.raises(ValueError, match="at least one curve"):
+        draw(path)
+    with pytest.raises(ValueError, match=r"curve 'none' has shape \(0,\)"):
+        Curve("none", np.empty(0))
+    assert not list(tmp_path.iterdir())
+
+
+def test_an_error_while_writing_leaves_the_old_file_and_nothing_else(tmp_path: Path) -> None:
+    path = tmp_path / "chart.png"
+    path.write_text("old")
+
+    def fail_half_way() -> None:
+        with whole_file(path) as part:
+            part.write_text("half")
+            raise RuntimeError("disk full")
+
+    with pytest.raises(RuntimeError, match="disk full"):
+        fail_half_way()
+    assert path.read_text() == "old"
+    assert list(tmp_path.iterdir()) == [path]
