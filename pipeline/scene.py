@@ -10,218 +10,57 @@ from collections.abc import Iterator, Sequence
 from pathlib import Path
 from typing import Annotated, Literal
 
-from pydantic import AfterValidator, Field, PrivateAttr, ValidationError, model_validator
+from pydantic import Field, PrivateAttr, ValidationError, model_validator
 
 from pipeline.scene_file import FaultError, KeyPath, Table, among, read_scene_file, ready_scenes
-from pipeline.units import (
-    Angle,
-    AngularRate,
-    NonNegative,
-    NonNegativeTime,
-    Positive,
-    PositiveDensity,
-    PositiveFrequency,
-    PositiveLength,
-    PositiveStress,
-    PositiveTime,
-    Torque,
+from pipeline.scene_outputs import Chart, Film, ModePictures, Output, Pixels, Scale, StressPicture
+from pipeline.scene_parts import (
+    Bar,
+    Body,
+    Count,
+    Drive,
+    Joint,
+    Marker,
+    Mesh,
+    Modes,
+    Name,
+    Number,
+    Place,
+    Revolute,
+    TorquePulse,
 )
+from pipeline.units import PositiveFrequency, PositiveTime
 
-__all__ = ["Scene", "load_scene", "ready_scenes"]
-
-
-def _name(name: str) -> str:
-    if not re.fullmatch(r"[A-Za-z][A-Za-z0-9_-]{0,39}", name) or name == "ground":
-        raise ValueError("a name is a letter and up to 39 letters, digits, '_' or '-'; 'ground' is taken")
-    return name
-
-
-def _poisson(nu: float) -> float:
-    if not nu > -1:
-        raise ValueError("must be above -1; most metals have about 0.3")
-    if not nu < 0.5:
-        raise ValueError("must be below 0.5 (0.5 is incompressible); 0.499 works")
-    return nu
-
-
-def _file(*suffixes: str) -> AfterValidator:
-    """Return a check for a plain file name with one of these suffixes."""
-
-    def check(file: str) -> str:
-        plain = re.fullmatch(r"\w[\w .-]{0,99}", file.replace("{mode}", "1"))
-        if not plain or ".." in file or not file.endswith(suffixes):
-            raise ValueError(f"must be a plain file name without a folder, ending in {' or '.join(suffixes)}")
-        return file
-
-    return AfterValidator(check)
-
-
-def _no_mode(file: str) -> str:
-    if "{mode}" in file:
-        raise ValueError("'{mode}' belongs to an output of type 'modes'")
-    return file
-
-
-def _one_mode(file: str) -> str:
-    if file.count("{mode}") != 1:
-        raise ValueError("must hold '{mode}' once, for the mode's number, e.g. 'mode-{mode}.png'")
-    return file
-
-
-Name = Annotated[str, AfterValidator(_name)]
-Place = Annotated[str, Field(max_length=100)]
-Number = Annotated[float, Field(strict=True)]
-Count = Annotated[int, Field(strict=True, ge=1, le=1_000_000)]
-Pixels = Annotated[int, Field(strict=True, ge=64, le=8192)]
-Scale = Annotated[Number, NonNegative]
-
-
-class Mesh(Table):
-    """How a body is divided into elements.
-
-    Parameters
-    ----------
-    element : str
-        The elements' shape.
-    order : int
-        Polynomial order of the displacement in an element.
-    divisions : tuple of int, optional
-        Elements along x, y and z; for hexahedra.
-    size : float, optional
-        Edge length of an element [m]; for tetrahedra.
-    """
-
-    element: Literal["hexahedron", "tetrahedron"] = "hexahedron"
-    order: Annotated[int, Field(strict=True, ge=1, le=2)] = 2
-    divisions: tuple[Count, Count, Count] | None = None
-    size: PositiveLength | None = None
-
-    @model_validator(mode="after")
-    def _divided_one_way(self) -> Mesh:
-        if self.element == "hexahedron":
-            if self.size is not None:
-                raise FaultError("belongs to tetrahedra; hexahedra take divisions, e.g. [48, 4, 2]", "size")
-            if self.divisions is None:
-                raise FaultError("is missing: hexahedra along x, y and z, e.g. [48, 4, 2]", "divisions")
-        else:
-            if self.divisions is not None:
-                raise FaultError("belongs to hexahedra; tetrahedra take a size, e.g. '5 mm'", "divisions")
-            if self.size is None:
-                raise FaultError("is missing: the edge length of a tetrahedron, e.g. '5 mm'", "size")
-        return self
-
-
-class Modes(Table):
-    """Which modes describe a body's deformation.
-
-    Parameters
-    ----------
-    count : int
-        How many, above the rigid-body modes.
-    family : str
-        The kind of motion that they are chosen from.
-    enrich : str
-        The loads whose static responses are added.
-    """
-
-    count: Count
-    family: Literal["any", "in-plane bending", "out-of-plane bending", "torsion", "axial"] = "any"
-    enrich: Literal["none", "inertia"] = "none"
-
-
-class Marker(Table):
-    """A face of a body, named for joints and results; ``"x-"`` is where x is least."""
-
-    face: Literal["x-", "x+", "y-", "y+", "z-", "z+"]
-
-
-class Bar(Table):
-    """A straight bar with a rectangular section.
-
-    Parameters
-    ----------
-    length, depth, width : float
-        Extent along x, y and z [m].
-    E : float
-        Young's modulus [Pa].
-    nu : float
-        Poisson's ratio.
-    rho : float
-        Density [kg/m³].
-    mesh, modes, marker
-        Its elements, its modes, and its markers by name.
-    """
-
-    shape: Literal["bar"]
-    length: PositiveLength
-    depth: PositiveLength
-    width: PositiveLength
-    E: PositiveStress
-    nu: Annotated[Number, AfterValidator(_poisson)]
-    rho: PositiveDensity
-    mesh: Mesh
-    modes: Modes
-    marker: dict[Name, Marker]
-
-
-class Revolute(Table):
-    """A hinge.
-
-    Parameters
-    ----------
-    parent, child : str
-        ``"body.marker"``; the parent may be ``"ground"``.
-    axis : tuple of float
-        Its direction; the length is of no account.
-    angle : float
-        Angle at the start [rad].
-    rate : float
-        Angular rate at the start [rad/s].
-    """
-
-    type: Literal["revolute"]
-    parent: Place
-    child: Place
-    axis: tuple[Number, Number, Number]
-    angle: Angle = 0.0
-    rate: AngularRate = 0.0
-
-    @model_validator(mode="after")
-    def _has_direction(self) -> Revolute:
-        if not any(self.axis):
-            raise FaultError("has no direction; [0, 0, 1] is the z axis", "axis")
-        return self
-
-
-class TorquePulse(Table):
-    """A smooth torque about a joint that ends by itself, given by its effect or by its peak.
-
-    Parameters
-    ----------
-    joint : str
-        The joint that it drives.
-    duration, start : float
-        How long it lasts and when it begins [s].
-    speed : float, optional
-        Mean rate that it brings the joint to from rest [rad/s].
-    torque : float, optional
-        Its peak [N m].
-    """
-
-    type: Literal["torque pulse"]
-    joint: Place
-    duration: PositiveTime
-    start: NonNegativeTime = 0.0
-    speed: AngularRate | None = None
-    torque: Torque | None = None
-
-    @model_validator(mode="after")
-    def _sized_one_way(self) -> TorquePulse:
-        if self.speed is None and self.torque is None:
-            raise FaultError("is missing: give it, e.g. '20 rad/s', or a torque, e.g. '1.5 N m'", "speed")
-        if self.speed is not None and self.torque is not None:
-            raise FaultError("can't stand beside speed: give one of the two", "torque")
-        return self
+__all__ = [
+    "Bar",
+    "Body",
+    "CentralDifference",
+    "Chart",
+    "Count",
+    "Drive",
+    "Film",
+    "Joint",
+    "Marker",
+    "Mesh",
+    "ModePictures",
+    "Modes",
+    "Name",
+    "Number",
+    "Output",
+    "Pixels",
+    "Place",
+    "Reference",
+    "Revolute",
+    "Run",
+    "Scale",
+    "Scene",
+    "Simulation",
+    "StressPicture",
+    "SubCycling",
+    "TorquePulse",
+    "load_scene",
+    "ready_scenes",
+]
 
 
 class CentralDifference(Table):
@@ -239,61 +78,7 @@ class SubCycling(Table):
     step: PositiveTime | None = None
 
 
-class Chart(Table):
-    """A chart of one quantity over time, with all runs in it."""
-
-    type: Literal["chart"]
-    file: Annotated[str, _file(".png", ".pdf", ".svg"), AfterValidator(_no_mode)]
-    quantity: Literal[
-        "com_position",
-        "com_velocity",
-        "com_angular_velocity",
-        "tip_deflection",
-        "joint_angle",
-        "joint_rate",
-        "modal_coordinates",
-        "energy",
-    ]
-    title: str = ""
-
-
-class ModePictures(Table):
-    """A picture of each mode; its number replaces ``{mode}`` in ``file``, ``scale`` magnifies its shape."""
-
-    type: Literal["modes"]
-    file: Annotated[str, _file(".png"), AfterValidator(_one_mode)]
-    body: Place
-    scale: Annotated[Number, Positive] | None = None
-
-
-class StressPicture(Table):
-    """A picture of a body's stress; ``scale`` magnifies the deformation, ``size`` is in pixels."""
-
-    type: Literal["stress"]
-    file: Annotated[str, _file(".png"), AfterValidator(_no_mode)]
-    body: Place
-    scale: Scale = 1.0
-    size: tuple[Pixels, Pixels] = (1600, 900)
-
-
-class Film(Table):
-    """A film of a body in motion: ``frames`` pictures, shown at ``rate`` [1/s]; else as for the stress."""
-
-    type: Literal["film"]
-    file: Annotated[str, _file(".mp4", ".gif"), AfterValidator(_no_mode)]
-    body: Place
-    scale: Scale = 1.0
-    frames: Annotated[int, Field(strict=True, ge=2, le=2000)]
-    rate: Annotated[Number, Positive]
-    size: tuple[Pixels, Pixels] = (1280, 720)
-
-
-# Each is told apart by one key; where there is one member so far, the key is checked all the same.
-Body = Annotated[Bar, Field(discriminator="shape")]
-Joint = Annotated[Revolute, Field(discriminator="type")]
-Drive = Annotated[TorquePulse, Field(discriminator="type")]
 Run = Annotated[CentralDifference | SubCycling, Field(discriminator="integrator")]
-Output = Annotated[Chart | ModePictures | StressPicture | Film, Field(discriminator="type")]
 
 
 class Simulation(Table):

@@ -32,7 +32,7 @@ _DIAGONAL = 1e-5
 
 
 class TorquePulse(NamedTuple):
-    """A torque of versine shape, ``½ peak (1 − cos(2π (t − start)/duration))``; angular impulse ½ peak · duration.
+    """A half-sine torque, ``peak sin(π (t − start)/duration)``, of angular impulse ``2/π peak duration``.
 
     Attributes
     ----------
@@ -151,7 +151,7 @@ def _torque(pulse: TorquePulse, t: float) -> float:
     s = t - pulse.start
     if s <= 0.0 or s >= pulse.duration:
         return 0.0
-    return 0.5 * pulse.peak * (1.0 - math.cos(2.0 * np.pi * s / pulse.duration))
+    return pulse.peak * math.sin(math.pi * s / pulse.duration)
 
 
 @meaning(accelerations, PlanarParameters)

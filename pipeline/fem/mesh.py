@@ -18,6 +18,11 @@ _CORNERS = {
         (4, 7, 5, 0), (5, 4, 6, 1), (6, 5, 7, 2), (7, 6, 4, 3),
     ),
 }  # fmt: skip
+# Corners around each face, seen from outside.
+_FACES = {
+    "tetra": ((0, 2, 1), (0, 1, 3), (1, 2, 3), (0, 3, 2)),
+    "hexahedron": ((0, 3, 2, 1), (4, 5, 6, 7), (0, 1, 5, 4), (1, 2, 6, 5), (2, 3, 7, 6), (3, 0, 4, 7)),
+}
 # Triple product of unit edges in the ideal cell: 1 for a cube, 1/√2 for the regular tetrahedron.
 _IDEAL = {"tetra": 0.5**0.5, "hexahedron": 1.0}
 
@@ -73,3 +78,15 @@ class SolidMesh:
         with np.errstate(invalid="ignore", divide="ignore"):
             scaled = np.linalg.det(edges / lengths[..., None]) / _IDEAL[self.cell_type]
         return np.asarray(np.nan_to_num(scaled, nan=0.0).min(axis=1))
+
+    @cached_property
+    def volume(self) -> float:
+        """Enclosed volume [m³], exact for cells with straight edges: each is summed over tetrahedra from its faces."""
+        x = self.points[self.cells]
+        faces = np.array(_FACES[self.cell_type])
+        corners = x[:, faces]  # (n_cells, n_faces, n_around, 3)
+        middle = corners.mean(axis=2, keepdims=True)
+        following = np.roll(corners, -1, axis=2)
+        return float(
+            np.abs(np.einsum("efci,efci->", np.cross(corners, following), np.broadcast_to(middle, corners.shape))) / 6
+        )

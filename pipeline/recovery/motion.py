@@ -105,11 +105,19 @@ class Motion:
         gram = self.rotor.body.gram
         return np.asarray((gram.S[:, 0] + self.q @ gram.S[:, 1:].T) / gram.mass)
 
+    def turned(self, r: Array, k: int) -> Array:
+        """Vectors r (n, 3) of the frame as they are in space at output time k, shape (n, 3)."""
+        return _turned(r, self.rotor.body.axis, self.frame_angle[k])
+
     def _in_space(self, r: Array) -> Array:
-        """Turn vectors r (n_times, 3) of the frame into space (Rodrigues' formula)."""
-        e, angle = self.rotor.body.axis, self.frame_angle[:, None]
-        along = np.outer(r @ e, e)
-        return np.asarray(along + np.cos(angle) * (r - along) + np.sin(angle) * np.cross(e, r))
+        """One vector of the frame for each output time, in space, shape (n_times, 3)."""
+        return _turned(r, self.rotor.body.axis, self.frame_angle[:, None])
+
+
+def _turned(r: Array, e: Array, angle: Array) -> Array:
+    """Turn vectors r (n, 3) by angles about the unit vector e (Rodrigues' formula)."""
+    along = np.outer(r @ e, e)
+    return np.asarray(along + np.cos(angle) * (r - along) + np.sin(angle) * np.cross(e, r))
 
 
 def motion_dataset(motions: dict[str, Motion]) -> xarray.Dataset:

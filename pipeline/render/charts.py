@@ -4,9 +4,7 @@ from __future__ import annotations
 
 import itertools
 import math
-import os
-from collections.abc import Iterator, Sequence
-from contextlib import contextmanager
+from collections.abc import Sequence
 from dataclasses import dataclass
 from pathlib import Path
 
@@ -19,6 +17,7 @@ from matplotlib.layout_engine import ConstrainedLayoutEngine
 from matplotlib.lines import Line2D
 
 from pipeline.checks import Array, read_only
+from pipeline.files import whole_file
 
 SIZE_INCHES = (10.0, 6.0)
 DOTS_PER_INCH = 160
@@ -53,17 +52,6 @@ class Curve:
     def columns(self) -> Array:
         """The values, shape (n_times, n_components)."""
         return self.values.reshape(len(self.values), -1)
-
-
-@contextmanager
-def whole_file(path: Path) -> Iterator[Path]:
-    """Lend a temporary name beside ``path``: renamed to it if the block ends well, deleted otherwise."""
-    part = path.with_name(f".{path.stem}.{os.getpid()}{path.suffix}")
-    try:
-        yield part
-        os.replace(part, path)
-    finally:
-        part.unlink(missing_ok=True)
 
 
 def draw_chart(

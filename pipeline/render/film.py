@@ -10,17 +10,10 @@ import imageio.v2 as iio
 import numpy as np
 
 from pipeline.checks import Array, require_shape
-from pipeline.render.charts import whole_file
-from pipeline.render.pictures import (
-    Surface,
-    add_colour_bar,
-    add_heading,
-    add_part,
-    add_text,
-    fitted_view,
-    oblique_axes,
-    stage,
-)
+from pipeline.files import whole_file
+from pipeline.render.pictures import Surface
+from pipeline.render.stage import add_colour_bar, add_heading, add_part, add_text, stage
+from pipeline.render.view import fitted_view, oblique_axes
 
 PIXELS = (1280, 720)
 # Motion sweeps a region about as high as wide: it gets the whole height, and the colour bar stands aside.

@@ -6,7 +6,8 @@ import pytest
 from matplotlib.colors import to_rgb
 
 from pipeline.checks import Array
-from pipeline.render.charts import COLOURS, PALENESS, Curve, draw_chart, whole_file
+from pipeline.files import whole_file
+from pipeline.render.charts import COLOURS, PALENESS, Curve, draw_chart
 
 TIME = np.linspace(0.0, 0.5, 201)
 WAVE = np.sin(20 * TIME)

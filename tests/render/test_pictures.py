@@ -9,7 +9,9 @@ import numpy as np
 import pytest
 
 from pipeline.render.film import draw_film
-from pipeline.render.pictures import BAR, PART, Surface, draw_mode, draw_stress, fitted_view, oblique_axes
+from pipeline.render.pictures import Surface, draw_mode, draw_stress
+from pipeline.render.stage import BAR
+from pipeline.render.view import PART, fitted_view, oblique_axes
 
 SIZE = (960, 540)
 
@@ -79,13 +81,16 @@ def test_a_part_without_stress_is_drawn_too(tmp_path: Path) -> None:
     assert iio.imread(tmp_path / "cold.png").std() > 0
 
 
-def test_a_mode_is_drawn_with_an_amplitude_of_eight_percent(tmp_path: Path) -> None:
+@pytest.mark.parametrize(("given", "amplitude"), [({}, 0.08), ({"scale": 3.0}, 0.24)])
+def test_a_mode_is_drawn_with_an_amplitude_of_eight_percent_times_its_scale(
+    tmp_path: Path, given: dict[str, float], amplitude: float
+) -> None:
     displacement = -3.0 * BEAM.points[:, :1] ** 2 * (0, 1, 0)
     path = tmp_path / "mode.png"
-    view = draw_mode(BEAM, displacement, path, title="Mode 1 · 131.0 Hz", size=SIZE)
+    view = draw_mode(BEAM, displacement, path, title="Mode 1 · 131.0 Hz", size=SIZE, **given)
     picture = iio.imread(path)
     tip = BEAM.points[BEAM.points[:, 0] > 0.339]
-    pixels = view.pixels(tip - (0, 0.08 * 0.34, 0))
+    pixels = view.pixels(tip - (0, amplitude * 0.34, 0))
     assert picture.shape[:2] == SIZE[::-1]
     assert min(distance_to_top_colour(picture, pixel) for pixel in pixels) < 30
     assert picture[:54, :300, :3].min() < 80  # the title

@@ -1,0 +1,188 @@
+"""The command line: ``fmd``. Everything heavy is loaded by the command that needs it."""
+
+from __future__ import annotations
+
+import json as json_format
+import sys
+from collections.abc import Sequence
+from pathlib import Path
+from typing import TYPE_CHECKING, Annotated, Any
+
+from cyclopts import App, Parameter
+
+if TYPE_CHECKING:
+    from pipeline.stages import Pipeline
+
+app = App(
+    name="fmd",
+    help="From the shape of a flexible part to its stress in motion. SCENE is a ready scene's name or a TOML file.",
+    help_format="plaintext",
+    help_formatter="plain",
+)
+
+Set = Annotated[
+    list[str] | None,
+    Parameter(name="--set", negative=(), help="Override a value: key=value, e.g. body.beam.length=300mm."),
+]
+Json = Annotated[bool, Parameter(name="--json", negative=(), help="Print one JSON object and nothing else.")]
+NoCache = Annotated[bool, Parameter(name="--no-cache", negative=(), help="Compute all, keep nothing.")]
+
+
+@app.command
+def run(
+    scene: str,
+    *,
+    out: Path | None = None,
+    set_: Set = None,
+    no_pictures: Annotated[bool, Parameter(negative=())] = False,
+    no_cache: NoCache = False,
+    json: Json = False,
+) -> None:
+    """Do everything that a scene asks for: mesh, modes, motion, stress, pictures.
+
+    Parameters
+    ----------
+    scene
+        Name of a ready scene, or path of a TOML file.
+    out
+        Folder for the results; out/SCENE by default.
+    no_pictures
+        Draw nothing.
+    """
+    from pipeline.outputs import write_results
+
+    pipeline = _pipeline(scene, set_, no_cache)
+    folder = out or Path("out") / pipeline.scene.name
+    summary = write_results(pipeline, folder, pictures=not no_pictures)
+    if json:
+        _print_json(summary)
+    else:
+        from pipeline.tables import print_run
+
+        print_run(summary, folder)
+
+
+@app.command
+def mesh(
+    scene: str,
+    *,
+    out: Path | None = None,
+    set_: Set = None,
+    no_cache: NoCache = False,
+    json: Json = False,
+) -> None:
+    """Mesh alone: counts, volume, mass and the smallest scaled Jacobian.
+
+    Parameters
+    ----------
+    scene
+        Name of a ready scene, or path of a TOML file.
+    out
+        File to write the mesh to, in the format of its suffix: .vtu, .msh, .inp ...
+    """
+    pipeline = _pipeline(scene, set_, no_cache)
+    part = pipeline.scene.body[pipeline.body_name]
+    solid = pipeline.mesh
+    if out is not None:
+        from pipeline.fem.export import write_mesh
+
+        write_mesh(solid, out)
+    volume = solid.volume
+    result = {
+        "nodes": len(solid.points),
+        "elements": len(solid.cells),
+        "parts": {name: len(cells) for name, cells in solid.parts.items()},
+        "element_type": solid.cell_type,
+        "order": part.mesh.order,
+        "volume_m3": volume,
+        "mass_kg": part.rho * volume,
+        "min_quality": float(solid.quality.min()),
+    }
+    _print(result, json)
+
+
+@app.command
+def modes(
+    scene: str,
+    *,
+    set_: Set = None,
+    no_cache: NoCache = False,
+    json: Json = False,
+) -> None:
+    """Modes alone: frequencies beside the scene's reference.
+
+    Parameters
+    ----------
+    scene
+        Name of a ready scene, or path of a TOML file.
+    """
+    from pipeline.frequencies import frequency_table
+
+    pipeline = _pipeline(scene, set_, no_cache)
+    result = frequency_table(pipeline) | {"seconds": {}}
+    result["seconds"] = dict(pipeline.log.seconds)
+    if json:
+        _print_json(result)
+    else:
+        from pipeline.tables import print_frequencies
+
+        print_frequencies(result)
+
+
+@app.command
+def doctor(*, json: Json = False) -> None:
+    """Tell what this machine lacks, and the command that mends it."""
+    from pipeline.doctor import information, problems
+    from pipeline.folders import cache_folder
+
+    found = problems(cache_folder())
+    if json:
+        _print_json({"ok": not found, "problems": [{"what": p.what, "mend": p.mend} for p in found]})
+    else:
+        for name, value in information().items():
+            print(f"{name}: {value}")
+        for problem in found:
+            print(f"lacking: {problem.what}\n  mend: {problem.mend}")
+        print("this machine can do everything" if not found else f"{len(found)} to mend")
+    if found:
+        raise SystemExit(3)
+
+
+def main(arguments: Sequence[str] | None = None) -> None:
+    """Run the command line; wrong input ends with status 2, a failed check with 3, each with one message."""
+    try:
+        app(sys.argv[1:] if arguments is None else arguments)
+    except KeyboardInterrupt:
+        _fail("interrupted", 130)
+    except Exception as error:
+        from pipeline.checks import AccuracyError, InputError  # here: they load NumPy, which --help does without
+
+        if not isinstance(error, InputError | AccuracyError):
+            raise
+        _fail(error, 2 if isinstance(error, InputError) else 3)
+
+
+def _fail(message: object, status: int) -> None:
+    print(f"fmd: {message}", file=sys.stderr)
+    raise SystemExit(status)
+
+
+def _pipeline(scene: str, overrides: list[str] | None, no_cache: bool) -> Pipeline:
+    from pipeline.cache import Cache
+    from pipeline.progress import bars
+    from pipeline.scene import load_scene
+    from pipeline.stages import Pipeline
+
+    return Pipeline(load_scene(scene, overrides or ()), Cache(None) if no_cache else None, bars)
+
+
+def _print(result: dict[str, Any], json: bool) -> None:
+    if json:
+        _print_json(result)
+        return
+    for key, value in result.items():
+        print(f"{key.replace('_', ' '):15s} {value}")
+
+
+def _print_json(result: dict[str, Any]) -> None:
+    print(json_format.dumps(result, indent=1, allow_nan=False))

@@ -1,0 +1,92 @@
+"""The output tables in a scene file: charts, pictures and films."""
+
+from __future__ import annotations
+
+import re
+from typing import Annotated, Literal
+
+from pydantic import AfterValidator, Field
+
+from pipeline.scene_file import Table
+from pipeline.scene_parts import Number, Place
+from pipeline.units import NonNegative, Positive
+
+
+def _file(*suffixes: str) -> AfterValidator:
+    """Return a check for a plain file name with one of these suffixes."""
+
+    def check(file: str) -> str:
+        plain = re.fullmatch(r"\w[\w .-]{0,99}", file.replace("{mode}", "1"))
+        if not plain or ".." in file or not file.endswith(suffixes):
+            raise ValueError(f"must be a plain file name without a folder, ending in {' or '.join(suffixes)}")
+        return file
+
+    return AfterValidator(check)
+
+
+def _no_mode(file: str) -> str:
+    if "{mode}" in file:
+        raise ValueError("'{mode}' belongs to an output of type 'modes'")
+    return file
+
+
+def _one_mode(file: str) -> str:
+    if file.count("{mode}") != 1:
+        raise ValueError("must hold '{mode}' once, for the mode's number, e.g. 'mode-{mode}.png'")
+    return file
+
+
+Pixels = Annotated[int, Field(strict=True, ge=64, le=8192)]
+Scale = Annotated[Number, NonNegative]
+
+
+class Chart(Table):
+    """A chart of one quantity over time, with all runs in it."""
+
+    type: Literal["chart"]
+    file: Annotated[str, _file(".png", ".pdf", ".svg"), AfterValidator(_no_mode)]
+    quantity: Literal[
+        "com_position",
+        "com_velocity",
+        "com_angular_velocity",
+        "tip_deflection",
+        "joint_angle",
+        "joint_rate",
+        "modal_coordinates",
+        "energy",
+    ]
+    title: str = ""
+
+
+class ModePictures(Table):
+    """A picture of each mode; its number replaces ``{mode}`` in ``file``, ``scale`` magnifies its shape."""
+
+    type: Literal["modes"]
+    file: Annotated[str, _file(".png"), AfterValidator(_one_mode)]
+    body: Place
+    scale: Annotated[Number, Positive] | None = None
+
+
+class StressPicture(Table):
+    """A picture of a body's stress; ``scale`` magnifies the deformation, ``size`` is in pixels."""
+
+    type: Literal["stress"]
+    file: Annotated[str, _file(".png"), AfterValidator(_no_mode)]
+    body: Place
+    scale: Scale = 1.0
+    size: tuple[Pixels, Pixels] = (1600, 900)
+
+
+class Film(Table):
+    """A film of a body in motion: ``frames`` pictures, shown at ``rate`` [1/s]; else as for the stress."""
+
+    type: Literal["film"]
+    file: Annotated[str, _file(".mp4", ".gif"), AfterValidator(_no_mode)]
+    body: Place
+    scale: Scale = 1.0
+    frames: Annotated[int, Field(strict=True, ge=2, le=2000)]
+    rate: Annotated[Number, Positive]
+    size: tuple[Pixels, Pixels] = (1280, 720)
+
+
+Output = Annotated[Chart | ModePictures | StressPicture | Film, Field(discriminator="type")]

@@ -1,0 +1,93 @@
+"""Results as tables for the terminal."""
+
+from __future__ import annotations
+
+from pathlib import Path
+from typing import Any
+
+from rich.console import Console
+from rich.table import Table
+
+_COUPLED = 1e-6
+
+
+def print_run(summary: dict[str, Any], folder: Path) -> None:
+    """Print what a run has found and written."""
+    console = Console()
+    console.print(_stages(summary))
+    console.print(_frequencies(summary))
+    console.print(_integrations(summary))
+    if summary["coupling"] > _COUPLED and any(row["substeps"] > 1 for row in summary["integrations"]):
+        console.print(
+            f"note: rotation and modes couple through the mass matrix ({summary['coupling']:.2f}), so sub-cycling is "
+            'weakly unstable at every step; simulation.frame = "joint-conforming" removes the coupling'
+        )
+    stress = summary["worst_stress"]
+    console.print(
+        f"largest von Mises stress {stress['von_mises_pa'] / 1e6:.4g} MPa at t = {stress['time_s'] * 1e3:.4g} ms; "
+        f"largest tip deflection {summary['peak_tip_deflection_m'] * 1e3:.4g} mm"
+    )
+    console.print(f"{len(summary['files']) + 1} files in {folder}/: summary.json, {', '.join(summary['files'])}")
+
+
+def print_frequencies(result: dict[str, Any]) -> None:
+    """Print a scene's frequencies."""
+    console = Console()
+    console.print(_frequencies(result))
+    console.print(f"{result['rigid_modes']} rigid-body modes, {result['dofs']} unknowns")
+
+
+def _table(title: str, *columns: str, wide: int = 0) -> Table:
+    table = Table(title=title, title_justify="left")
+    for k, column in enumerate(columns):
+        table.add_column(column, justify="left" if k in (0, wide) else "right", no_wrap=k == 0)
+    return table
+
+
+def _stages(summary: dict[str, Any]) -> Table:
+    table = _table("Stages", "stage", "seconds", "what came out", wide=2)
+    outcome = {
+        "mesh": "",
+        "assembly": f"{summary['dofs']} unknowns",
+        "modes": f"{len(summary['frequencies_hz'])} modes of {summary['dofs']} unknowns, "
+        f"{summary['rigid_modes']} rigid-body modes, residual {summary['residual']:.0e}",
+        "body": f"{summary['mass_kg']:.4g} kg, pinned at {summary['pinned_frequencies_hz'][0]:.4g} Hz, "
+        f"coupling {summary['coupling']:.0e}",
+        "motion": f"{len(summary['integrations'])} runs to t = {summary['final']['time_s']:g} s",
+        "stress": f"{summary['worst_stress']['von_mises_pa'] / 1e6:.4g} MPa at worst",
+        "pictures": f"{len(summary['files']) - 1} files",
+    }
+    for stage, seconds in summary["seconds"].items():
+        cached = "from the cache; " if stage in summary["stages_cached"] else ""
+        table.add_row(stage, f"{seconds:.3f}", (cached + outcome.get(stage, "")).rstrip("; "))
+    for stage in summary["stages_skipped"]:
+        table.add_row(stage, "", "not needed")
+    return table
+
+
+def _frequencies(result: dict[str, Any]) -> Table:
+    table = _table("Frequencies", "mode", "Hz", "reference Hz", "difference")
+    for k, frequency in enumerate(result["frequencies_hz"]):
+        known = k < len(result["reference_hz"])
+        table.add_row(
+            str(k + 1),
+            f"{frequency:.2f}",
+            f"{result['reference_hz'][k]:.1f}" if known else "",
+            f"{100 * result['relative_error'][k]:+.2f} %" if known else "",
+        )
+    return table
+
+
+def _integrations(summary: dict[str, Any]) -> Table:
+    table = _table("Integration", "method", "step", "run time", "ratio", "solutions + fast", "tip differs by")
+    for row in summary["integrations"]:
+        ratio = f" {row['substeps']}:1" if row["substeps"] > 1 else ""
+        table.add_row(
+            row["integrator"] + ratio,
+            f"{row['step_s'] * 1e6:g} µs",
+            f"{row['seconds'] * 1e3:.2f} ms",
+            f"{row['ratio_to_plain']:.2f}",
+            f"{row['evaluations']} + {row['fast_evaluations']}",
+            f"{row['tip_difference_m'] * 1e6:.3g} µm",
+        )
+    return table

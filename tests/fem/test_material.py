@@ -1,0 +1,40 @@
+"""Hooke's law."""
+
+import numpy as np
+import pytest
+
+from pipeline.fem.material import Material
+
+
+@pytest.mark.parametrize(
+    ("E", "nu", "rho"),
+    [
+        (0, 0.3, 1),
+        (-1, 0.3, 1),
+        (1, 0.5, 1),
+        (1, -1, 1),
+        (1, 0.3, 0),
+        (np.nan, 0.3, 1),
+        (1, np.nan, 1),
+        (1, 0.3, np.nan),
+    ],
+)
+def test_what_is_not_a_material_is_refused(E: float, nu: float, rho: float) -> None:
+    with pytest.raises(ValueError, match=rf"not a material: E = {E} Pa, nu = {nu}, rho = {rho} kg/m³"):
+        Material(E, nu, rho)
+
+
+@pytest.mark.parametrize("nu", [-0.5, 0.0, 0.34, 0.49])
+def test_a_stretched_bar_obeys_youngs_modulus_and_poissons_ratio(nu: float) -> None:
+    E = 72.2e9
+    strain = np.array([1, -nu, -nu, 0, 0, 0]) * 1e-3
+    assert Material(E, nu, 1.0).stiffness @ strain == pytest.approx([E * 1e-3, 0, 0, 0, 0, 0], rel=1e-12, abs=1e-4)
+
+
+@pytest.mark.parametrize("nu", [-0.5, 0.0, 0.34, 0.49])
+def test_shear_and_bulk_moduli_follow_from_young_and_poisson(nu: float) -> None:
+    # Landau & Lifshitz, Theory of Elasticity, §5: μ = E/2(1+ν), K = E/3(1−2ν)
+    C = Material(200e9, nu, 1.0).stiffness
+    shear, bulk = 200e9 / (2 * (1 + nu)), 200e9 / (3 * (1 - 2 * nu))
+    assert C @ [0, 0, 0, 1, 0, 0] == pytest.approx([0, 0, 0, shear, 0, 0], rel=1e-14)
+    assert C @ [1, 1, 1, 0, 0, 0] == pytest.approx([3 * bulk] * 3 + [0] * 3, rel=1e-13)

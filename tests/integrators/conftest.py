@@ -1,0 +1,141 @@
+"""What the tests of integrators share: the beam of the scene, its motion by SciPy, random bodies, measured orders."""
+
+from collections.abc import Callable
+from dataclasses import replace
+
+import numpy as np
+import pytest
+from scipy.integrate import solve_ivp
+
+from pipeline import Pipeline, load_scene
+from pipeline.checks import Array
+from pipeline.dynamics.planar import PlanarRotor, TorquePulse
+from pipeline.integrators.central_difference import CentralDifference
+from pipeline.integrators.protocol import Integrator, evaluate
+from pipeline.integrators.subcycling import Subcycling
+from pipeline.recovery.motion import Motion
+from pipeline.reduction.body import FlexibleBody, MarkerShapes
+from pipeline.reduction.gram import inertia_gram
+
+Method = Callable[[float], Integrator]
+Spin = tuple[Array, Array]
+
+
+def random_body(n: int, seed: int, conforming: bool = True, far: float = 0.0) -> FlexibleBody:
+    """Make a body of 10 points with n random shapes, which couple with each other through the spin in every way.
+
+    ``conforming`` shapes don't couple with the spin in the reference state; ``far`` [m] is where two more points are
+    that no mode moves.
+    """
+    rng = np.random.default_rng(seed)
+    e = rng.normal(size=3)
+    e /= np.linalg.norm(e)
+    x, B, Phi = rng.normal(size=(10, 3)), rng.normal(size=(10, 10)), rng.normal(size=(10, 3, n))
+    m = np.diag(rng.uniform(0.5, 1.5, 10)) + B @ B.T / 10
+    if conforming:
+        spin = np.cross(e, x)
+        Phi -= spin[:, :, None] * (np.einsum("ia,ij,jak->k", spin, m, Phi) / np.einsum("ia,ij,ja->", spin, m, spin))
+    L = np.linalg.cholesky(np.einsum("iak,ij,jal->kl", Phi, m, Phi))
+    Phi = np.linalg.solve(L, Phi.reshape(30, n).T).T.reshape(10, 3, n)  # unit modal mass
+    if far:
+        away = far * np.cross(e, [1.0, 0.0, 0.0])
+        x, Phi = np.vstack([x, away, -away]), np.concatenate([Phi, np.zeros((2, 3, n))])
+        m = np.pad(m, (0, 2)) + np.diag([0.0] * 10 + [1.0] * 2)
+    gram = inertia_gram(x, m, Phi)
+    coupling = np.einsum("a,abc,bci->i", e, _permutations(), gram.G[:, :, 0, 1:])
+    J = float(e @ gram.inertia(np.eye(1, 1 + n)[0]) @ e)
+    return FlexibleBody(
+        x=x,
+        shapes=Phi,
+        omega=np.sort(rng.uniform(3.0, 12.0, n)),
+        axis=e,
+        joint="joint",
+        markers={"joint": MarkerShapes(np.zeros(3), np.zeros((3, n)), 0.3 * rng.normal(size=(3, n)))},
+        gram=gram,
+        coupling=float(np.linalg.norm(coupling) / np.sqrt(J)),
+    )
+
+
+def _permutations() -> Array:
+    return np.array([[[(a - b) * (b - c) * (c - a) / 2 for c in range(3)] for b in range(3)] for a in range(3)])
+
+
+def by_dop853(rotor: PlanarRotor, q0: Array, v0: Array, times: Array) -> tuple[Array, Array]:
+    """Integrate by SciPy's DOP853, started afresh where the torque has a kink; coordinates and rates at ``times``."""
+    n, a = rotor.n, np.empty(rotor.n)
+
+    def rates(t: float, y: Array) -> Array:
+        evaluate(rotor.parameters, t, y[:n], y[n:], a)
+        return np.concatenate([y[n:], a])
+
+    pulse, last = rotor.pulse, float(times[-1])
+    kinks = [t for t in (pulse.start, pulse.start + pulse.duration) if 0.0 < t < last]
+    y, begin, pieces = np.concatenate([q0, v0]), 0.0, []
+    for end in (*kinks, last):
+        inside = times[(times >= begin) & (times < end)] if end < last else times[times >= begin]
+        wanted = np.union1d(inside, [end])
+        solution = solve_ivp(rates, (begin, end), y, method="DOP853", rtol=1e-11, atol=1e-16, t_eval=wanted)
+        pieces.append(solution.y[:, np.isin(wanted, inside)])
+        y, begin = solution.y[:, -1], end
+    both = np.concatenate(pieces, axis=1).T
+    return both[:, :n], both[:, n:]
+
+
+def measured_order(steps: Array, errors: Array) -> float:
+    """Slope of error over step in logarithms."""
+    return float(np.polyfit(np.log(steps), np.log(errors), 1)[0])
+
+
+@pytest.fixture(scope="session")
+def body() -> Callable[..., FlexibleBody]:
+    return random_body
+
+
+@pytest.fixture(scope="session")
+def reference_of() -> Callable[..., tuple[Array, Array]]:
+    return by_dop853
+
+
+@pytest.fixture(scope="session")
+def order_of() -> Callable[[Array, Array], float]:
+    return measured_order
+
+
+@pytest.fixture(scope="session")
+def rotor() -> PlanarRotor:
+    """The beam on its joint, in joint-conforming modes, and its drive."""
+    return Pipeline(load_scene("beam")).rotor
+
+
+@pytest.fixture(scope="session")
+def free_rotor() -> PlanarRotor:
+    """The same beam in the frame of its free modes."""
+    return Pipeline(load_scene("beam", ["simulation.frame=free"])).rotor
+
+
+@pytest.fixture(scope="session")
+def coasting(rotor: PlanarRotor) -> PlanarRotor:
+    """The beam without its drive."""
+    return PlanarRotor(rotor.body, TorquePulse(0.0, 1.0, 0.0))
+
+
+@pytest.fixture(scope="session")
+def exact(rotor: PlanarRotor) -> Motion:
+    """The beam's motion over the scene's 0.5 s at its output times, by DOP853."""
+    times, rest = np.arange(1001) * 5e-4, np.zeros(rotor.n)
+    blank = CentralDifference(1e-5).march(rotor, rest, rest, times[:1])
+    q, v = by_dop853(rotor, rest, rest, times)
+    return Motion(rotor, replace(blank, times=times, q=q, v=v), "tip")
+
+
+def _sub_cycled(m: int) -> Method:
+    return lambda step: Subcycling(step, m)
+
+
+METHODS: dict[str, Method] = {"plain": CentralDifference, **{f"{m}:1": _sub_cycled(m) for m in (1, 2, 5, 10)}}
+
+
+@pytest.fixture(scope="session", params=METHODS.values(), ids=METHODS.keys())
+def method(request: pytest.FixtureRequest) -> Method:
+    """Each method in turn, as a function of its fast step."""
+    return request.param

@@ -1,0 +1,477 @@
+"""Laws that every integrator obeys: order, identities, restarts, output, reversal, divergence, counts of work."""
+
+import re
+from collections.abc import Callable
+from dataclasses import dataclass
+from typing import Any, NamedTuple
+
+import numpy as np
+import pytest
+
+from pipeline import Pipeline, load_scene
+from pipeline.checks import AccuracyError, Array, StabilityError
+from pipeline.dynamics.compiled import meaning
+from pipeline.dynamics.planar import PlanarRotor, TorquePulse
+from pipeline.dynamics.system import accelerations, fast_steps, freeze
+from pipeline.integrators.central_difference import CentralDifference
+from pipeline.integrators.protocol import Integrator, State, evaluate
+from pipeline.integrators.subcycling import Subcycling
+from pipeline.reduction.body import FlexibleBody
+
+Body = Callable[..., FlexibleBody]
+Method = Callable[[float], Integrator]
+Reference = Callable[..., tuple[Array, Array]]
+Order = Callable[[Array, Array], float]
+
+PULSE = TorquePulse(0.25, 1.5, 20.0)
+NO_TORQUE = TorquePulse(0.0, 1.0, 0.0)
+SUB_CYCLED = pytest.mark.parametrize("m", [2, 5, 10])
+
+
+def moving(rotor: PlanarRotor, deformed: float = 0.1, seed: int = 0) -> tuple[Array, Array]:
+    """Coordinates and rates of a body that turns and vibrates."""
+    n = rotor.n - 1
+    rng = np.random.default_rng(seed)
+    return np.r_[0.3, deformed * rng.normal(size=n)], np.r_[0.5, 3 * deformed * rng.normal(size=n)]
+
+
+# Order -----------------------------------------------------------------------------------------------------------
+
+
+@pytest.mark.parametrize("conforming", [True, False], ids=["conforming", "coupled"])
+@pytest.mark.parametrize("n", [3, 5])
+def test_central_difference_is_of_second_order_on_any_body(
+    body: Body, reference_of: Reference, order_of: Order, n: int, conforming: bool
+) -> None:
+    rotor = PlanarRotor(body(n, seed=1, conforming=conforming), PULSE)
+    assert (rotor.body.coupling < 1e-12) == conforming
+    times, steps = np.linspace(0.0, 4.0, 41), 0.004 / 2.0 ** np.arange(3)
+    start = moving(rotor)
+    q, v = reference_of(rotor, *start, times)
+    marches = [CentralDifference(step).march(rotor, *start, times) for step in steps]
+    assert order_of(steps, np.array([np.abs(march.q - q).max() for march in marches])) == pytest.approx(2, abs=0.1)
+    assert order_of(steps, np.array([np.abs(march.v - v).max() for march in marches])) == pytest.approx(2, abs=0.1)
+
+
+@SUB_CYCLED
+@pytest.mark.parametrize("n", [3, 5])
+def test_sub_cycling_is_of_second_order_on_conforming_bodies(
+    body: Body, reference_of: Reference, order_of: Order, n: int, m: int
+) -> None:
+    # Deformations are small, as a linear floating frame supposes: the body stays all but conforming.
+    rotor = PlanarRotor(body(n, seed=1), PULSE)
+    times, steps = np.linspace(0.0, 4.0, 41), 0.008 / 2.0 ** np.arange(3)
+    start = moving(rotor, deformed=0.01)
+    q, _ = reference_of(rotor, *start, times)
+    errors = [np.abs(Subcycling(step, m).march(rotor, *start, times).q[:, 1:] - q[:, 1:]).max() for step in steps]
+    assert order_of(steps, np.array(errors)) == pytest.approx(Subcycling.order, abs=0.1)
+
+
+@SUB_CYCLED
+def test_sub_cycling_is_at_least_of_first_order_on_coupled_bodies(
+    body: Body, reference_of: Reference, order_of: Order, m: int
+) -> None:
+    # Spin and modes couple through the mass matrix; a slow acceleration held over a cycle is late by half of it.
+    rotor = PlanarRotor(body(4, seed=1, conforming=False), PULSE)
+    assert rotor.body.coupling > 0.1
+    times, steps = np.linspace(0.0, 4.0, 41), 0.004 / 2.0 ** np.arange(3)
+    start = moving(rotor)
+    q, _ = reference_of(rotor, *start, times)
+    errors = [np.abs(Subcycling(step, m).march(rotor, *start, times).q - q).max() for step in steps]
+    assert order_of(steps, np.array(errors)) > 0.9
+
+
+def test_output_between_the_steps_is_of_second_order(
+    body: Body, reference_of: Reference, order_of: Order, method: Method
+) -> None:
+    rotor = PlanarRotor(body(3, seed=2), NO_TORQUE)
+    times, steps = np.sort(np.random.default_rng(0).uniform(0.0, 2.0, 200)), 0.004 / 2.0 ** np.arange(3)
+    start = moving(rotor, deformed=0.01)
+    q, v = reference_of(rotor, *start, times)
+    marches = [method(step).march(rotor, *start, times) for step in steps]
+    assert order_of(steps, np.array([np.abs(march.q - q).max() for march in marches])) > 1.9
+    assert order_of(steps, np.array([np.abs(march.v - v).max() for march in marches])) > 1.9
+
+
+# Identities ------------------------------------------------------------------------------------------------------
+
+
+@pytest.mark.parametrize("conforming", [True, False], ids=["conforming", "coupled"])
+@pytest.mark.parametrize("n", [1, 3, 6])
+def test_one_to_one_sub_cycling_is_central_difference_bit_for_bit(body: Body, n: int, conforming: bool) -> None:
+    rotor = PlanarRotor(body(n, seed=3, conforming=conforming), PULSE)
+    assert_equal_bit_for_bit(rotor, 0.005, np.linspace(0.0, 10.0, 77))
+
+
+@pytest.mark.parametrize("frame", ["rotor", "free_rotor"])
+def test_one_to_one_sub_cycling_of_the_beam_is_central_difference_bit_for_bit(
+    frame: str, request: pytest.FixtureRequest
+) -> None:
+    rotor = request.getfixturevalue(frame)
+    assert rotor.parameters.diagonal
+    assert rotor.parameters.gyroscopic == (frame == "free_rotor")
+    assert_equal_bit_for_bit(rotor, 1e-5, np.linspace(0.0, 0.2, 77))
+
+
+def assert_equal_bit_for_bit(rotor: PlanarRotor, step: float, times: Array) -> None:
+    start = moving(rotor, deformed=1e-3)
+    plain, one = (method.march(rotor, *start, times) for method in (CentralDifference(step), Subcycling(step, 1)))
+    assert np.array_equal(plain.q, one.q)
+    assert np.array_equal(plain.v, one.v)
+    assert_same_state(plain.end, one.end)
+
+
+def assert_same_state(one: State, other: State) -> None:
+    assert one.step == other.step
+    for name in "qva":
+        assert np.array_equal(getattr(one, name), getattr(other, name))
+
+
+@pytest.mark.parametrize("m", [2, 7])
+@pytest.mark.parametrize("n", [3, 5])
+def test_sub_cycling_of_a_body_that_turns_steadily_is_central_difference(body: Body, n: int, m: int) -> None:
+    # With an inertia of 2·10¹² kg m² about the axis the rate is constant: what a cycle holds doesn't change.
+    rotor = PlanarRotor(body(n, seed=4, far=1e6), PULSE)
+    assert not rotor.parameters.diagonal
+    start, times = moving(rotor), np.linspace(0.0, 10.0, 101)
+    plain, sub_cycled = (method.march(rotor, *start, times) for method in (CentralDifference(0.01), Subcycling(0.01, m)))
+    assert sub_cycled.q == pytest.approx(plain.q, abs=1e-9)
+    assert sub_cycled.v == pytest.approx(plain.v, abs=1e-8)
+
+
+def test_a_mode_at_rest_follows_the_discrete_cosine(coasting: PlanarRotor, method: Method) -> None:
+    # Without spin each mode is an oscillator on its own. Leapfrog from rest gives q_n = q_0 cos(2n arcsin(ωh/2)) for
+    # every ωh < 2; here the highest is 1.98, over 10⁵ steps.
+    step = 0.99 * method(1.0).largest_step(coasting)
+    n, q0 = np.arange(0, 100_001, 1000), np.r_[0.0, np.full(coasting.n - 1, 1e-4)]
+    march = method(step).march(coasting, q0, np.zeros(coasting.n), n * step)
+    phase = 2 * np.arcsin(coasting.body.omega * step / 2)
+    assert march.q[:, 1:] == pytest.approx(1e-4 * np.cos(np.outer(n, phase)), abs=1e-10)
+    assert np.array_equal(march.q[:, 0], np.zeros(n.size))
+
+
+# Output and restart ----------------------------------------------------------------------------------------------
+
+
+@pytest.fixture(scope="module", params=["beam", "general"])
+def scenario(request: pytest.FixtureRequest, rotor: PlanarRotor, body: Body) -> tuple[PlanarRotor, float]:
+    """A mechanism and a step for it: one with modes that don't couple with each other, one with modes that do."""
+    return (rotor, 1e-5) if request.param == "beam" else (PlanarRotor(body(4, seed=5), PULSE), 0.004)
+
+
+def test_output_times_never_change_the_steps(scenario: tuple[PlanarRotor, float], method: Method) -> None:
+    rotor, step = scenario
+    last, start = 3000 * step, moving(scenario[0], deformed=1e-3)
+    rng = np.random.default_rng(7)
+    coarse = np.linspace(0.0, last, 11)
+    grids = [np.array([last]), coarse, np.arange(3001) * step, np.sort(np.r_[coarse, rng.uniform(0.0, last, 500)])]
+    marches = [method(step).march(rotor, *start, grid) for grid in grids]
+    for march in marches[1:]:
+        assert_same_state(march.end, marches[0].end)
+        rows = np.searchsorted(march.times, coarse[1:-1] - 1e-9 * step)
+        assert march.times[rows] == pytest.approx(coarse[1:-1], rel=1e-12)
+    for march, grid in zip(marches[2:], grids[2:], strict=True):
+        common, there, here = np.intersect1d(coarse, grid, return_indices=True)
+        assert common.size > 5
+        assert np.array_equal(march.q[here], marches[1].q[there])
+        assert np.array_equal(march.v[here], marches[1].v[there])
+
+
+def test_a_time_asked_for_twice_is_answered_twice(scenario: tuple[PlanarRotor, float], method: Method) -> None:
+    rotor, step = scenario
+    once = method(step).march(rotor, *moving(rotor), np.array([0.0, 33.0, 33.5, 90.0]) * step)
+    twice = method(step).march(rotor, *moving(rotor), np.repeat(once.times, 2))
+    assert np.array_equal(twice.q, np.repeat(once.q, 2, axis=0))
+    assert np.array_equal(twice.v, np.repeat(once.v, 2, axis=0))
+
+
+def test_the_first_output_is_the_start(scenario: tuple[PlanarRotor, float], method: Method) -> None:
+    rotor, step = scenario
+    q0, v0 = moving(rotor)
+    march = method(step).march(rotor, q0, v0, np.array([0.0, step]))
+    assert np.array_equal(march.q[0], q0)
+    assert march.v[0] == pytest.approx(v0, rel=1e-12, abs=1e-12)
+
+
+def test_watching_a_march_doesnt_change_it(scenario: tuple[PlanarRotor, float], method: Method) -> None:
+    rotor, step = scenario
+    parts: list[float] = []
+    times = np.linspace(0.0, 20_000 * step, 9)
+    watched = method(step).march(rotor, *moving(rotor), times, parts.append)
+    assert np.array_equal(watched.q, method(step).march(rotor, *moving(rotor), times).q)
+    assert len(parts) > 2
+    assert parts == sorted(parts)
+    assert 0 < parts[0] < parts[-1] == 1
+
+
+def test_a_march_leaves_what_it_is_given_alone(scenario: tuple[PlanarRotor, float], method: Method) -> None:
+    rotor, step = scenario
+    start, times = moving(rotor), np.linspace(0.0, 100 * step, 9)
+    given = [array.copy() for array in (*start, times)]
+    first = method(step).march(rotor, *start, times)
+    end = [getattr(first.end, name).copy() for name in "qva"]
+    method(step).resume(rotor, first.end, 2 * times)  # type: ignore[attr-defined]
+    for now, before in zip((*start, times, first.end.q, first.end.v, first.end.a), given + end, strict=True):
+        assert np.array_equal(now, before)
+
+
+@pytest.mark.parametrize("stop", [700, 701, 709])
+def test_a_march_resumed_is_one_march_bit_for_bit(
+    scenario: tuple[PlanarRotor, float], method: Method, stop: int
+) -> None:
+    rotor, step = scenario
+    start, times = moving(rotor), np.arange(0.0, 2000.0, 0.7) * step
+    whole = method(step).march(rotor, *start, times)
+    first = method(step).march(rotor, *start, times[times <= stop * step])
+    assert first.end.step % first.substeps == 0  # a march stops where all coordinates are at the same time
+    assert stop < first.end.step <= stop + first.substeps
+    second = method(step).resume(rotor, first.end, times)  # type: ignore[attr-defined]
+    assert_same_state(second.end, whole.end)
+    to_come = times >= first.end.step * step
+    for given, wanted in ((first, ~to_come[: len(first.times)]), (second, to_come)):
+        assert np.array_equal(given.q[wanted], whole.q[: len(wanted)][wanted])
+        assert np.array_equal(given.v[wanted], whole.v[: len(wanted)][wanted])
+
+
+# Reversal --------------------------------------------------------------------------------------------------------
+
+
+def test_central_difference_without_velocity_dependent_forces_retraces_its_steps(body: Body) -> None:
+    # Leapfrog is symmetric: from the same coordinates with the next rate negated it goes back the way it came. There
+    # are no velocity-dependent forces where points move along the axis alone: nothing then changes the inertia.
+    some = body(4, seed=6)
+    along = np.linalg.norm(some.shapes, axis=1)[:, None, :] * some.axis[:, None]
+    flat = np.einsum("ab,abij->ij", np.outer(some.axis, some.axis), _gram(some, along))
+    turn = np.linalg.inv(np.linalg.cholesky(flat[1:, 1:])).T
+    rotor = PlanarRotor(_with_shapes(some, along @ turn), NO_TORQUE)
+    assert not np.abs(rotor.parameters.D[:, 1:]).max() > 1e-12
+    q0, v0 = moving(rotor)
+    step, n_steps = 0.02, 10_000
+    end = CentralDifference(step).march(rotor, q0, v0, np.array([(n_steps - 1) * step])).end
+    assert end.step == n_steps
+    a = np.empty(rotor.n)
+    evaluate(rotor.parameters, 0.0, end.q, end.v, a)
+    turned = State(0, end.q, -(end.v + step * a), a)
+    back = CentralDifference(step).resume(rotor, turned, np.array([n_steps * step]))
+    assert np.abs(end.q - q0).max() > 0.1
+    assert back.q[-1] == pytest.approx(q0, abs=1e-9)
+
+
+def test_with_velocity_dependent_forces_the_way_back_is_found_to_second_order(
+    body: Body, order_of: Order, method: Method
+) -> None:
+    # v_n ≈ v_{n−½} + ½h a_{n−1} looks back and not ahead, which costs the symmetry.
+    rotor = PlanarRotor(body(4, seed=6), NO_TORQUE)
+    q0, v0 = moving(rotor, deformed=0.01)
+    steps, errors, times = 0.004 / 2.0 ** np.arange(3), [], np.array([0.0, 4.0])
+    for step in steps:
+        there = method(step).march(rotor, q0, v0, times)
+        back = method(step).march(rotor, there.q[-1], -there.v[-1], times)
+        errors.append(np.abs(back.q[-1] - q0).max())
+    assert min(errors) > 1e-10
+    assert order_of(steps, np.array(errors)) > 1.9
+
+
+def _gram(some: FlexibleBody, shapes: Array) -> Array:
+    from pipeline.reduction.gram import inertia_gram
+
+    return inertia_gram(some.x, np.eye(len(some.x)), shapes).G
+
+
+def _with_shapes(some: FlexibleBody, shapes: Array) -> FlexibleBody:
+    from dataclasses import replace
+
+    from pipeline.reduction.gram import inertia_gram
+
+    return replace(some, shapes=shapes, gram=inertia_gram(some.x, np.eye(len(some.x)), shapes))
+
+
+# Stability -------------------------------------------------------------------------------------------------------
+
+
+@pytest.mark.parametrize("conforming", [True, False], ids=["conforming", "coupled"])
+def test_the_largest_step_is_two_over_the_highest_frequency(body: Body, conforming: bool) -> None:
+    rotor = PlanarRotor(body(4, seed=7, conforming=conforming), NO_TORQUE)
+    A = np.einsum("a,abc,bci->i", rotor.body.axis, _epsilon(), rotor.body.gram.G[:, :, 0, 1:])
+    # Eliminating the angle leaves the modes with mass 1 − HHᵀ/J.
+    mass = np.eye(4) - np.outer(A, A) / rotor.body.inertia_about_joint
+    coupled = np.sqrt(np.linalg.eigvals(np.linalg.solve(mass, np.diag(rotor.body.omega**2))).real.max())
+    assert CentralDifference(1.0).largest_step(rotor) == pytest.approx(2 / coupled, rel=1e-10)
+    assert Subcycling(1.0, 1).largest_step(rotor) == pytest.approx(2 / coupled, rel=1e-10)
+    assert Subcycling(1.0, 5).largest_step(rotor) == 2 / rotor.body.omega.max()
+
+
+def _epsilon() -> Array:
+    return np.array([np.cross(np.eye(3), unit) for unit in np.eye(3)]).transpose(1, 0, 2)
+
+
+def test_just_below_the_largest_step_the_driven_beam_stays_where_it_should(rotor: PlanarRotor, method: Method) -> None:
+    step, rest = 0.99 * method(1.0).largest_step(rotor), np.zeros(rotor.n)
+    march = method(step).march(rotor, rest, rest, np.arange(0, 100_001, 10) * step)
+    # Leapfrog overstates an oscillator's response by 1/√(1 − (ωh/2)²) at most: 7.1 times at 0.99.
+    kinetic, strain = rotor.energies(march.q, march.v)
+    driven = march.times < 0.2
+    assert kinetic.max() < 2 * kinetic[driven].max()
+    assert strain.max() < 2 * strain[driven].max()
+
+
+def test_just_above_the_largest_step_the_march_diverges_and_says_when_and_where(
+    rotor: PlanarRotor, method: Method
+) -> None:
+    step, rest = 1.02 * method(1.0).largest_step(rotor), np.zeros(rotor.n)
+    with pytest.raises(StabilityError, match=r"diverged at t = \S+ s, first in coordinate \d+ \(rate ") as caught:
+        method(step).march(rotor, rest, rest, np.array([10_000 * step]))
+    found = re.search(r"t = (\S+) s, first in coordinate (\d+) .*; take a smaller step$", str(caught.value))
+    assert found
+    # The amplitude grows by (ωh/2 + √((ωh/2)² − 1))² = 1.49 a step, so that 10³⁰ is passed within some 200 steps; the
+    # highest mode, the last coordinate, is the one that is unstable.
+    assert 0 < float(found[1]) < 400 * step
+    assert int(found[2]) == rotor.n - 1
+
+
+def test_in_the_free_frame_central_difference_has_the_coupled_limit(free_rotor: PlanarRotor) -> None:
+    limit = CentralDifference(1.0).largest_step(free_rotor)
+    assert limit < 2 / free_rotor.body.omega.max()
+    rest, deformed = np.zeros(free_rotor.n), np.r_[0.0, np.full(free_rotor.n - 1, 1e-6)]
+    below = CentralDifference(0.99 * limit).march(free_rotor, deformed, rest, np.arange(0, 100_001, 10) * limit * 0.99)
+    assert np.abs(below.q[:, 1:]).max() < 1e-4
+    with pytest.raises(StabilityError, match="the march diverged"):
+        CentralDifference(1.02 * limit).march(free_rotor, deformed, rest, np.array([10_000 * limit]))
+
+
+@pytest.mark.parametrize(
+    ("setting", "label"),
+    [("simulation.step=300 us", "central-difference"), ("simulation.run.1.step=300 us", "sub-cycling 5:1")],
+)
+def test_a_scene_with_a_step_above_the_limit_is_refused_before_it_starts(
+    rotor: PlanarRotor, setting: str, label: str
+) -> None:
+    pipeline = Pipeline(load_scene("beam", [setting]))
+    with pytest.raises(StabilityError, match=rf"beam\.toml: {label}: the step of 0\.0003 s would diverge") as caught:
+        _ = pipeline.motions
+    found = re.search(r"largest stable step of this model is (\S+) s .* (\S+) Hz\): set simulation.step", str(caught.value))
+    assert found
+    highest = rotor.body.omega.max()
+    assert float(found[1]) == pytest.approx(2 / highest, rel=1e-3)
+    assert float(found[2]) == pytest.approx(highest / (2 * np.pi), rel=1e-4)
+    assert "motion" not in pipeline.log.seconds
+
+
+# What is refused -------------------------------------------------------------------------------------------------
+
+
+@pytest.mark.parametrize("bad", [np.nan, np.inf])
+@pytest.mark.parametrize("coordinate", range(4))
+@pytest.mark.parametrize("which", ["q0", "v0"])
+def test_what_is_not_finite_never_leaves_silently(
+    body: Body, method: Method, which: str, coordinate: int, bad: float
+) -> None:
+    rotor = PlanarRotor(body(3, seed=8), PULSE)
+    start = {"q0": np.zeros(4), "v0": np.zeros(4)}
+    start[which][coordinate] = bad
+    with pytest.raises(AccuracyError), np.errstate(invalid="ignore"):
+        method(0.01).march(rotor, **start, times=np.array([0.0, 1.0]))
+
+
+@pytest.mark.parametrize("name", ["q0", "v0"])
+def test_a_start_of_the_wrong_length_is_refused(body: Body, method: Method, name: str) -> None:
+    rotor = PlanarRotor(body(3, seed=8), PULSE)
+    start = {"q0": np.zeros(4), "v0": np.zeros(4), name: np.zeros(3)}
+    with pytest.raises(ValueError, match=rf"{name} has shape \(3,\), expected \(4\)"):
+        method(0.01).march(rotor, **start, times=np.array([0.0, 1.0]))
+
+
+@pytest.mark.parametrize("substeps", [0, -5])
+def test_sub_cycling_needs_a_substep(substeps: int) -> None:
+    with pytest.raises(ValueError, match=f"substeps is {substeps}, expected at least 1"):
+        Subcycling(1e-5, substeps)
+
+
+# Counts of work --------------------------------------------------------------------------------------------------
+
+
+class Counted(NamedTuple):
+    """Two oscillators, the first one slow, that count how often they are asked."""
+
+    calls: Array  # (3,) of each of the functions below
+    stiffness: Array  # (2,)
+
+
+@meaning(accelerations, Counted)
+def _accelerations(p: Counted, t: float, q: Array, v: Array, a: Array) -> None:
+    p.calls[0] += 1
+    for i in range(q.size):
+        a[i] = -p.stiffness[i] * q[i]
+
+
+@meaning(freeze, Counted)
+def _freeze(p: Counted, t: float, q: Array, v: Array, a: Array, frozen: Array) -> None:
+    p.calls[1] += 1
+
+
+@meaning(fast_steps, Counted)
+def _fast_steps(
+    p: Counted, frozen: Array, first: int, h: float, count: int, q: Array, v: Array, a: Array
+) -> None:
+    for _ in range(count):
+        p.calls[2] += 1
+        a[1] = -p.stiffness[1] * q[1]
+        v[1] += h * a[1]
+        q[1] += h * v[1]
+
+
+@dataclass(frozen=True)
+class Oscillators:
+    parameters: Counted
+
+    n = 2
+    n_slow = 1
+    highest_frequency = 10.0
+    highest_fast_frequency = 10.0
+
+    def frozen(self) -> Array:
+        return np.zeros(1)
+
+
+@pytest.fixture
+def oscillators() -> Oscillators:
+    return Oscillators(Counted(np.zeros(3), np.array([1.0, 100.0])))
+
+
+@pytest.mark.parametrize("spacing", [1.0, 3.0, 0.31])
+def test_evaluations_are_counted_as_they_happen(oscillators: Oscillators, method: Method, spacing: float) -> None:
+    times = 0.01 * np.arange(0.0, 1000.5, spacing)
+    march = method(0.01).march(oscillators, np.ones(2), np.zeros(2), times)
+    assert march.evaluations == oscillators.parameters.calls[0]
+    assert march.fast_evaluations == oscillators.parameters.calls[2]
+
+
+@pytest.mark.parametrize("m", [1, 2, 5, 10])
+def test_sub_cycling_solves_the_whole_once_a_cycle(oscillators: Oscillators, m: int) -> None:
+    # 1000 steps and one more that the last output time begins, in whole cycles, and the start.
+    march = Subcycling(0.01, m).march(oscillators, np.ones(2), np.zeros(2), np.array([10.0]))
+    cycles = 1000 // m + 1
+    assert march.end.step == cycles * m
+    assert march.evaluations == cycles + 1
+    assert march.fast_evaluations == cycles * (m - 1)
+    plain = CentralDifference(0.01).march(oscillators, np.ones(2), np.zeros(2), np.array([10.0]))
+    assert (plain.evaluations, plain.fast_evaluations) == (1002, 0)
+
+
+def test_a_resumed_march_counts_what_it_adds(oscillators: Oscillators, method: Method) -> None:
+    times = np.array([3.0, 10.0])
+    first = method(0.01).march(oscillators, np.ones(2), np.zeros(2), times[:1])
+    before = oscillators.parameters.calls.copy()
+    second = method(0.01).resume(oscillators, first.end, times)  # type: ignore[attr-defined]
+    added: Any = oscillators.parameters.calls - before
+    assert second.evaluations == added[0]
+    assert second.fast_evaluations == added[2]
+
+
+def test_each_oscillator_takes_steps_of_its_own_length(oscillators: Oscillators, method: Method) -> None:
+    # Uncoupled, so that leapfrog's discrete cosine holds for each with its own step: q_n = cos(2n arcsin(ωh/2)).
+    march = method(0.01).march(oscillators, np.ones(2), np.zeros(2), 0.01 * np.arange(0, 1001, 10))
+    major = 0.01 * march.substeps
+    slow = np.cos(2 * (march.times / major) * np.arcsin(major / 2))
+    fast = np.cos(2 * (march.times / 0.01) * np.arcsin(10 * 0.01 / 2))
+    assert march.q == pytest.approx(np.column_stack([slow, fast]), abs=1e-11)

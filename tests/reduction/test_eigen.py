@@ -1,0 +1,293 @@
+"""The modes of a free body: complete, accurate, independent of units; refused when they fail their checks."""
+
+from collections.abc import Callable
+from types import SimpleNamespace
+
+import numpy as np
+import pytest
+from scipy.linalg import eigh
+
+from meshes.bar import hexahedral_bar
+from pipeline.checks import AccuracyError, Array
+from pipeline.fem.assembly import assemble
+from pipeline.fem.marker import face_marker
+from pipeline.fem.material import Material
+from pipeline.fem.mesh import SolidMesh
+from pipeline.fem.model import FEModel
+from pipeline.reduction import eigen
+from pipeline.reduction.eigen import FreeBodySolver, lowest_eigenvalue_bound, modes_below
+from pipeline.reduction.enrichment import inertia_loads
+from pipeline.reduction.families import classify, lowest_modes
+
+Z = np.array([0.0, 0.0, 1.0])
+
+
+def bar(sizes: tuple[float, float, float], divisions: tuple[int, int, int], material: Material, order: int = 2) -> FEModel:
+    return assemble(SolidMesh(*hexahedral_bar(*sizes, divisions)), order, material)
+
+
+def submesh(mesh: SolidMesh, keep: Array) -> SolidMesh:
+    """Mesh of the cells to keep, with no points left over."""
+    used, cells = np.unique(mesh.cells[keep], return_inverse=True)
+    number = np.full(len(mesh.points), -1)
+    number[used] = np.arange(len(used))
+    faces = {name: number[points[number[points] >= 0]] for name, points in mesh.faces.items()}
+    return SolidMesh(mesh.points[used], cells.reshape(-1, mesh.cells.shape[1]), mesh.cell_type, {}, faces)
+
+
+@pytest.fixture(scope="module")
+def square_bar(steel: Material) -> FEModel:
+    """A bar of square section: each bending frequency is a pair."""
+    return bar((0.2, 0.02, 0.02), (8, 2, 2), steel)
+
+
+@pytest.fixture(scope="module")
+def slender_bar(steel: Material) -> FEModel:
+    """A bar forty times as long as deep."""
+    return bar((0.8, 0.02, 0.01), (40, 2, 1), steel)
+
+
+def test_all_modes_equal_those_of_a_dense_solver(small_bar: FEModel) -> None:
+    pairs = FreeBodySolver(small_bar).modes(20)
+    dense = eigh(small_bar.K.toarray(), small_bar.M.toarray(), eigvals_only=True)
+    assert np.count_nonzero(dense < 1e-6 * dense[6]) == pairs.n_rigid == 6
+    assert pairs.omega**2 == pytest.approx(dense[6:26], rel=1e-9)
+
+
+def test_modes_are_orthonormal_and_in_balance(small_bar: FEModel) -> None:
+    K, M = small_bar.K, small_bar.M
+    pairs = FreeBodySolver(small_bar).modes(20)
+    Phi = pairs.shapes.reshape(K.shape[0], -1)
+    assert np.abs(Phi.T @ M @ Phi - np.eye(20)).max() < 1e-9
+    assert np.abs(small_bar.rigid_modes.T @ (M @ Phi)).max() < 1e-9 * np.sqrt(small_bar.mass)
+    inertia = pairs.omega**2 * (M @ Phi)
+    residual = np.linalg.norm(K @ Phi - inertia, axis=0) / np.linalg.norm(inertia, axis=0)
+    assert residual.max() < 1e-8
+    assert pairs.residual == pytest.approx(residual.max(), rel=1e-6)
+
+
+def test_modes_come_out_the_same_each_time(small_bar: FEModel) -> None:
+    once, again = (FreeBodySolver(small_bar).modes(8) for _ in range(2))
+    assert np.array_equal(once.omega, again.omega)
+    assert np.array_equal(once.shapes, again.shapes)
+
+
+def test_the_largest_component_of_a_mode_is_positive(small_bar: FEModel) -> None:
+    shapes = FreeBodySolver(small_bar).modes(8).shapes.reshape(-1, 8)
+    assert (shapes[np.abs(shapes).argmax(axis=0), range(8)] > 0).all()
+
+
+@pytest.mark.parametrize("body", ["small_bar", "square_bar"])
+def test_no_mode_is_skipped(body: str, request: pytest.FixtureRequest) -> None:
+    """Sylvester's count of the modes below a frequency equals the number found, between all neighbours."""
+    fe = request.getfixturevalue(body)
+    omega = FreeBodySolver(fe).modes(14).omega
+    apart = np.flatnonzero(np.diff(omega) > 1e-4 * omega[1:])
+    assert len(apart) >= 6
+    for k in apart:
+        assert modes_below(fe, (omega[k] + omega[k + 1]) / 2) == 6 + k + 1
+    assert modes_below(fe, omega[0] / 2) == 6
+
+
+def test_pairs_of_equal_frequency_come_back_complete(square_bar: FEModel) -> None:
+    pairs = FreeBodySolver(square_bar).modes(14)
+    families, _ = classify(square_bar, pairs, Z)
+    across = {name: pairs.omega[[f == name for f in families]] for name in ("in-plane bending", "out-of-plane bending")}
+    n = min(map(len, across.values()))
+    assert n >= 3
+    assert across["in-plane bending"][:n] == pytest.approx(across["out-of-plane bending"][:n], rel=1e-9)
+
+
+def test_two_unconnected_pieces_are_refused(box_mesh: Callable[..., SolidMesh], steel: Material) -> None:
+    box = box_mesh("hexahedron", (5, 1, 1))
+    with pytest.raises(
+        AccuracyError, match="the mesh is in 2 unconnected pieces, so it has 12 rigid-body modes instead of 6; join"
+    ):
+        FreeBodySolver(assemble(submesh(box, [True, True, False, True, True]), 1, steel))
+
+
+@pytest.mark.parametrize(("corner", "n_rigid"), [((1, 1, 0), 7), ((1, 1, 1), 9)])
+def test_a_body_with_a_hinge_in_it_is_refused(
+    corner: tuple[int, int, int], n_rigid: int, box_mesh: Callable[..., SolidMesh], steel: Material
+) -> None:
+    # Two cubes that share an edge turn about it, two that share a corner about all three axes.
+    box = box_mesh("hexahedron", (2, 2, 2))
+    place = np.floor(box.points[box.cells].mean(axis=1) * 2).astype(int)
+    keep = (place == 0).all(axis=1) | (place == corner).all(axis=1)
+    with pytest.raises(AccuracyError, match=f"found {n_rigid} rigid-body modes, a free body has 6"):
+        FreeBodySolver(assemble(submesh(box, keep), 2, steel)).modes(6)
+
+
+def test_the_shift_is_negative_and_below_the_lowest_elastic_eigenvalue(small_bar: FEModel) -> None:
+    solver = FreeBodySolver(small_bar)
+    lowest = solver.modes(1).omega[0] ** 2
+    # Rayleigh and Ritz: a bound from above. Constant curvature, which is among the fields, is near a bent bar's own.
+    assert lowest < lowest_eigenvalue_bound(small_bar) < 2 * lowest
+    assert solver.shift < 0
+    assert solver.shift == pytest.approx(-0.3 * lowest_eigenvalue_bound(small_bar), rel=1e-12)
+
+
+@pytest.mark.parametrize("softer", [1e-6, 1e6])
+def test_frequencies_go_with_the_root_of_youngs_modulus(small_bar: FEModel, steel: Material, softer: float) -> None:
+    other = bar((0.3, 0.04, 0.02), (7, 2, 1), Material(steel.E * softer, steel.nu, steel.rho))
+    solver, reference = FreeBodySolver(other), FreeBodySolver(small_bar)
+    assert solver.shift == pytest.approx(softer * reference.shift, rel=1e-9)
+    assert solver.modes(8).omega == pytest.approx(np.sqrt(softer) * reference.modes(8).omega, rel=1e-9)
+
+
+def test_frequencies_do_not_depend_on_the_units(small_bar: FEModel, steel: Material) -> None:
+    # millimetre, tonne, second: E in MPa, density in t/mm³
+    other = bar((300.0, 40.0, 20.0), (7, 2, 1), Material(steel.E * 1e-6, steel.nu, steel.rho * 1e-12))
+    assert FreeBodySolver(other).modes(8).omega == pytest.approx(FreeBodySolver(small_bar).modes(8).omega, rel=1e-9)
+
+
+def test_frequencies_do_not_depend_on_place_and_direction(small_bar: FEModel, steel: Material) -> None:
+    mesh = small_bar.discretisation.mesh
+    turn = np.linalg.qr(np.random.default_rng(0).standard_normal((3, 3)))[0]
+    turn *= np.linalg.det(turn)
+    moved = SolidMesh(mesh.points @ turn.T + [3.0, -2.0, 1.0], mesh.cells.copy(), mesh.cell_type, {}, {})
+    solver = FreeBodySolver(assemble(moved, 2, steel))
+    assert solver.modes(8).omega == pytest.approx(FreeBodySolver(small_bar).modes(8).omega, rel=1e-8)
+
+
+@pytest.mark.parametrize("count", [1, 10, 17, 18, 30])
+def test_a_single_element_gives_all_the_modes_that_it_has(count: int, steel: Material) -> None:
+    # one hex8: 24 unknowns, 18 elastic modes; Lanczos finds all but the last of all 24
+    fe = bar((0.1, 0.1, 0.1), (1, 1, 1), steel, order=1)
+    modes = lowest_modes(FreeBodySolver(fe), count)
+    n = len(modes.omega)
+    assert min(count, 16) <= n <= min(count, 18)
+    assert modes.numbers == tuple(range(1, n + 1))
+    assert modes.shapes.shape == (8, 3, n)
+    dense = eigh(fe.K.toarray(), fe.M.toarray(), eigvals_only=True)
+    assert modes.omega**2 == pytest.approx(dense[6 : 6 + n], rel=1e-9)
+
+
+@pytest.mark.parametrize(
+    ("limit", "message"),
+    [
+        ("RESIDUAL_LIMIT", r"mode \d+ at [\d.]+ Hz has a residual of \d\.\de-\d\d, above 1e-18"),
+        ("ORTHONORMALITY_LIMIT", r"modes are not M-orthonormal: error \d\.\de-\d\d exceeds 1e-18"),
+    ],
+)
+def test_modes_beyond_a_limit_are_refused_with_the_figure(
+    limit: str, message: str, small_bar: FEModel, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setattr(eigen, limit, 1e-18)  # below round-off
+    with pytest.raises(AccuracyError, match=message):
+        FreeBodySolver(small_bar).modes(4)
+
+
+def test_a_wrong_mode_is_named_with_its_frequency(small_bar: FEModel, monkeypatch: pytest.MonkeyPatch) -> None:
+    """Spoil the third elastic mode on its way out of Lanczos: the message has to name it."""
+    found = FreeBodySolver(small_bar).modes(4)
+
+    def spoilt(*args: object, **options: object) -> tuple[Array, Array]:
+        values, vectors = lanczos(*args, **options)
+        order = np.argsort(values)
+        values, vectors = values[order], vectors[:, order]
+        values[8] *= 1.0001
+        return values, vectors
+
+    lanczos = eigen.eigsh
+    monkeypatch.setattr(eigen, "eigsh", spoilt)
+    frequency = np.sqrt(1.0001) * found.omega[2] / (2 * np.pi)
+    # |K φ − λ' M φ| / |λ' M φ| for λ' = 1.0001 λ is 1e-4
+    with pytest.raises(AccuracyError, match=f"mode 3 at {frequency:.6g} Hz has a residual of 1.0e-04, above 1e-06"):
+        FreeBodySolver(small_bar).modes(4)
+
+
+def test_a_count_of_modes_needs_pivots_on_the_diagonal(small_bar: FEModel, monkeypatch: pytest.MonkeyPatch) -> None:
+    n = small_bar.K.shape[0]
+    off = SimpleNamespace(perm_r=np.arange(n), perm_c=np.arange(n)[::-1])
+    monkeypatch.setattr(eigen, "splu", lambda *_, **__: off)
+    with pytest.raises(AccuracyError, match="the factorisation left the diagonal: its pivots don't show the inertia"):
+        modes_below(small_bar, 1.0)
+
+
+@pytest.fixture(scope="module")
+def pulled(small_bar: FEModel) -> Array:
+    """Unit tension on both ends, a self-balanced load, (n_nodes, 3, 1)."""
+    loads = np.zeros((len(small_bar.x), 3, 1))
+    for face, sign in (("x-", -1.0), ("x+", 1.0)):
+        marker = face_marker(small_bar.discretisation, small_bar.discretisation.mesh.faces[face])
+        loads[marker.nodes, 0, 0] += sign * marker.translation_weights
+    return loads
+
+
+def test_a_static_response_is_that_of_a_pulled_bar(small_bar: FEModel, steel: Material, pulled: Array) -> None:
+    # uniform stress F/A: the ends move apart by F L / (E A), the sides come in by ν times as much per length
+    u = FreeBodySolver(small_bar).static_response(pulled)[..., 0]
+    strain = 1.0 / (steel.E * 0.04 * 0.02)
+    centre = small_bar.m.sum(axis=0) @ small_bar.x / small_bar.mass
+    exact = strain * (small_bar.x - centre) * [1, -steel.nu, -steel.nu]
+    assert np.abs(u - exact).max() < 1e-10 * np.abs(exact).max()
+
+
+def test_a_static_response_is_in_balance_and_free_of_rigid_motion(small_bar: FEModel) -> None:
+    f = np.random.default_rng(0).standard_normal((len(small_bar.x), 3, 3))
+    u = FreeBodySolver(small_bar).static_response(f).reshape(-1, 3)
+    R, M = small_bar.rigid_modes, small_bar.M
+    flat = f.reshape(-1, 3)
+    # what is left of the load once the mass has taken up the rigid acceleration that the load causes
+    balanced = flat - M @ R @ np.linalg.solve(R.T @ M @ R, R.T @ flat)
+    assert np.abs(R.T @ balanced).max() < 1e-10
+    assert np.linalg.norm(small_bar.K @ u - balanced, axis=0).max() < 1e-8 * np.linalg.norm(balanced, axis=0).min()
+    assert np.abs(R.T @ (M @ u)).max() < 1e-10 * np.abs(M @ u).sum()
+
+
+def test_a_static_response_is_found_for_a_body_with_a_slender_neck(steel: Material) -> None:
+    # Its lowest frequency is far below that of any quadratic field, by which the shift is chosen.
+    grid = SolidMesh(*hexahedral_bar(1.2, 0.4, 0.4, (12, 4, 4)))
+    x, y, z = np.abs(grid.points[grid.cells].mean(axis=1) - [0.6, 0.0, 0.0]).T
+    dumbbell = assemble(submesh(grid, (x > 0.2) | ((y < 0.1) & (z < 0.1))), 1, steel)
+    marker = face_marker(dumbbell.discretisation, dumbbell.discretisation.mesh.faces["x-"])
+    loads = inertia_loads(dumbbell, marker, Z)
+    u = FreeBodySolver(dumbbell).static_response(loads).reshape(-1, 4)
+    R, M = dumbbell.rigid_modes, dumbbell.M
+    flat = loads.reshape(-1, 4)
+    balanced = flat - M @ R @ np.linalg.solve(R.T @ M @ R, R.T @ flat)
+    defect = np.linalg.norm(dumbbell.K @ u - balanced, axis=0) / np.linalg.norm(balanced, axis=0)
+    assert defect.max() < 1e-8
+
+
+def test_a_static_response_beyond_its_limit_is_refused_with_the_figure(
+    small_bar: FEModel, pulled: Array, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setattr(eigen, "STATIC_RESIDUAL_LIMIT", 1e-18)
+    loads = np.concatenate([pulled, 2 * pulled], axis=2)
+    with pytest.raises(AccuracyError, match=r"static response \d: residual \d\.\de-\d\d exceeds 1e-18"):
+        FreeBodySolver(small_bar).static_response(loads)
+
+
+def test_a_long_bar_bends_as_euler_and_bernoulli_say(slender_bar: FEModel, steel: Material) -> None:
+    # ω = (βL)² √(EI/ρA) / L² with βL = 4.730041, 7.853205 (free–free). Shear and rotary inertia, left out of it,
+    # take (βL)²/2 (1/12 + E/12κG) (d/L)² off, roughly: 0.3 % and 0.8 % at L/d = 40.
+    pairs = FreeBodySolver(slender_bar).modes(12)
+    families, _ = classify(slender_bar, pairs, Z)
+    found = pairs.omega[[family == "in-plane bending" for family in families]]
+    exact = np.array([4.730041, 7.853205]) ** 2 * np.sqrt(steel.E * 0.02**2 / (12 * steel.rho)) / 0.8**2
+    assert found[0] == pytest.approx(exact[0], rel=0.004)
+    assert found[1] == pytest.approx(exact[1], rel=0.01)
+    assert (found[:2] < exact).all()
+
+
+def test_a_long_bar_bends_as_timoshenko_says(
+    slender_bar: FEModel, steel: Material, timoshenko: Callable[..., Array]
+) -> None:
+    pairs = FreeBodySolver(slender_bar).modes(16)
+    families, _ = classify(slender_bar, pairs, Z)
+    for family, depth, width in (("in-plane bending", 0.02, 0.01), ("out-of-plane bending", 0.01, 0.02)):
+        found = pairs.omega[[f == family for f in families]][:3] / (2 * np.pi)
+        assert found == pytest.approx(timoshenko(0.8, depth, width, steel, 3), rel=1e-3)
+
+
+def test_a_long_bar_rings_lengthwise_at_half_its_wave_transit_rate(slender_bar: FEModel, steel: Material) -> None:
+    # f = n c / 2L with c = √(E/ρ); lateral inertia takes (ν n π r / L)²/2 off, r the polar radius of gyration (Love)
+    pairs = FreeBodySolver(slender_bar).modes(30)
+    families, _ = classify(slender_bar, pairs, Z)
+    found = pairs.omega[[family == "axial" for family in families]] / (2 * np.pi)
+    assert len(found) >= 2
+    n, speed, gyration = np.array([1, 2]), np.sqrt(steel.E / steel.rho), np.sqrt((0.02**2 + 0.01**2) / 12)
+    love = 1 - (steel.nu * n * np.pi * gyration / 0.8) ** 2 / 2
+    assert found[:2] == pytest.approx(n * speed / (2 * 0.8) * love, rel=1e-5)

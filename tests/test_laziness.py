@@ -1,0 +1,74 @@
+"""What a command doesn't need it doesn't load: each runs in a process of its own that lists its modules."""
+
+from __future__ import annotations
+
+import json
+import subprocess
+import sys
+
+import pytest
+
+LISTING = """
+import json, sys
+from pipeline.cli import main
+try:
+    main()
+except SystemExit as stop:
+    assert not stop.code
+print("\\n" + json.dumps(sorted({name.partition(".")[0] for name in sys.modules} | {
+    ".".join(name.split(".")[:2]) for name in sys.modules if name.startswith("pipeline.")})))
+"""
+QUICK = ["--set", "body.beam.mesh.divisions=[24, 2, 1]", "--set", "simulation.duration=50 ms"]
+
+
+def modules(*arguments):
+    """Names of the modules that a command has loaded in the end."""
+    done = subprocess.run(
+        [sys.executable, "-c", LISTING, *arguments], capture_output=True, text=True, check=True, timeout=300
+    )
+    return set(json.loads(done.stdout.splitlines()[-1]))
+
+
+@pytest.fixture(scope="module")
+def cold_run(tmp_path_factory):
+    return modules("run", "beam", *QUICK, "--no-pictures", "--out", str(tmp_path_factory.mktemp("cold")))
+
+
+def test_help_loads_nothing_heavy():
+    heavy = {
+        "numpy",
+        "scipy",
+        "pydantic",
+        "pint",
+        "numba",
+        "gmsh",
+        "skfem",
+        "pyvista",
+        "matplotlib",
+        "xarray",
+        "joblib",
+    }
+    assert not modules("--help") & heavy
+
+
+def test_modes_load_neither_pictures_nor_integrators():
+    loaded = modules("modes", "beam", "--no-cache")
+    assert "skfem" in loaded
+    assert not loaded & {"pyvista", "matplotlib", "numba", "xarray", "pipeline.integrators", "pipeline.dynamics"}
+
+
+def test_a_run_without_pictures_loads_neither_pyvista_nor_matplotlib(cold_run):
+    assert "numba" in cold_run
+    assert not cold_run & {"pyvista", "vtk", "vtkmodules", "matplotlib", "pipeline.render"}
+
+
+@pytest.mark.usefixtures("cold_run")
+def test_a_second_run_loads_neither_gmsh_nor_scikit_fem(tmp_path):
+    warm = modules("run", "beam", *QUICK, "--no-pictures", "--out", str(tmp_path))
+    assert not warm & {"gmsh", "meshes", "skfem", "meshio"}
+
+
+def test_the_package_itself_loads_nothing_heavy():
+    listing = "import sys, pipeline; print(*sys.modules)"
+    done = subprocess.run([sys.executable, "-c", listing], capture_output=True, text=True, check=True, timeout=60)
+    assert not set(done.stdout.split()) & {"numpy", "scipy", "pydantic", "gmsh", "skfem", "pyvista", "numba"}
