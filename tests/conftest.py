@@ -3,9 +3,8 @@
 import os
 import shutil
 import tempfile
-from collections.abc import Callable, Iterator
+from collections.abc import Callable
 from itertools import permutations
-from pathlib import Path
 from typing import NamedTuple
 
 # Kernels are compiled into this folder as soon as pipeline.dynamics is imported, so it has to be set before that.
@@ -14,10 +13,11 @@ os.environ["FMD_CACHE"] = tempfile.mkdtemp(prefix="fmd-tests-")
 import numpy as np
 import pytest
 from hypothesis import settings
+from scipy.integrate import simpson
 from scipy.linalg import expm
 from scipy.optimize import brentq
 
-from meshes.bar import hexahedral_bar, tetrahedral_bar
+from meshes.bar import hexahedral_bar
 from pipeline.checks import Array
 from pipeline.fem.assembly import assemble
 from pipeline.fem.material import Material
@@ -63,8 +63,7 @@ def make_box(
     stride = np.array([(divisions[1] + 1) * (divisions[2] + 1), divisions[2] + 1, 1])
     first = grid[(grid < divisions).all(axis=1)] @ stride
     if cell_type == "hexahedron":
-        around = np.array([(0, 0, 0), (1, 0, 0), (1, 1, 0), (0, 1, 0)])
-        corners = [np.concatenate([around, around + [0, 0, 1]])]
+        corners = [np.array([(x, y, z) for z in (0, 1) for x, y in ((0, 0), (1, 0), (1, 1), (0, 1))])]
     else:  # Kuhn's six tetrahedra, each along one way from a cube's corner to the opposite one
         corners = []
         for order in permutations(range(3)):
@@ -80,51 +79,69 @@ def make_box(
     return SolidMesh(points, cells, cell_type, {"box": np.arange(len(cells))}, faces)
 
 
-def make_bar(
-    element: Element, sizes: Sizes, divisions: Divisions | None = None, size: float | None = None
-) -> SolidMesh:
-    """Mesh a bar by Gmsh: hexahedra by divisions, tetrahedra by size."""
-    if element.cell_type == "hexahedron":
-        assert divisions is not None
-        return SolidMesh(*hexahedral_bar(*sizes, divisions))
-    assert size is not None
-    return SolidMesh(*tetrahedral_bar(*sizes, size))
+class TimoshenkoBeam(NamedTuple):
+    """Timoshenko's beam of rectangular section, with Cowper's shear factor (J Appl Mech 33, 1966).
 
-
-def timoshenko_hz(
-    length: float, depth: float, width: float, material: Material, count: int, pinned: bool = False
-) -> Array:
-    """Bending frequencies [Hz] of Timoshenko's beam, free at x = L and free or pinned at x = 0.
-
-    With s = x/L and the state (w/L, ψ, M L/EI, Q L²/EI) the beam is a linear system y' = S(ω) y; the frequencies are
-    the zeros of the determinant that the end conditions pick out of exp(S). The shear factor is Cowper's for the
-    rectangle (J Appl Mech 33, 1966).
+    With s = x/L and the state (w/L, ψ, M L/EI, Q L²/EI) it is a linear system y' = S(ω) y.
     """
-    E, nu, rho = material.E, material.nu, material.rho
-    area, second = width * depth, width * depth**3 / 12
-    shear = 10 * (1 + nu) / (12 + 11 * nu) * E / (2 * (1 + nu)) * area
-    bending = E * second
-    start = [1, 3] if pinned else [0, 1]  # what may be non-zero at x = 0
 
-    def determinant(omega: float) -> float:
+    length: float
+    depth: float
+    width: float
+    material: Material
+
+    @property
+    def mass(self) -> float:
+        return self.material.rho * self.length * self.depth * self.width
+
+    @property
+    def bending(self) -> float:
+        return self.material.E * self.width * self.depth**3 / 12
+
+    def system(self, omega: float) -> Array:
+        """Return S, shape (4, 4)."""
+        nu, length = self.material.nu, self.length
+        shear = 10 * (1 + nu) / (12 + 11 * nu) * self.material.E / (2 * (1 + nu)) * self.depth * self.width
+        inertia = self.mass * length * omega**2 / self.bending
         S = np.zeros((4, 4))
-        S[0, 1], S[0, 3] = 1.0, bending / (shear * length**2)
+        S[0, 1], S[0, 3] = 1.0, self.bending / (shear * length**2)
         S[1, 2] = 1.0
-        S[2, 1], S[2, 3] = -rho * second * omega**2 * length**2 / bending, -1.0
-        S[3, 0] = -rho * area * omega**2 * length**4 / bending
-        return float(np.linalg.det(expm(S)[2:, start]))
+        S[2, 1], S[2, 3] = -inertia * self.depth**2 / 12, -1.0
+        S[3, 0] = -inertia * length**2
+        return S
 
-    scale = np.sqrt(bending / (rho * area)) / length**2
-    trial = scale * np.linspace(1.0, (np.pi * (count + 1)) ** 2, 100 * (count + 1))
-    value = [determinant(omega) for omega in trial]
-    roots = [brentq(determinant, trial[k], trial[k + 1]) for k in np.flatnonzero(np.diff(np.sign(value)))]
-    return np.array(roots[:count]) / (2 * np.pi)
+    def frequencies_hz(self, count: int, pinned: bool = False) -> Array:
+        """Bending frequencies [Hz], free at x = L and free or pinned at x = 0: zeros of a determinant of exp(S)."""
+        start = [1, 3] if pinned else [0, 1]  # what may be non-zero at x = 0
+
+        def determinant(omega: float) -> float:
+            return float(np.linalg.det(expm(self.system(omega))[2:, start]))
+
+        scale = np.sqrt(self.bending / (self.mass * self.length**3))
+        trial = scale * np.linspace(1.0, (np.pi * (count + 1)) ** 2, 100 * (count + 1))
+        sign = np.sign([determinant(omega) for omega in trial])
+        roots = [brentq(determinant, trial[k], trial[k + 1]) for k in np.flatnonzero(np.diff(sign))]
+        return np.array(roots[:count]) / (2 * np.pi)
+
+    def end_mobilities(self, count: int) -> Array:
+        """Square of each free mode's displacement at x = 0 for unit modal mass [1/kg]."""
+        squares, n = [], 1000
+        for omega in 2 * np.pi * self.frequencies_hz(count):
+            S = self.system(omega)
+            step, (w0, psi0) = expm(S / n), np.linalg.svd(expm(S)[2:, :2])[2][1]
+            y = [np.array([w0, psi0, 0.0, 0.0])]
+            for _ in range(n):
+                y.append(step @ y[-1])
+            w, psi = np.array(y).T[:2]
+            modal_mass = self.mass * simpson((self.length * w) ** 2 + (self.depth * psi) ** 2 / 12, dx=1 / n)
+            squares.append((self.length * w0) ** 2 / modal_mass)
+        return np.array(squares)
 
 
 @pytest.fixture(scope="session", params=ELEMENTS, ids=lambda element: element.name)
 def element(request: pytest.FixtureRequest) -> Element:
-    """Each element in turn."""
-    return request.param
+    """Each element in turn; a test that takes only some parametrises it, ``indirect``."""
+    return Element(*request.param)
 
 
 @pytest.fixture(scope="session")
@@ -138,13 +155,8 @@ def box_mesh() -> Callable[..., SolidMesh]:
 
 
 @pytest.fixture(scope="session")
-def bar_mesh() -> Callable[..., SolidMesh]:
-    return make_bar
-
-
-@pytest.fixture(scope="session")
-def timoshenko() -> Callable[..., Array]:
-    return timoshenko_hz
+def timoshenko() -> Callable[..., TimoshenkoBeam]:
+    return TimoshenkoBeam
 
 
 @pytest.fixture(scope="session")
@@ -157,10 +169,3 @@ def distorted(element: Element) -> FEModel:
 def small_bar() -> FEModel:
     """A bar of 300 × 40 × 20 mm, of 7 × 2 × 1 quadratic hexahedra: small enough for dense solutions."""
     return assemble(SolidMesh(*hexahedral_bar(0.3, 0.04, 0.02, (7, 2, 1))), 2, STEEL)
-
-
-@pytest.fixture
-def own_cache(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Iterator[Path]:
-    """A cache folder of the test's own."""
-    monkeypatch.setenv("FMD_CACHE", str(tmp_path / "cache"))
-    yield tmp_path / "cache"

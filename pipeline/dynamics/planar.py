@@ -23,12 +23,13 @@ from scipy.linalg import eigh
 
 from pipeline.checks import Array
 from pipeline.dynamics.compiled import inlined, meaning
-from pipeline.dynamics.system import accelerations, fast_steps, freeze
+from pipeline.dynamics.system import accelerations, advance, fast_steps, freeze
 from pipeline.reduction.body import FlexibleBody
 from pipeline.tensors import EPSILON
 
 # Below this part of the modal mass a coupling between modes is too small to tell within a major cycle.
 _DIAGONAL = 1e-5
+_ROUND_OFF = 1e-9
 
 
 class TorquePulse(NamedTuple):
@@ -57,12 +58,18 @@ class PlanarParameters(NamedTuple):
     pulse: TorquePulse
     gyroscopic: bool  # A is not zero
     diagonal: bool  # modes don't couple with each other through the spin
+    Dp: Array  # (1 + n,), room to work in: D p and D ṗ of the last solution
+    Dv: Array
 
 
 class FrozenPlanar(NamedTuple):
-    """The fast coordinates' equation with the frame's motion held: ``a_S = constant − K q_S − C v_S + τ ψ``."""
+    """The fast coordinates' equation over a major cycle: ``a_S = constant + slope s − K q_S − C v_S + τ ψ``.
+
+    ``s`` is the time since the cycle began; the slope is what is known then of the held terms' rate of change.
+    """
 
     constant: Array  # (1 + n,)
+    slope: Array  # (1 + n,)
     k: Array  # (1 + n,), instead of K and C where modes don't couple with each other
     K: Array  # (1 + n, 1 + n)
     C: Array  # (1 + n, 1 + n)
@@ -89,46 +96,67 @@ class PlanarRotor:
     def frozen(self) -> FrozenPlanar:
         """Fresh storage for the frozen coefficients of a major cycle."""
         n = self.n
-        return FrozenPlanar(np.zeros(n), np.zeros(n), np.zeros((n, n)), np.zeros((n, n)), np.zeros(n))
+        return FrozenPlanar(np.zeros(n), np.zeros(n), np.zeros(n), np.zeros((n, n)), np.zeros((n, n)), np.zeros(n))
 
     @property
     def n(self) -> int:
         """Number of coordinates: the angle and the modes."""
         return 1 + len(self.body.omega)
 
-    @cached_property
+    @property
+    def n_positions(self) -> int:
+        """The same."""
+        return self.n
+
+    @property
+    def stiffness(self) -> Array:
+        """Squared modal frequencies, 0 for the angle [1/s²]."""
+        return self._parameters.stiffness
+
+    @property
     def parameters(self) -> PlanarParameters:
-        """Flat arrays for the kernels."""
+        """Flat arrays for the kernels, with room to work in that is the caller's own."""
+        return self._parameters._replace(Dp=np.zeros(self.n), Dv=np.zeros(self.n))
+
+    @cached_property
+    def _parameters(self) -> PlanarParameters:
         e, G = self.body.axis, self.body.gram.G
         D = np.einsum("ab,abij->ij", np.eye(3) - np.outer(e, e), G)
         A = np.einsum("a,abc,bcij->ij", e, EPSILON, G)
-        size = np.sqrt(np.outer(D.diagonal(), D.diagonal()).clip(min=1e-300))
-        gyroscopic = bool((np.abs(A) > 1e-9 * size).any())
-        modes = (D / size)[1:, 1:]
+        modes = D[1:, 1:]
         off_diagonal = np.abs(modes - np.diag(modes.diagonal())).max(initial=0.0)
+        # Modal masses are 1, the inertia is D[0, 0]: what a coupling is small against.
+        coupling = max(np.abs(A[0]).max() / np.sqrt(D[0, 0]), np.abs(A[1:, 1:]).max(initial=0.0))
         return PlanarParameters(
             D=np.ascontiguousarray(D),
             A=np.ascontiguousarray(A),
             stiffness=np.r_[0.0, self.body.omega**2],
             lever=np.r_[1.0, self.body.joint_rotation],
             pulse=self.pulse,
-            gyroscopic=gyroscopic,
-            diagonal=bool(off_diagonal < _DIAGONAL and (np.abs(A[1:, 1:]) < 1e-9).all()),
+            gyroscopic=bool(coupling > _ROUND_OFF),
+            diagonal=bool(off_diagonal < _DIAGONAL and np.abs(A[1:, 1:]).max(initial=0.0) < _ROUND_OFF),
+            Dp=np.empty(0),
+            Dv=np.empty(0),
         )
 
     @cached_property
     def reference_mass(self) -> Array:
         """Mass matrix of angle and modes in the reference state, shape (n, n)."""
-        parameters = self.parameters
+        parameters = self._parameters
         M = np.eye(self.n)
         M[0, 0] = parameters.D[0, 0]
         M[0, 1:] = M[1:, 0] = parameters.A[0, 1:]
         return M
 
     @property
+    def coupled(self) -> bool:
+        """Whether angle and modes couple through the mass matrix in any state."""
+        return self._parameters.gyroscopic
+
+    @property
     def highest_frequency(self) -> float:
         """Highest coupled angular frequency in the reference state [rad/s]; it limits the plain explicit step."""
-        K = np.diag(self.parameters.stiffness)
+        K = np.diag(self._parameters.stiffness)
         return float(np.sqrt(eigh(K, self.reference_mass, eigvals_only=True)[-1]))
 
     @property
@@ -140,10 +168,10 @@ class PlanarRotor:
         """Kinetic and strain energy [J] of states q, v, shape (n_times, n)."""
         p = np.concatenate([np.ones((len(q), 1)), q[:, 1:]], axis=1)
         rate, modal_rates = v[:, 0], v[:, 1:]
-        J = np.einsum("ti,ij,tj->t", p, self.parameters.D, p)
-        H = (p @ self.parameters.A)[:, 1:]
+        J = np.einsum("ti,ij,tj->t", p, self._parameters.D, p)
+        H = (p @ self._parameters.A)[:, 1:]
         kinetic = 0.5 * (J * rate**2 + (modal_rates**2).sum(axis=1)) + rate * (H * modal_rates).sum(axis=1)
-        return kinetic, 0.5 * (q**2 @ self.parameters.stiffness)
+        return kinetic, 0.5 * (q**2 @ self._parameters.stiffness)
 
 
 @inlined
@@ -156,7 +184,7 @@ def _torque(pulse: TorquePulse, t: float) -> float:
 
 @meaning(accelerations, PlanarParameters)
 def _accelerations(p: PlanarParameters, t: float, q: Array, v: Array, a: Array) -> None:
-    D, A, stiffness, lever = p.D, p.A, p.stiffness, p.lever  # locals: Numba counts references otherwise
+    D, A, stiffness, lever, Dp, Dv = p.D, p.A, p.stiffness, p.lever, p.Dp, p.Dv
     n = q.size
     rate = v[0]
     tau = _torque(p.pulse, t)
@@ -170,6 +198,7 @@ def _accelerations(p: PlanarParameters, t: float, q: Array, v: Array, a: Array) 
         for j in range(1, n):
             y += D[i, j] * q[j]
             z += D[i, j] * v[j]
+        Dp[i], Dv[i] = y, z
         J += q[i] * y
         half_dJ += q[i] * z
         Q = rate * rate * y - stiffness[i] * q[i] + tau * lever[i]
@@ -193,36 +222,39 @@ def _accelerations(p: PlanarParameters, t: float, q: Array, v: Array, a: Array) 
 
 @meaning(freeze, PlanarParameters)
 def _freeze(p: PlanarParameters, t: float, q: Array, v: Array, a: Array, frozen: FrozenPlanar) -> None:
-    D, A, stiffness, lever = p.D, p.A, p.stiffness, p.lever
-    constant, k, K, C = frozen.constant, frozen.k, frozen.K, frozen.C
+    D, A, stiffness, lever, Dp, Dv = p.D, p.A, p.stiffness, p.lever, p.Dp, p.Dv
+    constant, slope, k, K, C = frozen.constant, frozen.slope, frozen.k, frozen.K, frozen.C
     n = q.size
-    rate = v[0]
-    if p.diagonal:  # modes couple with nothing but themselves: the rest is constant over the cycle
-        tau = _torque(p.pulse, t)
-        for i in range(1, n):
+    rate, acceleration = v[0], a[0]
+    tau = _torque(p.pulse, t)
+    for i in range(1, n):
+        slope[i] = 2.0 * rate * acceleration * Dp[i]
+        if p.diagonal:  # modes couple with hardly anything but themselves: the rest changes linearly
             k[i] = stiffness[i] - rate * rate * D[i, i]
             constant[i] = a[i] + k[i] * q[i] - tau * lever[i]
-    else:
-        for i in range(1, n):
+            slope[i] += rate * rate * (Dv[i] - D[i, i] * v[i])
+        else:
             H = A[0, i]
             for j in range(1, n):
                 K[i, j] = -rate * rate * D[i, j]
                 C[i, j] = -2.0 * rate * A[i, j]
                 H += A[j, i] * q[j]
             K[i, i] += stiffness[i]
-            constant[i] = rate * rate * D[i, 0] - H * a[0]
+            constant[i] = rate * rate * D[i, 0] - H * acceleration
 
 
 @meaning(fast_steps, PlanarParameters)
 def _fast_steps(
     p: PlanarParameters, frozen: FrozenPlanar, first: int, h: float, count: int, q: Array, v: Array, a: Array
 ) -> None:
-    lever, constant, k, K, C, v_now = p.lever, frozen.constant, frozen.k, frozen.K, frozen.C, frozen.v_now
+    lever, constant, slope, k, K, C = p.lever, frozen.constant, frozen.slope, frozen.k, frozen.K, frozen.C
+    v_now = frozen.v_now
     n = q.size
     for step in range(first, first + count):
         tau = _torque(p.pulse, step * h)
         if p.diagonal:
             for i in range(1, n):
+                constant[i] += h * slope[i]
                 a[i] = constant[i] + tau * lever[i] - k[i] * q[i]
                 v[i] += h * a[i]
                 q[i] += h * v[i]
@@ -230,9 +262,16 @@ def _fast_steps(
             for i in range(1, n):
                 v_now[i] = v[i] + 0.5 * h * a[i]
             for i in range(1, n):
+                constant[i] += h * slope[i]
                 a[i] = constant[i] + tau * lever[i]
                 for j in range(1, n):
                     a[i] -= K[i, j] * q[j] + C[i, j] * v_now[j]
             for i in range(1, n):
                 v[i] += h * a[i]
                 q[i] += h * v[i]
+
+
+@meaning(advance, PlanarParameters)
+def _advance(p: PlanarParameters, q: Array, v: Array, h: float, first: int, last: int) -> None:
+    for i in range(first, last):
+        q[i] += h * v[i]

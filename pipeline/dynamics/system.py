@@ -31,12 +31,25 @@ def fast_steps(p: Any, frozen: Any, first: int, h: float, count: int, q: Array, 
     raise NotImplementedError
 
 
+def advance(p: Any, q: Array, v: Array, h: float, first: int, last: int) -> None:
+    """Move the coordinates that the rates ``first … last - 1`` belong to by ``h v``; unit quaternions stay unit."""
+    raise NotImplementedError
+
+
 class System(Protocol):
-    """A mechanism ready to be integrated; its first ``n_slow`` coordinates are the slow ones."""
+    """A mechanism ready to be integrated; its first ``n_slow`` rates are the slow ones."""
 
     @property
     def n(self) -> int:
-        """Number of coordinates."""
+        """Number of rates, and of accelerations."""
+
+    @property
+    def n_positions(self) -> int:
+        """Number of position coordinates: more than rates where a rotation in space is a quaternion."""
+
+    @property
+    def stiffness(self) -> Array:
+        """Linear part of each acceleration, ``a_j = −stiffness_j q_j + …`` [1/s²], shape (n,); 0 for most joints."""
 
     @property
     def n_slow(self) -> int:
@@ -45,6 +58,10 @@ class System(Protocol):
     @property
     def parameters(self) -> Any:
         """What the compiled functions read."""
+
+    @property
+    def coupled(self) -> bool:
+        """Whether slow and fast coordinates couple through the mass matrix in any state."""
 
     @property
     def highest_frequency(self) -> float:

@@ -6,15 +6,23 @@ Stable for ω_max h < 2.
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import Any
 
 import numpy as np
 
 from pipeline.checks import Array, IntArray
 from pipeline.dynamics.compiled import kernel
-from pipeline.dynamics.system import System, accelerations
-from pipeline.integrators.protocol import Progress, State, Trajectory, march_in_chunks, runs_away, start_state
+from pipeline.dynamics.system import System, accelerations, advance
+from pipeline.integrators.protocol import (
+    Progress,
+    State,
+    Trajectory,
+    march_in_chunks,
+    require_step,
+    runs_away,
+    start_state,
+)
 
 
 @dataclass(frozen=True)
@@ -24,7 +32,13 @@ class CentralDifference:
     step: float
 
     name = "central-difference"
-    order = 2
+
+    def __post_init__(self) -> None:
+        require_step(self.step)
+
+    def order(self, system: System) -> int:
+        """Order 2."""
+        return 2
 
     def largest_step(self, system: System) -> float:
         """``2/ω_max`` of the coupled system [s]."""
@@ -33,17 +47,18 @@ class CentralDifference:
     def march(self, system: System, q0: Array, v0: Array, times: Array, progress: Progress | None = None) -> Trajectory:
         """Integrate from time 0 to the last of ``times``."""
         start = start_state(system, q0, v0, np.full(system.n, 0.5 * self.step))
-        return self.resume(system, start, times, progress)
+        trajectory = self.resume(system, start, times, progress)
+        return replace(trajectory, evaluations=trajectory.evaluations + 1)
 
     def resume(self, system: System, start: State, times: Array, progress: Progress | None = None) -> Trajectory:
-        """Continue from a state that a march of this method has ended in; earlier output times stay empty."""
+        """Continue from a state that a march of this method has ended in; earlier output times stay NaN."""
         parameters, h, work = system.parameters, self.step, np.empty(system.n)
 
         def run(state: State, n_steps: int, *samples: Any) -> int:
             return int(_march(parameters, h, state.step, n_steps, state.q, state.v, state.a, work, *samples))
 
         end, q, v, seconds = march_in_chunks(run, start, h, 1, times, progress)
-        return Trajectory(self.name, h, 1, times, q, v, end.step - start.step + 1, 0, seconds, end)
+        return Trajectory(self.name, h, 1, times, q, v, end.step - start.step, 0, seconds, end)
 
 
 @kernel
@@ -51,7 +66,7 @@ def _march(
     p: Any, h: float, first: int, n_steps: int, q: Array, v: Array, a: Array, v_now: Array,
     sample_step: IntArray, sample_offset: Array, sample_q: Array, sample_v: Array, cursor: IntArray,
 ) -> int:  # fmt: skip
-    n = q.size
+    n = v.size
     next_sample = sample_step[cursor[0]] if cursor[0] < sample_step.size else -1
     for k in range(n_steps):
         for i in range(n):
@@ -60,14 +75,16 @@ def _march(
         while first + k == next_sample:
             s = sample_offset[cursor[0]]
             for i in range(n):  # Taylor's polynomial, which the next step continues
-                v_n = v[i] + 0.5 * h * a[i]
-                sample_q[cursor[0], i] = q[i] + s * (v_n + 0.5 * s * a[i])
-                sample_v[cursor[0], i] = v_n + s * a[i]
+                v_now[i] = v[i] + h * a[i] - 0.5 * h * a[i] + 0.5 * s * a[i]
+                sample_v[cursor[0], i] = v_now[i] + 0.5 * s * a[i]
+            for i in range(q.size):
+                sample_q[cursor[0], i] = q[i]
+            advance(p, sample_q[cursor[0]], v_now, s, 0, n)
             cursor[0] += 1
             next_sample = sample_step[cursor[0]] if cursor[0] < sample_step.size else -1
         for i in range(n):
             v[i] += h * a[i]
-            q[i] += h * v[i]
+        advance(p, q, v, h, 0, n)
         if runs_away(v):
             return k
     return n_steps

@@ -9,7 +9,7 @@ from typing import Any, Protocol
 
 import numpy as np
 
-from pipeline.checks import Array, StabilityError, require_shape
+from pipeline.checks import Array, StabilityError, require_finite, require_shape
 from pipeline.dynamics.compiled import kernel
 from pipeline.dynamics.system import System, accelerations
 
@@ -87,12 +87,11 @@ class Integrator(Protocol):
         """Its name in a scene."""
 
     @property
-    def order(self) -> int:
-        """Declared order of convergence."""
-
-    @property
     def step(self) -> float:
         """Fast step [s]."""
+
+    def order(self, system: System) -> int:
+        """Declared order of convergence for a system."""
 
     def largest_step(self, system: System) -> float:
         """Largest stable fast step for a system [s]; infinity if there is none."""
@@ -125,14 +124,18 @@ def march_in_chunks(
 
     Raises
     ------
+    ValueError
+        The output times are not finite, ascending and from 0 on.
     StabilityError
-        A rate ran away; the message gives the time and the coordinate.
+        A rate ran away; the message gives the time and the coordinate that moves fastest then.
     """
+    if not (times.size and times[0] >= 0.0 and (np.diff(times) >= 0.0).all() and np.isfinite(times[-1])):
+        raise ValueError("times must be finite, from 0 on, in ascending order, and one at least")
     state = replace(start, q=start.q.copy(), v=start.v.copy(), a=start.a.copy())
     sample_step = np.floor(times / step * (1 + 1e-14) + 1e-9).astype(np.int64)
     sample_offset = np.maximum(times - sample_step * step, 0.0)
     sample_offset[sample_offset < 1e-9 * step] = 0.0
-    q, v = np.empty((times.size, start.q.size)), np.empty((times.size, start.q.size))
+    q, v = np.full((times.size, start.q.size), np.nan), np.full((times.size, start.v.size), np.nan)
     cursor = np.array([np.searchsorted(sample_step, state.step)])
     last = -(-(int(sample_step[-1]) + 1 - state.step) // stride) * stride + state.step
     seconds, chunk = 0.0, 64 * stride
@@ -146,7 +149,7 @@ def march_in_chunks(
         if done < wanted or not np.isfinite(state.q).all():
             culprit = int(np.argmax(np.where(np.isfinite(state.v), np.abs(state.v), np.inf)))
             raise StabilityError(
-                f"the march diverged at t = {state.step * step:.6g} s, first in coordinate {culprit} "
+                f"the march diverged at t = {state.step * step:.6g} s, most in coordinate {culprit} "
                 f"(rate {state.v[culprit]:.3g}); take a smaller step"
             )
         chunk = stride * max(64, min(4 * chunk // stride, int(chunk // stride * _CHUNK_SECONDS / max(spent, 1e-9))))
@@ -155,10 +158,18 @@ def march_in_chunks(
     return state, q, v, seconds
 
 
+def require_step(step: float) -> None:
+    """Raise ``ValueError`` unless a step is a finite time above 0."""
+    if not 0.0 < step < np.inf:
+        raise ValueError(f"step is {step}, expected a time above 0")
+
+
 def start_state(system: System, q0: Array, v0: Array, lag: Array) -> State:
     """State at time 0 with the rates moved back by half of each coordinate's step, ``lag`` (n,) [s]."""
-    require_shape("q0", q0, (system.n,))
+    require_shape("q0", q0, (system.n_positions,))
     require_shape("v0", v0, (system.n,))
+    require_finite("q0", q0)
+    require_finite("v0", v0)
     a = np.zeros(system.n)
     evaluate(system.parameters, 0.0, q0, v0, a)
     return State(0, q0.astype(float), v0 - lag * a, a)

@@ -2,44 +2,55 @@
 
 At the start of a major cycle of length ``H = m h`` both sets are solved together, ``M̂ a = Q̂``. The slow coordinates
 then take one step H; the fast ones take m steps h, the first with the acceleration just found, the others with
-``a_S = M_SS⁻¹ (Q_S − K_S q_S − M_SL a_L)``. Over the cycle M̂, a_L and the coefficients of the velocity-dependent
-terms are held (the "instantaneous structure"): it is the coefficients that are held, θ̇² D and 2 θ̇ A, and not the
-forces, since a force held for a cycle lags behind the mode that makes it and damps it at first order in H.
+``a_S = M_SS⁻¹ (Q_S − K_S q_S − M_SL a_L)``. Over the cycle M̂ and a_L are held (the "instantaneous structure"). Of the
+velocity-dependent terms the rotor holds the coefficients, θ̇² D and 2 θ̇ A, and lets them change at the rate known at
+the start: a force held for a cycle would lag behind the mode that makes it and damp it at first order in H.
 
 m = 1 is central difference, bit for bit.
 """
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import Any
 
 import numpy as np
 
 from pipeline.checks import Array, IntArray
 from pipeline.dynamics.compiled import kernel
-from pipeline.dynamics.system import System, accelerations, fast_steps, freeze
-from pipeline.integrators.protocol import Progress, State, Trajectory, march_in_chunks, runs_away, start_state
+from pipeline.dynamics.system import System, accelerations, advance, fast_steps, freeze
+from pipeline.integrators.protocol import (
+    Progress,
+    State,
+    Trajectory,
+    march_in_chunks,
+    require_step,
+    runs_away,
+    start_state,
+)
 
 
 @dataclass(frozen=True)
 class Subcycling:
     """Sub-cycling with the fast step [s] and the number of fast steps to a major cycle.
 
-    The declared order holds where slow and fast coordinates don't couple through the mass matrix in the reference
-    state (joint-conforming modes); otherwise the slow acceleration held over the cycle makes it of first order, and
-    weakly unstable.
+    Where slow and fast coordinates couple through the mass matrix, the slow acceleration held over the cycle makes
+    the method weakly unstable; joint-conforming modes remove the coupling in the reference state.
     """
 
     step: float
     substeps: int
 
     name = "sub-cycling"
-    order = 2
 
     def __post_init__(self) -> None:
+        require_step(self.step)
         if self.substeps < 1:
             raise ValueError(f"substeps is {self.substeps}, expected at least 1")
+
+    def order(self, system: System) -> int:
+        """Order 2 without inertial coupling; with it the slow acceleration held over the cycle leaves order 1."""
+        return 1 if self.substeps > 1 and system.coupled else 2
 
     def largest_step(self, system: System) -> float:
         """``2/ω_max`` of the fast coordinates [s], and of the coupled system if every step is a common one."""
@@ -49,10 +60,11 @@ class Subcycling:
         """Integrate from time 0 until the major cycle that holds the last of ``times`` is complete."""
         lag = np.full(system.n, 0.5 * self.step)
         lag[: system.n_slow] *= self.substeps
-        return self.resume(system, start_state(system, q0, v0, lag), times, progress)
+        trajectory = self.resume(system, start_state(system, q0, v0, lag), times, progress)
+        return replace(trajectory, evaluations=trajectory.evaluations + 1)
 
     def resume(self, system: System, start: State, times: Array, progress: Progress | None = None) -> Trajectory:
-        """Continue from a state that a march of this method has ended in; earlier output times stay empty."""
+        """Continue from a state that a march of this method has ended in; earlier output times stay NaN."""
         parameters, frozen, n_slow, h, m = (
             system.parameters,
             system.frozen(),
@@ -60,7 +72,7 @@ class Subcycling:
             self.step,
             self.substeps,
         )
-        work = np.empty(system.n), np.empty(system.n)
+        work = np.empty(system.n_positions), np.empty(system.n)
 
         def run(state: State, n_steps: int, *samples: Any) -> int:
             march = (n_slow, h, m, state.step, n_steps // m, state.q, state.v, state.a)
@@ -68,7 +80,7 @@ class Subcycling:
 
         end, q, v, seconds = march_in_chunks(run, start, h, m, times, progress)
         n_steps = end.step - start.step
-        return Trajectory(self.name, h, m, times, q, v, n_steps // m + 1, n_steps - n_steps // m, seconds, end)
+        return Trajectory(self.name, h, m, times, q, v, n_steps // m, n_steps - n_steps // m, seconds, end)
 
 
 @kernel
@@ -77,48 +89,49 @@ def _march(
     q_now: Array, v_now: Array,
     sample_step: IntArray, sample_offset: Array, sample_q: Array, sample_v: Array, cursor: IntArray,
 ) -> int:  # fmt: skip
-    n, H = q.size, m * h
+    n, H = v.size, m * h
+    offset = q.size - n  # fast coordinates are scalars: number i is position i + offset
     next_sample = sample_step[cursor[0]] if cursor[0] < sample_step.size else -1
     for cycle in range(n_cycles):
         start = first + cycle * m
-        for i in range(n):
-            v_now[i] = v[i] + 0.5 * (H if i < n_slow else h) * a[i]
-            q_now[i] = q[i]
+        for i in range(n_slow):
+            v_now[i] = v[i] + 0.5 * H * a[i]
+        for i in range(n_slow, n):
+            v_now[i] = v[i] + 0.5 * h * a[i]
+        if start <= next_sample < start + m:
+            for i in range(q.size):
+                q_now[i] = q[i]
         accelerations(p, start * h, q, v_now, a)
-        for i in range(n):
-            v_now[i] = v[i] + 0.5 * (H if i < n_slow else h) * a[i]
         freeze(p, start * h, q, v_now, a, frozen)
-        for i in range(n):
-            step = H if i < n_slow else h
-            v[i] += step * a[i]
-            q[i] += step * v[i]
+        for i in range(n_slow):
+            v[i] += H * a[i]
+        advance(p, q, v, H, 0, n_slow)
+        for i in range(n_slow, n):
+            v[i] += h * a[i]
+            q[i + offset] += h * v[i]
         done = 1
         while True:
             while start + done - 1 == next_sample:  # the fast coordinates have just left this step
                 s = sample_offset[cursor[0]]
-                for i in range(n):
-                    if i == n_slow:
-                        s = sample_offset[cursor[0]]
-                    elif i == 0:
-                        s = sample_offset[cursor[0]] + (done - 1) * h
-                    sample_q[cursor[0], i] = q_now[i] + s * (v_now[i] + 0.5 * s * a[i])
-                    sample_v[cursor[0], i] = v_now[i] + s * a[i]
+                s_slow = s + (done - 1) * h
+                for i in range(n):  # Taylor's polynomial, which the next step continues
+                    step, ahead = (H, s_slow) if i < n_slow else (h, s)
+                    v_now[i] = v[i] - 0.5 * step * a[i] + 0.5 * ahead * a[i]
+                    sample_v[cursor[0], i] = v_now[i] + 0.5 * ahead * a[i]
+                for i in range(q.size):
+                    sample_q[cursor[0], i] = q_now[i]
+                advance(p, sample_q[cursor[0]], v_now, s_slow, 0, n_slow)
+                advance(p, sample_q[cursor[0]], v_now, s, n_slow, n)
                 cursor[0] += 1
                 next_sample = sample_step[cursor[0]] if cursor[0] < sample_step.size else -1
             if done == m:
                 break
-            ahead = next_sample - start - done
-            sampled = ahead == 0
-            if sampled:
-                count = 1
+            until_sample = next_sample - start - done
+            count = m - done if until_sample < 0 else min(m - done, max(1, until_sample))
+            if until_sample == 0:
                 for i in range(n_slow, n):
-                    q_now[i] = q[i]
-            else:
-                count = m - done if ahead < 0 else min(m - done, ahead)
+                    q_now[i + offset] = q[i + offset]
             fast_steps(p, frozen, start + done, h, count, q, v, a)
-            if sampled:
-                for i in range(n_slow, n):
-                    v_now[i] = v[i] - 0.5 * h * a[i]
             done += count
         if runs_away(v):
             return cycle

@@ -8,7 +8,7 @@ import numpy as np
 import scipy.sparse as sp
 from scipy.linalg import eigh
 from scipy.sparse.csgraph import connected_components
-from scipy.sparse.linalg import LinearOperator, eigsh, splu
+from scipy.sparse.linalg import LinearOperator, cg, eigsh, splu
 
 from pipeline.checks import AccuracyError, Array
 from pipeline.reduction.modes import EigenPairs
@@ -19,7 +19,7 @@ if TYPE_CHECKING:
 RESIDUAL_LIMIT = 1e-6
 ORTHONORMALITY_LIMIT = 1e-8
 STATIC_RESIDUAL_LIMIT = 1e-8
-_MAX_REFINEMENTS = 30
+_MAX_RESTARTS = 6
 # An eigenvalue below this part of the shift is zero: Lanczos leaves about 1e-12, an elastic mode about 1.
 _ZERO = 1e-6
 
@@ -69,16 +69,20 @@ class FreeBodySolver:
         """
         K, M = self._fe.K, self._fe.M
         n = K.shape[0]
-        count = min(count, n - 7)
-        eigenvalues, Phi = eigsh(
-            K,
-            k=count + 6,
-            M=M,
-            sigma=self.shift,
-            OPinv=LinearOperator(K.shape, matvec=self._factor.solve, dtype=float),
-            v0=np.random.default_rng(0).standard_normal(n),
-            ncv=min(n - 1, max(2 * (count + 6) + 1, 40)),
-        )
+        count = min(count, n - 6)
+        ncv = max(2 * (count + 6) + 1, 40)
+        if ncv < n:
+            eigenvalues, Phi = eigsh(
+                K,
+                k=count + 6,
+                M=M,
+                sigma=self.shift,
+                OPinv=LinearOperator(K.shape, matvec=self._factor.solve, dtype=float),
+                v0=np.random.default_rng(0).standard_normal(n),
+                ncv=ncv,
+            )
+        else:  # a mesh of a few elements
+            eigenvalues, Phi = eigh(K.toarray(), M.toarray(), subset_by_index=(0, count + 5))
         order = np.argsort(eigenvalues)
         eigenvalues, Phi = eigenvalues[order], Phi[:, order]
         n_rigid = int(np.count_nonzero(eigenvalues < _ZERO * -self.shift))
@@ -109,17 +113,23 @@ class FreeBodySolver:
         fe = self._fe
         R, MR = fe.rigid_modes, fe.M @ fe.rigid_modes
         rigid_mass = R.T @ MR
-        loads = f.reshape(-1, f.shape[-1])
-        loads = loads - MR @ np.linalg.solve(rigid_mass, R.T @ loads)
+
+        def balanced(load: Array) -> Array:
+            return np.asarray(load - MR @ np.linalg.solve(rigid_mass, R.T @ load))
+
+        loads = balanced(f.reshape(-1, f.shape[-1]))
         size = np.linalg.norm(loads, axis=0)
         u = np.zeros_like(loads)
-        # Refinement with the shifted factor shrinks the error to σ/(σ − ω₁²) < 1/4 of itself each time.
-        for _ in range(_MAX_REFINEMENTS):
-            defect = loads - fe.K @ u
+        solve = LinearOperator(fe.K.shape, matvec=self._factor.solve, dtype=float)
+        # Conjugate gradients with the shifted factor take a few steps. They start anew on what is left of the load,
+        # balanced again: K does not see rigid-body round-off, which would spoil a long run.
+        for _ in range(_MAX_RESTARTS):
+            defect = balanced(loads - fe.K @ u)
             residual = np.linalg.norm(defect, axis=0) / size
             if residual.max() < 1e-12:
                 break
-            u += self._factor.solve(defect)
+            for k, part in enumerate(defect.T):
+                u[:, k] += cg(fe.K, part, rtol=1e-4, maxiter=100, M=solve)[0]
             u -= R @ np.linalg.solve(rigid_mass, MR.T @ u)
         if not residual.max() < STATIC_RESIDUAL_LIMIT:
             raise AccuracyError(

@@ -25,8 +25,16 @@ _SAME_FREQUENCY = 1e-6
 
 
 def lowest_modes(solver: FreeBodySolver, count: int) -> Modes:
-    """Return the ``count`` lowest elastic modes, whatever they look like."""
+    """Return the ``count`` lowest elastic modes, whatever they look like.
+
+    Raises
+    ------
+    AccuracyError
+        The mesh has fewer.
+    """
     pairs = solver.modes(count)
+    if len(pairs.omega) < count:
+        raise AccuracyError(f"the mesh has only {len(pairs.omega)} elastic modes, {count} wanted; refine it")
     return Modes(pairs.omega, pairs.shapes, pairs.n_rigid, pairs.residual, tuple(range(1, count + 1)))
 
 
@@ -138,8 +146,8 @@ def _energy_along(fe: FEModel, u: Array, axis: Array) -> Array:
 
 def _equal_frequencies(omega: Array) -> list[list[int]]:
     groups: list[list[int]] = []
-    for k, value in enumerate(omega):
-        if groups and value - omega[groups[-1][-1]] < _SAME_FREQUENCY * value:
+    for k in np.argsort(omega):
+        if groups and omega[k] - omega[groups[-1][-1]] < _SAME_FREQUENCY * omega[k]:
             groups[-1].append(k)
         else:
             groups.append([k])

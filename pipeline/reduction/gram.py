@@ -71,7 +71,7 @@ def inertia_gram(x: Array, m: Any, Phi: Array) -> InertiaGram:
     ValueError
         Shapes disagree.
     AccuracyError
-        ``G[a, b]`` is not the transpose of ``G[b, a]``: m is not symmetric.
+        ``G[a, b]`` is not the transpose of ``G[b, a]``: m is not symmetric, or something is not finite.
 
     References
     ----------
@@ -84,6 +84,6 @@ def inertia_gram(x: Array, m: Any, Phi: Array) -> InertiaGram:
     mU = (m @ U.reshape(len(x), -1)).reshape(U.shape)
     G = np.einsum("iaj,ibk->abjk", U, mU, optimize=True)
     lack = float(np.abs(G - G.transpose(1, 0, 3, 2)).max() / np.abs(G).max())
-    if lack > 1e-10:
+    if not lack < 1e-10:
         raise AccuracyError(f"the inertia Gram tensor is not symmetric: relative error {lack:.1e}")
     return InertiaGram(read_only(G), read_only(mU.sum(axis=0)), float(m.sum()))

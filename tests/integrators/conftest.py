@@ -11,29 +11,37 @@ from pipeline import Pipeline, load_scene
 from pipeline.checks import Array
 from pipeline.dynamics.planar import PlanarRotor, TorquePulse
 from pipeline.integrators.central_difference import CentralDifference
-from pipeline.integrators.protocol import Integrator, evaluate
+from pipeline.integrators.protocol import evaluate
 from pipeline.integrators.subcycling import Subcycling
 from pipeline.recovery.motion import Motion
 from pipeline.reduction.body import FlexibleBody, MarkerShapes
 from pipeline.reduction.gram import inertia_gram
 
-Method = Callable[[float], Integrator]
+Method = Callable[[float], CentralDifference | Subcycling]
 Spin = tuple[Array, Array]
 
 
-def random_body(n: int, seed: int, conforming: bool = True, far: float = 0.0) -> FlexibleBody:
-    """Make a body of 10 points with n random shapes, which couple with each other through the spin in every way.
+def random_body(n: int, seed: int, kind: str = "conforming", far: float = 0.0) -> FlexibleBody:
+    """Make a body of 10 points with n random shapes, which the spin couples with each other.
 
-    ``conforming`` shapes don't couple with the spin in the reference state; ``far`` [m] is where two more points are
-    that no mode moves.
+    Parameters
+    ----------
+    kind : str
+        ``coupled`` shapes couple with the spin through the mass matrix as well; ``conforming`` ones only once the body
+        is deformed; ``uncoupled`` ones never, for they move the points along their arms and along the axis.
+    far : float
+        Distance from the axis of two more points that no shape moves [m].
     """
     rng = np.random.default_rng(seed)
     e = rng.normal(size=3)
     e /= np.linalg.norm(e)
     x, B, Phi = rng.normal(size=(10, 3)), rng.normal(size=(10, 10)), rng.normal(size=(10, 3, n))
+    spin = np.cross(e, x)
     m = np.diag(rng.uniform(0.5, 1.5, 10)) + B @ B.T / 10
-    if conforming:
-        spin = np.cross(e, x)
+    if kind == "uncoupled":
+        m = np.diag(m.diagonal())
+        Phi = np.cross(spin, e)[:, :, None] * Phi[:, :1] + e[:, None] * Phi[:, 1:2]
+    elif kind == "conforming":
         Phi -= spin[:, :, None] * (np.einsum("ia,ij,jak->k", spin, m, Phi) / np.einsum("ia,ij,ja->", spin, m, spin))
     L = np.linalg.cholesky(np.einsum("iak,ij,jal->kl", Phi, m, Phi))
     Phi = np.linalg.solve(L, Phi.reshape(30, n).T).T.reshape(10, 3, n)  # unit modal mass
@@ -42,7 +50,7 @@ def random_body(n: int, seed: int, conforming: bool = True, far: float = 0.0) ->
         x, Phi = np.vstack([x, away, -away]), np.concatenate([Phi, np.zeros((2, 3, n))])
         m = np.pad(m, (0, 2)) + np.diag([0.0] * 10 + [1.0] * 2)
     gram = inertia_gram(x, m, Phi)
-    coupling = np.einsum("a,abc,bci->i", e, _permutations(), gram.G[:, :, 0, 1:])
+    H = np.einsum("ia,ij,jak->k", np.cross(e, x), m, Phi)
     J = float(e @ gram.inertia(np.eye(1, 1 + n)[0]) @ e)
     return FlexibleBody(
         x=x,
@@ -52,12 +60,8 @@ def random_body(n: int, seed: int, conforming: bool = True, far: float = 0.0) ->
         joint="joint",
         markers={"joint": MarkerShapes(np.zeros(3), np.zeros((3, n)), 0.3 * rng.normal(size=(3, n)))},
         gram=gram,
-        coupling=float(np.linalg.norm(coupling) / np.sqrt(J)),
+        coupling=float(np.linalg.norm(H) / np.sqrt(J)),
     )
-
-
-def _permutations() -> Array:
-    return np.array([[[(a - b) * (b - c) * (c - a) / 2 for c in range(3)] for b in range(3)] for a in range(3)])
 
 
 def by_dop853(rotor: PlanarRotor, q0: Array, v0: Array, times: Array) -> tuple[Array, Array]:

@@ -1,0 +1,170 @@
+"""Sub-cycling on the beam of the scene: accuracy at equal fast step, order, conservation over 10⁶ steps, its limit."""
+
+from collections.abc import Callable
+from dataclasses import replace
+
+import numpy as np
+import pytest
+
+from pipeline.checks import Array, StabilityError
+from pipeline.dynamics.planar import PlanarRotor
+from pipeline.integrators.central_difference import CentralDifference
+from pipeline.integrators.protocol import Integrator, Trajectory
+from pipeline.integrators.subcycling import Subcycling
+from pipeline.recovery.motion import Motion
+
+Method = Callable[[float], CentralDifference | Subcycling]
+Order = Callable[[Array, Array], float]
+
+STEP = 1e-5  # the scene's
+CONSERVING = pytest.mark.parametrize(
+    "method", [CentralDifference, lambda h: Subcycling(h, 5), lambda h: Subcycling(h, 10)], ids=["plain", "5:1", "10:1"]
+)
+SPINS = pytest.mark.parametrize("spin", [20.0, 200.0])  # rad/s
+
+
+def driven(method: Integrator, rotor: PlanarRotor, times: Array) -> Motion:
+    rest = np.zeros(rotor.n)
+    return Motion(rotor, method.march(rotor, rest, rest, times), "tip")
+
+
+def largest(difference: Array) -> float:
+    return float(np.abs(difference).max())
+
+
+# Accuracy --------------------------------------------------------------------------------------------------------
+
+
+@pytest.mark.parametrize("m", [2, 5, 10])
+def test_at_equal_fast_step_the_tip_is_as_accurate_as_without_sub_cycling(
+    rotor: PlanarRotor, exact: Motion, m: int
+) -> None:
+    # The angle alone takes the longer steps, and the deflection is seen from the section at the joint.
+    plain, sub_cycled = (
+        largest(driven(method, rotor, exact.times).tip_deflection - exact.tip_deflection)
+        for method in (CentralDifference(STEP), Subcycling(STEP, m))
+    )
+    assert plain < 1e-3 * largest(exact.tip_deflection)
+    assert sub_cycled <= 1.1 * plain
+
+
+@pytest.mark.parametrize("quantity", ["tip_deflection", "q", "joint_angle", "tip_position"])
+def test_the_measured_order_is_the_declared_one(
+    rotor: PlanarRotor, exact: Motion, method: Method, order_of: Order, quantity: str
+) -> None:
+    # The first 0.15 s, with the whole torque pulse, whose ends are multiples of every major step.
+    first = exact.times < 0.1501
+    want = getattr(exact, quantity)[first]
+    steps = 5e-6 / 2.0 ** np.arange(3)
+    motions = [driven(method(step), rotor, exact.times[first]) for step in steps]
+    errors = [largest(getattr(motion, quantity) - want) for motion in motions]
+    assert order_of(steps, np.array(errors)) == pytest.approx(method(1.0).order(rotor), abs=0.1)
+
+
+@pytest.mark.parametrize("m", [2, 5, 10])
+def test_modes_taken_as_uncoupled_move_as_with_all_their_couplings(rotor: PlanarRotor, exact: Motion, m: int) -> None:
+    # The beam's modes couple with each other through the spin by a part in 10⁶ of their mass; what is left out of that
+    # within a cycle must be far below the error of the step itself.
+    whole = replace(rotor)
+    vars(whole)["parameters"] = rotor.parameters._replace(diagonal=False, gyroscopic=True)
+    assert rotor.parameters.diagonal
+    short, full = (driven(Subcycling(STEP, m), some, exact.times).tip_deflection for some in (rotor, whole))
+    assert largest(full - short) < 1e-3 * largest(short - exact.tip_deflection)
+
+
+# Conservation ----------------------------------------------------------------------------------------------------
+
+
+def spun(method: Integrator, rotor: PlanarRotor, spin: float, duration: float) -> Trajectory:
+    """March with all modes excited, to 0.14 J in all: a tenth of the energy of the spin at 20 rad/s."""
+    amplitudes = 0.5 * np.array([1.0, 0.3, 0.1, 0.03, 0.01])
+    q0, v0 = np.r_[0.0, amplitudes / rotor.body.omega], np.r_[spin, np.zeros(rotor.n - 1)]
+    return method.march(rotor, q0, v0, np.linspace(0.0, duration, 2001))
+
+
+def energy(rotor: PlanarRotor, trajectory: Trajectory) -> Array:
+    kinetic, strain = rotor.energies(trajectory.q, trajectory.v)
+    return kinetic + strain
+
+
+def angular_momentum(rotor: PlanarRotor, trajectory: Trajectory) -> Array:
+    """About the axis, ``J θ̇ + H q̇`` [kg m²/s]."""
+    D, A = rotor.parameters.D, rotor.parameters.A
+    p = np.column_stack([np.ones(len(trajectory.times)), trajectory.q[:, 1:]])
+    J = np.einsum("ti,ij,tj->t", p, D, p)
+    return np.asarray(J * trajectory.v[:, 0] + ((p @ A)[:, 1:] * trajectory.v[:, 1:]).sum(axis=1))
+
+
+def drift(values: Array) -> float:
+    """Largest departure from the start, relative to it."""
+    return largest(values / values[0] - 1)
+
+
+@CONSERVING
+@SPINS
+def test_energy_and_angular_momentum_last_for_a_million_steps(
+    coasting: PlanarRotor, method: Method, spin: float
+) -> None:
+    trajectory = spun(method(STEP), coasting, spin, 10.0)
+    assert trajectory.end.step >= 1_000_000
+    assert largest(trajectory.q[1000:, 1]) > 5e-4  # still vibrating
+    assert drift(energy(coasting, trajectory)) < 1e-4
+    assert drift(angular_momentum(coasting, trajectory)) < 1e-5
+
+
+@CONSERVING
+@SPINS
+@pytest.mark.parametrize("conserved", [energy, angular_momentum])
+def test_what_is_conserved_drifts_by_the_order_of_the_method_at_least(
+    coasting: PlanarRotor, method: Method, order_of: Order, spin: float, conserved: Callable[..., Array]
+) -> None:
+    steps = 2e-5 / 2.0 ** np.arange(3)
+    drifts = [drift(conserved(coasting, spun(method(step), coasting, spin, 2.0))) for step in steps]
+    assert order_of(steps, np.array(drifts)) >= method(1.0).order(coasting) - 0.1
+
+
+# The frame that sub-cycling can't do with ------------------------------------------------------------------------
+
+
+def test_the_conforming_frame_has_no_coupling_and_the_free_frame_nearly_all(
+    rotor: PlanarRotor, free_rotor: PlanarRotor
+) -> None:
+    # Free modes of a slender uniform beam of mass m have the value 2/√m at its ends. With n of them, held at one end,
+    # H_k = −√m L and M_kl = δ_kl + 4, while J = mL²/3: coupling² = HᵀM⁻¹H/J = 3n/(1 + 4n).
+    assert rotor.body.coupling < 1e-10
+    assert free_rotor.body.coupling == pytest.approx(np.sqrt(15 / 21), rel=0.01)
+
+
+@pytest.mark.parametrize("m", [5, 10])
+def test_in_the_free_frame_sub_cycling_is_weakly_unstable(rotor: PlanarRotor, free_rotor: PlanarRotor, m: int) -> None:
+    # At a twelfth of the plain limit, over 2 s: what grows is slow to do so, and has no other cause than the frame.
+    step, times = 2 * STEP, np.linspace(0.0, 2.0, 401)
+    assert step < 0.1 * min(
+        Subcycling(step, m).largest_step(free_rotor), CentralDifference(step).largest_step(free_rotor)
+    )
+    plain, conforming = driven(CentralDifference(step), free_rotor, times), driven(Subcycling(step, m), rotor, times)
+    usual = largest(plain.tip_deflection)
+    assert largest(conforming.tip_deflection) == pytest.approx(usual, rel=0.1)
+    try:
+        worst = largest(driven(Subcycling(step, m), free_rotor, times).tip_deflection)
+    except StabilityError:
+        worst = np.inf
+    assert worst > 10 * usual
+
+
+def test_in_the_free_frame_growth_shows_within_the_scenes_half_second(
+    rotor: PlanarRotor, free_rotor: PlanarRotor
+) -> None:
+    # After the pulse energy is conserved; in the conforming frame it is, at ten times the step as well.
+    coast = np.linspace(0.11, 0.5, 391)
+    growth = {}
+    for name, some, method in (
+        ("free, plain", free_rotor, CentralDifference(STEP)),
+        ("free, 10:1", free_rotor, Subcycling(STEP, 10)),
+        ("conforming, 10:1", rotor, Subcycling(STEP, 10)),
+    ):
+        kinetic, strain = driven(method, some, coast).energies
+        growth[name] = largest((kinetic + strain) / (kinetic + strain)[0] - 1)
+    assert growth["free, plain"] < 1e-5
+    assert growth["conforming, 10:1"] < 1e-5
+    assert growth["free, 10:1"] > 10 * growth["conforming, 10:1"]

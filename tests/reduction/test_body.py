@@ -1,0 +1,189 @@
+"""The reduced body at its joint: pinned, uncoupled and normalised."""
+
+from collections.abc import Callable
+from itertools import pairwise
+from typing import Any, NamedTuple
+
+import numpy as np
+import pytest
+from scipy.linalg import eigh
+from scipy.optimize import brentq
+
+from meshes.bar import hexahedral_bar
+from pipeline.checks import Array
+from pipeline.fem.assembly import assemble
+from pipeline.fem.marker import Marker, face_marker
+from pipeline.fem.material import Material
+from pipeline.fem.mesh import SolidMesh
+from pipeline.fem.model import FEModel
+from pipeline.reduction.body import FlexibleBody, free_frame_body, joint_conforming_body
+from pipeline.reduction.eigen import FreeBodySolver
+from pipeline.reduction.enrichment import enriched, inertia_loads
+from pipeline.reduction.families import modes_of_family
+from pipeline.reduction.modes import Modes
+
+Z = np.array([0.0, 0.0, 1.0])
+LENGTH, DEPTH, WIDTH = 0.34, 0.025, 0.01
+PLASTIC = Material(722e6, 0.34, 2000.0)
+
+
+class Beam(NamedTuple):
+    fe: FEModel
+    modes: Modes
+    markers: dict[str, Marker]
+    enlarged: tuple[Array, Array]
+
+
+@pytest.fixture(scope="module")
+def beam() -> Beam:
+    """The paper's beam, its five lowest in-plane bending modes, and the basis with the static responses too."""
+    mesh = SolidMesh(*hexahedral_bar(LENGTH, DEPTH, WIDTH, (24, 2, 1)))
+    fe = assemble(mesh, 2, PLASTIC)
+    solver = FreeBodySolver(fe)
+    markers = {name: face_marker(fe.discretisation, mesh.faces[f]) for name, f in (("root", "x-"), ("tip", "x+"))}
+    modes = modes_of_family(solver, fe, 5, "in-plane bending", Z)
+    return Beam(fe, modes, markers, enriched(modes, fe, solver, inertia_loads(fe, markers["root"], Z)))
+
+
+def conforming(beam: Beam, joint: str = "root", axis: Array = Z) -> FlexibleBody:
+    return joint_conforming_body(beam.fe, beam.modes.omega, beam.modes.shapes, beam.markers, joint, axis)
+
+
+def free(beam: Beam) -> FlexibleBody:
+    return free_frame_body(beam.fe, beam.modes.omega, beam.modes.shapes, beam.markers, "root", Z)
+
+
+@pytest.fixture(params=["joint-conforming", "free", "joint-conforming enriched", "free enriched"])
+def body(request: pytest.FixtureRequest, beam: Beam) -> FlexibleBody:
+    omega, shapes = beam.enlarged if "enriched" in request.param else (beam.modes.omega, beam.modes.shapes)
+    make = joint_conforming_body if "joint" in request.param else free_frame_body
+    return make(beam.fe, omega, shapes, beam.markers, "root", Z)
+
+
+def test_the_joint_does_not_move(body: FlexibleBody) -> None:
+    size = np.abs(body.shapes).max()
+    assert np.abs(body.markers["root"].translation).max() < 1e-12 * size
+    assert np.array_equal(body.markers["root"].position, np.zeros(3))
+
+
+def test_modal_mass_is_one_and_stiffness_diagonal(beam: Beam, body: FlexibleBody) -> None:
+    n = len(body.omega)
+    Phi = body.shapes.reshape(-1, n)
+    assert np.abs(Phi.T @ beam.fe.M @ Phi - np.eye(n)).max() < 1e-9
+    scale = np.outer(body.omega, body.omega)
+    assert np.abs((Phi.T @ beam.fe.K @ Phi - np.diag(body.omega**2)) / scale).max() < 1e-7
+    assert (np.diff(body.omega) > 0).all()
+    assert body.frequencies_hz == pytest.approx(body.omega / (2 * np.pi), rel=1e-15)
+
+
+def test_a_conforming_frame_is_not_coupled_with_the_modes(beam: Beam) -> None:
+    omega, shapes = beam.enlarged
+    assert conforming(beam).coupling < 1e-8
+    assert joint_conforming_body(beam.fe, omega, shapes, beam.markers, "root", Z).coupling < 1e-8
+
+
+def test_the_coupling_is_what_the_inertia_integrals_say(body: FlexibleBody) -> None:
+    # M of (rotation about z, modes) at rest, from the Gram tensor
+    rest = np.eye(1, 1 + len(body.omega))[0]
+    M = body.gram.mass_matrix(rest)
+    assert body.coupling == pytest.approx(np.linalg.norm(M[5, 6:]) / np.sqrt(M[5, 5]), rel=1e-9, abs=1e-12)
+
+
+def test_a_free_frame_is_coupled_as_euler_and_bernoulli_say(beam: Beam) -> None:
+    # Free–free modes of unit modal mass have φ(0) = ±2/√m and are orthogonal to rigid motions, so with the end held
+    # M_θq = ∓√m L, M_qq = 1 + 4·11ᵀ up to signs, J = m L²/3, and β² = M_θq M_qq⁻¹ M_qθ / J = 3n / (1 + 4n).
+    assert free(beam).coupling == pytest.approx(np.sqrt(3 * 5 / (1 + 4 * 5)), rel=0.01)
+    modes = beam.modes
+    one = free_frame_body(beam.fe, modes.omega[:1], modes.shapes[..., :1], beam.markers, "root", Z)
+    assert one.coupling == pytest.approx(np.sqrt(3 / 5), rel=0.01)
+
+
+def pinned_by_receptance(free_hz: Array, mobilities: Array, mass: float) -> Array:
+    """Frequencies at which the end of a free beam needs no force to stay where it is.
+
+    The receptance of the end is Σ_j φ_j(0)²/(ω_j² − ω²), with φ² = 1/m and (L/2)²/J for the two rigid motions at ω = 0;
+    one zero lies between any two neighbours.
+    """
+    squares = np.r_[0.0, free_hz**2]
+    weights = np.r_[1 / mass + (LENGTH / 2) ** 2 / (mass * (LENGTH**2 + DEPTH**2) / 12), mobilities]
+
+    def receptance(square: float) -> float:
+        return float(np.sum(weights / (squares - square)))
+
+    gaps = pairwise(squares)
+    return np.sqrt([brentq(receptance, a + 1e-9 * (b - a), b - 1e-9 * (b - a)) for a, b in gaps])
+
+
+def test_five_free_modes_give_the_pinned_frequencies(beam: Beam) -> None:
+    # independent path: the receptance of the end, from the free modes' own frequencies and displacements there
+    mobilities = beam.markers["root"].translation(beam.modes.shapes)[1] ** 2
+    pinned = pinned_by_receptance(beam.modes.frequencies_hz, mobilities, beam.fe.mass)
+    assert conforming(beam).frequencies_hz == pytest.approx(pinned, rel=1e-6)
+
+
+def test_five_free_modes_of_timoshenkos_beam_give_the_same(beam: Beam, timoshenko: Callable[..., Any]) -> None:
+    theory = timoshenko(LENGTH, DEPTH, WIDTH, PLASTIC)
+    pinned = pinned_by_receptance(theory.frequencies_hz(5), theory.end_mobilities(5), theory.mass)
+    assert conforming(beam).frequencies_hz == pytest.approx(pinned, rel=0.005)
+
+
+def test_the_reference_state_swings_at_the_pinned_frequencies_in_either_frame(beam: Beam) -> None:
+    # independent path: rotation and modes of the free frame as one eigenproblem, its zero the rotation
+    body = free(beam)
+    M = body.gram.mass_matrix(np.eye(1, 6)[0])[5:, 5:]
+    lam = eigh(np.diag(np.r_[0.0, body.omega**2]), M, eigvals_only=True)
+    assert abs(lam[0]) < 1e-9 * lam[1]
+    assert np.sqrt(lam[1:]) == pytest.approx(conforming(beam).omega, rel=1e-9)
+
+
+def test_an_enriched_beam_swings_as_timoshenko_says(beam: Beam, timoshenko: Callable[..., Any]) -> None:
+    omega, shapes = beam.enlarged
+    body = joint_conforming_body(beam.fe, omega, shapes, beam.markers, "root", Z)
+    exact = timoshenko(LENGTH, DEPTH, WIDTH, PLASTIC).frequencies_hz(4, pinned=True)
+    for frequency in exact:  # among them are those of stretching
+        assert np.abs(body.frequencies_hz / frequency - 1).min() < 0.005
+    # a held end and a free one: c / 4L
+    stretching = np.sqrt(PLASTIC.E / PLASTIC.rho) / (4 * LENGTH)
+    assert np.abs(body.frequencies_hz / stretching - 1).min() < 1e-3
+
+
+def test_bending_alone_swings_a_little_too_fast(beam: Beam, timoshenko: Callable[..., Any]) -> None:
+    # Rayleigh and Ritz: fewer shapes, higher frequencies; the first two are near the true ones
+    exact = timoshenko(LENGTH, DEPTH, WIDTH, PLASTIC).frequencies_hz(5, pinned=True)
+    found = conforming(beam).frequencies_hz
+    assert (found > exact).all()
+    assert found[:2] == pytest.approx(exact[:2], rel=0.01)
+
+
+def test_a_body_has_its_inertia_about_the_joint(body: FlexibleBody) -> None:
+    # m (L²/3 + d²/12) about the middle of the end face
+    mass = PLASTIC.rho * LENGTH * DEPTH * WIDTH
+    assert body.inertia_about_joint == pytest.approx(mass * (LENGTH**2 / 3 + DEPTH**2 / 12), rel=1e-9)
+    assert body.gram.mass == pytest.approx(mass, rel=1e-9)
+
+
+def test_markers_follow_the_shapes(beam: Beam, body: FlexibleBody) -> None:
+    assert body.markers["tip"].position == pytest.approx([LENGTH, 0, 0], abs=1e-12)
+    q = np.random.default_rng(0).standard_normal(len(body.omega))
+    u = body.shapes @ q
+    for name, marker in beam.markers.items():
+        shapes = body.markers[name]
+        assert shapes.translation @ q == pytest.approx(marker.translation(u), rel=1e-9, abs=1e-9)
+        assert shapes.rotation @ q == pytest.approx(marker.rotation(u), rel=1e-9, abs=1e-7)
+    assert body.joint_rotation @ q == pytest.approx(beam.markers["root"].rotation(u)[2], rel=1e-9)
+
+
+def test_positions_are_relative_to_the_joint(beam: Beam) -> None:
+    assert conforming(beam, "tip").x == pytest.approx(beam.fe.x - [LENGTH, 0, 0], abs=1e-12)
+
+
+def test_a_beam_swings_alike_from_both_ends(beam: Beam) -> None:
+    assert conforming(beam, "tip").omega == pytest.approx(conforming(beam).omega, rel=1e-6)
+
+
+def test_only_the_direction_of_the_axis_matters(beam: Beam) -> None:
+    long = conforming(beam, axis=7.0 * Z)
+    assert long.axis == pytest.approx(Z, abs=1e-15)
+    assert long.omega == pytest.approx(conforming(beam).omega, rel=1e-12)
+    assert conforming(beam, axis=-Z).omega == pytest.approx(long.omega, rel=1e-12)
+    assert np.abs(conforming(beam, axis=-Z).joint_rotation) == pytest.approx(np.abs(long.joint_rotation), rel=1e-9)
