@@ -68,12 +68,13 @@ class FrozenPlanar(NamedTuple):
     ``s`` is the time since the cycle began; the slope is what is known then of the held terms' rate of change.
     """
 
+    time: Array  # (1,), when the cycle began
     constant: Array  # (1 + n,)
     slope: Array  # (1 + n,)
+    v_now: Array  # (1 + n,), room to work in
     k: Array  # (1 + n,), instead of K and C where modes don't couple with each other
     K: Array  # (1 + n, 1 + n)
     C: Array  # (1 + n, 1 + n)
-    v_now: Array  # (1 + n,), room to work in
 
 
 @dataclass(frozen=True)
@@ -96,7 +97,8 @@ class PlanarRotor:
     def frozen(self) -> FrozenPlanar:
         """Fresh storage for the frozen coefficients of a major cycle."""
         n = self.n
-        return FrozenPlanar(np.zeros(n), np.zeros(n), np.zeros(n), np.zeros((n, n)), np.zeros((n, n)), np.zeros(n))
+        vectors = (np.zeros(n) for _ in range(4))
+        return FrozenPlanar(np.zeros(1), *vectors, np.zeros((n, n)), np.zeros((n, n)))
 
     @property
     def n(self) -> int:
@@ -227,6 +229,7 @@ def _freeze(p: PlanarParameters, t: float, q: Array, v: Array, a: Array, frozen:
     n = q.size
     rate, acceleration = v[0], a[0]
     tau = _torque(p.pulse, t)
+    frozen.time[0] = t
     for i in range(1, n):
         slope[i] = 2.0 * rate * acceleration * Dp[i]
         if p.diagonal:  # modes couple with hardly anything but themselves: the rest changes linearly
@@ -252,18 +255,17 @@ def _fast_steps(
     n = q.size
     for step in range(first, first + count):
         tau = _torque(p.pulse, step * h)
+        since = step * h - frozen.time[0]
         if p.diagonal:
             for i in range(1, n):
-                constant[i] += h * slope[i]
-                a[i] = constant[i] + tau * lever[i] - k[i] * q[i]
+                a[i] = constant[i] + since * slope[i] + tau * lever[i] - k[i] * q[i]
                 v[i] += h * a[i]
                 q[i] += h * v[i]
         else:
             for i in range(1, n):
                 v_now[i] = v[i] + 0.5 * h * a[i]
             for i in range(1, n):
-                constant[i] += h * slope[i]
-                a[i] = constant[i] + tau * lever[i]
+                a[i] = constant[i] + since * slope[i] + tau * lever[i]
                 for j in range(1, n):
                     a[i] -= K[i, j] * q[j] + C[i, j] * v_now[j]
             for i in range(1, n):

@@ -195,6 +195,20 @@ def test_a_body_that_is_not_symmetric_is_refused(box_mesh: Callable[..., SolidMe
         modes_of_family(FreeBodySolver(fe), fe, 2, "in-plane bending", Z)
 
 
+@pytest.mark.parametrize("seed", range(3))
+def test_four_families_of_one_frequency_are_parted(
+    small_bar: FEModel, pairs: EigenPairs, families: list[str], seed: int
+) -> None:
+    """Mix one mode of each family at random, as a solver would that finds them at the same frequency."""
+    names = ["in-plane bending", "out-of-plane bending", "torsion", "axial"]
+    chosen = pairs.shapes[..., [families.index(name) for name in names]]
+    mix = np.linalg.qr(np.random.default_rng(seed).standard_normal((4, 4)))[0]
+    found, shapes = classify(small_bar, EigenPairs(np.ones(4), chosen @ mix, 6, 0.0), Z)
+    assert sorted(found) == sorted(names)
+    order = [found.index(name) for name in names]
+    assert np.abs(np.abs(shapes[..., order]) - np.abs(chosen)).max() < 1e-6 * np.abs(chosen).max()
+
+
 FIELDS = {
     "in-plane bending": lambda x: x[:, [0]] ** 2 * [0, 1, 0],
     "out-of-plane bending": lambda x: x[:, [0]] ** 2 * [0, 0, 1],
