@@ -54,7 +54,10 @@ class Cache:
             return None
         import joblib
 
-        return joblib.load(io.BytesIO(body))
+        try:
+            return joblib.load(io.BytesIO(body))
+        except Exception:  # whole, but of another version of what it is made of
+            return None
 
     def save(self, key: str, value: Any) -> None:
         """Keep ``value`` under ``key``: whole or not at all; a folder that can't be written is left alone."""

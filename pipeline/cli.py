@@ -81,7 +81,7 @@ def mesh(
         File to write the mesh to, in the format of its suffix: .vtu, .msh, .inp ...
     """
     pipeline = _pipeline(scene, set_, no_cache)
-    part = pipeline.scene.body[pipeline.body_name]
+    part = pipeline.part
     solid = pipeline.mesh
     if out is not None:
         from pipeline.fem.export import write_mesh

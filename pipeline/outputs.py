@@ -13,8 +13,8 @@ from pipeline.cache import Cache, stage_key
 from pipeline.checks import Array, InputError
 from pipeline.files import whole_file
 from pipeline.folders import cache_folder
-from pipeline.frequencies import frequency_table
 from pipeline.stages import Pipeline
+from pipeline.summary import summarise
 
 if TYPE_CHECKING:
     from pipeline.recovery.motion import Motion
@@ -53,10 +53,10 @@ def write_results(run: Pipeline, folder: Path, pictures: bool) -> dict[str, Any]
     """
     if pictures and run.scene.output:
         _require_drawing(run.scene.file)
-    motions = run.motions  # refuses or diverges before anything is written
+    run.motions  # noqa: B018 - refuses or diverges before anything is written
     try:
         folder.mkdir(parents=True, exist_ok=True)
-        files = [_write_motion(motions, folder)]
+        files = [_write_motion(run, folder)]
         if pictures and run.scene.output:
             files += run.timed("pictures", lambda: _draw_all(run, folder))
         summary = summarise(run, files)
@@ -64,59 +64,6 @@ def write_results(run: Pipeline, folder: Path, pictures: bool) -> dict[str, Any]
             part.write_text(json.dumps(summary, indent=1, allow_nan=False) + "\n")
     except OSError as error:
         raise InputError("--out", "", str(folder), f"can't be written: {error.strerror or error}") from error
-    return summary
-
-
-def summarise(run: Pipeline, files: list[str]) -> dict[str, Any]:
-    """Everything that a run has to tell, in plain numbers."""
-    from pipeline import __version__
-
-    first = run.motion
-    plain_seconds = first.trajectory.seconds
-    kinetic, strain = first.energies
-    integrations = [
-        {
-            "integrator": motion.trajectory.integrator,
-            "step_s": motion.trajectory.step,
-            "substeps": motion.trajectory.substeps,
-            "seconds": motion.trajectory.seconds,
-            "ratio_to_plain": motion.trajectory.seconds / plain_seconds,
-            "evaluations": motion.trajectory.evaluations,
-            "fast_evaluations": motion.trajectory.fast_evaluations,
-            "tip_difference_m": float(np.linalg.norm(motion.tip_position - first.tip_position, axis=1).max()),
-            "tip_deflection_difference_m": float(np.abs(motion.tip_deflection - first.tip_deflection).max()),
-        }
-        for motion in run.motions.values()
-    ]
-    summary = {
-        "scene": run.scene.name,
-        "version": __version__,
-        **frequency_table(run),
-        "pinned_frequencies_hz": run.body.frequencies_hz.tolist(),
-        "coupling": run.body.coupling,
-        "mass_kg": run.body.gram.mass,
-        "largest_stable_step_s": 2.0 / run.rotor.highest_frequency,
-        "integrations": integrations,
-        "final": {
-            "time_s": float(first.times[-1]),
-            "joint_angle_rad": float(first.joint_angle[-1]),
-            "joint_rate_rad_s": float(first.joint_rate[-1]),
-            "tip_deflection_m": float(first.tip_deflection[-1]),
-            "kinetic_energy_j": float(kinetic[-1]),
-            "strain_energy_j": float(strain[-1]),
-        },
-        "peak_tip_deflection_m": float(np.abs(first.tip_deflection).max()),
-        "files": files,
-    }
-    time, node, value = run.stress.worst()
-    place = run.body.x[run.stress.nodes[node]]
-    summary["worst_stress"] = {"time_s": time, "von_mises_pa": value, "position_m": place.tolist()}
-    summary |= {
-        "seconds": dict(run.log.seconds),
-        "stages_run": list(run.log.run),
-        "stages_cached": list(run.log.cached),
-        "stages_skipped": run.log.skipped,
-    }
     return summary
 
 
@@ -134,11 +81,18 @@ def _require_drawing(file: str) -> None:
     cache.save(key, True)
 
 
-def _write_motion(motions: dict[str, Motion], folder: Path) -> str:
-    from pipeline.recovery.motion import motion_dataset
+def _write_motion(run: Pipeline, folder: Path) -> str:
+    motions: dict[str, Any] = dict(run.motions)
+    if run.flexible:
+        from pipeline.recovery.motion import motion_dataset
 
+        dataset = motion_dataset(motions)
+    else:
+        from pipeline.recovery.chain_motion import chain_dataset
+
+        dataset = chain_dataset(motions, run.chain.units)
     with whole_file(folder / "motion.nc") as part:
-        motion_dataset(motions).to_netcdf(part, engine="scipy")
+        dataset.to_netcdf(part, engine="scipy")
     return "motion.nc"
 
 
@@ -160,17 +114,13 @@ def _draw_all(run: Pipeline, folder: Path) -> list[str]:
 def _draw_chart(run: Pipeline, output: Chart, folder: Path) -> list[str]:
     from pipeline.render.charts import Curve, draw_chart
 
-    label, quantity, components = _QUANTITIES[output.quantity]
-    curves = {name: quantity(motion) for name, motion in run.motions.items()}
-    first = curves[next(iter(curves))]
-    if components:  # a planar motion has nothing to show across its plane
-        moving = np.abs(first).max(axis=0) > 1e-9 * np.abs(first).max()
-        components = tuple(name for name, moves in zip(components, moving, strict=True) if moves)
-        curves = {name: values[:, moving] for name, values in curves.items()}
-    elif first.ndim == 2:
-        components = tuple(f"mode {k + 1}" for k in range(first.shape[1]))
+    if output.joint is not None:
+        label, curves, components = _joint_curves(run, output.joint, output.unit)
+    else:
+        label, curves, components = _body_curves(run, output)
+    motions: dict[str, Any] = dict(run.motions)
     draw_chart(
-        run.motion.times,
+        next(iter(motions.values())).times,
         [Curve(name, values) for name, values in curves.items()],
         folder / output.file,
         title=output.title or output.quantity.replace("_", " "),
@@ -178,6 +128,36 @@ def _draw_chart(run: Pipeline, output: Chart, folder: Path) -> list[str]:
         component_labels=components,
     )
     return [output.file]
+
+
+def _body_curves(run: Pipeline, output: Chart) -> tuple[str, dict[str, Array], tuple[str, ...]]:
+    """Axis label, curves by run and names of components of a flexible body's quantity."""
+    if not run.flexible:
+        raise InputError(run.scene.file, "output", output.quantity, "needs a flexible body; chart a joint_position")
+    label, quantity, components = _QUANTITIES[output.quantity]
+    motions: dict[str, Any] = dict(run.motions)
+    curves = {name: quantity(motion) for name, motion in motions.items()}
+    first = curves[next(iter(curves))]
+    if components:  # a planar motion has nothing to show across its plane
+        moving = np.abs(first).max(axis=0) > 1e-9 * np.abs(first).max()
+        components = tuple(name for name, moves in zip(components, moving, strict=True) if moves)
+        curves = {name: values[:, moving] for name, values in curves.items()}
+    elif first.ndim == 2:
+        components = tuple(f"mode {k + 1}" for k in range(first.shape[1]))
+    return label, curves, components
+
+
+def _joint_curves(run: Pipeline, joint: str, wanted: str | None) -> tuple[str, dict[str, Array], tuple[str, ...]]:
+    """Axis label and curves by run of a joint's position in the unit that the scene asks for."""
+    from pipeline.units import in_unit
+
+    motions: dict[str, Any] = dict(run.motions)
+    unit = "rad" if run.flexible else run.chain.units[joint]
+    wanted = wanted or unit
+    positions = {
+        name: motion.joint_angle if run.flexible else motion.joint_position(joint) for name, motion in motions.items()
+    }
+    return f"{joint} [{wanted}]", {name: in_unit(values, unit, wanted) for name, values in positions.items()}, ()
 
 
 def _surface(run: Pipeline) -> Surface:
@@ -193,7 +173,7 @@ def _draw_modes(run: Pipeline, output: ModePictures, folder: Path) -> list[str]:
     surface, modes, files = _surface(run), run.modes, []
     for k, frequency in enumerate(modes.frequencies_hz):
         name = output.file.format(mode=k + 1)
-        family = "" if run.scene.body[output.body].modes.family == "any" else run.scene.body[output.body].modes.family
+        family = "" if run.part.modes.family == "any" else run.part.modes.family
         draw_mode(
             surface,
             modes.shapes[run.surface.nodes, :, k],

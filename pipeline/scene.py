@@ -15,10 +15,15 @@ from pydantic import Field, PrivateAttr, ValidationError, model_validator
 from pipeline.scene_file import FaultError, KeyPath, Table, among, read_scene_file, ready_scenes
 from pipeline.scene_outputs import Chart, Film, ModePictures, Output, Pixels, Scale, StressPicture
 from pipeline.scene_parts import (
+    Axis,
     Bar,
     Body,
+    ConstantForce,
+    ConstantTorque,
     Count,
     Drive,
+    Fixed,
+    Free,
     Joint,
     Marker,
     Mesh,
@@ -26,19 +31,30 @@ from pipeline.scene_parts import (
     Name,
     Number,
     Place,
+    PointMarker,
+    PointMass,
+    Prismatic,
     Revolute,
+    RigidBody,
+    Rod,
+    Spherical,
     TorquePulse,
 )
-from pipeline.units import PositiveFrequency, PositiveTime
+from pipeline.units import PositiveFrequency, PositiveTime, unit_ratio
 
 __all__ = [
+    "Axis",
     "Bar",
     "Body",
     "CentralDifference",
     "Chart",
+    "ConstantForce",
+    "ConstantTorque",
     "Count",
     "Drive",
     "Film",
+    "Fixed",
+    "Free",
     "Joint",
     "Marker",
     "Mesh",
@@ -49,18 +65,26 @@ __all__ = [
     "Output",
     "Pixels",
     "Place",
+    "PointMarker",
+    "PointMass",
+    "Prismatic",
     "Reference",
     "Revolute",
+    "RigidBody",
+    "Rod",
     "Run",
     "Scale",
     "Scene",
     "Simulation",
+    "Spherical",
     "StressPicture",
     "SubCycling",
     "TorquePulse",
     "load_scene",
     "ready_scenes",
 ]
+
+_SINGLE = ("revolute", "prismatic")  # the joints with one coordinate
 
 
 class CentralDifference(Table):
@@ -78,7 +102,26 @@ class SubCycling(Table):
     step: PositiveTime | None = None
 
 
-Run = Annotated[CentralDifference | SubCycling, Field(discriminator="integrator")]
+class ExponentialRun(Table):
+    """Exponential time differencing of order 4; ``step`` [s] overrides that of the simulation."""
+
+    integrator: Literal["exponential"]
+    step: PositiveTime | None = None
+
+
+class ScipyRun(Table):
+    """One of SciPy's adaptive methods, with its relative ``tolerance``."""
+
+    integrator: Literal["DOP853", "Radau", "LSODA"]
+    tolerance: Annotated[Number, Field(ge=3e-14, lt=1.0)] = 1e-9
+
+    @property
+    def step(self) -> None:
+        """The method's own."""
+        return None
+
+
+Run = Annotated[CentralDifference | SubCycling | ExponentialRun | ScipyRun, Field(discriminator="integrator")]
 
 
 class Simulation(Table):
@@ -92,6 +135,8 @@ class Simulation(Table):
         ``"body.marker"`` whose deflection is recorded.
     frame : str
         How free modes are re-expressed for a body's joint.
+    fast : tuple of str
+        The revolute and prismatic joints whose coordinates take the fast steps in sub-cycling.
     run : tuple of Run
         The integrations; the others are compared with the first.
     """
@@ -101,6 +146,7 @@ class Simulation(Table):
     output_step: PositiveTime
     tip: Place
     frame: Literal["joint-conforming", "free"] = "joint-conforming"
+    fast: tuple[Place, ...] = ()
     run: Annotated[tuple[Run, ...], Field(min_length=1)]
 
     @model_validator(mode="after")
@@ -160,14 +206,42 @@ class Scene(Table):
                 yield from self._wrong_marker(joint.parent, "joint", name, "parent")
             yield from self._wrong_marker(joint.child, "joint", name, "child")
         for name, drive in self.drive.items():
-            if drive.joint not in self.joint:
-                message = f"no such joint; {among(drive.joint, self.joint, 'the joints')}"
-                yield FaultError(message, "drive", name, "joint")
+            fitting = ("prismatic",) if drive.type == "force" else ("revolute",)
+            yield from self._wrong_joint(drive.joint, fitting, f"a {drive.type}", "drive", name, "joint")
         yield from self._wrong_marker(self.simulation.tip, "simulation", "tip")
+        for number, joint_name in enumerate(self.simulation.fast):
+            yield from self._wrong_joint(joint_name, _SINGLE, "the fast list", "simulation", "fast", number)
         for number, output in enumerate(self.output):
-            if not isinstance(output, Chart) and output.body not in self.body:
-                message = f"no such body; {among(output.body, self.body, 'the bodies')}"
-                yield FaultError(message, "output", number, "body")
+            if isinstance(output, Chart):
+                yield from self._wrong_chart(output, "output", number)
+            else:
+                yield from self._wrong_picture(output, "output", number)
+
+    def _wrong_joint(self, name: str, fitting: tuple[str, ...], user: str, *path: str | int) -> Iterator[FaultError]:
+        if name not in self.joint:
+            yield FaultError(f"no such joint; {among(name, self.joint, 'the joints')}", *path)
+        elif self.joint[name].type not in fitting:
+            wanted = " or ".join(fitting)
+            yield FaultError(f"is a {self.joint[name].type} joint; {user} needs a {wanted} one", *path)
+
+    def _wrong_chart(self, chart: Chart, *path: str | int) -> Iterator[FaultError]:
+        if chart.joint is None:
+            return
+        faults = [*self._wrong_joint(chart.joint, _SINGLE, "joint_position", *path, "joint")]
+        yield from faults
+        if not faults and chart.unit is not None:
+            try:
+                unit_ratio("rad" if self.joint[chart.joint].type == "revolute" else "m", chart.unit)
+            except ValueError as error:
+                yield FaultError(str(error), *path, "unit")
+
+    def _wrong_picture(self, picture: ModePictures | StressPicture | Film, *path: str | int) -> Iterator[FaultError]:
+        if picture.body not in self.body:
+            yield FaultError(f"no such body; {among(picture.body, self.body, 'the bodies')}", *path, "body")
+        elif not isinstance(self.body[picture.body], Bar):
+            flexible = [name for name, body in self.body.items() if isinstance(body, Bar)]
+            message = f"is rigid, without modes or stress; {among(picture.body, flexible, 'the flexible bodies')}"
+            yield FaultError(message, *path, "body")
 
     def _wrong_marker(self, place: str, *path: str | int) -> Iterator[FaultError]:
         body = place.partition(".")[0]

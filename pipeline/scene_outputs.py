@@ -5,9 +5,9 @@ from __future__ import annotations
 import re
 from typing import Annotated, Literal
 
-from pydantic import AfterValidator, Field
+from pydantic import AfterValidator, Field, model_validator
 
-from pipeline.scene_file import Table
+from pipeline.scene_file import FaultError, Table
 from pipeline.scene_parts import Number, Place
 from pipeline.units import NonNegative, Positive
 
@@ -41,7 +41,19 @@ Scale = Annotated[Number, NonNegative]
 
 
 class Chart(Table):
-    """A chart of one quantity over time, with all runs in it."""
+    """A chart of one quantity over time, with all runs in it.
+
+    Parameters
+    ----------
+    file, title : str
+        Its file, and the text above it.
+    quantity : str
+        What is drawn.
+    joint : str, optional
+        The revolute or prismatic joint whose coordinate is drawn; for ``"joint_position"`` alone.
+    unit : str, optional
+        What the coordinate is drawn in, e.g. ``"deg"`` or ``"mm"``; else it is in rad or m.
+    """
 
     type: Literal["chart"]
     file: Annotated[str, _file(".png", ".pdf", ".svg"), AfterValidator(_no_mode)]
@@ -52,10 +64,24 @@ class Chart(Table):
         "tip_deflection",
         "joint_angle",
         "joint_rate",
+        "joint_position",
         "modal_coordinates",
         "energy",
     ]
+    joint: Place | None = None
+    unit: Place | None = None
     title: str = ""
+
+    @model_validator(mode="after")
+    def _joint_where_needed(self) -> Chart:
+        if self.quantity == "joint_position":
+            if self.joint is None:
+                raise FaultError("is missing: the name of the joint whose coordinate is drawn", "joint")
+            return self
+        for key in ("joint", "unit"):
+            if getattr(self, key) is not None:
+                raise FaultError("belongs to the quantity 'joint_position'", key)
+        return self
 
 
 class ModePictures(Table):

@@ -11,12 +11,22 @@ from pipeline.scene_file import FaultError, Table
 from pipeline.units import (
     Angle,
     AngularRate,
+    Force,
+    Length,
+    MomentOfInertia,
+    NonNegative,
     NonNegativeTime,
     PositiveDensity,
     PositiveLength,
+    PositiveMass,
     PositiveStress,
     PositiveTime,
+    RotationalDamping,
+    RotationalStiffness,
     Torque,
+    TranslationalDamping,
+    TranslationalStiffness,
+    Velocity,
 )
 
 
@@ -34,10 +44,20 @@ def _poisson(nu: float) -> float:
     return nu
 
 
+def _direction(axis: tuple[float, float, float]) -> tuple[float, float, float]:
+    if not any(axis):
+        raise ValueError("has no direction; [0, 0, 1] is the z axis")
+    return axis
+
+
 Name = Annotated[str, AfterValidator(_name)]
 Place = Annotated[str, Field(max_length=100)]
 Number = Annotated[float, Field(strict=True)]
 Count = Annotated[int, Field(strict=True, ge=1, le=1_000_000)]
+Axis = Annotated[tuple[Number, Number, Number], AfterValidator(_direction)]
+Moment = Annotated[MomentOfInertia, NonNegative]
+
+_ROUNDING = 1e-9  # a plate's moments, 0.1 and 0.2 and 0.3, are just possible whatever their last digit
 
 
 class Mesh(Table):
@@ -94,9 +114,15 @@ class Modes(Table):
 
 
 class Marker(Table):
-    """A face of a body, named for joints and results; ``"x-"`` is where x is least."""
+    """A face of a flexible body, named for joints and results; ``"x-"`` is where x is least."""
 
     face: Literal["x-", "x+", "y-", "y+", "z-", "z+"]
+
+
+class PointMarker(Table):
+    """A point of a rigid body, named for joints and results; ``at`` is its place in the body's frame [m]."""
+
+    at: tuple[Length, Length, Length]
 
 
 class Bar(Table):
@@ -128,6 +154,62 @@ class Bar(Table):
     marker: dict[Name, Marker]
 
 
+class Rod(Table):
+    """A uniform slender rigid rod along x, from the origin of its frame.
+
+    Parameters
+    ----------
+    mass : float
+        Its mass [kg].
+    length : float
+        Its extent along x [m].
+    marker
+        Its markers by name.
+    """
+
+    shape: Literal["rod"]
+    mass: PositiveMass
+    length: PositiveLength
+    marker: dict[Name, PointMarker]
+
+
+class PointMass(Table):
+    """A mass [kg] without extent, in the origin of its frame, and its markers by name."""
+
+    shape: Literal["point"]
+    mass: PositiveMass
+    marker: dict[Name, PointMarker]
+
+
+class RigidBody(Table):
+    """A rigid body of any shape, given by its inertia.
+
+    Parameters
+    ----------
+    mass : float
+        Its mass [kg].
+    centre : tuple of float
+        Where its centre of mass is, in its frame [m].
+    inertia : tuple of float
+        Principal moments about the centre of mass, along x, y and z of its frame [kg m²].
+    marker
+        Its markers by name.
+    """
+
+    shape: Literal["rigid"]
+    mass: PositiveMass
+    centre: tuple[Length, Length, Length] = (0.0, 0.0, 0.0)
+    inertia: tuple[Moment, Moment, Moment]
+    marker: dict[Name, PointMarker]
+
+    @model_validator(mode="after")
+    def _inertia_of_a_body(self) -> RigidBody:
+        largest = max(self.inertia)
+        if largest > (sum(self.inertia) - largest) * (1 + _ROUNDING):
+            raise FaultError("isn't any body's: no moment is greater than the sum of the other two", "inertia")
+        return self
+
+
 class Revolute(Table):
     """A hinge.
 
@@ -141,20 +223,79 @@ class Revolute(Table):
         Angle at the start [rad].
     rate : float
         Angular rate at the start [rad/s].
+    spring : float
+        Stiffness of a spring about the axis [N m/rad].
+    rest : float
+        Angle at which the spring is unstretched [rad].
+    damper : float
+        Coefficient of a damper about the axis [N m s/rad].
     """
 
     type: Literal["revolute"]
     parent: Place
     child: Place
-    axis: tuple[Number, Number, Number]
+    axis: Axis
     angle: Angle = 0.0
     rate: AngularRate = 0.0
+    spring: Annotated[RotationalStiffness, NonNegative] = 0.0
+    rest: Angle = 0.0
+    damper: Annotated[RotationalDamping, NonNegative] = 0.0
 
-    @model_validator(mode="after")
-    def _has_direction(self) -> Revolute:
-        if not any(self.axis):
-            raise FaultError("has no direction; [0, 0, 1] is the z axis", "axis")
-        return self
+
+class Prismatic(Table):
+    """A slide.
+
+    Parameters
+    ----------
+    parent, child : str
+        ``"body.marker"``; the parent may be ``"ground"``.
+    axis : tuple of float
+        Its direction; the length is of no account.
+    position : float
+        Displacement of the child's marker from the parent's at the start [m].
+    rate : float
+        Speed at the start [m/s].
+    spring : float
+        Stiffness of a spring along the axis [N/m].
+    rest : float
+        Displacement at which the spring is unstretched [m].
+    damper : float
+        Coefficient of a damper along the axis [N s/m].
+    """
+
+    type: Literal["prismatic"]
+    parent: Place
+    child: Place
+    axis: Axis
+    position: Length = 0.0
+    rate: Velocity = 0.0
+    spring: Annotated[TranslationalStiffness, NonNegative] = 0.0
+    rest: Length = 0.0
+    damper: Annotated[TranslationalDamping, NonNegative] = 0.0
+
+
+class Fixed(Table):
+    """A weld: the child's marker stays on the parent's, without turning."""
+
+    type: Literal["fixed"]
+    parent: Place
+    child: Place
+
+
+class Spherical(Table):
+    """A ball joint: the child's marker stays on the parent's and turns freely."""
+
+    type: Literal["spherical"]
+    parent: Place
+    child: Place
+
+
+class Free(Table):
+    """No constraint: the child moves freely against the parent."""
+
+    type: Literal["free"]
+    parent: Place
+    child: Place
 
 
 class TorquePulse(Table):
@@ -188,7 +329,23 @@ class TorquePulse(Table):
         return self
 
 
-# Each is told apart by one key; where there is one member so far, the key is checked all the same.
-Body = Annotated[Bar, Field(discriminator="shape")]
-Joint = Annotated[Revolute, Field(discriminator="type")]
-Drive = Annotated[TorquePulse, Field(discriminator="type")]
+class ConstantTorque(Table):
+    """A constant ``torque`` [N m] about a revolute joint."""
+
+    type: Literal["torque"]
+    joint: Place
+    torque: Torque
+
+
+class ConstantForce(Table):
+    """A constant ``force`` [N] along a prismatic joint."""
+
+    type: Literal["force"]
+    joint: Place
+    force: Force
+
+
+# Each is told apart by one key.
+Body = Annotated[Bar | Rod | PointMass | RigidBody, Field(discriminator="shape")]
+Joint = Annotated[Revolute | Prismatic | Fixed | Spherical | Free, Field(discriminator="type")]
+Drive = Annotated[TorquePulse | ConstantTorque | ConstantForce, Field(discriminator="type")]

@@ -16,12 +16,15 @@ from pipeline.folders import cache_folder
 from pipeline.progress import Monitor, silent
 
 if TYPE_CHECKING:
+    from pipeline.chain import Chain
     from pipeline.dynamics.planar import PlanarRotor
+    from pipeline.dynamics.system import System
     from pipeline.fem.marker import Marker
     from pipeline.fem.mesh import SolidMesh
     from pipeline.fem.model import FEModel
     from pipeline.fem.surface import SurfaceTopology
-    from pipeline.integrators.protocol import Integrator
+    from pipeline.integrators.protocol import Integrator, Trajectory
+    from pipeline.recovery.chain_motion import ChainMotion
     from pipeline.recovery.motion import Motion
     from pipeline.recovery.stress import StressHistory
     from pipeline.reduction.body import FlexibleBody
@@ -73,12 +76,15 @@ class Pipeline:
     Raises
     ------
     InputError
-        The scene has several bodies: the mechanism of this version is one body on one joint.
+        The scene has a flexible body among several, or on a joint that is not a revolute one: this version moves one
+        flexible body on a torque-driven hinge, or a chain of rigid ones.
     """
 
     def __init__(self, scene: Scene, cache: Cache | None = None, monitor: Monitor = silent) -> None:
-        if len(scene.body) != 1:
-            raise InputError(scene.file, "body", sorted(scene.body), "this version moves one body; keep one")
+        self.flexible = any(part.shape == "bar" for part in scene.body.values())
+        if self.flexible and (len(scene.body) != 1 or next(iter(scene.joint.values())).type != "revolute"):
+            mend = "this version moves one flexible body on a revolute joint, or a chain of rigid ones"
+            raise InputError(scene.file, "body", sorted(scene.body), mend)
         self.scene = scene
         self.log = Log()
         self._cache = Cache(cache_folder() / "stages") if cache is None else cache
@@ -87,17 +93,24 @@ class Pipeline:
     # What the scene says, resolved -------------------------------------------------------------------------------
 
     @property
-    def body_name(self) -> str:
-        """Name of the body."""
-        return next(iter(self.scene.body))
+    def part(self) -> Bar:
+        """The flexible body as the scene describes it.
 
-    @property
-    def _part(self) -> Bar:
-        return self.scene.body[self.body_name]
+        Raises
+        ------
+        InputError
+            There is none.
+        """
+        part = next(iter(self.scene.body.values()))
+        if part.shape != "bar":
+            raise InputError(self.scene.file, "body", sorted(self.scene.body), "no flexible body: nothing to mesh")
+        return part
 
     @property
     def _joint(self) -> Revolute:
-        return next(iter(self.scene.joint.values()))
+        joint = next(iter(self.scene.joint.values()))
+        assert joint.type == "revolute"  # the constructor's own check
+        return joint
 
     @property
     def _joint_marker(self) -> str:
@@ -120,7 +133,7 @@ class Pipeline:
         from pipeline.fem.assembly import assemble
         from pipeline.fem.material import Material
 
-        mesh, part = self.mesh, self._part
+        mesh, part = self.mesh, self.part
         return self.timed("assembly", lambda: assemble(mesh, part.mesh.order, Material(part.E, part.nu, part.rho)))
 
     @cached_property
@@ -140,6 +153,9 @@ class Pipeline:
 
         pulse = TorquePulse(0.0, 1.0, 0.0)
         for drive in self.scene.drive.values():
+            if drive.type != "torque pulse":
+                mend = "a flexible body takes a torque pulse in this version"
+                raise InputError(self.scene.file, "drive", drive.type, mend)
             if drive.speed is None:
                 peak = float(drive.torque or 0.0)
             else:
@@ -148,7 +164,19 @@ class Pipeline:
         return PlanarRotor(self.body, pulse)
 
     @cached_property
-    def motions(self) -> dict[str, Motion]:
+    def chain(self) -> Chain:
+        """The mechanism of a scene of rigid bodies."""
+        from pipeline.chain import chain_of
+
+        return chain_of(self.scene)
+
+    @property
+    def mechanism(self) -> System:
+        """What is integrated: the rotor, or the chain."""
+        return self.rotor if self.flexible else self.chain.tree
+
+    @cached_property
+    def motions(self) -> dict[str, Motion] | dict[str, ChainMotion]:
         """The motion by each of the scene's runs; the label tells integrator and ratio.
 
         Raises
@@ -156,9 +184,9 @@ class Pipeline:
         InputError
             A step is beyond its stability limit; nothing has been integrated then.
         """
-        rotor, integrators = self.rotor, self._integrators()
+        mechanism, integrators = self.mechanism, self._integrators()
         for key, integrator in zip(self._step_keys(), integrators.values(), strict=True):
-            limit = integrator.largest_step(rotor)
+            limit = integrator.largest_step(mechanism)
             if not integrator.step < limit:
                 raise InputError(
                     self.scene.file,
@@ -167,12 +195,29 @@ class Pipeline:
                     f"{integrator.name} would diverge; the largest stable step of this model is {limit:.4g} s "
                     f"(2/ω of its highest frequency, {1 / (np.pi * limit):.5g} Hz)",
                 )
-        return self.timed("motion", lambda: self._march_all(integrators))
+        trajectories = self.timed("motion", lambda: self._march_all(integrators))
+        if self.flexible:
+            from pipeline.recovery.motion import Motion
 
-    @cached_property
+            tip = self.scene.simulation.tip.partition(".")[2]
+            return {label: Motion(self.rotor, trajectory, tip) for label, trajectory in trajectories.items()}
+        from pipeline.recovery.chain_motion import ChainMotion
+
+        chain = self.chain
+        return {
+            label: ChainMotion(chain.tree, trajectory, chain.tip, chain.joints)
+            for label, trajectory in trajectories.items()
+        }
+
+    @property
     def motion(self) -> Motion:
-        """The motion by the scene's first run, with which the others are compared."""
-        return next(iter(self.motions.values()))
+        """The flexible body's motion by the scene's first run, with which the others are compared."""
+        from pipeline.recovery.motion import Motion
+
+        first = next(iter(self.motions.values()))
+        if not isinstance(first, Motion):
+            raise InputError(self.scene.file, "body", sorted(self.scene.body), "no flexible body; see Pipeline.motions")
+        return first
 
     @cached_property
     def surface(self) -> SurfaceTopology:
@@ -192,12 +237,12 @@ class Pipeline:
 
     @property
     def _mesh_key(self) -> str:
-        part = self._part.model_dump(mode="json", include={"shape", "length", "depth", "width", "mesh"})
+        part = self.part.model_dump(mode="json", include={"shape", "length", "depth", "width", "mesh"})
         return stage_key("mesh", part, ("meshes", "pipeline/fem/mesh.py"), ("gmsh",))
 
     @property
     def _modes_key(self) -> str:
-        part = self._part.model_dump(mode="json", exclude={"marker"})
+        part = self.part.model_dump(mode="json", exclude={"marker"})
         inputs = {"part": part, "axis": self._joint.axis}
         return stage_key("modes", inputs, ("meshes", "pipeline/fem", "pipeline/reduction"), _FEM_PACKAGES)
 
@@ -205,7 +250,7 @@ class Pipeline:
     def _body_key(self) -> str:
         inputs = {
             "modes": self._modes_key,
-            "markers": self._part.model_dump(mode="json", include={"marker"}),
+            "markers": self.part.model_dump(mode="json", include={"marker"}),
             "joint": self._joint_marker,
             "frame": self.scene.simulation.frame,
         }
@@ -215,7 +260,7 @@ class Pipeline:
         from meshes.bar import hexahedral_bar, tetrahedral_bar
         from pipeline.fem.mesh import SolidMesh
 
-        part = self._part
+        part = self.part
         size = (part.length, part.depth, part.width)
         if part.mesh.element == "hexahedron":
             assert part.mesh.divisions is not None  # the scene's own check
@@ -232,7 +277,7 @@ class Pipeline:
     def _make_modes(self) -> Modes:
         from pipeline.reduction.families import lowest_modes, modes_of_family
 
-        wanted = self._part.modes
+        wanted = self.part.modes
         if wanted.family == "any":
             return lowest_modes(self._solver, wanted.count)
         return modes_of_family(self._solver, self.fe, wanted.count, wanted.family, self._axis)
@@ -243,7 +288,7 @@ class Pipeline:
 
         markers, modes = self._markers(), self.modes
         omega, shapes = modes.omega, modes.shapes
-        if self._part.modes.enrich == "inertia":
+        if self.part.modes.enrich == "inertia":
             loads = inertia_loads(self.fe, markers[self._joint_marker], self._axis)
             omega, shapes = enriched(modes, self.fe, self._solver, loads)
         conforming = self.scene.simulation.frame == "joint-conforming"
@@ -254,35 +299,42 @@ class Pipeline:
         from pipeline.fem.marker import face_marker
 
         space, faces = self.fe.discretisation, self.mesh.faces
-        return {name: face_marker(space, faces[marker.face]) for name, marker in self._part.marker.items()}
+        return {name: face_marker(space, faces[marker.face]) for name, marker in self.part.marker.items()}
 
     def _make_surface(self) -> SurfaceTopology:
         from pipeline.fem.model import Discretisation
         from pipeline.fem.surface import surface_topology
 
-        return surface_topology(Discretisation(self.mesh, self._part.mesh.order))
+        return surface_topology(Discretisation(self.mesh, self.part.mesh.order))
 
     def _modal_stress(self, nodes: IntArray) -> Array:
         from pipeline.fem.material import Material
         from pipeline.fem.model import Discretisation
         from pipeline.recovery.stress import modal_stress
 
-        part = self._part
+        part = self.part
         space = Discretisation(self.mesh, part.mesh.order)
         return modal_stress(space, Material(part.E, part.nu, part.rho), self.body.shapes, nodes)
 
     def _integrators(self) -> dict[str, Integrator]:
         from pipeline.integrators.central_difference import CentralDifference
+        from pipeline.integrators.exponential import Exponential
+        from pipeline.integrators.scipy_ivp import ScipyIvp
         from pipeline.integrators.subcycling import Subcycling
 
         made: dict[str, Integrator] = {}
         for k, run in enumerate(self.scene.simulation.run):
-            step = run.step or self.scene.simulation.step
+            step, label = run.step or self.scene.simulation.step, str(run.integrator)
             integrator: Integrator
-            if run.integrator == "central-difference":
-                label, integrator = str(run.integrator), CentralDifference(step)
-            else:
-                label, integrator = f"{run.integrator} {run.substeps}:1", Subcycling(step, run.substeps)
+            match run.integrator:
+                case "central-difference":
+                    integrator = CentralDifference(step)
+                case "sub-cycling":
+                    label, integrator = f"{label} {run.substeps}:1", Subcycling(step, run.substeps)
+                case "exponential":
+                    integrator = Exponential(step)
+                case _:
+                    integrator = ScipyIvp(run.integrator, run.tolerance)
             made[f"{label} ({k})" if label in made else label] = integrator
         return made
 
@@ -290,27 +342,31 @@ class Pipeline:
         runs = enumerate(self.scene.simulation.run)
         return [f"simulation.run.{k}.step" if run.step else "simulation.step" for k, run in runs]
 
-    def _march_all(self, integrators: dict[str, Integrator]) -> dict[str, Motion]:
-        from pipeline.recovery.motion import Motion
+    def _start(self) -> tuple[Array, Array]:
+        """Positions and rates at the start."""
+        if not self.flexible:
+            return self.chain.q0, self.chain.v0
+        q0, v0 = np.zeros(self.rotor.n), np.zeros(self.rotor.n)
+        q0[0], v0[0] = self._joint.angle, self._joint.rate
+        return q0, v0
 
-        simulation, rotor = self.scene.simulation, self.rotor
+    def _march_all(self, integrators: dict[str, Integrator]) -> dict[str, Trajectory]:
+        simulation, mechanism = self.scene.simulation, self.mechanism
         n_outputs = int(simulation.duration / simulation.output_step * (1 + 1e-12)) + 1
         times = np.arange(n_outputs, dtype=float) * simulation.output_step
-        q0, v0 = np.zeros(rotor.n), np.zeros(rotor.n)
-        q0[0], v0[0] = self._joint.angle, self._joint.rate
-        tip = simulation.tip.partition(".")[2]
+        start = self._start()
         trajectories = {}
         for label, integrator in integrators.items():
-            integrator.march(rotor, q0, v0, times[:2])  # compiles, or reads compiled kernels: not part of the run time
+            integrator.march(mechanism, *start, times[:2])  # compiles, or reads kernels: not part of the run time
             with self.monitor(label) as advance:
-                trajectories[label] = integrator.march(rotor, q0, v0, times, advance)
+                trajectories[label] = integrator.march(mechanism, *start, times, advance)
         if sum(trajectory.seconds for trajectory in trajectories.values()) < _SHORT_SECONDS:
             for _ in range(_REPEATS):  # side by side, so that the ratios of run times mean something
                 for label, integrator in integrators.items():
-                    again = integrator.march(rotor, q0, v0, times)
+                    again = integrator.march(mechanism, *start, times)
                     if again.seconds < trajectories[label].seconds:
                         trajectories[label] = again
-        return {label: Motion(rotor, trajectory, tip) for label, trajectory in trajectories.items()}
+        return trajectories
 
     def _kept(self, stage: str, key: str, make: Callable[[], T]) -> T:
         """Read a stage's result, or compute and keep it."""

@@ -15,8 +15,19 @@ def print_run(summary: dict[str, Any], folder: Path) -> None:
     """Print what a run has found and written."""
     console = Console()
     console.print(_stages(summary))
-    console.print(_frequencies(summary))
+    if "frequencies_hz" in summary:
+        console.print(_frequencies(summary))
     console.print(_integrations(summary))
+    if "worst_stress" in summary:
+        _print_body(console, summary)
+    for joint, position in summary["final"].get("joint_positions", {}).items():
+        differences = [row["joint_differences"][joint] for row in summary["integrations"][1:]]
+        apart = ", ".join(f"{difference:.3g}" for difference in differences)
+        console.print(f"{joint}: {position:.6g} (SI) at the end" + (f"; the runs differ by {apart}" if apart else ""))
+    console.print(f"{len(summary['files']) + 1} files in {folder}/: summary.json, {', '.join(summary['files'])}")
+
+
+def _print_body(console: Console, summary: dict[str, Any]) -> None:
     if summary["coupling"] > _COUPLED and any(row["substeps"] > 1 for row in summary["integrations"]):
         console.print(
             f"note: rotation and modes couple through the mass matrix ({summary['coupling']:.2f}), so sub-cycling is "
@@ -27,7 +38,6 @@ def print_run(summary: dict[str, Any], folder: Path) -> None:
         f"largest von Mises stress {stress['von_mises_pa'] / 1e6:.4g} MPa at t = {stress['time_s'] * 1e3:.4g} ms; "
         f"largest tip deflection {summary['peak_tip_deflection_m'] * 1e3:.4g} mm"
     )
-    console.print(f"{len(summary['files']) + 1} files in {folder}/: summary.json, {', '.join(summary['files'])}")
 
 
 def print_frequencies(result: dict[str, Any]) -> None:
@@ -47,16 +57,18 @@ def _table(title: str, *columns: str, wide: int = 0) -> Table:
 def _stages(summary: dict[str, Any]) -> Table:
     table = _table("Stages", "stage", "seconds", "what came out", wide=2)
     outcome = {
-        "mesh": "",
-        "assembly": f"{summary['dofs']} unknowns",
-        "modes": f"{len(summary['frequencies_hz'])} modes of {summary['dofs']} unknowns, "
-        f"{summary['rigid_modes']} rigid-body modes, residual {summary['residual']:.0e}",
-        "body": f"{summary['mass_kg']:.4g} kg, pinned at {summary['pinned_frequencies_hz'][0]:.4g} Hz, "
-        f"coupling {summary['coupling']:.0e}",
         "motion": f"{len(summary['integrations'])} runs to t = {summary['final']['time_s']:g} s",
-        "stress": f"{summary['worst_stress']['von_mises_pa'] / 1e6:.4g} MPa at worst",
         "pictures": f"{len(summary['files']) - 1} files",
     }
+    if "frequencies_hz" in summary:
+        outcome |= {
+            "assembly": f"{summary['dofs']} unknowns",
+            "modes": f"{len(summary['frequencies_hz'])} modes of {summary['dofs']} unknowns, "
+            f"{summary['rigid_modes']} rigid-body modes, residual {summary['residual']:.0e}",
+            "body": f"{summary['mass_kg']:.4g} kg, pinned at {summary['pinned_frequencies_hz'][0]:.4g} Hz, "
+            f"coupling {summary['coupling']:.0e}",
+            "stress": f"{summary['worst_stress']['von_mises_pa'] / 1e6:.4g} MPa at worst",
+        }
     for stage, seconds in summary["seconds"].items():
         cached = "from the cache; " if stage in summary["stages_cached"] else ""
         table.add_row(stage, f"{seconds:.3f}", (cached + outcome.get(stage, "")).rstrip("; "))

@@ -3,7 +3,8 @@
 A scene gives every quantity as text with its unit, ``"340 mm"``. The types below are floats that read such
 text, convert it to SI units and refuse a bare number, a wrong dimension, an unknown unit and a value that
 isn't finite. Radians count as a dimension here: ``"131.2 Hz"`` is no angular rate and ``"8000 rpm"`` no
-frequency, so no factor 2π is lost on the way.
+frequency, so no factor 2π is lost on the way. A rotational spring or damper may leave out its radian, as is
+usual: ``"5 N m"`` is ``"5 N m/rad"``.
 """
 
 from __future__ import annotations
@@ -19,6 +20,8 @@ from pydantic import AfterValidator, BeforeValidator
 if TYPE_CHECKING:
     import pint
 
+    from pipeline.checks import Array
+
 # What a quantity may be: its SI unit and an example. The last rows only give wrong quantities their name.
 _KINDS = {
     "length": ("m", "340 mm"),
@@ -32,16 +35,26 @@ _KINDS = {
     "force": ("N", "10 N"),
     "mass": ("kg", "2 kg"),
     "speed": ("m/s", "3 m/s"),
+    "moment of inertia": ("kg m^2", "0.5 kg m^2"),
+    "translational stiffness": ("N/m", "1000 N/m"),
+    "rotational stiffness": ("N m/rad", "10 N m/rad"),
+    "translational damping": ("N s/m", "2 N s/m"),
+    "rotational damping": ("N m s/rad", "0.1 N m s/rad"),
     "acceleration": ("m/s^2", "9.81 m/s^2"),
     "area": ("m^2", "1 m^2"),
     "volume": ("m^3", "1 m^3"),
     "temperature": ("K", "293 K"),
 }
 
+# Units that are taken for the SI unit too.
+_ALSO = {"rotational stiffness": "N m", "rotational damping": "N m s"}
+
 # Only units with exponents of one digit reach pint's parser: an expression such as 9**9**9 can't.
 _NUMBER = r"[+-]?(?:[0-9]+\.?[0-9]*|\.[0-9]+)(?:[eE][+-]?[0-9]+)?|[+-]?(?:nan|inf)\b"
 _UNIT = r"[A-Za-zµμ°]+(?:(?:\^|\*\*)-?[1-9]|[²³])?"
-_QUANTITY = re.compile(rf"\s*({_NUMBER})\s*({_UNIT}(?:(?:\s*[*/·]\s*|\s+){_UNIT})*)?\s*")
+_PRODUCT = rf"{_UNIT}(?:(?:\s*[*/·]\s*|\s+){_UNIT})*"
+_UNITS = re.compile(_PRODUCT)
+_QUANTITY = re.compile(rf"\s*({_NUMBER})\s*({_PRODUCT})?\s*")
 _LONGEST = 60
 
 
@@ -66,7 +79,7 @@ def to_si(value: object, kind: str) -> float:
     Returns
     -------
     float
-        The value in the SI unit of its kind [m, Pa, kg/m³, s, Hz, rad, rad/s or N m].
+        The value in the SI unit of its kind, e.g. [m], [Pa], [rad] or [N m].
 
     Raises
     ------
@@ -85,7 +98,7 @@ def to_si(value: object, kind: str) -> float:
     factor, base = _base_units(unit)
     if not base:
         raise ValueError(f"'{unit}' isn't a known unit: {wanted}")
-    if base != _base_units(si)[1]:
+    if base not in (_base_units(si)[1], _base_units(_ALSO.get(kind, si))[1]):
         raise ValueError(f"{value!r} is {_dimension(base)}, {wanted}")
     try:
         result = float(Decimal(number) * factor)
@@ -94,6 +107,27 @@ def to_si(value: object, kind: str) -> float:
     if not math.isfinite(result):
         raise ValueError(f"{value!r} isn't finite: {wanted}")
     return result
+
+
+def unit_ratio(unit: str, wanted: str) -> float:
+    """Return how many of the wanted unit one unit is: ``unit_ratio("m", "mm")`` is 1000.
+
+    Raises
+    ------
+    ValueError
+        The wanted one is no unit, or one of another dimension.
+    """
+    factor, base = _base_units(unit)
+    known = len(wanted) <= _LONGEST and _UNITS.fullmatch(wanted)
+    wanted_factor, wanted_base = _base_units(wanted) if known else (Decimal(0), "")
+    if wanted_base != base:
+        raise ValueError(f"isn't a unit that {unit} converts to; '{unit}' works")
+    return float(factor / wanted_factor)
+
+
+def in_unit(values: Array, unit: str, wanted: str) -> Array:
+    """Convert values from one unit to another; raises what ``unit_ratio`` does."""
+    return values * unit_ratio(unit, wanted)
 
 
 def _base_units(unit: str) -> tuple[Decimal, str]:
@@ -141,12 +175,20 @@ Frequency = Annotated[float, BeforeValidator(partial(to_si, kind="frequency"))]
 Angle = Annotated[float, BeforeValidator(partial(to_si, kind="angle"))]
 AngularRate = Annotated[float, BeforeValidator(partial(to_si, kind="angular rate"))]
 Torque = Annotated[float, BeforeValidator(partial(to_si, kind="torque"))]
+MomentOfInertia = Annotated[float, BeforeValidator(partial(to_si, kind="moment of inertia"))]
+Mass = Annotated[float, BeforeValidator(partial(to_si, kind="mass"))]
+Velocity = Annotated[float, BeforeValidator(partial(to_si, kind="speed"))]
+TranslationalStiffness = Annotated[float, BeforeValidator(partial(to_si, kind="translational stiffness"))]
+RotationalStiffness = Annotated[float, BeforeValidator(partial(to_si, kind="rotational stiffness"))]
+TranslationalDamping = Annotated[float, BeforeValidator(partial(to_si, kind="translational damping"))]
+RotationalDamping = Annotated[float, BeforeValidator(partial(to_si, kind="rotational damping"))]
 Force = Annotated[float, BeforeValidator(partial(to_si, kind="force"))]
 Acceleration = Annotated[float, BeforeValidator(partial(to_si, kind="acceleration"))]
 
 PositiveLength = Annotated[Length, Positive]
 PositiveStress = Annotated[Stress, Positive]
 PositiveDensity = Annotated[Density, Positive]
+PositiveMass = Annotated[Mass, Positive]
 PositiveTime = Annotated[Time, Positive]
 PositiveFrequency = Annotated[Frequency, Positive]
 NonNegativeTime = Annotated[Time, NonNegative]

@@ -1,6 +1,7 @@
 """The scene file: what it may hold, and one clear message for whatever it may not."""
 
 import json
+import math
 import pickle
 import re
 import subprocess
@@ -19,6 +20,19 @@ from pipeline.checks import InputError
 from pipeline.scene import Scene, load_scene, ready_scenes
 
 BEAM = (files("models") / "beam.toml").read_text()
+SLIDER = (files("models") / "rod-slider.toml").read_text()
+PLATE = """
+[body.plate]
+shape = "rigid"
+mass = "3 kg"
+inertia = ["0.1 kg m^2", "2000 kg cm^2", "0.3 kg m^2"]
+marker = { a = { at = ["-5 cm", "0 m", "0 m"] } }
+
+[joint.last]
+type = "{}"
+parent = "{}"
+child = "plate.a"
+"""
 ARM = """
 [body.arm]
 shape = "bar"
@@ -97,6 +111,159 @@ def test_two_bodies_may_hang_on_one_another(tmp_path: Path) -> None:
     assert scene.body["arm"].mesh.size == 5e-3
 
 
+def test_the_rod_and_its_slider_come_in_si_units() -> None:
+    scene = load_scene("rod-slider")
+    rod, slider = scene.body["rod"], scene.body["slider"]
+    # models/rod-slider.toml; all of it is in SI units there
+    assert (rod.shape, rod.mass, rod.length) == ("rod", 2.0, 2.0)
+    assert (slider.shape, slider.mass) == ("point", 5.0)
+    assert rod.marker["rest"].at == (1.0, 0.0, 0.0)
+    slide = scene.joint["slide"]
+    assert (slide.parent, slide.position, slide.spring, slide.rest) == ("rod.rest", 0.15, 1000.0, 0.0)
+    assert scene.drive["motor"].torque == math.radians(100)  # 100 N m per degree
+    assert scene.simulation.fast == ("slide",)
+    assert [(output.joint, output.unit) for output in scene.output] == [("hinge", "deg"), ("slide", "m")]
+
+
+def test_springs_dampers_and_starts_are_zero_if_left_out() -> None:
+    hinge = load_scene("rod-slider").joint["hinge"]
+    assert (hinge.angle, hinge.rate, hinge.spring, hinge.rest, hinge.damper) == (0.0,) * 5
+    slide = '{type="prismatic", parent="rod.rest", child="slider.centre", axis=[1, 0, 0]}'
+    slide = load_scene("rod-slider", [f"joint.slide={slide}"]).joint["slide"]
+    assert (slide.position, slide.rate, slide.spring, slide.rest, slide.damper) == (0.0,) * 5
+    assert load_scene("beam").simulation.fast == ()
+
+
+def test_springs_and_dampers_come_in_si_units() -> None:
+    set_there = ["joint.hinge.spring=2 kN m/rad", "joint.hinge.rest=180 deg", "joint.hinge.damper=3 N m s"]
+    set_there += ["joint.slide.damper=4 N s/mm", "joint.slide.rate=5 mm/s", "joint.slide.spring=6 N/mm"]
+    joint = load_scene("rod-slider", set_there).joint
+    assert (joint["hinge"].spring, joint["hinge"].rest, joint["hinge"].damper) == (2000.0, math.pi, 3.0)
+    assert (joint["slide"].damper, joint["slide"].rate, joint["slide"].spring) == (4000.0, 5e-3, 6000.0)
+
+
+@pytest.mark.parametrize("parent", ["ground", "rod.rest", "slider.centre"])
+@pytest.mark.parametrize("kind", ["fixed", "spherical", "free"])
+def test_a_rigid_body_hangs_on_any_joint_and_any_body(tmp_path: Path, kind: str, parent: str) -> None:
+    scene = scene_of(tmp_path, SLIDER + PLATE.replace('"{}"', f'"{kind}"', 1).replace("{}", parent))
+    plate = scene.body["plate"]
+    assert (scene.joint["last"].type, plate.centre, plate.inertia) == (kind, (0.0, 0.0, 0.0), (0.1, 0.2, 0.3))
+    assert plate.marker["a"].at == (-0.05, 0.0, 0.0)
+
+
+def test_a_rigid_body_hangs_on_a_flexible_one(tmp_path: Path) -> None:
+    text = BEAM + PLATE.replace('"{}"', '"fixed"', 1).replace("{}", "beam.tip")
+    assert scene_of(tmp_path, text).joint["last"].parent == "beam.tip"
+
+
+@pytest.mark.parametrize(
+    ("inertia", "message"),
+    [
+        (["1 kg m^2", "1 kg m^2", "2.1 kg m^2"], "isn't any body's: no moment is greater than the sum of the other"),
+        (["3 kg m^2", "1 kg m^2", "1 kg m^2"], "isn't any body's: no moment is greater than the sum of the other"),
+        (["1 kg m^2", "-1 kg m^2", "1 kg m^2"], "body.plate.inertia.1 = '-1 kg m^2': must not be negative"),
+        (["1 kg", "1 kg m^2", "1 kg m^2"], "'1 kg' is a mass, a moment of inertia is wanted, e.g. '0.5 kg m^2'"),
+        (["1 kg m^2"], "body.plate.inertia.1: is missing"),
+    ],
+)
+def test_an_inertia_is_that_of_a_body(tmp_path: Path, inertia: list[str], message: str) -> None:
+    text = SLIDER + PLATE.replace('"{}"', '"fixed"', 1).replace("{}", "rod.rest")
+    with refused(message):
+        scene_of(tmp_path, text, f"body.plate.inertia={json.dumps(inertia)}")
+
+
+@pytest.mark.parametrize("inertia", [[0, 0, 0], [0, 2, 2]])
+def test_points_and_slender_rods_have_an_inertia(tmp_path: Path, inertia: list[int]) -> None:
+    text = SLIDER + PLATE.replace('"{}"', '"fixed"', 1).replace("{}", "rod.rest")
+    moments = json.dumps([f"{moment} kg m^2" for moment in inertia])
+    assert scene_of(tmp_path, text, f"body.plate.inertia={moments}").body["plate"].inertia == tuple(inertia)
+
+
+def test_a_joint_is_driven_only_as_it_moves() -> None:
+    force = 'drive.motor={type="force", joint="slide", force="2 kN"}'
+    assert load_scene("rod-slider", [force]).drive["motor"].force == 2000.0
+    pulse = 'drive.motor={type="torque pulse", joint="hinge", duration="1 s", torque="1 N m"}'
+    assert load_scene("rod-slider", [pulse]).drive["motor"].torque == 1.0
+    for drive, message in {
+        force.replace("slide", "hinge"): "is a revolute joint; a force needs a prismatic one",
+        pulse.replace("hinge", "slide"): "is a prismatic joint; a torque pulse needs a revolute one",
+        "drive.motor.joint=slide": "drive.motor.joint = 'slide': is a prismatic joint; a torque needs a revolute one",
+    }.items():
+        with refused(message):
+            load_scene("rod-slider", [drive])
+
+
+FIXED = 'joint.slide={type="fixed", parent="rod.rest", child="slider.centre"}'
+
+
+@pytest.mark.parametrize(
+    ("overrides", "message"),
+    [
+        # bodies
+        (["body.rod.mass=0 kg"], "body.rod.mass = '0 kg': must be greater than zero"),
+        (["body.rod.mass=2 m"], "'2 m' is a length, a mass is wanted, e.g. '2 kg'"),
+        (["body.rod.length=0 m"], "body.rod.length = '0 m': must be greater than zero"),
+        (["body.slider.mass=-1 kg"], "body.slider.mass = '-1 kg': must be greater than zero"),
+        (["body.slider.length=1 m"], "body.slider.length = '1 m': no such key; the keys here: shape, mass, marker"),
+        (["body.rod.marker.rest={face='x+'}"], "body.rod.marker.rest.face = 'x+': no such key; the keys here: at"),
+        (["body.rod.marker.rest.at=['1 m', '0 m']"], "body.rod.marker.rest.at.2: is missing"),
+        (["body.rod.marker.rest.at.0=1"], "body.rod.marker.rest.at.0 = 1: needs a unit"),
+        # joints
+        (["joint.hinge.spring=-1 N m"], "joint.hinge.spring = '-1 N m': must not be negative"),
+        (["joint.hinge.damper=-1 N m s"], "joint.hinge.damper = '-1 N m s': must not be negative"),
+        (["joint.hinge.spring=1 N/m"], "'1 N/m' is a translational stiffness, a rotational stiffness is wanted"),
+        (["joint.hinge.damper=1 N s/m"], "'1 N s/m' is a translational damping, a rotational damping is wanted"),
+        (["joint.slide.spring=-1 N/m"], "joint.slide.spring = '-1 N/m': must not be negative"),
+        (["joint.slide.damper=-1 N s/m"], "joint.slide.damper = '-1 N s/m': must not be negative"),
+        (["joint.slide.position=1 deg"], "'1 deg' is an angle, a length is wanted"),
+        (["joint.slide.rate=1 rad/s"], "'1 rad/s' is an angular rate, a speed is wanted, e.g. '3 m/s'"),
+        (["joint.slide.angle=1 rad"], "joint.slide.angle = '1 rad': no such key"),
+        (["joint.slide.axis=[0, 0, 0]"], "joint.slide.axis = [0, 0, 0]: has no direction"),
+        (["joint.slide.type=hinge"], "must be one of 'revolute', 'prismatic', 'fixed', 'spherical', 'free'"),
+        ([FIXED.replace("}", ", axis=[1, 0, 0]}")], "joint.slide.axis = [1, 0, 0]: no such key"),
+        (["joint.hinge.parent=slider.centre"], "body.rod: its joints lead round in a circle; one must lead to ground"),
+        (
+            ["joint.slide.parent=rod.mid"],
+            "joint.slide.parent = 'rod.mid': no such marker; did you mean 'rod.hinge'? the",
+        ),
+        # fast joints
+        (["simulation.fast=['slid']"], "simulation.fast.0 = 'slid': no such joint; did you mean 'slide'?"),
+        (["simulation.fast=['hinge', 'rod']"], "simulation.fast.1 = 'rod': no such joint"),
+        ([FIXED, "output=[]"], "is a fixed joint; the fast list needs a revolute or prismatic one"),
+        (["simulation.fast=slide"], "simulation.fast = 'slide': must be a list"),
+        # charts
+        (["output.0.joint=hing"], "output.0.joint = 'hing': no such joint; did you mean 'hinge'?"),
+        ([FIXED, "simulation.fast=[]"], "output.1.joint = 'slide': is a fixed joint; joint_position needs a revolute"),
+        (["output.0.unit=mm"], "output.0.unit = 'mm': isn't a unit that rad converts to; 'rad' works"),
+        (["output.1.unit=deg"], "output.1.unit = 'deg': isn't a unit that m converts to; 'm' works"),
+        (["output.1.unit=9**9**9"], "output.1.unit = '9**9**9': isn't a unit that m converts to; 'm' works"),
+        (['output.0={type="chart", file="a.png", quantity="joint_position"}'], "output.0.joint: is missing: the name"),
+        (["output.0.quantity=energy"], "output.0.joint = 'hinge': belongs to the quantity 'joint_position'"),
+        (
+            ['output.0={type="chart", file="a.png", quantity="energy", unit="mm"}'],
+            "output.0.unit = 'mm': belongs to the quantity 'joint_position'",
+        ),
+    ],
+)
+def test_a_fault_in_a_chain_names_its_key_and_what_would_work(overrides: list[str], message: str) -> None:
+    with refused(message):
+        load_scene("rod-slider", overrides)
+
+
+def test_the_unit_of_a_chart_may_be_left_out() -> None:
+    chart = '{type="chart", file="a.png", quantity="joint_position", joint="slide"}'
+    assert load_scene("rod-slider", [f"output.0={chart}"]).output[0].unit is None
+
+
+@pytest.mark.parametrize("kind", ["modes", "stress", "film"])
+def test_only_a_flexible_body_has_pictures(tmp_path: Path, kind: str) -> None:
+    number = {"modes": 3, "stress": 4, "film": 5}[kind]
+    text = BEAM + PLATE.replace('"{}"', '"fixed"', 1).replace("{}", "beam.tip")
+    message = f"output.{number}.body = 'plate': is rigid, without modes or stress; the flexible bodies: beam"
+    with refused(message):
+        scene_of(tmp_path, text, f"output.{number}.body=plate")
+
+
 def test_overrides_replace_values_and_items_of_lists() -> None:
     scene = load_scene(
         "beam",
@@ -153,7 +320,7 @@ def test_an_override_with_two_lines_of_toml_is_a_string() -> None:
         ("output.-1=3", "there is no '-1'; did you mean '1'?"),
         # kinds and types
         ("body.beam={}", "--set: body.beam.shape: is missing"),
-        ("body.beam.shape=baar", "body.beam.shape = 'baar': must be one of 'bar'"),
+        ("body.beam.shape=baar", "body.beam.shape = 'baar': must be one of 'bar', 'rod', 'point', 'rigid'"),
         ("output.0.type=3", "output.0.type = 3: must be one of 'chart', 'modes', 'stress', 'film'"),
         ("simulation.run.0.integrator=[]", "simulation.run.0.integrator = []: must be one of"),
         ("body.beam.mesh={}", "body.beam.mesh.divisions: is missing: hexahedra along x, y and z"),
@@ -384,12 +551,17 @@ def toml(value: Any) -> str:
     return json.dumps(value) if isinstance(value, str | bool) else repr(value)
 
 
-KEYS = keys_of(tomllib.loads(BEAM))
+KEYS = [(name, key) for name, text in (("beam", BEAM), ("rod-slider", SLIDER)) for key in keys_of(tomllib.loads(text))]
 WORDS = st.sampled_from(
     [
         "bar",
+        "rod",
+        "rigid",
         "revolute",
+        "prismatic",
+        "free",
         "torque pulse",
+        "force",
         "chart",
         "film",
         "sub-cycling",
@@ -410,10 +582,11 @@ TOML_VALUES = st.recursive(
 
 
 @given(st.sampled_from(KEYS), TOML_VALUES.map(toml) | st.text())
-def test_any_value_at_any_key_loads_or_is_an_input_error(key: str, value: str) -> None:
+def test_any_value_at_any_key_loads_or_is_an_input_error(at: tuple[str, str], value: str) -> None:
+    name, key = at
     message = ""
     try:
-        assert isinstance(load_scene("beam", [f"{key}={value}"]), Scene)
+        assert isinstance(load_scene(name, [f"{key}={value}"]), Scene)
     except InputError as error:
         message = str(error)
     assert len(message) < 1000

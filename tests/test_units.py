@@ -4,12 +4,13 @@ import math
 import subprocess
 import sys
 
+import numpy as np
 import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 from pydantic import TypeAdapter, ValidationError
 
-from pipeline.units import NonNegativeTime, PositiveLength, to_si
+from pipeline.units import NonNegativeTime, PositiveLength, in_unit, to_si, unit_ratio
 
 
 @pytest.mark.parametrize(
@@ -31,6 +32,15 @@ from pipeline.units import NonNegativeTime, PositiveLength, to_si
         ("1.2 kHz", "frequency", 1200.0),
         ("1.5 N m", "torque", 1.5),
         ("1.5 kN*mm", "torque", 1.5),
+        ("2500 g", "mass", 2.5),
+        ("500 kg cm²", "moment of inertia", 0.05),
+        ("3 mm/s", "speed", 0.003),
+        ("1 kN/m", "translational stiffness", 1000.0),
+        ("2 N s/mm", "translational damping", 2000.0),
+        ("5 N m/rad", "rotational stiffness", 5.0),
+        ("5 N m", "rotational stiffness", 5.0),
+        ("5 N m s/rad", "rotational damping", 5.0),
+        ("5 N m s", "rotational damping", 5.0),
     ],
 )
 def test_a_quantity_becomes_the_nearest_float_in_si_units(text: str, kind: str, si: float) -> None:
@@ -51,6 +61,11 @@ def test_rotations_per_minute_become_radians_per_second() -> None:
         ("3 Hz", "angular rate", "'3 Hz' is a frequency, an angular rate is wanted, e.g. '20 rad/s'"),
         ("8000 rpm", "frequency", "'8000 rpm' is an angular rate, a frequency is wanted, e.g. '131.2 Hz'"),
         ("5 deg", "time", "'5 deg' is an angle, a time is wanted"),
+        ("5 N m/rad", "torque", "'5 N m/rad' is a rotational stiffness, a torque is wanted"),
+        ("5 N m rad", "rotational stiffness", "a rotational stiffness is wanted, e.g. '10 N m/rad'"),
+        ("5 N/m", "rotational stiffness", "is a translational stiffness, a rotational stiffness is wanted"),
+        ("5 N m", "rotational damping", "'5 N m' is a torque, a rotational damping is wanted"),
+        ("5 N m", "translational stiffness", "'5 N m' is a torque, a translational stiffness is wanted"),
         ("5 N m/s", "torque", r"is in 'kilogram \* meter \*\* 2 / second \*\* 3', a torque is wanted"),
         ("5 m/m", "length", "is in 'dimensionless', a length is wanted"),
         ("340 mmm", "length", "'mmm' isn't a known unit: a length is wanted"),
@@ -104,6 +119,8 @@ def test_a_time_that_may_be_zero_is_not_negative() -> None:
             ("mrad", "angle", 1e-3),
             ("turn/s", "angular rate", 2 * math.pi),
             ("kN cm", "torque", 10.0),
+            ("N m/deg", "rotational stiffness", 180 / math.pi),
+            ("N m s/deg", "rotational damping", 180 / math.pi),
         ]
     ),
 )
@@ -120,6 +137,19 @@ def test_any_other_text_is_refused_or_finite(text: str) -> None:
     except ValueError as error:
         message = str(error)
     assert not message or "a length is wanted" in message or "needs a unit" in message
+
+
+def test_values_change_their_unit() -> None:
+    # the definitions of the degree, the turn and the prefix
+    assert in_unit(np.array([0.0, math.pi]), "rad", "deg") == pytest.approx([0.0, 180.0], rel=1e-15)
+    assert unit_ratio("rad", "turn") == pytest.approx(1 / (2 * math.pi), rel=1e-15)
+    assert (unit_ratio("m", "mm"), unit_ratio("m", "m"), unit_ratio("rad", "rad")) == (1000.0, 1.0, 1.0)
+
+
+@pytest.mark.parametrize("wanted", ["deg", "mmm", "", "2 mm", "9**9**9", "m/s", "m " * 100_000])
+def test_values_change_to_no_other_dimension(wanted: str) -> None:
+    with pytest.raises(ValueError, match="isn't a unit that m converts to; 'm' works"):
+        in_unit(np.ones(2), "m", wanted)
 
 
 def test_pint_is_loaded_only_for_a_quantity() -> None:

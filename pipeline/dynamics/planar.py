@@ -23,7 +23,7 @@ from scipy.linalg import eigh
 
 from pipeline.checks import Array
 from pipeline.dynamics.compiled import inlined, meaning
-from pipeline.dynamics.system import accelerations, advance, fast_steps, freeze
+from pipeline.dynamics.system import accelerations, advance, fast_steps, freeze, velocities
 from pipeline.reduction.body import FlexibleBody
 from pipeline.tensors import EPSILON
 
@@ -97,8 +97,15 @@ class PlanarRotor:
     def frozen(self) -> FrozenPlanar:
         """Fresh storage for the frozen coefficients of a major cycle."""
         n = self.n
-        vectors = (np.zeros(n) for _ in range(4))
-        return FrozenPlanar(np.zeros(1), *vectors, np.zeros((n, n)), np.zeros((n, n)))
+        return FrozenPlanar(
+            time=np.zeros(1),
+            constant=np.zeros(n),
+            slope=np.zeros(n),
+            v_now=np.zeros(n),
+            k=np.zeros(n),
+            K=np.zeros((n, n)),
+            C=np.zeros((n, n)),
+        )
 
     @property
     def n(self) -> int:
@@ -149,6 +156,11 @@ class PlanarRotor:
         M[0, 0] = parameters.D[0, 0]
         M[0, 1:] = M[1:, 0] = parameters.A[0, 1:]
         return M
+
+    @property
+    def breakpoints(self) -> tuple[float, ...]:
+        """Begin and end of the torque [s]."""
+        return (self.pulse.start, self.pulse.start + self.pulse.duration)
 
     @property
     def coupled(self) -> bool:
@@ -277,3 +289,9 @@ def _fast_steps(
 def _advance(p: PlanarParameters, q: Array, v: Array, h: float, first: int, last: int) -> None:
     for i in range(first, last):
         q[i] += h * v[i]
+
+
+@meaning(velocities, PlanarParameters)
+def _velocities(p: PlanarParameters, q: Array, v: Array, dq: Array) -> None:
+    for i in range(v.size):
+        dq[i] = v[i]

@@ -36,6 +36,11 @@ def advance(p: Any, q: Array, v: Array, h: float, first: int, last: int) -> None
     raise NotImplementedError
 
 
+def velocities(p: Any, q: Array, v: Array, dq: Array) -> None:
+    """Time derivatives of the position coordinates, into dq: the rates, but for quaternions."""
+    raise NotImplementedError
+
+
 class System(Protocol):
     """A mechanism ready to be integrated; its first ``n_slow`` rates are the slow ones."""
 
@@ -58,6 +63,10 @@ class System(Protocol):
     @property
     def parameters(self) -> Any:
         """What the compiled functions read."""
+
+    @property
+    def breakpoints(self) -> tuple[float, ...]:
+        """Times at which a load or its rate jumps [s], ascending."""
 
     @property
     def coupled(self) -> bool:

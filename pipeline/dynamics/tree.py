@@ -158,6 +158,7 @@ class Tree:
     gravity: Array = field(default_factory=lambda: np.zeros(3))
 
     coupled = True
+    breakpoints = ()
 
     def __post_init__(self) -> None:
         for k, link in enumerate(self.links):
@@ -211,6 +212,8 @@ class Tree:
     @property
     def parameters(self) -> TreeParameters:
         """Flat arrays for the kernels, with room to work in that is the caller's own."""
+        import pipeline.dynamics.tree_solve  # noqa: F401 - gives the functions of `system` their meaning for trees
+
         n, n_bodies = self.n, len(self.links)
         most = max(len(link.omega) for link in self.links)
         return self._parameters._replace(

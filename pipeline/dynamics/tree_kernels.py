@@ -11,9 +11,8 @@ from __future__ import annotations
 import math
 
 from pipeline.checks import Array
-from pipeline.dynamics.compiled import inlined, kernel, meaning
-from pipeline.dynamics.system import accelerations, advance, fast_steps, freeze
-from pipeline.dynamics.tree import FREE, PRISMATIC, REVOLUTE, SPHERICAL, FrozenTree, TreeParameters
+from pipeline.dynamics.compiled import inlined, kernel
+from pipeline.dynamics.tree import FREE, PRISMATIC, REVOLUTE, SPHERICAL, TreeParameters
 
 
 @inlined
@@ -361,110 +360,3 @@ def _turn_section(p: TreeParameters, b: int, q: Array, v: Array) -> None:
         Q[i] -= p.joint_rotation[b, k] * (p.stiffness[i] * q[first + k + p.shift] + p.damping[i] * v[first + k])
     for k in range(p.n_modes[b]):
         Q[first + k] += p.joint_rotation[b, k] * Q[i]
-
-
-@kernel
-def _factor(M: Array, first: int, L: Array) -> None:
-    """Cholesky factor of the block of M from ``first`` on, into the same place of L."""
-    for i in range(first, M.shape[0]):
-        for j in range(first, i + 1):
-            total = M[i, j]
-            for k in range(first, j):
-                total -= L[i, k] * L[j, k]
-            if i == j:
-                L[i, i] = math.sqrt(total)
-            else:
-                L[i, j] = total / L[j, j]
-
-
-@kernel
-def _solve(L: Array, first: int, x: Array) -> None:
-    """Solve with the factor's block from ``first`` on, in place."""
-    n = L.shape[0]
-    for i in range(first, n):
-        total = x[i]
-        for k in range(first, i):
-            total -= L[i, k] * x[k]
-        x[i] = total / L[i, i]
-    for i in range(n - 1, first - 1, -1):
-        total = x[i]
-        for k in range(i + 1, n):
-            total -= L[k, i] * x[k]
-        x[i] = total / L[i, i]
-
-
-@meaning(accelerations, TreeParameters)
-def _accelerations(p: TreeParameters, t: float, q: Array, v: Array, a: Array) -> None:
-    mass_and_force(p, t, q, v)
-    Q, L = p.Q, p.L
-    for i in range(v.size):
-        a[i] = Q[i]
-    _factor(p.M, 0, L)
-    _solve(L, 0, a)
-
-
-@meaning(freeze, TreeParameters)
-def _freeze(p: TreeParameters, t: float, q: Array, v: Array, a: Array, frozen: FrozenTree) -> None:
-    M, Q, L, stiffness, scalar_position = p.M, p.Q, p.L, p.stiffness, p.scalar_position
-    constant, B, column = frozen.constant, frozen.B, frozen.column
-    n = v.size
-    n_slow = n - B.shape[0]
-    _factor(M, n_slow, L)
-    for i in range(n_slow, n):
-        constant[i] = Q[i] + stiffness[i] * q[scalar_position[i]]
-        for j in range(n_slow):
-            constant[i] -= M[i, j] * a[j]
-    _solve(L, n_slow, constant)
-    for j in range(n_slow, n):
-        for i in range(n_slow, n):
-            column[i] = 0.0
-        column[j] = stiffness[j]
-        _solve(L, n_slow, column)
-        for i in range(n_slow, n):
-            B[i - n_slow, j - n_slow] = column[i]
-
-
-@meaning(fast_steps, TreeParameters)
-def _fast_steps(
-    p: TreeParameters, frozen: FrozenTree, first: int, h: float, count: int, q: Array, v: Array, a: Array
-) -> None:
-    constant, B = frozen.constant, frozen.B
-    n, offset = v.size, q.size - v.size
-    n_slow = n - B.shape[0]
-    for _ in range(count):
-        for i in range(n_slow, n):
-            total = constant[i]
-            for j in range(n_slow, n):
-                total -= B[i - n_slow, j - n_slow] * q[j + offset]
-            a[i] = total
-        for i in range(n_slow, n):
-            v[i] += h * a[i]
-            q[i + offset] += h * v[i]
-
-
-@meaning(advance, TreeParameters)
-def _advance(p: TreeParameters, q: Array, v: Array, h: float, first: int, last: int) -> None:
-    scalar_position, joint, rate, position = p.scalar_position, p.joint, p.rate, p.position
-    for i in range(first, last):
-        if scalar_position[i] >= 0:
-            q[scalar_position[i]] += h * v[i]
-    for b in range(joint.size):
-        turn = rate[b] + (3 if joint[b] == FREE else 0)
-        if joint[b] in (SPHERICAL, FREE) and first <= turn < last:
-            _advance_quaternion(q, position[b] + (3 if joint[b] == FREE else 0), v, turn, h)
-
-
-@kernel
-def _advance_quaternion(q: Array, at: int, v: Array, turn: int, h: float) -> None:
-    """Turn the unit quaternion at ``q[at]`` by h times the body's own rates; the only place where one changes."""
-    wx, wy, wz = 0.5 * h * v[turn], 0.5 * h * v[turn + 1], 0.5 * h * v[turn + 2]
-    size = math.sqrt(wx * wx + wy * wy + wz * wz)
-    s, c = (math.sin(size) / size, math.cos(size)) if size > 1e-12 else (1.0, 1.0)
-    wx, wy, wz = s * wx, s * wy, s * wz
-    x, y, z, w = q[at], q[at + 1], q[at + 2], q[at + 3]
-    e0 = w * wx + x * c + y * wz - z * wy
-    e1 = w * wy - x * wz + y * c + z * wx
-    e2 = w * wz + x * wy - y * wx + z * c
-    e3 = w * c - x * wx - y * wy - z * wz
-    norm = 1.0 / math.sqrt(e0 * e0 + e1 * e1 + e2 * e2 + e3 * e3)
-    q[at], q[at + 1], q[at + 2], q[at + 3] = norm * e0, norm * e1, norm * e2, norm * e3

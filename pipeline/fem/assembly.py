@@ -35,7 +35,7 @@ def assemble(mesh: SolidMesh, order: int, material: Material) -> FEModel:
     Raises
     ------
     AccuracyError
-        The Jacobian is not positive at every quadrature point, or volume and mass disagree.
+        The Jacobian is not positive at every quadrature point.
     """
     space = Discretisation(mesh, order)
     nodes = space.element_nodes

@@ -24,7 +24,8 @@ class ElementKind:
     element, geometry : skfem.Element
         Scalar shape functions of the displacement and of the position.
     stiffness_order, mass_order : int
-        Polynomial degree that the quadrature of K and M integrates exactly.
+        Polynomial degree that the quadrature of K and M integrates exactly: all of both on cells with a constant
+        Jacobian, mass and first moments on any.
     stress_order : int
         Degree of the quadrature whose points carry the most accurate stresses (Barlow 1976).
     """

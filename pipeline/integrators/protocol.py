@@ -11,7 +11,7 @@ import numpy as np
 
 from pipeline.checks import Array, StabilityError, require_finite, require_shape
 from pipeline.dynamics.compiled import kernel
-from pipeline.dynamics.system import System, accelerations
+from pipeline.dynamics.system import System, accelerations, velocities
 
 Progress = Callable[[float], None]
 """Called with the part of the march that is done, 0…1."""
@@ -88,7 +88,7 @@ class Integrator(Protocol):
 
     @property
     def step(self) -> float:
-        """Fast step [s]."""
+        """Fast step [s]; 0 if the method chooses its steps."""
 
     def order(self, system: System) -> int:
         """Declared order of convergence for a system."""
@@ -124,13 +124,10 @@ def march_in_chunks(
 
     Raises
     ------
-    ValueError
-        The output times are not finite, ascending and from 0 on.
     StabilityError
         A rate ran away; the message gives the time and the coordinate that moves fastest then.
     """
-    if not (times.size and times[0] >= 0.0 and (np.diff(times) >= 0.0).all() and np.isfinite(times[-1])):
-        raise ValueError("times must be finite, from 0 on, in ascending order, and one at least")
+    require_times(times)
     state = replace(start, q=start.q.copy(), v=start.v.copy(), a=start.a.copy())
     sample_step = np.floor(times / step * (1 + 1e-14) + 1e-9).astype(np.int64)
     sample_offset = np.maximum(times - sample_step * step, 0.0)
@@ -164,12 +161,23 @@ def require_step(step: float) -> None:
         raise ValueError(f"step is {step}, expected a time above 0")
 
 
-def start_state(system: System, q0: Array, v0: Array, lag: Array) -> State:
-    """State at time 0 with the rates moved back by half of each coordinate's step, ``lag`` (n,) [s]."""
+def require_times(times: Array) -> None:
+    """Raise ``ValueError`` unless output times are finite, from 0 on and ascending."""
+    if not (times.size and times[0] >= 0.0 and (np.diff(times) >= 0.0).all() and np.isfinite(times[-1])):
+        raise ValueError("times must be finite, from 0 on, in ascending order, and one at least")
+
+
+def require_start(system: System, q0: Array, v0: Array) -> None:
+    """Raise unless positions and rates at the start fit the system and are finite."""
     require_shape("q0", q0, (system.n_positions,))
     require_shape("v0", v0, (system.n,))
     require_finite("q0", q0)
     require_finite("v0", v0)
+
+
+def start_state(system: System, q0: Array, v0: Array, lag: Array) -> State:
+    """State at time 0 with the rates moved back by half of each coordinate's step, ``lag`` (n,) [s]."""
+    require_start(system, q0, v0)
     a = np.zeros(system.n)
     evaluate(system.parameters, 0.0, q0, v0, a)
     return State(0, q0.astype(float), v0 - lag * a, a)
@@ -179,6 +187,12 @@ def start_state(system: System, q0: Array, v0: Array, lag: Array) -> State:
 def evaluate(p: Any, t: float, q: Array, v: Array, a: Array) -> None:
     """Call `accelerations` from Python."""
     accelerations(p, t, q, v, a)
+
+
+@kernel
+def evaluate_velocities(p: Any, q: Array, v: Array, dq: Array) -> None:
+    """Call `velocities` from Python."""
+    velocities(p, q, v, dq)
 
 
 @kernel

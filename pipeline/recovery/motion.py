@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 from functools import cached_property
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
@@ -99,6 +99,25 @@ class Motion:
     def energies(self) -> tuple[Array, Array]:
         """Kinetic and strain energy [J], each of shape (n_times,)."""
         return self.rotor.energies(self.trajectory.q, self.trajectory.v)
+
+    def differences(self, first: Motion) -> dict[str, Any]:
+        """Return the largest differences from another motion over all output times."""
+        return {
+            "tip_difference_m": float(np.linalg.norm(self.tip_position - first.tip_position, axis=1).max()),
+            "tip_deflection_difference_m": float(np.abs(self.tip_deflection - first.tip_deflection).max()),
+        }
+
+    def final(self) -> dict[str, Any]:
+        """Return where the motion ends."""
+        kinetic, strain = self.energies
+        return {
+            "time_s": float(self.times[-1]),
+            "joint_angle_rad": float(self.joint_angle[-1]),
+            "joint_rate_rad_s": float(self.joint_rate[-1]),
+            "tip_deflection_m": float(self.tip_deflection[-1]),
+            "kinetic_energy_j": float(kinetic[-1]),
+            "strain_energy_j": float(strain[-1]),
+        }
 
     @property
     def _com_in_frame(self) -> Array:

@@ -42,6 +42,8 @@ def modal_stress(space: Discretisation, material: Material, shapes: Array, nodes
     from pipeline.fem.assembly import gradients
 
     require_shape("shapes", shapes, (len(space.x), 3, None))
+    if len(np.unique(nodes)) < len(nodes):
+        raise ValueError("nodes names a node twice")
     X, _ = space.kind.quadrature(space.kind.stress_order)
     to_nodes = _extrapolation(X, space.kind.element.doflocs.T)
     chosen = np.full(len(space.x), -1)

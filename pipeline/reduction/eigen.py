@@ -19,6 +19,7 @@ if TYPE_CHECKING:
 RESIDUAL_LIMIT = 1e-6
 ORTHONORMALITY_LIMIT = 1e-8
 STATIC_RESIDUAL_LIMIT = 1e-8
+_BALANCED = 1e-12  # what is left below this part of a load is round-off: the body balances it by itself
 _MAX_RESTARTS = 6
 # An eigenvalue below this part of the shift is zero: Lanczos leaves about 1e-12, an elastic mode about 1.
 _ZERO = 1e-6
@@ -87,7 +88,11 @@ class FreeBodySolver:
         eigenvalues, Phi = eigenvalues[order], Phi[:, order]
         n_rigid = int(np.count_nonzero(eigenvalues < _ZERO * -self.shift))
         if n_rigid != 6:
-            raise AccuracyError(f"found {n_rigid} rigid-body modes, a free body has 6")
+            lowest = ", ".join(f"{value:.1e}" for value in eigenvalues[:8])
+            raise AccuracyError(
+                f"found {n_rigid} rigid-body modes, a free body has 6; the lowest eigenvalues are {lowest} rad²/s², "
+                f"of which those below {_ZERO * -self.shift:.1e} count as zero"
+            )
         residual = _verified(K, M, eigenvalues, Phi)
         Phi = Phi[:, 6:] * np.sign(Phi[np.abs(Phi[:, 6:]).argmax(axis=0), np.arange(6, Phi.shape[1])])
         return EigenPairs(np.sqrt(eigenvalues[6:]), Phi.reshape(-1, 3, count), n_rigid, residual)
@@ -119,6 +124,8 @@ class FreeBodySolver:
 
         loads = balanced(f.reshape(-1, f.shape[-1]))
         size = np.linalg.norm(loads, axis=0)
+        nothing = size <= _BALANCED * np.linalg.norm(f.reshape(loads.shape), axis=0)
+        loads[:, nothing], size[nothing] = 0.0, 1.0
         u = np.zeros_like(loads)
         solve = LinearOperator(fe.K.shape, matvec=self._factor.solve, dtype=float)
         # Conjugate gradients with the shifted factor take a few steps. They start anew on what is left of the load,

@@ -20,7 +20,7 @@ if TYPE_CHECKING:
     from pipeline.reduction.eigen import FreeBodySolver
 
 # A static response with less than this part of its norm outside the modes adds nothing but round-off.
-_NEW = 1e-8
+_NEW = 1e-4
 
 
 def inertia_loads(fe: FEModel, marker: Marker, axis: Array) -> Array:
@@ -60,11 +60,12 @@ def enriched(modes: Modes, fe: FEModel, solver: FreeBodySolver, loads: Array) ->
     """
     U = solver.static_response(loads).reshape(fe.K.shape[0], -1)
     Phi = modes.shapes.reshape(fe.K.shape[0], -1)
+    U = U[:, U.any(axis=0)]
     U /= np.sqrt(np.einsum("ij,ij->j", U, fe.M @ U))
     for _ in range(2):  # twice is enough (Parlett)
         U -= Phi @ (Phi.T @ (fe.M @ U))
     weight, turn = eigh(U.T @ (fe.M @ U))
-    new = weight > _NEW
+    new = weight > _NEW**2
     U = U @ (turn[:, new] / np.sqrt(weight[new]))
     omega2, turn = eigh(U.T @ (fe.K @ U))
     U = U @ turn

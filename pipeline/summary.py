@@ -1,0 +1,51 @@
+"""Everything that a run has to tell, in plain numbers."""
+
+from __future__ import annotations
+
+from typing import Any
+
+import numpy as np
+
+from pipeline.frequencies import frequency_table
+from pipeline.stages import Pipeline
+
+
+def summarise(run: Pipeline, files: list[str]) -> dict[str, Any]:
+    """Gather a run's figures; the keys about modes and stress are there if the scene has a flexible body."""
+    from pipeline import __version__
+
+    summary: dict[str, Any] = {"scene": run.scene.name, "version": __version__}
+    if run.flexible:
+        summary |= frequency_table(run)
+        summary["pinned_frequencies_hz"] = run.body.frequencies_hz.tolist()
+        summary["coupling"] = run.body.coupling
+        summary["mass_kg"] = run.body.gram.mass
+    motions: dict[str, Any] = dict(run.motions)
+    first = next(iter(motions.values()))
+    summary["largest_stable_step_s"] = 2.0 / run.mechanism.highest_frequency
+    summary["integrations"] = [
+        {
+            "integrator": motion.trajectory.integrator,
+            "step_s": motion.trajectory.step,
+            "substeps": motion.trajectory.substeps,
+            "seconds": motion.trajectory.seconds,
+            "ratio_to_plain": motion.trajectory.seconds / first.trajectory.seconds,
+            "evaluations": motion.trajectory.evaluations,
+            "fast_evaluations": motion.trajectory.fast_evaluations,
+            **motion.differences(first),
+        }
+        for motion in motions.values()
+    ]
+    summary["final"] = first.final()
+    if run.flexible:
+        summary["peak_tip_deflection_m"] = float(np.abs(run.motion.tip_deflection).max())
+        time, node, value = run.stress.worst()
+        place = run.body.x[run.stress.nodes[node]]
+        summary["worst_stress"] = {"time_s": time, "von_mises_pa": value, "position_m": place.tolist()}
+    return summary | {
+        "files": files,
+        "seconds": dict(run.log.seconds),
+        "stages_run": list(run.log.run),
+        "stages_cached": list(run.log.cached),
+        "stages_skipped": run.log.skipped,
+    }
