@@ -109,6 +109,14 @@ class ExponentialRun(Table):
     step: PositiveTime | None = None
 
 
+class GeneralizedAlphaRun(Table):
+    """Generalised-α with spectral radius ``rho`` at infinite frequency; ``step`` [s] overrides the simulation's."""
+
+    integrator: Literal["generalized-alpha"]
+    rho: Annotated[Number, Field(ge=0.0, le=1.0)] = 0.8
+    step: PositiveTime | None = None
+
+
 class ScipyRun(Table):
     """One of SciPy's adaptive methods, with its relative ``tolerance``."""
 
@@ -121,7 +129,10 @@ class ScipyRun(Table):
         return None
 
 
-Run = Annotated[CentralDifference | SubCycling | ExponentialRun | ScipyRun, Field(discriminator="integrator")]
+Run = Annotated[
+    CentralDifference | SubCycling | ExponentialRun | GeneralizedAlphaRun | ScipyRun,
+    Field(discriminator="integrator"),
+]
 
 
 class Simulation(Table):

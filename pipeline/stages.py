@@ -319,6 +319,7 @@ class Pipeline:
     def _integrators(self) -> dict[str, Integrator]:
         from pipeline.integrators.central_difference import CentralDifference
         from pipeline.integrators.exponential import Exponential
+        from pipeline.integrators.generalized_alpha import GeneralizedAlpha
         from pipeline.integrators.scipy_ivp import ScipyIvp
         from pipeline.integrators.subcycling import Subcycling
 
@@ -333,6 +334,8 @@ class Pipeline:
                     label, integrator = f"{label} {run.substeps}:1", Subcycling(step, run.substeps)
                 case "exponential":
                     integrator = Exponential(step)
+                case "generalized-alpha":
+                    integrator = GeneralizedAlpha(step, run.rho)
                 case _:
                     integrator = ScipyIvp(run.integrator, run.tolerance)
             made[f"{label} ({k})" if label in made else label] = integrator

@@ -1,0 +1,224 @@
+"""Generalised-α: Chung & Hulbert, J Appl Mech 60 (1993), in the form of Arnold & Brüls, Multibody Syst Dyn 18 (2007).
+
+The equations of motion hold at the end of each step; the auxiliary accelerations a follow
+``(1 − α_m) a_{n+1} + α_m a_n = (1 − α_f) q̈_{n+1} + α_f q̈_n``. Positions move by
+``h (v + h ((½ − β) a_n + β a_{n+1}))``, on a rotation in space along its own group (Brüls & Cardona, J Comput Nonlinear
+Dyn 5, 2010). Newton's unknown is q̈_{n+1}; its tangent comes from differences of the accelerations and is kept while it
+serves.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, replace
+from functools import cached_property
+from typing import Any
+
+import numpy as np
+
+from pipeline.checks import AccuracyError, Array, IntArray
+from pipeline.dynamics.compiled import kernel
+from pipeline.dynamics.system import System, accelerations, advance
+from pipeline.integrators.protocol import (
+    Progress,
+    State,
+    Trajectory,
+    march_in_chunks,
+    require_step,
+    runs_away,
+    start_state,
+)
+
+TOLERANCE = 1e-10  # of Newton's corrections, relative to the largest acceleration
+_MOST_ITERATIONS = 12
+
+
+@dataclass(frozen=True)
+class GeneralizedAlpha:
+    """Generalised-α with a constant step [s].
+
+    Parameters
+    ----------
+    step : float
+        [s]
+    rho : float
+        Spectral radius at infinite frequency, 0 (strongest damping of what the step can't resolve) … 1 (none).
+    """
+
+    step: float
+    rho: float = 0.8
+
+    name = "generalized-alpha"
+
+    def __post_init__(self) -> None:
+        require_step(self.step)
+        if not 0.0 <= self.rho <= 1.0:
+            raise ValueError(f"rho is {self.rho}, expected 0 … 1")
+
+    @cached_property
+    def weights(self) -> Array:
+        """α_m, α_f, β and γ of second order for this ρ∞, shape (4,)."""
+        alpha_m = (2 * self.rho - 1) / (self.rho + 1)
+        alpha_f = self.rho / (self.rho + 1)
+        return np.array([alpha_m, alpha_f, 0.25 * (1 - alpha_m + alpha_f) ** 2, 0.5 - alpha_m + alpha_f])
+
+    def order(self, system: System) -> int:
+        """Order 2."""
+        return 2
+
+    def largest_step(self, system: System) -> float:
+        """No limit for a linear system."""
+        return np.inf
+
+    def march(self, system: System, q0: Array, v0: Array, times: Array, progress: Progress | None = None) -> Trajectory:
+        """Integrate from time 0 to the last of ``times``."""
+        start = start_state(system, q0, v0, np.zeros(system.n))
+        # The state carries both accelerations: auxiliary and true; they begin equal.
+        start = replace(start, a=np.concatenate([start.a, start.a]))
+        trajectory = self.resume(system, start, times, progress)
+        return replace(trajectory, evaluations=trajectory.evaluations + 1)
+
+    def resume(self, system: System, start: State, times: Array, progress: Progress | None = None) -> Trajectory:
+        """Continue from a state that a march of this method has ended in; earlier output times stay NaN.
+
+        The tangent is made anew, so the continuation is the same to Newton's tolerance, not to the last bit.
+
+        Raises
+        ------
+        AccuracyError
+            Newton's iteration did not converge; the message has the time.
+        """
+        n, parameters, h = system.n, system.parameters, self.step
+        work, positions = np.zeros((6, n)), np.zeros((2, system.n_positions))
+        tangent = np.zeros((n, n))
+        memory = np.zeros(3)  # evaluations, whether the tangent may be kept, whether Newton failed
+
+        def run(state: State, n_steps: int, *samples: Any) -> int:
+            march = (h, state.step, n_steps, state.q, state.v, state.a)
+            done = int(_march(parameters, self.weights, work, positions, tangent, memory, *march, *samples))
+            if memory[2]:
+                raise AccuracyError(
+                    f"{self.name}: Newton's iteration did not converge at t = {(state.step + done) * h:.6g} s; "
+                    "take a smaller step"
+                )
+            return done
+
+        end, q, v, seconds = march_in_chunks(run, start, h, 1, times, progress)
+        return Trajectory(self.name, h, 1, times, q, v, int(memory[0]), 0, seconds, end)
+
+
+@kernel
+def _factor(A: Array) -> None:
+    """LU factor in place, no pivoting: the tangent is the unit matrix and what a step adds to it."""
+    n = A.shape[0]
+    for k in range(n):
+        for i in range(k + 1, n):
+            A[i, k] /= A[k, k]
+            for j in range(k + 1, n):
+                A[i, j] -= A[i, k] * A[k, j]
+
+
+@kernel
+def _solve(A: Array, x: Array) -> None:
+    n = A.shape[0]
+    for i in range(n):
+        for j in range(i):
+            x[i] -= A[i, j] * x[j]
+    for i in range(n - 1, -1, -1):
+        for j in range(i + 1, n):
+            x[i] -= A[i, j] * x[j]
+        x[i] /= A[i, i]
+
+
+@kernel
+def _end_of_step(
+    p: Any, weights: Array, t: float, h: float, q: Array, v: Array, a: Array, new: Array,
+    q_new: Array, v_new: Array, mean: Array, found: Array,
+) -> None:  # fmt: skip
+    """Accelerations at the end of a step for a trial ``new`` of them; a holds the auxiliary and the true ones."""
+    n = v.size
+    alpha_m, alpha_f, beta, gamma = weights[0], weights[1], weights[2], weights[3]
+    for i in range(n):
+        ahead = ((1.0 - alpha_f) * new[i] + alpha_f * a[n + i] - alpha_m * a[i]) / (1.0 - alpha_m)
+        mean[i] = v[i] + h * ((0.5 - beta) * a[i] + beta * ahead)
+        v_new[i] = v[i] + h * ((1.0 - gamma) * a[i] + gamma * ahead)
+    for i in range(q.size):
+        q_new[i] = q[i]
+    advance(p, q_new, mean, h, 0, n)
+    accelerations(p, t + h, q_new, v_new, found)
+
+
+@kernel
+def _march(
+    p: Any, weights: Array, work: Array, positions: Array, tangent: Array, memory: Array,
+    h: float, first: int, n_steps: int, q: Array, v: Array, a: Array,
+    sample_step: IntArray, sample_offset: Array, sample_q: Array, sample_v: Array, cursor: IntArray,
+) -> int:  # fmt: skip
+    n = v.size
+    new, found, shifted, v_new, mean, base = work[0], work[1], work[2], work[3], work[4], work[5]
+    q_new = positions[0]
+    alpha_m, alpha_f = weights[0], weights[1]
+    next_sample = sample_step[cursor[0]] if cursor[0] < sample_step.size else -1
+    for step in range(first, first + n_steps):
+        t = step * h
+        for i in range(n):
+            new[i] = a[n + i]
+        converged, largest_before = False, 0.0
+        for iteration in range(_MOST_ITERATIONS):
+            _end_of_step(p, weights, t, h, q, v, a, new, q_new, v_new, mean, found)
+            memory[0] += 1
+            size, largest = 1e-300, 0.0
+            for i in range(n):
+                size = max(size, abs(found[i]), abs(new[i]))
+            if memory[1] == 0.0 or (iteration > 0 and iteration % 4 == 0):
+                for i in range(n):
+                    base[i] = found[i]
+                for j in range(n):
+                    keep = new[j]
+                    nudge = 1e-6 * (abs(keep) + 1e-3 * size)
+                    new[j] = keep + nudge
+                    _end_of_step(p, weights, t, h, q, v, a, new, q_new, v_new, mean, shifted)
+                    memory[0] += 1
+                    new[j] = keep
+                    for i in range(n):
+                        tangent[i, j] = (1.0 if i == j else 0.0) - (shifted[i] - base[i]) / nudge
+                _factor(tangent)
+                memory[1] = 1.0
+                for i in range(n):
+                    found[i] = base[i]
+            for i in range(n):
+                found[i] -= new[i]
+            _solve(tangent, found)
+            for i in range(n):
+                new[i] += found[i]
+                largest += abs(found[i])  # a sum: it keeps a NaN, which max would lose
+            if largest <= TOLERANCE * size:
+                converged = True
+                break
+            if iteration > 0 and largest > 0.3 * largest_before:
+                memory[1] = 0.0  # too slow: a fresh tangent
+            largest_before = largest
+        if not converged:
+            memory[2] = 1.0
+            return step - first
+        _end_of_step(p, weights, t, h, q, v, a, new, q_new, v_new, mean, found)
+        memory[0] += 1
+        while step == next_sample:  # cubic in time between the step's ends, along the mean rates
+            s = sample_offset[cursor[0]]
+            x = s / h
+            for i in range(n):
+                sample_v[cursor[0], i] = v[i] + s * (a[n + i] + 0.5 * x * (new[i] - a[n + i]))
+                shifted[i] = v[i] + s * (0.5 * a[n + i] + x * (new[i] - a[n + i]) / 6.0)
+            for i in range(q.size):
+                sample_q[cursor[0], i] = q[i]
+            advance(p, sample_q[cursor[0]], shifted, s, 0, n)
+            cursor[0] += 1
+            next_sample = sample_step[cursor[0]] if cursor[0] < sample_step.size else -1
+        for i in range(n):
+            a[i] = ((1.0 - alpha_f) * new[i] + alpha_f * a[n + i] - alpha_m * a[i]) / (1.0 - alpha_m)
+            a[n + i] = new[i]
+            v[i] = v_new[i]
+        for i in range(q.size):
+            q[i] = q_new[i]
+        if runs_away(v):
+            return step - first
+    return n_steps

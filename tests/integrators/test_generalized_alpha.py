@@ -1,0 +1,113 @@
+"""Generalised-α: its order, its damping, its Newton iteration."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+
+from pipeline import Pipeline, load_scene
+from pipeline.checks import AccuracyError
+from pipeline.dynamics.planar import TorquePulse
+from pipeline.integrators.generalized_alpha import GeneralizedAlpha
+from pipeline.integrators.scipy_ivp import ScipyIvp
+
+
+@pytest.fixture(scope="module")
+def beam():
+    return Pipeline(load_scene("beam")).rotor
+
+
+@pytest.fixture(scope="module")
+def times():
+    return np.linspace(0.0, 0.15, 61)
+
+
+@pytest.fixture(scope="module")
+def exact(beam, times):
+    rest = np.zeros(beam.n)
+    return ScipyIvp("DOP853", 1e-12).march(beam, rest, rest, times)
+
+
+@pytest.mark.parametrize("rho", [0.0, 0.5, 0.8, 1.0])
+def test_angle_and_first_mode_converge_at_order_2(beam, times, exact, rho):
+    rest, steps = np.zeros(beam.n), np.array([1e-4, 5e-5, 2.5e-5])
+    errors = []
+    for step in steps:
+        motion = GeneralizedAlpha(step, rho).march(beam, rest, rest, times)
+        errors.append(np.abs(motion.q - exact.q).max(axis=0)[:2])
+    slope = np.polyfit(np.log(steps), np.log(errors), 1)[0]
+    # Chung & Hulbert's parameters make the method of second order for every ρ∞; the strongest damping reaches the
+    # asymptotic range last.
+    np.testing.assert_allclose(slope, GeneralizedAlpha(1e-4, rho).order(beam), atol=0.1 if rho > 0 else 0.2)
+
+
+def test_frequencies_that_the_step_cannot_resolve_are_damped_by_rho_each_step(beam):
+    # One mode at ω h = 1e4: each step multiplies its amplitude by about ρ∞ (Chung & Hulbert 1993, definition).
+    still = replace(beam, pulse=TorquePulse(0.0, 1.0, 0.0))
+    step = 1e4 / still.body.omega[-1]
+    q0 = np.zeros(still.n)
+    q0[-1] = 1e-6
+    rho, n_steps = 0.6, 24
+    times = np.arange(n_steps + 1) * step
+    motion = GeneralizedAlpha(step, rho).march(still, q0, np.zeros(still.n), times)
+    amplitude = np.abs(motion.q[:, -1])
+    late = amplitude[-1] / amplitude[-9]
+    assert late ** (1 / 8) == pytest.approx(rho, rel=0.25)
+
+
+def test_without_damping_the_energy_of_a_ringing_beam_stays(beam):
+    # ρ∞ = 1 is the trapezoidal rule: energy errors are bounded, and fall with h².
+    still = replace(beam, pulse=TorquePulse(0.0, 1.0, 0.0))
+    q0, v0 = np.zeros(still.n), np.zeros(still.n)
+    q0[1], v0[0] = 1e-4, 20.0
+    drift = []
+    for step in (1e-4, 5e-5):
+        motion = GeneralizedAlpha(step, 1.0).march(still, q0, v0, np.linspace(0, 1.0, 201))
+        total = np.sum(still.energies(motion.q, motion.v), axis=0)
+        drift.append(np.abs(total / total[0] - 1).max())
+    assert drift[1] < drift[0] / 3
+    assert drift[1] < 1e-6
+
+
+def test_output_times_never_change_the_steps(beam):
+    rest = np.zeros(beam.n)
+    few = GeneralizedAlpha(1e-4).march(beam, rest, rest, np.array([0.0, 0.05]))
+    many = GeneralizedAlpha(1e-4).march(beam, rest, rest, np.linspace(0, 0.05, 777))
+    np.testing.assert_array_equal(few.q[-1], many.q[-1])
+    np.testing.assert_array_equal(few.end.q, many.end.q)
+
+
+def test_a_restart_continues_to_newtons_tolerance(beam):
+    rest, method = np.zeros(beam.n), GeneralizedAlpha(1e-4)
+    whole = method.march(beam, rest, rest, np.array([0.0, 0.05]))
+    part = method.march(beam, rest, rest, np.array([0.0, 0.02]))
+    rest_of_it = method.resume(beam, part.end, np.array([0.05]))
+    np.testing.assert_allclose(rest_of_it.q[-1], whole.q[-1], rtol=1e-7, atol=1e-12)
+
+
+def test_a_spinning_body_in_space_keeps_its_quaternion_unit():
+    from pipeline.dynamics.tree import SPHERICAL, Link, Tree, rigid_gram
+
+    top = Tree([Link("top", rigid_gram(2.0, np.zeros(3), np.diag([0.1, 0.2, 0.25])), SPHERICAL)])
+    v0 = np.array([0.1, 5.0, 0.1])
+    motion = GeneralizedAlpha(1e-3, 1.0).march(top, top.rest_positions, v0, np.linspace(0, 2, 21))
+    np.testing.assert_allclose(np.linalg.norm(motion.q, axis=1), 1.0, atol=1e-14)
+    exact = ScipyIvp("DOP853", 1e-12).march(top, top.rest_positions, v0, np.linspace(0, 2, 21))
+    coarse = np.abs(motion.v - exact.v).max()
+    fine = GeneralizedAlpha(5e-4, 1.0).march(top, top.rest_positions, v0, np.linspace(0, 2, 21))
+    assert coarse / np.abs(fine.v - exact.v).max() == pytest.approx(4.0, rel=0.1)  # order 2 on the rotation group
+
+
+def test_a_newton_iteration_that_fails_stops_the_march(beam):
+    q0, v0 = np.zeros(beam.n), np.zeros(beam.n)
+    q0[1], v0[0] = 1.0, 1e100  # softening beyond all measure: the next step overflows
+    with pytest.raises(AccuracyError, match=r"Newton's iteration did not converge at t = .* s; take a smaller step"):
+        GeneralizedAlpha(1e-3).march(beam, q0, v0, np.array([0.0, 0.01]))
+
+
+@pytest.mark.parametrize("rho", [-0.1, 1.1, np.nan])
+def test_a_rho_outside_its_range_is_refused(rho):
+    with pytest.raises(ValueError, match=r"rho is .*, expected 0 … 1"):
+        GeneralizedAlpha(1e-3, rho)
