@@ -100,6 +100,42 @@ def test_run_draws_everything_that_the_scene_lists(tmp_path, capsys):
     assert frames == 3
 
 
+def test_rod_slider_turns_as_in_figure_4_and_draws_the_papers_charts(tmp_path, capsys):
+    assert fmd("run", "rod-slider", "--out", str(tmp_path), "--json") == 0
+    result = json.loads(capsys.readouterr().out)
+    # 100 N m taken per degree, on the inertia with the slider at rest at 1 m: ½ τ/J t² = 652° after 10 s (Fig. 4).
+    expected = 0.5 * (100 * np.pi / 180) / (2 * 2**2 / 3 + 5 * 1**2) * 10**2
+    assert result["final"]["joint_positions"]["hinge"] == pytest.approx(expected, rel=0.01)
+    assert [row["substeps"] for row in result["integrations"]] == [1, 5, 10]
+    assert result["stages_run"] == ["motion", "pictures"]
+    assert {"mesh", "assembly", "modes", "body", "stress"} <= set(result["stages_skipped"])
+    charts = {"fig-04-06-angle.png", "fig-05-07-slider.png"}
+    assert {path.name for path in tmp_path.iterdir()} == {*charts, "motion.nc", "summary.json"}
+    for name in charts:
+        assert imread(tmp_path / name)[..., :3].std() > 0.01
+    with xarray.open_dataset(tmp_path / "motion.nc", engine="scipy") as motion:
+        assert motion.hinge_position.units == "rad"
+        assert motion.slide_position.units == "m"
+        assert float(np.abs(motion.slide_position).max()) < 0.2  # Figs. 5 and 7 stay within ±0.2 m
+
+
+def test_rigid_scenes_have_nothing_to_mesh(capsys):
+    assert fmd("modes", "rod-slider") == 2
+    assert "no flexible body" in capsys.readouterr().err
+
+
+def test_every_integrator_can_be_chosen_by_name(tmp_path, capsys):
+    runs = ['{ integrator = "exponential", step = "1 ms" }', '{ integrator = "generalized-alpha", rho = 0.9 }']
+    runs.append('{ integrator = "DOP853", tolerance = 1e-8 }')
+    chosen = f"simulation.run=[{', '.join(runs)}]"
+    assert fmd("run", "beam", *QUICK, "--set", chosen, "--no-pictures", "--out", str(tmp_path), "--json") == 0
+    rows = json.loads(capsys.readouterr().out)["integrations"]
+    assert [row["integrator"] for row in rows] == ["exponential", "generalized-alpha", "DOP853"]
+    # Generalised-α at 10 µs is good to 1e-4 of the 5 mm deflection; DOP853 and the exponential method agree.
+    assert rows[1]["tip_deflection_difference_m"] < 5e-6
+    assert rows[2]["tip_deflection_difference_m"] < 1e-6
+
+
 def test_second_run_meshes_assembles_and_solves_nothing(tmp_path, capsys):
     arguments = ["run", "beam", *QUICK, "--no-pictures", "--out", str(tmp_path), "--json"]
     assert fmd(*arguments) == 0
@@ -175,7 +211,7 @@ def test_several_bodies_are_refused_by_name(tmp_path, capsys):
     path = tmp_path / "two.toml"
     path.write_text(scene + second + joint.partition("\n#")[0])
     assert fmd("modes", str(path)) == 2
-    assert "this version moves one body" in capsys.readouterr().err
+    assert "this version moves one flexible body" in capsys.readouterr().err
 
 
 def test_a_failed_check_ends_with_status_3_and_its_figure(capsys, monkeypatch):
