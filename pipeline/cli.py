@@ -130,6 +130,43 @@ def modes(
 
 
 @app.command
+def bench(
+    scenes: list[str] | None = None,
+    /,
+    *,
+    out: Path = Path("out/bench"),
+    set_: Set = None,
+    json: Json = False,
+) -> None:
+    """Run time against error: every integrator on a scene's mechanism, as a table, a CSV and a chart.
+
+    Parameters
+    ----------
+    scenes
+        Ready scenes or TOML files; rod-slider and beam by default.
+    out
+        Folder for the CSV and the chart of each.
+    """
+    from dataclasses import asdict
+
+    from pipeline.bench import bench as compare
+    from pipeline.bench import write_bench
+
+    rows: list[dict[str, Any]] = []
+    for scene in scenes or ["rod-slider", "beam"]:
+        pipeline = _pipeline(scene, set_, no_cache=False)
+        result = compare(pipeline)
+        files = write_bench(pipeline, result, out)
+        rows += [{"scene": pipeline.scene.name, **asdict(row)} for row in result.rows]
+        if not json:
+            from pipeline.tables import print_bench
+
+            print_bench(pipeline.scene.title, result, out, files)
+    if json:
+        _print_json({"rows": rows})
+
+
+@app.command
 def doctor(*, json: Json = False) -> None:
     """Tell what this machine lacks, and the command that mends it."""
     from pipeline.doctor import information, problems

@@ -345,7 +345,8 @@ class Pipeline:
         runs = enumerate(self.scene.simulation.run)
         return [f"simulation.run.{k}.step" if run.step else "simulation.step" for k, run in runs]
 
-    def _start(self) -> tuple[Array, Array]:
+    @property
+    def start(self) -> tuple[Array, Array]:
         """Positions and rates at the start."""
         if not self.flexible:
             return self.chain.q0, self.chain.v0
@@ -357,7 +358,7 @@ class Pipeline:
         simulation, mechanism = self.scene.simulation, self.mechanism
         n_outputs = int(simulation.duration / simulation.output_step * (1 + 1e-12)) + 1
         times = np.arange(n_outputs, dtype=float) * simulation.output_step
-        start = self._start()
+        start = self.start
         trajectories = {}
         for label, integrator in integrators.items():
             integrator.march(mechanism, *start, times[:2])  # compiles, or reads kernels: not part of the run time

@@ -3,10 +3,13 @@
 from __future__ import annotations
 
 from pathlib import Path
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 from rich.console import Console
 from rich.table import Table
+
+if TYPE_CHECKING:
+    from pipeline.studies.work_precision import WorkPrecision
 
 _COUPLED = 1e-6
 
@@ -45,6 +48,18 @@ def print_frequencies(result: dict[str, Any]) -> None:
     console = Console()
     console.print(_frequencies(result))
     console.print(f"{result['rigid_modes']} rigid-body modes, {result['dofs']} unknowns")
+
+
+def print_bench(title: str, result: WorkPrecision, folder: Path, files: list[str]) -> None:
+    """Print run time against error."""
+    console = Console()
+    table = _table(
+        f"{title} (two references differ by {result.reference_error:.0e})", "method", "step", "seconds", "error"
+    )
+    for row in result.rows:
+        table.add_row(row.integrator, f"{row.step_s:.3g}", f"{row.seconds:.3g}", f"{row.error:.2e}")
+    console.print(table)
+    console.print(f"in {folder}/: {', '.join(files)}")
 
 
 def _table(title: str, *columns: str, wide: int = 0) -> Table:

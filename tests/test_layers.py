@@ -24,7 +24,7 @@ LAYERS = (
     {"studies"},
     {
         *{"scene", "scene_file", "scene_parts", "scene_outputs", "stages", "frequencies", "outputs", "tables"},
-        *{"chain", "doctor", "cli", "summary", "__init__", "__main__"},
+        *{"bench", "chain", "doctor", "cli", "summary", "__init__", "__main__"},
     },
 )
 # Pictures stand beside the calculation: they know nothing of it, and only the last layer knows them.

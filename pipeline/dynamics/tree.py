@@ -299,8 +299,8 @@ class Tree:
 
     @property
     def stiffness(self) -> Array:
-        """Linear part of the generalised forces by rate: springs and squared modal frequencies."""
-        return self._parameters.stiffness
+        """Squared modal frequencies, and springs over what they move in the undeformed mechanism [1/s²]."""
+        return self._parameters.stiffness / self.mass_matrix(self.rest_positions).diagonal()
 
     def mass_matrix(self, q: Array) -> Array:
         """M̂ at positions q, shape (n, n)."""
@@ -322,7 +322,7 @@ class Tree:
 
     def _highest(self, part: slice) -> float:
         M = self.mass_matrix(self.rest_positions)[part, part]
-        K = np.diag(self.stiffness[part])
+        K = np.diag(self._parameters.stiffness[part])
         return float(np.sqrt(max(eigh(K, M, eigvals_only=True)[-1], 1e-300))) if len(M) else 1e-150
 
     def energies(self, q: Array, v: Array) -> tuple[Array, Array]:

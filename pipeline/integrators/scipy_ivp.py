@@ -68,8 +68,11 @@ class ScipyIvp:
         require_times(times)
         p, n, n_positions = system.parameters, system.n, system.n_positions
         a, dq = np.zeros(n), np.zeros(n_positions)
+        evaluations = 0  # counted here: SciPy's own count leaves out Jacobians
 
         def rates(t: float, y: Array) -> Array:
+            nonlocal evaluations
+            evaluations += 1
             q, v = y[:n_positions].copy(), y[n_positions:].copy()
             evaluate(p, t, q, v, a)
             evaluate_velocities(p, q, v, dq)
@@ -78,11 +81,13 @@ class ScipyIvp:
         samples = np.full((len(times), n_positions + n), np.nan)
         y, now, end = np.concatenate([q0, v0]).astype(float), 0.0, float(times[-1])
         samples[times == 0.0] = y
-        n_steps = evaluations = 0
+        n_steps = 0
         tick = time.perf_counter()
         for stop in [*(point for point in system.breakpoints if 0.0 < point < end), end]:
             if stop <= now:
                 continue
+            if not np.isfinite(rates(now, y)).all():  # SciPy would search for a first step for ever
+                raise StabilityError(f"{self.name} stopped at t = {now:.6g} s: the accelerations are not finite")
             solver = _METHODS[self.name](rates, now, y, stop, rtol=self.tolerance, atol=1e-6 * self.tolerance)
             while solver.status == "running":
                 message = solver.step()
@@ -95,8 +100,8 @@ class ScipyIvp:
                 if progress:
                     progress(solver.t / end)
             now, y = stop, solver.y
-            evaluations += solver.nfev
         seconds = time.perf_counter() - tick
+        rates(now, y)  # the accelerations that the end state documents
         q, v = samples[:, :n_positions], samples[:, n_positions:]
         state = State(n_steps, y[:n_positions].copy(), y[n_positions:].copy(), a)
         mean_step = end / n_steps if n_steps else 0.0

@@ -1,0 +1,1 @@
+"""Questions asked of a mechanism by integrating it many times."""

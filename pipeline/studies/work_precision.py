@@ -1,0 +1,130 @@
+"""Run time against error: every integrator over a range of steps or tolerances, against a checked reference."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Iterator
+from dataclasses import dataclass, replace
+from statistics import median
+
+from pipeline.checks import AccuracyError, Array
+from pipeline.dynamics.system import System
+from pipeline.integrators.central_difference import CentralDifference
+from pipeline.integrators.exponential import Exponential
+from pipeline.integrators.generalized_alpha import GeneralizedAlpha
+from pipeline.integrators.protocol import Integrator, Trajectory
+from pipeline.integrators.scipy_ivp import ScipyIvp
+from pipeline.integrators.subcycling import Subcycling
+
+ErrorOf = Callable[[Trajectory, Trajectory], float]
+"""Error of one trajectory against another, relative."""
+
+_MOST_SECONDS = 2.0  # a march longer than this ends its method's range
+
+
+@dataclass(frozen=True)
+class Row:
+    """One march.
+
+    Attributes
+    ----------
+    integrator : str
+        The method, with its ratio if it sub-cycles.
+    step_s : float
+        Its step, the mean one if it chooses by itself [s].
+    substeps : int
+        Fast steps to one slow step.
+    seconds : float
+        Median run time.
+    error : float
+        Against the reference.
+    evaluations : int
+        Solutions of the whole system; those of the fast part alone come on top.
+    """
+
+    integrator: str
+    step_s: float
+    substeps: int
+    seconds: float
+    error: float
+    evaluations: int
+
+
+@dataclass(frozen=True)
+class WorkPrecision:
+    """A comparison.
+
+    Attributes
+    ----------
+    rows : tuple of Row
+        All marches that came to their end, method by method, coarse to fine.
+    reference_error : float
+        What two independent references differ by, in the same measure.
+    """
+
+    rows: tuple[Row, ...]
+    reference_error: float
+
+
+def compare(
+    system: System, q0: Array, v0: Array, times: Array, error_of: ErrorOf, repeats: int = 5, limit: float = 1e-7
+) -> WorkPrecision:
+    """March a system by every method and measure.
+
+    Parameters
+    ----------
+    times : ndarray, shape (n_times,)
+        Where the error is taken [s].
+    repeats : int
+        Marches whose median run time counts; taken with output at the end alone.
+    limit : float
+        Largest difference of the two references.
+
+    Raises
+    ------
+    AccuracyError
+        The references, DOP853 at two tolerances against the exponential method or LSODA, differ by more.
+    """
+    reference = ScipyIvp("DOP853", 1e-12).march(system, q0, v0, times)
+    duration = float(times[-1])
+    other: Integrator = ScipyIvp("LSODA", 1e-12)
+    if not system.coupled:
+        other = Exponential(duration / 20480)
+    reference_error = error_of(other.march(system, q0, v0, times), reference)
+    if not reference_error < limit:
+        raise AccuracyError(f"two references differ by {reference_error:.1e}, above {limit:.0e}")
+    rows: list[Row] = []
+    for methods in _families(system, duration):
+        for label, method in methods:
+            try:
+                motion = method.march(system, q0, v0, times)
+            except AccuracyError:  # diverged: nothing to compare at this step
+                continue
+            ends = times[[0, -1]]
+            seconds = [method.march(system, q0, v0, ends).seconds]
+            while len(seconds) < repeats and sum(seconds) < _MOST_SECONDS:
+                seconds.append(method.march(system, q0, v0, ends).seconds)
+            substeps = motion.substeps
+            row = Row(label, motion.step, substeps, median(seconds), error_of(motion, reference), motion.evaluations)
+            rows.append(row)
+            if median(seconds) > _MOST_SECONDS:
+                break
+    return WorkPrecision(tuple(rows), reference_error)
+
+
+def _families(system: System, duration: float) -> Iterator[Iterator[tuple[str, Integrator]]]:
+    """Each method's range, coarse to fine; steps divide a fifth of the duration, where a drive may end."""
+    steps = [duration / (5 * 2**k) for k in range(3, 18)]
+    plain = CentralDifference(1.0)
+    explicit = [step for step in steps if step < 0.9 * plain.largest_step(system)][:7]
+    yield ((plain.name, replace(plain, step=step)) for step in explicit)
+    for m in (5, 10):
+        method = Subcycling(1.0, m)
+        stable = [step for step in explicit if step < 0.9 * method.largest_step(system)]
+        yield ((f"{method.name} {m}:1", replace(method, step=step)) for step in stable)
+    coarse = [step for step in steps if step >= explicit[-1]]
+    yield (("generalized-alpha", GeneralizedAlpha(step)) for step in coarse)
+    if system.n_positions == system.n:
+        bound = Exponential(1.0).largest_step(system)
+        yield (("exponential", Exponential(step)) for step in coarse if step < 0.9 * bound)
+    for name in ("DOP853", "LSODA"):
+        yield ((name, ScipyIvp(name, 10.0**-k)) for k in range(3, 12, 2))
