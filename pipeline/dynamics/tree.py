@@ -106,6 +106,9 @@ class TreeParameters(NamedTuple):
     S: Array  # (n_bodies, 3, 1 + most modes)
     mass: Array
     stiffness: Array  # (n,) by rate: spring or ω²
+    K: Array  # (n, n): the same, with springs that grip a section which turns with its body's modes
+    C: Array  # (n, n): damping likewise
+    damped: bool
     rest: Array  # (n,)
     damping: Array  # (n,)
     load: Array  # (n,)
@@ -124,10 +127,11 @@ class TreeParameters(NamedTuple):
 
 
 class FrozenTree(NamedTuple):
-    """The fast coordinates over a major cycle: ``a_S = constant − B q_S``."""
+    """The fast coordinates over a major cycle: ``a_S = constant − B q_S − D v_S``."""
 
     constant: Array  # (n,), the slow ones unused
     B: Array  # (n_fast, n_fast)
+    D: Array  # (n_fast, n_fast)
     column: Array  # (n,), room to work in
 
 
@@ -206,7 +210,7 @@ class Tree:
         q = np.zeros(self.n_positions)
         for link, first in zip(self.links, self.layout[1], strict=True):
             if link.joint in (SPHERICAL, FREE):
-                q[first + N_POSITIONS[link.joint] - 4] = 1.0
+                q[first + N_POSITIONS[link.joint] - 1] = 1.0  # a unit quaternion, its scalar part last
         return q
 
     @property
@@ -245,6 +249,7 @@ class Tree:
         }
         by_rate = {name: np.zeros(n) for name in ("stiffness", "rest", "damping", "load")}
         scalar_position = np.full(n, -1, dtype=np.int64)
+        K, C = np.zeros((n, n)), np.zeros((n, n))
         for k, link in enumerate(links):
             own, others = len(link.omega), link.place_shapes.shape[1]
             padded["place_shapes"][k, :, :others] = link.place_shapes
@@ -262,8 +267,17 @@ class Tree:
             modes = slice(mode[k], mode[k] + own)
             scalar_position[modes] = np.arange(mode[k], mode[k] + own) + shift
             by_rate["stiffness"][modes] = link.omega**2
+            K[modes, modes] += np.diag(link.omega**2)
+            if N_RATES[link.joint] == 1:
+                grip = np.zeros(n)  # what stretches the spring: the joint, and the section's turning with the modes
+                grip[rate[k]] = 1.0
+                if link.joint == REVOLUTE:
+                    grip[mode[k] : mode[k] + len(link.joint_rotation)] = link.joint_rotation
+                K += link.spring * np.outer(grip, grip)
+                C += link.damper * np.outer(grip, grip)
             if len(link.damping):
                 by_rate["damping"][modes] = 2.0 * link.damping * link.omega
+                C[modes, modes] += np.diag(2.0 * link.damping * link.omega)
         nothing = np.zeros(0)
         return TreeParameters(
             parent=np.array([link.parent for link in links], dtype=np.int64),
@@ -276,6 +290,9 @@ class Tree:
             place=np.array([link.place for link in links], dtype=float),
             axis=np.array([link.axis / np.linalg.norm(link.axis) for link in links]),
             mass=np.array([link.gram.mass for link in links]),
+            K=K,
+            C=C,
+            damped=bool(C.any()),
             gravity=np.asarray(self.gravity, dtype=float),
             scalar_position=scalar_position,
             origin=nothing,
@@ -295,7 +312,7 @@ class Tree:
     def frozen(self) -> FrozenTree:
         """Fresh storage for the frozen coefficients of a major cycle."""
         n = self.n - self.n_slow
-        return FrozenTree(np.zeros(self.n), np.zeros((n, n)), np.zeros(self.n))
+        return FrozenTree(np.zeros(self.n), np.zeros((n, n)), np.zeros((n, n)), np.zeros(self.n))
 
     @property
     def stiffness(self) -> Array:
@@ -322,7 +339,7 @@ class Tree:
 
     def _highest(self, part: slice) -> float:
         M = self.mass_matrix(self.rest_positions)[part, part]
-        K = np.diag(self._parameters.stiffness[part])
+        K = self._parameters.K[part, part]
         return float(np.sqrt(max(eigh(K, M, eigvals_only=True)[-1], 1e-300))) if len(M) else 1e-150
 
     def energies(self, q: Array, v: Array) -> tuple[Array, Array]:
@@ -340,7 +357,9 @@ class Tree:
                 potential[i] += 0.5 * link.omega**2 @ modal**2
                 if link.spring:
                     stretch = q[i, parameters.position[b]] - link.rest
-                    stretch += link.joint_rotation @ modal if len(link.joint_rotation) else 0.0
+                    stretch += (
+                        link.joint_rotation @ modal if link.joint == REVOLUTE and len(link.joint_rotation) else 0.0
+                    )
                     potential[i] += 0.5 * link.spring * stretch**2
                 first_moment = link.gram.S @ np.r_[1.0, modal]
                 moment = link.gram.mass * parameters.origin[b] + parameters.R[b] @ first_moment

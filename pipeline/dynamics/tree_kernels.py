@@ -78,12 +78,15 @@ def _place(p: TreeParameters, b: int, q: Array, v: Array, R0: Array) -> None:
     # The marker turns by the vector θ = Ψ q: R exp(θ̃); its rotation rate is A(θ) θ̇.
     size2 = angle[0] ** 2 + angle[1] ** 2 + angle[2] ** 2
     size = math.sqrt(size2)
-    if size > 1e-4:
+    if size > 0.05:
         one, two = (1.0 - math.cos(size)) / size2, (size - math.sin(size)) / (size * size2)
         d_one = (size * math.sin(size) - 2.0 * (1.0 - math.cos(size))) / (size2 * size2)
         d_two = (3.0 * math.sin(size) - size * (2.0 + math.cos(size))) / (size2 * size2 * size)
-    else:
-        one, two, d_one, d_two = 0.5 - size2 / 24.0, 1.0 / 6.0 - size2 / 120.0, -1.0 / 12.0, -1.0 / 60.0
+    else:  # series: the differences above cancel
+        one = 0.5 - size2 / 24.0 + size2**2 / 720.0 - size2**3 / 40320.0
+        two = 1.0 / 6.0 - size2 / 120.0 + size2**2 / 5040.0 - size2**3 / 362880.0
+        d_one = -1.0 / 12.0 + size2 / 180.0 - size2**2 / 6720.0
+        d_two = -1.0 / 60.0 + size2 / 1260.0 - size2**2 / 60480.0
     for i in range(3):
         arm[i] = R[i, 0] * arm[3] + R[i, 1] * arm[4] + R[i, 2] * arm[5]
         moving[i] = R[i, 0] * moving[3] + R[i, 1] * moving[4] + R[i, 2] * moving[5]

@@ -53,37 +53,52 @@ def _solve_all(p: TreeParameters, t: float, q: Array, v: Array, a: Array) -> Non
 
 @kernel
 def _hold(p: TreeParameters, t: float, q: Array, v: Array, a: Array, frozen: FrozenTree) -> None:
-    M, Q, L, stiffness, scalar_position = p.M, p.Q, p.L, p.stiffness, p.scalar_position
-    constant, B, column = frozen.constant, frozen.B, frozen.column
+    M, Q, L, K, C, scalar_position = p.M, p.Q, p.L, p.K, p.C, p.scalar_position
+    constant, column = frozen.constant, frozen.column
     n = v.size
-    n_slow = n - B.shape[0]
+    n_slow = n - frozen.B.shape[0]
     _factor(M, n_slow, L)
     for i in range(n_slow, n):
-        constant[i] = Q[i] + stiffness[i] * q[scalar_position[i]]
+        constant[i] = Q[i]
+        for j in range(n_slow, n):
+            constant[i] += K[i, j] * q[scalar_position[j]] + C[i, j] * v[j]
         for j in range(n_slow):
             constant[i] -= M[i, j] * a[j]
     _solve(L, n_slow, constant)
-    for j in range(n_slow, n):
-        for i in range(n_slow, n):
-            column[i] = 0.0
-        column[j] = stiffness[j]
-        _solve(L, n_slow, column)
-        for i in range(n_slow, n):
-            B[i - n_slow, j - n_slow] = column[i]
+    _divide(L, n_slow, K, column, frozen.B)
+    if p.damped:
+        _divide(L, n_slow, C, column, frozen.D)
+
+
+@kernel
+def _divide(L: Array, first: int, A: Array, column: Array, out: Array) -> None:
+    """Solve for the columns of A's block from ``first`` on, into out."""
+    n = L.shape[0]
+    for j in range(first, n):
+        for i in range(first, n):
+            column[i] = A[i, j]
+        _solve(L, first, column)
+        for i in range(first, n):
+            out[i - first, j - first] = column[i]
 
 
 @kernel
 def _fast_march(
     p: TreeParameters, frozen: FrozenTree, first: int, h: float, count: int, q: Array, v: Array, a: Array
 ) -> None:
-    constant, B = frozen.constant, frozen.B
+    constant, B, D, v_now = frozen.constant, frozen.B, frozen.D, frozen.column
     n, offset = v.size, q.size - v.size
     n_slow = n - B.shape[0]
     for _ in range(count):
         for i in range(n_slow, n):
+            v_now[i] = v[i] + 0.5 * h * a[i]
+        for i in range(n_slow, n):
             total = constant[i]
             for j in range(n_slow, n):
                 total -= B[i - n_slow, j - n_slow] * q[j + offset]
+            if p.damped:
+                for j in range(n_slow, n):
+                    total -= D[i - n_slow, j - n_slow] * v_now[j]
             a[i] = total
         for i in range(n_slow, n):
             v[i] += h * a[i]
