@@ -178,6 +178,11 @@ class PlanarRotor:
         """Highest angular frequency of the modes with the frame held [rad/s]."""
         return float(self.body.omega.max())
 
+    @property
+    def highest_slow_frequency(self) -> float:
+        """Nothing holds the angle: all but 0."""
+        return 1e-150
+
     def energies(self, q: Array, v: Array) -> tuple[Array, Array]:
         """Kinetic and strain energy [J] of states q, v, shape (n_times, n)."""
         p = np.concatenate([np.ones((len(q), 1)), q[:, 1:]], axis=1)

@@ -80,5 +80,9 @@ class System(Protocol):
     def highest_fast_frequency(self) -> float:
         """Highest angular frequency of the fast coordinates with the slow ones held [rad/s]."""
 
+    @property
+    def highest_slow_frequency(self) -> float:
+        """Highest angular frequency of the slow coordinates with the fast ones held [rad/s]."""
+
     def frozen(self) -> Any:
         """Fresh storage for the coefficients that `freeze` holds."""

@@ -154,7 +154,8 @@ class Tree:
     Raises
     ------
     ValueError
-        A link comes before its parent, or a fast joint is not a revolute or prismatic one.
+        Names are missing or not unique, a link comes before its parent, an axis has no direction, or a fast joint is
+        not a revolute or prismatic one.
     """
 
     links: Sequence[Link]
@@ -165,9 +166,16 @@ class Tree:
     breakpoints = ()
 
     def __post_init__(self) -> None:
+        names = [link.name for link in self.links]
+        if not names or len(set(names)) < len(names):
+            raise ValueError(f"links need names of their own, and one link at least: {names}")
+        if unknown := set(self.fast_joints) - set(names):
+            raise ValueError(f"fast_joints names no link: {', '.join(sorted(unknown))}")
         for k, link in enumerate(self.links):
             if not -1 <= link.parent < k:
                 raise ValueError(f"link {link.name} comes before its parent")
+            if not np.linalg.norm(link.axis) > 0.0:
+                raise ValueError(f"the axis of {link.name} has no direction")
             if link.name in self.fast_joints and N_RATES[link.joint] != 1:
                 raise ValueError(f"the joint of {link.name} can't be fast: it is not revolute or prismatic")
 
@@ -336,6 +344,11 @@ class Tree:
     def highest_fast_frequency(self) -> float:
         """Highest angular frequency of the fast coordinates with the slow ones held [rad/s]."""
         return self._highest(slice(self.n_slow, None))
+
+    @property
+    def highest_slow_frequency(self) -> float:
+        """Highest angular frequency of the slow coordinates with the fast ones held [rad/s]."""
+        return self._highest(slice(0, self.n_slow))
 
     def _highest(self, part: slice) -> float:
         M = self.mass_matrix(self.rest_positions)[part, part]

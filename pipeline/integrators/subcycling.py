@@ -53,8 +53,10 @@ class Subcycling:
         return 1 if self.substeps > 1 and system.coupled else 2
 
     def largest_step(self, system: System) -> float:
-        """``2/ω_max`` of the fast coordinates [s], and of the coupled system if every step is a common one."""
-        return 2.0 / (system.highest_frequency if self.substeps == 1 else system.highest_fast_frequency)
+        """``2/ω_max`` of the fast and of the slow coordinates [s], each by its own step; of all if m = 1."""
+        if self.substeps == 1:
+            return 2.0 / system.highest_frequency
+        return min(2.0 / system.highest_fast_frequency, 2.0 / (self.substeps * system.highest_slow_frequency))
 
     def march(self, system: System, q0: Array, v0: Array, times: Array, progress: Progress | None = None) -> Trajectory:
         """Integrate from time 0 until the major cycle that holds the last of ``times`` is complete."""

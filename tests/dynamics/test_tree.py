@@ -458,3 +458,30 @@ def test_only_a_joint_of_one_coordinate_can_be_fast(joint: int) -> None:
 @pytest.mark.parametrize("joint", [REVOLUTE, PRISMATIC])
 def test_a_joint_of_one_coordinate_can_be_fast(joint: int) -> None:
     assert Tree([Link("ball", POINT, joint)], fast_joints=["ball"]).n_slow == 0
+
+
+@pytest.mark.parametrize(
+    ("links", "fast", "said"),
+    [
+        ([], [], "one link at least"),
+        (["a", "a"], [], "names of their own"),
+        (["a"], ["b"], "fast_joints names no link: b"),
+    ],
+)
+def test_names_that_do_not_fit_are_refused(links: list[str], fast: list[str], said: str) -> None:
+    gram = rigid_gram(1.0, np.zeros(3), np.eye(3))
+    with pytest.raises(ValueError, match=said):
+        Tree([Link(name, gram, REVOLUTE) for name in links], fast)
+
+
+def test_an_axis_without_direction_is_refused() -> None:
+    gram = rigid_gram(1.0, np.zeros(3), np.eye(3))
+    with pytest.raises(ValueError, match="the axis of a has no direction"):
+        Tree([Link("a", gram, REVOLUTE, axis=np.zeros(3))])
+
+
+def test_a_slow_oscillator_limits_the_sub_cycled_step_by_its_own_long_one() -> None:
+    # A mass of 2 kg on a spring of 8 N/m: ω = 2 rad/s, so m h < 2/ω = 1 s (central difference's limit).
+    gram = rigid_gram(2.0, np.zeros(3), np.eye(3))
+    tree = Tree([Link("a", gram, PRISMATIC, spring=8.0)])
+    assert Subcycling(1.0, 10).largest_step(tree) == pytest.approx(0.1, rel=1e-12)
