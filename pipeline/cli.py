@@ -81,7 +81,7 @@ def mesh(
         File to write the mesh to, in the format of its suffix: .vtu, .msh, .inp ...
     """
     pipeline = _pipeline(scene, set_, no_cache)
-    part = pipeline.part
+    part = pipeline.part.shape
     solid = pipeline.mesh
     if out is not None:
         from pipeline.fem.export import write_mesh
@@ -105,6 +105,7 @@ def mesh(
 def modes(
     scene: str,
     *,
+    speed: str | None = None,
     set_: Set = None,
     no_cache: NoCache = False,
     json: Json = False,
@@ -115,11 +116,15 @@ def modes(
     ----------
     scene
         Name of a ready scene, or path of a TOML file.
+    speed
+        Rate of rotation about the joint, e.g. "20 rad/s": the frequencies on a hub that turns so, too.
     """
-    from pipeline.frequencies import frequency_table
+    from pipeline.frequencies import frequency_table, rotating_table
 
     pipeline = _pipeline(scene, set_, no_cache)
-    result = frequency_table(pipeline) | {"seconds": {}}
+    result = frequency_table(pipeline)
+    if speed is not None:
+        result |= rotating_table(pipeline, _rate("--speed", speed))
     result["seconds"] = dict(pipeline.log.seconds)
     if json:
         _print_json(result)
@@ -127,6 +132,56 @@ def modes(
         from pipeline.tables import print_frequencies
 
         print_frequencies(result)
+
+
+@app.command
+def campbell(
+    scene: str,
+    *,
+    to: str,
+    points: int = 41,
+    out: Path | None = None,
+    set_: Set = None,
+    no_cache: NoCache = False,
+    json: Json = False,
+) -> None:
+    """Campbell diagram: frequencies on a turning hub over its rate of rotation, as a table and a chart.
+
+    Parameters
+    ----------
+    scene
+        Name of a ready scene, or path of a TOML file.
+    to
+        Highest rate of rotation, e.g. "8000 rpm".
+    points
+        How many rates, from 0 on.
+    out
+        Folder for the results; out/SCENE by default.
+    """
+    import numpy as np
+
+    from pipeline.checks import InputError
+    from pipeline.frequencies import campbell as compute
+
+    pipeline = _pipeline(scene, set_, no_cache)
+    highest = _rate("--to", to)
+    if not highest > 0:
+        raise InputError("--to", "", to, "must be above zero")
+    if not 2 <= points <= 10_000:
+        raise InputError("--points", "", points, "must be 2 … 10000")
+    folder = out or Path("out") / pipeline.scene.name
+    rates = np.linspace(0.0, highest, points)
+    table, files = compute(pipeline, rates, folder)
+    if json:
+        rows = [
+            {"rate_rad_s": rate, "frequencies_hz": row[np.isfinite(row)].tolist()}
+            for rate, row in zip(rates.tolist(), table, strict=True)
+        ]
+        _print_json({"rows": rows, "files": files})
+    else:
+        from pipeline.tables import print_campbell
+
+        print_campbell(pipeline.scene.title, rates, table, folder, files)
 
 
 @app.command
@@ -202,6 +257,17 @@ def main(arguments: Sequence[str] | None = None) -> None:
 def _fail(message: object, status: int) -> None:
     print(f"fmd: {message}", file=sys.stderr)
     raise SystemExit(status)
+
+
+def _rate(option: str, text: str) -> float:
+    """Read an angular rate from the command line [rad/s]."""
+    from pipeline.checks import InputError
+    from pipeline.units import to_si
+
+    try:
+        return to_si(text, "angular rate")
+    except ValueError as error:
+        raise InputError(option, "", text, str(error)) from None
 
 
 def _pipeline(scene: str, overrides: list[str] | None, no_cache: bool) -> Pipeline:

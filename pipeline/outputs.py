@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import json
-from collections.abc import Callable, Iterator
+from collections.abc import Iterator
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
@@ -17,21 +17,8 @@ from pipeline.stages import Pipeline
 from pipeline.summary import summarise
 
 if TYPE_CHECKING:
-    from pipeline.recovery.motion import Motion
     from pipeline.render.pictures import Surface
     from pipeline.scene import Chart, Film, ModePictures, StressPicture
-
-# Quantity of a chart: axis label, curves, names of the components.
-_QUANTITIES: dict[str, tuple[str, Callable[[Motion], Array], tuple[str, ...]]] = {
-    "com_position": ("position [m]", lambda motion: motion.com_position, ("x", "y", "z")),
-    "com_velocity": ("velocity [m/s]", lambda motion: motion.com_velocity, ("x", "y", "z")),
-    "com_angular_velocity": ("angular velocity [rad/s]", lambda motion: motion.com_angular_velocity, ()),
-    "tip_deflection": ("deflection [m]", lambda motion: motion.tip_deflection, ()),
-    "joint_angle": ("angle [rad]", lambda motion: motion.joint_angle, ()),
-    "joint_rate": ("rate [rad/s]", lambda motion: motion.joint_rate, ()),
-    "modal_coordinates": ("modal coordinate [kg^½ m]", lambda motion: motion.q, ()),
-    "energy": ("energy [J]", lambda motion: np.stack(motion.energies, axis=1), ("kinetic", "strain")),
-}
 
 
 def write_results(run: Pipeline, folder: Path, pictures: bool) -> dict[str, Any]:
@@ -58,7 +45,7 @@ def write_results(run: Pipeline, folder: Path, pictures: bool) -> dict[str, Any]
         folder.mkdir(parents=True, exist_ok=True)
         files = [_write_motion(run, folder)]
         if pictures and run.scene.output:
-            files += run.timed("pictures", lambda: _draw_all(run, folder))
+            files += run.keeper.timed("pictures", lambda: _draw_all(run, folder))
         summary = summarise(run, files)
         with whole_file(folder / "summary.json") as part:
             part.write_text(json.dumps(summary, indent=1, allow_nan=False) + "\n")
@@ -83,7 +70,7 @@ def _require_drawing(file: str) -> None:
 
 def _write_motion(run: Pipeline, folder: Path) -> str:
     motions: dict[str, Any] = dict(run.motions)
-    if run.flexible:
+    if run.is_rotor:
         from pipeline.recovery.motion import motion_dataset
 
         dataset = motion_dataset(motions)
@@ -112,15 +99,12 @@ def _draw_all(run: Pipeline, folder: Path) -> list[str]:
 
 
 def _draw_chart(run: Pipeline, output: Chart, folder: Path) -> list[str]:
+    from pipeline.quantities import curves_of
     from pipeline.render.charts import Curve, draw_chart
 
-    if output.joint is not None:
-        label, curves, components = _joint_curves(run, output.joint, output.unit)
-    else:
-        label, curves, components = _body_curves(run, output)
-    motions: dict[str, Any] = dict(run.motions)
+    label, curves, components = curves_of(run, output)
     draw_chart(
-        next(iter(motions.values())).times,
+        run.first_motion.times,
         [Curve(name, values) for name, values in curves.items()],
         folder / output.file,
         title=output.title or output.quantity.replace("_", " "),
@@ -130,55 +114,27 @@ def _draw_chart(run: Pipeline, output: Chart, folder: Path) -> list[str]:
     return [output.file]
 
 
-def _body_curves(run: Pipeline, output: Chart) -> tuple[str, dict[str, Array], tuple[str, ...]]:
-    """Axis label, curves by run and names of components of a flexible body's quantity."""
-    if not run.flexible:
-        raise InputError(run.scene.file, "output", output.quantity, "needs a flexible body; chart a joint_position")
-    label, quantity, components = _QUANTITIES[output.quantity]
-    motions: dict[str, Any] = dict(run.motions)
-    curves = {name: quantity(motion) for name, motion in motions.items()}
-    first = curves[next(iter(curves))]
-    if components:  # a planar motion has nothing to show across its plane
-        moving = np.abs(first).max(axis=0) > 1e-9 * np.abs(first).max()
-        components = tuple(name for name, moves in zip(components, moving, strict=True) if moves)
-        curves = {name: values[:, moving] for name, values in curves.items()}
-    elif first.ndim == 2:
-        components = tuple(f"mode {k + 1}" for k in range(first.shape[1]))
-    return label, curves, components
-
-
-def _joint_curves(run: Pipeline, joint: str, wanted: str | None) -> tuple[str, dict[str, Array], tuple[str, ...]]:
-    """Axis label and curves by run of a joint's position in the unit that the scene asks for."""
-    from pipeline.units import in_unit
-
-    motions: dict[str, Any] = dict(run.motions)
-    unit = "rad" if run.flexible else run.chain.units[joint]
-    wanted = wanted or unit
-    positions = {
-        name: motion.joint_angle if run.flexible else motion.joint_position(joint) for name, motion in motions.items()
-    }
-    return f"{joint} [{wanted}]", {name: in_unit(values, unit, wanted) for name, values in positions.items()}, ()
-
-
-def _surface(run: Pipeline) -> Surface:
+def _surface(run: Pipeline, body: str) -> Surface:
     from pipeline.render.pictures import Surface
 
-    topology = run.surface
-    return Surface(run.body.x[topology.nodes], topology.triangles, topology.edges)
+    topology = run.parts[body].surface
+    return Surface(run.bodies[body].x[topology.nodes], topology.triangles, topology.edges)
 
 
 def _draw_modes(run: Pipeline, output: ModePictures, folder: Path) -> list[str]:
     from pipeline.render.pictures import draw_mode
 
-    surface, modes, files = _surface(run), run.modes, []
+    part = run.parts[output.body]
+    surface, modes, files = _surface(run, output.body), part.modes, []
+    held = "free" if part.shape.modes.boundary == "free" else "held"
     for k, frequency in enumerate(modes.frequencies_hz):
         name = output.file.format(mode=k + 1)
-        family = "" if run.part.modes.family == "any" else run.part.modes.family
+        family = "" if part.shape.modes.family == "any" else part.shape.modes.family
         draw_mode(
             surface,
-            modes.shapes[run.surface.nodes, :, k],
+            modes.shapes[part.surface.nodes, :, k],
             folder / name,
-            title=f"{run.scene.title}: free mode {k + 1}, {frequency:.1f} Hz" + (f" ({family})" if family else ""),
+            title=f"{run.scene.title}: {held} mode {k + 1}, {frequency:.1f} Hz" + (f" ({family})" if family else ""),
             scale=output.scale or 1.0,
         )
         files.append(name)
@@ -186,14 +142,16 @@ def _draw_modes(run: Pipeline, output: ModePictures, folder: Path) -> list[str]:
 
 
 def _draw_stress(run: Pipeline, output: StressPicture, folder: Path) -> list[str]:
+    stress, motion = run.stress_of(output.body), run.first_motion
+    time, _, _ = stress.worst()
+    frame = int(np.searchsorted(motion.times, time))
+    draw = _surface(run, output.body)
     from pipeline.render.pictures import draw_stress
 
-    time, _, _ = run.stress.worst()
-    frame = int(np.searchsorted(run.motion.times, time))
     draw_stress(
-        _surface(run),
-        run.body.shapes[run.surface.nodes] @ run.motion.q[frame],
-        run.stress.von_mises(time),
+        draw,
+        run.bodies[output.body].shapes[stress.nodes] @ stress.q[frame],
+        stress.von_mises(time),
         folder / output.file,
         title=f"{run.scene.title}: worst instant, t = {1e3 * time:.1f} ms",
         scale=output.scale,
@@ -206,13 +164,14 @@ def _draw_film(run: Pipeline, output: Film, folder: Path) -> list[str]:
     from pipeline.recovery.stress import von_mises
     from pipeline.render.film import draw_film
 
-    motion, surface, shapes = run.motion, _surface(run), run.body.shapes[run.surface.nodes]
+    motion, surface, history = run.first_motion, _surface(run, output.body), run.stress_of(output.body)
+    shapes = run.bodies[output.body].shapes[history.nodes]
     chosen = np.unique(np.linspace(0, len(motion.times) - 1, output.frames).round().astype(int))
 
     def points(k: int) -> Array:
-        return motion.turned(surface.points + output.scale * (shapes @ motion.q[k]), k)
+        return motion.placed(output.body, surface.points + output.scale * (shapes @ history.q[k]), k)
 
-    stress = [von_mises(run.stress.modal @ motion.q[k]) for k in chosen]
+    stress = [von_mises(history.modal @ history.q[k]) for k in chosen]
     corners = np.stack([np.concatenate([(p := points(k)).min(axis=0), p.max(axis=0)]) for k in chosen])
     low, high = corners[:, :3].min(axis=0), corners[:, 3:].max(axis=0)
     bounds = np.stack([np.minimum(low, 0.0), np.maximum(high, 0.0)], axis=1).ravel()
@@ -222,7 +181,7 @@ def _draw_film(run: Pipeline, output: Film, folder: Path) -> list[str]:
             yield float(motion.times[k]), points(k), value
 
     scaled = f", deformation × {output.scale:g}" if output.scale != 1 else ""
-    with run.monitor(output.file) as advance:
+    with run.keeper.monitor(output.file) as advance:
         done = 0
 
         def on_frame() -> None:

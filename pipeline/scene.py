@@ -8,7 +8,7 @@ from __future__ import annotations
 import re
 from collections.abc import Iterator, Sequence
 from pathlib import Path
-from typing import Annotated, Literal
+from typing import Annotated, ClassVar, Literal
 
 from pydantic import Field, PrivateAttr, ValidationError, model_validator
 
@@ -18,29 +18,32 @@ from pipeline.scene_parts import (
     Axis,
     Bar,
     Body,
-    ConstantForce,
-    ConstantTorque,
     Count,
     Drive,
     Fixed,
+    ForceDrive,
     Free,
     Joint,
     Marker,
     Mesh,
     Modes,
+    MotionDrive,
     Name,
     Number,
     Place,
+    PointForce,
     PointMarker,
     PointMass,
+    PointTorque,
     Prismatic,
     Revolute,
     RigidBody,
     Rod,
     Spherical,
+    TorqueDrive,
     TorquePulse,
 )
-from pipeline.units import PositiveFrequency, PositiveTime, unit_ratio
+from pipeline.units import Acceleration, PositiveFrequency, PositiveTime, unit_ratio
 
 __all__ = [
     "Axis",
@@ -48,25 +51,27 @@ __all__ = [
     "Body",
     "CentralDifference",
     "Chart",
-    "ConstantForce",
-    "ConstantTorque",
     "Count",
     "Drive",
     "Film",
     "Fixed",
+    "ForceDrive",
     "Free",
     "Joint",
     "Marker",
     "Mesh",
     "ModePictures",
     "Modes",
+    "MotionDrive",
     "Name",
     "Number",
     "Output",
     "Pixels",
     "Place",
+    "PointForce",
     "PointMarker",
     "PointMass",
+    "PointTorque",
     "Prismatic",
     "Reference",
     "Revolute",
@@ -79,12 +84,15 @@ __all__ = [
     "Spherical",
     "StressPicture",
     "SubCycling",
+    "TorqueDrive",
     "TorquePulse",
     "load_scene",
     "ready_scenes",
 ]
 
 _SINGLE = ("revolute", "prismatic")  # the joints with one coordinate
+
+Tolerance = Annotated[Number, Field(ge=3e-14, lt=1.0)]
 
 
 class CentralDifference(Table):
@@ -95,11 +103,29 @@ class CentralDifference(Table):
 
 
 class SubCycling(Table):
-    """Sub-cycling: ``substeps`` fast steps in a slow one; ``step`` [s] overrides that of the simulation."""
+    """Sub-cycling.
+
+    Parameters
+    ----------
+    substeps : int or str
+        Fast steps in a slow one; ``"auto"`` chooses with the split.
+    split : float or str
+        What is slow: all joints but those listed as fast (``"joints"``), every coordinate below a frequency [Hz], or
+        what makes the least work for the wanted error (``"auto"``).
+    step : float, optional
+        Fast step [s]; overrides that of the simulation.
+    """
 
     integrator: Literal["sub-cycling"]
-    substeps: Count
+    substeps: Count | Literal["auto"]
+    split: Literal["joints", "auto"] | PositiveFrequency = "joints"
     step: PositiveTime | None = None
+
+    @model_validator(mode="after")
+    def _both_or_none(self) -> SubCycling:
+        if (self.substeps == "auto") != (self.split == "auto"):
+            raise FaultError("is chosen together with the split: give both 'auto' or none", "substeps")
+        return self
 
 
 class ExponentialRun(Table):
@@ -109,28 +135,49 @@ class ExponentialRun(Table):
     step: PositiveTime | None = None
 
 
+class RosenbrockRun(Table):
+    """Exponential Rosenbrock method of order 4: chooses its steps by a relative ``tolerance``."""
+
+    integrator: Literal["exponential-rosenbrock"]
+    tolerance: Tolerance = 1e-6
+
+    step: ClassVar[None] = None
+
+
 class GeneralizedAlphaRun(Table):
-    """Generalised-α with spectral radius ``rho`` at infinite frequency; ``step`` [s] overrides the simulation's."""
+    """Generalised-α with spectral radius ``rho`` at infinite frequency; with a ``tolerance`` it chooses its steps."""
 
     integrator: Literal["generalized-alpha"]
     rho: Annotated[Number, Field(ge=0.0, le=1.0)] = 0.8
     step: PositiveTime | None = None
+    tolerance: Tolerance | None = None
+
+    @model_validator(mode="after")
+    def _one_of_two(self) -> GeneralizedAlphaRun:
+        if self.step is not None and self.tolerance is not None:
+            raise FaultError("can't stand beside a step: with a tolerance the method chooses its steps", "tolerance")
+        return self
 
 
 class ScipyRun(Table):
     """One of SciPy's adaptive methods, with its relative ``tolerance``."""
 
     integrator: Literal["DOP853", "Radau", "LSODA"]
-    tolerance: Annotated[Number, Field(ge=3e-14, lt=1.0)] = 1e-9
+    tolerance: Tolerance = 1e-9
 
-    @property
-    def step(self) -> None:
-        """The method's own."""
-        return None
+    step: ClassVar[None] = None
+
+
+class AutoRun(Table):
+    """The method that measurements say is fastest, with a step that meets the simulation's wanted error."""
+
+    integrator: Literal["auto"]
+
+    step: ClassVar[None] = None
 
 
 Run = Annotated[
-    CentralDifference | SubCycling | ExponentialRun | GeneralizedAlphaRun | ScipyRun,
+    CentralDifference | SubCycling | ExponentialRun | RosenbrockRun | GeneralizedAlphaRun | ScipyRun | AutoRun,
     Field(discriminator="integrator"),
 ]
 
@@ -140,12 +187,20 @@ class Simulation(Table):
 
     Parameters
     ----------
-    duration, step, output_step : float
-        How long it lasts, the time step, and the time between two results [s].
+    duration, output_step : float
+        How long it lasts, and the time between two results [s].
+    step : float, optional
+        Time step of the methods that don't choose it [s].
+    error : float
+        Wanted error, relative to the largest value of each kind of coordinate; for what is chosen automatically.
     tip : str
-        ``"body.marker"`` whose deflection is recorded.
+        ``"body.marker"`` whose motion is recorded.
+    gravity : tuple of float
+        Acceleration of free fall [m/s²].
     frame : str
-        How free modes are re-expressed for a body's joint.
+        How free modes are re-expressed for a torque-driven hinge.
+    stiffening : str
+        Geometric stiffening by the inertia loads: when the speed matters, always or never.
     fast : tuple of str
         The revolute and prismatic joints whose coordinates take the fast steps in sub-cycling.
     run : tuple of Run
@@ -153,10 +208,13 @@ class Simulation(Table):
     """
 
     duration: PositiveTime
-    step: PositiveTime
     output_step: PositiveTime
+    step: PositiveTime | None = None
+    error: Annotated[Number, Field(ge=1e-10, le=0.1)] = 1e-3
     tip: Place
+    gravity: tuple[Acceleration, Acceleration, Acceleration] = (0.0, 0.0, 0.0)
     frame: Literal["joint-conforming", "free"] = "joint-conforming"
+    stiffening: Literal["auto", "on", "off"] = "auto"
     fast: tuple[Place, ...] = ()
     run: Annotated[tuple[Run, ...], Field(min_length=1)]
 
@@ -167,6 +225,12 @@ class Simulation(Table):
         for path, step in steps.items():
             if step is not None and step > self.duration:
                 raise FaultError(f"must not be longer than the duration, {self.duration:g} s", *path)
+        if self.step is None:
+            for run in self.run:
+                chooses = isinstance(run, RosenbrockRun | ScipyRun | AutoRun) or getattr(run, "tolerance", None)
+                if not chooses and run.step is None:
+                    message = f"is missing: {run.integrator} needs a step, here or in the run, e.g. '10 us'"
+                    raise FaultError(message, "step")
         return self
 
 
@@ -217,8 +281,12 @@ class Scene(Table):
                 yield from self._wrong_marker(joint.parent, "joint", name, "parent")
             yield from self._wrong_marker(joint.child, "joint", name, "child")
         for name, drive in self.drive.items():
-            fitting = ("prismatic",) if drive.type == "force" else ("revolute",)
-            yield from self._wrong_joint(drive.joint, fitting, f"a {drive.type}", "drive", name, "joint")
+            if isinstance(drive, PointForce | PointTorque):
+                yield from self._wrong_marker(drive.marker, "drive", name, "marker")
+                continue
+            fitting = {"force": ("prismatic",), "motion": _SINGLE}.get(drive.type, ("revolute",))
+            wrong = [*self._wrong_joint(drive.joint, fitting, f"a {drive.type}", "drive", name, "joint")]
+            yield from wrong or self._wrong_motion(name, drive)
         yield from self._wrong_marker(self.simulation.tip, "simulation", "tip")
         for number, joint_name in enumerate(self.simulation.fast):
             yield from self._wrong_joint(joint_name, _SINGLE, "the fast list", "simulation", "fast", number)
@@ -227,6 +295,27 @@ class Scene(Table):
                 yield from self._wrong_chart(output, "output", number)
             else:
                 yield from self._wrong_picture(output, "output", number)
+
+    def _wrong_motion(self, name: str, drive: Drive) -> Iterator[FaultError]:
+        """A prescribed motion leaves its joint no coordinate: nothing else may act along it."""
+        if not isinstance(drive, MotionDrive):
+            return
+        wanted, other = ("angle", "position") if self.joint[drive.joint].type == "revolute" else ("position", "angle")
+        if getattr(drive, wanted) is None:
+            yield FaultError(
+                f"is missing: a {self.joint[drive.joint].type} joint moves by its {wanted}", "drive", name, wanted
+            )
+        if getattr(drive, other) is not None:
+            yield FaultError(f"belongs to another joint; this one moves by its {wanted}", "drive", name, other)
+        for other_name, also in self.drive.items():
+            if other_name != name and getattr(also, "joint", None) == drive.joint:
+                yield FaultError(f"has no effect: '{name}' prescribes the joint's motion", "drive", other_name, "joint")
+        for key in (wanted, "rate", "spring", "damper"):
+            if getattr(self.joint[drive.joint], key):
+                yield FaultError(f"has no effect: '{name}' prescribes the joint's motion", "joint", drive.joint, key)
+        if drive.joint in self.simulation.fast:
+            number = self.simulation.fast.index(drive.joint)
+            yield FaultError(f"has no coordinate: '{name}' prescribes its motion", "simulation", "fast", number)
 
     def _wrong_joint(self, name: str, fitting: tuple[str, ...], user: str, *path: str | int) -> Iterator[FaultError]:
         if name not in self.joint:
@@ -242,7 +331,8 @@ class Scene(Table):
         yield from faults
         if not faults and chart.unit is not None:
             try:
-                unit_ratio("rad" if self.joint[chart.joint].type == "revolute" else "m", chart.unit)
+                unit = "rad" if self.joint[chart.joint].type == "revolute" else "m"
+                unit_ratio(f"{unit}/s" if chart.quantity == "joint_rate" else unit, chart.unit)
             except ValueError as error:
                 yield FaultError(str(error), *path, "unit")
 

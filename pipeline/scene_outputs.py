@@ -50,9 +50,9 @@ class Chart(Table):
     quantity : str
         What is drawn.
     joint : str, optional
-        The revolute or prismatic joint whose coordinate is drawn; for ``"joint_position"`` alone.
+        The revolute or prismatic joint whose coordinate or rate is drawn.
     unit : str, optional
-        What the coordinate is drawn in, e.g. ``"deg"`` or ``"mm"``; else it is in rad or m.
+        What it is drawn in, e.g. ``"deg"`` or ``"mm/s"``; else in rad, m and s.
     """
 
     type: Literal["chart"]
@@ -62,6 +62,8 @@ class Chart(Table):
         "com_velocity",
         "com_angular_velocity",
         "tip_deflection",
+        "tip_displacement",
+        "tip_position",
         "joint_angle",
         "joint_rate",
         "joint_position",
@@ -74,13 +76,12 @@ class Chart(Table):
 
     @model_validator(mode="after")
     def _joint_where_needed(self) -> Chart:
-        if self.quantity == "joint_position":
-            if self.joint is None:
-                raise FaultError("is missing: the name of the joint whose coordinate is drawn", "joint")
-            return self
-        for key in ("joint", "unit"):
-            if getattr(self, key) is not None:
-                raise FaultError("belongs to the quantity 'joint_position'", key)
+        if self.quantity == "joint_position" and self.joint is None:
+            raise FaultError("is missing: the name of the joint whose coordinate is drawn", "joint")
+        if self.quantity not in ("joint_position", "joint_rate") and self.joint is not None:
+            raise FaultError("belongs to the quantities 'joint_position' and 'joint_rate'", "joint")
+        if self.unit is not None and self.joint is None:
+            raise FaultError("belongs to a joint's position or rate", "unit")
         return self
 
 

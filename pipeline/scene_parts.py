@@ -8,10 +8,10 @@ from typing import Annotated, Literal
 from pydantic import AfterValidator, Field, model_validator
 
 from pipeline.scene_file import FaultError, Table
+from pipeline.scene_time import AngleOverTime, ForceOverTime, PositionOverTime, TorqueOverTime
 from pipeline.units import (
     Angle,
     AngularRate,
-    Force,
     Length,
     MomentOfInertia,
     NonNegative,
@@ -104,19 +104,34 @@ class Modes(Table):
         How many, above the rigid-body modes.
     family : str
         The kind of motion that they are chosen from.
+    boundary : str
+        How the body is held while it vibrates: not at all, or at the marker of the joint that carries it.
     enrich : str
         The loads whose static responses are added.
+    damping : float
+        Damping ratio of every mode.
     """
 
     count: Count
     family: Literal["any", "in-plane bending", "out-of-plane bending", "torsion", "axial"] = "any"
+    boundary: Literal["free", "joint"] = "free"
     enrich: Literal["none", "inertia"] = "none"
+    damping: Annotated[Number, Field(ge=0.0, lt=1.0)] = 0.0
 
 
 class Marker(Table):
-    """A face of a flexible body, named for joints and results; ``"x-"`` is where x is least."""
+    """A face of a flexible body, named for joints, loads and results.
+
+    Parameters
+    ----------
+    face : str
+        ``"x-"`` is where x is least.
+    attachment : str
+        Whether the marker follows the face in the mean (RBE3) or holds it rigid (RBE2).
+    """
 
     face: Literal["x-", "x+", "y-", "y+", "z-", "z+"]
+    attachment: Literal["averaged", "rigid"] = "averaged"
 
 
 class PointMarker(Table):
@@ -329,23 +344,66 @@ class TorquePulse(Table):
         return self
 
 
-class ConstantTorque(Table):
-    """A constant ``torque`` [N m] about a revolute joint."""
+class TorqueDrive(Table):
+    """A ``torque`` [N m] about a revolute joint."""
 
     type: Literal["torque"]
     joint: Place
-    torque: Torque
+    torque: TorqueOverTime
 
 
-class ConstantForce(Table):
-    """A constant ``force`` [N] along a prismatic joint."""
+class ForceDrive(Table):
+    """A ``force`` [N] along a prismatic joint."""
 
     type: Literal["force"]
     joint: Place
-    force: Force
+    force: ForceOverTime
+
+
+class MotionDrive(Table):
+    """A prescribed motion of a revolute joint's ``angle`` [rad] or a prismatic one's ``position`` [m]."""
+
+    type: Literal["motion"]
+    joint: Place
+    angle: AngleOverTime | None = None
+    position: PositionOverTime | None = None
+
+
+class PointForce(Table):
+    """A force at a point of a body.
+
+    Parameters
+    ----------
+    marker : str
+        ``"body.marker"`` that it acts on.
+    direction : tuple of float
+        Its direction; the length is of no account.
+    force : TimeFunction
+        Its size [N].
+    following : bool
+        Whether the direction turns with the marker; else it is fixed in space.
+    """
+
+    type: Literal["point force"]
+    marker: Place
+    direction: Axis
+    force: ForceOverTime
+    following: bool = False
+
+
+class PointTorque(Table):
+    """A ``torque`` [N m] on a body's marker; else as a point force."""
+
+    type: Literal["point torque"]
+    marker: Place
+    direction: Axis
+    torque: TorqueOverTime
+    following: bool = False
 
 
 # Each is told apart by one key.
 Body = Annotated[Bar | Rod | PointMass | RigidBody, Field(discriminator="shape")]
 Joint = Annotated[Revolute | Prismatic | Fixed | Spherical | Free, Field(discriminator="type")]
-Drive = Annotated[TorquePulse | ConstantTorque | ConstantForce, Field(discriminator="type")]
+Drive = Annotated[
+    TorquePulse | TorqueDrive | ForceDrive | MotionDrive | PointForce | PointTorque, Field(discriminator="type")
+]

@@ -15,14 +15,13 @@ def summarise(run: Pipeline, files: list[str]) -> dict[str, Any]:
     from pipeline import __version__
 
     summary: dict[str, Any] = {"scene": run.scene.name, "version": __version__}
-    if run.flexible:
+    if run.parts:
         summary |= frequency_table(run)
-        summary["pinned_frequencies_hz"] = run.body.frequencies_hz.tolist()
-        summary["coupling"] = run.body.coupling
-        summary["mass_kg"] = run.body.gram.mass
     motions: dict[str, Any] = dict(run.motions)
+    if run.parts:
+        summary["bodies"] = {name: _body(run, name) for name in run.parts}
     first = next(iter(motions.values()))
-    summary["largest_stable_step_s"] = 2.0 / run.mechanism.highest_frequency
+    summary["largest_stable_step_s"] = 2.0 / run.mechanism.highest_frequency if run.mechanism.n else None
     summary["integrations"] = [
         {
             "integrator": motion.trajectory.integrator,
@@ -37,8 +36,9 @@ def summarise(run: Pipeline, files: list[str]) -> dict[str, Any]:
         for motion in motions.values()
     ]
     summary["final"] = first.final()
-    if run.flexible:
+    if run.is_rotor:
         summary["peak_tip_deflection_m"] = float(np.abs(run.motion.tip_deflection).max())
+    if run.parts:
         time, node, value = run.stress.worst()
         place = run.body.x[run.stress.nodes[node]]
         summary["worst_stress"] = {"time_s": time, "von_mises_pa": value, "position_m": place.tolist()}
@@ -48,4 +48,17 @@ def summarise(run: Pipeline, files: list[str]) -> dict[str, Any]:
         "stages_run": list(run.log.run),
         "stages_cached": list(run.log.cached),
         "stages_skipped": run.log.skipped,
+    }
+
+
+def _body(run: Pipeline, name: str) -> dict[str, Any]:
+    """A flexible body's own figures, and what its spin does to it."""
+    body, spin = run.bodies[name], run.spin[name]
+    return {
+        "frequencies_in_frame_hz": body.frequencies_hz.tolist(),
+        "coupling": body.coupling,
+        "mass_kg": body.gram.mass,
+        "largest_spin_rad_s": spin.largest_rate,
+        "critical_spin_rad_s": spin.critical_rate if np.isfinite(spin.critical_rate) else None,
+        "stiffened": spin.stiffened,
     }

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
@@ -31,23 +32,47 @@ def print_run(summary: dict[str, Any], folder: Path) -> None:
 
 
 def _print_body(console: Console, summary: dict[str, Any]) -> None:
-    if summary["coupling"] > _COUPLED and any(row["substeps"] > 1 for row in summary["integrations"]):
-        console.print(
-            f"note: rotation and modes couple through the mass matrix ({summary['coupling']:.2f}), so sub-cycling is "
-            'weakly unstable at every step; simulation.frame = "joint-conforming" removes the coupling'
-        )
+    for name, body in summary["bodies"].items():
+        if body["coupling"] > _COUPLED and any(row["substeps"] > 1 for row in summary["integrations"]):
+            console.print(
+                f"note: rotation and modes of {name} couple through the mass matrix ({body['coupling']:.2f}), so "
+                'sub-cycling is weakly unstable at every step; simulation.frame = "joint-conforming" removes that'
+            )
+        if body["stiffened"]:
+            critical = body["critical_spin_rad_s"]
+            softens = f"; without, it would lose its stiffness at {critical:.4g} rad/s" if critical else ""
+            console.print(
+                f"{name} is stiffened by its inertia loads: it turns at up to {body['largest_spin_rad_s']:.4g} rad/s, "
+                f"its lowest frequency is {2 * math.pi * body['frequencies_in_frame_hz'][0]:.4g} rad/s{softens}"
+            )
     stress = summary["worst_stress"]
-    console.print(
-        f"largest von Mises stress {stress['von_mises_pa'] / 1e6:.4g} MPa at t = {stress['time_s'] * 1e3:.4g} ms; "
-        f"largest tip deflection {summary['peak_tip_deflection_m'] * 1e3:.4g} mm"
-    )
+    line = f"largest von Mises stress {stress['von_mises_pa'] / 1e6:.4g} MPa at t = {stress['time_s'] * 1e3:.4g} ms"
+    if "peak_tip_deflection_m" in summary:
+        line += f"; largest tip deflection {summary['peak_tip_deflection_m'] * 1e3:.4g} mm"
+    console.print(line)
 
 
 def print_frequencies(result: dict[str, Any]) -> None:
     """Print a scene's frequencies."""
     console = Console()
     console.print(_frequencies(result))
+    if "speed_rad_s" in result:
+        table = _table(f"On a hub that turns at {result['speed_rad_s']:.6g} rad/s", "mode", "Hz")
+        for k, frequency in enumerate(result["rotating_frequencies_hz"]):
+            table.add_row(str(k + 1), f"{frequency:.4f}")
+        console.print(table)
     console.print(f"{result['rigid_modes']} rigid-body modes, {result['dofs']} unknowns")
+
+
+def print_campbell(title: str, rates: Any, table: Any, folder: Path, files: list[str]) -> None:
+    """Print a Campbell diagram's frequencies at a few of its rates."""
+    console = Console()
+    shown = table.shape[1] if table.shape[1] < 8 else 8
+    chosen = _table(f"{title}: frequencies on a turning hub [Hz]", "rad/s", *(f"mode {k + 1}" for k in range(shown)))
+    for k in range(0, len(rates), max(1, len(rates) // 10)):
+        chosen.add_row(f"{rates[k]:.4g}", *(f"{value:.3f}" for value in table[k, :shown]))
+    console.print(chosen)
+    console.print(f"in {folder}/: {', '.join(files)}")
 
 
 def print_bench(title: str, result: WorkPrecision, folder: Path, files: list[str]) -> None:
@@ -80,8 +105,11 @@ def _stages(summary: dict[str, Any]) -> Table:
             "assembly": f"{summary['dofs']} unknowns",
             "modes": f"{len(summary['frequencies_hz'])} modes of {summary['dofs']} unknowns, "
             f"{summary['rigid_modes']} rigid-body modes, residual {summary['residual']:.0e}",
-            "body": f"{summary['mass_kg']:.4g} kg, pinned at {summary['pinned_frequencies_hz'][0]:.4g} Hz, "
-            f"coupling {summary['coupling']:.0e}",
+            "body": "; ".join(
+                f"{name}: {body['mass_kg']:.4g} kg, {body['frequencies_in_frame_hz'][0]:.4g} Hz on its joint, "
+                f"coupling {body['coupling']:.0e}"
+                for name, body in summary["bodies"].items()
+            ),
             "stress": f"{summary['worst_stress']['von_mises_pa'] / 1e6:.4g} MPa at worst",
         }
     for stage, seconds in summary["seconds"].items():

@@ -15,7 +15,7 @@ MOST_LINES = 460
 
 # Each layer imports from itself and from those above it in this list.
 LAYERS = (
-    {"units", "checks", "tensors", "folders", "files", "progress", "cache"},
+    {"units", "checks", "tensors", "expression", "folders", "files", "progress", "cache", "keeper"},
     {"fem"},
     {"reduction"},
     {"dynamics"},
@@ -23,8 +23,9 @@ LAYERS = (
     {"recovery"},
     {"studies"},
     {
-        *{"scene", "scene_file", "scene_parts", "scene_outputs", "stages", "frequencies", "outputs", "tables"},
-        *{"bench", "chain", "doctor", "cli", "summary", "__init__", "__main__"},
+        *{"scene", "scene_file", "scene_time", "scene_parts", "scene_outputs", "mechanism", "methods", "part", "spin"},
+        *{"stages", "frequencies", "quantities", "outputs", "summary", "tables", "bench", "doctor", "cli"},
+        *{"__init__", "__main__"},
     },
 )
 # Pictures stand beside the calculation: they know nothing of it, and only the last layer knows them.
@@ -40,7 +41,7 @@ OWNERS = {
     "vtk": "pipeline.render",
     "vtkmodules": "pipeline.render",
     "matplotlib": "pipeline.render",
-    "meshes": "pipeline.stages",
+    "meshes": "pipeline.part",
 }
 
 

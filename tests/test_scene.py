@@ -120,7 +120,7 @@ def test_the_rod_and_its_slider_come_in_si_units() -> None:
     assert rod.marker["rest"].at == (1.0, 0.0, 0.0)
     slide = scene.joint["slide"]
     assert (slide.parent, slide.position, slide.spring, slide.rest) == ("rod.rest", 0.15, 1000.0, 0.0)
-    assert scene.drive["motor"].torque == math.radians(100)  # 100 N m per degree
+    assert scene.drive["motor"].torque.constant == math.radians(100)  # 100 N m per degree
     assert scene.simulation.fast == ("slide",)
     assert [(output.joint, output.unit) for output in scene.output] == [("hinge", "deg"), ("slide", "m")]
 

@@ -1,4 +1,4 @@
-"""An open chain of rigid and flexible bodies: what the kernels of `tree_kernels` read.
+"""An open chain of rigid and flexible bodies, as the integrators see it.
 
 Bodies form a tree of joints. The coordinates are those of the joints and of the modes alone, the independent
 coordinates of eq. (4) of Miao et al. (2008): nothing else appears, so no constraint can drift.
@@ -7,333 +7,160 @@ coordinates of eq. (4) of Miao et al. (2008): nothing else appears, so no constr
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from functools import cached_property
-from typing import NamedTuple
 
 import numpy as np
 from scipy.linalg import eigh
 
 from pipeline.checks import Array, IntArray
+from pipeline.dynamics.link import FREE, REVOLUTE, SPHERICAL, Link, PointLoad
+from pipeline.dynamics.signal import Signal
+from pipeline.dynamics.tree_arrays import FrozenTree, Layout, TreeParameters, layout_of, packed, with_room
 from pipeline.reduction.gram import InertiaGram
-
-FIXED, REVOLUTE, PRISMATIC, SPHERICAL, FREE = range(5)
-N_RATES = (0, 1, 1, 3, 6)
-N_POSITIONS = (0, 1, 1, 4, 7)
-
-
-@dataclass(frozen=True)
-class Link:
-    """A body with the joint that carries it; rigid if it has no modes.
-
-    Parameters
-    ----------
-    name : str
-        The body's name.
-    gram : InertiaGram
-        Inertia integrals about the joint, in the body's frame, for unit modal masses.
-    joint : int
-        ``FIXED``, ``REVOLUTE``, ``PRISMATIC``, ``SPHERICAL`` or ``FREE``.
-    parent : int
-        Number of the body that carries it, -1 for the ground; smaller than its own.
-    place : ndarray, shape (3,)
-        The joint in the parent's frame [m].
-    axis : ndarray, shape (3,)
-        Unit vector of a revolute or prismatic joint, in both bodies' frames at angle 0.
-    omega : ndarray, shape (n,)
-        Modal angular frequencies [rad/s].
-    damping : ndarray, shape (n,)
-        Modal damping ratios.
-    place_shapes, place_rotations : ndarray, shape (3, n_parent)
-        Displacement and rotation of the joint's place for unit modal coordinates of the parent.
-    joint_rotation : ndarray, shape (n,)
-        Rotation of the body's own section at a revolute joint about its axis, for unit modal coordinates.
-    spring, rest, damper : float
-        Of a revolute or prismatic joint [N m/rad or N/m; rad or m; N m s/rad or N s/m].
-    load : float
-        Constant torque or force along the joint [N m or N].
-    """
-
-    name: str
-    gram: InertiaGram
-    joint: int
-    parent: int = -1
-    place: Array = field(default_factory=lambda: np.zeros(3))
-    axis: Array = field(default_factory=lambda: np.array([0.0, 0.0, 1.0]))
-    omega: Array = field(default_factory=lambda: np.zeros(0))
-    damping: Array = field(default_factory=lambda: np.zeros(0))
-    place_shapes: Array = field(default_factory=lambda: np.zeros((3, 0)))
-    place_rotations: Array = field(default_factory=lambda: np.zeros((3, 0)))
-    joint_rotation: Array = field(default_factory=lambda: np.zeros(0))
-    spring: float = 0.0
-    rest: float = 0.0
-    damper: float = 0.0
-    load: float = 0.0
-
-
-def rigid_gram(mass: float, centre: Array, inertia: Array) -> InertiaGram:
-    """Inertia integrals of a rigid body.
-
-    Parameters
-    ----------
-    mass : float
-        [kg]
-    centre : ndarray, shape (3,)
-        Centre of mass in the body's frame [m].
-    inertia : ndarray, shape (3, 3)
-        Inertia tensor about the centre of mass [kg m²].
-    """
-    second = 0.5 * np.trace(inertia) * np.eye(3) - inertia + mass * np.outer(centre, centre)
-    return InertiaGram(second[:, :, None, None].copy(), mass * np.reshape(centre, (3, 1)), mass)
-
-
-class TreeParameters(NamedTuple):
-    """Flat arrays for the kernels; the last ones are room to work in."""
-
-    parent: IntArray
-    joint: IntArray
-    rate: IntArray  # first rate of each joint
-    position: IntArray  # first position of each joint
-    mode: IntArray  # first modal rate of each body
-    n_modes: IntArray
-    shift: int  # modal position = modal rate + shift
-    place: Array  # (n_bodies, 3)
-    axis: Array  # (n_bodies, 3)
-    place_shapes: Array  # (n_bodies, 3, most modes): of the parent
-    place_rotations: Array
-    joint_rotation: Array  # (n_bodies, most modes)
-    G: Array  # (n_bodies, 3, 3, 1 + most modes, 1 + most modes)
-    S: Array  # (n_bodies, 3, 1 + most modes)
-    mass: Array
-    stiffness: Array  # (n,) by rate: spring or ω²
-    K: Array  # (n, n): the same, with springs that grip a section which turns with its body's modes
-    C: Array  # (n, n): damping likewise
-    damped: bool
-    rest: Array  # (n,)
-    damping: Array  # (n,)
-    load: Array  # (n,)
-    gravity: Array
-    scalar_position: IntArray  # (n,) position of each scalar coordinate, -1 for a rate of a rotation in space
-    origin: Array  # (n_bodies, 3)
-    R: Array  # (n_bodies, 3, 3)
-    spin: Array  # (n_bodies, 3)
-    bias: Array  # (n_bodies, 6): acceleration of frame and rotation with no rate accelerating
-    J: Array  # (n_bodies, 6, n)
-    R0: Array  # (3, 3)
-    M: Array  # (n, n)
-    L: Array  # (n, n)
-    Q: Array  # (n,)
-    body: Array  # (8, most modes + 13)
-
-
-class FrozenTree(NamedTuple):
-    """The fast coordinates over a major cycle: ``a_S = constant − B q_S − D v_S``."""
-
-    constant: Array  # (n,), the slow ones unused
-    B: Array  # (n_fast, n_fast)
-    D: Array  # (n_fast, n_fast)
-    column: Array  # (n,), room to work in
 
 
 @dataclass(frozen=True)
 class Tree:
-    """A mechanism of links, as the integrators see it.
+    """A mechanism of links.
 
-    Rates are ordered by what is slow: first those named slow, then the rest, in the order joint by joint, then mode
-    by mode.
+    Rates are ordered by what is slow: slow joints, slow modes, fast joints, fast modes.
 
     Parameters
     ----------
     links : sequence of Link
         Each after its parent.
     fast_joints : sequence of str
-        Bodies whose scalar joint coordinate is fast; modal coordinates always are.
+        Bodies whose scalar joint coordinate is fast.
     gravity : ndarray, shape (3,)
         [m/s²]
+    loads : sequence of PointLoad
+        Forces and torques at points.
+    slow_modes : mapping of str to int
+        How many modes of a body, the lowest, are slow; none by default.
 
     Raises
     ------
     ValueError
-        Names are missing or not unique, a link comes before its parent, an axis has no direction, or a fast joint is
-        not a revolute or prismatic one.
+        Names are missing or not unique, a link doesn't fit its parent, or a fast joint is not a revolute or prismatic
+        one with a coordinate.
     """
 
     links: Sequence[Link]
     fast_joints: Sequence[str] = ()
     gravity: Array = field(default_factory=lambda: np.zeros(3))
+    loads: Sequence[PointLoad] = ()
+    slow_modes: Mapping[str, int] = field(default_factory=dict)
 
     coupled = True
-    breakpoints = ()
 
     def __post_init__(self) -> None:
-        names = [link.name for link in self.links]
-        if not names or len(set(names)) < len(names):
-            raise ValueError(f"links need names of their own, and one link at least: {names}")
-        if unknown := set(self.fast_joints) - set(names):
-            raise ValueError(f"fast_joints names no link: {', '.join(sorted(unknown))}")
+        links = {link.name: link for link in self.links}
+        if not links or len(links) < len(self.links):
+            raise ValueError(f"links need names of their own, and one link at least: {list(links)}")
+        named = {*self.fast_joints, *self.slow_modes, *(at.body for at in self.loads)}
+        if unknown := named - set(links):
+            raise ValueError(f"no link is named {', '.join(sorted(unknown))}")
         for k, link in enumerate(self.links):
-            if not -1 <= link.parent < k:
-                raise ValueError(f"link {link.name} comes before its parent")
-            if not np.linalg.norm(link.axis) > 0.0:
-                raise ValueError(f"the axis of {link.name} has no direction")
-            if link.name in self.fast_joints and N_RATES[link.joint] != 1:
-                raise ValueError(f"the joint of {link.name} can't be fast: it is not revolute or prismatic")
+            link.require_valid(k, len(self.links[link.parent].omega) if 0 <= link.parent < k else 0)
+            if link.name in self.fast_joints and link.n_rates != 1:
+                raise ValueError(f"the joint of {link.name} can't be fast: it has no one coordinate")
+            if not 0 <= self.slow_modes.get(link.name, 0) <= len(link.omega):
+                raise ValueError(f"{link.name} has {len(link.omega)} modes, fewer than are to be slow")
 
     @cached_property
-    def layout(self) -> tuple[IntArray, IntArray, IntArray, int]:
-        """First rate and first position of each joint, first rate of each body's modes, number of slow rates."""
-        rate, position, mode = (np.zeros(len(self.links), dtype=np.int64) for _ in range(3))
-        next_rate = next_position = n_slow = 0
-        for fast in (False, True):
-            for k, link in enumerate(self.links):
-                if (link.name in self.fast_joints) is fast:
-                    rate[k], position[k] = next_rate, next_position
-                    next_rate += N_RATES[link.joint]
-                    next_position += N_POSITIONS[link.joint]
-            if not fast:
-                n_slow = next_rate
-        for k, link in enumerate(self.links):
-            mode[k] = next_rate
-            next_rate += len(link.omega)
-        return rate, position, mode, n_slow
+    def layout(self) -> Layout:
+        """Where each joint's and each body's coordinates are."""
+        return layout_of(self.links, self.fast_joints, [self.slow_modes.get(link.name, 0) for link in self.links])
 
     @property
     def n_slow(self) -> int:
         """Number of slow rates."""
-        return self.layout[3]
+        return self.layout.n_slow
 
     @property
     def n(self) -> int:
         """Number of rates."""
-        return sum(N_RATES[link.joint] + len(link.omega) for link in self.links)
+        return self.layout.n
 
     @property
     def n_positions(self) -> int:
         """Number of position coordinates."""
-        return sum(N_POSITIONS[link.joint] + len(link.omega) for link in self.links)
+        return self.layout.n_positions
 
     @property
     def rest_positions(self) -> Array:
         """Positions of the undeformed mechanism with all joints at 0, shape (n_positions,)."""
         q = np.zeros(self.n_positions)
-        for link, first in zip(self.links, self.layout[1], strict=True):
+        for link, first in zip(self.links, self.layout.position, strict=True):
             if link.joint in (SPHERICAL, FREE):
-                q[first + N_POSITIONS[link.joint] - 1] = 1.0  # a unit quaternion, its scalar part last
+                q[first + link.n_positions - 1] = 1.0  # a unit quaternion, its scalar part last
         return q
+
+    @cached_property
+    def groups(self) -> tuple[IntArray, IntArray]:
+        """Group of like coordinates that each position and each rate belongs to: one for each joint and each body."""
+        positions, rates = np.zeros(self.n_positions, dtype=np.int64), np.zeros(self.n, dtype=np.int64)
+        for k, link in enumerate(self.links):
+            at, first = self.layout.rate[k], self.layout.position[k]
+            moves = 3 if link.joint == FREE else 0  # translation and rotation of a free joint are not alike
+            rates[at : at + link.n_rates], positions[first : first + link.n_positions] = 3 * k, 3 * k
+            rates[at : at + moves], positions[first : first + moves] = 3 * k + 1, 3 * k + 1
+            modes = self.modes_of(k)
+            rates[modes], positions[modes + self.n_positions - self.n] = 3 * k + 2, 3 * k + 2
+        return positions, rates
+
+    def modes_of(self, body: int) -> IntArray:
+        """Rates of a body's modal coordinates, lowest mode first."""
+        return np.asarray(self.layout.mode[body, : len(self.links[body].omega)])
 
     @property
     def parameters(self) -> TreeParameters:
         """Flat arrays for the kernels, with room to work in that is the caller's own."""
         import pipeline.dynamics.tree_solve  # noqa: F401 - gives the functions of `system` their meaning for trees
 
-        n, n_bodies = self.n, len(self.links)
-        most = max(len(link.omega) for link in self.links)
-        return self._parameters._replace(
-            origin=np.zeros((n_bodies, 3)),
-            R=np.zeros((n_bodies, 3, 3)),
-            spin=np.zeros((n_bodies, 3)),
-            bias=np.zeros((n_bodies, 6)),
-            J=np.zeros((n_bodies, 6, n)),
-            R0=np.zeros((3, 3)),
-            M=np.zeros((n, n)),
-            L=np.zeros((n, n)),
-            Q=np.zeros(n),
-            body=np.zeros((8, most + 13)),
-        )
+        return with_room(self._packed[0])
 
     @cached_property
-    def _parameters(self) -> TreeParameters:
-        links, n = self.links, self.n
-        rate, position, mode, _ = self.layout
-        most = max(len(link.omega) for link in links)
-        n_bodies = len(links)
-        shift = self.n_positions - n
-        padded = {
-            "place_shapes": np.zeros((n_bodies, 3, most)),
-            "place_rotations": np.zeros((n_bodies, 3, most)),
-            "joint_rotation": np.zeros((n_bodies, most)),
-            "G": np.zeros((n_bodies, 3, 3, 1 + most, 1 + most)),
-            "S": np.zeros((n_bodies, 3, 1 + most)),
-        }
-        by_rate = {name: np.zeros(n) for name in ("stiffness", "rest", "damping", "load")}
-        scalar_position = np.full(n, -1, dtype=np.int64)
-        K, C = np.zeros((n, n)), np.zeros((n, n))
-        for k, link in enumerate(links):
-            own, others = len(link.omega), link.place_shapes.shape[1]
-            padded["place_shapes"][k, :, :others] = link.place_shapes
-            padded["place_rotations"][k, :, :others] = link.place_rotations
-            padded["joint_rotation"][k, : len(link.joint_rotation)] = link.joint_rotation
-            padded["G"][k, :, :, : 1 + own, : 1 + own] = link.gram.G
-            padded["S"][k, :, : 1 + own] = link.gram.S
-            if N_RATES[link.joint] == 1:
-                i = rate[k]
-                scalar_position[i] = position[k]
-                by_rate["stiffness"][i], by_rate["rest"][i] = link.spring, link.rest
-                by_rate["damping"][i], by_rate["load"][i] = link.damper, link.load
-            if link.joint == FREE:
-                scalar_position[rate[k] : rate[k] + 3] = np.arange(position[k], position[k] + 3)
-            modes = slice(mode[k], mode[k] + own)
-            scalar_position[modes] = np.arange(mode[k], mode[k] + own) + shift
-            by_rate["stiffness"][modes] = link.omega**2
-            K[modes, modes] += np.diag(link.omega**2)
-            if N_RATES[link.joint] == 1:
-                grip = np.zeros(n)  # what stretches the spring: the joint, and the section's turning with the modes
-                grip[rate[k]] = 1.0
-                if link.joint == REVOLUTE:
-                    grip[mode[k] : mode[k] + len(link.joint_rotation)] = link.joint_rotation
-                K += link.spring * np.outer(grip, grip)
-                C += link.damper * np.outer(grip, grip)
-            if len(link.damping):
-                by_rate["damping"][modes] = 2.0 * link.damping * link.omega
-                C[modes, modes] += np.diag(2.0 * link.damping * link.omega)
-        nothing = np.zeros(0)
-        return TreeParameters(
-            parent=np.array([link.parent for link in links], dtype=np.int64),
-            joint=np.array([link.joint for link in links], dtype=np.int64),
-            rate=rate,
-            position=position,
-            mode=mode,
-            n_modes=np.array([len(link.omega) for link in links], dtype=np.int64),
-            shift=shift,
-            place=np.array([link.place for link in links], dtype=float),
-            axis=np.array([link.axis / np.linalg.norm(link.axis) for link in links]),
-            mass=np.array([link.gram.mass for link in links]),
-            K=K,
-            C=C,
-            damped=bool(C.any()),
-            gravity=np.asarray(self.gravity, dtype=float),
-            scalar_position=scalar_position,
-            origin=nothing,
-            R=nothing,
-            spin=nothing,
-            bias=nothing,
-            J=nothing,
-            R0=nothing,
-            M=nothing,
-            L=nothing,
-            Q=nothing,
-            body=nothing,
-            **padded,
-            **by_rate,
-        )
+    def _packed(self) -> tuple[TreeParameters, tuple[Signal, ...]]:
+        return packed(self.links, self.loads, self.layout, self.gravity)
+
+    @property
+    def breakpoints(self) -> tuple[float, ...]:
+        """Times at which a load or a motion jumps or has a kink [s], ascending."""
+        return tuple(sorted({time for signal in self._packed[1] for time in signal.breakpoints}))
 
     def frozen(self) -> FrozenTree:
         """Fresh storage for the frozen coefficients of a major cycle."""
-        n = self.n - self.n_slow
-        return FrozenTree(np.zeros(self.n), np.zeros((n, n)), np.zeros((n, n)), np.zeros(self.n))
+        return FrozenTree(self.n_slow, np.zeros(self.n), np.zeros(1), np.zeros(self.n))
 
     @property
     def stiffness(self) -> Array:
         """Squared modal frequencies, and springs over what they move in the undeformed mechanism [1/s²]."""
-        return self._parameters.stiffness / self.mass_matrix(self.rest_positions).diagonal()
+        return self._packed[0].stiffness / self.mass_matrix(self.rest_positions).diagonal()
 
-    def mass_matrix(self, q: Array) -> Array:
+    @property
+    def frequencies_hz(self) -> Array:
+        """Of each coordinate by itself in the undeformed mechanism [Hz], shape (n,); 0 where nothing holds it."""
+        own = self.linear_stiffness.diagonal() / self.mass_matrix(self.rest_positions).diagonal()
+        return np.asarray(np.sqrt(own) / (2 * np.pi))
+
+    @property
+    def linear_stiffness(self) -> Array:
+        """Stiffness of modes and springs, shape (n, n)."""
+        return self._packed[0].K
+
+    def mass_matrix(self, q: Array, t: float = 0.0) -> Array:
         """M̂ at positions q, shape (n, n)."""
+        M = self._evaluated(t, q, np.zeros(self.n)).M
+        return np.tril(M) + np.tril(M, -1).T
+
+    def _evaluated(self, t: float, q: Array, v: Array) -> TreeParameters:
         from pipeline.dynamics.tree_kernels import mass_and_force
 
         parameters = self.parameters
-        mass_and_force(parameters, 0.0, q, np.zeros(self.n))
-        return parameters.M.copy()
+        mass_and_force(parameters, t, q, v)
+        return parameters
 
     @property
     def highest_frequency(self) -> float:
@@ -352,38 +179,123 @@ class Tree:
 
     def _highest(self, part: slice) -> float:
         M = self.mass_matrix(self.rest_positions)[part, part]
-        K = self._parameters.K[part, part]
+        K = self.linear_stiffness[part, part]
         return float(np.sqrt(max(eigh(K, M, eigvals_only=True)[-1], 1e-300))) if len(M) else 1e-150
 
-    def energies(self, q: Array, v: Array) -> tuple[Array, Array]:
-        """Kinetic and potential energy (strain, springs, gravity) [J] of states q (n_times, …), v (n_times, n)."""
-        parameters = self.parameters
-        from pipeline.dynamics.tree_kernels import mass_and_force
+    def energies(self, q: Array, v: Array, times: Array | None = None) -> tuple[Array, Array]:
+        """Kinetic and potential energy (strain, springs, gravity) [J] at states q (n_times, …), v (n_times, n).
 
-        kinetic, potential = np.empty(len(q)), np.empty(len(q))
-        for i in range(len(q)):
-            mass_and_force(parameters, 0.0, q[i], v[i])
-            kinetic[i] = 0.5 * v[i] @ parameters.M @ v[i]
-            potential[i] = 0.0
-            for b, link in enumerate(self.links):
-                modal = q[i, parameters.mode[b] + parameters.shift + np.arange(len(link.omega))]
-                potential[i] += 0.5 * link.omega**2 @ modal**2
-                if link.spring:
-                    stretch = q[i, parameters.position[b]] - link.rest
-                    stretch += (
-                        link.joint_rotation @ modal if link.joint == REVOLUTE and len(link.joint_rotation) else 0.0
-                    )
-                    potential[i] += 0.5 * link.spring * stretch**2
-                first_moment = link.gram.S @ np.r_[1.0, modal]
-                moment = link.gram.mass * parameters.origin[b] + parameters.R[b] @ first_moment
-                potential[i] -= parameters.gravity @ moment
+        Prescribed motions are taken at ``times``, (n_times,) [s]; without, at 0.
+        """
+        from pipeline.dynamics.tree_kernels import kinetic_energies
+
+        times = np.zeros(len(q)) if times is None else times
+        free = self.released
+        positions, rates, _ = self.in_released(times, q, v)
+        kinetic, potential = np.empty(len(q)), np.zeros(len(q))
+        origins, rotations = np.empty((len(q), len(self.links), 3)), np.empty((len(q), len(self.links), 3, 3))
+        kinetic_energies(free.parameters, times, positions, rates, kinetic, origins, rotations)
+        for b, link in enumerate(free.links):
+            modal = positions[:, free.modes_of(b) + free.n_positions - free.n]
+            potential += 0.5 * modal**2 @ link.omega**2
+            if link.spring:
+                stretch = positions[:, free.layout.position[b]] - link.rest
+                if link.joint == REVOLUTE and len(link.joint_rotation):
+                    stretch = stretch + modal @ link.joint_rotation
+                potential += 0.5 * link.spring * stretch**2
+            if np.any(self.gravity):
+                moment = link.gram.mass * origins[:, b]
+                moment += np.einsum("tij,tj->ti", rotations[:, b], _first_moments(link, modal))
+                potential -= moment @ self.gravity
         return kinetic, potential
 
-    def frames(self, q: Array) -> Mapping[str, tuple[Array, Array]]:
-        """Origin (3,) and rotation (3, 3) of each body's frame in space at positions q."""
-        from pipeline.dynamics.tree_kernels import mass_and_force
+    @cached_property
+    def released(self) -> Tree:
+        """The same mechanism with its prescribed joints free to move: for their reactions and for the energy."""
+        return replace(self, links=[replace(link, motion=None) for link in self.links])
 
-        parameters = self.parameters
-        mass_and_force(parameters, 0.0, q, np.zeros(self.n))
-        pairs = zip(parameters.origin.copy(), parameters.R.copy(), strict=True)
-        return {link.name: pair for link, pair in zip(self.links, pairs, strict=True)}
+    def in_released(self, times: Array, q: Array, v: Array, a: Array | None = None) -> tuple[Array, Array, Array]:
+        """Positions, rates and accelerations of `released`, (n_times, …) each, at states of this mechanism."""
+        free, n_times = self.released, len(q)
+        positions, rates, accelerations = (np.zeros((n_times, n)) for n in (free.n_positions, free.n, free.n))
+        pairs = [(v, rates), (np.zeros_like(v) if a is None else a, accelerations)]
+        for k, (link, other) in enumerate(zip(self.links, free.links, strict=True)):
+            at, to = self.layout.position[k], free.layout.position[k]
+            i, j = self.layout.rate[k], free.layout.rate[k]
+            if link.motion is not None:
+                motion = np.array([link.motion.value(t) for t in times])
+                positions[:, to], rates[:, j], accelerations[:, j] = motion.T
+            else:
+                positions[:, to : to + other.n_positions] = q[:, at : at + link.n_positions]
+                for given, out in pairs:
+                    out[:, j : j + other.n_rates] = given[:, i : i + link.n_rates]
+            modes, new = self.modes_of(k), free.modes_of(k)
+            positions[:, new + free.n_positions - free.n] = q[:, modes + self.n_positions - self.n]
+            for given, out in pairs:
+                out[:, new] = given[:, modes]
+        return positions, rates, accelerations
+
+    def drive_loads(self, t: float, q: Array, v: Array) -> Mapping[str, float]:
+        """Torque [N m] or force [N] that each prescribed joint needs at a state, by the name of the body it carries."""
+        from pipeline.dynamics.tree_solve import solve_accelerations
+
+        a = np.zeros(self.n)
+        solve_accelerations(self.parameters, t, q, v, a)
+        free = self.released
+        (position,), (rate,), (acceleration,) = self.in_released(np.array([t]), q[None], v[None], a[None])
+        found = free._evaluated(t, position, rate)
+        M = np.tril(found.M) + np.tril(found.M, -1).T
+        lack = M @ acceleration - found.Q
+        return {
+            link.name: float(lack[free.layout.rate[k]]) for k, link in enumerate(self.links) if link.motion is not None
+        }
+
+    def frames(self, q: Array, times: Array | None = None) -> tuple[Array, Array]:
+        """Origins (n_times, n_bodies, 3) [m] and rotations (n_times, n_bodies, 3, 3) of the bodies' frames in space.
+
+        Prescribed motions are taken at ``times``, (n_times,) [s]; without, at 0.
+        """
+        times = np.zeros(len(q)) if times is None else times
+        return self._placed(q, np.zeros((len(q), self.n)), times)[:2]
+
+    def spins(self, q: Array, v: Array, times: Array) -> Array:
+        """Angular velocities of the bodies in their own axes, (n_times, n_bodies, 3) [rad/s]."""
+        _, rotations, spins = self._placed(q, v, times)
+        return np.einsum("tbij,tbi->tbj", rotations, spins)
+
+    def _placed(self, q: Array, v: Array, times: Array) -> tuple[Array, Array, Array]:
+        from pipeline.dynamics.tree_kernels import place_bodies
+
+        shape = (len(q), len(self.links), 3)
+        origins, rotations, spins = np.empty(shape), np.empty((*shape, 3)), np.empty(shape)
+        q, v = np.ascontiguousarray(q), np.ascontiguousarray(v)
+        place_bodies(self.parameters, times, q, v, origins, rotations, spins)
+        return origins, rotations, spins
+
+    @cached_property
+    def rigid(self) -> Tree:
+        """The same mechanism with no body deforming; its coordinates are the joints' of this one if all are slow."""
+        nothing, none = np.zeros(0), np.zeros((3, 0))
+        links = [
+            replace(
+                link,
+                gram=InertiaGram(link.gram.G[:, :, :1, :1], link.gram.S[:, :1], link.gram.mass),
+                omega=nothing,
+                damping=nothing,
+                joint_rotation=nothing,
+                place_shapes=none,
+                place_rotations=none,
+            )
+            for link in self.links
+        ]
+        loads = [replace(at, shapes=none, rotations=none) for at in self.loads]
+        return Tree(links, self.fast_joints, self.gravity, loads)
+
+
+def _first_moments(link: Link, modal: Array) -> Array:
+    """First moments about a body's origin in its axes, (n_times, 3) [kg m], at modal coordinates (n_times, n)."""
+    gram = link.gram
+    moments = gram.S[:, 0] + modal @ gram.S[:, 1:].T
+    if gram.bow.size:
+        moments = moments + 0.5 * np.einsum("tj,ajk,tk->ta", modal, gram.bow, modal)
+    return np.asarray(moments)

@@ -1,9 +1,15 @@
 """M̂ and Q̂ of an open chain (eq. 4 of Miao et al. 2008): one walk from the ground outwards, body by body.
 
 The frame of each body has a Jacobian (6, n) in space, how its origin and its rotation follow the rates, and a bias,
-its acceleration while no rate accelerates. With the body's own mass matrix and velocity-dependent forces from the
-inertia Gram tensor (in the body's axes), ``M̂ = Σ_b J_bᵀ M_b J_b`` and ``Q̂ = Σ_b J_bᵀ (Q_b − M_b bias_b) + loads``.
-Gravity is an upward acceleration of the ground.
+its acceleration while no rate accelerates; a prescribed joint moves the bias alone. With the body's own mass matrix and
+velocity-dependent forces from the inertia Gram tensor (in the body's axes), ``M̂ = Σ_b J_bᵀ M_b J_b`` and
+``Q̂ = Σ_b J_bᵀ (Q_b − M_b bias_b) + loads``. Gravity is an upward acceleration of the ground.
+
+With p = (1, q), the symmetric products ``G_k p`` of the Gram tensor and the antisymmetric ones ``A_a p``, ``A_a ṗ``
+are all that a body needs: second moment P, ``N = ∫ρ x ⊗ u̇`` and ``h_a = ṗ·A_a p`` give
+
+    J = tr(P) 1 − P      Q_rot = −(ω × J ω + J α + 2 (ω tr N_s − N_s ω + ½ h × ω) + c × a₀)
+    H_a = −A_a p         Q_modal = −Σ (ω_d ω_a − δ_da ω²) G_da p + Σ α_a A_a p + 2 Σ ω_a A_a ṗ − S_effᵀ a₀
 """
 
 from __future__ import annotations
@@ -12,7 +18,9 @@ import math
 
 from pipeline.checks import Array
 from pipeline.dynamics.compiled import inlined, kernel
-from pipeline.dynamics.tree import FREE, PRISMATIC, REVOLUTE, SPHERICAL, TreeParameters
+from pipeline.dynamics.link import FREE, PRISMATIC, REVOLUTE, SPHERICAL
+from pipeline.dynamics.signal import evaluate_signal, signal_value
+from pipeline.dynamics.tree_arrays import TreeParameters
 
 
 @inlined
@@ -47,6 +55,21 @@ def _turn_quaternion(R: Array, e: Array, out: Array) -> None:
 
 
 @kernel
+def _tangent(size2: float, out: Array) -> None:
+    """Coefficients of ``A(θ) = 1 + out₀ θ̃ + out₁ θ̃²`` for |θ|² = size2, and their slopes over θ·θ̇, into out (4,)."""
+    size = math.sqrt(size2)
+    if size > 0.05:
+        out[0], out[1] = (1.0 - math.cos(size)) / size2, (size - math.sin(size)) / (size * size2)
+        out[2] = (size * math.sin(size) - 2.0 * (1.0 - math.cos(size))) / (size2 * size2)
+        out[3] = (3.0 * math.sin(size) - size * (2.0 + math.cos(size))) / (size2 * size2 * size)
+    else:  # series: the differences above cancel
+        out[0] = 0.5 - size2 / 24.0 + size2**2 / 720.0 - size2**3 / 40320.0
+        out[1] = 1.0 / 6.0 - size2 / 120.0 + size2**2 / 5040.0 - size2**3 / 362880.0
+        out[2] = -1.0 / 12.0 + size2 / 180.0 - size2**2 / 6720.0
+        out[3] = -1.0 / 60.0 + size2 / 1260.0 - size2**2 / 60480.0
+
+
+@kernel
 def _place(p: TreeParameters, b: int, q: Array, v: Array, R0: Array) -> None:
     """Frame of the joint on the parent, moved and turned by the parent's modes, into body b's own; R0 (3, 3)."""
     origin, spin, bias, J = p.origin[b], p.spin[b], p.bias[b], p.J[b]
@@ -65,28 +88,21 @@ def _place(p: TreeParameters, b: int, q: Array, v: Array, R0: Array) -> None:
                 J[i, j] = 0.0
         return
     R, w, above = p.R[parent], p.spin[parent], p.J[parent]
-    first, n_modes = p.mode[parent], p.n_modes[parent]
-    arm, moving, angle, rate = p.body[0], p.body[1], p.body[2], p.body[3]
+    mode, n_modes = p.mode[parent], p.n_modes[parent]
+    arm, moving, angle, rate = p.small[0], p.small[1], p.small[2], p.small[3]
     for i in range(3):
         r, u, a, da = p.place[b, i], 0.0, 0.0, 0.0
         for k in range(n_modes):
-            r += p.place_shapes[b, i, k] * q[first + k + p.shift]
-            u += p.place_shapes[b, i, k] * v[first + k]
-            a += p.place_rotations[b, i, k] * q[first + k + p.shift]
-            da += p.place_rotations[b, i, k] * v[first + k]
+            r += p.place_shapes[b, i, k] * q[mode[k] + p.shift]
+            u += p.place_shapes[b, i, k] * v[mode[k]]
+            a += p.place_rotations[b, i, k] * q[mode[k] + p.shift]
+            da += p.place_rotations[b, i, k] * v[mode[k]]
         arm[3 + i], moving[3 + i], angle[i], rate[i] = r, u, a, da
     # The marker turns by the vector θ = Ψ q: R exp(θ̃); its rotation rate is A(θ) θ̇.
     size2 = angle[0] ** 2 + angle[1] ** 2 + angle[2] ** 2
-    size = math.sqrt(size2)
-    if size > 0.05:
-        one, two = (1.0 - math.cos(size)) / size2, (size - math.sin(size)) / (size * size2)
-        d_one = (size * math.sin(size) - 2.0 * (1.0 - math.cos(size))) / (size2 * size2)
-        d_two = (3.0 * math.sin(size) - size * (2.0 + math.cos(size))) / (size2 * size2 * size)
-    else:  # series: the differences above cancel
-        one = 0.5 - size2 / 24.0 + size2**2 / 720.0 - size2**3 / 40320.0
-        two = 1.0 / 6.0 - size2 / 120.0 + size2**2 / 5040.0 - size2**3 / 362880.0
-        d_one = -1.0 / 12.0 + size2 / 180.0 - size2**2 / 6720.0
-        d_two = -1.0 / 60.0 + size2 / 1260.0 - size2**2 / 60480.0
+    size, c = math.sqrt(size2), p.small[8]
+    _tangent(size2, c)
+    one, two, d_one, d_two = c[0], c[1], c[2], c[3]
     for i in range(3):
         arm[i] = R[i, 0] * arm[3] + R[i, 1] * arm[4] + R[i, 2] * arm[5]
         moving[i] = R[i, 0] * moving[3] + R[i, 1] * moving[4] + R[i, 2] * moving[5]
@@ -96,7 +112,7 @@ def _place(p: TreeParameters, b: int, q: Array, v: Array, R0: Array) -> None:
         spin[i] = w[i]
         for j in range(n):
             J[3 + i, j] = above[3 + i, j]
-    w_arm = p.body[4]
+    w_arm = p.small[4]
     for i in range(3):
         w_arm[i] = 2.0 * moving[i]
     _cross_add(w_arm, w[0], w[1], w[2], arm[0], arm[1], arm[2])
@@ -111,14 +127,14 @@ def _place(p: TreeParameters, b: int, q: Array, v: Array, R0: Array) -> None:
             total = 0.0
             for j in range(3):
                 total += R[i, j] * p.place_shapes[b, j, k]
-            J[i, first + k] += total
+            J[i, mode[k]] += total
     if n_modes == 0:
         for i in range(3):
             for j in range(3):
                 R0[i, j] = R[i, j]
         return
     # A θ̇ and its derivative with θ̈ = 0, in the parent's axes: A = 1 + one θ̃ + two θ̃².
-    t, dt, turned, turning = angle, rate, p.body[5], p.body[6]
+    t, dt, turned, turning = angle, rate, p.small[5], p.small[6]
     tdt = t[0] * dt[0] + t[1] * dt[1] + t[2] * dt[2]
     dt2 = dt[0] ** 2 + dt[1] ** 2 + dt[2] ** 2
     for i in range(3):
@@ -131,13 +147,13 @@ def _place(p: TreeParameters, b: int, q: Array, v: Array, R0: Array) -> None:
     for k in range(n_modes):
         s0, s1, s2 = p.place_rotations[b, 0, k], p.place_rotations[b, 1, k], p.place_rotations[b, 2, k]
         ts = t[0] * s0 + t[1] * s1 + t[2] * s2
-        column = p.body[7]
+        column = p.small[7]
         column[0] = s0 + two * (t[0] * ts - s0 * size2)
         column[1] = s1 + two * (t[1] * ts - s1 * size2)
         column[2] = s2 + two * (t[2] * ts - s2 * size2)
         _cross_add(column, one * t[0], one * t[1], one * t[2], s0, s1, s2)
         for i in range(3):
-            J[3 + i, first + k] += R[i, 0] * column[0] + R[i, 1] * column[1] + R[i, 2] * column[2]
+            J[3 + i, mode[k]] += R[i, 0] * column[0] + R[i, 1] * column[1] + R[i, 2] * column[2]
     for i in range(3):
         moving[i] = R[i, 0] * turned[0] + R[i, 1] * turned[1] + R[i, 2] * turned[2]
         bias[3 + i] += R[i, 0] * turning[0] + R[i, 1] * turning[1] + R[i, 2] * turning[2]
@@ -153,20 +169,28 @@ def _place(p: TreeParameters, b: int, q: Array, v: Array, R0: Array) -> None:
 
 
 @kernel
-def _joint(p: TreeParameters, b: int, q: Array, v: Array, R0: Array) -> None:
+def _joint(p: TreeParameters, t: float, b: int, q: Array, v: Array, R0: Array) -> None:
     """Move body b's frame through its joint; R0 is the joint's frame on the parent."""
     R, spin, bias, J, axis = p.R[b], p.spin[b], p.bias[b], p.J[b], p.axis[b]
     kind, rate, position = p.joint[b], p.rate[b], p.position[b]
-    a, relative = p.body[0], p.body[1]
-    if kind == REVOLUTE:
+    a, relative, known = p.small[0], p.small[1], p.small[2]
+    prescribed = p.motion[b] >= 0
+    if kind in (REVOLUTE, PRISMATIC):
+        if prescribed:
+            evaluate_signal(p.signals, p.motion[b], t, known)
+        else:
+            known[0], known[1], known[2] = q[position], v[rate], 0.0
         for i in range(3):
             a[i] = R0[i, 0] * axis[0] + R0[i, 1] * axis[1] + R0[i, 2] * axis[2]
-            J[3 + i, rate] += a[i]
-        w = v[rate]
+    if kind == REVOLUTE:
+        w = known[1]
         _cross_add(bias[3:], spin[0], spin[1], spin[2], a[0] * w, a[1] * w, a[2] * w)
         for i in range(3):
             spin[i] += a[i] * w
-        _turn(R0, axis, q[position], R)
+            bias[3 + i] += a[i] * known[2]
+            if not prescribed:
+                J[3 + i, rate] += a[i]
+        _turn(R0, axis, known[0], R)
         return
     if kind in (SPHERICAL, FREE):
         first = position + (3 if kind == FREE else 0)
@@ -194,19 +218,21 @@ def _joint(p: TreeParameters, b: int, q: Array, v: Array, R0: Array) -> None:
             R[i, j] = R0[i, j]
     if kind == PRISMATIC:
         for i in range(3):
-            along = R0[i, 0] * axis[0] + R0[i, 1] * axis[1] + R0[i, 2] * axis[2]
-            a[i], relative[i] = along * q[position], along * v[rate]
+            along = a[i]
             R0[i, 0] = along
+            bias[i] += along * known[2]
+            a[i], relative[i] = along * known[0], along * known[1]
         _shift(p, b, a, relative)
-        for i in range(3):
-            J[i, rate] += R0[i, 0]
+        if not prescribed:
+            for i in range(3):
+                J[i, rate] += R0[i, 0]
 
 
 @kernel
 def _shift(p: TreeParameters, b: int, arm: Array, relative: Array) -> None:
     """Move body b's origin by ``arm``, which turns with its frame and changes at the rate ``relative``."""
     origin, spin, bias, J = p.origin[b], p.spin[b], p.bias[b], p.J[b]
-    w_arm = p.body[4]
+    w_arm = p.small[4]
     for i in range(3):
         origin[i] += arm[i]
         w_arm[i] = 2.0 * relative[i]
@@ -220,83 +246,93 @@ def _shift(p: TreeParameters, b: int, arm: Array, relative: Array) -> None:
 
 
 @kernel
+def _products(p: TreeParameters, b: int, q: Array, v: Array) -> None:
+    """Fill p.modal for body b: p, ṗ, the products G_k p (2 … 7), A_a p (8 … 10), A_a ṗ (11 … 13), S_eff (14 … 16).
+
+    Column by column, so that the inner loops run over memory in order; the matrices are (anti)symmetric.
+    """
+    m, n_modes, mode = p.modal, p.n_modes[b], p.mode[b]
+    m[0, 0], m[1, 0] = 1.0, 0.0
+    for k in range(n_modes):
+        m[0, 1 + k], m[1, 1 + k] = q[mode[k] + p.shift], v[mode[k]]
+    for i in range(2, 14):
+        for k in range(1 + n_modes):
+            m[i, k] = 0.0
+    for i in range(6):
+        if p.active[b, i]:
+            for j in range(1 + n_modes):
+                _add_scaled(m[2 + i], p.G[b, i, j], m[0, j], 1 + n_modes)
+    for a in range(3):
+        if p.active[b, 6 + a]:
+            for j in range(1 + n_modes):  # the columns of A are its rows turned round
+                _add_scaled(m[8 + a], p.A[b, a, j], -m[0, j], 1 + n_modes)
+            for j in range(1, 1 + n_modes):
+                _add_scaled(m[11 + a], p.A[b, a, j], -m[1, j], 1 + n_modes)
+    for a in range(3):
+        for k in range(1 + n_modes):
+            m[14 + a, k] = p.S[b, a, k]
+        if p.bowed[b]:
+            for j in range(n_modes):
+                _add_scaled(m[14 + a, 1:], p.bow[b, a, j], m[0, 1 + j], n_modes)
+
+
+@inlined
+def _add_scaled(y: Array, x: Array, factor: float, n: int) -> None:
+    for k in range(n):
+        y[k] += factor * x[k]
+
+
+@kernel
 def _add_body(p: TreeParameters, b: int, q: Array, v: Array) -> None:
     """Add body b's mass and force, formed in its own axes, to M̂ and Q̂."""
-    n, first, n_modes = v.size, p.mode[b], p.n_modes[b]
-    G, S, mass, R, J, M, Q, work = p.G[b], p.S[b], p.mass[b], p.R[b], p.J[b], p.M, p.Q, p.body
-    shift = p.shift
-    w, linear = work[0], work[1]
+    _products(p, b, q, v)
+    n, n_modes, mode = v.size, p.n_modes[b], p.mode[b]
+    m, mass, R, J, M, Q = p.modal, p.mass[b], p.R[b], p.J[b], p.M, p.Q
+    w, accel, F, c, Jw = p.small[0], p.small[1], p.small[2], p.small[3], p.small[4]
+    P, Ns, h = p.small[5], p.small[6], p.small[7]
     for i in range(3):  # spin and bias in the body's axes
         w[i] = R[0, i] * p.spin[b, 0] + R[1, i] * p.spin[b, 1] + R[2, i] * p.spin[b, 2]
-        linear[i] = R[0, i] * p.bias[b, 0] + R[1, i] * p.bias[b, 1] + R[2, i] * p.bias[b, 2]
-        linear[3 + i] = R[0, i] * p.bias[b, 3] + R[1, i] * p.bias[b, 4] + R[2, i] * p.bias[b, 5]
-    # W = ω̃ω̃ + α̃ with the bias rotation α, T = 2 ω̃: acceleration of a point is a₀ + W x + T u̇.
+        accel[i] = R[0, i] * p.bias[b, 0] + R[1, i] * p.bias[b, 1] + R[2, i] * p.bias[b, 2]
+        accel[3 + i] = R[0, i] * p.bias[b, 3] + R[1, i] * p.bias[b, 4] + R[2, i] * p.bias[b, 5]
+        c[i], c[3 + i], h[i] = p.S[b, i, 0], 0.0, 0.0
+        for k in range(1, 1 + n_modes):
+            c[i] += 0.5 * (p.S[b, i, k] + m[14 + i, k]) * m[0, k]
+            c[3 + i] += m[14 + i, k] * m[1, k]
+            h[i] += m[8 + i, k] * m[1, k]
+    for i in range(6):
+        P[i], Ns[i] = m[2 + i, 0], 0.0
+        for k in range(1, 1 + n_modes):
+            P[i] += m[2 + i, k] * m[0, k]
+            Ns[i] += m[2 + i, k] * m[1, k]
+    trace, trace_N = P[0] + P[1] + P[2], Ns[0] + Ns[1] + Ns[2]
     w2 = w[0] * w[0] + w[1] * w[1] + w[2] * w[2]
-    W, T, c, F = work[2], work[3], work[4], work[5]
-    for i in range(3):
-        for j in range(3):
-            W[3 * i + j] = w[i] * w[j] - (w2 if i == j else 0.0)
-            T[3 * i + j] = 0.0
-    for i in range(3):
-        j, k = (i + 1) % 3, (i + 2) % 3
-        W[3 * j + i] += linear[3 + k]
-        W[3 * i + j] -= linear[3 + k]
-        T[3 * j + i] += 2.0 * w[k]
-        T[3 * i + j] -= 2.0 * w[k]
-    for i in range(3):  # first moment and its rate; force on the origin
-        c[i], c[3 + i] = S[i, 0], 0.0
-        for k in range(n_modes):
-            c[i] += S[i, 1 + k] * q[first + k + shift]
-            c[3 + i] += S[i, 1 + k] * v[first + k]
-    for i in range(3):
-        F[i] = -mass * linear[i]
-        F[3 + i] = 0.0
-        for j in range(3):
-            F[i] -= W[3 * i + j] * c[j] + T[3 * i + j] * c[3 + j]
-    _cross_add(F[3:], linear[0], linear[1], linear[2], c[0], c[1], c[2])
-    for k in range(n_modes):
-        Q[first + k] -= S[0, 1 + k] * linear[0] + S[1, 1 + k] * linear[1] + S[2, 1 + k] * linear[2]
-    P = work[6]
-    # Row by row of G[d, a]: Y = G p, Z = G ṗ give second moments P, the forces on modes, and those on rotation.
-    A01 = A02 = A10 = A12 = A20 = A21 = 0.0
-    for d in range(3):
+    # Forces on the modes.
+    for k in range(1, 1 + n_modes):
+        i = mode[k - 1]
         for a in range(3):
-            Wad, Tad = W[3 * d + a], T[3 * d + a]
-            pY, pZ = 0.0, 0.0
-            for i in range(1 + n_modes):
-                y, z = G[d, a, i, 0], 0.0
-                for k in range(n_modes):
-                    y += G[d, a, i, 1 + k] * q[first + k + shift]
-                    z += G[d, a, i, 1 + k] * v[first + k]
-                if i == 0:
-                    pY, pZ = pY + y, pZ + z
-                else:
-                    pY += q[first + i - 1 + shift] * y
-                    pZ += q[first + i - 1 + shift] * z
-                    # points accelerate by W x + T u̇ along d: Σ_a W_da x_a + T_da u̇_a
-                    Q[first + i - 1] -= Wad * y + Tad * z
-            P[3 * d + a] = pY
-            for row in range(3):  # A[d, row] = ∫ρ x_d ẍ_row
-                Wra, Tra = W[3 * row + a], T[3 * row + a]
-                part = Wra * pY + Tra * pZ
-                if d == 0 and row == 1:
-                    A01 += part
-                elif d == 0 and row == 2:
-                    A02 += part
-                elif d == 1 and row == 0:
-                    A10 += part
-                elif d == 1 and row == 2:
-                    A12 += part
-                elif d == 2 and row == 0:
-                    A20 += part
-                elif d == 2 and row == 1:
-                    A21 += part
-    F[3] -= A12 - A21
-    F[4] -= A20 - A02
-    F[5] -= A01 - A10
-    trace = P[0] + P[4] + P[8]
-    # Mass: for each rate j the frame's motion V = Rᵀ J_j, its momentum h = M6 V, and the products with all others.
-    V, h = work[0], work[1]
+            Q[i] -= (w[a] * w[a] - w2) * m[2 + a, k] + m[14 + a, k] * accel[a]
+            Q[i] += accel[3 + a] * m[8 + a, k] + 2.0 * w[a] * m[11 + a, k]
+        Q[i] -= 2.0 * (w[1] * w[2] * m[5, k] + w[0] * w[2] * m[6, k] + w[0] * w[1] * m[7, k])
+        M[i, i] += 1.0
+    # Force on the origin and moment about it.
+    turning = p.small[8]
+    for i in range(3):
+        turning[i] = 2.0 * c[3 + i]
+        F[i] = -mass * accel[i]
+    _cross_add(turning, w[0], w[1], w[2], c[0], c[1], c[2])  # ω × c + 2 ċ
+    _cross_add(F, turning[0], turning[1], turning[2], w[0], w[1], w[2])
+    _cross_add(F, c[0], c[1], c[2], accel[3], accel[4], accel[5])
+    _times_symmetric(P, w, Jw)
+    _times_symmetric(Ns, w, turning)
+    _times_symmetric(P, accel[3:], Jw[3:])
+    for i in range(3):
+        Jw[i] = trace * w[i] - Jw[i]
+        F[3 + i] = -(trace * accel[3 + i] - Jw[3 + i]) - 2.0 * (trace_N * w[i] - turning[i])
+    _cross_add(F[3:], Jw[0], Jw[1], Jw[2], w[0], w[1], w[2])
+    _cross_add(F[3:], w[0], w[1], w[2], h[0], h[1], h[2])
+    _cross_add(F[3:], accel[0], accel[1], accel[2], c[0], c[1], c[2])
+    # Mass: for each rate j the frame's motion V = Rᵀ J_j, its momentum g = M6 V, and the products with all others.
+    V, g = w, accel
     for j in range(n):
         some = 0.0
         for i in range(6):
@@ -306,60 +342,157 @@ def _add_body(p: TreeParameters, b: int, q: Array, v: Array) -> None:
         for i in range(3):
             V[i] = R[0, i] * J[0, j] + R[1, i] * J[1, j] + R[2, i] * J[2, j]
             V[3 + i] = R[0, i] * J[3, j] + R[1, i] * J[4, j] + R[2, i] * J[5, j]
+        _times_symmetric(P, V[3:], g[3:])
         for i in range(3):
-            h[i] = mass * V[i]
-            h[3 + i] = trace * V[3 + i] - P[3 * i] * V[3] - P[3 * i + 1] * V[4] - P[3 * i + 2] * V[5]
-        _cross_add(h, V[3], V[4], V[5], c[0], c[1], c[2])
-        _cross_add(h[3:], c[0], c[1], c[2], V[0], V[1], V[2])
+            g[i] = mass * V[i]
+            g[3 + i] = trace * V[3 + i] - g[3 + i]
+        _cross_add(g, V[3], V[4], V[5], c[0], c[1], c[2])
+        _cross_add(g[3:], c[0], c[1], c[2], V[0], V[1], V[2])
         for i in range(3):  # back to space, where the Jacobian is
-            h[6 + i] = R[i, 0] * h[0] + R[i, 1] * h[1] + R[i, 2] * h[2]
-            h[9 + i] = R[i, 0] * h[3] + R[i, 1] * h[4] + R[i, 2] * h[5]
-        for k in range(j + 1):
-            M[j, k] += (
-                J[0, k] * h[6] + J[1, k] * h[7] + J[2, k] * h[8] + J[3, k] * h[9] + J[4, k] * h[10] + J[5, k] * h[11]
-            )
+            g[6 + i] = R[i, 0] * g[0] + R[i, 1] * g[1] + R[i, 2] * g[2]
+            g[9 + i] = R[i, 0] * g[3] + R[i, 1] * g[4] + R[i, 2] * g[5]
+        row = M[j]
+        for i in range(6):
+            if g[6 + i] != 0.0:
+                _add_scaled(row, J[i], g[6 + i], j + 1)
         Q[j] += V[0] * F[0] + V[1] * F[1] + V[2] * F[2] + V[3] * F[3] + V[4] * F[4] + V[5] * F[5]
-        for k in range(n_modes):  # H_dk = ε_dbc pᵀ G[b, c] e_k
-            coupling = S[0, 1 + k] * V[0] + S[1, 1 + k] * V[1] + S[2, 1 + k] * V[2]
-            for d in range(3):
-                if V[3 + d] == 0.0:
-                    continue
-                x, y = (d + 1) % 3, (d + 2) % 3
-                total = G[x, y, 0, 1 + k] - G[y, x, 0, 1 + k]
-                for i in range(n_modes):
-                    total += q[first + i + shift] * (G[x, y, 1 + i, 1 + k] - G[y, x, 1 + i, 1 + k])
-                coupling += total * V[3 + d]
-            M[max(first + k, j), min(first + k, j)] += coupling
-    for k in range(n_modes):
-        M[first + k, first + k] += 1.0
+        coupling = m[17]
+        for k in range(1, 1 + n_modes):
+            coupling[k] = 0.0
+        for a in range(3):
+            if V[a] != 0.0:
+                _add_scaled(coupling, m[14 + a], V[a], 1 + n_modes)
+            if V[3 + a] != 0.0:
+                _add_scaled(coupling, m[8 + a], -V[3 + a], 1 + n_modes)
+        for k in range(1, 1 + n_modes):
+            i = mode[k - 1]
+            M[max(i, j), min(i, j)] += coupling[k]
+
+
+@inlined
+def _times_symmetric(A: Array, x: Array, out: Array) -> None:
+    """``out = A x`` for a symmetric matrix given as xx, yy, zz, yz, xz, xy."""
+    x0, x1, x2 = x[0], x[1], x[2]
+    out[0] = A[0] * x0 + A[5] * x1 + A[4] * x2
+    out[1] = A[5] * x0 + A[1] * x1 + A[3] * x2
+    out[2] = A[4] * x0 + A[3] * x1 + A[2] * x2
+
+
+@kernel
+def _add_point_load(p: TreeParameters, t: float, k: int, q: Array) -> None:
+    """Let point load k do its work on every rate that moves its point."""
+    b = p.at_body[k]
+    R, J, Q, mode, n_modes = p.R[b], p.J[b], p.Q, p.mode[b], p.n_modes[b]
+    arm, angle, c, d, f = p.small[0], p.small[1], p.small[2], p.small[3], p.small[4]
+    shapes, rotations = p.at_shapes[k], p.at_rotations[k]
+    for i in range(3):
+        arm[3 + i], angle[i] = p.at_place[k, i], 0.0
+        for j in range(n_modes):
+            arm[3 + i] += shapes[i, j] * q[mode[j] + p.shift]
+            angle[i] += rotations[i, j] * q[mode[j] + p.shift]
+    size2 = angle[0] ** 2 + angle[1] ** 2 + angle[2] ** 2
+    _tangent(size2, c)
+    size = signal_value(p.signals, p.at_signal[k], t)
+    for i in range(3):
+        arm[i] = R[i, 0] * arm[3] + R[i, 1] * arm[4] + R[i, 2] * arm[5]
+        d[i] = size * p.at_direction[k, i]
+    if p.at_following[k]:  # exp(θ̃) d = d + sin|θ|/|θ| θ × d + (1 − cos|θ|)/|θ|² θ × (θ × d)
+        sine = 1.0 - size2 * c[1]
+        d[3], d[4], d[5], f[3], f[4], f[5] = d[0], d[1], d[2], 0.0, 0.0, 0.0
+        _cross_add(f[3:], angle[0], angle[1], angle[2], d[3], d[4], d[5])
+        for i in range(3):
+            d[3 + i] += sine * f[3 + i]
+        _cross_add(d[3:], c[0] * angle[0], c[0] * angle[1], c[0] * angle[2], f[3], f[4], f[5])
+        for i in range(3):
+            d[i] = R[i, 0] * d[3] + R[i, 1] * d[4] + R[i, 2] * d[5]
+    f[0], f[1], f[2], f[3], f[4], f[5] = d[0], d[1], d[2], 0.0, 0.0, 0.0
+    if p.at_torque[k]:
+        f[0], f[1], f[2], f[3], f[4], f[5] = 0.0, 0.0, 0.0, d[0], d[1], d[2]
+    else:
+        _cross_add(f[3:], arm[0], arm[1], arm[2], d[0], d[1], d[2])
+    for i in range(6):
+        if f[i] != 0.0:
+            _add_scaled(Q, J[i], f[i], Q.size)
+    for i in range(3):  # in the body's axes, onto its modes
+        d[3 + i] = R[0, i] * d[0] + R[1, i] * d[1] + R[2, i] * d[2]
+    if p.at_torque[k]:  # A(θ)ᵀ d = d − out₀ θ × d + out₁ θ × (θ × d)
+        f[0], f[1], f[2] = 0.0, 0.0, 0.0
+        _cross_add(f, angle[0], angle[1], angle[2], d[3], d[4], d[5])
+        for i in range(3):
+            d[3 + i] -= c[0] * f[i]
+        _cross_add(d[3:], c[1] * angle[0], c[1] * angle[1], c[1] * angle[2], f[0], f[1], f[2])
+    for j in range(n_modes):
+        for i in range(3):
+            Q[mode[j]] += (rotations[i, j] if p.at_torque[k] else shapes[i, j]) * d[3 + i]
 
 
 @kernel
 def mass_and_force(p: TreeParameters, t: float, q: Array, v: Array) -> None:
-    """Form M̂ (p.M, symmetric) and Q̂ (p.Q), and the frames, at positions q and rates v."""
+    """Form M̂ (p.M, its lower triangle) and Q̂ (p.Q), and the frames, at positions q and rates v."""
     n, M, Q = v.size, p.M, p.Q
     for i in range(n):
-        Q[i] = p.load[i] - p.damping[i] * v[i]
+        Q[i] = -p.damping[i] * v[i]
+        if p.load[i] >= 0:
+            Q[i] += signal_value(p.signals, p.load[i], t)
         if p.scalar_position[i] >= 0:
             Q[i] -= p.stiffness[i] * (q[p.scalar_position[i]] - p.rest[i])
         for j in range(i + 1):
             M[i, j] = 0.0
     for b in range(p.parent.size):
-        if p.joint[b] == REVOLUTE and p.n_modes[b] > 0:
+        if p.joint[b] == REVOLUTE and p.motion[b] < 0 and p.n_modes[b] > 0:
             _turn_section(p, b, q, v)
         _place(p, b, q, v, p.R0)
-        _joint(p, b, q, v, p.R0)
+        _joint(p, t, b, q, v, p.R0)
         _add_body(p, b, q, v)
-    for i in range(n):
-        for j in range(i):
-            M[j, i] = M[i, j]
+    for k in range(p.at_body.size):
+        _add_point_load(p, t, k, q)
 
 
 @inlined
 def _turn_section(p: TreeParameters, b: int, q: Array, v: Array) -> None:
     """Let the load of a revolute joint work on the section that it grips, which turns with the body's modes."""
-    i, first, Q = p.rate[b], p.mode[b], p.Q
+    i, mode, Q = p.rate[b], p.mode[b], p.Q
     for k in range(p.n_modes[b]):
-        Q[i] -= p.joint_rotation[b, k] * (p.stiffness[i] * q[first + k + p.shift] + p.damping[i] * v[first + k])
+        turn = p.joint_rotation[b, k]
+        Q[i] -= turn * (p.stiffness[i] * q[mode[k] + p.shift] + p.damping[i] * v[mode[k]])
     for k in range(p.n_modes[b]):
-        Q[first + k] += p.joint_rotation[b, k] * Q[i]
+        Q[mode[k]] += p.joint_rotation[b, k] * Q[i]
+
+
+@inlined
+def _copy_frames(p: TreeParameters, origins: Array, rotations: Array) -> None:
+    for b in range(p.parent.size):
+        for i in range(3):
+            origins[b, i] = p.origin[b, i]
+            for j in range(3):
+                rotations[b, i, j] = p.R[b, i, j]
+
+
+@kernel
+def place_bodies(
+    p: TreeParameters, times: Array, q: Array, v: Array, origins: Array, rotations: Array, spins: Array
+) -> None:
+    """Frames of all bodies, and their angular velocities in space, at states q, v (n_times, …)."""
+    for i in range(times.size):
+        for b in range(p.parent.size):
+            _place(p, b, q[i], v[i], p.R0)
+            _joint(p, times[i], b, q[i], v[i], p.R0)
+            for j in range(3):
+                spins[i, b, j] = p.spin[b, j]
+        _copy_frames(p, origins[i], rotations[i])
+
+
+@kernel
+def kinetic_energies(
+    p: TreeParameters, times: Array, q: Array, v: Array, energies: Array, origins: Array, rotations: Array
+) -> None:
+    """``½ vᵀ M̂ v`` and the frames of all bodies at states q, v (n_times, …)."""
+    for i in range(times.size):
+        mass_and_force(p, times[i], q[i], v[i])
+        total = 0.0
+        for j in range(p.Q.size):
+            for k in range(j):
+                total += p.M[j, k] * v[i, j] * v[i, k]
+            total += 0.5 * p.M[j, j] * v[i, j] ** 2
+        energies[i] = total
+        _copy_frames(p, origins[i], rotations[i])

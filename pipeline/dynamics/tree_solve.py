@@ -6,43 +6,54 @@ import math
 
 from pipeline.checks import Array
 from pipeline.dynamics.compiled import kernel, meaning
+from pipeline.dynamics.link import FREE, SPHERICAL
 from pipeline.dynamics.system import accelerations, advance, fast_steps, freeze, velocities
-from pipeline.dynamics.tree import FREE, SPHERICAL, FrozenTree, TreeParameters
+from pipeline.dynamics.tree_arrays import FrozenTree, TreeParameters
 from pipeline.dynamics.tree_kernels import mass_and_force
 
 
 @kernel
 def _factor(M: Array, first: int, L: Array) -> None:
-    """Cholesky factor of the block of M from ``first`` on, into the same place of L."""
-    for i in range(first, M.shape[0]):
+    """``M = Lᵀ D L`` of the block from ``first`` on: L unit lower, D on its diagonal.
+
+    Eliminated from the last coordinate back, a tree's mass matrix fills in nowhere (Featherstone 2008, section 6.3):
+    modes of unit mass cost next to nothing.
+    """
+    n = M.shape[0]
+    for i in range(first, n):
         for j in range(first, i + 1):
-            total = M[i, j]
-            for k in range(first, j):
-                total -= L[i, k] * L[j, k]
-            if i == j:
-                L[i, i] = math.sqrt(total)
-            else:
-                L[i, j] = total / L[j, j]
+            L[i, j] = M[i, j]
+    for j in range(n - 1, first - 1, -1):
+        pivot = L[j, j]
+        if not pivot > 0.0:
+            L[j, j] = math.nan  # no inertia: nothing that follows is a number, which the march reports
+        for i in range(first, j):
+            if L[j, i] != 0.0:
+                factor = L[j, i] / pivot
+                for k in range(first, i + 1):
+                    L[i, k] -= factor * L[j, k]
+        for i in range(first, j):
+            L[j, i] /= pivot
 
 
 @kernel
 def _solve(L: Array, first: int, x: Array) -> None:
     """Solve with the factor's block from ``first`` on, in place."""
     n = L.shape[0]
+    for i in range(n - 1, first, -1):
+        if x[i] != 0.0:
+            for k in range(first, i):
+                x[k] -= L[i, k] * x[i]
     for i in range(first, n):
-        total = x[i]
+        total = x[i] / L[i, i]
         for k in range(first, i):
             total -= L[i, k] * x[k]
-        x[i] = total / L[i, i]
-    for i in range(n - 1, first - 1, -1):
-        total = x[i]
-        for k in range(i + 1, n):
-            total -= L[k, i] * x[k]
-        x[i] = total / L[i, i]
+        x[i] = total
 
 
 @kernel
-def _solve_all(p: TreeParameters, t: float, q: Array, v: Array, a: Array) -> None:
+def solve_accelerations(p: TreeParameters, t: float, q: Array, v: Array, a: Array) -> None:
+    """Form and solve ``M̂ a = Q̂``."""
     mass_and_force(p, t, q, v)
     Q, L = p.Q, p.L
     for i in range(v.size):
@@ -53,53 +64,43 @@ def _solve_all(p: TreeParameters, t: float, q: Array, v: Array, a: Array) -> Non
 
 @kernel
 def _hold(p: TreeParameters, t: float, q: Array, v: Array, a: Array, frozen: FrozenTree) -> None:
-    M, Q, L, K, C, scalar_position = p.M, p.Q, p.L, p.K, p.C, p.scalar_position
-    constant, column = frozen.constant, frozen.column
-    n = v.size
-    n_slow = n - frozen.B.shape[0]
-    _factor(M, n_slow, L)
+    M, Q, K, C, scalar_position, constant = p.M, p.Q, p.K, p.C, p.scalar_position, frozen.constant
+    n, n_slow = v.size, frozen.n_slow
+    _factor(M, n_slow, p.L)
+    frozen.single[0] = 0.0 if p.gripped else 1.0
     for i in range(n_slow, n):
         constant[i] = Q[i]
         for j in range(n_slow, n):
             constant[i] += K[i, j] * q[scalar_position[j]] + C[i, j] * v[j]
         for j in range(n_slow):
             constant[i] -= M[i, j] * a[j]
-    _solve(L, n_slow, constant)
-    _divide(L, n_slow, K, column, frozen.B)
-    if p.damped:
-        _divide(L, n_slow, C, column, frozen.D)
-
-
-@kernel
-def _divide(L: Array, first: int, A: Array, column: Array, out: Array) -> None:
-    """Solve for the columns of A's block from ``first`` on, into out."""
-    n = L.shape[0]
-    for j in range(first, n):
-        for i in range(first, n):
-            column[i] = A[i, j]
-        _solve(L, first, column)
-        for i in range(first, n):
-            out[i - first, j - first] = column[i]
+        for j in range(n_slow, i):
+            if M[i, j] != 0.0:
+                frozen.single[0] = 0.0
 
 
 @kernel
 def _fast_march(
     p: TreeParameters, frozen: FrozenTree, first: int, h: float, count: int, q: Array, v: Array, a: Array
 ) -> None:
-    constant, B, D, v_now = frozen.constant, frozen.B, frozen.D, frozen.column
-    n, offset = v.size, q.size - v.size
-    n_slow = n - B.shape[0]
+    constant, v_now, K, C, L = frozen.constant, frozen.v_now, p.K, p.C, p.L
+    n, offset, n_slow = v.size, q.size - v.size, frozen.n_slow
     for _ in range(count):
+        if frozen.single[0] != 0.0:  # each fast coordinate by itself
+            for i in range(n_slow, n):
+                v_now[i] = v[i] + 0.5 * h * a[i]
+                a[i] = (constant[i] - K[i, i] * q[i + offset] - C[i, i] * v_now[i]) / L[i, i]
+                v[i] += h * a[i]
+                q[i + offset] += h * v[i]
+            continue
         for i in range(n_slow, n):
             v_now[i] = v[i] + 0.5 * h * a[i]
         for i in range(n_slow, n):
             total = constant[i]
             for j in range(n_slow, n):
-                total -= B[i - n_slow, j - n_slow] * q[j + offset]
-            if p.damped:
-                for j in range(n_slow, n):
-                    total -= D[i - n_slow, j - n_slow] * v_now[j]
+                total -= K[i, j] * q[j + offset] + C[i, j] * v_now[j]
             a[i] = total
+        _solve(L, n_slow, a)
         for i in range(n_slow, n):
             v[i] += h * a[i]
             q[i + offset] += h * v[i]
@@ -161,7 +162,7 @@ def _advance_quaternion(q: Array, at: int, v: Array, turn: int, h: float) -> Non
 
 @meaning(accelerations, TreeParameters)
 def _accelerations(p: TreeParameters, t: float, q: Array, v: Array, a: Array) -> None:
-    _solve_all(p, t, q, v, a)
+    solve_accelerations(p, t, q, v, a)
 
 
 @meaning(freeze, TreeParameters)

@@ -10,8 +10,9 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from pipeline.checks import Array
-from pipeline.dynamics.tree import N_RATES, Tree
+from pipeline.dynamics.tree import Tree
 from pipeline.integrators.protocol import Trajectory
+from pipeline.reduction.body import MarkerShapes
 
 if TYPE_CHECKING:
     import xarray
@@ -27,15 +28,15 @@ class ChainMotion:
         The mechanism.
     trajectory : Trajectory
         Its motion.
-    tip : tuple of str and ndarray, shape (3,)
-        The body whose motion is reported, and where on it [m].
+    tip : tuple of str and MarkerShapes
+        The body whose motion is reported, and where on it.
     joints : mapping of str to str
         The body that each revolute or prismatic joint carries, by the joint's name.
     """
 
     tree: Tree
     trajectory: Trajectory
-    tip: tuple[str, Array]
+    tip: tuple[str, MarkerShapes]
     joints: Mapping[str, str]
 
     @property
@@ -43,25 +44,50 @@ class ChainMotion:
         """Output times [s], shape (n_times,)."""
         return self.trajectory.times
 
+    def modal(self, body: str) -> Array:
+        """Modal coordinates of a body [kg^1/2 m], shape (n_times, n_modes)."""
+        modes = self.tree.modes_of(self._number(body))
+        return np.asarray(self.trajectory.q[:, modes + self.tree.n_positions - self.tree.n])
+
     def joint_position(self, joint: str) -> Array:
-        """Angle [rad] or displacement [m] of a revolute or prismatic joint, shape (n_times,)."""
-        return np.asarray(self.trajectory.q[:, self._number(joint, self.tree.layout[1])])
+        """Angle of the section [rad] or displacement [m] at a revolute or prismatic joint, shape (n_times,)."""
+        return self._along(joint, 0)
 
     def joint_rate(self, joint: str) -> Array:
         """Its rate [rad/s or m/s], shape (n_times,)."""
-        return np.asarray(self.trajectory.v[:, self._number(joint, self.tree.layout[0])])
+        return self._along(joint, 1)
+
+    @cached_property
+    def frames(self) -> tuple[Array, Array]:
+        """Origins (n_times, n_bodies, 3) [m] and rotations (n_times, n_bodies, 3, 3) of the bodies' frames."""
+        return self.tree.frames(self.trajectory.q, self.times)
+
+    def placed(self, body: str, r: Array, k: int) -> Array:
+        """Points r (n, 3) [m] of a body's frame as they are in space at output time k, shape (n, 3)."""
+        origins, rotations = self.frames
+        number = self._number(body)
+        return np.asarray(origins[k, number] + r @ rotations[k, number].T)
+
+    @property
+    def tip_displacement(self) -> Array:
+        """Displacement of the tip by deformation, in its body's frame [m], shape (n_times, 3)."""
+        body, place = self.tip
+        return np.asarray(self.modal(body) @ place.translation.T)
 
     @cached_property
     def tip_position(self) -> Array:
         """The tip in space [m], shape (n_times, 3)."""
         body, place = self.tip
-        frames = (self.tree.frames(q)[body] for q in self.trajectory.q)
-        return np.array([origin + R @ place for origin, R in frames])
+        origins, rotations = self.frames
+        number = self._number(body)
+        return np.asarray(
+            origins[:, number] + np.einsum("tij,tj->ti", rotations[:, number], place.position + self.tip_displacement)
+        )
 
     @cached_property
     def energies(self) -> tuple[Array, Array]:
         """Kinetic and potential energy [J], each of shape (n_times,)."""
-        return self.tree.energies(self.trajectory.q, self.trajectory.v)
+        return self.tree.energies(self.trajectory.q, self.trajectory.v, self.times)
 
     def differences(self, first: ChainMotion) -> dict[str, Any]:
         """Return the largest differences from another motion over all output times."""
@@ -84,12 +110,21 @@ class ChainMotion:
             "potential_energy_j": float(potential[-1]),
         }
 
-    def _number(self, joint: str, places: Array | Any) -> int:
-        body = self.joints[joint]
-        for k, link in enumerate(self.tree.links):
-            if link.name == body and N_RATES[link.joint] == 1:
-                return int(places[k])
-        raise KeyError(joint)
+    def _number(self, body: str) -> int:
+        return next(k for k, link in enumerate(self.tree.links) if link.name == body)
+
+    def _along(self, joint: str, derivative: int) -> Array:
+        """Position or rate along a joint; on a hinge, of the section that it grips."""
+        number = self._number(self.joints[joint])
+        link, layout = self.tree.links[number], self.tree.layout
+        if link.motion is not None:
+            return np.array([link.motion.value(t)[derivative] for t in self.times])
+        values, at = (self.trajectory.v, layout.rate) if derivative else (self.trajectory.q, layout.position)
+        along = values[:, at[number]]
+        if len(link.joint_rotation):
+            modes = self.tree.modes_of(number) + (0 if derivative else self.tree.n_positions - self.tree.n)
+            along = along + values[:, modes] @ link.joint_rotation
+        return np.asarray(along)
 
 
 def chain_dataset(motions: Mapping[str, ChainMotion], units: Mapping[str, str]) -> xarray.Dataset:
@@ -114,6 +149,13 @@ def chain_dataset(motions: Mapping[str, ChainMotion], units: Mapping[str, str]) 
                 ("run", "time"),
                 values,
                 {"units": unit, "long_name": f"{name} of joint {joint}"},
+            )
+    for link in first.tree.links:
+        if len(link.omega):
+            data[f"{link.name}_modal_coordinates"] = (
+                ("run", "time", f"{link.name}_mode"),
+                np.stack([motion.modal(link.name) for motion in motions.values()]),
+                {"units": "kg^0.5 m", "long_name": f"modal coordinates of {link.name}"},
             )
     tips = np.stack([motion.tip_position for motion in motions.values()])
     data["tip_position"] = (("run", "time", "axis"), tips, {"units": "m", "long_name": "tip in space"})

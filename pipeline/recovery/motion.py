@@ -124,8 +124,12 @@ class Motion:
         gram = self.rotor.body.gram
         return np.asarray((gram.S[:, 0] + self.q @ gram.S[:, 1:].T) / gram.mass)
 
-    def turned(self, r: Array, k: int) -> Array:
-        """Vectors r (n, 3) of the frame as they are in space at output time k, shape (n, 3)."""
+    def modal(self, body: str) -> Array:
+        """Modal coordinates of the one body, whatever its name, shape (n_times, n_modes)."""
+        return self.q
+
+    def placed(self, body: str, r: Array, k: int) -> Array:
+        """Points r (n, 3) [m] of the body's frame as they are in space at output time k, shape (n, 3)."""
         return _turned(r, self.rotor.body.axis, self.frame_angle[k])
 
     def _in_space(self, r: Array) -> Array:

@@ -9,12 +9,15 @@ from typing import TYPE_CHECKING
 import numpy as np
 from scipy.linalg import eigh
 
-from pipeline.checks import Array
+from pipeline.checks import AccuracyError, Array
 from pipeline.reduction.gram import InertiaGram, inertia_gram
 
 if TYPE_CHECKING:
     from pipeline.fem.marker import Marker
     from pipeline.fem.model import FEModel
+
+
+_INDEPENDENT = 1e-9
 
 
 @dataclass(frozen=True)
@@ -86,63 +89,82 @@ class FlexibleBody:
         return float(self.axis @ self.gram.inertia(np.eye(1, 1 + len(self.omega))[0]) @ self.axis)
 
 
-def joint_conforming_body(
-    fe: FEModel, omega: Array, shapes: Array, markers: Mapping[str, Marker], joint: str, axis: Array
+def reduced_body(
+    fe: FEModel, omega: Array, shapes: Array, markers: Mapping[str, Marker], joint: str, free: Array
 ) -> FlexibleBody:
-    """Let the frame float about the joint's axis so that rotation and modes don't couple in the reference state.
+    """Refer a basis to a joint: the marker there moves with the frame but for the rotations that the joint leaves free.
 
-    The new shapes φ satisfy ``∫ρ e·(x × φ) = 0`` (a mean-axis frame about the joint axis; Canavin & Likins, Journal
-    of Spacecraft 14, 1977): the elastic eigenvectors of the pinned body within the given basis.
+    About those the frame floats so that rotation and modes don't couple in the reference state,
+    ``∫ρ e·(x × φ) = 0`` (mean axes about the joint; Canavan & Likins, Journal of Spacecraft 14, 1977).
 
     Parameters
     ----------
     omega, shapes : ndarray, shapes (n,) and (n_nodes, 3, n)
-        Free-body basis with unit modal mass and diagonal stiffness.
+        Basis with unit modal mass and diagonal stiffness, of the free body or of the body held at the joint.
     markers : mapping of str to Marker
         All markers of the body.
     joint : str
         The one at the joint.
-    axis : ndarray, shape (3,)
-        The joint's axis.
+    free : ndarray, shape (k, 3)
+        Orthonormal directions of the free rotations: none at a fixed, prismatic or angle-driven joint, the axis of a
+        torque-driven hinge, three at a spherical joint.
     """
-    e, spin, pinned = _pinned(fe, shapes, markers[joint], axis)
-    J, H = _rotation_coupling(fe, spin, pinned)
-    return _body(fe, omega, pinned - spin[:, :, None] * (H / J), markers, joint, e)
+    marker = markers[joint]
+    r = fe.x - marker.position
+    held = (np.eye(3) - free.T @ free) @ marker.rotation(shapes)
+    pinned = shapes - marker.translation(shapes)[None] - np.cross(held, r[:, :, None], axisa=0, axisb=1, axisc=1)
+    spins = np.cross(free, r[:, None]).swapaxes(1, 2)
+    J, H = _rotation_coupling(fe, spins, pinned)
+    axis = free[0] if len(free) else np.array([0.0, 0.0, 1.0])
+    return _body(fe, omega, pinned - spins @ np.linalg.solve(J, H), markers, joint, axis)
+
+
+def joint_conforming_body(
+    fe: FEModel, omega: Array, shapes: Array, markers: Mapping[str, Marker], joint: str, axis: Array
+) -> FlexibleBody:
+    """Refer a basis to a torque-driven hinge about ``axis``, (3,); the other arguments are those of `reduced_body`."""
+    return reduced_body(fe, omega, shapes, markers, joint, (axis / np.linalg.norm(axis))[None])
 
 
 def free_frame_body(
     fe: FEModel, omega: Array, shapes: Array, markers: Mapping[str, Marker], joint: str, axis: Array
 ) -> FlexibleBody:
-    """Keep the free modes' own mean axes as the frame: rotation and modes stay coupled, up to ``coupling`` 1.
+    """Keep the free modes' own mean axes as the frame at a hinge: rotation and modes stay coupled, up to 1.
 
     The arguments are those of `joint_conforming_body`.
     """
-    e, _, pinned = _pinned(fe, shapes, markers[joint], axis)
-    return _body(fe, omega, pinned, markers, joint, e)
+    pinned = shapes - markers[joint].translation(shapes)[None]
+    return _body(fe, omega, pinned, markers, joint, axis / np.linalg.norm(axis))
 
 
-def _pinned(fe: FEModel, shapes: Array, marker: Marker, axis: Array) -> tuple[Array, Array, Array]:
-    """Unit axis, unit spin about it through the marker, and the shapes with the marker held."""
-    e = axis / np.linalg.norm(axis)
-    return e, np.cross(e, fe.x - marker.position), shapes - marker.translation(shapes)[None]
+def floating_body(fe: FEModel, omega: Array, shapes: Array, markers: Mapping[str, Marker], joint: str) -> FlexibleBody:
+    """Keep the free modes as they are, for a free joint: mean axes (Tisserand) with their origin at the marker."""
+    return _body(fe, omega, shapes, markers, joint, np.array([0.0, 0.0, 1.0]))
 
 
-def _rotation_coupling(fe: FEModel, spin: Array, shapes: Array) -> tuple[float, Array]:
-    """Inertia about the axis, and its coupling with each shape."""
-    mspin = fe.m @ spin
-    return float(np.einsum("ia,ia->", spin, mspin)), np.einsum("ia,iak->k", mspin, shapes)
+def _rotation_coupling(fe: FEModel, spins: Array, shapes: Array) -> tuple[Array, Array]:
+    """Inertia (k, k) of unit spins (n_nodes, 3, k), and its coupling (k, n) with each shape."""
+    mspins = (fe.m @ spins.reshape(len(spins), -1)).reshape(spins.shape)
+    return np.einsum("iak,ial->kl", spins, mspins), np.einsum("iak,ian->kn", mspins, shapes)
 
 
 def _body(
     fe: FEModel, omega: Array, shapes: Array, markers: Mapping[str, Marker], joint: str, e: Array
 ) -> FlexibleBody:
     """Diagonalise: rigid motions added to the shapes changed their mass and left ``diag(ω²)`` as it was."""
+    n = len(omega)
     mass = np.tensordot(shapes, (fe.m @ shapes.reshape(len(fe.x), -1)).reshape(shapes.shape), ((0, 1), (0, 1)))
+    weakest = float(np.linalg.eigvalsh(mass)[0])
+    if not weakest > _INDEPENDENT:
+        raise AccuracyError(
+            f"held at '{joint}', the {n} shapes depend on one another: a combination of them keeps {weakest:.1e} of its "
+            "mass; take fewer modes or modes of the body held there"
+        )
     omega2, turn = eigh(np.diag(omega**2), mass)
-    shapes = shapes @ (turn * np.sign(turn[np.abs(turn).argmax(axis=0), range(len(omega))]))
+    shapes = shapes @ (turn * np.sign(turn[np.abs(turn).argmax(axis=0), range(n)]))
     origin = markers[joint].position
     x = fe.x - origin
-    J, H = _rotation_coupling(fe, np.cross(e, x), shapes)
+    J, H = _rotation_coupling(fe, np.cross(e, x)[:, :, None], shapes)
     return FlexibleBody(
         x=x,
         shapes=shapes,
@@ -154,5 +176,5 @@ def _body(
             for name, marker in markers.items()
         },
         gram=inertia_gram(x, fe.m, shapes),
-        coupling=float(np.linalg.norm(H) / np.sqrt(J)),
+        coupling=float(np.linalg.norm(H) / np.sqrt(J[0, 0])),
     )

@@ -2,11 +2,12 @@
 
 from __future__ import annotations
 
+from collections.abc import Callable, Sequence
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
 import scipy.sparse as sp
-from scipy.linalg import eigh
+from scipy.linalg import eigh, null_space
 from scipy.sparse.csgraph import connected_components
 from scipy.sparse.linalg import LinearOperator, cg, eigsh, splu
 
@@ -14,6 +15,7 @@ from pipeline.checks import AccuracyError, Array
 from pipeline.reduction.modes import EigenPairs
 
 if TYPE_CHECKING:
+    from pipeline.fem.marker import Marker
     from pipeline.fem.model import FEModel
 
 RESIDUAL_LIMIT = 1e-6
@@ -36,6 +38,8 @@ class FreeBodySolver:
     ----------
     fe : FEModel
         A body in one piece.
+    rigid : sequence of Marker
+        Markers whose faces are held rigid; they have no node in common.
 
     Raises
     ------
@@ -43,7 +47,7 @@ class FreeBodySolver:
         The mesh is in several unconnected pieces.
     """
 
-    def __init__(self, fe: FEModel) -> None:
+    def __init__(self, fe: FEModel, rigid: Sequence[Marker] = ()) -> None:
         n_pieces, _ = connected_components(fe.m, directed=False)
         if n_pieces > 1:
             raise AccuracyError(
@@ -51,51 +55,102 @@ class FreeBodySolver:
                 "instead of 6; join the pieces"
             )
         self._fe = fe
-        self.shift = -0.3 * lowest_eigenvalue_bound(fe)
+        self._T = rigid_faces(fe, rigid) if rigid else None
+        self._K, self._M, self._R = fe.K, fe.M, fe.rigid_modes
+        if self._T is not None:
+            self._K, self._M = (sp.csr_array(self._T.T @ A @ self._T) for A in (fe.K, fe.M))
+            self._R = self._reduced(self._R)
+        self.shift = -0.3 * self._lowest_bound()
         self._factor = splu(
-            sp.csc_array(fe.K - self.shift * fe.M),
+            sp.csc_array(self._K - self.shift * self._M),
             permc_spec="MMD_AT_PLUS_A",
             diag_pivot_thresh=0.0,
             options={"SymmetricMode": True},
         )
 
-    def modes(self, count: int) -> EigenPairs:
+    def _reduced(self, u: Array) -> Array:
+        """Unknowns of fields u (3 n_nodes, k), in the mean where a face would have to bend."""
+        return u if self._T is None else np.asarray(splu(sp.csc_array(self._T.T @ self._T)).solve(self._T.T @ u))
+
+    def _expanded(self, u: Array) -> Array:
+        """Nodal fields (n_nodes, 3, k) of unknowns u (n, k)."""
+        return np.asarray(u if self._T is None else self._T @ u).reshape(len(self._fe.x), 3, -1)
+
+    def _lowest_bound(self) -> float:
+        """Upper bound of the lowest elastic eigenvalue [rad²/s²]: Rayleigh–Ritz on all quadratic displacements."""
+        x = self._fe.x - self._fe.x.mean(axis=0)
+        x = x / np.ptp(x, axis=0).max()
+        terms = [np.ones(len(x)), *x.T, *(x[:, a] * x[:, b] for a in range(3) for b in range(a, 3))]
+        V = np.linalg.qr(self._reduced(np.kron(np.stack(terms, axis=1), np.eye(3))))[0]
+        return float(eigh(V.T @ (self._K @ V), V.T @ (self._M @ V), eigvals_only=True)[6])
+
+    def modes(self, count: int, held: Array | None = None) -> EigenPairs:
         """Return the ``count`` lowest elastic modes.
+
+        Parameters
+        ----------
+        held : ndarray, shape (n_nodes, 3, k), optional
+            Columns B that hold the body, ``Bᵀ φ = 0``: ``K φ = ω² M φ + B μ``; without, the body is free.
 
         Raises
         ------
         AccuracyError
-            Residual or M-orthonormality exceed their limits, or there are not six rigid-body modes; the message
-            gives the figure.
+            Residual or M-orthonormality exceed their limits, or there are not as many rigid-body modes as the holding
+            leaves, six of a free body; the message gives the figure.
         """
-        K, M = self._fe.K, self._fe.M
+        K, M = self._K, self._M
         n = K.shape[0]
-        count = min(count, n - 6)
-        ncv = max(2 * (count + 6) + 1, 40)
-        if ncv < n:
+        B = np.zeros((n, 0)) if held is None else held.reshape(-1, held.shape[-1])
+        if self._T is not None and B.shape[1]:
+            B = self._T.T @ B
+        inverse = self._held_inverse(np.asarray(B))
+        expected = 6 - (int(np.linalg.matrix_rank(B.T @ self._R)) if B.shape[1] else 0)
+        count = min(count, n - B.shape[1] - expected)
+        ncv = max(2 * (count + expected) + 1, 40)
+        if ncv < n - B.shape[1]:
             eigenvalues, Phi = eigsh(
                 K,
-                k=count + 6,
+                k=count + expected,
                 M=M,
                 sigma=self.shift,
-                OPinv=LinearOperator(K.shape, matvec=self._factor.solve, dtype=float),
+                OPinv=LinearOperator(K.shape, matvec=inverse, dtype=float),
                 v0=np.random.default_rng(0).standard_normal(n),
                 ncv=ncv,
             )
         else:  # a mesh of a few elements
-            eigenvalues, Phi = eigh(K.toarray(), M.toarray(), subset_by_index=(0, count + 5))
+            N = null_space(B.T) if B.shape[1] else np.eye(n)
+            eigenvalues, Phi = eigh(N.T @ (K @ N), N.T @ (M @ N), subset_by_index=(0, count + expected - 1))
+            Phi = N @ Phi
         order = np.argsort(eigenvalues)
         eigenvalues, Phi = eigenvalues[order], Phi[:, order]
         n_rigid = int(np.count_nonzero(eigenvalues < _ZERO * -self.shift))
-        if n_rigid != 6:
+        if n_rigid != expected:
             lowest = ", ".join(f"{value:.1e}" for value in eigenvalues[:8])
+            whole = "a free body" if held is None else "the body as it is held"
             raise AccuracyError(
-                f"found {n_rigid} rigid-body modes, a free body has 6; the lowest eigenvalues are {lowest} rad²/s², "
+                f"found {n_rigid} rigid-body modes, {whole} has {expected}; the lowest eigenvalues are {lowest} rad²/s², "
                 f"of which those below {_ZERO * -self.shift:.1e} count as zero"
             )
-        residual = _verified(K, M, eigenvalues, Phi)
-        Phi = Phi[:, 6:] * np.sign(Phi[np.abs(Phi[:, 6:]).argmax(axis=0), np.arange(6, Phi.shape[1])])
-        return EigenPairs(np.sqrt(eigenvalues[6:]), Phi.reshape(-1, 3, count), n_rigid, residual)
+        residual = _verified(K, M, eigenvalues, Phi, n_rigid, inverse, self.shift)
+        shapes = self._expanded(Phi[:, n_rigid:])
+        flat = shapes.reshape(-1, count)
+        shapes = shapes * np.sign(flat[np.abs(flat).argmax(axis=0), np.arange(count)])
+        return EigenPairs(np.sqrt(eigenvalues[n_rigid:]), shapes, n_rigid, residual)
+
+    def _held_inverse(self, B: Array) -> Callable[[Array], Array]:
+        """``f → A⁻¹f − A⁻¹B (BᵀA⁻¹B)⁻¹ BᵀA⁻¹f`` with ``A = K − σ M``: the inverse among fields with ``Bᵀu = 0``."""
+        if not B.shape[1]:
+            return self._factor.solve  # type: ignore[no-any-return]
+        Z = self._factor.solve(B)
+        weights = np.linalg.solve(B.T @ Z, Z.T)
+
+        def solve(f: Array) -> Array:
+            # The reaction is taken off the load first, and off the result again: A⁻¹ alone is large in rigid motions,
+            # which would have to cancel.
+            x = self._factor.solve(f - B @ (weights @ f))
+            return np.asarray(x - weights.T @ (B.T @ x))
+
+        return solve
 
     def static_response(self, f: Array) -> Array:
         """Solve ``K u = f`` for loads in equilibrium with the rigid acceleration they cause (inertia relief).
@@ -115,44 +170,69 @@ class FreeBodySolver:
         AccuracyError
             The residual stayed above `STATIC_RESIDUAL_LIMIT`.
         """
-        fe = self._fe
-        R, MR = fe.rigid_modes, fe.M @ fe.rigid_modes
+        K, R, MR = self._K, self._R, self._M @ self._R
         rigid_mass = R.T @ MR
+        given = f.reshape(-1, f.shape[-1]) if self._T is None else self._T.T @ f.reshape(-1, f.shape[-1])
 
         def balanced(load: Array) -> Array:
             return np.asarray(load - MR @ np.linalg.solve(rigid_mass, R.T @ load))
 
-        loads = balanced(f.reshape(-1, f.shape[-1]))
+        loads = balanced(given)
         size = np.linalg.norm(loads, axis=0)
-        nothing = size <= _BALANCED * np.linalg.norm(f.reshape(loads.shape), axis=0)
+        nothing = size <= _BALANCED * np.linalg.norm(given, axis=0)
         loads[:, nothing], size[nothing] = 0.0, 1.0
         u = np.zeros_like(loads)
-        solve = LinearOperator(fe.K.shape, matvec=self._factor.solve, dtype=float)
+        solve = LinearOperator(K.shape, matvec=self._factor.solve, dtype=float)
         # Conjugate gradients with the shifted factor take a few steps. They start anew on what is left of the load,
         # balanced again: K does not see rigid-body round-off, which would spoil a long run.
         for _ in range(_MAX_RESTARTS):
-            defect = balanced(loads - fe.K @ u)
+            defect = balanced(loads - K @ u)
             residual = np.linalg.norm(defect, axis=0) / size
             if residual.max() < 1e-12:
                 break
             for k, part in enumerate(defect.T):
-                u[:, k] += cg(fe.K, part, rtol=1e-4, maxiter=100, M=solve)[0]
+                u[:, k] += cg(K, part, rtol=1e-4, maxiter=100, M=solve)[0]
             u -= R @ np.linalg.solve(rigid_mass, MR.T @ u)
         if not residual.max() < STATIC_RESIDUAL_LIMIT:
             raise AccuracyError(
                 f"static response {residual.argmax()}: residual {residual.max():.1e} "
                 f"exceeds {STATIC_RESIDUAL_LIMIT:.0e}"
             )
-        return np.asarray(u.reshape(f.shape))
+        return self._expanded(u)
 
 
-def lowest_eigenvalue_bound(fe: FEModel) -> float:
-    """Upper bound of the lowest elastic eigenvalue [rad²/s²]: Rayleigh–Ritz on all quadratic displacement fields."""
-    x = (fe.x - fe.x.mean(axis=0)) / np.ptp(fe.x, axis=0).max()
-    terms = [np.ones(len(x)), *x.T, *(x[:, a] * x[:, b] for a in range(3) for b in range(a, 3))]
-    V = np.kron(np.stack(terms, axis=1), np.eye(3))
-    V = np.linalg.qr(V)[0]
-    return float(eigh(V.T @ (fe.K @ V), V.T @ (fe.M @ V), eigvals_only=True)[6])
+def rigid_faces(fe: FEModel, markers: Sequence[Marker]) -> sp.csr_array:
+    """Transformation ``u = T u_r`` that lets the nodes of each marker's face move as one rigid piece.
+
+    Parameters
+    ----------
+    markers : sequence of Marker
+        Their faces have no node in common.
+
+    Returns
+    -------
+    sparse array, shape (3 n_nodes, n)
+        Unknowns: those of all other nodes, then displacement and rotation of each marker.
+
+    Raises
+    ------
+    ValueError
+        Two faces share nodes.
+    """
+    slaves = np.concatenate([marker.nodes for marker in markers])
+    if len(np.unique(slaves)) < len(slaves):
+        raise ValueError("two rigid faces share nodes; make one of the attachments 'averaged'")
+    others = np.setdiff1d(np.arange(len(fe.x)), slaves)
+    unknowns = (3 * others[:, None] + np.arange(3)).ravel()
+    kept = sp.csr_array((np.ones(len(unknowns)), (unknowns, np.arange(len(unknowns)))), (fe.K.shape[0], len(unknowns)))
+    blocks = [kept]
+    for marker in markers:
+        r = fe.x[marker.nodes] - marker.position
+        moves = np.concatenate([np.tile(np.eye(3), (len(r), 1, 1)), np.cross(np.eye(3), r[:, None]).swapaxes(1, 2)], 2)
+        rows = np.repeat((3 * marker.nodes[:, None] + np.arange(3)).ravel(), 6)
+        columns = np.tile(np.arange(6), 3 * len(r))
+        blocks.append(sp.csr_array((moves.ravel(), (rows, columns)), (fe.K.shape[0], 6)))
+    return sp.csr_array(sp.hstack(blocks))
 
 
 def modes_below(fe: FEModel, omega: float) -> int:
@@ -172,17 +252,26 @@ def modes_below(fe: FEModel, omega: float) -> int:
     return int(np.count_nonzero(factor.U.diagonal() < 0))
 
 
-def _verified(K: Any, M: Any, eigenvalues: Array, Phi: Array) -> float:
+def _verified(
+    K: Any, M: Any, eigenvalues: Array, Phi: Array, n_rigid: int, inverse: Callable[[Array], Array], shift: float
+) -> float:
+    """Largest residual of the elastic pairs, in the energy norm: that of the eigenvalue is about its square.
+
+    ``r = K φ − λ M φ`` is weighed by the inverse of ``K − σ M``, in which round-off of the stiffest element motions counts
+    little and what holds the body may answer with any force.
+    """
     MPhi = M @ Phi
     lack = float(np.abs(Phi.T @ MPhi - np.eye(len(eigenvalues))).max())
     if not lack < ORTHONORMALITY_LIMIT:
         raise AccuracyError(f"modes are not M-orthonormal: error {lack:.1e} exceeds {ORTHONORMALITY_LIMIT:.0e}")
-    elastic = eigenvalues[6:] * MPhi[:, 6:]
-    residuals = np.linalg.norm(K @ Phi[:, 6:] - elastic, axis=0) / np.linalg.norm(elastic, axis=0)
+    elastic = eigenvalues[n_rigid:]
+    defects = K @ Phi[:, n_rigid:] - elastic * MPhi[:, n_rigid:]
+    energies = np.array([defect @ inverse(defect) for defect in defects.T])
+    residuals = np.sqrt(np.maximum(energies, 0.0) / (elastic - shift))
     if not residuals.max() < RESIDUAL_LIMIT:
         worst = int(residuals.argmax())
         raise AccuracyError(
-            f"mode {worst + 1} at {np.sqrt(eigenvalues[6 + worst]) / 2 / np.pi:.6g} Hz has a residual of "
+            f"mode {worst + 1} at {np.sqrt(elastic[worst]) / 2 / np.pi:.6g} Hz has a residual of "
             f"{residuals[worst]:.1e}, above {RESIDUAL_LIMIT:.0e}"
         )
     return float(residuals.max())

@@ -6,10 +6,11 @@ many bending modes are kept. Load-dependent vectors mend it (MacNeal 1971, Wilso
 
 from __future__ import annotations
 
+from collections.abc import Iterator, Sequence
 from typing import TYPE_CHECKING
 
 import numpy as np
-from scipy.linalg import eigh
+from scipy.linalg import eigh, null_space
 
 from pipeline.checks import Array
 from pipeline.reduction.modes import Modes
@@ -23,26 +24,47 @@ if TYPE_CHECKING:
 _NEW = 1e-4
 
 
-def inertia_loads(fe: FEModel, marker: Marker, axis: Array) -> Array:
-    """Loads that a spin about ``axis`` through the marker puts on the body, shape (n_nodes, 3, 4).
+def inertia_loads(fe: FEModel, marker: Marker, axis: Array | None, outboard: Sequence[Marker] = ()) -> Array:
+    """Loads that motion puts on a body, shape (n_nodes, 3, n_loads).
 
-    The centrifugal load of unit rate, and what the joint can answer with: unit forces in the plane of motion and
-    a unit torque about the axis, spread over the marker's face. The Euler load of an angular acceleration is not
-    among them: in a free body it is balanced by itself, what it bends comes from the torque.
+    The centrifugal loads of unit rates, and unit forces and torques at its joints, spread over the markers' faces. The
+    loads of linear and angular acceleration are not among them: in a free body they are balanced by themselves, what
+    they bend comes from the joint's reaction.
+
+    Parameters
+    ----------
+    marker : Marker
+        At the joint that carries the body.
+    axis : ndarray, shape (3,), optional
+        Normal of the plane to which all motion keeps: one centrifugal load, two forces and one torque at each marker.
+        Without, the six products of two rates, and three forces and three torques at each marker.
+    outboard : sequence of Marker
+        Where other bodies hang on this one, or loads act.
     """
-    e = axis / np.linalg.norm(axis)
     r = fe.x - marker.position
-    in_plane = np.eye(3) - np.outer(e, e)
-    loads = np.zeros((len(fe.x), 3, 4))
-    loads[:, :, 0] = fe.m @ (r @ in_plane)
-    first, second = np.linalg.svd(in_plane)[0].T[:2]
-    loads[marker.nodes, :, 1] = marker.translation_weights[:, None] * first
-    loads[marker.nodes, :, 2] = marker.translation_weights[:, None] * second
-    loads[marker.nodes, :, 3] = np.tensordot(e, marker.rotation_weights, axes=1)
-    return loads
+    if axis is None:
+        directions = torques = np.eye(3)
+        fields = [(np.outer(r[:, b], e) + np.outer(r[:, a], f)) / 2 for a, b, e, f in _products()]
+    else:
+        e = axis / np.linalg.norm(axis)
+        in_plane = np.eye(3) - np.outer(e, e)
+        directions, torques = np.linalg.svd(in_plane)[0].T[:2], e[None]
+        fields = [r @ in_plane]
+    reactions = []
+    for at in (marker, *outboard):
+        columns = at.columns(len(fe.x), torques)
+        reactions += [columns[:, :, :3] @ directions.T, columns[:, :, 3:]]
+    return np.concatenate([np.stack([fe.m @ field for field in fields], axis=-1), *reactions], axis=-1)
 
 
-def enriched(modes: Modes, fe: FEModel, solver: FreeBodySolver, loads: Array) -> tuple[Array, Array]:
+def _products() -> Iterator[tuple[int, int, Array, Array]]:
+    unit = np.eye(3)
+    yield from ((a, b, unit[a], unit[b]) for a in range(3) for b in range(a, 3))
+
+
+def enriched(
+    modes: Modes, fe: FEModel, solver: FreeBodySolver, loads: Array, held: Array | None = None
+) -> tuple[Array, Array]:
     """Add the static responses to ``loads`` to a modal basis; orthonormalise and diagonalise again.
 
     Parameters
@@ -50,6 +72,8 @@ def enriched(modes: Modes, fe: FEModel, solver: FreeBodySolver, loads: Array) ->
     modes : Modes
         Eigenvectors; they come back unchanged in front of the new ones.
     loads : ndarray, shape (n_nodes, 3, n_loads)
+    held : ndarray, shape (n_nodes, 3, k), optional
+        What holds the body in its modes; the responses are moved as rigid bodies until it holds them too.
 
     Returns
     -------
@@ -60,6 +84,8 @@ def enriched(modes: Modes, fe: FEModel, solver: FreeBodySolver, loads: Array) ->
     """
     U = solver.static_response(loads).reshape(fe.K.shape[0], -1)
     Phi = modes.shapes.reshape(fe.K.shape[0], -1)
+    if held is not None:
+        U = _moved(U, fe, held.reshape(fe.K.shape[0], -1))
     U = U[:, U.any(axis=0)]
     U /= np.sqrt(np.einsum("ij,ij->j", U, fe.M @ U))
     for _ in range(2):  # twice is enough (Parlett)
@@ -71,3 +97,13 @@ def enriched(modes: Modes, fe: FEModel, solver: FreeBodySolver, loads: Array) ->
     U = U @ turn
     shapes = np.concatenate([Phi, U], axis=1).reshape(len(fe.x), 3, -1)
     return np.concatenate([modes.omega, np.sqrt(omega2)]), shapes
+
+
+def _moved(U: Array, fe: FEModel, B: Array) -> Array:
+    """Add rigid motions: ``Bᵀ U = 0``, and U is M-orthogonal to the rigid motions that B leaves."""
+    R = fe.rigid_modes
+    U = U - R @ np.linalg.lstsq(B.T @ R, B.T @ U, rcond=None)[0]
+    left = R @ null_space(B.T @ R)
+    if left.shape[1]:
+        U = U - left @ np.linalg.solve(left.T @ (fe.M @ left), left.T @ (fe.M @ U))
+    return np.asarray(U)

@@ -24,21 +24,23 @@ _FAMILY_OF_PARITY = {
 _SAME_FREQUENCY = 1e-6
 
 
-def lowest_modes(solver: FreeBodySolver, count: int) -> Modes:
-    """Return the ``count`` lowest elastic modes, whatever they look like.
+def lowest_modes(solver: FreeBodySolver, count: int, held: Array | None = None) -> Modes:
+    """Return the ``count`` lowest elastic modes, whatever they look like, of the body free or ``held``.
 
     Raises
     ------
     AccuracyError
         The mesh has fewer.
     """
-    pairs = solver.modes(count)
+    pairs = solver.modes(count, held)
     if len(pairs.omega) < count:
         raise AccuracyError(f"the mesh has only {len(pairs.omega)} elastic modes, {count} wanted; refine it")
     return Modes(pairs.omega, pairs.shapes, pairs.n_rigid, pairs.residual, tuple(range(1, count + 1)))
 
 
-def modes_of_family(solver: FreeBodySolver, fe: FEModel, count: int, family: str, normal: Array) -> Modes:
+def modes_of_family(
+    solver: FreeBodySolver, fe: FEModel, count: int, family: str, normal: Array, held: Array | None = None
+) -> Modes:
     """Return the ``count`` lowest modes of one family.
 
     Parameters
@@ -49,6 +51,8 @@ def modes_of_family(solver: FreeBodySolver, fe: FEModel, count: int, family: str
         ``in-plane bending``, ``out-of-plane bending``, ``torsion`` or ``axial``.
     normal : ndarray, shape (3,)
         Normal of the plane of motion.
+    held : ndarray, shape (n_nodes, 3, k), optional
+        What holds the body, as symmetric as it is.
 
     Raises
     ------
@@ -57,7 +61,7 @@ def modes_of_family(solver: FreeBodySolver, fe: FEModel, count: int, family: str
     """
     n_all = 4 * count + 4
     while True:
-        pairs = solver.modes(n_all)
+        pairs = solver.modes(n_all, held)
         families, shapes = classify(fe, pairs, normal)
         chosen = [k for k, found in enumerate(families) if found == family][:count]
         if len(chosen) == count:

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from typing import Any
 
 import numpy as np
@@ -22,11 +22,17 @@ class InertiaGram:
         ``S[a] = 1ᵀ m U_a``: first moments.
     mass : float
         ``1ᵀ m 1`` [kg].
+    stiffening : ndarray, shape (3, 3, n, n)
+        Geometric stiffness that was taken off the modal blocks of G, in which it counts as inertia; empty if none was.
+    bow : ndarray, shape (3, n, n)
+        Second-order first moments: ``c_a = S_a p + ½ qᵀ bow_a q``; empty if they are left out.
     """
 
     G: Array
     S: Array
     mass: float
+    stiffening: Array = field(default_factory=lambda: np.zeros((3, 3, 0, 0)))
+    bow: Array = field(default_factory=lambda: np.zeros((3, 0, 0)))
 
     def second_moment(self, p: Array) -> Array:
         """``P_ab = ∫ρ r_a r_b`` about the frame's origin, shape (3, 3) [kg m²], at ``p = (1, q)``."""
@@ -40,7 +46,12 @@ class InertiaGram:
     def mass_matrix(self, p: Array) -> Array:
         """Mass matrix of translation, rotation and modes in body axes, shape (6 + n, 6 + n), at ``p = (1, q)``."""
         n = len(p) - 1
-        c = self.S @ p
+        S = self.S.copy()
+        c = S @ p
+        if self.bow.size:
+            bow = self.bow @ p[1:]
+            S[:, 1:] += bow
+            c = c + 0.5 * bow @ p[1:]
         tilde = np.array([[0, -c[2], c[1]], [c[2], 0, -c[0]], [-c[1], c[0], 0]])
         pG = np.einsum("i,bcij->bcj", p, self.G)
         H = np.stack([pG[1, 2] - pG[2, 1], pG[2, 0] - pG[0, 2], pG[0, 1] - pG[1, 0]])[:, 1:]
@@ -48,9 +59,11 @@ class InertiaGram:
         M[:3, :3] = self.mass * np.eye(3)
         M[:3, 3:6], M[3:6, :3] = -tilde, tilde
         M[3:6, 3:6] = self.inertia(p)
-        M[:3, 6:], M[6:, :3] = self.S[:, 1:], self.S[:, 1:].T
+        M[:3, 6:], M[6:, :3] = S[:, 1:], S[:, 1:].T
         M[3:6, 6:], M[6:, 3:6] = H, H.T
         M[6:, 6:] = np.einsum("aaij->ij", self.G)[1:, 1:]
+        if self.stiffening.size:
+            M[6:, 6:] += np.einsum("aaij->ij", self.stiffening)
         return M
 
 

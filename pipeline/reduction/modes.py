@@ -22,7 +22,7 @@ class EigenPairs:
     n_rigid : int
         Number of rigid-body modes found.
     residual : float
-        Largest ``|K φ − ω² M φ| / |ω² M φ|``.
+        Largest defect of ``K φ = ω² M φ`` in the energy norm, relative to the mode's own.
     """
 
     omega: Array

@@ -12,7 +12,9 @@ import pytest
 from scipy.linalg import expm
 
 from pipeline.checks import Array
-from pipeline.dynamics.tree import FIXED, FREE, PRISMATIC, REVOLUTE, SPHERICAL, Link, Tree, rigid_gram
+from pipeline.dynamics.link import FIXED, FREE, PRISMATIC, REVOLUTE, SPHERICAL, Link, rigid_gram
+from pipeline.dynamics.signal import constant
+from pipeline.dynamics.tree import Tree
 from pipeline.reduction.gram import inertia_gram
 
 Orders = tuple[tuple[int, ...], tuple[int, ...], tuple[int, ...]]
@@ -180,7 +182,7 @@ class PointChain:
             Q[modal_places[k]] -= 2 * link.damping * link.omega * d_inner if len(link.damping) else 0.0
             if link.joint in (REVOLUTE, PRISMATIC):
                 section = link.joint_rotation if len(link.joint_rotation) else np.zeros(len(inner))
-                along = link.load - link.spring * (s[0] + section @ inner - link.rest)
+                along = link.load.value(0.0)[0] - link.spring * (s[0] + section @ inner - link.rest)
                 along -= link.damper * (ds[0] + section @ d_inner)
                 Q[places[k]] += along
                 Q[modal_places[k]] += section * along
@@ -303,7 +305,7 @@ def random_chain(name: str, seed: int = 0, gravity: tuple[float, float, float] =
                 spring=rng.uniform(2.0, 4.0) if scalar else 0.0,
                 rest=rng.uniform(0.1, 0.3) if scalar else 0.0,
                 damper=rng.uniform(0.1, 0.3) if scalar else 0.0,
-                load=rng.uniform(0.5, 1.0) if scalar else 0.0,
+                load=constant(rng.uniform(0.5, 1.0) if scalar else 0.0),
             )
         )
     fast = [link.name for link in links if link.joint == PRISMATIC]

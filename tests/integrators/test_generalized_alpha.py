@@ -88,7 +88,8 @@ def test_a_restart_continues_to_newtons_tolerance(beam):
 
 
 def test_a_spinning_body_in_space_keeps_its_quaternion_unit():
-    from pipeline.dynamics.tree import SPHERICAL, Link, Tree, rigid_gram
+    from pipeline.dynamics.link import SPHERICAL, Link, rigid_gram
+    from pipeline.dynamics.tree import Tree
 
     top = Tree([Link("top", rigid_gram(2.0, np.zeros(3), np.diag([0.1, 0.2, 0.25])), SPHERICAL)])
     v0 = np.array([0.1, 5.0, 0.1])

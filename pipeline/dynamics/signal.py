@@ -1,0 +1,309 @@
+"""Functions of time: loads and prescribed motions, with their first two derivatives.
+
+A formula is run on truncated Taylor series (f, f', f''), so that position, rate and acceleration of a prescribed motion
+belong together by construction.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Sequence
+from dataclasses import dataclass
+from typing import NamedTuple
+
+import numpy as np
+
+from pipeline import expression as code
+from pipeline.checks import Array, IntArray
+from pipeline.dynamics.compiled import kernel
+from pipeline.expression import MOST_DEPTH, Expression
+
+_CONSTANT, _PROGRAM, _TABLE = range(3)
+(
+    _NUMBER, _TIME, _ADD, _SUBTRACT, _MULTIPLY, _DIVIDE, _POWER, _NEGATE,
+    _SIN, _COS, _TAN, _EXP, _LOG, _SQRT, _TANH, _ABS, _MINIMUM, _MAXIMUM, _BEFORE,
+) = range(19)  # fmt: skip
+assert (_NUMBER, _NEGATE, _SIN, _MAXIMUM, _BEFORE) == (
+    code.CONSTANT,
+    code.NEGATE,
+    code.SIN,
+    code.MAXIMUM,
+    code.BEFORE,
+)
+
+
+@dataclass(frozen=True)
+class _Term:
+    """One of the terms whose sum is a signal; zero outside of its support."""
+
+    kind: int
+    codes: tuple[int, ...] = ()
+    numbers: tuple[float, ...] = ()
+    knots: tuple[float, ...] = ()
+    cubics: tuple[tuple[float, float, float, float], ...] = ()  # from each knot on, lowest power first
+    support: tuple[float, float] = (-math.inf, math.inf)
+
+
+@dataclass(frozen=True)
+class Signal:
+    """A function of time, made by the functions of this module.
+
+    Attributes
+    ----------
+    breakpoints : tuple of float
+        Times at which it or its first derivative may jump [s], ascending.
+    """
+
+    terms: tuple[_Term, ...]
+    breakpoints: tuple[float, ...] = ()
+
+    def value(self, t: float) -> tuple[float, float, float]:
+        """Value, first and second time derivative at time t [s]."""
+        out = np.zeros(3)
+        evaluate_signal(pack([self]), 0, t, out)
+        return float(out[0]), float(out[1]), float(out[2])
+
+
+def constant(value: float) -> Signal:
+    """A signal that doesn't change."""
+    return Signal((_Term(_CONSTANT, numbers=(float(value),)),))
+
+
+def formula(expression: Expression, factor: float = 1.0) -> Signal:
+    """A formula times a factor.
+
+    Where a formula has no real value (the root or the logarithm of a negative number) it is not a number, which stops a
+    march.
+    """
+    codes = (*expression.codes, code.CONSTANT, code.MULTIPLY)
+    return Signal((_Term(_PROGRAM, codes, (*expression.constants, float(factor))),), expression.breakpoints)
+
+
+def half_sine(start: float, duration: float, peak: float) -> Signal:
+    """``peak sin(π (t − start)/duration)`` while that lasts, else 0: an impulse of ``2/π peak duration``."""
+    codes = (_TIME, _NUMBER, _SUBTRACT, _NUMBER, _MULTIPLY, _SIN, _NUMBER, _MULTIPLY)
+    end = start + duration
+    numbers = (float(start), math.pi / duration, float(peak))
+    return Signal((_Term(_PROGRAM, codes, numbers, support=(start, end)),), (start, end))
+
+
+def linear_table(times: Array, values: Array) -> Signal:
+    """Straight lines between the samples; the first and the last value hold before and after."""
+    slopes = np.diff(values) / np.diff(times)
+    cubics = [(float(value), float(slope), 0.0, 0.0) for value, slope in zip(values, [*slopes, 0.0], strict=True)]
+    return Signal((_table(times, cubics),), tuple(map(float, times)))
+
+
+def smooth_table(times: Array, values: Array) -> Signal:
+    """The cubic spline through the samples, at rest at both ends, where the first and the last value hold on."""
+    from scipy.interpolate import CubicSpline
+
+    pieces = CubicSpline(times, values, bc_type="clamped").c[::-1].T
+    cubics = [tuple(map(float, piece)) for piece in pieces] + [(float(values[-1]), 0.0, 0.0, 0.0)]
+    return Signal((_table(times, cubics),), (float(times[0]), float(times[-1])))
+
+
+def _table(times: Array, cubics: Sequence[tuple[float, ...]]) -> _Term:
+    return _Term(_TABLE, knots=tuple(map(float, times)), cubics=tuple(cubics))  # type: ignore[arg-type]
+
+
+def total(signals: Sequence[Signal]) -> Signal:
+    """The sum of signals."""
+    breakpoints = {time for signal in signals for time in signal.breakpoints}
+    return Signal(tuple(term for signal in signals for term in signal.terms), tuple(sorted(breakpoints)))
+
+
+class SignalTable(NamedTuple):
+    """Any number of signals as flat arrays for the kernels; ``stack`` is room to work in."""
+
+    first_term: IntArray  # (n_signals + 1,)
+    kind: IntArray  # (n_terms,)
+    support: Array  # (n_terms, 2)
+    first_code: IntArray  # (n_terms + 1,)
+    first_number: IntArray  # (n_terms + 1,)
+    first_knot: IntArray  # (n_terms + 1,)
+    codes: IntArray
+    numbers: Array
+    knots: Array
+    cubics: Array  # (n_knots, 4)
+    stack: Array  # (MOST_DEPTH, 3)
+
+    def with_room(self) -> SignalTable:
+        """Give room to work in that is the caller's own."""
+        return self._replace(stack=np.zeros((MOST_DEPTH, 3)))
+
+
+def pack(signals: Sequence[Signal]) -> SignalTable:
+    """Gather signals, numbered in their order."""
+    terms = [term for signal in signals for term in signal.terms]
+
+    def starts(sizes: Sequence[int]) -> IntArray:
+        return np.concatenate([[0], np.cumsum(sizes)]).astype(np.int64)
+
+    return SignalTable(
+        first_term=starts([len(signal.terms) for signal in signals]),
+        kind=np.array([term.kind for term in terms], dtype=np.int64),
+        support=np.array([term.support for term in terms]).reshape(-1, 2),
+        first_code=starts([len(term.codes) for term in terms]),
+        first_number=starts([len(term.numbers) for term in terms]),
+        first_knot=starts([len(term.knots) for term in terms]),
+        codes=np.array([c for term in terms for c in term.codes], dtype=np.int64),
+        numbers=np.array([x for term in terms for x in term.numbers], dtype=float),
+        knots=np.array([x for term in terms for x in term.knots], dtype=float),
+        cubics=np.array([x for term in terms for x in term.cubics], dtype=float).reshape(-1, 4),
+        stack=np.zeros((MOST_DEPTH, 3)),
+    )
+
+
+@kernel
+def signal_value(s: SignalTable, k: int, t: float) -> float:
+    """Value of signal k at time t [s]."""
+    total = 0.0
+    for term in range(s.first_term[k], s.first_term[k + 1]):
+        if s.kind[term] == _CONSTANT:
+            total += s.numbers[s.first_number[term]]
+        elif s.support[term, 0] <= t <= s.support[term, 1]:
+            _evaluate_term(s, term, t)
+            total += s.stack[0, 0]
+    return total
+
+
+@kernel
+def evaluate_signal(s: SignalTable, k: int, t: float, out: Array) -> None:
+    """Value, first and second time derivative of signal k at time t [s], into out (3,)."""
+    out[0], out[1], out[2] = 0.0, 0.0, 0.0
+    for term in range(s.first_term[k], s.first_term[k + 1]):
+        if s.kind[term] == _CONSTANT:
+            out[0] += s.numbers[s.first_number[term]]
+        elif s.support[term, 0] <= t <= s.support[term, 1]:
+            _evaluate_term(s, term, t)
+            for i in range(3):
+                out[i] += s.stack[0, i]
+
+
+@kernel
+def _evaluate_term(s: SignalTable, term: int, t: float) -> None:
+    """Leave a term's value and derivatives on the bottom of the stack."""
+    if s.kind[term] == _PROGRAM:
+        _run(s, term, t)
+        return
+    first, last, knots = s.first_knot[term], s.first_knot[term + 1] - 1, s.knots
+    bottom = s.stack[0]
+    if t < knots[first]:
+        bottom[0], bottom[1], bottom[2] = s.cubics[first, 0], 0.0, 0.0
+        return
+    while last - first > 1:  # the last knot that is not after t
+        middle = (first + last) // 2
+        if knots[middle] <= t:
+            first = middle
+        else:
+            last = middle
+    if knots[last] <= t:
+        first = last
+    x, c = t - knots[first], s.cubics[first]
+    bottom[0] = c[0] + x * (c[1] + x * (c[2] + x * c[3]))
+    bottom[1] = c[1] + x * (2.0 * c[2] + 3.0 * x * c[3])
+    bottom[2] = 2.0 * c[2] + 6.0 * x * c[3]
+
+
+@kernel
+def _run(s: SignalTable, term: int, t: float) -> None:
+    """Run a postfix program on (f, f', f'')."""
+    top, number = -1, s.first_number[term]
+    for at in range(s.first_code[term], s.first_code[term + 1]):
+        op = s.codes[at]
+        if op == _NUMBER:
+            top += 1
+            s.stack[top, 0], s.stack[top, 1], s.stack[top, 2] = s.numbers[number], 0.0, 0.0
+            number += 1
+        elif op == _TIME:
+            top += 1
+            s.stack[top, 0], s.stack[top, 1], s.stack[top, 2] = t, 1.0, 0.0
+        elif op == _NEGATE or _SIN <= op <= _ABS:
+            _apply_function(op, s.stack[top])
+        elif op >= _BEFORE:  # what holds later, what holds before, and the time of the switch
+            switch = s.stack[top, 0]
+            top -= 2
+            if (t < switch) if op == _BEFORE else (t <= switch):
+                for i in range(3):
+                    s.stack[top, i] = s.stack[top + 1, i]
+        else:
+            top -= 1
+            _combine(op, s.stack[top], s.stack[top + 1])
+
+
+@kernel
+def _apply_function(op: int, a: Array) -> None:
+    """``a = f(a)`` with f' = f₁ a' and f'' = f₂ a'² + f₁ a''."""
+    x = a[0]
+    if op == _NEGATE:
+        f, f1, f2 = -x, -1.0, 0.0
+    elif op == _SIN:
+        f, f1 = math.sin(x), math.cos(x)
+        f2 = -f
+    elif op == _COS:
+        f, f1 = math.cos(x), -math.sin(x)
+        f2 = -f
+    elif op == _TAN:
+        f = math.tan(x)
+        f1 = 1.0 + f * f
+        f2 = 2.0 * f * f1
+    elif op == _EXP:
+        f = math.exp(x)
+        f1, f2 = f, f
+    elif op == _LOG:
+        f = math.log(x) if x > 0.0 else math.nan
+        f1, f2 = 1.0 / x, -1.0 / (x * x)
+    elif op == _SQRT:
+        f = math.sqrt(x) if x >= 0.0 else math.nan
+        f1, f2 = 0.5 / f, -0.25 / (f * x)
+    elif op == _TANH:
+        f = math.tanh(x)
+        f1 = 1.0 - f * f
+        f2 = -2.0 * f * f1
+    else:
+        f, f1, f2 = abs(x), 1.0 if x >= 0.0 else -1.0, 0.0
+    a[2] = f2 * a[1] * a[1] + f1 * a[2]
+    a[1] *= f1
+    a[0] = f
+
+
+@kernel
+def _combine(op: int, a: Array, b: Array) -> None:
+    """``a = a op b``."""
+    if op in (_ADD, _SUBTRACT):
+        sign = 1.0 if op == _ADD else -1.0
+        for i in range(3):
+            a[i] += sign * b[i]
+    elif op == _MULTIPLY:
+        a[2] = a[2] * b[0] + 2.0 * a[1] * b[1] + a[0] * b[2]
+        a[1] = a[1] * b[0] + a[0] * b[1]
+        a[0] *= b[0]
+    elif op == _DIVIDE:
+        a[0] /= b[0]
+        a[1] = (a[1] - a[0] * b[1]) / b[0]
+        a[2] = (a[2] - 2.0 * a[1] * b[1] - a[0] * b[2]) / b[0]
+    elif op == _POWER:
+        _raise(a, b)
+    elif (b[0] < a[0]) if op == _MINIMUM else (b[0] > a[0]):
+        for i in range(3):
+            a[i] = b[i]
+
+
+@kernel
+def _raise(a: Array, b: Array) -> None:
+    """``a = a ** b``; a constant exponent needs no logarithm, so the base may be 0 or negative."""
+    x, n = a[0], b[0]
+    if b[1] == 0.0 and b[2] == 0.0:
+        f1 = n * x ** (n - 1.0) if n != 0.0 else 0.0
+        f2 = n * (n - 1.0) * x ** (n - 2.0) if n not in (0.0, 1.0) else 0.0
+        a[2] = f2 * a[1] * a[1] + f1 * a[2]
+        a[1] *= f1
+        a[0] = x**n
+        return
+    log = math.log(x) if x > 0.0 else math.nan
+    slope = b[1] * log + n * a[1] / x
+    bend = b[2] * log + 2.0 * b[1] * a[1] / x + n * (a[2] / x - (a[1] / x) ** 2)
+    a[0] = x**n
+    a[2] = a[0] * (slope * slope + bend)
+    a[1] = a[0] * slope

@@ -1,0 +1,176 @@
+"""Formulas of time in a scene: parsed by a whitelist into a postfix program, never run by Python."""
+
+from __future__ import annotations
+
+import ast
+import math
+from collections.abc import Callable
+from dataclasses import dataclass
+
+# Codes of the postfix program. A constant takes the next of the constants.
+CONSTANT, TIME, ADD, SUBTRACT, MULTIPLY, DIVIDE, POWER, NEGATE = range(8)
+SIN, COS, TAN, EXP, LOG, SQRT, TANH, ABS, MINIMUM, MAXIMUM = range(8, 18)
+BEFORE, UNTIL = 18, 19  # chooses by t < c or t <= c: pops c, what holds then, what holds else
+MOST_DEPTH = 16
+
+_FUNCTIONS: dict[str, tuple[int, int, Callable[..., float]]] = {
+    "sin": (SIN, 1, math.sin),
+    "cos": (COS, 1, math.cos),
+    "tan": (TAN, 1, math.tan),
+    "exp": (EXP, 1, math.exp),
+    "log": (LOG, 1, math.log),
+    "sqrt": (SQRT, 1, math.sqrt),
+    "tanh": (TANH, 1, math.tanh),
+    "abs": (ABS, 1, abs),
+    "min": (MINIMUM, 2, min),
+    "max": (MAXIMUM, 2, max),
+}
+_OPERATORS: dict[type[ast.operator], tuple[int, Callable[[float, float], float]]] = {
+    ast.Add: (ADD, lambda a, b: a + b),
+    ast.Sub: (SUBTRACT, lambda a, b: a - b),
+    ast.Mult: (MULTIPLY, lambda a, b: a * b),
+    ast.Div: (DIVIDE, lambda a, b: a / b),
+    ast.Pow: (POWER, math.pow),
+}
+_CONSTANTS = {"pi": math.pi}
+_ALLOWED = f"t, pi, numbers, + - * / **, {', '.join(_FUNCTIONS)} and 'a if t < c else b'"
+_MOST_CHARACTERS = 500
+
+
+@dataclass(frozen=True)
+class Expression:
+    """A formula of the time as a postfix program.
+
+    Attributes
+    ----------
+    codes : tuple of int
+        What to do with the stack, in order.
+    constants : tuple of float
+        For each code ``CONSTANT``, in order.
+    breakpoints : tuple of float
+        Times at which a condition switches [s], ascending; kinks of abs, min and max are not among them.
+    """
+
+    codes: tuple[int, ...]
+    constants: tuple[float, ...]
+    breakpoints: tuple[float, ...]
+
+
+@dataclass(frozen=True)
+class _Part:
+    """A piece of a program, with its value if it doesn't depend on t, and the depth of stack that it needs."""
+
+    codes: tuple[int, ...]
+    constants: tuple[float, ...]
+    value: float | None
+    depth: int
+
+
+def parse(text: str) -> Expression:
+    """Read a formula of the time t in seconds, such as ``"1.5*sin(2*pi*10*t) if t < 0.2 else 0"``.
+
+    Raises
+    ------
+    ValueError
+        It is no such formula; the message says where and what works.
+    """
+    if len(text) > _MOST_CHARACTERS:
+        raise ValueError(f"is longer than {_MOST_CHARACTERS} characters; use a table")
+    if not text.isascii():
+        raise ValueError(f"holds a character that is not ASCII; a formula is made of {_ALLOWED}")
+    try:
+        tree = ast.parse(text.strip(), mode="eval")
+    except SyntaxError as error:
+        raise ValueError(f"isn't a formula: {error.msg} at column {error.offset or 1}") from None
+    except (ValueError, RecursionError, MemoryError):
+        raise ValueError(f"isn't a formula; it is made of {_ALLOWED}") from None
+    breakpoints: set[float] = set()
+    try:
+        part = _read(tree.body, breakpoints)
+    except RecursionError:
+        raise ValueError("is nested too deeply") from None
+    if part.depth > MOST_DEPTH:
+        raise ValueError(f"needs {part.depth} values at a time, {MOST_DEPTH} is the most; simplify or nest less")
+    return Expression(part.codes, part.constants, tuple(sorted(breakpoints)))
+
+
+def _read(node: ast.expr, breakpoints: set[float]) -> _Part:
+    match node:
+        case ast.Constant(value=float() | int() as number) if not isinstance(number, bool):
+            return _constant(node, lambda: float(number))
+        case ast.Name(id="t"):
+            return _Part((TIME,), (), None, 1)
+        case ast.Name(id=name) if name in _CONSTANTS:
+            return _constant(node, lambda: _CONSTANTS[name])
+        case ast.Name(id=name):
+            raise _refusal(node, f"there is no {name!r}; a formula is made of {_ALLOWED}")
+        case ast.UnaryOp(op=ast.UAdd(), operand=operand):
+            return _read(operand, breakpoints)
+        case ast.UnaryOp(op=ast.USub(), operand=operand):
+            return _joined(node, NEGATE, lambda a: -a, _read(operand, breakpoints))
+        case ast.BinOp(op=ast.BitXor()):
+            raise _refusal(node, "a power is written **, not ^")
+        case ast.BinOp(left=left, op=op, right=right) if type(op) in _OPERATORS:
+            code, does = _OPERATORS[type(op)]
+            return _joined(node, code, does, _read(left, breakpoints), _read(right, breakpoints))
+        case ast.Call(func=ast.Name(id=name), args=arguments, keywords=[]) if name in _FUNCTIONS:
+            code, count, does = _FUNCTIONS[name]
+            if len(arguments) != count:
+                raise _refusal(node, f"{name} takes {count} value{'s' if count > 1 else ''}")
+            return _joined(node, code, does, *(_read(argument, breakpoints) for argument in arguments))
+        case ast.IfExp(test=test, body=body, orelse=orelse):
+            return _chosen(test, _read(body, breakpoints), _read(orelse, breakpoints), breakpoints)
+        case _:
+            raise _refusal(node, f"can't be in a formula; it is made of {_ALLOWED}")
+
+
+def _chosen(test: ast.expr, then: _Part, other: _Part, breakpoints: set[float]) -> _Part:
+    """``then if t < c else other``, for the four comparisons of t with a constant."""
+    match test:
+        case ast.Compare(left=left, ops=[ast.Lt() | ast.LtE() | ast.Gt() | ast.GtE() as op], comparators=[right]):
+            time, switch = _read(left, set()), _read(right, set())
+            before = isinstance(op, ast.Lt | ast.LtE)
+            if time.value is not None:  # c < t
+                time, switch, before = switch, time, not before
+            if time.codes != (TIME,) or switch.value is None:
+                raise _refusal(test, "a condition compares t with a constant, e.g. t < 0.5")
+            # What holds later begins at c itself for t < c and t >= c, and after it for t <= c and t > c.
+            strict = isinstance(op, ast.Lt | ast.Gt) == before
+            code = BEFORE if strict else UNTIL
+            first, second = (then, other) if before else (other, then)
+            breakpoints.add(switch.value)
+            return _Part(
+                second.codes + first.codes + switch.codes + (code,),
+                second.constants + first.constants + switch.constants,
+                None,
+                max(second.depth, 1 + first.depth, 3),
+            )
+        case _:
+            raise _refusal(test, "a condition compares t with a constant, e.g. t < 0.5")
+
+
+def _joined(node: ast.expr, code: int, does: Callable[..., float], *parts: _Part) -> _Part:
+    """An operation on parts; on constants alone it is done at once."""
+    values = [part.value for part in parts]
+    if None not in values:
+        return _constant(node, lambda: does(*values))
+    return _Part(
+        (*(c for part in parts for c in part.codes), code),
+        tuple(c for part in parts for c in part.constants),
+        None,
+        max(number + part.depth for number, part in enumerate(parts)),
+    )
+
+
+def _constant(node: ast.expr, value: Callable[[], float]) -> _Part:
+    try:
+        found = float(value())
+    except (ArithmeticError, ValueError):
+        found = math.nan
+    if not math.isfinite(found):
+        raise _refusal(node, "isn't finite")
+    return _Part((CONSTANT,), (found,), found, 1)
+
+
+def _refusal(node: ast.expr, why: str) -> ValueError:
+    return ValueError(f"at column {node.col_offset + 1}: {why}")

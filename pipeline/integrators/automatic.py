@@ -1,0 +1,90 @@
+"""The method that fits, with steps refined until two marches agree: the error is measured, not hoped for."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, replace
+
+import numpy as np
+
+from pipeline.checks import AccuracyError, Array, IntArray, StabilityError
+from pipeline.dynamics.system import System
+from pipeline.integrators.exponential import Exponential
+from pipeline.integrators.protocol import Integrator, Progress, Trajectory
+from pipeline.integrators.rosenbrock import ExponentialRosenbrock
+
+_FIRST_STEPS = 32  # over the duration
+_MOST_REFINEMENTS = 16
+_SAFETY = 0.1  # tolerance of an adaptive method over the wanted error
+
+
+@dataclass(frozen=True)
+class Automatic:
+    """Marches with finer and finer steps until the difference of the last two, extrapolated, is below ``error``.
+
+    Where modes and joints don't couple through the mass matrix it is the exponential method, elsewhere the adaptive
+    exponential Rosenbrock method.
+
+    Parameters
+    ----------
+    error : float
+        Wanted error, relative to the largest value of each kind of coordinate over the march.
+    """
+
+    error: float
+
+    name = "auto"
+    step = 0.0
+
+    def __post_init__(self) -> None:
+        if not 0.0 < self.error < 1.0:
+            raise ValueError(f"error is {self.error}, expected 0 … 1")
+
+    def order(self, system: System) -> int:
+        """That of the method it takes."""
+        return 4
+
+    def largest_step(self, system: System) -> float:
+        """No limit: what diverges is refined."""
+        return np.inf
+
+    def march(self, system: System, q0: Array, v0: Array, times: Array, progress: Progress | None = None) -> Trajectory:
+        """Integrate from time 0 to the last of ``times``; run time and evaluations are those of all marches together.
+
+        Raises
+        ------
+        AccuracyError
+            The wanted error was not reached; the message has the last difference.
+        """
+        groups = getattr(system, "groups", (np.arange(system.n_positions), None))[0]
+        seconds, evaluations, difference = 0.0, 0, np.inf
+        before: Trajectory | None = None
+        for refinement in range(_MOST_REFINEMENTS):
+            method, gain = self._method(system, float(times[-1]), refinement)
+            try:
+                found = method.march(system, q0, v0, times, progress)
+            except StabilityError:
+                before = None
+                continue
+            seconds += found.seconds
+            evaluations += found.evaluations
+            if before is not None:
+                difference = largest_difference(before.q, found.q, groups) / gain
+                if difference < self.error:
+                    name = f"{self.name} ({found.integrator})"
+                    return replace(found, integrator=name, seconds=seconds, evaluations=evaluations)
+            before = found
+        raise AccuracyError(f"{self.name}: the last two marches differ by {difference:.1e}, above {self.error:.0e}")
+
+    def _method(self, system: System, duration: float, refinement: int) -> tuple[Integrator, float]:
+        """A method, and what the difference from the march before is larger by than this one's own error."""
+        if system.coupled:
+            return ExponentialRosenbrock(max(self.error * _SAFETY ** (1 + refinement), 3e-14)), 1 / _SAFETY
+        return Exponential(duration / (_FIRST_STEPS * 2**refinement)), 2.0**3  # order 3 where it is worst
+
+
+def largest_difference(q: Array, other: Array, groups: IntArray) -> float:
+    """Largest difference of two motions (n_times, n), each coordinate's over the largest value in its group."""
+    largest = np.zeros(int(groups.max()) + 1)
+    np.maximum.at(largest, groups, np.nanmax(np.abs(other), axis=0))
+    apart = np.nanmax(np.abs(q - other), axis=0)
+    return float((apart / np.maximum(largest[groups], 1e-300)).max())

@@ -1,0 +1,131 @@
+"""From the scene's runs to integrators, each with the mechanism it marches: split and step chosen where asked for."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import TYPE_CHECKING
+
+import numpy as np
+
+from pipeline.checks import Array, InputError
+from pipeline.dynamics.system import System
+from pipeline.integrators.protocol import Integrator, Progress, Trajectory
+from pipeline.integrators.subcycling import Subcycling
+from pipeline.mechanism import Chain, chain_of
+
+if TYPE_CHECKING:
+    from pipeline.scene import Run, SubCycling
+    from pipeline.stages import Pipeline
+
+
+@dataclass(frozen=True)
+class Plan:
+    """One run: an integrator and what it marches from where.
+
+    Attributes
+    ----------
+    key : str
+        The scene's key of its step.
+    chain : Chain, optional
+        The mechanism with the run's own split, if the scene is a chain.
+    """
+
+    key: str
+    integrator: Integrator
+    system: System
+    start: tuple[Array, Array]
+    chain: Chain | None = None
+
+    def march(self, times: Array, progress: Progress | None = None) -> Trajectory:
+        """Integrate."""
+        return self.integrator.march(self.system, *self.start, times, progress)
+
+
+def plans_of(pipeline: Pipeline) -> dict[str, Plan]:
+    """Make the scene's runs ready; the label tells integrator and ratio.
+
+    Raises
+    ------
+    InputError
+        A step is beyond its stability limit.
+    """
+    simulation = pipeline.scene.simulation
+    plans: dict[str, Plan] = {}
+    for k, run in enumerate(simulation.run):
+        key = f"simulation.run.{k}.step" if run.step else "simulation.step"
+        if run.integrator == "sub-cycling":
+            plan = _sub_cycled(pipeline, run, key)
+        else:
+            chain = None if pipeline.is_rotor else pipeline.chain
+            method = _method(run, run.step or simulation.step or 0.0, simulation.error)
+            plan = Plan(key, method, pipeline.mechanism, pipeline.start, chain)
+        limit = plan.integrator.largest_step(plan.system)
+        if not plan.integrator.step < limit:
+            raise InputError(
+                pipeline.scene.file,
+                key,
+                f"{plan.integrator.step:.6g} s",
+                f"{plan.integrator.name} would diverge; the largest stable step of this model is {limit:.4g} s "
+                f"(2/ω of its highest frequency, {1 / (np.pi * limit):.5g} Hz)",
+            )
+        label = str(run.integrator)
+        if isinstance(plan.integrator, Subcycling):
+            label += f" {plan.integrator.substeps}:1"
+        plans[f"{label} ({k})" if label in plans else label] = plan
+    return plans
+
+
+def _method(run: Run, step: float, error: float) -> Integrator:
+    """Only what is used is loaded: each method brings kernels of its own."""
+    match run.integrator:
+        case "central-difference":
+            from pipeline.integrators.central_difference import CentralDifference
+
+            return CentralDifference(step)
+        case "exponential":
+            from pipeline.integrators.exponential import Exponential
+
+            return Exponential(step)
+        case "exponential-rosenbrock":
+            from pipeline.integrators.rosenbrock import ExponentialRosenbrock
+
+            return ExponentialRosenbrock(run.tolerance)
+        case "generalized-alpha" if run.tolerance is None:
+            from pipeline.integrators.generalized_alpha import GeneralizedAlpha
+
+            return GeneralizedAlpha(step, run.rho)
+        case "generalized-alpha":
+            from pipeline.integrators.adaptive_alpha import AdaptiveGeneralizedAlpha
+
+            return AdaptiveGeneralizedAlpha(run.tolerance, run.rho)
+        case "auto":
+            from pipeline.integrators.automatic import Automatic
+
+            return Automatic(error)
+        case "DOP853" | "Radau" | "LSODA":
+            from pipeline.integrators.scipy_ivp import ScipyIvp
+
+            return ScipyIvp(run.integrator, run.tolerance)
+        case _:
+            raise AssertionError(run)
+
+
+def _sub_cycled(pipeline: Pipeline, run: SubCycling, key: str) -> Plan:
+    """Split the coordinates as the run says; each split has a mechanism with its own order of coordinates."""
+    simulation = pipeline.scene.simulation
+    step = run.step or simulation.step or 0.0
+    if run.split == "joints":
+        assert run.substeps != "auto"  # the scene's own check
+        chain = None if pipeline.is_rotor else pipeline.chain
+        return Plan(key, Subcycling(step, run.substeps), pipeline.mechanism, pipeline.start, chain)
+    from pipeline.studies.splitting import choose_split, split_at
+
+    tree, substeps = pipeline.chain.tree, run.substeps
+    if run.split == "auto":
+        choice = choose_split(tree, simulation.error, simulation.duration, step or None)
+        frequency, substeps, step = choice.frequency_hz, choice.substeps, choice.step
+    else:
+        frequency = run.split
+    assert substeps != "auto"
+    chain = chain_of(pipeline.scene, pipeline.bodies, *split_at(tree, frequency))
+    return Plan(key, Subcycling(step, substeps), chain.tree, (chain.q0, chain.v0), chain)

@@ -1,0 +1,267 @@
+"""One flexible body's stages: mesh, matrices, modes, reduced body, surface and modal stress, each on first use."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from functools import cached_property
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+
+from pipeline.cache import stage_key
+from pipeline.checks import Array
+from pipeline.keeper import Keeper
+
+if TYPE_CHECKING:
+    from pipeline.fem.marker import Marker
+    from pipeline.fem.mesh import SolidMesh
+    from pipeline.fem.model import FEModel
+    from pipeline.fem.surface import SurfaceTopology
+    from pipeline.reduction.body import FlexibleBody
+    from pipeline.reduction.eigen import FreeBodySolver
+    from pipeline.reduction.modes import Modes
+    from pipeline.scene import Bar, Scene
+
+_FEM_PACKAGES = ("numpy", "scipy", "scikit-fem", "gmsh")
+
+
+@dataclass(frozen=True)
+class Inboard:
+    """How a body hangs on its joint.
+
+    Attributes
+    ----------
+    marker : str
+        The body's marker at the joint.
+    axis : tuple of float
+        Normal of the plane of motion: the hinge's axis, or that of the other hinges.
+    free : tuple
+        Directions (k, 3) about which the joint lets the body turn by itself: its frame floats about them.
+    floating : bool
+        Whether the joint holds nothing at all.
+    planar : bool
+        Whether every joint of the scene keeps to the plane across ``axis``.
+    """
+
+    marker: str
+    axis: tuple[float, float, float]
+    free: tuple[tuple[float, float, float], ...]
+    floating: bool
+    planar: bool
+
+
+def inboard_of(scene: Scene, body: str) -> Inboard:
+    """Read from a scene how a body hangs on the joint that carries it."""
+    name, joint = next((n, j) for n, j in scene.joint.items() if j.child.partition(".")[0] == body)
+    prescribed = any(drive.type == "motion" and drive.joint == name for drive in scene.drive.values())
+    hinges = [j.axis for j in scene.joint.values() if j.type == "revolute"]
+    axis = joint.axis if joint.type == "revolute" else (hinges[0] if hinges else (0.0, 0.0, 1.0))
+    in_plane = [not np.any(np.cross(axis, hinge)) for hinge in hinges]
+    in_plane += [j.type not in ("spherical", "free") for j in scene.joint.values()]
+    in_plane += [not np.dot(axis, j.axis) for j in scene.joint.values() if j.type == "prismatic"]
+    free: tuple[tuple[float, float, float], ...] = ()
+    if joint.type == "revolute" and not prescribed:
+        free = (axis,)
+    elif joint.type == "spherical":
+        free = ((1.0, 0.0, 0.0), (0.0, 1.0, 0.0), (0.0, 0.0, 1.0))
+    return Inboard(joint.child.partition(".")[2], axis, free, joint.type == "free", all(in_plane))
+
+
+class FlexiblePart:
+    """A flexible body of a scene.
+
+    Parameters
+    ----------
+    scene : Scene
+        The scene.
+    name : str
+        The body's name in it.
+    keeper : Keeper
+        Runs the stages and keeps what they give.
+    """
+
+    def __init__(self, scene: Scene, name: str, keeper: Keeper) -> None:
+        part: Any = scene.body[name]
+        self.shape: Bar = part
+        self.name = name
+        self.inboard = inboard_of(scene, name)
+        self._frame = scene.simulation.frame
+        at = [joint.parent for joint in scene.joint.values()]
+        at += [drive.marker for drive in scene.drive.values() if drive.type in ("point force", "point torque")]
+        joint = next(j for j in scene.joint.values() if j.child.partition(".")[0] == name)
+        at_rest = joint.parent.partition(".")[0] == "ground" and joint.type not in ("prismatic", "free")
+        self._accelerated = not at_rest or any(scene.simulation.gravity)
+        self._outboard = sorted({place.partition(".")[2] for place in at if place.partition(".")[0] == name})
+        self._keeper = keeper
+
+    # Stages ------------------------------------------------------------------------------------------------------
+
+    @cached_property
+    def mesh(self) -> SolidMesh:
+        """The mesh."""
+        return self._keeper.kept("mesh", self._mesh_key, self._make_mesh)
+
+    @cached_property
+    def fe(self) -> FEModel:
+        """Stiffness and mass; never kept, since what follows is."""
+        from pipeline.fem.assembly import assemble
+        from pipeline.fem.material import Material
+
+        mesh, part = self.mesh, self.shape
+        material = Material(part.E, part.nu, part.rho)
+        return self._keeper.timed("assembly", lambda: assemble(mesh, part.mesh.order, material))
+
+    @cached_property
+    def modes(self) -> Modes:
+        """The modes that the scene chooses."""
+        return self._keeper.kept("modes", self._modes_key, self._make_modes)
+
+    @cached_property
+    def body(self) -> FlexibleBody:
+        """The reduced body at its joint."""
+        return self._keeper.kept("body", self._body_key, self._make_body)
+
+    @cached_property
+    def stiffened(self) -> FlexibleBody:
+        """The reduced body, stiffened by its inertia loads."""
+        inputs = {"body": self._body_key, "accelerated": self._accelerated}
+        key = stage_key("stiffening", inputs, ("pipeline/fem", "pipeline/reduction"), _FEM_PACKAGES)
+        return self._keeper.kept("stiffening", key, self._make_stiffened)
+
+    @cached_property
+    def surface(self) -> SurfaceTopology:
+        """The body's outer surface."""
+        return self._keeper.kept("surface", self._modes_key, self._make_surface)
+
+    @cached_property
+    def surface_stress(self) -> Array:
+        """Stress of each modal coordinate at the surface's nodes, shape (n_surface_nodes, 6, n) [Pa]."""
+        return self._keeper.kept("stress", self._body_key, self._make_surface_stress)
+
+    # How each is made --------------------------------------------------------------------------------------------
+
+    @property
+    def _mesh_key(self) -> str:
+        part = self.shape.model_dump(mode="json", include={"shape", "length", "depth", "width", "mesh"})
+        return stage_key("mesh", part, ("meshes", "pipeline/fem/mesh.py"), ("gmsh",))
+
+    @property
+    def _modes_key(self) -> str:
+        part = self.shape.model_dump(mode="json", exclude={"marker": True, "modes": {"damping", "enrich"}})
+        markers = self.shape.marker
+        inputs = {
+            "part": part,
+            "axis": self.inboard.axis,
+            "rigid": {name: marker.face for name, marker in markers.items() if marker.attachment == "rigid"},
+            "held": "",
+        }
+        if self.shape.modes.boundary == "joint":
+            inputs["held"] = repr((self.inboard, markers[self.inboard.marker].face))
+        return stage_key("modes", inputs, ("meshes", "pipeline/fem", "pipeline/reduction"), _FEM_PACKAGES)
+
+    @property
+    def _body_key(self) -> str:
+        inputs = {
+            "modes": self._modes_key,
+            "enrich": self.shape.modes.enrich,
+            "markers": self.shape.model_dump(mode="json", include={"marker"}),
+            "inboard": repr(self.inboard),
+            "outboard": self._outboard,
+            "frame": self._frame,
+        }
+        return stage_key("body", inputs, ("pipeline/reduction", "pipeline/recovery/stress.py"))
+
+    def _make_mesh(self) -> SolidMesh:
+        from meshes.bar import hexahedral_bar, tetrahedral_bar
+        from pipeline.fem.mesh import SolidMesh
+
+        part = self.shape
+        size = (part.length, part.depth, part.width)
+        if part.mesh.element == "hexahedron":
+            assert part.mesh.divisions is not None  # the scene's own check
+            return SolidMesh(*hexahedral_bar(*size, part.mesh.divisions))
+        assert part.mesh.size is not None
+        return SolidMesh(*tetrahedral_bar(*size, part.mesh.size))
+
+    @cached_property
+    def markers(self) -> dict[str, Marker]:
+        """The body's markers on its finite element model."""
+        from pipeline.fem.marker import face_marker
+
+        space, faces = self.fe.discretisation, self.mesh.faces
+        return {
+            name: face_marker(space, faces[marker.face], marker.attachment == "rigid")
+            for name, marker in self.shape.marker.items()
+        }
+
+    @cached_property
+    def _solver(self) -> FreeBodySolver:
+        from pipeline.reduction.eigen import FreeBodySolver
+
+        return FreeBodySolver(self.fe, [marker for marker in self.markers.values() if marker.rigid])
+
+    @property
+    def _free(self) -> Array:
+        free = np.array(self.inboard.free, dtype=float).reshape(-1, 3)
+        return np.asarray(free / np.linalg.norm(free, axis=1, keepdims=True))
+
+    @property
+    def _held(self) -> Array | None:
+        """The same, if the modes are to be those of the body held there."""
+        return None if self.shape.modes.boundary == "free" or self.inboard.floating else self._reaction
+
+    @property
+    def _reaction(self) -> Array:
+        """Forces and torques that the joint answers with, and holds the body by, shape (n_nodes, 3, 3 + k)."""
+        free = self._free
+        across = np.linalg.svd(np.eye(3) - free.T @ free)[0][:, : 3 - len(free)].T
+        return self.markers[self.inboard.marker].columns(len(self.fe.x), across)
+
+    def _make_modes(self) -> Modes:
+        from pipeline.reduction.families import lowest_modes, modes_of_family
+
+        wanted, axis = self.shape.modes, np.array(self.inboard.axis)
+        if wanted.family == "any":
+            return lowest_modes(self._solver, wanted.count, self._held)
+        return modes_of_family(self._solver, self.fe, wanted.count, wanted.family, axis, self._held)
+
+    def _make_body(self) -> FlexibleBody:
+        from pipeline.reduction.body import floating_body, free_frame_body, reduced_body
+        from pipeline.reduction.enrichment import enriched, inertia_loads
+
+        markers, modes, joint = self.markers, self.modes, self.inboard.marker
+        omega, shapes = modes.omega, modes.shapes
+        axis = np.array(self.inboard.axis)
+        if self.shape.modes.enrich == "inertia":
+            outboard = [markers[name] for name in self._outboard if name != joint]
+            loads = inertia_loads(self.fe, markers[joint], axis if self.inboard.planar else None, outboard)
+            omega, shapes = enriched(modes, self.fe, self._solver, loads, self._held)
+        if self.inboard.floating:
+            return floating_body(self.fe, omega, shapes, markers, joint)
+        if self._frame == "free" and len(self.inboard.free) == 1:
+            return free_frame_body(self.fe, omega, shapes, markers, joint, axis)
+        return reduced_body(self.fe, omega, shapes, markers, joint, self._free)
+
+    def _make_stiffened(self) -> FlexibleBody:
+        from pipeline.reduction.stiffening import stiffened
+
+        inboard = self.inboard
+        reaction = None if inboard.floating else self._reaction
+        axis = np.array(inboard.axis) if inboard.planar else None
+        return stiffened(self.body, self.fe, self._solver, reaction, axis, self._accelerated)
+
+    def _make_surface(self) -> SurfaceTopology:
+        from pipeline.fem.model import Discretisation
+        from pipeline.fem.surface import surface_topology
+
+        return surface_topology(Discretisation(self.mesh, self.shape.mesh.order))
+
+    def _make_surface_stress(self) -> Array:
+        from pipeline.fem.material import Material
+        from pipeline.fem.model import Discretisation
+        from pipeline.recovery.stress import modal_stress
+
+        part = self.shape
+        space = Discretisation(self.mesh, part.mesh.order)
+        material = Material(part.E, part.nu, part.rho)
+        return modal_stress(space, material, self.body.shapes, self.surface.nodes)

@@ -1,0 +1,120 @@
+"""Geometric stiffening: what the stress of the inertia loads does to a body's stiffness.
+
+Under a static stress σ a deflection costs ``½ ∫ σ_ab ∂_a u·∂_b u`` more. The loads here are those of the floating frame's
+own motion, ``ρ ẍ`` for each product of two angular rates and for each linear acceleration. By the principle of virtual
+work that energy is what a displacement of second order, Γ, gives up in the load field: ``∫ρ x_b Γ_a = −K_G[a, b]``. So it
+enters as inertia: taken off the Gram tensor wherever position counts, it stiffens the body, lowers its moment of inertia
+and keeps the energy's balance, and the equations of motion stay as they are. Stress from angular acceleration is left
+out: it is bending, whose mean over a section is zero.
+"""
+
+from __future__ import annotations
+
+from dataclasses import replace
+from typing import TYPE_CHECKING
+
+import numpy as np
+
+from pipeline.checks import Array
+from pipeline.reduction.body import FlexibleBody
+from pipeline.reduction.gram import InertiaGram
+
+if TYPE_CHECKING:
+    from pipeline.fem.model import FEModel
+    from pipeline.reduction.eigen import FreeBodySolver
+
+_CHUNK = 256  # elements at a time
+
+
+def stiffened(
+    body: FlexibleBody,
+    fe: FEModel,
+    solver: FreeBodySolver,
+    held: Array | None,
+    axis: Array | None = None,
+    linear: bool = True,
+) -> FlexibleBody:
+    """Give a reduced body the geometric stiffness of its inertia loads.
+
+    Parameters
+    ----------
+    body : FlexibleBody
+        Of the model ``fe``.
+    solver : FreeBodySolver
+        Of the same.
+    held : ndarray, shape (n_nodes, 3, k), optional
+        Columns of what its joint can answer with, as `Marker.columns` gives them; without, the body moves freely.
+    axis : ndarray, shape (3,), optional
+        Axis of a planar motion, for which one load is enough; without, all six products of rates are taken.
+    linear : bool
+        Whether the joint is accelerated, or gravity acts.
+    """
+    n, m = len(body.omega), fe.m
+    if axis is not None:
+        in_plane = np.eye(3) - np.outer(axis, axis) / (axis @ axis)
+        fields = [body.x @ in_plane]
+    else:
+        unit = np.eye(3)
+        pairs = [(a, b) for a in range(3) for b in range(a, 3)]
+        fields = [(np.outer(body.x[:, b], unit[a]) + np.outer(body.x[:, a], unit[b])) / 2 for a, b in pairs]
+    n_spin = len(fields)
+    if linear:
+        fields += [np.tile(e, (len(body.x), 1)) for e in np.eye(3)]
+    loads = _in_equilibrium(fe, np.stack([m @ field for field in fields], axis=-1), held)
+    K_G = geometric_stiffness(fe, solver.static_response(loads), body.shapes)
+    KG = np.zeros((3, 3, n, n))
+    if axis is not None:  # Σ (δ_ab − e_a e_b) K_G[a, b] is the one that was computed
+        KG += 0.5 * in_plane[:, :, None, None] * K_G[0]
+    else:
+        for (a, b), K in zip(pairs, K_G, strict=False):
+            KG[a, b] = KG[b, a] = K
+    G = body.gram.G.copy()
+    G[:, :, 1:, 1:] -= KG
+    bow = -K_G[n_spin:] if linear else np.zeros((3, 0, 0))
+    return replace(body, gram=InertiaGram(G, body.gram.S, body.gram.mass, KG, bow))
+
+
+def _in_equilibrium(fe: FEModel, f: Array, held: Array | None) -> Array:
+    """Add the joint's reaction ``B μ`` and the inertia of what the joint leaves free: no resultant is left."""
+    flat, R = f.reshape(-1, f.shape[-1]), fe.rigid_modes
+    B = np.zeros((len(flat), 0)) if held is None else held.reshape(len(flat), -1)
+    free = R @ np.linalg.svd(B.T @ R)[2][np.linalg.matrix_rank(B.T @ R) if B.shape[1] else 0 :].T
+    answers = np.concatenate([B, fe.M @ free], axis=1)
+    return np.asarray(flat - answers @ np.linalg.lstsq(R.T @ answers, R.T @ flat, rcond=None)[0]).reshape(f.shape)
+
+
+def geometric_stiffness(fe: FEModel, u: Array, shapes: Array) -> Array:
+    """``K_G[j, l] = ∫ σ_ab ∂_a φ_j·∂_b φ_l dV`` for the linear stress of each field u.
+
+    Parameters
+    ----------
+    u : ndarray, shape (n_nodes, 3, k)
+        Displacements [m].
+    shapes : ndarray, shape (n_nodes, 3, n)
+
+    Returns
+    -------
+    ndarray, shape (k, n, n)
+        [N/m per unit of the shapes squared].
+    """
+    from pipeline.fem.assembly import gradients
+
+    space, (lam, mu) = fe.discretisation, fe.material.lame
+    X, w = space.kind.quadrature(space.kind.stiffness_order)
+    n = shapes.shape[2]
+    both = np.concatenate([shapes, u], axis=2)
+    K = np.zeros((u.shape[2], n, n))
+    for start in range(0, len(space.element_nodes), _CHUNK):
+        part = slice(start, start + _CHUNK)
+        local = space.element_nodes[part]
+        g, det = gradients(space, X, part)
+        values = both[local].reshape(len(local), 1, local.shape[1], -1)
+        du = (g.swapaxes(2, 3) @ values).reshape(*det.shape, 3, 3, -1)  # du[e, q, a, i] = ∂_a u_i
+        slopes = du[..., :n]
+        for k in range(u.shape[2]):
+            strain = 0.5 * (du[..., n + k] + du[..., n + k].swapaxes(2, 3))
+            stress = 2 * mu * strain
+            stress[..., range(3), range(3)] += lam * np.trace(strain, axis1=2, axis2=3)[..., None]
+            weighted = (stress * (det * w)[..., None, None]) @ slopes.reshape(*det.shape, 3, -1)
+            K[k] += np.tensordot(weighted.reshape(-1, n), slopes.reshape(-1, n), ((0,), (0,)))
+    return 0.5 * (K + K.swapaxes(1, 2))
