@@ -72,30 +72,24 @@ class GeneralizedAlpha:
     def march(self, system: System, q0: Array, v0: Array, times: Array, progress: Progress | None = None) -> Trajectory:
         """Integrate from time 0 to the last of ``times``."""
         start = start_state(system, q0, v0, np.zeros(system.n))
-        # The state carries both accelerations: auxiliary and true; they begin equal.
-        start = replace(start, a=np.concatenate([start.a, start.a]))
+        start = two_accelerations(start)
         trajectory = self.resume(system, start, times, progress)
         return replace(trajectory, evaluations=trajectory.evaluations + 1)
 
     def resume(self, system: System, start: State, times: Array, progress: Progress | None = None) -> Trajectory:
         """Continue from a state that a march of this method has ended in; earlier output times stay NaN.
 
-        The tangent is made anew, so the continuation is the same to Newton's tolerance, not to the last bit.
-
         Raises
         ------
         AccuracyError
             Newton's iteration did not converge; the message has the time.
         """
-        n, parameters, h = system.n, system.parameters, self.step
-        work, positions = np.zeros((6, n)), np.zeros((2, system.n_positions))
-        tangent = np.zeros((n, n))
-        memory = np.zeros(3)  # evaluations, whether the tangent may be kept, whether Newton failed
+        parameters, h, room = system.parameters, self.step, newton_room(system)
 
         def run(state: State, n_steps: int, *samples: Any) -> int:
             march = (h, state.step, n_steps, state.q, state.v, state.a)
-            done = int(_march(parameters, self.weights, work, positions, tangent, memory, *march, *samples))
-            if memory[2]:
+            done = int(_march(parameters, self.weights, *room, state.memory, *march, *samples))
+            if room[-1][1]:
                 raise AccuracyError(
                     f"{self.name}: Newton's iteration did not converge at t = {(state.step + done) * h:.6g} s; "
                     "take a smaller step"
@@ -103,7 +97,18 @@ class GeneralizedAlpha:
             return done
 
         end, q, v, seconds = march_in_chunks(run, start, h, 1, times, progress)
-        return Trajectory(self.name, h, 1, times, q, v, int(memory[0]), 0, seconds, end)
+        return Trajectory(self.name, h, 1, times, q, v, int(room[-1][0]), 0, seconds, end)
+
+
+def two_accelerations(start: State) -> State:
+    """Complete a state at time 0: auxiliary and true acceleration, equal at first, and memory for Newton's tangent."""
+    n = start.a.size
+    return replace(start, a=np.concatenate([start.a, start.a]), memory=np.zeros(n * n + 1))
+
+
+def newton_room(system: System) -> tuple[Array, Array, Array]:
+    """Room for the kernels: rates, positions, and the counts of evaluations and of failures."""
+    return np.zeros((6, system.n)), np.zeros((2, system.n_positions)), np.zeros(2)
 
 
 @kernel
@@ -148,77 +153,103 @@ def _end_of_step(
 
 
 @kernel
+def newton_step(
+    p: Any, weights: Array, work: Array, positions: Array, counts: Array, memory: Array,
+    t: float, h: float, q: Array, v: Array, a: Array,
+) -> bool:  # fmt: skip
+    """Find the accelerations at the end of a step, in work[0]; positions[0] and work[3] are its positions and rates.
+
+    The tangent, factored, is kept in ``memory``, with a last number that says whether it serves.
+    """
+    n = v.size
+    new, found, shifted, v_new, mean, base = work[0], work[1], work[2], work[3], work[4], work[5]
+    q_new, tangent = positions[0], memory[: n * n].reshape((n, n))
+    for i in range(n):
+        new[i] = a[n + i]
+    largest_before = 0.0
+    for iteration in range(_MOST_ITERATIONS):
+        _end_of_step(p, weights, t, h, q, v, a, new, q_new, v_new, mean, found)
+        counts[0] += 1
+        size, largest = 1e-300, 0.0
+        for i in range(n):
+            size = max(size, abs(found[i]), abs(new[i]))
+        if memory[n * n] == 0.0 or (iteration > 0 and iteration % 4 == 0):
+            for i in range(n):
+                base[i] = found[i]
+            for j in range(n):
+                keep = new[j]
+                nudge = 1e-6 * (abs(keep) + 1e-3 * size)
+                new[j] = keep + nudge
+                _end_of_step(p, weights, t, h, q, v, a, new, q_new, v_new, mean, shifted)
+                counts[0] += 1
+                new[j] = keep
+                for i in range(n):
+                    tangent[i, j] = (1.0 if i == j else 0.0) - (shifted[i] - base[i]) / nudge
+            _factor(tangent)
+            memory[n * n] = 1.0
+            for i in range(n):
+                found[i] = base[i]
+        for i in range(n):
+            found[i] -= new[i]
+        _solve(tangent, found)
+        for i in range(n):
+            new[i] += found[i]
+            largest += abs(found[i])  # a sum: it keeps a NaN, which max would lose
+        if largest <= TOLERANCE * size:
+            _end_of_step(p, weights, t, h, q, v, a, new, q_new, v_new, mean, found)
+            counts[0] += 1
+            return True
+        if iteration > 0 and largest > 0.3 * largest_before:
+            memory[n * n] = 0.0  # too slow: a fresh tangent
+        largest_before = largest
+    return False
+
+
+@kernel
+def sample_step_at(
+    p: Any, s: float, h: float, q: Array, v: Array, a: Array, new: Array, mean: Array, q_out: Array, v_out: Array
+) -> None:
+    """State s after a step's begin: cubic in time between the step's ends, along the mean rates."""
+    n = v.size
+    x = s / h
+    for i in range(n):
+        v_out[i] = v[i] + s * (a[n + i] + 0.5 * x * (new[i] - a[n + i]))
+        mean[i] = v[i] + s * (0.5 * a[n + i] + x * (new[i] - a[n + i]) / 6.0)
+    for i in range(q.size):
+        q_out[i] = q[i]
+    advance(p, q_out, mean, s, 0, n)
+
+
+@kernel
+def accept_step(weights: Array, q: Array, v: Array, a: Array, new: Array, q_new: Array, v_new: Array) -> None:
+    """Move the state to the end of a step."""
+    n = v.size
+    alpha_m, alpha_f = weights[0], weights[1]
+    for i in range(n):
+        a[i] = ((1.0 - alpha_f) * new[i] + alpha_f * a[n + i] - alpha_m * a[i]) / (1.0 - alpha_m)
+        a[n + i] = new[i]
+        v[i] = v_new[i]
+    for i in range(q.size):
+        q[i] = q_new[i]
+
+
+@kernel
 def _march(
-    p: Any, weights: Array, work: Array, positions: Array, tangent: Array, memory: Array,
+    p: Any, weights: Array, work: Array, positions: Array, counts: Array, memory: Array,
     h: float, first: int, n_steps: int, q: Array, v: Array, a: Array,
     sample_step: IntArray, sample_offset: Array, sample_q: Array, sample_v: Array, cursor: IntArray,
 ) -> int:  # fmt: skip
-    n = v.size
-    new, found, shifted, v_new, mean, base = work[0], work[1], work[2], work[3], work[4], work[5]
-    q_new = positions[0]
-    alpha_m, alpha_f = weights[0], weights[1]
     next_sample = sample_step[cursor[0]] if cursor[0] < sample_step.size else -1
     for step in range(first, first + n_steps):
-        t = step * h
-        for i in range(n):
-            new[i] = a[n + i]
-        converged, largest_before = False, 0.0
-        for iteration in range(_MOST_ITERATIONS):
-            _end_of_step(p, weights, t, h, q, v, a, new, q_new, v_new, mean, found)
-            memory[0] += 1
-            size, largest = 1e-300, 0.0
-            for i in range(n):
-                size = max(size, abs(found[i]), abs(new[i]))
-            if memory[1] == 0.0 or (iteration > 0 and iteration % 4 == 0):
-                for i in range(n):
-                    base[i] = found[i]
-                for j in range(n):
-                    keep = new[j]
-                    nudge = 1e-6 * (abs(keep) + 1e-3 * size)
-                    new[j] = keep + nudge
-                    _end_of_step(p, weights, t, h, q, v, a, new, q_new, v_new, mean, shifted)
-                    memory[0] += 1
-                    new[j] = keep
-                    for i in range(n):
-                        tangent[i, j] = (1.0 if i == j else 0.0) - (shifted[i] - base[i]) / nudge
-                _factor(tangent)
-                memory[1] = 1.0
-                for i in range(n):
-                    found[i] = base[i]
-            for i in range(n):
-                found[i] -= new[i]
-            _solve(tangent, found)
-            for i in range(n):
-                new[i] += found[i]
-                largest += abs(found[i])  # a sum: it keeps a NaN, which max would lose
-            if largest <= TOLERANCE * size:
-                converged = True
-                break
-            if iteration > 0 and largest > 0.3 * largest_before:
-                memory[1] = 0.0  # too slow: a fresh tangent
-            largest_before = largest
-        if not converged:
-            memory[2] = 1.0
+        if not newton_step(p, weights, work, positions, counts, memory, step * h, h, q, v, a):
+            counts[1] = 1.0
             return step - first
-        _end_of_step(p, weights, t, h, q, v, a, new, q_new, v_new, mean, found)
-        memory[0] += 1
-        while step == next_sample:  # cubic in time between the step's ends, along the mean rates
-            s = sample_offset[cursor[0]]
-            x = s / h
-            for i in range(n):
-                sample_v[cursor[0], i] = v[i] + s * (a[n + i] + 0.5 * x * (new[i] - a[n + i]))
-                shifted[i] = v[i] + s * (0.5 * a[n + i] + x * (new[i] - a[n + i]) / 6.0)
-            for i in range(q.size):
-                sample_q[cursor[0], i] = q[i]
-            advance(p, sample_q[cursor[0]], shifted, s, 0, n)
+        while step == next_sample:
+            k = cursor[0]
+            sample_step_at(p, sample_offset[k], h, q, v, a, work[0], work[2], sample_q[k], sample_v[k])
             cursor[0] += 1
             next_sample = sample_step[cursor[0]] if cursor[0] < sample_step.size else -1
-        for i in range(n):
-            a[i] = ((1.0 - alpha_f) * new[i] + alpha_f * a[n + i] - alpha_m * a[i]) / (1.0 - alpha_m)
-            a[n + i] = new[i]
-            v[i] = v_new[i]
-        for i in range(q.size):
-            q[i] = q_new[i]
+        accept_step(weights, q, v, a, work[0], positions[0], work[3])
         if runs_away(v):
             return step - first
     return n_steps

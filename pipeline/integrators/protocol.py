@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import time
 from collections.abc import Callable
-from dataclasses import dataclass, replace
+from dataclasses import dataclass, field, replace
 from typing import Any, Protocol
 
 import numpy as np
@@ -35,12 +35,19 @@ class State:
         Rates; explicit methods keep them half a step behind ``q``.
     a : ndarray, shape (n,)
         Accelerations of the last step.
+    time, next_step : float
+        Of an adaptive method: where it stands and what it would do next [s].
+    memory : ndarray
+        What else a method needs to go on as if it had not stopped.
     """
 
     step: int
     q: Array
     v: Array
     a: Array
+    time: float = 0.0
+    next_step: float = 0.0
+    memory: Array = field(default_factory=lambda: np.zeros(0))
 
 
 @dataclass(frozen=True)
@@ -128,7 +135,7 @@ def march_in_chunks(
         A rate ran away; the message gives the time and the coordinate that moves fastest then.
     """
     require_times(times)
-    state = replace(start, q=start.q.copy(), v=start.v.copy(), a=start.a.copy())
+    state = replace(start, q=start.q.copy(), v=start.v.copy(), a=start.a.copy(), memory=start.memory.copy())
     sample_step = np.floor(times / step * (1 + 1e-14) + 1e-9).astype(np.int64)
     sample_offset = np.maximum(times - sample_step * step, 0.0)
     sample_offset[sample_offset < 1e-9 * step] = 0.0
@@ -142,7 +149,7 @@ def march_in_chunks(
         done = run(state, wanted, sample_step, sample_offset, q, v, cursor)
         spent = time.perf_counter() - tick
         seconds += spent
-        state = replace(state, step=state.step + done)
+        state = replace(state, step=state.step + done, time=(state.step + done) * step)
         if done < wanted or not np.isfinite(state.q).all():
             culprit = int(np.argmax(np.where(np.isfinite(state.v), np.abs(state.v), np.inf)))
             raise StabilityError(

@@ -22,6 +22,7 @@ from pipeline.integrators.protocol import (
 )
 
 _METHODS = {"DOP853": DOP853, "Radau": Radau, "LSODA": LSODA}
+_FAR = 1e9  # [s]: no output time cuts a step short
 _ORDERS = {"DOP853": 8, "Radau": 5, "LSODA": 12}
 
 
@@ -57,7 +58,7 @@ class ScipyIvp:
         return np.inf
 
     def march(self, system: System, q0: Array, v0: Array, times: Array, progress: Progress | None = None) -> Trajectory:
-        """Integrate from time 0 to the last of ``times``.
+        """Integrate from time 0 until the last of ``times`` is passed.
 
         Raises
         ------
@@ -65,6 +66,14 @@ class ScipyIvp:
             The method gave up; the message has the time and its own reason.
         """
         require_start(system, q0, v0)
+        return self.resume(system, State(0, q0.astype(float), v0.astype(float), np.zeros(system.n)), times, progress)
+
+    def resume(self, system: System, start: State, times: Array, progress: Progress | None = None) -> Trajectory:
+        """Continue from a state that a march of this method has ended in; earlier output times stay NaN.
+
+        DOP853 continues bit for bit. Radau and LSODA have more inside than SciPy lets out (the Jacobian and its age, past
+        steps): they begin anew, and the continuation is the same to the tolerance only.
+        """
         require_times(times)
         p, n, n_positions = system.parameters, system.n, system.n_positions
         a, dq = np.zeros(n), np.zeros(n_positions)
@@ -79,17 +88,19 @@ class ScipyIvp:
             return np.concatenate([dq, a])
 
         samples = np.full((len(times), n_positions + n), np.nan)
-        y, now, end = np.concatenate([q0, v0]).astype(float), 0.0, float(times[-1])
-        samples[times == 0.0] = y
+        y, now, step, end = np.concatenate([start.q, start.v]), start.time, start.next_step, float(times[-1])
+        samples[times == now] = y
         n_steps = 0
+        stops = [point for point in system.breakpoints if point > now]
         tick = time.perf_counter()
-        for stop in [*(point for point in system.breakpoints if 0.0 < point < end), end]:
-            if stop <= now:
-                continue
+        while now < end:
+            stop = stops.pop(0) if stops else _FAR
             if not np.isfinite(rates(now, y)).all():  # SciPy would search for a first step for ever
                 raise StabilityError(f"{self.name} stopped at t = {now:.6g} s: the accelerations are not finite")
-            solver = _METHODS[self.name](rates, now, y, stop, rtol=self.tolerance, atol=1e-6 * self.tolerance)
-            while solver.status == "running":
+            solver = _METHODS[self.name](
+                rates, now, y, stop, rtol=self.tolerance, atol=1e-6 * self.tolerance, first_step=step or None
+            )
+            while solver.status == "running" and solver.t < end:
                 message = solver.step()
                 if solver.status == "failed" or not np.isfinite(solver.y).all():
                     raise StabilityError(f"{self.name} stopped at t = {solver.t:.6g} s: {message or 'not finite'}")
@@ -98,11 +109,13 @@ class ScipyIvp:
                 if inside.any():
                     samples[inside] = solver.dense_output()(times[inside]).T
                 if progress:
-                    progress(solver.t / end)
-            now, y = stop, solver.y
+                    progress(min(1.0, solver.t / end))
+            now, y = solver.t, solver.y
+            # Begun anew after a breakpoint, a method finds its first step itself.
+            step = solver.h_abs if self.name == "DOP853" and solver.status == "running" else 0.0
         seconds = time.perf_counter() - tick
         rates(now, y)  # the accelerations that the end state documents
         q, v = samples[:, :n_positions], samples[:, n_positions:]
-        state = State(n_steps, y[:n_positions].copy(), y[n_positions:].copy(), a)
-        mean_step = end / n_steps if n_steps else 0.0
+        state = State(start.step + n_steps, y[:n_positions].copy(), y[n_positions:].copy(), a, float(now), step)
+        mean_step = (now - start.time) / n_steps if n_steps else 0.0
         return Trajectory(self.name, mean_step, 1, times, q, v, evaluations, 0, seconds, state)

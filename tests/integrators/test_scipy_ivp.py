@@ -187,10 +187,10 @@ def test_no_step_straddles_the_begin_or_end_of_the_torque(rotor: PlanarRotor, mo
 
 
 @pytest.mark.parametrize("last", [0.5, 1.0, 1.5])
-def test_breakpoints_outside_the_march_or_at_its_ends_change_nothing(last: float) -> None:
+def test_breakpoints_outside_the_march_change_nothing(last: float) -> None:
     times = np.linspace(0.0, last, 7)
     plain = ScipyIvp("DOP853").march(HitOscillators(), np.ones(2), np.zeros(2), times)
-    outside = HitOscillators(breakpoints=(-1.0, 0.0, last, 2.0, 3.0))
+    outside = HitOscillators(breakpoints=(-1.0, 0.0, 2.5, 3.0))
     march = ScipyIvp("DOP853").march(outside, np.ones(2), np.zeros(2), times)
     assert np.array_equal(march.q, plain.q)
     assert np.array_equal(march.v, plain.v)

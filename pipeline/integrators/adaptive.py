@@ -1,0 +1,116 @@
+"""Marching with a step that follows the error: what the adaptive methods share.
+
+A coordinate's error counts relative to the largest value that its group, coordinates of like kind, has had so far.
+The steps depend neither on the output times nor on how the march is cut into pieces; the last one may pass the last
+output time, so that a march which starts from the end state continues bit for bit.
+"""
+
+from __future__ import annotations
+
+import math
+import time
+from collections.abc import Callable
+from dataclasses import replace
+
+import numpy as np
+
+from pipeline.checks import Array, IntArray, StabilityError
+from pipeline.dynamics.compiled import kernel
+from pipeline.dynamics.system import System
+from pipeline.integrators.protocol import Progress, State, require_times
+
+Run = Callable[[State, Array, float, int, Array, Array, Array, IntArray], int]
+
+_FLOOR = 1e-12  # a group that has not moved yet
+_SMALLEST = 1e-12  # of the duration
+_CHUNK = 256  # steps
+_SAFETY = 0.9
+
+
+def groups_of(system: System) -> IntArray:
+    """Group of each position and, after them, of each rate; every coordinate its own if the system names none."""
+    groups = getattr(system, "groups", None)
+    positions, rates = (np.arange(system.n_positions), np.arange(system.n)) if groups is None else groups
+    return np.concatenate([positions, rates + positions.max(initial=-1) + 1])
+
+
+def adaptive_state(system: System, start: State) -> State:
+    """Complete a state at time 0: the first step is a tenth of the highest frequency's radian."""
+    highest = system.highest_frequency if system.n else 1.0
+    return replace(start, next_step=0.1 / highest if highest > 1e-3 else 1e-2)
+
+
+def march_adaptively(
+    run: Run, start: State, breakpoints: tuple[float, ...], times: Array, progress: Progress | None
+) -> tuple[State, Array, Array, float]:
+    """Call a compiled adaptive march until it has passed the last output time.
+
+    Parameters
+    ----------
+    run : callable
+        ``run(state, clock, stop, n_steps, times, sample_q, sample_v, cursor) -> steps done``; it writes into the
+        state's arrays and ``clock``, (2,), the time and the next step. A negative number of steps says that the next
+        step would be too small.
+
+    Raises
+    ------
+    StabilityError
+        The step became too small, or the state is not finite; the message gives the time.
+    """
+    require_times(times)
+    state = replace(start, q=start.q.copy(), v=start.v.copy(), a=start.a.copy(), memory=start.memory.copy())
+    q, v = np.full((times.size, start.q.size), np.nan), np.full((times.size, start.v.size), np.nan)
+    cursor = np.array([np.searchsorted(times, state.time)])
+    clock, end, seconds = np.array([state.time, state.next_step]), float(times[-1]), 0.0
+    while cursor[0] < times.size:
+        stop = next((point for point in breakpoints if point > clock[0]), math.inf)
+        tick = time.perf_counter()
+        done = run(state, clock, stop, _CHUNK, times, q, v, cursor)
+        seconds += time.perf_counter() - tick
+        state = replace(state, step=state.step + abs(done), time=float(clock[0]), next_step=float(clock[1]))
+        if done <= 0 or not (np.isfinite(state.q).all() and np.isfinite(state.v).all()):
+            raise StabilityError(
+                f"the march stopped at t = {clock[0]:.6g} s: its step fell to {clock[1]:.1e} s, or the state is not finite"
+            )
+        if progress:
+            progress(min(1.0, clock[0] / end) if end else 1.0)
+    return state, q, v, seconds
+
+
+@kernel
+def scaled_error(groups: IntArray, largest: Array, new: Array, error: Array) -> float:
+    """Largest error over its group's largest value, which ``new`` may raise; not a number if anything isn't.
+
+    Parameters
+    ----------
+    groups : ndarray, shape (n,)
+    largest : ndarray, shape (n_groups,)
+        Of each group so far; not changed.
+    """
+    worst = 0.0
+    for i in range(groups.size):
+        scale = max(largest[groups[i]], _FLOOR)
+        for j in range(groups.size):
+            if groups[j] == groups[i]:
+                scale = max(scale, abs(new[j]))
+        worst = max(worst, abs(error[i]) / scale)
+        if not math.isfinite(error[i]):
+            return math.nan
+    return worst
+
+
+@kernel
+def keep_largest(groups: IntArray, largest: Array, new: Array) -> None:
+    """Raise each group's largest value to that of an accepted state."""
+    for i in range(groups.size):
+        largest[groups[i]] = max(largest[groups[i]], abs(new[i]))
+
+
+@kernel
+def step_factor(error: float, tolerance: float, order: int) -> float:
+    """What to multiply a step by whose error in one step is of this order."""
+    if error == 0.0:
+        return 4.0
+    if not math.isfinite(error):
+        return 0.2
+    return min(4.0, max(0.2, _SAFETY * (tolerance / error) ** (1.0 / order)))
