@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import csv
+import importlib.util
 import platform
 from dataclasses import asdict, replace
 from pathlib import Path
@@ -10,17 +11,24 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
+from pipeline.checks import Array, InputError
 from pipeline.files import whole_file
 from pipeline.integrators.protocol import Trajectory
 from pipeline.stages import Pipeline
 
 if TYPE_CHECKING:
-    from pipeline.studies.work_precision import ErrorOf, WorkPrecision
+    from pipeline.studies.work_precision import Errors, ErrorsOf, Row, WorkPrecision
 
-ERROR_LABEL = {
-    True: "largest error of the tip's deflection / largest deflection",
-    False: "largest error of the tip / 1 m",
-}
+# What `fmd bench` compares by default: name of the files, scene, overrides.
+READY: tuple[tuple[str, str, tuple[str, ...]], ...] = (
+    ("rod-slider", "rod-slider", ()),
+    ("beam", "beam", ()),
+    ("beam-20-modes", "beam", ("body.beam.modes.count=20",)),
+    ("beam-60-modes", "beam", ("body.beam.modes.count=60", 'body.beam.modes.family="any"')),
+    ("arm", "arm", ()),
+)
+_PEER = Path(__file__).parent.parent / "benchmarks" / "exudyn_peer.py"
+_EMPTY: Any = None
 
 
 def bench(run: Pipeline, repeats: int = 5) -> WorkPrecision:
@@ -29,41 +37,74 @@ def bench(run: Pipeline, repeats: int = 5) -> WorkPrecision:
 
     times = np.linspace(0.0, run.scene.simulation.duration, 101)
     q0, v0 = run.start
-    return compare(run.mechanism, q0, v0, times, _error_of(run), repeats)
+    return compare(run.mechanism, q0, v0, times, _errors_of(run), repeats)
 
 
-def _error_of(run: Pipeline) -> ErrorOf:
-    """Error of the tip: of its deflection where there is one, else of its position."""
+def _errors_of(run: Pipeline) -> ErrorsOf:
+    """Errors of the tip, seen from its body's joint where the body is flexible, of modal and of joint coordinates."""
     from pipeline.recovery.chain_motion import ChainMotion
     from pipeline.recovery.motion import Motion
+    from pipeline.studies.work_precision import Errors
 
-    if run.flexible:
-        motion = Motion(run.rotor, _EMPTY, run.scene.simulation.tip.partition(".")[2])
+    if run.is_rotor:
+        rotor = Motion(run.rotor, _EMPTY, run.scene.simulation.tip.partition(".")[2])
 
-        def deflection(found: Trajectory, exact: Trajectory) -> float:
-            wanted = replace(motion, trajectory=exact).tip_deflection
-            apart = replace(motion, trajectory=found).tip_deflection - wanted
-            return float(np.abs(apart).max() / np.abs(wanted).max())
+        def of_rotor(found: Trajectory, exact: Trajectory) -> Errors:
+            one, other = replace(rotor, trajectory=found), replace(rotor, trajectory=exact)
+            pairs = [(m.tip_deflection, m.q, m.joint_angle) for m in (one, other)]
+            return Errors(*(_relative(a, b) for a, b in zip(*pairs, strict=True)))
 
-        return deflection
+        return of_rotor
     chain = ChainMotion(run.chain.tree, _EMPTY, run.chain.tip, run.chain.joints)
 
-    def position(found: Trajectory, exact: Trajectory) -> float:
-        apart = replace(chain, trajectory=found).tip_position - replace(chain, trajectory=exact).tip_position
-        return float(np.linalg.norm(apart, axis=1).max())
+    def of_chain(found: Trajectory, exact: Trajectory) -> Errors:
+        one, other = replace(chain, trajectory=found), replace(chain, trajectory=exact)
+        modal = [_relative(one.modal(name), other.modal(name)) for name in run.parts]
+        joints = [_relative(one.joint_position(name), other.joint_position(name)) for name in chain.joints]
+        tip = _relative(one.tip_position, other.tip_position)
+        return Errors(tip, max(modal, default=np.nan), max(joints, default=np.nan))
 
-    return position
+    return of_chain
 
 
-_EMPTY: Any = None
+def _relative(found: Array, exact: Array) -> float:
+    """Largest difference over all times over the largest value."""
+    return float(np.abs(found - exact).max() / np.abs(exact).max())
 
 
-def write_bench(run: Pipeline, result: WorkPrecision, folder: Path) -> list[str]:
+def peer_rows(scene: str) -> list[Row]:
+    """Rows of Exudyn's solvers on a scene of the same name; none if it has no peer.
+
+    Raises
+    ------
+    InputError
+        The script or Exudyn itself is missing.
+    """
+    if not _PEER.is_file():
+        raise InputError(
+            "--peer", "", None, "needs a checkout of the project: benchmarks/exudyn_peer.py isn't installed"
+        )
+    spec = importlib.util.spec_from_file_location("exudyn_peer", _PEER)
+    assert spec is not None
+    assert spec.loader is not None
+    module = importlib.util.module_from_spec(spec)
+    import sys
+
+    sys.modules[spec.name] = module
+    spec.loader.exec_module(module)
+    if scene not in module.CASES:
+        return []
+    try:
+        return list(module.peer_rows(scene))
+    except ModuleNotFoundError as error:
+        raise InputError("--peer", "", None, f"{error}, or the extra 'bench'") from None
+
+
+def write_bench(run: Pipeline, result: WorkPrecision, folder: Path, name: str) -> list[str]:
     """Write the rows as CSV, with the machine they came from, and the chart; return the files' names."""
     from pipeline.render.precision_chart import draw_work_precision
 
     folder.mkdir(parents=True, exist_ok=True)
-    name = run.scene.name
     with whole_file(folder / f"{name}.csv") as part, part.open("w", newline="") as file:
         file.write(f"# {platform.machine()}, {platform.system()}, Python {platform.python_version()}; ")
         file.write(f"two references differ by {result.reference_error:.1e}\n")
@@ -74,10 +115,11 @@ def write_bench(run: Pipeline, result: WorkPrecision, folder: Path) -> list[str]
     curves: dict[str, Any] = {}
     for row in result.rows:
         curves.setdefault(row.integrator, []).append((row.seconds, max(row.error, 1e-16)))
+    what = "deflection" if run.is_rotor else "position"
     draw_work_precision(
         {label: np.array(points) for label, points in curves.items()},
         folder / f"{name}.png",
-        title=f"{run.scene.title}: run time against error",
-        error_label=ERROR_LABEL[run.flexible],
+        title=f"{run.scene.title} ({run.mechanism.n} coordinates): run time against error",
+        error_label=f"largest error of the tip's {what} / largest {what}",
     )
     return [f"{name}.csv", f"{name}.png"]

@@ -191,6 +191,7 @@ def bench(
     *,
     out: Path = Path("out/bench"),
     set_: Set = None,
+    peer: Annotated[bool, Parameter(negative=())] = False,
     json: Json = False,
 ) -> None:
     """Run time against error: every integrator on a scene's mechanism, as a table, a CSV and a chart.
@@ -198,21 +199,29 @@ def bench(
     Parameters
     ----------
     scenes
-        Ready scenes or TOML files; rod-slider and beam by default.
+        Ready scenes or TOML files; by default rod-slider, the beam with 5, 20 and 60 modes, and the arm.
     out
         Folder for the CSV and the chart of each.
+    peer
+        Exudyn's solvers beside ours where a scene has them as a peer; needs the extra 'bench'.
     """
-    from dataclasses import asdict
+    from dataclasses import asdict, replace
+    from math import isfinite
 
+    from pipeline.bench import READY, peer_rows, write_bench
     from pipeline.bench import bench as compare
-    from pipeline.bench import write_bench
 
     rows: list[dict[str, Any]] = []
-    for scene in scenes or ["rod-slider", "beam"]:
-        pipeline = _pipeline(scene, set_, no_cache=False)
+    chosen = [(Path(scene).stem, scene, ()) for scene in scenes] if scenes else READY
+    for name, scene, overrides in chosen:
+        pipeline = _pipeline(scene, [*overrides, *(set_ or [])], no_cache=False)
         result = compare(pipeline)
-        files = write_bench(pipeline, result, out)
-        rows += [{"scene": pipeline.scene.name, **asdict(row)} for row in result.rows]
+        if peer:
+            result = replace(result, rows=(*result.rows, *peer_rows(name)))
+        files = write_bench(pipeline, result, out, name)
+        for row in result.rows:
+            figures = {key: None if isinstance(x, float) and not isfinite(x) else x for key, x in asdict(row).items()}
+            rows.append({"scene": name, **figures})
         if not json:
             from pipeline.tables import print_bench
 

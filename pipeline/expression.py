@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import ast
 import math
+import re
 from collections.abc import Callable
 from dataclasses import dataclass
 
@@ -34,21 +35,28 @@ _OPERATORS: dict[type[ast.operator], tuple[int, Callable[[float, float], float]]
 }
 _CONSTANTS = {"pi": math.pi}
 _ALLOWED = f"t, pi, numbers, + - * / **, {', '.join(_FUNCTIONS)} and 'a if t < c else b'"
+_CONDITION = "a condition compares t with a constant, e.g. t < 0.5; for two of them write one 'if' into the other"
 _MOST_CHARACTERS = 500
+# Refused before Python's parser sees it: quotes, brackets and comments, and a number that runs into a name, of which
+# 0x1f, 1_000 and 2j are some and of which others only make Python warn.
+_FOREIGN = re.compile(r"[^A-Za-z0-9_.+*/()<>=, \t\r\n-]")
+_GLUED = re.compile(r"(?<![A-Za-z0-9_.])(?>(?:[0-9]+\.?[0-9]*|\.[0-9]+)(?:[eE][+-]?[0-9]+)?)[A-Za-z_]")
+_BLANKS = str.maketrans("\t\r\n", "   ")
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, slots=True)
 class Expression:
     """A formula of the time as a postfix program.
 
     Attributes
     ----------
     codes : tuple of int
-        What to do with the stack, in order.
+        What to do with the stack, in order; it never holds more than ``MOST_DEPTH`` values.
     constants : tuple of float
         For each code ``CONSTANT``, in order.
     breakpoints : tuple of float
-        Times at which a condition switches [s], ascending; kinks of abs, min and max are not among them.
+        Times at which a condition switches [s], ascending; kinks of abs, min and max are not among them, for they
+        are not looked for.
     """
 
     codes: tuple[int, ...]
@@ -56,7 +64,7 @@ class Expression:
     breakpoints: tuple[float, ...]
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, slots=True)
 class _Part:
     """A piece of a program, with its value if it doesn't depend on t, and the depth of stack that it needs."""
 
@@ -69,6 +77,19 @@ class _Part:
 def parse(text: str) -> Expression:
     """Read a formula of the time t in seconds, such as ``"1.5*sin(2*pi*10*t) if t < 0.2 else 0"``.
 
+    It has Python's syntax, but Python only parses it: each node of the tree is one of a list or refused.
+
+    Parameters
+    ----------
+    text : str
+        Numbers, t, pi, ``+ - * / **``, sin, cos, tan, exp, log, sqrt, tanh, abs, min and max of two, and
+        ``a if t < c else b`` with a constant c; 500 characters at most. Angles are in radians.
+
+    Returns
+    -------
+    Expression
+        Its program, in which what doesn't depend on t is one number.
+
     Raises
     ------
     ValueError
@@ -76,14 +97,25 @@ def parse(text: str) -> Expression:
     """
     if len(text) > _MOST_CHARACTERS:
         raise ValueError(f"is longer than {_MOST_CHARACTERS} characters; use a table")
-    if not text.isascii():
-        raise ValueError(f"holds a character that is not ASCII; a formula is made of {_ALLOWED}")
+    if not text.strip():
+        raise ValueError(f"is empty; a formula is made of {_ALLOWED}")
+    if found := _FOREIGN.search(text):
+        power = "a power is written **, not ^"
+        foreign = f"{found[0]!r} can't be in a formula; it is made of {_ALLOWED}"
+        raise ValueError(f"at column {found.start() + 1}: {power if found[0] == '^' else foreign}")
+    if found := _GLUED.search(text):
+        raise ValueError(f"at column {found.start() + 1}: a number runs into a name; write 2*t, not 2t")
+    line = text.translate(_BLANKS)
+    indent = len(line) - len(line.lstrip())
     try:
-        tree = ast.parse(text.strip(), mode="eval")
+        tree = ast.parse(line.strip(), mode="eval")
     except SyntaxError as error:
-        raise ValueError(f"isn't a formula: {error.msg} at column {error.offset or 1}") from None
+        raise ValueError(f"at column {indent + max(error.offset or 1, 1)}: {error.msg}") from None
     except (ValueError, RecursionError, MemoryError):
         raise ValueError(f"isn't a formula; it is made of {_ALLOWED}") from None
+    for node in ast.walk(tree.body):
+        if isinstance(node, ast.expr):
+            node.col_offset += indent
     breakpoints: set[float] = set()
     try:
         part = _read(tree.body, breakpoints)
@@ -102,14 +134,14 @@ def _read(node: ast.expr, breakpoints: set[float]) -> _Part:
             return _Part((TIME,), (), None, 1)
         case ast.Name(id=name) if name in _CONSTANTS:
             return _constant(node, lambda: _CONSTANTS[name])
+        case ast.Name(id=name) if name in _FUNCTIONS:
+            raise _refusal(node, f"{name} is a function; write {name}(...)")
         case ast.Name(id=name):
             raise _refusal(node, f"there is no {name!r}; a formula is made of {_ALLOWED}")
         case ast.UnaryOp(op=ast.UAdd(), operand=operand):
             return _read(operand, breakpoints)
         case ast.UnaryOp(op=ast.USub(), operand=operand):
             return _joined(node, NEGATE, lambda a: -a, _read(operand, breakpoints))
-        case ast.BinOp(op=ast.BitXor()):
-            raise _refusal(node, "a power is written **, not ^")
         case ast.BinOp(left=left, op=op, right=right) if type(op) in _OPERATORS:
             code, does = _OPERATORS[type(op)]
             return _joined(node, code, does, _read(left, breakpoints), _read(right, breakpoints))
@@ -118,10 +150,14 @@ def _read(node: ast.expr, breakpoints: set[float]) -> _Part:
             if len(arguments) != count:
                 raise _refusal(node, f"{name} takes {count} value{'s' if count > 1 else ''}")
             return _joined(node, code, does, *(_read(argument, breakpoints) for argument in arguments))
+        case ast.Call(func=ast.Name(id=name)) if name not in _FUNCTIONS:
+            raise _refusal(node, f"there is no function {name!r}; a formula is made of {_ALLOWED}")
+        case ast.Compare():
+            raise _refusal(node, "a comparison stands in 'a if t < c else b' only")
         case ast.IfExp(test=test, body=body, orelse=orelse):
             return _chosen(test, _read(body, breakpoints), _read(orelse, breakpoints), breakpoints)
         case _:
-            raise _refusal(node, f"can't be in a formula; it is made of {_ALLOWED}")
+            raise _refusal(node, f"this can't be in a formula; it is made of {_ALLOWED}")
 
 
 def _chosen(test: ast.expr, then: _Part, other: _Part, breakpoints: set[float]) -> _Part:
@@ -133,7 +169,7 @@ def _chosen(test: ast.expr, then: _Part, other: _Part, breakpoints: set[float]) 
             if time.value is not None:  # c < t
                 time, switch, before = switch, time, not before
             if time.codes != (TIME,) or switch.value is None:
-                raise _refusal(test, "a condition compares t with a constant, e.g. t < 0.5")
+                raise _refusal(test, _CONDITION)
             # What holds later begins at c itself for t < c and t >= c, and after it for t <= c and t > c.
             strict = isinstance(op, ast.Lt | ast.Gt) == before
             code = BEFORE if strict else UNTIL
@@ -146,7 +182,7 @@ def _chosen(test: ast.expr, then: _Part, other: _Part, breakpoints: set[float]) 
                 max(second.depth, 1 + first.depth, 3),
             )
         case _:
-            raise _refusal(test, "a condition compares t with a constant, e.g. t < 0.5")
+            raise _refusal(test, _CONDITION)
 
 
 def _joined(node: ast.expr, code: int, does: Callable[..., float], *parts: _Part) -> _Part:
@@ -168,7 +204,7 @@ def _constant(node: ast.expr, value: Callable[[], float]) -> _Part:
     except (ArithmeticError, ValueError):
         found = math.nan
     if not math.isfinite(found):
-        raise _refusal(node, "isn't finite")
+        raise _refusal(node, "this constant has no finite value")
     return _Part((CONSTANT,), (found,), found, 1)
 
 

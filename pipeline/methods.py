@@ -90,14 +90,17 @@ def _method(run: Run, step: float, error: float) -> Integrator:
             from pipeline.integrators.rosenbrock import ExponentialRosenbrock
 
             return ExponentialRosenbrock(run.tolerance)
-        case "generalized-alpha" if run.tolerance is None:
-            from pipeline.integrators.generalized_alpha import GeneralizedAlpha
-
-            return GeneralizedAlpha(step, run.rho)
         case "generalized-alpha":
             from pipeline.integrators.adaptive_alpha import AdaptiveGeneralizedAlpha
+            from pipeline.integrators.generalized_alpha import GeneralizedAlpha
 
+            if run.tolerance is None:
+                return GeneralizedAlpha(step, run.rho)
             return AdaptiveGeneralizedAlpha(run.tolerance, run.rho)
+        case "runge-kutta":
+            from pipeline.integrators.runge_kutta import RungeKutta
+
+            return RungeKutta(run.tolerance)
         case "auto":
             from pipeline.integrators.automatic import Automatic
 
@@ -118,11 +121,14 @@ def _sub_cycled(pipeline: Pipeline, run: SubCycling, key: str) -> Plan:
         assert run.substeps != "auto"  # the scene's own check
         chain = None if pipeline.is_rotor else pipeline.chain
         return Plan(key, Subcycling(step, run.substeps), pipeline.mechanism, pipeline.start, chain)
+    from pipeline.spin import spins_of
     from pipeline.studies.splitting import choose_split, split_at
 
     tree, substeps = pipeline.chain.tree, run.substeps
     if run.split == "auto":
-        choice = choose_split(tree, simulation.error, simulation.duration, step or None)
+        spins = spins_of(pipeline.chain, simulation.duration)
+        spin = max(float(np.sqrt(np.mean(np.sum(rates**2, axis=1)))) for rates in spins.values())
+        choice = choose_split(tree, simulation.error, simulation.duration, spin, step or None)
         frequency, substeps, step = choice.frequency_hz, choice.substeps, choice.step
     else:
         frequency = run.split

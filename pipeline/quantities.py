@@ -69,7 +69,7 @@ def _along_a_joint(run: Pipeline, motions: dict[str, Any], output: Chart) -> Cur
     """A joint's position or rate in the unit that the scene asks for."""
     from pipeline.units import in_unit
 
-    joint, rate = output.joint, output.quantity == "joint_rate"
+    joint, rate = str(output.joint), output.quantity == "joint_rate"
     unit = ("rad" if run.is_rotor else run.chain.units[joint]) + ("/s" if rate else "")
     wanted = output.unit or unit
 

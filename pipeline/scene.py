@@ -144,6 +144,15 @@ class RosenbrockRun(Table):
     step: ClassVar[None] = None
 
 
+class RungeKuttaRun(Table):
+    """Dormand and Prince's Runge–Kutta method of order 8: chooses its steps by a relative ``tolerance``."""
+
+    integrator: Literal["runge-kutta"]
+    tolerance: Tolerance = 1e-9
+
+    step: ClassVar[None] = None
+
+
 class GeneralizedAlphaRun(Table):
     """Generalised-α with spectral radius ``rho`` at infinite frequency; with a ``tolerance`` it chooses its steps."""
 
@@ -177,7 +186,14 @@ class AutoRun(Table):
 
 
 Run = Annotated[
-    CentralDifference | SubCycling | ExponentialRun | RosenbrockRun | GeneralizedAlphaRun | ScipyRun | AutoRun,
+    CentralDifference
+    | SubCycling
+    | ExponentialRun
+    | RosenbrockRun
+    | RungeKuttaRun
+    | GeneralizedAlphaRun
+    | ScipyRun
+    | AutoRun,
     Field(discriminator="integrator"),
 ]
 
@@ -227,7 +243,9 @@ class Simulation(Table):
                 raise FaultError(f"must not be longer than the duration, {self.duration:g} s", *path)
         if self.step is None:
             for run in self.run:
-                chooses = isinstance(run, RosenbrockRun | ScipyRun | AutoRun) or getattr(run, "tolerance", None)
+                chooses = isinstance(run, RosenbrockRun | RungeKuttaRun | ScipyRun | AutoRun) or getattr(
+                    run, "tolerance", None
+                )
                 if not chooses and run.step is None:
                     message = f"is missing: {run.integrator} needs a step, here or in the run, e.g. '10 us'"
                     raise FaultError(message, "step")

@@ -16,6 +16,7 @@ from pipeline.checks import AccuracyError, Array, InputError
 
 if TYPE_CHECKING:
     from pipeline.dynamics.tree import Tree
+    from pipeline.mechanism import Chain
     from pipeline.reduction.body import FlexibleBody
     from pipeline.stages import Pipeline
 
@@ -99,12 +100,17 @@ def _spins(pipeline: Pipeline, bodies: dict[str, FlexibleBody]) -> dict[str, Arr
         reached = 2 / np.pi * pulse.peak * pulse.duration / body.inertia_about_joint
         start = joint.rate if joint.type == "revolute" else 0.0
         return {body_name: np.outer([start, start + reached], body.axis) for body_name in bodies}
-    chain = chain_of(pipeline.scene, bodies)
+    found = spins_of(chain_of(pipeline.scene, bodies), pipeline.scene.simulation.duration)
+    return {name: spins for name, spins in found.items() if name in bodies}
+
+
+def spins_of(chain: Chain, duration: float) -> dict[str, Array]:
+    """Angular velocity of each body of a chain in its own axes, all bodies rigid, (n_samples, 3) each [rad/s]."""
     rigid = chain.tree.rigid
-    times = np.linspace(0.0, pipeline.scene.simulation.duration, _SAMPLES)
+    times = np.linspace(0.0, duration, _SAMPLES)
     q, v = _rigid_motion(rigid, chain.q0[: rigid.n_positions], chain.v0[: rigid.n], times)
     spins = rigid.spins(q, v, times)
-    return {link.name: spins[:, k] for k, link in enumerate(rigid.links) if link.name in bodies}
+    return {link.name: spins[:, k] for k, link in enumerate(rigid.links)}
 
 
 def _rigid_motion(rigid: Tree, q0: Array, v0: Array, times: Array) -> tuple[Array, Array]:
@@ -113,7 +119,7 @@ def _rigid_motion(rigid: Tree, q0: Array, v0: Array, times: Array) -> tuple[Arra
     if not rigid.n:
         return np.zeros((len(times), 0)), np.zeros((len(times), 0))
     try:
-        motion = ScipyIvp("LSODA", 1e-4).march(rigid, q0, v0, times)
+        motion = ScipyIvp("DOP853", 1e-4).march(rigid, q0, v0, times)
     except AccuracyError as error:
         raise AccuracyError(f"the scene with all bodies rigid: {error}") from error
     return motion.q, motion.v

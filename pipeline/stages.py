@@ -200,7 +200,8 @@ class Pipeline:
     @property
     def first_motion(self) -> Motion | ChainMotion:
         """The motion by the scene's first run, with which the others are compared."""
-        return next(iter(self.motions.values()))
+        motions: dict[str, Motion | ChainMotion] = {**self.motions}
+        return next(iter(motions.values()))
 
     @property
     def motion(self) -> Motion:

@@ -1,7 +1,7 @@
 """Functions of time: loads and prescribed motions, with their first two derivatives.
 
 A formula is run on truncated Taylor series (f, f', f''), so that position, rate and acceleration of a prescribed motion
-belong together by construction.
+belong together by construction (Griewank & Walther, Evaluating Derivatives, 2nd ed., SIAM, 2008, ch. 13).
 """
 
 from __future__ import annotations
@@ -13,23 +13,16 @@ from typing import NamedTuple
 
 import numpy as np
 
-from pipeline import expression as code
-from pipeline.checks import Array, IntArray
+from pipeline.checks import Array, IntArray, require_shape
 from pipeline.dynamics.compiled import kernel
 from pipeline.expression import MOST_DEPTH, Expression
 
 _CONSTANT, _PROGRAM, _TABLE = range(3)
+# The codes of `pipeline.expression`, written out: compiled kernels are kept until a source in this folder changes.
 (
     _NUMBER, _TIME, _ADD, _SUBTRACT, _MULTIPLY, _DIVIDE, _POWER, _NEGATE,
     _SIN, _COS, _TAN, _EXP, _LOG, _SQRT, _TANH, _ABS, _MINIMUM, _MAXIMUM, _BEFORE,
 ) = range(19)  # fmt: skip
-assert (_NUMBER, _NEGATE, _SIN, _MAXIMUM, _BEFORE) == (
-    code.CONSTANT,
-    code.NEGATE,
-    code.SIN,
-    code.MAXIMUM,
-    code.BEFORE,
-)
 
 
 @dataclass(frozen=True)
@@ -50,71 +43,156 @@ class Signal:
 
     Attributes
     ----------
+    terms : tuple
+        Its sum.
     breakpoints : tuple of float
-        Times at which it or its first derivative may jump [s], ascending.
+        Times at which it or its first derivative may jump, and the ends of a smooth table, at which its second one
+        does [s], ascending. Kinks of abs, min and max in a formula are not among them.
     """
 
     terms: tuple[_Term, ...]
     breakpoints: tuple[float, ...] = ()
 
     def value(self, t: float) -> tuple[float, float, float]:
-        """Value, first and second time derivative at time t [s]."""
+        """Value, first and second time derivative at time t [s], by the kernel that a march uses."""
         out = np.zeros(3)
-        evaluate_signal(pack([self]), 0, t, out)
+        evaluate_signal(pack([self]), 0, float(t), out)
         return float(out[0]), float(out[1]), float(out[2])
 
 
 def constant(value: float) -> Signal:
-    """A signal that doesn't change."""
-    return Signal((_Term(_CONSTANT, numbers=(float(value),)),))
+    """Make a signal that doesn't change.
+
+    Raises
+    ------
+    ValueError
+        It isn't finite.
+    """
+    return Signal((_Term(_CONSTANT, numbers=(_finite("the constant", value),)),))
 
 
 def formula(expression: Expression, factor: float = 1.0) -> Signal:
-    """A formula times a factor.
+    """Make a signal of a formula times a factor.
 
-    Where a formula has no real value (the root or the logarithm of a negative number) it is not a number, which stops a
-    march.
+    Where a formula has no real value (a root or a logarithm of a negative number, a varying power of one) the signal
+    is not a number, which stops a march; so it does where a derivative that is wanted doesn't exist, as of ``sqrt(t)``
+    at 0. On a kink, the derivatives of abs are those after it for a rising argument, and min and max have those of
+    their first argument.
+
+    Parameters
+    ----------
+    expression : Expression
+        What `pipeline.expression.parse` makes of the text.
+    factor : float
+        SI units in one unit of the formula's values.
+
+    Raises
+    ------
+    ValueError
+        The factor isn't finite.
     """
-    codes = (*expression.codes, code.CONSTANT, code.MULTIPLY)
-    return Signal((_Term(_PROGRAM, codes, (*expression.constants, float(factor))),), expression.breakpoints)
+    factor = _finite("the factor", factor)
+    if expression.codes == (_NUMBER,):
+        return constant(factor * expression.constants[0])
+    codes, numbers = expression.codes, expression.constants
+    if factor != 1.0:
+        codes, numbers = (*codes, _NUMBER, _MULTIPLY), (*numbers, factor)
+    return Signal((_Term(_PROGRAM, codes, numbers),), expression.breakpoints)
 
 
 def half_sine(start: float, duration: float, peak: float) -> Signal:
-    """``peak sin(π (t − start)/duration)`` while that lasts, else 0: an impulse of ``2/π peak duration``."""
+    """Make ``peak sin(π (t − start)/duration)`` while that lasts, else 0: an impulse of ``2/π peak duration``.
+
+    Parameters
+    ----------
+    start, duration : float
+        When it begins and how long it lasts [s].
+    peak : float
+        Its largest value.
+
+    Raises
+    ------
+    ValueError
+        The duration isn't above 0, or a number isn't finite.
+    """
+    start, peak = _finite("the start", start), _finite("the peak", peak)
+    end = start + _finite("the duration", duration)
+    if not end > start:
+        raise ValueError(f"a half sine that begins at {start:g} s can't last {duration:g} s; give more than 0")
     codes = (_TIME, _NUMBER, _SUBTRACT, _NUMBER, _MULTIPLY, _SIN, _NUMBER, _MULTIPLY)
-    end = start + duration
-    numbers = (float(start), math.pi / duration, float(peak))
+    numbers = (start, math.pi / duration, peak)
     return Signal((_Term(_PROGRAM, codes, numbers, support=(start, end)),), (start, end))
 
 
 def linear_table(times: Array, values: Array) -> Signal:
-    """Straight lines between the samples; the first and the last value hold before and after."""
-    slopes = np.diff(values) / np.diff(times)
-    cubics = [(float(value), float(slope), 0.0, 0.0) for value, slope in zip(values, [*slopes, 0.0], strict=True)]
-    return Signal((_table(times, cubics),), tuple(map(float, times)))
+    """Make straight lines between samples; the first and the last value hold before and after.
+
+    Parameters
+    ----------
+    times : ndarray, shape (n,)
+        Of the samples [s], ascending, 2 at least.
+    values : ndarray, shape (n,)
+        One for each.
+
+    Raises
+    ------
+    ValueError
+        Shapes disagree, times don't ascend, a number isn't finite.
+    """
+    times, values = _samples(times, values)
+    slopes = [0.0, *np.diff(values) / np.diff(times), 0.0]
+    cubics = [(float(value), float(slope), 0.0, 0.0) for value, slope in zip(values, slopes[1:], strict=True)]
+    bends = np.diff(slopes) != 0.0
+    return Signal((_table(times, cubics),), tuple(times[bends].tolist()))
 
 
 def smooth_table(times: Array, values: Array) -> Signal:
-    """The cubic spline through the samples, at rest at both ends, where the first and the last value hold on."""
+    """Make the cubic spline through samples, at rest at both ends, where the first and the last value hold on.
+
+    It has a continuous first derivative everywhere and a continuous second one between its ends: fit for a prescribed
+    motion, whose acceleration acts as a load. Parameters and errors are those of `linear_table`.
+    """
     from scipy.interpolate import CubicSpline
 
+    times, values = _samples(times, values)
     pieces = CubicSpline(times, values, bc_type="clamped").c[::-1].T
-    cubics = [tuple(map(float, piece)) for piece in pieces] + [(float(values[-1]), 0.0, 0.0, 0.0)]
+    cubics = [*pieces.tolist(), (float(values[-1]), 0.0, 0.0, 0.0)]
     return Signal((_table(times, cubics),), (float(times[0]), float(times[-1])))
 
 
-def _table(times: Array, cubics: Sequence[tuple[float, ...]]) -> _Term:
-    return _Term(_TABLE, knots=tuple(map(float, times)), cubics=tuple(cubics))  # type: ignore[arg-type]
-
-
 def total(signals: Sequence[Signal]) -> Signal:
-    """The sum of signals."""
+    """Add signals up; none at all make zero."""
     breakpoints = {time for signal in signals for time in signal.breakpoints}
     return Signal(tuple(term for signal in signals for term in signal.terms), tuple(sorted(breakpoints)))
 
 
+def _finite(name: str, value: float) -> float:
+    if not math.isfinite(value):
+        raise ValueError(f"{name} of a signal is {value}, which isn't finite")
+    return float(value)
+
+
+def _samples(times: Array, values: Array) -> tuple[Array, Array]:
+    times, values = np.asarray(times, dtype=float), np.asarray(values, dtype=float)
+    require_shape("times", times, (None,))
+    require_shape("values", values, times.shape)
+    if len(times) < 2:
+        raise ValueError(f"a table of {len(times)} times is none; give 2 at least, or a constant")
+    if not (np.isfinite(times).all() and np.isfinite(values).all()):
+        raise ValueError("a table holds a number that isn't finite")
+    if (late := np.flatnonzero(np.diff(times) <= 0.0)).size:
+        before, after = times[late[0]], times[late[0] + 1]
+        raise ValueError(f"the times of a table must ascend, but {after:g} s comes after {before:g} s")
+    return times, values
+
+
+def _table(times: Array, cubics: Sequence[Sequence[float]]) -> _Term:
+    pieces = tuple((a, b, c, d) for a, b, c, d in cubics)
+    return _Term(_TABLE, knots=tuple(times.tolist()), cubics=pieces)
+
+
 class SignalTable(NamedTuple):
-    """Any number of signals as flat arrays for the kernels; ``stack`` is room to work in."""
+    """Any number of signals as flat arrays for the kernels; ``stack`` is room to work in, for one thread."""
 
     first_term: IntArray  # (n_signals + 1,)
     kind: IntArray  # (n_terms,)
@@ -234,7 +312,7 @@ def _run(s: SignalTable, term: int, t: float) -> None:
 
 @kernel
 def _apply_function(op: int, a: Array) -> None:
-    """``a = f(a)`` with f' = f₁ a' and f'' = f₂ a'² + f₁ a''."""
+    """``a = f(a)`` with f' = f₁ a' and f'' = f₂ a'² + f₁ a''; of what stands still, 0 even where f₁ isn't finite."""
     x = a[0]
     if op == _NEGATE:
         f, f1, f2 = -x, -1.0, 0.0
@@ -263,9 +341,10 @@ def _apply_function(op: int, a: Array) -> None:
         f2 = -2.0 * f * f1
     else:
         f, f1, f2 = abs(x), 1.0 if x >= 0.0 else -1.0, 0.0
-    a[2] = f2 * a[1] * a[1] + f1 * a[2]
-    a[1] *= f1
     a[0] = f
+    if a[1] != 0.0 or a[2] != 0.0:  # the root of max(t - 1, 0) stands still before t = 1
+        a[2] = f2 * a[1] * a[1] + f1 * a[2]
+        a[1] *= f1
 
 
 @kernel
@@ -285,7 +364,7 @@ def _combine(op: int, a: Array, b: Array) -> None:
         a[2] = (a[2] - 2.0 * a[1] * b[1] - a[0] * b[2]) / b[0]
     elif op == _POWER:
         _raise(a, b)
-    elif (b[0] < a[0]) if op == _MINIMUM else (b[0] > a[0]):
+    elif math.isnan(b[0]) or ((b[0] < a[0]) if op == _MINIMUM else (b[0] > a[0])):
         for i in range(3):
             a[i] = b[i]
 
@@ -295,11 +374,12 @@ def _raise(a: Array, b: Array) -> None:
     """``a = a ** b``; a constant exponent needs no logarithm, so the base may be 0 or negative."""
     x, n = a[0], b[0]
     if b[1] == 0.0 and b[2] == 0.0:
-        f1 = n * x ** (n - 1.0) if n != 0.0 else 0.0
-        f2 = n * (n - 1.0) * x ** (n - 2.0) if n not in (0.0, 1.0) else 0.0
-        a[2] = f2 * a[1] * a[1] + f1 * a[2]
-        a[1] *= f1
         a[0] = x**n
+        if a[1] != 0.0 or a[2] != 0.0:
+            f1 = n * x ** (n - 1.0) if n != 0.0 else 0.0
+            f2 = n * (n - 1.0) * x ** (n - 2.0) if n not in (0.0, 1.0) else 0.0
+            a[2] = f2 * a[1] * a[1] + f1 * a[2]
+            a[1] *= f1
         return
     log = math.log(x) if x > 0.0 else math.nan
     slope = b[1] * log + n * a[1] / x

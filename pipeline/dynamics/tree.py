@@ -141,9 +141,11 @@ class Tree:
 
     @property
     def frequencies_hz(self) -> Array:
-        """Of each coordinate by itself in the undeformed mechanism [Hz], shape (n,); 0 where nothing holds it."""
-        own = self.linear_stiffness.diagonal() / self.mass_matrix(self.rest_positions).diagonal()
-        return np.asarray(np.sqrt(own) / (2 * np.pi))
+        """Of each mode and of each joint by itself, undeformed [Hz], shape (n,); 0 where nothing holds it."""
+        own = np.sqrt(self.linear_stiffness.diagonal() / self.mass_matrix(self.rest_positions).diagonal())
+        for k, link in enumerate(self.links):
+            own[self.modes_of(k)] = link.omega
+        return np.asarray(own / (2 * np.pi))
 
     @property
     def linear_stiffness(self) -> Array:
@@ -261,7 +263,7 @@ class Tree:
     def spins(self, q: Array, v: Array, times: Array) -> Array:
         """Angular velocities of the bodies in their own axes, (n_times, n_bodies, 3) [rad/s]."""
         _, rotations, spins = self._placed(q, v, times)
-        return np.einsum("tbij,tbi->tbj", rotations, spins)
+        return np.asarray(np.einsum("tbij,tbi->tbj", rotations, spins))
 
     def _placed(self, q: Array, v: Array, times: Array) -> tuple[Array, Array, Array]:
         from pipeline.dynamics.tree_kernels import place_bodies

@@ -14,235 +14,12 @@ are all that a body needs: second moment P, ``N = ∫ρ x ⊗ u̇`` and ``h_a = 
 
 from __future__ import annotations
 
-import math
-
 from pipeline.checks import Array
 from pipeline.dynamics.compiled import inlined, kernel
-from pipeline.dynamics.link import FREE, PRISMATIC, REVOLUTE, SPHERICAL
-from pipeline.dynamics.signal import evaluate_signal, signal_value
+from pipeline.dynamics.link import REVOLUTE
+from pipeline.dynamics.signal import signal_value
 from pipeline.dynamics.tree_arrays import TreeParameters
-
-
-@inlined
-def _cross_add(out: Array, a0: float, a1: float, a2: float, b0: float, b1: float, b2: float) -> None:
-    """``out += a × b``."""
-    out[0] += a1 * b2 - a2 * b1
-    out[1] += a2 * b0 - a0 * b2
-    out[2] += a0 * b1 - a1 * b0
-
-
-@kernel
-def _turn(R: Array, axis: Array, angle: float, out: Array) -> None:
-    """``out = R rot(axis, angle)`` by Rodrigues' formula, row by row."""
-    c, s = math.cos(angle), math.sin(angle)
-    for i in range(3):
-        r0, r1, r2 = R[i, 0], R[i, 1], R[i, 2]
-        along = (r0 * axis[0] + r1 * axis[1] + r2 * axis[2]) * (1.0 - c)
-        out[i, 0] = c * r0 + along * axis[0] + s * (r1 * axis[2] - r2 * axis[1])
-        out[i, 1] = c * r1 + along * axis[1] + s * (r2 * axis[0] - r0 * axis[2])
-        out[i, 2] = c * r2 + along * axis[2] + s * (r0 * axis[1] - r1 * axis[0])
-
-
-@kernel
-def _turn_quaternion(R: Array, e: Array, out: Array) -> None:
-    """``out = R rot(e)`` for a unit quaternion e, scalar part last."""
-    x, y, z, w = e[0], e[1], e[2], e[3]
-    for i in range(3):
-        r0, r1, r2 = R[i, 0], R[i, 1], R[i, 2]
-        out[i, 0] = r0 * (1 - 2 * (y * y + z * z)) + r1 * 2 * (x * y + w * z) + r2 * 2 * (x * z - w * y)
-        out[i, 1] = r0 * 2 * (x * y - w * z) + r1 * (1 - 2 * (x * x + z * z)) + r2 * 2 * (y * z + w * x)
-        out[i, 2] = r0 * 2 * (x * z + w * y) + r1 * 2 * (y * z - w * x) + r2 * (1 - 2 * (x * x + y * y))
-
-
-@kernel
-def _tangent(size2: float, out: Array) -> None:
-    """Coefficients of ``A(θ) = 1 + out₀ θ̃ + out₁ θ̃²`` for |θ|² = size2, and their slopes over θ·θ̇, into out (4,)."""
-    size = math.sqrt(size2)
-    if size > 0.05:
-        out[0], out[1] = (1.0 - math.cos(size)) / size2, (size - math.sin(size)) / (size * size2)
-        out[2] = (size * math.sin(size) - 2.0 * (1.0 - math.cos(size))) / (size2 * size2)
-        out[3] = (3.0 * math.sin(size) - size * (2.0 + math.cos(size))) / (size2 * size2 * size)
-    else:  # series: the differences above cancel
-        out[0] = 0.5 - size2 / 24.0 + size2**2 / 720.0 - size2**3 / 40320.0
-        out[1] = 1.0 / 6.0 - size2 / 120.0 + size2**2 / 5040.0 - size2**3 / 362880.0
-        out[2] = -1.0 / 12.0 + size2 / 180.0 - size2**2 / 6720.0
-        out[3] = -1.0 / 60.0 + size2 / 1260.0 - size2**2 / 60480.0
-
-
-@kernel
-def _place(p: TreeParameters, b: int, q: Array, v: Array, R0: Array) -> None:
-    """Frame of the joint on the parent, moved and turned by the parent's modes, into body b's own; R0 (3, 3)."""
-    origin, spin, bias, J = p.origin[b], p.spin[b], p.bias[b], p.J[b]
-    n = v.size
-    parent = p.parent[b]
-    if parent < 0:
-        for i in range(3):
-            origin[i] = p.place[b, i]
-            spin[i] = 0.0
-            bias[i] = -p.gravity[i]
-            bias[3 + i] = 0.0
-            for j in range(3):
-                R0[i, j] = 1.0 if i == j else 0.0
-        for i in range(6):
-            for j in range(n):
-                J[i, j] = 0.0
-        return
-    R, w, above = p.R[parent], p.spin[parent], p.J[parent]
-    mode, n_modes = p.mode[parent], p.n_modes[parent]
-    arm, moving, angle, rate = p.small[0], p.small[1], p.small[2], p.small[3]
-    for i in range(3):
-        r, u, a, da = p.place[b, i], 0.0, 0.0, 0.0
-        for k in range(n_modes):
-            r += p.place_shapes[b, i, k] * q[mode[k] + p.shift]
-            u += p.place_shapes[b, i, k] * v[mode[k]]
-            a += p.place_rotations[b, i, k] * q[mode[k] + p.shift]
-            da += p.place_rotations[b, i, k] * v[mode[k]]
-        arm[3 + i], moving[3 + i], angle[i], rate[i] = r, u, a, da
-    # The marker turns by the vector θ = Ψ q: R exp(θ̃); its rotation rate is A(θ) θ̇.
-    size2 = angle[0] ** 2 + angle[1] ** 2 + angle[2] ** 2
-    size, c = math.sqrt(size2), p.small[8]
-    _tangent(size2, c)
-    one, two, d_one, d_two = c[0], c[1], c[2], c[3]
-    for i in range(3):
-        arm[i] = R[i, 0] * arm[3] + R[i, 1] * arm[4] + R[i, 2] * arm[5]
-        moving[i] = R[i, 0] * moving[3] + R[i, 1] * moving[4] + R[i, 2] * moving[5]
-    for i in range(3):
-        origin[i] = p.origin[parent, i] + arm[i]
-        bias[i], bias[3 + i] = p.bias[parent, i], p.bias[parent, 3 + i]
-        spin[i] = w[i]
-        for j in range(n):
-            J[3 + i, j] = above[3 + i, j]
-    w_arm = p.small[4]
-    for i in range(3):
-        w_arm[i] = 2.0 * moving[i]
-    _cross_add(w_arm, w[0], w[1], w[2], arm[0], arm[1], arm[2])
-    _cross_add(bias, w[0], w[1], w[2], w_arm[0], w_arm[1], w_arm[2])
-    _cross_add(bias, bias[3], bias[4], bias[5], arm[0], arm[1], arm[2])
-    for j in range(n):
-        J[0, j] = above[0, j] + above[4, j] * arm[2] - above[5, j] * arm[1]
-        J[1, j] = above[1, j] + above[5, j] * arm[0] - above[3, j] * arm[2]
-        J[2, j] = above[2, j] + above[3, j] * arm[1] - above[4, j] * arm[0]
-    for i in range(3):
-        for k in range(n_modes):
-            total = 0.0
-            for j in range(3):
-                total += R[i, j] * p.place_shapes[b, j, k]
-            J[i, mode[k]] += total
-    if n_modes == 0:
-        for i in range(3):
-            for j in range(3):
-                R0[i, j] = R[i, j]
-        return
-    # A θ̇ and its derivative with θ̈ = 0, in the parent's axes: A = 1 + one θ̃ + two θ̃².
-    t, dt, turned, turning = angle, rate, p.small[5], p.small[6]
-    tdt = t[0] * dt[0] + t[1] * dt[1] + t[2] * dt[2]
-    dt2 = dt[0] ** 2 + dt[1] ** 2 + dt[2] ** 2
-    for i in range(3):
-        # θ̃²θ̇ = θ(θ·θ̇) − θ̇ θ², and its derivative θ̇(θ·θ̇) + θ θ̇² − 2 θ̇ (θ·θ̇)
-        turned[i] = dt[i] + two * (t[i] * tdt - dt[i] * size2)
-        turning[i] = two * (t[i] * dt2 - dt[i] * tdt) + d_two * tdt * (t[i] * tdt - dt[i] * size2)
-    _cross_add(turned, one * t[0], one * t[1], one * t[2], dt[0], dt[1], dt[2])
-    scale = d_one * tdt
-    _cross_add(turning, scale * t[0], scale * t[1], scale * t[2], dt[0], dt[1], dt[2])
-    for k in range(n_modes):
-        s0, s1, s2 = p.place_rotations[b, 0, k], p.place_rotations[b, 1, k], p.place_rotations[b, 2, k]
-        ts = t[0] * s0 + t[1] * s1 + t[2] * s2
-        column = p.small[7]
-        column[0] = s0 + two * (t[0] * ts - s0 * size2)
-        column[1] = s1 + two * (t[1] * ts - s1 * size2)
-        column[2] = s2 + two * (t[2] * ts - s2 * size2)
-        _cross_add(column, one * t[0], one * t[1], one * t[2], s0, s1, s2)
-        for i in range(3):
-            J[3 + i, mode[k]] += R[i, 0] * column[0] + R[i, 1] * column[1] + R[i, 2] * column[2]
-    for i in range(3):
-        moving[i] = R[i, 0] * turned[0] + R[i, 1] * turned[1] + R[i, 2] * turned[2]
-        bias[3 + i] += R[i, 0] * turning[0] + R[i, 1] * turning[1] + R[i, 2] * turning[2]
-    _cross_add(bias[3:], w[0], w[1], w[2], moving[0], moving[1], moving[2])
-    for i in range(3):
-        spin[i] += moving[i]
-    if size > 0.0:
-        for i in range(3):
-            turned[i] = t[i] / size
-    else:
-        turned[0], turned[1], turned[2] = 0.0, 0.0, 1.0
-    _turn(R, turned, size, R0)
-
-
-@kernel
-def _joint(p: TreeParameters, t: float, b: int, q: Array, v: Array, R0: Array) -> None:
-    """Move body b's frame through its joint; R0 is the joint's frame on the parent."""
-    R, spin, bias, J, axis = p.R[b], p.spin[b], p.bias[b], p.J[b], p.axis[b]
-    kind, rate, position = p.joint[b], p.rate[b], p.position[b]
-    a, relative, known = p.small[0], p.small[1], p.small[2]
-    prescribed = p.motion[b] >= 0
-    if kind in (REVOLUTE, PRISMATIC):
-        if prescribed:
-            evaluate_signal(p.signals, p.motion[b], t, known)
-        else:
-            known[0], known[1], known[2] = q[position], v[rate], 0.0
-        for i in range(3):
-            a[i] = R0[i, 0] * axis[0] + R0[i, 1] * axis[1] + R0[i, 2] * axis[2]
-    if kind == REVOLUTE:
-        w = known[1]
-        _cross_add(bias[3:], spin[0], spin[1], spin[2], a[0] * w, a[1] * w, a[2] * w)
-        for i in range(3):
-            spin[i] += a[i] * w
-            bias[3 + i] += a[i] * known[2]
-            if not prescribed:
-                J[3 + i, rate] += a[i]
-        _turn(R0, axis, known[0], R)
-        return
-    if kind in (SPHERICAL, FREE):
-        first = position + (3 if kind == FREE else 0)
-        turn = rate + (3 if kind == FREE else 0)
-        if kind == FREE:  # the ground's frame or a moving one: positions and rates along its axes
-            for i in range(3):
-                a[i] = R0[i, 0] * q[position] + R0[i, 1] * q[position + 1] + R0[i, 2] * q[position + 2]
-                relative[i] = R0[i, 0] * v[rate] + R0[i, 1] * v[rate + 1] + R0[i, 2] * v[rate + 2]
-            _shift(p, b, a, relative)
-            for i in range(3):
-                for k in range(3):
-                    J[i, rate + k] += R0[i, k]
-        _turn_quaternion(R0, q[first : first + 4], R)
-        for i in range(3):
-            relative[i] = 0.0
-            for k in range(3):  # rates about the body's own axes
-                J[3 + i, turn + k] += R[i, k]
-                relative[i] += R[i, k] * v[turn + k]
-        _cross_add(bias[3:], spin[0], spin[1], spin[2], relative[0], relative[1], relative[2])
-        for i in range(3):
-            spin[i] += relative[i]
-        return
-    for i in range(3):
-        for j in range(3):
-            R[i, j] = R0[i, j]
-    if kind == PRISMATIC:
-        for i in range(3):
-            along = a[i]
-            R0[i, 0] = along
-            bias[i] += along * known[2]
-            a[i], relative[i] = along * known[0], along * known[1]
-        _shift(p, b, a, relative)
-        if not prescribed:
-            for i in range(3):
-                J[i, rate] += R0[i, 0]
-
-
-@kernel
-def _shift(p: TreeParameters, b: int, arm: Array, relative: Array) -> None:
-    """Move body b's origin by ``arm``, which turns with its frame and changes at the rate ``relative``."""
-    origin, spin, bias, J = p.origin[b], p.spin[b], p.bias[b], p.J[b]
-    w_arm = p.small[4]
-    for i in range(3):
-        origin[i] += arm[i]
-        w_arm[i] = 2.0 * relative[i]
-    _cross_add(w_arm, spin[0], spin[1], spin[2], arm[0], arm[1], arm[2])
-    _cross_add(bias, spin[0], spin[1], spin[2], w_arm[0], w_arm[1], w_arm[2])
-    _cross_add(bias, bias[3], bias[4], bias[5], arm[0], arm[1], arm[2])
-    for j in range(J.shape[1]):
-        J[0, j] += J[4, j] * arm[2] - J[5, j] * arm[1]
-        J[1, j] += J[5, j] * arm[0] - J[3, j] * arm[2]
-        J[2, j] += J[3, j] * arm[1] - J[4, j] * arm[0]
+from pipeline.dynamics.tree_frames import cross_add, move_through_joint, place_joint, tangent
 
 
 @kernel
@@ -319,18 +96,18 @@ def _add_body(p: TreeParameters, b: int, q: Array, v: Array) -> None:
     for i in range(3):
         turning[i] = 2.0 * c[3 + i]
         F[i] = -mass * accel[i]
-    _cross_add(turning, w[0], w[1], w[2], c[0], c[1], c[2])  # ω × c + 2 ċ
-    _cross_add(F, turning[0], turning[1], turning[2], w[0], w[1], w[2])
-    _cross_add(F, c[0], c[1], c[2], accel[3], accel[4], accel[5])
+    cross_add(turning, w[0], w[1], w[2], c[0], c[1], c[2])  # ω × c + 2 ċ
+    cross_add(F, turning[0], turning[1], turning[2], w[0], w[1], w[2])
+    cross_add(F, c[0], c[1], c[2], accel[3], accel[4], accel[5])
     _times_symmetric(P, w, Jw)
     _times_symmetric(Ns, w, turning)
     _times_symmetric(P, accel[3:], Jw[3:])
     for i in range(3):
         Jw[i] = trace * w[i] - Jw[i]
         F[3 + i] = -(trace * accel[3 + i] - Jw[3 + i]) - 2.0 * (trace_N * w[i] - turning[i])
-    _cross_add(F[3:], Jw[0], Jw[1], Jw[2], w[0], w[1], w[2])
-    _cross_add(F[3:], w[0], w[1], w[2], h[0], h[1], h[2])
-    _cross_add(F[3:], accel[0], accel[1], accel[2], c[0], c[1], c[2])
+    cross_add(F[3:], Jw[0], Jw[1], Jw[2], w[0], w[1], w[2])
+    cross_add(F[3:], w[0], w[1], w[2], h[0], h[1], h[2])
+    cross_add(F[3:], accel[0], accel[1], accel[2], c[0], c[1], c[2])
     # Mass: for each rate j the frame's motion V = Rᵀ J_j, its momentum g = M6 V, and the products with all others.
     V, g = w, accel
     for j in range(n):
@@ -346,8 +123,8 @@ def _add_body(p: TreeParameters, b: int, q: Array, v: Array) -> None:
         for i in range(3):
             g[i] = mass * V[i]
             g[3 + i] = trace * V[3 + i] - g[3 + i]
-        _cross_add(g, V[3], V[4], V[5], c[0], c[1], c[2])
-        _cross_add(g[3:], c[0], c[1], c[2], V[0], V[1], V[2])
+        cross_add(g, V[3], V[4], V[5], c[0], c[1], c[2])
+        cross_add(g[3:], c[0], c[1], c[2], V[0], V[1], V[2])
         for i in range(3):  # back to space, where the Jacobian is
             g[6 + i] = R[i, 0] * g[0] + R[i, 1] * g[1] + R[i, 2] * g[2]
             g[9 + i] = R[i, 0] * g[3] + R[i, 1] * g[4] + R[i, 2] * g[5]
@@ -391,7 +168,7 @@ def _add_point_load(p: TreeParameters, t: float, k: int, q: Array) -> None:
             arm[3 + i] += shapes[i, j] * q[mode[j] + p.shift]
             angle[i] += rotations[i, j] * q[mode[j] + p.shift]
     size2 = angle[0] ** 2 + angle[1] ** 2 + angle[2] ** 2
-    _tangent(size2, c)
+    tangent(size2, c)
     size = signal_value(p.signals, p.at_signal[k], t)
     for i in range(3):
         arm[i] = R[i, 0] * arm[3] + R[i, 1] * arm[4] + R[i, 2] * arm[5]
@@ -399,17 +176,17 @@ def _add_point_load(p: TreeParameters, t: float, k: int, q: Array) -> None:
     if p.at_following[k]:  # exp(θ̃) d = d + sin|θ|/|θ| θ × d + (1 − cos|θ|)/|θ|² θ × (θ × d)
         sine = 1.0 - size2 * c[1]
         d[3], d[4], d[5], f[3], f[4], f[5] = d[0], d[1], d[2], 0.0, 0.0, 0.0
-        _cross_add(f[3:], angle[0], angle[1], angle[2], d[3], d[4], d[5])
+        cross_add(f[3:], angle[0], angle[1], angle[2], d[3], d[4], d[5])
         for i in range(3):
             d[3 + i] += sine * f[3 + i]
-        _cross_add(d[3:], c[0] * angle[0], c[0] * angle[1], c[0] * angle[2], f[3], f[4], f[5])
+        cross_add(d[3:], c[0] * angle[0], c[0] * angle[1], c[0] * angle[2], f[3], f[4], f[5])
         for i in range(3):
             d[i] = R[i, 0] * d[3] + R[i, 1] * d[4] + R[i, 2] * d[5]
     f[0], f[1], f[2], f[3], f[4], f[5] = d[0], d[1], d[2], 0.0, 0.0, 0.0
     if p.at_torque[k]:
         f[0], f[1], f[2], f[3], f[4], f[5] = 0.0, 0.0, 0.0, d[0], d[1], d[2]
     else:
-        _cross_add(f[3:], arm[0], arm[1], arm[2], d[0], d[1], d[2])
+        cross_add(f[3:], arm[0], arm[1], arm[2], d[0], d[1], d[2])
     for i in range(6):
         if f[i] != 0.0:
             _add_scaled(Q, J[i], f[i], Q.size)
@@ -417,10 +194,10 @@ def _add_point_load(p: TreeParameters, t: float, k: int, q: Array) -> None:
         d[3 + i] = R[0, i] * d[0] + R[1, i] * d[1] + R[2, i] * d[2]
     if p.at_torque[k]:  # A(θ)ᵀ d = d − out₀ θ × d + out₁ θ × (θ × d)
         f[0], f[1], f[2] = 0.0, 0.0, 0.0
-        _cross_add(f, angle[0], angle[1], angle[2], d[3], d[4], d[5])
+        cross_add(f, angle[0], angle[1], angle[2], d[3], d[4], d[5])
         for i in range(3):
             d[3 + i] -= c[0] * f[i]
-        _cross_add(d[3:], c[1] * angle[0], c[1] * angle[1], c[1] * angle[2], f[0], f[1], f[2])
+        cross_add(d[3:], c[1] * angle[0], c[1] * angle[1], c[1] * angle[2], f[0], f[1], f[2])
     for j in range(n_modes):
         for i in range(3):
             Q[mode[j]] += (rotations[i, j] if p.at_torque[k] else shapes[i, j]) * d[3 + i]
@@ -441,8 +218,8 @@ def mass_and_force(p: TreeParameters, t: float, q: Array, v: Array) -> None:
     for b in range(p.parent.size):
         if p.joint[b] == REVOLUTE and p.motion[b] < 0 and p.n_modes[b] > 0:
             _turn_section(p, b, q, v)
-        _place(p, b, q, v, p.R0)
-        _joint(p, t, b, q, v, p.R0)
+        place_joint(p, b, q, v, p.R0)
+        move_through_joint(p, t, b, q, v, p.R0)
         _add_body(p, b, q, v)
     for k in range(p.at_body.size):
         _add_point_load(p, t, k, q)
@@ -475,8 +252,8 @@ def place_bodies(
     """Frames of all bodies, and their angular velocities in space, at states q, v (n_times, …)."""
     for i in range(times.size):
         for b in range(p.parent.size):
-            _place(p, b, q[i], v[i], p.R0)
-            _joint(p, times[i], b, q[i], v[i], p.R0)
+            place_joint(p, b, q[i], v[i], p.R0)
+            move_through_joint(p, times[i], b, q[i], v[i], p.R0)
             for j in range(3):
                 spins[i, b, j] = p.spin[b, j]
         _copy_frames(p, origins[i], rotations[i])

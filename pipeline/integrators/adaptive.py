@@ -22,7 +22,7 @@ from pipeline.integrators.protocol import Progress, State, require_times
 Run = Callable[[State, Array, float, int, Array, Array, Array, IntArray], int]
 
 _FLOOR = 1e-12  # a group that has not moved yet
-_SMALLEST = 1e-12  # of the duration
+SMALLEST = 1e-12  # of the duration
 _CHUNK = 256  # steps
 _SAFETY = 0.9
 
@@ -41,12 +41,14 @@ def adaptive_state(system: System, start: State) -> State:
 
 
 def march_adaptively(
-    run: Run, start: State, breakpoints: tuple[float, ...], times: Array, progress: Progress | None
+    name: str, run: Run, start: State, breakpoints: tuple[float, ...], times: Array, progress: Progress | None
 ) -> tuple[State, Array, Array, float]:
     """Call a compiled adaptive march until it has passed the last output time.
 
     Parameters
     ----------
+    name : str
+        The method's.
     run : callable
         ``run(state, clock, stop, n_steps, times, sample_q, sample_v, cursor) -> steps done``; it writes into the
         state's arrays and ``clock``, (2,), the time and the next step. A negative number of steps says that the next
@@ -58,7 +60,7 @@ def march_adaptively(
         The step became too small, or the state is not finite; the message gives the time.
     """
     require_times(times)
-    state = replace(start, q=start.q.copy(), v=start.v.copy(), a=start.a.copy(), memory=start.memory.copy())
+    state = start.copied()
     q, v = np.full((times.size, start.q.size), np.nan), np.full((times.size, start.v.size), np.nan)
     cursor = np.array([np.searchsorted(times, state.time)])
     clock, end, seconds = np.array([state.time, state.next_step]), float(times[-1]), 0.0
@@ -69,41 +71,61 @@ def march_adaptively(
         seconds += time.perf_counter() - tick
         state = replace(state, step=state.step + abs(done), time=float(clock[0]), next_step=float(clock[1]))
         if done <= 0 or not (np.isfinite(state.q).all() and np.isfinite(state.v).all()):
-            raise StabilityError(
-                f"the march stopped at t = {clock[0]:.6g} s: its step fell to {clock[1]:.1e} s, or the state is not finite"
-            )
+            finite = all(np.isfinite(x).all() for x in (state.q, state.v, state.a))
+            reason = f"its step fell to {clock[1]:.1e} s" if finite else "the accelerations are not finite"
+            raise StabilityError(f"{name} stopped at t = {clock[0]:.6g} s: {reason}")
         if progress:
             progress(min(1.0, clock[0] / end) if end else 1.0)
     return state, q, v, seconds
 
 
 @kernel
-def scaled_error(groups: IntArray, largest: Array, new: Array, error: Array) -> float:
-    """Largest error over its group's largest value, which ``new`` may raise; not a number if anything isn't.
+def just_after(t: float) -> float:
+    """Time at which a step that begins at t takes the loads: where one jumps, the value after the jump counts."""
+    return float(np.nextafter(t, math.inf))
+
+
+@kernel
+def just_before(t: float) -> float:
+    """Time at which a step that ends at t takes the loads."""
+    return float(np.nextafter(t, -math.inf))
+
+
+@kernel
+def step_within(h: float, left: float) -> float:
+    """Step h, or what is left to the next breakpoint, or half of that if a short rest would remain."""
+    if h >= left * (1.0 - 1e-9):
+        return left
+    return 0.5 * left if h > 0.5 * left else h
+
+
+@kernel
+def scaled_error(groups: IntArray, largest: Array, error: Array) -> float:
+    """Largest error over its group's largest value; not a number if an error or a value isn't finite.
 
     Parameters
     ----------
     groups : ndarray, shape (n,)
+        Of each error.
     largest : ndarray, shape (n_groups,)
-        Of each group so far; not changed.
+        Of each group, with the end of the step that is on trial.
     """
     worst = 0.0
     for i in range(groups.size):
-        scale = max(largest[groups[i]], _FLOOR)
-        for j in range(groups.size):
-            if groups[j] == groups[i]:
-                scale = max(scale, abs(new[j]))
-        worst = max(worst, abs(error[i]) / scale)
-        if not math.isfinite(error[i]):
+        ratio = abs(error[i]) / max(largest[groups[i]], _FLOOR)
+        if not (math.isfinite(error[i]) and math.isfinite(largest[groups[i]])):
             return math.nan
+        worst = max(worst, ratio)
     return worst
 
 
 @kernel
 def keep_largest(groups: IntArray, largest: Array, new: Array) -> None:
-    """Raise each group's largest value to that of an accepted state."""
+    """Raise each group's largest value to that of a state; what is not a number stays to be seen."""
     for i in range(groups.size):
-        largest[groups[i]] = max(largest[groups[i]], abs(new[i]))
+        size = abs(new[i])
+        if not size <= largest[groups[i]]:
+            largest[groups[i]] = size
 
 
 @kernel
@@ -113,4 +135,5 @@ def step_factor(error: float, tolerance: float, order: int) -> float:
         return 4.0
     if not math.isfinite(error):
         return 0.2
-    return min(4.0, max(0.2, _SAFETY * (tolerance / error) ** (1.0 / order)))
+    wanted: float = _SAFETY * (tolerance / error) ** (1.0 / order)
+    return min(4.0, max(0.2, wanted))

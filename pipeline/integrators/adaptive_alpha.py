@@ -1,7 +1,9 @@
 """Generalised-α with a step that follows the error.
 
-The local error of a step is taken from the change of the acceleration over it, ``h² (β − 1/6)(a_{n+1} − a_n)``: what the
-method's own positions miss of Taylor's third-order term (Zienkiewicz & Xie, Earthquake Eng Struct Dyn 20, 1991).
+The local error of a step is taken from the change of the acceleration over it: what the method's own positions miss of
+Taylor's third-order term, ``h² (β + ½ Δ − 1/6)(q̈_{n+1} − q̈_n)``, where the auxiliary acceleration is ``Δ = α_m − α_f``
+of a step ahead of the true one (Zienkiewicz & Xie, Earthquake Eng Struct Dyn 20, 1991, for Newmark's method with
+Δ = 0). A change of the step changes how far that is (Brüls & Arnold, J Comput Nonlinear Dyn 3, 2008).
 """
 
 from __future__ import annotations
@@ -15,16 +17,21 @@ import numpy as np
 
 from pipeline.checks import Array, IntArray
 from pipeline.dynamics.compiled import kernel
-from pipeline.dynamics.system import System
+from pipeline.dynamics.system import System, accelerations
 from pipeline.integrators.adaptive import (
+    SMALLEST,
     adaptive_state,
     groups_of,
+    just_after,
+    just_before,
     keep_largest,
     march_adaptively,
     scaled_error,
     step_factor,
+    step_within,
 )
 from pipeline.integrators.generalized_alpha import (
+    TOLERANCE,
     GeneralizedAlpha,
     accept_step,
     newton_room,
@@ -32,7 +39,7 @@ from pipeline.integrators.generalized_alpha import (
     sample_step_at,
     two_accelerations,
 )
-from pipeline.integrators.protocol import Progress, State, Trajectory, start_state
+from pipeline.integrators.protocol import Progress, State, Trajectory, march_from, start_state
 
 # Changing the step costs a new tangent: a step that could be longer by less than this stays as it is.
 _WORTH = 1.5
@@ -77,12 +84,11 @@ class AdaptiveGeneralizedAlpha:
     def march(self, system: System, q0: Array, v0: Array, times: Array, progress: Progress | None = None) -> Trajectory:
         """Integrate from time 0 until the last of ``times`` is passed."""
         start = two_accelerations(adaptive_state(system, start_state(system, q0, v0, np.zeros(system.n))))
-        groups = groups_of(system)[: system.n_positions]
+        groups = groups_of(system)
         largest = np.zeros(int(groups.max(initial=-1)) + 1)
-        keep_largest(groups, largest, start.q)
-        start = replace(start, memory=np.concatenate([start.memory, largest]))
-        trajectory = self.resume(system, start, times, progress)
-        return replace(trajectory, evaluations=trajectory.evaluations + 1)
+        keep_largest(groups[: system.n_positions], largest, start.q)
+        start = replace(start, memory=np.concatenate([start.memory, largest, [start.next_step]]))
+        return march_from(self, system, start, times, progress)
 
     def resume(self, system: System, start: State, times: Array, progress: Progress | None = None) -> Trajectory:
         """Continue from a state that a march of this method has ended in; earlier output times stay NaN.
@@ -92,14 +98,20 @@ class AdaptiveGeneralizedAlpha:
         StabilityError
             The step became too small.
         """
-        p, groups, room = system.parameters, groups_of(system)[: system.n_positions], newton_room(system)
-        error = np.zeros((2, system.n_positions))
+        p, groups, room = system.parameters, groups_of(system), newton_room(system)
+        n_positions = system.n_positions
+        # A rate's error is that of the positions it moves, which are of the same group; those of the rates come after.
+        like = groups[n_positions:] - groups[:n_positions].max(initial=-1) - 1
+        if n_positions > system.n and getattr(system, "groups", None) is None:
+            like[:] = 0
+        error, trial = np.zeros(system.n), np.zeros(int(groups.max(initial=-1)) + 1)
 
         def run(state: State, clock: Array, stop: float, n_steps: int, *samples: Any) -> int:
-            march = (self.tolerance, clock, stop, n_steps, state.q, state.v, state.a, groups, error)
-            return int(_march(p, self.weights, *room, state.memory, *march, *samples))
+            march: tuple[Any, ...] = (self.tolerance, clock, stop, n_steps, state.q, state.v, state.a)
+            scales: tuple[Any, ...] = (groups[:n_positions], like, error, trial)
+            return int(_march(p, self.weights, *room, state.memory, *march, *scales, *samples))
 
-        end, q, v, seconds = march_adaptively(run, start, system.breakpoints, times, progress)
+        end, q, v, seconds = march_adaptively(self.name, run, start, system.breakpoints, times, progress)
         n_steps = end.step - start.step
         mean = (end.time - start.time) / n_steps if n_steps else 0.0
         return Trajectory(self.name, mean, 1, times, q, v, int(room[-1][0]), 0, seconds, end)
@@ -109,46 +121,63 @@ class AdaptiveGeneralizedAlpha:
 def _march(
     p: Any, weights: Array, work: Array, positions: Array, counts: Array, memory: Array,
     tolerance: float, clock: Array, stop: float, n_steps: int, q: Array, v: Array, a: Array,
-    groups: IntArray, error: Array,
+    groups: IntArray, like: IntArray, error: Array, trial: Array,
     times: Array, sample_q: Array, sample_v: Array, cursor: IntArray,
 ) -> int:  # fmt: skip
-    n, new, shift = v.size, work[0], q.size - v.size
-    largest = memory[n * n + 1 :]
-    last = times[times.size - 1]
+    n, new = v.size, work[0]
+    largest, last = memory[n * n + 1 : memory.size - 1], memory.size - 1
+    missing = abs(weights[2] + 0.5 * (weights[0] - weights[1]) - 1.0 / 6.0)
+    smallest = SMALLEST * times[times.size - 1]
     for done in range(n_steps):
         if cursor[0] >= times.size or clock[0] >= stop:
             return done
         t = clock[0]
-        h = min(clock[1], stop - t)
-        planned = h == clock[1]
+        h = step_within(clock[1], stop - t)
+        planned, reached = h == clock[1], t
         while True:
-            if not h > 1e-14 * max(abs(t), last):
-                clock[1] = h
-                return -done - 1
-            factor = 0.25
-            if newton_step(p, weights, work, positions, counts, memory, t, h, q, v, a):
-                for i in range(q.size):  # a quaternion's components move by half the angle at most
-                    error[0, i] = 0.0
+            if h != memory[last]:
                 for i in range(n):
-                    change = h * h * abs(weights[2] - 1.0 / 6.0) * abs(new[i] - a[n + i])
-                    at = max(i + shift, 0)
-                    error[0, at] = max(error[0, at], change)
-                size = scaled_error(groups, largest, positions[0], error[0])
-                factor = step_factor(size, tolerance, 3)
-                if size <= tolerance:
-                    break
+                    a[i] = a[n + i] + (a[i] - a[n + i]) * (h / memory[last])
+                memory[last], memory[n * n] = h, 0.0
+            reached = stop if h == stop - t else t + h
+            size = math.nan
+            if newton_step(p, weights, work, positions, counts, memory, just_before(reached), h, q, v, a):
+                acceleration = 0.0
+                for i in range(n):
+                    acceleration = max(acceleration, abs(new[i]))
+                for i in range(n):
+                    noise = TOLERANCE * acceleration
+                    error[i] = h * h * max(missing * abs(new[i] - a[n + i]) - noise, 0.0)
+                for k in range(largest.size):
+                    trial[k] = largest[k]
+                keep_largest(groups, trial, positions[0])
+                size = scaled_error(like, trial, error)
+            factor = step_factor(size, tolerance, 3)
+            if size <= tolerance:
+                break
             h *= min(factor, 0.9)
             planned = True
-            memory[n * n] = 0.0
-        while cursor[0] < times.size and times[cursor[0]] <= t + h:
+            if not h > smallest:
+                clock[1] = h
+                return -done - 1
+        while cursor[0] < times.size and times[cursor[0]] <= reached:
             k = cursor[0]
-            sample_step_at(p, times[k] - t, h, q, v, a, new, work[2], sample_q[k], sample_v[k])
+            if times[k] < reached:
+                sample_step_at(p, times[k] - t, h, q, v, a, new, work[2], sample_q[k], sample_v[k])
+            else:
+                for i in range(q.size):
+                    sample_q[k, i] = positions[0, i]
+                for i in range(n):
+                    sample_v[k, i] = work[3, i]
             cursor[0] += 1
         accept_step(weights, q, v, a, new, positions[0], work[3])
         keep_largest(groups, largest, q)
-        clock[0] = stop if h == stop - t else t + h
+        clock[0] = reached
+        if reached == stop:  # accelerations may jump
+            accelerations(p, just_after(stop), q, v, new)
+            counts[0] += 1
+            for i in range(n):
+                a[i], a[n + i] = new[i], new[i]
         if planned:
             clock[1] = h * factor if factor > _WORTH or factor < 1.0 else h
-        if clock[1] != h:
-            memory[n * n] = 0.0
     return n_steps

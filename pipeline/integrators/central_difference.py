@@ -6,7 +6,7 @@ Stable for ω_max h < 2.
 
 from __future__ import annotations
 
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
@@ -18,6 +18,7 @@ from pipeline.integrators.protocol import (
     Progress,
     State,
     Trajectory,
+    march_from,
     march_in_chunks,
     require_step,
     runs_away,
@@ -47,8 +48,7 @@ class CentralDifference:
     def march(self, system: System, q0: Array, v0: Array, times: Array, progress: Progress | None = None) -> Trajectory:
         """Integrate from time 0 to the last of ``times``."""
         start = start_state(system, q0, v0, np.full(system.n, 0.5 * self.step))
-        trajectory = self.resume(system, start, times, progress)
-        return replace(trajectory, evaluations=trajectory.evaluations + 1)
+        return march_from(self, system, start, times, progress)
 
     def resume(self, system: System, start: State, times: Array, progress: Progress | None = None) -> Trajectory:
         """Continue from a state that a march of this method has ended in; earlier output times stay NaN."""

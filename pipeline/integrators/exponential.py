@@ -9,7 +9,7 @@ matrix functions φ₁, φ₂, φ₃ of the method.
 from __future__ import annotations
 
 import math
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
@@ -21,6 +21,7 @@ from pipeline.integrators.protocol import (
     Progress,
     State,
     Trajectory,
+    march_from,
     march_in_chunks,
     require_step,
     runs_away,
@@ -49,8 +50,7 @@ class Exponential:
 
     def march(self, system: System, q0: Array, v0: Array, times: Array, progress: Progress | None = None) -> Trajectory:
         """Integrate from time 0 to the last of ``times``."""
-        trajectory = self.resume(system, start_state(system, q0, v0, np.zeros(system.n)), times, progress)
-        return replace(trajectory, evaluations=trajectory.evaluations + 1)
+        return march_from(self, system, start_state(system, q0, v0, np.zeros(system.n)), times, progress)
 
     def resume(self, system: System, start: State, times: Array, progress: Progress | None = None) -> Trajectory:
         """Continue from a state that a march of this method has ended in; earlier output times stay NaN.

@@ -22,6 +22,7 @@ from pipeline.integrators.protocol import (
     Progress,
     State,
     Trajectory,
+    march_from,
     march_in_chunks,
     require_step,
     runs_away,
@@ -73,8 +74,7 @@ class GeneralizedAlpha:
         """Integrate from time 0 to the last of ``times``."""
         start = start_state(system, q0, v0, np.zeros(system.n))
         start = two_accelerations(start)
-        trajectory = self.resume(system, start, times, progress)
-        return replace(trajectory, evaluations=trajectory.evaluations + 1)
+        return march_from(self, system, start, times, progress)
 
     def resume(self, system: System, start: State, times: Array, progress: Progress | None = None) -> Trajectory:
         """Continue from a state that a march of this method has ended in; earlier output times stay NaN.
@@ -87,7 +87,7 @@ class GeneralizedAlpha:
         parameters, h, room = system.parameters, self.step, newton_room(system)
 
         def run(state: State, n_steps: int, *samples: Any) -> int:
-            march = (h, state.step, n_steps, state.q, state.v, state.a)
+            march: tuple[Any, ...] = (h, state.step, n_steps, state.q, state.v, state.a)
             done = int(_march(parameters, self.weights, *room, state.memory, *march, *samples))
             if room[-1][1]:
                 raise AccuracyError(
@@ -136,7 +136,7 @@ def _solve(A: Array, x: Array) -> None:
 
 @kernel
 def _end_of_step(
-    p: Any, weights: Array, t: float, h: float, q: Array, v: Array, a: Array, new: Array,
+    p: Any, weights: Array, end: float, h: float, q: Array, v: Array, a: Array, new: Array,
     q_new: Array, v_new: Array, mean: Array, found: Array,
 ) -> None:  # fmt: skip
     """Accelerations at the end of a step for a trial ``new`` of them; a holds the auxiliary and the true ones."""
@@ -149,15 +149,15 @@ def _end_of_step(
     for i in range(q.size):
         q_new[i] = q[i]
     advance(p, q_new, mean, h, 0, n)
-    accelerations(p, t + h, q_new, v_new, found)
+    accelerations(p, end, q_new, v_new, found)
 
 
 @kernel
 def newton_step(
     p: Any, weights: Array, work: Array, positions: Array, counts: Array, memory: Array,
-    t: float, h: float, q: Array, v: Array, a: Array,
+    end: float, h: float, q: Array, v: Array, a: Array,
 ) -> bool:  # fmt: skip
-    """Find the accelerations at the end of a step, in work[0]; positions[0] and work[3] are its positions and rates.
+    """Find the accelerations at a step's ``end`` [s], in work[0]; positions[0] and work[3] are its positions and rates.
 
     The tangent, factored, is kept in ``memory``, with a last number that says whether it serves.
     """
@@ -168,7 +168,7 @@ def newton_step(
         new[i] = a[n + i]
     largest_before = 0.0
     for iteration in range(_MOST_ITERATIONS):
-        _end_of_step(p, weights, t, h, q, v, a, new, q_new, v_new, mean, found)
+        _end_of_step(p, weights, end, h, q, v, a, new, q_new, v_new, mean, found)
         counts[0] += 1
         size, largest = 1e-300, 0.0
         for i in range(n):
@@ -180,7 +180,7 @@ def newton_step(
                 keep = new[j]
                 nudge = 1e-6 * (abs(keep) + 1e-3 * size)
                 new[j] = keep + nudge
-                _end_of_step(p, weights, t, h, q, v, a, new, q_new, v_new, mean, shifted)
+                _end_of_step(p, weights, end, h, q, v, a, new, q_new, v_new, mean, shifted)
                 counts[0] += 1
                 new[j] = keep
                 for i in range(n):
@@ -196,7 +196,7 @@ def newton_step(
             new[i] += found[i]
             largest += abs(found[i])  # a sum: it keeps a NaN, which max would lose
         if largest <= TOLERANCE * size:
-            _end_of_step(p, weights, t, h, q, v, a, new, q_new, v_new, mean, found)
+            _end_of_step(p, weights, end, h, q, v, a, new, q_new, v_new, mean, found)
             counts[0] += 1
             return True
         if iteration > 0 and largest > 0.3 * largest_before:
@@ -241,7 +241,7 @@ def _march(
 ) -> int:  # fmt: skip
     next_sample = sample_step[cursor[0]] if cursor[0] < sample_step.size else -1
     for step in range(first, first + n_steps):
-        if not newton_step(p, weights, work, positions, counts, memory, step * h, h, q, v, a):
+        if not newton_step(p, weights, work, positions, counts, memory, step * h + h, h, q, v, a):
             counts[1] = 1.0
             return step - first
         while step == next_sample:

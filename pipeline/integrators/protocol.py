@@ -23,7 +23,7 @@ _CHUNK_SECONDS = 0.2
 
 @dataclass(frozen=True)
 class State:
-    """Where a march stands; a march that starts from it continues bit for bit.
+    """Where a march stands; a march that starts from it continues bit for bit, from a pickled copy too.
 
     Attributes
     ----------
@@ -36,9 +36,12 @@ class State:
     a : ndarray, shape (n,)
         Accelerations of the last step.
     time, next_step : float
-        Of an adaptive method: where it stands and what it would do next [s].
+        Where it stands, and the step that a method which chooses its steps would try next [s].
     memory : ndarray
-        What else a method needs to go on as if it had not stopped.
+        What else a method needs to go on as if it had not stopped: generalised-α Newton's tangent, adaptive methods the
+        largest value so far of each group of coordinates.
+    inner : dict, optional
+        The same of SciPy's solvers, by the names of their attributes.
     """
 
     step: int
@@ -48,6 +51,11 @@ class State:
     time: float = 0.0
     next_step: float = 0.0
     memory: Array = field(default_factory=lambda: np.zeros(0))
+    inner: dict[str, Any] | None = None
+
+    def copied(self) -> State:
+        """Itself with arrays of its own, for a march to write into."""
+        return replace(self, q=self.q.copy(), v=self.v.copy(), a=self.a.copy(), memory=self.memory.copy())
 
 
 @dataclass(frozen=True)
@@ -106,6 +114,25 @@ class Integrator(Protocol):
     def march(self, system: System, q0: Array, v0: Array, times: Array, progress: Progress | None = None) -> Trajectory:
         """Integrate from ``q0``, ``v0`` at time 0 to the last of ``times``, with output at each of them."""
 
+    def resume(self, system: System, start: State, times: Array, progress: Progress | None = None) -> Trajectory:
+        """Continue from a state that a march of this method has ended in; earlier output times stay NaN.
+
+        The numbers are bit for bit those of one march without a break.
+        """
+
+
+def march_from(
+    method: Integrator,
+    system: System,
+    start: State,
+    times: Array,
+    progress: Progress | None,
+    evaluations: int = 1,
+) -> Trajectory:
+    """Resume from a start state and count the evaluations that it took to make it, too."""
+    trajectory = method.resume(system, start, times, progress)
+    return replace(trajectory, evaluations=trajectory.evaluations + evaluations)
+
 
 def march_in_chunks(
     run: Callable[..., int],
@@ -135,14 +162,14 @@ def march_in_chunks(
         A rate ran away; the message gives the time and the coordinate that moves fastest then.
     """
     require_times(times)
-    state = replace(start, q=start.q.copy(), v=start.v.copy(), a=start.a.copy(), memory=start.memory.copy())
+    state = start.copied()
     sample_step = np.floor(times / step * (1 + 1e-14) + 1e-9).astype(np.int64)
     sample_offset = np.maximum(times - sample_step * step, 0.0)
     sample_offset[sample_offset < 1e-9 * step] = 0.0
     q, v = np.full((times.size, start.q.size), np.nan), np.full((times.size, start.v.size), np.nan)
     cursor = np.array([np.searchsorted(sample_step, state.step)])
     last = -(-(int(sample_step[-1]) + 1 - state.step) // stride) * stride + state.step
-    seconds, chunk = 0.0, 64 * stride
+    seconds, chunk = 0.0, 4096 * stride
     while state.step < last:
         wanted = min(chunk, last - state.step)
         tick = time.perf_counter()

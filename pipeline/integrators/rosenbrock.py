@@ -1,6 +1,6 @@
 """Exponential Rosenbrock method exprb43: Hochbruck, Ostermann & Schweitzer, SIAM J Numer Anal 47 (2009).
 
-``u' = F(t, u)`` for positions and rates together. In each step F is linearised anew, ``F = J u + v t + g``, the linear part
+``u' = F(t, u)`` for positions and rates together. Each step linearises F anew, ``F = J u + v t + g``: the linear part
 is solved exactly by ``φ_k(h J)`` and the rest g by two stages:
 
     U₂ = u + ½h φ₁(½hJ) F + (½h)² φ₂(½hJ) v          D₂ = g(U₂) − g(u)
@@ -20,21 +20,27 @@ from typing import Any
 import numpy as np
 
 from pipeline.checks import Array, IntArray
-from pipeline.dynamics.compiled import kernel
+from pipeline.dynamics.compiled import inlined, kernel
 from pipeline.dynamics.system import System, accelerations, advance, velocities
 from pipeline.integrators.adaptive import (
+    SMALLEST,
     adaptive_state,
     groups_of,
+    just_after,
+    just_before,
     keep_largest,
     march_adaptively,
     scaled_error,
     step_factor,
+    step_within,
 )
-from pipeline.integrators.protocol import Progress, State, Trajectory, start_state
+from pipeline.integrators.protocol import Progress, State, Trajectory, march_from, start_state
 
-_DEGREE = 10  # of φ₄'s Taylor polynomial: exact to round-off for a norm of …
-_NORM = 0.5
+_NORMS = (0.25, 1.0, 1.8, 2.9)  # up to which φ₄'s Taylor polynomial of degree 8, 12, 16, 20 is exact to round-off
+_INVERSES = tuple(1.0 / math.factorial(k) for k in range(26))
+_LEVELS = 28  # of doublings at most
 _NUDGE = 1.5e-8  # of a coordinate, or of 1
+_ROUND_OFF = 1e-15  # of a step's largest change
 
 
 @dataclass(frozen=True)
@@ -65,8 +71,7 @@ class ExponentialRosenbrock:
         largest = np.zeros(int(groups.max(initial=-1)) + 1)
         keep_largest(groups, largest, np.concatenate([start.q, start.v]))
         start = replace(adaptive_state(system, start), memory=largest)
-        trajectory = self.resume(system, start, times, progress)
-        return replace(trajectory, evaluations=trajectory.evaluations + 1)
+        return march_from(self, system, start, times, progress)
 
     def resume(self, system: System, start: State, times: Array, progress: Progress | None = None) -> Trajectory:
         """Continue from a state that a march of this method has ended in; earlier output times stay NaN.
@@ -77,14 +82,16 @@ class ExponentialRosenbrock:
             The step became too small.
         """
         p, groups, n_all = system.parameters, groups_of(system), system.n_positions + system.n
-        matrices, vectors = np.zeros((10, n_all, n_all)), np.zeros((14, n_all))
+        levels, matrices = np.empty((_LEVELS, 5, n_all, n_all)), np.empty((7, n_all, n_all))
+        vectors, sources, trial = np.zeros((11, n_all)), np.zeros((4, n_all)), np.zeros(start.memory.size)
         evaluations = np.zeros(1)
 
         def run(state: State, clock: Array, stop: float, n_steps: int, *samples: Any) -> int:
-            work = (state.q, state.v, state.a, groups, state.memory, matrices, vectors, evaluations)
-            return int(_march(p, self.tolerance, clock, stop, n_steps, *work, *samples))
+            room = (levels, matrices, vectors, sources, trial, evaluations)
+            march = (clock, stop, n_steps, state.q, state.v, state.a, groups, state.memory)
+            return int(_march(p, self.tolerance, *march, *room, *samples))
 
-        end, q, v, seconds = march_adaptively(run, start, system.breakpoints, times, progress)
+        end, q, v, seconds = march_adaptively(self.name, run, start, system.breakpoints, times, progress)
         n_steps = end.step - start.step
         mean = (end.time - start.time) / n_steps if n_steps else 0.0
         return Trajectory(self.name, mean, 1, times, q, v, int(evaluations[0]), 0, seconds, end)
@@ -97,7 +104,10 @@ def _slope(p: Any, t: float, u: Array, n_positions: int, F: Array) -> None:
     accelerations(p, t, u[:n_positions], u[n_positions:], F[n_positions:])
 
 
-@kernel
+# Each kernel that calls the dynamics compiles them over again: these two are parts of the march instead.
+
+
+@inlined
 def _linearise(
     p: Any, t: float, dt: float, u: Array, n_positions: int, F: Array, nudged: Array, J: Array, v: Array
 ) -> None:
@@ -126,107 +136,209 @@ def _multiply(A: Array, B: Array, C: Array) -> None:
         for j in range(n):
             row[j] = 0.0
         for k in range(n):
-            a = A[i, k]
-            if a != 0.0:
-                other = B[k]
-                for j in range(n):
-                    row[j] += a * other[j]
+            a, other = A[i, k], B[k]
+            for j in range(n):
+                row[j] += a * other[j]
 
 
 @kernel
-def _phi_functions(J: Array, scale: Array, h: float, m: Array) -> None:
-    """Fill m[0 … 4] with φ₀ … φ₄ of ``h S J S⁻¹`` and m[5], m[6] with φ₁, φ₂ of half of it; m[7 … 8] is room."""
-    n = J.shape[0]
-    A, new = m[7], m[8]
+def _taylor_matrices(A: Array, tau: float, norm: float, phi: Array, m: Array) -> None:
+    """Fill phi (5, n, n) with φ₀ … φ₄ of ``tau A``, of this norm; m (5, n, n) is room.
+
+    φ₄ is a polynomial in blocks of four powers (Paterson & Stockmeyer, SIAM J Comput 2, 1973); the others follow from
+    ``φ_k(z) = z φ_{k+1}(z) + 1/k!``.
+    """
+    n = A.shape[0]
+    B, top, new = m[0], phi[4], m[4]
+    for i in range(n):
+        for j in range(n):
+            B[i, j] = tau * A[i, j]
+    for k in range(1, 4):
+        _multiply(B, m[k - 1], m[k])
+    blocks = 2
+    while blocks < 5 and norm > _NORMS[blocks - 2]:
+        blocks += 1
+    for i in range(n):
+        for j in range(n):
+            new[i, j] = _INVERSES[4 * blocks + 4] * m[3, i, j]
+    for block in range(blocks - 1, -1, -1):
+        c0, c1, c2, c3 = (
+            _INVERSES[4 * block + 4],
+            _INVERSES[4 * block + 5],
+            _INVERSES[4 * block + 6],
+            _INVERSES[4 * block + 7],
+        )
+        for i in range(n):
+            for j in range(n):
+                top[i, j] = new[i, j] + c1 * B[i, j] + c2 * m[1, i, j] + c3 * m[2, i, j]
+            top[i, i] += c0
+        if block:
+            _multiply(m[3], top, new)
+    for k in range(3, -1, -1):
+        _multiply(B, phi[k + 1], phi[k])
+        for i in range(n):
+            phi[k, i, i] += _INVERSES[k]
+
+
+@kernel
+def _double(phi: Array, out: Array) -> None:
+    """From φ_k(z) to φ_k(2 z): ``φ_k(2z) = 2^-k (φ₀ φ_k + Σ_j φ_j/(k − j)!)``."""
+    n = phi.shape[1]
+    factor = 1.0
+    for k in range(5):
+        _multiply(phi[0], phi[k], out[k])
+        for j in range(1, k + 1):
+            weight = _INVERSES[k - j]
+            for row in range(n):
+                for column in range(n):
+                    out[k, row, column] += weight * phi[j, row, column]
+        for row in range(n):
+            for column in range(n):
+                out[k, row, column] *= factor
+        factor *= 0.5
+
+
+@kernel
+def _matrix_functions(A: Array, half: float, levels: Array, m: Array) -> int:
+    """Fill levels[0 … top] with φ₀ … φ₄ of ``half A 2^(level − top)``; the top, or -1 if there are too few levels."""
+    n = A.shape[0]
     norm = 0.0
     for i in range(n):
         total = 0.0
         for j in range(n):
-            A[i, j] = h * scale[i] * J[i, j] / scale[j]
             total += abs(A[i, j])
-        norm = max(norm, total)
-    doublings = 1
-    while norm > _NORM * 2.0**doublings and doublings < 60:
-        doublings += 1
-    small = 0.5**doublings
-    for i in range(n):
-        for j in range(n):
-            A[i, j] *= small
-            m[4, i, j] = 0.0
-    coefficient = 1.0  # 1/(degree + 4)!
-    for k in range(1, _DEGREE + 5):
-        coefficient /= k
-    for k in range(_DEGREE, -1, -1):  # φ₄(A) = Σ A^k/(k + 4)!, by Horner
-        if k < _DEGREE:
-            _multiply(A, m[4], new)
-            for i in range(n):
-                for j in range(n):
-                    m[4, i, j] = new[i, j]
-            coefficient *= k + 5
-        for i in range(n):
-            m[4, i, i] += coefficient
-    inverse = 6.0
-    for k in range(3, -1, -1):  # φ_k = A φ_{k+1} + 1/k!
-        _multiply(A, m[k + 1], m[k])
-        for i in range(n):
-            m[k, i, i] += 1.0 / inverse
-        inverse /= max(k, 1)
-    for doubling in range(doublings):
-        if doubling == doublings - 1:
-            for i in range(n):
-                for j in range(n):
-                    m[5, i, j], m[6, i, j] = m[1, i, j], m[2, i, j]
-        # φ_k(2A) = 2^-k (φ₀ φ_k + Σ_j φ_j/(k − j)!), from the highest down: the lower ones are still needed
-        for k in range(4, -1, -1):
-            _multiply(m[0], m[k], new)
-            for i in range(n):
-                for j in range(n):
-                    total, weight = new[i, j], 1.0
-                    for lower in range(k, 0, -1):
-                        total += weight * m[lower, i, j]
-                        weight /= k - lower + 1
-                    new[i, j] = total * 0.5**k
-            for i in range(n):
-                for j in range(n):
-                    m[k, i, j] = new[i, j]
+        norm = max(norm, half * total)
+    top = 0
+    while norm > _NORMS[3]:
+        norm *= 0.5
+        top += 1
+        if top == levels.shape[0]:
+            return -1
+    if not norm <= _NORMS[3]:
+        return -1
+    _taylor_matrices(A, half * 0.5**top, norm, levels[0], m)
+    for level in range(top):
+        _double(levels[level], levels[level + 1])
+    return top
 
 
 @kernel
-def _add_product(factor: float, Phi: Array, scale: Array, x: Array, out: Array) -> None:
-    """``out += factor S⁻¹ Φ S x``."""
-    n = x.size
+def _flow(phi: Array, tau: float, w: Array, c: Array, out: Array) -> None:
+    """Carry ``w' = A w + Σ_k c_k t^k/k!`` from 0 to tau, exactly; c (4, n) is then the source as seen from there.
+
+    ``∫ exp((tau − t) A) t^k/k! dt = tau^(k+1) φ_{k+1}(tau A)``.
+    """
+    n = w.size
+    t1, t2, t3, t4 = tau, tau**2, tau**3, tau**4
     for i in range(n):
         total = 0.0
         for j in range(n):
-            total += Phi[i, j] * scale[j] * x[j]
-        out[i] += factor * total / scale[i]
+            total += phi[0, i, j] * w[j] + t1 * phi[1, i, j] * c[0, j] + t2 * phi[2, i, j] * c[1, j]
+            total += t3 * phi[3, i, j] * c[2, j] + t4 * phi[4, i, j] * c[3, j]
+        out[i] = total
+    for i in range(n):
+        w[i] = out[i]
+        c[0, i] += tau * (c[1, i] + 0.5 * tau * (c[2, i] + tau / 3.0 * c[3, i]))
+        c[1, i] += tau * (c[2, i] + 0.5 * tau * c[3, i])
+        c[2, i] += tau * c[3, i]
 
 
 @kernel
-def _remainder(
-    p: Any, t: float, dt: float, u: Array, start: Array, n_positions: int, F: Array, J: Array, v: Array, out: Array
+def _taylor_flow(A: Array, tau: float, w: Array, c: Array, rate: Array, new: Array) -> None:
+    """Carry w as `_flow` does, by Taylor's series: for a short time, without matrices; c stays."""
+    n = w.size
+    for i in range(n):
+        rate[i] = c[0, i]
+        for j in range(n):
+            rate[i] += A[i, j] * w[j]
+    weight = tau
+    for k in range(1, 30):
+        for i in range(n):
+            w[i] += weight * rate[i]
+            new[i] = c[k, i] if k < 4 else 0.0
+            for j in range(n):
+                new[i] += A[i, j] * rate[j]
+        for i in range(n):
+            rate[i] = new[i]
+        weight *= tau / (k + 1)
+
+
+@kernel
+def _flow_to(
+    A: Array, levels: Array, top: int, half: float, ahead: float, w: Array, c: Array, out: Array, room: Array
 ) -> None:
-    """``g(t + dt, u) − g(t, start)``, into out."""
-    _slope(p, t + dt, u, n_positions, out)
+    """Carry w from 0 to any time below twice ``half``: by the times of the levels, and the rest by Taylor's series."""
+    for i in range(w.size):
+        w[i] = 0.0
+    tau, left = half, ahead
+    for level in range(top, -1, -1):
+        if left >= tau:
+            _flow(levels[level], tau, w, c, out)
+            left -= tau
+        tau *= 0.5
+    _taylor_flow(A, left, w, c, out, room)
+
+
+@kernel
+def _flow_over(phi: Array, half: float, w: Array, c: Array, out: Array) -> None:
+    """Carry w from 0 at the begin of a step to its end."""
+    for i in range(w.size):
+        w[i] = 0.0
+    _flow(phi, half, w, c, out)
+    _flow(phi, half, w, c, out)
+
+
+@kernel
+def _set_source(c: Array, scale: Array, first: Array, v: Array, A: Array, B: Array, h: float) -> None:
+    """``first + v t + A (t/h)² + B (t/h)³`` as a source for `_flow`; scaled."""
+    for i in range(scale.size):
+        c[0, i], c[1, i] = scale[i] * first[i], scale[i] * v[i]
+        c[2, i], c[3, i] = 2.0 * scale[i] * A[i] / h**2, 6.0 * scale[i] * B[i] / h**3
+
+
+@inlined
+def _remainder(
+    p: Any, t: float, dt: float, u: Array, w: Array, scale: Array, n_positions: int, F: Array, J: Array, v: Array,
+    U: Array, out: Array,
+) -> None:  # fmt: skip
+    """``g(t, u + w) − g(t − dt, u)``, into out, for a scaled change w; u + w goes into U."""
     n = u.size
+    for i in range(n):
+        U[i] = u[i] + w[i] / scale[i]
+    _slope(p, t, U, n_positions, out)
     for i in range(n):
         total = F[i] + dt * v[i]
         for j in range(n):
-            total += J[i, j] * (u[j] - start[j])
+            total += J[i, j] * w[j] / scale[j]
         out[i] -= total
+
+
+@kernel
+def _balance(J: Array, n_positions: int, floor: float, scale: Array, A: Array) -> None:
+    """``A = S J S⁻¹`` with positions scaled so that an oscillator's 1 and ω² both become ω."""
+    n = scale.size
+    for i in range(n):
+        column = 0.0
+        for j in range(n_positions, n):
+            column = max(column, abs(J[j, i]))
+        scale[i] = max(math.sqrt(column), floor) if i < n_positions else 1.0
+    for i in range(n):
+        for j in range(n):
+            A[i, j] = scale[i] * J[i, j] / scale[j]
 
 
 @kernel
 def _march(
     p: Any, tolerance: float, clock: Array, stop: float, n_steps: int, q: Array, v_state: Array, a: Array,
-    groups: IntArray, largest: Array, m: Array, x: Array, evaluations: Array,
+    groups: IntArray, largest: Array,
+    levels: Array, m: Array, x: Array, c: Array, trial: Array, evaluations: Array,
     times: Array, sample_q: Array, sample_v: Array, cursor: IntArray,
 ) -> int:  # fmt: skip
     n_positions, n = q.size, x.shape[1]
     u, F, v, U, D2, D3 = x[0], x[1], x[2], x[3], x[4], x[5]
-    new, error, scale, A, B = x[6], x[7], x[8], x[9], x[10]
-    J = m[9]
-    last = times[times.size - 1]
+    w, error, scale, room, none = x[6], x[7], x[8], x[9], x[10]
+    J, A, top = m[5], m[6], 0
+    smallest = SMALLEST * times[times.size - 1]
     for done in range(n_steps):
         if cursor[0] >= times.size or clock[0] >= stop:
             return done
@@ -234,74 +346,81 @@ def _march(
         for i in range(n_positions):
             u[i] = q[i]
         for i in range(n - n_positions):
-            u[n_positions + i], F[n_positions + i] = v_state[i], a[i]
-        velocities(p, u[:n_positions], u[n_positions:], F[:n_positions])
-        h = min(clock[1], stop - t)
-        planned = h == clock[1]
-        _linearise(p, t, 1e-4 * h, u, n_positions, F, new, J, v)
-        evaluations[0] += n + 1
+            u[n_positions + i] = v_state[i]
+        begin = just_after(t)
+        _slope(p, begin, u, n_positions, F)
+        change, second = 0.0, 0.0
+        for i in range(n_positions):
+            change = max(change, abs(F[i]))
+        for i in range(n_positions, n):
+            a[i - n_positions] = F[i]
+            second = max(second, abs(F[i]))
+        h = step_within(clock[1], stop - t)
+        planned, reached = h == clock[1], t
+        _linearise(p, begin, 1e-4 * h, u, n_positions, F, U, J, v)
+        _balance(J, n_positions, 0.1 / h, scale, A)
+        evaluations[0] += n + 2
         while True:
-            if not h > 1e-14 * max(abs(t), last):
-                clock[1] = h
-                return -done - 1
-            for i in range(n):  # balances 1 and ω² into ω and ω
-                column = 0.0
-                for j in range(n_positions, n):
-                    column = max(column, abs(J[j, i]))
-                scale[i] = max(math.sqrt(column), 0.1 / h) if i < n_positions else 1.0
-            _phi_functions(J, scale, h, m)
-            for i in range(n):
-                U[i] = u[i]
-            _add_product(0.5 * h, m[5], scale, F, U)
-            _add_product(0.25 * h * h, m[6], scale, v, U)
-            _remainder(p, t, 0.5 * h, U, u, n_positions, F, J, v, D2)
-            for i in range(n):
-                U[i], error[i] = u[i], F[i] + D2[i]
-            _add_product(h, m[1], scale, error, U)
-            _add_product(h * h, m[2], scale, v, U)
-            _remainder(p, t, h, U, u, n_positions, F, J, v, D3)
-            evaluations[0] += 2
-            for i in range(n):
-                A[i], B[i] = 8.0 * D2[i] - D3[i], 2.0 * D3[i] - 8.0 * D2[i]
-                new[i], error[i] = u[i], 0.0
-            _add_product(h, m[1], scale, F, new)
-            _add_product(h * h, m[2], scale, v, new)
-            _add_product(2.0 * h, m[3], scale, A, new)
-            _add_product(6.0 * h, m[4], scale, B, error)
-            for i in range(n):
-                new[i] += error[i]
-            size = scaled_error(groups, largest, new, error)
+            size, reached = math.nan, stop if h == stop - t else t + h
+            top = _matrix_functions(A, 0.5 * h, levels, m)
+            if top >= 0:
+                phi = levels[top]
+                for i in range(n):
+                    w[i], none[i] = 0.0, 0.0
+                _set_source(c, scale, F, v, none, none, h)
+                _flow(phi, 0.5 * h, w, c, room)
+                _remainder(p, t + 0.5 * h, 0.5 * h, u, w, scale, n_positions, F, J, v, U, D2)
+                for i in range(n):
+                    error[i] = F[i] + D2[i]
+                _set_source(c, scale, error, v, none, none, h)
+                _flow_over(phi, 0.5 * h, w, c, room)
+                _remainder(p, just_before(reached), h, u, w, scale, n_positions, F, J, v, U, D3)
+                evaluations[0] += 2
+                for i in range(n):
+                    D2[i], D3[i] = 8.0 * D2[i] - D3[i], 2.0 * D3[i] - 8.0 * D2[i]
+                _set_source(c, scale, none, none, none, D3, h)
+                _flow_over(phi, 0.5 * h, error, c, room)
+                _set_source(c, scale, F, v, D2, D3, h)
+                _flow_over(phi, 0.5 * h, w, c, room)
+                for i in range(n):
+                    U[i] = u[i] + w[i] / scale[i]
+                    noise = _ROUND_OFF * h * ((change + h * second) if i < n_positions else second)
+                    error[i] = max(abs(error[i]) / scale[i] - noise, 0.0) if math.isfinite(error[i]) else math.nan
+                for k in range(largest.size):
+                    trial[k] = largest[k]
+                keep_largest(groups, trial, U)
+                size = scaled_error(groups, trial, error)
             factor = step_factor(size, tolerance, 4)
             if size <= tolerance:
                 break
             h *= min(factor, 0.9)
             planned = True
-        while cursor[0] < times.size and times[cursor[0]] <= t + h:
-            ahead = times[cursor[0]] - t
-            s = ahead / h
-            for i in range(n):
-                U[i] = u[i] if s < 1.0 else new[i]
-            if 0.0 < s < 1.0:
-                _phi_functions(J, scale, ahead, m)
-                _add_product(ahead, m[1], scale, F, U)
-                _add_product(ahead * ahead, m[2], scale, v, U)
-                _add_product(2.0 * ahead * s * s, m[3], scale, A, U)
-                _add_product(6.0 * ahead * s * s * s, m[4], scale, B, U)
+            if not h > smallest:
+                clock[1] = h
+                return -done - 1
+        while cursor[0] < times.size and times[cursor[0]] <= reached:
+            k, ahead = cursor[0], times[cursor[0]] - t
+            if times[k] < reached:
+                _set_source(c, scale, F, v, D2, D3, h)
+                _flow_to(A, levels, top, 0.5 * h, ahead, w, c, room, none)
+                for i in range(n):
+                    w[i] = u[i] + w[i] / scale[i]
+            else:
+                for i in range(n):
+                    w[i] = U[i]
             for i in range(n_positions):
-                sample_q[cursor[0], i] = U[i]
+                sample_q[k, i] = w[i]
             for i in range(n - n_positions):
-                sample_v[cursor[0], i] = U[n_positions + i]
-            advance(p, sample_q[cursor[0]], sample_v[cursor[0]], 0.0, 0, n - n_positions)  # unit quaternions
+                sample_v[k, i] = w[n_positions + i]
+            advance(p, sample_q[k], sample_v[k], 0.0, 0, n - n_positions)  # unit quaternions
             cursor[0] += 1
         for i in range(n_positions):
-            q[i] = new[i]
+            q[i] = U[i]
         for i in range(n - n_positions):
-            v_state[i] = new[n_positions + i]
+            v_state[i] = U[n_positions + i]
         advance(p, q, v_state, 0.0, 0, n - n_positions)
-        clock[0] = stop if h == stop - t else t + h
-        accelerations(p, clock[0], q, v_state, a)
-        evaluations[0] += 1
+        clock[0] = reached
         if planned:  # else a breakpoint cut the step short
             clock[1] = h * factor
-        keep_largest(groups, largest, new)
+        keep_largest(groups, largest, U)
     return n_steps

@@ -2,9 +2,12 @@
 
 from __future__ import annotations
 
+import copy
 import time
+from collections.abc import Callable
 from dataclasses import dataclass
-from typing import Literal
+from types import FunctionType
+from typing import Any, Literal
 
 import numpy as np
 from scipy.integrate import DOP853, LSODA, Radau
@@ -22,7 +25,7 @@ from pipeline.integrators.protocol import (
 )
 
 _METHODS = {"DOP853": DOP853, "Radau": Radau, "LSODA": LSODA}
-_FAR = 1e9  # [s]: no output time cuts a step short
+_FAR = 1e9  # [s]: no output time cuts a step short, nor bears on the first one
 _ORDERS = {"DOP853": 8, "Radau": 5, "LSODA": 12}
 
 
@@ -71,9 +74,16 @@ class ScipyIvp:
     def resume(self, system: System, start: State, times: Array, progress: Progress | None = None) -> Trajectory:
         """Continue from a state that a march of this method has ended in; earlier output times stay NaN.
 
-        DOP853 continues bit for bit. Radau and LSODA have more inside than SciPy lets out (the Jacobian and its age, past
-        steps): they begin anew, and the continuation is the same to the tolerance only.
+        The continuation is bit for bit that of one march. LSODA needs SciPy 1.17 for that; before, its state is out of
+        reach.
+
+        Raises
+        ------
+        ValueError
+            SciPy didn't let LSODA's state out.
         """
+        if start.inner is not None and not start.inner:
+            raise ValueError("this LSODA march can't be continued: SciPy 1.17 is the first to let its state out")
         require_times(times)
         p, n, n_positions = system.parameters, system.n, system.n_positions
         a, dq = np.zeros(n), np.zeros(n_positions)
@@ -88,7 +98,7 @@ class ScipyIvp:
             return np.concatenate([dq, a])
 
         samples = np.full((len(times), n_positions + n), np.nan)
-        y, now, step, end = np.concatenate([start.q, start.v]), start.time, start.next_step, float(times[-1])
+        y, now, inner, end = np.concatenate([start.q, start.v]), start.time, start.inner, float(times[-1])
         samples[times == now] = y
         n_steps = 0
         stops = [point for point in system.breakpoints if point > now]
@@ -97,9 +107,7 @@ class ScipyIvp:
             stop = stops.pop(0) if stops else _FAR
             if not np.isfinite(rates(now, y)).all():  # SciPy would search for a first step for ever
                 raise StabilityError(f"{self.name} stopped at t = {now:.6g} s: the accelerations are not finite")
-            solver = _METHODS[self.name](
-                rates, now, y, stop, rtol=self.tolerance, atol=1e-6 * self.tolerance, first_step=step or None
-            )
+            solver = self._solver(rates, now, y, stop, inner)
             while solver.status == "running" and solver.t < end:
                 message = solver.step()
                 if solver.status == "failed" or not np.isfinite(solver.y).all():
@@ -111,11 +119,44 @@ class ScipyIvp:
                 if progress:
                     progress(min(1.0, solver.t / end))
             now, y = solver.t, solver.y
-            # Begun anew after a breakpoint, a method finds its first step itself.
-            step = solver.h_abs if self.name == "DOP853" and solver.status == "running" else 0.0
+            inner = _state_of(solver) if solver.status == "running" else None  # begun anew after a breakpoint
         seconds = time.perf_counter() - tick
         rates(now, y)  # the accelerations that the end state documents
         q, v = samples[:, :n_positions], samples[:, n_positions:]
-        state = State(start.step + n_steps, y[:n_positions].copy(), y[n_positions:].copy(), a, float(now), step)
+        position, rate, step = y[:n_positions].copy(), y[n_positions:].copy(), (inner or {}).get("h_abs", 0.0)
+        state = State(start.step + n_steps, position, rate, a, float(now), float(step), inner=inner)
         mean_step = (now - start.time) / n_steps if n_steps else 0.0
         return Trajectory(self.name, mean_step, 1, times, q, v, evaluations, 0, seconds, state)
+
+    def _solver(
+        self, rates: Callable[[float, Array], Array], now: float, y: Array, stop: float, inner: dict[str, Any] | None
+    ) -> Any:
+        """SciPy's solver, new or with the state of a former one."""
+        kind, settings = _METHODS[self.name], {"rtol": self.tolerance, "atol": 1e-6 * self.tolerance}
+        if inner is None and self.name != "LSODA":
+            return kind(rates, now, y, stop, **settings)
+        if inner is None:  # LSODA would take its first step from how far it is to the end
+            inner = {}
+            settings["first_step"] = DOP853(rates, now, y, stop, **settings).h_abs
+        else:
+            settings["first_step"] = 0.5 * (stop - now)  # replaced below; it saves the search for one
+        solver, inner = kind(rates, now, y, stop, **settings), copy.deepcopy(inner)
+        ode, integrator = inner.pop("ode", {}), inner.pop("integrator", {})
+        vars(solver).update(inner)
+        if ode:
+            vars(solver._lsoda_solver).update(ode)
+            vars(solver._lsoda_solver._integrator).update(integrator)
+        return solver
+
+
+def _state_of(solver: Any) -> dict[str, Any]:
+    """What a solver needs to continue as if it had not stopped; empty if it can't be had."""
+    if isinstance(solver, DOP853):
+        return {"h_abs": float(solver.h_abs)}
+    inner = {name: value for name, value in vars(solver).items() if not isinstance(value, FunctionType)}
+    if isinstance(solver, LSODA):
+        ode = inner.pop("_lsoda_solver")
+        if not hasattr(ode._integrator, "state_doubles"):
+            return {}
+        inner["ode"], inner["integrator"] = {"_y": ode._y, "t": ode.t}, vars(ode._integrator)
+    return inner

@@ -11,7 +11,7 @@ m = 1 is central difference, bit for bit.
 
 from __future__ import annotations
 
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
@@ -23,6 +23,7 @@ from pipeline.integrators.protocol import (
     Progress,
     State,
     Trajectory,
+    march_from,
     march_in_chunks,
     require_step,
     runs_away,
@@ -62,8 +63,7 @@ class Subcycling:
         """Integrate from time 0 until the major cycle that holds the last of ``times`` is complete."""
         lag = np.full(system.n, 0.5 * self.step)
         lag[: system.n_slow] *= self.substeps
-        trajectory = self.resume(system, start_state(system, q0, v0, lag), times, progress)
-        return replace(trajectory, evaluations=trajectory.evaluations + 1)
+        return march_from(self, system, start_state(system, q0, v0, lag), times, progress)
 
     def resume(self, system: System, start: State, times: Array, progress: Progress | None = None) -> Trajectory:
         """Continue from a state that a march of this method has ended in; earlier output times stay NaN."""

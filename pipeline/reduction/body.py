@@ -18,6 +18,8 @@ if TYPE_CHECKING:
 
 
 _INDEPENDENT = 1e-9
+_ELASTIC = 1e-6
+_STIFF = 1e-14
 
 
 @dataclass(frozen=True)
@@ -109,11 +111,8 @@ def reduced_body(
         Orthonormal directions of the free rotations: none at a fixed, prismatic or angle-driven joint, the axis of a
         torque-driven hinge, three at a spherical joint.
     """
-    marker = markers[joint]
-    r = fe.x - marker.position
-    held = (np.eye(3) - free.T @ free) @ marker.rotation(shapes)
-    pinned = shapes - marker.translation(shapes)[None] - np.cross(held, r[:, :, None], axisa=0, axisb=1, axisc=1)
-    spins = np.cross(free, r[:, None]).swapaxes(1, 2)
+    pinned = _pinned(fe, shapes, markers[joint], free)
+    spins = np.cross(free, (fe.x - markers[joint].position)[:, None]).swapaxes(1, 2)
     J, H = _rotation_coupling(fe, spins, pinned)
     axis = free[0] if len(free) else np.array([0.0, 0.0, 1.0])
     return _body(fe, omega, pinned - spins @ np.linalg.solve(J, H), markers, joint, axis)
@@ -133,13 +132,31 @@ def free_frame_body(
 
     The arguments are those of `joint_conforming_body`.
     """
-    pinned = shapes - markers[joint].translation(shapes)[None]
-    return _body(fe, omega, pinned, markers, joint, axis / np.linalg.norm(axis))
+    e = axis / np.linalg.norm(axis)
+    return _body(fe, omega, _pinned(fe, shapes, markers[joint], e[None]), markers, joint, e)
 
 
 def floating_body(fe: FEModel, omega: Array, shapes: Array, markers: Mapping[str, Marker], joint: str) -> FlexibleBody:
     """Keep the free modes as they are, for a free joint: mean axes (Tisserand) with their origin at the marker."""
+    _require_elastic(fe, shapes)
     return _body(fe, omega, shapes, markers, joint, np.array([0.0, 0.0, 1.0]))
+
+
+def _pinned(fe: FEModel, shapes: Array, marker: Marker, free: Array) -> Array:
+    """Move shapes rigidly until the marker keeps its place, and all rotations but those about ``free`` directions."""
+    held = (np.eye(3) - free.T @ free) @ marker.rotation(shapes)
+    r = fe.x - marker.position
+    turned = np.cross(held, r[:, :, None], axisa=0, axisb=1, axisc=1)
+    return np.asarray(shapes - marker.translation(shapes)[None] - turned)
+
+
+def _require_elastic(fe: FEModel, shapes: Array) -> None:
+    """Shapes that hold a rigid motion would move the body twice, once with the frame."""
+    R = fe.rigid_modes
+    H = R.T @ (fe.M @ shapes.reshape(len(R), -1))
+    part = float(np.sqrt(np.einsum("ij,ij->j", H, np.linalg.solve(R.T @ (fe.M @ R), H)).max()))
+    if not part < _ELASTIC:
+        raise AccuracyError(f"a shape is a rigid motion in part, {part:.1e} of 1; take modes of the free body")
 
 
 def _rotation_coupling(fe: FEModel, spins: Array, shapes: Array) -> tuple[Array, Array]:
@@ -157,10 +174,15 @@ def _body(
     weakest = float(np.linalg.eigvalsh(mass)[0])
     if not weakest > _INDEPENDENT:
         raise AccuracyError(
-            f"held at '{joint}', the {n} shapes depend on one another: a combination of them keeps {weakest:.1e} of its "
-            "mass; take fewer modes or modes of the body held there"
+            f"held at '{joint}', the {n} shapes depend on one another: a combination of them keeps {weakest:.1e} of "
+            "its mass; take fewer modes or modes of the body held there"
         )
     omega2, turn = eigh(np.diag(omega**2), mass)
+    if not omega2[0] > _STIFF * omega2[-1]:
+        raise AccuracyError(
+            f"held at '{joint}', a combination of the {n} shapes is a rigid motion: ω² = {omega2[0]:.1e} rad²/s² "
+            f"beside {omega2[-1]:.1e}"
+        )
     shapes = shapes @ (turn * np.sign(turn[np.abs(turn).argmax(axis=0), range(n)]))
     origin = markers[joint].position
     x = fe.x - origin

@@ -128,8 +128,8 @@ class FreeBodySolver:
             lowest = ", ".join(f"{value:.1e}" for value in eigenvalues[:8])
             whole = "a free body" if held is None else "the body as it is held"
             raise AccuracyError(
-                f"found {n_rigid} rigid-body modes, {whole} has {expected}; the lowest eigenvalues are {lowest} rad²/s², "
-                f"of which those below {_ZERO * -self.shift:.1e} count as zero"
+                f"found {n_rigid} rigid-body modes, {whole} has {expected}; the lowest eigenvalues are {lowest} "
+                f"rad²/s², of which those below {_ZERO * -self.shift:.1e} count as zero"
             )
         residual = _verified(K, M, eigenvalues, Phi, n_rigid, inverse, self.shift)
         shapes = self._expanded(Phi[:, n_rigid:])
@@ -257,8 +257,8 @@ def _verified(
 ) -> float:
     """Largest residual of the elastic pairs, in the energy norm: that of the eigenvalue is about its square.
 
-    ``r = K φ − λ M φ`` is weighed by the inverse of ``K − σ M``, in which round-off of the stiffest element motions counts
-    little and what holds the body may answer with any force.
+    ``r = K φ − λ M φ`` is weighed by the inverse of ``K − σ M``, in which round-off of the stiffest element motions
+    counts little and what holds the body may answer with any force.
     """
     MPhi = M @ Phi
     lack = float(np.abs(Phi.T @ MPhi - np.eye(len(eigenvalues))).max())

@@ -1,11 +1,11 @@
 """Geometric stiffening: what the stress of the inertia loads does to a body's stiffness.
 
-Under a static stress σ a deflection costs ``½ ∫ σ_ab ∂_a u·∂_b u`` more. The loads here are those of the floating frame's
-own motion, ``ρ ẍ`` for each product of two angular rates and for each linear acceleration. By the principle of virtual
-work that energy is what a displacement of second order, Γ, gives up in the load field: ``∫ρ x_b Γ_a = −K_G[a, b]``. So it
-enters as inertia: taken off the Gram tensor wherever position counts, it stiffens the body, lowers its moment of inertia
-and keeps the energy's balance, and the equations of motion stay as they are. Stress from angular acceleration is left
-out: it is bending, whose mean over a section is zero.
+Under a static stress σ a deflection costs ``½ ∫ σ_ab ∂_a u·∂_b u`` more. The loads here are those of the floating
+frame's own motion, ``ρ ẍ`` for each product of two angular rates and for each linear acceleration. By the principle of
+virtual work that energy is what a displacement of second order, Γ, gives up in the load field:
+``∫ρ x_b Γ_a = −K_G[a, b]``. So it enters as inertia: taken off the Gram tensor wherever position counts, it stiffens
+the body, lowers its moment of inertia and keeps the energy's balance, and the equations of motion stay as they are.
+Stress from angular acceleration is left out: it is bending, whose mean over a section is zero.
 """
 
 from __future__ import annotations
@@ -15,7 +15,7 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from pipeline.checks import Array
+from pipeline.checks import Array, read_only
 from pipeline.reduction.body import FlexibleBody
 from pipeline.reduction.gram import InertiaGram
 
@@ -71,7 +71,8 @@ def stiffened(
     G = body.gram.G.copy()
     G[:, :, 1:, 1:] -= KG
     bow = -K_G[n_spin:] if linear else np.zeros((3, 0, 0))
-    return replace(body, gram=InertiaGram(G, body.gram.S, body.gram.mass, KG, bow))
+    gram = InertiaGram(read_only(G), body.gram.S, body.gram.mass, read_only(KG), read_only(bow))
+    return replace(body, gram=gram)
 
 
 def _in_equilibrium(fe: FEModel, f: Array, held: Array | None) -> Array:

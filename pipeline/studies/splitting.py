@@ -2,8 +2,9 @@
 
 Central difference with a step h advances an oscillation ω by a phase that is wrong by ``(ω h)²/24`` of itself. What a
 load bends, it bends mode by mode as ``1/ω²``, so the high modes of a motion are small by ``(ω₁/ω)²`` against the lowest
-one; their errors count by that. The ratio of the two steps is then bounded for each split, and the split with the least
-work by the solvers' measured cost is taken.
+one; their errors count by that. Forces held over a slow step H, the centrifugal ones ``Ω² u``, lag by half of it and
+feed or damp a deflection u by ``½ Ω² H`` of its rate. The ratio of the two steps is then bounded for each split, splits whose amplification
+over the duration would show are left out, and the one with the least work by the solvers' measured cost is taken.
 """
 
 from __future__ import annotations
@@ -14,6 +15,7 @@ import numpy as np
 
 from pipeline.checks import Array
 from pipeline.dynamics.tree import Tree
+from pipeline.studies.amplification import growth
 
 _MOST_SUBSTEPS = 50
 _STABLE = 0.8  # of the stability limit 2/ω
@@ -51,7 +53,7 @@ def split_at(tree: Tree, frequency_hz: float) -> tuple[list[str], dict[str, int]
     return fast_joints, slow_modes
 
 
-def choose_split(tree: Tree, error: float, duration: float, step: float | None = None) -> Split:
+def choose_split(tree: Tree, error: float, duration: float, spin: float, step: float | None = None) -> Split:
     """Choose the split, the ratio and, if none is given, the fast step.
 
     Parameters
@@ -60,6 +62,8 @@ def choose_split(tree: Tree, error: float, duration: float, step: float | None =
         Wanted, relative to the largest deformation.
     duration : float
         Of the motion [s].
+    spin : float
+        Angular rate of the fastest body, its root mean square over the duration [rad/s].
     step : float, optional
         Fast step [s].
     """
@@ -70,20 +74,29 @@ def choose_split(tree: Tree, error: float, duration: float, step: float | None =
     limits = largest_steps(omega, float(stiff[0]), error, duration)
     highest = 2 * _STABLE / tree.highest_frequency
     step = step or float(min(highest, limits.min()))
+    M, K = tree.mass_matrix(tree.rest_positions), tree.linear_stiffness
+    order = np.argsort(tree.frequencies_hz, kind="stable")
+    M, K = M[np.ix_(order, order)], K[np.ix_(order, order)]
     best = Split(0.0, 1, step)
     least = _cost(omega.size, omega.size) / step
-    for n_slow in range(omega.size):
-        if n_slow and omega[n_slow] <= 1.001 * omega[n_slow - 1]:
+    longest = min(duration / _STEPS_OVER_MOTION, 2 * error / (duration * max(spin, 1e-150) ** 2))
+    for n_slow in range(1, omega.size):
+        if omega[n_slow] <= 1.001 * omega[n_slow - 1]:
             continue  # no gap
-        substeps = int(min(limits[:n_slow].min(initial=duration / _STEPS_OVER_MOTION) / step, _MOST_SUBSTEPS))
+        substeps = int(min(limits[:n_slow].min(initial=longest) / step, _MOST_SUBSTEPS))
         if substeps < 1:
             break
         n_fast = omega.size - n_slow
         work = (_cost(omega.size, n_fast) + (substeps - 1) * _fast_cost(n_fast)) / (substeps * step)
-        if work < least and n_fast:
-            below = omega[n_slow - 1] if n_slow else 0.0
-            least, best = work, Split(float(0.5 * (below + omega[n_slow]) / (2 * np.pi)), substeps, step)
+        if work < least and n_fast and _stays(growth(M, K, n_slow, step, substeps), substeps * step, error, duration):
+            between = 0.5 * (omega[n_slow - 1] + omega[n_slow]) / (2 * np.pi)
+            least, best = work, Split(float(between), substeps, step)
     return best
+
+
+def _stays(radius: float, cycle: float, error: float, duration: float) -> bool:
+    """Whether what grows by ``radius`` in each major cycle [s] stays below the wanted error over the duration [s]."""
+    return bool(duration / cycle * np.log(max(radius, 1e-300)) < error)
 
 
 def largest_steps(omega: Array, lowest: float, error: float, duration: float) -> Array:

@@ -87,6 +87,29 @@ def test_a_torque_at_the_marker_has_that_torque_and_no_force(distorted: FEModel,
         assert np.cross(x, forces).sum(axis=0) == pytest.approx(np.eye(3)[a], abs=1e-12)
 
 
+def test_the_columns_are_loads_and_measure_the_motion(distorted: FEModel) -> None:
+    marker = marker_of(distorted, "x+")
+    directions = np.linalg.qr(np.random.default_rng(2).standard_normal((3, 3)))[0][:2]
+    B = marker.columns(len(distorted.x), directions)
+    assert B.shape == (len(distorted.x), 3, 5)
+    # as loads: unit forces along x, y, z through the marker, and unit torques without force
+    r = distorted.x - marker.position
+    forces, torques = B.sum(axis=0), np.cross(r[:, :, None], B, axis=1).sum(axis=0)
+    assert np.abs(forces - np.eye(3, 5)).max() < 1e-12
+    assert np.abs(torques - np.concatenate([np.zeros((3, 3)), directions.T], axis=1)).max() < 1e-12
+    # as measures: mean displacement, and mean rotation about the directions
+    u = np.random.default_rng(3).standard_normal(distorted.x.shape)
+    measured = np.tensordot(B, u, ((0, 1), (0, 1)))
+    assert measured == pytest.approx(np.concatenate([marker.translation(u), directions @ marker.rotation(u)]), rel=1e-9)
+    assert np.array_equal(marker.columns(len(distorted.x), np.zeros((0, 3))), B[..., :3])
+
+
+def test_a_marker_is_rigid_only_if_it_is_told_to_be(distorted: FEModel) -> None:
+    space = distorted.discretisation
+    assert not marker_of(distorted, "x+").rigid
+    assert face_marker(space, space.mesh.faces["x+"], rigid=True).rigid
+
+
 def test_warping_and_stretching_of_the_face_are_not_taken_for_motion(distorted: FEModel) -> None:
     # About the centre of a rectangle y·z and y, z along themselves have neither mean nor moment.
     marker = marker_of(distorted, "x+")

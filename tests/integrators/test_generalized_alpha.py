@@ -79,14 +79,6 @@ def test_output_times_never_change_the_steps(beam):
     np.testing.assert_array_equal(few.end.q, many.end.q)
 
 
-def test_a_restart_continues_to_newtons_tolerance(beam):
-    rest, method = np.zeros(beam.n), GeneralizedAlpha(1e-4)
-    whole = method.march(beam, rest, rest, np.array([0.0, 0.05]))
-    part = method.march(beam, rest, rest, np.array([0.0, 0.02]))
-    rest_of_it = method.resume(beam, part.end, np.array([0.05]))
-    np.testing.assert_allclose(rest_of_it.q[-1], whole.q[-1], rtol=1e-7, atol=1e-12)
-
-
 def test_a_spinning_body_in_space_keeps_its_quaternion_unit():
     from pipeline.dynamics.link import SPHERICAL, Link, rigid_gram
     from pipeline.dynamics.tree import Tree

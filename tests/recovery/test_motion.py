@@ -139,7 +139,7 @@ def test_vectors_of_the_frame_are_turned_as_by_a_rotation_vector(motion: Motion)
     r = np.random.default_rng(2).normal(size=(5, 3))
     for k, angle in enumerate(motion.frame_angle):
         turn = Rotation.from_rotvec(angle * motion.rotor.body.axis)
-        assert motion.turned(r, k) == pytest.approx(turn.apply(r), abs=1e-12)
+        assert motion.placed("any", r, k) == pytest.approx(turn.apply(r), abs=1e-12)
 
 
 def test_a_body_that_doesnt_move_has_no_velocity_and_no_kinetic_energy(motion: Motion) -> None:

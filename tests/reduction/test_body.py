@@ -6,20 +6,20 @@ from typing import Any, NamedTuple
 
 import numpy as np
 import pytest
-from scipy.linalg import eigh
+from scipy.linalg import eigh, null_space
 from scipy.optimize import brentq
 
 from meshes.bar import hexahedral_bar
-from pipeline.checks import Array
+from pipeline.checks import AccuracyError, Array
 from pipeline.fem.assembly import assemble
 from pipeline.fem.marker import Marker, face_marker
 from pipeline.fem.material import Material
 from pipeline.fem.mesh import SolidMesh
 from pipeline.fem.model import FEModel
-from pipeline.reduction.body import FlexibleBody, free_frame_body, joint_conforming_body
+from pipeline.reduction.body import FlexibleBody, floating_body, free_frame_body, joint_conforming_body, reduced_body
 from pipeline.reduction.eigen import FreeBodySolver
 from pipeline.reduction.enrichment import enriched, inertia_loads
-from pipeline.reduction.families import modes_of_family
+from pipeline.reduction.families import lowest_modes, modes_of_family
 from pipeline.reduction.modes import Modes
 
 Z = np.array([0.0, 0.0, 1.0])
@@ -187,3 +187,127 @@ def test_only_the_direction_of_the_axis_matters(beam: Beam) -> None:
     assert long.omega == pytest.approx(conforming(beam).omega, rel=1e-12)
     assert conforming(beam, axis=-Z).omega == pytest.approx(long.omega, rel=1e-12)
     assert np.abs(conforming(beam, axis=-Z).joint_rotation) == pytest.approx(np.abs(long.joint_rotation), rel=1e-9)
+
+
+# Directions about which a joint leaves a body free to turn.
+JOINTS = {"clamp": np.zeros((0, 3)), "hinge": Z[None], "universal": np.eye(3)[1:], "ball": np.eye(3)}
+
+
+@pytest.fixture(scope="module")
+def stocky() -> Beam:
+    """A thick bar whose markers lie off its axis, its 15 lowest modes of all families and the static responses."""
+    mesh = SolidMesh(*hexahedral_bar(0.3, 0.04, 0.02, (7, 2, 1)))
+    fe = assemble(mesh, 2, PLASTIC)
+    solver = FreeBodySolver(fe)
+    markers = {name: face_marker(fe.discretisation, mesh.faces[f]) for name, f in (("root", "x-"), ("side", "y+"))}
+    modes = lowest_modes(solver, 15)
+    return Beam(fe, modes, markers, enriched(modes, fe, solver, inertia_loads(fe, markers["root"], None)))
+
+
+@pytest.fixture(scope="module", params=JOINTS)
+def joined(request: pytest.FixtureRequest, stocky: Beam) -> tuple[FlexibleBody, Array]:
+    free = JOINTS[request.param]
+    return reduced_body(stocky.fe, *stocky.enlarged, stocky.markers, "root", free), free
+
+
+def test_the_joint_moves_only_about_its_free_directions(joined: tuple[FlexibleBody, Array]) -> None:
+    body, free = joined
+    root = body.markers["root"]
+    assert np.abs(root.translation).max() < 1e-12 * np.abs(body.shapes).max()
+    held = (np.eye(3) - free.T @ free) @ root.rotation
+    assert np.abs(held).max() < 1e-10 * np.abs(body.markers["side"].rotation).max()
+
+
+def test_about_the_free_directions_rotation_and_modes_are_not_coupled(joined: tuple[FlexibleBody, Array]) -> None:
+    # the mass matrix of (translation, rotation, modes) at rest, from the Gram tensor
+    body, free = joined
+    n = len(body.omega)
+    M = body.gram.mass_matrix(np.eye(1, 1 + n)[0])
+    size = np.sqrt(np.diag(M)[3:6].max())
+    assert np.abs(free @ M[3:6, 6:]).max(initial=0.0) < 1e-9 * size
+    others = np.linalg.svd(np.eye(3) - free.T @ free)[0][:, : 3 - len(free)].T
+    assert (np.abs(others @ M[3:6, 6:]).max(axis=1) > 0.01 * size).all()
+    assert M[6:, 6:] == pytest.approx(np.eye(n), abs=1e-9)
+
+
+def test_a_basis_is_diagonal_on_any_joint(stocky: Beam, joined: tuple[FlexibleBody, Array]) -> None:
+    body, _ = joined
+    Phi = body.shapes.reshape(-1, len(body.omega))
+    assert np.abs(Phi.T @ stocky.fe.K @ Phi / np.outer(body.omega, body.omega) - np.eye(len(body.omega))).max() < 1e-6
+
+
+def test_a_basis_has_the_frequencies_of_the_body_on_its_joint(stocky: Beam, joined: tuple[FlexibleBody, Array]) -> None:
+    """Independent path: the eigenvalues of the whole model among all fields that the joint lets through."""
+    body, free = joined
+    others = np.linalg.svd(np.eye(3) - free.T @ free)[0][:, : 3 - len(free)].T
+    B = stocky.markers["root"].columns(len(stocky.fe.x), others)
+    N = null_space(B.reshape(-1, B.shape[2]).T)
+    exact = eigh(N.T @ (stocky.fe.K @ N), N.T @ (stocky.fe.M @ N), eigvals_only=True)[len(free) :]
+    assert body.omega[:6] == pytest.approx(np.sqrt(exact[:6]), rel=1e-4)
+
+
+def test_a_hinge_gives_the_same_body_either_way(stocky: Beam) -> None:
+    axis = np.array([0.0, 3.0, 4.0])
+    one = joint_conforming_body(stocky.fe, *stocky.enlarged, stocky.markers, "root", axis)
+    other = reduced_body(stocky.fe, *stocky.enlarged, stocky.markers, "root", axis[None] / 5)
+    assert one.axis == pytest.approx([0, 0.6, 0.8], rel=1e-15)
+    assert np.array_equal(one.shapes, other.shapes)
+    assert np.array_equal(one.omega, other.omega)
+
+
+def test_the_free_frame_too_keeps_the_joint_to_its_axis(stocky: Beam) -> None:
+    body = free_frame_body(stocky.fe, *stocky.enlarged, stocky.markers, "root", Z)
+    root = body.markers["root"]
+    assert np.abs(root.translation).max() < 1e-12 * np.abs(body.shapes).max()
+    assert np.abs(root.rotation[:2]).max() < 1e-10 * np.abs(root.rotation[2]).max()
+
+
+def test_modes_of_a_free_body_stay_as_they_are(stocky: Beam) -> None:
+    modes = stocky.modes
+    body = floating_body(stocky.fe, modes.omega, modes.shapes, stocky.markers, "side")
+    assert body.omega == pytest.approx(modes.omega, rel=1e-9)
+    assert np.abs(np.abs(body.shapes) - np.abs(modes.shapes)).max() < 1e-6 * np.abs(modes.shapes).max()
+    assert body.x == pytest.approx(stocky.fe.x - stocky.markers["side"].position, abs=1e-15)
+    # Tisserand's frame: neither momentum nor moment of momentum about the centre of mass comes from the modes
+    n = len(modes.omega)
+    M = body.gram.mass_matrix(np.eye(1, 1 + n)[0])
+    assert np.abs(M[:6, 6:]).max() < 1e-8 * np.sqrt(np.diag(M)[:6].max())
+
+
+@pytest.mark.parametrize("joint", JOINTS)
+def test_a_rigid_motion_among_the_shapes_is_refused_with_the_figure(stocky: Beam, joint: str) -> None:
+    spin = np.cross(Z, stocky.fe.x - [0.1, 0.05, 0.0])[:, :, None]
+    shapes = np.concatenate([stocky.modes.shapes, spin / np.sqrt(np.einsum("iak,iak->", spin, spin))], axis=2)
+    omega = np.append(stocky.modes.omega, 0.0)
+    message = (
+        r"held at 'root', the 16 shapes depend on one another: a combination of them keeps -?\d\.\de[-+]\d+ of its"
+    )
+    with pytest.raises(AccuracyError, match=message):
+        reduced_body(stocky.fe, omega, shapes, stocky.markers, "root", JOINTS[joint])
+
+
+def test_shapes_that_differ_by_a_rigid_motion_are_refused_at_a_clamp(stocky: Beam) -> None:
+    moved = stocky.modes.shapes[..., :1] + np.cross(Z, stocky.fe.x)[:, :, None]
+    shapes = np.concatenate([stocky.modes.shapes, moved], axis=2)
+    omega = np.append(stocky.modes.omega, stocky.modes.omega[0])
+    with pytest.raises(AccuracyError, match="take fewer modes or modes of the body held there"):
+        reduced_body(stocky.fe, omega, shapes, stocky.markers, "root", JOINTS["clamp"])
+
+
+def test_a_shape_that_moves_with_the_free_frame_is_refused(stocky: Beam) -> None:
+    # a unit of the mode, and a hundredth of a translation along x of unit modal mass
+    shapes = stocky.modes.shapes.copy()
+    shapes[:, 0, 3] += 0.01 / np.sqrt(stocky.fe.mass)
+    with pytest.raises(
+        AccuracyError, match=r"a shape is a rigid motion in part, 1\.0e-02 of 1; take modes of the free"
+    ):
+        floating_body(stocky.fe, stocky.modes.omega, shapes, stocky.markers, "root")
+
+
+def test_a_spin_among_the_shapes_is_refused_in_the_free_modes_own_frame(stocky: Beam) -> None:
+    spin = np.cross(Z, stocky.fe.x)[:, :, None]
+    spin /= np.sqrt(np.einsum("iak,ij,jak->", spin, stocky.fe.m.toarray(), spin))
+    shapes = np.concatenate([stocky.modes.shapes, spin], axis=2)
+    omega = np.append(stocky.modes.omega, 0.0)
+    with pytest.raises(AccuracyError, match=r"a combination of the 16 shapes is a rigid motion: ω² = .* beside \d"):
+        free_frame_body(stocky.fe, omega, shapes, stocky.markers, "root", Z)

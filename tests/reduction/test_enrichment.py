@@ -4,6 +4,7 @@ from typing import NamedTuple
 
 import numpy as np
 import pytest
+from scipy.linalg import null_space
 
 from meshes.bar import hexahedral_bar
 from pipeline.checks import Array
@@ -139,3 +140,79 @@ def test_free_modes_alone_miss_the_stretch_at_the_hub(rod: Rod) -> None:
         modes = modes_of_family(rod.solver, rod.fe, count, family, Z)
         _, stress = stretch(rod, modes.omega, modes.shapes)
         assert abs(stress[0] - exact) > 0.2 * exact
+
+
+@pytest.fixture(scope="module")
+def bar(small_bar: FEModel) -> Rod:
+    """A bar with a side marker, its modes clamped at the root, and the loads of any motion in space."""
+    faces = small_bar.discretisation.mesh.faces
+    root, side = (face_marker(small_bar.discretisation, faces[face]) for face in ("x-", "y+"))
+    solver = FreeBodySolver(small_bar)
+    modes = lowest_modes(solver, 6, root.columns(len(small_bar.x), np.eye(3)))
+    return Rod(small_bar, solver, modes, root, inertia_loads(small_bar, root, None, [side]))
+
+
+def test_spatial_loads_make_up_the_load_of_any_spin(bar: Rod) -> None:
+    """−ρ Ω × (Ω × x) is the sum of the fields ½ρ(e_a x_b + e_b x_a), each with Ω²δ_ab − Ω_a Ω_b."""
+    spin = np.array([1.0, -2.0, 0.5])
+    rates = spin @ spin * np.eye(3) - np.outer(spin, spin)
+    weights = [rates[a, b] * (1 if a == b else 2) for a in range(3) for b in range(a, 3)]
+    r = bar.fe.x - bar.root.position
+    exact = bar.fe.m @ -np.cross(spin, np.cross(spin, r))
+    assert np.abs(bar.loads[..., :6] @ weights - exact).max() < 1e-12 * np.abs(exact).max()
+
+
+def test_spatial_loads_have_three_forces_and_three_torques_at_each_marker(bar: Rod) -> None:
+    assert bar.loads.shape[2] == 6 + 6 + 6
+    for first, at in ((6, [0.0, 0.0, 0.0]), (12, [0.15, 0.02, 0.0])):
+        load = bar.loads[..., first : first + 6]
+        assert load.sum(axis=0) == pytest.approx(np.eye(3, 6), abs=1e-12)
+        torque = np.cross((bar.fe.x - at)[:, :, None], load, axis=1).sum(axis=0)
+        assert torque == pytest.approx(np.eye(3, 6, 3), abs=1e-12)
+
+
+def test_planar_loads_go_on_with_two_forces_and_a_torque_at_each_outboard_marker(rod: Rod) -> None:
+    tip = face_marker(rod.fe.discretisation, rod.fe.discretisation.mesh.faces["x+"])
+    loads = inertia_loads(rod.fe, rod.root, Z, [tip])
+    assert np.array_equal(loads[..., :4], rod.loads)
+    forces = loads[..., 4:].sum(axis=0)
+    torques = np.cross((rod.fe.x - [LENGTH, 0, 0])[:, :, None], loads[..., 4:], axis=1).sum(axis=0)
+    assert forces[:, :2].T @ forces[:, :2] == pytest.approx(np.eye(2), abs=1e-12)
+    assert np.abs(Z @ forces[:, :2]).max() < 1e-12
+    assert np.abs(forces[:, 2]).max() < 1e-10
+    assert np.abs(torques - np.array([[0, 0, 0], [0, 0, 0], [0, 0, 1]])).max() < 1e-12
+
+
+@pytest.mark.parametrize("about", [np.eye(3), np.eye(3)[:2], np.zeros((0, 3))], ids=["clamp", "hinge", "ball"])
+def test_responses_are_held_as_the_modes_are(bar: Rod, about: Array) -> None:
+    fe, solver = bar.fe, bar.solver
+    B = bar.root.columns(len(fe.x), about)
+    modes = lowest_modes(solver, 6, B)
+    omega, shapes = enriched(modes, fe, solver, bar.loads, B)
+    n, size = len(omega), np.abs(shapes).max()
+    assert np.array_equal(shapes[..., :6], modes.shapes)
+    assert np.abs(bar.root.translation(shapes)).max() < 1e-8 * size
+    assert np.abs(about @ bar.root.rotation(shapes)).max(initial=0.0) < 1e-8 * size / 0.02
+    Phi = shapes.reshape(-1, n)
+    assert np.abs(Phi.T @ fe.M @ Phi - np.eye(n)).max() < 1e-8
+    assert np.abs((Phi.T @ fe.K @ Phi) / np.outer(omega, omega) - np.eye(n)).max() < 1e-6
+    # to the rigid motions that the joint leaves the basis is M-orthogonal
+    left = fe.rigid_modes @ null_space(B.reshape(len(Phi), -1).T @ fe.rigid_modes)
+    assert left.shape[1] == 3 - len(about)
+    assert np.abs(left.T @ (fe.M @ Phi)).max(initial=0.0) < 1e-8 * np.sqrt(fe.mass)
+
+
+def test_a_held_basis_has_the_static_deflection_under_each_load(bar: Rod) -> None:
+    """Independent path: K u = f + B μ with Bᵀ u = 0, solved densely; the reduced statics give the same."""
+    fe = bar.fe
+    B = bar.root.columns(len(fe.x), np.eye(3)).reshape(-1, 6)
+    N = null_space(B.T)
+    f = bar.loads.reshape(len(N), -1)
+    exact = N @ np.linalg.solve(N.T @ (fe.K @ N), N.T @ f)
+    omega, shapes = enriched(bar.modes, fe, bar.solver, bar.loads, B.reshape(-1, 3, 6))
+    Phi = shapes.reshape(-1, len(omega))
+    found = Phi @ ((Phi.T @ f) / omega[:, None] ** 2)
+    loaded = np.linalg.norm(exact, axis=0) > 1e-9 * np.linalg.norm(exact, axis=0).max()
+    error = np.linalg.norm(found - exact, axis=0)[loaded] / np.linalg.norm(exact, axis=0)[loaded]
+    assert np.count_nonzero(loaded) == 12  # the joint bears its own six
+    assert error.max() < 1e-4  # shapes of less than that beside the others are left out

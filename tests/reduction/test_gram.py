@@ -1,6 +1,7 @@
 """The inertia Gram tensor against direct integration over the elements."""
 
 from collections.abc import Callable
+from dataclasses import replace
 
 import numpy as np
 import pytest
@@ -137,3 +138,38 @@ def test_shapes_that_are_not_finite_are_refused(small_bar: FEModel) -> None:
     shapes[0, 0, 0] = np.nan
     with pytest.raises(AccuracyError, match="not symmetric: relative error nan"):
         inertia_gram(small_bar.x, small_bar.m, shapes)
+
+
+def symmetric(seed: int, *shape: int) -> Array:
+    entries = np.random.default_rng(seed).standard_normal((*shape, N_SHAPES, N_SHAPES))
+    return entries + entries.swapaxes(-1, -2)
+
+
+def first_moment(gram: InertiaGram, q: Array) -> Array:
+    """c, read from the coupling of rotation and translation, c̃."""
+    M = gram.mass_matrix(np.append(1.0, q))
+    return np.array([M[5, 1], M[3, 2], M[4, 0]])
+
+
+def test_a_bow_couples_translation_and_modes_as_the_first_moment_changes(gram: InertiaGram, state: Array) -> None:
+    """The rows of translation and modes are ∂c/∂q; c is of second order, so central differences are exact."""
+    bowed = replace(gram, bow=symmetric(4, 3))
+    q = state[1:]
+    rows = bowed.mass_matrix(state)[:3, 6:]
+    differences = [first_moment(bowed, q + step) - first_moment(bowed, q - step) for step in np.eye(N_SHAPES)]
+    assert rows == pytest.approx(np.array(differences).T / 2, rel=1e-10)
+    assert np.abs(rows - gram.mass_matrix(state)[:3, 6:]).max() > 1e-3 * np.abs(rows).max()
+    assert first_moment(bowed, 0 * q) == pytest.approx(first_moment(gram, 0 * q), rel=1e-14)
+
+
+def test_stiffening_counts_for_inertia_and_not_for_modal_mass(gram: InertiaGram, state: Array) -> None:
+    K = symmetric(5, 3, 3)
+    K = K + K.swapaxes(0, 1)
+    G = gram.G.copy()
+    G[:, :, 1:, 1:] -= K
+    stiff = replace(gram, G=G, stiffening=K)
+    found, before = stiff.mass_matrix(state), gram.mass_matrix(state)
+    assert found[6:, 6:] == pytest.approx(before[6:, 6:], rel=1e-12)
+    assert found[3:6, 6:] == pytest.approx(before[3:6, 6:], rel=1e-9, abs=1e-9)  # K is symmetric in the axes
+    fall = np.einsum("abij,i,j->ab", K, state[1:], state[1:])
+    assert before[3:6, 3:6] - found[3:6, 3:6] == pytest.approx(np.trace(fall) * np.eye(3) - fall, rel=1e-9)

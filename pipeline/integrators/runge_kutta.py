@@ -1,0 +1,229 @@
+"""Dormand and Prince's explicit Runge–Kutta method of order 8, compiled.
+
+The tableau, the error estimate (of orders 5 and 3 together) and the dense output of order 7 are those of Hairer,
+Nørsett & Wanner, Solving Ordinary Differential Equations I (1993), section II.10; the coefficients are SciPy's.
+"""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass, replace
+from typing import Any, NamedTuple
+
+import numpy as np
+
+from pipeline.checks import Array, IntArray
+from pipeline.dynamics.compiled import kernel
+from pipeline.dynamics.system import System, accelerations, advance, velocities
+from pipeline.integrators.adaptive import (
+    SMALLEST,
+    adaptive_state,
+    groups_of,
+    just_after,
+    just_before,
+    keep_largest,
+    march_adaptively,
+    scaled_error,
+    step_factor,
+    step_within,
+)
+from pipeline.integrators.protocol import Progress, State, Trajectory, march_from, start_state
+
+
+class Tableau(NamedTuple):
+    """Coefficients: 12 stages, the one at the step's end, three more for dense output."""
+
+    A: Array  # (16, 16)
+    B: Array  # (12,)
+    C: Array  # (16,)
+    E3: Array  # (13,)
+    E5: Array  # (13,)
+    D: Array  # (4, 16)
+
+
+def tableau() -> Tableau:
+    """Collect the coefficients."""
+    from scipy.integrate import DOP853
+
+    A, C = np.zeros((16, 16)), np.zeros(16)
+    A[:12, :12], C[:12] = DOP853.A, DOP853.C
+    A[12, :12], C[12] = DOP853.B, 1.0
+    A[13:], C[13:] = DOP853.A_EXTRA, DOP853.C_EXTRA
+    return Tableau(A, *(np.array(c, dtype=float) for c in (DOP853.B, C, DOP853.E3, DOP853.E5, DOP853.D)))
+
+
+@dataclass(frozen=True)
+class RungeKutta:
+    """The method of order 8 with a relative ``tolerance`` of each step; for motions without stiff parts."""
+
+    tolerance: float = 1e-9
+
+    name = "runge-kutta"
+    step = 0.0
+
+    def __post_init__(self) -> None:
+        if not 3e-14 <= self.tolerance < 1.0:
+            raise ValueError(f"tolerance is {self.tolerance}, expected 3e-14 … 1")
+
+    def order(self, system: System) -> int:
+        """Order 8."""
+        return 8
+
+    def largest_step(self, system: System) -> float:
+        """No limit: the step keeps to what is stable by its error."""
+        return math.inf
+
+    def march(self, system: System, q0: Array, v0: Array, times: Array, progress: Progress | None = None) -> Trajectory:
+        """Integrate from time 0 until the last of ``times`` is passed."""
+        start = start_state(system, q0, v0, np.zeros(system.n))
+        groups = groups_of(system)
+        largest = np.zeros(int(groups.max(initial=-1)) + 1)
+        keep_largest(groups, largest, np.concatenate([start.q, start.v]))
+        start = replace(adaptive_state(system, start), memory=largest)
+        return march_from(self, system, start, times, progress)
+
+    def resume(self, system: System, start: State, times: Array, progress: Progress | None = None) -> Trajectory:
+        """Continue from a state that a march of this method has ended in; earlier output times stay NaN.
+
+        Raises
+        ------
+        StabilityError
+            The step became too small.
+        """
+        p, groups, coefficients = system.parameters, groups_of(system), tableau()
+        slopes, vectors = np.zeros((16, groups.size)), np.zeros((12, groups.size))
+        trial, evaluations = np.zeros(start.memory.size), np.zeros(1)
+
+        def run(state: State, clock: Array, stop: float, n_steps: int, *samples: Any) -> int:
+            work = (state.q, state.v, state.a, groups, state.memory, slopes, vectors, trial, evaluations)
+            return int(_march(p, coefficients, self.tolerance, clock, stop, n_steps, *work, *samples))
+
+        end, q, v, seconds = march_adaptively(self.name, run, start, system.breakpoints, times, progress)
+        n_steps = end.step - start.step
+        mean = (end.time - start.time) / n_steps if n_steps else 0.0
+        return Trajectory(self.name, mean, 1, times, q, v, int(evaluations[0]), 0, seconds, end)
+
+
+@kernel
+def _stage(p: Any, c: Tableau, k: int, t: float, h: float, u: Array, n_positions: int, K: Array, U: Array) -> None:
+    """Slope number k at ``t + C_k h``."""
+    n = u.size
+    for i in range(n):
+        U[i] = u[i]
+    for j in range(k):
+        weight = h * c.A[k, j]
+        if weight != 0.0:
+            for i in range(n):
+                U[i] += weight * K[j, i]
+    velocities(p, U[:n_positions], U[n_positions:], K[k, :n_positions])
+    accelerations(
+        p, just_before(t + h) if c.C[k] == 1.0 else t + c.C[k] * h, U[:n_positions], U[n_positions:], K[k, n_positions:]
+    )
+
+
+@kernel
+def _error(c: Tableau, h: float, K: Array, groups: IntArray, largest: Array, error: Array) -> float:
+    """Estimates of orders 5 and 3 together: ``|e₅|² / √(|e₅|² + 0.01 |e₃|²)`` by the largest of each."""
+    for i in range(error.size):
+        error[i] = 0.0
+        for k in range(13):
+            error[i] += h * c.E3[k] * K[k, i]
+    third = scaled_error(groups, largest, error)
+    for i in range(error.size):
+        error[i] = 0.0
+        for k in range(13):
+            error[i] += h * c.E5[k] * K[k, i]
+    fifth = scaled_error(groups, largest, error)
+    size = math.sqrt(fifth * fifth + 0.01 * third * third)
+    return fifth * fifth / size if size > 0.0 else size
+
+
+@kernel
+def _march(
+    p: Any, c: Tableau, tolerance: float, clock: Array, stop: float, n_steps: int, q: Array, v: Array, a: Array,
+    groups: IntArray, largest: Array, K: Array, x: Array, trial: Array, evaluations: Array,
+    times: Array, sample_q: Array, sample_v: Array, cursor: IntArray,
+) -> int:  # fmt: skip
+    n_positions, n = q.size, x.shape[1]
+    u, U, new, error = x[0], x[1], x[2], x[3]
+    smallest = SMALLEST * times[times.size - 1]
+    for done in range(n_steps):
+        if cursor[0] >= times.size or clock[0] >= stop:
+            return done
+        t = clock[0]
+        for i in range(n_positions):
+            u[i] = q[i]
+        for i in range(n - n_positions):
+            u[n_positions + i] = v[i]
+        velocities(p, u[:n_positions], u[n_positions:], K[0, :n_positions])
+        accelerations(p, just_after(t), u[:n_positions], u[n_positions:], K[0, n_positions:])
+        evaluations[0] += 1
+        h = step_within(clock[1], stop - t)
+        planned = h == clock[1]
+        while True:
+            for k in range(1, 13):
+                _stage(p, c, k, t, h, u, n_positions, K, new)  # the last one is at the step's end, and new with it
+            evaluations[0] += 12
+            for k in range(largest.size):
+                trial[k] = largest[k]
+            keep_largest(groups, trial, new)
+            size = _error(c, h, K, groups, trial, error)
+            factor = step_factor(size, tolerance, 8)
+            if size <= tolerance:
+                break
+            h *= min(factor, 0.9)
+            planned = True
+            if not h > smallest:
+                clock[1] = h
+                return -done - 1
+        if cursor[0] < times.size and times[cursor[0]] <= t + h:
+            for k in range(13, 16):
+                _stage(p, c, k, t, h, u, n_positions, K, U)
+            evaluations[0] += 3
+            _prepare_samples(c, h, u, new, K, x)
+            while cursor[0] < times.size and times[cursor[0]] <= t + h:
+                _sample((times[cursor[0]] - t) / h, u, x, U)
+                for i in range(n_positions):
+                    sample_q[cursor[0], i] = U[i]
+                for i in range(n - n_positions):
+                    sample_v[cursor[0], i] = U[n_positions + i]
+                advance(p, sample_q[cursor[0]], sample_v[cursor[0]], 0.0, 0, n - n_positions)  # unit quaternions
+                cursor[0] += 1
+        for i in range(n_positions):
+            q[i] = new[i]
+        for i in range(n - n_positions):
+            v[i] = new[n_positions + i]
+        advance(p, q, v, 0.0, 0, n - n_positions)
+        for i in range(n - n_positions):
+            a[i] = K[12, n_positions + i]
+        clock[0] = stop if h == stop - t else t + h
+        if planned:  # else a breakpoint cut the step short
+            clock[1] = h * factor
+        keep_largest(groups, largest, new)
+    return n_steps
+
+
+@kernel
+def _prepare_samples(c: Tableau, h: float, u: Array, new: Array, K: Array, x: Array) -> None:
+    """Coefficients of the dense output into x[5 … 11]."""
+    n = u.size
+    for i in range(n):
+        rise = new[i] - u[i]
+        x[5, i] = rise
+        x[6, i] = h * K[0, i] - rise
+        x[7, i] = 2.0 * rise - h * (K[12, i] + K[0, i])
+        for row in range(4):
+            total = 0.0
+            for k in range(16):
+                total += c.D[row, k] * K[k, i]
+            x[8 + row, i] = h * total
+
+
+@kernel
+def _sample(s: float, u: Array, x: Array, out: Array) -> None:
+    """State at the part s of the step: ``u + s (f₁ + (1 − s)(f₂ + s (f₃ + …)))`` with seven coefficients."""
+    for i in range(u.size):
+        total = x[11, i] * s
+        for row in range(10, 4, -1):
+            total = (total + x[row, i]) * (1.0 - s if row % 2 == 0 else s)
+        out[i] = u[i] + total

@@ -1,0 +1,356 @@
+"""Adaptive methods: error against tolerance, steps, output, loads that jump, quiet coordinates, groups, failure."""
+
+from __future__ import annotations
+
+import re
+from dataclasses import dataclass, field, replace
+from typing import NamedTuple
+
+import numpy as np
+import pytest
+from scipy.linalg import expm
+
+from pipeline import Pipeline, load_scene
+from pipeline.checks import Array, StabilityError
+from pipeline.dynamics.compiled import meaning
+from pipeline.dynamics.link import SPHERICAL, Link, rigid_gram
+from pipeline.dynamics.system import accelerations, advance, velocities
+from pipeline.dynamics.tree import Tree
+from pipeline.integrators.adaptive import groups_of, step_within
+from pipeline.integrators.adaptive_alpha import AdaptiveGeneralizedAlpha
+from pipeline.integrators.rosenbrock import ExponentialRosenbrock
+from pipeline.integrators.scipy_ivp import ScipyIvp
+
+BOTH = pytest.mark.parametrize("method", [ExponentialRosenbrock, AdaptiveGeneralizedAlpha])
+
+
+class Linear(NamedTuple):
+    """``q̈ = −K q − C v + f sin(Ω t) + (push after the jump)``; not a number after some time."""
+
+    calls: Array  # (1,)
+    K: Array  # (n, n)
+    C: Array  # (n, n)
+    f: Array  # (n,)
+    rate: float
+    push: Array  # (n,)
+    jump: float
+    until: float
+
+
+@meaning(accelerations, Linear)
+def _accelerations(p: Linear, t: float, q: Array, v: Array, a: Array) -> None:
+    p.calls[0] += 1
+    for i in range(v.size):
+        a[i] = p.f[i] * np.sin(p.rate * t) + (p.push[i] if t >= p.jump else 0.0)
+        for j in range(v.size):
+            a[i] -= p.K[i, j] * q[j] + p.C[i, j] * v[j]
+        if t > p.until:
+            a[i] = np.nan
+
+
+@meaning(velocities, Linear)
+def _velocities(p: Linear, q: Array, v: Array, dq: Array) -> None:
+    for i in range(v.size):
+        dq[i] = v[i]
+
+
+@meaning(advance, Linear)
+def _advance(p: Linear, q: Array, v: Array, h: float, first: int, last: int) -> None:
+    for i in range(first, last):
+        q[i] += h * v[i]
+
+
+@dataclass
+class LinearSystem:
+    K: Array
+    C: Array | None = None
+    f: Array | None = None
+    rate: float = 1.0
+    push: Array | None = None
+    jump: float = np.inf
+    until: float = np.inf
+    breakpoints: tuple[float, ...] = ()
+    parameters: Linear = field(init=False)
+
+    def __post_init__(self) -> None:
+        self.n = self.n_positions = len(self.K)
+        none = np.zeros(self.n)
+        C = np.zeros_like(self.K) if self.C is None else self.C
+        f, push = (none if x is None else x for x in (self.f, self.push))
+        self.parameters = Linear(np.zeros(1), self.K, C, f, self.rate, push, self.jump, self.until)
+
+    @property
+    def highest_frequency(self) -> float:
+        return float(np.sqrt(np.abs(np.linalg.eigvals(self.K)).max()))
+
+    def exact(self, q0: Array, v0: Array, times: Array) -> Array:
+        """Positions in closed form: the matrix exponential with sine, cosine and the push as states of their own."""
+        n, p = self.n, self.parameters
+        A = np.zeros((2 * n + 3, 2 * n + 3))
+        A[:n, n : 2 * n] = np.eye(n)
+        A[n : 2 * n, :n], A[n : 2 * n, n : 2 * n], A[n : 2 * n, 2 * n] = -p.K, -p.C, p.f
+        A[2 * n, 2 * n + 1], A[2 * n + 1, 2 * n] = p.rate, -p.rate
+        A[n : 2 * n, 2 * n + 2] = p.push
+        start, found = np.r_[q0, v0, 0.0, 1.0, 0.0], []
+        for t in times:
+            before = min(t, p.jump)
+            now = expm(A * before) @ start
+            now[-1] = 1.0 if t >= p.jump else 0.0
+            found.append((expm(A * (t - before)) @ now)[:n])
+        return np.array(found)
+
+
+def two_oscillators(**settings: object) -> LinearSystem:
+    """Frequencies 2 and 11 rad/s or so, some damping, a load."""
+    K, C = np.array([[6.0, -2.0], [-2.0, 120.0]]), np.array([[0.1, 0.02], [0.0, 0.3]])
+    return LinearSystem(K, C, np.array([1.0, 3.0]), 1.7, **settings)
+
+
+# Error against tolerance -----------------------------------------------------------------------------------------
+
+
+def oscillators_case():
+    system, times = two_oscillators(), np.linspace(0.0, 10.0, 41)
+    q0, v0 = np.array([1.0, 0.1]), np.array([0.0, 1.0])
+    return system, q0, v0, times, system.exact(q0, v0, times)
+
+
+def rod_slider_case():
+    pipeline = Pipeline(load_scene("rod-slider"))
+    times = np.linspace(0.0, 5.0, 41)
+    return by_dop853(pipeline.mechanism, *pipeline.start, times)
+
+
+def beam_case():
+    rotor, times = Pipeline(load_scene("beam")).rotor, np.linspace(0.0, 0.05, 41)
+    return by_dop853(rotor, np.zeros(rotor.n), np.zeros(rotor.n), times)
+
+
+def spinning_pendulum() -> Tree:
+    inertia = np.diag([0.11, 0.12, 0.05])
+    return Tree([Link("bob", rigid_gram(2.0, np.array([0.0, 0.0, -0.5]), inertia), SPHERICAL)], gravity=[0, 0, -9.81])
+
+
+def pendulum_case():
+    tree = spinning_pendulum()
+    return by_dop853(tree, tree.rest_positions, np.array([2.0, 1.0, 8.0]), np.linspace(0.0, 2.0, 41))
+
+
+def by_dop853(system, q0, v0, times):
+    return system, q0, v0, times, ScipyIvp("DOP853", 1e-13).march(system, q0, v0, times).q
+
+
+CASES = {"oscillators": oscillators_case, "rod-slider": rod_slider_case, "beam": beam_case, "pendulum": pendulum_case}
+
+
+@pytest.fixture(scope="module", params=CASES)
+def case(request):
+    return CASES[request.param]()
+
+
+def errors_of(methods, case):
+    system, q0, v0, times, exact = case
+    marches = [method.march(system, q0, v0, times) for method in methods]
+    groups = groups_of(system)[: system.n_positions]
+    sizes = np.array([np.abs(exact[:, groups == g]).max() for g in groups])
+    return np.array([(np.abs(march.q - exact) / sizes).max() for march in marches]), marches
+
+
+def test_the_error_of_the_exponential_method_is_proportional_to_the_tolerance(case):
+    # Steps whose error of order 4 is the tolerance leave a global one, of order 4, that is proportional to it.
+    tolerances = 10.0 ** -np.arange(3.0, 10.0)
+    errors, marches = errors_of([ExponentialRosenbrock(tolerance) for tolerance in tolerances], case)
+    ratios = errors / tolerances
+    print(ratios, [m.end.step for m in marches])
+    assert (errors[1:] < 0.5 * errors[:-1]).all()
+    assert 0.75 < np.polyfit(np.log(tolerances), np.log(errors), 1)[0] < 1.25
+    assert (ratios < 30).all()
+    assert ratios.min() > 1e-3
+    # and work grows with the fourth root
+    steps = [march.end.step for march in marches]
+    assert np.polyfit(np.log(tolerances[3:]), np.log(steps[3:]), 1)[0] == pytest.approx(-1 / 4, abs=0.06)
+
+
+def test_the_error_of_generalised_alpha_follows_the_tolerance(case):
+    # Error of a step of order 3, global of order 2: the power 2/3 of the tolerance.
+    tolerances = 10.0 ** -np.arange(3.0, 8.0)
+    errors, marches = errors_of([AdaptiveGeneralizedAlpha(tolerance) for tolerance in tolerances], case)
+    print(errors / tolerances ** (2 / 3), [m.end.step for m in marches])
+    assert (errors[1:] < 0.6 * errors[:-1]).all()
+    assert np.polyfit(np.log(tolerances[1:]), np.log(errors[1:]), 1)[0] == pytest.approx(2 / 3, abs=0.12)
+    steps = [march.end.step for march in marches]
+    assert np.polyfit(np.log(tolerances[2:]), np.log(steps[2:]), 1)[0] == pytest.approx(-1 / 3, abs=0.06)
+    assert marches[0].step == pytest.approx(marches[0].end.time / marches[0].end.step)
+
+
+# Output ----------------------------------------------------------------------------------------------------------
+
+
+@BOTH
+def test_output_times_never_change_the_steps(case, method):
+    system, q0, v0, times, _ = case
+    few = method(1e-4).march(system, q0, v0, times[[0, -1]])
+    many = method(1e-4).march(system, q0, v0, np.linspace(0.0, times[-1], 777))
+    for name in ("step", "time", "next_step", "q", "v", "memory"):
+        np.testing.assert_array_equal(getattr(few.end, name), getattr(many.end, name))
+    np.testing.assert_array_equal(few.q[-1], many.q[-1])
+    longer = method(1e-4).march(system, q0, v0, np.r_[times, 1.1 * times[-1]])
+    np.testing.assert_array_equal(longer.q[20], method(1e-4).march(system, q0, v0, times).q[20])
+
+
+def test_between_its_steps_the_exponential_method_is_as_good_as_at_them(case):
+    # Compared at many times within few steps; the pendulum's quaternions are unit there too.
+    system, q0, v0, times, _ = case
+    fine = np.sort(np.r_[times, np.random.default_rng(0).uniform(0.0, times[-1], 200)])
+    exact = ScipyIvp("DOP853", 1e-12).march(system, q0, v0, fine)
+    march = ExponentialRosenbrock(1e-6).march(system, q0, v0, fine)
+    size = np.abs(exact.q).max(axis=0).max()
+    assert np.abs(march.q - exact.q).max() < 1e-4 * size
+    if system.n_positions > system.n:
+        np.testing.assert_allclose(np.linalg.norm(march.q, axis=1), 1.0, atol=1e-14)
+        np.testing.assert_allclose(np.linalg.norm(march.end.q), 1.0, atol=1e-14)
+
+
+@BOTH
+def test_output_at_the_start_is_the_start(method):
+    march = method(1e-3).march(two_oscillators(), np.array([1.0, 2.0]), np.array([3.0, 4.0]), np.zeros(2))
+    np.testing.assert_array_equal(march.q, [[1.0, 2.0]] * 2)
+    np.testing.assert_array_equal(march.v, [[3.0, 4.0]] * 2)
+
+
+@BOTH
+def test_evaluations_are_counted_as_they_happen(method):
+    system = two_oscillators(breakpoints=(1.0,))
+    march = method(1e-4).march(system, np.ones(2), np.zeros(2), np.linspace(0.0, 3.0, 50))
+    assert march.evaluations == system.parameters.calls[0]
+
+
+@BOTH
+def test_what_a_march_tells_while_it_goes(method):
+    parts: list[float] = []
+    method(1e-6).march(two_oscillators(), np.ones(2), np.zeros(2), np.array([40.0]), parts.append)
+    assert len(parts) > 1
+    assert parts == sorted(parts)
+    assert 0 < parts[0] <= parts[-1] == 1
+
+
+# Loads that jump -------------------------------------------------------------------------------------------------
+
+
+@pytest.mark.parametrize("jump", [0.7300001, 1.0, np.pi])
+@pytest.mark.parametrize(("method", "bound"), [(ExponentialRosenbrock, 30), (AdaptiveGeneralizedAlpha, 3000)])
+def test_a_jump_at_a_breakpoint_costs_neither_accuracy_nor_many_steps(method, bound, jump):
+    pushed = two_oscillators(push=np.array([20.0, -50.0]), jump=jump, breakpoints=(jump,))
+    q0, v0, times = np.array([1.0, 0.1]), np.zeros(2), np.linspace(0.0, 6.0, 31)
+    exact = pushed.exact(q0, v0, times)
+    march = method(1e-7).march(pushed, q0, v0, times)
+    assert np.abs(march.q - exact).max() < bound * 1e-7 * np.abs(exact).max()
+    smooth = method(1e-7).march(two_oscillators(push=np.array([20.0, -50.0]), jump=-1.0), q0, v0, times)
+    assert march.end.step < 1.3 * smooth.end.step + 10
+
+
+@BOTH
+def test_a_step_ends_at_each_breakpoint_however_close_they_are(method):
+    points = (0.5, 0.5 + 1e-15, 0.5 + 2e-15, 1.0, 1.0, 1.0 + 1e-9)
+    system = two_oscillators(breakpoints=points)
+    q0, v0 = np.ones(2), np.zeros(2)
+    march = method(1e-6).march(system, q0, v0, np.array([2.0]))
+    np.testing.assert_allclose(march.q, system.exact(q0, v0, [2.0]), atol=1e-3)
+    assert method(1e-6).march(system, q0, v0, np.array([0.5])).end.time == 0.5
+
+
+def test_a_step_never_leaves_a_sliver():
+    assert step_within(1.0, np.inf) == 1.0
+    assert step_within(1.0, 0.4) == 0.4
+    assert step_within(1.0, 1.0 + 1e-12) == 1.0 + 1e-12
+    assert step_within(1.0, 1.2) == 0.6
+    assert step_within(1.0, 2.1) == 1.0
+
+
+# Scales ----------------------------------------------------------------------------------------------------------
+
+
+@BOTH
+def test_a_coordinate_that_only_round_off_moves_does_not_count(method):
+    # The third coordinate feels the difference of two large forces that cancel but for round-off.
+    K = np.array([[6.0, -2.0, 0.0], [-2.0, 12.0, 0.0], [1 / 3, 1 / 7, 3.0]])
+    turn = np.linalg.qr(np.random.default_rng(0).normal(size=(3, 3)))[0]
+    plain = LinearSystem(K[:2, :2].copy())
+    noisy = LinearSystem(np.block([[K[:2, :2], np.zeros((2, 1))], [1e3 * (turn @ turn.T - np.eye(3))[:1, :2], 3.0]]))
+    times, tolerance = np.linspace(0.0, 10.0, 5), 1e-9 if method is ExponentialRosenbrock else 1e-7
+    one = method(tolerance).march(plain, np.array([1.0, 0.5]), np.zeros(2), times)
+    other = method(tolerance).march(noisy, np.array([1.0, 0.5, 0.0]), np.zeros(3), times)
+    assert np.abs(other.q[:, 2]).max() < 1e-12
+    assert other.end.step <= 1.2 * one.end.step + 5
+
+
+class Grouped(LinearSystem):
+    groups = np.zeros(2, dtype=np.int64), np.zeros(2, dtype=np.int64)
+
+
+@BOTH
+def test_coordinates_of_one_group_share_its_largest_value(method):
+    # The second oscillator is a millionth of the first and 20 times as fast: alone it would set the step.
+    K, q0, times = np.diag([1.0, 400.0]), np.array([1.0, 1e-6]), np.array([10.0])
+    alone, grouped = (kind(K, None, np.array([0.1, 1e-7]), 3.0) for kind in (LinearSystem, Grouped))
+    tolerance = 1e-4
+    apart = method(tolerance).march(alone, q0, np.zeros(2), times)
+    together = method(tolerance).march(grouped, q0, np.zeros(2), times)
+    if method is AdaptiveGeneralizedAlpha:  # the other solves both exactly but for the load
+        assert together.end.step < 0.4 * apart.end.step
+    assert np.abs(together.q - grouped.exact(q0, np.zeros(2), times)).max() < 0.1
+    assert together.end.memory.size < apart.end.memory.size
+
+
+def test_a_system_without_groups_has_one_for_each_coordinate(rotor):
+    np.testing.assert_array_equal(groups_of(two_oscillators()), [0, 1, 2, 3])
+    np.testing.assert_array_equal(groups_of(Grouped(np.eye(2))), [0, 0, 1, 1])
+
+
+@BOTH
+def test_a_mechanism_that_rests_stays_at_rest_with_ever_longer_steps(method):
+    march = method(1e-9).march(LinearSystem(np.eye(2)), np.zeros(2), np.zeros(2), np.array([100.0]))
+    np.testing.assert_array_equal(march.q, np.zeros((1, 2)))
+    assert march.end.step < 20
+
+
+# Failure ---------------------------------------------------------------------------------------------------------
+
+
+@BOTH
+def test_a_march_into_what_is_no_number_stops_there_and_says_so(method):
+    with pytest.raises(StabilityError, match=r"stopped at t = \S+ s: ") as caught:
+        method(1e-6).march(two_oscillators(until=1.3), np.ones(2), np.zeros(2), np.array([5.0]))
+    found = re.search(rf"{method.name} stopped at t = (\S+) s: its step fell to \S+ s$", str(caught.value))
+    assert found
+    assert float(found[1]) == pytest.approx(1.3, abs=1e-5)
+
+
+@BOTH
+def test_a_start_without_accelerations_is_reported(method):
+    with pytest.raises(StabilityError, match=rf"{method.name} stopped at t = 0 s: the accelerations are not finite"):
+        method(1e-6).march(two_oscillators(until=-1.0), np.ones(2), np.zeros(2), np.array([5.0]))
+
+
+@BOTH
+def test_a_motion_that_escapes_in_finite_time_is_reported(method):
+    # Negative damping that grows: here the spring pushes, q grows as exp(1e4 t), until it overflows.
+    with pytest.raises(StabilityError, match=r"stopped at t = \S+ s"), np.errstate(over="ignore"):
+        method(1e-3).march(LinearSystem(-1e8 * np.eye(1)), np.ones(1), np.zeros(1), np.array([1.0]))
+
+
+@BOTH
+@pytest.mark.parametrize("tolerance", [0.0, -1e-9, 1e-14, 1.0, np.nan, np.inf])
+def test_a_tolerance_out_of_reach_is_refused(method, tolerance):
+    with pytest.raises(ValueError, match=rf"tolerance is {re.escape(str(tolerance))}, expected 3e-14 … 1"):
+        method(tolerance)
+
+
+def test_they_have_no_largest_step_and_their_formulas_order(rotor):
+    assert ExponentialRosenbrock(1e-3).largest_step(rotor) == np.inf
+    assert AdaptiveGeneralizedAlpha(1e-3).largest_step(rotor) == np.inf
+    assert ExponentialRosenbrock(1e-3).order(rotor) == 4
+    assert AdaptiveGeneralizedAlpha(1e-3).order(rotor) == 2
+    with pytest.raises(ValueError, match=r"rho is 2\.0, expected 0 … 1"):
+        AdaptiveGeneralizedAlpha(1e-3, 2.0)
+    assert replace(AdaptiveGeneralizedAlpha(1e-3), rho=0.5).name == "generalized-alpha"

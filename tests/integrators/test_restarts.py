@@ -1,0 +1,115 @@
+"""A march that is broken off and continued from its state, pickled in between, is one march, bit for bit."""
+
+from __future__ import annotations
+
+import pickle
+from dataclasses import replace
+
+import numpy as np
+import pytest
+
+from pipeline import Pipeline, load_scene
+from pipeline.dynamics.planar import PlanarRotor, TorquePulse
+from pipeline.integrators.adaptive_alpha import AdaptiveGeneralizedAlpha
+from pipeline.integrators.automatic import Automatic
+from pipeline.integrators.central_difference import CentralDifference
+from pipeline.integrators.exponential import Exponential
+from pipeline.integrators.generalized_alpha import GeneralizedAlpha
+from pipeline.integrators.protocol import Integrator
+from pipeline.integrators.rosenbrock import ExponentialRosenbrock
+from pipeline.integrators.scipy_ivp import ScipyIvp
+from pipeline.integrators.subcycling import Subcycling
+
+METHODS: dict[str, Integrator] = {
+    "central-difference": CentralDifference(2e-3),
+    "sub-cycling": Subcycling(2e-3, 5),
+    "exponential": Exponential(0.02),
+    "generalized-alpha": GeneralizedAlpha(0.02),
+    "adaptive generalized-alpha": AdaptiveGeneralizedAlpha(1e-4),
+    "exponential-rosenbrock": ExponentialRosenbrock(1e-5),
+    "DOP853": ScipyIvp("DOP853", 1e-6),
+    "Radau": ScipyIvp("Radau", 1e-4),
+    "LSODA": ScipyIvp("LSODA", 1e-6),
+}
+EACH = pytest.mark.parametrize("method", METHODS)
+
+
+@pytest.fixture(scope="module")
+def rod_slider():
+    pipeline = Pipeline(load_scene("rod-slider"))
+    return pipeline.mechanism, *pipeline.start
+
+
+@pytest.fixture(scope="module")
+def struck(rotor):
+    """The beam struck from rest for 4 ms."""
+    rotor = PlanarRotor(rotor.body, TorquePulse(1e-3, 4e-3, 50.0))
+    return rotor, np.zeros(rotor.n), np.zeros(rotor.n)
+
+
+def assert_continues(method, system, q0, v0, times, breaks):
+    whole = method.march(system, q0, v0, times)
+    part = method.march(system, q0, v0, times[: breaks[0]])
+    for stop in [*breaks[1:], len(times)]:
+        kept = pickle.dumps(part.end)
+        part = method.resume(system, pickle.loads(kept), times[:stop])
+        begin = pickle.loads(kept).time
+        known = times[:stop] >= begin
+        assert known.any()
+        assert np.isnan(part.q[~known]).all()
+        np.testing.assert_array_equal(part.q[known], whole.q[:stop][known])
+        np.testing.assert_array_equal(part.v[known], whole.v[:stop][known])
+    for name in ("step", "q", "v", "a", "time", "next_step", "memory"):
+        np.testing.assert_array_equal(getattr(part.end, name), getattr(whole.end, name))
+    assert part.end.time >= times[-1]
+
+
+@EACH
+def test_rod_and_slider_continue_bit_for_bit(rod_slider, method):
+    assert_continues(METHODS[method], *rod_slider, np.linspace(0.0, 4.0, 91), (20, 21, 57))
+
+
+@EACH
+def test_the_struck_beam_continues_bit_for_bit_before_in_and_after_the_blow(struck, method):
+    step = {"central-difference": 1e-5, "sub-cycling": 1e-5, "exponential": 1e-4, "generalized-alpha": 2e-5}
+    chosen = METHODS[method]
+    if method in step:
+        chosen = replace(chosen, step=step[method])
+    times = np.linspace(0.0, 8e-3, 65)  # the 9th and the 41st are the begin and the end of the blow
+    assert_continues(chosen, *struck, times, (4, 9, 20, 41, 50))
+
+
+@EACH
+def test_a_state_is_left_as_it_was(rod_slider, method):
+    system, q0, v0 = rod_slider
+    chosen, times = METHODS[method], np.array([0.5, 1.0])
+    end = chosen.march(system, q0, v0, times[:1]).end
+    before = pickle.dumps(end)
+    first = chosen.resume(system, end, times)
+    assert pickle.dumps(end) == before
+    np.testing.assert_array_equal(chosen.resume(system, end, times).q, first.q)
+
+
+def test_lsoda_says_when_its_state_is_out_of_reach(rod_slider, monkeypatch):
+    from pipeline.integrators import scipy_ivp
+
+    state_of = scipy_ivp._state_of
+
+    def without_state(solver):
+        for name in ("state_doubles", "state_ints"):  # what SciPy 1.17 added
+            delattr(solver._lsoda_solver._integrator, name)
+        return state_of(solver)
+
+    monkeypatch.setattr(scipy_ivp, "_state_of", without_state)
+    system, q0, v0 = rod_slider
+    method = ScipyIvp("LSODA", 1e-6)
+    end = method.march(system, q0, v0, np.array([0.5])).end
+    with pytest.raises(ValueError, match=r"this LSODA march can't be continued: SciPy 1\.17 is the first"):
+        method.resume(system, end, np.array([1.0]))
+
+
+def test_the_automatic_choice_is_not_continued(rod_slider):
+    system, q0, v0 = rod_slider
+    end = ExponentialRosenbrock(1e-3).march(system, q0, v0, np.array([0.1])).end
+    with pytest.raises(ValueError, match="auto has no state of its own; resume with the method that its trajectory names"):
+        Automatic(1e-3).resume(system, end, np.array([1.0]))

@@ -1,0 +1,74 @@
+"""Frequencies on a hub that turns: a mass on springs, and a rod on a hub that is free."""
+
+import numpy as np
+import pytest
+
+from pipeline.checks import Array
+from pipeline.reduction.body import FlexibleBody, MarkerShapes
+from pipeline.reduction.gram import InertiaGram, inertia_gram
+from pipeline.reduction.rotating import rotating_frequencies
+
+MASS, ARM = 2.0, 0.5
+
+
+def body_of(x: Array, m: Array, shapes: Array, omega: Array) -> FlexibleBody:
+    gram: InertiaGram = inertia_gram(x, m, shapes)
+    n = len(omega)
+    still = MarkerShapes(np.zeros(3), np.zeros((3, n)), np.zeros((3, n)))
+    return FlexibleBody(x, shapes, omega, np.array([0.0, 0.0, 1.0]), "hub", {"hub": still}, gram, 0.0)
+
+
+def mass_on_springs(omega: Array, x: float = 0.0) -> FlexibleBody:
+    """A point mass at (x, 0, 0), free along all three axes, each with its spring."""
+    return body_of(np.array([[x, 0.0, 0.0]]), np.array([[MASS]]), np.eye(3)[None] / np.sqrt(MASS), omega)
+
+
+@pytest.mark.parametrize("rate", [0.0, 1.0, 3.0, 12.0])
+def test_a_mass_on_equal_springs_has_its_frequency_plus_and_minus_the_rate(rate: float) -> None:
+    # seen from the ground it keeps its frequency ω, whichever way it circles; along the axis nothing changes
+    found = rotating_frequencies(mass_on_springs(np.full(3, 5.0)), np.array([0.0, 0.0, 2.0]), rate)
+    assert found == pytest.approx(np.sort([abs(5.0 - rate), 5.0, 5.0 + rate]), rel=1e-9)
+
+
+def test_a_mass_on_unequal_springs_follows_its_textbook_equation() -> None:
+    """(ω_x² − Ω² − λ²)(ω_y² − Ω² − λ²) = 4 Ω² λ², for a rotor on an axis along x, and z left alone."""
+    omega, rate = np.array([7.0, 4.0, 6.0]), 2.5
+    found = rotating_frequencies(mass_on_springs(omega), np.array([1.0, 0.0, 0.0]), rate)
+    a, b = omega[1:] ** 2 - rate**2
+    squares = np.roots([1.0, -(a + b + 4 * rate**2), a * b])
+    assert found == pytest.approx(np.sort([*np.sqrt(squares), 7.0]), rel=1e-9)
+
+
+def test_a_hub_that_is_free_leaves_no_torque_about_the_axis() -> None:
+    """A mass on a radial spring, its hub free: the spin's momentum is kept, so λ² = ω² + 3 Ω² about r₀.
+
+    From r̈ = −ω²(r − r_s) + h²/r³ with h = r₀² Ω: the effective stiffness is ω² + 3 Ω² about the radius that is taken.
+    """
+    shapes = np.array([[[1.0], [0.0], [0.0]]]) / np.sqrt(MASS)
+    body = body_of(np.array([[ARM, 0.0, 0.0]]), np.array([[MASS]]), shapes, np.array([5.0]))
+    axis = np.array([0.0, 0.0, 1.0])
+    assert rotating_frequencies(body, axis, 2.0, hub_is_free=True) == pytest.approx([np.sqrt(25.0 + 12.0)], rel=1e-9)
+    assert rotating_frequencies(body, axis, 2.0) == pytest.approx([np.sqrt(25.0 - 4.0)], rel=1e-9)
+
+
+def test_a_free_hub_with_a_mass_on_two_springs_follows_its_equations() -> None:
+    """Hub of inertia J₀, mass m on springs along and across its arm a; the spin ν is eliminated by its momentum.
+
+    From T = ½ J₀ θ̇² + ½ m ((ẋ − θ̇ y)² + (ẏ + θ̇ (a + x))²) with k = m a²/(J₀ + m a²), about x = y = 0, θ̇ = Ω:
+    ẍ − 2Ω(1 − k) ẏ + (ω_x² − Ω² + 4kΩ²) x = 0 and (1 − k)(ÿ + 2Ω ẋ) + (ω_y² − Ω²) y = 0.
+    """
+    x = np.array([[ARM, 0.0, 0.0], [-0.7, 0.0, 0.0]])
+    shapes = np.zeros((2, 3, 2))
+    shapes[0, :2] = np.eye(2) / np.sqrt(MASS)
+    omega, rate = np.array([7.0, 4.0]), 2.5
+    found = rotating_frequencies(body_of(x, np.diag([MASS, 1.0]), shapes, omega), np.array([0, 0, 1.0]), rate, True)
+    k = MASS * ARM**2 / (MASS * ARM**2 + 0.7**2)
+    along, across = omega**2 - rate**2 + [4 * k * rate**2, 0.0]
+    squares = np.roots([1 - k, -((1 - k) * along + across + 4 * rate**2 * (1 - k) ** 2), along * across])
+    assert found == pytest.approx(np.sort(np.sqrt(squares)), rel=1e-9)
+
+
+def test_a_mode_that_has_lost_its_stiffness_has_no_frequency() -> None:
+    shapes = np.array([[[1.0], [0.0], [0.0]]]) / np.sqrt(MASS)
+    body = body_of(np.array([[ARM, 0.0, 0.0]]), np.array([[MASS]]), shapes, np.array([5.0]))
+    assert len(rotating_frequencies(body, np.array([0.0, 0.0, 1.0]), 6.0)) == 0
