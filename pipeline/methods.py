@@ -14,7 +14,7 @@ from pipeline.integrators.subcycling import Subcycling
 from pipeline.mechanism import Chain, chain_of
 
 if TYPE_CHECKING:
-    from pipeline.scene import Run, SubCycling
+    from pipeline.scene import Run, Simulation, SubCycling
     from pipeline.stages import Pipeline
 
 
@@ -57,8 +57,7 @@ def plans_of(pipeline: Pipeline) -> dict[str, Plan]:
             plan = _sub_cycled(pipeline, run, key)
         else:
             chain = None if pipeline.is_rotor else pipeline.chain
-            method = _method(run, run.step or simulation.step or 0.0, simulation.error)
-            plan = Plan(key, method, pipeline.mechanism, pipeline.start, chain)
+            plan = Plan(key, _method(run, simulation), pipeline.mechanism, pipeline.start, chain)
         limit = plan.integrator.largest_step(plan.system)
         if not plan.integrator.step < limit:
             raise InputError(
@@ -75,8 +74,9 @@ def plans_of(pipeline: Pipeline) -> dict[str, Plan]:
     return plans
 
 
-def _method(run: Run, step: float, error: float) -> Integrator:
+def _method(run: Run, simulation: Simulation) -> Integrator:
     """Only what is used is loaded: each method brings kernels of its own."""
+    step = run.step or simulation.step or 0.0
     match run.integrator:
         case "central-difference":
             from pipeline.integrators.central_difference import CentralDifference
@@ -104,7 +104,7 @@ def _method(run: Run, step: float, error: float) -> Integrator:
         case "auto":
             from pipeline.integrators.automatic import Automatic
 
-            return Automatic(error)
+            return Automatic(simulation.error, simulation.duration)
         case "DOP853" | "Radau" | "LSODA":
             from pipeline.integrators.scipy_ivp import ScipyIvp
 

@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from pipeline.cache import stage_key
-from pipeline.checks import Array
+from pipeline.checks import Array, InputError
 from pipeline.keeper import Keeper
 
 if TYPE_CHECKING:
@@ -83,7 +83,7 @@ class FlexiblePart:
     def __init__(self, scene: Scene, name: str, keeper: Keeper) -> None:
         part: Any = scene.body[name]
         self.shape: Bar = part
-        self.name = name
+        self.name, self._file = name, scene.file
         self.inboard = inboard_of(scene, name)
         self._frame = scene.simulation.frame
         at = [joint.parent for joint in scene.joint.values()]
@@ -198,7 +198,10 @@ class FlexiblePart:
     def _solver(self) -> FreeBodySolver:
         from pipeline.reduction.eigen import FreeBodySolver
 
-        return FreeBodySolver(self.fe, [marker for marker in self.markers.values() if marker.rigid])
+        try:
+            return FreeBodySolver(self.fe, [marker for marker in self.markers.values() if marker.rigid])
+        except ValueError as error:  # rigid faces that share nodes
+            raise InputError(self._file, f"body.{self.name}.marker", None, str(error)) from error
 
     @property
     def _free(self) -> Array:

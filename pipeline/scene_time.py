@@ -70,6 +70,9 @@ class TimeFunction(Table):
         except ValueError:
             raise FaultError(f"isn't a unit of {self.kind}; '{self.si}' works", "unit") from None
         if self.formula is not None:
+            for key in ("values", "between"):
+                if getattr(self, key) is not None:
+                    raise FaultError("belongs to a table of times; a formula takes none", key)
             from pipeline.expression import parse
 
             try:
@@ -82,6 +85,9 @@ class TimeFunction(Table):
             for number, (before, after) in enumerate(pairwise(self.times), start=1):
                 if not after > before:
                     raise FaultError("must come after the time before it", "times", number)
+        if self.between == "straight" and self.default_between == "smooth":
+            # Such a jump is an impulse that no equation here would pass on to the other coordinates.
+            raise FaultError("would let the motion's rate jump at each time; 'smooth' works", "between")
         return self
 
     @property

@@ -152,7 +152,10 @@ class Pipeline:
         """The mechanism of any scene."""
         from pipeline.mechanism import chain_of
 
-        return chain_of(self.scene, self.bodies)
+        try:
+            return chain_of(self.scene, self.bodies)
+        except ValueError as error:  # a prescribed motion that jumps
+            raise InputError(self.scene.file, "drive", None, str(error)) from error
 
     @property
     def mechanism(self) -> System:

@@ -139,10 +139,18 @@ def _integrations(summary: dict[str, Any]) -> Table:
         ratio = f" {row['substeps']}:1" if row["substeps"] > 1 else ""
         table.add_row(
             row["integrator"] + ratio,
-            f"{row['step_s'] * 1e6:g} µs",
-            f"{row['seconds'] * 1e3:.2f} ms",
+            _scaled(row["step_s"], "s"),
+            _scaled(row["seconds"], "s"),
             f"{row['ratio_to_plain']:.2f}",
             f"{row['evaluations']} + {row['fast_evaluations']}",
-            f"{row['tip_difference_m'] * 1e6:.3g} µm",
+            _scaled(row["tip_difference_m"], "m"),
         )
     return table
+
+
+def _scaled(value: float, unit: str) -> str:
+    """Three digits with the prefix that fits: 1.23 ms."""
+    for factor, prefix in ((1.0, ""), (1e-3, "m"), (1e-6, "µ"), (1e-9, "n")):
+        if abs(value) >= 0.9995 * factor:
+            return f"{value / factor:.3g} {prefix}{unit}"
+    return f"{value:.1e} {unit}" if value else f"0 {unit}"

@@ -11,6 +11,7 @@ from pipeline.dynamics.signal import Signal, constant
 from pipeline.reduction.gram import InertiaGram
 
 FIXED, REVOLUTE, PRISMATIC, SPHERICAL, FREE = range(5)
+_JUMP = 1e-6
 _N_RATES = (0, 1, 1, 3, 6)
 _N_POSITIONS = (0, 1, 1, 4, 7)
 
@@ -92,6 +93,19 @@ class Link:
             raise ValueError(f"the joint of {self.name} takes no spring, damper, load or motion: it has no axis")
         if self.motion and len(self.joint_rotation) and np.abs(self.joint_rotation).max() > 1e-9:
             raise ValueError(f"the motion of {self.name} needs a basis whose section at the joint is held")
+        if self.motion:
+            _require_smooth(self.name, self.motion)
+
+
+def _require_smooth(name: str, motion: Signal) -> None:
+    """Raise ``ValueError`` if a motion's position or rate jumps: no impulse would pass to the other coordinates."""
+    for time in motion.breakpoints:
+        before, after = (motion.value(np.nextafter(time, way)) for way in (-np.inf, np.inf))
+        if not np.allclose(before[:2], after[:2], rtol=_JUMP, atol=_JUMP):
+            raise ValueError(
+                f"the motion of {name} jumps at {time:g} s, from {before[0]:.6g} at a rate of {before[1]:.6g} to "
+                f"{after[0]:.6g} at {after[1]:.6g} (SI); position and rate must go on as they are"
+            )
 
 
 @dataclass(frozen=True)

@@ -42,7 +42,12 @@ def velocities(p: Any, q: Array, v: Array, dq: Array) -> None:
 
 
 class System(Protocol):
-    """A mechanism ready to be integrated; its first ``n_slow`` rates are the slow ones."""
+    """A mechanism ready to be integrated; its first ``n_slow`` rates are the slow ones.
+
+    It may have ``groups``, two integer arrays of shapes (n_positions,) and (n,): coordinates of like kind, such as all
+    modes of a body, have the same number, positions and the rates that move them too. Adaptive methods take an error
+    relative to the largest value in its group; without groups each coordinate is one.
+    """
 
     @property
     def n(self) -> int:

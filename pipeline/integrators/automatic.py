@@ -32,9 +32,12 @@ class Automatic:
     ----------
     error : float
         Wanted error, relative to the largest value of each kind of coordinate over the march.
+    duration : float
+        Of the motion that the method is chosen for [s].
     """
 
     error: float
+    duration: float
 
     name = "auto"
     step = 0.0
@@ -63,7 +66,7 @@ class Automatic:
         seconds, evaluations, difference = 0.0, 0, np.inf
         before: Trajectory | None = None
         for refinement in range(_MOST_REFINEMENTS):
-            method, gain = self._method(system, float(times[-1]), refinement)
+            method, gain = self._method(system, refinement)
             try:
                 found = method.march(system, q0, v0, times, progress)
             except StabilityError:
@@ -89,13 +92,13 @@ class Automatic:
         """
         raise ValueError(f"{self.name} has no state of its own; resume with the method that its trajectory names")
 
-    def _method(self, system: System, duration: float, refinement: int) -> tuple[Integrator, float]:
+    def _method(self, system: System, refinement: int) -> tuple[Integrator, float]:
         """A method, and what the difference from the march before is larger by than this one's own error."""
         if system.coupled:
             tolerance = max(self.error * _SAFETY ** (1 + refinement), 3e-14)
-            stiff = system.highest_frequency * duration > _STIFF
+            stiff = system.highest_frequency * self.duration > _STIFF
             return (ExponentialRosenbrock if stiff else RungeKutta)(tolerance), 1 / _SAFETY
-        return Exponential(duration / (_FIRST_STEPS * 2**refinement)), 2.0**3  # order 3 where it is worst
+        return Exponential(self.duration / (_FIRST_STEPS * 2**refinement)), 2.0**3  # order 3 where it is worst
 
 
 def largest_difference(q: Array, other: Array, groups: IntArray) -> float:

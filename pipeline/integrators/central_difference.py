@@ -12,7 +12,7 @@ from typing import Any
 import numpy as np
 
 from pipeline.checks import Array, IntArray
-from pipeline.dynamics.compiled import kernel
+from pipeline.dynamics.compiled import aligned, kernel
 from pipeline.dynamics.system import System, accelerations, advance
 from pipeline.integrators.protocol import (
     Progress,
@@ -52,7 +52,7 @@ class CentralDifference:
 
     def resume(self, system: System, start: State, times: Array, progress: Progress | None = None) -> Trajectory:
         """Continue from a state that a march of this method has ended in; earlier output times stay NaN."""
-        parameters, h, work = system.parameters, self.step, np.empty(system.n)
+        parameters, h, (work,) = system.parameters, self.step, aligned(system.n)
 
         def run(state: State, n_steps: int, *samples: Any) -> int:
             return int(_march(parameters, h, state.step, n_steps, state.q, state.v, state.a, work, *samples))

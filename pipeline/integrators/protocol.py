@@ -10,7 +10,7 @@ from typing import Any, Protocol
 import numpy as np
 
 from pipeline.checks import Array, StabilityError, require_finite, require_shape
-from pipeline.dynamics.compiled import kernel
+from pipeline.dynamics.compiled import aligned, kernel
 from pipeline.dynamics.system import System, accelerations, velocities
 
 Progress = Callable[[float], None]
@@ -55,7 +55,9 @@ class State:
 
     def copied(self) -> State:
         """Itself with arrays of its own, for a march to write into."""
-        return replace(self, q=self.q.copy(), v=self.v.copy(), a=self.a.copy(), memory=self.memory.copy())
+        q, v, a = aligned(self.q.size, self.v.size, self.a.size)
+        q[:], v[:], a[:] = self.q, self.v, self.a
+        return replace(self, q=q, v=v, a=a, memory=self.memory.copy())
 
 
 @dataclass(frozen=True)
@@ -169,7 +171,7 @@ def march_in_chunks(
     q, v = np.full((times.size, start.q.size), np.nan), np.full((times.size, start.v.size), np.nan)
     cursor = np.array([np.searchsorted(sample_step, state.step)])
     last = -(-(int(sample_step[-1]) + 1 - state.step) // stride) * stride + state.step
-    seconds, chunk = 0.0, 4096 * stride
+    seconds, chunk = 0.0, 1024 * stride
     while state.step < last:
         wanted = min(chunk, last - state.step)
         tick = time.perf_counter()

@@ -40,7 +40,7 @@ _NORMS = (0.25, 1.0, 1.8, 2.9)  # up to which φ₄'s Taylor polynomial of degre
 _INVERSES = tuple(1.0 / math.factorial(k) for k in range(26))
 _LEVELS = 28  # of doublings at most
 _NUDGE = 1.5e-8  # of a coordinate, or of 1
-_ROUND_OFF = 1e-15  # of a step's largest change
+_ROUND_OFF = 1e-15  # of the largest rate and acceleration so far, and of what they change in a step
 
 
 @dataclass(frozen=True)
@@ -68,7 +68,7 @@ class ExponentialRosenbrock:
         """Integrate from time 0 until the last of ``times`` is passed."""
         start = start_state(system, q0, v0, np.zeros(system.n))
         groups = groups_of(system)
-        largest = np.zeros(int(groups.max(initial=-1)) + 1)
+        largest = np.zeros(int(groups.max(initial=-1)) + 3)  # and of all rates and accelerations, for round-off
         keep_largest(groups, largest, np.concatenate([start.q, start.v]))
         start = replace(adaptive_state(system, start), memory=largest)
         return march_from(self, system, start, times, progress)
@@ -109,22 +109,27 @@ def _slope(p: Any, t: float, u: Array, n_positions: int, F: Array) -> None:
 
 @inlined
 def _linearise(
-    p: Any, t: float, dt: float, u: Array, n_positions: int, F: Array, nudged: Array, J: Array, v: Array
+    p: Any, t: float, dt: float, u: Array, n_positions: int, F: Array, nudged: Array, J: Array, v: Array, second: float
 ) -> None:
-    """Derivatives J of F by u and v by t, by differences."""
+    """Derivatives J of F by u and v by t, by differences.
+
+    Entries that may be no more than round-off are 0: a coordinate at rest would take them for errors of its own.
+    """
     n = u.size
     for j in range(n):
         keep = u[j]
-        nudge = _NUDGE * max(1.0, abs(keep))
-        u[j] = keep + nudge
+        u[j] = keep + _NUDGE * max(1.0, abs(keep))
         _slope(p, t, u, n_positions, nudged)
         nudge = u[j] - keep  # as it was stored
         u[j] = keep
         for i in range(n):
-            J[i, j] = (nudged[i] - F[i]) / nudge
+            change = nudged[i] - F[i]
+            noise = _ROUND_OFF * second if i >= n_positions else 0.0
+            J[i, j] = change / nudge if abs(change) > noise else 0.0
     _slope(p, t + dt, u, n_positions, nudged)
     for i in range(n):
-        v[i] = (nudged[i] - F[i]) / dt
+        change = nudged[i] - F[i]
+        v[i] = change / dt if abs(change) > _ROUND_OFF * second else 0.0
 
 
 @kernel
@@ -202,19 +207,18 @@ def _double(phi: Array, out: Array) -> None:
 def _matrix_functions(A: Array, half: float, levels: Array, m: Array) -> int:
     """Fill levels[0 … top] with φ₀ … φ₄ of ``half A 2^(level − top)``; the top, or -1 if there are too few levels."""
     n = A.shape[0]
-    norm = 0.0
+    norm, all_rows = 0.0, 0.0
     for i in range(n):
         total = 0.0
         for j in range(n):
             total += abs(A[i, j])
         norm = max(norm, half * total)
+        all_rows += total  # a sum: it keeps a NaN, which max would lose
     top = 0
-    while norm > _NORMS[3]:
+    while norm > _NORMS[3] and top < levels.shape[0]:
         norm *= 0.5
         top += 1
-        if top == levels.shape[0]:
-            return -1
-    if not norm <= _NORMS[3]:
+    if top == levels.shape[0] or not math.isfinite(all_rows):
         return -1
     _taylor_matrices(A, half * 0.5**top, norm, levels[0], m)
     for level in range(top):
@@ -349,7 +353,7 @@ def _march(
             u[n_positions + i] = v_state[i]
         begin = just_after(t)
         _slope(p, begin, u, n_positions, F)
-        change, second = 0.0, 0.0
+        change, second = largest[largest.size - 2], largest[largest.size - 1]
         for i in range(n_positions):
             change = max(change, abs(F[i]))
         for i in range(n_positions, n):
@@ -357,7 +361,7 @@ def _march(
             second = max(second, abs(F[i]))
         h = step_within(clock[1], stop - t)
         planned, reached = h == clock[1], t
-        _linearise(p, begin, 1e-4 * h, u, n_positions, F, U, J, v)
+        _linearise(p, begin, 1e-4 * h, u, n_positions, F, U, J, v, second)
         _balance(J, n_positions, 0.1 / h, scale, A)
         evaluations[0] += n + 2
         while True:
@@ -423,4 +427,5 @@ def _march(
         if planned:  # else a breakpoint cut the step short
             clock[1] = h * factor
         keep_largest(groups, largest, U)
+        largest[largest.size - 2], largest[largest.size - 1] = change, second
     return n_steps

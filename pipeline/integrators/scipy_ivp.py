@@ -115,7 +115,10 @@ class ScipyIvp:
                 n_steps += 1
                 inside = (times > solver.t_old) & (times <= solver.t)
                 if inside.any():
-                    samples[inside] = solver.dense_output()(times[inside]).T
+                    polynomial = solver.dense_output()
+                    for k in np.flatnonzero(inside):  # one by one: a product's round-off depends on its shape
+                        samples[k] = polynomial(times[k])
+                    samples[times == solver.t] = solver.y  # which the polynomial meets but for round-off
                 if progress:
                     progress(min(1.0, solver.t / end))
             now, y = solver.t, solver.y

@@ -17,7 +17,7 @@ from typing import Any
 import numpy as np
 
 from pipeline.checks import Array, IntArray
-from pipeline.dynamics.compiled import kernel
+from pipeline.dynamics.compiled import aligned, kernel
 from pipeline.dynamics.system import System, accelerations, advance, fast_steps, freeze
 from pipeline.integrators.protocol import (
     Progress,
@@ -74,11 +74,11 @@ class Subcycling:
             self.step,
             self.substeps,
         )
-        work = np.empty(system.n_positions), np.empty(system.n)
+        q_now, v_now = aligned(system.n_positions, system.n)
 
         def run(state: State, n_steps: int, *samples: Any) -> int:
             march = (n_slow, h, m, state.step, n_steps // m, state.q, state.v, state.a)
-            return m * int(_march(parameters, frozen, *march, *work, *samples))
+            return m * int(_march(parameters, frozen, *march, q_now, v_now, *samples))
 
         end, q, v, seconds = march_in_chunks(run, start, h, m, times, progress)
         n_steps = end.step - start.step

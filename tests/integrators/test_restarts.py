@@ -17,6 +17,7 @@ from pipeline.integrators.exponential import Exponential
 from pipeline.integrators.generalized_alpha import GeneralizedAlpha
 from pipeline.integrators.protocol import Integrator
 from pipeline.integrators.rosenbrock import ExponentialRosenbrock
+from pipeline.integrators.runge_kutta import RungeKutta
 from pipeline.integrators.scipy_ivp import ScipyIvp
 from pipeline.integrators.subcycling import Subcycling
 
@@ -27,6 +28,7 @@ METHODS: dict[str, Integrator] = {
     "generalized-alpha": GeneralizedAlpha(0.02),
     "adaptive generalized-alpha": AdaptiveGeneralizedAlpha(1e-4),
     "exponential-rosenbrock": ExponentialRosenbrock(1e-5),
+    "runge-kutta": RungeKutta(1e-6),
     "DOP853": ScipyIvp("DOP853", 1e-6),
     "Radau": ScipyIvp("Radau", 1e-4),
     "LSODA": ScipyIvp("LSODA", 1e-6),
@@ -111,5 +113,5 @@ def test_lsoda_says_when_its_state_is_out_of_reach(rod_slider, monkeypatch):
 def test_the_automatic_choice_is_not_continued(rod_slider):
     system, q0, v0 = rod_slider
     end = ExponentialRosenbrock(1e-3).march(system, q0, v0, np.array([0.1])).end
-    with pytest.raises(ValueError, match="auto has no state of its own; resume with the method that its trajectory names"):
-        Automatic(1e-3).resume(system, end, np.array([1.0]))
+    with pytest.raises(ValueError, match="auto has no state of its own; resume with the method that its"):
+        Automatic(1e-3, 1.0).resume(system, end, np.array([1.0]))
