@@ -21,7 +21,7 @@ from typing import NamedTuple
 import numpy as np
 from scipy.linalg import eigh
 
-from pipeline.checks import Array
+from pipeline.checks import Array, IntArray
 from pipeline.dynamics.compiled import aligned, inlined, meaning
 from pipeline.dynamics.system import accelerations, advance, fast_steps, freeze, velocities
 from pipeline.reduction.body import FlexibleBody
@@ -125,6 +125,12 @@ class PlanarRotor:
         reached = 2 / np.pi * pulse.peak * pulse.duration / parameters.D[0, 0]
         softer = parameters.stiffness[1:] - reached**2 * parameters.D.diagonal()[1:]
         return np.asarray(np.r_[0.0, np.maximum(softer, 0.0)])
+
+    @property
+    def groups(self) -> tuple[IntArray, IntArray]:
+        """Group of like coordinates that each position and each rate belongs to: the angle, all modes together."""
+        kind = np.minimum(np.arange(self.n), 1)
+        return kind, kind
 
     @property
     def parameters(self) -> PlanarParameters:
@@ -307,10 +313,14 @@ def _fast_steps(
         else:
             for i in range(1, n):
                 v_now[i] = v[i] + 0.5 * h * a[i]
-            for i in range(1, n):
                 a[i] = constant[i] + since * slope[i] + tau * lever[i]
+            for j in range(1, n):  # K is symmetric and C antisymmetric: row by row, in the order of memory
+                for i in range(1, n):
+                    a[i] -= K[j, i] * q[j]
+            if p.gyroscopic:
                 for j in range(1, n):
-                    a[i] -= K[i, j] * q[j] + C[i, j] * v_now[j]
+                    for i in range(1, n):
+                        a[i] += C[j, i] * v_now[j]
             for i in range(1, n):
                 v[i] += h * a[i]
                 q[i] += h * v[i]

@@ -18,6 +18,7 @@ Progress = Callable[[float], None]
 
 # A rate beyond this is taken as divergence: no mechanism in SI units comes near it.
 _RUNAWAY = 1e30
+_FIRST_CHUNK = 1024  # steps: short marches are one call
 _CHUNK_SECONDS = 0.2
 
 
@@ -171,7 +172,7 @@ def march_in_chunks(
     q, v = np.full((times.size, start.q.size), np.nan), np.full((times.size, start.v.size), np.nan)
     cursor = np.array([np.searchsorted(sample_step, state.step)])
     last = -(-(int(sample_step[-1]) + 1 - state.step) // stride) * stride + state.step
-    seconds, chunk = 0.0, 1024 * stride
+    seconds, chunk = 0.0, stride * max(1, _FIRST_CHUNK // stride)
     while state.step < last:
         wanted = min(chunk, last - state.step)
         tick = time.perf_counter()

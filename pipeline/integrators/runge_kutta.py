@@ -159,8 +159,9 @@ def _march(
         accelerations(p, just_after(t), u[:n_positions], u[n_positions:], K[0, n_positions:])
         evaluations[0] += 1
         h = step_within(clock[1], stop - t)
-        planned = h == clock[1]
+        planned, reached = h == clock[1], t
         while True:
+            reached = stop if h == stop - t else t + h
             for k in range(1, 13):
                 _stage(p, c, k, t, h, u, n_positions, K, new)  # the last one is at the step's end, and new with it
             evaluations[0] += 12
@@ -176,13 +177,15 @@ def _march(
             if not h > smallest:
                 clock[1] = h
                 return -done - 1
-        if cursor[0] < times.size and times[cursor[0]] <= t + h:
+        if cursor[0] < times.size and times[cursor[0]] <= reached:
             for k in range(13, 16):
                 _stage(p, c, k, t, h, u, n_positions, K, U)
             evaluations[0] += 3
             _prepare_samples(c, h, u, new, K, x)
-            while cursor[0] < times.size and times[cursor[0]] <= t + h:
+            while cursor[0] < times.size and times[cursor[0]] <= reached:
                 _sample((times[cursor[0]] - t) / h, u, x, U)
+                for i in range(n):  # at the end the state itself, which the polynomial meets but for round-off
+                    U[i] = U[i] if times[cursor[0]] < reached else new[i]
                 for i in range(n_positions):
                     sample_q[cursor[0], i] = U[i]
                 for i in range(n - n_positions):
@@ -196,7 +199,7 @@ def _march(
         advance(p, q, v, 0.0, 0, n - n_positions)
         for i in range(n - n_positions):
             a[i] = K[12, n_positions + i]
-        clock[0] = stop if h == stop - t else t + h
+        clock[0] = reached
         if planned:  # else a breakpoint cut the step short
             clock[1] = h * factor
         keep_largest(groups, largest, new)
