@@ -93,6 +93,7 @@ class PlanarRotor:
     pulse: TorquePulse
 
     n_slow = 1
+    holds_forces = False
 
     def frozen(self) -> FrozenPlanar:
         """Fresh storage for the frozen coefficients of a major cycle."""

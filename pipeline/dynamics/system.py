@@ -78,6 +78,10 @@ class System(Protocol):
         """Whether slow and fast coordinates couple through the mass matrix in any state."""
 
     @property
+    def holds_forces(self) -> bool:
+        """Whether `freeze` holds forces that follow the coordinates for a major cycle, not their coefficients."""
+
+    @property
     def highest_frequency(self) -> float:
         """Highest coupled angular frequency [rad/s]."""
 

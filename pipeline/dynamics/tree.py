@@ -52,7 +52,7 @@ class Tree:
     loads: Sequence[PointLoad] = ()
     slow_modes: Mapping[str, int] = field(default_factory=dict)
 
-    coupled = True
+    holds_forces = True
 
     def __post_init__(self) -> None:
         links = {link.name: link for link in self.links}
@@ -96,6 +96,12 @@ class Tree:
             if link.joint in (SPHERICAL, FREE):
                 q[first + link.n_positions - 1] = 1.0  # a unit quaternion, its scalar part last
         return q
+
+    @cached_property
+    def coupled(self) -> bool:
+        """Whether coordinates couple through M̂: not if all are modes of bodies that carry nothing that moves."""
+        joints = any(link.n_rates for link in self.links)
+        return joints or any(link.parent >= 0 and len(self.links[link.parent].omega) for link in self.links)
 
     @cached_property
     def groups(self) -> tuple[IntArray, IntArray]:

@@ -50,8 +50,8 @@ class Subcycling:
             raise ValueError(f"substeps is {self.substeps}, expected at least 1")
 
     def order(self, system: System) -> int:
-        """Order 2 without inertial coupling; with it the slow acceleration held over the cycle leaves order 1."""
-        return 1 if self.substeps > 1 and system.coupled else 2
+        """Order 2; 1 if the cycle holds forces, or a slow acceleration that couples with the fast coordinates."""
+        return 1 if self.substeps > 1 and (system.holds_forces or system.coupled) else 2
 
     def largest_step(self, system: System) -> float:
         """``2/ω_max`` of the fast and of the slow coordinates [s], each by its own step; of all if m = 1."""
