@@ -104,3 +104,16 @@ def test_a_newton_iteration_that_fails_stops_the_march(beam):
 def test_a_rho_outside_its_range_is_refused(rho):
     with pytest.raises(ValueError, match=r"rho is .*, expected 0 … 1"):
         GeneralizedAlpha(1e-3, rho)
+
+
+def test_newtons_tangent_is_the_analytic_one_of_a_linear_system(coasting):
+    # At rest but for its modes the beam is a set of oscillators: q̈ = -ω² q, so with ∂q/∂q̈ = h² β (1 - α_f)/(1 - α_m)
+    # the tangent of q̈ - f(q) is diagonal, 1 + ω² ∂q/∂q̈, and its factor is itself.
+    method, n = GeneralizedAlpha(1e-4), coasting.n
+    q0 = np.r_[0.0, np.full(n - 1, 1e-6)]
+    end = method.march(coasting, q0, np.zeros(n), np.array([0.0, 1e-3])).end
+    alpha_m, alpha_f, beta, _ = method.weights
+    slope = method.step**2 * beta * (1 - alpha_f) / (1 - alpha_m)
+    tangent = end.memory[: n * n].reshape(n, n)
+    np.testing.assert_allclose(np.diag(tangent), 1 + slope * np.r_[0.0, coasting.body.omega**2], rtol=1e-6)
+    assert np.abs(tangent - np.diag(np.diag(tangent))).max() < 1e-4
