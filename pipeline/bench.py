@@ -5,6 +5,7 @@ from __future__ import annotations
 import csv
 import importlib.util
 import platform
+import sys
 from dataclasses import asdict, replace
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
@@ -88,8 +89,6 @@ def peer_rows(scene: str) -> list[Row]:
     assert spec is not None
     assert spec.loader is not None
     module = importlib.util.module_from_spec(spec)
-    import sys
-
     sys.modules[spec.name] = module
     spec.loader.exec_module(module)
     if scene not in module.CASES:

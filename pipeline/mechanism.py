@@ -198,7 +198,7 @@ def _load(scene: Scene, joint: str, gram: InertiaGram, axis: Array) -> Signal:
             e = axis / np.linalg.norm(axis)
             inertia = float(e @ gram.inertia(np.eye(1, gram.G.shape[-1])[0]) @ e)
             loads.append(half_sine(drive.start, drive.duration, _peak(drive, inertia)))
-    return loads[0] if len(loads) == 1 else total(loads) if loads else constant(0.0)
+    return total(loads) if loads else constant(0.0)
 
 
 def _peak(drive: Any, inertia: float) -> float:

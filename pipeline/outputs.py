@@ -142,14 +142,13 @@ def _draw_modes(run: Pipeline, output: ModePictures, folder: Path) -> list[str]:
 
 
 def _draw_stress(run: Pipeline, output: StressPicture, folder: Path) -> list[str]:
-    stress, motion = run.stress_of(output.body), run.first_motion
-    time, _, _ = stress.worst()
-    frame = int(np.searchsorted(motion.times, time))
-    draw = _surface(run, output.body)
     from pipeline.render.pictures import draw_stress
 
+    stress = run.stress_of(output.body)
+    time, _, _ = stress.worst()
+    frame = int(np.searchsorted(stress.times, time))
     draw_stress(
-        draw,
+        _surface(run, output.body),
         run.bodies[output.body].shapes[stress.nodes] @ stress.q[frame],
         stress.von_mises(time),
         folder / output.file,

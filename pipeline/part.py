@@ -209,16 +209,16 @@ class FlexiblePart:
         return np.asarray(free / np.linalg.norm(free, axis=1, keepdims=True))
 
     @property
-    def _held(self) -> Array | None:
-        """The same, if the modes are to be those of the body held there."""
-        return None if self.shape.modes.boundary == "free" or self.inboard.floating else self._reaction
-
-    @property
     def _reaction(self) -> Array:
         """Forces and torques that the joint answers with, and holds the body by, shape (n_nodes, 3, 3 + k)."""
         free = self._free
         across = np.linalg.svd(np.eye(3) - free.T @ free)[0][:, : 3 - len(free)].T
         return self.markers[self.inboard.marker].columns(len(self.fe.x), across)
+
+    @property
+    def _held(self) -> Array | None:
+        """The same, if the modes are to be those of the body held there."""
+        return None if self.shape.modes.boundary == "free" or self.inboard.floating else self._reaction
 
     def _make_modes(self) -> Modes:
         from pipeline.reduction.families import lowest_modes, modes_of_family

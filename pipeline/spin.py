@@ -96,8 +96,7 @@ def _spins(pipeline: Pipeline, bodies: dict[str, FlexibleBody]) -> dict[str, Arr
     if pipeline.is_rotor:
         (body,) = bodies.values()
         (joint,) = pipeline.scene.joint.values()
-        pulse = rotor_of(pipeline.scene, body).pulse
-        reached = 2 / np.pi * pulse.peak * pulse.duration / body.inertia_about_joint
+        reached = rotor_of(pipeline.scene, body).driven_rate
         start = joint.rate if joint.type == "revolute" else 0.0
         return {body_name: np.outer([start, start + reached], body.axis) for body_name in bodies}
     found = spins_of(chain_of(pipeline.scene, bodies), pipeline.scene.simulation.duration)

@@ -17,9 +17,8 @@ def summarise(run: Pipeline, files: list[str]) -> dict[str, Any]:
     summary: dict[str, Any] = {"scene": run.scene.name, "version": __version__}
     if run.parts:
         summary |= frequency_table(run)
-    motions: dict[str, Any] = dict(run.motions)
-    if run.parts:
         summary["bodies"] = {name: _body(run, name) for name in run.parts}
+    motions: dict[str, Any] = dict(run.motions)
     first = next(iter(motions.values()))
     summary["largest_stable_step_s"] = 2.0 / run.mechanism.highest_frequency if run.mechanism.n else None
     summary["integrations"] = [

@@ -122,10 +122,14 @@ class PlanarRotor:
     @property
     def stiffness(self) -> Array:
         """Squared modal frequencies at the rate that the drive leads to from rest, 0 for the angle [1/s²]."""
-        parameters, pulse = self._parameters, self.pulse
-        reached = 2 / np.pi * pulse.peak * pulse.duration / parameters.D[0, 0]
-        softer = parameters.stiffness[1:] - reached**2 * parameters.D.diagonal()[1:]
+        parameters = self._parameters
+        softer = parameters.stiffness[1:] - self.driven_rate**2 * parameters.D.diagonal()[1:]
         return np.asarray(np.r_[0.0, np.maximum(softer, 0.0)])
+
+    @property
+    def driven_rate(self) -> float:
+        """Rate to which the pulse brings the undeformed body from rest [rad/s]."""
+        return float(2 / np.pi * self.pulse.peak * self.pulse.duration / self._parameters.D[0, 0])
 
     @property
     def groups(self) -> tuple[IntArray, IntArray]:

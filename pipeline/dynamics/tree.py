@@ -160,8 +160,7 @@ class Tree:
 
     def mass_matrix(self, q: Array, t: float = 0.0) -> Array:
         """M̂ at positions q, shape (n, n)."""
-        M = self._evaluated(t, q, np.zeros(self.n)).M
-        return np.tril(M) + np.tril(M, -1).T
+        return _symmetric(self._evaluated(t, q, np.zeros(self.n)).M)
 
     def _evaluated(self, t: float, q: Array, v: Array) -> TreeParameters:
         from pipeline.dynamics.tree_kernels import mass_and_force
@@ -252,8 +251,7 @@ class Tree:
         free = self.released
         (position,), (rate,), (acceleration,) = self.in_released(np.array([t]), q[None], v[None], a[None])
         found = free._evaluated(t, position, rate)
-        M = np.tril(found.M) + np.tril(found.M, -1).T
-        lack = M @ acceleration - found.Q
+        lack = _symmetric(found.M) @ acceleration - found.Q
         return {
             link.name: float(lack[free.layout.rate[k]]) for k, link in enumerate(self.links) if link.motion is not None
         }
@@ -298,6 +296,11 @@ class Tree:
         ]
         loads = [replace(at, shapes=none, rotations=none) for at in self.loads]
         return Tree(links, self.fast_joints, self.gravity, loads)
+
+
+def _symmetric(lower: Array) -> Array:
+    """The whole of a symmetric matrix of which the lower triangle is there."""
+    return np.tril(lower) + np.tril(lower, -1).T
 
 
 def _first_moments(link: Link, modal: Array) -> Array:

@@ -17,7 +17,7 @@ import numpy as np
 from pipeline.checks import Array, IntArray, StabilityError
 from pipeline.dynamics.compiled import kernel
 from pipeline.dynamics.system import System
-from pipeline.integrators.protocol import Progress, State, require_times
+from pipeline.integrators.protocol import Progress, State, Trajectory, require_times, start_state
 
 Run = Callable[[State, Array, float, int, Array, Array, Array, IntArray], int]
 
@@ -40,9 +40,27 @@ def adaptive_state(system: System, start: State) -> State:
     return replace(start, next_step=0.1 / highest if highest > 1e-3 else 1e-2)
 
 
+def state_of_all(system: System, q0: Array, v0: Array, more: int = 0) -> State:
+    """State at time 0 of a method that steers by positions and rates.
+
+    Its memory is the largest value of each group, and ``more`` numbers of the method's own.
+    """
+    start = start_state(system, q0, v0, np.zeros(system.n))
+    groups = groups_of(system)
+    largest = np.zeros(int(groups.max(initial=-1)) + 1 + more)
+    keep_largest(groups, largest, np.concatenate([start.q, start.v]))
+    return replace(adaptive_state(system, start), memory=largest)
+
+
 def march_adaptively(
-    name: str, run: Run, start: State, breakpoints: tuple[float, ...], times: Array, progress: Progress | None
-) -> tuple[State, Array, Array, float]:
+    name: str,
+    run: Run,
+    start: State,
+    breakpoints: tuple[float, ...],
+    times: Array,
+    progress: Progress | None,
+    evaluations: Array,
+) -> Trajectory:
     """Call a compiled adaptive march until it has passed the last output time.
 
     Parameters
@@ -53,6 +71,8 @@ def march_adaptively(
         ``run(state, clock, stop, n_steps, times, sample_q, sample_v, cursor) -> steps done``; it writes into the
         state's arrays and ``clock``, (2,), the time and the next step. A negative number of steps says that the next
         step would be too small.
+    evaluations : ndarray
+        Whose first number ``run`` raises by each solution of the whole system.
 
     Raises
     ------
@@ -76,7 +96,9 @@ def march_adaptively(
             raise StabilityError(f"{name} stopped at t = {clock[0]:.6g} s: {reason}")
         if progress:
             progress(min(1.0, clock[0] / end) if end else 1.0)
-    return state, q, v, seconds
+    n_steps = state.step - start.step
+    mean = (state.time - start.time) / n_steps if n_steps else 0.0
+    return Trajectory(name, mean, 1, times, q, v, int(evaluations[0]), 0, seconds, state)
 
 
 @kernel

@@ -39,7 +39,7 @@ from pipeline.integrators.generalized_alpha import (
     sample_step_at,
     two_accelerations,
 )
-from pipeline.integrators.protocol import Progress, State, Trajectory, march_from, start_state
+from pipeline.integrators.protocol import Progress, State, Trajectory, march_from, require_tolerance, start_state
 
 # Changing the step costs a new tangent: a step that could be longer by less than this stays as it is.
 _WORTH = 1.5
@@ -64,8 +64,7 @@ class AdaptiveGeneralizedAlpha:
     step = 0.0
 
     def __post_init__(self) -> None:
-        if not 3e-14 <= self.tolerance < 1.0:
-            raise ValueError(f"tolerance is {self.tolerance}, expected 3e-14 … 1")
+        require_tolerance(self.tolerance)
         GeneralizedAlpha(1.0, self.rho)  # checks rho
 
     @cached_property
@@ -111,10 +110,7 @@ class AdaptiveGeneralizedAlpha:
             scales: tuple[Any, ...] = (groups[:n_positions], like, error, trial)
             return int(_march(p, self.weights, *room, state.memory, *march, *scales, *samples))
 
-        end, q, v, seconds = march_adaptively(self.name, run, start, system.breakpoints, times, progress)
-        n_steps = end.step - start.step
-        mean = (end.time - start.time) / n_steps if n_steps else 0.0
-        return Trajectory(self.name, mean, 1, times, q, v, int(room[-1][0]), 0, seconds, end)
+        return march_adaptively(self.name, run, start, system.breakpoints, times, progress, room[-1])
 
 
 @kernel

@@ -8,6 +8,7 @@ import numpy as np
 
 from pipeline.checks import AccuracyError, Array, IntArray, StabilityError
 from pipeline.dynamics.system import System
+from pipeline.integrators.adaptive import groups_of
 from pipeline.integrators.exponential import Exponential
 from pipeline.integrators.protocol import Integrator, Progress, State, Trajectory
 from pipeline.integrators.rosenbrock import ExponentialRosenbrock
@@ -62,7 +63,7 @@ class Automatic:
         AccuracyError
             The wanted error was not reached; the message has the last difference.
         """
-        groups = getattr(system, "groups", (np.arange(system.n_positions), None))[0]
+        groups = groups_of(system)[: system.n_positions]
         seconds, evaluations, difference = 0.0, 0, np.inf
         before: Trajectory | None = None
         for refinement in range(_MOST_REFINEMENTS):

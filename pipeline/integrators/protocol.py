@@ -198,6 +198,12 @@ def require_step(step: float) -> None:
         raise ValueError(f"step is {step}, expected a time above 0")
 
 
+def require_tolerance(tolerance: float) -> None:
+    """Raise ``ValueError`` unless a relative tolerance is one that double precision can keep."""
+    if not 3e-14 <= tolerance < 1.0:
+        raise ValueError(f"tolerance is {tolerance}, expected 3e-14 … 1")
+
+
 def require_times(times: Array) -> None:
     """Raise ``ValueError`` unless output times are finite, from 0 on and ascending."""
     if not (times.size and times[0] >= 0.0 and (np.diff(times) >= 0.0).all() and np.isfinite(times[-1])):

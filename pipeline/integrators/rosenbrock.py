@@ -14,7 +14,7 @@ u₁ is of order 4, û of order 3; their difference steers the step. Between, g 
 from __future__ import annotations
 
 import math
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
@@ -24,17 +24,17 @@ from pipeline.dynamics.compiled import inlined, kernel
 from pipeline.dynamics.system import System, accelerations, advance, velocities
 from pipeline.integrators.adaptive import (
     SMALLEST,
-    adaptive_state,
     groups_of,
     just_after,
     just_before,
     keep_largest,
     march_adaptively,
     scaled_error,
+    state_of_all,
     step_factor,
     step_within,
 )
-from pipeline.integrators.protocol import Progress, State, Trajectory, march_from, start_state
+from pipeline.integrators.protocol import Progress, State, Trajectory, march_from, require_tolerance
 
 _NORMS = (0.25, 1.0, 1.8, 2.9)  # up to which φ₄'s Taylor polynomial of degree 8, 12, 16, 20 is exact to round-off
 _INVERSES = tuple(1.0 / math.factorial(k) for k in range(26))
@@ -53,8 +53,7 @@ class ExponentialRosenbrock:
     step = 0.0
 
     def __post_init__(self) -> None:
-        if not 3e-14 <= self.tolerance < 1.0:
-            raise ValueError(f"tolerance is {self.tolerance}, expected 3e-14 … 1")
+        require_tolerance(self.tolerance)
 
     def order(self, system: System) -> int:
         """Order 4."""
@@ -66,11 +65,7 @@ class ExponentialRosenbrock:
 
     def march(self, system: System, q0: Array, v0: Array, times: Array, progress: Progress | None = None) -> Trajectory:
         """Integrate from time 0 until the last of ``times`` is passed."""
-        start = start_state(system, q0, v0, np.zeros(system.n))
-        groups = groups_of(system)
-        largest = np.zeros(int(groups.max(initial=-1)) + 3)  # and of all rates and accelerations, for round-off
-        keep_largest(groups, largest, np.concatenate([start.q, start.v]))
-        start = replace(adaptive_state(system, start), memory=largest)
+        start = state_of_all(system, q0, v0, more=2)  # the largest of all rates and accelerations, for round-off
         return march_from(self, system, start, times, progress)
 
     def resume(self, system: System, start: State, times: Array, progress: Progress | None = None) -> Trajectory:
@@ -91,10 +86,7 @@ class ExponentialRosenbrock:
             march = (clock, stop, n_steps, state.q, state.v, state.a, groups, state.memory)
             return int(_march(p, self.tolerance, *march, *room, *samples))
 
-        end, q, v, seconds = march_adaptively(self.name, run, start, system.breakpoints, times, progress)
-        n_steps = end.step - start.step
-        mean = (end.time - start.time) / n_steps if n_steps else 0.0
-        return Trajectory(self.name, mean, 1, times, q, v, int(evaluations[0]), 0, seconds, end)
+        return march_adaptively(self.name, run, start, system.breakpoints, times, progress, evaluations)
 
 
 @kernel

@@ -7,7 +7,7 @@ Nørsett & Wanner, Solving Ordinary Differential Equations I (1993), section II.
 from __future__ import annotations
 
 import math
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 from typing import Any, NamedTuple
 
 import numpy as np
@@ -17,24 +17,23 @@ from pipeline.dynamics.compiled import kernel
 from pipeline.dynamics.system import System, accelerations, advance, velocities
 from pipeline.integrators.adaptive import (
     SMALLEST,
-    adaptive_state,
     groups_of,
     just_after,
     just_before,
     keep_largest,
     march_adaptively,
     scaled_error,
+    state_of_all,
     step_factor,
     step_within,
 )
-from pipeline.integrators.protocol import Progress, State, Trajectory, march_from, start_state
+from pipeline.integrators.protocol import Progress, State, Trajectory, march_from, require_tolerance
 
 
 class Tableau(NamedTuple):
     """Coefficients: 12 stages, the one at the step's end, three more for dense output."""
 
     A: Array  # (16, 16)
-    B: Array  # (12,)
     C: Array  # (16,)
     E3: Array  # (13,)
     E5: Array  # (13,)
@@ -49,7 +48,7 @@ def tableau() -> Tableau:
     A[:12, :12], C[:12] = DOP853.A, DOP853.C
     A[12, :12], C[12] = DOP853.B, 1.0
     A[13:], C[13:] = DOP853.A_EXTRA, DOP853.C_EXTRA
-    return Tableau(A, *(np.array(c, dtype=float) for c in (DOP853.B, C, DOP853.E3, DOP853.E5, DOP853.D)))
+    return Tableau(A, *(np.array(c, dtype=float) for c in (C, DOP853.E3, DOP853.E5, DOP853.D)))
 
 
 @dataclass(frozen=True)
@@ -62,8 +61,7 @@ class RungeKutta:
     step = 0.0
 
     def __post_init__(self) -> None:
-        if not 3e-14 <= self.tolerance < 1.0:
-            raise ValueError(f"tolerance is {self.tolerance}, expected 3e-14 … 1")
+        require_tolerance(self.tolerance)
 
     def order(self, system: System) -> int:
         """Order 8."""
@@ -75,12 +73,7 @@ class RungeKutta:
 
     def march(self, system: System, q0: Array, v0: Array, times: Array, progress: Progress | None = None) -> Trajectory:
         """Integrate from time 0 until the last of ``times`` is passed."""
-        start = start_state(system, q0, v0, np.zeros(system.n))
-        groups = groups_of(system)
-        largest = np.zeros(int(groups.max(initial=-1)) + 1)
-        keep_largest(groups, largest, np.concatenate([start.q, start.v]))
-        start = replace(adaptive_state(system, start), memory=largest)
-        return march_from(self, system, start, times, progress)
+        return march_from(self, system, state_of_all(system, q0, v0), times, progress)
 
     def resume(self, system: System, start: State, times: Array, progress: Progress | None = None) -> Trajectory:
         """Continue from a state that a march of this method has ended in; earlier output times stay NaN.
@@ -98,10 +91,7 @@ class RungeKutta:
             work = (state.q, state.v, state.a, groups, state.memory, slopes, vectors, trial, evaluations)
             return int(_march(p, coefficients, self.tolerance, clock, stop, n_steps, *work, *samples))
 
-        end, q, v, seconds = march_adaptively(self.name, run, start, system.breakpoints, times, progress)
-        n_steps = end.step - start.step
-        mean = (end.time - start.time) / n_steps if n_steps else 0.0
-        return Trajectory(self.name, mean, 1, times, q, v, int(evaluations[0]), 0, seconds, end)
+        return march_adaptively(self.name, run, start, system.breakpoints, times, progress, evaluations)
 
 
 @kernel

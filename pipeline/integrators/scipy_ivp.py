@@ -22,6 +22,7 @@ from pipeline.integrators.protocol import (
     evaluate_velocities,
     require_start,
     require_times,
+    require_tolerance,
 )
 
 _METHODS = {"DOP853": DOP853, "Radau": Radau, "LSODA": LSODA}
@@ -49,8 +50,7 @@ class ScipyIvp:
     def __post_init__(self) -> None:
         if self.name not in _METHODS:
             raise ValueError(f"name is {self.name!r}, expected one of {', '.join(_METHODS)}")
-        if not 3e-14 <= self.tolerance < 1.0:
-            raise ValueError(f"tolerance is {self.tolerance}, expected 3e-14 … 1")
+        require_tolerance(self.tolerance)
 
     def order(self, system: System) -> int:
         """Order of the formula; LSODA's largest."""

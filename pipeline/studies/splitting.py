@@ -68,7 +68,9 @@ def choose_split(tree: Tree, error: float, duration: float, spin: float, step: f
     step : float, optional
         Fast step [s].
     """
-    omega = np.sort(2 * np.pi * tree.frequencies_hz)
+    own = 2 * np.pi * tree.frequencies_hz
+    order = np.argsort(own, kind="stable")
+    omega = own[order]
     stiff = omega[omega > 0]
     if not stiff.size:
         return Split(np.inf, 1, step or duration / _STEPS_OVER_MOTION)
@@ -76,7 +78,6 @@ def choose_split(tree: Tree, error: float, duration: float, spin: float, step: f
     highest = 2 * _STABLE / tree.highest_frequency
     step = step or float(min(highest, limits.min()))
     M, K = tree.mass_matrix(tree.rest_positions), tree.linear_stiffness
-    order = np.argsort(tree.frequencies_hz, kind="stable")
     M, K = M[np.ix_(order, order)], K[np.ix_(order, order)]
     best = Split(0.0, 1, step)
     least = _cost(omega.size, omega.size) / step
@@ -89,7 +90,7 @@ def choose_split(tree: Tree, error: float, duration: float, spin: float, step: f
             break
         n_fast = omega.size - n_slow
         work = (_cost(omega.size, n_fast) + (substeps - 1) * _fast_cost(n_fast)) / (substeps * step)
-        if work < least and n_fast and _stays(growth(M, K, n_slow, step, substeps), substeps * step, error, duration):
+        if work < least and _stays(growth(M, K, n_slow, step, substeps), substeps * step, error, duration):
             between = 0.5 * (omega[n_slow - 1] + omega[n_slow]) / (2 * np.pi)
             least, best = work, Split(float(between), substeps, step)
     return best
