@@ -53,5 +53,5 @@ def _meshed(gmsh: Any, volume: int, length: float, depth: float, width: float) -
         box = gmsh.model.getBoundingBox(2, surface)
         middle = [(box[i] + box[i + 3]) / 2 for i in range(3)]
         name = min(centres, key=lambda face: sum((a - b) ** 2 for a, b in zip(middle, centres[face], strict=True)))
-        faces[name] = surface
+        faces[name] = [surface]
     return read_out(gmsh, faces)

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Mapping
+from collections.abc import Iterator, Mapping, Sequence
 from contextlib import contextmanager
 from typing import Any, NamedTuple
 
@@ -27,6 +27,8 @@ class MeshArrays(NamedTuple):
         Cell numbers of each named part.
     faces : dict of str to ndarray
         Point numbers on each named face.
+    sectors : int
+        How many equal parts a turn about the z axis carries into each other: 1 if the mesh is not cyclic.
     """
 
     points: NDArray[np.float64]
@@ -34,6 +36,7 @@ class MeshArrays(NamedTuple):
     cell_type: str
     parts: dict[str, NDArray[np.int64]]
     faces: dict[str, NDArray[np.int64]]
+    sectors: int = 1
 
 
 @contextmanager
@@ -51,15 +54,15 @@ def gmsh_model(name: str) -> Iterator[Any]:
         gmsh.finalize()
 
 
-def read_out(gmsh: Any, faces: Mapping[str, int]) -> MeshArrays:
+def read_out(gmsh: Any, faces: Mapping[str, Sequence[int]]) -> MeshArrays:
     """Take the current model's volume mesh out of Gmsh.
 
     Parameters
     ----------
     gmsh : module
         As yielded by `gmsh_model`, after ``mesh.generate(3)``.
-    faces : mapping of str to int
-        Surface tag of each face to be named.
+    faces : mapping of str to sequence of int
+        Surface tags of each face to be named.
 
     Returns
     -------
@@ -84,9 +87,13 @@ def read_out(gmsh: Any, faces: Mapping[str, int]) -> MeshArrays:
         parts[gmsh.model.getPhysicalName(dimension, group)] = np.arange(n_cells, n_cells + n_part)
         n_cells += n_part
         blocks += part_blocks
-    cells = np.concatenate(blocks)
+    used, cells = np.unique(np.concatenate(blocks), return_inverse=True)  # an arc's centre is a node of no cell
+    number = np.full(len(number), -1, dtype=np.int64)
+    number[tags[used]] = np.arange(used.size)
     named = {
-        name: np.unique(number[gmsh.model.mesh.getNodes(2, surface, includeBoundary=True)[0]])
-        for name, surface in faces.items()
+        name: np.unique(
+            np.concatenate([number[gmsh.model.mesh.getNodes(2, tag, includeBoundary=True)[0]] for tag in surfaces])
+        )
+        for name, surfaces in faces.items()
     }
-    return MeshArrays(xyz.reshape(-1, 3), cells, cell_type, parts, named)
+    return MeshArrays(xyz.reshape(-1, 3)[used], cells.reshape(-1, blocks[0].shape[1]), cell_type, parts, named)

@@ -11,7 +11,10 @@ from pipeline.cache import Cache
 from pipeline.progress import Monitor
 
 T = TypeVar("T")
-STAGES = ("mesh", "assembly", "modes", "body", "stiffening", "motion", "surface", "stress", "pictures")
+STAGES = (
+    *("mesh", "assembly", "modes", "body", "stiffening", "motion"),
+    *("surface", "stress", "nodal stress", "files", "pictures"),
+)
 
 
 @dataclass

@@ -60,11 +60,12 @@ class Chain:
 
 def is_rotor(scene: Scene) -> bool:
     """Whether a scene is one flexible body on a hinge that at most a torque pulse drives: the kernels of `planar`."""
-    (part, *others), (joint, *_) = scene.body.values(), scene.joint.values()
+    (body, *others), (joint, *_) = scene.body, scene.joint.values()
     drives = list(scene.drive.values())
     plain = len(drives) <= 1 and all(drive.type == "torque pulse" for drive in drives)
+    plain = plain and scene.simulation.start == "undeformed"
     hinge = joint.type == "revolute" and not (joint.spring or joint.damper)
-    undamped = part.shape == "bar" and not part.modes.damping
+    undamped = body in scene.flexible and not scene.flexible[body].modes.damping
     split = any(run.integrator == "sub-cycling" and run.split != "joints" for run in scene.simulation.run)
     return not others and plain and hinge and undamped and not split and not any(scene.simulation.gravity)
 
@@ -110,6 +111,8 @@ def chain_of(
             if links[k].n_rates:
                 q0[tree.layout.position[k]] = joint.angle if joint.type == "revolute" else joint.position
                 v0[tree.layout.rate[k]] = joint.rate
+    if scene.simulation.start == "steady":
+        q0 = tree.steady(q0, v0)
     tip = scene.simulation.tip
     return Chain(tree, q0, v0, (tip.partition(".")[0], places.marker(tip)), joints, units)
 
@@ -153,10 +156,9 @@ def _link(scene: Scene, places: _Places, body: str) -> Link:
     joint = scene.joint[name]
     settings: dict[str, Any] = {}
     if body in places.bodies:
-        reduced, part = places.bodies[body], scene.body[body]
-        assert part.shape == "bar"
+        reduced, damping = places.bodies[body], scene.flexible[body].modes.damping
         gram = reduced.gram
-        settings = {"omega": reduced.omega, "damping": np.full(len(reduced.omega), part.modes.damping)}
+        settings = {"omega": reduced.omega, "damping": np.full(len(reduced.omega), damping)}
     else:
         gram = _gram(scene.body[body], places.inboard(body))
     if joint.type in ("revolute", "prismatic"):

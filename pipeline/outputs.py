@@ -1,24 +1,21 @@
-"""What a run leaves behind: pictures, charts and films as the scene lists them, the motion, the summary."""
+"""What a run leaves behind: pictures, films and files as the scene lists them, the motion, the summary."""
 
 from __future__ import annotations
 
 import json
-from collections.abc import Iterator
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
-import numpy as np
-
 from pipeline.cache import Cache, stage_key
-from pipeline.checks import Array, InputError
+from pipeline.checks import InputError
+from pipeline.exports import write_export
 from pipeline.files import whole_file
 from pipeline.folders import cache_folder
 from pipeline.stages import Pipeline
 from pipeline.summary import summarise
 
 if TYPE_CHECKING:
-    from pipeline.render.pictures import Surface
-    from pipeline.scene import Chart, Film, ModePictures, StressPicture
+    from pipeline.scene import Output
 
 
 def write_results(run: Pipeline, folder: Path, pictures: bool) -> dict[str, Any]:
@@ -38,14 +35,18 @@ def write_results(run: Pipeline, folder: Path, pictures: bool) -> dict[str, Any]
     InputError
         The folder can't be written, or this machine can't draw.
     """
-    if pictures and run.scene.output:
+    exports = [output for output in run.scene.output if output.type == "export"]
+    drawn = [output for output in run.scene.output if output.type != "export"] if pictures else []
+    if drawn:
         _require_drawing(run.scene.file)
     run.motions  # noqa: B018 - refuses or diverges before anything is written
     try:
         folder.mkdir(parents=True, exist_ok=True)
         files = [_write_motion(run, folder)]
-        if pictures and run.scene.output:
-            files += run.keeper.timed("pictures", lambda: _draw_all(run, folder))
+        if exports:
+            files += run.keeper.timed("files", lambda: [name for o in exports for name in write_export(run, o, folder)])
+        if drawn:
+            files += run.keeper.timed("pictures", lambda: [name for o in drawn for name in _draw(run, o, folder)])
         summary = summarise(run, files)
         with whole_file(folder / "summary.json") as part:
             part.write_text(json.dumps(summary, indent=1, allow_nan=False) + "\n")
@@ -83,121 +84,21 @@ def _write_motion(run: Pipeline, folder: Path) -> str:
     return "motion.nc"
 
 
-def _draw_all(run: Pipeline, folder: Path) -> list[str]:
-    files: list[str] = []
-    for output in run.scene.output:
-        match output.type:
-            case "chart":
-                files += _draw_chart(run, output, folder)
-            case "modes":
-                files += _draw_modes(run, output, folder)
-            case "stress":
-                files += _draw_stress(run, output, folder)
-            case "film":
-                files += _draw_film(run, output, folder)
-    return files
+def _draw(run: Pipeline, output: Output, folder: Path) -> list[str]:
+    from pipeline import drawings
 
-
-def _draw_chart(run: Pipeline, output: Chart, folder: Path) -> list[str]:
-    from pipeline.quantities import curves_of
-    from pipeline.render.charts import Curve, draw_chart
-
-    label, curves, components = curves_of(run, output)
-    draw_chart(
-        run.first_motion.times,
-        [Curve(name, values) for name, values in curves.items()],
-        folder / output.file,
-        title=output.title or output.quantity.replace("_", " "),
-        ylabel=label,
-        component_labels=components,
-    )
-    return [output.file]
-
-
-def _surface(run: Pipeline, body: str) -> Surface:
-    from pipeline.render.pictures import Surface
-
-    topology = run.parts[body].surface
-    return Surface(run.bodies[body].x[topology.nodes], topology.triangles, topology.edges)
-
-
-def _draw_modes(run: Pipeline, output: ModePictures, folder: Path) -> list[str]:
-    from pipeline.render.pictures import draw_mode
-
-    part = run.parts[output.body]
-    surface, modes, files = _surface(run, output.body), part.modes, []
-    held = "free" if part.shape.modes.boundary == "free" else "held"
-    for k, frequency in enumerate(modes.frequencies_hz):
-        name = output.file.format(mode=k + 1)
-        family = "" if part.shape.modes.family == "any" else part.shape.modes.family
-        draw_mode(
-            surface,
-            modes.shapes[part.surface.nodes, :, k],
-            folder / name,
-            title=f"{run.scene.title}: {held} mode {k + 1}, {frequency:.1f} Hz" + (f" ({family})" if family else ""),
-            scale=output.scale or 1.0,
-        )
-        files.append(name)
-    return files
-
-
-def _draw_stress(run: Pipeline, output: StressPicture, folder: Path) -> list[str]:
-    from pipeline.render.pictures import draw_stress
-
-    stress = run.stress_of(output.body)
-    time, _, _ = stress.worst()
-    frame = int(np.searchsorted(stress.times, time))
-    draw_stress(
-        _surface(run, output.body),
-        run.bodies[output.body].shapes[stress.nodes] @ stress.q[frame],
-        stress.von_mises(time),
-        folder / output.file,
-        title=f"{run.scene.title}: worst instant, t = {1e3 * time:.1f} ms",
-        scale=output.scale,
-        size=output.size,
-    )
-    return [output.file]
-
-
-def _draw_film(run: Pipeline, output: Film, folder: Path) -> list[str]:
-    from pipeline.recovery.stress import von_mises
-    from pipeline.render.film import draw_film
-
-    motion, surface, history = run.first_motion, _surface(run, output.body), run.stress_of(output.body)
-    shapes = run.bodies[output.body].shapes[history.nodes]
-    chosen = np.unique(np.linspace(0, len(motion.times) - 1, output.frames).round().astype(int))
-
-    def points(k: int) -> Array:
-        return motion.placed(output.body, surface.points + output.scale * (shapes @ history.q[k]), k)
-
-    stress = [von_mises(history.modal @ history.q[k]) for k in chosen]
-    corners = np.stack([np.concatenate([(p := points(k)).min(axis=0), p.max(axis=0)]) for k in chosen])
-    low, high = corners[:, :3].min(axis=0), corners[:, 3:].max(axis=0)
-    bounds = np.stack([np.minimum(low, 0.0), np.maximum(high, 0.0)], axis=1).ravel()
-
-    def frames() -> Iterator[tuple[float, Array, Array]]:
-        for k, value in zip(chosen, stress, strict=True):
-            yield float(motion.times[k]), points(k), value
-
-    scaled = f", deformation × {output.scale:g}" if output.scale != 1 else ""
-    with run.keeper.monitor(output.file) as advance:
-        done = 0
-
-        def on_frame() -> None:
-            nonlocal done
-            done += 1
-            advance(done / len(chosen))
-
-        draw_film(
-            surface,
-            frames(),
-            len(chosen),
-            folder / output.file,
-            title=run.scene.title + scaled,
-            bounds=bounds,
-            clim_pa=(0.0, max(float(value.max()) for value in stress) or 1.0),
-            rate=output.rate,
-            size=output.size,
-            on_frame=on_frame,
-        )
-    return [output.file]
+    match output.type:
+        case "chart":
+            return drawings.draw_chart(run, output, folder)
+        case "mesh":
+            return drawings.draw_mesh(run, output, folder)
+        case "modes":
+            return drawings.draw_modes(run, output, folder)
+        case "mode sheet":
+            return drawings.draw_mode_sheet(run, output, folder)
+        case "stress":
+            return drawings.draw_stress(run, output, folder)
+        case "film":
+            return drawings.draw_film(run, output, folder)
+        case _:
+            raise AssertionError(output)

@@ -2,25 +2,29 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from functools import cached_property
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING
 
 import numpy as np
+from numpy.typing import NDArray
 
 from pipeline.cache import stage_key
-from pipeline.checks import Array, InputError
+from pipeline.checks import Array, InputError, IntArray
 from pipeline.keeper import Keeper
 
 if TYPE_CHECKING:
+    from meshes.gmsh_session import MeshArrays
     from pipeline.fem.marker import Marker
+    from pipeline.fem.material import Material
     from pipeline.fem.mesh import SolidMesh
-    from pipeline.fem.model import FEModel
+    from pipeline.fem.model import Discretisation, FEModel
     from pipeline.fem.surface import SurfaceTopology
     from pipeline.reduction.body import FlexibleBody
     from pipeline.reduction.eigen import FreeBodySolver
+    from pipeline.reduction.gram import InertiaGram
     from pipeline.reduction.modes import Modes
-    from pipeline.scene import Bar, Scene
+    from pipeline.scene import Bar, Propeller, Scene
 
 _FEM_PACKAGES = ("numpy", "scipy", "scikit-fem", "gmsh")
 
@@ -39,6 +43,8 @@ class Inboard:
         Directions (k, 3) about which the joint lets the body turn by itself: its frame floats about them.
     floating : bool
         Whether the joint holds nothing at all.
+    prescribed : bool
+        Whether its motion is given.
     planar : bool
         Whether every joint of the scene keeps to the plane across ``axis``.
     """
@@ -47,6 +53,7 @@ class Inboard:
     axis: tuple[float, float, float]
     free: tuple[tuple[float, float, float], ...]
     floating: bool
+    prescribed: bool
     planar: bool
 
 
@@ -64,7 +71,7 @@ def inboard_of(scene: Scene, body: str) -> Inboard:
         free = (axis,)
     elif joint.type == "spherical":
         free = ((1.0, 0.0, 0.0), (0.0, 1.0, 0.0), (0.0, 0.0, 1.0))
-    return Inboard(joint.child.partition(".")[2], axis, free, joint.type == "free", all(in_plane))
+    return Inboard(joint.child.partition(".")[2], axis, free, joint.type == "free", prescribed, all(in_plane))
 
 
 class FlexiblePart:
@@ -81,17 +88,22 @@ class FlexiblePart:
     """
 
     def __init__(self, scene: Scene, name: str, keeper: Keeper) -> None:
-        part: Any = scene.body[name]
-        self.shape: Bar = part
+        self.shape: Bar | Propeller = scene.flexible[name]
         self.name, self._file = name, scene.file
         self.inboard = inboard_of(scene, name)
         self._frame = scene.simulation.frame
-        at = [joint.parent for joint in scene.joint.values()]
-        at += [drive.marker for drive in scene.drive.values() if drive.type in ("point force", "point torque")]
+        loads = [drive for drive in scene.drive.values() if drive.type in ("point force", "point torque")]
+        places = dict.fromkeys([joint.parent for joint in scene.joint.values()], True)
+        for drive in loads:
+            turns = drive.type == "point torque"
+            out = np.cross(self.inboard.axis, drive.direction) if turns else np.dot(self.inboard.axis, drive.direction)
+            places[drive.marker] = places.get(drive.marker, True) and not np.any(out)
         joint = next(j for j in scene.joint.values() if j.child.partition(".")[0] == name)
         at_rest = joint.parent.partition(".")[0] == "ground" and joint.type not in ("prismatic", "free")
         self._accelerated = not at_rest or any(scene.simulation.gravity)
-        self._outboard = sorted({place.partition(".")[2] for place in at if place.partition(".")[0] == name})
+        # Markers where other bodies hang or loads act, and whether those keep to the plane of motion.
+        own = {at.partition(".")[2]: flat for at, flat in places.items() if at.partition(".")[0] == name}
+        self._outboard = sorted(own.items())
         self._keeper = keeper
 
     # Stages ------------------------------------------------------------------------------------------------------
@@ -105,11 +117,9 @@ class FlexiblePart:
     def fe(self) -> FEModel:
         """Stiffness and mass; never kept, since what follows is."""
         from pipeline.fem.assembly import assemble
-        from pipeline.fem.material import Material
 
-        mesh, part = self.mesh, self.shape
-        material = Material(part.E, part.nu, part.rho)
-        return self._keeper.timed("assembly", lambda: assemble(mesh, part.mesh.order, material))
+        mesh, order = self.mesh, self.shape.mesh.order
+        return self._keeper.timed("assembly", lambda: assemble(mesh, order, self._material))
 
     @cached_property
     def modes(self) -> Modes:
@@ -124,9 +134,9 @@ class FlexiblePart:
     @cached_property
     def stiffened(self) -> FlexibleBody:
         """The reduced body, stiffened by its inertia loads."""
-        inputs = {"body": self._body_key, "accelerated": self._accelerated}
+        inputs = {"gram of": self._body_key, "accelerated": self._accelerated}
         key = stage_key("stiffening", inputs, ("pipeline/fem", "pipeline/reduction"), _FEM_PACKAGES)
-        return self._keeper.kept("stiffening", key, self._make_stiffened)
+        return replace(self.body, gram=self._keeper.kept("stiffening", key, self._make_stiffened_gram))
 
     @cached_property
     def surface(self) -> SurfaceTopology:
@@ -134,15 +144,46 @@ class FlexiblePart:
         return self._keeper.kept("surface", self._modes_key, self._make_surface)
 
     @cached_property
+    def elements(self) -> dict[str, int]:
+        """Numbers of its named elements."""
+        x = self.mesh.points[self.mesh.cells].mean(axis=1)
+        found = {}
+        for name, element in self.shape.element.items():
+            among = self.mesh.parts[element.part] if element.part else np.arange(len(x))
+            found[name] = int(among[np.linalg.norm(x[among] - element.at, axis=1).argmin()])
+        return found
+
+    @cached_property
+    def element_stress(self) -> Array:
+        """Stress of each modal coordinate in the middle of each named element, shape (n_elements, 6, n) [Pa]."""
+        return self._keeper.kept("stress", f"{self._body_key}-{self.elements}", self._make_element_stress)
+
+    @cached_property
+    def surface_elements(self) -> IntArray:
+        """Element that each of the surface's triangles belongs to, shape (n_triangles,)."""
+        from pipeline.fem.surface import surface_elements
+
+        return surface_elements(self.space)
+
+    @cached_property
+    def nodal_stress(self) -> NDArray[np.float32]:
+        """Stress of each modal coordinate at all nodes, for files in single precision, (n_nodes, 6, n) [Pa]."""
+
+        def make() -> NDArray[np.float32]:
+            return self._make_stress(np.arange(len(self.space.x))).astype(np.float32)
+
+        return self._keeper.kept("nodal stress", self._body_key, make)
+
+    @cached_property
     def surface_stress(self) -> Array:
         """Stress of each modal coordinate at the surface's nodes, shape (n_surface_nodes, 6, n) [Pa]."""
-        return self._keeper.kept("stress", self._body_key, self._make_surface_stress)
+        return self._keeper.kept("stress", self._body_key, lambda: self._make_stress(self.surface.nodes))
 
     # How each is made --------------------------------------------------------------------------------------------
 
     @property
     def _mesh_key(self) -> str:
-        part = self.shape.model_dump(mode="json", include={"shape", "length", "depth", "width", "mesh"})
+        part = self.shape.model_dump(mode="json", exclude={"E", "nu", "rho", "modes", "marker"})
         return stage_key("mesh", part, ("meshes", "pipeline/fem/mesh.py"), ("gmsh",))
 
     @property
@@ -172,16 +213,9 @@ class FlexiblePart:
         return stage_key("body", inputs, ("pipeline/reduction", "pipeline/recovery/stress.py"))
 
     def _make_mesh(self) -> SolidMesh:
-        from meshes.bar import hexahedral_bar, tetrahedral_bar
         from pipeline.fem.mesh import SolidMesh
 
-        part = self.shape
-        size = (part.length, part.depth, part.width)
-        if part.mesh.element == "hexahedron":
-            assert part.mesh.divisions is not None  # the scene's own check
-            return SolidMesh(*hexahedral_bar(*size, part.mesh.divisions))
-        assert part.mesh.size is not None
-        return SolidMesh(*tetrahedral_bar(*size, part.mesh.size))
+        return SolidMesh(*_mesh_arrays(self.shape))
 
     @cached_property
     def markers(self) -> dict[str, Marker]:
@@ -196,10 +230,15 @@ class FlexiblePart:
 
     @cached_property
     def _solver(self) -> FreeBodySolver:
+        rigid = [marker for marker in self.markers.values() if marker.rigid]
+        if self.mesh.sectors > 1 and not rigid:
+            from pipeline.reduction.cyclic import CyclicSolver
+
+            return CyclicSolver(self.fe, self.mesh.sectors)
         from pipeline.reduction.eigen import FreeBodySolver
 
         try:
-            return FreeBodySolver(self.fe, [marker for marker in self.markers.values() if marker.rigid])
+            return FreeBodySolver(self.fe, rigid)
         except ValueError as error:  # rigid faces that share nodes
             raise InputError(self._file, f"body.{self.name}.marker", None, str(error)) from error
 
@@ -236,8 +275,9 @@ class FlexiblePart:
         omega, shapes = modes.omega, modes.shapes
         axis = np.array(self.inboard.axis)
         if self.shape.modes.enrich == "inertia":
-            outboard = [markers[name] for name in self._outboard if name != joint]
-            loads = inertia_loads(self.fe, markers[joint], axis if self.inboard.planar else None, outboard)
+            plane = axis if self.inboard.planar else None
+            outboard = [(markers[at], plane if flat else None) for at, flat in self._outboard if at != joint]
+            loads = inertia_loads(self.fe, markers[joint], plane, outboard)
             omega, shapes = enriched(modes, self.fe, self._solver, loads, self._held)
         if self.inboard.floating:
             return floating_body(self.fe, omega, shapes, markers, joint)
@@ -245,26 +285,67 @@ class FlexiblePart:
             return free_frame_body(self.fe, omega, shapes, markers, joint, axis)
         return reduced_body(self.fe, omega, shapes, markers, joint, self._free)
 
-    def _make_stiffened(self) -> FlexibleBody:
+    def _make_stiffened_gram(self) -> InertiaGram:
         from pipeline.reduction.stiffening import stiffened
 
         inboard = self.inboard
         reaction = None if inboard.floating else self._reaction
         axis = np.array(inboard.axis) if inboard.planar else None
-        return stiffened(self.body, self.fe, self._solver, reaction, axis, self._accelerated)
+        return stiffened(self.body, self.fe, self._solver, reaction, axis, self._accelerated).gram
 
     def _make_surface(self) -> SurfaceTopology:
-        from pipeline.fem.model import Discretisation
         from pipeline.fem.surface import surface_topology
 
-        return surface_topology(Discretisation(self.mesh, self.shape.mesh.order))
+        return surface_topology(self.space)
 
-    def _make_surface_stress(self) -> Array:
-        from pipeline.fem.material import Material
+    @cached_property
+    def space(self) -> Discretisation:
+        """Nodes and elements; the matrices aren't needed for it."""
         from pipeline.fem.model import Discretisation
+
+        return Discretisation(self.mesh, self.shape.mesh.order)
+
+    @property
+    def _material(self) -> Material:
+        from pipeline.fem.material import Material
+
+        return Material(self.shape.E, self.shape.nu, self.shape.rho)
+
+    def _make_stress(self, nodes: IntArray) -> Array:
         from pipeline.recovery.stress import modal_stress
 
-        part = self.shape
-        space = Discretisation(self.mesh, part.mesh.order)
-        material = Material(part.E, part.nu, part.rho)
-        return modal_stress(space, material, self.body.shapes, self.surface.nodes)
+        return modal_stress(self.space, self._material, self.body.shapes, nodes)
+
+    def _make_element_stress(self) -> Array:
+        from pipeline.recovery.stress import element_stress
+
+        return element_stress(self.space, self._material, self.body.shapes, np.array(list(self.elements.values())))
+
+
+def _mesh_arrays(part: Bar | Propeller) -> MeshArrays:
+    if part.shape == "propeller":
+        from meshes.propeller import PropellerCounts, PropellerShape, propeller
+
+        mesh = part.mesh
+        shape = PropellerShape(
+            part.blades,
+            bore=part.bore / 2,
+            hub=part.hub / 2,
+            root=part.root / 2,
+            tip=part.diameter / 2,
+            length=part.length,
+            chord=part.chord,
+            thickness=part.thickness,
+            pitch=part.pitch,
+            camber=part.camber,
+            edge=part.edge,
+        )
+        return propeller(shape, PropellerCounts(*mesh.sleeve, *mesh.joint[1:], mesh.blade[2], mesh.growth))
+    from meshes.bar import hexahedral_bar, tetrahedral_bar
+
+    size = (part.length, part.depth, part.width)
+    if part.mesh.element == "hexahedron":
+        assert part.mesh.divisions is not None  # the scene's own check
+        return hexahedral_bar(*size, part.mesh.divisions)
+    assert part.mesh.size is not None
+    return tetrahedral_bar(*size, part.mesh.size)

@@ -49,6 +49,8 @@ def curves_of(run: Pipeline, output: Chart) -> Curves:
     motions: dict[str, Any] = dict(run.motions)
     if output.joint is not None:
         return _along_a_joint(run, motions, output)
+    if output.element is not None:
+        return _in_an_element(run, output)
     known = _OF_A_ROTOR if run.is_rotor else _OF_A_CHAIN
     if output.quantity not in known:
         works = ", ".join(["joint_position", *known])
@@ -63,6 +65,18 @@ def curves_of(run: Pipeline, output: Chart) -> Curves:
     elif first.ndim == 2 and not components:
         components = tuple(f"mode {k + 1}" for k in range(first.shape[1]))
     return label, curves, components
+
+
+def _in_an_element(run: Pipeline, output: Chart) -> Curves:
+    """A named element's stress in the unit that the scene asks for."""
+    from pipeline.units import in_unit
+
+    unit = output.unit or "MPa"
+    curves = {
+        name: in_unit(values, "Pa", unit)
+        for name, values in run.element_stress(str(output.element), output.component).items()
+    }
+    return f"{output.component} [{unit}]", curves, ()
 
 
 def _along_a_joint(run: Pipeline, motions: dict[str, Any], output: Chart) -> Curves:

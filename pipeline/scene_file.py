@@ -108,7 +108,21 @@ def read_scene_file(name_or_path: str | Path, overrides: Sequence[str]) -> Scene
     source = _find(str(name_or_path))
     file = str(source)
     data = _parse(file, _read(file, source))
+    if "base" in data:
+        data = _based(file, data)
     return SceneFile(file, data, tuple(_override(data, text) for text in overrides))
+
+
+def _based(file: str, data: dict[str, Any]) -> dict[str, Any]:
+    """Take the tables that the file leaves out from the ready scene that it names as its base."""
+    name = data.pop("base")
+    if name not in ready_scenes():
+        raise InputError(file, "base", name, among(str(name), ready_scenes(), "the ready scenes"))
+    source = files("models") / f"{name}.toml"
+    base = _parse(str(source), _read(str(source), source))
+    if "base" in base:
+        raise InputError(file, "base", name, f"has a base itself; take {base['base']!r}")
+    return base | data
 
 
 def ready_scenes() -> tuple[str, ...]:

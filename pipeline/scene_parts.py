@@ -1,13 +1,13 @@
-"""The mechanism's tables in a scene file: bodies with mesh, modes and markers, joints, drives."""
+"""The mechanism's tables in a scene file: rigid bodies, joints and drives."""
 
 from __future__ import annotations
 
-import re
 from typing import Annotated, Literal
 
-from pydantic import AfterValidator, Field, model_validator
+from pydantic import Field, model_validator
 
 from pipeline.scene_file import FaultError, Table
+from pipeline.scene_shapes import Axis, Bar, Name, Place, Propeller
 from pipeline.scene_time import AngleOverTime, ForceOverTime, PositionOverTime, TorqueOverTime
 from pipeline.units import (
     Angle,
@@ -16,10 +16,8 @@ from pipeline.units import (
     MomentOfInertia,
     NonNegative,
     NonNegativeTime,
-    PositiveDensity,
     PositiveLength,
     PositiveMass,
-    PositiveStress,
     PositiveTime,
     RotationalDamping,
     RotationalStiffness,
@@ -29,144 +27,15 @@ from pipeline.units import (
     Velocity,
 )
 
-
-def _name(name: str) -> str:
-    if not re.fullmatch(r"[A-Za-z][A-Za-z0-9_-]{0,39}", name) or name == "ground":
-        raise ValueError("a name is a letter and up to 39 letters, digits, '_' or '-'; 'ground' is taken")
-    return name
-
-
-def _poisson(nu: float) -> float:
-    if not nu > -1:
-        raise ValueError("must be above -1; most metals have about 0.3")
-    if not nu < 0.5:
-        raise ValueError("must be below 0.5 (0.5 is incompressible); 0.499 works")
-    return nu
-
-
-def _direction(axis: tuple[float, float, float]) -> tuple[float, float, float]:
-    if not any(axis):
-        raise ValueError("has no direction; [0, 0, 1] is the z axis")
-    return axis
-
-
-Name = Annotated[str, AfterValidator(_name)]
-Place = Annotated[str, Field(max_length=100)]
-Number = Annotated[float, Field(strict=True)]
-Count = Annotated[int, Field(strict=True, ge=1, le=1_000_000)]
-Axis = Annotated[tuple[Number, Number, Number], AfterValidator(_direction)]
 Moment = Annotated[MomentOfInertia, NonNegative]
 
 _ROUNDING = 1e-9  # a plate's moments, 0.1 and 0.2 and 0.3, are just possible whatever their last digit
-
-
-class Mesh(Table):
-    """How a body is divided into elements.
-
-    Parameters
-    ----------
-    element : str
-        The elements' shape.
-    order : int
-        Polynomial order of the displacement in an element.
-    divisions : tuple of int, optional
-        Elements along x, y and z; for hexahedra.
-    size : float, optional
-        Edge length of an element [m]; for tetrahedra.
-    """
-
-    element: Literal["hexahedron", "tetrahedron"] = "hexahedron"
-    order: Annotated[int, Field(strict=True, ge=1, le=2)] = 2
-    divisions: tuple[Count, Count, Count] | None = None
-    size: PositiveLength | None = None
-
-    @model_validator(mode="after")
-    def _divided_one_way(self) -> Mesh:
-        if self.element == "hexahedron":
-            if self.size is not None:
-                raise FaultError("belongs to tetrahedra; hexahedra take divisions, e.g. [48, 4, 2]", "size")
-            if self.divisions is None:
-                raise FaultError("is missing: hexahedra along x, y and z, e.g. [48, 4, 2]", "divisions")
-        else:
-            if self.divisions is not None:
-                raise FaultError("belongs to hexahedra; tetrahedra take a size, e.g. '5 mm'", "divisions")
-            if self.size is None:
-                raise FaultError("is missing: the edge length of a tetrahedron, e.g. '5 mm'", "size")
-        return self
-
-
-class Modes(Table):
-    """Which modes describe a body's deformation.
-
-    Parameters
-    ----------
-    count : int
-        How many, above the rigid-body modes.
-    family : str
-        The kind of motion that they are chosen from.
-    boundary : str
-        How the body is held while it vibrates: not at all, or at the marker of the joint that carries it.
-    enrich : str
-        The loads whose static responses are added.
-    damping : float
-        Damping ratio of every mode.
-    """
-
-    count: Count
-    family: Literal["any", "in-plane bending", "out-of-plane bending", "torsion", "axial"] = "any"
-    boundary: Literal["free", "joint"] = "free"
-    enrich: Literal["none", "inertia"] = "none"
-    damping: Annotated[Number, Field(ge=0.0, lt=1.0)] = 0.0
-
-
-class Marker(Table):
-    """A face of a flexible body, named for joints, loads and results.
-
-    Parameters
-    ----------
-    face : str
-        ``"x-"`` is where x is least.
-    attachment : str
-        Whether the marker follows the face in the mean (RBE3) or holds it rigid (RBE2).
-    """
-
-    face: Literal["x-", "x+", "y-", "y+", "z-", "z+"]
-    attachment: Literal["averaged", "rigid"] = "averaged"
 
 
 class PointMarker(Table):
     """A point of a rigid body, named for joints and results; ``at`` is its place in the body's frame [m]."""
 
     at: tuple[Length, Length, Length]
-
-
-class Bar(Table):
-    """A straight bar with a rectangular section.
-
-    Parameters
-    ----------
-    length, depth, width : float
-        Extent along x, y and z [m].
-    E : float
-        Young's modulus [Pa].
-    nu : float
-        Poisson's ratio.
-    rho : float
-        Density [kg/m³].
-    mesh, modes, marker
-        Its elements, its modes, and its markers by name.
-    """
-
-    shape: Literal["bar"]
-    length: PositiveLength
-    depth: PositiveLength
-    width: PositiveLength
-    E: PositiveStress
-    nu: Annotated[Number, AfterValidator(_poisson)]
-    rho: PositiveDensity
-    mesh: Mesh
-    modes: Modes
-    marker: dict[Name, Marker]
 
 
 class Rod(Table):
@@ -402,7 +271,7 @@ class PointTorque(Table):
 
 
 # Each is told apart by one key.
-Body = Annotated[Bar | Rod | PointMass | RigidBody, Field(discriminator="shape")]
+Body = Annotated[Bar | Propeller | Rod | PointMass | RigidBody, Field(discriminator="shape")]
 Joint = Annotated[Revolute | Prismatic | Fixed | Spherical | Free, Field(discriminator="type")]
 Drive = Annotated[
     TorquePulse | TorqueDrive | ForceDrive | MotionDrive | PointForce | PointTorque, Field(discriminator="type")

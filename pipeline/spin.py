@@ -113,10 +113,10 @@ def spins_of(chain: Chain, duration: float) -> dict[str, Array]:
 
 
 def _rigid_motion(rigid: Tree, q0: Array, v0: Array, times: Array) -> tuple[Array, Array]:
-    from pipeline.integrators.scipy_ivp import ScipyIvp
-
     if not rigid.n:
         return np.zeros((len(times), 0)), np.zeros((len(times), 0))
+    from pipeline.integrators.scipy_ivp import ScipyIvp
+
     try:
         motion = ScipyIvp("DOP853", 1e-4).march(rigid, q0, v0, times)
     except AccuracyError as error:

@@ -37,6 +37,14 @@ def summarise(run: Pipeline, files: list[str]) -> dict[str, Any]:
     summary["final"] = first.final()
     if run.is_rotor:
         summary["peak_tip_deflection_m"] = float(np.abs(run.motion.tip_deflection).max())
+    histories = _element_histories(run)
+    for name, values in histories.items():
+        reference = values[next(iter(values))]
+        for row, history in zip(summary["integrations"], values.values(), strict=True):
+            apart = float(np.abs(history - reference).max() / reference.max()) if reference.any() else 0.0
+            row.setdefault("element_stress_difference", {})[name] = apart
+        ends = {"largest_pa": float(reference.max()), "at_the_end_pa": float(reference[-1])}
+        summary.setdefault("element_stress", {})[name] = ends
     if run.parts:
         time, node, value = run.stress.worst()
         place = run.body.x[run.stress.nodes[node]]
@@ -50,12 +58,19 @@ def summarise(run: Pipeline, files: list[str]) -> dict[str, Any]:
     }
 
 
+def _element_histories(run: Pipeline) -> dict[str, dict[str, Any]]:
+    """Von Mises stress of each named element over each run."""
+    names = [f"{body}.{element}" for body, part in run.parts.items() for element in part.elements]
+    return {name: run.element_stress(name) for name in names}
+
+
 def _body(run: Pipeline, name: str) -> dict[str, Any]:
     """A flexible body's own figures, and what its spin does to it."""
     body, spin = run.bodies[name], run.spin[name]
     return {
         "frequencies_in_frame_hz": body.frequencies_hz.tolist(),
         "coupling": body.coupling,
+        "prescribed": run.parts[name].inboard.prescribed,
         "mass_kg": body.gram.mass,
         "largest_spin_rad_s": spin.largest_rate,
         "critical_spin_rad_s": spin.critical_rate if np.isfinite(spin.critical_rate) else None,

@@ -17,6 +17,8 @@ from typing import TYPE_CHECKING, Annotated
 
 from pydantic import AfterValidator, BeforeValidator
 
+from pipeline.folders import cache_folder
+
 if TYPE_CHECKING:
     import pint
 
@@ -63,7 +65,10 @@ def _registry() -> pint.UnitRegistry[Decimal]:
     """Return the units known, loaded when a quantity is first read; decimals make 10 us exactly 1e-05 s."""
     import pint
 
-    return pint.UnitRegistry(non_int_type=Decimal)
+    try:
+        return pint.UnitRegistry(non_int_type=Decimal, cache_folder=cache_folder() / "units")
+    except OSError:  # a folder that can't be written
+        return pint.UnitRegistry(non_int_type=Decimal)
 
 
 def to_si(value: object, kind: str) -> float:

@@ -23,8 +23,9 @@ LAYERS = (
     {"recovery"},
     {"studies"},
     {
-        *{"scene", "scene_file", "scene_time", "scene_parts", "scene_outputs", "mechanism", "methods", "part", "spin"},
-        *{"stages", "frequencies", "quantities", "outputs", "summary", "tables", "bench", "doctor", "cli"},
+        *{"scene", "scene_file", "scene_time", "scene_shapes", "scene_parts", "scene_outputs", "scene_runs"},
+        *{"mechanism", "methods", "part", "spin"},
+        *{"stages", "frequencies", "quantities", "outputs", "drawings", "exports", "summary", "tables", "bench", "doctor", "cli"},
         *{"__init__", "__main__"},
     },
 )

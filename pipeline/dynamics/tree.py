@@ -13,11 +13,14 @@ from functools import cached_property
 import numpy as np
 from scipy.linalg import eigh
 
-from pipeline.checks import Array, IntArray
+from pipeline.checks import AccuracyError, Array, IntArray
 from pipeline.dynamics.link import FREE, REVOLUTE, SPHERICAL, Link, PointLoad
 from pipeline.dynamics.signal import Signal
 from pipeline.dynamics.tree_arrays import FrozenTree, Layout, TreeParameters, layout_of, packed, with_room
 from pipeline.reduction.gram import InertiaGram
+
+_STEADY = 1e-10
+_STEADY_STEPS = 30
 
 
 @dataclass(frozen=True)
@@ -241,6 +244,44 @@ class Tree:
             for given, out in pairs:
                 out[:, new] = given[:, modes]
         return positions, rates, accelerations
+
+    def steady(self, q: Array, v: Array, t: float = 0.0) -> Array:
+        """Positions (n_positions,) with the modes where rates v and loads at t [s] leave them at rest in their frames.
+
+        Raises
+        ------
+        AccuracyError
+            There is no such state: something turns too fast for its stiffness.
+        """
+        from pipeline.dynamics.tree_solve import solve_accelerations
+
+        modes = np.concatenate([self.modes_of(k) for k in range(len(self.links))])
+        at = modes + self.n_positions - self.n
+        q, parameters = q.copy(), self.parameters
+
+        def left(values: Array) -> Array:
+            q[at], a = values, np.zeros(self.n)
+            solve_accelerations(parameters, t, q, v, a)
+            return np.asarray(a[modes])
+
+        found, size = q[at].copy(), 0.0
+        for _ in range(_STEADY_STEPS):
+            lack = left(found)
+            # The equations are almost linear in the modes: a difference of their own size has no error to speak of.
+            step = 1e-3 * max(np.abs(found).max(initial=0.0), 1e-6)
+            slopes = np.stack([left(found + step * unit) - lack for unit in np.eye(len(found))], axis=1) / step
+            change = np.linalg.solve(slopes, lack)
+            found, size = found - change, float(np.linalg.norm(change))
+            if size <= _STEADY * np.linalg.norm(found):
+                break
+        stable = np.linalg.eigvals(slopes).real.max(initial=-1.0) < 0
+        if not (stable and size <= _STEADY * np.linalg.norm(found)):
+            raise AccuracyError(
+                f"no steady state: the modes still change by {size:.1e} after {_STEADY_STEPS} corrections, or a "
+                "deflection grows by itself; the scene turns too fast for the bodies' stiffness"
+            )
+        q[at] = found
+        return q
 
     def drive_loads(self, t: float, q: Array, v: Array) -> Mapping[str, float]:
         """Torque [N m] or force [N] that each prescribed joint needs at a state, by the name of the body it carries."""

@@ -41,6 +41,8 @@ class SolidMesh:
         ``tetra`` or ``hexahedron``.
     parts, faces : mapping of str to ndarray
         Cell numbers of each part; point numbers on each face.
+    sectors : int
+        How many equal parts a turn about the z axis carries into each other: 1 if the mesh is not cyclic.
 
     Raises
     ------
@@ -53,6 +55,7 @@ class SolidMesh:
     cell_type: str
     parts: Mapping[str, IntArray]
     faces: Mapping[str, IntArray]
+    sectors: int = 1
 
     def __post_init__(self) -> None:
         if self.cell_type not in _CORNERS:

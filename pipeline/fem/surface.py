@@ -50,6 +50,13 @@ def surface_topology(space: Discretisation) -> SurfaceTopology:
     return SurfaceTopology(nodes, local[:, fan].reshape(-1, 3), edges)
 
 
+def surface_elements(space: Discretisation) -> IntArray:
+    """Element that each triangle of `surface_topology` belongs to, shape (n_triangles,)."""
+    mesh = space.skfem_mesh
+    elements = mesh.f2t[0, mesh.boundary_facets()]
+    return np.repeat(elements, space.kind.facet_polygons.shape[1] - 2)
+
+
 def boundary_polygons(space: Discretisation) -> IntArray:
     """Nodes around each boundary facet, shape (n_facets, n_around), counter-clockwise seen from outside."""
     mesh = space.skfem_mesh

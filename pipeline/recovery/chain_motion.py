@@ -62,6 +62,11 @@ class ChainMotion:
         """Origins (n_times, n_bodies, 3) [m] and rotations (n_times, n_bodies, 3, 3) of the bodies' frames."""
         return self.tree.frames(self.trajectory.q, self.times)
 
+    def spin(self, body: str) -> Array:
+        """Angular rate of a body's frame [rad/s], shape (n_times,)."""
+        spins = self.tree.spins(self.trajectory.q, self.trajectory.v, self.times)
+        return np.asarray(np.linalg.norm(spins[:, self._number(body)], axis=1))
+
     def placed(self, body: str, r: Array, k: int) -> Array:
         """Points r (n, 3) [m] of a body's frame as they are in space at output time k, shape (n, 3)."""
         origins, rotations = self.frames

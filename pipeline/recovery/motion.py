@@ -128,6 +128,10 @@ class Motion:
         """Modal coordinates of the one body, whatever its name, shape (n_times, n_modes)."""
         return self.q
 
+    def spin(self, body: str) -> Array:
+        """Angular rate of the body's frame [rad/s], shape (n_times,)."""
+        return np.abs(self.trajectory.v[:, 0])
+
     def placed(self, body: str, r: Array, k: int) -> Array:
         """Points r (n, 3) [m] of the body's frame as they are in space at output time k, shape (n, 3)."""
         return _turned(r, self.rotor.body.axis, self.frame_angle[k])

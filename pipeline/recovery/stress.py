@@ -8,6 +8,7 @@ tensor, never summed themselves.
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from dataclasses import dataclass
 from typing import TYPE_CHECKING
 
@@ -19,7 +20,10 @@ if TYPE_CHECKING:
     from pipeline.fem.material import Material
     from pipeline.fem.model import Discretisation
 
+_ORDER = ("xx", "yy", "zz", "yz", "xz", "xy")
 _CHUNK = 512  # elements at a time
+_FRAMES = 256  # output times at a time
+_CACHED = 2**17  # numbers that stay in a core's cache
 
 
 def modal_stress(space: Discretisation, material: Material, shapes: Array, nodes: IntArray) -> Array:
@@ -39,8 +43,6 @@ def modal_stress(space: Discretisation, material: Material, shapes: Array, nodes
     ndarray, shape (n_chosen, 6, n)
         xx, yy, zz, yz, xz, xy [Pa per unit of the shape].
     """
-    from pipeline.fem.assembly import gradients
-
     require_shape("shapes", shapes, (len(space.x), 3, None))
     if len(np.unique(nodes)) < len(nodes):
         raise ValueError("nodes names a node twice")
@@ -49,30 +51,63 @@ def modal_stress(space: Discretisation, material: Material, shapes: Array, nodes
     chosen = np.full(len(space.x), -1)
     chosen[nodes] = np.arange(len(nodes))
     elements = np.flatnonzero((chosen[space.element_nodes] >= 0).any(axis=1))
-    C = material.stiffness
     total = np.zeros((len(nodes) + 1, 6, shapes.shape[2]))  # the last row gathers what was not asked for
     count = np.zeros(len(nodes) + 1)
     for start in range(0, len(elements), _CHUNK):
         part = elements[start : start + _CHUNK]
-        local = space.element_nodes[part]
-        g, _ = gradients(space, X, part)
-        u = shapes[local].reshape(len(part), 1, local.shape[1], -1)
-        du = (g.swapaxes(2, 3) @ u).reshape(len(part), X.shape[1], 3, 3, -1)  # du[e, q, j, i] = ∂u_i/∂x_j
-        strain = np.stack(
-            [du[:, :, 0, 0], du[:, :, 1, 1], du[:, :, 2, 2]]
-            + [du[:, :, a, b] + du[:, :, b, a] for a, b in ((1, 2), (0, 2), (0, 1))],
-            axis=2,
-        )
-        stress = np.einsum("rs,aq,eqsn->earn", C, to_nodes, strain, optimize=True)
-        np.add.at(total, chosen[local], stress)
-        np.add.at(count, chosen[local], 1.0)
+        strain = _strains(space, shapes, X, part)
+        stress = np.einsum("rs,aq,eqsn->earn", material.stiffness, to_nodes, strain, optimize=True)
+        local = chosen[space.element_nodes[part]]
+        np.add.at(total, local, stress)
+        np.add.at(count, local, 1.0)
     return np.asarray(total[:-1] / count[:-1, None, None])
+
+
+def element_stress(space: Discretisation, material: Material, shapes: Array, elements: IntArray) -> Array:
+    """Stress of each shape in the middle of chosen elements, shape (n_chosen, 6, n); else as `modal_stress`."""
+    middle = space.kind.element.refdom.init_refdom()[0].mean(axis=1, keepdims=True)
+    strain = _strains(space, shapes, middle, elements)
+    return np.asarray(np.einsum("rs,eqsn->ern", material.stiffness, strain))
+
+
+def _strains(space: Discretisation, shapes: Array, X: Array, elements: IntArray) -> Array:
+    """Strains xx, yy, zz, 2yz, 2xz, 2xy at reference points X (3, n_q), shape (n_elements, n_q, 6, n)."""
+    from pipeline.fem.assembly import gradients
+
+    local = space.element_nodes[elements]
+    g, _ = gradients(space, X, elements)
+    u = shapes[local].reshape(len(elements), 1, local.shape[1], -1)
+    du = (g.swapaxes(2, 3) @ u).reshape(len(elements), X.shape[1], 3, 3, -1)  # du[e, q, j, i] = ∂u_i/∂x_j
+    return np.stack(
+        [du[:, :, 0, 0], du[:, :, 1, 1], du[:, :, 2, 2]]
+        + [du[:, :, a, b] + du[:, :, b, a] for a, b in ((1, 2), (0, 2), (0, 1))],
+        axis=2,
+    )
 
 
 def von_mises(stress: Array) -> Array:
     """Von Mises stress (n, …) of tensors (n, 6, …) in the order xx, yy, zz, yz, xz, xy."""
     xx, yy, zz, yz, xz, xy = np.moveaxis(stress, 1, 0)
     return np.asarray(np.sqrt(0.5 * ((xx - yy) ** 2 + (yy - zz) ** 2 + (zz - xx) ** 2) + 3.0 * (yz**2 + xz**2 + xy**2)))
+
+
+def measure_of(component: str) -> Callable[[Array], Array]:
+    """Function from tensors (n, 6, …) to ``von Mises``, a component such as ``xx``, or ``principal 1`` to ``3``.
+
+    Principal stresses are numbered from the largest.
+    """
+    if component == "von Mises":
+        return von_mises
+    if component in _ORDER:
+        row = _ORDER.index(component)
+        return lambda stress: stress[:, row]
+    place = int(component.removeprefix("principal "))
+
+    def principal(stress: Array) -> Array:
+        full = np.moveaxis(stress[:, [[0, 5, 4], [5, 1, 3], [4, 3, 2]]], (1, 2), (-2, -1))
+        return np.asarray(np.linalg.eigvalsh(full)[..., 3 - place])
+
+    return principal
 
 
 @dataclass(frozen=True)
@@ -107,17 +142,29 @@ class StressHistory:
         """Von Mises stress (n_nodes,) [Pa] at time t [s]."""
         return von_mises(self.tensor(t))
 
+    def measure_at(self, frames: IntArray, measure: Callable[[Array], Array] | None = None) -> Array:
+        """Von Mises stress, or another measure of the tensors, at chosen output times, shape (n_frames, n_nodes) [Pa].
+
+        Tensors are formed for a few nodes at a time, which stay in the processor's cache.
+        """
+        measure = measure or von_mises
+        q = np.ascontiguousarray(self.q[frames].T)
+        values = np.empty((len(frames), len(self.nodes)))
+        block = max(1, _CACHED // (6 * len(frames)))
+        for start in range(0, len(self.nodes), block):
+            rows = self.modal[start : start + block]
+            tensors = (rows.reshape(-1, rows.shape[2]) @ q).reshape(len(rows), 6, -1)
+            values[:, start : start + block] = measure(tensors).T
+        return values
+
     def worst(self) -> tuple[float, int, float]:
         """Time [s], place in ``nodes`` and value [Pa] of the largest von Mises stress at any output time."""
         peak = (0.0, 0, -1.0)
-        flat = self.modal.reshape(-1, self.modal.shape[2])
-        block = max(1, int(2e7 // len(flat)))
-        for start in range(0, len(self.times), block):
-            history = (flat @ self.q[start : start + block].T).reshape(len(self.nodes), 6, -1)
-            value = von_mises(history)
-            node, k = np.unravel_index(value.argmax(), value.shape)
-            if value[node, k] > peak[2]:
-                peak = float(self.times[start + k]), int(node), float(value[node, k])
+        for start in range(0, len(self.times), _FRAMES):
+            value = self.measure_at(np.arange(start, min(start + _FRAMES, len(self.times))))
+            k, node = np.unravel_index(value.argmax(), value.shape)
+            if value[k, node] > peak[2]:
+                peak = float(self.times[start + k]), int(node), float(value[k, node])
         return peak
 
 

@@ -9,7 +9,7 @@ import numpy as np
 import scipy.sparse as sp
 from scipy.linalg import eigh, null_space
 from scipy.sparse.csgraph import connected_components
-from scipy.sparse.linalg import LinearOperator, cg, eigsh, splu
+from scipy.sparse.linalg import LinearOperator, eigsh, splu
 
 from pipeline.checks import AccuracyError, Array
 from pipeline.reduction.modes import EigenPairs
@@ -23,6 +23,8 @@ ORTHONORMALITY_LIMIT = 1e-8
 STATIC_RESIDUAL_LIMIT = 1e-8
 _BALANCED = 1e-12  # what is left below this part of a load is round-off: the body balances it by itself
 _MAX_RESTARTS = 6
+_STEP_GAIN = 1e-4
+_MOST_STEPS = 100
 # An eigenvalue below this part of the shift is zero: Lanczos leaves about 1e-12, an elastic mode about 1.
 _ZERO = 1e-6
 
@@ -60,13 +62,12 @@ class FreeBodySolver:
         if self._T is not None:
             self._K, self._M = (sp.csr_array(self._T.T @ A @ self._T) for A in (fe.K, fe.M))
             self._R = self._reduced(self._R)
-        self.shift = -0.3 * self._lowest_bound()
-        self._factor = splu(
-            sp.csc_array(self._K - self.shift * self._M),
-            permc_spec="MMD_AT_PLUS_A",
-            diag_pivot_thresh=0.0,
-            options={"SymmetricMode": True},
-        )
+        self.shift, self._inverse = self._factorised()
+
+    def _factorised(self) -> tuple[float, Callable[[Array], Array]]:
+        """The shift σ and ``A⁻¹`` for ``A = K − σ M``."""
+        shift = -0.3 * self._lowest_bound(self._start_fields())
+        return shift, factorised(self._K - shift * self._M).solve
 
     def _reduced(self, u: Array) -> Array:
         """Unknowns of fields u (3 n_nodes, k), in the mean where a face would have to bend."""
@@ -76,12 +77,16 @@ class FreeBodySolver:
         """Nodal fields (n_nodes, 3, k) of unknowns u (n, k)."""
         return np.asarray(u if self._T is None else self._T @ u).reshape(len(self._fe.x), 3, -1)
 
-    def _lowest_bound(self) -> float:
-        """Upper bound of the lowest elastic eigenvalue [rad²/s²]: Rayleigh–Ritz on all quadratic displacements."""
+    def _start_fields(self) -> Array:
+        """All quadratic displacements, shape (n, 30)."""
         x = self._fe.x - self._fe.x.mean(axis=0)
         x = x / np.ptp(x, axis=0).max()
         terms = [np.ones(len(x)), *x.T, *(x[:, a] * x[:, b] for a in range(3) for b in range(a, 3))]
-        V = np.linalg.qr(self._reduced(np.kron(np.stack(terms, axis=1), np.eye(3))))[0]
+        return self._reduced(np.kron(np.stack(terms, axis=1), np.eye(3)))
+
+    def _lowest_bound(self, fields: Array) -> float:
+        """Upper bound of the lowest elastic eigenvalue [rad²/s²]: Rayleigh–Ritz on fields that hold the rigid ones."""
+        V = np.linalg.qr(fields)[0]
         return float(eigh(V.T @ (self._K @ V), V.T @ (self._M @ V), eigvals_only=True)[6])
 
     def modes(self, count: int, held: Array | None = None) -> EigenPairs:
@@ -103,7 +108,7 @@ class FreeBodySolver:
         B = np.zeros((n, 0)) if held is None else held.reshape(-1, held.shape[-1])
         if self._T is not None and B.shape[1]:
             B = self._T.T @ B
-        inverse = self._held_inverse(np.asarray(B))
+        inverse = held_inverse(self._inverse, B) if B.shape[1] else self._inverse
         expected = 6 - (int(np.linalg.matrix_rank(B.T @ self._R)) if B.shape[1] else 0)
         count = min(count, n - B.shape[1] - expected)
         ncv = max(2 * (count + expected) + 1, 40)
@@ -123,34 +128,23 @@ class FreeBodySolver:
             Phi = N @ Phi
         order = np.argsort(eigenvalues)
         eigenvalues, Phi = eigenvalues[order], Phi[:, order]
+        return self._checked(eigenvalues, Phi, expected, inverse)
+
+    def _checked(self, eigenvalues: Array, Phi: Array, expected: int, inverse: Callable[[Array], Array]) -> EigenPairs:
+        """Count the rigid-body modes, verify the others and give each its sign."""
         n_rigid = int(np.count_nonzero(eigenvalues < _ZERO * -self.shift))
         if n_rigid != expected:
             lowest = ", ".join(f"{value:.1e}" for value in eigenvalues[:8])
-            whole = "a free body" if held is None else "the body as it is held"
+            whole = "a free body" if expected == 6 else "the body as it is held"
             raise AccuracyError(
                 f"found {n_rigid} rigid-body modes, {whole} has {expected}; the lowest eigenvalues are {lowest} "
                 f"rad²/s², of which those below {_ZERO * -self.shift:.1e} count as zero"
             )
-        residual = _verified(K, M, eigenvalues, Phi, n_rigid, inverse, self.shift)
+        residual = _verified(self._K, self._M, eigenvalues, Phi, n_rigid, inverse, self.shift)
         shapes = self._expanded(Phi[:, n_rigid:])
-        flat = shapes.reshape(-1, count)
-        shapes = shapes * np.sign(flat[np.abs(flat).argmax(axis=0), np.arange(count)])
+        flat = shapes.reshape(-1, shapes.shape[2])
+        shapes = shapes * np.sign(flat[np.abs(flat).argmax(axis=0), np.arange(flat.shape[1])])
         return EigenPairs(np.sqrt(eigenvalues[n_rigid:]), shapes, n_rigid, residual)
-
-    def _held_inverse(self, B: Array) -> Callable[[Array], Array]:
-        """``f → A⁻¹f − A⁻¹B (BᵀA⁻¹B)⁻¹ BᵀA⁻¹f`` with ``A = K − σ M``: the inverse among fields with ``Bᵀu = 0``."""
-        if not B.shape[1]:
-            return self._factor.solve  # type: ignore[no-any-return]
-        Z = self._factor.solve(B)
-        weights = np.linalg.solve(B.T @ Z, Z.T)
-
-        def solve(f: Array) -> Array:
-            # The reaction is taken off the load first, and off the result again: A⁻¹ alone is large in rigid motions,
-            # which would have to cancel.
-            x = self._factor.solve(f - B @ (weights @ f))
-            return np.asarray(x - weights.T @ (B.T @ x))
-
-        return solve
 
     def static_response(self, f: Array) -> Array:
         """Solve ``K u = f`` for loads in equilibrium with the rigid acceleration they cause (inertia relief).
@@ -181,17 +175,16 @@ class FreeBodySolver:
         size = np.linalg.norm(loads, axis=0)
         nothing = size <= _BALANCED * np.linalg.norm(given, axis=0)
         loads[:, nothing], size[nothing] = 0.0, 1.0
-        u = np.zeros_like(loads)
-        solve = LinearOperator(K.shape, matvec=self._factor.solve, dtype=float)
+        u, before = np.zeros_like(loads), np.inf
         # Conjugate gradients with the shifted factor take a few steps. They start anew on what is left of the load,
         # balanced again: K does not see rigid-body round-off, which would spoil a long run.
         for _ in range(_MAX_RESTARTS):
             defect = balanced(loads - K @ u)
             residual = np.linalg.norm(defect, axis=0) / size
-            if residual.max() < 1e-12:
+            if residual.max() < 1e-12 or (residual.max() < STATIC_RESIDUAL_LIMIT and residual.max() > 0.1 * before):
                 break
-            for k, part in enumerate(defect.T):
-                u[:, k] += cg(K, part, rtol=1e-4, maxiter=100, M=solve)[0]
+            before = residual.max()
+            u += _conjugate_gradients(K, defect, self._inverse)
             u -= R @ np.linalg.solve(rigid_mass, MR.T @ u)
         if not residual.max() < STATIC_RESIDUAL_LIMIT:
             raise AccuracyError(
@@ -199,6 +192,45 @@ class FreeBodySolver:
                 f"exceeds {STATIC_RESIDUAL_LIMIT:.0e}"
             )
         return self._expanded(u)
+
+
+def factorised(A: Any) -> Any:
+    """Factorise a symmetric sparse matrix without leaving the diagonal for pivots; the result has a ``solve``."""
+    return splu(sp.csc_array(A), permc_spec="MMD_AT_PLUS_A", diag_pivot_thresh=0.0, options={"SymmetricMode": True})
+
+
+def held_inverse(inverse: Callable[[Array], Array], B: Any) -> Callable[[Array], Array]:
+    """``f → A⁻¹f − A⁻¹B (BᵀA⁻¹B)⁻¹ BᵀA⁻¹f``: the inverse among the fields with ``Bᵀu = 0``."""
+    Z = inverse(B)
+    weights = np.linalg.solve(B.T @ Z, Z.T)
+
+    def solve(f: Array) -> Array:
+        # The reaction is taken off the load first, and off the result again: A⁻¹ alone is large in rigid motions,
+        # which would have to cancel.
+        x = inverse(f - B @ (weights @ f))
+        return np.asarray(x - weights.T @ (B.T @ x))
+
+    return solve
+
+
+def _conjugate_gradients(K: Any, f: Array, inverse: Callable[[Array], Array]) -> Array:
+    """Solve ``K u = f``, all columns side by side, to about four digits, preconditioned by ``inverse``."""
+    u, r = np.zeros_like(f), f.copy()
+    z = inverse(r)
+    p, product = z.copy(), np.einsum("ij,ij->j", r, z)
+    enough = _STEP_GAIN**2 * product
+    for _ in range(_MOST_STEPS):
+        going = product > enough
+        if not going.any():
+            break
+        Kp = K @ p
+        step = np.where(going, product, 0.0) / np.where(going, np.einsum("ij,ij->j", p, Kp), 1.0)
+        u += step * p
+        r -= step * Kp
+        z = inverse(r)
+        before, product = product, np.where(going, np.einsum("ij,ij->j", r, z), 0.0)
+        p = z + product / np.where(going, before, 1.0) * p
+    return u
 
 
 def rigid_faces(fe: FEModel, markers: Sequence[Marker]) -> sp.csr_array:
@@ -241,12 +273,7 @@ def modes_below(fe: FEModel, omega: float) -> int:
     The number of negative pivots of ``K − ω² M`` equals the number of eigenvalues below ω²; the count is
     independent of any iteration, so it shows a mode that Lanczos has skipped.
     """
-    factor = splu(
-        sp.csc_array(fe.K - omega**2 * fe.M),
-        permc_spec="MMD_AT_PLUS_A",
-        diag_pivot_thresh=0.0,
-        options={"SymmetricMode": True},
-    )
+    factor = factorised(fe.K - omega**2 * fe.M)
     if not np.array_equal(factor.perm_r, factor.perm_c):
         raise AccuracyError("the factorisation left the diagonal: its pivots don't show the inertia")
     return int(np.count_nonzero(factor.U.diagonal() < 0))
@@ -266,7 +293,7 @@ def _verified(
         raise AccuracyError(f"modes are not M-orthonormal: error {lack:.1e} exceeds {ORTHONORMALITY_LIMIT:.0e}")
     elastic = eigenvalues[n_rigid:]
     defects = K @ Phi[:, n_rigid:] - elastic * MPhi[:, n_rigid:]
-    energies = np.array([defect @ inverse(defect) for defect in defects.T])
+    energies = np.einsum("ij,ij->j", defects, inverse(defects))
     residuals = np.sqrt(np.maximum(energies, 0.0) / (elastic - shift))
     if not residuals.max() < RESIDUAL_LIMIT:
         worst = int(residuals.argmax())

@@ -24,7 +24,9 @@ if TYPE_CHECKING:
 _NEW = 1e-4
 
 
-def inertia_loads(fe: FEModel, marker: Marker, axis: Array | None, outboard: Sequence[Marker] = ()) -> Array:
+def inertia_loads(
+    fe: FEModel, marker: Marker, axis: Array | None, outboard: Sequence[tuple[Marker, Array | None]] = ()
+) -> Array:
     """Loads that motion puts on a body, shape (n_nodes, 3, n_loads).
 
     The centrifugal loads of unit rates, and unit forces and torques at its joints, spread over the markers' faces. The
@@ -38,23 +40,28 @@ def inertia_loads(fe: FEModel, marker: Marker, axis: Array | None, outboard: Seq
     axis : ndarray, shape (3,), optional
         Normal of the plane to which all motion keeps: one centrifugal load, two forces and one torque at each marker.
         Without, the six products of two rates, and three forces and three torques at each marker.
-    outboard : sequence of Marker
-        Where other bodies hang on this one, or loads act.
+    outboard : sequence of (Marker, ndarray or None)
+        Where other bodies hang on this one, or loads act, and the normal of the plane to which those keep.
     """
     r = fe.x - marker.position
     if axis is None:
-        directions = torques = np.eye(3)
         fields = [(np.outer(r[:, b], e) + np.outer(r[:, a], f)) / 2 for a, b, e, f in _products()]
     else:
-        e = axis / np.linalg.norm(axis)
-        in_plane = np.eye(3) - np.outer(e, e)
-        directions, torques = np.linalg.svd(in_plane)[0].T[:2], e[None]
-        fields = [r @ in_plane]
+        fields = [r - np.outer(r @ axis, axis) / (axis @ axis)]
     reactions = []
-    for at in (marker, *outboard):
+    for at, normal in ((marker, axis), *outboard):
+        directions, torques = _planar(normal)
         columns = at.columns(len(fe.x), torques)
         reactions += [columns[:, :, :3] @ directions.T, columns[:, :, 3:]]
     return np.concatenate([np.stack([fe.m @ field for field in fields], axis=-1), *reactions], axis=-1)
+
+
+def _planar(normal: Array | None) -> tuple[Array, Array]:
+    """Directions of forces and of torques, as rows, that keep to a plane; all of them without a plane."""
+    if normal is None:
+        return np.eye(3), np.eye(3)
+    e = normal / np.linalg.norm(normal)
+    return np.linalg.svd(np.eye(3) - np.outer(e, e))[0].T[:2], e[None]
 
 
 def _products() -> Iterator[tuple[int, int, Array, Array]]:

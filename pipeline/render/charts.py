@@ -15,6 +15,7 @@ from matplotlib.colors import to_rgb
 from matplotlib.figure import Figure
 from matplotlib.layout_engine import ConstrainedLayoutEngine
 from matplotlib.lines import Line2D
+from matplotlib.patches import Patch
 
 from pipeline.checks import Array, read_only
 from pipeline.files import whole_file
@@ -25,6 +26,7 @@ DOTS_PER_INCH = 160
 BROKEN = ((0, (6, 3)), (0, (1.2, 2)), (0, (8, 2, 1.5, 2)), (0, (3, 1.5)))
 COLOURS = ("#1f5fa8", "#c8501e", "#2f8f4e", "#7a4fa3", "#8a6d1a", "#4a4a4a")
 GREY = "#444444"
+SHADE = "#f3e3b3"
 PALENESS = 0.45
 
 
@@ -54,6 +56,15 @@ class Curve:
         return self.values.reshape(len(self.values), -1)
 
 
+@dataclass(frozen=True, slots=True)
+class Band:
+    """A range of values, in the unit of the chart's ``ylabel``, that is marked under the curves."""
+
+    low: float
+    high: float
+    label: str
+
+
 def draw_chart(
     time: Array,
     curves: Sequence[Curve],
@@ -62,6 +73,7 @@ def draw_chart(
     title: str,
     ylabel: str,
     component_labels: Sequence[str] = (),
+    band: Band | None = None,
 ) -> None:
     """Draw curves in one frame and, below it, the difference of each further curve from the first.
 
@@ -81,6 +93,8 @@ def draw_chart(
         The quantity with its unit in brackets, e.g. ``velocity [m/s]``.
     component_labels : sequence of str
         Names of the components; may be empty if there is only one.
+    band : Band, optional
+        A range to be marked.
 
     Raises
     ------
@@ -99,6 +113,8 @@ def draw_chart(
         _add_differences(lower, time, curves, ylabel)
     for number, curve in enumerate(curves):
         _add_lines(upper, time, curve.columns, number)
+    if band is not None:
+        upper.axhspan(band.low, band.high, color=SHADE, linewidth=0, zorder=0)
     upper.set_ylabel(ylabel, fontsize=12)
     lower.set_xlabel("time [s]", fontsize=12)
     for axes in (upper, lower):
@@ -108,7 +124,7 @@ def draw_chart(
         axes.tick_params(labelsize=11)
         axes.spines[["top", "right"]].set_visible(False)
     figure.align_ylabels()
-    _add_legends(figure, curves, component_labels)
+    _add_legends(figure, curves, component_labels, band)
     with whole_file(path) as part:
         figure.savefig(part)
 
@@ -157,13 +173,17 @@ def _add_differences(axes: Axes, time: Array, curves: Sequence[Curve], ylabel: s
     axes.set_ylabel(f"difference\n[{inside}]" if inside else "difference", fontsize=12)
 
 
-def _add_legends(figure: Figure, curves: Sequence[Curve], component_labels: Sequence[str]) -> None:
+def _add_legends(
+    figure: Figure, curves: Sequence[Curve], component_labels: Sequence[str], band: Band | None = None
+) -> None:
     """Add the curves' names below the frames and the components' names beside them: they hide nothing."""
     none = np.empty(0)
-    runs = [
+    runs: list[Line2D | Patch] = [
         _line(none, none, number, GREY if len(component_labels) > 1 else COLOURS[number % len(COLOURS)], c.label)
         for number, c in enumerate(curves)
     ]
+    if band is not None:
+        runs.append(Patch(color=SHADE, linewidth=0, label=band.label))
     n_columns = max(1, 100 // (8 + max(len(curve.label) for curve in curves)))
     figure.legend(
         handles=runs,

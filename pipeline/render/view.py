@@ -15,6 +15,7 @@ Place = tuple[float, float, float, float]
 PART = (0.04, 0.96, 0.24, 0.84)
 TILT = (24.0, 22.0)  # of the camera [degrees], about the upright axis and about the horizontal one
 SLENDER = 0.4  # second extent over longest
+MOST_HOT = 100  # points as hot as the hottest that are tried: with stress the same everywhere all of them are
 SAME_EXTENT = 1.3  # extents that differ by less than this factor count as equal
 
 
@@ -32,22 +33,30 @@ class View:
         Length that a pixel shows.
     size : tuple of int
         Width and height in pixels.
+    reach : float
+        How far before and behind ``centre`` the picture shows anything [m].
     """
 
     axes: Array
     centre: Array
     metres_per_pixel: float
     size: tuple[int, int]
+    reach: float
 
     def pixels(self, points: Array) -> Array:
         """Place points (n, 3) [m] in the picture: columns from the left, rows from the top, shape (n, 2)."""
         flat = (points - self.centre) @ self.axes[:2].T / self.metres_per_pixel
         return np.asarray(np.array(self.size) / 2 + flat * (1, -1))
 
-    def lifted(self, points: Array) -> Array:
-        """Move points (n, 3) [m] a little towards the viewer, so that lines lie over faces."""
-        lift: Array = 3 * self.metres_per_pixel * self.axes[2]
-        return points + lift
+    def holds(self, point: Array, place: Place) -> bool:
+        """Tell whether a point (3,) [m] is within a place of the picture."""
+        x, y = self.pixels(point[None])[0] / self.size
+        left, right, bottom, top = place
+        return bool(left <= x <= right and bottom <= 1 - y <= top)
+
+    def moved(self, points: Array, right: float, up: float, towards: float) -> Array:
+        """Move points (n, 3) [m] in the picture and towards the viewer [pixels]."""
+        return points + self.metres_per_pixel * np.array([right, up, towards]) @ self.axes
 
 
 def fitted_view(axes: Array, points: Array, size: tuple[int, int], place: Place = PART) -> View:
@@ -56,8 +65,18 @@ def fitted_view(axes: Array, points: Array, size: tuple[int, int], place: Place 
     left, right, bottom, top = place
     room = np.array([(right - left) * size[0], (top - bottom) * size[1]])
     scale = float(np.max((high - low)[:2] / room)) or 1.0
+    return framed_view(axes, (low + high) / 2 @ axes, scale, size, place, points)
+
+
+def framed_view(axes: Array, target: Array, scale: float, size: tuple[int, int], place: Place, points: Array) -> View:
+    """Look along the last of ``axes`` with ``target`` (3,) [m] in the middle of a place, ``scale`` [m] to a pixel.
+
+    No point of ``points`` (n, 3) [m] is too near or too far to be shown.
+    """
+    left, right, bottom, top = place
     aside = np.array([(left + right - 1) * size[0], (bottom + top - 1) * size[1], 0.0]) / 2 * scale
-    return View(axes, ((low + high) / 2 - aside) @ axes, scale, size)
+    depth = float(np.abs((points - target) @ axes[2]).max())
+    return View(axes, target - aside @ axes, scale, size, max(scale * sum(size), 1.1 * depth))
 
 
 def oblique_axes(points: Array, tilt: tuple[float, float] = TILT) -> Iterator[Array]:
@@ -94,10 +113,12 @@ def is_seen(view_axes: Array, points: Array, triangles: IntArray, number: int) -
     return not np.any(over & (depth * weights.sum(axis=1) > 0))
 
 
-def view_of_hottest(candidates: list[Array], points: Array, triangles: IntArray, stress: Array) -> tuple[Array, int]:
-    """Choose the first camera that sees a point as hot as the hottest, to a thousandth, and that point."""
-    hot = np.flatnonzero(stress >= (1 - 1e-3) * stress.max())
+def view_of_hottest(
+    candidates: list[Array], points: Array, triangles: IntArray, strength: Array
+) -> tuple[Array, int, bool]:
+    """Choose the first camera that sees a point as hot as the hottest, to a thousandth; that point; whether it does."""
+    hot = np.flatnonzero(strength >= (1 - 1e-3) * strength.max())[:MOST_HOT]
     for axes, number in product(candidates, hot.tolist()):
         if is_seen(axes, points, triangles, number):
-            return axes, number
-    return candidates[0], int(np.argmax(stress))
+            return axes, number, True
+    return candidates[0], int(np.argmax(strength)), False

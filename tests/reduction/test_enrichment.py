@@ -149,7 +149,7 @@ def bar(small_bar: FEModel) -> Rod:
     root, side = (face_marker(small_bar.discretisation, faces[face]) for face in ("x-", "y+"))
     solver = FreeBodySolver(small_bar)
     modes = lowest_modes(solver, 6, root.columns(len(small_bar.x), np.eye(3)))
-    return Rod(small_bar, solver, modes, root, inertia_loads(small_bar, root, None, [side]))
+    return Rod(small_bar, solver, modes, root, inertia_loads(small_bar, root, None, [(side, None)]))
 
 
 def test_spatial_loads_make_up_the_load_of_any_spin(bar: Rod) -> None:
@@ -173,7 +173,7 @@ def test_spatial_loads_have_three_forces_and_three_torques_at_each_marker(bar: R
 
 def test_planar_loads_go_on_with_two_forces_and_a_torque_at_each_outboard_marker(rod: Rod) -> None:
     tip = face_marker(rod.fe.discretisation, rod.fe.discretisation.mesh.faces["x+"])
-    loads = inertia_loads(rod.fe, rod.root, Z, [tip])
+    loads = inertia_loads(rod.fe, rod.root, Z, [(tip, Z)])
     assert np.array_equal(loads[..., :4], rod.loads)
     forces = loads[..., 4:].sum(axis=0)
     torques = np.cross((rod.fe.x - [LENGTH, 0, 0])[:, :, None], loads[..., 4:], axis=1).sum(axis=0)

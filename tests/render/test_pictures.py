@@ -1,38 +1,21 @@
-import subprocess
-from collections.abc import Iterator
-from itertools import pairwise
+from itertools import product
 from pathlib import Path
 
 import imageio.v3 as iio
-import imageio_ffmpeg  # type: ignore[import-untyped]
 import numpy as np
 import pytest
+from matplotlib import colormaps
+from matplotlib.colors import to_rgb
+from scipy.ndimage import binary_dilation, label
 
-from pipeline.render.film import draw_film
-from pipeline.render.pictures import Surface, draw_mode, draw_stress
-from pipeline.render.stage import BAR
-from pipeline.render.view import PART, fitted_view, oblique_axes
+from pipeline.render.look import Look
+from pipeline.render.marks import BAR
+from pipeline.render.pictures import PART_COLOURS, draw_mesh, draw_mode, draw_stress, stress_limits
+from pipeline.render.sheet import draw_mode_sheet
+from pipeline.render.surface import Surface
+from pipeline.render.view import View, is_seen
 
 SIZE = (960, 540)
-
-
-def box(*extents: float, divisions: tuple[int, int, int] = (6, 4, 3)) -> Surface:
-    """Return the six sides of a box as triangles, with the outlines of their rectangles."""
-    nodes = np.stack(np.meshgrid(*(np.arange(n + 1) for n in divisions), indexing="ij"), axis=-1)
-    number = np.arange(nodes[..., 0].size).reshape(nodes.shape[:3])
-    sides = [np.take(number, end, axis) for axis in range(3) for end in (0, -1)]
-    corners = [np.stack([s[:-1, :-1], s[1:, :-1], s[1:, 1:], s[:-1, 1:]], axis=-1) for s in sides]
-    quads = np.concatenate([c.reshape(-1, 4) for c in corners])
-    edges = np.stack([quads, np.roll(quads, -1, axis=1)], axis=-1).reshape(-1, 2)
-    used, local = np.unique(np.concatenate([quads.ravel(), edges.ravel()]), return_inverse=True)
-    quads, edges = local[: quads.size].reshape(-1, 4), local[quads.size :].reshape(-1, 2)
-    points = nodes.reshape(-1, 3)[used] / divisions * extents
-    triangles = np.concatenate([quads[:, :3], quads[:, [0, 2, 3]]])
-    return Surface(points, triangles, np.unique(np.sort(edges, axis=1), axis=0))
-
-
-BLOCK = box(0.12, 0.1, 0.08)
-BEAM = box(0.34, 0.025, 0.01, divisions=(24, 4, 2))
 
 
 def distance_to_top_colour(picture: np.ndarray, pixel: np.ndarray) -> float:
@@ -45,28 +28,27 @@ def distance_to_top_colour(picture: np.ndarray, pixel: np.ndarray) -> float:
     return float(np.abs(around - top).max(axis=-1).min())
 
 
-CORNERS = [number for number, p in enumerate(BLOCK.points) if np.all((p == 0) | (p == BLOCK.points.max(axis=0)))]
-
-
-@pytest.mark.parametrize("corner", CORNERS)
-def test_the_hottest_node_is_seen_in_the_top_colour_wherever_it_is(tmp_path: Path, corner: int) -> None:
-    distance = np.linalg.norm(BLOCK.points - BLOCK.points[corner], axis=1)
-    displacement = np.zeros_like(BLOCK.points)
+@pytest.mark.parametrize("corner", list(product((0, 1), repeat=3)))
+def test_the_hottest_node_is_seen_in_the_top_colour_wherever_it_is(
+    tmp_path: Path, block: Surface, corner: tuple[int, ...]
+) -> None:
+    distance = np.linalg.norm(block.points - corner * block.points.max(axis=0), axis=1)
+    displacement = np.zeros_like(block.points)
     path = tmp_path / "stress.png"
-    view = draw_stress(BLOCK, displacement, 3e8 - 2e9 * distance, path, title="Block", size=SIZE)
+    view = draw_stress(block, displacement, 3e8 - 2e9 * distance, path, title="Block", look=Look(size=SIZE))
     picture = iio.imread(path)
-    hottest, coldest = view.pixels(BLOCK.points[[corner, int(np.argmax(distance))]])
-    assert distance_to_top_colour(picture, hottest) < 30  # a tilted face is up to a fifth darker
+    hottest, coldest = view.pixels(block.points[[int(np.argmin(distance)), int(np.argmax(distance))]])
+    assert distance_to_top_colour(picture, hottest) < 37  # a face turned from the light is up to 0.3 darker
     assert distance_to_top_colour(picture, coldest) > 60
 
 
-def test_a_stress_picture_has_its_size_and_tells_the_factor_on_the_deformation(tmp_path: Path) -> None:
-    displacement = BEAM.points[:, :1] ** 2 * (0, 0.03, 0)
-    stress = 1e6 * (1 - BEAM.points[:, 0])
+def test_a_stress_picture_has_its_size_and_tells_the_factor_on_the_deformation(tmp_path: Path, beam: Surface) -> None:
+    displacement = beam.points[:, :1] ** 2 * (0, 0.03, 0)
+    stress = 1e6 * (1 - beam.points[:, 0])
     notes = []
     for scale in (1.0, 10.0):
         path = tmp_path / f"stress-{scale}.png"
-        draw_stress(BEAM, displacement, stress, path, title="Beam", scale=scale, size=SIZE)
+        draw_stress(beam, displacement, stress, path, title="Beam", scale=scale, look=Look(size=SIZE))
         picture = iio.imread(path)
         assert picture.shape[:2] == SIZE[::-1]
         assert picture[:54, :300, :3].min() < 80  # the title
@@ -75,121 +57,175 @@ def test_a_stress_picture_has_its_size_and_tells_the_factor_on_the_deformation(t
     assert notes[1] < 80
 
 
-def test_a_part_without_stress_is_drawn_too(tmp_path: Path) -> None:
-    zero = np.zeros_like(BLOCK.points)
-    draw_stress(BLOCK, zero, zero[:, 0], tmp_path / "cold.png", title="Cold", size=SIZE)
+def test_a_part_without_stress_is_drawn_too(tmp_path: Path, block: Surface) -> None:
+    zero = np.zeros_like(block.points)
+    draw_stress(block, zero, zero[:, 0], tmp_path / "cold.png", title="Cold", look=Look(size=SIZE))
     assert iio.imread(tmp_path / "cold.png").std() > 0
 
 
 @pytest.mark.parametrize(("given", "amplitude"), [({}, 0.08), ({"scale": 3.0}, 0.24)])
 def test_a_mode_is_drawn_with_an_amplitude_of_eight_percent_times_its_scale(
-    tmp_path: Path, given: dict[str, float], amplitude: float
+    tmp_path: Path, beam: Surface, given: dict[str, float], amplitude: float
 ) -> None:
-    displacement = -3.0 * BEAM.points[:, :1] ** 2 * (0, 1, 0)
+    displacement = -3.0 * beam.points[:, :1] ** 2 * (0, 1, 0)
     path = tmp_path / "mode.png"
-    view = draw_mode(BEAM, displacement, path, title="Mode 1 · 131.0 Hz", size=SIZE, **given)
+    view = draw_mode(beam, displacement, path, title="Mode 1 · 131.0 Hz", look=Look(size=SIZE), **given)
     picture = iio.imread(path)
-    tip = BEAM.points[BEAM.points[:, 0] > 0.339]
+    tip = beam.points[beam.points[:, 0] > 0.339]
     pixels = view.pixels(tip - (0, amplitude * 0.34, 0))
     assert picture.shape[:2] == SIZE[::-1]
     assert min(distance_to_top_colour(picture, pixel) for pixel in pixels) < 30
     assert picture[:54, :300, :3].min() < 80  # the title
 
 
-def test_arrays_that_do_not_fit_are_refused(tmp_path: Path) -> None:
+def test_arrays_that_do_not_fit_are_refused(tmp_path: Path, block: Surface) -> None:
     path = tmp_path / "picture.png"
-    zero = np.zeros_like(BLOCK.points)
+    zero = np.zeros_like(block.points)
     with pytest.raises(ValueError, match="displacement is zero everywhere"):
-        draw_mode(BLOCK, zero, path, title="")
+        draw_mode(block, zero, path, title="")
     with pytest.raises(ValueError, match="displacement has shape"):
-        draw_mode(BLOCK, zero[1:], path, title="")
+        draw_mode(block, zero[1:], path, title="")
     with pytest.raises(ValueError, match="stress has shape"):
-        draw_stress(BLOCK, zero, zero[1:, 0], path, title="")
+        draw_stress(block, zero, zero[1:, 0], path, title="")
     with pytest.raises(ValueError, match="triangles name points beyond the 3 that there are"):
         Surface(np.zeros((3, 3)), np.array([[0, 1, 3]]), np.empty((0, 2), dtype=np.int64))
     assert not list(tmp_path.iterdir())
 
 
-def test_an_error_while_writing_a_picture_leaves_nothing(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+def test_an_error_while_writing_a_picture_leaves_nothing(
+    tmp_path: Path, block: Surface, monkeypatch: pytest.MonkeyPatch
+) -> None:
     def fail(path: Path, _: object) -> None:
         path.write_text("half")
         raise OSError("disk full")
 
     monkeypatch.setattr(iio, "imwrite", fail)
     with pytest.raises(OSError, match="disk full"):
-        draw_mode(BLOCK, BLOCK.points, tmp_path / "mode.png", title="", size=SIZE)
+        draw_mode(block, block.points, tmp_path / "mode.png", title="", look=Look(size=SIZE))
     assert not list(tmp_path.iterdir())
 
 
-@pytest.mark.parametrize("surface", [BLOCK, BEAM], ids=["block", "beam"])
-def test_a_part_fills_its_place_in_the_picture(surface: Surface) -> None:
-    for axes in oblique_axes(surface.points):
-        np.testing.assert_allclose(axes @ axes.T, np.eye(3), atol=1e-12)
-        assert np.linalg.det(axes) > 0
-        pixels = fitted_view(axes, surface.points, SIZE).pixels(surface.points) / SIZE
-        low, high = pixels.min(axis=0), pixels.max(axis=0)
-        margins = [low[0] - PART[0], PART[1] - high[0], low[1] - (1 - PART[3]), 1 - PART[2] - high[1]]
-        assert min(margins) == pytest.approx(0, abs=1e-9)
+def distance_to_bar(picture: np.ndarray, colours: np.ndarray, pixel: np.ndarray) -> np.ndarray:
+    """How far a pixel's colour, at any brightness, is from colours (n, 3): angles between them [rad]."""
+    column, row = np.round(pixel).astype(int)
+    colour = picture[row, column, :3].astype(float)
+    cosine = colours @ colour / np.linalg.norm(colours, axis=1) / np.linalg.norm(colour)
+    return np.arccos(np.clip(cosine, -1, 1))
 
 
-def test_motion_in_the_horizontal_plane_is_looked_at_from_above() -> None:
-    for extents in ((1.0, 1.0, 0.1), (1.0, 2.0, 0.1), (2.0, 1.0, 0.0)):
-        axes = next(oblique_axes(np.array([[0.0, 0.0, 0.0], extents])))
-        assert axes[2, 2] > 0.8
+def test_colours_of_a_twisted_blade_are_found_on_the_bar_at_its_stress(tmp_path: Path, propeller: Surface) -> None:
+    stress = 1e8 * np.linalg.norm(propeller.points[:, :2], axis=1)
+    limits = (0.0, float(stress.max()))
+    path = tmp_path / "stress.png"
+    still = np.zeros_like(propeller.points)
+    view = draw_stress(propeller, still, stress, path, title="", look=Look(camera=(-60, 40), size=SIZE))
+    picture = iio.imread(path)
+    turbo = 255 * colormaps["turbo"](np.linspace(0, 1, 256))[:, :3]
+    faces = propeller.points[propeller.triangles]
+    seen = [k for k in range(0, len(faces), 7) if sees(view, propeller, k)]
+    shares = []
+    for k in seen:
+        away = distance_to_bar(picture, turbo, view.pixels(faces[k].mean(axis=0)[None])[0])
+        expected = round(255 * stress[propeller.triangles[k]].mean() / limits[1])
+        shares.append(away[max(0, expected - 4) : expected + 5].min())
+    assert len(seen) > 40
+    assert np.quantile(shares, 0.9) < 0.06
 
 
-def frames(n_frames: int, fail_at: int = -1) -> Iterator[tuple[float, np.ndarray, np.ndarray]]:
-    for number in range(n_frames):
-        if number == fail_at:
-            raise RuntimeError("diverged")
-        c, s = np.cos(number), np.sin(number)
-        turned = BEAM.points @ np.array([[c, s, 0], [-s, c, 0], [0, 0, 1]])
-        yield 0.01 * number, turned, 1e6 * (1 - BEAM.points[:, 0])
+def sees(view: View, surface: Surface, triangle: int) -> bool:
+    """Whether a triangle is large in a picture and looks at the viewer, nothing before it."""
+    corners = surface.triangles[triangle]
+    a, b, c = view.pixels(surface.points[corners])
+    twice = (b - a)[0] * (c - a)[1] - (b - a)[1] * (c - a)[0]
+    return twice < -60 and all(is_seen(view.axes, surface.points, surface.triangles, k) for k in corners)
 
 
-def film(path: Path, n_frames: int = 5, **changes: object) -> Path:
-    given = {
-        "frames": frames(n_frames),
-        "size": (320, 180),
-        "clim_pa": (0.0, 1e6),
-        "on_frame": None,
-    } | changes
-    swept = np.array([-0.35, 0.35, -0.35, 0.35, 0.0, 0.01])
-    draw_film(BEAM, n_frames=n_frames, path=path, title="Beam", bounds=swept, rate=25.0, **given)  # type: ignore[arg-type]
-    return path
+@pytest.mark.parametrize("sign", [1, -1])
+def test_of_a_component_of_stress_the_largest_absolute_value_is_marked(
+    tmp_path: Path, block: Surface, sign: int
+) -> None:
+    stress = sign * (2e8 - 3e9 * block.points[:, 0])
+    path = tmp_path / "stress.png"
+    view = draw_stress(
+        block, np.zeros_like(block.points), stress, path, title="", quantity="σ_xx [MPa]", look=Look(size=SIZE)
+    )
+    hottest = view.pixels(block.points[block.points[:, 0] == 0])
+    picture = iio.imread(path)[..., :3].astype(int)
+    ink = np.argwhere(np.all(picture[: round(0.76 * SIZE[1])] < 40, axis=-1))[:, ::-1]
+    away = np.linalg.norm(ink[:, None] - hottest, axis=2)
+    assert away.min(axis=0).min() < 1.5 * SIZE[1] / 100
 
 
-def decoded(path: Path) -> np.ndarray:
-    """Read all frames by FFmpeg itself; ImageIO's reader leaves its pipes open."""
-    command = [imageio_ffmpeg.get_ffmpeg_exe(), "-v", "error", "-i", str(path)]
-    raw = subprocess.run([*command, "-f", "rawvideo", "-pix_fmt", "rgb24", "-"], capture_output=True, check=True)
-    return np.frombuffer(raw.stdout, dtype=np.uint8).reshape(-1, 180, 320, 3)
-
-
-@pytest.mark.parametrize("name", ["film.mp4", "film.gif"])
-def test_a_film_has_the_frames_asked_for_and_they_differ(tmp_path: Path, name: str) -> None:
-    called: list[int] = []
-    path = film(tmp_path / name, on_frame=lambda: called.append(1))
-    shown = decoded(path).astype(int)
-    assert len(shown) == len(called) == 5
-    assert list(tmp_path.iterdir()) == [path]
-    for before, after in pairwise(shown):
-        assert np.count_nonzero(np.abs(after - before).max(axis=-1) > 60) > 300
-
-
-@pytest.mark.parametrize("name", ["film.mp4", "film.gif"])
-def test_a_film_that_fails_on_the_way_leaves_nothing(tmp_path: Path, name: str) -> None:
-    with pytest.raises(RuntimeError, match="diverged"):
-        film(tmp_path / name, frames=frames(5, fail_at=2))
-    with pytest.raises(ValueError, match="5 frames were announced, 3 came"):
-        film(tmp_path / name, frames=frames(3))
-    assert not list(tmp_path.iterdir())
-
-
-def test_a_film_that_can_not_be_made_is_refused(tmp_path: Path) -> None:
-    with pytest.raises(ValueError, match=r"film\.avi: a film's name ends in \.mp4 or \.gif"):
-        film(tmp_path / "film.avi")
-    with pytest.raises(ValueError, match="both must be even"):
-        film(tmp_path / "film.mp4", size=(321, 180))
+def test_limits_of_the_colours_are_those_of_the_stress_unless_they_are_given(tmp_path: Path, block: Surface) -> None:
+    assert stress_limits(np.array([2.0, 5.0])) == (0.0, 5.0)
+    assert stress_limits(np.array([-2.0, 5.0])) == (-2.0, 5.0)
+    assert stress_limits(np.array([-5.0, -2.0])) == (-5.0, -2.0)
+    for constant in (0.0, -3.0):
+        low, high = stress_limits(np.full(3, constant))
+        assert low == constant < high
+    zero = np.zeros_like(block.points)
     with pytest.raises(ValueError, match="the highest colour needs a larger stress"):
-        film(tmp_path / "film.mp4", clim_pa=(0.0, 0.0))
+        draw_stress(block, zero, zero[:, 0], tmp_path / "no.png", title="", clim_pa=(1.0, 1.0))
+
+
+def test_a_mesh_is_drawn_in_as_many_colours_as_it_has_parts(tmp_path: Path, propeller: Surface) -> None:
+    part = np.repeat([0, 1, 2], len(propeller.triangles) // 3)
+    names = ["first (144 elements)", "second (144 elements)", "third (144 elements)"]
+    view = draw_mesh(propeller, part, names, tmp_path / "mesh.png", title="Mesh", look=Look((-60, 40), size=SIZE))
+    picture = iio.imread(tmp_path / "mesh.png")[..., :3].astype(float)
+    for number, colour in enumerate(PART_COLOURS[:3]):
+        rgb = 255 * np.array(to_rgb(colour))
+        faces = propeller.triangles[part == number]
+        centres = propeller.points[faces[::5]].mean(axis=1)
+        columns, rows = np.round(view.pixels(centres)).astype(int).T
+        shown = picture[rows, columns]
+        cosine = shown @ rgb / np.linalg.norm(shown, axis=1) / np.linalg.norm(rgb)
+        assert np.quantile(np.arccos(np.clip(cosine, -1, 1)), 0.25) < 0.05
+        assert np.any(np.all(np.abs(picture[-80:] - rgb) < 3, axis=-1))  # its square in the legend
+
+
+def test_a_close_up_leaves_title_and_legend_free(tmp_path: Path, propeller: Surface) -> None:
+    part = np.zeros(len(propeller.triangles), dtype=np.int64)
+    look = Look((-60, 40), focus=(0.2, 0.0, 0.0), extent=0.05, size=SIZE)
+    view = draw_mesh(propeller, part, ["blade"], tmp_path / "mesh.png", title="", look=look)
+    picture = iio.imread(tmp_path / "mesh.png")
+    assert view.metres_per_pixel * SIZE[0] == pytest.approx(0.05)
+    assert picture[: round(0.12 * SIZE[1])].min() == 255
+    assert picture[round(0.2 * SIZE[1]) : round(0.8 * SIZE[1])].min() < 100
+    assert picture[-round(0.1 * SIZE[1]) :, : SIZE[0] // 4].min() == 255
+
+
+def test_parts_and_names_that_do_not_fit_are_refused(tmp_path: Path, block: Surface) -> None:
+    part = np.zeros(len(block.triangles), dtype=np.int64)
+    with pytest.raises(ValueError, match="part_of_triangle has shape"):
+        draw_mesh(block, part[1:], ["all"], tmp_path / "mesh.png", title="")
+    with pytest.raises(ValueError, match="beyond the 1 that have names"):
+        draw_mesh(block, part + 1, ["all"], tmp_path / "mesh.png", title="")
+
+
+@pytest.mark.parametrize("n_modes", [1, 5, 6])
+def test_a_sheet_shows_all_its_modes_and_their_labels(tmp_path: Path, propeller: Surface, n_modes: int) -> None:
+    radius = np.linalg.norm(propeller.points[:, :2], axis=1, keepdims=True)
+    shapes = np.stack([radius**2 * np.array([0, 0, (-1.0) ** k]) for k in range(n_modes)], axis=-1)
+    labels = [f"mode {k + 1}, 131.0 Hz" for k in range(n_modes)]
+    look = Look((-60, 40), size=(900, 600))
+    draw_mode_sheet(propeller, shapes, labels, tmp_path / "sheet.png", title="", look=look)
+    picture = iio.imread(tmp_path / "sheet.png")[:540, :, :3].astype(int)
+    top = np.array([122, 4, 3])  # turbo's dark red, which a tip has in each mode
+    red = np.all(np.abs(picture - top) < 30, axis=-1)
+    _, n_places = label(binary_dilation(red, iterations=12))
+    assert n_places >= n_modes
+    assert picture[:40].min() == 255  # no title, and nothing that reaches there
+
+
+def test_a_sheet_of_modes_that_do_not_fit_is_refused(tmp_path: Path, block: Surface) -> None:
+    shapes = np.ones((len(block.points), 3, 2))
+    path = tmp_path / "sheet.png"
+    with pytest.raises(ValueError, match="shapes has shape"):
+        draw_mode_sheet(block, shapes, ["one"], path, title="")
+    with pytest.raises(ValueError, match="at least one"):
+        draw_mode_sheet(block, shapes[:, :, :0], [], path, title="")
+    with pytest.raises(ValueError, match="zero everywhere"):
+        draw_mode_sheet(block, 0 * shapes, ["one", "two"], path, title="")
+    with pytest.raises(ValueError, match="whole parts"):
+        draw_mode_sheet(block, shapes, ["one", "two"], path, title="", look=Look(zoom=2))

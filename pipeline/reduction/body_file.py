@@ -1,0 +1,262 @@
+"""A reduced body as one NetCDF file: what its motion and its surface's stress need, without mesh or matrices."""
+
+from __future__ import annotations
+
+import io
+from dataclasses import dataclass
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from pipeline.checks import Array, InputError, IntArray, read_only, require_shape
+from pipeline.files import whole_file
+from pipeline.reduction.body import FlexibleBody, MarkerShapes
+from pipeline.reduction.gram import InertiaGram
+
+if TYPE_CHECKING:
+    import xarray
+
+    from pipeline.fem.surface import SurfaceTopology
+
+FORMAT = "fmd reduced body"
+VERSION = 1
+
+# Dimensions, unit and meaning of each variable. "motions" are three translations and three rotations of the frame, then
+# the modes; "state" is (1, q). A dimension may stand in a variable only once, hence the second of some.
+_VARIABLES: dict[str, tuple[tuple[str, ...], str, str]] = {
+    "marker": (("marker",), "", "names of the markers"),
+    "x": (("node", "axis"), "m", "undeformed node positions relative to the joint"),
+    "shapes": (("node", "axis", "mode"), "kg^-0.5", "basis: displacement for a unit of each modal coordinate"),
+    "omega": (("mode",), "rad/s", "angular frequencies of the basis"),
+    "joint_axis": (("axis",), "1", "unit vector of the joint's axis"),
+    "coupling": ((), "1", "|M_theta_q| / sqrt(J) in the reference state"),
+    "marker_position": (("marker", "axis"), "m", "undeformed position relative to the joint"),
+    "marker_translation": (
+        ("marker", "axis", "mode"), "kg^-0.5", "displacement for a unit of each modal coordinate",
+    ),
+    "marker_rotation": (
+        ("marker", "axis", "mode"), "rad m^-1 kg^-0.5", "rotation for a unit of each modal coordinate",
+    ),
+    "mass": ((), "kg", "mass"),
+    "G": (
+        ("axis", "axis_2", "state", "state_2"), "kg m^2, kg^0.5 m, 1",
+        "Gram tensor U_a^T m U_b: second moments, moment-mode and mode-mode integrals",
+    ),
+    "S": (("axis", "state"), "kg m, kg^0.5", "first moments 1^T m U_a"),
+    "stiffening": (
+        ("axis", "axis_2", "mode", "mode_2"), "1", "geometric stiffness that was taken off the modal blocks of G",
+    ),
+    "bow": (("axis", "mode", "mode_2"), "m^-1", "second-order first moments: c_a = S_a p + q^T bow_a q / 2"),
+    "M_hat": (
+        ("motion", "motion_2"), "kg, kg m, kg m^2, kg^0.5, kg^0.5 m, 1",
+        "mass matrix of translation, rotation and modes in the reference state",
+    ),
+    "K_hat": (("motion", "motion_2"), "s^-2", "stiffness matrix of translation, rotation and modes"),
+    "elastic_frequencies": (("elastic_mode",), "Hz", "frequencies of the elastic modes that the basis is made of"),
+    "surface_nodes": (("surface_node",), "1", "node numbers on the surface, ascending"),
+    "triangles": (("triangle", "corner"), "1", "places in surface_nodes, counter-clockwise seen from outside"),
+    "edges": (("edge", "end"), "1", "places in surface_nodes: outlines of the element faces"),
+    "surface_stress": (
+        ("surface_node", "component", "mode"), "Pa kg^-0.5 m^-1", "stress for a unit of each modal coordinate",
+    ),
+}  # fmt: skip
+# What xarray and SciPy's reader raise on bytes that aren't what they should be.
+_UNREADABLE = (ValueError, TypeError, LookupError, AttributeError, OverflowError, MemoryError)
+
+
+@dataclass(frozen=True)
+class SavedBody:
+    """What a body's file holds.
+
+    Attributes
+    ----------
+    body : FlexibleBody
+        The reduced body.
+    surface : SurfaceTopology or None
+        Its outer surface.
+    stress : ndarray, shape (n_surface, 6, n), or None
+        Stress of each modal coordinate at the surface's nodes: xx, yy, zz, yz, xz, xy [Pa per unit].
+    elastic_hz : ndarray or None
+        Frequencies of the elastic modes that the basis is made of [Hz].
+    """
+
+    body: FlexibleBody
+    surface: SurfaceTopology | None = None
+    stress: Array | None = None
+    elastic_hz: Array | None = None
+
+
+def save_body(
+    path: Path,
+    body: FlexibleBody,
+    surface: SurfaceTopology | None = None,
+    stress: Array | None = None,
+    elastic_hz: Array | None = None,
+) -> None:
+    """Write a reduced body; the file appears whole or not at all. The arguments are those of `SavedBody`.
+
+    Raises
+    ------
+    ValueError
+        Stress without a surface, or of another shape.
+    OSError
+        The place can't be written.
+    """
+    dataset = body_dataset(SavedBody(body, surface, stress, elastic_hz))
+    with whole_file(path) as part:
+        dataset.to_netcdf(part, engine="scipy")
+
+
+def load_body(path: Path) -> SavedBody:
+    """Read a reduced body: each number is the one that was saved, to the last bit.
+
+    Raises
+    ------
+    InputError
+        The file can't be read, is none of a reduced body, of another version, cut off, or lacks something.
+    """
+    import xarray
+
+    def refuse(mend: str) -> InputError:
+        return InputError(str(path), "", None, mend)
+
+    try:
+        content = path.read_bytes()
+    except OSError as error:
+        raise refuse(f"can't be read: {error.strerror or error}") from error
+    if content[:4] != b"CDF\x02":
+        raise refuse("no file of a reduced body: these are NetCDF 3 with 64-bit offsets")
+    try:
+        with xarray.open_dataset(io.BytesIO(content), engine="scipy", mask_and_scale=False, decode_times=False) as file:
+            dataset = file.load()
+    except _UNREADABLE as error:
+        raise refuse(f"damaged or cut off: {error}") from error
+    if dataset.attrs.get("format") != FORMAT:
+        raise refuse("a NetCDF file, but not of a reduced body")
+    if dataset.attrs.get("format_version") != VERSION:
+        raise refuse(
+            f"a reduced body of format version {dataset.attrs.get('format_version')}; this program reads {VERSION}"
+        )
+    try:
+        return _saved(dataset)
+    except LookupError as error:
+        raise refuse(f"a reduced body that lacks {error}") from error
+    except ValueError as error:
+        raise refuse(f"a reduced body that contradicts itself: {error}") from error
+
+
+def body_dataset(saved: SavedBody) -> xarray.Dataset:
+    """Gather a reduced body in one labelled data set, units as attributes."""
+    import xarray
+
+    arrays = _arrays(saved)
+    data = {}
+    for name, values in arrays.items():
+        dims, unit, text = _VARIABLES[name]
+        data[name] = (dims, values, {"units": unit, "long_name": text} | _layout(values))
+    coordinates: dict[str, Any] = {
+        "marker": ("marker", list(saved.body.markers), {"long_name": _VARIABLES["marker"][2]}),
+        "axis": ["x", "y", "z"],
+    }
+    if saved.stress is not None:
+        coordinates["component"] = ["xx", "yy", "zz", "yz", "xz", "xy"]
+    attributes = {"format": FORMAT, "format_version": VERSION, "joint": saved.body.joint}
+    return xarray.Dataset(data, coordinates, attributes)
+
+
+def _arrays(saved: SavedBody) -> dict[str, NDArray[Any]]:
+    """Every variable that there is, by its name in the file."""
+    body, surface = saved.body, saved.surface
+    gram, markers = body.gram, list(body.markers.values())
+    n = len(body.omega)
+    arrays: dict[str, NDArray[Any]] = {
+        "x": body.x,
+        "shapes": body.shapes,
+        "omega": body.omega,
+        "joint_axis": body.axis,
+        "coupling": np.array(body.coupling),
+        "marker_position": np.array([marker.position for marker in markers]),
+        "marker_translation": np.array([marker.translation for marker in markers]),
+        "marker_rotation": np.array([marker.rotation for marker in markers]),
+        "mass": np.array(gram.mass),
+        "G": gram.G,
+        "S": gram.S,
+        "M_hat": gram.mass_matrix(np.eye(1, 1 + n)[0]),
+        "K_hat": np.diag(np.r_[np.zeros(6), body.omega**2]),
+    }
+    # NetCDF has no room for empty arrays: what is empty is left out
+    arrays |= {name: a for name, a in (("stiffening", gram.stiffening), ("bow", gram.bow)) if a.size}
+    if saved.elastic_hz is not None:
+        arrays["elastic_frequencies"] = saved.elastic_hz
+    if surface is not None:
+        arrays |= {"surface_nodes": surface.nodes, "triangles": surface.triangles, "edges": surface.edges}
+    if saved.stress is not None:
+        if surface is None:
+            raise ValueError("stress belongs to a surface, but there is none")
+        require_shape("stress", saved.stress, (len(surface.nodes), 6, n))
+        arrays["surface_stress"] = saved.stress
+    return arrays
+
+
+def _saved(dataset: xarray.Dataset) -> SavedBody:
+    """Make the objects of a data set; ``KeyError`` tells what is missing."""
+    from pipeline.fem.surface import SurfaceTopology
+
+    def variable(name: str) -> xarray.DataArray:
+        if name not in dataset:
+            raise KeyError(name)
+        if (found := dataset[name].dims) != (wanted := _VARIABLES[name][0]):
+            raise ValueError(f"{name} has dimensions {found}, expected {wanted}")
+        return dataset[name]
+
+    def real(name: str) -> Array:
+        found = variable(name)
+        return _laid_out(found.to_numpy().astype(np.float64), found.attrs.get("layout"))
+
+    def whole(name: str) -> IntArray:
+        return variable(name).to_numpy().astype(np.int64)
+
+    marker_shapes = zip(real("marker_position"), real("marker_translation"), real("marker_rotation"), strict=True)
+    names = variable("marker").to_numpy().tolist()
+    markers = {name: MarkerShapes(*shapes) for name, shapes in zip(names, marker_shapes, strict=True)}
+    joint = str(dataset.attrs["joint"])
+    if joint not in markers:
+        raise ValueError(f"the joint's marker '{joint}' is none of {', '.join(markers)}")
+    G, n = real("G"), dataset.sizes["mode"]
+    require_shape("G", G, (3, 3, 1 + n, 1 + n))
+    second_order = {name: read_only(real(name)) for name in ("stiffening", "bow") if name in dataset}
+    body = FlexibleBody(
+        x=real("x"),
+        shapes=real("shapes"),
+        omega=real("omega"),
+        axis=real("joint_axis"),
+        joint=joint,
+        markers=markers,
+        gram=InertiaGram(read_only(G), read_only(real("S")), float(real("mass")), **second_order),
+        coupling=float(real("coupling")),
+    )
+    surface = None
+    if "surface_nodes" in dataset:
+        surface = SurfaceTopology(whole("surface_nodes"), whole("triangles"), whole("edges"))
+    return SavedBody(
+        body,
+        surface,
+        real("surface_stress") if "surface_stress" in dataset else None,
+        real("elastic_frequencies") if "elastic_frequencies" in dataset else None,
+    )
+
+
+def _layout(a: NDArray[Any]) -> dict[str, list[int]]:
+    """Tell an array's axes from the slowest in memory to the fastest, if that isn't their own order.
+
+    Sums over an array run along its memory: laid out another way, G would give inertia tensors with other last bits.
+    """
+    order = np.argsort([-stride for stride in a.strides], kind="stable").tolist()
+    return {} if order == sorted(order) else {"layout": order}
+
+
+def _laid_out(a: Array, order: Any) -> Array:
+    """Lay an array out in memory as ``_layout`` has noted."""
+    return a if order is None else np.ascontiguousarray(a.transpose(order)).transpose(np.argsort(order))

@@ -1,0 +1,291 @@
+"""Flexible bodies in a scene file: their shape, material, elements, modes and markers."""
+
+from __future__ import annotations
+
+import re
+from typing import Annotated, Literal
+
+from pydantic import AfterValidator, Field, model_validator
+
+from pipeline.scene_file import FaultError, Table, among
+from pipeline.units import Angle, Length, PositiveDensity, PositiveLength, PositiveStress
+
+
+def _name(name: str) -> str:
+    if not re.fullmatch(r"[A-Za-z][A-Za-z0-9_-]{0,39}", name) or name == "ground":
+        raise ValueError("a name is a letter and up to 39 letters, digits, '_' or '-'; 'ground' is taken")
+    return name
+
+
+def _poisson(nu: float) -> float:
+    if not nu > -1:
+        raise ValueError("must be above -1; most metals have about 0.3")
+    if not nu < 0.5:
+        raise ValueError("must be below 0.5 (0.5 is incompressible); 0.499 works")
+    return nu
+
+
+def _direction(axis: tuple[float, float, float]) -> tuple[float, float, float]:
+    if not any(axis):
+        raise ValueError("has no direction; [0, 0, 1] is the z axis")
+    return axis
+
+
+Name = Annotated[str, AfterValidator(_name)]
+Place = Annotated[str, Field(max_length=100)]
+Number = Annotated[float, Field(strict=True)]
+Count = Annotated[int, Field(strict=True, ge=1, le=1_000_000)]
+Axis = Annotated[tuple[Number, Number, Number], AfterValidator(_direction)]
+
+
+class Mesh(Table):
+    """How a body is divided into elements.
+
+    Parameters
+    ----------
+    element : str
+        The elements' shape.
+    order : int
+        Polynomial order of the displacement in an element.
+    divisions : tuple of int, optional
+        Elements along x, y and z; for hexahedra.
+    size : float, optional
+        Edge length of an element [m]; for tetrahedra.
+    """
+
+    element: Literal["hexahedron", "tetrahedron"] = "hexahedron"
+    order: Annotated[int, Field(strict=True, ge=1, le=2)] = 2
+    divisions: tuple[Count, Count, Count] | None = None
+    size: PositiveLength | None = None
+
+    @model_validator(mode="after")
+    def _divided_one_way(self) -> Mesh:
+        if self.element == "hexahedron":
+            if self.size is not None:
+                raise FaultError("belongs to tetrahedra; hexahedra take divisions, e.g. [48, 4, 2]", "size")
+            if self.divisions is None:
+                raise FaultError("is missing: hexahedra along x, y and z, e.g. [48, 4, 2]", "divisions")
+        else:
+            if self.divisions is not None:
+                raise FaultError("belongs to hexahedra; tetrahedra take a size, e.g. '5 mm'", "divisions")
+            if self.size is None:
+                raise FaultError("is missing: the edge length of a tetrahedron, e.g. '5 mm'", "size")
+        return self
+
+
+class Modes(Table):
+    """Which modes describe a body's deformation.
+
+    Parameters
+    ----------
+    count : int
+        How many, above the rigid-body modes.
+    family : str
+        The kind of motion that they are chosen from.
+    boundary : str
+        How the body is held while it vibrates: not at all, or at the marker of the joint that carries it.
+    enrich : str
+        The loads whose static responses are added.
+    damping : float
+        Damping ratio of every mode.
+    """
+
+    count: Count
+    family: Literal["any", "in-plane bending", "out-of-plane bending", "torsion", "axial"] = "any"
+    boundary: Literal["free", "joint"] = "free"
+    enrich: Literal["none", "inertia"] = "none"
+    damping: Annotated[Number, Field(ge=0.0, lt=1.0)] = 0.0
+
+
+class Marker(Table):
+    """A face of a flexible body, named for joints, loads and results.
+
+    Parameters
+    ----------
+    face : str
+        One of the shape's faces.
+    attachment : str
+        Whether the marker follows the face in the mean (RBE3) or holds it rigid (RBE2).
+    """
+
+    face: Place
+    attachment: Literal["averaged", "rigid"] = "averaged"
+
+
+class Element(Table):
+    """A finite element, named for its stress: the one whose middle is nearest to ``at`` [m], in ``part`` if given."""
+
+    at: tuple[Length, Length, Length]
+    part: Place | None = None
+
+
+class Solid(Table):
+    """What every flexible body has, whatever its shape.
+
+    Parameters
+    ----------
+    E : float
+        Young's modulus [Pa].
+    nu : float
+        Poisson's ratio.
+    rho : float
+        Density [kg/m³].
+    modes, marker, element
+        Its modes, and its markers and named elements by name.
+    """
+
+    E: PositiveStress
+    nu: Annotated[Number, AfterValidator(_poisson)]
+    rho: PositiveDensity
+    modes: Modes
+    marker: dict[Name, Marker]
+    element: dict[Name, Element] = Field(default_factory=dict)
+
+    @property
+    def faces(self) -> tuple[str, ...]:
+        """Names of the shape's faces."""
+        raise NotImplementedError
+
+    @property
+    def parts(self) -> tuple[str, ...]:
+        """Names of its mesh's parts."""
+        raise NotImplementedError
+
+    @model_validator(mode="after")
+    def _on_its_faces(self) -> Solid:
+        for name, marker in self.marker.items():
+            if marker.face not in self.faces:
+                message = f"no such face; {among(marker.face, self.faces, 'the faces')}"
+                raise FaultError(message, "marker", name, "face")
+        for name, element in self.element.items():
+            if element.part not in (None, *self.parts):
+                message = f"no such part; {among(str(element.part), self.parts, 'the parts')}"
+                raise FaultError(message, "element", name, "part")
+        return self
+
+
+class Bar(Solid):
+    """A straight bar with a rectangular section.
+
+    Parameters
+    ----------
+    length, depth, width : float
+        Extent along x, y and z [m].
+    mesh
+        Its elements.
+    """
+
+    shape: Literal["bar"]
+    length: PositiveLength
+    depth: PositiveLength
+    width: PositiveLength
+    mesh: Mesh
+
+    @property
+    def faces(self) -> tuple[str, ...]:
+        """``"x-"`` is where x is least."""
+        return ("x-", "x+", "y-", "y+", "z-", "z+")
+
+    @property
+    def parts(self) -> tuple[str, ...]:
+        """The whole."""
+        return ("bar",)
+
+
+class PropellerMesh(Table):
+    """How a propeller is divided into hexahedra.
+
+    Parameters
+    ----------
+    order : int
+        Polynomial order of the displacement in an element.
+    sleeve : tuple of int
+        Elements around, along the axis and along the radius.
+    joint, blade : tuple of int
+        Elements along the chord, which is the sleeve's axis at the root, across the thickness and along the radius; of
+        each joint and each blade.
+    growth : float
+        Radial extent of a blade's elements at its tip over that at its root.
+    """
+
+    order: Annotated[int, Field(strict=True, ge=1, le=2)] = 2
+    sleeve: tuple[Count, Count, Count] = (66, 10, 3)
+    joint: tuple[Count, Count, Count] = (10, 8, 12)
+    blade: tuple[Count, Count, Count] = (10, 8, 27)
+    growth: Annotated[Number, Field(ge=0.05, le=20.0)] = 4.0
+
+
+class Propeller(Solid):
+    """A propeller about the z axis: a sleeve, and blades that grow out of it through joints.
+
+    Parameters
+    ----------
+    blades : int
+        How many; the first is on the x axis.
+    bore, hub, root, diameter : float
+        Diameters [m]: of the sleeve's bore, of the sleeve, of the circle where joints become blades, of the whole.
+    length : float
+        Extent of the sleeve along z [m].
+    chord, thickness : tuple of float
+        Of the blade's section [m], at equal distances from root to tip.
+    pitch : tuple of float
+        Angle of the blade's section against the plane of rotation [rad], likewise.
+    camber : float
+        Rise of a section's middle line over its chord.
+    edge : float
+        Thickness of a section's edges over that of its middle.
+    mesh
+        Its elements.
+    """
+
+    shape: Literal["propeller"]
+    blades: Annotated[int, Field(strict=True, ge=2, le=24)]
+    bore: PositiveLength
+    hub: PositiveLength
+    root: PositiveLength
+    diameter: PositiveLength
+    length: PositiveLength
+    chord: Annotated[tuple[PositiveLength, ...], Field(min_length=1, max_length=20)]
+    thickness: Annotated[tuple[PositiveLength, ...], Field(min_length=1, max_length=20)]
+    pitch: Annotated[tuple[Angle, ...], Field(min_length=1, max_length=20)]
+    camber: Annotated[Number, Field(ge=-0.2, le=0.2)] = 0.0
+    edge: Annotated[Number, Field(ge=0.05, le=1.0)] = 0.3
+    mesh: PropellerMesh
+
+    @property
+    def faces(self) -> tuple[str, ...]:
+        """The bore, the sleeve's ends at the least and the greatest z, and three faces of each blade."""
+        of_blades = (f"{face}-{k + 1}" for k in range(self.blades) for face in ("tip", "pressure", "suction"))
+        return ("bore", "back", "front", *of_blades)
+
+    @property
+    def parts(self) -> tuple[str, ...]:
+        """The sleeve, all joints and all blades."""
+        return ("sleeve", "joints", "blades")
+
+    @model_validator(mode="after")
+    def _grows_outwards(self) -> Propeller:
+        inner = "bore"
+        for outer in ("hub", "root", "diameter"):
+            if not getattr(self, inner) < getattr(self, outer):
+                raise FaultError(f"must be more than {inner}, {getattr(self, inner):g} m", outer)
+            inner = outer
+        return self
+
+    @model_validator(mode="after")
+    def _conforms(self) -> Propeller:
+        """One mesh: the sleeve's cells come in equal sectors, and joints and blades go on from them."""
+        (around, axial, _), (chordwise, across, _) = self.mesh.sleeve, self.mesh.joint
+        per_blade = max(round(around / self.blades), 2)
+        if around != per_blade * self.blades:
+            message = f"can't be shared by {self.blades} blades; the nearest that can is {per_blade * self.blades}"
+            raise FaultError(message, "mesh", "sleeve", 0)
+        if chordwise != axial:
+            raise FaultError(f"must be the sleeve's number along the axis, {axial}", "mesh", "joint", 0)
+        if across >= per_blade:
+            message = f"leaves no gap between blades; at most {per_blade - 1} of the {per_blade} around fit"
+            raise FaultError(message, "mesh", "joint", 1)
+        for k in (0, 1):
+            if self.mesh.blade[k] != self.mesh.joint[k]:
+                raise FaultError(f"must be the joint's, {self.mesh.joint[k]}", "mesh", "blade", k)
+        return self

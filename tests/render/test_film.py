@@ -1,0 +1,103 @@
+import subprocess
+from collections.abc import Iterator
+from itertools import pairwise
+from pathlib import Path
+
+import imageio_ffmpeg  # type: ignore[import-untyped]
+import numpy as np
+import pytest
+
+from pipeline.render.film import draw_film
+from pipeline.render.look import Look
+from pipeline.render.surface import Surface
+
+
+def frames(
+    part: Surface, n_frames: int, fail_at: int = -1
+) -> Iterator[tuple[float, np.ndarray, np.ndarray] | tuple[float, np.ndarray, np.ndarray, str]]:
+    for number in range(n_frames):
+        if number == fail_at:
+            raise RuntimeError("diverged")
+        yield 0.01 * number, turned(part.points, float(number)), 1e6 * (1 - part.points[:, 0])
+
+
+def turned(points: np.ndarray, angle: float) -> np.ndarray:
+    c, s = np.cos(angle), np.sin(angle)
+    return points @ np.array([[c, s, 0], [-s, c, 0], [0, 0, 1]])
+
+
+def film(part: Surface, path: Path, n_frames: int = 5, **changes: object) -> Path:
+    given = {
+        "frames": frames(part, n_frames),
+        "bounds": np.array([-0.35, 0.35, -0.35, 0.35, 0.0, 0.01]),
+        "clim_pa": (0.0, 1e6),
+        "look": Look(size=(320, 180)),
+    } | changes
+    draw_film(part, n_frames=n_frames, path=path, title="Part", rate=25.0, **given)  # type: ignore[arg-type]
+    return path
+
+
+def decoded(path: Path) -> np.ndarray:
+    """Read all frames by FFmpeg itself; ImageIO's reader leaves its pipes open."""
+    command = [imageio_ffmpeg.get_ffmpeg_exe(), "-v", "error", "-i", str(path)]
+    raw = subprocess.run([*command, "-f", "rawvideo", "-pix_fmt", "rgb24", "-"], capture_output=True, check=True)
+    return np.frombuffer(raw.stdout, dtype=np.uint8).reshape(-1, 180, 320, 3)
+
+
+@pytest.mark.parametrize("name", ["film.mp4", "film.gif"])
+def test_a_film_has_the_frames_asked_for_and_they_differ(tmp_path: Path, beam: Surface, name: str) -> None:
+    called: list[int] = []
+    path = film(beam, tmp_path / name, on_frame=lambda: called.append(1))
+    shown = decoded(path).astype(int)
+    assert len(shown) == len(called) == 5
+    assert list(tmp_path.iterdir()) == [path]
+    for before, after in pairwise(shown):
+        assert np.count_nonzero(np.abs(after - before).max(axis=-1) > 60) > 300
+
+
+@pytest.mark.parametrize("name", ["film.mp4", "film.gif"])
+def test_a_film_that_fails_on_the_way_leaves_nothing(tmp_path: Path, beam: Surface, name: str) -> None:
+    with pytest.raises(RuntimeError, match="diverged"):
+        film(beam, tmp_path / name, frames=frames(beam, 5, fail_at=2))
+    with pytest.raises(ValueError, match="5 frames were announced, 3 came"):
+        film(beam, tmp_path / name, frames=frames(beam, 3))
+    assert not list(tmp_path.iterdir())
+
+
+def test_a_film_that_can_not_be_made_is_refused(tmp_path: Path, beam: Surface) -> None:
+    with pytest.raises(ValueError, match=r"film\.avi: a film's name ends in \.mp4 or \.gif"):
+        film(beam, tmp_path / "film.avi")
+    with pytest.raises(ValueError, match="both must be even"):
+        film(beam, tmp_path / "film.mp4", look=Look(size=(321, 180)))
+    with pytest.raises(ValueError, match="the highest colour needs a larger stress"):
+        film(beam, tmp_path / "film.mp4", clim_pa=(0.0, 0.0))
+
+
+def test_a_film_tells_a_note_beside_the_time(tmp_path: Path, beam: Surface) -> None:
+    noted = [(*frame[:3], "4 000 rpm" if frame[0] > 0.015 else "") for frame in frames(beam, 4)]
+    shown = decoded(film(beam, tmp_path / "film.mp4", 4, frames=noted))
+    corner = shown[:, :18, 246:272].astype(int).min(axis=(1, 2, 3))
+    assert np.all((corner < 120) == [False, False, True, True])
+
+
+@pytest.mark.parametrize("camera", [None, (-60.0, 30.0), (10.0, 0.0), (0.0, 90.0)])
+def test_no_part_of_a_turning_propeller_is_cut_off(
+    tmp_path: Path, propeller: Surface, camera: tuple[float, float] | None
+) -> None:
+    angle = np.linspace(0, 2 * np.pi, 61)
+    circle = 0.405 * np.stack([np.cos(angle), np.sin(angle), 0 * angle], axis=1)
+    reached = (circle + np.array([[[0, 0, -0.04]], [[0, 0, 0.04]]])).reshape(-1, 3)
+    look = Look(camera, size=(320, 180))
+    path = film(propeller, tmp_path / "film.mp4", bounds=reached, hub=False, quantity="σ", look=look)
+    part = decoded(path)[:, 19:, 49:].astype(int).min(axis=-1) < 200
+    assert part.any(axis=(1, 2)).all()
+    for margin in (part[:, 0], part[:, -1], part[:, :, 0], part[:, :, -1]):
+        assert not margin.any()
+
+
+def test_a_film_of_a_component_of_stress_has_limits_of_both_signs(tmp_path: Path, beam: Surface) -> None:
+    signed = [(time, points, stress - 8e5) for time, points, stress, *_ in frames(beam, 2)]
+    shown = decoded(
+        film(beam, tmp_path / "film.mp4", 2, frames=signed, clim_pa=(-1e6, 1e6), quantity="σ_xx [MPa]", hub=False)
+    )
+    assert shown.std() > 0
