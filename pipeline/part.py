@@ -146,6 +146,8 @@ class FlexiblePart:
     @cached_property
     def elements(self) -> dict[str, int]:
         """Numbers of its named elements."""
+        if not self.shape.element:
+            return {}
         x = self.mesh.points[self.mesh.cells].mean(axis=1)
         found = {}
         for name, element in self.shape.element.items():
@@ -231,7 +233,7 @@ class FlexiblePart:
     @cached_property
     def _solver(self) -> FreeBodySolver:
         rigid = [marker for marker in self.markers.values() if marker.rigid]
-        if self.mesh.sectors > 1 and not rigid:
+        if self.mesh.sectors > 2 and not rigid:
             from pipeline.reduction.cyclic import CyclicSolver
 
             return CyclicSolver(self.fe, self.mesh.sectors)

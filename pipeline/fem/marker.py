@@ -12,6 +12,10 @@ from pipeline.fem.model import Discretisation
 from pipeline.tensors import EPSILON
 
 
+# Shape functions of nodes off the face are round-off on it.
+_ON_FACE = 1e-12
+
+
 @dataclass(frozen=True)
 class Marker:
     """A point that follows a face in the mean (RBE3), or holds it rigid (RBE2).
@@ -80,7 +84,8 @@ def face_marker(space: Discretisation, face_points: IntArray, rigid: bool = Fals
     if facets.size == 0:
         raise ValueError("no boundary facet of the mesh lies on the face")
     A = _area.assemble(FacetBasis(mesh, space.kind.element, facets=facets)).tocsr()
-    nodes = np.flatnonzero(A.diagonal())
+    share = A.diagonal()
+    nodes = np.flatnonzero(share > _ON_FACE * share.max())
     A = A[nodes][:, nodes]
     x = space.x[nodes]
     w = A @ np.ones(len(nodes))

@@ -88,9 +88,13 @@ def first_sector(fe: FEModel, sectors: int) -> Sector:
 
     Raises
     ------
+    ValueError
+        There are fewer than three: two have both cuts in common.
     AccuracyError
         Turning the sector doesn't give the body.
     """
+    if sectors < 3:
+        raise ValueError(f"a cyclic body needs at least 3 sectors, not {sectors}")
     mesh, x = fe.discretisation.mesh, fe.x
     cells = np.concatenate([numbers[: len(numbers) // sectors] for numbers in mesh.parts.values()])
     points, corners = np.unique(mesh.cells[cells], return_inverse=True)

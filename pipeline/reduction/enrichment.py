@@ -49,7 +49,8 @@ def inertia_loads(
     else:
         fields = [r - np.outer(r @ axis, axis) / (axis @ axis)]
     reactions = []
-    for at, normal in ((marker, axis), *outboard):
+    flat = axis is not None and all(normal is not None for _, normal in outboard)
+    for at, normal in ((marker, axis if flat else None), *outboard):  # the joint answers to every load
         directions, torques = _planar(normal)
         columns = at.columns(len(fe.x), torques)
         reactions += [columns[:, :, :3] @ directions.T, columns[:, :, 3:]]

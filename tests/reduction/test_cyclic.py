@@ -1,0 +1,130 @@
+"""Cyclic symmetry: one sector gives what the whole body does, and a body without it is refused."""
+
+from dataclasses import replace
+from math import pi, radians
+
+import numpy as np
+import pytest
+from scipy.linalg import eigh
+from scipy.sparse.linalg import LinearOperator, lobpcg
+
+from meshes.propeller import PropellerCounts, PropellerShape, propeller
+from pipeline import Pipeline, load_scene
+from pipeline.cache import Cache
+from pipeline.checks import AccuracyError
+from pipeline.fem.assembly import assemble
+from pipeline.fem.marker import face_marker
+from pipeline.fem.material import Material
+from pipeline.fem.mesh import SolidMesh
+from pipeline.fem.model import FEModel
+from pipeline.reduction.cyclic import CyclicSolver, first_sector
+from pipeline.reduction.eigen import FreeBodySolver
+
+ALUMINIUM = Material(E=70e9, nu=0.3, rho=2780.0)
+SHAPE = PropellerShape(
+    blades=6,
+    bore=0.04,
+    hub=0.075,
+    root=0.13,
+    tip=0.45,
+    length=0.11,
+    chord=(0.095, 0.06),
+    thickness=(0.03, 0.01),
+    pitch=(radians(60), radians(30)),
+    camber=0.03,
+    edge=0.3,
+)
+
+
+def model(blades: int, order: int = 1) -> FEModel:
+    counts = PropellerCounts(
+        around=4 * blades, axial=2, sleeve_radial=1, seat=2, joint_radial=2, blade_radial=4, growth=2.0
+    )
+    return assemble(SolidMesh(*propeller(replace(SHAPE, blades=blades), counts)), order, ALUMINIUM)
+
+
+@pytest.fixture(scope="module", params=[(3, 1), (4, 1), (5, 1), (6, 1), (3, 2)], ids=str)
+def body(request: pytest.FixtureRequest) -> tuple[FEModel, int]:
+    blades, order = request.param
+    return model(blades, order), blades
+
+
+def test_a_sector_and_its_turns_make_the_body(body: tuple[FEModel, int]) -> None:
+    fe, blades = body
+    sector = first_sector(fe, blades)
+    assert blades * sector.fe.mass == pytest.approx(fe.mass, rel=1e-12)
+    u = np.random.default_rng(0).standard_normal((len(fe.x), 3))
+    energy = 0.0
+    for k, image in enumerate(sector.images):
+        own = sector.turned(u[image], -k).ravel()
+        energy += own @ (sector.fe.K @ own)
+    assert energy == pytest.approx(u.ravel() @ (fe.K @ u.ravel()), rel=1e-12)
+
+
+def test_the_inverse_is_that_of_the_whole(body: tuple[FEModel, int]) -> None:
+    fe, blades = body
+    solver = CyclicSolver(fe, blades)
+    f = np.random.default_rng(1).standard_normal((fe.K.shape[0], 3))
+    u = solver._inverse(f)
+    assert np.linalg.norm(fe.K @ u - solver.shift * (fe.M @ u) - f) < 1e-8 * np.linalg.norm(f)
+    assert solver._inverse(f[:, 0]) == pytest.approx(u[:, 0], rel=1e-9, abs=1e-9 * np.abs(u).max())
+
+
+def test_the_modes_are_those_that_lapack_finds(body: tuple[FEModel, int]) -> None:
+    fe, blades = body
+    modes = CyclicSolver(fe, blades).modes(15)
+    eigenvalues, Phi = eigh(fe.K.toarray(), fe.M.toarray(), subset_by_index=(0, 30))
+    assert modes.n_rigid == 6
+    # LAPACK leaves the round-off of the highest eigenvalue in the lowest ones
+    highest = eigh(fe.K.toarray(), fe.M.toarray(), eigvals_only=True, subset_by_index=[len(Phi) - 1] * 2)[0]
+    assert modes.omega**2 == pytest.approx(eigenvalues[6:21], rel=1e-9, abs=1e-15 * highest)
+    # each mode lies among LAPACK's of the same frequency
+    found = modes.shapes.reshape(len(Phi), -1)
+    for k, omega2 in enumerate(modes.omega**2):
+        alike = Phi[:, np.abs(eigenvalues - omega2) < 1e-6 * omega2]
+        assert np.linalg.norm(alike.T @ (fe.M @ found[:, k])) == pytest.approx(1.0, abs=1e-8)
+
+
+def test_static_responses_are_those_of_the_whole(body: tuple[FEModel, int]) -> None:
+    fe, blades = body
+    f = np.random.default_rng(2).standard_normal((len(fe.x), 3, 2))
+    whole, cyclic = (solver.static_response(f) for solver in (FreeBodySolver(fe), CyclicSolver(fe, blades)))
+    assert cyclic == pytest.approx(whole, abs=1e-8 * np.abs(whole).max())
+
+
+def test_a_held_body_has_the_modes_of_the_whole() -> None:
+    fe = model(3)
+    held = face_marker(fe.discretisation, fe.discretisation.mesh.faces["bore"]).columns(len(fe.x), np.eye(3))
+    whole, cyclic = (solver.modes(8, held) for solver in (FreeBodySolver(fe), CyclicSolver(fe, 3)))
+    assert cyclic.n_rigid == 0
+    assert cyclic.omega == pytest.approx(whole.omega, rel=1e-8)
+
+
+def test_a_body_with_one_blade_bent_is_refused() -> None:
+    fe = model(3)
+    points = fe.discretisation.mesh.points.copy()
+    points[points[:, 0] > 0.3] += (0.0, 0.0, 1e-3)
+    bent = assemble(replace(fe.discretisation.mesh, points=points), 1, ALUMINIUM)
+    with pytest.raises(AccuracyError, match="turns of the mesh's first sector don't make the mesh"):
+        CyclicSolver(bent, 3)
+
+
+def test_two_sectors_are_too_few() -> None:
+    with pytest.raises(ValueError, match="at least 3"):
+        CyclicSolver(model(2), 2)
+
+
+def test_the_papers_mesh_has_the_modes_that_two_other_solvers_find() -> None:
+    """Shift-invert Lanczos on the whole body, and LOBPCG on it."""
+    run = Pipeline(load_scene("propeller"), Cache(None))
+    fe, modes = run.fe, run.modes
+    assert modes.omega == pytest.approx(FreeBodySolver(fe).modes(24).omega, rel=1e-8)
+    # pairs come complete: the first, second, fourth … are double
+    pairs = np.diff(modes.omega) < 1e-8 * modes.omega[1:]
+    assert np.flatnonzero(pairs)[:4].tolist() == [0, 3, 6, 9]
+    inverse = CyclicSolver(fe, 6)._inverse
+    inverse = LinearOperator(fe.K.shape, inverse, matmat=inverse, dtype=float)
+    start = np.random.default_rng(3).standard_normal((fe.K.shape[0], 12))
+    values, _ = lobpcg(fe.K, start, fe.M, inverse, fe.rigid_modes, tol=30.0, maxiter=40, largest=False)
+    assert np.sort(values)[:6] == pytest.approx(modes.omega[:6] ** 2, rel=1e-6)
+    assert 2 * pi * modes.frequencies_hz == pytest.approx(modes.omega)
