@@ -11,7 +11,6 @@ from pipeline.checks import Array, IntArray
 from pipeline.fem.model import Discretisation
 from pipeline.tensors import EPSILON
 
-
 # Shape functions of nodes off the face are round-off on it.
 _ON_FACE = 1e-12
 
