@@ -231,6 +231,72 @@ def bench(
 
 
 @app.command
+def stability(
+    scene: str = "",
+    *,
+    two_dof: Annotated[bool, Parameter(negative=())] = False,
+    substeps: int = 0,
+    coupling: Annotated[list[float] | None, Parameter(negative=())] = None,
+    resolution: int = 400,
+    along: Annotated[bool, Parameter(negative=())] = False,
+    out: Path | None = None,
+    set_: Set = None,
+    no_cache: NoCache = False,
+    json: Json = False,
+) -> None:
+    """Which step is safe: for a scene's mechanism, or as a map for the two-degree-of-freedom system.
+
+    Parameters
+    ----------
+    scene
+        Name of a ready scene, or path of a TOML file.
+    two_dof
+        Map the two-degree-of-freedom system of the paper's Figs. 2 and 3 instead.
+    substeps
+        Fast steps to a slow one; 2 for a map, 1 to 20 for a scene by default.
+    coupling
+        Inertial coupling of the map, 0 ≤ β < 1; give it several times for several maps.
+    resolution
+        Points of a map each way.
+    along
+        Look for the worst state along the scene's first run, not only at its reference state.
+    out
+        Folder for the picture; out/stability by default.
+    """
+    from pipeline import stability as study
+    from pipeline.checks import InputError
+
+    if two_dof == bool(scene):
+        raise InputError("stability", "", scene or None, "give a scene, e.g. beam, or --two-dof")
+    if two_dof:
+        couplings = coupling or [0.0]
+        if not all(0 <= beta < 1 for beta in couplings):
+            raise InputError("--coupling", "", couplings, "must be 0 ≤ β < 1")
+        if not 1 <= (substeps or 2) <= 1000 or not 2 <= resolution <= 2000:
+            raise InputError("--substeps", "", substeps, "must be 1 … 1000, and --resolution 2 … 2000")
+        folder = out or Path("out") / "stability"
+        maps, file = study.two_dof(substeps or 2, couplings, resolution, folder)
+        found = study.summary_of_maps(maps, file)
+        if json:
+            _print_json(found if len(found["maps"]) > 1 else found | found["maps"][0])
+        else:
+            from pipeline.tables import print_maps
+
+            print_maps(found, folder)
+        return
+    if not 0 <= substeps <= 1000:
+        raise InputError("--substeps", "", substeps, "must be 1 … 1000")
+    run = _pipeline(scene, set_, no_cache)
+    result = study.scene_stability(run, [1, substeps] if substeps else list(range(1, 21)), along)
+    if json:
+        _print_json(study.summary_of_scene(result))
+    else:
+        from pipeline.tables import print_stability
+
+        print_stability(run.scene.title, result)
+
+
+@app.command
 def doctor(*, json: Json = False) -> None:
     """Tell what this machine lacks, and the command that mends it."""
     from pipeline.doctor import information, problems

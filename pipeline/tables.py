@@ -10,6 +10,7 @@ from rich.console import Console
 from rich.table import Table
 
 if TYPE_CHECKING:
+    from pipeline.stability import SceneStability
     from pipeline.studies.work_precision import WorkPrecision
 
 _COUPLED = 1e-6
@@ -155,3 +156,30 @@ def _scaled(value: float, unit: str) -> str:
         if abs(value) >= 0.9995 * factor:
             return f"{value / factor:.3g} {prefix}{unit}"
     return f"{value:.1e} {unit}" if value else f"0 {unit}"
+
+
+def print_maps(found: dict[str, Any], folder: Path) -> None:
+    """Print how much of each map is stable."""
+    table = Table("β", "m", "stable share", "largest ρ", title="two degrees of freedom")
+    for row in found["maps"]:
+        share, radius = f"{100 * row['stable_share']:.2f} %", f"{row['spectral_radius']:.4g}"
+        table.add_row(f"{row['coupling']:g}", str(row["substeps"]), share, radius)
+    console = Console()
+    console.print(table)
+    console.print(f"{', '.join(found['files'])} in {folder}/")
+
+
+def print_stability(title: str, found: SceneStability) -> None:
+    """Print the limits of a scene's mechanism."""
+    table = Table("m", "largest stable fast step", "growth at half of it", title=title)
+    for row in found.limits:
+        grows = f"{row.growth_rate:.3g} 1/s" if row.growth_rate else "none"
+        table.add_row(str(row.substeps), f"{row.critical_step:.4g} s", grows)
+    console = Console()
+    console.print(table)
+    step, substeps = found.recommended
+    where = "the reference state" if found.time == 0.0 else f"the worst state, t = {found.time:.4g} s"
+    console.print(
+        f"at {where}: {found.n_slow} slow coordinates, inertial coupling β = {found.coupling:.3g}"
+        f"; for the scene's error: a step of {step:.3g} s, {substeps}:1"
+    )

@@ -18,9 +18,9 @@ from pipeline.checks import Array
 from pipeline.dynamics.tree import Tree
 from pipeline.studies.amplification import growth
 
-_MOST_SUBSTEPS = 50
-_STABLE = 0.8  # of the stability limit 2/ω
-_STEPS_OVER_MOTION = 200  # slow steps over the duration, at least
+MOST_SUBSTEPS = 50
+STABLE_SHARE = 0.8  # of the stability limit 2/ω
+STEPS_OVER_MOTION = 200  # slow steps over the duration, at least
 
 
 @dataclass(frozen=True)
@@ -73,30 +73,30 @@ def choose_split(tree: Tree, error: float, duration: float, spin: float, step: f
     omega = own[order]
     stiff = omega[omega > 0]
     if not stiff.size:
-        return Split(np.inf, 1, step or duration / _STEPS_OVER_MOTION)
+        return Split(np.inf, 1, step or duration / STEPS_OVER_MOTION)
     limits = largest_steps(omega, float(stiff[0]), error, duration)
-    highest = 2 * _STABLE / tree.highest_frequency
+    highest = 2 * STABLE_SHARE / tree.highest_frequency
     step = step or float(min(highest, limits.min()))
     M, K = tree.mass_matrix(tree.rest_positions), tree.linear_stiffness
     M, K = M[np.ix_(order, order)], K[np.ix_(order, order)]
     best = Split(0.0, 1, step)
     least = _cost(omega.size, omega.size) / step
-    longest = min(duration / _STEPS_OVER_MOTION, 2 * error / (duration * max(spin, 1e-150) ** 2))
+    longest = min(duration / STEPS_OVER_MOTION, 2 * error / (duration * max(spin, 1e-150) ** 2))
     for n_slow in range(1, omega.size):
         if omega[n_slow] <= 1.001 * omega[n_slow - 1]:
             continue  # no gap
-        substeps = int(min(limits[:n_slow].min(initial=longest) / step, _MOST_SUBSTEPS))
+        substeps = int(min(limits[:n_slow].min(initial=longest) / step, MOST_SUBSTEPS))
         if substeps < 1:
             break
         n_fast = omega.size - n_slow
         work = (_cost(omega.size, n_fast) + (substeps - 1) * _fast_cost(n_fast)) / (substeps * step)
-        if work < least and _stays(growth(M, K, n_slow, step, substeps), substeps * step, error, duration):
+        if work < least and stays(growth(M, K, n_slow, step, substeps), substeps * step, error, duration):
             between = 0.5 * (omega[n_slow - 1] + omega[n_slow]) / (2 * np.pi)
             least, best = work, Split(float(between), substeps, step)
     return best
 
 
-def _stays(radius: float, cycle: float, error: float, duration: float) -> bool:
+def stays(radius: float, cycle: float, error: float, duration: float) -> bool:
     """Whether what grows by ``radius`` in each major cycle [s] stays below the wanted error over the duration [s]."""
     return bool(duration / cycle * np.log(max(radius, 1e-300)) < error)
 
@@ -108,7 +108,7 @@ def largest_steps(omega: Array, lowest: float, error: float, duration: float) ->
     """
     moving = np.maximum(omega, 1e-150)
     accurate = np.sqrt(24 * error / (duration * moving * lowest**2))
-    return np.asarray(np.minimum(accurate, 2 * _STABLE / moving))
+    return np.asarray(np.minimum(accurate, 2 * STABLE_SHARE / moving))
 
 
 def _cost(n: int, n_fast: int) -> float:

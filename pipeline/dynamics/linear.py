@@ -1,0 +1,173 @@
+"""A linear system, ``M q̈ + C q̇ + K q = 0``, as the integrators see it: what their stability is measured on."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from functools import cached_property
+from typing import NamedTuple
+
+import numpy as np
+from scipy.linalg import eigh
+
+from pipeline.checks import Array, require_shape
+from pipeline.dynamics.compiled import meaning
+from pipeline.dynamics.system import accelerations, advance, fast_steps, freeze, velocities
+
+
+class LinearParameters(NamedTuple):
+    """What the kernels read: ``a = −A q − B v``, and of the fast coordinates ``a_S = −A_S q_S − B_S v_S − W held``."""
+
+    n_slow: int
+    A: Array  # (n, n) M⁻¹ K
+    B: Array  # (n, n) M⁻¹ C
+    M: Array
+    C: Array
+    K: Array
+    W: Array  # (n_fast, n_fast) M_SS⁻¹
+    v_now: Array  # (n,), room to work in
+
+
+class FrozenLinear(NamedTuple):
+    """What the fast coordinates feel of the slow ones over a major cycle: ``held = K_SL q_L + C_SL v_L + M_SL a_L``."""
+
+    held: Array  # (n_fast,)
+    right: Array  # (n_fast,), room to work in
+
+
+@dataclass(frozen=True)
+class LinearSystem:
+    """A linear system with its slow coordinates first.
+
+    Parameters
+    ----------
+    M, K : ndarray, shape (n, n)
+        Mass, positive definite, and stiffness.
+    n_slow : int
+        Number of slow coordinates.
+    C : ndarray, shape (n, n), optional
+        Coefficients of the rates: damping, gyroscopic terms.
+    """
+
+    M: Array
+    K: Array
+    n_slow: int
+    C: Array | None = None
+
+    breakpoints = ()
+    holds_forces = False
+
+    def __post_init__(self) -> None:
+        for name in ("M", "K"):
+            require_shape(name, getattr(self, name), (len(self.M), len(self.M)))
+        if not 0 <= self.n_slow <= self.n:
+            raise ValueError(f"n_slow is {self.n_slow}, expected 0 … {self.n}")
+
+    @property
+    def n(self) -> int:
+        """Number of coordinates."""
+        return len(self.M)
+
+    @property
+    def n_positions(self) -> int:
+        """The same."""
+        return self.n
+
+    @property
+    def coupled(self) -> bool:
+        """Whether slow and fast coordinates couple through M."""
+        return bool(self.M[: self.n_slow, self.n_slow :].any())
+
+    @property
+    def stiffness(self) -> Array:
+        """Diagonal of ``M⁻¹ K`` [1/s²], shape (n,)."""
+        return np.asarray(self._packed.A.diagonal())
+
+    @property
+    def parameters(self) -> LinearParameters:
+        """Flat arrays for the kernels, with room to work in that is the caller's own."""
+        return self._packed._replace(v_now=np.zeros(self.n))
+
+    @cached_property
+    def _packed(self) -> LinearParameters:
+        C = np.zeros_like(self.K) if self.C is None else self.C
+        inverse = np.linalg.inv(self.M)
+        W = np.linalg.inv(self.M[self.n_slow :, self.n_slow :])
+        arrays = (inverse @ self.K, inverse @ C, self.M, C, self.K, W, np.empty(0))
+        return LinearParameters(self.n_slow, *(np.ascontiguousarray(a, dtype=float) for a in arrays))
+
+    def frozen(self) -> FrozenLinear:
+        """Fresh storage for what a major cycle holds."""
+        return FrozenLinear(np.zeros(self.n - self.n_slow), np.zeros(self.n - self.n_slow))
+
+    @property
+    def highest_frequency(self) -> float:
+        """Highest angular frequency without the rates' terms [rad/s]."""
+        return self._highest(slice(0, None))
+
+    @property
+    def highest_fast_frequency(self) -> float:
+        """The same of the fast coordinates with the slow ones held."""
+        return self._highest(slice(self.n_slow, None))
+
+    @property
+    def highest_slow_frequency(self) -> float:
+        """The same of the slow coordinates with the fast ones held."""
+        return self._highest(slice(0, self.n_slow))
+
+    def _highest(self, part: slice) -> float:
+        M, K = self.M[part, part], self.K[part, part]
+        return float(np.sqrt(max(eigh(K, M, eigvals_only=True)[-1], 1e-300))) if len(M) else 1e-150
+
+
+@meaning(accelerations, LinearParameters)
+def _accelerations(p: LinearParameters, t: float, q: Array, v: Array, a: Array) -> None:
+    A, B = p.A, p.B
+    for i in range(v.size):
+        total = 0.0
+        for j in range(v.size):
+            total -= A[i, j] * q[j] + B[i, j] * v[j]
+        a[i] = total
+
+
+@meaning(freeze, LinearParameters)
+def _freeze(p: LinearParameters, t: float, q: Array, v: Array, a: Array, frozen: FrozenLinear) -> None:
+    M, C, K, held, n_slow = p.M, p.C, p.K, frozen.held, p.n_slow
+    for i in range(n_slow, v.size):
+        held[i - n_slow] = 0.0
+        for j in range(n_slow):
+            held[i - n_slow] += K[i, j] * q[j] + C[i, j] * v[j] + M[i, j] * a[j]
+
+
+@meaning(fast_steps, LinearParameters)
+def _fast_steps(
+    p: LinearParameters, frozen: FrozenLinear, first: int, h: float, count: int, q: Array, v: Array, a: Array
+) -> None:
+    C, K, W, v_now, held, right, n_slow = p.C, p.K, p.W, p.v_now, frozen.held, frozen.right, p.n_slow
+    n = v.size
+    for _ in range(count):
+        for i in range(n_slow, n):
+            v_now[i] = v[i] + 0.5 * h * a[i]
+        for i in range(n_slow, n):
+            total = -held[i - n_slow]
+            for j in range(n_slow, n):
+                total -= K[i, j] * q[j] + C[i, j] * v_now[j]
+            right[i - n_slow] = total
+        for i in range(n_slow, n):
+            total = 0.0
+            for j in range(right.size):
+                total += W[i - n_slow, j] * right[j]
+            a[i] = total
+            v[i] += h * a[i]
+            q[i] += h * v[i]
+
+
+@meaning(advance, LinearParameters)
+def _advance(p: LinearParameters, q: Array, v: Array, h: float, first: int, last: int) -> None:
+    for i in range(first, last):
+        q[i] += h * v[i]
+
+
+@meaning(velocities, LinearParameters)
+def _velocities(p: LinearParameters, q: Array, v: Array, dq: Array) -> None:
+    for i in range(v.size):
+        dq[i] = v[i]
