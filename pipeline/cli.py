@@ -237,6 +237,8 @@ def stability(
     two_dof: Annotated[bool, Parameter(negative=())] = False,
     substeps: int = 0,
     coupling: Annotated[list[float] | None, Parameter(negative=())] = None,
+    scheme: Annotated[str, Parameter(name="--scheme")] = "sub-cycling",
+    law: Annotated[bool, Parameter(negative=())] = False,
     resolution: int = 400,
     along: Annotated[bool, Parameter(negative=())] = False,
     out: Path | None = None,
@@ -256,6 +258,10 @@ def stability(
         Fast steps to a slow one; 2 for a map, 1 to 20 for a scene by default.
     coupling
         Inertial coupling of the map, 0 ≤ β < 1; give it several times for several maps.
+    scheme
+        What is mapped: "sub-cycling", the paper's, or "reversible".
+    law
+        With --two-dof: fit the law of the weak instability for each ratio from 2 to 20 instead of mapping one.
     resolution
         Points of a map each way.
     along
@@ -275,7 +281,18 @@ def stability(
         if not 1 <= (substeps or 2) <= 1000 or not 2 <= resolution <= 2000:
             raise InputError("--substeps", "", substeps, "must be 1 … 1000, and --resolution 2 … 2000")
         folder = out or Path("out") / "stability"
-        maps, file = study.two_dof(substeps or 2, couplings, resolution, folder)
+        if scheme not in study.SCHEMES:
+            raise InputError("--scheme", "", scheme, f"must be one of {', '.join(study.SCHEMES)}")
+        if law:
+            rows = study.laws()
+            if json:
+                _print_json({"rows": rows})
+            else:
+                from pipeline.tables import print_laws
+
+                print_laws(rows)
+            return
+        maps, file = study.two_dof(substeps or 2, couplings, resolution, scheme, folder)
         found = study.summary_of_maps(maps, file)
         if json:
             _print_json(found if len(found["maps"]) > 1 else found | found["maps"][0])

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import asdict, dataclass
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
@@ -12,6 +12,9 @@ from scipy.linalg import eigh
 from pipeline.checks import Array
 from pipeline.studies.amplification import STABLE, growth
 from pipeline.studies.splitting import MOST_SUBSTEPS, STABLE_SHARE, STEPS_OVER_MOTION, largest_steps, stays
+from pipeline.studies.two_dof import SCHEMES, growth_law, stability_map
+
+__all__ = ["SCHEMES", "laws", "scene_stability", "summary_of_maps", "summary_of_scene", "two_dof"]
 
 if TYPE_CHECKING:
     from pipeline.dynamics.tree import Tree
@@ -22,17 +25,24 @@ _BISECTIONS = 40
 _COARSE = 200
 
 
-def two_dof(substeps: int, couplings: list[float], resolution: int, folder: Path) -> tuple[list[Map], str]:
+def two_dof(substeps: int, couplings: list[float], resolution: int, scheme: str, folder: Path) -> tuple[list[Map], str]:
     """Compute the maps of the two-dof system for one ratio, and draw them; return them and the picture's name."""
     from pipeline.render.stability_chart import Panel, draw_stability
-    from pipeline.studies.two_dof import stability_map
 
-    maps = [stability_map(substeps, coupling, resolution) for coupling in couplings]
-    name = f"two-dof-{substeps}-substeps.png"
+    maps = [stability_map(substeps, coupling, resolution, scheme) for coupling in couplings]
+    kind = "" if scheme == "sub-cycling" else f"{scheme}-"
+    name = f"two-dof-{kind}{substeps}-substeps.png"
     panels = [Panel(m.omega_s, m.omega_l, m.rho, f"β = {m.coupling:g}") for m in maps]
+    title = f"{'Reversible sub' if kind else 'Sub'}-cycling with {substeps} fast steps to a slow one"
     folder.mkdir(parents=True, exist_ok=True)
-    draw_stability(panels, folder / name, title=f"Sub-cycling with {substeps} fast steps to a slow one")
+    draw_stability(panels, folder / name, title=title)
     return maps, name
+
+
+def laws() -> list[dict[str, float]]:
+    """Fit ``ρ − 1 = c(m) β^b Ω_S^s/(1 − β²)`` for each ratio from 2 to 20."""
+    couplings, courant = np.array([0.01, 0.03, 0.1, 0.3, 0.77]), np.array([1e-3, 2e-3, 5e-3])
+    return [asdict(growth_law(m, couplings, courant)) for m in range(2, 21)]
 
 
 @dataclass(frozen=True)

@@ -183,3 +183,13 @@ def print_stability(title: str, found: SceneStability) -> None:
         f"at {where}: {found.n_slow} slow coordinates, inertial coupling β = {found.coupling:.3g}"
         f"; for the scene's error: a step of {step:.3g} s, {substeps}:1"
     )
+
+
+def print_laws(rows: list[dict[str, float]]) -> None:
+    """Print the fitted laws of the weak instability."""
+    table = Table("m", "c", "m(m − 1)/4", "power of β", "power of Ω_S", "misfit", title="ρ − 1 = c β² Ω_S²/(1 − β²)")
+    for row in rows:
+        m, b, s = int(row["substeps"]), row["coupling_power"], row["courant_power"]
+        expected, misfit = f"{m * (m - 1) / 4:g}", f"{100 * row['misfit']:.2g} %"
+        table.add_row(str(m), f"{row['factor']:.4g}", expected, f"{b:.4f}", f"{s:.4f}", misfit)
+    Console().print(table)

@@ -18,7 +18,7 @@ from pipeline.files import whole_file
 
 FAINTEST = 1e-6  # growth of a cycle that is just told from none in the colours
 MOST = 10.0
-COARSE = 80  # lines of the surface
+COARSE = 50  # lines of the surface
 
 
 @dataclass(frozen=True, slots=True)
@@ -60,7 +60,7 @@ def draw_stability(panels: Sequence[Panel], path: Path, *, title: str, tolerance
     columns = 2 if alone else min(len(panels), 3)
     rows = -(-len(panels) // columns)
     figure = Figure(
-        figsize=(11, 5.2) if alone else (4.0 * columns + 1.2, 3.7 * rows + 0.8), dpi=130, layout="constrained"
+        figsize=(11, 5.2) if alone else (4.0 * columns + 1.2, 3.7 * rows + 0.8), dpi=90, layout="constrained"
     )
     FigureCanvasAgg(figure)
     figure.suptitle(title, fontsize=15)
@@ -104,7 +104,7 @@ def _add_surface(axes: Any, panel: Panel, tolerance: float) -> None:
     every_s, every_l = (max(1, len(omega) // COARSE) for omega in (panel.omega_s, panel.omega_l))
     unstable = (panel.rho > 1 + tolerance)[::every_l, ::every_s].astype(float)
     x, y = np.meshgrid(panel.omega_s[::every_s], panel.omega_l[::every_l])
-    axes.plot_surface(x, y, unstable, cmap="YlOrRd", vmin=-0.6, vmax=1.4, linewidth=0, rcount=COARSE, ccount=COARSE)
+    axes.plot_surface(x, y, unstable, color="#e8a13a", linewidth=0, rcount=COARSE, ccount=COARSE)
     axes.set_zlim(0, 1)
     axes.set_zticks([0, 1])
     axes.set_xlabel(r"$\Omega_S$", fontsize=12)

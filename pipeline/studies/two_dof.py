@@ -15,6 +15,7 @@ from pipeline.checks import Array
 from pipeline.studies.amplification import STABLE
 
 HIGHEST = 2.5  # Courant number up to which maps go
+_ROUND_OFF = 4e-15
 
 
 @dataclass(frozen=True)
@@ -45,10 +46,16 @@ class Map:
         return (self.rho > 1 + STABLE).astype(float)
 
 
-def stability_map(substeps: int, coupling: float, resolution: int) -> Map:
-    """Spectral radius of sub-cycling by eqs. (8)–(11) on a grid of both Courant numbers, ``resolution`` each way."""
+def stability_map(substeps: int, coupling: float, resolution: int, scheme: str = "sub-cycling") -> Map:
+    """Spectral radius on a grid of both Courant numbers, ``resolution`` each way.
+
+    Parameters
+    ----------
+    scheme : str
+        One of `SCHEMES`: the paper's eqs. (8)–(11), or reversible sub-cycling.
+    """
     omega = HIGHEST * np.arange(1, resolution + 1) / resolution
-    return Map(substeps, coupling, omega, omega, two_dof_growth(omega[None], omega[:, None], coupling, substeps))
+    return Map(substeps, coupling, omega, omega, SCHEMES[scheme](omega[None], omega[:, None], coupling, substeps))
 
 
 def two_dof_growth(omega_s: Array, omega_l: Array, coupling: float, substeps: int) -> Array:
@@ -99,6 +106,32 @@ def determinant(omega_s: Array, coupling: float, substeps: int) -> Array:
     return np.asarray(1 + 2 * coupling**2 / (1 - coupling**2) * product)
 
 
+def reversible_growth(omega_s: Array, omega_l: Array, coupling: float, substeps: int) -> Array:
+    """Spectral radius of a major cycle of reversible sub-cycling, in closed form.
+
+    With ``y = q_L + β q_S`` held at the middle of the cycle the fast coordinate turns by m ϑ,
+    ``4 sin²(ϑ/2) = Ω₁² = (Ω_S² + β² Ω_L²/m²)/(1 − β²)``, about a place that y sets. Of the eigenvalues λ only
+    ``z = λ + 1/λ`` matters, ``(z − 2 + Ω_L²)(z − 2c) = κ (z + 2)`` with ``c = cos mϑ`` and
+    ``κ = ½ Ω_L² (1 − c) · (βΩ_L/m)²/(Ω_S² + (βΩ_L/m)²)``: both z lie in [−2, 2] while Ω_L and Ω₁ are below 2.
+    """
+    omega_s, omega_l = np.broadcast_arrays(np.asarray(omega_s, dtype=float), np.asarray(omega_l, dtype=float))
+    soft = (coupling * omega_l / substeps) ** 2
+    total = omega_s**2 + soft
+    half = 0.25 * total / (1 - coupling**2)  # sin²(ϑ/2)
+    inside, beyond = np.arcsin(np.sqrt(np.minimum(half, 1.0))), np.arccosh(np.sqrt(np.maximum(half, 1.0)))
+    c = np.where(half <= 1, np.cos(2 * substeps * inside), (-1.0) ** substeps * np.cosh(2 * substeps * beyond))
+    slow = omega_l**2
+    kappa = 0.5 * slow * (1 - c) * np.divide(soft, total, out=np.zeros_like(total), where=total > 0)
+    B, E = slow - 2 - 2 * c - kappa, 2 * c * (2 - slow) - 2 * kappa  # z² + B z + E = 0
+    root = np.sqrt(B**2 - 4 * E + 0j)
+    radius = np.ones(total.shape)
+    for z in (0.5 * (root - B), -0.5 * (root + B)):
+        oscillates = (z.imag == 0) & (np.abs(z.real) <= 2 + _ROUND_OFF * (1 + np.abs(B)))  # |λ| = 1 exactly
+        s = np.sqrt(z**2 - 4)
+        radius = np.maximum(radius, np.where(oscillates, 1.0, np.maximum(np.abs(z + s), np.abs(z - s)) / 2))
+    return radius
+
+
 @dataclass(frozen=True)
 class GrowthLaw:
     """``ρ − 1 = c β^b Ω_S^s / (1 − β²)`` fitted to computed radii.
@@ -139,3 +172,6 @@ def growth_law(substeps: int, couplings: Array, courant: Array, slowness: float 
     (constant, b, s), *_ = np.linalg.lstsq(terms, left, rcond=None)
     misfit = float(np.abs(np.exp(terms @ (constant, b, s) - left) - 1).max())
     return GrowthLaw(substeps, float(np.exp(constant)), float(b), float(s), misfit)
+
+
+SCHEMES = {"sub-cycling": two_dof_growth, "reversible": reversible_growth}
