@@ -192,6 +192,7 @@ def bench(
     out: Path = Path("out/bench"),
     set_: Set = None,
     peer: Annotated[bool, Parameter(negative=())] = False,
+    stability: Annotated[bool, Parameter(negative=())] = False,
     json: Json = False,
 ) -> None:
     """Run time against error: every integrator on a scene's mechanism, as a table, a CSV and a chart.
@@ -204,7 +205,12 @@ def bench(
         Folder for the CSV and the chart of each.
     peer
         Exudyn's solvers beside ours where a scene has them as a peer; needs the extra 'bench'.
+    stability
+        Stress tests of stability instead: long marches below and above the limits, against the prediction.
     """
+    if stability:
+        _stress_test(out, json)
+        return
     from dataclasses import asdict, replace
     from math import isfinite
 
@@ -360,6 +366,21 @@ def _rate(option: str, text: str) -> float:
         return to_si(text, "angular rate")
     except ValueError as error:
         raise InputError(option, "", text, str(error)) from None
+
+
+def _stress_test(out: Path, json: bool) -> None:
+    from pipeline.stress_test import cases, march_all, summary_of_rows, write_rows
+
+    rows = list(march_all(cases(lambda scene, overrides: _pipeline(scene, list(overrides), no_cache=False))))
+    out.mkdir(parents=True, exist_ok=True)
+    write_rows(rows, out / "stability.csv")
+    found = summary_of_rows(rows)
+    if json:
+        _print_json({"rows": found, "files": ["stability.csv"]})
+        return
+    from pipeline.tables import print_stress_test
+
+    print_stress_test(found, out)
 
 
 def _pipeline(scene: str, overrides: list[str] | None, no_cache: bool) -> Pipeline:

@@ -193,3 +193,15 @@ def print_laws(rows: list[dict[str, float]]) -> None:
         expected, misfit = f"{m * (m - 1) / 4:g}", f"{100 * row['misfit']:.2g} %"
         table.add_row(str(m), f"{row['factor']:.4g}", expected, f"{b:.4f}", f"{s:.4f}", misfit)
     Console().print(table)
+
+
+def print_stress_test(rows: list[dict[str, Any]], folder: Path) -> None:
+    """Print what the stress tests of stability have found."""
+    table = Table("case", "marches", "cycles", "lived", "diverged", "undecided", "predicted wrongly")
+    for row in rows:
+        table.add_row(
+            *(str(row[key]) for key in ("case", "marches", "cycles", "lived", "diverged", "undecided", "wrong"))
+        )
+    console = Console()
+    console.print(table)
+    console.print(f"stability.csv in {folder}/")

@@ -14,6 +14,7 @@ from pipeline.dynamics.linear import LinearSystem
 from pipeline.integrators.central_difference import CentralDifference
 from pipeline.integrators.subcycling import Subcycling
 from pipeline.stability import find_limit, mass_coupling, scene_stability
+from pipeline.stress_test import cases, march_all
 
 Answer = Callable[..., dict]
 
@@ -107,3 +108,14 @@ def test_the_worst_state_is_looked_for_along_the_motion() -> None:
     run = Pipeline(load_scene("arm", ["simulation.duration=0.2 s"]))
     rest, along = (scene_stability(run, [1], along=flag) for flag in (False, True))
     assert along.limits[0].critical_step <= rest.limits[0].critical_step
+
+
+def test_what_the_matrix_predicts_is_what_marches_do() -> None:
+    """The stress tests of `fmd bench --stability`, shorter: no prediction may fail."""
+    found = cases(lambda scene, overrides: Pipeline(load_scene(scene, list(overrides))))
+    rows = list(march_all((case for case in found if len(case.M) < 30), cycles=3000))
+    assert len(rows) > 700
+    assert {row.found for row in rows} == {"lives", "diverges"}
+    assert not [row for row in rows if row.wrong]
+    # short marches leave few cases undecided
+    assert sum(row.predicted == "either" for row in rows) < 0.1 * len(rows)
