@@ -7,11 +7,10 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
-from scipy.linalg import eigh
 
 from pipeline.checks import Array
 from pipeline.studies.amplification import STABLE, growth
-from pipeline.studies.splitting import MOST_SUBSTEPS, STABLE_SHARE, STEPS_OVER_MOTION, largest_steps, stays
+from pipeline.studies.splitting import frequencies, recommended_step
 from pipeline.studies.two_dof import SCHEMES, growth_law, stability_map
 
 __all__ = ["SCHEMES", "laws", "scene_stability", "summary_of_maps", "summary_of_scene", "two_dof"]
@@ -108,28 +107,6 @@ def scene_stability(run: Pipeline, ratios: list[int], along: bool) -> SceneStabi
     return SceneStability(mass_coupling(worst, tree.n_slow), limits, time, tree.n_slow, best)
 
 
-def recommended_step(M: Array, K: Array, n_slow: int, error: float, duration: float) -> tuple[float, int]:
-    """Longest fast step [s] and largest ratio whose phase errors and growth over a duration [s] stay below an error."""
-    fast, slow = (_frequencies(M[part, part], K[part, part]) for part in (slice(n_slow, None), slice(0, n_slow)))
-    both = _frequencies(M, K)
-    moving = both[both > 1e-6 * both[-1]]
-    lowest = float(moving[0]) if moving.size else 1e-150
-
-    def longest(omega: Array) -> float:
-        return float(largest_steps(omega, lowest, error, duration).min(initial=duration / STEPS_OVER_MOTION))
-
-    step = min(longest(fast), 2 * STABLE_SHARE / both[-1])
-    for substeps in range(min(max(1, int(longest(slow) / step)), MOST_SUBSTEPS), 1, -1):
-        if stays(growth(M, K, n_slow, step, substeps), substeps * step, error, duration):
-            return step, substeps
-    return min(step, longest(both)), 1
-
-
-def _frequencies(M: Array, K: Array) -> Array:
-    """Angular frequencies [rad/s], ascending."""
-    return np.sqrt(np.maximum(eigh(K, M, eigvals_only=True), 0.0)) if len(M) else np.zeros(0)
-
-
 def find_limit(M: Array, K: Array, n_slow: int, substeps: int) -> Limit:
     """Bisect the fast step up to which a major cycle's growth stays weak: below that of one that is really unstable.
 
@@ -170,7 +147,7 @@ def mass_coupling(M: Array, n_slow: int) -> float:
 
 
 def _highest(M: Array, K: Array) -> float:
-    return float(_frequencies(M, K).max(initial=1e-150))
+    return float(frequencies(M, K).max(initial=1e-150))
 
 
 def _split_tree(run: Pipeline) -> Tree:

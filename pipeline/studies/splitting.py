@@ -13,14 +13,15 @@ from __future__ import annotations
 from dataclasses import dataclass
 
 import numpy as np
+from scipy.linalg import eigh
 
 from pipeline.checks import Array
 from pipeline.dynamics.tree import Tree
 from pipeline.studies.amplification import growth
 
-MOST_SUBSTEPS = 50
-STABLE_SHARE = 0.8  # of the stability limit 2/ω
-STEPS_OVER_MOTION = 200  # slow steps over the duration, at least
+_MOST_SUBSTEPS = 50
+_STABLE = 0.8  # of the stability limit 2/ω
+_STEPS_OVER_MOTION = 200  # slow steps over the duration, at least
 
 
 @dataclass(frozen=True)
@@ -73,30 +74,52 @@ def choose_split(tree: Tree, error: float, duration: float, spin: float, step: f
     omega = own[order]
     stiff = omega[omega > 0]
     if not stiff.size:
-        return Split(np.inf, 1, step or duration / STEPS_OVER_MOTION)
+        return Split(np.inf, 1, step or duration / _STEPS_OVER_MOTION)
     limits = largest_steps(omega, float(stiff[0]), error, duration)
-    highest = 2 * STABLE_SHARE / tree.highest_frequency
+    highest = 2 * _STABLE / tree.highest_frequency
     step = step or float(min(highest, limits.min()))
     M, K = tree.mass_matrix(tree.rest_positions), tree.linear_stiffness
     M, K = M[np.ix_(order, order)], K[np.ix_(order, order)]
     best = Split(0.0, 1, step)
     least = _cost(omega.size, omega.size) / step
-    longest = min(duration / STEPS_OVER_MOTION, 2 * error / (duration * max(spin, 1e-150) ** 2))
+    longest = min(duration / _STEPS_OVER_MOTION, 2 * error / (duration * max(spin, 1e-150) ** 2))
     for n_slow in range(1, omega.size):
         if omega[n_slow] <= 1.001 * omega[n_slow - 1]:
             continue  # no gap
-        substeps = int(min(limits[:n_slow].min(initial=longest) / step, MOST_SUBSTEPS))
+        substeps = int(min(limits[:n_slow].min(initial=longest) / step, _MOST_SUBSTEPS))
         if substeps < 1:
             break
         n_fast = omega.size - n_slow
         work = (_cost(omega.size, n_fast) + (substeps - 1) * _fast_cost(n_fast)) / (substeps * step)
-        if work < least and stays(growth(M, K, n_slow, step, substeps), substeps * step, error, duration):
+        if work < least and _stays(growth(M, K, n_slow, step, substeps), substeps * step, error, duration):
             between = 0.5 * (omega[n_slow - 1] + omega[n_slow]) / (2 * np.pi)
             least, best = work, Split(float(between), substeps, step)
     return best
 
 
-def stays(radius: float, cycle: float, error: float, duration: float) -> bool:
+def recommended_step(M: Array, K: Array, n_slow: int, error: float, duration: float) -> tuple[float, int]:
+    """Longest fast step [s] and largest ratio whose phase errors and growth over a duration [s] stay below an error."""
+    fast, slow = (frequencies(M[part, part], K[part, part]) for part in (slice(n_slow, None), slice(0, n_slow)))
+    both = frequencies(M, K)
+    moving = both[both > 1e-6 * both[-1]]
+    lowest = float(moving[0]) if moving.size else 1e-150
+
+    def longest(omega: Array) -> float:
+        return float(largest_steps(omega, lowest, error, duration).min(initial=duration / _STEPS_OVER_MOTION))
+
+    step = min(longest(fast), 2 * _STABLE / both[-1])
+    for substeps in range(min(max(1, int(longest(slow) / step)), _MOST_SUBSTEPS), 1, -1):
+        if _stays(growth(M, K, n_slow, step, substeps), substeps * step, error, duration):
+            return step, substeps
+    return min(step, longest(both)), 1
+
+
+def frequencies(M: Array, K: Array) -> Array:
+    """Angular frequencies [rad/s], ascending."""
+    return np.sqrt(np.maximum(eigh(K, M, eigvals_only=True), 0.0)) if len(M) else np.zeros(0)
+
+
+def _stays(radius: float, cycle: float, error: float, duration: float) -> bool:
     """Whether what grows by ``radius`` in each major cycle [s] stays below the wanted error over the duration [s]."""
     return bool(duration / cycle * np.log(max(radius, 1e-300)) < error)
 
@@ -108,7 +131,7 @@ def largest_steps(omega: Array, lowest: float, error: float, duration: float) ->
     """
     moving = np.maximum(omega, 1e-150)
     accurate = np.sqrt(24 * error / (duration * moving * lowest**2))
-    return np.asarray(np.minimum(accurate, 2 * STABLE_SHARE / moving))
+    return np.asarray(np.minimum(accurate, 2 * _STABLE / moving))
 
 
 def _cost(n: int, n_fast: int) -> float:
