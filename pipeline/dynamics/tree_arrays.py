@@ -72,12 +72,28 @@ class TreeParameters(NamedTuple):
 
 
 class FrozenTree(NamedTuple):
-    """The fast coordinates over a major cycle: ``M_SS a_S = constant − K q_S − C v_S``; M_SS's factor is in ``L``."""
+    """The fast coordinates over a major cycle: ``M_SS a_S = constant − K q_S − C v_S``."""
 
     n_slow: int
     constant: Array  # (n,), the slow ones unused
     single: Array  # (1,): 1 if no fast coordinate couples with another
     v_now: Array  # (n,), room to work in
+    K: Array  # (n, n)
+    C: Array  # (n, n)
+    L: Array  # (n, n), factor of M_SS
+
+
+class MiddleTree(NamedTuple):
+    """The equations at a major cycle's middle: ``Q̂ = Q − K (q_S − q*_S) − C (v_S − v*_S)`` while the slow ones react."""
+
+    fast: FrozenTree  # the fast coordinates', with S̄ = Tᵀ M T for M_SS
+    L: Array  # (n, n): factor of M_LL
+    Q: Array  # (n,)
+    K: Array  # (n, n): −∂Q̂/∂q T and −∂Q̂/∂v T, in the fast columns
+    C: Array
+    q: Array  # (n,): q*_S, v*
+    v: Array
+    change: Array  # (n,), room to work in
 
 
 class Layout(NamedTuple):
