@@ -239,11 +239,13 @@ class PlanarRotor:
 
 @inlined
 def is_over(pulse: TorquePulse, t: float) -> bool:
+    """Whether no torque acts from time t [s] on."""
     return t >= pulse.start + pulse.duration or pulse.peak == 0.0
 
 
 @inlined
 def torque(pulse: TorquePulse, t: float) -> float:
+    """Torque at time t [s], [N m]."""
     s = t - pulse.start
     if s <= 0.0 or s >= pulse.duration:
         return 0.0

@@ -84,7 +84,7 @@ class FrozenTree(NamedTuple):
 
 
 class MiddleTree(NamedTuple):
-    """The equations at a major cycle's middle: ``Q̂ = Q − K (q_S − q*_S) − C (v_S − v*_S)`` while the slow ones react."""
+    """The equations at a major cycle's middle, the slow ones reacting: ``Q̂ = Q − K (q_S − q*_S) − C (v_S − v*_S)``."""
 
     fast: FrozenTree  # the fast coordinates', with S̄ = Tᵀ M T for M_SS
     L: Array  # (n, n): factor of M_LL

@@ -87,12 +87,12 @@ class ReversibleSubcycling:
         """Continue from a state that a march of this method has ended in; earlier output times stay NaN."""
         parameters, middle, n, n_slow = system.parameters, system.middle(), system.n, system.n_slow
         h, m = self.step, self.substeps
-        room = aligned(system.n_positions, n, n, n)
+        q_now, v_now, shift, before = aligned(system.n_positions, n, n, n)
 
         def run(state: State, n_steps: int, *samples: Any) -> int:
             move, D = state.memory[:n], state.memory[n:].reshape(n, n_slow)
             march = (n_slow, h, m, state.step, n_steps // m, state.q, state.v, state.a, move, D)
-            return m * int(_march(parameters, middle, *march, *room, *samples))
+            return m * int(_march(parameters, middle, *march, q_now, v_now, shift, before, *samples))
 
         end, q, v, seconds = march_in_chunks(run, start, h, m, times, progress)
         n_steps = end.step - start.step
