@@ -150,9 +150,10 @@ class Tree:
         """Fresh storage for what a major cycle's middle holds."""
         import pipeline.dynamics.tree_middle  # noqa: F401 - gives the functions of `system` their meaning for trees
 
-        Q, q, v, change = np.zeros((4, self.n))
-        L, K, C, fast_K, fast_C = np.zeros((5, self.n, self.n))
-        return MiddleTree(self.frozen()._replace(K=fast_K, C=fast_C), L, Q, K, C, q, v, change)
+        Q, q, v = np.zeros((3, self.n))
+        L, T, K, C, fast_K, fast_C = np.zeros((6, self.n, self.n))
+        biases = np.zeros((len(self.links), self.n, 6))
+        return MiddleTree(self.frozen()._replace(K=fast_K, C=fast_C), L, Q, T, K, C, biases, q, v)
 
     @property
     def stiffness(self) -> Array:

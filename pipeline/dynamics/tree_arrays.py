@@ -89,11 +89,12 @@ class MiddleTree(NamedTuple):
     fast: FrozenTree  # the fast coordinates', with S̄ = Tᵀ M T for M_SS
     L: Array  # (n, n): factor of M_LL
     Q: Array  # (n,)
-    K: Array  # (n, n): −∂Q̂/∂q T and −∂Q̂/∂v T, in the fast columns
+    T: Array  # (n, n): in the fast rows, how all rates follow each fast one
+    K: Array  # (n, n): likewise −∂Q̂/∂q T and −∂Q̂/∂v T
     C: Array
+    biases: Array  # (n_bodies, n, 6), room to work in
     q: Array  # (n,): q*_S, v*
     v: Array
-    change: Array  # (n,), room to work in
 
 
 class Layout(NamedTuple):

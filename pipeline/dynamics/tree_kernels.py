@@ -23,7 +23,7 @@ from pipeline.dynamics.tree_frames import cross_add, move_through_joint, place_j
 
 
 @kernel
-def _products(p: TreeParameters, b: int, q: Array, v: Array) -> None:
+def modal_products(p: TreeParameters, b: int, q: Array, v: Array) -> None:
     """Fill p.modal for body b: p, ṗ, the products G_k p (2 … 7), A_a p (8 … 10), A_a ṗ (11 … 13), S_eff (14 … 16).
 
     Column by column, so that the inner loops run over memory in order; the matrices are (anti)symmetric.
@@ -62,7 +62,7 @@ def _add_scaled(y: Array, x: Array, factor: float, n: int) -> None:
 @kernel
 def _add_body(p: TreeParameters, b: int, q: Array, v: Array) -> None:
     """Add body b's mass and force, formed in its own axes, to M̂ and Q̂."""
-    _products(p, b, q, v)
+    modal_products(p, b, q, v)
     n, n_modes, mode = v.size, p.n_modes[b], p.mode[b]
     m, mass, R, J, M, Q = p.modal, p.mass[b], p.R[b], p.J[b], p.M, p.Q
     w, accel, F, c, Jw = p.small[0], p.small[1], p.small[2], p.small[3], p.small[4]
@@ -99,9 +99,9 @@ def _add_body(p: TreeParameters, b: int, q: Array, v: Array) -> None:
     cross_add(turning, w[0], w[1], w[2], c[0], c[1], c[2])  # ω × c + 2 ċ
     cross_add(F, turning[0], turning[1], turning[2], w[0], w[1], w[2])
     cross_add(F, c[0], c[1], c[2], accel[3], accel[4], accel[5])
-    _times_symmetric(P, w, Jw)
-    _times_symmetric(Ns, w, turning)
-    _times_symmetric(P, accel[3:], Jw[3:])
+    times_symmetric(P, w, Jw)
+    times_symmetric(Ns, w, turning)
+    times_symmetric(P, accel[3:], Jw[3:])
     for i in range(3):
         Jw[i] = trace * w[i] - Jw[i]
         F[3 + i] = -(trace * accel[3 + i] - Jw[3 + i]) - 2.0 * (trace_N * w[i] - turning[i])
@@ -119,7 +119,7 @@ def _add_body(p: TreeParameters, b: int, q: Array, v: Array) -> None:
         for i in range(3):
             V[i] = R[0, i] * J[0, j] + R[1, i] * J[1, j] + R[2, i] * J[2, j]
             V[3 + i] = R[0, i] * J[3, j] + R[1, i] * J[4, j] + R[2, i] * J[5, j]
-        _times_symmetric(P, V[3:], g[3:])
+        times_symmetric(P, V[3:], g[3:])
         for i in range(3):
             g[i] = mass * V[i]
             g[3 + i] = trace * V[3 + i] - g[3 + i]
@@ -147,7 +147,7 @@ def _add_body(p: TreeParameters, b: int, q: Array, v: Array) -> None:
 
 
 @inlined
-def _times_symmetric(A: Array, x: Array, out: Array) -> None:
+def times_symmetric(A: Array, x: Array, out: Array) -> None:
     """``out = A x`` for a symmetric matrix given as xx, yy, zz, yz, xz, xy."""
     x0, x1, x2 = x[0], x[1], x[2]
     out[0] = A[0] * x0 + A[5] * x1 + A[4] * x2

@@ -1,7 +1,4 @@
-"""An open chain over a major cycle that is frozen at its middle: what reversible sub-cycling needs of it.
-
-Q̂ is a polynomial of degree 2 in the rates, so its derivative along u is ``½ (Q̂(v + u) − Q̂(v − u))`` exactly.
-"""
+"""An open chain over a major cycle that is frozen at its middle: what reversible sub-cycling needs of it."""
 
 from __future__ import annotations
 
@@ -11,11 +8,12 @@ from pipeline.dynamics.system import hold_middle, reacting_steps, slow_response
 from pipeline.dynamics.tree_arrays import MiddleTree, TreeParameters
 from pipeline.dynamics.tree_kernels import mass_and_force
 from pipeline.dynamics.tree_solve import factor, fast_march, solve
+from pipeline.dynamics.tree_tangents import velocity_tangents
 
 
 @kernel
 def _hold(p: TreeParameters, t: float, q: Array, v: Array, D: Array, middle: MiddleTree) -> None:
-    fast, M, L, Q, K, C = middle.fast, p.M, middle.L, middle.Q, middle.K, middle.C
+    fast, M, L, Q, K, C, T = middle.fast, p.M, middle.L, middle.Q, middle.K, middle.C, middle.T
     n, n_slow, offset = v.size, fast.n_slow, q.size - v.size
     mass_and_force(p, t, q, v)
     factor(M, 0, n_slow, L)
@@ -26,6 +24,9 @@ def _hold(p: TreeParameters, t: float, q: Array, v: Array, D: Array, middle: Mid
         for i in range(n_slow):
             D[j, i] = M[j, i]
         solve(L, 0, n_slow, D[j])
+        for i in range(n):
+            T[j, i] = -D[j, i] if i < n_slow else 0.0
+        T[j, j] = 1.0
     for j in range(n_slow, n):
         for k in range(n_slow, j + 1):
             for i in range(n_slow):
@@ -33,10 +34,10 @@ def _hold(p: TreeParameters, t: float, q: Array, v: Array, D: Array, middle: Mid
     factor(M, n_slow, n, fast.L)
     for i in range(n):
         for j in range(n_slow, n):
-            K[i, j] = p.K[i, j]
-            for k in range(n_slow):
-                K[i, j] -= p.K[i, k] * D[j, k]
-    _velocity_tangent(p, t, q, v, D, middle)
+            K[j, i] = 0.0
+            for k in range(n):
+                K[j, i] += p.K[i, k] * T[j, k]
+    velocity_tangents(p, t, q, v, T, n_slow, middle.biases, C)
     _condense(D, n_slow, K, fast.K)
     _condense(D, n_slow, C, fast.C)
     fast.single[0] = 1.0
@@ -52,33 +53,15 @@ def _hold(p: TreeParameters, t: float, q: Array, v: Array, D: Array, middle: Mid
 
 
 @kernel
-def _velocity_tangent(p: TreeParameters, t: float, q: Array, v: Array, D: Array, middle: MiddleTree) -> None:
-    """Fill middle.C, column by column."""
-    C, changed = middle.C, middle.change
-    n, n_slow = v.size, middle.fast.n_slow
-    for j in range(n_slow, n):
-        for sign in (1.0, -1.0):
-            for i in range(n):
-                changed[i] = v[i]
-            for i in range(n_slow):
-                changed[i] -= sign * D[j, i]
-            changed[j] += sign
-            mass_and_force(p, t, q, changed)
-            for i in range(n):
-                C[i, j] = -p.Q[i] if sign > 0.0 else 0.5 * (C[i, j] + p.Q[i])
-
-
-@kernel
 def _condense(D: Array, n_slow: int, A: Array, out: Array) -> None:
-    """``out = Tᵀ A``, fast rows of fast columns."""
+    """``out = Tᵀ Aᵀ``, fast rows of fast columns."""
     n = D.shape[0]
     for i in range(n_slow, n):
         for j in range(n_slow, n):
-            out[i, j] = A[i, j]
-        for k in range(n_slow):
-            if D[i, k] != 0.0:
-                for j in range(n_slow, n):
-                    out[i, j] -= D[i, k] * A[k, j]
+            total = A[j, i]
+            for k in range(n_slow):
+                total -= D[i, k] * A[j, k]
+            out[i, j] = total
 
 
 @kernel
@@ -87,7 +70,7 @@ def _respond(middle: MiddleTree, q: Array, v: Array, a: Array) -> None:
     for i in range(n_slow):
         total = Q[i]
         for j in range(n_slow, v.size):
-            total -= K[i, j] * (q[j] - q_middle[j]) + C[i, j] * (v[j] - v_middle[j])
+            total -= K[j, i] * (q[j] - q_middle[j]) + C[j, i] * (v[j] - v_middle[j])
         a[i] = total
     solve(middle.L, 0, n_slow, a)
 
