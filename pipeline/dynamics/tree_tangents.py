@@ -5,7 +5,7 @@ degree 2 in the rates, and its derivative follows that of the body before. With 
 body's own force and moment (see `tree_kernels`) give::
 
     F' = −m a' − ω' × (ω × c + 2 ċ) − ω × (ω' × c + 2 ċ') − α' × c
-    N' = −J α' − ω' × J ω − ω × J ω' − 2 (1 tr N_s − N_s)' ω − 2 (1 tr N_s − N_s) ω' − (ω × h)' − c × a'
+    N' = −J α' − ω' × J ω − ω × J ω' − 2 (1 tr N_s − N_s)' ω − 2 (1 tr N_s − N_s) ω' + (ω × h)' − c × a'
 """
 
 from __future__ import annotations
@@ -227,8 +227,8 @@ def _subtract_force(p: TreeParameters, b: int, v: Array, u: Array, bias: Array, 
     _add_cross(F, y, w)
     _add_cross(F, c, accel[3:])
     _add_moment(P, w, dw, accel[3:], N, dN, F[3:], x, y)
-    _add_cross(F[3:], h, dw)
-    _add_cross(F[3:], dh, w)
+    _add_cross(F[3:], dw, h)
+    _add_cross(F[3:], w, dh)
     _add_cross(F[3:], accel, c)
     _turned(R, F, x)
     _turned(R, F[3:], y)
