@@ -318,25 +318,25 @@ def _freeze(p: PlanarParameters, t: float, q: Array, v: Array, a: Array, frozen:
 def _fast_steps(
     p: PlanarParameters, frozen: FrozenPlanar, first: int, h: float, count: int, q: Array, v: Array, a: Array
 ) -> None:
-    leap(p, p.lever, p.diagonal, frozen, first * h, h, count, q, v, a)
+    leap(p, p.lever, p.diagonal, frozen, float(first), h, count, q, v, a)
 
 
 @inlined
 def leap(
     p: PlanarParameters, lever: Array, diagonal: bool, frozen: FrozenPlanar,
-    t: float, h: float, count: int, q: Array, v: Array, a: Array,
+    first: float, h: float, count: int, q: Array, v: Array, a: Array,
 ) -> None:  # fmt: skip
-    """Take leapfrog steps h with the frozen equation and the torque by its lever, the first force at time t."""
+    """Take leapfrog steps h with the frozen equation and the torque by its lever, the first force at time ``first · h``."""
     constant, slope, k, K, C = frozen.constant, frozen.slope, frozen.k, frozen.K, frozen.C
     v_now = frozen.v_now
     n = q.size
-    if diagonal and is_over(p.pulse, t):
+    if diagonal and is_over(p.pulse, first * h):
         # Mode by mode, in increments d = h v: the processor works on several modes at once, and each waits for two
         # operations a step instead of four.
         square, over = h * h, 1.0 / h
         for i in range(1, n):
             qi, d, ki = q[i], h * v[i], square * k[i]
-            c, rise = constant[i] + (t - frozen.time[0]) * slope[i], h * slope[i]
+            c, rise = constant[i] + (first * h - frozen.time[0]) * slope[i], h * slope[i]
             load, more = square * c, square * rise
             for _ in range(count - 1):
                 d = (d + load) - ki * qi
@@ -347,7 +347,7 @@ def leap(
             a[i], v[i], q[i] = last, vi, qi + h * vi
         return
     for step in range(count):
-        now = t + step * h
+        now = (first + step) * h
         tau = torque(p.pulse, now)
         since = now - frozen.time[0]
         if diagonal:

@@ -93,7 +93,7 @@ def _reacting_steps(
     p: PlanarParameters, middle: MiddlePlanar, first: int, h: float, count: int, q: Array, v: Array, a: Array
 ) -> None:
     diagonal = p.diagonal and not p.gyroscopic
-    leap(p, middle.lever, diagonal, middle.frozen, (first + 0.5) * h, h, count, q, v, a)
+    leap(p, middle.lever, diagonal, middle.frozen, first + 0.5, h, count, q, v, a)
 
 
 @meaning(slow_response, PlanarParameters)

@@ -152,8 +152,8 @@ class Tree:
 
         Q, q, v = np.zeros((3, self.n))
         L, T, K, C, fast_K, fast_C = np.zeros((6, self.n, self.n))
-        biases = np.zeros((len(self.links), self.n, 6))
-        return MiddleTree(self.frozen()._replace(K=fast_K, C=fast_C), L, Q, T, K, C, biases, q, v)
+        carried, room = np.zeros((len(self.links), self.n, 9)), np.zeros((9, 12))
+        return MiddleTree(self.frozen()._replace(K=fast_K, C=fast_C), L, Q, T, K, C, carried, room, q, v)
 
     @property
     def stiffness(self) -> Array:

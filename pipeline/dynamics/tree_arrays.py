@@ -92,7 +92,8 @@ class MiddleTree(NamedTuple):
     T: Array  # (n, n): in the fast rows, how all rates follow each fast one
     K: Array  # (n, n): likewise −∂Q̂/∂q T and −∂Q̂/∂v T
     C: Array
-    biases: Array  # (n_bodies, n, 6), room to work in
+    carried: Array  # (n_bodies, n, 9), room to work in
+    room: Array  # (9, 12)
     q: Array  # (n,): q*_S, v*
     v: Array
 

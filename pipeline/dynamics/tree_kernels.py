@@ -38,23 +38,23 @@ def modal_products(p: TreeParameters, b: int, q: Array, v: Array) -> None:
     for i in range(6):
         if p.active[b, i]:
             for j in range(1 + n_modes):
-                _add_scaled(m[2 + i], p.G[b, i, j], m[0, j], 1 + n_modes)
+                add_scaled(m[2 + i], p.G[b, i, j], m[0, j], 1 + n_modes)
     for a in range(3):
         if p.active[b, 6 + a]:
             for j in range(1 + n_modes):  # the columns of A are its rows turned round
-                _add_scaled(m[8 + a], p.A[b, a, j], -m[0, j], 1 + n_modes)
+                add_scaled(m[8 + a], p.A[b, a, j], -m[0, j], 1 + n_modes)
             for j in range(1, 1 + n_modes):
-                _add_scaled(m[11 + a], p.A[b, a, j], -m[1, j], 1 + n_modes)
+                add_scaled(m[11 + a], p.A[b, a, j], -m[1, j], 1 + n_modes)
     for a in range(3):
         for k in range(1 + n_modes):
             m[14 + a, k] = p.S[b, a, k]
         if p.bowed[b]:
             for j in range(n_modes):
-                _add_scaled(m[14 + a, 1:], p.bow[b, a, j], m[0, 1 + j], n_modes)
+                add_scaled(m[14 + a, 1:], p.bow[b, a, j], m[0, 1 + j], n_modes)
 
 
 @inlined
-def _add_scaled(y: Array, x: Array, factor: float, n: int) -> None:
+def add_scaled(y: Array, x: Array, factor: float, n: int) -> None:
     for k in range(n):
         y[k] += factor * x[k]
 
@@ -131,16 +131,16 @@ def _add_body(p: TreeParameters, b: int, q: Array, v: Array) -> None:
         row = M[j]
         for i in range(6):
             if g[6 + i] != 0.0:
-                _add_scaled(row, J[i], g[6 + i], j + 1)
+                add_scaled(row, J[i], g[6 + i], j + 1)
         Q[j] += V[0] * F[0] + V[1] * F[1] + V[2] * F[2] + V[3] * F[3] + V[4] * F[4] + V[5] * F[5]
         coupling = m[17]
         for k in range(1, 1 + n_modes):
             coupling[k] = 0.0
         for a in range(3):
             if V[a] != 0.0:
-                _add_scaled(coupling, m[14 + a], V[a], 1 + n_modes)
+                add_scaled(coupling, m[14 + a], V[a], 1 + n_modes)
             if V[3 + a] != 0.0:
-                _add_scaled(coupling, m[8 + a], -V[3 + a], 1 + n_modes)
+                add_scaled(coupling, m[8 + a], -V[3 + a], 1 + n_modes)
         for k in range(1, 1 + n_modes):
             i = mode[k - 1]
             M[max(i, j), min(i, j)] += coupling[k]
@@ -189,7 +189,7 @@ def _add_point_load(p: TreeParameters, t: float, k: int, q: Array) -> None:
         cross_add(f[3:], arm[0], arm[1], arm[2], d[0], d[1], d[2])
     for i in range(6):
         if f[i] != 0.0:
-            _add_scaled(Q, J[i], f[i], Q.size)
+            add_scaled(Q, J[i], f[i], Q.size)
     for i in range(3):  # in the body's axes, onto its modes
         d[3 + i] = R[0, i] * d[0] + R[1, i] * d[1] + R[2, i] * d[2]
     if p.at_torque[k]:  # A(θ)ᵀ d = d − out₀ θ × d + out₁ θ × (θ × d)

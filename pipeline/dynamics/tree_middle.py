@@ -37,7 +37,7 @@ def _hold(p: TreeParameters, t: float, q: Array, v: Array, D: Array, middle: Mid
             K[j, i] = 0.0
             for k in range(n):
                 K[j, i] += p.K[i, k] * T[j, k]
-    velocity_tangents(p, t, q, v, T, n_slow, middle.biases, C)
+    velocity_tangents(p, t, q, v, T, n_slow, middle.carried, middle.room, C)
     _condense(D, n_slow, K, fast.K)
     _condense(D, n_slow, C, fast.C)
     fast.single[0] = 1.0

@@ -1,8 +1,8 @@
 """Derivatives of an open chain's Q̂ by its rates: the walk of `tree_kernels` along directions u of the rates.
 
-Frames and Jacobians are those of the last `mass_and_force`. Spins follow the rates by the Jacobians; each bias is of
-degree 2 in the rates, and its derivative follows that of the body before. With ``'`` for derivatives along u, the
-body's own force and moment (see `tree_kernels`) give::
+Frames and Jacobians are those of the last `mass_and_force`. Each frame's spin and bias are of degree 1 and 2 in the
+rates, and their derivatives follow those of the frame before. With ``'`` for derivatives along u, the body's own force
+and moment (see `tree_kernels`) give::
 
     F' = −m a' − ω' × (ω × c + 2 ċ) − ω × (ω' × c + 2 ċ') − α' × c
     N' = −J α' − ω' × J ω − ω × J ω' − 2 (1 tr N_s − N_s)' ω − 2 (1 tr N_s − N_s) ω' + (ω × h)' − c × a'
@@ -16,16 +16,17 @@ from pipeline.dynamics.link import FREE, PRISMATIC, REVOLUTE, SPHERICAL
 from pipeline.dynamics.signal import evaluate_signal
 from pipeline.dynamics.tree_arrays import TreeParameters
 from pipeline.dynamics.tree_frames import cross_add, tangent
-from pipeline.dynamics.tree_kernels import modal_products, times_symmetric
+from pipeline.dynamics.tree_kernels import add_scaled, modal_products, times_symmetric
 
 
 @kernel
 def velocity_tangents(
-    p: TreeParameters, t: float, q: Array, v: Array, U: Array, first: int, biases: Array, out: Array
+    p: TreeParameters, t: float, q: Array, v: Array, U: Array, first: int, carried: Array, room: Array, out: Array
 ) -> None:
     """Fill the rows of ``out`` (n, n) from ``first`` on with ``−∂Q̂/∂v u`` for those rows u of U (n, n).
 
-    ``biases`` (n_bodies, n, 6) is room for the derivatives of the bodies' biases.
+    ``carried`` (n_bodies, n, 9) is room for the derivatives of the bodies' biases and spins, ``room`` (9, 12) for what
+    is the same for all u.
     """
     n = v.size
     for j in range(first, n):
@@ -38,16 +39,19 @@ def velocity_tangents(
                     out[j, i] += p.C[i, k] * U[j, k]
     for b in range(p.parent.size):
         modal_products(p, b, q, v)
+        _joint_now(p, t, b, q, v, room)
+        _body_now(p, b, room)
         for j in range(first, n):
-            _carry_bias(p, t, b, q, v, U[j], j, biases)
-            _subtract_force(p, b, v, U[j], biases[b, j], out[j])
+            _carry(p, b, U[j], j, carried, room)
+            _subtract_force(p, b, U[j], carried[b, j], room, out[j])
 
 
 @inlined
 def _turned(R: Array, x: Array, out: Array) -> None:
     """``out = R x``."""
+    x0, x1, x2 = x[0], x[1], x[2]
     for i in range(3):
-        out[i] = R[i, 0] * x[0] + R[i, 1] * x[1] + R[i, 2] * x[2]
+        out[i] = R[i, 0] * x0 + R[i, 1] * x1 + R[i, 2] * x2
 
 
 @inlined
@@ -56,203 +60,242 @@ def _add_cross(out: Array, a: Array, b: Array) -> None:
 
 
 @kernel
-def _carry_along(bias: Array, w: Array, dw: Array, arm: Array, moving: Array, d_moving: Array, room: Array) -> None:
-    """Carry a bias's derivative on by an arm that changes at the rate ``moving`` in a frame of spin w."""
+def _joint_now(p: TreeParameters, t: float, b: int, q: Array, v: Array, room: Array) -> None:
+    """Fill what `_carry` reads: spins, arms and how they sway, before and in body b's joint (rows 0 … 4)."""
+    parent, kind, rate, position, J = p.parent[b], p.joint[b], p.rate[b], p.position[b], p.J[b]
+    w, arm, sway = room[0], room[0][3:], room[0][6:]
+    angle, turning, turned, c = room[1], room[1][3:], room[1][6:], room[2]
+    w_joint, slide, slide_sway, own, axis = room[3], room[3][3:], room[3][6:], room[4], room[4][3:]
     for i in range(3):
-        room[i], room[3 + i] = 2.0 * moving[i], 2.0 * d_moving[i]
-    _add_cross(room, w, arm)
-    _add_cross(room[3:], dw, arm)
-    _add_cross(bias, dw, room)
-    _add_cross(bias, w, room[3:])
+        w[i], w_joint[i], turned[i] = 0.0, 0.0, 0.0
+    if parent >= 0:
+        R, mode = p.R[parent], p.mode[parent]
+        for i in range(3):
+            w[i], w_joint[i] = p.spin[parent, i], p.spin[parent, i]
+            arm[i], sway[i], angle[i], turning[i] = p.place[b, i], 0.0, 0.0, 0.0
+            for k in range(p.n_modes[parent]):
+                arm[i] += p.place_shapes[b, i, k] * q[mode[k] + p.shift]
+                sway[i] += 2.0 * p.place_shapes[b, i, k] * v[mode[k]]
+                angle[i] += p.place_rotations[b, i, k] * q[mode[k] + p.shift]
+                turning[i] += p.place_rotations[b, i, k] * v[mode[k]]
+        _turned(R, arm, arm)
+        _turned(R, sway, sway)
+        _add_cross(sway, w, arm)
+        size2 = angle[0] * angle[0] + angle[1] * angle[1] + angle[2] * angle[2]
+        tangent(size2, c)
+        along = angle[0] * turning[0] + angle[1] * turning[1] + angle[2] * turning[2]
+        c[4], c[5] = size2, along
+        for i in range(3):
+            turned[i] = turning[i] + c[1] * (angle[i] * along - turning[i] * size2)
+        cross_add(turned, c[0] * angle[0], c[0] * angle[1], c[0] * angle[2], turning[0], turning[1], turning[2])
+        _turned(R, turned, turned)
+        for i in range(3):
+            w_joint[i] += turned[i]
+    for i in range(3):
+        own[i] = p.spin[b, i] - w_joint[i]
+    if kind == FREE:
+        for i in range(3):
+            slide[i], slide_sway[i] = 0.0, 0.0
+            for k in range(3):
+                slide[i] += J[i, rate + k] * q[position + k]
+                slide_sway[i] += 2.0 * J[i, rate + k] * v[rate + k]
+        _add_cross(slide_sway, w_joint, slide)
+    if kind == PRISMATIC:
+        known = p.small[0]
+        if p.motion[b] >= 0:
+            evaluate_signal(p.signals, p.motion[b], t, known)
+        else:
+            known[0], known[1] = q[position], v[rate]
+        _turned(p.R[b], p.axis[b], axis)
+        for i in range(3):
+            slide[i], slide_sway[i] = axis[i] * known[0], 2.0 * axis[i] * known[1]
+        _add_cross(slide_sway, w_joint, slide)
+
+
+@kernel
+def _body_now(p: TreeParameters, b: int, room: Array) -> None:
+    """Fill what `_subtract_force` reads, in body b's axes (rows 5 … 8); `modal_products` has run for it."""
+    m, R, n_modes = p.modal, p.R[b], p.n_modes[b]
+    w, c, sway, h = room[5], room[5][3:], room[5][6:], room[5][9:]
+    momentum, P, N = room[6], room[7], room[7][6:]
+    for i in range(3):
+        w[i] = R[0, i] * p.spin[b, 0] + R[1, i] * p.spin[b, 1] + R[2, i] * p.spin[b, 2]
+        c[i], sway[i], h[i] = p.S[b, i, 0], 0.0, 0.0
+        for k in range(1, 1 + n_modes):
+            c[i] += 0.5 * (p.S[b, i, k] + m[14 + i, k]) * m[0, k]
+            sway[i] += 2.0 * m[14 + i, k] * m[1, k]
+            h[i] += m[8 + i, k] * m[1, k]
+    _add_cross(sway, w, c)
+    for i in range(6):
+        P[i], N[i] = m[2 + i, 0], 0.0
+        for k in range(1, 1 + n_modes):
+            P[i] += m[2 + i, k] * m[0, k]
+            N[i] += m[2 + i, k] * m[1, k]
+    times_symmetric(P, w, momentum)
+    trace = P[0] + P[1] + P[2]
+    for i in range(3):
+        momentum[i] = trace * w[i] - momentum[i]
+
+
+@inlined
+def _carry_along(bias: Array, w: Array, sway: Array, arm: Array, dw: Array, d_sway: Array) -> None:
+    """Carry a bias's derivative on by an arm; ``d_sway`` is twice its rate's own derivative, and then its sway's."""
+    _add_cross(d_sway, dw, arm)
+    _add_cross(bias, dw, sway)
+    _add_cross(bias, w, d_sway)
     _add_cross(bias, bias[3:], arm)
 
 
 @kernel
-def _carry_bias(p: TreeParameters, t_now: float, b: int, q: Array, v: Array, u: Array, j: int, biases: Array) -> None:
-    """Derivative along u of body b's bias from that of its parent, into ``biases[b, j]``."""
-    bias, s, room = biases[b, j], p.small, p.small[8]
-    w, dw, arm, moving, d_moving = s[0], s[1], s[2], s[3], s[4]
-    parent, kind, rate, position = p.parent[b], p.joint[b], p.rate[b], p.position[b]
-    for i in range(6):
-        bias[i] = 0.0 if parent < 0 else biases[parent, j, i]
-    for i in range(3):
-        w[i], dw[i] = 0.0, 0.0
+def _carry(p: TreeParameters, b: int, u: Array, j: int, carried: Array, room: Array) -> None:
+    """Derivatives along u of body b's bias and spin from those of its parent, into ``carried[b, j]``."""
+    parent, kind, rate = p.parent[b], p.joint[b], p.rate[b]
+    bias, dw, s = carried[b, j], carried[b, j, 6:], p.small
+    x, d_sway, du = s[0], s[1], s[2]
+    for i in range(9):
+        bias[i] = 0.0 if parent < 0 else carried[parent, j, i]
     if parent >= 0:
-        R, J, mode, n_modes = p.R[parent], p.J[parent], p.mode[parent], p.n_modes[parent]
-        t, dt, ut, x = s[5], s[5][3:], s[5][6:], s[5][9:]
+        w, arm, sway = room[0], room[0][3:], room[0][6:]
+        R, mode = p.R[parent], p.mode[parent]
+        moved = False
         for i in range(3):
-            w[i] = p.spin[parent, i]
-            for k in range(u.size):
-                dw[i] += J[3 + i, k] * u[k]
-            arm[3 + i], moving[3 + i], d_moving[3 + i] = p.place[b, i], 0.0, 0.0
-            t[i], dt[i], ut[i] = 0.0, 0.0, 0.0
-            for k in range(n_modes):
-                shape, turn = p.place_shapes[b, i, k], p.place_rotations[b, i, k]
-                arm[3 + i] += shape * q[mode[k] + p.shift]
-                moving[3 + i] += shape * v[mode[k]]
-                d_moving[3 + i] += shape * u[mode[k]]
-                t[i] += turn * q[mode[k] + p.shift]
-                dt[i] += turn * v[mode[k]]
-                ut[i] += turn * u[mode[k]]
-        _turned(R, arm[3:], arm)
-        _turned(R, moving[3:], moving)
-        _turned(R, d_moving[3:], d_moving)
-        _carry_along(bias, w, dw, arm, moving, d_moving, room)
-        if n_modes > 0:  # the joint turns on its parent by θ: A θ̇, and half the second derivative's two parts
-            size2 = t[0] * t[0] + t[1] * t[1] + t[2] * t[2]
-            tdt = t[0] * dt[0] + t[1] * dt[1] + t[2] * dt[2]
-            tut = t[0] * ut[0] + t[1] * ut[1] + t[2] * ut[2]
-            both = dt[0] * ut[0] + dt[1] * ut[1] + dt[2] * ut[2]
-            c = s[7]
-            tangent(size2, c)
-            one, two, d_one, d_two = c[0], c[1], c[2], c[3]
-            turned, d_turned, turning = s[6], s[6][3:], s[6][6:]
+            d_sway[i], du[i] = 0.0, 0.0
+        for k in range(p.n_modes[parent]):
+            if u[mode[k]] != 0.0:
+                moved = True
+                for i in range(3):
+                    d_sway[i] += 2.0 * p.place_shapes[b, i, k] * u[mode[k]]
+                    du[i] += p.place_rotations[b, i, k] * u[mode[k]]
+        if moved:
+            _turned(R, d_sway, d_sway)
+        _carry_along(bias, w, sway, arm, dw, d_sway)
+        _add_cross(bias[3:], dw, room[1][6:])
+        if moved:  # the joint turns on its parent by θ, at the rate A(θ) θ̇
+            angle, turning, c = room[1], room[1][3:], room[2]
+            one, two, d_one, d_two, size2, along = c[0], c[1], c[2], c[3], c[4], c[5]
+            d_along = angle[0] * du[0] + angle[1] * du[1] + angle[2] * du[2]
+            both = turning[0] * du[0] + turning[1] * du[1] + turning[2] * du[2]
+            d_turned, change = s[3], s[4]
             for i in range(3):
-                along, d_along = t[i] * tdt - dt[i] * size2, t[i] * tut - ut[i] * size2
-                turned[i], d_turned[i] = dt[i] + two * along, ut[i] + two * d_along
-                turning[i] = two * (2.0 * t[i] * both - ut[i] * tdt - dt[i] * tut) + d_two * (
-                    tut * along + tdt * d_along
-                )
-                x[i] = d_one * (tut * dt[i] + tdt * ut[i])
-            _add_cross(turning, t, x)
-            cross_add(turned, one * t[0], one * t[1], one * t[2], dt[0], dt[1], dt[2])
-            cross_add(d_turned, one * t[0], one * t[1], one * t[2], ut[0], ut[1], ut[2])
-            _turned(R, turned, arm)
-            _turned(R, d_turned, moving)
-            _turned(R, turning, d_moving)
+                rest, d_rest = angle[i] * along - turning[i] * size2, angle[i] * d_along - du[i] * size2
+                d_turned[i] = du[i] + two * d_rest
+                change[i] = two * (2.0 * angle[i] * both - du[i] * along - turning[i] * d_along)
+                change[i] += d_two * (d_along * rest + along * d_rest)
+                x[i] = d_one * (d_along * turning[i] + along * du[i])
+            _add_cross(change, angle, x)
+            cross_add(d_turned, one * angle[0], one * angle[1], one * angle[2], du[0], du[1], du[2])
+            _turned(R, d_turned, d_turned)
+            _turned(R, change, change)
             for i in range(3):
-                bias[3 + i] += d_moving[i]
-            _add_cross(bias[3:], dw, arm)
-            _add_cross(bias[3:], w, moving)
+                bias[3 + i] += change[i]
+            _add_cross(bias[3:], w, d_turned)
             for i in range(3):
-                w[i] += arm[i]
-                dw[i] += moving[i]
-    if kind == REVOLUTE:  # the spin that the joint adds is what the body's differs by
-        for i in range(3):
-            x_now, d_now = p.spin[b, i] - w[i], 0.0
-            if p.motion[b] < 0:
-                d_now = p.J[b, 3 + i, rate] * u[rate]
-            arm[i], moving[i] = x_now, d_now
-        _add_cross(bias[3:], dw, arm)
-        _add_cross(bias[3:], w, moving)
+                dw[i] += d_turned[i]
+    w_joint, own = room[3], room[4]
     if kind in (PRISMATIC, FREE):
-        _slide(p, t_now, b, q, v, u, arm, moving, d_moving)
-        _carry_along(bias, w, dw, arm, moving, d_moving, room)
-    if kind in (SPHERICAL, FREE):
-        turn = rate + (3 if kind == FREE else 0)
-        _turned(p.R[b], v[turn : turn + 3], arm)
-        _turned(p.R[b], u[turn : turn + 3], moving)
-        _add_cross(bias[3:], dw, arm)
-        _add_cross(bias[3:], w, moving)
-
-
-@kernel
-def _slide(
-    p: TreeParameters, t: float, b: int, q: Array, v: Array, u: Array, arm: Array, moving: Array, d_moving: Array
-) -> None:
-    """How far a prismatic or free joint has moved its body, at what rate, and the rate's derivative along u."""
-    J, rate, position, known = p.J[b], p.rate[b], p.position[b], p.small[5]
-    if p.joint[b] == FREE:
         for i in range(3):
-            arm[i], moving[i], d_moving[i] = 0.0, 0.0, 0.0
-            for k in range(3):
-                arm[i] += J[i, rate + k] * q[position + k]
-                moving[i] += J[i, rate + k] * v[rate + k]
-                d_moving[i] += J[i, rate + k] * u[rate + k]
-        return
-    if p.motion[b] >= 0:
-        evaluate_signal(p.signals, p.motion[b], t, known)
-        known[2] = 0.0
-    else:
-        known[0], known[1], known[2] = q[position], v[rate], u[rate]
-    _turned(p.R[b], p.axis[b], d_moving)
-    for i in range(3):
-        along = d_moving[i]
-        arm[i], moving[i], d_moving[i] = along * known[0], along * known[1], along * known[2]
+            d_sway[i] = 0.0
+            if kind == FREE:
+                for k in range(3):
+                    d_sway[i] += 2.0 * p.J[b, i, rate + k] * u[rate + k]
+            elif p.motion[b] < 0:
+                d_sway[i] = 2.0 * room[4, 3 + i] * u[rate]
+        _carry_along(bias, w_joint, room[3][6:], room[3][3:], dw, d_sway)
+    _add_cross(bias[3:], dw, own)
+    turn = rate + (3 if kind == FREE else 0)
+    count = 3 if kind in (SPHERICAL, FREE) else (1 if kind == REVOLUTE and p.motion[b] < 0 else 0)
+    if count > 0:
+        for i in range(3):
+            x[i] = 0.0
+            for k in range(count):
+                x[i] += p.J[b, 3 + i, turn + k] * u[turn + k]
+        _add_cross(bias[3:], w_joint, x)
+        for i in range(3):
+            dw[i] += x[i]
 
 
 @kernel
-def _subtract_force(p: TreeParameters, b: int, v: Array, u: Array, bias: Array, out: Array) -> None:
-    """Take the derivative along u of body b's inertial forces from ``out`` (n,); `modal_products` has run for it."""
-    n, n_modes, mode, m, mass, R, J, s = v.size, p.n_modes[b], p.mode[b], p.modal, p.mass[b], p.R[b], p.J[b], p.small
-    w, dw, accel, c, rate, d_rate, h, dh = s[0], s[0][3:], s[1], s[2], s[2][3:], s[2][6:], s[3], s[3][3:]
-    P, N, dN, F, x, y = s[4], s[4][6:], s[5], s[6], s[7], s[7][3:]
-    spin = s[8]
-    for i in range(3):
-        spin[i] = 0.0
-        for k in range(n):
-            spin[i] += J[3 + i, k] * u[k]
+def _subtract_force(p: TreeParameters, b: int, u: Array, carried: Array, room: Array, out: Array) -> None:
+    """Take the derivative along u of body b's inertial forces from ``out`` (n,)."""
+    n, n_modes, mode, m, mass, R, J, s = u.size, p.n_modes[b], p.mode[b], p.modal, p.mass[b], p.R[b], p.J[b], p.small
+    w, c, sway, h, momentum, P, N = (
+        room[5],
+        room[5][3:],
+        room[5][6:],
+        room[5][9:],
+        room[6],
+        room[7],
+        room[7][6:],
+    )
+    dw, a, d_sway, dh, dN, F, x, y = s[0], s[1], s[2], s[3], s[4], s[5], s[6], s[7]
     for i in range(3):  # in the body's axes
-        w[i] = R[0, i] * p.spin[b, 0] + R[1, i] * p.spin[b, 1] + R[2, i] * p.spin[b, 2]
-        dw[i] = R[0, i] * spin[0] + R[1, i] * spin[1] + R[2, i] * spin[2]
-        accel[i] = R[0, i] * bias[0] + R[1, i] * bias[1] + R[2, i] * bias[2]
-        accel[3 + i] = R[0, i] * bias[3] + R[1, i] * bias[4] + R[2, i] * bias[5]
-        c[i], rate[i], d_rate[i], h[i], dh[i] = p.S[b, i, 0], 0.0, 0.0, 0.0, 0.0
-        for k in range(n_modes):
-            ui = u[mode[k]]
-            c[i] += 0.5 * (p.S[b, i, 1 + k] + m[14 + i, 1 + k]) * m[0, 1 + k]
-            rate[i] += m[14 + i, 1 + k] * m[1, 1 + k]
-            d_rate[i] += m[14 + i, 1 + k] * ui
-            h[i] += m[8 + i, 1 + k] * m[1, 1 + k]
-            dh[i] += m[8 + i, 1 + k] * ui
-    for i in range(6):
-        P[i], N[i], dN[i] = m[2 + i, 0], 0.0, 0.0
-        for k in range(n_modes):
-            P[i] += m[2 + i, 1 + k] * m[0, 1 + k]
-            N[i] += m[2 + i, 1 + k] * m[1, 1 + k]
-            dN[i] += m[2 + i, 1 + k] * u[mode[k]]
-    # Forces on the modes.
-    wdw = w[0] * dw[0] + w[1] * dw[1] + w[2] * dw[2]
-    yz, xz, xy = w[1] * dw[2] + dw[1] * w[2], w[0] * dw[2] + dw[0] * w[2], w[0] * dw[1] + dw[0] * w[1]
-    for k in range(1, 1 + n_modes):
-        total = 2.0 * (yz * m[5, k] + xz * m[6, k] + xy * m[7, k])
-        for a in range(3):
-            total += 2.0 * (w[a] * dw[a] - wdw) * m[2 + a, k] + m[14 + a, k] * accel[a]
-            total -= accel[3 + a] * m[8 + a, k] + 2.0 * dw[a] * m[11 + a, k]
-        out[mode[k - 1]] += total
-    for a in range(3):
-        if p.active[b, 6 + a] and w[a] != 0.0:
-            for i in range(n_modes):
-                ui = 2.0 * w[a] * u[mode[i]]  # the columns of A are its rows turned round
-                if ui != 0.0:
-                    for k in range(n_modes):
-                        out[mode[k]] += ui * p.A[b, a, 1 + i, 1 + k]
+        a[i] = R[0, i] * carried[0] + R[1, i] * carried[1] + R[2, i] * carried[2]
+        a[3 + i] = R[0, i] * carried[3] + R[1, i] * carried[4] + R[2, i] * carried[5]
+        dw[i] = R[0, i] * carried[6] + R[1, i] * carried[7] + R[2, i] * carried[8]
+        d_sway[i], dh[i], dN[i], dN[3 + i] = 0.0, 0.0, 0.0, 0.0
+    for k in range(n_modes):
+        change = u[mode[k]]
+        if change != 0.0:
+            for i in range(3):
+                d_sway[i] += 2.0 * m[14 + i, 1 + k] * change
+                dh[i] += m[8 + i, 1 + k] * change
+                dN[i] += m[2 + i, 1 + k] * change
+                dN[3 + i] += m[5 + i, 1 + k] * change
+            for i in range(3):
+                if p.active[b, 6 + i] and w[i] != 0.0:  # the columns of A are its rows turned round
+                    factor = 2.0 * w[i] * change
+                    for other in range(n_modes):
+                        out[mode[other]] += factor * p.A[b, i, 1 + k, 1 + other]
+    if n_modes > 0:
+        _subtract_modal(p, b, w, dw, a, out)
     # Force on the origin and moment about it.
     for i in range(3):
-        x[i], y[i] = 2.0 * rate[i], 2.0 * d_rate[i]
-        F[i] = -mass * accel[i]
-    _add_cross(x, w, c)
-    _add_cross(y, dw, c)
-    _add_cross(F, x, dw)
-    _add_cross(F, y, w)
-    _add_cross(F, c, accel[3:])
-    _add_moment(P, w, dw, accel[3:], N, dN, F[3:], x, y)
+        F[i] = -mass * a[i]
+    _add_cross(d_sway, dw, c)
+    _add_cross(F, sway, dw)
+    _add_cross(F, d_sway, w)
+    _add_cross(F, c, a[3:])
+    times_symmetric(P, dw, x)
+    times_symmetric(P, a[3:], y)
+    trace, trace_N, trace_dN = P[0] + P[1] + P[2], N[0] + N[1] + N[2], dN[0] + dN[1] + dN[2]
+    for i in range(3):
+        x[i] = trace * dw[i] - x[i]
+        F[3 + i] = y[i] - trace * a[3 + i] - 2.0 * (trace_dN * w[i] + trace_N * dw[i])
+    _add_cross(F[3:], momentum, dw)
+    _add_cross(F[3:], x, w)
     _add_cross(F[3:], dw, h)
     _add_cross(F[3:], w, dh)
-    _add_cross(F[3:], accel, c)
-    _turned(R, F, x)
-    _turned(R, F[3:], y)
-    for k in range(n):
-        out[k] -= J[0, k] * x[0] + J[1, k] * x[1] + J[2, k] * x[2] + J[3, k] * y[0] + J[4, k] * y[1] + J[5, k] * y[2]
-
-
-@kernel
-def _add_moment(
-    P: Array, w: Array, dw: Array, d_accel: Array, N: Array, dN: Array, M: Array, x: Array, y: Array
-) -> None:
-    """What the second moments P and N give to the derivative of a body's moment, into M."""
-    trace, trace_N, trace_dN = P[0] + P[1] + P[2], N[0] + N[1] + N[2], dN[0] + dN[1] + dN[2]
-    times_symmetric(P, w, x)
-    times_symmetric(P, dw, y)
-    for i in range(3):
-        x[i], y[i] = trace * w[i] - x[i], trace * dw[i] - y[i]
-        M[i] = 0.0
-    _add_cross(M, x, dw)
-    _add_cross(M, y, w)
-    times_symmetric(P, d_accel, x)
-    for i in range(3):
-        M[i] += x[i] - trace * d_accel[i] - 2.0 * (trace_dN * w[i] + trace_N * dw[i])
+    _add_cross(F[3:], a, c)
     times_symmetric(dN, w, x)
     times_symmetric(N, dw, y)
     for i in range(3):
-        M[i] += 2.0 * (x[i] + y[i])
+        F[3 + i] += 2.0 * (x[i] + y[i])
+    _turned(R, F, F)
+    _turned(R, F[3:], F[3:])
+    for i in range(6):
+        if F[i] != 0.0:
+            add_scaled(out, J[i], -F[i], n)
+
+
+@inlined
+def _subtract_modal(p: TreeParameters, b: int, w: Array, dw: Array, a: Array, out: Array) -> None:
+    """Take what body b's change of spin and bias do to its modes from ``out``."""
+    m, mode, n_modes, factors, total = p.modal, p.mode[b], p.n_modes[b], p.small[8], p.modal[17]
+    wdw = w[0] * dw[0] + w[1] * dw[1] + w[2] * dw[2]
+    factors[3] = 2.0 * (w[1] * dw[2] + dw[1] * w[2])
+    factors[4] = 2.0 * (w[0] * dw[2] + dw[0] * w[2])
+    factors[5] = 2.0 * (w[0] * dw[1] + dw[0] * w[1])
+    for i in range(3):
+        factors[i] = 2.0 * (w[i] * dw[i] - wdw)
+        factors[6 + i] = -a[3 + i]
+        factors[9 + i] = -2.0 * dw[i]
+    for k in range(1 + n_modes):
+        total[k] = 0.0
+    for i in range(12):
+        if factors[i] != 0.0:
+            add_scaled(total, m[2 + i], factors[i], 1 + n_modes)
+    for i in range(3):
+        if a[i] != 0.0:
+            add_scaled(total, m[14 + i], a[i], 1 + n_modes)
+    for k in range(n_modes):
+        out[mode[k]] += total[1 + k]

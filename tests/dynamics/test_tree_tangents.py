@@ -30,7 +30,7 @@ def tangents(tree: Tree, q: Array, v: Array, U: Array, t: float) -> tuple[Array,
 
     want = np.array([-0.5 * (force(v + u) - force(v - u)) for u in U])
     force(v)
-    velocity_tangents(p, t, q, v, U, 0, np.zeros((len(tree.links), n, 6)), found)
+    velocity_tangents(p, t, q, v, U, 0, np.zeros((len(tree.links), n, 9)), np.zeros((9, 12)), found)
     return found, want
 
 
