@@ -78,15 +78,16 @@ class FrozenPlanar(NamedTuple):
 
 
 class MiddlePlanar(NamedTuple):
-    """The equations at a major cycle's middle: the fast ones with S̄ divided out, and the angle's.
+    """The equations at a major cycle's middle: the fast ones, with S̄ divided out unless diagonal, and the angle's.
 
     ``J a_y = force − k (q_S − q*_S) − c (v_S − v*_S) + τ``.
     """
 
     frozen: FrozenPlanar  # of the fast coordinates
-    angle: Array  # (2,): J, force
+    angle: Array  # (3,): J, force, 1/(J − HᵀH)
     H: Array  # (1 + n,)
     lever: Array  # (1 + n,), work of the torque on the fast coordinates, the angle reacting
+    turn: Array  # (1 + n,), 2 θ̇ D p + 2 A ṗ
     k: Array  # (1 + n,)
     c: Array  # (1 + n,)
     q: Array  # (1 + n,): q*, v*
@@ -129,8 +130,7 @@ class PlanarRotor:
         """Fresh storage for what a major cycle's middle holds."""
         import pipeline.dynamics.planar_middle  # noqa: F401 - gives the functions of `system` their meaning here
 
-        H, lever, k, c, q, v = aligned(*6 * [self.n])
-        return MiddlePlanar(self.frozen(), np.zeros(2), H, lever, k, c, q, v)
+        return MiddlePlanar(self.frozen(), np.zeros(3), *aligned(*7 * [self.n]))
 
     @property
     def n(self) -> int:
@@ -318,23 +318,12 @@ def _freeze(p: PlanarParameters, t: float, q: Array, v: Array, a: Array, frozen:
 def _fast_steps(
     p: PlanarParameters, frozen: FrozenPlanar, first: int, h: float, count: int, q: Array, v: Array, a: Array
 ) -> None:
-    leap(p, p.lever, p.diagonal, frozen, float(first), h, count, q, v, a)
-
-
-@inlined
-def leap(
-    p: PlanarParameters, lever: Array, diagonal: bool, frozen: FrozenPlanar,
-    first: float, h: float, count: int, q: Array, v: Array, a: Array,
-) -> None:  # fmt: skip
-    """Take leapfrog steps h with the frozen equation and the torque by its lever, the first force at time ``first · h``."""
-    constant, slope, k, K, C = frozen.constant, frozen.slope, frozen.k, frozen.K, frozen.C
-    v_now = frozen.v_now
-    n = q.size
-    if diagonal and is_over(p.pulse, first * h):
+    if p.diagonal and is_over(p.pulse, first * h):
         # Mode by mode, in increments d = h v: the processor works on several modes at once, and each waits for two
         # operations a step instead of four.
+        constant, slope, k = frozen.constant, frozen.slope, frozen.k
         square, over = h * h, 1.0 / h
-        for i in range(1, n):
+        for i in range(1, q.size):
             qi, d, ki = q[i], h * v[i], square * k[i]
             c, rise = constant[i] + (first * h - frozen.time[0]) * slope[i], h * slope[i]
             load, more = square * c, square * rise
@@ -346,6 +335,18 @@ def leap(
             vi = over * d + h * last
             a[i], v[i], q[i] = last, vi, qi + h * vi
         return
+    leap(p, p.lever, p.diagonal, frozen, float(first), h, count, q, v, a)
+
+
+@inlined
+def leap(
+    p: PlanarParameters, lever: Array, diagonal: bool, frozen: FrozenPlanar,
+    first: float, h: float, count: int, q: Array, v: Array, a: Array,
+) -> None:  # fmt: skip
+    """Take leapfrog steps h with the frozen equation and the torque by its lever, from time ``first · h``."""
+    constant, slope, k, K, C = frozen.constant, frozen.slope, frozen.k, frozen.K, frozen.C
+    v_now = frozen.v_now
+    n = q.size
     for step in range(count):
         now = (first + step) * h
         tau = torque(p.pulse, now)

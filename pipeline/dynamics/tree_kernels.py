@@ -55,6 +55,7 @@ def modal_products(p: TreeParameters, b: int, q: Array, v: Array) -> None:
 
 @inlined
 def add_scaled(y: Array, x: Array, factor: float, n: int) -> None:
+    """``y += factor x`` for the first n."""
     for k in range(n):
         y[k] += factor * x[k]
 
