@@ -66,7 +66,7 @@ def is_rotor(scene: Scene) -> bool:
     plain = plain and scene.simulation.start == "undeformed"
     hinge = joint.type == "revolute" and not (joint.spring or joint.damper)
     undamped = body in scene.flexible and not scene.flexible[body].modes.damping
-    split = any(run.integrator == "sub-cycling" and run.split != "joints" for run in scene.simulation.run)
+    split = any(getattr(run, "split", "joints") != "joints" for run in scene.simulation.run)
     return not others and plain and hinge and undamped and not split and not any(scene.simulation.gravity)
 
 

@@ -14,7 +14,7 @@ from pipeline.integrators.subcycling import Subcycling
 from pipeline.mechanism import Chain, chain_of
 
 if TYPE_CHECKING:
-    from pipeline.scene import Run, Simulation, SubCycling
+    from pipeline.scene import ReversibleSubCycling, Run, Simulation, SubCycling
     from pipeline.stages import Pipeline
 
 
@@ -53,7 +53,7 @@ def plans_of(pipeline: Pipeline) -> dict[str, Plan]:
     plans: dict[str, Plan] = {}
     for k, run in enumerate(simulation.run):
         key = f"simulation.run.{k}.step" if run.step else "simulation.step"
-        if run.integrator == "sub-cycling":
+        if run.integrator in ("sub-cycling", "reversible-sub-cycling"):
             plan = _sub_cycled(pipeline, run, key)
         else:
             chain = None if pipeline.is_rotor else pipeline.chain
@@ -68,8 +68,8 @@ def plans_of(pipeline: Pipeline) -> dict[str, Plan]:
                 f"(2/ω of its highest frequency, {1 / (np.pi * limit):.5g} Hz)",
             )
         label = str(run.integrator)
-        if isinstance(plan.integrator, Subcycling):
-            label += f" {plan.integrator.substeps}:1"
+        if hasattr(run, "substeps"):
+            label += f" {getattr(plan.integrator, 'substeps', 1)}:1"
         plans[f"{label} ({k})" if label in plans else label] = plan
     return plans
 
@@ -113,14 +113,26 @@ def _method(run: Run, simulation: Simulation) -> Integrator:
             raise AssertionError(run)
 
 
-def _sub_cycled(pipeline: Pipeline, run: SubCycling, key: str) -> Plan:
+def _two_rates(run: SubCycling | ReversibleSubCycling, step: float, substeps: int) -> Integrator:
+    if run.integrator == "sub-cycling":
+        return Subcycling(step, substeps)
+    if substeps == 1:  # there both have the same limit, and nothing is held
+        from pipeline.integrators.central_difference import CentralDifference
+
+        return CentralDifference(step)
+    from pipeline.integrators.reversible import ReversibleSubcycling
+
+    return ReversibleSubcycling(step, substeps)
+
+
+def _sub_cycled(pipeline: Pipeline, run: SubCycling | ReversibleSubCycling, key: str) -> Plan:
     """Split the coordinates as the run says; each split has a mechanism with its own order of coordinates."""
     simulation = pipeline.scene.simulation
     step = run.step or simulation.step or 0.0
     if run.split == "joints":
         assert run.substeps != "auto"  # the scene's own check
         chain = None if pipeline.is_rotor else pipeline.chain
-        return Plan(key, Subcycling(step, run.substeps), pipeline.mechanism, pipeline.start, chain)
+        return Plan(key, _two_rates(run, step, run.substeps), pipeline.mechanism, pipeline.start, chain)
     from pipeline.spin import spins_of
     from pipeline.studies.splitting import choose_split, split_at
 
@@ -134,4 +146,4 @@ def _sub_cycled(pipeline: Pipeline, run: SubCycling, key: str) -> Plan:
         frequency = run.split
     assert substeps != "auto"
     chain = chain_of(pipeline.scene, pipeline.bodies, *split_at(tree, frequency))
-    return Plan(key, Subcycling(step, substeps), chain.tree, (chain.q0, chain.v0), chain)
+    return Plan(key, _two_rates(run, step, substeps), chain.tree, (chain.q0, chain.v0), chain)

@@ -46,7 +46,7 @@ from pipeline.scene_parts import (
     TorqueDrive,
     TorquePulse,
 )
-from pipeline.scene_runs import CentralDifference, Run, Simulation, SubCycling
+from pipeline.scene_runs import CentralDifference, ReversibleSubCycling, Run, Simulation, SubCycling
 from pipeline.scene_shapes import (
     Axis,
     Bar,
@@ -96,6 +96,7 @@ __all__ = [
     "Propeller",
     "PropellerMesh",
     "Reference",
+    "ReversibleSubCycling",
     "Revolute",
     "RigidBody",
     "Rod",

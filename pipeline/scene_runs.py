@@ -46,6 +46,25 @@ class SubCycling(Table):
         return self
 
 
+class ReversibleSubCycling(Table):
+    """Sub-cycling that inertial coupling leaves stable.
+
+    Parameters
+    ----------
+    substeps : int
+        Fast steps in a slow one; with 1 it is central differences.
+    split : float or str
+        What is slow: all joints but those listed as fast (``"joints"``), or every coordinate below a frequency [Hz].
+    step : float, optional
+        Fast step [s]; overrides that of the simulation.
+    """
+
+    integrator: Literal["reversible-sub-cycling"]
+    substeps: Count
+    split: Literal["joints"] | PositiveFrequency = "joints"
+    step: PositiveTime | None = None
+
+
 class ExponentialRun(Table):
     """Exponential time differencing of order 4; ``step`` [s] overrides that of the simulation."""
 
@@ -106,6 +125,7 @@ class AutoRun(Table):
 Run = Annotated[
     CentralDifference
     | SubCycling
+    | ReversibleSubCycling
     | ExponentialRun
     | RosenbrockRun
     | RungeKuttaRun

@@ -73,8 +73,25 @@ class FrozenPlanar(NamedTuple):
     slope: Array  # (1 + n,)
     v_now: Array  # (1 + n,), room to work in
     k: Array  # (1 + n,), instead of K and C where modes don't couple with each other
-    K: Array  # (1 + n, 1 + n)
-    C: Array  # (1 + n, 1 + n)
+    K: Array  # (1 + n, 1 + n), transposed
+    C: Array  # (1 + n, 1 + n), transposed and negative
+
+
+class MiddlePlanar(NamedTuple):
+    """The equations at a major cycle's middle: the fast ones, with S̄ divided out unless diagonal, and the angle's.
+
+    ``J a_y = force − k (q_S − q*_S) − c (v_S − v*_S) + τ``.
+    """
+
+    frozen: FrozenPlanar  # of the fast coordinates
+    angle: Array  # (3,): J, force, 1/(J − HᵀH)
+    H: Array  # (1 + n,)
+    lever: Array  # (1 + n,), work of the torque on the fast coordinates, the angle reacting
+    turn: Array  # (1 + n,), 2 θ̇ D p + 2 A ṗ
+    k: Array  # (1 + n,)
+    c: Array  # (1 + n,)
+    q: Array  # (1 + n,): q*, v*
+    v: Array  # (1 + n,)
 
 
 @dataclass(frozen=True)
@@ -108,6 +125,12 @@ class PlanarRotor:
             K=np.zeros((n, n)),
             C=np.zeros((n, n)),
         )
+
+    def middle(self) -> MiddlePlanar:
+        """Fresh storage for what a major cycle's middle holds."""
+        import pipeline.dynamics.planar_middle  # noqa: F401 - gives the functions of `system` their meaning here
+
+        return MiddlePlanar(self.frozen(), np.zeros(3), *aligned(*7 * [self.n]))
 
     @property
     def n(self) -> int:
@@ -195,6 +218,11 @@ class PlanarRotor:
         return float(self.body.omega.max())
 
     @property
+    def highest_reacting_frequency(self) -> float:
+        """The same as that of the whole: nothing holds the angle."""
+        return self.highest_frequency
+
+    @property
     def highest_slow_frequency(self) -> float:
         """Nothing holds the angle: all but 0."""
         return 1e-150
@@ -210,12 +238,14 @@ class PlanarRotor:
 
 
 @inlined
-def _is_over(pulse: TorquePulse, t: float) -> bool:
+def is_over(pulse: TorquePulse, t: float) -> bool:
+    """Whether no torque acts from time t [s] on."""
     return t >= pulse.start + pulse.duration or pulse.peak == 0.0
 
 
 @inlined
-def _torque(pulse: TorquePulse, t: float) -> float:
+def torque(pulse: TorquePulse, t: float) -> float:
+    """Torque at time t [s], [N m]."""
     s = t - pulse.start
     if s <= 0.0 or s >= pulse.duration:
         return 0.0
@@ -227,7 +257,7 @@ def _accelerations(p: PlanarParameters, t: float, q: Array, v: Array, a: Array) 
     D, A, stiffness, lever, Dp, Dv = p.D, p.A, p.stiffness, p.lever, p.Dp, p.Dv
     n = q.size
     rate = v[0]
-    tau = _torque(p.pulse, t)
+    tau = torque(p.pulse, t)
     J, half_dJ = D[0, 0], 0.0
     for j in range(1, n):
         J += D[0, j] * q[j]
@@ -266,7 +296,7 @@ def _freeze(p: PlanarParameters, t: float, q: Array, v: Array, a: Array, frozen:
     constant, slope, k, K, C = frozen.constant, frozen.slope, frozen.k, frozen.K, frozen.C
     n = q.size
     rate, acceleration = v[0], a[0]
-    tau = _torque(p.pulse, t)
+    tau = torque(p.pulse, t)
     frozen.time[0] = t
     for i in range(1, n):
         slope[i] = 2.0 * rate * acceleration * Dp[i]
@@ -278,7 +308,7 @@ def _freeze(p: PlanarParameters, t: float, q: Array, v: Array, a: Array, frozen:
             H = A[0, i]
             for j in range(1, n):
                 K[i, j] = -rate * rate * D[i, j]
-                C[i, j] = -2.0 * rate * A[i, j]
+                C[j, i] = 2.0 * rate * A[i, j]
                 H += A[j, i] * q[j]
             K[i, i] += stiffness[i]
             constant[i] = rate * rate * D[i, 0] - H * acceleration
@@ -288,14 +318,12 @@ def _freeze(p: PlanarParameters, t: float, q: Array, v: Array, a: Array, frozen:
 def _fast_steps(
     p: PlanarParameters, frozen: FrozenPlanar, first: int, h: float, count: int, q: Array, v: Array, a: Array
 ) -> None:
-    lever, constant, slope, k, K, C = p.lever, frozen.constant, frozen.slope, frozen.k, frozen.K, frozen.C
-    v_now = frozen.v_now
-    n = q.size
-    if p.diagonal and _is_over(p.pulse, first * h):
+    if p.diagonal and is_over(p.pulse, first * h):
         # Mode by mode, in increments d = h v: the processor works on several modes at once, and each waits for two
         # operations a step instead of four.
+        constant, slope, k = frozen.constant, frozen.slope, frozen.k
         square, over = h * h, 1.0 / h
-        for i in range(1, n):
+        for i in range(1, q.size):
             qi, d, ki = q[i], h * v[i], square * k[i]
             c, rise = constant[i] + (first * h - frozen.time[0]) * slope[i], h * slope[i]
             load, more = square * c, square * rise
@@ -307,10 +335,23 @@ def _fast_steps(
             vi = over * d + h * last
             a[i], v[i], q[i] = last, vi, qi + h * vi
         return
-    for step in range(first, first + count):
-        tau = _torque(p.pulse, step * h)
-        since = step * h - frozen.time[0]
-        if p.diagonal:
+    leap(p, p.lever, p.diagonal, frozen, float(first), h, count, q, v, a)
+
+
+@inlined
+def leap(
+    p: PlanarParameters, lever: Array, diagonal: bool, frozen: FrozenPlanar,
+    first: float, h: float, count: int, q: Array, v: Array, a: Array,
+) -> None:  # fmt: skip
+    """Take leapfrog steps h with the frozen equation and the torque by its lever, from time ``first · h``."""
+    constant, slope, k, K, C = frozen.constant, frozen.slope, frozen.k, frozen.K, frozen.C
+    v_now = frozen.v_now
+    n = q.size
+    for step in range(count):
+        now = (first + step) * h
+        tau = torque(p.pulse, now)
+        since = now - frozen.time[0]
+        if diagonal:
             for i in range(1, n):
                 a[i] = constant[i] + since * slope[i] + tau * lever[i] - k[i] * q[i]
                 v[i] += h * a[i]
@@ -319,7 +360,7 @@ def _fast_steps(
             for i in range(1, n):
                 v_now[i] = v[i] + 0.5 * h * a[i]
                 a[i] = constant[i] + since * slope[i] + tau * lever[i]
-            for j in range(1, n):  # K is symmetric and C antisymmetric: row by row, in the order of memory
+            for j in range(1, n):  # the first index is the column: row by row, in the order of memory
                 for i in range(1, n):
                     a[i] -= K[j, i] * q[j]
             if p.gyroscopic:

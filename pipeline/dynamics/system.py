@@ -31,6 +31,33 @@ def fast_steps(p: Any, frozen: Any, first: int, h: float, count: int, q: Array, 
     raise NotImplementedError
 
 
+def hold_middle(p: Any, t: float, q: Array, v: Array, D: Array, middle: Any) -> None:
+    """Hold M̂, Q̂ and its tangents at a major cycle's middle; ``D = M_LL⁻¹ M_LS``, (n, n_slow), a row for each fast rate.
+
+    With ``T = (−D, 1)``, how all rates follow the fast ones while ``y = q_L + D q_S`` does not move, they are
+    ``S̄ = Tᵀ M T``, ``−∂Q̂/∂q T`` and ``−∂Q̂/∂v T``.
+    """
+    raise NotImplementedError
+
+
+def reacting_steps(p: Any, middle: Any, first: int, h: float, count: int, q: Array, v: Array, a: Array) -> None:
+    """Take ``count`` leapfrog steps h with the fast coordinates while the slow ones react, from time ``first · h``.
+
+    Each solves ``S̄ a_S = Tᵀ Q̂`` with what `hold_middle` holds, known loads half a step later, into a; then
+    ``v += h a``, ``q += h v``. The fast positions are half a step ahead of the rates.
+    """
+    raise NotImplementedError
+
+
+def slow_response(p: Any, middle: Any, first: int, h: float, count: int, q: Array, v: Array, a: Array) -> None:
+    """Solve ``M_LL a_y = Q̂_L`` for ``y = q_L + D q_S`` over the cycle of ``count`` steps h from time ``first · h``.
+
+    ``q`` and ``v``, (n,), are the fast coordinates' means over the cycle, in their rates' places; the result goes into
+    the slow places of a.
+    """
+    raise NotImplementedError
+
+
 def advance(p: Any, q: Array, v: Array, h: float, first: int, last: int) -> None:
     """Move the coordinates that the rates ``first … last - 1`` belong to by ``h v``; unit quaternions stay unit."""
     raise NotImplementedError
@@ -90,8 +117,15 @@ class System(Protocol):
         """Highest angular frequency of the fast coordinates with the slow ones held [rad/s]."""
 
     @property
+    def highest_reacting_frequency(self) -> float:
+        """Highest angular frequency of the fast coordinates with ``q_L + D q_S`` held [rad/s]."""
+
+    @property
     def highest_slow_frequency(self) -> float:
         """Highest angular frequency of the slow coordinates with the fast ones held [rad/s]."""
 
     def frozen(self) -> Any:
         """Fresh storage for the coefficients that `freeze` holds."""
+
+    def middle(self) -> Any:
+        """Fresh storage for what `hold_middle` holds."""

@@ -16,7 +16,7 @@ from scipy.linalg import eigh
 from pipeline.checks import AccuracyError, Array, IntArray
 from pipeline.dynamics.link import FREE, REVOLUTE, SPHERICAL, Link, PointLoad
 from pipeline.dynamics.signal import Signal
-from pipeline.dynamics.tree_arrays import FrozenTree, Layout, TreeParameters, layout_of, packed, with_room
+from pipeline.dynamics.tree_arrays import FrozenTree, Layout, MiddleTree, TreeParameters, layout_of, packed, with_room
 from pipeline.reduction.gram import InertiaGram
 
 _STEADY = 1e-10
@@ -141,7 +141,19 @@ class Tree:
 
     def frozen(self) -> FrozenTree:
         """Fresh storage for the frozen coefficients of a major cycle."""
-        return FrozenTree(self.n_slow, np.zeros(self.n), np.zeros(1), np.zeros(self.n))
+        p = self._packed[0]
+        return FrozenTree(
+            self.n_slow, np.zeros(self.n), np.zeros(1), np.zeros(self.n), p.K, p.C, np.zeros((self.n, self.n))
+        )
+
+    def middle(self) -> MiddleTree:
+        """Fresh storage for what a major cycle's middle holds."""
+        import pipeline.dynamics.tree_middle  # noqa: F401 - gives the functions of `system` their meaning for trees
+
+        Q, q, v = np.zeros((3, self.n))
+        L, T, K, C, fast_K, fast_C = np.zeros((6, self.n, self.n))
+        carried, room = np.zeros((len(self.links), self.n, 9)), np.zeros((9, 12))
+        return MiddleTree(self.frozen()._replace(K=fast_K, C=fast_C), L, Q, T, K, C, carried, room, q, v)
 
     @property
     def stiffness(self) -> Array:
@@ -183,14 +195,20 @@ class Tree:
         return self._highest(slice(self.n_slow, None))
 
     @property
+    def highest_reacting_frequency(self) -> float:
+        """Highest angular frequency of the fast coordinates with ``q_L + M_LL⁻¹ M_LS q_S`` held [rad/s]."""
+        slow, fast = slice(0, self.n_slow), slice(self.n_slow, None)
+        M = self.mass_matrix(self.rest_positions)
+        T = np.concatenate([-np.linalg.solve(M[slow, slow], M[slow, fast]), np.eye(self.n - self.n_slow)])
+        return _highest(T.T @ self.linear_stiffness @ T, T.T @ M @ T)
+
+    @property
     def highest_slow_frequency(self) -> float:
         """Highest angular frequency of the slow coordinates with the fast ones held [rad/s]."""
         return self._highest(slice(0, self.n_slow))
 
     def _highest(self, part: slice) -> float:
-        M = self.mass_matrix(self.rest_positions)[part, part]
-        K = self.linear_stiffness[part, part]
-        return float(np.sqrt(max(eigh(K, M, eigvals_only=True)[-1], 1e-300))) if len(M) else 1e-150
+        return _highest(self.linear_stiffness[part, part], self.mass_matrix(self.rest_positions)[part, part])
 
     def energies(self, q: Array, v: Array, times: Array | None = None) -> tuple[Array, Array]:
         """Kinetic and potential energy (strain, springs, gravity) [J] at states q (n_times, …), v (n_times, n).
@@ -337,6 +355,11 @@ class Tree:
         ]
         loads = [replace(at, shapes=none, rotations=none) for at in self.loads]
         return Tree(links, self.fast_joints, self.gravity, loads)
+
+
+def _highest(K: Array, M: Array) -> float:
+    """Highest angular frequency of a stiffness and a mass matrix [rad/s]; all but 0 if there is none."""
+    return float(np.sqrt(max(eigh(K, M, eigvals_only=True)[-1], 1e-300))) if len(M) else 1e-150
 
 
 def _symmetric(lower: Array) -> Array:

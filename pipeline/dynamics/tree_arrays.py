@@ -72,12 +72,30 @@ class TreeParameters(NamedTuple):
 
 
 class FrozenTree(NamedTuple):
-    """The fast coordinates over a major cycle: ``M_SS a_S = constant − K q_S − C v_S``; M_SS's factor is in ``L``."""
+    """The fast coordinates over a major cycle: ``M_SS a_S = constant − K q_S − C v_S``."""
 
     n_slow: int
     constant: Array  # (n,), the slow ones unused
     single: Array  # (1,): 1 if no fast coordinate couples with another
     v_now: Array  # (n,), room to work in
+    K: Array  # (n, n)
+    C: Array  # (n, n)
+    L: Array  # (n, n), factor of M_SS
+
+
+class MiddleTree(NamedTuple):
+    """The equations at a major cycle's middle, the slow ones reacting: ``Q̂ = Q − K (q_S − q*_S) − C (v_S − v*_S)``."""
+
+    fast: FrozenTree  # the fast coordinates', with S̄ = Tᵀ M T for M_SS
+    L: Array  # (n, n): factor of M_LL
+    Q: Array  # (n,)
+    T: Array  # (n, n): in the fast rows, how all rates follow each fast one
+    K: Array  # (n, n): likewise −∂Q̂/∂q T and −∂Q̂/∂v T
+    C: Array
+    carried: Array  # (n_bodies, n, 9), room to work in
+    room: Array  # (9, 12)
+    q: Array  # (n,): q*_S, v*
+    v: Array
 
 
 class Layout(NamedTuple):

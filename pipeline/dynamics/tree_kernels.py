@@ -23,7 +23,7 @@ from pipeline.dynamics.tree_frames import cross_add, move_through_joint, place_j
 
 
 @kernel
-def _products(p: TreeParameters, b: int, q: Array, v: Array) -> None:
+def modal_products(p: TreeParameters, b: int, q: Array, v: Array) -> None:
     """Fill p.modal for body b: p, ṗ, the products G_k p (2 … 7), A_a p (8 … 10), A_a ṗ (11 … 13), S_eff (14 … 16).
 
     Column by column, so that the inner loops run over memory in order; the matrices are (anti)symmetric.
@@ -38,23 +38,24 @@ def _products(p: TreeParameters, b: int, q: Array, v: Array) -> None:
     for i in range(6):
         if p.active[b, i]:
             for j in range(1 + n_modes):
-                _add_scaled(m[2 + i], p.G[b, i, j], m[0, j], 1 + n_modes)
+                add_scaled(m[2 + i], p.G[b, i, j], m[0, j], 1 + n_modes)
     for a in range(3):
         if p.active[b, 6 + a]:
             for j in range(1 + n_modes):  # the columns of A are its rows turned round
-                _add_scaled(m[8 + a], p.A[b, a, j], -m[0, j], 1 + n_modes)
+                add_scaled(m[8 + a], p.A[b, a, j], -m[0, j], 1 + n_modes)
             for j in range(1, 1 + n_modes):
-                _add_scaled(m[11 + a], p.A[b, a, j], -m[1, j], 1 + n_modes)
+                add_scaled(m[11 + a], p.A[b, a, j], -m[1, j], 1 + n_modes)
     for a in range(3):
         for k in range(1 + n_modes):
             m[14 + a, k] = p.S[b, a, k]
         if p.bowed[b]:
             for j in range(n_modes):
-                _add_scaled(m[14 + a, 1:], p.bow[b, a, j], m[0, 1 + j], n_modes)
+                add_scaled(m[14 + a, 1:], p.bow[b, a, j], m[0, 1 + j], n_modes)
 
 
 @inlined
-def _add_scaled(y: Array, x: Array, factor: float, n: int) -> None:
+def add_scaled(y: Array, x: Array, factor: float, n: int) -> None:
+    """``y += factor x`` for the first n."""
     for k in range(n):
         y[k] += factor * x[k]
 
@@ -62,7 +63,7 @@ def _add_scaled(y: Array, x: Array, factor: float, n: int) -> None:
 @kernel
 def _add_body(p: TreeParameters, b: int, q: Array, v: Array) -> None:
     """Add body b's mass and force, formed in its own axes, to M̂ and Q̂."""
-    _products(p, b, q, v)
+    modal_products(p, b, q, v)
     n, n_modes, mode = v.size, p.n_modes[b], p.mode[b]
     m, mass, R, J, M, Q = p.modal, p.mass[b], p.R[b], p.J[b], p.M, p.Q
     w, accel, F, c, Jw = p.small[0], p.small[1], p.small[2], p.small[3], p.small[4]
@@ -99,9 +100,9 @@ def _add_body(p: TreeParameters, b: int, q: Array, v: Array) -> None:
     cross_add(turning, w[0], w[1], w[2], c[0], c[1], c[2])  # ω × c + 2 ċ
     cross_add(F, turning[0], turning[1], turning[2], w[0], w[1], w[2])
     cross_add(F, c[0], c[1], c[2], accel[3], accel[4], accel[5])
-    _times_symmetric(P, w, Jw)
-    _times_symmetric(Ns, w, turning)
-    _times_symmetric(P, accel[3:], Jw[3:])
+    times_symmetric(P, w, Jw)
+    times_symmetric(Ns, w, turning)
+    times_symmetric(P, accel[3:], Jw[3:])
     for i in range(3):
         Jw[i] = trace * w[i] - Jw[i]
         F[3 + i] = -(trace * accel[3 + i] - Jw[3 + i]) - 2.0 * (trace_N * w[i] - turning[i])
@@ -119,7 +120,7 @@ def _add_body(p: TreeParameters, b: int, q: Array, v: Array) -> None:
         for i in range(3):
             V[i] = R[0, i] * J[0, j] + R[1, i] * J[1, j] + R[2, i] * J[2, j]
             V[3 + i] = R[0, i] * J[3, j] + R[1, i] * J[4, j] + R[2, i] * J[5, j]
-        _times_symmetric(P, V[3:], g[3:])
+        times_symmetric(P, V[3:], g[3:])
         for i in range(3):
             g[i] = mass * V[i]
             g[3 + i] = trace * V[3 + i] - g[3 + i]
@@ -131,23 +132,23 @@ def _add_body(p: TreeParameters, b: int, q: Array, v: Array) -> None:
         row = M[j]
         for i in range(6):
             if g[6 + i] != 0.0:
-                _add_scaled(row, J[i], g[6 + i], j + 1)
+                add_scaled(row, J[i], g[6 + i], j + 1)
         Q[j] += V[0] * F[0] + V[1] * F[1] + V[2] * F[2] + V[3] * F[3] + V[4] * F[4] + V[5] * F[5]
         coupling = m[17]
         for k in range(1, 1 + n_modes):
             coupling[k] = 0.0
         for a in range(3):
             if V[a] != 0.0:
-                _add_scaled(coupling, m[14 + a], V[a], 1 + n_modes)
+                add_scaled(coupling, m[14 + a], V[a], 1 + n_modes)
             if V[3 + a] != 0.0:
-                _add_scaled(coupling, m[8 + a], -V[3 + a], 1 + n_modes)
+                add_scaled(coupling, m[8 + a], -V[3 + a], 1 + n_modes)
         for k in range(1, 1 + n_modes):
             i = mode[k - 1]
             M[max(i, j), min(i, j)] += coupling[k]
 
 
 @inlined
-def _times_symmetric(A: Array, x: Array, out: Array) -> None:
+def times_symmetric(A: Array, x: Array, out: Array) -> None:
     """``out = A x`` for a symmetric matrix given as xx, yy, zz, yz, xz, xy."""
     x0, x1, x2 = x[0], x[1], x[2]
     out[0] = A[0] * x0 + A[5] * x1 + A[4] * x2
@@ -189,7 +190,7 @@ def _add_point_load(p: TreeParameters, t: float, k: int, q: Array) -> None:
         cross_add(f[3:], arm[0], arm[1], arm[2], d[0], d[1], d[2])
     for i in range(6):
         if f[i] != 0.0:
-            _add_scaled(Q, J[i], f[i], Q.size)
+            add_scaled(Q, J[i], f[i], Q.size)
     for i in range(3):  # in the body's axes, onto its modes
         d[3 + i] = R[0, i] * d[0] + R[1, i] * d[1] + R[2, i] * d[2]
     if p.at_torque[k]:  # A(θ)ᵀ d = d − out₀ θ × d + out₁ θ × (θ × d)

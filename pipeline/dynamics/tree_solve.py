@@ -13,13 +13,12 @@ from pipeline.dynamics.tree_kernels import mass_and_force
 
 
 @kernel
-def _factor(M: Array, first: int, L: Array) -> None:
-    """``M = Lᵀ D L`` of the block from ``first`` on: L unit lower, D on its diagonal.
+def factor(M: Array, first: int, n: int, L: Array) -> None:
+    """``M = Lᵀ D L`` of the block from ``first`` to n - 1: L unit lower, D on its diagonal.
 
     Eliminated from the last coordinate back, a tree's mass matrix fills in nowhere (Featherstone 2008, section 6.3):
     modes of unit mass cost next to nothing.
     """
-    n = M.shape[0]
     for i in range(first, n):
         for j in range(first, i + 1):
             L[i, j] = M[i, j]
@@ -29,17 +28,16 @@ def _factor(M: Array, first: int, L: Array) -> None:
             L[j, j] = math.nan  # no inertia: nothing that follows is a number, which the march reports
         for i in range(first, j):
             if L[j, i] != 0.0:
-                factor = L[j, i] / pivot
+                part = L[j, i] / pivot
                 for k in range(first, i + 1):
-                    L[i, k] -= factor * L[j, k]
+                    L[i, k] -= part * L[j, k]
         for i in range(first, j):
             L[j, i] /= pivot
 
 
 @kernel
-def _solve(L: Array, first: int, x: Array) -> None:
-    """Solve with the factor's block from ``first`` on, in place."""
-    n = L.shape[0]
+def solve(L: Array, first: int, n: int, x: Array) -> None:
+    """Solve with the factor's block from ``first`` to n - 1, in place."""
     for i in range(n - 1, first, -1):
         if x[i] != 0.0:
             for k in range(first, i):
@@ -58,15 +56,15 @@ def solve_accelerations(p: TreeParameters, t: float, q: Array, v: Array, a: Arra
     Q, L = p.Q, p.L
     for i in range(v.size):
         a[i] = Q[i]
-    _factor(p.M, 0, L)
-    _solve(L, 0, a)
+    factor(p.M, 0, v.size, L)
+    solve(L, 0, v.size, a)
 
 
 @kernel
 def _hold(p: TreeParameters, t: float, q: Array, v: Array, a: Array, frozen: FrozenTree) -> None:
     M, Q, K, C, scalar_position, constant = p.M, p.Q, p.K, p.C, p.scalar_position, frozen.constant
     n, n_slow = v.size, frozen.n_slow
-    _factor(M, n_slow, p.L)
+    factor(M, n_slow, n, frozen.L)
     frozen.single[0] = 0.0 if p.gripped else 1.0
     for i in range(n_slow, n):
         constant[i] = Q[i]
@@ -80,10 +78,9 @@ def _hold(p: TreeParameters, t: float, q: Array, v: Array, a: Array, frozen: Fro
 
 
 @kernel
-def _fast_march(
-    p: TreeParameters, frozen: FrozenTree, first: int, h: float, count: int, q: Array, v: Array, a: Array
-) -> None:
-    constant, v_now, K, C, L = frozen.constant, frozen.v_now, p.K, p.C, p.L
+def fast_march(frozen: FrozenTree, h: float, count: int, q: Array, v: Array, a: Array) -> None:
+    """Take ``count`` leapfrog steps h with the fast coordinates' frozen equation."""
+    constant, v_now, K, C, L = frozen.constant, frozen.v_now, frozen.K, frozen.C, frozen.L
     n, offset, n_slow = v.size, q.size - v.size, frozen.n_slow
     for _ in range(count):
         if frozen.single[0] != 0.0:  # each fast coordinate by itself
@@ -100,7 +97,7 @@ def _fast_march(
             for j in range(n_slow, n):
                 total -= K[i, j] * q[j + offset] + C[i, j] * v_now[j]
             a[i] = total
-        _solve(L, n_slow, a)
+        solve(L, n_slow, n, a)
         for i in range(n_slow, n):
             v[i] += h * a[i]
             q[i + offset] += h * v[i]
@@ -174,7 +171,7 @@ def _freeze(p: TreeParameters, t: float, q: Array, v: Array, a: Array, frozen: F
 def _fast_steps(
     p: TreeParameters, frozen: FrozenTree, first: int, h: float, count: int, q: Array, v: Array, a: Array
 ) -> None:
-    _fast_march(p, frozen, first, h, count, q, v, a)
+    fast_march(frozen, h, count, q, v, a)
 
 
 @meaning(advance, TreeParameters)

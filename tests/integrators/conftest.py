@@ -12,12 +12,13 @@ from pipeline.checks import Array
 from pipeline.dynamics.planar import PlanarRotor, TorquePulse
 from pipeline.integrators.central_difference import CentralDifference
 from pipeline.integrators.protocol import evaluate
+from pipeline.integrators.reversible import ReversibleSubcycling
 from pipeline.integrators.subcycling import Subcycling
 from pipeline.recovery.motion import Motion
 from pipeline.reduction.body import FlexibleBody, MarkerShapes
 from pipeline.reduction.gram import inertia_gram
 
-Method = Callable[[float], CentralDifference | Subcycling]
+Method = Callable[[float], CentralDifference | Subcycling | ReversibleSubcycling]
 Spin = tuple[Array, Array]
 
 
@@ -136,7 +137,15 @@ def _sub_cycled(m: int) -> Method:
     return lambda step: Subcycling(step, m)
 
 
-METHODS: dict[str, Method] = {"plain": CentralDifference, **{f"{m}:1": _sub_cycled(m) for m in (1, 2, 5, 10)}}
+def _reversible(m: int) -> Method:
+    return lambda step: ReversibleSubcycling(step, m)
+
+
+METHODS: dict[str, Method] = {
+    "plain": CentralDifference,
+    **{f"{m}:1": _sub_cycled(m) for m in (1, 2, 5, 10)},
+    **{f"reversible {m}:1": _reversible(m) for m in (2, 5)},
+}
 
 
 @pytest.fixture(scope="session", params=METHODS.values(), ids=METHODS.keys())

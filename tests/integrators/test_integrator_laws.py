@@ -12,15 +12,24 @@ from pipeline import Pipeline, load_scene
 from pipeline.checks import AccuracyError, Array, InputError, StabilityError
 from pipeline.dynamics.compiled import meaning
 from pipeline.dynamics.planar import PlanarRotor, TorquePulse
-from pipeline.dynamics.system import accelerations, advance, fast_steps, freeze
+from pipeline.dynamics.system import (
+    accelerations,
+    advance,
+    fast_steps,
+    freeze,
+    hold_middle,
+    reacting_steps,
+    slow_response,
+)
 from pipeline.integrators.central_difference import CentralDifference
 from pipeline.integrators.protocol import State, evaluate
+from pipeline.integrators.reversible import ReversibleSubcycling
 from pipeline.integrators.subcycling import Subcycling
 from pipeline.reduction.body import FlexibleBody
 from pipeline.reduction.gram import inertia_gram
 
 Body = Callable[..., FlexibleBody]
-Method = Callable[[float], CentralDifference | Subcycling]
+Method = Callable[[float], CentralDifference | Subcycling | ReversibleSubcycling]
 Reference = Callable[..., tuple[Array, Array]]
 Order = Callable[[Array, Array], float]
 
@@ -28,7 +37,11 @@ PULSE = TorquePulse(0.32, 1.6, 20.0)  # begins and ends with a step of each meth
 NO_TORQUE = TorquePulse(0.0, 1.0, 0.0)
 BODIES = ("uncoupled", "conforming", "coupled")
 KINDS = pytest.mark.parametrize("kind", BODIES)
-BOTH = pytest.mark.parametrize("method", [CentralDifference, lambda step: Subcycling(step, 5)], ids=["plain", "5:1"])
+EACH = pytest.mark.parametrize(
+    "method",
+    [CentralDifference, lambda step: Subcycling(step, 5), lambda step: ReversibleSubcycling(step, 5)],
+    ids=["plain", "5:1", "reversible 5:1"],
+)
 SUB_CYCLED = pytest.mark.parametrize("m", [2, 5, 10])
 
 
@@ -327,7 +340,8 @@ def test_just_above_the_largest_step_the_march_diverges_and_says_when_and_where(
     # The amplitude grows by (ωh/2 + √((ωh/2)² − 1))² = 1.49 a step, so that 10³⁰ is passed within some 200 steps; the
     # highest mode, the last coordinate, is the one that is unstable.
     assert 0 < float(found[1]) < 400 * step
-    assert int(found[2]) == rotor.n - 1
+    # The angle follows with the square of it, before sub-cycling that solves for it last has looked.
+    assert int(found[2]) in ((0, rotor.n - 1) if method(1.0).name.startswith("reversible") else (rotor.n - 1,))
 
 
 def test_in_the_free_frame_central_difference_has_the_coupled_limit(free_rotor: PlanarRotor) -> None:
@@ -363,7 +377,7 @@ def test_a_scene_with_a_step_above_the_limit_is_refused_before_it_starts(
 # What is refused -------------------------------------------------------------------------------------------------
 
 
-@BOTH
+@EACH
 @pytest.mark.parametrize("bad", [np.nan, np.inf])
 @pytest.mark.parametrize("coordinate", range(4))
 @pytest.mark.parametrize("which", ["q0", "v0"])
@@ -378,7 +392,7 @@ def test_what_is_not_finite_never_leaves_silently(
         method(0.01).march(rotor, **start, times=np.array([0.0, 1.0]))
 
 
-@BOTH
+@EACH
 @pytest.mark.parametrize("name", ["q0", "v0"])
 def test_a_start_of_the_wrong_length_is_refused(body: Body, method: Method, name: str) -> None:
     rotor = PlanarRotor(body(3, seed=8), PULSE)
@@ -387,7 +401,7 @@ def test_a_start_of_the_wrong_length_is_refused(body: Body, method: Method, name
         method(0.01).march(rotor, **start, times=np.array([0.0, 1.0]))
 
 
-@BOTH
+@EACH
 @pytest.mark.parametrize(
     "times",
     [[], [0.5, 0.2, 0.7], [-0.1, 0.5], [0.0, np.nan, 0.5], [0.0, np.nan], [0.0, np.inf]],
@@ -399,7 +413,7 @@ def test_output_times_that_no_march_can_keep_are_refused(body: Body, method: Met
         method(0.01).march(rotor, np.zeros(4), np.zeros(4), np.array(times))
 
 
-@BOTH
+@EACH
 @pytest.mark.parametrize("step", [0.0, -0.01, np.nan, np.inf])
 def test_a_step_that_leads_nowhere_is_refused(body: Body, method: Method, step: float) -> None:
     rotor = PlanarRotor(body(3, seed=8), PULSE)
@@ -407,7 +421,7 @@ def test_a_step_that_leads_nowhere_is_refused(body: Body, method: Method, step: 
         method(step).march(rotor, np.zeros(4), np.zeros(4), np.array([0.0, 1.0]))
 
 
-@BOTH
+@EACH
 def test_times_before_a_resumed_march_are_left_without_a_number(body: Body, method: Method) -> None:
     rotor = PlanarRotor(body(3, seed=8), PULSE)
     first = method(0.01).march(rotor, np.zeros(4), np.zeros(4), np.array([1.0]))
@@ -460,6 +474,22 @@ def _advance(p: Counted, q: Array, v: Array, h: float, first: int, last: int) ->
         q[i] += h * v[i]
 
 
+@meaning(hold_middle, Counted)
+def _hold_middle(p: Counted, t: float, q: Array, v: Array, D: Array, middle: Array) -> None:
+    p.calls[0] += 1
+    middle[0], D[1, 0] = q[0], 0.0
+
+
+@meaning(reacting_steps, Counted)
+def _reacting_steps(p: Counted, middle: Array, first: int, h: float, count: int, q: Array, v: Array, a: Array) -> None:
+    fast_steps(p, middle, first, h, count, q, v, a)
+
+
+@meaning(slow_response, Counted)
+def _slow_response(p: Counted, middle: Array, first: int, h: float, count: int, q: Array, v: Array, a: Array) -> None:
+    a[0] = -p.stiffness[0] * middle[0]
+
+
 @dataclass(frozen=True)
 class Oscillators:
     parameters: Counted
@@ -474,6 +504,8 @@ class Oscillators:
 
     def frozen(self) -> Array:
         return np.zeros(1)
+
+    middle = frozen
 
 
 @pytest.fixture

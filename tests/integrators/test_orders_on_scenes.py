@@ -14,6 +14,7 @@ from pipeline.integrators.adaptive import groups_of
 from pipeline.integrators.central_difference import CentralDifference
 from pipeline.integrators.exponential import Exponential
 from pipeline.integrators.generalized_alpha import GeneralizedAlpha
+from pipeline.integrators.reversible import ReversibleSubcycling
 from pipeline.integrators.runge_kutta import RungeKutta
 from pipeline.integrators.subcycling import Subcycling
 
@@ -33,6 +34,7 @@ SCENES = {"rod-slider": (2.0, 4e-3), "beam": (0.05, 2e-5), "arm": (0.05, 1e-4), 
 METHODS: dict[str, Callable[[float], Any]] = {
     "central-difference": CentralDifference,
     "sub-cycling 5:1": lambda step: Subcycling(step, 5),
+    "reversible-sub-cycling 5:1": lambda step: ReversibleSubcycling(step, 5),
     "generalized-alpha": GeneralizedAlpha,
     "exponential": Exponential,
 }

@@ -1,0 +1,275 @@
+"""Reversible sub-cycling: order, the linear map against its formula, conservation where sub-cycling fails, limits."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from dataclasses import replace
+from typing import Any
+
+import numpy as np
+import pytest
+
+from pipeline import Pipeline, load_scene
+from pipeline.checks import Array, InputError, StabilityError
+from pipeline.dynamics.link import REVOLUTE, Link, rigid_gram
+from pipeline.dynamics.planar import PlanarRotor, TorquePulse
+from pipeline.dynamics.signal import constant
+from pipeline.dynamics.tree import Tree
+from pipeline.integrators.central_difference import CentralDifference
+from pipeline.integrators.reversible import ReversibleSubcycling
+from pipeline.integrators.runge_kutta import RungeKutta
+from pipeline.integrators.subcycling import Subcycling
+from pipeline.methods import plans_of
+from pipeline.reduction.body import FlexibleBody
+
+Body = Callable[..., FlexibleBody]
+Order = Callable[[Array, Array], float]
+RATIOS = pytest.mark.parametrize("m", [2, 5, 10])
+
+
+def errors_of(system: Any, start: tuple[Array, Array], times: Array, steps: Array, m: int) -> Array:
+    exact = RungeKutta(1e-13).march(system, *start, times).q
+    marches = [ReversibleSubcycling(step, m).march(system, *start, times) for step in steps]
+    return np.array([np.abs(march.q - exact).max() for march in marches])
+
+
+def drift(system: Any, march: Any) -> float:
+    """Largest change of the energy [J]."""
+    kinetic, potential = system.energies(march.q, march.v)
+    return float(np.abs(kinetic + potential - kinetic[0] - potential[0]).max())
+
+
+# Order -----------------------------------------------------------------------------------------------------------
+
+# Scene, overrides, duration and coarsest step.
+SCENES: dict[str, tuple[str, list[str], float, float]] = {
+    "beam": ("beam", [], 0.05, 1e-5),
+    "free frame": ("beam", ["simulation.frame=free"], 0.05, 1e-5),
+    "rod-slider": ("rod-slider", [], 2.0, 5e-4),
+    "arm": ("arm", [], 0.05, 2e-5),
+    "arm, modes among the slow": ("arm", ["split=200 Hz"], 0.05, 2e-5),
+    "arm, joints among the fast": ("arm", ["split=10 Hz"], 0.05, 2e-5),
+}
+
+
+@pytest.mark.parametrize("m", [5, 10])
+@pytest.mark.parametrize("scene", SCENES)
+def test_it_is_of_second_order_whatever_couples(order_of: Order, scene: str, m: int) -> None:
+    name, overrides, duration, step = SCENES[scene]
+    split = [text.split("=")[1] for text in overrides if text.startswith("split")]
+    run = f'{{ integrator = "reversible-sub-cycling", substeps = {m}, split = "{split[0] if split else "joints"}" }}'
+    others = [text for text in overrides if not text.startswith("split")]
+    ((_, plan),) = plans_of(Pipeline(load_scene(name, [f"simulation.run=[{run}]", *others]))).items()
+    steps, times = step / 2.0 ** np.arange(3), np.linspace(0.0, duration, 11)
+    assert plan.integrator.order(plan.system) == 2
+    assert order_of(steps, errors_of(plan.system, plan.start, times, steps, m)) == pytest.approx(2, abs=0.15)
+
+
+@RATIOS
+@pytest.mark.parametrize("kind", ["uncoupled", "conforming", "coupled"])
+def test_it_is_of_second_order_on_any_rotor_under_any_spin(body: Body, order_of: Order, kind: str, m: int) -> None:
+    rotor = PlanarRotor(body(4, seed=1, kind=kind), TorquePulse(0.32, 1.6, 20.0))
+    rng, times, steps = np.random.default_rng(0), np.linspace(0.0, 4.0, 41), 0.001 / 2.0 ** np.arange(3)
+    start = np.r_[0.3, 0.1 * rng.normal(size=4)], np.r_[0.5, 0.3 * rng.normal(size=4)]
+    assert order_of(steps, errors_of(rotor, start, times, steps, m)) == pytest.approx(2, abs=0.15)
+
+
+# The linear map --------------------------------------------------------------------------------------------------
+
+
+def map_by_formula(M: Array, K: Array, n_slow: int, h: float, m: int) -> Array:
+    """Map of (q, v) over a major cycle of ``M a + K q = 0``, written out as matrices, without a loop over the steps.
+
+    In (y, q_S), ``q = T (y, q_S)``, the fast modes turn by ``m ϑ`` about where the held y puts them, and y takes the
+    force at the mean of the ends.
+    """
+    n, H, L, S = len(M), m * h, slice(0, n_slow), slice(n_slow, None)
+    T = np.eye(n)
+    T[L, S] = -np.linalg.solve(M[L, L], M[L, S])
+    mass, K = (T.T @ M @ T)[S, S], T.T @ K @ T
+    square, modes = np.linalg.eig(np.linalg.solve(mass, K[S, S]))
+    angle = 2 * np.arcsin(0.5 * h * np.sqrt(square.real))
+    values = np.cos(m * angle), 0.5 * h * np.sin(m * angle) / np.tan(0.5 * angle)
+    values += (-2.0 / h * np.sin(m * angle) * np.tan(0.5 * angle),)
+    cos, up, down = ((modes * some) @ np.linalg.inv(modes) for some in values)
+    drift, one = np.eye(2 * n), np.eye(n - n_slow)
+    drift[L, n : n + n_slow] = 0.5 * H * np.eye(n_slow)
+    to = -np.linalg.solve(K[S, S], K[S, L])  # where y holds q_S
+    fast = np.eye(2 * n)
+    fast[n_slow:n, :n] = np.c_[(one - cos) @ to, cos]
+    fast[n_slow:n, n + n_slow :] = up
+    fast[n + n_slow :, :n] = np.c_[-down @ to, down]
+    fast[n + n_slow :, n + n_slow :] = cos
+    ends = 0.5 * (drift + fast @ drift)[n_slow:n]
+    kick = np.eye(2 * n)[n : n + n_slow] @ drift
+    kick = kick - H * np.linalg.solve(M[L, L], K[L, L] @ drift[L] + K[L, S] @ ends)
+    out = fast @ drift
+    out[n : n + n_slow] = kick
+    out = drift @ out
+    both = np.block([[T, np.zeros((n, n))], [np.zeros((n, n)), T]])
+    return np.asarray(both @ out @ np.linalg.inv(both))
+
+
+def map_by_marching(system: Any, h: float, m: int, rest: Array, size: float) -> Array:
+    """The same of small motions about rest, by central differences: from the first cycle after a start."""
+    n, columns = system.n, []
+    method, end = ReversibleSubcycling(h, m), np.array([(m - 0.5) * h])
+    for unit in np.eye(2 * n):
+        ends = []
+        for sign in (1.0, -1.0):
+            state = method.march(system, rest + sign * size * unit[:n], sign * size * unit[n:], end).end
+            assert state.step == m
+            ends.append(np.concatenate([state.q, state.v]))
+        columns.append((ends[0] - ends[1]) / (2 * size))
+    return np.array(columns).T
+
+
+def scaled(A: Array, omega: float) -> Array:
+    """With rates over ω, so that all entries are alike."""
+    size = np.r_[np.ones(len(A) // 2), np.full(len(A) // 2, 1 / omega)]
+    return np.asarray(size[:, None] * A / size)
+
+
+@RATIOS
+def test_small_motions_of_a_coupled_rotor_take_the_linear_map(free_rotor: PlanarRotor, m: int) -> None:
+    rotor = PlanarRotor(free_rotor.body, TorquePulse(0.0, 1.0, 0.0))
+    h = 0.5 * ReversibleSubcycling(1.0, m).largest_step(rotor)
+    want = map_by_formula(rotor.reference_mass, np.diag(np.r_[0.0, rotor.body.omega**2]), 1, h, m)
+    found = map_by_marching(rotor, h, m, np.zeros(rotor.n), 1e-7)
+    omega = rotor.highest_frequency
+    assert scaled(found, omega) == pytest.approx(scaled(want, omega), abs=1e-8)
+
+
+def pendulum() -> Tree:
+    """Three rods on springy hinges that couple strongly: the last two are fast."""
+    gram = rigid_gram(1.0, np.array([0.25, 0.0, 0.0]), np.diag([1e-3, 0.02, 0.02]))
+    places = [np.zeros(3), np.array([0.5, 0.0, 0.0]), np.array([0.5, 0.0, 0.0])]
+    none = np.zeros((3, 0))
+    links = [
+        Link(f"rod {k}", gram, REVOLUTE, k - 1, place=place, axis=np.array([0.0, 0.0, 1.0]), spring=spring,
+             place_shapes=none, place_rotations=none)
+        for k, (place, spring) in enumerate(zip(places, (20.0, 300.0, 500.0), strict=True))
+    ]  # fmt: skip
+    return Tree(links, ["rod 1", "rod 2"])
+
+
+@RATIOS
+def test_small_motions_of_a_coupled_chain_take_the_linear_map(m: int) -> None:
+    tree = pendulum()
+    M, K = tree.mass_matrix(tree.rest_positions), tree.linear_stiffness
+    assert tree.n_slow == 1
+    h = 0.5 * ReversibleSubcycling(1.0, m).largest_step(tree)
+    want = map_by_formula(M, K, 1, h, m)
+    assert np.abs(np.linalg.eigvals(want)).max() == pytest.approx(1, abs=1e-9)
+    found = map_by_marching(tree, h, m, tree.rest_positions, 1e-5)
+    assert scaled(found, tree.highest_frequency) == pytest.approx(scaled(want, tree.highest_frequency), abs=1e-6)
+
+
+@RATIOS
+def test_the_largest_step_is_where_the_linear_map_begins_to_grow(m: int) -> None:
+    tree = pendulum()
+    M, K = tree.mass_matrix(tree.rest_positions), tree.linear_stiffness
+    limit = ReversibleSubcycling(1.0, m).largest_step(tree)
+    assert limit < 2 / tree.highest_slow_frequency / m or limit == pytest.approx(2 / tree.highest_reacting_frequency)
+    with np.errstate(invalid="ignore"):
+        below = map_by_formula(M, K, 1, 0.999 * limit, m)
+        assert np.abs(np.linalg.eigvals(below)).max() == pytest.approx(1, abs=1e-7)
+    small = np.r_[1e-6, -1e-6, 1e-6]
+    times = np.linspace(0.0, 3000 * m * limit, 301)
+    march = ReversibleSubcycling(0.98 * limit, m).march(tree, small, np.zeros(3), times)
+    assert np.abs(march.q).max() < 1e-3
+    with pytest.raises(StabilityError, match="diverged"):
+        ReversibleSubcycling(1.05 * limit, m).march(tree, small, np.zeros(3), times)
+
+
+# Conservation ----------------------------------------------------------------------------------------------------
+
+
+@pytest.mark.parametrize("m", [5, 10])
+def test_the_free_frames_beam_keeps_its_energy(free_rotor: PlanarRotor, m: int) -> None:
+    # Sub-cycling at 10:1 takes it from 1.3 J to 220 J within the same time.
+    coast, rest = np.linspace(0.11, 0.5, 391), np.zeros(free_rotor.n)
+    march = ReversibleSubcycling(1e-5, m).march(free_rotor, rest, rest, coast)
+    assert drift(free_rotor, march) < 1e-7
+    assert drift(free_rotor, Subcycling(1e-5, 10).march(free_rotor, rest, rest, coast)) > 100
+
+
+@pytest.fixture(scope="module")
+def swung() -> tuple[Tree, tuple[Array, Array]]:
+    """The arm without its drive and its dampers, let go at 3 rad/s."""
+    run = Pipeline(load_scene("arm"))
+    assert not run.is_rotor
+    tree, (q0, v0) = run.chain.tree, run.start
+    links = [replace(link, damper=0.0, damping=0.0 * link.damping, load=constant(0.0)) for link in tree.links]
+    return replace(tree, links=links), (q0, np.r_[3.0, v0[1:]])
+
+
+def test_the_arm_keeps_its_energy_where_sub_cycling_diverges(swung: tuple[Tree, tuple[Array, Array]]) -> None:
+    tree, start = swung
+    times = np.linspace(0.0, 2.0, 401)
+    with pytest.raises(StabilityError, match="diverged"):
+        Subcycling(2e-5, 5).march(tree, *start, times)
+    march = ReversibleSubcycling(2e-5, 5).march(tree, *start, times)
+    kinetic, _ = tree.energies(march.q, march.v)
+    assert np.ptp(kinetic) > 5.0
+    assert drift(tree, march) < 1e-6
+
+
+def test_the_arms_energy_is_kept_better_by_the_square_of_the_step(
+    swung: tuple[Tree, tuple[Array, Array]], order_of: Order
+) -> None:
+    tree, start = swung
+    steps, times = 4e-5 / 2.0 ** np.arange(3), np.linspace(0.0, 0.5, 101)
+    drifts = [drift(tree, ReversibleSubcycling(step, 5).march(tree, *start, times)) for step in steps]
+    assert order_of(steps, np.array(drifts)) > 1.8
+
+
+def test_a_hub_that_nothing_drives_keeps_its_momentum_within_a_cycle(body: Body) -> None:
+    # M_LL v_L + M_LS v_S is that of each cycle's M̂, which deflections of 10⁻⁹ change by as much: no more may show.
+    rotor = PlanarRotor(body(4, seed=3, kind="coupled"), TorquePulse(0.0, 1.0, 0.0))
+    rng = np.random.default_rng(1)
+    q0, v0 = np.r_[0.0, 1e-9 * rng.normal(size=4)], np.r_[0.0, 1e-9 * rng.normal(size=4)]
+    J, H = rotor.reference_mass[0, 0], rotor.reference_mass[0, 1:]
+    march = ReversibleSubcycling(0.01, 10).march(rotor, q0, v0, 0.01 * np.arange(0, 1001, 10))
+    momentum = J * march.v[:, 0] + march.v[:, 1:] @ H
+    assert momentum == pytest.approx(np.full(101, momentum[0]), rel=1e-6)
+
+
+# Scenes ----------------------------------------------------------------------------------------------------------
+
+
+def planned(scene: str, settings: str) -> Any:
+    run = f'simulation.run=[{{ integrator = "reversible-sub-cycling", {settings} }}]'
+    return plans_of(Pipeline(load_scene(scene, [run])))
+
+
+def test_one_to_one_is_central_difference() -> None:
+    ((label, plan),) = planned("arm", "substeps = 1").items()
+    assert label == "reversible-sub-cycling 1:1"
+    assert plan.integrator == CentralDifference(2e-5)
+
+
+def test_a_ratio_beyond_the_slow_coordinates_limit_is_refused() -> None:
+    # Mode 1 of the forearm among the slow ones: 120 Hz.
+    with pytest.raises(InputError, match="reversible-sub-cycling would diverge"):
+        planned("arm", 'substeps = 400, split = "200 Hz"')
+    assert planned("arm", 'substeps = 20, split = "200 Hz"')
+
+
+def test_a_fast_step_beyond_the_coupled_limit_is_refused() -> None:
+    ((_, plan),) = planned("arm", "substeps = 5").items()
+    limit = plan.integrator.largest_step(plan.system)
+    assert limit < 0.95 * Subcycling(1.0, 5).largest_step(plan.system)
+    with pytest.raises(InputError, match="reversible-sub-cycling would diverge"):
+        planned("arm", f"substeps = 5, step = '{1.001e6 * limit} us'")
+
+
+def test_the_split_is_not_chosen() -> None:
+    with pytest.raises(InputError, match="split"):
+        planned("arm", 'substeps = 5, split = "auto"')
+
+
+@pytest.mark.parametrize("substeps", [0, -5])
+def test_it_needs_a_substep(substeps: int) -> None:
+    with pytest.raises(ValueError, match=f"substeps is {substeps}, expected at least 1"):
+        ReversibleSubcycling(1e-5, substeps)
