@@ -51,13 +51,14 @@ def plans_of(pipeline: Pipeline) -> dict[str, Plan]:
     """
     simulation = pipeline.scene.simulation
     plans: dict[str, Plan] = {}
+    given = _longest_step(pipeline) if simulation.step == "auto" else simulation.step
     for k, run in enumerate(simulation.run):
         key = f"simulation.run.{k}.step" if run.step else "simulation.step"
         if run.integrator in ("sub-cycling", "reversible-sub-cycling"):
-            plan = _sub_cycled(pipeline, run, key)
+            plan = _sub_cycled(pipeline, run, key, given)
         else:
             chain = None if pipeline.is_rotor else pipeline.chain
-            plan = Plan(key, _method(run, simulation), pipeline.mechanism, pipeline.start, chain)
+            plan = Plan(key, _method(run, simulation, given), pipeline.mechanism, pipeline.start, chain)
         limit = plan.integrator.largest_step(plan.system)
         if not plan.integrator.step < limit:
             raise InputError(
@@ -74,9 +75,9 @@ def plans_of(pipeline: Pipeline) -> dict[str, Plan]:
     return plans
 
 
-def _method(run: Run, simulation: Simulation) -> Integrator:
+def _method(run: Run, simulation: Simulation, given: float | None) -> Integrator:
     """Only what is used is loaded: each method brings kernels of its own."""
-    step = run.step or simulation.step or 0.0
+    step = run.step or given or 0.0
     match run.integrator:
         case "central-difference":
             from pipeline.integrators.central_difference import CentralDifference
@@ -125,10 +126,22 @@ def _two_rates(run: SubCycling | ReversibleSubCycling, step: float, substeps: in
     return ReversibleSubcycling(step, substeps)
 
 
-def _sub_cycled(pipeline: Pipeline, run: SubCycling | ReversibleSubCycling, key: str) -> Plan:
+def _longest_step(pipeline: Pipeline) -> float:
+    """Step of plain central difference for the scene's wanted error, about the reference state."""
+    from pipeline.studies.splitting import longest_step
+
+    if pipeline.is_rotor:
+        M, K = pipeline.rotor.reference_mass, np.diag(np.r_[0.0, pipeline.body.omega**2])
+    else:
+        tree = pipeline.chain.tree
+        M, K = tree.mass_matrix(tree.rest_positions), tree.linear_stiffness
+    return longest_step(M, K, pipeline.scene.simulation.error, pipeline.scene.simulation.duration)
+
+
+def _sub_cycled(pipeline: Pipeline, run: SubCycling | ReversibleSubCycling, key: str, given: float | None) -> Plan:
     """Split the coordinates as the run says; each split has a mechanism with its own order of coordinates."""
     simulation = pipeline.scene.simulation
-    step = run.step or simulation.step or 0.0
+    step = run.step or given or 0.0
     if run.split == "joints":
         assert run.substeps != "auto"  # the scene's own check
         chain = None if pipeline.is_rotor else pipeline.chain

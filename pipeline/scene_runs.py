@@ -143,8 +143,8 @@ class Simulation(Table):
     ----------
     duration, output_step : float
         How long it lasts, and the time between two results [s].
-    step : float, optional
-        Time step of the methods that don't choose it [s].
+    step : float or str, optional
+        Time step of the methods that don't choose it [s]; ``"auto"`` for the longest with the wanted error.
     error : float
         Wanted error, relative to the largest value of each kind of coordinate; for what is chosen automatically.
     tip : str
@@ -165,7 +165,7 @@ class Simulation(Table):
 
     duration: PositiveTime
     output_step: PositiveTime
-    step: PositiveTime | None = None
+    step: Literal["auto"] | PositiveTime | None = None
     error: Annotated[Number, Field(ge=1e-10, le=0.1)] = 1e-3
     tip: Place
     gravity: tuple[Acceleration, Acceleration, Acceleration] = (0.0, 0.0, 0.0)
@@ -177,10 +177,10 @@ class Simulation(Table):
 
     @model_validator(mode="after")
     def _steps_fit(self) -> Simulation:
-        steps: dict[KeyPath, float | None] = {("step",): self.step, ("output_step",): self.output_step}
+        steps: dict[KeyPath, float | str | None] = {("step",): self.step, ("output_step",): self.output_step}
         steps |= {("run", number, "step"): run.step for number, run in enumerate(self.run)}
         for path, step in steps.items():
-            if step is not None and step > self.duration:
+            if isinstance(step, float) and step > self.duration:
                 raise FaultError(f"must not be longer than the duration, {self.duration:g} s", *path)
         if self.step is None:
             for run in self.run:

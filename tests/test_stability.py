@@ -119,3 +119,19 @@ def test_what_the_matrix_predicts_is_what_marches_do() -> None:
     assert not [row for row in rows if row.wrong]
     # short marches leave few cases undecided
     assert sum(row.predicted == "either" for row in rows) < 0.1 * len(rows)
+
+
+def test_a_step_can_be_chosen_for_the_wanted_error() -> None:
+    """`step = "auto"`: the error that was asked for is met, and a tighter one takes a shorter step."""
+    times = np.linspace(0.0, 0.1, 11)
+    exact = Pipeline(load_scene("beam")).motion.q[::20][:11]  # at 10 us, where the error is 1e-6 of the deflection
+    steps = []
+    for error in (1e-2, 1e-3):
+        run = Pipeline(
+            load_scene("beam", ["simulation.step=auto", f"simulation.error={error}", "simulation.duration=0.1 s"])
+        )
+        trajectory = run.motion.trajectory
+        steps.append(trajectory.step)
+        found = run.motion.q[np.searchsorted(run.motion.times, times - 1e-9)]
+        assert np.abs(found - exact).max() < error * np.abs(exact).max()
+    assert steps[1] < 0.5 * steps[0]

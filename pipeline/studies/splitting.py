@@ -21,6 +21,7 @@ from pipeline.studies.amplification import growth
 
 _MOST_SUBSTEPS = 50
 _STABLE = 0.8  # of the stability limit 2/ω
+_AT_REST = 1e-6  # of the highest frequency: nothing holds what is below
 _STEPS_OVER_MOTION = 200  # slow steps over the duration, at least
 
 
@@ -97,11 +98,19 @@ def choose_split(tree: Tree, error: float, duration: float, spin: float, step: f
     return best
 
 
+def longest_step(M: Array, K: Array, error: float, duration: float) -> float:
+    """Longest step [s] of plain central difference whose phase errors over a duration [s] stay below an error."""
+    omega = frequencies(M, K)
+    moving = omega[omega > _AT_REST * omega[-1]]
+    lowest = float(moving[0]) if moving.size else 1e-150
+    return float(largest_steps(omega, lowest, error, duration).min(initial=duration / _STEPS_OVER_MOTION))
+
+
 def recommended_step(M: Array, K: Array, n_slow: int, error: float, duration: float) -> tuple[float, int]:
     """Longest fast step [s] and largest ratio whose phase errors and growth over a duration [s] stay below an error."""
     fast, slow = (frequencies(M[part, part], K[part, part]) for part in (slice(n_slow, None), slice(0, n_slow)))
     both = frequencies(M, K)
-    moving = both[both > 1e-6 * both[-1]]
+    moving = both[both > _AT_REST * both[-1]]
     lowest = float(moving[0]) if moving.size else 1e-150
 
     def longest(omega: Array) -> float:
@@ -111,7 +120,7 @@ def recommended_step(M: Array, K: Array, n_slow: int, error: float, duration: fl
     for substeps in range(min(max(1, int(longest(slow) / step)), _MOST_SUBSTEPS), 1, -1):
         if _stays(growth(M, K, n_slow, step, substeps), substeps * step, error, duration):
             return step, substeps
-    return min(step, longest(both)), 1
+    return min(step, longest_step(M, K, error, duration)), 1
 
 
 def frequencies(M: Array, K: Array) -> Array:
