@@ -158,7 +158,9 @@ class FlexiblePart:
     @cached_property
     def element_stress(self) -> Array:
         """Stress of each modal coordinate in the middle of each named element, shape (n_elements, 6, n) [Pa]."""
-        return self._keeper.kept("stress", f"{self._body_key}-{self.elements}", self._make_element_stress)
+        inputs = {"body": self._body_key, "elements": self.elements}
+        key = stage_key("element-stress", inputs, ("pipeline/recovery/stress.py",))
+        return self._keeper.kept("stress", key, self._make_element_stress)
 
     @cached_property
     def surface_elements(self) -> IntArray:
@@ -185,12 +187,14 @@ class FlexiblePart:
 
     @property
     def _mesh_key(self) -> str:
-        part = self.shape.model_dump(mode="json", exclude={"E", "nu", "rho", "modes", "marker"})
+        part = self.shape.model_dump(mode="json", exclude={"E", "nu", "rho", "modes", "marker", "element"})
         return stage_key("mesh", part, ("meshes", "pipeline/fem/mesh.py"), ("gmsh",))
 
     @property
     def _modes_key(self) -> str:
-        part = self.shape.model_dump(mode="json", exclude={"marker": True, "modes": {"damping", "enrich"}})
+        part = self.shape.model_dump(
+            mode="json", exclude={"marker": True, "element": True, "modes": {"damping", "enrich"}}
+        )
         markers = self.shape.marker
         inputs = {
             "part": part,

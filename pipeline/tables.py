@@ -40,7 +40,8 @@ def _print_body(console: Console, summary: dict[str, Any]) -> None:
         ):
             console.print(
                 f"note: rotation and modes of {name} couple through the mass matrix ({body['coupling']:.2f}), so "
-                'sub-cycling is weakly unstable at every step; simulation.frame = "joint-conforming" removes that'
+                'sub-cycling is weakly unstable at every step; simulation.frame = "joint-conforming" removes that, and '
+                "reversible-sub-cycling stays stable"
             )
         if body["stiffened"]:
             critical = body["critical_spin_rad_s"]

@@ -196,3 +196,13 @@ def test_components_and_principal_stresses_are_those_of_the_tensor() -> None:
     full = np.array([[xx, xy, xz], [xy, yy, yz], [xz, yz, zz]])
     principal = [run.element_stress("propeller.joint", f"principal {k}")["central-difference"][-1] for k in (3, 2, 1)]
     assert principal == pytest.approx(np.linalg.eigvalsh(full))
+
+
+def test_a_named_element_changes_nothing_but_its_stress() -> None:
+    """Mesh, modes and body are kept under keys that don't know of it."""
+    one, other = (
+        coarse("propeller", f"body.propeller.element.joint.at=['{x} mm','0 mm','0 mm']").part for x in (90, 95)
+    )
+    assert one._mesh_key == other._mesh_key
+    assert one._body_key == other._body_key
+    assert one.elements != other.elements

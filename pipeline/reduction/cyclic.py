@@ -3,8 +3,8 @@
 A body that a turn by 2π/N carries into itself has modes of harmonic index h: from one sector to the next a field turns
 with the body and gains the phase ``μ = 2π h/N`` (Thomas, Int J Num Meth Eng 14, 1979). With z the complex field of the
 first sector, ``z_high = e^{iμ} R z_low`` on its two cuts; each 0 < h < N/2 has its modes in pairs, Re and Im of the
-same z. One real factorisation of the sector with free cuts serves all harmonics: the phase conditions are columns B
-that hold it.
+same z. One real factorisation of the sector's inside serves all harmonics: it is condensed to its cuts, and only their few
+unknowns know of the phase.
 """
 
 from __future__ import annotations
@@ -139,7 +139,7 @@ class CyclicSolver(FreeBodySolver):
 
     def modes(self, count: int, held: Array | None = None) -> EigenPairs:
         """Return the ``count`` lowest elastic modes as `FreeBodySolver.modes` does; those of a held body as a whole."""
-        n, n_sectors = len(self._sector.fe.K.indptr) - 1, self._sector.count
+        n, n_sectors = self._sector.fe.K.shape[0], self._sector.count
         if held is not None or 4 * (count + 6) > n:
             return super().modes(count, held)
         found: list[tuple[float, int, Array]] = []

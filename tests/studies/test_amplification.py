@@ -1,12 +1,14 @@
 """The amplification matrix: by formula, by the integrators that run scenes, and by what marches really do."""
 
+import re
+
 import numpy as np
 import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 from scipy.linalg import expm
 
-from pipeline.checks import Array
+from pipeline.checks import Array, StabilityError
 from pipeline.dynamics.linear import LinearSystem
 from pipeline.integrators.central_difference import CentralDifference
 from pipeline.integrators.exponential import Exponential
@@ -85,6 +87,24 @@ def test_amplitudes_grow_as_the_radius_says(m: int) -> None:
     grown = abs(left @ np.concatenate([end.q, end.v, end.a])) / abs(left @ state)
     assert grown == pytest.approx(abs(values[k]) ** cycles, rel=0.01)
     assert abs(values[k]) > 1 + 1e-6
+
+
+@settings(max_examples=60, deadline=None)
+@given(n=st.integers(2, 6), m=st.integers(1, 8), seed=st.integers(0, 10**6), share=st.floats(0.05, 3.0))
+def test_no_march_ends_in_what_is_no_number(n: int, m: int, seed: int, share: float) -> None:
+    """Random systems at random steps, stable or not: numbers, or an error that tells when and where."""
+    system = random_system(n, 1, seed, with_rates=False)
+    method = Subcycling(share / system.highest_frequency, m)
+    times = np.linspace(0.0, 3000 * method.step, 7)
+    try:
+        found = method.march(system, np.ones(n), np.zeros(n), times)
+    except StabilityError as error:
+        assert re.search(r"diverged at t = [0-9.e+-]+ s, most in coordinate [0-9]+", str(error))
+    else:
+        assert np.isfinite(found.q).all()
+        assert np.isfinite(found.v).all()
+        again = method.march(system, np.ones(n), np.zeros(n), times[[0, -1]])
+        assert np.array_equal(found.q[-1], again.q[-1])  # whatever else was asked for on the way
 
 
 @pytest.mark.parametrize("rho", [0.5, 0.8, 1.0])
