@@ -3,8 +3,8 @@
 A body that a turn by 2π/N carries into itself has modes of harmonic index h: from one sector to the next a field turns
 with the body and gains the phase ``μ = 2π h/N`` (Thomas, Int J Num Meth Eng 14, 1979). With z the complex field of the
 first sector, ``z_high = e^{iμ} R z_low`` on its two cuts; each 0 < h < N/2 has its modes in pairs, Re and Im of the
-same z. One real factorisation of the sector's inside serves all harmonics: it is condensed to its cuts, and only their few
-unknowns know of the phase.
+same z. One real factorisation of the sector's inside serves all harmonics: it is condensed to its cuts, and only
+their few unknowns know of the phase.
 """
 
 from __future__ import annotations
