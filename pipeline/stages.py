@@ -237,9 +237,8 @@ class Pipeline:
             with self.keeper.monitor(label) as advance:
                 trajectories[label] = plan.march(times, advance)
         spent = sum(trajectory.seconds for trajectory in trajectories.values())
-        for _ in range(
-            min(_REPEATS, int(_SHORT_SECONDS / max(spent, 1e-9)))
-        ):  # side by side: ratios of run times mean something
+        repeats = min(_REPEATS, int(_SHORT_SECONDS / max(spent, 1e-9)))
+        for _ in range(repeats):  # side by side, so that the ratios of run times mean something
             for label, plan in plans.items():
                 again = plan.march(times)
                 if again.seconds < trajectories[label].seconds:

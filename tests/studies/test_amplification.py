@@ -1,7 +1,5 @@
 """The amplification matrix: by formula, by the integrators that run scenes, and by what marches really do."""
 
-import re
-
 import numpy as np
 import pytest
 from hypothesis import given, settings
@@ -98,13 +96,14 @@ def test_no_march_ends_in_what_is_no_number(n: int, m: int, seed: int, share: fl
     times = np.linspace(0.0, 3000 * method.step, 7)
     try:
         found = method.march(system, np.ones(n), np.zeros(n), times)
-    except StabilityError as error:
-        assert re.search(r"diverged at t = [0-9.e+-]+ s, most in coordinate [0-9]+", str(error))
-    else:
-        assert np.isfinite(found.q).all()
-        assert np.isfinite(found.v).all()
-        again = method.march(system, np.ones(n), np.zeros(n), times[[0, -1]])
-        assert np.array_equal(found.q[-1], again.q[-1])  # whatever else was asked for on the way
+    except StabilityError:
+        with pytest.raises(StabilityError, match=r"diverged at t = [0-9.e+-]+ s, most in coordinate [0-9]+"):
+            method.march(system, np.ones(n), np.zeros(n), times)
+        return
+    assert np.isfinite(found.q).all()
+    assert np.isfinite(found.v).all()
+    again = method.march(system, np.ones(n), np.zeros(n), times[[0, -1]])
+    assert np.array_equal(found.q[-1], again.q[-1])  # whatever else was asked for on the way
 
 
 @pytest.mark.parametrize("rho", [0.5, 0.8, 1.0])
