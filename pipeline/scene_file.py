@@ -23,6 +23,7 @@ KeyPath = tuple[str | int, ...]
 _MOST_BYTES = 1_000_000
 _MOST_SHOWN = 80
 _SET = "--set"
+_TAG = re.compile(r"(literal|function-\w+)\[|\[key\]$")
 
 
 class FaultError(ValueError):
@@ -79,10 +80,13 @@ class SceneFile:
 
     def input_error(self, error: ValidationError) -> InputError:
         """Turn the faults that pydantic found into one message, about the first of them."""
-        first, *others = error.errors(include_url=False)
+        faults = [(_without_tags(fault["loc"]), fault) for fault in error.errors(include_url=False)]
+        path = faults[0][0]
+        # A quantity that may also be a word has a fault for each: that of the quantity tells more.
+        here = [fault for place, fault in faults if place == path]
+        first = next((fault for fault in here if fault["type"] != "literal_error"), here[0])
         fault = first.get("ctx", {}).get("error")
-        path = _without_tags(first["loc"])
-        more = len(others)
+        more = len({place for place, _ in faults}) - 1
         if isinstance(fault, FaultError):
             path += fault.path
             more += fault.more
@@ -213,12 +217,14 @@ def _toml_value(text: str) -> object:
 
 
 def _without_tags(location: KeyPath) -> KeyPath:
-    """Drop what pydantic adds: the kind after a table that has kinds, and a mark for a fault in a key."""
+    """Drop what pydantic adds: the kind after a table or a value that has kinds, and a mark for a fault in a key."""
     if location[:2] == ("simulation", "run"):
         location = location[:3] + location[4:]
     elif location[:1] in (("body",), ("joint",), ("drive",), ("output",)):
         location = location[:2] + location[3:]
-    return location[:-1] if location[-1:] == ("[key]",) else location
+    while location and _TAG.match(str(location[-1])):
+        location = location[:-1]
+    return location
 
 
 def _dotted(path: KeyPath) -> str:

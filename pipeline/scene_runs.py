@@ -165,7 +165,7 @@ class Simulation(Table):
 
     duration: PositiveTime
     output_step: PositiveTime
-    step: Literal["auto"] | PositiveTime | None = None
+    step: PositiveTime | Literal["auto"] | None = None
     error: Annotated[Number, Field(ge=1e-10, le=0.1)] = 1e-3
     tip: Place
     gravity: tuple[Acceleration, Acceleration, Acceleration] = (0.0, 0.0, 0.0)

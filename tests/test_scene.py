@@ -345,6 +345,8 @@ def test_an_override_with_two_lines_of_toml_is_a_string() -> None:
         ),
         ("body.beam.marker.root.face=w", "= 'w': no such face; the faces: x-, x+, y-, y+, z-, z+"),
         # quantities and numbers
+        ("simulation.step=10kg", "--set: simulation.step = '10kg': '10kg' is a mass, a time is wanted, e.g. '0.5 ms'"),
+        ("simulation.run.1.split=10kg", "simulation.run.1.split = '10kg': '10kg' is a mass, a frequency is wanted"),
         ("body.beam.length=300", "--set: body.beam.length = 300: needs a unit, e.g. '340 mm'"),
         ("body.beam.length=300kg", "'300kg' is a mass, a length is wanted"),
         ("body.beam.length=0mm", "body.beam.length = '0mm': must be greater than zero"),
