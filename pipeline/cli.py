@@ -281,31 +281,12 @@ def stability(
     if two_dof == bool(scene):
         raise InputError("stability", "", scene or None, "give a scene, e.g. beam, or --two-dof")
     if two_dof:
-        couplings = coupling or [0.0]
-        if not all(0 <= beta < 1 for beta in couplings):
-            raise InputError("--coupling", "", couplings, "must be 0 ≤ β < 1")
-        if not 1 <= (substeps or 2) <= 1000 or not 2 <= resolution <= 2000:
-            raise InputError("--substeps", "", substeps, "must be 1 … 1000, and --resolution 2 … 2000")
-        folder = out or Path("out") / "stability"
-        if scheme not in study.SCHEMES:
-            raise InputError("--scheme", "", scheme, f"must be one of {', '.join(study.SCHEMES)}")
+        substeps, couplings = substeps or 2, coupling or [0.0]
+        _require_map(substeps, couplings, scheme, resolution)
         if law:
-            rows = study.laws()
-            if json:
-                _print_json({"rows": rows})
-            else:
-                from pipeline.tables import print_laws
-
-                print_laws(rows)
-            return
-        maps, file = study.two_dof(substeps or 2, couplings, resolution, scheme, folder)
-        found = study.summary_of_maps(maps, file)
-        if json:
-            _print_json(found if len(found["maps"]) > 1 else found | found["maps"][0])
+            _weak_growth(json)
         else:
-            from pipeline.tables import print_maps
-
-            print_maps(found, folder)
+            _two_dof_maps(substeps, couplings, scheme, resolution, out or Path("out") / "stability", json)
         return
     if not 0 <= substeps <= 1000:
         raise InputError("--substeps", "", substeps, "must be 1 … 1000")
@@ -366,6 +347,44 @@ def _rate(option: str, text: str) -> float:
         return to_si(text, "angular rate")
     except ValueError as error:
         raise InputError(option, "", text, str(error)) from None
+
+
+def _require_map(substeps: int, couplings: list[float], scheme: str, resolution: int) -> None:
+    from pipeline.checks import InputError
+    from pipeline.stability import SCHEMES
+
+    if not all(0 <= beta < 1 for beta in couplings):
+        raise InputError("--coupling", "", couplings, "must be 0 ≤ β < 1")
+    if not 1 <= substeps <= 1000 or not 2 <= resolution <= 2000:
+        raise InputError("--substeps", "", substeps, "must be 1 … 1000, and --resolution 2 … 2000")
+    if scheme not in SCHEMES:
+        raise InputError("--scheme", "", scheme, f"must be one of {', '.join(SCHEMES)}")
+
+
+def _weak_growth(json: bool) -> None:
+    from pipeline.stability import laws
+
+    rows = laws()
+    if json:
+        _print_json({"rows": rows})
+        return
+    from pipeline.tables import print_laws
+
+    print_laws(rows)
+
+
+def _two_dof_maps(
+    substeps: int, couplings: list[float], scheme: str, resolution: int, folder: Path, json: bool
+) -> None:
+    from pipeline.stability import summary_of_maps, two_dof
+
+    found = summary_of_maps(*two_dof(substeps, couplings, resolution, scheme, folder))
+    if json:
+        _print_json(found if len(found["maps"]) > 1 else found | found["maps"][0])
+        return
+    from pipeline.tables import print_maps
+
+    print_maps(found, folder)
 
 
 def _stress_test(out: Path, json: bool) -> None:

@@ -2,13 +2,13 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator
+from collections.abc import Callable, Iterator
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from pipeline.checks import Array, InputError
+from pipeline.checks import Array, InputError, IntArray
 
 if TYPE_CHECKING:
     from pipeline.recovery.stress import StressHistory
@@ -18,10 +18,6 @@ if TYPE_CHECKING:
     from pipeline.scene import Chart, Film, MeshPicture, ModePictures, ModeSheet, StressPicture
     from pipeline.scene_outputs import Picture
     from pipeline.stages import Pipeline
-
-_FILM_PIXELS = (1280, 720)
-_SHEET_PIXELS = (1800, 1200)
-_PIXELS = (1600, 900)
 
 
 def draw_chart(run: Pipeline, output: Chart, folder: Path) -> list[str]:
@@ -50,15 +46,13 @@ def draw_chart(run: Pipeline, output: Chart, folder: Path) -> list[str]:
 
 def draw_mesh(run: Pipeline, output: MeshPicture, folder: Path) -> list[str]:
     """Draw a body's mesh, its parts in colours."""
+    from pipeline.fem.export import part_numbers
     from pipeline.render.pictures import draw_mesh as draw
 
     part = run.parts[output.body]
-    number = np.zeros(len(part.mesh.cells), dtype=np.int64)
-    for k, cells in enumerate(part.mesh.parts.values()):
-        number[cells] = k
     names = [f"{name} ({len(cells):,} elements)".replace(",", " ") for name, cells in part.mesh.parts.items()]
     title = output.title or f"{run.scene.title}: {len(part.mesh.cells):,} elements".replace(",", " ")
-    triangles = number[part.surface_elements]
+    triangles = part_numbers(part.mesh)[part.surface_elements] - 1
     draw(_surface(run, output.body), triangles, names, folder / output.file, title=title, look=_look(run, output))
     return [output.file]
 
@@ -87,6 +81,7 @@ def draw_modes(run: Pipeline, output: ModePictures, folder: Path) -> list[str]:
 
 def draw_mode_sheet(run: Pipeline, output: ModeSheet, folder: Path) -> list[str]:
     """Draw the first modes in one picture."""
+    from pipeline.render.sheet import PIXELS
     from pipeline.render.sheet import draw_mode_sheet as draw
 
     part = run.parts[output.body]
@@ -98,7 +93,7 @@ def draw_mode_sheet(run: Pipeline, output: ModeSheet, folder: Path) -> list[str]
         folder / output.file,
         title=output.title or f"{run.scene.title}: elastic modes",
         scale=output.scale,
-        look=_look(run, output, _SHEET_PIXELS),
+        look=_look(run, output, PIXELS),
     )
     return [output.file]
 
@@ -128,12 +123,13 @@ def draw_film(run: Pipeline, output: Film, folder: Path) -> list[str]:
     """Film a body's stress in motion."""
     from scipy.spatial import ConvexHull
 
-    from pipeline.recovery.stress import measure_of
+    from pipeline.recovery.stress import measure_of, spread
+    from pipeline.render.film import PIXELS
     from pipeline.render.film import draw_film as draw
     from pipeline.render.pictures import stress_limits
 
     surface, history = _surface(run, output.body), run.stress_of(output.body)
-    chosen = np.unique(np.linspace(0, len(history.times) - 1, output.frames).round().astype(int))
+    chosen = spread(len(history.times), output.frames)
     values = history.measure_at(chosen, measure_of(output.component))
     outer = np.union1d(ConvexHull(surface.points).vertices, np.arange(0, len(surface.points), 50))
     around = [frame.points[outer] for frame in _frames(run, output, surface, history, chosen, values)]
@@ -156,15 +152,25 @@ def draw_film(run: Pipeline, output: Film, folder: Path) -> list[str]:
             clim_pa=stress_limits(values),
             rate=output.rate,
             quantity=_quantity(output.component),
-            look=_look(run, output, _FILM_PIXELS),
+            look=_look(run, output, PIXELS),
             hub=not _is_ring(run, output.body),
             on_frame=on_frame,
         )
     return [output.file]
 
 
+DRAWINGS: dict[str, Callable[[Pipeline, Any, Path], list[str]]] = {
+    "chart": draw_chart,
+    "mesh": draw_mesh,
+    "modes": draw_modes,
+    "mode sheet": draw_mode_sheet,
+    "stress": draw_stress,
+    "film": draw_film,
+}
+
+
 def _frames(
-    run: Pipeline, output: Film, surface: Surface, history: StressHistory, chosen: Array, values: Array
+    run: Pipeline, output: Film, surface: Surface, history: StressHistory, chosen: IntArray, values: Array
 ) -> Iterator[Frame]:
     from pipeline.render.film import Frame
 
@@ -188,13 +194,14 @@ def _is_ring(run: Pipeline, body: str) -> bool:
     return run.parts[body].mesh.sectors > 1
 
 
-def _look(run: Pipeline, output: Picture, size: tuple[int, int] = _PIXELS) -> Look:
-    from pipeline.render.look import Look
+def _look(run: Pipeline, output: Picture, size: tuple[int, int] | None = None) -> Look:
+    """How the scene wants a picture taken, of ``size`` if it doesn't say; by default of a still picture's."""
+    from pipeline.render.look import PIXELS, Look
 
     camera = None if output.camera is None else (np.degrees(output.camera[0]), np.degrees(output.camera[1]))
     settings: dict[str, Any] = {"focus": output.focus, "extent": output.extent, "zoom": output.zoom}
     try:
-        return Look(camera=camera, size=output.size or size, colour_map=output.colour_map, **settings)
+        return Look(camera=camera, size=output.size or size or PIXELS, colour_map=output.colour_map, **settings)
     except ValueError as error:
         raise InputError(run.scene.file, "output", output.colour_map, str(error)) from error
 

@@ -130,12 +130,8 @@ def _longest_step(pipeline: Pipeline) -> float:
     """Step of plain central difference for the scene's wanted error, about the reference state."""
     from pipeline.studies.splitting import longest_step
 
-    if pipeline.is_rotor:
-        M, K = pipeline.rotor.reference_mass, np.diag(np.r_[0.0, pipeline.body.omega**2])
-    else:
-        tree = pipeline.chain.tree
-        M, K = tree.mass_matrix(tree.rest_positions), tree.linear_stiffness
-    return longest_step(M, K, pipeline.scene.simulation.error, pipeline.scene.simulation.duration)
+    simulation = pipeline.scene.simulation
+    return longest_step(*pipeline.reference_matrices, simulation.error, simulation.duration)
 
 
 def _sub_cycled(pipeline: Pipeline, run: SubCycling | ReversibleSubCycling, key: str, given: float | None) -> Plan:

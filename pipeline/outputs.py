@@ -4,18 +4,16 @@ from __future__ import annotations
 
 import json
 from pathlib import Path
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 from pipeline.cache import Cache, stage_key
 from pipeline.checks import InputError
+from pipeline.drawings import DRAWINGS
 from pipeline.exports import write_export
 from pipeline.files import whole_file
 from pipeline.folders import cache_folder
 from pipeline.stages import Pipeline
 from pipeline.summary import summarise
-
-if TYPE_CHECKING:
-    from pipeline.scene import Output
 
 
 def write_results(run: Pipeline, folder: Path, pictures: bool) -> dict[str, Any]:
@@ -46,7 +44,9 @@ def write_results(run: Pipeline, folder: Path, pictures: bool) -> dict[str, Any]
         if exports:
             files += run.keeper.timed("files", lambda: [name for o in exports for name in write_export(run, o, folder)])
         if drawn:
-            files += run.keeper.timed("pictures", lambda: [name for o in drawn for name in _draw(run, o, folder)])
+            files += run.keeper.timed(
+                "pictures", lambda: [name for o in drawn for name in DRAWINGS[o.type](run, o, folder)]
+            )
         summary = summarise(run, files)
         with whole_file(folder / "summary.json") as part:
             part.write_text(json.dumps(summary, indent=1, allow_nan=False) + "\n")
@@ -82,23 +82,3 @@ def _write_motion(run: Pipeline, folder: Path) -> str:
     with whole_file(folder / "motion.nc") as part:
         dataset.to_netcdf(part, engine="scipy")
     return "motion.nc"
-
-
-def _draw(run: Pipeline, output: Output, folder: Path) -> list[str]:
-    from pipeline import drawings
-
-    match output.type:
-        case "chart":
-            return drawings.draw_chart(run, output, folder)
-        case "mesh":
-            return drawings.draw_mesh(run, output, folder)
-        case "modes":
-            return drawings.draw_modes(run, output, folder)
-        case "mode sheet":
-            return drawings.draw_mode_sheet(run, output, folder)
-        case "stress":
-            return drawings.draw_stress(run, output, folder)
-        case "film":
-            return drawings.draw_film(run, output, folder)
-        case _:
-            raise AssertionError(output)

@@ -174,6 +174,14 @@ class Pipeline:
         return self.rotor if self.is_rotor else self.chain.tree
 
     @property
+    def reference_matrices(self) -> tuple[Array, Array]:
+        """Mass and stiffness of the undeformed mechanism, (n, n) each, in the order of its rates."""
+        if self.is_rotor:
+            return self.rotor.reference_mass, np.diag(np.r_[0.0, self.body.omega**2])
+        tree = self.chain.tree
+        return tree.mass_matrix(tree.rest_positions), tree.linear_stiffness
+
+    @property
     def start(self) -> tuple[Array, Array]:
         """Positions and rates at the start."""
         if not self.is_rotor:

@@ -92,11 +92,7 @@ def cases(load: Any) -> Iterator[Case]:
     """Yield scenes at rest and linear systems that are hard on purpose; ``load(name, overrides)`` makes a pipeline."""
     for name, overrides in SCENES:
         run: Pipeline = load(name.partition(",")[0], overrides)
-        system: Any = run.mechanism
-        if run.is_rotor:
-            yield Case(name, system, system.reference_mass, np.diag(np.r_[0.0, run.rotor.body.omega**2]))
-        else:
-            yield Case(name, system, system.mass_matrix(system.rest_positions), system.linear_stiffness)
+        yield Case(name, run.mechanism, *run.reference_matrices)
     for exponent in (-6, -3, 0, 3, 6):
         scale = np.diag([1.0, 10.0 ** (exponent / 2)])
         for beta in (0.0, 0.3):

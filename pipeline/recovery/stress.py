@@ -91,6 +91,11 @@ def von_mises(stress: Array) -> Array:
     return np.asarray(np.sqrt(0.5 * ((xx - yy) ** 2 + (yy - zz) ** 2 + (zz - xx) ** 2) + 3.0 * (yz**2 + xz**2 + xy**2)))
 
 
+def spread(n_times: int, count: int) -> IntArray:
+    """Numbers of at most ``count`` among ``n_times`` output times, evenly, with the first and the last."""
+    return np.unique(np.linspace(0, n_times - 1, count).round().astype(int))
+
+
 def measure_of(component: str) -> Callable[[Array], Array]:
     """Function from tensors (n, 6, …) to ``von Mises``, a component such as ``xx``, or ``principal 1`` to ``3``.
 

@@ -133,7 +133,7 @@ class CyclicSolver(FreeBodySolver):
 
     def _factorised(self) -> tuple[float, Callable[[Array], Array]]:
         """A shift far below the lowest eigenvalue, whose bound may be ten times too high: held cuts keep A stiff."""
-        shift = -0.002 * self._lowest_bound(self._start_fields())
+        shift = -0.002 * self._lowest_bound()
         self._harmonics = _CyclicInverse(self._sector, shift)
         return shift, self._harmonics
 

@@ -66,7 +66,7 @@ class FreeBodySolver:
 
     def _factorised(self) -> tuple[float, Callable[[Array], Array]]:
         """The shift σ and ``A⁻¹`` for ``A = K − σ M``."""
-        shift = -0.3 * self._lowest_bound(self._start_fields())
+        shift = -0.3 * self._lowest_bound()
         return shift, factorised(self._K - shift * self._M).solve
 
     def _reduced(self, u: Array) -> Array:
@@ -77,16 +77,12 @@ class FreeBodySolver:
         """Nodal fields (n_nodes, 3, k) of unknowns u (n, k)."""
         return np.asarray(u if self._T is None else self._T @ u).reshape(len(self._fe.x), 3, -1)
 
-    def _start_fields(self) -> Array:
-        """All quadratic displacements, shape (n, 30)."""
+    def _lowest_bound(self) -> float:
+        """Upper bound of the lowest elastic eigenvalue [rad²/s²]: Rayleigh–Ritz on all quadratic displacements."""
         x = self._fe.x - self._fe.x.mean(axis=0)
         x = x / np.ptp(x, axis=0).max()
         terms = [np.ones(len(x)), *x.T, *(x[:, a] * x[:, b] for a in range(3) for b in range(a, 3))]
-        return self._reduced(np.kron(np.stack(terms, axis=1), np.eye(3)))
-
-    def _lowest_bound(self, fields: Array) -> float:
-        """Upper bound of the lowest elastic eigenvalue [rad²/s²]: Rayleigh–Ritz on fields that hold the rigid ones."""
-        V = np.linalg.qr(fields)[0]
+        V = np.linalg.qr(self._reduced(np.kron(np.stack(terms, axis=1), np.eye(3))))[0]
         return float(eigh(V.T @ (self._K @ V), V.T @ (self._M @ V), eigvals_only=True)[6])
 
     def modes(self, count: int, held: Array | None = None) -> EigenPairs:
