@@ -85,7 +85,8 @@ class Modes(Table):
     boundary : str
         How the body is held while it vibrates: not at all, or at the marker of the joint that carries it.
     enrich : str
-        The loads whose static responses are added.
+        What is added: the static responses to inertia loads and joint forces (``"inertia"``), or four generations of
+        load-dependent vectors, each the responses to the inertia of the one before (``"ritz"``).
     damping : float
         Damping ratio of every mode.
     """
@@ -93,7 +94,7 @@ class Modes(Table):
     count: Count
     family: Literal["any", "in-plane bending", "out-of-plane bending", "torsion", "axial"] = "any"
     boundary: Literal["free", "joint"] = "free"
-    enrich: Literal["none", "inertia"] = "none"
+    enrich: Literal["none", "inertia", "ritz"] = "none"
     damping: Annotated[Number, Field(ge=0.0, lt=1.0)] = 0.0
 
 
