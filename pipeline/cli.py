@@ -36,6 +36,9 @@ def run(
     set_: Set = None,
     no_pictures: Annotated[bool, Parameter(negative=())] = False,
     no_budget: Annotated[bool, Parameter(negative=())] = False,
+    explain: Annotated[bool, Parameter(negative=())] = False,
+    dry_run: Annotated[bool, Parameter(negative=())] = False,
+    keep_all: Annotated[bool, Parameter(negative=())] = False,
     no_cache: NoCache = False,
     json: Json = False,
 ) -> None:
@@ -51,14 +54,33 @@ def run(
         Draw nothing.
     no_budget
         Don't estimate the errors of the results.
+    explain
+        Print first which stages will run, come from the cache or are skipped, why, and what each took last.
+    dry_run
+        Print that and do nothing else.
+    keep_all
+        Integrate modes that neither loads nor motion can excite, too.
     """
     from pipeline.outputs import write_results
 
-    pipeline = _pipeline(scene, set_, no_cache)
+    pipeline = _pipeline(scene, set_, no_cache, keep_all)
     folder = out or Path("out") / pipeline.scene.name
+    plan = None
+    if explain or dry_run:
+        from pipeline.plan import plan_of
+
+        plan = plan_of(pipeline, not no_pictures, not no_budget)
+        if not json:
+            from pipeline.tables import print_plan
+
+            print_plan(plan)
+        if dry_run:
+            if json:
+                _print_json({"plan": plan.summary()})
+            return
     summary = write_results(pipeline, folder, pictures=not no_pictures, budget=not no_budget)
     if json:
-        _print_json(summary)
+        _print_json(summary if plan is None else {"plan": plan.summary(), **summary})
     else:
         from pipeline.tables import print_run
 
@@ -405,13 +427,13 @@ def _stress_test(out: Path, json: bool) -> None:
     print_stress_test(found, out)
 
 
-def _pipeline(scene: str, overrides: list[str] | None, no_cache: bool) -> Pipeline:
+def _pipeline(scene: str, overrides: list[str] | None, no_cache: bool, keep_all: bool = False) -> Pipeline:
     from pipeline.cache import Cache
     from pipeline.progress import bars
     from pipeline.scene import load_scene
     from pipeline.stages import Pipeline
 
-    return Pipeline(load_scene(scene, overrides or ()), Cache(None) if no_cache else None, bars)
+    return Pipeline(load_scene(scene, overrides or ()), Cache(None) if no_cache else None, bars, keep_all)
 
 
 def _print(result: dict[str, Any], json: bool) -> None:

@@ -17,6 +17,11 @@ STAGES = (
 )
 
 
+def name_of(stage: str, key: str) -> str:
+    """Name that a stage's result of a key has in the cache."""
+    return f"{stage}-{key}"
+
+
 @dataclass
 class Log:
     """What has happened to each stage, in order.
@@ -65,14 +70,13 @@ class Keeper:
 
     def kept(self, stage: str, key: str, make: Callable[[], T]) -> T:
         """Read a stage's result, or compute and keep it."""
-        key = f"{stage}-{key}"
         tick = time.perf_counter()
-        value: T | None = self.cache.load(key)
+        value: T | None = self.cache.load(name_of(stage, key))
         if value is not None:
             self.log.add(stage, time.perf_counter() - tick, self.log.cached)
             return value
         value = self.timed(stage, make)
-        self.cache.save(key, value)
+        self.cache.save(name_of(stage, key), value)
         return value
 
     def timed(self, stage: str, make: Callable[[], T]) -> T:

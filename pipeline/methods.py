@@ -2,12 +2,13 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import TYPE_CHECKING
 
 import numpy as np
 
 from pipeline.checks import Array, InputError
+from pipeline.dynamics.excitation import Excited, excited_part
 from pipeline.dynamics.system import System
 from pipeline.integrators.protocol import Integrator, Progress, Trajectory
 from pipeline.integrators.subcycling import Subcycling
@@ -16,6 +17,8 @@ from pipeline.mechanism import Chain, chain_of
 if TYPE_CHECKING:
     from pipeline.scene import ReversibleSubCycling, Run, Simulation, SubCycling
     from pipeline.stages import Pipeline
+
+_NO_FORCE = 1e-3  # part of the wanted error: what a mode that is left out could have answered with
 
 
 @dataclass(frozen=True)
@@ -28,6 +31,8 @@ class Plan:
         The scene's key of its step.
     chain : Chain, optional
         The mechanism with the run's own split, if the scene is a chain.
+    excited : Excited, optional
+        The part of the mechanism that is integrated, if some modes can be left at rest.
     """
 
     key: str
@@ -35,10 +40,17 @@ class Plan:
     system: System
     start: tuple[Array, Array]
     chain: Chain | None = None
+    excited: Excited | None = None
 
     def march(self, times: Array, progress: Progress | None = None) -> Trajectory:
-        """Integrate."""
-        return self.integrator.march(self.system, *self.start, times, progress)
+        """Integrate; coordinates of modes that stay at rest are 0. The end is that of what was integrated."""
+        (q0, v0), part = self.start, self.excited
+        if part is None:
+            return self.integrator.march(self.system, q0, v0, times, progress)
+        found = self.integrator.march(part.system, q0[part.positions], v0[part.rates], times, progress)
+        q, v = np.tile(q0, (len(times), 1)), np.zeros((len(times), len(v0)))
+        q[:, part.positions], v[:, part.rates] = found.q, found.v
+        return replace(found, q=q, v=v)
 
 
 def plans_of(pipeline: Pipeline) -> dict[str, Plan]:
@@ -71,6 +83,8 @@ def plans_of(pipeline: Pipeline) -> dict[str, Plan]:
         label = str(run.integrator)
         if hasattr(run, "substeps"):
             label += f" {getattr(plan.integrator, 'substeps', 1)}:1"
+        if not pipeline.keep_all:
+            plan = replace(plan, excited=excited_part(plan.system, plan.start[0], _NO_FORCE * simulation.error))
         plans[f"{label} ({k})" if label in plans else label] = plan
     return plans
 

@@ -144,9 +144,7 @@ class FlexiblePart:
     @cached_property
     def stiffened(self) -> FlexibleBody:
         """The reduced body, stiffened by its inertia loads."""
-        inputs = {"gram of": self._body_key, "accelerated": self._accelerated}
-        key = stage_key("stiffening", inputs, ("pipeline/fem", "pipeline/reduction"), _FEM_PACKAGES)
-        return replace(self.body, gram=self._keeper.kept("stiffening", key, self._make_stiffened_gram))
+        return replace(self.body, gram=self._keeper.kept("stiffening", self._stiffening_key, self._make_stiffened_gram))
 
     @cached_property
     def surface(self) -> SurfaceTopology:
@@ -168,9 +166,7 @@ class FlexiblePart:
     @cached_property
     def element_stress(self) -> Array:
         """Stress of each modal coordinate in the middle of each named element, shape (n_elements, 6, n) [Pa]."""
-        inputs = {"body": self._body_key, "elements": self.elements}
-        key = stage_key("element-stress", inputs, ("pipeline/recovery/stress.py",))
-        return self._keeper.kept("stress", key, self._make_element_stress)
+        return self._keeper.kept("stress", self._element_key, self._make_element_stress)
 
     def stress_at(self, points: Array) -> Array:
         """Stress of each modal coordinate at points (n, 3) [m] of the mesh, shape (n, 6, n_modes) [Pa]."""
@@ -241,6 +237,30 @@ class FlexiblePart:
             "frame": self._frame,
         }
         return stage_key("body", inputs, ("pipeline/reduction", "pipeline/recovery/stress.py"))
+
+    @property
+    def _stiffening_key(self) -> str:
+        inputs = {"gram of": self._body_key, "accelerated": self._accelerated}
+        return stage_key("stiffening", inputs, ("pipeline/fem", "pipeline/reduction"), _FEM_PACKAGES)
+
+    @property
+    def _element_key(self) -> str:
+        inputs = {"body": self._body_key, "elements": self.elements}
+        return stage_key("element-stress", inputs, ("pipeline/recovery/stress.py",))
+
+    def key_of(self, stage: str) -> str:
+        """Key that a stage is kept under; empty if it never is. That of element stress takes the mesh to find."""
+        keys = {
+            "mesh": "_mesh_key",
+            "modes": "_modes_key",
+            "surface": "_modes_key",
+            "body": "_body_key",
+            "stress": "_body_key",
+            "nodal stress": "_body_key",
+            "stiffening": "_stiffening_key",
+            "element stress": "_element_key",
+        }
+        return str(getattr(self, keys[stage])) if stage in keys else ""
 
     def _make_mesh(self) -> SolidMesh:
         from pipeline.fem.mesh import SolidMesh

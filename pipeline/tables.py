@@ -10,10 +10,12 @@ from rich.console import Console
 from rich.table import Table
 
 if TYPE_CHECKING:
+    from pipeline.plan import RunPlan
     from pipeline.stability import SceneStability
     from pipeline.studies.work_precision import WorkPrecision
 
 _COUPLED = 1e-6
+_FATES = {"run": "run", "cached": "be read", "skipped": "be skipped", "open": "run or not"}
 
 
 def print_run(summary: dict[str, Any], folder: Path) -> None:
@@ -27,11 +29,28 @@ def print_run(summary: dict[str, Any], folder: Path) -> None:
         console.print(_budget(summary["error_budget"]))
     if "worst_stress" in summary:
         _print_body(console, summary)
+    for body, modes in summary["left_out_modes"].items():
+        numbers = ", ".join(str(k) for k in modes)
+        console.print(f"left out of the integration: modes {numbers} of {body}, which nothing excites (or --keep-all)")
     for joint, position in summary["final"].get("joint_positions", {}).items():
         differences = [row["joint_differences"][joint] for row in summary["integrations"][1:]]
         apart = ", ".join(f"{difference:.3g}" for difference in differences)
         console.print(f"{joint}: {position:.6g} (SI) at the end" + (f"; the runs differ by {apart}" if apart else ""))
     console.print(f"{len(summary['files']) + 1} files in {folder}/: summary.json, {', '.join(summary['files'])}")
+
+
+def print_plan(plan: RunPlan) -> None:
+    """Print what a run will do."""
+    table = _table("Plan", "stage", "body", "will", "last time", "why", wide=4)
+    for step in plan.steps:
+        table.add_row(step.stage, step.body, _FATES[step.fate], _last_time(step.seconds), step.why)
+    console = Console()
+    console.print(table)
+    console.print(f"forecast: about {plan.forecast}")
+
+
+def _last_time(seconds: float | None) -> str:
+    return "" if seconds is None else f"{seconds:.3g} s"
 
 
 def _print_body(console: Console, summary: dict[str, Any]) -> None:
