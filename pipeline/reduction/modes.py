@@ -2,11 +2,12 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 
 import numpy as np
 
 from pipeline.checks import Array
+from pipeline.reduction.factor import FactorFigures
 
 
 @dataclass(frozen=True)
@@ -23,12 +24,15 @@ class EigenPairs:
         Number of rigid-body modes found.
     residual : float
         Largest defect of ``K φ = ω² M φ`` in the energy norm, relative to the mode's own.
+    factor : FactorFigures, optional
+        What the factorisation behind them took.
     """
 
     omega: Array
     shapes: Array
     n_rigid: int
     residual: float
+    factor: FactorFigures | None = field(default=None, kw_only=True)
 
 
 @dataclass(frozen=True)
