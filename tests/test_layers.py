@@ -27,6 +27,7 @@ LAYERS = (
         *{"mechanism", "methods", "part", "spin"},
         *{"stages", "frequencies", "quantities", "outputs", "drawings", "exports", "stability", "stress_test"},
         *{"summary", "tables", "bench", "doctor", "cli"},
+        *{"sweep"},
         *{"__init__", "__main__"},
     },
 )
