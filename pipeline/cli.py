@@ -303,6 +303,9 @@ def stability(
         print_stability(run.scene.title, result)
 
 
+app.command("pipeline.sweep.command:sweep", help="A scene at every combination of values, on all cores or a cluster.")
+
+
 @app.command
 def doctor(*, json: Json = False) -> None:
     """Tell what this machine lacks, and the command that mends it."""

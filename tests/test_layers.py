@@ -28,6 +28,7 @@ LAYERS = (
         *{"stages", "frequencies", "quantities", "outputs", "drawings", "exports", "stability", "stress_test"},
         *{"neighbours", "observed", "budget"},
         *{"summary", "tables", "bench", "doctor", "cli"},
+        *{"sweep"},
         *{"__init__", "__main__"},
     },
 )
