@@ -26,6 +26,8 @@ if TYPE_CHECKING:
     from pipeline.reduction.modes import Modes
     from pipeline.scene import Bar, Propeller, Scene
 
+_RITZ_GENERATIONS = 4
+_SHARED = ("mesh", "fe", "modes", "space", "surface", "markers", "_solver")  # what enrichment and joints leave alone
 _FEM_PACKAGES = ("numpy", "scipy", "scikit-fem", "gmsh")
 
 
@@ -109,6 +111,11 @@ class FlexiblePart:
         self._outboard = sorted(own.items())
         self._keeper = keeper
 
+    def share(self, other: FlexiblePart) -> None:
+        """Take over what another scene's part has computed already and this one would compute anew."""
+        if self._modes_key == other._modes_key:
+            self.__dict__.update({name: value for name, value in other.__dict__.items() if name in _SHARED})
+
     # Stages ------------------------------------------------------------------------------------------------------
 
     @cached_property
@@ -122,7 +129,7 @@ class FlexiblePart:
         from pipeline.fem.assembly import assemble
 
         mesh, order = self.mesh, self.shape.mesh.order
-        return self._keeper.timed("assembly", lambda: assemble(mesh, order, self._material))
+        return self._keeper.timed("assembly", lambda: assemble(mesh, order, self.material))
 
     @cached_property
     def modes(self) -> Modes:
@@ -164,6 +171,18 @@ class FlexiblePart:
         inputs = {"body": self._body_key, "elements": self.elements}
         key = stage_key("element-stress", inputs, ("pipeline/recovery/stress.py",))
         return self._keeper.kept("stress", key, self._make_element_stress)
+
+    def stress_at(self, points: Array) -> Array:
+        """Stress of each modal coordinate at points (n, 3) [m] of the mesh, shape (n, 6, n_modes) [Pa]."""
+        from pipeline.recovery.stress import point_stress
+
+        return point_stress(self.space, self.material, self.body.shapes, points)
+
+    @cached_property
+    def element_places(self) -> Array:
+        """Middles of its named elements, shape (n_elements, 3) [m]."""
+        numbers = list(self.elements.values())
+        return np.asarray(self.mesh.points[self.mesh.cells[numbers]].mean(axis=1)).reshape(-1, 3)
 
     @cached_property
     def surface_elements(self) -> IntArray:
@@ -319,14 +338,15 @@ class FlexiblePart:
         markers, modes, joint = self.markers, self.modes, self.inboard.marker
         omega, shapes = modes.omega, modes.shapes
         axis = np.array(self.inboard.axis)
-        if self.shape.modes.enrich == "inertia":
+        if self.shape.modes.enrich != "none":
             plane = axis if self.inboard.planar else None
             outboard = [(markers[at], plane if flat else None) for at, flat in self._outboard if at != joint]
             loads = inertia_loads(self.fe, markers[joint], plane, outboard)
             if self.fixed is not None:
                 own = acceleration_loads(self.fe, markers[joint].position, plane)
                 loads = np.concatenate([loads, own], axis=2)
-            omega, shapes = enriched(modes, self.fe, self._solver, loads, self._held)
+            generations = _RITZ_GENERATIONS if self.shape.modes.enrich == "ritz" else 1
+            omega, shapes = enriched(modes, self.fe, self._solver, loads, self._held, generations)
             if self.shape.modes.boundary == "interface":  # no eigenvectors: the new shapes mix with them
                 omega, shapes = ritz(self.fe, shapes.reshape(self.fe.K.shape[0], -1))
         if self.fixed is not None:
@@ -371,7 +391,8 @@ class FlexiblePart:
         return Discretisation(self.mesh, self.shape.mesh.order)
 
     @property
-    def _material(self) -> Material:
+    def material(self) -> Material:
+        """What it is made of."""
         from pipeline.fem.material import Material
 
         return Material(self.shape.E, self.shape.nu, self.shape.rho)
@@ -379,12 +400,12 @@ class FlexiblePart:
     def _make_stress(self, nodes: IntArray) -> Array:
         from pipeline.recovery.stress import modal_stress
 
-        return modal_stress(self.space, self._material, self.body.shapes, nodes)
+        return modal_stress(self.space, self.material, self.body.shapes, nodes)
 
     def _make_element_stress(self) -> Array:
         from pipeline.recovery.stress import element_stress
 
-        return element_stress(self.space, self._material, self.body.shapes, np.array(list(self.elements.values())))
+        return element_stress(self.space, self.material, self.body.shapes, np.array(list(self.elements.values())))
 
 
 def _mesh_arrays(part: Bar | Propeller) -> MeshArrays:

@@ -89,7 +89,8 @@ class Modes(Table):
     interface : tuple of str
         The markers of the interface; all, if none is named.
     enrich : str
-        The loads whose static responses are added.
+        What is added: the static responses to inertia loads and joint forces (``"inertia"``), or four generations of
+        load-dependent vectors, each the responses to the inertia of the one before (``"ritz"``).
     damping : float
         Damping ratio of every mode.
     """
@@ -98,7 +99,7 @@ class Modes(Table):
     family: Literal["any", "in-plane bending", "out-of-plane bending", "torsion", "axial"] = "any"
     boundary: Literal["free", "joint", "interface"] = "free"
     interface: tuple[Place, ...] = ()
-    enrich: Literal["none", "inertia"] = "none"
+    enrich: Literal["none", "inertia", "ritz"] = "none"
     damping: Annotated[Number, Field(ge=0.0, lt=1.0)] = 0.0
 
     @model_validator(mode="after")

@@ -159,6 +159,15 @@ class FreeBodySolver:
         shapes = shapes * np.sign(flat[np.abs(flat).argmax(axis=0), np.arange(flat.shape[1])])
         return EigenPairs(np.sqrt(eigenvalues[n_rigid:]), shapes, n_rigid, residual)
 
+    def inertia_response(self, u: Array) -> Array:
+        """``(K − σ M)⁻¹ M u``: what the inertia of fields u (n_nodes, 3, k) bends; their rigid parts are left out."""
+        R, flat = self._fe.rigid_modes, u.reshape(self._fe.K.shape[0], -1)
+        MR = self._fe.M @ R
+        rigid_mass = R.T @ MR
+        load = self._fe.M @ flat - MR @ np.linalg.solve(rigid_mass, MR.T @ flat)
+        found = self._expanded(self._inverse(load if self._T is None else self._T.T @ load)).reshape(flat.shape)
+        return np.asarray(found - R @ np.linalg.solve(rigid_mass, MR.T @ found)).reshape(u.shape)
+
     def static_response(self, f: Array) -> Array:
         """Solve ``K u = f`` for loads in equilibrium with the rigid acceleration they cause (inertia relief).
 
