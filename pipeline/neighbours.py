@@ -19,7 +19,7 @@ _HALF = 0.5
 
 def with_runs(scene: Scene, *runs: Any) -> Scene:
     """The scene, integrated by other runs."""
-    return _changed(scene, {"simulation": scene.simulation.model_copy(update={"run": runs})})
+    return _changed(scene, {"march": scene.simulation.model_copy(update={"run": runs})})
 
 
 def with_modes(scene: Scene, change: Callable[[Bar | Propeller], dict[str, Any]]) -> Scene:

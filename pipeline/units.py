@@ -12,6 +12,7 @@ from __future__ import annotations
 import json
 import math
 import re
+import shutil
 from contextlib import suppress
 from decimal import Decimal
 from functools import cache, partial
@@ -84,9 +85,11 @@ def _registry() -> pint.UnitRegistry[Decimal]:
     """Return the units known, loaded when a quantity is first read; decimals make 10 us exactly 1e-05 s."""
     import pint
 
+    folder = cache_folder() / "units"
     try:
-        return pint.UnitRegistry(non_int_type=Decimal, cache_folder=cache_folder() / "units")
-    except OSError:  # a folder that can't be written
+        return pint.UnitRegistry(non_int_type=Decimal, cache_folder=folder)
+    except Exception:  # it can't be written; or pint, which doesn't write files whole, was killed while it wrote one
+        shutil.rmtree(folder, ignore_errors=True)
         return pint.UnitRegistry(non_int_type=Decimal)
 
 

@@ -27,8 +27,7 @@ LAYERS = (
         *{"mechanism", "methods", "part", "spin"},
         *{"stages", "frequencies", "quantities", "outputs", "drawings", "exports", "stability", "stress_test"},
         *{"neighbours", "observed", "budget"},
-        *{"summary", "tables", "bench", "doctor", "cli"},
-        *{"sweep"},
+        *{"summary", "tables", "bench", "doctor", "sweep", "verification", "cli"},
         *{"__init__", "__main__"},
     },
 )
