@@ -13,19 +13,21 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from pipeline.cache import stage_key
-from pipeline.checks import Array, IntArray
+from pipeline.cache import Cache, stage_key
+from pipeline.checks import AccuracyError, Array, IntArray
 from pipeline.integrators.automatic import Automatic
 from pipeline.integrators.protocol import Integrator
-from pipeline.neighbours import coarser, ratio, richer, with_runs
+from pipeline.neighbours import COARSENING, coarser, richer, with_modes, with_runs
 from pipeline.observed import Quantities, of_the_mesh, of_the_motion, of_the_stress
+from pipeline.stages import Pipeline
 from pipeline.studies.error_estimates import NO_PART, SAFETY, SOURCES, Row, refinement_gain, shifted_frequencies
+from pipeline.studies.matching import matched
 
 if TYPE_CHECKING:
     from pipeline.methods import Plan
     from pipeline.recovery.chain_motion import ChainMotion
     from pipeline.recovery.motion import Motion
-    from pipeline.stages import Pipeline
+    from pipeline.reduction.body import FlexibleBody
 
 _SHORT = 0.5  # seconds of a march that may be taken again with half of its step
 _FRAMES = 60  # at which stress is compared
@@ -34,6 +36,7 @@ _HOT = 0.5  # of the largest stress: what other nodes have doesn't matter
 _STABLE = 0.4  # of the largest stable step
 _SHIFTS = (0.5, 1.0, 1.5, 2.0)  # of the extrapolated change of frequencies; the last is SAFETY
 _FINER = 0.1
+_MORE = 1.5  # modes of the coarse mesh to find the run's among
 
 
 @dataclass(frozen=True)
@@ -139,37 +142,39 @@ class _Estimates:
 
         What the stress of two meshes differs by holds the error of its recovery; that is not counted twice.
         """
-        scene = coarser(self.run.scene)
-        if scene is None:
+        try:
+            coarse = self._coarse()
+        except AccuracyError as fault:
+            return dict.fromkeys(self.found, f"not estimated: on a coarser mesh, {fault}")
+        if coarse is None:
             return dict.fromkeys(self.found, "not estimated: there is no coarser mesh")
-        coarse = self.run.neighbour(scene)
-        gains = {
-            kind: min(
-                refinement_gain(ratio(part.shape, scene.flexible[name]), part.shape.mesh.order, kind)
-                for name, part in self.run.parts.items()
-            )
-            for kind in ("displacement", "stress", "geometry")
-        }
+        order = min(part.shape.mesh.order for part in self.run.parts.values())
+        gains = {kind: refinement_gain(COARSENING, order, kind) for kind in ("displacement", "stress", "geometry")}
         gain = gains["displacement"]
         errors: dict[str, float | str] = {}
-        ours, theirs = of_the_mesh(self.run), of_the_mesh(coarse)
-        for name, quantity in ours.items():
+        theirs = of_the_mesh(coarse)
+        for name, quantity in of_the_mesh(self.run).items():
             if quantity.kind == "geometry":
                 errors[name] = quantity.change(theirs[name]) / gains["geometry"]
             else:
-                value, other = quantity.values, theirs[name].values
-                errors[name] = float(np.abs(1 - shifted_frequencies(value, other, gain, 1.0) / value)[0])
+                limit = shifted_frequencies(quantity.values, theirs[name].values, gain, 1.0)
+                errors[name] = float(np.abs(1 - limit / quantity.values)[0])
+        pairs = {name: (body, _in_order_of(body, coarse, name)) for name, body in self.run.bodies.items()}
         shifted = dict.fromkeys(self.found, 0.0)
         for shift in _SHIFTS:
-            bodies = {
-                name: replace(body, omega=shifted_frequencies(body.omega, coarse.bodies[name].omega, gain, shift))
-                for name, body in self.run.bodies.items()
-            }
-            moved = self.run.with_bodies(bodies)
+            moved = self.run.with_bodies(
+                {
+                    name: replace(body, omega=shifted_frequencies(body.omega, other, gain, shift))
+                    for name, (body, (_, other)) in pairs.items()
+                }
+            )
             for name, error in self._changes(moved, self._march(moved, self._plan(moved)), self.hot).items():
                 shifted[name] = max(shifted[name], error / SAFETY)
         swapped = coarse.with_bodies(
-            {name: _with_frequencies(coarse.bodies[name], body.omega) for name, body in self.run.bodies.items()}
+            {
+                name: replace(coarse.bodies[name], omega=_placed(coarse.bodies[name].omega, numbers, body.omega))
+                for name, (body, (numbers, _)) in pairs.items()
+            }
         )
         places = {name: part.element_places for name, part in self.run.parts.items() if part.elements}
         rest = self._changes(swapped, self._march(swapped, self._plan(swapped)), places=places)
@@ -180,6 +185,24 @@ class _Estimates:
                 shape -= min(recovered, shape)
             errors[name] = shifted[name] + shape
         return errors
+
+    def _coarse(self) -> Pipeline | None:
+        """The run on a coarser mesh, its modes those that are most like the run's."""
+        scene = coarser(self.run.scene)
+        if scene is None:
+            return None
+        more = with_modes(scene, lambda body: {"count": int(_MORE * body.modes.count) + 1})
+        coarse = Pipeline(more, Cache(None))
+        for name, part in coarse.parts.items():
+            ours, theirs = self.run.parts[name], part.modes
+            numbers = matched(ours.space.x, ours.modes.shapes, part.fe.x, part.fe.m, theirs.shapes)
+            part.modes = replace(
+                theirs,
+                omega=theirs.omega[numbers],
+                shapes=theirs.shapes[:, :, numbers],
+                numbers=tuple(theirs.numbers[k] for k in numbers),
+            )
+        return coarse
 
     def _recovery(self) -> dict[str, float | str]:
         """Patches of elements at the worst node."""
@@ -249,10 +272,21 @@ class _Estimates:
         return next(iter(plans_of(again).values())), self._march(same, plan)
 
 
-def _with_frequencies(body: Any, omega: Array) -> Any:
-    """A body of another mesh with given frequencies; where those are too few, it keeps its own in proportion."""
-    n = min(len(omega), len(body.omega))
-    return replace(body, omega=np.concatenate([omega[:n], body.omega[n:] * (omega[n - 1] / body.omega[n - 1])]))
+def _in_order_of(body: FlexibleBody, coarse: Pipeline, name: str) -> tuple[IntArray, Array]:
+    """Numbers of the shapes on the coarse mesh that are most like a body's, and their angular frequencies [rad/s]."""
+    other, n = coarse.bodies[name], len(body.omega)
+    if len(other.omega) < n:  # loads that are none on the coarse mesh: shapes that don't matter, in order
+        numbers = np.minimum(np.arange(n), len(other.omega) - 1)
+        return numbers, np.where(np.arange(n) < len(other.omega), other.omega[numbers], body.omega)
+    numbers = matched(body.x, body.shapes, other.x, coarse.parts[name].fe.m, other.shapes)
+    return numbers, other.omega[numbers]
+
+
+def _placed(omega: Array, numbers: IntArray, values: Array) -> Array:
+    """Angular frequencies with new values at some numbers."""
+    changed = omega.copy()
+    changed[numbers] = values
+    return changed
 
 
 def _of_other_fineness(plan: Plan, seconds: float) -> tuple[Integrator, float]:

@@ -120,15 +120,12 @@ def shifted_frequencies(omega: Array, coarse: Array, gain: float, part: float) -
 
     Parameters
     ----------
-    omega, coarse : ndarray, shapes (n,) and (n',)
-        Of the mesh and of the coarser one [rad/s]; where that has none, its last one's ratio holds.
+    omega, coarse : ndarray, shape (n,)
+        Of the mesh and of the coarser one, mode by mode [rad/s].
     gain : float
         As `refinement_gain` gives it.
     """
-    n = min(len(omega), len(coarse))
-    excess = np.ones(len(omega))
-    excess[:n] = (coarse[:n] / omega[:n]) ** 2 - 1
-    excess[n:] = excess[n - 1] if n else 0.0
+    excess = (coarse / omega) ** 2 - 1
     # A coarse mesh may miss by more than can be extrapolated.
     return np.asarray(omega * np.sqrt(1 - np.clip(excess, -1.0, 1.0) * min(part / gain, 0.75)))
 
