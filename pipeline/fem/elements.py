@@ -42,6 +42,11 @@ class ElementKind:
         X, w = get_quadrature(self.element.refdom, order)
         return X, w
 
+    @property
+    def is_affine(self) -> bool:
+        """Whether the Jacobian is the same all over a cell."""
+        return isinstance(self.geometry, skfem.ElementTetP1)
+
     @cached_property
     def facet_polygons(self) -> IntArray:
         """Local nodes around each facet, mid-edge nodes between corners, shape (n_facets, n_around)."""

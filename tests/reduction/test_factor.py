@@ -82,7 +82,7 @@ def test_static_responses_and_rigid_faces_are_the_same(hexahedra: FEModel) -> No
     marker = face_marker(hexahedra.discretisation, hexahedra.discretisation.mesh.faces["x-"], True)
     loads = np.random.default_rng(0).standard_normal((len(hexahedra.x), 3, 2))
     u, v = (
-        FreeBodySolver(hexahedra, [marker], partial(factorised, solver=solver)).static_response(loads)
+        FreeBodySolver(hexahedra, [marker], factorise=partial(factorised, solver=solver)).static_response(loads)
         for solver in SOLVERS
     )
     assert u == pytest.approx(v, abs=1e-8 * np.abs(v).max())

@@ -36,7 +36,7 @@ def mpi(monkeypatch: pytest.MonkeyPatch) -> None:
 @installed
 @pytest.mark.parametrize("ranks", [1, pytest.param(2, marks=two_ranks)])
 def test_free_held_and_static_fields_are_those_of_one_process(ranks: int, small_bar: FEModel) -> None:
-    one, spread = FreeBodySolver(small_bar), FreeBodySolver(small_bar, (), partial(slepc_factorised, ranks=ranks))
+    one, spread = FreeBodySolver(small_bar), FreeBodySolver(small_bar, factorise=partial(slepc_factorised, ranks=ranks))
     marker = face_marker(small_bar.discretisation, small_bar.discretisation.mesh.faces["x-"])
     for held in (None, marker.columns(len(small_bar.x), np.eye(3))):
         expected, found = one.modes(10, held), spread.modes(10, held)
