@@ -12,6 +12,9 @@ from numpy.typing import NDArray
 from pipeline.cache import stage_key
 from pipeline.checks import Array, InputError, IntArray
 from pipeline.keeper import Keeper
+from pipeline.scene_file import among
+from pipeline.sources import Source
+from pipeline.units import unit_ratio
 
 if TYPE_CHECKING:
     from meshes.gmsh_session import MeshArrays
@@ -24,7 +27,8 @@ if TYPE_CHECKING:
     from pipeline.reduction.eigen import FreeBodySolver
     from pipeline.reduction.gram import InertiaGram
     from pipeline.reduction.modes import Modes
-    from pipeline.scene import Bar, Propeller, Scene
+    from pipeline.scene import Bar, Flexible, Propeller, Scene
+    from pipeline.scene import Marker as SceneMarker
 
 _FEM_PACKAGES = ("numpy", "scipy", "scikit-fem", "gmsh")
 
@@ -88,8 +92,9 @@ class FlexiblePart:
     """
 
     def __init__(self, scene: Scene, name: str, keeper: Keeper) -> None:
-        self.shape: Bar | Propeller = scene.flexible[name]
+        self.shape: Flexible = scene.flexible[name]
         self.name, self._file = name, scene.file
+        self._source = Source.of(self.shape, scene.file, name)
         self.inboard = inboard_of(scene, name)
         self._frame = scene.simulation.frame
         loads = [drive for drive in scene.drive.values() if drive.type in ("point force", "point torque")]
@@ -118,8 +123,13 @@ class FlexiblePart:
         """Stiffness and mass; never kept, since what follows is."""
         from pipeline.fem.assembly import assemble
 
-        mesh, order = self.mesh, self.shape.mesh.order
+        mesh, order = self.mesh, self.order
         return self._keeper.timed("assembly", lambda: assemble(mesh, order, self._material))
+
+    @cached_property
+    def order(self) -> int:
+        """Polynomial order of the displacement in an element."""
+        return self.shape.mesh.order or self.mesh.order
 
     @cached_property
     def modes(self) -> Modes:
@@ -151,8 +161,8 @@ class FlexiblePart:
         x = self.mesh.points[self.mesh.cells].mean(axis=1)
         found = {}
         for name, element in self.shape.element.items():
-            among = self.mesh.parts[element.part] if element.part else np.arange(len(x))
-            found[name] = int(among[np.linalg.norm(x[among] - element.at, axis=1).argmin()])
+            chosen = self.mesh.parts[self._known("element", name, element.part)] if element.part else np.arange(len(x))
+            found[name] = int(chosen[np.linalg.norm(x[chosen] - element.at, axis=1).argmin()])
         return found
 
     @cached_property
@@ -188,6 +198,8 @@ class FlexiblePart:
     @property
     def _mesh_key(self) -> str:
         part = self.shape.model_dump(mode="json", exclude={"E", "nu", "rho", "modes", "marker", "element"})
+        if self._source is not None:
+            return stage_key("mesh", self._source.identity(part), ("meshes", "pipeline/fem"), ("gmsh", "meshio"))
         return stage_key("mesh", part, ("meshes", "pipeline/fem/mesh.py"), ("gmsh",))
 
     @property
@@ -197,13 +209,13 @@ class FlexiblePart:
         )
         markers = self.shape.marker
         inputs = {
-            "part": part,
+            "part": part if self._source is None else self._source.identity(part),
             "axis": self.inboard.axis,
-            "rigid": {name: marker.face for name, marker in markers.items() if marker.attachment == "rigid"},
+            "rigid": {name: marker.where for name, marker in markers.items() if marker.attachment == "rigid"},
             "held": "",
         }
         if self.shape.modes.boundary == "joint":
-            inputs["held"] = repr((self.inboard, markers[self.inboard.marker].face))
+            inputs["held"] = repr((self.inboard, markers[self.inboard.marker].where))
         return stage_key("modes", inputs, ("meshes", "pipeline/fem", "pipeline/reduction"), _FEM_PACKAGES)
 
     @property
@@ -221,18 +233,46 @@ class FlexiblePart:
     def _make_mesh(self) -> SolidMesh:
         from pipeline.fem.mesh import SolidMesh
 
-        return SolidMesh(*_mesh_arrays(self.shape))
+        shape = self.shape
+        if shape.shape == "mesh":
+            from pipeline.fem.mesh_file import read_mesh
+
+            assert self._source is not None
+            return read_mesh(self._source.path, unit_ratio(shape.mesh.unit, "m"), shape.mesh.repair)
+        return SolidMesh(*_mesh_arrays(shape))
 
     @cached_property
     def markers(self) -> dict[str, Marker]:
         """The body's markers on its finite element model."""
         from pipeline.fem.marker import face_marker
 
-        space, faces = self.fe.discretisation, self.mesh.faces
-        return {
-            name: face_marker(space, faces[marker.face], marker.attachment == "rigid")
-            for name, marker in self.shape.marker.items()
-        }
+        found = {}
+        for name, marker in self.shape.marker.items():
+            try:
+                found[name] = face_marker(self.space, *self._faces(name, marker), rigid=marker.attachment == "rigid")
+            except ValueError as error:
+                key = f"body.{self.name}.marker.{name}"
+                raise InputError(self._file, key, next(iter(marker.where.values())), str(error)) from error
+        return found
+
+    def _faces(self, name: str, marker: SceneMarker) -> list[IntArray]:
+        """A marker's faces, as `face_marker` takes them."""
+        from pipeline.fem.selection import facets_in_plane, facets_near
+
+        if marker.plane is not None:
+            return [facets_in_plane(self.space, *marker.plane)]
+        if marker.near is not None:
+            return [facets_near(self.space, np.array(marker.near))]
+        return [self.mesh.faces[self._known("marker", name, face)] for face in marker.faces]
+
+    def _known(self, kind: str, name: str, given: str) -> str:
+        """A face's or a part's name as the mesh has it; upper and lower case may differ."""
+        what, names = ("face", self.mesh.faces) if kind == "marker" else ("part", self.mesh.parts)
+        alike = [known for known in names if known.casefold() == given.casefold()]
+        if given not in names and len(alike) != 1:
+            mend = f"no such {what}; {among(given, names, f'the {what}s')}"
+            raise InputError(self._file, f"body.{self.name}.{kind}.{name}.{what}", given, mend)
+        return given if given in names else alike[0]
 
     @cached_property
     def _solver(self) -> FreeBodySolver:
@@ -309,7 +349,7 @@ class FlexiblePart:
         """Nodes and elements; the matrices aren't needed for it."""
         from pipeline.fem.model import Discretisation
 
-        return Discretisation(self.mesh, self.shape.mesh.order)
+        return Discretisation(self.mesh, self.order)
 
     @property
     def _material(self) -> Material:

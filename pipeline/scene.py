@@ -30,6 +30,7 @@ from pipeline.scene_parts import (
     Body,
     Drive,
     Fixed,
+    Flexible,
     ForceDrive,
     Free,
     Joint,
@@ -73,6 +74,7 @@ __all__ = [
     "Export",
     "Film",
     "Fixed",
+    "Flexible",
     "ForceDrive",
     "Free",
     "Joint",
@@ -150,9 +152,9 @@ class Scene(Table):
         return Path(self._file).stem
 
     @property
-    def flexible(self) -> dict[str, Bar | Propeller]:
+    def flexible(self) -> dict[str, Flexible]:
         """The flexible bodies."""
-        return {name: body for name, body in self.body.items() if isinstance(body, Bar | Propeller)}
+        return {name: body for name, body in self.body.items() if isinstance(body, Flexible)}
 
     @model_validator(mode="after")
     def _fits_together(self) -> Scene:
