@@ -35,10 +35,11 @@ def run(
     out: Path | None = None,
     set_: Set = None,
     no_pictures: Annotated[bool, Parameter(negative=())] = False,
+    no_budget: Annotated[bool, Parameter(negative=())] = False,
     no_cache: NoCache = False,
     json: Json = False,
 ) -> None:
-    """Do everything that a scene asks for: mesh, modes, motion, stress, pictures.
+    """Do everything that a scene asks for: mesh, modes, motion, stress, pictures, an error budget.
 
     Parameters
     ----------
@@ -48,12 +49,14 @@ def run(
         Folder for the results; out/SCENE by default.
     no_pictures
         Draw nothing.
+    no_budget
+        Don't estimate the errors of the results.
     """
     from pipeline.outputs import write_results
 
     pipeline = _pipeline(scene, set_, no_cache)
     folder = out or Path("out") / pipeline.scene.name
-    summary = write_results(pipeline, folder, pictures=not no_pictures)
+    summary = write_results(pipeline, folder, pictures=not no_pictures, budget=not no_budget)
     if json:
         _print_json(summary)
     else:

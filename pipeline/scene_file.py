@@ -52,7 +52,7 @@ class Table(BaseModel):
     @model_validator(mode="before")
     @classmethod
     def _know_every_key(cls, table: Any) -> Any:
-        known = cls.model_fields
+        known = [field.alias or name for name, field in cls.model_fields.items()]
         unknown = [key for key in table if key not in known] if isinstance(table, dict) else []
         if unknown:
             message = f"no such key; {among(unknown[0], known, 'the keys here')}"

@@ -10,7 +10,7 @@ from pipeline.frequencies import frequency_table
 from pipeline.stages import Pipeline
 
 
-def summarise(run: Pipeline, files: list[str]) -> dict[str, Any]:
+def summarise(run: Pipeline, files: list[str], budget: bool) -> dict[str, Any]:
     """Gather a run's figures; the keys about modes and stress are there if the scene has a flexible body."""
     from pipeline import __version__
 
@@ -49,6 +49,10 @@ def summarise(run: Pipeline, files: list[str]) -> dict[str, Any]:
         time, node, value = run.stress.worst()
         place = run.body.x[run.stress.nodes[node]]
         summary["worst_stress"] = {"time_s": time, "von_mises_pa": value, "position_m": place.tolist()}
+    if budget:
+        from pipeline.budget import budget_of
+
+        summary["error_budget"] = budget_of(run).summary()
     return summary | {
         "files": files,
         "seconds": dict(run.log.seconds),

@@ -23,6 +23,8 @@ def print_run(summary: dict[str, Any], folder: Path) -> None:
     if "frequencies_hz" in summary:
         console.print(_frequencies(summary))
     console.print(_integrations(summary))
+    if "error_budget" in summary:
+        console.print(_budget(summary["error_budget"]))
     if "worst_stress" in summary:
         _print_body(console, summary)
     for joint, position in summary["final"].get("joint_positions", {}).items():
@@ -55,6 +57,32 @@ def _print_body(console: Console, summary: dict[str, Any]) -> None:
     if "peak_tip_deflection_m" in summary:
         line += f"; largest tip deflection {summary['peak_tip_deflection_m'] * 1e3:.4g} mm"
     console.print(line)
+
+
+def _budget(budget: dict[str, Any]) -> Table:
+    """Relative errors by source; of a body's frequencies only the worst."""
+    from pipeline.studies.error_estimates import NO_PART, SOURCES
+
+    title = f"Error budget [%]: what is stated is {budget['safety']:g} times the sum"
+    table = _table(title, "quantity", "mesh", "modes", "time", "stress", "stated")
+    shown: dict[str, dict[str, Any]] = {}
+    for row in budget["rows"]:
+        group = row["quantity"].partition(", frequency")[0] if ", frequency" in row["quantity"] else row["quantity"]
+        if group not in shown or row["total"] > shown[group]["total"]:
+            shown[group] = row
+    for row in shown.values():
+        parts = [
+            _percent(part) if isinstance(part := row[source], float) else "–" if part == NO_PART else "?"
+            for source in SOURCES
+        ]
+        stated = _percent(row["total"])
+        table.add_row(row["quantity"], *parts, f"> {stated}" if "?" in parts else stated)
+    return table
+
+
+def _percent(part: float) -> str:
+    """A relative error in percent, to two digits."""
+    return f"{100 * part:.2g}" if part >= 1e-5 else "<.001"
 
 
 def print_frequencies(result: dict[str, Any]) -> None:

@@ -76,6 +76,11 @@ class ElementKind:
         """Whether the cell's own edges may be curved."""
         return bool(self.geometry.edge_dofs)
 
+    @property
+    def is_affine(self) -> bool:
+        """Whether the Jacobian is the same all over a cell."""
+        return isinstance(self.geometry, skfem.ElementTetP1)
+
     @cached_property
     def facet_polygons(self) -> tuple[IntArray, ...]:
         """Local nodes around each facet, mid-edge nodes between corners."""

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import dataclass
 
 import numpy as np
@@ -67,14 +68,14 @@ class Marker:
         return B
 
 
-def face_marker(space: Discretisation, *faces: IntArray, rigid: bool = False) -> Marker:
+def face_marker(space: Discretisation, face: IntArray | Sequence[IntArray], rigid: bool = False) -> Marker:
     """Attach a marker to a face of the body, or to several together.
 
     Parameters
     ----------
     space : Discretisation
         The body's nodes and elements.
-    *faces : ndarray, shape (n,) or (n_facets, 3 or 4)
+    face : ndarray, shape (n,) or (n_facets, 3 or 4), or a sequence of such
         Mesh points on a face: it is made of the boundary facets whose corners are all among them. Or the corners of
         each of its facets.
     rigid : bool
@@ -85,7 +86,8 @@ def face_marker(space: Discretisation, *faces: IntArray, rigid: bool = False) ->
     ValueError
         No boundary facet lies on the face.
     """
-    chosen = np.unique(np.concatenate([facets_on(space, face) for face in faces]))
+    faces = [face] if isinstance(face, np.ndarray) else face
+    chosen = np.unique(np.concatenate([facets_on(space, one) for one in faces]))
     elements, local = (numbers[chosen] for numbers in space.boundary_facets)
     if elements.size == 0:
         raise ValueError("no boundary facet of the mesh lies on the face")

@@ -16,6 +16,7 @@ from pipeline.checks import Array, IntArray, read_only
 from pipeline.fem.elements import ElementKind, element_kind, places, shape_functions, vtk_nodes
 from pipeline.fem.material import Material
 from pipeline.fem.mesh import STRAIGHT, SolidMesh
+from pipeline.fem.structure import BlockStructure
 
 
 @dataclass(frozen=True)
@@ -95,10 +96,17 @@ class Discretisation:
         X, w = self.kind.quadrature(self.kind.mass_order)
         return np.asarray(np.abs(np.linalg.det(self.jacobians(X)) @ w))
 
+    @cached_property
+    def structure(self) -> BlockStructure:
+        """The pattern of every matrix on these nodes."""
+        return BlockStructure(self.element_nodes, len(self.x))
+
     def jacobians(self, X: Array, elements: slice | IntArray = slice(None)) -> Array:
         """Derivatives of position by reference coordinates, shape (n_elements, n_q, 3, 3), last axis reference."""
         _, dN = shape_functions(self.kind.geometry, X)
-        return np.asarray(np.swapaxes(self.corner_coordinates[elements], 1, 2)[:, None] @ dN.transpose(2, 0, 1))
+        corners = self.corner_coordinates[elements].transpose(2, 0, 1)
+        J = np.ascontiguousarray(corners) @ dN.reshape(len(dN), -1)
+        return np.asarray(J.reshape(3, -1, *dN.shape[1:]).transpose(1, 3, 0, 2))
 
 
 @dataclass(frozen=True)
@@ -126,7 +134,10 @@ class FEModel:
     @cached_property
     def M(self) -> sp.csr_array:
         """Full consistent mass matrix, shape (3 n_nodes, 3 n_nodes) [kg]."""
-        return sp.csr_array(sp.kron(self.m, sp.eye_array(3), format="csr"))
+        n = self.m.shape[0]
+        each = self.m[np.repeat(np.arange(n), 3)]  # every row three times, once for each axis
+        axis = np.repeat(np.tile(np.arange(3, dtype=each.indices.dtype), n), np.diff(each.indptr))
+        return sp.csr_array((each.data, 3 * each.indices + axis, each.indptr), shape=(3 * n, 3 * n))
 
     @property
     def mass(self) -> float:

@@ -11,8 +11,9 @@ from scipy.linalg import eigh, null_space
 from scipy.sparse.csgraph import connected_components
 from scipy.sparse.linalg import LinearOperator, eigsh, splu
 
-from pipeline.checks import AccuracyError, Array
+from pipeline.checks import AccuracyError, Array, IntArray
 from pipeline.reduction.modes import EigenPairs
+from pipeline.reduction.supports import rigid_motions_left, without
 
 if TYPE_CHECKING:
     from pipeline.fem.marker import Marker
@@ -20,7 +21,7 @@ if TYPE_CHECKING:
 
 RESIDUAL_LIMIT = 1e-6
 ORTHONORMALITY_LIMIT = 1e-8
-STATIC_RESIDUAL_LIMIT = 1e-8
+STATIC_RESIDUAL_LIMIT = 1e-6  # in the energy norm, as that of modes
 _BALANCED = 1e-12  # what is left below this part of a load is round-off: the body balances it by itself
 _MAX_RESTARTS = 6
 _STEP_GAIN = 1e-4
@@ -42,6 +43,13 @@ class FreeBodySolver:
         A body in one piece.
     rigid : sequence of Marker
         Markers whose faces are held rigid; they have no node in common.
+    fixed : ndarray of int, optional
+        Unknowns that supports hold; ``3 i + a`` is node i along axis a.
+
+    Attributes
+    ----------
+    rigid_modes : ndarray, shape (3 n_nodes, 6 or less)
+        Rigid motions that the supports leave.
 
     Raises
     ------
@@ -49,7 +57,7 @@ class FreeBodySolver:
         The mesh is in several unconnected pieces.
     """
 
-    def __init__(self, fe: FEModel, rigid: Sequence[Marker] = ()) -> None:
+    def __init__(self, fe: FEModel, rigid: Sequence[Marker] = (), fixed: IntArray | None = None) -> None:
         n_pieces, _ = connected_components(fe.m, directed=False)
         if n_pieces > 1:
             raise AccuracyError(
@@ -58,7 +66,11 @@ class FreeBodySolver:
             )
         self._fe = fe
         self._T = rigid_faces(fe, rigid) if rigid else None
-        self._K, self._M, self._R = fe.K, fe.M, fe.rigid_modes
+        self.rigid_modes, self._supported = fe.rigid_modes, fixed is not None
+        if fixed is not None:
+            T = sp.eye_array(fe.K.shape[0], format="csr") if self._T is None else self._T
+            self._T, self.rigid_modes = without(T, fixed, len(rigid)), rigid_motions_left(fe, fixed)
+        self._K, self._M, self._R = fe.K, fe.M, self.rigid_modes
         if self._T is not None:
             self._K, self._M = (sp.csr_array(self._T.T @ A @ self._T) for A in (fe.K, fe.M))
             self._R = self._reduced(self._R)
@@ -82,8 +94,13 @@ class FreeBodySolver:
         x = self._fe.x - self._fe.x.mean(axis=0)
         x = x / np.ptp(x, axis=0).max()
         terms = [np.ones(len(x)), *x.T, *(x[:, a] * x[:, b] for a in range(3) for b in range(a, 3))]
-        V = np.linalg.qr(self._reduced(np.kron(np.stack(terms, axis=1), np.eye(3))))[0]
-        return float(eigh(V.T @ (self._K @ V), V.T @ (self._M @ V), eigvals_only=True)[6])
+        V, K, M = np.kron(np.stack(terms, axis=1), np.eye(3)), self._K, self._M
+        if self._supported:  # polynomials would break at the supports; the free body is softer in any case
+            K, M = self._fe.K, self._fe.M
+        else:
+            V = self._reduced(V)
+        V = np.linalg.qr(V)[0]
+        return float(eigh(V.T @ (K @ V), V.T @ (M @ V), eigvals_only=True)[6])
 
     def modes(self, count: int, held: Array | None = None) -> EigenPairs:
         """Return the ``count`` lowest elastic modes.
@@ -105,7 +122,7 @@ class FreeBodySolver:
         if self._T is not None and B.shape[1]:
             B = self._T.T @ B
         inverse = held_inverse(self._inverse, B) if B.shape[1] else self._inverse
-        expected = 6 - (int(np.linalg.matrix_rank(B.T @ self._R)) if B.shape[1] else 0)
+        expected = self._R.shape[1] - (int(np.linalg.matrix_rank(B.T @ self._R)) if B.shape[1] and self._R.size else 0)
         count = min(count, n - B.shape[1] - expected)
         ncv = max(2 * (count + expected) + 1, 40)
         if ncv < n - B.shape[1]:
@@ -142,6 +159,15 @@ class FreeBodySolver:
         shapes = shapes * np.sign(flat[np.abs(flat).argmax(axis=0), np.arange(flat.shape[1])])
         return EigenPairs(np.sqrt(eigenvalues[n_rigid:]), shapes, n_rigid, residual)
 
+    def inertia_response(self, u: Array) -> Array:
+        """``(K − σ M)⁻¹ M u``: what the inertia of fields u (n_nodes, 3, k) bends; their rigid parts are left out."""
+        R, flat = self._fe.rigid_modes, u.reshape(self._fe.K.shape[0], -1)
+        MR = self._fe.M @ R
+        rigid_mass = R.T @ MR
+        load = self._fe.M @ flat - MR @ np.linalg.solve(rigid_mass, MR.T @ flat)
+        found = self._expanded(self._inverse(load if self._T is None else self._T.T @ load)).reshape(flat.shape)
+        return np.asarray(found - R @ np.linalg.solve(rigid_mass, MR.T @ found)).reshape(u.shape)
+
     def static_response(self, f: Array) -> Array:
         """Solve ``K u = f`` for loads in equilibrium with the rigid acceleration they cause (inertia relief).
 
@@ -167,16 +193,19 @@ class FreeBodySolver:
         def balanced(load: Array) -> Array:
             return np.asarray(load - MR @ np.linalg.solve(rigid_mass, R.T @ load))
 
+        def energy(load: Array) -> Array:
+            return np.asarray(np.sqrt(np.maximum(np.einsum("ij,ij->j", load, self._inverse(load)), 0.0)))
+
         loads = balanced(given)
-        size = np.linalg.norm(loads, axis=0)
-        nothing = size <= _BALANCED * np.linalg.norm(given, axis=0)
-        loads[:, nothing], size[nothing] = 0.0, 1.0
+        nothing = np.linalg.norm(loads, axis=0) <= _BALANCED * np.linalg.norm(given, axis=0)
+        loads[:, nothing] = 0.0
+        size = np.where(nothing, 1.0, energy(loads))
         u, before = np.zeros_like(loads), np.inf
         # Conjugate gradients with the shifted factor take a few steps. They start anew on what is left of the load,
         # balanced again: K does not see rigid-body round-off, which would spoil a long run.
         for _ in range(_MAX_RESTARTS):
             defect = balanced(loads - K @ u)
-            residual = np.linalg.norm(defect, axis=0) / size
+            residual = energy(defect) / size  # in which round-off of stiff elements counts little
             if residual.max() < 1e-12 or (residual.max() < STATIC_RESIDUAL_LIMIT and residual.max() > 0.1 * before):
                 break
             before = residual.max()
