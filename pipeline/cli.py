@@ -304,6 +304,42 @@ def stability(
         print_stability(run.scene.title, result)
 
 
+app.command("pipeline.sweep.command:sweep", help="A scene at every combination of values, on all cores or a cluster.")
+
+
+@app.command
+def verify(
+    cases: list[str] | None = None,
+    /,
+    *,
+    out: Path = Path("out/verification"),
+    no_cache: NoCache = False,
+    json: Json = False,
+) -> None:
+    """Published and closed-form results beside ours; ends with status 3 if one is out of its tolerance.
+
+    Parameters
+    ----------
+    cases
+        Names of cases, e.g. fv52; all by default.
+    out
+        Folder for the table as CSV and JSON.
+    """
+    from pipeline.cache import Cache
+    from pipeline.verification.suite import chosen, outcomes, require_within, rows_of, write_rows
+
+    found = list(outcomes(chosen(cases or ()), Cache(None) if no_cache else None))
+    rows = rows_of(found)
+    files = write_rows(rows, out)
+    if json:
+        _print_json({"rows": rows, "seconds": {one.case.name: one.seconds for one in found}, "files": files})
+    else:
+        from pipeline.tables import print_verification
+
+        print_verification(found, out, files)
+    require_within(found)
+
+
 @app.command
 def doctor(*, json: Json = False) -> None:
     """Tell what this machine lacks, and the command that mends it."""

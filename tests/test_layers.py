@@ -36,7 +36,7 @@ LAYERS = (
         *{"mechanism", "methods", "part", "shapes", "sources", "spin"},
         *{"stages", "frequencies", "quantities", "outputs", "drawings", "exports", "stability", "stress_test"},
         *{"neighbours", "observed", "budget"},
-        *{"summary", "tables", "bench", "doctor", "cli"},
+        *{"summary", "tables", "bench", "doctor", "sweep", "verification", "cli"},
         *{"__init__", "__main__"},
     },
 )
