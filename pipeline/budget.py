@@ -222,7 +222,7 @@ class _Estimates:
             )
         except AccuracyError as fault:
             return None, f"not estimated: on a coarser mesh, {fault}"
-        order = min(part.shape.mesh.order for part in self.run.parts.values()) if exact else 1
+        order = min(part.order for part in self.run.parts.values()) if exact else 1
         self.gains = {kind: refinement_gain(COARSENING, order, kind) for kind in ("displacement", "stress", "geometry")}
         return coarse, NO_PART
 

@@ -84,7 +84,7 @@ def mesh(
         File to write the mesh to, in the format of its suffix: .vtu, .msh, .inp ...
     """
     pipeline = _pipeline(scene, set_, no_cache)
-    part = pipeline.part.shape
+    part = pipeline.part
     solid = pipeline.mesh
     if out is not None:
         from pipeline.fem.export import write_mesh
@@ -96,10 +96,11 @@ def mesh(
         "elements": len(solid.cells),
         "parts": {name: len(cells) for name, cells in solid.parts.items()},
         "element_type": solid.cell_type,
-        "order": part.mesh.order,
+        "order": part.order,
         "volume_m3": volume,
-        "mass_kg": part.rho * volume,
+        "mass_kg": part.shape.rho * volume,
         "min_quality": float(solid.quality.min()),
+        "notes": list(solid.notes),
     }
     _print(result, json)
 

@@ -10,7 +10,7 @@ from typing import TYPE_CHECKING, Any
 if TYPE_CHECKING:
     from collections.abc import Callable
 
-    from pipeline.scene import Bar, Propeller, Scene
+    from pipeline.scene import Flexible, Scene
 
 COARSENING = 2.0
 
@@ -20,7 +20,7 @@ def with_runs(scene: Scene, *runs: Any) -> Scene:
     return _changed(scene, {"march": scene.simulation.model_copy(update={"run": runs})})
 
 
-def with_modes(scene: Scene, change: Callable[[Bar | Propeller], dict[str, Any]]) -> Scene:
+def with_modes(scene: Scene, change: Callable[[Flexible], dict[str, Any]]) -> Scene:
     """The scene, each flexible body's table of modes changed by what ``change`` returns for it."""
     return _with_bodies(scene, lambda body: {"modes": body.modes.model_copy(update=change(body))})
 
@@ -42,7 +42,7 @@ def coarser(scene: Scene) -> Scene | None:
     return None if found is None or any(found.body[name] == body for name, body in scene.flexible.items()) else found
 
 
-def _divided(body: Bar | Propeller, factor: float) -> dict[str, Any]:
+def _divided(body: Flexible, factor: float) -> dict[str, Any]:
     """What changes in a body's table of the mesh."""
 
     def times(count: int) -> int:
@@ -53,6 +53,8 @@ def _divided(body: Bar | Propeller, factor: float) -> dict[str, Any]:
             return {"size": body.mesh.size / factor}
         assert body.mesh.divisions is not None
         return {"divisions": tuple(times(count) for count in body.mesh.divisions)}
+    if body.shape == "mesh":  # a file's mesh is what it is
+        return {}
     (around, axial, radial), (chordwise, across, outwards) = body.mesh.sleeve, body.mesh.joint
     across = times(across)
     per_blade = max(times(around // body.blades), across + 1)
@@ -63,7 +65,7 @@ def _divided(body: Bar | Propeller, factor: float) -> dict[str, Any]:
     }
 
 
-def _with_bodies(scene: Scene, change: Callable[[Bar | Propeller], dict[str, Any]]) -> Scene:
+def _with_bodies(scene: Scene, change: Callable[[Flexible], dict[str, Any]]) -> Scene:
     bodies = {name: body.model_copy(update=change(body)) for name, body in scene.flexible.items()}
     return _changed(scene, {"body": {**scene.body, **bodies}})
 
