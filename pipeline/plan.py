@@ -30,6 +30,12 @@ _READS: dict[str, tuple[str, ...]] = {
     "nodal stress": ("mesh", "body"),
     "error budget": ("mesh", "modes", "body", "surface", "stress"),  # the rest is in stages of its own
 }
+# Properties of a part with the keys that it keeps its stages under; assembly never is.
+_KEYS = {
+    **{"mesh": "_mesh_key", "modes": "_modes_key", "surface": "_modes_key"},
+    **{"body": "_body_key", "stress": "_body_key", "nodal stress": "_body_key"},
+    **{"stiffening": "_stiffening_key", "element stress": "_element_key"},
+}
 # What each kind of output reads.
 _DRAWS: dict[str, tuple[str, ...]] = {
     "chart": (),
@@ -129,7 +135,7 @@ def remember(run: Pipeline) -> None:
         fate = "run" if stage in log.run else "cached"
         last["seconds"].setdefault(fate, {})[_timed_as(stage, last["kernels"] == _kernels())] = seconds
     for part in run.parts.values():
-        last["keys"] |= {(stage, part.name): part.key_of(stage) for stage in _READS if stage != "element stress"}
+        last["keys"] |= {(stage, part.name): _key_of(part, stage) for stage in _READS if stage != "element stress"}
     run.keeper.cache.save(_name(run), last | {"kernels": _kernels()})
 
 
@@ -148,6 +154,10 @@ def _kernels() -> str:
 
 def _timed_as(stage: str, compiled: bool) -> str:
     return stage if compiled or stage != "motion" else "motion and kernels"
+
+
+def _key_of(part: FlexiblePart, stage: str) -> str:
+    return str(getattr(part, _KEYS[stage])) if stage in _KEYS else ""
 
 
 class _Planner:
@@ -175,7 +185,7 @@ class _Planner:
                 self.note(stage, "run", "the mesh is made anew", part.name)
             else:
                 kept_as = "stress" if stage == "element stress" else stage
-                self.note(stage, *self._fate(kept_as, part.key_of(stage), (stage, part.name)), part.name)
+                self.note(stage, *self._fate(kept_as, _key_of(part, stage), (stage, part.name)), part.name)
             if self._steps[stage, part.name].fate == "run":
                 self.ask(part, _READS[stage])
 

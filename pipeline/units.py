@@ -12,6 +12,7 @@ from __future__ import annotations
 import json
 import math
 import re
+import shutil
 from contextlib import suppress
 from decimal import Decimal
 from functools import cache, partial
@@ -84,9 +85,11 @@ def _registry() -> pint.UnitRegistry[Decimal]:
     """Return the units known, loaded when a quantity is first read; decimals make 10 us exactly 1e-05 s."""
     import pint
 
+    folder = cache_folder() / "units"
     try:
-        return pint.UnitRegistry(non_int_type=Decimal, cache_folder=cache_folder() / "units")
-    except OSError:  # a folder that can't be written
+        return pint.UnitRegistry(non_int_type=Decimal, cache_folder=folder)
+    except Exception:  # it can't be written; or pint, which doesn't write files whole, was killed while it wrote one
+        shutil.rmtree(folder, ignore_errors=True)
         return pint.UnitRegistry(non_int_type=Decimal)
 
 
@@ -131,6 +134,22 @@ def to_si(value: object, kind: str) -> float:
     if not math.isfinite(result):
         raise ValueError(f"{value!r} isn't finite: {wanted}")
     return result
+
+
+def si_of(text: str) -> tuple[float, str]:
+    """Convert a quantity of any kind to SI units: ``si_of("2 us")`` is ``(2e-06, "s")``.
+
+    Raises
+    ------
+    ValueError
+        The text is no number with a known unit.
+    """
+    match = _QUANTITY.fullmatch(text) if len(text) <= _LONGEST else None
+    factor, base = _base_units(match[2]) if match and match[2] else (Decimal(0), "")
+    if match is None or not base:
+        raise ValueError(f"{text!r} isn't a number with a unit")
+    unit = next((si for si, _ in _KINDS.values() if _base_units(si)[1] == base), base)
+    return float(Decimal(match[1]) * factor), unit
 
 
 def unit_ratio(unit: str, wanted: str) -> float:
