@@ -32,9 +32,14 @@ _READS: dict[str, tuple[str, ...]] = {
 }
 # Properties of a part with the keys that it keeps its stages under; assembly never is.
 _KEYS = {
-    **{"mesh": "_mesh_key", "modes": "_modes_key", "surface": "_modes_key"},
-    **{"body": "_body_key", "stress": "_body_key", "nodal stress": "_body_key"},
-    **{"stiffening": "_stiffening_key", "element stress": "_element_key"},
+    "mesh": "_mesh_key",
+    "modes": "_modes_key",
+    "surface": "_modes_key",
+    "body": "_body_key",
+    "stress": "_body_key",
+    "nodal stress": "_body_key",
+    "stiffening": "_stiffening_key",
+    "element stress": "_element_key",
 }
 # What each kind of output reads.
 _DRAWS: dict[str, tuple[str, ...]] = {
