@@ -12,6 +12,7 @@ from importlib.metadata import version
 from pathlib import Path
 from typing import Any
 
+from pipeline.files import forget_abandoned
 from pipeline.folders import source_digest
 
 _DIGEST_BYTES = 32
@@ -71,6 +72,7 @@ class Cache:
         part = ""
         try:
             self.folder.mkdir(parents=True, exist_ok=True)
+            forget_abandoned(self.folder, ".part-*")
             handle, part = tempfile.mkstemp(dir=self.folder, prefix=".part-")
             with os.fdopen(handle, "wb") as file:
                 file.write(_digest(body))

@@ -356,11 +356,16 @@ def doctor(*, json: Json = False) -> None:
 
 
 def main(arguments: Sequence[str] | None = None) -> None:
-    """Run the command line; wrong input ends with status 2, a failed check with 3, each with one message."""
+    """Run the command line; what the user or the machine must mend ends with status 2, a failed check with 3.
+
+    Each with one message.
+    """
     try:
         app(sys.argv[1:] if arguments is None else arguments)
     except KeyboardInterrupt:
         _fail("interrupted", 130)
+    except OSError as error:  # a full disk, a folder that can't be written, a library that isn't there
+        _fail(f"{error}; `fmd doctor` tells what this machine lacks", 2)
     except Exception as error:
         from pipeline.checks import AccuracyError, InputError  # here: they load NumPy, which --help does without
 
