@@ -84,7 +84,7 @@ def mesh(
         File to write the mesh to, in the format of its suffix: .vtu, .msh, .inp ...
     """
     pipeline = _pipeline(scene, set_, no_cache)
-    part = pipeline.part.shape
+    part = pipeline.part
     solid = pipeline.mesh
     if out is not None:
         from pipeline.fem.export import write_mesh
@@ -96,10 +96,11 @@ def mesh(
         "elements": len(solid.cells),
         "parts": {name: len(cells) for name, cells in solid.parts.items()},
         "element_type": solid.cell_type,
-        "order": part.mesh.order,
+        "order": part.order,
         "volume_m3": volume,
-        "mass_kg": part.rho * volume,
+        "mass_kg": part.shape.rho * volume,
         "min_quality": float(solid.quality.min()),
+        "notes": list(solid.notes),
     }
     _print(result, json)
 
@@ -301,6 +302,12 @@ def stability(
         from pipeline.tables import print_stability
 
         print_stability(run.scene.title, result)
+
+
+app.command("pipeline.sweep.command:sweep", help="A scene at every combination of values, on all cores or a cluster.")
+app.command("pipeline.cli_more:new", help="Write a commented scene to start from.")
+app.command("pipeline.cli_more:report", help="One web page of all results, to be opened without a network.")
+app.register_install_completion_command(help="Let the shell complete commands and options (bash, zsh, fish).")
 
 
 @app.command

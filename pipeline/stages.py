@@ -23,6 +23,7 @@ if TYPE_CHECKING:
     from pipeline.integrators.protocol import Trajectory
     from pipeline.mechanism import Chain
     from pipeline.methods import Plan
+    from pipeline.notebook import Picture
     from pipeline.recovery.chain_motion import ChainMotion
     from pipeline.recovery.motion import Motion
     from pipeline.recovery.stress import StressHistory
@@ -73,6 +74,33 @@ class Pipeline:
         other = Pipeline(self.scene, self.keeper.cache)
         other.parts, other.bodies = self.parts, bodies
         return other
+
+    def _repr_html_(self) -> str:
+        return self.scene._repr_html_()
+
+    def picture(self, type: str, mode: int = 1, **settings: Any) -> Picture:
+        """Draw what an ``[[output]]`` of this type would, to be shown inline: ``picture("stress", scale=10)``.
+
+        Parameters
+        ----------
+        type : str
+            ``"chart"``, ``"mesh"``, ``"modes"``, ``"mode sheet"`` or ``"stress"``.
+        mode : int
+            Which of the modes, from 1.
+        settings
+            The output's other keys; ``body`` is the first flexible one by default.
+
+        Raises
+        ------
+        InputError
+            There is no such output or mode, or the scene lacks what it shows.
+        """
+        from pipeline.notebook import pictures
+
+        drawn = pictures(self, type, [mode], **settings)
+        if not drawn:
+            raise InputError("picture", "mode", mode, f"must be 1 … {len(self.modes.omega)}")
+        return drawn[0]
 
     @property
     def log(self) -> Log:
@@ -206,6 +234,13 @@ class Pipeline:
         return q0, v0
 
     @cached_property
+    def plans(self) -> dict[str, Plan]:
+        """The scene's runs, ready to be integrated, each under the label of its motion; raises what `motions` does."""
+        from pipeline.methods import plans_of
+
+        return plans_of(self)
+
+    @cached_property
     def motions(self) -> dict[str, Motion] | dict[str, ChainMotion]:
         """The motion by each of the scene's runs; the label tells integrator and ratio.
 
@@ -215,9 +250,7 @@ class Pipeline:
             A step is beyond its stability limit, or a body would lose its stiffness by its spin; nothing has been
             integrated then.
         """
-        from pipeline.methods import plans_of
-
-        plans = plans_of(self)
+        plans = self.plans
         trajectories = self.keeper.timed("motion", lambda: self._march_all(plans))
         motions: Any = {label: self.motion_by(plan, trajectories[label]) for label, plan in plans.items()}
         return dict(motions)

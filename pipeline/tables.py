@@ -13,6 +13,7 @@ from rich.table import Table
 if TYPE_CHECKING:
     from pipeline.stability import SceneStability
     from pipeline.studies.work_precision import WorkPrecision
+    from pipeline.sweep.study import Sweep
     from pipeline.verification.suite import Outcome
 
 _COUPLED = 1e-6
@@ -97,7 +98,17 @@ def print_frequencies(result: dict[str, Any]) -> None:
         for k, frequency in enumerate(result["rotating_frequencies_hz"]):
             table.add_row(str(k + 1), f"{frequency:.4f}")
         console.print(table)
-    console.print(f"{result['rigid_modes']} rigid-body modes, {result['dofs']} unknowns")
+    console.print(f"{result['rigid_modes']} rigid-body modes, {result['dofs']} unknowns{_factor(result)}")
+
+
+def _factor(result: dict[str, Any]) -> str:
+    factor = result["factor"]
+    if factor is None:
+        return ""
+    return (
+        f"; factor by {factor['solver']} in {factor['order']} order, {factor['nonzeros'] / 1e6:.3g} million nonzeros "
+        f"of {factor['unknowns']} unknowns, {factor['memory'] / 1e6:.3g} MB"
+    )
 
 
 def print_campbell(title: str, rates: Any, table: Any, folder: Path, files: list[str]) -> None:
@@ -239,6 +250,47 @@ def print_stress_test(rows: list[dict[str, Any]], folder: Path) -> None:
     console = Console()
     console.print(table)
     console.print(f"stability.csv in {folder}/")
+
+
+def print_sweep(
+    found: Sweep, rows: Sequence[dict[str, Any]], seconds: float, folder: Path, files: Sequence[str]
+) -> None:
+    """Print a sweep's points, with those figures that fit a terminal."""
+    shown = {
+        "frequencies_hz.0": ("mode 1 Hz", ""),
+        "worst_stress.von_mises_pa": ("stress", "Pa"),
+        "peak_tip_deflection_m": ("tip", "m"),
+        "run.0.stability_margin": ("limit/step", ""),
+        "run.0.seconds": ("run time", "s"),
+    }
+    joints = [name for name in rows[0] if name.startswith("run.0.final.joint_positions.")]
+    shown |= {name: (name.rpartition(".")[2], "") for name in joints[:2]}
+    shown = {name: words for name, words in shown.items() if any(row.get(name) is not None for row in rows)}
+    keys = [varied.key.rpartition(".")[2] for varied in found.varied]
+    table = _table("Points", "", *keys, "status", *(name for name, _ in shown.values()))
+    for column in table.columns:
+        column.overflow = "fold"
+    for number, (point, row) in enumerate(zip(found.points, rows, strict=True), start=1):
+        figures = [_figure(row[name], unit) for name, (_, unit) in shown.items()]
+        table.add_row(str(number), *point.values, str(row["status"]), *figures)
+    console = Console()
+    console.print(table)
+    for message in dict.fromkeys(record.message for record in found.records if record.message):
+        where = [str(number) for number, record in enumerate(found.records, start=1) if record.message == message]
+        console.print(f"{', '.join(where)}: {message}", markup=False)
+    counts = ", ".join(f"{number} {status}" for status, number in found.counts.items() if number)
+    console.print(f"{len(rows)} points: {counts}; {found.computed} computed now, in {seconds:.1f} s")
+    console.print(f"in {folder}/: {', '.join(files)}")
+
+
+def _figure(value: float | None, unit: str) -> str:
+    """Three digits with the prefix that fits; nothing for a figure that a point lacks."""
+    if value is None:
+        return ""
+    large = next(((f, p) for f, p in ((1e9, "G"), (1e6, "M"), (1e3, "k")) if unit and abs(value) >= f), None)
+    if large is not None:
+        return f"{value / large[0]:.4g} {large[1]}{unit}"
+    return _scaled(value, unit) if unit and abs(value) < 1 else f"{value:.4g} {unit}".rstrip()
 
 
 def print_verification(found: Sequence[Outcome], folder: Path, files: list[str]) -> None:

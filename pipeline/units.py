@@ -136,6 +136,22 @@ def to_si(value: object, kind: str) -> float:
     return result
 
 
+def si_of(text: str) -> tuple[float, str]:
+    """Convert a quantity of any kind to SI units: ``si_of("2 us")`` is ``(2e-06, "s")``.
+
+    Raises
+    ------
+    ValueError
+        The text is no number with a known unit.
+    """
+    match = _QUANTITY.fullmatch(text) if len(text) <= _LONGEST else None
+    factor, base = _base_units(match[2]) if match and match[2] else (Decimal(0), "")
+    if match is None or not base:
+        raise ValueError(f"{text!r} isn't a number with a unit")
+    unit = next((si for si, _ in _KINDS.values() if _base_units(si)[1] == base), base)
+    return float(Decimal(match[1]) * factor), unit
+
+
 def unit_ratio(unit: str, wanted: str) -> float:
     """Return how many of the wanted unit one unit is: ``unit_ratio("m", "mm")`` is 1000.
 
