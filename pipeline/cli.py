@@ -351,17 +351,15 @@ def verify(
         Folder for the table as CSV and JSON.
     """
     from pipeline.cache import Cache
-    from pipeline.verification.suite import chosen, outcomes, require_within, rows_of, write_rows
+    from pipeline.verification.suite import carry_out, require_within
 
-    found = list(outcomes(chosen(cases or ()), Cache(None) if no_cache else None))
-    rows = rows_of(found)
-    files = write_rows(rows, out)
+    found, summary = carry_out(cases or (), out, Cache(None) if no_cache else None)
     if json:
-        _print_json({"rows": rows, "seconds": {one.case.name: one.seconds for one in found}, "files": files})
+        _print_json(summary)
     else:
         from pipeline.tables import print_verification
 
-        print_verification(found, out, files)
+        print_verification(found, out, summary["files"])
     require_within(found)
 
 
@@ -385,11 +383,13 @@ def doctor(*, json: Json = False) -> None:
 
 
 def main(arguments: Sequence[str] | None = None) -> None:
-    """Run the command line; wrong input ends with status 2, a failed check with 3, each with one message."""
+    """Run the command line; what must be mended ends with status 2, a failed check with 3, each with one message."""
     try:
         app(sys.argv[1:] if arguments is None else arguments)
     except KeyboardInterrupt:
         _fail("interrupted", 130)
+    except OSError as error:  # a full disk, a folder that can't be written, a library that isn't there
+        _fail(f"{error}; `fmd doctor` tells what this machine lacks", 2)
     except Exception as error:
         from pipeline.checks import AccuracyError, InputError  # here: they load NumPy, which --help does without
 

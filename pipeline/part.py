@@ -305,26 +305,9 @@ class FlexiblePart:
     @cached_property
     def fixed(self) -> IntArray | None:
         """Unknowns that the supports hold; ``None`` if there are none."""
-        if not self.shape.support:
-            return None
-        from pipeline.fem.place import node_at, nodes_on_edge, nodes_on_faces
+        from pipeline.supported import fixed_unknowns
 
-        fixed = []
-        for number, support in enumerate(self.shape.support):
-            try:
-                if support.edge is not None:
-                    nodes = nodes_on_edge(self.space, np.array(support.edge))
-                elif support.point is not None:
-                    nodes = node_at(self.space, np.array(support.point))
-                else:
-                    nodes = nodes_on_faces(
-                        self.space, [self.mesh.faces[self._known("support", number, face)] for face in support.faces]
-                    )
-            except ValueError as error:
-                key = f"body.{self.name}.support.{number}"
-                raise InputError(self._file, key, support.edge or support.faces, str(error)) from error
-            fixed += [3 * nodes + "xyz".index(axis) for axis in support.fixed]
-        return np.unique(np.concatenate(fixed))
+        return fixed_unknowns(self.space, self.shape.support, self._known, self._file, self.name)
 
     @cached_property
     def _solver(self) -> FreeBodySolver:
@@ -422,9 +405,7 @@ class FlexiblePart:
     def _require_held(self, modes: Modes, fixed: IntArray) -> None:
         """A supported body moves with the frame of its supports, on which its joint acts."""
         if modes.n_rigid:
-            message = (
-                f"leave {modes.n_rigid} rigid-body modes: it has modes, but to move on a joint it must be held whole"
-            )
+            message = f"leave {modes.n_rigid} rigid-body modes; to move on a joint, a body must be held whole"
             raise InputError(self._file, f"body.{self.name}.support", None, message)
         nodes = self.markers[self.inboard.marker].nodes
         if self.inboard.free and not np.isin(3 * nodes[:, None] + np.arange(3), fixed).all():

@@ -8,6 +8,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 from rich.console import Console
+from rich.markup import escape
 from rich.table import Table
 
 if TYPE_CHECKING:
@@ -321,7 +322,7 @@ def print_verification(found: Sequence[Outcome], folder: Path, files: list[str])
         for figure in outcome.figures:
             difference = f"{100 * figure.difference:+.2g} %" + ("" if figure.holds else " OUT")
             numbers = (f"{figure.ours:.6g}", f"{figure.published:.6g}", difference, f"{100 * figure.tolerance:.2g} %")
-            table.add_row(figure.quantity, *numbers)
+            table.add_row(escape(figure.quantity), *numbers)  # [m] is no markup
         console.print(table if not outcome.error else f"{case.name} FAILED: {outcome.error}")
     n, wrong = sum(len(one.figures) for one in found), sum(not one.holds for one in found)
     console.print(
