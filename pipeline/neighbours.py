@@ -55,6 +55,8 @@ def _divided(body: Flexible, factor: float) -> dict[str, Any]:
         return {"divisions": tuple(times(count) for count in body.mesh.divisions)}
     if body.shape == "mesh":  # a file's mesh is what it is
         return {}
+    if body.shape == "cad":
+        return {"size": body.mesh.size / factor}
     (around, axial, radial), (chordwise, across, outwards) = body.mesh.sleeve, body.mesh.joint
     across = times(across)
     per_blade = max(times(around // body.blades), across + 1)

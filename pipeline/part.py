@@ -17,7 +17,7 @@ from pipeline.sources import Source
 
 if TYPE_CHECKING:
     from pipeline.fem.marker import Marker
-    from pipeline.fem.material import Material
+    from pipeline.fem.material import AnyMaterial
     from pipeline.fem.mesh import SolidMesh
     from pipeline.fem.model import Discretisation, FEModel
     from pipeline.fem.surface import SurfaceTopology
@@ -217,7 +217,9 @@ class FlexiblePart:
 
     @property
     def _mesh_key(self) -> str:
-        part = self.shape.model_dump(mode="json", exclude={"E", "nu", "rho", "modes", "marker", "support", "element"})
+        part = self.shape.model_dump(
+            mode="json", exclude={"E", "nu", "rho", "material", "modes", "marker", "support", "element"}
+        )
         if self._source is not None:
             return stage_key("mesh", self._source.identity(part), ("meshes", "pipeline/fem"), ("gmsh", "meshio"))
         return stage_key("mesh", part, ("meshes", "pipeline/fem/mesh.py"), ("gmsh",))
@@ -283,7 +285,7 @@ class FlexiblePart:
 
     def _known(self, kind: str, name: str | int, given: str) -> str:
         """A face's or a part's name as the mesh has it; upper and lower case may differ."""
-        what, names = ("part", self.mesh.parts) if kind == "element" else ("face", self.mesh.faces)
+        what, names = ("part", self.mesh.parts) if kind in ("element", "material") else ("face", self.mesh.faces)
         alike = [known for known in names if known.casefold() == given.casefold()]
         if given not in names and len(alike) != 1:
             mend = f"no such {what}; {among(given, names, f'the {what}s')}"
@@ -425,11 +427,19 @@ class FlexiblePart:
         return Discretisation(self.mesh, self.order)
 
     @property
-    def material(self) -> Material:
+    def material(self) -> AnyMaterial:
         """What it is made of."""
-        from pipeline.fem.material import Material
+        from pipeline.shapes import material_of
 
-        return Material(self.shape.E, self.shape.nu, self.shape.rho)
+        return material_of(self.shape, self.mesh, lambda name: self._known("material", name, name))
+
+    @property
+    def mass(self) -> float:
+        """Its mass [kg], from the volumes of its elements."""
+        if self.shape.shape not in ("mesh", "cad"):
+            return self.shape.rho * self.mesh.volume
+        volumes, material = self.space.volumes, self.material
+        return float(sum(own.rho * volumes[mine].sum() for own, mine in material.over(slice(None))))
 
     def _make_stress(self, nodes: IntArray) -> Array:
         from pipeline.recovery.stress import modal_stress

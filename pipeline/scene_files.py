@@ -7,8 +7,8 @@ from typing import Annotated, Literal
 from pydantic import AfterValidator, Field
 
 from pipeline.scene_file import Table
-from pipeline.scene_shapes import Solid
-from pipeline.units import unit_ratio
+from pipeline.scene_shapes import Place, Poisson, Solid
+from pipeline.units import PositiveDensity, PositiveLength, PositiveStress, unit_ratio
 
 
 def _unit_of_length(unit: str) -> str:
@@ -42,11 +42,42 @@ class FileMesh(Table):
     repair: bool = False
 
 
-class MeshedPart(Solid):
-    """A part whose mesh is read from a file; its faces and parts are the file's surfaces and sets."""
+class CadMesh(Table):
+    """A CAD file's solids, meshed with tetrahedra that follow its curved faces.
 
-    shape: Literal["mesh"] = "mesh"
-    mesh: FileMesh
+    Parameters
+    ----------
+    cad : str
+        STEP, IGES or BREP, relative to the scene's file.
+    size : float
+        Edge length of an element [m]; around bores and fillets they are smaller.
+    order : int
+        Polynomial order of the displacement in an element.
+    """
+
+    cad: File
+    size: PositiveLength
+    order: Annotated[int, Field(strict=True, ge=1, le=2)] = 2
+
+
+class Substance(Table):
+    """What one of a body's parts is made of: ``E`` [Pa], ``nu`` and ``rho`` [kg/m³]."""
+
+    E: PositiveStress
+    nu: Poisson
+    rho: PositiveDensity
+
+
+class Imported(Solid):
+    """A part that comes from a file; its faces and parts are known once that is read.
+
+    Parameters
+    ----------
+    material : dict of str to Substance
+        What parts are made of, by their names, if not of what the whole body is.
+    """
+
+    material: dict[Place, Substance] = Field(default_factory=dict)
 
     @property
     def faces(self) -> None:
@@ -57,10 +88,25 @@ class MeshedPart(Solid):
         """Known once the file is read."""
 
 
+class MeshedPart(Imported):
+    """A part whose mesh is read from a file; its faces and parts are the file's surfaces and sets."""
+
+    shape: Literal["mesh"]
+    mesh: FileMesh
+
+
+class CadPart(Imported):
+    """A part whose shape is read from a CAD file; its parts are the file's solids, sharing nodes where they touch."""
+
+    shape: Literal["cad"]
+    mesh: CadMesh
+
+
 def with_shape(body: object) -> object:
     """Add the shape that a body's mesh tells by itself."""
     if isinstance(body, dict) and "shape" not in body:
         mesh = body.get("mesh")
-        if isinstance(mesh, dict) and "file" in mesh:
-            return body | {"shape": "mesh"}
+        for key, shape in (("file", "mesh"), ("cad", "cad")):
+            if isinstance(mesh, dict) and key in mesh:
+                return body | {"shape": shape}
     return body

@@ -39,6 +39,7 @@ def _plane(text: object) -> tuple[int, float]:
 
 
 Name = Annotated[str, AfterValidator(_name)]
+Poisson = Annotated[Annotated[float, Field(strict=True)], AfterValidator(_poisson)]
 Plane = Annotated[tuple[int, float], BeforeValidator(_plane)]
 Place = Annotated[str, Field(max_length=100)]
 Number = Annotated[float, Field(strict=True)]
@@ -221,7 +222,7 @@ class Solid(Table):
     """
 
     E: PositiveStress
-    nu: Annotated[Number, AfterValidator(_poisson)]
+    nu: Poisson
     rho: PositiveDensity
     modes: Modes
     marker: dict[Name, Marker] = Field(default_factory=dict)

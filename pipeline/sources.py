@@ -10,7 +10,9 @@ from typing import TYPE_CHECKING, Any
 from pipeline.checks import InputError
 
 if TYPE_CHECKING:
-    from pipeline.scene import Flexible
+    from collections.abc import Sequence
+
+    from pipeline.scene import Flexible, Scene
 
 
 @dataclass(frozen=True)
@@ -37,18 +39,35 @@ class Source:
         InputError
             It isn't there or can't be read.
         """
-        if shape.shape != "mesh":
+        if shape.shape not in ("mesh", "cad"):
             return None
-        path = Path(scene_file).parent / shape.mesh.file
+        key, name = ("file", shape.mesh.file) if shape.shape == "mesh" else ("cad", shape.mesh.cad)
+        path = Path(scene_file).parent / name
         try:
             with path.open("rb") as stream:
                 return Source(path, hashlib.file_digest(stream, "blake2b").hexdigest())
         except (OSError, ValueError) as error:
             what = getattr(error, "strerror", None) or error
             mend = f"can't be read: {what}; it is looked for at {path}"
-            raise InputError(scene_file, f"body.{body}.mesh.file", shape.mesh.file, mend) from None
+            raise InputError(scene_file, f"body.{body}.mesh.{key}", name, mend) from None
 
     def identity(self, part: dict[str, Any]) -> dict[str, Any]:
         """What a body's result depends on: the scene's values, the file's content in place of its name."""
-        mesh = {key: value for key, value in part["mesh"].items() if key != "file"}
+        mesh = {key: value for key, value in part["mesh"].items() if key not in ("file", "cad")}
         return part | {"mesh": mesh, "content": self.digest, "suffix": self.path.suffix.lower()}
+
+
+def load_repaired(name_or_path: str, overrides: Sequence[str]) -> Scene:
+    """Read a scene as `pipeline.load_scene` does, its bodies' meshes to be mended where that is safe.
+
+    Raises
+    ------
+    InputError
+        What that raises, and if no body has its mesh from a file.
+    """
+    from pipeline.scene import load_scene
+
+    read = [name for name, body in load_scene(name_or_path, overrides).flexible.items() if body.shape == "mesh"]
+    if not read:
+        raise InputError("--repair", "", None, "no body of the scene has its mesh from a file")
+    return load_scene(name_or_path, [*overrides, *(f"body.{name}.mesh.repair=true" for name in read)])

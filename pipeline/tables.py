@@ -11,6 +11,7 @@ from rich.console import Console
 from rich.table import Table
 
 if TYPE_CHECKING:
+    from pipeline.part import FlexiblePart
     from pipeline.stability import SceneStability
     from pipeline.studies.work_precision import WorkPrecision
     from pipeline.sweep.study import Sweep
@@ -38,8 +39,27 @@ def print_run(summary: dict[str, Any], folder: Path) -> None:
     console.print(f"{len(summary['files']) + 1} files in {folder}/: summary.json, {', '.join(summary['files'])}")
 
 
+def mesh_figures(part: FlexiblePart) -> dict[str, Any]:
+    """Gather what there is to tell of a mesh."""
+    mesh = part.mesh
+    return {
+        "nodes": len(mesh.points),
+        "elements": len(mesh.cells),
+        "parts": {name: len(cells) for name, cells in mesh.parts.items()},
+        "faces": list(mesh.faces),
+        "element_type": mesh.cell_type,
+        "order": part.order,
+        "volume_m3": mesh.volume,
+        "mass_kg": part.mass,
+        "min_quality": float(mesh.quality.min()),
+        "notes": list(mesh.notes),
+    }
+
+
 def _print_body(console: Console, summary: dict[str, Any]) -> None:
     for name, body in summary["bodies"].items():
+        for note in body["mesh_notes"]:
+            console.print(f"mesh of {name}: {note}")
         coupled = body["coupling"] > _COUPLED and not body["prescribed"]
         if coupled and any(
             row["substeps"] > 1 and row["integrator"] == "sub-cycling" for row in summary["integrations"]
