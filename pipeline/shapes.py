@@ -20,6 +20,7 @@ from pipeline.units import unit_ratio
 
 if TYPE_CHECKING:
     from meshes.gmsh_session import MeshArrays
+    from pipeline.fem.model import FEModel
     from pipeline.scene import Bar, Flexible, Propeller
 
 _MOST_SECONDS = 1800
@@ -35,11 +36,24 @@ def mesh_of(shape: Flexible, source: Source | None) -> SolidMesh:
     if shape.shape == "cad":
         assert source is not None
         return _from_cad(source.path, shape.mesh.size, shape.mesh.order)
+    assert shape.shape != "matrices"
     return SolidMesh(*_mesh_arrays(shape))
+
+
+def matrices_of(shape: Flexible, source: Source | None) -> FEModel:
+    """Read a body that is given by its matrices."""
+    from pipeline.fem.matrices import read_matrices
+
+    assert shape.shape == "matrices"
+    assert source is not None
+    given, paths = shape.matrices, source.paths
+    units = unit_ratio(given.unit, "m"), unit_ratio(given.stiffness_unit, "N/m"), unit_ratio(given.mass_unit, "kg")
+    return read_matrices(paths["stiffness"], paths["mass"], paths["nodes"], units)
 
 
 def material_of(shape: Flexible, mesh: SolidMesh, part_named: Callable[[str], str]) -> AnyMaterial:
     """What a body is made of; ``part_named`` finds the mesh's name of a part or raises."""
+    assert shape.shape != "matrices"
     whole = Material(shape.E, shape.nu, shape.rho)
     if not isinstance(shape, MeshedPart | CadPart) or not shape.material:
         return whole
