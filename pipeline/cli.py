@@ -297,6 +297,9 @@ def stability(
 
 
 app.command("pipeline.sweep.command:sweep", help="A scene at every combination of values, on all cores or a cluster.")
+app.command("pipeline.cli_more:new", help="Write a commented scene to start from.")
+app.command("pipeline.cli_more:report", help="One web page of all results, to be opened without a network.")
+app.register_install_completion_command(help="Let the shell complete commands and options (bash, zsh, fish).")
 
 
 @app.command

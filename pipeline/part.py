@@ -2,9 +2,10 @@
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from dataclasses import dataclass, replace
-from functools import cached_property
-from typing import TYPE_CHECKING
+from functools import cached_property, partial
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 from numpy.typing import NDArray
@@ -24,6 +25,7 @@ if TYPE_CHECKING:
     from pipeline.fem.surface import SurfaceTopology
     from pipeline.reduction.body import FlexibleBody
     from pipeline.reduction.eigen import FreeBodySolver
+    from pipeline.reduction.factor import Factor
     from pipeline.reduction.gram import InertiaGram
     from pipeline.reduction.modes import Modes
     from pipeline.scene import Flexible, Scene
@@ -299,17 +301,36 @@ class FlexiblePart:
 
     @cached_property
     def _solver(self) -> FreeBodySolver:
+        from pipeline.reduction.factor import MissingSolverError, TooLargeError
+
         rigid = [marker for marker in self.markers.values() if marker.rigid]
-        if self.has_mesh and self.mesh.sectors > 2 and not rigid and self.fixed is None:
-            from pipeline.reduction.cyclic import CyclicSolver
-
-            return CyclicSolver(self.fe, self.mesh.sectors)
-        from pipeline.reduction.eigen import FreeBodySolver
-
+        key = f"body.{self.name}"
         try:
-            return FreeBodySolver(self.fe, rigid, self.fixed)
+            if self.has_mesh and self.mesh.sectors > 2 and not rigid and self.fixed is None:
+                from pipeline.reduction.cyclic import CyclicSolver
+
+                return CyclicSolver(self.fe, self.mesh.sectors, self._factorise)
+            from pipeline.reduction.eigen import FreeBodySolver
+
+            return FreeBodySolver(self.fe, rigid, self.fixed, self._factorise)
         except ValueError as error:  # rigid faces that share nodes, with one another or with a support
-            raise InputError(self.file, f"body.{self.name}.marker", None, str(error)) from error
+            raise InputError(self.file, f"{key}.marker", None, str(error)) from error
+        except TooLargeError as error:
+            raise InputError(self.file, f"{key}.mesh", None, str(error)) from error
+        except MissingSolverError as error:
+            raise InputError(self.file, f"{key}.modes.solver", self.shape.modes.solver, str(error)) from error
+
+    @property
+    def _factorise(self) -> Callable[[Any], Factor]:
+        """What the scene wants matrices to be factorised by."""
+        wanted = self.shape.modes
+        if wanted.solver == "slepc":
+            from pipeline.reduction.slepc import slepc_factorised
+
+            return partial(slepc_factorised, ranks=wanted.ranks or 2)
+        from pipeline.reduction.factor import factorised
+
+        return partial(factorised, solver=wanted.solver)
 
     @property
     def _free(self) -> Array:

@@ -173,6 +173,11 @@ class Scene(Table):
         """The flexible bodies."""
         return {name: body for name, body in self.body.items() if isinstance(body, Flexible)}
 
+    def _repr_html_(self) -> str:
+        from pipeline.notebook import scene_table
+
+        return scene_table(self)
+
     @model_validator(mode="after")
     def _fits_together(self) -> Scene:
         faults = [*self._wrong_names(), *self._shared_files()] or [*self._wrong_tree()]

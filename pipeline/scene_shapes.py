@@ -102,6 +102,10 @@ class Modes(Table):
         load-dependent vectors, each the responses to the inertia of the one before (``"ritz"``).
     damping : float
         Damping ratio of every mode.
+    solver : str
+        What factorises: the fastest that is installed, CHOLMOD, SciPy's SuperLU, or PETSc over several processes.
+    ranks : int, optional
+        How many processes, with ``slepc``.
     """
 
     count: Count
@@ -110,6 +114,14 @@ class Modes(Table):
     interface: tuple[Place, ...] = ()
     enrich: Literal["none", "inertia", "ritz"] = "none"
     damping: Annotated[Number, Field(ge=0.0, lt=1.0)] = 0.0
+    solver: Literal["auto", "cholesky", "superlu", "slepc"] = "auto"
+    ranks: Annotated[int, Field(strict=True, ge=1, le=100_000)] | None = None
+
+    @model_validator(mode="after")
+    def _ranks_of_slepc(self) -> Modes:
+        if self.ranks is not None and self.solver != "slepc":
+            raise FaultError("belongs to solver = 'slepc'; the others are one process", "ranks")
+        return self
 
     @model_validator(mode="after")
     def _of_an_interface(self) -> Modes:

@@ -23,6 +23,7 @@ if TYPE_CHECKING:
     from pipeline.integrators.protocol import Trajectory
     from pipeline.mechanism import Chain
     from pipeline.methods import Plan
+    from pipeline.notebook import Picture
     from pipeline.recovery.chain_motion import ChainMotion
     from pipeline.recovery.motion import Motion
     from pipeline.recovery.stress import StressHistory
@@ -73,6 +74,33 @@ class Pipeline:
         other = Pipeline(self.scene, self.keeper.cache)
         other.parts, other.bodies = self.parts, bodies
         return other
+
+    def _repr_html_(self) -> str:
+        return self.scene._repr_html_()
+
+    def picture(self, type: str, mode: int = 1, **settings: Any) -> Picture:
+        """Draw what an ``[[output]]`` of this type would, to be shown inline: ``picture("stress", scale=10)``.
+
+        Parameters
+        ----------
+        type : str
+            ``"chart"``, ``"mesh"``, ``"modes"``, ``"mode sheet"`` or ``"stress"``.
+        mode : int
+            Which of the modes, from 1.
+        settings
+            The output's other keys; ``body`` is the first flexible one by default.
+
+        Raises
+        ------
+        InputError
+            There is no such output or mode, or the scene lacks what it shows.
+        """
+        from pipeline.notebook import pictures
+
+        drawn = pictures(self, type, [mode], **settings)
+        if not drawn:
+            raise InputError("picture", "mode", mode, f"must be 1 … {len(self.modes.omega)}")
+        return drawn[0]
 
     @property
     def log(self) -> Log:

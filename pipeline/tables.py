@@ -120,7 +120,17 @@ def print_frequencies(result: dict[str, Any]) -> None:
         for k, frequency in enumerate(result["rotating_frequencies_hz"]):
             table.add_row(str(k + 1), f"{frequency:.4f}")
         console.print(table)
-    console.print(f"{result['rigid_modes']} rigid-body modes, {result['dofs']} unknowns")
+    console.print(f"{result['rigid_modes']} rigid-body modes, {result['dofs']} unknowns{_factor(result)}")
+
+
+def _factor(result: dict[str, Any]) -> str:
+    factor = result["factor"]
+    if factor is None:
+        return ""
+    return (
+        f"; factor by {factor['solver']} in {factor['order']} order, {factor['nonzeros'] / 1e6:.3g} million nonzeros "
+        f"of {factor['unknowns']} unknowns, {factor['memory'] / 1e6:.3g} MB"
+    )
 
 
 def print_campbell(title: str, rates: Any, table: Any, folder: Path, files: list[str]) -> None:

@@ -12,7 +12,7 @@ from scipy.sparse.csgraph import connected_components
 from scipy.sparse.linalg import LinearOperator, eigsh, splu
 
 from pipeline.checks import AccuracyError, Array, IntArray
-from pipeline.reduction.factor import FactorFigures, Solver, factorised, superlu
+from pipeline.reduction.factor import Factor, factorised, superlu
 from pipeline.reduction.lanczos import largest_outside
 from pipeline.reduction.modes import EigenPairs
 from pipeline.reduction.supports import rigid_motions_left, without
@@ -52,8 +52,8 @@ class FreeBodySolver:
         Markers whose faces are held rigid; they have no node in common.
     fixed : ndarray of int, optional
         Unknowns that supports hold; ``3 i + a`` is node i along axis a.
-    solver : str
-        Of the factorisation, as in `pipeline.reduction.factor.factorised`.
+    factorise : callable
+        Makes a `Factor` of a symmetric positive definite matrix.
 
     Attributes
     ----------
@@ -61,8 +61,6 @@ class FreeBodySolver:
         Rigid motions that the supports leave.
     shift : float
         σ [rad²/s²].
-    figures : FactorFigures
-        What the factorisation took.
 
     Raises
     ------
@@ -72,10 +70,12 @@ class FreeBodySolver:
         The factor wouldn't fit into memory.
     """
 
-    figures: FactorFigures
-
     def __init__(
-        self, fe: FEModel, rigid: Sequence[Marker] = (), fixed: IntArray | None = None, solver: Solver = "auto"
+        self,
+        fe: FEModel,
+        rigid: Sequence[Marker] = (),
+        fixed: IntArray | None = None,
+        factorise: Callable[[Any], Factor] = factorised,
     ) -> None:
         n_pieces, _ = connected_components(fe.m, directed=False)
         if n_pieces > 1:
@@ -83,7 +83,7 @@ class FreeBodySolver:
                 f"the mesh is in {n_pieces} unconnected pieces, so it has {6 * n_pieces} rigid-body modes "
                 "instead of 6; join the pieces"
             )
-        self._fe, self._solver = fe, solver
+        self._fe, self._factorise = fe, factorise
         self._T = rigid_faces(fe, rigid) if rigid else None
         self.rigid_modes, self._supported = fe.rigid_modes, fixed is not None
         if fixed is not None:
@@ -93,14 +93,13 @@ class FreeBodySolver:
         if self._T is not None:
             self._K, self._M = (sp.csr_array(self._T.T @ A @ self._T) for A in (fe.K, fe.M))
             self._R = self._reduced(self._R)
-        self.shift, self._inverse = self._factorised()
+        self.shift, self._factor = self._factorised()
+        self._inverse = self._factor.solve
 
-    def _factorised(self) -> tuple[float, Callable[[Array], Array]]:
+    def _factorised(self) -> tuple[float, Factor]:
         """The shift σ and ``A⁻¹`` for ``A = K − σ M``."""
         shift = -0.3 * self._lowest_bound()
-        factor = factorised(self._K - shift * self._M, self._solver)
-        self.figures = factor.figures
-        return shift, factor.solve
+        return shift, self._factorise(self._K - shift * self._M)
 
     def _reduced(self, u: Array) -> Array:
         """Unknowns of fields u (3 n_nodes, k), in the mean where a face would have to bend."""
@@ -167,31 +166,39 @@ class FreeBodySolver:
     def _elastic(self, count: int, ncv: int, Z: Array, inverse: Callable[[Array], Array]) -> tuple[Array, Array]:
         """Lowest eigenpairs among the fields that are M-orthogonal to the rigid-body modes Z.
 
-        Those are known from geometry; left in, they would be the first that Lanczos finds, and each costs solves.
+        Those are known from geometry; left in, they would be the first that Lanczos finds, and cost solves.
         """
-        K, M, n = self._K, self._M, self._K.shape[0]
-        MZ = M @ Z
-
-        def solve(f: Array) -> Array:
-            x = inverse(f)
-            return np.asarray(x - Z @ (MZ.T @ x))
-
-        operator = LinearOperator(K.shape, matvec=solve, dtype=float)
-        for seed in range(_TRIES):
-            start = np.random.default_rng(seed).standard_normal(n)
-            start -= Z @ (MZ.T @ start)
-            values, Phi = eigsh(
-                K, count, M, self.shift, OPinv=operator, v0=start, ncv=min(ncv << seed, n), tol=_TOLERANCE
-            )
-            missed = self.shift + 1.0 / largest_outside(
-                M, np.concatenate([Z, Phi], axis=1), inverse, 1.0 / (values.max() - self.shift)
-            )
+        for attempt in range(_TRIES):
+            size = min(ncv << attempt, len(Z))
+            if self._factor.lowest is not None and inverse is self._inverse:
+                theta, Phi = self._factor.lowest(self._M, count, size, Z)
+                values = theta + self.shift
+            else:
+                values, Phi = self._lanczos(count, size, Z, inverse, attempt)
+            found = np.concatenate([Z, Phi], axis=1)
+            outside = largest_outside(self._M, found, inverse, 1.0 / (values.max() - self.shift))
+            missed = self.shift + 1.0 / outside
             if not missed < values.max() * (1 - _SAME):
                 return values, Phi
         raise AccuracyError(
             f"Lanczos missed a mode at {np.sqrt(max(missed, 0.0)) / 2 / np.pi:.6g} Hz, below its highest, {_TRIES} "
             "times; ask for a few modes more or less"
         )
+
+    def _lanczos(
+        self, count: int, ncv: int, Z: Array, inverse: Callable[[Array], Array], seed: int
+    ) -> tuple[Array, Array]:
+        MZ = self._M @ Z
+
+        def solve(f: Array) -> Array:
+            x = inverse(f)
+            return np.asarray(x - Z @ (MZ.T @ x))
+
+        start = np.random.default_rng(seed).standard_normal(len(Z))
+        start -= Z @ (MZ.T @ start)
+        operator = LinearOperator(self._K.shape, matvec=solve, dtype=float)
+        values, Phi = eigsh(self._K, count, self._M, self.shift, OPinv=operator, v0=start, ncv=ncv, tol=_TOLERANCE)
+        return values, Phi
 
     def _checked(self, eigenvalues: Array, Phi: Array, expected: int, inverse: Callable[[Array], Array]) -> EigenPairs:
         """Count the rigid-body modes, verify the others and give each its sign."""
@@ -207,7 +214,7 @@ class FreeBodySolver:
         shapes = self._expanded(Phi[:, n_rigid:])
         flat = shapes.reshape(-1, shapes.shape[2])
         shapes = shapes * np.sign(flat[np.abs(flat).argmax(axis=0), np.arange(flat.shape[1])])
-        return EigenPairs(np.sqrt(eigenvalues[n_rigid:]), shapes, n_rigid, residual)
+        return EigenPairs(np.sqrt(eigenvalues[n_rigid:]), shapes, n_rigid, residual, factor=self._factor.figures)
 
     def inertia_response(self, u: Array) -> Array:
         """``(K − σ M)⁻¹ M u``: what the inertia of fields u (n_nodes, 3, k) bends; their rigid parts are left out."""

@@ -43,9 +43,9 @@ class FactorFigures:
     Attributes
     ----------
     solver : str
-        ``CHOLMOD`` or ``SuperLU``.
+        ``CHOLMOD`` or ``SuperLU``; ``MUMPS`` and others of PETSc's with the number of ranks.
     order : str
-        By which the unknowns were reordered: ``METIS``, nested dissection, or ``MMD``, minimum degree.
+        By which the unknowns were reordered: ``METIS`` (nested dissection), ``MMD`` (minimum degree) or ``own``.
     unknowns : int
         Of the matrix.
     nonzeros : int
@@ -71,10 +71,14 @@ class Factor:
         ``A⁻¹ f`` of f, (n,) or (n, k).
     figures : FactorFigures
         What it took.
+    lowest : callable, optional
+        Where the factor's package has a method of its own: ``lowest(M, count, ncv, Z)`` finds the lowest eigenpairs of
+        ``A φ = θ M φ`` outside known eigenvectors Z (n, k): θ (count,), Φ (n, count) with ``Φᵀ M Φ = 1``.
     """
 
     solve: Callable[[Array], Array]
     figures: FactorFigures
+    lowest: Callable[[Any, int, int, Array], tuple[Array, Array]] | None = None
 
 
 def factorised(A: Any, solver: Solver = "auto") -> Factor:
