@@ -25,6 +25,7 @@ Set = Annotated[
     Parameter(name="--set", negative=(), help="Override a value: key=value, e.g. body.beam.length=300mm."),
 ]
 Json = Annotated[bool, Parameter(name="--json", negative=(), help="Print one JSON object and nothing else.")]
+Repair = Annotated[bool, Parameter(name="--repair", negative=(), help="Mend meshes from files where that is safe.")]
 NoCache = Annotated[bool, Parameter(name="--no-cache", negative=(), help="Compute all, keep nothing.")]
 
 
@@ -39,6 +40,7 @@ def run(
     explain: Annotated[bool, Parameter(negative=())] = False,
     dry_run: Annotated[bool, Parameter(negative=())] = False,
     keep_all: Annotated[bool, Parameter(negative=())] = False,
+    repair: Repair = False,
     no_cache: NoCache = False,
     json: Json = False,
 ) -> None:
@@ -63,7 +65,7 @@ def run(
     """
     from pipeline.outputs import write_results
 
-    pipeline = _pipeline(scene, set_, no_cache, keep_all)
+    pipeline = _pipeline(scene, set_, no_cache, repair, keep_all)
     folder = out or Path("out") / pipeline.scene.name
     plan = None
     if explain or dry_run:
@@ -93,6 +95,7 @@ def mesh(
     *,
     out: Path | None = None,
     set_: Set = None,
+    repair: Repair = False,
     no_cache: NoCache = False,
     json: Json = False,
 ) -> None:
@@ -105,26 +108,14 @@ def mesh(
     out
         File to write the mesh to, in the format of its suffix: .vtu, .msh, .inp ...
     """
-    pipeline = _pipeline(scene, set_, no_cache)
-    part = pipeline.part
-    solid = pipeline.mesh
+    pipeline = _pipeline(scene, set_, no_cache, repair)
     if out is not None:
         from pipeline.fem.export import write_mesh
 
-        write_mesh(solid, out)
-    volume = solid.volume
-    result = {
-        "nodes": len(solid.points),
-        "elements": len(solid.cells),
-        "parts": {name: len(cells) for name, cells in solid.parts.items()},
-        "element_type": solid.cell_type,
-        "order": part.order,
-        "volume_m3": volume,
-        "mass_kg": part.shape.rho * volume,
-        "min_quality": float(solid.quality.min()),
-        "notes": list(solid.notes),
-    }
-    _print(result, json)
+        write_mesh(pipeline.mesh, out)
+    from pipeline.tables import mesh_figures
+
+    _print(mesh_figures(pipeline.part), json)
 
 
 @app.command
@@ -133,6 +124,7 @@ def modes(
     *,
     speed: str | None = None,
     set_: Set = None,
+    repair: Repair = False,
     no_cache: NoCache = False,
     json: Json = False,
 ) -> None:
@@ -147,7 +139,7 @@ def modes(
     """
     from pipeline.frequencies import frequency_table, rotating_table
 
-    pipeline = _pipeline(scene, set_, no_cache)
+    pipeline = _pipeline(scene, set_, no_cache, repair)
     result = frequency_table(pipeline)
     if speed is not None:
         result |= rotating_table(pipeline, _rate("--speed", speed))
@@ -467,13 +459,17 @@ def _stress_test(out: Path, json: bool) -> None:
     print_stress_test(found, out)
 
 
-def _pipeline(scene: str, overrides: list[str] | None, no_cache: bool, keep_all: bool = False) -> Pipeline:
+def _pipeline(
+    scene: str, overrides: list[str] | None, no_cache: bool, repair: bool = False, keep_all: bool = False
+) -> Pipeline:
     from pipeline.cache import Cache
     from pipeline.progress import bars
     from pipeline.scene import load_scene
+    from pipeline.sources import load_repaired
     from pipeline.stages import Pipeline
 
-    return Pipeline(load_scene(scene, overrides or ()), Cache(None) if no_cache else None, bars, keep_all)
+    loaded = load_repaired(scene, overrides or ()) if repair else load_scene(scene, overrides or ())
+    return Pipeline(loaded, Cache(None) if no_cache else None, bars, keep_all)
 
 
 def _print(result: dict[str, Any], json: bool) -> None:

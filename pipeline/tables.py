@@ -12,6 +12,7 @@ from rich.markup import escape
 from rich.table import Table
 
 if TYPE_CHECKING:
+    from pipeline.part import FlexiblePart
     from pipeline.plan import RunPlan
     from pipeline.stability import SceneStability
     from pipeline.studies.work_precision import WorkPrecision
@@ -32,7 +33,7 @@ def print_run(summary: dict[str, Any], folder: Path) -> None:
     console.print(_integrations(summary))
     if "error_budget" in summary:
         console.print(_budget(summary["error_budget"]))
-    if "worst_stress" in summary:
+    if "bodies" in summary:
         _print_body(console, summary)
     for body, modes in summary["left_out_modes"].items():
         numbers = ", ".join(str(k) for k in modes)
@@ -58,8 +59,27 @@ def _last_time(seconds: float | None) -> str:
     return "" if seconds is None else f"{seconds:.3g} s"
 
 
+def mesh_figures(part: FlexiblePart) -> dict[str, Any]:
+    """Gather what there is to tell of a mesh."""
+    mesh = part.mesh
+    return {
+        "nodes": len(mesh.points),
+        "elements": len(mesh.cells),
+        "parts": {name: len(cells) for name, cells in mesh.parts.items()},
+        "faces": list(mesh.faces),
+        "element_type": mesh.cell_type,
+        "order": part.order,
+        "volume_m3": mesh.volume,
+        "mass_kg": part.mass,
+        "min_quality": float(mesh.quality.min()),
+        "notes": list(mesh.notes),
+    }
+
+
 def _print_body(console: Console, summary: dict[str, Any]) -> None:
     for name, body in summary["bodies"].items():
+        for note in body["mesh_notes"]:
+            console.print(f"mesh of {name}: {note}")
         coupled = body["coupling"] > _COUPLED and not body["prescribed"]
         if coupled and any(
             row["substeps"] > 1 and row["integrator"] == "sub-cycling" for row in summary["integrations"]
@@ -76,6 +96,8 @@ def _print_body(console: Console, summary: dict[str, Any]) -> None:
                 f"{name} is stiffened by its inertia loads: it turns at up to {body['largest_spin_rad_s']:.4g} rad/s, "
                 f"its lowest frequency is {2 * math.pi * body['frequencies_in_frame_hz'][0]:.4g} rad/s{softens}"
             )
+    if "worst_stress" not in summary:
+        return
     stress = summary["worst_stress"]
     line = f"largest von Mises stress {stress['von_mises_pa'] / 1e6:.4g} MPa at t = {stress['time_s'] * 1e3:.4g} ms"
     if "peak_tip_deflection_m" in summary:
@@ -177,8 +199,9 @@ def _stages(summary: dict[str, Any]) -> Table:
                 f"coupling {body['coupling']:.0e}"
                 for name, body in summary["bodies"].items()
             ),
-            "stress": f"{summary['worst_stress']['von_mises_pa'] / 1e6:.4g} MPa at worst",
         }
+    if "worst_stress" in summary:
+        outcome["stress"] = f"{summary['worst_stress']['von_mises_pa'] / 1e6:.4g} MPa at worst"
     for stage, seconds in summary["seconds"].items():
         cached = "from the cache; " if stage in summary["stages_cached"] else ""
         table.add_row(stage, f"{seconds:.3f}", (cached + outcome.get(stage, "")).rstrip("; "))

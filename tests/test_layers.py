@@ -33,7 +33,7 @@ LAYERS = (
             "scene_outputs",
             "scene_runs",
         },
-        *{"mechanism", "methods", "part", "shapes", "sources", "spin"},
+        *{"mechanism", "methods", "part", "attachments", "shapes", "sources", "spin"},
         *{"stages", "plan", "frequencies", "quantities", "outputs", "drawings", "exports", "stability", "stress_test"},
         *{"neighbours", "observed", "budget"},
         *{"summary", "tables", "bench", "doctor", "sweep", "verification", "cli"},
