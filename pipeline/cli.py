@@ -388,9 +388,11 @@ def _two_dof_maps(
 
 
 def _stress_test(out: Path, json: bool) -> None:
-    from pipeline.stress_test import cases, march_all, summary_of_rows, write_rows
+    from pipeline.progress import bars
+    from pipeline.stress_test import march_all, summary_of_rows, write_rows
 
-    rows = list(march_all(cases(lambda scene, overrides: _pipeline(scene, list(overrides), no_cache=False))))
+    with bars("stability") as advance:
+        rows = march_all(advance=advance)
     out.mkdir(parents=True, exist_ok=True)
     write_rows(rows, out / "stability.csv")
     found = summary_of_rows(rows)

@@ -193,6 +193,19 @@ class Pipeline:
         return q0, v0
 
     @cached_property
+    def plans(self) -> dict[str, Plan]:
+        """The scene's runs, made ready; the label tells integrator and ratio.
+
+        Raises
+        ------
+        InputError
+            A step is beyond its stability limit, or a body would lose its stiffness by its spin.
+        """
+        from pipeline.methods import plans_of
+
+        return plans_of(self)
+
+    @cached_property
     def motions(self) -> dict[str, Motion] | dict[str, ChainMotion]:
         """The motion by each of the scene's runs; the label tells integrator and ratio.
 
@@ -202,9 +215,7 @@ class Pipeline:
             A step is beyond its stability limit, or a body would lose its stiffness by its spin; nothing has been
             integrated then.
         """
-        from pipeline.methods import plans_of
-
-        plans = plans_of(self)
+        plans = self.plans
         trajectories = self.keeper.timed("motion", lambda: self._march_all(plans))
         if self.is_rotor:
             from pipeline.recovery.motion import Motion

@@ -30,9 +30,10 @@ def summarise(run: Pipeline, files: list[str]) -> dict[str, Any]:
             "ratio_to_plain": motion.trajectory.seconds / first.trajectory.seconds,
             "evaluations": motion.trajectory.evaluations,
             "fast_evaluations": motion.trajectory.fast_evaluations,
+            "growth": run.plans[label].growth,
             **motion.differences(first),
         }
-        for motion in motions.values()
+        for label, motion in motions.items()
     ]
     summary["final"] = first.final()
     if run.is_rotor:
