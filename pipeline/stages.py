@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from functools import cached_property
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
@@ -23,6 +23,7 @@ if TYPE_CHECKING:
     from pipeline.integrators.protocol import Trajectory
     from pipeline.mechanism import Chain
     from pipeline.methods import Plan
+    from pipeline.notebook import Picture
     from pipeline.recovery.chain_motion import ChainMotion
     from pipeline.recovery.motion import Motion
     from pipeline.recovery.stress import StressHistory
@@ -60,6 +61,46 @@ class Pipeline:
         self.scene = scene
         self.keeper = Keeper(Cache(cache_folder() / "stages") if cache is None else cache, monitor)
         self.parts = {name: FlexiblePart(scene, name, self.keeper) for name in scene.flexible}
+
+    def neighbour(self, scene: Scene) -> Pipeline:
+        """The same for another scene, which shares what both have in common; its stages are not this one's."""
+        other = Pipeline(scene, self.keeper.cache)
+        for name, part in other.parts.items():
+            part.share(self.parts[name])
+        return other
+
+    def with_bodies(self, bodies: dict[str, FlexibleBody]) -> Pipeline:
+        """The same with other reduced bodies on the same meshes."""
+        other = Pipeline(self.scene, self.keeper.cache)
+        other.parts, other.bodies = self.parts, bodies
+        return other
+
+    def _repr_html_(self) -> str:
+        return self.scene._repr_html_()
+
+    def picture(self, type: str, mode: int = 1, **settings: Any) -> Picture:
+        """Draw what an ``[[output]]`` of this type would, to be shown inline: ``picture("stress", scale=10)``.
+
+        Parameters
+        ----------
+        type : str
+            ``"chart"``, ``"mesh"``, ``"modes"``, ``"mode sheet"`` or ``"stress"``.
+        mode : int
+            Which of the modes, from 1.
+        settings
+            The output's other keys; ``body`` is the first flexible one by default.
+
+        Raises
+        ------
+        InputError
+            There is no such output or mode, or the scene lacks what it shows.
+        """
+        from pipeline.notebook import pictures
+
+        drawn = pictures(self, type, [mode], **settings)
+        if not drawn:
+            raise InputError("picture", "mode", mode, f"must be 1 … {len(self.modes.omega)}")
+        return drawn[0]
 
     @property
     def log(self) -> Log:
@@ -194,13 +235,7 @@ class Pipeline:
 
     @cached_property
     def plans(self) -> dict[str, Plan]:
-        """The scene's runs, made ready; the label tells integrator and ratio.
-
-        Raises
-        ------
-        InputError
-            A step is beyond its stability limit, or a body would lose its stiffness by its spin.
-        """
+        """The scene's runs, ready to be integrated, each under the label of its motion; raises what `motions` does."""
         from pipeline.methods import plans_of
 
         return plans_of(self)
@@ -217,18 +252,25 @@ class Pipeline:
         """
         plans = self.plans
         trajectories = self.keeper.timed("motion", lambda: self._march_all(plans))
-        if self.is_rotor:
+        motions: Any = {label: self.motion_by(plan, trajectories[label]) for label, plan in plans.items()}
+        return dict(motions)
+
+    def motion_by(self, plan: Plan, trajectory: Trajectory) -> Motion | ChainMotion:
+        """What a trajectory of one of the scene's plans means."""
+        if plan.chain is None:
             from pipeline.recovery.motion import Motion
 
-            tip = self.scene.simulation.tip.partition(".")[2]
-            return {label: Motion(self.rotor, trajectory, tip) for label, trajectory in trajectories.items()}
+            return Motion(self.rotor, trajectory, self.scene.simulation.tip.partition(".")[2])
         from pipeline.recovery.chain_motion import ChainMotion
 
-        return {
-            label: ChainMotion(plan.chain.tree, trajectories[label], plan.chain.tip, plan.chain.joints)
-            for label, plan in plans.items()
-            if plan.chain is not None
-        }
+        return ChainMotion(plan.chain.tree, trajectory, plan.chain.tip, plan.chain.joints)
+
+    @property
+    def output_times(self) -> Array:
+        """Times of the results [s]."""
+        simulation = self.scene.simulation
+        n_outputs = int(simulation.duration / simulation.output_step * (1 + 1e-12)) + 1
+        return np.arange(n_outputs, dtype=float) * simulation.output_step
 
     @property
     def first_motion(self) -> Motion | ChainMotion:
@@ -247,9 +289,7 @@ class Pipeline:
         return first
 
     def _march_all(self, plans: dict[str, Plan]) -> dict[str, Trajectory]:
-        simulation = self.scene.simulation
-        n_outputs = int(simulation.duration / simulation.output_step * (1 + 1e-12)) + 1
-        times = np.arange(n_outputs, dtype=float) * simulation.output_step
+        times = self.output_times
         trajectories = {}
         for label, plan in plans.items():
             plan.march(times[:2])  # compiles, or reads kernels: not part of the run time
