@@ -8,14 +8,14 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from pipeline.checks import Array
+from pipeline.checks import Array, InputError
 from pipeline.course import course_of
 from pipeline.studies.amplification import STABLE, growth
 from pipeline.studies.growth import longest_safe_step
 from pipeline.studies.splitting import frequencies, recommended_step
 from pipeline.studies.two_dof import SCHEMES, growth_law, stability_map
 
-__all__ = ["SCHEMES", "laws", "scene_stability", "summary_of_maps", "summary_of_scene", "two_dof"]
+__all__ = ["laws", "require_map", "scene_stability", "summary_of_maps", "summary_of_scene", "two_dof"]
 
 if TYPE_CHECKING:
     from pipeline.dynamics.system import System
@@ -26,6 +26,16 @@ if TYPE_CHECKING:
     from pipeline.studies.two_dof import Map
 
 _BISECTIONS = 30
+
+
+def require_map(substeps: int, couplings: list[float], scheme: str, resolution: int) -> None:
+    """Raise `InputError` unless maps can be made with these options."""
+    if not all(0 <= beta < 1 for beta in couplings):
+        raise InputError("--coupling", "", couplings, "must be 0 ≤ β < 1")
+    if not 1 <= substeps <= 1000 or not 2 <= resolution <= 2000:
+        raise InputError("--substeps", "", substeps, "must be 1 … 1000, and --resolution 2 … 2000")
+    if scheme not in SCHEMES:
+        raise InputError("--scheme", "", scheme, f"must be one of {', '.join(SCHEMES)}")
 
 
 def two_dof(substeps: int, couplings: list[float], resolution: int, scheme: str, folder: Path) -> tuple[list[Map], str]:

@@ -74,6 +74,14 @@ class Row:
         return self.predicted not in ("either", self.found)
 
 
+def stress_test(folder: Path, advance: Advance) -> list[dict[str, Any]]:
+    """March every case, write the table ``stability.csv`` into a folder, and return its summary."""
+    rows = march_all(advance=advance)
+    folder.mkdir(parents=True, exist_ok=True)
+    write_rows(rows, folder / "stability.csv")
+    return summary_of_rows(rows)
+
+
 def march_all(cycles: int = CYCLES, only: tuple[str, ...] = (), advance: Advance = lambda done: None) -> list[Row]:
     """March every case by every method, on two processors if they are there."""
     from joblib import Parallel, delayed

@@ -141,7 +141,13 @@ def test_a_motion_does_not_depend_on_the_times_asked_for(folder: Path, seed: int
     chain, method = load(folder, seed).chain, Subcycling(1e-4, m)
     coarse = np.linspace(0.0, 0.05, 6)
     fine = np.sort(np.r_[coarse, np.random.default_rng(seed).uniform(0.0, 0.05, 40)])
-    one, other = (method.march(chain.tree, chain.q0, chain.v0, times) for times in (coarse, fine))
+    try:
+        one = method.march(chain.tree, chain.q0, chain.v0, coarse)
+    except StabilityError as error:  # flexible bodies on joints couple: then it is told alike
+        with pytest.raises(StabilityError, match=re.escape(str(error))):
+            method.march(chain.tree, chain.q0, chain.v0, fine)
+        return
+    other = method.march(chain.tree, chain.q0, chain.v0, fine)
     rows = np.searchsorted(fine, coarse)
     assert np.array_equal(other.q[rows], one.q)
     assert np.array_equal(other.v[rows], one.v)
