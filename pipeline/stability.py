@@ -146,11 +146,11 @@ def _limit(
     def folds(step: float) -> float:
         return duration / (m * step) * np.log(max(growth(M, K, system.n_slow, step, m, C), 1.0))
 
-    critical, worst = longest_safe_step(folds, 1.02 * sudden, _BISECTIONS), 0.0
+    critical, worst = longest_safe_step(folds, sudden, _BISECTIONS), 0.0
     if course:
-        along = longest_safe_step(lambda step: course.e_folds(explicit(step, m)), 1.02 * critical)
+        along = longest_safe_step(lambda step: course.e_folds(explicit(step, m)), critical)
         if along < critical:
-            rates = course.excess(explicit(min(1.02 * along, 1.01 * critical), m)).max(axis=1)
+            rates = course.excess(explicit(min(1.02 * along, critical), m)).max(axis=1)
             critical, worst = along, course.states[int(np.argmax(rates))].time
     return Limit(m, critical, worst, sudden, rate)
 
