@@ -300,7 +300,7 @@ def stability(
         raise InputError("stability", "", scene or None, "give a scene, e.g. beam, or --two-dof")
     if two_dof:
         substeps, couplings = substeps or 2, coupling or [0.0]
-        _require_map(substeps, couplings, scheme, resolution)
+        study.require_map(substeps, couplings, scheme, resolution)
         if law:
             _weak_growth(json)
         else:
@@ -406,18 +406,6 @@ def _rate(option: str, text: str) -> float:
         raise InputError(option, "", text, str(error)) from None
 
 
-def _require_map(substeps: int, couplings: list[float], scheme: str, resolution: int) -> None:
-    from pipeline.checks import InputError
-    from pipeline.stability import SCHEMES
-
-    if not all(0 <= beta < 1 for beta in couplings):
-        raise InputError("--coupling", "", couplings, "must be 0 ≤ β < 1")
-    if not 1 <= substeps <= 1000 or not 2 <= resolution <= 2000:
-        raise InputError("--substeps", "", substeps, "must be 1 … 1000, and --resolution 2 … 2000")
-    if scheme not in SCHEMES:
-        raise InputError("--scheme", "", scheme, f"must be one of {', '.join(SCHEMES)}")
-
-
 def _weak_growth(json: bool) -> None:
     from pipeline.stability import laws
 
@@ -445,12 +433,11 @@ def _two_dof_maps(
 
 
 def _stress_test(out: Path, json: bool) -> None:
-    from pipeline.stress_test import cases, march_all, summary_of_rows, write_rows
+    from pipeline.progress import bars
+    from pipeline.stress_test import stress_test
 
-    rows = list(march_all(cases(lambda scene, overrides: _pipeline(scene, list(overrides), no_cache=False))))
-    out.mkdir(parents=True, exist_ok=True)
-    write_rows(rows, out / "stability.csv")
-    found = summary_of_rows(rows)
+    with bars("stability") as advance:
+        found = stress_test(out, advance)
     if json:
         _print_json({"rows": found, "files": ["stability.csv"]})
         return
