@@ -60,7 +60,7 @@ from pipeline.scene_shapes import (
     Propeller,
     PropellerMesh,
 )
-from pipeline.units import PositiveFrequency, unit_ratio
+from pipeline.units import PositiveFrequency, Share, unit_ratio
 
 __all__ = [
     "Axis",
@@ -126,11 +126,13 @@ class Reference(Table):
 class Scene(Table):
     """Everything that is asked for.
 
-    ``model_dump(mode="json")`` is its content, for hashing.
+    ``model_dump(mode="json")`` is its content, for hashing. With an ``accuracy``, a run chooses meshes, modes,
+    integrator and step until its error budget states that or better for every quantity.
     """
 
     title: str
     source: str = ""
+    accuracy: Share | None = None
     body: Annotated[dict[Name, Body], Field(min_length=1)]
     joint: dict[Name, Joint]
     drive: dict[Name, Drive] = Field(default_factory=dict)

@@ -26,7 +26,7 @@ LAYERS = (
         *{"scene", "scene_file", "scene_time", "scene_shapes", "scene_parts", "scene_outputs", "scene_runs"},
         *{"mechanism", "methods", "part", "spin"},
         *{"stages", "frequencies", "quantities", "outputs", "drawings", "exports", "stability", "stress_test"},
-        *{"neighbours", "observed", "budget"},
+        *{"neighbours", "observed", "budget", "accuracy"},
         *{"summary", "tables", "bench", "doctor", "cli"},
         *{"__init__", "__main__"},
     },
