@@ -36,7 +36,7 @@ LAYERS = (
         *{"mechanism", "methods", "part", "attachments", "shapes", "sources", "spin"},
         *{"stages", "plan", "frequencies", "quantities", "outputs", "drawings", "exports"},
         *{"stability", "course", "stress_test", "stress_cases"},
-        *{"neighbours", "observed", "budget"},
+        *{"neighbours", "observed", "budget", "accuracy"},
         *{"summary", "tables", "bench", "doctor", "sweep", "verification", "cli"},
         *{"report", "notebook", "starting", "templates", "cli_more"},
         *{"__init__", "__main__"},
