@@ -14,8 +14,8 @@ from pipeline import Pipeline, load_scene
 from pipeline.budget import budget_of, true_errors
 
 _AUTO = ('simulation.run=[{integrator="auto"}]', "simulation.error=1e-6")
-_PROPELLER = ("body.propeller.mesh.order=2", "body.propeller.modes.count=72", "body.propeller.modes.enrich=ritz")
-_FINE = ('simulation.run=[{integrator="central-difference", step="0.2 us"}]',)
+_PROPELLER = ("body.propeller.mesh.order=2", "body.propeller.modes.count=48", "body.propeller.modes.enrich=ritz")
+_FINE = ('simulation.run=[{integrator="central-difference", step="0.5 us"}]',)
 # Name, scene, its overrides, and those of the finer run.
 CASES = (
     ("rod-slider", "rod-slider", (), _AUTO),

@@ -13,19 +13,22 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from pipeline.cache import stage_key
-from pipeline.checks import Array, IntArray
+from pipeline.cache import Cache, stage_key
+from pipeline.checks import AccuracyError, Array, IntArray
 from pipeline.integrators.automatic import Automatic
 from pipeline.integrators.protocol import Integrator
-from pipeline.neighbours import coarser, ratio, richer, with_runs
-from pipeline.observed import Quantities, of_the_mesh, of_the_motion, of_the_stress
+from pipeline.neighbours import COARSENING, coarser, richer, with_modes, with_runs
+from pipeline.observed import Quantities, modes_like, of_the_mesh, of_the_motion, of_the_stress
+from pipeline.stages import Pipeline
 from pipeline.studies.error_estimates import NO_PART, SAFETY, SOURCES, Row, refinement_gain, shifted_frequencies
+from pipeline.studies.matching import matched
 
 if TYPE_CHECKING:
     from pipeline.methods import Plan
+    from pipeline.part import FlexiblePart
     from pipeline.recovery.chain_motion import ChainMotion
     from pipeline.recovery.motion import Motion
-    from pipeline.stages import Pipeline
+    from pipeline.reduction.body import FlexibleBody
 
 _SHORT = 0.5  # seconds of a march that may be taken again with half of its step
 _FRAMES = 60  # at which stress is compared
@@ -34,6 +37,8 @@ _HOT = 0.5  # of the largest stress: what other nodes have doesn't matter
 _STABLE = 0.4  # of the largest stable step
 _SHIFTS = (0.5, 1.0, 1.5, 2.0)  # of the extrapolated change of frequencies; the last is SAFETY
 _FINER = 0.1
+_SAME = 1e-9
+_MORE = 1.5  # modes of the coarse mesh to find the run's among
 
 
 @dataclass(frozen=True)
@@ -75,11 +80,11 @@ def budget_of(run: Pipeline) -> Budget:
 def true_errors(run: Pipeline, finer: Pipeline) -> dict[str, float]:
     """Relative errors of a run's quantities against those of a much finer run of the same scene.
 
-    Frequencies and element stress are matched by number and by place, the rest by time.
+    Frequencies are matched by their modes' shapes, element stress by place.
     """
     estimates, motion = _Estimates(run), finer.first_motion
     places = {name: part.element_places for name, part in run.parts.items() if part.elements}
-    exact = of_the_mesh(finer) | of_the_motion(finer, motion)
+    exact = of_the_mesh(finer, run) | of_the_motion(finer, motion)
     if run.parts:
         exact |= of_the_stress(finer, motion, np.arange(len(motion.times)), places=places)
     return {name: quantity.error(exact[name]) for name, quantity in estimates.found.items()}
@@ -97,6 +102,7 @@ class _Estimates:
         self.frames: IntArray = np.arange(0)
         self.found = of_the_mesh(run) | of_the_motion(run, self.motion)
         self.hot: dict[str, IntArray] = {}
+        self.gains: dict[str, float] = {}
         if run.parts:
             self._look_for_stress()
             self.found |= of_the_stress(run, self.motion, self.frames)
@@ -135,51 +141,90 @@ class _Estimates:
         return dict(errors)
 
     def _discretisation(self, recovery: dict[str, float | str]) -> dict[str, float | str]:
-        """A coarser mesh: its frequencies shift the run's own, its shapes with the run's frequencies do the rest.
+        """Frequencies that are too high shift the run's own; what else a coarser mesh changes comes on top.
 
         What the stress of two meshes differs by holds the error of its recovery; that is not counted twice.
         """
-        scene = coarser(self.run.scene)
-        if scene is None:
-            return dict.fromkeys(self.found, "not estimated: there is no coarser mesh")
-        coarse = self.run.neighbour(scene)
-        gains = {
-            kind: min(
-                refinement_gain(ratio(part.shape, scene.flexible[name]), part.shape.mesh.order, kind)
-                for name, part in self.run.parts.items()
-            )
-            for kind in ("displacement", "stress", "geometry")
-        }
-        gain = gains["displacement"]
-        errors: dict[str, float | str] = {}
-        ours, theirs = of_the_mesh(self.run), of_the_mesh(coarse)
-        for name, quantity in ours.items():
+        coarse, why = self._coarse()
+        errors: dict[str, float | str] = dict.fromkeys(self.found, why)
+        excess = {}
+        for name, part in self.run.parts.items():
+            body = self.run.bodies[name]
+            of_modes, excess[name] = _energy_excess(part, body)
+            if coarse is not None:
+                theirs = coarse.parts[name].modes.omega
+                of_modes = _larger(of_modes, ((theirs / part.modes.omega) ** 2 - 1) / self.gains["displacement"])
+                omega = _in_order_of(body, coarse, name)[1]
+                excess[name] = _larger(excess[name], ((omega / body.omega) ** 2 - 1) / self.gains["displacement"])
+            for k, share in enumerate(1 - shifted_frequencies(np.ones(len(of_modes)), of_modes, 1.0)):
+                errors[f"{name}, frequency {k + 1}"] = abs(float(share))
+        shifted = self._shifted(excess)
+        errors |= shifted
+        if coarse is None:
+            return errors
+        masses = of_the_mesh(coarse)
+        for name, quantity in of_the_mesh(self.run).items():
             if quantity.kind == "geometry":
-                errors[name] = quantity.change(theirs[name]) / gains["geometry"]
-            else:
-                value, other = quantity.values, theirs[name].values
-                errors[name] = float(np.abs(1 - shifted_frequencies(value, other, gain, 1.0) / value)[0])
-        shifted = dict.fromkeys(self.found, 0.0)
-        for shift in _SHIFTS:
-            bodies = {
-                name: replace(body, omega=shifted_frequencies(body.omega, coarse.bodies[name].omega, gain, shift))
-                for name, body in self.run.bodies.items()
-            }
-            moved = self.run.with_bodies(bodies)
-            for name, error in self._changes(moved, self._march(moved, self._plan(moved)), self.hot).items():
-                shifted[name] = max(shifted[name], error / SAFETY)
-        swapped = coarse.with_bodies(
-            {name: _with_frequencies(coarse.bodies[name], body.omega) for name, body in self.run.bodies.items()}
-        )
-        places = {name: part.element_places for name, part in self.run.parts.items() if part.elements}
-        rest = self._changes(swapped, self._march(swapped, self._plan(swapped)), places=places)
-        for name, error in rest.items():
-            shape = error / gains[self.found[name].kind]
+                errors[name] = quantity.change(masses[name]) / self.gains["geometry"]
+        for name, error in self._swapped(coarse).items():
+            shape = error / self.gains[self.found[name].kind]
             if isinstance(recovered := recovery.get(name), float):
                 recovery[name] = min(recovered, shape)
                 shape -= min(recovered, shape)
             errors[name] = shifted[name] + shape
         return errors
+
+    def _shifted(self, excess: dict[str, Array]) -> dict[str, float]:
+        """What the motion changes by if the bodies' eigenvalues lose what they are too high by, up to `SAFETY` times.
+
+        Over time a shift turns phases, so that twice of it need not change the motion twice as much: the largest change
+        on the way counts.
+        """
+        found = dict.fromkeys(
+            of_the_motion(self.run, self.motion) | of_the_stress(self.run, self.motion, self.frames), 0.0
+        )
+        for shift in _SHIFTS:
+            bodies = {
+                name: replace(body, omega=shifted_frequencies(body.omega, excess[name], shift))
+                for name, body in self.run.bodies.items()
+            }
+            moved = self.run.with_bodies(bodies)
+            for name, error in self._changes(moved, self._march(moved, self._plan(moved)), self.hot).items():
+                found[name] = max(found[name], error / SAFETY)
+        return found
+
+    def _swapped(self, coarse: Pipeline) -> dict[str, float]:
+        """What the motion changes by on a coarser mesh that has the run's frequencies."""
+        bodies = {}
+        for name, body in self.run.bodies.items():
+            other, (numbers, _) = coarse.bodies[name], _in_order_of(body, coarse, name)
+            omega = other.omega.copy()
+            omega[numbers] = body.omega
+            bodies[name] = replace(other, omega=omega)
+        swapped = coarse.with_bodies(bodies)
+        places = {name: part.element_places for name, part in self.run.parts.items() if part.elements}
+        return self._changes(swapped, self._march(swapped, self._plan(swapped)), places=places)
+
+    def _coarse(self) -> tuple[Pipeline | None, str]:
+        """The run on a coarser mesh, its modes those that are most like the run's; or why there is none."""
+        scene = coarser(self.run.scene)
+        if scene is None:
+            return None, "not estimated: there is no coarser mesh"
+        more = with_modes(scene, lambda body: {"count": int(_MORE * body.modes.count) + 1})
+        coarse = Pipeline(more, Cache(None))
+        try:
+            for name, part in coarse.parts.items():
+                part.modes = modes_like(self.run.parts[name], part)
+            # Where the volume changes with the mesh so does the shape, and nothing converges faster than that.
+            exact = all(
+                abs(coarse.bodies[name].gram.mass / body.gram.mass - 1) < _SAME
+                for name, body in self.run.bodies.items()
+            )
+        except AccuracyError as fault:
+            return None, f"not estimated: on a coarser mesh, {fault}"
+        order = min(part.order for part in self.run.parts.values()) if exact else 1
+        self.gains = {kind: refinement_gain(COARSENING, order, kind) for kind in ("displacement", "stress", "geometry")}
+        return coarse, NO_PART
 
     def _recovery(self) -> dict[str, float | str]:
         """Patches of elements at the worst node."""
@@ -249,10 +294,30 @@ class _Estimates:
         return next(iter(plans_of(again).values())), self._march(same, plan)
 
 
-def _with_frequencies(body: Any, omega: Array) -> Any:
-    """A body of another mesh with given frequencies; where those are too few, it keeps its own in proportion."""
-    n = min(len(omega), len(body.omega))
-    return replace(body, omega=np.concatenate([omega[:n], body.omega[n:] * (omega[n - 1] / body.omega[n - 1])]))
+def _in_order_of(body: FlexibleBody, coarse: Pipeline, name: str) -> tuple[IntArray, Array]:
+    """Numbers of the shapes on the coarse mesh that are most like a body's, and their angular frequencies [rad/s]."""
+    other, n = coarse.bodies[name], len(body.omega)
+    if len(other.omega) < n:  # loads that are none on the coarse mesh: shapes that don't matter, in order
+        numbers = np.minimum(np.arange(n), len(other.omega) - 1)
+        return numbers, np.where(np.arange(n) < len(other.omega), other.omega[numbers], body.omega)
+    numbers = matched(body.x, body.shapes, other.x, coarse.parts[name].fe.m, other.shapes)
+    return numbers, other.omega[numbers]
+
+
+def _energy_excess(part: FlexiblePart, body: FlexibleBody) -> tuple[Array, Array]:
+    """What recovered stress says that the squares of a part's mode frequencies and of its body's are too high by."""
+    from pipeline.recovery.energy_error import energy_errors
+
+    errors = energy_errors(part.space, part.material, body.shapes)
+    # The modes are combinations of the body's shapes and rigid motions.
+    flat, modes = body.shapes.reshape(part.fe.K.shape[0], -1), part.modes
+    weights = (flat.T @ (part.fe.K @ modes.shapes.reshape(len(flat), -1))) / body.omega[:, None] ** 2
+    of_modes = np.einsum("jk,jl,lk->k", weights, errors, weights) / modes.omega**2
+    return np.asarray(of_modes), np.asarray(np.diag(errors) / body.omega**2)
+
+
+def _larger(one: Array, other: Array) -> Array:
+    return np.where(np.abs(one) > np.abs(other), one, other)
 
 
 def _of_other_fineness(plan: Plan, seconds: float) -> tuple[Integrator, float]:

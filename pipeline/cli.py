@@ -84,7 +84,7 @@ def mesh(
         File to write the mesh to, in the format of its suffix: .vtu, .msh, .inp ...
     """
     pipeline = _pipeline(scene, set_, no_cache)
-    part = pipeline.part.shape
+    part = pipeline.part
     solid = pipeline.mesh
     if out is not None:
         from pipeline.fem.export import write_mesh
@@ -96,10 +96,11 @@ def mesh(
         "elements": len(solid.cells),
         "parts": {name: len(cells) for name, cells in solid.parts.items()},
         "element_type": solid.cell_type,
-        "order": part.mesh.order,
+        "order": part.order,
         "volume_m3": volume,
-        "mass_kg": part.rho * volume,
+        "mass_kg": part.shape.rho * volume,
         "min_quality": float(solid.quality.min()),
+        "notes": list(solid.notes),
     }
     _print(result, json)
 
@@ -307,6 +308,39 @@ app.command("pipeline.sweep.command:sweep", help="A scene at every combination o
 app.command("pipeline.cli_more:new", help="Write a commented scene to start from.")
 app.command("pipeline.cli_more:report", help="One web page of all results, to be opened without a network.")
 app.register_install_completion_command(help="Let the shell complete commands and options (bash, zsh, fish).")
+
+
+@app.command
+def verify(
+    cases: list[str] | None = None,
+    /,
+    *,
+    out: Path = Path("out/verification"),
+    no_cache: NoCache = False,
+    json: Json = False,
+) -> None:
+    """Published and closed-form results beside ours; ends with status 3 if one is out of its tolerance.
+
+    Parameters
+    ----------
+    cases
+        Names of cases, e.g. fv52; all by default.
+    out
+        Folder for the table as CSV and JSON.
+    """
+    from pipeline.cache import Cache
+    from pipeline.verification.suite import chosen, outcomes, require_within, rows_of, write_rows
+
+    found = list(outcomes(chosen(cases or ()), Cache(None) if no_cache else None))
+    rows = rows_of(found)
+    files = write_rows(rows, out)
+    if json:
+        _print_json({"rows": rows, "seconds": {one.case.name: one.seconds for one in found}, "files": files})
+    else:
+        from pipeline.tables import print_verification
+
+        print_verification(found, out, files)
+    require_within(found)
 
 
 @app.command

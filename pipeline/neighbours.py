@@ -7,22 +7,20 @@ from __future__ import annotations
 
 from typing import TYPE_CHECKING, Any
 
-import numpy as np
-
 if TYPE_CHECKING:
     from collections.abc import Callable
 
-    from pipeline.scene import Bar, Propeller, Scene
+    from pipeline.scene import Flexible, Scene
 
-_HALF = 0.5
+COARSENING = 2.0
 
 
 def with_runs(scene: Scene, *runs: Any) -> Scene:
     """The scene, integrated by other runs."""
-    return _changed(scene, {"simulation": scene.simulation.model_copy(update={"run": runs})})
+    return _changed(scene, {"march": scene.simulation.model_copy(update={"run": runs})})
 
 
-def with_modes(scene: Scene, change: Callable[[Bar | Propeller], dict[str, Any]]) -> Scene:
+def with_modes(scene: Scene, change: Callable[[Flexible], dict[str, Any]]) -> Scene:
     """The scene, each flexible body's table of modes changed by what ``change`` returns for it."""
     return _with_bodies(scene, lambda body: {"modes": body.modes.model_copy(update=change(body))})
 
@@ -39,37 +37,24 @@ def refined(scene: Scene, factor: float) -> Scene | None:
 
 
 def coarser(scene: Scene) -> Scene | None:
-    """The scene on meshes with half of the elements each way; ``None`` if there are none."""
-    return refined(scene, _HALF)
+    """The scene on meshes with at most half of the elements each way; ``None`` if a body's can't be coarser."""
+    found = refined(scene, 1 / COARSENING)
+    return None if found is None or any(found.body[name] == body for name, body in scene.flexible.items()) else found
 
 
-def ratio(body: Bar | Propeller, other: Bar | Propeller) -> float:
-    """Mean ratio of the numbers of elements of two meshes in the directions in which they differ."""
-    if body.shape == "bar" and body.mesh.size is not None:
-        assert other.shape == "bar"
-        assert other.mesh.size is not None
-        return other.mesh.size / body.mesh.size
-    pairs = [(a, b) for a, b in zip(_counts(body), _counts(other), strict=True) if a != b]
-    return float(np.exp(np.mean(np.log([a / b for a, b in pairs])))) if pairs else 1.0
-
-
-def _counts(body: Bar | Propeller) -> tuple[int, ...]:
-    if body.shape == "bar":
-        return body.mesh.divisions or ()
-    return (*body.mesh.sleeve, *body.mesh.joint, *body.mesh.blade)
-
-
-def _divided(body: Bar | Propeller, factor: float) -> dict[str, Any]:
+def _divided(body: Flexible, factor: float) -> dict[str, Any]:
     """What changes in a body's table of the mesh."""
 
     def times(count: int) -> int:
-        return max(1, int(np.floor(count * factor + 0.5)))
+        return max(1, int(count * factor))
 
     if body.shape == "bar":
         if body.mesh.size is not None:
             return {"size": body.mesh.size / factor}
         assert body.mesh.divisions is not None
         return {"divisions": tuple(times(count) for count in body.mesh.divisions)}
+    if body.shape == "mesh":  # a file's mesh is what it is
+        return {}
     (around, axial, radial), (chordwise, across, outwards) = body.mesh.sleeve, body.mesh.joint
     across = times(across)
     per_blade = max(times(around // body.blades), across + 1)
@@ -80,7 +65,7 @@ def _divided(body: Bar | Propeller, factor: float) -> dict[str, Any]:
     }
 
 
-def _with_bodies(scene: Scene, change: Callable[[Bar | Propeller], dict[str, Any]]) -> Scene:
+def _with_bodies(scene: Scene, change: Callable[[Flexible], dict[str, Any]]) -> Scene:
     bodies = {name: body.model_copy(update=change(body)) for name, body in scene.flexible.items()}
     return _changed(scene, {"body": {**scene.body, **bodies}})
 

@@ -2,29 +2,42 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
 from typing import TYPE_CHECKING
 
 import numpy as np
 
 from pipeline.checks import Array, IntArray
 from pipeline.studies.error_estimates import Quantity
+from pipeline.studies.matching import matched
 
 if TYPE_CHECKING:
+    from pipeline.part import FlexiblePart
     from pipeline.recovery.chain_motion import ChainMotion
     from pipeline.recovery.motion import Motion
+    from pipeline.reduction.modes import Modes
     from pipeline.stages import Pipeline
 
 Quantities = dict[str, Quantity]
 
 
-def of_the_mesh(run: Pipeline) -> Quantities:
-    """Frequencies and masses of the flexible bodies."""
+def of_the_mesh(run: Pipeline, like: Pipeline | None = None) -> Quantities:
+    """Frequencies and masses of the flexible bodies; those of the modes that look ``like`` another run's, if given."""
     found = []
     for name, part in run.parts.items():
-        for k, frequency in enumerate(part.modes.frequencies_hz):
+        modes = part.modes if like is None else modes_like(like.parts[name], part)
+        for k, frequency in enumerate(modes.frequencies_hz):
             found.append(Quantity(f"{name}, frequency {k + 1}", "Hz", np.array([frequency])))
         found.append(Quantity(f"{name}, mass", "kg", np.array([run.bodies[name].gram.mass]), kind="geometry"))
     return _by_name(found)
+
+
+def modes_like(part: FlexiblePart, other: FlexiblePart) -> Modes:
+    """Those modes of another mesh's part that are most like a part's, in its order."""
+    modes = other.modes
+    numbers = matched(part.space.x, part.modes.shapes, other.fe.x, other.fe.m, modes.shapes)
+    places = tuple(modes.numbers[k] for k in numbers)
+    return replace(modes, omega=modes.omega[numbers], shapes=modes.shapes[:, :, numbers], numbers=places)
 
 
 def of_the_motion(run: Pipeline, motion: Motion | ChainMotion) -> Quantities:

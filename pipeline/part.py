@@ -2,9 +2,10 @@
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from dataclasses import dataclass, replace
-from functools import cached_property
-from typing import TYPE_CHECKING
+from functools import cached_property, partial
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 from numpy.typing import NDArray
@@ -12,9 +13,10 @@ from numpy.typing import NDArray
 from pipeline.cache import stage_key
 from pipeline.checks import Array, InputError, IntArray
 from pipeline.keeper import Keeper
+from pipeline.scene_file import among
+from pipeline.sources import Source
 
 if TYPE_CHECKING:
-    from meshes.gmsh_session import MeshArrays
     from pipeline.fem.marker import Marker
     from pipeline.fem.material import Material
     from pipeline.fem.mesh import SolidMesh
@@ -22,9 +24,11 @@ if TYPE_CHECKING:
     from pipeline.fem.surface import SurfaceTopology
     from pipeline.reduction.body import FlexibleBody
     from pipeline.reduction.eigen import FreeBodySolver
+    from pipeline.reduction.factor import Factor
     from pipeline.reduction.gram import InertiaGram
     from pipeline.reduction.modes import Modes
-    from pipeline.scene import Bar, Propeller, Scene
+    from pipeline.scene import Flexible, Scene
+    from pipeline.scene import Marker as SceneMarker
 
 _RITZ_GENERATIONS = 4
 _SHARED = ("mesh", "fe", "modes", "space", "surface", "markers", "_solver")  # what enrichment and joints leave alone
@@ -93,8 +97,9 @@ class FlexiblePart:
     """
 
     def __init__(self, scene: Scene, name: str, keeper: Keeper) -> None:
-        self.shape: Bar | Propeller = scene.flexible[name]
+        self.shape: Flexible = scene.flexible[name]
         self.name, self._file = name, scene.file
+        self._source = Source.of(self.shape, scene.file, name)
         self.inboard = inboard_of(scene, name)
         self._frame = scene.march.frame if scene.march else "joint-conforming"
         loads = [drive for drive in scene.drive.values() if drive.type in ("point force", "point torque")]
@@ -128,8 +133,13 @@ class FlexiblePart:
         """Stiffness and mass; never kept, since what follows is."""
         from pipeline.fem.assembly import assemble
 
-        mesh, order = self.mesh, self.shape.mesh.order
+        mesh, order = self.mesh, self.order
         return self._keeper.timed("assembly", lambda: assemble(mesh, order, self.material))
+
+    @cached_property
+    def order(self) -> int:
+        """Polynomial order of the displacement in an element."""
+        return self.shape.mesh.order or self.mesh.order
 
     @cached_property
     def modes(self) -> Modes:
@@ -161,8 +171,8 @@ class FlexiblePart:
         x = self.mesh.points[self.mesh.cells].mean(axis=1)
         found = {}
         for name, element in self.shape.element.items():
-            among = self.mesh.parts[element.part] if element.part else np.arange(len(x))
-            found[name] = int(among[np.linalg.norm(x[among] - element.at, axis=1).argmin()])
+            chosen = self.mesh.parts[self._known("element", name, element.part)] if element.part else np.arange(len(x))
+            found[name] = int(chosen[np.linalg.norm(x[chosen] - element.at, axis=1).argmin()])
         return found
 
     @cached_property
@@ -210,6 +220,8 @@ class FlexiblePart:
     @property
     def _mesh_key(self) -> str:
         part = self.shape.model_dump(mode="json", exclude={"E", "nu", "rho", "modes", "marker", "support", "element"})
+        if self._source is not None:
+            return stage_key("mesh", self._source.identity(part), ("meshes", "pipeline/fem"), ("gmsh", "meshio"))
         return stage_key("mesh", part, ("meshes", "pipeline/fem/mesh.py"), ("gmsh",))
 
     @property
@@ -219,13 +231,13 @@ class FlexiblePart:
         )
         markers = self.shape.marker
         inputs = {
-            "part": part,
+            "part": part if self._source is None else self._source.identity(part),
             "axis": self.inboard.axis,
-            "rigid": {name: marker.face for name, marker in markers.items() if marker.attachment == "rigid"},
+            "rigid": {name: marker.where for name, marker in markers.items() if marker.attachment == "rigid"},
             "held": "",
         }
         if self.shape.modes.boundary == "joint":
-            inputs["held"] = repr((self.inboard, markers[self.inboard.marker].face))
+            inputs["held"] = repr((self.inboard, markers[self.inboard.marker].where))
         elif self.shape.modes.boundary == "interface":
             inputs["held"] = repr({name: markers[name] for name in self._interface})
         return stage_key("modes", inputs, ("meshes", "pipeline/fem", "pipeline/reduction"), _FEM_PACKAGES)
@@ -243,20 +255,42 @@ class FlexiblePart:
         return stage_key("body", inputs, ("pipeline/reduction", "pipeline/recovery/stress.py"))
 
     def _make_mesh(self) -> SolidMesh:
-        from pipeline.fem.mesh import SolidMesh
+        from pipeline.shapes import mesh_of
 
-        return SolidMesh(*_mesh_arrays(self.shape))
+        return mesh_of(self.shape, self._source)
 
     @cached_property
     def markers(self) -> dict[str, Marker]:
         """The body's markers on its finite element model."""
         from pipeline.fem.marker import face_marker
 
-        space, faces = self.fe.discretisation, self.mesh.faces
-        return {
-            name: face_marker(space, faces[marker.face], marker.attachment == "rigid")
-            for name, marker in self.shape.marker.items()
-        }
+        found = {}
+        for name, marker in self.shape.marker.items():
+            try:
+                found[name] = face_marker(self.space, self._faces(name, marker), marker.attachment == "rigid")
+            except ValueError as error:
+                key = f"body.{self.name}.marker.{name}"
+                raise InputError(self._file, key, next(iter(marker.where.values())), str(error)) from error
+        return found
+
+    def _faces(self, name: str, marker: SceneMarker) -> list[IntArray]:
+        """A marker's faces, as `face_marker` takes them."""
+        from pipeline.fem.selection import facets_in_plane, facets_near
+
+        if marker.plane is not None:
+            return [facets_in_plane(self.space, *marker.plane)]
+        if marker.near is not None:
+            return [facets_near(self.space, np.array(marker.near))]
+        return [self.mesh.faces[self._known("marker", name, face)] for face in marker.faces]
+
+    def _known(self, kind: str, name: str | int, given: str) -> str:
+        """A face's or a part's name as the mesh has it; upper and lower case may differ."""
+        what, names = ("part", self.mesh.parts) if kind == "element" else ("face", self.mesh.faces)
+        alike = [known for known in names if known.casefold() == given.casefold()]
+        if given not in names and len(alike) != 1:
+            mend = f"no such {what}; {among(given, names, f'the {what}s')}"
+            raise InputError(self._file, f"body.{self.name}.{kind}.{name}.{what}", given, mend)
+        return given if given in names else alike[0]
 
     @property
     def _interface(self) -> tuple[str, ...]:
@@ -277,7 +311,9 @@ class FlexiblePart:
                 elif support.point is not None:
                     nodes = node_at(self.space, np.array(support.point))
                 else:
-                    nodes = nodes_on_faces(self.space, [self.mesh.faces[face] for face in support.faces])
+                    nodes = nodes_on_faces(
+                        self.space, [self.mesh.faces[self._known("support", number, face)] for face in support.faces]
+                    )
             except ValueError as error:
                 key = f"body.{self.name}.support.{number}"
                 raise InputError(self._file, key, support.edge or support.faces, str(error)) from error
@@ -286,17 +322,36 @@ class FlexiblePart:
 
     @cached_property
     def _solver(self) -> FreeBodySolver:
+        from pipeline.reduction.factor import MissingSolverError, TooLargeError
+
         rigid = [marker for marker in self.markers.values() if marker.rigid]
-        if self.mesh.sectors > 2 and not rigid and self.fixed is None:
-            from pipeline.reduction.cyclic import CyclicSolver
-
-            return CyclicSolver(self.fe, self.mesh.sectors)
-        from pipeline.reduction.eigen import FreeBodySolver
-
+        key = f"body.{self.name}"
         try:
-            return FreeBodySolver(self.fe, rigid, self.fixed)
+            if self.mesh.sectors > 2 and not rigid and self.fixed is None:
+                from pipeline.reduction.cyclic import CyclicSolver
+
+                return CyclicSolver(self.fe, self.mesh.sectors, self._factorise)
+            from pipeline.reduction.eigen import FreeBodySolver
+
+            return FreeBodySolver(self.fe, rigid, self.fixed, self._factorise)
         except ValueError as error:  # rigid faces that share nodes, with one another or with a support
-            raise InputError(self._file, f"body.{self.name}.marker", None, str(error)) from error
+            raise InputError(self._file, f"{key}.marker", None, str(error)) from error
+        except TooLargeError as error:
+            raise InputError(self._file, f"{key}.mesh", None, str(error)) from error
+        except MissingSolverError as error:
+            raise InputError(self._file, f"{key}.modes.solver", self.shape.modes.solver, str(error)) from error
+
+    @property
+    def _factorise(self) -> Callable[[Any], Factor]:
+        """What the scene wants matrices to be factorised by."""
+        wanted = self.shape.modes
+        if wanted.solver == "slepc":
+            from pipeline.reduction.slepc import slepc_factorised
+
+            return partial(slepc_factorised, ranks=wanted.ranks or 2)
+        from pipeline.reduction.factor import factorised
+
+        return partial(factorised, solver=wanted.solver)
 
     @property
     def _free(self) -> Array:
@@ -388,7 +443,7 @@ class FlexiblePart:
         """Nodes and elements; the matrices aren't needed for it."""
         from pipeline.fem.model import Discretisation
 
-        return Discretisation(self.mesh, self.shape.mesh.order)
+        return Discretisation(self.mesh, self.order)
 
     @property
     def material(self) -> Material:
@@ -406,32 +461,3 @@ class FlexiblePart:
         from pipeline.recovery.stress import element_stress
 
         return element_stress(self.space, self.material, self.body.shapes, np.array(list(self.elements.values())))
-
-
-def _mesh_arrays(part: Bar | Propeller) -> MeshArrays:
-    if part.shape == "propeller":
-        from meshes.propeller import PropellerCounts, PropellerShape, propeller
-
-        mesh = part.mesh
-        shape = PropellerShape(
-            part.blades,
-            bore=part.bore / 2,
-            hub=part.hub / 2,
-            root=part.root / 2,
-            tip=part.diameter / 2,
-            length=part.length,
-            chord=part.chord,
-            thickness=part.thickness,
-            pitch=part.pitch,
-            camber=part.camber,
-            edge=part.edge,
-        )
-        return propeller(shape, PropellerCounts(*mesh.sleeve, *mesh.joint[1:], mesh.blade[2], mesh.growth))
-    from meshes.bar import hexahedral_bar, tetrahedral_bar
-
-    size = (part.length, part.depth, part.width)
-    if part.mesh.element == "hexahedron":
-        assert part.mesh.divisions is not None  # the scene's own check
-        return hexahedral_bar(*size, part.mesh.divisions)
-    assert part.mesh.size is not None
-    return tetrahedral_bar(*size, part.mesh.size)

@@ -31,6 +31,7 @@ from pipeline.scene_parts import (
     Body,
     Drive,
     Fixed,
+    Flexible,
     ForceDrive,
     Free,
     Joint,
@@ -74,6 +75,7 @@ __all__ = [
     "Export",
     "Film",
     "Fixed",
+    "Flexible",
     "ForceDrive",
     "Free",
     "Joint",
@@ -167,9 +169,9 @@ class Scene(Table):
         return self.march
 
     @property
-    def flexible(self) -> dict[str, Bar | Propeller]:
+    def flexible(self) -> dict[str, Flexible]:
         """The flexible bodies."""
-        return {name: body for name, body in self.body.items() if isinstance(body, Bar | Propeller)}
+        return {name: body for name, body in self.body.items() if isinstance(body, Flexible)}
 
     def _repr_html_(self) -> str:
         from pipeline.notebook import scene_table

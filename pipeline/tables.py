@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+from collections.abc import Sequence
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
@@ -10,13 +11,13 @@ from rich.console import Console
 from rich.table import Table
 
 if TYPE_CHECKING:
-    from collections.abc import Sequence
-
     from pipeline.stability import SceneStability
     from pipeline.studies.work_precision import WorkPrecision
     from pipeline.sweep.study import Sweep
+    from pipeline.verification.suite import Outcome
 
 _COUPLED = 1e-6
+_FIGURES = ("quantity", "ours", "published", "difference", "allowed")
 
 
 def print_run(summary: dict[str, Any], folder: Path) -> None:
@@ -97,7 +98,17 @@ def print_frequencies(result: dict[str, Any]) -> None:
         for k, frequency in enumerate(result["rotating_frequencies_hz"]):
             table.add_row(str(k + 1), f"{frequency:.4f}")
         console.print(table)
-    console.print(f"{result['rigid_modes']} rigid-body modes, {result['dofs']} unknowns")
+    console.print(f"{result['rigid_modes']} rigid-body modes, {result['dofs']} unknowns{_factor(result)}")
+
+
+def _factor(result: dict[str, Any]) -> str:
+    factor = result["factor"]
+    if factor is None:
+        return ""
+    return (
+        f"; factor by {factor['solver']} in {factor['order']} order, {factor['nonzeros'] / 1e6:.3g} million nonzeros "
+        f"of {factor['unknowns']} unknowns, {factor['memory'] / 1e6:.3g} MB"
+    )
 
 
 def print_campbell(title: str, rates: Any, table: Any, folder: Path, files: list[str]) -> None:
@@ -280,3 +291,22 @@ def _figure(value: float | None, unit: str) -> str:
     if large is not None:
         return f"{value / large[0]:.4g} {large[1]}{unit}"
     return _scaled(value, unit) if unit and abs(value) < 1 else f"{value:.4g} {unit}".rstrip()
+
+
+def print_verification(found: Sequence[Outcome], folder: Path, files: list[str]) -> None:
+    """Print published figures beside ours, case by case."""
+    console = Console()
+    for outcome in found:
+        case = outcome.case
+        table = _table(f"{case.name}: {case.title} ({case.source})", *_FIGURES)
+        for figure in outcome.figures:
+            difference = f"{100 * figure.difference:+.2g} %" + ("" if figure.holds else " OUT")
+            numbers = (f"{figure.ours:.6g}", f"{figure.published:.6g}", difference, f"{100 * figure.tolerance:.2g} %")
+            table.add_row(figure.quantity, *numbers)
+        console.print(table if not outcome.error else f"{case.name} FAILED: {outcome.error}")
+    n, wrong = sum(len(one.figures) for one in found), sum(not one.holds for one in found)
+    console.print(
+        f"{n} figures of {len(found)} cases in {sum(one.seconds for one in found):.1f} s"
+        + (f", {wrong} cases out of tolerance" if wrong else ", all within their tolerances")
+    )
+    console.print(f"{', '.join(files)} in {folder}/")

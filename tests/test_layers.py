@@ -23,12 +23,21 @@ LAYERS = (
     {"recovery"},
     {"studies"},
     {
-        *{"scene", "scene_file", "scene_time", "scene_shapes", "scene_parts", "scene_outputs", "scene_runs"},
-        *{"mechanism", "methods", "part", "spin"},
+        *{
+            "scene",
+            "scene_file",
+            "scene_time",
+            "scene_shapes",
+            "scene_files",
+            "scene_parts",
+            "scene_outputs",
+            "scene_runs",
+        },
+        *{"mechanism", "methods", "part", "shapes", "sources", "spin"},
         *{"stages", "frequencies", "quantities", "outputs", "drawings", "exports", "stability", "stress_test"},
         *{"neighbours", "observed", "budget"},
-        *{"summary", "tables", "bench", "doctor", "cli"},
-        *{"sweep", "report", "notebook", "starting", "templates", "cli_more"},
+        *{"summary", "tables", "bench", "doctor", "sweep", "verification", "cli"},
+        *{"report", "notebook", "starting", "templates", "cli_more"},
         *{"__init__", "__main__"},
     },
 )
@@ -45,7 +54,7 @@ OWNERS = {
     "vtk": "pipeline.render",
     "vtkmodules": "pipeline.render",
     "matplotlib": "pipeline.render",
-    "meshes": "pipeline.part",
+    "meshes": "pipeline.shapes",
 }
 
 
@@ -149,7 +158,7 @@ def test_modules_do_not_import_one_another_in_circles() -> None:
     ("module", "line", "fault"),
     [
         ("pipeline.fem.mesh", "import gmsh", "gmsh belongs to meshes"),
-        ("pipeline.fem.mesh", "from meshes.bar import hexahedral_bar", "meshes.bar belongs to pipeline.part"),
+        ("pipeline.fem.mesh", "from meshes.bar import hexahedral_bar", "meshes.bar belongs to pipeline.shapes"),
         ("pipeline.reduction.eigen", "def f():\n    import skfem.utils", "skfem.utils belongs to pipeline.fem"),
         ("pipeline.outputs", "from matplotlib.figure import Figure", "matplotlib.figure belongs to pipeline.render"),
         ("pipeline.doctor", "import vtkmodules.vtkCommonCore", "vtkmodules.vtkCommonCore belongs to pipeline.render"),
@@ -175,7 +184,7 @@ def test_what_is_against_the_rules_is_found(module: str, line: str, fault: str) 
     [
         ("meshes.gmsh_session", "import gmsh"),
         ("meshes.bar", "from meshes.gmsh_session import gmsh_model"),
-        ("pipeline.part", "from meshes.bar import hexahedral_bar"),
+        ("pipeline.shapes", "from meshes.bar import hexahedral_bar"),
         ("pipeline.fem.model", "import skfem, meshio"),
         ("pipeline.recovery.stress", "from pipeline.fem.model import FEModel"),
         ("pipeline.doctor", "from pipeline.render import probe"),

@@ -116,7 +116,12 @@ def test_an_interface_that_is_supported_is_a_failed_check(plate: str, capsys: py
 
 # In motion -------------------------------------------------------------------------------------------------------
 
-COARSE = ("body.beam.mesh.divisions=[30, 1, 1]", "simulation.duration=8 s", "simulation.output_step=40 ms")
+COARSE = (
+    "body.beam.mesh.divisions=[30, 1, 1]",
+    "simulation.duration=8 s",
+    "simulation.output_step=40 ms",
+    "simulation.error=1e-5",
+)
 BOUNDARIES = {
     "held at the joint": (),
     "supported": ("body.beam.modes.boundary=free", 'body.beam.support=[{face="x-"}]'),

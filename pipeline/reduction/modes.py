@@ -2,12 +2,13 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 
 import numpy as np
 
 from pipeline.checks import Array
 from pipeline.html import table
+from pipeline.reduction.factor import FactorFigures
 
 
 @dataclass(frozen=True)
@@ -24,12 +25,15 @@ class EigenPairs:
         Number of rigid-body modes found.
     residual : float
         Largest defect of ``K φ = ω² M φ`` in the energy norm, relative to the mode's own.
+    factor : FactorFigures, optional
+        What the factorisation behind them took.
     """
 
     omega: Array
     shapes: Array
     n_rigid: int
     residual: float
+    factor: FactorFigures | None = field(default=None, kw_only=True)
 
 
 @dataclass(frozen=True)

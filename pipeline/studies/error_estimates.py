@@ -18,7 +18,7 @@ SOURCES = ("discretisation", "truncation", "time", "recovery")
 # An estimate tells the size of an error, not a bound: what is stated is this many times the estimates' sum.
 SAFETY = 2.0
 _NEAR_PEAK = 0.8  # of the largest value
-_LEAST_GAIN = 1.5
+_MOST = 0.75
 
 
 @dataclass(frozen=True)
@@ -112,25 +112,20 @@ def refinement_gain(ratio: float, order: int, kind: str) -> float:
     of the Finite Element Method, 1973), the volume in plane facets as ``h²``.
     """
     power = {"displacement": 2 * order, "stress": order, "geometry": 2}[kind]
-    return max(ratio**power, _LEAST_GAIN) - 1
+    return float(ratio**power) - 1
 
 
-def shifted_frequencies(omega: Array, coarse: Array, gain: float, part: float) -> Array:
-    """Angular frequencies moved by ``part`` of the way from a mesh to the limit that it and a coarser one point to.
+def shifted_frequencies(omega: Array, excess: Array, part: float) -> Array:
+    """Frequencies when ``part`` of what their eigenvalues are too high by is taken off.
 
     Parameters
     ----------
-    omega, coarse : ndarray, shapes (n,) and (n',)
-        Of the mesh and of the coarser one [rad/s]; where that has none, its last one's ratio holds.
-    gain : float
-        As `refinement_gain` gives it.
+    omega : ndarray, shape (n,)
+        Frequencies, angular or not.
+    excess : ndarray, shape (n,)
+        What their squares are too high by, relative; at most three quarters of a square are taken off.
     """
-    n = min(len(omega), len(coarse))
-    excess = np.ones(len(omega))
-    excess[:n] = (coarse[:n] / omega[:n]) ** 2 - 1
-    excess[n:] = excess[n - 1] if n else 0.0
-    # A coarse mesh may miss by more than can be extrapolated.
-    return np.asarray(omega * np.sqrt(1 - np.clip(excess, -1.0, 1.0) * min(part / gain, 0.75)))
+    return np.asarray(omega * np.sqrt(1 - np.clip(part * excess, -_MOST, _MOST)))
 
 
 def _over(size: float, scale: float) -> float:
