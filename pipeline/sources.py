@@ -10,7 +10,7 @@ from typing import TYPE_CHECKING, Any
 from pipeline.checks import InputError
 
 if TYPE_CHECKING:
-    from pipeline.scene import Flexible
+    from pipeline.scene import Flexible, Scene
 
 
 @dataclass(frozen=True)
@@ -52,3 +52,9 @@ class Source:
         """What a body's result depends on: the scene's values, the file's content in place of its name."""
         mesh = {key: value for key, value in part["mesh"].items() if key != "file"}
         return part | {"mesh": mesh, "content": self.digest, "suffix": self.path.suffix.lower()}
+
+
+def contents(scene: Scene) -> dict[str, str]:
+    """Digests of the files that bodies come from, by body; raises what `Source.of` does."""
+    found = {name: Source.of(shape, scene.file, name) for name, shape in scene.flexible.items()}
+    return {name: source.digest for name, source in found.items() if source is not None}

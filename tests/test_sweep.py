@@ -127,6 +127,30 @@ def test_a_points_key_is_that_of_its_scene_however_it_is_written():
     assert one == same != other
 
 
+def test_a_points_key_is_that_of_its_mesh_file_too(tmp_path):
+    scene = tmp_path / "part.toml"
+    scene.write_text(
+        """title = "part"
+        [body.part]
+        shape = "mesh"
+        mesh = { file = "part.vtu", unit = "mm" }
+        E = "70 GPa"
+        nu = 0.3
+        rho = "2700 kg/m^3"
+        modes = { count = 2 }
+        marker = {}
+        """
+    )
+    keys = []
+    for content in ("one", "another"):
+        (tmp_path / "part.vtu").write_text(content)
+        keys.append(points_of(scene, varied_of(["body.part.nu=0.3"]))[0].key)
+    assert keys[0] != keys[1]
+    (tmp_path / "part.vtu").unlink()
+    with pytest.raises(InputError, match=r"body\.part\.mesh\.file"):
+        points_of(scene, varied_of(["body.part.nu=0.3"]))
+
+
 def test_a_damaged_record_counts_as_none(tmp_path):
     path = tmp_path / "point.json"
     write_record(Record("ok", summary={"a": 1.0}), path)
