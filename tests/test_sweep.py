@@ -17,6 +17,7 @@ import xarray
 
 from pipeline.checks import InputError
 from pipeline.cli import main
+from pipeline.sweep.local import on_this_machine
 from pipeline.sweep.points import Varied, points_of, varied_of
 from pipeline.sweep.record import Record, read_record, write_record
 from pipeline.sweep.table import axis_of
@@ -159,6 +160,20 @@ def test_a_damaged_record_counts_as_none(tmp_path):
     for damaged in (whole[:-20], "[]", '{"status": "fine"}', ""):
         path.write_text(damaged)
         assert read_record(path) is None
+
+
+class Deadly:
+    """Ends the process that reads it."""
+
+    def __reduce__(self):
+        return os._exit, (3,)
+
+
+def test_a_point_that_kills_every_process_is_a_row_that_is_not_kept():
+    records = dict(on_this_machine({"point-1": Deadly(), "point-2": Deadly()}, 1))
+    assert sorted(records) == ["point-1", "point-2"]
+    assert {(record.status, record.lasting) for record in records.values()} == {("failed", False)}
+    assert all("its process died, 2 times" in record.message for record in records.values())
 
 
 def test_each_point_is_a_row_also_what_is_refused(grid):
