@@ -19,6 +19,7 @@ from pipeline.integrators.automatic import Automatic
 from pipeline.integrators.protocol import Integrator
 from pipeline.neighbours import COARSENING, coarser, richer, with_modes, with_runs
 from pipeline.observed import Quantities, modes_like, of_the_mesh, of_the_motion, of_the_stress
+from pipeline.sources import contents
 from pipeline.stages import Pipeline
 from pipeline.studies.error_estimates import NO_PART, SAFETY, SOURCES, Row, refinement_gain, shifted_frequencies
 from pipeline.studies.matching import matched
@@ -73,6 +74,7 @@ class Budget:
 def budget_key(run: Pipeline) -> str:
     """Key that the budget is kept under."""
     inputs = run.scene.model_dump(mode="json", exclude={"title", "source", "reference", "output"})
+    inputs["files"] = contents(run.scene)
     return stage_key("error budget", inputs, ("pipeline", "meshes"), ("numpy", "scipy", "scikit-fem", "gmsh"))
 
 
