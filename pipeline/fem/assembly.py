@@ -16,7 +16,8 @@ from pipeline.fem.material import Material
 from pipeline.fem.mesh import SolidMesh
 from pipeline.fem.model import Discretisation, FEModel
 
-_CHUNK = 512  # elements at a time: their gradients stay in the processor's cache
+_CHUNK = 1024  # elements at a time: their gradients stay in the processor's cache
+_BLOCKS = 8192  # blocks at a time, for the same reason
 
 
 def assemble(mesh: SolidMesh, order: int, material: Material) -> FEModel:
@@ -38,13 +39,21 @@ def assemble(mesh: SolidMesh, order: int, material: Material) -> FEModel:
     """
     space = Discretisation(mesh, order)
     structure = space.structure
-    T = structure.sums(_gradient_products(space))
-    lam, mu = material.lame
-    K = lam * T
-    K += mu * T.swapaxes(1, 2)
-    K[:, range(3), range(3)] += mu * np.trace(T, axis1=1, axis2=2)[:, None]
+    K = _isotropic(structure.sums(_gradient_products(space)), material)
     m = material.rho * structure.sums(_shape_products(space))
     return FEModel(space, material, structure.block_matrix(K), structure.scalar_matrix(m))
+
+
+def _isotropic(T: Array, material: Material) -> Array:
+    """Make blocks of the stiffness of sums of gradient products (n_pairs, 3, 3), in their place."""
+    lam, mu = material.lame
+    for start in range(0, len(T), _BLOCKS):
+        block = T[start : start + _BLOCKS]
+        shear = mu * block.swapaxes(1, 2)
+        shear[:, range(3), range(3)] += mu * np.trace(block, axis1=1, axis2=2)[:, None]
+        block *= lam
+        block += shear
+    return T
 
 
 def gradients(space: Discretisation, X: Array, elements: slice | IntArray) -> tuple[Array, Array]:
