@@ -7,11 +7,13 @@ import io
 import json
 import os
 import tempfile
+from contextlib import AbstractContextManager, nullcontext
 from dataclasses import dataclass
 from importlib.metadata import version
 from pathlib import Path
 from typing import Any
 
+from pipeline.files import one_at_a_time
 from pipeline.folders import source_digest
 
 _DIGEST_BYTES = 32
@@ -79,6 +81,10 @@ class Cache:
         except OSError:
             if part:
                 Path(part).unlink(missing_ok=True)
+
+    def alone(self, key: str) -> AbstractContextManager[None]:
+        """Enter what one process at a time may do: make the value of ``key``."""
+        return nullcontext() if self.folder is None else one_at_a_time(self.folder / f".making-{key}")
 
 
 def _digest(body: bytes) -> bytes:

@@ -35,10 +35,11 @@ def run(
     out: Path | None = None,
     set_: Set = None,
     no_pictures: Annotated[bool, Parameter(negative=())] = False,
+    no_budget: Annotated[bool, Parameter(negative=())] = False,
     no_cache: NoCache = False,
     json: Json = False,
 ) -> None:
-    """Do everything that a scene asks for: mesh, modes, motion, stress, pictures.
+    """Do everything that a scene asks for: mesh, modes, motion, stress, pictures, an error budget.
 
     Parameters
     ----------
@@ -48,12 +49,14 @@ def run(
         Folder for the results; out/SCENE by default.
     no_pictures
         Draw nothing.
+    no_budget
+        Don't estimate the errors of the results.
     """
     from pipeline.outputs import write_results
 
     pipeline = _pipeline(scene, set_, no_cache)
     folder = out or Path("out") / pipeline.scene.name
-    summary = write_results(pipeline, folder, pictures=not no_pictures)
+    summary = write_results(pipeline, folder, pictures=not no_pictures, budget=not no_budget)
     if json:
         _print_json(summary)
     else:
@@ -298,6 +301,42 @@ def stability(
         from pipeline.tables import print_stability
 
         print_stability(run.scene.title, result)
+
+
+app.command("pipeline.sweep.command:sweep", help="A scene at every combination of values, on all cores or a cluster.")
+
+
+@app.command
+def verify(
+    cases: list[str] | None = None,
+    /,
+    *,
+    out: Path = Path("out/verification"),
+    no_cache: NoCache = False,
+    json: Json = False,
+) -> None:
+    """Published and closed-form results beside ours; ends with status 3 if one is out of its tolerance.
+
+    Parameters
+    ----------
+    cases
+        Names of cases, e.g. fv52; all by default.
+    out
+        Folder for the table as CSV and JSON.
+    """
+    from pipeline.cache import Cache
+    from pipeline.verification.suite import chosen, outcomes, require_within, rows_of, write_rows
+
+    found = list(outcomes(chosen(cases or ()), Cache(None) if no_cache else None))
+    rows = rows_of(found)
+    files = write_rows(rows, out)
+    if json:
+        _print_json({"rows": rows, "seconds": {one.case.name: one.seconds for one in found}, "files": files})
+    else:
+        from pipeline.tables import print_verification
+
+        print_verification(found, out, files)
+    require_within(found)
 
 
 @app.command

@@ -13,7 +13,7 @@ from pipeline.progress import Monitor
 T = TypeVar("T")
 STAGES = (
     *("mesh", "assembly", "modes", "body", "stiffening", "motion"),
-    *("surface", "stress", "nodal stress", "files", "pictures"),
+    *("surface", "stress", "nodal stress", "error budget", "files", "pictures"),
 )
 
 
@@ -64,15 +64,18 @@ class Keeper:
     log: Log = field(default_factory=Log)
 
     def kept(self, stage: str, key: str, make: Callable[[], T]) -> T:
-        """Read a stage's result, or compute and keep it."""
+        """Read a stage's result, or compute and keep it; of several processes that want it, one computes."""
         key = f"{stage}-{key}"
         tick = time.perf_counter()
         value: T | None = self.cache.load(key)
-        if value is not None:
-            self.log.add(stage, time.perf_counter() - tick, self.log.cached)
-            return value
-        value = self.timed(stage, make)
-        self.cache.save(key, value)
+        if value is None:
+            with self.cache.alone(key):
+                value = self.cache.load(key)
+                if value is None:
+                    value = self.timed(stage, make)
+                    self.cache.save(key, value)
+                    return value
+        self.log.add(stage, time.perf_counter() - tick, self.log.cached)
         return value
 
     def timed(self, stage: str, make: Callable[[], T]) -> T:

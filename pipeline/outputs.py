@@ -16,7 +16,7 @@ from pipeline.stages import Pipeline
 from pipeline.summary import summarise
 
 
-def write_results(run: Pipeline, folder: Path, pictures: bool) -> dict[str, Any]:
+def write_results(run: Pipeline, folder: Path, pictures: bool, budget: bool = True) -> dict[str, Any]:
     """Compute what the scene asks for and write it into ``folder``; return the summary.
 
     Parameters
@@ -27,6 +27,8 @@ def write_results(run: Pipeline, folder: Path, pictures: bool) -> dict[str, Any]
         Made if it is missing; each file appears whole or not at all.
     pictures : bool
         Whether to draw; without, neither PyVista nor Matplotlib is loaded.
+    budget : bool
+        Whether to estimate the errors of the results.
 
     Raises
     ------
@@ -47,7 +49,7 @@ def write_results(run: Pipeline, folder: Path, pictures: bool) -> dict[str, Any]
             files += run.keeper.timed(
                 "pictures", lambda: [name for o in drawn for name in DRAWINGS[o.type](run, o, folder)]
             )
-        summary = summarise(run, files)
+        summary = summarise(run, files, budget)
         with whole_file(folder / "summary.json") as part:
             part.write_text(json.dumps(summary, indent=1, allow_nan=False) + "\n")
     except OSError as error:

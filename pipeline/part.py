@@ -26,6 +26,8 @@ if TYPE_CHECKING:
     from pipeline.reduction.modes import Modes
     from pipeline.scene import Bar, Propeller, Scene
 
+_RITZ_GENERATIONS = 4
+_SHARED = ("mesh", "fe", "modes", "space", "surface", "markers", "_solver")  # what enrichment and joints leave alone
 _FEM_PACKAGES = ("numpy", "scipy", "scikit-fem", "gmsh")
 
 
@@ -59,7 +61,10 @@ class Inboard:
 
 def inboard_of(scene: Scene, body: str) -> Inboard:
     """Read from a scene how a body hangs on the joint that carries it."""
-    name, joint = next((n, j) for n, j in scene.joint.items() if j.child.partition(".")[0] == body)
+    carried = [(n, j) for n, j in scene.joint.items() if j.child.partition(".")[0] == body]
+    if not carried:  # a scene of parts alone
+        return Inboard("", (0.0, 0.0, 1.0), (), floating=True, prescribed=False, planar=False)
+    name, joint = carried[0]
     prescribed = any(drive.type == "motion" and drive.joint == name for drive in scene.drive.values())
     hinges = [j.axis for j in scene.joint.values() if j.type == "revolute"]
     axis = joint.axis if joint.type == "revolute" else (hinges[0] if hinges else (0.0, 0.0, 1.0))
@@ -91,20 +96,25 @@ class FlexiblePart:
         self.shape: Bar | Propeller = scene.flexible[name]
         self.name, self._file = name, scene.file
         self.inboard = inboard_of(scene, name)
-        self._frame = scene.simulation.frame
+        self._frame = scene.march.frame if scene.march else "joint-conforming"
         loads = [drive for drive in scene.drive.values() if drive.type in ("point force", "point torque")]
         places = dict.fromkeys([joint.parent for joint in scene.joint.values()], True)
         for drive in loads:
             turns = drive.type == "point torque"
             out = np.cross(self.inboard.axis, drive.direction) if turns else np.dot(self.inboard.axis, drive.direction)
             places[drive.marker] = places.get(drive.marker, True) and not np.any(out)
-        joint = next(j for j in scene.joint.values() if j.child.partition(".")[0] == name)
-        at_rest = joint.parent.partition(".")[0] == "ground" and joint.type not in ("prismatic", "free")
-        self._accelerated = not at_rest or any(scene.simulation.gravity)
+        joint = next((j for j in scene.joint.values() if j.child.partition(".")[0] == name), None)
+        at_rest = joint and joint.parent.partition(".")[0] == "ground" and joint.type not in ("prismatic", "free")
+        self._accelerated = not at_rest or bool(scene.march and any(scene.march.gravity))
         # Markers where other bodies hang or loads act, and whether those keep to the plane of motion.
         own = {at.partition(".")[2]: flat for at, flat in places.items() if at.partition(".")[0] == name}
         self._outboard = sorted(own.items())
         self._keeper = keeper
+
+    def share(self, other: FlexiblePart) -> None:
+        """Take over what another scene's part has computed already and this one would compute anew."""
+        if self._modes_key == other._modes_key:
+            self.__dict__.update({name: value for name, value in other.__dict__.items() if name in _SHARED})
 
     # Stages ------------------------------------------------------------------------------------------------------
 
@@ -119,7 +129,7 @@ class FlexiblePart:
         from pipeline.fem.assembly import assemble
 
         mesh, order = self.mesh, self.shape.mesh.order
-        return self._keeper.timed("assembly", lambda: assemble(mesh, order, self._material))
+        return self._keeper.timed("assembly", lambda: assemble(mesh, order, self.material))
 
     @cached_property
     def modes(self) -> Modes:
@@ -162,6 +172,18 @@ class FlexiblePart:
         key = stage_key("element-stress", inputs, ("pipeline/recovery/stress.py",))
         return self._keeper.kept("stress", key, self._make_element_stress)
 
+    def stress_at(self, points: Array) -> Array:
+        """Stress of each modal coordinate at points (n, 3) [m] of the mesh, shape (n, 6, n_modes) [Pa]."""
+        from pipeline.recovery.stress import point_stress
+
+        return point_stress(self.space, self.material, self.body.shapes, points)
+
+    @cached_property
+    def element_places(self) -> Array:
+        """Middles of its named elements, shape (n_elements, 3) [m]."""
+        numbers = list(self.elements.values())
+        return np.asarray(self.mesh.points[self.mesh.cells[numbers]].mean(axis=1)).reshape(-1, 3)
+
     @cached_property
     def surface_elements(self) -> IntArray:
         """Element that each of the surface's triangles belongs to, shape (n_triangles,)."""
@@ -187,7 +209,7 @@ class FlexiblePart:
 
     @property
     def _mesh_key(self) -> str:
-        part = self.shape.model_dump(mode="json", exclude={"E", "nu", "rho", "modes", "marker", "element"})
+        part = self.shape.model_dump(mode="json", exclude={"E", "nu", "rho", "modes", "marker", "support", "element"})
         return stage_key("mesh", part, ("meshes", "pipeline/fem/mesh.py"), ("gmsh",))
 
     @property
@@ -204,6 +226,8 @@ class FlexiblePart:
         }
         if self.shape.modes.boundary == "joint":
             inputs["held"] = repr((self.inboard, markers[self.inboard.marker].face))
+        elif self.shape.modes.boundary == "interface":
+            inputs["held"] = repr({name: markers[name] for name in self._interface})
         return stage_key("modes", inputs, ("meshes", "pipeline/fem", "pipeline/reduction"), _FEM_PACKAGES)
 
     @property
@@ -234,18 +258,44 @@ class FlexiblePart:
             for name, marker in self.shape.marker.items()
         }
 
+    @property
+    def _interface(self) -> tuple[str, ...]:
+        return self.shape.modes.interface or tuple(self.shape.marker)
+
+    @cached_property
+    def fixed(self) -> IntArray | None:
+        """Unknowns that the supports hold; ``None`` if there are none."""
+        if not self.shape.support:
+            return None
+        from pipeline.fem.place import node_at, nodes_on_edge, nodes_on_faces
+
+        fixed = []
+        for number, support in enumerate(self.shape.support):
+            try:
+                if support.edge is not None:
+                    nodes = nodes_on_edge(self.space, np.array(support.edge))
+                elif support.point is not None:
+                    nodes = node_at(self.space, np.array(support.point))
+                else:
+                    nodes = nodes_on_faces(self.space, [self.mesh.faces[face] for face in support.faces])
+            except ValueError as error:
+                key = f"body.{self.name}.support.{number}"
+                raise InputError(self._file, key, support.edge or support.faces, str(error)) from error
+            fixed += [3 * nodes + "xyz".index(axis) for axis in support.fixed]
+        return np.unique(np.concatenate(fixed))
+
     @cached_property
     def _solver(self) -> FreeBodySolver:
         rigid = [marker for marker in self.markers.values() if marker.rigid]
-        if self.mesh.sectors > 2 and not rigid:
+        if self.mesh.sectors > 2 and not rigid and self.fixed is None:
             from pipeline.reduction.cyclic import CyclicSolver
 
             return CyclicSolver(self.fe, self.mesh.sectors)
         from pipeline.reduction.eigen import FreeBodySolver
 
         try:
-            return FreeBodySolver(self.fe, rigid)
-        except ValueError as error:  # rigid faces that share nodes
+            return FreeBodySolver(self.fe, rigid, self.fixed)
+        except ValueError as error:  # rigid faces that share nodes, with one another or with a support
             raise InputError(self._file, f"body.{self.name}.marker", None, str(error)) from error
 
     @property
@@ -263,39 +313,68 @@ class FlexiblePart:
     @property
     def _held(self) -> Array | None:
         """The same, if the modes are to be those of the body held there."""
-        return None if self.shape.modes.boundary == "free" or self.inboard.floating else self._reaction
+        return self._reaction if self.shape.modes.boundary == "joint" and not self.inboard.floating else None
 
     def _make_modes(self) -> Modes:
         from pipeline.reduction.families import lowest_modes, modes_of_family
 
         wanted, axis = self.shape.modes, np.array(self.inboard.axis)
+        if wanted.boundary == "interface":
+            from pipeline.reduction.craig_bampton import craig_bampton
+
+            return craig_bampton(self.fe, self._solver, [self.markers[name] for name in self._interface], wanted.count)
         if wanted.family == "any":
             return lowest_modes(self._solver, wanted.count, self._held)
         return modes_of_family(self._solver, self.fe, wanted.count, wanted.family, axis, self._held)
 
     def _make_body(self) -> FlexibleBody:
-        from pipeline.reduction.body import floating_body, free_frame_body, reduced_body
+        from pipeline.reduction.body import floating_body, free_frame_body, reduced_body, supported_body
+        from pipeline.reduction.craig_bampton import ritz
         from pipeline.reduction.enrichment import enriched, inertia_loads
+        from pipeline.reduction.supports import acceleration_loads
 
+        if not self.inboard.marker:
+            raise InputError(self._file, f"body.{self.name}", None, "hangs on no joint: it has modes, but no motion")
         markers, modes, joint = self.markers, self.modes, self.inboard.marker
         omega, shapes = modes.omega, modes.shapes
         axis = np.array(self.inboard.axis)
-        if self.shape.modes.enrich == "inertia":
+        if self.shape.modes.enrich != "none":
             plane = axis if self.inboard.planar else None
             outboard = [(markers[at], plane if flat else None) for at, flat in self._outboard if at != joint]
             loads = inertia_loads(self.fe, markers[joint], plane, outboard)
-            omega, shapes = enriched(modes, self.fe, self._solver, loads, self._held)
+            if self.fixed is not None:
+                own = acceleration_loads(self.fe, markers[joint].position, plane)
+                loads = np.concatenate([loads, own], axis=2)
+            generations = _RITZ_GENERATIONS if self.shape.modes.enrich == "ritz" else 1
+            omega, shapes = enriched(modes, self.fe, self._solver, loads, self._held, generations)
+            if self.shape.modes.boundary == "interface":  # no eigenvectors: the new shapes mix with them
+                omega, shapes = ritz(self.fe, shapes.reshape(self.fe.K.shape[0], -1))
+        if self.fixed is not None:
+            self._require_held(modes, self.fixed)
+            return supported_body(self.fe, omega, shapes, markers, joint, self._free)
         if self.inboard.floating:
             return floating_body(self.fe, omega, shapes, markers, joint)
         if self._frame == "free" and len(self.inboard.free) == 1:
             return free_frame_body(self.fe, omega, shapes, markers, joint, axis)
         return reduced_body(self.fe, omega, shapes, markers, joint, self._free)
 
+    def _require_held(self, modes: Modes, fixed: IntArray) -> None:
+        """A supported body moves with the frame of its supports, on which its joint acts."""
+        if modes.n_rigid:
+            message = (
+                f"leave {modes.n_rigid} rigid-body modes: it has modes, but to move on a joint it must be held whole"
+            )
+            raise InputError(self._file, f"body.{self.name}.support", None, message)
+        nodes = self.markers[self.inboard.marker].nodes
+        if self.inboard.free and not np.isin(3 * nodes[:, None] + np.arange(3), fixed).all():
+            message = "must hold the whole face of the joint's marker, on which the joint turns freely"
+            raise InputError(self._file, f"body.{self.name}.support", None, message)
+
     def _make_stiffened_gram(self) -> InertiaGram:
         from pipeline.reduction.stiffening import stiffened
 
         inboard = self.inboard
-        reaction = None if inboard.floating else self._reaction
+        reaction = None if inboard.floating or self.fixed is not None else self._reaction
         axis = np.array(inboard.axis) if inboard.planar else None
         return stiffened(self.body, self.fe, self._solver, reaction, axis, self._accelerated).gram
 
@@ -312,7 +391,8 @@ class FlexiblePart:
         return Discretisation(self.mesh, self.shape.mesh.order)
 
     @property
-    def _material(self) -> Material:
+    def material(self) -> Material:
+        """What it is made of."""
         from pipeline.fem.material import Material
 
         return Material(self.shape.E, self.shape.nu, self.shape.rho)
@@ -320,12 +400,12 @@ class FlexiblePart:
     def _make_stress(self, nodes: IntArray) -> Array:
         from pipeline.recovery.stress import modal_stress
 
-        return modal_stress(self.space, self._material, self.body.shapes, nodes)
+        return modal_stress(self.space, self.material, self.body.shapes, nodes)
 
     def _make_element_stress(self) -> Array:
         from pipeline.recovery.stress import element_stress
 
-        return element_stress(self.space, self._material, self.body.shapes, np.array(list(self.elements.values())))
+        return element_stress(self.space, self.material, self.body.shapes, np.array(list(self.elements.values())))
 
 
 def _mesh_arrays(part: Bar | Propeller) -> MeshArrays:

@@ -28,6 +28,7 @@ from pipeline.units import (
 )
 
 Moment = Annotated[MomentOfInertia, NonNegative]
+Spin = tuple[AngularRate, AngularRate, AngularRate]
 
 _ROUNDING = 1e-9  # a plate's moments, 0.1 and 0.2 and 0.3, are just possible whatever their last digit
 
@@ -167,19 +168,40 @@ class Fixed(Table):
 
 
 class Spherical(Table):
-    """A ball joint: the child's marker stays on the parent's and turns freely."""
+    """A ball joint: the child's marker stays on the parent's and turns freely.
+
+    Parameters
+    ----------
+    parent, child : str
+        ``"body.marker"``; the parent may be ``"ground"``.
+    spin : tuple of float
+        Angular velocity against the parent at the start, along the child's axes [rad/s].
+    """
 
     type: Literal["spherical"]
     parent: Place
     child: Place
+    spin: Spin = (0.0, 0.0, 0.0)
 
 
 class Free(Table):
-    """No constraint: the child moves freely against the parent."""
+    """No constraint: the child moves freely against the parent.
+
+    Parameters
+    ----------
+    parent, child : str
+        ``"body.marker"``; the parent may be ``"ground"``.
+    velocity : tuple of float
+        Velocity of the child's marker against the parent at the start [m/s].
+    spin : tuple of float
+        Angular velocity against the parent at the start, along the child's axes [rad/s].
+    """
 
     type: Literal["free"]
     parent: Place
     child: Place
+    velocity: tuple[Velocity, Velocity, Velocity] = (0.0, 0.0, 0.0)
+    spin: Spin = (0.0, 0.0, 0.0)
 
 
 class TorquePulse(Table):

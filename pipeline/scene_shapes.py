@@ -35,6 +35,7 @@ Name = Annotated[str, AfterValidator(_name)]
 Place = Annotated[str, Field(max_length=100)]
 Number = Annotated[float, Field(strict=True)]
 Count = Annotated[int, Field(strict=True, ge=1, le=1_000_000)]
+Point = tuple[Length, Length, Length]
 Axis = Annotated[tuple[Number, Number, Number], AfterValidator(_direction)]
 
 
@@ -83,18 +84,31 @@ class Modes(Table):
     family : str
         The kind of motion that they are chosen from.
     boundary : str
-        How the body is held while it vibrates: not at all, or at the marker of the joint that carries it.
+        How the body is held while it vibrates, besides its supports: not at all, at the marker of the joint that
+        carries it, or at its interface, whose static deflections are added (Craig & Bampton).
+    interface : tuple of str
+        The markers of the interface; all, if none is named.
     enrich : str
-        The loads whose static responses are added.
+        What is added: the static responses to inertia loads and joint forces (``"inertia"``), or four generations of
+        load-dependent vectors, each the responses to the inertia of the one before (``"ritz"``).
     damping : float
         Damping ratio of every mode.
     """
 
     count: Count
     family: Literal["any", "in-plane bending", "out-of-plane bending", "torsion", "axial"] = "any"
-    boundary: Literal["free", "joint"] = "free"
-    enrich: Literal["none", "inertia"] = "none"
+    boundary: Literal["free", "joint", "interface"] = "free"
+    interface: tuple[Place, ...] = ()
+    enrich: Literal["none", "inertia", "ritz"] = "none"
     damping: Annotated[Number, Field(ge=0.0, lt=1.0)] = 0.0
+
+    @model_validator(mode="after")
+    def _of_an_interface(self) -> Modes:
+        if self.boundary != "interface" and self.interface:
+            raise FaultError('belongs to boundary = "interface"', "interface")
+        if self.boundary == "interface" and self.family != "any":
+            raise FaultError("can't be chosen: deflections by an interface are of every kind", "family")
+        return self
 
 
 class Marker(Table):
@@ -110,6 +124,43 @@ class Marker(Table):
 
     face: Place
     attachment: Literal["averaged", "rigid"] = "averaged"
+
+
+class Support(Table):
+    """Nodes that can't move in the body's frame: of faces, of a straight edge, or the one nearest to a point.
+
+    Parameters
+    ----------
+    face : str or tuple of str
+        One of the shape's faces, or what several have in common: two meet in an edge, three in a corner.
+    edge : tuple, optional
+        Two ends of a straight line [m].
+    point : tuple of float, optional
+        A place [m].
+    fixed : tuple of str
+        The directions in which the nodes are held.
+    """
+
+    face: Place | Annotated[tuple[Place, ...], Field(min_length=1, max_length=10)] = ()
+    edge: tuple[Point, Point] | None = None
+    point: Point | None = None
+    fixed: Annotated[tuple[Literal["x", "y", "z"], ...], Field(min_length=1)] = ("x", "y", "z")
+
+    @property
+    def faces(self) -> tuple[str, ...]:
+        """The faces, be it one or several."""
+        return (self.face,) if isinstance(self.face, str) else self.face
+
+    @model_validator(mode="after")
+    def _somewhere(self) -> Support:
+        given = [key for key in ("face", "edge", "point") if getattr(self, key)]
+        if not given:
+            raise FaultError("is missing: a face, e.g. 'x-', or an edge or a point", "face")
+        if len(given) > 1:
+            raise FaultError(f"can't stand beside {given[0]}: give one of them", given[1])
+        if self.edge is not None and self.edge[0] == self.edge[1]:
+            raise FaultError("has no length; a single place is a point", "edge")
+        return self
 
 
 class Element(Table):
@@ -132,13 +183,16 @@ class Solid(Table):
         Density [kg/m³].
     modes, marker, element
         Its modes, and its markers and named elements by name.
+    support : tuple of Support
+        What of it can't move in its frame.
     """
 
     E: PositiveStress
     nu: Annotated[Number, AfterValidator(_poisson)]
     rho: PositiveDensity
     modes: Modes
-    marker: dict[Name, Marker]
+    marker: dict[Name, Marker] = Field(default_factory=dict)
+    support: tuple[Support, ...] = ()
     element: dict[Name, Element] = Field(default_factory=dict)
 
     @property
@@ -157,6 +211,18 @@ class Solid(Table):
             if marker.face not in self.faces:
                 message = f"no such face; {among(marker.face, self.faces, 'the faces')}"
                 raise FaultError(message, "marker", name, "face")
+        for number, support in enumerate(self.support):
+            for face in support.faces:
+                if face not in self.faces:
+                    raise FaultError(f"no such face; {among(face, self.faces, 'the faces')}", "support", number, "face")
+        for number, name in enumerate(self.modes.interface):
+            if name not in self.marker:
+                message = f"no such marker; {among(name, self.marker, 'the markers')}"
+                raise FaultError(message, "modes", "interface", number)
+        if self.modes.boundary == "interface" and not self.marker:
+            raise FaultError("has no marker to be an interface; give the body one", "modes", "boundary")
+        if self.modes.boundary == "joint" and self.support:
+            raise FaultError("can't stand beside supports, which hold the body at its joint", "modes", "boundary")
         for name, element in self.element.items():
             if element.part not in (None, *self.parts):
                 message = f"no such part; {among(str(element.part), self.parts, 'the parts')}"

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from functools import cached_property
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
@@ -60,6 +60,19 @@ class Pipeline:
         self.scene = scene
         self.keeper = Keeper(Cache(cache_folder() / "stages") if cache is None else cache, monitor)
         self.parts = {name: FlexiblePart(scene, name, self.keeper) for name in scene.flexible}
+
+    def neighbour(self, scene: Scene) -> Pipeline:
+        """The same for another scene, which shares what both have in common; its stages are not this one's."""
+        other = Pipeline(scene, self.keeper.cache)
+        for name, part in other.parts.items():
+            part.share(self.parts[name])
+        return other
+
+    def with_bodies(self, bodies: dict[str, FlexibleBody]) -> Pipeline:
+        """The same with other reduced bodies on the same meshes."""
+        other = Pipeline(self.scene, self.keeper.cache)
+        other.parts, other.bodies = self.parts, bodies
+        return other
 
     @property
     def log(self) -> Log:
@@ -193,6 +206,13 @@ class Pipeline:
         return q0, v0
 
     @cached_property
+    def plans(self) -> dict[str, Plan]:
+        """The scene's runs, ready to be integrated, each under the label of its motion; raises what `motions` does."""
+        from pipeline.methods import plans_of
+
+        return plans_of(self)
+
+    @cached_property
     def motions(self) -> dict[str, Motion] | dict[str, ChainMotion]:
         """The motion by each of the scene's runs; the label tells integrator and ratio.
 
@@ -202,22 +222,27 @@ class Pipeline:
             A step is beyond its stability limit, or a body would lose its stiffness by its spin; nothing has been
             integrated then.
         """
-        from pipeline.methods import plans_of
-
-        plans = plans_of(self)
+        plans = self.plans
         trajectories = self.keeper.timed("motion", lambda: self._march_all(plans))
-        if self.is_rotor:
+        motions: Any = {label: self.motion_by(plan, trajectories[label]) for label, plan in plans.items()}
+        return dict(motions)
+
+    def motion_by(self, plan: Plan, trajectory: Trajectory) -> Motion | ChainMotion:
+        """What a trajectory of one of the scene's plans means."""
+        if plan.chain is None:
             from pipeline.recovery.motion import Motion
 
-            tip = self.scene.simulation.tip.partition(".")[2]
-            return {label: Motion(self.rotor, trajectory, tip) for label, trajectory in trajectories.items()}
+            return Motion(self.rotor, trajectory, self.scene.simulation.tip.partition(".")[2])
         from pipeline.recovery.chain_motion import ChainMotion
 
-        return {
-            label: ChainMotion(plan.chain.tree, trajectories[label], plan.chain.tip, plan.chain.joints)
-            for label, plan in plans.items()
-            if plan.chain is not None
-        }
+        return ChainMotion(plan.chain.tree, trajectory, plan.chain.tip, plan.chain.joints)
+
+    @property
+    def output_times(self) -> Array:
+        """Times of the results [s]."""
+        simulation = self.scene.simulation
+        n_outputs = int(simulation.duration / simulation.output_step * (1 + 1e-12)) + 1
+        return np.arange(n_outputs, dtype=float) * simulation.output_step
 
     @property
     def first_motion(self) -> Motion | ChainMotion:
@@ -236,9 +261,7 @@ class Pipeline:
         return first
 
     def _march_all(self, plans: dict[str, Plan]) -> dict[str, Trajectory]:
-        simulation = self.scene.simulation
-        n_outputs = int(simulation.duration / simulation.output_step * (1 + 1e-12)) + 1
-        times = np.arange(n_outputs, dtype=float) * simulation.output_step
+        times = self.output_times
         trajectories = {}
         for label, plan in plans.items():
             plan.march(times[:2])  # compiles, or reads kernels: not part of the run time

@@ -10,7 +10,7 @@ from pipeline.frequencies import frequency_table
 from pipeline.stages import Pipeline
 
 
-def summarise(run: Pipeline, files: list[str]) -> dict[str, Any]:
+def summarise(run: Pipeline, files: list[str], budget: bool) -> dict[str, Any]:
     """Gather a run's figures; the keys about modes and stress are there if the scene has a flexible body."""
     from pipeline import __version__
 
@@ -20,6 +20,7 @@ def summarise(run: Pipeline, files: list[str]) -> dict[str, Any]:
         summary["bodies"] = {name: _body(run, name) for name in run.parts}
     motions: dict[str, Any] = dict(run.motions)
     first = next(iter(motions.values()))
+    limits = [plan.integrator.largest_step(plan.system) for plan in run.plans.values()]
     summary["largest_stable_step_s"] = 2.0 / run.mechanism.highest_frequency if run.mechanism.n else None
     summary["integrations"] = [
         {
@@ -30,9 +31,12 @@ def summarise(run: Pipeline, files: list[str]) -> dict[str, Any]:
             "ratio_to_plain": motion.trajectory.seconds / first.trajectory.seconds,
             "evaluations": motion.trajectory.evaluations,
             "fast_evaluations": motion.trajectory.fast_evaluations,
+            "largest_stable_step_s": limit if np.isfinite(limit) else None,
+            "stability_margin": limit / motion.trajectory.step if np.isfinite(limit) else None,
             **motion.differences(first),
+            "final": motion.final(),
         }
-        for motion in motions.values()
+        for motion, limit in zip(motions.values(), limits, strict=True)
     ]
     summary["final"] = first.final()
     if run.is_rotor:
@@ -49,6 +53,10 @@ def summarise(run: Pipeline, files: list[str]) -> dict[str, Any]:
         time, node, value = run.stress.worst()
         place = run.body.x[run.stress.nodes[node]]
         summary["worst_stress"] = {"time_s": time, "von_mises_pa": value, "position_m": place.tolist()}
+    if budget:
+        from pipeline.budget import budget_of
+
+        summary["error_budget"] = budget_of(run).summary()
     return summary | {
         "files": files,
         "seconds": dict(run.log.seconds),

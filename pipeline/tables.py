@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+from collections.abc import Sequence
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
@@ -12,8 +13,11 @@ from rich.table import Table
 if TYPE_CHECKING:
     from pipeline.stability import SceneStability
     from pipeline.studies.work_precision import WorkPrecision
+    from pipeline.sweep.study import Sweep
+    from pipeline.verification.suite import Outcome
 
 _COUPLED = 1e-6
+_FIGURES = ("quantity", "ours", "published", "difference", "allowed")
 
 
 def print_run(summary: dict[str, Any], folder: Path) -> None:
@@ -23,6 +27,8 @@ def print_run(summary: dict[str, Any], folder: Path) -> None:
     if "frequencies_hz" in summary:
         console.print(_frequencies(summary))
     console.print(_integrations(summary))
+    if "error_budget" in summary:
+        console.print(_budget(summary["error_budget"]))
     if "worst_stress" in summary:
         _print_body(console, summary)
     for joint, position in summary["final"].get("joint_positions", {}).items():
@@ -55,6 +61,32 @@ def _print_body(console: Console, summary: dict[str, Any]) -> None:
     if "peak_tip_deflection_m" in summary:
         line += f"; largest tip deflection {summary['peak_tip_deflection_m'] * 1e3:.4g} mm"
     console.print(line)
+
+
+def _budget(budget: dict[str, Any]) -> Table:
+    """Relative errors by source; of a body's frequencies only the worst."""
+    from pipeline.studies.error_estimates import NO_PART, SOURCES
+
+    title = f"Error budget [%]: what is stated is {budget['safety']:g} times the sum"
+    table = _table(title, "quantity", "mesh", "modes", "time", "stress", "stated")
+    shown: dict[str, dict[str, Any]] = {}
+    for row in budget["rows"]:
+        group = row["quantity"].partition(", frequency")[0] if ", frequency" in row["quantity"] else row["quantity"]
+        if group not in shown or row["total"] > shown[group]["total"]:
+            shown[group] = row
+    for row in shown.values():
+        parts = [
+            _percent(part) if isinstance(part := row[source], float) else "–" if part == NO_PART else "?"
+            for source in SOURCES
+        ]
+        stated = _percent(row["total"])
+        table.add_row(row["quantity"], *parts, f"> {stated}" if "?" in parts else stated)
+    return table
+
+
+def _percent(part: float) -> str:
+    """A relative error in percent, to two digits."""
+    return f"{100 * part:.2g}" if part >= 1e-5 else "<.001"
 
 
 def print_frequencies(result: dict[str, Any]) -> None:
@@ -208,3 +240,63 @@ def print_stress_test(rows: list[dict[str, Any]], folder: Path) -> None:
     console = Console()
     console.print(table)
     console.print(f"stability.csv in {folder}/")
+
+
+def print_sweep(
+    found: Sweep, rows: Sequence[dict[str, Any]], seconds: float, folder: Path, files: Sequence[str]
+) -> None:
+    """Print a sweep's points, with those figures that fit a terminal."""
+    shown = {
+        "frequencies_hz.0": ("mode 1 Hz", ""),
+        "worst_stress.von_mises_pa": ("stress", "Pa"),
+        "peak_tip_deflection_m": ("tip", "m"),
+        "run.0.stability_margin": ("limit/step", ""),
+        "run.0.seconds": ("run time", "s"),
+    }
+    joints = [name for name in rows[0] if name.startswith("run.0.final.joint_positions.")]
+    shown |= {name: (name.rpartition(".")[2], "") for name in joints[:2]}
+    shown = {name: words for name, words in shown.items() if any(row.get(name) is not None for row in rows)}
+    keys = [varied.key.rpartition(".")[2] for varied in found.varied]
+    table = _table("Points", "", *keys, "status", *(name for name, _ in shown.values()))
+    for column in table.columns:
+        column.overflow = "fold"
+    for number, (point, row) in enumerate(zip(found.points, rows, strict=True), start=1):
+        figures = [_figure(row[name], unit) for name, (_, unit) in shown.items()]
+        table.add_row(str(number), *point.values, str(row["status"]), *figures)
+    console = Console()
+    console.print(table)
+    for message in dict.fromkeys(record.message for record in found.records if record.message):
+        where = [str(number) for number, record in enumerate(found.records, start=1) if record.message == message]
+        console.print(f"{', '.join(where)}: {message}", markup=False)
+    counts = ", ".join(f"{number} {status}" for status, number in found.counts.items() if number)
+    console.print(f"{len(rows)} points: {counts}; {found.computed} computed now, in {seconds:.1f} s")
+    console.print(f"in {folder}/: {', '.join(files)}")
+
+
+def _figure(value: float | None, unit: str) -> str:
+    """Three digits with the prefix that fits; nothing for a figure that a point lacks."""
+    if value is None:
+        return ""
+    large = next(((f, p) for f, p in ((1e9, "G"), (1e6, "M"), (1e3, "k")) if unit and abs(value) >= f), None)
+    if large is not None:
+        return f"{value / large[0]:.4g} {large[1]}{unit}"
+    return _scaled(value, unit) if unit and abs(value) < 1 else f"{value:.4g} {unit}".rstrip()
+
+
+def print_verification(found: Sequence[Outcome], folder: Path, files: list[str]) -> None:
+    """Print published figures beside ours, case by case."""
+    console = Console()
+    for outcome in found:
+        case = outcome.case
+        table = _table(f"{case.name}: {case.title} ({case.source})", *_FIGURES)
+        for figure in outcome.figures:
+            difference = f"{100 * figure.difference:+.2g} %" + ("" if figure.holds else " OUT")
+            numbers = (f"{figure.ours:.6g}", f"{figure.published:.6g}", difference, f"{100 * figure.tolerance:.2g} %")
+            table.add_row(figure.quantity, *numbers)
+        console.print(table if not outcome.error else f"{case.name} FAILED: {outcome.error}")
+    n, wrong = sum(len(one.figures) for one in found), sum(not one.holds for one in found)
+    console.print(
+        f"{n} figures of {len(found)} cases in {sum(one.seconds for one in found):.1f} s"
+        + (f", {wrong} cases out of tolerance" if wrong else ", all within their tolerances")
+    )
+    console.print(f"{', '.join(files)} in {folder}/")

@@ -26,7 +26,8 @@ LAYERS = (
         *{"scene", "scene_file", "scene_time", "scene_shapes", "scene_parts", "scene_outputs", "scene_runs"},
         *{"mechanism", "methods", "part", "spin"},
         *{"stages", "frequencies", "quantities", "outputs", "drawings", "exports", "stability", "stress_test"},
-        *{"summary", "tables", "bench", "doctor", "cli"},
+        *{"neighbours", "observed", "budget"},
+        *{"summary", "tables", "bench", "doctor", "sweep", "verification", "cli"},
         *{"__init__", "__main__"},
     },
 )

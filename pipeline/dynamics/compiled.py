@@ -22,7 +22,8 @@ F = TypeVar("F", bound=Callable[..., Any])
 
 # Kernels allocate nothing, so they need none of Numba's reference counting: left on, its atomic increments cost more
 # than the arithmetic of a small body (50 ns of 57 ns for the fast equation of five modes).
-_OPTIONS: dict[str, Any] = {"error_model": "numpy", "_nrt": False}
+_OPTIONS: dict[str, Any] = {"error_model": "numpy", "_nrt": False, "no_cfunc_wrapper": True}
+_INNER = _OPTIONS | {"no_cpython_wrapper": True}
 
 
 def aligned(*sizes: int) -> list[Array]:
@@ -40,13 +41,19 @@ def kernel(function: F) -> F:
     return compiled
 
 
-def inlined(function: F) -> F:
-    """Compile a function into the kernels that call it."""
-    compiled: F = numba.njit(inline="always", **_OPTIONS)(function)
+def inner(function: F) -> F:
+    """Compile a function that kernels alone may call, without the way in for Python; kept on disk."""
+    compiled: F = numba.njit(cache=True, nogil=True, **_INNER)(function)
     return compiled
 
 
-def meaning(name: Callable[..., None], parameters: type[tuple[Any, ...]]) -> Callable[[F], F]:
+def inlined(function: F) -> F:
+    """Compile a function into the kernels that call it."""
+    compiled: F = numba.njit(inline="always", **_INNER)(function)
+    return compiled
+
+
+def meaning(name: Callable[..., None], parameters: type) -> Callable[[F], F]:
     """Decorate what the function ``name`` of `pipeline.dynamics.system` does for one type of parameters."""
 
     def register(function: F) -> F:

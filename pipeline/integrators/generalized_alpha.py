@@ -16,7 +16,7 @@ from typing import Any
 import numpy as np
 
 from pipeline.checks import AccuracyError, Array, IntArray
-from pipeline.dynamics.compiled import kernel
+from pipeline.dynamics.compiled import inner, kernel
 from pipeline.dynamics.system import System, accelerations, advance
 from pipeline.integrators.protocol import (
     Progress,
@@ -111,7 +111,7 @@ def newton_room(system: System) -> tuple[Array, Array, Array]:
     return np.zeros((6, system.n)), np.zeros((2, system.n_positions)), np.zeros(2)
 
 
-@kernel
+@inner
 def _factor(A: Array) -> None:
     """LU factor in place, no pivoting: the tangent is the unit matrix and what a step adds to it."""
     n = A.shape[0]
@@ -122,7 +122,7 @@ def _factor(A: Array) -> None:
                 A[i, j] -= A[i, k] * A[k, j]
 
 
-@kernel
+@inner
 def _solve(A: Array, x: Array) -> None:
     n = A.shape[0]
     for i in range(n):
@@ -134,7 +134,7 @@ def _solve(A: Array, x: Array) -> None:
         x[i] /= A[i, i]
 
 
-@kernel
+@inner
 def _end_of_step(
     p: Any, weights: Array, end: float, h: float, q: Array, v: Array, a: Array, new: Array,
     q_new: Array, v_new: Array, mean: Array, found: Array,
@@ -152,7 +152,7 @@ def _end_of_step(
     accelerations(p, end, q_new, v_new, found)
 
 
-@kernel
+@inner
 def newton_step(
     p: Any, weights: Array, work: Array, positions: Array, counts: Array, memory: Array,
     end: float, h: float, q: Array, v: Array, a: Array,
@@ -205,7 +205,7 @@ def newton_step(
     return False
 
 
-@kernel
+@inner
 def sample_step_at(
     p: Any, s: float, h: float, q: Array, v: Array, a: Array, new: Array, mean: Array, q_out: Array, v_out: Array
 ) -> None:
@@ -220,7 +220,7 @@ def sample_step_at(
     advance(p, q_out, mean, s, 0, n)
 
 
-@kernel
+@inner
 def accept_step(weights: Array, q: Array, v: Array, a: Array, new: Array, q_new: Array, v_new: Array) -> None:
     """Move the state to the end of a step."""
     n = v.size

@@ -10,7 +10,7 @@ from typing import Any, Protocol
 import numpy as np
 
 from pipeline.checks import Array, StabilityError, require_finite, require_shape
-from pipeline.dynamics.compiled import aligned, kernel
+from pipeline.dynamics.compiled import aligned, inner, kernel
 from pipeline.dynamics.system import System, accelerations, velocities
 
 Progress = Callable[[float], None]
@@ -238,7 +238,7 @@ def evaluate_velocities(p: Any, q: Array, v: Array, dq: Array) -> None:
     velocities(p, q, v, dq)
 
 
-@kernel
+@inner
 def runs_away(v: Array) -> bool:
     """Whether any rate is beyond reason or not a number."""
     total = 0.0

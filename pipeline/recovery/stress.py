@@ -55,7 +55,7 @@ def modal_stress(space: Discretisation, material: Material, shapes: Array, nodes
     count = np.zeros(len(nodes) + 1)
     for start in range(0, len(elements), _CHUNK):
         part = elements[start : start + _CHUNK]
-        strain = _strains(space, shapes, X, part)
+        strain = strains(space, shapes, X, part)
         stress = np.einsum("rs,aq,eqsn->earn", material.stiffness, to_nodes, strain, optimize=True)
         local = chosen[space.element_nodes[part]]
         np.add.at(total, local, stress)
@@ -66,11 +66,22 @@ def modal_stress(space: Discretisation, material: Material, shapes: Array, nodes
 def element_stress(space: Discretisation, material: Material, shapes: Array, elements: IntArray) -> Array:
     """Stress of each shape in the middle of chosen elements, shape (n_chosen, 6, n); else as `modal_stress`."""
     middle = space.kind.element.refdom.init_refdom()[0].mean(axis=1, keepdims=True)
-    strain = _strains(space, shapes, middle, elements)
+    strain = strains(space, shapes, middle, elements)
     return np.asarray(np.einsum("rs,eqsn->ern", material.stiffness, strain))
 
 
-def _strains(space: Discretisation, shapes: Array, X: Array, elements: IntArray) -> Array:
+def point_stress(space: Discretisation, material: Material, shapes: Array, points: Array) -> Array:
+    """Stress of each shape in the elements at points (n, 3) [m], shape (n, 6, n_shapes); else as `modal_stress`."""
+    from pipeline.fem.locate import locate
+
+    elements, X = locate(space, points)
+    strain = [
+        strains(space, shapes, x[:, None], np.array([element]))[0, 0] for element, x in zip(elements, X, strict=True)
+    ]
+    return np.asarray(np.einsum("rs,esn->ern", material.stiffness, np.stack(strain)))
+
+
+def strains(space: Discretisation, shapes: Array, X: Array, elements: IntArray) -> Array:
     """Strains xx, yy, zz, 2yz, 2xz, 2xy at reference points X (3, n_q), shape (n_elements, n_q, 6, n)."""
     from pipeline.fem.assembly import gradients
 

@@ -71,7 +71,12 @@ def _products() -> Iterator[tuple[int, int, Array, Array]]:
 
 
 def enriched(
-    modes: Modes, fe: FEModel, solver: FreeBodySolver, loads: Array, held: Array | None = None
+    modes: Modes,
+    fe: FEModel,
+    solver: FreeBodySolver,
+    loads: Array,
+    held: Array | None = None,
+    generations: int = 1,
 ) -> tuple[Array, Array]:
     """Add the static responses to ``loads`` to a modal basis; orthonormalise and diagonalise again.
 
@@ -82,29 +87,39 @@ def enriched(
     loads : ndarray, shape (n_nodes, 3, n_loads)
     held : ndarray, shape (n_nodes, 3, k), optional
         What holds the body in its modes; the responses are moved as rigid bodies until it holds them too.
+    generations : int
+        1 for the responses to the loads; each further one adds those to the inertia of the one before.
 
     Returns
     -------
     omega : ndarray, shape (n,)
-        Angular frequencies of the enlarged basis [rad/s], ``Φᵀ K Φ = diag(ω²)``; n ≤ n_modes + n_loads.
+        Angular frequencies of the enlarged basis [rad/s], ``Φᵀ K Φ = diag(ω²)``; n ≤ n_modes + generations · n_loads.
     shapes : ndarray, shape (n_nodes, 3, n)
         With unit modal mass [kg^-1/2].
     """
-    U = solver.static_response(loads).reshape(fe.K.shape[0], -1)
     Phi = modes.shapes.reshape(fe.K.shape[0], -1)
-    if held is not None:
-        U = _moved(U, fe, held.reshape(fe.K.shape[0], -1))
+    B = None if held is None else held.reshape(fe.K.shape[0], -1)
+    basis, n_modes = Phi, Phi.shape[1]
+    new = solver.static_response(loads)
+    for generation in range(generations):
+        U = (solver.inertia_response(new) if generation else new).reshape(fe.K.shape[0], -1)
+        U = _beside(basis, U if B is None else _moved(U, fe, B), fe)
+        basis, new = np.concatenate([basis, U], axis=1), U.reshape(len(fe.x), 3, -1)
+    U = basis[:, n_modes:]
+    omega2, turn = eigh(U.T @ (fe.K @ U))
+    shapes = np.concatenate([Phi, U @ turn], axis=1).reshape(len(fe.x), 3, -1)
+    return np.concatenate([modes.omega, np.sqrt(omega2)]), shapes
+
+
+def _beside(basis: Array, U: Array, fe: FEModel) -> Array:
+    """What is new in the columns of U beside an M-orthonormal basis, M-orthonormal itself."""
     U = U[:, U.any(axis=0)]
-    U /= np.sqrt(np.einsum("ij,ij->j", U, fe.M @ U))
+    U = U / np.sqrt(np.einsum("ij,ij->j", U, fe.M @ U))
     for _ in range(2):  # twice is enough (Parlett)
-        U -= Phi @ (Phi.T @ (fe.M @ U))
+        U = U - basis @ (basis.T @ (fe.M @ U))
     weight, turn = eigh(U.T @ (fe.M @ U))
     new = weight > _NEW**2
-    U = U @ (turn[:, new] / np.sqrt(weight[new]))
-    omega2, turn = eigh(U.T @ (fe.K @ U))
-    U = U @ turn
-    shapes = np.concatenate([Phi, U], axis=1).reshape(len(fe.x), 3, -1)
-    return np.concatenate([modes.omega, np.sqrt(omega2)]), shapes
+    return np.asarray(U @ (turn[:, new] / np.sqrt(weight[new])))
 
 
 def _moved(U: Array, fe: FEModel, B: Array) -> Array:

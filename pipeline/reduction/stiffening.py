@@ -60,7 +60,9 @@ def stiffened(
     n_spin = len(fields)
     if linear:
         fields += [np.tile(e, (len(body.x), 1)) for e in np.eye(3)]
-    loads = _in_equilibrium(fe, np.stack([m @ field for field in fields], axis=-1), held)
+    loads = np.stack([m @ field for field in fields], axis=-1)
+    if solver.rigid_modes.size:  # else supports answer to any load
+        loads = _in_equilibrium(fe, loads, held)
     K_G = geometric_stiffness(fe, solver.static_response(loads), body.shapes)
     KG = np.zeros((3, 3, n, n))
     if axis is not None:  # Σ (δ_ab − e_a e_b) K_G[a, b] is the one that was computed

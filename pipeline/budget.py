@@ -1,0 +1,333 @@
+"""The error budget of a run: what each of its results is off by, source by source.
+
+Each source is measured by a second computation that differs in it alone: time integration by another step or tolerance,
+modal truncation by a basis with four generations of load-dependent vectors, discretisation by a mesh of half as many
+elements each way, stress recovery by patches of elements. Where a motion rings, an error of its frequencies adds up
+over time and can't be extrapolated from two motions; so the frequencies are, and the motion is computed with them.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, replace
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+
+from pipeline.cache import Cache, stage_key
+from pipeline.checks import AccuracyError, Array, IntArray
+from pipeline.integrators.automatic import Automatic
+from pipeline.integrators.protocol import Integrator
+from pipeline.neighbours import COARSENING, coarser, richer, with_modes, with_runs
+from pipeline.observed import Quantities, modes_like, of_the_mesh, of_the_motion, of_the_stress
+from pipeline.stages import Pipeline
+from pipeline.studies.error_estimates import NO_PART, SAFETY, SOURCES, Row, refinement_gain, shifted_frequencies
+from pipeline.studies.matching import matched
+
+if TYPE_CHECKING:
+    from pipeline.methods import Plan
+    from pipeline.part import FlexiblePart
+    from pipeline.recovery.chain_motion import ChainMotion
+    from pipeline.recovery.motion import Motion
+    from pipeline.reduction.body import FlexibleBody
+
+_SHORT = 0.5  # seconds of a march that may be taken again with half of its step
+_FRAMES = 60  # at which stress is compared
+_HOTTEST = 20  # of them around the largest stress
+_HOT = 0.5  # of the largest stress: what other nodes have doesn't matter
+_STABLE = 0.4  # of the largest stable step
+_SHIFTS = (0.5, 1.0, 1.5, 2.0)  # of the extrapolated change of frequencies; the last is SAFETY
+_FINER = 0.1
+_SAME = 1e-9
+_MORE = 1.5  # modes of the coarse mesh to find the run's among
+
+
+@dataclass(frozen=True)
+class Budget:
+    """The budget of all of a run's quantities.
+
+    Attributes
+    ----------
+    rows : tuple of Row
+    safety : float
+        What the sum of a row's estimates is multiplied by.
+    """
+
+    rows: tuple[Row, ...]
+    safety: float = SAFETY
+
+    @property
+    def worst(self) -> Row:
+        """The row with the largest total."""
+        return max(self.rows, key=lambda row: row.total)
+
+    def summary(self) -> dict[str, Any]:
+        """Plain numbers and texts."""
+        rows = [
+            {"quantity": row.name, "value": row.value, "unit": row.unit, "over_time": row.over_time}
+            | {**row.parts, "total": row.total}
+            for row in self.rows
+        ]
+        return {"safety": self.safety, "rows": rows}
+
+
+def budget_of(run: Pipeline) -> Budget:
+    """The budget of the scene's first run, kept like other stages."""
+    inputs = run.scene.model_dump(mode="json", exclude={"title", "source", "reference", "output"})
+    key = stage_key("error budget", inputs, ("pipeline", "meshes"), ("numpy", "scipy", "scikit-fem", "gmsh"))
+    return run.keeper.kept("error budget", key, lambda: _Estimates(run).budget())
+
+
+def true_errors(run: Pipeline, finer: Pipeline) -> dict[str, float]:
+    """Relative errors of a run's quantities against those of a much finer run of the same scene.
+
+    Frequencies are matched by their modes' shapes, element stress by place.
+    """
+    estimates, motion = _Estimates(run), finer.first_motion
+    places = {name: part.element_places for name, part in run.parts.items() if part.elements}
+    exact = of_the_mesh(finer, run) | of_the_motion(finer, motion)
+    if run.parts:
+        exact |= of_the_stress(finer, motion, np.arange(len(motion.times)), places=places)
+    return {name: quantity.error(exact[name]) for name, quantity in estimates.found.items()}
+
+
+class _Estimates:
+    """Relative errors by source; each method compares one neighbour with the run."""
+
+    def __init__(self, run: Pipeline) -> None:
+        from pipeline.methods import plans_of
+
+        self.run = run
+        self.plan = next(iter(plans_of(run).values()))
+        self.motion = run.first_motion
+        self.frames: IntArray = np.arange(0)
+        self.found = of_the_mesh(run) | of_the_motion(run, self.motion)
+        self.hot: dict[str, IntArray] = {}
+        self.gains: dict[str, float] = {}
+        if run.parts:
+            self._look_for_stress()
+            self.found |= of_the_stress(run, self.motion, self.frames)
+
+    def budget(self) -> Budget:
+        """Gather all rows."""
+        of_mesh = of_the_mesh(self.run)
+        parts: dict[str, dict[str, float | str]] = {name: dict.fromkeys(SOURCES, NO_PART) for name in self.found}
+        by_source: dict[str, dict[str, float | str]] = {"time": self._time()}
+        if self.run.parts:
+            by_source["truncation"] = self._truncation()
+            by_source["recovery"] = recovery = self._recovery()
+            by_source["discretisation"] = self._discretisation(recovery)
+        for source, errors in by_source.items():
+            for name, error in errors.items():
+                parts[name][source] = error
+        rows = [
+            Row(name, quantity.unit, quantity.scale, not (quantity.largest or name in of_mesh), parts[name])
+            for name, quantity in self.found.items()
+        ]
+        return Budget(tuple(rows))
+
+    # The sources ------------------------------------------------------------------------------------------------
+
+    def _time(self) -> dict[str, float | str]:
+        """Another step, or a finer tolerance."""
+        integrator, gain = _of_other_fineness(self.plan, self.motion.trajectory.seconds)
+        other = self._march(self.run, replace(self.plan, integrator=integrator))
+        return {name: error / gain for name, error in self._changes(self.run, other, self.hot).items()}
+
+    def _truncation(self) -> dict[str, float | str]:
+        """A richer basis on the same mesh; both are marched with a step that the richer one stands."""
+        rich = self.run.neighbour(richer(self.run.scene))
+        plan, base = self._comparable(rich)
+        errors = self._changes(rich, self._march(rich, plan), base=base)
+        return dict(errors)
+
+    def _discretisation(self, recovery: dict[str, float | str]) -> dict[str, float | str]:
+        """Frequencies that are too high shift the run's own; what else a coarser mesh changes comes on top.
+
+        What the stress of two meshes differs by holds the error of its recovery; that is not counted twice.
+        """
+        coarse, why = self._coarse()
+        errors: dict[str, float | str] = dict.fromkeys(self.found, why)
+        excess = {}
+        for name, part in self.run.parts.items():
+            body = self.run.bodies[name]
+            of_modes, excess[name] = _energy_excess(part, body)
+            if coarse is not None:
+                theirs = coarse.parts[name].modes.omega
+                of_modes = _larger(of_modes, ((theirs / part.modes.omega) ** 2 - 1) / self.gains["displacement"])
+                omega = _in_order_of(body, coarse, name)[1]
+                excess[name] = _larger(excess[name], ((omega / body.omega) ** 2 - 1) / self.gains["displacement"])
+            for k, share in enumerate(1 - shifted_frequencies(np.ones(len(of_modes)), of_modes, 1.0)):
+                errors[f"{name}, frequency {k + 1}"] = abs(float(share))
+        shifted = self._shifted(excess)
+        errors |= shifted
+        if coarse is None:
+            return errors
+        masses = of_the_mesh(coarse)
+        for name, quantity in of_the_mesh(self.run).items():
+            if quantity.kind == "geometry":
+                errors[name] = quantity.change(masses[name]) / self.gains["geometry"]
+        for name, error in self._swapped(coarse).items():
+            shape = error / self.gains[self.found[name].kind]
+            if isinstance(recovered := recovery.get(name), float):
+                recovery[name] = min(recovered, shape)
+                shape -= min(recovered, shape)
+            errors[name] = shifted[name] + shape
+        return errors
+
+    def _shifted(self, excess: dict[str, Array]) -> dict[str, float]:
+        """What the motion changes by if the bodies' eigenvalues lose what they are too high by, up to `SAFETY` times.
+
+        Over time a shift turns phases, so that twice of it need not change the motion twice as much: the largest change
+        on the way counts.
+        """
+        found = dict.fromkeys(
+            of_the_motion(self.run, self.motion) | of_the_stress(self.run, self.motion, self.frames), 0.0
+        )
+        for shift in _SHIFTS:
+            bodies = {
+                name: replace(body, omega=shifted_frequencies(body.omega, excess[name], shift))
+                for name, body in self.run.bodies.items()
+            }
+            moved = self.run.with_bodies(bodies)
+            for name, error in self._changes(moved, self._march(moved, self._plan(moved)), self.hot).items():
+                found[name] = max(found[name], error / SAFETY)
+        return found
+
+    def _swapped(self, coarse: Pipeline) -> dict[str, float]:
+        """What the motion changes by on a coarser mesh that has the run's frequencies."""
+        bodies = {}
+        for name, body in self.run.bodies.items():
+            other, (numbers, _) = coarse.bodies[name], _in_order_of(body, coarse, name)
+            omega = other.omega.copy()
+            omega[numbers] = body.omega
+            bodies[name] = replace(other, omega=omega)
+        swapped = coarse.with_bodies(bodies)
+        places = {name: part.element_places for name, part in self.run.parts.items() if part.elements}
+        return self._changes(swapped, self._march(swapped, self._plan(swapped)), places=places)
+
+    def _coarse(self) -> tuple[Pipeline | None, str]:
+        """The run on a coarser mesh, its modes those that are most like the run's; or why there is none."""
+        scene = coarser(self.run.scene)
+        if scene is None:
+            return None, "not estimated: there is no coarser mesh"
+        more = with_modes(scene, lambda body: {"count": int(_MORE * body.modes.count) + 1})
+        coarse = Pipeline(more, Cache(None))
+        try:
+            for name, part in coarse.parts.items():
+                part.modes = modes_like(self.run.parts[name], part)
+            # Where the volume changes with the mesh so does the shape, and nothing converges faster than that.
+            exact = all(
+                abs(coarse.bodies[name].gram.mass / body.gram.mass - 1) < _SAME
+                for name, body in self.run.bodies.items()
+            )
+        except AccuracyError as fault:
+            return None, f"not estimated: on a coarser mesh, {fault}"
+        order = min(part.shape.mesh.order for part in self.run.parts.values()) if exact else 1
+        self.gains = {kind: refinement_gain(COARSENING, order, kind) for kind in ("displacement", "stress", "geometry")}
+        return coarse, NO_PART
+
+    def _recovery(self) -> dict[str, float | str]:
+        """Patches of elements at the worst node."""
+        from pipeline.recovery.patch import patch_stress
+        from pipeline.recovery.stress import von_mises
+
+        errors: dict[str, float | str] = {}
+        for name, part in self.run.parts.items():
+            time, place, worst = self.run.stress_of(name).worst()
+            k = int(np.abs(self.motion.times - time).argmin())
+            q, node = self.motion.modal(name)[k], int(part.surface.nodes[place])
+            field = (part.body.shapes @ q)[:, :, None]
+            again = float(von_mises(patch_stress(part.space, part.material, field, node).T)[0])
+            errors[f"{name}, largest von Mises stress"] = abs(again - worst) / worst
+        return errors
+
+    # How they are computed --------------------------------------------------------------------------------------
+
+    def _changes(
+        self,
+        other: Pipeline,
+        motion: Motion | ChainMotion,
+        nodes: dict[str, IntArray] | None = None,
+        places: dict[str, Array] | None = None,
+        base: Motion | ChainMotion | None = None,
+    ) -> dict[str, float]:
+        """How much each quantity of the motion differs from a neighbour's."""
+        ours = self.found
+        if base is not None:
+            ours = of_the_motion(self.run, base) | of_the_stress(self.run, base, self.frames)
+        theirs: Quantities = of_the_motion(other, motion)
+        if other.parts:
+            theirs |= of_the_stress(other, motion, self.frames, nodes, places)
+        return {name: ours[name].change(quantity) for name, quantity in theirs.items()}
+
+    def _look_for_stress(self) -> None:
+        """Choose the output times at which stress is compared, and the nodes that matter."""
+        from pipeline.recovery.stress import spread
+
+        frames = [spread(len(self.motion.times), _FRAMES)]
+        for name in self.run.parts:
+            values = self.run.stress_of(name).measure_at(np.arange(len(self.motion.times)))
+            frames.append(np.argsort(values.max(axis=1))[-_HOTTEST:])
+            self.hot[name] = np.flatnonzero(values.max(axis=0) >= _HOT * values.max())
+        self.frames = np.unique(np.concatenate(frames))
+
+    def _plan(self, other: Pipeline) -> Plan:
+        from pipeline.methods import plans_of
+
+        return next(iter(plans_of(other).values()))
+
+    def _march(self, other: Pipeline, plan: Plan) -> Motion | ChainMotion:
+        return other.motion_by(plan, plan.march(self.run.output_times))
+
+    def _comparable(self, rich: Pipeline) -> tuple[Plan, Motion | ChainMotion | None]:
+        """A plan for the richer model, and the run's own motion by its step if that is a shorter one."""
+        from pipeline.methods import plans_of
+
+        run = self.run.scene.simulation.run[0]
+        limit = _STABLE * self.plan.integrator.largest_step(rich.mechanism)
+        if not self.plan.integrator.step > limit:
+            return self._plan(rich), None
+        shorter = run.model_copy(update={"step": limit})
+        same = self.run.neighbour(with_runs(self.run.scene, shorter))
+        plan = next(iter(plans_of(same).values()))
+        again = rich.neighbour(with_runs(rich.scene, shorter))
+        return next(iter(plans_of(again).values())), self._march(same, plan)
+
+
+def _in_order_of(body: FlexibleBody, coarse: Pipeline, name: str) -> tuple[IntArray, Array]:
+    """Numbers of the shapes on the coarse mesh that are most like a body's, and their angular frequencies [rad/s]."""
+    other, n = coarse.bodies[name], len(body.omega)
+    if len(other.omega) < n:  # loads that are none on the coarse mesh: shapes that don't matter, in order
+        numbers = np.minimum(np.arange(n), len(other.omega) - 1)
+        return numbers, np.where(np.arange(n) < len(other.omega), other.omega[numbers], body.omega)
+    numbers = matched(body.x, body.shapes, other.x, coarse.parts[name].fe.m, other.shapes)
+    return numbers, other.omega[numbers]
+
+
+def _energy_excess(part: FlexiblePart, body: FlexibleBody) -> tuple[Array, Array]:
+    """What recovered stress says that the squares of a part's mode frequencies and of its body's are too high by."""
+    from pipeline.recovery.energy_error import energy_errors
+
+    errors = energy_errors(part.space, part.material, body.shapes)
+    # The modes are combinations of the body's shapes and rigid motions.
+    flat, modes = body.shapes.reshape(part.fe.K.shape[0], -1), part.modes
+    weights = (flat.T @ (part.fe.K @ modes.shapes.reshape(len(flat), -1))) / body.omega[:, None] ** 2
+    of_modes = np.einsum("jk,jl,lk->k", weights, errors, weights) / modes.omega**2
+    return np.asarray(of_modes), np.asarray(np.diag(errors) / body.omega**2)
+
+
+def _larger(one: Array, other: Array) -> Array:
+    return np.where(np.abs(one) > np.abs(other), one, other)
+
+
+def _of_other_fineness(plan: Plan, seconds: float) -> tuple[Integrator, float]:
+    """The method with another step or tolerance, and what its result differs by over the error of the plan's."""
+    method: Any = plan.integrator
+    if isinstance(method, Automatic):
+        return replace(method, error=_FINER * method.error), 1 - _FINER
+    if not method.step:
+        return replace(method, tolerance=max(_FINER * method.tolerance, 3e-14)), 1 - _FINER
+    order = method.order(plan.system)
+    if seconds < _SHORT or not 8 * method.step < method.largest_step(plan.system):
+        return replace(method, step=method.step / 2), 1 - 0.5**order
+    return replace(method, step=2 * method.step), 2.0**order - 1

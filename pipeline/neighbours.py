@@ -1,0 +1,73 @@
+"""Scenes beside a scene: on a coarser or a finer mesh, with a richer basis, with other runs.
+
+The error budget compares runs of neighbouring scenes, and a wanted accuracy is met by moving from one to the next.
+"""
+
+from __future__ import annotations
+
+from typing import TYPE_CHECKING, Any
+
+if TYPE_CHECKING:
+    from collections.abc import Callable
+
+    from pipeline.scene import Bar, Propeller, Scene
+
+COARSENING = 2.0
+
+
+def with_runs(scene: Scene, *runs: Any) -> Scene:
+    """The scene, integrated by other runs."""
+    return _changed(scene, {"march": scene.simulation.model_copy(update={"run": runs})})
+
+
+def with_modes(scene: Scene, change: Callable[[Bar | Propeller], dict[str, Any]]) -> Scene:
+    """The scene, each flexible body's table of modes changed by what ``change`` returns for it."""
+    return _with_bodies(scene, lambda body: {"modes": body.modes.model_copy(update=change(body))})
+
+
+def richer(scene: Scene) -> Scene:
+    """The scene with two generations of load-dependent vectors beside each body's modes."""
+    return with_modes(scene, lambda body: {"enrich": "ritz"})
+
+
+def refined(scene: Scene, factor: float) -> Scene | None:
+    """The scene on meshes with about ``factor`` times the elements each way; ``None`` if none of them changes."""
+    found = _with_bodies(scene, lambda body: {"mesh": body.mesh.model_copy(update=_divided(body, factor))})
+    return None if found.body == scene.body else found
+
+
+def coarser(scene: Scene) -> Scene | None:
+    """The scene on meshes with at most half of the elements each way; ``None`` if a body's can't be coarser."""
+    found = refined(scene, 1 / COARSENING)
+    return None if found is None or any(found.body[name] == body for name, body in scene.flexible.items()) else found
+
+
+def _divided(body: Bar | Propeller, factor: float) -> dict[str, Any]:
+    """What changes in a body's table of the mesh."""
+
+    def times(count: int) -> int:
+        return max(1, int(count * factor))
+
+    if body.shape == "bar":
+        if body.mesh.size is not None:
+            return {"size": body.mesh.size / factor}
+        assert body.mesh.divisions is not None
+        return {"divisions": tuple(times(count) for count in body.mesh.divisions)}
+    (around, axial, radial), (chordwise, across, outwards) = body.mesh.sleeve, body.mesh.joint
+    across = times(across)
+    per_blade = max(times(around // body.blades), across + 1)
+    return {
+        "sleeve": (per_blade * body.blades, times(axial), times(radial)),
+        "joint": (times(chordwise), across, times(outwards)),
+        "blade": (times(chordwise), across, times(body.mesh.blade[2])),
+    }
+
+
+def _with_bodies(scene: Scene, change: Callable[[Bar | Propeller], dict[str, Any]]) -> Scene:
+    bodies = {name: body.model_copy(update=change(body)) for name, body in scene.flexible.items()}
+    return _changed(scene, {"body": {**scene.body, **bodies}})
+
+
+def _changed(scene: Scene, values: dict[str, Any]) -> Scene:
+    """A copy that has been changed; it stays the same file's."""
+    return scene.model_copy(update=values)

@@ -1,0 +1,46 @@
+"""Error of shapes in the energy norm from recovered stress: no second mesh needed.
+
+The stress of the elements jumps between them; averaged at the nodes and interpolated, it is more accurate, and the
+energy of what both differ by estimates that of the error (Zienkiewicz & Zhu, Int J Num Meth Eng 24, 1987). A mode's
+eigenvalue is too high by just this energy.
+"""
+
+from __future__ import annotations
+
+from typing import TYPE_CHECKING
+
+import numpy as np
+
+from pipeline.checks import Array
+from pipeline.fem.elements import shape_functions
+from pipeline.recovery.stress import modal_stress, strains
+
+if TYPE_CHECKING:
+    from pipeline.fem.material import Material
+    from pipeline.fem.model import Discretisation
+
+_CHUNK = 512  # elements at a time
+# What averaged stress sees of the energy: 0.5 to 0.75 was measured on bars and propellers of all four elements.
+EFFECTIVITY = 0.6
+
+
+def energy_errors(space: Discretisation, material: Material, shapes: Array) -> Array:
+    """Energy products of the errors of shapes, shape (n, n) [J per unit of two shapes].
+
+    With unit modal mass, a mode's eigenvalue is too high by its own [rad²/s²].
+    """
+    from pipeline.fem.assembly import volume_ratio
+
+    recovered = modal_stress(space, material, shapes, np.arange(len(space.x)))
+    X, w = space.kind.quadrature(space.kind.stiffness_order)
+    N, _ = shape_functions(space.kind.element, X)
+    root = np.linalg.cholesky(np.linalg.inv(material.stiffness)).T  # |root σ|² is twice the energy density
+    total = np.zeros((shapes.shape[2],) * 2)
+    for start in range(0, len(space.element_nodes), _CHUNK):
+        part = np.arange(start, min(start + _CHUNK, len(space.element_nodes)))
+        raw = material.stiffness @ strains(space, shapes, X, part)
+        averaged = np.einsum("aq,earn->eqrn", N, recovered[space.element_nodes[part]], optimize=True)
+        weights = np.sqrt(volume_ratio(space.jacobians(X, part)) * w)
+        apart = (weights[:, :, None, None] * (root @ (averaged - raw))).reshape(-1, shapes.shape[2])
+        total += apart.T @ apart
+    return total / EFFECTIVITY

@@ -1,0 +1,132 @@
+"""What two computations of different fineness say about the error of one of them.
+
+Richardson's extrapolation (Phil Trans R Soc A 210, 1911): if the error falls by ``R`` from the coarser to the finer
+computation, the finer one is off by their difference over ``R − 1``.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, replace
+from typing import Literal
+
+import numpy as np
+
+from pipeline.checks import Array
+
+NO_PART = "no part in it"
+SOURCES = ("discretisation", "truncation", "time", "recovery")
+# An estimate tells the size of an error, not a bound: what is stated is this many times the estimates' sum.
+SAFETY = 2.0
+_NEAR_PEAK = 0.8  # of the largest value
+_MOST = 0.75
+
+
+@dataclass(frozen=True)
+class Quantity:
+    """A result that a run reports.
+
+    Parameters
+    ----------
+    name, unit : str
+        What it is.
+    values : ndarray, shape (n_times,) or (n_times, 3)
+        Over the output times; one value if it doesn't depend on time.
+    largest : bool
+        Whether the largest size over time is reported, or the whole history.
+    kind : str
+        How it converges as the mesh is refined: as ``"displacement"``, as ``"stress"``, or with the ``"geometry"``.
+    """
+
+    name: str
+    unit: str
+    values: Array
+    largest: bool = False
+    kind: Literal["displacement", "stress", "geometry"] = "displacement"
+
+    @property
+    def sizes(self) -> Array:
+        """Absolute values over time, (n_times,)."""
+        return np.abs(self.values) if self.values.ndim == 1 else np.asarray(np.linalg.norm(self.values, axis=1))
+
+    @property
+    def scale(self) -> float:
+        """The largest of them, to which errors are relative."""
+        return float(self.sizes.max())
+
+    def error(self, other: Quantity) -> float:
+        """Error relative to another computation of the same: of the largest value, or the largest over time."""
+        return _over(self._apart(other), other.scale)
+
+    def change(self, other: Quantity) -> float:
+        """Size of the error that a change to ``other`` tells of, relative to the larger of the two.
+
+        A largest value may by chance be the same in both: half of what values near it differ by counts at least.
+        """
+        apart = self._apart(other)
+        if self.largest:
+            near = self.sizes >= _NEAR_PEAK * self.scale
+            apart = max(apart, 0.5 * float(np.abs(self.sizes - other.sizes)[near].max()))
+        return _over(apart, max(self.scale, other.scale))
+
+    def _apart(self, other: Quantity) -> float:
+        if self.largest:
+            return abs(self.scale - other.scale)
+        return float(replace(self, values=self.values - other.values).sizes.max())
+
+
+@dataclass(frozen=True)
+class Row:
+    """The budget of one quantity.
+
+    Attributes
+    ----------
+    value : float
+        Its largest value, or the only one.
+    over_time : bool
+        Whether the error is the largest of a history's.
+    parts : dict of str to float or str
+        Relative error by each source, or in words why there is no estimate: `NO_PART`, or what it would take.
+    """
+
+    name: str
+    unit: str
+    value: float
+    over_time: bool
+    parts: dict[str, float | str]
+
+    @property
+    def total(self) -> float:
+        """What is stated: `SAFETY` times the sum of the estimates, relative."""
+        return SAFETY * sum(part for part in self.parts.values() if isinstance(part, float))
+
+    @property
+    def dominant(self) -> str:
+        """The source with the largest estimate."""
+        return max(SOURCES, key=lambda source: p if isinstance(p := self.parts[source], float) else 0.0)
+
+
+def refinement_gain(ratio: float, order: int, kind: str) -> float:
+    """What the error falls by if elements of an order are made ``ratio`` times smaller, less one.
+
+    Displacements, energies and eigenvalues converge as ``h^2p``, stress at least as ``h^p`` (Strang & Fix, An Analysis
+    of the Finite Element Method, 1973), the volume in plane facets as ``h²``.
+    """
+    power = {"displacement": 2 * order, "stress": order, "geometry": 2}[kind]
+    return float(ratio**power) - 1
+
+
+def shifted_frequencies(omega: Array, excess: Array, part: float) -> Array:
+    """Frequencies when ``part`` of what their eigenvalues are too high by is taken off.
+
+    Parameters
+    ----------
+    omega : ndarray, shape (n,)
+        Frequencies, angular or not.
+    excess : ndarray, shape (n,)
+        What their squares are too high by, relative; at most three quarters of a square are taken off.
+    """
+    return np.asarray(omega * np.sqrt(1 - np.clip(part * excess, -_MOST, _MOST)))
+
+
+def _over(size: float, scale: float) -> float:
+    return size / scale if scale else 0.0
