@@ -1,11 +1,11 @@
 """Assembly of stiffness and mass beside scikit-fem's own form, DOLFINx, FElupe, NGSolve and SfePy, on one thread.
 
 Run from the project's root: ``python benchmarks/assembly.py``; it prints the table and writes it beside itself. Every
-package that is installed (DOLFINx may be so in another interpreter: ``--dolfinx /usr/bin/python3``) gets the same block of
-Gmsh's tetrahedra or of hexahedra in a process of its own. Processor seconds of space, K and M, the median without the
-first time; the difference to ours is that of the energies of polynomial displacements, which don't hang on how a
-package numbers its unknowns, and for scikit-fem of all entries. Memory is the peak beyond what the process had before. With
-``--elements tet4`` only its rows are made anew.
+package that is installed (DOLFINx may be so in another interpreter: ``--dolfinx /usr/bin/python3``) gets the same block
+of Gmsh's tetrahedra or of hexahedra in a process of its own. Processor seconds of space, K and M, the median without
+the first time; the difference to ours is that of the energies of polynomial displacements, which don't hang on how a
+package numbers its unknowns, and for scikit-fem of all entries. Memory is the peak beyond what the process had before.
+With ``--elements tet4`` only its rows are made anew.
 """
 
 from __future__ import annotations
@@ -13,6 +13,7 @@ from __future__ import annotations
 import argparse
 import csv
 import json
+import os
 import platform
 import subprocess
 import sys
@@ -49,8 +50,11 @@ def block(name: str, size: float) -> SolidMesh:
 def measured(package: str, name: str, path: Path, interpreter: str) -> dict | str:
     """What a package's process found, or why it found nothing."""
     command = [interpreter, str(PEERS), package, name, str(path)]
+    alone = dict.fromkeys(("OMP_NUM_THREADS", "OPENBLAS_NUM_THREADS", "NUMBA_NUM_THREADS", "MKL_NUM_THREADS"), "1")
     try:
-        done = subprocess.run(command, capture_output=True, text=True, timeout=LONGEST, check=False)
+        done = subprocess.run(
+            command, env=os.environ | alone, capture_output=True, text=True, timeout=LONGEST, check=False
+        )
     except subprocess.TimeoutExpired:
         return f"stopped after {LONGEST} s"
     lines = done.stdout.strip().splitlines()

@@ -1,16 +1,11 @@
 """One package's assembly of stiffness and mass on a given mesh: ``python assembly_peers.py PACKAGE ELEMENT MESH.npz``.
 
 Prints one JSON object. Each function below makes ready what isn't timed and returns two: what is timed, a space and its
-K and M, and the energies uᵀKu, uᵀMu of a displacement. Nothing of the project is loaded for DOLFINx, NGSolve and SfePy, so
-that they can run in an interpreter of their own. Linux only, for the sake of memory.
+K and M, and the energies uᵀKu, uᵀMu of a displacement. Nothing of the project is loaded for DOLFINx, NGSolve and SfePy,
+so that they can run in an interpreter of their own. Linux only, for the sake of memory.
 """
 
 from __future__ import annotations
-
-import os
-
-for _pool in ("OMP_NUM_THREADS", "OPENBLAS_NUM_THREADS", "NUMBA_NUM_THREADS", "MKL_NUM_THREADS"):
-    os.environ[_pool] = "1"
 
 import json
 import sys
