@@ -13,7 +13,7 @@ from importlib.metadata import version
 from pathlib import Path
 from typing import Any
 
-from pipeline.files import one_at_a_time
+from pipeline.files import forget_abandoned, one_at_a_time
 from pipeline.folders import source_digest
 
 _DIGEST_BYTES = 32
@@ -81,6 +81,7 @@ class Cache:
         part = ""
         try:
             self.folder.mkdir(parents=True, exist_ok=True)
+            forget_abandoned(self.folder, ".part-*")
             handle, part = tempfile.mkstemp(dir=self.folder, prefix=".part-")
             with os.fdopen(handle, "wb") as file:
                 file.write(_digest(body))
