@@ -227,7 +227,9 @@ def bench(
         Stress tests of stability instead: long marches below and above the limits, against the prediction.
     """
     if stability:
-        _stress_test(out, json)
+        from pipeline.cli_more import stress_test
+
+        stress_test(out, json)
         return
     from dataclasses import asdict, replace
     from math import isfinite
@@ -430,20 +432,6 @@ def _two_dof_maps(
     from pipeline.tables import print_maps
 
     print_maps(found, folder)
-
-
-def _stress_test(out: Path, json: bool) -> None:
-    from pipeline.progress import bars
-    from pipeline.stress_test import stress_test
-
-    with bars("stability") as advance:
-        found = stress_test(out, advance)
-    if json:
-        _print_json({"rows": found, "files": ["stability.csv"]})
-        return
-    from pipeline.tables import print_stress_test
-
-    print_stress_test(found, out)
 
 
 def _pipeline(
