@@ -115,7 +115,7 @@ def plan_of(run: Pipeline, pictures: bool, budget: bool) -> RunPlan:
     for part in run.parts.values():
         planner.ask(part, ["body"])
     planner.stiffen()
-    planner.note("motion", "run", "never kept" + ("" if planner.compiled else "; kernels that are new are compiled first"))
+    planner.note("motion", "run", "never kept" + ("" if planner.compiled else "; new kernels are compiled first"))
     for part in list(run.parts.values())[:1]:
         planner.ask(part, ["modes", "surface", "stress"])
     for part in run.parts.values():
