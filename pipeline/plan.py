@@ -28,7 +28,7 @@ _READS: dict[str, tuple[str, ...]] = {
     "stress": ("mesh", "surface", "body"),
     "element stress": ("mesh", "body"),
     "nodal stress": ("mesh", "body"),
-    "error budget": ("mesh", "modes", "body", "surface", "stress"),  # the rest is in stages of its own
+    "error budget": ("mesh", "assembly", "modes", "body", "surface", "stress"),  # the rest is in stages of its own
 }
 # Properties of a part with the keys that it keeps its stages under; assembly never is.
 _KEYS = {
@@ -115,7 +115,7 @@ def plan_of(run: Pipeline, pictures: bool, budget: bool) -> RunPlan:
     for part in run.parts.values():
         planner.ask(part, ["body"])
     planner.stiffen()
-    planner.note("motion", "run", "never kept" + ("" if planner.compiled else "; kernels are compiled first"))
+    planner.note("motion", "run", "never kept" + ("" if planner.compiled else "; new kernels are compiled first"))
     for part in list(run.parts.values())[:1]:
         planner.ask(part, ["modes", "surface", "stress"])
     for part in run.parts.values():
