@@ -4,9 +4,10 @@ from __future__ import annotations
 
 from typing import Annotated, Literal
 
-from pydantic import Field, model_validator
+from pydantic import BeforeValidator, Field, model_validator
 
 from pipeline.scene_file import FaultError, Table
+from pipeline.scene_files import CadPart, MatrixPart, MeshedPart, with_shape
 from pipeline.scene_shapes import Axis, Bar, Name, Place, Propeller
 from pipeline.scene_time import AngleOverTime, ForceOverTime, PositionOverTime, TorqueOverTime
 from pipeline.units import (
@@ -293,7 +294,12 @@ class PointTorque(Table):
 
 
 # Each is told apart by one key.
-Body = Annotated[Bar | Propeller | Rod | PointMass | RigidBody, Field(discriminator="shape")]
+Flexible = Bar | Propeller | MeshedPart | CadPart | MatrixPart
+Body = Annotated[
+    Bar | Propeller | Rod | PointMass | RigidBody | MeshedPart | CadPart | MatrixPart,
+    Field(discriminator="shape"),
+    BeforeValidator(with_shape),
+]
 Joint = Annotated[Revolute | Prismatic | Fixed | Spherical | Free, Field(discriminator="type")]
 Drive = Annotated[
     TorquePulse | TorqueDrive | ForceDrive | MotionDrive | PointForce | PointTorque, Field(discriminator="type")

@@ -7,6 +7,7 @@ from dataclasses import dataclass, field
 import numpy as np
 
 from pipeline.checks import Array
+from pipeline.html import table
 from pipeline.reduction.factor import FactorFigures
 
 
@@ -56,3 +57,7 @@ class Modes(EigenPairs):
     def dofs(self) -> int:
         """Unknowns of the finite element model."""
         return 3 * len(self.shapes)
+
+    def _repr_html_(self) -> str:
+        rows = [(number, f"{hertz:.2f}") for number, hertz in zip(self.numbers, self.frequencies_hz, strict=True)]
+        return table(("mode", "Hz"), rows, f"{self.dofs} unknowns, {self.n_rigid} rigid-body modes")

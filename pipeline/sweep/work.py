@@ -6,6 +6,7 @@ import json
 import threading
 
 from pipeline.checks import AccuracyError, InputError
+from pipeline.frequencies import frequency_table
 from pipeline.scene import Scene
 from pipeline.stages import Pipeline
 from pipeline.summary import summarise
@@ -16,15 +17,21 @@ _alone = threading.Lock()
 
 
 def compute(key: str, scene: Scene) -> Record:
-    """Run a scene without pictures; what goes wrong is told in the record.
+    """Run a scene without pictures and error budget; what goes wrong is told in the record.
 
     Gmsh keeps one model a process, so a worker with several threads computes one point after the other.
     """
     with _alone:
-        if point_key(scene) != key:
-            return broken_off("its worker has another version of this program or of a package that it computes with")
         try:
-            summary = summarise(Pipeline(scene), [])
+            if point_key(scene) != key:
+                return broken_off(
+                    "its worker has another version of this program, of a package or of the scene's files"
+                )
+        except InputError as error:  # a file that this machine doesn't have
+            return broken_off(f"its worker: {error}")
+        try:
+            run = Pipeline(scene)
+            summary = frequency_table(run) if scene.march is None else summarise(run, [], budget=False)
             json.dumps(summary, allow_nan=False)
         except InputError as error:
             return Record("refused", str(error))
