@@ -71,12 +71,16 @@ class Budget:
         return {"safety": self.safety, "rows": rows}
 
 
-def budget_of(run: Pipeline) -> Budget:
-    """The budget of the scene's first run, kept like other stages."""
+def budget_key(run: Pipeline) -> str:
+    """Key that the budget is kept under."""
     inputs = run.scene.model_dump(mode="json", exclude={"title", "source", "reference", "output"})
     inputs["files"] = contents(run.scene)
-    key = stage_key("error budget", inputs, ("pipeline", "meshes"), ("numpy", "scipy", "scikit-fem", "gmsh"))
-    return run.keeper.kept("error budget", key, lambda: _Estimates(run).budget())
+    return stage_key("error budget", inputs, ("pipeline", "meshes"), ("numpy", "scipy", "scikit-fem", "gmsh"))
+
+
+def budget_of(run: Pipeline) -> Budget:
+    """The budget of the scene's first run, kept like other stages."""
+    return run.keeper.kept("error budget", budget_key(run), lambda: _Estimates(run).budget())
 
 
 def true_errors(run: Pipeline, finer: Pipeline) -> dict[str, float]:

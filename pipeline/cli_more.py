@@ -1,4 +1,4 @@
-"""Commands around a scene: one to start from, one to look at what came out."""
+"""More commands: a scene to start from, a page of what came out, the Campbell diagram."""
 
 from __future__ import annotations
 
@@ -8,7 +8,7 @@ from typing import Annotated
 from cyclopts import Parameter
 from rich.console import Console
 
-from pipeline.cli import Json, NoCache, Set, _pipeline, _print_json
+from pipeline.cli import Json, NoCache, Set, _pipeline, _print_json, _rate
 
 
 def new(path: Path, *, from_: Annotated[str | None, Parameter(name="--from")] = None) -> None:
@@ -56,3 +56,52 @@ def report(
         _print_json({"scene": run.scene.name, "file": str(path), "bytes": path.stat().st_size})
     else:
         Console(soft_wrap=True).print(f"{path}: {path.stat().st_size / 1e6:.2f} MB; open it in a browser", markup=False)
+
+
+def campbell(
+    scene: str,
+    *,
+    to: str,
+    points: int = 41,
+    out: Path | None = None,
+    set_: Set = None,
+    no_cache: NoCache = False,
+    json: Json = False,
+) -> None:
+    """Campbell diagram: frequencies on a turning hub over its rate of rotation, as a table and a chart.
+
+    Parameters
+    ----------
+    scene
+        Name of a ready scene, or path of a TOML file.
+    to
+        Highest rate of rotation, e.g. "8000 rpm".
+    points
+        How many rates, from 0 on.
+    out
+        Folder for the results; out/SCENE by default.
+    """
+    import numpy as np
+
+    from pipeline.checks import InputError
+    from pipeline.frequencies import campbell as compute
+
+    pipeline = _pipeline(scene, set_, no_cache)
+    highest = _rate("--to", to)
+    if not highest > 0:
+        raise InputError("--to", "", to, "must be above zero")
+    if not 2 <= points <= 10_000:
+        raise InputError("--points", "", points, "must be 2 … 10000")
+    folder = out or Path("out") / pipeline.scene.name
+    rates = np.linspace(0.0, highest, points)
+    table, files = compute(pipeline, rates, folder)
+    if json:
+        rows = [
+            {"rate_rad_s": rate, "frequencies_hz": row[np.isfinite(row)].tolist()}
+            for rate, row in zip(rates.tolist(), table, strict=True)
+        ]
+        _print_json({"rows": rows, "files": files})
+    else:
+        from pipeline.tables import print_campbell
+
+        print_campbell(pipeline.scene.title, rates, table, folder, files)

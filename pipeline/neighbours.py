@@ -7,10 +7,13 @@ from __future__ import annotations
 
 from typing import TYPE_CHECKING, Any
 
+from pipeline.scene_files import MatrixPart, MeshedPart
+
 if TYPE_CHECKING:
     from collections.abc import Callable
 
-    from pipeline.scene import Flexible, Scene
+    from pipeline.scene import Bar, Flexible, Propeller, Scene
+    from pipeline.scene_files import CadPart
 
 COARSENING = 2.0
 
@@ -32,7 +35,7 @@ def richer(scene: Scene) -> Scene:
 
 def refined(scene: Scene, factor: float) -> Scene | None:
     """The scene on meshes with about ``factor`` times the elements each way; ``None`` if none of them changes."""
-    found = _with_bodies(scene, lambda body: {"mesh": body.mesh.model_copy(update=_divided(body, factor))})
+    found = _with_bodies(scene, lambda body: _divided(body, factor))
     return None if found.body == scene.body else found
 
 
@@ -43,6 +46,13 @@ def coarser(scene: Scene) -> Scene | None:
 
 
 def _divided(body: Flexible, factor: float) -> dict[str, Any]:
+    """A body's table of another mesh; empty where files say what it is."""
+    if isinstance(body, MeshedPart | MatrixPart):
+        return {}
+    return {"mesh": body.mesh.model_copy(update=_divisions(body, factor))}
+
+
+def _divisions(body: Bar | Propeller | CadPart, factor: float) -> dict[str, Any]:
     """What changes in a body's table of the mesh."""
 
     def times(count: int) -> int:
@@ -53,8 +63,8 @@ def _divided(body: Flexible, factor: float) -> dict[str, Any]:
             return {"size": body.mesh.size / factor}
         assert body.mesh.divisions is not None
         return {"divisions": tuple(times(count) for count in body.mesh.divisions)}
-    if body.shape == "mesh":  # a file's mesh is what it is
-        return {}
+    if body.shape == "cad":
+        return {"size": body.mesh.size / factor}
     (around, axial, radial), (chordwise, across, outwards) = body.mesh.sleeve, body.mesh.joint
     across = times(across)
     per_blade = max(times(around // body.blades), across + 1)

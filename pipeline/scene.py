@@ -261,6 +261,8 @@ class Scene(Table):
         elif picture.body not in self.flexible:
             message = f"is rigid, without modes or stress; {among(picture.body, self.flexible, 'the flexible bodies')}"
             yield FaultError(message, *path, "body")
+        elif self.body[picture.body].shape == "matrices" and not _is_body_file(picture):
+            yield FaultError("is given by its matrices: without elements there is no stress or picture", *path, "body")
 
     def _wrong_marker(self, place: str, *path: str | int) -> Iterator[FaultError]:
         body = place.partition(".")[0]
@@ -304,6 +306,10 @@ class Scene(Table):
                 link = parents[link]
             if link in seen:
                 yield FaultError("its joints lead round in a circle; one must lead to ground", "body", body)
+
+
+def _is_body_file(picture: Picture | Export) -> bool:
+    return isinstance(picture, Export) and picture.file.endswith(".nc")
 
 
 def load_scene(name_or_path: str | Path, overrides: Sequence[str] = ()) -> Scene:

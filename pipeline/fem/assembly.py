@@ -12,14 +12,14 @@ import numpy as np
 
 from pipeline.checks import AccuracyError, Array, IntArray
 from pipeline.fem.elements import shape_functions
-from pipeline.fem.material import Material
+from pipeline.fem.material import AnyMaterial
 from pipeline.fem.mesh import SolidMesh
 from pipeline.fem.model import Discretisation, FEModel
 
 _CHUNK = 512  # elements at a time: their gradients stay in the processor's cache
 
 
-def assemble(mesh: SolidMesh, order: int, material: Material) -> FEModel:
+def assemble(mesh: SolidMesh, order: int, material: AnyMaterial) -> FEModel:
     """Assemble stiffness and consistent mass of a solid.
 
     Parameters
@@ -28,8 +28,8 @@ def assemble(mesh: SolidMesh, order: int, material: Material) -> FEModel:
         The part.
     order : int
         Order of the displacement, 1 or 2.
-    material : Material
-        The same everywhere.
+    material : Material or MaterialOfElements
+        One for all elements, or several.
 
     Raises
     ------
@@ -38,13 +38,25 @@ def assemble(mesh: SolidMesh, order: int, material: Material) -> FEModel:
     """
     space = Discretisation(mesh, order)
     structure = space.structure
-    T = structure.sums(_gradient_products(space))
-    lam, mu = material.lame
-    K = lam * T
-    K += mu * T.swapaxes(1, 2)
-    K[:, range(3), range(3)] += mu * np.trace(T, axis1=1, axis2=2)[:, None]
-    m = material.rho * structure.sums(_shape_products(space))
-    return FEModel(space, material, structure.block_matrix(K), structure.scalar_matrix(m))
+    products, shape_products = _gradient_products(space), _shape_products(space)
+    K, m = [], []
+    for own, elements in material.over(slice(None)):
+        T = structure.sums(_only(products, elements))
+        lam, mu = own.lame
+        K.append(lam * T)
+        K[-1] += mu * T.swapaxes(1, 2)
+        K[-1][:, range(3), range(3)] += mu * np.trace(T, axis1=1, axis2=2)[:, None]
+        m.append(own.rho * structure.sums(_only(shape_products, elements)))
+    return FEModel(space, material, structure.block_matrix(sum(K[1:], K[0])), structure.scalar_matrix(sum(m[1:], m[0])))
+
+
+def _only(entries: Array, elements: IntArray | slice) -> Array:
+    """Entries of some elements, those of the others zero."""
+    if isinstance(elements, slice):
+        return entries
+    chosen = np.zeros_like(entries)
+    chosen[elements] = entries[elements]
+    return chosen
 
 
 def gradients(space: Discretisation, X: Array, elements: slice | IntArray) -> tuple[Array, Array]:

@@ -8,6 +8,7 @@ from difflib import get_close_matches
 
 import numpy as np
 from matplotlib import colormaps
+from numpy.typing import NDArray
 
 from pipeline.checks import Array
 from pipeline.render.view import PART, TILT, Place, View, fitted_view, framed_view, oblique_axes
@@ -89,3 +90,8 @@ class Look:
         flat = points @ axes.T
         target = (flat.min(axis=0) + flat.max(axis=0)) / 2 @ axes if self.focus is None else np.array(self.focus)
         return framed_view(axes, target, scale, self.size, place, points)
+
+
+def colours(colour_map: str, count: int) -> NDArray[np.uint8]:
+    """Return ``count`` colours along a map of Matplotlib's, evenly from its lower to its upper end, (count, 3)."""
+    return np.asarray(np.rint(255 * colormaps[colour_map](np.linspace(0, 1, count))[:, :3]), dtype=np.uint8)

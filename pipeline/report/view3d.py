@@ -30,9 +30,7 @@ def view_data(run: Pipeline, body: str, scale: float, colour_map: str = "turbo")
         [MPa] of the drawn points, uint32 ``triangles`` and ``edges``, uint8 ``colours`` (256, 3); the rest are numbers:
         ``axes`` are the camera's, row by row, to the right, up and towards the viewer.
     """
-    from matplotlib import colormaps
-
-    from pipeline.render.look import Look
+    from pipeline.render.look import Look, colours
     from pipeline.render.pictures import stress_limits
     from pipeline.render.surface import Surface, skin_of
     from pipeline.render.view import view_of_hottest
@@ -56,7 +54,7 @@ def view_data(run: Pipeline, body: str, scale: float, colour_map: str = "turbo")
         "values": _packed(stress[skin.source] * 1e-6, "<f4"),
         "triangles": _packed(skin.triangles, "<u4"),
         "edges": _packed(drawn[surface.edges], "<u4"),
-        "colours": _packed(colormaps[colour_map](np.linspace(0, 1, _COLOURS))[:, :3] * 255, "u1"),
+        "colours": _packed(colours(colour_map, _COLOURS), "u1"),
         "limits": [low * 1e-6, high * 1e-6],
         "axes": axes.ravel().tolist(),
         "radius": float(np.linalg.norm(surface.points - middle, axis=1).max()),
@@ -68,5 +66,4 @@ def view_data(run: Pipeline, body: str, scale: float, colour_map: str = "turbo")
 
 
 def _packed(values: NDArray[Any], kind: str) -> str:
-    exact = np.rint(values) if kind == "u1" else values
-    return base64.b64encode(exact.astype(kind).tobytes()).decode()
+    return base64.b64encode(values.astype(kind).tobytes()).decode()
