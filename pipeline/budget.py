@@ -142,6 +142,7 @@ class _Estimates:
     def _truncation(self) -> dict[str, float | str]:
         """A richer basis on the same mesh; both are marched with a step that the richer one stands."""
         rich = self.run.neighbour(richer(self.run.scene))
+        rich.spin = self.run.spin  # what is stiffened stays so
         plan, base = self._comparable(rich)
         errors = self._changes(rich, self._march(rich, plan), base=base)
         return dict(errors)
@@ -195,8 +196,9 @@ class _Estimates:
                 for name, body in self.run.bodies.items()
             }
             moved = self.run.with_bodies(bodies)
-            for name, error in self._changes(moved, self._march(moved, self._plan(moved)), self.hot).items():
-                found[name] = max(found[name], error / SAFETY)
+            theirs = self._of(moved, self._march(moved, self._plan(moved)), self.hot)
+            for name, quantity in theirs.items():
+                found[name] = max(found[name], self.found[name].error(quantity) / SAFETY)
         return found
 
     def _swapped(self, coarse: Pipeline) -> dict[str, float]:
@@ -218,6 +220,7 @@ class _Estimates:
             return None, "not estimated: there is no coarser mesh"
         more = with_modes(scene, lambda body: {"count": int(_MORE * body.modes.count) + 1})
         coarse = Pipeline(more, Cache(None))
+        coarse.spin = self.run.spin
         try:
             for name, part in coarse.parts.items():
                 part.modes = modes_like(self.run.parts[name], part)
@@ -260,11 +263,19 @@ class _Estimates:
         """How much each quantity of the motion differs from a neighbour's."""
         ours = self.found
         if base is not None:
-            ours = of_the_motion(self.run, base) | of_the_stress(self.run, base, self.frames)
-        theirs: Quantities = of_the_motion(other, motion)
-        if other.parts:
-            theirs |= of_the_stress(other, motion, self.frames, nodes, places)
-        return {name: ours[name].change(quantity) for name, quantity in theirs.items()}
+            ours = self._of(self.run, base)
+        return {name: ours[name].change(quantity) for name, quantity in self._of(other, motion, nodes, places).items()}
+
+    def _of(
+        self,
+        run: Pipeline,
+        motion: Motion | ChainMotion,
+        nodes: dict[str, IntArray] | None = None,
+        places: dict[str, Array] | None = None,
+    ) -> Quantities:
+        """The quantities of a motion; stress only at the chosen output times."""
+        found = of_the_motion(run, motion)
+        return found | of_the_stress(run, motion, self.frames, nodes, places) if run.parts else found
 
     def _look_for_stress(self) -> None:
         """Choose the output times at which stress is compared, and the nodes that matter."""

@@ -161,6 +161,8 @@ def bench(
     set_: Set = None,
     peer: Annotated[bool, Parameter(negative=())] = False,
     stability: Annotated[bool, Parameter(negative=())] = False,
+    modes: Annotated[bool, Parameter(negative=())] = False,
+    whole: Annotated[bool, Parameter(name="--pipeline", negative=())] = False,
     json: Json = False,
 ) -> None:
     """Run time against error: every integrator on a scene's mechanism, as a table, a CSV and a chart.
@@ -175,33 +177,26 @@ def bench(
         Exudyn's solvers beside ours where a scene has them as a peer; needs the extra 'bench'.
     stability
         Stress tests of stability instead: long marches below and above the limits, against the prediction.
+    modes
+        Error of the frequencies of beam and propeller against time instead, for each element and mesh.
+    whole
+        Whole runs instead, cold and warm, in processes of their own: time of each stage and memory.
     """
     if stability:
         _stress_test(out, json)
         return
-    from dataclasses import asdict, replace
-    from math import isfinite
+    from pipeline import bench_commands as kinds
 
-    from pipeline.bench import READY, peer_rows, write_bench
-    from pipeline.bench import bench as compare
-
-    rows: list[dict[str, Any]] = []
-    chosen = [(Path(scene).stem, scene, ()) for scene in scenes] if scenes else READY
-    for name, scene, overrides in chosen:
-        pipeline = _pipeline(scene, [*overrides, *(set_ or [])], no_cache=False)
-        result = compare(pipeline)
-        if peer:
-            result = replace(result, rows=(*result.rows, *peer_rows(name)))
-        files = write_bench(pipeline, result, out, name)
-        for row in result.rows:
-            figures = {key: None if isinstance(x, float) and not isfinite(x) else x for key, x in asdict(row).items()}
-            rows.append({"scene": name, **figures})
-        if not json:
-            from pipeline.tables import print_bench
-
-            print_bench(pipeline.scene.title, result, out, files)
+    if modes:
+        found = kinds.modes(scenes or [], out, json)
+    elif whole:
+        found = kinds.whole_runs(scenes or [], set_ or [], out, json)
+    else:
+        found = kinds.integrators(
+            scenes or [], lambda scene, own: _pipeline(scene, [*own, *(set_ or [])], no_cache=False), out, peer, json
+        )
     if json:
-        _print_json({"rows": rows})
+        _print_json(found)
 
 
 @app.command

@@ -144,7 +144,7 @@ def _limit(
     sudden, rate = find_limit(M, K, system.n_slow, m)
 
     def folds(step: float) -> float:
-        return duration / (m * step) * np.log(max(growth(M, K, system.n_slow, step, m, C), 1.0))
+        return float(duration / (m * step) * np.log(max(growth(M, K, system.n_slow, step, m, C), 1.0)))
 
     critical, worst = longest_safe_step(folds, sudden, _BISECTIONS), 0.0
     if course:

@@ -66,9 +66,9 @@ class Pipeline:
         self.keeper = Keeper(Cache(cache_folder() / "stages") if cache is None else cache, monitor)
         self.parts = {name: FlexiblePart(scene, name, self.keeper) for name in scene.flexible}
 
-    def neighbour(self, scene: Scene) -> Pipeline:
+    def neighbour(self, scene: Scene, monitor: Monitor = silent) -> Pipeline:
         """The same for another scene, which shares what both have in common; its stages are not this one's."""
-        other = Pipeline(scene, self.keeper.cache, keep_all=self.keep_all)
+        other = Pipeline(scene, self.keeper.cache, monitor, self.keep_all)
         for name, part in other.parts.items():
             part.share(self.parts[name])
         return other

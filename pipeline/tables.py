@@ -40,6 +40,8 @@ def print_run(summary: dict[str, Any], folder: Path) -> None:
             )
     if "error_budget" in summary:
         console.print(_budget(summary["error_budget"]))
+    if "accuracy" in summary:
+        console.print(_rounds(summary["accuracy"]))
     if "bodies" in summary:
         _print_body(console, summary)
     for body, modes in summary["left_out_modes"].items():
@@ -130,6 +132,22 @@ def _budget(budget: dict[str, Any]) -> Table:
         ]
         stated = _percent(row["total"])
         table.add_row(row["quantity"], *parts, f"> {stated}" if "?" in parts else stated)
+    return table
+
+
+def _rounds(accuracy: dict[str, Any]) -> Table:
+    """What was tried for a wanted accuracy; the last met it."""
+    title = f"Accuracy: {_percent(accuracy['wanted'])} % wanted and met"
+    table = _table(title, "round", "chosen", "stated [%]", "worst in", "most from", wide=1)
+    for k, found in enumerate(accuracy["rounds"]):
+        chosen = [
+            f"{name}: {body['mesh'].get('divisions') or body['mesh'].get('size') or body['mesh'].get('blade')}, "
+            f"{body['modes']} modes, {body['enrich']}"
+            for name, body in found["bodies"].items()
+        ]
+        worst = found["worst"]
+        text = "; ".join([*chosen, f"time {found['integration_error']:.1g}"])
+        table.add_row(str(k + 1), text, _percent(worst["stated"]), worst["quantity"], worst["dominant"])
     return table
 
 
