@@ -12,7 +12,7 @@ import numpy as np
 
 from pipeline.checks import AccuracyError, Array, IntArray
 from pipeline.fem.elements import shape_functions
-from pipeline.fem.material import AnyMaterial
+from pipeline.fem.material import AnyMaterial, Material
 from pipeline.fem.mesh import SolidMesh
 from pipeline.fem.model import Discretisation, FEModel
 
