@@ -56,18 +56,3 @@ def report(
         print_json({"scene": run.scene.name, "file": str(path), "bytes": path.stat().st_size})
     else:
         Console(soft_wrap=True).print(f"{path}: {path.stat().st_size / 1e6:.2f} MB; open it in a browser", markup=False)
-
-
-def stress_test(out: Path, json: bool) -> None:
-    """Long marches below and above the limits, for ``fmd bench --stability``."""
-    from pipeline.progress import bars
-    from pipeline.stress_test import stress_test
-
-    with bars("stability") as advance:
-        found = stress_test(out, advance)
-    if json:
-        _print_json({"rows": found, "files": ["stability.csv"]})
-        return
-    from pipeline.tables import print_stress_test
-
-    print_stress_test(found, out)
