@@ -81,7 +81,10 @@ def prepare(order):
         signal.signal(signal.SIGXFSZ, signal.SIG_IGN)
         resource.setrlimit(resource.RLIMIT_FSIZE, (order["most_bytes"], order["most_bytes"]))
 
-main(json.loads(sys.argv[1]))  # imports, compiles, reads what there is to read
+try:
+    main(json.loads(sys.argv[1]))  # imports, compiles, reads what there is to read
+except SystemExit as stop:
+    assert not stop.code
 print(flush=True)
 for line in sys.stdin:
     order = json.loads(line)
@@ -126,8 +129,8 @@ class Runs:
         command, pipe = [sys.executable, "-c", SERVER, first], subprocess.PIPE
         server = subprocess.Popen(command, stdin=pipe, stdout=pipe, text=True, env=environment)
         assert server.stdout is not None
-        while server.stdout.readline() != "\n":  # the first run's summary
-            pass
+        while (line := server.stdout.readline()) != "\n":  # the first run's summary
+            assert line
         return server
 
     def new_folder(self) -> Path:
