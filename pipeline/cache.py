@@ -43,8 +43,11 @@ class Cache:
 
     folder: Path | None
 
-    def load(self, key: str) -> Any:
-        """Return what was saved under ``key``; ``None`` if there is nothing, or only something damaged."""
+    def holds(self, key: str) -> bool:
+        """Whether something undamaged is saved under ``key``."""
+        return self._body(key) is not None
+
+    def _body(self, key: str) -> bytes | None:
         if self.folder is None:
             return None
         try:
@@ -52,7 +55,12 @@ class Cache:
         except OSError:
             return None
         digest, body = content[:_DIGEST_BYTES], content[_DIGEST_BYTES:]
-        if _digest(body) != digest:
+        return body if _digest(body) == digest else None
+
+    def load(self, key: str) -> Any:
+        """Return what was saved under ``key``; ``None`` if there is nothing, or only something damaged."""
+        body = self._body(key)
+        if body is None:
             return None
         import joblib
 

@@ -10,15 +10,16 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 from numpy.typing import NDArray
 
+from pipeline.attachments import known_name
 from pipeline.cache import stage_key
 from pipeline.checks import Array, InputError, IntArray
 from pipeline.keeper import Keeper
-from pipeline.scene_file import among
+from pipeline.scene_shapes import Bar, Propeller
 from pipeline.sources import Source
 
 if TYPE_CHECKING:
     from pipeline.fem.marker import Marker
-    from pipeline.fem.material import Material
+    from pipeline.fem.material import AnyMaterial
     from pipeline.fem.mesh import SolidMesh
     from pipeline.fem.model import Discretisation, FEModel
     from pipeline.fem.surface import SurfaceTopology
@@ -28,8 +29,8 @@ if TYPE_CHECKING:
     from pipeline.reduction.gram import InertiaGram
     from pipeline.reduction.modes import Modes
     from pipeline.scene import Flexible, Scene
-    from pipeline.scene import Marker as SceneMarker
 
+NO_MESH = "is given by its matrices: without elements it has no mesh, no stress and no picture"
 _RITZ_GENERATIONS = 4
 _SHARED = ("mesh", "fe", "modes", "space", "surface", "markers", "_solver")  # what enrichment and joints leave alone
 _FEM_PACKAGES = ("numpy", "scipy", "scikit-fem", "gmsh")
@@ -98,7 +99,7 @@ class FlexiblePart:
 
     def __init__(self, scene: Scene, name: str, keeper: Keeper) -> None:
         self.shape: Flexible = scene.flexible[name]
-        self.name, self._file = name, scene.file
+        self.name, self.file = name, scene.file
         self._source = Source.of(self.shape, scene.file, name)
         self.inboard = inboard_of(scene, name)
         self._frame = scene.march.frame if scene.march else "joint-conforming"
@@ -125,7 +126,15 @@ class FlexiblePart:
 
     @cached_property
     def mesh(self) -> SolidMesh:
-        """The mesh."""
+        """The mesh.
+
+        Raises
+        ------
+        InputError
+            The body is given by its matrices.
+        """
+        if not self.has_mesh:
+            raise InputError(self.file, f"body.{self.name}.matrices", None, NO_MESH)
         return self._keeper.kept("mesh", self._mesh_key, self._make_mesh)
 
     @cached_property
@@ -133,13 +142,22 @@ class FlexiblePart:
         """Stiffness and mass; never kept, since what follows is."""
         from pipeline.fem.assembly import assemble
 
+        if not self.has_mesh:
+            from pipeline.shapes import matrices_of
+
+            return self._keeper.timed("assembly", lambda: matrices_of(self.shape, self._source))
         mesh, order = self.mesh, self.order
         return self._keeper.timed("assembly", lambda: assemble(mesh, order, self.material))
 
     @cached_property
     def order(self) -> int:
         """Polynomial order of the displacement in an element."""
-        return self.shape.mesh.order or self.mesh.order
+        return self.mesh.order if self.shape.shape == "matrices" else self.shape.mesh.order or self.mesh.order
+
+    @property
+    def has_mesh(self) -> bool:
+        """Whether it has elements, and so stress and pictures; a body that is given by its matrices has none."""
+        return self.shape.shape != "matrices"
 
     @cached_property
     def modes(self) -> Modes:
@@ -154,9 +172,7 @@ class FlexiblePart:
     @cached_property
     def stiffened(self) -> FlexibleBody:
         """The reduced body, stiffened by its inertia loads."""
-        inputs = {"gram of": self._body_key, "accelerated": self._accelerated}
-        key = stage_key("stiffening", inputs, ("pipeline/fem", "pipeline/reduction"), _FEM_PACKAGES)
-        return replace(self.body, gram=self._keeper.kept("stiffening", key, self._make_stiffened_gram))
+        return replace(self.body, gram=self._keeper.kept("stiffening", self._stiffening_key, self._make_stiffened_gram))
 
     @cached_property
     def surface(self) -> SurfaceTopology:
@@ -171,16 +187,16 @@ class FlexiblePart:
         x = self.mesh.points[self.mesh.cells].mean(axis=1)
         found = {}
         for name, element in self.shape.element.items():
-            chosen = self.mesh.parts[self._known("element", name, element.part)] if element.part else np.arange(len(x))
+            chosen = (
+                self.mesh.parts[known_name(self, "element", name, element.part)] if element.part else np.arange(len(x))
+            )
             found[name] = int(chosen[np.linalg.norm(x[chosen] - element.at, axis=1).argmin()])
         return found
 
     @cached_property
     def element_stress(self) -> Array:
         """Stress of each modal coordinate in the middle of each named element, shape (n_elements, 6, n) [Pa]."""
-        inputs = {"body": self._body_key, "elements": self.elements}
-        key = stage_key("element-stress", inputs, ("pipeline/recovery/stress.py",))
-        return self._keeper.kept("stress", key, self._make_element_stress)
+        return self._keeper.kept("stress", self._element_key, self._make_element_stress)
 
     def stress_at(self, points: Array) -> Array:
         """Stress of each modal coordinate at points (n, 3) [m] of the mesh, shape (n, 6, n_modes) [Pa]."""
@@ -219,7 +235,9 @@ class FlexiblePart:
 
     @property
     def _mesh_key(self) -> str:
-        part = self.shape.model_dump(mode="json", exclude={"E", "nu", "rho", "modes", "marker", "support", "element"})
+        part = self.shape.model_dump(
+            mode="json", exclude={"E", "nu", "rho", "material", "modes", "marker", "support", "element"}
+        )
         if self._source is not None:
             return stage_key("mesh", self._source.identity(part), ("meshes", "pipeline/fem"), ("gmsh", "meshio"))
         return stage_key("mesh", part, ("meshes", "pipeline/fem/mesh.py"), ("gmsh",))
@@ -254,6 +272,16 @@ class FlexiblePart:
         }
         return stage_key("body", inputs, ("pipeline/reduction", "pipeline/recovery/stress.py"))
 
+    @property
+    def _stiffening_key(self) -> str:
+        inputs = {"gram of": self._body_key, "accelerated": self._accelerated}
+        return stage_key("stiffening", inputs, ("pipeline/fem", "pipeline/reduction"), _FEM_PACKAGES)
+
+    @property
+    def _element_key(self) -> str:
+        inputs = {"body": self._body_key, "elements": self.elements}
+        return stage_key("element-stress", inputs, ("pipeline/recovery/stress.py",))
+
     def _make_mesh(self) -> SolidMesh:
         from pipeline.shapes import mesh_of
 
@@ -262,35 +290,9 @@ class FlexiblePart:
     @cached_property
     def markers(self) -> dict[str, Marker]:
         """The body's markers on its finite element model."""
-        from pipeline.fem.marker import face_marker
+        from pipeline.attachments import markers_of
 
-        found = {}
-        for name, marker in self.shape.marker.items():
-            try:
-                found[name] = face_marker(self.space, self._faces(name, marker), marker.attachment == "rigid")
-            except ValueError as error:
-                key = f"body.{self.name}.marker.{name}"
-                raise InputError(self._file, key, next(iter(marker.where.values())), str(error)) from error
-        return found
-
-    def _faces(self, name: str, marker: SceneMarker) -> list[IntArray]:
-        """A marker's faces, as `face_marker` takes them."""
-        from pipeline.fem.selection import facets_in_plane, facets_near
-
-        if marker.plane is not None:
-            return [facets_in_plane(self.space, *marker.plane)]
-        if marker.near is not None:
-            return [facets_near(self.space, np.array(marker.near))]
-        return [self.mesh.faces[self._known("marker", name, face)] for face in marker.faces]
-
-    def _known(self, kind: str, name: str | int, given: str) -> str:
-        """A face's or a part's name as the mesh has it; upper and lower case may differ."""
-        what, names = ("part", self.mesh.parts) if kind == "element" else ("face", self.mesh.faces)
-        alike = [known for known in names if known.casefold() == given.casefold()]
-        if given not in names and len(alike) != 1:
-            mend = f"no such {what}; {among(given, names, f'the {what}s')}"
-            raise InputError(self._file, f"body.{self.name}.{kind}.{name}.{what}", given, mend)
-        return given if given in names else alike[0]
+        return markers_of(self)
 
     @property
     def _interface(self) -> tuple[str, ...]:
@@ -299,9 +301,9 @@ class FlexiblePart:
     @cached_property
     def fixed(self) -> IntArray | None:
         """Unknowns that the supports hold; ``None`` if there are none."""
-        from pipeline.supported import fixed_unknowns
+        from pipeline.attachments import fixed_unknowns
 
-        return fixed_unknowns(self.space, self.shape.support, self._known, self._file, self.name)
+        return fixed_unknowns(self) if self.shape.support else None
 
     @cached_property
     def _solver(self) -> FreeBodySolver:
@@ -310,7 +312,7 @@ class FlexiblePart:
         rigid = [marker for marker in self.markers.values() if marker.rigid]
         key = f"body.{self.name}"
         try:
-            if self.mesh.sectors > 2 and not rigid and self.fixed is None:
+            if self.has_mesh and self.mesh.sectors > 2 and not rigid and self.fixed is None:
                 from pipeline.reduction.cyclic import CyclicSolver
 
                 return CyclicSolver(self.fe, self.mesh.sectors, self._factorise)
@@ -318,11 +320,11 @@ class FlexiblePart:
 
             return FreeBodySolver(self.fe, rigid, self.fixed, self._factorise)
         except ValueError as error:  # rigid faces that share nodes, with one another or with a support
-            raise InputError(self._file, f"{key}.marker", None, str(error)) from error
+            raise InputError(self.file, f"{key}.marker", None, str(error)) from error
         except TooLargeError as error:
-            raise InputError(self._file, f"{key}.mesh", None, str(error)) from error
+            raise InputError(self.file, f"{key}.mesh", None, str(error)) from error
         except MissingSolverError as error:
-            raise InputError(self._file, f"{key}.modes.solver", self.shape.modes.solver, str(error)) from error
+            raise InputError(self.file, f"{key}.modes.solver", self.shape.modes.solver, str(error)) from error
 
     @property
     def _factorise(self) -> Callable[[Any], Factor]:
@@ -372,7 +374,7 @@ class FlexiblePart:
         from pipeline.reduction.supports import acceleration_loads
 
         if not self.inboard.marker:
-            raise InputError(self._file, f"body.{self.name}", None, "hangs on no joint: it has modes, but no motion")
+            raise InputError(self.file, f"body.{self.name}", None, "hangs on no joint: it has modes, but no motion")
         markers, modes, joint = self.markers, self.modes, self.inboard.marker
         omega, shapes = modes.omega, modes.shapes
         axis = np.array(self.inboard.axis)
@@ -400,15 +402,18 @@ class FlexiblePart:
         """A supported body moves with the frame of its supports, on which its joint acts."""
         if modes.n_rigid:
             message = f"leave {modes.n_rigid} rigid-body modes; to move on a joint, a body must be held whole"
-            raise InputError(self._file, f"body.{self.name}.support", None, message)
+            raise InputError(self.file, f"body.{self.name}.support", None, message)
         nodes = self.markers[self.inboard.marker].nodes
         if self.inboard.free and not np.isin(3 * nodes[:, None] + np.arange(3), fixed).all():
             message = "must hold the whole face of the joint's marker, on which the joint turns freely"
-            raise InputError(self._file, f"body.{self.name}.support", None, message)
+            raise InputError(self.file, f"body.{self.name}.support", None, message)
 
     def _make_stiffened_gram(self) -> InertiaGram:
         from pipeline.reduction.stiffening import stiffened
 
+        if not self.has_mesh:
+            mend = f"stiffening by inertia loads takes stress, and the body {NO_MESH}; 'off' leaves it out"
+            raise InputError(self.file, "simulation.stiffening", None, mend)
         inboard = self.inboard
         reaction = None if inboard.floating or self.fixed is not None else self._reaction
         axis = np.array(inboard.axis) if inboard.planar else None
@@ -427,11 +432,19 @@ class FlexiblePart:
         return Discretisation(self.mesh, self.order)
 
     @property
-    def material(self) -> Material:
+    def material(self) -> AnyMaterial:
         """What it is made of."""
-        from pipeline.fem.material import Material
+        from pipeline.shapes import material_of
 
-        return Material(self.shape.E, self.shape.nu, self.shape.rho)
+        return material_of(self.shape, self.mesh, lambda name: known_name(self, "material", name, name))
+
+    @property
+    def mass(self) -> float:
+        """Its mass [kg], from the volumes of its elements."""
+        if isinstance(self.shape, Bar | Propeller):
+            return self.shape.rho * self.mesh.volume
+        volumes, material = self.space.volumes, self.material
+        return float(sum(own.rho * volumes[mine].sum() for own, mine in material.over(slice(None))))
 
     def _make_stress(self, nodes: IntArray) -> Array:
         from pipeline.recovery.stress import modal_stress

@@ -62,7 +62,7 @@ from pipeline.scene_shapes import (
     Propeller,
     PropellerMesh,
 )
-from pipeline.units import PositiveFrequency, unit_ratio
+from pipeline.units import PositiveFrequency, Share, unit_ratio
 
 __all__ = [
     "Axis",
@@ -130,11 +130,13 @@ class Scene(Table):
     """Everything that is asked for.
 
     ``model_dump(mode="json")`` is its content, for hashing. Without a simulation a scene is of parts alone, whose mesh
-    and modes can be asked for; a part then needs no joint.
+    and modes can be asked for; a part then needs no joint. With an ``accuracy``, a run chooses meshes, modes,
+    integrator and step until its error budget states that or better for every quantity.
     """
 
     title: str
     source: str = ""
+    accuracy: Share | None = None
     body: Annotated[dict[Name, Body], Field(min_length=1)]
     joint: dict[Name, Joint] = Field(default_factory=dict)
     drive: dict[Name, Drive] = Field(default_factory=dict)
@@ -261,6 +263,8 @@ class Scene(Table):
         elif picture.body not in self.flexible:
             message = f"is rigid, without modes or stress; {among(picture.body, self.flexible, 'the flexible bodies')}"
             yield FaultError(message, *path, "body")
+        elif self.body[picture.body].shape == "matrices" and not _is_body_file(picture):
+            yield FaultError("is given by its matrices: without elements there is no stress or picture", *path, "body")
 
     def _wrong_marker(self, place: str, *path: str | int) -> Iterator[FaultError]:
         body = place.partition(".")[0]
@@ -304,6 +308,10 @@ class Scene(Table):
                 link = parents[link]
             if link in seen:
                 yield FaultError("its joints lead round in a circle; one must lead to ground", "body", body)
+
+
+def _is_body_file(picture: Picture | Export) -> bool:
+    return isinstance(picture, Export) and picture.file.endswith(".nc")
 
 
 def load_scene(name_or_path: str | Path, overrides: Sequence[str] = ()) -> Scene:

@@ -7,7 +7,7 @@ from typing import Annotated, Literal
 from pydantic import BeforeValidator, Field, model_validator
 
 from pipeline.scene_file import FaultError, Table
-from pipeline.scene_files import MeshedPart, with_shape
+from pipeline.scene_files import CadPart, MatrixPart, MeshedPart, with_shape
 from pipeline.scene_shapes import Axis, Bar, Name, Place, Propeller
 from pipeline.scene_time import AngleOverTime, ForceOverTime, PositionOverTime, TorqueOverTime
 from pipeline.units import (
@@ -294,9 +294,9 @@ class PointTorque(Table):
 
 
 # Each is told apart by one key.
-Flexible = Bar | Propeller | MeshedPart
+Flexible = Bar | Propeller | MeshedPart | CadPart | MatrixPart
 Body = Annotated[
-    Bar | Propeller | Rod | PointMass | RigidBody | MeshedPart,
+    Bar | Propeller | Rod | PointMass | RigidBody | MeshedPart | CadPart | MatrixPart,
     Field(discriminator="shape"),
     BeforeValidator(with_shape),
 ]

@@ -39,6 +39,7 @@ def _plane(text: object) -> tuple[int, float]:
 
 
 Name = Annotated[str, AfterValidator(_name)]
+Poisson = Annotated[Annotated[float, Field(strict=True)], AfterValidator(_poisson)]
 Plane = Annotated[tuple[int, float], BeforeValidator(_plane)]
 Place = Annotated[str, Field(max_length=100)]
 Number = Annotated[float, Field(strict=True)]
@@ -132,7 +133,7 @@ class Modes(Table):
 
 
 class Marker(Table):
-    """A face of a flexible body, named for joints, loads and results; the face is told in one of three ways.
+    """A face of a flexible body, named for joints, loads and results; the face is told in one way.
 
     Parameters
     ----------
@@ -142,6 +143,8 @@ class Marker(Table):
         A point [m]: the smooth face nearest to it, up to edges sharper than 40°.
     plane : tuple, optional
         All of the surface in a plane: number of its axis and place on it [m]; written ``"x = 0"``.
+    nodes : tuple of int, optional
+        Nodes of a body that is given by its matrices, by their numbers there.
     attachment : str
         Whether the marker follows the face in the mean (RBE3) or holds it rigid (RBE2).
     """
@@ -149,6 +152,7 @@ class Marker(Table):
     face: Place | Annotated[tuple[Place, ...], Field(min_length=1, max_length=100)] | None = None
     near: tuple[Length, Length, Length] | None = None
     plane: Plane | None = None
+    nodes: tuple[int, ...] | None = None
     attachment: Literal["averaged", "rigid"] = "averaged"
 
     @property
@@ -159,11 +163,11 @@ class Marker(Table):
     @property
     def where(self) -> dict[str, object]:
         """What tells its face, for hashing."""
-        return self.model_dump(mode="json", include={"face", "near", "plane"}, exclude_none=True)
+        return self.model_dump(mode="json", include={"face", "near", "plane", "nodes"}, exclude_none=True)
 
     @model_validator(mode="after")
     def _told_one_way(self) -> Marker:
-        ways = [way for way in ("face", "near", "plane") if getattr(self, way) is not None]
+        ways = [way for way in ("face", "near", "plane", "nodes") if getattr(self, way) is not None]
         if not ways:
             raise FaultError("is missing: a face's name; or give near, a point, or plane, e.g. 'x = 0'", "face")
         if len(ways) > 1:
@@ -233,7 +237,7 @@ class Solid(Table):
     """
 
     E: PositiveStress
-    nu: Annotated[Number, AfterValidator(_poisson)]
+    nu: Poisson
     rho: PositiveDensity
     modes: Modes
     marker: dict[Name, Marker] = Field(default_factory=dict)
@@ -249,6 +253,13 @@ class Solid(Table):
     def parts(self) -> tuple[str, ...] | None:
         """Names of its mesh's parts; ``None`` likewise."""
         raise NotImplementedError
+
+    @model_validator(mode="after")
+    def _on_a_mesh(self) -> Solid:
+        for name, marker in self.marker.items():
+            if marker.nodes is not None:
+                raise FaultError("belong to a body that is given by its matrices", "marker", name, "nodes")
+        return self
 
     @model_validator(mode="after")
     def _on_its_faces(self) -> Solid:

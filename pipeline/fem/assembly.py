@@ -12,14 +12,15 @@ import numpy as np
 
 from pipeline.checks import AccuracyError, Array, IntArray
 from pipeline.fem.elements import shape_functions
-from pipeline.fem.material import Material
+from pipeline.fem.material import AnyMaterial
 from pipeline.fem.mesh import SolidMesh
 from pipeline.fem.model import Discretisation, FEModel
 
-_CHUNK = 512  # elements at a time: their gradients stay in the processor's cache
+_CHUNK = 1024  # elements at a time: their gradients stay in the processor's cache
+_BLOCKS = 8192  # blocks at a time, for the same reason
 
 
-def assemble(mesh: SolidMesh, order: int, material: Material) -> FEModel:
+def assemble(mesh: SolidMesh, order: int, material: AnyMaterial) -> FEModel:
     """Assemble stiffness and consistent mass of a solid.
 
     Parameters
@@ -28,8 +29,8 @@ def assemble(mesh: SolidMesh, order: int, material: Material) -> FEModel:
         The part.
     order : int
         Order of the displacement, 1 or 2.
-    material : Material
-        The same everywhere.
+    material : Material or MaterialOfElements
+        One for all elements, or several.
 
     Raises
     ------
@@ -38,13 +39,32 @@ def assemble(mesh: SolidMesh, order: int, material: Material) -> FEModel:
     """
     space = Discretisation(mesh, order)
     structure = space.structure
-    T = structure.sums(_gradient_products(space))
+    products, shape_products = _gradient_products(space), _shape_products(space)
+    each = list(material.over(slice(None)))
+    K = [_isotropic(structure.sums(_only(products, elements)), own) for own, elements in each]
+    m = [own.rho * structure.sums(_only(shape_products, elements)) for own, elements in each]
+    return FEModel(space, material, structure.block_matrix(sum(K[1:], K[0])), structure.scalar_matrix(sum(m[1:], m[0])))
+
+
+def _only(entries: Array, elements: IntArray | slice) -> Array:
+    """Entries of some elements, those of the others zero."""
+    if isinstance(elements, slice):
+        return entries
+    chosen = np.zeros_like(entries)
+    chosen[elements] = entries[elements]
+    return chosen
+
+
+def _isotropic(T: Array, material: Material) -> Array:
+    """Make blocks of the stiffness of sums of gradient products (n_pairs, 3, 3), in their place."""
     lam, mu = material.lame
-    K = lam * T
-    K += mu * T.swapaxes(1, 2)
-    K[:, range(3), range(3)] += mu * np.trace(T, axis1=1, axis2=2)[:, None]
-    m = material.rho * structure.sums(_shape_products(space))
-    return FEModel(space, material, structure.block_matrix(K), structure.scalar_matrix(m))
+    for start in range(0, len(T), _BLOCKS):
+        block = T[start : start + _BLOCKS]
+        shear = mu * block.swapaxes(1, 2)
+        shear[:, range(3), range(3)] += mu * np.trace(block, axis1=1, axis2=2)[:, None]
+        block *= lam
+        block += shear
+    return T
 
 
 def gradients(space: Discretisation, X: Array, elements: slice | IntArray) -> tuple[Array, Array]:

@@ -14,7 +14,7 @@ from skfem.io.meshio import from_meshio
 
 from pipeline.checks import Array, IntArray, read_only
 from pipeline.fem.elements import ElementKind, element_kind, places, shape_functions, vtk_nodes
-from pipeline.fem.material import Material
+from pipeline.fem.material import AnyMaterial
 from pipeline.fem.mesh import STRAIGHT, SolidMesh
 from pipeline.fem.structure import BlockStructure
 
@@ -122,7 +122,7 @@ class FEModel:
     """
 
     discretisation: Discretisation
-    material: Material
+    material: AnyMaterial
     K: sp.csr_array
     m: sp.csr_array
 

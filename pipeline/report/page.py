@@ -52,11 +52,11 @@ def write_report(run: Pipeline, path: Path, overrides: Sequence[str] = (), budge
     InputError
         The file can't be written.
     """
-    text = report(run, overrides, budget)
     try:
-        path.parent.mkdir(parents=True, exist_ok=True)
+        path.parent.mkdir(parents=True, exist_ok=True)  # told at once, not after all is computed
         with whole_file(path) as part:
-            part.write_text(text, encoding="utf-8")
+            part.touch()
+            part.write_text(report(run, overrides, budget), encoding="utf-8")
     except OSError as error:
         raise InputError("--out", "", str(path), f"can't be written: {error.strerror or error}") from error
 
