@@ -19,6 +19,7 @@ from pipeline.integrators.automatic import Automatic
 from pipeline.integrators.protocol import Integrator
 from pipeline.neighbours import COARSENING, coarser, richer, with_modes, with_runs
 from pipeline.observed import Quantities, modes_like, of_the_mesh, of_the_motion, of_the_stress
+from pipeline.sources import contents
 from pipeline.stages import Pipeline
 from pipeline.studies.error_estimates import NO_PART, SAFETY, SOURCES, Row, refinement_gain, shifted_frequencies
 from pipeline.studies.matching import matched
@@ -70,11 +71,16 @@ class Budget:
         return {"safety": self.safety, "rows": rows}
 
 
+def budget_key(run: Pipeline) -> str:
+    """Key that the budget is kept under."""
+    inputs = run.scene.model_dump(mode="json", exclude={"title", "source", "reference", "output"})
+    inputs["files"] = contents(run.scene)
+    return stage_key("error budget", inputs, ("pipeline", "meshes"), ("numpy", "scipy", "scikit-fem", "gmsh"))
+
+
 def budget_of(run: Pipeline) -> Budget:
     """The budget of the scene's first run, kept like other stages."""
-    inputs = run.scene.model_dump(mode="json", exclude={"title", "source", "reference", "output"})
-    key = stage_key("error budget", inputs, ("pipeline", "meshes"), ("numpy", "scipy", "scikit-fem", "gmsh"))
-    return run.keeper.kept("error budget", key, lambda: _Estimates(run).budget())
+    return run.keeper.kept("error budget", budget_key(run), lambda: _Estimates(run).budget())
 
 
 def true_errors(run: Pipeline, finer: Pipeline) -> dict[str, float]:
@@ -136,6 +142,7 @@ class _Estimates:
     def _truncation(self) -> dict[str, float | str]:
         """A richer basis on the same mesh; both are marched with a step that the richer one stands."""
         rich = self.run.neighbour(richer(self.run.scene))
+        rich.spin = self.run.spin  # what is stiffened stays so
         plan, base = self._comparable(rich)
         errors = self._changes(rich, self._march(rich, plan), base=base)
         return dict(errors)
@@ -189,8 +196,9 @@ class _Estimates:
                 for name, body in self.run.bodies.items()
             }
             moved = self.run.with_bodies(bodies)
-            for name, error in self._changes(moved, self._march(moved, self._plan(moved)), self.hot).items():
-                found[name] = max(found[name], error / SAFETY)
+            theirs = self._of(moved, self._march(moved, self._plan(moved)), self.hot)
+            for name, quantity in theirs.items():
+                found[name] = max(found[name], self.found[name].error(quantity) / SAFETY)
         return found
 
     def _swapped(self, coarse: Pipeline) -> dict[str, float]:
@@ -212,6 +220,7 @@ class _Estimates:
             return None, "not estimated: there is no coarser mesh"
         more = with_modes(scene, lambda body: {"count": int(_MORE * body.modes.count) + 1})
         coarse = Pipeline(more, Cache(None))
+        coarse.spin = self.run.spin
         try:
             for name, part in coarse.parts.items():
                 part.modes = modes_like(self.run.parts[name], part)
@@ -254,11 +263,19 @@ class _Estimates:
         """How much each quantity of the motion differs from a neighbour's."""
         ours = self.found
         if base is not None:
-            ours = of_the_motion(self.run, base) | of_the_stress(self.run, base, self.frames)
-        theirs: Quantities = of_the_motion(other, motion)
-        if other.parts:
-            theirs |= of_the_stress(other, motion, self.frames, nodes, places)
-        return {name: ours[name].change(quantity) for name, quantity in theirs.items()}
+            ours = self._of(self.run, base)
+        return {name: ours[name].change(quantity) for name, quantity in self._of(other, motion, nodes, places).items()}
+
+    def _of(
+        self,
+        run: Pipeline,
+        motion: Motion | ChainMotion,
+        nodes: dict[str, IntArray] | None = None,
+        places: dict[str, Array] | None = None,
+    ) -> Quantities:
+        """The quantities of a motion; stress only at the chosen output times."""
+        found = of_the_motion(run, motion)
+        return found | of_the_stress(run, motion, self.frames, nodes, places) if run.parts else found
 
     def _look_for_stress(self) -> None:
         """Choose the output times at which stress is compared, and the nodes that matter."""

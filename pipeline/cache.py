@@ -13,7 +13,7 @@ from importlib.metadata import version
 from pathlib import Path
 from typing import Any
 
-from pipeline.files import one_at_a_time
+from pipeline.files import forget_abandoned, one_at_a_time
 from pipeline.folders import source_digest
 
 _DIGEST_BYTES = 32
@@ -43,8 +43,11 @@ class Cache:
 
     folder: Path | None
 
-    def load(self, key: str) -> Any:
-        """Return what was saved under ``key``; ``None`` if there is nothing, or only something damaged."""
+    def holds(self, key: str) -> bool:
+        """Whether something undamaged is saved under ``key``."""
+        return self._body(key) is not None
+
+    def _body(self, key: str) -> bytes | None:
         if self.folder is None:
             return None
         try:
@@ -52,7 +55,12 @@ class Cache:
         except OSError:
             return None
         digest, body = content[:_DIGEST_BYTES], content[_DIGEST_BYTES:]
-        if _digest(body) != digest:
+        return body if _digest(body) == digest else None
+
+    def load(self, key: str) -> Any:
+        """Return what was saved under ``key``; ``None`` if there is nothing, or only something damaged."""
+        body = self._body(key)
+        if body is None:
             return None
         import joblib
 
@@ -73,6 +81,7 @@ class Cache:
         part = ""
         try:
             self.folder.mkdir(parents=True, exist_ok=True)
+            forget_abandoned(self.folder, ".part-*")
             handle, part = tempfile.mkstemp(dir=self.folder, prefix=".part-")
             with os.fdopen(handle, "wb") as file:
                 file.write(_digest(body))

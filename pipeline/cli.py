@@ -37,6 +37,9 @@ def run(
     set_: Set = None,
     no_pictures: Annotated[bool, Parameter(negative=())] = False,
     no_budget: Annotated[bool, Parameter(negative=())] = False,
+    explain: Annotated[bool, Parameter(negative=())] = False,
+    dry_run: Annotated[bool, Parameter(negative=())] = False,
+    keep_all: Annotated[bool, Parameter(negative=())] = False,
     repair: Repair = False,
     no_cache: NoCache = False,
     json: Json = False,
@@ -53,14 +56,33 @@ def run(
         Draw nothing.
     no_budget
         Don't estimate the errors of the results.
+    explain
+        Print first which stages will run, come from the cache or are skipped, why, and what each took last.
+    dry_run
+        Print that and do nothing else.
+    keep_all
+        Integrate modes that neither loads nor motion can excite, too.
     """
     from pipeline.outputs import write_results
 
-    pipeline = _pipeline(scene, set_, no_cache, repair)
+    pipeline = _pipeline(scene, set_, no_cache, repair, keep_all)
     folder = out or Path("out") / pipeline.scene.name
+    plan = None
+    if explain or dry_run:
+        from pipeline.plan import plan_of
+
+        plan = plan_of(pipeline, not no_pictures, not no_budget)
+        if not json:
+            from pipeline.tables import print_plan
+
+            print_plan(plan)
+        if dry_run:
+            if json:
+                _print_json({"plan": plan.summary()})
+            return
     summary = write_results(pipeline, folder, pictures=not no_pictures, budget=not no_budget)
     if json:
-        _print_json(summary)
+        _print_json(summary if plan is None else {"plan": plan.summary(), **summary})
     else:
         from pipeline.tables import print_run
 
@@ -189,6 +211,8 @@ def bench(
     set_: Set = None,
     peer: Annotated[bool, Parameter(negative=())] = False,
     stability: Annotated[bool, Parameter(negative=())] = False,
+    modes: Annotated[bool, Parameter(negative=())] = False,
+    whole: Annotated[bool, Parameter(name="--pipeline", negative=())] = False,
     json: Json = False,
 ) -> None:
     """Run time against error: every integrator on a scene's mechanism, as a table, a CSV and a chart.
@@ -203,33 +227,26 @@ def bench(
         Exudyn's solvers beside ours where a scene has them as a peer; needs the extra 'bench'.
     stability
         Stress tests of stability instead: long marches below and above the limits, against the prediction.
+    modes
+        Error of the frequencies of beam and propeller against time instead, for each element and mesh.
+    whole
+        Whole runs instead, cold and warm, in processes of their own: time of each stage and memory.
     """
     if stability:
         _stress_test(out, json)
         return
-    from dataclasses import asdict, replace
-    from math import isfinite
+    from pipeline import bench_commands as kinds
 
-    from pipeline.bench import READY, peer_rows, write_bench
-    from pipeline.bench import bench as compare
-
-    rows: list[dict[str, Any]] = []
-    chosen = [(Path(scene).stem, scene, ()) for scene in scenes] if scenes else READY
-    for name, scene, overrides in chosen:
-        pipeline = _pipeline(scene, [*overrides, *(set_ or [])], no_cache=False)
-        result = compare(pipeline)
-        if peer:
-            result = replace(result, rows=(*result.rows, *peer_rows(name)))
-        files = write_bench(pipeline, result, out, name)
-        for row in result.rows:
-            figures = {key: None if isinstance(x, float) and not isfinite(x) else x for key, x in asdict(row).items()}
-            rows.append({"scene": name, **figures})
-        if not json:
-            from pipeline.tables import print_bench
-
-            print_bench(pipeline.scene.title, result, out, files)
+    if modes:
+        found = kinds.modes(scenes or [], out, json)
+    elif whole:
+        found = kinds.whole_runs(scenes or [], set_ or [], out, json)
+    else:
+        found = kinds.integrators(
+            scenes or [], lambda scene, own: _pipeline(scene, [*own, *(set_ or [])], no_cache=False), out, peer, json
+        )
     if json:
-        _print_json({"rows": rows})
+        _print_json(found)
 
 
 @app.command
@@ -278,7 +295,7 @@ def stability(
         raise InputError("stability", "", scene or None, "give a scene, e.g. beam, or --two-dof")
     if two_dof:
         substeps, couplings = substeps or 2, coupling or [0.0]
-        _require_map(substeps, couplings, scheme, resolution)
+        study.require_map(substeps, couplings, scheme, resolution)
         if law:
             _weak_growth(json)
         else:
@@ -321,17 +338,15 @@ def verify(
         Folder for the table as CSV and JSON.
     """
     from pipeline.cache import Cache
-    from pipeline.verification.suite import chosen, outcomes, require_within, rows_of, write_rows
+    from pipeline.verification.suite import carry_out, require_within
 
-    found = list(outcomes(chosen(cases or ()), Cache(None) if no_cache else None))
-    rows = rows_of(found)
-    files = write_rows(rows, out)
+    found, summary = carry_out(cases or (), out, Cache(None) if no_cache else None)
     if json:
-        _print_json({"rows": rows, "seconds": {one.case.name: one.seconds for one in found}, "files": files})
+        _print_json(summary)
     else:
         from pipeline.tables import print_verification
 
-        print_verification(found, out, files)
+        print_verification(found, out, summary["files"])
     require_within(found)
 
 
@@ -355,11 +370,13 @@ def doctor(*, json: Json = False) -> None:
 
 
 def main(arguments: Sequence[str] | None = None) -> None:
-    """Run the command line; wrong input ends with status 2, a failed check with 3, each with one message."""
+    """Run the command line; what must be mended ends with status 2, a failed check with 3, each with one message."""
     try:
         app(sys.argv[1:] if arguments is None else arguments)
     except KeyboardInterrupt:
         _fail("interrupted", 130)
+    except OSError as error:  # a full disk, a folder that can't be written, a library that isn't there
+        _fail(f"{error}; `fmd doctor` tells what this machine lacks", 2)
     except Exception as error:
         from pipeline.checks import AccuracyError, InputError  # here: they load NumPy, which --help does without
 
@@ -382,18 +399,6 @@ def _rate(option: str, text: str) -> float:
         return to_si(text, "angular rate")
     except ValueError as error:
         raise InputError(option, "", text, str(error)) from None
-
-
-def _require_map(substeps: int, couplings: list[float], scheme: str, resolution: int) -> None:
-    from pipeline.checks import InputError
-    from pipeline.stability import SCHEMES
-
-    if not all(0 <= beta < 1 for beta in couplings):
-        raise InputError("--coupling", "", couplings, "must be 0 ≤ β < 1")
-    if not 1 <= substeps <= 1000 or not 2 <= resolution <= 2000:
-        raise InputError("--substeps", "", substeps, "must be 1 … 1000, and --resolution 2 … 2000")
-    if scheme not in SCHEMES:
-        raise InputError("--scheme", "", scheme, f"must be one of {', '.join(SCHEMES)}")
 
 
 def _weak_growth(json: bool) -> None:
@@ -423,12 +428,11 @@ def _two_dof_maps(
 
 
 def _stress_test(out: Path, json: bool) -> None:
-    from pipeline.stress_test import cases, march_all, summary_of_rows, write_rows
+    from pipeline.progress import bars
+    from pipeline.stress_test import stress_test
 
-    rows = list(march_all(cases(lambda scene, overrides: _pipeline(scene, list(overrides), no_cache=False))))
-    out.mkdir(parents=True, exist_ok=True)
-    write_rows(rows, out / "stability.csv")
-    found = summary_of_rows(rows)
+    with bars("stability") as advance:
+        found = stress_test(out, advance)
     if json:
         _print_json({"rows": found, "files": ["stability.csv"]})
         return
@@ -437,7 +441,9 @@ def _stress_test(out: Path, json: bool) -> None:
     print_stress_test(found, out)
 
 
-def _pipeline(scene: str, overrides: list[str] | None, no_cache: bool, repair: bool = False) -> Pipeline:
+def _pipeline(
+    scene: str, overrides: list[str] | None, no_cache: bool, repair: bool = False, keep_all: bool = False
+) -> Pipeline:
     from pipeline.cache import Cache
     from pipeline.progress import bars
     from pipeline.scene import load_scene
@@ -445,7 +451,7 @@ def _pipeline(scene: str, overrides: list[str] | None, no_cache: bool, repair: b
     from pipeline.stages import Pipeline
 
     loaded = load_repaired(scene, overrides or ()) if repair else load_scene(scene, overrides or ())
-    return Pipeline(loaded, Cache(None) if no_cache else None, bars)
+    return Pipeline(loaded, Cache(None) if no_cache else None, bars, keep_all)
 
 
 def _print(result: dict[str, Any], json: bool) -> None:

@@ -189,8 +189,9 @@ def _frames(
 def _surface(run: Pipeline, body: str) -> Surface:
     from pipeline.render.surface import Surface
 
-    topology = run.parts[body].surface
-    return Surface(run.bodies[body].x[topology.nodes], topology.triangles, topology.edges)
+    part = run.parts[body]
+    x = part.space.x if run.scene.march is None else run.bodies[body].x  # a part alone isn't reduced
+    return Surface(x[part.surface.nodes], part.surface.triangles, part.surface.edges)
 
 
 def _is_ring(run: Pipeline, body: str) -> bool:

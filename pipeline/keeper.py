@@ -17,6 +17,11 @@ STAGES = (
 )
 
 
+def name_of(stage: str, key: str) -> str:
+    """Name that a stage's result of a key has in the cache."""
+    return f"{stage}-{key}"
+
+
 @dataclass
 class Log:
     """What has happened to each stage, in order.
@@ -65,7 +70,7 @@ class Keeper:
 
     def kept(self, stage: str, key: str, make: Callable[[], T]) -> T:
         """Read a stage's result, or compute and keep it; of several processes that want it, one computes."""
-        key = f"{stage}-{key}"
+        key = name_of(stage, key)
         tick = time.perf_counter()
         value: T | None = self.cache.load(key)
         if value is None:

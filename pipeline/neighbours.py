@@ -28,13 +28,37 @@ def with_modes(scene: Scene, change: Callable[[Flexible], dict[str, Any]]) -> Sc
     return _with_bodies(scene, lambda body: {"modes": body.modes.model_copy(update=change(body))})
 
 
+def with_error(scene: Scene, error: float) -> Scene:
+    """The scene with another wanted error of what is integrated automatically."""
+    return _changed(scene, {"march": scene.simulation.model_copy(update={"error": error})})
+
+
+def with_order(scene: Scene, order: int) -> Scene:
+    """The scene with elements of another order."""
+
+    def change(body: Flexible) -> dict[str, Any]:
+        if isinstance(body, MeshedPart | MatrixPart):
+            return {}
+        return {"mesh": body.mesh.model_copy(update={"order": order})}
+
+    return _with_bodies(scene, change)
+
+
 def richer(scene: Scene) -> Scene:
-    """The scene with two generations of load-dependent vectors beside each body's modes."""
-    return with_modes(scene, lambda body: {"enrich": "ritz"})
+    """The scene with load-dependent vectors beside each body's modes; where it has them, with half more modes."""
+
+    def change(body: Flexible) -> dict[str, Any]:
+        has_them = body.modes.enrich == "ritz"
+        return {"enrich": "ritz", "count": body.modes.count + has_them * (body.modes.count // 2 + 1)}
+
+    return with_modes(scene, change)
 
 
 def refined(scene: Scene, factor: float) -> Scene | None:
-    """The scene on meshes with about ``factor`` times the elements each way; ``None`` if none of them changes."""
+    """The scene on meshes with about ``factor`` times the elements each way; ``None`` if none of them changes.
+
+    Finer meshes have even numbers of them, so that a coarser one has just half.
+    """
     found = _with_bodies(scene, lambda body: _divided(body, factor))
     return None if found.body == scene.body else found
 
@@ -56,7 +80,7 @@ def _divisions(body: Bar | Propeller | CadPart, factor: float) -> dict[str, Any]
     """What changes in a body's table of the mesh."""
 
     def times(count: int) -> int:
-        return max(1, int(count * factor))
+        return max(1, int(count * factor)) if factor < 1 else 2 * round(count * factor / 2)
 
     if body.shape == "bar":
         if body.mesh.size is not None:

@@ -13,13 +13,14 @@ from pipeline.checks import InputError
 from pipeline.html import facts, scaled
 from pipeline.progress import bars
 from pipeline.scene import Scene, load_scene
+from pipeline.scene_file import among
 from pipeline.scene_outputs import Output
 from pipeline.stages import Pipeline
 
 if TYPE_CHECKING:
     from collections.abc import Iterable, Mapping
 
-_NOT_INLINE = ("film", "export")
+_PICTURES = ("chart", "mesh", "modes", "mode sheet", "stress")
 
 
 @dataclass(frozen=True)
@@ -79,17 +80,18 @@ def pictures(run: Pipeline, type: str, numbers: Iterable[int] | None = None, **s
     """
     from pipeline.drawings import DRAWINGS, draw_modes
 
+    if type not in _PICTURES:
+        raise InputError("picture", "type", type, among(type, _PICTURES, "the pictures"))
     given = {"type": type, "file": "mode-{mode}.png" if type == "modes" else "picture.png", **settings}
-    if type not in ("chart", *_NOT_INLINE):
+    if type != "chart":
         given.setdefault("body", run.part.name)
     try:
         output = TypeAdapter[Any](Output).validate_python(given)
-        if type in _NOT_INLINE:
-            raise InputError("picture", "type", type, "is no picture; list it as an output of the scene")
     except ValidationError as error:
         first = error.errors()[0]
         key = ".".join(str(part) for part in first["loc"] if part != type)
-        raise InputError("picture", key or "type", given.get(key, type), first["msg"]) from None
+        mend = first["msg"].removeprefix("Value error, ")
+        raise InputError("picture", key, given.get(key), mend) from None
     with tempfile.TemporaryDirectory(prefix="fmd-") as name:
         folder = Path(name)
         files = (

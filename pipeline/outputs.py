@@ -12,6 +12,7 @@ from pipeline.drawings import DRAWINGS
 from pipeline.exports import write_export
 from pipeline.files import whole_file
 from pipeline.folders import cache_folder
+from pipeline.plan import remember
 from pipeline.stages import Pipeline
 from pipeline.summary import summarise
 
@@ -34,11 +35,21 @@ def write_results(run: Pipeline, folder: Path, pictures: bool, budget: bool = Tr
     ------
     InputError
         The folder can't be written, or this machine can't draw.
+    AccuracyError
+        The accuracy that the scene wants is not met.
     """
     exports = [output for output in run.scene.output if output.type == "export"]
     drawn = [output for output in run.scene.output if output.type != "export"] if pictures else []
     if drawn:
         _require_drawing(run.scene.file)
+    rounds: list[dict[str, Any]] = []
+    if run.scene.accuracy is not None:
+        from pipeline.accuracy import meet_accuracy
+
+        if not budget:
+            raise InputError("--no-budget", "", None, "can't be: the scene wants an accuracy, which the budget proves")
+        run, found = meet_accuracy(run)
+        rounds = [each.summary() for each in found]
     run.motions  # noqa: B018 - refuses or diverges before anything is written
     try:
         folder.mkdir(parents=True, exist_ok=True)
@@ -50,10 +61,13 @@ def write_results(run: Pipeline, folder: Path, pictures: bool, budget: bool = Tr
                 "pictures", lambda: [name for o in drawn for name in DRAWINGS[o.type](run, o, folder)]
             )
         summary = summarise(run, files, budget)
+        if rounds:
+            summary["accuracy"] = {"wanted": run.scene.accuracy, "rounds": rounds}
         with whole_file(folder / "summary.json") as part:
             part.write_text(json.dumps(summary, indent=1, allow_nan=False) + "\n")
     except OSError as error:
         raise InputError("--out", "", str(folder), f"can't be written: {error.strerror or error}") from error
+    remember(run)
     return summary
 
 

@@ -172,9 +172,7 @@ class FlexiblePart:
     @cached_property
     def stiffened(self) -> FlexibleBody:
         """The reduced body, stiffened by its inertia loads."""
-        inputs = {"gram of": self._body_key, "accelerated": self._accelerated}
-        key = stage_key("stiffening", inputs, ("pipeline/fem", "pipeline/reduction"), _FEM_PACKAGES)
-        return replace(self.body, gram=self._keeper.kept("stiffening", key, self._make_stiffened_gram))
+        return replace(self.body, gram=self._keeper.kept("stiffening", self._stiffening_key, self._make_stiffened_gram))
 
     @cached_property
     def surface(self) -> SurfaceTopology:
@@ -198,9 +196,7 @@ class FlexiblePart:
     @cached_property
     def element_stress(self) -> Array:
         """Stress of each modal coordinate in the middle of each named element, shape (n_elements, 6, n) [Pa]."""
-        inputs = {"body": self._body_key, "elements": self.elements}
-        key = stage_key("element-stress", inputs, ("pipeline/recovery/stress.py",))
-        return self._keeper.kept("stress", key, self._make_element_stress)
+        return self._keeper.kept("stress", self._element_key, self._make_element_stress)
 
     def stress_at(self, points: Array) -> Array:
         """Stress of each modal coordinate at points (n, 3) [m] of the mesh, shape (n, 6, n_modes) [Pa]."""
@@ -275,6 +271,16 @@ class FlexiblePart:
             "frame": self._frame,
         }
         return stage_key("body", inputs, ("pipeline/reduction", "pipeline/recovery/stress.py"))
+
+    @property
+    def _stiffening_key(self) -> str:
+        inputs = {"gram of": self._body_key, "accelerated": self._accelerated}
+        return stage_key("stiffening", inputs, ("pipeline/fem", "pipeline/reduction"), _FEM_PACKAGES)
+
+    @property
+    def _element_key(self) -> str:
+        inputs = {"body": self._body_key, "elements": self.elements}
+        return stage_key("element-stress", inputs, ("pipeline/recovery/stress.py",))
 
     def _make_mesh(self) -> SolidMesh:
         from pipeline.shapes import mesh_of
@@ -395,9 +401,7 @@ class FlexiblePart:
     def _require_held(self, modes: Modes, fixed: IntArray) -> None:
         """A supported body moves with the frame of its supports, on which its joint acts."""
         if modes.n_rigid:
-            message = (
-                f"leave {modes.n_rigid} rigid-body modes: it has modes, but to move on a joint it must be held whole"
-            )
+            message = f"leave {modes.n_rigid} rigid-body modes; to move on a joint, a body must be held whole"
             raise InputError(self.file, f"body.{self.name}.support", None, message)
         nodes = self.markers[self.inboard.marker].nodes
         if self.inboard.free and not np.isin(3 * nodes[:, None] + np.arange(3), fixed).all():

@@ -62,7 +62,7 @@ from pipeline.scene_shapes import (
     Propeller,
     PropellerMesh,
 )
-from pipeline.units import PositiveFrequency, unit_ratio
+from pipeline.units import PositiveFrequency, Share, unit_ratio
 
 __all__ = [
     "Axis",
@@ -130,11 +130,13 @@ class Scene(Table):
     """Everything that is asked for.
 
     ``model_dump(mode="json")`` is its content, for hashing. Without a simulation a scene is of parts alone, whose mesh
-    and modes can be asked for; a part then needs no joint.
+    and modes can be asked for; a part then needs no joint. With an ``accuracy``, a run chooses meshes, modes,
+    integrator and step until its error budget states that or better for every quantity.
     """
 
     title: str
     source: str = ""
+    accuracy: Share | None = None
     body: Annotated[dict[Name, Body], Field(min_length=1)]
     joint: dict[Name, Joint] = Field(default_factory=dict)
     drive: dict[Name, Drive] = Field(default_factory=dict)

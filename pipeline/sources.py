@@ -88,3 +88,9 @@ def load_repaired(name_or_path: str, overrides: Sequence[str]) -> Scene:
     if not read:
         raise InputError("--repair", "", None, "no body of the scene has its mesh from a file")
     return load_scene(name_or_path, [*overrides, *(f"body.{name}.mesh.repair=true" for name in read)])
+
+
+def contents(scene: Scene) -> dict[str, dict[str, str]]:
+    """Digests of the files that bodies come from, by body; raises what `Source.of` does."""
+    found = {name: Source.of(shape, scene.file, name) for name, shape in scene.flexible.items()}
+    return {name: source.digests for name, source in found.items() if source is not None}

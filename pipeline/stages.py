@@ -47,6 +47,8 @@ class Pipeline:
         Where results are kept; the user's cache folder by default.
     monitor : Monitor, optional
         Is told of each stage's progress.
+    keep_all : bool
+        Whether to integrate modes that nothing can excite, too.
 
     Attributes
     ----------
@@ -57,21 +59,23 @@ class Pipeline:
         it, `chain` for every other scene.
     """
 
-    def __init__(self, scene: Scene, cache: Cache | None = None, monitor: Monitor = silent) -> None:
-        self.scene = scene
+    def __init__(
+        self, scene: Scene, cache: Cache | None = None, monitor: Monitor = silent, keep_all: bool = False
+    ) -> None:
+        self.scene, self.keep_all = scene, keep_all
         self.keeper = Keeper(Cache(cache_folder() / "stages") if cache is None else cache, monitor)
         self.parts = {name: FlexiblePart(scene, name, self.keeper) for name in scene.flexible}
 
-    def neighbour(self, scene: Scene) -> Pipeline:
+    def neighbour(self, scene: Scene, monitor: Monitor = silent) -> Pipeline:
         """The same for another scene, which shares what both have in common; its stages are not this one's."""
-        other = Pipeline(scene, self.keeper.cache)
+        other = Pipeline(scene, self.keeper.cache, monitor, self.keep_all)
         for name, part in other.parts.items():
             part.share(self.parts[name])
         return other
 
     def with_bodies(self, bodies: dict[str, FlexibleBody]) -> Pipeline:
         """The same with other reduced bodies on the same meshes."""
-        other = Pipeline(self.scene, self.keeper.cache)
+        other = Pipeline(self.scene, self.keeper.cache, keep_all=self.keep_all)
         other.parts, other.bodies = self.parts, bodies
         return other
 
@@ -250,10 +254,19 @@ class Pipeline:
             A step is beyond its stability limit, or a body would lose its stiffness by its spin; nothing has been
             integrated then.
         """
-        plans = self.plans
-        trajectories = self.keeper.timed("motion", lambda: self._march_all(plans))
-        motions: Any = {label: self.motion_by(plan, trajectories[label]) for label, plan in plans.items()}
+        self.bodies  # noqa: B018 - stages of their own; what the plans add is kernels, compiled or read
+        trajectories = self.keeper.timed("motion", lambda: self._march_all(self.plans))
+        motions: Any = {label: self.motion_by(plan, trajectories[label]) for label, plan in self.plans.items()}
         return dict(motions)
+
+    @property
+    def left_out(self) -> dict[str, list[int]]:
+        """Numbers from 1 of the modes of each body that no run integrates: nothing excites them."""
+        parts = [plan.excited.left_out if plan.excited else {} for plan in self.plans.values()]
+        return {
+            body or self.part.name: [k + 1 for k in modes if all(k in part.get(body, ()) for part in parts)]
+            for body, modes in parts[0].items()
+        }
 
     def motion_by(self, plan: Plan, trajectory: Trajectory) -> Motion | ChainMotion:
         """What a trajectory of one of the scene's plans means."""

@@ -22,11 +22,11 @@ def start_scene(path: Path, ready: str | None = None) -> None:
     source = files("pipeline.templates") / "part.toml" if ready is None else files("models") / f"{ready}.toml"
     if path.suffix != ".toml":
         raise InputError(str(path), "", None, f"must end in .toml, e.g. {path.stem or 'part'}.toml")
+    if path.exists():
+        raise InputError(str(path), "", None, "exists already and is left as it is; take another name")
     try:
         path.parent.mkdir(parents=True, exist_ok=True)
         with path.open("x", encoding="utf-8") as file:
             file.write(source.read_text(encoding="utf-8"))
-    except FileExistsError:
-        raise InputError(str(path), "", None, "exists already and is left as it is; take another name") from None
     except OSError as error:
         raise InputError(str(path), "", None, f"can't be written: {error.strerror or error}") from None

@@ -31,14 +31,16 @@ def summarise(run: Pipeline, files: list[str], budget: bool) -> dict[str, Any]:
             "ratio_to_plain": motion.trajectory.seconds / first.trajectory.seconds,
             "evaluations": motion.trajectory.evaluations,
             "fast_evaluations": motion.trajectory.fast_evaluations,
+            "growth": run.plans[label].growth,
             "largest_stable_step_s": limit if np.isfinite(limit) else None,
             "stability_margin": limit / motion.trajectory.step if np.isfinite(limit) else None,
             **motion.differences(first),
             "final": motion.final(),
         }
-        for motion, limit in zip(motions.values(), limits, strict=True)
+        for (label, motion), limit in zip(motions.items(), limits, strict=True)
     ]
     summary["final"] = first.final()
+    summary["left_out_modes"] = run.left_out
     if run.is_rotor:
         summary["peak_tip_deflection_m"] = float(np.abs(run.motion.tip_deflection).max())
     histories = _element_histories(run)

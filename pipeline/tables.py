@@ -8,16 +8,20 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 from rich.console import Console
+from rich.markup import escape
 from rich.table import Table
 
 if TYPE_CHECKING:
     from pipeline.part import FlexiblePart
+    from pipeline.plan import RunPlan
     from pipeline.stability import SceneStability
     from pipeline.studies.work_precision import WorkPrecision
     from pipeline.sweep.study import Sweep
     from pipeline.verification.suite import Outcome
 
 _COUPLED = 1e-6
+_FATES = {"run": "run", "cached": "be read", "skipped": "be skipped", "open": "run or not"}
+_TOLD = 0.01  # growth by a method itself
 _FIGURES = ("quantity", "ours", "published", "difference", "allowed")
 
 
@@ -28,15 +32,40 @@ def print_run(summary: dict[str, Any], folder: Path) -> None:
     if "frequencies_hz" in summary:
         console.print(_frequencies(summary))
     console.print(_integrations(summary))
+    for row in summary["integrations"]:
+        if row["growth"] > 1 + _TOLD:
+            console.print(
+                f"note: {row['integrator']} {row['substeps']}:1 by itself makes small vibrations grow by "
+                f"{100 * (row['growth'] - 1):.2g} % over the scene"
+            )
     if "error_budget" in summary:
         console.print(_budget(summary["error_budget"]))
+    if "accuracy" in summary:
+        console.print(_rounds(summary["accuracy"]))
     if "bodies" in summary:
         _print_body(console, summary)
+    for body, modes in summary["left_out_modes"].items():
+        numbers = ", ".join(str(k) for k in modes)
+        console.print(f"left out of the integration: modes {numbers} of {body}, which nothing excites (or --keep-all)")
     for joint, position in summary["final"].get("joint_positions", {}).items():
         differences = [row["joint_differences"][joint] for row in summary["integrations"][1:]]
         apart = ", ".join(f"{difference:.3g}" for difference in differences)
         console.print(f"{joint}: {position:.6g} (SI) at the end" + (f"; the runs differ by {apart}" if apart else ""))
     console.print(f"{len(summary['files']) + 1} files in {folder}/: summary.json, {', '.join(summary['files'])}")
+
+
+def print_plan(plan: RunPlan) -> None:
+    """Print what a run will do."""
+    table = _table("Plan", "stage", "body", "will", "last time", "why", wide=4)
+    for step in plan.steps:
+        table.add_row(step.stage, step.body, _FATES[step.fate], _last_time(step.seconds), step.why)
+    console = Console()
+    console.print(table)
+    console.print(f"forecast: about {plan.forecast}")
+
+
+def _last_time(seconds: float | None) -> str:
+    return "" if seconds is None else f"{seconds:.3g} s"
 
 
 def mesh_figures(part: FlexiblePart) -> dict[str, Any]:
@@ -103,6 +132,22 @@ def _budget(budget: dict[str, Any]) -> Table:
         ]
         stated = _percent(row["total"])
         table.add_row(row["quantity"], *parts, f"> {stated}" if "?" in parts else stated)
+    return table
+
+
+def _rounds(accuracy: dict[str, Any]) -> Table:
+    """What was tried for a wanted accuracy; the last met it."""
+    title = f"Accuracy: {_percent(accuracy['wanted'])} % wanted and met"
+    table = _table(title, "round", "chosen", "stated [%]", "worst in", "most from", wide=1)
+    for k, found in enumerate(accuracy["rounds"]):
+        chosen = [
+            f"{name}: {body['mesh'].get('divisions') or body['mesh'].get('size') or body['mesh'].get('blade')}, "
+            f"{body['modes']} modes, {body['enrich']}"
+            for name, body in found["bodies"].items()
+        ]
+        worst = found["worst"]
+        text = "; ".join([*chosen, f"time {found['integration_error']:.1g}"])
+        table.add_row(str(k + 1), text, _percent(worst["stated"]), worst["quantity"], worst["dominant"])
     return table
 
 
@@ -239,17 +284,23 @@ def print_maps(found: dict[str, Any], folder: Path) -> None:
 
 def print_stability(title: str, found: SceneStability) -> None:
     """Print the limits of a scene's mechanism."""
-    table = Table("m", "largest stable fast step", "growth at half of it", title=title)
+    table = Table("m", "largest stable fast step", "sudden beyond", "growth at half of that", title=title)
+    if found.along:
+        table.add_column("worst at")
     for row in found.limits:
         grows = f"{row.growth_rate:.3g} 1/s" if row.growth_rate else "none"
-        table.add_row(str(row.substeps), f"{row.critical_step:.4g} s", grows)
+        when = (f"{row.worst_time:.3g} s" if row.worst_time else "rest",) if found.along else ()
+        table.add_row(str(row.substeps), f"{row.critical_step:.4g} s", f"{row.sudden_step:.4g} s", grows, *when)
     console = Console()
     console.print(table)
     step, substeps = found.recommended
-    where = "the reference state" if found.time == 0.0 else f"the worst state, t = {found.time:.4g} s"
     console.print(
-        f"at {where}: {found.n_slow} slow coordinates, inertial coupling β = {found.coupling:.3g}"
-        f"; for the scene's error: a step of {step:.3g} s, {substeps}:1"
+        f"stable: by the method itself small vibrations grow less than tenfold in the scene's {found.duration:g} s, "
+        + ("along its motion" if found.along else "about the reference state (--along: about its motion too)")
+    )
+    console.print(
+        f"{found.n_slow} slow coordinates, inertial coupling β = {found.coupling:.3g}; for the scene's error: "
+        f"a step of {step:.3g} s, {substeps}:1"
     )
 
 
@@ -265,11 +316,10 @@ def print_laws(rows: list[dict[str, float]]) -> None:
 
 def print_stress_test(rows: list[dict[str, Any]], folder: Path) -> None:
     """Print what the stress tests of stability have found."""
-    table = Table("case", "marches", "cycles", "lived", "diverged", "undecided", "predicted wrongly")
+    counts = ("marches", "cycles", "lived", "diverged", "undecided", "wrong")
+    table = Table("family", *counts[:5], "predicted wrongly", "largest gain of energy")
     for row in rows:
-        table.add_row(
-            *(str(row[key]) for key in ("case", "marches", "cycles", "lived", "diverged", "undecided", "wrong"))
-        )
+        table.add_row(row["family"], *(str(row[key]) for key in counts), f"{row['drift']:.1e}")
     console = Console()
     console.print(table)
     console.print(f"stability.csv in {folder}/")
@@ -325,7 +375,7 @@ def print_verification(found: Sequence[Outcome], folder: Path, files: list[str])
         for figure in outcome.figures:
             difference = f"{100 * figure.difference:+.2g} %" + ("" if figure.holds else " OUT")
             numbers = (f"{figure.ours:.6g}", f"{figure.published:.6g}", difference, f"{100 * figure.tolerance:.2g} %")
-            table.add_row(figure.quantity, *numbers)
+            table.add_row(escape(figure.quantity), *numbers)  # [m] is no markup
         console.print(table if not outcome.error else f"{case.name} FAILED: {outcome.error}")
     n, wrong = sum(len(one.figures) for one in found), sum(not one.holds for one in found)
     console.print(

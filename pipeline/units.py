@@ -152,6 +152,23 @@ def si_of(text: str) -> tuple[float, str]:
     return float(Decimal(match[1]) * factor), unit
 
 
+def share(value: object) -> float:
+    """Read a part of a whole, ``"1 %"``, as 0.01.
+
+    Raises
+    ------
+    ValueError
+        It isn't text such as ``"1 %"``, or not between 0 and 50 %.
+    """
+    match = re.fullmatch(rf"\s*({_NUMBER})\s*%\s*", value) if isinstance(value, str) else None
+    if match is None:
+        raise ValueError("must be a percentage as text, e.g. '1 %'")
+    found = float(match[1]) / 100
+    if not 1e-6 <= found <= 0.5:
+        raise ValueError("must be between 0.0001 % and 50 %")
+    return found
+
+
 def unit_ratio(unit: str, wanted: str) -> float:
     """Return how many of the wanted unit one unit is: ``unit_ratio("m", "mm")`` is 1000.
 
@@ -216,6 +233,7 @@ def _not_negative(value: float) -> float:
 Positive = AfterValidator(_positive)
 NonNegative = AfterValidator(_not_negative)
 
+Share = Annotated[float, BeforeValidator(share)]
 Length = Annotated[float, BeforeValidator(partial(to_si, kind="length"))]
 Stress = Annotated[float, BeforeValidator(partial(to_si, kind="stress"))]
 Density = Annotated[float, BeforeValidator(partial(to_si, kind="density"))]

@@ -17,6 +17,7 @@ import xarray
 
 from pipeline.checks import InputError
 from pipeline.cli import main
+from pipeline.sweep.local import on_this_machine
 from pipeline.sweep.points import Varied, points_of, varied_of
 from pipeline.sweep.record import Record, read_record, write_record
 from pipeline.sweep.table import axis_of
@@ -27,7 +28,7 @@ COARSE = ["--set", RUNS, "--set", "body.beam.mesh.divisions=[12, 2, 1]", "--set"
 # Five million steps, a quarter of a second, so that something is always under way.
 LONG = ["--set", "simulation.run=[{integrator='central-difference'}]", "--set", "body.beam.mesh.divisions=[12, 2, 1]"]
 LONG += ["--set", "simulation.duration=1 s", "--set", "simulation.step=0.2us"]
-ANGLES = ",".join(f"{speed} rad/s" for speed in range(5, 13))
+SPEEDS = ",".join(f"{speed} rad/s" for speed in range(5, 13))
 TRACE = """
 from pathlib import Path
 from distributed import WorkerPlugin
@@ -59,11 +60,11 @@ def environment(tmp_path_factory):
 def fmd(environment):
     """Call ``fmd sweep`` in a process of its own; it answers with what it has printed as JSON."""
 
-    def call(*arguments, status=0):
+    def call(*arguments):
         command = [*FMD, "sweep", *map(str, arguments), "--json"]
         done = subprocess.run(command, capture_output=True, text=True, check=False, timeout=300, env=environment)
-        assert done.returncode == status, done.stderr
-        return json.loads(done.stdout) if status == 0 else done.stderr
+        assert done.returncode == 0, done.stderr
+        return json.loads(done.stdout)
 
     return call
 
@@ -127,6 +128,30 @@ def test_a_points_key_is_that_of_its_scene_however_it_is_written():
     assert one == same != other
 
 
+def test_a_points_key_is_that_of_its_mesh_file_too(tmp_path):
+    scene = tmp_path / "part.toml"
+    scene.write_text(
+        """title = "part"
+        [body.part]
+        shape = "mesh"
+        mesh = { file = "part.vtu", unit = "mm" }
+        E = "70 GPa"
+        nu = 0.3
+        rho = "2700 kg/m^3"
+        modes = { count = 2 }
+        marker = {}
+        """
+    )
+    keys = []
+    for content in ("one", "another"):
+        (tmp_path / "part.vtu").write_text(content)
+        keys.append(points_of(scene, varied_of(["body.part.nu=0.3"]))[0].key)
+    assert keys[0] != keys[1]
+    (tmp_path / "part.vtu").unlink()
+    with pytest.raises(InputError, match=r"body\.part\.mesh\.file"):
+        points_of(scene, varied_of(["body.part.nu=0.3"]))
+
+
 def test_a_damaged_record_counts_as_none(tmp_path):
     path = tmp_path / "point.json"
     write_record(Record("ok", summary={"a": 1.0}), path)
@@ -135,6 +160,20 @@ def test_a_damaged_record_counts_as_none(tmp_path):
     for damaged in (whole[:-20], "[]", '{"status": "fine"}', ""):
         path.write_text(damaged)
         assert read_record(path) is None
+
+
+class Deadly:
+    """Ends the process that reads it."""
+
+    def __reduce__(self):
+        return os._exit, (3,)
+
+
+def test_a_point_that_kills_every_process_is_a_row_that_is_not_kept():
+    records = dict(on_this_machine({"point-1": Deadly(), "point-2": Deadly()}, 1))
+    assert sorted(records) == ["point-1", "point-2"]
+    assert {(record.status, record.lasting) for record in records.values()} == {("failed", False)}
+    assert all("its process died, 2 times" in record.message for record in records.values())
 
 
 def test_each_point_is_a_row_also_what_is_refused(grid):
@@ -177,15 +216,17 @@ def test_the_table_comes_as_csv_and_as_netcdf_with_a_dimension_for_each_key(grid
     np.testing.assert_array_equal(stress, [float(row["worst_stress.von_mises_pa"] or "nan") for row in rows])
 
 
-def test_a_second_sweep_computes_only_what_is_new(grid, fmd):
+def test_a_second_sweep_computes_nothing_that_is_known(grid, capsys):
     folder, found = grid
     before = {path.name: path.stat().st_ino for path in (folder / "points").iterdir()}
-    vary = ["--vary", "simulation.step=0.01ms,40us", "--vary", "body.beam.modes.count=3"]
-    again = fmd("beam", *COARSE, *vary, "--out", folder, "--workers", 2)
-    assert (again["points"], again["computed"]) == (2, 1)
-    assert again["rows"][0]["simulation.step [s]"] == 1e-5
-    assert again["rows"][0]["run.0.seconds"] == found["rows"][8]["run.0.seconds"]  # that of the first sweep
-    assert before.items() <= {path.name: path.stat().st_ino for path in (folder / "points").iterdir()}.items()
+    vary = ["--vary", "simulation.step=0.01ms,0.02 ms", "--vary", "body.beam.modes.count=3"]
+    with pytest.raises(SystemExit, match="0"):
+        main(["sweep", "beam", *COARSE, *vary, "--out", str(folder), "--json"])
+    again = json.loads(capsys.readouterr().out)
+    assert (again["points"], again["ok"], again["computed"]) == (2, 2, 0)
+    assert [row["simulation.step [s]"] for row in again["rows"]] == [1e-5, 2e-5]
+    assert again["rows"][1]["run.0.seconds"] == found["rows"][9]["run.0.seconds"]  # that of the first sweep
+    assert before == {path.name: path.stat().st_ino for path in (folder / "points").iterdir()}
 
 
 def points_in(folder: Path) -> dict[str, bytes]:
@@ -210,35 +251,25 @@ def has_ended(group: int) -> bool:
 
 @pytest.mark.slow
 @pytest.mark.usefixtures("grid")
-def test_a_killed_sweep_goes_on_where_it_was(fmd, environment, tmp_path):
-    arguments = ["beam", *LONG, "--vary", f"drive.spin_up.speed={ANGLES}", "--out", str(tmp_path), "--workers", "2"]
-    sweep = subprocess.Popen([*FMD, "sweep", *arguments], env=environment, start_new_session=True)
+def test_a_killed_sweep_goes_on_where_it_was_and_a_killed_worker_costs_no_point(environment, tmp_path):
+    arguments = [*FMD, "sweep", "beam", *LONG, "--vary", f"drive.spin_up.speed={SPEEDS}", "--out", str(tmp_path)]
+    sweep = subprocess.Popen([*arguments, "--workers", "2"], env=environment, start_new_session=True)
     wait_for(lambda: len(points_in(tmp_path)) >= 3)
     sweep.send_signal(signal.SIGKILL)
     sweep.wait()
     wait_for(lambda: has_ended(sweep.pid), 20.0)  # its workers don't outlive it
     done = points_in(tmp_path)
     assert 3 <= len(done) < 8
-    rest = fmd(*arguments)
-    assert (rest["ok"], rest["computed"]) == (8, 8 - len(done))
-    assert done.items() <= points_in(tmp_path).items()  # to the last digit of the run times: not computed again
-    assert len(points_in(tmp_path)) == 8
-    leftovers = [path.name for path in (tmp_path / "points").iterdir() if not path.name.startswith("point-")]
-    assert leftovers == []
-
-
-@pytest.mark.slow
-@pytest.mark.usefixtures("grid")
-def test_a_worker_that_dies_costs_no_point(fmd, environment, tmp_path):
-    arguments = ["beam", *LONG, "--vary", "drive.spin_up.speed=5 rad/s,6 rad/s,7 rad/s", "--workers", "1"]
-    command = [*FMD, "sweep", *arguments, "--out", str(tmp_path), "--json"]
-    sweep = subprocess.Popen(command, env=environment, start_new_session=True, stdout=subprocess.PIPE)
-    wait_for(lambda: len(points_in(tmp_path)) >= 1)
-    children = Path(f"/proc/{sweep.pid}/task/{sweep.pid}/children").read_text().split()
+    rest = subprocess.Popen([*arguments, "--workers", "1", "--json"], env=environment, stdout=subprocess.PIPE)
+    wait_for(lambda: len(points_in(tmp_path)) > len(done))
+    children = Path(f"/proc/{rest.pid}/task/{rest.pid}/children").read_text().split()
     worker = next(int(child) for child in children if b"spawn_main" in Path(f"/proc/{child}/cmdline").read_bytes())
     os.kill(worker, signal.SIGKILL)
-    found = json.loads(sweep.communicate(timeout=120)[0])
-    assert (found["ok"], found["computed"]) == (3, 3)
+    found = json.loads(rest.communicate(timeout=120)[0])
+    assert (found["ok"], found["computed"]) == (8, 8 - len(done))
+    assert done.items() <= points_in(tmp_path).items()  # to the last digit of the run times: not computed again
+    assert sorted(path.name for path in (tmp_path / "points").iterdir()) == sorted(points_in(tmp_path))
+    assert len(points_in(tmp_path)) == 8
 
 
 @pytest.mark.slow
@@ -258,7 +289,7 @@ def test_a_cluster_that_loses_a_worker_loses_no_point_and_records_none_twice(env
             worker = [sys.executable, "-m", "distributed.cli.dask_worker", address, "--nthreads", "1", "--no-nanny"]
             worker += ["--no-dashboard", "--name", name, "--preload", str(tmp_path / "trace.py")]
             processes.append(subprocess.Popen(worker, **options))
-        arguments = ["beam", *LONG, "--vary", f"drive.spin_up.speed={ANGLES}", "--out", str(tmp_path)]
+        arguments = ["beam", *LONG, "--vary", f"drive.spin_up.speed={SPEEDS}", "--out", str(tmp_path)]
         command = [*FMD, "sweep", *arguments, "--scheduler", address, "--json"]
         sweep = subprocess.Popen(command, env=environment, stdout=subprocess.PIPE)
         log = tmp_path / "log" / "two"
@@ -284,11 +315,13 @@ def test_a_cluster_that_loses_a_worker_loses_no_point_and_records_none_twice(env
     assert all(started.count(key) == 2 for key in again)
 
 
-def test_a_scheduler_that_does_not_answer_is_told(fmd, tmp_path):
-    pytest.importorskip("distributed")
-    vary = ["--vary", "simulation.step=10us"]
-    said = fmd("beam", *vary, "--scheduler", "nowhere", "--out", tmp_path, status=2)
-    assert "--scheduler = 'nowhere'" in said
+@pytest.mark.parametrize("address", ["nowhere", "tcp://127.0.0.1:9"])
+def test_a_scheduler_that_does_not_answer_is_told(address, tmp_path, capsys, monkeypatch):
+    monkeypatch.setattr("pipeline.sweep.cluster._ANSWERS_WITHIN", 1)
+    with pytest.raises(SystemExit, match="2"):
+        main(["sweep", "beam", "--vary", "simulation.step=10us", "--scheduler", address, "--out", str(tmp_path)])
+    said = capsys.readouterr().err
+    assert said.startswith(f"fmd: --scheduler = '{address}': no Dask scheduler answers there")
     assert len(said.splitlines()) == 1
 
 

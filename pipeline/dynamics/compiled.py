@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import os
 from collections.abc import Callable
+from pathlib import Path
 from typing import Any, TypeVar
 
 from pipeline.checks import Array
@@ -16,6 +17,8 @@ os.environ.setdefault("NUMBA_CACHE_DIR", str(kernel_folder()))
 import numba
 import numpy as np
 from numba.extending import overload
+
+from pipeline.dynamics.kernel_files import KernelFiles
 
 _LINE = 8  # doubles
 F = TypeVar("F", bound=Callable[..., Any])
@@ -37,13 +40,20 @@ def aligned(*sizes: int) -> list[Array]:
 
 def kernel(function: F) -> F:
     """Compile a function that Python calls; kept on disk."""
-    compiled: F = numba.njit(cache=True, nogil=True, **_OPTIONS)(function)
+    compiled: F = _kept(numba.njit(cache=True, nogil=True, **_OPTIONS)(function))
     return compiled
 
 
 def inner(function: F) -> F:
     """Compile a function that kernels alone may call, without the way in for Python; kept on disk."""
-    compiled: F = numba.njit(cache=True, nogil=True, **_INNER)(function)
+    compiled: F = _kept(numba.njit(cache=True, nogil=True, **_INNER)(function))
+    return compiled
+
+
+def _kept(compiled: Any) -> Any:
+    """Have a function's kernels kept in files of our own."""
+    cache = compiled._cache
+    cache._cache_file = KernelFiles(Path(cache.cache_path), cache._impl.filename_base)
     return compiled
 
 

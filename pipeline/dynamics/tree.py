@@ -177,6 +177,11 @@ class Tree:
         """Stiffness of modes and springs, shape (n, n)."""
         return self._packed[0].K
 
+    @property
+    def linear_damping(self) -> Array:
+        """Damping of modes and joints, shape (n, n)."""
+        return self._packed[0].C
+
     def mass_matrix(self, q: Array, t: float = 0.0) -> Array:
         """M̂ at positions q, shape (n, n)."""
         return _symmetric(self._evaluated(t, q, np.zeros(self.n)).M)

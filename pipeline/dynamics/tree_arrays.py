@@ -177,7 +177,7 @@ def packed(
     active, bowed = np.zeros((n_bodies, 9), dtype=np.int64), np.zeros(n_bodies, dtype=np.int64)
     motion = np.array([number(link.motion) for link in links], dtype=np.int64)
     K, C = np.zeros((n, n)), np.zeros((n, n))
-    plane = _plane_normal(links)
+    plane = plane_normal(links)
     for k, link in enumerate(links):
         own, others = len(link.omega), link.place_shapes.shape[1]
         by_body["place_shapes"][k, :, :others] = link.place_shapes
@@ -294,7 +294,7 @@ def with_room(parameters: TreeParameters) -> TreeParameters:
     )
 
 
-def _plane_normal(links: Sequence[Link]) -> int:
+def plane_normal(links: Sequence[Link]) -> int:
     """Number of the coordinate axis that every rotation of the chain is about, -1 if there is none."""
     axes = []
     for link in links:

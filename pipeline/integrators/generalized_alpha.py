@@ -31,6 +31,7 @@ from pipeline.integrators.protocol import (
 
 TOLERANCE = 1e-10  # of Newton's corrections, relative to the largest acceleration
 _MOST_ITERATIONS = 12
+_VANISHED = 1e-200  # an acceleration below which nothing is left to converge: damped motions underflow in the end
 
 
 @dataclass(frozen=True)
@@ -170,9 +171,9 @@ def newton_step(
     for iteration in range(_MOST_ITERATIONS):
         _end_of_step(p, weights, end, h, q, v, a, new, q_new, v_new, mean, found)
         counts[0] += 1
-        size, largest = 1e-300, 0.0
-        for i in range(n):
-            size = max(size, abs(found[i]), abs(new[i]))
+        size, largest = _VANISHED, 0.0
+        for i in range(n):  # the auxiliary ones too: their round-off is in what is found
+            size = max(size, abs(found[i]), abs(new[i]), abs(a[i]))
         if memory[n * n] == 0.0 or (iteration > 0 and iteration % 4 == 0):
             for i in range(n):
                 base[i] = found[i]

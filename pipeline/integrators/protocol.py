@@ -198,6 +198,13 @@ def require_step(step: float) -> None:
         raise ValueError(f"step is {step}, expected a time above 0")
 
 
+def require_ratio(step: float, substeps: int) -> None:
+    """Raise ``ValueError`` unless a fast step is a finite time above 0 and there is one in a slow step at least."""
+    require_step(step)
+    if substeps < 1:
+        raise ValueError(f"substeps is {substeps}, expected at least 1")
+
+
 def require_tolerance(tolerance: float) -> None:
     """Raise ``ValueError`` unless a relative tolerance is one that double precision can keep."""
     if not 3e-14 <= tolerance < 1.0:

@@ -218,7 +218,7 @@ class FreeBodySolver:
 
     def inertia_response(self, u: Array) -> Array:
         """``(K − σ M)⁻¹ M u``: what the inertia of fields u (n_nodes, 3, k) bends; their rigid parts are left out."""
-        R, flat = self._fe.rigid_modes, u.reshape(self._fe.K.shape[0], -1)
+        R, flat = self.rigid_modes, u.reshape(self._fe.K.shape[0], -1)
         MR = self._fe.M @ R
         rigid_mass = R.T @ MR
         load = self._fe.M @ flat - MR @ np.linalg.solve(rigid_mass, MR.T @ flat)

@@ -22,6 +22,9 @@ if TYPE_CHECKING:
 
 # A static response with less than this part of its norm outside the modes adds nothing but round-off.
 _NEW = 1e-4
+# Round-off in motions that no load excites grows from one generation to the next if they are softer than those that
+# are; of what is excited, the first generation holds the softest but for a part of its frequency.
+_SOFTER = 0.5
 
 
 def inertia_loads(
@@ -105,10 +108,13 @@ def enriched(
         U = (solver.inertia_response(new) if generation else new).reshape(fe.K.shape[0], -1)
         U = _beside(basis, U if B is None else _moved(U, fe, B), fe)
         basis, new = np.concatenate([basis, U], axis=1), U.reshape(len(fe.x), 3, -1)
+        if not generation:
+            softest = eigh(U.T @ (fe.K @ U), eigvals_only=True)[:1].min(initial=np.inf)
     U = basis[:, n_modes:]
     omega2, turn = eigh(U.T @ (fe.K @ U))
-    shapes = np.concatenate([Phi, U @ turn], axis=1).reshape(len(fe.x), 3, -1)
-    return np.concatenate([modes.omega, np.sqrt(omega2)]), shapes
+    excited = omega2 >= _SOFTER**2 * softest
+    shapes = np.concatenate([Phi, U @ turn[:, excited]], axis=1).reshape(len(fe.x), 3, -1)
+    return np.concatenate([modes.omega, np.sqrt(omega2[excited])]), shapes
 
 
 def _beside(basis: Array, U: Array, fe: FEModel) -> Array:

@@ -52,11 +52,11 @@ def write_report(run: Pipeline, path: Path, overrides: Sequence[str] = (), budge
     InputError
         The file can't be written.
     """
-    text = report(run, overrides, budget)
     try:
-        path.parent.mkdir(parents=True, exist_ok=True)
+        path.parent.mkdir(parents=True, exist_ok=True)  # told at once, not after all is computed
         with whole_file(path) as part:
-            part.write_text(text, encoding="utf-8")
+            part.touch()
+            part.write_text(report(run, overrides, budget), encoding="utf-8")
     except OSError as error:
         raise InputError("--out", "", str(path), f"can't be written: {error.strerror or error}") from error
 
@@ -120,7 +120,7 @@ def _image(picture: Picture, text: str) -> str:
 
 
 def _stress(run: Pipeline, moves: bool) -> str:
-    return "".join(_stressed_part(run, name) for name in run.parts) if moves else ""
+    return "".join(_stressed_part(run, name) for name, part in run.parts.items() if part.has_mesh) if moves else ""
 
 
 def _stressed_part(run: Pipeline, name: str) -> str:
@@ -152,7 +152,7 @@ def _stressed_part(run: Pipeline, name: str) -> str:
 def _modes(run: Pipeline) -> str:
     from pipeline.notebook import pictures
 
-    if not run.parts:
+    if not run.parts or not run.part.has_mesh:
         return ""
     drawn = pictures(run, "modes", range(1, _MOST_MODES + 1), size=_SMALL)
     named = [f"mode {k + 1}, {run.modes.frequencies_hz[k]:.1f} Hz" for k in range(len(drawn))]

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import asyncio
 from collections.abc import Iterator, Mapping
+from pathlib import Path
 from typing import TYPE_CHECKING
 
 from pipeline.checks import InputError
@@ -21,8 +22,8 @@ _WORKS_WITHIN = 60  # s; a cluster may start its workers when there is work
 def on_cluster(scenes: Mapping[str, Scene], address: str) -> Iterator[tuple[str, Record]]:
     """Send scenes to the workers of a scheduler; yield key and record of each as it is done.
 
-    Workers need this package, of the same version, but none of this machine's files: the scene goes with the work, its
-    record comes back.
+    Workers need this package, of the same version. The scene goes with the work, its record comes back; a mesh that is
+    read from a file must lie at the same place for them.
 
     Raises
     ------
@@ -40,7 +41,9 @@ def on_cluster(scenes: Mapping[str, Scene], address: str) -> Iterator[tuple[str,
         said = f"no Dask scheduler answers there, e.g. tcp://host:8786: {error}"
         raise InputError(_SCHEDULER, "", address, said) from None
     with client:
-        futures = {client.submit(compute, key, scene, key=key, pure=False): key for key, scene in scenes.items()}
+        futures = {
+            client.submit(compute, key, _placed(scene), key=key, pure=False): key for key, scene in scenes.items()
+        }
         try:
             client.wait_for_workers(1, timeout=_WORKS_WITHIN)
         except TimeoutError:
@@ -56,6 +59,13 @@ def on_cluster(scenes: Mapping[str, Scene], address: str) -> Iterator[tuple[str,
             else:
                 mend = "the scheduler went away; what is done is kept, and the same command goes on from there"
                 raise InputError(_SCHEDULER, "", address, mend)
+
+
+def _placed(scene: Scene) -> Scene:
+    """A scene whose file, beside which those of its meshes are, is found from any folder."""
+    placed = scene.model_copy()
+    placed._file = str(Path(scene.file).resolve())
+    return placed
 
 
 async def _reach(address: str) -> None:

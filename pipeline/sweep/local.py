@@ -8,6 +8,7 @@ import signal
 import threading
 from collections import Counter, deque
 from collections.abc import Iterator, Mapping
+from contextlib import suppress
 from multiprocessing.connection import Connection, wait
 from typing import TYPE_CHECKING
 
@@ -48,8 +49,12 @@ def on_this_machine(scenes: Mapping[str, Scene], workers: int) -> Iterator[tuple
         while waiting or working:
             while waiting and idle:
                 worker, key = idle.pop(), waiting.popleft()
+                if not worker.process.is_alive():  # it died after its last scene
+                    worker.stop()
+                    worker = _Worker()
                 tries[key] += 1
-                worker.line.send((key, scenes[key]))
+                with suppress(OSError):  # it died just now: its line has ended, as is found below
+                    worker.line.send((key, scenes[key]))
                 working[worker.line] = worker, key
             for line in wait(list(working)):
                 assert isinstance(line, Connection)

@@ -11,6 +11,7 @@ from pathlib import Path
 from pipeline.cache import stage_key
 from pipeline.checks import InputError
 from pipeline.scene import Scene, load_scene
+from pipeline.sources import contents
 
 _VARY = "--vary"
 _MOST_POINTS = 100_000
@@ -87,21 +88,27 @@ def points_of(scene: str | Path, varied: Sequence[Varied], overrides: Sequence[s
     first: InputError | None = None
     for values in itertools.product(*(v.values for v in varied)):
         try:
-            point = load_scene(scene, [*overrides, *(f"{v.key}={x}" for v, x in zip(varied, values, strict=True))])
+            found = load_scene(scene, [*overrides, *(f"{v.key}={x}" for v, x in zip(varied, values, strict=True))])
+            points.append(Point(values, found, point_key(found)))
         except InputError as error:
             refused = _as_varied(error, varied)
             first = first or refused
             points.append(Point(values, None, refusal=str(refused)))
-        else:
-            points.append(Point(values, point, point_key(point)))
     if first is not None and all(point.scene is None for point in points):
         raise first
     return points
 
 
 def point_key(scene: Scene) -> str:
-    """Name what a scene leads to after its whole content and all that computes it."""
-    return stage_key("point", scene.model_dump(mode="json"), ("meshes", "pipeline"), _PACKAGES)
+    """Name what a scene leads to after its whole content, that of its files, and all that computes it.
+
+    Raises
+    ------
+    InputError
+        A file isn't there.
+    """
+    inputs = {"scene": scene.model_dump(mode="json"), "files": contents(scene)}
+    return stage_key("point", inputs, ("meshes", "pipeline"), _PACKAGES)
 
 
 def _as_varied(error: InputError, varied: Sequence[Varied]) -> InputError:

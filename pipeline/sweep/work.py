@@ -22,8 +22,13 @@ def compute(key: str, scene: Scene) -> Record:
     Gmsh keeps one model a process, so a worker with several threads computes one point after the other.
     """
     with _alone:
-        if point_key(scene) != key:
-            return broken_off("its worker has another version of this program or of a package that it computes with")
+        try:
+            if point_key(scene) != key:
+                return broken_off(
+                    "its worker has another version of this program, of a package or of the scene's files"
+                )
+        except InputError as error:  # a file that this machine doesn't have
+            return broken_off(f"its worker: {error}")
         try:
             run = Pipeline(scene)
             summary = frequency_table(run) if scene.march is None else summarise(run, [], budget=False)

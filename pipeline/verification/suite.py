@@ -110,6 +110,14 @@ def write_rows(rows: list[dict[str, Any]], folder: Path) -> list[str]:
     return ["verification.csv", "verification.json"]
 
 
+def carry_out(names: Sequence[str], folder: Path, cache: Cache | None) -> tuple[list[Outcome], dict[str, Any]]:
+    """Run the cases of some names, write their table into ``folder``; return the outcomes and what they come to."""
+    found = list(outcomes(chosen(names), cache))
+    rows = rows_of(found)
+    files = write_rows(rows, folder)
+    return found, {"rows": rows, "seconds": {one.case.name: one.seconds for one in found}, "files": files}
+
+
 def require_within(found: Sequence[Outcome]) -> None:
     """Raise ``AccuracyError`` if a figure is out of its tolerance or a case has failed; the message names the first."""
     wrong = [outcome for outcome in found if not outcome.holds]
