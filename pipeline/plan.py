@@ -116,7 +116,7 @@ def plan_of(run: Pipeline, pictures: bool, budget: bool) -> RunPlan:
         planner.ask(part, ["body"])
     planner.stiffen()
     planner.note("motion", "run", "never kept" + ("" if planner.compiled else "; new kernels are compiled first"))
-    for part in list(run.parts.values())[:1]:
+    for part in [part for part in run.parts.values() if part.has_mesh][:1]:
         planner.ask(part, ["modes", "surface", "stress"])
     for part in run.parts.values():
         planner.ask(part, ["element stress"] if part.shape.element else [])

@@ -16,6 +16,7 @@ from pipeline.fem.nastran import read_nastran
 from pipeline.fem.raw_mesh import MeshFileError, RawMesh
 
 _TEXT_READERS = {".inp": read_abaqus, ".bdf": read_nastran, ".nas": read_nastran, ".fem": read_nastran}
+_CAD = (".step", ".stp", ".iges", ".igs", ".brep")
 _MOST_BYTES = 2_000_000_000
 _SOLID = ("tetra", "hexahedron", "wedge", "pyramid", "penta_prism", "hexa_prism", "polyhedron")
 _PLANE = ("triangle", "quad", "polygon")
@@ -63,6 +64,8 @@ def _raw_mesh(path: Path) -> RawMesh:
             raise MeshFileError("is a folder; give the mesh file in it" if path.is_dir() else "no such file")
         if path.stat().st_size > _MOST_BYTES:
             raise MeshFileError(f"is over {_MOST_BYTES / 1e9:g} GB")
+        if path.suffix.lower() in _CAD:
+            raise MeshFileError("is CAD, no mesh; give it as mesh = { cad = …, size = … }")
         if reader is None:
             return read_by_meshio(path)
         return reader(path.read_text(encoding="utf-8", errors="replace"))

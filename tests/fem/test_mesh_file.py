@@ -16,10 +16,13 @@ from pipeline.fem import mesh_file
 from pipeline.fem.assembly import assemble
 from pipeline.fem.marker import face_marker
 from pipeline.fem.material import Material
+from pipeline.fem.mesh import SolidMesh
 from pipeline.fem.mesh_file import read_mesh
 from pipeline.fem.meshio_reader import _read
 from pipeline.fem.model import Discretisation, FEModel
 from pipeline.fem.surface import surface_topology
+from pipeline.fem.vtkhdf import vtk_cells
+from pipeline.recovery.stress import modal_stress
 
 FORMATS = ("inp", "bdf", "v2.msh", "v4.msh", "vtk", "med", "vtu")
 KINDS = {  # cells and how Gmsh is asked for them: order, recombined, with inner nodes
@@ -118,7 +121,10 @@ def patch_test_error(fe: FEModel) -> float:
     u = np.where(held, exact.ravel(), 0.0)
     K = sp.csc_array(fe.K)
     u[~held] = spsolve(K[~held][:, ~held], -K[~held][:, held] @ u[held])
-    return float(np.abs(u.reshape(-1, 3) - exact).max() / np.abs(exact).max())
+    found = u.reshape(-1, 3, 1)
+    stress = modal_stress(fe.discretisation, MATERIAL, found, np.arange(len(fe.x)))
+    assert np.abs(stress - stress[0]).max() < 1e-6 * np.abs(stress).max()
+    return float(np.abs(found[..., 0] - exact).max() / np.abs(exact).max())
 
 
 def inner_facet_nodes(space: Discretisation) -> Array:
@@ -126,6 +132,18 @@ def inner_facet_nodes(space: Discretisation) -> Array:
     middle = np.array([[space.kind.element.doflocs[facet].mean(axis=0)] for facet in space.kind.facet_polygons])
     node = np.abs(space.kind.element.doflocs - middle).max(axis=2).argmin(axis=1)
     return space.element_nodes[elements, node[local]]
+
+
+@pytest.mark.parametrize("kind", KINDS)
+def test_surfaces_are_closed_and_exports_keep_the_order_of_nodes(read, kind: str) -> None:
+    fe = read("v4.msh", kind)
+    surface = surface_topology(fe.discretisation)
+    a, b, c = np.moveaxis(fe.x[surface.nodes][surface.triangles] - [0.7, 0.5, 0.6], 1, 0)
+    parts = np.einsum("ti,ti->t", a, np.cross(b, c)) / 6
+    assert parts.min() > 0
+    assert parts.sum() == pytest.approx(VOLUME, rel=1e-12)
+    again = SolidMesh(fe.x.copy(), vtk_cells(fe.discretisation), kind, {}, {})
+    assert again.volume == pytest.approx(VOLUME, rel=1e-12)
 
 
 @pytest.mark.parametrize(("form", "kind"), [pair for pair in WRITTEN if pair[0] not in ("vtk", "vtu")])
