@@ -50,9 +50,7 @@ def summarise(run: Pipeline, files: list[str], budget: bool) -> dict[str, Any]:
         place = run.body.x[run.stress.nodes[node]]
         summary["worst_stress"] = {"time_s": time, "von_mises_pa": value, "position_m": place.tolist()}
     if budget:
-        from pipeline.budget import budget_of
-
-        summary["error_budget"] = budget_of(run).summary()
+        summary["error_budget"] = run.budget.summary()
     return summary | {
         "files": files,
         "seconds": dict(run.log.seconds),
