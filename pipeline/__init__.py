@@ -5,10 +5,11 @@ from __future__ import annotations
 from typing import TYPE_CHECKING
 
 if TYPE_CHECKING:
+    from pipeline.notebook import load
     from pipeline.scene import Scene, load_scene
     from pipeline.stages import Pipeline
 
-__all__ = ["Pipeline", "Scene", "load_scene"]
+__all__ = ["Pipeline", "Scene", "load", "load_scene"]
 __version__ = "0.1.0"
 
 
@@ -18,6 +19,10 @@ def __getattr__(name: str) -> object:
         from pipeline import scene
 
         return getattr(scene, name)
+    if name == "load":
+        from pipeline.notebook import load
+
+        return load
     if name == "Pipeline":
         from pipeline.stages import Pipeline
 

@@ -7,6 +7,7 @@ from typing import TYPE_CHECKING, Any
 
 from pipeline.checks import AccuracyError
 from pipeline.neighbours import coarser, refined, with_error, with_modes, with_order, with_runs
+from pipeline.scene_files import MatrixPart
 from pipeline.studies.error_estimates import SAFETY, SOURCES
 
 if TYPE_CHECKING:
@@ -133,7 +134,7 @@ def _refined(scene: Scene, shares: dict[str, float], wanted: float) -> Scene:
 def _settings(scene: Scene) -> dict[str, Any]:
     bodies = {
         name: {
-            "mesh": body.mesh.model_dump(mode="json", exclude_none=True),
+            "mesh": None if isinstance(body, MatrixPart) else body.mesh.model_dump(mode="json", exclude_none=True),
             "modes": body.modes.count,
             "enrich": body.modes.enrich,
         }

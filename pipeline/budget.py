@@ -19,6 +19,7 @@ from pipeline.integrators.automatic import Automatic
 from pipeline.integrators.protocol import Integrator
 from pipeline.neighbours import COARSENING, coarser, richer, with_modes, with_runs
 from pipeline.observed import Quantities, modes_like, of_the_mesh, of_the_motion, of_the_stress
+from pipeline.sources import contents
 from pipeline.stages import Pipeline
 from pipeline.studies.error_estimates import NO_PART, SAFETY, SOURCES, Row, refinement_gain, shifted_frequencies
 from pipeline.studies.matching import matched
@@ -70,11 +71,16 @@ class Budget:
         return {"safety": self.safety, "rows": rows}
 
 
+def budget_key(run: Pipeline) -> str:
+    """Key that the budget is kept under."""
+    inputs = run.scene.model_dump(mode="json", exclude={"title", "source", "reference", "output"})
+    inputs["files"] = contents(run.scene)
+    return stage_key("error budget", inputs, ("pipeline", "meshes"), ("numpy", "scipy", "scikit-fem", "gmsh"))
+
+
 def budget_of(run: Pipeline) -> Budget:
     """The budget of the scene's first run, kept like other stages."""
-    inputs = run.scene.model_dump(mode="json", exclude={"title", "source", "reference", "output"})
-    key = stage_key("error budget", inputs, ("pipeline", "meshes"), ("numpy", "scipy", "scikit-fem", "gmsh"))
-    return run.keeper.kept("error budget", key, lambda: _Estimates(run).budget())
+    return run.keeper.kept("error budget", budget_key(run), lambda: _Estimates(run).budget())
 
 
 def true_errors(run: Pipeline, finer: Pipeline) -> dict[str, float]:
@@ -225,7 +231,7 @@ class _Estimates:
             )
         except AccuracyError as fault:
             return None, f"not estimated: on a coarser mesh, {fault}"
-        order = min(part.shape.mesh.order for part in self.run.parts.values()) if exact else 1
+        order = min(part.order for part in self.run.parts.values()) if exact else 1
         self.gains = {kind: refinement_gain(COARSENING, order, kind) for kind in ("displacement", "stress", "geometry")}
         return coarse, NO_PART
 

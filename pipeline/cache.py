@@ -7,11 +7,13 @@ import io
 import json
 import os
 import tempfile
+from contextlib import AbstractContextManager, nullcontext
 from dataclasses import dataclass
 from importlib.metadata import version
 from pathlib import Path
 from typing import Any
 
+from pipeline.files import forget_abandoned, one_at_a_time
 from pipeline.folders import source_digest
 
 _DIGEST_BYTES = 32
@@ -41,8 +43,11 @@ class Cache:
 
     folder: Path | None
 
-    def load(self, key: str) -> Any:
-        """Return what was saved under ``key``; ``None`` if there is nothing, or only something damaged."""
+    def holds(self, key: str) -> bool:
+        """Whether something undamaged is saved under ``key``."""
+        return self._body(key) is not None
+
+    def _body(self, key: str) -> bytes | None:
         if self.folder is None:
             return None
         try:
@@ -50,7 +55,12 @@ class Cache:
         except OSError:
             return None
         digest, body = content[:_DIGEST_BYTES], content[_DIGEST_BYTES:]
-        if _digest(body) != digest:
+        return body if _digest(body) == digest else None
+
+    def load(self, key: str) -> Any:
+        """Return what was saved under ``key``; ``None`` if there is nothing, or only something damaged."""
+        body = self._body(key)
+        if body is None:
             return None
         import joblib
 
@@ -71,6 +81,7 @@ class Cache:
         part = ""
         try:
             self.folder.mkdir(parents=True, exist_ok=True)
+            forget_abandoned(self.folder, ".part-*")
             handle, part = tempfile.mkstemp(dir=self.folder, prefix=".part-")
             with os.fdopen(handle, "wb") as file:
                 file.write(_digest(body))
@@ -79,6 +90,10 @@ class Cache:
         except OSError:
             if part:
                 Path(part).unlink(missing_ok=True)
+
+    def alone(self, key: str) -> AbstractContextManager[None]:
+        """Enter what one process at a time may do: make the value of ``key``."""
+        return nullcontext() if self.folder is None else one_at_a_time(self.folder / f".making-{key}")
 
 
 def _digest(body: bytes) -> bytes:

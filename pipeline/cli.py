@@ -25,6 +25,7 @@ Set = Annotated[
     Parameter(name="--set", negative=(), help="Override a value: key=value, e.g. body.beam.length=300mm."),
 ]
 Json = Annotated[bool, Parameter(name="--json", negative=(), help="Print one JSON object and nothing else.")]
+Repair = Annotated[bool, Parameter(name="--repair", negative=(), help="Mend meshes from files where that is safe.")]
 NoCache = Annotated[bool, Parameter(name="--no-cache", negative=(), help="Compute all, keep nothing.")]
 
 
@@ -36,6 +37,10 @@ def run(
     set_: Set = None,
     no_pictures: Annotated[bool, Parameter(negative=())] = False,
     no_budget: Annotated[bool, Parameter(negative=())] = False,
+    explain: Annotated[bool, Parameter(negative=())] = False,
+    dry_run: Annotated[bool, Parameter(negative=())] = False,
+    keep_all: Annotated[bool, Parameter(negative=())] = False,
+    repair: Repair = False,
     no_cache: NoCache = False,
     json: Json = False,
 ) -> None:
@@ -51,14 +56,33 @@ def run(
         Draw nothing.
     no_budget
         Don't estimate the errors of the results.
+    explain
+        Print first which stages will run, come from the cache or are skipped, why, and what each took last.
+    dry_run
+        Print that and do nothing else.
+    keep_all
+        Integrate modes that neither loads nor motion can excite, too.
     """
     from pipeline.outputs import write_results
 
-    pipeline = _pipeline(scene, set_, no_cache)
+    pipeline = _pipeline(scene, set_, no_cache, repair, keep_all)
     folder = out or Path("out") / pipeline.scene.name
+    plan = None
+    if explain or dry_run:
+        from pipeline.plan import plan_of
+
+        plan = plan_of(pipeline, not no_pictures, not no_budget)
+        if not json:
+            from pipeline.tables import print_plan
+
+            print_plan(plan)
+        if dry_run:
+            if json:
+                _print_json({"plan": plan.summary()})
+            return
     summary = write_results(pipeline, folder, pictures=not no_pictures, budget=not no_budget)
     if json:
-        _print_json(summary)
+        _print_json(summary if plan is None else {"plan": plan.summary(), **summary})
     else:
         from pipeline.tables import print_run
 
@@ -71,6 +95,7 @@ def mesh(
     *,
     out: Path | None = None,
     set_: Set = None,
+    repair: Repair = False,
     no_cache: NoCache = False,
     json: Json = False,
 ) -> None:
@@ -83,25 +108,14 @@ def mesh(
     out
         File to write the mesh to, in the format of its suffix: .vtu, .msh, .inp ...
     """
-    pipeline = _pipeline(scene, set_, no_cache)
-    part = pipeline.part.shape
-    solid = pipeline.mesh
+    pipeline = _pipeline(scene, set_, no_cache, repair)
     if out is not None:
         from pipeline.fem.export import write_mesh
 
-        write_mesh(solid, out)
-    volume = solid.volume
-    result = {
-        "nodes": len(solid.points),
-        "elements": len(solid.cells),
-        "parts": {name: len(cells) for name, cells in solid.parts.items()},
-        "element_type": solid.cell_type,
-        "order": part.mesh.order,
-        "volume_m3": volume,
-        "mass_kg": part.rho * volume,
-        "min_quality": float(solid.quality.min()),
-    }
-    _print(result, json)
+        write_mesh(pipeline.mesh, out)
+    from pipeline.tables import mesh_figures
+
+    _print(mesh_figures(pipeline.part), json)
 
 
 @app.command
@@ -110,6 +124,7 @@ def modes(
     *,
     speed: str | None = None,
     set_: Set = None,
+    repair: Repair = False,
     no_cache: NoCache = False,
     json: Json = False,
 ) -> None:
@@ -124,7 +139,7 @@ def modes(
     """
     from pipeline.frequencies import frequency_table, rotating_table
 
-    pipeline = _pipeline(scene, set_, no_cache)
+    pipeline = _pipeline(scene, set_, no_cache, repair)
     result = frequency_table(pipeline)
     if speed is not None:
         result |= rotating_table(pipeline, _rate("--speed", speed))
@@ -285,7 +300,7 @@ def stability(
         raise InputError("stability", "", scene or None, "give a scene, e.g. beam, or --two-dof")
     if two_dof:
         substeps, couplings = substeps or 2, coupling or [0.0]
-        _require_map(substeps, couplings, scheme, resolution)
+        study.require_map(substeps, couplings, scheme, resolution)
         if law:
             _weak_growth(json)
         else:
@@ -301,6 +316,43 @@ def stability(
         from pipeline.tables import print_stability
 
         print_stability(run.scene.title, result)
+
+
+app.command("pipeline.sweep.command:sweep", help="A scene at every combination of values, on all cores or a cluster.")
+app.command("pipeline.cli_more:new", help="Write a commented scene to start from.")
+app.command("pipeline.cli_more:report", help="One web page of all results, to be opened without a network.")
+app.register_install_completion_command(help="Let the shell complete commands and options (bash, zsh, fish).")
+
+
+@app.command
+def verify(
+    cases: list[str] | None = None,
+    /,
+    *,
+    out: Path = Path("out/verification"),
+    no_cache: NoCache = False,
+    json: Json = False,
+) -> None:
+    """Published and closed-form results beside ours; ends with status 3 if one is out of its tolerance.
+
+    Parameters
+    ----------
+    cases
+        Names of cases, e.g. fv52; all by default.
+    out
+        Folder for the table as CSV and JSON.
+    """
+    from pipeline.cache import Cache
+    from pipeline.verification.suite import carry_out, require_within
+
+    found, summary = carry_out(cases or (), out, Cache(None) if no_cache else None)
+    if json:
+        _print_json(summary)
+    else:
+        from pipeline.tables import print_verification
+
+        print_verification(found, out, summary["files"])
+    require_within(found)
 
 
 @app.command
@@ -323,11 +375,13 @@ def doctor(*, json: Json = False) -> None:
 
 
 def main(arguments: Sequence[str] | None = None) -> None:
-    """Run the command line; wrong input ends with status 2, a failed check with 3, each with one message."""
+    """Run the command line; what must be mended ends with status 2, a failed check with 3, each with one message."""
     try:
         app(sys.argv[1:] if arguments is None else arguments)
     except KeyboardInterrupt:
         _fail("interrupted", 130)
+    except OSError as error:  # a full disk, a folder that can't be written, a library that isn't there
+        _fail(f"{error}; `fmd doctor` tells what this machine lacks", 2)
     except Exception as error:
         from pipeline.checks import AccuracyError, InputError  # here: they load NumPy, which --help does without
 
@@ -350,18 +404,6 @@ def _rate(option: str, text: str) -> float:
         return to_si(text, "angular rate")
     except ValueError as error:
         raise InputError(option, "", text, str(error)) from None
-
-
-def _require_map(substeps: int, couplings: list[float], scheme: str, resolution: int) -> None:
-    from pipeline.checks import InputError
-    from pipeline.stability import SCHEMES
-
-    if not all(0 <= beta < 1 for beta in couplings):
-        raise InputError("--coupling", "", couplings, "must be 0 ≤ β < 1")
-    if not 1 <= substeps <= 1000 or not 2 <= resolution <= 2000:
-        raise InputError("--substeps", "", substeps, "must be 1 … 1000, and --resolution 2 … 2000")
-    if scheme not in SCHEMES:
-        raise InputError("--scheme", "", scheme, f"must be one of {', '.join(SCHEMES)}")
 
 
 def _weak_growth(json: bool) -> None:
@@ -391,12 +433,11 @@ def _two_dof_maps(
 
 
 def _stress_test(out: Path, json: bool) -> None:
-    from pipeline.stress_test import cases, march_all, summary_of_rows, write_rows
+    from pipeline.progress import bars
+    from pipeline.stress_test import stress_test
 
-    rows = list(march_all(cases(lambda scene, overrides: _pipeline(scene, list(overrides), no_cache=False))))
-    out.mkdir(parents=True, exist_ok=True)
-    write_rows(rows, out / "stability.csv")
-    found = summary_of_rows(rows)
+    with bars("stability") as advance:
+        found = stress_test(out, advance)
     if json:
         _print_json({"rows": found, "files": ["stability.csv"]})
         return
@@ -405,13 +446,17 @@ def _stress_test(out: Path, json: bool) -> None:
     print_stress_test(found, out)
 
 
-def _pipeline(scene: str, overrides: list[str] | None, no_cache: bool) -> Pipeline:
+def _pipeline(
+    scene: str, overrides: list[str] | None, no_cache: bool, repair: bool = False, keep_all: bool = False
+) -> Pipeline:
     from pipeline.cache import Cache
     from pipeline.progress import bars
     from pipeline.scene import load_scene
+    from pipeline.sources import load_repaired
     from pipeline.stages import Pipeline
 
-    return Pipeline(load_scene(scene, overrides or ()), Cache(None) if no_cache else None, bars)
+    loaded = load_repaired(scene, overrides or ()) if repair else load_scene(scene, overrides or ())
+    return Pipeline(loaded, Cache(None) if no_cache else None, bars, keep_all)
 
 
 def _print(result: dict[str, Any], json: bool) -> None:

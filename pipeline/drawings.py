@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterator
+from collections.abc import Callable, Iterable, Iterator
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
@@ -57,15 +57,19 @@ def draw_mesh(run: Pipeline, output: MeshPicture, folder: Path) -> list[str]:
     return [output.file]
 
 
-def draw_modes(run: Pipeline, output: ModePictures, folder: Path) -> list[str]:
-    """Draw a picture of each mode."""
+def draw_modes(run: Pipeline, output: ModePictures, folder: Path, numbers: Iterable[int] | None = None) -> list[str]:
+    """Draw a picture of each mode, or of those with the given numbers, from 1."""
     from pipeline.render.pictures import draw_mode
 
     part = run.parts[output.body]
     surface, modes, files = _surface(run, output.body), part.modes, []
     held = "free" if part.shape.modes.boundary == "free" else "held"
     family = "" if part.shape.modes.family == "any" else f" ({part.shape.modes.family})"
-    for k, frequency in enumerate(modes.frequencies_hz):
+    chosen = (
+        range(len(modes.omega)) if numbers is None else sorted({n - 1 for n in numbers} & {*range(len(modes.omega))})
+    )
+    for k in chosen:
+        frequency = modes.frequencies_hz[k]
         name = output.file.format(mode=k + 1)
         draw_mode(
             surface,
@@ -185,8 +189,9 @@ def _frames(
 def _surface(run: Pipeline, body: str) -> Surface:
     from pipeline.render.surface import Surface
 
-    topology = run.parts[body].surface
-    return Surface(run.bodies[body].x[topology.nodes], topology.triangles, topology.edges)
+    part = run.parts[body]
+    x = part.space.x if run.scene.march is None else run.bodies[body].x  # a part alone isn't reduced
+    return Surface(x[part.surface.nodes], part.surface.triangles, part.surface.edges)
 
 
 def _is_ring(run: Pipeline, body: str) -> bool:

@@ -24,7 +24,8 @@ def write_export(run: Pipeline, output: Export, folder: Path) -> list[str]:
             from pipeline.reduction.body_file import save_body
 
             body = run.bodies[output.body]
-            save_body(path, body, part.surface, part.surface_stress, part.modes.frequencies_hz)
+            surface, stress = (part.surface, part.surface_stress) if part.has_mesh else (None, None)
+            save_body(path, body, surface, stress, part.modes.frequencies_hz)
         case _:
             from pipeline.fem.export import write_mesh
 

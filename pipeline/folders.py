@@ -8,6 +8,7 @@ import tempfile
 from collections.abc import Iterable
 from functools import cache
 from pathlib import Path
+from stat import S_ISDIR
 
 import platformdirs
 
@@ -16,7 +17,27 @@ _ROOT = Path(__file__).parent.parent
 
 def cache_folder() -> Path:
     """The user's cache folder; ``FMD_CACHE`` overrides it."""
-    return Path(os.environ.get("FMD_CACHE") or platformdirs.user_cache_path("fmd"))
+    if given := os.environ.get("FMD_CACHE"):
+        return Path(given)
+    try:
+        return platformdirs.user_cache_path("fmd")
+    except RuntimeError:  # a user without a home
+        return own_temporary_folder()
+
+
+@cache
+def own_temporary_folder() -> Path:
+    """A folder among the temporary ones that this user has made and nobody else can write to."""
+    user = os.getuid() if hasattr(os, "getuid") else 0
+    folder = Path(tempfile.gettempdir()) / f"fmd-{user}"
+    try:
+        folder.mkdir(mode=0o700, exist_ok=True)
+        found = folder.lstat()
+        if S_ISDIR(found.st_mode) and found.st_uid == user and not found.st_mode & 0o022:
+            return folder
+    except OSError:
+        pass
+    return Path(tempfile.mkdtemp(prefix="fmd-"))
 
 
 @cache
@@ -36,11 +57,12 @@ def _sources(paths: Iterable[Path]) -> Iterable[Path]:
 
 def kernel_folder() -> Path:
     """Folder of the compiled kernels of this very source; a temporary one if the cache can't be written."""
-    folder = cache_folder() / "kernels" / source_digest("pipeline/dynamics", "pipeline/integrators")
-    try:
-        folder.mkdir(parents=True, exist_ok=True)
-        if os.access(folder, os.W_OK):
-            return folder
-    except OSError:
-        pass
+    for place in (cache_folder, own_temporary_folder):
+        folder = place() / "kernels" / source_digest("pipeline/dynamics", "pipeline/integrators")
+        try:
+            folder.mkdir(parents=True, exist_ok=True)
+            if os.access(folder, os.W_OK):
+                return folder
+        except OSError:
+            pass
     return Path(tempfile.mkdtemp(prefix="fmd-kernels-"))

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import csv
+from dataclasses import asdict
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
@@ -27,6 +28,7 @@ def frequency_table(run: Pipeline) -> dict[str, Any]:
         "mode_numbers": list(run.modes.numbers),
         "dofs": run.modes.dofs,
         "residual": run.modes.residual,
+        "factor": None if run.modes.factor is None else asdict(run.modes.factor),
     }
 
 

@@ -17,6 +17,11 @@ STAGES = (
 )
 
 
+def name_of(stage: str, key: str) -> str:
+    """Name that a stage's result of a key has in the cache."""
+    return f"{stage}-{key}"
+
+
 @dataclass
 class Log:
     """What has happened to each stage, in order.
@@ -64,15 +69,18 @@ class Keeper:
     log: Log = field(default_factory=Log)
 
     def kept(self, stage: str, key: str, make: Callable[[], T]) -> T:
-        """Read a stage's result, or compute and keep it."""
-        key = f"{stage}-{key}"
+        """Read a stage's result, or compute and keep it; of several processes that want it, one computes."""
+        key = name_of(stage, key)
         tick = time.perf_counter()
         value: T | None = self.cache.load(key)
-        if value is not None:
-            self.log.add(stage, time.perf_counter() - tick, self.log.cached)
-            return value
-        value = self.timed(stage, make)
-        self.cache.save(key, value)
+        if value is None:
+            with self.cache.alone(key):
+                value = self.cache.load(key)
+                if value is None:
+                    value = self.timed(stage, make)
+                    self.cache.save(key, value)
+                    return value
+        self.log.add(stage, time.perf_counter() - tick, self.log.cached)
         return value
 
     def timed(self, stage: str, make: Callable[[], T]) -> T:

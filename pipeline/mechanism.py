@@ -111,6 +111,9 @@ def chain_of(
             if links[k].n_rates:
                 q0[tree.layout.position[k]] = joint.angle if joint.type == "revolute" else joint.position
                 v0[tree.layout.rate[k]] = joint.rate
+        elif joint.type in ("spherical", "free"):
+            rates = [*getattr(joint, "velocity", ()), *joint.spin]
+            v0[tree.layout.rate[k] : tree.layout.rate[k] + len(rates)] = rates
     if scene.simulation.start == "steady":
         q0 = tree.steady(q0, v0)
     tip = scene.simulation.tip

@@ -2,12 +2,13 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
-from typing import TYPE_CHECKING
+from dataclasses import dataclass, replace
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from pipeline.checks import Array, InputError
+from pipeline.checks import Array, InputError, StabilityError
+from pipeline.dynamics.excitation import Excited, excited_part
 from pipeline.dynamics.system import System
 from pipeline.integrators.protocol import Integrator, Progress, Trajectory
 from pipeline.integrators.subcycling import Subcycling
@@ -16,6 +17,8 @@ from pipeline.mechanism import Chain, chain_of
 if TYPE_CHECKING:
     from pipeline.scene import ReversibleSubCycling, Run, Simulation, SubCycling
     from pipeline.stages import Pipeline
+
+_NO_FORCE = 1e-3  # part of the wanted error: what a mode that is left out could have answered with
 
 
 @dataclass(frozen=True)
@@ -28,6 +31,10 @@ class Plan:
         The scene's key of its step.
     chain : Chain, optional
         The mechanism with the run's own split, if the scene is a chain.
+    excited : Excited, optional
+        The part of the mechanism that is integrated, if some modes can be left at rest.
+    growth : float
+        Factor by which an explicit method itself makes small vibrations grow over the scene.
     """
 
     key: str
@@ -35,10 +42,18 @@ class Plan:
     system: System
     start: tuple[Array, Array]
     chain: Chain | None = None
+    excited: Excited | None = None
+    growth: float = 1.0
 
     def march(self, times: Array, progress: Progress | None = None) -> Trajectory:
-        """Integrate."""
-        return self.integrator.march(self.system, *self.start, times, progress)
+        """Integrate; coordinates of modes that stay at rest are 0. The end is that of what was integrated."""
+        (q0, v0), part = self.start, self.excited
+        if part is None:
+            return self.integrator.march(self.system, q0, v0, times, progress)
+        found = self.integrator.march(part.system, q0[part.positions], v0[part.rates], times, progress)
+        q, v = np.tile(q0, (len(times), 1)), np.zeros((len(times), len(v0)))
+        q[:, part.positions], v[:, part.rates] = found.q, found.v
+        return replace(found, q=q, v=v)
 
 
 def plans_of(pipeline: Pipeline) -> dict[str, Plan]:
@@ -47,7 +62,7 @@ def plans_of(pipeline: Pipeline) -> dict[str, Plan]:
     Raises
     ------
     InputError
-        A step is beyond its stability limit.
+        A step is beyond its stability limit, or vibrations would grow visibly by the method itself.
     """
     simulation = pipeline.scene.simulation
     plans: dict[str, Plan] = {}
@@ -55,24 +70,64 @@ def plans_of(pipeline: Pipeline) -> dict[str, Plan]:
     for k, run in enumerate(simulation.run):
         key = f"simulation.run.{k}.step" if run.step else "simulation.step"
         if run.integrator in ("sub-cycling", "reversible-sub-cycling"):
-            plan = _sub_cycled(pipeline, run, key, given)
+            plan = sub_cycled(pipeline, run, key, given)
         else:
             chain = None if pipeline.is_rotor else pipeline.chain
             plan = Plan(key, _method(run, simulation, given), pipeline.mechanism, pipeline.start, chain)
-        limit = plan.integrator.largest_step(plan.system)
-        if not plan.integrator.step < limit:
-            raise InputError(
-                pipeline.scene.file,
-                key,
-                f"{plan.integrator.step:.6g} s",
-                f"{plan.integrator.name} would diverge; the largest stable step of this model is {limit:.4g} s "
-                f"(2/ω of its highest frequency, {1 / (np.pi * limit):.5g} Hz)",
-            )
+        plan = _stable(pipeline, plan, free=simulation.step == "auto" and not run.step)
         label = str(run.integrator)
         if hasattr(run, "substeps"):
             label += f" {getattr(plan.integrator, 'substeps', 1)}:1"
+        if not pipeline.keep_all:
+            plan = replace(plan, excited=excited_part(plan.system, plan.start[0], _NO_FORCE * simulation.error))
         plans[f"{label} ({k})" if label in plans else label] = plan
     return plans
+
+
+def _stable(pipeline: Pipeline, plan: Plan, free: bool) -> Plan:
+    """The same with its growth measured and, if its step is ``free``, with one that is short enough."""
+    method = plan.integrator
+    limit = method.largest_step(plan.system)
+    if not method.step < limit and not free:
+        frequency = f"2/ω of its highest frequency, {1 / (np.pi * limit):.5g} Hz"
+        if m := getattr(method, "substeps", 1) - 1:
+            slow, fast = plan.system.highest_slow_frequency, plan.system.highest_fast_frequency
+            if (m + 1) * slow > fast:
+                frequency = f"2/(m ω) of its slow coordinates, {slow / (2 * np.pi):.5g} Hz"
+        raise InputError(
+            pipeline.scene.file,
+            plan.key,
+            f"{method.step:.6g} s",
+            f"{method.name} would diverge; the largest stable step of this model is {limit:.4g} s ({frequency})",
+        )
+    if not np.isfinite(limit):  # implicit, exact for small motions, or steered by its error
+        return plan
+    from pipeline.course import course_of
+    from pipeline.studies.growth import GROWN, longest_safe_step
+
+    try:
+        course = course_of(pipeline, plan.chain)
+    except StabilityError:  # of the mechanism itself: the march will tell
+        return plan
+    folds = course.e_folds(method) if method.step < limit else np.inf
+    if folds > np.log(GROWN):
+        explicit: Any = method  # a dataclass with a step
+        longest = longest_safe_step(lambda step: course.e_folds(replace(explicit, step=step)), min(method.step, limit))
+        if not (free and longest):
+            raise InputError(pipeline.scene.file, plan.key, f"{method.step:.6g} s", _told(method, folds, longest))
+        plan = replace(plan, integrator=replace(explicit, step=longest))
+        folds = course.e_folds(plan.integrator)
+    return replace(plan, growth=float(np.exp(folds)))
+
+
+def _told(method: Integrator, folds: float, longest: float) -> str:
+    from pipeline.studies.growth import GROWN
+
+    ratio = f" {m}:1" if (m := getattr(method, "substeps", 1)) > 1 else ""
+    grows = "at once" if folds > 100 else f"by a factor of {np.exp(folds):.3g} over the scene"
+    mend = f"a step of {longest:.3g} s keeps that below {GROWN:g}" if longest else "no step is short enough"
+    other = ", and reversible-sub-cycling takes longer ones" if method.name == "sub-cycling" else ""
+    return f"{method.name}{ratio} is unstable here: it makes small vibrations grow {grows}; {mend}{other}"
 
 
 def _method(run: Run, simulation: Simulation, given: float | None) -> Integrator:
@@ -134,8 +189,8 @@ def _longest_step(pipeline: Pipeline) -> float:
     return longest_step(*pipeline.reference_matrices, simulation.error, simulation.duration)
 
 
-def _sub_cycled(pipeline: Pipeline, run: SubCycling | ReversibleSubCycling, key: str, given: float | None) -> Plan:
-    """Split the coordinates as the run says; each split has a mechanism with its own order of coordinates."""
+def sub_cycled(pipeline: Pipeline, run: SubCycling | ReversibleSubCycling, key: str, given: float | None) -> Plan:
+    """Split the coordinates as a run says; each split has a mechanism with its own order of coordinates."""
     simulation = pipeline.scene.simulation
     step = run.step or given or 0.0
     if run.split == "joints":

@@ -7,38 +7,47 @@ from __future__ import annotations
 
 from typing import TYPE_CHECKING, Any
 
+from pipeline.scene_files import MatrixPart, MeshedPart
+
 if TYPE_CHECKING:
     from collections.abc import Callable
 
-    from pipeline.scene import Bar, Propeller, Scene
+    from pipeline.scene import Bar, Flexible, Propeller, Scene
+    from pipeline.scene_files import CadPart
 
 COARSENING = 2.0
 
 
 def with_runs(scene: Scene, *runs: Any) -> Scene:
     """The scene, integrated by other runs."""
-    return _changed(scene, {"simulation": scene.simulation.model_copy(update={"run": runs})})
+    return _changed(scene, {"march": scene.simulation.model_copy(update={"run": runs})})
 
 
-def with_modes(scene: Scene, change: Callable[[Bar | Propeller], dict[str, Any]]) -> Scene:
+def with_modes(scene: Scene, change: Callable[[Flexible], dict[str, Any]]) -> Scene:
     """The scene, each flexible body's table of modes changed by what ``change`` returns for it."""
     return _with_bodies(scene, lambda body: {"modes": body.modes.model_copy(update=change(body))})
 
 
 def with_error(scene: Scene, error: float) -> Scene:
     """The scene with another wanted error of what is integrated automatically."""
-    return _changed(scene, {"simulation": scene.simulation.model_copy(update={"error": error})})
+    return _changed(scene, {"march": scene.simulation.model_copy(update={"error": error})})
 
 
 def with_order(scene: Scene, order: int) -> Scene:
     """The scene with elements of another order."""
-    return _with_bodies(scene, lambda body: {"mesh": body.mesh.model_copy(update={"order": order})})
+
+    def change(body: Flexible) -> dict[str, Any]:
+        if isinstance(body, MeshedPart | MatrixPart):
+            return {}
+        return {"mesh": body.mesh.model_copy(update={"order": order})}
+
+    return _with_bodies(scene, change)
 
 
 def richer(scene: Scene) -> Scene:
     """The scene with load-dependent vectors beside each body's modes; where it has them, with half more modes."""
 
-    def change(body: Bar | Propeller) -> dict[str, Any]:
+    def change(body: Flexible) -> dict[str, Any]:
         has_them = body.modes.enrich == "ritz"
         return {"enrich": "ritz", "count": body.modes.count + has_them * (body.modes.count // 2 + 1)}
 
@@ -50,7 +59,7 @@ def refined(scene: Scene, factor: float) -> Scene | None:
 
     Finer meshes have even numbers of them, so that a coarser one has just half.
     """
-    found = _with_bodies(scene, lambda body: {"mesh": body.mesh.model_copy(update=_divided(body, factor))})
+    found = _with_bodies(scene, lambda body: _divided(body, factor))
     return None if found.body == scene.body else found
 
 
@@ -60,7 +69,14 @@ def coarser(scene: Scene) -> Scene | None:
     return None if found is None or any(found.body[name] == body for name, body in scene.flexible.items()) else found
 
 
-def _divided(body: Bar | Propeller, factor: float) -> dict[str, Any]:
+def _divided(body: Flexible, factor: float) -> dict[str, Any]:
+    """A body's table of another mesh; empty where files say what it is."""
+    if isinstance(body, MeshedPart | MatrixPart):
+        return {}
+    return {"mesh": body.mesh.model_copy(update=_divisions(body, factor))}
+
+
+def _divisions(body: Bar | Propeller | CadPart, factor: float) -> dict[str, Any]:
     """What changes in a body's table of the mesh."""
 
     def times(count: int) -> int:
@@ -71,6 +87,8 @@ def _divided(body: Bar | Propeller, factor: float) -> dict[str, Any]:
             return {"size": body.mesh.size / factor}
         assert body.mesh.divisions is not None
         return {"divisions": tuple(times(count) for count in body.mesh.divisions)}
+    if body.shape == "cad":
+        return {"size": body.mesh.size / factor}
     (around, axial, radial), (chordwise, across, outwards) = body.mesh.sleeve, body.mesh.joint
     across = times(across)
     per_blade = max(times(around // body.blades), across + 1)
@@ -81,7 +99,7 @@ def _divided(body: Bar | Propeller, factor: float) -> dict[str, Any]:
     }
 
 
-def _with_bodies(scene: Scene, change: Callable[[Bar | Propeller], dict[str, Any]]) -> Scene:
+def _with_bodies(scene: Scene, change: Callable[[Flexible], dict[str, Any]]) -> Scene:
     bodies = {name: body.model_copy(update=change(body)) for name, body in scene.flexible.items()}
     return _changed(scene, {"body": {**scene.body, **bodies}})
 

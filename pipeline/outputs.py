@@ -12,6 +12,7 @@ from pipeline.drawings import DRAWINGS
 from pipeline.exports import write_export
 from pipeline.files import whole_file
 from pipeline.folders import cache_folder
+from pipeline.plan import remember
 from pipeline.stages import Pipeline
 from pipeline.summary import summarise
 
@@ -66,6 +67,7 @@ def write_results(run: Pipeline, folder: Path, pictures: bool, budget: bool = Tr
             part.write_text(json.dumps(summary, indent=1, allow_nan=False) + "\n")
     except OSError as error:
         raise InputError("--out", "", str(folder), f"can't be written: {error.strerror or error}") from error
+    remember(run)
     return summary
 
 

@@ -2,30 +2,35 @@
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from dataclasses import dataclass, replace
-from functools import cached_property
-from typing import TYPE_CHECKING
+from functools import cached_property, partial
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 from numpy.typing import NDArray
 
+from pipeline.attachments import known_name
 from pipeline.cache import stage_key
 from pipeline.checks import Array, InputError, IntArray
 from pipeline.keeper import Keeper
+from pipeline.scene_shapes import Bar, Propeller
+from pipeline.sources import Source
 
 if TYPE_CHECKING:
-    from meshes.gmsh_session import MeshArrays
     from pipeline.fem.marker import Marker
-    from pipeline.fem.material import Material
+    from pipeline.fem.material import AnyMaterial
     from pipeline.fem.mesh import SolidMesh
     from pipeline.fem.model import Discretisation, FEModel
     from pipeline.fem.surface import SurfaceTopology
     from pipeline.reduction.body import FlexibleBody
     from pipeline.reduction.eigen import FreeBodySolver
+    from pipeline.reduction.factor import Factor
     from pipeline.reduction.gram import InertiaGram
     from pipeline.reduction.modes import Modes
-    from pipeline.scene import Bar, Propeller, Scene
+    from pipeline.scene import Flexible, Scene
 
+NO_MESH = "is given by its matrices: without elements it has no mesh, no stress and no picture"
 _RITZ_GENERATIONS = 4
 _SHARED = ("mesh", "fe", "modes", "space", "surface", "markers", "_solver")  # what enrichment and joints leave alone
 _FEM_PACKAGES = ("numpy", "scipy", "scikit-fem", "gmsh")
@@ -61,7 +66,10 @@ class Inboard:
 
 def inboard_of(scene: Scene, body: str) -> Inboard:
     """Read from a scene how a body hangs on the joint that carries it."""
-    name, joint = next((n, j) for n, j in scene.joint.items() if j.child.partition(".")[0] == body)
+    carried = [(n, j) for n, j in scene.joint.items() if j.child.partition(".")[0] == body]
+    if not carried:  # a scene of parts alone
+        return Inboard("", (0.0, 0.0, 1.0), (), floating=True, prescribed=False, planar=False)
+    name, joint = carried[0]
     prescribed = any(drive.type == "motion" and drive.joint == name for drive in scene.drive.values())
     hinges = [j.axis for j in scene.joint.values() if j.type == "revolute"]
     axis = joint.axis if joint.type == "revolute" else (hinges[0] if hinges else (0.0, 0.0, 1.0))
@@ -90,19 +98,20 @@ class FlexiblePart:
     """
 
     def __init__(self, scene: Scene, name: str, keeper: Keeper) -> None:
-        self.shape: Bar | Propeller = scene.flexible[name]
-        self.name, self._file = name, scene.file
+        self.shape: Flexible = scene.flexible[name]
+        self.name, self.file = name, scene.file
+        self._source = Source.of(self.shape, scene.file, name)
         self.inboard = inboard_of(scene, name)
-        self._frame = scene.simulation.frame
+        self._frame = scene.march.frame if scene.march else "joint-conforming"
         loads = [drive for drive in scene.drive.values() if drive.type in ("point force", "point torque")]
         places = dict.fromkeys([joint.parent for joint in scene.joint.values()], True)
         for drive in loads:
             turns = drive.type == "point torque"
             out = np.cross(self.inboard.axis, drive.direction) if turns else np.dot(self.inboard.axis, drive.direction)
             places[drive.marker] = places.get(drive.marker, True) and not np.any(out)
-        joint = next(j for j in scene.joint.values() if j.child.partition(".")[0] == name)
-        at_rest = joint.parent.partition(".")[0] == "ground" and joint.type not in ("prismatic", "free")
-        self._accelerated = not at_rest or any(scene.simulation.gravity)
+        joint = next((j for j in scene.joint.values() if j.child.partition(".")[0] == name), None)
+        at_rest = joint and joint.parent.partition(".")[0] == "ground" and joint.type not in ("prismatic", "free")
+        self._accelerated = not at_rest or bool(scene.march and any(scene.march.gravity))
         # Markers where other bodies hang or loads act, and whether those keep to the plane of motion.
         own = {at.partition(".")[2]: flat for at, flat in places.items() if at.partition(".")[0] == name}
         self._outboard = sorted(own.items())
@@ -117,7 +126,15 @@ class FlexiblePart:
 
     @cached_property
     def mesh(self) -> SolidMesh:
-        """The mesh."""
+        """The mesh.
+
+        Raises
+        ------
+        InputError
+            The body is given by its matrices.
+        """
+        if not self.has_mesh:
+            raise InputError(self.file, f"body.{self.name}.matrices", None, NO_MESH)
         return self._keeper.kept("mesh", self._mesh_key, self._make_mesh)
 
     @cached_property
@@ -125,8 +142,22 @@ class FlexiblePart:
         """Stiffness and mass; never kept, since what follows is."""
         from pipeline.fem.assembly import assemble
 
-        mesh, order = self.mesh, self.shape.mesh.order
+        if not self.has_mesh:
+            from pipeline.shapes import matrices_of
+
+            return self._keeper.timed("assembly", lambda: matrices_of(self.shape, self._source))
+        mesh, order = self.mesh, self.order
         return self._keeper.timed("assembly", lambda: assemble(mesh, order, self.material))
+
+    @cached_property
+    def order(self) -> int:
+        """Polynomial order of the displacement in an element."""
+        return self.mesh.order if self.shape.shape == "matrices" else self.shape.mesh.order or self.mesh.order
+
+    @property
+    def has_mesh(self) -> bool:
+        """Whether it has elements, and so stress and pictures; a body that is given by its matrices has none."""
+        return self.shape.shape != "matrices"
 
     @cached_property
     def modes(self) -> Modes:
@@ -141,9 +172,7 @@ class FlexiblePart:
     @cached_property
     def stiffened(self) -> FlexibleBody:
         """The reduced body, stiffened by its inertia loads."""
-        inputs = {"gram of": self._body_key, "accelerated": self._accelerated}
-        key = stage_key("stiffening", inputs, ("pipeline/fem", "pipeline/reduction"), _FEM_PACKAGES)
-        return replace(self.body, gram=self._keeper.kept("stiffening", key, self._make_stiffened_gram))
+        return replace(self.body, gram=self._keeper.kept("stiffening", self._stiffening_key, self._make_stiffened_gram))
 
     @cached_property
     def surface(self) -> SurfaceTopology:
@@ -158,16 +187,16 @@ class FlexiblePart:
         x = self.mesh.points[self.mesh.cells].mean(axis=1)
         found = {}
         for name, element in self.shape.element.items():
-            among = self.mesh.parts[element.part] if element.part else np.arange(len(x))
-            found[name] = int(among[np.linalg.norm(x[among] - element.at, axis=1).argmin()])
+            chosen = (
+                self.mesh.parts[known_name(self, "element", name, element.part)] if element.part else np.arange(len(x))
+            )
+            found[name] = int(chosen[np.linalg.norm(x[chosen] - element.at, axis=1).argmin()])
         return found
 
     @cached_property
     def element_stress(self) -> Array:
         """Stress of each modal coordinate in the middle of each named element, shape (n_elements, 6, n) [Pa]."""
-        inputs = {"body": self._body_key, "elements": self.elements}
-        key = stage_key("element-stress", inputs, ("pipeline/recovery/stress.py",))
-        return self._keeper.kept("stress", key, self._make_element_stress)
+        return self._keeper.kept("stress", self._element_key, self._make_element_stress)
 
     def stress_at(self, points: Array) -> Array:
         """Stress of each modal coordinate at points (n, 3) [m] of the mesh, shape (n, 6, n_modes) [Pa]."""
@@ -206,7 +235,11 @@ class FlexiblePart:
 
     @property
     def _mesh_key(self) -> str:
-        part = self.shape.model_dump(mode="json", exclude={"E", "nu", "rho", "modes", "marker", "element"})
+        part = self.shape.model_dump(
+            mode="json", exclude={"E", "nu", "rho", "material", "modes", "marker", "support", "element"}
+        )
+        if self._source is not None:
+            return stage_key("mesh", self._source.identity(part), ("meshes", "pipeline/fem"), ("gmsh", "meshio"))
         return stage_key("mesh", part, ("meshes", "pipeline/fem/mesh.py"), ("gmsh",))
 
     @property
@@ -216,13 +249,15 @@ class FlexiblePart:
         )
         markers = self.shape.marker
         inputs = {
-            "part": part,
+            "part": part if self._source is None else self._source.identity(part),
             "axis": self.inboard.axis,
-            "rigid": {name: marker.face for name, marker in markers.items() if marker.attachment == "rigid"},
+            "rigid": {name: marker.where for name, marker in markers.items() if marker.attachment == "rigid"},
             "held": "",
         }
         if self.shape.modes.boundary == "joint":
-            inputs["held"] = repr((self.inboard, markers[self.inboard.marker].face))
+            inputs["held"] = repr((self.inboard, markers[self.inboard.marker].where))
+        elif self.shape.modes.boundary == "interface":
+            inputs["held"] = repr({name: markers[name] for name in self._interface})
         return stage_key("modes", inputs, ("meshes", "pipeline/fem", "pipeline/reduction"), _FEM_PACKAGES)
 
     @property
@@ -237,35 +272,71 @@ class FlexiblePart:
         }
         return stage_key("body", inputs, ("pipeline/reduction", "pipeline/recovery/stress.py"))
 
-    def _make_mesh(self) -> SolidMesh:
-        from pipeline.fem.mesh import SolidMesh
+    @property
+    def _stiffening_key(self) -> str:
+        inputs = {"gram of": self._body_key, "accelerated": self._accelerated}
+        return stage_key("stiffening", inputs, ("pipeline/fem", "pipeline/reduction"), _FEM_PACKAGES)
 
-        return SolidMesh(*_mesh_arrays(self.shape))
+    @property
+    def _element_key(self) -> str:
+        inputs = {"body": self._body_key, "elements": self.elements}
+        return stage_key("element-stress", inputs, ("pipeline/recovery/stress.py",))
+
+    def _make_mesh(self) -> SolidMesh:
+        from pipeline.shapes import mesh_of
+
+        return mesh_of(self.shape, self._source)
 
     @cached_property
     def markers(self) -> dict[str, Marker]:
         """The body's markers on its finite element model."""
-        from pipeline.fem.marker import face_marker
+        from pipeline.attachments import markers_of
 
-        space, faces = self.fe.discretisation, self.mesh.faces
-        return {
-            name: face_marker(space, faces[marker.face], marker.attachment == "rigid")
-            for name, marker in self.shape.marker.items()
-        }
+        return markers_of(self)
+
+    @property
+    def _interface(self) -> tuple[str, ...]:
+        return self.shape.modes.interface or tuple(self.shape.marker)
+
+    @cached_property
+    def fixed(self) -> IntArray | None:
+        """Unknowns that the supports hold; ``None`` if there are none."""
+        from pipeline.attachments import fixed_unknowns
+
+        return fixed_unknowns(self) if self.shape.support else None
 
     @cached_property
     def _solver(self) -> FreeBodySolver:
+        from pipeline.reduction.factor import MissingSolverError, TooLargeError
+
         rigid = [marker for marker in self.markers.values() if marker.rigid]
-        if self.mesh.sectors > 2 and not rigid:
-            from pipeline.reduction.cyclic import CyclicSolver
-
-            return CyclicSolver(self.fe, self.mesh.sectors)
-        from pipeline.reduction.eigen import FreeBodySolver
-
+        key = f"body.{self.name}"
         try:
-            return FreeBodySolver(self.fe, rigid)
-        except ValueError as error:  # rigid faces that share nodes
-            raise InputError(self._file, f"body.{self.name}.marker", None, str(error)) from error
+            if self.has_mesh and self.mesh.sectors > 2 and not rigid and self.fixed is None:
+                from pipeline.reduction.cyclic import CyclicSolver
+
+                return CyclicSolver(self.fe, self.mesh.sectors, self._factorise)
+            from pipeline.reduction.eigen import FreeBodySolver
+
+            return FreeBodySolver(self.fe, rigid, self.fixed, self._factorise)
+        except ValueError as error:  # rigid faces that share nodes, with one another or with a support
+            raise InputError(self.file, f"{key}.marker", None, str(error)) from error
+        except TooLargeError as error:
+            raise InputError(self.file, f"{key}.mesh", None, str(error)) from error
+        except MissingSolverError as error:
+            raise InputError(self.file, f"{key}.modes.solver", self.shape.modes.solver, str(error)) from error
+
+    @property
+    def _factorise(self) -> Callable[[Any], Factor]:
+        """What the scene wants matrices to be factorised by."""
+        wanted = self.shape.modes
+        if wanted.solver == "slepc":
+            from pipeline.reduction.slepc import slepc_factorised
+
+            return partial(slepc_factorised, ranks=wanted.ranks or 2)
+        from pipeline.reduction.factor import factorised
+
+        return partial(factorised, solver=wanted.solver)
 
     @property
     def _free(self) -> Array:
@@ -282,20 +353,28 @@ class FlexiblePart:
     @property
     def _held(self) -> Array | None:
         """The same, if the modes are to be those of the body held there."""
-        return None if self.shape.modes.boundary == "free" or self.inboard.floating else self._reaction
+        return self._reaction if self.shape.modes.boundary == "joint" and not self.inboard.floating else None
 
     def _make_modes(self) -> Modes:
         from pipeline.reduction.families import lowest_modes, modes_of_family
 
         wanted, axis = self.shape.modes, np.array(self.inboard.axis)
+        if wanted.boundary == "interface":
+            from pipeline.reduction.craig_bampton import craig_bampton
+
+            return craig_bampton(self.fe, self._solver, [self.markers[name] for name in self._interface], wanted.count)
         if wanted.family == "any":
             return lowest_modes(self._solver, wanted.count, self._held)
         return modes_of_family(self._solver, self.fe, wanted.count, wanted.family, axis, self._held)
 
     def _make_body(self) -> FlexibleBody:
-        from pipeline.reduction.body import floating_body, free_frame_body, reduced_body
+        from pipeline.reduction.body import floating_body, free_frame_body, reduced_body, supported_body
+        from pipeline.reduction.craig_bampton import ritz
         from pipeline.reduction.enrichment import enriched, inertia_loads
+        from pipeline.reduction.supports import acceleration_loads
 
+        if not self.inboard.marker:
+            raise InputError(self.file, f"body.{self.name}", None, "hangs on no joint: it has modes, but no motion")
         markers, modes, joint = self.markers, self.modes, self.inboard.marker
         omega, shapes = modes.omega, modes.shapes
         axis = np.array(self.inboard.axis)
@@ -303,19 +382,40 @@ class FlexiblePart:
             plane = axis if self.inboard.planar else None
             outboard = [(markers[at], plane if flat else None) for at, flat in self._outboard if at != joint]
             loads = inertia_loads(self.fe, markers[joint], plane, outboard)
+            if self.fixed is not None:
+                own = acceleration_loads(self.fe, markers[joint].position, plane)
+                loads = np.concatenate([loads, own], axis=2)
             generations = _RITZ_GENERATIONS if self.shape.modes.enrich == "ritz" else 1
             omega, shapes = enriched(modes, self.fe, self._solver, loads, self._held, generations)
+            if self.shape.modes.boundary == "interface":  # no eigenvectors: the new shapes mix with them
+                omega, shapes = ritz(self.fe, shapes.reshape(self.fe.K.shape[0], -1))
+        if self.fixed is not None:
+            self._require_held(modes, self.fixed)
+            return supported_body(self.fe, omega, shapes, markers, joint, self._free)
         if self.inboard.floating:
             return floating_body(self.fe, omega, shapes, markers, joint)
         if self._frame == "free" and len(self.inboard.free) == 1:
             return free_frame_body(self.fe, omega, shapes, markers, joint, axis)
         return reduced_body(self.fe, omega, shapes, markers, joint, self._free)
 
+    def _require_held(self, modes: Modes, fixed: IntArray) -> None:
+        """A supported body moves with the frame of its supports, on which its joint acts."""
+        if modes.n_rigid:
+            message = f"leave {modes.n_rigid} rigid-body modes; to move on a joint, a body must be held whole"
+            raise InputError(self.file, f"body.{self.name}.support", None, message)
+        nodes = self.markers[self.inboard.marker].nodes
+        if self.inboard.free and not np.isin(3 * nodes[:, None] + np.arange(3), fixed).all():
+            message = "must hold the whole face of the joint's marker, on which the joint turns freely"
+            raise InputError(self.file, f"body.{self.name}.support", None, message)
+
     def _make_stiffened_gram(self) -> InertiaGram:
         from pipeline.reduction.stiffening import stiffened
 
+        if not self.has_mesh:
+            mend = f"stiffening by inertia loads takes stress, and the body {NO_MESH}; 'off' leaves it out"
+            raise InputError(self.file, "simulation.stiffening", None, mend)
         inboard = self.inboard
-        reaction = None if inboard.floating else self._reaction
+        reaction = None if inboard.floating or self.fixed is not None else self._reaction
         axis = np.array(inboard.axis) if inboard.planar else None
         return stiffened(self.body, self.fe, self._solver, reaction, axis, self._accelerated).gram
 
@@ -329,14 +429,22 @@ class FlexiblePart:
         """Nodes and elements; the matrices aren't needed for it."""
         from pipeline.fem.model import Discretisation
 
-        return Discretisation(self.mesh, self.shape.mesh.order)
+        return Discretisation(self.mesh, self.order)
 
     @property
-    def material(self) -> Material:
+    def material(self) -> AnyMaterial:
         """What it is made of."""
-        from pipeline.fem.material import Material
+        from pipeline.shapes import material_of
 
-        return Material(self.shape.E, self.shape.nu, self.shape.rho)
+        return material_of(self.shape, self.mesh, lambda name: known_name(self, "material", name, name))
+
+    @property
+    def mass(self) -> float:
+        """Its mass [kg], from the volumes of its elements."""
+        if isinstance(self.shape, Bar | Propeller):
+            return self.shape.rho * self.mesh.volume
+        volumes, material = self.space.volumes, self.material
+        return float(sum(own.rho * volumes[mine].sum() for own, mine in material.over(slice(None))))
 
     def _make_stress(self, nodes: IntArray) -> Array:
         from pipeline.recovery.stress import modal_stress
@@ -347,32 +455,3 @@ class FlexiblePart:
         from pipeline.recovery.stress import element_stress
 
         return element_stress(self.space, self.material, self.body.shapes, np.array(list(self.elements.values())))
-
-
-def _mesh_arrays(part: Bar | Propeller) -> MeshArrays:
-    if part.shape == "propeller":
-        from meshes.propeller import PropellerCounts, PropellerShape, propeller
-
-        mesh = part.mesh
-        shape = PropellerShape(
-            part.blades,
-            bore=part.bore / 2,
-            hub=part.hub / 2,
-            root=part.root / 2,
-            tip=part.diameter / 2,
-            length=part.length,
-            chord=part.chord,
-            thickness=part.thickness,
-            pitch=part.pitch,
-            camber=part.camber,
-            edge=part.edge,
-        )
-        return propeller(shape, PropellerCounts(*mesh.sleeve, *mesh.joint[1:], mesh.blade[2], mesh.growth))
-    from meshes.bar import hexahedral_bar, tetrahedral_bar
-
-    size = (part.length, part.depth, part.width)
-    if part.mesh.element == "hexahedron":
-        assert part.mesh.divisions is not None  # the scene's own check
-        return hexahedral_bar(*size, part.mesh.divisions)
-    assert part.mesh.size is not None
-    return tetrahedral_bar(*size, part.mesh.size)

@@ -12,6 +12,7 @@ from typing import Annotated
 
 from pydantic import Field, PrivateAttr, ValidationError, model_validator
 
+from pipeline.checks import InputError
 from pipeline.scene_file import FaultError, Table, among, read_scene_file, ready_scenes
 from pipeline.scene_outputs import (
     Chart,
@@ -30,6 +31,7 @@ from pipeline.scene_parts import (
     Body,
     Drive,
     Fixed,
+    Flexible,
     ForceDrive,
     Free,
     Joint,
@@ -73,6 +75,7 @@ __all__ = [
     "Export",
     "Film",
     "Fixed",
+    "Flexible",
     "ForceDrive",
     "Free",
     "Joint",
@@ -126,7 +129,8 @@ class Reference(Table):
 class Scene(Table):
     """Everything that is asked for.
 
-    ``model_dump(mode="json")`` is its content, for hashing. With an ``accuracy``, a run chooses meshes, modes,
+    ``model_dump(mode="json")`` is its content, for hashing. Without a simulation a scene is of parts alone, whose mesh
+    and modes can be asked for; a part then needs no joint. With an ``accuracy``, a run chooses meshes, modes,
     integrator and step until its error budget states that or better for every quantity.
     """
 
@@ -134,9 +138,9 @@ class Scene(Table):
     source: str = ""
     accuracy: Share | None = None
     body: Annotated[dict[Name, Body], Field(min_length=1)]
-    joint: dict[Name, Joint]
+    joint: dict[Name, Joint] = Field(default_factory=dict)
     drive: dict[Name, Drive] = Field(default_factory=dict)
-    simulation: Simulation
+    march: Simulation | None = Field(default=None, alias="simulation")
     reference: Reference | None = None
     output: tuple[Output, ...] = ()
     _file: str = PrivateAttr("")
@@ -152,9 +156,29 @@ class Scene(Table):
         return Path(self._file).stem
 
     @property
-    def flexible(self) -> dict[str, Bar | Propeller]:
+    def simulation(self) -> Simulation:
+        """What is integrated over time.
+
+        Raises
+        ------
+        InputError
+            Nothing is.
+        """
+        if self.march is None:
+            raise InputError(
+                self.file, "simulation", None, "is missing: without it a scene has mesh and modes alone, no motion"
+            )
+        return self.march
+
+    @property
+    def flexible(self) -> dict[str, Flexible]:
         """The flexible bodies."""
-        return {name: body for name, body in self.body.items() if isinstance(body, Bar | Propeller)}
+        return {name: body for name, body in self.body.items() if isinstance(body, Flexible)}
+
+    def _repr_html_(self) -> str:
+        from pipeline.notebook import scene_table
+
+        return scene_table(self)
 
     @model_validator(mode="after")
     def _fits_together(self) -> Scene:
@@ -176,9 +200,10 @@ class Scene(Table):
             fitting = {"force": ("prismatic",), "motion": _SINGLE}.get(drive.type, ("revolute",))
             wrong = [*self._wrong_joint(drive.joint, fitting, f"a {drive.type}", "drive", name, "joint")]
             yield from wrong or self._wrong_motion(name, drive)
-        yield from self._wrong_marker(self.simulation.tip, "simulation", "tip")
-        for number, joint_name in enumerate(self.simulation.fast):
-            yield from self._wrong_joint(joint_name, _SINGLE, "the fast list", "simulation", "fast", number)
+        if self.march is not None:
+            yield from self._wrong_marker(self.march.tip, "simulation", "tip")
+            for number, joint_name in enumerate(self.march.fast):
+                yield from self._wrong_joint(joint_name, _SINGLE, "the fast list", "simulation", "fast", number)
         for number, output in enumerate(self.output):
             if isinstance(output, Chart):
                 yield from self._wrong_chart(output, "output", number)
@@ -202,8 +227,8 @@ class Scene(Table):
         for key in (wanted, "rate", "spring", "damper"):
             if getattr(self.joint[drive.joint], key):
                 yield FaultError(f"has no effect: '{name}' prescribes the joint's motion", "joint", drive.joint, key)
-        if drive.joint in self.simulation.fast:
-            number = self.simulation.fast.index(drive.joint)
+        if self.march is not None and drive.joint in self.march.fast:
+            number = self.march.fast.index(drive.joint)
             yield FaultError(f"has no coordinate: '{name}' prescribes its motion", "simulation", "fast", number)
 
     def _wrong_joint(self, name: str, fitting: tuple[str, ...], user: str, *path: str | int) -> Iterator[FaultError]:
@@ -238,6 +263,8 @@ class Scene(Table):
         elif picture.body not in self.flexible:
             message = f"is rigid, without modes or stress; {among(picture.body, self.flexible, 'the flexible bodies')}"
             yield FaultError(message, *path, "body")
+        elif self.body[picture.body].shape == "matrices" and not _is_body_file(picture):
+            yield FaultError("is given by its matrices: without elements there is no stress or picture", *path, "body")
 
     def _wrong_marker(self, place: str, *path: str | int) -> Iterator[FaultError]:
         body = place.partition(".")[0]
@@ -265,9 +292,14 @@ class Scene(Table):
             if child in parents:
                 yield FaultError("is the child of another joint; a body has one", "joint", name, "child")
             parents[child] = joint.parent.partition(".")[0]
+            if joint.type == "free" and child in self.flexible and self.flexible[child].support:
+                yield FaultError("holds nothing that a support could hold on to; take a fixed joint", "joint", name)
         for body in self.body:
             if body not in parents:
-                yield FaultError(f"hangs on no joint; give it one with child = '{body}.…'", "body", body)
+                if self.march is not None:
+                    yield FaultError(f"hangs on no joint; give it one with child = '{body}.…'", "body", body)
+                elif body in self.flexible and self.flexible[body].modes.boundary == "joint":
+                    yield FaultError("hangs on no joint to be held at", "body", body, "modes", "boundary")
                 continue
             seen: set[str] = set()
             link = body
@@ -276,6 +308,10 @@ class Scene(Table):
                 link = parents[link]
             if link in seen:
                 yield FaultError("its joints lead round in a circle; one must lead to ground", "body", body)
+
+
+def _is_body_file(picture: Picture | Export) -> bool:
+    return isinstance(picture, Export) and picture.file.endswith(".nc")
 
 
 def load_scene(name_or_path: str | Path, overrides: Sequence[str] = ()) -> Scene:

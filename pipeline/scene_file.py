@@ -52,7 +52,7 @@ class Table(BaseModel):
     @model_validator(mode="before")
     @classmethod
     def _know_every_key(cls, table: Any) -> Any:
-        known = cls.model_fields
+        known = [field.alias or name for name, field in cls.model_fields.items()]
         unknown = [key for key in table if key not in known] if isinstance(table, dict) else []
         if unknown:
             message = f"no such key; {among(unknown[0], known, 'the keys here')}"
@@ -192,7 +192,7 @@ def _override(data: dict[str, Any], text: str) -> KeyPath:
         path += (_existing_key(dotted, node, part),)
         node = node[path[-1]]
     key = last if isinstance(node, dict) else _existing_key(dotted, node, last)
-    node[key] = _toml_value(given)
+    node[key] = toml_value(given)
     return (*path, key)
 
 
@@ -207,7 +207,7 @@ def _existing_key(dotted: str, node: object, part: str) -> str | int:
     return part if isinstance(node, dict) else int(part)
 
 
-def _toml_value(text: str) -> object:
+def toml_value(text: str) -> object:
     """Parse a TOML value; what isn't one is taken as a string."""
     try:
         table = tomllib.loads(f"value = {text}")

@@ -4,9 +4,10 @@ from __future__ import annotations
 
 from typing import Annotated, Literal
 
-from pydantic import Field, model_validator
+from pydantic import BeforeValidator, Field, model_validator
 
 from pipeline.scene_file import FaultError, Table
+from pipeline.scene_files import CadPart, MatrixPart, MeshedPart, with_shape
 from pipeline.scene_shapes import Axis, Bar, Name, Place, Propeller
 from pipeline.scene_time import AngleOverTime, ForceOverTime, PositionOverTime, TorqueOverTime
 from pipeline.units import (
@@ -28,6 +29,7 @@ from pipeline.units import (
 )
 
 Moment = Annotated[MomentOfInertia, NonNegative]
+Spin = tuple[AngularRate, AngularRate, AngularRate]
 
 _ROUNDING = 1e-9  # a plate's moments, 0.1 and 0.2 and 0.3, are just possible whatever their last digit
 
@@ -167,19 +169,40 @@ class Fixed(Table):
 
 
 class Spherical(Table):
-    """A ball joint: the child's marker stays on the parent's and turns freely."""
+    """A ball joint: the child's marker stays on the parent's and turns freely.
+
+    Parameters
+    ----------
+    parent, child : str
+        ``"body.marker"``; the parent may be ``"ground"``.
+    spin : tuple of float
+        Angular velocity against the parent at the start, along the child's axes [rad/s].
+    """
 
     type: Literal["spherical"]
     parent: Place
     child: Place
+    spin: Spin = (0.0, 0.0, 0.0)
 
 
 class Free(Table):
-    """No constraint: the child moves freely against the parent."""
+    """No constraint: the child moves freely against the parent.
+
+    Parameters
+    ----------
+    parent, child : str
+        ``"body.marker"``; the parent may be ``"ground"``.
+    velocity : tuple of float
+        Velocity of the child's marker against the parent at the start [m/s].
+    spin : tuple of float
+        Angular velocity against the parent at the start, along the child's axes [rad/s].
+    """
 
     type: Literal["free"]
     parent: Place
     child: Place
+    velocity: tuple[Velocity, Velocity, Velocity] = (0.0, 0.0, 0.0)
+    spin: Spin = (0.0, 0.0, 0.0)
 
 
 class TorquePulse(Table):
@@ -271,7 +294,12 @@ class PointTorque(Table):
 
 
 # Each is told apart by one key.
-Body = Annotated[Bar | Propeller | Rod | PointMass | RigidBody, Field(discriminator="shape")]
+Flexible = Bar | Propeller | MeshedPart | CadPart | MatrixPart
+Body = Annotated[
+    Bar | Propeller | Rod | PointMass | RigidBody | MeshedPart | CadPart | MatrixPart,
+    Field(discriminator="shape"),
+    BeforeValidator(with_shape),
+]
 Joint = Annotated[Revolute | Prismatic | Fixed | Spherical | Free, Field(discriminator="type")]
 Drive = Annotated[
     TorquePulse | TorqueDrive | ForceDrive | MotionDrive | PointForce | PointTorque, Field(discriminator="type")

@@ -5,10 +5,10 @@ from __future__ import annotations
 import re
 from typing import Annotated, Literal
 
-from pydantic import AfterValidator, Field, model_validator
+from pydantic import AfterValidator, BeforeValidator, Field, model_validator
 
 from pipeline.scene_file import FaultError, Table, among
-from pipeline.units import Angle, Length, PositiveDensity, PositiveLength, PositiveStress
+from pipeline.units import Angle, Length, PositiveDensity, PositiveLength, PositiveStress, to_si
 
 
 def _name(name: str) -> str:
@@ -31,10 +31,20 @@ def _direction(axis: tuple[float, float, float]) -> tuple[float, float, float]:
     return axis
 
 
+def _plane(text: object) -> tuple[int, float]:
+    match = re.fullmatch(r"\s*([xyz])\s*=\s*(.+?)\s*", text) if isinstance(text, str) and len(text) < 100 else None
+    if match is None:
+        raise ValueError("must look like 'x = 0' or 'z = 12 mm'")
+    return "xyz".index(match[1]), 0.0 if re.fullmatch(r"[+-]?0+(\.0*)?", match[2]) else to_si(match[2], "length")
+
+
 Name = Annotated[str, AfterValidator(_name)]
+Poisson = Annotated[Annotated[float, Field(strict=True)], AfterValidator(_poisson)]
+Plane = Annotated[tuple[int, float], BeforeValidator(_plane)]
 Place = Annotated[str, Field(max_length=100)]
 Number = Annotated[float, Field(strict=True)]
 Count = Annotated[int, Field(strict=True, ge=1, le=1_000_000)]
+Point = tuple[Length, Length, Length]
 Axis = Annotated[tuple[Number, Number, Number], AfterValidator(_direction)]
 
 
@@ -83,34 +93,123 @@ class Modes(Table):
     family : str
         The kind of motion that they are chosen from.
     boundary : str
-        How the body is held while it vibrates: not at all, or at the marker of the joint that carries it.
+        How the body is held while it vibrates, besides its supports: not at all, at the marker of the joint that
+        carries it, or at its interface, whose static deflections are added (Craig & Bampton).
+    interface : tuple of str
+        The markers of the interface; all, if none is named.
     enrich : str
         What is added: the static responses to inertia loads and joint forces (``"inertia"``), or four generations of
         load-dependent vectors, each the responses to the inertia of the one before (``"ritz"``).
     damping : float
         Damping ratio of every mode.
+    solver : str
+        What factorises: the fastest that is installed, CHOLMOD, SciPy's SuperLU, or PETSc over several processes.
+    ranks : int, optional
+        How many processes, with ``slepc``.
     """
 
     count: Count
     family: Literal["any", "in-plane bending", "out-of-plane bending", "torsion", "axial"] = "any"
-    boundary: Literal["free", "joint"] = "free"
+    boundary: Literal["free", "joint", "interface"] = "free"
+    interface: tuple[Place, ...] = ()
     enrich: Literal["none", "inertia", "ritz"] = "none"
     damping: Annotated[Number, Field(ge=0.0, lt=1.0)] = 0.0
+    solver: Literal["auto", "cholesky", "superlu", "slepc"] = "auto"
+    ranks: Annotated[int, Field(strict=True, ge=1, le=100_000)] | None = None
+
+    @model_validator(mode="after")
+    def _ranks_of_slepc(self) -> Modes:
+        if self.ranks is not None and self.solver != "slepc":
+            raise FaultError("belongs to solver = 'slepc'; the others are one process", "ranks")
+        return self
+
+    @model_validator(mode="after")
+    def _of_an_interface(self) -> Modes:
+        if self.boundary != "interface" and self.interface:
+            raise FaultError('belongs to boundary = "interface"', "interface")
+        if self.boundary == "interface" and self.family != "any":
+            raise FaultError("can't be chosen: deflections by an interface are of every kind", "family")
+        return self
 
 
 class Marker(Table):
-    """A face of a flexible body, named for joints, loads and results.
+    """A face of a flexible body, named for joints, loads and results; the face is told in one way.
 
     Parameters
     ----------
-    face : str
-        One of the shape's faces.
+    face : str or tuple of str, optional
+        One or several of the shape's faces.
+    near : tuple of float, optional
+        A point [m]: the smooth face nearest to it, up to edges sharper than 40°.
+    plane : tuple, optional
+        All of the surface in a plane: number of its axis and place on it [m]; written ``"x = 0"``.
+    nodes : tuple of int, optional
+        Nodes of a body that is given by its matrices, by their numbers there.
     attachment : str
         Whether the marker follows the face in the mean (RBE3) or holds it rigid (RBE2).
     """
 
-    face: Place
+    face: Place | Annotated[tuple[Place, ...], Field(min_length=1, max_length=100)] | None = None
+    near: tuple[Length, Length, Length] | None = None
+    plane: Plane | None = None
+    nodes: tuple[int, ...] | None = None
     attachment: Literal["averaged", "rigid"] = "averaged"
+
+    @property
+    def faces(self) -> tuple[str, ...]:
+        """Names of its faces; none if it is told by its place."""
+        return (self.face,) if isinstance(self.face, str) else self.face or ()
+
+    @property
+    def where(self) -> dict[str, object]:
+        """What tells its face, for hashing."""
+        return self.model_dump(mode="json", include={"face", "near", "plane", "nodes"}, exclude_none=True)
+
+    @model_validator(mode="after")
+    def _told_one_way(self) -> Marker:
+        ways = [way for way in ("face", "near", "plane", "nodes") if getattr(self, way) is not None]
+        if not ways:
+            raise FaultError("is missing: a face's name; or give near, a point, or plane, e.g. 'x = 0'", "face")
+        if len(ways) > 1:
+            raise FaultError(f"can't stand beside {ways[0]}: a marker's face is told in one way", ways[1])
+        return self
+
+
+class Support(Table):
+    """Nodes that can't move in the body's frame: of faces, of a straight edge, or the one nearest to a point.
+
+    Parameters
+    ----------
+    face : str or tuple of str
+        One of the shape's faces, or what several have in common: two meet in an edge, three in a corner.
+    edge : tuple, optional
+        Two ends of a straight line [m].
+    point : tuple of float, optional
+        A place [m].
+    fixed : tuple of str
+        The directions in which the nodes are held.
+    """
+
+    face: Place | Annotated[tuple[Place, ...], Field(min_length=1, max_length=10)] = ()
+    edge: tuple[Point, Point] | None = None
+    point: Point | None = None
+    fixed: Annotated[tuple[Literal["x", "y", "z"], ...], Field(min_length=1)] = ("x", "y", "z")
+
+    @property
+    def faces(self) -> tuple[str, ...]:
+        """The faces, be it one or several."""
+        return (self.face,) if isinstance(self.face, str) else self.face
+
+    @model_validator(mode="after")
+    def _somewhere(self) -> Support:
+        given = [key for key in ("face", "edge", "point") if getattr(self, key)]
+        if not given:
+            raise FaultError("is missing: a face, e.g. 'x-', or an edge or a point", "face")
+        if len(given) > 1:
+            raise FaultError(f"can't stand beside {given[0]}: give one of them", given[1])
+        if self.edge is not None and self.edge[0] == self.edge[1]:
+            raise FaultError("has no length; a single place is a point", "edge")
+        return self
 
 
 class Element(Table):
@@ -133,34 +232,58 @@ class Solid(Table):
         Density [kg/m³].
     modes, marker, element
         Its modes, and its markers and named elements by name.
+    support : tuple of Support
+        What of it can't move in its frame.
     """
 
     E: PositiveStress
-    nu: Annotated[Number, AfterValidator(_poisson)]
+    nu: Poisson
     rho: PositiveDensity
     modes: Modes
-    marker: dict[Name, Marker]
+    marker: dict[Name, Marker] = Field(default_factory=dict)
+    support: tuple[Support, ...] = ()
     element: dict[Name, Element] = Field(default_factory=dict)
 
     @property
-    def faces(self) -> tuple[str, ...]:
-        """Names of the shape's faces."""
+    def faces(self) -> tuple[str, ...] | None:
+        """Names of the shape's faces; ``None`` if they are known only once there is a mesh."""
         raise NotImplementedError
 
     @property
-    def parts(self) -> tuple[str, ...]:
-        """Names of its mesh's parts."""
+    def parts(self) -> tuple[str, ...] | None:
+        """Names of its mesh's parts; ``None`` likewise."""
         raise NotImplementedError
 
     @model_validator(mode="after")
-    def _on_its_faces(self) -> Solid:
+    def _on_a_mesh(self) -> Solid:
         for name, marker in self.marker.items():
-            if marker.face not in self.faces:
-                message = f"no such face; {among(marker.face, self.faces, 'the faces')}"
+            if marker.nodes is not None:
+                raise FaultError("belong to a body that is given by its matrices", "marker", name, "nodes")
+        return self
+
+    @model_validator(mode="after")
+    def _on_its_faces(self) -> Solid:
+        faces, parts = self.faces, self.parts
+        for name, marker in self.marker.items():
+            unknown = [face for face in marker.faces if faces is not None and face not in faces]
+            if unknown:
+                message = f"no such face; {among(unknown[0], faces or (), 'the faces')}"
                 raise FaultError(message, "marker", name, "face")
+        for number, support in enumerate(self.support):
+            for face in support.faces:
+                if faces is not None and face not in faces:
+                    raise FaultError(f"no such face; {among(face, faces, 'the faces')}", "support", number, "face")
+        for number, name in enumerate(self.modes.interface):
+            if name not in self.marker:
+                message = f"no such marker; {among(name, self.marker, 'the markers')}"
+                raise FaultError(message, "modes", "interface", number)
+        if self.modes.boundary == "interface" and not self.marker:
+            raise FaultError("has no marker to be an interface; give the body one", "modes", "boundary")
+        if self.modes.boundary == "joint" and self.support:
+            raise FaultError("can't stand beside supports, which hold the body at its joint", "modes", "boundary")
         for name, element in self.element.items():
-            if element.part not in (None, *self.parts):
-                message = f"no such part; {among(str(element.part), self.parts, 'the parts')}"
+            if parts is not None and element.part not in (None, *parts):
+                message = f"no such part; {among(str(element.part), parts, 'the parts')}"
                 raise FaultError(message, "element", name, "part")
         return self
 

@@ -8,20 +8,34 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from pipeline.checks import Array
+from pipeline.checks import Array, InputError
+from pipeline.course import course_of
 from pipeline.studies.amplification import STABLE, growth
+from pipeline.studies.growth import longest_safe_step
 from pipeline.studies.splitting import frequencies, recommended_step
 from pipeline.studies.two_dof import SCHEMES, growth_law, stability_map
 
-__all__ = ["SCHEMES", "laws", "scene_stability", "summary_of_maps", "summary_of_scene", "two_dof"]
+__all__ = ["laws", "require_map", "scene_stability", "summary_of_maps", "summary_of_scene", "two_dof"]
 
 if TYPE_CHECKING:
-    from pipeline.dynamics.tree import Tree
+    from pipeline.dynamics.system import System
+    from pipeline.integrators.protocol import Integrator
+    from pipeline.mechanism import Chain
     from pipeline.stages import Pipeline
+    from pipeline.studies.growth import Course
     from pipeline.studies.two_dof import Map
 
-_BISECTIONS = 40
-_COARSE = 200
+_BISECTIONS = 30
+
+
+def require_map(substeps: int, couplings: list[float], scheme: str, resolution: int) -> None:
+    """Raise `InputError` unless maps can be made with these options."""
+    if not all(0 <= beta < 1 for beta in couplings):
+        raise InputError("--coupling", "", couplings, "must be 0 ≤ β < 1")
+    if not 1 <= substeps <= 1000 or not 2 <= resolution <= 2000:
+        raise InputError("--substeps", "", substeps, "must be 1 … 1000, and --resolution 2 … 2000")
+    if scheme not in SCHEMES:
+        raise InputError("--scheme", "", scheme, f"must be one of {', '.join(SCHEMES)}")
 
 
 def two_dof(substeps: int, couplings: list[float], resolution: int, scheme: str, folder: Path) -> tuple[list[Map], str]:
@@ -46,20 +60,26 @@ def laws() -> list[dict[str, float]]:
 
 @dataclass(frozen=True)
 class Limit:
-    """What one ratio allows in one state.
+    """What one ratio allows.
 
     Attributes
     ----------
     substeps : int
         m; 1 is plain central difference.
     critical_step : float
-        Largest fast step at which no mode grows faster than the weak instability makes it [s].
+        Fast step up to which the method itself makes small vibrations grow less than tenfold over the scene [s].
+    worst_time : float
+        When they grow fastest just beyond it [s]: 0 for the reference state.
+    sudden_step : float
+        Fast step up to which they grow weakly if at all, undamped in the reference state [s].
     growth_rate : float
         Fastest growth at half of that step [1/s]: 0 unless slow and fast coordinates couple through the mass matrix.
     """
 
     substeps: int
     critical_step: float
+    worst_time: float
+    sudden_step: float
     growth_rate: float
 
 
@@ -72,9 +92,11 @@ class SceneStability:
     coupling : float
         Largest canonical correlation of slow and fast coordinates in the mass matrix, β of the two-dof system.
     limits : tuple of Limit
-        For each ratio, in the state where plain central difference has its shortest step.
-    time : float
-        When that is [s]: 0 for the reference state.
+        For each ratio.
+    along : bool
+        Whether the states of the scene's motion count, and not the reference state alone.
+    duration : float
+        Of the scene [s].
     n_slow : int
         Number of slow coordinates.
     recommended : tuple of float and int
@@ -83,41 +105,90 @@ class SceneStability:
 
     coupling: float
     limits: tuple[Limit, ...]
-    time: float
+    along: bool
+    duration: float
     n_slow: int
     recommended: tuple[float, int]
 
 
 def scene_stability(run: Pipeline, ratios: list[int], along: bool) -> SceneStability:
-    """Find the limits of a scene's mechanism at its reference state or, ``along`` its first run, at the worst.
+    """Find the limits of a scene's mechanism at its reference state or, ``along`` its motion, at the worst state too.
 
-    The split is that of the scene's first sub-cycled run; without one, the joints are slow.
+    The split is that of the scene's first sub-cycled run; without one, the joints are slow. The motion is taken by
+    states with all bodies rigid and all modes and fast joints at rest where the loads leave them.
     """
-    tree = _split_tree(run)
-    K = tree.linear_stiffness
-    worst, time = tree.mass_matrix(tree.rest_positions), 0.0
-    if along:
-        q, times = _positions(run, tree)
-        for k in range(0, len(times), max(1, len(times) // _COARSE)):
-            M = tree.mass_matrix(q[k], times[k])
-            if _highest(M, K) > _highest(worst, K) * (1 + 1e-12):
-                worst, time = M, float(times[k])
-    limits = tuple(find_limit(worst, K, tree.n_slow, m) for m in ratios)
-    best = recommended_step(worst, K, tree.n_slow, run.scene.simulation.error, run.scene.simulation.duration)
-    return SceneStability(mass_coupling(worst, tree.n_slow), limits, time, tree.n_slow, best)
+    simulation = run.scene.simulation
+    chain = _split_chain(run)
+    system: System = chain.tree if chain else run.mechanism
+    M, K, C = _matrices(run, chain)
+    course = course_of(run, chain) if along else None
+    limits = []
+    with run.keeper.monitor("stability") as advance:
+        for k, m in enumerate(ratios):
+            limits.append(_limit(system, (M, K, C), m, simulation.duration, course))
+            advance((k + 1) / len(ratios))
+    best = recommended_step(M, K, system.n_slow, simulation.error, simulation.duration)
+    beta = mass_coupling(M, system.n_slow)
+    if course:
+        best = _recommended_along(course, *best, simulation.error, limits[0].critical_step)
+        if chain:
+            masses = [chain.tree.mass_matrix(at.q, at.time) for at in course.states]
+            beta = max(beta, *(mass_coupling(mass, system.n_slow) for mass in masses))
+    return SceneStability(beta, tuple(limits), along, simulation.duration, system.n_slow, best)
 
 
-def find_limit(M: Array, K: Array, n_slow: int, substeps: int) -> Limit:
+def _limit(
+    system: System, matrices: tuple[Array, Array, Array], m: int, duration: float, course: Course | None
+) -> Limit:
+    M, K, C = matrices
+    sudden, rate = find_limit(M, K, system.n_slow, m)
+
+    def folds(step: float) -> float:
+        return float(duration / (m * step) * np.log(max(growth(M, K, system.n_slow, step, m, C), 1.0)))
+
+    critical, worst = longest_safe_step(folds, sudden, _BISECTIONS), 0.0
+    if course:
+        along = longest_safe_step(lambda step: course.e_folds(explicit(step, m)), critical)
+        if along < critical:
+            rates = course.excess(explicit(min(1.02 * along, critical), m)).max(axis=1)
+            critical, worst = along, course.states[int(np.argmax(rates))].time
+    return Limit(m, critical, worst, sudden, rate)
+
+
+def explicit(step: float, m: int) -> Integrator:
+    """Central difference, or sub-cycling with m fast steps to a slow one."""
+    from pipeline.integrators.central_difference import CentralDifference
+    from pipeline.integrators.subcycling import Subcycling
+
+    return CentralDifference(step) if m == 1 else Subcycling(step, m)
+
+
+def _recommended_along(course: Course, step: float, m: int, error: float, critical: float) -> tuple[float, int]:
+    """The largest ratio, and the step, that keep growth along the motion below the wanted error too."""
+    step, low, high = min(step, 0.8 * critical), 1, m + 1
+    while high - low > 1:
+        middle = (low + high) // 2
+        low, high = (middle, high) if course.e_folds(explicit(step, middle)) < error else (low, middle)
+    return step, low
+
+
+def find_limit(M: Array, K: Array, n_slow: int, substeps: int) -> tuple[float, float]:
     """Bisect the fast step up to which a major cycle's growth stays weak: below that of one that is really unstable.
 
     A weakly unstable cycle multiplies a mode by ``1 + c β² Ω²/(1 − β²)``, an unstable one by Ω² − 2 or so: between them
     lies a jump, whose place is the limit.
+
+    Returns
+    -------
+    sudden_step, growth_rate : float
+        As in `Limit`.
     """
     upper = 2.02 / _highest(M[n_slow:, n_slow:], K[n_slow:, n_slow:]) if n_slow < len(M) else np.inf
     upper = min(upper, 2.02 / (substeps * _highest(M[:n_slow, :n_slow], K[:n_slow, :n_slow])) if n_slow else np.inf)
     if substeps == 1:
         upper = 2.02 / _highest(M, K)
-    weak = _weakest(M, K, n_slow, substeps, upper)
+    small = 0.05 * upper
+    weak = max(growth(M, K, n_slow, small, substeps) - 1, 0.0) * (upper / small) ** 2  # by its square
     low, high = 0.0, upper
     for _ in range(_BISECTIONS):
         middle = 0.5 * (low + high)
@@ -126,16 +197,9 @@ def find_limit(M: Array, K: Array, n_slow: int, substeps: int) -> Limit:
             low = middle
         else:
             high = middle
-    half = 0.5 * low
-    radius = growth(M, K, n_slow, half, substeps) if half else 1.0
-    rate = np.log(radius) / (substeps * half) if radius > 1 + STABLE else 0.0
-    return Limit(substeps, low, float(rate))
-
-
-def _weakest(M: Array, K: Array, n_slow: int, substeps: int, upper: float) -> float:
-    """Growth of a cycle at a small step, carried to the step ``upper`` by its square."""
-    small = 0.05 * upper
-    return max(growth(M, K, n_slow, small, substeps) - 1, 0.0) * (upper / small) ** 2
+    radius = growth(M, K, n_slow, 0.5 * low, substeps) if low else 1.0
+    rate = np.log(radius) / (substeps * 0.5 * low) if radius > 1 + STABLE else 0.0
+    return low, float(rate)
 
 
 def mass_coupling(M: Array, n_slow: int) -> float:
@@ -150,31 +214,30 @@ def _highest(M: Array, K: Array) -> float:
     return float(frequencies(M, K).max(initial=1e-150))
 
 
-def _split_tree(run: Pipeline) -> Tree:
-    """The scene's chain with the split of its first sub-cycled run."""
-    from pipeline.mechanism import chain_of
-    from pipeline.studies.splitting import split_at
+def _split_chain(run: Pipeline) -> Chain | None:
+    """The scene's chain with the split of its first sub-cycled run; none for a rotor."""
+    from pipeline.methods import sub_cycled
 
-    tree = chain_of(run.scene, run.bodies).tree
     for one in run.scene.simulation.run:
-        if one.integrator == "sub-cycling" and not isinstance(one.split, str):
-            return chain_of(run.scene, run.bodies, *split_at(tree, one.split)).tree
-    return tree
+        if one.integrator in ("sub-cycling", "reversible-sub-cycling"):
+            chosen = one.split == "auto" and run.scene.simulation.step == "auto"
+            return sub_cycled(run, one, "", None if chosen else one.step or _any_step(run)).chain
+    return None if run.is_rotor else run.chain
 
 
-def _positions(run: Pipeline, tree: Tree) -> tuple[Array, Array]:
-    """Positions of a tree over the scene's first run, whatever the order in which that keeps them."""
-    motion: Any = run.first_motion
-    if run.is_rotor:
-        return motion.trajectory.q, motion.times
-    q = motion.trajectory.q.copy()
-    for k in range(len(tree.links)):
-        here, there = tree.layout.position[k], motion.tree.layout.position[k]
-        n = tree.links[k].n_positions
-        q[:, here : here + n] = motion.trajectory.q[:, there : there + n]
-        to, of = tree.modes_of(k) + tree.n_positions - tree.n, motion.tree.modes_of(k) + tree.n_positions - tree.n
-        q[:, to] = motion.trajectory.q[:, of]
-    return q, motion.times
+def _any_step(run: Pipeline) -> float:
+    """The scene's fast step, which only a split that is chosen depends on [s]."""
+    step = run.scene.simulation.step
+    return step if isinstance(step, float) else 1.0
+
+
+def _matrices(run: Pipeline, chain: Chain | None) -> tuple[Array, Array, Array]:
+    """Mass, stiffness and damping of the undeformed mechanism."""
+    if chain is None:
+        M, K = run.reference_matrices
+        return M, K, np.zeros_like(K)
+    tree = chain.tree
+    return tree.mass_matrix(tree.rest_positions), tree.linear_stiffness, tree.linear_damping
 
 
 def summary_of_maps(maps: list[Map], file: str) -> dict[str, Any]:
@@ -198,11 +261,19 @@ def summary_of_scene(found: SceneStability) -> dict[str, Any]:
     return {
         "coupling": found.coupling,
         "slow_coordinates": found.n_slow,
-        "worst_time_s": found.time,
+        "along": found.along,
+        "duration_s": found.duration,
+        "worst_time_s": found.limits[0].worst_time,
         "critical_step_s": found.limits[0].critical_step,
         "recommended": {"step_s": step, "substeps": substeps},
         "rows": [
-            {"substeps": row.substeps, "critical_step_s": row.critical_step, "growth_rate_per_s": row.growth_rate}
+            {
+                "substeps": row.substeps,
+                "critical_step_s": row.critical_step,
+                "worst_time_s": row.worst_time,
+                "sudden_step_s": row.sudden_step,
+                "growth_rate_per_s": row.growth_rate,
+            }
             for row in found.limits
         ],
     }

@@ -24,6 +24,7 @@ if TYPE_CHECKING:
     from pipeline.integrators.protocol import Trajectory
     from pipeline.mechanism import Chain
     from pipeline.methods import Plan
+    from pipeline.notebook import Picture
     from pipeline.recovery.chain_motion import ChainMotion
     from pipeline.recovery.motion import Motion
     from pipeline.recovery.stress import StressHistory
@@ -47,6 +48,8 @@ class Pipeline:
         Where results are kept; the user's cache folder by default.
     monitor : Monitor, optional
         Is told of each stage's progress.
+    keep_all : bool
+        Whether to integrate modes that nothing can excite, too.
 
     Attributes
     ----------
@@ -57,23 +60,52 @@ class Pipeline:
         it, `chain` for every other scene.
     """
 
-    def __init__(self, scene: Scene, cache: Cache | None = None, monitor: Monitor = silent) -> None:
-        self.scene = scene
+    def __init__(
+        self, scene: Scene, cache: Cache | None = None, monitor: Monitor = silent, keep_all: bool = False
+    ) -> None:
+        self.scene, self.keep_all = scene, keep_all
         self.keeper = Keeper(Cache(cache_folder() / "stages") if cache is None else cache, monitor)
         self.parts = {name: FlexiblePart(scene, name, self.keeper) for name in scene.flexible}
 
     def neighbour(self, scene: Scene, monitor: Monitor = silent) -> Pipeline:
         """The same for another scene, which shares what both have in common; its stages are not this one's."""
-        other = Pipeline(scene, self.keeper.cache, monitor)
+        other = Pipeline(scene, self.keeper.cache, monitor, self.keep_all)
         for name, part in other.parts.items():
             part.share(self.parts[name])
         return other
 
     def with_bodies(self, bodies: dict[str, FlexibleBody]) -> Pipeline:
         """The same with other reduced bodies on the same meshes."""
-        other = Pipeline(self.scene, self.keeper.cache)
+        other = Pipeline(self.scene, self.keeper.cache, keep_all=self.keep_all)
         other.parts, other.bodies = self.parts, bodies
         return other
+
+    def _repr_html_(self) -> str:
+        return self.scene._repr_html_()
+
+    def picture(self, type: str, mode: int = 1, **settings: Any) -> Picture:
+        """Draw what an ``[[output]]`` of this type would, to be shown inline: ``picture("stress", scale=10)``.
+
+        Parameters
+        ----------
+        type : str
+            ``"chart"``, ``"mesh"``, ``"modes"``, ``"mode sheet"`` or ``"stress"``.
+        mode : int
+            Which of the modes, from 1.
+        settings
+            The output's other keys; ``body`` is the first flexible one by default.
+
+        Raises
+        ------
+        InputError
+            There is no such output or mode, or the scene lacks what it shows.
+        """
+        from pipeline.notebook import pictures
+
+        drawn = pictures(self, type, [mode], **settings)
+        if not drawn:
+            raise InputError("picture", "mode", mode, f"must be 1 … {len(self.modes.omega)}")
+        return drawn[0]
 
     @property
     def log(self) -> Log:
@@ -207,6 +239,13 @@ class Pipeline:
         return q0, v0
 
     @cached_property
+    def plans(self) -> dict[str, Plan]:
+        """The scene's runs, ready to be integrated, each under the label of its motion; raises what `motions` does."""
+        from pipeline.methods import plans_of
+
+        return plans_of(self)
+
+    @cached_property
     def motions(self) -> dict[str, Motion] | dict[str, ChainMotion]:
         """The motion by each of the scene's runs; the label tells integrator and ratio.
 
@@ -216,12 +255,19 @@ class Pipeline:
             A step is beyond its stability limit, or a body would lose its stiffness by its spin; nothing has been
             integrated then.
         """
-        from pipeline.methods import plans_of
-
-        plans = plans_of(self)
-        trajectories = self.keeper.timed("motion", lambda: self._march_all(plans))
-        motions: Any = {label: self.motion_by(plan, trajectories[label]) for label, plan in plans.items()}
+        self.bodies  # noqa: B018 - stages of their own; what the plans add is kernels, compiled or read
+        trajectories = self.keeper.timed("motion", lambda: self._march_all(self.plans))
+        motions: Any = {label: self.motion_by(plan, trajectories[label]) for label, plan in self.plans.items()}
         return dict(motions)
+
+    @property
+    def left_out(self) -> dict[str, list[int]]:
+        """Numbers from 1 of the modes of each body that no run integrates: nothing excites them."""
+        parts = [plan.excited.left_out if plan.excited else {} for plan in self.plans.values()]
+        return {
+            body or self.part.name: [k + 1 for k in modes if all(k in part.get(body, ()) for part in parts)]
+            for body, modes in parts[0].items()
+        }
 
     def motion_by(self, plan: Plan, trajectory: Trajectory) -> Motion | ChainMotion:
         """What a trajectory of one of the scene's plans means."""

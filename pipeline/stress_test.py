@@ -1,4 +1,4 @@
-"""Stress tests of stability: long marches at steps below and above the limits, against what the matrix predicts."""
+"""Stress tests of stability: long marches at steps below and above the limits, against what the tangent predicts."""
 
 from __future__ import annotations
 
@@ -10,48 +10,31 @@ from typing import Any
 
 import numpy as np
 
-from pipeline.checks import Array, StabilityError
-from pipeline.dynamics.linear import LinearSystem
+from pipeline.checks import AccuracyError, Array
 from pipeline.files import whole_file
 from pipeline.integrators.central_difference import CentralDifference
+from pipeline.integrators.exponential import Exponential
+from pipeline.integrators.generalized_alpha import GeneralizedAlpha
+from pipeline.integrators.protocol import Integrator
+from pipeline.integrators.reversible import ReversibleSubcycling
+from pipeline.integrators.rosenbrock import ExponentialRosenbrock
+from pipeline.integrators.runge_kutta import RungeKutta
 from pipeline.integrators.subcycling import Subcycling
+from pipeline.progress import Advance
 from pipeline.stability import find_limit
-from pipeline.stages import Pipeline
-from pipeline.studies.amplification import growth
+from pipeline.stress_cases import Case, builders
+from pipeline.studies.growth import march_rates, march_tangent, true_rates
 
 RATIOS = (1, 2, 3, 5, 10, 20)
-SHARES = (0.1, 0.3, 0.5, 0.7, 0.9, 0.98, 1.02, 1.05)
+SHARES = (0.1, 0.5, 0.9, 0.98, 1.02, 1.05)  # of the explicit limit
+LONG_SHARES = (0.5, 1.5, 20.0, 1000.0)  # of the same, for methods without one
 CYCLES = 1_000_000
-_WORK = 3e9  # multiplications that a march may take
+_PERIODS = 1e4  # of the lowest frequency, if those are fewer cycles
+_WORK = 4e8  # multiplications, about, that a march may take
 _START = 1e-6
-_DIVERGED = np.log(1e30 / _START)  # e-folds until a march counts as diverged
-_UNSURE = 8.0  # e-folds by which the start and the shape of a mode may shift that
-_LARGE = 5.0  # e-folds after which a mechanism's motion may be too large for a linear prediction
-SCENES = (
-    ("rod-slider", ("drive.motor.torque=0 N m",)),
-    ("beam", ("drive.spin_up.speed=0 rad/s",)),
-    ("beam, free frame", ("drive.spin_up.speed=0 rad/s", 'simulation.frame="free"')),
-)
-
-
-@dataclass(frozen=True)
-class Case:
-    """A system at rest that is marched.
-
-    Attributes
-    ----------
-    name : str
-        What is told of it.
-    system : System
-        It.
-    M, K : ndarray, shape (n, n)
-        Its mass and stiffness at rest, slow coordinates first.
-    """
-
-    name: str
-    system: Any
-    M: Array
-    K: Array
+_GROWN = np.log(1e4)  # e-folds of the largest vibration from which on a march counts as diverged
+_UNSURE = np.log(300.0)  # by which a start that is no eigenvector, or an end of an oscillation, may shift that
+_NEUTRAL = 1e-5
 
 
 @dataclass(frozen=True)
@@ -60,27 +43,30 @@ class Row:
 
     Attributes
     ----------
-    case : str
-        What was marched.
+    family, case, integrator : str
+        What was marched, and how.
     substeps : int
         m.
     share : float
-        Step over the largest stable one.
+        Fast step over the largest stable explicit one.
     cycles : int
-        Major cycles.
+        Major cycles, 0 for a method that chooses its steps.
     predicted, found : str
         ``lives`` or ``diverges``; the prediction may be ``either``.
-    largest : float
-        Largest coordinate at the end of a march that lives, over that of the start.
+    drift : float
+        Change of the vibrations' energy, each mode's as the scheme sees it, over that of the start; not a number where
+        the march diverges.
     """
 
+    family: str
     case: str
+    integrator: str
     substeps: int
     share: float
     cycles: int
     predicted: str
     found: str
-    largest: float
+    drift: float
 
     @property
     def wrong(self) -> bool:
@@ -88,53 +74,131 @@ class Row:
         return self.predicted not in ("either", self.found)
 
 
-def cases(load: Any) -> Iterator[Case]:
-    """Yield scenes at rest and linear systems that are hard on purpose; ``load(name, overrides)`` makes a pipeline."""
-    for name, overrides in SCENES:
-        run: Pipeline = load(name.partition(",")[0], overrides)
-        yield Case(name, run.mechanism, *run.reference_matrices)
-    for exponent in (-6, -3, 0, 3, 6):
-        scale = np.diag([1.0, 10.0 ** (exponent / 2)])
-        for beta in (0.0, 0.3):
-            M = scale @ np.array([[1.0, beta], [beta, 1.0]]) @ scale
-            yield _linear(f"mass ratio 1e{exponent}, β = {beta}", M, scale @ np.diag([0.01, 1.0]) @ scale, 1)
-    for n in (1, 20, 200):
-        yield _linear(f"{n} modes", np.eye(n + 1), np.diag(np.r_[0.0, np.linspace(1.0, 30.0, n) ** 2]), 1)
-    yield _linear("stiffness from 1 to 1e12", np.eye(6), np.diag(np.r_[1e-2, 10.0 ** np.linspace(0, 12, 5)]), 1)
-    turn = np.linalg.qr(np.random.default_rng(0).standard_normal((4, 4)))[0]
-    M = np.eye(5)
-    M[1:, 1:] = turn @ np.diag([1e-10, 1.0, 1.0, 1.0]) @ turn.T
-    K = np.diag([0.01, 1.0, 4.0, 9.0, 16.0])
-    yield _linear("M_SS nearly singular, 1e-10", M, K, 1)
+def stress_test(folder: Path, advance: Advance) -> list[dict[str, Any]]:
+    """March every case, write the table ``stability.csv`` into a folder, and return its summary."""
+    rows = march_all(advance=advance)
+    folder.mkdir(parents=True, exist_ok=True)
+    write_rows(rows, folder / "stability.csv")
+    return summary_of_rows(rows)
 
 
-def _linear(name: str, M: Array, K: Array, n_slow: int) -> Case:
-    return Case(name, LinearSystem(M, K, n_slow), M, K)
+def march_all(cycles: int = CYCLES, only: tuple[str, ...] = (), advance: Advance = lambda done: None) -> list[Row]:
+    """March every case by every method, on two processors if they are there."""
+    from joblib import Parallel, delayed
+
+    # The longest first, so that none is waited for in the end.
+    names = sorted(only or builders(), key=lambda name: (not name.startswith("arm"), name))
+    found: list[Row] = []
+    tasks = (delayed(rows_of)(name, cycles) for name in names)
+    for k, rows in enumerate(Parallel(n_jobs=min(2, len(names)), return_as="generator")(tasks)):
+        found += rows
+        advance((k + 1) / len(names))
+    return found
 
 
-def march_all(found: Iterator[Case], cycles: int = CYCLES) -> Iterator[Row]:
-    """March every case at every ratio and share of its limit."""
-    for case in found:
-        n = len(case.M)
-        for m in RATIOS:
-            limit = find_limit(case.M, case.K, case.system.n_slow, m).critical_step
-            for share in SHARES:
-                long = max(2000, int(min(cycles, _WORK / (n * n * m))))
-                yield _march(case, m, share, share * limit, long)
+def rows_of(name: str, cycles: int = CYCLES) -> list[Row]:
+    """March one case by every method."""
+    case = builders()[name]()
+    rows = [_march(case, method, m, share, cycles) for method, m, share in _fixed(case)]
+    return rows + [_march_adaptively(case, method) for method in _adaptive(case)]
 
 
-def _march(case: Case, m: int, share: float, step: float, cycles: int) -> Row:
-    n = len(case.M)
-    folds = cycles * np.log(max(growth(case.M, case.K, case.system.n_slow, step, m), 1e-300))
-    safe = _DIVERGED - _UNSURE if isinstance(case.system, LinearSystem) else _LARGE
-    predicted = "lives" if folds < safe else ("diverges" if folds > _DIVERGED + _UNSURE else "either")
-    method = CentralDifference(step) if m == 1 else Subcycling(step, m)
+def _fixed(case: Case) -> Iterator[tuple[Integrator, int, float]]:
+    """Methods with a step, their ratios, and the step over the explicit limit."""
+    spins = bool(case.at.v.any())
+    for m in (1, 5) if spins else RATIOS:
+        limit = find_limit(case.M, case.K, case.system.n_slow, m)[0]
+        for share in (0.5, 0.9) if spins else SHARES:
+            if m == 1:
+                yield CentralDifference(share * limit), 1, share
+            else:
+                yield Subcycling(share * limit, m), m, share
+    for m in (5,) if spins or case.family == "arm" else (2, 5, 20):
+        limit = ReversibleSubcycling(1.0, m).largest_step(case.system)
+        for share in (0.5, 0.9) if spins else SHARES:
+            yield ReversibleSubcycling(share * limit, m), m, share
+    plain = 2.0 / case.system.highest_frequency
+    if len(case.M) < 30:
+        for rho in (0.8, 1.0):
+            for share in (0.5,) if spins else LONG_SHARES:
+                yield GeneralizedAlpha(share * plain, rho), 1, share
+        for share in (0.5, 0.98) if case.system.coupled else (0.5,) if spins else (0.5, 5.0, 50.0):
+            yield Exponential(share * plain), 1, share
+
+
+def _adaptive(case: Case) -> Iterator[Integrator]:
+    if len(case.M) < 30:
+        yield ExponentialRosenbrock(1e-6)
+        yield RungeKutta(1e-9)
+
+
+def _march(case: Case, method: Integrator, m: int, share: float, most: int) -> Row:
+    h, n = method.step, len(case.M)
+    cost = n * n * m if m == 1 or method.name.startswith("rev") else n * n + 4 * m * n
+    cost *= 1 if hasattr(case.system, "M") else 20 if case.family == "arm" else 3
+    cost *= 12 if method.name in ("generalized-alpha", "exponential") else 1
+    cycles = int(min(most, _PERIODS * 2 * np.pi / (case.lowest * m * h) + 1, _WORK / cost))
+    cycles = max(cycles, 1000)
+    start, span = _disturbed(case), 1e-3 * cycles * m * h
     try:
-        end = method.march(case.system, np.full(n, _START), np.zeros(n), np.array([(cycles * m - 1) * step])).end
-    except StabilityError:
-        return Row(case.name, m, share, cycles, predicted, "diverges", np.inf)
-    held = case.K.any(axis=1)  # nothing holds a free angle back
-    return Row(case.name, m, share, cycles, predicted, "lives", float(np.abs(end.q[held]).max(initial=0.0) / _START))
+        left, energies = _modes(march_tangent(method, case.system, case.at, 0.0)[0], case)
+        folds = float(march_rates(method, case.system, case.at, span)[0]) * cycles * m * h
+    except AccuracyError:
+        folds = np.inf
+    predicted = "lives" if folds < _GROWN - _UNSURE else "diverges" if folds > _GROWN + _UNSURE else "either"
+    label = (case.family, case.name, method.name, m, share, cycles, predicted)
+    end, before = np.array([(cycles * m - 1) * h]), np.zeros(1)
+    try:
+        first = method.march(case.system, *start, before).end
+        base = still = method.march(case.system, case.at.q, case.at.v, before).end
+        there = method.resume(case.system, first, end).end
+        if case.at.v.any():
+            still = method.resume(case.system, base, end).end
+    except AccuracyError:
+        return Row(*label, "diverges", np.nan)
+    sizes = [np.concatenate([x.q - y.q, x.v - y.v, x.a - y.a]) for x, y in ((first, base), (there, still))]
+    scale = np.r_[np.full(n, case.lowest), np.ones(n)]
+    held = np.tile(case.K.any(axis=1), 2)  # nothing holds a free angle back
+    was, now = (np.abs(scale * x[: 2 * n])[held].max() for x in sizes)
+    if not now < was * np.exp(_GROWN):
+        return Row(*label, "diverges", np.nan)
+    earlier, later = (float(np.abs(left @ x) ** 2 @ energies) for x in sizes)
+    return Row(*label, "lives", later / earlier - 1 if earlier else -1.0)  # nothing is left that vibrates
+
+
+def _modes(A: Array, case: Case) -> tuple[Array, Array]:
+    """Left eigenvectors of one cycle's vibrations, and their energies by the right ones."""
+    n = len(case.M)
+    values, right = np.linalg.eig(A)
+    left = np.linalg.pinv(right)
+    chosen = (np.abs(values - 1) > _NEUTRAL) & (np.abs(values) > 1e-3)
+    q, v = right[:n], right[n : 2 * n]
+    energy = np.einsum("ik,ij,jk->k", v.conj(), case.M, v) + np.einsum("ik,ij,jk->k", q.conj(), case.K, q)
+    return left[chosen], energy.real[chosen]
+
+
+def _disturbed(case: Case) -> tuple[Array, Array]:
+    rng = np.random.default_rng(0)
+    size = _START / np.sqrt(np.maximum(case.M.diagonal(), 1e-12))
+    return case.at.q + size * rng.uniform(0.5, 1.0, len(case.M)), case.at.v.copy()
+
+
+def _march_adaptively(case: Case, method: Integrator) -> Row:
+    """Over many periods, but no longer than an explicit method can go; predicted by the equations of motion."""
+    duration = min(1e3 * 2 * np.pi / case.lowest, 2e4 * 2 / case.system.highest_frequency)
+    folds = float(true_rates(case.system, case.at)[0]) * duration
+    predicted = "lives" if folds < _GROWN - _UNSURE else "diverges" if folds > _GROWN + _UNSURE else "either"
+    label = (case.family, case.name, method.name, 1, 0.0, 0, predicted)
+    times = np.array([0.0, duration])
+    try:
+        moved, base = (method.march(case.system, *of, times) for of in (_disturbed(case), (case.at.q, case.at.v)))
+    except AccuracyError:
+        return Row(*label, "diverges", np.nan)
+    q, v = moved.q - base.q, moved.v - base.v
+    energies = [x @ case.K @ x + y @ case.M @ y for x, y in zip(q, v, strict=True)]
+    if not energies[1] < energies[0] * np.exp(2 * _GROWN):
+        return Row(*label, "diverges", np.nan)
+    return Row(*label, "lives", float(energies[1] / energies[0] - 1))
 
 
 def write_rows(rows: list[Row], path: Path) -> None:
@@ -143,22 +207,22 @@ def write_rows(rows: list[Row], path: Path) -> None:
         table = csv.DictWriter(file, [*asdict(rows[0]), "wrong"], lineterminator="\n")
         table.writeheader()
         for row in rows:
-            table.writerow(asdict(row) | {"largest": f"{row.largest:.4g}", "wrong": int(row.wrong)})
+            figures = {"share": f"{row.share:g}", "drift": f"{row.drift:.2e}", "wrong": int(row.wrong)}
+            table.writerow(asdict(row) | figures)
 
 
 def summary_of_rows(rows: list[Row]) -> list[dict[str, Any]]:
-    """Count, for each case, the marches, those that lived and diverged, and the predictions that failed."""
-    names = list(dict.fromkeys(row.case for row in rows))
+    """Count, for each family, the marches, those that lived and diverged, and the predictions that failed."""
     return [
         {
-            "case": name,
-            "marches": len(mine := [row for row in rows if row.case == name]),
+            "family": name,
+            "marches": len(mine := [row for row in rows if row.family == name]),
             "cycles": max(row.cycles for row in mine),
             "lived": sum(row.found == "lives" for row in mine),
             "diverged": sum(row.found == "diverges" for row in mine),
             "undecided": sum(row.predicted == "either" for row in mine),
             "wrong": sum(row.wrong for row in mine),
-            "largest": max((row.largest for row in mine if row.found == "lives"), default=0.0),
+            "drift": max((row.drift for row in mine if row.found == "lives"), default=0.0),
         }
-        for name in names
+        for name in dict.fromkeys(row.family for row in rows)
     ]

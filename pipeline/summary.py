@@ -20,6 +20,7 @@ def summarise(run: Pipeline, files: list[str], budget: bool) -> dict[str, Any]:
         summary["bodies"] = {name: _body(run, name) for name in run.parts}
     motions: dict[str, Any] = dict(run.motions)
     first = next(iter(motions.values()))
+    limits = [plan.integrator.largest_step(plan.system) for plan in run.plans.values()]
     summary["largest_stable_step_s"] = 2.0 / run.mechanism.highest_frequency if run.mechanism.n else None
     summary["integrations"] = [
         {
@@ -30,11 +31,16 @@ def summarise(run: Pipeline, files: list[str], budget: bool) -> dict[str, Any]:
             "ratio_to_plain": motion.trajectory.seconds / first.trajectory.seconds,
             "evaluations": motion.trajectory.evaluations,
             "fast_evaluations": motion.trajectory.fast_evaluations,
+            "growth": run.plans[label].growth,
+            "largest_stable_step_s": limit if np.isfinite(limit) else None,
+            "stability_margin": limit / motion.trajectory.step if np.isfinite(limit) else None,
             **motion.differences(first),
+            "final": motion.final(),
         }
-        for motion in motions.values()
+        for (label, motion), limit in zip(motions.items(), limits, strict=True)
     ]
     summary["final"] = first.final()
+    summary["left_out_modes"] = run.left_out
     if run.is_rotor:
         summary["peak_tip_deflection_m"] = float(np.abs(run.motion.tip_deflection).max())
     histories = _element_histories(run)
@@ -45,11 +51,13 @@ def summarise(run: Pipeline, files: list[str], budget: bool) -> dict[str, Any]:
             row.setdefault("element_stress_difference", {})[name] = apart
         ends = {"largest_pa": float(reference.max()), "at_the_end_pa": float(reference[-1])}
         summary.setdefault("element_stress", {})[name] = ends
-    if run.parts:
-        time, node, value = run.stress.worst()
-        place = run.body.x[run.stress.nodes[node]]
+    meshed = [name for name, part in run.parts.items() if part.has_mesh]
+    if meshed:
+        stress = run.stress_of(meshed[0])
+        time, node, value = stress.worst()
+        place = run.bodies[meshed[0]].x[stress.nodes[node]]
         summary["worst_stress"] = {"time_s": time, "von_mises_pa": value, "position_m": place.tolist()}
-    if budget:
+    if budget and len(meshed) == len(run.parts):  # matrices alone tell nothing of their own error
         summary["error_budget"] = run.budget.summary()
     return summary | {
         "files": files,
@@ -74,6 +82,7 @@ def _body(run: Pipeline, name: str) -> dict[str, Any]:
         "coupling": body.coupling,
         "prescribed": run.parts[name].inboard.prescribed,
         "mass_kg": body.gram.mass,
+        "mesh_notes": list(run.parts[name].mesh.notes) if run.parts[name].has_mesh else [],
         "largest_spin_rad_s": spin.largest_rate,
         "critical_spin_rad_s": spin.critical_rate if np.isfinite(spin.critical_rate) else None,
         "stiffened": spin.stiffened,

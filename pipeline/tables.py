@@ -3,17 +3,26 @@
 from __future__ import annotations
 
 import math
+from collections.abc import Sequence
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 from rich.console import Console
+from rich.markup import escape
 from rich.table import Table
 
 if TYPE_CHECKING:
+    from pipeline.part import FlexiblePart
+    from pipeline.plan import RunPlan
     from pipeline.stability import SceneStability
     from pipeline.studies.work_precision import WorkPrecision
+    from pipeline.sweep.study import Sweep
+    from pipeline.verification.suite import Outcome
 
 _COUPLED = 1e-6
+_FATES = {"run": "run", "cached": "be read", "skipped": "be skipped", "open": "run or not"}
+_TOLD = 0.01  # growth by a method itself
+_FIGURES = ("quantity", "ours", "published", "difference", "allowed")
 
 
 def print_run(summary: dict[str, Any], folder: Path) -> None:
@@ -23,12 +32,21 @@ def print_run(summary: dict[str, Any], folder: Path) -> None:
     if "frequencies_hz" in summary:
         console.print(_frequencies(summary))
     console.print(_integrations(summary))
+    for row in summary["integrations"]:
+        if row["growth"] > 1 + _TOLD:
+            console.print(
+                f"note: {row['integrator']} {row['substeps']}:1 by itself makes small vibrations grow by "
+                f"{100 * (row['growth'] - 1):.2g} % over the scene"
+            )
     if "error_budget" in summary:
         console.print(_budget(summary["error_budget"]))
     if "accuracy" in summary:
         console.print(_rounds(summary["accuracy"]))
-    if "worst_stress" in summary:
+    if "bodies" in summary:
         _print_body(console, summary)
+    for body, modes in summary["left_out_modes"].items():
+        numbers = ", ".join(str(k) for k in modes)
+        console.print(f"left out of the integration: modes {numbers} of {body}, which nothing excites (or --keep-all)")
     for joint, position in summary["final"].get("joint_positions", {}).items():
         differences = [row["joint_differences"][joint] for row in summary["integrations"][1:]]
         apart = ", ".join(f"{difference:.3g}" for difference in differences)
@@ -36,8 +54,41 @@ def print_run(summary: dict[str, Any], folder: Path) -> None:
     console.print(f"{len(summary['files']) + 1} files in {folder}/: summary.json, {', '.join(summary['files'])}")
 
 
+def print_plan(plan: RunPlan) -> None:
+    """Print what a run will do."""
+    table = _table("Plan", "stage", "body", "will", "last time", "why", wide=4)
+    for step in plan.steps:
+        table.add_row(step.stage, step.body, _FATES[step.fate], _last_time(step.seconds), step.why)
+    console = Console()
+    console.print(table)
+    console.print(f"forecast: about {plan.forecast}")
+
+
+def _last_time(seconds: float | None) -> str:
+    return "" if seconds is None else f"{seconds:.3g} s"
+
+
+def mesh_figures(part: FlexiblePart) -> dict[str, Any]:
+    """Gather what there is to tell of a mesh."""
+    mesh = part.mesh
+    return {
+        "nodes": len(mesh.points),
+        "elements": len(mesh.cells),
+        "parts": {name: len(cells) for name, cells in mesh.parts.items()},
+        "faces": list(mesh.faces),
+        "element_type": mesh.cell_type,
+        "order": part.order,
+        "volume_m3": mesh.volume,
+        "mass_kg": part.mass,
+        "min_quality": float(mesh.quality.min()),
+        "notes": list(mesh.notes),
+    }
+
+
 def _print_body(console: Console, summary: dict[str, Any]) -> None:
     for name, body in summary["bodies"].items():
+        for note in body["mesh_notes"]:
+            console.print(f"mesh of {name}: {note}")
         coupled = body["coupling"] > _COUPLED and not body["prescribed"]
         if coupled and any(
             row["substeps"] > 1 and row["integrator"] == "sub-cycling" for row in summary["integrations"]
@@ -54,6 +105,8 @@ def _print_body(console: Console, summary: dict[str, Any]) -> None:
                 f"{name} is stiffened by its inertia loads: it turns at up to {body['largest_spin_rad_s']:.4g} rad/s, "
                 f"its lowest frequency is {2 * math.pi * body['frequencies_in_frame_hz'][0]:.4g} rad/s{softens}"
             )
+    if "worst_stress" not in summary:
+        return
     stress = summary["worst_stress"]
     line = f"largest von Mises stress {stress['von_mises_pa'] / 1e6:.4g} MPa at t = {stress['time_s'] * 1e3:.4g} ms"
     if "peak_tip_deflection_m" in summary:
@@ -112,7 +165,17 @@ def print_frequencies(result: dict[str, Any]) -> None:
         for k, frequency in enumerate(result["rotating_frequencies_hz"]):
             table.add_row(str(k + 1), f"{frequency:.4f}")
         console.print(table)
-    console.print(f"{result['rigid_modes']} rigid-body modes, {result['dofs']} unknowns")
+    console.print(f"{result['rigid_modes']} rigid-body modes, {result['dofs']} unknowns{_factor(result)}")
+
+
+def _factor(result: dict[str, Any]) -> str:
+    factor = result["factor"]
+    if factor is None:
+        return ""
+    return (
+        f"; factor by {factor['solver']} in {factor['order']} order, {factor['nonzeros'] / 1e6:.3g} million nonzeros "
+        f"of {factor['unknowns']} unknowns, {factor['memory'] / 1e6:.3g} MB"
+    )
 
 
 def print_campbell(title: str, rates: Any, table: Any, folder: Path, files: list[str]) -> None:
@@ -161,8 +224,9 @@ def _stages(summary: dict[str, Any]) -> Table:
                 f"coupling {body['coupling']:.0e}"
                 for name, body in summary["bodies"].items()
             ),
-            "stress": f"{summary['worst_stress']['von_mises_pa'] / 1e6:.4g} MPa at worst",
         }
+    if "worst_stress" in summary:
+        outcome["stress"] = f"{summary['worst_stress']['von_mises_pa'] / 1e6:.4g} MPa at worst"
     for stage, seconds in summary["seconds"].items():
         cached = "from the cache; " if stage in summary["stages_cached"] else ""
         table.add_row(stage, f"{seconds:.3f}", (cached + outcome.get(stage, "")).rstrip("; "))
@@ -220,17 +284,23 @@ def print_maps(found: dict[str, Any], folder: Path) -> None:
 
 def print_stability(title: str, found: SceneStability) -> None:
     """Print the limits of a scene's mechanism."""
-    table = Table("m", "largest stable fast step", "growth at half of it", title=title)
+    table = Table("m", "largest stable fast step", "sudden beyond", "growth at half of that", title=title)
+    if found.along:
+        table.add_column("worst at")
     for row in found.limits:
         grows = f"{row.growth_rate:.3g} 1/s" if row.growth_rate else "none"
-        table.add_row(str(row.substeps), f"{row.critical_step:.4g} s", grows)
+        when = (f"{row.worst_time:.3g} s" if row.worst_time else "rest",) if found.along else ()
+        table.add_row(str(row.substeps), f"{row.critical_step:.4g} s", f"{row.sudden_step:.4g} s", grows, *when)
     console = Console()
     console.print(table)
     step, substeps = found.recommended
-    where = "the reference state" if found.time == 0.0 else f"the worst state, t = {found.time:.4g} s"
     console.print(
-        f"at {where}: {found.n_slow} slow coordinates, inertial coupling β = {found.coupling:.3g}"
-        f"; for the scene's error: a step of {step:.3g} s, {substeps}:1"
+        f"stable: by the method itself small vibrations grow less than tenfold in the scene's {found.duration:g} s, "
+        + ("along its motion" if found.along else "about the reference state (--along: about its motion too)")
+    )
+    console.print(
+        f"{found.n_slow} slow coordinates, inertial coupling β = {found.coupling:.3g}; for the scene's error: "
+        f"a step of {step:.3g} s, {substeps}:1"
     )
 
 
@@ -246,11 +316,70 @@ def print_laws(rows: list[dict[str, float]]) -> None:
 
 def print_stress_test(rows: list[dict[str, Any]], folder: Path) -> None:
     """Print what the stress tests of stability have found."""
-    table = Table("case", "marches", "cycles", "lived", "diverged", "undecided", "predicted wrongly")
+    counts = ("marches", "cycles", "lived", "diverged", "undecided", "wrong")
+    table = Table("family", *counts[:5], "predicted wrongly", "largest gain of energy")
     for row in rows:
-        table.add_row(
-            *(str(row[key]) for key in ("case", "marches", "cycles", "lived", "diverged", "undecided", "wrong"))
-        )
+        table.add_row(row["family"], *(str(row[key]) for key in counts), f"{row['drift']:.1e}")
     console = Console()
     console.print(table)
     console.print(f"stability.csv in {folder}/")
+
+
+def print_sweep(
+    found: Sweep, rows: Sequence[dict[str, Any]], seconds: float, folder: Path, files: Sequence[str]
+) -> None:
+    """Print a sweep's points, with those figures that fit a terminal."""
+    shown = {
+        "frequencies_hz.0": ("mode 1 Hz", ""),
+        "worst_stress.von_mises_pa": ("stress", "Pa"),
+        "peak_tip_deflection_m": ("tip", "m"),
+        "run.0.stability_margin": ("limit/step", ""),
+        "run.0.seconds": ("run time", "s"),
+    }
+    joints = [name for name in rows[0] if name.startswith("run.0.final.joint_positions.")]
+    shown |= {name: (name.rpartition(".")[2], "") for name in joints[:2]}
+    shown = {name: words for name, words in shown.items() if any(row.get(name) is not None for row in rows)}
+    keys = [varied.key.rpartition(".")[2] for varied in found.varied]
+    table = _table("Points", "", *keys, "status", *(name for name, _ in shown.values()))
+    for column in table.columns:
+        column.overflow = "fold"
+    for number, (point, row) in enumerate(zip(found.points, rows, strict=True), start=1):
+        figures = [_figure(row[name], unit) for name, (_, unit) in shown.items()]
+        table.add_row(str(number), *point.values, str(row["status"]), *figures)
+    console = Console()
+    console.print(table)
+    for message in dict.fromkeys(record.message for record in found.records if record.message):
+        where = [str(number) for number, record in enumerate(found.records, start=1) if record.message == message]
+        console.print(f"{', '.join(where)}: {message}", markup=False)
+    counts = ", ".join(f"{number} {status}" for status, number in found.counts.items() if number)
+    console.print(f"{len(rows)} points: {counts}; {found.computed} computed now, in {seconds:.1f} s")
+    console.print(f"in {folder}/: {', '.join(files)}")
+
+
+def _figure(value: float | None, unit: str) -> str:
+    """Three digits with the prefix that fits; nothing for a figure that a point lacks."""
+    if value is None:
+        return ""
+    large = next(((f, p) for f, p in ((1e9, "G"), (1e6, "M"), (1e3, "k")) if unit and abs(value) >= f), None)
+    if large is not None:
+        return f"{value / large[0]:.4g} {large[1]}{unit}"
+    return _scaled(value, unit) if unit and abs(value) < 1 else f"{value:.4g} {unit}".rstrip()
+
+
+def print_verification(found: Sequence[Outcome], folder: Path, files: list[str]) -> None:
+    """Print published figures beside ours, case by case."""
+    console = Console()
+    for outcome in found:
+        case = outcome.case
+        table = _table(f"{case.name}: {case.title} ({case.source})", *_FIGURES)
+        for figure in outcome.figures:
+            difference = f"{100 * figure.difference:+.2g} %" + ("" if figure.holds else " OUT")
+            numbers = (f"{figure.ours:.6g}", f"{figure.published:.6g}", difference, f"{100 * figure.tolerance:.2g} %")
+            table.add_row(escape(figure.quantity), *numbers)  # [m] is no markup
+        console.print(table if not outcome.error else f"{case.name} FAILED: {outcome.error}")
+    n, wrong = sum(len(one.figures) for one in found), sum(not one.holds for one in found)
+    console.print(
+        f"{n} figures of {len(found)} cases in {sum(one.seconds for one in found):.1f} s"
+        + (f", {wrong} cases out of tolerance" if wrong else ", all within their tolerances")
+    )
+    console.print(f"{', '.join(files)} in {folder}/")

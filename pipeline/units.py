@@ -9,14 +9,20 @@ usual: ``"5 N m"`` is ``"5 N m/rad"``.
 
 from __future__ import annotations
 
+import json
 import math
 import re
+import shutil
+from contextlib import suppress
 from decimal import Decimal
 from functools import cache, partial
+from importlib.metadata import version
+from pathlib import Path
 from typing import TYPE_CHECKING, Annotated
 
 from pydantic import AfterValidator, BeforeValidator
 
+from pipeline.files import whole_file
 from pipeline.folders import cache_folder
 
 if TYPE_CHECKING:
@@ -61,13 +67,29 @@ _LONGEST = 60
 
 
 @cache
+def _known_units() -> dict[str, list[str]]:
+    """Units that have been read before, each with its factor and base units: a scene of such needs no registry."""
+    try:
+        known = json.loads(_known_file().read_text(encoding="utf-8"))
+        return {str(unit): [str(Decimal(factor)), str(base)] for unit, (factor, base) in known.items()}
+    except (OSError, ValueError, TypeError, AttributeError, ArithmeticError):  # none yet, or a damaged file
+        return {}
+
+
+def _known_file() -> Path:
+    return cache_folder() / "units" / f"known-{version('pint')}.json"
+
+
+@cache
 def _registry() -> pint.UnitRegistry[Decimal]:
     """Return the units known, loaded when a quantity is first read; decimals make 10 us exactly 1e-05 s."""
     import pint
 
+    folder = cache_folder() / "units"
     try:
-        return pint.UnitRegistry(non_int_type=Decimal, cache_folder=cache_folder() / "units")
-    except OSError:  # a folder that can't be written
+        return pint.UnitRegistry(non_int_type=Decimal, cache_folder=folder)
+    except Exception:  # it can't be written; or pint, which doesn't write files whole, was killed while it wrote one
+        shutil.rmtree(folder, ignore_errors=True)
         return pint.UnitRegistry(non_int_type=Decimal)
 
 
@@ -114,6 +136,22 @@ def to_si(value: object, kind: str) -> float:
     return result
 
 
+def si_of(text: str) -> tuple[float, str]:
+    """Convert a quantity of any kind to SI units: ``si_of("2 us")`` is ``(2e-06, "s")``.
+
+    Raises
+    ------
+    ValueError
+        The text is no number with a known unit.
+    """
+    match = _QUANTITY.fullmatch(text) if len(text) <= _LONGEST else None
+    factor, base = _base_units(match[2]) if match and match[2] else (Decimal(0), "")
+    if match is None or not base:
+        raise ValueError(f"{text!r} isn't a number with a unit")
+    unit = next((si for si, _ in _KINDS.values() if _base_units(si)[1] == base), base)
+    return float(Decimal(match[1]) * factor), unit
+
+
 def share(value: object) -> float:
     """Read a part of a whole, ``"1 %"``, as 0.01.
 
@@ -154,12 +192,18 @@ def in_unit(values: Array, unit: str, wanted: str) -> Array:
 
 def _base_units(unit: str) -> tuple[Decimal, str]:
     """Return the factor to base units (kg, m, s, rad, …) and these as text, empty for an unknown unit."""
-    registry = _registry()
-    try:
-        factor, base = registry.get_base_units(registry.parse_units(unit))
-    except (AttributeError, ValueError, TypeError):  # what pint's errors derive from
-        return Decimal(0), ""
-    return Decimal(str(factor)), str(base)
+    known = _known_units()
+    if unit not in known:
+        registry = _registry()
+        try:
+            found = registry.get_base_units(registry.parse_units(unit))
+        except (AttributeError, ValueError, TypeError):  # what pint's errors derive from
+            return Decimal(0), ""
+        known[unit] = [str(x) for x in found]
+        with suppress(OSError), whole_file(_known_file()) as part:
+            part.write_text(json.dumps(known), encoding="utf-8")
+    factor, base = known[unit]
+    return Decimal(factor), base
 
 
 def _dimension(base: str) -> str:

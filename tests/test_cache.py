@@ -11,6 +11,7 @@ import pytest
 
 from pipeline import folders
 from pipeline.cache import Cache, stage_key
+from pipeline.files import whole_file
 from pipeline.folders import cache_folder, kernel_folder, source_digest
 
 VALUE = {"numbers": np.arange(10.0), "names": ("a", "b"), "nothing": None}
@@ -196,6 +197,53 @@ def test_kernels_go_elsewhere_if_the_cache_cannot_be_written(tmp_path: Path, mon
     (tmp_path / "temporary").mkdir()
     monkeypatch.setenv("FMD_CACHE", str(tmp_path / "file"))
     monkeypatch.setattr("tempfile.tempdir", str(tmp_path / "temporary"))
+    folders.own_temporary_folder.cache_clear()
     folder = kernel_folder()
+    folders.own_temporary_folder.cache_clear()
     assert folder.is_dir()
-    assert folder.parent == tmp_path / "temporary"
+    assert folder.parent.parent == tmp_path / "temporary" / f"fmd-{os.getuid()}"  # where the next run finds it
+
+
+def test_what_killed_processes_left_half_written_is_deleted_in_time(cache: Cache, entry: Path, tmp_path: Path) -> None:
+    old, new = entry.parent / ".part-old", entry.parent / ".part-new"
+    for path in (old, new):
+        path.write_bytes(b"half")
+    os.utime(old, (0, 0))
+    cache.save("another", VALUE)
+    assert (old.exists(), new.exists()) == (False, True)
+    abandoned, others = tmp_path / ".summary.12345.json", tmp_path / ".other.12345.json"
+    for path in (abandoned, others):
+        path.write_text("half")
+        os.utime(path, (0, 0))
+    with whole_file(tmp_path / "summary.json") as part:
+        part.write_text("whole")
+    assert (abandoned.exists(), others.exists()) == (False, True)
+
+
+@pytest.mark.parametrize("state", ["new", "own", "another's", "open to all", "a file"])
+def test_a_user_without_a_home_has_a_folder_that_nobody_else_can_write_to(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, state: str
+) -> None:
+    def homeless(_: str) -> Path:
+        raise RuntimeError("could not determine the home directory")
+
+    user = os.getuid()
+    monkeypatch.setattr(folders.platformdirs, "user_cache_path", homeless)
+    monkeypatch.setattr(tempfile, "tempdir", str(tmp_path))
+    monkeypatch.delenv("FMD_CACHE")
+    folder = tmp_path / f"fmd-{user}"
+    if state == "a file":
+        folder.write_text("in the way")
+    elif state != "new":
+        folder.mkdir(mode=0o700)
+    if state == "open to all":
+        folder.chmod(0o777)
+    if state == "another's":
+        monkeypatch.setattr(os, "getuid", lambda: user + 1)
+        folder.rename(tmp_path / f"fmd-{user + 1}")
+    folders.own_temporary_folder.cache_clear()
+    found = cache_folder()
+    folders.own_temporary_folder.cache_clear()
+    assert (found == folder) == (state in ("new", "own"))
+    assert found.parent == tmp_path
+    assert found.stat().st_mode & 0o777 == 0o700

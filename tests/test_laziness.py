@@ -77,6 +77,14 @@ def test_a_run_without_pictures_loads_neither_pyvista_nor_matplotlib(cold_run):
 
 
 @pytest.mark.usefixtures("cold_run")
+def test_modes_of_a_scene_that_was_run_load_little_more_than_numpy(modules):
+    loaded = modules("modes", "beam", *QUICK)
+    assert "numpy" in loaded
+    meshing = {"gmsh", "meshes", "skfem", "meshio", "pipeline.fem"}
+    assert not loaded & {*meshing, "pint", "dask", "numba", "pyvista", "matplotlib", "xarray", "pipeline.integrators"}
+
+
+@pytest.mark.usefixtures("cold_run")
 def test_a_second_run_loads_neither_gmsh_nor_scikit_fem(modules, tmp_path):
     warm = modules("run", "beam", *QUICK, "--no-pictures", "--out", str(tmp_path))
     assert not warm & {"gmsh", "meshes", "skfem", "meshio"}

@@ -1,6 +1,7 @@
 """Quantities: text with a unit in, SI floats out, everything else refused."""
 
 import math
+import os
 import subprocess
 import sys
 
@@ -155,3 +156,20 @@ def test_values_change_to_no_other_dimension(wanted: str) -> None:
 def test_pint_is_loaded_only_for_a_quantity() -> None:
     code = "import sys, pipeline.units; assert 'pint' not in sys.modules"
     subprocess.run([sys.executable, "-c", code], check=True)
+
+
+def test_a_damaged_units_cache_is_rebuilt(tmp_path, monkeypatch):
+    # pint writes its files in place: a process killed meanwhile leaves half of one behind
+    command = [sys.executable, "-c", "from pipeline.units import to_si; print(to_si('3 furlong/fortnight', 'speed'))"]
+
+    def speed():
+        environment = os.environ | {"FMD_CACHE": str(tmp_path)}
+        done = subprocess.run(command, capture_output=True, text=True, env=environment, check=True, timeout=120)
+        return float(done.stdout)
+
+    found = speed()
+    assert found == pytest.approx(3 * 201.168 / (14 * 86400), rel=1e-5)
+    for file in (tmp_path / "units").iterdir():
+        file.write_bytes(file.read_bytes()[: file.stat().st_size // 2])
+    assert speed() == found
+    assert speed() == found

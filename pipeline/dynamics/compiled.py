@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import os
 from collections.abc import Callable
+from pathlib import Path
 from typing import Any, TypeVar
 
 from pipeline.checks import Array
@@ -17,12 +18,15 @@ import numba
 import numpy as np
 from numba.extending import overload
 
+from pipeline.dynamics.kernel_files import KernelFiles
+
 _LINE = 8  # doubles
 F = TypeVar("F", bound=Callable[..., Any])
 
 # Kernels allocate nothing, so they need none of Numba's reference counting: left on, its atomic increments cost more
 # than the arithmetic of a small body (50 ns of 57 ns for the fast equation of five modes).
-_OPTIONS: dict[str, Any] = {"error_model": "numpy", "_nrt": False}
+_OPTIONS: dict[str, Any] = {"error_model": "numpy", "_nrt": False, "no_cfunc_wrapper": True}
+_INNER = _OPTIONS | {"no_cpython_wrapper": True}
 
 
 def aligned(*sizes: int) -> list[Array]:
@@ -36,17 +40,30 @@ def aligned(*sizes: int) -> list[Array]:
 
 def kernel(function: F) -> F:
     """Compile a function that Python calls; kept on disk."""
-    compiled: F = numba.njit(cache=True, nogil=True, **_OPTIONS)(function)
+    compiled: F = _kept(numba.njit(cache=True, nogil=True, **_OPTIONS)(function))
+    return compiled
+
+
+def inner(function: F) -> F:
+    """Compile a function that kernels alone may call, without the way in for Python; kept on disk."""
+    compiled: F = _kept(numba.njit(cache=True, nogil=True, **_INNER)(function))
+    return compiled
+
+
+def _kept(compiled: Any) -> Any:
+    """Have a function's kernels kept in files of our own."""
+    cache = compiled._cache
+    cache._cache_file = KernelFiles(Path(cache.cache_path), cache._impl.filename_base)
     return compiled
 
 
 def inlined(function: F) -> F:
     """Compile a function into the kernels that call it."""
-    compiled: F = numba.njit(inline="always", **_OPTIONS)(function)
+    compiled: F = numba.njit(inline="always", **_INNER)(function)
     return compiled
 
 
-def meaning(name: Callable[..., None], parameters: type[tuple[Any, ...]]) -> Callable[[F], F]:
+def meaning(name: Callable[..., None], parameters: type) -> Callable[[F], F]:
     """Decorate what the function ``name`` of `pipeline.dynamics.system` does for one type of parameters."""
 
     def register(function: F) -> F:

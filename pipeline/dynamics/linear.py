@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 from functools import cached_property
-from typing import NamedTuple
+from typing import TYPE_CHECKING, NamedTuple
 
 import numpy as np
 from scipy.linalg import eigh
@@ -12,6 +12,9 @@ from scipy.linalg import eigh
 from pipeline.checks import Array, require_shape
 from pipeline.dynamics.compiled import meaning
 from pipeline.dynamics.system import accelerations, advance, fast_steps, freeze, velocities
+
+if TYPE_CHECKING:
+    from pipeline.dynamics.linear_middle import MiddleLinear
 
 
 class LinearParameters(NamedTuple):
@@ -99,6 +102,12 @@ class LinearSystem:
         """Fresh storage for what a major cycle holds."""
         return FrozenLinear(np.zeros(self.n - self.n_slow), np.zeros(self.n - self.n_slow))
 
+    def middle(self) -> MiddleLinear:
+        """Fresh storage for what a major cycle's middle holds."""
+        from pipeline.dynamics.linear_middle import middle_of
+
+        return middle_of(self.M, self.K, self._packed.C, self.n_slow)
+
     @property
     def highest_frequency(self) -> float:
         """Highest angular frequency without the rates' terms [rad/s]."""
@@ -110,13 +119,23 @@ class LinearSystem:
         return self._highest(slice(self.n_slow, None))
 
     @property
+    def highest_reacting_frequency(self) -> float:
+        """The same of the fast coordinates with ``q_L + M_LL⁻¹ M_LS q_S`` held."""
+        slow, fast = slice(0, self.n_slow), slice(self.n_slow, None)
+        T = np.concatenate([-np.linalg.solve(self.M[slow, slow], self.M[slow, fast]), np.eye(self.n - self.n_slow)])
+        return _highest(T.T @ self.M @ T, T.T @ self.K @ T)
+
+    @property
     def highest_slow_frequency(self) -> float:
         """The same of the slow coordinates with the fast ones held."""
         return self._highest(slice(0, self.n_slow))
 
     def _highest(self, part: slice) -> float:
-        M, K = self.M[part, part], self.K[part, part]
-        return float(np.sqrt(max(eigh(K, M, eigvals_only=True)[-1], 1e-300))) if len(M) else 1e-150
+        return _highest(self.M[part, part], self.K[part, part])
+
+
+def _highest(M: Array, K: Array) -> float:
+    return float(np.sqrt(max(eigh(K, M, eigvals_only=True)[-1], 1e-300))) if len(M) else 1e-150
 
 
 @meaning(accelerations, LinearParameters)

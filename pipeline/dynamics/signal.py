@@ -8,13 +8,13 @@ from __future__ import annotations
 
 import math
 from collections.abc import Sequence
-from dataclasses import dataclass
-from typing import NamedTuple
+from dataclasses import dataclass, replace
 
 import numpy as np
 
 from pipeline.checks import Array, IntArray, require_shape
-from pipeline.dynamics.compiled import kernel
+from pipeline.dynamics.compiled import inner, kernel
+from pipeline.dynamics.table import Table, address_of, call
 from pipeline.expression import MOST_DEPTH, Expression
 
 _CONSTANT, _PROGRAM, _TABLE = range(3)
@@ -191,9 +191,11 @@ def _table(times: Array, cubics: Sequence[Sequence[float]]) -> _Term:
     return _Term(_TABLE, knots=tuple(times.tolist()), cubics=pieces)
 
 
-class SignalTable(NamedTuple):
+@dataclass(frozen=True)
+class SignalTable(Table):
     """Any number of signals as flat arrays for the kernels; ``stack`` is room to work in, for one thread."""
 
+    evaluate_term: int  # address of `_evaluate_term`, 0 if all are constants
     first_term: IntArray  # (n_signals + 1,)
     kind: IntArray  # (n_terms,)
     support: Array  # (n_terms, 2)
@@ -208,7 +210,7 @@ class SignalTable(NamedTuple):
 
     def with_room(self) -> SignalTable:
         """Give room to work in that is the caller's own."""
-        return self._replace(stack=np.zeros((MOST_DEPTH, 3)))
+        return replace(self, stack=np.zeros((MOST_DEPTH, 3)))
 
 
 def pack(signals: Sequence[Signal]) -> SignalTable:
@@ -218,7 +220,8 @@ def pack(signals: Sequence[Signal]) -> SignalTable:
     def starts(sizes: Sequence[int]) -> IntArray:
         return np.concatenate([[0], np.cumsum(sizes)]).astype(np.int64)
 
-    return SignalTable(
+    table = SignalTable(
+        evaluate_term=0,
         first_term=starts([len(signal.terms) for signal in signals]),
         kind=np.array([term.kind for term in terms], dtype=np.int64),
         support=np.array([term.support for term in terms]).reshape(-1, 2),
@@ -231,6 +234,9 @@ def pack(signals: Sequence[Signal]) -> SignalTable:
         cubics=np.array([x for term in terms for x in term.cubics], dtype=float).reshape(-1, 4),
         stack=np.zeros((MOST_DEPTH, 3)),
     )
+    if all(term.kind == _CONSTANT for term in terms):
+        return table
+    return replace(table, evaluate_term=address_of(_evaluate_term, table, 0, 0.0))
 
 
 @kernel
@@ -241,7 +247,7 @@ def signal_value(s: SignalTable, k: int, t: float) -> float:
         if s.kind[term] == _CONSTANT:
             total += s.numbers[s.first_number[term]]
         elif s.support[term, 0] <= t <= s.support[term, 1]:
-            _evaluate_term(s, term, t)
+            call(s.evaluate_term, (s, term, float(t)))
             total += s.stack[0, 0]
     return total
 
@@ -254,12 +260,12 @@ def evaluate_signal(s: SignalTable, k: int, t: float, out: Array) -> None:
         if s.kind[term] == _CONSTANT:
             out[0] += s.numbers[s.first_number[term]]
         elif s.support[term, 0] <= t <= s.support[term, 1]:
-            _evaluate_term(s, term, t)
+            call(s.evaluate_term, (s, term, float(t)))
             for i in range(3):
                 out[i] += s.stack[0, i]
 
 
-@kernel
+@inner
 def _evaluate_term(s: SignalTable, term: int, t: float) -> None:
     """Leave a term's value and derivatives on the bottom of the stack."""
     if s.kind[term] == _PROGRAM:
@@ -284,7 +290,7 @@ def _evaluate_term(s: SignalTable, term: int, t: float) -> None:
     bottom[2] = 2.0 * c[2] + 6.0 * x * c[3]
 
 
-@kernel
+@inner
 def _run(s: SignalTable, term: int, t: float) -> None:
     """Run a postfix program on (f, f', f'')."""
     top, number = -1, s.first_number[term]
@@ -310,7 +316,7 @@ def _run(s: SignalTable, term: int, t: float) -> None:
             _combine(op, s.stack[top], s.stack[top + 1])
 
 
-@kernel
+@inner
 def _apply_function(op: int, a: Array) -> None:
     """``a = f(a)`` with f' = f₁ a' and f'' = f₂ a'² + f₁ a''; of what stands still, 0 even where f₁ isn't finite."""
     x = a[0]
@@ -347,7 +353,7 @@ def _apply_function(op: int, a: Array) -> None:
         a[1] *= f1
 
 
-@kernel
+@inner
 def _combine(op: int, a: Array, b: Array) -> None:
     """``a = a op b``."""
     if op in (_ADD, _SUBTRACT):
@@ -369,7 +375,7 @@ def _combine(op: int, a: Array, b: Array) -> None:
             a[i] = b[i]
 
 
-@kernel
+@inner
 def _raise(a: Array, b: Array) -> None:
     """``a = a ** b``; a constant exponent needs no logarithm, so the base may be 0 or negative."""
     x, n = a[0], b[0]

@@ -126,9 +126,9 @@ class Tree:
     @property
     def parameters(self) -> TreeParameters:
         """Flat arrays for the kernels, with room to work in that is the caller's own."""
-        import pipeline.dynamics.tree_solve  # noqa: F401 - gives the functions of `system` their meaning for trees
+        from pipeline.dynamics.tree_solve import with_kernels
 
-        return with_room(self._packed[0])
+        return with_kernels(with_room(self._packed[0]))
 
     @cached_property
     def _packed(self) -> tuple[TreeParameters, tuple[Signal, ...]]:
@@ -141,9 +141,13 @@ class Tree:
 
     def frozen(self) -> FrozenTree:
         """Fresh storage for the frozen coefficients of a major cycle."""
+        from pipeline.dynamics.tree_solve import frozen_with_kernels
+
         p = self._packed[0]
-        return FrozenTree(
-            self.n_slow, np.zeros(self.n), np.zeros(1), np.zeros(self.n), p.K, p.C, np.zeros((self.n, self.n))
+        return frozen_with_kernels(
+            FrozenTree(
+                0, self.n_slow, np.zeros(self.n), np.zeros(1), np.zeros(self.n), p.K, p.C, np.zeros((self.n, self.n))
+            )
         )
 
     def middle(self) -> MiddleTree:
@@ -153,7 +157,7 @@ class Tree:
         Q, q, v = np.zeros((3, self.n))
         L, T, K, C, fast_K, fast_C = np.zeros((6, self.n, self.n))
         carried, room = np.zeros((len(self.links), self.n, 9)), np.zeros((9, 12))
-        return MiddleTree(self.frozen()._replace(K=fast_K, C=fast_C), L, Q, T, K, C, carried, room, q, v)
+        return MiddleTree(replace(self.frozen(), K=fast_K, C=fast_C), L, Q, T, K, C, carried, room, q, v)
 
     @property
     def stiffness(self) -> Array:
@@ -172,6 +176,11 @@ class Tree:
     def linear_stiffness(self) -> Array:
         """Stiffness of modes and springs, shape (n, n)."""
         return self._packed[0].K
+
+    @property
+    def linear_damping(self) -> Array:
+        """Damping of modes and joints, shape (n, n)."""
+        return self._packed[0].C
 
     def mass_matrix(self, q: Array, t: float = 0.0) -> Array:
         """M̂ at positions q, shape (n, n)."""

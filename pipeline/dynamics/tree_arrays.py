@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
+from dataclasses import dataclass, replace
 from typing import NamedTuple
 
 import numpy as np
@@ -10,6 +11,7 @@ import numpy as np
 from pipeline.checks import Array, IntArray
 from pipeline.dynamics.link import FIXED, FREE, PRISMATIC, REVOLUTE, Link, PointLoad
 from pipeline.dynamics.signal import Signal, SignalTable, constant, pack
+from pipeline.dynamics.table import Table
 
 # The six symmetric products of two axes; the three antisymmetric ones are counted by the axis across both.
 SYMMETRIC = ((0, 0), (1, 1), (2, 2), (1, 2), (0, 2), (0, 1))
@@ -17,9 +19,17 @@ _ROUND_OFF = 1e-12
 _PLANE = 1e-9
 
 
-class TreeParameters(NamedTuple):
+@dataclass(frozen=True)
+class TreeParameters(Table):
     """Flat arrays for the kernels; those from ``origin`` on are room to work in."""
 
+    # Addresses of kernels, so that each is compiled once and only where it is needed: see `tree_solve.with_kernels`.
+    place_joint: int
+    move_through_joint: int
+    add_body: int
+    add_point_load: int
+    mass_and_force: int
+    solve_accelerations: int
     parent: IntArray
     joint: IntArray
     rate: IntArray  # first rate of each joint
@@ -71,9 +81,11 @@ class TreeParameters(NamedTuple):
     modal: Array  # (18, 1 + most)
 
 
-class FrozenTree(NamedTuple):
+@dataclass(frozen=True)
+class FrozenTree(Table):
     """The fast coordinates over a major cycle: ``M_SS a_S = constant − K q_S − C v_S``."""
 
+    march: int  # address of `fast_march`
     n_slow: int
     constant: Array  # (n,), the slow ones unused
     single: Array  # (1,): 1 if no fast coordinate couples with another
@@ -83,7 +95,8 @@ class FrozenTree(NamedTuple):
     L: Array  # (n, n), factor of M_SS
 
 
-class MiddleTree(NamedTuple):
+@dataclass(frozen=True)
+class MiddleTree(Table):
     """The equations at a major cycle's middle, the slow ones reacting: ``Q̂ = Q − K (q_S − q*_S) − C (v_S − v*_S)``."""
 
     fast: FrozenTree  # the fast coordinates', with S̄ = Tᵀ M T for M_SS
@@ -164,7 +177,7 @@ def packed(
     active, bowed = np.zeros((n_bodies, 9), dtype=np.int64), np.zeros(n_bodies, dtype=np.int64)
     motion = np.array([number(link.motion) for link in links], dtype=np.int64)
     K, C = np.zeros((n, n)), np.zeros((n, n))
-    plane = _plane_normal(links)
+    plane = plane_normal(links)
     for k, link in enumerate(links):
         own, others = len(link.omega), link.place_shapes.shape[1]
         by_body["place_shapes"][k, :, :others] = link.place_shapes
@@ -210,6 +223,12 @@ def packed(
     at_signal = np.array([number(at.size) for at in loads], dtype=np.int64)
     nothing = np.zeros(0)
     parameters = TreeParameters(
+        place_joint=0,
+        move_through_joint=0,
+        add_body=0,
+        add_point_load=0,
+        mass_and_force=0,
+        solve_accelerations=0,
         parent=np.array([link.parent for link in links], dtype=np.int64),
         joint=np.array([link.joint for link in links], dtype=np.int64),
         rate=layout.rate,
@@ -258,7 +277,8 @@ def packed(
 def with_room(parameters: TreeParameters) -> TreeParameters:
     """Give parameters room to work in that is the caller's own."""
     n, n_bodies, most = len(parameters.load), len(parameters.parent), parameters.mode.shape[1]
-    return parameters._replace(
+    return replace(
+        parameters,
         signals=parameters.signals.with_room(),
         origin=np.zeros((n_bodies, 3)),
         R=np.zeros((n_bodies, 3, 3)),
@@ -274,7 +294,7 @@ def with_room(parameters: TreeParameters) -> TreeParameters:
     )
 
 
-def _plane_normal(links: Sequence[Link]) -> int:
+def plane_normal(links: Sequence[Link]) -> int:
     """Number of the coordinate axis that every rotation of the chain is about, -1 if there is none."""
     axes = []
     for link in links:

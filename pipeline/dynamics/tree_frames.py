@@ -5,13 +5,13 @@ from __future__ import annotations
 import math
 
 from pipeline.checks import Array
-from pipeline.dynamics.compiled import inlined, kernel
+from pipeline.dynamics.compiled import inner
 from pipeline.dynamics.link import FREE, PRISMATIC, REVOLUTE, SPHERICAL
 from pipeline.dynamics.signal import evaluate_signal
 from pipeline.dynamics.tree_arrays import TreeParameters
 
 
-@inlined
+@inner
 def cross_add(out: Array, a0: float, a1: float, a2: float, b0: float, b1: float, b2: float) -> None:
     """``out += a × b``."""
     out[0] += a1 * b2 - a2 * b1
@@ -19,7 +19,7 @@ def cross_add(out: Array, a0: float, a1: float, a2: float, b0: float, b1: float,
     out[2] += a0 * b1 - a1 * b0
 
 
-@kernel
+@inner
 def _turn(R: Array, axis: Array, angle: float, out: Array) -> None:
     """``out = R rot(axis, angle)`` by Rodrigues' formula, row by row."""
     c, s = math.cos(angle), math.sin(angle)
@@ -31,7 +31,7 @@ def _turn(R: Array, axis: Array, angle: float, out: Array) -> None:
         out[i, 2] = c * r2 + along * axis[2] + s * (r0 * axis[1] - r1 * axis[0])
 
 
-@kernel
+@inner
 def _turn_quaternion(R: Array, e: Array, out: Array) -> None:
     """``out = R rot(e)`` for a unit quaternion e, scalar part last."""
     x, y, z, w = e[0], e[1], e[2], e[3]
@@ -42,7 +42,7 @@ def _turn_quaternion(R: Array, e: Array, out: Array) -> None:
         out[i, 2] = r0 * 2 * (x * z + w * y) + r1 * 2 * (y * z - w * x) + r2 * (1 - 2 * (x * x + y * y))
 
 
-@kernel
+@inner
 def tangent(size2: float, out: Array) -> None:
     """Coefficients of ``A(θ) = 1 + out₀ θ̃ + out₁ θ̃²`` for |θ|² = size2, and their slopes over θ·θ̇, into out (4,)."""
     size = math.sqrt(size2)
@@ -57,7 +57,7 @@ def tangent(size2: float, out: Array) -> None:
         out[3] = -1.0 / 60.0 + size2 / 1260.0 - size2**2 / 60480.0
 
 
-@kernel
+@inner
 def place_joint(p: TreeParameters, b: int, q: Array, v: Array, R0: Array) -> None:
     """Frame of the joint on the parent, moved and turned by the parent's modes, into body b's own; R0 (3, 3)."""
     origin, spin, bias, J = p.origin[b], p.spin[b], p.bias[b], p.J[b]
@@ -156,7 +156,7 @@ def place_joint(p: TreeParameters, b: int, q: Array, v: Array, R0: Array) -> Non
     _turn(R, turned, size, R0)
 
 
-@kernel
+@inner
 def move_through_joint(p: TreeParameters, t: float, b: int, q: Array, v: Array, R0: Array) -> None:
     """Move body b's frame through its joint; R0 is the joint's frame on the parent."""
     R, spin, bias, J, axis = p.R[b], p.spin[b], p.bias[b], p.J[b], p.axis[b]
@@ -216,7 +216,7 @@ def move_through_joint(p: TreeParameters, t: float, b: int, q: Array, v: Array, 
                 J[i, rate] += R0[i, 0]
 
 
-@kernel
+@inner
 def _shift(p: TreeParameters, b: int, arm: Array, relative: Array) -> None:
     """Move body b's origin by ``arm``, which turns with its frame and changes at the rate ``relative``."""
     origin, spin, bias, J = p.origin[b], p.spin[b], p.bias[b], p.J[b]

@@ -15,14 +15,15 @@ are all that a body needs: second moment P, ``N = ∫ρ x ⊗ u̇`` and ``h_a = 
 from __future__ import annotations
 
 from pipeline.checks import Array
-from pipeline.dynamics.compiled import inlined, kernel
+from pipeline.dynamics.compiled import inner, kernel
 from pipeline.dynamics.link import REVOLUTE
 from pipeline.dynamics.signal import signal_value
+from pipeline.dynamics.table import call
 from pipeline.dynamics.tree_arrays import TreeParameters
-from pipeline.dynamics.tree_frames import cross_add, move_through_joint, place_joint, tangent
+from pipeline.dynamics.tree_frames import cross_add, tangent
 
 
-@kernel
+@inner
 def modal_products(p: TreeParameters, b: int, q: Array, v: Array) -> None:
     """Fill p.modal for body b: p, ṗ, the products G_k p (2 … 7), A_a p (8 … 10), A_a ṗ (11 … 13), S_eff (14 … 16).
 
@@ -53,15 +54,15 @@ def modal_products(p: TreeParameters, b: int, q: Array, v: Array) -> None:
                 add_scaled(m[14 + a, 1:], p.bow[b, a, j], m[0, 1 + j], n_modes)
 
 
-@inlined
+@inner
 def add_scaled(y: Array, x: Array, factor: float, n: int) -> None:
     """``y += factor x`` for the first n."""
     for k in range(n):
         y[k] += factor * x[k]
 
 
-@kernel
-def _add_body(p: TreeParameters, b: int, q: Array, v: Array) -> None:
+@inner
+def add_body(p: TreeParameters, b: int, q: Array, v: Array) -> None:
     """Add body b's mass and force, formed in its own axes, to M̂ and Q̂."""
     modal_products(p, b, q, v)
     n, n_modes, mode = v.size, p.n_modes[b], p.mode[b]
@@ -147,7 +148,7 @@ def _add_body(p: TreeParameters, b: int, q: Array, v: Array) -> None:
             M[max(i, j), min(i, j)] += coupling[k]
 
 
-@inlined
+@inner
 def times_symmetric(A: Array, x: Array, out: Array) -> None:
     """``out = A x`` for a symmetric matrix given as xx, yy, zz, yz, xz, xy."""
     x0, x1, x2 = x[0], x[1], x[2]
@@ -156,8 +157,8 @@ def times_symmetric(A: Array, x: Array, out: Array) -> None:
     out[2] = A[4] * x0 + A[3] * x1 + A[2] * x2
 
 
-@kernel
-def _add_point_load(p: TreeParameters, t: float, k: int, q: Array) -> None:
+@inner
+def add_point_load(p: TreeParameters, t: float, k: int, q: Array) -> None:
     """Let point load k do its work on every rate that moves its point."""
     b = p.at_body[k]
     R, J, Q, mode, n_modes = p.R[b], p.J[b], p.Q, p.mode[b], p.n_modes[b]
@@ -219,14 +220,14 @@ def mass_and_force(p: TreeParameters, t: float, q: Array, v: Array) -> None:
     for b in range(p.parent.size):
         if p.joint[b] == REVOLUTE and p.motion[b] < 0 and p.n_modes[b] > 0:
             _turn_section(p, b, q, v)
-        place_joint(p, b, q, v, p.R0)
-        move_through_joint(p, t, b, q, v, p.R0)
-        _add_body(p, b, q, v)
+        call(p.place_joint, (p, b, q, v, p.R0))
+        call(p.move_through_joint, (p, float(t), b, q, v, p.R0))
+        call(p.add_body, (p, b, q, v))
     for k in range(p.at_body.size):
-        _add_point_load(p, t, k, q)
+        call(p.add_point_load, (p, float(t), k, q))
 
 
-@inlined
+@inner
 def _turn_section(p: TreeParameters, b: int, q: Array, v: Array) -> None:
     """Let the load of a revolute joint work on the section that it grips, which turns with the body's modes."""
     i, mode, Q = p.rate[b], p.mode[b], p.Q
@@ -237,7 +238,7 @@ def _turn_section(p: TreeParameters, b: int, q: Array, v: Array) -> None:
         Q[mode[k]] += p.joint_rotation[b, k] * Q[i]
 
 
-@inlined
+@inner
 def _copy_frames(p: TreeParameters, origins: Array, rotations: Array) -> None:
     for b in range(p.parent.size):
         for i in range(3):
@@ -253,8 +254,8 @@ def place_bodies(
     """Frames of all bodies, and their angular velocities in space, at states q, v (n_times, …)."""
     for i in range(times.size):
         for b in range(p.parent.size):
-            place_joint(p, b, q[i], v[i], p.R0)
-            move_through_joint(p, times[i], b, q[i], v[i], p.R0)
+            call(p.place_joint, (p, b, q[i], v[i], p.R0))
+            call(p.move_through_joint, (p, times[i], b, q[i], v[i], p.R0))
             for j in range(3):
                 spins[i, b, j] = p.spin[b, j]
         _copy_frames(p, origins[i], rotations[i])
@@ -266,7 +267,7 @@ def kinetic_energies(
 ) -> None:
     """``½ vᵀ M̂ v`` and the frames of all bodies at states q, v (n_times, …)."""
     for i in range(times.size):
-        mass_and_force(p, times[i], q[i], v[i])
+        call(p.mass_and_force, (p, times[i], q[i], v[i]))
         total = 0.0
         for j in range(p.Q.size):
             for k in range(j):

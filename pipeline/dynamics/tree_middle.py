@@ -3,19 +3,19 @@
 from __future__ import annotations
 
 from pipeline.checks import Array
-from pipeline.dynamics.compiled import kernel, meaning
+from pipeline.dynamics.compiled import inner, meaning
 from pipeline.dynamics.system import hold_middle, reacting_steps, slow_response
+from pipeline.dynamics.table import call
 from pipeline.dynamics.tree_arrays import MiddleTree, TreeParameters
-from pipeline.dynamics.tree_kernels import mass_and_force
 from pipeline.dynamics.tree_solve import factor, fast_march, solve
 from pipeline.dynamics.tree_tangents import velocity_tangents
 
 
-@kernel
+@inner
 def _hold(p: TreeParameters, t: float, q: Array, v: Array, D: Array, middle: MiddleTree) -> None:
     fast, M, L, Q, K, C, T = middle.fast, p.M, middle.L, middle.Q, middle.K, middle.C, middle.T
     n, n_slow, offset = v.size, fast.n_slow, q.size - v.size
-    mass_and_force(p, t, q, v)
+    call(p.mass_and_force, (p, float(t), q, v))
     factor(M, 0, n_slow, L)
     for i in range(n):
         Q[i], middle.v[i] = p.Q[i], v[i]
@@ -52,7 +52,7 @@ def _hold(p: TreeParameters, t: float, q: Array, v: Array, D: Array, middle: Mid
         fast.constant[i] = total
 
 
-@kernel
+@inner
 def _condense(D: Array, n_slow: int, A: Array, out: Array) -> None:
     """``out = Tᵀ Aᵀ``, fast rows of fast columns."""
     n = D.shape[0]
@@ -64,7 +64,7 @@ def _condense(D: Array, n_slow: int, A: Array, out: Array) -> None:
             out[i, j] = total
 
 
-@kernel
+@inner
 def _respond(middle: MiddleTree, q: Array, v: Array, a: Array) -> None:
     Q, K, C, q_middle, v_middle, n_slow = middle.Q, middle.K, middle.C, middle.q, middle.v, middle.fast.n_slow
     for i in range(n_slow):

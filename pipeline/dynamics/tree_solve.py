@@ -3,16 +3,21 @@
 from __future__ import annotations
 
 import math
+from dataclasses import replace
+
+import numpy as np
 
 from pipeline.checks import Array
-from pipeline.dynamics.compiled import kernel, meaning
+from pipeline.dynamics.compiled import inner, kernel, meaning
 from pipeline.dynamics.link import FREE, SPHERICAL
 from pipeline.dynamics.system import accelerations, advance, fast_steps, freeze, velocities
+from pipeline.dynamics.table import address_of, call
 from pipeline.dynamics.tree_arrays import FrozenTree, TreeParameters
-from pipeline.dynamics.tree_kernels import mass_and_force
+from pipeline.dynamics.tree_frames import move_through_joint, place_joint
+from pipeline.dynamics.tree_kernels import add_body, add_point_load, mass_and_force
 
 
-@kernel
+@inner
 def factor(M: Array, first: int, n: int, L: Array) -> None:
     """``M = Lᵀ D L`` of the block from ``first`` to n - 1: L unit lower, D on its diagonal.
 
@@ -35,7 +40,7 @@ def factor(M: Array, first: int, n: int, L: Array) -> None:
             L[j, i] /= pivot
 
 
-@kernel
+@inner
 def solve(L: Array, first: int, n: int, x: Array) -> None:
     """Solve with the factor's block from ``first`` to n - 1, in place."""
     for i in range(n - 1, first, -1):
@@ -52,7 +57,7 @@ def solve(L: Array, first: int, n: int, x: Array) -> None:
 @kernel
 def solve_accelerations(p: TreeParameters, t: float, q: Array, v: Array, a: Array) -> None:
     """Form and solve ``M̂ a = Q̂``."""
-    mass_and_force(p, t, q, v)
+    call(p.mass_and_force, (p, float(t), q, v))
     Q, L = p.Q, p.L
     for i in range(v.size):
         a[i] = Q[i]
@@ -60,7 +65,7 @@ def solve_accelerations(p: TreeParameters, t: float, q: Array, v: Array, a: Arra
     solve(L, 0, v.size, a)
 
 
-@kernel
+@inner
 def _hold(p: TreeParameters, t: float, q: Array, v: Array, a: Array, frozen: FrozenTree) -> None:
     M, Q, K, C, scalar_position, constant = p.M, p.Q, p.K, p.C, p.scalar_position, frozen.constant
     n, n_slow = v.size, frozen.n_slow
@@ -77,7 +82,7 @@ def _hold(p: TreeParameters, t: float, q: Array, v: Array, a: Array, frozen: Fro
                 frozen.single[0] = 0.0
 
 
-@kernel
+@inner
 def fast_march(frozen: FrozenTree, h: float, count: int, q: Array, v: Array, a: Array) -> None:
     """Take ``count`` leapfrog steps h with the fast coordinates' frozen equation."""
     constant, v_now, K, C, L = frozen.constant, frozen.v_now, frozen.K, frozen.C, frozen.L
@@ -103,7 +108,7 @@ def fast_march(frozen: FrozenTree, h: float, count: int, q: Array, v: Array, a: 
             q[i + offset] += h * v[i]
 
 
-@kernel
+@inner
 def _move(p: TreeParameters, q: Array, v: Array, h: float, first: int, last: int) -> None:
     scalar_position, joint, rate, position = p.scalar_position, p.joint, p.rate, p.position
     for i in range(first, last):
@@ -115,7 +120,7 @@ def _move(p: TreeParameters, q: Array, v: Array, h: float, first: int, last: int
             _advance_quaternion(q, position[b] + (3 if joint[b] == FREE else 0), v, turn, h)
 
 
-@kernel
+@inner
 def _differentiate(p: TreeParameters, q: Array, v: Array, dq: Array) -> None:
     scalar_position, joint, rate, position = p.scalar_position, p.joint, p.rate, p.position
     for i in range(v.size):
@@ -127,7 +132,7 @@ def _differentiate(p: TreeParameters, q: Array, v: Array, dq: Array) -> None:
             _quaternion_rate(q, position[b] + skip, v, rate[b] + skip, dq)
 
 
-@kernel
+@inner
 def _quaternion_rate(q: Array, at: int, v: Array, turn: int, dq: Array) -> None:
     """``½ e ∘ (ω, 0)`` for rates ω about the body's own axes."""
     wx, wy, wz = 0.5 * v[turn], 0.5 * v[turn + 1], 0.5 * v[turn + 2]
@@ -138,7 +143,7 @@ def _quaternion_rate(q: Array, at: int, v: Array, turn: int, dq: Array) -> None:
     dq[at + 3] = -x * wx - y * wy - z * wz
 
 
-@kernel
+@inner
 def _advance_quaternion(q: Array, at: int, v: Array, turn: int, h: float) -> None:
     """Turn the unit quaternion at ``q[at]`` by h times the body's own rates; the only place where one changes."""
     wx, wy, wz = 0.5 * h * v[turn], 0.5 * h * v[turn + 1], 0.5 * h * v[turn + 2]
@@ -154,12 +159,32 @@ def _advance_quaternion(q: Array, at: int, v: Array, turn: int, h: float) -> Non
     q[at], q[at + 1], q[at + 2], q[at + 3] = norm * e0, norm * e1, norm * e2, norm * e3
 
 
+def with_kernels(p: TreeParameters) -> TreeParameters:
+    """Give parameters with room the addresses of their kernels; compiles them, or reads them."""
+    v = np.zeros(len(p.load))
+    return replace(
+        p,
+        place_joint=address_of(place_joint, p, 0, v, v, p.R0),
+        move_through_joint=address_of(move_through_joint, p, 0.0, 0, v, v, p.R0),
+        add_body=address_of(add_body, p, 0, v, v),
+        add_point_load=address_of(add_point_load, p, 0.0, 0, v) if len(p.at_body) else 0,
+        mass_and_force=address_of(mass_and_force, p, 0.0, v, v),
+        solve_accelerations=address_of(solve_accelerations, p, 0.0, v, v, v),
+    )
+
+
+def frozen_with_kernels(frozen: FrozenTree) -> FrozenTree:
+    """Give storage of a major cycle the address of its kernel."""
+    v = frozen.constant
+    return replace(frozen, march=address_of(fast_march, frozen, 0.0, 0, v, v, v))
+
+
 # What the integrators call is no more than a call: inlined into each of them, all this would compile over and over.
 
 
 @meaning(accelerations, TreeParameters)
 def _accelerations(p: TreeParameters, t: float, q: Array, v: Array, a: Array) -> None:
-    solve_accelerations(p, t, q, v, a)
+    call(p.solve_accelerations, (p, float(t), q, v, a))
 
 
 @meaning(freeze, TreeParameters)
@@ -171,7 +196,7 @@ def _freeze(p: TreeParameters, t: float, q: Array, v: Array, a: Array, frozen: F
 def _fast_steps(
     p: TreeParameters, frozen: FrozenTree, first: int, h: float, count: int, q: Array, v: Array, a: Array
 ) -> None:
-    fast_march(frozen, h, count, q, v, a)
+    call(frozen.march, (frozen, float(h), count, q, v, a))
 
 
 @meaning(advance, TreeParameters)

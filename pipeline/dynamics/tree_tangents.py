@@ -11,7 +11,7 @@ and moment (see `tree_kernels`) give::
 from __future__ import annotations
 
 from pipeline.checks import Array
-from pipeline.dynamics.compiled import inlined, kernel
+from pipeline.dynamics.compiled import inner, kernel
 from pipeline.dynamics.link import FREE, PRISMATIC, REVOLUTE, SPHERICAL
 from pipeline.dynamics.signal import evaluate_signal
 from pipeline.dynamics.tree_arrays import TreeParameters
@@ -46,7 +46,7 @@ def velocity_tangents(
             _subtract_force(p, b, U[j], carried[b, j], room, out[j])
 
 
-@inlined
+@inner
 def _turned(R: Array, x: Array, out: Array) -> None:
     """``out = R x``."""
     x0, x1, x2 = x[0], x[1], x[2]
@@ -54,12 +54,12 @@ def _turned(R: Array, x: Array, out: Array) -> None:
         out[i] = R[i, 0] * x0 + R[i, 1] * x1 + R[i, 2] * x2
 
 
-@inlined
+@inner
 def _add_cross(out: Array, a: Array, b: Array) -> None:
     cross_add(out, a[0], a[1], a[2], b[0], b[1], b[2])
 
 
-@kernel
+@inner
 def _joint_now(p: TreeParameters, t: float, b: int, q: Array, v: Array, room: Array) -> None:
     """Fill what `_carry` reads: spins, arms and how they sway, before and in body b's joint (rows 0 … 4)."""
     parent, kind, rate, position, J = p.parent[b], p.joint[b], p.rate[b], p.position[b], p.J[b]
@@ -112,7 +112,7 @@ def _joint_now(p: TreeParameters, t: float, b: int, q: Array, v: Array, room: Ar
         _add_cross(slide_sway, w_joint, slide)
 
 
-@kernel
+@inner
 def _body_now(p: TreeParameters, b: int, room: Array) -> None:
     """Fill what `_subtract_force` reads, in body b's axes (rows 5 … 8); `modal_products` has run for it."""
     m, R, n_modes = p.modal, p.R[b], p.n_modes[b]
@@ -137,7 +137,7 @@ def _body_now(p: TreeParameters, b: int, room: Array) -> None:
         momentum[i] = trace * w[i] - momentum[i]
 
 
-@inlined
+@inner
 def _carry_along(bias: Array, w: Array, sway: Array, arm: Array, dw: Array, d_sway: Array) -> None:
     """Carry a bias's derivative on by an arm; ``d_sway`` is twice its rate's own derivative, and then its sway's."""
     _add_cross(d_sway, dw, arm)
@@ -146,7 +146,7 @@ def _carry_along(bias: Array, w: Array, sway: Array, arm: Array, dw: Array, d_sw
     _add_cross(bias, bias[3:], arm)
 
 
-@kernel
+@inner
 def _carry(p: TreeParameters, b: int, u: Array, j: int, carried: Array, room: Array) -> None:
     """Derivatives along u of body b's bias and spin from those of its parent, into ``carried[b, j]``."""
     parent, kind, rate = p.parent[b], p.joint[b], p.rate[b]
@@ -214,7 +214,7 @@ def _carry(p: TreeParameters, b: int, u: Array, j: int, carried: Array, room: Ar
             dw[i] += x[i]
 
 
-@kernel
+@inner
 def _subtract_force(p: TreeParameters, b: int, u: Array, carried: Array, room: Array, out: Array) -> None:
     """Take the derivative along u of body b's inertial forces from ``out`` (n,)."""
     n, n_modes, mode, m, mass, R, J, s = u.size, p.n_modes[b], p.mode[b], p.modal, p.mass[b], p.R[b], p.J[b], p.small
@@ -277,7 +277,7 @@ def _subtract_force(p: TreeParameters, b: int, u: Array, carried: Array, room: A
             add_scaled(out, J[i], -F[i], n)
 
 
-@inlined
+@inner
 def _subtract_modal(p: TreeParameters, b: int, w: Array, dw: Array, a: Array, out: Array) -> None:
     """Take what body b's change of spin and bias do to its modes from ``out``."""
     m, mode, n_modes, factors, total = p.modal, p.mode[b], p.n_modes[b], p.small[8], p.modal[17]

@@ -1,26 +1,25 @@
 """Element matrices by batched dense products, and their sum into sparse matrices.
 
-For an isotropic material the element stiffness follows from one array of gradient products
-``T[ai, bj] = Σ_q w_q g_ai g_bj`` (g_ai: derivative of shape function a along axis i) as
-``K[ai, bj] = λ T[ai, bj] + μ T[aj, bi] + μ δ_ij Σ_k T[ak, bk]``, and one dense product of size
-(3 n_local × n_q) makes T for each element.
+For an isotropic material the stiffness follows from one array of gradient products
+``T[ai, bj] = ∫ g_ai g_bj dV`` (g_ai: derivative of shape function a along axis i) as
+``K[ai, bj] = λ T[ai, bj] + μ T[aj, bi] + μ δ_ij Σ_k T[ak, bk]``. One dense product of size (3 n_local × n_q) makes T
+for each element; the material comes in after the sum over elements, where there are far fewer blocks.
 """
 
 from __future__ import annotations
 
 import numpy as np
-import scipy.sparse as sp
 
 from pipeline.checks import AccuracyError, Array, IntArray
 from pipeline.fem.elements import shape_functions
-from pipeline.fem.material import Material
+from pipeline.fem.material import AnyMaterial
 from pipeline.fem.mesh import SolidMesh
 from pipeline.fem.model import Discretisation, FEModel
 
-_CHUNK = 1024  # elements at a time: their gradients stay in the processor's cache
+_CHUNK = 512  # elements at a time: their gradients stay in the processor's cache
 
 
-def assemble(mesh: SolidMesh, order: int, material: Material) -> FEModel:
+def assemble(mesh: SolidMesh, order: int, material: AnyMaterial) -> FEModel:
     """Assemble stiffness and consistent mass of a solid.
 
     Parameters
@@ -29,8 +28,8 @@ def assemble(mesh: SolidMesh, order: int, material: Material) -> FEModel:
         The part.
     order : int
         Order of the displacement, 1 or 2.
-    material : Material
-        The same everywhere.
+    material : Material or MaterialOfElements
+        One for all elements, or several.
 
     Raises
     ------
@@ -38,16 +37,26 @@ def assemble(mesh: SolidMesh, order: int, material: Material) -> FEModel:
         The Jacobian is not positive at every quadrature point.
     """
     space = Discretisation(mesh, order)
-    nodes = space.element_nodes
-    n_elements, n_local = nodes.shape
-    K = np.empty((n_elements, n_local, n_local, 3, 3))
-    m = np.empty((n_elements, n_local, n_local))
-    for start in range(0, n_elements, _CHUNK):
-        chunk = slice(start, start + _CHUNK)
-        K[chunk] = _element_stiffness(space, material, chunk)
-        m[chunk] = _element_mass(space, material.rho, chunk)
-    structure = BlockStructure(nodes, len(space.x))
-    return FEModel(space, material, structure.sum_blocks(K), structure.sum_scalars(m))
+    structure = space.structure
+    products, shape_products = _gradient_products(space), _shape_products(space)
+    K, m = [], []
+    for own, elements in material.over(slice(None)):
+        T = structure.sums(_only(products, elements))
+        lam, mu = own.lame
+        K.append(lam * T)
+        K[-1] += mu * T.swapaxes(1, 2)
+        K[-1][:, range(3), range(3)] += mu * np.trace(T, axis1=1, axis2=2)[:, None]
+        m.append(own.rho * structure.sums(_only(shape_products, elements)))
+    return FEModel(space, material, structure.block_matrix(sum(K[1:], K[0])), structure.scalar_matrix(sum(m[1:], m[0])))
+
+
+def _only(entries: Array, elements: IntArray | slice) -> Array:
+    """Entries of some elements, those of the others zero."""
+    if isinstance(elements, slice):
+        return entries
+    chosen = np.zeros_like(entries)
+    chosen[elements] = entries[elements]
+    return chosen
 
 
 def gradients(space: Discretisation, X: Array, elements: slice | IntArray) -> tuple[Array, Array]:
@@ -59,62 +68,59 @@ def gradients(space: Discretisation, X: Array, elements: slice | IntArray) -> tu
     det : ndarray, shape (n_elements, n_q) [m³]
     """
     _, dN = shape_functions(space.kind.element, X)
-    J = space.jacobians(X, elements)
-    return dN.transpose(2, 0, 1) @ np.linalg.inv(J), volume_ratio(J)
+    J = space.jacobians(X[:, :1] if space.kind.is_affine else X, elements)
+    inverse, det = _inverse(J)
+    n_elements, n_jacobians = det.shape
+    g = dN.transpose(2, 0, 1).reshape(n_jacobians, -1, 3) @ inverse
+    return g.reshape(n_elements, X.shape[1], len(dN), 3), np.broadcast_to(det, (n_elements, X.shape[1]))
 
 
 def volume_ratio(J: Array) -> Array:
     """Determinants of the Jacobians J (n_elements, n_q, 3, 3), positive: scikit-fem's hexahedra are left-handed."""
-    det = np.linalg.det(J)
-    det *= np.sign(np.median(det)) or 1.0
-    if det.min() <= 0:
-        bad = np.count_nonzero((det <= 0).any(axis=1))
+    return _inverse(J)[1]
+
+
+def _inverse(J: Array) -> tuple[Array, Array]:
+    """Inverses of Jacobians (n_elements, n_q, 3, 3) by Cramer's rule, and their determinants as `volume_ratio`'s."""
+    J = np.moveaxis(J, (2, 3), (0, 1))
+    cofactor = np.empty((3, 3, *J.shape[2:]))
+    for i in range(3):
+        for k in range(3):
+            (a, b), (c, d) = ((i + 1) % 3, (i + 2) % 3), ((k + 1) % 3, (k + 2) % 3)
+            cofactor[k, i] = J[a, c] * J[b, d] - J[a, d] * J[b, c]
+    det = (J[0] * cofactor[:, 0]).sum(axis=0)
+    hand = np.sign(np.median(det)) or 1.0
+    if (hand * det).min() <= 0:
+        bad = np.count_nonzero((hand * det <= 0).any(axis=1))
         raise AccuracyError(f"{bad} elements are inverted (Jacobian ≤ 0 at a quadrature point)")
-    return np.asarray(det)
+    return np.ascontiguousarray(np.moveaxis(cofactor / det, (0, 1), (2, 3))), hand * det
 
 
-def _element_stiffness(space: Discretisation, material: Material, elements: slice) -> Array:
+def _gradient_products(space: Discretisation) -> Array:
+    """``∫ g_ai g_bj dV`` of each element, shape (n_elements, n_local, n_local, 3, 3)."""
     X, w = space.kind.quadrature(space.kind.stiffness_order)
-    g, det = gradients(space, X, elements)
-    n_elements, n_q, n_local, _ = g.shape
-    g *= np.sqrt(det * w)[:, :, None, None]
-    flat = g.reshape(n_elements, n_q, 3 * n_local)
-    T = (flat.transpose(0, 2, 1) @ flat).reshape(n_elements, n_local, 3, n_local, 3).transpose(0, 1, 3, 2, 4)
-    T = 0.5 * (T + T.transpose(0, 2, 1, 4, 3))  # symmetric to the last bit
-    lam, mu = material.lame
-    K = lam * T + mu * T.swapaxes(3, 4)
-    K[..., range(3), range(3)] += mu * np.einsum("eabkk->eab", T)[..., None]
-    return K
+    n_elements, n_local = space.element_nodes.shape
+    T = np.empty((n_elements, n_local, n_local, 3, 3))
+    for start in range(0, n_elements, _CHUNK):
+        g, det = gradients(space, X, slice(start, start + _CHUNK))
+        g *= np.sqrt(det * w)[:, :, None, None]
+        flat = g.reshape(len(g), w.size, 3 * n_local)
+        # a product of a matrix with its own transpose: NumPy takes BLAS's, symmetric to the last bit
+        products = (flat.transpose(0, 2, 1) @ flat).reshape(-1, n_local, 3, n_local, 3)
+        T[start : start + _CHUNK] = products.transpose(0, 1, 3, 2, 4)
+    return T
 
 
-def _element_mass(space: Discretisation, rho: float, elements: slice) -> Array:
+def _shape_products(space: Discretisation) -> Array:
+    """``∫ N_a N_b dV`` of each element, shape (n_elements, n_local, n_local)."""
     X, w = space.kind.quadrature(space.kind.mass_order)
     N, _ = shape_functions(space.kind.element, X)
-    det = volume_ratio(space.jacobians(X, elements))
-    products = (N[:, None] * N[None]).reshape(-1, w.size)
-    return (rho * (det * w) @ products.T).reshape(-1, len(N), len(N))
-
-
-class BlockStructure:
-    """The sparsity pattern of node pairs that share an element, and the sums of element entries into it."""
-
-    def __init__(self, element_nodes: IntArray, n_nodes: int) -> None:
-        n_local = element_nodes.shape[1]
-        key = np.repeat(element_nodes, n_local, axis=1) * n_nodes + np.tile(element_nodes, (1, n_local))
-        self._order = np.argsort(key.ravel(), kind="stable")
-        key = key.ravel()[self._order]
-        self._start = np.flatnonzero(np.r_[True, key[1:] != key[:-1]])
-        row, self._column = np.divmod(key[self._start], n_nodes)
-        self._pointer = np.r_[0, np.cumsum(np.bincount(row, minlength=n_nodes))]
-        self._n = n_nodes
-
-    def sum_scalars(self, entries: Array) -> sp.csr_array:
-        """Sum (n_elements, n_local, n_local) entries into an (n_nodes, n_nodes) matrix."""
-        data = np.add.reduceat(entries.ravel()[self._order], self._start)
-        return sp.csr_array((data, self._column, self._pointer), shape=(self._n, self._n))
-
-    def sum_blocks(self, entries: Array) -> sp.csr_array:
-        """Sum (n_elements, n_local, n_local, 3, 3) entries into a (3 n_nodes, 3 n_nodes) matrix."""
-        data = np.add.reduceat(entries.reshape(-1, 3, 3)[self._order], self._start, axis=0)
-        n = 3 * self._n
-        return sp.csr_array(sp.bsr_array((data, self._column, self._pointer), shape=(n, n)).tocsr())
+    weights = (N[:, None] * N[None]).reshape(-1, w.size) * w
+    if space.kind.is_affine:
+        X, weights = X[:, :1], weights.sum(axis=1, keepdims=True)
+    n_elements, n_local = space.element_nodes.shape
+    products = np.empty((n_elements, n_local**2))
+    for start in range(0, n_elements, _CHUNK):
+        chunk = slice(start, start + _CHUNK)
+        np.matmul(volume_ratio(space.jacobians(X, chunk)), weights.T, out=products[chunk])
+    return products.reshape(n_elements, n_local, n_local)

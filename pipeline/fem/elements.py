@@ -11,6 +11,28 @@ import skfem
 from skfem.quadrature import get_quadrature
 
 from pipeline.checks import Array, IntArray
+from pipeline.fem.mesh import STRAIGHT
+from pipeline.fem.wedge import Wedge, wedge_quadrature
+
+# The reference cells of meshio, which are VTK's: corners, and the two that each mid-edge node lies between.
+_VTK_CORNERS = {
+    "tetra": ((0, 0, 0), (1, 0, 0), (0, 1, 0), (0, 0, 1)),
+    "hexahedron": (
+        (0, 0, 0), (1, 0, 0), (1, 1, 0), (0, 1, 0),
+        (0, 0, 1), (1, 0, 1), (1, 1, 1), (0, 1, 1),
+    ),
+    "wedge": ((0, 0, 0), (1, 0, 0), (0, 1, 0), (0, 0, 1), (1, 0, 1), (0, 1, 1)),
+}  # fmt: skip
+VTK_EDGES = {
+    "tetra": ((0, 1), (1, 2), (2, 0), (0, 3), (1, 3), (2, 3)),
+    "hexahedron": (
+        (0, 1), (1, 2), (2, 3), (3, 0), (4, 5), (5, 6), (6, 7), (7, 4),
+        (0, 4), (1, 5), (2, 6), (3, 7),
+    ),
+    "wedge": ((0, 1), (1, 2), (2, 0), (3, 4), (4, 5), (5, 3), (0, 3), (1, 4), (2, 5)),
+}  # fmt: skip
+# Corners of the faces that a hexahedron of 27 nodes has one more in the middle of each, before the one inside.
+_VTK_FACES = ((0, 3, 7, 4), (1, 2, 6, 5), (0, 1, 5, 4), (3, 2, 6, 7), (0, 1, 2, 3), (4, 5, 6, 7))
 
 
 @dataclass(frozen=True)
@@ -39,24 +61,41 @@ class ElementKind:
 
     def quadrature(self, order: int) -> tuple[Array, Array]:
         """Points (3, n_q) and weights (n_q,) on the reference cell."""
+        if isinstance(self.element, Wedge):
+            return wedge_quadrature(order)
         X, w = get_quadrature(self.element.refdom, order)
         return X, w
 
+    @property
+    def order(self) -> int:
+        """Order of the displacement, 1 or 2."""
+        return 2 if self.element.edge_dofs else 1
+
+    @property
+    def curved(self) -> bool:
+        """Whether the cell's own edges may be curved."""
+        return bool(self.geometry.edge_dofs)
+
+    @property
+    def is_affine(self) -> bool:
+        """Whether the Jacobian is the same all over a cell."""
+        return isinstance(self.geometry, skfem.ElementTetP1)
+
     @cached_property
-    def facet_polygons(self) -> IntArray:
-        """Local nodes around each facet, mid-edge nodes between corners, shape (n_facets, n_around)."""
+    def facet_polygons(self) -> tuple[IntArray, ...]:
+        """Local nodes around each facet, mid-edge nodes between corners."""
         refdom = self.element.refdom
-        n_corners = self.element.doflocs.shape[0] if self.element.edge_dofs == 0 else refdom.nnodes
         edge = {frozenset(ends): k for k, ends in enumerate(refdom.edges)}
         polygons = []
-        for corners in refdom.facets:
+        for facet in refdom.facets:
+            corners = list(dict.fromkeys(facet))  # scikit-fem repeats a wedge triangle's first corner
             around = []
             for a, b in zip(corners, [*corners[1:], corners[0]], strict=True):
                 around.append(a)
                 if self.element.edge_dofs:
-                    around.append(n_corners + edge[frozenset((a, b))])
-            polygons.append(around)
-        return np.array(polygons, dtype=np.int64)
+                    around.append(refdom.nnodes + edge[frozenset((a, b))])
+            polygons.append(np.array(around, dtype=np.int64))
+        return tuple(polygons)
 
 
 def shape_functions(element: Any, X: Array) -> tuple[Array, Array]:
@@ -72,14 +111,44 @@ def shape_functions(element: Any, X: Array) -> tuple[Array, Array]:
 
 @lru_cache
 def element_kind(cell_type: str, order: int) -> ElementKind:
-    """Look up the element of displacement order 1 or 2 on cells of the given type."""
+    """Look up the element of displacement order 1 or 2 on cells of the given type, meshio's name."""
     match cell_type, order:
         case "tetra", 1:
             return ElementKind("tet4", skfem.ElementTetP1(), skfem.ElementTetP1(), 0, 2, 0)
         case "tetra", 2:
             return ElementKind("tet10", skfem.ElementTetP2(), skfem.ElementTetP1(), 2, 4, 2)
+        case "tetra10", 2:
+            return ElementKind("tet10", skfem.ElementTetP2(), skfem.ElementTetP2(), 2, 5, 2)
         case "hexahedron", 1:
             return ElementKind("hex8", skfem.ElementHex1(), skfem.ElementHex1(), 3, 3, 3)
         case "hexahedron", 2:
             return ElementKind("hex20", skfem.ElementHexS2(), skfem.ElementHex1(), 5, 5, 3)
+        case "hexahedron20", 2:
+            return ElementKind("hex20", skfem.ElementHexS2(), skfem.ElementHexS2(), 5, 7, 3)
+        case "hexahedron27", 2:
+            return ElementKind("hex27", skfem.ElementHex2(), skfem.ElementHex2(), 5, 7, 3)
+        case "wedge", 1:
+            return ElementKind("wedge6", Wedge(1), Wedge(1), 2, 3, 2)
+        case "wedge15", 2:
+            return ElementKind("wedge15", Wedge(2), Wedge(2), 4, 6, 2)
     raise ValueError(f"no element of order {order} on {cell_type} cells")
+
+
+def vtk_nodes(cell_type: str, order: int) -> Array:
+    """Where VTK's, and meshio's, nodes of an element lie on its reference cell, shape (n_local, 3)."""
+    straight = STRAIGHT[cell_type]
+    corners = np.array(_VTK_CORNERS[straight], dtype=float)
+    if order == 1:
+        return corners
+    nodes = [corners, corners[np.array(VTK_EDGES[straight])].mean(axis=1)]
+    if cell_type == "hexahedron27":
+        nodes += [corners[np.array(_VTK_FACES)].mean(axis=1), corners.mean(axis=0, keepdims=True)]
+    return np.concatenate(nodes)
+
+
+def places(wanted: Array, nodes: Array) -> IntArray:
+    """Which of the reference ``nodes`` (n, 3) lies at each of the ``wanted`` (n, 3)."""
+    place, found = np.nonzero(np.abs(wanted[:, None] - nodes).max(axis=2) < 1e-12)
+    if not np.array_equal(place, np.arange(len(wanted))):
+        raise ValueError("the two orders of nodes aren't of the same element")
+    return found

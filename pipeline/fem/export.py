@@ -25,8 +25,6 @@ def write_mesh(mesh: SolidMesh, path: Path) -> None:
     ------
     InputError
         meshio doesn't write that format, or the place can't be written.
-    ValueError
-        A cell is in two parts.
     """
     if path.suffix not in meshio.extension_to_filetypes:
         known = " ".join(sorted(meshio.extension_to_filetypes))
@@ -49,15 +47,10 @@ def write_mesh(mesh: SolidMesh, path: Path) -> None:
 def part_numbers(mesh: SolidMesh) -> IntArray:
     """Number of each cell's part, counted from 1 in the order of ``mesh.parts``, shape (n_cells,); 0 if it has none.
 
-    Raises
-    ------
-    ValueError
-        A cell is in two parts.
+    A cell of several parts, as files' sets may have them, counts to the smallest.
     """
     numbers = np.zeros(len(mesh.cells), dtype=np.int64)
-    for number, cells in enumerate(mesh.parts.values(), start=1):
-        if numbers[cells].any():
-            raise ValueError("a cell of the mesh is in two of its parts")
+    for number, cells in sorted(enumerate(mesh.parts.values(), start=1), key=lambda part: -len(part[1])):
         numbers[cells] = number
     return numbers
 

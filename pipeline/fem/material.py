@@ -2,11 +2,12 @@
 
 from __future__ import annotations
 
+from collections.abc import Iterator
 from dataclasses import dataclass
 
 import numpy as np
 
-from pipeline.checks import Array
+from pipeline.checks import Array, IntArray
 
 
 @dataclass(frozen=True, slots=True)
@@ -31,6 +32,10 @@ class Material:
         if not (self.E > 0 and self.rho > 0 and -1 < self.nu < 0.5):
             raise ValueError(f"not a material: E = {self.E} Pa, nu = {self.nu}, rho = {self.rho} kg/m³")
 
+    def over(self, elements: IntArray | slice) -> Iterator[tuple[Material, IntArray | slice]]:
+        """Yield each material, and which of the elements are made of it: here, all."""
+        yield self, slice(None)
+
     @property
     def lame(self) -> tuple[float, float]:
         """Lamé's parameters λ and μ [Pa]."""
@@ -44,3 +49,28 @@ class Material:
         C = np.diag([2 * mu] * 3 + [mu] * 3)
         C[:3, :3] += lam
         return C
+
+
+@dataclass(frozen=True)
+class MaterialOfElements:
+    """Several materials in one body.
+
+    Parameters
+    ----------
+    materials : tuple of Material
+        What there is.
+    numbers : ndarray, shape (n_elements,)
+        Which of them each element is made of.
+    """
+
+    materials: tuple[Material, ...]
+    numbers: IntArray
+
+    def over(self, elements: IntArray | slice) -> Iterator[tuple[Material, IntArray | slice]]:
+        """Yield each material of some elements, and which of those are made of it."""
+        numbers = self.numbers[elements]
+        for k in np.unique(numbers):
+            yield self.materials[k], np.flatnonzero(numbers == k)
+
+
+AnyMaterial = Material | MaterialOfElements

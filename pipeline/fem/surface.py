@@ -34,36 +34,50 @@ class SurfaceTopology:
 
 def surface_topology(space: Discretisation) -> SurfaceTopology:
     """Find the outer surface of a discretisation."""
-    polygons = boundary_polygons(space)
-    n_around = polygons.shape[1]
-    rim = np.arange(n_around)
-    if space.order == 1:
-        fan = np.array([(0, k, k + 1) for k in range(1, n_around - 1)])
-    else:  # a triangle at each corner, and the polygon of the mid-edge nodes within
-        corners = np.array([(k - 1, k, k + 1) for k in range(0, n_around, 2)]) % n_around
-        middle = np.array([(1, k, k + 2) for k in range(3, n_around - 2, 2)])
-        fan = np.concatenate([corners, middle])
-    sides = np.stack([rim, (rim + 1) % n_around], axis=1)
-    nodes, local = np.unique(polygons, return_inverse=True)
-    local = local.reshape(polygons.shape)
-    edges = np.unique(np.sort(local[:, sides].reshape(-1, 2), axis=1), axis=0)
-    return SurfaceTopology(nodes, local[:, fan].reshape(-1, 3), edges)
+    triangles, edges = [], []
+    for _, polygons in boundary_polygons(space):
+        n_around = polygons.shape[1]
+        rim = np.arange(n_around)
+        if space.order == 1:
+            fan = np.array([(0, k, k + 1) for k in range(1, n_around - 1)])
+        else:  # a triangle at each corner, and the polygon of the mid-edge nodes within
+            corners = np.array([(k - 1, k, k + 1) for k in range(0, n_around, 2)]) % n_around
+            middle = np.array([(1, k, k + 2) for k in range(3, n_around - 2, 2)])
+            fan = np.concatenate([corners, middle])
+        triangles.append(polygons[:, fan].reshape(-1, 3))
+        edges.append(polygons[:, np.stack([rim, (rim + 1) % n_around], axis=1)].reshape(-1, 2))
+    nodes, local = np.unique(np.concatenate(triangles), return_inverse=True)
+    sides = np.searchsorted(nodes, np.sort(np.concatenate(edges), axis=1))
+    return SurfaceTopology(nodes, local.reshape(-1, 3), np.unique(sides, axis=0))
 
 
 def surface_elements(space: Discretisation) -> IntArray:
     """Element that each triangle of `surface_topology` belongs to, shape (n_triangles,)."""
-    mesh = space.skfem_mesh
-    elements = mesh.f2t[0, mesh.boundary_facets()]
-    return np.repeat(elements, space.kind.facet_polygons.shape[1] - 2)
+    return np.concatenate(
+        [np.repeat(elements, polygons.shape[1] - 2) for elements, polygons in boundary_polygons(space)]
+    )
 
 
-def boundary_polygons(space: Discretisation) -> IntArray:
-    """Nodes around each boundary facet, shape (n_facets, n_around), counter-clockwise seen from outside."""
-    mesh = space.skfem_mesh
-    facets = mesh.boundary_facets()
-    elements = mesh.f2t[0, facets]
-    local_facet = np.argmax(mesh.t2f[:, elements] == facets, axis=0)
-    polygons = space.element_nodes[elements[:, None], space.kind.facet_polygons[local_facet]]
+def boundary_polygons(space: Discretisation) -> list[tuple[IntArray, IntArray]]:
+    """Elements (n_facets,) of the boundary facets, and nodes (n_facets, n_around) around each.
+
+    Counter-clockwise seen from outside; triangles and quadrilaterals apart.
+    """
+    elements, local = space.boundary_facets
+    polygons = space.kind.facet_polygons
+    found = []
+    for n_around in sorted({len(polygon) for polygon in polygons}):
+        numbers = [k for k, polygon in enumerate(polygons) if len(polygon) == n_around]
+        of_kind = np.isin(local, numbers)
+        if of_kind.any():
+            table = np.zeros((len(polygons), n_around), dtype=np.int64)
+            table[numbers] = [polygons[k] for k in numbers]
+            found.append((elements[of_kind], _outwards(space, elements[of_kind], table[local[of_kind]])))
+    return found
+
+
+def _outwards(space: Discretisation, elements: IntArray, around: IntArray) -> IntArray:
+    polygons = space.element_nodes[elements[:, None], around]
     corners = space.x[polygons[:, :: space.order]]
     normal = np.cross(corners[:, 1] - corners[:, 0], corners[:, 2] - corners[:, 0])
     outward = corners.mean(axis=1) - space.corner_coordinates[elements].mean(axis=1)

@@ -14,28 +14,13 @@ import numpy as np
 from numpy.typing import NDArray
 
 from pipeline.checks import Array, IntArray, require_shape
+from pipeline.fem.elements import places, vtk_nodes
 from pipeline.fem.export import part_numbers
 from pipeline.fem.model import Discretisation
 from pipeline.files import whole_file
 
 _VERSION = (2, 0)
-_CELL_TYPES = {"tet4": 10, "hex8": 12, "tet10": 24, "hex20": 25}
-# VTK's corners on the unit cell, and which two of them each mid-edge node lies between (vtkQuadraticTetra.h,
-# vtkQuadraticHexahedron.h).
-_CORNERS = {
-    "tetra": ((0, 0, 0), (1, 0, 0), (0, 1, 0), (0, 0, 1)),
-    "hexahedron": (
-        (0, 0, 0), (1, 0, 0), (1, 1, 0), (0, 1, 0),
-        (0, 0, 1), (1, 0, 1), (1, 1, 1), (0, 1, 1),
-    ),
-}  # fmt: skip
-_EDGES = {
-    "tetra": ((0, 1), (1, 2), (2, 0), (0, 3), (1, 3), (2, 3)),
-    "hexahedron": (
-        (0, 1), (1, 2), (2, 3), (3, 0), (4, 5), (5, 6), (6, 7), (7, 4),
-        (0, 4), (1, 5), (2, 6), (3, 7),
-    ),
-}  # fmt: skip
+_CELL_TYPES = {"tet4": 10, "hex8": 12, "wedge6": 13, "tet10": 24, "hex20": 25, "wedge15": 26, "hex27": 29}
 _TENSOR = [0, 1, 2, 5, 3, 4]  # our xx, yy, zz, yz, xz, xy in VTK's order, which ends xy, yz, xz
 
 
@@ -88,15 +73,10 @@ def _local_order(space: Discretisation, mirrored: bool) -> IntArray:
 
     An element that scikit-fem maps with a negative Jacobian is right-handed with the unit cell's x and y exchanged.
     """
-    corners = np.array(_CORNERS[space.mesh.cell_type], dtype=float)
-    nodes = corners
-    if space.order == 2:
-        nodes = np.concatenate([corners, corners[np.array(_EDGES[space.mesh.cell_type])].mean(axis=1)])
+    nodes = vtk_nodes(space.mesh.cell_type, space.order)
     if mirrored:
         nodes = nodes[:, [1, 0, 2]]
-    place, local = np.nonzero((nodes[:, None] == space.kind.element.doflocs).all(axis=2))
-    assert np.array_equal(place, np.arange(len(nodes)))  # one for each, or the element is none of ours
-    return np.asarray(local)
+    return places(nodes, space.kind.element.doflocs)
 
 
 def _write_mesh(root: Any, space: Discretisation) -> None:

@@ -15,7 +15,7 @@ from dataclasses import replace
 import numpy as np
 
 from pipeline.checks import Array, IntArray, StabilityError
-from pipeline.dynamics.compiled import kernel
+from pipeline.dynamics.compiled import inner, kernel
 from pipeline.dynamics.system import System
 from pipeline.integrators.protocol import Progress, State, Trajectory, require_times, start_state
 
@@ -101,13 +101,13 @@ def march_adaptively(
     return Trajectory(name, mean, 1, times, q, v, int(evaluations[0]), 0, seconds, state)
 
 
-@kernel
+@inner
 def just_after(t: float) -> float:
     """Time at which a step that begins at t takes the loads: where one jumps, the value after the jump counts."""
     return float(np.nextafter(t, math.inf))
 
 
-@kernel
+@inner
 def just_before(t: float) -> float:
     """Time at which a step that ends at t takes the loads."""
     return float(np.nextafter(t, -math.inf))
@@ -121,7 +121,7 @@ def step_within(h: float, left: float) -> float:
     return 0.5 * left if h > 0.5 * left else h
 
 
-@kernel
+@inner
 def scaled_error(groups: IntArray, largest: Array, error: Array) -> float:
     """Largest error over its group's largest value; not a number if an error or a value isn't finite.
 
@@ -150,7 +150,7 @@ def keep_largest(groups: IntArray, largest: Array, new: Array) -> None:
             largest[groups[i]] = size
 
 
-@kernel
+@inner
 def step_factor(error: float, tolerance: float, order: int) -> float:
     """What to multiply a step by whose error in one step is of this order."""
     if error == 0.0:

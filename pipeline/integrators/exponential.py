@@ -15,7 +15,7 @@ from typing import Any
 import numpy as np
 
 from pipeline.checks import Array, IntArray
-from pipeline.dynamics.compiled import kernel
+from pipeline.dynamics.compiled import inner, kernel
 from pipeline.dynamics.system import System, accelerations
 from pipeline.integrators.protocol import (
     Progress,
@@ -103,7 +103,7 @@ def _functions(stiffness: float, h: float, out: Array) -> None:
             inverse /= k + 1
 
 
-@kernel
+@inner
 def _rest(p: Any, stiffness: Array, t: float, q: Array, v: Array, N: Array) -> None:
     """What is left of the accelerations when the oscillators' own part is taken out."""
     accelerations(p, t, q, v, N)

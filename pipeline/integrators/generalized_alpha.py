@@ -16,7 +16,7 @@ from typing import Any
 import numpy as np
 
 from pipeline.checks import AccuracyError, Array, IntArray
-from pipeline.dynamics.compiled import kernel
+from pipeline.dynamics.compiled import inner, kernel
 from pipeline.dynamics.system import System, accelerations, advance
 from pipeline.integrators.protocol import (
     Progress,
@@ -31,6 +31,7 @@ from pipeline.integrators.protocol import (
 
 TOLERANCE = 1e-10  # of Newton's corrections, relative to the largest acceleration
 _MOST_ITERATIONS = 12
+_VANISHED = 1e-200  # an acceleration below which nothing is left to converge: damped motions underflow in the end
 
 
 @dataclass(frozen=True)
@@ -111,7 +112,7 @@ def newton_room(system: System) -> tuple[Array, Array, Array]:
     return np.zeros((6, system.n)), np.zeros((2, system.n_positions)), np.zeros(2)
 
 
-@kernel
+@inner
 def _factor(A: Array) -> None:
     """LU factor in place, no pivoting: the tangent is the unit matrix and what a step adds to it."""
     n = A.shape[0]
@@ -122,7 +123,7 @@ def _factor(A: Array) -> None:
                 A[i, j] -= A[i, k] * A[k, j]
 
 
-@kernel
+@inner
 def _solve(A: Array, x: Array) -> None:
     n = A.shape[0]
     for i in range(n):
@@ -134,7 +135,7 @@ def _solve(A: Array, x: Array) -> None:
         x[i] /= A[i, i]
 
 
-@kernel
+@inner
 def _end_of_step(
     p: Any, weights: Array, end: float, h: float, q: Array, v: Array, a: Array, new: Array,
     q_new: Array, v_new: Array, mean: Array, found: Array,
@@ -152,7 +153,7 @@ def _end_of_step(
     accelerations(p, end, q_new, v_new, found)
 
 
-@kernel
+@inner
 def newton_step(
     p: Any, weights: Array, work: Array, positions: Array, counts: Array, memory: Array,
     end: float, h: float, q: Array, v: Array, a: Array,
@@ -170,9 +171,9 @@ def newton_step(
     for iteration in range(_MOST_ITERATIONS):
         _end_of_step(p, weights, end, h, q, v, a, new, q_new, v_new, mean, found)
         counts[0] += 1
-        size, largest = 1e-300, 0.0
-        for i in range(n):
-            size = max(size, abs(found[i]), abs(new[i]))
+        size, largest = _VANISHED, 0.0
+        for i in range(n):  # the auxiliary ones too: their round-off is in what is found
+            size = max(size, abs(found[i]), abs(new[i]), abs(a[i]))
         if memory[n * n] == 0.0 or (iteration > 0 and iteration % 4 == 0):
             for i in range(n):
                 base[i] = found[i]
@@ -205,7 +206,7 @@ def newton_step(
     return False
 
 
-@kernel
+@inner
 def sample_step_at(
     p: Any, s: float, h: float, q: Array, v: Array, a: Array, new: Array, mean: Array, q_out: Array, v_out: Array
 ) -> None:
@@ -220,7 +221,7 @@ def sample_step_at(
     advance(p, q_out, mean, s, 0, n)
 
 
-@kernel
+@inner
 def accept_step(weights: Array, q: Array, v: Array, a: Array, new: Array, q_new: Array, v_new: Array) -> None:
     """Move the state to the end of a step."""
     n = v.size

@@ -10,7 +10,7 @@ from typing import Any, Protocol
 import numpy as np
 
 from pipeline.checks import Array, StabilityError, require_finite, require_shape
-from pipeline.dynamics.compiled import aligned, kernel
+from pipeline.dynamics.compiled import aligned, inner, kernel
 from pipeline.dynamics.system import System, accelerations, velocities
 
 Progress = Callable[[float], None]
@@ -198,6 +198,13 @@ def require_step(step: float) -> None:
         raise ValueError(f"step is {step}, expected a time above 0")
 
 
+def require_ratio(step: float, substeps: int) -> None:
+    """Raise ``ValueError`` unless a fast step is a finite time above 0 and there is one in a slow step at least."""
+    require_step(step)
+    if substeps < 1:
+        raise ValueError(f"substeps is {substeps}, expected at least 1")
+
+
 def require_tolerance(tolerance: float) -> None:
     """Raise ``ValueError`` unless a relative tolerance is one that double precision can keep."""
     if not 3e-14 <= tolerance < 1.0:
@@ -238,7 +245,7 @@ def evaluate_velocities(p: Any, q: Array, v: Array, dq: Array) -> None:
     velocities(p, q, v, dq)
 
 
-@kernel
+@inner
 def runs_away(v: Array) -> bool:
     """Whether any rate is beyond reason or not a number."""
     total = 0.0

@@ -40,7 +40,7 @@ from pipeline.integrators.protocol import (
     Trajectory,
     march_from,
     march_in_chunks,
-    require_step,
+    require_ratio,
     runs_away,
     start_state,
 )
@@ -60,9 +60,7 @@ class ReversibleSubcycling:
     name = "reversible-sub-cycling"
 
     def __post_init__(self) -> None:
-        require_step(self.step)
-        if self.substeps < 1:
-            raise ValueError(f"substeps is {self.substeps}, expected at least 1")
+        require_ratio(self.step, self.substeps)
 
     def order(self, system: System) -> int:
         """Order 2."""

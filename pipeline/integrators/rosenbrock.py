@@ -20,7 +20,7 @@ from typing import Any
 import numpy as np
 
 from pipeline.checks import Array, IntArray
-from pipeline.dynamics.compiled import inlined, kernel
+from pipeline.dynamics.compiled import inlined, inner, kernel
 from pipeline.dynamics.system import System, accelerations, advance, velocities
 from pipeline.integrators.adaptive import (
     SMALLEST,
@@ -89,7 +89,7 @@ class ExponentialRosenbrock:
         return march_adaptively(self.name, run, start, system.breakpoints, times, progress, evaluations)
 
 
-@kernel
+@inner
 def _slope(p: Any, t: float, u: Array, n_positions: int, F: Array) -> None:
     """``F(t, u)``."""
     velocities(p, u[:n_positions], u[n_positions:], F[:n_positions])
@@ -124,7 +124,7 @@ def _linearise(
         v[i] = change / dt if abs(change) > _ROUND_OFF * second else 0.0
 
 
-@kernel
+@inner
 def _multiply(A: Array, B: Array, C: Array) -> None:
     """``C = A B``."""
     n = A.shape[0]
@@ -138,7 +138,7 @@ def _multiply(A: Array, B: Array, C: Array) -> None:
                 row[j] += a * other[j]
 
 
-@kernel
+@inner
 def _taylor_matrices(A: Array, tau: float, norm: float, phi: Array, m: Array) -> None:
     """Fill phi (5, n, n) with φ₀ … φ₄ of ``tau A``, of this norm; m (5, n, n) is room.
 
@@ -177,7 +177,7 @@ def _taylor_matrices(A: Array, tau: float, norm: float, phi: Array, m: Array) ->
             phi[k, i, i] += _INVERSES[k]
 
 
-@kernel
+@inner
 def _double(phi: Array, out: Array) -> None:
     """From φ_k(z) to φ_k(2 z): ``φ_k(2z) = 2^-k (φ₀ φ_k + Σ_j φ_j/(k − j)!)``."""
     n = phi.shape[1]
@@ -218,7 +218,7 @@ def _matrix_functions(A: Array, half: float, levels: Array, m: Array) -> int:
     return top
 
 
-@kernel
+@inner
 def _flow(phi: Array, tau: float, w: Array, c: Array, out: Array) -> None:
     """Carry ``w' = A w + Σ_k c_k t^k/k!`` from 0 to tau, exactly; c (4, n) is then the source as seen from there.
 
@@ -239,7 +239,7 @@ def _flow(phi: Array, tau: float, w: Array, c: Array, out: Array) -> None:
         c[2, i] += tau * c[3, i]
 
 
-@kernel
+@inner
 def _taylor_flow(A: Array, tau: float, w: Array, c: Array, rate: Array, new: Array) -> None:
     """Carry w as `_flow` does, by Taylor's series: for a short time, without matrices; c stays."""
     n = w.size
@@ -275,7 +275,7 @@ def _flow_to(
     _taylor_flow(A, left, w, c, out, room)
 
 
-@kernel
+@inner
 def _flow_over(phi: Array, half: float, w: Array, c: Array, out: Array) -> None:
     """Carry w from 0 at the begin of a step to its end."""
     for i in range(w.size):
@@ -284,7 +284,7 @@ def _flow_over(phi: Array, half: float, w: Array, c: Array, out: Array) -> None:
     _flow(phi, half, w, c, out)
 
 
-@kernel
+@inner
 def _set_source(c: Array, scale: Array, first: Array, v: Array, A: Array, B: Array, h: float) -> None:
     """``first + v t + A (t/h)² + B (t/h)³`` as a source for `_flow`; scaled."""
     for i in range(scale.size):
@@ -309,7 +309,7 @@ def _remainder(
         out[i] -= total
 
 
-@kernel
+@inner
 def _balance(J: Array, n_positions: int, floor: float, scale: Array, A: Array) -> None:
     """``A = S J S⁻¹`` with positions scaled so that an oscillator's 1 and ω² both become ω."""
     n = scale.size

@@ -13,7 +13,7 @@ from typing import Any, NamedTuple
 import numpy as np
 
 from pipeline.checks import Array, IntArray
-from pipeline.dynamics.compiled import kernel
+from pipeline.dynamics.compiled import inner, kernel
 from pipeline.dynamics.system import System, accelerations, advance, velocities
 from pipeline.integrators.adaptive import (
     SMALLEST,
@@ -94,7 +94,7 @@ class RungeKutta:
         return march_adaptively(self.name, run, start, system.breakpoints, times, progress, evaluations)
 
 
-@kernel
+@inner
 def _stage(p: Any, c: Tableau, k: int, t: float, h: float, u: Array, n_positions: int, K: Array, U: Array) -> None:
     """Slope number k at ``t + C_k h``."""
     n = u.size
@@ -111,7 +111,7 @@ def _stage(p: Any, c: Tableau, k: int, t: float, h: float, u: Array, n_positions
     )
 
 
-@kernel
+@inner
 def _error(c: Tableau, h: float, K: Array, groups: IntArray, largest: Array, error: Array) -> float:
     """Estimates of orders 5 and 3 together: ``|e₅|² / √(|e₅|² + 0.01 |e₃|²)`` by the largest of each."""
     for i in range(error.size):
@@ -196,7 +196,7 @@ def _march(
     return n_steps
 
 
-@kernel
+@inner
 def _prepare_samples(c: Tableau, h: float, u: Array, new: Array, K: Array, x: Array) -> None:
     """Coefficients of the dense output into x[5 … 11]."""
     n = u.size
@@ -212,7 +212,7 @@ def _prepare_samples(c: Tableau, h: float, u: Array, new: Array, K: Array, x: Ar
             x[8 + row, i] = h * total
 
 
-@kernel
+@inner
 def _sample(s: float, u: Array, x: Array, out: Array) -> None:
     """State at the part s of the step: ``u + s (f₁ + (1 − s)(f₂ + s (f₃ + …)))`` with seven coefficients."""
     for i in range(u.size):

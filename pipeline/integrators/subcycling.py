@@ -25,7 +25,7 @@ from pipeline.integrators.protocol import (
     Trajectory,
     march_from,
     march_in_chunks,
-    require_step,
+    require_ratio,
     runs_away,
     start_state,
 )
@@ -45,9 +45,7 @@ class Subcycling:
     name = "sub-cycling"
 
     def __post_init__(self) -> None:
-        require_step(self.step)
-        if self.substeps < 1:
-            raise ValueError(f"substeps is {self.substeps}, expected at least 1")
+        require_ratio(self.step, self.substeps)
 
     def order(self, system: System) -> int:
         """Order 2; 1 if the cycle holds forces, or a slow acceleration that couples with the fast coordinates."""

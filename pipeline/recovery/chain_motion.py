@@ -12,6 +12,7 @@ import numpy as np
 from pipeline.checks import Array
 from pipeline.dynamics.tree import Tree
 from pipeline.integrators.protocol import Trajectory
+from pipeline.recovery.shown import motion_table
 from pipeline.reduction.body import MarkerShapes
 
 if TYPE_CHECKING:
@@ -103,6 +104,9 @@ class ChainMotion:
                 for joint in self.joints
             },
         }
+
+    def _repr_html_(self) -> str:
+        return motion_table(self.trajectory, self.final())
 
     def final(self) -> dict[str, Any]:
         """Return where the motion ends."""

@@ -13,10 +13,10 @@ import numpy as np
 
 from pipeline.checks import Array
 from pipeline.fem.elements import shape_functions
-from pipeline.recovery.stress import modal_stress, strains
+from pipeline.recovery.stress import hooke, modal_stress, strains
 
 if TYPE_CHECKING:
-    from pipeline.fem.material import Material
+    from pipeline.fem.material import AnyMaterial
     from pipeline.fem.model import Discretisation
 
 _CHUNK = 512  # elements at a time
@@ -24,7 +24,7 @@ _CHUNK = 512  # elements at a time
 EFFECTIVITY = 0.6
 
 
-def energy_errors(space: Discretisation, material: Material, shapes: Array) -> Array:
+def energy_errors(space: Discretisation, material: AnyMaterial, shapes: Array) -> Array:
     """Energy products of the errors of shapes, shape (n, n) [J per unit of two shapes].
 
     With unit modal mass, a mode's eigenvalue is too high by its own [rad²/s²].
@@ -34,13 +34,15 @@ def energy_errors(space: Discretisation, material: Material, shapes: Array) -> A
     recovered = modal_stress(space, material, shapes, np.arange(len(space.x)))
     X, w = space.kind.quadrature(space.kind.stiffness_order)
     N, _ = shape_functions(space.kind.element, X)
-    root = np.linalg.cholesky(np.linalg.inv(material.stiffness)).T  # |root σ|² is twice the energy density
     total = np.zeros((shapes.shape[2],) * 2)
     for start in range(0, len(space.element_nodes), _CHUNK):
         part = np.arange(start, min(start + _CHUNK, len(space.element_nodes)))
-        raw = material.stiffness @ strains(space, shapes, X, part)
+        raw = hooke(material, part, strains(space, shapes, X, part))
         averaged = np.einsum("aq,earn->eqrn", N, recovered[space.element_nodes[part]], optimize=True)
         weights = np.sqrt(volume_ratio(space.jacobians(X, part)) * w)
-        apart = (weights[:, :, None, None] * (root @ (averaged - raw))).reshape(-1, shapes.shape[2])
-        total += apart.T @ apart
+        apart = weights[:, :, None, None] * (averaged - raw)
+        for own, mine in material.over(part):
+            root = np.linalg.cholesky(np.linalg.inv(own.stiffness)).T  # |root σ|² is twice the energy density
+            energy = (root @ apart[mine]).reshape(-1, shapes.shape[2])
+            total += energy.T @ energy
     return total / EFFECTIVITY

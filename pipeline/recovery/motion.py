@@ -11,6 +11,7 @@ import numpy as np
 from pipeline.checks import Array
 from pipeline.dynamics.planar import PlanarRotor
 from pipeline.integrators.protocol import Trajectory
+from pipeline.recovery.shown import motion_table
 
 if TYPE_CHECKING:
     import xarray
@@ -106,6 +107,9 @@ class Motion:
             "tip_difference_m": float(np.linalg.norm(self.tip_position - first.tip_position, axis=1).max()),
             "tip_deflection_difference_m": float(np.abs(self.tip_deflection - first.tip_deflection).max()),
         }
+
+    def _repr_html_(self) -> str:
+        return motion_table(self.trajectory, self.final())
 
     def final(self) -> dict[str, Any]:
         """Return where the motion ends."""

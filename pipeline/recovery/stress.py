@@ -17,7 +17,7 @@ import numpy as np
 from pipeline.checks import Array, IntArray, require_shape
 
 if TYPE_CHECKING:
-    from pipeline.fem.material import Material
+    from pipeline.fem.material import AnyMaterial
     from pipeline.fem.model import Discretisation
 
 _ORDER = ("xx", "yy", "zz", "yz", "xz", "xy")
@@ -26,7 +26,7 @@ _FRAMES = 256  # output times at a time
 _CACHED = 2**17  # numbers that stay in a core's cache
 
 
-def modal_stress(space: Discretisation, material: Material, shapes: Array, nodes: IntArray) -> Array:
+def modal_stress(space: Discretisation, material: AnyMaterial, shapes: Array, nodes: IntArray) -> Array:
     """Stress of each shape at chosen nodes.
 
     Parameters
@@ -56,21 +56,21 @@ def modal_stress(space: Discretisation, material: Material, shapes: Array, nodes
     for start in range(0, len(elements), _CHUNK):
         part = elements[start : start + _CHUNK]
         strain = strains(space, shapes, X, part)
-        stress = np.einsum("rs,aq,eqsn->earn", material.stiffness, to_nodes, strain, optimize=True)
+        stress = hooke(material, part, np.einsum("aq,eqsn->easn", to_nodes, strain, optimize=True))
         local = chosen[space.element_nodes[part]]
         np.add.at(total, local, stress)
         np.add.at(count, local, 1.0)
     return np.asarray(total[:-1] / count[:-1, None, None])
 
 
-def element_stress(space: Discretisation, material: Material, shapes: Array, elements: IntArray) -> Array:
+def element_stress(space: Discretisation, material: AnyMaterial, shapes: Array, elements: IntArray) -> Array:
     """Stress of each shape in the middle of chosen elements, shape (n_chosen, 6, n); else as `modal_stress`."""
     middle = space.kind.element.refdom.init_refdom()[0].mean(axis=1, keepdims=True)
     strain = strains(space, shapes, middle, elements)
-    return np.asarray(np.einsum("rs,eqsn->ern", material.stiffness, strain))
+    return hooke(material, elements, strain)[:, 0]
 
 
-def point_stress(space: Discretisation, material: Material, shapes: Array, points: Array) -> Array:
+def point_stress(space: Discretisation, material: AnyMaterial, shapes: Array, points: Array) -> Array:
     """Stress of each shape in the elements at points (n, 3) [m], shape (n, 6, n_shapes); else as `modal_stress`."""
     from pipeline.fem.locate import locate
 
@@ -78,7 +78,15 @@ def point_stress(space: Discretisation, material: Material, shapes: Array, point
     strain = [
         strains(space, shapes, x[:, None], np.array([element]))[0, 0] for element, x in zip(elements, X, strict=True)
     ]
-    return np.asarray(np.einsum("rs,esn->ern", material.stiffness, np.stack(strain)))
+    return hooke(material, elements, np.stack(strain)[:, None])[:, 0]
+
+
+def hooke(material: AnyMaterial, elements: IntArray, strain: Array) -> Array:
+    """Stress of strains (n_elements, n_points, 6, n) in chosen elements, of the same shape."""
+    stress = np.empty_like(strain)
+    for own, mine in material.over(elements):
+        stress[mine] = own.stiffness @ strain[mine]
+    return stress
 
 
 def strains(space: Discretisation, shapes: Array, X: Array, elements: IntArray) -> Array:
@@ -188,7 +196,9 @@ def _extrapolation(X: Array, nodes: Array) -> Array:
     """Weights (n_local, n_q) that carry values at the points X (3, n_q) to reference nodes (3, n_local)."""
 
     def monomials(x: Array) -> Array:
-        one = np.ones(x.shape[1])
-        return np.stack((one, *x, x[0] * x[1], x[1] * x[2], x[2] * x[0], x[0] * x[1] * x[2])[: X.shape[1]])
+        one, xy = np.ones(x.shape[1]), x[0] * x[1]
+        if X.shape[1] == 6:  # of a wedge: linear in the triangle and along it
+            return np.stack((one, *x, x[1] * x[2], x[2] * x[0]))
+        return np.stack((one, *x, xy, x[1] * x[2], x[2] * x[0], xy * x[2])[: X.shape[1]])
 
     return np.asarray(np.linalg.solve(monomials(X), monomials(nodes)).T)

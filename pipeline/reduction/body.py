@@ -111,11 +111,21 @@ def reduced_body(
         Orthonormal directions of the free rotations: none at a fixed, prismatic or angle-driven joint, the axis of a
         torque-driven hinge, three at a spherical joint.
     """
-    pinned = _pinned(fe, shapes, markers[joint], free)
+    return supported_body(fe, omega, _pinned(fe, shapes, markers[joint], free), markers, joint, free)
+
+
+def supported_body(
+    fe: FEModel, omega: Array, shapes: Array, markers: Mapping[str, Marker], joint: str, free: Array
+) -> FlexibleBody:
+    """Refer a basis to the frame of what holds the body in it, which the joint turns as a whole.
+
+    Shapes stay as they are, but that the frame floats about the rotations that the joint leaves free, as in
+    `reduced_body`, whose arguments these are.
+    """
     spins = np.cross(free, (fe.x - markers[joint].position)[:, None]).swapaxes(1, 2)
-    J, H = _rotation_coupling(fe, spins, pinned)
+    J, H = _rotation_coupling(fe, spins, shapes)
     axis = free[0] if len(free) else np.array([0.0, 0.0, 1.0])
-    return _body(fe, omega, pinned - spins @ np.linalg.solve(J, H), markers, joint, axis)
+    return _body(fe, omega, shapes - spins @ np.linalg.solve(J, H), markers, joint, axis)
 
 
 def joint_conforming_body(

@@ -23,7 +23,8 @@ from pipeline.checks import AccuracyError, Array, IntArray
 from pipeline.fem.assembly import assemble
 from pipeline.fem.mesh import SolidMesh
 from pipeline.fem.model import FEModel
-from pipeline.reduction.eigen import FreeBodySolver, factorised
+from pipeline.reduction.eigen import FreeBodySolver
+from pipeline.reduction.factor import Factor, factorised
 from pipeline.reduction.modes import EigenPairs
 
 _SAME_PLACE = 1e-6  # of the body's extent
@@ -125,17 +126,19 @@ class CyclicSolver(FreeBodySolver):
         The body.
     sectors : int
         How many turns carry it into itself.
+    factorise : callable
+        Makes a `Factor` of a symmetric positive definite matrix, here of the sector's inside.
     """
 
-    def __init__(self, fe: FEModel, sectors: int) -> None:
+    def __init__(self, fe: FEModel, sectors: int, factorise: Callable[[Any], Factor] = factorised) -> None:
         self._sector = first_sector(fe, sectors)
-        super().__init__(fe)
+        super().__init__(fe, factorise=factorise)
 
-    def _factorised(self) -> tuple[float, Callable[[Array], Array]]:
+    def _factorised(self) -> tuple[float, Factor]:
         """A shift far below the lowest eigenvalue, whose bound may be ten times too high: held cuts keep A stiff."""
         shift = -0.002 * self._lowest_bound()
-        self._harmonics = _CyclicInverse(self._sector, shift)
-        return shift, self._harmonics
+        self._harmonics = _CyclicInverse(self._sector, shift, self._factorise)
+        return shift, Factor(self._harmonics, self._harmonics.figures)
 
     def modes(self, count: int, held: Array | None = None) -> EigenPairs:
         """Return the ``count`` lowest elastic modes as `FreeBodySolver.modes` does; those of a held body as a whole."""
@@ -164,14 +167,15 @@ class _CyclicInverse:
     The sector's inside is factorised once, with its cuts held; only the few unknowns of a cut differ between harmonics.
     """
 
-    def __init__(self, sector: Sector, shift: float) -> None:
+    def __init__(self, sector: Sector, shift: float, factorise: Callable[[Any], Factor]) -> None:
         self._sector, self._shift = sector, shift
         self._K, self._M = sector.fe.K, sector.fe.M
         cut = (3 * np.concatenate([sector.low, sector.high])[:, None] + np.arange(3)).ravel()
         inside = np.setdiff1d(np.arange(self._K.shape[0]), cut)
         A = sp.csr_array(self._K - shift * self._M)
         self._cut, self._inside = cut, inside
-        self._inverse = factorised(A[inside][:, inside]).solve
+        factor = factorise(A[inside][:, inside])
+        self._inverse, self.figures = factor.solve, factor.figures
         self._from_inside = A[cut][:, inside]
         self._Z = self._inverse(self._from_inside.T.toarray())  # the inside follows the cuts by −Z
         S = A[cut][:, cut].toarray() - self._from_inside @ self._Z

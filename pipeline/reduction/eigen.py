@@ -11,8 +11,11 @@ from scipy.linalg import eigh, null_space
 from scipy.sparse.csgraph import connected_components
 from scipy.sparse.linalg import LinearOperator, eigsh, splu
 
-from pipeline.checks import AccuracyError, Array
+from pipeline.checks import AccuracyError, Array, IntArray
+from pipeline.reduction.factor import Factor, factorised, superlu
+from pipeline.reduction.lanczos import largest_outside
 from pipeline.reduction.modes import EigenPairs
+from pipeline.reduction.supports import rigid_motions_left, without
 
 if TYPE_CHECKING:
     from pipeline.fem.marker import Marker
@@ -20,11 +23,16 @@ if TYPE_CHECKING:
 
 RESIDUAL_LIMIT = 1e-6
 ORTHONORMALITY_LIMIT = 1e-8
-STATIC_RESIDUAL_LIMIT = 1e-8
+STATIC_RESIDUAL_LIMIT = 1e-6  # in the energy norm, as that of modes
 _BALANCED = 1e-12  # what is left below this part of a load is round-off: the body balances it by itself
 _MAX_RESTARTS = 6
 _STEP_GAIN = 1e-4
 _MOST_STEPS = 100
+# Lanczos stops at this residual: an eigenvalue is then good to its square, a shape to itself over the gap. It must stay
+# below 1e-8, where single vectors have been seen to lose one of a pair.
+_TOLERANCE = 1e-9
+_TRIES = 3
+_SAME = 1e-5  # part of the highest eigenvalue, within which another one is its equal
 # An eigenvalue below this part of the shift is zero: Lanczos leaves about 1e-12, an elastic mode about 1.
 _ZERO = 1e-6
 
@@ -42,32 +50,56 @@ class FreeBodySolver:
         A body in one piece.
     rigid : sequence of Marker
         Markers whose faces are held rigid; they have no node in common.
+    fixed : ndarray of int, optional
+        Unknowns that supports hold; ``3 i + a`` is node i along axis a.
+    factorise : callable
+        Makes a `Factor` of a symmetric positive definite matrix.
+
+    Attributes
+    ----------
+    rigid_modes : ndarray, shape (3 n_nodes, 6 or less)
+        Rigid motions that the supports leave.
+    shift : float
+        σ [rad²/s²].
 
     Raises
     ------
     AccuracyError
         The mesh is in several unconnected pieces.
+    TooLargeError
+        The factor wouldn't fit into memory.
     """
 
-    def __init__(self, fe: FEModel, rigid: Sequence[Marker] = ()) -> None:
+    def __init__(
+        self,
+        fe: FEModel,
+        rigid: Sequence[Marker] = (),
+        fixed: IntArray | None = None,
+        factorise: Callable[[Any], Factor] = factorised,
+    ) -> None:
         n_pieces, _ = connected_components(fe.m, directed=False)
         if n_pieces > 1:
             raise AccuracyError(
                 f"the mesh is in {n_pieces} unconnected pieces, so it has {6 * n_pieces} rigid-body modes "
                 "instead of 6; join the pieces"
             )
-        self._fe = fe
+        self._fe, self._factorise = fe, factorise
         self._T = rigid_faces(fe, rigid) if rigid else None
-        self._K, self._M, self._R = fe.K, fe.M, fe.rigid_modes
+        self.rigid_modes, self._supported = fe.rigid_modes, fixed is not None
+        if fixed is not None:
+            T = sp.eye_array(fe.K.shape[0], format="csr") if self._T is None else self._T
+            self._T, self.rigid_modes = without(T, fixed, len(rigid)), rigid_motions_left(fe, fixed)
+        self._K, self._M, self._R = fe.K, fe.M, self.rigid_modes
         if self._T is not None:
             self._K, self._M = (sp.csr_array(self._T.T @ A @ self._T) for A in (fe.K, fe.M))
             self._R = self._reduced(self._R)
-        self.shift, self._inverse = self._factorised()
+        self.shift, self._factor = self._factorised()
+        self._inverse = self._factor.solve
 
-    def _factorised(self) -> tuple[float, Callable[[Array], Array]]:
+    def _factorised(self) -> tuple[float, Factor]:
         """The shift σ and ``A⁻¹`` for ``A = K − σ M``."""
         shift = -0.3 * self._lowest_bound()
-        return shift, factorised(self._K - shift * self._M).solve
+        return shift, self._factorise(self._K - shift * self._M)
 
     def _reduced(self, u: Array) -> Array:
         """Unknowns of fields u (3 n_nodes, k), in the mean where a face would have to bend."""
@@ -82,8 +114,13 @@ class FreeBodySolver:
         x = self._fe.x - self._fe.x.mean(axis=0)
         x = x / np.ptp(x, axis=0).max()
         terms = [np.ones(len(x)), *x.T, *(x[:, a] * x[:, b] for a in range(3) for b in range(a, 3))]
-        V = np.linalg.qr(self._reduced(np.kron(np.stack(terms, axis=1), np.eye(3))))[0]
-        return float(eigh(V.T @ (self._K @ V), V.T @ (self._M @ V), eigvals_only=True)[6])
+        V, K, M = np.kron(np.stack(terms, axis=1), np.eye(3)), self._K, self._M
+        if self._supported:  # polynomials would break at the supports; the free body is softer in any case
+            K, M = self._fe.K, self._fe.M
+        else:
+            V = self._reduced(V)
+        V = np.linalg.qr(V)[0]
+        return float(eigh(V.T @ (K @ V), V.T @ (M @ V), eigvals_only=True)[6])
 
     def modes(self, count: int, held: Array | None = None) -> EigenPairs:
         """Return the ``count`` lowest elastic modes.
@@ -105,26 +142,63 @@ class FreeBodySolver:
         if self._T is not None and B.shape[1]:
             B = self._T.T @ B
         inverse = held_inverse(self._inverse, B) if B.shape[1] else self._inverse
-        expected = 6 - (int(np.linalg.matrix_rank(B.T @ self._R)) if B.shape[1] else 0)
-        count = min(count, n - B.shape[1] - expected)
-        ncv = max(2 * (count + expected) + 1, 40)
-        if ncv < n - B.shape[1]:
-            eigenvalues, Phi = eigsh(
-                K,
-                k=count + expected,
-                M=M,
-                sigma=self.shift,
-                OPinv=LinearOperator(K.shape, matvec=inverse, dtype=float),
-                v0=np.random.default_rng(0).standard_normal(n),
-                ncv=ncv,
-            )
+        Z = self._rigid_left(B)
+        count = min(count, n - B.shape[1] - Z.shape[1])
+        ncv = max(2 * count, count + 20)
+        if ncv + Z.shape[1] < n - B.shape[1]:
+            eigenvalues, Phi = self._elastic(count, ncv, Z, inverse)
+            eigenvalues = np.concatenate([np.einsum("ij,ij->j", Z, K @ Z), eigenvalues])
+            Phi = np.concatenate([Z, Phi], axis=1)
         else:  # a mesh of a few elements
             N = null_space(B.T) if B.shape[1] else np.eye(n)
-            eigenvalues, Phi = eigh(N.T @ (K @ N), N.T @ (M @ N), subset_by_index=(0, count + expected - 1))
+            eigenvalues, Phi = eigh(N.T @ (K @ N), N.T @ (M @ N), subset_by_index=(0, count + Z.shape[1] - 1))
             Phi = N @ Phi
         order = np.argsort(eigenvalues)
         eigenvalues, Phi = eigenvalues[order], Phi[:, order]
-        return self._checked(eigenvalues, Phi, expected, inverse)
+        return self._checked(eigenvalues, Phi, Z.shape[1], inverse)
+
+    def _rigid_left(self, B: Array) -> Array:
+        """Rigid-body modes that a holding B leaves, ``Zᵀ M Z = 1``."""
+        R = self._R @ null_space(B.T @ self._R) if B.shape[1] and self._R.shape[1] else self._R
+        Z = np.linalg.qr(R)[0]
+        return np.linalg.solve(np.linalg.cholesky(Z.T @ (self._M @ Z)), Z.T).T
+
+    def _elastic(self, count: int, ncv: int, Z: Array, inverse: Callable[[Array], Array]) -> tuple[Array, Array]:
+        """Lowest eigenpairs among the fields that are M-orthogonal to the rigid-body modes Z.
+
+        Those are known from geometry; left in, they would be the first that Lanczos finds, and cost solves.
+        """
+        for attempt in range(_TRIES):
+            size = min(ncv << attempt, len(Z))
+            if self._factor.lowest is not None and inverse is self._inverse:
+                theta, Phi = self._factor.lowest(self._M, count, size, Z)
+                values = theta + self.shift
+            else:
+                values, Phi = self._lanczos(count, size, Z, inverse, attempt)
+            found = np.concatenate([Z, Phi], axis=1)
+            outside = largest_outside(self._M, found, inverse, 1.0 / (values.max() - self.shift))
+            missed = self.shift + 1.0 / outside
+            if not missed < values.max() * (1 - _SAME):
+                return values, Phi
+        raise AccuracyError(
+            f"Lanczos missed a mode at {np.sqrt(max(missed, 0.0)) / 2 / np.pi:.6g} Hz, below its highest, {_TRIES} "
+            "times; ask for a few modes more or less"
+        )
+
+    def _lanczos(
+        self, count: int, ncv: int, Z: Array, inverse: Callable[[Array], Array], seed: int
+    ) -> tuple[Array, Array]:
+        MZ = self._M @ Z
+
+        def solve(f: Array) -> Array:
+            x = inverse(f)
+            return np.asarray(x - Z @ (MZ.T @ x))
+
+        start = np.random.default_rng(seed).standard_normal(len(Z))
+        start -= Z @ (MZ.T @ start)
+        operator = LinearOperator(self._K.shape, matvec=solve, dtype=float)
+        values, Phi = eigsh(self._K, count, self._M, self.shift, OPinv=operator, v0=start, ncv=ncv, tol=_TOLERANCE)
+        return values, Phi
 
     def _checked(self, eigenvalues: Array, Phi: Array, expected: int, inverse: Callable[[Array], Array]) -> EigenPairs:
         """Count the rigid-body modes, verify the others and give each its sign."""
@@ -140,11 +214,11 @@ class FreeBodySolver:
         shapes = self._expanded(Phi[:, n_rigid:])
         flat = shapes.reshape(-1, shapes.shape[2])
         shapes = shapes * np.sign(flat[np.abs(flat).argmax(axis=0), np.arange(flat.shape[1])])
-        return EigenPairs(np.sqrt(eigenvalues[n_rigid:]), shapes, n_rigid, residual)
+        return EigenPairs(np.sqrt(eigenvalues[n_rigid:]), shapes, n_rigid, residual, factor=self._factor.figures)
 
     def inertia_response(self, u: Array) -> Array:
         """``(K − σ M)⁻¹ M u``: what the inertia of fields u (n_nodes, 3, k) bends; their rigid parts are left out."""
-        R, flat = self._fe.rigid_modes, u.reshape(self._fe.K.shape[0], -1)
+        R, flat = self.rigid_modes, u.reshape(self._fe.K.shape[0], -1)
         MR = self._fe.M @ R
         rigid_mass = R.T @ MR
         load = self._fe.M @ flat - MR @ np.linalg.solve(rigid_mass, MR.T @ flat)
@@ -176,16 +250,19 @@ class FreeBodySolver:
         def balanced(load: Array) -> Array:
             return np.asarray(load - MR @ np.linalg.solve(rigid_mass, R.T @ load))
 
+        def energy(load: Array) -> Array:
+            return np.asarray(np.sqrt(np.maximum(np.einsum("ij,ij->j", load, self._inverse(load)), 0.0)))
+
         loads = balanced(given)
-        size = np.linalg.norm(loads, axis=0)
-        nothing = size <= _BALANCED * np.linalg.norm(given, axis=0)
-        loads[:, nothing], size[nothing] = 0.0, 1.0
+        nothing = np.linalg.norm(loads, axis=0) <= _BALANCED * np.linalg.norm(given, axis=0)
+        loads[:, nothing] = 0.0
+        size = np.where(nothing, 1.0, energy(loads))
         u, before = np.zeros_like(loads), np.inf
         # Conjugate gradients with the shifted factor take a few steps. They start anew on what is left of the load,
         # balanced again: K does not see rigid-body round-off, which would spoil a long run.
         for _ in range(_MAX_RESTARTS):
             defect = balanced(loads - K @ u)
-            residual = np.linalg.norm(defect, axis=0) / size
+            residual = energy(defect) / size  # in which round-off of stiff elements counts little
             if residual.max() < 1e-12 or (residual.max() < STATIC_RESIDUAL_LIMIT and residual.max() > 0.1 * before):
                 break
             before = residual.max()
@@ -197,11 +274,6 @@ class FreeBodySolver:
                 f"exceeds {STATIC_RESIDUAL_LIMIT:.0e}"
             )
         return self._expanded(u)
-
-
-def factorised(A: Any) -> Any:
-    """Factorise a symmetric sparse matrix without leaving the diagonal for pivots; the result has a ``solve``."""
-    return splu(sp.csc_array(A), permc_spec="MMD_AT_PLUS_A", diag_pivot_thresh=0.0, options={"SymmetricMode": True})
 
 
 def held_inverse(inverse: Callable[[Array], Array], B: Any) -> Callable[[Array], Array]:
@@ -278,7 +350,7 @@ def modes_below(fe: FEModel, omega: float) -> int:
     The number of negative pivots of ``K − ω² M`` equals the number of eigenvalues below ω²; the count is
     independent of any iteration, so it shows a mode that Lanczos has skipped.
     """
-    factor = factorised(fe.K - omega**2 * fe.M)
+    factor = superlu(fe.K - omega**2 * fe.M)
     if not np.array_equal(factor.perm_r, factor.perm_c):
         raise AccuracyError("the factorisation left the diagonal: its pivots don't show the inertia")
     return int(np.count_nonzero(factor.U.diagonal() < 0))

@@ -35,7 +35,8 @@ def lowest_modes(solver: FreeBodySolver, count: int, held: Array | None = None) 
     pairs = solver.modes(count, held)
     if len(pairs.omega) < count:
         raise AccuracyError(f"the mesh has only {len(pairs.omega)} elastic modes, {count} wanted; refine it")
-    return Modes(pairs.omega, pairs.shapes, pairs.n_rigid, pairs.residual, tuple(range(1, count + 1)))
+    numbers = tuple(range(1, count + 1))
+    return Modes(pairs.omega, pairs.shapes, pairs.n_rigid, pairs.residual, numbers, factor=pairs.factor)
 
 
 def modes_of_family(
@@ -66,7 +67,9 @@ def modes_of_family(
         chosen = [k for k, found in enumerate(families) if found == family][:count]
         if len(chosen) == count:
             numbers = tuple(k + 1 for k in chosen)
-            return Modes(pairs.omega[chosen], shapes[:, :, chosen], pairs.n_rigid, pairs.residual, numbers)
+            return Modes(
+                pairs.omega[chosen], shapes[:, :, chosen], pairs.n_rigid, pairs.residual, numbers, factor=pairs.factor
+            )
         if n_all > 40 * count or len(pairs.omega) < n_all:
             raise AccuracyError(
                 f"only {len(chosen)} {family} modes among the {len(pairs.omega)} lowest, {count} wanted"

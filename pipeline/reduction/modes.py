@@ -2,11 +2,13 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 
 import numpy as np
 
 from pipeline.checks import Array
+from pipeline.html import table
+from pipeline.reduction.factor import FactorFigures
 
 
 @dataclass(frozen=True)
@@ -23,12 +25,15 @@ class EigenPairs:
         Number of rigid-body modes found.
     residual : float
         Largest defect of ``K φ = ω² M φ`` in the energy norm, relative to the mode's own.
+    factor : FactorFigures, optional
+        What the factorisation behind them took.
     """
 
     omega: Array
     shapes: Array
     n_rigid: int
     residual: float
+    factor: FactorFigures | None = field(default=None, kw_only=True)
 
 
 @dataclass(frozen=True)
@@ -52,3 +57,7 @@ class Modes(EigenPairs):
     def dofs(self) -> int:
         """Unknowns of the finite element model."""
         return 3 * len(self.shapes)
+
+    def _repr_html_(self) -> str:
+        rows = [(number, f"{hertz:.2f}") for number, hertz in zip(self.numbers, self.frequencies_hz, strict=True)]
+        return table(("mode", "Hz"), rows, f"{self.dofs} unknowns, {self.n_rigid} rigid-body modes")

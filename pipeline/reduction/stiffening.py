@@ -60,7 +60,9 @@ def stiffened(
     n_spin = len(fields)
     if linear:
         fields += [np.tile(e, (len(body.x), 1)) for e in np.eye(3)]
-    loads = _in_equilibrium(fe, np.stack([m @ field for field in fields], axis=-1), held)
+    loads = np.stack([m @ field for field in fields], axis=-1)
+    if solver.rigid_modes.size:  # else supports answer to any load
+        loads = _in_equilibrium(fe, loads, held)
     K_G = geometric_stiffness(fe, solver.static_response(loads), body.shapes)
     KG = np.zeros((3, 3, n, n))
     if axis is not None:  # Σ (δ_ab − e_a e_b) K_G[a, b] is the one that was computed
@@ -100,7 +102,7 @@ def geometric_stiffness(fe: FEModel, u: Array, shapes: Array) -> Array:
     """
     from pipeline.fem.assembly import gradients
 
-    space, (lam, mu) = fe.discretisation, fe.material.lame
+    space = fe.discretisation
     X, w = space.kind.quadrature(space.kind.stiffness_order)
     n = shapes.shape[2]
     both = np.concatenate([shapes, u], axis=2)
@@ -112,10 +114,13 @@ def geometric_stiffness(fe: FEModel, u: Array, shapes: Array) -> Array:
         values = both[local].reshape(len(local), 1, local.shape[1], -1)
         du = (g.swapaxes(2, 3) @ values).reshape(*det.shape, 3, 3, -1)  # du[e, q, a, i] = ∂_a u_i
         slopes = du[..., :n]
+        lam, mu = np.empty((2, len(local), 1))
+        for own, mine in fe.material.over(part):
+            lam[mine], mu[mine] = own.lame
         for k in range(u.shape[2]):
             strain = 0.5 * (du[..., n + k] + du[..., n + k].swapaxes(2, 3))
-            stress = 2 * mu * strain
-            stress[..., range(3), range(3)] += lam * np.trace(strain, axis1=2, axis2=3)[..., None]
+            stress = 2 * mu[..., None, None] * strain
+            stress[..., range(3), range(3)] += (lam * np.trace(strain, axis1=2, axis2=3))[..., None]
             weighted = (stress * (det * w)[..., None, None]) @ slopes.reshape(*det.shape, 3, -1)
             K[k] += np.tensordot(weighted.reshape(-1, n), slopes.reshape(-1, n), ((0,), (0,)))
     return 0.5 * (K + K.swapaxes(1, 2))

@@ -9,7 +9,7 @@ from pipeline.fem.elements import element_kind, shape_functions
 NODES = {"hex8": 8, "hex20": 8 + 12, "tet4": 4, "tet10": 4 + 6}
 
 
-@pytest.mark.parametrize(("cell_type", "order"), [("tetra", 3), ("hexahedron", 0), ("wedge", 1)])
+@pytest.mark.parametrize(("cell_type", "order"), [("tetra", 3), ("hexahedron", 0), ("pyramid", 1), ("wedge", 2)])
 def test_an_element_that_does_not_exist_is_refused(cell_type: str, order: int) -> None:
     with pytest.raises(ValueError, match=f"no element of order {order} on {cell_type} cells"):
         element_kind(cell_type, order)
@@ -55,8 +55,8 @@ def test_weights_sum_to_the_volume_of_the_reference_cell(element) -> None:
 def test_facets_are_walked_around_corner_by_corner(element) -> None:
     kind = element_kind(element.cell_type, element.order)
     corners = 3 if element.cell_type == "tetra" else 4
-    assert kind.facet_polygons.shape == (4 if element.cell_type == "tetra" else 6, corners * element.order)
-    for polygon in kind.element.doflocs[kind.facet_polygons]:
+    assert [len(polygon) for polygon in kind.facet_polygons] == [corners * element.order] * (corners * 2 - 2)
+    for polygon in (kind.element.doflocs[polygon] for polygon in kind.facet_polygons):
         around = polygon[:: element.order]
         sides = np.roll(around, -1, axis=0) - around
         # the sides of a square or a triangle, not its diagonals: consecutive ones make no angle above 90° + 45°

@@ -128,12 +128,9 @@ def test_cells_of_no_part_are_a_group_too(box_mesh: Make, tmp_path: Path) -> Non
     assert part_numbers(mesh).tolist() == [0, 0, 1]
 
 
-def test_a_cell_in_two_parts_is_refused_and_no_file_left(box_mesh: Make, tmp_path: Path) -> None:
-    mesh = replace(box_mesh("hexahedron", (3, 1, 1)), parts={"a": np.array([0, 1]), "b": np.array([1, 2])})
-    for name in ("mesh.msh", "mesh.vtu"):
-        with pytest.raises(ValueError, match="two of its parts"):
-            write_mesh(mesh, tmp_path / name)
-    assert list(tmp_path.iterdir()) == []
+def test_a_cell_in_two_parts_counts_to_the_smaller(box_mesh: Make) -> None:
+    mesh = replace(box_mesh("hexahedron", (2, 1, 1)), parts={"end": np.array([1]), "all": np.array([0, 1])})
+    assert part_numbers(mesh).tolist() == [2, 1]
 
 
 @pytest.mark.parametrize("suffix", [".msh", ".vtu"])

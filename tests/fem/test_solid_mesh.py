@@ -65,8 +65,8 @@ def test_the_volume_of_a_cell_with_crooked_faces_is_that_of_its_shape_functions(
 
 
 def test_an_unknown_kind_of_cell_is_refused() -> None:
-    with pytest.raises(ValueError, match="cell_type is 'wedge', expected one of tetra, hexahedron"):
-        SolidMesh(CUBE.copy(), np.arange(6)[None], "wedge", {}, {})
+    with pytest.raises(ValueError, match="cell_type is 'pyramid', expected one of tetra, tetra10, hexahedron"):
+        SolidMesh(CUBE.copy(), np.arange(6)[None], "pyramid", {}, {})
 
 
 def test_points_in_the_plane_are_refused() -> None:

@@ -66,7 +66,8 @@ def test_the_outlines_are_the_edges_of_the_element_faces(element: Any, box_mesh:
 
 def test_polygons_start_at_a_corner_and_turn_outwards(distorted: FEModel) -> None:
     space = distorted.discretisation
-    around = space.x[boundary_polygons(space)]
+    ((_, polygons),) = boundary_polygons(space)
+    around = space.x[polygons]
     corners = around[:, :: space.order]
     normal = np.cross(corners[:, 1] - corners[:, 0], corners[:, 2] - corners[:, 1])
     outward = corners.mean(axis=1) - SIZES / 2

@@ -1,26 +1,15 @@
-"""Laws that every integrator obeys: order, identities, restarts, output, reversal, divergence, counts of work."""
+"""Laws that every integrator obeys: order, identities, restarts, output, reversal, divergence."""
 
 import re
 from collections.abc import Callable
-from dataclasses import dataclass, replace
-from typing import Any, NamedTuple
+from dataclasses import replace
 
 import numpy as np
 import pytest
 
 from pipeline import Pipeline, load_scene
 from pipeline.checks import AccuracyError, Array, InputError, StabilityError
-from pipeline.dynamics.compiled import meaning
 from pipeline.dynamics.planar import PlanarRotor, TorquePulse
-from pipeline.dynamics.system import (
-    accelerations,
-    advance,
-    fast_steps,
-    freeze,
-    hold_middle,
-    reacting_steps,
-    slow_response,
-)
 from pipeline.integrators.central_difference import CentralDifference
 from pipeline.integrators.protocol import State, evaluate
 from pipeline.integrators.reversible import ReversibleSubcycling
@@ -435,118 +424,3 @@ def test_times_before_a_resumed_march_are_left_without_a_number(body: Body, meth
 def test_sub_cycling_needs_a_substep(substeps: int) -> None:
     with pytest.raises(ValueError, match=f"substeps is {substeps}, expected at least 1"):
         Subcycling(1e-5, substeps)
-
-
-# Counts of work --------------------------------------------------------------------------------------------------
-
-
-class Counted(NamedTuple):
-    """Two oscillators, the first one slow, that count how often they are asked."""
-
-    calls: Array  # (3,) of each of the functions below
-    stiffness: Array  # (2,)
-
-
-@meaning(accelerations, Counted)
-def _accelerations(p: Counted, t: float, q: Array, v: Array, a: Array) -> None:
-    p.calls[0] += 1
-    for i in range(q.size):
-        a[i] = -p.stiffness[i] * q[i]
-
-
-@meaning(freeze, Counted)
-def _freeze(p: Counted, t: float, q: Array, v: Array, a: Array, frozen: Array) -> None:
-    p.calls[1] += 1
-
-
-@meaning(fast_steps, Counted)
-def _fast_steps(p: Counted, frozen: Array, first: int, h: float, count: int, q: Array, v: Array, a: Array) -> None:
-    for _ in range(count):
-        p.calls[2] += 1
-        a[1] = -p.stiffness[1] * q[1]
-        v[1] += h * a[1]
-        q[1] += h * v[1]
-
-
-@meaning(advance, Counted)
-def _advance(p: Counted, q: Array, v: Array, h: float, first: int, last: int) -> None:
-    for i in range(first, last):
-        q[i] += h * v[i]
-
-
-@meaning(hold_middle, Counted)
-def _hold_middle(p: Counted, t: float, q: Array, v: Array, D: Array, middle: Array) -> None:
-    p.calls[0] += 1
-    middle[0], D[1, 0] = q[0], 0.0
-
-
-@meaning(reacting_steps, Counted)
-def _reacting_steps(p: Counted, middle: Array, first: int, h: float, count: int, q: Array, v: Array, a: Array) -> None:
-    fast_steps(p, middle, first, h, count, q, v, a)
-
-
-@meaning(slow_response, Counted)
-def _slow_response(p: Counted, middle: Array, first: int, h: float, count: int, q: Array, v: Array, a: Array) -> None:
-    a[0] = -p.stiffness[0] * middle[0]
-
-
-@dataclass(frozen=True)
-class Oscillators:
-    parameters: Counted
-
-    n = 2
-    n_positions = 2
-    n_slow = 1
-    stiffness = np.array([1.0, 100.0])
-    coupled = False
-    highest_frequency = 10.0
-    highest_fast_frequency = 10.0
-
-    def frozen(self) -> Array:
-        return np.zeros(1)
-
-    middle = frozen
-
-
-@pytest.fixture
-def oscillators() -> Oscillators:
-    return Oscillators(Counted(np.zeros(3), Oscillators.stiffness))
-
-
-@pytest.mark.parametrize("spacing", [1.0, 3.0, 0.31])
-def test_evaluations_are_counted_as_they_happen(oscillators: Oscillators, method: Method, spacing: float) -> None:
-    times = 0.01 * np.arange(0.0, 1000.5, spacing)
-    march = method(0.01).march(oscillators, np.ones(2), np.zeros(2), times)
-    assert march.evaluations == oscillators.parameters.calls[0]
-    assert march.fast_evaluations == oscillators.parameters.calls[2]
-
-
-@pytest.mark.parametrize("m", [1, 2, 5, 10])
-def test_sub_cycling_solves_the_whole_once_a_cycle(oscillators: Oscillators, m: int) -> None:
-    # 1000 steps and one more that the last output time begins, in whole cycles, and the start.
-    march = Subcycling(0.01, m).march(oscillators, np.ones(2), np.zeros(2), np.array([10.0]))
-    cycles = 1000 // m + 1
-    assert march.end.step == cycles * m
-    assert march.evaluations == cycles + 1
-    assert march.fast_evaluations == cycles * (m - 1)
-    plain = CentralDifference(0.01).march(oscillators, np.ones(2), np.zeros(2), np.array([10.0]))
-    assert (plain.evaluations, plain.fast_evaluations) == (1002, 0)
-
-
-def test_a_resumed_march_counts_what_it_adds(oscillators: Oscillators, method: Method) -> None:
-    times = np.array([3.0, 10.0])
-    first = method(0.01).march(oscillators, np.ones(2), np.zeros(2), times[:1])
-    before = oscillators.parameters.calls.copy()
-    second = method(0.01).resume(oscillators, first.end, times)
-    added: Any = oscillators.parameters.calls - before
-    assert second.evaluations == added[0]
-    assert second.fast_evaluations == added[2]
-
-
-def test_each_oscillator_takes_steps_of_its_own_length(oscillators: Oscillators, method: Method) -> None:
-    # Uncoupled, so that leapfrog's discrete cosine holds for each with its own step: q_n = cos(2n arcsin(ωh/2)).
-    march = method(0.01).march(oscillators, np.ones(2), np.zeros(2), 0.01 * np.arange(0, 1001, 10))
-    major = 0.01 * march.substeps
-    slow = np.cos(2 * (march.times / major) * np.arcsin(major / 2))
-    fast = np.cos(2 * (march.times / 0.01) * np.arcsin(10 * 0.01 / 2))
-    assert march.q == pytest.approx(np.column_stack([slow, fast]), abs=1e-11)

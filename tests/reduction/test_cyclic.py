@@ -1,6 +1,7 @@
 """Cyclic symmetry: one sector gives what the whole body does, and a body without it is refused."""
 
 from dataclasses import replace
+from functools import partial
 from math import pi, radians
 
 import numpy as np
@@ -19,6 +20,7 @@ from pipeline.fem.mesh import SolidMesh
 from pipeline.fem.model import FEModel
 from pipeline.reduction.cyclic import CyclicSolver, first_sector
 from pipeline.reduction.eigen import FreeBodySolver
+from pipeline.reduction.factor import Solver, factorised
 
 ALUMINIUM = Material(E=70e9, nu=0.3, rho=2780.0)
 SHAPE = PropellerShape(
@@ -90,6 +92,17 @@ def test_static_responses_are_those_of_the_whole(body: tuple[FEModel, int]) -> N
     f = np.random.default_rng(2).standard_normal((len(fe.x), 3, 2))
     whole, cyclic = (solver.static_response(f) for solver in (FreeBodySolver(fe), CyclicSolver(fe, blades)))
     assert cyclic == pytest.approx(whole, abs=1e-8 * np.abs(whole).max())
+
+
+@pytest.mark.parametrize("solver", ["cholesky", "superlu"])
+def test_any_factor_of_a_sectors_inside_gives_the_modes_of_the_whole(solver: Solver) -> None:
+    if solver == "cholesky":
+        pytest.importorskip("cvxopt", reason="cvxopt is not installed")
+    fe = model(3)
+    modes = CyclicSolver(fe, 3, partial(factorised, solver=solver)).modes(8)
+    assert modes.omega == pytest.approx(FreeBodySolver(fe).modes(8).omega, rel=1e-8)
+    assert modes.factor is not None
+    assert modes.factor.unknowns < fe.K.shape[0] / 3
 
 
 def test_a_held_body_has_the_modes_of_the_whole() -> None:

@@ -195,6 +195,26 @@ def test_one_planar_load_does_what_the_six_products_do(small_bar: FEModel, axis:
         assert np.abs(M[6:, 6:] - np.eye(8)).max() < 1e-8
 
 
+@pytest.mark.parametrize(("axis", "linear", "count"), [(Z, False, 1), (Z, True, 4), (None, False, 6), (None, True, 9)])
+def test_only_loads_that_the_motion_has_are_solved_for(
+    small_bar: FEModel, monkeypatch: pytest.MonkeyPatch, axis: Array | None, linear: bool, count: int
+) -> None:
+    solver, solved = FreeBodySolver(small_bar), []
+    root = face_marker(small_bar.discretisation, small_bar.discretisation.mesh.faces["x-"])
+    clamp = root.columns(len(small_bar.x), np.eye(3))
+    pairs = solver.modes(2, clamp)
+    body = reduced_body(small_bar, pairs.omega, pairs.shapes, {"root": root}, "root", np.zeros((0, 3)))
+    response = FreeBodySolver.static_response
+
+    def counted(self: FreeBodySolver, loads: Array, *held: Array) -> Array:
+        solved.append(loads.shape[-1])
+        return response(self, loads, *held)
+
+    monkeypatch.setattr(FreeBodySolver, "static_response", counted)
+    stiffened(body, small_bar, solver, clamp, axis, linear)
+    assert solved == [count]
+
+
 # What it does to a turning body --------------------------------------------------------------------------------
 
 

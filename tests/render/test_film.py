@@ -1,5 +1,5 @@
 import subprocess
-from collections.abc import Iterator
+from collections.abc import Callable, Iterator
 from itertools import pairwise
 from pathlib import Path
 
@@ -7,6 +7,7 @@ import imageio_ffmpeg  # type: ignore[import-untyped]
 import numpy as np
 import pytest
 
+from pipeline.render import film as film_module
 from pipeline.render.film import draw_film
 from pipeline.render.look import Look
 from pipeline.render.surface import Surface
@@ -101,3 +102,16 @@ def test_a_film_of_a_component_of_stress_has_limits_of_both_signs(tmp_path: Path
         film(beam, tmp_path / "film.mp4", 2, frames=signed, clim_pa=(-1e6, 1e6), quantity="σ_xx [MPa]", hub=False)
     )
     assert shown.std() > 0
+
+
+def test_a_film_has_one_plotter_and_one_body(tmp_path: Path, beam: Surface, monkeypatch: pytest.MonkeyPatch) -> None:
+    made: list[str] = []
+
+    def counted(name: str) -> Callable[..., object]:
+        real = getattr(film_module, name)
+        return lambda *arguments, **settings: made.append(name) or real(*arguments, **settings)
+
+    for name in ("stage", "add_body"):
+        monkeypatch.setattr(film_module, name, counted(name))
+    film(beam, tmp_path / "film.gif", n_frames=3)
+    assert made == ["stage", "add_body"]

@@ -11,8 +11,10 @@ from pipeline.dynamics.linear import LinearSystem
 from pipeline.integrators.central_difference import CentralDifference
 from pipeline.integrators.exponential import Exponential
 from pipeline.integrators.generalized_alpha import GeneralizedAlpha
+from pipeline.integrators.reversible import ReversibleSubcycling
 from pipeline.integrators.subcycling import Subcycling
 from pipeline.studies.amplification import amplification_matrix, growth, measured_matrix, spectral_radius
+from pipeline.studies.two_dof import reversible_growth
 
 
 def random_system(n: int, n_slow: int, seed: int, with_rates: bool) -> LinearSystem:
@@ -106,12 +108,39 @@ def test_no_march_ends_in_what_is_no_number(n: int, m: int, seed: int, share: fl
     assert np.array_equal(found.q[-1], again.q[-1])  # whatever else was asked for on the way
 
 
-@pytest.mark.parametrize("rho", [0.5, 0.8, 1.0])
+@settings(max_examples=30, deadline=None)
+@given(m=st.integers(1, 12), beta=st.floats(0.0, 0.95), fast=st.floats(0.05, 2.2), slow=st.floats(0.05, 2.2))
+def test_reversible_sub_cycling_follows_its_closed_form(m: int, beta: float, fast: float, slow: float) -> None:
+    """z² + B z + E = 0 of `reversible_growth`, against the compiled integrator, stable or not."""
+    system = LinearSystem(np.array([[1.0, beta], [beta, 1.0]]), np.diag([(slow / m) ** 2, fast**2]), 1)
+    formula = float(reversible_growth(np.array(fast), np.array(slow), beta, m))
+    measured = spectral_radius(measured_matrix(ReversibleSubcycling(1.0, m), system))
+    assert measured == pytest.approx(formula, rel=1e-6)  # a double root loses half of the digits
+
+
+@settings(max_examples=30, deadline=None)
+@given(n=st.integers(2, 6), m=st.integers(1, 12), seed=st.integers(0, 10**6))
+def test_reversible_sub_cycling_is_stable_below_its_limits(n: int, m: int, seed: int) -> None:
+    """Whatever couples through the mass matrix and through the stiffness; and not above them."""
+    system = random_system(n, 1 + seed % (n - 1), seed, with_rates=False)
+    limit = ReversibleSubcycling(1.0, m).largest_step(system)
+    assert spectral_radius(measured_matrix(ReversibleSubcycling(0.98 * limit, m), system)) <= 1 + 1e-6
+    assert spectral_radius(measured_matrix(ReversibleSubcycling(1.02 * limit, m), system)) > 1 + 1e-3
+
+
+@pytest.mark.parametrize("rho", [0.0, 0.5, 0.8, 1.0])
 def test_generalized_alpha_is_stable_at_any_step(rho: float) -> None:
     system = random_system(4, 2, 5, False)
     for h in (0.1, 10.0, 1e4):
         A = measured_matrix(GeneralizedAlpha(h / system.highest_frequency, rho), system)
         assert spectral_radius(A) <= 1 + 1e-9
+
+
+def test_what_is_damped_to_nothing_is_no_failure() -> None:
+    """0.8² a step at 20 times the explicit limit: after 2000 steps the smallest number is reached."""
+    system = LinearSystem(np.eye(2), np.diag([1.0, 1e4]), 1)
+    found = GeneralizedAlpha(20 * 2 / 100, 0.8).march(system, np.ones(2), np.zeros(2), np.array([0.0, 4e3]))
+    assert np.abs(found.q[-1]).max() < 1e-200
 
 
 def test_the_exponential_method_takes_uncoupled_modes_exactly() -> None:

@@ -1,0 +1,230 @@
+"""Solids from CAD files, meshed with tetrahedra: ``python -m meshes.cad FILE ARRAYS SIZE ORDER`` in its own process.
+
+Gmsh's OpenCASCADE may crash on a damaged file, or never end; a process of its own can be given up.
+"""
+
+from __future__ import annotations
+
+import contextlib
+import io
+import json
+import re
+import sys
+from collections.abc import Mapping
+from pathlib import Path
+from typing import Any, NamedTuple
+
+import numpy as np
+from numpy.typing import NDArray
+
+from meshes.gmsh_session import gmsh_model
+
+SUFFIXES = (".step", ".stp", ".iges", ".igs", ".brep")
+_MOST_ELEMENTS = 3_000_000
+_AROUND = 12  # elements around a full circle, if they aren't smaller by their size
+_FINEST = 0.2  # smallest element by curvature over the size that is asked for
+_TETRAHEDRON = 0.117851  # volume of the regular one of unit edge
+_UNCOLOURED = (0, 0, 255, 0)
+_TYPES = {1: (4, "tetra"), 2: (11, "tetra10")}
+# Gmsh's ten nodes in VTK's order.
+_ORDER = {1: [0, 1, 2, 3], 2: [0, 1, 2, 3, 4, 5, 6, 7, 9, 8]}
+_SURFACES = {
+    "PLANE": "Plane",
+    "CYLINDRICAL_SURFACE": "Cylinder",
+    "CONICAL_SURFACE": "Cone",
+    "SPHERICAL_SURFACE": "Sphere",
+    "TOROIDAL_SURFACE": "Torus",
+}
+
+
+class CadMesh(NamedTuple):
+    """A meshed part.
+
+    Attributes
+    ----------
+    points : ndarray, shape (n_points, 3)
+        [m].
+    cells : ndarray, shape (n_cells, 4 or 10)
+        Points of each tetrahedron in VTK's order.
+    parts : mapping of str to ndarray
+        Cells of each solid, by its name in the file or ``solid-1`` …
+    faces : mapping of str to ndarray, shape (n_facets, 3)
+        Corners of each face's facets, by its number ``face-1`` …, its name in the file, and its colour ``#ff0000``.
+    """
+
+    points: NDArray[np.float64]
+    cells: NDArray[np.int64]
+    parts: Mapping[str, NDArray[np.int64]]
+    faces: Mapping[str, NDArray[np.int64]]
+
+
+class CadError(ValueError):
+    """A CAD file can't be meshed; the message tells why."""
+
+
+def mesh_cad(path: Path, size: float, order: int) -> CadMesh:
+    """Mesh the solids in a CAD file; solids that touch share their nodes.
+
+    Parameters
+    ----------
+    path : Path
+        STEP, IGES or BREP.
+    size : float
+        Edge length of the elements [m]; around bores and fillets they are smaller.
+    order : int
+        1 or 2, with edges that follow the curved faces.
+
+    Raises
+    ------
+    CadError
+        There is no solid in it, or the size would give too many elements.
+    """
+    with gmsh_model("cad") as gmsh:
+        gmsh.option.setString("Geometry.OCCTargetUnit", "M")
+        gmsh.option.setNumber("Geometry.OCCImportLabels", 1)
+        solids = [entity for entity in gmsh.model.occ.importShapes(str(path)) if entity[0] == 3]
+        gmsh.model.occ.synchronize()
+        if not solids:
+            raise CadError("there is no solid in it; export the part as a solid, not as surfaces")
+        names = _names(gmsh, path)
+        if len(solids) > 1:
+            names = _joined(gmsh, solids, names)
+        volume = sum(gmsh.model.occ.getMass(3, tag) for _, tag in gmsh.model.getEntities(3))
+        expected = volume / (_TETRAHEDRON * size**3)
+        if expected > _MOST_ELEMENTS:
+            raise CadError(
+                f"a size of {size:g} m gives about {expected:.1e} elements; {_MOST_ELEMENTS:.0e} are the most"
+            )
+        for option, value in {
+            "MeshSizeMax": size,
+            "MeshSizeMin": _FINEST * size,
+            "MeshSizeFromCurvature": _AROUND,
+            "ElementOrder": order,
+            "HighOrderOptimize": 1,
+        }.items():
+            gmsh.option.setNumber(f"Mesh.{option}", value)
+        gmsh.model.mesh.generate(3)
+        return _read_out(gmsh, order, names)
+
+
+def _names(gmsh: Any, path: Path) -> dict[tuple[int, int], list[str]]:
+    """Names of each solid and face: the last part of its label, its colour, and what STEP itself calls a face."""
+    names: dict[tuple[int, int], list[str]] = {}
+    for entity in [*gmsh.model.getEntities(2), *gmsh.model.getEntities(3)]:
+        own = []
+        label = gmsh.model.getEntityName(*entity).rpartition("/")[2].strip()
+        if label and "STEP translator" not in label:
+            own.append(label)
+        colour = gmsh.model.getColor(*entity)
+        if entity[0] == 2 and tuple(colour) != _UNCOLOURED:
+            own.append("#{:02x}{:02x}{:02x}".format(*colour[:3]))
+        names[entity] = own
+    if path.suffix.lower() not in (".step", ".stp"):
+        return names
+    text = re.sub(r"\s*\n\s*", "", path.read_text(encoding="utf-8", errors="replace"))
+    solids, bodies = gmsh.model.getEntities(3), re.findall(r"MANIFOLD_SOLID_BREP\s*\(\s*'([^']*)'", text)
+    if len(solids) == len(bodies):
+        for solid, name in zip(solids, bodies, strict=True):
+            names[solid] += [name.strip()] if name.strip() else []
+    faces, given = gmsh.model.getEntities(2), _step_faces(text)
+    kinds = [gmsh.model.getType(*face) for face in faces]
+    # Faces come in the file's order; their kinds of surface have to agree, or the names are left alone.
+    if len(given) == len(faces) and all(kind in (None, k) for (_, kind), k in zip(given, kinds, strict=True)):
+        for face, (name, _) in zip(faces, given, strict=True):
+            if name and name not in names[face]:
+                names[face].append(name)
+    return names
+
+
+def _step_faces(text: str) -> list[tuple[str, str | None]]:
+    """Name and kind of surface (``None`` if it is none of the simple ones) of each face, shell by shell."""
+    entity = dict(re.findall(r"#(\d+)\s*=\s*([A-Z_0-9]+\s*\([^;]*\))\s*;", text))
+    found: list[tuple[str, str | None]] = []
+    for shell in entity.values():
+        if not re.match(r"(CLOSED|OPEN)_SHELL", shell):
+            continue
+        for number in re.findall(r"#(\d+)", shell):
+            face = re.match(r"ADVANCED_FACE\s*\(\s*'([^']*)'.*#(\d+)\s*,[^#]*\)$", entity.get(number, ""))
+            if face is None:
+                return []
+            surface = re.match(r"[A-Z_]+", entity.get(face[2], "?"))
+            found.append((face[1].strip(), _SURFACES.get(surface[0]) if surface else None))
+    return found
+
+
+def _joined(
+    gmsh: Any, solids: list[tuple[int, int]], names: dict[tuple[int, int], list[str]]
+) -> dict[tuple[int, int], list[str]]:
+    """Cut solids along one another so that they share faces; each piece keeps the names of what it was cut from."""
+    named = [entity for entity, own in names.items() if entity[0] == 2 and own]
+    _, pieces = gmsh.model.occ.fragment(solids, named)
+    gmsh.model.occ.synchronize()
+    kept: dict[tuple[int, int], list[str]] = {}
+    for entity, into in zip([*solids, *named], pieces, strict=True):
+        for piece in into:
+            kept[piece] = list(dict.fromkeys(kept.get(piece, []) + names[entity]))
+    return kept
+
+
+def _read_out(gmsh: Any, order: int, names: dict[tuple[int, int], list[str]]) -> CadMesh:
+    tags, xyz, _ = gmsh.model.mesh.getNodes()
+    place = np.full(int(tags.max()) + 1, -1, dtype=np.int64)
+    place[tags] = np.arange(tags.size)
+    element_type, _ = _TYPES[order]
+    blocks: list[NDArray[np.int64]] = []
+    parts: dict[str, NDArray[np.int64]] = {}
+    done = 0
+    for k, (_, tag) in enumerate(gmsh.model.getEntities(3)):
+        nodes = gmsh.model.mesh.getElementsByType(element_type, tag)[1]
+        blocks.append(place[nodes].reshape(-1, len(_ORDER[order]))[:, _ORDER[order]])
+        name = next(iter(names.get((3, tag), [])), f"solid-{k + 1}")
+        parts[name if name not in parts else f"{name}-{k + 1}"] = np.arange(done, done + len(blocks[-1]))
+        done += len(blocks[-1])
+    faces: dict[str, list[NDArray[np.int64]]] = {}
+    for _, tag in gmsh.model.getEntities(2):
+        nodes = gmsh.model.mesh.getElementsByType({1: 2, 2: 9}[order], tag)[1]
+        corners = place[nodes].reshape(-1, {1: 3, 2: 6}[order])[:, :3]
+        for name in [f"face-{tag}", *names.get((2, tag), [])]:
+            faces.setdefault(name, []).append(corners)
+    return CadMesh(
+        xyz.reshape(-1, 3), np.concatenate(blocks), parts, {name: np.concatenate(rows) for name, rows in faces.items()}
+    )
+
+
+def save(mesh: CadMesh, path: Path) -> None:
+    """Write a mesh as plain arrays."""
+    arrays: dict[str, Any] = {"points": mesh.points, "cells": mesh.cells}
+    arrays |= {f"part {k}": cells for k, cells in enumerate(mesh.parts.values())}
+    arrays |= {f"face {k}": corners for k, corners in enumerate(mesh.faces.values())}
+    names = json.dumps({"parts": list(mesh.parts), "faces": list(mesh.faces)})
+    np.savez(path, **arrays, names=np.frombuffer(names.encode(), dtype=np.uint8))
+
+
+def load(path: Path) -> CadMesh:
+    """Read what `save` wrote."""
+    with np.load(path, allow_pickle=False) as file:
+        names = json.loads(bytes(file["names"]))
+        return CadMesh(
+            file["points"],
+            file["cells"],
+            {name: file[f"part {k}"] for k, name in enumerate(names["parts"])},
+            {name: file[f"face {k}"] for k, name in enumerate(names["faces"])},
+        )
+
+
+def main(arguments: list[str]) -> str | None:
+    """Mesh the first argument's file into the second; return a message if that can't be done."""
+    source, target, size, order = arguments
+    quiet = io.StringIO()
+    try:
+        with contextlib.redirect_stdout(quiet):
+            save(mesh_cad(Path(source), float(size), int(order)), Path(target))
+    except CadError as error:
+        return str(error)
+    except Exception as error:  # Gmsh's own
+        return " ".join(f"Gmsh can't mesh it: {error}".split())[:200]
+    return None
+
+
+if __name__ == "__main__":
+    sys.exit(main(sys.argv[1:]))

@@ -1,0 +1,143 @@
+"""Craig–Bampton: modes of the body held at its interface, and its static answers to the interface's motion.
+
+Bampton & Craig, AIAA Journal 6 (1968) 1313–1319. An interface is a set of markers; each has six coordinates, its mean
+displacement and its mean rotation, or those of its rigid face.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from typing import TYPE_CHECKING
+
+import numpy as np
+from scipy.linalg import eigh
+
+from pipeline.checks import AccuracyError, Array
+from pipeline.reduction.modes import Modes
+
+if TYPE_CHECKING:
+    from pipeline.fem.marker import Marker
+    from pipeline.fem.model import FEModel
+    from pipeline.reduction.eigen import FreeBodySolver
+
+INTERFACE_LIMIT = 1e-7
+RIGID_LIMIT = 1e-6
+_NEW = 1e-6  # a shape with less than this outside the others is one of them
+_ZERO = 1e-6  # of the shift, which is about the lowest elastic eigenvalue of the free body
+
+
+def interface_columns(fe: FEModel, markers: Sequence[Marker]) -> Array:
+    """Columns B, (n_nodes, 3, 6 n_markers): ``Bᵀ u`` are the interface's coordinates, ``B f`` is its load."""
+    return np.concatenate([marker.columns(len(fe.x), np.eye(3)) for marker in markers], axis=2)
+
+
+def craig_bampton(fe: FEModel, solver: FreeBodySolver, markers: Sequence[Marker], count: int) -> Modes:
+    """Modes of a body in the space of its fixed-interface modes and its constraint modes.
+
+    The space holds every rigid motion that the supports leave, and every deformation by loads at the interface,
+    exactly. Its rigid motions are counted and left out; the rest is orthonormalised, ``Φᵀ M Φ = 1``, ``Φᵀ K Φ = ω²``.
+
+    Parameters
+    ----------
+    solver : FreeBodySolver
+        Of the body ``fe``, which may be supported.
+    count : int
+        Number of fixed-interface modes.
+
+    Returns
+    -------
+    Modes
+        ``count`` and six for each marker, less the rigid motions; frequencies from above by Rayleigh's principle. The
+        residual is that of the fixed-interface modes.
+
+    Raises
+    ------
+    AccuracyError
+        The constraint modes don't move the interface as they should, or the space holds another number of rigid motions
+        than the supports leave; the message gives the figure.
+    """
+    B = interface_columns(fe, markers)
+    Psi = constraint_modes(fe, solver, B)
+    held = solver.modes(count, B)
+    if len(held.omega) < count:
+        raise AccuracyError(
+            f"the mesh has only {len(held.omega)} modes with its interface held, {count} wanted; refine it"
+        )
+    V = np.concatenate([held.shapes.reshape(len(Psi), -1), Psi], axis=1)
+    n_rigid = _rigid_recovered(fe, solver.rigid_modes, V, _ZERO * -solver.shift)
+    omega, shapes = ritz(fe, _elastic(fe, solver.rigid_modes, V, V.shape[1] - n_rigid))
+    return Modes(omega, shapes, n_rigid, held.residual, tuple(range(1, len(omega) + 1)))
+
+
+def constraint_modes(fe: FEModel, solver: FreeBodySolver, B: Array) -> Array:
+    """Static deflections Ψ, (3 n_nodes, k), by a unit of each interface coordinate, the others held: ``Bᵀ Ψ = 1``.
+
+    ``K Ψ = B F``, with forces that are in equilibrium in all rigid motions R: ``Rᵀ B F = 0``. So Ψ consists of the
+    responses G to unit forces (inertia relief takes nothing off forces in equilibrium) and of rigid motions.
+
+    Raises
+    ------
+    AccuracyError
+        ``Bᵀ Ψ`` is off by more than `INTERFACE_LIMIT`: markers that can't move apart from one another.
+    """
+    G = solver.static_response(B).reshape(len(fe.x) * 3, -1)
+    flat, R = B.reshape(len(G), -1), solver.rigid_modes
+    k, n = flat.shape[1], R.shape[1]
+    # Forces and torques, displacements and rotations differ in size by the body's extent.
+    scale = 1.0 / np.sqrt(np.maximum(np.einsum("ij,ij->j", flat, G), np.finfo(float).tiny))
+    flat, G = flat * scale, G * scale
+    BR = flat.T @ R
+    system = np.block([[flat.T @ G, BR], [BR.T, np.zeros((n, n))]])
+    solution = np.linalg.lstsq(system, np.concatenate([np.eye(k), np.zeros((n, k))]), rcond=None)[0]
+    Psi = G @ solution[:k] + R @ solution[k:]
+    off = float(np.abs(flat.T @ Psi - np.eye(k)).max())
+    if not off < INTERFACE_LIMIT:
+        raise AccuracyError(
+            f"constraint modes move the interface by {off:.1e} of a unit where they should not: its markers can't move "
+            "apart from one another; leave out one of them, or a support that holds it"
+        )
+    return np.asarray(Psi * scale)
+
+
+def ritz(fe: FEModel, V: Array) -> tuple[Array, Array]:
+    """Rayleigh and Ritz: angular frequencies (n,) and shapes (n_nodes, 3, n) among columns V (3 n_nodes, n)."""
+    omega2, turn = eigh(V.T @ (fe.K @ V), V.T @ (fe.M @ V))
+    return np.sqrt(omega2), (V @ turn).reshape(len(fe.x), 3, -1)
+
+
+def _rigid_recovered(fe: FEModel, R: Array, V: Array, zero: float) -> int:
+    """Count the motions of a space with an eigenvalue below ``zero``; they must be the rigid ones of the body, R."""
+    V = _independent(fe, V)
+    omega2, turn = eigh(V.T @ (fe.K @ V), V.T @ (fe.M @ V))
+    expected = R.shape[1]
+    found = int(np.count_nonzero(omega2 < zero))
+    if found != expected:
+        raise AccuracyError(
+            f"the Craig–Bampton space holds {found} rigid motions, the supports leave {expected}; its lowest "
+            f"eigenvalues are {', '.join(f'{value:.1e}' for value in omega2[: expected + 2])} rad²/s²"
+        )
+    rest = R - V @ (turn[:, :found] @ (turn[:, :found].T @ (V.T @ (fe.M @ R))))
+    size = np.einsum("ij,ij->j", R, fe.M @ R)
+    off = float(np.sqrt(np.max(np.einsum("ij,ij->j", rest, fe.M @ rest) / size, initial=0.0)))
+    if not off < RIGID_LIMIT:
+        raise AccuracyError(f"the Craig–Bampton space misses {off:.1e} of a rigid motion, above {RIGID_LIMIT:.0e}")
+    return found
+
+
+def _elastic(fe: FEModel, R: Array, V: Array, n: int) -> Array:
+    """Take the rigid motions out of a space; n independent columns are left."""
+    if R.shape[1]:
+        MR = fe.M @ R
+        for _ in range(2):
+            V = V - R @ np.linalg.solve(R.T @ MR, MR.T @ V)
+    return _independent(fe, V, n)
+
+
+def _independent(fe: FEModel, V: Array, n: int | None = None) -> Array:
+    """M-orthonormal columns of the same space: n of them, or all that are independent."""
+    V = V / np.sqrt(np.einsum("ij,ij->j", V, fe.M @ V))
+    weight, turn = eigh(V.T @ (fe.M @ V))
+    keep = np.flatnonzero(weight > _NEW**2) if n is None else np.arange(len(weight) - n, len(weight))
+    if n is not None and not weight[keep[0]] > _NEW**2:
+        raise AccuracyError(f"the Craig–Bampton shapes depend on one another: {weight[keep[0]]:.1e} of 1 is left")
+    return np.asarray(V @ (turn[:, keep] / np.sqrt(weight[keep])))

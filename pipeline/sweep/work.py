@@ -1,0 +1,42 @@
+"""What a worker does with a point, wherever it runs."""
+
+from __future__ import annotations
+
+import json
+import threading
+
+from pipeline.checks import AccuracyError, InputError
+from pipeline.frequencies import frequency_table
+from pipeline.scene import Scene
+from pipeline.stages import Pipeline
+from pipeline.summary import summarise
+from pipeline.sweep.points import point_key
+from pipeline.sweep.record import Record, broken_off
+
+_alone = threading.Lock()
+
+
+def compute(key: str, scene: Scene) -> Record:
+    """Run a scene without pictures and error budget; what goes wrong is told in the record.
+
+    Gmsh keeps one model a process, so a worker with several threads computes one point after the other.
+    """
+    with _alone:
+        try:
+            if point_key(scene) != key:
+                return broken_off(
+                    "its worker has another version of this program, of a package or of the scene's files"
+                )
+        except InputError as error:  # a file that this machine doesn't have
+            return broken_off(f"its worker: {error}")
+        try:
+            run = Pipeline(scene)
+            summary = frequency_table(run) if scene.march is None else summarise(run, [], budget=False)
+            json.dumps(summary, allow_nan=False)
+        except InputError as error:
+            return Record("refused", str(error))
+        except AccuracyError as error:
+            return Record("failed", str(error))
+        except Exception as error:  # a point is a row of the table, not the end of the sweep
+            return broken_off(f"{type(error).__name__}: {error}")
+        return Record("ok", summary=summary)

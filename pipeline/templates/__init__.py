@@ -1,0 +1,1 @@
+"""Scenes to start one's own from."""

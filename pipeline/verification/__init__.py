@@ -1,0 +1,1 @@
+"""Published and closed-form results, compared with what the library finds."""

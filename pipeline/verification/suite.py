@@ -1,0 +1,134 @@
+"""The verification suite: runs its cases, gathers their figures and writes them down."""
+
+from __future__ import annotations
+
+import csv
+import json
+import time
+from collections.abc import Iterator, Sequence
+from dataclasses import asdict, dataclass
+from math import isfinite
+from pathlib import Path
+from typing import Any
+
+from pipeline.cache import Cache
+from pipeline.checks import AccuracyError, InputError
+from pipeline.files import whole_file
+from pipeline.scene_file import among
+from pipeline.verification import frequencies, rotation, tops
+from pipeline.verification.case import Case, Figure
+
+CASES = {case.name: case for case in (*frequencies.CASES, *rotation.CASES, *tops.CASES)}
+
+
+@dataclass(frozen=True)
+class Outcome:
+    """What a case has given.
+
+    Parameters
+    ----------
+    case : Case
+        The case.
+    figures : tuple of Figure
+        Its figures; none if it ended in an error.
+    seconds : float
+        How long it took [s].
+    error : str
+        The failed check that ended it; empty if it was carried through.
+    """
+
+    case: Case
+    figures: tuple[Figure, ...]
+    seconds: float
+    error: str = ""
+
+    @property
+    def holds(self) -> bool:
+        """Whether all figures are within their tolerances."""
+        return not self.error and all(figure.holds for figure in self.figures)
+
+
+def chosen(names: Sequence[str]) -> list[Case]:
+    """Return the cases of some names; all, if none is given.
+
+    Raises
+    ------
+    InputError
+        There is no case of a name.
+    """
+    for name in names:
+        if name not in CASES:
+            raise InputError("verify", "", name, f"no such case; {among(name, CASES, 'the cases')}")
+    return [CASES[name] for name in dict.fromkeys(names)] or list(CASES.values())
+
+
+def outcomes(cases: Sequence[Case], cache: Cache | None = None) -> Iterator[Outcome]:
+    """Run cases one after another; a check that fails in one doesn't keep the others from running."""
+    for case in cases:
+        tick = time.perf_counter()
+        try:
+            figures, error = tuple(case.measure(cache)), ""
+        except AccuracyError as failed:
+            figures, error = (), str(failed)
+        yield Outcome(case, figures, time.perf_counter() - tick, error)
+
+
+def rows_of(found: Sequence[Outcome]) -> list[dict[str, Any]]:
+    """One row for each figure, in plain numbers; a case that ended in an error has one with the error."""
+    rows: list[dict[str, Any]] = []
+    for outcome in found:
+        head = {"case": outcome.case.name}
+        tail = {"source": outcome.case.source, "error": outcome.error}
+        for figure in outcome.figures:
+            difference = figure.difference if isfinite(figure.difference) else None
+            numbers = asdict(figure) | {"ours": figure.ours if isfinite(figure.ours) else None}
+            rows.append(head | numbers | {"difference": difference, "holds": figure.holds} | tail)
+        if outcome.error:
+            nothing = dict.fromkeys(("quantity", "ours", "published", "tolerance", "difference"))
+            rows.append(head | nothing | {"holds": False} | tail)
+    return rows
+
+
+def write_rows(rows: list[dict[str, Any]], folder: Path) -> list[str]:
+    """Write the table as ``verification.csv`` and ``verification.json``; return the files' names.
+
+    Raises
+    ------
+    InputError
+        The folder can't be written.
+    """
+    try:
+        folder.mkdir(parents=True, exist_ok=True)
+        with whole_file(folder / "verification.csv") as part, part.open("w", newline="", encoding="utf-8") as file:
+            table = csv.DictWriter(file, list(rows[0]), lineterminator="\n")
+            table.writeheader()
+            table.writerows(rows)
+        with whole_file(folder / "verification.json") as part:
+            part.write_text(json.dumps(rows, indent=1, allow_nan=False) + "\n", encoding="utf-8")
+    except OSError as error:
+        raise InputError("--out", "", str(folder), f"can't be written: {error.strerror or error}") from error
+    return ["verification.csv", "verification.json"]
+
+
+def carry_out(names: Sequence[str], folder: Path, cache: Cache | None) -> tuple[list[Outcome], dict[str, Any]]:
+    """Run the cases of some names, write their table into ``folder``; return the outcomes and what they come to."""
+    found = list(outcomes(chosen(names), cache))
+    rows = rows_of(found)
+    files = write_rows(rows, folder)
+    return found, {"rows": rows, "seconds": {one.case.name: one.seconds for one in found}, "files": files}
+
+
+def require_within(found: Sequence[Outcome]) -> None:
+    """Raise ``AccuracyError`` if a figure is out of its tolerance or a case has failed; the message names the first."""
+    wrong = [outcome for outcome in found if not outcome.holds]
+    if not wrong:
+        return
+    case = wrong[0].case.name
+    more = f" (and {len(wrong) - 1} more cases)" if len(wrong) > 1 else ""
+    if wrong[0].error:
+        raise AccuracyError(f"case {case} failed: {wrong[0].error}{more}")
+    figure = next(figure for figure in wrong[0].figures if not figure.holds)
+    raise AccuracyError(
+        f"case {case} is out of its tolerance: {figure.quantity} is {figure.ours:.6g}, published "
+        f"{figure.published:.6g}; {100 * figure.difference:+.3g} % exceeds {100 * figure.tolerance:.3g} %{more}"
+    )

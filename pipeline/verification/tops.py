@@ -1,0 +1,54 @@
+"""Cases of a free rigid body: Euler's symmetric top, Jacobi's functions, the racket that turns over."""
+
+from __future__ import annotations
+
+from scipy.interpolate import CubicSpline
+
+from pipeline.cache import Cache
+from pipeline.checks import Array
+from pipeline.verification.case import Case, Figure, listed, scene_run
+from pipeline.verification.closed_forms import asymmetric_top, symmetric_top
+
+_MOMENTS = (1.0, 2.0, 3.0)  # of models/verification/top.toml
+_CLOSE = 1e-7
+
+
+def _spins(cache: Cache | None, *overrides: str) -> tuple[Array, Array]:
+    """Times, and the angular velocity along the body's axes, (n_times, 3)."""
+    march = scene_run("verification/top", cache, overrides).first_motion.trajectory
+    return march.times, march.v[:, 3:]
+
+
+def _symmetric(cache: Cache | None) -> list[Figure]:
+    inertia = 'body.top.inertia=["1 kg m^2", "1 kg m^2", "1.6 kg m^2"]'
+    times, spins = _spins(cache, inertia)
+    exact = symmetric_top((1.0, 1.6), (1.0, 2.0), times)
+    names = [f"ω_{axis} after 20 s [rad/s]" for axis in "xyz"]
+    return listed(names, spins[-1], exact[-1], _CLOSE)
+
+
+def _asymmetric(cache: Cache | None) -> list[Figure]:
+    times, spins = _spins(cache)
+    exact, _ = asymmetric_top(_MOMENTS, (1.0, 2.0), times)
+    names = [f"ω_{axis} after 20 s [rad/s]" for axis in "xyz"]
+    return listed(names, spins[-1], exact[-1], _CLOSE)
+
+
+def _racket(cache: Cache | None) -> list[Figure]:
+    """Near the separatrix, L² = 2 E B, the body spins about its middle axis and turns over again and again."""
+    x, z = 1.75, 1.011  # L² − 2 E B = C (C − B) z² − A (B − A) x²: a thousandth of the first is left
+    times, spins = _spins(cache, f'joint.free.spin=["{x} rad/s", "0 rad/s", "{z} rad/s"]')
+    _, period = asymmetric_top(_MOMENTS, (x, z), times)
+    crossings = CubicSpline(times, spins[:, 1]).roots(extrapolate=False)
+    crossings = crossings[crossings > 0.1 * period]
+    return [
+        Figure("time until it turns over [s]", float(crossings[0]), period / 2, _CLOSE),
+        Figure("period [s]", float(crossings[1]), period, _CLOSE),
+    ]
+
+
+CASES = (
+    Case("symmetric-top", "free symmetric body", "Euler: Landau & Lifshitz, Mechanics, §36", _symmetric),
+    Case("asymmetric-top", "free asymmetric body", "Jacobi: Landau & Lifshitz, Mechanics, §37", _asymmetric),
+    Case("tennis-racket", "racket that turns over", "period 4K(k): Landau & Lifshitz, Mechanics, §37", _racket),
+)
