@@ -11,7 +11,7 @@ import sys
 from pathlib import Path
 
 from pipeline import Pipeline, load_scene
-from pipeline.budget import budget_of, true_errors
+from pipeline.budget import true_errors
 
 _AUTO = ('simulation.run=[{integrator="auto"}]', "simulation.error=1e-6")
 _PROPELLER = ("body.propeller.mesh.order=2", "body.propeller.modes.count=48", "body.propeller.modes.enrich=ritz")
@@ -42,7 +42,7 @@ def compare(scene: str, own: tuple[str, ...], finer: tuple[str, ...]) -> list[tu
     """Stated and true relative error of each quantity of a scene."""
     run = Pipeline(load_scene(scene, own))
     true = true_errors(run, Pipeline(load_scene(scene, finer)))
-    return [(row.name, row.total, true[row.name]) for row in budget_of(run).rows]
+    return [(row.name, row.total, true[row.name]) for row in run.budget.rows]
 
 
 def main(names: list[str]) -> None:

@@ -5,13 +5,13 @@ from __future__ import annotations
 from dataclasses import dataclass, field
 from typing import TYPE_CHECKING, Any
 
-from pipeline.budget import Budget, budget_of
 from pipeline.checks import AccuracyError
 from pipeline.neighbours import coarser, refined, with_error, with_modes, with_order, with_runs
 from pipeline.scene_files import MatrixPart
 from pipeline.studies.error_estimates import SAFETY, SOURCES
 
 if TYPE_CHECKING:
+    from pipeline.budget import Budget
     from pipeline.scene import Scene
     from pipeline.stages import Pipeline
     from pipeline.studies.error_estimates import Row
@@ -69,7 +69,7 @@ def meet_accuracy(run: Pipeline) -> tuple[Pipeline, tuple[Round, ...]]:
     here = run
     for _ in range(_MOST_ROUNDS):
         here = here.neighbour(scene, here.keeper.monitor)
-        rows = _counting(budget_of(here), run.scene)
+        rows = _counting(here.budget, run.scene)
         worst = max(rows, key=lambda row: row.total)
         found = Round(_settings(scene), worst, _shares(rows))
         rounds.append(found)

@@ -15,6 +15,7 @@ from pipeline.part import FlexiblePart
 from pipeline.progress import Monitor, silent
 
 if TYPE_CHECKING:
+    from pipeline.budget import Budget
     from pipeline.dynamics.planar import PlanarRotor
     from pipeline.dynamics.system import System
     from pipeline.fem.mesh import SolidMesh
@@ -284,6 +285,13 @@ class Pipeline:
         simulation = self.scene.simulation
         n_outputs = int(simulation.duration / simulation.output_step * (1 + 1e-12)) + 1
         return np.arange(n_outputs, dtype=float) * simulation.output_step
+
+    @cached_property
+    def budget(self) -> Budget:
+        """What the results of the first run are off by."""
+        from pipeline.budget import budget_of
+
+        return budget_of(self)
 
     @property
     def first_motion(self) -> Motion | ChainMotion:

@@ -58,9 +58,7 @@ def summarise(run: Pipeline, files: list[str], budget: bool) -> dict[str, Any]:
         place = run.bodies[meshed[0]].x[stress.nodes[node]]
         summary["worst_stress"] = {"time_s": time, "von_mises_pa": value, "position_m": place.tolist()}
     if budget and len(meshed) == len(run.parts):  # matrices alone tell nothing of their own error
-        from pipeline.budget import budget_of
-
-        summary["error_budget"] = budget_of(run).summary()
+        summary["error_budget"] = run.budget.summary()
     return summary | {
         "files": files,
         "seconds": dict(run.log.seconds),

@@ -1,0 +1,58 @@
+"""What is stated of two computations, on functions whose error is known."""
+
+import numpy as np
+import pytest
+
+from pipeline.studies.error_estimates import NO_PART, Quantity, Row, refinement_gain, shifted_frequencies
+from pipeline.studies.matching import matched
+
+T = np.linspace(0.0, 1.0, 101)
+
+
+@pytest.mark.parametrize(("kind", "power"), [("displacement", 4), ("stress", 2), ("geometry", 2)])
+def test_the_gain_of_a_finer_mesh_is_richardsons(kind: str, power: int) -> None:
+    exact = 3.0
+    coarse, fine = exact + 0.2**power, exact + 0.1**power  # an error of c h^power
+    assert (coarse - fine) / refinement_gain(2.0, 2, kind) == pytest.approx(fine - exact)
+
+
+def test_frequencies_go_to_their_limit_when_all_of_the_excess_is_taken_off() -> None:
+    exact = np.array([10.0, 20.0])
+    omega = exact * np.sqrt([1.1, 1.2])
+    assert shifted_frequencies(omega, 1 - (exact / omega) ** 2, 1.0) == pytest.approx(exact)
+    assert (shifted_frequencies(omega, np.array([5.0, 5.0]), 1.0) == omega / 2).all()  # never to nothing
+
+
+def test_an_error_is_relative_to_the_largest_value() -> None:
+    history = Quantity("x", "m", np.sin(7 * T))
+    other = Quantity("x", "m", np.sin(7 * T) + 0.01)
+    assert other.error(history) == pytest.approx(0.01 / np.abs(np.sin(7 * T)).max())
+    vectors = Quantity("x", "m", np.outer(1 + T, [3.0, 4.0, 0.0]))
+    assert vectors.scale == pytest.approx(10.0)
+
+
+def test_a_largest_value_that_is_the_same_by_chance_still_counts_as_changed() -> None:
+    one = Quantity("x", "m", np.sin(7 * T), largest=True)
+    late = Quantity("x", "m", np.sin(7 * T - 0.2), largest=True)
+    assert one.error(late) < 1e-3
+    assert 0.01 < one.change(late) < 0.2
+
+
+def test_what_has_no_estimate_is_no_number_and_does_not_count() -> None:
+    row = Row("x", "m", 1.0, False, {"discretisation": 0.01, "truncation": NO_PART, "time": 0.02, "recovery": "not"})
+    assert row.total == pytest.approx(0.06)
+    assert row.dominant == "time"
+
+
+def test_shapes_that_changed_places_are_found() -> None:
+    x = np.random.default_rng(0).uniform(size=(40, 3))
+    shapes = np.linalg.qr(np.random.default_rng(1).standard_normal((120, 6)))[0].reshape(40, 3, 6)
+    order = np.array([3, 0, 5, 1, 4, 2])
+    found = matched(x, shapes[:, :, order[:4]], x, np.eye(40), -shapes)
+    assert found.tolist() == order[:4].tolist()
+
+
+def test_too_few_shapes_are_told() -> None:
+    shapes = np.ones((4, 3, 2))
+    with pytest.raises(ValueError, match="the other mesh has 1 shapes, fewer than 2"):
+        matched(np.eye(4, 3), shapes, np.eye(4, 3), np.eye(4), shapes[:, :, :1])

@@ -1,0 +1,90 @@
+"""The error budget against true errors: three scenes, each against a much finer run of it."""
+
+import numpy as np
+import pytest
+
+from pipeline import Pipeline, load_scene
+from pipeline.budget import true_errors
+from pipeline.cache import Cache
+from pipeline.summary import summarise
+
+ROUND_OFF = 1e-9
+AUTO = ('simulation.run=[{integrator="auto"}]', "simulation.error=1e-6")
+PLAIN = 'simulation.run=[{integrator="central-difference"}]'
+
+
+def ratios(scene: str, own: list[str], finer: list[str]) -> dict[str, float]:
+    """Stated over true error of each quantity whose true one is above round-off."""
+    run = Pipeline(load_scene(scene, own), Cache(None))
+    true = true_errors(run, Pipeline(load_scene(scene, [*own, *finer]), Cache(None)))
+    return {row.name: row.total / true[row.name] for row in run.budget.rows if true[row.name] > ROUND_OFF}
+
+
+def rod_slider() -> dict[str, float]:
+    return ratios("rod-slider", ["simulation.duration=3 s", "simulation.step=2 ms"], [*AUTO])
+
+
+def beam(enrich: str) -> dict[str, float]:
+    own = ["body.beam.mesh.divisions=[24, 2, 1]", f"body.beam.modes.enrich={enrich}", "simulation.duration=0.2 s"]
+    finer = ["body.beam.mesh.divisions=[48, 4, 2]", "body.beam.modes.count=10", "body.beam.modes.enrich=ritz", *AUTO]
+    return ratios("beam", [*own, "simulation.step=40 us", PLAIN], finer)
+
+
+def propeller() -> dict[str, float]:
+    """Three blades of linear elements, against quadratic ones."""
+    own = ["body.propeller.blades=3", "simulation.output_step=0.2 ms", "body.propeller.modes.count=12", PLAIN]
+    coarse = "body.propeller.mesh={order=1, sleeve=[24, 4, 2], joint=[4, 6, 6], blade=[4, 6, 12], growth=4.0}"
+    fine = "body.propeller.mesh={order=2, sleeve=[30, 5, 2], joint=[5, 6, 6], blade=[5, 6, 12], growth=4.0}"
+    finer = [fine, "body.propeller.modes.count=26", "body.propeller.modes.enrich=ritz", "simulation.step=0.5 us"]
+    return ratios("propeller", [*own, coarse], finer)
+
+
+@pytest.mark.slow
+def test_at_least_95_percent_of_true_errors_are_below_the_stated_ones_and_within_a_factor_of_five() -> None:
+    found = {}
+    for name, case in {"rod": rod_slider, "beam": lambda: beam("none"), "propeller": propeller}.items():
+        found |= {f"{name}: {quantity}": ratio for quantity, ratio in case().items()}
+    values = np.array(list(found.values()))
+    assert len(values) > 30
+    assert np.mean(values >= 1) >= 0.95, {name: ratio for name, ratio in found.items() if ratio < 1}
+    assert np.mean(values <= 5) >= 0.9, {name: ratio for name, ratio in found.items() if ratio > 5}
+
+
+def test_a_body_of_one_element_each_way_says_what_it_could_not_estimate() -> None:
+    run = Pipeline(
+        load_scene(
+            "beam", ["body.beam.mesh.divisions=[1, 1, 1]", "body.beam.modes.count=1", "simulation.duration=2 ms", PLAIN]
+        ),
+        Cache(None),
+    )
+    rows = {row.name: row for row in run.budget.rows}
+    assert rows["beam, mass"].parts["discretisation"] == "not estimated: there is no coarser mesh"
+    frequency = rows["beam, frequency 1"]
+    assert isinstance(frequency.parts["discretisation"], float)  # from recovered stress alone
+    assert frequency.parts["truncation"] == "no part in it"
+
+
+def test_an_adaptive_methods_tolerance_is_the_error_that_is_stated() -> None:
+    own = ["simulation.duration=2 s", 'simulation.run=[{integrator="runge-kutta", tolerance=1e-5}]']
+    finer = ['simulation.run=[{integrator="runge-kutta", tolerance=1e-13}]']
+    found = np.array(list(ratios("rod-slider", own, finer).values()))
+    assert (found >= 1).all()
+    assert (found <= 5).all()
+
+
+def test_a_budget_is_kept_and_counted_among_the_stages(tmp_path) -> None:
+    def summary() -> dict:
+        scene = load_scene("rod-slider", ["simulation.duration=0.5 s"])
+        return summarise(Pipeline(scene, Cache(tmp_path)), [], budget=True)
+
+    first, second = summary(), summary()
+    assert "error budget" in first["stages_run"]
+    assert "error budget" in second["stages_cached"]
+    assert first["error_budget"] == second["error_budget"]
+    assert {"quantity", "value", "unit", "total", "time"} < first["error_budget"]["rows"][0].keys()
+
+
+def test_without_a_budget_nothing_is_computed_for_it() -> None:
+    run = Pipeline(load_scene("rod-slider", ["simulation.duration=0.5 s"]), Cache(None))
+    assert "error_budget" not in summarise(run, [], budget=False)
+    assert "error budget" in run.log.skipped
