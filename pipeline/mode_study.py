@@ -101,11 +101,10 @@ def _tetrahedra(order: int, millimetres: float) -> tuple[str, ...]:
 
 
 def _propeller(order: int, refinement: float) -> tuple[str, ...]:
-    """The committed scene's counts times ``refinement``, as near as sectors of six allow."""
-    around, axial, radial = (max(1, round(n * refinement)) for n in (11, 10, 3))
-    across, outward, blade = (max(1, round(n * refinement)) for n in (8, 12, 27))
-    around = max(around, across + 1, 2)
-    mesh = f"order={order},sleeve=[{6 * around},{axial},{radial}],joint=[{axial},{across},{outward}]"
+    """Make the committed scene's counts finer, but for those around: a joint's width hangs on them."""
+    axial, radial, outward, blade = (max(1, round(n * refinement)) for n in (10, 3, 12, 27))
+    across = 8
+    mesh = f"order={order},sleeve=[66,{axial},{radial}],joint=[{axial},{across},{outward}]"
     return (
         f"body.propeller.mesh={{{mesh},blade=[{axial},{across},{blade}],growth=4.0}}",
         "body.propeller.modes.count=6",
