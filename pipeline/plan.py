@@ -126,7 +126,7 @@ def plan_of(run: Pipeline, pictures: bool, budget: bool) -> RunPlan:
     for output in outputs if pictures else []:
         body = getattr(output, "body", None)
         planner.ask(run.parts[body], _DRAWS[output.type]) if body else None
-    planner.estimate(budget)
+    planner.estimate(budget and all(part.has_mesh for part in run.parts.values()))
     planner.note("files", "run" if exports else "skipped", f"{len(exports)} in the scene's output")
     why = f"{len(outputs)} in the scene's output" if pictures else "left out by --no-pictures"
     planner.note("pictures", "run" if outputs and pictures else "skipped", why)
