@@ -7,8 +7,8 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from pipeline.bench_commands import modes
-from pipeline.checks import AccuracyError, InputError
+from pipeline.checks import AccuracyError
+from pipeline.cli import main
 from pipeline.mode_study import ModeRow, Reference, fastest, write_study
 from pipeline.whole_runs import StageRow, _run, write_rows
 
@@ -19,9 +19,11 @@ ROWS = [
 ]
 
 
-def test_a_scene_without_a_study_of_modes_is_refused(tmp_path: Path) -> None:
-    with pytest.raises(InputError, match="must be one of beam, propeller"):
-        modes(["arm"], tmp_path, json=True)
+def test_a_scene_without_a_study_of_modes_is_refused(capsys: pytest.CaptureFixture[str]) -> None:
+    with pytest.raises(SystemExit) as stopped:
+        main(["bench", "arm", "--modes"])
+    assert stopped.value.code == 2
+    assert "must be one of beam, propeller" in capsys.readouterr().err
 
 
 def test_the_fastest_is_looked_for_among_those_within_the_error() -> None:
