@@ -279,11 +279,15 @@ def main():
                 reference = hz if reference is None else reference
                 print(*(f"{new.get(column, ''):>12}" for column in COLUMNS), flush=True)
                 rows = [old for old in rows if (int(old["unknowns"]), old["program"]) != (unknowns, name)] + [new]
-        rows.sort(key=lambda each: (int(each["unknowns"]), list(PROGRAMS).index(each["program"])))
-        with path.open("w", newline="") as out:
-            table = csv.DictWriter(out, COLUMNS, lineterminator="\n")
-            table.writeheader()
-            table.writerows(rows)
+                _write(path, rows)
+
+
+def _write(path, rows):
+    rows = sorted(rows, key=lambda each: (int(each["unknowns"]), list(PROGRAMS).index(each["program"])))
+    with path.open("w", newline="") as out:
+        table = csv.DictWriter(out, COLUMNS, lineterminator="\n")
+        table.writeheader()
+        table.writerows(rows)
 
 
 if __name__ == "__main__":

@@ -24,6 +24,7 @@ _MOST_ELEMENTS = 3_000_000
 _AROUND = 12  # elements around a full circle, if they aren't smaller by their size
 _FINEST = 0.2  # smallest element by curvature over the size that is asked for
 _TETRAHEDRON = 0.117851  # volume of the regular one of unit edge
+_TANGENT = 0.9999
 _UNCOLOURED = (0, 0, 255, 0)
 _TYPES = {1: (4, "tetra"), 2: (11, "tetra10")}
 # Gmsh's ten nodes in VTK's order.
@@ -181,14 +182,32 @@ def _read_out(gmsh: Any, order: int, names: dict[tuple[int, int], list[str]]) ->
         parts[name if name not in parts else f"{name}-{k + 1}"] = np.arange(done, done + len(blocks[-1]))
         done += len(blocks[-1])
     faces: dict[str, list[NDArray[np.int64]]] = {}
+    whole = _whole_faces(gmsh)
     for _, tag in gmsh.model.getEntities(2):
         nodes = gmsh.model.mesh.getElementsByType({1: 2, 2: 9}[order], tag)[1]
-        corners = place[nodes].reshape(-1, {1: 3, 2: 6}[order])[:, :3]
-        for name in [f"face-{tag}", *names.get((2, tag), [])]:
+        corners = np.sort(place[nodes].reshape(-1, {1: 3, 2: 6}[order])[:, :3], axis=1)
+        for name in [f"face-{whole[tag]}", *names.get((2, tag), [])]:
             faces.setdefault(name, []).append(corners)
     return CadMesh(
         xyz.reshape(-1, 3), np.concatenate(blocks), parts, {name: np.concatenate(rows) for name, rows in faces.items()}
     )
+
+
+def _whole_faces(gmsh: Any) -> dict[int, int]:
+    """Number of the face that each surface belongs to: halves of a bore, as many CAD programs write them, are one."""
+    first = {tag: tag for _, tag in gmsh.model.getEntities(2)}
+    kinds = {tag: gmsh.model.getType(2, tag) for tag in first}
+    for _, curve in gmsh.model.getEntities(1):
+        beside = [int(tag) for tag in gmsh.model.getAdjacencies(1, curve)[0] if int(tag) in first]
+        if len(beside) != 2 or kinds[beside[0]] != kinds[beside[1]] or kinds[beside[0]] == "Plane":
+            continue
+        low, high = gmsh.model.getParametrizationBounds(1, curve)
+        x = gmsh.model.getValue(1, curve, [(low[0] + high[0]) / 2])
+        a, b = (gmsh.model.getNormal(tag, gmsh.model.getParametrization(2, tag, x)) for tag in beside)
+        if abs(float(np.dot(a, b))) > _TANGENT:
+            one, other = sorted(first[tag] for tag in beside)
+            first = {tag: one if number == other else number for tag, number in first.items()}
+    return first
 
 
 def save(mesh: CadMesh, path: Path) -> None:

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import re
 from typing import TYPE_CHECKING
 
 import numpy as np
@@ -45,9 +46,16 @@ def _marker(part: FlexiblePart, name: str, marker: SceneMarker) -> Marker:
     if marker.plane is not None:
         return face_marker(part.space, facets_in_plane(part.space, *marker.plane), rigid)
     if marker.near is not None:
-        return face_marker(part.space, facets_near(part.space, np.array(marker.near)), rigid)
+        return face_marker(part.space, facets_near(part.space, np.array(marker.near), _cad_faces(part)), rigid)
     faces = [part.mesh.faces[known_name(part, "marker", name, face)] for face in marker.faces]
     return face_marker(part.space, faces, rigid)
+
+
+def _cad_faces(part: FlexiblePart) -> list[IntArray]:
+    """The faces that CAD itself tells apart; fillets, which have no sharp edges, are such."""
+    if part.shape.shape != "cad":
+        return []
+    return [face for name, face in part.mesh.faces.items() if re.fullmatch(r"face-\d+", name)]
 
 
 def known_name(part: FlexiblePart, kind: str, name: str | int, given: str) -> str:

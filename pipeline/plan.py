@@ -28,7 +28,7 @@ _READS: dict[str, tuple[str, ...]] = {
     "stress": ("mesh", "surface", "body"),
     "element stress": ("mesh", "body"),
     "nodal stress": ("mesh", "body"),
-    "error budget": ("mesh", "modes", "body", "surface", "stress"),  # the rest is in stages of its own
+    "error budget": ("mesh", "assembly", "modes", "body", "surface", "stress"),  # the rest is in stages of its own
 }
 # Properties of a part with the keys that it keeps its stages under; assembly never is.
 _KEYS = {
@@ -115,8 +115,8 @@ def plan_of(run: Pipeline, pictures: bool, budget: bool) -> RunPlan:
     for part in run.parts.values():
         planner.ask(part, ["body"])
     planner.stiffen()
-    planner.note("motion", "run", "never kept" + ("" if planner.compiled else "; kernels are compiled first"))
-    for part in list(run.parts.values())[:1]:
+    planner.note("motion", "run", "never kept" + ("" if planner.compiled else "; new kernels are compiled first"))
+    for part in [part for part in run.parts.values() if part.has_mesh][:1]:
         planner.ask(part, ["modes", "surface", "stress"])
     for part in run.parts.values():
         planner.ask(part, ["element stress"] if part.shape.element else [])
@@ -126,7 +126,7 @@ def plan_of(run: Pipeline, pictures: bool, budget: bool) -> RunPlan:
     for output in outputs if pictures else []:
         body = getattr(output, "body", None)
         planner.ask(run.parts[body], _DRAWS[output.type]) if body else None
-    planner.estimate(budget)
+    planner.estimate(budget and all(part.has_mesh for part in run.parts.values()))
     planner.note("files", "run" if exports else "skipped", f"{len(exports)} in the scene's output")
     why = f"{len(outputs)} in the scene's output" if pictures else "left out by --no-pictures"
     planner.note("pictures", "run" if outputs and pictures else "skipped", why)

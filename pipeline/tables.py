@@ -46,7 +46,7 @@ def print_run(summary: dict[str, Any], folder: Path) -> None:
         _print_body(console, summary)
     for body, modes in summary["left_out_modes"].items():
         numbers = ", ".join(str(k) for k in modes)
-        console.print(f"left out of the integration: modes {numbers} of {body}, which nothing excites (or --keep-all)")
+        console.print(f"left out: modal coordinates {numbers} of {body}, which nothing excites (--keep-all)")
     for joint, position in summary["final"].get("joint_positions", {}).items():
         differences = [row["joint_differences"][joint] for row in summary["integrations"][1:]]
         apart = ", ".join(f"{difference:.3g}" for difference in differences)

@@ -13,6 +13,7 @@ import subprocess
 import sys
 import time
 from collections.abc import Callable, Iterator
+from contextlib import suppress
 from pathlib import Path
 from typing import Any
 
@@ -81,7 +82,10 @@ def prepare(order):
         signal.signal(signal.SIGXFSZ, signal.SIG_IGN)
         resource.setrlimit(resource.RLIMIT_FSIZE, (order["most_bytes"], order["most_bytes"]))
 
-main(json.loads(sys.argv[1]))  # imports, compiles, reads what there is to read
+try:
+    main(json.loads(sys.argv[1]))  # imports, compiles, reads what there is to read
+except SystemExit as stop:
+    assert not stop.code
 print(flush=True)
 for line in sys.stdin:
     order = json.loads(line)
@@ -102,8 +106,10 @@ for line in sys.stdin:
             import traceback
             traceback.print_exc()
         finally:
-            sys.stdout.flush(), sys.stderr.flush()
-            os._exit(status)
+            try:
+                sys.stdout.flush(), sys.stderr.flush()
+            finally:
+                os._exit(status)
     print(child, flush=True)
     print(os.waitpid(child, 0)[1], flush=True)
 """
@@ -126,8 +132,8 @@ class Runs:
         command, pipe = [sys.executable, "-c", SERVER, first], subprocess.PIPE
         server = subprocess.Popen(command, stdin=pipe, stdout=pipe, text=True, env=environment)
         assert server.stdout is not None
-        while server.stdout.readline() != "\n":  # the first run's summary
-            pass
+        while (line := server.stdout.readline()) != "\n":  # the first run's summary
+            assert line
         return server
 
     def new_folder(self) -> Path:
@@ -233,7 +239,8 @@ def test_runs_killed_at_random_times_one_after_another_poison_nothing(runs: Runs
         for _ in range(8):  # in one cache, further each time
             end = runs.start(cache, out)
             time.sleep(rng.uniform(0.0, typical))
-            os.kill(runs.child, signal.SIGKILL)
+            with suppress(ProcessLookupError):  # it has ended by itself
+                os.kill(runs.child, signal.SIGKILL)
             killed += end() == -signal.SIGKILL
         assert_sound(runs, cache, out, whole, twice=True)
 
@@ -251,17 +258,16 @@ def test_two_runs_at_once_on_one_cache_and_one_folder_agree(runs: Runs, whole: d
 # Disks and folders -----------------------------------------------------------------------------------------------
 
 
-@pytest.mark.parametrize("most_bytes", [0, 100, 3000])
+@pytest.mark.parametrize("most_bytes", [0, 3000])
 def test_a_full_disk_is_one_message_and_leaves_nothing_half_written(
     runs: Runs, whole: dict[str, Any], most_bytes: int
 ) -> None:
     cache, out = runs.new_folder(), runs.new_folder()
     log = out.with_name(f"{out.name}.log")
-    # The limit holds for the log too: at 0 bytes it says nothing.
     assert runs.run(cache, out, most_bytes=most_bytes) == 2
     assert list(out.iterdir()) == []
-    if most_bytes:
-        assert log.read_text().startswith(f"fmd: --out = '{out}': can't be written"[:most_bytes])
+    if most_bytes:  # it limits the log too
+        assert log.read_text().startswith(f"fmd: --out = '{out}': can't be written")
     assert not [path for path in cache.rglob("*") if path.name.startswith(".")]
     assert_sound(runs, cache, out, whole)
 

@@ -23,22 +23,14 @@ LAYERS = (
     {"recovery"},
     {"studies"},
     {
-        *{
-            "scene",
-            "scene_file",
-            "scene_time",
-            "scene_shapes",
-            "scene_files",
-            "scene_parts",
-            "scene_outputs",
-            "scene_runs",
-        },
+        *{"scene", "scene_file", "scene_time", "scene_shapes", "scene_files"},
+        *{"scene_parts", "scene_outputs", "scene_runs"},
         *{"mechanism", "methods", "part", "attachments", "shapes", "sources", "spin"},
         *{"stages", "plan", "frequencies", "quantities", "outputs", "drawings", "exports"},
         *{"stability", "course", "stress_test", "stress_cases"},
         *{"neighbours", "observed", "budget", "accuracy"},
-        *{"summary", "tables", "bench", "doctor", "sweep", "verification", "cli"},
-        *{"report", "notebook", "starting", "templates", "cli_more"},
+        *{"summary", "tables", "bench", "mode_study", "whole_runs", "doctor", "sweep", "verification"},
+        *{"report", "notebook", "starting", "templates", "commands", "cli"},
         *{"__init__", "__main__"},
     },
 )
@@ -201,7 +193,9 @@ def test_a_file_is_not_too_long(path: Path) -> None:
     assert len(path.read_text(encoding="utf-8").splitlines()) <= MOST_LINES
 
 
-@pytest.mark.parametrize("path", [path for path in SOURCES if path.stem != "cli"], ids=module_of)
+@pytest.mark.parametrize(
+    "path", [path for path in SOURCES if part(module_of(path)) not in ("cli", "commands")], ids=module_of
+)
 def test_the_library_prints_nothing(path: Path) -> None:
     calls = [node for node in ast.walk(ast.parse(path.read_text(encoding="utf-8"))) if isinstance(node, ast.Call)]
     assert [call.lineno for call in calls if ast.unparse(call.func) == "print"] == []

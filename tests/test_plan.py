@@ -41,8 +41,8 @@ def stages(plan: RunPlan, fate: str) -> set[str]:
 
 
 def require_foretold(plan: RunPlan, run: Pipeline, decided_later: frozenset[str] = frozenset()) -> None:
-    assert stages(plan, "run") == set(run.log.run) - decided_later
-    assert stages(plan, "cached") == set(run.log.cached) - decided_later
+    assert stages(plan, "run") - decided_later == set(run.log.run) - decided_later
+    assert stages(plan, "cached") - decided_later == set(run.log.cached) - decided_later
 
 
 def lose(folder, stage: str) -> None:
@@ -93,11 +93,11 @@ def test_a_scene_without_flexible_bodies_skips_all_but_the_motion(tmp_path):
 
 @pytest.mark.slow
 def test_the_plan_of_an_error_budget_is_what_happens(tmp_path):
-    first = plan_and_run(tmp_path, QUICK, budget=True)
-    require_foretold(*first)
-    require_foretold(*plan_and_run(tmp_path, QUICK, budget=True))
+    shared = frozenset({"mesh", "assembly"})  # what a budget's neighbours take over hangs on what is computed already
+    require_foretold(*plan_and_run(tmp_path, QUICK, budget=True), shared)
+    require_foretold(*plan_and_run(tmp_path, QUICK, budget=True), shared)
     lose(tmp_path, "error budget")
-    require_foretold(*plan_and_run(tmp_path, QUICK, budget=True))
+    require_foretold(*plan_and_run(tmp_path, QUICK, budget=True), shared)
 
 
 def test_a_dry_run_prints_the_plan_and_leaves_nothing(tmp_path, monkeypatch, capsys):

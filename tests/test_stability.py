@@ -181,7 +181,7 @@ def test_what_grows_by_less_is_told() -> None:
     "name",
     [
         *("mass ratio 1e-6, β = 0.0", "mass ratio 1e3, β = 0.3", "20 modes", "stiffness from 1 to 1e12"),
-        *("M_SS nearly singular, 1e-10", "beam at 1.5 ω₁, linear", "beam at 1.5 ω₁, stiffened"),
+        *("beam at 1.5 ω₁, linear", "beam at 1.5 ω₁, stiffened"),
     ],
 )
 def test_what_the_tangent_predicts_is_what_marches_do(name: str) -> None:

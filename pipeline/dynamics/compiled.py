@@ -59,7 +59,7 @@ def _kept(compiled: Any) -> Any:
 
 def inlined(function: F) -> F:
     """Compile a function into the kernels that call it."""
-    compiled: F = numba.njit(inline="always", **_INNER)(function)
+    compiled: F = numba.njit(inline="always", **_OPTIONS)(function)
     return compiled
 
 

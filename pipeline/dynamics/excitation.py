@@ -115,6 +115,8 @@ def _of_tree(tree: Tree, q0: Array, tolerance: float) -> Excited | None:
     ]
     links = [_link_with(link, kept[b], kept[link.parent]) for b, link in enumerate(tree.links)]
     part = replace(tree, links=links, loads=loads, slow_modes=slow)
+    if not part.n:  # nothing moves but what is prescribed: there would be no march
+        return None
     positions, rates = np.zeros(part.n_positions, dtype=np.int64), np.zeros(part.n, dtype=np.int64)
     for b, link in enumerate(links):
         at, first = part.layout.rate[b], part.layout.position[b]

@@ -12,11 +12,12 @@ import numpy as np
 
 from pipeline.checks import AccuracyError, Array, IntArray
 from pipeline.fem.elements import shape_functions
-from pipeline.fem.material import AnyMaterial
+from pipeline.fem.material import AnyMaterial, Material
 from pipeline.fem.mesh import SolidMesh
 from pipeline.fem.model import Discretisation, FEModel
 
-_CHUNK = 512  # elements at a time: their gradients stay in the processor's cache
+_CHUNK = 1024  # elements at a time: their gradients stay in the processor's cache
+_BLOCKS = 8192  # blocks at a time, for the same reason
 
 
 def assemble(mesh: SolidMesh, order: int, material: AnyMaterial) -> FEModel:
@@ -39,14 +40,9 @@ def assemble(mesh: SolidMesh, order: int, material: AnyMaterial) -> FEModel:
     space = Discretisation(mesh, order)
     structure = space.structure
     products, shape_products = _gradient_products(space), _shape_products(space)
-    K, m = [], []
-    for own, elements in material.over(slice(None)):
-        T = structure.sums(_only(products, elements))
-        lam, mu = own.lame
-        K.append(lam * T)
-        K[-1] += mu * T.swapaxes(1, 2)
-        K[-1][:, range(3), range(3)] += mu * np.trace(T, axis1=1, axis2=2)[:, None]
-        m.append(own.rho * structure.sums(_only(shape_products, elements)))
+    each = list(material.over(slice(None)))
+    K = [_isotropic(structure.sums(_only(products, elements)), own) for own, elements in each]
+    m = [own.rho * structure.sums(_only(shape_products, elements)) for own, elements in each]
     return FEModel(space, material, structure.block_matrix(sum(K[1:], K[0])), structure.scalar_matrix(sum(m[1:], m[0])))
 
 
@@ -57,6 +53,18 @@ def _only(entries: Array, elements: IntArray | slice) -> Array:
     chosen = np.zeros_like(entries)
     chosen[elements] = entries[elements]
     return chosen
+
+
+def _isotropic(T: Array, material: Material) -> Array:
+    """Make blocks of the stiffness of sums of gradient products (n_pairs, 3, 3), in their place."""
+    lam, mu = material.lame
+    for start in range(0, len(T), _BLOCKS):
+        block = T[start : start + _BLOCKS]
+        shear = mu * block.swapaxes(1, 2)
+        shear[:, range(3), range(3)] += mu * np.trace(block, axis1=1, axis2=2)[:, None]
+        block *= lam
+        block += shear
+    return T
 
 
 def gradients(space: Discretisation, X: Array, elements: slice | IntArray) -> tuple[Array, Array]:

@@ -7,6 +7,7 @@ from scipy.spatial import cKDTree
 
 from pipeline.checks import Array, IntArray
 from pipeline.fem.elements import shape_functions
+from pipeline.fem.mesh import STRAIGHT
 from pipeline.fem.model import Discretisation
 
 _NEAREST = 24  # elements to look through
@@ -28,7 +29,7 @@ def locate(space: Discretisation, points: Array) -> tuple[IntArray, Array]:
         Reference coordinates in them; inside the reference cell.
     """
     corners, geometry = space.corner_coordinates, space.kind.geometry
-    tetrahedral = space.mesh.cell_type == "tetra"
+    straight = STRAIGHT[space.mesh.cell_type]
     count = min(_NEAREST, len(corners))
     near = np.asarray(cKDTree(corners.mean(axis=1)).query(points, k=count)[1]).reshape(len(points), count)
     middle = space.kind.element.refdom.init_refdom()[0].mean(axis=1)
@@ -43,9 +44,19 @@ def locate(space: Discretisation, points: Array) -> tuple[IntArray, Array]:
                 x = np.clip(x + step, -1.0, 2.0)
                 if np.abs(step).max() < 1e-12:
                     break
-            outside = max(-x.min(), (x.sum() if tetrahedral else x.max()) - 1.0)
+            outside = max(-x.min(), _reach(straight, x) - 1.0)
             if outside < best:
                 best, elements[k], X[k] = outside, element, np.clip(x, 0.0, 1.0)
             if best <= 1e-9:
                 break
     return elements, X
+
+
+def _reach(cell_type: str, x: Array) -> float:
+    """What is 1 at most inside of the reference cell."""
+    match cell_type:
+        case "tetra":
+            return float(x.sum())
+        case "wedge":
+            return float(max(x[0] + x[1], x[2]))
+    return float(x.max())

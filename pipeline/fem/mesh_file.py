@@ -16,6 +16,7 @@ from pipeline.fem.nastran import read_nastran
 from pipeline.fem.raw_mesh import MeshFileError, RawMesh
 
 _TEXT_READERS = {".inp": read_abaqus, ".bdf": read_nastran, ".nas": read_nastran, ".fem": read_nastran}
+_CAD = (".step", ".stp", ".iges", ".igs", ".brep")
 _MOST_BYTES = 2_000_000_000
 _SOLID = ("tetra", "hexahedron", "wedge", "pyramid", "penta_prism", "hexa_prism", "polyhedron")
 _PLANE = ("triangle", "quad", "polygon")
@@ -63,6 +64,8 @@ def _raw_mesh(path: Path) -> RawMesh:
             raise MeshFileError("is a folder; give the mesh file in it" if path.is_dir() else "no such file")
         if path.stat().st_size > _MOST_BYTES:
             raise MeshFileError(f"is over {_MOST_BYTES / 1e9:g} GB")
+        if path.suffix.lower() in _CAD:
+            raise MeshFileError("is CAD, no mesh; give it as mesh = { cad = …, size = … }")
         if reader is None:
             return read_by_meshio(path)
         return reader(path.read_text(encoding="utf-8", errors="replace"))
@@ -82,14 +85,14 @@ def solid_mesh(raw: RawMesh, scale: float, repair: bool = False) -> SolidMesh:
     found = _Findings()
     cell_type, cells = _solid_cells(raw)
     points = raw.points * scale
-    cells, first = _joined(points, cells, cell_type, found, repair)
-    kept = _sound_cells(cells, found, repair)
+    cells, first = _joined(points, cells, cell_type, found)
+    kept = _sound_cells(cells, found)
     cells = cells[kept]
     if not found.fatal:
-        points, cells = _right_side_out(points, cells, cell_type, found, repair)
+        points, cells = _right_side_out(points, cells, cell_type, found)
     _set_aside(raw, cells, cell_type, first, found)
     if found.fatal or (found.mendable and not repair):
-        raise MeshFileError(_complaint(found, repair))
+        raise MeshFileError(_complaint(found))
     used = np.unique(cells)
     lone = len(points) - len(np.unique(np.concatenate([block.ravel() for _, block in raw.blocks])))
     if lone:
@@ -140,9 +143,7 @@ def _solid_cells(raw: RawMesh) -> tuple[str, IntArray]:
     return solids[0], np.concatenate([cells for kind, cells in raw.blocks if kind == solids[0]])
 
 
-def _joined(
-    points: Array, cells: IntArray, cell_type: str, found: _Findings, repair: bool
-) -> tuple[IntArray, IntArray]:
+def _joined(points: Array, cells: IntArray, cell_type: str, found: _Findings) -> tuple[IntArray, IntArray]:
     """Merge nodes that lie in the same place; also returned is the node that each has become."""
     apart = np.arange(len(points))
     first = repairs.coincident(points, cells, cell_type)
@@ -164,7 +165,7 @@ def _joined(
     return first[cells], first
 
 
-def _sound_cells(cells: IntArray, found: _Findings, repair: bool) -> IntArray:
+def _sound_cells(cells: IntArray, found: _Findings) -> IntArray:
     """Numbers of the cells to keep: each once; cells with a node twice are beyond mending."""
     rows = np.sort(cells, axis=1)
     collapsed = int((np.diff(rows, axis=1) == 0).any(axis=1).sum())
@@ -178,9 +179,7 @@ def _sound_cells(cells: IntArray, found: _Findings, repair: bool) -> IntArray:
     return np.arange(len(cells))
 
 
-def _right_side_out(
-    points: Array, cells: IntArray, cell_type: str, found: _Findings, repair: bool
-) -> tuple[Array, IntArray]:
+def _right_side_out(points: Array, cells: IntArray, cell_type: str, found: _Findings) -> tuple[Array, IntArray]:
     """Put nodes into order where they aren't; what then is flat or inside out is counted."""
     hand = repairs.handedness(points, cells, cell_type)
     spoilt, turned = int((hand == 0).sum()), int((hand < 0).sum())
@@ -238,7 +237,7 @@ def _set_aside(raw: RawMesh, cells: IntArray, cell_type: str, first: IntArray, f
         found.mendable.append(f"elements that aren't solid ({listed}): left out")
 
 
-def _complaint(found: _Findings, repair: bool) -> str:
+def _complaint(found: _Findings) -> str:
     wrong = "; ".join([*found.fatal, *found.mendable])
     if found.fatal:
         return f"its mesh can't be used: {wrong}"

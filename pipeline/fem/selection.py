@@ -2,11 +2,14 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
+
 import numpy as np
 import scipy.sparse as sp
 from scipy.sparse.csgraph import connected_components
 
 from pipeline.checks import Array, IntArray
+from pipeline.fem.mesh import rows_among
 from pipeline.fem.model import Discretisation
 
 _IN_PLANE = 1e-5  # of the body's extent
@@ -21,18 +24,35 @@ def facets_in_plane(space: Discretisation, axis: int, place: float) -> IntArray:
     near = _IN_PLANE * float(np.ptp(space.x, axis=0).max())
     corners = _corners(space)
     off = np.abs(space.x[corners][..., axis] - place).max(axis=1)
-    return np.sort(corners[off <= near], axis=1)[:, :3]
+    return _keys(corners[off <= near])
 
 
-def facets_near(space: Discretisation, point: Array) -> IntArray:
-    """Corners (n_facets, 3), as those of `facets_in_plane`, of the smooth face nearest to a point (3,) [m].
+def facets_near(space: Discretisation, point: Array, faces: Sequence[IntArray] = ()) -> IntArray:
+    """Corners (n_facets, 3), as those of `facets_in_plane`, of the face nearest to a point (3,) [m].
 
-    Smooth is where neighbouring facets make an angle of less than 40°, as those of a bore do if nine go around it.
+    Parameters
+    ----------
+    faces : sequence of ndarray, shape (n, 3)
+        The body's faces; without, or where they leave a gap, a face goes on up to edges sharper than 40°. That takes a
+        mesh fine enough, or curved elements.
     """
     corners = _corners(space)
     x = space.x[corners]
-    distance = np.minimum(*(_distance(x[:, half], point) for half in ((0, 1, 2), (0, 2, 3))))
-    return np.sort(corners[_smooth(corners, x) == _smooth(corners, x)[distance.argmin()]], axis=1)[:, :3]
+    nearest = int(np.minimum(*(_distance(x[:, half], point) for half in ((0, 1, 2), (0, 2, 3)))).argmin())
+    keys = _keys(corners)
+    for face in faces:
+        if rows_among(keys[nearest : nearest + 1], face)[0]:
+            return face
+    smooth = _smooth(space, corners)
+    return np.asarray(keys[smooth == smooth[nearest]])
+
+
+def _keys(corners: IntArray) -> IntArray:
+    """Three different corners of each facet, ascending: of a quadrilateral the least three."""
+    triangle = corners[:, 2] == corners[:, 3]
+    keys = np.sort(corners, axis=1)[:, :3]
+    keys[triangle] = np.sort(corners[triangle, :3], axis=1)
+    return keys
 
 
 def _corners(space: Discretisation) -> IntArray:
@@ -43,26 +63,39 @@ def _corners(space: Discretisation) -> IntArray:
     return np.asarray(space.element_nodes[elements[:, None], table[local]])
 
 
-def _smooth(corners: IntArray, x: Array) -> IntArray:
+def _smooth(space: Discretisation, corners: IntArray) -> IntArray:
     """Number of the smooth face that each facet belongs to, shape (n_facets,)."""
-    normal = np.cross(x[:, 2] - x[:, 0], x[:, 3] - x[:, 1])
-    flat = ~normal.any(axis=1) | (corners[:, 2] == corners[:, 3])
-    normal[flat] = np.cross(x[flat, 1] - x[flat, 0], x[flat, 2] - x[flat, 0])
-    normal /= np.linalg.norm(normal, axis=1, keepdims=True)
+    normal = _normals_at_edges(space)
     facet = np.repeat(np.arange(len(corners)), 4)
     ends = np.stack([corners, np.roll(corners, -1, axis=1)], axis=2).reshape(-1, 2)
     real = ends[:, 0] != ends[:, 1]
     turned = np.where(ends[:, 0] < ends[:, 1], 1, -1)[real]
-    ends, facet = np.sort(ends[real], axis=1), facet[real]
+    ends, facet, normal = np.sort(ends[real], axis=1), facet[real], normal.reshape(-1, 3)[real]
     order = np.lexsort(ends.T)
     same = (np.diff(ends[order], axis=0) == 0).all(axis=1)
     a, b = order[:-1][same], order[1:][same]
     # Two facets that go around their common edge the same way have normals to opposite sides.
-    cosine = -turned[a] * turned[b] * np.einsum("ei,ei->e", normal[facet[a]], normal[facet[b]])
+    cosine = -turned[a] * turned[b] * np.einsum("ei,ei->e", normal[a], normal[b])
     joined = cosine > _SHARP
     pairs = facet[a][joined], facet[b][joined]
     graph = sp.coo_array((np.ones(len(pairs[0]), dtype=np.int8), pairs), shape=2 * [len(corners)])
     return np.asarray(connected_components(graph, directed=False)[1])
+
+
+def _normals_at_edges(space: Discretisation) -> Array:
+    """Unit normals of the boundary facets in the middle of their sides, by the corners' order, (n_facets, 4, 3)."""
+    elements, local = space.boundary_facets
+    normals = np.zeros((len(elements), 4, 3))
+    for k, facet in enumerate(space.kind.element.refdom.facets):
+        mine = np.flatnonzero(local == k)
+        around = space.kind.element.doflocs[list(dict.fromkeys(facet))]
+        tangents = np.stack([around[1] - around[0], around[-1] - around[0]], axis=1)
+        sides = (around + np.roll(around, -1, axis=0)) / 2
+        place = [0, 1, 2, 3] if len(around) == 4 else [0, 1, 3]  # of a triangle the third side has no length
+        t = space.jacobians(sides.T, elements[mine]) @ tangents
+        normals[mine[:, None], place] = np.cross(t[..., 0], t[..., 1])
+    size = np.linalg.norm(normals, axis=2, keepdims=True)
+    return np.asarray(normals / np.where(size > 0, size, 1.0))
 
 
 def _distance(x: Array, point: Array) -> Array:

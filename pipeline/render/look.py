@@ -8,6 +8,7 @@ from difflib import get_close_matches
 
 import numpy as np
 from matplotlib import colormaps
+from numpy.typing import NDArray
 
 from pipeline.checks import Array
 from pipeline.render.view import PART, TILT, Place, View, fitted_view, framed_view, oblique_axes
@@ -68,6 +69,10 @@ class Look:
     def is_close_up(self) -> bool:
         """Whether the part may reach beyond its place in the picture."""
         return self.zoom > 1 or self.focus is not None or self.extent is not None
+
+    def colours(self, n: int) -> NDArray[np.uint8]:
+        """Return n colours of the map from its lower to its upper end, shape (n, 3), 0 … 255."""
+        return np.asarray(colormaps[self.colour_map](np.linspace(0, 1, n), bytes=True)[:, :3])
 
     def directions(self, points: Array, tilt: tuple[float, float] = TILT) -> list[Array]:
         """Return the camera axes (3, 3) to choose from, the best first, for points (n, 3) [m]."""

@@ -120,7 +120,7 @@ def _image(picture: Picture, text: str) -> str:
 
 
 def _stress(run: Pipeline, moves: bool) -> str:
-    return "".join(_stressed_part(run, name) for name in run.parts) if moves else ""
+    return "".join(_stressed_part(run, name) for name, part in run.parts.items() if part.has_mesh) if moves else ""
 
 
 def _stressed_part(run: Pipeline, name: str) -> str:
@@ -152,7 +152,7 @@ def _stressed_part(run: Pipeline, name: str) -> str:
 def _modes(run: Pipeline) -> str:
     from pipeline.notebook import pictures
 
-    if not run.parts:
+    if not run.parts or not run.part.has_mesh:
         return ""
     drawn = pictures(run, "modes", range(1, _MOST_MODES + 1), size=_SMALL)
     named = [f"mode {k + 1}, {run.modes.frequencies_hz[k]:.1f} Hz" for k in range(len(drawn))]

@@ -15,7 +15,7 @@ _COLOURS = 256
 _MOST_EDGES = 12_000  # with more, element edges are off at first
 
 
-def view_data(run: Pipeline, body: str, scale: float, colour_map: str = "turbo") -> dict[str, Any]:
+def view_data(run: Pipeline, body: str, scale: float) -> dict[str, Any]:
     """Gather a body at the instant of its largest von Mises stress.
 
     Parameters
@@ -30,13 +30,12 @@ def view_data(run: Pipeline, body: str, scale: float, colour_map: str = "turbo")
         [MPa] of the drawn points, uint32 ``triangles`` and ``edges``, uint8 ``colours`` (256, 3); the rest are numbers:
         ``axes`` are the camera's, row by row, to the right, up and towards the viewer.
     """
-    from matplotlib import colormaps
-
     from pipeline.render.look import Look
     from pipeline.render.pictures import stress_limits
     from pipeline.render.surface import Surface, skin_of
     from pipeline.render.view import view_of_hottest
 
+    look = Look()
     topology, history = run.parts[body].surface, run.stress_of(body)
     time, _, worst = history.worst()
     frame = int(np.searchsorted(history.times, time))
@@ -44,7 +43,7 @@ def view_data(run: Pipeline, body: str, scale: float, colour_map: str = "turbo")
     displacement = run.bodies[body].shapes[history.nodes] @ history.q[frame]
     stress = history.measure_at(np.array([frame]))[0]
     moved = surface.points + scale * displacement
-    axes, _, _ = view_of_hottest(Look().directions(moved), moved, surface.triangles, stress)
+    axes, _, _ = view_of_hottest(look.directions(moved), moved, surface.triangles, stress)
     skin = skin_of(surface)
     drawn = np.zeros(len(surface.points), dtype=np.int64)
     drawn[skin.source] = np.arange(len(skin.source))
@@ -56,7 +55,7 @@ def view_data(run: Pipeline, body: str, scale: float, colour_map: str = "turbo")
         "values": _packed(stress[skin.source] * 1e-6, "<f4"),
         "triangles": _packed(skin.triangles, "<u4"),
         "edges": _packed(drawn[surface.edges], "<u4"),
-        "colours": _packed(colormaps[colour_map](np.linspace(0, 1, _COLOURS))[:, :3] * 255, "u1"),
+        "colours": _packed(look.colours(_COLOURS), "u1"),
         "limits": [low * 1e-6, high * 1e-6],
         "axes": axes.ravel().tolist(),
         "radius": float(np.linalg.norm(surface.points - middle, axis=1).max()),
@@ -68,5 +67,4 @@ def view_data(run: Pipeline, body: str, scale: float, colour_map: str = "turbo")
 
 
 def _packed(values: NDArray[Any], kind: str) -> str:
-    exact = np.rint(values) if kind == "u1" else values
-    return base64.b64encode(exact.astype(kind).tobytes()).decode()
+    return base64.b64encode(values.astype(kind).tobytes()).decode()

@@ -1,9 +1,14 @@
 """The elements' names, their nodes and the quadrature they ask for."""
 
+from math import factorial
+
 import numpy as np
 import pytest
+from vtkmodules import vtkCommonDataModel
 
-from pipeline.fem.elements import element_kind, shape_functions
+from pipeline.fem.elements import element_kind, shape_functions, vtk_nodes
+from pipeline.fem.mesh import N_CORNERS
+from pipeline.fem.wedge import wedge_quadrature
 
 # Nodes of each element: corners, and mid-edges for order 2.
 NODES = {"hex8": 8, "hex20": 8 + 12, "tet4": 4, "tet10": 4 + 6}
@@ -63,3 +68,54 @@ def test_facets_are_walked_around_corner_by_corner(element) -> None:
         assert np.linalg.norm(sides, axis=1).max() <= (np.sqrt(2) if corners == 3 else 1) + 1e-12
         if element.order == 2:
             assert np.abs(polygon[1::2] - (around + np.roll(around, -1, axis=0)) / 2).max() < 1e-15
+
+
+# Elements whose cells come from files: their nodes are the file's.
+IMPORTED = [("tetra10", 2), ("hexahedron20", 2), ("hexahedron27", 2), ("wedge", 1), ("wedge15", 2)]
+VTK_CELLS = {
+    "tetra": "Tetra",
+    "tetra10": "QuadraticTetra",
+    "hexahedron": "Hexahedron",
+    "hexahedron20": "QuadraticHexahedron",
+    "hexahedron27": "TriQuadraticHexahedron",
+    "wedge": "Wedge",
+    "wedge15": "QuadraticWedge",
+}
+
+
+@pytest.mark.parametrize(("cell_type", "order"), IMPORTED)
+def test_shape_functions_of_imported_cells_are_right(cell_type: str, order: int) -> None:
+    kind = element_kind(cell_type, order)
+    N, _ = shape_functions(kind.element, kind.element.doflocs.T)
+    assert np.abs(N - np.eye(len(N))).max() < 1e-14
+    X, step = np.random.default_rng(1).uniform(0.1, 0.3, (3, 5)), 1e-5
+    N, dN = shape_functions(kind.element, X)
+    assert np.abs(N.sum(axis=0) - 1).max() < 1e-14
+    for a in range(3):
+        move = step * np.eye(3)[a][:, None]
+        slope = (shape_functions(kind.element, X + move)[0] - shape_functions(kind.element, X - move)[0]) / (2 * step)
+        assert np.abs(slope - dN[:, a]).max() < 1e-8
+    # the cell's own nodes span every product of r, s, t that its polynomials have: here, all of second degree
+    monomials = np.array([X[0] * X[1], X[1] * X[2], X[2] ** 2, X[0] ** 2])
+    at_nodes = kind.element.doflocs.T
+    nodal = np.array([at_nodes[0] * at_nodes[1], at_nodes[1] * at_nodes[2], at_nodes[2] ** 2, at_nodes[0] ** 2])
+    if order == 2:
+        assert np.abs(nodal @ N - monomials).max() < 1e-14
+
+
+@pytest.mark.parametrize("degree", [2, 4, 6])
+def test_the_wedges_quadrature_is_exact(degree: int) -> None:
+    (x, y, z), w = wedge_quadrature(degree)
+    # ∫ x^a y^b over the triangle is a! b! / (a + b + 2)!, ∫ z^c over the line 1 / (c + 1)
+    for a in range(degree + 1):
+        b = degree - a
+        exact = factorial(a) * factorial(b) / factorial(degree + 2) / (degree + 1)
+        assert w @ (x**a * y**b * z**degree) == pytest.approx(exact, rel=1e-12)
+
+
+@pytest.mark.parametrize("cell_type", VTK_CELLS)
+def test_nodes_come_in_vtks_own_order(cell_type: str) -> None:
+    cell = getattr(vtkCommonDataModel, f"vtk{VTK_CELLS[cell_type]}")()
+    coordinates = cell.GetParametricCoords()
+    vtk = np.array([[coordinates[3 * k + a] for a in range(3)] for k in range(cell.GetNumberOfPoints())])
+    assert np.array_equal(vtk_nodes(cell_type, 1 if cell_type in N_CORNERS else 2), vtk)

@@ -14,12 +14,17 @@ from meshes.gmsh_session import gmsh_model
 from pipeline.checks import Array
 from pipeline.fem import mesh_file
 from pipeline.fem.assembly import assemble
+from pipeline.fem.elements import shape_functions
+from pipeline.fem.locate import locate
 from pipeline.fem.marker import face_marker
 from pipeline.fem.material import Material
+from pipeline.fem.mesh import SolidMesh
 from pipeline.fem.mesh_file import read_mesh
 from pipeline.fem.meshio_reader import _read
 from pipeline.fem.model import Discretisation, FEModel
 from pipeline.fem.surface import surface_topology
+from pipeline.fem.vtkhdf import vtk_cells
+from pipeline.recovery.stress import element_stress, modal_stress, point_stress
 
 FORMATS = ("inp", "bdf", "v2.msh", "v4.msh", "vtk", "med", "vtu")
 KINDS = {  # cells and how Gmsh is asked for them: order, recombined, with inner nodes
@@ -118,7 +123,10 @@ def patch_test_error(fe: FEModel) -> float:
     u = np.where(held, exact.ravel(), 0.0)
     K = sp.csc_array(fe.K)
     u[~held] = spsolve(K[~held][:, ~held], -K[~held][:, held] @ u[held])
-    return float(np.abs(u.reshape(-1, 3) - exact).max() / np.abs(exact).max())
+    found = u.reshape(-1, 3, 1)
+    stress = modal_stress(fe.discretisation, MATERIAL, found, np.arange(len(fe.x)))
+    assert np.abs(stress - stress[0]).max() < 1e-6 * np.abs(stress).max()
+    return float(np.abs(found[..., 0] - exact).max() / np.abs(exact).max())
 
 
 def inner_facet_nodes(space: Discretisation) -> Array:
@@ -126,6 +134,18 @@ def inner_facet_nodes(space: Discretisation) -> Array:
     middle = np.array([[space.kind.element.doflocs[facet].mean(axis=0)] for facet in space.kind.facet_polygons])
     node = np.abs(space.kind.element.doflocs - middle).max(axis=2).argmin(axis=1)
     return space.element_nodes[elements, node[local]]
+
+
+@pytest.mark.parametrize("kind", KINDS)
+def test_surfaces_are_closed_and_exports_keep_the_order_of_nodes(read, kind: str) -> None:
+    fe = read("v4.msh", kind)
+    surface = surface_topology(fe.discretisation)
+    a, b, c = np.moveaxis(fe.x[surface.nodes][surface.triangles] - [0.7, 0.5, 0.6], 1, 0)
+    parts = np.einsum("ti,ti->t", a, np.cross(b, c)) / 6
+    assert parts.min() > 0
+    assert parts.sum() == pytest.approx(VOLUME, rel=1e-12)
+    again = SolidMesh(fe.x.copy(), vtk_cells(fe.discretisation), kind, {}, {})
+    assert again.volume == pytest.approx(VOLUME, rel=1e-12)
 
 
 @pytest.mark.parametrize(("form", "kind"), [pair for pair in WRITTEN if pair[0] not in ("vtk", "vtu")])
@@ -139,3 +159,18 @@ def test_parts_and_faces_have_the_files_names(read, form: str, kind: str) -> Non
         assert len(space.mesh.parts["block"]) == len(space.mesh.cells)
     # the side of 1 × 1.2 at x = 0
     assert face_marker(space, left).position == pytest.approx([0, 0.5, 0.6], abs=1e-6)
+
+
+@pytest.mark.parametrize("kind", KINDS)
+def test_stress_in_an_element_and_at_a_point_is_that_of_a_linear_displacement(read, kind: str) -> None:
+    space = read("v4.msh", kind).discretisation
+    u = (space.x * [1e-3, 0, 0])[:, :, None]
+    lam, mu = MATERIAL.lame
+    wanted = 1e-3 * np.array([lam + 2 * mu, lam, lam, 0, 0, 0])
+    inside = np.array([[0.3, 0.4, 0.5], [0.9, 0.2, 1.0]])
+    for stress in (element_stress(space, MATERIAL, u, np.array([0, 3])), point_stress(space, MATERIAL, u, inside)):
+        assert np.abs(stress[..., 0] - wanted).max() < 1e-9 * wanted[0]
+    elements, X = locate(space, inside)
+    N = [shape_functions(space.kind.geometry, x[:, None])[0][:, 0] for x in X]
+    found = [n @ space.corner_coordinates[element] for n, element in zip(N, elements, strict=True)]
+    assert np.abs(found - inside).max() < 1e-9

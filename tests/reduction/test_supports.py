@@ -151,3 +151,13 @@ def test_a_line_between_two_points_holds_the_nodes_on_it(small_bar: FEModel) -> 
 def test_a_point_holds_the_node_nearest_to_it(small_bar: FEModel) -> None:
     (node,) = node_at(small_bar.discretisation, np.array([LENGTH + 0.1, DEPTH, WIDTH]))
     assert small_bar.x[node] == pytest.approx([LENGTH, DEPTH / 2, WIDTH / 2])
+
+
+def test_what_inertia_bends_moves_no_support(small_bar: FEModel) -> None:
+    fixed = unknowns(on(small_bar, "x-"), "xyz")
+    solver = FreeBodySolver(small_bar, (), fixed)
+    u = solver.inertia_response(solver.modes(2).shapes).reshape(-1, 2)
+    assert np.abs(u[fixed]).max() == 0.0
+    # of a mode, the answer to its inertia is the mode itself over ω² − σ
+    modes = solver.modes(2)
+    assert u == pytest.approx(modes.shapes.reshape(-1, 2) / (modes.omega**2 - solver.shift), abs=1e-6 * np.abs(u).max())

@@ -9,7 +9,7 @@ from typing import Annotated
 
 from cyclopts import Parameter
 
-from pipeline.cli import Json, Set, _print_json
+from pipeline.commands.options import Json, Set, print_json
 
 Vary = Annotated[
     list[str],
@@ -70,7 +70,7 @@ def sweep(
     seconds = time.perf_counter() - tick
     if json:
         counts = {"points": len(rows), "computed": found.computed, **found.counts}
-        _print_json({"scene": name, **counts, "seconds": seconds, "rows": rows, "files": files})
+        print_json({"scene": name, **counts, "seconds": seconds, "rows": rows, "files": files})
     else:
         from pipeline.tables import print_sweep
 

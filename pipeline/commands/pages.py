@@ -8,7 +8,7 @@ from typing import Annotated
 from cyclopts import Parameter
 from rich.console import Console
 
-from pipeline.cli import Json, NoCache, Set, _pipeline, _print_json
+from pipeline.commands.options import Json, NoCache, Set, open_pipeline, print_json
 
 
 def new(path: Path, *, from_: Annotated[str | None, Parameter(name="--from")] = None) -> None:
@@ -49,10 +49,10 @@ def report(
     """
     from pipeline.report.page import write_report
 
-    run = _pipeline(scene, set_, no_cache)
+    run = open_pipeline(scene, set_, no_cache)
     path = out or Path("out") / run.scene.name / "report.html"
     write_report(run, path, set_ or (), budget=not no_budget)
     if json:
-        _print_json({"scene": run.scene.name, "file": str(path), "bytes": path.stat().st_size})
+        print_json({"scene": run.scene.name, "file": str(path), "bytes": path.stat().st_size})
     else:
         Console(soft_wrap=True).print(f"{path}: {path.stat().st_size / 1e6:.2f} MB; open it in a browser", markup=False)

@@ -1,0 +1,109 @@
+"""Assembly of stiffness and mass beside scikit-fem's own form, DOLFINx, FElupe, NGSolve and SfePy, on one thread.
+
+Run from the project's root: ``python benchmarks/assembly.py``; it prints the table and writes it beside itself. Every
+package that is installed (DOLFINx may be so in another interpreter: ``--dolfinx /usr/bin/python3``) gets the same block
+of Gmsh's tetrahedra or of hexahedra in a process of its own. Processor seconds of space, K and M, the median without
+the first time; the difference to ours is that of the energies of polynomial displacements, which don't hang on how a
+package numbers its unknowns, and for scikit-fem of all entries. Memory is the peak beyond what the process had before.
+With ``--elements tet4`` only its rows are made anew.
+"""
+
+from __future__ import annotations
+
+import argparse
+import csv
+import json
+import os
+import platform
+import subprocess
+import sys
+import tempfile
+from pathlib import Path
+
+import numpy as np
+
+from meshes.bar import hexahedral_bar, tetrahedral_bar
+from pipeline.fem.mesh import SolidMesh
+from pipeline.fem.model import Discretisation
+
+PEERS = Path(__file__).with_name("assembly_peers.py")
+BLOCK = (0.12, 0.1, 0.08)
+PACKAGES = ("fmd", "scikit-fem", "DOLFINx", "FElupe", "NGSolve", "SfePy")
+# Edge of the tetrahedra [m], or hexahedra along y, for about 50,000 and 200,000 unknowns.
+MESHES = {
+    "tet4": (0.00375, 0.00232),
+    "tet10": (0.00776, 0.00474),
+    "hex8": (25, 40),
+    "hex20": (16, 25),
+}
+TOO_MUCH = ("scikit-fem", "hex20")  # at 200,000 unknowns: ten minutes and 15 GB
+LONGEST = 450
+
+
+def block(name: str, size: float) -> SolidMesh:
+    """Mesh the block for an element."""
+    if name.startswith("tet"):
+        return SolidMesh(*tetrahedral_bar(*BLOCK, size))
+    return SolidMesh(*hexahedral_bar(*BLOCK, tuple(round(size * edge / BLOCK[1]) for edge in BLOCK)))
+
+
+def measured(package: str, name: str, path: Path, interpreter: str) -> dict | str:
+    """What a package's process found, or why it found nothing."""
+    command = [interpreter, str(PEERS), package, name, str(path)]
+    alone = dict.fromkeys(("OMP_NUM_THREADS", "OPENBLAS_NUM_THREADS", "NUMBA_NUM_THREADS", "MKL_NUM_THREADS"), "1")
+    try:
+        done = subprocess.run(
+            command, env=os.environ | alone, capture_output=True, text=True, timeout=LONGEST, check=False
+        )
+    except subprocess.TimeoutExpired:
+        return f"stopped after {LONGEST} s"
+    lines = done.stdout.strip().splitlines()
+    return json.loads(lines[-1]) if not done.returncode and lines else done.stderr.strip().splitlines()[-1]
+
+
+def main():
+    """Measure and write the table."""
+    reader = argparse.ArgumentParser()
+    reader.add_argument("--dolfinx", default=sys.executable, help="interpreter that has DOLFINx")
+    reader.add_argument("--elements", nargs="*", default=list(MESHES))
+    reader.add_argument("--large", action=argparse.BooleanOptionalAction, default=True, help="200,000 unknowns, too")
+    chosen = reader.parse_args()
+    rows = []
+    for name in chosen.elements:
+        for size in MESHES[name][: 1 + chosen.large]:
+            mesh = block(name, size)
+            unknowns = 3 * len(Discretisation(mesh, 1 if name in ("tet4", "hex8") else 2).x)
+            with tempfile.TemporaryDirectory() as folder:
+                path = Path(folder) / "mesh.npz"
+                np.savez(path, points=mesh.points, cells=mesh.cells)
+                own = {}
+                for package in PACKAGES:
+                    if (package, name) == TOO_MUCH and unknowns > 100_000:
+                        continue
+                    found = measured(package, name, path, chosen.dolfinx if package == "DOLFINx" else sys.executable)
+                    if isinstance(found, str):
+                        print(f"{name:6s} {unknowns:7d} {package:11s} {found}", flush=True)
+                        continue
+                    own = own or found
+                    energies = np.array(found["energies"]) / own["energies"] - 1
+                    apart = max(found.get("entries", 0.0), np.abs(energies).max())
+                    ratio = found["seconds"] / own["seconds"]
+                    label = package if package == "fmd" else f"{package} {found['version']}"
+                    rows.append((name, unknowns, label, found["seconds"], ratio, found["megabytes"], apart))
+                    print(
+                        f"{name:6s} {unknowns:7d} {label:18s} {found['seconds']:8.3f} s {ratio:7.1f} × "
+                        f"{found['megabytes']:7.0f} MB {apart:.1e}",
+                        flush=True,
+                    )
+    path = Path(__file__).with_suffix(".csv")
+    earlier = list(csv.reader(path.read_text().splitlines()[2:])) if path.is_file() else []
+    with path.open("w", newline="") as file:
+        file.write(f"# {platform.machine()}, {platform.system()}, Python {platform.python_version()}, one thread\n")
+        table = csv.writer(file, lineterminator="\n")
+        table.writerow(["element", "unknowns", "package", "seconds", "over fmd", "peak MB", "largest difference"])
+        table.writerows(row for row in earlier if row[0] not in chosen.elements)
+        table.writerows((*row[:3], *(f"{x:.3g}" for x in row[3:])) for row in rows)
+
+
+if __name__ == "__main__":
+    main()

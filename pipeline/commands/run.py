@@ -1,0 +1,69 @@
+"""``fmd run``."""
+
+from __future__ import annotations
+
+from pathlib import Path
+from typing import Annotated
+
+from cyclopts import Parameter
+
+from pipeline.commands.options import Json, NoCache, Repair, Set, open_pipeline, print_json
+
+
+def run(
+    scene: str,
+    *,
+    out: Path | None = None,
+    set_: Set = None,
+    no_pictures: Annotated[bool, Parameter(negative=())] = False,
+    no_budget: Annotated[bool, Parameter(negative=())] = False,
+    explain: Annotated[bool, Parameter(negative=())] = False,
+    dry_run: Annotated[bool, Parameter(negative=())] = False,
+    keep_all: Annotated[bool, Parameter(negative=())] = False,
+    repair: Repair = False,
+    no_cache: NoCache = False,
+    json: Json = False,
+) -> None:
+    """Do everything that a scene asks for: mesh, modes, motion, stress, pictures, an error budget.
+
+    Parameters
+    ----------
+    scene
+        Name of a ready scene, or path of a TOML file.
+    out
+        Folder for the results; out/SCENE by default.
+    no_pictures
+        Draw nothing.
+    no_budget
+        Don't estimate the errors of the results.
+    explain
+        Print first which stages will run, come from the cache or are skipped, why, and what each took last.
+    dry_run
+        Print that and do nothing else.
+    keep_all
+        Integrate modes that neither loads nor motion can excite, too.
+    """
+    from pipeline.outputs import write_results
+
+    pipeline = open_pipeline(scene, set_, no_cache, repair, keep_all)
+    folder = out or Path("out") / pipeline.scene.name
+    plan = None
+    if explain or dry_run:
+        from pipeline.plan import plan_of
+
+        plan = plan_of(pipeline, not no_pictures, not no_budget)
+        if not json:
+            from pipeline.tables import print_plan
+
+            print_plan(plan)
+        if dry_run:
+            if json:
+                print_json({"plan": plan.summary()})
+            return
+    summary = write_results(pipeline, folder, pictures=not no_pictures, budget=not no_budget)
+    if json:
+        print_json(summary if plan is None else {"plan": plan.summary(), **summary})
+    else:
+        from pipeline.tables import print_run
+
+        print_run(summary, folder)

@@ -1,0 +1,61 @@
+"""`fmd bench`'s studies of elements and of whole runs: what they refuse, choose and write."""
+
+import csv
+import sys
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from pipeline.checks import AccuracyError
+from pipeline.cli import main
+from pipeline.mode_study import ModeRow, Reference, fastest, write_study
+from pipeline.whole_runs import StageRow, _run, write_rows
+
+ROWS = [
+    ModeRow("beam", "hex20", "coarse", 900, 0.1, 2e-3),
+    ModeRow("beam", "hex20", "fine", 9000, 0.9, 1e-5),
+    ModeRow("beam", "tet10", "fine", 9000, 0.5, 5e-4),
+]
+
+
+def test_a_scene_without_a_study_of_modes_is_refused(capsys: pytest.CaptureFixture[str]) -> None:
+    with pytest.raises(SystemExit) as stopped:
+        main(["bench", "arm", "--modes"])
+    assert stopped.value.code == 2
+    assert "must be one of beam, propeller" in capsys.readouterr().err
+
+
+def test_the_fastest_is_looked_for_among_those_within_the_error() -> None:
+    assert fastest(ROWS) is ROWS[2]
+    assert fastest(ROWS, 1e-4) is ROWS[1]
+    assert fastest(ROWS, 1e-9) is None
+
+
+def test_a_study_of_modes_is_written_with_its_reference_and_a_chart(tmp_path: Path) -> None:
+    files = write_study(ROWS, {"beam": Reference(np.array([131.0]), 1e-6, 60123)}, tmp_path)
+    assert files == ["modes.csv", "modes-beam.png"]
+    assert (tmp_path / "modes-beam.png").stat().st_size > 10_000
+    _, reference, *table = (tmp_path / "modes.csv").read_text().splitlines()
+    assert reference == "# beam: 131.0000 Hz by 60123 unknowns, good to 1e-06"
+    assert [float(row["error"]) for row in csv.DictReader(table)] == [2e-3, 1e-5, 5e-4]
+
+
+def test_a_run_that_fails_is_told_with_its_last_line() -> None:
+    command = [sys.executable, "-c", "import sys; print('broken', file=sys.stderr); sys.exit(3)"]
+    with pytest.raises(AccuracyError, match="fmd run beam ended with status 3: broken"):
+        _run("beam", command, {})
+
+
+def test_a_runs_size_is_that_of_its_own_process() -> None:
+    command = [sys.executable, "-c", "kept = bytearray(200_000_000); print('{}')"]
+    summary, seconds, megabytes = _run("beam", command, {})
+    assert summary == {}
+    assert seconds > 0
+    assert 190 < megabytes < 400
+
+
+def test_stages_are_written_row_by_row(tmp_path: Path) -> None:
+    write_rows([StageRow("beam", "cold", "mesh", 0.5, 0.25, False, float("nan"))], tmp_path / "pipeline.csv")
+    _, *table = (tmp_path / "pipeline.csv").read_text().splitlines()
+    assert next(csv.DictReader(table))["share"] == "0.25"
