@@ -14,6 +14,7 @@ from pipeline.cli import main
 QUICK = ("simulation.duration=0.1 s", "simulation.output_step=1 ms", "body.beam.mesh.divisions=[24, 2, 1]")
 
 
+@pytest.mark.slow
 def test_four_percent_on_the_beam_take_more_than_the_first_try_and_true_errors_are_below() -> None:
     run = Pipeline(load_scene("beam", [*QUICK, "accuracy=4 %"]), Cache(None))
     met, rounds = meet_accuracy(run)
