@@ -40,7 +40,8 @@ def _marker(part: FlexiblePart, name: str, marker: SceneMarker) -> Marker:
     from pipeline.fem.selection import facets_in_plane, facets_near
 
     rigid = marker.attachment == "rigid"
-    if isinstance(part.fe, MatrixModel):
+    if not part.has_mesh:
+        assert isinstance(part.fe, MatrixModel)
         nodes = nodes_in_plane(part.fe, *marker.plane) if marker.plane else np.array(marker.nodes)
         return node_marker(part.fe, nodes, rigid)
     if marker.plane is not None:

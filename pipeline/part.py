@@ -126,13 +126,7 @@ class FlexiblePart:
 
     @cached_property
     def mesh(self) -> SolidMesh:
-        """The mesh.
-
-        Raises
-        ------
-        InputError
-            The body is given by its matrices.
-        """
+        """The mesh; a body that is given by its matrices has none."""
         if not self.has_mesh:
             raise InputError(self.file, f"body.{self.name}.matrices", None, NO_MESH)
         return self._keeper.kept("mesh", self._mesh_key, self._make_mesh)
@@ -153,6 +147,11 @@ class FlexiblePart:
     def order(self) -> int:
         """Polynomial order of the displacement in an element."""
         return self.mesh.order if self.shape.shape == "matrices" else self.shape.mesh.order or self.mesh.order
+
+    @property
+    def mesh_notes(self) -> tuple[str, ...]:
+        """What was found and mended in the file that its mesh comes from, if it comes from one."""
+        return self.mesh.notes if self.shape.shape in ("mesh", "cad") else ()
 
     @property
     def has_mesh(self) -> bool:

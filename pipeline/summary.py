@@ -82,7 +82,7 @@ def _body(run: Pipeline, name: str) -> dict[str, Any]:
         "coupling": body.coupling,
         "prescribed": run.parts[name].inboard.prescribed,
         "mass_kg": body.gram.mass,
-        "mesh_notes": list(run.parts[name].mesh.notes) if run.parts[name].has_mesh else [],
+        "mesh_notes": list(run.parts[name].mesh_notes),
         "largest_spin_rad_s": spin.largest_rate,
         "critical_spin_rad_s": spin.critical_rate if np.isfinite(spin.critical_rate) else None,
         "stiffened": spin.stiffened,
