@@ -98,9 +98,11 @@ class RunPlan:
         to_do = {step.stage: step for step in self.steps if step.fate == "run"}
         known = [f"{name} {_about(step.seconds)}" for name, step in to_do.items() if step.seconds is not None]
         unknown = [name for name, step in to_do.items() if step.seconds is None]
-        parts = [", ".join(known)] if known else []
-        parts += [f"not timed yet: {', '.join(unknown)}"] if unknown else []
-        return f"{_about(self.seconds)}{' and more' if unknown else ''} ({'; '.join(parts)})"
+        new = f"not timed yet: {', '.join(unknown)}"
+        if not known:
+            return new if unknown else "nothing to do"
+        more = (" and more", f"; {new}") if unknown else ("", "")
+        return f"about {_about(self.seconds)}{more[0]} ({', '.join(known)}{more[1]})"
 
     def summary(self) -> dict[str, Any]:
         """Plain numbers and texts."""

@@ -54,14 +54,15 @@ def print_run(summary: dict[str, Any], folder: Path) -> None:
     console.print(f"{len(summary['files']) + 1} files in {folder}/: summary.json, {', '.join(summary['files'])}")
 
 
-def print_plan(plan: RunPlan) -> None:
-    """Print what a run will do."""
-    table = _table("Plan", "stage", "body", "will", "last time", "why", wide=4)
-    for step in plan.steps:
-        table.add_row(step.stage, step.body, _FATES[step.fate], _last_time(step.seconds), step.why)
+def print_plan(plan: RunPlan, steps: bool) -> None:
+    """Print what a run will cost, and what it will do stage by stage if ``steps`` are wanted."""
     console = Console()
-    console.print(table)
-    console.print(f"forecast: about {plan.forecast}")
+    if steps:
+        table = _table("Plan", "stage", "body", "will", "last time", "why", wide=4)
+        for step in plan.steps:
+            table.add_row(step.stage, step.body, _FATES[step.fate], _last_time(step.seconds), step.why)
+        console.print(table)
+    console.print(f"forecast: {plan.forecast}")
 
 
 def _last_time(seconds: float | None) -> str:

@@ -44,26 +44,20 @@ def run(
         Integrate modes that neither loads nor motion can excite, too.
     """
     from pipeline.outputs import write_results
+    from pipeline.plan import plan_of
+    from pipeline.tables import print_plan, print_run
 
     pipeline = open_pipeline(scene, set_, no_cache, repair, keep_all)
     folder = out or Path("out") / pipeline.scene.name
-    plan = None
-    if explain or dry_run:
-        from pipeline.plan import plan_of
-
-        plan = plan_of(pipeline, not no_pictures, not no_budget)
-        if not json:
-            from pipeline.tables import print_plan
-
-            print_plan(plan)
-        if dry_run:
-            if json:
-                print_json({"plan": plan.summary()})
-            return
+    plan = plan_of(pipeline, not no_pictures, not no_budget)
+    if not json:
+        print_plan(plan, steps=explain or dry_run)
+    if dry_run:
+        if json:
+            print_json({"plan": plan.summary()})
+        return
     summary = write_results(pipeline, folder, pictures=not no_pictures, budget=not no_budget)
     if json:
-        print_json(summary if plan is None else {"plan": plan.summary(), **summary})
+        print_json({"plan": plan.summary(), **summary})
     else:
-        from pipeline.tables import print_run
-
         print_run(summary, folder)
