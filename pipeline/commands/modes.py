@@ -4,11 +4,21 @@ from __future__ import annotations
 
 from pathlib import Path
 
-from pipeline.commands.options import Json, NoCache, Repair, Set, open_pipeline, print_figures, print_json, rate_of
+from pipeline.commands.options import (
+    Json,
+    NoCache,
+    Repair,
+    SceneName,
+    Set,
+    open_pipeline,
+    print_figures,
+    print_json,
+    rate_of,
+)
 
 
 def mesh(
-    scene: str,
+    scene: SceneName,
     *,
     out: Path | None = None,
     set_: Set = None,
@@ -20,8 +30,6 @@ def mesh(
 
     Parameters
     ----------
-    scene
-        Name of a ready scene, or path of a TOML file.
     out
         File to write the mesh to, in the format of its suffix: .vtu, .msh, .inp ...
     """
@@ -36,7 +44,7 @@ def mesh(
 
 
 def modes(
-    scene: str,
+    scene: SceneName,
     *,
     speed: str | None = None,
     set_: Set = None,
@@ -48,8 +56,6 @@ def modes(
 
     Parameters
     ----------
-    scene
-        Name of a ready scene, or path of a TOML file.
     speed
         Rate of rotation about the joint, e.g. "20 rad/s": the frequencies on a hub that turns so, too.
     """
@@ -69,7 +75,7 @@ def modes(
 
 
 def campbell(
-    scene: str,
+    scene: SceneName,
     *,
     to: str,
     points: int = 41,
@@ -82,8 +88,6 @@ def campbell(
 
     Parameters
     ----------
-    scene
-        Name of a ready scene, or path of a TOML file.
     to
         Highest rate of rotation, e.g. "8000 rpm".
     points

@@ -10,6 +10,7 @@ from cyclopts import Parameter
 if TYPE_CHECKING:
     from pipeline.stages import Pipeline
 
+SceneName = Annotated[str, Parameter(help="Name of a ready scene, or path of a TOML file.")]
 Set = Annotated[
     list[str] | None,
     Parameter(name="--set", negative=(), help="Override a value: key=value, e.g. body.beam.length=300mm."),

@@ -8,7 +8,7 @@ from typing import Annotated
 from cyclopts import Parameter
 from rich.console import Console
 
-from pipeline.commands.options import Json, NoCache, Set, open_pipeline, print_json
+from pipeline.commands.options import Json, NoCache, SceneName, Set, open_pipeline, print_json
 
 
 def new(path: Path, *, from_: Annotated[str | None, Parameter(name="--from")] = None) -> None:
@@ -28,7 +28,7 @@ def new(path: Path, *, from_: Annotated[str | None, Parameter(name="--from")] = 
 
 
 def report(
-    scene: str,
+    scene: SceneName,
     *,
     out: Path | None = None,
     set_: Set = None,
@@ -40,8 +40,6 @@ def report(
 
     Parameters
     ----------
-    scene
-        Name of a ready scene, or path of a TOML file.
     out
         The page; out/SCENE/report.html by default.
     no_budget

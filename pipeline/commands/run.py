@@ -7,11 +7,11 @@ from typing import Annotated
 
 from cyclopts import Parameter
 
-from pipeline.commands.options import Json, NoCache, Repair, Set, open_pipeline, print_json
+from pipeline.commands.options import Json, NoCache, Repair, SceneName, Set, open_pipeline, print_json
 
 
 def run(
-    scene: str,
+    scene: SceneName,
     *,
     out: Path | None = None,
     set_: Set = None,
@@ -28,8 +28,6 @@ def run(
 
     Parameters
     ----------
-    scene
-        Name of a ready scene, or path of a TOML file.
     out
         Folder for the results; out/SCENE by default.
     no_pictures

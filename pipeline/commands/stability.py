@@ -7,11 +7,11 @@ from typing import Annotated
 
 from cyclopts import Parameter
 
-from pipeline.commands.options import Json, NoCache, Set, open_pipeline, print_json
+from pipeline.commands.options import Json, NoCache, SceneName, Set, open_pipeline, print_json
 
 
 def stability(
-    scene: str = "",
+    scene: SceneName = "",
     *,
     two_dof: Annotated[bool, Parameter(negative=())] = False,
     substeps: int = 0,
@@ -29,8 +29,6 @@ def stability(
 
     Parameters
     ----------
-    scene
-        Name of a ready scene, or path of a TOML file.
     two_dof
         Map the two-degree-of-freedom system of the paper's Figs. 2 and 3 instead.
     substeps

@@ -9,7 +9,7 @@ from typing import Annotated
 
 from cyclopts import Parameter
 
-from pipeline.commands.options import Json, Set, print_json
+from pipeline.commands.options import Json, SceneName, Set, print_json
 
 Vary = Annotated[
     list[str],
@@ -18,7 +18,7 @@ Vary = Annotated[
 
 
 def sweep(
-    scene: str,
+    scene: SceneName,
     *,
     vary: Vary,
     set_: Set = None,
@@ -31,8 +31,6 @@ def sweep(
 
     Parameters
     ----------
-    scene
-        Name of a ready scene, or path of a TOML file.
     out
         Folder for the table and the points that are done; out/SCENE-sweep by default.
     workers
