@@ -56,6 +56,6 @@ def run(
         return
     summary = write_results(pipeline, folder, pictures=not no_pictures, budget=not no_budget)
     if json:
-        print_json({"plan": plan.summary(), **summary})
+        print_json({"plan": plan.summary(), **summary} if explain else summary)
     else:
         print_run(summary, folder)
