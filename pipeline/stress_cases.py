@@ -50,8 +50,8 @@ class Case:
     @property
     def lowest(self) -> float:
         """Lowest angular frequency that isn't 0 [rad/s]."""
-        squares = np.linalg.eigvals(np.linalg.solve(self.M, self.K)).real
-        return float(np.sqrt(squares[squares > 1e-9 * squares.max()].min()))
+        squares = np.sort(np.linalg.eigvals(np.linalg.solve(self.M, self.K)).real)
+        return float(np.sqrt(squares[len(squares) - np.linalg.matrix_rank(self.K)]))
 
 
 Builder = Callable[[], Case]

@@ -181,7 +181,7 @@ def test_what_grows_by_less_is_told() -> None:
     "name",
     [
         *("mass ratio 1e-6, β = 0.0", "mass ratio 1e3, β = 0.3", "20 modes", "stiffness from 1 to 1e12"),
-        *("beam at 1.5 ω₁, linear", "beam at 1.5 ω₁, stiffened"),
+        *("beam at 1.5 ω₁, linear", "beam at 1.5 ω₁, stiffened", "rod-slider", "M_SS nearly singular, 1e-10"),
     ],
 )
 def test_what_the_tangent_predicts_is_what_marches_do(name: str) -> None:
@@ -191,7 +191,8 @@ def test_what_the_tangent_predicts_is_what_marches_do(name: str) -> None:
     decided = {row.found for row in rows if row.predicted != "either"}
     assert decided == {"lives", "diverges"} if "ω₁" not in name else {"diverges" if "linear" in name else "lives"}
     kept = [row for row in rows if row.found == "lives" and row.integrator == "reversible-sub-cycling"]
-    assert max((abs(row.drift) for row in kept), default=0.0) < 1e-6
+    known = 1e-3 if "singular" in name else 1e-6  # its modes are known no better: M⁻¹ is of 1e10
+    assert max((abs(row.drift) for row in kept), default=0.0) < known
 
 
 def test_a_step_can_be_chosen_for_the_wanted_error() -> None:

@@ -121,7 +121,7 @@ def _march(
     times: Array, sample_q: Array, sample_v: Array, cursor: IntArray,
 ) -> int:  # fmt: skip
     n, new = v.size, work[0]
-    largest, last = memory[n * n + 1 : memory.size - 1], memory.size - 1
+    largest, last = memory[n * n + 2 : memory.size - 1], memory.size - 1
     missing = abs(weights[2] + 0.5 * (weights[0] - weights[1]) - 1.0 / 6.0)
     smallest = SMALLEST * times[times.size - 1]
     for done in range(n_steps):

@@ -30,6 +30,7 @@ from pipeline.integrators.protocol import (
 )
 
 TOLERANCE = 1e-10  # of Newton's corrections, relative to the largest acceleration
+_ROUND_OFF = 1e-14  # of positions, relative to the largest, or to a radian or metre
 _MOST_ITERATIONS = 12
 _VANISHED = 1e-200  # an acceleration below which nothing is left to converge: damped motions underflow in the end
 
@@ -102,9 +103,9 @@ class GeneralizedAlpha:
 
 
 def two_accelerations(start: State) -> State:
-    """Complete a state at time 0: auxiliary and true acceleration, equal at first, and memory for Newton's tangent."""
+    """Complete a state at time 0: auxiliary and true acceleration, equal at first, and memory for `newton_step`."""
     n = start.a.size
-    return replace(start, a=np.concatenate([start.a, start.a]), memory=np.zeros(n * n + 1))
+    return replace(start, a=np.concatenate([start.a, start.a]), memory=np.zeros(n * n + 2))
 
 
 def newton_room(system: System) -> tuple[Array, Array, Array]:
@@ -160,14 +161,17 @@ def newton_step(
 ) -> bool:  # fmt: skip
     """Find the accelerations at a step's ``end`` [s], in work[0]; positions[0] and work[3] are its positions and rates.
 
-    The tangent, factored, is kept in ``memory``, with a last number that says whether it serves.
+    The tangent, factored, is kept in ``memory``, with a number that says whether it serves and the largest acceleration
+    so far. Forces that balance leave an acceleration with their own round-off: a correction that no longer shrinks is
+    good enough if it is small beside that largest one, or moves positions by their round-off.
     """
     n = v.size
     new, found, shifted, v_new, mean, base = work[0], work[1], work[2], work[3], work[4], work[5]
     q_new, tangent = positions[0], memory[: n * n].reshape((n, n))
     for i in range(n):
         new[i] = a[n + i]
-    largest_before = 0.0
+    largest_before, peak, reached = 0.0, memory[n * n + 1], 1.0
+    to_position = h * h * weights[2] * (1.0 - weights[1]) / (1.0 - weights[0])
     for iteration in range(_MOST_ITERATIONS):
         _end_of_step(p, weights, end, h, q, v, a, new, q_new, v_new, mean, found)
         counts[0] += 1
@@ -179,7 +183,7 @@ def newton_step(
                 base[i] = found[i]
             for j in range(n):
                 keep = new[j]
-                nudge = 1e-6 * (abs(keep) + 1e-3 * size)
+                nudge = 1e-6 * (abs(keep) + 1e-3 * max(size, peak))
                 new[j] = keep + nudge
                 _end_of_step(p, weights, end, h, q, v, a, new, q_new, v_new, mean, shifted)
                 counts[0] += 1
@@ -196,11 +200,16 @@ def newton_step(
         for i in range(n):
             new[i] += found[i]
             largest += abs(found[i])  # a sum: it keeps a NaN, which max would lose
-        if largest <= TOLERANCE * size:
+        for i in range(q.size):
+            reached = max(reached, abs(q_new[i]))
+        slow = iteration > 0 and largest > 0.3 * largest_before
+        good_enough = max(TOLERANCE * peak, _ROUND_OFF * reached / to_position)
+        if largest <= TOLERANCE * size or (slow and largest <= good_enough):
+            memory[n * n + 1] = max(peak, size)
             _end_of_step(p, weights, end, h, q, v, a, new, q_new, v_new, mean, found)
             counts[0] += 1
             return True
-        if iteration > 0 and largest > 0.3 * largest_before:
+        if slow:
             memory[n * n] = 0.0  # too slow: a fresh tangent
         largest_before = largest
     return False

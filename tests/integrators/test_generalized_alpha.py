@@ -6,12 +6,16 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
+import scipy.linalg
 
 from pipeline import Pipeline, load_scene
 from pipeline.checks import AccuracyError
+from pipeline.dynamics.link import REVOLUTE, Link, rigid_gram
 from pipeline.dynamics.planar import TorquePulse
+from pipeline.dynamics.tree import Tree
 from pipeline.integrators.generalized_alpha import GeneralizedAlpha
 from pipeline.integrators.scipy_ivp import ScipyIvp
+from pipeline.stress_cases import builders
 
 
 @pytest.fixture(scope="module")
@@ -80,8 +84,7 @@ def test_output_times_never_change_the_steps(beam):
 
 
 def test_a_spinning_body_in_space_keeps_its_quaternion_unit():
-    from pipeline.dynamics.link import SPHERICAL, Link, rigid_gram
-    from pipeline.dynamics.tree import Tree
+    from pipeline.dynamics.link import SPHERICAL
 
     top = Tree([Link("top", rigid_gram(2.0, np.zeros(3), np.diag([0.1, 0.2, 0.25])), SPHERICAL)])
     v0 = np.array([0.1, 5.0, 0.1])
@@ -98,6 +101,41 @@ def test_a_newton_iteration_that_fails_stops_the_march(beam):
     q0[1], v0[0] = 1.0, 1e100  # softening beyond all measure: the next step overflows
     with pytest.raises(AccuracyError, match=r"Newton's iteration did not converge at t = .* s; take a smaller step"):
         GeneralizedAlpha(1e-3).march(beam, q0, v0, np.array([0.0, 0.01]))
+
+
+@pytest.mark.parametrize("share", [1.5, 20.0, 1000.0])
+def test_forces_that_balance_leave_an_acceleration_with_their_round_off(share):
+    # The slider's vibration is damped until the spring holds the slowly turning rod's slider: k x = m Ω² r. Both are
+    # far above what accelerates it then.
+    case = builders()["rod-slider"]()
+    step = share * 2 / case.system.highest_frequency
+    end = GeneralizedAlpha(step).march(case.system, np.full(2, 1e-6), np.zeros(2), np.array([0.0, 12000 * step])).end
+    radius = 1.0  # m
+    assert 1e-200 < end.q[1] == pytest.approx(end.v[0] ** 2 * radius / case.lowest**2, rel=1e-3)
+
+
+@pytest.mark.parametrize(("share", "n_steps"), [(0.5, 40_000), (1.5, 4000), (20.0, 4000), (1000.0, 4000)])
+@pytest.mark.parametrize("size", [1e-6, 1.0])
+def test_a_nearly_singular_mass_leaves_the_slow_vibrations(share, n_steps, size):
+    # ω from 0.1 to 4e5 rad/s: once the fastest is damped, what accelerates the others is beneath its forces' round-off.
+    case = builders()["M_SS nearly singular, 1e-10"]()
+    squares, modes = scipy.linalg.eigh(case.M, case.K)  # 1/ω²: the slow ones are the exact ones
+    omega = 1 / np.sqrt(squares[1:])
+    method = GeneralizedAlpha(share * 2 / case.system.highest_frequency)
+    end = method.march(case.system, np.full(5, size), np.zeros(5), np.array([0.0, n_steps * method.step])).end
+    start, found = (modes[:, 1:].T @ case.K @ q for q in (np.full(5, size), end.q))
+    t = end.step * method.step
+    assert np.abs(found - start * np.cos(omega * t)).max() < 1e-3 * np.abs(start).max()
+
+
+@pytest.mark.parametrize("swing", [0.0, 0.1])
+def test_a_pendulum_comes_to_rest_at_an_angle_that_is_no_exact_number(swing):
+    # Gravity's two components balance about its hinge, with a round-off that is coarser than its last swings.
+    down = np.array([np.cos(0.7), np.sin(0.7), 0.0])
+    gram = rigid_gram(1.0, down, np.eye(3))
+    hanging = Tree([Link("pendulum", gram, REVOLUTE, damper=2.0)], gravity=9.81 * down)
+    end = GeneralizedAlpha(0.05).march(hanging, np.array([swing]), np.zeros(1), np.array([0.0, 1000.0])).end
+    assert abs(end.q[0]) < 1e-12
 
 
 @pytest.mark.parametrize("rho", [-0.1, 1.1, np.nan])
