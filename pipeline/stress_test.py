@@ -32,6 +32,7 @@ CYCLES = 1_000_000
 _PERIODS = 1e4  # of the lowest frequency, if those are fewer cycles
 _WORK = 4e8  # multiplications, about, that a march may take
 _START = 1e-6
+_SPINNING = 1e-4  # of that where a vibration that grows takes the spin away and so comes to an end
 _GROWN = np.log(1e4)  # e-folds of the largest vibration from which on a march counts as diverged
 _UNSURE = np.log(300.0)  # by which a start that is no eigenvector, or an end of an oscillation, may shift that
 _NEUTRAL = 1e-5
@@ -179,7 +180,7 @@ def _modes(A: Array, case: Case) -> tuple[Array, Array]:
 
 def _disturbed(case: Case) -> tuple[Array, Array]:
     rng = np.random.default_rng(0)
-    size = _START / np.sqrt(np.maximum(case.M.diagonal(), 1e-12))
+    size = (_SPINNING if case.at.v.any() else 1.0) * _START / np.sqrt(np.maximum(case.M.diagonal(), 1e-12))
     return case.at.q + size * rng.uniform(0.5, 1.0, len(case.M)), case.at.v.copy()
 
 

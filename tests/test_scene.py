@@ -298,7 +298,7 @@ def test_an_override_with_two_lines_of_toml_is_a_string() -> None:
         ),
         (
             "bodies=3",
-            "--set: bodies = 3: no such key; did you mean 'body'? the keys here: title, source, body",
+            "--set: bodies = 3: no such key; did you mean 'body'? the keys here: title, source, accuracy",
         ),
         ("drive.spin_up.jiont=x", "drive.spin_up.jiont = 'x': no such key; did you mean 'joint'?"),
         (
