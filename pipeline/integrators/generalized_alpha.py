@@ -30,6 +30,7 @@ from pipeline.integrators.protocol import (
 )
 
 TOLERANCE = 1e-10  # of Newton's corrections, relative to the largest acceleration
+_OF_GUESS = 1e-5  # times the tolerance: the round-off of the acceleration that an iteration starts from
 _ROUND_OFF = 1e-14  # of positions, relative to the largest, or to a radian or metre
 _MOST_ITERATIONS = 12
 _VANISHED = 1e-200  # an acceleration below which nothing is left to converge: damped motions underflow in the end
@@ -176,8 +177,8 @@ def newton_step(
         _end_of_step(p, weights, end, h, q, v, a, new, q_new, v_new, mean, found)
         counts[0] += 1
         size, largest = _VANISHED, 0.0
-        for i in range(n):  # the auxiliary ones too: their round-off is in what is found
-            size = max(size, abs(found[i]), abs(new[i]), abs(a[i]))
+        for i in range(n):  # the auxiliary ones too: their round-off is in what is found, and the first guess's in new
+            size = max(size, abs(found[i]), abs(new[i]), abs(a[i]), _OF_GUESS * abs(a[n + i]))
         if memory[n * n] == 0.0 or (iteration > 0 and iteration % 4 == 0):
             for i in range(n):
                 base[i] = found[i]
