@@ -191,7 +191,8 @@ def test_what_the_tangent_predicts_is_what_marches_do(name: str) -> None:
     decided = {row.found for row in rows if row.predicted != "either"}
     assert decided == {"lives", "diverges"} if "ω₁" not in name else {"diverges" if "linear" in name else "lives"}
     kept = [row for row in rows if row.found == "lives" and row.integrator == "reversible-sub-cycling"]
-    known = 1e-3 if "singular" in name else 1e-6  # its modes are known no better: M⁻¹ is of 1e10
+    # Energies of widely spread modes are known no better, nor are a spinning beam's, which are not quite quadratic.
+    known = 1e-3 if any(word in name for word in ("singular", "1e12", "ω₁")) else 1e-6
     assert max((abs(row.drift) for row in kept), default=0.0) < known
 
 
