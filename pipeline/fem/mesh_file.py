@@ -17,6 +17,7 @@ from pipeline.fem.raw_mesh import MeshFileError, RawMesh
 
 _TEXT_READERS = {".inp": read_abaqus, ".bdf": read_nastran, ".nas": read_nastran, ".fem": read_nastran}
 _CAD = (".step", ".stp", ".iges", ".igs", ".brep")
+_LARGEST = 1e30  # coordinate: a volume is still a number
 _MOST_BYTES = 2_000_000_000
 _SOLID = ("tetra", "hexahedron", "wedge", "pyramid", "penta_prism", "hexa_prism", "polyhedron")
 _PLANE = ("triangle", "quad", "polygon")
@@ -110,9 +111,9 @@ def solid_mesh(raw: RawMesh, scale: float, repair: bool = False) -> SolidMesh:
 
 
 def _require_sound(raw: RawMesh) -> None:
-    bad = int(np.count_nonzero(~np.isfinite(raw.points).all(axis=1)))
+    bad = int(np.count_nonzero(~(np.abs(raw.points) < _LARGEST).all(axis=1)))
     if bad:
-        raise MeshFileError(f"{bad} nodes have coordinates that aren't finite numbers")
+        raise MeshFileError(f"{bad} nodes have coordinates that aren't numbers below {_LARGEST:g}")
     for kind, cells in raw.blocks:
         if cells.size and (cells.min() < 0 or cells.max() >= len(raw.points)):
             raise MeshFileError(f"elements ({kind}) name nodes that aren't there")

@@ -85,7 +85,7 @@ def bent(points: Array, cells: IntArray, cell_type: str) -> Array:
     """Largest distance of a cell's mid-edge nodes from their edges' middles over the edges' lengths, (n_cells,)."""
     ends = points[edges(cells, cell_type)]
     n_corners, n_edges = N_CORNERS[STRAIGHT[cell_type]], ends.shape[1]
-    with np.errstate(invalid="ignore", divide="ignore", over="ignore"):
+    with np.errstate(invalid="ignore", divide="ignore"):
         off = points[cells[:, n_corners : n_corners + n_edges]] - ends.mean(axis=2)
         length = np.linalg.norm(ends[:, :, 1] - ends[:, :, 0], axis=2)
         return np.asarray(np.nan_to_num(np.linalg.norm(off, axis=2) / length, nan=np.inf).max(axis=1))
