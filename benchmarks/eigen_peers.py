@@ -238,10 +238,8 @@ def row(file, unknowns, name, reference):
     command = [sys.executable, __file__, "measure", str(file), name]
     done = subprocess.run(command, check=False, capture_output=True, text=True, env={**os.environ, **ONE_THREAD})
     if done.returncode:
-        last = (
-            done.stderr.strip().splitlines()
-            or [f"ended by signal {-done.returncode}; {MOST_SECONDS} processor seconds are the limit"]
-        )[-1]
+        killed = f"ended by signal {-done.returncode}; {MOST_SECONDS} processor seconds are the limit"
+        last = (done.stderr.strip().splitlines() or [killed])[-1]
         return {"unknowns": unknowns, "program": name, "note": last[:100]}, None
     found = json.loads(done.stdout.splitlines()[-1])
     seconds = {part: found[part] for part in ("assemble", "factor", "iterate") if found[part] is not None}
