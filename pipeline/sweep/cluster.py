@@ -50,15 +50,17 @@ def on_cluster(scenes: Mapping[str, Scene], address: str) -> Iterator[tuple[str,
             mend = f"has no workers; start some: dask worker {address}"
             raise InputError(_SCHEDULER, "", address, mend) from None
         for future in as_completed(futures, loop=client.loop):
-            if future.status == "finished":
+            key, status = futures.pop(future), future.status
+            if status == "finished":
                 record: Record = future.result()
-                yield futures[future], record
-            elif future.status == "error":
+            elif status == "error":
                 fault = future.exception()
-                yield futures[future], broken_off(f"{type(fault).__name__}: {fault}")
+                record = broken_off(f"{type(fault).__name__}: {fault}")
             else:
                 mend = "the scheduler went away; what is done is kept, and the same command goes on from there"
                 raise InputError(_SCHEDULER, "", address, mend)
+            future.release()  # a result that is still held is computed again if the worker that has it is lost
+            yield key, record
 
 
 def _placed(scene: Scene) -> Scene:
