@@ -17,6 +17,7 @@ from pipeline.cache import Cache, stage_key
 from pipeline.checks import AccuracyError, Array, IntArray
 from pipeline.integrators.automatic import Automatic
 from pipeline.integrators.protocol import Integrator
+from pipeline.methods import first_plan
 from pipeline.neighbours import COARSENING, coarser, richer, with_modes, with_runs
 from pipeline.observed import Quantities, modes_like, of_the_mesh, of_the_motion, of_the_stress
 from pipeline.sources import contents
@@ -100,10 +101,8 @@ class _Estimates:
     """Relative errors by source; each method compares one neighbour with the run."""
 
     def __init__(self, run: Pipeline) -> None:
-        from pipeline.methods import plans_of
-
         self.run = run
-        self.plan = next(iter(plans_of(run).values()))
+        self.plan = next(iter(run.plans.values()))
         self.motion = run.first_motion
         self.frames: IntArray = np.arange(0)
         self.found = of_the_mesh(run) | of_the_motion(run, self.motion)
@@ -196,7 +195,7 @@ class _Estimates:
                 for name, body in self.run.bodies.items()
             }
             moved = self.run.with_bodies(bodies)
-            theirs = self._of(moved, self._march(moved, self._plan(moved)), self.hot)
+            theirs = self._of(moved, self._march(moved, first_plan(moved)), self.hot)
             for name, quantity in theirs.items():
                 found[name] = max(found[name], self.found[name].error(quantity) / SAFETY)
         return found
@@ -211,7 +210,7 @@ class _Estimates:
             bodies[name] = replace(other, omega=omega)
         swapped = coarse.with_bodies(bodies)
         places = {name: part.element_places for name, part in self.run.parts.items() if part.elements}
-        return self._changes(swapped, self._march(swapped, self._plan(swapped)), places=places)
+        return self._changes(swapped, self._march(swapped, first_plan(swapped)), places=places)
 
     def _coarse(self) -> tuple[Pipeline | None, str]:
         """The run on a coarser mesh, its modes those that are most like the run's; or why there is none."""
@@ -288,27 +287,20 @@ class _Estimates:
             self.hot[name] = np.flatnonzero(values.max(axis=0) >= _HOT * values.max())
         self.frames = np.unique(np.concatenate(frames))
 
-    def _plan(self, other: Pipeline) -> Plan:
-        from pipeline.methods import plans_of
-
-        return next(iter(plans_of(other).values()))
-
     def _march(self, other: Pipeline, plan: Plan) -> Motion | ChainMotion:
         return other.motion_by(plan, plan.march(self.run.output_times))
 
     def _comparable(self, rich: Pipeline) -> tuple[Plan, Motion | ChainMotion | None]:
         """A plan for the richer model, and the run's own motion by its step if that is a shorter one."""
-        from pipeline.methods import plans_of
-
         run = self.run.scene.simulation.run[0]
         limit = _STABLE * self.plan.integrator.largest_step(rich.mechanism)
         if not self.plan.integrator.step > limit:
-            return self._plan(rich), None
+            return first_plan(rich), None
         shorter = run.model_copy(update={"step": limit})
         same = self.run.neighbour(with_runs(self.run.scene, shorter))
-        plan = next(iter(plans_of(same).values()))
+        plan = first_plan(same)
         again = rich.neighbour(with_runs(rich.scene, shorter))
-        return next(iter(plans_of(again).values())), self._march(same, plan)
+        return first_plan(again), self._march(same, plan)
 
 
 def _in_order_of(body: FlexibleBody, coarse: Pipeline, name: str) -> tuple[IntArray, Array]:

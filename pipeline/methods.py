@@ -64,24 +64,35 @@ def plans_of(pipeline: Pipeline) -> dict[str, Plan]:
     InputError
         A step is beyond its stability limit, or vibrations would grow visibly by the method itself.
     """
-    simulation = pipeline.scene.simulation
     plans: dict[str, Plan] = {}
-    given = _longest_step(pipeline) if simulation.step == "auto" else simulation.step
-    for k, run in enumerate(simulation.run):
-        key = f"simulation.run.{k}.step" if run.step else "simulation.step"
-        if run.integrator in ("sub-cycling", "reversible-sub-cycling"):
-            plan = sub_cycled(pipeline, run, key, given)
-        else:
-            chain = None if pipeline.is_rotor else pipeline.chain
-            plan = Plan(key, _method(run, simulation, given), pipeline.mechanism, pipeline.start, chain)
-        plan = _stable(pipeline, plan, free=simulation.step == "auto" and not run.step)
+    given = _given_step(pipeline)
+    for k, run in enumerate(pipeline.scene.simulation.run):
+        plan = _plan(pipeline, k, given)
         label = str(run.integrator)
         if hasattr(run, "substeps"):
             label += f" {getattr(plan.integrator, 'substeps', 1)}:1"
-        if not pipeline.keep_all:
-            plan = replace(plan, excited=excited_part(plan.system, plan.start[0], _NO_FORCE * simulation.error))
         plans[f"{label} ({k})" if label in plans else label] = plan
     return plans
+
+
+def first_plan(pipeline: Pipeline) -> Plan:
+    """Make the scene's first run ready, and no other; raises what `plans_of` does."""
+    return _plan(pipeline, 0, _given_step(pipeline))
+
+
+def _plan(pipeline: Pipeline, k: int, given: float | None) -> Plan:
+    simulation = pipeline.scene.simulation
+    run = simulation.run[k]
+    key = f"simulation.run.{k}.step" if run.step else "simulation.step"
+    if run.integrator in ("sub-cycling", "reversible-sub-cycling"):
+        plan = sub_cycled(pipeline, run, key, given)
+    else:
+        chain = None if pipeline.is_rotor else pipeline.chain
+        plan = Plan(key, _method(run, simulation, given), pipeline.mechanism, pipeline.start, chain)
+    plan = _stable(pipeline, plan, free=simulation.step == "auto" and not run.step)
+    if pipeline.keep_all:
+        return plan
+    return replace(plan, excited=excited_part(plan.system, plan.start[0], _NO_FORCE * simulation.error))
 
 
 def _stable(pipeline: Pipeline, plan: Plan, free: bool) -> Plan:
@@ -181,11 +192,13 @@ def _two_rates(run: SubCycling | ReversibleSubCycling, step: float, substeps: in
     return ReversibleSubcycling(step, substeps)
 
 
-def _longest_step(pipeline: Pipeline) -> float:
-    """Step of plain central difference for the scene's wanted error, about the reference state."""
+def _given_step(pipeline: Pipeline) -> float | None:
+    """The scene's step; "auto" is plain central difference's for the wanted error, about the reference state."""
+    simulation = pipeline.scene.simulation
+    if simulation.step != "auto":
+        return simulation.step
     from pipeline.studies.splitting import longest_step
 
-    simulation = pipeline.scene.simulation
     return longest_step(*pipeline.reference_matrices, simulation.error, simulation.duration)
 
 

@@ -55,15 +55,14 @@ def print_run(summary: dict[str, Any], folder: Path) -> None:
 
 
 def print_plan(plan: RunPlan, steps: bool) -> None:
-    """Tell who waits at a terminal what a run will cost; stage by stage, and anywhere, if ``steps`` are wanted."""
+    """Print what a run will cost, and what it will do stage by stage if ``steps`` are wanted."""
     console = Console()
     if steps:
         table = _table("Plan", "stage", "body", "will", "last time", "why", wide=4)
         for step in plan.steps:
             table.add_row(step.stage, step.body, _FATES[step.fate], _last_time(step.seconds), step.why)
         console.print(table)
-    if steps or console.is_terminal:
-        console.print(f"forecast: {plan.forecast}")
+    console.print(f"forecast: {plan.forecast}")
 
 
 def _last_time(seconds: float | None) -> str:

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import sys
 from pathlib import Path
 from typing import Annotated
 
@@ -47,15 +48,17 @@ def run(
 
     pipeline = open_pipeline(scene, set_, no_cache, repair, keep_all)
     folder = out or Path("out") / pipeline.scene.name
-    plan = plan_of(pipeline, not no_pictures, not no_budget)
-    if not json:
-        print_plan(plan, steps=explain or dry_run)
+    asked = explain or dry_run
+    # Who waits at a terminal is told what it will cost; asking the cache takes time that nobody else need spend.
+    plan = plan_of(pipeline, not no_pictures, not no_budget) if asked or (not json and sys.stdout.isatty()) else None
+    if plan and not json:
+        print_plan(plan, steps=asked)
     if dry_run:
-        if json:
+        if plan and json:
             print_json({"plan": plan.summary()})
         return
     summary = write_results(pipeline, folder, pictures=not no_pictures, budget=not no_budget)
     if json:
-        print_json({"plan": plan.summary(), **summary} if explain else summary)
+        print_json({"plan": plan.summary(), **summary} if plan else summary)
     else:
         print_run(summary, folder)

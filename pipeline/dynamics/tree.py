@@ -126,6 +126,11 @@ class Tree:
     @property
     def parameters(self) -> TreeParameters:
         """Flat arrays for the kernels, with room to work in that is the caller's own."""
+        return with_room(self._ready)
+
+    @cached_property
+    def _ready(self) -> TreeParameters:
+        """Parameters that know their kernels; looking those up takes longer than many a march."""
         from pipeline.dynamics.tree_solve import with_kernels
 
         return with_kernels(with_room(self._packed[0]))
@@ -141,14 +146,15 @@ class Tree:
 
     def frozen(self) -> FrozenTree:
         """Fresh storage for the frozen coefficients of a major cycle."""
+        constant, v_now = np.zeros((2, self.n))
+        return replace(self._frozen, constant=constant, single=np.zeros(1), v_now=v_now, L=np.zeros((self.n, self.n)))
+
+    @cached_property
+    def _frozen(self) -> FrozenTree:
         from pipeline.dynamics.tree_solve import frozen_with_kernels
 
-        p = self._packed[0]
-        return frozen_with_kernels(
-            FrozenTree(
-                0, self.n_slow, np.zeros(self.n), np.zeros(1), np.zeros(self.n), p.K, p.C, np.zeros((self.n, self.n))
-            )
-        )
+        p, v, L = self._packed[0], np.zeros(self.n), np.zeros((self.n, self.n))
+        return frozen_with_kernels(FrozenTree(0, self.n_slow, v, np.zeros(1), v, p.K, p.C, L))
 
     def middle(self) -> MiddleTree:
         """Fresh storage for what a major cycle's middle holds."""

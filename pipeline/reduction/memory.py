@@ -7,7 +7,14 @@ from pathlib import Path
 
 _MEMINFO = Path("/proc/meminfo")
 _CGROUP = Path("/sys/fs/cgroup")
-_OLD = (("limit", "usage", ("total_active_file", "total_inactive_file")),)
+# Limit, use, and what of that are files' pages, which make room: by version 2 of control groups, and by version 1.
+_GROUPS = (
+    ("memory.max", "memory.current", "memory.stat", ("active_file", "inactive_file")),
+    (
+        *("memory/memory.limit_in_bytes", "memory/memory.usage_in_bytes", "memory/memory.stat"),
+        ("total_active_file", "total_inactive_file"),
+    ),
+)
 
 
 def available_memory(meminfo: Path = _MEMINFO, cgroup: Path = _CGROUP) -> float:
@@ -34,14 +41,11 @@ def _of_machine(meminfo: Path) -> float:
 
 
 def _of_group(cgroup: Path) -> float:
-    for limit, used, stat, cached in (
-        ("memory.max", "memory.current", "memory.stat", ("active_file", "inactive_file")),
-        *[(f"memory/memory.{a}_in_bytes", f"memory/memory.{b}_in_bytes", "memory/memory.stat", c) for a, b, c in _OLD],
-    ):
+    for limit, used, stat, cached in _GROUPS:
         try:
             lines = dict(line.split() for line in (cgroup / stat).read_text().splitlines())
             free = float((cgroup / limit).read_text()) - float((cgroup / used).read_text())
-            return free + sum(float(lines[name]) for name in cached)  # files' pages make room
+            return free + sum(float(lines[name]) for name in cached)
         except (OSError, KeyError, ValueError):  # no such file, or "max": no limit
             continue
     return float("inf")
