@@ -85,7 +85,9 @@ def scikit_fem_lean(points, cells, name):
 
     def work():
         element = skfem.ElementVector(space.kind.element)
-        coarse, fine = (skfem.Basis(mesh, element, intorder=o) for o in (space.kind.stiffness_order, space.kind.mass_order))
+        coarse, fine = (
+            skfem.Basis(mesh, element, intorder=o) for o in (space.kind.stiffness_order, space.kind.mass_order)
+        )
         return linear_elasticity(LAM, MU).assemble(coarse), inner.assemble(fine), space.x
 
     return work, nodal
