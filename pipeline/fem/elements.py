@@ -99,7 +99,7 @@ class ElementKind:
 
 
 def shape_functions(element: Any, X: Array) -> tuple[Array, Array]:
-    """Values (n_nodes, n_q) and reference gradients (n_nodes, 3, n_q) at the points X (3, n_q), not to be written to."""
+    """Values (n_nodes, n_q) and reference gradients (n_nodes, 3, n_q) at the points X (3, n_q), read-only."""
     return _tabulated(element, X.astype(float).tobytes(), X.shape[1])
 
 

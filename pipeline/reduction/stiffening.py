@@ -102,4 +102,4 @@ def reduced_geometric_stiffness(fe: FEModel, u: Array, shapes: Array) -> Array:
 
     flat, n = shapes.reshape(len(shapes), -1), shapes.shape[2]
     K = np.array([flat.reshape(-1, n).T @ (k_G @ flat).reshape(-1, n) for k_G in geometric_stiffness(fe, u)])
-    return 0.5 * (K + K.swapaxes(1, 2))
+    return np.asarray(0.5 * (K + K.swapaxes(1, 2)))
