@@ -6,6 +6,7 @@ computation, the finer one is off by their difference over ``R − 1``.
 
 from __future__ import annotations
 
+import math
 from dataclasses import dataclass, replace
 from typing import Literal
 
@@ -15,7 +16,7 @@ from pipeline.checks import Array
 
 NO_PART = "no part in it"
 SOURCES = ("discretisation", "truncation", "time", "recovery")
-# An estimate tells the size of an error, not a bound: what is stated is this many times the estimates' sum.
+# An estimate tells the size of an error, not a bound: what is stated is this many times all estimates together.
 SAFETY = 2.0
 _NEAR_PEAK = 0.8  # of the largest value
 _MOST = 0.75
@@ -96,8 +97,12 @@ class Row:
 
     @property
     def total(self) -> float:
-        """What is stated: `SAFETY` times the sum of the estimates, relative."""
-        return SAFETY * sum(part for part in self.parts.values() if isinstance(part, float))
+        """What is stated: `SAFETY` times the root of the sum of the estimates' squares, relative.
+
+        Sources are independent of one another, so that they rarely add up at the same instant (JCGM 100, Guide to the
+        expression of uncertainty in measurement, 2008, section 5.1).
+        """
+        return SAFETY * math.hypot(*(part for part in self.parts.values() if isinstance(part, float)))
 
     @property
     def dominant(self) -> str:

@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 
 from pipeline.studies.error_estimates import NO_PART, Quantity, Row, refinement_gain, shifted_frequencies
-from pipeline.studies.matching import matched
+from pipeline.studies.matching import counterparts, matched
 
 T = np.linspace(0.0, 1.0, 101)
 
@@ -40,7 +40,7 @@ def test_a_largest_value_that_is_the_same_by_chance_still_counts_as_changed() ->
 
 def test_what_has_no_estimate_is_no_number_and_does_not_count() -> None:
     row = Row("x", "m", 1.0, False, {"discretisation": 0.01, "truncation": NO_PART, "time": 0.02, "recovery": "not"})
-    assert row.total == pytest.approx(0.06)
+    assert row.total == pytest.approx(2 * np.sqrt(5) * 0.01)
     assert row.dominant == "time"
 
 
@@ -50,6 +50,18 @@ def test_shapes_that_changed_places_are_found() -> None:
     order = np.array([3, 0, 5, 1, 4, 2])
     found = matched(x, shapes[:, :, order[:4]], x, np.eye(40), -shapes)
     assert found.tolist() == order[:4].tolist()
+
+
+def test_shapes_that_turned_in_their_plane_are_alike_and_noise_is_not() -> None:
+    x = np.random.default_rng(0).uniform(size=(40, 3))
+    shapes = np.linalg.qr(np.random.default_rng(1).standard_normal((120, 4)))[0].reshape(40, 3, 4)
+    turned, other = np.array([[0.8, -0.6], [0.6, 0.8]]), shapes.copy()
+    other[:, :, :2] = shapes[:, :, :2] @ turned
+    other[:, :, 2] = np.random.default_rng(2).standard_normal((40, 3)) / np.sqrt(120)
+    numbers, alike = counterparts(x, shapes, x, np.eye(40), other[:, :, :3], np.array([5.0, 5.001, 9.0]))
+    assert sorted(numbers[:2]) == [0, 1]
+    assert alike[:2] == pytest.approx([1.0, 1.0])
+    assert (alike[2:] < 0.1).all()
 
 
 def test_too_few_shapes_are_told() -> None:
