@@ -8,10 +8,12 @@ over time and can't be extrapolated from two motions; so the frequencies are, an
 
 from __future__ import annotations
 
+import math
 from dataclasses import dataclass, replace
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
+from numpy.typing import NDArray
 
 from pipeline.cache import Cache, stage_key
 from pipeline.checks import AccuracyError, Array, IntArray
@@ -22,7 +24,15 @@ from pipeline.neighbours import COARSENING, coarser, richer, with_modes, with_ru
 from pipeline.observed import Quantities, modes_like, of_the_mesh, of_the_motion, of_the_stress
 from pipeline.sources import contents
 from pipeline.stages import Pipeline
-from pipeline.studies.error_estimates import NO_PART, SAFETY, SOURCES, Row, refinement_gain, shifted_frequencies
+from pipeline.studies.error_estimates import (
+    NO_PART,
+    SAFETY,
+    SOURCES,
+    Row,
+    refinement_gain,
+    shifted_frequencies,
+    softened,
+)
 from pipeline.studies.matching import counterparts
 
 if TYPE_CHECKING:
@@ -157,7 +167,7 @@ class _Estimates:
         """
         coarse, why = self._coarse()
         errors: dict[str, float | str] = dict.fromkeys(self.found, why)
-        excess = {}
+        excess: dict[str, Array] = {}
         for name, part in self.run.parts.items():
             body = self.run.bodies[name]
             of_modes, excess[name] = _energy_excess(part, body)
@@ -167,8 +177,9 @@ class _Estimates:
                 numbers, known = _counterparts(body, coarse, name)
                 omega = coarse.bodies[name].omega[numbers]
                 change = ((omega / body.omega) ** 2 - 1) / self.gains["displacement"]
-                limited = np.minimum(excess[name], _MOST_OF_CHANGE * np.abs(change))
-                excess[name] = np.where(known, _larger(limited, change), excess[name])
+                recovered = np.diag(excess[name])
+                limited = np.minimum(recovered, _MOST_OF_CHANGE * np.abs(change))
+                excess[name] = _with_diagonal(excess[name], np.where(known, _larger(limited, change), recovered))
             for k, share in enumerate(1 - shifted_frequencies(np.ones(len(of_modes)), of_modes, 1.0)):
                 errors[f"{name}, frequency {k + 1}"] = abs(float(share))
         shifted = self._shifted(excess)
@@ -181,10 +192,10 @@ class _Estimates:
                 errors[name] = quantity.change(masses[name]) / self.gains["geometry"]
         for name, error in self._swapped(coarse).items():
             shape = error / self.gains[self.found[name].kind]
-            if isinstance(recovered := recovery.get(name), float):
-                recovery[name] = min(recovered, shape)
-                shape -= min(recovered, shape)
-            errors[name] = shifted[name] + shape
+            if isinstance(again := recovery.get(name), float):
+                recovery[name] = min(again, shape)
+                shape -= min(again, shape)
+            errors[name] = math.hypot(shifted[name], shape)
         return errors
 
     def _shifted(self, excess: dict[str, Array]) -> dict[str, float]:
@@ -197,12 +208,10 @@ class _Estimates:
             of_the_motion(self.run, self.motion) | of_the_stress(self.run, self.motion, self.frames), 0.0
         )
         for shift in _SHIFTS:
-            bodies = {
-                name: replace(body, omega=shifted_frequencies(body.omega, excess[name], shift))
-                for name, body in self.run.bodies.items()
-            }
-            moved = self.run.with_bodies(bodies)
-            theirs = self._of(moved, self._march(moved, first_plan(moved)), self.hot)
+            found_bodies = {name: softened(body, shift * excess[name]) for name, body in self.run.bodies.items()}
+            moved = self.run.with_bodies({name: body for name, (body, _) in found_bodies.items()})
+            forces = {name: as_if for name, (_, as_if) in found_bodies.items()}
+            theirs = self._of(moved, self._march(moved, first_plan(moved)), self.hot, as_if=forces)
             for name, quantity in theirs.items():
                 found[name] = max(found[name], self.found[name].error(quantity) / SAFETY)
         return found
@@ -230,15 +239,16 @@ class _Estimates:
         try:
             for name, part in coarse.parts.items():
                 part.modes = modes_like(self.run.parts[name], part)
-            # Where the volume changes with the mesh so does the shape, and nothing converges faster than that.
+            # Where the volume changes with the mesh so does the shape, and nothing converges faster than that does.
             exact = all(
                 abs(coarse.bodies[name].gram.mass / body.gram.mass - 1) < _SAME
                 for name, body in self.run.bodies.items()
             )
         except AccuracyError as fault:
             return None, f"not estimated: on a coarser mesh, {fault}"
-        order = min(part.order for part in self.run.parts.values()) if exact else 1
-        self.gains = {kind: refinement_gain(COARSENING, order, kind) for kind in ("displacement", "stress", "geometry")}
+        order = min(part.order for part in self.run.parts.values())
+        gains = {kind: refinement_gain(COARSENING, order, kind) for kind in ("displacement", "stress", "geometry")}
+        self.gains = gains if exact else {kind: min(gain, gains["geometry"]) for kind, gain in gains.items()}
         return coarse, NO_PART
 
     def _recovery(self) -> dict[str, float | str]:
@@ -278,10 +288,11 @@ class _Estimates:
         motion: Motion | ChainMotion,
         nodes: dict[str, IntArray] | None = None,
         places: dict[str, Array] | None = None,
+        as_if: dict[str, Array] | None = None,
     ) -> Quantities:
         """The quantities of a motion; stress only at the chosen output times."""
         found = of_the_motion(run, motion)
-        return found | of_the_stress(run, motion, self.frames, nodes, places) if run.parts else found
+        return found | of_the_stress(run, motion, self.frames, nodes, places, as_if) if run.parts else found
 
     def _look_for_stress(self) -> None:
         """Choose the output times at which stress is compared, and the nodes that matter."""
@@ -310,7 +321,7 @@ class _Estimates:
         return first_plan(again), self._march(same, plan)
 
 
-def _counterparts(body: FlexibleBody, coarse: Pipeline, name: str) -> tuple[IntArray, Array]:
+def _counterparts(body: FlexibleBody, coarse: Pipeline, name: str) -> tuple[IntArray, NDArray[np.bool_]]:
     """Numbers of the shapes on the coarse mesh that are most like a body's, and which of them are alike."""
     other = coarse.bodies[name]
     numbers, alike = counterparts(body.x, body.shapes, other.x, coarse.parts[name].fe.m, other.shapes, other.omega)
@@ -326,7 +337,15 @@ def _energy_excess(part: FlexiblePart, body: FlexibleBody) -> tuple[Array, Array
     flat, modes = body.shapes.reshape(part.fe.K.shape[0], -1), part.modes
     weights = (flat.T @ (part.fe.K @ modes.shapes.reshape(len(flat), -1))) / body.omega[:, None] ** 2
     of_modes = np.einsum("jk,jl,lk->k", weights, errors, weights) / modes.omega**2
-    return np.asarray(of_modes), np.asarray(np.diag(errors) / body.omega**2)
+    return np.asarray(of_modes), np.asarray(errors / np.outer(body.omega, body.omega))
+
+
+def _with_diagonal(excess: Array, wanted: Array) -> Array:
+    """The same products of shapes, scaled to another diagonal; what isn't positive there stands alone."""
+    scale = np.sqrt(np.maximum(wanted, 0.0) / np.diag(excess))
+    scaled = excess * np.outer(scale, scale)
+    np.fill_diagonal(scaled, wanted)
+    return np.asarray(scaled)
 
 
 def _larger(one: Array, other: Array) -> Array:

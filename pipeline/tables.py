@@ -119,7 +119,7 @@ def _budget(budget: dict[str, Any]) -> Table:
     """Relative errors by source; of a body's frequencies only the worst."""
     from pipeline.studies.error_estimates import NO_PART, SOURCES
 
-    title = f"Error budget [%]: what is stated is {budget['safety']:g} times the root of the squares' sum"
+    title = f"Error budget [%]: what is stated is {budget['safety']:g} times the root of their squares"
     table = _table(title, "quantity", "mesh", "modes", "time", "stress", "stated")
     shown: dict[str, dict[str, Any]] = {}
     for row in budget["rows"]:
