@@ -150,15 +150,15 @@ class _Estimates:
         """Another step, or a finer tolerance."""
         integrator, gain = _of_other_fineness(self.plan, self.motion.trajectory.seconds)
         other = self._march(self.run, replace(self.plan, integrator=integrator))
-        return {name: error / gain for name, error in self._changes(self.run, other, self.hot).items()}
+        return {name: error / gain for name, error in self._changes(self._of(self.run, other, self.hot)).items()}
 
     def _truncation(self) -> dict[str, float | str]:
         """A richer basis on the same mesh; both are marched with a step that the richer one stands."""
         rich = self.run.neighbour(richer(self.run.scene))
         rich.spin = self.run.spin  # what is stiffened stays so
         plan, base = self._comparable(rich)
-        errors = self._changes(rich, self._march(rich, plan), base=base)
-        return dict(errors)
+        ours = self.found if base is None else self._of(self.run, base)
+        return dict(self._changes(self._of(rich, self._march(rich, plan)), ours))
 
     def _discretisation(self, recovery: dict[str, float | str]) -> dict[str, float | str]:
         """Frequencies that are too high shift the run's own; what else a coarser mesh changes comes on top.
@@ -193,8 +193,7 @@ class _Estimates:
         for name, error in self._swapped(coarse).items():
             shape = error / self.gains[self.found[name].kind]
             if isinstance(again := recovery.get(name), float):
-                recovery[name] = min(again, shape)
-                shape -= min(again, shape)
+                shape = max(shape - again, 0.0)
             errors[name] = math.hypot(shifted[name], shape)
         return errors
 
@@ -217,16 +216,17 @@ class _Estimates:
         return found
 
     def _swapped(self, coarse: Pipeline) -> dict[str, float]:
-        """What the motion changes by on a coarser mesh that has the run's frequencies."""
-        bodies = {}
+        """What the motion changes by on a coarser mesh that has the run's frequencies; its stress is its own forces'."""
+        bodies, forces = {}, {}
         for name, body in self.run.bodies.items():
             other, (numbers, known) = coarse.bodies[name], _counterparts(body, coarse, name)
             omega = other.omega.copy()
             omega[numbers[known]] = body.omega[known]
-            bodies[name] = replace(other, omega=omega)
+            bodies[name], forces[name] = replace(other, omega=omega), np.diag((omega / other.omega) ** 2)
         swapped = coarse.with_bodies(bodies)
         places = {name: part.element_places for name, part in self.run.parts.items() if part.elements}
-        return self._changes(swapped, self._march(swapped, first_plan(swapped)), places=places)
+        theirs = self._of(swapped, self._march(swapped, first_plan(swapped)), places=places, as_if=forces)
+        return self._changes(theirs)
 
     def _coarse(self) -> tuple[Pipeline | None, str]:
         """The run on a coarser mesh, its modes those that are most like the run's; or why there is none."""
@@ -268,19 +268,10 @@ class _Estimates:
 
     # How they are computed --------------------------------------------------------------------------------------
 
-    def _changes(
-        self,
-        other: Pipeline,
-        motion: Motion | ChainMotion,
-        nodes: dict[str, IntArray] | None = None,
-        places: dict[str, Array] | None = None,
-        base: Motion | ChainMotion | None = None,
-    ) -> dict[str, float]:
+    def _changes(self, theirs: Quantities, ours: Quantities | None = None) -> dict[str, float]:
         """How much each quantity of the motion differs from a neighbour's."""
-        ours = self.found
-        if base is not None:
-            ours = self._of(self.run, base)
-        return {name: ours[name].change(quantity) for name, quantity in self._of(other, motion, nodes, places).items()}
+        ours = ours or self.found
+        return {name: ours[name].change(quantity) for name, quantity in theirs.items()}
 
     def _of(
         self,
