@@ -216,7 +216,7 @@ class _Estimates:
         return found
 
     def _swapped(self, coarse: Pipeline) -> dict[str, float]:
-        """What the motion changes by on a coarser mesh that has the run's frequencies; its stress is its own forces'."""
+        """What the motion changes by on a coarser mesh with the run's frequencies; its stress is its own forces'."""
         bodies, forces = {}, {}
         for name, body in self.run.bodies.items():
             other, (numbers, known) = coarse.bodies[name], _counterparts(body, coarse, name)
