@@ -19,8 +19,8 @@ from pipeline.cache import Cache, stage_key
 from pipeline.checks import AccuracyError, Array, IntArray
 from pipeline.integrators.automatic import Automatic
 from pipeline.integrators.protocol import Integrator
-from pipeline.methods import first_plan
-from pipeline.neighbours import COARSENING, coarser, richer, with_modes, with_runs
+from pipeline.methods import STABLE, plan_like
+from pipeline.neighbours import COARSENING, coarser, richer, with_modes
 from pipeline.observed import Quantities, modes_like, of_the_mesh, of_the_motion, of_the_stress
 from pipeline.sources import contents
 from pipeline.stages import Pipeline
@@ -46,13 +46,13 @@ _SHORT = 0.5  # seconds of a march that may be taken again with half of its step
 _FRAMES = 60  # at which stress is compared
 _HOTTEST = 20  # of them around the largest stress
 _HOT = 0.5  # of the largest stress: what other nodes have doesn't matter
-_STABLE = 0.4  # of the largest stable step
 _SHIFTS = (0.5, 1.0, 1.5, 2.0)  # of the extrapolated change of frequencies; the last is SAFETY
 _FINER = 0.1
 _SAME = 1e-9
 _ALIKE = 0.5  # modal assurance criterion above which a shape of the coarse mesh is the run's own
 # Recovered stress overstates the energy error of static responses to forces on a face, where stress jumps: 25 times on
 # the beam. It counts up to this many times of what the coarse mesh says; on modes it is up to 2.5 times that.
+# So do patches of elements at edges.
 _MOST_OF_CHANGE = 3.0
 _MORE = 1.5  # modes of the coarse mesh to find the run's among
 
@@ -193,6 +193,7 @@ class _Estimates:
         for name, error in self._swapped(coarse).items():
             shape = error / self.gains[self.found[name].kind]
             if isinstance(again := recovery.get(name), float):
+                recovery[name] = again = min(again, _MOST_OF_CHANGE * shape)
                 shape = max(shape - again, 0.0)
             errors[name] = math.hypot(shifted[name], shape)
         return errors
@@ -210,7 +211,7 @@ class _Estimates:
             found_bodies = {name: softened(body, shift * excess[name]) for name, body in self.run.bodies.items()}
             moved = self.run.with_bodies({name: body for name, (body, _) in found_bodies.items()})
             forces = {name: as_if for name, (_, as_if) in found_bodies.items()}
-            theirs = self._of(moved, self._march(moved, first_plan(moved)), self.hot, as_if=forces)
+            theirs = self._of(moved, self._march(moved, plan_like(self.plan, moved)), self.hot, as_if=forces)
             for name, quantity in theirs.items():
                 found[name] = max(found[name], self.found[name].error(quantity) / SAFETY)
         return found
@@ -225,7 +226,7 @@ class _Estimates:
             bodies[name], forces[name] = replace(other, omega=omega), np.diag((omega / other.omega) ** 2)
         swapped = coarse.with_bodies(bodies)
         places = {name: part.element_places for name, part in self.run.parts.items() if part.elements}
-        theirs = self._of(swapped, self._march(swapped, first_plan(swapped)), places=places, as_if=forces)
+        theirs = self._of(swapped, self._march(swapped, plan_like(self.plan, swapped)), places=places, as_if=forces)
         return self._changes(theirs)
 
     def _coarse(self) -> tuple[Pipeline | None, str]:
@@ -301,15 +302,12 @@ class _Estimates:
 
     def _comparable(self, rich: Pipeline) -> tuple[Plan, Motion | ChainMotion | None]:
         """A plan for the richer model, and the run's own motion by its step if that is a shorter one."""
-        run = self.run.scene.simulation.run[0]
-        limit = _STABLE * self.plan.integrator.largest_step(rich.mechanism)
-        if not self.plan.integrator.step > limit:
-            return first_plan(rich), None
-        shorter = run.model_copy(update={"step": limit})
-        same = self.run.neighbour(with_runs(self.run.scene, shorter))
-        plan = first_plan(same)
-        again = rich.neighbour(with_runs(rich.scene, shorter))
-        return first_plan(again), self._march(same, plan)
+        method: Any = self.plan.integrator
+        limit = STABLE * method.largest_step(rich.mechanism)
+        if not method.step > limit:
+            return plan_like(self.plan, rich), None
+        shorter = replace(self.plan, integrator=replace(method, step=limit))
+        return plan_like(shorter, rich), self._march(self.run, shorter)
 
 
 def _counterparts(body: FlexibleBody, coarse: Pipeline, name: str) -> tuple[IntArray, NDArray[np.bool_]]:
