@@ -60,7 +60,7 @@ def write_results(run: Pipeline, folder: Path, pictures: bool, budget: bool = Tr
             files += [name for output in drawn for name in draw(run, output, folder)]
         summary = summarise(run, files, budget)
         if rounds:
-            summary["accuracy"] = {"wanted": run.scene.accuracy, "rounds": rounds}
+            summary["accuracy"] = {"wanted": run.scene.accuracy, "met": not rounds[-1]["given_up"], "rounds": rounds}
         with whole_file(folder / "summary.json") as part:
             part.write_text(json.dumps(summary, indent=1, allow_nan=False) + "\n")
     except OSError as error:
