@@ -18,6 +18,7 @@ if TYPE_CHECKING:
     from pipeline.scene import ReversibleSubCycling, Run, Simulation, SubCycling
     from pipeline.stages import Pipeline
 
+STABLE = 0.4  # of the largest stable step: what a neighbour of a run takes that doesn't stand the run's own
 _NO_FORCE = 1e-3  # part of the wanted error: what a mode that is left out could have answered with
 
 
@@ -75,24 +76,42 @@ def plans_of(pipeline: Pipeline) -> dict[str, Plan]:
     return plans
 
 
-def first_plan(pipeline: Pipeline) -> Plan:
-    """Make the scene's first run ready, and no other; raises what `plans_of` does."""
-    return _plan(pipeline, 0, _given_step(pipeline))
+def plan_like(plan: Plan, neighbour: Pipeline) -> Plan:
+    """A neighbouring scene's first run, by the method and the step of a run whose growth has been asked already.
+
+    The step is a shorter one where the neighbour's highest frequency takes that.
+    """
+    found = _unasked(neighbour, 0, _given_step(neighbour))
+    method: Any = plan.integrator
+    limit = method.largest_step(found.system)
+    if method.step >= limit:
+        method = replace(method, step=STABLE * limit)
+    return _without_rest(neighbour, replace(found, integrator=method))
 
 
 def _plan(pipeline: Pipeline, k: int, given: float | None) -> Plan:
     simulation = pipeline.scene.simulation
+    free = simulation.step == "auto" and not simulation.run[k].step
+    return _without_rest(pipeline, _stable(pipeline, _unasked(pipeline, k, given), free))
+
+
+def _unasked(pipeline: Pipeline, k: int, given: float | None) -> Plan:
+    """A run as the scene has it, not asked yet whether it is stable."""
+    simulation = pipeline.scene.simulation
     run = simulation.run[k]
     key = f"simulation.run.{k}.step" if run.step else "simulation.step"
     if run.integrator in ("sub-cycling", "reversible-sub-cycling"):
-        plan = sub_cycled(pipeline, run, key, given)
-    else:
-        chain = None if pipeline.is_rotor else pipeline.chain
-        plan = Plan(key, _method(run, simulation, given), pipeline.mechanism, pipeline.start, chain)
-    plan = _stable(pipeline, plan, free=simulation.step == "auto" and not run.step)
+        return sub_cycled(pipeline, run, key, given)
+    chain = None if pipeline.is_rotor else pipeline.chain
+    return Plan(key, _method(run, simulation, given), pipeline.mechanism, pipeline.start, chain)
+
+
+def _without_rest(pipeline: Pipeline, plan: Plan) -> Plan:
+    """The same without the modes that nothing excites, unless all are to be kept."""
     if pipeline.keep_all:
         return plan
-    return replace(plan, excited=excited_part(plan.system, plan.start[0], _NO_FORCE * simulation.error))
+    wanted = _NO_FORCE * pipeline.scene.simulation.error
+    return replace(plan, excited=excited_part(plan.system, plan.start[0], wanted))
 
 
 def _stable(pipeline: Pipeline, plan: Plan, free: bool) -> Plan:

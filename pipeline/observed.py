@@ -71,6 +71,7 @@ def of_the_stress(
     frames: IntArray,
     nodes: dict[str, IntArray] | None = None,
     places: dict[str, Array] | None = None,
+    as_if: dict[str, Array] | None = None,
 ) -> Quantities:
     """Von Mises stress: the largest on each body at some output times, and in each named element.
 
@@ -82,13 +83,15 @@ def of_the_stress(
         For each body the places among its surface nodes to look at; all of them by default.
     places : dict of str to ndarray, optional
         Where each body's named elements have their middles (n_elements, 3) [m], if not in this run's mesh.
+    as_if : dict of str to ndarray, optional
+        From each body's modal coordinates to those that its stress is made of, (n, n).
     """
     from pipeline.recovery.stress import StressHistory, von_mises
 
     found = []
     for name, part in run.parts.items():
         chosen = slice(None) if nodes is None else nodes[name]
-        q = motion.modal(name)
+        q = motion.modal(name) if as_if is None else motion.modal(name) @ as_if[name].T
         history = StressHistory(part.surface.nodes[chosen], part.surface_stress[chosen], motion.times, q)
         worst = history.measure_at(frames).max(axis=1)
         found.append(Quantity(f"{name}, largest von Mises stress", "Pa", worst, largest=True, kind="stress"))

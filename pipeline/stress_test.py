@@ -163,6 +163,8 @@ def _march(case: Case, method: Integrator, m: int, share: float, most: int) -> R
     was, now = (np.abs(scale * x[: 2 * n])[held].max() for x in sizes)
     if not now < was * np.exp(_GROWN):
         return Row(*label, "diverges", np.nan)
+    if np.isinf(folds):
+        return Row(*label, "lives", np.nan)  # against the prediction: there are no modes to tell energies by
     earlier, later = (float(np.abs(left @ x) ** 2 @ energies) for x in sizes)
     return Row(*label, "lives", later / earlier - 1 if earlier else -1.0)  # nothing is left that vibrates
 

@@ -42,6 +42,11 @@ def print_run(summary: dict[str, Any], folder: Path) -> None:
         console.print(_budget(summary["error_budget"]))
     if "accuracy" in summary:
         console.print(_rounds(summary["accuracy"]))
+        for row in summary["accuracy"]["rounds"][-1]["given_up"]:
+            console.print(
+                f"not met: '{row['quantity']}', stated {_percent(row['stated'])} %, most from {row['dominant']}: finer "
+                "meshes and more modes hardly lower it"
+            )
     if "bodies" in summary:
         _print_body(console, summary)
     for body, modes in summary["left_out_modes"].items():
@@ -119,7 +124,7 @@ def _budget(budget: dict[str, Any]) -> Table:
     """Relative errors by source; of a body's frequencies only the worst."""
     from pipeline.studies.error_estimates import NO_PART, SOURCES
 
-    title = f"Error budget [%]: what is stated is {budget['safety']:g} times the sum"
+    title = f"Error budget [%]: what is stated is {budget['safety']:g} times the root of their squares"
     table = _table(title, "quantity", "mesh", "modes", "time", "stress", "stated")
     shown: dict[str, dict[str, Any]] = {}
     for row in budget["rows"]:
@@ -137,8 +142,9 @@ def _budget(budget: dict[str, Any]) -> Table:
 
 
 def _rounds(accuracy: dict[str, Any]) -> Table:
-    """What was tried for a wanted accuracy; the last met it."""
-    title = f"Accuracy: {_percent(accuracy['wanted'])} % wanted and met"
+    """What was tried for a wanted accuracy; the last met it, but for what was given up."""
+    but = "" if accuracy["met"] else " but for what is told below"
+    title = f"Accuracy: {_percent(accuracy['wanted'])} % wanted and met{but}"
     table = _table(title, "round", "chosen", "stated [%]", "worst in", "most from", wide=1)
     for k, found in enumerate(accuracy["rounds"]):
         chosen = [
@@ -229,7 +235,8 @@ def _stages(summary: dict[str, Any]) -> Table:
     if "worst_stress" in summary:
         outcome["stress"] = f"{summary['worst_stress']['von_mises_pa'] / 1e6:.4g} MPa at worst"
     for stage, seconds in summary["seconds"].items():
-        cached = "from the cache; " if stage in summary["stages_cached"] else ""
+        partly = "partly " if stage in summary["stages_run"] else ""
+        cached = f"{partly}from the cache; " if stage in summary["stages_cached"] else ""
         table.add_row(stage, f"{seconds:.3f}", (cached + outcome.get(stage, "")).rstrip("; "))
     for stage in summary["stages_skipped"]:
         table.add_row(stage, "", "not needed")

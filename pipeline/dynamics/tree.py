@@ -266,7 +266,7 @@ class Tree:
             at, to = self.layout.position[k], free.layout.position[k]
             i, j = self.layout.rate[k], free.layout.rate[k]
             if link.motion is not None:
-                motion = np.array([link.motion.value(t) for t in times])
+                motion = link.motion.values(times)
                 positions[:, to], rates[:, j], accelerations[:, j] = motion.T
             else:
                 positions[:, to : to + other.n_positions] = q[:, at : at + link.n_positions]

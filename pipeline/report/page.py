@@ -216,7 +216,9 @@ def _errors(summary: dict[str, Any]) -> str:
             (row["quantity"], scaled(row["value"], row["unit"]), *(_percent(row[source]) for source in sources))
             for row in budget["rows"]
         ]
-        note = f"Error of each result by its source [%]; what is stated is {budget['safety']:g} times the sum."
+        note = (
+            f"Error of each result by its source [%]; stated is {budget['safety']:g} times the root of their squares."
+        )
         text += f'{_paragraph(note)}<div class="wide">{table(("quantity", "value", *sources.values()), lines)}</div>'
     return text + "</section>"
 

@@ -6,16 +6,20 @@ computation, the finer one is off by their difference over ``R − 1``.
 
 from __future__ import annotations
 
+import math
 from dataclasses import dataclass, replace
-from typing import Literal
+from typing import TYPE_CHECKING, Literal
 
 import numpy as np
 
 from pipeline.checks import Array
 
+if TYPE_CHECKING:
+    from pipeline.reduction.body import FlexibleBody
+
 NO_PART = "no part in it"
 SOURCES = ("discretisation", "truncation", "time", "recovery")
-# An estimate tells the size of an error, not a bound: what is stated is this many times the estimates' sum.
+# An estimate tells the size of an error, not a bound: what is stated is this many times all estimates together.
 SAFETY = 2.0
 _NEAR_PEAK = 0.8  # of the largest value
 _MOST = 0.75
@@ -96,8 +100,12 @@ class Row:
 
     @property
     def total(self) -> float:
-        """What is stated: `SAFETY` times the sum of the estimates, relative."""
-        return SAFETY * sum(part for part in self.parts.values() if isinstance(part, float))
+        """What is stated: `SAFETY` times the root of the sum of the estimates' squares, relative.
+
+        Sources are independent of one another, so that they rarely add up at the same instant (JCGM 100, Guide to the
+        expression of uncertainty in measurement, 2008, section 5.1).
+        """
+        return SAFETY * math.hypot(*(part for part in self.parts.values() if isinstance(part, float)))
 
     @property
     def dominant(self) -> str:
@@ -126,6 +134,47 @@ def shifted_frequencies(omega: Array, excess: Array, part: float) -> Array:
         What their squares are too high by, relative; at most three quarters of a square are taken off.
     """
     return np.asarray(omega * np.sqrt(1 - np.clip(part * excess, -_MOST, _MOST)))
+
+
+def softened(body: FlexibleBody, excess: Array) -> tuple[FlexibleBody, Array]:
+    """A body whose stiffness has lost what it is too large by, and what its stress is then made of.
+
+    Stress balances forces: a stiffness that is too large makes displacements too small but leaves it right. So the
+    stress of the softened body is that of the given one under the same modal forces.
+
+    Parameters
+    ----------
+    excess : ndarray, shape (n, n)
+        What the products of two shapes' stiffness are too large by, over both frequencies; at most three quarters of
+        the stiffness of a combination are taken off.
+
+    Returns
+    -------
+    FlexibleBody
+        In its own coordinates, of other frequencies.
+    ndarray, shape (n, n)
+        From these to the given body's that have the same forces.
+    """
+    parts, directions = np.linalg.eigh(np.eye(len(excess)) - 0.5 * (excess + excess.T))
+    kept = (directions * np.clip(parts, 1 - _MOST, 1 + _MOST)) @ directions.T
+    omega2, turn = np.linalg.eigh(body.omega[:, None] * kept * body.omega)
+    n = len(omega2)
+    full = np.eye(n + 1)
+    full[1:, 1:] = turn
+    gram = body.gram
+    moments = {key: turn.T @ value @ turn for key in ("stiffening", "bow") if (value := getattr(gram, key)).size}
+    markers = {
+        name: replace(marker, translation=marker.translation @ turn, rotation=marker.rotation @ turn)
+        for name, marker in body.markers.items()
+    }
+    turned = replace(
+        body,
+        omega=np.sqrt(omega2),
+        shapes=body.shapes @ turn,
+        markers=markers,
+        gram=replace(gram, G=full.T @ gram.G @ full, S=gram.S @ full, **moments),
+    )
+    return turned, turn * omega2 / body.omega[:, None] ** 2
 
 
 def _over(size: float, scale: float) -> float:

@@ -3,8 +3,10 @@
 import numpy as np
 import pytest
 
-from pipeline.studies.error_estimates import NO_PART, Quantity, Row, refinement_gain, shifted_frequencies
-from pipeline.studies.matching import matched
+from pipeline.reduction.body import FlexibleBody, MarkerShapes
+from pipeline.reduction.gram import inertia_gram
+from pipeline.studies.error_estimates import NO_PART, Quantity, Row, refinement_gain, shifted_frequencies, softened
+from pipeline.studies.matching import counterparts, matched
 
 T = np.linspace(0.0, 1.0, 101)
 
@@ -40,7 +42,7 @@ def test_a_largest_value_that_is_the_same_by_chance_still_counts_as_changed() ->
 
 def test_what_has_no_estimate_is_no_number_and_does_not_count() -> None:
     row = Row("x", "m", 1.0, False, {"discretisation": 0.01, "truncation": NO_PART, "time": 0.02, "recovery": "not"})
-    assert row.total == pytest.approx(0.06)
+    assert row.total == pytest.approx(2 * np.sqrt(5) * 0.01)
     assert row.dominant == "time"
 
 
@@ -52,7 +54,50 @@ def test_shapes_that_changed_places_are_found() -> None:
     assert found.tolist() == order[:4].tolist()
 
 
+def test_shapes_that_turned_in_their_plane_are_alike_and_noise_is_not() -> None:
+    x = np.random.default_rng(0).uniform(size=(40, 3))
+    shapes = np.linalg.qr(np.random.default_rng(1).standard_normal((120, 4)))[0].reshape(40, 3, 4)
+    turned, other = np.array([[0.8, -0.6], [0.6, 0.8]]), shapes.copy()
+    other[:, :, :2] = shapes[:, :, :2] @ turned
+    other[:, :, 2] = np.random.default_rng(2).standard_normal((40, 3)) / np.sqrt(120)
+    numbers, alike = counterparts(x, shapes, x, np.eye(40), other[:, :, :3], np.array([5.0, 5.001, 9.0]))
+    assert sorted(numbers[:2]) == [0, 1]
+    assert alike[:2] == pytest.approx([1.0, 1.0])
+    assert (alike[2:] < 0.1).all()
+
+
 def test_too_few_shapes_are_told() -> None:
     shapes = np.ones((4, 3, 2))
     with pytest.raises(ValueError, match="the other mesh has 1 shapes, fewer than 2"):
         matched(np.eye(4, 3), shapes, np.eye(4, 3), np.eye(4), shapes[:, :, :1])
+
+
+def body_of(x: np.ndarray, shapes: np.ndarray, omega: np.ndarray) -> FlexibleBody:
+    marker = MarkerShapes(np.zeros(3), shapes[0], shapes[1])
+    return FlexibleBody(
+        x, shapes, omega, np.eye(3)[2], "at", {"at": marker}, inertia_gram(x, np.eye(len(x)), shapes), 0
+    )
+
+
+def test_a_softened_body_yields_more_to_the_same_force_and_has_the_same_stress() -> None:
+    random = np.random.default_rng(0)
+    shapes = np.linalg.qr(random.standard_normal((30, 4)))[0].reshape(10, 3, 4)
+    body = body_of(random.uniform(size=(10, 3)), shapes, np.array([1.0, 2.0, 5.0, 9.0]))
+    excess = 0.02 * np.array([[1, 0.5, 0, 0], [0.5, 2, 0, 0], [0, 0, 3, -1], [0, 0, -1, 1]])
+    soft, as_if = softened(body, excess)
+    force = random.standard_normal(30)  # at the nodes
+    q = (soft.shapes.reshape(30, 4).T @ force) / soft.omega**2
+    K = np.diag(body.omega) @ (np.eye(4) - excess) @ np.diag(body.omega)
+    modal = shapes.reshape(30, 4).T @ force
+    assert soft.shapes @ q == pytest.approx(shapes @ np.linalg.solve(K, modal))
+    assert as_if @ q == pytest.approx(modal / body.omega**2)  # the given body's coordinates under that force
+    again = inertia_gram(body.x, np.eye(10), soft.shapes)
+    assert np.allclose(soft.gram.G, again.G)
+    assert soft.markers["at"].rotation == pytest.approx(soft.shapes[1])
+
+
+def test_at_most_three_quarters_of_a_stiffness_are_taken_off() -> None:
+    body = body_of(
+        np.eye(4, 3), np.linalg.qr(np.random.default_rng(0).standard_normal((12, 1)))[0].reshape(4, 3, 1), T[-1:]
+    )
+    assert softened(body, np.array([[5.0]]))[0].omega == pytest.approx(0.5 * T[-1:])
