@@ -39,8 +39,7 @@ def assemble(mesh: SolidMesh, order: int, material: AnyMaterial) -> FEModel:
         The Jacobian is not positive at every quadrature point.
     """
     space = Discretisation(mesh, order)
-    K, m = _stiffness(space, material), _mass(space, material)
-    return FEModel(space, material, K, m)
+    return FEModel(space, material, _stiffness(space, material), _mass(space, material))
 
 
 def _stiffness(space: Discretisation, material: AnyMaterial) -> sp.csr_array:
