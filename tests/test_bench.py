@@ -38,7 +38,7 @@ def test_a_study_of_modes_is_written_with_its_reference_and_a_chart(tmp_path: Pa
     assert files == ["modes.csv", "modes-beam.png"]
     assert (tmp_path / "modes-beam.png").stat().st_size > 10_000
     _, reference, *table = (tmp_path / "modes.csv").read_text().splitlines()
-    assert reference == "# beam: 131.0000 Hz by 60123 unknowns, good to 1e-06"
+    assert reference == "# beam: 131.0000 Hz, the limit by up to 60123 unknowns, good to 1e-06"
     assert [float(row["error"]) for row in csv.DictReader(table)] == [2e-3, 1e-5, 5e-4]
 
 

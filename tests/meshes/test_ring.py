@@ -7,8 +7,8 @@ import numpy as np
 import pytest
 
 from meshes.propeller import propeller
-from pipeline.fem.model import Discretisation
 from pipeline.fem.mesh import SolidMesh
+from pipeline.fem.model import Discretisation
 from tests.meshes.test_propeller import COARSE, SHAPE, turn
 
 KINDS = [("hexahedron", 2, "hexahedron20"), ("tetrahedron", 1, "tetra"), ("tetrahedron", 2, "tetra10")]
@@ -52,9 +52,7 @@ def test_a_sleeve_of_curved_hexahedra_has_parabolas_around(mesh: SolidMesh) -> N
     area = {"hexahedron20": polygon + segments, "tetra": polygon, "tetra10": pi}[mesh.cell_type]
     # tetrahedra's diagonals bend too: no polygon and no parabola, but near them
     near = 2e-2 if mesh.cell_type == "tetra" else 1e-4
-    expected = pytest.approx(
-        area * (0.075**2 - 0.04**2) * 0.11, rel=1e-9 if mesh.cell_type == "hexahedron20" else near
-    )
+    expected = pytest.approx(area * (0.075**2 - 0.04**2) * 0.11, rel=1e-9 if mesh.cell_type == "hexahedron20" else near)
     assert sleeve.volume == expected
 
 
