@@ -96,7 +96,7 @@ def _slope(p: Any, t: float, u: Array, n_positions: int, F: Array) -> None:
     accelerations(p, t, u[:n_positions], u[n_positions:], F[n_positions:])
 
 
-@inner
+@kernel
 def _linearise(
     p: Any, t: float, dt: float, u: Array, n_positions: int, F: Array, nudged: Array, J: Array, v: Array, second: float
 ) -> None:
