@@ -7,11 +7,11 @@ from functools import cached_property
 from typing import TYPE_CHECKING, NamedTuple
 
 import numpy as np
-from scipy.linalg import eigh
 
 from pipeline.checks import Array, require_shape
 from pipeline.dynamics.compiled import meaning
 from pipeline.dynamics.system import accelerations, advance, fast_steps, freeze, velocities
+from pipeline.dynamics.vibration import highest_frequency
 
 if TYPE_CHECKING:
     from pipeline.dynamics.linear_middle import MiddleLinear
@@ -131,7 +131,7 @@ class LinearSystem:
         """The same of the fast coordinates with ``q_L + M_LL⁻¹ M_LS q_S`` held."""
         slow, fast = slice(0, self.n_slow), slice(self.n_slow, None)
         T = np.concatenate([-np.linalg.solve(self.M[slow, slow], self.M[slow, fast]), np.eye(self.n - self.n_slow)])
-        return _highest(T.T @ self.M @ T, T.T @ self.K @ T)
+        return highest_frequency(T.T @ self.M @ T, T.T @ self.K @ T)
 
     @property
     def highest_slow_frequency(self) -> float:
@@ -139,11 +139,7 @@ class LinearSystem:
         return self._highest(slice(0, self.n_slow))
 
     def _highest(self, part: slice) -> float:
-        return _highest(self.M[part, part], self.K[part, part])
-
-
-def _highest(M: Array, K: Array) -> float:
-    return float(np.sqrt(max(eigh(K, M, eigvals_only=True)[-1], 1e-300))) if len(M) else 1e-150
+        return highest_frequency(self.M[part, part], self.K[part, part])
 
 
 @meaning(accelerations, LinearParameters)

@@ -44,12 +44,14 @@ def _hold_middle(p: LinearParameters, t: float, q: Array, v: Array, D: Array, mi
     K, C, Q = p.K, p.C, middle.Q
     for i in range(v.size):
         Q[i], middle.q[i], middle.v[i] = 0.0, q[i], v[i]
-        for j in range(v.size):
-            Q[i] -= K[i, j] * q[j]
-        for j in range(C.shape[1]):
-            Q[i] -= C[i, j] * v[j]
         for j in range(p.n_slow):
             D[i, j] = middle.D[i, j]
+    for j in range(v.size):  # by columns, as the matrices lie in memory
+        for i in range(v.size):
+            Q[i] -= K[i, j] * q[j]
+    for j in range(C.shape[1]):
+        for i in range(v.size):
+            Q[i] -= C[i, j] * v[j]
 
 
 @meaning(reacting_steps, LinearParameters)
@@ -72,7 +74,7 @@ def _reacting_steps(
             now[j] = v[j] + 0.5 * h * a[j] - middle.v[j]
         for i in range(n):
             right[i] = Q[i]
-        for j in range(n_slow, n):  # by columns, as the matrices lie in memory
+        for j in range(n_slow, n):
             moved = q[j] - middle.q[j]
             for i in range(n):
                 right[i] -= K[i, j - n_slow] * moved
