@@ -100,8 +100,10 @@ def _divisions(body: Bar | Propeller | CadPart, factor: float) -> dict[str, Any]
     if body.shape == "cad":
         return {"size": body.mesh.size / factor}
     (around, axial, radial), (chordwise, across, outwards) = body.mesh.sleeve, body.mesh.joint
+    # Between two joints there are cells of their own; as many of them as before, or they would be thin ones.
+    between = around // body.blades - across
     across = times(across)
-    per_blade = max(times(around // body.blades), across + 1)
+    per_blade = across + times(between)
     return {
         "sleeve": (per_blade * body.blades, times(axial), times(radial)),
         "joint": (times(chordwise), across, times(outwards)),
