@@ -20,7 +20,7 @@ from pipeline.checks import AccuracyError, Array, IntArray
 from pipeline.integrators.automatic import Automatic
 from pipeline.integrators.protocol import Integrator
 from pipeline.methods import STABLE, plan_like
-from pipeline.neighbours import COARSENING, coarser, richer, with_modes
+from pipeline.neighbours import coarser, richer, times_finer, with_modes
 from pipeline.observed import Quantities, modes_like, of_the_mesh, of_the_motion, of_the_stress
 from pipeline.sources import all_of
 from pipeline.stages import Pipeline
@@ -248,7 +248,11 @@ class _Estimates:
         except AccuracyError as fault:
             return None, f"not estimated: on a coarser mesh, {fault}"
         order = min(part.order for part in self.run.parts.values())
-        gains = {kind: refinement_gain(COARSENING, order, kind) for kind in ("displacement", "stress", "geometry")}
+        ratio = min(
+            times_finer(part.shape, len(part.mesh.cells), len(coarse.parts[name].mesh.cells))
+            for name, part in self.run.parts.items()
+        )
+        gains = {kind: refinement_gain(ratio, order, kind) for kind in ("displacement", "stress", "geometry")}
         self.gains = gains if exact else {kind: min(gain, gains["geometry"]) for kind, gain in gains.items()}
         return coarse, NO_PART
 

@@ -15,7 +15,7 @@ if TYPE_CHECKING:
     from pipeline.scene import Bar, Flexible, Propeller, Scene
     from pipeline.scene_files import CadPart
 
-COARSENING = 2.0
+_COARSENING = 2.0
 
 
 def with_runs(scene: Scene, *runs: Any) -> Scene:
@@ -65,8 +65,18 @@ def refined(scene: Scene, factor: float) -> Scene | None:
 
 def coarser(scene: Scene) -> Scene | None:
     """The scene on meshes with at most half of the elements each way; ``None`` if a body's can't be coarser."""
-    found = refined(scene, 1 / COARSENING)
+    found = refined(scene, 1 / _COARSENING)
     return None if found is None or any(found.body[name] == body for name, body in scene.flexible.items()) else found
+
+
+def times_finer(body: Flexible, elements: int, fewer: int) -> float:
+    """How many times smaller each way a body's elements are than those of its coarser mesh, from both numbers of them.
+
+    A direction with one element has no fewer.
+    """
+    divisions = body.mesh.divisions if body.shape == "bar" else None
+    directions = 3 if divisions is None else max(1, sum(count > 1 for count in divisions))
+    return float((elements / fewer) ** (1 / directions))
 
 
 def _divided(body: Flexible, factor: float) -> dict[str, Any]:
@@ -90,8 +100,10 @@ def _divisions(body: Bar | Propeller | CadPart, factor: float) -> dict[str, Any]
     if body.shape == "cad":
         return {"size": body.mesh.size / factor}
     (around, axial, radial), (chordwise, across, outwards) = body.mesh.sleeve, body.mesh.joint
+    # Between two joints there are cells of their own; as many of them as before, or they would be thin ones.
+    between = around // body.blades - across
     across = times(across)
-    per_blade = max(times(around // body.blades), across + 1)
+    per_blade = across + times(between)
     return {
         "sleeve": (per_blade * body.blades, times(axial), times(radial)),
         "joint": (times(chordwise), across, times(outwards)),

@@ -11,6 +11,7 @@ from pipeline.budget import Budget, true_errors
 from pipeline.cache import Cache
 from pipeline.checks import AccuracyError, InputError
 from pipeline.cli import main
+from pipeline.neighbours import refined
 from pipeline.studies.error_estimates import NO_PART, SOURCES, Row
 
 QUICK = ("simulation.duration=0.1 s", "simulation.output_step=1 ms", "body.beam.mesh.divisions=[24, 2, 1]")
@@ -51,6 +52,16 @@ def test_a_quantity_that_refining_hardly_improves_is_given_up_and_told_while_the
     assert rounds[-1].worst.total <= 0.05
     assert rounds[-1].shares["time"] == pytest.approx(rounds[-1].worst.total)  # nothing is refined for the stress
     assert rounds[-1].summary()["given_up"][0]["stated"] == pytest.approx(2 * 0.1 * 0.9**5)
+
+
+@pytest.mark.parametrize("factor", [1.25, 1.4, 1.7])
+def test_a_refined_propeller_keeps_its_cells_between_the_joints_and_can_be_meshed(factor: float) -> None:
+    mesh = "body.propeller.mesh={order=2, sleeve=[12, 2, 1], joint=[2, 3, 3], blade=[2, 3, 6], growth=4.0}"
+    scene = load_scene("propeller", ["body.propeller.blades=3", mesh])
+    finer = refined(scene, factor)
+    chosen = finer.flexible["propeller"].mesh
+    assert chosen.sleeve[0] // 3 - chosen.joint[1] >= 2  # of two cells, none is a thin one
+    assert Pipeline(finer, Cache(None)).part.mesh.volume > 0  # which checks each cell
 
 
 def test_of_the_frequencies_only_the_scenes_own_count() -> None:

@@ -1,4 +1,4 @@
-"""The error budget against true errors: three scenes, each against a much finer run of it."""
+"""The error budget against true errors: scenes, each against a much finer run of it."""
 
 import numpy as np
 import pytest
@@ -9,6 +9,7 @@ from pipeline.cache import Cache
 from pipeline.summary import summarise
 
 ROUND_OFF = 1e-9
+AUTO = 'simulation.run=[{integrator="auto"}]'
 PLAIN = 'simulation.run=[{integrator="central-difference"}]'
 
 
@@ -29,6 +30,15 @@ def beam() -> dict[str, float]:
     return ratios("beam", [*own, "simulation.step=40 us", PLAIN], [*finer, "simulation.step=2 us"])
 
 
+def enriched_beam() -> dict[str, float]:
+    """With load-dependent vectors, of which noise makes one that the coarse mesh has not."""
+    own = ["body.beam.mesh.divisions=[24, 2, 1]", "simulation.duration=0.1 s", "body.beam.modes.enrich=ritz", AUTO]
+    finer = ["body.beam.mesh.divisions=[48, 4, 2]", "body.beam.modes.count=10", "simulation.error=1e-5"]
+    found = ratios("beam", own, finer)
+    del found["tip, largest deflection"]  # changes its sign from mesh to mesh, and is small by chance
+    return found
+
+
 def propeller() -> dict[str, float]:
     """Three blades of linear elements, against quadratic ones."""
     own = ["body.propeller.blades=3", "simulation.output_step=0.2 ms", "body.propeller.modes.count=12", PLAIN]
@@ -41,12 +51,12 @@ def propeller() -> dict[str, float]:
 @pytest.mark.slow
 def test_at_least_95_percent_of_true_errors_are_below_the_stated_ones_and_within_a_factor_of_five() -> None:
     found = {}
-    for name, case in {"rod": rod_slider, "beam": beam, "propeller": propeller}.items():
+    for name, case in {"rod": rod_slider, "beam": beam, "enriched beam": enriched_beam, "propeller": propeller}.items():
         found |= {f"{name}: {quantity}": ratio for quantity, ratio in case().items()}
     values = np.array(list(found.values()))
-    assert len(values) > 30
+    assert len(values) > 45
     assert np.mean(values >= 1) >= 0.95, {name: ratio for name, ratio in found.items() if ratio < 1}
-    assert np.mean(values <= 5) >= 0.9, {name: ratio for name, ratio in found.items() if ratio > 5}
+    assert np.mean(values <= 5) >= 0.95, {name: ratio for name, ratio in found.items() if ratio > 5}
 
 
 def test_a_body_of_one_element_each_way_says_what_it_could_not_estimate() -> None:
