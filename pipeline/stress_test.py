@@ -39,7 +39,7 @@ _SPINNING = 1e-4  # of that where a vibration that grows takes the spin away and
 _GROWN = np.log(1e4)  # e-folds of the largest vibration from which on a march counts as diverged
 _UNSURE = np.log(300.0)  # by which a start that is no eigenvector, or an end of an oscillation, may shift that
 _NEUTRAL = 1e-5
-_LOOKS = 201  # of marches by methods that choose their steps
+_LOOKS = 201  # at a march
 
 
 @dataclass(frozen=True)
@@ -155,20 +155,23 @@ def _march(case: Case, method: Integrator, m: int, share: float, most: int) -> R
         folds = np.inf
     predicted = "lives" if folds < _GROWN - _UNSURE else "diverges" if folds > _GROWN + _UNSURE else "either"
     label = (case.family, case.name, method.name, m, share, cycles, predicted)
-    end, before = np.array([(cycles * m - 1) * h]), np.zeros(1)
+    times, before = (cycles * m - 1) * h * np.linspace(1.0 / _LOOKS, 1.0, _LOOKS), np.zeros(1)
     try:
         first = method.march(case.system, *start, before).end
         base = still = method.march(case.system, case.at.q, case.at.v, before).end
-        there = method.resume(case.system, first, end).end
+        moved = method.resume(case.system, first, times)
+        there, q, v = moved.end, moved.q - base.q, moved.v - base.v
         if case.at.v.any():
-            still = method.resume(case.system, base, end).end
+            spinning = method.resume(case.system, base, times)
+            still, q, v = spinning.end, moved.q - spinning.q, moved.v - spinning.v
     except AccuracyError:
         return Row(*label, "diverges", np.nan)
     sizes = [np.concatenate([x.q - y.q, x.v - y.v, x.a - y.a]) for x, y in ((first, base), (there, still))]
     scale = np.r_[np.full(n, case.lowest), np.ones(n)]
     held = np.tile(case.K.any(axis=1), 2)  # nothing holds a free angle back
-    was, now = (np.abs(scale * x[: 2 * n])[held].max() for x in sizes)
-    if not now < was * np.exp(_GROWN):
+    # One that has taken the spin away may be small again in the end.
+    was, largest = (np.abs(x * scale)[..., held].max() for x in (sizes[0][: 2 * n], np.concatenate([q, v], axis=1)))
+    if not largest < was * np.exp(_GROWN):
         return Row(*label, "diverges", np.nan)
     if np.isinf(folds):
         return Row(*label, "lives", np.nan)  # against the prediction: there are no modes to tell energies by
@@ -199,7 +202,7 @@ def _march_adaptively(case: Case, method: Integrator, steps: int) -> Row:
     folds = float(true_rates(case.system, case.at)[0]) * duration
     predicted = "lives" if folds < _GROWN - _UNSURE else "diverges" if folds > _GROWN + _UNSURE else "either"
     label = (case.family, case.name, method.name, 1, 0.0, 0, predicted)
-    times = np.linspace(0.0, duration, _LOOKS)  # one that has taken the spin away may be small again in the end
+    times = np.linspace(0.0, duration, _LOOKS)
     try:
         moved, base = (method.march(case.system, *of, times) for of in (_disturbed(case), (case.at.q, case.at.v)))
     except AccuracyError:
