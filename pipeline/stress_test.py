@@ -155,23 +155,25 @@ def _march(case: Case, method: Integrator, m: int, share: float, most: int) -> R
         folds = np.inf
     predicted = "lives" if folds < _GROWN - _UNSURE else "diverges" if folds > _GROWN + _UNSURE else "either"
     label = (case.family, case.name, method.name, m, share, cycles, predicted)
-    times, before = (cycles * m - 1) * h * np.linspace(1.0 / _LOOKS, 1.0, _LOOKS), np.zeros(1)
+    # A vibration that has taken the spin away may be small again in the end: such marches are looked at on their way.
+    looks = _LOOKS if case.at.v.any() else 1
+    times, before = (cycles * m - 1) * h * np.linspace(1.0 / looks, 1.0, looks), np.zeros(1)
     try:
         first = method.march(case.system, *start, before).end
         base = still = method.march(case.system, case.at.q, case.at.v, before).end
         moved = method.resume(case.system, first, times)
-        there, q, v = moved.end, moved.q - base.q, moved.v - base.v
-        if case.at.v.any():
+        there, on_its_way = moved.end, np.zeros((0, 2 * n))
+        if looks > 1:
             spinning = method.resume(case.system, base, times)
-            still, q, v = spinning.end, moved.q - spinning.q, moved.v - spinning.v
+            still, on_its_way = spinning.end, np.concatenate([moved.q - spinning.q, moved.v - spinning.v], axis=1)
     except AccuracyError:
         return Row(*label, "diverges", np.nan)
     sizes = [np.concatenate([x.q - y.q, x.v - y.v, x.a - y.a]) for x, y in ((first, base), (there, still))]
     scale = np.r_[np.full(n, case.lowest), np.ones(n)]
     held = np.tile(case.K.any(axis=1), 2)  # nothing holds a free angle back
-    # One that has taken the spin away may be small again in the end.
-    was, largest = (np.abs(x * scale)[..., held].max() for x in (sizes[0][: 2 * n], np.concatenate([q, v], axis=1)))
-    if not largest < was * np.exp(_GROWN):
+    was, now = (np.abs(scale * x[: 2 * n])[held].max() for x in sizes)
+    now = max(now, np.abs(scale * on_its_way)[:, held].max(initial=0.0))
+    if not now < was * np.exp(_GROWN):
         return Row(*label, "diverges", np.nan)
     if np.isinf(folds):
         return Row(*label, "lives", np.nan)  # against the prediction: there are no modes to tell energies by
