@@ -15,7 +15,7 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 from itertools import pairwise
-from typing import Any
+from typing import Any, Literal
 
 import numpy as np
 from numpy.typing import NDArray
@@ -23,6 +23,7 @@ from scipy.interpolate import PchipInterpolator
 from scipy.spatial import cKDTree
 
 from meshes.gmsh_session import MeshArrays, gmsh_model, read_out
+from meshes.ring import tetrahedra, with_mid_edges
 
 Floats = NDArray[np.float64]
 
@@ -43,6 +44,8 @@ class PropellerShape:
         Of the blade [m, m, rad], at equal distances from its root to its tip.
     camber, edge : float
         Largest rise of a section's middle over its chord; thickness of its edges over that of its middle.
+    seat : float, optional
+        Angle that each joint takes of the sleeve [rad]; by default its share of the cells around.
     """
 
     blades: int
@@ -56,6 +59,7 @@ class PropellerShape:
     pitch: tuple[float, ...]
     camber: float
     edge: float
+    seat: float | None = None
 
 
 @dataclass(frozen=True)
@@ -83,8 +87,20 @@ class PropellerCounts:
     growth: float
 
 
-def propeller(shape: PropellerShape, counts: PropellerCounts) -> MeshArrays:
+def propeller(
+    shape: PropellerShape,
+    counts: PropellerCounts,
+    element: Literal["hexahedron", "tetrahedron"] = "hexahedron",
+    order: int = 1,
+) -> MeshArrays:
     """Mesh a propeller.
+
+    Parameters
+    ----------
+    element : str
+        ``tetrahedron``: six in place of each hexahedron.
+    order : int
+        2 curves the edges.
 
     Returns
     -------
@@ -93,20 +109,23 @@ def propeller(shape: PropellerShape, counts: PropellerCounts) -> MeshArrays:
         least and greatest), and ``tip-1``, ``pressure-1``, ``suction-1`` and so on of each blade, the first on the x
         axis, the others following in the sense of rotation about z.
     """
+    half = counts.seat * np.pi / counts.around if shape.seat is None else shape.seat / 2
     with gmsh_model("propeller") as gmsh:
-        faces = _straight(gmsh, shape, counts)
+        faces = _straight(gmsh, shape, counts, half)
         gmsh.model.mesh.generate(3)
         mesh = read_out(gmsh, faces)
-    points = _bent(mesh.points, shape, counts.seat * np.pi / counts.around)
+    mesh = tetrahedra(mesh) if element == "tetrahedron" else mesh
+    mesh = with_mid_edges(mesh) if order == 2 else mesh
+    points = _bent(mesh.points, shape, half)
     return mesh._replace(points=_exactly_cyclic(points, shape.blades), sectors=shape.blades)
 
 
-def _straight(gmsh: Any, shape: PropellerShape, counts: PropellerCounts) -> dict[str, list[int]]:
+def _straight(gmsh: Any, shape: PropellerShape, counts: PropellerCounts, half: float) -> dict[str, list[int]]:
     """Build the straightened propeller in the current model; return the surfaces of each named face."""
     geo = gmsh.model.geo
     low = -shape.length / 2
     centre = geo.addPoint(0, 0, low)
-    half, sector = counts.seat * np.pi / counts.around, 2 * np.pi / shape.blades
+    sector = 2 * np.pi / shape.blades
     radii = (shape.bore, shape.hub, shape.root, shape.tip)
     ends = [(k * sector - half, k * sector + half) for k in range(shape.blades)]
     points = [[[geo.addPoint(r * np.cos(a), r * np.sin(a), low) for a in pair] for r in radii] for pair in ends]

@@ -8,7 +8,7 @@ import numpy as np
 
 from pipeline.checks import Array
 from pipeline.integrators.subcycling import Subcycling
-from pipeline.studies.growth import Course, Instant, steadied
+from pipeline.studies.growth import Course, Instant, steadied, steady_near
 
 if TYPE_CHECKING:
     from pipeline.dynamics.tree import Tree
@@ -37,8 +37,10 @@ def course_of(pipeline: Pipeline, chain: Chain | None = None) -> Course:
     q, v = np.zeros((len(times), rigid.n_positions)), np.zeros((len(times), rigid.n))
     if rigid.n:
         step = min(duration / _STEPS, _RESOLVED * 2.0 / rigid.highest_frequency)
-        start = whole.q0[: rigid.n_positions], whole.v0[: rigid.n]
-        motion = Subcycling(step, 1).march(rigid, *start, times)  # central difference
+        start = Instant(0.0, whole.q0[: rigid.n_positions], whole.v0[: rigid.n])
+        # What is fast follows from rest: its own vibration would make the states hang on when they are taken.
+        start = steady_near(rigid, start, np.arange(rigid.n_slow, rigid.n)) or start
+        motion = Subcycling(step, 1).march(rigid, start.q, start.v, times)  # central difference
         q, v = motion.q, motion.v
     still = {*range(tree.n_slow, tree.n)}.union(*(tree.modes_of(k).tolist() for k in range(len(tree.links))))
     rates = np.array(sorted(still), dtype=np.int64)

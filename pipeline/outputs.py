@@ -8,10 +8,10 @@ from typing import Any
 
 from pipeline.cache import Cache, stage_key
 from pipeline.checks import InputError
-from pipeline.drawings import DRAWINGS
 from pipeline.exports import write_export
 from pipeline.files import whole_file
 from pipeline.folders import cache_folder
+from pipeline.picture_files import draw
 from pipeline.plan import remember
 from pipeline.stages import Pipeline
 from pipeline.summary import summarise
@@ -57,9 +57,7 @@ def write_results(run: Pipeline, folder: Path, pictures: bool, budget: bool = Tr
         if exports:
             files += run.keeper.timed("files", lambda: [name for o in exports for name in write_export(run, o, folder)])
         if drawn:
-            files += run.keeper.timed(
-                "pictures", lambda: [name for o in drawn for name in DRAWINGS[o.type](run, o, folder)]
-            )
+            files += [name for output in drawn for name in draw(run, output, folder)]
         summary = summarise(run, files, budget)
         if rounds:
             summary["accuracy"] = {"wanted": run.scene.accuracy, "met": not rounds[-1]["given_up"], "rounds": rounds}

@@ -166,7 +166,7 @@ class FlexiblePart:
     @cached_property
     def body(self) -> FlexibleBody:
         """The reduced body at its joint."""
-        return self._keeper.kept("body", self._body_key, self._make_body)
+        return self._keeper.kept("body", self.body_key, self._make_body)
 
     @cached_property
     def stiffened(self) -> FlexibleBody:
@@ -223,12 +223,12 @@ class FlexiblePart:
         def make() -> NDArray[np.float32]:
             return self._make_stress(np.arange(len(self.space.x))).astype(np.float32)
 
-        return self._keeper.kept("nodal stress", self._body_key, make)
+        return self._keeper.kept("nodal stress", self.body_key, make)
 
     @cached_property
     def surface_stress(self) -> Array:
         """Stress of each modal coordinate at the surface's nodes, shape (n_surface_nodes, 6, n) [Pa]."""
-        return self._keeper.kept("stress", self._body_key, lambda: self._make_stress(self.surface.nodes))
+        return self._keeper.kept("stress", self.body_key, lambda: self._make_stress(self.surface.nodes))
 
     # How each is made --------------------------------------------------------------------------------------------
 
@@ -260,7 +260,8 @@ class FlexiblePart:
         return stage_key("modes", inputs, ("meshes", "pipeline/fem", "pipeline/reduction"), _FEM_PACKAGES)
 
     @property
-    def _body_key(self) -> str:
+    def body_key(self) -> str:
+        """Digest of all that the reduced body depends on."""
         inputs = {
             "modes": self._modes_key,
             "enrich": self.shape.modes.enrich,
@@ -273,12 +274,12 @@ class FlexiblePart:
 
     @property
     def _stiffening_key(self) -> str:
-        inputs = {"gram of": self._body_key, "accelerated": self._accelerated}
+        inputs = {"gram of": self.body_key, "accelerated": self._accelerated}
         return stage_key("stiffening", inputs, ("pipeline/fem", "pipeline/reduction"), _FEM_PACKAGES)
 
     @property
     def _element_key(self) -> str:
-        inputs = {"body": self._body_key, "elements": self.elements}
+        inputs = {"body": self.body_key, "elements": self.elements}
         return stage_key("element-stress", inputs, ("pipeline/recovery/stress.py",))
 
     def _make_mesh(self) -> SolidMesh:

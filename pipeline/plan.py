@@ -35,9 +35,9 @@ _KEYS = {
     "mesh": "_mesh_key",
     "modes": "_modes_key",
     "surface": "_modes_key",
-    "body": "_body_key",
-    "stress": "_body_key",
-    "nodal stress": "_body_key",
+    "body": "body_key",
+    "stress": "body_key",
+    "nodal stress": "body_key",
     "stiffening": "_stiffening_key",
     "element stress": "_element_key",
 }
@@ -50,6 +50,7 @@ _DRAWS: dict[str, tuple[str, ...]] = {
     "stress": ("surface", "stress", "body"),
     "film": ("mesh", "surface", "stress", "body"),
 }
+_SAME = "same inputs and source as when it was kept"
 _WRITES: dict[str, tuple[str, ...]] = {
     ".vtkhdf": ("mesh", "body", "nodal stress"),
     ".nc": ("modes", "body", "surface", "stress"),
@@ -125,13 +126,19 @@ def plan_of(run: Pipeline, pictures: bool, budget: bool) -> RunPlan:
     for export in exports:
         suffix = "." + export.file.rpartition(".")[2]
         planner.ask(run.parts[export.body], _WRITES.get(suffix, ("mesh",)))
-    for output in outputs if pictures else []:
+    missing = [output for output in outputs if pictures and not planner.has_drawn(output)]
+    for output in missing:
         body = getattr(output, "body", None)
         planner.ask(run.parts[body], _DRAWS[output.type]) if body else None
     planner.estimate(budget and all(part.has_mesh for part in run.parts.values()))
     planner.note("files", "run" if exports else "skipped", f"{len(exports)} in the scene's output")
-    why = f"{len(outputs)} in the scene's output" if pictures else "left out by --no-pictures"
-    planner.note("pictures", "run" if outputs and pictures else "skipped", why)
+    if missing:
+        planner.note("pictures", "run", f"{len(missing)} of {len(outputs)} in the scene's output are to be drawn")
+    elif outputs and pictures:
+        planner.note("pictures", "cached", _SAME)
+    else:
+        why = "left out by --no-pictures" if outputs else "none in the scene's output"
+        planner.note("pictures", "skipped", why)
     return planner.plan()
 
 
@@ -196,13 +203,19 @@ class _Planner:
             if self._steps[stage, part.name].fate == "run":
                 self.ask(part, _READS[stage])
 
+    def has_drawn(self, output: Any) -> bool:
+        """Whether an output's files are kept as they were drawn."""
+        from pipeline.picture_files import picture_key
+
+        return self._run.keeper.cache.holds(name_of("pictures", picture_key(self._run, output)))
+
     def _fate(self, stage: str, key: str, at: tuple[str, str]) -> tuple[Fate, str]:
         if not key:
             return "run", "never kept"
         if self._run.keeper.cache.folder is None:
             return "run", "nothing is kept: --no-cache"
         if self._run.keeper.cache.holds(name_of(stage, key)):
-            return "cached", "same inputs and source as when it was kept"
+            return "cached", _SAME
         before = self._last["keys"].get(at)
         if before is None:
             return "run", "not kept yet"

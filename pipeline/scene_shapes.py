@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import re
+from math import pi
 from typing import Annotated, Literal
 
 from pydantic import AfterValidator, BeforeValidator, Field, model_validator
@@ -317,12 +318,14 @@ class Bar(Solid):
 
 
 class PropellerMesh(Table):
-    """How a propeller is divided into hexahedra.
+    """How a propeller is divided.
 
     Parameters
     ----------
+    element : str
+        ``tetrahedron`` puts six of them in place of each hexahedron.
     order : int
-        Polynomial order of the displacement in an element.
+        Polynomial order of the displacement in an element; elements of order 2 have curved edges.
     sleeve : tuple of int
         Elements around, along the axis and along the radius.
     joint, blade : tuple of int
@@ -332,6 +335,7 @@ class PropellerMesh(Table):
         Radial extent of a blade's elements at its tip over that at its root.
     """
 
+    element: Literal["hexahedron", "tetrahedron"] = "hexahedron"
     order: Annotated[int, Field(strict=True, ge=1, le=2)] = 2
     sleeve: tuple[Count, Count, Count] = (66, 10, 3)
     joint: tuple[Count, Count, Count] = (10, 8, 12)
@@ -358,6 +362,8 @@ class Propeller(Solid):
         Rise of a section's middle line over its chord.
     edge : float
         Thickness of a section's edges over that of its middle.
+    seat : float, optional
+        Angle that each joint takes of the sleeve [rad]; by default its share of the elements around.
     mesh
         Its elements.
     """
@@ -374,6 +380,7 @@ class Propeller(Solid):
     pitch: Annotated[tuple[Angle, ...], Field(min_length=1, max_length=20)]
     camber: Annotated[Number, Field(ge=-0.2, le=0.2)] = 0.0
     edge: Annotated[Number, Field(ge=0.05, le=1.0)] = 0.3
+    seat: Annotated[Angle, Field(gt=0)] | None = None
     mesh: PropellerMesh
 
     @property
@@ -412,4 +419,10 @@ class Propeller(Solid):
         for k in (0, 1):
             if self.mesh.blade[k] != self.mesh.joint[k]:
                 raise FaultError(f"must be the joint's, {self.mesh.joint[k]}", "mesh", "blade", k)
+        return self
+
+    @model_validator(mode="after")
+    def _leaves_gaps(self) -> Propeller:
+        if self.seat is not None and not self.seat < 2 * pi / self.blades:
+            raise FaultError(f"leaves no gap between blades; must be less than {360 / self.blades:g} deg", "seat")
         return self

@@ -82,8 +82,10 @@ def _mesh_arrays(part: Bar | Propeller) -> MeshArrays:
             pitch=part.pitch,
             camber=part.camber,
             edge=part.edge,
+            seat=part.seat,
         )
-        return propeller(shape, PropellerCounts(*mesh.sleeve, *mesh.joint[1:], mesh.blade[2], mesh.growth))
+        counts = PropellerCounts(*mesh.sleeve, *mesh.joint[1:], mesh.blade[2], mesh.growth)
+        return propeller(shape, counts, mesh.element, mesh.order)
     from meshes.bar import hexahedral_bar, tetrahedral_bar
 
     size = (part.length, part.depth, part.width)

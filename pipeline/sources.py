@@ -94,3 +94,9 @@ def contents(scene: Scene) -> dict[str, dict[str, str]]:
     """Digests of the files that bodies come from, by body; raises what `Source.of` does."""
     found = {name: Source.of(shape, scene.file, name) for name, shape in scene.flexible.items()}
     return {name: source.digests for name, source in found.items() if source is not None}
+
+
+def all_of(scene: Scene) -> dict[str, Any]:
+    """All of a scene that its results depend on, with what its files hold; raises what `Source.of` does."""
+    inputs: dict[str, Any] = scene.model_dump(mode="json", exclude={"title", "source", "reference", "output"})
+    return inputs | {"files": contents(scene)}

@@ -10,9 +10,10 @@ import numpy as np
 
 from pipeline.checks import Array, InputError
 from pipeline.course import course_of
+from pipeline.dynamics.vibration import highest_frequency
 from pipeline.studies.amplification import STABLE, growth
 from pipeline.studies.growth import longest_safe_step
-from pipeline.studies.splitting import frequencies, recommended_step
+from pipeline.studies.splitting import recommended_step
 from pipeline.studies.two_dof import SCHEMES, growth_law, stability_map
 
 __all__ = ["laws", "require_map", "scene_stability", "summary_of_maps", "summary_of_scene", "two_dof"]
@@ -183,10 +184,10 @@ def find_limit(M: Array, K: Array, n_slow: int, substeps: int) -> tuple[float, f
     sudden_step, growth_rate : float
         As in `Limit`.
     """
-    upper = 2.02 / _highest(M[n_slow:, n_slow:], K[n_slow:, n_slow:]) if n_slow < len(M) else np.inf
-    upper = min(upper, 2.02 / (substeps * _highest(M[:n_slow, :n_slow], K[:n_slow, :n_slow])) if n_slow else np.inf)
+    L, S = slice(0, n_slow), slice(n_slow, None)
+    upper = min(2.02 / highest_frequency(M[S, S], K[S, S]), 2.02 / (substeps * highest_frequency(M[L, L], K[L, L])))
     if substeps == 1:
-        upper = 2.02 / _highest(M, K)
+        upper = 2.02 / highest_frequency(M, K)
     small = 0.05 * upper
     weak = max(growth(M, K, n_slow, small, substeps) - 1, 0.0) * (upper / small) ** 2  # by its square
     low, high = 0.0, upper
@@ -208,10 +209,6 @@ def mass_coupling(M: Array, n_slow: int) -> float:
         return 0.0
     L, S = (np.linalg.cholesky(M[part, part]) for part in (slice(0, n_slow), slice(n_slow, None)))
     return float(np.linalg.norm(np.linalg.solve(L, np.linalg.solve(S, M[n_slow:, :n_slow]).T), 2))
-
-
-def _highest(M: Array, K: Array) -> float:
-    return float(frequencies(M, K).max(initial=1e-150))
 
 
 def _split_chain(run: Pipeline) -> Chain | None:

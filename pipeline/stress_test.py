@@ -12,6 +12,7 @@ import numpy as np
 
 from pipeline.checks import AccuracyError, Array
 from pipeline.files import whole_file
+from pipeline.integrators.adaptive_alpha import AdaptiveGeneralizedAlpha
 from pipeline.integrators.central_difference import CentralDifference
 from pipeline.integrators.exponential import Exponential
 from pipeline.integrators.generalized_alpha import GeneralizedAlpha
@@ -19,6 +20,7 @@ from pipeline.integrators.protocol import Integrator
 from pipeline.integrators.reversible import ReversibleSubcycling
 from pipeline.integrators.rosenbrock import ExponentialRosenbrock
 from pipeline.integrators.runge_kutta import RungeKutta
+from pipeline.integrators.scipy_ivp import ScipyIvp
 from pipeline.integrators.subcycling import Subcycling
 from pipeline.progress import Advance
 from pipeline.stability import find_limit
@@ -30,7 +32,8 @@ SHARES = (0.1, 0.5, 0.9, 0.98, 1.02, 1.05)  # of the explicit limit
 LONG_SHARES = (0.5, 1.5, 20.0, 1000.0)  # of the same, for methods without one
 CYCLES = 1_000_000
 _PERIODS = 1e4  # of the lowest frequency, if those are fewer cycles
-_WORK = 4e8  # multiplications, about, that a march may take
+_MANY = 30  # coordinates from on which methods that solve for all of them at once take long steps only
+_SCIPYS = 200  # explicit steps that SciPy's methods march over
 _START = 1e-6
 _SPINNING = 1e-4  # of that where a vibration that grows takes the spin away and so comes to an end
 _GROWN = np.log(1e4)  # e-folds of the largest vibration from which on a march counts as diverged
@@ -101,7 +104,7 @@ def rows_of(name: str, cycles: int = CYCLES) -> list[Row]:
     """March one case by every method."""
     case = builders()[name]()
     rows = [_march(case, method, m, share, cycles) for method, m, share in _fixed(case)]
-    return rows + [_march_adaptively(case, method) for method in _adaptive(case)]
+    return rows + [_march_adaptively(case, method, steps) for method, steps in _adaptive(case, cycles)]
 
 
 def _fixed(case: Case) -> Iterator[tuple[Integrator, int, float]]:
@@ -119,26 +122,29 @@ def _fixed(case: Case) -> Iterator[tuple[Integrator, int, float]]:
         for share in (0.5, 0.9) if spins else SHARES:
             yield ReversibleSubcycling(share * limit, m), m, share
     plain = 2.0 / case.system.highest_frequency
-    if len(case.M) < 30:
-        for rho in (0.8, 1.0):
-            for share in (0.5,) if spins else LONG_SHARES:
-                yield GeneralizedAlpha(share * plain, rho), 1, share
-        for share in (0.5, 0.98) if case.system.coupled else (0.5,) if spins else (0.5, 5.0, 50.0):
-            yield Exponential(share * plain), 1, share
+    long = LONG_SHARES[2:] if len(case.M) >= _MANY else (0.5,) if spins else LONG_SHARES
+    for rho in (0.8, 1.0):
+        for share in long:
+            yield GeneralizedAlpha(share * plain, rho), 1, share
+    exact = (50.0,) if len(case.M) >= _MANY else (0.5,) if spins else (0.5, 5.0, 50.0)
+    for share in (0.5, 0.98) if case.system.coupled else exact:
+        yield Exponential(share * plain), 1, share
 
 
-def _adaptive(case: Case) -> Iterator[Integrator]:
-    if len(case.M) < 30:
-        yield ExponentialRosenbrock(1e-6)
-        yield RungeKutta(1e-9)
+def _adaptive(case: Case, cycles: int) -> Iterator[tuple[Integrator, int]]:
+    """Methods that choose their steps, and how many of the explicit limit they march over."""
+    steps = max(cycles // 50, 1000)
+    yield RungeKutta(1e-9), steps
+    if len(case.M) < _MANY:
+        yield ExponentialRosenbrock(1e-6), steps
+        yield AdaptiveGeneralizedAlpha(1e-6), steps
+        for name in ("DOP853", "Radau", "LSODA"):
+            yield ScipyIvp(name, 1e-6), _SCIPYS
 
 
 def _march(case: Case, method: Integrator, m: int, share: float, most: int) -> Row:
     h, n = method.step, len(case.M)
-    cost = n * n * m if m == 1 or method.name.startswith("rev") else n * n + 4 * m * n
-    cost *= 1 if hasattr(case.system, "M") else 20 if case.family == "arm" else 3
-    cost *= 12 if method.name in ("generalized-alpha", "exponential") else 1
-    cycles = int(min(most, _PERIODS * 2 * np.pi / (case.lowest * m * h) + 1, _WORK / cost))
+    cycles = int(min(most, _PERIODS * 2 * np.pi / (case.lowest * m * h) + 1))
     cycles = max(cycles, 1000)
     start, span = _disturbed(case), 1e-3 * cycles * m * h
     try:
@@ -163,6 +169,8 @@ def _march(case: Case, method: Integrator, m: int, share: float, most: int) -> R
     was, now = (np.abs(scale * x[: 2 * n])[held].max() for x in sizes)
     if not now < was * np.exp(_GROWN):
         return Row(*label, "diverges", np.nan)
+    if np.isinf(folds):
+        return Row(*label, "lives", np.nan)  # against the prediction: there are no modes to tell energies by
     earlier, later = (float(np.abs(left @ x) ** 2 @ energies) for x in sizes)
     return Row(*label, "lives", later / earlier - 1 if earlier else -1.0)  # nothing is left that vibrates
 
@@ -184,9 +192,9 @@ def _disturbed(case: Case) -> tuple[Array, Array]:
     return case.at.q + size * rng.uniform(0.5, 1.0, len(case.M)), case.at.v.copy()
 
 
-def _march_adaptively(case: Case, method: Integrator) -> Row:
-    """Over many periods, but no longer than an explicit method can go; predicted by the equations of motion."""
-    duration = min(1e3 * 2 * np.pi / case.lowest, 2e4 * 2 / case.system.highest_frequency)
+def _march_adaptively(case: Case, method: Integrator, steps: int) -> Row:
+    """Over many periods, but no longer than as many explicit steps go; predicted by the equations of motion."""
+    duration = min(1e3 * 2 * np.pi / case.lowest, steps * 2 / case.system.highest_frequency)
     folds = float(true_rates(case.system, case.at)[0]) * duration
     predicted = "lives" if folds < _GROWN - _UNSURE else "diverges" if folds > _GROWN + _UNSURE else "either"
     label = (case.family, case.name, method.name, 1, 0.0, 0, predicted)

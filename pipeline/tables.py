@@ -235,7 +235,8 @@ def _stages(summary: dict[str, Any]) -> Table:
     if "worst_stress" in summary:
         outcome["stress"] = f"{summary['worst_stress']['von_mises_pa'] / 1e6:.4g} MPa at worst"
     for stage, seconds in summary["seconds"].items():
-        cached = "from the cache; " if stage in summary["stages_cached"] else ""
+        partly = "partly " if stage in summary["stages_run"] else ""
+        cached = f"{partly}from the cache; " if stage in summary["stages_cached"] else ""
         table.add_row(stage, f"{seconds:.3f}", (cached + outcome.get(stage, "")).rstrip("; "))
     for stage in summary["stages_skipped"]:
         table.add_row(stage, "", "not needed")

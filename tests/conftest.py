@@ -48,6 +48,21 @@ ELEMENTS = (
 )
 
 
+@pytest.fixture(scope="session")
+def fmd() -> Callable[..., int]:
+    """Run the command line in this process; it answers with its exit status."""
+    from pipeline.cli import main
+
+    def call(*arguments: object) -> int:
+        try:
+            main([str(argument) for argument in arguments])
+        except SystemExit as stop:
+            return int(stop.code or 0)
+        return 0
+
+    return call
+
+
 def pytest_unconfigure() -> None:
     shutil.rmtree(os.environ["FMD_CACHE"], ignore_errors=True)
 

@@ -10,21 +10,10 @@ import pytest
 import xarray
 from matplotlib.image import imread
 
-from pipeline.cli import main
-
 QUICK = ["--set", "body.beam.mesh.divisions=[24, 2, 1]", "--set", "simulation.duration=50 ms"]
 
 
-def fmd(*arguments):
-    """Run the command line; return its exit status."""
-    try:
-        main(arguments)
-    except SystemExit as stop:
-        return stop.code or 0
-    return 0
-
-
-def test_modes_prints_one_json_object_with_frequencies_beside_table_1(capsys):
+def test_modes_prints_one_json_object_with_frequencies_beside_table_1(fmd, capsys):
     assert fmd("modes", "beam", "--json") == 0
     result = json.loads(capsys.readouterr().out)
     # Table 1 of Miao et al. 2008; the tolerance is the issue's half per cent.
@@ -34,14 +23,14 @@ def test_modes_prints_one_json_object_with_frequencies_beside_table_1(capsys):
     assert {"relative_error", "dofs", "seconds"} <= result.keys()
 
 
-def test_modes_of_the_printed_length_agree_with_timoshenko_theory(capsys):
+def test_modes_of_the_printed_length_agree_with_timoshenko_theory(fmd, capsys):
     assert fmd("modes", "beam", "--set", "body.beam.length=300mm", "--json") == 0
     result = json.loads(capsys.readouterr().out)
     # Free-free Timoshenko beam of 300 mm.
     np.testing.assert_allclose(result["frequencies_hz"], [167.4, 442.6, 822.0, 1276.5, 1784.1], rtol=5e-3)
 
 
-def test_mesh_tells_counts_volume_and_mass(capsys):
+def test_mesh_tells_counts_volume_and_mass(fmd, capsys):
     assert fmd("mesh", "beam", "--set", "body.beam.mesh.divisions=[10, 3, 2]", "--json") == 0
     result = json.loads(capsys.readouterr().out)
     assert result["elements"] == 10 * 3 * 2
@@ -52,7 +41,7 @@ def test_mesh_tells_counts_volume_and_mass(capsys):
     assert result["mass_kg"] == pytest.approx(0.34 * 0.025 * 0.01 * 2000, rel=1e-12)
 
 
-def test_mesh_can_be_written_and_read_again(tmp_path, capsys):
+def test_mesh_can_be_written_and_read_again(fmd, tmp_path, capsys):
     import meshio
 
     path = tmp_path / "beam.vtu"
@@ -61,13 +50,13 @@ def test_mesh_can_be_written_and_read_again(tmp_path, capsys):
     assert sum(len(block.data) for block in meshio.read(path).cells) == 48 * 4
 
 
-def test_mesh_refuses_an_unknown_format(tmp_path, capsys):
+def test_mesh_refuses_an_unknown_format(fmd, tmp_path, capsys):
     assert fmd("mesh", "beam", "--out", str(tmp_path / "beam.docx")) == 2
     assert "no known mesh format" in capsys.readouterr().err
     assert list(tmp_path.iterdir()) == []
 
 
-def test_run_without_pictures_writes_summary_and_motion(tmp_path, capsys):
+def test_run_without_pictures_writes_summary_and_motion(fmd, tmp_path, capsys):
     assert fmd("run", "beam", *QUICK, "--no-pictures", "--out", str(tmp_path), "--json") == 0
     printed = json.loads(capsys.readouterr().out)
     assert printed == json.loads((tmp_path / "summary.json").read_text())
@@ -84,7 +73,7 @@ def test_run_without_pictures_writes_summary_and_motion(tmp_path, capsys):
         assert motion.com_velocity.units == "m/s"
 
 
-def test_run_draws_everything_that_the_scene_lists(tmp_path, capsys):
+def test_run_draws_everything_that_the_scene_lists(fmd, tmp_path, capsys):
     film = ["--set", "output.5.frames=3", "--set", "output.5.size=[320, 180]", "--set", "output.4.size=[640, 360]"]
     assert fmd("run", "beam", *QUICK, *film, "--out", str(tmp_path)) == 0
     printed = capsys.readouterr().out
@@ -100,7 +89,7 @@ def test_run_draws_everything_that_the_scene_lists(tmp_path, capsys):
     assert frames == 3
 
 
-def test_rod_slider_turns_as_in_figure_4_and_draws_the_papers_charts(tmp_path, capsys):
+def test_rod_slider_turns_as_in_figure_4_and_draws_the_papers_charts(fmd, tmp_path, capsys):
     assert fmd("run", "rod-slider", "--out", str(tmp_path), "--json") == 0
     result = json.loads(capsys.readouterr().out)
     # 100 N m taken per degree, on the inertia with the slider at rest at 1 m: ½ τ/J t² = 652° after 10 s (Fig. 4).
@@ -119,12 +108,12 @@ def test_rod_slider_turns_as_in_figure_4_and_draws_the_papers_charts(tmp_path, c
         assert float(np.abs(motion.slide_position).max()) < 0.2  # Figs. 5 and 7 stay within ±0.2 m
 
 
-def test_rigid_scenes_have_nothing_to_mesh(capsys):
+def test_rigid_scenes_have_nothing_to_mesh(fmd, capsys):
     assert fmd("modes", "rod-slider") == 2
     assert "no flexible body" in capsys.readouterr().err
 
 
-def test_every_integrator_can_be_chosen_by_name(tmp_path, capsys):
+def test_every_integrator_can_be_chosen_by_name(fmd, tmp_path, capsys):
     runs = ['{ integrator = "exponential", step = "1 ms" }', '{ integrator = "generalized-alpha", rho = 0.9 }']
     runs.append('{ integrator = "DOP853", tolerance = 1e-8 }')
     chosen = f"simulation.run=[{', '.join(runs)}]"
@@ -136,7 +125,7 @@ def test_every_integrator_can_be_chosen_by_name(tmp_path, capsys):
     assert rows[2]["tip_deflection_difference_m"] < 1e-6
 
 
-def test_second_run_meshes_assembles_and_solves_nothing(tmp_path, capsys):
+def test_second_run_meshes_assembles_and_solves_nothing(fmd, tmp_path, capsys):
     arguments = ["run", "beam", *QUICK, "--no-pictures", "--out", str(tmp_path), "--json"]
     assert fmd(*arguments) == 0
     first = json.loads(capsys.readouterr().out)
@@ -149,13 +138,13 @@ def test_second_run_meshes_assembles_and_solves_nothing(tmp_path, capsys):
         assert first[key] == second[key]
 
 
-def test_no_cache_computes_all_again(tmp_path, capsys):
+def test_no_cache_computes_all_again(fmd, tmp_path, capsys):
     arguments = ["run", "beam", *QUICK, "--no-pictures", "--no-cache", "--out", str(tmp_path), "--json"]
     assert fmd(*arguments) == 0
     assert json.loads(capsys.readouterr().out)["stages_cached"] == []
 
 
-def test_damaged_cache_entries_are_rebuilt(tmp_path, capsys, monkeypatch):
+def test_damaged_cache_entries_are_rebuilt(fmd, tmp_path, capsys, monkeypatch):
     monkeypatch.setenv("FMD_CACHE", str(tmp_path / "cache"))
     arguments = ["modes", "beam", "--set", "body.beam.mesh.divisions=[24, 2, 1]", "--json"]
     assert fmd(*arguments) == 0
@@ -180,7 +169,7 @@ def test_damaged_cache_entries_are_rebuilt(tmp_path, capsys, monkeypatch):
         ("simulation.step=300 us", "largest stable step"),
     ],
 )
-def test_wrong_input_is_one_line_and_status_2(override, said, tmp_path, capsys):
+def test_wrong_input_is_one_line_and_status_2(fmd, override, said, tmp_path, capsys):
     out = tmp_path / "out"
     assert fmd("run", "beam", "--set", override, "--out", str(out)) == 2
     printed = capsys.readouterr()
@@ -191,18 +180,18 @@ def test_wrong_input_is_one_line_and_status_2(override, said, tmp_path, capsys):
     assert not out.exists()
 
 
-def test_a_missing_scene_names_the_ready_ones(capsys):
+def test_a_missing_scene_names_the_ready_ones(fmd, capsys):
     assert fmd("modes", "baem") == 2
     assert "beam" in capsys.readouterr().err
 
 
-def test_an_output_folder_that_cannot_be_written_is_refused(tmp_path, capsys):
+def test_an_output_folder_that_cannot_be_written_is_refused(fmd, tmp_path, capsys):
     (tmp_path / "file").write_text("in the way")
     assert fmd("run", "beam", *QUICK, "--no-pictures", "--out", str(tmp_path / "file" / "out")) == 2
     assert "can't be written" in capsys.readouterr().err
 
 
-def test_the_first_of_several_flexible_bodies_has_its_modes_shown(tmp_path, capsys):
+def test_the_first_of_several_flexible_bodies_has_its_modes_shown(fmd, tmp_path, capsys):
     from importlib.resources import files
 
     scene = (files("models") / "beam.toml").read_text()
@@ -214,18 +203,18 @@ def test_the_first_of_several_flexible_bodies_has_its_modes_shown(tmp_path, caps
     assert json.loads(capsys.readouterr().out)["frequencies_hz"][0] == pytest.approx(131.04, abs=0.01)
 
 
-def test_a_failed_check_ends_with_status_3_and_its_figure(capsys, monkeypatch):
+def test_a_failed_check_ends_with_status_3_and_its_figure(fmd, capsys, monkeypatch):
     monkeypatch.setattr("pipeline.reduction.eigen.RESIDUAL_LIMIT", 0.0)
     assert fmd("modes", "beam", "--no-cache") == 3
     assert "residual" in capsys.readouterr().err
 
 
-def test_doctor_finds_nothing_to_mend_here(capsys):
+def test_doctor_finds_nothing_to_mend_here(fmd, capsys):
     assert fmd("doctor", "--json") == 0
     assert json.loads(capsys.readouterr().out) == {"ok": True, "problems": []}
 
 
-def test_a_machine_that_cannot_draw_is_told_before_anything_runs(tmp_path, capsys, monkeypatch):
+def test_a_machine_that_cannot_draw_is_told_before_anything_runs(fmd, tmp_path, capsys, monkeypatch):
     monkeypatch.setenv("FMD_CACHE", str(tmp_path / "cache"))
     monkeypatch.setattr("pipeline.render.probe.rendering_problem", lambda: "no EGL; apt-get install libegl1")
     assert fmd("run", "beam", "--out", str(tmp_path / "out")) == 2

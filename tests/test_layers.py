@@ -26,7 +26,7 @@ LAYERS = (
         *{"scene", "scene_file", "scene_time", "scene_shapes", "scene_files"},
         *{"scene_parts", "scene_outputs", "scene_runs"},
         *{"mechanism", "methods", "part", "attachments", "shapes", "sources", "spin"},
-        *{"stages", "plan", "frequencies", "quantities", "outputs", "drawings", "exports"},
+        *{"stages", "plan", "frequencies", "quantities", "outputs", "drawings", "picture_files", "exports"},
         *{"stability", "course", "stress_test", "stress_cases"},
         *{"neighbours", "observed", "budget", "accuracy"},
         *{"summary", "tables", "bench", "mode_study", "whole_runs", "doctor", "sweep", "verification"},

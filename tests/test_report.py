@@ -17,7 +17,6 @@ from matplotlib import colormaps
 from matplotlib.image import imread
 
 from pipeline import load
-from pipeline.cli import main
 from pipeline.report.view3d import view_data
 
 QUICK = ["body.beam.mesh.divisions=[24, 2, 1]", "simulation.duration=100 ms"]
@@ -68,17 +67,8 @@ class Page(HTMLParser):
         self.cells.append(data.strip())
 
 
-def fmd(*arguments):
-    """Run the command line; return its exit status."""
-    try:
-        main([str(argument) for argument in arguments])
-    except SystemExit as stop:
-        return stop.code or 0
-    return 0
-
-
 @pytest.fixture(scope="module")
-def text(tmp_path_factory):
+def text(fmd, tmp_path_factory):
     path = tmp_path_factory.mktemp("report") / "beam.html"
     assert fmd("report", "beam", *(word for value in QUICK for word in ("--set", value)), "--out", path) == 0
     return path.read_text(encoding="utf-8")
@@ -153,7 +143,7 @@ def test_the_part_turns_in_a_browser(text, tmp_path):
 
 
 @pytest.mark.slow
-def test_a_rigid_scene_has_a_page_too(tmp_path, capsys):
+def test_a_rigid_scene_has_a_page_too(fmd, tmp_path, capsys):
     path = tmp_path / "rod.html"
     assert fmd("report", "rod-slider", "--set", "simulation.duration=1 s", "--no-budget", "--out", path, "--json") == 0
     assert json.loads(capsys.readouterr().out)["bytes"] == path.stat().st_size
@@ -162,7 +152,7 @@ def test_a_rigid_scene_has_a_page_too(tmp_path, capsys):
     assert len(page.addresses) == 2  # the charts of Figs. 4 to 7
 
 
-def test_a_part_alone_has_a_page_with_its_modes(tmp_path):
+def test_a_part_alone_has_a_page_with_its_modes(fmd, tmp_path):
     scene = (files("models") / "beam.toml").read_text()
     path = tmp_path / "part.toml"
     path.write_text(scene[: scene.index("[joint.hub]")])
@@ -173,7 +163,7 @@ def test_a_part_alone_has_a_page_with_its_modes(tmp_path):
     assert len(page.addresses) == 1
 
 
-def test_a_page_that_cannot_be_written_is_told_before_anything_is_computed(tmp_path, capsys, monkeypatch):
+def test_a_page_that_cannot_be_written_is_told_before_anything_is_computed(fmd, tmp_path, capsys, monkeypatch):
     (tmp_path / "file").touch()
     monkeypatch.setattr("pipeline.report.page.report", lambda *_: pytest.fail("computed"))
     assert fmd("report", "beam", "--out", tmp_path / "file" / "page.html") == 2

@@ -8,21 +8,12 @@ from pathlib import Path
 
 import pytest
 
-from pipeline.cli import app, main
+from pipeline.cli import app
 from pipeline.scene import load_scene, ready_scenes
 
 
-def fmd(*arguments):
-    """Run the command line; return its exit status."""
-    try:
-        main(arguments)
-    except SystemExit as stop:
-        return stop.code or 0
-    return 0
-
-
 @pytest.mark.slow
-def test_the_scene_to_start_from_runs_as_it_is_written(tmp_path, capsys):
+def test_the_scene_to_start_from_runs_as_it_is_written(fmd, tmp_path, capsys):
     path = tmp_path / "part.toml"
     assert fmd("new", str(path)) == 0
     assert capsys.readouterr().out == f"{path} is written; fmd run {path} computes it\n"
@@ -34,14 +25,14 @@ def test_the_scene_to_start_from_runs_as_it_is_written(tmp_path, capsys):
     assert len(comments) > 30
 
 
-def test_a_ready_scene_can_be_the_start(tmp_path):
+def test_a_ready_scene_can_be_the_start(fmd, tmp_path):
     for name in ready_scenes():
         path = tmp_path / f"{name}.toml"
         assert fmd("new", str(path), "--from", name) == 0
         assert load_scene(path).model_dump() == load_scene(name).model_dump()
 
 
-def test_a_file_that_exists_is_left_alone(tmp_path, capsys):
+def test_a_file_that_exists_is_left_alone(fmd, tmp_path, capsys):
     path = tmp_path / "part.toml"
     path.write_text("mine")
     assert fmd("new", str(path)) == 2
@@ -57,7 +48,7 @@ def test_a_file_that_exists_is_left_alone(tmp_path, capsys):
         (["file/part.toml"], "can't be written"),
     ],
 )
-def test_a_wrong_start_is_refused(arguments, said, tmp_path, capsys, monkeypatch):
+def test_a_wrong_start_is_refused(fmd, arguments, said, tmp_path, capsys, monkeypatch):
     monkeypatch.chdir(tmp_path)
     Path("file").touch()
     assert fmd("new", *arguments) == 2
@@ -65,7 +56,7 @@ def test_a_wrong_start_is_refused(arguments, said, tmp_path, capsys, monkeypatch
     assert [path.name for path in tmp_path.iterdir()] == ["file"]
 
 
-def test_the_shell_completes_commands_and_options(tmp_path, capsys):
+def test_the_shell_completes_commands_and_options(fmd, tmp_path, capsys):
     script = tmp_path / "fmd"
     assert fmd("--install-completion", "--shell", "bash", "--output", str(script)) == 0
     assert script.read_text() == app.generate_completion(shell="bash")

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import json
+from collections.abc import Callable
 from pathlib import Path
 
 import numpy as np
@@ -10,7 +11,6 @@ import pytest
 
 from pipeline import Pipeline, load_scene
 from pipeline.checks import InputError
-from pipeline.cli import main
 
 PLATE = """
 title = "Plate"
@@ -41,16 +41,8 @@ def plate(tmp_path_factory: pytest.TempPathFactory) -> str:
     return str(path)
 
 
-def fmd(*arguments: str) -> int:
-    try:
-        main(arguments)
-    except SystemExit as stop:
-        return int(stop.code or 0)
-    return 0
-
-
 def test_a_plate_on_its_edges_has_three_rigid_modes_and_the_published_frequencies(
-    plate: str, capsys: pytest.CaptureFixture[str]
+    fmd: Callable[..., int], plate: str, capsys: pytest.CaptureFixture[str]
 ) -> None:
     assert fmd("modes", plate, "--json") == 0
     result = json.loads(capsys.readouterr().out)
@@ -63,7 +55,7 @@ def test_a_plate_on_its_edges_has_three_rigid_modes_and_the_published_frequencie
 
 @pytest.mark.parametrize("command", [("run",), ("modes", "--speed", "3 rad/s"), ("stability",)])
 def test_a_scene_of_parts_alone_has_no_motion(
-    plate: str, command: tuple[str, ...], capsys: pytest.CaptureFixture[str]
+    fmd: Callable[..., int], plate: str, command: tuple[str, ...], capsys: pytest.CaptureFixture[str]
 ) -> None:
     assert fmd(command[0], plate, *command[1:]) == 2
     assert "simulation: is missing: without it a scene has mesh and modes alone" in capsys.readouterr().err
@@ -87,7 +79,7 @@ def test_a_scene_of_parts_alone_has_no_motion(
     ],
 )
 def test_a_wrong_support_or_interface_is_one_line_and_status_2(
-    plate: str, override: str, said: str, capsys: pytest.CaptureFixture[str]
+    fmd: Callable[..., int], plate: str, override: str, said: str, capsys: pytest.CaptureFixture[str]
 ) -> None:
     assert fmd("modes", plate, "--set", override) == 2
     printed = capsys.readouterr()
@@ -96,7 +88,7 @@ def test_a_wrong_support_or_interface_is_one_line_and_status_2(
 
 
 def test_an_interface_without_a_marker_and_a_joint_without_a_joint_are_refused(
-    plate: str, capsys: pytest.CaptureFixture[str]
+    fmd: Callable[..., int], plate: str, capsys: pytest.CaptureFixture[str]
 ) -> None:
     assert fmd("modes", plate, "--set", "body.plate.marker={}", "--set", "body.plate.modes.boundary=interface") == 2
     assert "has no marker to be an interface" in capsys.readouterr().err
@@ -104,7 +96,9 @@ def test_an_interface_without_a_marker_and_a_joint_without_a_joint_are_refused(
     assert "hangs on no joint to be held at" in capsys.readouterr().err
 
 
-def test_an_interface_that_is_supported_is_a_failed_check(plate: str, capsys: pytest.CaptureFixture[str]) -> None:
+def test_an_interface_that_is_supported_is_a_failed_check(
+    fmd: Callable[..., int], plate: str, capsys: pytest.CaptureFixture[str]
+) -> None:
     clamp = ["--set", 'body.plate.support=[{face="x-"}]']
     assert fmd("modes", plate, *clamp, "--set", "body.plate.modes.boundary=interface") == 3
     assert "leave out one of them, or a support that holds it" in capsys.readouterr().err

@@ -7,27 +7,33 @@ from functools import cached_property
 from typing import TYPE_CHECKING, NamedTuple
 
 import numpy as np
-from scipy.linalg import eigh
 
 from pipeline.checks import Array, require_shape
 from pipeline.dynamics.compiled import meaning
 from pipeline.dynamics.system import accelerations, advance, fast_steps, freeze, velocities
+from pipeline.dynamics.vibration import highest_frequency
 
 if TYPE_CHECKING:
     from pipeline.dynamics.linear_middle import MiddleLinear
 
 
 class LinearParameters(NamedTuple):
-    """What the kernels read: ``a = −A q − B v``, and of the fast coordinates ``a_S = −A_S q_S − B_S v_S − W held``."""
+    """What the kernels read: ``a = −A q − B v``, and of the fast coordinates ``a_S = −A_S q_S − B_S v_S − W held``.
+
+    Matrices lie in memory by columns, so that products run over one column after another in vector instructions.
+    Without terms of the rates B and C have no columns.
+    """
 
     n_slow: int
     A: Array  # (n, n) M⁻¹ K
-    B: Array  # (n, n) M⁻¹ C
+    B: Array  # (n, n or 0) M⁻¹ C
     M: Array
-    C: Array
+    C: Array  # (n, n or 0)
     K: Array
+    K_SS: Array  # (n_fast, n_fast)
+    C_SS: Array  # (n_fast, n_fast or 0)
     W: Array  # (n_fast, n_fast) M_SS⁻¹
-    v_now: Array  # (n,), room to work in
+    v_now: Array  # (n_fast,), room to work in
 
 
 class FrozenLinear(NamedTuple):
@@ -88,15 +94,16 @@ class LinearSystem:
     @property
     def parameters(self) -> LinearParameters:
         """Flat arrays for the kernels, with room to work in that is the caller's own."""
-        return self._packed._replace(v_now=np.zeros(self.n))
+        return self._packed._replace(v_now=np.zeros(self.n - self.n_slow))
 
     @cached_property
     def _packed(self) -> LinearParameters:
-        C = np.zeros_like(self.K) if self.C is None else self.C
+        C = np.zeros((self.n, 0)) if self.C is None else self.C
         inverse = np.linalg.inv(self.M)
-        W = np.linalg.inv(self.M[self.n_slow :, self.n_slow :])
-        arrays = (inverse @ self.K, inverse @ C, self.M, C, self.K, W, np.empty(0))
-        return LinearParameters(self.n_slow, *(np.ascontiguousarray(a, dtype=float) for a in arrays))
+        S = slice(self.n_slow, None)
+        of_fast = self.K[S, S], C[S, S], np.linalg.inv(self.M[S, S])
+        arrays = (inverse @ self.K, inverse @ C, self.M, C, self.K, *of_fast, np.empty(0))
+        return LinearParameters(self.n_slow, *(np.asfortranarray(a, dtype=float) for a in arrays))
 
     def frozen(self) -> FrozenLinear:
         """Fresh storage for what a major cycle holds."""
@@ -106,7 +113,8 @@ class LinearSystem:
         """Fresh storage for what a major cycle's middle holds."""
         from pipeline.dynamics.linear_middle import middle_of
 
-        return middle_of(self.M, self.K, self._packed.C, self.n_slow)
+        C = np.zeros_like(self.K) if self.C is None else self.C
+        return middle_of(self.M, self.K, C, self.n_slow)
 
     @property
     def highest_frequency(self) -> float:
@@ -123,7 +131,7 @@ class LinearSystem:
         """The same of the fast coordinates with ``q_L + M_LL⁻¹ M_LS q_S`` held."""
         slow, fast = slice(0, self.n_slow), slice(self.n_slow, None)
         T = np.concatenate([-np.linalg.solve(self.M[slow, slow], self.M[slow, fast]), np.eye(self.n - self.n_slow)])
-        return _highest(T.T @ self.M @ T, T.T @ self.K @ T)
+        return highest_frequency(T.T @ self.M @ T, T.T @ self.K @ T)
 
     @property
     def highest_slow_frequency(self) -> float:
@@ -131,21 +139,20 @@ class LinearSystem:
         return self._highest(slice(0, self.n_slow))
 
     def _highest(self, part: slice) -> float:
-        return _highest(self.M[part, part], self.K[part, part])
-
-
-def _highest(M: Array, K: Array) -> float:
-    return float(np.sqrt(max(eigh(K, M, eigvals_only=True)[-1], 1e-300))) if len(M) else 1e-150
+        return highest_frequency(self.M[part, part], self.K[part, part])
 
 
 @meaning(accelerations, LinearParameters)
 def _accelerations(p: LinearParameters, t: float, q: Array, v: Array, a: Array) -> None:
     A, B = p.A, p.B
     for i in range(v.size):
-        total = 0.0
-        for j in range(v.size):
-            total -= A[i, j] * q[j] + B[i, j] * v[j]
-        a[i] = total
+        a[i] = 0.0
+    for j in range(v.size):
+        for i in range(v.size):
+            a[i] -= A[i, j] * q[j]
+    for j in range(B.shape[1]):
+        for i in range(v.size):
+            a[i] -= B[i, j] * v[j]
 
 
 @meaning(freeze, LinearParameters)
@@ -154,28 +161,32 @@ def _freeze(p: LinearParameters, t: float, q: Array, v: Array, a: Array, frozen:
     for i in range(n_slow, v.size):
         held[i - n_slow] = 0.0
         for j in range(n_slow):
-            held[i - n_slow] += K[i, j] * q[j] + C[i, j] * v[j] + M[i, j] * a[j]
+            held[i - n_slow] += K[i, j] * q[j] + M[i, j] * a[j]
+        for j in range(min(n_slow, C.shape[1])):
+            held[i - n_slow] += C[i, j] * v[j]
 
 
 @meaning(fast_steps, LinearParameters)
 def _fast_steps(
     p: LinearParameters, frozen: FrozenLinear, first: int, h: float, count: int, q: Array, v: Array, a: Array
 ) -> None:
-    C, K, W, v_now, held, right, n_slow = p.C, p.K, p.W, p.v_now, frozen.held, frozen.right, p.n_slow
-    n = v.size
+    K, C, W, v_now, held, right, n_fast = p.K_SS, p.C_SS, p.W, p.v_now, frozen.held, frozen.right, frozen.right.size
+    q, v, a = q[p.n_slow :], v[p.n_slow :], a[p.n_slow :]
     for _ in range(count):
-        for i in range(n_slow, n):
+        for i in range(n_fast):
             v_now[i] = v[i] + 0.5 * h * a[i]
-        for i in range(n_slow, n):
-            total = -held[i - n_slow]
-            for j in range(n_slow, n):
-                total -= K[i, j] * q[j] + C[i, j] * v_now[j]
-            right[i - n_slow] = total
-        for i in range(n_slow, n):
-            total = 0.0
-            for j in range(right.size):
-                total += W[i - n_slow, j] * right[j]
-            a[i] = total
+            right[i] = -held[i]
+            a[i] = 0.0
+        for j in range(n_fast):
+            for i in range(n_fast):
+                right[i] -= K[i, j] * q[j]
+        for j in range(C.shape[1]):
+            for i in range(n_fast):
+                right[i] -= C[i, j] * v_now[j]
+        for j in range(n_fast):
+            for i in range(n_fast):
+                a[i] += W[i, j] * right[j]
+        for i in range(n_fast):
             v[i] += h * a[i]
             q[i] += h * v[i]
 

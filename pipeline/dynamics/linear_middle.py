@@ -36,7 +36,7 @@ def middle_of(M: Array, K: Array, C: Array, n_slow: int) -> MiddleLinear:
     rows = np.concatenate([np.zeros((n_slow, n_slow)), D.T])
     W, V = np.linalg.inv(T.T @ M @ T), np.linalg.inv(M[L, L])
     arrays = (rows, W, V, T, K @ T, C @ T)
-    return MiddleLinear(*(np.ascontiguousarray(a) for a in arrays), *np.zeros((5, n)))
+    return MiddleLinear(*(np.asfortranarray(a) for a in arrays), *np.zeros((5, n)))
 
 
 @meaning(hold_middle, LinearParameters)
@@ -44,10 +44,14 @@ def _hold_middle(p: LinearParameters, t: float, q: Array, v: Array, D: Array, mi
     K, C, Q = p.K, p.C, middle.Q
     for i in range(v.size):
         Q[i], middle.q[i], middle.v[i] = 0.0, q[i], v[i]
-        for j in range(v.size):
-            Q[i] -= K[i, j] * q[j] + C[i, j] * v[j]
         for j in range(p.n_slow):
             D[i, j] = middle.D[i, j]
+    for j in range(v.size):  # by columns, as the matrices lie in memory
+        for i in range(v.size):
+            Q[i] -= K[i, j] * q[j]
+    for j in range(C.shape[1]):
+        for i in range(v.size):
+            Q[i] -= C[i, j] * v[j]
 
 
 @meaning(reacting_steps, LinearParameters)
@@ -64,22 +68,29 @@ def _reacting_steps(
         middle.right,
         p.n_slow,
     )
-    n = v.size
+    n, fast = v.size, a[n_slow:]
     for _ in range(count):
         for j in range(n_slow, n):
             now[j] = v[j] + 0.5 * h * a[j] - middle.v[j]
         for i in range(n):
             right[i] = Q[i]
-            for j in range(n_slow, n):
-                right[i] -= K[i, j - n_slow] * (q[j] - middle.q[j]) + C[i, j - n_slow] * now[j]
         for j in range(n_slow, n):
-            now[j] = 0.0
+            moved = q[j] - middle.q[j]
             for i in range(n):
-                now[j] += T[i, j - n_slow] * right[i]
-        for i in range(n_slow, n):
-            a[i] = 0.0
+                right[i] -= K[i, j - n_slow] * moved
+        if p.C.shape[1]:
             for j in range(n_slow, n):
-                a[i] += W[i - n_slow, j - n_slow] * now[j]
+                for i in range(n):
+                    right[i] -= C[i, j - n_slow] * now[j]
+        for j in range(n_slow, n):  # below its first rows T is the unit matrix
+            now[j] = right[j]
+            for i in range(n_slow):
+                now[j] += T[i, j - n_slow] * right[i]
+            a[j] = 0.0
+        for j in range(n_slow, n):
+            for i in range(n - n_slow):
+                fast[i] += W[i, j - n_slow] * now[j]
+        for i in range(n_slow, n):
             v[i] += h * a[i]
             q[i] += h * v[i]
 

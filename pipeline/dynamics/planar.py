@@ -19,11 +19,11 @@ from functools import cached_property
 from typing import NamedTuple
 
 import numpy as np
-from scipy.linalg import eigh
 
 from pipeline.checks import Array, IntArray
 from pipeline.dynamics.compiled import aligned, inlined, meaning
 from pipeline.dynamics.system import accelerations, advance, fast_steps, freeze, velocities
+from pipeline.dynamics.vibration import highest_frequency
 from pipeline.reduction.body import FlexibleBody
 from pipeline.tensors import EPSILON
 
@@ -210,7 +210,7 @@ class PlanarRotor:
     def highest_frequency(self) -> float:
         """Highest coupled angular frequency in the reference state [rad/s]; it limits the plain explicit step."""
         K = np.diag(self._parameters.stiffness)
-        return float(np.sqrt(eigh(K, self.reference_mass, eigvals_only=True)[-1]))
+        return highest_frequency(self.reference_mass, K)
 
     @property
     def highest_fast_frequency(self) -> float:

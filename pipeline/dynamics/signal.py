@@ -55,9 +55,15 @@ class Signal:
 
     def value(self, t: float) -> tuple[float, float, float]:
         """Value, first and second time derivative at time t [s], by the kernel that a march uses."""
-        out = np.zeros(3)
-        evaluate_signal(pack([self]), 0, float(t), out)
-        return float(out[0]), float(out[1]), float(out[2])
+        value, rate, acceleration = self.values(np.array([t]))[0]
+        return float(value), float(rate), float(acceleration)
+
+    def values(self, times: Array) -> Array:
+        """Value, first and second time derivative at each time [s], shape (n_times, 3)."""
+        packed, out = pack([self]), np.empty((times.size, 3))
+        for t, at in zip(times, out, strict=True):
+            evaluate_signal(packed, 0, float(t), at)
+        return out
 
 
 def constant(value: float) -> Signal:

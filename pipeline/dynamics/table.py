@@ -10,7 +10,7 @@ Compiled functions can be among the members, by their address: who calls one by 
 from __future__ import annotations
 
 from dataclasses import fields
-from functools import cached_property
+from functools import cache, cached_property
 from typing import Any
 
 import numpy as np
@@ -55,7 +55,7 @@ class Table:
 
     @cached_property
     def _numba_type_(self) -> TableType:
-        return TableType(type(self), tuple((name, numba.typeof(x)) for name, x in self._members.items()))
+        return _table_type(type(self), tuple(_kind(x) for x in self._members.values()))  # type: ignore[arg-type]
 
     @cached_property
     def _words(self) -> Array:
@@ -72,7 +72,7 @@ def _words_of(x: Any) -> list[int]:
     if isinstance(x, Table):
         return [x.address]
     if isinstance(x, np.ndarray):
-        return [x.ctypes.data, *x.shape]
+        return [x.__array_interface__["data"][0], *x.shape]  # x.ctypes.data takes longer
     return [int(np.float64(x).view(np.int64)) if isinstance(x, float) else int(x)]
 
 
@@ -99,6 +99,26 @@ class TableType(types.Type):
 
 
 register_model(TableType)(models.OpaqueModel)
+
+
+def _kind(x: Any) -> Any:
+    """What a member's type depends on; Numba's own look at each of fifty arrays takes longer than many a march."""
+    if isinstance(x, np.ndarray):
+        return x.dtype, x.ndim, x.flags.writeable
+    return x._numba_type_ if isinstance(x, Table) else numba.typeof(x)
+
+
+@cache
+def _table_type(table: Any, kinds: tuple[Any, ...]) -> TableType:
+    names = [member.name for member in fields(table)]
+    return TableType(table, tuple((name, _typed(kind)) for name, kind in zip(names, kinds, strict=True)))
+
+
+def _typed(kind: Any) -> Any:
+    if not isinstance(kind, tuple):
+        return kind
+    dtype, n_dimensions, writeable = kind
+    return types.Array(numba.from_dtype(dtype), n_dimensions, "C", readonly=not writeable)
 
 
 @unbox(TableType)

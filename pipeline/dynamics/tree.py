@@ -11,12 +11,12 @@ from dataclasses import dataclass, field, replace
 from functools import cached_property
 
 import numpy as np
-from scipy.linalg import eigh
 
 from pipeline.checks import AccuracyError, Array, IntArray
 from pipeline.dynamics.link import FREE, REVOLUTE, SPHERICAL, Link, PointLoad
 from pipeline.dynamics.signal import Signal
 from pipeline.dynamics.tree_arrays import FrozenTree, Layout, MiddleTree, TreeParameters, layout_of, packed, with_room
+from pipeline.dynamics.vibration import highest_frequency
 from pipeline.reduction.gram import InertiaGram
 
 _STEADY = 1e-10
@@ -215,7 +215,7 @@ class Tree:
         slow, fast = slice(0, self.n_slow), slice(self.n_slow, None)
         M = self.mass_matrix(self.rest_positions)
         T = np.concatenate([-np.linalg.solve(M[slow, slow], M[slow, fast]), np.eye(self.n - self.n_slow)])
-        return _highest(T.T @ self.linear_stiffness @ T, T.T @ M @ T)
+        return highest_frequency(T.T @ M @ T, T.T @ self.linear_stiffness @ T)
 
     @property
     def highest_slow_frequency(self) -> float:
@@ -223,7 +223,7 @@ class Tree:
         return self._highest(slice(0, self.n_slow))
 
     def _highest(self, part: slice) -> float:
-        return _highest(self.linear_stiffness[part, part], self.mass_matrix(self.rest_positions)[part, part])
+        return highest_frequency(self.mass_matrix(self.rest_positions)[part, part], self.linear_stiffness[part, part])
 
     def energies(self, q: Array, v: Array, times: Array | None = None) -> tuple[Array, Array]:
         """Kinetic and potential energy (strain, springs, gravity) [J] at states q (n_times, …), v (n_times, n).
@@ -266,7 +266,7 @@ class Tree:
             at, to = self.layout.position[k], free.layout.position[k]
             i, j = self.layout.rate[k], free.layout.rate[k]
             if link.motion is not None:
-                motion = np.array([link.motion.value(t) for t in times])
+                motion = link.motion.values(times)
                 positions[:, to], rates[:, j], accelerations[:, j] = motion.T
             else:
                 positions[:, to : to + other.n_positions] = q[:, at : at + link.n_positions]
@@ -370,11 +370,6 @@ class Tree:
         ]
         loads = [replace(at, shapes=none, rotations=none) for at in self.loads]
         return Tree(links, self.fast_joints, self.gravity, loads)
-
-
-def _highest(K: Array, M: Array) -> float:
-    """Highest angular frequency of a stiffness and a mass matrix [rad/s]; all but 0 if there is none."""
-    return float(np.sqrt(max(eigh(K, M, eigvals_only=True)[-1], 1e-300))) if len(M) else 1e-150
 
 
 def _symmetric(lower: Array) -> Array:

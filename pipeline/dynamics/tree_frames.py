@@ -60,12 +60,12 @@ def tangent(size2: float, out: Array) -> None:
 @inner
 def place_joint(p: TreeParameters, b: int, q: Array, v: Array, R0: Array) -> None:
     """Frame of the joint on the parent, moved and turned by the parent's modes, into body b's own; R0 (3, 3)."""
-    origin, spin, bias, J = p.origin[b], p.spin[b], p.bias[b], p.J[b]
+    origin, spin, bias, J, place = p.origin[b], p.spin[b], p.bias[b], p.J[b], p.place[b]
     n = v.size
     parent = p.parent[b]
     if parent < 0:
         for i in range(3):
-            origin[i] = p.place[b, i]
+            origin[i] = place[i]
             spin[i] = 0.0
             bias[i] = -p.gravity[i]
             bias[3 + i] = 0.0
@@ -76,15 +76,17 @@ def place_joint(p: TreeParameters, b: int, q: Array, v: Array, R0: Array) -> Non
                 J[i, j] = 0.0
         return
     R, w, above = p.R[parent], p.spin[parent], p.J[parent]
-    mode, n_modes = p.mode[parent], p.n_modes[parent]
+    mode, n_modes, shapes, rotations = p.mode[parent], p.n_modes[parent], p.place_shapes[b], p.place_rotations[b]
+    origin_above, bias_above = p.origin[parent], p.bias[parent]
     arm, moving, angle, rate = p.small[0], p.small[1], p.small[2], p.small[3]
     for i in range(3):
-        r, u, a, da = p.place[b, i], 0.0, 0.0, 0.0
+        r, u, a, da = place[i], 0.0, 0.0, 0.0
         for k in range(n_modes):
-            r += p.place_shapes[b, i, k] * q[mode[k] + p.shift]
-            u += p.place_shapes[b, i, k] * v[mode[k]]
-            a += p.place_rotations[b, i, k] * q[mode[k] + p.shift]
-            da += p.place_rotations[b, i, k] * v[mode[k]]
+            coordinate, its_rate = q[mode[k] + p.shift], v[mode[k]]
+            r += shapes[i, k] * coordinate
+            u += shapes[i, k] * its_rate
+            a += rotations[i, k] * coordinate
+            da += rotations[i, k] * its_rate
         arm[3 + i], moving[3 + i], angle[i], rate[i] = r, u, a, da
     # The marker turns by the vector θ = Ψ q: R exp(θ̃); its rotation rate is A(θ) θ̇.
     size2 = angle[0] ** 2 + angle[1] ** 2 + angle[2] ** 2
@@ -95,8 +97,8 @@ def place_joint(p: TreeParameters, b: int, q: Array, v: Array, R0: Array) -> Non
         arm[i] = R[i, 0] * arm[3] + R[i, 1] * arm[4] + R[i, 2] * arm[5]
         moving[i] = R[i, 0] * moving[3] + R[i, 1] * moving[4] + R[i, 2] * moving[5]
     for i in range(3):
-        origin[i] = p.origin[parent, i] + arm[i]
-        bias[i], bias[3 + i] = p.bias[parent, i], p.bias[parent, 3 + i]
+        origin[i] = origin_above[i] + arm[i]
+        bias[i], bias[3 + i] = bias_above[i], bias_above[3 + i]
         spin[i] = w[i]
         for j in range(n):
             J[3 + i, j] = above[3 + i, j]
@@ -114,7 +116,7 @@ def place_joint(p: TreeParameters, b: int, q: Array, v: Array, R0: Array) -> Non
         for k in range(n_modes):
             total = 0.0
             for j in range(3):
-                total += R[i, j] * p.place_shapes[b, j, k]
+                total += R[i, j] * shapes[j, k]
             J[i, mode[k]] += total
     if n_modes == 0:
         for i in range(3):
@@ -133,7 +135,7 @@ def place_joint(p: TreeParameters, b: int, q: Array, v: Array, R0: Array) -> Non
     scale = d_one * tdt
     cross_add(turning, scale * t[0], scale * t[1], scale * t[2], dt[0], dt[1], dt[2])
     for k in range(n_modes):
-        s0, s1, s2 = p.place_rotations[b, 0, k], p.place_rotations[b, 1, k], p.place_rotations[b, 2, k]
+        s0, s1, s2 = rotations[0, k], rotations[1, k], rotations[2, k]
         ts = t[0] * s0 + t[1] * s1 + t[2] * s2
         column = p.small[7]
         column[0] = s0 + two * (t[0] * ts - s0 * size2)

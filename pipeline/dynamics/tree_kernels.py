@@ -29,7 +29,7 @@ def modal_products(p: TreeParameters, b: int, q: Array, v: Array) -> None:
 
     Column by column, so that the inner loops run over memory in order; the matrices are (anti)symmetric.
     """
-    m, n_modes, mode = p.modal, p.n_modes[b], p.mode[b]
+    m, n_modes, mode, active, S = p.modal, p.n_modes[b], p.mode[b], p.active[b], p.S[b]
     m[0, 0], m[1, 0] = 1.0, 0.0
     for k in range(n_modes):
         m[0, 1 + k], m[1, 1 + k] = q[mode[k] + p.shift], v[mode[k]]
@@ -37,18 +37,18 @@ def modal_products(p: TreeParameters, b: int, q: Array, v: Array) -> None:
         for k in range(1 + n_modes):
             m[i, k] = 0.0
     for i in range(6):
-        if p.active[b, i]:
+        if active[i]:
             for j in range(1 + n_modes):
                 add_scaled(m[2 + i], p.G[b, i, j], m[0, j], 1 + n_modes)
     for a in range(3):
-        if p.active[b, 6 + a]:
+        if active[6 + a]:
             for j in range(1 + n_modes):  # the columns of A are its rows turned round
                 add_scaled(m[8 + a], p.A[b, a, j], -m[0, j], 1 + n_modes)
             for j in range(1, 1 + n_modes):
                 add_scaled(m[11 + a], p.A[b, a, j], -m[1, j], 1 + n_modes)
     for a in range(3):
         for k in range(1 + n_modes):
-            m[14 + a, k] = p.S[b, a, k]
+            m[14 + a, k] = S[a, k]
         if p.bowed[b]:
             for j in range(n_modes):
                 add_scaled(m[14 + a, 1:], p.bow[b, a, j], m[0, 1 + j], n_modes)
@@ -66,16 +66,17 @@ def add_body(p: TreeParameters, b: int, q: Array, v: Array) -> None:
     """Add body b's mass and force, formed in its own axes, to M̂ and Q̂."""
     modal_products(p, b, q, v)
     n, n_modes, mode = v.size, p.n_modes[b], p.mode[b]
-    m, mass, R, J, M, Q = p.modal, p.mass[b], p.R[b], p.J[b], p.M, p.Q
+    m, mass, R, J, M, Q, S = p.modal, p.mass[b], p.R[b], p.J[b], p.M, p.Q, p.S[b]
+    spin, bias = p.spin[b], p.bias[b]
     w, accel, F, c, Jw = p.small[0], p.small[1], p.small[2], p.small[3], p.small[4]
     P, Ns, h = p.small[5], p.small[6], p.small[7]
     for i in range(3):  # spin and bias in the body's axes
-        w[i] = R[0, i] * p.spin[b, 0] + R[1, i] * p.spin[b, 1] + R[2, i] * p.spin[b, 2]
-        accel[i] = R[0, i] * p.bias[b, 0] + R[1, i] * p.bias[b, 1] + R[2, i] * p.bias[b, 2]
-        accel[3 + i] = R[0, i] * p.bias[b, 3] + R[1, i] * p.bias[b, 4] + R[2, i] * p.bias[b, 5]
-        c[i], c[3 + i], h[i] = p.S[b, i, 0], 0.0, 0.0
+        w[i] = R[0, i] * spin[0] + R[1, i] * spin[1] + R[2, i] * spin[2]
+        accel[i] = R[0, i] * bias[0] + R[1, i] * bias[1] + R[2, i] * bias[2]
+        accel[3 + i] = R[0, i] * bias[3] + R[1, i] * bias[4] + R[2, i] * bias[5]
+        c[i], c[3 + i], h[i] = S[i, 0], 0.0, 0.0
         for k in range(1, 1 + n_modes):
-            c[i] += 0.5 * (p.S[b, i, k] + m[14 + i, k]) * m[0, k]
+            c[i] += 0.5 * (S[i, k] + m[14 + i, k]) * m[0, k]
             c[3 + i] += m[14 + i, k] * m[1, k]
             h[i] += m[8 + i, k] * m[1, k]
     for i in range(6):

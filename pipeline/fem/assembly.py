@@ -9,6 +9,7 @@ for each element; the material comes in after the sum over elements, where there
 from __future__ import annotations
 
 import numpy as np
+import scipy.sparse as sp
 
 from pipeline.checks import AccuracyError, Array, IntArray
 from pipeline.fem.elements import shape_functions
@@ -16,7 +17,7 @@ from pipeline.fem.material import AnyMaterial, Material
 from pipeline.fem.mesh import SolidMesh
 from pipeline.fem.model import Discretisation, FEModel
 
-_CHUNK = 1024  # elements at a time: their gradients stay in the processor's cache
+_CHUNK = 2048  # elements at a time, fewer if they have many nodes: their matrices stay in the processor's cache
 _BLOCKS = 8192  # blocks at a time, for the same reason
 
 
@@ -38,12 +39,20 @@ def assemble(mesh: SolidMesh, order: int, material: AnyMaterial) -> FEModel:
         The Jacobian is not positive at every quadrature point.
     """
     space = Discretisation(mesh, order)
-    structure = space.structure
-    products, shape_products = _gradient_products(space), _shape_products(space)
-    each = list(material.over(slice(None)))
-    K = [_isotropic(structure.sums(_only(products, elements)), own) for own, elements in each]
-    m = [own.rho * structure.sums(_only(shape_products, elements)) for own, elements in each]
-    return FEModel(space, material, structure.block_matrix(sum(K[1:], K[0])), structure.scalar_matrix(sum(m[1:], m[0])))
+    return FEModel(space, material, _stiffness(space, material), _mass(space, material))
+
+
+def _stiffness(space: Discretisation, material: AnyMaterial) -> sp.csr_array:
+    products, structure = _gradient_products(space), space.structure
+    each = [_isotropic(structure.sums(_only(products, mine)), own) for own, mine in material.over(slice(None))]
+    del products  # a third of what the assembly needs at its peak
+    return structure.block_matrix(sum(each[1:], each[0]))
+
+
+def _mass(space: Discretisation, material: AnyMaterial) -> sp.csr_array:
+    products, structure = _shape_products(space), space.structure
+    each = [own.rho * structure.sums(_only(products, mine)) for own, mine in material.over(slice(None))]
+    return structure.scalar_matrix(sum(each[1:], each[0]))
 
 
 def _only(entries: Array, elements: IntArray | slice) -> Array:
@@ -58,10 +67,14 @@ def _only(entries: Array, elements: IntArray | slice) -> Array:
 def _isotropic(T: Array, material: Material) -> Array:
     """Make blocks of the stiffness of sums of gradient products (n_pairs, 3, 3), in their place."""
     lam, mu = material.lame
+    transposed, diagonal = np.arange(9).reshape(3, 3).T.ravel(), np.eye(3).ravel()
     for start in range(0, len(T), _BLOCKS):
-        block = T[start : start + _BLOCKS]
-        shear = mu * block.swapaxes(1, 2)
-        shear[:, range(3), range(3)] += mu * np.trace(block, axis1=1, axis2=2)[:, None]
+        block = T[start : start + _BLOCKS].reshape(-1, 9)
+        shear = np.take(block, transposed, axis=1)
+        trace = block @ diagonal
+        for k in np.flatnonzero(diagonal):
+            shear[:, k] += trace
+        shear *= mu
         block *= lam
         block += shear
     return T
@@ -109,13 +122,17 @@ def _gradient_products(space: Discretisation) -> Array:
     X, w = space.kind.quadrature(space.kind.stiffness_order)
     n_elements, n_local = space.element_nodes.shape
     T = np.empty((n_elements, n_local, n_local, 3, 3))
-    for start in range(0, n_elements, _CHUNK):
-        g, det = gradients(space, X, slice(start, start + _CHUNK))
+    flat_T = T.reshape(n_elements, -1)
+    by_pairs = np.arange(9 * n_local**2).reshape(n_local, 3, n_local, 3).swapaxes(1, 2).ravel()
+    step = max(_CHUNK // 16, 16 * _CHUNK // n_local**2)
+    for start in range(0, n_elements, step):
+        chunk = slice(start, start + step)
+        g, det = gradients(space, X, chunk)
         g *= np.sqrt(det * w)[:, :, None, None]
         flat = g.reshape(len(g), w.size, 3 * n_local)
         # a product of a matrix with its own transpose: NumPy takes BLAS's, symmetric to the last bit
-        products = (flat.transpose(0, 2, 1) @ flat).reshape(-1, n_local, 3, n_local, 3)
-        T[start : start + _CHUNK] = products.transpose(0, 1, 3, 2, 4)
+        products = (flat.transpose(0, 2, 1) @ flat).reshape(len(g), -1)
+        np.take(products, by_pairs, axis=1, out=flat_T[chunk], mode="clip")  # thrice as fast as by strides
     return T
 
 

@@ -10,7 +10,7 @@ import numpy as np
 import skfem
 from skfem.quadrature import get_quadrature
 
-from pipeline.checks import Array, IntArray
+from pipeline.checks import Array, IntArray, read_only
 from pipeline.fem.mesh import STRAIGHT
 from pipeline.fem.wedge import Wedge, wedge_quadrature
 
@@ -99,13 +99,18 @@ class ElementKind:
 
 
 def shape_functions(element: Any, X: Array) -> tuple[Array, Array]:
-    """Values (n_nodes, n_q) and reference gradients (n_nodes, 3, n_q) at the points X (3, n_q)."""
-    n_nodes = element.doflocs.shape[0]
-    values, gradients = zip(*(element.lbasis(X, i) for i in range(n_nodes)), strict=True)
-    ones = np.ones(X.shape[1])
+    """Values (n_nodes, n_q) and reference gradients (n_nodes, 3, n_q) at the points X (3, n_q), read-only."""
+    return _tabulated(element, X.astype(float).tobytes(), X.shape[1])
+
+
+@lru_cache(maxsize=16)  # the quadrature's points come again with every batch of elements
+def _tabulated(element: Any, places: bytes, n_q: int) -> tuple[Array, Array]:
+    X = np.frombuffer(places).reshape(3, n_q)
+    values, gradients = zip(*(element.lbasis(X, i) for i in range(element.doflocs.shape[0])), strict=True)
+    ones = np.ones(n_q)
     return (
-        np.array([value * ones for value in values]),
-        np.array([np.broadcast_to(np.asarray(g, dtype=float), X.shape) for g in gradients]),
+        read_only(np.array([value * ones for value in values])),
+        read_only(np.array([np.broadcast_to(np.asarray(g, dtype=float), X.shape) for g in gradients])),
     )
 
 

@@ -163,25 +163,45 @@ def newton_step(
     """Find the accelerations at a step's ``end`` [s], in work[0]; positions[0] and work[3] are its positions and rates.
 
     The tangent, factored, is kept in ``memory``, with a number that says whether it serves and the largest acceleration
-    so far. Forces that balance leave an acceleration with their own round-off: a correction that no longer shrinks is
-    good enough if it is small beside that largest one, or moves positions by their round-off.
+    so far.
+    """
+    n, new = v.size, work[0]
+    alpha_m, alpha_f, beta = weights[0], weights[1], weights[2]
+    for i in range(n):
+        new[i] = a[n + i]
+    if _converges(p, weights, work, positions, counts, memory, end, h, q, v, a, True):
+        return True
+    # The last accelerations, held over a long step, carry a stiff coordinate far out to where no tangent is of use.
+    for i in range(n):
+        ahead = -(v[i] / h + (0.5 - beta) * a[i]) / beta  # so that positions stay
+        new[i] = ((1.0 - alpha_m) * ahead + alpha_m * a[i] - alpha_f * a[n + i]) / (1.0 - alpha_f)
+    memory[n * n] = 0.0
+    return _converges(p, weights, work, positions, counts, memory, end, h, q, v, a, False)
+
+
+@inner
+def _converges(
+    p: Any, weights: Array, work: Array, positions: Array, counts: Array, memory: Array,
+    end: float, h: float, q: Array, v: Array, a: Array, wary: bool,
+) -> bool:  # fmt: skip
+    """Iterate from the accelerations in work[0]; if ``wary``, only while corrections shrink.
+
+    Forces that balance leave an acceleration with their own round-off: a correction that no longer shrinks, or shrinks
+    to the last, is good enough if it is small beside the largest one so far, or moves positions by their round-off.
     """
     n = v.size
     new, found, shifted, v_new, mean, base = work[0], work[1], work[2], work[3], work[4], work[5]
     q_new, tangent = positions[0], memory[: n * n].reshape((n, n))
-    for i in range(n):
-        new[i] = a[n + i]
-    largest_before, peak, reached = 0.0, memory[n * n + 1], 1.0
+    largest_before, peak = 0.0, memory[n * n + 1]
     to_position = h * h * weights[2] * (1.0 - weights[1]) / (1.0 - weights[0])
     for iteration in range(_MOST_ITERATIONS):
         _end_of_step(p, weights, end, h, q, v, a, new, q_new, v_new, mean, found)
         counts[0] += 1
-        size, largest = _VANISHED, 0.0
-        for i in range(n):  # the auxiliary ones too: their round-off is in what is found, and the first guess's in new
-            size = max(size, abs(found[i]), abs(new[i]), abs(a[i]), _OF_GUESS * abs(a[n + i]))
+        size, largest, reached = _VANISHED, 0.0, 1.0
         if memory[n * n] == 0.0 or (iteration > 0 and iteration % 4 == 0):
             for i in range(n):
                 base[i] = found[i]
+                size = max(size, abs(found[i]), abs(new[i]), abs(a[i]), _OF_GUESS * abs(a[n + i]))
             for j in range(n):
                 keep = new[j]
                 nudge = 1e-6 * (abs(keep) + 1e-3 * max(size, peak))
@@ -195,21 +215,27 @@ def newton_step(
             memory[n * n] = 1.0
             for i in range(n):
                 found[i] = base[i]
+        size = _VANISHED
         for i in range(n):
             found[i] -= new[i]
         _solve(tangent, found)
         for i in range(n):
             new[i] += found[i]
             largest += abs(found[i])  # a sum: it keeps a NaN, which max would lose
+            # Auxiliary ones too: their round-off is in what is found, and the guess's in new.
+            size = max(size, abs(new[i]), abs(a[i]), _OF_GUESS * abs(a[n + i]))
         for i in range(q.size):
             reached = max(reached, abs(q_new[i]))
         slow = iteration > 0 and largest > 0.3 * largest_before
         good_enough = max(TOLERANCE * peak, _ROUND_OFF * reached / to_position)
-        if largest <= TOLERANCE * size or (slow and largest <= good_enough):
+        last = iteration == _MOST_ITERATIONS - 1  # beneath round-off it may shrink by a steady factor for long
+        if largest <= TOLERANCE * size or ((slow or last) and largest <= good_enough):
             memory[n * n + 1] = max(peak, size)
             _end_of_step(p, weights, end, h, q, v, a, new, q_new, v_new, mean, found)
             counts[0] += 1
             return True
+        if wary and iteration > 0 and largest > largest_before:
+            return False
         if slow:
             memory[n * n] = 0.0  # too slow: a fresh tangent
         largest_before = largest

@@ -20,7 +20,7 @@ from typing import Any
 import numpy as np
 
 from pipeline.checks import Array, IntArray
-from pipeline.dynamics.compiled import inlined, inner, kernel
+from pipeline.dynamics.compiled import inner, kernel
 from pipeline.dynamics.system import System, accelerations, advance, velocities
 from pipeline.integrators.adaptive import (
     SMALLEST,
@@ -96,10 +96,7 @@ def _slope(p: Any, t: float, u: Array, n_positions: int, F: Array) -> None:
     accelerations(p, t, u[:n_positions], u[n_positions:], F[n_positions:])
 
 
-# Each kernel that calls the dynamics compiles them over again: these two are parts of the march instead.
-
-
-@inlined
+@kernel
 def _linearise(
     p: Any, t: float, dt: float, u: Array, n_positions: int, F: Array, nudged: Array, J: Array, v: Array, second: float
 ) -> None:
@@ -292,7 +289,7 @@ def _set_source(c: Array, scale: Array, first: Array, v: Array, A: Array, B: Arr
         c[2, i], c[3, i] = 2.0 * scale[i] * A[i] / h**2, 6.0 * scale[i] * B[i] / h**3
 
 
-@inlined
+@inner
 def _remainder(
     p: Any, t: float, dt: float, u: Array, w: Array, scale: Array, n_positions: int, F: Array, J: Array, v: Array,
     U: Array, out: Array,

@@ -17,7 +17,7 @@ from typing import Any
 import numpy as np
 
 from pipeline.checks import Array, IntArray
-from pipeline.dynamics.compiled import aligned, kernel
+from pipeline.dynamics.compiled import aligned, inner, kernel
 from pipeline.dynamics.system import System, accelerations, advance, fast_steps, freeze
 from pipeline.integrators.protocol import (
     Progress,
@@ -72,21 +72,24 @@ class Subcycling:
             self.step,
             self.substeps,
         )
-        q_now, v_now = aligned(system.n_positions, system.n)
+        sizes = (system.n_positions, system.n)
+        room: list[Any] = aligned(*sizes, *2 * (*sizes, system.n), 1)
 
         def run(state: State, n_steps: int, *samples: Any) -> int:
             march = (n_slow, h, m, state.step, n_steps // m, state.q, state.v, state.a)
-            return m * int(_march(parameters, frozen, *march, q_now, v_now, *samples))
+            return m * int(_march(parameters, frozen, *march, *room, *samples))
 
         end, q, v, seconds = march_in_chunks(run, start, h, m, times, progress)
         n_steps = end.step - start.step
-        return Trajectory(self.name, h, m, times, q, v, n_steps // m, n_steps - n_steps // m, seconds, end)
+        fast = n_steps - n_steps // m + int(room[-1][0])
+        return Trajectory(self.name, h, m, times, q, v, n_steps // m, fast, seconds, end)
 
 
 @kernel
 def _march(
     p: Any, frozen: Any, n_slow: int, h: float, m: int, first: int, n_cycles: int, q: Array, v: Array, a: Array,
-    q_now: Array, v_now: Array,
+    q_now: Array, v_now: Array, first_q: Array, first_v: Array, first_a: Array,
+    again_q: Array, again_v: Array, again_a: Array, again: Array,
     sample_step: IntArray, sample_offset: Array, sample_q: Array, sample_v: Array, cursor: IntArray,
 ) -> int:  # fmt: skip
     n, H = v.size, m * h
@@ -98,7 +101,8 @@ def _march(
             v_now[i] = v[i] + 0.5 * H * a[i]
         for i in range(n_slow, n):
             v_now[i] = v[i] + 0.5 * h * a[i]
-        if start <= next_sample < start + m:
+        sampled = start <= next_sample < start + m
+        if sampled:
             for i in range(q.size):
                 q_now[i] = q[i]
         accelerations(p, start * h, q, v_now, a)
@@ -109,30 +113,47 @@ def _march(
         for i in range(n_slow, n):
             v[i] += h * a[i]
             q[i + offset] += h * v[i]
-        done = 1
-        while True:
-            while start + done - 1 == next_sample:  # the fast coordinates have just left this step
-                s = sample_offset[cursor[0]]
-                s_slow = s + (done - 1) * h
-                for i in range(n):  # Taylor's polynomial, which the next step continues
-                    step, ahead = (H, s_slow) if i < n_slow else (h, s)
-                    v_now[i] = v[i] - 0.5 * step * a[i] + 0.5 * ahead * a[i]
-                    sample_v[cursor[0], i] = v_now[i] + 0.5 * ahead * a[i]
-                for i in range(q.size):
-                    sample_q[cursor[0], i] = q_now[i]
-                advance(p, sample_q[cursor[0]], v_now, s_slow, 0, n_slow)
-                advance(p, sample_q[cursor[0]], v_now, s, n_slow, n)
-                cursor[0] += 1
-                next_sample = sample_step[cursor[0]] if cursor[0] < sample_step.size else -1
-            if done == m:
-                break
-            until_sample = next_sample - start - done
-            count = m - done if until_sample < 0 else min(m - done, max(1, until_sample))
-            if until_sample == 0:
+        if sampled:
+            _copy(q, v, a, first_q, first_v, first_a)
+        if m > 1:
+            fast_steps(p, frozen, start + 1, h, m - 1, q, v, a)
+        while start <= next_sample < start + m:
+            # What a sample needs is marched once more from the cycle's first step on: were the fast steps cut where it
+            # lies instead, the motion itself would depend on it by round-off.
+            s, k = sample_offset[cursor[0]], next_sample - start
+            s_slow, place = s + k * h, sample_q[cursor[0]]
+            _copy(first_q, first_v, first_a, again_q, again_v, again_a)
+            for i in range(q.size):
+                place[i] = q_now[i]
+            if k > 0:
+                again[0] += k
+                if k > 1:
+                    _fast_again(p, frozen, start + 1, h, k - 1, again_q, again_v, again_a)
                 for i in range(n_slow, n):
-                    q_now[i + offset] = q[i + offset]
-            fast_steps(p, frozen, start + done, h, count, q, v, a)
-            done += count
+                    place[i + offset] = again_q[i + offset]
+                _fast_again(p, frozen, start + k, h, 1, again_q, again_v, again_a)
+            for i in range(n):  # Taylor's polynomial, which the next step continues
+                step, ahead = (H, s_slow) if i < n_slow else (h, s)
+                v_now[i] = again_v[i] - 0.5 * step * again_a[i] + 0.5 * ahead * again_a[i]
+                sample_v[cursor[0], i] = v_now[i] + 0.5 * ahead * again_a[i]
+            advance(p, place, v_now, s_slow, 0, n_slow)
+            advance(p, place, v_now, s, n_slow, n)
+            cursor[0] += 1
+            next_sample = sample_step[cursor[0]] if cursor[0] < sample_step.size else -1
         if runs_away(v):
             return cycle
     return n_cycles
+
+
+@inner
+def _copy(q: Array, v: Array, a: Array, to_q: Array, to_v: Array, to_a: Array) -> None:
+    for i in range(q.size):
+        to_q[i] = q[i]
+    for i in range(v.size):
+        to_v[i], to_a[i] = v[i], a[i]
+
+
+@inner
+def _fast_again(p: Any, frozen: Any, first: int, h: float, count: int, q: Array, v: Array, a: Array) -> None:
+    """Call `fast_steps` for samples: a function of its own, which is compiled once."""
+    fast_steps(p, frozen, first, h, count, q, v, a)

@@ -127,7 +127,7 @@ class ChainMotion:
         number = self._number(self.joints[joint])
         link, layout = self.tree.links[number], self.tree.layout
         if link.motion is not None:
-            return np.array([link.motion.value(t)[derivative] for t in self.times])
+            return link.motion.values(self.times)[:, derivative]
         values, at = (self.trajectory.v, layout.rate) if derivative else (self.trajectory.q, layout.position)
         along = values[:, at[number]]
         if len(link.joint_rotation):

@@ -23,8 +23,6 @@ if TYPE_CHECKING:
     from pipeline.fem.model import FEModel
     from pipeline.reduction.eigen import FreeBodySolver
 
-_CHUNK = 256  # elements at a time
-
 
 def stiffened(
     body: FlexibleBody,
@@ -63,7 +61,7 @@ def stiffened(
     loads = np.stack([m @ field for field in fields], axis=-1)
     if solver.rigid_modes.size:  # else supports answer to any load
         loads = _in_equilibrium(fe, loads, held)
-    K_G = geometric_stiffness(fe, solver.static_response(loads), body.shapes)
+    K_G = reduced_geometric_stiffness(fe, solver.static_response(loads), body.shapes)
     KG = np.zeros((3, 3, n, n))
     if axis is not None:  # Σ (δ_ab − e_a e_b) K_G[a, b] is the one that was computed
         KG += 0.5 * in_plane[:, :, None, None] * K_G[0]
@@ -86,7 +84,7 @@ def _in_equilibrium(fe: FEModel, f: Array, held: Array | None) -> Array:
     return np.asarray(flat - answers @ np.linalg.lstsq(R.T @ answers, R.T @ flat, rcond=None)[0]).reshape(f.shape)
 
 
-def geometric_stiffness(fe: FEModel, u: Array, shapes: Array) -> Array:
+def reduced_geometric_stiffness(fe: FEModel, u: Array, shapes: Array) -> Array:
     """``K_G[j, l] = ∫ σ_ab ∂_a φ_j·∂_b φ_l dV`` for the linear stress of each field u.
 
     Parameters
@@ -100,27 +98,8 @@ def geometric_stiffness(fe: FEModel, u: Array, shapes: Array) -> Array:
     ndarray, shape (k, n, n)
         [N/m per unit of the shapes squared].
     """
-    from pipeline.fem.assembly import gradients
+    from pipeline.fem.geometric import geometric_stiffness
 
-    space = fe.discretisation
-    X, w = space.kind.quadrature(space.kind.stiffness_order)
-    n = shapes.shape[2]
-    both = np.concatenate([shapes, u], axis=2)
-    K = np.zeros((u.shape[2], n, n))
-    for start in range(0, len(space.element_nodes), _CHUNK):
-        part = slice(start, start + _CHUNK)
-        local = space.element_nodes[part]
-        g, det = gradients(space, X, part)
-        values = both[local].reshape(len(local), 1, local.shape[1], -1)
-        du = (g.swapaxes(2, 3) @ values).reshape(*det.shape, 3, 3, -1)  # du[e, q, a, i] = ∂_a u_i
-        slopes = du[..., :n]
-        lam, mu = np.empty((2, len(local), 1))
-        for own, mine in fe.material.over(part):
-            lam[mine], mu[mine] = own.lame
-        for k in range(u.shape[2]):
-            strain = 0.5 * (du[..., n + k] + du[..., n + k].swapaxes(2, 3))
-            stress = 2 * mu[..., None, None] * strain
-            stress[..., range(3), range(3)] += (lam * np.trace(strain, axis1=2, axis2=3))[..., None]
-            weighted = (stress * (det * w)[..., None, None]) @ slopes.reshape(*det.shape, 3, -1)
-            K[k] += np.tensordot(weighted.reshape(-1, n), slopes.reshape(-1, n), ((0,), (0,)))
-    return 0.5 * (K + K.swapaxes(1, 2))
+    flat, n = shapes.reshape(len(shapes), -1), shapes.shape[2]
+    K = np.array([flat.reshape(-1, n).T @ (k_G @ flat).reshape(-1, n) for k_G in geometric_stiffness(fe, u)])
+    return np.asarray(0.5 * (K + K.swapaxes(1, 2)))

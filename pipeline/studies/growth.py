@@ -26,6 +26,7 @@ _STEADY_STEPS = 20
 _STEADY = 1e-8
 _SCAN = 0.5 ** np.arange(6.0, -0.5, -0.5)
 _SMALLEST = 1e-6
+_SUMMIT = 0.5  # of the e-folds allowed: growth that has come so high and falls again with longer steps is not trusted
 
 
 @dataclass(frozen=True)
@@ -50,6 +51,15 @@ def steadied(system: System, at: Instant, rates: IntArray) -> Instant:
 
     Where there is no such state near by, they rest where they were.
     """
+    found = steady_near(system, at, rates)
+    if found is None:
+        found = replace(at, v=at.v.copy())
+        found.v[rates] = 0.0
+    return found
+
+
+def steady_near(system: System, at: Instant, rates: IntArray) -> Instant | None:
+    """`steadied`, or nothing if there is no such state near by."""
     if not rates.size:
         return at
     parameters = system.parameters
@@ -63,21 +73,16 @@ def steadied(system: System, at: Instant, rates: IntArray) -> Instant:
         evaluate(parameters, at.time, q, v, a)
         return a[rates]
 
-    found = start = q[places]
+    found = q[places]
     for _ in range(_STEADY_STEPS):
         lack = left(found)
         slopes = [(left(found + d) - left(found - d)) / (2 * d.max()) for d in _SIZES[0] * np.eye(len(found))]
         change, *_ = np.linalg.lstsq(np.stack(slopes, axis=1), lack, rcond=None)
         found = found - change
         if np.linalg.norm(change) <= _STEADY * (1.0 + np.linalg.norm(found)):
-            return replace(at, q=_with(q, places, found), v=v)
-    return replace(at, q=_with(q, places, start), v=v)
-
-
-def _with(q: Array, places: IntArray, values: Array) -> Array:
-    q = q.copy()
-    q[places] = values
-    return q
+            q[places] = found
+            return replace(at, q=q, v=v)
+    return None
 
 
 def true_rates(system: System, at: Instant) -> Array:
@@ -112,7 +117,7 @@ def march_tangent(method: Integrator, system: System, at: Instant, span: float) 
     h = method.step
     base = method.march(system, at.q, at.v, np.zeros(1)).end
     m = base.step
-    cycles = max(1, round(span / (m * h)))
+    cycles = _cycles(span, m * h)
     first = max(1, round(at.time / (m * h))) * m
     # The first cycle had the loads of time 0; one more has those of the instant.
     base = method.resume(system, replace(base, step=first - m), np.array([(first - 1) * h])).end
@@ -126,6 +131,10 @@ def march_tangent(method: Integrator, system: System, at: Instant, span: float) 
     rest = base.a.size - base.v.size  # some methods keep two accelerations
     sizes = np.repeat([*_SIZES, _SIZES[2]], [base.q.size, base.v.size, base.v.size, rest])
     return _tangent(marched, np.concatenate([base.q, base.v, base.a]), sizes), cycles * m * h
+
+
+def _cycles(span: float, cycle: float) -> int:
+    return max(1, round(span / cycle))
 
 
 def _tangent(function: Callable[[Array], Array], centre: Array, sizes: Array) -> Array:
@@ -170,9 +179,16 @@ class Course:
 
     def e_folds(self, method: Integrator) -> float:
         """E-folds of small vibrations over the duration that are the scheme's own; infinite if it diverges at once."""
-        if not self.system.n:
-            return 0.0
-        return float(max(self.duration * self.excess(method).mean(axis=0).max(), 0.0))
+        excess = self.excess(method)
+        if not np.isfinite(excess).all():
+            return np.inf
+        # Two cycles come before those of the tangent: what is found belongs to a time that much later.
+        cycle, part = getattr(method, "substeps", 1) * method.step, self.duration / len(self.states)
+        late = min((1.5 + 0.5 * _cycles(_SPAN * self.duration, cycle)) * cycle, part)
+        weights = np.full(len(self.states), part)
+        weights[0] += late
+        weights[-1] -= late
+        return float((weights @ excess).max(initial=0.0))
 
 
 def longest_safe_step(folds: Callable[[float], float], upper: float, bisections: int = 8) -> float:
@@ -185,20 +201,30 @@ def longest_safe_step(folds: Callable[[float], float], upper: float, bisections:
     upper : float
         Step that is not asked beyond [s].
     bisections : int
-        Halvings of the place of the limit, at first known to a factor of 2.
+        Halvings of the place of the limit, at first known to a factor of √2.
 
     Returns
     -------
     float
-        ``upper`` if nothing below it grows; 0 if everything down to a millionth of it does.
+        ``upper`` if nothing below it grows; 0 if everything down to a millionth of it does. Where growth falls again
+        without having been too much, at `_SUMMIT` of that at least, the step at which it is largest.
     """
     allowed = np.log(GROWN)
-    low, high = 0.0, 0.0
+    low = high = before = 0.0
     for share in _SCAN:
-        if folds(share * upper) > allowed:
+        found = folds(share * upper)
+        if found > allowed:
             high = share * upper
             break
-        low = share * upper
+        if before > max(found, _SUMMIT * allowed):
+            steps = np.geomspace(low * _SCAN[0] / _SCAN[1], share * upper, 9)[:-1]
+            near = np.array([0.0, *(folds(step) for step in steps[1:])])
+            beyond = np.flatnonzero(near > allowed)
+            if not beyond.size:
+                return float(steps[np.argmax(near)])
+            low, high = float(steps[beyond[0] - 1]), float(steps[beyond[0]])
+            break
+        low, before = share * upper, found
     if not high:
         return upper
     while not low:

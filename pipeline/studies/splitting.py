@@ -13,10 +13,10 @@ from __future__ import annotations
 from dataclasses import dataclass
 
 import numpy as np
-from scipy.linalg import eigh
 
 from pipeline.checks import Array
 from pipeline.dynamics.tree import Tree
+from pipeline.dynamics.vibration import frequencies
 from pipeline.studies.amplification import growth
 
 _MOST_SUBSTEPS = 50
@@ -121,11 +121,6 @@ def recommended_step(M: Array, K: Array, n_slow: int, error: float, duration: fl
         if _stays(growth(M, K, n_slow, step, substeps), substeps * step, error, duration):
             return step, substeps
     return min(step, longest_step(M, K, error, duration)), 1
-
-
-def frequencies(M: Array, K: Array) -> Array:
-    """Angular frequencies [rad/s], ascending."""
-    return np.sqrt(np.maximum(eigh(K, M, eigvals_only=True), 0.0)) if len(M) else np.zeros(0)
 
 
 def _stays(radius: float, cycle: float, error: float, duration: float) -> bool:

@@ -137,8 +137,8 @@ def test_the_order_of_the_cells_does_not_matter(element: Any, box_mesh: Callable
 
 
 def test_elements_beyond_one_batch_are_assembled_too(box_mesh: Callable[..., SolidMesh], steel: Material) -> None:
-    # 6 × 6 × 6 × 6 = 1296 tetrahedra, more than the 1024 that are treated at a time
-    fe = assemble(box_mesh("tetra", (6, 6, 6)), 1, steel)
+    # 6 × 8 × 8 × 8 = 3072 tetrahedra, more than the 2048 that are treated at a time
+    fe = assemble(box_mesh("tetra", (8, 8, 8)), 1, steel)
     assert fe.mass == pytest.approx(steel.rho, rel=1e-12)
     basis = vector_basis(fe, 0)
     K = linear_elasticity(*lame_parameters(steel.E, steel.nu)).assemble(basis)

@@ -11,13 +11,13 @@ from hypothesis.extra.numpy import arrays
 from scipy.spatial.transform import Rotation
 
 from meshes.bar import hexahedral_bar, tetrahedral_bar
-from pipeline.checks import Array
+from pipeline.checks import Array, IntArray
 from pipeline.fem.assembly import assemble
 from pipeline.fem.marker import face_marker
 from pipeline.fem.material import Material
 from pipeline.fem.mesh import SolidMesh
 from pipeline.fem.model import Discretisation, FEModel
-from pipeline.recovery.stress import StressHistory, modal_stress, von_mises
+from pipeline.recovery.stress import StressHistory, modal_stress, strains, von_mises
 from pipeline.reduction.eigen import FreeBodySolver
 
 SIZES = (0.3, 0.04, 0.02)
@@ -118,14 +118,25 @@ def test_a_bar_twisted_by_its_ends_has_the_series_stress_on_its_long_side(steel:
     assert np.abs(np.delete(found, XY)).max() < 0.01 * exact
 
 
-def test_only_the_chosen_nodes_are_evaluated_and_come_out_the_same(distorted: FEModel) -> None:
+def test_only_the_chosen_nodes_are_evaluated_and_come_out_the_same(
+    distorted: FEModel, monkeypatch: pytest.MonkeyPatch
+) -> None:
     space, n = distorted.discretisation, len(distorted.x)
     shapes = np.random.default_rng(0).standard_normal((n, 3, 3))
     whole = modal_stress(space, distorted.material, shapes, np.arange(n))
     some = np.random.default_rng(1).permutation(n)[: n // 5]
-    assert (
-        np.abs(modal_stress(space, distorted.material, shapes, some) - whole[some]).max() < 1e-14 * np.abs(whole).max()
-    )
+    evaluated: list[int] = []
+
+    def noted(space: Discretisation, shapes: Array, X: Array, elements: IntArray) -> Array:
+        evaluated.extend(elements)
+        return strains(space, shapes, X, elements)
+
+    monkeypatch.setattr("pipeline.recovery.stress.strains", noted)
+    found = modal_stress(space, distorted.material, shapes, some)
+    assert np.abs(found - whole[some]).max() < 1e-14 * np.abs(whole).max()
+    touching = [k for k, nodes in enumerate(space.element_nodes) if {*nodes} & {*some}]
+    assert sorted(evaluated) == touching
+    assert len(touching) < len(space.element_nodes)
 
 
 def test_stress_is_linear_in_the_shapes(distorted: FEModel) -> None:
@@ -217,6 +228,19 @@ def test_the_worst_stress_is_the_largest_of_all(n_nodes: int, n_times: int) -> N
     assert (time, found_place) == (history.times[k], place)
     assert value == pytest.approx(every.max(), rel=1e-12)
     assert history.von_mises(time)[found_place] == pytest.approx(value, rel=1e-12)
+
+
+def test_tensors_are_formed_for_the_wanted_frames_only() -> None:
+    history, formed = random_history(9, 50), []
+
+    def noted(tensors: Array) -> Array:
+        formed.append(tensors.shape)
+        return von_mises(tensors)
+
+    wanted = np.array([3, 41, 7])
+    values = history.measure_at(wanted, noted)
+    assert formed == [(9, 6, 3)]
+    assert values == pytest.approx(np.stack([von_mises(history.modal @ history.q[k]) for k in wanted]), rel=1e-12)
 
 
 def test_stress_at_an_output_time_is_the_sum_of_the_modes() -> None:

@@ -3,6 +3,7 @@
 from dataclasses import replace
 from functools import partial
 from math import pi, radians
+from typing import Literal
 
 import numpy as np
 import pytest
@@ -38,17 +39,16 @@ SHAPE = PropellerShape(
 )
 
 
-def model(blades: int, order: int = 1) -> FEModel:
+def model(blades: int, order: int = 1, element: Literal["hexahedron", "tetrahedron"] = "hexahedron") -> FEModel:
     counts = PropellerCounts(
         around=4 * blades, axial=2, sleeve_radial=1, seat=2, joint_radial=2, blade_radial=4, growth=2.0
     )
-    return assemble(SolidMesh(*propeller(replace(SHAPE, blades=blades), counts)), order, ALUMINIUM)
+    return assemble(SolidMesh(*propeller(replace(SHAPE, blades=blades), counts, element, order)), order, ALUMINIUM)
 
 
-@pytest.fixture(scope="module", params=[(3, 1), (4, 1), (5, 1), (6, 1), (3, 2)], ids=str)
+@pytest.fixture(scope="module", params=[(3, 1), (4, 1), (5, 1), (6, 1), (3, 2), (3, 1, "tetrahedron")], ids=str)
 def body(request: pytest.FixtureRequest) -> tuple[FEModel, int]:
-    blades, order = request.param
-    return model(blades, order), blades
+    return model(*request.param), request.param[0]
 
 
 def test_a_sector_and_its_turns_make_the_body(body: tuple[FEModel, int]) -> None:

@@ -18,7 +18,7 @@ from pipeline.reduction.body import FlexibleBody, floating_body, reduced_body
 from pipeline.reduction.eigen import FreeBodySolver
 from pipeline.reduction.families import modes_of_family
 from pipeline.reduction.gram import inertia_gram
-from pipeline.reduction.stiffening import geometric_stiffness, stiffened
+from pipeline.reduction.stiffening import reduced_geometric_stiffness, stiffened
 
 X, Y, Z = np.eye(3)
 LENGTH, DEPTH = 1.0, 0.01
@@ -80,7 +80,7 @@ def test_uniform_stress_and_slopes_give_their_product_times_the_volume(distorted
     rng = np.random.default_rng(0)
     slopes, strain = rng.standard_normal((4, 3, 3)), rng.standard_normal((2, 3, 3))
     u, shapes = (np.einsum("kia,na->nik", linear, distorted.x) for linear in (strain, slopes))
-    found = geometric_stiffness(distorted, u, shapes)
+    found = reduced_geometric_stiffness(distorted, u, shapes)
     lam, mu = distorted.material.lame
     volume = 1.2 * 1.0 * 0.8
     for k in range(2):
@@ -99,7 +99,7 @@ def test_a_bar_in_tension_resists_slope_as_a_string_does(small_bar: FEModel) -> 
     deflections = np.stack([small_bar.x[:, 0], small_bar.x[:, 0] ** 2], axis=1)
     shapes = np.zeros((len(small_bar.x), 3, 4))
     shapes[:, 1, :2] = shapes[:, 2, 2:] = deflections
-    (found,) = geometric_stiffness(small_bar, u[:, :, None], shapes)
+    (found,) = reduced_geometric_stiffness(small_bar, u[:, :, None], shapes)
     string = force * np.array([[length, length**2], [length**2, 4 / 3 * length**3]])
     assert found == pytest.approx(np.kron(np.eye(2), string), rel=1e-9, abs=1e-9 * force * length)
 
@@ -108,7 +108,7 @@ def test_more_elements_than_fit_into_one_part_are_summed_too(steel: Material) ->
     # 27 · 4 · 3 = 324 elements; uniform tension and a rotation about z: σ V
     fe = assemble(SolidMesh(*hexahedral_bar(0.3, 0.04, 0.02, (27, 4, 3))), 1, steel)
     u = fe.x * [1e-3, -0.3e-3, -0.3e-3]
-    (found,) = geometric_stiffness(fe, u[:, :, None], np.cross(Z, fe.x)[:, :, None])
+    (found,) = reduced_geometric_stiffness(fe, u[:, :, None], np.cross(Z, fe.x)[:, :, None])
     assert found[0, 0] == pytest.approx(steel.E * 1e-3 * 0.3 * 0.04 * 0.02, rel=1e-10)
 
 
@@ -163,7 +163,7 @@ def test_a_hinge_that_is_accelerated_lets_the_body_turn(small_bar: FEModel) -> N
         assert abs(torque[2]) < 1e-12  # none is left for the hinge
         load = load - side.columns(len(r), np.eye(3)) @ np.concatenate([load.sum(axis=0), torque])
         u = np.linalg.lstsq(fe.K.toarray(), load.ravel(), rcond=1e-13)[0]
-        exact = geometric_stiffness(fe, u.reshape(-1, 3, 1), body.shapes)[0]
+        exact = reduced_geometric_stiffness(fe, u.reshape(-1, 3, 1), body.shapes)[0]
         assert np.abs(-stiff.gram.bow[a] - exact).max() < 1e-6 * np.abs(exact).max()
 
 

@@ -70,3 +70,11 @@ def test_the_longest_safe_step_is_where_vibrations_grow_tenfold() -> None:
     assert longest_safe_step(lambda h: 3.0, 2.0) == 0.0
     # a window of steps that happen to be stable again doesn't count
     assert longest_safe_step(lambda h: 3.0 * (0.1 < h < 1.5), 2.0) <= 0.1
+
+
+@pytest.mark.parametrize(("summit", "limit"), [(1.5, 0.3), (2.29, 0.3), (2.5, 0.2711), (1.0, 1.0)])
+def test_what_is_calm_beyond_a_summit_of_growth_is_not_trusted(summit: float, limit: float) -> None:
+    def folds(step: float) -> float:
+        return float(summit * np.exp(-(((step - 0.3) / 0.1) ** 2)) + 5.0 * (step > 1.0))
+
+    assert longest_safe_step(folds, 2.0) == pytest.approx(limit, rel=0.05)

@@ -6,6 +6,7 @@ over speed: Wright, Smith, Thresher & Wang, J Appl Mech 49 (1982) 197-202.
 
 import csv
 import json
+from collections.abc import Callable
 from pathlib import Path
 
 import numpy as np
@@ -13,22 +14,12 @@ import pytest
 
 from pipeline import Pipeline, load_scene
 from pipeline.checks import Array, InputError
-from pipeline.cli import main
 from pipeline.integrators.scipy_ivp import ScipyIvp
 from pipeline.mechanism import chain_of
 from pipeline.recovery.chain_motion import ChainMotion
 
 EA, EI, MU, LENGTH = 2.8e7, 1.4e4, 1.2, 10.0  # N, N m², kg/m, m
 STEPS = ('simulation.run.0.integrator="generalized-alpha"', 'simulation.step="5 ms"')
-
-
-def fmd(*arguments: str) -> object:
-    """Run the command line; return its exit status."""
-    try:
-        main(arguments)
-    except SystemExit as stop:
-        return stop.code or 0
-    return 0
 
 
 def hub_rate(t: Array) -> Array:
@@ -110,7 +101,7 @@ ACROSS = ("--set", 'body.beam.modes.family="out-of-plane bending"')
 
 @pytest.mark.parametrize(("eta", "mu"), FLAP.items())
 def test_flapping_and_lagging_stiffen_with_speed_as_in_the_literature(
-    eta: float, mu: float, capsys: pytest.CaptureFixture[str]
+    fmd: Callable[..., int], eta: float, mu: float, capsys: pytest.CaptureFixture[str]
 ) -> None:
     # η = Ω √(μL⁴/EI) = 0.925820 s Ω, and so for the frequency.
     scale = np.sqrt(MU * LENGTH**4 / EI)
@@ -133,7 +124,7 @@ def test_flapping_and_lagging_stiffen_with_speed_as_in_the_literature(
 
 
 def test_a_campbell_diagram_is_a_table_and_a_chart_and_begins_with_the_modes(
-    tmp_path: Path, capsys: pytest.CaptureFixture[str]
+    fmd: Callable[..., int], tmp_path: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:
     assert fmd("campbell", "spin-up", "--to", "10 rad/s", "--points", "5", "--out", str(tmp_path), "--json") == 0
     printed = json.loads(capsys.readouterr().out)

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import csv
 import json
+from collections.abc import Callable
 from dataclasses import replace
 from pathlib import Path
 from typing import Any
@@ -13,21 +14,12 @@ import pytest
 from scipy.integrate import solve_ivp
 
 from pipeline.checks import AccuracyError
-from pipeline.cli import main
 from pipeline.fem.material import Material
 from pipeline.verification import closed_forms, suite
 from pipeline.verification.case import Case, Figure
 from pipeline.verification.suite import CASES, Outcome, outcomes, require_within
 
 STEEL = Material(210e9, 0.3, 7800.0)
-
-
-def fmd(*arguments: str) -> int:
-    try:
-        main(arguments)
-    except SystemExit as stop:
-        return int(stop.code or 0)
-    return 0
 
 
 @pytest.mark.parametrize("case", CASES)
@@ -110,7 +102,9 @@ def test_the_rods_extension_is_what_the_benchmark_prints() -> None:
 # The command -----------------------------------------------------------------------------------------------------
 
 
-def test_the_table_is_printed_and_written(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+def test_the_table_is_printed_and_written(
+    fmd: Callable[..., int], tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
     assert fmd("verify", "fv52", "symmetric-top", "--out", str(tmp_path)) == 0
     printed = capsys.readouterr().out
     for word in (
@@ -129,14 +123,16 @@ def test_the_table_is_printed_and_written(tmp_path: Path, capsys: pytest.Capture
     assert json.loads((tmp_path / "verification.json").read_text())[0]["holds"] is True
 
 
-def test_an_unknown_case_is_wrong_input(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+def test_an_unknown_case_is_wrong_input(
+    fmd: Callable[..., int], tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
     assert fmd("verify", "fv25", "--out", str(tmp_path / "out")) == 2
     assert "did you mean 'fv52'" in capsys.readouterr().err
     assert not (tmp_path / "out").exists()
 
 
 def test_a_figure_out_of_its_tolerance_ends_with_status_3_and_is_written(
-    tmp_path: Path, capsys: pytest.CaptureFixture[str], monkeypatch: pytest.MonkeyPatch
+    fmd: Callable[..., int], tmp_path: Path, capsys: pytest.CaptureFixture[str], monkeypatch: pytest.MonkeyPatch
 ) -> None:
     figures = [Figure("length [m]", 1.0, 1.0, 0.0), Figure("mass [kg]", 1.02, 1.0, 0.01), Figure("x", np.nan, 1.0, 0.1)]
     monkeypatch.setitem(suite.CASES, "wrong", Case("wrong", "a case", "nowhere", lambda _: figures))
@@ -151,7 +147,7 @@ def test_a_figure_out_of_its_tolerance_ends_with_status_3_and_is_written(
 
 
 def test_a_case_whose_check_fails_does_not_keep_others_from_running(
-    tmp_path: Path, capsys: pytest.CaptureFixture[str], monkeypatch: pytest.MonkeyPatch
+    fmd: Callable[..., int], tmp_path: Path, capsys: pytest.CaptureFixture[str], monkeypatch: pytest.MonkeyPatch
 ) -> None:
     def fail(_: object) -> list[Figure]:
         raise AccuracyError("residual 1 exceeds 0")
@@ -168,7 +164,9 @@ def test_a_case_whose_check_fails_does_not_keep_others_from_running(
     ]
 
 
-def test_a_folder_that_cannot_be_written_is_wrong_input(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+def test_a_folder_that_cannot_be_written_is_wrong_input(
+    fmd: Callable[..., int], tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
     (tmp_path / "file").write_text("in the way")
     assert fmd("verify", "fv52", "--out", str(tmp_path / "file" / "out")) == 2
     assert "can't be written" in capsys.readouterr().err

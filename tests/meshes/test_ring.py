@@ -1,0 +1,68 @@
+"""The propeller in tetrahedra and with curved edges."""
+
+from dataclasses import replace
+from math import cos, pi, sin
+
+import numpy as np
+import pytest
+
+from meshes.propeller import propeller
+from pipeline.fem.mesh import SolidMesh
+from pipeline.fem.model import Discretisation
+from tests.meshes.test_propeller import COARSE, SHAPE, turn
+
+KINDS = [("hexahedron", 2, "hexahedron20"), ("tetrahedron", 1, "tetra"), ("tetrahedron", 2, "tetra10")]
+
+
+@pytest.fixture(scope="module", params=KINDS, ids=lambda kind: kind[2])
+def mesh(request: pytest.FixtureRequest) -> SolidMesh:
+    element, order, cell_type = request.param
+    found = SolidMesh(*propeller(SHAPE, COARSE, element, order))
+    assert found.cell_type == cell_type
+    return found
+
+
+def test_a_turn_carries_points_and_cells_into_themselves(mesh: SolidMesh) -> None:
+    turned = mesh.points @ turn(pi / 3).T
+    distance = np.linalg.norm(turned[:, None] - mesh.points[None], axis=2)
+    assert distance.min(axis=1).max() < 1e-15
+    image = distance.argmin(axis=1)
+    for numbers in mesh.parts.values():
+        first, second, *_ = np.split(np.sort(mesh.cells[numbers], axis=1), mesh.sectors)
+        assert {tuple(sorted(cell)) for cell in image[first].tolist()} == {tuple(cell) for cell in second.tolist()}
+
+
+def test_cells_conform(mesh: SolidMesh) -> None:
+    """All that is outside belongs to a named face, to the gaps between blades, or to a blade's or joint's edges."""
+    elements, _ = Discretisation(mesh, mesh.order).boundary_facets
+    straight = Discretisation(SolidMesh(*propeller(SHAPE, COARSE)), 1).boundary_facets[0]
+    each = 2 if mesh.cell_type.startswith("tetra") else 1
+    assert len(elements) == each * len(straight)
+    assert len(np.unique(mesh.points.round(9), axis=0)) == len(mesh.points)
+    assert np.array_equal(np.unique(mesh.cells), np.arange(len(mesh.points)))
+
+
+def test_a_sleeve_of_curved_hexahedra_has_parabolas_around(mesh: SolidMesh) -> None:
+    cells = mesh.cells[mesh.parts["sleeve"]]
+    numbers, own = np.unique(cells, return_inverse=True)
+    sleeve = SolidMesh(mesh.points[numbers], own.reshape(cells.shape), mesh.cell_type, {}, {})
+    half = pi / COARSE.around
+    polygon = COARSE.around * sin(half) * cos(half)
+    segments = COARSE.around * 2 / 3 * 2 * sin(half) * (1 - cos(half))  # Archimedes' two thirds
+    area = {"hexahedron20": polygon + segments, "tetra": polygon, "tetra10": pi}[mesh.cell_type]
+    # tetrahedra's diagonals bend too: no polygon and no parabola, but near them
+    near = 2e-2 if mesh.cell_type == "tetra" else 1e-4
+    expected = pytest.approx(area * (0.075**2 - 0.04**2) * 0.11, rel=1e-9 if mesh.cell_type == "hexahedron20" else near)
+    assert sleeve.volume == expected
+
+
+def test_a_seat_of_its_own_makes_the_same_part_of_other_counts() -> None:
+    """A blade of three cells across has the sections of one of five."""
+    seat = 2 * pi * 3 / 30
+    shape = replace(SHAPE, seat=seat)
+    assert np.array_equal(propeller(shape, COARSE).points, propeller(SHAPE, COARSE).points)
+    finer = SolidMesh(*propeller(shape, replace(COARSE, around=48, seat=5), order=2))
+    same = SolidMesh(*propeller(SHAPE, COARSE, order=2))
+    assert finer.volume == pytest.approx(same.volume, rel=1e-4)
+    angle = np.arctan2(*finer.points[finer.faces["tip-1"]].T[1::-1])
+    assert np.ptp(angle) == pytest.approx(np.ptp(np.arctan2(*same.points[same.faces["tip-1"]].T[1::-1])), rel=1e-9)
