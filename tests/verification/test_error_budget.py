@@ -40,8 +40,14 @@ def enriched_beam() -> dict[str, float]:
 
 
 def propeller() -> dict[str, float]:
-    """Three blades of linear elements, against quadratic ones."""
-    own = ["body.propeller.blades=3", "simulation.output_step=0.2 ms", "body.propeller.modes.count=12", PLAIN]
+    """Three blades of linear elements, against quadratic ones, with joints of the same width."""
+    own = [
+        "body.propeller.blades=3",
+        "body.propeller.seat=90 deg",
+        "simulation.output_step=0.2 ms",
+        "body.propeller.modes.count=12",
+        PLAIN,
+    ]
     coarse = "body.propeller.mesh={order=1, sleeve=[24, 4, 2], joint=[4, 6, 6], blade=[4, 6, 12], growth=4.0}"
     fine = "body.propeller.mesh={order=2, sleeve=[30, 5, 2], joint=[5, 6, 6], blade=[5, 6, 12], growth=4.0}"
     finer = [fine, "body.propeller.modes.count=26", "body.propeller.modes.enrich=ritz", "simulation.step=0.5 us"]
