@@ -54,6 +54,7 @@ def _mesh(order: int, sleeve: list[int], joint: list[int], blade: list[int]) -> 
 
 _THREE = (
     "body.propeller.blades=3",
+    "body.propeller.seat=90 deg",  # of a joint: else it would follow from the numbers of elements
     "simulation.output_step=0.2 ms",
     "body.propeller.modes.count=12",
     'simulation.run=[{integrator="central-difference"}]',
