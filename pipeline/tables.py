@@ -42,11 +42,6 @@ def print_run(summary: dict[str, Any], folder: Path) -> None:
         console.print(_budget(summary["error_budget"]))
     if "accuracy" in summary:
         console.print(_rounds(summary["accuracy"]))
-        for row in summary["accuracy"]["rounds"][-1]["given_up"]:
-            console.print(
-                f"not met: '{row['quantity']}', stated {_percent(row['stated'])} %, most from {row['dominant']}: finer "
-                "meshes and more modes hardly lower it"
-            )
     if "bodies" in summary:
         _print_body(console, summary)
     for body, modes in summary["left_out_modes"].items():
@@ -156,6 +151,13 @@ def _rounds(accuracy: dict[str, Any]) -> Table:
         text = "; ".join([*chosen, f"time {found['integration_error']:.1g}"])
         table.add_row(str(k + 1), text, _percent(worst["stated"]), worst["quantity"], worst["dominant"])
     return table
+
+
+def given_up(rows: Sequence[dict[str, Any]]) -> str:
+    """What was not refined for, in words."""
+    return "; ".join(
+        f"'{row['quantity']}', stated {_percent(row['stated'])} %, most from {row['dominant']}" for row in rows
+    )
 
 
 def _percent(part: float) -> str:

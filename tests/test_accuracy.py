@@ -82,6 +82,24 @@ def test_a_chain_of_rigid_bodies_meets_it_by_its_integrator_alone(tmp_path, caps
     assert [row["integrator"] for row in summary["integrations"]] == ["auto (runge-kutta)"]
 
 
+def test_what_is_given_up_is_named_and_the_status_is_3(tmp_path, capsys, monkeypatch) -> None:
+    """The rod's rate is made to stall; all that was computed is there nevertheless."""
+
+    def meets(run: Pipeline) -> tuple[Pipeline, tuple[accuracy.Round, ...]]:
+        rate = next(row for row in run.budget.rows if row.name == "hinge, rate")
+        return run, (accuracy.Round({"bodies": {}, "integration_error": 0.1}, run.budget.rows[0], {}, (rate,)),)
+
+    monkeypatch.setattr(accuracy, "meet_accuracy", meets)
+    overrides = ["--set", "accuracy=0.1 %", "--set", "simulation.duration=1 s"]
+    with pytest.raises(SystemExit) as stop:
+        main(["run", "rod-slider", *overrides, "--no-pictures", "--out", str(tmp_path)])
+    assert stop.value.code == 3
+    said = " ".join(capsys.readouterr().err.split())
+    assert "fmd: accuracy: finer meshes and more modes hardly lower the error of 'hinge, rate', stated" in said
+    assert json.loads((tmp_path / "summary.json").read_text())["accuracy"]["met"] is False
+    assert (tmp_path / "motion.nc").is_file()
+
+
 def test_what_is_not_met_ends_with_the_best_that_was_measured(monkeypatch) -> None:
     monkeypatch.setattr(accuracy, "_MOST_ROUNDS", 1)
     run = Pipeline(load_scene("beam", [*QUICK, "accuracy=0.1 %"]), Cache(None))

@@ -42,9 +42,10 @@ def run(
     keep_all
         Integrate modes that neither loads nor motion can excite, too.
     """
+    from pipeline.checks import AccuracyError
     from pipeline.outputs import write_results
     from pipeline.plan import plan_of
-    from pipeline.tables import print_plan, print_run
+    from pipeline.tables import given_up, print_plan, print_run
 
     pipeline = open_pipeline(scene, set_, no_cache, repair, keep_all)
     folder = out or Path("out") / pipeline.scene.name
@@ -62,3 +63,9 @@ def run(
         print_json({"plan": plan.summary(), **summary} if plan else summary)
     else:
         print_run(summary, folder)
+    left = summary["accuracy"]["rounds"][-1]["given_up"] if "accuracy" in summary else []
+    if left:
+        raise AccuracyError(
+            f"accuracy: finer meshes and more modes hardly lower the error of {given_up(left)}; "
+            f"all else is met, and what was computed is in {folder}/"
+        )
