@@ -169,14 +169,15 @@ def newton_step(
     alpha_m, alpha_f, beta = weights[0], weights[1], weights[2]
     for i in range(n):
         new[i] = a[n + i]
-    if _converges(p, weights, work, positions, counts, memory, end, h, q, v, a, True):
-        return True
-    # The last accelerations, held over a long step, carry a stiff coordinate far out to where no tangent is of use.
-    for i in range(n):
-        ahead = -(v[i] / h + (0.5 - beta) * a[i]) / beta  # so that positions stay
-        new[i] = ((1.0 - alpha_m) * ahead + alpha_m * a[i] - alpha_f * a[n + i]) / (1.0 - alpha_f)
-    memory[n * n] = 0.0
-    return _converges(p, weights, work, positions, counts, memory, end, h, q, v, a, False)
+    for trial in range(2):  # a loop, since a call with True and one with False would be compiled each
+        if _converges(p, weights, work, positions, counts, memory, end, h, q, v, a, trial == 0):
+            return True
+        # The last accelerations, held over a long step, carry a stiff coordinate far out to where no tangent is of use.
+        for i in range(n):
+            ahead = -(v[i] / h + (0.5 - beta) * a[i]) / beta  # so that positions stay
+            new[i] = ((1.0 - alpha_m) * ahead + alpha_m * a[i] - alpha_f * a[n + i]) / (1.0 - alpha_f)
+        memory[n * n] = 0.0
+    return False
 
 
 @inner

@@ -125,13 +125,14 @@ def _march(
             _copy(first_q, first_v, first_a, again_q, again_v, again_a)
             for i in range(q.size):
                 place[i] = q_now[i]
-            if k > 0:
-                again[0] += k
-                if k > 1:
-                    _fast_again(p, frozen, start + 1, h, k - 1, again_q, again_v, again_a)
+            again[0] += k
+            taken = 0
+            while taken < k:  # all but the last at once, which leaves the positions before it
                 for i in range(n_slow, n):
                     place[i + offset] = again_q[i + offset]
-                _fast_again(p, frozen, start + k, h, 1, again_q, again_v, again_a)
+                count = max(1, k - 1 - taken)
+                _fast_again(p, frozen, start + 1 + taken, h, count, again_q, again_v, again_a)
+                taken += count
             for i in range(n):  # Taylor's polynomial, which the next step continues
                 step, ahead = (H, s_slow) if i < n_slow else (h, s)
                 v_now[i] = again_v[i] - 0.5 * step * again_a[i] + 0.5 * ahead * again_a[i]
