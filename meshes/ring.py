@@ -10,7 +10,6 @@ from numpy.typing import NDArray
 from meshes.gmsh_session import MeshArrays
 
 Floats = NDArray[np.float64]
-Numbers = NDArray[np.int64]
 
 # Mid-edge nodes of cells of second order in meshio's (VTK's) order, by the corners they lie between.
 _EDGES = {

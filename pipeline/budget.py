@@ -22,7 +22,6 @@ from pipeline.integrators.protocol import Integrator
 from pipeline.methods import STABLE, plan_like
 from pipeline.neighbours import coarser, richer, times_finer, with_modes
 from pipeline.observed import Quantities, modes_like, of_the_mesh, of_the_motion, of_the_stress
-from pipeline.sources import all_of
 from pipeline.stages import Pipeline
 from pipeline.studies.error_estimates import (
     NO_PART,
@@ -88,9 +87,7 @@ class Budget:
 
 def budget_key(run: Pipeline) -> str:
     """Key that the budget is kept under."""
-    return stage_key(
-        "error budget", all_of(run.scene), ("pipeline", "meshes"), ("numpy", "scipy", "scikit-fem", "gmsh")
-    )
+    return stage_key("error budget", run.inputs, ("pipeline", "meshes"), ("numpy", "scipy", "scikit-fem", "gmsh"))
 
 
 def budget_of(run: Pipeline) -> Budget:

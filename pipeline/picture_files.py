@@ -8,7 +8,6 @@ from typing import TYPE_CHECKING, Any
 from pipeline.cache import stage_key
 from pipeline.drawings import DRAWINGS
 from pipeline.files import whole_file
-from pipeline.sources import all_of
 
 if TYPE_CHECKING:
     from pipeline.stages import Pipeline
@@ -25,7 +24,7 @@ def picture_key(run: Pipeline, output: Any) -> str:
         return stage_key(
             "picture", shown | {"part": part.body_key}, ("pipeline/render", "pipeline/drawings.py"), _PACKAGES
         )
-    shown |= {"scene": all_of(run.scene), "all modes": run.keep_all}
+    shown |= {"scene": run.inputs, "all modes": run.keep_all}
     return stage_key("picture", shown, ("pipeline", "meshes"), (*_PACKAGES, "scipy", "scikit-fem", "gmsh"))
 
 

@@ -183,6 +183,13 @@ class Pipeline:
             for label, motion in self.motions.items()
         }
 
+    @cached_property
+    def inputs(self) -> dict[str, Any]:
+        """All of the scene that its results depend on; files are read for it once."""
+        from pipeline.sources import all_of
+
+        return all_of(self.scene)
+
     # The mechanism and its motion -------------------------------------------------------------------------------
 
     @cached_property
