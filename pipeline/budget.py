@@ -20,8 +20,8 @@ from pipeline.checks import AccuracyError, Array, IntArray
 from pipeline.integrators.automatic import Automatic
 from pipeline.integrators.protocol import Integrator
 from pipeline.methods import STABLE, plan_like
-from pipeline.neighbours import coarser, richer, times_finer, with_modes
-from pipeline.observed import Quantities, modes_like, of_the_mesh, of_the_motion, of_the_stress
+from pipeline.neighbours import COARSENING, coarser, richer, times_finer, with_modes
+from pipeline.observed import Quantities, at_outputs, modes_like, of_the_mesh, of_the_motion, of_the_stress
 from pipeline.stages import Pipeline
 from pipeline.studies.error_estimates import (
     NO_PART,
@@ -40,6 +40,7 @@ if TYPE_CHECKING:
     from pipeline.recovery.chain_motion import ChainMotion
     from pipeline.recovery.motion import Motion
     from pipeline.reduction.body import FlexibleBody
+    from pipeline.scene import Scene
 
 _SHORT = 0.5  # seconds of a march that may be taken again with half of its step
 _FRAMES = 60  # at which stress is compared
@@ -102,7 +103,7 @@ def true_errors(run: Pipeline, finer: Pipeline) -> dict[str, float]:
     """
     estimates, motion = _Estimates(run), finer.first_motion
     places = {name: part.element_places for name, part in run.parts.items() if part.elements}
-    exact = of_the_mesh(finer, run) | of_the_motion(finer, motion)
+    exact = of_the_mesh(finer, run) | of_the_motion(finer, finer.fine_motion)
     if run.parts:
         exact |= of_the_stress(finer, motion, np.arange(len(motion.times)), places=places)
     return {name: quantity.error(exact[name]) for name, quantity in estimates.found.items()}
@@ -116,7 +117,7 @@ class _Estimates:
         self.plan = next(iter(run.plans.values()))
         self.motion = run.first_motion
         self.frames: IntArray = np.arange(0)
-        self.found = of_the_mesh(run) | of_the_motion(run, self.motion)
+        self.found = of_the_mesh(run) | of_the_motion(run, run.fine_motion)
         self.hot: dict[str, IntArray] = {}
         self.gains: dict[str, float] = {}
         if run.parts:
@@ -201,9 +202,7 @@ class _Estimates:
         Over time a shift turns phases, so that twice of it need not change the motion twice as much: the largest change
         on the way counts.
         """
-        found = dict.fromkeys(
-            of_the_motion(self.run, self.motion) | of_the_stress(self.run, self.motion, self.frames), 0.0
-        )
+        found = {name: 0.0 for name in self.found if name not in of_the_mesh(self.run)}
         for shift in _SHIFTS:
             found_bodies = {name: softened(body, shift * excess[name]) for name, body in self.run.bodies.items()}
             moved = self.run.with_bodies({name: body for name, (body, _) in found_bodies.items()})
@@ -214,12 +213,16 @@ class _Estimates:
         return found
 
     def _swapped(self, coarse: Pipeline) -> dict[str, float]:
-        """What the motion changes by on a coarser mesh with the run's frequencies; its stress is its own forces'."""
+        """What the motion changes by on a coarser mesh with the run's frequencies; its stress is its own forces'.
+
+        Static responses keep theirs: what they yield by lies in shape and frequency together, and none of them rings.
+        """
         bodies, forces = {}, {}
         for name, body in self.run.bodies.items():
             other, (numbers, known) = coarse.bodies[name], _counterparts(body, coarse, name)
+            rings = known & (body.omega <= (1 + _SAME) * self.run.parts[name].modes.omega.max())
             omega = other.omega.copy()
-            omega[numbers[known]] = body.omega[known]
+            omega[numbers[rings]] = body.omega[rings]
             bodies[name], forces[name] = replace(other, omega=omega), np.diag((omega / other.omega) ** 2)
         swapped = coarse.with_bodies(bodies)
         places = {name: part.element_places for name, part in self.run.parts.items() if part.elements}
@@ -227,31 +230,38 @@ class _Estimates:
         return self._changes(theirs)
 
     def _coarse(self) -> tuple[Pipeline | None, str]:
-        """The run on a coarser mesh, its modes those that are most like the run's; or why there is none."""
-        scene = coarser(self.run.scene)
-        if scene is None:
-            return None, "not estimated: there is no coarser mesh"
+        """The run on a coarser mesh; or why there is none. Of few curved elements some may be inverted."""
+        why = "not estimated: there is no coarser mesh"
+        for times in COARSENING:
+            scene = coarser(self.run.scene, times)
+            if scene is None:
+                break
+            try:
+                return self._on(scene), NO_PART
+            except AccuracyError as fault:
+                why = f"not estimated: on a coarser mesh, {fault}"
+        return None, why
+
+    def _on(self, scene: Scene) -> Pipeline:
+        """The run on the coarser mesh of a scene, its modes those that are most like the run's."""
         more = with_modes(scene, lambda body: {"count": int(_MORE * body.modes.count) + 1})
         coarse = Pipeline(more, Cache(None))
         coarse.spin = self.run.spin
-        try:
-            for name, part in coarse.parts.items():
-                part.modes = modes_like(self.run.parts[name], part)
-            # Where the volume changes with the mesh so does the shape, and nothing converges faster than that does.
-            exact = all(
-                abs(coarse.bodies[name].gram.mass / body.gram.mass - 1) < _SAME
-                for name, body in self.run.bodies.items()
-            )
-        except AccuracyError as fault:
-            return None, f"not estimated: on a coarser mesh, {fault}"
-        order = min(part.order for part in self.run.parts.values())
+        for name, part in coarse.parts.items():
+            part.modes = modes_like(self.run.parts[name], part)
+        # Where the volume changes with the mesh so does the shape, and nothing converges faster than that does.
+        exact = all(
+            abs(coarse.bodies[name].gram.mass / body.gram.mass - 1) < _SAME for name, body in self.run.bodies.items()
+        )
+        parts = self.run.parts
+        order, edges = (min(numbers) for numbers in zip(*((p.order, p.mesh.order) for p in parts.values()), strict=True))
         ratio = min(
             times_finer(part.shape, len(part.mesh.cells), len(coarse.parts[name].mesh.cells))
-            for name, part in self.run.parts.items()
+            for name, part in parts.items()
         )
-        gains = {kind: refinement_gain(ratio, order, kind) for kind in ("displacement", "stress", "geometry")}
+        gains = {kind: refinement_gain(ratio, order, edges, kind) for kind in ("displacement", "stress", "geometry")}
         self.gains = gains if exact else {kind: min(gain, gains["geometry"]) for kind, gain in gains.items()}
-        return coarse, NO_PART
+        return coarse
 
     def _recovery(self) -> dict[str, float | str]:
         """Patches of elements at the worst node."""
@@ -278,13 +288,13 @@ class _Estimates:
     def _of(
         self,
         run: Pipeline,
-        motion: Motion | ChainMotion,
+        fine: Motion | ChainMotion,
         nodes: dict[str, IntArray] | None = None,
         places: dict[str, Array] | None = None,
         as_if: dict[str, Array] | None = None,
     ) -> Quantities:
-        """The quantities of a motion; stress only at the chosen output times."""
-        found = of_the_motion(run, motion)
+        """The quantities of a motion at fine times; stress only at the chosen output times."""
+        found, motion = of_the_motion(run, fine), at_outputs(fine)
         return found | of_the_stress(run, motion, self.frames, nodes, places, as_if) if run.parts else found
 
     def _look_for_stress(self) -> None:
@@ -299,7 +309,7 @@ class _Estimates:
         self.frames = np.unique(np.concatenate(frames))
 
     def _march(self, other: Pipeline, plan: Plan) -> Motion | ChainMotion:
-        return other.motion_by(plan, plan.march(self.run.output_times))
+        return other.motion_by(plan, plan.march(self.run.fine_times))
 
     def _comparable(self, rich: Pipeline) -> tuple[Plan, Motion | ChainMotion | None]:
         """A plan for the richer model, and the run's own motion by its step if that is a shorter one."""

@@ -15,7 +15,7 @@ if TYPE_CHECKING:
     from pipeline.scene import Bar, Flexible, Propeller, Scene
     from pipeline.scene_files import CadPart
 
-_COARSENING = 2.0
+COARSENING = (2.0, 1.5, 1.25)  # times fewer elements each way: the most that can be meshed tells the most
 
 
 def with_runs(scene: Scene, *runs: Any) -> Scene:
@@ -63,9 +63,9 @@ def refined(scene: Scene, factor: float) -> Scene | None:
     return None if found.body == scene.body else found
 
 
-def coarser(scene: Scene) -> Scene | None:
-    """The scene on meshes with at most half of the elements each way; ``None`` if a body's can't be coarser."""
-    found = refined(scene, 1 / _COARSENING)
+def coarser(scene: Scene, times: float = COARSENING[0]) -> Scene | None:
+    """The scene on meshes with at most one ``times``-th of the elements each way; ``None`` if a body's can't have it."""
+    found = refined(scene, 1 / times)
     return None if found is None or any(found.body[name] == body for name, body in scene.flexible.items()) else found
 
 

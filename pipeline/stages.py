@@ -33,6 +33,7 @@ if TYPE_CHECKING:
     from pipeline.scene import Scene
     from pipeline.spin import SpinCheck
 
+FINER = 8  # times as many output times tell what is largest between them
 _SHORT_SECONDS = 0.2
 _REPEATS = 4
 
@@ -292,6 +293,18 @@ class Pipeline:
         simulation = self.scene.simulation
         n_outputs = int(simulation.duration / simulation.output_step * (1 + 1e-12)) + 1
         return np.arange(n_outputs, dtype=float) * simulation.output_step
+
+    @cached_property
+    def fine_times(self) -> Array:
+        """Output times and `FINER` − 1 between any two of them [s]."""
+        n_times = FINER * (len(self.output_times) - 1) + 1
+        return np.arange(n_times, dtype=float) * (self.scene.simulation.output_step / FINER)
+
+    @cached_property
+    def fine_motion(self) -> Motion | ChainMotion:
+        """The first run's motion at `fine_times`: what vibrates fast is largest between two output times."""
+        plan = next(iter(self.plans.values()))
+        return self.motion_by(plan, plan.march(self.fine_times))
 
     @cached_property
     def budget(self) -> Budget:

@@ -11,8 +11,9 @@ from dataclasses import dataclass, replace
 from typing import TYPE_CHECKING, Literal
 
 import numpy as np
+from numpy.typing import NDArray
 
-from pipeline.checks import Array
+from pipeline.checks import Array, IntArray
 
 if TYPE_CHECKING:
     from pipeline.reduction.body import FlexibleBody
@@ -64,13 +65,19 @@ class Quantity:
     def change(self, other: Quantity) -> float:
         """Size of the error that a change to ``other`` tells of, relative to the larger of the two.
 
-        A largest value may by chance be the same in both: half of what values near it differ by counts at least.
+        A largest value may by chance be the same in both: half of what any peak near it differs by counts at least.
+        Peaks are compared, not values, for what comes a little later is as large.
         """
         apart = self._apart(other)
         if self.largest:
             near = self.sizes >= _NEAR_PEAK * self.scale
-            apart = max(apart, 0.5 * float(np.abs(self.sizes - other.sizes)[near].max()))
+            starts = np.flatnonzero(near & ~np.r_[False, near[:-1]])
+            apart = max(apart, 0.5 * float(np.abs(self._peaks(near, starts) - other._peaks(near, starts)).max()))
         return _over(apart, max(self.scale, other.scale))
+
+    def _peaks(self, near: NDArray[np.bool_], starts: IntArray) -> Array:
+        """The largest size in each row of times that are ``near`` a peak, by where these start."""
+        return np.asarray(np.maximum.reduceat(np.where(near, self.sizes, 0.0), starts))
 
     def _apart(self, other: Quantity) -> float:
         if self.largest:
@@ -113,13 +120,14 @@ class Row:
         return max(SOURCES, key=lambda source: p if isinstance(p := self.parts[source], float) else 0.0)
 
 
-def refinement_gain(ratio: float, order: int, kind: str) -> float:
+def refinement_gain(ratio: float, order: int, edges: int, kind: str) -> float:
     """What the error falls by if elements of an order are made ``ratio`` times smaller, less one.
 
-    Displacements, energies and eigenvalues converge as ``h^2p``, stress at least as ``h^p`` (Strang & Fix, An Analysis
-    of the Finite Element Method, 1973), the volume in plane facets as ``h²``.
+    Displacements, energies and eigenvalues converge as ``h^2p``, stress at least as ``h^p``, the volume in facets whose
+    ``edges`` are of order ``k`` as ``h^2k``: ``h²`` in plane ones, and in curved ones with nodes on the surface ``h⁴``,
+    for Simpson's rule is exact for cubics (Strang & Fix, An Analysis of the Finite Element Method, 1973).
     """
-    power = {"displacement": 2 * order, "stress": order, "geometry": 2}[kind]
+    power = {"displacement": 2 * order, "stress": order, "geometry": 2 * edges}[kind]
     return float(ratio**power) - 1
 
 
