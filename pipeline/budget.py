@@ -29,6 +29,7 @@ from pipeline.studies.error_estimates import (
     SOURCES,
     Row,
     refinement_gain,
+    retuned,
     shifted_frequencies,
     softened,
 )
@@ -213,17 +214,13 @@ class _Estimates:
         return found
 
     def _swapped(self, coarse: Pipeline) -> dict[str, float]:
-        """What the motion changes by on a coarser mesh with the run's frequencies; its stress is its own forces'.
-
-        Static responses keep theirs: what they yield by lies in shape and frequency together, and none of them rings.
-        """
+        """What the motion changes by on a coarser mesh that rings at the run's frequencies."""
         bodies, forces = {}, {}
         for name, body in self.run.bodies.items():
             other, (numbers, known) = coarse.bodies[name], _counterparts(body, coarse, name)
-            rings = known & (body.omega <= (1 + _SAME) * self.run.parts[name].modes.omega.max())
             omega = other.omega.copy()
-            omega[numbers[rings]] = body.omega[rings]
-            bodies[name], forces[name] = replace(other, omega=omega), np.diag((omega / other.omega) ** 2)
+            omega[numbers[known]] = body.omega[known]
+            bodies[name], forces[name] = retuned(other, omega)
         swapped = coarse.with_bodies(bodies)
         places = {name: part.element_places for name, part in self.run.parts.items() if part.elements}
         theirs = self._of(swapped, self._march(swapped, plan_like(self.plan, swapped)), places=places, as_if=forces)

@@ -166,23 +166,47 @@ def softened(body: FlexibleBody, excess: Array) -> tuple[FlexibleBody, Array]:
     parts, directions = np.linalg.eigh(np.eye(len(excess)) - 0.5 * (excess + excess.T))
     kept = (directions * np.clip(parts, 1 - _MOST, 1 + _MOST)) @ directions.T
     omega2, turn = np.linalg.eigh(body.omega[:, None] * kept * body.omega)
-    n = len(omega2)
-    full = np.eye(n + 1)
-    full[1:, 1:] = turn
+    return _combined(body, turn, np.sqrt(omega2)), turn * omega2 / body.omega[:, None] ** 2
+
+
+def retuned(body: FlexibleBody, omega: Array) -> tuple[FlexibleBody, Array]:
+    """A body of other frequencies and the same stiffness: its modal masses are what changes.
+
+    So it rings at them and still yields to static loads as before.
+
+    Parameters
+    ----------
+    omega : ndarray, shape (n,)
+        Angular frequencies [rad/s].
+
+    Returns
+    -------
+    FlexibleBody
+        In coordinates of unit modal mass.
+    ndarray, shape (n, n)
+        From these to the given body's.
+    """
+    scale = np.diag(omega / body.omega)
+    return _combined(body, scale, omega), scale
+
+
+def _combined(body: FlexibleBody, weights: Array, omega: Array) -> FlexibleBody:
+    """A body whose shapes are combinations of another's, (n, n), and have unit modal mass and these frequencies."""
+    full = np.eye(len(omega) + 1)
+    full[1:, 1:] = weights
     gram = body.gram
-    moments = {key: turn.T @ value @ turn for key in ("stiffening", "bow") if (value := getattr(gram, key)).size}
+    moments = {key: weights.T @ value @ weights for key in ("stiffening", "bow") if (value := getattr(gram, key)).size}
     markers = {
-        name: replace(marker, translation=marker.translation @ turn, rotation=marker.rotation @ turn)
+        name: replace(marker, translation=marker.translation @ weights, rotation=marker.rotation @ weights)
         for name, marker in body.markers.items()
     }
-    turned = replace(
+    return replace(
         body,
-        omega=np.sqrt(omega2),
-        shapes=body.shapes @ turn,
+        omega=omega,
+        shapes=body.shapes @ weights,
         markers=markers,
         gram=replace(gram, G=full.T @ gram.G @ full, S=gram.S @ full, **moments),
     )
-    return turned, turn * omega2 / body.omega[:, None] ** 2
 
 
 def _over(size: float, scale: float) -> float:
