@@ -55,6 +55,7 @@ _ALIKE = 0.5  # modal assurance criterion above which a shape of the coarse mesh
 # the beam. It counts up to this many times of what the coarse mesh says; on modes it is up to 2.5 times that.
 # So do patches of elements at edges.
 _MOST_OF_CHANGE = 3.0
+_MOST_APART = 10.0  # of both tellings of an excess, recovered stress and a coarser mesh
 _MORE = 1.5  # modes of the coarse mesh to find the run's among
 
 
@@ -172,13 +173,12 @@ class _Estimates:
             of_modes, excess[name] = _energy_excess(part, body)
             if coarse is not None:
                 theirs = coarse.parts[name].modes.omega
-                of_modes = _larger(of_modes, ((theirs / part.modes.omega) ** 2 - 1) / self.gains["displacement"])
+                of_modes = _between(of_modes, ((theirs / part.modes.omega) ** 2 - 1) / self.gains["displacement"])
                 numbers, known = _counterparts(body, coarse, name)
                 omega = coarse.bodies[name].omega[numbers]
                 change = ((omega / body.omega) ** 2 - 1) / self.gains["displacement"]
                 recovered = np.diag(excess[name])
-                limited = np.minimum(recovered, _MOST_OF_CHANGE * np.abs(change))
-                excess[name] = _with_diagonal(excess[name], np.where(known, _larger(limited, change), recovered))
+                excess[name] = _with_diagonal(excess[name], np.where(known, _between(recovered, change), recovered))
             for k, share in enumerate(1 - shifted_frequencies(np.ones(len(of_modes)), of_modes, 1.0)):
                 errors[f"{name}, frequency {k + 1}"] = abs(float(share))
         shifted = self._shifted(excess)
@@ -345,8 +345,14 @@ def _with_diagonal(excess: Array, wanted: Array) -> Array:
     return np.asarray(scaled)
 
 
-def _larger(one: Array, other: Array) -> Array:
-    return np.where(np.abs(one) > np.abs(other), one, other)
+def _between(recovered: Array, changed: Array) -> Array:
+    """The geometric mean of what recovered stress and a coarser mesh tell, with the latter's sign.
+
+    Neither is a bound: recovered stress tells too much where stress jumps, a coarse mesh too little where it is too
+    coarse for its shapes. A change that is small by chance counts as a part of what recovered stress tells.
+    """
+    size = np.maximum(np.abs(changed), recovered / _MOST_APART)
+    return np.asarray(np.copysign(np.sqrt(recovered * size), changed))
 
 
 def _of_other_fineness(plan: Plan, seconds: float) -> tuple[Integrator, float]:
