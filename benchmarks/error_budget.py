@@ -106,7 +106,7 @@ CASES = (
         "propeller",
         (),
         ("body.propeller.mesh.order=2", *_WHOLE),
-        (),
+        ("body.propeller.seat=43.636363636363637 deg", _mesh(2, [42, 6, 2], [6, 5, 8], [6, 5, 18]), *_WHOLE),
     ),
 )
 

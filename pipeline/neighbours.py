@@ -5,6 +5,7 @@ The error budget compares runs of neighbouring scenes, and a wanted accuracy is 
 
 from __future__ import annotations
 
+from math import pi
 from typing import TYPE_CHECKING, Any
 
 from pipeline.scene_files import MatrixPart, MeshedPart
@@ -83,7 +84,11 @@ def _divided(body: Flexible, factor: float) -> dict[str, Any]:
     """A body's table of another mesh; empty where files say what it is."""
     if isinstance(body, MeshedPart | MatrixPart):
         return {}
-    return {"mesh": body.mesh.model_copy(update=_divisions(body, factor))}
+    mesh = {"mesh": body.mesh.model_copy(update=_divisions(body, factor))}
+    if body.shape != "propeller":
+        return mesh
+    # The joints stay as wide, whatever the numbers of elements.
+    return mesh | {"seat": body.seat or 2 * pi * body.mesh.joint[1] / body.mesh.sleeve[0]}
 
 
 def _divisions(body: Bar | Propeller | CadPart, factor: float) -> dict[str, Any]:

@@ -3,6 +3,7 @@
 import json
 from typing import ClassVar
 
+import numpy as np
 import pytest
 
 from pipeline import Pipeline, accuracy, load_scene
@@ -61,6 +62,7 @@ def test_a_refined_propeller_keeps_its_cells_between_the_joints_and_can_be_meshe
     finer = refined(scene, factor)
     chosen = finer.flexible["propeller"].mesh
     assert chosen.sleeve[0] // 3 - chosen.joint[1] >= 2  # of two cells, none is a thin one
+    assert finer.flexible["propeller"].seat == pytest.approx(np.radians(90.0))  # 3 of the 4 cells of a third
     assert Pipeline(finer, Cache(None)).part.mesh.volume > 0  # which checks each cell
 
 
