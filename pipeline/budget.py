@@ -21,7 +21,7 @@ from pipeline.integrators.automatic import Automatic
 from pipeline.integrators.protocol import Integrator
 from pipeline.methods import STABLE, plan_like
 from pipeline.neighbours import COARSENING, coarser, richer, times_finer, with_modes
-from pipeline.observed import Quantities, at_outputs, modes_like, of_the_mesh, of_the_motion, of_the_stress
+from pipeline.observed import Quantities, modes_like, of_the_mesh, of_the_motion, of_the_stress
 from pipeline.stages import Pipeline
 from pipeline.studies.error_estimates import (
     NO_PART,
@@ -105,7 +105,7 @@ def true_errors(run: Pipeline, finer: Pipeline) -> dict[str, float]:
     """
     estimates, motion = _Estimates(run), finer.first_motion
     places = {name: part.element_places for name, part in run.parts.items() if part.elements}
-    exact = of_the_mesh(finer, run) | of_the_motion(finer, finer.fine_motion)
+    exact = of_the_mesh(finer, run) | of_the_motion(finer, motion, finer.fine_motion)
     if run.parts:
         exact |= of_the_stress(finer, motion, np.arange(len(motion.times)), places=places)
     return {name: quantity.error(exact[name]) for name, quantity in estimates.found.items()}
@@ -119,7 +119,7 @@ class _Estimates:
         self.plan = next(iter(run.plans.values()))
         self.motion = run.first_motion
         self.frames: IntArray = np.arange(0)
-        self.found = of_the_mesh(run) | of_the_motion(run, run.fine_motion)
+        self.found = of_the_mesh(run) | of_the_motion(run, self.motion, run.fine_motion)
         self.hot: dict[str, IntArray] = {}
         self.gains: dict[str, float] = {}
         if run.parts:
@@ -251,7 +251,9 @@ class _Estimates:
             abs(coarse.bodies[name].gram.mass / body.gram.mass - 1) < _SAME for name, body in self.run.bodies.items()
         )
         parts = self.run.parts
-        order, edges = (min(numbers) for numbers in zip(*((p.order, p.mesh.order) for p in parts.values()), strict=True))
+        order, edges = (
+            min(numbers) for numbers in zip(*((p.order, p.mesh.order) for p in parts.values()), strict=True)
+        )
         ratio = min(
             times_finer(part.shape, len(part.mesh.cells), len(coarse.parts[name].mesh.cells))
             for name, part in parts.items()
@@ -290,8 +292,12 @@ class _Estimates:
         places: dict[str, Array] | None = None,
         as_if: dict[str, Array] | None = None,
     ) -> Quantities:
-        """The quantities of a motion at fine times; stress only at the chosen output times."""
-        found, motion = of_the_motion(run, fine), at_outputs(fine)
+        """The quantities of a motion at the run's fine times; stress only at the chosen output times."""
+        given, chosen = fine.trajectory, self.run.fine_times[1]
+        motion = replace(
+            fine, trajectory=replace(given, times=given.times[chosen], q=given.q[chosen], v=given.v[chosen])
+        )
+        found = of_the_motion(run, motion, fine)
         return found | of_the_stress(run, motion, self.frames, nodes, places, as_if) if run.parts else found
 
     def _look_for_stress(self) -> None:
@@ -306,7 +312,7 @@ class _Estimates:
         self.frames = np.unique(np.concatenate(frames))
 
     def _march(self, other: Pipeline, plan: Plan) -> Motion | ChainMotion:
-        return other.motion_by(plan, plan.march(self.run.fine_times))
+        return other.motion_by(plan, plan.march(self.run.fine_times[0]))
 
     def _comparable(self, rich: Pipeline) -> tuple[Plan, Motion | ChainMotion | None]:
         """A plan for the richer model, and the run's own motion by its step if that is a shorter one."""

@@ -65,7 +65,7 @@ def refined(scene: Scene, factor: float) -> Scene | None:
 
 
 def coarser(scene: Scene, times: float = COARSENING[0]) -> Scene | None:
-    """The scene on meshes with at most one ``times``-th of the elements each way; ``None`` if a body's can't have it."""
+    """The scene on meshes with so many ``times`` fewer elements each way; ``None`` if a body's can't be coarser."""
     found = refined(scene, 1 / times)
     return None if found is None or any(found.body[name] == body for name, body in scene.flexible.items()) else found
 

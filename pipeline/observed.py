@@ -40,42 +40,34 @@ def modes_like(part: FlexiblePart, other: FlexiblePart) -> Modes:
     return replace(modes, omega=modes.omega[numbers], shapes=modes.shapes[:, :, numbers], numbers=places)
 
 
-def at_outputs(fine: Motion | ChainMotion) -> Motion | ChainMotion:
-    """A motion at a run's output times alone, out of one at its fine times."""
-    from pipeline.stages import FINER
+def of_the_motion(run: Pipeline, motion: Motion | ChainMotion, fine: Motion | ChainMotion) -> Quantities:
+    """Joints, tip and energies over time; a joint whose motion is given has no result.
 
-    given = fine.trajectory
-    return replace(fine, trajectory=replace(given, times=given.times[::FINER], q=given.q[::FINER], v=given.v[::FINER]))
-
-
-def of_the_motion(run: Pipeline, fine: Motion | ChainMotion) -> Quantities:
-    """Joints, tip and energies over time, from a motion at the run's fine times: the tip's largest is of all of them.
-
-    A joint whose motion is given has no result.
+    Parameters
+    ----------
+    motion, fine : Motion or ChainMotion
+        The same at the output times and at many more, among which the tip's largest deflection is looked for.
     """
     from pipeline.recovery.motion import Motion
 
-    motion = at_outputs(fine)
     kinetic, potential = motion.energies
     found = [Quantity("kinetic energy", "J", kinetic), Quantity("potential energy", "J", potential)]
     if isinstance(motion, Motion):
         (joint,) = run.scene.joint
         found.append(Quantity(f"{joint}, angle", "rad", motion.joint_angle))
         found.append(Quantity(f"{joint}, rate", "rad/s", motion.joint_rate))
-        assert isinstance(fine, Motion)
-        tip, between = motion.tip_deflection, fine.tip_deflection
+        tip = motion.tip_deflection
     else:
-        assert not isinstance(fine, Motion)
         given = {drive.joint for drive in run.scene.drive.values() if drive.type == "motion"}
         for name in motion.joints.keys() - given:
             unit = run.chain.units[name]
             what = "angle" if unit == "rad" else "position"
             found.append(Quantity(f"{name}, {what}", unit, motion.joint_position(name)))
             found.append(Quantity(f"{name}, rate", f"{unit}/s", motion.joint_rate(name)))
-        tip, between = motion.tip_displacement, fine.tip_displacement
+        tip = motion.tip_displacement
     if run.scene.simulation.tip.partition(".")[0] in run.parts:
         found.append(Quantity("tip, deflection", "m", tip))
-        found.append(Quantity("tip, largest deflection", "m", between, largest=True))
+        found.append(Quantity("tip, largest deflection", "m", fine.tip_size, largest=True))
     return _by_name(sorted(found, key=lambda quantity: quantity.name))
 
 

@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from pipeline.cache import Cache
-from pipeline.checks import Array, InputError
+from pipeline.checks import Array, InputError, IntArray
 from pipeline.folders import cache_folder
 from pipeline.keeper import Keeper, Log
 from pipeline.part import FlexiblePart
@@ -33,7 +33,8 @@ if TYPE_CHECKING:
     from pipeline.scene import Scene
     from pipeline.spin import SpinCheck
 
-FINER = 8  # times as many output times tell what is largest between them
+_NEAR_LARGEST = 0.8  # of the tip's largest deflection
+_FINER = 32  # times as many times there tell what is largest between two output times
 _SHORT_SECONDS = 0.2
 _REPEATS = 4
 
@@ -295,16 +296,18 @@ class Pipeline:
         return np.arange(n_outputs, dtype=float) * simulation.output_step
 
     @cached_property
-    def fine_times(self) -> Array:
-        """Output times and `FINER` − 1 between any two of them [s]."""
-        n_times = FINER * (len(self.output_times) - 1) + 1
-        return np.arange(n_times, dtype=float) * (self.scene.simulation.output_step / FINER)
+    def fine_times(self) -> tuple[Array, IntArray]:
+        """Output times with many more around the tip's largest deflections [s]; which of them are output times."""
+        tip = self.first_motion.tip_size
+        near = (tip > 0) & (tip >= _NEAR_LARGEST * tip.max())
+        numbers = np.r_[0, np.cumsum(np.where(near[:-1] | near[1:], _FINER, 1))]
+        return np.interp(np.arange(numbers[-1] + 1), numbers, self.output_times), numbers
 
     @cached_property
     def fine_motion(self) -> Motion | ChainMotion:
-        """The first run's motion at `fine_times`: what vibrates fast is largest between two output times."""
+        """The first run's motion at the fine times: what vibrates fast is largest between two output times."""
         plan = next(iter(self.plans.values()))
-        return self.motion_by(plan, plan.march(self.fine_times))
+        return self.motion_by(plan, plan.march(self.fine_times[0]))
 
     @cached_property
     def budget(self) -> Budget:

@@ -80,6 +80,11 @@ class ChainMotion:
         body, place = self.tip
         return np.asarray(self.modal(body) @ place.translation.T)
 
+    @property
+    def tip_size(self) -> Array:
+        """Size of the tip's displacement by deformation [m], shape (n_times,)."""
+        return np.asarray(np.linalg.norm(self.tip_displacement, axis=1))
+
     @cached_property
     def tip_position(self) -> Array:
         """The tip in space [m], shape (n_times, 3)."""

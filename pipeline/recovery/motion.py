@@ -96,6 +96,11 @@ class Motion:
         length = np.linalg.norm(arm)
         return np.asarray(self.q @ (arm @ marker.translation / length - length * body.joint_rotation))
 
+    @property
+    def tip_size(self) -> Array:
+        """Size of the tip's deflection [m], shape (n_times,)."""
+        return np.abs(self.tip_deflection)
+
     @cached_property
     def energies(self) -> tuple[Array, Array]:
         """Kinetic and strain energy [J], each of shape (n_times,)."""
