@@ -1,62 +1,19 @@
-"""The error budget of a run: what each of its results is off by, source by source.
-
-Each source is measured by a second computation that differs in it alone: time integration by another step or tolerance,
-modal truncation by a basis with four generations of load-dependent vectors, discretisation by a mesh of half as many
-elements each way, stress recovery by patches of elements. Where a motion rings, an error of its frequencies adds up
-over time and can't be extrapolated from two motions; so the frequencies are, and the motion is computed with them.
-"""
+"""The error budget of a run: what each of its results is off by, source by source."""
 
 from __future__ import annotations
 
-import math
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
-from numpy.typing import NDArray
 
-from pipeline.cache import Cache, stage_key
-from pipeline.checks import AccuracyError, Array, IntArray
-from pipeline.integrators.automatic import Automatic
-from pipeline.integrators.protocol import Integrator
-from pipeline.methods import STABLE, plan_like
-from pipeline.neighbours import COARSENING, coarser, richer, times_finer, with_modes
-from pipeline.observed import Quantities, modes_like, of_the_mesh, of_the_motion, of_the_stress
-from pipeline.stages import Pipeline
-from pipeline.studies.error_estimates import (
-    NO_PART,
-    SAFETY,
-    SOURCES,
-    Row,
-    refinement_gain,
-    retuned,
-    shifted_frequencies,
-    softened,
-)
-from pipeline.studies.matching import counterparts
+from pipeline.cache import stage_key
+from pipeline.estimates import Estimates
+from pipeline.observed import of_the_mesh, of_the_motion, of_the_stress
+from pipeline.studies.error_estimates import NO_PART, SAFETY, SOURCES, Row
 
 if TYPE_CHECKING:
-    from pipeline.methods import Plan
-    from pipeline.part import FlexiblePart
-    from pipeline.recovery.chain_motion import ChainMotion
-    from pipeline.recovery.motion import Motion
-    from pipeline.reduction.body import FlexibleBody
-    from pipeline.scene import Scene
-
-_SHORT = 0.5  # seconds of a march that may be taken again with half of its step
-_FRAMES = 60  # at which stress is compared
-_HOTTEST = 20  # of them around the largest stress
-_HOT = 0.5  # of the largest stress: what other nodes have doesn't matter
-_SHIFTS = (0.5, 1.0, 1.5, 2.0)  # of the extrapolated change of frequencies; the last is SAFETY
-_FINER = 0.1
-_SAME = 1e-9
-_ALIKE = 0.5  # modal assurance criterion above which a shape of the coarse mesh is the run's own
-# Recovered stress overstates the energy error of static responses to forces on a face, where stress jumps: 25 times on
-# the beam. It counts up to this many times of what the coarse mesh says; on modes it is up to 2.5 times that.
-# So do patches of elements at edges.
-_MOST_OF_CHANGE = 3.0
-_MOST_APART = 10.0  # of both tellings of an excess, recovered stress and a coarser mesh
-_MORE = 1.5  # modes of the coarse mesh to find the run's among
+    from pipeline.stages import Pipeline
 
 
 @dataclass(frozen=True)
@@ -95,7 +52,7 @@ def budget_key(run: Pipeline) -> str:
 
 def budget_of(run: Pipeline) -> Budget:
     """The budget of the scene's first run, kept like other stages."""
-    return run.keeper.kept("error budget", budget_key(run), lambda: _Estimates(run).budget())
+    return run.keeper.kept("error budget", budget_key(run), lambda: _made(run))
 
 
 def true_errors(run: Pipeline, finer: Pipeline) -> dict[str, float]:
@@ -103,272 +60,20 @@ def true_errors(run: Pipeline, finer: Pipeline) -> dict[str, float]:
 
     Frequencies are matched by their modes' shapes, element stress by place.
     """
-    estimates, motion = _Estimates(run), finer.first_motion
+    found, motion = Estimates(run).found, finer.first_motion
     places = {name: part.element_places for name, part in run.parts.items() if part.elements}
     exact = of_the_mesh(finer, run) | of_the_motion(finer, motion, finer.fine_motion)
     if run.parts:
         exact |= of_the_stress(finer, motion, np.arange(len(motion.times)), places=places)
-    return {name: quantity.error(exact[name]) for name, quantity in estimates.found.items()}
+    return {name: quantity.error(exact[name]) for name, quantity in found.items()}
 
 
-class _Estimates:
-    """Relative errors by source; each method compares one neighbour with the run."""
-
-    def __init__(self, run: Pipeline) -> None:
-        self.run = run
-        self.plan = next(iter(run.plans.values()))
-        self.motion = run.first_motion
-        self.frames: IntArray = np.arange(0)
-        self.found = of_the_mesh(run) | of_the_motion(run, self.motion, run.fine_motion)
-        self.hot: dict[str, IntArray] = {}
-        self.gains: dict[str, float] = {}
-        if run.parts:
-            self._look_for_stress()
-            self.found |= of_the_stress(run, self.motion, self.frames)
-
-    def budget(self) -> Budget:
-        """Gather all rows."""
-        of_mesh = of_the_mesh(self.run)
-        parts: dict[str, dict[str, float | str]] = {name: dict.fromkeys(SOURCES, NO_PART) for name in self.found}
-        by_source: dict[str, dict[str, float | str]] = {"time": self._time()}
-        if self.run.parts:
-            by_source["truncation"] = self._truncation()
-            by_source["recovery"] = recovery = self._recovery()
-            by_source["discretisation"] = self._discretisation(recovery)
-        for source, errors in by_source.items():
-            for name, error in errors.items():
-                parts[name][source] = error
-        rows = [
-            Row(name, quantity.unit, quantity.scale, not (quantity.largest or name in of_mesh), parts[name])
-            for name, quantity in self.found.items()
-        ]
-        return Budget(tuple(rows))
-
-    # The sources ------------------------------------------------------------------------------------------------
-
-    def _time(self) -> dict[str, float | str]:
-        """Another step, or a finer tolerance."""
-        integrator, gain = _of_other_fineness(self.plan, self.motion.trajectory.seconds)
-        other = self._march(self.run, replace(self.plan, integrator=integrator))
-        return {name: error / gain for name, error in self._changes(self._of(self.run, other, self.hot)).items()}
-
-    def _truncation(self) -> dict[str, float | str]:
-        """A richer basis on the same mesh; both are marched with a step that the richer one stands."""
-        rich = self.run.neighbour(richer(self.run.scene))
-        rich.spin = self.run.spin  # what is stiffened stays so
-        plan, base = self._comparable(rich)
-        ours = self.found if base is None else self._of(self.run, base)
-        return dict(self._changes(self._of(rich, self._march(rich, plan)), ours))
-
-    def _discretisation(self, recovery: dict[str, float | str]) -> dict[str, float | str]:
-        """Frequencies that are too high shift the run's own; what else a coarser mesh changes comes on top.
-
-        What the stress of two meshes differs by holds the error of its recovery; that is not counted twice.
-        """
-        coarse, why = self._coarse()
-        errors: dict[str, float | str] = dict.fromkeys(self.found, why)
-        excess: dict[str, Array] = {}
-        for name, part in self.run.parts.items():
-            body = self.run.bodies[name]
-            of_modes, excess[name] = _energy_excess(part, body)
-            if coarse is not None:
-                theirs = coarse.parts[name].modes.omega
-                of_modes = _between(of_modes, ((theirs / part.modes.omega) ** 2 - 1) / self.gains["displacement"])
-                numbers, known = _counterparts(body, coarse, name)
-                omega = coarse.bodies[name].omega[numbers]
-                change = ((omega / body.omega) ** 2 - 1) / self.gains["displacement"]
-                recovered = np.diag(excess[name])
-                excess[name] = _with_diagonal(excess[name], np.where(known, _between(recovered, change), recovered))
-            for k, share in enumerate(1 - shifted_frequencies(np.ones(len(of_modes)), of_modes, 1.0)):
-                errors[f"{name}, frequency {k + 1}"] = abs(float(share))
-        shifted = self._shifted(excess)
-        errors |= shifted
-        if coarse is None:
-            return errors
-        masses = of_the_mesh(coarse)
-        for name, quantity in of_the_mesh(self.run).items():
-            if quantity.kind == "geometry":
-                errors[name] = quantity.change(masses[name]) / self.gains["geometry"]
-        for name, error in self._swapped(coarse).items():
-            shape = error / self.gains[self.found[name].kind]
-            if isinstance(again := recovery.get(name), float):
-                recovery[name] = again = min(again, _MOST_OF_CHANGE * shape)
-                shape = max(shape - again, 0.0)
-            errors[name] = math.hypot(shifted[name], shape)
-        return errors
-
-    def _shifted(self, excess: dict[str, Array]) -> dict[str, float]:
-        """What the motion changes by if the bodies' eigenvalues lose what they are too high by, up to `SAFETY` times.
-
-        Over time a shift turns phases, so that twice of it need not change the motion twice as much: the largest change
-        on the way counts.
-        """
-        found = {name: 0.0 for name in self.found if name not in of_the_mesh(self.run)}
-        for shift in _SHIFTS:
-            found_bodies = {name: softened(body, shift * excess[name]) for name, body in self.run.bodies.items()}
-            moved = self.run.with_bodies({name: body for name, (body, _) in found_bodies.items()})
-            forces = {name: as_if for name, (_, as_if) in found_bodies.items()}
-            theirs = self._of(moved, self._march(moved, plan_like(self.plan, moved)), self.hot, as_if=forces)
-            for name, quantity in theirs.items():
-                found[name] = max(found[name], self.found[name].error(quantity) / SAFETY)
-        return found
-
-    def _swapped(self, coarse: Pipeline) -> dict[str, float]:
-        """What the motion changes by on a coarser mesh that rings at the run's frequencies."""
-        bodies, forces = {}, {}
-        for name, body in self.run.bodies.items():
-            other, (numbers, known) = coarse.bodies[name], _counterparts(body, coarse, name)
-            omega = other.omega.copy()
-            omega[numbers[known]] = body.omega[known]
-            bodies[name], forces[name] = retuned(other, omega)
-        swapped = coarse.with_bodies(bodies)
-        places = {name: part.element_places for name, part in self.run.parts.items() if part.elements}
-        theirs = self._of(swapped, self._march(swapped, plan_like(self.plan, swapped)), places=places, as_if=forces)
-        return self._changes(theirs)
-
-    def _coarse(self) -> tuple[Pipeline | None, str]:
-        """The run on a coarser mesh; or why there is none. Of few curved elements some may be inverted."""
-        why = "not estimated: there is no coarser mesh"
-        for times in COARSENING:
-            scene = coarser(self.run.scene, times)
-            if scene is None:
-                break
-            try:
-                return self._on(scene), NO_PART
-            except AccuracyError as fault:
-                why = f"not estimated: on a coarser mesh, {fault}"
-        return None, why
-
-    def _on(self, scene: Scene) -> Pipeline:
-        """The run on the coarser mesh of a scene, its modes those that are most like the run's."""
-        more = with_modes(scene, lambda body: {"count": int(_MORE * body.modes.count) + 1})
-        coarse = Pipeline(more, Cache(None))
-        coarse.spin = self.run.spin
-        for name, part in coarse.parts.items():
-            part.modes = modes_like(self.run.parts[name], part)
-        # Where the volume changes with the mesh so does the shape, and nothing converges faster than that does.
-        exact = all(
-            abs(coarse.bodies[name].gram.mass / body.gram.mass - 1) < _SAME for name, body in self.run.bodies.items()
-        )
-        parts = self.run.parts
-        order, edges = (
-            min(numbers) for numbers in zip(*((p.order, p.mesh.order) for p in parts.values()), strict=True)
-        )
-        ratio = min(
-            times_finer(part.shape, len(part.mesh.cells), len(coarse.parts[name].mesh.cells))
-            for name, part in parts.items()
-        )
-        gains = {kind: refinement_gain(ratio, order, edges, kind) for kind in ("displacement", "stress", "geometry")}
-        self.gains = gains if exact else {kind: min(gain, gains["geometry"]) for kind, gain in gains.items()}
-        return coarse
-
-    def _recovery(self) -> dict[str, float | str]:
-        """Patches of elements at the worst node."""
-        from pipeline.recovery.patch import patch_stress
-        from pipeline.recovery.stress import von_mises
-
-        errors: dict[str, float | str] = {}
-        for name, part in self.run.parts.items():
-            time, place, worst = self.run.stress_of(name).worst()
-            k = int(np.abs(self.motion.times - time).argmin())
-            q, node = self.motion.modal(name)[k], int(part.surface.nodes[place])
-            field = (part.body.shapes @ q)[:, :, None]
-            again = float(von_mises(patch_stress(part.space, part.material, field, node).T)[0])
-            errors[f"{name}, largest von Mises stress"] = abs(again - worst) / worst
-        return errors
-
-    # How they are computed --------------------------------------------------------------------------------------
-
-    def _changes(self, theirs: Quantities, ours: Quantities | None = None) -> dict[str, float]:
-        """How much each quantity of the motion differs from a neighbour's."""
-        ours = ours or self.found
-        return {name: ours[name].change(quantity) for name, quantity in theirs.items()}
-
-    def _of(
-        self,
-        run: Pipeline,
-        fine: Motion | ChainMotion,
-        nodes: dict[str, IntArray] | None = None,
-        places: dict[str, Array] | None = None,
-        as_if: dict[str, Array] | None = None,
-    ) -> Quantities:
-        """The quantities of a motion at the run's fine times; stress only at the chosen output times."""
-        given, chosen = fine.trajectory, self.run.fine_times[1]
-        motion = replace(
-            fine, trajectory=replace(given, times=given.times[chosen], q=given.q[chosen], v=given.v[chosen])
-        )
-        found = of_the_motion(run, motion, fine)
-        return found | of_the_stress(run, motion, self.frames, nodes, places, as_if) if run.parts else found
-
-    def _look_for_stress(self) -> None:
-        """Choose the output times at which stress is compared, and the nodes that matter."""
-        from pipeline.recovery.stress import spread
-
-        frames = [spread(len(self.motion.times), _FRAMES)]
-        for name in self.run.parts:
-            values = self.run.stress_of(name).measure_at(np.arange(len(self.motion.times)))
-            frames.append(np.argsort(values.max(axis=1))[-_HOTTEST:])
-            self.hot[name] = np.flatnonzero(values.max(axis=0) >= _HOT * values.max())
-        self.frames = np.unique(np.concatenate(frames))
-
-    def _march(self, other: Pipeline, plan: Plan) -> Motion | ChainMotion:
-        return other.motion_by(plan, plan.march(self.run.fine_times[0]))
-
-    def _comparable(self, rich: Pipeline) -> tuple[Plan, Motion | ChainMotion | None]:
-        """A plan for the richer model, and the run's own motion by its step if that is a shorter one."""
-        method: Any = self.plan.integrator
-        limit = STABLE * method.largest_step(rich.mechanism)
-        if not method.step > limit:
-            return plan_like(self.plan, rich), None
-        shorter = replace(self.plan, integrator=replace(method, step=limit))
-        return plan_like(shorter, rich), self._march(self.run, shorter)
-
-
-def _counterparts(body: FlexibleBody, coarse: Pipeline, name: str) -> tuple[IntArray, NDArray[np.bool_]]:
-    """Numbers of the shapes on the coarse mesh that are most like a body's, and which of them are alike."""
-    other = coarse.bodies[name]
-    numbers, alike = counterparts(body.x, body.shapes, other.x, coarse.parts[name].fe.m, other.shapes, other.omega)
-    return numbers, alike > _ALIKE
-
-
-def _energy_excess(part: FlexiblePart, body: FlexibleBody) -> tuple[Array, Array]:
-    """What recovered stress says that the squares of a part's mode frequencies and of its body's are too high by."""
-    from pipeline.recovery.energy_error import energy_errors
-
-    errors = energy_errors(part.space, part.material, body.shapes)
-    # The modes are combinations of the body's shapes and rigid motions.
-    flat, modes = body.shapes.reshape(part.fe.K.shape[0], -1), part.modes
-    weights = (flat.T @ (part.fe.K @ modes.shapes.reshape(len(flat), -1))) / body.omega[:, None] ** 2
-    of_modes = np.einsum("jk,jl,lk->k", weights, errors, weights) / modes.omega**2
-    return np.asarray(of_modes), np.asarray(errors / np.outer(body.omega, body.omega))
-
-
-def _with_diagonal(excess: Array, wanted: Array) -> Array:
-    """The same products of shapes, scaled to another diagonal; what isn't positive there stands alone."""
-    scale = np.sqrt(np.maximum(wanted, 0.0) / np.diag(excess))
-    scaled = excess * np.outer(scale, scale)
-    np.fill_diagonal(scaled, wanted)
-    return np.asarray(scaled)
-
-
-def _between(recovered: Array, changed: Array) -> Array:
-    """The geometric mean of what recovered stress and a coarser mesh tell, with the latter's sign.
-
-    Neither is a bound: recovered stress tells too much where stress jumps, a coarse mesh too little where it is too
-    coarse for its shapes. A change that is small by chance counts as a part of what recovered stress tells.
-    """
-    size = np.maximum(np.abs(changed), recovered / _MOST_APART)
-    return np.asarray(np.copysign(np.sqrt(recovered * size), changed))
-
-
-def _of_other_fineness(plan: Plan, seconds: float) -> tuple[Integrator, float]:
-    """The method with another step or tolerance, and what its result differs by over the error of the plan's."""
-    method: Any = plan.integrator
-    if isinstance(method, Automatic):
-        return replace(method, error=_FINER * method.error), 1 - _FINER
-    if not method.step:
-        return replace(method, tolerance=max(_FINER * method.tolerance, 3e-14)), 1 - _FINER
-    order = method.order(plan.system)
-    if seconds < _SHORT or not 8 * method.step < method.largest_step(plan.system):
-        return replace(method, step=method.step / 2), 1 - 0.5**order
-    return replace(method, step=2 * method.step), 2.0**order - 1
+def _made(run: Pipeline) -> Budget:
+    estimates, of_mesh = Estimates(run), of_the_mesh(run)
+    by_source = estimates.by_source()
+    rows = []
+    for name, quantity in estimates.found.items():
+        parts = {source: by_source.get(source, {}).get(name, NO_PART) for source in SOURCES}
+        over_time = not (quantity.largest or name in of_mesh)
+        rows.append(Row(name, quantity.unit, quantity.scale, over_time, parts))
+    return Budget(tuple(rows))

@@ -28,7 +28,7 @@ LAYERS = (
         *{"mechanism", "methods", "part", "attachments", "shapes", "sources", "spin"},
         *{"stages", "plan", "frequencies", "quantities", "outputs", "drawings", "picture_files", "exports"},
         *{"stability", "course", "stress_test", "stress_cases"},
-        *{"neighbours", "observed", "budget", "accuracy"},
+        *{"neighbours", "observed", "coarse", "estimates", "budget", "accuracy"},
         *{"summary", "tables", "bench", "mode_study", "whole_runs", "doctor", "sweep", "verification"},
         *{"report", "notebook", "starting", "templates", "commands", "cli"},
         *{"__init__", "__main__"},

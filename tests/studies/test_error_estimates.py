@@ -5,7 +5,15 @@ import pytest
 
 from pipeline.reduction.body import FlexibleBody, MarkerShapes
 from pipeline.reduction.gram import inertia_gram
-from pipeline.studies.error_estimates import NO_PART, Quantity, Row, refinement_gain, shifted_frequencies, softened
+from pipeline.studies.error_estimates import (
+    NO_PART,
+    Quantity,
+    Row,
+    refinement_gain,
+    retuned,
+    shifted_frequencies,
+    softened,
+)
 from pipeline.studies.matching import counterparts, matched
 
 T = np.linspace(0.0, 1.0, 101)
@@ -104,6 +112,19 @@ def test_a_softened_body_yields_more_to_the_same_force_and_has_the_same_stress()
     again = inertia_gram(body.x, np.eye(10), soft.shapes)
     assert np.allclose(soft.gram.G, again.G)
     assert soft.markers["at"].rotation == pytest.approx(soft.shapes[1])
+
+
+def test_a_retuned_body_rings_at_other_frequencies_and_yields_to_a_static_force_as_before() -> None:
+    random = np.random.default_rng(0)
+    shapes = np.linalg.qr(random.standard_normal((30, 3)))[0].reshape(10, 3, 3)
+    body = body_of(random.uniform(size=(10, 3)), shapes, np.array([1.0, 2.0, 5.0]))
+    tuned, stressed = retuned(body, np.array([0.9, 2.1, 5.0]))
+    force = random.standard_normal(30)  # at the nodes
+    q, before = (b.shapes.reshape(30, 3).T @ force / b.omega**2 for b in (tuned, body))
+    assert tuned.omega.tolist() == [0.9, 2.1, 5.0]
+    assert tuned.shapes @ q == pytest.approx(body.shapes @ before)
+    assert stressed @ q == pytest.approx(before)
+    assert np.allclose(inertia_gram(body.x, np.eye(10), tuned.shapes).G, tuned.gram.G)
 
 
 def test_at_most_three_quarters_of_a_stiffness_are_taken_off() -> None:
