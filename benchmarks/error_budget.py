@@ -63,11 +63,27 @@ _MORE = ("body.propeller.modes.count=26", "body.propeller.modes.enrich=ritz")
 _REFERENCE = (*_THREE, _mesh(2, [30, 5, 2], [5, 6, 6], [5, 6, 12]), *_MORE, "simulation.step=0.4 us")
 _LINEAR_BETWEEN = (*_THREE, _mesh(1, [36, 6, 3], [6, 9, 9], [6, 9, 18]), *_MORE, "simulation.step=0.5 us")
 _QUADRATIC_BETWEEN = (*_THREE, _mesh(2, [24, 4, 2], [4, 4, 4], [4, 4, 8]), *_MORE, "simulation.step=0.5 us")
+_FOUR = (
+    "body.propeller.blades=4",
+    "body.propeller.seat=70 deg",
+    "simulation.output_step=0.2 ms",
+    "body.propeller.modes.count=10",
+    'simulation.run=[{integrator="central-difference"}]',
+)
+_FOUR_REFERENCE = (
+    *_FOUR,
+    _mesh(2, [48, 6, 2], [6, 7, 7], [6, 7, 14]),
+    "body.propeller.modes.count=20",
+    "body.propeller.modes.enrich=ritz",
+    "simulation.step=0.5 us",
+)
 _WHOLE = (
     "body.propeller.modes.count=48",
     "body.propeller.modes.enrich=ritz",
     'simulation.run=[{integrator="central-difference", step="0.5 us"}]',
 )
+_SEAT = "body.propeller.seat=43.636363636363637 deg"  # 8 of the 66 elements around
+_WHOLE_BETWEEN = (_SEAT, _mesh(2, [42, 6, 2], [6, 5, 8], [6, 5, 18]), *_WHOLE)
 CASES = (
     Case("rod-slider", "rod-slider", (), (*_AUTO[:1], "simulation.error=1e-9"), ("simulation.step=0.25 ms",)),
     _beam("beam"),
@@ -106,7 +122,60 @@ CASES = (
         "propeller",
         (),
         ("body.propeller.mesh.order=2", *_WHOLE),
-        ("body.propeller.seat=43.636363636363637 deg", _mesh(2, [42, 6, 2], [6, 5, 8], [6, 5, 18]), *_WHOLE),
+        _WHOLE_BETWEEN,
+    ),
+    Case(
+        "propeller, quadratic",
+        "propeller",
+        (_SEAT, _mesh(2, [30, 5, 1], [5, 4, 6], [5, 4, 13])),
+        ("body.propeller.mesh.order=2", *_WHOLE),
+        _WHOLE_BETWEEN,
+    ),
+    # What no estimate was made with.
+    Case(
+        "unseen: beam of tet10",
+        "beam",
+        ('body.beam.mesh={element="tetrahedron", order=2, size="16 mm"}', "body.beam.modes.enrich=inertia"),
+        (
+            'body.beam.mesh={element="tetrahedron", order=2, size="5 mm"}',
+            "body.beam.modes.count=16",
+            "body.beam.modes.enrich=ritz",
+            *_AUTO,
+        ),
+        (),
+    ),
+    Case(
+        "unseen: beam of hex8",
+        "beam",
+        ("body.beam.mesh={order=1, divisions=[80, 8, 2]}", "body.beam.modes.enrich=inertia"),
+        (
+            "body.beam.mesh={order=2, divisions=[64, 6, 2]}",
+            "body.beam.modes.count=14",
+            "body.beam.modes.enrich=ritz",
+            *_AUTO,
+        ),
+        (),
+    ),
+    Case(
+        "unseen: spin-up of 16 x 2 x 2",
+        "spin-up",
+        ("body.beam.mesh.divisions=[16, 2, 2]",),
+        ("body.beam.mesh.divisions=[80, 3, 3]", "body.beam.modes.count=8", "body.beam.modes.enrich=ritz", *_AUTO),
+        (),
+    ),
+    Case(
+        "unseen: four blades, quadratic",
+        "propeller",
+        (*_FOUR, _mesh(2, [32, 3, 2], [3, 5, 4], [3, 5, 8])),
+        _FOUR_REFERENCE,
+        (),
+    ),
+    Case(
+        "unseen: four blades, linear",
+        "propeller",
+        (*_FOUR, _mesh(1, [40, 6, 2], [6, 6, 8], [6, 6, 16])),
+        _FOUR_REFERENCE,
+        (),
     ),
 )
 

@@ -34,9 +34,7 @@ def enriched_beam() -> dict[str, float]:
     """With load-dependent vectors, of which noise makes one that the coarse mesh has not."""
     own = ["body.beam.mesh.divisions=[24, 2, 1]", "simulation.duration=0.1 s", "body.beam.modes.enrich=ritz", AUTO]
     finer = ["body.beam.mesh.divisions=[48, 4, 2]", "body.beam.modes.count=10", "simulation.error=1e-5"]
-    found = ratios("beam", own, finer)
-    del found["tip, largest deflection"]  # changes its sign from mesh to mesh, and is small by chance
-    return found
+    return ratios("beam", own, finer)
 
 
 def propeller() -> dict[str, float]:
@@ -62,7 +60,7 @@ def test_at_least_95_percent_of_true_errors_are_below_the_stated_ones_and_within
     values = np.array(list(found.values()))
     assert len(values) > 30
     assert np.mean(values >= 1) >= 0.95, {name: ratio for name, ratio in found.items() if ratio < 1}
-    assert np.mean(values <= 5) >= 0.9, {name: ratio for name, ratio in found.items() if ratio > 5}
+    assert np.mean(values <= 5) >= 0.95, {name: ratio for name, ratio in found.items() if ratio > 5}
 
 
 @pytest.mark.slow
@@ -71,7 +69,7 @@ def test_vectors_that_the_coarse_mesh_has_not_do_not_spoil_the_budget() -> None:
     values = np.array(list(found.values()))
     assert (values >= 1).all(), found
     assert np.median(values) <= 3
-    assert found["potential energy"] < 8  # 187 when their frequencies were given to shapes of another kind
+    assert found["potential energy"] < 5  # 187 when their frequencies were given to shapes of another kind
 
 
 def test_a_body_of_one_element_each_way_says_what_it_could_not_estimate() -> None:
