@@ -6,6 +6,7 @@ import pytest
 from pipeline import Pipeline, load_scene
 from pipeline.budget import true_errors
 from pipeline.cache import Cache
+from pipeline.coarse import Pair, coarse_pair
 from pipeline.summary import summarise
 
 ROUND_OFF = 1e-9
@@ -84,6 +85,37 @@ def test_a_body_of_one_element_each_way_says_what_it_could_not_estimate() -> Non
     frequency = rows["beam, frequency 1"]
     assert isinstance(frequency.parts["discretisation"], float)  # from recovered stress alone
     assert frequency.parts["truncation"] == "no part in it"
+
+
+def test_few_curved_elements_have_a_coarser_mesh_that_can_be_meshed_and_tells_of_the_volume() -> None:
+    """Half of them each way are inverted; the volume is compared with that of a much finer mesh."""
+
+    def blades(counts: str) -> Pipeline:
+        overrides = ["body.propeller.blades=3", "body.propeller.seat=90 deg", "body.propeller.modes.count=1"]
+        return Pipeline(
+            load_scene("propeller", [*overrides, f"body.propeller.mesh={{order=2, {counts}}}"]), Cache(None)
+        )
+
+    run = blades("sleeve=[18, 2, 1], joint=[2, 4, 3], blade=[2, 4, 6]")
+    pair = coarse_pair(run)
+    assert isinstance(pair, Pair)
+    volumes = [
+        p.part.mesh.volume for p in (pair.coarse, run, blades("sleeve=[30, 5, 2], joint=[5, 6, 6], blade=[5, 6, 12]"))
+    ]
+    told = (volumes[1] - volumes[0]) / pair.gains["geometry"]
+    assert 0.5 < told / (volumes[2] - volumes[1]) < 2
+
+
+def test_the_tips_largest_deflection_is_that_between_output_times() -> None:
+    own = ["body.beam.mesh.divisions=[12, 1, 1]", "simulation.duration=0.1 s", PLAIN]
+    often = [*own, "simulation.output_step=0.015625 ms"]  # 32 times as often
+    coarse, fine = (Pipeline(load_scene("beam", overrides), Cache(None)) for overrides in (own, often))
+    at_outputs, largest = coarse.motion.tip_size.max(), fine.motion.tip_size.max()
+    assert coarse.fine_motion.tip_size.max() == pytest.approx(largest, rel=1e-9)
+    assert at_outputs < largest * (1 - 1e-6)
+    assert len(coarse.fine_times[0]) < 0.7 * len(fine.output_times)  # only where the tip is near its largest
+    chosen = coarse.fine_times[1]
+    assert coarse.fine_times[0][chosen] == pytest.approx(coarse.output_times, rel=1e-15)
 
 
 def test_an_adaptive_methods_tolerance_is_the_error_that_is_stated() -> None:
