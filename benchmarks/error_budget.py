@@ -131,9 +131,9 @@ CASES = (
         ("body.propeller.mesh.order=2", *_WHOLE),
         _WHOLE_BETWEEN,
     ),
-    # What no estimate was made with.
+    # Added when the estimates had been made.
     Case(
-        "unseen: beam of tet10",
+        "further: beam of tet10",
         "beam",
         ('body.beam.mesh={element="tetrahedron", order=2, size="16 mm"}', "body.beam.modes.enrich=inertia"),
         (
@@ -145,7 +145,7 @@ CASES = (
         (),
     ),
     Case(
-        "unseen: beam of hex8",
+        "further: beam of hex8",
         "beam",
         ("body.beam.mesh={order=1, divisions=[80, 8, 2]}", "body.beam.modes.enrich=inertia"),
         (
@@ -157,21 +157,21 @@ CASES = (
         (),
     ),
     Case(
-        "unseen: spin-up of 16 x 2 x 2",
+        "further: spin-up of 16 x 2 x 2",
         "spin-up",
         ("body.beam.mesh.divisions=[16, 2, 2]",),
         ("body.beam.mesh.divisions=[80, 3, 3]", "body.beam.modes.count=8", "body.beam.modes.enrich=ritz", *_AUTO),
         (),
     ),
     Case(
-        "unseen: four blades, quadratic",
+        "further: four blades, quadratic",
         "propeller",
         (*_FOUR, _mesh(2, [32, 3, 2], [3, 5, 4], [3, 5, 8])),
         _FOUR_REFERENCE,
         (),
     ),
     Case(
-        "unseen: four blades, linear",
+        "further: four blades, linear",
         "propeller",
         (*_FOUR, _mesh(1, [40, 6, 2], [6, 6, 8], [6, 6, 16])),
         _FOUR_REFERENCE,
