@@ -3,15 +3,18 @@
 from __future__ import annotations
 
 import csv
-from collections.abc import Iterator
+from collections.abc import Callable, Iterator
 from dataclasses import asdict, dataclass
+from functools import cache, partial
 from pathlib import Path
 from typing import Any
 
 import numpy as np
 
+from pipeline.cache import Cache, stage_key
 from pipeline.checks import AccuracyError, Array
 from pipeline.files import whole_file
+from pipeline.folders import cache_folder
 from pipeline.integrators.adaptive_alpha import AdaptiveGeneralizedAlpha
 from pipeline.integrators.central_difference import CentralDifference
 from pipeline.integrators.exponential import Exponential
@@ -40,6 +43,7 @@ _GROWN = np.log(1e4)  # e-folds of the largest vibration from which on a march c
 _UNSURE = np.log(300.0)  # by which a start that is no eigenvector, or an end of an oscillation, may shift that
 _NEUTRAL = 1e-5
 _LOOKS = 201  # at a march
+_NO_CACHE = Cache(None)
 
 
 @dataclass(frozen=True)
@@ -81,31 +85,65 @@ class Row:
 
 def stress_test(folder: Path, advance: Advance) -> list[dict[str, Any]]:
     """March every case, write the table ``stability.csv`` into a folder, and return its summary."""
-    rows = march_all(advance=advance)
+    rows = march_all(keep=Cache(cache_folder()), advance=advance)
     folder.mkdir(parents=True, exist_ok=True)
     write_rows(rows, folder / "stability.csv")
     return summary_of_rows(rows)
 
 
-def march_all(cycles: int = CYCLES, only: tuple[str, ...] = (), advance: Advance = lambda done: None) -> list[Row]:
-    """March every case by every method, on two processors if they are there."""
+def march_all(
+    cycles: int = CYCLES, only: tuple[str, ...] = (), keep: Cache = _NO_CACHE, advance: Advance = lambda done: None
+) -> list[Row]:
+    """March every case by every method, on two processors if they are there; a march that is kept isn't repeated."""
     from joblib import Parallel, delayed
 
+    names = list(only or builders())
+    marches = [(name, k) for name in names for k in range(len(_marches(name, cycles)))]
     # The longest first, so that none is waited for in the end.
-    names = sorted(only or builders(), key=lambda name: (not name.startswith("arm"), name))
-    found: list[Row] = []
-    tasks = (delayed(rows_of)(name, cycles) for name in names)
-    for k, rows in enumerate(Parallel(n_jobs=min(2, len(names)), return_as="generator")(tasks)):
-        found += rows
-        advance((k + 1) / len(names))
-    return found
+    marches.sort(key=lambda march: (march[0] != "arm", -len(_case(march[0]).M)))
+    tasks = (delayed(_kept_row)(*march, cycles, keep) for march in marches)
+    found: dict[tuple[str, int], Row] = {}
+    for march, row in zip(marches, Parallel(n_jobs=2, return_as="generator")(tasks), strict=True):
+        found[march] = row
+        advance(len(found) / len(marches))
+    return [row for _, row in sorted(found.items(), key=lambda one: (names.index(one[0][0]), one[0][1]))]
 
 
 def rows_of(name: str, cycles: int = CYCLES) -> list[Row]:
     """March one case by every method."""
-    case = builders()[name]()
-    rows = [_march(case, method, m, share, cycles) for method, m, share in _fixed(case)]
-    return rows + [_march_adaptively(case, method, steps) for method, steps in _adaptive(case, cycles)]
+    return [_row(name, k, cycles) for k in range(len(_marches(name, cycles)))]
+
+
+def _kept_row(name: str, k: int, cycles: int, keep: Cache) -> Row:
+    from joblib import hash as digest
+
+    case = _case(name)
+    inputs = [name, k, cycles, digest((case.M, case.K, case.at))]
+    key = stage_key("stress-march", inputs, ("pipeline",), ("numba", "numpy", "scipy"))
+    row: Row | None = keep.load(key)
+    if row is None:
+        row = _row(name, k, cycles)
+        keep.save(key, row)
+    return row
+
+
+def _row(name: str, k: int, cycles: int) -> Row:
+    return _marches(name, cycles)[k]()
+
+
+@cache
+def _case(name: str) -> Case:
+    return builders()[name]()
+
+
+@cache
+def _marches(name: str, cycles: int) -> list[Callable[[], Row]]:
+    """One case by every method."""
+    case = _case(name)
+    return [
+        *(partial(_march, case, *chosen, cycles) for chosen in _fixed(case)),
+        *(partial(_march_adaptively, case, *chosen) for chosen in _adaptive(case, cycles)),
+    ]
 
 
 def _fixed(case: Case) -> Iterator[tuple[Integrator, int, float]]:

@@ -341,8 +341,10 @@ def test_without_a_home_results_are_the_same(frequencies: list[float], tmp_path:
 def test_a_user_without_a_home_keeps_the_cache_among_temporary_files(frequencies: list[float], tmp_path: Path) -> None:
     if os.geteuid() or not shutil.which("setpriv"):
         pytest.skip("needs to become another user")
-    for folder in (tmp_path, *tmp_path.parents[:2]):  # pytest's own are the user's alone
-        folder.chmod(0o777)
+    tmp_path.chmod(0o777)
+    for folder in tmp_path.parents:  # pytest's own are the user's alone
+        if not folder.stat().st_mode & 0o001:
+            folder.chmod(folder.stat().st_mode | 0o001)
     nobody = ("setpriv", "--reuid", "12345", "--regid", "12345", "--clear-groups")
     environment = {"HOME": None, "XDG_CACHE_HOME": None, "FMD_CACHE": None, "TMPDIR": str(tmp_path)}
     assert frequencies_of(fmd(MODES, *nobody, cwd=tmp_path, **environment)) == frequencies

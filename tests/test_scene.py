@@ -363,7 +363,7 @@ def test_an_override_with_two_lines_of_toml_is_a_string() -> None:
         ),
         (
             "body.beam.mesh.element=tetrahedron",
-            "divisions = [48, 4, 1]: belongs to hexahedra; tetrahedra take a size",
+            "divisions = [30, 3, 1]: belongs to hexahedra; tetrahedra take a size",
         ),
         ('body.beam.mesh={element="tetrahedron"}', "body.beam.mesh.size: is missing: the edge length"),
         ("body.beam.mesh.order=3", "must be less than or equal to 2"),

@@ -9,6 +9,7 @@ import numpy as np
 import pytest
 
 from pipeline import Pipeline, load_scene
+from pipeline.cache import Cache
 from pipeline.checks import InputError, StabilityError
 from pipeline.cli import main
 from pipeline.dynamics.linear import LinearSystem
@@ -16,7 +17,7 @@ from pipeline.integrators.central_difference import CentralDifference
 from pipeline.integrators.protocol import Integrator
 from pipeline.integrators.subcycling import Subcycling
 from pipeline.stability import explicit, find_limit, mass_coupling, scene_stability
-from pipeline.stress_test import rows_of
+from pipeline.stress_test import march_all, rows_of, write_rows
 from pipeline.studies.growth import GROWN, Instant, steadied
 
 Answer = Callable[..., dict]
@@ -222,6 +223,22 @@ def test_what_the_tangent_predicts_is_what_marches_do(name: str) -> None:
     # Energies of widely spread modes are known no better, nor are a spinning beam's, which are not quite quadratic.
     known = 1e-3 if any(word in name for word in ("singular", "1e12", "ω₁")) else 1e-6
     assert max((abs(row.drift) for row in kept), default=0.0) < known
+
+
+def test_a_killed_stress_test_goes_on_where_it_was(tmp_path: Path) -> None:
+    """Each march is kept when it is done; of a table only those that are missing are marched."""
+    kept, folder = Cache(tmp_path / "kept"), tmp_path / "kept"
+    tables = []
+    for missing in (0, 2):
+        before = sorted(folder.glob("stress-march-*"))
+        for path in before[:missing]:
+            path.unlink()
+        ages = {path: path.stat().st_mtime_ns for path in before[missing:]}
+        write_rows(march_all(1000, ("1 modes",), kept), tmp_path / "rows.csv")
+        tables.append((tmp_path / "rows.csv").read_text())
+        assert {path: path.stat().st_mtime_ns for path in ages} == ages
+    assert tables[0] == tables[1]
+    assert len(before) == len(tables[0].splitlines()) - 1 == len(list(folder.glob("stress-march-*")))
 
 
 def test_a_step_can_be_chosen_for_the_wanted_error() -> None:
