@@ -127,15 +127,13 @@ class FlexiblePart:
         return replace(self.body, gram=self._keeper.kept("stiffening", self._stiffening_key, self._make_stiffened_gram))
 
     def for_any_motion(self, body: FlexibleBody) -> FlexibleBody:
-        """The body, stiffened or not, with the inertia integrals, too, that its motion in the scene doesn't take."""
+        """The reduced body, stiffened or not, with the inertia integrals, too, that its motion here doesn't take."""
         from pipeline.reduction.gram import along_normal, with_normal
 
-        normal = body.gram.normal
-        if normal < 0:
+        if body.gram.normal < 0:
             return body
-        along = self._keeper.kept(
-            "inertia", self.body_key, lambda: along_normal(body.x, self.fe.m, body.shapes, normal)
-        )
+        own, normal = self.body, body.gram.normal
+        along = self._keeper.kept("inertia", self.body_key, lambda: along_normal(own.x, self.fe.m, own.shapes, normal))
         return replace(body, gram=with_normal(body.gram, along))
 
     @cached_property
