@@ -7,7 +7,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from pipeline.checks import Array
-from pipeline.integrators.subcycling import Subcycling
+from pipeline.integrators.central_difference import CentralDifference
 from pipeline.studies.growth import Course, Instant, steadied, steady_near
 
 if TYPE_CHECKING:
@@ -40,7 +40,7 @@ def course_of(pipeline: Pipeline, chain: Chain | None = None) -> Course:
         start = Instant(0.0, whole.q0[: rigid.n_positions], whole.v0[: rigid.n])
         # What is fast follows from rest: its own vibration would make the states hang on when they are taken.
         start = steady_near(rigid, start, np.arange(rigid.n_slow, rigid.n)) or start
-        motion = Subcycling(step, 1).march(rigid, start.q, start.v, times)  # central difference
+        motion = CentralDifference(step).march(rigid, start.q, start.v, times)
         q, v = motion.q, motion.v
     still = {*range(tree.n_slow, tree.n)}.union(*(tree.modes_of(k).tolist() for k in range(len(tree.links))))
     rates = np.array(sorted(still), dtype=np.int64)

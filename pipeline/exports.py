@@ -23,7 +23,7 @@ def write_export(run: Pipeline, output: Export, folder: Path) -> list[str]:
         case ".nc":
             from pipeline.reduction.body_file import save_body
 
-            body = run.bodies[output.body]
+            body = part.for_any_motion(run.bodies[output.body])
             surface, stress = (part.surface, part.surface_stress) if part.has_mesh else (None, None)
             save_body(path, body, surface, stress, part.modes.frequencies_hz)
         case _:

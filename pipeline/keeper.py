@@ -13,7 +13,7 @@ from pipeline.progress import Monitor
 T = TypeVar("T")
 STAGES = (
     *("mesh", "assembly", "modes", "body", "stiffening", "motion"),
-    *("surface", "stress", "nodal stress", "error budget", "files", "pictures"),
+    *("surface", "stress", "nodal stress", "inertia", "error budget", "files", "pictures"),
 )
 
 

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable
-from dataclasses import dataclass, replace
+from dataclasses import replace
 from functools import cached_property, partial
 from typing import TYPE_CHECKING, Any
 
@@ -13,6 +13,7 @@ from numpy.typing import NDArray
 from pipeline.attachments import known_name
 from pipeline.cache import stage_key
 from pipeline.checks import Array, InputError, IntArray
+from pipeline.inboard import inboard_of
 from pipeline.keeper import Keeper
 from pipeline.scene_shapes import Bar, Propeller
 from pipeline.sources import Source
@@ -34,54 +35,6 @@ NO_MESH = "is given by its matrices: without elements it has no mesh, no stress 
 _RITZ_GENERATIONS = 4
 _SHARED = ("mesh", "fe", "modes", "space", "surface", "markers", "_solver")  # what enrichment and joints leave alone
 _FEM_PACKAGES = ("numpy", "scipy", "scikit-fem", "gmsh")
-
-
-@dataclass(frozen=True)
-class Inboard:
-    """How a body hangs on its joint.
-
-    Attributes
-    ----------
-    marker : str
-        The body's marker at the joint.
-    axis : tuple of float
-        Normal of the plane of motion: the hinge's axis, or that of the other hinges.
-    free : tuple
-        Directions (k, 3) about which the joint lets the body turn by itself: its frame floats about them.
-    floating : bool
-        Whether the joint holds nothing at all.
-    prescribed : bool
-        Whether its motion is given.
-    planar : bool
-        Whether every joint of the scene keeps to the plane across ``axis``.
-    """
-
-    marker: str
-    axis: tuple[float, float, float]
-    free: tuple[tuple[float, float, float], ...]
-    floating: bool
-    prescribed: bool
-    planar: bool
-
-
-def inboard_of(scene: Scene, body: str) -> Inboard:
-    """Read from a scene how a body hangs on the joint that carries it."""
-    carried = [(n, j) for n, j in scene.joint.items() if j.child.partition(".")[0] == body]
-    if not carried:  # a scene of parts alone
-        return Inboard("", (0.0, 0.0, 1.0), (), floating=True, prescribed=False, planar=False)
-    name, joint = carried[0]
-    prescribed = any(drive.type == "motion" and drive.joint == name for drive in scene.drive.values())
-    hinges = [j.axis for j in scene.joint.values() if j.type == "revolute"]
-    axis = joint.axis if joint.type == "revolute" else (hinges[0] if hinges else (0.0, 0.0, 1.0))
-    in_plane = [not np.any(np.cross(axis, hinge)) for hinge in hinges]
-    in_plane += [j.type not in ("spherical", "free") for j in scene.joint.values()]
-    in_plane += [not np.dot(axis, j.axis) for j in scene.joint.values() if j.type == "prismatic"]
-    free: tuple[tuple[float, float, float], ...] = ()
-    if joint.type == "revolute" and not prescribed:
-        free = (axis,)
-    elif joint.type == "spherical":
-        free = ((1.0, 0.0, 0.0), (0.0, 1.0, 0.0), (0.0, 0.0, 1.0))
-    return Inboard(joint.child.partition(".")[2], axis, free, joint.type == "free", prescribed, all(in_plane))
 
 
 class FlexiblePart:
@@ -172,6 +125,16 @@ class FlexiblePart:
     def stiffened(self) -> FlexibleBody:
         """The reduced body, stiffened by its inertia loads."""
         return replace(self.body, gram=self._keeper.kept("stiffening", self._stiffening_key, self._make_stiffened_gram))
+
+    def for_any_motion(self, body: FlexibleBody) -> FlexibleBody:
+        """The reduced body, stiffened or not, with the inertia integrals, too, that its motion here doesn't take."""
+        from pipeline.reduction.gram import along_normal, with_normal
+
+        if body.gram.normal < 0:
+            return body
+        own, normal = self.body, body.gram.normal
+        along = self._keeper.kept("inertia", self.body_key, lambda: along_normal(own.x, self.fe.m, own.shapes, normal))
+        return replace(body, gram=with_normal(body.gram, along))
 
     @cached_property
     def surface(self) -> SurfaceTopology:
@@ -391,12 +354,12 @@ class FlexiblePart:
                 omega, shapes = ritz(self.fe, shapes.reshape(self.fe.K.shape[0], -1))
         if self.fixed is not None:
             self._require_held(modes, self.fixed)
-            return supported_body(self.fe, omega, shapes, markers, joint, self._free)
+            return supported_body(self.fe, omega, shapes, markers, joint, self._free, self.inboard.normal)
         if self.inboard.floating:
             return floating_body(self.fe, omega, shapes, markers, joint)
         if self._frame == "free" and len(self.inboard.free) == 1:
-            return free_frame_body(self.fe, omega, shapes, markers, joint, axis)
-        return reduced_body(self.fe, omega, shapes, markers, joint, self._free)
+            return free_frame_body(self.fe, omega, shapes, markers, joint, axis, self.inboard.normal)
+        return reduced_body(self.fe, omega, shapes, markers, joint, self._free, self.inboard.normal)
 
     def _require_held(self, modes: Modes, fixed: IntArray) -> None:
         """A supported body moves with the frame of its supports, on which its joint acts."""

@@ -28,6 +28,7 @@ _READS: dict[str, tuple[str, ...]] = {
     "stress": ("mesh", "surface", "body"),
     "element stress": ("mesh", "body"),
     "nodal stress": ("mesh", "body"),
+    "inertia": ("mesh", "assembly", "body"),
     "error budget": ("mesh", "assembly", "modes", "body", "surface", "stress"),  # the rest is in stages of its own
 }
 # Properties of a part with the keys that it keeps its stages under; assembly never is.
@@ -38,6 +39,7 @@ _KEYS = {
     "body": "body_key",
     "stress": "body_key",
     "nodal stress": "body_key",
+    "inertia": "body_key",
     "stiffening": "_stiffening_key",
     "element stress": "_element_key",
 }
@@ -125,7 +127,9 @@ def plan_of(run: Pipeline, pictures: bool, budget: bool) -> RunPlan:
         planner.ask(part, ["element stress"] if part.shape.element else [])
     for export in exports:
         suffix = "." + export.file.rpartition(".")[2]
-        planner.ask(run.parts[export.body], _WRITES.get(suffix, ("mesh",)))
+        part = run.parts[export.body]
+        planner.ask(part, _WRITES.get(suffix, ("mesh",)))
+        planner.ask(part, ["inertia"] if suffix == ".nc" and part.inboard.normal >= 0 else [])
     missing = [output for output in outputs if pictures and not planner.has_drawn(output)]
     for output in missing:
         body = getattr(output, "body", None)

@@ -25,7 +25,7 @@ LAYERS = (
     {
         *{"scene", "scene_file", "scene_time", "scene_shapes", "scene_files"},
         *{"scene_parts", "scene_outputs", "scene_runs"},
-        *{"mechanism", "methods", "part", "attachments", "shapes", "sources", "spin"},
+        *{"mechanism", "methods", "inboard", "part", "attachments", "shapes", "sources", "spin"},
         *{"stages", "plan", "frequencies", "quantities", "outputs", "drawings", "picture_files", "exports"},
         *{"stability", "course", "stress_test", "stress_cases"},
         *{"neighbours", "observed", "coarse", "estimates", "budget", "accuracy"},

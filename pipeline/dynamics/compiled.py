@@ -20,6 +20,7 @@ import numpy as np
 from numba.core import event
 from numba.extending import overload
 
+from pipeline.dynamics.kernel_compiler import KernelCompiler, LinkedCompiler
 from pipeline.dynamics.kernel_files import KernelFiles
 
 _LINE = 8  # doubles
@@ -27,8 +28,10 @@ F = TypeVar("F", bound=Callable[..., Any])
 
 # Kernels allocate nothing, so they need none of Numba's reference counting: left on, its atomic increments cost more
 # than the arithmetic of a small body (50 ns of 57 ns for the fast equation of five modes).
-_OPTIONS: dict[str, Any] = {"error_model": "numpy", "_nrt": False, "no_cfunc_wrapper": True}
+_OPTIONS: dict[str, Any] = {"error_model": "numpy", "_nrt": False, "no_cfunc_wrapper": True, "forceinline": False}
 _INNER = _OPTIONS | {"no_cpython_wrapper": True}
+# LLVM inlines these; Numba's own inlining types and lowers them once more in every caller.
+_INLINED: Any = _INNER | {"forceinline": True, "pipeline_class": LinkedCompiler}
 
 
 class _WithoutCollection(event.Listener):
@@ -48,6 +51,8 @@ class _WithoutCollection(event.Listener):
         """Go on collecting when the outermost kernel is done."""
         self._depth -= 1
         if self._depth == 0 and self._was_on:
+            gc.freeze()  # and unfreeze: what is new counts as old, or it would all be looked at now
+            gc.unfreeze()
             gc.enable()
 
 
@@ -65,13 +70,19 @@ def aligned(*sizes: int) -> list[Array]:
 
 def kernel(function: F) -> F:
     """Compile a function that Python calls; kept on disk."""
-    compiled: F = _kept(numba.njit(cache=True, nogil=True, **_OPTIONS)(function))
+    compiled: F = _kept(numba.njit(cache=True, nogil=True, pipeline_class=KernelCompiler, **_OPTIONS)(function))
+    return compiled
+
+
+def addressed(function: F) -> F:
+    """Compile a function that kernels alone call, by its address; kept on disk."""
+    compiled: F = _kept(numba.njit(cache=True, nogil=True, pipeline_class=KernelCompiler, **_INNER)(function))
     return compiled
 
 
 def inner(function: F) -> F:
-    """Compile a function that kernels alone may call, without the way in for Python; kept on disk."""
-    compiled: F = _kept(numba.njit(cache=True, nogil=True, **_INNER)(function))
+    """Compile a function that kernels alone call, by its name; kept on disk as a part of them."""
+    compiled: F = numba.njit(nogil=True, pipeline_class=LinkedCompiler, **_INNER)(function)
     return compiled
 
 
@@ -84,7 +95,7 @@ def _kept(compiled: Any) -> Any:
 
 def inlined(function: F) -> F:
     """Compile a function into the kernels that call it."""
-    compiled: F = numba.njit(inline="always", **_OPTIONS)(function)
+    compiled: F = numba.njit(**_INLINED)(function)
     return compiled
 
 
@@ -95,7 +106,7 @@ def meaning(name: Callable[..., None], parameters: type) -> Callable[[F], F]:
         def choose(p: Any, *_: Any) -> F | None:
             return function if getattr(p, "instance_class", None) is parameters else None
 
-        overload(name, inline="always", strict=False)(choose)
+        overload(name, jit_options=_INLINED, strict=False)(choose)
         return function
 
     return register

@@ -181,12 +181,12 @@ def _link_with(link: Link, kept: IntArray, of_parent: IntArray) -> Link:
 
 def _gram_with(gram: InertiaGram, kept: IntArray) -> InertiaGram:
     at, both = np.r_[0, 1 + kept], np.ix_(kept, kept)
-    return InertiaGram(
-        gram.G[:, :, at[:, None], at],
-        gram.S[:, at],
-        gram.mass,
-        gram.stiffening[:, :, both[0], both[1]] if gram.stiffening.size else gram.stiffening,
-        gram.bow[:, both[0], both[1]] if gram.bow.size else gram.bow,
+    return replace(
+        gram,
+        G=gram.G[:, :, at[:, None], at],
+        S=gram.S[:, at],
+        stiffening=gram.stiffening[:, :, both[0], both[1]] if gram.stiffening.size else gram.stiffening,
+        bow=gram.bow[:, both[0], both[1]] if gram.bow.size else gram.bow,
     )
 
 

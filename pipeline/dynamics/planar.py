@@ -75,6 +75,8 @@ class FrozenPlanar(NamedTuple):
     k: Array  # (1 + n,), instead of K and C where modes don't couple with each other
     K: Array  # (1 + n, 1 + n), transposed
     C: Array  # (1 + n, 1 + n), transposed and negative
+    d: Array  # (1 + n,), of the last step where modes don't couple: h v
+    load: Array  # (1 + n,), of the next step: h² (constant + slope s)
 
 
 class MiddlePlanar(NamedTuple):
@@ -115,7 +117,7 @@ class PlanarRotor:
     def frozen(self) -> FrozenPlanar:
         """Fresh storage for the frozen coefficients of a major cycle."""
         n = self.n
-        constant, slope, v_now, k = aligned(n, n, n, n)
+        constant, slope, v_now, k, d, load = aligned(*6 * [n])
         return FrozenPlanar(
             time=np.zeros(1),
             constant=constant,
@@ -124,6 +126,8 @@ class PlanarRotor:
             k=k,
             K=np.zeros((n, n)),
             C=np.zeros((n, n)),
+            d=d,
+            load=load,
         )
 
     def middle(self) -> MiddlePlanar:
@@ -318,22 +322,25 @@ def _freeze(p: PlanarParameters, t: float, q: Array, v: Array, a: Array, frozen:
 def _fast_steps(
     p: PlanarParameters, frozen: FrozenPlanar, first: int, h: float, count: int, q: Array, v: Array, a: Array
 ) -> None:
-    if p.diagonal and is_over(p.pulse, first * h):
+    if p.diagonal and is_over(p.pulse, frozen.time[0]):
         # Mode by mode, in increments d = h v: the processor works on several modes at once, and each waits for two
-        # operations a step instead of four.
+        # operations a step instead of four. A later call goes on with increments as they are, not by way of v.
         constant, slope, k = frozen.constant, frozen.slope, frozen.k
-        square, over = h * h, 1.0 / h
+        square, over, begins = h * h, 1.0 / h, (first - 1) * h == frozen.time[0]
+        since = (first + count - 1) * h - frozen.time[0]
         for i in range(1, q.size):
-            qi, d, ki = q[i], h * v[i], square * k[i]
-            c, rise = constant[i] + (first * h - frozen.time[0]) * slope[i], h * slope[i]
-            load, more = square * c, square * rise
+            qi, d, ki, rise = q[i], h * v[i], square * k[i], h * slope[i]
+            load, more = square * (constant[i] + rise), square * rise
+            if not begins:
+                d, load = frozen.d[i], frozen.load[i]
             for _ in range(count - 1):
                 d = (d + load) - ki * qi
                 qi += d
                 load += more
-            last = c + (count - 1) * rise - k[i] * qi
-            vi = over * d + h * last
-            a[i], v[i], q[i] = last, vi, qi + h * vi
+            a[i] = constant[i] + since * slope[i] - k[i] * qi
+            d = (d + load) - ki * qi
+            v[i], q[i] = over * d, qi + d
+            frozen.d[i], frozen.load[i] = d, load + more
         return
     leap(p, p.lever, p.diagonal, frozen, float(first), h, count, q, v, a)
 

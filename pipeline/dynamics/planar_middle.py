@@ -10,6 +10,8 @@ The angle reacts by ``T = (−Hᵀ/J, 1)``, and ``S̄ = 1 − H Hᵀ/J`` is inve
 
 from __future__ import annotations
 
+import numpy as np
+
 from pipeline.checks import Array
 from pipeline.dynamics.compiled import inlined, meaning
 from pipeline.dynamics.planar import MiddlePlanar, PlanarParameters, is_over, leap, torque
@@ -34,6 +36,7 @@ def _hold_middle(p: PlanarParameters, t: float, q: Array, v: Array, D: Array, mi
         half_dJ += G[0, i] * v[i] + q[i] * z
         q_middle[i], v_middle[i] = q[i], v[i]
     angle[0], angle[1] = J, -2.0 * rate * half_dJ
+    middle.frozen.time[0] = np.inf  # of the first step, which is to come
     if not p.gyroscopic:  # the angle doesn't react
         for i in range(1, n):
             D[i, 0], lever[i] = 0.0, p.lever[i]
@@ -138,9 +141,11 @@ def _divide(H: Array, over: float, x: Array) -> None:
 def _reacting_steps(
     p: PlanarParameters, middle: MiddlePlanar, first: int, h: float, count: int, q: Array, v: Array, a: Array
 ) -> None:
+    time = middle.frozen.time
+    time[0] = min(time[0], first * h)
     if p.diagonal and p.gyroscopic:
         _react(p, middle, first + 0.5, h, count, q, v, a)
-    elif p.diagonal and is_over(p.pulse, first * h):
+    elif p.diagonal and is_over(p.pulse, time[0]):
         constant, k = middle.frozen.constant, middle.frozen.k
         for i in range(1, q.size):  # mode by mode: the processor works on several at once
             qi, vi, last, ki, load = q[i], v[i], 0.0, h * k[i], h * constant[i]

@@ -13,7 +13,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from pipeline.checks import Array, IntArray, require_shape
-from pipeline.dynamics.compiled import inner, kernel
+from pipeline.dynamics.compiled import addressed, inner, kernel
 from pipeline.dynamics.table import Table, address_of, call
 from pipeline.expression import MOST_DEPTH, Expression
 
@@ -271,7 +271,7 @@ def evaluate_signal(s: SignalTable, k: int, t: float, out: Array) -> None:
                 out[i] += s.stack[0, i]
 
 
-@inner
+@addressed
 def _evaluate_term(s: SignalTable, term: int, t: float) -> None:
     """Leave a term's value and derivatives on the bottom of the stack."""
     if s.kind[term] == _PROGRAM:

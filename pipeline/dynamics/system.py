@@ -26,7 +26,8 @@ def fast_steps(p: Any, frozen: Any, first: int, h: float, count: int, q: Array, 
     """Take ``count`` leapfrog steps h with the fast coordinates alone, from time ``first · h``.
 
     Each solves ``M_SS a_S = Q_S − K_S q_S − M_SL a_L`` (eq. 11) with what `freeze` holds, into a; then
-    ``v += h a``, ``q += h v``.
+    ``v += h a``, ``q += h v``. The first call after `freeze` is for a time h after its own, the next goes on where
+    that ends: into how many calls a cycle's steps are divided changes no bit.
     """
     raise NotImplementedError
 
@@ -44,7 +45,8 @@ def reacting_steps(p: Any, middle: Any, first: int, h: float, count: int, q: Arr
     """Take ``count`` leapfrog steps h with the fast coordinates while the slow ones react, from time ``first · h``.
 
     Each solves ``S̄ a_S = Tᵀ Q̂`` with what `hold_middle` holds, known loads half a step later, into a; then
-    ``v += h a``, ``q += h v``. The fast positions are half a step ahead of the rates.
+    ``v += h a``, ``q += h v``. The fast positions are half a step ahead of the rates. Into how many calls a
+    cycle's steps are divided changes no bit.
     """
     raise NotImplementedError
 

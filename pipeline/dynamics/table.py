@@ -165,11 +165,20 @@ def _load_member(context: Any, builder: Any, table: TableType, pointer: Any, nam
 
 
 def address_of(function: Any, *arguments: Any) -> int:
-    """Address of a kernel that returns nothing, compiled for arguments like these, for `call`."""
+    """Address of a kernel that returns nothing, compiled for arguments like these, for `call`.
+
+    Raises
+    ------
+    TypeError
+        The function is one that is linked into kernels.
+    """
     kinds = tuple(numba.typeof(x) for x in arguments)
     function.compile(kinds)
     compiled = function.overloads[kinds]
-    return int(compiled.library.get_pointer_to_function(compiled.fndesc.llvm_func_name))
+    address = int(compiled.library.get_pointer_to_function(compiled.fndesc.llvm_func_name))
+    if not address:
+        raise TypeError(f"{function.__name__} has no address; what is called by one is `addressed`, or a `kernel`")
+    return address
 
 
 @intrinsic

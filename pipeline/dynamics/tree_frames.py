@@ -5,7 +5,7 @@ from __future__ import annotations
 import math
 
 from pipeline.checks import Array
-from pipeline.dynamics.compiled import inner
+from pipeline.dynamics.compiled import addressed, inner
 from pipeline.dynamics.link import FREE, PRISMATIC, REVOLUTE, SPHERICAL
 from pipeline.dynamics.signal import evaluate_signal
 from pipeline.dynamics.tree_arrays import TreeParameters
@@ -57,7 +57,7 @@ def tangent(size2: float, out: Array) -> None:
         out[3] = -1.0 / 60.0 + size2 / 1260.0 - size2**2 / 60480.0
 
 
-@inner
+@addressed
 def place_joint(p: TreeParameters, b: int, q: Array, v: Array, R0: Array) -> None:
     """Frame of the joint on the parent, moved and turned by the parent's modes, into body b's own; R0 (3, 3)."""
     origin, spin, bias, J, place = p.origin[b], p.spin[b], p.bias[b], p.J[b], p.place[b]
@@ -158,7 +158,7 @@ def place_joint(p: TreeParameters, b: int, q: Array, v: Array, R0: Array) -> Non
     _turn(R, turned, size, R0)
 
 
-@inner
+@addressed
 def move_through_joint(p: TreeParameters, t: float, b: int, q: Array, v: Array, R0: Array) -> None:
     """Move body b's frame through its joint; R0 is the joint's frame on the parent."""
     R, spin, bias, J, axis = p.R[b], p.spin[b], p.bias[b], p.J[b], p.axis[b]

@@ -15,7 +15,7 @@ are all that a body needs: second moment P, ``N = ∫ρ x ⊗ u̇`` and ``h_a = 
 from __future__ import annotations
 
 from pipeline.checks import Array
-from pipeline.dynamics.compiled import inner, kernel
+from pipeline.dynamics.compiled import addressed, inner, kernel
 from pipeline.dynamics.link import REVOLUTE
 from pipeline.dynamics.signal import signal_value
 from pipeline.dynamics.table import call
@@ -61,7 +61,7 @@ def add_scaled(y: Array, x: Array, factor: float, n: int) -> None:
         y[k] += factor * x[k]
 
 
-@inner
+@addressed
 def add_body(p: TreeParameters, b: int, q: Array, v: Array) -> None:
     """Add body b's mass and force, formed in its own axes, to M̂ and Q̂."""
     modal_products(p, b, q, v)
@@ -158,7 +158,7 @@ def times_symmetric(A: Array, x: Array, out: Array) -> None:
     out[2] = A[4] * x0 + A[3] * x1 + A[2] * x2
 
 
-@inner
+@addressed
 def add_point_load(p: TreeParameters, t: float, k: int, q: Array) -> None:
     """Let point load k do its work on every rate that moves its point."""
     b = p.at_body[k]

@@ -8,7 +8,7 @@ from dataclasses import replace
 import numpy as np
 
 from pipeline.checks import Array
-from pipeline.dynamics.compiled import inner, kernel, meaning
+from pipeline.dynamics.compiled import addressed, inner, kernel, meaning
 from pipeline.dynamics.link import FREE, SPHERICAL
 from pipeline.dynamics.system import accelerations, advance, fast_steps, freeze, velocities
 from pipeline.dynamics.table import address_of, call
@@ -82,7 +82,7 @@ def _hold(p: TreeParameters, t: float, q: Array, v: Array, a: Array, frozen: Fro
                 frozen.single[0] = 0.0
 
 
-@inner
+@addressed
 def fast_march(frozen: FrozenTree, h: float, count: int, q: Array, v: Array, a: Array) -> None:
     """Take ``count`` leapfrog steps h with the fast coordinates' frozen equation."""
     constant, v_now, K, C, L = frozen.constant, frozen.v_now, frozen.K, frozen.C, frozen.L

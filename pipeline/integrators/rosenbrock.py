@@ -96,7 +96,7 @@ def _slope(p: Any, t: float, u: Array, n_positions: int, F: Array) -> None:
     accelerations(p, t, u[:n_positions], u[n_positions:], F[n_positions:])
 
 
-@kernel
+@inner
 def _linearise(
     p: Any, t: float, dt: float, u: Array, n_positions: int, F: Array, nudged: Array, J: Array, v: Array, second: float
 ) -> None:
@@ -192,7 +192,7 @@ def _double(phi: Array, out: Array) -> None:
         factor *= 0.5
 
 
-@kernel
+@inner
 def _matrix_functions(A: Array, half: float, levels: Array, m: Array) -> int:
     """Fill levels[0 … top] with φ₀ … φ₄ of ``half A 2^(level − top)``; the top, or -1 if there are too few levels."""
     n = A.shape[0]
@@ -256,7 +256,7 @@ def _taylor_flow(A: Array, tau: float, w: Array, c: Array, rate: Array, new: Arr
         weight *= tau / (k + 1)
 
 
-@kernel
+@inner
 def _flow_to(
     A: Array, levels: Array, top: int, half: float, ahead: float, w: Array, c: Array, out: Array, room: Array
 ) -> None:

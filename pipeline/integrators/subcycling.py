@@ -17,7 +17,7 @@ from typing import Any
 import numpy as np
 
 from pipeline.checks import Array, IntArray
-from pipeline.dynamics.compiled import aligned, inner, kernel
+from pipeline.dynamics.compiled import aligned, kernel
 from pipeline.dynamics.system import System, accelerations, advance, fast_steps, freeze
 from pipeline.integrators.protocol import (
     Progress,
@@ -72,24 +72,21 @@ class Subcycling:
             self.step,
             self.substeps,
         )
-        sizes = (system.n_positions, system.n)
-        room: list[Any] = aligned(*sizes, *2 * (*sizes, system.n), 1)
+        q_now, v_now = aligned(system.n_positions, system.n)
 
         def run(state: State, n_steps: int, *samples: Any) -> int:
             march = (n_slow, h, m, state.step, n_steps // m, state.q, state.v, state.a)
-            return m * int(_march(parameters, frozen, *march, *room, *samples))
+            return m * int(_march(parameters, frozen, *march, q_now, v_now, *samples))
 
         end, q, v, seconds = march_in_chunks(run, start, h, m, times, progress)
         n_steps = end.step - start.step
-        fast = n_steps - n_steps // m + int(room[-1][0])
-        return Trajectory(self.name, h, m, times, q, v, n_steps // m, fast, seconds, end)
+        return Trajectory(self.name, h, m, times, q, v, n_steps // m, n_steps - n_steps // m, seconds, end)
 
 
 @kernel
 def _march(
     p: Any, frozen: Any, n_slow: int, h: float, m: int, first: int, n_cycles: int, q: Array, v: Array, a: Array,
-    q_now: Array, v_now: Array, first_q: Array, first_v: Array, first_a: Array,
-    again_q: Array, again_v: Array, again_a: Array, again: Array,
+    q_now: Array, v_now: Array,
     sample_step: IntArray, sample_offset: Array, sample_q: Array, sample_v: Array, cursor: IntArray,
 ) -> int:  # fmt: skip
     n, H = v.size, m * h
@@ -101,8 +98,7 @@ def _march(
             v_now[i] = v[i] + 0.5 * H * a[i]
         for i in range(n_slow, n):
             v_now[i] = v[i] + 0.5 * h * a[i]
-        sampled = start <= next_sample < start + m
-        if sampled:
+        if start <= next_sample < start + m:
             for i in range(q.size):
                 q_now[i] = q[i]
         accelerations(p, start * h, q, v_now, a)
@@ -113,48 +109,32 @@ def _march(
         for i in range(n_slow, n):
             v[i] += h * a[i]
             q[i + offset] += h * v[i]
-        if sampled:
-            _copy(q, v, a, first_q, first_v, first_a)
-        if m > 1:
-            fast_steps(p, frozen, start + 1, h, m - 1, q, v, a)
-        while start <= next_sample < start + m:
-            # What a sample needs is marched once more from the cycle's first step on: were the fast steps cut where it
-            # lies instead, the motion itself would depend on it by round-off.
-            s, k = sample_offset[cursor[0]], next_sample - start
-            s_slow, place = s + k * h, sample_q[cursor[0]]
-            _copy(first_q, first_v, first_a, again_q, again_v, again_a)
-            for i in range(q.size):
-                place[i] = q_now[i]
-            again[0] += k
-            taken = 0
-            while taken < k:  # all but the last at once, which leaves the positions before it
+        done = 1
+        while True:
+            while start + done - 1 == next_sample:
+                s = sample_offset[cursor[0]]
+                s_slow, place = s + (done - 1) * h, sample_q[cursor[0]]
+                for i in range(q.size):
+                    place[i] = q_now[i]
+                for i in range(n):  # Taylor's polynomial, which the next step continues
+                    step, ahead = (H, s_slow) if i < n_slow else (h, s)
+                    v_now[i] = v[i] - 0.5 * step * a[i] + 0.5 * ahead * a[i]
+                    sample_v[cursor[0], i] = v_now[i] + 0.5 * ahead * a[i]
+                advance(p, place, v_now, s_slow, 0, n_slow)
+                advance(p, place, v_now, s, n_slow, n)
+                cursor[0] += 1
+                next_sample = sample_step[cursor[0]] if cursor[0] < sample_step.size else -1
+            if done == m:
+                break
+            count, until_sample = m - done, next_sample - start - done
+            if until_sample == 0:
+                count = 1
                 for i in range(n_slow, n):
-                    place[i + offset] = again_q[i + offset]
-                count = max(1, k - 1 - taken)
-                _fast_again(p, frozen, start + 1 + taken, h, count, again_q, again_v, again_a)
-                taken += count
-            for i in range(n):  # Taylor's polynomial, which the next step continues
-                step, ahead = (H, s_slow) if i < n_slow else (h, s)
-                v_now[i] = again_v[i] - 0.5 * step * again_a[i] + 0.5 * ahead * again_a[i]
-                sample_v[cursor[0], i] = v_now[i] + 0.5 * ahead * again_a[i]
-            advance(p, place, v_now, s_slow, 0, n_slow)
-            advance(p, place, v_now, s, n_slow, n)
-            cursor[0] += 1
-            next_sample = sample_step[cursor[0]] if cursor[0] < sample_step.size else -1
+                    q_now[i + offset] = q[i + offset]
+            elif 0 < until_sample < count:
+                count = until_sample
+            fast_steps(p, frozen, start + done, h, count, q, v, a)
+            done += count
         if runs_away(v):
             return cycle
     return n_cycles
-
-
-@inner
-def _copy(q: Array, v: Array, a: Array, to_q: Array, to_v: Array, to_a: Array) -> None:
-    for i in range(q.size):
-        to_q[i] = q[i]
-    for i in range(v.size):
-        to_v[i], to_a[i] = v[i], a[i]
-
-
-@inner
-def _fast_again(p: Any, frozen: Any, first: int, h: float, count: int, q: Array, v: Array, a: Array) -> None:
-    """Call `fast_steps` for samples: a function of its own, which is compiled once."""
-    fast_steps(p, frozen, first, h, count, q, v, a)

@@ -92,7 +92,13 @@ class FlexibleBody:
 
 
 def reduced_body(
-    fe: FEModel, omega: Array, shapes: Array, markers: Mapping[str, Marker], joint: str, free: Array
+    fe: FEModel,
+    omega: Array,
+    shapes: Array,
+    markers: Mapping[str, Marker],
+    joint: str,
+    free: Array,
+    normal: int = -1,
 ) -> FlexibleBody:
     """Refer a basis to a joint: the marker there moves with the frame but for the rotations that the joint leaves free.
 
@@ -110,12 +116,21 @@ def reduced_body(
     free : ndarray, shape (k, 3)
         Orthonormal directions of the free rotations: none at a fixed, prismatic or angle-driven joint, the axis of a
         torque-driven hinge, three at a spherical joint.
+    normal : int
+        Number of the only axis that the body turns about in space, for which fewer inertia integrals do; -1 if it may
+        move in any way.
     """
-    return supported_body(fe, omega, _pinned(fe, shapes, markers[joint], free), markers, joint, free)
+    return supported_body(fe, omega, _pinned(fe, shapes, markers[joint], free), markers, joint, free, normal)
 
 
 def supported_body(
-    fe: FEModel, omega: Array, shapes: Array, markers: Mapping[str, Marker], joint: str, free: Array
+    fe: FEModel,
+    omega: Array,
+    shapes: Array,
+    markers: Mapping[str, Marker],
+    joint: str,
+    free: Array,
+    normal: int = -1,
 ) -> FlexibleBody:
     """Refer a basis to the frame of what holds the body in it, which the joint turns as a whole.
 
@@ -125,7 +140,7 @@ def supported_body(
     spins = np.cross(free, (fe.x - markers[joint].position)[:, None]).swapaxes(1, 2)
     J, H = _rotation_coupling(fe, spins, shapes)
     axis = free[0] if len(free) else np.array([0.0, 0.0, 1.0])
-    return _body(fe, omega, shapes - spins @ np.linalg.solve(J, H), markers, joint, axis)
+    return _body(fe, omega, shapes - spins @ np.linalg.solve(J, H), markers, joint, axis, normal)
 
 
 def joint_conforming_body(
@@ -136,14 +151,20 @@ def joint_conforming_body(
 
 
 def free_frame_body(
-    fe: FEModel, omega: Array, shapes: Array, markers: Mapping[str, Marker], joint: str, axis: Array
+    fe: FEModel,
+    omega: Array,
+    shapes: Array,
+    markers: Mapping[str, Marker],
+    joint: str,
+    axis: Array,
+    normal: int = -1,
 ) -> FlexibleBody:
     """Keep the free modes' own mean axes as the frame at a hinge: rotation and modes stay coupled, up to 1.
 
-    The arguments are those of `joint_conforming_body`.
+    The arguments are those of `joint_conforming_body`, and ``normal`` that of `reduced_body`.
     """
     e = axis / np.linalg.norm(axis)
-    return _body(fe, omega, _pinned(fe, shapes, markers[joint], e[None]), markers, joint, e)
+    return _body(fe, omega, _pinned(fe, shapes, markers[joint], e[None]), markers, joint, e, normal)
 
 
 def floating_body(fe: FEModel, omega: Array, shapes: Array, markers: Mapping[str, Marker], joint: str) -> FlexibleBody:
@@ -176,7 +197,13 @@ def _rotation_coupling(fe: FEModel, spins: Array, shapes: Array) -> tuple[Array,
 
 
 def _body(
-    fe: FEModel, omega: Array, shapes: Array, markers: Mapping[str, Marker], joint: str, e: Array
+    fe: FEModel,
+    omega: Array,
+    shapes: Array,
+    markers: Mapping[str, Marker],
+    joint: str,
+    e: Array,
+    normal: int = -1,
 ) -> FlexibleBody:
     """Diagonalise: rigid motions added to the shapes changed their mass and left ``diag(ω²)`` as it was."""
     n = len(omega)
@@ -207,6 +234,6 @@ def _body(
             name: MarkerShapes(marker.position - origin, marker.translation(shapes), marker.rotation(shapes))
             for name, marker in markers.items()
         },
-        gram=inertia_gram(x, fe.m, shapes),
+        gram=inertia_gram(x, fe.m, shapes, normal),
         coupling=float(np.linalg.norm(H) / np.sqrt(J[0, 0])),
     )

@@ -226,7 +226,7 @@ def _saved(dataset: xarray.Dataset) -> SavedBody:
         raise ValueError(f"the joint's marker '{joint}' is none of {', '.join(markers)}")
     G, n = real("G"), dataset.sizes["mode"]
     require_shape("G", G, (3, 3, 1 + n, 1 + n))
-    second_order = {name: read_only(real(name)) for name in ("stiffening", "bow") if name in dataset}
+    second_order: dict[str, Any] = {name: read_only(real(name)) for name in ("stiffening", "bow") if name in dataset}
     body = FlexibleBody(
         x=real("x"),
         shapes=real("shapes"),

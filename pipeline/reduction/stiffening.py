@@ -17,7 +17,6 @@ import numpy as np
 
 from pipeline.checks import Array, read_only
 from pipeline.reduction.body import FlexibleBody
-from pipeline.reduction.gram import InertiaGram
 
 if TYPE_CHECKING:
     from pipeline.fem.model import FEModel
@@ -71,8 +70,7 @@ def stiffened(
     G = body.gram.G.copy()
     G[:, :, 1:, 1:] -= KG
     bow = -K_G[n_spin:] if linear else np.zeros((3, 0, 0))
-    gram = InertiaGram(read_only(G), body.gram.S, body.gram.mass, read_only(KG), read_only(bow))
-    return replace(body, gram=gram)
+    return replace(body, gram=replace(body.gram, G=read_only(G), stiffening=read_only(KG), bow=read_only(bow)))
 
 
 def _in_equilibrium(fe: FEModel, f: Array, held: Array | None) -> Array:

@@ -9,7 +9,7 @@ import numpy as np
 import pytest
 
 from pipeline.checks import Array, IntArray
-from pipeline.dynamics.compiled import kernel
+from pipeline.dynamics.compiled import inner, kernel
 from pipeline.dynamics.table import Table, address_of, call
 
 ROOT = Path(__file__).parents[2] / "pipeline"
@@ -90,6 +90,24 @@ def test_kernels_call_one_another_by_address() -> None:
     assert out.tolist() == [-2.5, -27.5, -27.5]
 
 
+@inner
+def _add_inside(p: Outside, t: float, out: Array) -> None:
+    out[0] += t * p.scale
+
+
+@kernel
+def _add_by_name(p: Outside, out: Array) -> None:
+    _add_inside(p, 3.0, out)
+
+
+def test_what_is_linked_into_kernels_has_no_code_of_its_own() -> None:
+    out = np.zeros(1)
+    _add_by_name(made(), out)
+    assert out.tolist() == [-7.5]
+    with pytest.raises(TypeError, match="_add_inside has no address; what is called by one is `addressed`"):
+        address_of(_add_inside, made(), 0.0, out)
+
+
 @pytest.mark.parametrize("numbers", [np.arange(6)[::2], np.arange(3, dtype=np.int32)])
 def test_arrays_that_kernels_could_not_read_are_refused(numbers: IntArray) -> None:
     with pytest.raises(ValueError, match="numbers must be a C-contiguous array of 64-bit numbers"):
@@ -101,19 +119,20 @@ def marks(function: ast.FunctionDef) -> set[str]:
 
 
 def test_python_calls_no_kernel_that_has_no_way_in_for_it() -> None:
-    """It would crash: an `inner` kernel is called by functions that are compiled, and by no others."""
+    """It would crash: `inner` and `addressed` functions are called by what is compiled, and by nothing else."""
     paths = [path for folder in ("dynamics", "integrators") for path in (ROOT / folder).glob("*.py")]
     trees = {path.stem: list(ast.walk(ast.parse(path.read_text(encoding="utf-8")))) for path in paths}
     functions = {name: [f for f in nodes if isinstance(f, ast.FunctionDef)] for name, nodes in trees.items()}
-    inner = {name: {f.name for f in found if "inner" in marks(f)} for name, found in functions.items()}
-    assert "add_body" in inner["tree_kernels"]
+    only = {"inner", "inlined", "addressed"}
+    inner = {name: {f.name for f in found if only & marks(f)} for name, found in functions.items()}
+    assert {"add_body", "add_scaled"} <= inner["tree_kernels"]
     wrong = []
     for name, nodes in trees.items():
         imports = [node for node in nodes if isinstance(node, ast.ImportFrom) and node.module]
         known = {(str(at.module).rpartition(".")[2], alias.name) for at in imports for alias in at.names}
         reachable = inner[name] | {alias for module, alias in known if alias in inner.get(module, ())}
         for f in functions[name]:
-            if not marks(f) & {"inner", "inlined", "kernel", "meaning"}:
+            if not marks(f) & {*only, "kernel", "meaning"}:
                 called = {ast.unparse(node.func) for node in ast.walk(f) if isinstance(node, ast.Call)}
                 wrong += [f"{name}.{f.name} calls {other}" for other in called & reachable]
     assert wrong == []

@@ -9,7 +9,10 @@ import pytest
 
 from pipeline import Pipeline, load_scene
 from pipeline.checks import AccuracyError, Array, InputError, StabilityError
+from pipeline.dynamics.linear import LinearSystem
+from pipeline.dynamics.link import REVOLUTE, Link, rigid_gram
 from pipeline.dynamics.planar import PlanarRotor, TorquePulse
+from pipeline.dynamics.tree import Tree
 from pipeline.integrators.central_difference import CentralDifference
 from pipeline.integrators.protocol import State, evaluate
 from pipeline.integrators.reversible import ReversibleSubcycling
@@ -198,6 +201,36 @@ def test_output_times_never_change_the_steps(scenario: tuple[PlanarRotor, float]
         assert common.size > 5
         assert np.array_equal(march.q[here], marches[1].q[there])
         assert np.array_equal(march.v[here], marches[1].v[there])
+
+
+@pytest.mark.parametrize("m", [2, 7])
+@pytest.mark.parametrize("sub_cycled", [Subcycling, ReversibleSubcycling])
+@pytest.mark.parametrize("system", ["beam", "beam whose angle reacts", "coupled modes", "linear", "chain"])
+def test_output_times_within_a_cycle_leave_it_alone(
+    rotor: PlanarRotor, body: Body, system: str, sub_cycled: type[Subcycling | ReversibleSubcycling], m: int
+) -> None:
+    # Each step is asked for, and times between: the fast steps are cut everywhere. The torque ends within a cycle.
+    some: PlanarRotor | LinearSystem | Tree = replace(rotor, pulse=TorquePulse(0.0, 1003.3e-5, 5.0))
+    step, rng = 1e-5, np.random.default_rng(2)
+    if system == "beam whose angle reacts":
+        vars(some)["parameters"] = rotor.parameters._replace(pulse=some.pulse, gyroscopic=True)
+    elif system == "coupled modes":
+        some, step = PlanarRotor(body(4, seed=5), TorquePulse(0.32, 2003.3 * 0.004 - 0.32, 20.0)), 0.004
+    elif system == "linear":
+        A, B = rng.normal(size=(2, 4, 4))
+        some, step = LinearSystem(A @ A.T + np.eye(4), B @ B.T, 2, 0.1 * np.eye(4)), 0.01
+    elif system == "chain":
+        rod = rigid_gram(1.0, np.array([0.25, 0.0, 0.0]), np.diag([1e-3, 0.02, 0.02]))
+        links = [Link(f"rod {k}", rod, REVOLUTE, k - 1, spring=9.0 * 100**k, damper=0.01) for k in range(2)]
+        some, step = Tree(links, ["rod 1"]), 1e-3
+    start = 1e-3 * rng.normal(size=some.n), rng.normal(size=some.n)
+    coarse, times = np.linspace(0.0, 3000 * step, 11), np.arange(3001) * step
+    fine = np.sort(np.r_[coarse, times, rng.uniform(0.0, times[-1], 2000)])
+    one, other = (sub_cycled(step, m).march(some, *start, grid) for grid in (coarse, fine))
+    assert_same_state(other.end, one.end)
+    rows = np.searchsorted(fine, coarse)
+    assert np.array_equal(other.q[rows], one.q)
+    assert np.array_equal(other.v[rows], one.v)
 
 
 def test_a_time_asked_for_twice_is_answered_twice(scenario: tuple[PlanarRotor, float], method: Method) -> None:

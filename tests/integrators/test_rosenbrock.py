@@ -10,6 +10,7 @@ from scipy.linalg import expm
 
 from pipeline import Pipeline, load_scene
 from pipeline.checks import AccuracyError
+from pipeline.dynamics.compiled import kernel
 from pipeline.dynamics.link import PRISMATIC, REVOLUTE, SPHERICAL, Link, rigid_gram
 from pipeline.dynamics.planar import PlanarRotor, TorquePulse
 from pipeline.dynamics.signal import linear_table
@@ -18,6 +19,21 @@ from pipeline.integrators import rosenbrock
 from pipeline.integrators.protocol import State, evaluate, evaluate_velocities
 from pipeline.integrators.rosenbrock import ExponentialRosenbrock
 from pipeline.integrators.scipy_ivp import ScipyIvp
+
+
+@kernel
+def matrix_functions(A, half, levels, m):
+    return rosenbrock._matrix_functions(A, half, levels, m)
+
+
+@kernel
+def flow_to(A, levels, top, half, ahead, w, c, out, room):
+    rosenbrock._flow_to(A, levels, top, half, ahead, w, c, out, room)
+
+
+@kernel
+def linearise(p, t, dt, u, n_positions, F, nudged, J, v, second):
+    rosenbrock._linearise(p, t, dt, u, n_positions, F, nudged, J, v, second)
 
 
 def phi_by_expm(A, tau):
@@ -34,7 +50,7 @@ def phi_by_expm(A, tau):
 def functions_of(A, half, levels=28):
     n = len(A)
     found = np.full((levels, 5, n, n), np.nan)
-    return rosenbrock._matrix_functions(A, half, found, np.empty((7, n, n))), found
+    return matrix_functions(A, half, found, np.empty((7, n, n))), found
 
 
 # Matrix functions ------------------------------------------------------------------------------------------------
@@ -84,7 +100,7 @@ def test_the_flow_to_any_time_in_a_step_is_that_of_a_larger_exponential(ahead, s
     A *= size / np.abs(A).sum(axis=1).max()
     top, levels = functions_of(A, 0.5)
     w, room = np.full(3, np.nan), np.empty((2, 3))
-    rosenbrock._flow_to(A, levels, top, 0.5, ahead, w, c.copy(), room[0], room[1])
+    flow_to(A, levels, top, 0.5, ahead, w, c.copy(), room[0], room[1])
     phi = phi_by_expm(A, ahead)
     exact = sum(ahead ** (k + 1) * phi[k + 1] @ c[k] for k in range(4))
     np.testing.assert_allclose(w, exact, rtol=1e-11, atol=1e-13)
@@ -121,7 +137,7 @@ def test_the_jacobian_is_that_of_central_differences():
         ahead, far = (slope_of(tree, u + h * unit) - slope_of(tree, u - h * unit) for h in (1e-4, 2e-4))
         exact[:, j] = (8 * ahead - far) / 12e-4
     before = u.copy()
-    rosenbrock._linearise(tree.parameters, 0.0, 1e-6, u, tree.n_positions, slope_of(tree, u), np.empty(n), J, v, 10.0)
+    linearise(tree.parameters, 0.0, 1e-6, u, tree.n_positions, slope_of(tree, u), np.empty(n), J, v, 10.0)
     np.testing.assert_array_equal(u, before)
     np.testing.assert_allclose(J, exact, atol=1e-6 * np.abs(exact).max())
     np.testing.assert_array_equal(v, np.zeros(n))  # nothing here depends on time

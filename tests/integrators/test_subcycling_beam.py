@@ -168,15 +168,3 @@ def test_in_the_free_frame_growth_shows_within_the_scenes_half_second(
     assert growth["free, plain"] < 1e-5
     assert growth["conforming, 10:1"] < 1e-5
     assert growth["free, 10:1"] > 10 * growth["conforming, 10:1"]
-
-
-def test_output_times_within_a_cycle_leave_it_alone(rotor: PlanarRotor) -> None:
-    """After the torque modes move in increments h v: cycles cut at output times would differ by their rounding."""
-    method, rest, coarse = Subcycling(STEP, 10), np.zeros(rotor.n), np.linspace(0.0, 0.3, 7)
-    fine = np.sort(np.r_[coarse, np.random.default_rng(0).uniform(0.0, 0.3, 3000)])
-    one, other = (method.march(rotor, rest, rest, times) for times in (coarse, fine))
-    rows = np.searchsorted(fine, coarse)
-    assert np.array_equal(one.q, other.q[rows])
-    assert np.array_equal(one.v, other.v[rows])
-    assert np.array_equal(one.end.q, other.end.q)
-    assert np.array_equal(one.end.v, other.end.v)

@@ -234,14 +234,11 @@ def test_the_pulse_brings_the_beam_to_the_scenes_speed(driven: Motion) -> None:
     # Angular momentum is the torque's impulse, whatever the modes do: J · 20 rad/s, with J = m (4L² + c²)/12 of a bar
     # of length L and depth c about its end.
     inertia = 0.17 * (4 * 0.34**2 + 0.025**2) / 12
-    body = driven.rotor.body
-    p = np.r_[1.0, driven.q[-1]]
-    spun = (
-        body.gram.mass_matrix(p)[3:6]
-        @ np.r_[0, 0, 0, driven.trajectory.v[-1, 0] * body.axis, driven.trajectory.v[-1, 1:]]
-    )
+    body, v = driven.rotor.body, driven.trajectory.v[-1]
+    p, G = np.r_[1.0, driven.q[-1]], driven.rotor.body.gram.G
+    spun = body.gram.inertia(p)[2, 2] * v[0] + (p @ (G[0, 1] - G[1, 0]))[1:] @ v[1:]
     assert body.inertia_about_joint == pytest.approx(inertia, rel=1e-9)
-    assert body.axis @ spun == pytest.approx(inertia * 20.0, rel=1e-6)
+    assert spun == pytest.approx(inertia * 20.0, rel=1e-6)
 
 
 # The data set ----------------------------------------------------------------------------------------------------

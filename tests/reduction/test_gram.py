@@ -2,6 +2,7 @@
 
 from collections.abc import Callable
 from dataclasses import replace
+from typing import Any
 
 import numpy as np
 import pytest
@@ -13,7 +14,7 @@ from pipeline.fem.assembly import assemble
 from pipeline.fem.material import Material
 from pipeline.fem.mesh import SolidMesh
 from pipeline.fem.model import FEModel
-from pipeline.reduction.gram import InertiaGram, inertia_gram
+from pipeline.reduction.gram import InertiaGram, along_normal, inertia_gram, with_normal
 
 N_SHAPES = 4
 SIZES = (1.2, 1.0, 0.8)
@@ -173,3 +174,42 @@ def test_stiffening_counts_for_inertia_and_not_for_modal_mass(gram: InertiaGram,
     assert found[3:6, 6:] == pytest.approx(before[3:6, 6:], rel=1e-9, abs=1e-9)  # K is symmetric in the axes
     fall = np.einsum("abij,i,j->ab", K, state[1:], state[1:])
     assert before[3:6, 3:6] - found[3:6, 3:6] == pytest.approx(np.trace(fall) * np.eye(3) - fall, rel=1e-9)
+
+
+# One axis of turning -----------------------------------------------------------------------------------------------
+
+
+class Counted:
+    """A mass matrix that counts the columns it is multiplied by."""
+
+    def __init__(self, m: Any) -> None:
+        self.m, self.columns = m, 0
+
+    def __matmul__(self, other: Array) -> Array:
+        self.columns += other[0].size
+        return np.asarray(self.m @ other)
+
+
+@pytest.mark.parametrize("normal", range(3))
+def test_a_body_that_turns_about_one_axis_takes_the_blocks_across_it_alone(
+    distorted: FEModel, gram: InertiaGram, state: Array, normal: int
+) -> None:
+    m, Phi = Counted(distorted.m), random_shapes(distorted)
+    plane = inertia_gram(distorted.x, m, Phi, normal)
+    assert m.columns == 2 * (1 + N_SHAPES) + 1  # and the nodes' masses
+    across = [a for a in range(3) if a != normal]
+    size = np.abs(gram.G).max()
+    assert np.abs(plane.G - gram.G)[np.ix_(across, across)].max() < 1e-15 * size
+    assert not plane.G[normal].any()
+    assert not plane.G[:, normal].any()
+    assert plane.inertia(state)[normal, normal] == pytest.approx(gram.inertia(state)[normal, normal], rel=1e-14)
+    assert plane.S.tobytes() == gram.S.tobytes()
+    assert plane.mass == gram.mass
+    with pytest.raises(ValueError, match=f"no more of the inertia than turning about {'xyz'[normal]} takes"):
+        plane.mass_matrix(state)
+    m.columns = 0
+    whole = with_normal(plane, along_normal(distorted.x, m, Phi, normal))
+    assert m.columns == 1 + N_SHAPES
+    assert np.abs(whole.G - gram.G).max() < 1e-15 * size
+    assert np.abs(whole.mass_matrix(state) - gram.mass_matrix(state)).max() < 1e-14 * size
+    assert not whole.G.flags.writeable
