@@ -142,7 +142,7 @@ def _marches(name: str, cycles: int) -> list[Callable[[], Row]]:
     case = _case(name)
     return [
         *(partial(_march, case, *chosen, cycles) for chosen in _fixed(case)),
-        *(partial(_march_adaptively, case, *chosen) for chosen in _adaptive(case, cycles)),
+        *(partial(_march_adaptively, case, *chosen) for chosen in _adaptive(cycles)),
     ]
 
 
@@ -170,15 +170,14 @@ def _fixed(case: Case) -> Iterator[tuple[Integrator, int, float]]:
         yield Exponential(share * plain), 1, share
 
 
-def _adaptive(case: Case, cycles: int) -> Iterator[tuple[Integrator, int]]:
+def _adaptive(cycles: int) -> Iterator[tuple[Integrator, int]]:
     """Methods that choose their steps, and how many of the explicit limit they march over."""
     steps = max(cycles // 50, 1000)
     yield RungeKutta(1e-9), steps
-    if len(case.M) < _MANY:
-        yield ExponentialRosenbrock(1e-6), steps
-        yield AdaptiveGeneralizedAlpha(1e-6), steps
-        for name in ("DOP853", "Radau", "LSODA"):
-            yield ScipyIvp(name, 1e-6), _SCIPYS
+    yield ExponentialRosenbrock(1e-6), steps
+    yield AdaptiveGeneralizedAlpha(1e-6), steps
+    for name in ("DOP853", "Radau", "LSODA"):
+        yield ScipyIvp(name, 1e-6), _SCIPYS
 
 
 def _march(case: Case, method: Integrator, m: int, share: float, most: int) -> Row:

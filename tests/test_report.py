@@ -127,7 +127,7 @@ def test_the_part_turns_in_a_browser(text, tmp_path):
     path = tmp_path / "page.html"
     path.write_text(text.replace("</body>", HARNESS), encoding="utf-8")
     options = ["--headless=new", "--no-sandbox", "--use-angle=swiftshader", "--enable-unsafe-swiftshader"]
-    options += ["--enable-logging=stderr", "--virtual-time-budget=20000", "--window-size=1280,1000"]
+    options += ["--enable-logging=stderr", "--virtual-time-budget=200000", "--window-size=1280,1000"]
     options += [f"--user-data-dir={tmp_path / 'profile'}", "--host-resolver-rules=MAP * ~NOTFOUND"]
     command = [str(CHROMIUM), *options, f"--screenshot={tmp_path / 'page.png'}", path.as_uri()]
     done = subprocess.run(command, capture_output=True, text=True, check=True, timeout=180)

@@ -188,7 +188,7 @@ def test_dampers_shorten_the_arms_step() -> None:
 
 
 def test_a_run_that_would_grow_is_refused_with_the_step_that_works() -> None:
-    """Free modes couple with the rotation by 0.84: 5:1 at 10 µs grows 278-fold over the beam's half second."""
+    """Free modes couple with the rotation by 0.84: 5:1 at 10 µs grows 281-fold over the beam's half second."""
     free = 'simulation.frame="free"'
     with pytest.raises(InputError, match=r"sub-cycling 5:1 is unstable here: .* grow by a factor of 2\d\d") as caught:
         _ = Pipeline(load_scene("beam", [free])).plans
