@@ -7,7 +7,7 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from pipeline.checks import IntArray
+from pipeline.checks import Array, IntArray
 
 if TYPE_CHECKING:
     from pipeline.fem.model import Discretisation
@@ -35,8 +35,9 @@ class SurfaceTopology:
 def surface_topology(space: Discretisation) -> SurfaceTopology:
     """Find the outer surface of a discretisation."""
     triangles, edges = [], []
-    for _, polygons in boundary_polygons(space):
-        n_around = polygons.shape[1]
+    for _, around in boundary_polygons(space):
+        n_around = around.shape[1]
+        polygons = _longways(space.x, around) if n_around == 8 else around
         rim = np.arange(n_around)
         if space.order == 1:
             fan = np.array([(0, k, k + 1) for k in range(1, n_around - 1)])
@@ -74,6 +75,15 @@ def boundary_polygons(space: Discretisation) -> list[tuple[IntArray, IntArray]]:
             table[numbers] = [polygons[k] for k in numbers]
             found.append((elements[of_kind], _outwards(space, elements[of_kind], table[local[of_kind]])))
     return found
+
+
+def _longways(x: Array, polygons: IntArray) -> IntArray:
+    """Begin quadrilaterals of eight nodes where nodes 1 and 5, which are joined, are the mid-edge nodes further apart.
+
+    Elements are drawn out along what changes least, so that what is interpolated along there is truer.
+    """
+    one, other = (np.linalg.norm(x[polygons[:, k]] - x[polygons[:, k + 4]], axis=1) for k in (1, 3))
+    return np.where((other > one)[:, None], np.roll(polygons, -2, axis=1), polygons)
 
 
 def _outwards(space: Discretisation, elements: IntArray, around: IntArray) -> IntArray:

@@ -64,6 +64,22 @@ def test_the_outlines_are_the_edges_of_the_element_faces(element: Any, box_mesh:
     assert np.linalg.norm(ends[:, 1] - ends[:, 0], axis=1).max() <= np.sqrt(2) / n / element.order + 1e-12
 
 
+def test_quadratic_faces_are_joined_the_long_way(box_mesh: Callable[..., SolidMesh]) -> None:
+    """Of the middles of a face's sides, those further apart: elements are drawn out along what changes least."""
+    space = Discretisation(box_mesh("hexahedron", (2, 7, 3)), 2)
+    surface = surface_topology(space)
+    joined = {
+        frozenset(pair)
+        for t in surface.nodes[surface.triangles].tolist()
+        for pair in zip(t, np.roll(t, 1).tolist(), strict=True)
+    }
+    ((_, polygons),) = boundary_polygons(space)
+    for around in polygons:
+        ways = [(around[k], around[k + 4]) for k in (1, 3)]
+        short, long = sorted(ways, key=lambda way: np.linalg.norm(space.x[way[0]] - space.x[way[1]]))
+        assert (frozenset(short) in joined, frozenset(long) in joined) == (False, True)
+
+
 def test_polygons_start_at_a_corner_and_turn_outwards(distorted: FEModel) -> None:
     space = distorted.discretisation
     ((_, polygons),) = boundary_polygons(space)
