@@ -97,16 +97,15 @@ def march_all(
     """March every case by every method, on two processors if they are there; a march that is kept isn't repeated."""
     from joblib import Parallel, delayed
 
-    names = list(only or builders())
-    marches = [(name, k) for name in names for k in range(len(_marches(name, cycles)))]
+    marches = [(name, k) for name in only or builders() for k in range(len(_marches(name, cycles)))]
     # The longest first, so that none is waited for in the end.
-    marches.sort(key=lambda march: (march[0] != "arm", -len(_case(march[0]).M)))
-    tasks = (delayed(_kept_row)(*march, cycles, keep) for march in marches)
+    longest = sorted(marches, key=lambda march: (march[0] != "arm", -len(_case(march[0]).M)))
+    tasks = (delayed(_kept_row)(*march, cycles, keep) for march in longest)
     found: dict[tuple[str, int], Row] = {}
-    for march, row in zip(marches, Parallel(n_jobs=2, return_as="generator")(tasks), strict=True):
+    for march, row in zip(longest, Parallel(n_jobs=2, return_as="generator")(tasks), strict=True):
         found[march] = row
         advance(len(found) / len(marches))
-    return [row for _, row in sorted(found.items(), key=lambda one: (names.index(one[0][0]), one[0][1]))]
+    return [found[march] for march in marches]
 
 
 def rows_of(name: str, cycles: int = CYCLES) -> list[Row]:
