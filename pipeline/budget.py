@@ -69,11 +69,11 @@ def true_errors(run: Pipeline, finer: Pipeline) -> dict[str, float]:
 
 
 def _made(run: Pipeline) -> Budget:
-    estimates, of_mesh = Estimates(run), of_the_mesh(run)
+    estimates = Estimates(run)
     by_source = estimates.by_source()
     rows = []
     for name, quantity in estimates.found.items():
         parts = {source: by_source.get(source, {}).get(name, NO_PART) for source in SOURCES}
-        over_time = not (quantity.largest or name in of_mesh)
+        over_time = not (quantity.largest or name in estimates.of_mesh)
         rows.append(Row(name, quantity.unit, quantity.scale, over_time, parts))
     return Budget(tuple(rows))

@@ -50,7 +50,8 @@ class Estimates:
         self.plan = next(iter(run.plans.values()))
         self.motion = run.first_motion
         self.frames: IntArray = np.arange(0)
-        self.found = of_the_mesh(run) | of_the_motion(run, self.motion, run.fine_motion)
+        self.of_mesh = of_the_mesh(run)
+        self.found = self.of_mesh | of_the_motion(run, self.motion, run.fine_motion)
         self.hot: dict[str, IntArray] = {}
         if run.parts:
             self._look_for_stress()
@@ -111,7 +112,7 @@ class Estimates:
         if isinstance(pair, str):
             return errors
         masses = of_the_mesh(pair.coarse)
-        for name, quantity in of_the_mesh(self.run).items():
+        for name, quantity in self.of_mesh.items():
             if quantity.kind == "geometry":
                 errors[name] = quantity.change(masses[name]) / pair.gains["geometry"]
         for name, error in self._otherwise_coarse(pair).items():
@@ -128,7 +129,7 @@ class Estimates:
         Over time a shift turns phases, so that twice of it need not change the motion twice as much: the largest change
         on the way counts.
         """
-        found = {name: 0.0 for name in self.found if name not in of_the_mesh(self.run)}
+        found = {name: 0.0 for name in self.found if name not in self.of_mesh}
         for shift in _SHIFTS:
             found_bodies = {name: softened(body, shift * excess[name]) for name, body in self.run.bodies.items()}
             moved = self.run.with_bodies({name: body for name, (body, _) in found_bodies.items()})

@@ -306,6 +306,8 @@ class Pipeline:
     @cached_property
     def fine_motion(self) -> Motion | ChainMotion:
         """The first run's motion at the fine times: what vibrates fast is largest between two output times."""
+        if len(self.fine_times[0]) == len(self.output_times):  # nothing flexible is at the tip
+            return self.first_motion
         plan = next(iter(self.plans.values()))
         return self.motion_by(plan, plan.march(self.fine_times[0]))
 

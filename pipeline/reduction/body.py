@@ -92,13 +92,7 @@ class FlexibleBody:
 
 
 def reduced_body(
-    fe: FEModel,
-    omega: Array,
-    shapes: Array,
-    markers: Mapping[str, Marker],
-    joint: str,
-    free: Array,
-    normal: int = -1,
+    fe: FEModel, omega: Array, shapes: Array, markers: Mapping[str, Marker], joint: str, free: Array, normal: int = -1
 ) -> FlexibleBody:
     """Refer a basis to a joint: the marker there moves with the frame but for the rotations that the joint leaves free.
 
@@ -124,13 +118,7 @@ def reduced_body(
 
 
 def supported_body(
-    fe: FEModel,
-    omega: Array,
-    shapes: Array,
-    markers: Mapping[str, Marker],
-    joint: str,
-    free: Array,
-    normal: int = -1,
+    fe: FEModel, omega: Array, shapes: Array, markers: Mapping[str, Marker], joint: str, free: Array, normal: int = -1
 ) -> FlexibleBody:
     """Refer a basis to the frame of what holds the body in it, which the joint turns as a whole.
 
@@ -151,13 +139,7 @@ def joint_conforming_body(
 
 
 def free_frame_body(
-    fe: FEModel,
-    omega: Array,
-    shapes: Array,
-    markers: Mapping[str, Marker],
-    joint: str,
-    axis: Array,
-    normal: int = -1,
+    fe: FEModel, omega: Array, shapes: Array, markers: Mapping[str, Marker], joint: str, axis: Array, normal: int = -1
 ) -> FlexibleBody:
     """Keep the free modes' own mean axes as the frame at a hinge: rotation and modes stay coupled, up to 1.
 
@@ -197,13 +179,7 @@ def _rotation_coupling(fe: FEModel, spins: Array, shapes: Array) -> tuple[Array,
 
 
 def _body(
-    fe: FEModel,
-    omega: Array,
-    shapes: Array,
-    markers: Mapping[str, Marker],
-    joint: str,
-    e: Array,
-    normal: int = -1,
+    fe: FEModel, omega: Array, shapes: Array, markers: Mapping[str, Marker], joint: str, e: Array, normal: int = -1
 ) -> FlexibleBody:
     """Diagonalise: rigid motions added to the shapes changed their mass and left ``diag(ω²)`` as it was."""
     n = len(omega)
