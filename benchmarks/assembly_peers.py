@@ -91,7 +91,7 @@ def felupe(points, cells, name):
     """Its solid body, each matrix at the quadrature it needs."""
     import felupe as fem
 
-    from pipeline.fem.vtkhdf import vtk_cells
+    from pipeline.fem.formats.vtkhdf import vtk_cells
 
     space = space_of(points, cells, name)
     region, finer = {

@@ -75,14 +75,14 @@ def ours(mesh, factorise):
 
 def fmd(mesh):
     """What is installed."""
-    from pipeline.reduction.factor import factorised
+    from pipeline.reduction.factor.factor import factorised
 
     return ours(mesh, factorised)
 
 
 def fmd_superlu(mesh):
     """The same without cvxopt."""
-    from pipeline.reduction.factor import factorised
+    from pipeline.reduction.factor.factor import factorised
 
     return ours(mesh, partial(factorised, solver="superlu"))
 

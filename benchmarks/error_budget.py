@@ -16,7 +16,7 @@ from dataclasses import dataclass
 from pathlib import Path
 
 from pipeline import Pipeline, load_scene
-from pipeline.budget import true_errors
+from pipeline.accuracy.error_budget import true_errors
 
 _TABLE = Path(__file__).parent / "error_budget.csv"
 _AUTO = ('simulation.run=[{integrator="auto"}]', "simulation.error=1e-6")

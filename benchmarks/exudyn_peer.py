@@ -32,10 +32,10 @@ from scipy.integrate import solve_ivp
 from scipy.sparse.linalg import eigsh
 
 from pipeline import Pipeline, load_scene
-from pipeline.fem.marker import face_marker
+from pipeline.bench.work_precision import Row
+from pipeline.fem.markers import face_marker
 from pipeline.integrators.scipy_ivp import ScipyIvp
-from pipeline.reduction.gram import inertia_gram
-from pipeline.studies.work_precision import Row
+from pipeline.reduction.inertia import inertia_gram
 
 STAGES = {"GeneralizedAlpha": 0, "VelocityVerlet": 1, "RK44": 4, "RK67": 7}  # 0: implicit
 INTERVALS = 100  # between output times; every number of steps is a multiple

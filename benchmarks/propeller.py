@@ -32,7 +32,7 @@ def sub_cycling():
     listed = f"simulation.run=[{{integrator='central-difference'}},{','.join(runs)}]"
     for scene in ("propeller", "propeller-torque", "propeller-gust"):
         run = Pipeline(load_scene(scene, [listed]))
-        from pipeline.methods import plans_of
+        from pipeline.stages.runs import plans_of
 
         stress = run.element_stress("propeller.joint")
         plain, *others = stress

@@ -5,9 +5,9 @@ from __future__ import annotations
 from typing import TYPE_CHECKING
 
 if TYPE_CHECKING:
-    from pipeline.notebook import load
-    from pipeline.scene import Scene, load_scene
-    from pipeline.stages import Pipeline
+    from pipeline.output.notebook import load
+    from pipeline.scene.scene import Scene, load_scene
+    from pipeline.stages.pipeline import Pipeline
 
 __all__ = ["Pipeline", "Scene", "load", "load_scene"]
 __version__ = "0.1.0"
@@ -16,15 +16,15 @@ __version__ = "0.1.0"
 def __getattr__(name: str) -> object:
     """Load the public names when first used: ``import pipeline`` alone stays free of heavy modules."""
     if name in ("Scene", "load_scene"):
-        from pipeline import scene
+        from pipeline.scene import scene
 
         return getattr(scene, name)
     if name == "load":
-        from pipeline.notebook import load
+        from pipeline.output.notebook import load
 
         return load
     if name == "Pipeline":
-        from pipeline.stages import Pipeline
+        from pipeline.stages.pipeline import Pipeline
 
         return Pipeline
     raise AttributeError(f"module 'pipeline' has no attribute {name!r}")

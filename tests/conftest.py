@@ -18,7 +18,7 @@ from scipy.linalg import expm
 from scipy.optimize import brentq
 
 from meshes.bar import hexahedral_bar
-from pipeline.checks import Array
+from pipeline.core.arrays import Array
 from pipeline.fem.assembly import assemble
 from pipeline.fem.material import Material
 from pipeline.fem.mesh import SolidMesh
@@ -51,7 +51,7 @@ ELEMENTS = (
 @pytest.fixture(scope="session")
 def fmd() -> Callable[..., int]:
     """Run the command line in this process; it answers with its exit status."""
-    from pipeline.cli import main
+    from pipeline.cli.app import main
 
     def call(*arguments: object) -> int:
         try:

@@ -7,7 +7,7 @@ import tomllib
 from pathlib import Path
 
 from pipeline import __version__
-from pipeline.doctor import DEBIAN_PACKAGES
+from pipeline.cli.doctor_checks import DEBIAN_PACKAGES
 
 ROOT = Path(__file__).parent.parent
 

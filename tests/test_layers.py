@@ -47,7 +47,7 @@ OWNERS = {
     "vtk": "pipeline.render",
     "vtkmodules": "pipeline.render",
     "matplotlib": "pipeline.render",
-    "meshes": "pipeline.shapes",
+    "meshes": "pipeline.stages.meshing",
 }
 
 
@@ -65,7 +65,7 @@ def imports(tree: ast.AST, at_once: bool = True) -> Iterator[Import]:
             yield from (Import(alias.name, node.lineno, at_once) for alias in node.names)
         elif isinstance(node, ast.ImportFrom):
             module = "." * node.level + (node.module or "")
-            # `from pipeline.render import probe` imports a module, `from pipeline.checks import Array` doesn't
+            # `from pipeline.render import probe` imports a module, `from pipeline.core.errors import Array` doesn't
             whole = [f"{module}.{alias.name}" for alias in node.names if is_module(f"{module}.{alias.name}")]
             yield from (Import(name, node.lineno, at_once) for name in whole or [module])
         elif isinstance(node, ast.If) and ast.unparse(node.test).endswith("TYPE_CHECKING"):
@@ -151,15 +151,27 @@ def test_modules_do_not_import_one_another_in_circles() -> None:
     ("module", "line", "fault"),
     [
         ("pipeline.fem.mesh", "import gmsh", "gmsh belongs to meshes"),
-        ("pipeline.fem.mesh", "from meshes.bar import hexahedral_bar", "meshes.bar belongs to pipeline.shapes"),
+        ("pipeline.fem.mesh", "from meshes.bar import hexahedral_bar", "meshes.bar belongs to pipeline.stages.meshing"),
         ("pipeline.reduction.eigen", "def f():\n    import skfem.utils", "skfem.utils belongs to pipeline.fem"),
-        ("pipeline.outputs", "from matplotlib.figure import Figure", "matplotlib.figure belongs to pipeline.render"),
-        ("pipeline.doctor", "import vtkmodules.vtkCommonCore", "vtkmodules.vtkCommonCore belongs to pipeline.render"),
-        ("meshes.bar", "from pipeline.checks import Array", "pipeline.checks is not for meshes.bar"),
+        (
+            "pipeline.output.write",
+            "from matplotlib.figure import Figure",
+            "matplotlib.figure belongs to pipeline.render",
+        ),
+        (
+            "pipeline.cli.doctor_checks",
+            "import vtkmodules.vtkCommonCore",
+            "vtkmodules.vtkCommonCore belongs to pipeline.render",
+        ),
+        ("meshes.bar", "from pipeline.core.errors import Array", "pipeline.core.errors is not for meshes.bar"),
         ("pipeline.fem.mesh", "from pipeline.reduction.modes import Modes", "pipeline.reduction.modes stands below"),
-        ("pipeline.checks", "from pipeline.scene import Scene", "pipeline.scene stands below pipeline.checks"),
-        ("pipeline.recovery.stress", "from pipeline import stages", "pipeline.stages stands below"),
-        ("pipeline.dynamics.planar", "if TYPE_CHECKING:\n    import pipeline.recovery.motion", "stands below"),
+        (
+            "pipeline.core.errors",
+            "from pipeline.scene.scene import Scene",
+            "pipeline.scene.scene stands below pipeline.core.errors",
+        ),
+        ("pipeline.recovery.stress", "from pipeline import stages", "pipeline.stages.pipeline stands below"),
+        ("pipeline.dynamics.rotor.rotor", "if TYPE_CHECKING:\n    import pipeline.recovery.motion", "stands below"),
         ("pipeline.recovery.stress", "from pipeline.render.charts import Curve", "knows nothing of pictures"),
         ("pipeline.render.charts", "from pipeline.fem.mesh import SolidMesh", "pictures know nothing of"),
         ("pipeline.fem.mesh", "from .model import FEModel", "a relative import"),
@@ -177,11 +189,11 @@ def test_what_is_against_the_rules_is_found(module: str, line: str, fault: str) 
     [
         ("meshes.gmsh_session", "import gmsh"),
         ("meshes.bar", "from meshes.gmsh_session import gmsh_model"),
-        ("pipeline.shapes", "from meshes.bar import hexahedral_bar"),
+        ("pipeline.stages.meshing", "from meshes.bar import hexahedral_bar"),
         ("pipeline.fem.model", "import skfem, meshio"),
         ("pipeline.recovery.stress", "from pipeline.fem.model import FEModel"),
-        ("pipeline.doctor", "from pipeline.render import probe"),
-        ("pipeline.render.film", "from pipeline.files import whole_file"),
+        ("pipeline.cli.doctor_checks", "from pipeline.render import probe"),
+        ("pipeline.render.film", "from pipeline.core.files import whole_file"),
     ],
 )
 def test_what_is_within_the_rules_is_let_through(module: str, line: str) -> None:

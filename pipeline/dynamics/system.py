@@ -9,7 +9,7 @@ from __future__ import annotations
 
 from typing import Any, Protocol
 
-from pipeline.checks import Array
+from pipeline.core.arrays import Array
 
 
 def accelerations(p: Any, t: float, q: Array, v: Array, a: Array) -> None:

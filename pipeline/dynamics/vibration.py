@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 from scipy.linalg import eigh
 
-from pipeline.checks import Array
+from pipeline.core.arrays import Array
 
 
 def frequencies(M: Array, K: Array) -> Array:

@@ -11,7 +11,8 @@ from __future__ import annotations
 import numpy as np
 import scipy.sparse as sp
 
-from pipeline.checks import AccuracyError, Array, IntArray
+from pipeline.core.arrays import Array, IntArray
+from pipeline.core.errors import AccuracyError
 from pipeline.fem.elements import shape_functions
 from pipeline.fem.material import AnyMaterial, Material
 from pipeline.fem.mesh import SolidMesh

@@ -10,7 +10,7 @@ import numpy as np
 import skfem
 from skfem.quadrature import get_quadrature
 
-from pipeline.checks import Array, IntArray, read_only
+from pipeline.core.arrays import Array, IntArray, read_only
 from pipeline.fem.mesh import STRAIGHT
 from pipeline.fem.wedge import Wedge, wedge_quadrature
 

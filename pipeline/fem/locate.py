@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 from scipy.spatial import cKDTree
 
-from pipeline.checks import Array, IntArray
+from pipeline.core.arrays import Array, IntArray
 from pipeline.fem.elements import shape_functions
 from pipeline.fem.mesh import STRAIGHT
 from pipeline.fem.model import Discretisation

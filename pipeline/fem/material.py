@@ -7,7 +7,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from pipeline.checks import Array, IntArray
+from pipeline.core.arrays import Array, IntArray
 
 
 @dataclass(frozen=True, slots=True)

@@ -9,7 +9,8 @@ from functools import cached_property
 import numpy as np
 from numpy.typing import NDArray
 
-from pipeline.checks import AccuracyError, Array, IntArray, read_only, require_finite, require_shape
+from pipeline.core.arrays import Array, IntArray, read_only, require_finite, require_shape
+from pipeline.core.errors import AccuracyError
 
 # Corners of each cell and the three that end the edges leaving it, in meshio's order.
 _CORNERS = {

@@ -11,11 +11,11 @@ import numpy as np
 import scipy.sparse as sp
 from skfem.io.meshio import from_meshio
 
-from pipeline.checks import Array, IntArray, read_only
+from pipeline.core.arrays import Array, IntArray, read_only
 from pipeline.fem.elements import ElementKind, element_kind, places, shape_functions, vtk_nodes
 from pipeline.fem.material import AnyMaterial
 from pipeline.fem.mesh import STRAIGHT, SolidMesh
-from pipeline.fem.structure import BlockStructure
+from pipeline.fem.sparsity import BlockStructure
 
 
 @dataclass(frozen=True)

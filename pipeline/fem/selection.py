@@ -8,7 +8,7 @@ import numpy as np
 import scipy.sparse as sp
 from scipy.sparse.csgraph import connected_components
 
-from pipeline.checks import Array, IntArray
+from pipeline.core.arrays import Array, IntArray
 from pipeline.fem.mesh import rows_among
 from pipeline.fem.model import Discretisation
 

@@ -7,7 +7,7 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from pipeline.checks import Array, IntArray
+from pipeline.core.arrays import Array, IntArray
 
 if TYPE_CHECKING:
     from pipeline.fem.model import Discretisation

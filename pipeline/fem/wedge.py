@@ -14,7 +14,7 @@ import numpy as np
 from skfem.quadrature import get_quadrature
 from skfem.refdom import RefLine, RefTri, RefWedge
 
-from pipeline.checks import Array
+from pipeline.core.arrays import Array
 
 _CORNERS = ((0, -1), (1, -1), (2, -1), (0, 1), (1, 1), (2, 1))  # corner of the triangle, and ζ
 _SIDES = ((0, 1, -1), (1, 2, -1), (0, 2, -1), (0, 1, 1), (1, 2, 1), (0, 2, 1))

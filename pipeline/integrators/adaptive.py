@@ -14,8 +14,9 @@ from dataclasses import replace
 
 import numpy as np
 
-from pipeline.checks import Array, IntArray, StabilityError
-from pipeline.dynamics.compiled import inner, kernel
+from pipeline.core.arrays import Array, IntArray
+from pipeline.core.errors import StabilityError
+from pipeline.dynamics.jit.compiled import inner, kernel
 from pipeline.dynamics.system import System
 from pipeline.integrators.protocol import Progress, State, Trajectory, require_times, start_state
 

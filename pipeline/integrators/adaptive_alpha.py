@@ -15,8 +15,8 @@ from typing import Any
 
 import numpy as np
 
-from pipeline.checks import Array, IntArray
-from pipeline.dynamics.compiled import kernel
+from pipeline.core.arrays import Array, IntArray
+from pipeline.dynamics.jit.compiled import kernel
 from pipeline.dynamics.system import System, accelerations
 from pipeline.integrators.adaptive import (
     SMALLEST,

@@ -6,7 +6,8 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from pipeline.checks import AccuracyError, Array, IntArray, StabilityError
+from pipeline.core.arrays import Array, IntArray
+from pipeline.core.errors import AccuracyError, StabilityError
 from pipeline.dynamics.system import System
 from pipeline.integrators.adaptive import groups_of
 from pipeline.integrators.exponential import Exponential

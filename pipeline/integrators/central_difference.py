@@ -11,8 +11,8 @@ from typing import Any
 
 import numpy as np
 
-from pipeline.checks import Array, IntArray
-from pipeline.dynamics.compiled import aligned, kernel
+from pipeline.core.arrays import Array, IntArray
+from pipeline.dynamics.jit.compiled import aligned, kernel
 from pipeline.dynamics.system import System, accelerations, advance
 from pipeline.integrators.protocol import (
     Progress,

@@ -15,8 +15,9 @@ from typing import Any
 
 import numpy as np
 
-from pipeline.checks import AccuracyError, Array, IntArray
-from pipeline.dynamics.compiled import inner, kernel
+from pipeline.core.arrays import Array, IntArray
+from pipeline.core.errors import AccuracyError
+from pipeline.dynamics.jit.compiled import inner, kernel
 from pipeline.dynamics.system import System, accelerations, advance
 from pipeline.integrators.protocol import (
     Progress,

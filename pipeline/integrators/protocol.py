@@ -9,8 +9,9 @@ from typing import Any, Protocol
 
 import numpy as np
 
-from pipeline.checks import Array, StabilityError, require_finite, require_shape
-from pipeline.dynamics.compiled import aligned, inner, kernel
+from pipeline.core.arrays import Array, require_finite, require_shape
+from pipeline.core.errors import StabilityError
+from pipeline.dynamics.jit.compiled import aligned, inner, kernel
 from pipeline.dynamics.system import System, accelerations, velocities
 
 Progress = Callable[[float], None]

@@ -19,8 +19,8 @@ from typing import Any
 
 import numpy as np
 
-from pipeline.checks import Array, IntArray
-from pipeline.dynamics.compiled import inner, kernel
+from pipeline.core.arrays import Array, IntArray
+from pipeline.dynamics.jit.compiled import inner, kernel
 from pipeline.dynamics.system import System, accelerations, advance, velocities
 from pipeline.integrators.adaptive import (
     SMALLEST,

@@ -12,7 +12,8 @@ from typing import Any, Literal
 import numpy as np
 from scipy.integrate import DOP853, LSODA, Radau
 
-from pipeline.checks import Array, StabilityError
+from pipeline.core.arrays import Array
+from pipeline.core.errors import StabilityError
 from pipeline.dynamics.system import System
 from pipeline.integrators.protocol import (
     Progress,

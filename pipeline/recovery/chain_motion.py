@@ -9,10 +9,10 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from pipeline.checks import Array
-from pipeline.dynamics.tree import Tree
+from pipeline.core.arrays import Array
+from pipeline.dynamics.tree.tree import Tree
 from pipeline.integrators.protocol import Trajectory
-from pipeline.recovery.shown import motion_table
+from pipeline.recovery.motion_table import motion_table
 from pipeline.reduction.body import MarkerShapes
 
 if TYPE_CHECKING:

@@ -11,7 +11,7 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from pipeline.checks import Array
+from pipeline.core.arrays import Array
 from pipeline.fem.elements import shape_functions
 from pipeline.recovery.stress import hooke, modal_stress, strains
 

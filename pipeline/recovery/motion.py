@@ -8,10 +8,10 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from pipeline.checks import Array
-from pipeline.dynamics.planar import PlanarRotor
+from pipeline.core.arrays import Array
+from pipeline.dynamics.rotor.rotor import PlanarRotor
 from pipeline.integrators.protocol import Trajectory
-from pipeline.recovery.shown import motion_table
+from pipeline.recovery.motion_table import motion_table
 
 if TYPE_CHECKING:
     import xarray

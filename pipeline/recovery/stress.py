@@ -14,7 +14,7 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from pipeline.checks import Array, IntArray, require_shape
+from pipeline.core.arrays import Array, IntArray, require_shape
 
 if TYPE_CHECKING:
     from pipeline.fem.material import AnyMaterial

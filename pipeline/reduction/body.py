@@ -9,11 +9,12 @@ from typing import TYPE_CHECKING
 import numpy as np
 from scipy.linalg import eigh
 
-from pipeline.checks import AccuracyError, Array
-from pipeline.reduction.gram import InertiaGram, inertia_gram
+from pipeline.core.arrays import Array
+from pipeline.core.errors import AccuracyError
+from pipeline.reduction.inertia import InertiaGram, inertia_gram
 
 if TYPE_CHECKING:
-    from pipeline.fem.marker import Marker
+    from pipeline.fem.markers import Marker
     from pipeline.fem.model import FEModel
 
 

@@ -10,10 +10,11 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 from numpy.typing import NDArray
 
-from pipeline.checks import Array, InputError, IntArray, read_only, require_shape
-from pipeline.files import whole_file
+from pipeline.core.arrays import Array, IntArray, read_only, require_shape
+from pipeline.core.errors import InputError
+from pipeline.core.files import whole_file
 from pipeline.reduction.body import FlexibleBody, MarkerShapes
-from pipeline.reduction.gram import InertiaGram
+from pipeline.reduction.inertia import InertiaGram
 
 if TYPE_CHECKING:
     import xarray

@@ -19,12 +19,13 @@ from scipy.linalg import cho_factor, cho_solve
 from scipy.sparse.linalg import LinearOperator, eigs, eigsh
 from scipy.spatial import cKDTree
 
-from pipeline.checks import AccuracyError, Array, IntArray
+from pipeline.core.arrays import Array, IntArray
+from pipeline.core.errors import AccuracyError
 from pipeline.fem.assembly import assemble
 from pipeline.fem.mesh import SolidMesh
 from pipeline.fem.model import FEModel
 from pipeline.reduction.eigen import FreeBodySolver
-from pipeline.reduction.factor import Factor, factorised
+from pipeline.reduction.factor.factor import Factor, factorised
 from pipeline.reduction.modes import EigenPairs
 
 _SAME_PLACE = 1e-6  # of the body's extent

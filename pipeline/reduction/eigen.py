@@ -11,14 +11,15 @@ from scipy.linalg import eigh, null_space
 from scipy.sparse.csgraph import connected_components
 from scipy.sparse.linalg import LinearOperator, eigsh, splu
 
-from pipeline.checks import AccuracyError, Array, IntArray
-from pipeline.reduction.factor import Factor, factorised, superlu
+from pipeline.core.arrays import Array, IntArray
+from pipeline.core.errors import AccuracyError
+from pipeline.reduction.factor.factor import Factor, factorised, superlu
 from pipeline.reduction.lanczos import largest_outside
 from pipeline.reduction.modes import EigenPairs
 from pipeline.reduction.supports import rigid_motions_left, without
 
 if TYPE_CHECKING:
-    from pipeline.fem.marker import Marker
+    from pipeline.fem.markers import Marker
     from pipeline.fem.model import FEModel
 
 RESIDUAL_LIMIT = 1e-6

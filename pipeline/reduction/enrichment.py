@@ -12,11 +12,11 @@ from typing import TYPE_CHECKING
 import numpy as np
 from scipy.linalg import eigh, null_space
 
-from pipeline.checks import Array
+from pipeline.core.arrays import Array
 from pipeline.reduction.modes import Modes
 
 if TYPE_CHECKING:
-    from pipeline.fem.marker import Marker
+    from pipeline.fem.markers import Marker
     from pipeline.fem.model import FEModel
     from pipeline.reduction.eigen import FreeBodySolver
 

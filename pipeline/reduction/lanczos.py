@@ -8,7 +8,7 @@ from typing import Any
 import numpy as np
 from scipy.linalg import eigh_tridiagonal
 
-from pipeline.checks import Array
+from pipeline.core.arrays import Array
 
 _FEWEST_STEPS, _MOST_STEPS = 10, 60  # a Ritz value settles on what is there only after some
 _TOUCHING = 1e-6

@@ -6,9 +6,9 @@ from dataclasses import dataclass, field
 
 import numpy as np
 
-from pipeline.checks import Array
-from pipeline.html import table
-from pipeline.reduction.factor import FactorFigures
+from pipeline.core.arrays import Array
+from pipeline.core.html import table
+from pipeline.reduction.factor.factor import FactorFigures
 
 
 @dataclass(frozen=True)

@@ -4,9 +4,8 @@ from __future__ import annotations
 
 import numpy as np
 
-from pipeline.checks import Array
+from pipeline.core.arrays import EPSILON, Array
 from pipeline.reduction.body import FlexibleBody
-from pipeline.tensors import EPSILON
 
 
 def rotating_frequencies(body: FlexibleBody, axis: Array, rate: float, hub_is_free: bool = False) -> Array:

@@ -15,7 +15,7 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from pipeline.checks import Array, read_only
+from pipeline.core.arrays import Array, read_only
 from pipeline.reduction.body import FlexibleBody
 
 if TYPE_CHECKING:
@@ -96,7 +96,7 @@ def reduced_geometric_stiffness(fe: FEModel, u: Array, shapes: Array) -> Array:
     ndarray, shape (k, n, n)
         [N/m per unit of the shapes squared].
     """
-    from pipeline.fem.geometric import geometric_stiffness
+    from pipeline.fem.geometric_stiffness import geometric_stiffness
 
     flat, n = shapes.reshape(len(shapes), -1), shapes.shape[2]
     K = np.array([flat.reshape(-1, n).T @ (k_G @ flat).reshape(-1, n) for k_G in geometric_stiffness(fe, u)])

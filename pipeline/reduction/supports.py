@@ -8,7 +8,7 @@ import numpy as np
 import scipy.sparse as sp
 from scipy.linalg import null_space
 
-from pipeline.checks import Array, IntArray
+from pipeline.core.arrays import Array, IntArray
 
 if TYPE_CHECKING:
     from pipeline.fem.model import FEModel

@@ -8,8 +8,8 @@ import numpy as np
 from matplotlib.backends.backend_agg import FigureCanvasAgg
 from matplotlib.figure import Figure
 
-from pipeline.checks import Array
-from pipeline.files import whole_file
+from pipeline.core.arrays import Array
+from pipeline.core.files import whole_file
 
 _MULTIPLES = 4
 

@@ -17,8 +17,8 @@ from matplotlib.layout_engine import ConstrainedLayoutEngine
 from matplotlib.lines import Line2D
 from matplotlib.patches import Patch
 
-from pipeline.checks import Array, read_only
-from pipeline.files import whole_file
+from pipeline.core.arrays import Array, read_only
+from pipeline.core.files import whole_file
 
 SIZE_INCHES = (10.0, 6.0)
 DOTS_PER_INCH = 160

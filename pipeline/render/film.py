@@ -9,12 +9,12 @@ from typing import Any, NamedTuple
 import imageio.v2 as iio
 import numpy as np
 
-from pipeline.checks import Array, require_shape
-from pipeline.files import whole_file
-from pipeline.render.look import Look
-from pipeline.render.marks import add_colour_bar, add_heading, add_text
+from pipeline.core.arrays import Array, require_shape
+from pipeline.core.files import whole_file
+from pipeline.render.annotations import add_colour_bar, add_heading, add_text
+from pipeline.render.camera import Look
+from pipeline.render.canvas import add_body, stage
 from pipeline.render.pictures import STRESS, clear_around, in_megapascals
-from pipeline.render.stage import add_body, stage
 from pipeline.render.surface import Surface, skin_of
 
 PIXELS = (1280, 720)

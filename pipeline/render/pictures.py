@@ -10,9 +10,8 @@ from pathlib import Path
 import numpy as np
 import pyvista as pv
 
-from pipeline.checks import Array, IntArray, require_shape
-from pipeline.render.look import Look
-from pipeline.render.marks import (
+from pipeline.core.arrays import Array, IntArray, require_shape
+from pipeline.render.annotations import (
     add_colour_bar,
     add_heading,
     add_legend,
@@ -21,9 +20,10 @@ from pipeline.render.marks import (
     legend_rows,
     number,
 )
-from pipeline.render.stage import Canvas, Outline, add_body, add_ghost, add_parts, stage
+from pipeline.render.camera import Look
+from pipeline.render.canvas import Canvas, Outline, add_body, add_ghost, add_parts, stage
+from pipeline.render.projection import PART, Place, View, view_of_hottest
 from pipeline.render.surface import Surface, skin_of
-from pipeline.render.view import PART, Place, View, view_of_hottest
 
 __all__ = ["Look", "Surface", "draw_mesh", "draw_mode", "draw_stress", "relative_shape", "stress_limits"]
 

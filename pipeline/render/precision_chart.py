@@ -8,8 +8,8 @@ from pathlib import Path
 from matplotlib.backends.backend_agg import FigureCanvasAgg
 from matplotlib.figure import Figure
 
-from pipeline.checks import Array
-from pipeline.files import whole_file
+from pipeline.core.arrays import Array
+from pipeline.core.files import whole_file
 
 _MARKERS = "osD^vP*X"
 _SOLID = 10  # the methods of others come after ours, broken

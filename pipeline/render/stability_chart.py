@@ -13,8 +13,8 @@ from matplotlib.backends.backend_agg import FigureCanvasAgg
 from matplotlib.colors import LogNorm
 from matplotlib.figure import Figure
 
-from pipeline.checks import Array, require_shape
-from pipeline.files import whole_file
+from pipeline.core.arrays import Array, require_shape
+from pipeline.core.files import whole_file
 
 FAINTEST = 1e-6  # growth of a cycle that is just told from none in the colours
 MOST = 10.0

@@ -9,7 +9,7 @@ from numpy.typing import NDArray
 from scipy.sparse import coo_array, csr_array
 from scipy.sparse.csgraph import connected_components
 
-from pipeline.checks import Array, IntArray, read_only, require_shape
+from pipeline.core.arrays import Array, IntArray, read_only, require_shape
 
 CREASE = np.cos(np.radians(35.0))  # faces that meet at more than this angle keep a sharp edge
 

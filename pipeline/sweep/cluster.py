@@ -7,12 +7,12 @@ from collections.abc import Iterator, Mapping
 from pathlib import Path
 from typing import TYPE_CHECKING
 
-from pipeline.checks import InputError
+from pipeline.core.errors import InputError
 from pipeline.sweep.record import Record, broken_off
 from pipeline.sweep.work import compute
 
 if TYPE_CHECKING:
-    from pipeline.scene import Scene
+    from pipeline.scene.scene import Scene
 
 _SCHEDULER = "--scheduler"
 _ANSWERS_WITHIN = 10  # s

@@ -15,7 +15,7 @@ from typing import TYPE_CHECKING
 from pipeline.sweep.record import Record, broken_off
 
 if TYPE_CHECKING:
-    from pipeline.scene import Scene
+    from pipeline.scene.scene import Scene
 
 _TRIES = 2
 _THREADS = ("OPENBLAS_NUM_THREADS", "OMP_NUM_THREADS", "MKL_NUM_THREADS", "NUMBA_NUM_THREADS")

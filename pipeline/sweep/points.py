@@ -8,10 +8,10 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 from pathlib import Path
 
-from pipeline.cache import stage_key
-from pipeline.checks import InputError
-from pipeline.scene import Scene, load_scene
-from pipeline.sources import contents
+from pipeline.core.cache import stage_key
+from pipeline.core.errors import InputError
+from pipeline.scene.scene import Scene, load_scene
+from pipeline.scene.source_files import contents
 
 _VARY = "--vary"
 _MOST_POINTS = 100_000

@@ -7,7 +7,7 @@ from dataclasses import asdict, dataclass, field
 from pathlib import Path
 from typing import Any
 
-from pipeline.files import whole_file
+from pipeline.core.files import whole_file
 
 STATUSES = ("ok", "refused", "failed")
 

@@ -6,8 +6,8 @@ from collections.abc import Callable, Iterator, Mapping, Sequence
 from dataclasses import dataclass
 from pathlib import Path
 
-from pipeline.progress import Monitor, silent
-from pipeline.scene import Scene
+from pipeline.core.progress import Monitor, silent
+from pipeline.scene.scene import Scene
 from pipeline.sweep.points import Point, Varied
 from pipeline.sweep.record import STATUSES, Record, read_record, write_record
 

@@ -10,11 +10,11 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from pipeline.files import whole_file
-from pipeline.scene_file import toml_value
+from pipeline.core.files import whole_file
+from pipeline.core.units import si_of
+from pipeline.scene.reading import toml_value
 from pipeline.sweep.points import Varied
 from pipeline.sweep.study import Sweep
-from pipeline.units import si_of
 
 if TYPE_CHECKING:
     import xarray

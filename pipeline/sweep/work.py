@@ -5,11 +5,11 @@ from __future__ import annotations
 import json
 import threading
 
-from pipeline.checks import AccuracyError, InputError
-from pipeline.frequencies import frequency_table
-from pipeline.scene import Scene
-from pipeline.stages import Pipeline
-from pipeline.summary import summarise
+from pipeline.core.errors import AccuracyError, InputError
+from pipeline.output.frequencies import frequency_table
+from pipeline.output.summary import summarise
+from pipeline.scene.scene import Scene
+from pipeline.stages.pipeline import Pipeline
 from pipeline.sweep.points import point_key
 from pipeline.sweep.record import Record, broken_off
 

@@ -6,9 +6,9 @@ from collections.abc import Callable, Iterable, Sequence
 from dataclasses import dataclass
 from importlib.resources import as_file, files
 
-from pipeline.cache import Cache
-from pipeline.scene import load_scene
-from pipeline.stages import Pipeline
+from pipeline.core.cache import Cache
+from pipeline.scene.scene import load_scene
+from pipeline.stages.pipeline import Pipeline
 
 
 @dataclass(frozen=True)

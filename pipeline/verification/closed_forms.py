@@ -10,7 +10,7 @@ from scipy.linalg import eigh
 from scipy.optimize import brentq
 from scipy.special import ellipj, ellipk
 
-from pipeline.checks import Array
+from pipeline.core.arrays import Array
 from pipeline.fem.material import Material
 
 

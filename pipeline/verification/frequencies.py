@@ -7,11 +7,11 @@ from tempfile import TemporaryDirectory
 
 import numpy as np
 
-from pipeline.cache import Cache
-from pipeline.checks import Array
+from pipeline.core.arrays import Array
+from pipeline.core.cache import Cache
 from pipeline.fem.material import Material
-from pipeline.scene import load_scene
-from pipeline.stages import Pipeline
+from pipeline.scene.scene import load_scene
+from pipeline.stages.pipeline import Pipeline
 from pipeline.verification.case import Case, Figure, listed, scene_run
 from pipeline.verification.closed_forms import (
     free_box,

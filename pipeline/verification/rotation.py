@@ -4,11 +4,11 @@ from __future__ import annotations
 
 import numpy as np
 
-from pipeline.cache import Cache
-from pipeline.checks import Array
-from pipeline.frequencies import rotating_table
+from pipeline.core.arrays import Array
+from pipeline.core.cache import Cache
+from pipeline.output.frequencies import rotating_table
 from pipeline.recovery.chain_motion import ChainMotion
-from pipeline.stages import Pipeline
+from pipeline.stages.pipeline import Pipeline
 from pipeline.verification.case import Case, Figure, scene_run
 from pipeline.verification.closed_forms import stretched_rod
 

@@ -11,10 +11,10 @@ from math import isfinite
 from pathlib import Path
 from typing import Any
 
-from pipeline.cache import Cache
-from pipeline.checks import AccuracyError, InputError
-from pipeline.files import whole_file
-from pipeline.scene_file import among
+from pipeline.core.cache import Cache
+from pipeline.core.errors import AccuracyError, InputError
+from pipeline.core.files import whole_file
+from pipeline.scene.reading import among
 from pipeline.verification import frequencies, rotation, tops
 from pipeline.verification.case import Case, Figure
 

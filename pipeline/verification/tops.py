@@ -4,8 +4,8 @@ from __future__ import annotations
 
 from scipy.interpolate import CubicSpline
 
-from pipeline.cache import Cache
-from pipeline.checks import Array
+from pipeline.core.arrays import Array
+from pipeline.core.cache import Cache
 from pipeline.verification.case import Case, Figure, listed, scene_run
 from pipeline.verification.closed_forms import asymmetric_top, symmetric_top
 

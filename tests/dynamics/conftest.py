@@ -11,11 +11,11 @@ import numpy as np
 import pytest
 from scipy.linalg import expm
 
-from pipeline.checks import Array
-from pipeline.dynamics.link import FIXED, FREE, PRISMATIC, REVOLUTE, SPHERICAL, Link, rigid_gram
-from pipeline.dynamics.signal import constant
-from pipeline.dynamics.tree import Tree
-from pipeline.reduction.gram import inertia_gram
+from pipeline.core.arrays import Array
+from pipeline.dynamics.links import FIXED, FREE, PRISMATIC, REVOLUTE, SPHERICAL, Link, rigid_gram
+from pipeline.dynamics.signals.signal import constant
+from pipeline.dynamics.tree.tree import Tree
+from pipeline.reduction.inertia import inertia_gram
 
 Orders = tuple[tuple[int, ...], tuple[int, ...], tuple[int, ...]]
 

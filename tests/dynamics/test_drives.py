@@ -13,16 +13,16 @@ from scipy.integrate import simpson
 from scipy.linalg import expm
 from scipy.spatial.transform import Rotation
 
-from pipeline.checks import Array
-from pipeline.dynamics.link import PRISMATIC, REVOLUTE, Link, PointLoad
-from pipeline.dynamics.signal import Signal, constant, formula, half_sine, linear_table
-from pipeline.dynamics.tree import Tree
-from pipeline.expression import parse
+from pipeline.core.arrays import Array
+from pipeline.core.formula import parse
+from pipeline.dynamics.links import PRISMATIC, REVOLUTE, Link, PointLoad
+from pipeline.dynamics.signals.signal import Signal, constant, formula, half_sine, linear_table
+from pipeline.dynamics.tree.tree import Tree
 from pipeline.integrators.central_difference import CentralDifference
 from pipeline.integrators.protocol import evaluate
 from pipeline.integrators.scipy_ivp import ScipyIvp
 from pipeline.integrators.subcycling import Subcycling
-from pipeline.reduction.gram import inertia_gram
+from pipeline.reduction.inertia import inertia_gram
 
 CLOSELY = ScipyIvp("DOP853", 1e-11)
 WEIGHT = np.array([1.0, -2.0, -9.81])  # aslant, so that no axis of the ground is special

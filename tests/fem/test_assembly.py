@@ -11,7 +11,8 @@ from scipy.sparse.linalg import spsolve
 from skfem.helpers import dot
 from skfem.models.elasticity import lame_parameters, linear_elasticity
 
-from pipeline.checks import AccuracyError, Array
+from pipeline.core.arrays import Array
+from pipeline.core.errors import AccuracyError
 from pipeline.fem.assembly import assemble
 from pipeline.fem.material import Material
 from pipeline.fem.mesh import SolidMesh

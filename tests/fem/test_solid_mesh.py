@@ -5,7 +5,7 @@ from collections.abc import Callable
 import numpy as np
 import pytest
 
-from pipeline.checks import AccuracyError
+from pipeline.core.errors import AccuracyError
 from pipeline.fem.mesh import SolidMesh
 from pipeline.fem.model import FEModel
 

@@ -7,7 +7,7 @@ from typing import Any
 import numpy as np
 import pytest
 
-from pipeline.checks import Array
+from pipeline.core.arrays import Array
 from pipeline.fem.mesh import SolidMesh
 from pipeline.fem.model import Discretisation, FEModel
 from pipeline.fem.surface import boundary_polygons, surface_topology

@@ -8,15 +8,15 @@ import pytest
 from scipy.integrate import solve_ivp
 
 from pipeline import Pipeline, load_scene
-from pipeline.checks import Array
-from pipeline.dynamics.planar import PlanarRotor, TorquePulse
+from pipeline.core.arrays import Array
+from pipeline.dynamics.rotor.rotor import PlanarRotor, TorquePulse
 from pipeline.integrators.central_difference import CentralDifference
 from pipeline.integrators.protocol import evaluate
 from pipeline.integrators.reversible import ReversibleSubcycling
 from pipeline.integrators.subcycling import Subcycling
 from pipeline.recovery.motion import Motion
 from pipeline.reduction.body import FlexibleBody, MarkerShapes
-from pipeline.reduction.gram import inertia_gram
+from pipeline.reduction.inertia import inertia_gram
 
 Method = Callable[[float], CentralDifference | Subcycling | ReversibleSubcycling]
 Spin = tuple[Array, Array]

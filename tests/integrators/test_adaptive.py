@@ -11,12 +11,13 @@ import pytest
 from scipy.linalg import expm
 
 from pipeline import Pipeline, load_scene
-from pipeline.checks import Array, StabilityError
-from pipeline.dynamics.compiled import meaning
-from pipeline.dynamics.link import SPHERICAL, Link, rigid_gram
-from pipeline.dynamics.planar import PlanarRotor
+from pipeline.core.arrays import Array
+from pipeline.core.errors import StabilityError
+from pipeline.dynamics.jit.compiled import meaning
+from pipeline.dynamics.links import SPHERICAL, Link, rigid_gram
+from pipeline.dynamics.rotor.rotor import PlanarRotor
 from pipeline.dynamics.system import accelerations, advance, velocities
-from pipeline.dynamics.tree import Tree
+from pipeline.dynamics.tree.tree import Tree
 from pipeline.integrators.adaptive import groups_of, step_within
 from pipeline.integrators.adaptive_alpha import AdaptiveGeneralizedAlpha
 from pipeline.integrators.rosenbrock import ExponentialRosenbrock

@@ -7,8 +7,8 @@ from typing import Any, NamedTuple
 import numpy as np
 import pytest
 
-from pipeline.checks import Array
-from pipeline.dynamics.compiled import meaning
+from pipeline.core.arrays import Array
+from pipeline.dynamics.jit.compiled import meaning
 from pipeline.dynamics.system import (
     accelerations,
     advance,

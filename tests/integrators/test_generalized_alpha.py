@@ -9,13 +9,13 @@ import pytest
 import scipy.linalg
 
 from pipeline import Pipeline, load_scene
-from pipeline.checks import AccuracyError
-from pipeline.dynamics.link import REVOLUTE, Link, rigid_gram
-from pipeline.dynamics.planar import TorquePulse
-from pipeline.dynamics.tree import Tree
+from pipeline.bench.stress_cases import builders
+from pipeline.core.errors import AccuracyError
+from pipeline.dynamics.links import REVOLUTE, Link, rigid_gram
+from pipeline.dynamics.rotor.rotor import TorquePulse
+from pipeline.dynamics.tree.tree import Tree
 from pipeline.integrators.generalized_alpha import GeneralizedAlpha
 from pipeline.integrators.scipy_ivp import ScipyIvp
-from pipeline.stress_cases import builders
 
 
 @pytest.fixture(scope="module")
@@ -84,7 +84,7 @@ def test_output_times_never_change_the_steps(beam):
 
 
 def test_a_spinning_body_in_space_keeps_its_quaternion_unit():
-    from pipeline.dynamics.link import SPHERICAL
+    from pipeline.dynamics.links import SPHERICAL
 
     top = Tree([Link("top", rigid_gram(2.0, np.zeros(3), np.diag([0.1, 0.2, 0.25])), SPHERICAL)])
     v0 = np.array([0.1, 5.0, 0.1])

@@ -8,17 +8,18 @@ import numpy as np
 import pytest
 
 from pipeline import Pipeline, load_scene
-from pipeline.checks import AccuracyError, Array, InputError, StabilityError
-from pipeline.dynamics.linear import LinearSystem
-from pipeline.dynamics.link import REVOLUTE, Link, rigid_gram
-from pipeline.dynamics.planar import PlanarRotor, TorquePulse
-from pipeline.dynamics.tree import Tree
+from pipeline.core.arrays import Array
+from pipeline.core.errors import AccuracyError, InputError, StabilityError
+from pipeline.dynamics.linear.linear import LinearSystem
+from pipeline.dynamics.links import REVOLUTE, Link, rigid_gram
+from pipeline.dynamics.rotor.rotor import PlanarRotor, TorquePulse
+from pipeline.dynamics.tree.tree import Tree
 from pipeline.integrators.central_difference import CentralDifference
 from pipeline.integrators.protocol import State, evaluate
 from pipeline.integrators.reversible import ReversibleSubcycling
 from pipeline.integrators.subcycling import Subcycling
 from pipeline.reduction.body import FlexibleBody
-from pipeline.reduction.gram import inertia_gram
+from pipeline.reduction.inertia import inertia_gram
 
 Body = Callable[..., FlexibleBody]
 Method = Callable[[float], CentralDifference | Subcycling | ReversibleSubcycling]

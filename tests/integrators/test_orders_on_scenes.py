@@ -9,7 +9,7 @@ import numpy as np
 import pytest
 
 from pipeline import Pipeline, load_scene
-from pipeline.checks import Array
+from pipeline.core.arrays import Array
 from pipeline.integrators.adaptive import groups_of
 from pipeline.integrators.central_difference import CentralDifference
 from pipeline.integrators.exponential import Exponential

@@ -9,7 +9,7 @@ import numpy as np
 import pytest
 
 from pipeline import Pipeline, load_scene
-from pipeline.dynamics.planar import PlanarRotor, TorquePulse
+from pipeline.dynamics.rotor.rotor import PlanarRotor, TorquePulse
 from pipeline.integrators.adaptive_alpha import AdaptiveGeneralizedAlpha
 from pipeline.integrators.automatic import Automatic
 from pipeline.integrators.central_difference import CentralDifference

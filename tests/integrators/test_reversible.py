@@ -10,17 +10,18 @@ import numpy as np
 import pytest
 
 from pipeline import Pipeline, load_scene
-from pipeline.checks import Array, InputError, StabilityError
-from pipeline.dynamics.link import REVOLUTE, Link, rigid_gram
-from pipeline.dynamics.planar import PlanarRotor, TorquePulse
-from pipeline.dynamics.signal import constant
-from pipeline.dynamics.tree import Tree
+from pipeline.core.arrays import Array
+from pipeline.core.errors import InputError, StabilityError
+from pipeline.dynamics.links import REVOLUTE, Link, rigid_gram
+from pipeline.dynamics.rotor.rotor import PlanarRotor, TorquePulse
+from pipeline.dynamics.signals.signal import constant
+from pipeline.dynamics.tree.tree import Tree
 from pipeline.integrators.central_difference import CentralDifference
 from pipeline.integrators.reversible import ReversibleSubcycling
 from pipeline.integrators.runge_kutta import RungeKutta
 from pipeline.integrators.subcycling import Subcycling
-from pipeline.methods import plans_of
 from pipeline.reduction.body import FlexibleBody
+from pipeline.stages.runs import plans_of
 
 Body = Callable[..., FlexibleBody]
 Order = Callable[[Array, Array], float]

@@ -9,12 +9,12 @@ import pytest
 from scipy.linalg import expm
 
 from pipeline import Pipeline, load_scene
-from pipeline.checks import AccuracyError
-from pipeline.dynamics.compiled import kernel
-from pipeline.dynamics.link import PRISMATIC, REVOLUTE, SPHERICAL, Link, rigid_gram
-from pipeline.dynamics.planar import PlanarRotor, TorquePulse
-from pipeline.dynamics.signal import linear_table
-from pipeline.dynamics.tree import Tree
+from pipeline.core.errors import AccuracyError
+from pipeline.dynamics.jit.compiled import kernel
+from pipeline.dynamics.links import PRISMATIC, REVOLUTE, SPHERICAL, Link, rigid_gram
+from pipeline.dynamics.rotor.rotor import PlanarRotor, TorquePulse
+from pipeline.dynamics.signals.signal import linear_table
+from pipeline.dynamics.tree.tree import Tree
 from pipeline.integrators import rosenbrock
 from pipeline.integrators.protocol import State, evaluate, evaluate_velocities
 from pipeline.integrators.rosenbrock import ExponentialRosenbrock

@@ -12,9 +12,10 @@ import pytest
 from scipy.integrate import DOP853
 
 from pipeline import Pipeline, load_scene
-from pipeline.checks import AccuracyError, Array, StabilityError
-from pipeline.dynamics.compiled import meaning
-from pipeline.dynamics.planar import PlanarRotor, TorquePulse
+from pipeline.core.arrays import Array
+from pipeline.core.errors import AccuracyError, StabilityError
+from pipeline.dynamics.jit.compiled import meaning
+from pipeline.dynamics.rotor.rotor import PlanarRotor, TorquePulse
 from pipeline.dynamics.system import accelerations, velocities
 from pipeline.integrators import scipy_ivp
 from pipeline.integrators.exponential import Exponential

@@ -6,8 +6,9 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from pipeline.checks import Array, StabilityError
-from pipeline.dynamics.planar import PlanarRotor
+from pipeline.core.arrays import Array
+from pipeline.core.errors import StabilityError
+from pipeline.dynamics.rotor.rotor import PlanarRotor
 from pipeline.integrators.central_difference import CentralDifference
 from pipeline.integrators.protocol import Integrator, Trajectory
 from pipeline.integrators.subcycling import Subcycling

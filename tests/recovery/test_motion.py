@@ -12,10 +12,10 @@ from scipy.spatial.transform import Rotation
 
 from meshes.bar import hexahedral_bar
 from pipeline import Pipeline, load_scene
-from pipeline.checks import Array
-from pipeline.dynamics.planar import PlanarRotor, TorquePulse
+from pipeline.core.arrays import Array
+from pipeline.dynamics.rotor.rotor import PlanarRotor, TorquePulse
 from pipeline.fem.assembly import assemble
-from pipeline.fem.marker import face_marker
+from pipeline.fem.markers import face_marker
 from pipeline.fem.material import Material
 from pipeline.fem.mesh import SolidMesh
 from pipeline.fem.model import FEModel
@@ -25,7 +25,7 @@ from pipeline.integrators.subcycling import Subcycling
 from pipeline.recovery.motion import Motion, motion_dataset
 from pipeline.reduction.body import free_frame_body, joint_conforming_body
 from pipeline.reduction.eigen import FreeBodySolver
-from pipeline.reduction.families import lowest_modes
+from pipeline.reduction.mode_families import lowest_modes
 
 NO_TORQUE = TorquePulse(0.0, 1.0, 0.0)
 N_TIMES = 7

@@ -11,9 +11,9 @@ from hypothesis.extra.numpy import arrays
 from scipy.spatial.transform import Rotation
 
 from meshes.bar import hexahedral_bar, tetrahedral_bar
-from pipeline.checks import Array, IntArray
+from pipeline.core.arrays import Array, IntArray
 from pipeline.fem.assembly import assemble
-from pipeline.fem.marker import face_marker
+from pipeline.fem.markers import face_marker
 from pipeline.fem.material import Material
 from pipeline.fem.mesh import SolidMesh
 from pipeline.fem.model import Discretisation, FEModel

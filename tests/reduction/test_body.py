@@ -10,16 +10,17 @@ from scipy.linalg import eigh, null_space
 from scipy.optimize import brentq
 
 from meshes.bar import hexahedral_bar
-from pipeline.checks import AccuracyError, Array
+from pipeline.core.arrays import Array
+from pipeline.core.errors import AccuracyError
 from pipeline.fem.assembly import assemble
-from pipeline.fem.marker import Marker, face_marker
+from pipeline.fem.markers import Marker, face_marker
 from pipeline.fem.material import Material
 from pipeline.fem.mesh import SolidMesh
 from pipeline.fem.model import FEModel
 from pipeline.reduction.body import FlexibleBody, floating_body, free_frame_body, joint_conforming_body, reduced_body
 from pipeline.reduction.eigen import FreeBodySolver
 from pipeline.reduction.enrichment import enriched, inertia_loads
-from pipeline.reduction.families import lowest_modes, modes_of_family
+from pipeline.reduction.mode_families import lowest_modes, modes_of_family
 from pipeline.reduction.modes import Modes
 
 Z = np.array([0.0, 0.0, 1.0])

@@ -9,11 +9,11 @@ import numpy as np
 import pytest
 import xarray
 
-from pipeline.checks import InputError
-from pipeline.dynamics.link import REVOLUTE, SPHERICAL, Link
-from pipeline.dynamics.planar import PlanarRotor, TorquePulse
-from pipeline.dynamics.tree import Tree
-from pipeline.fem.marker import Marker, face_marker
+from pipeline.core.errors import InputError
+from pipeline.dynamics.links import REVOLUTE, SPHERICAL, Link
+from pipeline.dynamics.rotor.rotor import PlanarRotor, TorquePulse
+from pipeline.dynamics.tree.tree import Tree
+from pipeline.fem.markers import Marker, face_marker
 from pipeline.fem.model import FEModel
 from pipeline.fem.surface import SurfaceTopology, surface_topology
 from pipeline.integrators.central_difference import CentralDifference
@@ -21,8 +21,8 @@ from pipeline.recovery.stress import modal_stress
 from pipeline.reduction.body import FlexibleBody, MarkerShapes, reduced_body
 from pipeline.reduction.body_file import FORMAT, VERSION, SavedBody, load_body, save_body
 from pipeline.reduction.eigen import FreeBodySolver
-from pipeline.reduction.families import lowest_modes
-from pipeline.reduction.gram import InertiaGram
+from pipeline.reduction.inertia import InertiaGram
+from pipeline.reduction.mode_families import lowest_modes
 from pipeline.reduction.stiffening import stiffened
 
 Z = np.array([0.0, 0.0, 1.0])

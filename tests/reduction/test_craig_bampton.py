@@ -3,10 +3,10 @@
 import numpy as np
 import pytest
 
-from pipeline.checks import AccuracyError
-from pipeline.fem.marker import Marker, face_marker
+from pipeline.core.errors import AccuracyError
+from pipeline.fem.markers import Marker, face_marker
 from pipeline.fem.model import FEModel
-from pipeline.fem.place import nodes_on_faces
+from pipeline.fem.supports import nodes_on_faces
 from pipeline.reduction.craig_bampton import (
     _rigid_recovered,
     constraint_modes,

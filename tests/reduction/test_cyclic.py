@@ -12,16 +12,16 @@ from scipy.sparse.linalg import LinearOperator, lobpcg
 
 from meshes.propeller import PropellerCounts, PropellerShape, propeller
 from pipeline import Pipeline, load_scene
-from pipeline.cache import Cache
-from pipeline.checks import AccuracyError
+from pipeline.core.cache import Cache
+from pipeline.core.errors import AccuracyError
 from pipeline.fem.assembly import assemble
-from pipeline.fem.marker import face_marker
+from pipeline.fem.markers import face_marker
 from pipeline.fem.material import Material
 from pipeline.fem.mesh import SolidMesh
 from pipeline.fem.model import FEModel
 from pipeline.reduction.cyclic import CyclicSolver, first_sector
 from pipeline.reduction.eigen import FreeBodySolver
-from pipeline.reduction.factor import Solver, factorised
+from pipeline.reduction.factor.factor import Solver, factorised
 
 ALUMINIUM = Material(E=70e9, nu=0.3, rho=2780.0)
 SHAPE = PropellerShape(

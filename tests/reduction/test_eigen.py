@@ -9,16 +9,17 @@ import pytest
 from scipy.linalg import eigh
 
 from meshes.bar import hexahedral_bar
-from pipeline.checks import AccuracyError, Array
+from pipeline.core.arrays import Array
+from pipeline.core.errors import AccuracyError
 from pipeline.fem.assembly import assemble
-from pipeline.fem.marker import face_marker
+from pipeline.fem.markers import face_marker
 from pipeline.fem.material import Material
 from pipeline.fem.mesh import SolidMesh
 from pipeline.fem.model import FEModel
 from pipeline.reduction import eigen
 from pipeline.reduction.eigen import FreeBodySolver, modes_below
 from pipeline.reduction.enrichment import inertia_loads
-from pipeline.reduction.families import classify, lowest_modes
+from pipeline.reduction.mode_families import classify, lowest_modes
 
 Z = np.array([0.0, 0.0, 1.0])
 

@@ -7,9 +7,9 @@ import pytest
 from scipy.linalg import null_space
 
 from meshes.bar import hexahedral_bar
-from pipeline.checks import Array
+from pipeline.core.arrays import Array
 from pipeline.fem.assembly import assemble
-from pipeline.fem.marker import Marker, face_marker
+from pipeline.fem.markers import Marker, face_marker
 from pipeline.fem.material import Material
 from pipeline.fem.mesh import SolidMesh
 from pipeline.fem.model import FEModel
@@ -17,7 +17,7 @@ from pipeline.recovery.stress import modal_stress
 from pipeline.reduction.body import FlexibleBody, joint_conforming_body
 from pipeline.reduction.eigen import FreeBodySolver
 from pipeline.reduction.enrichment import enriched, inertia_loads
-from pipeline.reduction.families import lowest_modes, modes_of_family
+from pipeline.reduction.mode_families import lowest_modes, modes_of_family
 from pipeline.reduction.modes import Modes
 
 Z = np.array([0.0, 0.0, 1.0])

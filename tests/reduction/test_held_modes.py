@@ -9,16 +9,17 @@ from scipy.linalg import eigh, expm, null_space
 from scipy.optimize import brentq
 
 from meshes.bar import hexahedral_bar
-from pipeline.checks import AccuracyError, Array
+from pipeline.core.arrays import Array
+from pipeline.core.errors import AccuracyError
 from pipeline.fem.assembly import assemble
-from pipeline.fem.marker import Marker, face_marker
+from pipeline.fem.markers import Marker, face_marker
 from pipeline.fem.material import Material
 from pipeline.fem.mesh import SolidMesh
 from pipeline.fem.model import FEModel
 from pipeline.reduction.body import joint_conforming_body
 from pipeline.reduction.eigen import FreeBodySolver
 from pipeline.reduction.enrichment import enriched, inertia_loads
-from pipeline.reduction.families import classify, lowest_modes, modes_of_family
+from pipeline.reduction.mode_families import classify, lowest_modes, modes_of_family
 
 X, Y, Z = np.eye(3)
 # Directions about which a joint holds a body's rotation, and the rigid motions that it leaves.

@@ -3,9 +3,9 @@
 import numpy as np
 import pytest
 
-from pipeline.checks import Array
+from pipeline.core.arrays import Array
 from pipeline.reduction.body import FlexibleBody, MarkerShapes
-from pipeline.reduction.gram import InertiaGram, inertia_gram
+from pipeline.reduction.inertia import InertiaGram, inertia_gram
 from pipeline.reduction.rotating import rotating_frequencies
 
 MASS, ARM = 2.0, 0.5

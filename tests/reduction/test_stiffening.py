@@ -8,16 +8,16 @@ import pytest
 from scipy.linalg import eigvalsh
 
 from meshes.bar import hexahedral_bar
-from pipeline.checks import Array
+from pipeline.core.arrays import Array
 from pipeline.fem.assembly import assemble
-from pipeline.fem.marker import Marker, face_marker
+from pipeline.fem.markers import Marker, face_marker
 from pipeline.fem.material import Material
 from pipeline.fem.mesh import SolidMesh
 from pipeline.fem.model import FEModel
 from pipeline.reduction.body import FlexibleBody, floating_body, reduced_body
 from pipeline.reduction.eigen import FreeBodySolver
-from pipeline.reduction.families import modes_of_family
-from pipeline.reduction.gram import inertia_gram
+from pipeline.reduction.inertia import inertia_gram
+from pipeline.reduction.mode_families import modes_of_family
 from pipeline.reduction.stiffening import reduced_geometric_stiffness, stiffened
 
 X, Y, Z = np.eye(3)

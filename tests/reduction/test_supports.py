@@ -6,13 +6,14 @@ import numpy as np
 import pytest
 from scipy.linalg import eigh, null_space
 
-from pipeline.checks import AccuracyError, Array, IntArray
+from pipeline.core.arrays import Array, IntArray
+from pipeline.core.errors import AccuracyError
 from pipeline.fem.assembly import assemble
-from pipeline.fem.marker import face_marker
+from pipeline.fem.markers import face_marker
 from pipeline.fem.material import Material
 from pipeline.fem.mesh import SolidMesh
 from pipeline.fem.model import FEModel
-from pipeline.fem.place import node_at, nodes_on_edge, nodes_on_faces
+from pipeline.fem.supports import node_at, nodes_on_edge, nodes_on_faces
 from pipeline.reduction.eigen import FreeBodySolver
 from pipeline.reduction.supports import acceleration_loads
 

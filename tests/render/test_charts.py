@@ -5,8 +5,8 @@ import numpy as np
 import pytest
 from matplotlib.colors import to_rgb
 
-from pipeline.checks import Array
-from pipeline.files import whole_file
+from pipeline.core.arrays import Array
+from pipeline.core.files import whole_file
 from pipeline.render.charts import COLOURS, PALENESS, Curve, draw_chart
 
 TIME = np.linspace(0.0, 0.5, 201)

@@ -8,8 +8,8 @@ import numpy as np
 import pytest
 
 from pipeline.render import film as film_module
+from pipeline.render.camera import Look
 from pipeline.render.film import draw_film
-from pipeline.render.look import Look
 from pipeline.render.surface import Surface
 
 

@@ -8,12 +8,12 @@ from matplotlib import colormaps
 from matplotlib.colors import to_rgb
 from scipy.ndimage import binary_dilation, label
 
-from pipeline.render.look import Look
-from pipeline.render.marks import BAR
+from pipeline.render.annotations import BAR
+from pipeline.render.camera import Look
+from pipeline.render.mode_sheet import draw_mode_sheet
 from pipeline.render.pictures import PART_COLOURS, draw_mesh, draw_mode, draw_stress, stress_limits
-from pipeline.render.sheet import draw_mode_sheet
+from pipeline.render.projection import View, is_seen
 from pipeline.render.surface import Surface
-from pipeline.render.view import View, is_seen
 
 SIZE = (960, 540)
 

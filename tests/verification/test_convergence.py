@@ -16,12 +16,12 @@ import numpy as np
 import pytest
 
 from meshes.bar import hexahedral_bar, tetrahedral_bar
-from pipeline.checks import Array
+from pipeline.core.arrays import Array
 from pipeline.fem.assembly import assemble
 from pipeline.fem.material import Material
 from pipeline.fem.mesh import SolidMesh
 from pipeline.reduction.eigen import FreeBodySolver
-from pipeline.reduction.families import modes_of_family
+from pipeline.reduction.mode_families import modes_of_family
 
 STEEL = Material(E=210e9, nu=0.3, rho=7800.0)
 LENGTH, DEPTH, WIDTH = SIZES = (0.4, 0.1, 0.05)

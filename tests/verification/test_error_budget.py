@@ -4,10 +4,10 @@ import numpy as np
 import pytest
 
 from pipeline import Pipeline, load_scene
-from pipeline.budget import true_errors
-from pipeline.cache import Cache
-from pipeline.coarse import Pair, coarse_pair
-from pipeline.summary import summarise
+from pipeline.accuracy.coarse_mesh import Pair, coarse_pair
+from pipeline.accuracy.error_budget import true_errors
+from pipeline.core.cache import Cache
+from pipeline.output.summary import summarise
 
 ROUND_OFF = 1e-9
 AUTO = 'simulation.run=[{integrator="auto"}]'

@@ -12,10 +12,10 @@ from scipy.spatial.transform import Rotation
 from scipy.special import ellipk
 
 from pipeline import Pipeline, load_scene
-from pipeline.checks import Array
-from pipeline.mechanism import chain_of
+from pipeline.core.arrays import Array
 from pipeline.recovery.chain_motion import ChainMotion
 from pipeline.reduction.body import FlexibleBody
+from pipeline.stages.mechanism import chain_of
 
 G = 9.81
 LENGTH, DEPTH, WIDTH, RHO = 0.34, 0.025, 0.010, 2000.0  # as models/beam.toml

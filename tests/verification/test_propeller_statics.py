@@ -8,8 +8,8 @@ import scipy.sparse as sp
 from scipy.sparse.linalg import splu
 
 from pipeline import Pipeline, load_scene
-from pipeline.cache import Cache
-from pipeline.checks import Array
+from pipeline.core.arrays import Array
+from pipeline.core.cache import Cache
 from pipeline.fem.model import FEModel
 from pipeline.recovery.stress import modal_stress, von_mises
 from pipeline.reduction.body import FlexibleBody

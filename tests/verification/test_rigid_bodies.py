@@ -13,10 +13,10 @@ from scipy.integrate import solve_ivp
 from scipy.spatial.transform import Rotation
 from scipy.special import ellipj, ellipk
 
-from pipeline.checks import Array
-from pipeline.dynamics.link import FIXED, FREE, PRISMATIC, REVOLUTE, SPHERICAL, Link, rigid_gram
-from pipeline.dynamics.signal import constant
-from pipeline.dynamics.tree import Tree
+from pipeline.core.arrays import Array
+from pipeline.dynamics.links import FIXED, FREE, PRISMATIC, REVOLUTE, SPHERICAL, Link, rigid_gram
+from pipeline.dynamics.signals.signal import constant
+from pipeline.dynamics.tree.tree import Tree
 from pipeline.integrators.central_difference import CentralDifference
 from pipeline.integrators.protocol import evaluate
 from pipeline.integrators.scipy_ivp import ScipyIvp

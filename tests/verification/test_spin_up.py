@@ -13,10 +13,11 @@ import numpy as np
 import pytest
 
 from pipeline import Pipeline, load_scene
-from pipeline.checks import Array, InputError
+from pipeline.core.arrays import Array
+from pipeline.core.errors import InputError
 from pipeline.integrators.scipy_ivp import ScipyIvp
-from pipeline.mechanism import chain_of
 from pipeline.recovery.chain_motion import ChainMotion
+from pipeline.stages.mechanism import chain_of
 
 EA, EI, MU, LENGTH = 2.8e7, 1.4e4, 1.2, 10.0  # N, N m², kg/m, m
 STEPS = ('simulation.run.0.integrator="generalized-alpha"', 'simulation.step="5 ms"')

@@ -13,7 +13,7 @@ import numpy as np
 import pytest
 from scipy.integrate import solve_ivp
 
-from pipeline.checks import AccuracyError
+from pipeline.core.errors import AccuracyError
 from pipeline.fem.material import Material
 from pipeline.verification import closed_forms, suite
 from pipeline.verification.case import Case, Figure

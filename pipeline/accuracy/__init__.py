@@ -1,0 +1,1 @@
+"""The error of a run's results, and how to meet a wanted accuracy."""

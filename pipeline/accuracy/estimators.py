@@ -1,0 +1,251 @@
+"""What the results of a run are off by, measured by neighbours that differ from it in one source of error each.
+
+Time integration is measured by another step or tolerance, modal truncation by a basis with four generations of
+load-dependent vectors, discretisation by recovered stress and by a mesh of half as many elements each way, stress
+recovery by patches of elements. Where a motion rings, an error of its frequencies adds up over time and can't be
+extrapolated from two motions; so the frequencies are, and the motion is computed with them.
+"""
+
+from __future__ import annotations
+
+import math
+from dataclasses import replace
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+
+from pipeline.accuracy.coarse_mesh import Pair, coarse_pair
+from pipeline.accuracy.error_estimates import NO_PART, SAFETY, shifted_frequencies, softened
+from pipeline.accuracy.quantities import Quantities, of_the_mesh, of_the_motion, of_the_stress
+from pipeline.core.arrays import Array, IntArray
+from pipeline.integrators.automatic import Automatic
+from pipeline.scene.variants import richer
+from pipeline.stages.runs import STABLE, plan_like
+
+if TYPE_CHECKING:
+    from pipeline.integrators.protocol import Integrator
+    from pipeline.recovery.chain_motion import ChainMotion
+    from pipeline.recovery.motion import Motion
+    from pipeline.reduction.body import FlexibleBody
+    from pipeline.stages.part import FlexiblePart
+    from pipeline.stages.pipeline import Pipeline
+    from pipeline.stages.runs import Plan
+
+_SHORT = 0.5  # seconds of a march that may be taken again with half of its step
+_FRAMES = 60  # at which stress is compared
+_HOTTEST = 20  # of them around the largest stress
+_HOT = 0.5  # of the largest stress: what other nodes have doesn't matter
+_SHIFTS = (0.5, 1.0, 1.5, 2.0)  # of the extrapolated change of frequencies; the last is SAFETY
+_FINER = 0.1
+# Recovered stress overstates the error of static responses to forces on a face, where stress jumps, 25 times on the
+# beam, and patches of elements that at edges: both count up to this many times of what the coarse mesh tells.
+_MOST_OF_CHANGE = 3.0
+
+
+class Estimates:
+    """Relative errors by source; each method compares one neighbour with the run."""
+
+    def __init__(self, run: Pipeline) -> None:
+        self.run = run
+        self.plan = next(iter(run.plans.values()))
+        self.motion = run.first_motion
+        self.frames: IntArray = np.arange(0)
+        self.of_mesh = of_the_mesh(run)
+        self.found = self.of_mesh | of_the_motion(run, self.motion, run.fine_motion)
+        self.hot: dict[str, IntArray] = {}
+        if run.parts:
+            self._look_for_stress()
+            self.found |= of_the_stress(run, self.motion, self.frames)
+
+    def by_source(self) -> dict[str, dict[str, float | str]]:
+        """Relative errors of the quantities by each source that has a part in them, or why there is no estimate."""
+        if not self.run.parts:
+            return {"time": self._time()}
+        recovery = self._recovery()
+        discretisation = self._discretisation(recovery)
+        return {
+            "discretisation": discretisation,
+            "truncation": self._truncation(),
+            "time": self._time(),
+            "recovery": recovery,
+        }
+
+    # The sources ------------------------------------------------------------------------------------------------
+
+    def _time(self) -> dict[str, float | str]:
+        """Another step, or a finer tolerance."""
+        integrator, gain = _of_other_fineness(self.plan, self.motion.trajectory.seconds)
+        other = self._march(self.run, replace(self.plan, integrator=integrator))
+        return {name: error / gain for name, error in self._changes(self._of(self.run, other, self.hot)).items()}
+
+    def _truncation(self) -> dict[str, float | str]:
+        """A richer basis on the same mesh; both are marched with a step that the richer one stands."""
+        rich = self.run.neighbour(richer(self.run.scene))
+        rich.spin = self.run.spin  # what is stiffened stays so
+        plan, base = self._comparable(rich)
+        ours = self.found if base is None else self._of(self.run, base)
+        return dict(self._changes(self._of(rich, self._march(rich, plan)), ours))
+
+    def _discretisation(self, recovery: dict[str, float | str]) -> dict[str, float | str]:
+        """Frequencies that are too high shift the run's own; what else a coarser mesh changes comes on top.
+
+        What the stress of two meshes differs by holds the error of its recovery; that is not counted twice.
+        """
+        pair = coarse_pair(self.run)
+        errors: dict[str, float | str] = dict.fromkeys(self.found, pair if isinstance(pair, str) else NO_PART)
+        excess: dict[str, Array] = {}
+        for name, part in self.run.parts.items():
+            body = self.run.bodies[name]
+            of_modes, excess[name] = _energy_excess(part, body)
+            if isinstance(pair, Pair):
+                of_modes = _of_both(of_modes, pair.excess_of_modes(name))
+                changed, alike = pair.excess_of_shapes(name)
+                recovered = np.diag(excess[name])
+                static = body.omega > part.modes.omega.max()
+                most = np.where(static, _MOST_OF_CHANGE * np.abs(changed), np.inf)
+                wanted = np.where(alike, _of_both(np.minimum(recovered, most), changed), recovered)
+                excess[name] = _with_diagonal(excess[name], wanted)
+            for k, share in enumerate(1 - shifted_frequencies(np.ones(len(of_modes)), of_modes, 1.0)):
+                errors[f"{name}, frequency {k + 1}"] = abs(float(share))
+        shifted = self._shifted(excess)
+        errors |= shifted
+        if isinstance(pair, str):
+            return errors
+        masses = of_the_mesh(pair.coarse)
+        for name, quantity in self.of_mesh.items():
+            if quantity.kind == "geometry":
+                errors[name] = quantity.change(masses[name]) / pair.gains["geometry"]
+        for name, error in self._otherwise_coarse(pair).items():
+            shape = error / pair.gains[self.found[name].kind]
+            if isinstance(again := recovery.get(name), float):
+                recovery[name] = again = min(again, _MOST_OF_CHANGE * shape)
+                shape = max(shape - again, 0.0)
+            errors[name] = math.hypot(shifted[name], shape)
+        return errors
+
+    def _shifted(self, excess: dict[str, Array]) -> dict[str, float]:
+        """What the motion changes by if the bodies' eigenvalues lose what they are too high by, up to `SAFETY` times.
+
+        Over time a shift turns phases, so that twice of it need not change the motion twice as much: the largest change
+        on the way counts.
+        """
+        found = {name: 0.0 for name in self.found if name not in self.of_mesh}
+        for shift in _SHIFTS:
+            found_bodies = {name: softened(body, shift * excess[name]) for name, body in self.run.bodies.items()}
+            moved = self.run.with_bodies({name: body for name, (body, _) in found_bodies.items()})
+            forces = {name: as_if for name, (_, as_if) in found_bodies.items()}
+            theirs = self._of(moved, self._march(moved, plan_like(self.plan, moved)), self.hot, as_if=forces)
+            for name, quantity in theirs.items():
+                found[name] = max(found[name], self.found[name].error(quantity) / SAFETY)
+        return found
+
+    def _otherwise_coarse(self, pair: Pair) -> dict[str, float]:
+        """What the motion changes by on a coarser mesh that rings at the run's frequencies."""
+        ringing, stressed = pair.at_the_same_frequencies()
+        places = {name: part.element_places for name, part in self.run.parts.items() if part.elements}
+        motion = self._march(ringing, plan_like(self.plan, ringing))
+        return self._changes(self._of(ringing, motion, places=places, as_if=stressed))
+
+    def _recovery(self) -> dict[str, float | str]:
+        """Patches of elements at the worst node."""
+        from pipeline.recovery.patch_stress import patch_stress
+        from pipeline.recovery.stress import von_mises
+
+        errors: dict[str, float | str] = {}
+        for name, part in self.run.parts.items():
+            time, place, worst = self.run.stress_of(name).worst()
+            k = int(np.abs(self.motion.times - time).argmin())
+            q, node = self.motion.modal(name)[k], int(part.surface.nodes[place])
+            field = (part.body.shapes @ q)[:, :, None]
+            again = float(von_mises(patch_stress(part.space, part.material, field, node).T)[0])
+            errors[f"{name}, largest von Mises stress"] = abs(again - worst) / worst
+        return errors
+
+    # How they are computed --------------------------------------------------------------------------------------
+
+    def _changes(self, theirs: Quantities, ours: Quantities | None = None) -> dict[str, float]:
+        """How much each quantity of the motion differs from a neighbour's."""
+        ours = ours or self.found
+        return {name: ours[name].change(quantity) for name, quantity in theirs.items()}
+
+    def _of(
+        self,
+        run: Pipeline,
+        fine: Motion | ChainMotion,
+        nodes: dict[str, IntArray] | None = None,
+        places: dict[str, Array] | None = None,
+        as_if: dict[str, Array] | None = None,
+    ) -> Quantities:
+        """The quantities of a motion at the run's fine times; stress only at the chosen output times."""
+        given, chosen = fine.trajectory, self.run.fine_times[1]
+        motion = replace(
+            fine, trajectory=replace(given, times=given.times[chosen], q=given.q[chosen], v=given.v[chosen])
+        )
+        found = of_the_motion(run, motion, fine)
+        return found | of_the_stress(run, motion, self.frames, nodes, places, as_if) if run.parts else found
+
+    def _look_for_stress(self) -> None:
+        """Choose the output times at which stress is compared, and the nodes that matter."""
+        from pipeline.recovery.stress import spread
+
+        frames = [spread(len(self.motion.times), _FRAMES)]
+        for name in self.run.parts:
+            values = self.run.stress_of(name).measure_at(np.arange(len(self.motion.times)))
+            frames.append(np.argsort(values.max(axis=1))[-_HOTTEST:])
+            self.hot[name] = np.flatnonzero(values.max(axis=0) >= _HOT * values.max())
+        self.frames = np.unique(np.concatenate(frames))
+
+    def _march(self, other: Pipeline, plan: Plan) -> Motion | ChainMotion:
+        return other.motion_by(plan, plan.march(self.run.fine_times[0]))
+
+    def _comparable(self, rich: Pipeline) -> tuple[Plan, Motion | ChainMotion | None]:
+        """A plan for the richer model, and the run's own motion by its step if that is a shorter one."""
+        method: Any = self.plan.integrator
+        limit = STABLE * method.largest_step(rich.mechanism)
+        if not method.step > limit:
+            return plan_like(self.plan, rich), None
+        shorter = replace(self.plan, integrator=replace(method, step=limit))
+        return plan_like(shorter, rich), self._march(self.run, shorter)
+
+
+def _energy_excess(part: FlexiblePart, body: FlexibleBody) -> tuple[Array, Array]:
+    """What recovered stress says that the squares of a part's mode frequencies and of its body's are too high by."""
+    from pipeline.recovery.energy_error import energy_errors
+
+    errors = energy_errors(part.space, part.material, body.shapes)
+    # The modes are combinations of the body's shapes and rigid motions.
+    flat, modes = body.shapes.reshape(part.fe.K.shape[0], -1), part.modes
+    weights = (flat.T @ (part.fe.K @ modes.shapes.reshape(len(flat), -1))) / body.omega[:, None] ** 2
+    of_modes = np.einsum("jk,jl,lk->k", weights, errors, weights) / modes.omega**2
+    return np.asarray(of_modes), np.asarray(errors / np.outer(body.omega, body.omega))
+
+
+def _with_diagonal(excess: Array, wanted: Array) -> Array:
+    """The same products of shapes, scaled to another diagonal; what isn't positive there stands alone."""
+    scale = np.sqrt(np.maximum(wanted, 0.0) / np.diag(excess))
+    scaled = excess * np.outer(scale, scale)
+    np.fill_diagonal(scaled, wanted)
+    return np.asarray(scaled)
+
+
+def _of_both(recovered: Array, changed: Array) -> Array:
+    """The root mean square of what recovered stress and a coarser mesh tell, with the sign of the larger.
+
+    Neither is a bound: recovered stress tells too much where stress jumps, a coarser mesh too little where corners slow
+    convergence, or where it has as few elements as the run's.
+    """
+    larger = np.where(np.abs(recovered) > np.abs(changed), recovered, changed)
+    return np.asarray(np.copysign(np.sqrt((recovered**2 + changed**2) / 2), larger))
+
+
+def _of_other_fineness(plan: Plan, seconds: float) -> tuple[Integrator, float]:
+    """The method with another step or tolerance, and what its result differs by over the error of the plan's."""
+    method: Any = plan.integrator
+    if isinstance(method, Automatic):
+        return replace(method, error=_FINER * method.error), 1 - _FINER
+    if not method.step:
+        return replace(method, tolerance=max(_FINER * method.tolerance, 3e-14)), 1 - _FINER
+    order = method.order(plan.system)
+    if seconds < _SHORT or not 8 * method.step < method.largest_step(plan.system):
+        return replace(method, step=method.step / 2), 1 - 0.5**order
+    return replace(method, step=2 * method.step), 2.0**order - 1

@@ -1,0 +1,58 @@
+"""Which shapes of one mesh are those of another: by their likeness, for frequencies may change places."""
+
+from __future__ import annotations
+
+from typing import Any
+
+import numpy as np
+from scipy.optimize import linear_sum_assignment
+from scipy.spatial import cKDTree
+
+from pipeline.core.arrays import Array, IntArray
+
+_SAME_FREQUENCY = 0.02  # relative: of shapes that the mesh alone keeps apart
+
+
+def matched(x: Array, shapes: Array, other_x: Array, other_m: Any, other_shapes: Array) -> IntArray:
+    """Number of the other mesh's shape that is most like each shape, all different, by the modal assurance criterion.
+
+    Parameters
+    ----------
+    x, shapes : ndarray, shapes (n_nodes, 3) and (n_nodes, 3, n)
+        Of the one mesh; what the other's nodes see of it is the nearest node's.
+    other_x, other_m, other_shapes : ndarray, sparse array, ndarray
+        Of the other: its nodes, scalar mass matrix and mass-normalised shapes, (n_nodes', 3, n') with n' ≥ n.
+
+    Raises
+    ------
+    ValueError
+        The other has fewer shapes.
+    """
+    if other_shapes.shape[2] < shapes.shape[2]:
+        raise ValueError(f"the other mesh has {other_shapes.shape[2]} shapes, fewer than {shapes.shape[2]}")
+    likeness = _likeness(x, shapes, other_x, other_m, other_shapes)
+    return np.asarray(linear_sum_assignment(likeness, maximize=True)[1], dtype=np.int64)
+
+
+def counterparts(
+    x: Array, shapes: Array, other_x: Array, other_m: Any, other_shapes: Array, other_omega: Array
+) -> tuple[IntArray, Array]:
+    """As `matched`, also if the other has fewer shapes, and how alike the pairs are, 0 … 1, shape (n,).
+
+    Shapes of one frequency may be turned into each other: what a shape has in common with any of them counts. A shape
+    without a counterpart is like none, 0.
+    """
+    likeness = _likeness(x, shapes, other_x, other_m, other_shapes)
+    rows, columns = linear_sum_assignment(likeness, maximize=True)
+    numbers, alike = np.zeros(len(likeness), dtype=np.int64), np.zeros(len(likeness))
+    numbers[rows] = columns
+    same = np.abs(other_omega / other_omega[columns, None] - 1) < _SAME_FREQUENCY
+    alike[rows] = (likeness[rows] * same).sum(axis=1)
+    return numbers, alike
+
+
+def _likeness(x: Array, shapes: Array, other_x: Array, other_m: Any, other_shapes: Array) -> Array:
+    seen = shapes[cKDTree(x).query(other_x)[1]]
+    mseen = (other_m @ seen.reshape(len(seen), -1)).reshape(seen.shape)
+    likeness = np.tensordot(mseen, other_shapes, ((0, 1), (0, 1))) ** 2
+    return np.asarray(likeness / np.einsum("iak,iak->k", seen, mseen)[:, None])

@@ -1,0 +1,116 @@
+"""The quantities that a run reports, for whatever motion of whatever neighbour of its scene."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+from typing import TYPE_CHECKING
+
+import numpy as np
+
+from pipeline.accuracy.error_estimates import Quantity
+from pipeline.accuracy.matching import matched
+from pipeline.core.arrays import Array, IntArray
+
+if TYPE_CHECKING:
+    from pipeline.recovery.chain_motion import ChainMotion
+    from pipeline.recovery.motion import Motion
+    from pipeline.reduction.modes import Modes
+    from pipeline.stages.part import FlexiblePart
+    from pipeline.stages.pipeline import Pipeline
+
+Quantities = dict[str, Quantity]
+
+
+def of_the_mesh(run: Pipeline, like: Pipeline | None = None) -> Quantities:
+    """Frequencies and masses of the flexible bodies; those of the modes that look ``like`` another run's, if given."""
+    found = []
+    for name, part in run.parts.items():
+        modes = part.modes if like is None else modes_like(like.parts[name], part)
+        for k, frequency in enumerate(modes.frequencies_hz):
+            found.append(Quantity(f"{name}, frequency {k + 1}", "Hz", np.array([frequency])))
+        found.append(Quantity(f"{name}, mass", "kg", np.array([run.bodies[name].gram.mass]), kind="geometry"))
+    return _by_name(found)
+
+
+def modes_like(part: FlexiblePart, other: FlexiblePart) -> Modes:
+    """Those modes of another mesh's part that are most like a part's, in its order."""
+    modes = other.modes
+    numbers = matched(part.space.x, part.modes.shapes, other.fe.x, other.fe.m, modes.shapes)
+    places = tuple(modes.numbers[k] for k in numbers)
+    return replace(modes, omega=modes.omega[numbers], shapes=modes.shapes[:, :, numbers], numbers=places)
+
+
+def of_the_motion(run: Pipeline, motion: Motion | ChainMotion, fine: Motion | ChainMotion) -> Quantities:
+    """Joints, tip and energies over time; a joint whose motion is given has no result.
+
+    Parameters
+    ----------
+    motion, fine : Motion or ChainMotion
+        The same at the output times and at many more, among which the tip's largest deflection is looked for.
+    """
+    from pipeline.recovery.motion import Motion
+
+    kinetic, potential = motion.energies
+    found = [Quantity("kinetic energy", "J", kinetic), Quantity("potential energy", "J", potential)]
+    if isinstance(motion, Motion):
+        (joint,) = run.scene.joint
+        found.append(Quantity(f"{joint}, angle", "rad", motion.joint_angle))
+        found.append(Quantity(f"{joint}, rate", "rad/s", motion.joint_rate))
+        tip = motion.tip_deflection
+    else:
+        given = {drive.joint for drive in run.scene.drive.values() if drive.type == "motion"}
+        for name in motion.joints.keys() - given:
+            unit = run.chain.units[name]
+            what = "angle" if unit == "rad" else "position"
+            found.append(Quantity(f"{name}, {what}", unit, motion.joint_position(name)))
+            found.append(Quantity(f"{name}, rate", f"{unit}/s", motion.joint_rate(name)))
+        tip = motion.tip_displacement
+    if run.scene.simulation.tip.partition(".")[0] in run.parts:
+        found.append(Quantity("tip, deflection", "m", tip))
+        found.append(Quantity("tip, largest deflection", "m", fine.tip_size, largest=True))
+    return _by_name(sorted(found, key=lambda quantity: quantity.name))
+
+
+def of_the_stress(
+    run: Pipeline,
+    motion: Motion | ChainMotion,
+    frames: IntArray,
+    nodes: dict[str, IntArray] | None = None,
+    places: dict[str, Array] | None = None,
+    as_if: dict[str, Array] | None = None,
+) -> Quantities:
+    """Von Mises stress: the largest on each body at some output times, and in each named element.
+
+    Parameters
+    ----------
+    frames : ndarray, shape (n_frames,)
+        Numbers of the output times.
+    nodes : dict of str to ndarray, optional
+        For each body the places among its surface nodes to look at; all of them by default.
+    places : dict of str to ndarray, optional
+        Where each body's named elements have their middles (n_elements, 3) [m], if not in this run's mesh.
+    as_if : dict of str to ndarray, optional
+        From each body's modal coordinates to those that its stress is made of, (n, n).
+    """
+    from pipeline.recovery.stress import StressHistory, von_mises
+
+    found = []
+    for name, part in run.parts.items():
+        chosen = slice(None) if nodes is None else nodes[name]
+        q = motion.modal(name) if as_if is None else motion.modal(name) @ as_if[name].T
+        history = StressHistory(part.surface.nodes[chosen], part.surface_stress[chosen], motion.times, q)
+        worst = history.measure_at(frames).max(axis=1)
+        found.append(Quantity(f"{name}, largest von Mises stress", "Pa", worst, largest=True, kind="stress"))
+        if not part.elements:
+            continue
+        modal = part.element_stress if places is None else part.stress_at(places[name])
+        for element, stress in zip(part.elements, modal, strict=True):
+            values = von_mises((stress @ q.T)[None])[0]
+            label = f"{name}.{element}, von Mises stress"
+            found.append(Quantity(label, "Pa", values, kind="stress"))
+            found.append(Quantity(f"{label}, largest", "Pa", values, largest=True, kind="stress"))
+    return _by_name(found)
+
+
+def _by_name(found: list[Quantity]) -> Quantities:
+    return {quantity.name: quantity for quantity in found}

@@ -1,0 +1,125 @@
+"""Run time against error for a scene: rows, a CSV and a chart."""
+
+from __future__ import annotations
+
+import csv
+import importlib.util
+import platform
+import sys
+from dataclasses import asdict, replace
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+
+from pipeline.core.arrays import Array
+from pipeline.core.errors import InputError
+from pipeline.core.files import whole_file
+from pipeline.integrators.protocol import Trajectory
+from pipeline.stages.pipeline import Pipeline
+
+if TYPE_CHECKING:
+    from pipeline.bench.work_precision import Errors, ErrorsOf, Row, WorkPrecision
+
+# What `fmd bench` compares by default: name of the files, scene, overrides.
+READY: tuple[tuple[str, str, tuple[str, ...]], ...] = (
+    ("rod-slider", "rod-slider", ()),
+    ("beam", "beam", ()),
+    ("beam-20-modes", "beam", ("body.beam.modes.count=20",)),
+    ("beam-60-modes", "beam", ("body.beam.modes.count=60",)),
+    ("arm", "arm", ()),
+)
+_PEER = Path(__file__).parents[2] / "benchmarks" / "exudyn_peer.py"
+_EMPTY: Any = None
+
+
+def bench(run: Pipeline, repeats: int = 5) -> WorkPrecision:
+    """Compare all integrators on a scene's mechanism, from its start to its end; ``repeats`` marches are timed."""
+    from pipeline.bench.work_precision import compare
+
+    times = np.linspace(0.0, run.scene.simulation.duration, 101)
+    q0, v0 = run.start
+    return compare(run.mechanism, q0, v0, times, _errors_of(run), repeats)
+
+
+def _errors_of(run: Pipeline) -> ErrorsOf:
+    """Errors of the tip, seen from its body's joint where the body is flexible, of modal and of joint coordinates."""
+    from pipeline.bench.work_precision import Errors
+    from pipeline.recovery.chain_motion import ChainMotion
+    from pipeline.recovery.motion import Motion
+
+    if run.is_rotor:
+        rotor = Motion(run.rotor, _EMPTY, run.scene.simulation.tip.partition(".")[2])
+
+        def of_rotor(found: Trajectory, exact: Trajectory) -> Errors:
+            one, other = replace(rotor, trajectory=found), replace(rotor, trajectory=exact)
+            pairs = [(m.tip_deflection, m.q, m.joint_angle) for m in (one, other)]
+            return Errors(*(_relative(a, b) for a, b in zip(*pairs, strict=True)))
+
+        return of_rotor
+    chain = ChainMotion(run.chain.tree, _EMPTY, run.chain.tip, run.chain.joints)
+
+    def of_chain(found: Trajectory, exact: Trajectory) -> Errors:
+        one, other = replace(chain, trajectory=found), replace(chain, trajectory=exact)
+        modal = [_relative(one.modal(name), other.modal(name)) for name in run.parts]
+        joints = [_relative(one.joint_position(name), other.joint_position(name)) for name in chain.joints]
+        tip = _relative(one.tip_position, other.tip_position)
+        return Errors(tip, max(modal, default=np.nan), max(joints, default=np.nan))
+
+    return of_chain
+
+
+def _relative(found: Array, exact: Array) -> float:
+    """Largest difference over all times over the largest value."""
+    return float(np.abs(found - exact).max() / np.abs(exact).max())
+
+
+def peer_rows(scene: str) -> list[Row]:
+    """Rows of Exudyn's solvers on a scene of the same name; none if it has no peer.
+
+    Raises
+    ------
+    InputError
+        The script or Exudyn itself is missing.
+    """
+    if not _PEER.is_file():
+        raise InputError(
+            "--peer", "", None, "needs a checkout of the project: benchmarks/exudyn_peer.py isn't installed"
+        )
+    spec = importlib.util.spec_from_file_location("exudyn_peer", _PEER)
+    assert spec is not None
+    assert spec.loader is not None
+    module = importlib.util.module_from_spec(spec)
+    sys.modules[spec.name] = module
+    spec.loader.exec_module(module)
+    if scene not in module.CASES:
+        return []
+    try:
+        return list(module.peer_rows(scene))
+    except ModuleNotFoundError as error:
+        raise InputError("--peer", "", None, f"{error}, or the extra 'bench'") from None
+
+
+def write_bench(run: Pipeline, result: WorkPrecision, folder: Path, name: str) -> list[str]:
+    """Write the rows as CSV, with the machine they came from, and the chart; return the files' names."""
+    from pipeline.render.precision_chart import draw_work_precision
+
+    folder.mkdir(parents=True, exist_ok=True)
+    with whole_file(folder / f"{name}.csv") as part, part.open("w", newline="") as file:
+        file.write(f"# {platform.machine()}, {platform.system()}, Python {platform.python_version()}; ")
+        file.write(f"two references differ by {result.reference_error:.1e}\n")
+        rows = [asdict(row) for row in result.rows]
+        table = csv.DictWriter(file, list(rows[0]), lineterminator="\n")
+        table.writeheader()
+        table.writerows({k: f"{v:.4g}" if isinstance(v, float) else v for k, v in row.items()} for row in rows)
+    curves: dict[str, Any] = {}
+    for row in result.rows:
+        curves.setdefault(row.integrator, []).append((row.seconds, max(row.error, 1e-16)))
+    what = "deflection" if run.is_rotor else "position"
+    draw_work_precision(
+        {label: np.array(points) for label, points in curves.items()},
+        folder / f"{name}.png",
+        title=f"{run.scene.title} ({run.mechanism.n} coordinates): run time against error",
+        error_label=f"largest error of the tip's {what} / largest {what}",
+    )
+    return [f"{name}.csv", f"{name}.png"]

@@ -1,0 +1,271 @@
+"""Error of natural frequencies against the time they take, for each element and mesh."""
+
+from __future__ import annotations
+
+import csv
+import platform
+import time
+from collections.abc import Callable, Iterator, Mapping, Sequence
+from dataclasses import astuple, dataclass, fields
+from pathlib import Path
+
+import numpy as np
+from rich.console import Console
+from rich.table import Table
+from scipy.optimize import brentq
+
+from pipeline.core.arrays import Array
+from pipeline.core.cache import Cache
+from pipeline.core.files import whole_file
+from pipeline.scene.scene import load_scene
+from pipeline.stages.pipeline import Pipeline
+
+WANTED = 1e-3
+_IN_PLANE = 0.5  # share of a mode's movement along y: above 0.8 in the plane, in all other modes below 0.25
+_REFINED = (1.0, 1.5, 2.0)  # meshes of a reference, in elements each way
+_SHORT = 2.0  # s, below which a time is measured twice
+
+
+@dataclass(frozen=True)
+class ModeRow:
+    """One mesh.
+
+    Attributes
+    ----------
+    scene, element, mesh : str
+        What was solved.
+    unknowns : int
+        How many.
+    seconds : float
+        Processor time of assembly and modes, of short ones the less of two runs.
+    error : float
+        Largest relative error of the frequencies.
+    """
+
+    scene: str
+    element: str
+    mesh: str
+    unknowns: int
+    seconds: float
+    error: float
+
+
+@dataclass(frozen=True)
+class Study:
+    """The meshes of a scene.
+
+    Attributes
+    ----------
+    scene : str
+        Its name.
+    meshes : tuple
+        Element, mesh as it is told, and override of the scene, coarse to fine.
+    references : tuple
+        For each of two elements the overrides of three meshes, of 1, 1.5 and 2 times as many of them each way.
+    frequencies : callable
+        From a pipeline to the frequencies that are compared [Hz].
+    """
+
+    scene: str
+    meshes: tuple[tuple[str, str, tuple[str, ...]], ...]
+    references: tuple[tuple[tuple[str, ...], ...], ...]
+    frequencies: Callable[[Pipeline], Array]
+
+
+@dataclass(frozen=True)
+class Reference:
+    """A converged solution.
+
+    Attributes
+    ----------
+    frequencies : ndarray
+        By the first element of the study's references [Hz].
+    uncertainty : float
+        Largest relative difference from the same by the second element.
+    unknowns : int
+        Of the finest mesh of the first.
+    """
+
+    frequencies: Array
+    uncertainty: float
+    unknowns: int
+
+
+def _beam(element: str, order: int, *counts: float) -> tuple[str, ...]:
+    """Numbers of hexahedra along x, y and z; the size of tetrahedra [mm]."""
+    size = f"divisions={list(counts)}" if element == "hexahedron" else f"size='{counts[0]:g} mm'"
+    mesh = f"body.beam.mesh={{element='{element}',order={order},{size}}}"
+    return mesh, "body.beam.modes.family=any", "body.beam.modes.count=20"
+
+
+def _propeller(element: str, order: int, *counts: float) -> tuple[str, ...]:
+    """Counts along the chord, across the joint and the gap, through the sleeve, along joint and blade."""
+    chord, across, gap, sleeve, joint, blade = counts
+    mesh = f"element='{element}',order={order},sleeve=[{6 * (across + gap)},{chord},{sleeve}],growth=4.0"
+    return (
+        f"body.propeller.mesh={{{mesh},joint=[{chord},{across},{joint}],blade=[{chord},{across},{blade}]}}",
+        "body.propeller.seat='43.636363636 deg'",  # the ready scene's, of 8 elements of 66 around
+        "body.propeller.modes.count=6",
+    )
+
+
+def _in_plane(run: Pipeline) -> Array:
+    """First five frequencies of bending along y, whatever the mesh's symmetry."""
+    shapes = run.modes.shapes
+    share = np.einsum("nj,nj->j", shapes[:, 1], shapes[:, 1]) / np.einsum("naj,naj->j", shapes, shapes)
+    return np.asarray(run.modes.frequencies_hz[share > _IN_PLANE][:5])
+
+
+_HEX8, _HEX20, _TET4, _TET10 = ((element, order) for element in ("hexahedron", "tetrahedron") for order in (1, 2))
+_NAMES = {_HEX8: "hex8", _HEX20: "hex20", _TET4: "tet4", _TET10: "tet10"}
+_BEAM_MESHES = {
+    _HEX8: ((60, 5, 2), (120, 10, 4), (240, 20, 8), (300, 24, 10)),
+    _HEX20: ((16, 2, 1), (24, 2, 1), (24, 3, 1), (30, 3, 1), (36, 3, 1), (48, 4, 1), (60, 5, 2), (90, 8, 3)),
+    _TET4: ((5.0,), (3.0,), (2.0,), (1.5,)),
+    _TET10: ((20.0,), (15.0,), (12.0,), (10.0,), (8.0,), (6.0,), (4.0,)),
+}
+_PROPELLER_MESHES = {
+    _HEX8: ((5, 4, 2, 2, 6, 14), (10, 8, 3, 3, 12, 27), (15, 12, 4, 4, 18, 36)),
+    _HEX20: (
+        *((4, 1, 1, 1, 3, 6), (4, 2, 1, 1, 4, 9), (4, 2, 1, 2, 4, 9), (4, 3, 1, 2, 4, 9), (5, 3, 1, 3, 5, 11)),
+        *((5, 4, 2, 3, 5, 11), (6, 4, 2, 3, 6, 12), (8, 5, 2, 4, 8, 15)),
+    ),
+    _TET4: ((5, 4, 2, 2, 6, 14), (10, 8, 3, 3, 12, 27)),
+    _TET10: ((4, 2, 1, 2, 4, 9), (6, 4, 2, 3, 6, 12), (9, 6, 3, 4, 9, 18)),
+}
+
+
+def _study(
+    scene: str,
+    made: Callable[..., tuple[str, ...]],
+    meshes: Mapping[tuple[str, int], Sequence[Sequence[float]]],
+    references: Sequence[Sequence[tuple[str, ...]]],
+    frequencies: Callable[[Pipeline], Array],
+) -> Study:
+    rows = ((kind, counts) for kind, several in meshes.items() for counts in several)
+    told = ((kind, " × ".join(f"{n:g}" for n in counts) + " mm" * (len(counts) == 1), counts) for kind, counts in rows)
+    return Study(
+        scene,
+        tuple((_NAMES[kind], mesh, made(*kind, *counts)) for kind, mesh, counts in told),
+        tuple(tuple(one) for one in references),
+        frequencies,
+    )
+
+
+STUDIES = (
+    _study(
+        "beam",
+        _beam,
+        _BEAM_MESHES,
+        (
+            [_beam(*_HEX20, *(round(n * k) for n in (60, 6, 2))) for k in _REFINED],
+            [_beam(*_TET10, 5.0 / k) for k in _REFINED],
+        ),
+        _in_plane,
+    ),
+    _study(
+        "propeller",
+        _propeller,
+        _PROPELLER_MESHES,
+        (
+            [_propeller(*_HEX20, *(round(n * k) for n in (6, 4, 2, 2, 6, 10))) for k in _REFINED],
+            [_propeller(*_TET10, *(round(n * k) for n in (4, 4, 2, 2, 6, 8))) for k in _REFINED],
+        ),
+        lambda run: run.modes.frequencies_hz[:6],
+    ),
+)
+
+
+def extrapolated(frequencies: Array) -> Array:
+    """Limit of frequencies (3, n) on meshes of 1, 1.5 and 2 times as many elements each way, ``f + c hᵖ``.
+
+    The order p is each one's own, at most 8: 4 where all is smooth, less where there is a re-entrant corner
+    (Babuška & Osborn 1991).
+    """
+    h = 1 / np.array(_REFINED)
+
+    def limit(f: Array) -> float:
+        ratio = (f[0] - f[1]) / (f[1] - f[2])
+        p = float(brentq(lambda p: (h[0] ** p - h[1] ** p) / (h[1] ** p - h[2] ** p) - ratio, 0.5, 8.0))
+        return float(f[2] - (f[1] - f[2]) / ((h[1] / h[2]) ** p - 1))
+
+    return np.array([limit(f) for f in frequencies.T])
+
+
+def reference_of(study: Study) -> Reference:
+    """Extrapolate the frequencies by each of two elements."""
+    found, unknowns = [], []
+    for meshes in study.references:
+        runs = [Pipeline(load_scene(study.scene, mesh), Cache(None)) for mesh in meshes]
+        found.append(extrapolated(np.stack([study.frequencies(run) for run in runs])))
+        unknowns.append(3 * len(runs[-1].fe.x))
+    apart = np.abs(found[1] / found[0] - 1).max()
+    return Reference(found[0], float(apart), unknowns[0])
+
+
+def measure(study: Study, reference: Reference) -> Iterator[ModeRow]:
+    """Solve on each mesh; the mesh is made before the clock runs."""
+    for element, mesh, overrides in study.meshes:
+        seconds: list[float] = []
+        while len(seconds) < (2 if seconds[:1] < [_SHORT] else 1):
+            run = Pipeline(load_scene(study.scene, overrides), Cache(None))
+            run.mesh  # noqa: B018
+            tick = time.process_time()
+            run.modes  # noqa: B018
+            seconds.append(time.process_time() - tick)
+        error = float(np.abs(study.frequencies(run) / reference.frequencies - 1).max())
+        yield ModeRow(study.scene, element, mesh, 3 * len(run.fe.x), min(seconds), error)
+
+
+def fastest(rows: list[ModeRow], error: float = WANTED) -> ModeRow | None:
+    """The row that takes least time among those within an error."""
+    return min((row for row in rows if row.error <= error), key=lambda row: row.seconds, default=None)
+
+
+def write_study(rows: list[ModeRow], references: dict[str, Reference], folder: Path) -> list[str]:
+    """Write the rows as CSV and a chart of each scene; return the files' names."""
+    from pipeline.render.precision_chart import draw_work_precision
+
+    folder.mkdir(parents=True, exist_ok=True)
+    files = ["modes.csv"]
+    with whole_file(folder / "modes.csv") as part, part.open("w", newline="") as file:
+        file.write(f"# {platform.machine()}, {platform.system()}, Python {platform.python_version()}, one thread\n")
+        for scene, reference in references.items():
+            hertz = " ".join(f"{frequency:.4f}" for frequency in reference.frequencies)
+            file.write(
+                f"# {scene}: {hertz} Hz, the limit by up to {reference.unknowns} unknowns, "
+                f"good to {reference.uncertainty:.0e}\n"
+            )
+        table = csv.writer(file, lineterminator="\n")
+        table.writerow([field.name for field in fields(ModeRow)])
+        table.writerows([f"{x:.4g}" if isinstance(x, float) else x for x in astuple(row)] for row in rows)
+    for scene in references:
+        curves: dict[str, list[tuple[float, float]]] = {}
+        for row in rows:
+            if row.scene == scene:
+                curves.setdefault(row.element, []).append((row.seconds, row.error))
+        files.append(f"modes-{scene}.png")
+        draw_work_precision(
+            {element: np.array(points) for element, points in curves.items()},
+            folder / files[-1],
+            title=f"{scene}: processor time of assembly and modes against error",
+            error_label="largest relative error of the frequencies",
+        )
+    return files
+
+
+def print_study(rows: list[ModeRow], references: dict[str, Reference], folder: Path, files: list[str]) -> None:
+    """Print a table of each scene and what is fastest within the wanted error."""
+    console = Console()
+    for scene, reference in references.items():
+        title = f"{scene}: two elements' limits agree to {reference.uncertainty:.0e}"
+        table = Table("element", "mesh", "unknowns", "seconds", "error", title=title, title_justify="left")
+        own = [row for row in rows if row.scene == scene]
+        for row in own:
+            table.add_row(row.element, row.mesh, str(row.unknowns), f"{row.seconds:.3f}", f"{row.error:.1e}")
+        console.print(table)
+        for element in dict.fromkeys(row.element for row in own):
+            best = fastest([row for row in own if row.element == element])
+            found = f"{best.mesh}, {best.unknowns} unknowns, {best.seconds:.3f} s" if best else "none of these"
+            console.print(f"fastest {element} within {WANTED:g}: {found}")
+    console.print(f"in {folder}/: {', '.join(files)}")

@@ -1,0 +1,150 @@
+"""Run time against error: every integrator over a range of steps or tolerances, against a checked reference."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Iterator
+from dataclasses import dataclass, replace
+from math import nan
+from statistics import median
+from typing import NamedTuple
+
+from pipeline.core.arrays import Array
+from pipeline.core.errors import AccuracyError
+from pipeline.dynamics.system import System
+from pipeline.integrators.adaptive_alpha import AdaptiveGeneralizedAlpha
+from pipeline.integrators.central_difference import CentralDifference
+from pipeline.integrators.exponential import Exponential
+from pipeline.integrators.generalized_alpha import GeneralizedAlpha
+from pipeline.integrators.protocol import Integrator, Trajectory
+from pipeline.integrators.rosenbrock import ExponentialRosenbrock
+from pipeline.integrators.runge_kutta import RungeKutta
+from pipeline.integrators.scipy_ivp import ScipyIvp
+from pipeline.integrators.subcycling import Subcycling
+
+
+class Errors(NamedTuple):
+    """Errors of a trajectory, each relative to the largest value over the motion; nan where there is nothing."""
+
+    tip: float
+    modal: float
+    joint: float
+
+
+ErrorsOf = Callable[[Trajectory, Trajectory], Errors]
+"""Errors of one trajectory against another."""
+
+_MOST_SECONDS = 2.0  # a march longer than this ends its method's range
+
+
+@dataclass(frozen=True)
+class Row:
+    """One march.
+
+    Attributes
+    ----------
+    integrator : str
+        The method, with its ratio if it sub-cycles.
+    step_s : float
+        Its step, the mean one if it chooses by itself [s].
+    substeps : int
+        Fast steps to one slow step.
+    seconds : float
+        Median run time.
+    error : float
+        Of the tip, against the reference.
+    evaluations : int
+        Solutions of the whole system; those of the fast part alone come on top.
+    modal_error, joint_error : float
+        Of the modal coordinates that stress is made of, and of the joints' coordinates.
+    """
+
+    integrator: str
+    step_s: float
+    substeps: int
+    seconds: float
+    error: float
+    evaluations: int
+    modal_error: float = nan
+    joint_error: float = nan
+
+
+@dataclass(frozen=True)
+class WorkPrecision:
+    """A comparison.
+
+    Attributes
+    ----------
+    rows : tuple of Row
+        All marches that came to their end, method by method, coarse to fine.
+    reference_error : float
+        What two independent references differ by at the tip.
+    """
+
+    rows: tuple[Row, ...]
+    reference_error: float
+
+
+def compare(
+    system: System, q0: Array, v0: Array, times: Array, errors_of: ErrorsOf, repeats: int = 5, limit: float = 1e-8
+) -> WorkPrecision:
+    """March a system by every method and measure.
+
+    Parameters
+    ----------
+    times : ndarray, shape (n_times,)
+        Where the error is taken [s].
+    repeats : int
+        Marches whose median run time counts; taken with output at the end alone.
+    limit : float
+        Largest difference of the two references.
+
+    Raises
+    ------
+    AccuracyError
+        The references, a Runge–Kutta method of order 8 and an exponential one, differ by more.
+    """
+    duration = float(times[-1])
+    reference = RungeKutta(1e-13).march(system, q0, v0, times)
+    other: Integrator = ExponentialRosenbrock(1e-12) if system.coupled else Exponential(duration / 20480)
+    reference_error = errors_of(other.march(system, q0, v0, times), reference).tip
+    if not reference_error < limit:
+        raise AccuracyError(f"two references differ by {reference_error:.1e}, above {limit:.0e}")
+    rows: list[Row] = []
+    for methods in _families(system, duration):
+        for label, method in methods:
+            try:
+                motion = method.march(system, q0, v0, times)
+            except AccuracyError:  # diverged: nothing to compare at this step
+                continue
+            ends = times[[0, -1]]
+            seconds = [method.march(system, q0, v0, ends).seconds]
+            while len(seconds) < repeats and sum(seconds) < _MOST_SECONDS:
+                seconds.append(method.march(system, q0, v0, ends).seconds)
+            errors, substeps = errors_of(motion, reference), motion.substeps
+            figures = (median(seconds), errors.tip, motion.evaluations, errors.modal, errors.joint)
+            rows.append(Row(label, float(motion.step), substeps, *figures))
+            if median(seconds) > _MOST_SECONDS:
+                break
+    return WorkPrecision(tuple(rows), reference_error)
+
+
+def _families(system: System, duration: float) -> Iterator[Iterator[tuple[str, Integrator]]]:
+    """Each method's range, coarse to fine; steps divide a fifth of the duration, where a drive may end."""
+    steps = [duration / (5 * 2**k) for k in range(3, 20)]
+    plain = CentralDifference(1.0)
+    explicit = [step for step in steps if step < 0.9 * plain.largest_step(system)][:7]
+    yield ((plain.name, replace(plain, step=step)) for step in explicit)
+    for m in (5, 10):
+        method = Subcycling(1.0, m)
+        stable = [step for step in explicit if step < 0.9 * method.largest_step(system)]
+        yield ((f"{method.name} {m}:1", replace(method, step=step)) for step in stable)
+    coarse = [step for step in steps if step >= explicit[-1]]
+    yield (("generalized-alpha", GeneralizedAlpha(step)) for step in coarse)
+    yield (("generalized-alpha, adaptive", AdaptiveGeneralizedAlpha(10.0**-k)) for k in range(2, 9))
+    if system.n_positions == system.n:
+        bound = Exponential(1.0).largest_step(system)
+        yield (("exponential", Exponential(step)) for step in coarse if step < 0.9 * bound)
+    yield (("exponential-rosenbrock", ExponentialRosenbrock(10.0**-k)) for k in range(2, 11))
+    yield (("runge-kutta", RungeKutta(10.0**-k)) for k in range(2, 13, 2))
+    for name in ("Radau", "LSODA"):
+        yield ((name, ScipyIvp(name, 10.0**-k)) for k in range(3, 12, 2))

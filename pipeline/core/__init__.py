@@ -1,0 +1,1 @@
+"""What every other layer stands on: errors, arrays, units, formulas, files and the cache."""

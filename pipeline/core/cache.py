@@ -1,0 +1,100 @@
+"""Results of stages kept between runs, each named by the digest of everything it depends on."""
+
+from __future__ import annotations
+
+import hashlib
+import io
+import json
+import os
+import tempfile
+from contextlib import AbstractContextManager, nullcontext
+from dataclasses import dataclass
+from importlib.metadata import version
+from pathlib import Path
+from typing import Any
+
+from pipeline.core.files import forget_abandoned, one_at_a_time
+from pipeline.core.paths import source_digest
+
+_DIGEST_BYTES = 32
+
+
+def stage_key(stage: str, inputs: Any, sources: tuple[str, ...], packages: tuple[str, ...] = ()) -> str:
+    """Name a stage's result after its inputs, the source code and the packages that make it."""
+    content = {
+        "stage": stage,
+        "inputs": inputs,
+        "source": source_digest(*sources),
+        "packages": {package: version(package) for package in packages},
+    }
+    text = json.dumps(content, sort_keys=True, default=str)
+    return f"{stage}-{hashlib.blake2b(text.encode(), digest_size=16).hexdigest()}"
+
+
+@dataclass(frozen=True)
+class Cache:
+    """A folder of results; each file carries the digest of its content.
+
+    Parameters
+    ----------
+    folder : Path or None
+        ``None`` keeps nothing.
+    """
+
+    folder: Path | None
+
+    def holds(self, key: str) -> bool:
+        """Whether something undamaged is saved under ``key``."""
+        return self._body(key) is not None
+
+    def _body(self, key: str) -> bytes | None:
+        if self.folder is None:
+            return None
+        try:
+            content = (self.folder / key).read_bytes()
+        except OSError:
+            return None
+        digest, body = content[:_DIGEST_BYTES], content[_DIGEST_BYTES:]
+        return body if _digest(body) == digest else None
+
+    def load(self, key: str) -> Any:
+        """Return what was saved under ``key``; ``None`` if there is nothing, or only something damaged."""
+        body = self._body(key)
+        if body is None:
+            return None
+        import joblib
+
+        try:
+            return joblib.load(io.BytesIO(body))
+        except Exception:  # whole, but of another version of what it is made of
+            return None
+
+    def save(self, key: str, value: Any) -> None:
+        """Keep ``value`` under ``key``: whole or not at all; a folder that can't be written is left alone."""
+        if self.folder is None:
+            return
+        import joblib
+
+        buffer = io.BytesIO()
+        joblib.dump(value, buffer)
+        body = buffer.getvalue()
+        part = ""
+        try:
+            self.folder.mkdir(parents=True, exist_ok=True)
+            forget_abandoned(self.folder, ".part-*")
+            handle, part = tempfile.mkstemp(dir=self.folder, prefix=".part-")
+            with os.fdopen(handle, "wb") as file:
+                file.write(_digest(body))
+                file.write(body)
+            os.replace(part, self.folder / key)
+        except OSError:
+            if part:
+                Path(part).unlink(missing_ok=True)
+
+    def alone(self, key: str) -> AbstractContextManager[None]:
+        """Enter what one process at a time may do: make the value of ``key``."""
+        return nullcontext() if self.folder is None else one_at_a_time(self.folder / f".making-{key}")
+
+
+def _digest(body: bytes) -> bytes:
+    return hashlib.blake2b(body, digest_size=_DIGEST_BYTES).digest()

@@ -1,0 +1,207 @@
+"""Parameters of a mechanism that kernels take by one address.
+
+Numba hands a tuple on by its members: fifty arrays are four hundred arguments in each call of each kernel, and
+compiling those took longer than compiling all arithmetic. A `Table` is one argument, and a kernel loads what it names.
+Compiled functions can be among the members, by their address: who calls one by it needn't compile it over again.
+"""
+
+# mypy: allow-untyped-calls, allow-untyped-decorators, allow-subclassing-any
+
+from __future__ import annotations
+
+from dataclasses import fields
+from functools import cache, cached_property
+from typing import Any
+
+import numpy as np
+
+import pipeline.dynamics.jit.compiled  # noqa: F401 - sets Numba up, so it comes first
+from pipeline.core.arrays import Array
+
+# isort: split
+import numba
+from llvmlite import ir
+from numba.core import cgutils, types
+from numba.core.errors import TypingError
+from numba.core.typing.templates import AttributeTemplate
+from numba.extending import NativeValue, infer_getattr, intrinsic, lower_getattr_generic, models, register_model, unbox
+
+_WORD = 8  # bytes
+
+
+class Table:
+    """Base of frozen dataclasses whose members are C-contiguous arrays, numbers and other tables.
+
+    Kernels read the members by name. Members don't change; what is in the arrays may.
+
+    Raises
+    ------
+    ValueError
+        An array is not contiguous, or not of 64-bit numbers.
+    """
+
+    def __post_init__(self) -> None:
+        for name, x in self._members.items():
+            if isinstance(x, np.ndarray) and not (x.flags.c_contiguous and x.flags.aligned and x.itemsize == _WORD):
+                raise ValueError(f"{name} must be a C-contiguous array of 64-bit numbers")
+
+    def __reduce__(self) -> tuple[Any, ...]:
+        """Make copies anew: addresses are this object's own."""
+        return type(self), tuple(self._members.values())
+
+    @cached_property
+    def _members(self) -> dict[str, Any]:
+        return {member.name: getattr(self, member.name) for member in fields(self)}  # type: ignore[arg-type]
+
+    @cached_property
+    def _numba_type_(self) -> TableType:
+        return _table_type(type(self), tuple(_kind(x) for x in self._members.values()))  # type: ignore[arg-type]
+
+    @cached_property
+    def _words(self) -> Array:
+        return np.array([word for x in self._members.values() for word in _words_of(x)], dtype=np.int64)
+
+    @cached_property
+    def address(self) -> int:
+        """Where kernels find the members."""
+        return int(self._words.ctypes.data)
+
+
+def _words_of(x: Any) -> list[int]:
+    """What is stored of a member: of an array its address and its shape."""
+    if isinstance(x, Table):
+        return [x.address]
+    if isinstance(x, np.ndarray):
+        return [x.__array_interface__["data"][0], *x.shape]  # x.ctypes.data takes longer
+    return [int(np.float64(x).view(np.int64)) if isinstance(x, float) else int(x)]
+
+
+class TableType(types.Type):
+    """Type of a `Table` in kernels: its class, and its members' names and types in their order."""
+
+    def __init__(self, instance_class: type[Table], members: tuple[tuple[str, Any], ...]) -> None:
+        self.instance_class, self.members = instance_class, members
+        super().__init__(name=instance_class.__name__)
+
+    @property
+    def key(self) -> Any:
+        """What tells one such type from another."""
+        return self.instance_class, self.members
+
+    def word(self, name: str) -> int:
+        """Number of the word at which a member begins."""
+        at = 0
+        for member, kind in self.members:
+            if member == name:
+                return at
+            at += 1 + kind.ndim if isinstance(kind, types.Array) else 1
+        raise AttributeError(name)
+
+
+register_model(TableType)(models.OpaqueModel)
+
+
+def _kind(x: Any) -> Any:
+    """What a member's type depends on; Numba's own look at each of fifty arrays takes longer than many a march."""
+    if isinstance(x, np.ndarray):
+        return x.dtype, x.ndim, x.flags.writeable
+    return x._numba_type_ if isinstance(x, Table) else numba.typeof(x)
+
+
+@cache
+def _table_type(table: Any, kinds: tuple[Any, ...]) -> TableType:
+    names = [member.name for member in fields(table)]
+    return TableType(table, tuple((name, _typed(kind)) for name, kind in zip(names, kinds, strict=True)))
+
+
+def _typed(kind: Any) -> Any:
+    if not isinstance(kind, tuple):
+        return kind
+    dtype, n_dimensions, writeable = kind
+    return types.Array(numba.from_dtype(dtype), n_dimensions, "C", readonly=not writeable)
+
+
+@unbox(TableType)
+def _unbox(kind: TableType, value: Any, c: Any) -> Any:
+    number = c.pyapi.object_getattr_string(value, "address")
+    pointer = c.pyapi.long_as_voidptr(number)
+    c.pyapi.decref(number)
+    return NativeValue(pointer)
+
+
+@infer_getattr
+class _Members(AttributeTemplate):
+    key = TableType
+
+    def generic_resolve(self, kind: TableType, name: str) -> Any:  # type: ignore[override]
+        return dict(kind.members).get(name)
+
+
+@lower_getattr_generic(TableType)
+def _load_member(context: Any, builder: Any, table: TableType, pointer: Any, name: str) -> Any:
+    """Load a member; nothing in a table changes while a kernel runs, so that a loop needs it once."""
+    kind, first, integer = dict(table.members)[name], table.word(name), ir.IntType(64)
+
+    def load(word: int, as_type: Any) -> Any:
+        place = cgutils.pointer_add(builder, pointer, _WORD * (first + word), as_type.as_pointer())
+        value = builder.load(place)
+        value.set_metadata("invariant.load", builder.module.add_metadata([]))
+        return value
+
+    if isinstance(kind, types.Boolean):
+        return builder.icmp_unsigned("!=", load(0, integer), integer(0))
+    if not isinstance(kind, types.Array):
+        return load(0, context.get_value_type(kind))
+    array = context.make_array(kind)(context, builder)
+    shape = [load(1 + axis, integer) for axis in range(kind.ndim)]
+    strides = [integer(_WORD)]
+    for n in reversed(shape[1:]):
+        strides.insert(0, builder.mul(strides[0], n))
+    array.data, array.itemsize = load(0, array.data.type), integer(_WORD)
+    array.nitems = builder.udiv(builder.mul(strides[0], shape[0]), integer(_WORD))
+    array.shape, array.strides = cgutils.pack_array(builder, shape), cgutils.pack_array(builder, strides)
+    array.meminfo, array.parent = (cgutils.get_null_value(x.type) for x in (array.meminfo, array.parent))
+    return array._getvalue()
+
+
+def address_of(function: Any, *arguments: Any) -> int:
+    """Address of a kernel that returns nothing, compiled for arguments like these, for `call`.
+
+    Raises
+    ------
+    TypeError
+        The function is one that is linked into kernels.
+    """
+    kinds = tuple(numba.typeof(x) for x in arguments)
+    function.compile(kinds)
+    compiled = function.overloads[kinds]
+    address = int(compiled.library.get_pointer_to_function(compiled.fndesc.llvm_func_name))
+    if not address:
+        raise TypeError(f"{function.__name__} has no address; what is called by one is `addressed`, or a `kernel`")
+    return address
+
+
+@intrinsic
+def _call(typing_context: Any, address: Any, arguments: Any) -> Any:
+    """Call the kernel at an address, with a tuple of arguments of the very types that `address_of` had for it.
+
+    Nothing can check that: the address is only a number. Make sure that floats are floats.
+    """
+    kinds = tuple(arguments)
+    for kind in kinds:
+        if isinstance(kind, types.Array) and kind.layout != "C":
+            raise TypingError(f"{kind} is not contiguous")
+
+    def generate(context: Any, builder: Any, signature: Any, values: Any) -> Any:
+        function_type = context.call_conv.get_function_type(types.none, kinds)
+        function = builder.inttoptr(values[0], function_type.as_pointer())
+        unpacked = cgutils.unpack_tuple(builder, values[1], len(kinds))
+        flat = context.get_arg_packer(kinds).as_arguments(builder, unpacked)
+        none, error = (cgutils.alloca_once(builder, place.pointee) for place in function_type.args[:2])
+        builder.call(function, [none, error, *flat])  # kernels raise nothing
+        return context.get_dummy_value()
+
+    return types.none(address, arguments), generate
+
+
+call: Any = _call  # as kernels see it: without the context

@@ -1,0 +1,203 @@
+"""A linear system, ``M q̈ + C q̇ + K q = 0``, as the integrators see it: what their stability is measured on."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from functools import cached_property
+from typing import TYPE_CHECKING, NamedTuple
+
+import numpy as np
+
+from pipeline.core.arrays import Array, require_shape
+from pipeline.dynamics.jit.compiled import meaning
+from pipeline.dynamics.system import accelerations, advance, fast_steps, freeze, velocities
+from pipeline.dynamics.vibration import highest_frequency
+
+if TYPE_CHECKING:
+    from pipeline.dynamics.linear.middle import MiddleLinear
+
+
+class LinearParameters(NamedTuple):
+    """What the kernels read: ``a = −A q − B v``, and of the fast coordinates ``a_S = −A_S q_S − B_S v_S − W held``.
+
+    Matrices lie in memory by columns, so that products run over one column after another in vector instructions.
+    Without terms of the rates B and C have no columns.
+    """
+
+    n_slow: int
+    A: Array  # (n, n) M⁻¹ K
+    B: Array  # (n, n or 0) M⁻¹ C
+    M: Array
+    C: Array  # (n, n or 0)
+    K: Array
+    K_SS: Array  # (n_fast, n_fast)
+    C_SS: Array  # (n_fast, n_fast or 0)
+    W: Array  # (n_fast, n_fast) M_SS⁻¹
+    v_now: Array  # (n_fast,), room to work in
+
+
+class FrozenLinear(NamedTuple):
+    """What the fast coordinates feel of the slow ones over a major cycle: ``held = K_SL q_L + C_SL v_L + M_SL a_L``."""
+
+    held: Array  # (n_fast,)
+    right: Array  # (n_fast,), room to work in
+
+
+@dataclass(frozen=True)
+class LinearSystem:
+    """A linear system with its slow coordinates first.
+
+    Parameters
+    ----------
+    M, K : ndarray, shape (n, n)
+        Mass, positive definite, and stiffness.
+    n_slow : int
+        Number of slow coordinates.
+    C : ndarray, shape (n, n), optional
+        Coefficients of the rates: damping, gyroscopic terms.
+    """
+
+    M: Array
+    K: Array
+    n_slow: int
+    C: Array | None = None
+
+    breakpoints = ()
+    holds_forces = False
+
+    def __post_init__(self) -> None:
+        for name in ("M", "K"):
+            require_shape(name, getattr(self, name), (len(self.M), len(self.M)))
+        if not 0 <= self.n_slow <= self.n:
+            raise ValueError(f"n_slow is {self.n_slow}, expected 0 … {self.n}")
+
+    @property
+    def n(self) -> int:
+        """Number of coordinates."""
+        return len(self.M)
+
+    @property
+    def n_positions(self) -> int:
+        """The same."""
+        return self.n
+
+    @property
+    def coupled(self) -> bool:
+        """Whether slow and fast coordinates couple through M."""
+        return bool(self.M[: self.n_slow, self.n_slow :].any())
+
+    @property
+    def stiffness(self) -> Array:
+        """Diagonal of ``M⁻¹ K`` [1/s²], shape (n,)."""
+        return np.asarray(self._packed.A.diagonal())
+
+    @property
+    def parameters(self) -> LinearParameters:
+        """Flat arrays for the kernels, with room to work in that is the caller's own."""
+        return self._packed._replace(v_now=np.zeros(self.n - self.n_slow))
+
+    @cached_property
+    def _packed(self) -> LinearParameters:
+        C = np.zeros((self.n, 0)) if self.C is None else self.C
+        inverse = np.linalg.inv(self.M)
+        S = slice(self.n_slow, None)
+        of_fast = self.K[S, S], C[S, S], np.linalg.inv(self.M[S, S])
+        arrays = (inverse @ self.K, inverse @ C, self.M, C, self.K, *of_fast, np.empty(0))
+        return LinearParameters(self.n_slow, *(np.asfortranarray(a, dtype=float) for a in arrays))
+
+    def frozen(self) -> FrozenLinear:
+        """Fresh storage for what a major cycle holds."""
+        return FrozenLinear(np.zeros(self.n - self.n_slow), np.zeros(self.n - self.n_slow))
+
+    def middle(self) -> MiddleLinear:
+        """Fresh storage for what a major cycle's middle holds."""
+        from pipeline.dynamics.linear.middle import middle_of
+
+        C = np.zeros_like(self.K) if self.C is None else self.C
+        return middle_of(self.M, self.K, C, self.n_slow)
+
+    @property
+    def highest_frequency(self) -> float:
+        """Highest angular frequency without the rates' terms [rad/s]."""
+        return self._highest(slice(0, None))
+
+    @property
+    def highest_fast_frequency(self) -> float:
+        """The same of the fast coordinates with the slow ones held."""
+        return self._highest(slice(self.n_slow, None))
+
+    @property
+    def highest_reacting_frequency(self) -> float:
+        """The same of the fast coordinates with ``q_L + M_LL⁻¹ M_LS q_S`` held."""
+        slow, fast = slice(0, self.n_slow), slice(self.n_slow, None)
+        T = np.concatenate([-np.linalg.solve(self.M[slow, slow], self.M[slow, fast]), np.eye(self.n - self.n_slow)])
+        return highest_frequency(T.T @ self.M @ T, T.T @ self.K @ T)
+
+    @property
+    def highest_slow_frequency(self) -> float:
+        """The same of the slow coordinates with the fast ones held."""
+        return self._highest(slice(0, self.n_slow))
+
+    def _highest(self, part: slice) -> float:
+        return highest_frequency(self.M[part, part], self.K[part, part])
+
+
+@meaning(accelerations, LinearParameters)
+def _accelerations(p: LinearParameters, t: float, q: Array, v: Array, a: Array) -> None:
+    A, B = p.A, p.B
+    for i in range(v.size):
+        a[i] = 0.0
+    for j in range(v.size):
+        for i in range(v.size):
+            a[i] -= A[i, j] * q[j]
+    for j in range(B.shape[1]):
+        for i in range(v.size):
+            a[i] -= B[i, j] * v[j]
+
+
+@meaning(freeze, LinearParameters)
+def _freeze(p: LinearParameters, t: float, q: Array, v: Array, a: Array, frozen: FrozenLinear) -> None:
+    M, C, K, held, n_slow = p.M, p.C, p.K, frozen.held, p.n_slow
+    for i in range(n_slow, v.size):
+        held[i - n_slow] = 0.0
+        for j in range(n_slow):
+            held[i - n_slow] += K[i, j] * q[j] + M[i, j] * a[j]
+        for j in range(min(n_slow, C.shape[1])):
+            held[i - n_slow] += C[i, j] * v[j]
+
+
+@meaning(fast_steps, LinearParameters)
+def _fast_steps(
+    p: LinearParameters, frozen: FrozenLinear, first: int, h: float, count: int, q: Array, v: Array, a: Array
+) -> None:
+    K, C, W, v_now, held, right, n_fast = p.K_SS, p.C_SS, p.W, p.v_now, frozen.held, frozen.right, frozen.right.size
+    q, v, a = q[p.n_slow :], v[p.n_slow :], a[p.n_slow :]
+    for _ in range(count):
+        for i in range(n_fast):
+            v_now[i] = v[i] + 0.5 * h * a[i]
+            right[i] = -held[i]
+            a[i] = 0.0
+        for j in range(n_fast):
+            for i in range(n_fast):
+                right[i] -= K[i, j] * q[j]
+        for j in range(C.shape[1]):
+            for i in range(n_fast):
+                right[i] -= C[i, j] * v_now[j]
+        for j in range(n_fast):
+            for i in range(n_fast):
+                a[i] += W[i, j] * right[j]
+        for i in range(n_fast):
+            v[i] += h * a[i]
+            q[i] += h * v[i]
+
+
+@meaning(advance, LinearParameters)
+def _advance(p: LinearParameters, q: Array, v: Array, h: float, first: int, last: int) -> None:
+    for i in range(first, last):
+        q[i] += h * v[i]
+
+
+@meaning(velocities, LinearParameters)
+def _velocities(p: LinearParameters, q: Array, v: Array, dq: Array) -> None:
+    for i in range(v.size):
+        dq[i] = v[i]

@@ -1,0 +1,156 @@
+"""The parts of an open chain: bodies with the joints that carry them, and loads at points."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, field
+
+import numpy as np
+
+from pipeline.core.arrays import Array
+from pipeline.dynamics.signals.signal import Signal, constant
+from pipeline.reduction.inertia import InertiaGram
+
+FIXED, REVOLUTE, PRISMATIC, SPHERICAL, FREE = range(5)
+_JUMP = 1e-6
+_N_RATES = (0, 1, 1, 3, 6)
+_N_POSITIONS = (0, 1, 1, 4, 7)
+
+
+@dataclass(frozen=True)
+class Link:
+    """A body with the joint that carries it; rigid if it has no modes.
+
+    Parameters
+    ----------
+    name : str
+        The body's name.
+    gram : InertiaGram
+        Inertia integrals about the joint, in the body's frame, for unit modal masses.
+    joint : int
+        ``FIXED``, ``REVOLUTE``, ``PRISMATIC``, ``SPHERICAL`` or ``FREE``.
+    parent : int
+        Number of the body that carries it, -1 for the ground; smaller than its own.
+    place : ndarray, shape (3,)
+        The joint in the parent's frame [m].
+    axis : ndarray, shape (3,)
+        Unit vector of a revolute or prismatic joint, in both bodies' frames at angle 0.
+    omega : ndarray, shape (n,)
+        Modal angular frequencies [rad/s], ascending.
+    damping : ndarray, shape (n,)
+        Modal damping ratios.
+    place_shapes, place_rotations : ndarray, shape (3, n_parent)
+        Displacement and rotation of the joint's place for unit modal coordinates of the parent.
+    joint_rotation : ndarray, shape (n,)
+        Rotation of the body's own section at a revolute joint about its axis, for unit modal coordinates.
+    spring, rest, damper : float
+        Of a revolute or prismatic joint [N m/rad or N/m; rad or m; N m s/rad or N s/m].
+    load : Signal
+        Torque or force along a revolute or prismatic joint [N m or N].
+    motion : Signal, optional
+        Prescribed angle or displacement of a revolute or prismatic joint [rad or m]; the joint has no coordinate then.
+    """
+
+    name: str
+    gram: InertiaGram
+    joint: int
+    parent: int = -1
+    place: Array = field(default_factory=lambda: np.zeros(3))
+    axis: Array = field(default_factory=lambda: np.array([0.0, 0.0, 1.0]))
+    omega: Array = field(default_factory=lambda: np.zeros(0))
+    damping: Array = field(default_factory=lambda: np.zeros(0))
+    place_shapes: Array = field(default_factory=lambda: np.zeros((3, 0)))
+    place_rotations: Array = field(default_factory=lambda: np.zeros((3, 0)))
+    joint_rotation: Array = field(default_factory=lambda: np.zeros(0))
+    spring: float = 0.0
+    rest: float = 0.0
+    damper: float = 0.0
+    load: Signal = field(default_factory=lambda: constant(0.0))
+    motion: Signal | None = None
+
+    @property
+    def n_rates(self) -> int:
+        """Number of the joint's rates."""
+        return 0 if self.motion else _N_RATES[self.joint]
+
+    @property
+    def n_positions(self) -> int:
+        """Number of the joint's position coordinates."""
+        return 0 if self.motion else _N_POSITIONS[self.joint]
+
+    def require_valid(self, number: int, parent_modes: int) -> None:
+        """Raise ``ValueError`` unless the link can be the one of this number on a parent with so many modes."""
+        if not -1 <= self.parent < number:
+            raise ValueError(f"link {self.name} comes before its parent")
+        if not np.linalg.norm(self.axis) > 0.0:
+            raise ValueError(f"the axis of {self.name} has no direction")
+        if self.gram.G.shape[-1] != 1 + len(self.omega):
+            raise ValueError(f"{self.name} has {len(self.omega)} frequencies and {self.gram.G.shape[-1] - 1} shapes")
+        for name in ("place_shapes", "place_rotations"):
+            if (found := getattr(self, name).shape[1]) not in (0, parent_modes):
+                raise ValueError(f"{name} of {self.name} has {found} columns, its parent {parent_modes} modes")
+        along = self.spring or self.damper or self.motion or self.load != constant(0.0)
+        if along and self.joint not in (REVOLUTE, PRISMATIC):
+            raise ValueError(f"the joint of {self.name} takes no spring, damper, load or motion: it has no axis")
+        if self.motion and len(self.joint_rotation) and np.abs(self.joint_rotation).max() > 1e-9:
+            raise ValueError(f"the motion of {self.name} needs a basis whose section at the joint is held")
+        if self.motion:
+            _require_smooth(self.name, self.motion)
+
+
+def _require_smooth(name: str, motion: Signal) -> None:
+    """Raise ``ValueError`` if a motion's position or rate jumps: no impulse would pass to the other coordinates."""
+    for time in motion.breakpoints:
+        before, after = (motion.value(np.nextafter(time, way)) for way in (-np.inf, np.inf))
+        if not np.allclose(before[:2], after[:2], rtol=_JUMP, atol=_JUMP):
+            raise ValueError(
+                f"the motion of {name} jumps at {time:g} s, from {before[0]:.6g} at a rate of {before[1]:.6g} to "
+                f"{after[0]:.6g} at {after[1]:.6g} (SI); position and rate must go on as they are"
+            )
+
+
+@dataclass(frozen=True)
+class PointLoad:
+    """A force or a torque at a point of a body.
+
+    Parameters
+    ----------
+    body : str
+        The link that it acts on.
+    direction : ndarray, shape (3,)
+        Unit vector: in space, or in the axes of the point's section if the load follows it.
+    size : Signal
+        Along the direction [N or N m].
+    torque : bool
+        Whether it is a torque.
+    following : bool
+        Whether its direction turns with the section.
+    place : ndarray, shape (3,)
+        The point in the body's frame [m].
+    shapes, rotations : ndarray, shape (3, n)
+        Displacement and rotation of the point for unit modal coordinates of the body.
+    """
+
+    body: str
+    direction: Array
+    size: Signal
+    torque: bool = False
+    following: bool = False
+    place: Array = field(default_factory=lambda: np.zeros(3))
+    shapes: Array = field(default_factory=lambda: np.zeros((3, 0)))
+    rotations: Array = field(default_factory=lambda: np.zeros((3, 0)))
+
+
+def rigid_gram(mass: float, centre: Array, inertia: Array) -> InertiaGram:
+    """Inertia integrals of a rigid body.
+
+    Parameters
+    ----------
+    mass : float
+        [kg]
+    centre : ndarray, shape (3,)
+        Centre of mass in the body's frame [m].
+    inertia : ndarray, shape (3, 3)
+        Inertia tensor about the centre of mass [kg m²].
+    """
+    second = 0.5 * np.trace(inertia) * np.eye(3) - inertia + mass * np.outer(centre, centre)
+    return InertiaGram(second[:, :, None, None].copy(), mass * np.reshape(centre, (3, 1)), mass)

@@ -1,0 +1,1 @@
+"""One flexible body on a driven hinge."""

@@ -1,0 +1,1 @@
+"""A tree of rigid and flexible bodies."""

@@ -1,0 +1,1 @@
+"""Files that meshes and matrices are read from and written to."""

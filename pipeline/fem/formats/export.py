@@ -1,0 +1,94 @@
+"""Meshes as files for other tools, with the names of their parts where the format has a place for them."""
+
+from __future__ import annotations
+
+from pathlib import Path
+from xml.sax.saxutils import quoteattr
+
+import meshio
+import numpy as np
+
+from pipeline.core.arrays import IntArray
+from pipeline.core.errors import InputError
+from pipeline.core.files import whole_file
+from pipeline.fem.mesh import SolidMesh
+
+_UNNAMED = "unnamed"
+
+
+def write_mesh(mesh: SolidMesh, path: Path) -> None:
+    """Write a mesh in the format of the file's suffix; points keep their order, cells theirs within a part.
+
+    In ``.msh`` (Gmsh 4.1) each part is a physical group, in ``.vtu`` its number is the cell data ``part`` and its name
+    a field datum with that number; other formats get points and cells alone.
+
+    Raises
+    ------
+    InputError
+        meshio doesn't write that format, or the place can't be written.
+    """
+    if path.suffix not in meshio.extension_to_filetypes:
+        known = " ".join(sorted(meshio.extension_to_filetypes))
+        raise InputError("--out", "", str(path), f"no known mesh format; these are: {known}")
+    try:
+        path.parent.mkdir(parents=True, exist_ok=True)
+        with whole_file(path) as part:
+            match path.suffix:
+                case ".msh" if mesh.parts:
+                    _with_groups(mesh).write(part, file_format="gmsh")
+                case ".vtu" if mesh.parts:
+                    _plain(mesh, {"part": [part_numbers(mesh)]}).write(part)
+                    _add_part_names(mesh, part)
+                case _:
+                    _plain(mesh, {}).write(part)
+    except OSError as error:
+        raise InputError("--out", "", str(path), f"can't be written: {error.strerror or error}") from error
+
+
+def part_numbers(mesh: SolidMesh) -> IntArray:
+    """Number of each cell's part, counted from 1 in the order of ``mesh.parts``, shape (n_cells,); 0 if it has none.
+
+    A cell of several parts, as files' sets may have them, counts to the smallest.
+    """
+    numbers = np.zeros(len(mesh.cells), dtype=np.int64)
+    for number, cells in sorted(enumerate(mesh.parts.values(), start=1), key=lambda part: -len(part[1])):
+        numbers[cells] = number
+    return numbers
+
+
+def _plain(mesh: SolidMesh, cell_data: dict[str, list[IntArray]]) -> meshio.Mesh:
+    return meshio.Mesh(mesh.points, [(mesh.cell_type, mesh.cells)], cell_data=cell_data)
+
+
+def _with_groups(mesh: SolidMesh) -> meshio.Mesh:
+    """Give each part a volume and a physical group of the part's number; cells of no part come last, as one more."""
+    numbers = part_numbers(mesh)
+    names = dict(enumerate(mesh.parts, start=1))
+    if not numbers.all():
+        names[len(names) + 1] = _UNNAMED
+        numbers[numbers == 0] = len(names)
+    used = np.unique(numbers)
+    tags = [numbers[numbers == number] for number in used]
+    # meshio writes the points volume by volume and reads them in the file's order, so a point's volume must not fall
+    # along the points. Gmsh takes a group's points from its cells: here a volume needs no more than one of its own.
+    volume = used[np.minimum(np.arange(len(mesh.points)), len(used) - 1)]
+    return meshio.Mesh(
+        mesh.points,
+        [(mesh.cell_type, mesh.cells[numbers == number]) for number in used],
+        point_data={"gmsh:dim_tags": np.column_stack([np.full_like(volume, 3), volume])},
+        cell_data={"gmsh:physical": tags, "gmsh:geometrical": tags},
+        field_data={names[number]: np.array([number, 3]) for number in used.tolist()},
+    )
+
+
+def _add_part_names(mesh: SolidMesh, path: Path) -> None:
+    """Put the parts' numbers by name into a ``.vtu`` file: meshio reads field data but doesn't write them.
+
+    Numbers, since meshio can't read strings.
+    """
+    arrays = "".join(
+        f'<DataArray type="Int64" Name={quoteattr(name)} NumberOfTuples="1" format="ascii">{number}</DataArray>'
+        for number, name in enumerate(mesh.parts, start=1)
+    )
+    grid = b"<UnstructuredGrid>"
+    path.write_bytes(path.read_bytes().replace(grid, grid + f"<FieldData>{arrays}</FieldData>".encode(), 1))

@@ -1,0 +1,54 @@
+"""Geometric stiffness: what a stress that is there already does to a body's stiffness.
+
+Under a static stress σ a displacement u costs ``½ ∫ σ_ab ∂_a u·∂_b u dV`` more, for each of its components alike: so
+the matrix is ``k ⊗ 1₃`` with one number ``k_ij = ∫ σ_ab ∂_a N_i ∂_b N_j dV`` for each pair of nodes, as the mass is.
+"""
+
+from __future__ import annotations
+
+import numpy as np
+import scipy.sparse as sp
+
+from pipeline.core.arrays import Array
+from pipeline.fem.assembly import gradients
+from pipeline.fem.model import FEModel
+
+_CHUNK = 256  # elements at a time
+
+
+def geometric_stiffness(fe: FEModel, u: Array) -> list[sp.csr_array]:
+    """Assemble the geometric stiffness by the linear stress of each displacement, in the structure of K and M.
+
+    Parameters
+    ----------
+    fe : FEModel
+        The body.
+    u : ndarray, shape (n_nodes, 3, k)
+        Displacements [m].
+
+    Returns
+    -------
+    list of sparse array, shape (n_nodes, n_nodes)
+        Scalar matrices [N/m], each for all three components of a displacement.
+    """
+    space = fe.discretisation
+    X, w = space.kind.quadrature(space.kind.stiffness_order)
+    n_elements, n_local = space.element_nodes.shape
+    entries = np.empty((n_elements, n_local, n_local, u.shape[2]))
+    for start in range(0, n_elements, _CHUNK):
+        part = slice(start, start + _CHUNK)
+        g, det = gradients(space, X, part)
+        lam, mu = np.empty((2, len(g), 1, 1))
+        for own, mine in fe.material.over(part):
+            lam[mine], mu[mine] = own.lame
+        local = u[space.element_nodes[part]].reshape(len(g), 1, n_local, -1)
+        slopes = (g.swapaxes(2, 3) @ local).reshape(*det.shape, 3, 3, -1)  # [e, q, a, i] = ∂_a u_i
+        stress = mu[..., None, None] * (slopes + slopes.swapaxes(2, 3))
+        stress[..., range(3), range(3), :] += (lam * np.trace(slopes, axis1=2, axis2=3))[..., None, :]
+        stress *= (det * w)[..., None, None, None]
+        flat = g.swapaxes(1, 2).reshape(len(g), n_local, -1)
+        for k in range(u.shape[2]):
+            pulled = (g @ stress[..., k]).swapaxes(1, 2).reshape(flat.shape)
+            entries[part, ..., k] = pulled @ flat.swapaxes(1, 2)
+    pairs = space.structure.sums(entries)
+    return [space.structure.scalar_matrix(pairs[:, k].copy()) for k in range(u.shape[2])]

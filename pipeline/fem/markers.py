@@ -1,0 +1,151 @@
+"""Markers: a named face's mean displacement and mean rotation as weights on its nodes, or the face held rigid."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+import numpy as np
+import scipy.sparse as sp
+from skfem.quadrature import get_quadrature
+from skfem.refdom import RefQuad, RefTri
+
+from pipeline.core.arrays import EPSILON, Array, IntArray
+from pipeline.fem.elements import shape_functions
+from pipeline.fem.mesh import rows_among
+from pipeline.fem.model import Discretisation
+
+# Shape functions of nodes off the face are round-off on it.
+_ON_FACE = 1e-12
+_FACET_ORDER = {False: 2, True: 3}  # of the quadrature over that of the displacement: N_i N_j, and the area's own
+
+
+@dataclass(frozen=True)
+class Marker:
+    """A point that follows a face in the mean (RBE3), or holds it rigid (RBE2).
+
+    The weights come from integrals over the face, so a force at the marker acts as a uniform traction. On a rigid face
+    its mean displacement and rotation are its displacement and rotation.
+
+    Parameters
+    ----------
+    position : ndarray, shape (3,)
+        The face's centroid [m].
+    nodes : ndarray, shape (n,)
+        The face's nodes.
+    translation_weights : ndarray, shape (n,)
+        Weights of the mean displacement; they sum to 1.
+    rotation_weights : ndarray, shape (3, n, 3)
+        Weights [1/m] of the mean rotation: ``ψ_a = Σ_ib rotation_weights[a, i, b] u_ib``.
+    rigid : bool
+        Whether the face's nodes move as one rigid piece.
+    """
+
+    position: Array
+    nodes: IntArray
+    translation_weights: Array
+    rotation_weights: Array
+    rigid: bool = False
+
+    def translation(self, u: Array) -> Array:
+        """Mean displacement (3, …) [m] of a nodal field u, shape (n_nodes, 3, …)."""
+        return np.asarray(np.tensordot(self.translation_weights, u[self.nodes], axes=1))
+
+    def rotation(self, u: Array) -> Array:
+        """Mean rotation vector (3, …) [rad] of a nodal field u, shape (n_nodes, 3, …)."""
+        return np.asarray(np.tensordot(self.rotation_weights, u[self.nodes], axes=2))
+
+    def columns(self, n_nodes: int, rotations: Array) -> Array:
+        """Nodal loads of unit forces along x, y, z and unit torques about directions (k, 3), shape (n_nodes, 3, 3 + k).
+
+        They are also what holds the marker: ``Bᵀ u = 0`` is no mean displacement, and no mean rotation about those.
+        """
+        B = np.zeros((n_nodes, 3, 3 + len(rotations)))
+        for a in range(3):
+            B[self.nodes, a, a] = self.translation_weights
+        B[self.nodes, :, 3:] = np.einsum("ka,aib->ibk", rotations, self.rotation_weights)
+        return B
+
+
+def face_marker(space: Discretisation, face: IntArray | Sequence[IntArray], rigid: bool = False) -> Marker:
+    """Attach a marker to a face of the body, or to several together.
+
+    Parameters
+    ----------
+    space : Discretisation
+        The body's nodes and elements.
+    face : ndarray, shape (n,) or (n_facets, 3 or 4), or a sequence of such
+        Mesh points on a face: it is made of the boundary facets whose corners are all among them. Or the corners of
+        each of its facets.
+    rigid : bool
+        Whether the face's nodes move as one rigid piece.
+
+    Raises
+    ------
+    ValueError
+        No boundary facet lies on the face.
+    """
+    faces = [face] if isinstance(face, np.ndarray) else face
+    chosen = np.unique(np.concatenate([facets_on(space, one) for one in faces]))
+    elements, local = (numbers[chosen] for numbers in space.boundary_facets)
+    if elements.size == 0:
+        raise ValueError("no boundary facet of the mesh lies on the face")
+    nodes, A = _areas(space, elements, local)
+    x = space.x[nodes]
+    w = A @ np.ones(len(nodes))
+    area = w.sum()
+    centre = w @ x / area
+    r = x - centre
+    Ar = A @ r
+    second = r.T @ Ar
+    inertia = np.trace(second) * np.eye(3) - second
+    moment = np.einsum("acb,ic->aib", EPSILON, Ar)
+    return Marker(centre, nodes, w / area, np.einsum("ad,dib->aib", np.linalg.inv(inertia), moment), rigid)
+
+
+def facets_on(space: Discretisation, face: IntArray) -> IntArray:
+    """Numbers of the boundary facets on a face, which is given as in `face_marker`."""
+    elements, local = space.boundary_facets
+    on_face = np.zeros(len(elements), dtype=bool)
+    points = np.zeros(len(space.x), dtype=bool)
+    points[face.ravel()] = True
+    facets = np.sort(face, axis=1)[:, :3] if face.ndim == 2 else None
+    for k, facet in enumerate(space.kind.element.refdom.facets):
+        mine = local == k
+        corners = space.element_nodes[elements[mine][:, None], list(dict.fromkeys(facet))]
+        if facets is None:
+            on_face[mine] = points[corners].all(axis=1)
+        else:
+            on_face[mine] = rows_among(np.sort(corners, axis=1)[:, :3], facets)
+    return np.flatnonzero(on_face)
+
+
+def _areas(space: Discretisation, elements: IntArray, local: IntArray) -> tuple[IntArray, sp.csr_array]:
+    """Nodes of facets, and ``∫ N_i N_j dA`` over them, shape (n_nodes, n_nodes) [m²]."""
+    rows, values = [], []
+    for k in np.unique(local):
+        on = elements[local == k]
+        X, w, tangents = _facet_quadrature(space, int(k))
+        N, _ = shape_functions(space.kind.element, X)
+        t = np.einsum("eqab,bc->eqac", space.jacobians(X, on), tangents)
+        area = np.linalg.norm(np.cross(t[..., 0], t[..., 1]), axis=-1) * w
+        values.append(np.einsum("eq,iq,jq->eij", area, N, N, optimize=True))
+        rows.append(space.element_nodes[on])
+    shared, entries = np.concatenate(rows), np.concatenate(values)
+    n_local = shared.shape[1]
+    nodes, place = np.unique(shared, return_inverse=True)
+    place = place.reshape(shared.shape)
+    pairs = np.repeat(place, n_local, axis=1).ravel(), np.tile(place, (1, n_local)).ravel()
+    A = sp.csr_array(sp.coo_array((entries.ravel(), pairs), shape=(len(nodes), len(nodes))))
+    share = A.diagonal()
+    on_face = np.flatnonzero(share > _ON_FACE * share.max())
+    return nodes[on_face], A[on_face][:, on_face]
+
+
+def _facet_quadrature(space: Discretisation, facet: int) -> tuple[Array, Array, Array]:
+    """Points (3, n_q) and weights (n_q,) on a facet of the reference cell, and its two sides (3, 2)."""
+    corners = list(dict.fromkeys(space.kind.element.refdom.facets[facet]))
+    start, after, *_, before = space.kind.element.doflocs[corners]
+    sides = np.stack([after - start, before - start], axis=1)
+    X, w = get_quadrature(RefTri if len(corners) == 3 else RefQuad, _FACET_ORDER[space.kind.curved] * space.order)
+    return start[:, None] + sides @ X, w, sides

@@ -1,0 +1,73 @@
+"""A scene's frequencies: at rest beside its reference, and on a hub that turns."""
+
+from __future__ import annotations
+
+import csv
+from dataclasses import asdict
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+
+from pipeline.core.arrays import Array
+from pipeline.core.files import whole_file
+
+if TYPE_CHECKING:
+    from pipeline.stages.pipeline import Pipeline
+
+
+def frequency_table(run: Pipeline) -> dict[str, Any]:
+    """Gather what the modes stage found and how far it is from the scene's reference."""
+    found = run.modes.frequencies_hz
+    wanted = np.array(run.scene.reference.frequencies if run.scene.reference else ())[: len(found)]
+    return {
+        "frequencies_hz": found.tolist(),
+        "reference_hz": wanted.tolist(),
+        "relative_error": (found[: len(wanted)] / wanted - 1).tolist(),
+        "rigid_modes": run.modes.n_rigid,
+        "mode_numbers": list(run.modes.numbers),
+        "dofs": run.modes.dofs,
+        "residual": run.modes.residual,
+        "factor": None if run.modes.factor is None else asdict(run.modes.factor),
+    }
+
+
+def rotating_table(run: Pipeline, rate: float) -> dict[str, Any]:
+    """Gather the frequencies of the first flexible body on its joint at a constant rate [rad/s]."""
+    return {"speed_rad_s": rate, "rotating_frequencies_hz": (_rotating(run, rate) / (2 * np.pi)).tolist()}
+
+
+def _rotating(run: Pipeline, rate: float) -> Array:
+    """Angular frequencies at a rate; geometric stiffening is left out only if the scene says so."""
+    from pipeline.reduction.rotating import rotating_frequencies
+
+    part = run.part
+    body = part.body if run.scene.simulation.stiffening == "off" else part.stiffened
+    return rotating_frequencies(body, np.array(part.inboard.axis), rate, len(part.inboard.free) == 1)
+
+
+def campbell(run: Pipeline, rates: Array, folder: Path) -> tuple[Array, list[str]]:
+    """Compute the frequencies at each rate [rad/s], write them as a CSV and a chart into ``folder``.
+
+    Returns
+    -------
+    frequencies_hz : ndarray, shape (n_rates, n_modes)
+        [Hz]; not a number where a rate has fewer.
+    files : list of str
+        The files' names.
+    """
+    from pipeline.render.campbell_chart import draw_campbell
+
+    found = [_rotating(run, rate) / (2 * np.pi) for rate in rates]
+    table = np.full((len(rates), max(len(values) for values in found)), np.nan)
+    for row, values in zip(table, found, strict=True):
+        row[: len(values)] = values
+    folder.mkdir(parents=True, exist_ok=True)
+    with whole_file(folder / "campbell.csv") as part, part.open("w", newline="") as file:
+        rows = csv.writer(file, lineterminator="\n")
+        rows.writerow(["rate_rad_s", *(f"mode_{k + 1}_hz" for k in range(table.shape[1]))])
+        rows.writerows(
+            [f"{rate:.6g}", *(f"{value:.8g}" for value in row)] for rate, row in zip(rates, table, strict=True)
+        )
+    draw_campbell(rates, table, folder / "campbell.png", title=f"{run.scene.title}: frequencies on a turning hub")
+    return table, ["campbell.csv", "campbell.png"]

@@ -1,0 +1,122 @@
+"""What a notebook shows: a scene in a few lines, its pictures inline."""
+
+from __future__ import annotations
+
+import tempfile
+from dataclasses import dataclass
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
+
+from pydantic import TypeAdapter, ValidationError
+
+from pipeline.core.errors import InputError
+from pipeline.core.html import facts, scaled
+from pipeline.core.progress import bars
+from pipeline.scene.outputs import Output
+from pipeline.scene.reading import among
+from pipeline.scene.scene import Scene, load_scene
+from pipeline.stages.pipeline import Pipeline
+
+if TYPE_CHECKING:
+    from collections.abc import Iterable, Mapping
+
+_PICTURES = ("chart", "mesh", "modes", "mode sheet", "stress")
+
+
+@dataclass(frozen=True)
+class Picture:
+    """A picture that a notebook shows inline.
+
+    Parameters
+    ----------
+    png : bytes
+        The file's content.
+    """
+
+    png: bytes
+
+    def _repr_png_(self) -> bytes:
+        return self.png
+
+    def save(self, path: str | Path) -> None:
+        """Write it to a file; raises ``OSError``."""
+        Path(path).write_bytes(self.png)
+
+
+def load(scene: str | Path, *overrides: str) -> Pipeline:
+    """Load a scene, ready to be computed: ``load("beam", "body.beam.length=300mm")``.
+
+    Parameters
+    ----------
+    scene : str or Path
+        A ready scene's name or the path of a TOML file.
+    overrides : str
+        As for ``--set``.
+
+    Raises
+    ------
+    InputError
+        As `pipeline.load_scene`.
+    """
+    return Pipeline(load_scene(scene, overrides), monitor=bars)
+
+
+def pictures(run: Pipeline, type: str, numbers: Iterable[int] | None = None, **settings: Any) -> tuple[Picture, ...]:
+    """Draw what an ``[[output]]`` of the scene could ask for, without writing it.
+
+    Parameters
+    ----------
+    type : str
+        ``"chart"``, ``"mesh"``, ``"modes"``, ``"mode sheet"`` or ``"stress"``.
+    numbers : iterable of int, optional
+        Of the modes, from 1; all by default.
+    settings
+        The output's other keys; ``body`` is the first flexible one by default.
+
+    Raises
+    ------
+    InputError
+        There is no such output, or the scene lacks what it shows.
+    """
+    from pipeline.output.pictures import DRAWINGS, draw_modes
+
+    if type not in _PICTURES:
+        raise InputError("picture", "type", type, among(type, _PICTURES, "the pictures"))
+    given = {"type": type, "file": "mode-{mode}.png" if type == "modes" else "picture.png", **settings}
+    if type != "chart":
+        given.setdefault("body", run.part.name)
+    try:
+        output = TypeAdapter[Any](Output).validate_python(given)
+    except ValidationError as error:
+        first = error.errors()[0]
+        key = ".".join(str(part) for part in first["loc"] if part != type)
+        mend = first["msg"].removeprefix("Value error, ")
+        raise InputError("picture", key, given.get(key), mend) from None
+    with tempfile.TemporaryDirectory(prefix="fmd-") as name:
+        folder = Path(name)
+        files = (
+            draw_modes(run, output, folder, numbers) if type == "modes" else DRAWINGS[output.type](run, output, folder)
+        )
+        return tuple(Picture((folder / file).read_bytes()) for file in files)
+
+
+def scene_table(scene: Scene) -> str:
+    """Tell in a table of HTML what a scene holds."""
+    rows = [
+        ("bodies", _kinds(scene.body, "shape")),
+        ("joints", "; ".join(f"{name}: {j.type}, {j.parent} → {j.child}" for name, j in scene.joint.items())),
+        ("drives", _kinds(scene.drive, "type")),
+        ("outputs", ", ".join(getattr(output, "file", "") for output in scene.output)),
+    ]
+    if scene.march is not None:
+        spans = f"{scaled(scene.march.duration, 's')}, output every {scaled(scene.march.output_step, 's')}"
+        methods = ", ".join(
+            f"{run.integrator} {run.substeps}:1" if hasattr(run, "substeps") else run.integrator
+            for run in scene.march.run
+        )
+        rows[3:3] = [("simulation", spans), ("runs", methods)]
+    return facts([(name, text) for name, text in rows if text], f"{scene.title} ({scene.file})")
+
+
+def _kinds(table: Mapping[str, Any], key: str) -> str:
+    return ", ".join(f"{name}: {getattr(value, key)}" for name, value in table.items())

@@ -1,0 +1,1 @@
+"""One web page of all results."""

@@ -1,0 +1,70 @@
+"""A stressed part as data for the page's own viewer."""
+
+from __future__ import annotations
+
+import base64
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+if TYPE_CHECKING:
+    from pipeline.stages.pipeline import Pipeline
+
+_COLOURS = 256
+_MOST_EDGES = 12_000  # with more, element edges are off at first
+
+
+def view_data(run: Pipeline, body: str, scale: float) -> dict[str, Any]:
+    """Gather a body at the instant of its largest von Mises stress.
+
+    Parameters
+    ----------
+    scale : float
+        Factor on the deformation that is shown at first.
+
+    Returns
+    -------
+    dict
+        Little-endian arrays in base64: float32 ``positions`` and ``displacements`` (n, 3) [m] and ``values`` (n,)
+        [MPa] of the drawn points, uint32 ``triangles`` and ``edges``, uint8 ``colours`` (256, 3); the rest are numbers:
+        ``axes`` are the camera's, row by row, to the right, up and towards the viewer.
+    """
+    from pipeline.render.camera import Look
+    from pipeline.render.pictures import stress_limits
+    from pipeline.render.projection import view_of_hottest
+    from pipeline.render.surface import Surface, skin_of
+
+    look = Look()
+    topology, history = run.parts[body].surface, run.stress_of(body)
+    time, _, worst = history.worst()
+    frame = int(np.searchsorted(history.times, time))
+    surface = Surface(run.bodies[body].x[topology.nodes], topology.triangles, topology.edges)
+    displacement = run.bodies[body].shapes[history.nodes] @ history.q[frame]
+    stress = history.measure_at(np.array([frame]))[0]
+    moved = surface.points + scale * displacement
+    axes, _, _ = view_of_hottest(look.directions(moved), moved, surface.triangles, stress)
+    skin = skin_of(surface)
+    drawn = np.zeros(len(surface.points), dtype=np.int64)
+    drawn[skin.source] = np.arange(len(skin.source))
+    middle = (surface.points.min(axis=0) + surface.points.max(axis=0)) / 2
+    low, high = stress_limits(stress)
+    return {
+        "positions": _packed(surface.points[skin.source] - middle, "<f4"),
+        "displacements": _packed(displacement[skin.source], "<f4"),
+        "values": _packed(stress[skin.source] * 1e-6, "<f4"),
+        "triangles": _packed(skin.triangles, "<u4"),
+        "edges": _packed(drawn[surface.edges], "<u4"),
+        "colours": _packed(look.colours(_COLOURS), "u1"),
+        "limits": [low * 1e-6, high * 1e-6],
+        "axes": axes.ravel().tolist(),
+        "radius": float(np.linalg.norm(surface.points - middle, axis=1).max()),
+        "scale": scale,
+        "showEdges": len(surface.edges) <= _MOST_EDGES,
+        "time": time,
+        "largest": worst * 1e-6,
+    }
+
+
+def _packed(values: NDArray[Any], kind: str) -> str:
+    return base64.b64encode(values.astype(kind).tobytes()).decode()

@@ -1,0 +1,89 @@
+"""Everything that a run has to tell, in plain numbers."""
+
+from __future__ import annotations
+
+from typing import Any
+
+import numpy as np
+
+from pipeline.output.frequencies import frequency_table
+from pipeline.stages.pipeline import Pipeline
+
+
+def summarise(run: Pipeline, files: list[str], budget: bool) -> dict[str, Any]:
+    """Gather a run's figures; the keys about modes and stress are there if the scene has a flexible body."""
+    from pipeline import __version__
+
+    summary: dict[str, Any] = {"scene": run.scene.name, "version": __version__}
+    if run.parts:
+        summary |= frequency_table(run)
+        summary["bodies"] = {name: _body(run, name) for name in run.parts}
+    motions: dict[str, Any] = dict(run.motions)
+    first = next(iter(motions.values()))
+    limits = [plan.integrator.largest_step(plan.system) for plan in run.plans.values()]
+    summary["largest_stable_step_s"] = 2.0 / run.mechanism.highest_frequency if run.mechanism.n else None
+    summary["integrations"] = [
+        {
+            "integrator": motion.trajectory.integrator,
+            "step_s": motion.trajectory.step,
+            "substeps": motion.trajectory.substeps,
+            "seconds": motion.trajectory.seconds,
+            "ratio_to_plain": motion.trajectory.seconds / first.trajectory.seconds,
+            "evaluations": motion.trajectory.evaluations,
+            "fast_evaluations": motion.trajectory.fast_evaluations,
+            "growth": run.plans[label].growth,
+            "largest_stable_step_s": limit if np.isfinite(limit) else None,
+            "stability_margin": limit / motion.trajectory.step if np.isfinite(limit) else None,
+            **motion.differences(first),
+            "final": motion.final(),
+        }
+        for (label, motion), limit in zip(motions.items(), limits, strict=True)
+    ]
+    summary["final"] = first.final()
+    summary["left_out_modes"] = run.left_out
+    if run.is_rotor:
+        summary["peak_tip_deflection_m"] = float(run.fine_motion.tip_size.max())
+    histories = _element_histories(run)
+    for name, values in histories.items():
+        reference = values[next(iter(values))]
+        for row, history in zip(summary["integrations"], values.values(), strict=True):
+            apart = float(np.abs(history - reference).max() / reference.max()) if reference.any() else 0.0
+            row.setdefault("element_stress_difference", {})[name] = apart
+        ends = {"largest_pa": float(reference.max()), "at_the_end_pa": float(reference[-1])}
+        summary.setdefault("element_stress", {})[name] = ends
+    meshed = [name for name, part in run.parts.items() if part.has_mesh]
+    if meshed:
+        stress = run.stress_of(meshed[0])
+        time, node, value = stress.worst()
+        place = run.bodies[meshed[0]].x[stress.nodes[node]]
+        summary["worst_stress"] = {"time_s": time, "von_mises_pa": value, "position_m": place.tolist()}
+    if budget and len(meshed) == len(run.parts):  # matrices alone tell nothing of their own error
+        summary["error_budget"] = run.budget.summary()
+    return summary | {
+        "files": files,
+        "seconds": dict(run.log.seconds),
+        "stages_run": list(run.log.run),
+        "stages_cached": list(run.log.cached),
+        "stages_skipped": run.log.skipped,
+    }
+
+
+def _element_histories(run: Pipeline) -> dict[str, dict[str, Any]]:
+    """Von Mises stress of each named element over each run."""
+    names = [f"{body}.{element}" for body, part in run.parts.items() for element in part.elements]
+    return {name: run.element_stress(name) for name in names}
+
+
+def _body(run: Pipeline, name: str) -> dict[str, Any]:
+    """A flexible body's own figures, and what its spin does to it."""
+    body, spin = run.bodies[name], run.spin[name]
+    return {
+        "frequencies_in_frame_hz": body.frequencies_hz.tolist(),
+        "coupling": body.coupling,
+        "prescribed": run.parts[name].inboard.prescribed,
+        "mass_kg": body.gram.mass,
+        "mesh_notes": list(run.parts[name].mesh_notes),
+        "largest_spin_rad_s": spin.largest_rate,
+        "critical_spin_rad_s": spin.critical_rate if np.isfinite(spin.critical_rate) else None,
+        "stiffened": spin.stiffened,
+    }

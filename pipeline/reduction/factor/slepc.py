@@ -1,0 +1,146 @@
+"""A factor and an eigensolver spread over the ranks of an MPI run: PETSc, MUMPS and SLEPc in processes of their own."""
+
+from __future__ import annotations
+
+import json
+import os
+import shutil
+import subprocess
+import sys
+import tempfile
+import weakref
+from contextlib import suppress
+from importlib.util import find_spec
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import scipy.sparse as sp
+
+from pipeline.core.arrays import Array
+from pipeline.core.errors import AccuracyError
+from pipeline.reduction.factor.factor import Factor, FactorFigures, MissingSolverError
+
+PYTHON = "FMD_SLEPC_PYTHON"  # environment variable: the interpreter that has slepc4py, if ours hasn't
+_WORKER = Path(__file__).with_name("slepc_worker.py")
+_LAST_WORDS = 400
+_INSTALL = (
+    "slepc4py is not installed: apt-get install python3-slepc4py and set "
+    f"{PYTHON}=/usr/bin/python3, or pip install petsc slepc petsc4py slepc4py, which builds for a quarter of an hour"
+)
+
+
+def slepc_factorised(A: Any, ranks: int) -> Factor:
+    """Factorise a symmetric positive definite matrix over a number of MPI ranks; they end with the factor.
+
+    Raises
+    ------
+    MissingSolverError
+        slepc4py or ``mpiexec`` isn't there.
+        Or the processes don't start; the message has what they said last.
+    """
+    started = _Ranks(A, ranks)
+    return Factor(started.solve, started.figures, started.lowest)
+
+
+def _python() -> str:
+    """Interpreter that has slepc4py."""
+    if PYTHON in os.environ:
+        python = os.environ[PYTHON]
+        if shutil.which(python) is None:
+            raise MissingSolverError(f"{PYTHON} = {python!r} is no program")
+        return python
+    if find_spec("slepc4py") is None:
+        raise MissingSolverError(_INSTALL)
+    return sys.executable
+
+
+class _Ranks:
+    """The processes, and the folder through which they are given matrices and vectors."""
+
+    def __init__(self, A: Any, ranks: int) -> None:
+        command = [_python(), str(_WORKER)]
+        if ranks > 1:
+            if shutil.which("mpiexec") is None:
+                raise MissingSolverError(
+                    "mpiexec is not installed: apt-get install openmpi-bin, or use modes.ranks = 1"
+                )
+            command = ["mpiexec", "-n", str(ranks), *command]
+        self._n = A.shape[0]
+        self._folder = Path(tempfile.mkdtemp(prefix="fmd-slepc-"))
+        self._write("A", A)
+        self._errors = (self._folder / "errors").open("w+")
+        self._process = subprocess.Popen(
+            [*command, str(self._folder)],
+            stdin=subprocess.PIPE,
+            stdout=subprocess.PIPE,
+            stderr=self._errors,
+            text=True,
+            env={**os.environ, "OMP_NUM_THREADS": "1"},
+        )
+        assert self._process.stdout is not None
+        self._end = weakref.finalize(self, _end, self._process, self._errors, self._folder)
+        line = self._process.stdout.readline()
+        if not line:
+            said = self._said()
+            raise MissingSolverError(_INSTALL if "No module named" in said else f"doesn't start: {said}")
+        about = json.loads(line)
+        name = {"mumps": "MUMPS", "superlu_dist": "SuperLU_DIST"}.get(about["package"], "PETSc")
+        nonzeros = int(about["nonzeros"])
+        self.figures = FactorFigures(f"{name}, {ranks} rank{'s' * (ranks > 1)}", "own", self._n, nonzeros, 8 * nonzeros)
+
+    def solve(self, f: Array) -> Array:
+        loads = f.reshape(self._n, -1)
+        np.save(self._folder / "f.npy", loads)
+        np.save(self._folder / "x.npy", np.empty_like(loads))
+        self._ask("solve")
+        return np.asarray(np.load(self._folder / "x.npy").reshape(f.shape))
+
+    def lowest(self, M: Any, count: int, ncv: int, outside: Array) -> tuple[Array, Array]:
+        self._write("M", M)
+        np.save(self._folder / "f.npy", outside)
+        np.save(self._folder / "x.npy", np.empty((self._n, count)))
+        theta = np.array(self._ask("modes", count, ncv)["values"])
+        if len(theta) < count:
+            raise AccuracyError(f"SLEPc found only {len(theta)} of {count} modes")
+        return theta, np.load(self._folder / "x.npy")
+
+    def _write(self, name: str, A: Any) -> None:
+        A = sp.csr_array(A)
+        for part in ("indptr", "indices", "data"):
+            np.save(self._folder / f"{name}-{part}.npy", getattr(A, part))
+
+    def _ask(self, *command: object) -> dict[str, Any]:
+        assert self._process.stdin is not None
+        assert self._process.stdout is not None
+        with suppress(BrokenPipeError):  # the answer, or its absence, tells
+            self._process.stdin.write(json.dumps(command) + "\n")
+            self._process.stdin.flush()
+        line = self._process.stdout.readline()
+        if not line:
+            raise AccuracyError(f'the processes of modes.solver = "slepc" ended: {self._said()}')
+        answer: dict[str, Any] = json.loads(line)
+        return answer
+
+    def _said(self) -> str:
+        """Last words of the processes."""
+        self._process.wait()
+        self._errors.seek(0)
+        lines = [line.strip(" -") for line in self._errors.read().splitlines()]
+        return " ".join(line for line in lines if line)[-_LAST_WORDS:] or "they gave no reason"
+
+
+def _end(process: subprocess.Popen[str], errors: Any, folder: Path) -> None:
+    """Close the processes' input, wait for them and remove their folder."""
+    assert process.stdin is not None
+    assert process.stdout is not None
+    for pipe in (process.stdin, process.stdout):
+        with suppress(BrokenPipeError):
+            pipe.close()
+    try:
+        process.wait(30)
+    except subprocess.TimeoutExpired:
+        process.kill()
+        process.wait()
+    errors.close()
+    shutil.rmtree(folder, ignore_errors=True)

@@ -1,0 +1,153 @@
+"""The inertia Gram tensor: every inertia integral of a floating frame, exact in the finite element space."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, field, replace
+from typing import Any
+
+import numpy as np
+
+from pipeline.core.arrays import Array, read_only, require_shape
+from pipeline.core.errors import AccuracyError
+
+_ACROSS = (slice(1, 3), slice(0, 3, 2), slice(0, 2), slice(0, 3))  # the axes across each, and all: the last, number -1
+
+
+@dataclass(frozen=True)
+class InertiaGram:
+    """Inertia integrals of a body whose points move as ``U_a p`` with ``U_a = [x_a, Φ_a]`` and ``p = (1, q)``.
+
+    Attributes
+    ----------
+    G : ndarray, shape (3, 3, 1 + n, 1 + n)
+        ``G[a, b] = U_aᵀ m U_b``: second moments, moment–mode and mode–mode integrals.
+    S : ndarray, shape (3, 1 + n)
+        ``S[a] = 1ᵀ m U_a``: first moments.
+    mass : float
+        ``1ᵀ m 1`` [kg].
+    stiffening : ndarray, shape (3, 3, n, n)
+        Geometric stiffness that was taken off the modal blocks of G, in which it counts as inertia; empty if none was.
+    bow : ndarray, shape (3, n, n)
+        Second-order first moments: ``c_a = S_a p + ½ qᵀ bow_a q``; empty if they are left out.
+    normal : int
+        Number of the only axis that the body turns about, and along which G is 0 for being left out: that motion takes
+        the blocks across it alone. -1 if G is whole.
+    """
+
+    G: Array
+    S: Array
+    mass: float
+    stiffening: Array = field(default_factory=lambda: np.zeros((3, 3, 0, 0)))
+    bow: Array = field(default_factory=lambda: np.zeros((3, 0, 0)))
+    normal: int = -1
+
+    def second_moment(self, p: Array) -> Array:
+        """``P_ab = ∫ρ r_a r_b`` about the frame's origin, shape (3, 3) [kg m²], at ``p = (1, q)``."""
+        return np.asarray(np.einsum("abij,i,j->ab", self.G, p, p))
+
+    def inertia(self, p: Array) -> Array:
+        """Inertia tensor about the frame's origin, shape (3, 3) [kg m²]; right about the normal, if there is one."""
+        P = self.second_moment(p)
+        return np.asarray(np.trace(P) * np.eye(3) - P)
+
+    def mass_matrix(self, p: Array) -> Array:
+        """Mass matrix of translation, rotation and modes in body axes, shape (6 + n, 6 + n), at ``p = (1, q)``.
+
+        Raises
+        ------
+        ValueError
+            G is left out along an axis.
+        """
+        if self.normal >= 0:
+            mend = "FlexiblePart.for_any_motion adds the rest"
+            raise ValueError(f"there is no more of the inertia than turning about {'xyz'[self.normal]} takes; {mend}")
+        n = len(p) - 1
+        S = self.S.copy()
+        c = S @ p
+        if self.bow.size:
+            bow = self.bow @ p[1:]
+            S[:, 1:] += bow
+            c = c + 0.5 * bow @ p[1:]
+        tilde = np.array([[0, -c[2], c[1]], [c[2], 0, -c[0]], [-c[1], c[0], 0]])
+        pG = np.einsum("i,bcij->bcj", p, self.G)
+        H = np.stack([pG[1, 2] - pG[2, 1], pG[2, 0] - pG[0, 2], pG[0, 1] - pG[1, 0]])[:, 1:]
+        M = np.zeros((6 + n, 6 + n))
+        M[:3, :3] = self.mass * np.eye(3)
+        M[:3, 3:6], M[3:6, :3] = -tilde, tilde
+        M[3:6, 3:6] = self.inertia(p)
+        M[:3, 6:], M[6:, :3] = S[:, 1:], S[:, 1:].T
+        M[3:6, 6:], M[6:, 3:6] = H, H.T
+        M[6:, 6:] = np.einsum("aaij->ij", self.G)[1:, 1:]
+        if self.stiffening.size:
+            M[6:, 6:] += np.einsum("aaij->ij", self.stiffening)
+        return M
+
+
+def inertia_gram(x: Array, m: Any, Phi: Array, normal: int = -1) -> InertiaGram:
+    """Integrate a body's inertia terms once, exactly, through its scalar mass matrix.
+
+    Parameters
+    ----------
+    x : ndarray, shape (n_nodes, 3)
+        Undeformed node positions in the body frame [m].
+    m : sparse array, shape (n_nodes, n_nodes)
+        Consistent scalar mass matrix [kg].
+    Phi : ndarray, shape (n_nodes, 3, n_modes)
+        Mode shapes in the body frame [kg^-1/2].
+    normal : int
+        Number of the only axis that the body turns about: G is left out along it.
+
+    Raises
+    ------
+    ValueError
+        Shapes disagree.
+    AccuracyError
+        ``G[a, b]`` is not the transpose of ``G[b, a]``: m is not symmetric, or something is not finite.
+
+    References
+    ----------
+    Zwölfer & Gerstmayr, A concise nodal-based derivation of the floating frame of reference formulation for
+    displacement-based solid finite elements, Multibody System Dynamics 49 (2020).
+    """
+    across = _ACROSS[normal]
+    U = _positions(x, Phi, across)
+    G = np.zeros((3, 3, U.shape[2], U.shape[2]))
+    G[across, across] = _products(U, m, U)
+    masses = m @ np.ones(len(x))
+    S = np.column_stack([masses @ x, np.reshape(masses @ Phi.reshape(len(x), -1), (3, -1))])
+    return InertiaGram(_symmetric(G), read_only(S), float(masses.sum()), normal=normal)
+
+
+def with_normal(gram: InertiaGram, along: Array) -> InertiaGram:
+    """Make integrals whole that are left out along an axis by what `along_normal` gives."""
+    G, e = gram.G.copy(), gram.normal
+    G[e] += along
+    G[:, e] += along.swapaxes(1, 2)
+    G[e, e] -= along[e]
+    return replace(gram, G=_symmetric(G), normal=-1)
+
+
+def along_normal(x: Array, m: Any, Phi: Array, normal: int) -> Array:
+    """``G[normal]``, shape (3, 1 + n, 1 + n): the blocks that `inertia_gram`, whose arguments these are, leaves out."""
+    e = slice(normal, normal + 1)
+    return np.asarray(_products(_positions(x, Phi, e), m, _positions(x, Phi))[0])
+
+
+def _positions(x: Array, Phi: Array, axes: slice = slice(None)) -> Array:
+    """``U_a = [x_a, Φ_a]``, shape (n_nodes, n_axes, 1 + n)."""
+    require_shape("x", x, (None, 3))
+    require_shape("Phi", Phi, (len(x), 3, None))
+    return np.concatenate([x[:, axes, None], Phi[:, axes]], axis=2)
+
+
+def _products(some: Array, m: Any, others: Array) -> Array:
+    """``U_aᵀ m U_b``, shape (n_axes, n_axes, 1 + n, 1 + n)."""
+    m_some = (m @ some.reshape(len(some), -1)).reshape(some.shape)
+    return np.asarray(np.einsum("iaj,ibk->abjk", m_some, others, optimize=True))
+
+
+def _symmetric(G: Array) -> Array:
+    lack = float(np.abs(G - G.transpose(1, 0, 3, 2)).max() / np.abs(G).max())
+    if not lack < 1e-10:
+        raise AccuracyError(f"the inertia Gram tensor is not symmetric: relative error {lack:.1e}")
+    return read_only(G)

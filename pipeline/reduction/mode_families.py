@@ -1,0 +1,165 @@
+"""What kind of motion a mode is, from its own symmetry and kinetic energy, never from its place in the list."""
+
+from __future__ import annotations
+
+from typing import TYPE_CHECKING
+
+import numpy as np
+from scipy.spatial import cKDTree
+
+from pipeline.core.arrays import Array, IntArray
+from pipeline.core.errors import AccuracyError
+from pipeline.reduction.modes import EigenPairs, Modes
+
+if TYPE_CHECKING:
+    from pipeline.fem.model import FEModel
+    from pipeline.reduction.eigen import FreeBodySolver
+
+# Parity about the plane of motion, parity about the plane through the long axis normal to it.
+_FAMILY_OF_PARITY = {
+    (1, -1): "in-plane bending",
+    (-1, 1): "out-of-plane bending",
+    (-1, -1): "torsion",
+    (1, 1): "axial",
+}
+_SAME_FREQUENCY = 1e-6
+
+
+def lowest_modes(solver: FreeBodySolver, count: int, held: Array | None = None) -> Modes:
+    """Return the ``count`` lowest elastic modes, whatever they look like, of the body free or ``held``.
+
+    Raises
+    ------
+    AccuracyError
+        The mesh has fewer.
+    """
+    pairs = solver.modes(count, held)
+    if len(pairs.omega) < count:
+        raise AccuracyError(f"the mesh has only {len(pairs.omega)} elastic modes, {count} wanted; refine it")
+    numbers = tuple(range(1, count + 1))
+    return Modes(pairs.omega, pairs.shapes, pairs.n_rigid, pairs.residual, numbers, factor=pairs.factor)
+
+
+def modes_of_family(
+    solver: FreeBodySolver, fe: FEModel, count: int, family: str, normal: Array, held: Array | None = None
+) -> Modes:
+    """Return the ``count`` lowest modes of one family.
+
+    Parameters
+    ----------
+    solver : FreeBodySolver
+        Of the body ``fe``.
+    family : str
+        ``in-plane bending``, ``out-of-plane bending``, ``torsion`` or ``axial``.
+    normal : ndarray, shape (3,)
+        Normal of the plane of motion.
+    held : ndarray, shape (n_nodes, 3, k), optional
+        What holds the body, as symmetric as it is.
+
+    Raises
+    ------
+    AccuracyError
+        The body is not symmetric, or has too few modes of the family.
+    """
+    n_all = 4 * count + 4
+    while True:
+        pairs = solver.modes(n_all, held)
+        families, shapes = classify(fe, pairs, normal)
+        # The twin of the highest may be missing, without which its plane is not known.
+        all_there = len(pairs.omega) < n_all
+        settled = np.full(len(families), all_there) | (pairs.omega < pairs.omega.max() * (1 - _SAME_FREQUENCY))
+        chosen = [k for k, found in enumerate(families) if found == family and settled[k]][:count]
+        if len(chosen) == count:
+            numbers = tuple(k + 1 for k in chosen)
+            return Modes(
+                pairs.omega[chosen], shapes[:, :, chosen], pairs.n_rigid, pairs.residual, numbers, factor=pairs.factor
+            )
+        if n_all > 40 * count or all_there:
+            raise AccuracyError(
+                f"only {len(chosen)} {family} modes among the {len(pairs.omega)} lowest, {count} wanted"
+            )
+        n_all *= 2
+
+
+def classify(fe: FEModel, pairs: EigenPairs, normal: Array) -> tuple[list[str], Array]:
+    """Name the family of each mode of a body with two planes of symmetry.
+
+    A mode's parity about a plane is ``φᵀ M S φ`` with S the reflection: +1 or -1 for a symmetric body. Bending
+    must also carry most of its kinetic energy across the bar, the axial family along it; anything else is
+    ``"other"``. Modes of equal frequency are first turned within their subspace until each has a parity.
+
+    Returns
+    -------
+    families : list of str
+    shapes : ndarray, shape (n_nodes, 3, n)
+    """
+    n = normal / np.linalg.norm(normal)
+    centre = fe.m.sum(axis=0) @ fe.x / fe.mass
+    x = fe.x - centre
+    along = _long_axis(fe, x, n)
+    across = np.cross(n, along)
+    reflections = [_Reflection(x, axis) for axis in (n, across)]
+    shapes = pairs.shapes.copy()
+    Mshapes = _times_mass(fe, shapes)
+    for group in _equal_frequencies(pairs.omega):
+        if len(group) > 1:
+            parity = [np.tensordot(Mshapes[..., group], r(shapes[..., group]), ((0, 1), (0, 1))) for r in reflections]
+            mixed = parity[0] + 2 * parity[1]  # the four families have the values ±1 ± 2
+            turn = np.linalg.eigh(mixed + mixed.T)[1]
+            shapes[..., group], Mshapes[..., group] = shapes[..., group] @ turn, Mshapes[..., group] @ turn
+    parities = np.array([np.einsum("iak,iak->k", Mshapes, reflect(shapes)) for reflect in reflections])
+    energy = np.array([_energy_along(fe, shapes, axis) for axis in (along, across, n)])
+    wanted = {"in-plane bending": 1, "out-of-plane bending": 2, "axial": 0}
+    families = []
+    for k in range(shapes.shape[2]):
+        family = "other"
+        if (np.abs(parities[:, k]) > 0.5).all():
+            family = _FAMILY_OF_PARITY[int(np.sign(parities[0, k])), int(np.sign(parities[1, k]))]
+            if family in wanted and energy[:, k].argmax() != wanted[family]:
+                family = "other"
+        families.append(family)
+    return families, shapes
+
+
+class _Reflection:
+    """Reflect nodal fields in a plane through the origin, by way of the node nearest to each mirror image."""
+
+    def __init__(self, x: Array, normal: Array) -> None:
+        self._H = np.eye(3) - 2 * np.outer(normal, normal)
+        tree = cKDTree(x)
+        distance, image = tree.query(x @ self._H)
+        self._image: IntArray = np.asarray(image)
+        spacing = np.asarray(tree.query(x, k=2)[0])[:, 1].max()
+        if np.max(distance) > spacing:
+            raise AccuracyError(
+                f"the body is not symmetric about the plane with normal {np.round(normal, 6).tolist()} "
+                f'({np.max(distance):.2e} m off), so its modes have no families; use family = "any"'
+            )
+
+    def __call__(self, u: Array) -> Array:
+        return np.asarray(np.einsum("ab,ibk->iak", self._H, u[self._image]))
+
+
+def _long_axis(fe: FEModel, x: Array, normal: Array) -> Array:
+    second = x.T @ (fe.m @ x)
+    in_plane = np.eye(3) - np.outer(normal, normal)
+    return np.asarray(np.linalg.eigh(in_plane @ second @ in_plane)[1][:, -1])
+
+
+def _times_mass(fe: FEModel, u: Array) -> Array:
+    return np.asarray((fe.m @ u.reshape(len(u), -1)).reshape(u.shape))
+
+
+def _energy_along(fe: FEModel, u: Array, axis: Array) -> Array:
+    component = np.einsum("iak,a->ik", u, axis)
+    return np.asarray(np.einsum("ik,ik->k", component, fe.m @ component))
+
+
+def _equal_frequencies(omega: Array) -> list[list[int]]:
+    groups: list[list[int]] = []
+    for k in np.argsort(omega):
+        if groups and omega[k] - omega[groups[-1][-1]] < _SAME_FREQUENCY * omega[k]:
+            groups[-1].append(k)
+        else:
+            groups.append([k])
+    return groups

@@ -1,0 +1,1 @@
+"""The scene: what a TOML file asks for, checked."""

@@ -1,0 +1,147 @@
+"""Which coordinates sub-cycling may take slowly, and how slowly, for a wanted error.
+
+Central difference with a step h advances an oscillation ω by a phase that is wrong by ``(ω h)²/24`` of itself. What a
+load bends, it bends mode by mode as ``1/ω²``, so the high modes of a motion are small by ``(ω₁/ω)²`` against the lowest
+one; their errors count by that. Forces held over a slow step H, the centrifugal ones ``Ω² u``, lag by half of it and
+feed or damp a deflection u by ``½ Ω² H`` of its rate. These bound the ratio of the two steps for each split; splits
+whose amplification over the duration would show are left out, and the one with the least work by the solvers' measured
+cost is taken.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+
+from pipeline.core.arrays import Array
+from pipeline.dynamics.tree.tree import Tree
+from pipeline.dynamics.vibration import frequencies
+from pipeline.stability.amplification import growth
+
+_MOST_SUBSTEPS = 50
+_STABLE = 0.8  # of the stability limit 2/ω
+_AT_REST = 1e-6  # of the highest frequency: nothing holds what is below
+_STEPS_OVER_MOTION = 200  # slow steps over the duration, at least
+
+
+@dataclass(frozen=True)
+class Split:
+    """A choice.
+
+    Attributes
+    ----------
+    frequency_hz : float
+        Coordinates below it are slow [Hz].
+    substeps : int
+        Fast steps in a slow one.
+    step : float
+        Fast step [s].
+    """
+
+    frequency_hz: float
+    substeps: int
+    step: float
+
+
+def split_at(tree: Tree, frequency_hz: float) -> tuple[list[str], dict[str, int]]:
+    """Fast joints and numbers of slow modes of a tree if every coordinate below a frequency is slow."""
+    own = tree.frequencies_hz
+    fast_joints = [
+        link.name for k, link in enumerate(tree.links) if link.n_rates == 1 and own[tree.layout.rate[k]] >= frequency_hz
+    ]
+    slow_modes = {
+        link.name: int(np.count_nonzero(own[tree.modes_of(k)] < frequency_hz)) for k, link in enumerate(tree.links)
+    }
+    return fast_joints, slow_modes
+
+
+def choose_split(tree: Tree, error: float, duration: float, spin: float, step: float | None = None) -> Split:
+    """Choose the split, the ratio and, if none is given, the fast step.
+
+    Parameters
+    ----------
+    error : float
+        Wanted, relative to the largest deformation.
+    duration : float
+        Of the motion [s].
+    spin : float
+        Angular rate of the fastest body, its root mean square over the duration [rad/s].
+    step : float, optional
+        Fast step [s].
+    """
+    own = 2 * np.pi * tree.frequencies_hz
+    order = np.argsort(own, kind="stable")
+    omega = own[order]
+    stiff = omega[omega > 0]
+    if not stiff.size:
+        return Split(np.inf, 1, step or duration / _STEPS_OVER_MOTION)
+    limits = largest_steps(omega, float(stiff[0]), error, duration)
+    highest = 2 * _STABLE / tree.highest_frequency
+    step = step or float(min(highest, limits.min()))
+    M, K = tree.mass_matrix(tree.rest_positions), tree.linear_stiffness
+    M, K = M[np.ix_(order, order)], K[np.ix_(order, order)]
+    best = Split(0.0, 1, step)
+    least = _cost(omega.size, omega.size) / step
+    longest = min(duration / _STEPS_OVER_MOTION, 2 * error / (duration * max(spin, 1e-150) ** 2))
+    for n_slow in range(1, omega.size):
+        if omega[n_slow] <= 1.001 * omega[n_slow - 1]:
+            continue  # no gap
+        substeps = int(min(limits[:n_slow].min(initial=longest) / step, _MOST_SUBSTEPS))
+        if substeps < 1:
+            break
+        n_fast = omega.size - n_slow
+        work = (_cost(omega.size, n_fast) + (substeps - 1) * _fast_cost(n_fast)) / (substeps * step)
+        if work < least and _stays(growth(M, K, n_slow, step, substeps), substeps * step, error, duration):
+            between = 0.5 * (omega[n_slow - 1] + omega[n_slow]) / (2 * np.pi)
+            least, best = work, Split(float(between), substeps, step)
+    return best
+
+
+def longest_step(M: Array, K: Array, error: float, duration: float) -> float:
+    """Longest step [s] of plain central difference whose phase errors over a duration [s] stay below an error."""
+    omega = frequencies(M, K)
+    moving = omega[omega > _AT_REST * omega[-1]]
+    lowest = float(moving[0]) if moving.size else 1e-150
+    return float(largest_steps(omega, lowest, error, duration).min(initial=duration / _STEPS_OVER_MOTION))
+
+
+def recommended_step(M: Array, K: Array, n_slow: int, error: float, duration: float) -> tuple[float, int]:
+    """Longest fast step [s] and largest ratio whose phase errors and growth over a duration [s] stay below an error."""
+    fast, slow = (frequencies(M[part, part], K[part, part]) for part in (slice(n_slow, None), slice(0, n_slow)))
+    both = frequencies(M, K)
+    moving = both[both > _AT_REST * both[-1]]
+    lowest = float(moving[0]) if moving.size else 1e-150
+
+    def longest(omega: Array) -> float:
+        return float(largest_steps(omega, lowest, error, duration).min(initial=duration / _STEPS_OVER_MOTION))
+
+    step = min(longest(fast), 2 * _STABLE / both[-1])
+    for substeps in range(min(max(1, int(longest(slow) / step)), _MOST_SUBSTEPS), 1, -1):
+        if _stays(growth(M, K, n_slow, step, substeps), substeps * step, error, duration):
+            return step, substeps
+    return min(step, longest_step(M, K, error, duration)), 1
+
+
+def _stays(radius: float, cycle: float, error: float, duration: float) -> bool:
+    """Whether what grows by ``radius`` in each major cycle [s] stays below the wanted error over the duration [s]."""
+    return bool(duration / cycle * np.log(max(radius, 1e-300)) < error)
+
+
+def largest_steps(omega: Array, lowest: float, error: float, duration: float) -> Array:
+    """Step of each oscillation that keeps to its stability limit and to the wanted error [s], shape (n,).
+
+    ``ω T (ω h)²/24 · (ω₁/ω)² ≤ error``.
+    """
+    moving = np.maximum(omega, 1e-150)
+    accurate = np.sqrt(24 * error / (duration * moving * lowest**2))
+    return np.asarray(np.minimum(accurate, 2 * _STABLE / moving))
+
+
+def _cost(n: int, n_fast: int) -> float:
+    """Measured on one core [s]: a solution of the whole, and what is held of it."""
+    return 0.9e-6 + 30e-9 * n + 1.2e-9 * n**2 + 0.5e-9 * n_fast**2
+
+
+def _fast_cost(n: int) -> float:
+    return 5e-9 + 4e-9 * n + 0.5e-9 * n**2

@@ -1,0 +1,124 @@
+"""From a flexible body's table in the scene to its mesh."""
+
+from __future__ import annotations
+
+import subprocess
+import sys
+import tempfile
+from collections.abc import Callable
+from pathlib import Path
+from typing import TYPE_CHECKING
+
+import numpy as np
+
+from pipeline.core.errors import InputError
+from pipeline.core.units import unit_ratio
+from pipeline.fem.material import AnyMaterial, Material, MaterialOfElements
+from pipeline.fem.mesh import SolidMesh
+from pipeline.scene.imported_bodies import CadPart, MeshedPart
+from pipeline.scene.source_files import Source
+
+if TYPE_CHECKING:
+    from meshes.gmsh_session import MeshArrays
+    from pipeline.fem.model import FEModel
+    from pipeline.scene.scene import Bar, Flexible, Propeller
+
+_MOST_SECONDS = 1800
+
+
+def mesh_of(shape: Flexible, source: Source | None) -> SolidMesh:
+    """Mesh a body, or read its mesh from the file that it comes from."""
+    if shape.shape == "mesh":
+        from pipeline.fem.formats.import_mesh import read_mesh
+
+        assert source is not None
+        return read_mesh(source.path, unit_ratio(shape.mesh.unit, "m"), shape.mesh.repair)
+    if shape.shape == "cad":
+        assert source is not None
+        return _from_cad(source.path, shape.mesh.size, shape.mesh.order)
+    assert shape.shape != "matrices"
+    return SolidMesh(*_mesh_arrays(shape))
+
+
+def matrices_of(shape: Flexible, source: Source | None) -> FEModel:
+    """Read a body that is given by its matrices."""
+    from pipeline.fem.formats.matrices import read_matrices
+
+    assert shape.shape == "matrices"
+    assert source is not None
+    given, paths = shape.matrices, source.paths
+    units = unit_ratio(given.unit, "m"), unit_ratio(given.stiffness_unit, "N/m"), unit_ratio(given.mass_unit, "kg")
+    return read_matrices(paths["stiffness"], paths["mass"], paths["nodes"], units)
+
+
+def material_of(shape: Flexible, mesh: SolidMesh, part_named: Callable[[str], str]) -> AnyMaterial:
+    """What a body is made of; ``part_named`` finds the mesh's name of a part or raises."""
+    assert shape.shape != "matrices"
+    whole = Material(shape.E, shape.nu, shape.rho)
+    if not isinstance(shape, MeshedPart | CadPart) or not shape.material:
+        return whole
+    numbers = np.zeros(len(mesh.cells), dtype=np.int64)
+    cells = {k: mesh.parts[part_named(name)] for k, name in enumerate(shape.material, start=1)}
+    for k in sorted(cells, key=lambda k: -len(cells[k])):  # of parts within parts the smallest counts
+        numbers[cells[k]] = k
+    own = (Material(stuff.E, stuff.nu, stuff.rho) for stuff in shape.material.values())
+    return MaterialOfElements((whole, *own), numbers)
+
+
+def _mesh_arrays(part: Bar | Propeller) -> MeshArrays:
+    if part.shape == "propeller":
+        from meshes.propeller import PropellerCounts, PropellerShape, propeller
+
+        mesh = part.mesh
+        shape = PropellerShape(
+            part.blades,
+            bore=part.bore / 2,
+            hub=part.hub / 2,
+            root=part.root / 2,
+            tip=part.diameter / 2,
+            length=part.length,
+            chord=part.chord,
+            thickness=part.thickness,
+            pitch=part.pitch,
+            camber=part.camber,
+            edge=part.edge,
+            seat=part.seat,
+        )
+        counts = PropellerCounts(*mesh.sleeve, *mesh.joint[1:], mesh.blade[2], mesh.growth)
+        return propeller(shape, counts, mesh.element, mesh.order)
+    from meshes.bar import hexahedral_bar, tetrahedral_bar
+
+    size = (part.length, part.depth, part.width)
+    if part.mesh.element == "hexahedron":
+        assert part.mesh.divisions is not None  # the scene's own check
+        return hexahedral_bar(*size, part.mesh.divisions)
+    assert part.mesh.size is not None
+    return tetrahedral_bar(*size, part.mesh.size)
+
+
+def _from_cad(path: Path, size: float, order: int) -> SolidMesh:
+    """Mesh a CAD file by Gmsh in a process of its own, and check what comes as a mesh from a file is checked."""
+    from meshes.cad import SUFFIXES, load
+    from pipeline.fem.formats.import_mesh import solid_mesh
+    from pipeline.fem.formats.raw_mesh import MeshFileError, RawMesh
+
+    if path.suffix.lower() not in SUFFIXES:
+        raise InputError(str(path), "", None, f"is no CAD file that is read; these are: {' '.join(SUFFIXES)}")
+    with tempfile.TemporaryDirectory(prefix="fmd-") as folder:
+        arrays = Path(folder) / "arrays.npz"
+        command = [sys.executable, "-P", "-m", "meshes.cad", str(path.resolve()), str(arrays), repr(size), str(order)]
+        try:
+            done = subprocess.run(command, capture_output=True, check=False, timeout=_MOST_SECONDS)
+        except subprocess.TimeoutExpired:
+            raise InputError(str(path), "", None, f"wasn't meshed in {_MOST_SECONDS} s; take a larger size") from None
+        if done.returncode != 0 or not arrays.is_file():
+            said = done.stderr.decode(errors="replace").strip()
+            raise InputError(str(path), "", None, said or "Gmsh's OpenCASCADE stopped on it; is it damaged?")
+        mesh = load(arrays)
+    cell_type = {1: "tetra", 2: "tetra10"}[order]
+    raw = RawMesh(mesh.points, [(cell_type, mesh.cells)], {name: [cells] for name, cells in mesh.parts.items()})
+    raw.facet_sets = {name: [corners] for name, corners in mesh.faces.items()}
+    try:
+        return solid_mesh(raw, 1.0, repair=True)
+    except MeshFileError as error:
+        raise InputError(str(path), "", None, str(error)) from error

@@ -1,0 +1,352 @@
+"""The lazy stage graph: each stage runs when something asks for it, once, and not at all if its result is kept."""
+
+from __future__ import annotations
+
+from functools import cached_property
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+
+from pipeline.core.arrays import Array, IntArray
+from pipeline.core.cache import Cache
+from pipeline.core.errors import InputError
+from pipeline.core.paths import cache_folder
+from pipeline.core.progress import Monitor, silent
+from pipeline.stages.part import FlexiblePart
+from pipeline.stages.store import Keeper, Log
+
+if TYPE_CHECKING:
+    from pipeline.accuracy.error_budget import Budget
+    from pipeline.dynamics.rotor.rotor import PlanarRotor
+    from pipeline.dynamics.system import System
+    from pipeline.fem.mesh import SolidMesh
+    from pipeline.fem.model import FEModel
+    from pipeline.fem.surface import SurfaceTopology
+    from pipeline.integrators.protocol import Trajectory
+    from pipeline.output.notebook import Picture
+    from pipeline.recovery.chain_motion import ChainMotion
+    from pipeline.recovery.motion import Motion
+    from pipeline.recovery.stress import StressHistory
+    from pipeline.reduction.body import FlexibleBody
+    from pipeline.reduction.modes import Modes
+    from pipeline.scene.scene import Scene
+    from pipeline.stages.mechanism import Chain
+    from pipeline.stages.runs import Plan
+    from pipeline.stages.stiffening_check import SpinCheck
+
+_NEAR_LARGEST = 0.8  # of the tip's largest deflection
+_FINER = 32  # times as many times there tell what is largest between two output times
+_SHORT_SECONDS = 0.2
+_REPEATS = 4
+
+
+class Pipeline:
+    """From a scene to its results, each computed on first use and only with what it needs.
+
+    Parameters
+    ----------
+    scene : Scene
+        As `pipeline.load_scene` returns it.
+    cache : Cache, optional
+        Where results are kept; the user's cache folder by default.
+    monitor : Monitor, optional
+        Is told of each stage's progress.
+    keep_all : bool
+        Whether to integrate modes that nothing can excite, too.
+
+    Attributes
+    ----------
+    parts : dict of str to FlexiblePart
+        The flexible bodies.
+    is_rotor : bool
+        Whether the scene is one flexible body on a hinge that a torque pulse drives: `rotor` and `motion` are there for
+        it, `chain` for every other scene.
+    """
+
+    def __init__(
+        self, scene: Scene, cache: Cache | None = None, monitor: Monitor = silent, keep_all: bool = False
+    ) -> None:
+        self.scene, self.keep_all = scene, keep_all
+        self.keeper = Keeper(Cache(cache_folder() / "stages") if cache is None else cache, monitor)
+        self.parts = {name: FlexiblePart(scene, name, self.keeper) for name in scene.flexible}
+
+    def neighbour(self, scene: Scene, monitor: Monitor = silent) -> Pipeline:
+        """The same for another scene, which shares what both have in common; its stages are not this one's."""
+        other = Pipeline(scene, self.keeper.cache, monitor, self.keep_all)
+        for name, part in other.parts.items():
+            part.share(self.parts[name])
+        return other
+
+    def with_bodies(self, bodies: dict[str, FlexibleBody]) -> Pipeline:
+        """The same with other reduced bodies on the same meshes."""
+        other = Pipeline(self.scene, self.keeper.cache, keep_all=self.keep_all)
+        other.parts, other.bodies = self.parts, bodies
+        return other
+
+    def _repr_html_(self) -> str:
+        return self.scene._repr_html_()
+
+    def picture(self, type: str, mode: int = 1, **settings: Any) -> Picture:
+        """Draw what an ``[[output]]`` of this type would, to be shown inline: ``picture("stress", scale=10)``.
+
+        Parameters
+        ----------
+        type : str
+            ``"chart"``, ``"mesh"``, ``"modes"``, ``"mode sheet"`` or ``"stress"``.
+        mode : int
+            Which of the modes, from 1.
+        settings
+            The output's other keys; ``body`` is the first flexible one by default.
+
+        Raises
+        ------
+        InputError
+            There is no such output or mode, or the scene lacks what it shows.
+        """
+        from pipeline.output.notebook import pictures
+
+        drawn = pictures(self, type, [mode], **settings)
+        if not drawn:
+            raise InputError("picture", "mode", mode, f"must be 1 … {len(self.modes.omega)}")
+        return drawn[0]
+
+    @property
+    def log(self) -> Log:
+        """What has happened to each stage."""
+        return self.keeper.log
+
+    @cached_property
+    def is_rotor(self) -> bool:
+        """Whether the scene is one flexible body on a hinge that at most a torque pulse drives."""
+        from pipeline.stages.mechanism import is_rotor
+
+        return is_rotor(self.scene)
+
+    # The flexible body of a scene that has one ------------------------------------------------------------------
+
+    @property
+    def part(self) -> FlexiblePart:
+        """The first flexible body.
+
+        Raises
+        ------
+        InputError
+            There is none.
+        """
+        for part in self.parts.values():
+            return part
+        raise InputError(self.scene.file, "body", sorted(self.scene.body), "no flexible body: nothing to mesh")
+
+    @property
+    def mesh(self) -> SolidMesh:
+        """Its mesh."""
+        return self.part.mesh
+
+    @property
+    def fe(self) -> FEModel:
+        """Its stiffness and mass."""
+        return self.part.fe
+
+    @property
+    def modes(self) -> Modes:
+        """The modes that the scene chooses for it."""
+        return self.part.modes
+
+    @property
+    def body(self) -> FlexibleBody:
+        """It, reduced."""
+        return self.bodies[self.part.name]
+
+    @property
+    def surface(self) -> SurfaceTopology:
+        """Its outer surface."""
+        return self.part.surface
+
+    @cached_property
+    def stress(self) -> StressHistory:
+        """Stress on its surface over the first run's motion."""
+        return self.stress_of(self.part.name)
+
+    def stress_of(self, body: str) -> StressHistory:
+        """Stress on a flexible body's surface over the first run's motion."""
+        from pipeline.recovery.stress import StressHistory
+
+        part, first = self.parts[body], self.first_motion
+        return StressHistory(part.surface.nodes, part.surface_stress, first.times, first.modal(body))
+
+    def element_stress(self, element: str, component: str = "von Mises") -> dict[str, Array]:
+        """Stress in the middle of a named element, ``"body.element"``, over each run's motion, (n_times,) [Pa]."""
+        from pipeline.recovery.stress import measure_of
+
+        body, _, name = element.partition(".")
+        part = self.parts[body]
+        modal = part.element_stress[list(part.elements).index(name)]
+        return {
+            label: measure_of(component)((modal @ motion.modal(body).T)[None])[0]
+            for label, motion in self.motions.items()
+        }
+
+    @cached_property
+    def inputs(self) -> dict[str, Any]:
+        """All of the scene that its results depend on; files are read for it once."""
+        from pipeline.scene.source_files import all_of
+
+        return all_of(self.scene)
+
+    # The mechanism and its motion -------------------------------------------------------------------------------
+
+    @cached_property
+    def spin(self) -> dict[str, SpinCheck]:
+        """How fast each flexible body turns, and what that does to its stiffness; empty if nothing turns."""
+        from pipeline.stages.stiffening_check import check_spins
+
+        return check_spins(self)
+
+    @cached_property
+    def bodies(self) -> dict[str, FlexibleBody]:
+        """The flexible bodies, reduced, and stiffened by their inertia loads where the scene's speed calls for it."""
+        return {name: part.stiffened if self.spin[name].stiffened else part.body for name, part in self.parts.items()}
+
+    @cached_property
+    def rotor(self) -> PlanarRotor:
+        """The body on its joint with its drive, for a scene that is a rotor."""
+        from pipeline.stages.mechanism import rotor_of
+
+        return rotor_of(self.scene, self.body)
+
+    @cached_property
+    def chain(self) -> Chain:
+        """The mechanism of any scene."""
+        from pipeline.stages.mechanism import chain_of
+
+        try:
+            return chain_of(self.scene, self.bodies)
+        except ValueError as error:  # a prescribed motion that jumps
+            raise InputError(self.scene.file, "drive", None, str(error)) from error
+
+    @property
+    def mechanism(self) -> System:
+        """What is integrated: the rotor, or the chain."""
+        return self.rotor if self.is_rotor else self.chain.tree
+
+    @property
+    def reference_matrices(self) -> tuple[Array, Array]:
+        """Mass and stiffness of the undeformed mechanism, (n, n) each, in the order of its rates."""
+        if self.is_rotor:
+            return self.rotor.reference_mass, np.diag(np.r_[0.0, self.body.omega**2])
+        tree = self.chain.tree
+        return tree.mass_matrix(tree.rest_positions), tree.linear_stiffness
+
+    @property
+    def start(self) -> tuple[Array, Array]:
+        """Positions and rates at the start."""
+        if not self.is_rotor:
+            return self.chain.q0, self.chain.v0
+        joint = next(iter(self.scene.joint.values()))
+        assert joint.type == "revolute"  # is_rotor
+        q0, v0 = np.zeros(self.rotor.n), np.zeros(self.rotor.n)
+        q0[0], v0[0] = joint.angle, joint.rate
+        return q0, v0
+
+    @cached_property
+    def plans(self) -> dict[str, Plan]:
+        """The scene's runs, ready to be integrated, each under the label of its motion; raises what `motions` does."""
+        from pipeline.stages.runs import plans_of
+
+        return plans_of(self)
+
+    @cached_property
+    def motions(self) -> dict[str, Motion] | dict[str, ChainMotion]:
+        """The motion by each of the scene's runs; the label tells integrator and ratio.
+
+        Raises
+        ------
+        InputError
+            A step is beyond its stability limit, or a body would lose its stiffness by its spin; nothing has been
+            integrated then.
+        """
+        self.bodies  # noqa: B018 - stages of their own; what the plans add is kernels, compiled or read
+        trajectories = self.keeper.timed("motion", lambda: self._march_all(self.plans))
+        motions: Any = {label: self.motion_by(plan, trajectories[label]) for label, plan in self.plans.items()}
+        return dict(motions)
+
+    @property
+    def left_out(self) -> dict[str, list[int]]:
+        """Numbers from 1 of the modes of each body that no run integrates: nothing excites them."""
+        parts = [plan.excited.left_out if plan.excited else {} for plan in self.plans.values()]
+        return {
+            body or self.part.name: [k + 1 for k in modes if all(k in part.get(body, ()) for part in parts)]
+            for body, modes in parts[0].items()
+        }
+
+    def motion_by(self, plan: Plan, trajectory: Trajectory) -> Motion | ChainMotion:
+        """What a trajectory of one of the scene's plans means."""
+        if plan.chain is None:
+            from pipeline.recovery.motion import Motion
+
+            return Motion(self.rotor, trajectory, self.scene.simulation.tip.partition(".")[2])
+        from pipeline.recovery.chain_motion import ChainMotion
+
+        return ChainMotion(plan.chain.tree, trajectory, plan.chain.tip, plan.chain.joints)
+
+    @property
+    def output_times(self) -> Array:
+        """Times of the results [s]."""
+        simulation = self.scene.simulation
+        n_outputs = int(simulation.duration / simulation.output_step * (1 + 1e-12)) + 1
+        return np.arange(n_outputs, dtype=float) * simulation.output_step
+
+    @cached_property
+    def fine_times(self) -> tuple[Array, IntArray]:
+        """Output times with many more around the tip's largest deflections [s]; which of them are output times."""
+        tip = self.first_motion.tip_size
+        near = (tip > 0) & (tip >= _NEAR_LARGEST * tip.max())
+        numbers = np.r_[0, np.cumsum(np.where(near[:-1] | near[1:], _FINER, 1))]
+        return np.interp(np.arange(numbers[-1] + 1), numbers, self.output_times), numbers
+
+    @cached_property
+    def fine_motion(self) -> Motion | ChainMotion:
+        """The first run's motion at the fine times: what vibrates fast is largest between two output times."""
+        if len(self.fine_times[0]) == len(self.output_times):  # nothing flexible is at the tip
+            return self.first_motion
+        plan = next(iter(self.plans.values()))
+        return self.motion_by(plan, plan.march(self.fine_times[0]))
+
+    @cached_property
+    def budget(self) -> Budget:
+        """What the results of the first run are off by."""
+        from pipeline.accuracy.error_budget import budget_of
+
+        return budget_of(self)
+
+    @property
+    def first_motion(self) -> Motion | ChainMotion:
+        """The motion by the scene's first run, with which the others are compared."""
+        motions: dict[str, Motion | ChainMotion] = {**self.motions}
+        return next(iter(motions.values()))
+
+    @property
+    def motion(self) -> Motion:
+        """The same, for a scene that is a rotor."""
+        from pipeline.recovery.motion import Motion
+
+        first = self.first_motion
+        if not isinstance(first, Motion):
+            raise InputError(self.scene.file, "body", sorted(self.scene.body), "is a chain; see Pipeline.motions")
+        return first
+
+    def _march_all(self, plans: dict[str, Plan]) -> dict[str, Trajectory]:
+        times = self.output_times
+        trajectories = {}
+        for label, plan in plans.items():
+            plan.march(times[:2])  # compiles, or reads kernels: not part of the run time
+            with self.keeper.monitor(label) as advance:
+                trajectories[label] = plan.march(times, advance)
+        spent = sum(trajectory.seconds for trajectory in trajectories.values())
+        repeats = min(_REPEATS, int(_SHORT_SECONDS / max(spent, 1e-9)))
+        for _ in range(repeats):  # side by side, so that the ratios of run times mean something
+            for label, plan in plans.items():
+                again = plan.march(times)
+                if again.seconds < trajectories[label].seconds:
+                    trajectories[label] = again
+        return trajectories

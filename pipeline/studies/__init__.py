@@ -1,1 +1,0 @@
-"""Questions asked of a mechanism by integrating it many times."""

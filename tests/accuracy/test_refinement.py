@@ -1,0 +1,124 @@
+"""A wanted accuracy: chosen settings meet it by true errors, or the message has the best that was measured."""
+
+import json
+from typing import ClassVar
+
+import numpy as np
+import pytest
+
+from pipeline import Pipeline, load_scene
+from pipeline.accuracy import refinement as accuracy
+from pipeline.accuracy.error_budget import Budget, true_errors
+from pipeline.accuracy.error_estimates import NO_PART, SOURCES, Row
+from pipeline.accuracy.refinement import meet_accuracy
+from pipeline.cli.app import main
+from pipeline.core.cache import Cache
+from pipeline.core.errors import AccuracyError, InputError
+from pipeline.scene.variants import refined
+
+QUICK = ("simulation.duration=0.1 s", "simulation.output_step=1 ms", "body.beam.mesh.divisions=[24, 2, 1]")
+
+
+@pytest.mark.slow
+def test_two_percent_on_the_beam_take_more_than_the_first_try_and_true_errors_are_below() -> None:
+    run = Pipeline(load_scene("beam", [*QUICK, "accuracy=2 %"]), Cache(None))
+    met, rounds = meet_accuracy(run)
+    assert rounds[0].worst.total > 0.02 >= rounds[-1].worst.total
+    assert not rounds[-1].given_up
+    finer = ["body.beam.mesh.divisions=[48, 4, 2]", "body.beam.modes.count=10", "body.beam.modes.enrich=ritz"]
+    exact = [*QUICK[:2], *finer, "simulation.error=1e-6", 'simulation.run=[{integrator="auto"}]']
+    assert max(true_errors(met, Pipeline(load_scene("beam", exact), Cache(None))).values()) < 0.02
+
+
+def test_a_quantity_that_refining_hardly_improves_is_given_up_and_told_while_the_others_are_met(monkeypatch) -> None:
+    class Imagined:
+        """A run whose errors are laws of its round: frequency and rate converge, stress has no limit."""
+
+        keeper = type("Keeper", (), {"monitor": None})
+        parts: ClassVar[dict] = {}
+
+        def __init__(self, scene, number: int) -> None:
+            self.scene, self.number = scene, number
+
+        def neighbour(self, scene, monitor):
+            return Imagined(scene, self.number + 1)
+
+        @property
+        def budget(self) -> Budget:
+            errors = {"frequency": 0.3**self.number, "rate": 0.4**self.number, "stress": 0.1 * 0.9**self.number}
+            parts = dict.fromkeys(SOURCES, NO_PART)
+            return Budget(tuple(Row(f"{x}", "", 1.0, False, parts | {"time": e}) for x, e in errors.items()))
+
+    _, rounds = meet_accuracy(Imagined(load_scene("beam", ["accuracy=5 %"]), 0))
+    assert [[row.name for row in found.given_up] for found in rounds] == [[], [], ["stress"], ["stress"], ["stress"]]
+    assert rounds[-1].worst.total <= 0.05
+    assert rounds[-1].shares["time"] == pytest.approx(rounds[-1].worst.total)  # nothing is refined for the stress
+    assert rounds[-1].summary()["given_up"][0]["stated"] == pytest.approx(2 * 0.1 * 0.9**5)
+
+
+@pytest.mark.parametrize("factor", [1.25, 1.4, 1.7])
+def test_a_refined_propeller_keeps_its_cells_between_the_joints_and_can_be_meshed(factor: float) -> None:
+    mesh = "body.propeller.mesh={order=2, sleeve=[12, 2, 1], joint=[2, 3, 3], blade=[2, 3, 6], growth=4.0}"
+    scene = load_scene("propeller", ["body.propeller.blades=3", mesh])
+    finer = refined(scene, factor)
+    chosen = finer.flexible["propeller"].mesh
+    assert chosen.sleeve[0] // 3 - chosen.joint[1] >= 2  # of two cells, none is a thin one
+    assert finer.flexible["propeller"].seat == pytest.approx(np.radians(90.0))  # 3 of the 4 cells of a third
+    assert Pipeline(finer, Cache(None)).part.mesh.volume > 0  # which checks each cell
+
+
+def test_of_the_frequencies_only_the_scenes_own_count() -> None:
+    rows = [Row(f"beam, frequency {k}", "Hz", 1.0, False, {"time": 0.1}) for k in (1, 5, 6, 900)]
+    found = accuracy._counting(Budget(tuple(rows)), load_scene("beam", []))
+    assert [row.name for row in found] == ["beam, frequency 1", "beam, frequency 5"]
+
+
+def test_a_chain_of_rigid_bodies_meets_it_by_its_integrator_alone(tmp_path, capsys) -> None:
+    overrides = ["--set", "accuracy=0.1 %", "--set", "simulation.duration=1 s"]
+    with pytest.raises(SystemExit) as stop:
+        main(["run", "rod-slider", *overrides, "--no-pictures", "--out", str(tmp_path), "--json"])
+    assert not stop.value.code
+    summary = json.loads(capsys.readouterr().out)
+    assert summary["accuracy"]["wanted"] == pytest.approx(1e-3)
+    assert summary["accuracy"]["rounds"][-1]["worst"]["stated"] <= 1e-3
+    assert max(row["total"] for row in summary["error_budget"]["rows"]) <= 1e-3
+    assert [row["integrator"] for row in summary["integrations"]] == ["auto (runge-kutta)"]
+
+
+def test_what_is_given_up_is_named_and_the_status_is_3(tmp_path, capsys, monkeypatch) -> None:
+    """The rod's rate is made to stall; all that was computed is there nevertheless."""
+
+    def meets(run: Pipeline) -> tuple[Pipeline, tuple[accuracy.Round, ...]]:
+        rate = next(row for row in run.budget.rows if row.name == "hinge, rate")
+        return run, (accuracy.Round({"bodies": {}, "integration_error": 0.1}, run.budget.rows[0], {}, (rate,)),)
+
+    monkeypatch.setattr(accuracy, "meet_accuracy", meets)
+    overrides = ["--set", "accuracy=0.1 %", "--set", "simulation.duration=1 s"]
+    with pytest.raises(SystemExit) as stop:
+        main(["run", "rod-slider", *overrides, "--no-pictures", "--out", str(tmp_path)])
+    assert stop.value.code == 3
+    said = " ".join(capsys.readouterr().err.split())
+    assert "fmd: accuracy: finer meshes and more modes hardly lower the error of 'hinge, rate', stated" in said
+    assert json.loads((tmp_path / "summary.json").read_text())["accuracy"]["met"] is False
+    assert (tmp_path / "motion.nc").is_file()
+
+
+def test_what_is_not_met_ends_with_the_best_that_was_measured(monkeypatch) -> None:
+    monkeypatch.setattr(accuracy, "_MOST_ROUNDS", 1)
+    run = Pipeline(load_scene("beam", [*QUICK, "accuracy=0.1 %"]), Cache(None))
+    with pytest.raises(AccuracyError, match=r"accuracy = 0.10%: not met in 1 rounds; the best states \d+"):
+        meet_accuracy(run)
+
+
+@pytest.mark.parametrize(("given", "message"), [("0.01", "as text"), ("1", "as text"), ("80 %", "between 0.0001 %")])
+def test_an_accuracy_is_a_percentage(given: str, message: str) -> None:
+    with pytest.raises(InputError, match=message):
+        load_scene("beam", [f"accuracy={given}"])
+
+
+def test_an_accuracy_needs_the_budget(tmp_path, capsys) -> None:
+    arguments = ["run", "rod-slider", "--set", "accuracy=1 %", "--no-budget", "--no-pictures", "--out", str(tmp_path)]
+    with pytest.raises(SystemExit) as stop:
+        main(arguments)
+    assert stop.value.code == 2
+    assert "--no-budget" in capsys.readouterr().err

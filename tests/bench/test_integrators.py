@@ -1,0 +1,86 @@
+"""`fmd bench`'s studies of elements and of whole runs: what they refuse, choose and write."""
+
+import csv
+import subprocess
+import sys
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from pipeline import Pipeline, load_scene
+from pipeline.bench.mode_study import STUDIES, ModeRow, Reference, extrapolated, fastest, write_study
+from pipeline.bench.whole_runs import StageRow, _run, write_rows
+from pipeline.cli.app import main
+from pipeline.core.cache import Cache
+from pipeline.core.errors import AccuracyError
+
+ROWS = [
+    ModeRow("beam", "hex20", "coarse", 900, 0.1, 2e-3),
+    ModeRow("beam", "hex20", "fine", 9000, 0.9, 1e-5),
+    ModeRow("beam", "tet10", "fine", 9000, 0.5, 5e-4),
+]
+
+
+def test_a_scene_without_a_study_of_modes_is_refused(capsys: pytest.CaptureFixture[str]) -> None:
+    with pytest.raises(SystemExit) as stopped:
+        main(["bench", "arm", "--modes"])
+    assert stopped.value.code == 2
+    assert "must be one of beam, propeller" in capsys.readouterr().err
+
+
+def test_the_fastest_is_looked_for_among_those_within_the_error() -> None:
+    assert fastest(ROWS) is ROWS[2]
+    assert fastest(ROWS, 1e-4) is ROWS[1]
+    assert fastest(ROWS, 1e-9) is None
+
+
+def test_a_study_of_modes_is_written_with_its_reference_and_a_chart(tmp_path: Path) -> None:
+    files = write_study(ROWS, {"beam": Reference(np.array([131.0]), 1e-6, 60123)}, tmp_path)
+    assert files == ["modes.csv", "modes-beam.png"]
+    assert (tmp_path / "modes-beam.png").stat().st_size > 10_000
+    _, reference, *table = (tmp_path / "modes.csv").read_text().splitlines()
+    assert reference == "# beam: 131.0000 Hz, the limit by up to 60123 unknowns, good to 1e-06"
+    assert [float(row["error"]) for row in csv.DictReader(table)] == [2e-3, 1e-5, 5e-4]
+
+
+def test_frequencies_are_extrapolated_by_the_order_that_they_show() -> None:
+    h = np.array([1.0, 2 / 3, 0.5])[:, None]
+    limits, orders = np.array([131.0, 349.3, 655.2]), np.array([2.0, 2.9, 4.0])
+    assert extrapolated(limits + 0.7 * h**orders) == pytest.approx(limits, rel=1e-12)
+
+
+@pytest.mark.parametrize(
+    ("scene", "meshes", "error"),
+    [("beam", ("16 × 2 × 1", "20 mm"), 2e-3), ("propeller", ("4 × 2 × 1 × 1 × 4 × 9", "4 × 2 × 1 × 2 × 4 × 9"), 2e-2)],
+)
+def test_hexahedra_and_tetrahedra_show_the_same_modes(scene: str, meshes: tuple[str, str], error: float) -> None:
+    """A mode along z among the beam's, or a pair that is missed, would be off by a tenth."""
+    study = next(study for study in STUDIES if study.scene == scene)
+    told = {(element, mesh): overrides for element, mesh, overrides in study.meshes}
+    runs = [told[kind] for kind in zip(("hex20", "tet10"), meshes, strict=True)]
+    hexahedra, tetrahedra = (study.frequencies(Pipeline(load_scene(scene, mesh), Cache(None))) for mesh in runs)
+    assert len(hexahedra) == {"beam": 5, "propeller": 6}[scene]
+    assert tetrahedra == pytest.approx(hexahedra, rel=error)
+
+
+def test_a_run_that_fails_is_told_with_its_last_line() -> None:
+    command = [sys.executable, "-c", "import sys; print('broken', file=sys.stderr); sys.exit(3)"]
+    with pytest.raises(AccuracyError, match="fmd run beam ended with status 3: broken"):
+        _run("beam", command, {})
+
+
+def test_a_runs_size_is_that_of_its_own_process() -> None:
+    """Asked by a small process: a child counts as large as its parent was when it began."""
+    measure = (
+        "import sys; from pipeline.bench.whole_runs import _run; "
+        "print(_run('beam', [sys.executable, '-c', \"kept = bytearray(200_000_000); print('{}')\"], {})[2])"
+    )
+    done = subprocess.run([sys.executable, "-c", measure], capture_output=True, text=True, check=True)
+    assert 190 < float(done.stdout) < 400
+
+
+def test_stages_are_written_row_by_row(tmp_path: Path) -> None:
+    write_rows([StageRow("beam", "cold", "mesh", 0.5, 0.25, False, float("nan"))], tmp_path / "pipeline.csv")
+    _, *table = (tmp_path / "pipeline.csv").read_text().splitlines()
+    assert next(csv.DictReader(table))["share"] == "0.25"

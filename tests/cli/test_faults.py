@@ -1,0 +1,385 @@
+"""Killed runs, full disks, folders that can't be written, runs side by side, poor machines: nothing is poisoned.
+
+A process with everything imported and compiled forks a child for each run, so that a hundred of them cost seconds.
+"""
+
+from __future__ import annotations
+
+import json
+import os
+import shutil
+import signal
+import subprocess
+import sys
+import time
+from collections.abc import Callable, Iterator
+from contextlib import suppress
+from itertools import count
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pytest
+import xarray
+
+pytestmark = [
+    pytest.mark.slow,
+    pytest.mark.skipif(not hasattr(os, "fork"), reason="needs fork, signals and resource limits"),
+]
+
+SCENE = """
+base = "beam"
+title = "Small beam"
+
+[simulation]
+duration = "4 ms"
+step = "20 us"
+output_step = "0.2 ms"
+tip = "beam.tip"
+
+[[simulation.run]]
+integrator = "central-difference"
+"""
+SMALL = ["--set", "body.beam.mesh.divisions=[6, 1, 1]", "--set", "body.beam.modes.count=2", "--set", "output=[]"]
+STAGES = ("mesh", "assembly", "modes", "body", "motion", "surface", "stress")
+KEPT = ("mesh", "modes", "body", "surface", "stress")  # those that the cache keeps
+FILES = len(KEPT) + 2  # at least: and the motion and the summary
+
+FMD = (sys.executable, "-c", "from pipeline.cli.app import main; main()")
+
+# Forks a child for each line: it runs the command line with a cache of its own, and dies where it is told to.
+SERVER = """
+import json, os, signal, sys
+from pipeline.cli.app import main
+from pipeline.stages.store import Keeper
+
+def die(*_):
+    os.kill(os.getpid(), signal.SIGKILL)
+
+def prepare(order):
+    os.environ["FMD_CACHE"] = order["cache"]
+    stage, when = order.get("stage"), order.get("when")
+    timed, replace, count = Keeper.timed, os.replace, [0]
+
+    def patched(self, name, make):
+        if name == stage and when == "before":
+            die()
+        value = timed(self, name, (lambda: (make(), die())) if name == stage and when == "within" else make)
+        if name == stage and when == "after":
+            die()
+        return value
+
+    def replaced(*names):
+        count[0] += 1
+        if count[0] == order.get("file") and when == "before":
+            die()
+        replace(*names)
+        if count[0] == order.get("file") and when == "after":
+            die()
+
+    Keeper.timed, os.replace = patched, replaced
+    if "most_bytes" in order:
+        import resource
+        signal.signal(signal.SIGXFSZ, signal.SIG_IGN)
+        resource.setrlimit(resource.RLIMIT_FSIZE, (order["most_bytes"], order["most_bytes"]))
+
+try:
+    main(json.loads(sys.argv[1]))  # imports, compiles, reads what there is to read
+except SystemExit as stop:
+    assert not stop.code
+print(flush=True)
+for line in sys.stdin:
+    order = json.loads(line)
+    child = os.fork()
+    if not child:
+        os.setpgid(0, 0)
+        with open(order["log"], "w") as log:
+            os.dup2(log.fileno(), 1), os.dup2(log.fileno(), 2)
+        sys.stdout, sys.stderr = os.fdopen(1, "w", closefd=False), os.fdopen(2, "w", closefd=False)
+        status = 1
+        try:
+            prepare(order)
+            main(order["arguments"])
+            status = 0
+        except SystemExit as stop:
+            status = stop.code or 0
+        except BaseException:
+            import traceback
+            traceback.print_exc()
+        finally:
+            try:
+                sys.stdout.flush(), sys.stderr.flush()
+            finally:
+                os._exit(status)
+    print(child, flush=True)
+    print(os.waitpid(child, 0)[1], flush=True)
+"""
+
+
+class Runs:
+    """Runs of the small scene, one after another, in children of one warm process."""
+
+    def __init__(self, folder: Path) -> None:
+        self.folder, self.numbers = folder, iter(range(10_000))
+        self.scene = folder / "small.toml"
+        self.scene.write_text(SCENE)
+        environment = os.environ | {"FMD_CACHE": str(folder / "kernels")}
+        environment.pop("NUMBA_CACHE_DIR", None)
+        self.command = ["run", str(self.scene), *SMALL, "--no-pictures", "--no-budget"]
+        self.servers = [self._server(environment) for _ in range(2)]
+
+    def _server(self, environment: dict[str, str]) -> subprocess.Popen[str]:
+        first = json.dumps([*self.command, "--no-cache", "--json", "--out", str(self.new_folder())])
+        command, pipe = [sys.executable, "-c", SERVER, first], subprocess.PIPE
+        server = subprocess.Popen(command, stdin=pipe, stdout=pipe, text=True, env=environment)
+        assert server.stdout is not None
+        while (line := server.stdout.readline()) != "\n":  # the first run's summary
+            assert line
+        return server
+
+    def new_folder(self) -> Path:
+        folder = self.folder / f"{next(self.numbers)}"
+        folder.mkdir()
+        return folder
+
+    def start(self, cache: Path, out: Path, server: int = 0, **order: Any) -> Callable[[], int]:
+        """Start a run; the result waits for its end and returns its exit status, negative for a signal."""
+        log = out.with_name(f"{out.name}.log")
+        order |= {"cache": str(cache), "log": str(log), "arguments": [*self.command, "--out", str(out)]}
+        stdin, stdout = self.servers[server].stdin, self.servers[server].stdout
+        assert stdin is not None
+        assert stdout is not None
+        print(json.dumps(order), file=stdin, flush=True)
+        self.child = int(stdout.readline())
+        return lambda: os.waitstatus_to_exitcode(int(stdout.readline()))
+
+    def run(self, cache: Path, out: Path, **order: Any) -> int:
+        return self.start(cache, out, **order)()
+
+    def results(self, cache: Path, **order: Any) -> dict[str, Any]:
+        """What a whole run gives, but for its times."""
+        out = self.new_folder()
+        assert self.run(cache, out, **order) == 0, said(out)
+        return read(out)
+
+    def close(self) -> None:
+        for server in self.servers:
+            server.communicate(timeout=30)
+
+
+def said(out: Path) -> str:
+    return out.with_name(f"{out.name}.log").read_text()
+
+
+def read(out: Path) -> dict[str, Any]:
+    summary = json.loads((out / "summary.json").read_text())
+    for key in ("seconds", "stages_run", "stages_cached", "stages_skipped"):
+        del summary[key]
+    for row in summary["integrations"]:
+        del row["seconds"], row["ratio_to_plain"]
+    with xarray.open_dataset(out / "motion.nc", engine="scipy") as motion:
+        summary["motion"] = {name: np.asarray(values).tolist() for name, values in motion.load().variables.items()}
+    return summary
+
+
+@pytest.fixture(scope="module")
+def runs(tmp_path_factory: pytest.TempPathFactory) -> Iterator[Runs]:
+    runs = Runs(tmp_path_factory.mktemp("faults"))
+    yield runs
+    runs.close()
+
+
+@pytest.fixture(scope="module")
+def whole(runs: Runs) -> dict[str, Any]:
+    """The results of an undisturbed run."""
+    return runs.results(runs.new_folder())
+
+
+def assert_sound(runs: Runs, cache: Path, out: Path, whole: dict[str, Any], twice: bool = False) -> None:
+    """The next run gives the undisturbed results; so does one that reads them all from the cache."""
+    assert runs.run(cache, out) == 0, said(out)
+    assert read(out) == whole
+    if not twice:
+        return
+    again = runs.new_folder()
+    assert runs.run(cache, again) == 0
+    assert json.loads((again / "summary.json").read_text())["stages_run"] == ["motion"]
+    assert read(again) == whole
+
+
+@pytest.mark.parametrize("when", ["before", "within", "after"])
+def test_a_run_killed_at_any_stage_is_taken_up_by_the_next(runs: Runs, whole: dict[str, Any], when: str) -> None:
+    for stage in STAGES:
+        cache, out = runs.new_folder(), runs.new_folder()
+        assert runs.run(cache, out, stage=stage, when=when) == -signal.SIGKILL, (stage, said(out))
+        assert not (out / "summary.json").exists()
+        assert_sound(runs, cache, out, whole)
+
+
+@pytest.mark.parametrize("when", ["before", "after"])
+def test_a_run_killed_at_any_file_leaves_it_whole_or_not_at_all(runs: Runs, whole: dict[str, Any], when: str) -> None:
+    for file in count(1):
+        cache, out = runs.new_folder(), runs.new_folder()
+        status = runs.run(cache, out, file=file, when=when)
+        if status == 0:  # there is no further file
+            break
+        assert status == -signal.SIGKILL, said(out)
+        visible = {path.name for path in out.glob("*.*") if not path.name.startswith(".")} if out.exists() else set()
+        assert visible <= {"motion.nc", "summary.json"}
+        assert_sound(runs, cache, out, whole)
+    assert file > FILES
+
+
+def test_runs_killed_at_random_times_one_after_another_poison_nothing(runs: Runs, whole: dict[str, Any]) -> None:
+    rng = np.random.default_rng(7)
+    tick = time.perf_counter()
+    runs.results(runs.new_folder())
+    typical = time.perf_counter() - tick
+    killed = 0
+    while killed < 64:
+        cache, out = runs.new_folder(), runs.new_folder()
+        for _ in range(8):  # in one cache, further each time
+            end = runs.start(cache, out)
+            time.sleep(rng.uniform(0.0, typical))
+            with suppress(ProcessLookupError):  # it has ended by itself
+                os.kill(runs.child, signal.SIGKILL)
+            killed += end() == -signal.SIGKILL
+        assert_sound(runs, cache, out, whole, twice=True)
+
+
+def test_two_runs_at_once_on_one_cache_and_one_folder_agree(runs: Runs, whole: dict[str, Any]) -> None:
+    for same_out in (False, True):
+        cache, out = runs.new_folder(), runs.new_folder()
+        outs = [out, out if same_out else runs.new_folder()]
+        ends = [runs.start(cache, folder, server) for server, folder in enumerate(outs)]
+        assert [end() for end in ends] == [0, 0]
+        assert all(read(folder) == whole for folder in outs)
+        assert_sound(runs, cache, out, whole)
+
+
+# Disks and folders -----------------------------------------------------------------------------------------------
+
+
+@pytest.mark.parametrize("most_bytes", [0, 3000])
+def test_a_full_disk_is_one_message_and_leaves_nothing_half_written(
+    runs: Runs, whole: dict[str, Any], most_bytes: int
+) -> None:
+    cache, out = runs.new_folder(), runs.new_folder()
+    log = out.with_name(f"{out.name}.log")
+    assert runs.run(cache, out, most_bytes=most_bytes) == 2
+    assert list(out.iterdir()) == []
+    if most_bytes:  # it limits the log too
+        assert log.read_text().startswith(f"fmd: --out = '{out}': can't be written")
+    assert not [path for path in cache.rglob("*") if path.name.startswith(".")]
+    assert_sound(runs, cache, out, whole)
+
+
+def test_a_disk_too_full_for_the_cache_alone_costs_only_time(runs: Runs, whole: dict[str, Any]) -> None:
+    if os.geteuid() or subprocess.run(["unshare", "-m", "true"], check=False).returncode:
+        pytest.skip("needs a file system of its own")
+    small = runs.new_folder()
+    out = runs.new_folder()
+    script = f'mount -t tmpfs -o size=16k tmpfs {small} && exec "$0" "$@"'
+    environment = os.environ | {"FMD_CACHE": str(small), "NUMBA_CACHE_DIR": str(kernels(runs))}
+    command = ["unshare", "-m", "sh", "-c", script, *FMD, *runs.command, "--out", str(out)]
+    done = subprocess.run(command, capture_output=True, text=True, env=environment, check=False, timeout=300)
+    assert done.returncode == 0, done.stderr
+    assert read(out) == whole
+
+
+@pytest.mark.parametrize("place", ["a file", "read-only"])
+def test_a_cache_folder_that_cannot_be_written_costs_only_time(runs: Runs, whole: dict[str, Any], place: str) -> None:
+    cache = runs.new_folder()
+    if place == "a file":
+        cache = cache / "file"
+        cache.write_text("in the way")
+        assert runs.results(cache) == whole
+        assert cache.read_text() == "in the way"
+        return
+    if os.geteuid() or subprocess.run(["unshare", "-m", "true"], check=False).returncode:
+        pytest.skip("needs a file system of its own")
+    out = runs.new_folder()
+    script = f'mount -t tmpfs -o ro tmpfs {cache} && exec "$0" "$@"'
+    environment = os.environ | {"FMD_CACHE": str(cache), "NUMBA_CACHE_DIR": str(kernels(runs))}
+    command = ["unshare", "-m", "sh", "-c", script, *FMD, *runs.command, "--out", str(out)]
+    done = subprocess.run(command, capture_output=True, text=True, env=environment, check=False, timeout=300)
+    assert done.returncode == 0, done.stderr
+    assert read(out) == whole
+
+
+def kernels(runs: Runs) -> Path:
+    (folder,) = (runs.folder / "kernels" / "kernels").iterdir()
+    return folder
+
+
+# Poor machines ---------------------------------------------------------------------------------------------------
+
+MODES = ["modes", "beam", "--set", "body.beam.mesh.divisions=[6, 1, 1]", "--json"]
+
+
+def fmd(arguments: list[str], *before: str, cwd: Path | None = None, **environment: str | None) -> Any:
+    given = {k: v for k, v in (os.environ | environment).items() if v is not None}
+    command = [*before, *FMD, *arguments]
+    return subprocess.run(command, capture_output=True, text=True, env=given, cwd=cwd, check=False, timeout=300)
+
+
+@pytest.fixture(scope="module")
+def frequencies() -> list[float]:
+    return frequencies_of(fmd(MODES))
+
+
+def frequencies_of(done: Any) -> list[float]:
+    assert done.returncode == 0, done.stderr
+    found: list[float] = json.loads(done.stdout)["frequencies_hz"]
+    return found
+
+
+def test_without_a_home_results_are_the_same(frequencies: list[float], tmp_path: Path) -> None:
+    assert frequencies_of(fmd(MODES, HOME=None, FMD_CACHE=None, TMPDIR=str(tmp_path))) == frequencies
+
+
+def test_a_user_without_a_home_keeps_the_cache_among_temporary_files(frequencies: list[float], tmp_path: Path) -> None:
+    if os.geteuid() or not shutil.which("setpriv"):
+        pytest.skip("needs to become another user")
+    tmp_path.chmod(0o777)
+    for folder in tmp_path.parents:  # pytest's own are the user's alone
+        if not folder.stat().st_mode & 0o001:
+            folder.chmod(folder.stat().st_mode | 0o001)
+    nobody = ("setpriv", "--reuid", "12345", "--regid", "12345", "--clear-groups")
+    environment = {"HOME": None, "XDG_CACHE_HOME": None, "FMD_CACHE": None, "TMPDIR": str(tmp_path)}
+    assert frequencies_of(fmd(MODES, *nobody, cwd=tmp_path, **environment)) == frequencies
+    kept = tmp_path / "fmd-12345"
+    assert (kept.stat().st_uid, kept.stat().st_mode & 0o777) == (12345, 0o700)
+    assert list((kept / "stages").iterdir())
+    assert [path.name for path in tmp_path.iterdir()] == ["fmd-12345"]
+
+
+def test_on_one_core_results_are_the_same(frequencies: list[float]) -> None:
+    if not shutil.which("taskset"):
+        pytest.skip("needs taskset")
+    assert frequencies_of(fmd([*MODES, "--no-cache"], "taskset", "-c", "0")) == frequencies
+
+
+def test_without_a_network_results_are_the_same(frequencies: list[float]) -> None:
+    if not shutil.which("unshare") or subprocess.run(["unshare", "-rn", "true"], check=False).returncode:
+        pytest.skip("needs a network of its own")
+    assert frequencies_of(fmd([*MODES, "--no-cache"], "unshare", "-rn")) == frequencies
+
+
+def test_without_a_display_pictures_are_drawn(runs: Runs, tmp_path: Path) -> None:
+    picture = 'output=[{type="stress", file="stress.png", body="beam", size=[320, 240]}]'
+    small = [*runs.command[:-2], "--no-budget", "--set", picture, "--out", str(tmp_path)]
+    done = fmd(small, DISPLAY=":99", WAYLAND_DISPLAY=None, NUMBA_CACHE_DIR=str(kernels(runs)))
+    assert done.returncode == 0, done.stderr
+    assert (tmp_path / "stress.png").stat().st_size > 1000
+
+
+def test_a_missing_library_is_one_message(tmp_path: Path) -> None:
+    # a gmsh that fails as the true one does where the system lacks a library
+    (tmp_path / "gmsh.py").write_text('raise OSError("libGL.so.1: cannot open shared object file: No such file")')
+    path = os.pathsep.join([str(tmp_path), *filter(None, [os.environ.get("PYTHONPATH")])])
+    done = fmd([*MODES, "--no-cache"], PYTHONPATH=path)
+    assert (done.returncode, done.stdout) == (2, "")
+    assert done.stderr.strip().splitlines()[-1].startswith("fmd: libGL.so.1: cannot open shared object file")
+    assert "`fmd doctor` tells what this machine lacks" in done.stderr
+    assert "Traceback" not in done.stderr

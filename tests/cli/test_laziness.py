@@ -1,0 +1,102 @@
+"""What a command doesn't need it doesn't load: each runs in a process of its own that lists its modules."""
+
+from __future__ import annotations
+
+import json
+import os
+import subprocess
+import sys
+from functools import partial
+
+import pytest
+
+LISTING = """
+import json, sys
+from pipeline.cli.app import main
+try:
+    main()
+except SystemExit as stop:
+    assert not stop.code
+print("\\n" + json.dumps(sorted({name.partition(".")[0] for name in sys.modules} | {
+    ".".join(name.split(".")[:2]) for name in sys.modules if name.startswith("pipeline.")})))
+"""
+QUICK = ["--set", "body.beam.mesh.divisions=[24, 2, 1]", "--set", "simulation.duration=50 ms"]
+
+
+@pytest.fixture(scope="module")
+def environment(tmp_path_factory):
+    """A cache of its own: kernels of the tests' own mechanisms can't be read where those aren't importable."""
+    inherited = {name: value for name, value in os.environ.items() if name != "NUMBA_CACHE_DIR"}
+    return inherited | {"FMD_CACHE": str(tmp_path_factory.mktemp("cache"))}
+
+
+@pytest.fixture(scope="module")
+def modules(environment):
+    """Call for the names of the modules that a command has loaded in the end."""
+    return partial(_modules, environment)
+
+
+def _modules(environment, *arguments):
+    command = [sys.executable, "-c", LISTING, *arguments]
+    done = subprocess.run(command, capture_output=True, text=True, check=False, timeout=300, env=environment)
+    assert done.returncode == 0, done.stderr
+    return set(json.loads(done.stdout.splitlines()[-1]))
+
+
+@pytest.fixture(scope="module")
+def cold_run(modules, tmp_path_factory):
+    return modules("run", "beam", *QUICK, "--no-pictures", "--out", str(tmp_path_factory.mktemp("cold")))
+
+
+def test_help_loads_nothing_heavy(modules):
+    heavy = {
+        "numpy",
+        "scipy",
+        "pydantic",
+        "pint",
+        "numba",
+        "gmsh",
+        "skfem",
+        "pyvista",
+        "matplotlib",
+        "xarray",
+        "joblib",
+    }
+    assert not modules("--help") & heavy
+
+
+def test_modes_load_neither_pictures_nor_integrators(modules):
+    loaded = modules("modes", "beam", "--no-cache")
+    assert "skfem" in loaded
+    assert not loaded & {"pyvista", "matplotlib", "numba", "xarray", "pipeline.integrators", "pipeline.dynamics"}
+
+
+def test_a_run_without_pictures_loads_neither_pyvista_nor_matplotlib(cold_run):
+    assert "numba" in cold_run
+    assert not cold_run & {"pyvista", "vtk", "vtkmodules", "matplotlib", "pipeline.render"}
+
+
+@pytest.mark.usefixtures("cold_run")
+def test_modes_of_a_scene_that_was_run_load_little_more_than_numpy(modules):
+    loaded = modules("modes", "beam", *QUICK)
+    assert "numpy" in loaded
+    meshing = {"gmsh", "meshes", "skfem", "meshio", "pipeline.fem"}
+    assert not loaded & {*meshing, "pint", "dask", "numba", "pyvista", "matplotlib", "xarray", "pipeline.integrators"}
+
+
+@pytest.mark.usefixtures("cold_run")
+def test_a_second_run_loads_neither_gmsh_nor_scikit_fem(modules, tmp_path):
+    warm = modules("run", "beam", *QUICK, "--no-pictures", "--out", str(tmp_path))
+    assert not warm & {"gmsh", "meshes", "skfem", "meshio"}
+
+
+def test_the_package_itself_loads_nothing_heavy():
+    listing = "import sys, pipeline; print(*sys.modules)"
+    done = subprocess.run([sys.executable, "-c", listing], capture_output=True, text=True, check=True, timeout=60)
+    assert not set(done.stdout.split()) & {"numpy", "scipy", "pydantic", "gmsh", "skfem", "pyvista", "numba"}
+
+
+def test_a_rigid_scene_loads_neither_gmsh_nor_scikit_fem(modules, tmp_path):
+    loaded = modules("run", "rod-slider", "--no-pictures", "--set", "simulation.duration=1 s", "--out", str(tmp_path))
+    assert "numba" in loaded
+    assert not loaded & {"gmsh", "meshes", "skfem", "meshio", "pipeline.fem", "pyvista", "matplotlib"}

@@ -1,0 +1,249 @@
+"""The cache: what comes out is what went in, or nothing; and the folders where it lies."""
+
+import errno
+import os
+import tempfile
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pytest
+
+from pipeline.core import paths as folders
+from pipeline.core.cache import Cache, stage_key
+from pipeline.core.files import whole_file
+from pipeline.core.paths import cache_folder, kernel_folder, source_digest
+
+VALUE = {"numbers": np.arange(10.0), "names": ("a", "b"), "nothing": None}
+
+
+@pytest.fixture
+def cache(tmp_path: Path) -> Cache:
+    return Cache(tmp_path / "cache")
+
+
+@pytest.fixture
+def entry(cache: Cache) -> Path:
+    """The file of a value that has been saved under "key"."""
+    cache.save("key", VALUE)
+    assert cache.folder is not None
+    return cache.folder / "key"
+
+
+def assert_whole(found: Any) -> None:
+    assert found.keys() == VALUE.keys()
+    assert np.array_equal(found["numbers"], VALUE["numbers"])
+    assert found["names"] == VALUE["names"]
+
+
+def test_a_value_comes_back(cache: Cache, entry: Path) -> None:
+    assert_whole(cache.load("key"))
+    assert_whole(Cache(entry.parent).load("key"))
+
+
+def test_an_unknown_key_gives_nothing(cache: Cache, entry: Path) -> None:
+    assert entry.exists()
+    assert cache.load("another") is None
+
+
+def test_a_second_value_takes_the_place_of_the_first(cache: Cache, entry: Path) -> None:
+    cache.save("key", "second")
+    assert cache.load("key") == "second"
+    assert [path.name for path in entry.parent.iterdir()] == ["key"]
+
+
+@pytest.mark.parametrize("kept", [0, 1, 31, 32, 33, 0.5, -1])
+def test_a_truncated_entry_gives_nothing(cache: Cache, entry: Path, kept: float) -> None:
+    content = entry.read_bytes()
+    entry.write_bytes(content[: int(kept * len(content)) if kept == 0.5 else int(kept)])
+    assert cache.load("key") is None
+
+
+def test_an_entry_with_one_bit_flipped_gives_nothing(cache: Cache, entry: Path) -> None:
+    content = entry.read_bytes()
+    for place in {0, 31, 32, len(content) // 2, len(content) - 1}:
+        damaged = bytearray(content)
+        damaged[place] ^= 1 << (place % 8)
+        entry.write_bytes(damaged)
+        assert cache.load("key") is None
+    entry.write_bytes(content)
+    assert_whole(cache.load("key"))
+
+
+def test_an_entry_with_something_behind_it_gives_nothing(cache: Cache, entry: Path) -> None:
+    entry.write_bytes(entry.read_bytes() + b"\0")
+    assert cache.load("key") is None
+
+
+def test_a_damaged_entry_is_replaced(cache: Cache, entry: Path) -> None:
+    entry.write_bytes(b"")
+    cache.save("key", VALUE)
+    assert_whole(cache.load("key"))
+
+
+def test_a_folder_in_the_place_of_an_entry_gives_nothing(cache: Cache, entry: Path) -> None:
+    entry.unlink()
+    entry.mkdir()
+    cache.save("key", VALUE)
+    assert cache.load("key") is None
+    assert [path.name for path in entry.parent.iterdir()] == ["key"]
+
+
+@pytest.mark.parametrize("step", ["replace", "fdopen"])
+def test_a_disk_that_refuses_leaves_nothing_half_written(
+    cache: Cache, entry: Path, monkeypatch: pytest.MonkeyPatch, step: str
+) -> None:
+    def refuse(*args: Any, **options: Any) -> None:
+        if step == "fdopen":
+            os.close(args[0])
+        raise OSError(errno.ENOSPC, "No space left on device")
+
+    monkeypatch.setattr(os, step, refuse)
+    cache.save("key", "second")
+    cache.save("third", "third")
+    monkeypatch.undo()
+    assert [path.name for path in entry.parent.iterdir()] == ["key"]
+    assert_whole(cache.load("key"))
+    assert cache.load("third") is None
+
+
+def test_a_folder_that_cannot_be_made_is_left_alone(tmp_path: Path) -> None:
+    # a file stands in its place: that stops the superuser too
+    (tmp_path / "file").write_text("in the way")
+    cache = Cache(tmp_path / "file" / "cache")
+    cache.save("key", VALUE)
+    assert cache.load("key") is None
+    assert (tmp_path / "file").read_text() == "in the way"
+
+
+def test_a_folder_that_cannot_be_written_is_left_alone(
+    cache: Cache, entry: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    # mkstemp stands for the system's refusal, which the superuser would never see
+    def refuse(**_: Any) -> None:
+        raise PermissionError(errno.EACCES, "Permission denied")
+
+    monkeypatch.setattr(tempfile, "mkstemp", refuse)
+    cache.save("other", VALUE)
+    assert cache.load("other") is None
+    assert_whole(cache.load("key"))
+    assert [path.name for path in entry.parent.iterdir()] == ["key"]
+
+
+def test_no_folder_keeps_nothing(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.chdir(tmp_path)
+    cache = Cache(None)
+    cache.save("key", VALUE)
+    assert cache.load("key") is None
+    assert list(tmp_path.iterdir()) == []
+
+
+def test_a_key_names_its_stage_and_comes_out_the_same_each_time() -> None:
+    inputs = {"length": 0.34, "mesh": {"order": 2, "divisions": [48, 4, 2]}}
+    again = {"mesh": {"divisions": [48, 4, 2], "order": 2}, "length": 0.34}  # the order of keys means nothing
+    key = stage_key("mesh", inputs, ("meshes",), ("numpy",))
+    assert key.startswith("mesh-")
+    assert key == stage_key("mesh", again, ("meshes",), ("numpy",))
+
+
+def test_keys_differ_with_everything_that_a_result_depends_on(monkeypatch: pytest.MonkeyPatch) -> None:
+    def key(
+        stage: str = "mesh", length: float = 0.34, sources: tuple[str, ...] = ("meshes",), package: str = "numpy"
+    ) -> str:
+        return stage_key(stage, {"length": length, "divisions": [48, 4, 2]}, sources, (package,))
+
+    keys = {key(), key(stage="body"), key(length=np.nextafter(0.34, 1)), key(sources=("pipeline/fem",))}
+    keys.add(key(package="scipy"))
+    monkeypatch.setattr("pipeline.core.cache.version", lambda package: f"another {package}")
+    keys.add(key())
+    assert len(keys) == 6
+
+
+def test_a_change_in_the_source_changes_its_digest(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr(folders, "_ROOT", tmp_path)
+    digest = source_digest.__wrapped__
+    part = tmp_path / "part"
+    (part / "__pycache__").mkdir(parents=True)
+    (part / "one.py").write_text("x = 1\n")
+    (tmp_path / "two.py").write_text("y = 1\n")
+    before = digest("part", "two.py")
+    (part / "__pycache__" / "one.py").write_text("not a source\n")
+    (part / "notes.txt").write_text("not a source\n")
+    assert digest("part", "two.py") == before
+    (part / "one.py").write_text("x = 2\n")
+    changed = digest("part", "two.py")
+    (tmp_path / "two.py").write_text("y = 2\n")
+    assert len({before, changed, digest("part", "two.py"), digest("part")}) == 4
+
+
+def test_the_environment_says_where_the_cache_is(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setenv("FMD_CACHE", str(tmp_path))
+    assert cache_folder() == tmp_path
+    for empty in ("", None):  # an empty variable means none
+        monkeypatch.delenv("FMD_CACHE") if empty is None else monkeypatch.setenv("FMD_CACHE", empty)
+        assert cache_folder().name == "fmd"
+        assert cache_folder().is_absolute()
+
+
+def test_kernels_are_kept_in_the_cache_by_their_source(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setenv("FMD_CACHE", str(tmp_path))
+    digest = source_digest("pipeline/dynamics", "pipeline/integrators")
+    assert kernel_folder() == tmp_path / "kernels" / digest
+    assert kernel_folder().is_dir()
+
+
+def test_kernels_go_elsewhere_if_the_cache_cannot_be_written(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    (tmp_path / "file").write_text("in the way")
+    (tmp_path / "temporary").mkdir()
+    monkeypatch.setenv("FMD_CACHE", str(tmp_path / "file"))
+    monkeypatch.setattr("tempfile.tempdir", str(tmp_path / "temporary"))
+    folders.own_temporary_folder.cache_clear()
+    folder = kernel_folder()
+    folders.own_temporary_folder.cache_clear()
+    assert folder.is_dir()
+    assert folder.parent.parent == tmp_path / "temporary" / f"fmd-{os.getuid()}"  # where the next run finds it
+
+
+def test_what_killed_processes_left_half_written_is_deleted_in_time(cache: Cache, entry: Path, tmp_path: Path) -> None:
+    old, new = entry.parent / ".part-old", entry.parent / ".part-new"
+    for path in (old, new):
+        path.write_bytes(b"half")
+    os.utime(old, (0, 0))
+    cache.save("another", VALUE)
+    assert (old.exists(), new.exists()) == (False, True)
+    abandoned, others = tmp_path / ".summary.12345.json", tmp_path / ".other.12345.json"
+    for path in (abandoned, others):
+        path.write_text("half")
+        os.utime(path, (0, 0))
+    with whole_file(tmp_path / "summary.json") as part:
+        part.write_text("whole")
+    assert (abandoned.exists(), others.exists()) == (False, True)
+
+
+@pytest.mark.parametrize("state", ["new", "own", "another's", "open to all", "a file"])
+def test_a_user_without_a_home_has_a_folder_that_nobody_else_can_write_to(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, state: str
+) -> None:
+    def homeless(_: str) -> Path:
+        raise RuntimeError("could not determine the home directory")
+
+    user = os.getuid()
+    monkeypatch.setattr(folders.platformdirs, "user_cache_path", homeless)
+    monkeypatch.setattr(tempfile, "tempdir", str(tmp_path))
+    monkeypatch.delenv("FMD_CACHE")
+    folder = tmp_path / f"fmd-{user}"
+    if state == "a file":
+        folder.write_text("in the way")
+    elif state != "new":
+        folder.mkdir(mode=0o700)
+    if state == "open to all":
+        folder.chmod(0o777)
+    if state == "another's":
+        monkeypatch.setattr(os, "getuid", lambda: user + 1)
+        folder.rename(tmp_path / f"fmd-{user + 1}")
+    folders.own_temporary_folder.cache_clear()
+    found = cache_folder()
+    folders.own_temporary_folder.cache_clear()
+    assert (found == folder) == (state in ("new", "own"))
+    assert found.parent == tmp_path
+    assert found.stat().st_mode & 0o777 == 0o700

@@ -1,0 +1,138 @@
+"""Tables: kernels read the members that Python sees, and call what is compiled by its address."""
+
+import ast
+import pickle
+from dataclasses import dataclass, replace
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from pipeline.core.arrays import Array, IntArray
+from pipeline.dynamics.jit.compiled import inner, kernel
+from pipeline.dynamics.jit.table import Table, address_of, call
+
+ROOT = Path(__file__).parents[3] / "pipeline"
+
+
+@dataclass(frozen=True)
+class Inside(Table):
+    weights: Array
+
+
+@dataclass(frozen=True)
+class Outside(Table):
+    scale: float
+    flag: bool
+    count: int
+    numbers: IntArray
+    cube: Array
+    inside: Inside
+    add: int = 0
+
+
+@kernel
+def _read(p: Outside, out: Array) -> None:
+    out[0], out[1], out[2] = p.scale, 1.0 if p.flag else 0.0, p.count
+    out[3], out[4], out[5] = p.numbers[1], p.numbers.size, p.cube.shape[2]
+    layer = p.cube[1]
+    for i in range(layer.shape[0]):
+        for j in range(layer.shape[1]):
+            out[6] += p.inside.weights[j] * layer[i, j]
+
+
+@kernel
+def _add(p: Outside, t: float, out: Array) -> None:
+    for i in range(out.size):
+        out[i] += t * p.scale
+
+
+@kernel
+def _call_twice(p: Outside, out: Array) -> None:
+    call(p.add, (p, 1.0, out))
+    call(p.add, (p, 10.0, out[1:]))
+
+
+def made() -> Outside:
+    cube = np.random.default_rng(4).normal(size=(2, 3, 5))
+    return Outside(-2.5, True, 7, np.array([3, 9]), cube, Inside(np.arange(5.0)))
+
+
+def expected(p: Outside) -> list[float]:
+    return [p.scale, float(p.flag), p.count, p.numbers[1], len(p.numbers), 5, (p.cube[1] @ p.inside.weights).sum()]
+
+
+@pytest.mark.parametrize(
+    "change", [{}, {"scale": 4.0, "flag": False}, {"inside": Inside(np.ones(5))}, {"cube": np.ones((4, 1, 5))}]
+)
+def test_kernels_read_what_python_sees(change: dict[str, object]) -> None:
+    p, out = replace(made(), **change), np.zeros(7)
+    _read(p, out)
+    assert out == pytest.approx(expected(p), rel=1e-14)
+
+
+def test_a_pickled_copy_has_memory_of_its_own() -> None:
+    p = made()
+    copy = pickle.loads(pickle.dumps(p))
+    address, out = p.address, np.zeros(7)
+    copy.inside.weights[:] = 1.0
+    _read(copy, out)
+    assert copy.address != address
+    assert out == pytest.approx(expected(copy), rel=1e-14)
+    assert p.inside.weights[2] == 2.0
+
+
+def test_kernels_call_one_another_by_address() -> None:
+    out = np.zeros(3)
+    p = made()
+    p = replace(p, add=address_of(_add, p, 0.0, out))
+    _call_twice(p, out)
+    assert out.tolist() == [-2.5, -27.5, -27.5]
+
+
+@inner
+def _add_inside(p: Outside, t: float, out: Array) -> None:
+    out[0] += t * p.scale
+
+
+@kernel
+def _add_by_name(p: Outside, out: Array) -> None:
+    _add_inside(p, 3.0, out)
+
+
+def test_what_is_linked_into_kernels_has_no_code_of_its_own() -> None:
+    out = np.zeros(1)
+    _add_by_name(made(), out)
+    assert out.tolist() == [-7.5]
+    with pytest.raises(TypeError, match="_add_inside has no address; what is called by one is `addressed`"):
+        address_of(_add_inside, made(), 0.0, out)
+
+
+@pytest.mark.parametrize("numbers", [np.arange(6)[::2], np.arange(3, dtype=np.int32)])
+def test_arrays_that_kernels_could_not_read_are_refused(numbers: IntArray) -> None:
+    with pytest.raises(ValueError, match="numbers must be a C-contiguous array of 64-bit numbers"):
+        replace(made(), numbers=numbers)
+
+
+def marks(function: ast.FunctionDef) -> set[str]:
+    return {ast.unparse(mark).partition("(")[0] for mark in function.decorator_list}
+
+
+def test_python_calls_no_kernel_that_has_no_way_in_for_it() -> None:
+    """It would crash: `inner` and `addressed` functions are called by what is compiled, and by nothing else."""
+    paths = [path for folder in ("dynamics", "integrators") for path in (ROOT / folder).glob("*.py")]
+    trees = {path.stem: list(ast.walk(ast.parse(path.read_text(encoding="utf-8")))) for path in paths}
+    functions = {name: [f for f in nodes if isinstance(f, ast.FunctionDef)] for name, nodes in trees.items()}
+    only = {"inner", "inlined", "addressed"}
+    inner = {name: {f.name for f in found if only & marks(f)} for name, found in functions.items()}
+    assert {"add_body", "add_scaled"} <= inner["tree_kernels"]
+    wrong = []
+    for name, nodes in trees.items():
+        imports = [node for node in nodes if isinstance(node, ast.ImportFrom) and node.module]
+        known = {(str(at.module).rpartition(".")[2], alias.name) for at in imports for alias in at.names}
+        reachable = inner[name] | {alias for module, alias in known if alias in inner.get(module, ())}
+        for f in functions[name]:
+            if not marks(f) & {*only, "kernel", "meaning"}:
+                called = {ast.unparse(node.func) for node in ast.walk(f) if isinstance(node, ast.Call)}
+                wrong += [f"{name}.{f.name} calls {other}" for other in called & reachable]
+    assert wrong == []

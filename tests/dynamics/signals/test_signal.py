@@ -1,0 +1,391 @@
+"""Functions of time: their values against Python and SciPy, their derivatives against Cauchy's integral."""
+
+import cmath
+import math
+from collections.abc import Callable
+from dataclasses import fields
+
+import numpy as np
+import pytest
+from hypothesis import assume, given
+from hypothesis import strategies as st
+from scipy.integrate import quad
+from scipy.interpolate import CubicSpline
+
+from pipeline.core import formula as expression
+from pipeline.core.formula import MOST_DEPTH, parse
+from pipeline.dynamics.signals import signal
+from pipeline.dynamics.signals.signal import (
+    Signal,
+    constant,
+    evaluate_signal,
+    formula,
+    half_sine,
+    linear_table,
+    pack,
+    signal_value,
+    smooth_table,
+    total,
+)
+
+# Kane, Ryan & Banerjee, J Guid Control Dyn 10 (1987) 139-151: the spin-up of a beam to 6 rad/s in 15 s
+KANE = "(6/15)*(t**2/2 + (15/(2*pi))**2*(cos(2*pi*t/15) - 1)) if t < 15 else 6*t - 45"
+
+
+class Instant(complex):
+    """A complex time, of which a condition compares the real part."""
+
+    def __lt__(self, other: float) -> bool:
+        return self.real < other
+
+    def __le__(self, other: float) -> bool:
+        return self.real <= other
+
+    def __gt__(self, other: float) -> bool:
+        return self.real > other
+
+    def __ge__(self, other: float) -> bool:
+        return self.real >= other
+
+
+COMPLEX: dict[str, object] = {n: getattr(cmath, n) for n in ("sin", "cos", "tan", "exp", "log", "sqrt", "tanh", "pi")}
+COMPLEX["abs"] = lambda z: z if z.real >= 0 else -z
+COMPLEX["min"] = lambda a, b: b if b.real < a.real else a
+COMPLEX["max"] = lambda a, b: b if b.real > a.real else a
+
+
+def by_cauchy(text: str, t: float, radius: float = 0.02, count: int = 16) -> tuple[float, float, float]:
+    """Value and two derivatives of an analytic function from its values on a circle about t, by Python's own eval."""
+    turns = [cmath.exp(2j * math.pi * k / count) for k in range(count)]
+    values = [complex(eval(text, {"__builtins__": {}}, {"t": Instant(t + radius * z), **COMPLEX})) for z in turns]
+    f, f1, f2 = (sum(v * z**-k for v, z in zip(values, turns, strict=True)) / (count * radius**k) for k in range(3))
+    return f.real, f1.real, 2.0 * f2.real
+
+
+def of(text: str, t: float) -> tuple[float, float, float]:
+    return formula(parse(text)).value(t)
+
+
+def only_value(made: Signal, t: float) -> float:
+    return signal_value(pack([made]), 0, t)
+
+
+ANALYTIC = [
+    *("3", "t", "-t", "+t", "t + sin(t)", "2 - t", "t - exp(t)", "t*sin(t)", "sin(t)*exp(t)", "3*t", "t*3"),
+    *("sin(t)/t", "3/t", "t/3", "exp(t)/(1 + t*t)", "sin(3*t)", "cos(3*t)", "tan(t/2)", "exp(-2*t)", "log(2*t)"),
+    *("sqrt(3*t)", "tanh(2*t)", "abs(sin(t))", "abs(-t)", "abs(2 - t*t)", "min(t, 9*t*t)", "min(9*t, t*t)"),
+    *("max(t, 9*t*t)", "max(9*t, t*t)", "t**2", "t**3", "t**7", "t**0", "t**1", "t**-1", "t**-2", "t**0.5", "t**2.5"),
+    *(
+        "(-t)**3",
+        "(-t)**-2",
+        "sin(t)**2",
+        "2**t",
+        "t**t",
+        "(1 + t)**sin(t)",
+        "t**(2 if t < 100 else 3)",
+        "(2 + t)**t**2",
+    ),
+    *("sin(t) if t < 100 else t", "sin(t) if t > 100 else t*t", "t**3 if t <= 0.5 else cos(t) if t < 1 else exp(t)"),
+    *("1.5*sin(2*pi*10*t)*exp(-t/0.2)", "exp(sin(3*t))*tanh(t)/sqrt(1 + t**2)", KANE),
+]
+
+
+@pytest.mark.parametrize("text", ANALYTIC)
+@pytest.mark.parametrize("t", [0.3, 0.9, 1.7])
+def test_derivatives_of_every_operation_are_those_of_cauchys_integral(text: str, t: float) -> None:
+    expected = by_cauchy(text, t)
+    assert of(text, t) == pytest.approx(expected, rel=1e-9, abs=1e-9 * max(map(abs, expected)))
+    assert only_value(formula(parse(text)), t) == of(text, t)[0]
+
+
+def combined(inner: st.SearchStrategy[str]) -> st.SearchStrategy[str]:
+    one = ["-({})", "sin({})", "cos({})", "tan(sin({}))", "exp(sin({}))", "log(2 + sin({}))", "sqrt(2 + cos({}))"]
+    one += ["tanh(sin({}))", "({})**2", "sin({})**3", "(2 + sin({}))**-1.5", "2**cos({})"]
+    two = ["({} + {})", "({} - {})", "({})*({})", "({})/(2 + sin({}))", "(2 + sin({}))**cos({})"]
+    two += ["({} if t < -0.5 else {})", "({} if t >= 1/4 else {})", "({} if 1 < t else {})"]
+    return st.one_of(
+        st.builds(str.format, st.sampled_from(one), inner),
+        st.builds(str.format, st.sampled_from(two), inner, inner),
+    )
+
+
+FORMULAS = st.recursive(st.sampled_from(["t", "t", "pi", "0.5", "2"]), combined, max_leaves=7)
+
+
+@given(FORMULAS, st.floats(-2.0, 2.0), st.sampled_from([1.0, -2.5]))
+def test_derivatives_of_any_formula_are_those_of_cauchys_integral(text: str, t: float, factor: float) -> None:
+    assume(len(text) <= 500 and min(abs(t - c) for c in (-0.5, 0.25, 1.0)) > 0.02)
+    expected = np.array(by_cauchy(text, t, 0.01))
+    finer = np.array(by_cauchy(text, t, 0.005))
+    scale = 1.0 + np.abs(expected).max()
+    assume(np.abs(expected - finer).max() < 1e-8 * scale)  # else a pole is near, or the function turns too fast
+    made = formula(parse(text), factor)
+    assert made.value(t) == pytest.approx(tuple(factor * finer), rel=1e-7, abs=3e-8 * scale)
+    assert only_value(made, t) == made.value(t)[0]
+
+
+@pytest.mark.parametrize(
+    ("text", "t", "expected"),
+    [
+        # powers at 0: polynomials
+        ("t**2", 0.0, (0.0, 0.0, 2.0)),
+        ("t**1", 0.0, (0.0, 1.0, 0.0)),
+        ("t**0", 0.0, (1.0, 0.0, 0.0)),
+        ("t**3", 0.0, (0.0, 0.0, 0.0)),
+        ("(t - 1)**2", 1.0, (0.0, 0.0, 2.0)),
+        ("(2*t + t*t)**2", 0.0, (0.0, 0.0, 8.0)),
+        ("(-t)**3", 2.0, (-8.0, -12.0, -12.0)),
+        ("t**2.5", 0.0, (0.0, 0.0, 0.0)),
+        # a constant stays one, where the derivative of the root or of the power about it is infinite
+        ("sqrt(max(t - 1, 0))", 0.5, (0.0, 0.0, 0.0)),
+        ("max(t - 1, 0)**0.5", 0.5, (0.0, 0.0, 0.0)),
+        ("max(t - 1, 0)**1.5", 0.5, (0.0, 0.0, 0.0)),
+        ("max(t - 1, 0)**1.5", 2.0, (1.0, 1.5, 0.75)),
+        # kinks: abs as after them, min and max as their first argument
+        ("abs(t)", 0.0, (0.0, 1.0, 0.0)),
+        ("abs(t)", -0.5, (0.5, -1.0, 0.0)),
+        ("min(t, 3*t)", 0.0, (0.0, 1.0, 0.0)),
+        ("max(3*t, t)", 0.0, (0.0, 3.0, 0.0)),
+        # only what holds is looked at
+        ("sqrt(1 - t) if t < 1 else 0*t", 2.0, (0.0, 0.0, 0.0)),
+        ("1/t if t > 0 else 5", 0.0, (5.0, 0.0, 0.0)),
+    ],
+)
+def test_edges_have_the_values_of_closed_forms(text: str, t: float, expected: tuple[float, ...]) -> None:
+    assert of(text, t) == pytest.approx(expected, rel=1e-15)
+
+
+@pytest.mark.parametrize(
+    ("text", "t"),
+    [
+        ("sqrt(t)", -1.0),
+        ("log(t)", -1.0),
+        ("log(t)", 0.0),
+        ("1/t", 0.0),
+        ("t**0.5", -1.0),
+        ("(t - 2)**t", 1.5),
+        *((f"{name}({text})", -1.0) for name in ("min", "max") for text in ("log(t), 5", "5, log(t)", "-5, sqrt(t)")),
+    ],
+)
+def test_what_has_no_real_value_is_not_finite_and_does_not_get_lost(text: str, t: float) -> None:
+    assert not math.isfinite(of(text, t)[0])
+    assert not math.isfinite(only_value(formula(parse(text)), t))
+
+
+@pytest.mark.parametrize(("text", "t"), [("sqrt(t)", 0.0), ("t**0.5", 0.0), ("(t - 2)**t", 1.0), ("0**(1 + t)", 0.5)])
+def test_a_load_may_stand_where_a_motion_has_no_derivative(text: str, t: float) -> None:
+    assert math.isfinite(only_value(formula(parse(text)), t))
+    assert not math.isfinite(of(text, t)[1])
+
+
+def test_the_spin_up_of_kanes_beam_has_its_published_rate_and_settles_at_it() -> None:
+    w = 2 * math.pi / 15
+    for t in (0.0, 2.0, 7.5, 14.999):
+        _, rate, acceleration = of(KANE, t)
+        assert rate == pytest.approx(0.4 * (t - math.sin(w * t) / w), rel=1e-13, abs=1e-15)
+        assert acceleration == pytest.approx(0.4 * (1 - math.cos(w * t)), rel=1e-11, abs=1e-15)
+    assert of(KANE, math.nextafter(15.0, 0.0)) == pytest.approx(of(KANE, 15.0), abs=1e-12)
+    assert of(KANE, 20.0) == pytest.approx((75.0, 6.0, 0.0), rel=1e-15)
+    assert formula(parse(KANE)).breakpoints == (15.0,)
+
+
+@pytest.mark.parametrize("sign", ["<", "<=", ">", ">="])
+def test_a_condition_switches_all_three_on_its_side(sign: str) -> None:
+    text = f"t*t if t {sign} 0.5 else 7"
+    for t in (math.nextafter(0.5, 0.0), 0.5, math.nextafter(0.5, 1.0)):
+        before = eval(f"t {sign} 0.5", {"t": t})
+        assert of(text, t) == ((t * t, 2 * t, 2.0) if before else (7.0, 0.0, 0.0))
+
+
+def test_a_formula_may_fill_the_stack() -> None:
+    text = "t*t+(" * (MOST_DEPTH - 2) + "t*t" + ")" * (MOST_DEPTH - 2)
+    made = formula(parse(text), 2.0)
+    assert made.value(3.0) == (18.0 * (MOST_DEPTH - 1), 12.0 * (MOST_DEPTH - 1), 4.0 * (MOST_DEPTH - 1))
+    with pytest.raises(ValueError, match="needs 17 values"):
+        parse(f"t+({text})")
+
+
+def test_the_codes_are_those_of_the_parser() -> None:
+    ours = ["NUMBER", "TIME", "ADD", "SUBTRACT", "MULTIPLY", "DIVIDE", "POWER", "NEGATE", "SIN", "COS", "TAN", "EXP"]
+    ours += ["LOG", "SQRT", "TANH", "ABS", "MINIMUM", "MAXIMUM", "BEFORE"]
+    for name in ours:
+        theirs = "CONSTANT" if name == "NUMBER" else name
+        assert getattr(signal, f"_{name}") == getattr(expression, theirs)
+    assert expression.UNTIL == expression.BEFORE + 1  # the last of all, and the only other one from BEFORE on
+
+
+def test_a_half_sine_is_its_closed_form_and_nothing_outside() -> None:
+    made = half_sine(0.2, 0.5, 3.0)
+    rate = math.pi / 0.5
+    for t in np.linspace(0.2, 0.7, 11):
+        s, c = math.sin(rate * (t - 0.2)), math.cos(rate * (t - 0.2))
+        assert made.value(t) == pytest.approx((3 * s, 3 * rate * c, -3 * rate**2 * s), rel=1e-12, abs=1e-12)
+    for t in (-1.0, math.nextafter(0.2, 0.0), math.nextafter(0.7, 1.0), 5.0):
+        assert made.value(t) == (0.0, 0.0, 0.0)
+        assert only_value(made, t) == 0.0
+    assert made.breakpoints == (0.2, 0.7)
+    # its impulse, 2/π · peak · duration
+    assert quad(lambda t: only_value(made, t), 0.2, 0.7)[0] == pytest.approx(2 / math.pi * 3.0 * 0.5, rel=1e-12)
+
+
+def samples(count: int = 9) -> tuple[np.ndarray, np.ndarray]:
+    rng = np.random.default_rng(5)
+    return np.cumsum(rng.uniform(0.1, 1.0, count)) - 1.0, rng.normal(size=count)
+
+
+@pytest.mark.parametrize("count", [2, 3, 9])
+def test_a_table_of_straight_lines_is_numpys_and_holds_at_its_ends(count: int) -> None:
+    times, values = samples(count)
+    made = linear_table(times, values)
+    table = pack([made])
+    everywhere = np.sort(np.concatenate([np.linspace(times[0] - 1, times[-1] + 1, 101), times]))
+    assert [signal_value(table, 0, t) for t in everywhere] == pytest.approx(
+        np.interp(everywhere, times, values), rel=1e-13
+    )
+    for k in range(count - 1):
+        slope = (values[k + 1] - values[k]) / (times[k + 1] - times[k])
+        assert made.value(0.5 * (times[k] + times[k + 1]))[1:] == pytest.approx((slope, 0.0), rel=1e-14)
+    assert made.value(times[0] - 1.0) == (values[0], 0.0, 0.0)
+    assert made.value(times[-1] + 1.0) == (values[-1], 0.0, 0.0)
+    assert made.breakpoints == tuple(times)
+
+
+def test_a_table_breaks_only_where_its_slope_changes() -> None:
+    made = linear_table(np.array([0.0, 1.0, 2.0, 3.0, 4.0]), np.array([5.0, 5.0, 6.0, 7.0, 7.0]))
+    assert made.breakpoints == (1.0, 3.0)
+
+
+@pytest.mark.parametrize("count", [2, 3, 9])
+def test_a_smooth_table_is_scipys_clamped_spline_and_at_rest_outside(count: int) -> None:
+    times, values = samples(count)
+    made, spline = smooth_table(times, values), CubicSpline(times, values, bc_type="clamped")
+    table = pack([made])
+    for t in np.sort(np.concatenate([np.linspace(times[0], times[-1], 80, endpoint=False), times[:-1]])):
+        expected = [float(spline(t, order)) for order in range(3)]
+        assert made.value(t) == pytest.approx(expected, rel=1e-12, abs=1e-12)
+        assert signal_value(table, 0, t) == made.value(t)[0]
+    for t, value in ((times[0] - 0.5, values[0]), (times[-1], values[-1]), (times[-1] + 0.5, values[-1])):
+        assert made.value(t) == (value, 0.0, 0.0)
+    assert made.breakpoints == (times[0], times[-1])
+
+
+def test_a_smooth_table_has_two_continuous_derivatives_inside_and_one_at_its_ends() -> None:
+    times, values = samples()
+    made = smooth_table(times, values)
+    for k, time in enumerate(times):
+        before, after = made.value(math.nextafter(time, -9.0)), made.value(time)
+        continuous = 3 if 0 < k < len(times) - 1 else 2
+        assert before[:continuous] == pytest.approx(after[:continuous], abs=1e-10)
+    assert abs(made.value(times[0])[2]) > 1.0  # so its ends are breakpoints
+
+
+def test_a_sum_adds_values_derivatives_and_breakpoints() -> None:
+    times, values = samples(4)
+    parts = [
+        constant(0.5),
+        half_sine(0.0, 1.0, 2.0),
+        formula(parse("sin(3*t) if t < 0.4 else t"), 1e3),
+        smooth_table(times, values),
+        linear_table(times, values),
+    ]
+    made = total(parts)
+    for t in (-3.0, -0.2, 0.3, 0.6, 4.0):
+        assert made.value(t) == pytest.approx(np.sum([part.value(t) for part in parts], axis=0), rel=1e-14)
+        assert only_value(made, t) == made.value(t)[0]
+    assert made.breakpoints == tuple(sorted({0.0, 0.4, 1.0, *times}))
+    assert total([made, constant(1.0)]).value(0.3)[0] == made.value(0.3)[0] + 1.0
+    assert total([]) == Signal(())
+    assert total([]).value(1.0) == (0.0, 0.0, 0.0)
+
+
+def test_packed_signals_are_the_ones_that_were_packed() -> None:
+    times, values = samples()
+    made = [
+        formula(parse("t**3")),
+        linear_table(times, values),
+        total([]),
+        constant(4.0),
+        total([smooth_table(times, values), constant(1.0), formula(parse("2**t"))]),
+        half_sine(0.0, 1.0, 2.0),
+        formula(parse("exp(-t)"), 3.0),
+    ]
+    table, out = pack(made), np.empty(3)
+    for t in (-2.0, 0.4, 1.3, 9.0):
+        for k in (3, 0, 6, 1, 5, 2, 4):  # what one leaves on the stack is nothing to the next
+            evaluate_signal(table, k, t, out)
+            assert tuple(out) == made[k].value(t)
+            assert signal_value(table, k, t) == out[0]
+
+
+def test_no_signals_can_be_packed() -> None:
+    table = pack([])
+    assert table.first_term.tolist() == [0]
+    assert table.support.shape == (0, 2)
+    assert table.cubics.shape == (0, 4)
+
+
+def test_room_to_work_in_is_the_callers_own() -> None:
+    table = pack([formula(parse("t*t + 1"))])
+    own = table.with_room()
+    assert own.stack is not table.stack
+    assert all(getattr(own, member.name) is getattr(table, member.name) for member in fields(table)[:-1])
+    assert signal_value(own, 0, 3.0) == 10.0
+    assert not table.stack.any()
+
+
+def test_a_constant_is_one_whatever_it_is_made_of() -> None:
+    assert formula(parse("2*pi"), 3.0) == constant(3.0 * (2 * math.pi))
+    assert constant(-2).value(7) == (-2.0, 0.0, 0.0)
+    assert constant(2.0).breakpoints == ()
+
+
+def test_signals_can_be_compared_and_hashed() -> None:
+    times, values = samples()
+    makers: list[Callable[[], Signal]] = [
+        lambda: constant(1.0),
+        lambda: formula(parse("2*t")),
+        lambda: half_sine(0.0, 1.0, 2.0),
+        lambda: linear_table(times, values),
+        lambda: smooth_table(times, values),
+    ]
+    assert len({make() for make in makers + makers}) == len(makers)
+
+
+@pytest.mark.parametrize(
+    ("make", "message"),
+    [
+        (lambda: constant(math.nan), r"^the constant of a signal is nan, which isn't finite$"),
+        (lambda: formula(parse("t"), math.inf), r"^the factor of a signal is inf"),
+        (lambda: formula(parse("1e300"), 1e300), r"^the constant of a signal is inf"),
+        (lambda: half_sine(math.nan, 1.0, 1.0), r"^the start of a signal is nan"),
+        (lambda: half_sine(0.0, math.inf, 1.0), r"^the duration of a signal is inf"),
+        (lambda: half_sine(0.0, 1.0, -math.inf), r"^the peak of a signal is -inf"),
+        (lambda: half_sine(1.0, 0.0, 1.0), r"^a half sine that begins at 1 s can't last 0 s; give more than 0$"),
+        (lambda: half_sine(1.0, -2.0, 1.0), r"can't last -2 s"),
+        (lambda: half_sine(1e20, 1.0, 1.0), r"begins at 1e\+20 s can't last 1 s"),
+    ],
+)
+def test_a_signal_that_is_none_is_refused(make: Callable[[], Signal], message: str) -> None:
+    with pytest.raises(ValueError, match=message):
+        make()
+
+
+@pytest.mark.parametrize("make", [linear_table, smooth_table])
+@pytest.mark.parametrize(
+    ("times", "values", "message"),
+    [
+        ([0.0, 1.0, 1.0], [1.0, 2.0, 3.0], r"^the times of a table must ascend, but 1 s comes after 1 s$"),
+        ([0.0, 2.0, 1.5], [1.0, 2.0, 3.0], r"but 1.5 s comes after 2 s$"),
+        ([0.0, 1.0, 2.0], [1.0, 2.0], r"^values has shape \(2,\), expected \(3\)$"),
+        ([[0.0, 1.0]], [1.0, 2.0], r"^times has shape \(1, 2\), expected \(any\)$"),
+        ([1.0], [1.0], r"^a table of 1 times is none; give 2 at least, or a constant$"),
+        ([], [], r"^a table of 0 times"),
+        ([0.0, math.nan], [1.0, 2.0], r"^a table holds a number that isn't finite$"),
+        ([0.0, 1.0], [1.0, math.inf], r"^a table holds a number that isn't finite$"),
+    ],
+)
+def test_a_table_that_is_none_is_refused(
+    make: Callable[..., Signal], times: list[float], values: list[float], message: str
+) -> None:
+    with pytest.raises(ValueError, match=message):
+        make(np.array(times), np.array(values))

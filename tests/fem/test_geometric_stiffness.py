@@ -1,0 +1,71 @@
+"""Geometric stiffness as matrices: equal to its integral, in the structure of stiffness and mass."""
+
+import numpy as np
+import pytest
+
+import pipeline.fem.model
+from pipeline.core.arrays import Array
+from pipeline.fem.assembly import assemble, gradients
+from pipeline.fem.geometric_stiffness import geometric_stiffness
+from pipeline.fem.material import Material, MaterialOfElements
+from pipeline.fem.model import FEModel
+from pipeline.fem.sparsity import BlockStructure
+
+
+def integral(fe: FEModel, u: Array, shapes: Array) -> Array:
+    """``∫ σ_ab ∂_a φ_j·∂_b φ_l dV`` straight from the fields' slopes at the quadrature points, without any matrix."""
+    space = fe.discretisation
+    X, w = space.kind.quadrature(space.kind.stiffness_order)
+    g, det = gradients(space, X, slice(None))
+    slopes, pull = (np.einsum("eqna,enik->eqaik", g, field[space.element_nodes]) for field in (shapes, u))
+    found = np.zeros((u.shape[2], shapes.shape[2], shapes.shape[2]))
+    for own, mine in fe.material.over(slice(None)):
+        lam, mu = own.lame
+        strain = 0.5 * (pull[mine] + pull[mine].swapaxes(2, 3))
+        stress = 2 * mu * strain + lam * np.einsum("eqcck,ab->eqabk", strain, np.eye(3))
+        weighted = stress * (det[mine] * w)[..., None, None, None]
+        found += np.einsum("eqabk,eqaij,eqbil->kjl", weighted, slopes[mine], slopes[mine], optimize=True)
+    return found
+
+
+def assert_equal_to_the_integral(fe: FEModel) -> None:
+    rng = np.random.default_rng(0)
+    u, shapes = rng.standard_normal((len(fe.x), 3, 2)), rng.standard_normal((len(fe.x), 3, 3))
+    exact = integral(fe, u, shapes)
+    for k_G, wanted in zip(geometric_stiffness(fe, u), exact, strict=True):
+        found = np.einsum("nij,nil->jl", shapes, (k_G @ shapes.reshape(len(shapes), -1)).reshape(shapes.shape))
+        assert np.abs(found - wanted).max() < 1e-12 * np.abs(exact).max()
+
+
+def test_geometric_stiffness_is_its_integral(distorted: FEModel) -> None:
+    assert_equal_to_the_integral(distorted)
+
+
+def test_each_part_has_the_stress_of_its_own_material(distorted: FEModel) -> None:
+    space = distorted.discretisation
+    numbers = np.arange(len(space.element_nodes)) % 2
+    material = MaterialOfElements((Material(1.0, 0.3, 1.0), Material(5.0, 0.1, 2.0)), numbers)
+    assert_equal_to_the_integral(assemble(space.mesh, space.order, material))
+
+
+def test_stiffness_mass_and_every_geometric_stiffness_are_in_one_structure_built_once(
+    distorted: FEModel, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    built = []
+
+    class Counted(BlockStructure):
+        def __init__(self, *arguments: Array) -> None:
+            built.append(self)
+            super().__init__(*arguments)  # type: ignore[arg-type]
+
+    monkeypatch.setattr(pipeline.fem.model, "BlockStructure", Counted)
+    space = distorted.discretisation
+    fe = assemble(space.mesh, space.order, distorted.material)
+    u = np.random.default_rng(1).standard_normal((len(fe.x), 3, 2))
+    for k_G in geometric_stiffness(fe, u) + geometric_stiffness(fe, u[..., :1]):
+        assert np.array_equal(k_G.indices, fe.m.indices)
+        assert np.array_equal(k_G.indptr, fe.m.indptr)
+        assert abs(k_G - k_G.T).max() < 1e-13 * abs(k_G).max()
+        assert np.abs(k_G @ np.ones(len(fe.x))).max() < 1e-12 * abs(k_G).max()  # a translation has no slopes
+    assert np.array_equal(fe.K.indptr[::3], 9 * fe.m.indptr)
+    assert len(built) == 1

@@ -1,0 +1,97 @@
+"""What was drawn before is not drawn again, as long as all that it shows is the same."""
+
+import shutil
+
+import pytest
+
+from pipeline import Pipeline, load_scene
+from pipeline.core.cache import Cache
+from pipeline.output.write import write_results
+from pipeline.stages.explain import plan_of
+
+SMALL = ["body.beam.mesh.divisions=[12, 2, 1]", "simulation.duration=20 ms", "output.3.size=[320, 180]"]
+SMALL += ["output.4.size=[320, 180]", "output.5.size=[320, 180]", "output.5.frames=2"]
+MODES, STRESS, FILM, CHART = "mode-1.png", "von-mises.png", "motion.mp4", "fig-09-com-position.png"
+ALL = {MODES, STRESS, FILM, CHART}
+
+
+@pytest.fixture(scope="module")
+def drawn_once(tmp_path_factory):
+    folder = tmp_path_factory.mktemp("first")
+    plan, run = draw(folder, [])
+    assert fate_of(plan) == "run"
+    assert "pictures" in run.log.run
+    assert "pictures" not in run.log.cached
+    return folder
+
+
+@pytest.fixture
+def first(drawn_once, tmp_path):
+    """A folder with the cache of a first run, and the pictures of that."""
+    shutil.copytree(drawn_once / "cache", tmp_path / "cache")
+    return tmp_path, pictures_in(drawn_once)
+
+
+def draw(folder, overrides):
+    cache, scene = Cache(folder / "cache"), load_scene("beam", [*SMALL, *overrides])
+    plan, run = plan_of(Pipeline(scene, cache), True, False), Pipeline(scene, cache)
+    write_results(run, folder / "out", pictures=True, budget=False)
+    return plan, run
+
+
+def fate_of(plan):
+    (step,) = [step for step in plan.steps if step.stage == "pictures"]
+    return step.fate
+
+
+def pictures_in(folder):
+    return {path.name: path.read_bytes() for path in (folder / "out").iterdir() if path.suffix in (".png", ".mp4")}
+
+
+def test_a_second_run_draws_nothing_and_leaves_the_same_files(first, monkeypatch):
+    folder, pictures = first
+    monkeypatch.setattr("pipeline.output.picture_files.DRAWINGS", {})
+    plan, run = draw(folder, [])
+    assert fate_of(plan) == "cached"
+    assert "pictures" not in run.log.run
+    assert pictures.keys() >= ALL
+    assert pictures_in(folder) == pictures
+
+
+@pytest.mark.parametrize(
+    ("override", "drawn"),
+    [
+        ("simulation.run.0.integrator='exponential'", {STRESS, FILM, CHART}),
+        ("output.3.camera=['10 deg', '20 deg']", {MODES}),
+        ("body.beam.E='100 GPa'", ALL),
+        ("title='Another'", ALL),
+    ],
+)
+def test_what_has_changed_is_drawn_anew(first, override, drawn, monkeypatch):
+    folder, _ = first
+    again = set()
+
+    def note(_, output, out):
+        name = output.file.format(mode=1)
+        again.add(name)
+        (out / name).write_bytes(b"")
+        return [name]
+
+    monkeypatch.setattr(
+        "pipeline.output.picture_files.DRAWINGS", dict.fromkeys(["chart", "modes", "stress", "film"], note)
+    )
+    plan, run = draw(folder, [override])
+    assert ALL & again == drawn
+    assert fate_of(plan) == "run"
+    assert "pictures" in run.log.run
+    assert ("pictures" in run.log.cached) == (drawn != ALL)
+
+
+def test_a_damaged_picture_is_drawn_anew(first):
+    folder, pictures = first
+    (lost, *_) = (folder / "cache").glob("pictures-*")
+    lost.write_bytes(lost.read_bytes()[:-1])
+    plan, run = draw(folder, [])
+    assert fate_of(plan) == "run"
+    assert {"pictures"} <= set(run.log.run) & set(run.log.cached)
+    assert pictures_in(folder).keys() == pictures.keys()

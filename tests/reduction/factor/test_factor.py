@@ -1,0 +1,188 @@
+"""Each solver gives the same answers, says what it takes, and refuses what doesn't fit."""
+
+from __future__ import annotations
+
+from functools import partial
+from pathlib import Path
+
+import numpy as np
+import pytest
+import scipy.sparse as sp
+
+from meshes.bar import hexahedral_bar, tetrahedral_bar
+from pipeline.core.errors import AccuracyError, InputError
+from pipeline.fem.assembly import assemble
+from pipeline.fem.markers import face_marker
+from pipeline.fem.material import Material
+from pipeline.fem.mesh import SolidMesh
+from pipeline.fem.model import FEModel
+from pipeline.reduction.eigen import FreeBodySolver
+from pipeline.reduction.factor import factor
+from pipeline.reduction.factor.factor import MissingSolverError, TooLargeError, factorised, predicted
+from pipeline.reduction.factor.factor_size import factor_nonzeros
+from pipeline.reduction.factor.memory import available_memory
+
+cvxopt = pytest.importorskip("cvxopt", reason="cvxopt is not installed")
+
+SOLVERS = ("cholesky", "superlu")
+
+
+@pytest.fixture(scope="module")
+def tetrahedra(steel: Material) -> FEModel:
+    return assemble(SolidMesh(*tetrahedral_bar(0.1, 0.09, 0.08, 0.018)), 2, steel)
+
+
+@pytest.fixture(scope="module")
+def hexahedra(steel: Material) -> FEModel:
+    return assemble(SolidMesh(*hexahedral_bar(0.3, 0.02, 0.02, (40, 4, 4))), 2, steel)
+
+
+def without(monkeypatch: pytest.MonkeyPatch, *missing: str) -> None:
+    """Make as if packages weren't installed."""
+    found = factor.find_spec
+    monkeypatch.setattr(factor, "find_spec", lambda name: None if name in missing else found(name))
+
+
+def positive(fe: FEModel) -> sp.csr_array:
+    return sp.csr_array(fe.K + 1e6 * fe.M)
+
+
+@pytest.mark.parametrize("solver", SOLVERS)
+@pytest.mark.parametrize("missing", [(), ("pymetis",)])
+def test_every_solver_in_every_order_solves(
+    solver: factor.Solver, missing: tuple[str, ...], tetrahedra: FEModel, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    without(monkeypatch, *missing)
+    monkeypatch.setattr(factor, "_SMALL", 0)
+    A = positive(tetrahedra)
+    u = np.random.default_rng(0).standard_normal((A.shape[0], 2))
+    made = factorised(A, solver)
+    assert made.figures.order == ("MMD" if missing else "METIS")
+    for wanted in (u, u[:, 0]):
+        assert np.abs(made.solve(A @ wanted) - wanted).max() < 1e-9
+
+
+@pytest.mark.parametrize("missing", [("cvxopt",), ("pymetis",), ("cvxopt", "pymetis")])
+def test_modes_are_the_same_without_the_optional_packages(
+    missing: tuple[str, ...], tetrahedra: FEModel, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setattr(factor, "_SMALL", 0)
+    with_all = FreeBodySolver(tetrahedra).modes(12)
+    without(monkeypatch, *missing)
+    bare = FreeBodySolver(tetrahedra).modes(12)
+    assert with_all.factor is not None
+    assert with_all.factor.solver == "CHOLMOD"
+    assert bare.factor is not None
+    assert bare.factor.solver == ("SuperLU" if "cvxopt" in missing else "CHOLMOD")
+    assert bare.omega == pytest.approx(with_all.omega, rel=1e-10)
+    assert bare.shapes == pytest.approx(with_all.shapes, abs=1e-8 * np.abs(with_all.shapes).max())
+
+
+def test_static_responses_and_rigid_faces_are_the_same(hexahedra: FEModel) -> None:
+    marker = face_marker(hexahedra.discretisation, hexahedra.discretisation.mesh.faces["x-"], True)
+    loads = np.random.default_rng(0).standard_normal((len(hexahedra.x), 3, 2))
+    u, v = (
+        FreeBodySolver(hexahedra, [marker], factorise=partial(factorised, solver=solver)).static_response(loads)
+        for solver in SOLVERS
+    )
+    assert u == pytest.approx(v, abs=1e-8 * np.abs(v).max())
+
+
+def test_cholesky_without_cvxopt_says_what_to_install(tetrahedra: FEModel, monkeypatch: pytest.MonkeyPatch) -> None:
+    without(monkeypatch, "cvxopt")
+    with pytest.raises(MissingSolverError, match="cvxopt, which brings CHOLMOD, is not installed: pip install cvxopt"):
+        factorised(positive(tetrahedra), "cholesky")
+
+
+def test_a_matrix_that_is_not_positive_definite_is_refused(tetrahedra: FEModel) -> None:
+    with pytest.raises(AccuracyError, match=r"not positive definite: CHOLMOD stopped at pivot \d+"):
+        factorised(tetrahedra.K - 1e12 * tetrahedra.M, "cholesky")
+
+
+@pytest.mark.parametrize("missing", [(), ("pymetis",)])
+@pytest.mark.parametrize("body", ["tetrahedra", "hexahedra", "small_bar"])
+def test_the_predicted_nonzeros_are_those_of_a_factor(
+    body: str, missing: tuple[str, ...], request: pytest.FixtureRequest, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """SuperLU's own count, which has each node's few zeros left out, is no more and at most 2 % less."""
+    without(monkeypatch, *missing)
+    monkeypatch.setattr(factor, "_SMALL", 0)
+    A = positive(request.getfixturevalue(body))
+    order, _, nonzeros = factor._ordered(A)
+    assert predicted(A).nonzeros == nonzeros
+    real = factor.splu(
+        sp.csc_array(A[order][:, order]), permc_spec="NATURAL", diag_pivot_thresh=0.0, options={"SymmetricMode": True}
+    )
+    assert 0.98 * nonzeros < real.L.nnz <= nonzeros
+
+
+def test_a_graphs_factor_is_counted_as_by_elimination() -> None:
+    """Eliminate a random graph's nodes one by one, joining each one's later neighbours."""
+    n = 40
+    pattern = np.random.default_rng(0).random((n, n)) < 0.06
+    pattern = np.triu(pattern, 1) | np.triu(pattern, 1).T
+    filled = pattern.copy()
+    for k in range(n):
+        later = np.flatnonzero(filled[k, k + 1 :]) + k + 1
+        filled[np.ix_(later, later)] = True
+    expected = n + np.count_nonzero(np.tril(filled, -1))
+    assert factor_nonzeros(sp.csr_array(pattern.astype(float))) == expected
+    # three unknowns a node: each entry a 3 × 3 block, those on the diagonal lower triangles
+    assert factor_nonzeros(sp.csr_array(pattern.astype(float)), 3) == 9 * expected - 3 * n
+
+
+def test_the_memory_of_a_factor_is_predicted_within_a_third(hexahedra: FEModel) -> None:
+    """CHOLMOD's own memory, by the growth of this process."""
+    statm = Path("/proc/self/statm")
+    if not statm.exists():
+        pytest.skip("the memory of a process is read from /proc")
+
+    def resident() -> int:
+        return 4096 * int(statm.read_text().split()[1])
+
+    A = positive(assemble(SolidMesh(*hexahedral_bar(0.3, 0.1, 0.1, (24, 8, 8))), 2, hexahedra.material))
+    factorised(A, "cholesky").solve(np.ones(A.shape[0]))  # what is loaded and made once
+    before = resident()
+    kept = [factorised(A, "cholesky") for _ in range(3)]
+    grown = (resident() - before) / len(kept)
+    assert 0.67 < kept[0].figures.memory / grown < 1.5
+
+
+def test_what_does_not_fit_is_refused_before_it_is_factorised(
+    tetrahedra: FEModel, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setattr(factor, "_SMALL", 0)
+    monkeypatch.setattr(factor, "available_memory", lambda: 20e6)
+    monkeypatch.setattr(factor, "_cholmod", lambda *_: pytest.fail("was factorised"))
+    needs = (
+        r"the factor of its \d+ unknowns needs about [\d.]+ GB of memory \(CHOLMOD, METIS order, [\d.e+]+ nonzeros\)"
+    )
+    with pytest.raises(TooLargeError, match=needs + ", the machine has 0.02 GB to spare; make the mesh coarser"):
+        factorised(positive(tetrahedra))
+
+
+def test_memory_is_the_least_of_what_machine_and_container_leave(tmp_path: Path) -> None:
+    meminfo = tmp_path / "meminfo"
+    meminfo.write_text("MemTotal:       24000000 kB\nMemAvailable:    8000000 kB\n")
+    nothing, container = tmp_path / "none", tmp_path / "container"
+    assert available_memory(meminfo, nothing) == 8e6 * 1024
+    container.mkdir()
+    (container / "memory.max").write_text("3000000000\n")
+    (container / "memory.current").write_text("1500000000\n")
+    (container / "memory.stat").write_text("anon 1000000000\nactive_file 200000000\ninactive_file 300000000\n")
+    assert available_memory(meminfo, container) == 2e9  # pages of files make room
+    (container / "memory.max").write_text("max\n")
+    assert available_memory(meminfo, container) == 8e6 * 1024
+    assert available_memory(nothing, nothing) > 1e8  # all that the machine has
+
+
+def test_a_scene_whose_factor_does_not_fit_ends_in_a_message(monkeypatch: pytest.MonkeyPatch, tmp_path: Path) -> None:
+    from pipeline import Pipeline, load_scene
+    from pipeline.core.cache import Cache
+
+    monkeypatch.setattr(factor, "available_memory", lambda: 1e6)
+    scene = load_scene("beam", ["body.beam.modes.solver='cholesky'", "body.beam.mesh.divisions=[12,2,1]"])
+    with pytest.raises(
+        InputError, match=r"body\.beam\.mesh: the factor of its \d+ unknowns needs about .* make the mesh"
+    ):
+        Pipeline(scene, Cache(tmp_path)).modes  # noqa: B018
