@@ -1,14 +1,20 @@
-"""What the tests share: a cache folder of the session's own, small meshes and models, formulas of beam theory."""
+"""A cache folder for the test session, small meshes and models, formulas of beam theory."""
 
 import os
 import shutil
 import tempfile
 from collections.abc import Callable
 from itertools import permutations
+from pathlib import Path
 from typing import NamedTuple
 
-# Kernels are compiled into this folder as soon as pipeline.dynamics is imported, so it has to be set before that.
-os.environ["FMD_CACHE"] = tempfile.mkdtemp(prefix="fmd-tests-")
+_CACHE = Path(tempfile.mkdtemp(prefix="fmd-tests-"))
+# The cache folder is read as soon as pipeline.dynamics is imported, so it has to be set before that.
+os.environ["FMD_CACHE"] = str(_CACHE)
+if not os.environ.get("CI"):  # a developer's kernels stay from run to run, named by their source; the gate starts cold
+    _KERNELS = Path(os.environ.get("FMD_TEST_KERNELS", Path(__file__).parents[1] / ".pytest_cache" / "kernels"))
+    _KERNELS.mkdir(parents=True, exist_ok=True)
+    (_CACHE / "kernels").symlink_to(_KERNELS.resolve(), target_is_directory=True)
 
 import numpy as np
 import pytest
@@ -64,7 +70,7 @@ def fmd() -> Callable[..., int]:
 
 
 def pytest_unconfigure() -> None:
-    shutil.rmtree(os.environ["FMD_CACHE"], ignore_errors=True)
+    shutil.rmtree(_CACHE, ignore_errors=True)
 
 
 def make_box(
