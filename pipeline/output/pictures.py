@@ -1,8 +1,9 @@
-"""A scene's pictures and films: what is drawn, and how it is looked at."""
+"""Pictures, charts and films of a run, drawn as the scene's outputs ask for."""
 
 from __future__ import annotations
 
 from collections.abc import Callable, Iterable, Iterator
+from dataclasses import dataclass
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
@@ -139,7 +140,7 @@ def draw_film(run: Pipeline, output: Film, folder: Path) -> list[str]:
     outer = np.union1d(ConvexHull(surface.points).vertices, np.arange(0, len(surface.points), 50))
     around = [frame.points[outer] for frame in _frames(run, output, surface, history, chosen, values)]
     scaled = f", deformation × {output.scale:g}" if output.scale != 1 else ""
-    with run.keeper.monitor(output.file) as advance:
+    with run.store.monitor(output.file) as advance:
         done = 0
 
         def on_frame() -> None:
@@ -164,13 +165,32 @@ def draw_film(run: Pipeline, output: Film, folder: Path) -> list[str]:
     return [output.file]
 
 
-DRAWINGS: dict[str, Callable[[Pipeline, Any, Path], list[str]]] = {
-    "chart": draw_chart,
-    "mesh": draw_mesh,
-    "modes": draw_modes,
-    "mode sheet": draw_mode_sheet,
-    "stress": draw_stress,
-    "film": draw_film,
+@dataclass(frozen=True)
+class Drawing:
+    """How one type of output is drawn.
+
+    Attributes
+    ----------
+    draw : callable
+        Draws an output of a run into a folder and returns the names of its files.
+    reads : tuple of str
+        Stages of the body that it shows.
+    still : bool
+        It shows a part, and nothing of its motion.
+    """
+
+    draw: Callable[[Pipeline, Any, Path], list[str]]
+    reads: tuple[str, ...] = ()
+    still: bool = False
+
+
+DRAWINGS: dict[str, Drawing] = {
+    "chart": Drawing(draw_chart),
+    "mesh": Drawing(draw_mesh, ("mesh", "surface", "body"), still=True),
+    "modes": Drawing(draw_modes, ("modes", "surface", "body"), still=True),
+    "mode sheet": Drawing(draw_mode_sheet, ("modes", "surface", "body"), still=True),
+    "stress": Drawing(draw_stress, ("surface", "stress", "body")),
+    "film": Drawing(draw_film, ("mesh", "surface", "stress", "body")),
 }
 
 
@@ -196,12 +216,12 @@ def _surface(run: Pipeline, body: str) -> Surface:
 
 
 def _is_ring(run: Pipeline, body: str) -> bool:
-    """Whether the body lies all around its joint, where a dot for the hub would lie upon it."""
+    """Whether a body surrounds its joint, so that a dot for the hub would lie upon it."""
     return run.parts[body].mesh.sectors > 1
 
 
 def _look(run: Pipeline, output: Picture, size: tuple[int, int] | None = None) -> Look:
-    """How the scene wants a picture taken, of ``size`` if it doesn't say; by default of a still picture's."""
+    """Return the camera of an output, with ``size`` in pixels if the scene gives none."""
     from pipeline.render.camera import PIXELS, Look
 
     camera = None if output.camera is None else (np.degrees(output.camera[0]), np.degrees(output.camera[1]))
