@@ -78,7 +78,7 @@ def known_name(part: FlexiblePart, kind: str, name: str | int, given: str) -> st
 
 def fixed_unknowns(part: FlexiblePart) -> IntArray:
     """Unknowns that a body's supports hold."""
-    from pipeline.fem.supports import node_at, nodes_on_edge, nodes_on_faces
+    from pipeline.fem.selection import node_at, nodes_on_edge, nodes_on_faces
 
     fixed = []
     for number, support in enumerate(part.shape.support):

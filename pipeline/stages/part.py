@@ -23,7 +23,8 @@ if TYPE_CHECKING:
     from pipeline.fem.markers import Marker
     from pipeline.fem.material import AnyMaterial
     from pipeline.fem.mesh import SolidMesh
-    from pipeline.fem.model import Discretisation, FEModel
+    from pipeline.fem.model import FEModel
+    from pipeline.fem.space import Discretisation
     from pipeline.fem.surface import SurfaceTopology
     from pipeline.reduction.body import FlexibleBody
     from pipeline.reduction.eigen import FreeBodySolver
@@ -203,7 +204,7 @@ class FlexiblePart:
         )
         if self._source is not None:
             return stage_key("mesh", self._source.identity(part), ("meshes", "pipeline/fem"), ("gmsh", "meshio"))
-        return stage_key("mesh", part, ("meshes", "pipeline/fem/mesh.py"), ("gmsh",))
+        return stage_key("mesh", part, ("meshes", "pipeline/fem/mesh.py", "pipeline/fem/cells.py"), ("gmsh",))
 
     @property
     def _modes_key(self) -> str:
@@ -391,7 +392,7 @@ class FlexiblePart:
     @cached_property
     def space(self) -> Discretisation:
         """Nodes and elements; the matrices aren't needed for it."""
-        from pipeline.fem.model import Discretisation
+        from pipeline.fem.space import Discretisation
 
         return Discretisation(self.mesh, self.order)
 
