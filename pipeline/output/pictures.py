@@ -14,7 +14,7 @@ from pipeline.core.errors import InputError
 
 if TYPE_CHECKING:
     from pipeline.recovery.stress import StressHistory
-    from pipeline.render.camera import Look
+    from pipeline.render.camera import Camera
     from pipeline.render.film import Frame
     from pipeline.render.surface import Surface
     from pipeline.scene.outputs import Picture
@@ -55,7 +55,7 @@ def draw_mesh(run: Pipeline, output: MeshPicture, folder: Path) -> list[str]:
     names = [f"{name} ({len(cells):,} elements)".replace(",", " ") for name, cells in part.mesh.parts.items()]
     title = output.title or f"{run.scene.title}: {len(part.mesh.cells):,} elements".replace(",", " ")
     triangles = part_numbers(part.mesh)[part.surface_elements] - 1
-    draw(_surface(run, output.body), triangles, names, folder / output.file, title=title, look=_look(run, output))
+    draw(_surface(run, output.body), triangles, names, folder / output.file, title=title, camera=_camera(run, output))
     return [output.file]
 
 
@@ -79,7 +79,7 @@ def draw_modes(run: Pipeline, output: ModePictures, folder: Path, numbers: Itera
             folder / name,
             title=f"{output.title or run.scene.title}: {held} mode {k + 1}, {frequency:.1f} Hz{family}",
             scale=output.scale or 1.0,
-            look=_look(run, output),
+            camera=_camera(run, output),
         )
         files.append(name)
     return files
@@ -99,7 +99,7 @@ def draw_mode_sheet(run: Pipeline, output: ModeSheet, folder: Path) -> list[str]
         folder / output.file,
         title=output.title or f"{run.scene.title}: elastic modes",
         scale=output.scale,
-        look=_look(run, output, PIXELS),
+        camera=_camera(run, output, PIXELS),
     )
     return [output.file]
 
@@ -120,7 +120,7 @@ def draw_stress(run: Pipeline, output: StressPicture, folder: Path) -> list[str]
         title=f"{output.title or run.scene.title}: worst instant, t = {1e3 * time:.1f} ms",
         scale=output.scale,
         quantity=_quantity(output.component),
-        look=_look(run, output),
+        camera=_camera(run, output),
     )
     return [output.file]
 
@@ -130,9 +130,9 @@ def draw_film(run: Pipeline, output: Film, folder: Path) -> list[str]:
     from scipy.spatial import ConvexHull
 
     from pipeline.recovery.stress import measure_of, spread
+    from pipeline.render.colours import stress_limits
     from pipeline.render.film import PIXELS
     from pipeline.render.film import draw_film as draw
-    from pipeline.render.pictures import stress_limits
 
     surface, history = _surface(run, output.body), run.stress_of(output.body)
     chosen = spread(len(history.times), output.frames)
@@ -158,7 +158,7 @@ def draw_film(run: Pipeline, output: Film, folder: Path) -> list[str]:
             clim_pa=stress_limits(values),
             rate=output.rate,
             quantity=_quantity(output.component),
-            look=_look(run, output, PIXELS),
+            camera=_camera(run, output, PIXELS),
             hub=not _is_ring(run, output.body),
             on_frame=on_frame,
         )
@@ -220,14 +220,14 @@ def _is_ring(run: Pipeline, body: str) -> bool:
     return run.parts[body].mesh.sectors > 1
 
 
-def _look(run: Pipeline, output: Picture, size: tuple[int, int] | None = None) -> Look:
-    """Return the camera of an output, with ``size`` in pixels if the scene gives none."""
-    from pipeline.render.camera import PIXELS, Look
+def _camera(run: Pipeline, output: Picture, size: tuple[int, int] | None = None) -> Camera:
+    """Return a picture's camera, of ``size`` unless the scene gives one; by default of a still picture's."""
+    from pipeline.render.camera import PIXELS, Camera
 
-    camera = None if output.camera is None else (np.degrees(output.camera[0]), np.degrees(output.camera[1]))
+    angles = None if output.camera is None else (np.degrees(output.camera[0]), np.degrees(output.camera[1]))
     settings: dict[str, Any] = {"focus": output.focus, "extent": output.extent, "zoom": output.zoom}
     try:
-        return Look(camera=camera, size=output.size or size or PIXELS, colour_map=output.colour_map, **settings)
+        return Camera(angles=angles, size=output.size or size or PIXELS, colour_map=output.colour_map, **settings)
     except ValueError as error:
         raise InputError(run.scene.file, "output", output.colour_map, str(error)) from error
 

@@ -17,7 +17,7 @@ from pipeline.recovery.stress import hooke, modal_stress, strains
 
 if TYPE_CHECKING:
     from pipeline.fem.material import AnyMaterial
-    from pipeline.fem.model import Discretisation
+    from pipeline.fem.space import Discretisation
 
 _CHUNK = 512  # elements at a time
 # What averaged stress sees of the energy: 0.5 to 0.75 was measured on bars and propellers of all four elements.

@@ -11,9 +11,8 @@ from pipeline.core.arrays import IntArray
 from pipeline.core.errors import InputError
 from pipeline.fem.formats.matrices import MatrixModel, node_marker, nodes_in_plane
 from pipeline.fem.markers import Marker, face_marker
-from pipeline.fem.model import Discretisation
-from pipeline.fem.selection import facets_in_plane, facets_near
-from pipeline.fem.supports import node_at, nodes_on_edge, nodes_on_faces
+from pipeline.fem.selection import facets_in_plane, facets_near, node_at, nodes_on_edge, nodes_on_faces
+from pipeline.fem.space import Discretisation
 from pipeline.scene.bodies import Marker as MarkerTable
 from pipeline.scene.scene import Flexible
 from pipeline.stages.meshing import find_name

@@ -24,7 +24,8 @@ if TYPE_CHECKING:
     from pipeline.fem.markers import Marker
     from pipeline.fem.material import AnyMaterial
     from pipeline.fem.mesh import SolidMesh
-    from pipeline.fem.model import Discretisation, FEModel
+    from pipeline.fem.model import FEModel
+    from pipeline.fem.space import Discretisation
     from pipeline.fem.surface import SurfaceTopology
     from pipeline.reduction.body import FlexibleBody
     from pipeline.reduction.inertia import InertiaGram
@@ -158,7 +159,7 @@ class FlexiblePart:
     """A flexible body of a scene, whose stages run on first use.
 
     Parameters
-   
+    ----------
     scene : Scene
         The scene.
     name : str
@@ -240,7 +241,7 @@ class FlexiblePart:
     @cached_property
     def space(self) -> Discretisation:
         """Nodes and elements, without matrices."""
-        from pipeline.fem.model import Discretisation
+        from pipeline.fem.space import Discretisation
 
         return Discretisation(self.mesh, self.order)
 
