@@ -129,13 +129,13 @@ class FlexiblePart:
 
     def for_any_motion(self, body: FlexibleBody) -> FlexibleBody:
         """The reduced body, stiffened or not, with the inertia integrals, too, that its motion here doesn't take."""
-        from pipeline.reduction.inertia import along_normal, with_normal
+        from pipeline.reduction.inertia import add_normal_blocks, normal_blocks
 
         if body.gram.normal < 0:
             return body
         own, normal = self.body, body.gram.normal
-        along = self._keeper.kept("inertia", self.body_key, lambda: along_normal(own.x, self.fe.m, own.shapes, normal))
-        return replace(body, gram=with_normal(body.gram, along))
+        along = self._keeper.kept("inertia", self.body_key, lambda: normal_blocks(own.x, self.fe.m, own.shapes, normal))
+        return replace(body, gram=add_normal_blocks(body.gram, along))
 
     @cached_property
     def surface(self) -> SurfaceTopology:
@@ -295,12 +295,12 @@ class FlexiblePart:
         """What the scene wants matrices to be factorised by."""
         wanted = self.shape.modes
         if wanted.solver == "slepc":
-            from pipeline.reduction.factor.slepc import slepc_factorised
+            from pipeline.reduction.factor.slepc import factorise_over_ranks
 
-            return partial(slepc_factorised, ranks=wanted.ranks or 2)
-        from pipeline.reduction.factor.factor import factorised
+            return partial(factorise_over_ranks, ranks=wanted.ranks or 2)
+        from pipeline.reduction.factor.factor import factorise
 
-        return partial(factorised, solver=wanted.solver)
+        return partial(factorise, solver=wanted.solver)
 
     @property
     def _free(self) -> Array:
@@ -324,18 +324,19 @@ class FlexiblePart:
 
         wanted, axis = self.shape.modes, np.array(self.inboard.axis)
         if wanted.boundary == "interface":
-            from pipeline.reduction.craig_bampton import craig_bampton
+            from pipeline.reduction.craig_bampton import craig_bampton_modes
 
-            return craig_bampton(self.fe, self._solver, [self.markers[name] for name in self._interface], wanted.count)
+            interface = [self.markers[name] for name in self._interface]
+            return craig_bampton_modes(self.fe, self._solver, interface, wanted.count)
         if wanted.family == "any":
             return lowest_modes(self._solver, wanted.count, self._held)
         return modes_of_family(self._solver, self.fe, wanted.count, wanted.family, axis, self._held)
 
     def _make_body(self) -> FlexibleBody:
         from pipeline.reduction.body import floating_body, free_frame_body, reduced_body, supported_body
-        from pipeline.reduction.craig_bampton import ritz
-        from pipeline.reduction.enrichment import enriched, inertia_loads
-        from pipeline.reduction.supports import acceleration_loads
+        from pipeline.reduction.craig_bampton import rayleigh_ritz
+        from pipeline.reduction.enrichment import enrich_modes
+        from pipeline.reduction.loads import acceleration_loads, motion_loads
 
         if not self.inboard.marker:
             raise InputError(self.file, f"body.{self.name}", None, "hangs on no joint: it has modes, but no motion")
@@ -345,14 +346,14 @@ class FlexiblePart:
         if self.shape.modes.enrich != "none":
             plane = axis if self.inboard.planar else None
             outboard = [(markers[at], plane if flat else None) for at, flat in self._outboard if at != joint]
-            loads = inertia_loads(self.fe, markers[joint], plane, outboard)
+            loads = motion_loads(self.fe, markers[joint], plane, outboard)
             if self.fixed is not None:
                 own = acceleration_loads(self.fe, markers[joint].position, plane)
                 loads = np.concatenate([loads, own], axis=2)
             generations = _RITZ_GENERATIONS if self.shape.modes.enrich == "ritz" else 1
-            omega, shapes = enriched(modes, self.fe, self._solver, loads, self._held, generations)
+            omega, shapes = enrich_modes(modes, self.fe, self._solver, loads, self._held, generations)
             if self.shape.modes.boundary == "interface":  # no eigenvectors: the new shapes mix with them
-                omega, shapes = ritz(self.fe, shapes.reshape(self.fe.K.shape[0], -1))
+                omega, shapes = rayleigh_ritz(self.fe, shapes.reshape(self.fe.K.shape[0], -1))
         if self.fixed is not None:
             self._require_held(modes, self.fixed)
             return supported_body(self.fe, omega, shapes, markers, joint, self._free, self.inboard.normal)
@@ -373,7 +374,7 @@ class FlexiblePart:
             raise InputError(self.file, f"body.{self.name}.support", None, message)
 
     def _make_stiffened_gram(self) -> InertiaGram:
-        from pipeline.reduction.stiffening import stiffened
+        from pipeline.reduction.stiffening import stiffen_body
 
         if not self.has_mesh:
             mend = f"stiffening by inertia loads takes stress, and the body {NO_MESH}; 'off' leaves it out"
@@ -381,7 +382,7 @@ class FlexiblePart:
         inboard = self.inboard
         reaction = None if inboard.floating or self.fixed is not None else self._reaction
         axis = np.array(inboard.axis) if inboard.planar else None
-        return stiffened(self.body, self.fe, self._solver, reaction, axis, self._accelerated).gram
+        return stiffen_body(self.body, self.fe, self._solver, reaction, axis, self._accelerated).gram
 
     def _make_surface(self) -> SurfaceTopology:
         from pipeline.fem.surface import surface_topology
