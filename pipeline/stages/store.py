@@ -74,7 +74,7 @@ class Keeper:
         tick = time.perf_counter()
         value: T | None = self.cache.load(key)
         if value is None:
-            with self.cache.alone(key):
+            with self.cache.lock(key):
                 value = self.cache.load(key)
                 if value is None:
                     value = self.timed(stage, make)
