@@ -187,9 +187,9 @@ class Estimates:
 
     def _choose_stress_samples(self) -> None:
         """Choose the output times at which stress is compared, and the nodes that matter."""
-        from pipeline.recovery.stress import spread
+        from pipeline.recovery.stress import choose_frames
 
-        frames = [spread(len(self.motion.times), _FRAMES)]
+        frames = [choose_frames(len(self.motion.times), _FRAMES)]
         for name in self.run.parts:
             values = self.run.stress_of(name).measure_at(np.arange(len(self.motion.times)))
             frames.append(np.argsort(values.max(axis=1))[-_HOTTEST:])

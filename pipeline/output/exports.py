@@ -38,10 +38,10 @@ def _write_body(run: Pipeline, output: Export, path: Path) -> None:
 def _write_motion(run: Pipeline, output: Export, path: Path) -> None:
     """Write displacement from the undeformed body at rest, deformation and stress at all nodes."""
     from pipeline.fem.formats.vtkhdf import write_series
-    from pipeline.recovery.stress import spread, von_mises
+    from pipeline.recovery.stress import choose_frames, von_mises
 
     part, motion, shapes = run.parts[output.body], run.first_motion, run.bodies[output.body].shapes
-    chosen = spread(len(motion.times), output.frames)
+    chosen = choose_frames(len(motion.times), output.frames)
     x, q, stress = run.bodies[output.body].x, motion.modal(output.body), part.nodal_stress
     origin = part.space.x[0] - x[0]
 

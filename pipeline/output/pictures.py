@@ -106,7 +106,7 @@ def draw_mode_sheet(run: Pipeline, output: ModeSheet, folder: Path) -> list[str]
 
 def draw_stress(run: Pipeline, output: StressPicture, folder: Path) -> list[str]:
     """Draw a body's stress at the worst instant."""
-    from pipeline.recovery.stress import measure_of
+    from pipeline.recovery.stress import stress_measure
     from pipeline.render.pictures import draw_stress as draw
 
     stress = run.stress_of(output.body)
@@ -115,7 +115,7 @@ def draw_stress(run: Pipeline, output: StressPicture, folder: Path) -> list[str]
     draw(
         _surface(run, output.body),
         run.bodies[output.body].shapes[stress.nodes] @ stress.q[frame],
-        stress.measure_at(np.array([frame]), measure_of(output.component))[0],
+        stress.measure_at(np.array([frame]), stress_measure(output.component))[0],
         folder / output.file,
         title=f"{output.title or run.scene.title}: worst instant, t = {1e3 * time:.1f} ms",
         scale=output.scale,
@@ -129,14 +129,14 @@ def draw_film(run: Pipeline, output: Film, folder: Path) -> list[str]:
     """Film a body's stress in motion."""
     from scipy.spatial import ConvexHull
 
-    from pipeline.recovery.stress import measure_of, spread
+    from pipeline.recovery.stress import choose_frames, stress_measure
     from pipeline.render.colours import stress_limits
     from pipeline.render.film import PIXELS
     from pipeline.render.film import draw_film as draw
 
     surface, history = _surface(run, output.body), run.stress_of(output.body)
-    chosen = spread(len(history.times), output.frames)
-    values = history.measure_at(chosen, measure_of(output.component))
+    chosen = choose_frames(len(history.times), output.frames)
+    values = history.measure_at(chosen, stress_measure(output.component))
     outer = np.union1d(ConvexHull(surface.points).vertices, np.arange(0, len(surface.points), 50))
     around = [frame.points[outer] for frame in _frames(run, output, surface, history, chosen, values)]
     scaled = f", deformation × {output.scale:g}" if output.scale != 1 else ""

@@ -13,17 +13,17 @@ from pipeline.core.errors import InputError
 from pipeline.fem.markers import Marker
 from pipeline.fem.model import FEModel
 from pipeline.reduction.body import FlexibleBody, floating_body, free_frame_body, reduced_body, supported_body
-from pipeline.reduction.craig_bampton import craig_bampton, ritz
+from pipeline.reduction.craig_bampton import craig_bampton_modes, rayleigh_ritz
 from pipeline.reduction.cyclic import CyclicSolver
 from pipeline.reduction.eigen import FreeBodySolver
-from pipeline.reduction.enrichment import enriched, inertia_loads
-from pipeline.reduction.factor.factor import MissingSolverError, TooLargeError, factorised
-from pipeline.reduction.factor.slepc import slepc_factorised
+from pipeline.reduction.enrichment import enrich_modes
+from pipeline.reduction.factor.factor import MissingSolverError, TooLargeError, factorise
+from pipeline.reduction.factor.slepc import factorise_over_ranks
 from pipeline.reduction.inertia import InertiaGram
+from pipeline.reduction.loads import acceleration_loads, motion_loads
 from pipeline.reduction.mode_families import lowest_modes, modes_of_family
 from pipeline.reduction.modes import Modes
-from pipeline.reduction.stiffening import stiffened
-from pipeline.reduction.supports import acceleration_loads
+from pipeline.reduction.stiffening import stiffen_body
 from pipeline.scene.bodies import Modes as ModeSettings
 from pipeline.stages.inboard_joint import InboardJoint
 
@@ -72,15 +72,15 @@ class HeldModel:
         """
         rigid = [marker for marker in self.markers.values() if marker.rigid]
         wanted, key = self.settings, f"body.{self.name}"
-        factorise = (
-            partial(slepc_factorised, ranks=wanted.ranks or 2)
+        factorise_as_wanted = (
+            partial(factorise_over_ranks, ranks=wanted.ranks or 2)
             if wanted.solver == "slepc"
-            else partial(factorised, solver=wanted.solver)
+            else partial(factorise, solver=wanted.solver)
         )
         try:
             if self.sectors > 2 and not rigid and self.fixed is None:
-                return CyclicSolver(self.fe, self.sectors, factorise)
-            return FreeBodySolver(self.fe, rigid, self.fixed, factorise)
+                return CyclicSolver(self.fe, self.sectors, factorise_as_wanted)
+            return FreeBodySolver(self.fe, rigid, self.fixed, factorise_as_wanted)
         except ValueError as error:  # rigid faces that share nodes, with one another or with a support
             raise InputError(self.file, f"{key}.marker", None, str(error)) from error
         except TooLargeError as error:
@@ -110,7 +110,7 @@ def compute_modes(model: HeldModel) -> Modes:
     """Compute the modes that a scene chooses for a body."""
     wanted = model.settings
     if wanted.boundary == "interface":
-        return craig_bampton(model.fe, model.solver, model.interface, wanted.count)
+        return craig_bampton_modes(model.fe, model.solver, model.interface, wanted.count)
     if wanted.family == "any":
         return lowest_modes(model.solver, wanted.count, model.held)
     axis = np.array(model.joint.axis)
@@ -144,21 +144,21 @@ def stiffen_inertia(model: HeldModel, body: FlexibleBody) -> InertiaGram:
     """Add the geometric stiffness of its inertia loads to a reduced body's inertia terms."""
     joint = model.joint
     reaction = None if joint.floating or model.fixed is not None else model.reaction
-    return stiffened(body, model.fe, model.solver, reaction, joint.plane, joint.accelerated).gram
+    return stiffen_body(body, model.fe, model.solver, reaction, joint.plane, joint.accelerated).gram
 
 
 def _enriched_shapes(model: HeldModel, modes: Modes) -> tuple[Array, Array]:
     """Frequencies and shapes of the modes with static responses to inertia loads and joint forces beside them."""
     fe, markers, joint, settings = model.fe, model.markers, model.joint, model.settings
     outboard = [(markers[at], joint.plane if flat else None) for at, flat in joint.loaded if at != joint.marker]
-    loads = inertia_loads(fe, markers[joint.marker], joint.plane, outboard)
+    loads = motion_loads(fe, markers[joint.marker], joint.plane, outboard)
     if model.fixed is not None:
         own = acceleration_loads(fe, markers[joint.marker].position, joint.plane)
         loads = np.concatenate([loads, own], axis=2)
     generations = _RITZ_GENERATIONS if settings.enrich == "ritz" else 1
-    omega, shapes = enriched(modes, fe, model.solver, loads, model.held, generations)
+    omega, shapes = enrich_modes(modes, fe, model.solver, loads, model.held, generations)
     if settings.boundary == "interface":  # no eigenvectors: the new shapes mix with them
-        omega, shapes = ritz(fe, shapes.reshape(fe.K.shape[0], -1))
+        omega, shapes = rayleigh_ritz(fe, shapes.reshape(fe.K.shape[0], -1))
     return omega, shapes
 
 

@@ -125,9 +125,9 @@ def _stiffen(part: FlexiblePart) -> InertiaGram:
 
 
 def _integrate_along_normal(part: FlexiblePart) -> Array:
-    from pipeline.reduction.inertia import along_normal
+    from pipeline.reduction.inertia import normal_blocks
 
-    return along_normal(part.body.x, part.fe.m, part.body.shapes, part.body.gram.normal)
+    return normal_blocks(part.body.x, part.fe.m, part.body.shapes, part.body.gram.normal)
 
 
 def _find_surface(part: FlexiblePart) -> SurfaceTopology:
@@ -292,11 +292,11 @@ class FlexiblePart:
 
     def for_any_motion(self, body: FlexibleBody) -> FlexibleBody:
         """Add the inertia integrals that motion about one axis doesn't take to the reduced body, stiffened or not."""
-        from pipeline.reduction.inertia import with_normal
+        from pipeline.reduction.inertia import add_normal_blocks
 
         if body.gram.normal < 0:
             return body
-        return replace(body, gram=with_normal(body.gram, self.inertia_along_normal))
+        return replace(body, gram=add_normal_blocks(body.gram, self.inertia_along_normal))
 
     @cached_property
     def elements(self) -> dict[str, int]:

@@ -178,13 +178,13 @@ class Pipeline:
 
     def element_stress(self, element: str, component: str = "von Mises") -> dict[str, Array]:
         """Stress in the middle of a named element, ``"body.element"``, over each run's motion, (n_times,) [Pa]."""
-        from pipeline.recovery.stress import measure_of
+        from pipeline.recovery.stress import stress_measure
 
         body, _, name = element.partition(".")
         part = self.parts[body]
         modal = part.element_stress[list(part.elements).index(name)]
         return {
-            label: measure_of(component)((modal @ motion.modal(body).T)[None])[0]
+            label: stress_measure(component)((modal @ motion.modal(body).T)[None])[0]
             for label, motion in self.motions.items()
         }
 

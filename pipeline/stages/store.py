@@ -61,7 +61,7 @@ class StageStore:
         tick = time.perf_counter()
         value: T | None = self.cache.load(key)
         if value is None:
-            with self.cache.alone(key):
+            with self.cache.lock(key):
                 value = self.cache.load(key)
                 if value is None:
                     value = self.compute(stage, compute)
