@@ -121,11 +121,11 @@ def propeller() -> str:
 
 def meshes() -> str:
     """Tabulate the fastest mesh of each element within 0.1 % in frequency, or the most accurate one that was tried."""
-    found: dict[tuple[str, str], list[Row]] = {}
+    by_element: dict[tuple[str, str], list[Row]] = {}
     for row in read_rows("modes"):
-        found.setdefault((row["scene"], row["element"]), []).append(row)
+        by_element.setdefault((row["scene"], row["element"]), []).append(row)
     rows = []
-    for (scene, element), tried in found.items():
+    for (scene, element), tried in by_element.items():
         within = [row for row in tried if float(row["error"]) <= 1e-3]
         by_time, by_error = (lambda row: float(row["seconds"])), (lambda row: float(row["error"]))
         best = min(within, key=by_time) if within else min(tried, key=by_error)
