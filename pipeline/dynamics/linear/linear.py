@@ -10,7 +10,7 @@ import numpy as np
 
 from pipeline.core.arrays import Array, require_shape
 from pipeline.dynamics.jit.compiled import meaning
-from pipeline.dynamics.system import accelerations, advance, fast_steps, freeze, velocities
+from pipeline.dynamics.system import accelerations, advance, fast_steps, hold_slow, velocities
 from pipeline.dynamics.vibration import highest_frequency
 
 if TYPE_CHECKING:
@@ -155,8 +155,8 @@ def _accelerations(p: LinearParameters, t: float, q: Array, v: Array, a: Array) 
             a[i] -= B[i, j] * v[j]
 
 
-@meaning(freeze, LinearParameters)
-def _freeze(p: LinearParameters, t: float, q: Array, v: Array, a: Array, frozen: FrozenLinear) -> None:
+@meaning(hold_slow, LinearParameters)
+def _hold_slow(p: LinearParameters, t: float, q: Array, v: Array, a: Array, frozen: FrozenLinear) -> None:
     M, C, K, held, n_slow = p.M, p.C, p.K, frozen.held, p.n_slow
     for i in range(n_slow, v.size):
         held[i - n_slow] = 0.0
