@@ -14,7 +14,7 @@ from pipeline.accuracy.quantities import modes_like
 from pipeline.core.arrays import Array, IntArray
 from pipeline.core.cache import Cache
 from pipeline.core.errors import AccuracyError
-from pipeline.scene.variants import COARSENING, coarser, times_finer, with_modes
+from pipeline.scene.variants import COARSENING_FACTORS, change_modes, coarsen_meshes, compare_element_sizes
 from pipeline.stages.pipeline import Pipeline
 
 if TYPE_CHECKING:
@@ -73,8 +73,8 @@ class Pair:
 def coarse_pair(run: Pipeline) -> Pair | str:
     """A run and the same on a coarser mesh; or why there is none. Of few curved elements some may be inverted."""
     why = "not estimated: there is no coarser mesh"
-    for times in COARSENING:
-        scene = coarser(run.scene, times)
+    for times in COARSENING_FACTORS:
+        scene = coarsen_meshes(run.scene, times)
         if scene is None:
             break
         try:
@@ -85,13 +85,13 @@ def coarse_pair(run: Pipeline) -> Pair | str:
 
 
 def _pair(run: Pipeline, scene: Scene) -> Pair:
-    more = with_modes(scene, lambda body: {"count": int(_MORE * body.modes.count) + 1})
+    more = change_modes(scene, lambda body: {"count": int(_MORE * body.modes.count) + 1})
     coarse = Pipeline(more, Cache(None))
     coarse.spin = run.spin
     for name, part in coarse.parts.items():
         part.modes = modes_like(run.parts[name], part)
     parts = [(part, coarse.parts[name]) for name, part in run.parts.items()]
-    ratio = min(times_finer(own.shape, len(own.mesh.cells), len(other.mesh.cells)) for own, other in parts)
+    ratio = min(compare_element_sizes(own.shape, len(own.mesh.cells), len(other.mesh.cells)) for own, other in parts)
     order, edges = min(own.order for own, _ in parts), min(own.mesh.order for own, _ in parts)
     gains = {kind: refinement_gain(ratio, order, edges, kind) for kind in ("displacement", "stress", "geometry")}
     # Where the volume changes with the mesh so does the shape, and nothing converges faster than that does.

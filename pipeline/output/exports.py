@@ -10,7 +10,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 if TYPE_CHECKING:
-    from pipeline.scene.scene import Export
+    from pipeline.scene.outputs import Export
     from pipeline.stages.pipeline import Pipeline
 
 

@@ -10,15 +10,14 @@ from typing import TYPE_CHECKING, Any
 from pydantic import TypeAdapter, ValidationError
 
 from pipeline.core.errors import InputError
-from pipeline.core.html import facts, scaled
 from pipeline.core.progress import bars
 from pipeline.scene.outputs import Output
-from pipeline.scene.reading import among
-from pipeline.scene.scene import Scene, load_scene
+from pipeline.scene.reading import suggest_name
+from pipeline.scene.scene import load_scene
 from pipeline.stages.pipeline import Pipeline
 
 if TYPE_CHECKING:
-    from collections.abc import Iterable, Mapping
+    from collections.abc import Iterable
 
 _PICTURES = ("chart", "mesh", "modes", "mode sheet", "stress")
 
@@ -81,7 +80,7 @@ def pictures(run: Pipeline, type: str, numbers: Iterable[int] | None = None, **s
     from pipeline.output.pictures import DRAWINGS, draw_modes
 
     if type not in _PICTURES:
-        raise InputError("picture", "type", type, among(type, _PICTURES, "the pictures"))
+        raise InputError("picture", "type", type, suggest_name(type, _PICTURES, "the pictures"))
     given = {"type": type, "file": "mode-{mode}.png" if type == "modes" else "picture.png", **settings}
     if type != "chart":
         given.setdefault("body", run.part.name)
@@ -98,25 +97,3 @@ def pictures(run: Pipeline, type: str, numbers: Iterable[int] | None = None, **s
             draw_modes(run, output, folder, numbers) if type == "modes" else DRAWINGS[output.type](run, output, folder)
         )
         return tuple(Picture((folder / file).read_bytes()) for file in files)
-
-
-def scene_table(scene: Scene) -> str:
-    """Tell in a table of HTML what a scene holds."""
-    rows = [
-        ("bodies", _kinds(scene.body, "shape")),
-        ("joints", "; ".join(f"{name}: {j.type}, {j.parent} → {j.child}" for name, j in scene.joint.items())),
-        ("drives", _kinds(scene.drive, "type")),
-        ("outputs", ", ".join(getattr(output, "file", "") for output in scene.output)),
-    ]
-    if scene.march is not None:
-        spans = f"{scaled(scene.march.duration, 's')}, output every {scaled(scene.march.output_step, 's')}"
-        methods = ", ".join(
-            f"{run.integrator} {run.substeps}:1" if hasattr(run, "substeps") else run.integrator
-            for run in scene.march.run
-        )
-        rows[3:3] = [("simulation", spans), ("runs", methods)]
-    return facts([(name, text) for name, text in rows if text], f"{scene.title} ({scene.file})")
-
-
-def _kinds(table: Mapping[str, Any], key: str) -> str:
-    return ", ".join(f"{name}: {getattr(value, key)}" for name, value in table.items())

@@ -8,8 +8,10 @@ from typing import Annotated, Literal
 from pydantic import AfterValidator, Field, model_validator
 
 from pipeline.core.units import PositiveDensity, PositiveLength, PositiveStress, unit_ratio
-from pipeline.scene.bodies import Element, Marker, Modes, Name, Place, Poisson, Solid, Support
-from pipeline.scene.reading import FaultError, Table, among
+from pipeline.scene.bodies import ModeSettings, Poisson, Solid
+from pipeline.scene.places import MarkerPlace, NamedElement, Support
+from pipeline.scene.reading import FaultError, SceneTable, suggest_name
+from pipeline.scene.values import Name, Place
 
 
 def _unit(si: str, unit: str) -> str:
@@ -21,7 +23,7 @@ File = Annotated[str, Field(min_length=1, max_length=1000)]
 LengthUnit = Annotated[str, AfterValidator(partial(_unit, "m"))]
 
 
-class FileMesh(Table):
+class MeshFile(SceneTable):
     """A mesh that another program made.
 
     Parameters
@@ -43,7 +45,7 @@ class FileMesh(Table):
     repair: bool = False
 
 
-class CadMesh(Table):
+class CadFile(SceneTable):
     """A CAD file's solids, meshed with tetrahedra that follow its curved faces.
 
     Parameters
@@ -61,7 +63,7 @@ class CadMesh(Table):
     order: Annotated[int, Field(strict=True, ge=1, le=2)] = 2
 
 
-class Substance(Table):
+class Substance(SceneTable):
     """What one of a body's parts is made of: ``E`` [Pa], ``nu`` and ``rho`` [kg/m³]."""
 
     E: PositiveStress
@@ -93,17 +95,17 @@ class MeshedPart(Imported):
     """A part whose mesh is read from a file; its faces and parts are the file's surfaces and sets."""
 
     shape: Literal["mesh"]
-    mesh: FileMesh
+    mesh: MeshFile
 
 
 class CadPart(Imported):
     """A part whose shape is read from a CAD file; its parts are the file's solids, sharing nodes where they touch."""
 
     shape: Literal["cad"]
-    mesh: CadMesh
+    mesh: CadFile
 
 
-class Matrices(Table):
+class MatrixFiles(SceneTable):
     """A body's matrices as another program has written them, three displacements a node.
 
     Parameters
@@ -125,7 +127,7 @@ class Matrices(Table):
     mass_unit: Annotated[str, AfterValidator(partial(_unit, "kg"))] = "kg"
 
 
-class MatrixPart(Table):
+class MatrixPart(SceneTable):
     """A part without a mesh: its matrices give modes and motion, but no stress and no picture.
 
     Parameters
@@ -137,12 +139,12 @@ class MatrixPart(Table):
     """
 
     shape: Literal["matrices"]
-    matrices: Matrices
-    modes: Modes
-    marker: dict[Name, Marker]
+    matrices: MatrixFiles
+    modes: ModeSettings
+    marker: dict[Name, MarkerPlace]
 
     @property
-    def element(self) -> dict[str, Element]:
+    def element(self) -> dict[str, NamedElement]:
         """It has none."""
         return {}
 
@@ -161,18 +163,6 @@ class MatrixPart(Table):
                 )
         for number, name in enumerate(self.modes.interface):
             if name not in self.marker:
-                message = f"no such marker; {among(name, self.marker, 'the markers')}"
+                message = f"no such marker; {suggest_name(name, self.marker, 'the markers')}"
                 raise FaultError(message, "modes", "interface", number)
         return self
-
-
-def with_shape(body: object) -> object:
-    """Add the shape that a body's mesh tells by itself."""
-    if isinstance(body, dict) and "shape" not in body:
-        mesh = body.get("mesh")
-        if "matrices" in body:
-            return body | {"shape": "matrices"}
-        for key, shape in (("file", "mesh"), ("cad", "cad")):
-            if isinstance(mesh, dict) and key in mesh:
-                return body | {"shape": shape}
-    return body

@@ -8,8 +8,8 @@ from typing import Annotated, Literal
 from pydantic import AfterValidator, Field, model_validator
 
 from pipeline.core.units import Angle, Length, NonNegative, Positive, PositiveLength, Stress
-from pipeline.scene.bodies import Number, Place
-from pipeline.scene.reading import FaultError, Table
+from pipeline.scene.reading import FaultError, SceneTable
+from pipeline.scene.values import Number, Place
 
 
 def _file(*suffixes: str) -> AfterValidator:
@@ -41,7 +41,7 @@ Scale = Annotated[Number, NonNegative]
 Component = Literal["von Mises", "xx", "yy", "zz", "yz", "xz", "xy", "principal 1", "principal 2", "principal 3"]
 
 
-class Chart(Table):
+class Chart(SceneTable):
     """A chart of one quantity over time, with all runs in it.
 
     Parameters
@@ -102,7 +102,7 @@ class Chart(Table):
         return self
 
 
-class Picture(Table):
+class BodyPicture(SceneTable):
     """What pictures and films have in common.
 
     Parameters
@@ -135,14 +135,14 @@ class Picture(Table):
     title: str = ""
 
 
-class MeshPicture(Picture):
+class MeshPicture(BodyPicture):
     """A picture of a body's mesh, its parts in colours."""
 
     type: Literal["mesh"]
     file: Annotated[str, _file(".png"), AfterValidator(_no_mode)]
 
 
-class ModePictures(Picture):
+class ModePictures(BodyPicture):
     """A picture of each mode; its number replaces ``{mode}`` in ``file``, ``scale`` magnifies its shape."""
 
     type: Literal["modes"]
@@ -150,7 +150,7 @@ class ModePictures(Picture):
     scale: Annotated[Number, Positive] | None = None
 
 
-class ModeSheet(Picture):
+class ModeSheet(BodyPicture):
     """The first ``count`` elastic modes in one picture; ``scale`` magnifies their shapes."""
 
     type: Literal["mode sheet"]
@@ -159,7 +159,7 @@ class ModeSheet(Picture):
     scale: Annotated[Number, Positive] = 1.0
 
 
-class StressPicture(Picture):
+class StressPicture(BodyPicture):
     """A picture of one ``component`` of the stress at the worst instant; ``scale`` magnifies the deformation."""
 
     type: Literal["stress"]
@@ -168,7 +168,7 @@ class StressPicture(Picture):
     scale: Scale = 1.0
 
 
-class Film(Picture):
+class Film(BodyPicture):
     """A film of a body in motion: ``frames`` pictures, shown at ``rate`` [1/s]; else as for the stress."""
 
     type: Literal["film"]
@@ -179,7 +179,7 @@ class Film(Picture):
     rate: Annotated[Number, Positive]
 
 
-class Export(Table):
+class Export(SceneTable):
     """A file for other tools, by its suffix.
 
     ``.msh`` and ``.vtu`` hold the mesh with its parts, ``.vtkhdf`` displacement and stress at ``frames`` output times,

@@ -44,7 +44,7 @@ class FaultError(ValueError):
         super().__init__(message)
 
 
-class Table(BaseModel):
+class SceneTable(BaseModel):
     """A table of the scene file: immutable, and no key is ever ignored."""
 
     model_config = ConfigDict(frozen=True, extra="forbid", allow_inf_nan=False)
@@ -55,7 +55,7 @@ class Table(BaseModel):
         known = [field.alias or name for name, field in cls.model_fields.items()]
         unknown = [key for key in table if key not in known] if isinstance(table, dict) else []
         if unknown:
-            message = f"no such key; {among(unknown[0], known, 'the keys here')}"
+            message = f"no such key; {suggest_name(unknown[0], known, 'the keys here')}"
             raise FaultError(message, unknown[0], more=len(unknown) - 1)
         return table
 
@@ -120,8 +120,8 @@ def read_scene_file(name_or_path: str | Path, overrides: Sequence[str]) -> Scene
 def _based(file: str, data: dict[str, Any]) -> dict[str, Any]:
     """Take the tables that the file leaves out from the ready scene that it names as its base."""
     name = data.pop("base")
-    if name not in ready_scenes():
-        raise InputError(file, "base", name, among(str(name), ready_scenes(), "the ready scenes"))
+    if name not in list_ready_scenes():
+        raise InputError(file, "base", name, suggest_name(str(name), list_ready_scenes(), "the ready scenes"))
     source = files("models") / f"{name}.toml"
     base = _parse(str(source), _read(str(source), source))
     if "base" in base:
@@ -129,12 +129,12 @@ def _based(file: str, data: dict[str, Any]) -> dict[str, Any]:
     return base | data
 
 
-def ready_scenes() -> tuple[str, ...]:
+def list_ready_scenes() -> tuple[str, ...]:
     """Return the names of the scenes that come with the package."""
     return tuple(sorted(Path(f.name).stem for f in files("models").iterdir() if f.name.endswith(".toml")))
 
 
-def among(given: str, names: Iterable[str], what: str) -> str:
+def suggest_name(given: str, names: Iterable[str], what: str) -> str:
     """List the names that exist, after the one that ``given`` was probably meant to be."""
     names = list(names)
     near = difflib.get_close_matches(given, names, n=1)
@@ -146,8 +146,8 @@ def _find(name: str) -> Traversable:
     path = Path(name)
     if path.name != name or path.suffix:
         return path
-    if name not in ready_scenes():
-        mend = f"no such ready scene; {among(name, ready_scenes(), 'the ready scenes')}"
+    if name not in list_ready_scenes():
+        mend = f"no such ready scene; {suggest_name(name, list_ready_scenes(), 'the ready scenes')}"
         raise InputError(name or "scene", "", None, f"{mend}; your own needs its path, e.g. my-scene.toml")
     return files("models") / f"{name}.toml"
 
@@ -157,7 +157,7 @@ def _read(file: str, source: Traversable) -> str:
         if source.is_dir():
             raise InputError(file, "", None, "is a folder; give the scene file in it")
         if not source.is_file():
-            raise InputError(file, "", None, f"no such file; the ready scenes: {', '.join(ready_scenes())}")
+            raise InputError(file, "", None, f"no such file; the ready scenes: {', '.join(list_ready_scenes())}")
         with source.open("rb") as stream:
             content = stream.read(_MOST_BYTES + 1)
     except (OSError, ValueError) as error:
@@ -192,7 +192,7 @@ def _override(data: dict[str, Any], text: str) -> KeyPath:
         path += (_existing_key(dotted, node, part),)
         node = node[path[-1]]
     key = last if isinstance(node, dict) else _existing_key(dotted, node, last)
-    node[key] = toml_value(given)
+    node[key] = parse_value(given)
     return (*path, key)
 
 
@@ -203,11 +203,11 @@ def _existing_key(dotted: str, node: object, part: str) -> str | int:
     else:
         names = [str(number) for number in range(len(node))] if isinstance(node, list) else []
     if part not in names:
-        raise InputError(_SET, dotted, None, f"there is no {part!r}; {among(part, names, 'the keys there')}")
+        raise InputError(_SET, dotted, None, f"there is no {part!r}; {suggest_name(part, names, 'the keys there')}")
     return part if isinstance(node, dict) else int(part)
 
 
-def toml_value(text: str) -> object:
+def parse_value(text: str) -> object:
     """Parse a TOML value; what isn't one is taken as a string."""
     try:
         table = tomllib.loads(f"value = {text}")

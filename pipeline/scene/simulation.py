@@ -7,20 +7,20 @@ from typing import Annotated, ClassVar, Literal
 from pydantic import Field, model_validator
 
 from pipeline.core.units import Acceleration, PositiveFrequency, PositiveTime
-from pipeline.scene.bodies import Count, Number, Place
-from pipeline.scene.reading import FaultError, KeyPath, Table
+from pipeline.scene.reading import FaultError, KeyPath, SceneTable
+from pipeline.scene.values import Count, Number, Place
 
 Tolerance = Annotated[Number, Field(ge=3e-14, lt=1.0)]
 
 
-class CentralDifference(Table):
+class CentralDifferenceRun(SceneTable):
     """Central differences; ``step`` [s] overrides that of the simulation."""
 
     integrator: Literal["central-difference"]
     step: PositiveTime | None = None
 
 
-class SubCycling(Table):
+class SubCyclingRun(SceneTable):
     """Sub-cycling.
 
     Parameters
@@ -40,13 +40,13 @@ class SubCycling(Table):
     step: PositiveTime | None = None
 
     @model_validator(mode="after")
-    def _both_or_none(self) -> SubCycling:
+    def _both_or_none(self) -> SubCyclingRun:
         if (self.substeps == "auto") != (self.split == "auto"):
             raise FaultError("is chosen together with the split: give both 'auto' or none", "substeps")
         return self
 
 
-class ReversibleSubCycling(Table):
+class ReversibleSubCyclingRun(SceneTable):
     """Sub-cycling that inertial coupling leaves stable.
 
     Parameters
@@ -65,14 +65,14 @@ class ReversibleSubCycling(Table):
     step: PositiveTime | None = None
 
 
-class ExponentialRun(Table):
+class ExponentialRun(SceneTable):
     """Exponential time differencing of order 4; ``step`` [s] overrides that of the simulation."""
 
     integrator: Literal["exponential"]
     step: PositiveTime | None = None
 
 
-class RosenbrockRun(Table):
+class RosenbrockRun(SceneTable):
     """Exponential Rosenbrock method of order 4: chooses its steps by a relative ``tolerance``."""
 
     integrator: Literal["exponential-rosenbrock"]
@@ -81,7 +81,7 @@ class RosenbrockRun(Table):
     step: ClassVar[None] = None
 
 
-class RungeKuttaRun(Table):
+class RungeKuttaRun(SceneTable):
     """Dormand and Prince's Runge–Kutta method of order 8: chooses its steps by a relative ``tolerance``."""
 
     integrator: Literal["runge-kutta"]
@@ -90,7 +90,7 @@ class RungeKuttaRun(Table):
     step: ClassVar[None] = None
 
 
-class GeneralizedAlphaRun(Table):
+class GeneralizedAlphaRun(SceneTable):
     """Generalised-α with spectral radius ``rho`` at infinite frequency; with a ``tolerance`` it chooses its steps."""
 
     integrator: Literal["generalized-alpha"]
@@ -105,7 +105,7 @@ class GeneralizedAlphaRun(Table):
         return self
 
 
-class ScipyRun(Table):
+class ScipyRun(SceneTable):
     """One of SciPy's adaptive methods, with its relative ``tolerance``."""
 
     integrator: Literal["DOP853", "Radau", "LSODA"]
@@ -114,7 +114,7 @@ class ScipyRun(Table):
     step: ClassVar[None] = None
 
 
-class AutoRun(Table):
+class AutoRun(SceneTable):
     """The method that measurements say is fastest, with a step that meets the simulation's wanted error."""
 
     integrator: Literal["auto"]
@@ -123,9 +123,9 @@ class AutoRun(Table):
 
 
 Run = Annotated[
-    CentralDifference
-    | SubCycling
-    | ReversibleSubCycling
+    CentralDifferenceRun
+    | SubCyclingRun
+    | ReversibleSubCyclingRun
     | ExponentialRun
     | RosenbrockRun
     | RungeKuttaRun
@@ -136,7 +136,7 @@ Run = Annotated[
 ]
 
 
-class Simulation(Table):
+class Simulation(SceneTable):
     """What is integrated over time, and how.
 
     Parameters

@@ -8,15 +8,16 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 from pipeline.core.errors import InputError
+from pipeline.scene.scene import Scene, load_scene
 
 if TYPE_CHECKING:
     from collections.abc import Sequence
 
-    from pipeline.scene.scene import Flexible, Scene
+    from pipeline.scene.any_body import Flexible
 
 
 @dataclass(frozen=True)
-class Source:
+class SourceFiles:
     """The files that a body comes from.
 
     Attributes
@@ -37,7 +38,7 @@ class Source:
         return path
 
     @staticmethod
-    def of(shape: Flexible, scene_file: str, body: str) -> Source | None:
+    def find(shape: Flexible, scene_file: str, body: str) -> SourceFiles | None:
         """Find the files of a body that comes from such; their places are relative to the scene's.
 
         Raises
@@ -55,7 +56,7 @@ class Source:
                 table, names = "matrices", {"stiffness": given.stiffness, "mass": given.mass, "nodes": given.nodes}
             case _:
                 return None
-        source = Source({key: Path(scene_file).parent / name for key, name in names.items()}, {})
+        source = SourceFiles({key: Path(scene_file).parent / name for key, name in names.items()}, {})
         for key, path in source.paths.items():
             try:
                 with path.open("rb") as stream:
@@ -82,21 +83,19 @@ def load_repaired(name_or_path: str, overrides: Sequence[str]) -> Scene:
     InputError
         What that raises, and if no body has its mesh from a file.
     """
-    from pipeline.scene.scene import load_scene
-
     read = [name for name, body in load_scene(name_or_path, overrides).flexible.items() if body.shape == "mesh"]
     if not read:
         raise InputError("--repair", "", None, "no body of the scene has its mesh from a file")
     return load_scene(name_or_path, [*overrides, *(f"body.{name}.mesh.repair=true" for name in read)])
 
 
-def contents(scene: Scene) -> dict[str, dict[str, str]]:
-    """Digests of the files that bodies come from, by body; raises what `Source.of` does."""
-    found = {name: Source.of(shape, scene.file, name) for name, shape in scene.flexible.items()}
+def digest_files(scene: Scene) -> dict[str, dict[str, str]]:
+    """Digests of the files that bodies come from, by body; raises what `SourceFiles.find` does."""
+    found = {name: SourceFiles.find(shape, scene.file, name) for name, shape in scene.flexible.items()}
     return {name: source.digests for name, source in found.items() if source is not None}
 
 
-def all_of(scene: Scene) -> dict[str, Any]:
-    """All of a scene that its results depend on, with what its files hold; raises what `Source.of` does."""
+def collect_inputs(scene: Scene) -> dict[str, Any]:
+    """All of a scene that its results depend on, with what its files hold; raises what `SourceFiles.find` does."""
     inputs: dict[str, Any] = scene.model_dump(mode="json", exclude={"title", "source", "reference", "output"})
-    return inputs | {"files": contents(scene)}
+    return inputs | {"files": digest_files(scene)}

@@ -7,14 +7,15 @@ from typing import Annotated, Any, ClassVar, Literal
 
 from pydantic import Field, model_validator
 
+from pipeline.core.formula import parse
 from pipeline.core.units import NonNegativeTime, to_si, unit_ratio
-from pipeline.scene.reading import FaultError, Table
+from pipeline.scene.reading import FaultError, SceneTable
 
 _KEYS = ("formula", "times", "values", "between", "unit")
 Sample = Annotated[float, Field(strict=True)]
 
 
-class TimeFunction(Table):
+class TimeFunction(SceneTable):
     """A quantity over time: ``"5 N m"``, or ``{ formula = "5*sin(2*pi*t)", unit = "N m" }``, or a table.
 
     Parameters
@@ -73,8 +74,6 @@ class TimeFunction(Table):
             for key in ("values", "between"):
                 if getattr(self, key) is not None:
                     raise FaultError("belongs to a table of times; a formula takes none", key)
-            from pipeline.core.formula import parse
-
             try:
                 parse(self.formula)
             except ValueError as error:

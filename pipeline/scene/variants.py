@@ -13,28 +13,31 @@ from pipeline.scene.imported_bodies import MatrixPart, MeshedPart
 if TYPE_CHECKING:
     from collections.abc import Callable
 
+    from pipeline.scene.any_body import Flexible
+    from pipeline.scene.bodies import Bar
     from pipeline.scene.imported_bodies import CadPart
-    from pipeline.scene.scene import Bar, Flexible, Propeller, Scene
+    from pipeline.scene.propeller import Propeller
+    from pipeline.scene.scene import Scene
 
-COARSENING = (2.0, 1.5, 1.25)  # times fewer elements each way: the most that can be meshed tells the most
+COARSENING_FACTORS = (2.0, 1.5, 1.25)  # times fewer elements each way: the most that can be meshed tells the most
 
 
-def with_runs(scene: Scene, *runs: Any) -> Scene:
+def replace_runs(scene: Scene, *runs: Any) -> Scene:
     """The scene, integrated by other runs."""
-    return _changed(scene, {"march": scene.simulation.model_copy(update={"run": runs})})
+    return _changed(scene, {"simulation_table": scene.simulation.model_copy(update={"run": runs})})
 
 
-def with_modes(scene: Scene, change: Callable[[Flexible], dict[str, Any]]) -> Scene:
+def change_modes(scene: Scene, change: Callable[[Flexible], dict[str, Any]]) -> Scene:
     """The scene, each flexible body's table of modes changed by what ``change`` returns for it."""
     return _with_bodies(scene, lambda body: {"modes": body.modes.model_copy(update=change(body))})
 
 
-def with_error(scene: Scene, error: float) -> Scene:
+def replace_error(scene: Scene, error: float) -> Scene:
     """The scene with another wanted error of what is integrated automatically."""
-    return _changed(scene, {"march": scene.simulation.model_copy(update={"error": error})})
+    return _changed(scene, {"simulation_table": scene.simulation.model_copy(update={"error": error})})
 
 
-def with_order(scene: Scene, order: int) -> Scene:
+def replace_order(scene: Scene, order: int) -> Scene:
     """The scene with elements of another order."""
 
     def change(body: Flexible) -> dict[str, Any]:
@@ -45,17 +48,17 @@ def with_order(scene: Scene, order: int) -> Scene:
     return _with_bodies(scene, change)
 
 
-def richer(scene: Scene) -> Scene:
+def enrich_modes(scene: Scene) -> Scene:
     """The scene with load-dependent vectors beside each body's modes; where it has them, with half more modes."""
 
     def change(body: Flexible) -> dict[str, Any]:
         has_them = body.modes.enrich == "ritz"
         return {"enrich": "ritz", "count": body.modes.count + has_them * (body.modes.count // 2 + 1)}
 
-    return with_modes(scene, change)
+    return change_modes(scene, change)
 
 
-def refined(scene: Scene, factor: float) -> Scene | None:
+def refine_meshes(scene: Scene, factor: float) -> Scene | None:
     """The scene on meshes with about ``factor`` times the elements each way; ``None`` if none of them changes.
 
     Finer meshes have even numbers of them, so that a coarser one has just half.
@@ -64,13 +67,13 @@ def refined(scene: Scene, factor: float) -> Scene | None:
     return None if found.body == scene.body else found
 
 
-def coarser(scene: Scene, times: float = COARSENING[0]) -> Scene | None:
+def coarsen_meshes(scene: Scene, times: float = COARSENING_FACTORS[0]) -> Scene | None:
     """The scene on meshes with so many ``times`` fewer elements each way; ``None`` if a body's can't be coarser."""
-    found = refined(scene, 1 / times)
+    found = refine_meshes(scene, 1 / times)
     return None if found is None or any(found.body[name] == body for name, body in scene.flexible.items()) else found
 
 
-def times_finer(body: Flexible, elements: int, fewer: int) -> float:
+def compare_element_sizes(body: Flexible, elements: int, fewer: int) -> float:
     """How many times smaller each way a body's elements are than those of its coarser mesh, from both numbers of them.
 
     A direction with one element has no fewer.

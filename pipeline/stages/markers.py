@@ -9,11 +9,11 @@ import numpy as np
 
 from pipeline.core.arrays import IntArray
 from pipeline.core.errors import InputError
-from pipeline.scene.reading import among
+from pipeline.scene.reading import suggest_name
 
 if TYPE_CHECKING:
     from pipeline.fem.markers import Marker
-    from pipeline.scene.scene import Marker as SceneMarker
+    from pipeline.scene.places import MarkerPlace
     from pipeline.stages.part import FlexiblePart
 
 
@@ -35,7 +35,7 @@ def markers_of(part: FlexiblePart) -> dict[str, Marker]:
     return found
 
 
-def _marker(part: FlexiblePart, name: str, marker: SceneMarker) -> Marker:
+def _marker(part: FlexiblePart, name: str, marker: MarkerPlace) -> Marker:
     from pipeline.fem.formats.matrices import MatrixModel, node_marker, nodes_in_plane
     from pipeline.fem.markers import face_marker
     from pipeline.fem.selection import facets_in_plane, facets_near
@@ -71,7 +71,7 @@ def known_name(part: FlexiblePart, kind: str, name: str | int, given: str) -> st
     what, names = ("part", part.mesh.parts) if kind in ("element", "material") else ("face", part.mesh.faces)
     alike = [known for known in names if known.casefold() == given.casefold()]
     if given not in names and len(alike) != 1:
-        mend = f"no such {what}; {among(given, names, f'the {what}s')}"
+        mend = f"no such {what}; {suggest_name(given, names, f'the {what}s')}"
         raise InputError(part.file, f"body.{part.name}.{kind}.{name}.{what}", given, mend)
     return given if given in names else alike[0]
 

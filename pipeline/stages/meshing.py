@@ -16,17 +16,19 @@ from pipeline.core.units import unit_ratio
 from pipeline.fem.material import AnyMaterial, Material, MaterialOfElements
 from pipeline.fem.mesh import SolidMesh
 from pipeline.scene.imported_bodies import CadPart, MeshedPart
-from pipeline.scene.source_files import Source
+from pipeline.scene.source_files import SourceFiles
 
 if TYPE_CHECKING:
     from meshes.gmsh_session import MeshArrays
     from pipeline.fem.model import FEModel
-    from pipeline.scene.scene import Bar, Flexible, Propeller
+    from pipeline.scene.any_body import Flexible
+    from pipeline.scene.bodies import Bar
+    from pipeline.scene.propeller import Propeller
 
 _MOST_SECONDS = 1800
 
 
-def mesh_of(shape: Flexible, source: Source | None) -> SolidMesh:
+def mesh_of(shape: Flexible, source: SourceFiles | None) -> SolidMesh:
     """Mesh a body, or read its mesh from the file that it comes from."""
     if shape.shape == "mesh":
         from pipeline.fem.formats.import_mesh import read_mesh
@@ -40,7 +42,7 @@ def mesh_of(shape: Flexible, source: Source | None) -> SolidMesh:
     return SolidMesh(*_mesh_arrays(shape))
 
 
-def matrices_of(shape: Flexible, source: Source | None) -> FEModel:
+def matrices_of(shape: Flexible, source: SourceFiles | None) -> FEModel:
     """Read a body that is given by its matrices."""
     from pipeline.fem.formats.matrices import read_matrices
 

@@ -13,8 +13,9 @@ from numpy.typing import NDArray
 from pipeline.core.arrays import Array, IntArray
 from pipeline.core.cache import stage_key
 from pipeline.core.errors import InputError
-from pipeline.scene.bodies import Bar, Propeller
-from pipeline.scene.source_files import Source
+from pipeline.scene.bodies import Bar
+from pipeline.scene.propeller import Propeller
+from pipeline.scene.source_files import SourceFiles
 from pipeline.stages.inboard_joint import inboard_of
 from pipeline.stages.markers import known_name
 from pipeline.stages.store import Keeper
@@ -30,7 +31,8 @@ if TYPE_CHECKING:
     from pipeline.reduction.factor.factor import Factor
     from pipeline.reduction.inertia import InertiaGram
     from pipeline.reduction.modes import Modes
-    from pipeline.scene.scene import Flexible, Scene
+    from pipeline.scene.any_body import Flexible
+    from pipeline.scene.scene import Scene
 
 NO_MESH = "is given by its matrices: without elements it has no mesh, no stress and no picture"
 _RITZ_GENERATIONS = 4
@@ -54,9 +56,9 @@ class FlexiblePart:
     def __init__(self, scene: Scene, name: str, keeper: Keeper) -> None:
         self.shape: Flexible = scene.flexible[name]
         self.name, self.file = name, scene.file
-        self._source = Source.of(self.shape, scene.file, name)
+        self._source = SourceFiles.find(self.shape, scene.file, name)
         self.inboard = inboard_of(scene, name)
-        self._frame = scene.march.frame if scene.march else "joint-conforming"
+        self._frame = scene.simulation.frame if scene.moves else "joint-conforming"
         loads = [drive for drive in scene.drive.values() if drive.type in ("point force", "point torque")]
         places = dict.fromkeys([joint.parent for joint in scene.joint.values()], True)
         for drive in loads:
@@ -65,7 +67,7 @@ class FlexiblePart:
             places[drive.marker] = places.get(drive.marker, True) and not np.any(out)
         joint = next((j for j in scene.joint.values() if j.child.partition(".")[0] == name), None)
         at_rest = joint and joint.parent.partition(".")[0] == "ground" and joint.type not in ("prismatic", "free")
-        self._accelerated = not at_rest or bool(scene.march and any(scene.march.gravity))
+        self._accelerated = not at_rest or (scene.moves and any(scene.simulation.gravity))
         # Markers where other bodies hang or loads act, and whether those keep to the plane of motion.
         own = {at.partition(".")[2]: flat for at, flat in places.items() if at.partition(".")[0] == name}
         self._outboard = sorted(own.items())

@@ -189,9 +189,9 @@ class Pipeline:
     @cached_property
     def inputs(self) -> dict[str, Any]:
         """All of the scene that its results depend on; files are read for it once."""
-        from pipeline.scene.source_files import all_of
+        from pipeline.scene.source_files import collect_inputs
 
-        return all_of(self.scene)
+        return collect_inputs(self.scene)
 
     # The mechanism and its motion -------------------------------------------------------------------------------
 

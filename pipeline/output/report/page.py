@@ -63,7 +63,7 @@ def write_report(run: Pipeline, path: Path, overrides: Sequence[str] = (), budge
 
 def report(run: Pipeline, overrides: Sequence[str] = (), budget: bool = True) -> str:
     """Make the page; the arguments are those of `write_report`."""
-    moves = run.scene.march is not None
+    moves = run.scene.moves
     if moves:
         run.motions  # noqa: B018 - refuses or diverges before anything is drawn
     stress, modes, charts = run.keeper.timed(
@@ -239,7 +239,7 @@ def _made_by(run: Pipeline, overrides: Sequence[str]) -> str:
     from joblib import cpu_count
 
     from pipeline import __version__
-    from pipeline.output.notebook import scene_table
+    from pipeline.scene.scene import scene_table
 
     versions = [("fmd", __version__), ("Python", platform.python_version())]
     versions += [(package, version(package)) for package in _PACKAGES]
