@@ -19,7 +19,7 @@ from pipeline.accuracy.error_estimates import NO_PART, SAFETY, shifted_frequenci
 from pipeline.accuracy.quantities import Quantities, of_the_mesh, of_the_motion, of_the_stress
 from pipeline.core.arrays import Array, IntArray
 from pipeline.integrators.automatic import Automatic
-from pipeline.scene.variants import enrich_modes
+from pipeline.scene.variants import enrich_bases
 from pipeline.stages.runs import STABLE, plan_like
 
 if TYPE_CHECKING:
@@ -80,7 +80,7 @@ class Estimates:
 
     def _truncation(self) -> dict[str, float | str]:
         """A richer basis on the same mesh; both are marched with a step that the richer one stands."""
-        rich = self.run.neighbour(enrich_modes(self.run.scene))
+        rich = self.run.neighbour(enrich_bases(self.run.scene))
         rich.spin = self.run.spin  # what is stiffened stays so
         plan, base = self._comparable(rich)
         ours = self.found if base is None else self._of(self.run, base)

@@ -1,4 +1,4 @@
-"""Bodies of any kind in a scene file, each kind recognised by its shape."""
+"""Bodies of any kind in a scene file; the key ``shape`` says which kind a table is."""
 
 from __future__ import annotations
 
@@ -13,7 +13,7 @@ from pipeline.scene.rigid_bodies import PointMass, RigidBody, Rod
 
 
 def _with_shape(body: object) -> object:
-    """Add the shape that a body's mesh tells by itself."""
+    """Add the shape of a body that leaves it out because its mesh or matrices come from files."""
     if isinstance(body, dict) and "shape" not in body:
         mesh = body.get("mesh")
         if "matrices" in body:

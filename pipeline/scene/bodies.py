@@ -9,10 +9,11 @@ from pydantic import AfterValidator, Field, model_validator
 from pipeline.core.units import PositiveDensity, PositiveLength, PositiveStress
 from pipeline.scene.places import MarkerPlace, NamedElement, Support
 from pipeline.scene.reading import FaultError, SceneTable, suggest_name
-from pipeline.scene.values import Count, Name, Number, Place
+from pipeline.scene.values import Count, Name, Number, Order, Place
 
 
-def _poisson(nu: float) -> float:
+def _check_poisson(nu: float) -> float:
+    """Number above -1 and below 0.5."""
     if not nu > -1:
         raise ValueError("must be above -1; most metals have about 0.3")
     if not nu < 0.5:
@@ -20,67 +21,45 @@ def _poisson(nu: float) -> float:
     return nu
 
 
-Poisson = Annotated[Annotated[float, Field(strict=True)], AfterValidator(_poisson)]
-
-
-class BarMesh(SceneTable):
-    """How a body is divided into elements.
-
-    Parameters
-    ----------
-    element : str
-        The elements' shape.
-    order : int
-        Polynomial order of the displacement in an element.
-    divisions : tuple of int, optional
-        Elements along x, y and z; for hexahedra.
-    size : float, optional
-        Edge length of an element [m]; for tetrahedra.
-    """
-
-    element: Literal["hexahedron", "tetrahedron"] = "hexahedron"
-    order: Annotated[int, Field(strict=True, ge=1, le=2)] = 2
-    divisions: tuple[Count, Count, Count] | None = None
-    size: PositiveLength | None = None
-
-    @model_validator(mode="after")
-    def _divided_one_way(self) -> BarMesh:
-        if self.element == "hexahedron":
-            if self.size is not None:
-                raise FaultError("belongs to tetrahedra; hexahedra take divisions, e.g. [48, 4, 2]", "size")
-            if self.divisions is None:
-                raise FaultError("is missing: hexahedra along x, y and z, e.g. [48, 4, 2]", "divisions")
-        else:
-            if self.divisions is not None:
-                raise FaultError("belongs to hexahedra; tetrahedra take a size, e.g. '5 mm'", "divisions")
-            if self.size is None:
-                raise FaultError("is missing: the edge length of a tetrahedron, e.g. '5 mm'", "size")
-        return self
+Poisson = Annotated[Number, AfterValidator(_check_poisson)]
 
 
 class ModeSettings(SceneTable):
-    """Which modes describe a body's deformation.
+    """The shapes that describe a flexible body's deformation, and how they are computed.
 
     Parameters
     ----------
     count : int
-        How many, above the rigid-body modes.
+        Number of modes, above those of rigid motion.
     family : str
-        The kind of motion that they are chosen from.
+        Kind of motion that the modes are chosen from; the lowest ``count`` of that kind are taken.
     boundary : str
-        How the body is held while it vibrates, besides its supports: not at all, at the marker of the joint that
-        carries it, or at its interface, whose static deflections are added (Craig & Bampton).
+        How the body is held while it vibrates: only by its supports (``"free"``), also at the marker of the joint that
+        carries it (``"joint"``), or at its interface, whose static deflections are then added to the modes
+        (``"interface"``; Craig & Bampton).
     interface : tuple of str
-        The markers of the interface; all, if none is named.
+        Markers that make up the interface; all of the body's markers, if none is named.
     enrich : str
-        What is added: the static responses to inertia loads and joint forces (``"inertia"``), or four generations of
-        load-dependent vectors, each the responses to the inertia of the one before (``"ritz"``).
+        Shapes that are added to the modes: none, the static responses to inertia loads and joint forces
+        (``"inertia"``), which stress needs, or four generations of load-dependent vectors (``"ritz"``), each the
+        responses to the inertia of the one before.
     damping : float
-        Damping ratio of every mode.
+        Damping ratio of every mode; 1 is critical.
     solver : str
-        What factorises: the fastest that is installed, CHOLMOD, SciPy's SuperLU, or PETSc over several processes.
+        Program that factorises the stiffness: the fastest that is installed (``"auto"``), CHOLMOD, SciPy's SuperLU, or
+        PETSc and SLEPc over several processes.
     ranks : int, optional
-        How many processes, with ``slepc``.
+        Number of processes for ``solver = "slepc"``; 2 if it is left out.
+
+    Examples
+    --------
+    ::
+
+        [body.beam.modes]
+        count = 5
+        family = "in-plane bending"
+        enrich = "inertia"
+        damping = 0.01
     """
 
     count: Count
@@ -108,7 +87,7 @@ class ModeSettings(SceneTable):
 
 
 class Solid(SceneTable):
-    """What every flexible body has, whatever its shape.
+    """Keys of every flexible body that has a mesh, whatever its shape.
 
     Parameters
     ----------
@@ -118,10 +97,14 @@ class Solid(SceneTable):
         Poisson's ratio.
     rho : float
         Density [kg/m³].
-    modes, marker, element
-        Its modes, and its markers and named elements by name.
+    modes : ModeSettings
+        Modes that describe the deformation.
+    marker : dict of str to MarkerPlace
+        Places for joints, loads and results, by name.
     support : tuple of Support
-        What of it can't move in its frame.
+        Nodes that can't move in the body's frame.
+    element : dict of str to NamedElement
+        Elements whose stress is wanted over time, by name.
     """
 
     E: PositiveStress
@@ -139,7 +122,7 @@ class Solid(SceneTable):
 
     @property
     def parts(self) -> tuple[str, ...] | None:
-        """Names of its mesh's parts; ``None`` likewise."""
+        """Names of the mesh's parts; ``None`` if they are known only once there is a mesh."""
         raise NotImplementedError
 
     @model_validator(mode="after")
@@ -151,18 +134,10 @@ class Solid(SceneTable):
 
     @model_validator(mode="after")
     def _on_its_faces(self) -> Solid:
-        faces, parts = self.faces, self.parts
         for name, marker in self.marker.items():
-            unknown = [face for face in marker.faces if faces is not None and face not in faces]
-            if unknown:
-                message = f"no such face; {suggest_name(unknown[0], faces or (), 'the faces')}"
-                raise FaultError(message, "marker", name, "face")
+            self._check_faces(marker.faces, "marker", name, "face")
         for number, support in enumerate(self.support):
-            for face in support.faces:
-                if faces is not None and face not in faces:
-                    raise FaultError(
-                        f"no such face; {suggest_name(face, faces, 'the faces')}", "support", number, "face"
-                    )
+            self._check_faces(support.faces, "support", number, "face")
         for number, name in enumerate(self.modes.interface):
             if name not in self.marker:
                 message = f"no such marker; {suggest_name(name, self.marker, 'the markers')}"
@@ -172,21 +147,93 @@ class Solid(SceneTable):
         if self.modes.boundary == "joint" and self.support:
             raise FaultError("can't stand beside supports, which hold the body at its joint", "modes", "boundary")
         for name, element in self.element.items():
-            if parts is not None and element.part not in (None, *parts):
-                message = f"no such part; {suggest_name(str(element.part), parts, 'the parts')}"
+            if self.parts is not None and element.part not in (None, *self.parts):
+                message = f"no such part; {suggest_name(str(element.part), self.parts, 'the parts')}"
                 raise FaultError(message, "element", name, "part")
+        return self
+
+    def _check_faces(self, given: tuple[str, ...], *path: str | int) -> None:
+        """Raise the fault of the first face that the shape doesn't have, if its faces are known."""
+        known = self.faces
+        for face in given:
+            if known is not None and face not in known:
+                raise FaultError(f"no such face; {suggest_name(face, known, 'the faces')}", *path)
+
+
+class BarMesh(SceneTable):
+    """Division of a bar into elements: hexahedra by their numbers, tetrahedra by their size.
+
+    Parameters
+    ----------
+    element : str
+        Shape of the elements.
+    order : int
+        Polynomial order of the displacement in an element; linear elements are too stiff in bending.
+    divisions : tuple of int, optional
+        Numbers of hexahedra along x, y and z; required for hexahedra.
+    size : float, optional
+        Edge length of a tetrahedron [m]; required for tetrahedra.
+
+    Examples
+    --------
+    ::
+
+        [body.beam.mesh]
+        element = "hexahedron"
+        divisions = [30, 3, 1]
+    """
+
+    element: Literal["hexahedron", "tetrahedron"] = "hexahedron"
+    order: Order = 2
+    divisions: tuple[Count, Count, Count] | None = None
+    size: PositiveLength | None = None
+
+    @model_validator(mode="after")
+    def _divided_one_way(self) -> BarMesh:
+        if self.element == "hexahedron":
+            if self.size is not None:
+                raise FaultError("belongs to tetrahedra; hexahedra take divisions, e.g. [48, 4, 2]", "size")
+            if self.divisions is None:
+                raise FaultError("is missing: hexahedra along x, y and z, e.g. [48, 4, 2]", "divisions")
+        else:
+            if self.divisions is not None:
+                raise FaultError("belongs to hexahedra; tetrahedra take a size, e.g. '5 mm'", "divisions")
+            if self.size is None:
+                raise FaultError("is missing: the edge length of a tetrahedron, e.g. '5 mm'", "size")
         return self
 
 
 class Bar(Solid):
-    """A straight bar with a rectangular section.
+    """A straight bar with a rectangular section, along x, centred on the x axis.
+
+    Its faces are ``x-`` (where x is least), ``x+``, ``y-``, ``y+``, ``z-`` and ``z+``; its one part is ``bar``.
 
     Parameters
     ----------
-    length, depth, width : float
-        Extent along x, y and z [m].
-    mesh
-        Its elements.
+    length : float
+        Extent along x [m].
+    depth : float
+        Extent along y [m].
+    width : float
+        Extent along z [m].
+    mesh : BarMesh
+        Division into elements.
+
+    Examples
+    --------
+    ::
+
+        [body.beam]
+        shape = "bar"
+        length = "340 mm"
+        depth = "25 mm"
+        width = "10 mm"
+        E = "722 MPa"
+        nu = 0.34
+        rho = "2000 kg/m^3"
+        mesh = { divisions = [30, 3, 1] }
+        modes = { count = 5 }
+        marker = { root = { face = "x-" }, tip = { face = "x+" } }
     """
 
     shape: Literal["bar"]
@@ -197,10 +244,10 @@ class Bar(Solid):
 
     @property
     def faces(self) -> tuple[str, ...]:
-        """``"x-"`` is where x is least."""
+        """Names of the six faces; ``"x-"`` is where x is least."""
         return ("x-", "x+", "y-", "y+", "z-", "z+")
 
     @property
     def parts(self) -> tuple[str, ...]:
-        """The whole."""
+        """Name of the one part that the mesh of a bar has."""
         return ("bar",)

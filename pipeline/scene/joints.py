@@ -24,14 +24,16 @@ Spin = tuple[AngularRate, AngularRate, AngularRate]
 
 
 class Revolute(SceneTable):
-    """A hinge.
+    """A hinge: the child turns about one axis of the parent.
 
     Parameters
     ----------
-    parent, child : str
-        ``"body.marker"``; the parent may be ``"ground"``.
+    parent : str
+        ``"body.marker"`` that the joint hangs on, or ``"ground"``.
+    child : str
+        ``"body.marker"`` that the joint carries; every body is the child of one joint.
     axis : tuple of float
-        Its direction; the length is of no account.
+        Direction of the axis in the parent's frame; its length doesn't count.
     angle : float
         Angle at the start [rad].
     rate : float
@@ -42,6 +44,18 @@ class Revolute(SceneTable):
         Angle at which the spring is unstretched [rad].
     damper : float
         Coefficient of a damper about the axis [N m s/rad].
+
+    Examples
+    --------
+    ::
+
+        [joint.elbow]
+        type = "revolute"
+        parent = "upper.elbow"
+        child = "forearm.elbow"
+        axis = [0, 0, 1]
+        spring = "60 N m/rad"
+        damper = "0.2 N m s/rad"
     """
 
     type: Literal["revolute"]
@@ -56,14 +70,16 @@ class Revolute(SceneTable):
 
 
 class Prismatic(SceneTable):
-    """A slide.
+    """A slide: the child moves along one axis of the parent, without turning.
 
     Parameters
     ----------
-    parent, child : str
-        ``"body.marker"``; the parent may be ``"ground"``.
+    parent : str
+        ``"body.marker"`` that the joint hangs on, or ``"ground"``.
+    child : str
+        ``"body.marker"`` that the joint carries; every body is the child of one joint.
     axis : tuple of float
-        Its direction; the length is of no account.
+        Direction of the axis in the parent's frame; its length doesn't count.
     position : float
         Displacement of the child's marker from the parent's at the start [m].
     rate : float
@@ -74,6 +90,18 @@ class Prismatic(SceneTable):
         Displacement at which the spring is unstretched [m].
     damper : float
         Coefficient of a damper along the axis [N s/m].
+
+    Examples
+    --------
+    ::
+
+        [joint.slide]
+        type = "prismatic"
+        parent = "rod.rest"
+        child = "slider.centre"
+        axis = [1, 0, 0]
+        position = "0.15 m"
+        spring = "1000 N/m"
     """
 
     type: Literal["prismatic"]
@@ -88,7 +116,24 @@ class Prismatic(SceneTable):
 
 
 class Fixed(SceneTable):
-    """A weld: the child's marker stays on the parent's, without turning."""
+    """A weld: the child's marker stays on the parent's, without turning.
+
+    Parameters
+    ----------
+    parent : str
+        ``"body.marker"`` that the joint hangs on, or ``"ground"``.
+    child : str
+        ``"body.marker"`` that the joint carries; every body is the child of one joint.
+
+    Examples
+    --------
+    ::
+
+        [joint.flange]
+        type = "fixed"
+        parent = "ground"
+        child = "plate.rim"
+    """
 
     type: Literal["fixed"]
     parent: Place
@@ -100,10 +145,22 @@ class Spherical(SceneTable):
 
     Parameters
     ----------
-    parent, child : str
-        ``"body.marker"``; the parent may be ``"ground"``.
+    parent : str
+        ``"body.marker"`` that the joint hangs on, or ``"ground"``.
+    child : str
+        ``"body.marker"`` that the joint carries; every body is the child of one joint.
     spin : tuple of float
         Angular velocity against the parent at the start, along the child's axes [rad/s].
+
+    Examples
+    --------
+    ::
+
+        [joint.ball]
+        type = "spherical"
+        parent = "ground"
+        child = "top.foot"
+        spin = ["0 rad/s", "0 rad/s", "100 rad/s"]
     """
 
     type: Literal["spherical"]
@@ -113,16 +170,28 @@ class Spherical(SceneTable):
 
 
 class Free(SceneTable):
-    """No constraint: the child moves freely against the parent.
+    """No constraint: the child moves and turns freely against the parent.
 
     Parameters
     ----------
-    parent, child : str
-        ``"body.marker"``; the parent may be ``"ground"``.
+    parent : str
+        ``"body.marker"`` that the joint hangs on, or ``"ground"``.
+    child : str
+        ``"body.marker"`` that the joint carries; every body is the child of one joint.
     velocity : tuple of float
         Velocity of the child's marker against the parent at the start [m/s].
     spin : tuple of float
         Angular velocity against the parent at the start, along the child's axes [rad/s].
+
+    Examples
+    --------
+    ::
+
+        [joint.flight]
+        type = "free"
+        parent = "ground"
+        child = "box.corner"
+        velocity = ["1 m/s", "0 m/s", "2 m/s"]
     """
 
     type: Literal["free"]

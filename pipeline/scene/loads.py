@@ -13,18 +13,30 @@ from pipeline.scene.values import Axis, Place
 
 
 class PulseDrive(SceneTable):
-    """A smooth torque about a joint that ends by itself, given by its effect or by its peak.
+    """A torque about a revolute joint that rises and falls as half a sine, given by its effect or by its peak.
 
     Parameters
     ----------
     joint : str
-        The joint that it drives.
-    duration, start : float
-        How long it lasts and when it begins [s].
+        Revolute joint that it drives.
+    duration : float
+        Time that it lasts [s].
+    start : float
+        Time at which it begins [s].
     speed : float, optional
-        Mean rate that it brings the joint to from rest [rad/s].
+        Mean angular rate that it brings the joint to from rest [rad/s]; this or ``torque``.
     torque : float, optional
-        Its peak [N m].
+        Peak of the torque [N m]; this or ``speed``.
+
+    Examples
+    --------
+    ::
+
+        [drive.spin_up]
+        type = "torque pulse"
+        joint = "hub"
+        speed = "20 rad/s"
+        duration = "0.1 s"
     """
 
     type: Literal["torque pulse"]
@@ -44,7 +56,24 @@ class PulseDrive(SceneTable):
 
 
 class TorqueDrive(SceneTable):
-    """A ``torque`` [N m] about a revolute joint."""
+    """A torque about a revolute joint, constant or changing with time.
+
+    Parameters
+    ----------
+    joint : str
+        Revolute joint that it drives.
+    torque : TorqueOverTime
+        Torque on the child; the parent takes its opposite [N m].
+
+    Examples
+    --------
+    ::
+
+        [drive.swing]
+        type = "torque"
+        joint = "shoulder"
+        torque = { formula = "12*sin(2*pi*t)", unit = "N m" }
+    """
 
     type: Literal["torque"]
     joint: Place
@@ -52,7 +81,24 @@ class TorqueDrive(SceneTable):
 
 
 class ForceDrive(SceneTable):
-    """A ``force`` [N] along a prismatic joint."""
+    """A force along a prismatic joint, constant or changing with time.
+
+    Parameters
+    ----------
+    joint : str
+        Prismatic joint that it drives.
+    force : ForceOverTime
+        Force on the child; the parent takes its opposite [N].
+
+    Examples
+    --------
+    ::
+
+        [drive.push]
+        type = "force"
+        joint = "slide"
+        force = "10 N"
+    """
 
     type: Literal["force"]
     joint: Place
@@ -60,7 +106,26 @@ class ForceDrive(SceneTable):
 
 
 class MotionDrive(SceneTable):
-    """A prescribed motion of a revolute joint's ``angle`` [rad] or a prismatic one's ``position`` [m]."""
+    """A prescribed motion of a joint, which then has no coordinate of its own, no spring and no damper.
+
+    Parameters
+    ----------
+    joint : str
+        Revolute or prismatic joint that it moves.
+    angle : AngleOverTime, optional
+        Angle of a revolute joint [rad]; required for one.
+    position : PositionOverTime, optional
+        Displacement of a prismatic joint [m]; required for one.
+
+    Examples
+    --------
+    ::
+
+        [drive.rotation]
+        type = "motion"
+        joint = "shaft"
+        angle = { formula = "837.758*t", unit = "rad" }
+    """
 
     type: Literal["motion"]
     joint: Place
@@ -69,18 +134,28 @@ class MotionDrive(SceneTable):
 
 
 class PointForce(SceneTable):
-    """A force at a point of a body.
+    """A force on a marker of a body, in a direction that is fixed in space or turns with the marker.
 
     Parameters
     ----------
     marker : str
         ``"body.marker"`` that it acts on.
     direction : tuple of float
-        Its direction; the length is of no account.
-    force : TimeFunction
-        Its size [N].
+        Direction of the force; its length doesn't count.
+    force : ForceOverTime
+        Size of the force [N].
     following : bool
-        Whether the direction turns with the marker; else it is fixed in space.
+        True if the direction turns with the marker, false if it is fixed in space.
+
+    Examples
+    --------
+    ::
+
+        [drive.gust]
+        type = "point force"
+        marker = "propeller.pressure"
+        direction = [0, 0, 1]
+        force = { formula = "1500*sin(pi*t/0.004)**2 if t < 0.004 else 0", unit = "N" }
     """
 
     type: Literal["point force"]
@@ -91,7 +166,30 @@ class PointForce(SceneTable):
 
 
 class PointTorque(SceneTable):
-    """A ``torque`` [N m] on a body's marker; else as a point force."""
+    """A torque on a marker of a body, about a direction that is fixed in space or turns with the marker.
+
+    Parameters
+    ----------
+    marker : str
+        ``"body.marker"`` that it acts on.
+    direction : tuple of float
+        Axis of the torque; its length doesn't count.
+    torque : TorqueOverTime
+        Size of the torque [N m].
+    following : bool
+        True if the direction turns with the marker, false if it is fixed in space.
+
+    Examples
+    --------
+    ::
+
+        [drive.twist]
+        type = "point torque"
+        marker = "arm.wrist"
+        direction = [1, 0, 0]
+        torque = "0.5 N m"
+        following = true
+    """
 
     type: Literal["point torque"]
     marker: Place

@@ -1,4 +1,4 @@
-"""Reading a scene file: finding it, its TOML, values set on the command line, one message for a fault."""
+"""Reading of scene files: finding the file, its TOML, values from the command line, one message for a fault."""
 
 from __future__ import annotations
 
@@ -45,7 +45,7 @@ class FaultError(ValueError):
 
 
 class SceneTable(BaseModel):
-    """A table of the scene file: immutable, and no key is ever ignored."""
+    """A table of the scene file, immutable once read; an unknown key in it is a fault, never ignored."""
 
     model_config = ConfigDict(frozen=True, extra="forbid", allow_inf_nan=False)
 
@@ -62,16 +62,16 @@ class SceneTable(BaseModel):
 
 @dataclass(frozen=True, slots=True)
 class SceneFile:
-    """What a scene file holds, before it is checked.
+    """Content of a scene file before its values are checked.
 
     Parameters
     ----------
     file : str
-        Where it was read from.
+        Path that it was read from.
     data : dict
         Its tables, with the overrides in them.
     overridden : tuple
-        The keys that were overridden.
+        Paths of the keys that were set on the command line.
     """
 
     file: str
@@ -79,10 +79,10 @@ class SceneFile:
     overridden: tuple[KeyPath, ...]
 
     def input_error(self, error: ValidationError) -> InputError:
-        """Turn the faults that pydantic found into one message, about the first of them."""
+        """Turn pydantic's list of faults into one message about the first of them."""
         faults = [(_without_tags(fault["loc"]), fault) for fault in error.errors(include_url=False)]
         path = faults[0][0]
-        # A quantity that may also be a word has a fault for each: that of the quantity tells more.
+        # A quantity that may also be a word has a fault for each; that of the quantity is the better message.
         here = [fault for place, fault in faults if place == path]
         first = next((fault for fault in here if fault["type"] != "literal_error"), here[0])
         fault = first.get("ctx", {}).get("error")
@@ -97,7 +97,7 @@ class SceneFile:
         return InputError(_SET if given else self.file, _dotted(path), self._value(path), mend)
 
     def _value(self, path: KeyPath) -> object:
-        """Return the value at a path, ``None`` if it is missing or too long for a message."""
+        """Return the value at a path; ``None`` if it is missing or too long for a message."""
         value: Any = self.data
         try:
             for key in path:
@@ -118,7 +118,7 @@ def read_scene_file(name_or_path: str | Path, overrides: Sequence[str]) -> Scene
 
 
 def _based(file: str, data: dict[str, Any]) -> dict[str, Any]:
-    """Take the tables that the file leaves out from the ready scene that it names as its base."""
+    """Add those tables of the ready scene named as the base that the file leaves out."""
     name = data.pop("base")
     if name not in list_ready_scenes():
         raise InputError(file, "base", name, suggest_name(str(name), list_ready_scenes(), "the ready scenes"))
@@ -130,12 +130,15 @@ def _based(file: str, data: dict[str, Any]) -> dict[str, Any]:
 
 
 def list_ready_scenes() -> tuple[str, ...]:
-    """Return the names of the scenes that come with the package."""
+    """List the names of the scenes that come with the package, in alphabetical order."""
     return tuple(sorted(Path(f.name).stem for f in files("models").iterdir() if f.name.endswith(".toml")))
 
 
 def suggest_name(given: str, names: Iterable[str], what: str) -> str:
-    """List the names that exist, after the one that ``given`` was probably meant to be."""
+    """Write the names that exist for a message, the likeliest meaning of ``given`` first.
+
+    ``suggest_name("hup", ["hub"], "the joints")`` is ``"did you mean 'hub'? the joints: hub"``.
+    """
     names = list(names)
     near = difflib.get_close_matches(given, names, n=1)
     meant = f"did you mean {near[0]!r}? " if near else ""
@@ -181,7 +184,7 @@ def _parse(file: str, text: str) -> dict[str, Any]:
 
 
 def _override(data: dict[str, Any], text: str) -> KeyPath:
-    """Apply ``body.beam.length=300mm`` to the tables and return the path of its key."""
+    """Set a value given as ``body.beam.length=300mm`` in the tables and return the path of its key."""
     dotted, equals, given = (part.strip() for part in text.partition("="))
     *tables, last = dotted.split(".")
     if not equals or not all((*tables, last)):
@@ -197,7 +200,7 @@ def _override(data: dict[str, Any], text: str) -> KeyPath:
 
 
 def _existing_key(dotted: str, node: object, part: str) -> str | int:
-    """Return the key in a table or the number in a list that one part of a dotted path stands for."""
+    """Return the key of a table, or the number in a list, that one part of a dotted path names."""
     if isinstance(node, dict):
         names = list(node)
     else:
@@ -208,7 +211,7 @@ def _existing_key(dotted: str, node: object, part: str) -> str | int:
 
 
 def parse_value(text: str) -> object:
-    """Parse a TOML value; what isn't one is taken as a string."""
+    """Parse a TOML value; text that isn't one is returned as a string."""
     try:
         table = tomllib.loads(f"value = {text}")
     except (ValueError, RecursionError):
@@ -217,7 +220,7 @@ def parse_value(text: str) -> object:
 
 
 def _without_tags(location: KeyPath) -> KeyPath:
-    """Drop what pydantic adds: the kind after a table or a value that has kinds, and a mark for a fault in a key."""
+    """Remove what pydantic adds to a path: the kind of a table or value, and a mark for a fault in a key."""
     if location[:2] == ("simulation", "run"):
         location = location[:3] + location[4:]
     elif location[:1] in (("body",), ("joint",), ("drive",), ("output",)):

@@ -6,9 +6,9 @@ from typing import Annotated, Literal
 
 from pydantic import model_validator
 
-from pipeline.core.units import Length, MomentOfInertia, NonNegative, PositiveLength, PositiveMass
+from pipeline.core.units import MomentOfInertia, NonNegative, PositiveLength, PositiveMass
 from pipeline.scene.reading import FaultError, SceneTable
-from pipeline.scene.values import Name
+from pipeline.scene.values import Name, Point
 
 Moment = Annotated[MomentOfInertia, NonNegative]
 
@@ -16,9 +16,22 @@ _ROUNDING = 1e-9  # a plate's moments, 0.1 and 0.2 and 0.3, are just possible wh
 
 
 class PointMarker(SceneTable):
-    """A point of a rigid body, named for joints and results; ``at`` is its place in the body's frame [m]."""
+    """A named point of a rigid body, where joints and loads act and motion is recorded.
 
-    at: tuple[Length, Length, Length]
+    Parameters
+    ----------
+    at : tuple of float
+        Position in the body's frame [m].
+
+    Examples
+    --------
+    ::
+
+        [body.upper.marker]
+        elbow = { at = ["0.5 m", "0 m", "0 m"] }
+    """
+
+    at: Point
 
 
 class Rod(SceneTable):
@@ -27,11 +40,21 @@ class Rod(SceneTable):
     Parameters
     ----------
     mass : float
-        Its mass [kg].
+        Mass [kg].
     length : float
-        Its extent along x [m].
-    marker
-        Its markers by name.
+        Extent along x [m].
+    marker : dict of str to PointMarker
+        Points for joints, loads and results, by name.
+
+    Examples
+    --------
+    ::
+
+        [body.rod]
+        shape = "rod"
+        mass = "2 kg"
+        length = "2 m"
+        marker = { hinge = { at = ["0 m", "0 m", "0 m"] } }
     """
 
     shape: Literal["rod"]
@@ -41,7 +64,24 @@ class Rod(SceneTable):
 
 
 class PointMass(SceneTable):
-    """A mass [kg] without extent, in the origin of its frame, and its markers by name."""
+    """A rigid body without extent: a mass in the origin of its frame.
+
+    Parameters
+    ----------
+    mass : float
+        Mass [kg].
+    marker : dict of str to PointMarker
+        Points for joints, loads and results, by name.
+
+    Examples
+    --------
+    ::
+
+        [body.slider]
+        shape = "point"
+        mass = "5 kg"
+        marker = { centre = { at = ["0 m", "0 m", "0 m"] } }
+    """
 
     shape: Literal["point"]
     mass: PositiveMass
@@ -49,23 +89,34 @@ class PointMass(SceneTable):
 
 
 class RigidBody(SceneTable):
-    """A rigid body of any shape, given by its inertia.
+    """A rigid body of any shape, given by its mass, centre of mass and moments of inertia.
 
     Parameters
     ----------
     mass : float
-        Its mass [kg].
+        Mass [kg].
     centre : tuple of float
-        Where its centre of mass is, in its frame [m].
+        Centre of mass in the body's frame [m].
     inertia : tuple of float
-        Principal moments about the centre of mass, along x, y and z of its frame [kg m²].
-    marker
-        Its markers by name.
+        Principal moments about the centre of mass, along the frame's x, y and z [kg m²].
+    marker : dict of str to PointMarker
+        Points for joints, loads and results, by name.
+
+    Examples
+    --------
+    ::
+
+        [body.gripper]
+        shape = "rigid"
+        mass = "0.4 kg"
+        centre = ["60 mm", "0 mm", "0 mm"]
+        inertia = ["1e-4 kg m^2", "6e-4 kg m^2", "6e-4 kg m^2"]
+        marker = { wrist = { at = ["0 m", "0 m", "0 m"] } }
     """
 
     shape: Literal["rigid"]
     mass: PositiveMass
-    centre: tuple[Length, Length, Length] = (0.0, 0.0, 0.0)
+    centre: Point = (0.0, 0.0, 0.0)
     inertia: tuple[Moment, Moment, Moment]
     marker: dict[Name, PointMarker]
 
