@@ -9,7 +9,7 @@ import pytest
 from scipy.spatial.transform import Rotation
 
 from pipeline.core.arrays import Array
-from pipeline.core.formula import parse
+from pipeline.core.formula import parse_formula
 from pipeline.dynamics.kinematics import Kinematics, quaternion_of_matrix, rotation_matrix, rotation_rate
 from pipeline.dynamics.links import FREE, REVOLUTE, Link, rigid_gram
 from pipeline.dynamics.mechanism import Mechanism
@@ -85,7 +85,7 @@ def bowed(link: Link, seed: int) -> Any:
 
 def test_a_prescribed_joint_moves_as_the_released_one_with_its_motion(chain: Make) -> None:
     some = chain("revolute-flexible")
-    motion = formula(parse("0.7*sin(1.5*t)"))
+    motion = formula(parse_formula("0.7*sin(1.5*t)"))
     first = replace(some.tree.links[0], motion=motion, joint_rotation=np.zeros(0))
     given = replace(some.tree, links=[first, *some.tree.links[1:]])
     rng = np.random.default_rng(3)
