@@ -19,6 +19,7 @@ from pipeline.accuracy.error_estimates import NO_PART, SAFETY, shifted_frequenci
 from pipeline.accuracy.quantities import Quantities, of_the_mesh, of_the_motion, of_the_stress
 from pipeline.core.arrays import Array, IntArray
 from pipeline.integrators.automatic import Automatic
+from pipeline.recovery.stress import choose_frames, von_mises
 from pipeline.scene.variants import enrich_bases
 from pipeline.stages.runs import STABLE, plan_like
 
@@ -148,7 +149,6 @@ class Estimates:
     def _recovery(self) -> dict[str, float | str]:
         """Estimate the error of stress recovery by a patch of elements at the worst node."""
         from pipeline.recovery.patch_stress import patch_stress
-        from pipeline.recovery.stress import von_mises
 
         errors: dict[str, float | str] = {}
         for name, part in self.run.parts.items():
@@ -187,8 +187,6 @@ class Estimates:
 
     def _choose_stress_samples(self) -> None:
         """Choose the output times at which stress is compared, and the nodes that matter."""
-        from pipeline.recovery.stress import choose_frames
-
         frames = [choose_frames(len(self.motion.times), _FRAMES)]
         for name in self.run.parts:
             values = self.run.stress_of(name).measure_at(np.arange(len(self.motion.times)))
