@@ -27,7 +27,7 @@ def test_a_picture_has_its_size_whatever_the_fineness_and_shows_the_part_moved(b
             assert canvas.picture().min() == 255  # nothing is drawn yet
             part = add_part_by_values(canvas, beam, skin, values, (0.0, 1.0), "turbo")
             before = canvas.picture()
-            part.move(beam.points + (10.0, 0.0, 0.0))
+            part.move(beam.points + np.array([10.0, 0.0, 0.0]))
             after = canvas.picture()
         assert before.shape == (90, 160, 3)
         assert before.min() < 100
