@@ -12,7 +12,7 @@ from scipy.spatial import cKDTree
 
 from pipeline.core.arrays import Array, IntArray
 from pipeline.fem.cells import EDGES, N_CORNERS, STRAIGHT, scaled_jacobian, vtk_nodes
-from pipeline.fem.elements import element_kind, jacobians, places, shape_functions
+from pipeline.fem.elements import element_kind, jacobians, match_nodes, shape_functions
 
 _SAME_PLACE = 1e-5  # of the shortest edge
 _BENT = 0.3  # distance of a mid-edge node from its edge's middle over the edge's length
@@ -68,7 +68,7 @@ def pieces(cells: IntArray, n_points: int) -> IntArray:
 def mirrored(cell_type: str) -> IntArray:
     """Order of nodes that turns an inverted cell right side out."""
     nodes = vtk_nodes(cell_type, 1 if cell_type in N_CORNERS else 2)
-    return places(nodes[:, [1, 0, 2]], nodes)
+    return match_nodes(nodes[:, [1, 0, 2]], nodes)
 
 
 def handedness(points: Array, cells: IntArray, cell_type: str) -> IntArray:
@@ -100,7 +100,7 @@ def other_order(points: Array, cells: IntArray, cell_type: str) -> IntArray | No
     n_corners = N_CORNERS[STRAIGHT[cell_type]]
     # Where each node would lie if the edges were straight, and which of the cell's own lies nearest to it.
     N, _ = shape_functions(element_kind(STRAIGHT[cell_type], 1).geometry, nodes.T)
-    local = places(element_kind(STRAIGHT[cell_type], 1).geometry.doflocs, vtk_nodes(STRAIGHT[cell_type], 1))
+    local = match_nodes(element_kind(STRAIGHT[cell_type], 1).geometry.doflocs, vtk_nodes(STRAIGHT[cell_type], 1))
     wanted = N.T @ points[sample[:, local]]
     distance = np.linalg.norm(wanted[:, :, None] - points[sample][:, None], axis=3)
     nearest = distance.argmin(axis=2)
@@ -113,7 +113,7 @@ def other_order(points: Array, cells: IntArray, cell_type: str) -> IntArray | No
 def inside_out(points: Array, cells: IntArray, cell_type: str) -> IntArray:
     """Numbers of the cells of second order whose Jacobian isn't positive at every quadrature point and every node."""
     kind = element_kind(cell_type, 2)
-    local = places(kind.element.doflocs, vtk_nodes(cell_type, 2))
+    local = match_nodes(kind.element.doflocs, vtk_nodes(cell_type, 2))
     X = np.concatenate(
         [kind.quadrature(kind.stiffness_order)[0], kind.quadrature(kind.mass_order)[0], kind.element.doflocs.T], axis=1
     )
@@ -144,7 +144,7 @@ def straightened(points: Array, cells: IntArray, cell_type: str, chosen: IntArra
     straight = STRAIGHT[cell_type]
     linear = element_kind(straight, 1).geometry
     N, _ = shape_functions(linear, vtk_nodes(cell_type, 2).T)
-    local = places(linear.doflocs, vtk_nodes(straight, 1))
+    local = match_nodes(linear.doflocs, vtk_nodes(straight, 1))
     n_corners = N_CORNERS[straight]
     for _ in range(_ROUNDS):
         done[chosen] = True
