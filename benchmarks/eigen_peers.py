@@ -75,16 +75,16 @@ def ours(mesh, factorise):
 
 def fmd(mesh):
     """What is installed."""
-    from pipeline.reduction.factor.factor import factorised
+    from pipeline.reduction.factor.factor import factorise
 
-    return ours(mesh, factorised)
+    return ours(mesh, factorise)
 
 
 def fmd_superlu(mesh):
     """The same without cvxopt."""
-    from pipeline.reduction.factor.factor import factorised
+    from pipeline.reduction.factor.factor import factorise
 
-    return ours(mesh, partial(factorised, solver="superlu"))
+    return ours(mesh, partial(factorise, solver="superlu"))
 
 
 def eigsh_default(mesh):

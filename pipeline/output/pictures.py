@@ -1,8 +1,9 @@
-"""A scene's pictures and films: what is drawn, and how it is looked at."""
+"""Pictures, charts and films of a run, drawn as the scene's outputs ask for."""
 
 from __future__ import annotations
 
 from collections.abc import Callable, Iterable, Iterator
+from dataclasses import dataclass
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
@@ -16,8 +17,7 @@ if TYPE_CHECKING:
     from pipeline.render.camera import Camera
     from pipeline.render.film import Frame
     from pipeline.render.surface import Surface
-    from pipeline.scene.outputs import Picture
-    from pipeline.scene.scene import Chart, Film, MeshPicture, ModePictures, ModeSheet, StressPicture
+    from pipeline.scene.outputs import BodyPicture, Chart, Film, MeshPicture, ModePictures, ModeSheet, StressPicture
     from pipeline.stages.pipeline import Pipeline
 
 
@@ -105,7 +105,7 @@ def draw_mode_sheet(run: Pipeline, output: ModeSheet, folder: Path) -> list[str]
 
 def draw_stress(run: Pipeline, output: StressPicture, folder: Path) -> list[str]:
     """Draw a body's stress at the worst instant."""
-    from pipeline.recovery.stress import measure_of
+    from pipeline.recovery.stress import stress_measure
     from pipeline.render.pictures import draw_stress as draw
 
     stress = run.stress_of(output.body)
@@ -114,7 +114,7 @@ def draw_stress(run: Pipeline, output: StressPicture, folder: Path) -> list[str]
     draw(
         _surface(run, output.body),
         run.bodies[output.body].shapes[stress.nodes] @ stress.q[frame],
-        stress.measure_at(np.array([frame]), measure_of(output.component))[0],
+        stress.measure_at(np.array([frame]), stress_measure(output.component))[0],
         folder / output.file,
         title=f"{output.title or run.scene.title}: worst instant, t = {1e3 * time:.1f} ms",
         scale=output.scale,
@@ -128,18 +128,18 @@ def draw_film(run: Pipeline, output: Film, folder: Path) -> list[str]:
     """Film a body's stress in motion."""
     from scipy.spatial import ConvexHull
 
-    from pipeline.recovery.stress import measure_of, spread
+    from pipeline.recovery.stress import choose_frames, stress_measure
     from pipeline.render.colours import stress_limits
     from pipeline.render.film import PIXELS
     from pipeline.render.film import draw_film as draw
 
     surface, history = _surface(run, output.body), run.stress_of(output.body)
-    chosen = spread(len(history.times), output.frames)
-    values = history.measure_at(chosen, measure_of(output.component))
+    chosen = choose_frames(len(history.times), output.frames)
+    values = history.measure_at(chosen, stress_measure(output.component))
     outer = np.union1d(ConvexHull(surface.points).vertices, np.arange(0, len(surface.points), 50))
     around = [frame.points[outer] for frame in _frames(run, output, surface, history, chosen, values)]
     scaled = f", deformation × {output.scale:g}" if output.scale != 1 else ""
-    with run.keeper.monitor(output.file) as advance:
+    with run.store.monitor(output.file) as advance:
         done = 0
 
         def on_frame() -> None:
@@ -164,13 +164,32 @@ def draw_film(run: Pipeline, output: Film, folder: Path) -> list[str]:
     return [output.file]
 
 
-DRAWINGS: dict[str, Callable[[Pipeline, Any, Path], list[str]]] = {
-    "chart": draw_chart,
-    "mesh": draw_mesh,
-    "modes": draw_modes,
-    "mode sheet": draw_mode_sheet,
-    "stress": draw_stress,
-    "film": draw_film,
+@dataclass(frozen=True)
+class Drawing:
+    """How one type of output is drawn.
+
+    Attributes
+    ----------
+    draw : callable
+        Draws an output of a run into a folder and returns the names of its files.
+    reads : tuple of str
+        Stages of the body that it shows.
+    still : bool
+        It shows a part, and nothing of its motion.
+    """
+
+    draw: Callable[[Pipeline, Any, Path], list[str]]
+    reads: tuple[str, ...] = ()
+    still: bool = False
+
+
+DRAWINGS: dict[str, Drawing] = {
+    "chart": Drawing(draw_chart),
+    "mesh": Drawing(draw_mesh, ("mesh", "surface", "body"), still=True),
+    "modes": Drawing(draw_modes, ("modes", "surface", "body"), still=True),
+    "mode sheet": Drawing(draw_mode_sheet, ("modes", "surface", "body"), still=True),
+    "stress": Drawing(draw_stress, ("surface", "stress", "body")),
+    "film": Drawing(draw_film, ("mesh", "surface", "stress", "body")),
 }
 
 
@@ -191,16 +210,16 @@ def _surface(run: Pipeline, body: str) -> Surface:
     from pipeline.render.surface import Surface
 
     part = run.parts[body]
-    x = part.space.x if run.scene.march is None else run.bodies[body].x  # a part alone isn't reduced
+    x = part.space.x if not run.scene.moves else run.bodies[body].x  # a part alone isn't reduced
     return Surface(x[part.surface.nodes], part.surface.triangles, part.surface.edges)
 
 
 def _is_ring(run: Pipeline, body: str) -> bool:
-    """Whether the body lies all around its joint, where a dot for the hub would lie upon it."""
+    """Whether a body surrounds its joint, so that a dot for the hub would lie upon it."""
     return run.parts[body].mesh.sectors > 1
 
 
-def _camera(run: Pipeline, output: Picture, size: tuple[int, int] | None = None) -> Camera:
+def _camera(run: Pipeline, output: BodyPicture, size: tuple[int, int] | None = None) -> Camera:
     """Return a picture's camera, of ``size`` unless the scene gives one; by default of a still picture's."""
     from pipeline.render.camera import PIXELS, Camera
 

@@ -13,7 +13,7 @@ import numpy as np
 
 from pipeline.core.arrays import Array
 from pipeline.fem.elements import shape_functions
-from pipeline.recovery.stress import hooke, modal_stress, strains
+from pipeline.recovery.stress import hooke_stress, modal_stress, strains
 
 if TYPE_CHECKING:
     from pipeline.fem.material import AnyMaterial
@@ -37,7 +37,7 @@ def energy_errors(space: Discretisation, material: AnyMaterial, shapes: Array) -
     total = np.zeros((shapes.shape[2],) * 2)
     for start in range(0, len(space.element_nodes), _CHUNK):
         part = np.arange(start, min(start + _CHUNK, len(space.element_nodes)))
-        raw = hooke(material, part, strains(space, shapes, X, part))
+        raw = hooke_stress(material, part, strains(space, shapes, X, part))
         averaged = np.einsum("aq,earn->eqrn", N, recovered[space.element_nodes[part]], optimize=True)
         weights = np.sqrt(determinants(space.jacobians(X, part)) * w)
         apart = weights[:, :, None, None] * (averaged - raw)
