@@ -15,7 +15,7 @@ from pipeline.fem.formats.abaqus import read_abaqus
 from pipeline.fem.formats.import_mesh import read_mesh, solid_mesh
 from pipeline.fem.formats.nastran import read_nastran
 from pipeline.fem.formats.raw_mesh import MeshFileError, RawMesh
-from pipeline.fem.formats.repair import mirrored
+from pipeline.fem.formats.repair import mirrored_order
 from pipeline.fem.mesh import SolidMesh
 
 Make = Callable[..., SolidMesh]
@@ -90,7 +90,7 @@ def test_inverted_elements_are_turned_if_that_is_wanted(box: RawMesh) -> None:
 
 def test_a_mesh_that_is_left_handed_throughout_is_turned_by_itself(box: RawMesh) -> None:
     raw = second_order(box)
-    raw.blocks = [("tetra10", raw.blocks[0][1][:, mirrored("tetra10")])]
+    raw.blocks = [("tetra10", raw.blocks[0][1][:, mirrored_order("tetra10")])]
     mesh = solid_mesh(raw, 1.0)
     assert mesh.notes == ("all 48 elements have their nodes in left-handed order and were turned",)
     assert mesh.volume == pytest.approx(VOLUME, rel=1e-13)
