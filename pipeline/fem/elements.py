@@ -61,13 +61,18 @@ class ElementKind:
         return isinstance(self.geometry, skfem.ElementTetP1)
 
     @cached_property
+    def facet_corners(self) -> tuple[list[int], ...]:
+        """Local corners around each facet."""
+        # scikit-fem repeats the first corner of a wedge's triangles
+        return tuple(list(dict.fromkeys(facet)) for facet in self.element.refdom.facets)
+
+    @cached_property
     def facet_polygons(self) -> tuple[IntArray, ...]:
         """Local nodes around each facet, mid-edge nodes between the corners."""
         refdom = self.element.refdom
         edge = {frozenset(ends): k for k, ends in enumerate(refdom.edges)}
         polygons = []
-        for facet in refdom.facets:
-            corners = list(dict.fromkeys(facet))  # scikit-fem repeats a wedge triangle's first corner
+        for corners in self.facet_corners:
             around = []
             for a, b in zip(corners, [*corners[1:], corners[0]], strict=True):
                 around.append(a)

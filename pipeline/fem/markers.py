@@ -111,9 +111,9 @@ def facets_on_face(space: Discretisation, face: IntArray) -> IntArray:
     points = np.zeros(len(space.x), dtype=bool)
     points[face.ravel()] = True
     facets = np.sort(face, axis=1)[:, :3] if face.ndim == 2 else None
-    for k, facet in enumerate(space.kind.element.refdom.facets):
+    for k, facet in enumerate(space.kind.facet_corners):
         mine = local == k
-        corners = space.element_nodes[elements[mine][:, None], list(dict.fromkeys(facet))]
+        corners = space.element_nodes[elements[mine][:, None], facet]
         if facets is None:
             on_face[mine] = points[corners].all(axis=1)
         else:
@@ -145,7 +145,7 @@ def _integrate_products(space: Discretisation, elements: IntArray, local: IntArr
 
 def _facet_quadrature(space: Discretisation, facet: int) -> tuple[Array, Array, Array]:
     """Return points (3, n_q) and weights (n_q,) on a facet of the reference cell, and two of its sides (3, 2)."""
-    corners = list(dict.fromkeys(space.kind.element.refdom.facets[facet]))
+    corners = space.kind.facet_corners[facet]
     start, after, *_, before = space.kind.element.doflocs[corners]
     sides = np.stack([after - start, before - start], axis=1)
     X, w = get_quadrature(RefTri if len(corners) == 3 else RefQuad, _FACET_ORDER[space.kind.curved] * space.order)

@@ -147,8 +147,7 @@ def _keys(corners: IntArray) -> IntArray:
 def _corners(space: Discretisation) -> IntArray:
     """Return the corners around each boundary facet, shape (n_facets, 4); a triangle's last one twice."""
     elements, local = space.boundary_facets
-    facets = [list(dict.fromkeys(facet)) for facet in space.kind.element.refdom.facets]
-    table = np.array([[*facet, facet[-1]][:4] for facet in facets])
+    table = np.array([[*facet, facet[-1]][:4] for facet in space.kind.facet_corners])
     return np.asarray(space.element_nodes[elements[:, None], table[local]])
 
 
@@ -175,9 +174,9 @@ def _normals_at_edges(space: Discretisation) -> Array:
     """Return unit normals of the boundary facets in the middle of their sides, shape (n_facets, 4, 3)."""
     elements, local = space.boundary_facets
     normals = np.zeros((len(elements), 4, 3))
-    for k, facet in enumerate(space.kind.element.refdom.facets):
+    for k, facet in enumerate(space.kind.facet_corners):
         mine = np.flatnonzero(local == k)
-        around = space.kind.element.doflocs[list(dict.fromkeys(facet))]
+        around = space.kind.element.doflocs[facet]
         tangents = np.stack([around[1] - around[0], around[-1] - around[0]], axis=1)
         sides = (around + np.roll(around, -1, axis=0)) / 2
         place = [0, 1, 2, 3] if len(around) == 4 else [0, 1, 3]  # of a triangle the third side has no length

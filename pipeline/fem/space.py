@@ -78,7 +78,7 @@ class Discretisation:
     @cached_property
     def boundary_facets(self) -> tuple[IntArray, IntArray]:
         """Element and local number of each facet on the boundary, shapes (n_facets,) and (n_facets,)."""
-        facets = [list(dict.fromkeys(facet)) for facet in self.kind.element.refdom.facets]
+        facets = self.kind.facet_corners
         # Three corners identify a facet, one of four corners too, since the mesh conforms.
         keys = np.stack([np.sort(self.element_nodes[:, corners], axis=1)[:, :3] for corners in facets], axis=1)
         flat = keys.reshape(-1, 3)
