@@ -8,7 +8,7 @@ from pydantic import AfterValidator, Field, model_validator
 
 from pipeline.core.units import Angle, NonNegative, Positive, PositiveLength, Stress
 from pipeline.scene.reading import FaultError, SceneTable
-from pipeline.scene.values import FileCheck, Number, Place, Point
+from pipeline.scene.values import BodyName, ElementName, FileCheck, JointName, Number, Point, Text, Words
 
 
 def _check_no_mode(file: str) -> str:
@@ -18,7 +18,6 @@ def _check_no_mode(file: str) -> str:
 
 
 def _check_one_mode(file: str) -> str:
-    """One ``{mode}`` in it, for the mode's number."""
     if file.count("{mode}") != 1:
         raise ValueError("must hold '{mode}' once, for the mode's number, e.g. 'mode-{mode}.png'")
     return file
@@ -26,6 +25,9 @@ def _check_one_mode(file: str) -> str:
 
 Pixels = Annotated[int, Field(strict=True, ge=64, le=8192)]
 Scale = Annotated[Number, NonNegative]
+ModeFile = Annotated[
+    str, AfterValidator(FileCheck((".png",))), AfterValidator(_check_one_mode), Words("with ``{mode}`` in its name")
+]
 PictureFile = Annotated[str, AfterValidator(FileCheck((".png",))), AfterValidator(_check_no_mode)]
 Component = Literal["von Mises", "xx", "yy", "zz", "yz", "xz", "xy", "principal 1", "principal 2", "principal 3"]
 
@@ -59,7 +61,7 @@ class Chart(SceneTable):
     joint : str, optional
         Revolute or prismatic joint whose position or rate is drawn.
     element : str, optional
-        ``"body.element"``, a named element whose stress is drawn.
+        Named element whose stress is drawn.
     component : str
         Component of that stress; principal stresses are numbered from the largest.
     unit : str, optional
@@ -99,10 +101,10 @@ class Chart(SceneTable):
         "energy",
         "element_stress",
     ]
-    joint: Place | None = None
-    element: Place | None = None
+    joint: JointName | None = None
+    element: ElementName | None = None
     component: Component = "von Mises"
-    unit: Place | None = None
+    unit: Text | None = None
     title: str = ""
     band: tuple[Stress, Stress] | None = None
     band_title: str = ""
@@ -131,7 +133,7 @@ class BodyPicture(SceneTable):
     body : str
         Flexible body that is drawn.
     size : tuple of int, optional
-        Width and height [pixels].
+        Width and height in pixels.
     camera : tuple of float, optional
         Direction of the viewer from the body: azimuth about z, counted from x, and elevation [rad].
     zoom : float
@@ -146,13 +148,13 @@ class BodyPicture(SceneTable):
         Text above; by default it is made from the scene's title.
     """
 
-    body: Place
+    body: BodyName
     size: tuple[Pixels, Pixels] | None = None
     camera: tuple[Angle, Annotated[Angle, Field(ge=-1.58, le=1.58)]] | None = None
     zoom: Annotated[Number, Field(ge=0.01, le=1000.0)] = 1.0
     focus: Point | None = None
     extent: PositiveLength | None = None
-    colour_map: Place = "turbo"
+    colour_map: Text = "turbo"
     title: str = ""
 
 
@@ -200,7 +202,7 @@ class ModePictures(BodyPicture):
     """
 
     type: Literal["modes"]
-    file: Annotated[str, AfterValidator(FileCheck((".png",))), AfterValidator(_check_one_mode)]
+    file: ModeFile
     scale: Annotated[Number, Positive] | None = None
 
 
@@ -276,7 +278,7 @@ class Film(BodyPicture):
     frames : int
         Number of pictures, spread over the duration.
     rate : float
-        Pictures a second when the film is played [1/s].
+        Pictures a second when the film is played.
 
     Examples
     --------
@@ -326,7 +328,7 @@ class Export(SceneTable):
 
     type: Literal["export"]
     file: Annotated[str, AfterValidator(FileCheck((".msh", ".vtu", ".vtkhdf", ".nc"))), AfterValidator(_check_no_mode)]
-    body: Place
+    body: BodyName
     frames: Annotated[int, Field(strict=True, ge=2, le=2000)] = 21
 
 

@@ -8,7 +8,7 @@ from pydantic import Field, model_validator
 
 from pipeline.core.units import Acceleration, PositiveFrequency, PositiveTime
 from pipeline.scene.reading import FaultError, KeyPath, SceneTable
-from pipeline.scene.values import Count, Number, Place
+from pipeline.scene.values import Count, JointName, MarkerName, Number
 
 Tolerance = Annotated[Number, Field(ge=3e-14, lt=1.0)]
 
@@ -274,7 +274,7 @@ class Simulation(SceneTable):
     error : float
         Wanted error of what is chosen automatically, relative to the largest value of each kind of coordinate.
     tip : str
-        ``"body.marker"`` whose motion is recorded.
+        Marker whose motion is recorded and compared between runs.
     gravity : tuple of float
         Acceleration of free fall [m/s²].
     frame : str
@@ -309,12 +309,12 @@ class Simulation(SceneTable):
     output_step: PositiveTime
     step: PositiveTime | Literal["auto"] | None = None
     error: Annotated[Number, Field(ge=1e-10, le=0.1)] = 1e-3
-    tip: Place
+    tip: MarkerName
     gravity: tuple[Acceleration, Acceleration, Acceleration] = (0.0, 0.0, 0.0)
     frame: Literal["joint-conforming", "free"] = "joint-conforming"
     stiffening: Literal["auto", "on", "off"] = "auto"
     start: Literal["undeformed", "steady"] = "undeformed"
-    fast: tuple[Place, ...] = ()
+    fast: tuple[JointName, ...] = ()
     run: Annotated[tuple[Run, ...], Field(min_length=1)]
 
     @model_validator(mode="after")
