@@ -302,7 +302,7 @@ def _describe_quantities() -> Iterator[str]:
 def read_meanings(table: type[SceneTable]) -> dict[str, str]:
     """Read the meaning of each key off the section on parameters in a table's docstring, as Markdown."""
     parameters = _split_docstring(table).get("Parameters", "")
-    meanings = {}
+    meanings: dict[str, str] = {}
     for names, text in re.findall(r"^(\S[^\n]*?) : [^\n]*\n((?:[ ]+[^\n]*\n?|\n)+)", parameters, re.MULTILINE):
         meanings |= dict.fromkeys(names.split(", "), to_markdown(text))
     return meanings

@@ -7,7 +7,7 @@ from typing import Annotated, Any, ClassVar, Literal
 
 from pydantic import Field, model_validator
 
-from pipeline.core.formula import parse
+from pipeline.core.formula import parse_formula
 from pipeline.core.units import NonNegativeTime, to_si, unit_ratio
 from pipeline.scene.reading import FaultError, SceneTable
 
@@ -87,7 +87,7 @@ class TimeFunction(SceneTable):
                 if getattr(self, key) is not None:
                     raise FaultError("belongs to a table of times; a formula takes none", key)
             try:
-                parse(self.formula)
+                parse_formula(self.formula)
             except ValueError as error:
                 raise FaultError(str(error), "formula") from None
         if self.times is not None:

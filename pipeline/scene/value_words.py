@@ -12,7 +12,7 @@ from annotated_types import Ge, Gt, Le, Lt, MaxLen, MinLen
 from pydantic import AfterValidator, BaseModel, BeforeValidator
 from pydantic.fields import FieldInfo
 
-from pipeline.core.units import NonNegative, Positive, share, si_unit, to_si
+from pipeline.core.units import NonNegative, Positive, parse_percentage, si_unit, to_si
 from pipeline.scene.time_functions import TimeFunction
 
 _PLAIN = {float: "number", int: "whole number", str: "text", bool: "`true` or `false`"}
@@ -113,7 +113,7 @@ def _read_noun(checks: Sequence[Any]) -> tuple[str, str]:
         if isinstance(function, partial) and function.func is to_si:
             nouns.append(function.keywords["kind"])
             unit = si_unit(function.keywords["kind"])
-        elif function is share:
+        elif function is parse_percentage:
             nouns.append('percentage, e.g. `"1 %"`')
         elif hasattr(function, "description") and not isinstance(function, FieldInfo):
             nouns.append(to_markdown(function.description))
