@@ -30,9 +30,17 @@ class PublishedResults(SceneTable):
     Parameters
     ----------
     source : str
-        Where they were published.
+        Publication, and where in it they stand.
     frequencies : tuple of float
-        Natural frequencies of the first flexible body [Hz].
+        Natural frequencies of the first flexible body, the lowest first [Hz].
+
+    Examples
+    --------
+    ::
+
+        [reference]
+        source = "Table 1"
+        frequencies = ["131.2 Hz", "349.3 Hz", "653.9 Hz"]
     """
 
     source: str

@@ -69,9 +69,17 @@ class UnitCheck:
         return f"text: a unit that converts to {self.si}"
 
 
+def check_file_name(file: str, *suffixes: str) -> str:
+    """Return a file name, or raise ``ValueError`` if it holds a folder or has none of the suffixes."""
+    plain = re.fullmatch(r"\w[\w .-]{0,99}", file.replace("{mode}", "1"))
+    if not plain or ".." in file or not file.endswith(suffixes):
+        raise ValueError(f"must be a plain file name without a folder, ending in {' or '.join(suffixes)}")
+    return file
+
+
 @dataclass(frozen=True, slots=True)
 class FileCheck:
-    """Check for a plain file name with one of the given suffixes.
+    """Check for the plain name of one file with one of the given suffixes.
 
     Parameters
     ----------
@@ -82,10 +90,10 @@ class FileCheck:
     suffixes: tuple[str, ...]
 
     def __call__(self, file: str) -> str:
-        """Return the name, or raise ``ValueError`` if it holds a folder or has another suffix."""
-        plain = re.fullmatch(r"\w[\w .-]{0,99}", file.replace("{mode}", "1"))
-        if not plain or ".." in file or not file.endswith(self.suffixes):
-            raise ValueError(f"must be a plain file name without a folder, ending in {' or '.join(self.suffixes)}")
+        """Return the name, or raise ``ValueError`` if it isn't a plain one or stands for several files."""
+        check_file_name(file, *self.suffixes)
+        if "{mode}" in file:
+            raise ValueError("'{mode}' belongs to an output of type 'modes'")
         return file
 
     @property
