@@ -492,7 +492,7 @@ def test_a_file_that_is_no_scene_is_refused(tmp_path: Path, text: str, message: 
 
 
 def test_a_byte_order_mark_does_no_harm(tmp_path: Path) -> None:
-    scene_of(tmp_path, "\ufeff" + BEAM)
+    assert scene_of(tmp_path, "\ufeff" + BEAM).title == load_scene("beam").title
 
 
 def test_a_binary_file_is_refused(tmp_path: Path) -> None:
