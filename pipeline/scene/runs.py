@@ -14,7 +14,7 @@ Tolerance = Annotated[Number, Field(ge=3e-14, lt=1.0)]
 
 
 class CentralDifferenceRun(SceneTable):
-    """Central differences in leapfrog form, order 2: explicit, stable for steps below 2 over the highest frequency.
+    """Central differences in leapfrog form: explicit, order 2, stable for steps below 2 / ω of the highest mode.
 
     Parameters
     ----------

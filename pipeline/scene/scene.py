@@ -194,7 +194,7 @@ def load_scene(name_or_path: str | Path, overrides: Sequence[str] = ()) -> Scene
     try:
         scene = Scene.model_validate(source.data)
     except ValidationError as error:
-        raise source.input_error(error) from None
+        raise source.make_error(error) from None
     scene._file = source.file
     return scene
 

@@ -65,9 +65,7 @@ def test_the_inputs_of_results_leave_out_words_and_outputs(bracket: Path):
 
 def test_a_missing_file_names_its_key_and_place(bracket: Path):
     (bracket.parent / "bracket.inp").unlink()
-    with refused(
-        "body.bracket.mesh.file = 'bracket.inp': can't be read: No such file or directory; it"
-    ):
+    with refused("body.bracket.mesh.file = 'bracket.inp': can't be read: No such file or directory; it"):
         source_of(bracket)
 
 
