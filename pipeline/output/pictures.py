@@ -19,7 +19,8 @@ if TYPE_CHECKING:
     from pipeline.render.camera import Camera
     from pipeline.render.film import Frame
     from pipeline.render.surface import Surface
-    from pipeline.scene.outputs import BodyPicture, Chart, Film, MeshPicture, ModePictures, ModeSheet, StressPicture
+    from pipeline.scene.outputs import Chart
+    from pipeline.scene.pictures import BodyPicture, Film, MeshPicture, ModePictures, ModeSheet, StressPicture
     from pipeline.stages.pipeline import Pipeline
 
 
