@@ -37,7 +37,7 @@ def find_scene_limits(pipeline: Pipeline, ratios: Sequence[int], along: bool) ->
         points = find_operating_points(
             pipeline.mechanism, *pipeline.start, simulation.duration, split=chain.tree if chain else None
         )
-    with pipeline.keeper.monitor("stability") as advance:
+    with pipeline.store.monitor("stability") as advance:
         counted = _counted(ratios, advance)
         limits = find_limits(system, reference, counted, simulation.duration, simulation.error, points)
     if points and chain:
