@@ -18,11 +18,10 @@ from pipeline.core.errors import AccuracyError
 from pipeline.core.files import whole_file
 from pipeline.core.paths import cache_folder
 from pipeline.core.progress import Advance
-from pipeline.integrators.adaptive_alpha import AdaptiveGeneralizedAlpha
 from pipeline.integrators.central_difference import CentralDifference
 from pipeline.integrators.exponential import Exponential
 from pipeline.integrators.generalized_alpha import GeneralizedAlpha
-from pipeline.integrators.protocol import Integrator
+from pipeline.integrators.protocol import Integrator, ResumableIntegrator
 from pipeline.integrators.reversible import ReversibleSubcycling
 from pipeline.integrators.rosenbrock import ExponentialRosenbrock
 from pipeline.integrators.runge_kutta import RungeKutta
@@ -146,7 +145,7 @@ def _marches(name: str, cycles: int) -> list[Callable[[], StressTestRow]]:
     ]
 
 
-def _fixed(case: StressCase) -> Iterator[tuple[Integrator, int, float]]:
+def _fixed(case: StressCase) -> Iterator[tuple[ResumableIntegrator, int, float]]:
     """Methods with a step, their ratios, and the step over the explicit limit."""
     spins = bool(case.at.v.any())
     for m in (1, 5) if spins else RATIOS:
@@ -175,12 +174,11 @@ def _adaptive(cycles: int) -> Iterator[tuple[Integrator, int]]:
     steps = max(cycles // 50, 1000)
     yield RungeKutta(1e-9), steps
     yield ExponentialRosenbrock(1e-6), steps
-    yield AdaptiveGeneralizedAlpha(1e-6), steps
-    for name in ("DOP853", "Radau", "LSODA"):
+    for name in ("Radau", "LSODA"):
         yield ScipyIvp(name, 1e-6), _SCIPYS
 
 
-def _march(case: StressCase, method: Integrator, m: int, share: float, most: int) -> StressTestRow:
+def _march(case: StressCase, method: ResumableIntegrator, m: int, share: float, most: int) -> StressTestRow:
     h, n = method.step, len(case.M)
     cycles = int(min(most, _PERIODS * 2 * np.pi / (case.lowest * m * h) + 1))
     cycles = max(cycles, 1000)

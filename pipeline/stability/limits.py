@@ -16,7 +16,7 @@ from pipeline.core.arrays import Array
 from pipeline.dynamics.system import System
 from pipeline.dynamics.vibration import highest_frequency
 from pipeline.integrators.central_difference import CentralDifference
-from pipeline.integrators.protocol import Integrator
+from pipeline.integrators.protocol import ResumableIntegrator
 from pipeline.integrators.subcycling import Subcycling
 from pipeline.stability.amplification import STABLE, cycle_growth
 from pipeline.stability.operating_points import OperatingPoints
@@ -135,7 +135,7 @@ def find_limit(
     return StepLimit(m, critical, worst, sudden, rate)
 
 
-def explicit_method(step: float, m: int) -> Integrator:
+def explicit_method(step: float, m: int) -> ResumableIntegrator:
     """Return central difference with a fast step [s], sub-cycled if there are m > 1 fast steps to a slow one."""
     return CentralDifference(step) if m == 1 else Subcycling(step, m)
 

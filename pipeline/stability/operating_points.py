@@ -19,7 +19,7 @@ from pipeline.dynamics.mechanism import Mechanism
 from pipeline.dynamics.rotor.rotor import PlanarRotor
 from pipeline.dynamics.system import System
 from pipeline.integrators.central_difference import CentralDifference
-from pipeline.integrators.protocol import Integrator, evaluate
+from pipeline.integrators.protocol import ResumableIntegrator, evaluate
 from pipeline.stability.tangent import (
     POSITION_NUDGE,
     OperatingPoint,
@@ -60,7 +60,7 @@ class OperatingPoints:
         """Growth rates by the equations of motion [1/s], descending, shape (n_points, n_positions + n)."""
         return np.stack([system_growth_rates(self.system, at) for at in self.points])
 
-    def excess_growth(self, method: Integrator) -> Array:
+    def excess_growth(self, method: ResumableIntegrator) -> Array:
         """Return the growth rates that are a scheme's own, beyond those of the equations of motion.
 
         Returns
@@ -77,7 +77,7 @@ class OperatingPoints:
             row[:] = by_scheme[: row.size] - np.maximum(rates, 0.0)
         return excess
 
-    def e_folds(self, method: Integrator) -> float:
+    def e_folds(self, method: ResumableIntegrator) -> float:
         """Return the e-folds by which a scheme alone makes vibrations grow over the duration; infinite if it diverges.
 
         Each point counts for the time that its major cycles were taken at: two cycles after the point.

@@ -14,7 +14,7 @@ import numpy as np
 
 from pipeline.core.arrays import Array
 from pipeline.dynamics.system import System
-from pipeline.integrators.protocol import Integrator, evaluate, evaluate_velocities
+from pipeline.integrators.protocol import ResumableIntegrator, evaluate, evaluate_velocities
 
 POSITION_NUDGE, RATE_NUDGE, ACCELERATION_NUDGE = 1e-6, 1e-4, 1e-2  # of central differences, in SI units
 
@@ -57,7 +57,7 @@ def system_growth_rates(system: System, at: OperatingPoint) -> Array:
     return np.sort(np.linalg.eigvals(J).real)[::-1]
 
 
-def scheme_growth_rates(method: Integrator, system: System, at: OperatingPoint, span: float) -> Array:
+def scheme_growth_rates(method: ResumableIntegrator, system: System, at: OperatingPoint, span: float) -> Array:
     """Return the growth rates of small vibrations in a march with a fixed step.
 
     Parameters
@@ -80,7 +80,7 @@ def scheme_growth_rates(method: Integrator, system: System, at: OperatingPoint, 
     return np.sort(np.log(moduli))[::-1] / duration
 
 
-def scheme_tangent(method: Integrator, system: System, at: OperatingPoint, span: float) -> tuple[Array, float]:
+def scheme_tangent(method: ResumableIntegrator, system: System, at: OperatingPoint, span: float) -> tuple[Array, float]:
     """Differentiate a march over some major cycles by its state at their start.
 
     Returns

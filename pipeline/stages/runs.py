@@ -117,7 +117,7 @@ def _without_rest(pipeline: Pipeline, plan: Plan) -> Plan:
 
 def _stable(pipeline: Pipeline, plan: Plan, free: bool) -> Plan:
     """The same with its growth measured and, if its step is ``free``, with one that is short enough."""
-    method = plan.integrator
+    method: Any = plan.integrator  # a method with a limit has a step, and resumes
     limit = method.largest_step(plan.system)
     if not method.step < limit and not free:
         frequency = f"2/ω of its highest frequency, {1 / (np.pi * limit):.5g} Hz"
@@ -143,12 +143,11 @@ def _stable(pipeline: Pipeline, plan: Plan, free: bool) -> Plan:
         return plan
     folds = points.e_folds(method) if method.step < limit else np.inf
     if folds > np.log(ALLOWED_GROWTH):
-        explicit: Any = method  # a dataclass with a step
-        longest = longest_safe_step(lambda step: points.e_folds(replace(explicit, step=step)), min(method.step, limit))
+        longest = longest_safe_step(lambda step: points.e_folds(replace(method, step=step)), min(method.step, limit))
         if not (free and longest):
             raise InputError(pipeline.scene.file, plan.key, f"{method.step:.6g} s", _told(method, folds, longest))
-        plan = replace(plan, integrator=replace(explicit, step=longest))
-        folds = points.e_folds(plan.integrator)
+        plan = replace(plan, integrator=replace(method, step=longest))
+        folds = points.e_folds(replace(method, step=longest))
     return replace(plan, growth=float(np.exp(folds)))
 
 
@@ -179,12 +178,9 @@ def _method(run: Run, simulation: Simulation, given: float | None) -> Integrator
 
             return ExponentialRosenbrock(run.tolerance)
         case "generalized-alpha":
-            from pipeline.integrators.adaptive_alpha import AdaptiveGeneralizedAlpha
             from pipeline.integrators.generalized_alpha import GeneralizedAlpha
 
-            if run.tolerance is None:
-                return GeneralizedAlpha(step, run.rho)
-            return AdaptiveGeneralizedAlpha(run.tolerance, run.rho)
+            return GeneralizedAlpha(step, run.rho)
         case "runge-kutta":
             from pipeline.integrators.runge_kutta import RungeKutta
 
@@ -193,7 +189,7 @@ def _method(run: Run, simulation: Simulation, given: float | None) -> Integrator
             from pipeline.integrators.automatic import Automatic
 
             return Automatic(simulation.error, simulation.duration)
-        case "DOP853" | "Radau" | "LSODA":
+        case "Radau" | "LSODA":
             from pipeline.integrators.scipy_ivp import ScipyIvp
 
             return ScipyIvp(run.integrator, run.tolerance)

@@ -373,6 +373,15 @@ def test_an_override_with_two_lines_of_toml_is_a_string() -> None:
             'drive.spin_up={type="torque pulse", joint="hub", duration="1 s"}',
             "drive.spin_up.speed: is missing: give",
         ),
+        # integrators that are no more
+        (
+            'simulation.run.0={integrator="generalized-alpha", tolerance=1e-6}',
+            "simulation.run.0.tolerance = 1e-06: generalized-alpha takes a step; exponential-rosenbrock and runge-kutta",
+        ),
+        (
+            'simulation.run.0.integrator="DOP853"',
+            "simulation.run.0.integrator = 'DOP853': is no integrator of its own; take runge-kutta",
+        ),
         # times
         ("simulation.step=1s", "simulation.step = '1s': must not be longer than the duration, 0.5 s"),
         (
