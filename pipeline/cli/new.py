@@ -10,7 +10,7 @@ from cyclopts import Parameter
 from rich.console import Console
 
 from pipeline.core.errors import InputError
-from pipeline.scene.reading import among, ready_scenes
+from pipeline.scene.reading import list_ready_scenes, suggest_name
 
 
 def new(path: Path, *, from_: Annotated[str | None, Parameter(name="--from")] = None) -> None:
@@ -23,8 +23,8 @@ def new(path: Path, *, from_: Annotated[str | None, Parameter(name="--from")] = 
     from_
         Copy this ready scene, e.g. beam, instead of the one made for a start.
     """
-    if from_ is not None and from_ not in ready_scenes():
-        raise InputError("--from", "", from_, among(from_, ready_scenes(), "the ready scenes"))
+    if from_ is not None and from_ not in list_ready_scenes():
+        raise InputError("--from", "", from_, suggest_name(from_, list_ready_scenes(), "the ready scenes"))
     source = files("pipeline.cli.templates") / "part.toml" if from_ is None else files("models") / f"{from_}.toml"
     _write_scene(path, source.read_text(encoding="utf-8"))
     Console(soft_wrap=True).print(f"{path} is written; fmd run {path} computes it", markup=False)

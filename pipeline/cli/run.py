@@ -16,8 +16,8 @@ from pipeline.cli.options import Flag, Json, NoCache, Repair, SceneName, Set, pr
 from pipeline.cli.tables import frequencies_table, new_table
 from pipeline.core.errors import AccuracyError
 from pipeline.core.html import scaled
+from pipeline.output.explain import Forecast, forecast_run
 from pipeline.output.write import write_results
-from pipeline.stages.explain import RunPlan, plan_of
 
 _COUPLED = 1e-6  # inertial coupling of rotation and modes from which on sub-cycling is said to grow
 _GROWING = 0.01  # growth over the scene by the method itself that is worth a note
@@ -60,16 +60,16 @@ def run(
     every_step = explain or dry_run
     # At a terminal a forecast is worth the time that looking through the cache takes.
     wanted = every_step or (not json and sys.stdout.isatty())
-    plan = plan_of(pipeline, not no_pictures, not no_budget) if wanted else None
-    if plan and not json:
-        _print_plan(plan, every_step)
+    forecast = forecast_run(pipeline, not no_pictures, not no_budget) if wanted else None
+    if forecast and not json:
+        _print_forecast(forecast, every_step)
     if dry_run:
-        if plan and json:
-            print_json({"plan": plan.summary()})
+        if forecast and json:
+            print_json({"plan": forecast.summary()})
         return
     summary = write_results(pipeline, folder, pictures=not no_pictures, budget=not no_budget)
     if json:
-        print_json({"plan": plan.summary(), **summary} if plan else summary)
+        print_json({"plan": forecast.summary(), **summary} if forecast else summary)
     else:
         _print_run(summary, folder)
     _require_accuracy(summary, folder)
@@ -89,16 +89,16 @@ def _require_accuracy(summary: dict[str, Any], folder: Path) -> None:
     )
 
 
-def _print_plan(plan: RunPlan, every_step: bool) -> None:
+def _print_forecast(forecast: Forecast, every_step: bool) -> None:
     """Print how long a run will take, and stage by stage what it will do if every step is wanted."""
     console = Console()
     if every_step:
         table = new_table("Plan", "stage", "body", "will", "last time", "why", wide=4)
-        for step in plan.steps:
+        for step in forecast.steps:
             last = "" if step.seconds is None else f"{step.seconds:.3g} s"
             table.add_row(step.stage, step.body, _FATES[step.fate], last, step.why)
         console.print(table)
-    console.print(f"forecast: {plan.forecast}")
+    console.print(f"forecast: {forecast.line}")
 
 
 def _print_run(summary: dict[str, Any], folder: Path) -> None:

@@ -11,8 +11,8 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from pipeline.core.files import whole_file
-from pipeline.core.units import si_of
-from pipeline.scene.reading import toml_value
+from pipeline.core.units import parse_quantity
+from pipeline.scene.reading import parse_value
 from pipeline.sweep.points import Variation
 from pipeline.sweep.study import Sweep
 
@@ -142,10 +142,10 @@ def axis_values(variation: Variation) -> tuple[tuple[Leaf, ...], str]:
 
 
 def _number(text: str) -> tuple[float, str]:
-    value = toml_value(text)
+    value = parse_value(text)
     if isinstance(value, int | float) and not isinstance(value, bool):
         return value, ""
-    return si_of(str(value))
+    return parse_quantity(str(value))
 
 
 def _leaves(value: Any, place: Place = ()) -> Iterator[tuple[Place, Leaf]]:
