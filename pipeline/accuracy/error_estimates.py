@@ -1,7 +1,7 @@
-"""What two computations of different fineness say about the error of one of them.
+"""Errors estimated from two computations of different fineness.
 
 Richardson's extrapolation (Phil Trans R Soc A 210, 1911): if the error falls by ``R`` from the coarser to the finer
-computation, the finer one is off by their difference over ``R − 1``.
+computation, the error of the finer one is their difference over ``R − 1``.
 """
 
 from __future__ import annotations

@@ -19,7 +19,7 @@ from pipeline.integrators.protocol import Trajectory
 from pipeline.stages.pipeline import Pipeline
 
 if TYPE_CHECKING:
-    from pipeline.bench.work_precision import Errors, ErrorsOf, Row, WorkPrecision
+    from pipeline.bench.work_precision import Errors, ErrorsOf, WorkPrecision, WorkPrecisionRow
 
 # What `fmd bench` compares by default: name of the files, scene, overrides.
 READY: tuple[tuple[str, str, tuple[str, ...]], ...] = (
@@ -74,7 +74,7 @@ def _relative(found: Array, exact: Array) -> float:
     return float(np.abs(found - exact).max() / np.abs(exact).max())
 
 
-def peer_rows(scene: str) -> list[Row]:
+def peer_rows(scene: str) -> list[WorkPrecisionRow]:
     """Rows of Exudyn's solvers on a scene of the same name; none if it has no peer.
 
     Raises

@@ -27,7 +27,7 @@ _SHORT = 2.0  # s, below which a time is measured twice
 
 
 @dataclass(frozen=True)
-class ModeRow:
+class ModeStudyRow:
     """One mesh.
 
     Attributes
@@ -51,7 +51,7 @@ class ModeRow:
 
 
 @dataclass(frozen=True)
-class Study:
+class ModeStudy:
     """The meshes of a scene.
 
     Attributes
@@ -73,7 +73,7 @@ class Study:
 
 
 @dataclass(frozen=True)
-class Reference:
+class ConvergedFrequencies:
     """A converged solution.
 
     Attributes
@@ -141,10 +141,10 @@ def _study(
     meshes: Mapping[tuple[str, int], Sequence[Sequence[float]]],
     references: Sequence[Sequence[tuple[str, ...]]],
     frequencies: Callable[[Pipeline], Array],
-) -> Study:
+) -> ModeStudy:
     rows = ((kind, counts) for kind, several in meshes.items() for counts in several)
     told = ((kind, " × ".join(f"{n:g}" for n in counts) + " mm" * (len(counts) == 1), counts) for kind, counts in rows)
-    return Study(
+    return ModeStudy(
         scene,
         tuple((_NAMES[kind], mesh, made(*kind, *counts)) for kind, mesh, counts in told),
         tuple(tuple(one) for one in references),
@@ -192,7 +192,7 @@ def extrapolated(frequencies: Array) -> Array:
     return np.array([limit(f) for f in frequencies.T])
 
 
-def reference_of(study: Study) -> Reference:
+def reference_of(study: ModeStudy) -> ConvergedFrequencies:
     """Extrapolate the frequencies by each of two elements."""
     found, unknowns = [], []
     for meshes in study.references:
@@ -200,10 +200,10 @@ def reference_of(study: Study) -> Reference:
         found.append(extrapolated(np.stack([study.frequencies(run) for run in runs])))
         unknowns.append(3 * len(runs[-1].fe.x))
     apart = np.abs(found[1] / found[0] - 1).max()
-    return Reference(found[0], float(apart), unknowns[0])
+    return ConvergedFrequencies(found[0], float(apart), unknowns[0])
 
 
-def measure(study: Study, reference: Reference) -> Iterator[ModeRow]:
+def measure(study: ModeStudy, reference: ConvergedFrequencies) -> Iterator[ModeStudyRow]:
     """Solve on each mesh; the mesh is made before the clock runs."""
     for element, mesh, overrides in study.meshes:
         seconds: list[float] = []
@@ -214,15 +214,15 @@ def measure(study: Study, reference: Reference) -> Iterator[ModeRow]:
             run.modes  # noqa: B018
             seconds.append(time.process_time() - tick)
         error = float(np.abs(study.frequencies(run) / reference.frequencies - 1).max())
-        yield ModeRow(study.scene, element, mesh, 3 * len(run.fe.x), min(seconds), error)
+        yield ModeStudyRow(study.scene, element, mesh, 3 * len(run.fe.x), min(seconds), error)
 
 
-def fastest(rows: list[ModeRow], error: float = WANTED) -> ModeRow | None:
+def fastest(rows: list[ModeStudyRow], error: float = WANTED) -> ModeStudyRow | None:
     """The row that takes least time among those within an error."""
     return min((row for row in rows if row.error <= error), key=lambda row: row.seconds, default=None)
 
 
-def write_study(rows: list[ModeRow], references: dict[str, Reference], folder: Path) -> list[str]:
+def write_study(rows: list[ModeStudyRow], references: dict[str, ConvergedFrequencies], folder: Path) -> list[str]:
     """Write the rows as CSV and a chart of each scene; return the files' names."""
     from pipeline.render.precision_chart import draw_work_precision
 
@@ -237,7 +237,7 @@ def write_study(rows: list[ModeRow], references: dict[str, Reference], folder: P
                 f"good to {reference.uncertainty:.0e}\n"
             )
         table = csv.writer(file, lineterminator="\n")
-        table.writerow([field.name for field in fields(ModeRow)])
+        table.writerow([field.name for field in fields(ModeStudyRow)])
         table.writerows([f"{x:.4g}" if isinstance(x, float) else x for x in astuple(row)] for row in rows)
     for scene in references:
         curves: dict[str, list[tuple[float, float]]] = {}
@@ -254,7 +254,9 @@ def write_study(rows: list[ModeRow], references: dict[str, Reference], folder: P
     return files
 
 
-def print_study(rows: list[ModeRow], references: dict[str, Reference], folder: Path, files: list[str]) -> None:
+def print_study(
+    rows: list[ModeStudyRow], references: dict[str, ConvergedFrequencies], folder: Path, files: list[str]
+) -> None:
     """Print a table of each scene and what is fastest within the wanted error."""
     console = Console()
     for scene, reference in references.items():

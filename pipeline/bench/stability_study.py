@@ -125,7 +125,7 @@ def scene_stability(run: Pipeline, ratios: list[int], along: bool) -> SceneStabi
     M, K, C = _matrices(run, chain)
     course = course_of(run, chain) if along else None
     limits = []
-    with run.keeper.monitor("stability") as advance:
+    with run.store.monitor("stability") as advance:
         for k, m in enumerate(ratios):
             limits.append(_limit(system, (M, K, C), m, simulation.duration, course))
             advance((k + 1) / len(ratios))

@@ -25,7 +25,7 @@ SPEEDS = (0.0, 0.5, 0.9, 1.1, 1.5, 2.0, 3.0)  # over the first frequency
 
 
 @dataclass(frozen=True)
-class Case:
+class StressCase:
     """A system about a state that it stays in, small vibrations apart.
 
     Attributes
@@ -54,7 +54,7 @@ class Case:
         return float(np.sqrt(squares[len(squares) - np.linalg.matrix_rank(self.K)]))
 
 
-Builder = Callable[[], Case]
+Builder = Callable[[], StressCase]
 
 
 def builders() -> dict[str, Builder]:
@@ -82,7 +82,7 @@ def builders() -> dict[str, Builder]:
 
 def _linear(family: str, name: str, M: Array, K: Array) -> Builder:
     rest = Instant(0.0, np.zeros(len(M)), np.zeros(len(M)))
-    return lambda: Case(family, name or family, LinearSystem(M, K, 1), rest, M, K)
+    return lambda: StressCase(family, name or family, LinearSystem(M, K, 1), rest, M, K)
 
 
 def _of_masses(exponent: int, beta: float) -> Builder:
@@ -93,12 +93,14 @@ def _of_masses(exponent: int, beta: float) -> Builder:
 
 
 def _of_scene(name: str) -> Builder:
-    def build() -> Case:
+    def build() -> StressCase:
         scene, overrides = SCENES[name]
         run = Pipeline(load_scene(scene, list(overrides)))
         q0, _ = run.start
         q0 = q0 if name == "arm" else np.zeros_like(q0)  # the arm hangs
-        return Case(name, name, run.mechanism, Instant(0.0, q0, np.zeros(run.mechanism.n)), *run.reference_matrices)
+        return StressCase(
+            name, name, run.mechanism, Instant(0.0, q0, np.zeros(run.mechanism.n)), *run.reference_matrices
+        )
 
     return build
 
@@ -106,7 +108,7 @@ def _of_scene(name: str) -> Builder:
 def _spinning(speed: float, stiffened: bool) -> Builder:
     """The beam that turns freely about its joint at a rate given over its first frequency."""
 
-    def build() -> Case:
+    def build() -> StressCase:
         from pipeline.dynamics.rotor.rotor import PlanarRotor, TorquePulse
 
         run = Pipeline(load_scene("beam"))
@@ -116,6 +118,6 @@ def _spinning(speed: float, stiffened: bool) -> Builder:
         at = steadied(rotor, Instant(0.0, np.zeros(rotor.n), rates), np.arange(1, rotor.n))
         family = f"beam, 0 … 3 ω₁, {'stiffened' if stiffened else 'without geometric stiffening'}"
         name = f"beam at {speed:g} ω₁, {'stiffened' if stiffened else 'linear'}"
-        return Case(family, name, rotor, at, rotor.reference_mass, np.diag(np.r_[0.0, body.omega**2]))
+        return StressCase(family, name, rotor, at, rotor.reference_mass, np.diag(np.r_[0.0, body.omega**2]))
 
     return build

@@ -37,7 +37,7 @@ _MOST_SECONDS = 2.0  # a march longer than this ends its method's range
 
 
 @dataclass(frozen=True)
-class Row:
+class WorkPrecisionRow:
     """One march.
 
     Attributes
@@ -74,13 +74,13 @@ class WorkPrecision:
 
     Attributes
     ----------
-    rows : tuple of Row
+    rows : tuple of WorkPrecisionRow
         All marches that came to their end, method by method, coarse to fine.
     reference_error : float
         What two independent references differ by at the tip.
     """
 
-    rows: tuple[Row, ...]
+    rows: tuple[WorkPrecisionRow, ...]
     reference_error: float
 
 
@@ -109,7 +109,7 @@ def compare(
     reference_error = errors_of(other.march(system, q0, v0, times), reference).tip
     if not reference_error < limit:
         raise AccuracyError(f"two references differ by {reference_error:.1e}, above {limit:.0e}")
-    rows: list[Row] = []
+    rows: list[WorkPrecisionRow] = []
     for methods in _families(system, duration):
         for label, method in methods:
             try:
@@ -122,7 +122,7 @@ def compare(
                 seconds.append(method.march(system, q0, v0, ends).seconds)
             errors, substeps = errors_of(motion, reference), motion.substeps
             figures = (median(seconds), errors.tip, motion.evaluations, errors.modal, errors.joint)
-            rows.append(Row(label, float(motion.step), substeps, *figures))
+            rows.append(WorkPrecisionRow(label, float(motion.step), substeps, *figures))
             if median(seconds) > _MOST_SECONDS:
                 break
     return WorkPrecision(tuple(rows), reference_error)

@@ -44,14 +44,16 @@ def run(
     """
     from pipeline.cli.tables import given_up, print_plan, print_run
     from pipeline.core.errors import AccuracyError
+    from pipeline.output.explain import forecast_run
     from pipeline.output.write import write_results
-    from pipeline.stages.explain import plan_of
 
     pipeline = open_pipeline(scene, set_, no_cache, repair, keep_all)
     folder = out or Path("out") / pipeline.scene.name
     asked = explain or dry_run
     # Who waits at a terminal is told what it will cost; asking the cache takes time that nobody else need spend.
-    plan = plan_of(pipeline, not no_pictures, not no_budget) if asked or (not json and sys.stdout.isatty()) else None
+    plan = (
+        forecast_run(pipeline, not no_pictures, not no_budget) if asked or (not json and sys.stdout.isatty()) else None
+    )
     if plan and not json:
         print_plan(plan, steps=asked)
     if dry_run:

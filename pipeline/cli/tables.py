@@ -14,7 +14,7 @@ from rich.table import Table
 if TYPE_CHECKING:
     from pipeline.bench.stability_study import SceneStability
     from pipeline.bench.work_precision import WorkPrecision
-    from pipeline.stages.explain import RunPlan
+    from pipeline.output.explain import Forecast
     from pipeline.stages.part import FlexiblePart
     from pipeline.sweep.study import Sweep
     from pipeline.verification.suite import Outcome
@@ -54,7 +54,7 @@ def print_run(summary: dict[str, Any], folder: Path) -> None:
     console.print(f"{len(summary['files']) + 1} files in {folder}/: summary.json, {', '.join(summary['files'])}")
 
 
-def print_plan(plan: RunPlan, steps: bool) -> None:
+def print_plan(plan: Forecast, steps: bool) -> None:
     """Print what a run will cost, and what it will do stage by stage if ``steps`` are wanted."""
     console = Console()
     if steps:
@@ -62,7 +62,7 @@ def print_plan(plan: RunPlan, steps: bool) -> None:
         for step in plan.steps:
             table.add_row(step.stage, step.body, _FATES[step.fate], _last_time(step.seconds), step.why)
         console.print(table)
-    console.print(f"forecast: {plan.forecast}")
+    console.print(f"forecast: {plan.line}")
 
 
 def _last_time(seconds: float | None) -> str:

@@ -13,7 +13,7 @@ from importlib.metadata import version
 from pathlib import Path
 from typing import Any
 
-from pipeline.core.files import forget_abandoned, one_at_a_time
+from pipeline.core.files import one_at_a_time, remove_abandoned
 from pipeline.core.paths import source_digest
 
 _DIGEST_BYTES = 32
@@ -81,7 +81,7 @@ class Cache:
         part = ""
         try:
             self.folder.mkdir(parents=True, exist_ok=True)
-            forget_abandoned(self.folder, ".part-*")
+            remove_abandoned(self.folder, ".part-*")
             handle, part = tempfile.mkstemp(dir=self.folder, prefix=".part-")
             with os.fdopen(handle, "wb") as file:
                 file.write(_digest(body))
@@ -91,7 +91,7 @@ class Cache:
             if part:
                 Path(part).unlink(missing_ok=True)
 
-    def alone(self, key: str) -> AbstractContextManager[None]:
+    def lock(self, key: str) -> AbstractContextManager[None]:
         """Enter what one process at a time may do: make the value of ``key``."""
         return nullcontext() if self.folder is None else one_at_a_time(self.folder / f".making-{key}")
 

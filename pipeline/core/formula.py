@@ -45,7 +45,7 @@ _BLANKS = str.maketrans("\t\r\n", "   ")
 
 
 @dataclass(frozen=True, slots=True)
-class Expression:
+class Formula:
     """A formula of the time as a postfix program.
 
     Attributes
@@ -74,7 +74,7 @@ class _Part:
     depth: int
 
 
-def parse(text: str) -> Expression:
+def parse_formula(text: str) -> Formula:
     """Read a formula of the time t in seconds, such as ``"1.5*sin(2*pi*10*t) if t < 0.2 else 0"``.
 
     It has Python's syntax, but Python only parses it: each node of the tree is one of a list or refused.
@@ -87,7 +87,7 @@ def parse(text: str) -> Expression:
 
     Returns
     -------
-    Expression
+    Formula
         Its program, in which what doesn't depend on t is one number.
 
     Raises
@@ -123,7 +123,7 @@ def parse(text: str) -> Expression:
         raise ValueError("is nested too deeply") from None
     if part.depth > MOST_DEPTH:
         raise ValueError(f"needs {part.depth} values at a time, {MOST_DEPTH} is the most; simplify or nest less")
-    return Expression(part.codes, part.constants, tuple(sorted(breakpoints)))
+    return Formula(part.codes, part.constants, tuple(sorted(breakpoints)))
 
 
 def _read(node: ast.expr, breakpoints: set[float]) -> _Part:

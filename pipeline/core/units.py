@@ -136,8 +136,8 @@ def to_si(value: object, kind: str) -> float:
     return result
 
 
-def si_of(text: str) -> tuple[float, str]:
-    """Convert a quantity of any kind to SI units: ``si_of("2 us")`` is ``(2e-06, "s")``.
+def parse_quantity(text: str) -> tuple[float, str]:
+    """Convert a quantity of any kind to SI units: ``parse_quantity("2 us")`` is ``(2e-06, "s")``.
 
     Raises
     ------
@@ -152,7 +152,7 @@ def si_of(text: str) -> tuple[float, str]:
     return float(Decimal(match[1]) * factor), unit
 
 
-def share(value: object) -> float:
+def parse_percentage(value: object) -> float:
     """Read a part of a whole, ``"1 %"``, as 0.01.
 
     Raises
@@ -185,7 +185,7 @@ def unit_ratio(unit: str, wanted: str) -> float:
     return float(factor / wanted_factor)
 
 
-def in_unit(values: Array, unit: str, wanted: str) -> Array:
+def convert_values(values: Array, unit: str, wanted: str) -> Array:
     """Convert values from one unit to another; raises what ``unit_ratio`` does."""
     return values * unit_ratio(unit, wanted)
 
@@ -233,7 +233,7 @@ def _not_negative(value: float) -> float:
 Positive = AfterValidator(_positive)
 NonNegative = AfterValidator(_not_negative)
 
-Share = Annotated[float, BeforeValidator(share)]
+Share = Annotated[float, BeforeValidator(parse_percentage)]
 Length = Annotated[float, BeforeValidator(partial(to_si, kind="length"))]
 Stress = Annotated[float, BeforeValidator(partial(to_si, kind="stress"))]
 Density = Annotated[float, BeforeValidator(partial(to_si, kind="density"))]

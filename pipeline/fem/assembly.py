@@ -16,7 +16,8 @@ from pipeline.core.errors import AccuracyError
 from pipeline.fem.elements import shape_functions
 from pipeline.fem.material import AnyMaterial, Material
 from pipeline.fem.mesh import SolidMesh
-from pipeline.fem.model import Discretisation, FEModel
+from pipeline.fem.model import FEModel
+from pipeline.fem.space import Discretisation
 
 _CHUNK = 2048  # elements at a time, fewer if they have many nodes: their matrices stay in the processor's cache
 _BLOCKS = 8192  # blocks at a time, for the same reason

@@ -11,28 +11,7 @@ import skfem
 from skfem.quadrature import get_quadrature
 
 from pipeline.core.arrays import Array, IntArray, read_only
-from pipeline.fem.mesh import STRAIGHT
 from pipeline.fem.wedge import Wedge, wedge_quadrature
-
-# The reference cells of meshio, which are VTK's: corners, and the two that each mid-edge node lies between.
-_VTK_CORNERS = {
-    "tetra": ((0, 0, 0), (1, 0, 0), (0, 1, 0), (0, 0, 1)),
-    "hexahedron": (
-        (0, 0, 0), (1, 0, 0), (1, 1, 0), (0, 1, 0),
-        (0, 0, 1), (1, 0, 1), (1, 1, 1), (0, 1, 1),
-    ),
-    "wedge": ((0, 0, 0), (1, 0, 0), (0, 1, 0), (0, 0, 1), (1, 0, 1), (0, 1, 1)),
-}  # fmt: skip
-VTK_EDGES = {
-    "tetra": ((0, 1), (1, 2), (2, 0), (0, 3), (1, 3), (2, 3)),
-    "hexahedron": (
-        (0, 1), (1, 2), (2, 3), (3, 0), (4, 5), (5, 6), (6, 7), (7, 4),
-        (0, 4), (1, 5), (2, 6), (3, 7),
-    ),
-    "wedge": ((0, 1), (1, 2), (2, 0), (3, 4), (4, 5), (5, 3), (0, 3), (1, 4), (2, 5)),
-}  # fmt: skip
-# Corners of the faces that a hexahedron of 27 nodes has one more in the middle of each, before the one inside.
-_VTK_FACES = ((0, 3, 7, 4), (1, 2, 6, 5), (0, 1, 5, 4), (3, 2, 6, 7), (0, 1, 2, 3), (4, 5, 6, 7))
 
 
 @dataclass(frozen=True)
@@ -114,6 +93,23 @@ def _tabulated(element: Any, places: bytes, n_q: int) -> tuple[Array, Array]:
     )
 
 
+def jacobians(geometry: Any, x: Array, X: Array) -> Array:
+    """Return the derivatives of position by reference coordinates, shape (n_elements, n_q, 3, 3), last axis reference.
+
+    Parameters
+    ----------
+    geometry : skfem.Element
+        Scalar shape functions of the position.
+    x : ndarray, shape (n_elements, n_geometry, 3)
+        Positions of the geometry's nodes [m].
+    X : ndarray, shape (3, n_q)
+        Points on the reference cell.
+    """
+    _, dN = shape_functions(geometry, X)
+    J = np.ascontiguousarray(x.transpose(2, 0, 1)) @ dN.reshape(len(dN), -1)
+    return np.asarray(J.reshape(3, -1, *dN.shape[1:]).transpose(1, 3, 0, 2))
+
+
 @lru_cache
 def element_kind(cell_type: str, order: int) -> ElementKind:
     """Look up the element of displacement order 1 or 2 on cells of the given type, meshio's name."""
@@ -137,18 +133,6 @@ def element_kind(cell_type: str, order: int) -> ElementKind:
         case "wedge15", 2:
             return ElementKind("wedge15", Wedge(2), Wedge(2), 4, 6, 2)
     raise ValueError(f"no element of order {order} on {cell_type} cells")
-
-
-def vtk_nodes(cell_type: str, order: int) -> Array:
-    """Where VTK's, and meshio's, nodes of an element lie on its reference cell, shape (n_local, 3)."""
-    straight = STRAIGHT[cell_type]
-    corners = np.array(_VTK_CORNERS[straight], dtype=float)
-    if order == 1:
-        return corners
-    nodes = [corners, corners[np.array(VTK_EDGES[straight])].mean(axis=1)]
-    if cell_type == "hexahedron27":
-        nodes += [corners[np.array(_VTK_FACES)].mean(axis=1), corners.mean(axis=0, keepdims=True)]
-    return np.concatenate(nodes)
 
 
 def places(wanted: Array, nodes: Array) -> IntArray:

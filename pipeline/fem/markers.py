@@ -13,7 +13,7 @@ from skfem.refdom import RefQuad, RefTri
 from pipeline.core.arrays import EPSILON, Array, IntArray
 from pipeline.fem.elements import shape_functions
 from pipeline.fem.mesh import rows_among
-from pipeline.fem.model import Discretisation
+from pipeline.fem.space import Discretisation
 
 # Shape functions of nodes off the face are round-off on it.
 _ON_FACE = 1e-12

@@ -1,19 +1,27 @@
-"""Faces told by their place on a body's surface: in a plane, or nearest to a point up to the next sharp edge."""
+"""Facets, nodes and elements of a body, selected by their position in space."""
 
 from __future__ import annotations
 
 from collections.abc import Sequence
+from functools import reduce
 
 import numpy as np
 import scipy.sparse as sp
 from scipy.sparse.csgraph import connected_components
+from scipy.spatial import cKDTree
 
 from pipeline.core.arrays import Array, IntArray
+from pipeline.fem.cells import STRAIGHT
+from pipeline.fem.elements import shape_functions
+from pipeline.fem.markers import face_marker
 from pipeline.fem.mesh import rows_among
-from pipeline.fem.model import Discretisation
+from pipeline.fem.space import Discretisation
 
 _IN_PLANE = 1e-5  # of the body's extent
+_ON_EDGE = 1e-6  # of the body's extent
 _SHARP = np.cos(np.deg2rad(40.0))
+_NEAREST = 24  # elements that a point is looked for in
+_STEPS = 20  # of Newton's method in each
 
 
 def facets_in_plane(space: Discretisation, axis: int, place: float) -> IntArray:
@@ -45,6 +53,87 @@ def facets_near(space: Discretisation, point: Array, faces: Sequence[IntArray] =
             return face
     smooth = _smooth(space, corners)
     return np.asarray(keys[smooth == smooth[nearest]])
+
+
+def nodes_on_faces(space: Discretisation, faces: Sequence[IntArray]) -> IntArray:
+    """Nodes that all faces have in common: of one face, of the edge of two, of the corner of three.
+
+    Parameters
+    ----------
+    faces : sequence of ndarray
+        Mesh points of each face; a facet of the boundary lies on it if all of its corners do.
+
+    Raises
+    ------
+    ValueError
+        The faces have no node in common.
+    """
+    nodes = reduce(np.intersect1d, [face_marker(space, points).nodes for points in faces])
+    if not len(nodes):
+        raise ValueError("the faces have no node in common")
+    return nodes
+
+
+def nodes_on_edge(space: Discretisation, ends: Array) -> IntArray:
+    """Nodes on the straight line between two points, ``ends`` (2, 3) [m].
+
+    Raises
+    ------
+    ValueError
+        There is none.
+    """
+    along = ends[1] - ends[0]
+    r = space.x - ends[0]
+    share = np.clip(r @ along / (along @ along), 0.0, 1.0)
+    away = np.linalg.norm(r - share[:, None] * along, axis=1)
+    extent = float(np.ptp(space.x, axis=0).max())
+    nodes = np.flatnonzero(away < _ON_EDGE * extent)
+    if not len(nodes):
+        raise ValueError(f"no node of the mesh lies there; the nearest is {away.min():.4g} m away")
+    return nodes
+
+
+def node_at(space: Discretisation, point: Array) -> IntArray:
+    """The node nearest to a point (3,) [m], shape (1,)."""
+    return np.array([np.linalg.norm(space.x - point, axis=1).argmin()])
+
+
+def locate(space: Discretisation, points: Array) -> tuple[IntArray, Array]:
+    """Find the element that holds each point, or comes nearest to it, by Newton's method in those around.
+
+    Parameters
+    ----------
+    points : ndarray, shape (n, 3)
+        [m].
+
+    Returns
+    -------
+    elements : ndarray, shape (n,)
+    X : ndarray, shape (n, 3)
+        Reference coordinates in them; inside the reference cell.
+    """
+    corners, geometry = space.corner_coordinates, space.kind.geometry
+    straight = STRAIGHT[space.mesh.cell_type]
+    count = min(_NEAREST, len(corners))
+    near = np.asarray(cKDTree(corners.mean(axis=1)).query(points, k=count)[1]).reshape(len(points), count)
+    middle = space.kind.element.refdom.init_refdom()[0].mean(axis=1)
+    elements, X = np.zeros(len(points), dtype=np.int64), np.zeros((len(points), 3))
+    for k, (point, candidates) in enumerate(zip(points, near, strict=True)):
+        best = np.inf
+        for element in candidates:
+            x = middle
+            for _ in range(_STEPS):
+                N, dN = shape_functions(geometry, x[:, None])
+                step = np.linalg.solve(corners[element].T @ dN[:, :, 0], point - N[:, 0] @ corners[element])
+                x = np.clip(x + step, -1.0, 2.0)
+                if np.abs(step).max() < 1e-12:
+                    break
+            outside = max(-x.min(), _reach(straight, x) - 1.0)
+            if outside < best:
+                best, elements[k], X[k] = outside, element, np.clip(x, 0.0, 1.0)
+            if best <= 1e-9:
+                break
+    return elements, X
 
 
 def _keys(corners: IntArray) -> IntArray:
@@ -111,3 +200,13 @@ def _distance(x: Array, point: Array) -> Array:
     along = np.clip(np.einsum("tci,tci->tc", r, sides) / length2, 0.0, 1.0)
     to_sides = np.linalg.norm(r - along[..., None] * sides, axis=2).min(axis=1)
     return np.asarray(np.where(inside, np.abs(np.einsum("ti,ti->t", r[:, 0], normal)) / size, to_sides))
+
+
+def _reach(cell_type: str, x: Array) -> float:
+    """What is 1 at most inside of the reference cell."""
+    match cell_type:
+        case "tetra":
+            return float(x.sum())
+        case "wedge":
+            return float(max(x[0] + x[1], x[2]))
+    return float(x.max())

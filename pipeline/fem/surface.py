@@ -10,7 +10,7 @@ import numpy as np
 from pipeline.core.arrays import Array, IntArray
 
 if TYPE_CHECKING:
-    from pipeline.fem.model import Discretisation
+    from pipeline.fem.space import Discretisation
 
 
 @dataclass(frozen=True, slots=True)

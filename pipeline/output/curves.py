@@ -70,11 +70,11 @@ def curves_of(run: Pipeline, output: Chart) -> Curves:
 
 def _in_an_element(run: Pipeline, output: Chart) -> Curves:
     """A named element's stress in the unit that the scene asks for."""
-    from pipeline.core.units import in_unit
+    from pipeline.core.units import convert_values
 
     unit = output.unit or "MPa"
     curves = {
-        name: in_unit(values, "Pa", unit)
+        name: convert_values(values, "Pa", unit)
         for name, values in run.element_stress(str(output.element), output.component).items()
     }
     return f"{output.component} [{unit}]", curves, ()
@@ -82,7 +82,7 @@ def _in_an_element(run: Pipeline, output: Chart) -> Curves:
 
 def _along_a_joint(run: Pipeline, motions: dict[str, Any], output: Chart) -> Curves:
     """A joint's position or rate in the unit that the scene asks for."""
-    from pipeline.core.units import in_unit
+    from pipeline.core.units import convert_values
 
     joint, rate = str(output.joint), output.quantity == "joint_rate"
     unit = ("rad" if run.is_rotor else run.chain.units[joint]) + ("/s" if rate else "")
@@ -93,5 +93,5 @@ def _along_a_joint(run: Pipeline, motions: dict[str, Any], output: Chart) -> Cur
             return np.asarray(motion.joint_rate if rate else motion.joint_angle)
         return np.asarray(motion.joint_rate(joint) if rate else motion.joint_position(joint))
 
-    curves = {name: in_unit(values(motion), unit, wanted) for name, motion in motions.items()}
+    curves = {name: convert_values(values(motion), unit, wanted) for name, motion in motions.items()}
     return f"{joint} [{wanted}]", curves, ()

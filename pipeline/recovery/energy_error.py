@@ -13,11 +13,11 @@ import numpy as np
 
 from pipeline.core.arrays import Array
 from pipeline.fem.elements import shape_functions
-from pipeline.recovery.stress import hooke, modal_stress, strains
+from pipeline.recovery.stress import hooke_stress, modal_stress, strains
 
 if TYPE_CHECKING:
     from pipeline.fem.material import AnyMaterial
-    from pipeline.fem.model import Discretisation
+    from pipeline.fem.space import Discretisation
 
 _CHUNK = 512  # elements at a time
 # What averaged stress sees of the energy: 0.5 to 0.75 was measured on bars and propellers of all four elements.
@@ -37,7 +37,7 @@ def energy_errors(space: Discretisation, material: AnyMaterial, shapes: Array) -
     total = np.zeros((shapes.shape[2],) * 2)
     for start in range(0, len(space.element_nodes), _CHUNK):
         part = np.arange(start, min(start + _CHUNK, len(space.element_nodes)))
-        raw = hooke(material, part, strains(space, shapes, X, part))
+        raw = hooke_stress(material, part, strains(space, shapes, X, part))
         averaged = np.einsum("aq,earn->eqrn", N, recovered[space.element_nodes[part]], optimize=True)
         weights = np.sqrt(volume_ratio(space.jacobians(X, part)) * w)
         apart = weights[:, :, None, None] * (averaged - raw)

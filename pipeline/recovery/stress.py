@@ -18,7 +18,7 @@ from pipeline.core.arrays import Array, IntArray, require_shape
 
 if TYPE_CHECKING:
     from pipeline.fem.material import AnyMaterial
-    from pipeline.fem.model import Discretisation
+    from pipeline.fem.space import Discretisation
 
 _ORDER = ("xx", "yy", "zz", "yz", "xz", "xy")
 _CHUNK = 512  # elements at a time
@@ -56,7 +56,7 @@ def modal_stress(space: Discretisation, material: AnyMaterial, shapes: Array, no
     for start in range(0, len(elements), _CHUNK):
         part = elements[start : start + _CHUNK]
         strain = strains(space, shapes, X, part)
-        stress = hooke(material, part, np.einsum("aq,eqsn->easn", to_nodes, strain, optimize=True))
+        stress = hooke_stress(material, part, np.einsum("aq,eqsn->easn", to_nodes, strain, optimize=True))
         local = chosen[space.element_nodes[part]]
         np.add.at(total, local, stress)
         np.add.at(count, local, 1.0)
@@ -67,21 +67,21 @@ def element_stress(space: Discretisation, material: AnyMaterial, shapes: Array, 
     """Stress of each shape in the middle of chosen elements, shape (n_chosen, 6, n); else as `modal_stress`."""
     middle = space.kind.element.refdom.init_refdom()[0].mean(axis=1, keepdims=True)
     strain = strains(space, shapes, middle, elements)
-    return hooke(material, elements, strain)[:, 0]
+    return hooke_stress(material, elements, strain)[:, 0]
 
 
 def point_stress(space: Discretisation, material: AnyMaterial, shapes: Array, points: Array) -> Array:
     """Stress of each shape in the elements at points (n, 3) [m], shape (n, 6, n_shapes); else as `modal_stress`."""
-    from pipeline.fem.locate import locate
+    from pipeline.fem.selection import locate
 
     elements, X = locate(space, points)
     strain = [
         strains(space, shapes, x[:, None], np.array([element]))[0, 0] for element, x in zip(elements, X, strict=True)
     ]
-    return hooke(material, elements, np.stack(strain)[:, None])[:, 0]
+    return hooke_stress(material, elements, np.stack(strain)[:, None])[:, 0]
 
 
-def hooke(material: AnyMaterial, elements: IntArray, strain: Array) -> Array:
+def hooke_stress(material: AnyMaterial, elements: IntArray, strain: Array) -> Array:
     """Stress of strains (n_elements, n_points, 6, n) in chosen elements, of the same shape."""
     stress = np.empty_like(strain)
     for own, mine in material.over(elements):
@@ -110,12 +110,12 @@ def von_mises(stress: Array) -> Array:
     return np.asarray(np.sqrt(0.5 * ((xx - yy) ** 2 + (yy - zz) ** 2 + (zz - xx) ** 2) + 3.0 * (yz**2 + xz**2 + xy**2)))
 
 
-def spread(n_times: int, count: int) -> IntArray:
+def choose_frames(n_times: int, count: int) -> IntArray:
     """Numbers of at most ``count`` among ``n_times`` output times, evenly, with the first and the last."""
     return np.unique(np.linspace(0, n_times - 1, count).round().astype(int))
 
 
-def measure_of(component: str) -> Callable[[Array], Array]:
+def stress_measure(component: str) -> Callable[[Array], Array]:
     """Function from tensors (n, 6, …) to ``von Mises``, a component such as ``xx``, or ``principal 1`` to ``3``.
 
     Principal stresses are numbered from the largest.

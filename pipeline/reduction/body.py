@@ -132,19 +132,12 @@ def supported_body(
     return _body(fe, omega, shapes - spins @ np.linalg.solve(J, H), markers, joint, axis, normal)
 
 
-def joint_conforming_body(
-    fe: FEModel, omega: Array, shapes: Array, markers: Mapping[str, Marker], joint: str, axis: Array
-) -> FlexibleBody:
-    """Refer a basis to a torque-driven hinge about ``axis``, (3,); the other arguments are those of `reduced_body`."""
-    return reduced_body(fe, omega, shapes, markers, joint, (axis / np.linalg.norm(axis))[None])
-
-
 def free_frame_body(
     fe: FEModel, omega: Array, shapes: Array, markers: Mapping[str, Marker], joint: str, axis: Array, normal: int = -1
 ) -> FlexibleBody:
     """Keep the free modes' own mean axes as the frame at a hinge: rotation and modes stay coupled, up to 1.
 
-    The arguments are those of `joint_conforming_body`, and ``normal`` that of `reduced_body`.
+    ``axis`` (3,) is the hinge's; the other arguments are those of `reduced_body`.
     """
     e = axis / np.linalg.norm(axis)
     return _body(fe, omega, _pinned(fe, shapes, markers[joint], e[None]), markers, joint, e, normal)

@@ -32,7 +32,7 @@ def interface_columns(fe: FEModel, markers: Sequence[Marker]) -> Array:
     return np.concatenate([marker.columns(len(fe.x), np.eye(3)) for marker in markers], axis=2)
 
 
-def craig_bampton(fe: FEModel, solver: FreeBodySolver, markers: Sequence[Marker], count: int) -> Modes:
+def craig_bampton_modes(fe: FEModel, solver: FreeBodySolver, markers: Sequence[Marker], count: int) -> Modes:
     """Modes of a body in the space of its fixed-interface modes and its constraint modes.
 
     The space holds every rigid motion that the supports leave, and every deformation by loads at the interface,
@@ -66,7 +66,7 @@ def craig_bampton(fe: FEModel, solver: FreeBodySolver, markers: Sequence[Marker]
         )
     V = np.concatenate([held.shapes.reshape(len(Psi), -1), Psi], axis=1)
     n_rigid = _rigid_recovered(fe, solver.rigid_modes, V, _ZERO * -solver.shift)
-    omega, shapes = ritz(fe, _elastic(fe, solver.rigid_modes, V, V.shape[1] - n_rigid))
+    omega, shapes = rayleigh_ritz(fe, _elastic(fe, solver.rigid_modes, V, V.shape[1] - n_rigid))
     return Modes(omega, shapes, n_rigid, held.residual, tuple(range(1, len(omega) + 1)))
 
 
@@ -100,7 +100,7 @@ def constraint_modes(fe: FEModel, solver: FreeBodySolver, B: Array) -> Array:
     return np.asarray(Psi * scale)
 
 
-def ritz(fe: FEModel, V: Array) -> tuple[Array, Array]:
+def rayleigh_ritz(fe: FEModel, V: Array) -> tuple[Array, Array]:
     """Rayleigh and Ritz: angular frequencies (n,) and shapes (n_nodes, 3, n) among columns V (3 n_nodes, n)."""
     omega2, turn = eigh(V.T @ (fe.K @ V), V.T @ (fe.M @ V))
     return np.sqrt(omega2), (V @ turn).reshape(len(fe.x), 3, -1)

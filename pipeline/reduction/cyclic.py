@@ -25,7 +25,7 @@ from pipeline.fem.assembly import assemble
 from pipeline.fem.mesh import SolidMesh
 from pipeline.fem.model import FEModel
 from pipeline.reduction.eigen import FreeBodySolver
-from pipeline.reduction.factor.factor import Factor, factorised
+from pipeline.reduction.factor.factor import Factor, factorise
 from pipeline.reduction.modes import EigenPairs
 
 _SAME_PLACE = 1e-6  # of the body's extent
@@ -131,11 +131,11 @@ class CyclicSolver(FreeBodySolver):
         Makes a `Factor` of a symmetric positive definite matrix, here of the sector's inside.
     """
 
-    def __init__(self, fe: FEModel, sectors: int, factorise: Callable[[Any], Factor] = factorised) -> None:
+    def __init__(self, fe: FEModel, sectors: int, factorise: Callable[[Any], Factor] = factorise) -> None:
         self._sector = first_sector(fe, sectors)
         super().__init__(fe, factorise=factorise)
 
-    def _factorised(self) -> tuple[float, Factor]:
+    def _shifted_factor(self) -> tuple[float, Factor]:
         """A shift far below the lowest eigenvalue, whose bound may be ten times too high: held cuts keep A stiff."""
         shift = -0.002 * self._lowest_bound()
         self._harmonics = _CyclicInverse(self._sector, shift, self._factorise)
@@ -159,7 +159,7 @@ class CyclicSolver(FreeBodySolver):
         if len(found) < count + 6 or not eigenvalues[-1] <= highest:
             return super().modes(count)
         shapes = [self._sector.expanded(z.reshape(-1, 3), harmonic).ravel() for _, harmonic, z in found]
-        return self._checked(eigenvalues, np.stack(shapes, axis=1), 6, self._inverse)
+        return self._verified_pairs(eigenvalues, np.stack(shapes, axis=1), 6, self._inverse)
 
 
 class _CyclicInverse:

@@ -6,7 +6,6 @@ many bending modes are kept. Load-dependent vectors mend it (MacNeal 1971, Wilso
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Sequence
 from typing import TYPE_CHECKING
 
 import numpy as np
@@ -16,7 +15,6 @@ from pipeline.core.arrays import Array
 from pipeline.reduction.modes import Modes
 
 if TYPE_CHECKING:
-    from pipeline.fem.markers import Marker
     from pipeline.fem.model import FEModel
     from pipeline.reduction.eigen import FreeBodySolver
 
@@ -27,53 +25,7 @@ _NEW = 1e-4
 _SOFTER = 0.5
 
 
-def inertia_loads(
-    fe: FEModel, marker: Marker, axis: Array | None, outboard: Sequence[tuple[Marker, Array | None]] = ()
-) -> Array:
-    """Loads that motion puts on a body, shape (n_nodes, 3, n_loads).
-
-    The centrifugal loads of unit rates, and unit forces and torques at its joints, spread over the markers' faces. The
-    loads of linear and angular acceleration are not among them: in a free body they are balanced by themselves, what
-    they bend comes from the joint's reaction.
-
-    Parameters
-    ----------
-    marker : Marker
-        At the joint that carries the body.
-    axis : ndarray, shape (3,), optional
-        Normal of the plane to which all motion keeps: one centrifugal load, two forces and one torque at each marker.
-        Without, the six products of two rates, and three forces and three torques at each marker.
-    outboard : sequence of (Marker, ndarray or None)
-        Where other bodies hang on this one, or loads act, and the normal of the plane to which those keep.
-    """
-    r = fe.x - marker.position
-    if axis is None:
-        fields = [(np.outer(r[:, b], e) + np.outer(r[:, a], f)) / 2 for a, b, e, f in _products()]
-    else:
-        fields = [r - np.outer(r @ axis, axis) / (axis @ axis)]
-    reactions = []
-    flat = axis is not None and all(normal is not None for _, normal in outboard)
-    for at, normal in ((marker, axis if flat else None), *outboard):  # the joint answers to every load
-        directions, torques = _planar(normal)
-        columns = at.columns(len(fe.x), torques)
-        reactions += [columns[:, :, :3] @ directions.T, columns[:, :, 3:]]
-    return np.concatenate([np.stack([fe.m @ field for field in fields], axis=-1), *reactions], axis=-1)
-
-
-def _planar(normal: Array | None) -> tuple[Array, Array]:
-    """Directions of forces and of torques, as rows, that keep to a plane; all of them without a plane."""
-    if normal is None:
-        return np.eye(3), np.eye(3)
-    e = normal / np.linalg.norm(normal)
-    return np.linalg.svd(np.eye(3) - np.outer(e, e))[0].T[:2], e[None]
-
-
-def _products() -> Iterator[tuple[int, int, Array, Array]]:
-    unit = np.eye(3)
-    yield from ((a, b, unit[a], unit[b]) for a in range(3) for b in range(a, 3))
-
-
-def enriched(
+def enrich_modes(
     modes: Modes,
     fe: FEModel,
     solver: FreeBodySolver,

@@ -118,8 +118,8 @@ def inertia_gram(x: Array, m: Any, Phi: Array, normal: int = -1) -> InertiaGram:
     return InertiaGram(_symmetric(G), read_only(S), float(masses.sum()), normal=normal)
 
 
-def with_normal(gram: InertiaGram, along: Array) -> InertiaGram:
-    """Make integrals whole that are left out along an axis by what `along_normal` gives."""
+def add_normal_blocks(gram: InertiaGram, along: Array) -> InertiaGram:
+    """Make integrals whole that are left out along an axis by what `normal_blocks` gives."""
     G, e = gram.G.copy(), gram.normal
     G[e] += along
     G[:, e] += along.swapaxes(1, 2)
@@ -127,7 +127,7 @@ def with_normal(gram: InertiaGram, along: Array) -> InertiaGram:
     return replace(gram, G=_symmetric(G), normal=-1)
 
 
-def along_normal(x: Array, m: Any, Phi: Array, normal: int) -> Array:
+def normal_blocks(x: Array, m: Any, Phi: Array, normal: int) -> Array:
     """``G[normal]``, shape (3, 1 + n, 1 + n): the blocks that `inertia_gram`, whose arguments these are, leaves out."""
     e = slice(normal, normal + 1)
     return np.asarray(_products(_positions(x, Phi, e), m, _positions(x, Phi))[0])

@@ -64,7 +64,7 @@ def modes_of_family(
     n_all = 4 * count + 4
     while True:
         pairs = solver.modes(n_all, held)
-        families, shapes = classify(fe, pairs, normal)
+        families, shapes = classify_modes(fe, pairs, normal)
         # The twin of the highest may be missing, without which its plane is not known.
         all_there = len(pairs.omega) < n_all
         settled = np.full(len(families), all_there) | (pairs.omega < pairs.omega.max() * (1 - _SAME_FREQUENCY))
@@ -81,7 +81,7 @@ def modes_of_family(
         n_all *= 2
 
 
-def classify(fe: FEModel, pairs: EigenPairs, normal: Array) -> tuple[list[str], Array]:
+def classify_modes(fe: FEModel, pairs: EigenPairs, normal: Array) -> tuple[list[str], Array]:
     """Name the family of each mode of a body with two planes of symmetry.
 
     A mode's parity about a plane is ``φᵀ M S φ`` with S the reflection: +1 or -1 for a symmetric body. Bending

@@ -62,6 +62,7 @@ from pipeline.scene.outputs import (
     StressPicture,
 )
 from pipeline.scene.reading import FaultError, Table, among, read_scene_file, ready_scenes
+from pipeline.scene.scene_table import scene_table
 from pipeline.scene.simulation import CentralDifference, ReversibleSubCycling, Run, Simulation, SubCycling
 
 __all__ = [
@@ -176,9 +177,7 @@ class Scene(Table):
         return {name: body for name, body in self.body.items() if isinstance(body, Flexible)}
 
     def _repr_html_(self) -> str:
-        from pipeline.output.notebook import scene_table
-
-        return scene_table(self)
+        return scene_table(self.title, self.file, self.body, self.joint, self.drive, self.march, self.output)
 
     @model_validator(mode="after")
     def _fits_together(self) -> Scene:

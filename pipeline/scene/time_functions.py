@@ -73,10 +73,10 @@ class TimeFunction(Table):
             for key in ("values", "between"):
                 if getattr(self, key) is not None:
                     raise FaultError("belongs to a table of times; a formula takes none", key)
-            from pipeline.core.formula import parse
+            from pipeline.core.formula import parse_formula
 
             try:
-                parse(self.formula)
+                parse_formula(self.formula)
             except ValueError as error:
                 raise FaultError(str(error), "formula") from None
         if self.times is not None:

@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from pipeline.core.arrays import Array
-from pipeline.core.formula import parse
+from pipeline.core.formula import parse_formula
 from pipeline.dynamics.links import FIXED, FREE, PRISMATIC, REVOLUTE, SPHERICAL, Link, PointLoad, rigid_gram
 from pipeline.dynamics.rotor.rotor import PlanarRotor, TorquePulse
 from pipeline.dynamics.signals.signal import (
@@ -238,6 +238,6 @@ def signal_of(given: TimeFunction) -> Signal:
     if given.constant is not None:
         return constant(given.constant)
     if given.formula is not None:
-        return formula(parse(given.formula), given.factor)
+        return formula(parse_formula(given.formula), given.factor)
     times, values = np.array(given.times), given.factor * np.array(given.values)
     return smooth_table(times, values) if given.smooth else linear_table(times, values)

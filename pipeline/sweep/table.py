@@ -11,7 +11,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from pipeline.core.files import whole_file
-from pipeline.core.units import si_of
+from pipeline.core.units import parse_quantity
 from pipeline.scene.reading import toml_value
 from pipeline.sweep.points import Varied
 from pipeline.sweep.study import Sweep
@@ -145,7 +145,7 @@ def _number(text: str) -> tuple[float, str]:
     value = toml_value(text)
     if isinstance(value, int | float) and not isinstance(value, bool):
         return value, ""
-    return si_of(str(value))
+    return parse_quantity(str(value))
 
 
 def _leaves(value: Any, place: Place = ()) -> Iterator[tuple[Place, Leaf]]:

@@ -42,7 +42,7 @@ class Figure:
 
 
 @dataclass(frozen=True)
-class Case:
+class VerificationCase:
     """Figures from one source.
 
     Parameters

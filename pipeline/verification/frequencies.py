@@ -12,7 +12,7 @@ from pipeline.core.cache import Cache
 from pipeline.fem.material import Material
 from pipeline.scene.scene import load_scene
 from pipeline.stages.pipeline import Pipeline
-from pipeline.verification.case import Case, Figure, listed, scene_run
+from pipeline.verification.case import Figure, VerificationCase, listed, scene_run
 from pipeline.verification.closed_forms import (
     free_box,
     plate_shear,
@@ -120,12 +120,16 @@ def write_abaqus_box(path: Path, sizes: tuple[float, float, float], divisions: t
 
 
 CASES = (
-    Case("table-1", "the paper's beam, free", "Miao et al., Comput Mech 41 (2008), Table 1", _table_1),
-    Case("beam-free", "thick beam, free", "Huang, J Appl Mech 28 (1961)", _free_beam),
-    Case("beam-supported", "thick beam, simply supported", "Huang, J Appl Mech 28 (1961)", _supported_beam),
-    Case("plate-free", "thin square plate, free", "Leissa, J Sound Vib 31 (1973)", _free_plate),
-    Case("plate-supported", "thick plate, supported", "Srinivas et al., J Sound Vib 12 (1970)", _supported_plate),
-    Case("fv52", "solid plate on its lower edges", "NAFEMS FV52", _fv52),
-    Case("box-free", "box, free", "Visscher et al., J Acoust Soc Am 90 (1991)", _box),
-    Case("box-abaqus", "the same, from an Abaqus file", "Visscher et al., J Acoust Soc Am 90 (1991)", _abaqus_box),
+    VerificationCase("table-1", "the paper's beam, free", "Miao et al., Comput Mech 41 (2008), Table 1", _table_1),
+    VerificationCase("beam-free", "thick beam, free", "Huang, J Appl Mech 28 (1961)", _free_beam),
+    VerificationCase("beam-supported", "thick beam, simply supported", "Huang, J Appl Mech 28 (1961)", _supported_beam),
+    VerificationCase("plate-free", "thin square plate, free", "Leissa, J Sound Vib 31 (1973)", _free_plate),
+    VerificationCase(
+        "plate-supported", "thick plate, supported", "Srinivas et al., J Sound Vib 12 (1970)", _supported_plate
+    ),
+    VerificationCase("fv52", "solid plate on its lower edges", "NAFEMS FV52", _fv52),
+    VerificationCase("box-free", "box, free", "Visscher et al., J Acoust Soc Am 90 (1991)", _box),
+    VerificationCase(
+        "box-abaqus", "the same, from an Abaqus file", "Visscher et al., J Acoust Soc Am 90 (1991)", _abaqus_box
+    ),
 )

@@ -9,7 +9,7 @@ from pipeline.core.cache import Cache
 from pipeline.output.frequencies import rotating_table
 from pipeline.recovery.chain_motion import ChainMotion
 from pipeline.stages.pipeline import Pipeline
-from pipeline.verification.case import Case, Figure, scene_run
+from pipeline.verification.case import Figure, VerificationCase, scene_run
 from pipeline.verification.closed_forms import stretched_rod
 
 # First and second flapping frequency of a uniform cantilever at Ω √(μL⁴/EI) = η: Wright et al., table of the hub of no
@@ -70,7 +70,9 @@ def _spin_up(cache: Cache | None) -> list[Figure]:
 
 
 CASES = (
-    Case("rotating-rod", "rod at 3000 rad/s", "ρΩ²L³/3E; (tan kL/kL − 1) L, k = Ω√(ρ/E)", _rod),
-    Case("rotating-cantilever", "flapping of a cantilever", "Wright et al., J Appl Mech 49 (1982)", _cantilever),
-    Case("spin-up", "slender beam spun up", "Kane et al. (1987); Simo & Vu-Quoc (1986)", _spin_up),
+    VerificationCase("rotating-rod", "rod at 3000 rad/s", "ρΩ²L³/3E; (tan kL/kL − 1) L, k = Ω√(ρ/E)", _rod),
+    VerificationCase(
+        "rotating-cantilever", "flapping of a cantilever", "Wright et al., J Appl Mech 49 (1982)", _cantilever
+    ),
+    VerificationCase("spin-up", "slender beam spun up", "Kane et al. (1987); Simo & Vu-Quoc (1986)", _spin_up),
 )

@@ -16,7 +16,7 @@ from pipeline.core.errors import AccuracyError, InputError
 from pipeline.core.files import whole_file
 from pipeline.scene.reading import among
 from pipeline.verification import frequencies, rotation, tops
-from pipeline.verification.case import Case, Figure
+from pipeline.verification.case import Figure, VerificationCase
 
 CASES = {case.name: case for case in (*frequencies.CASES, *rotation.CASES, *tops.CASES)}
 
@@ -27,7 +27,7 @@ class Outcome:
 
     Parameters
     ----------
-    case : Case
+    case : VerificationCase
         The case.
     figures : tuple of Figure
         Its figures; none if it ended in an error.
@@ -37,7 +37,7 @@ class Outcome:
         The failed check that ended it; empty if it was carried through.
     """
 
-    case: Case
+    case: VerificationCase
     figures: tuple[Figure, ...]
     seconds: float
     error: str = ""
@@ -48,7 +48,7 @@ class Outcome:
         return not self.error and all(figure.holds for figure in self.figures)
 
 
-def chosen(names: Sequence[str]) -> list[Case]:
+def chosen(names: Sequence[str]) -> list[VerificationCase]:
     """Return the cases of some names; all, if none is given.
 
     Raises
@@ -62,7 +62,7 @@ def chosen(names: Sequence[str]) -> list[Case]:
     return [CASES[name] for name in dict.fromkeys(names)] or list(CASES.values())
 
 
-def outcomes(cases: Sequence[Case], cache: Cache | None = None) -> Iterator[Outcome]:
+def outcomes(cases: Sequence[VerificationCase], cache: Cache | None = None) -> Iterator[Outcome]:
     """Run cases one after another; a check that fails in one doesn't keep the others from running."""
     for case in cases:
         tick = time.perf_counter()

@@ -6,7 +6,7 @@ from scipy.interpolate import CubicSpline
 
 from pipeline.core.arrays import Array
 from pipeline.core.cache import Cache
-from pipeline.verification.case import Case, Figure, listed, scene_run
+from pipeline.verification.case import Figure, VerificationCase, listed, scene_run
 from pipeline.verification.closed_forms import asymmetric_top, symmetric_top
 
 _MOMENTS = (1.0, 2.0, 3.0)  # of models/verification/top.toml
@@ -48,7 +48,11 @@ def _racket(cache: Cache | None) -> list[Figure]:
 
 
 CASES = (
-    Case("symmetric-top", "free symmetric body", "Euler: Landau & Lifshitz, Mechanics, §36", _symmetric),
-    Case("asymmetric-top", "free asymmetric body", "Jacobi: Landau & Lifshitz, Mechanics, §37", _asymmetric),
-    Case("tennis-racket", "racket that turns over", "period 4K(k): Landau & Lifshitz, Mechanics, §37", _racket),
+    VerificationCase("symmetric-top", "free symmetric body", "Euler: Landau & Lifshitz, Mechanics, §36", _symmetric),
+    VerificationCase(
+        "asymmetric-top", "free asymmetric body", "Jacobi: Landau & Lifshitz, Mechanics, §37", _asymmetric
+    ),
+    VerificationCase(
+        "tennis-racket", "racket that turns over", "period 4K(k): Landau & Lifshitz, Mechanics, §37", _racket
+    ),
 )

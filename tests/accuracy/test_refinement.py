@@ -8,7 +8,7 @@ import pytest
 
 from pipeline import Pipeline, load_scene
 from pipeline.accuracy import refinement as accuracy
-from pipeline.accuracy.error_budget import Budget, true_errors
+from pipeline.accuracy.error_budget import ERROR_BUDGET, Budget, true_errors
 from pipeline.accuracy.error_estimates import NO_PART, SOURCES, Row
 from pipeline.accuracy.refinement import meet_accuracy
 from pipeline.cli.app import main
@@ -34,20 +34,18 @@ def test_a_quantity_that_refining_hardly_improves_is_given_up_and_told_while_the
     class Imagined:
         """A run whose errors are laws of its round: frequency and rate converge, stress has no limit."""
 
-        keeper = type("Keeper", (), {"monitor": None})
+        store = type("Store", (), {"monitor": None})
         parts: ClassVar[dict] = {}
 
         def __init__(self, scene, number: int) -> None:
             self.scene, self.number = scene, number
-
-        def neighbour(self, scene, monitor):
-            return Imagined(scene, self.number + 1)
-
-        @property
-        def budget(self) -> Budget:
-            errors = {"frequency": 0.3**self.number, "rate": 0.4**self.number, "stress": 0.1 * 0.9**self.number}
+            errors = {"frequency": 0.3**number, "rate": 0.4**number, "stress": 0.1 * 0.9**number}
             parts = dict.fromkeys(SOURCES, NO_PART)
-            return Budget(tuple(Row(f"{x}", "", 1.0, False, parts | {"time": e}) for x, e in errors.items()))
+            rows = tuple(Row(f"{x}", "", 1.0, False, parts | {"time": e}) for x, e in errors.items())
+            self.results = {ERROR_BUDGET.name: Budget(rows)}
+
+        def variant(self, scene, monitor):
+            return Imagined(scene, self.number + 1)
 
     _, rounds = meet_accuracy(Imagined(load_scene("beam", ["accuracy=5 %"]), 0))
     assert [[row.name for row in found.given_up] for found in rounds] == [[], [], ["stress"], ["stress"], ["stress"]]
@@ -89,10 +87,11 @@ def test_what_is_given_up_is_named_and_the_status_is_3(tmp_path, capsys, monkeyp
     """The rod's rate is made to stall; all that was computed is there nevertheless."""
 
     def meets(run: Pipeline) -> tuple[Pipeline, tuple[accuracy.Round, ...]]:
-        rate = next(row for row in run.budget.rows if row.name == "hinge, rate")
-        return run, (accuracy.Round({"bodies": {}, "integration_error": 0.1}, run.budget.rows[0], {}, (rate,)),)
+        rows = ERROR_BUDGET.of(run).rows
+        rate = next(row for row in rows if row.name == "hinge, rate")
+        return run, (accuracy.Round({"bodies": {}, "integration_error": 0.1}, rows[0], {}, (rate,)),)
 
-    monkeypatch.setattr(accuracy, "meet_accuracy", meets)
+    monkeypatch.setattr("pipeline.output.write.meet_accuracy", meets)
     overrides = ["--set", "accuracy=0.1 %", "--set", "simulation.duration=1 s"]
     with pytest.raises(SystemExit) as stop:
         main(["run", "rod-slider", *overrides, "--no-pictures", "--out", str(tmp_path)])

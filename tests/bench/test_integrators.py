@@ -9,16 +9,16 @@ import numpy as np
 import pytest
 
 from pipeline import Pipeline, load_scene
-from pipeline.bench.mode_study import STUDIES, ModeRow, Reference, extrapolated, fastest, write_study
+from pipeline.bench.mode_study import STUDIES, ConvergedFrequencies, ModeStudyRow, extrapolated, fastest, write_study
 from pipeline.bench.whole_runs import StageRow, _run, write_rows
 from pipeline.cli.app import main
 from pipeline.core.cache import Cache
 from pipeline.core.errors import AccuracyError
 
 ROWS = [
-    ModeRow("beam", "hex20", "coarse", 900, 0.1, 2e-3),
-    ModeRow("beam", "hex20", "fine", 9000, 0.9, 1e-5),
-    ModeRow("beam", "tet10", "fine", 9000, 0.5, 5e-4),
+    ModeStudyRow("beam", "hex20", "coarse", 900, 0.1, 2e-3),
+    ModeStudyRow("beam", "hex20", "fine", 9000, 0.9, 1e-5),
+    ModeStudyRow("beam", "tet10", "fine", 9000, 0.5, 5e-4),
 ]
 
 
@@ -36,7 +36,7 @@ def test_the_fastest_is_looked_for_among_those_within_the_error() -> None:
 
 
 def test_a_study_of_modes_is_written_with_its_reference_and_a_chart(tmp_path: Path) -> None:
-    files = write_study(ROWS, {"beam": Reference(np.array([131.0]), 1e-6, 60123)}, tmp_path)
+    files = write_study(ROWS, {"beam": ConvergedFrequencies(np.array([131.0]), 1e-6, 60123)}, tmp_path)
     assert files == ["modes.csv", "modes-beam.png"]
     assert (tmp_path / "modes-beam.png").stat().st_size > 10_000
     _, reference, *table = (tmp_path / "modes.csv").read_text().splitlines()

@@ -14,7 +14,7 @@ from scipy.linalg import expm
 from scipy.spatial.transform import Rotation
 
 from pipeline.core.arrays import Array
-from pipeline.core.formula import parse
+from pipeline.core.formula import parse_formula
 from pipeline.dynamics.links import PRISMATIC, REVOLUTE, Link, PointLoad
 from pipeline.dynamics.signals.signal import Signal, constant, formula, half_sine, linear_table
 from pipeline.dynamics.tree.tree import Tree
@@ -190,7 +190,7 @@ def table(t: float) -> float:
 
 SIGNALS: dict[str, tuple[Signal, Callable[[float], float]]] = {
     "constant": (constant(1.2), lambda t: 1.2),
-    "formula": (formula(parse("2*sin(5*t) + t**2"), 1.5), lambda t: 1.5 * (2 * np.sin(5 * t) + t**2)),
+    "formula": (formula(parse_formula("2*sin(5*t) + t**2"), 1.5), lambda t: 1.5 * (2 * np.sin(5 * t) + t**2)),
     "table": (linear_table(np.array([0.1, 0.4, 0.7]), np.array([1.0, -2.0, 3.0])), table),
     "half sine": (half_sine(0.2, 0.5, 4.0), lambda t: 4 * np.sin(np.pi * (t - 0.2) / 0.5) if 0.2 < t < 0.7 else 0.0),
 }
@@ -204,7 +204,7 @@ MOVES: dict[str, tuple[str, Callable[[float], tuple[float, float, float]]]] = {
 
 def held(name: str) -> dict[str, Any]:
     """Fields of a link whose joint moves as prescribed: a held section, and no spring."""
-    return {"motion": formula(parse(MOVES[name][0])), "joint_rotation": np.zeros(0), "spring": 0.0}
+    return {"motion": formula(parse_formula(MOVES[name][0])), "joint_rotation": np.zeros(0), "spring": 0.0}
 
 
 def along_joint(name: str, signal: str) -> Case:
@@ -324,7 +324,7 @@ def test_a_point_load_does_its_virtual_work_on_every_rate(
     body: str, torque: bool, following: bool, size: float
 ) -> None:
     # Q_j is the power for the unit rate j; M̂ (a − a₀) is what the load adds. Sections turned a little and a lot.
-    load = at(body, formula(parse("2 + t")), 3, torque=torque, following=following)
+    load = at(body, formula(parse_formula("2 + t")), 3, torque=torque, following=following)
     q, v = start(ARM, 2)
     q[3:] *= size / np.linalg.norm(q[3:])
     t = 0.5

@@ -6,8 +6,8 @@ import numpy as np
 import pytest
 from vtkmodules import vtkCommonDataModel
 
-from pipeline.fem.elements import element_kind, shape_functions, vtk_nodes
-from pipeline.fem.mesh import N_CORNERS
+from pipeline.fem.cells import N_CORNERS, vtk_nodes
+from pipeline.fem.elements import element_kind, shape_functions
 from pipeline.fem.wedge import wedge_quadrature
 
 # Nodes of each element: corners, and mid-edges for order 2.

@@ -10,7 +10,8 @@ import skfem
 from pipeline.core.arrays import Array
 from pipeline.fem.markers import Marker, face_marker
 from pipeline.fem.mesh import SolidMesh
-from pipeline.fem.model import Discretisation, FEModel
+from pipeline.fem.model import FEModel
+from pipeline.fem.space import Discretisation
 
 FACES = ("x-", "x+", "y-", "z+")
 

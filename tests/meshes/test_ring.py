@@ -8,7 +8,7 @@ import pytest
 
 from meshes.propeller import propeller
 from pipeline.fem.mesh import SolidMesh
-from pipeline.fem.model import Discretisation
+from pipeline.fem.space import Discretisation
 from tests.meshes.test_propeller import COARSE, SHAPE, turn
 
 KINDS = [("hexahedron", 2, "hexahedron20"), ("tetrahedron", 1, "tetra"), ("tetrahedron", 2, "tetra10")]

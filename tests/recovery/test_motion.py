@@ -23,7 +23,7 @@ from pipeline.integrators.central_difference import CentralDifference
 from pipeline.integrators.protocol import State, Trajectory
 from pipeline.integrators.subcycling import Subcycling
 from pipeline.recovery.motion import Motion, motion_dataset
-from pipeline.reduction.body import free_frame_body, joint_conforming_body
+from pipeline.reduction.body import free_frame_body, reduced_body
 from pipeline.reduction.eigen import FreeBodySolver
 from pipeline.reduction.mode_families import lowest_modes
 
@@ -51,8 +51,8 @@ def frames(fe: FEModel) -> dict[str, PlanarRotor]:
     markers = {name: face_marker(fe.discretisation, faces[face]) for name, face in (("root", "x-"), ("tip", "x+"))}
     given = fe, modes.omega, modes.shapes, markers, "root"
     return {
-        "about z": PlanarRotor(joint_conforming_body(*given, np.array([0.0, 0.0, 1.0])), NO_TORQUE),
-        "oblique": PlanarRotor(joint_conforming_body(*given, np.array([1.0, -2.0, 3.0])), NO_TORQUE),
+        "about z": PlanarRotor(reduced_body(*given, np.array([[0.0, 0.0, 1.0]])), NO_TORQUE),
+        "oblique": PlanarRotor(reduced_body(*given, np.array([[1.0, -2.0, 3.0]]) / np.sqrt(14)), NO_TORQUE),
         "free": PlanarRotor(free_frame_body(*given, np.array([0.0, 0.0, 1.0])), NO_TORQUE),
     }
 

@@ -23,7 +23,7 @@ from pipeline.reduction.body_file import FORMAT, VERSION, SavedBody, load_body, 
 from pipeline.reduction.eigen import FreeBodySolver
 from pipeline.reduction.inertia import InertiaGram
 from pipeline.reduction.mode_families import lowest_modes
-from pipeline.reduction.stiffening import stiffened
+from pipeline.reduction.stiffening import stiffen_body
 
 Z = np.array([0.0, 0.0, 1.0])
 
@@ -49,7 +49,7 @@ def hinged(small_bar: FEModel, solver: FreeBodySolver, markers: dict[str, Marker
 def saved(small_bar: FEModel, solver: FreeBodySolver, markers: dict[str, Marker], hinged: FlexibleBody) -> SavedBody:
     """Everything that a file can hold."""
     space = small_bar.discretisation
-    body = stiffened(hinged, small_bar, solver, markers["Fuß"].columns(len(small_bar.x), np.eye(3)[:2]))
+    body = stiffen_body(hinged, small_bar, solver, markers["Fuß"].columns(len(small_bar.x), np.eye(3)[:2]))
     surface = surface_topology(space)
     stress = modal_stress(space, small_bar.material, body.shapes, surface.nodes)
     return SavedBody(body, surface, stress, lowest_modes(solver, 4).frequencies_hz)

@@ -6,11 +6,11 @@ import pytest
 from pipeline.core.errors import AccuracyError
 from pipeline.fem.markers import Marker, face_marker
 from pipeline.fem.model import FEModel
-from pipeline.fem.supports import nodes_on_faces
+from pipeline.fem.selection import nodes_on_faces
 from pipeline.reduction.craig_bampton import (
     _rigid_recovered,
     constraint_modes,
-    craig_bampton,
+    craig_bampton_modes,
     interface_columns,
 )
 from pipeline.reduction.eigen import FreeBodySolver
@@ -69,7 +69,7 @@ def test_its_frequencies_come_down_to_those_of_the_free_body(small_bar: FEModel,
     exact = solver.modes(6).omega
     excess = []
     for count in (6, 12, 24, 48):
-        modes = craig_bampton(small_bar, solver, markers, count)
+        modes = craig_bampton_modes(small_bar, solver, markers, count)
         assert (modes.n_rigid, len(modes.omega)) == (6, count + 12 - 6)
         excess.append(modes.omega[:6] / exact - 1)
     assert np.min(excess) > -1e-9
@@ -80,7 +80,7 @@ def test_its_frequencies_come_down_to_those_of_the_free_body(small_bar: FEModel,
 @BOTH
 def test_its_shapes_are_orthonormal_and_hold_no_rigid_motion(small_bar: FEModel, rigid: bool) -> None:
     markers = ends(small_bar, rigid)
-    modes = craig_bampton(small_bar, solver_of(small_bar, markers), markers, 8)
+    modes = craig_bampton_modes(small_bar, solver_of(small_bar, markers), markers, 8)
     Phi = modes.shapes.reshape(len(small_bar.x) * 3, -1)
     assert Phi.T @ (small_bar.M @ Phi) == pytest.approx(np.eye(14), abs=1e-9)
     stiffness = Phi.T @ (small_bar.K @ Phi)
@@ -93,7 +93,7 @@ def test_loads_at_the_interface_deflect_it_exactly_however_few_modes_there_are(
     small_bar: FEModel, clamped: FreeBodySolver, count: int
 ) -> None:
     tip = ends(small_bar)[1]
-    modes = craig_bampton(small_bar, clamped, [tip], count)
+    modes = craig_bampton_modes(small_bar, clamped, [tip], count)
     assert modes.n_rigid == 0
     f = tip.columns(len(small_bar.x), np.eye(3)).reshape(-1, 6)
     Phi = modes.shapes.reshape(len(f), -1)
@@ -106,7 +106,7 @@ def test_loads_at_the_interface_deflect_it_exactly_however_few_modes_there_are(
 
 def test_an_interface_that_a_support_holds_is_refused(small_bar: FEModel, clamped: FreeBodySolver) -> None:
     with pytest.raises(AccuracyError, match="its markers can't move apart from one another"):
-        craig_bampton(small_bar, clamped, ends(small_bar), 4)
+        craig_bampton_modes(small_bar, clamped, ends(small_bar), 4)
 
 
 def test_the_rigid_motions_found_are_counted_against_those_expected(small_bar: FEModel) -> None:
@@ -124,4 +124,4 @@ def test_the_rigid_motions_found_are_counted_against_those_expected(small_bar: F
 def test_more_modes_than_the_mesh_has_are_refused(small_bar: FEModel) -> None:
     markers = ends(small_bar)
     with pytest.raises(AccuracyError, match="modes with its interface held, 5000 wanted; refine it"):
-        craig_bampton(small_bar, FreeBodySolver(small_bar), markers, 5000)
+        craig_bampton_modes(small_bar, FreeBodySolver(small_bar), markers, 5000)

@@ -21,7 +21,7 @@ from pipeline.fem.mesh import SolidMesh
 from pipeline.fem.model import FEModel
 from pipeline.reduction.cyclic import CyclicSolver, first_sector
 from pipeline.reduction.eigen import FreeBodySolver
-from pipeline.reduction.factor.factor import Solver, factorised
+from pipeline.reduction.factor.factor import Solver, factorise
 
 ALUMINIUM = Material(E=70e9, nu=0.3, rho=2780.0)
 SHAPE = PropellerShape(
@@ -99,7 +99,7 @@ def test_any_factor_of_a_sectors_inside_gives_the_modes_of_the_whole(solver: Sol
     if solver == "cholesky":
         pytest.importorskip("cvxopt", reason="cvxopt is not installed")
     fe = model(3)
-    modes = CyclicSolver(fe, 3, partial(factorised, solver=solver)).modes(8)
+    modes = CyclicSolver(fe, 3, partial(factorise, solver=solver)).modes(8)
     assert modes.omega == pytest.approx(FreeBodySolver(fe).modes(8).omega, rel=1e-8)
     assert modes.factor is not None
     assert modes.factor.unknowns < fe.K.shape[0] / 3

@@ -16,7 +16,7 @@ from scipy.integrate import solve_ivp
 from pipeline.core.errors import AccuracyError
 from pipeline.fem.material import Material
 from pipeline.verification import closed_forms, suite
-from pipeline.verification.case import Case, Figure
+from pipeline.verification.case import Figure, VerificationCase
 from pipeline.verification.suite import CASES, Outcome, outcomes, require_within
 
 STEEL = Material(210e9, 0.3, 7800.0)
@@ -135,7 +135,7 @@ def test_a_figure_out_of_its_tolerance_ends_with_status_3_and_is_written(
     fmd: Callable[..., int], tmp_path: Path, capsys: pytest.CaptureFixture[str], monkeypatch: pytest.MonkeyPatch
 ) -> None:
     figures = [Figure("length [m]", 1.0, 1.0, 0.0), Figure("mass [kg]", 1.02, 1.0, 0.01), Figure("x", np.nan, 1.0, 0.1)]
-    monkeypatch.setitem(suite.CASES, "wrong", Case("wrong", "a case", "nowhere", lambda _: figures))
+    monkeypatch.setitem(suite.CASES, "wrong", VerificationCase("wrong", "a case", "nowhere", lambda _: figures))
     assert fmd("verify", "wrong", "--json", "--out", str(tmp_path)) == 3
     printed = capsys.readouterr()
     assert "case wrong is out of its tolerance: mass [kg] is 1.02, published 1; +2 % exceeds 1 %" in printed.err
@@ -152,7 +152,7 @@ def test_a_case_whose_check_fails_does_not_keep_others_from_running(
     def fail(_: object) -> list[Figure]:
         raise AccuracyError("residual 1 exceeds 0")
 
-    monkeypatch.setitem(suite.CASES, "wrong", Case("wrong", "a case", "nowhere", fail))
+    monkeypatch.setitem(suite.CASES, "wrong", VerificationCase("wrong", "a case", "nowhere", fail))
     assert fmd("verify", "wrong", "fv52", "--out", str(tmp_path)) == 3
     printed = capsys.readouterr()
     assert "wrong FAILED: residual 1 exceeds 0" in printed.out
@@ -173,7 +173,7 @@ def test_a_folder_that_cannot_be_written_is_wrong_input(
 
 
 def test_several_cases_out_of_tolerance_are_counted() -> None:
-    case = Case("a", "a case", "nowhere", lambda _: [])
+    case = VerificationCase("a", "a case", "nowhere", lambda _: [])
     wrong = Outcome(case, (Figure("x", 2.0, 1.0, 0.1),), 0.0)
     with pytest.raises(AccuracyError, match=r"\+100 % exceeds 10 % \(and 1 more cases\)"):
         require_within([wrong, Outcome(case, (), 0.0, "failed")])

@@ -13,7 +13,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from pipeline.core.arrays import Array, IntArray, require_shape
-from pipeline.core.formula import MOST_DEPTH, Expression
+from pipeline.core.formula import MOST_DEPTH, Formula
 from pipeline.dynamics.jit.compiled import addressed, inner, kernel
 from pipeline.dynamics.jit.table import Table, address_of, call
 
@@ -77,7 +77,7 @@ def constant(value: float) -> Signal:
     return Signal((_Term(_CONSTANT, numbers=(_finite("the constant", value),)),))
 
 
-def formula(expression: Expression, factor: float = 1.0) -> Signal:
+def formula(expression: Formula, factor: float = 1.0) -> Signal:
     """Make a signal of a formula times a factor.
 
     Where a formula has no real value (a root or a logarithm of a negative number, a varying power of one) the signal
@@ -87,8 +87,8 @@ def formula(expression: Expression, factor: float = 1.0) -> Signal:
 
     Parameters
     ----------
-    expression : Expression
-        What `pipeline.core.formula.parse` makes of the text.
+    expression : Formula
+        What `pipeline.core.formula.parse_formula` makes of the text.
     factor : float
         SI units in one unit of the formula's values.
 

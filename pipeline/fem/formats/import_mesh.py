@@ -9,12 +9,13 @@ import numpy as np
 
 from pipeline.core.arrays import Array, IntArray
 from pipeline.core.errors import InputError
+from pipeline.fem.cells import FACES, STRAIGHT
 from pipeline.fem.formats import repair as repairs
 from pipeline.fem.formats.abaqus import read_abaqus
 from pipeline.fem.formats.meshio_reader import read_by_meshio
 from pipeline.fem.formats.nastran import read_nastran
 from pipeline.fem.formats.raw_mesh import MeshFileError, RawMesh
-from pipeline.fem.mesh import FACES, STRAIGHT, SolidMesh, rows_among
+from pipeline.fem.mesh import SolidMesh, rows_among
 
 _TEXT_READERS = {".inp": read_abaqus, ".bdf": read_nastran, ".nas": read_nastran, ".fem": read_nastran}
 _CAD = (".step", ".stp", ".iges", ".igs", ".brep")

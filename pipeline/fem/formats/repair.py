@@ -11,8 +11,8 @@ from scipy.sparse.csgraph import connected_components
 from scipy.spatial import cKDTree
 
 from pipeline.core.arrays import Array, IntArray
-from pipeline.fem.elements import VTK_EDGES, element_kind, places, shape_functions, vtk_nodes
-from pipeline.fem.mesh import N_CORNERS, STRAIGHT, scaled_jacobian
+from pipeline.fem.cells import EDGES, N_CORNERS, STRAIGHT, scaled_jacobian, vtk_nodes
+from pipeline.fem.elements import element_kind, jacobians, places, shape_functions
 
 _SAME_PLACE = 1e-5  # of the shortest edge
 _BENT = 0.3  # distance of a mid-edge node from its edge's middle over the edge's length
@@ -23,7 +23,7 @@ _ROUNDS = 5
 
 def edges(cells: IntArray, cell_type: str) -> IntArray:
     """Corners at the ends of each cell's edges, shape (n_cells, n_edges, 2)."""
-    return np.asarray(cells[:, np.array(VTK_EDGES[STRAIGHT[cell_type]])])
+    return np.asarray(cells[:, np.array(EDGES[STRAIGHT[cell_type]])])
 
 
 def coincident(points: Array, cells: IntArray, cell_type: str) -> IntArray:
@@ -118,11 +118,9 @@ def inside_out(points: Array, cells: IntArray, cell_type: str) -> IntArray:
         [kind.quadrature(kind.stiffness_order)[0], kind.quadrature(kind.mass_order)[0], kind.element.doflocs.T], axis=1
     )
     n_inside = X.shape[1] - len(kind.element.doflocs)
-    _, dN = shape_functions(kind.geometry, X)
     found = []
     for start in range(0, len(cells), _CHUNK):
-        x = points[cells[start : start + _CHUNK][:, local]]
-        det = np.linalg.det(np.swapaxes(x, 1, 2)[:, None] @ dN.transpose(2, 0, 1))
+        det = np.linalg.det(jacobians(kind.geometry, points[cells[start : start + _CHUNK][:, local]], X))
         size = np.abs(det[:, :n_inside]).max(axis=1, keepdims=True)
         # At its nodes a cell may just be flat, as where a fillet's end meets a face.
         bad = (det[:, :n_inside] <= 0).any(axis=1) | (det[:, n_inside:] < -1e-6 * size).any(axis=1)

@@ -15,9 +15,10 @@ from numpy.typing import NDArray
 
 from pipeline.core.arrays import Array, IntArray, require_shape
 from pipeline.core.files import whole_file
-from pipeline.fem.elements import places, vtk_nodes
+from pipeline.fem.cells import vtk_nodes
+from pipeline.fem.elements import places
 from pipeline.fem.formats.export import part_numbers
-from pipeline.fem.model import Discretisation
+from pipeline.fem.space import Discretisation
 
 _VERSION = (2, 0)
 _CELL_TYPES = {"tet4": 10, "hex8": 12, "wedge6": 13, "tet10": 24, "hex20": 25, "wedge15": 26, "hex27": 29}

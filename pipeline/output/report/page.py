@@ -11,7 +11,7 @@ from html import escape
 from importlib.metadata import version
 from importlib.resources import files
 from pathlib import Path
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 import numpy as np
 
@@ -19,12 +19,10 @@ from pipeline.core.errors import InputError
 from pipeline.core.files import whole_file
 from pipeline.core.html import facts, scaled, table
 from pipeline.output.frequencies import frequency_table
+from pipeline.output.notebook import Picture, draw_inline
 from pipeline.output.report.view3d import view_data
 from pipeline.output.summary import summarise
-
-if TYPE_CHECKING:
-    from pipeline.output.notebook import Picture
-    from pipeline.stages.pipeline import Pipeline
+from pipeline.stages.pipeline import Pipeline
 
 _MOST_MODES = 6
 _SMALL = [800, 450]  # pixels
@@ -66,7 +64,7 @@ def report(run: Pipeline, overrides: Sequence[str] = (), budget: bool = True) ->
     moves = run.scene.march is not None
     if moves:
         run.motions  # noqa: B018 - refuses or diverges before anything is drawn
-    stress, modes, charts = run.keeper.timed(
+    stress, modes, charts = run.store.compute(
         "pictures", lambda: (_stress(run, moves), _modes(run), _charts(run, moves))
     )
     summary = summarise(run, [], budget) if moves else {**frequency_table(run), "seconds": dict(run.log.seconds)}
@@ -127,7 +125,9 @@ def _stressed_part(run: Pipeline, name: str) -> str:
     listed = [output for output in run.scene.output if output.type == "stress" and output.body == name]
     scale = listed[0].scale if listed else 1.0
     data = view_data(run, name, scale)
-    still = _image(run.picture("stress", body=name, scale=scale, size=[1280, 720]), f"von Mises stress of {name}")
+    still = _image(
+        draw_inline(run, "stress", body=name, scale=scale, size=[1280, 720])[0], f"von Mises stress of {name}"
+    )
     colours = np.frombuffer(base64.b64decode(data["colours"]), dtype=np.uint8).reshape(-1, 3)[::15]
     strip = ", ".join(f"rgb({r} {g} {b})" for r, g, b in colours.tolist())
     low, high = data["limits"]
@@ -150,11 +150,10 @@ def _stressed_part(run: Pipeline, name: str) -> str:
 
 
 def _modes(run: Pipeline) -> str:
-    from pipeline.output.notebook import pictures
 
     if not run.parts or not run.part.has_mesh:
         return ""
-    drawn = pictures(run, "modes", range(1, _MOST_MODES + 1), size=_SMALL)
+    drawn = draw_inline(run, "modes", range(1, _MOST_MODES + 1), size=_SMALL)
     named = [f"mode {k + 1}, {run.modes.frequencies_hz[k]:.1f} Hz" for k in range(len(drawn))]
     return "".join(
         f"<figure>{_image(picture, text)}<figcaption>{text}</figcaption></figure>"
@@ -163,13 +162,12 @@ def _modes(run: Pipeline) -> str:
 
 
 def _charts(run: Pipeline, moves: bool) -> str:
-    from pipeline.output.notebook import pictures
 
     charts = [output for output in run.scene.output if output.type == "chart"] if moves else []
     images = ""
     for chart in charts:
         settings = chart.model_dump(exclude={"type", "file", "band"}, exclude_defaults=True)
-        images += _image(pictures(run, "chart", **settings)[0], chart.title or chart.quantity.replace("_", " "))
+        images += _image(draw_inline(run, "chart", **settings)[0], chart.title or chart.quantity.replace("_", " "))
     return f'<section><h2>Motion</h2><div class="charts">{images}</div></section>' if images else ""
 
 
@@ -239,14 +237,13 @@ def _made_by(run: Pipeline, overrides: Sequence[str]) -> str:
     from joblib import cpu_count
 
     from pipeline import __version__
-    from pipeline.output.notebook import scene_table
 
     versions = [("fmd", __version__), ("Python", platform.python_version())]
     versions += [(package, version(package)) for package in _PACKAGES]
     machine = f"{platform.system()}, {platform.machine()}, {cpu_count()} cores"
     settings = "".join(f" --set '{escape(text)}'" for text in overrides)
     return (
-        f'<section><h2>Scene and versions</h2><div class="pair"><div class="wide">{scene_table(run.scene)}</div>'
+        f'<section><h2>Scene and versions</h2><div class="pair"><div class="wide">{run.scene._repr_html_()}</div>'
         f"{facts([*versions, ('machine', machine)], 'versions')}</div></section>"
         f"<footer>Made by <code>fmd report {escape(run.scene.name)}{settings}</code> on {datetime.now(UTC):%Y-%m-%d}."
         "</footer>"

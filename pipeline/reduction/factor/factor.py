@@ -82,7 +82,7 @@ class Factor:
     lowest: Callable[[Any, int, int, Array], tuple[Array, Array]] | None = None
 
 
-def factorised(A: Any, solver: Solver = "auto") -> Factor:
+def factorise(A: Any, solver: Solver = "auto") -> Factor:
     """Factorise a symmetric positive definite matrix.
 
     Parameters
@@ -103,25 +103,13 @@ def factorised(A: Any, solver: Solver = "auto") -> Factor:
     """
     chosen = _installed(solver, A.shape[0])
     if chosen == "superlu" and A.shape[0] < _SMALL:
-        factor = superlu(A)
+        factor = _superlu(A)
         return Factor(factor.solve, _figures(chosen, "MMD", A.shape[0], (factor.nnz + A.shape[0]) // 2))
     A = sp.csr_array(A)
     order, name, nonzeros = _ordered(A)
     figures = _figures(chosen, name, A.shape[0], nonzeros)
     _refuse_too_large(figures, A.nnz)
     return Factor({"cholesky": _cholmod, "superlu": _superlu_in_order}[chosen](A, order), figures)
-
-
-def superlu(A: Any) -> Any:
-    """Factorise a symmetric matrix by SuperLU, without leaving the diagonal for pivots."""
-    return splu(sp.csc_array(A), permc_spec="MMD_AT_PLUS_A", diag_pivot_thresh=0.0, options={"SymmetricMode": True})
-
-
-def predicted(A: Any, solver: Solver = "auto") -> FactorFigures:
-    """Tell what `factorised` would take, without factorising."""
-    A = sp.csr_array(A)
-    _, name, nonzeros = _ordered(A)
-    return _figures(_installed(solver, A.shape[0]), name, A.shape[0], nonzeros)
 
 
 def _installed(solver: Solver, n: int) -> Literal["cholesky", "superlu"]:
@@ -148,7 +136,7 @@ def _ordered(A: sp.csr_array) -> tuple[IntArray, str, int]:
         name, order = "METIS", np.array(pymetis.nested_dissection(pymetis.CSRAdjacency(graph.indptr, graph.indices))[0])
     else:  # SuperLU's minimum degree, by a factorisation of the graph: 1/27 of the work
         dominant = sp.csc_array(graph + sp.diags_array(graph.sum(axis=0) + 1.0))
-        name, order = "MMD", np.argsort(superlu(dominant).perm_c)
+        name, order = "MMD", np.argsort(_superlu(dominant).perm_c)
     unknowns = (size * order.astype(np.int64)[:, None] + np.arange(size)).ravel()
     return unknowns, name, factor_nonzeros(graph[order][:, order], size)
 
@@ -187,6 +175,11 @@ def _cholmod(A: sp.csr_array, order: IntArray) -> Callable[[Array], Array]:
         return np.array(x).reshape(f.shape)
 
     return solve
+
+
+def _superlu(A: Any) -> Any:
+    """Factorise a symmetric matrix by SuperLU, without leaving the diagonal for pivots."""
+    return splu(sp.csc_array(A), permc_spec="MMD_AT_PLUS_A", diag_pivot_thresh=0.0, options={"SymmetricMode": True})
 
 
 def _superlu_in_order(A: sp.csr_array, order: IntArray) -> Callable[[Array], Array]:

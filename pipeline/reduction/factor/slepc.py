@@ -30,7 +30,7 @@ _INSTALL = (
 )
 
 
-def slepc_factorised(A: Any, ranks: int) -> Factor:
+def factorise_over_ranks(A: Any, ranks: int) -> Factor:
     """Factorise a symmetric positive definite matrix over a number of MPI ranks; they end with the factor.
 
     Raises

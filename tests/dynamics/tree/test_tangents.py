@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 
 from pipeline.core.arrays import Array
-from pipeline.core.formula import parse
+from pipeline.core.formula import parse_formula
 from pipeline.dynamics.links import PRISMATIC, REVOLUTE
 from pipeline.dynamics.signals.signal import constant, formula
 from pipeline.dynamics.tree.kernels import mass_and_force
@@ -45,7 +45,7 @@ def test_the_forces_slopes_along_any_rates_are_half_the_difference(chain: Make, 
 
 @pytest.mark.parametrize("joint", [REVOLUTE, PRISMATIC])
 def test_what_a_prescribed_joint_does_counts_too(chain: Make, name: str, joint: int) -> None:
-    motion, none = formula(parse("0.3*sin(2*t) + 0.8*t")), np.zeros(0)
+    motion, none = formula(parse_formula("0.3*sin(2*t) + 0.8*t")), np.zeros(0)
     tree = chain(name).tree
     driven = {"motion": motion, "spring": 0.0, "rest": 0.0, "damper": 0.0, "load": constant(0.0)}
     links = [

@@ -18,11 +18,12 @@ from pipeline.fem.formats import import_mesh as mesh_file
 from pipeline.fem.formats.import_mesh import read_mesh
 from pipeline.fem.formats.meshio_reader import _read
 from pipeline.fem.formats.vtkhdf import vtk_cells
-from pipeline.fem.locate import locate
 from pipeline.fem.markers import face_marker
 from pipeline.fem.material import Material
 from pipeline.fem.mesh import SolidMesh
-from pipeline.fem.model import Discretisation, FEModel
+from pipeline.fem.model import FEModel
+from pipeline.fem.selection import locate
+from pipeline.fem.space import Discretisation
 from pipeline.fem.surface import surface_topology
 from pipeline.recovery.stress import element_stress, modal_stress, point_stress
 

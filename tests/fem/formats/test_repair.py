@@ -10,7 +10,7 @@ import pytest
 
 from pipeline.core.arrays import Array, IntArray
 from pipeline.core.errors import InputError
-from pipeline.fem.elements import VTK_EDGES
+from pipeline.fem.cells import EDGES
 from pipeline.fem.formats.abaqus import read_abaqus
 from pipeline.fem.formats.import_mesh import read_mesh, solid_mesh
 from pipeline.fem.formats.nastran import read_nastran
@@ -31,7 +31,7 @@ def box(box_mesh: Make) -> RawMesh:
 def second_order(raw: RawMesh) -> RawMesh:
     """The same with nodes in the middle of the edges."""
     ((_, cells),) = raw.blocks
-    ends = np.sort(cells[:, np.array(VTK_EDGES["tetra"])], axis=2)
+    ends = np.sort(cells[:, np.array(EDGES["tetra"])], axis=2)
     pairs, number = np.unique(ends.reshape(-1, 2), axis=0, return_inverse=True)
     points = np.concatenate([raw.points, raw.points[pairs].mean(axis=1)])
     return RawMesh(points, [("tetra10", np.hstack([cells, len(raw.points) + number.reshape(len(cells), 6)]))])

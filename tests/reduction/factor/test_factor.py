@@ -18,7 +18,7 @@ from pipeline.fem.mesh import SolidMesh
 from pipeline.fem.model import FEModel
 from pipeline.reduction.eigen import FreeBodySolver
 from pipeline.reduction.factor import factor
-from pipeline.reduction.factor.factor import MissingSolverError, TooLargeError, factorised, predicted
+from pipeline.reduction.factor.factor import MissingSolverError, TooLargeError, factorise
 from pipeline.reduction.factor.factor_size import factor_nonzeros
 from pipeline.reduction.factor.memory import available_memory
 
@@ -56,7 +56,7 @@ def test_every_solver_in_every_order_solves(
     monkeypatch.setattr(factor, "_SMALL", 0)
     A = positive(tetrahedra)
     u = np.random.default_rng(0).standard_normal((A.shape[0], 2))
-    made = factorised(A, solver)
+    made = factorise(A, solver)
     assert made.figures.order == ("MMD" if missing else "METIS")
     for wanted in (u, u[:, 0]):
         assert np.abs(made.solve(A @ wanted) - wanted).max() < 1e-9
@@ -82,7 +82,7 @@ def test_static_responses_and_rigid_faces_are_the_same(hexahedra: FEModel) -> No
     marker = face_marker(hexahedra.discretisation, hexahedra.discretisation.mesh.faces["x-"], True)
     loads = np.random.default_rng(0).standard_normal((len(hexahedra.x), 3, 2))
     u, v = (
-        FreeBodySolver(hexahedra, [marker], factorise=partial(factorised, solver=solver)).static_response(loads)
+        FreeBodySolver(hexahedra, [marker], factorise=partial(factorise, solver=solver)).static_response(loads)
         for solver in SOLVERS
     )
     assert u == pytest.approx(v, abs=1e-8 * np.abs(v).max())
@@ -91,12 +91,12 @@ def test_static_responses_and_rigid_faces_are_the_same(hexahedra: FEModel) -> No
 def test_cholesky_without_cvxopt_says_what_to_install(tetrahedra: FEModel, monkeypatch: pytest.MonkeyPatch) -> None:
     without(monkeypatch, "cvxopt")
     with pytest.raises(MissingSolverError, match="cvxopt, which brings CHOLMOD, is not installed: pip install cvxopt"):
-        factorised(positive(tetrahedra), "cholesky")
+        factorise(positive(tetrahedra), "cholesky")
 
 
 def test_a_matrix_that_is_not_positive_definite_is_refused(tetrahedra: FEModel) -> None:
     with pytest.raises(AccuracyError, match=r"not positive definite: CHOLMOD stopped at pivot \d+"):
-        factorised(tetrahedra.K - 1e12 * tetrahedra.M, "cholesky")
+        factorise(tetrahedra.K - 1e12 * tetrahedra.M, "cholesky")
 
 
 @pytest.mark.parametrize("missing", [(), ("pymetis",)])
@@ -109,7 +109,7 @@ def test_the_predicted_nonzeros_are_those_of_a_factor(
     monkeypatch.setattr(factor, "_SMALL", 0)
     A = positive(request.getfixturevalue(body))
     order, _, nonzeros = factor._ordered(A)
-    assert predicted(A).nonzeros == nonzeros
+    assert factorise(A).figures.nonzeros == nonzeros
     real = factor.splu(
         sp.csc_array(A[order][:, order]), permc_spec="NATURAL", diag_pivot_thresh=0.0, options={"SymmetricMode": True}
     )
@@ -141,9 +141,9 @@ def test_the_memory_of_a_factor_is_predicted_within_a_third(hexahedra: FEModel) 
         return 4096 * int(statm.read_text().split()[1])
 
     A = positive(assemble(SolidMesh(*hexahedral_bar(0.3, 0.1, 0.1, (24, 8, 8))), 2, hexahedra.material))
-    factorised(A, "cholesky").solve(np.ones(A.shape[0]))  # what is loaded and made once
+    factorise(A, "cholesky").solve(np.ones(A.shape[0]))  # what is loaded and made once
     before = resident()
-    kept = [factorised(A, "cholesky") for _ in range(3)]
+    kept = [factorise(A, "cholesky") for _ in range(3)]
     grown = (resident() - before) / len(kept)
     assert 0.67 < kept[0].figures.memory / grown < 1.5
 
@@ -158,7 +158,7 @@ def test_what_does_not_fit_is_refused_before_it_is_factorised(
         r"the factor of its \d+ unknowns needs about [\d.]+ GB of memory \(CHOLMOD, METIS order, [\d.e+]+ nonzeros\)"
     )
     with pytest.raises(TooLargeError, match=needs + ", the machine has 0.02 GB to spare; make the mesh coarser"):
-        factorised(positive(tetrahedra))
+        factorise(positive(tetrahedra))
 
 
 def test_memory_is_the_least_of_what_machine_and_container_leave(tmp_path: Path) -> None:

@@ -8,8 +8,8 @@ import pytest
 from pipeline import Pipeline, load_scene
 from pipeline.cli.app import main
 from pipeline.core.cache import Cache
+from pipeline.output.explain import Forecast, forecast_run
 from pipeline.output.write import write_results
-from pipeline.stages.explain import RunPlan, plan_of
 
 QUICK = ["body.beam.mesh.divisions=[12, 2, 1]", "simulation.duration=20 ms"]
 MORE = """
@@ -27,20 +27,20 @@ frames = 2
 """
 
 
-def plan_and_run(folder, overrides, scene="beam", budget=False) -> tuple[RunPlan, Pipeline]:
+def plan_and_run(folder, overrides, scene="beam", budget=False) -> tuple[Forecast, Pipeline]:
     """Plan, and run by a pipeline of its own."""
     cache, loaded = Cache(folder / "cache"), load_scene(scene, overrides)
-    plan = plan_of(Pipeline(loaded, cache), pictures=False, budget=budget)
+    plan = forecast_run(Pipeline(loaded, cache), pictures=False, budget=budget)
     run = Pipeline(loaded, cache)
     write_results(run, folder / "out", pictures=False, budget=budget)
     return plan, run
 
 
-def stages(plan: RunPlan, fate: str) -> set[str]:
-    return {step.stage.replace("element stress", "stress") for step in plan.steps if step.fate == fate}
+def stages(plan: Forecast, fate: str) -> set[str]:
+    return {step.stage for step in plan.steps if step.fate == fate}
 
 
-def require_foretold(plan: RunPlan, run: Pipeline, decided_later: frozenset[str] = frozenset()) -> None:
+def require_foretold(plan: Forecast, run: Pipeline, decided_later: frozenset[str] = frozenset()) -> None:
     assert stages(plan, "run") - decided_later == set(run.log.run) - decided_later
     assert stages(plan, "cached") - decided_later == set(run.log.cached) - decided_later
 
@@ -82,7 +82,7 @@ def test_the_plan_tells_what_has_changed_and_what_it_took(tmp_path):
     assert steps["body"].seconds == run.log.seconds["body"]
     assert steps["mesh"].fate == "cached"
     assert steps["stiffening"].fate == "open"
-    assert "body" in plan.forecast
+    assert "body" in plan.line
 
 
 def test_a_scene_without_flexible_bodies_skips_all_but_the_motion(tmp_path):

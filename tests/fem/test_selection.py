@@ -3,8 +3,8 @@
 import numpy as np
 
 from pipeline.fem.elements import shape_functions
-from pipeline.fem.locate import locate
 from pipeline.fem.model import FEModel
+from pipeline.fem.selection import locate
 
 
 def test_a_point_inside_is_found_where_it_is(distorted: FEModel) -> None:
