@@ -14,7 +14,7 @@ from pipeline.core.arrays import Array, IntArray
 from pipeline.core.cache import Cache
 from pipeline.core.errors import AccuracyError
 from pipeline.scene.scene import Scene
-from pipeline.scene.variants import COARSENING, coarser, times_finer, with_modes
+from pipeline.scene.variants import COARSENING_FACTORS, change_modes, coarsen_meshes, compare_element_sizes
 from pipeline.stages.part import FlexiblePart
 from pipeline.stages.pipeline import Pipeline
 from pipeline.stages.store import StageStore
@@ -75,8 +75,8 @@ def coarse_pair(run: Pipeline) -> Pair | str:
     Few curved elements may be inverted: then a mesh that is less coarse is tried.
     """
     why = "not estimated: there is no coarser mesh"
-    for times in COARSENING:
-        scene = coarser(run.scene, times)
+    for times in COARSENING_FACTORS:
+        scene = coarsen_meshes(run.scene, times)
         if scene is None:
             break
         try:
@@ -87,14 +87,14 @@ def coarse_pair(run: Pipeline) -> Pair | str:
 
 
 def _pair(run: Pipeline, scene: Scene) -> Pair:
-    more = with_modes(scene, lambda body: {"count": int(_MORE * body.modes.count) + 1})
+    more = change_modes(scene, lambda body: {"count": int(_MORE * body.modes.count) + 1})
     store, parts = StageStore(Cache(None)), {}
     for name, own in run.parts.items():
         other = FlexiblePart(more, name, store)
         parts[name] = FlexiblePart(more, name, store, like=other, modes=modes_like(own, other))
     coarse = Pipeline(more, store.cache, parts=parts, spin=run.spin)
     pairs = [(own, parts[name]) for name, own in run.parts.items()]
-    ratio = min(times_finer(own.shape, len(own.mesh.cells), len(other.mesh.cells)) for own, other in pairs)
+    ratio = min(compare_element_sizes(own.shape, len(own.mesh.cells), len(other.mesh.cells)) for own, other in pairs)
     order, edges = min(own.order for own in run.parts.values()), min(own.mesh.order for own in run.parts.values())
     gains = {kind: refinement_gain(ratio, order, edges, kind) for kind in ("displacement", "stress", "geometry")}
     # Where the volume changes with the mesh so does the shape, and nothing converges faster than that does.

@@ -19,7 +19,7 @@ from pipeline.accuracy.error_estimates import NO_PART, SAFETY, shifted_frequenci
 from pipeline.accuracy.quantities import Quantities, of_the_mesh, of_the_motion, of_the_stress
 from pipeline.core.arrays import Array, IntArray
 from pipeline.integrators.automatic import Automatic
-from pipeline.scene.variants import richer
+from pipeline.scene.variants import enrich_bases
 from pipeline.stages.runs import STABLE, plan_like
 
 if TYPE_CHECKING:
@@ -80,7 +80,7 @@ class Estimates:
 
     def _truncation(self) -> dict[str, float | str]:
         """Estimate modal truncation by a richer basis, both marched with a step that is stable for the richer one."""
-        rich = self.run.variant(richer(self.run.scene), spin=self.run.spin)  # what is stiffened stays so
+        rich = self.run.variant(enrich_bases(self.run.scene), spin=self.run.spin)  # what is stiffened stays so
         plan, base = self._comparable(rich)
         ours = self.quantities if base is None else self._of(self.run, base)
         return dict(self._changes(self._of(rich, self._march(rich, plan)), ours))

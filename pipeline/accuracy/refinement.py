@@ -11,7 +11,14 @@ from pipeline.core.errors import AccuracyError
 from pipeline.scene.imported_bodies import MatrixPart
 from pipeline.scene.scene import Scene
 from pipeline.scene.simulation import AutoRun
-from pipeline.scene.variants import coarser, refined, with_error, with_modes, with_order, with_runs
+from pipeline.scene.variants import (
+    change_modes,
+    coarsen_meshes,
+    refine_meshes,
+    replace_error,
+    replace_order,
+    replace_runs,
+)
 from pipeline.stages.pipeline import Pipeline
 
 _MOST_ROUNDS = 6
@@ -97,9 +104,9 @@ def meet_accuracy(run: Pipeline) -> tuple[Pipeline, tuple[Round, ...]]:
 
 
 def _start(scene: Scene, wanted: float) -> Scene:
-    scene = with_error(with_runs(scene, AutoRun(integrator="auto")), max(_TIME_SHARE * wanted, _LEAST_ERROR))
-    scene = with_modes(scene, lambda body: {"enrich": "ritz" if body.modes.enrich == "ritz" else "inertia"})
-    return with_order(coarser(scene) or scene, 2)
+    scene = replace_error(replace_runs(scene, AutoRun(integrator="auto")), max(_TIME_SHARE * wanted, _LEAST_ERROR))
+    scene = change_modes(scene, lambda body: {"enrich": "ritz" if body.modes.enrich == "ritz" else "inertia"})
+    return replace_order(coarsen_meshes(scene) or scene, 2)
 
 
 def _counting(budget: Budget, scene: Scene) -> list[Row]:
@@ -134,9 +141,9 @@ def _refined(scene: Scene, shares: dict[str, float], wanted: float) -> Scene:
     too_much = {source: share / (_SHARE * wanted) for source, share in shares.items()}
     mesh = max(too_much["discretisation"], too_much["recovery"]) ** _MESH_POWER
     if mesh > 1:
-        scene = refined(scene, min(max(mesh, _GENTLEST), _BOLDEST)) or scene
+        scene = refine_meshes(scene, min(max(mesh, _GENTLEST), _BOLDEST)) or scene
     if too_much["truncation"] > 1:
-        scene = with_modes(
+        scene = change_modes(
             scene,
             lambda body: (
                 {"enrich": "ritz"}
@@ -145,7 +152,7 @@ def _refined(scene: Scene, shares: dict[str, float], wanted: float) -> Scene:
             ),
         )
     if too_much["time"] > 1:
-        scene = with_error(scene, max(scene.simulation.error / (2 * too_much["time"]), _LEAST_ERROR))
+        scene = replace_error(scene, max(scene.simulation.error / (2 * too_much["time"]), _LEAST_ERROR))
     return scene
 
 

@@ -6,7 +6,7 @@ from importlib.resources import files
 from pathlib import Path
 
 from pipeline.core.errors import InputError
-from pipeline.scene.reading import among, ready_scenes
+from pipeline.scene.reading import list_ready_scenes, suggest_name
 
 
 def start_scene(path: Path, ready: str | None = None) -> None:
@@ -17,8 +17,8 @@ def start_scene(path: Path, ready: str | None = None) -> None:
     InputError
         The file exists, isn't a ``.toml`` or can't be written, or there is no such ready scene.
     """
-    if ready is not None and ready not in ready_scenes():
-        raise InputError("--from", "", ready, among(ready, ready_scenes(), "the ready scenes"))
+    if ready is not None and ready not in list_ready_scenes():
+        raise InputError("--from", "", ready, suggest_name(ready, list_ready_scenes(), "the ready scenes"))
     source = files("pipeline.cli.templates") / "part.toml" if ready is None else files("models") / f"{ready}.toml"
     if path.suffix != ".toml":
         raise InputError(str(path), "", None, f"must end in .toml, e.g. {path.stem or 'part'}.toml")

@@ -18,7 +18,7 @@ import numpy as np
 
 from pipeline.core.arrays import Array, IntArray
 from pipeline.dynamics.jit.compiled import aligned, kernel
-from pipeline.dynamics.system import System, accelerations, advance, fast_steps, freeze
+from pipeline.dynamics.system import System, accelerations, advance, fast_steps, hold_slow
 from pipeline.integrators.protocol import (
     Progress,
     State,
@@ -102,7 +102,7 @@ def _march(
             for i in range(q.size):
                 q_now[i] = q[i]
         accelerations(p, start * h, q, v_now, a)
-        freeze(p, start * h, q, v_now, a, frozen)
+        hold_slow(p, start * h, q, v_now, a, frozen)
         for i in range(n_slow):
             v[i] += H * a[i]
         advance(p, q, v, H, 0, n_slow)

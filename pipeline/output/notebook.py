@@ -15,7 +15,7 @@ from pipeline.core.errors import InputError
 from pipeline.core.progress import bars
 from pipeline.output.pictures import DRAWINGS, draw_modes
 from pipeline.scene.outputs import Output
-from pipeline.scene.reading import among
+from pipeline.scene.reading import suggest_name
 from pipeline.scene.scene import load_scene
 from pipeline.stages.pipeline import Pipeline
 
@@ -109,7 +109,7 @@ def draw_inline(run: Pipeline, type: str, numbers: Iterable[int] | None = None, 
         There is no such output, or the scene lacks what it shows.
     """
     if type not in _PICTURES:
-        raise InputError("picture", "type", type, among(type, _PICTURES, "the pictures"))
+        raise InputError("picture", "type", type, suggest_name(type, _PICTURES, "the pictures"))
     given = {"type": type, "file": "mode-{mode}.png" if type == "modes" else "picture.png", **settings}
     if type != "chart":
         given.setdefault("body", run.part.name)

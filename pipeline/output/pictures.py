@@ -17,8 +17,7 @@ if TYPE_CHECKING:
     from pipeline.render.camera import Camera
     from pipeline.render.film import Frame
     from pipeline.render.surface import Surface
-    from pipeline.scene.outputs import Picture
-    from pipeline.scene.scene import Chart, Film, MeshPicture, ModePictures, ModeSheet, StressPicture
+    from pipeline.scene.outputs import BodyPicture, Chart, Film, MeshPicture, ModePictures, ModeSheet, StressPicture
     from pipeline.stages.pipeline import Pipeline
 
 
@@ -211,7 +210,7 @@ def _surface(run: Pipeline, body: str) -> Surface:
     from pipeline.render.surface import Surface
 
     part = run.parts[body]
-    x = part.space.x if run.scene.march is None else run.bodies[body].x  # a part alone isn't reduced
+    x = part.space.x if not run.scene.moves else run.bodies[body].x  # a part alone isn't reduced
     return Surface(x[part.surface.nodes], part.surface.triangles, part.surface.edges)
 
 
@@ -220,7 +219,7 @@ def _is_ring(run: Pipeline, body: str) -> bool:
     return run.parts[body].mesh.sectors > 1
 
 
-def _camera(run: Pipeline, output: Picture, size: tuple[int, int] | None = None) -> Camera:
+def _camera(run: Pipeline, output: BodyPicture, size: tuple[int, int] | None = None) -> Camera:
     """Return a picture's camera, of ``size`` unless the scene gives one; by default of a still picture's."""
     from pipeline.render.camera import PIXELS, Camera
 

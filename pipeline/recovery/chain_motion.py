@@ -10,7 +10,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from pipeline.core.arrays import Array
-from pipeline.dynamics.tree.tree import Tree
+from pipeline.dynamics.mechanism import Mechanism
 from pipeline.integrators.protocol import Trajectory
 from pipeline.recovery.motion_table import motion_table
 from pipeline.reduction.body import MarkerShapes
@@ -25,7 +25,7 @@ class ChainMotion:
 
     Parameters
     ----------
-    tree : Tree
+    tree : Mechanism
         The mechanism.
     trajectory : Trajectory
         Its motion.
@@ -35,7 +35,7 @@ class ChainMotion:
         The body that each revolute or prismatic joint carries, by the joint's name.
     """
 
-    tree: Tree
+    tree: Mechanism
     trajectory: Trajectory
     tip: tuple[str, MarkerShapes]
     joints: Mapping[str, str]

@@ -1,4 +1,4 @@
-"""Integrations in a scene file: what is integrated over time, and by which methods."""
+"""The simulation in a scene file: its duration and settings, and the integrators that it is run with."""
 
 from __future__ import annotations
 
@@ -7,31 +7,57 @@ from typing import Annotated, ClassVar, Literal
 from pydantic import Field, model_validator
 
 from pipeline.core.units import Acceleration, PositiveFrequency, PositiveTime
-from pipeline.scene.bodies import Count, Number, Place
-from pipeline.scene.reading import FaultError, KeyPath, Table
+from pipeline.scene.reading import FaultError, KeyPath, SceneTable
+from pipeline.scene.values import Count, Number, Place
 
 Tolerance = Annotated[Number, Field(ge=3e-14, lt=1.0)]
 
 
-class CentralDifference(Table):
-    """Central differences; ``step`` [s] overrides that of the simulation."""
+class CentralDifferenceRun(SceneTable):
+    """Central differences in leapfrog form, order 2: explicit, stable for steps below 2 over the highest frequency.
+
+    Parameters
+    ----------
+    step : float, optional
+        Time step [s]; by default that of the simulation.
+
+    Examples
+    --------
+    ::
+
+        [[simulation.run]]
+        integrator = "central-difference"
+        step = "10 us"
+    """
 
     integrator: Literal["central-difference"]
     step: PositiveTime | None = None
 
 
-class SubCycling(Table):
-    """Sub-cycling.
+class SubCyclingRun(SceneTable):
+    """Central differences with small steps for fast coordinates and large ones for slow coordinates.
+
+    Miao, Zhu, Shi & Chen, Comput Mech 41 (2008) 269-277, eqs. (8)-(11). Where slow and fast coordinates couple through
+    the mass matrix it is weakly unstable at any step; ``fmd stability`` computes what a scene stands.
 
     Parameters
     ----------
     substeps : int or str
-        Fast steps in a slow one; ``"auto"`` chooses with the split.
+        Number of fast steps in a slow one; ``"auto"`` chooses it together with the split.
     split : float or str
-        What is slow: all joints but those listed as fast (``"joints"``), every coordinate below a frequency [Hz], or
-        what makes the least work for the wanted error (``"auto"``).
+        Which coordinates are slow: all joints but those in ``simulation.fast`` (``"joints"``), every coordinate below
+        a frequency [Hz], or the choice with the least work for the wanted error (``"auto"``).
     step : float, optional
-        Fast step [s]; overrides that of the simulation.
+        Fast step [s]; by default the simulation's step.
+
+    Examples
+    --------
+    ::
+
+        [[simulation.run]]
+        integrator = "sub-cycling"
+        substeps = 10
+        split = "1 kHz"
     """
 
     integrator: Literal["sub-cycling"]
@@ -40,23 +66,32 @@ class SubCycling(Table):
     step: PositiveTime | None = None
 
     @model_validator(mode="after")
-    def _both_or_none(self) -> SubCycling:
+    def _both_or_none(self) -> SubCyclingRun:
         if (self.substeps == "auto") != (self.split == "auto"):
             raise FaultError("is chosen together with the split: give both 'auto' or none", "substeps")
         return self
 
 
-class ReversibleSubCycling(Table):
-    """Sub-cycling that inertial coupling leaves stable.
+class ReversibleSubCyclingRun(SceneTable):
+    """Sub-cycling that stays stable with inertial coupling: slow coordinates react in every fast step; order 2.
 
     Parameters
     ----------
     substeps : int
-        Fast steps in a slow one; with 1 it is central differences.
+        Number of fast steps in a slow one; with 1 it is central differences.
     split : float or str
-        What is slow: all joints but those listed as fast (``"joints"``), or every coordinate below a frequency [Hz].
+        Which coordinates are slow: all joints but those in ``simulation.fast`` (``"joints"``), or every coordinate
+        below a frequency [Hz].
     step : float, optional
-        Fast step [s]; overrides that of the simulation.
+        Fast step [s]; by default the simulation's step.
+
+    Examples
+    --------
+    ::
+
+        [[simulation.run]]
+        integrator = "reversible-sub-cycling"
+        substeps = 10
     """
 
     integrator: Literal["reversible-sub-cycling"]
@@ -65,15 +100,45 @@ class ReversibleSubCycling(Table):
     step: PositiveTime | None = None
 
 
-class ExponentialRun(Table):
-    """Exponential time differencing of order 4; ``step`` [s] overrides that of the simulation."""
+class ExponentialRun(SceneTable):
+    """Exponential Runge-Kutta method of order 4 (ETDRK4) that solves the modal oscillators exactly.
+
+    It takes no joint with rotations in space: no spherical and no free joint.
+
+    Parameters
+    ----------
+    step : float, optional
+        Time step [s]; by default that of the simulation.
+
+    Examples
+    --------
+    ::
+
+        [[simulation.run]]
+        integrator = "exponential"
+        step = "1 ms"
+    """
 
     integrator: Literal["exponential"]
     step: PositiveTime | None = None
 
 
-class RosenbrockRun(Table):
-    """Exponential Rosenbrock method of order 4: chooses its steps by a relative ``tolerance``."""
+class RosenbrockRun(SceneTable):
+    """Exponential Rosenbrock method of order 4 that linearises anew in each step and chooses its steps.
+
+    Parameters
+    ----------
+    tolerance : float
+        Relative tolerance of the error in a step.
+
+    Examples
+    --------
+    ::
+
+        [[simulation.run]]
+        integrator = "exponential-rosenbrock"
+        tolerance = 1e-8
+    """
 
     integrator: Literal["exponential-rosenbrock"]
     tolerance: Tolerance = 1e-6
@@ -81,8 +146,22 @@ class RosenbrockRun(Table):
     step: ClassVar[None] = None
 
 
-class RungeKuttaRun(Table):
-    """Dormand and Prince's Runge–Kutta method of order 8: chooses its steps by a relative ``tolerance``."""
+class RungeKuttaRun(SceneTable):
+    """Runge-Kutta method of order 8 by Dormand and Prince, explicit, that chooses its steps.
+
+    Parameters
+    ----------
+    tolerance : float
+        Relative tolerance of the error in a step.
+
+    Examples
+    --------
+    ::
+
+        [[simulation.run]]
+        integrator = "runge-kutta"
+        tolerance = 1e-8
+    """
 
     integrator: Literal["runge-kutta"]
     tolerance: Tolerance = 1e-9
@@ -90,8 +169,27 @@ class RungeKuttaRun(Table):
     step: ClassVar[None] = None
 
 
-class GeneralizedAlphaRun(Table):
-    """Generalised-α with spectral radius ``rho`` at infinite frequency; with a ``tolerance`` it chooses its steps."""
+class GeneralizedAlphaRun(SceneTable):
+    """Generalised-α method: implicit, order 2, with damping of high frequencies; it takes a step or a tolerance.
+
+    Parameters
+    ----------
+    rho : float
+        Spectral radius at infinite frequency: 1 damps nothing, 0 damps high frequencies at once.
+    step : float, optional
+        Time step [s]; by default that of the simulation.
+    tolerance : float, optional
+        Relative tolerance of the error in a step; with it the method chooses its steps.
+
+    Examples
+    --------
+    ::
+
+        [[simulation.run]]
+        integrator = "generalized-alpha"
+        rho = 0.8
+        step = "50 us"
+    """
 
     integrator: Literal["generalized-alpha"]
     rho: Annotated[Number, Field(ge=0.0, le=1.0)] = 0.8
@@ -105,8 +203,22 @@ class GeneralizedAlphaRun(Table):
         return self
 
 
-class ScipyRun(Table):
-    """One of SciPy's adaptive methods, with its relative ``tolerance``."""
+class ScipyRun(SceneTable):
+    """Methods of SciPy that choose their steps, as references: Radau is implicit, LSODA switches by stiffness.
+
+    Parameters
+    ----------
+    tolerance : float
+        Relative tolerance of the error in a step.
+
+    Examples
+    --------
+    ::
+
+        [[simulation.run]]
+        integrator = "Radau"
+        tolerance = 1e-8
+    """
 
     integrator: Literal["DOP853", "Radau", "LSODA"]
     tolerance: Tolerance = 1e-9
@@ -114,8 +226,20 @@ class ScipyRun(Table):
     step: ClassVar[None] = None
 
 
-class AutoRun(Table):
-    """The method that measurements say is fastest, with a step that meets the simulation's wanted error."""
+class AutoRun(SceneTable):
+    """The integrator that measurements show to be fastest for the mechanism, with a step for the wanted error.
+
+    It takes ``exponential`` where joints and modes don't couple through the mass matrix, else
+    ``exponential-rosenbrock`` if the mechanism is stiff over the duration and ``runge-kutta`` if it isn't, and refines
+    the step until two integrations agree to ``simulation.error``.
+
+    Examples
+    --------
+    ::
+
+        [[simulation.run]]
+        integrator = "auto"
+    """
 
     integrator: Literal["auto"]
 
@@ -123,9 +247,9 @@ class AutoRun(Table):
 
 
 Run = Annotated[
-    CentralDifference
-    | SubCycling
-    | ReversibleSubCycling
+    CentralDifferenceRun
+    | SubCyclingRun
+    | ReversibleSubCyclingRun
     | ExponentialRun
     | RosenbrockRun
     | RungeKuttaRun
@@ -136,31 +260,49 @@ Run = Annotated[
 ]
 
 
-class Simulation(Table):
-    """What is integrated over time, and how.
+class Simulation(SceneTable):
+    """The integration over time: its duration, its settings, and the runs by one or several integrators.
 
     Parameters
     ----------
-    duration, output_step : float
-        How long it lasts, and the time between two results [s].
+    duration : float
+        Time that is integrated [s].
+    output_step : float
+        Time between two results [s]; it doesn't change the integrators' steps.
     step : float or str, optional
-        Time step of the methods that don't choose it [s]; ``"auto"`` for the longest with the wanted error.
+        Time step of the integrators that don't choose it [s]; ``"auto"`` takes the longest with the wanted error.
     error : float
-        Wanted error, relative to the largest value of each kind of coordinate; for what is chosen automatically.
+        Wanted error of what is chosen automatically, relative to the largest value of each kind of coordinate.
     tip : str
         ``"body.marker"`` whose motion is recorded.
     gravity : tuple of float
         Acceleration of free fall [m/s²].
     frame : str
-        How free modes are re-expressed for a torque-driven hinge.
+        Frame of a body with free modes on a torque-driven hinge: modes without inertial coupling to the hinge
+        (``"joint-conforming"``) or the free modes themselves (``"free"``), for comparison.
     stiffening : str
-        Geometric stiffening by the inertia loads: when the speed matters, always or never.
+        Geometric stiffening by inertia loads: when the speed makes it matter (``"auto"``), always or never.
     start : str
-        Whether the bodies start undeformed, or as the rates at the start bend them when they are steady.
+        Deformation at the start: none (``"undeformed"``) or that of a steady motion at the rates of the start
+        (``"steady"``).
     fast : tuple of str
-        The revolute and prismatic joints whose coordinates take the fast steps in sub-cycling.
+        Revolute and prismatic joints whose coordinates take the fast steps in sub-cycling.
     run : tuple of Run
-        The integrations; the others are compared with the first.
+        Runs by one or several integrators; the others are compared with the first.
+
+    Examples
+    --------
+    ::
+
+        [simulation]
+        duration = "0.5 s"
+        output_step = "0.5 ms"
+        step = "10 us"
+        tip = "beam.tip"
+        gravity = ["0 m/s^2", "-9.81 m/s^2", "0 m/s^2"]
+
+        [[simulation.run]]
+        integrator = "central-difference"
     """
 
     duration: PositiveTime

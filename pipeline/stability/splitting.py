@@ -15,7 +15,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from pipeline.core.arrays import Array
-from pipeline.dynamics.tree.tree import Tree
+from pipeline.dynamics.mechanism import Mechanism
 from pipeline.dynamics.vibration import frequencies
 from pipeline.stability.amplification import growth
 
@@ -44,7 +44,7 @@ class Split:
     step: float
 
 
-def split_at(tree: Tree, frequency_hz: float) -> tuple[list[str], dict[str, int]]:
+def split_at(tree: Mechanism, frequency_hz: float) -> tuple[list[str], dict[str, int]]:
     """Fast joints and numbers of slow modes of a tree if every coordinate below a frequency is slow."""
     own = tree.frequencies_hz
     fast_joints = [
@@ -56,7 +56,7 @@ def split_at(tree: Tree, frequency_hz: float) -> tuple[list[str], dict[str, int]
     return fast_joints, slow_modes
 
 
-def choose_split(tree: Tree, error: float, duration: float, spin: float, step: float | None = None) -> Split:
+def choose_split(tree: Mechanism, error: float, duration: float, spin: float, step: float | None = None) -> Split:
     """Choose the split, the ratio and, if none is given, the fast step.
 
     Parameters

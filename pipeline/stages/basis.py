@@ -24,7 +24,7 @@ from pipeline.reduction.loads import acceleration_loads, motion_loads
 from pipeline.reduction.mode_families import lowest_modes, modes_of_family
 from pipeline.reduction.modes import Modes
 from pipeline.reduction.stiffening import stiffen_body
-from pipeline.scene.bodies import Modes as ModeSettings
+from pipeline.scene.bodies import ModeSettings
 from pipeline.stages.inboard_joint import InboardJoint
 
 _RITZ_GENERATIONS = 4

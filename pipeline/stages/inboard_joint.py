@@ -62,7 +62,7 @@ class InboardJoint:
 
 def read_inboard_joint(scene: Scene, body: str) -> InboardJoint:
     """Read from a scene how the joint that carries a flexible body holds it."""
-    gravity = bool(scene.march and any(scene.march.gravity))
+    gravity = scene.moves and any(scene.simulation.gravity)
     carrying = [(name, joint) for name, joint in scene.joint.items() if joint.child.partition(".")[0] == body]
     if not carrying:  # a scene of parts alone
         axis = (0.0, 0.0, 1.0)

@@ -13,8 +13,8 @@ from pipeline.fem.formats.matrices import MatrixModel, node_marker, nodes_in_pla
 from pipeline.fem.markers import Marker, face_marker
 from pipeline.fem.selection import facets_in_plane, facets_near, node_at, nodes_on_edge, nodes_on_faces
 from pipeline.fem.space import Discretisation
-from pipeline.scene.bodies import Marker as MarkerTable
-from pipeline.scene.scene import Flexible
+from pipeline.scene.any_body import Flexible
+from pipeline.scene.places import MarkerPlace
 from pipeline.stages.meshing import find_name
 
 
@@ -27,7 +27,7 @@ def place_markers(shape: Flexible, space: Discretisation, file: str, body: str) 
         A face isn't there, or no part of the surface is.
     """
 
-    def place(name: str, marker: MarkerTable) -> Marker:
+    def place(name: str, marker: MarkerPlace) -> Marker:
         rigid = marker.attachment == "rigid"
         if marker.plane is not None:
             return face_marker(space, facets_in_plane(space, *marker.plane), rigid)
@@ -43,7 +43,7 @@ def place_markers(shape: Flexible, space: Discretisation, file: str, body: str) 
 def place_node_markers(shape: Flexible, model: MatrixModel, file: str, body: str) -> dict[str, Marker]:
     """Place the markers of a body that is given by its matrices on its nodes; raises as `place_markers`."""
 
-    def place(name: str, marker: MarkerTable) -> Marker:
+    def place(name: str, marker: MarkerPlace) -> Marker:
         nodes = nodes_in_plane(model, *marker.plane) if marker.plane else np.array(marker.nodes)
         return node_marker(model, nodes, marker.attachment == "rigid")
 
@@ -75,7 +75,7 @@ def fixed_unknowns(shape: Flexible, space: Discretisation, file: str, body: str)
     return np.unique(np.concatenate(fixed))
 
 
-def _placed(shape: Flexible, place: Callable[[str, MarkerTable], Marker], file: str, body: str) -> dict[str, Marker]:
+def _placed(shape: Flexible, place: Callable[[str, MarkerPlace], Marker], file: str, body: str) -> dict[str, Marker]:
     markers = {}
     for name, marker in shape.marker.items():
         try:

@@ -17,18 +17,20 @@ from pipeline.core.units import unit_ratio
 from pipeline.fem.material import AnyMaterial, Material, MaterialOfElements
 from pipeline.fem.mesh import SolidMesh
 from pipeline.scene.imported_bodies import CadPart, MeshedPart
-from pipeline.scene.reading import among
-from pipeline.scene.source_files import Source
+from pipeline.scene.reading import suggest_name
+from pipeline.scene.source_files import SourceFiles
 
 if TYPE_CHECKING:
     from meshes.gmsh_session import MeshArrays
     from pipeline.fem.model import FEModel
-    from pipeline.scene.scene import Bar, Flexible, Propeller
+    from pipeline.scene.any_body import Flexible
+    from pipeline.scene.bodies import Bar
+    from pipeline.scene.propeller import Propeller
 
 _MOST_SECONDS = 1800
 
 
-def make_mesh(shape: Flexible, source: Source | None) -> SolidMesh:
+def make_mesh(shape: Flexible, source: SourceFiles | None) -> SolidMesh:
     """Mesh a body, or read its mesh from the file that it comes from."""
     if shape.shape == "mesh":
         from pipeline.fem.formats.import_mesh import read_mesh
@@ -42,7 +44,7 @@ def make_mesh(shape: Flexible, source: Source | None) -> SolidMesh:
     return SolidMesh(*_mesh_arrays(shape))
 
 
-def read_body_matrices(shape: Flexible, source: Source | None) -> FEModel:
+def read_body_matrices(shape: Flexible, source: SourceFiles | None) -> FEModel:
     """Read a body that is given by its matrices."""
     from pipeline.fem.formats.matrices import read_matrices
 
@@ -94,7 +96,7 @@ def find_name(names: Mapping[str, IntArray], given: str, file: str, key: str) ->
     alike = [known for known in names if known.casefold() == given.casefold()]
     if given not in names and len(alike) != 1:
         what = key.rpartition(".")[2]
-        raise InputError(file, key, given, f"no such {what}; {among(given, names, f'the {what}s')}")
+        raise InputError(file, key, given, f"no such {what}; {suggest_name(given, names, f'the {what}s')}")
     return given if given in names else alike[0]
 
 

@@ -11,7 +11,7 @@ from pipeline.integrators.central_difference import CentralDifference
 from pipeline.stability.growth import Course, Instant, steadied, steady_near
 
 if TYPE_CHECKING:
-    from pipeline.dynamics.tree.tree import Tree
+    from pipeline.dynamics.mechanism import Mechanism
     from pipeline.stages.mechanism import Chain
     from pipeline.stages.pipeline import Pipeline
 
@@ -57,7 +57,7 @@ def _states_of_rotor(pipeline: Pipeline, times: Array) -> tuple[Instant, ...]:
     return tuple(steadied(rotor, at, np.arange(1, rotor.n)) for at in states)
 
 
-def _with_joints(tree: Tree, rigid: Tree, q: Array, v: Array) -> tuple[Array, Array]:
+def _with_joints(tree: Mechanism, rigid: Mechanism, q: Array, v: Array) -> tuple[Array, Array]:
     """Positions and rates of a tree, undeformed, whose joints are as those of the rigid one."""
     positions, rates = tree.rest_positions, np.zeros(tree.n)
     for k, link in enumerate(tree.links):

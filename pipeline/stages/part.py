@@ -12,9 +12,11 @@ from numpy.typing import NDArray
 
 from pipeline.core.arrays import Array, IntArray
 from pipeline.core.errors import InputError
-from pipeline.scene.bodies import Bar, Propeller
-from pipeline.scene.scene import Flexible, Scene
-from pipeline.scene.source_files import Source
+from pipeline.scene.any_body import Flexible
+from pipeline.scene.bodies import Bar
+from pipeline.scene.propeller import Propeller
+from pipeline.scene.scene import Scene
+from pipeline.scene.source_files import SourceFiles
 from pipeline.stages.inboard_joint import read_inboard_joint
 from pipeline.stages.meshing import find_material, find_name, make_mesh, read_body_matrices
 from pipeline.stages.stage import Stage, stages_of
@@ -208,9 +210,9 @@ class FlexiblePart:
     ) -> None:
         self.name, self.file, self.store = name, scene.file, store
         self.shape: Flexible = scene.flexible[name]
-        self.source = Source.of(self.shape, scene.file, name)
+        self.source = SourceFiles.find(self.shape, scene.file, name)
         self.joint = read_inboard_joint(scene, name)
-        self.frame = scene.march.frame if scene.march else "joint-conforming"
+        self.frame = scene.simulation.frame if scene.moves else "joint-conforming"
         self.results: dict[str, Any] = {}
         if like is not None and like.key("modes") == self.key("modes"):
             self.results |= {stage: like.results[stage] for stage in _OF_THE_MODES if stage in like.results}

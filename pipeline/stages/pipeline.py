@@ -14,7 +14,7 @@ from pipeline.core.errors import InputError
 from pipeline.core.paths import cache_folder
 from pipeline.core.progress import Monitor, silent
 from pipeline.scene.scene import Scene
-from pipeline.scene.source_files import all_of
+from pipeline.scene.source_files import collect_inputs
 from pipeline.stages.part import FlexiblePart
 from pipeline.stages.stage import Stage
 from pipeline.stages.store import Log, StageStore
@@ -191,7 +191,7 @@ class Pipeline:
     @cached_property
     def inputs(self) -> dict[str, Any]:
         """All of the scene that its results depend on; files are read for it once."""
-        return all_of(self.scene)
+        return collect_inputs(self.scene)
 
     # The mechanism and its motion -------------------------------------------------------------------------------
 

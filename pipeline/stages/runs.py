@@ -16,7 +16,7 @@ from pipeline.integrators.subcycling import Subcycling
 from pipeline.stages.mechanism import Chain, chain_of
 
 if TYPE_CHECKING:
-    from pipeline.scene.scene import ReversibleSubCycling, Run, Simulation, SubCycling
+    from pipeline.scene.simulation import ReversibleSubCyclingRun, Run, Simulation, SubCyclingRun
     from pipeline.stages.pipeline import Pipeline
 
 STABLE = 0.4  # of the largest stable step: what a neighbour of a run takes that doesn't stand the run's own
@@ -200,7 +200,7 @@ def _method(run: Run, simulation: Simulation, given: float | None) -> Integrator
             raise AssertionError(run)
 
 
-def _two_rates(run: SubCycling | ReversibleSubCycling, step: float, substeps: int) -> Integrator:
+def _two_rates(run: SubCyclingRun | ReversibleSubCyclingRun, step: float, substeps: int) -> Integrator:
     if run.integrator == "sub-cycling":
         return Subcycling(step, substeps)
     if substeps == 1:  # there both have the same limit, and nothing is held
@@ -222,7 +222,7 @@ def _given_step(pipeline: Pipeline) -> float | None:
     return longest_step(*pipeline.reference_matrices, simulation.error, simulation.duration)
 
 
-def sub_cycled(pipeline: Pipeline, run: SubCycling | ReversibleSubCycling, key: str, given: float | None) -> Plan:
+def sub_cycled(pipeline: Pipeline, run: SubCyclingRun | ReversibleSubCyclingRun, key: str, given: float | None) -> Plan:
     """Split the coordinates as a run says; each split has a mechanism with its own order of coordinates."""
     simulation = pipeline.scene.simulation
     step = run.step or given or 0.0

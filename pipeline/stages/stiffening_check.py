@@ -16,7 +16,7 @@ from pipeline.core.arrays import Array
 from pipeline.core.errors import AccuracyError, InputError
 
 if TYPE_CHECKING:
-    from pipeline.dynamics.tree.tree import Tree
+    from pipeline.dynamics.mechanism import Mechanism
     from pipeline.reduction.body import FlexibleBody
     from pipeline.stages.mechanism import Chain
     from pipeline.stages.pipeline import Pipeline
@@ -113,7 +113,7 @@ def spins_of(chain: Chain, duration: float) -> dict[str, Array]:
     return {link.name: spins[:, k] for k, link in enumerate(rigid.links)}
 
 
-def _rigid_motion(rigid: Tree, q0: Array, v0: Array, times: Array) -> tuple[Array, Array]:
+def _rigid_motion(rigid: Mechanism, q0: Array, v0: Array, times: Array) -> tuple[Array, Array]:
     if not rigid.n:
         return np.zeros((len(times), 0)), np.zeros((len(times), 0))
     from pipeline.integrators.scipy_ivp import ScipyIvp

@@ -11,7 +11,7 @@ from pathlib import Path
 from pipeline.core.cache import stage_key
 from pipeline.core.errors import InputError
 from pipeline.scene.scene import Scene, load_scene
-from pipeline.scene.source_files import contents
+from pipeline.scene.source_files import digest_files
 
 _VARY = "--vary"
 _MOST_POINTS = 100_000
@@ -107,7 +107,7 @@ def point_key(scene: Scene) -> str:
     InputError
         A file isn't there.
     """
-    inputs = {"scene": scene.model_dump(mode="json"), "files": contents(scene)}
+    inputs = {"scene": scene.model_dump(mode="json"), "files": digest_files(scene)}
     return stage_key("point", inputs, ("meshes", "pipeline"), _PACKAGES)
 
 

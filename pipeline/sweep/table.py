@@ -12,7 +12,7 @@ import numpy as np
 
 from pipeline.core.files import whole_file
 from pipeline.core.units import parse_quantity
-from pipeline.scene.reading import toml_value
+from pipeline.scene.reading import parse_value
 from pipeline.sweep.points import Varied
 from pipeline.sweep.study import Sweep
 
@@ -142,7 +142,7 @@ def axis_of(varied: Varied) -> tuple[tuple[Leaf, ...], str]:
 
 
 def _number(text: str) -> tuple[float, str]:
-    value = toml_value(text)
+    value = parse_value(text)
     if isinstance(value, int | float) and not isinstance(value, bool):
         return value, ""
     return parse_quantity(str(value))

@@ -31,7 +31,7 @@ def compute(key: str, scene: Scene) -> Record:
             return broken_off(f"its worker: {error}")
         try:
             run = Pipeline(scene)
-            summary = frequency_table(run) if scene.march is None else summarise(run, [], budget=False)
+            summary = frequency_table(run) if not scene.moves else summarise(run, [], budget=False)
             json.dumps(summary, allow_nan=False)
         except InputError as error:
             return Record("refused", str(error))

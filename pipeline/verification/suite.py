@@ -14,7 +14,7 @@ from typing import Any
 from pipeline.core.cache import Cache
 from pipeline.core.errors import AccuracyError, InputError
 from pipeline.core.files import whole_file
-from pipeline.scene.reading import among
+from pipeline.scene.reading import suggest_name
 from pipeline.verification import frequencies, rotation, tops
 from pipeline.verification.case import Figure, VerificationCase
 
@@ -58,7 +58,7 @@ def chosen(names: Sequence[str]) -> list[VerificationCase]:
     """
     for name in names:
         if name not in CASES:
-            raise InputError("verify", "", name, f"no such case; {among(name, CASES, 'the cases')}")
+            raise InputError("verify", "", name, f"no such case; {suggest_name(name, CASES, 'the cases')}")
     return [CASES[name] for name in dict.fromkeys(names)] or list(CASES.values())
 
 

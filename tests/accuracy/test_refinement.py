@@ -14,7 +14,7 @@ from pipeline.accuracy.refinement import meet_accuracy
 from pipeline.cli.app import main
 from pipeline.core.cache import Cache
 from pipeline.core.errors import AccuracyError, InputError
-from pipeline.scene.variants import refined
+from pipeline.scene.variants import refine_meshes
 
 QUICK = ("simulation.duration=0.1 s", "simulation.output_step=1 ms", "body.beam.mesh.divisions=[24, 2, 1]")
 
@@ -58,7 +58,7 @@ def test_a_quantity_that_refining_hardly_improves_is_given_up_and_told_while_the
 def test_a_refined_propeller_keeps_its_cells_between_the_joints_and_can_be_meshed(factor: float) -> None:
     mesh = "body.propeller.mesh={order=2, sleeve=[12, 2, 1], joint=[2, 3, 3], blade=[2, 3, 6], growth=4.0}"
     scene = load_scene("propeller", ["body.propeller.blades=3", mesh])
-    finer = refined(scene, factor)
+    finer = refine_meshes(scene, factor)
     chosen = finer.flexible["propeller"].mesh
     assert chosen.sleeve[0] // 3 - chosen.joint[1] >= 2  # of two cells, none is a thin one
     assert finer.flexible["propeller"].seat == pytest.approx(np.radians(90.0))  # 3 of the 4 cells of a third

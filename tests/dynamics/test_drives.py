@@ -16,8 +16,8 @@ from scipy.spatial.transform import Rotation
 from pipeline.core.arrays import Array
 from pipeline.core.formula import parse_formula
 from pipeline.dynamics.links import PRISMATIC, REVOLUTE, Link, PointLoad
+from pipeline.dynamics.mechanism import Mechanism
 from pipeline.dynamics.signals.signal import Signal, constant, formula, half_sine, linear_table
-from pipeline.dynamics.tree.tree import Tree
 from pipeline.integrators.central_difference import CentralDifference
 from pipeline.integrators.protocol import evaluate
 from pipeline.integrators.scipy_ivp import ScipyIvp
@@ -45,13 +45,13 @@ class Arm:
 
     Attributes
     ----------
-    tree : Tree
+    tree : Mechanism
         The mechanism under test.
     points : tuple of (ndarray, ndarray, ndarray)
         Places (n, 3), masses (n,) and shapes (n, 3, n_modes) of each body's points.
     """
 
-    tree: Tree
+    tree: Mechanism
     points: tuple[tuple[Array, Array, Array], ...]
 
     @property
@@ -161,7 +161,7 @@ def make_arm() -> Arm:
             else Link(name, gram, joint, k - 1, place, axis, spring=spring, rest=rest, **on)
         )
         points.append((x, m, Phi))
-    return Arm(Tree(links, gravity=WEIGHT), tuple(points))
+    return Arm(Mechanism(links, gravity=WEIGHT), tuple(points))
 
 
 ARM = make_arm()
@@ -283,7 +283,7 @@ def start(arm: Arm, seed: int = 0) -> tuple[Array, Array]:
     return q[arm.order], v[arm.order]
 
 
-def compiled(tree: Tree, t: float, q: Array, v: Array) -> Array:
+def compiled(tree: Mechanism, t: float, q: Array, v: Array) -> Array:
     a = np.full(tree.n, np.nan)
     evaluate(tree.parameters, t, q, v, a)
     return a

@@ -15,9 +15,9 @@ from pipeline.core.arrays import Array
 from pipeline.core.errors import StabilityError
 from pipeline.dynamics.jit.compiled import meaning
 from pipeline.dynamics.links import SPHERICAL, Link, rigid_gram
+from pipeline.dynamics.mechanism import Mechanism
 from pipeline.dynamics.rotor.rotor import PlanarRotor
 from pipeline.dynamics.system import accelerations, advance, velocities
-from pipeline.dynamics.tree.tree import Tree
 from pipeline.integrators.adaptive import groups_of, step_within
 from pipeline.integrators.adaptive_alpha import AdaptiveGeneralizedAlpha
 from pipeline.integrators.rosenbrock import ExponentialRosenbrock
@@ -131,9 +131,11 @@ def beam_case():
     return by_dop853(rotor, np.zeros(rotor.n), np.zeros(rotor.n), times)
 
 
-def spinning_pendulum() -> Tree:
+def spinning_pendulum() -> Mechanism:
     inertia = np.diag([0.11, 0.12, 0.05])
-    return Tree([Link("bob", rigid_gram(2.0, np.array([0.0, 0.0, -0.5]), inertia), SPHERICAL)], gravity=[0, 0, -9.81])
+    return Mechanism(
+        [Link("bob", rigid_gram(2.0, np.array([0.0, 0.0, -0.5]), inertia), SPHERICAL)], gravity=[0, 0, -9.81]
+    )
 
 
 def pendulum_case():

@@ -13,9 +13,9 @@ from pipeline import Pipeline, load_scene
 from pipeline.core.arrays import Array
 from pipeline.core.errors import InputError, StabilityError
 from pipeline.dynamics.links import REVOLUTE, Link, rigid_gram
+from pipeline.dynamics.mechanism import Mechanism
 from pipeline.dynamics.rotor.rotor import PlanarRotor, TorquePulse
 from pipeline.dynamics.signals.signal import constant
-from pipeline.dynamics.tree.tree import Tree
 from pipeline.integrators.central_difference import CentralDifference
 from pipeline.integrators.reversible import ReversibleSubcycling
 from pipeline.integrators.runge_kutta import RungeKutta
@@ -141,7 +141,7 @@ def test_small_motions_of_a_coupled_rotor_take_the_linear_map(free_rotor: Planar
     assert scaled(found, omega) == pytest.approx(scaled(want, omega), abs=1e-8)
 
 
-def pendulum() -> Tree:
+def pendulum() -> Mechanism:
     """Three rods on springy hinges that couple strongly: the last two are fast."""
     gram = rigid_gram(1.0, np.array([0.25, 0.0, 0.0]), np.diag([1e-3, 0.02, 0.02]))
     places = [np.zeros(3), np.array([0.5, 0.0, 0.0]), np.array([0.5, 0.0, 0.0])]
@@ -151,7 +151,7 @@ def pendulum() -> Tree:
              place_shapes=none, place_rotations=none)
         for k, (place, spring) in enumerate(zip(places, (20.0, 300.0, 500.0), strict=True))
     ]  # fmt: skip
-    return Tree(links, ["rod 1", "rod 2"])
+    return Mechanism(links, ["rod 1", "rod 2"])
 
 
 @RATIOS
@@ -196,7 +196,7 @@ def test_the_free_frames_beam_keeps_its_energy(free_rotor: PlanarRotor, m: int) 
 
 
 @pytest.fixture(scope="module")
-def swung() -> tuple[Tree, tuple[Array, Array]]:
+def swung() -> tuple[Mechanism, tuple[Array, Array]]:
     """The arm without its drive and its dampers, let go at 3 rad/s."""
     run = Pipeline(load_scene("arm"))
     assert not run.is_rotor
@@ -205,7 +205,7 @@ def swung() -> tuple[Tree, tuple[Array, Array]]:
     return replace(tree, links=links), (q0, np.r_[3.0, v0[1:]])
 
 
-def test_the_arm_keeps_its_energy_where_sub_cycling_diverges(swung: tuple[Tree, tuple[Array, Array]]) -> None:
+def test_the_arm_keeps_its_energy_where_sub_cycling_diverges(swung: tuple[Mechanism, tuple[Array, Array]]) -> None:
     tree, start = swung
     times = np.linspace(0.0, 2.0, 401)
     with pytest.raises(StabilityError, match="diverged"):
@@ -217,7 +217,7 @@ def test_the_arm_keeps_its_energy_where_sub_cycling_diverges(swung: tuple[Tree, 
 
 
 def test_the_arms_energy_is_kept_better_by_the_square_of_the_step(
-    swung: tuple[Tree, tuple[Array, Array]], order_of: Order
+    swung: tuple[Mechanism, tuple[Array, Array]], order_of: Order
 ) -> None:
     tree, start = swung
     steps, times = 4e-5 / 2.0 ** np.arange(3), np.linspace(0.0, 0.5, 101)

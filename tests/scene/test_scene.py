@@ -17,7 +17,8 @@ from hypothesis import strategies as st
 from pydantic import ValidationError
 
 from pipeline.core.errors import InputError
-from pipeline.scene.scene import Scene, load_scene, ready_scenes
+from pipeline.scene.reading import list_ready_scenes
+from pipeline.scene.scene import Scene, load_scene
 
 BEAM = (files("models") / "beam.toml").read_text()
 SLIDER = (files("models") / "rod-slider.toml").read_text()
@@ -77,8 +78,8 @@ def test_a_scene_knows_its_name_and_its_file(tmp_path: Path) -> None:
 
 
 def test_all_ready_scenes_load() -> None:
-    assert "beam" in ready_scenes()
-    for name in ready_scenes():
+    assert "beam" in list_ready_scenes()
+    for name in list_ready_scenes():
         assert load_scene(name).name == name
 
 
@@ -507,13 +508,13 @@ def test_a_folder_is_refused(tmp_path: Path) -> None:
 
 
 def test_a_missing_file_names_the_ready_scenes(tmp_path: Path) -> None:
-    with refused(f"none.toml: no such file; the ready scenes: {', '.join(ready_scenes())}"):
+    with refused(f"none.toml: no such file; the ready scenes: {', '.join(list_ready_scenes())}"):
         load_scene(tmp_path / "none.toml")
 
 
 @pytest.mark.parametrize("name", ["baem", "", "..", "beam beam"])
 def test_an_unknown_name_names_the_ready_scenes(name: str) -> None:
-    with refused(f"the ready scenes: {', '.join(ready_scenes())}"):
+    with refused(f"the ready scenes: {', '.join(list_ready_scenes())}"):
         load_scene(name)
 
 

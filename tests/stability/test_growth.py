@@ -5,7 +5,7 @@ import pytest
 
 from pipeline import Pipeline, load_scene
 from pipeline.dynamics.linear.linear import LinearSystem
-from pipeline.dynamics.tree.tree import Tree
+from pipeline.dynamics.mechanism import Mechanism
 from pipeline.integrators.central_difference import CentralDifference
 from pipeline.integrators.subcycling import Subcycling
 from pipeline.stability.amplification import growth
@@ -13,23 +13,23 @@ from pipeline.stability.growth import GROWN, Course, Instant, longest_safe_step,
 
 
 @pytest.fixture(scope="module")
-def coasting() -> Tree:
+def coasting() -> Mechanism:
     """Rod and slider without a torque."""
     return Pipeline(load_scene("rod-slider", ["drive.motor.torque=0 N m"])).chain.tree
 
 
-def turning(tree: Tree, rate: float) -> Instant:
+def turning(tree: Mechanism, rate: float) -> Instant:
     return steadied(tree, Instant(0.0, np.zeros(2), np.array([rate, 0.0])), np.array([1]))
 
 
-def test_the_slider_comes_to_rest_where_the_centrifugal_force_holds_its_spring(coasting: Tree) -> None:
+def test_the_slider_comes_to_rest_where_the_centrifugal_force_holds_its_spring(coasting: Mechanism) -> None:
     # k x = m Ω² (d + x), k = 1000 N/m, m = 5 kg, d = 1 m
     assert turning(coasting, 2.0).q[1] == pytest.approx(20 / 980, rel=1e-9)
 
 
 @pytest.mark.parametrize("rate", [0.5, 2.0])
 @pytest.mark.parametrize(("m", "step"), [(5, 0.011), (1, 0.06), (10, 0.002)])
-def test_vibrations_grow_as_the_tangent_tells(coasting: Tree, rate: float, m: int, step: float) -> None:
+def test_vibrations_grow_as_the_tangent_tells(coasting: Mechanism, rate: float, m: int, step: float) -> None:
     """Against the energy of the difference of two marches, averaged over ten periods, over 20 s."""
     at, method = turning(coasting, rate), Subcycling(step, m)
     told = march_rates(method, coasting, at, 0.01)[0]

@@ -61,7 +61,7 @@ def write_report(run: Pipeline, path: Path, overrides: Sequence[str] = (), budge
 
 def report(run: Pipeline, overrides: Sequence[str] = (), budget: bool = True) -> str:
     """Make the page; the arguments are those of `write_report`."""
-    moves = run.scene.march is not None
+    moves = run.scene.moves
     if moves:
         run.motions  # noqa: B018 - refuses or diverges before anything is drawn
     stress, modes, charts = run.store.compute(

@@ -13,8 +13,8 @@ from scipy.spatial.transform import Rotation
 
 from pipeline.core.arrays import Array
 from pipeline.dynamics.links import FIXED, FREE, PRISMATIC, REVOLUTE, SPHERICAL, Link, rigid_gram
+from pipeline.dynamics.mechanism import Mechanism
 from pipeline.dynamics.signals.signal import constant
-from pipeline.dynamics.tree.tree import Tree
 from pipeline.integrators.central_difference import CentralDifference
 from pipeline.integrators.protocol import State, evaluate, evaluate_velocities
 from pipeline.integrators.scipy_ivp import ScipyIvp
@@ -37,7 +37,7 @@ def with_sections(chain: Any, scale: float) -> Any:
     return replace(chain, tree=replace(chain.tree, links=links))
 
 
-def compiled(tree: Tree, q: Array, v: Array) -> Array:
+def compiled(tree: Mechanism, q: Array, v: Array) -> Array:
     a = np.full(tree.n, np.nan)
     evaluate(tree.parameters, 0.0, q, v, a)
     return a
@@ -374,7 +374,7 @@ def test_a_body_with_no_slow_joint_is_sub_cycled_as_by_central_difference(chain:
         link = replace(link, joint_rotation=np.zeros(0))
     if joint == FIXED:
         link = replace(link, spring=0.0, damper=0.0)
-    tree = Tree([link], [link.name] if joint != FIXED else [])
+    tree = Mechanism([link], [link.name] if joint != FIXED else [])
     assert tree.n_slow == 0
     q0, times = 1e-8 * np.random.default_rng(0).normal(size=tree.n), np.linspace(0.0, 10.0, 101)
     plain = CentralDifference(0.04).march(tree, q0, np.zeros(tree.n), times)
@@ -445,24 +445,24 @@ POINT = rigid_gram(1.0, np.zeros(3), np.eye(3))
 def test_a_link_comes_after_its_parent(parent: int) -> None:
     links = [Link("first", POINT, FREE), Link("second", POINT, REVOLUTE, parent)]
     with pytest.raises(ValueError, match=re.escape("link second comes before its parent")):
-        Tree(links)
+        Mechanism(links)
 
 
 def test_a_link_does_not_carry_itself() -> None:
     with pytest.raises(ValueError, match=re.escape("link first comes before its parent")):
-        Tree([Link("first", POINT, FREE, parent=0)])
+        Mechanism([Link("first", POINT, FREE, parent=0)])
 
 
 @pytest.mark.parametrize("joint", [FIXED, SPHERICAL, FREE])
 def test_only_a_joint_of_one_coordinate_can_be_fast(joint: int) -> None:
     message = "the joint of ball can't be fast: it has no one coordinate"
     with pytest.raises(ValueError, match=re.escape(message)):
-        Tree([Link("ball", POINT, joint)], fast_joints=["ball"])
+        Mechanism([Link("ball", POINT, joint)], fast_joints=["ball"])
 
 
 @pytest.mark.parametrize("joint", [REVOLUTE, PRISMATIC])
 def test_a_joint_of_one_coordinate_can_be_fast(joint: int) -> None:
-    assert Tree([Link("ball", POINT, joint)], fast_joints=["ball"]).n_slow == 0
+    assert Mechanism([Link("ball", POINT, joint)], fast_joints=["ball"]).n_slow == 0
 
 
 @pytest.mark.parametrize(
@@ -476,17 +476,17 @@ def test_a_joint_of_one_coordinate_can_be_fast(joint: int) -> None:
 def test_names_that_do_not_fit_are_refused(links: list[str], fast: list[str], said: str) -> None:
     gram = rigid_gram(1.0, np.zeros(3), np.eye(3))
     with pytest.raises(ValueError, match=said):
-        Tree([Link(name, gram, REVOLUTE) for name in links], fast)
+        Mechanism([Link(name, gram, REVOLUTE) for name in links], fast)
 
 
 def test_an_axis_without_direction_is_refused() -> None:
     gram = rigid_gram(1.0, np.zeros(3), np.eye(3))
     with pytest.raises(ValueError, match="the axis of a has no direction"):
-        Tree([Link("a", gram, REVOLUTE, axis=np.zeros(3))])
+        Mechanism([Link("a", gram, REVOLUTE, axis=np.zeros(3))])
 
 
 def test_a_slow_oscillator_limits_the_sub_cycled_step_by_its_own_long_one() -> None:
     # A mass of 2 kg on a spring of 8 N/m: ω = 2 rad/s, so m h < 2/ω = 1 s (central difference's limit).
     gram = rigid_gram(2.0, np.zeros(3), np.eye(3))
-    tree = Tree([Link("a", gram, PRISMATIC, spring=8.0)])
+    tree = Mechanism([Link("a", gram, PRISMATIC, spring=8.0)])
     assert Subcycling(1.0, 10).largest_step(tree) == pytest.approx(0.1, rel=1e-12)

@@ -25,7 +25,7 @@ _STEADY_STEPS = 30
 
 
 @dataclass(frozen=True)
-class Tree:
+class Mechanism:
     """A mechanism of links.
 
     Rates are ordered by what is slow: slow joints, slow modes, fast joints, fast modes.
@@ -254,7 +254,7 @@ class Tree:
         return kinetic, potential
 
     @cached_property
-    def released(self) -> Tree:
+    def released(self) -> Mechanism:
         """The same mechanism with its prescribed joints free to move: for their reactions and for the energy."""
         return replace(self, links=[replace(link, motion=None) for link in self.links])
 
@@ -354,7 +354,7 @@ class Tree:
         return origins, rotations, spins
 
     @cached_property
-    def rigid(self) -> Tree:
+    def rigid(self) -> Mechanism:
         """The same mechanism with no body deforming; its coordinates are the joints' of this one if all are slow."""
         nothing, none = np.zeros(0), np.zeros((3, 0))
         links = [
@@ -370,7 +370,7 @@ class Tree:
             for link in self.links
         ]
         loads = [replace(at, shapes=none, rotations=none) for at in self.loads]
-        return Tree(links, self.fast_joints, self.gravity, loads)
+        return Mechanism(links, self.fast_joints, self.gravity, loads)
 
 
 def _symmetric(lower: Array) -> Array:
