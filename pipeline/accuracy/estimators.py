@@ -15,7 +15,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from pipeline.accuracy.coarse_mesh import Pair, coarse_pair
-from pipeline.accuracy.error_estimates import NO_PART, SAFETY, shifted_frequencies, softened
+from pipeline.accuracy.error_estimates import NO_PART, SAFETY, shifted_frequencies, soften_body
 from pipeline.accuracy.quantities import Quantities, of_the_mesh, of_the_motion, of_the_stress
 from pipeline.core.arrays import Array, IntArray
 from pipeline.integrators.automatic import Automatic
@@ -130,7 +130,7 @@ class Estimates:
         """
         largest = {name: 0.0 for name in self.quantities if name not in self.of_mesh}
         for shift in _SHIFTS:
-            bodies = {name: softened(body, shift * excess[name]) for name, body in self.run.bodies.items()}
+            bodies = {name: soften_body(body, shift * excess[name]) for name, body in self.run.bodies.items()}
             moved = self.run.with_bodies({name: body for name, (body, _) in bodies.items()})
             forces = {name: as_if for name, (_, as_if) in bodies.items()}
             theirs = self._of(moved, self._march(moved, plan_like(self.plan, moved)), self.hot, as_if=forces)

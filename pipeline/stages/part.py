@@ -108,13 +108,13 @@ def _assemble(part: FlexiblePart) -> FEModel:
 def _compute_modes(part: FlexiblePart) -> Modes:
     from pipeline.stages.basis import compute_modes
 
-    return compute_modes(part.model)
+    return compute_modes(part.model, part.shape.modes)
 
 
 def _reduce(part: FlexiblePart) -> FlexibleBody:
     from pipeline.stages.basis import reduce_body
 
-    return reduce_body(part.model, part.modes, part.frame)
+    return reduce_body(part.model, part.modes, part.shape.modes, part.frame)
 
 
 def _stiffen(part: FlexiblePart) -> InertiaGram:
@@ -216,7 +216,7 @@ class FlexiblePart:
         self.results: dict[str, Any] = {}
         if like is not None and like.key("modes") == self.key("modes"):
             self.results |= {stage: like.results[stage] for stage in _OF_THE_MODES if stage in like.results}
-            if like.shape.marker == self.shape.marker:
+            if (like.shape.marker, like.joint) == (self.shape.marker, self.joint):
                 self.__dict__ |= {name: value for name, value in vars(like).items() if name in _OF_THE_MODEL}
         if modes is not None:
             self.results["modes"] = modes
@@ -281,11 +281,19 @@ class FlexiblePart:
     @cached_property
     def model(self) -> HeldModel:
         """The finite element model with its markers, supports and joint."""
-        from pipeline.stages.basis import HeldModel
+        from pipeline.stages.basis import HeldModel, choose_factorisation
 
-        sectors = self.mesh.sectors if self.has_mesh else 1
-        settings, joint = self.shape.modes, self.joint
-        return HeldModel(self.file, self.name, settings, self.fe, sectors, self.markers, self.fixed, joint)
+        return HeldModel(
+            file=self.file,
+            name=self.name,
+            solver_name=self.shape.modes.solver,
+            factorise=choose_factorisation(self.shape.modes),
+            fe=self.fe,
+            sectors=self.mesh.sectors if self.has_mesh else 1,
+            markers=self.markers,
+            fixed=self.fixed,
+            joint=self.joint,
+        )
 
     @property
     def stiffened(self) -> FlexibleBody:
