@@ -20,11 +20,11 @@ from pipeline.stages.operating_points import course_of
 __all__ = ["laws", "require_map", "scene_stability", "summary_of_maps", "summary_of_scene", "two_dof"]
 
 if TYPE_CHECKING:
+    from pipeline.dynamics.mechanism import Mechanism
     from pipeline.dynamics.system import System
     from pipeline.integrators.protocol import Integrator
     from pipeline.stability.growth import Course
     from pipeline.stability.two_dof import Map
-    from pipeline.stages.mechanism import Chain
     from pipeline.stages.pipeline import Pipeline
 
 _BISECTIONS = 30
@@ -120,10 +120,9 @@ def scene_stability(run: Pipeline, ratios: list[int], along: bool) -> SceneStabi
     states with all bodies rigid and all modes and fast joints at rest where the loads leave them.
     """
     simulation = run.scene.simulation
-    chain = _split_chain(run)
-    system: System = chain.tree if chain else run.mechanism
-    M, K, C = _matrices(run, chain)
-    course = course_of(run, chain) if along else None
+    mechanism, system = _split(run)
+    M, K, C = system.linear_matrices
+    course = course_of(run, mechanism, system) if along else None
     limits = []
     with run.store.monitor("stability") as advance:
         for k, m in enumerate(ratios):
@@ -133,8 +132,8 @@ def scene_stability(run: Pipeline, ratios: list[int], along: bool) -> SceneStabi
     beta = mass_coupling(M, system.n_slow)
     if course:
         best = _recommended_along(course, *best, simulation.error, limits[0].critical_step)
-        if chain:
-            masses = [chain.tree.mass_matrix(at.q, at.time) for at in course.states]
+        if system is mechanism:
+            masses = [mechanism.mass_matrix(at.q, at.time) for at in course.states]
             beta = max(beta, *(mass_coupling(mass, system.n_slow) for mass in masses))
     return SceneStability(beta, tuple(limits), along, simulation.duration, system.n_slow, best)
 
@@ -212,30 +211,22 @@ def mass_coupling(M: Array, n_slow: int) -> float:
     return float(np.linalg.norm(np.linalg.solve(L, np.linalg.solve(S, M[n_slow:, :n_slow]).T), 2))
 
 
-def _split_chain(run: Pipeline) -> Chain | None:
-    """The scene's chain with the split of its first sub-cycled run; none for a rotor."""
+def _split(run: Pipeline) -> tuple[Mechanism, System]:
+    """Mechanism with the split of the scene's first sub-cycled run, and the system that marches it."""
     from pipeline.stages.runs import sub_cycled
 
     for one in run.scene.simulation.run:
         if one.integrator in ("sub-cycling", "reversible-sub-cycling"):
             chosen = one.split == "auto" and run.scene.simulation.step == "auto"
-            return sub_cycled(run, one, "", None if chosen else one.step or _any_step(run)).chain
-    return None if run.is_rotor else run.chain
+            plan = sub_cycled(run, one, "", None if chosen else one.step or _any_step(run))
+            return plan.mechanism, plan.system
+    return run.mechanism, run.system
 
 
 def _any_step(run: Pipeline) -> float:
     """The scene's fast step, which only a split that is chosen depends on [s]."""
     step = run.scene.simulation.step
     return step if isinstance(step, float) else 1.0
-
-
-def _matrices(run: Pipeline, chain: Chain | None) -> tuple[Array, Array, Array]:
-    """Mass, stiffness and damping of the undeformed mechanism."""
-    if chain is None:
-        M, K = run.reference_matrices
-        return M, K, np.zeros_like(K)
-    tree = chain.tree
-    return tree.mass_matrix(tree.rest_positions), tree.linear_stiffness, tree.linear_damping
 
 
 def summary_of_maps(maps: list[Map], file: str) -> dict[str, Any]:

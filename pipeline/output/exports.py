@@ -40,7 +40,7 @@ def _write_motion(run: Pipeline, output: Export, path: Path) -> None:
     from pipeline.fem.formats.vtkhdf import write_series
     from pipeline.recovery.stress import choose_frames, von_mises
 
-    part, motion, shapes = run.parts[output.body], run.first_motion, run.bodies[output.body].shapes
+    part, motion, shapes = run.parts[output.body], run.motion, run.bodies[output.body].shapes
     chosen = choose_frames(len(motion.times), output.frames)
     x, q, stress = run.bodies[output.body].x, motion.modal(output.body), part.nodal_stress
     origin = part.space.x[0] - x[0]

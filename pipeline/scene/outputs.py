@@ -32,19 +32,26 @@ Component = Literal["von Mises", "xx", "yy", "zz", "yz", "xz", "xy", "principal 
 
 # Meanings of the quantities that a chart can draw.
 CHART_QUANTITIES = {
+    "joint_position": "angle of a revolute or displacement of a prismatic joint, named by `joint` if there are several",
+    "joint_rate": "angular rate or speed of such a joint",
     "tip_position": "position of the tip in space",
-    "tip_deflection": "displacement of the tip by deformation, across a beam on a hinge",
-    "tip_displacement": "displacement of the tip by deformation, in the axes of its body",
-    "joint_position": "angle of a revolute or displacement of a prismatic joint, named by `joint`",
-    "joint_rate": "angular rate or speed of a joint, named by `joint`; without it that of the one hinge",
-    "joint_angle": "angle of the one hinge",
-    "modal_coordinates": "modal coordinates of the body with the tip",
+    "tip_deflection": "displacement of the tip by deformation, seen from the section at its body's joint, in its axes",
+    "tip_displacement": "displacement of the tip by deformation, in the floating frame of its body",
+    "marker_position": "position of any marker in space, named by `marker`",
+    "modal_coordinates": "modal coordinates of the body named by `body`, or of that with the tip",
     "energy": "kinetic and potential energy",
-    "com_position": "position of the centre of mass",
+    "centre_of_mass": "position of the centre of all bodies' mass in space",
+    "momentum": "momentum of all bodies",
+    "angular_momentum": "angular momentum of all bodies about the ground's origin",
     "com_velocity": "velocity of the centre of mass",
-    "com_angular_velocity": "angular velocity of the centre of mass about the hinge",
+    "com_angular_velocity": "angular velocity of the centre of mass about the axis of the first joint",
     "element_stress": "stress in a named element, given by `element` and `component`",
+    "com_position": "the former name of `centre_of_mass`",
+    "joint_angle": "the former name of `joint_position`",
 }
+
+
+JOINT_QUANTITIES = ("joint_position", "joint_rate", "joint_angle")
 
 
 class Chart(SceneTable):
@@ -57,7 +64,11 @@ class Chart(SceneTable):
     quantity : str
         Quantity that is drawn; the table of quantities below explains each.
     joint : str, optional
-        Revolute or prismatic joint whose position or rate is drawn.
+        Revolute or prismatic joint whose position or rate is drawn; needed if there are several.
+    body : str, optional
+        Flexible body whose modal coordinates are drawn; that of the tip by default.
+    marker : str, optional
+        ``"body.marker"``, the marker whose position in space is drawn.
     element : str, optional
         ``"body.element"``, a named element whose stress is drawn.
     component : str
@@ -86,20 +97,26 @@ class Chart(SceneTable):
     type: Literal["chart"]
     file: Annotated[str, AfterValidator(FileCheck((".png", ".pdf", ".svg"))), AfterValidator(_check_no_mode)]
     quantity: Literal[
-        "com_position",
-        "com_velocity",
-        "com_angular_velocity",
+        "joint_position",
+        "joint_rate",
+        "tip_position",
         "tip_deflection",
         "tip_displacement",
-        "tip_position",
-        "joint_angle",
-        "joint_rate",
-        "joint_position",
+        "marker_position",
         "modal_coordinates",
         "energy",
+        "centre_of_mass",
+        "momentum",
+        "angular_momentum",
+        "com_velocity",
+        "com_angular_velocity",
         "element_stress",
+        "com_position",
+        "joint_angle",
     ]
     joint: Place | None = None
+    body: Place | None = None
+    marker: Place | None = None
     element: Place | None = None
     component: Component = "von Mises"
     unit: Place | None = None
@@ -109,11 +126,14 @@ class Chart(SceneTable):
 
     @model_validator(mode="after")
     def _joint_where_needed(self) -> Chart:
-        if self.quantity == "joint_position" and self.joint is None:
-            raise FaultError("is missing: the name of the joint whose coordinate is drawn", "joint")
-        if self.quantity not in ("joint_position", "joint_rate") and self.joint is not None:
-            raise FaultError("belongs to the quantities 'joint_position' and 'joint_rate'", "joint")
-        if self.unit is not None and self.joint is None and self.element is None:
+        if self.quantity != "modal_coordinates" and self.body is not None:
+            raise FaultError("belongs to the quantity 'modal_coordinates'", "body")
+        if (self.marker is None) == (self.quantity == "marker_position"):
+            wrong = "is missing: 'body.marker', the marker" if self.marker is None else "belongs to 'marker_position'"
+            raise FaultError(wrong, "marker")
+        if self.quantity not in JOINT_QUANTITIES and self.joint is not None:
+            raise FaultError(f"belongs to the quantities {', '.join(JOINT_QUANTITIES[:2])}", "joint")
+        if self.unit is not None and self.quantity not in (*JOINT_QUANTITIES, "element_stress"):
             raise FaultError("belongs to a joint's position or rate, or to a stress", "unit")
         if (self.element is None) == (self.quantity == "element_stress"):
             wrong = "is missing: 'body.element', the element" if self.element is None else "belongs to 'element_stress'"

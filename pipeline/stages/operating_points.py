@@ -7,12 +7,14 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from pipeline.core.arrays import Array
+from pipeline.dynamics.fast_path import rigid_hinge_motion
 from pipeline.integrators.central_difference import CentralDifference
 from pipeline.stability.growth import Course, Instant, steadied, steady_near
+from pipeline.stages.mechanism import place_joints
 
 if TYPE_CHECKING:
     from pipeline.dynamics.mechanism import Mechanism
-    from pipeline.stages.mechanism import Chain
+    from pipeline.dynamics.system import System
     from pipeline.stages.pipeline import Pipeline
 
 _STATES = 8
@@ -20,8 +22,8 @@ _STEPS = 20_000  # of the rigid motion, at least
 _RESOLVED = 0.1  # of its largest step, at most
 
 
-def course_of(pipeline: Pipeline, chain: Chain | None = None) -> Course:
-    """Course of a scene's rotor or, with the split of one of its runs, of its chain.
+def course_of(pipeline: Pipeline, mechanism: Mechanism, system: System) -> Course:
+    """Course of a scene's mechanism with the split of one of its runs, which marches it as ``system``.
 
     Raises
     ------
@@ -30,14 +32,14 @@ def course_of(pipeline: Pipeline, chain: Chain | None = None) -> Course:
     """
     duration = pipeline.scene.simulation.duration
     times = (np.arange(_STATES) + 0.5) * duration / _STATES
-    if pipeline.is_rotor:
-        return Course(pipeline.rotor, _states_of_rotor(pipeline, times), duration)
-    tree, whole = (chain or pipeline.chain).tree, pipeline.chain
-    rigid = whole.tree.rigid
+    rigid, tree = pipeline.mechanism.rigid, mechanism
+    q0, v0 = place_joints(pipeline.scene, rigid)
     q, v = np.zeros((len(times), rigid.n_positions)), np.zeros((len(times), rigid.n))
-    if rigid.n:
+    if closed := rigid_hinge_motion(pipeline.mechanism, q0, v0, times):
+        q, v = closed
+    elif rigid.n:
         step = min(duration / _STEPS, _RESOLVED * 2.0 / rigid.highest_frequency)
-        start = Instant(0.0, whole.q0[: rigid.n_positions], whole.v0[: rigid.n])
+        start = Instant(0.0, q0, v0)
         # What is fast follows from rest: its own vibration would make the states hang on when they are taken.
         start = steady_near(rigid, start, np.arange(rigid.n_slow, rigid.n)) or start
         motion = CentralDifference(step).march(rigid, start.q, start.v, times)
@@ -45,16 +47,7 @@ def course_of(pipeline: Pipeline, chain: Chain | None = None) -> Course:
     still = {*range(tree.n_slow, tree.n)}.union(*(tree.modes_of(k).tolist() for k in range(len(tree.links))))
     rates = np.array(sorted(still), dtype=np.int64)
     states = [Instant(float(t), *_with_joints(tree, rigid, q[k], v[k])) for k, t in enumerate(times)]
-    return Course(tree, tuple(steadied(tree, at, rates) for at in states), duration)
-
-
-def _states_of_rotor(pipeline: Pipeline, times: Array) -> tuple[Instant, ...]:
-    rotor = pipeline.rotor
-    q0, v0 = pipeline.start
-    done = np.clip((times - rotor.pulse.start) / rotor.pulse.duration, 0.0, 1.0)
-    rates = v0[0] + rotor.driven_rate * 0.5 * (1 - np.cos(np.pi * done))
-    states = [Instant(float(t), q0, np.r_[rate, v0[1:]]) for t, rate in zip(times, rates, strict=True)]
-    return tuple(steadied(rotor, at, np.arange(1, rotor.n)) for at in states)
+    return Course(system, tuple(steadied(system, at, rates) for at in states), duration)
 
 
 def _with_joints(tree: Mechanism, rigid: Mechanism, q: Array, v: Array) -> tuple[Array, Array]:

@@ -1,4 +1,4 @@
-"""From the scene's runs to integrators, each with the mechanism it marches: split and step chosen where asked for."""
+"""From a scene's runs to integrators, each with the mechanism that it marches, its split and its step."""
 
 from __future__ import annotations
 
@@ -10,10 +10,11 @@ import numpy as np
 from pipeline.core.arrays import Array
 from pipeline.core.errors import InputError, StabilityError
 from pipeline.dynamics.excited_modes import Excited, excited_part
+from pipeline.dynamics.mechanism import Mechanism
 from pipeline.dynamics.system import System
 from pipeline.integrators.protocol import Integrator, Progress, Trajectory
 from pipeline.integrators.subcycling import Subcycling
-from pipeline.stages.mechanism import Chain, chain_of
+from pipeline.stages.mechanism import build_mechanism, choose_system, find_start, place_joints
 
 if TYPE_CHECKING:
     from pipeline.scene.simulation import ReversibleSubCyclingRun, Run, Simulation, SubCyclingRun
@@ -25,37 +26,44 @@ _NO_FORCE = 1e-3  # part of the wanted error: what a mode that is left out could
 
 @dataclass(frozen=True)
 class Plan:
-    """One run: an integrator and what it marches from where.
+    """A run of a scene, ready to be integrated: an integrator, a mechanism and a start.
 
     Attributes
     ----------
     key : str
         The scene's key of its step.
-    chain : Chain, optional
-        The mechanism with the run's own split, if the scene is a chain.
+    mechanism : Mechanism
+        With the run's own split into slow and fast coordinates.
+    system : System
+        The mechanism or its fast path, whose steps are limited.
+    start : tuple of ndarray, shapes (n_positions,) and (n,)
+        Positions and rates.
     excited : Excited, optional
         The part of the mechanism that is integrated, if some modes can be left at rest.
+    excited_system : System, optional
+        That part or its fast path.
     growth : float
         Factor by which an explicit method itself makes small vibrations grow over the scene.
     """
 
     key: str
     integrator: Integrator
+    mechanism: Mechanism
     system: System
     start: tuple[Array, Array]
-    chain: Chain | None = None
     excited: Excited | None = None
+    excited_system: System | None = None
     growth: float = 1.0
 
     def march(self, times: Array, progress: Progress | None = None) -> Trajectory:
         """Integrate; coordinates of modes that stay at rest are 0. The end is that of what was integrated."""
         (q0, v0), part = self.start, self.excited
-        if part is None:
+        if part is None or self.excited_system is None:
             return self.integrator.march(self.system, q0, v0, times, progress)
-        found = self.integrator.march(part.system, q0[part.positions], v0[part.rates], times, progress)
+        march = self.integrator.march(self.excited_system, q0[part.positions], v0[part.rates], times, progress)
         q, v = np.tile(q0, (len(times), 1)), np.zeros((len(times), len(v0)))
-        q[:, part.positions], v[:, part.rates] = found.q, found.v
-        return replace(found, q=q, v=v)
+        q[:, part.positions], v[:, part.rates] = march.q, march.v
+        return replace(march, q=q, v=v)
 
 
 def plans_of(pipeline: Pipeline) -> dict[str, Plan]:
@@ -103,16 +111,17 @@ def _unasked(pipeline: Pipeline, k: int, given: float | None) -> Plan:
     key = f"simulation.run.{k}.step" if run.step else "simulation.step"
     if run.integrator in ("sub-cycling", "reversible-sub-cycling"):
         return sub_cycled(pipeline, run, key, given)
-    chain = None if pipeline.is_rotor else pipeline.chain
-    return Plan(key, _method(run, simulation, given), pipeline.mechanism, pipeline.start, chain)
+    return Plan(key, _method(run, simulation, given), pipeline.mechanism, pipeline.system, pipeline.start)
 
 
 def _without_rest(pipeline: Pipeline, plan: Plan) -> Plan:
-    """The same without the modes that nothing excites, unless all are to be kept."""
-    if pipeline.keep_all:
+    """Leave the modes out of a run that nothing excites, unless all are to be kept."""
+    part = None
+    if not pipeline.keep_all:
+        part = excited_part(plan.mechanism, plan.start[0], _NO_FORCE * pipeline.scene.simulation.error)
+    if part is None:
         return plan
-    wanted = _NO_FORCE * pipeline.scene.simulation.error
-    return replace(plan, excited=excited_part(plan.system, plan.start[0], wanted))
+    return replace(plan, excited=part, excited_system=choose_system(pipeline.scene, part.mechanism))
 
 
 def _stable(pipeline: Pipeline, plan: Plan, free: bool) -> Plan:
@@ -137,7 +146,7 @@ def _stable(pipeline: Pipeline, plan: Plan, free: bool) -> Plan:
     from pipeline.stages.operating_points import course_of
 
     try:
-        course = course_of(pipeline, plan.chain)
+        course = course_of(pipeline, plan.mechanism, plan.system)
     except StabilityError:  # of the mechanism itself: the march will tell
         return plan
     folds = course.e_folds(method) if method.step < limit else np.inf
@@ -228,19 +237,20 @@ def sub_cycled(pipeline: Pipeline, run: SubCyclingRun | ReversibleSubCyclingRun,
     step = run.step or given or 0.0
     if run.split == "joints":
         assert run.substeps != "auto"  # the scene's own check
-        chain = None if pipeline.is_rotor else pipeline.chain
-        return Plan(key, _two_rates(run, step, run.substeps), pipeline.mechanism, pipeline.start, chain)
+        method = _two_rates(run, step, run.substeps)
+        return Plan(key, method, pipeline.mechanism, pipeline.system, pipeline.start)
     from pipeline.stability.splitting import choose_split, split_at
-    from pipeline.stages.stiffening_check import spins_of
+    from pipeline.stages.stiffening_check import rigid_spins
 
-    tree, substeps = pipeline.chain.tree, run.substeps
+    whole, substeps = pipeline.mechanism, run.substeps
     if run.split == "auto":
-        spins = spins_of(pipeline.chain, simulation.duration)
+        spins = rigid_spins(whole, *place_joints(pipeline.scene, whole.rigid), simulation.duration)
         spin = max(float(np.sqrt(np.mean(np.sum(rates**2, axis=1)))) for rates in spins.values())
-        choice = choose_split(tree, simulation.error, simulation.duration, spin, step or None)
+        choice = choose_split(whole, simulation.error, simulation.duration, spin, step or None)
         frequency, substeps, step = choice.frequency_hz, choice.substeps, choice.step
     else:
         frequency = run.split
     assert substeps != "auto"
-    chain = chain_of(pipeline.scene, pipeline.bodies, *split_at(tree, frequency))
-    return Plan(key, _two_rates(run, step, substeps), chain.tree, (chain.q0, chain.v0), chain)
+    mechanism = build_mechanism(pipeline.scene, pipeline.bodies, *split_at(whole, frequency))
+    start = find_start(pipeline.scene, mechanism)
+    return Plan(key, _two_rates(run, step, substeps), mechanism, mechanism, start)

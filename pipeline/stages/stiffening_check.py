@@ -1,4 +1,4 @@
-"""Whether a body's spin matters to its stiffness: how fast it will turn, found with all bodies rigid.
+"""Check of how fast each flexible body turns, by the motion with all bodies rigid, and whether that stiffens it.
 
 The linear floating frame softens with spin, by ``Ω²`` times a body's second moments, and has no stiffness left at a
 critical rate. Geometric stiffening, by the stress of the inertia loads themselves, more than makes up for it.
@@ -14,12 +14,12 @@ from scipy.linalg import eigh
 
 from pipeline.core.arrays import Array
 from pipeline.core.errors import AccuracyError, InputError
+from pipeline.dynamics.fast_path import rigid_hinge_motion
 from pipeline.dynamics.kinematics import Kinematics
 
 if TYPE_CHECKING:
     from pipeline.dynamics.mechanism import Mechanism
     from pipeline.reduction.body import FlexibleBody
-    from pipeline.stages.mechanism import Chain
     from pipeline.stages.pipeline import Pipeline
 
 # Spin counts where it changes the lowest stiffness by more than this part.
@@ -29,7 +29,7 @@ _SAMPLES = 401
 
 @dataclass(frozen=True)
 class SpinCheck:
-    """What a body's spin does to its stiffness.
+    """Largest spin of a body over a scene, against the rate at which its stiffness would be lost.
 
     Attributes
     ----------
@@ -93,28 +93,37 @@ def critical_rate(body: FlexibleBody, spin: Array) -> float:
 
 def _spins(pipeline: Pipeline, bodies: dict[str, FlexibleBody]) -> dict[str, Array]:
     """Angular velocities of the bodies in their own axes over the scene, (n_samples, 3) each, all bodies rigid."""
-    from pipeline.stages.mechanism import chain_of, rotor_of
+    from pipeline.stages.mechanism import build_mechanism, place_joints
 
-    if pipeline.is_rotor:
-        (body,) = bodies.values()
-        (joint,) = pipeline.scene.joint.values()
-        reached = rotor_of(pipeline.scene, body).driven_rate
-        start = joint.rate if joint.type == "revolute" else 0.0
-        return {body_name: np.outer([start, start + reached], body.axis) for body_name in bodies}
-    found = spins_of(chain_of(pipeline.scene, bodies), pipeline.scene.simulation.duration)
-    return {name: spins for name, spins in found.items() if name in bodies}
+    mechanism = build_mechanism(pipeline.scene, bodies)
+    start = place_joints(pipeline.scene, mechanism.rigid)
+    every = rigid_spins(mechanism, *start, pipeline.scene.simulation.duration)
+    return {name: spins for name, spins in every.items() if name in bodies}
 
 
-def spins_of(chain: Chain, duration: float) -> dict[str, Array]:
-    """Angular velocity of each body of a chain in its own axes, all bodies rigid, (n_samples, 3) each [rad/s]."""
-    rigid = chain.tree.rigid
+def rigid_spins(mechanism: Mechanism, q0: Array, v0: Array, duration: float) -> dict[str, Array]:
+    """Compute the angular velocity of each body in its own axes over a motion in which no body deforms.
+
+    Parameters
+    ----------
+    q0, v0 : ndarray
+        Positions and rates of `Mechanism.rigid` at the start.
+    duration : float
+        Of the motion [s].
+
+    Returns
+    -------
+    dict of str to ndarray, shapes (n_samples, 3)
+        [rad/s]
+    """
     times = np.linspace(0.0, duration, _SAMPLES)
-    q, v = _rigid_motion(rigid, chain.q0[: rigid.n_positions], chain.v0[: rigid.n], times)
-    motion = Kinematics(rigid, times, q, v)
-    return {link.name: motion.body_spin(k) for k, link in enumerate(rigid.links)}
+    q, v = rigid_hinge_motion(mechanism, q0, v0, times) or _rigid_motion(mechanism.rigid, q0, v0, times)
+    motion = Kinematics(mechanism.rigid, times, q, v)
+    return {link.name: motion.body_spin(k) for k, link in enumerate(mechanism.links)}
 
 
 def _rigid_motion(rigid: Mechanism, q0: Array, v0: Array, times: Array) -> tuple[Array, Array]:
+    """Integrate a mechanism of rigid bodies: positions and rates, (n_times, …) each."""
     if not rigid.n:
         return np.zeros((len(times), 0)), np.zeros((len(times), 0))
     from pipeline.integrators.scipy_ivp import ScipyIvp

@@ -86,7 +86,7 @@ def test_marches_live_below_the_limit_and_diverge_above_it(name: str, still: str
     (row,) = scene_stability(run, [m], along=False).limits
     limit = row.critical_step
     assert row.sudden_step == pytest.approx(limit, rel=1e-3)
-    system = run.mechanism
+    system = run.system
     q0, v0 = np.full(system.n, 1e-6), np.zeros(system.n)
     method = CentralDifference if m == 1 else lambda step: Subcycling(step, m)
     steps = 20_000
@@ -114,7 +114,7 @@ def grown(method: Integrator, run: Pipeline) -> float:
 
     Two marches that differ by a millionth: what they differ by is a small vibration, in the norm of its energy.
     """
-    system, times = run.mechanism, np.linspace(0.0, run.scene.simulation.duration, 4001)
+    system, times = run.system, np.linspace(0.0, run.scene.simulation.duration, 4001)
     fast = np.arange(system.n_slow, system.n)
     at = steadied(system, Instant(0.0, *run.start), fast)
     moved = at.q.copy()
@@ -130,7 +130,7 @@ def folds_of_slider(method: Integrator, run: Pipeline) -> float:
 
     Its energy is averaged over one and a half periods; a polynomial through its logarithm goes on to both ends.
     """
-    system, duration = run.mechanism, run.scene.simulation.duration
+    system, duration = run.system, run.scene.simulation.duration
     at = steadied(system, Instant(0.0, *run.start), np.array([1]))
     cycle = getattr(method, "substeps", 1) * method.step
     times = np.arange(0.0, duration, cycle / max(1, round(cycle / 0.02)))
@@ -163,7 +163,7 @@ def test_steps_beyond_a_summit_of_growth_are_not_trusted() -> None:
     assert folds_of_slider(Subcycling(along.critical_step, 10), run) == pytest.approx(2.18, abs=0.05)
     assert folds_of_slider(Subcycling(0.042, 10), run) > np.log(GROWN)
     with pytest.raises(StabilityError):
-        Subcycling(0.138, 5).march(run.mechanism, *run.start, np.linspace(0.0, 10.0, 11))
+        Subcycling(0.138, 5).march(run.system, *run.start, np.linspace(0.0, 10.0, 11))
 
 
 @pytest.mark.parametrize("m", [1, 5])
@@ -173,17 +173,17 @@ def test_the_limit_along_the_beams_own_drive_is_sharp(m: int) -> None:
     assert limit == pytest.approx(2 / run.body.omega.max(), rel=1e-3)
     assert grown(explicit(0.98 * limit, m), run) < GROWN
     with pytest.raises(StabilityError):
-        explicit(1.02 * limit, m).march(run.mechanism, *run.start, np.linspace(0.0, 0.5, 11))
+        explicit(1.02 * limit, m).march(run.system, *run.start, np.linspace(0.0, 0.5, 11))
 
 
 def test_dampers_shorten_the_arms_step() -> None:
     """They take the rate that is predicted from half a step before: 4.9 % less than 2/ω."""
     run = Pipeline(load_scene("arm", ["simulation.duration=0.2 s"]))
     rest, along = (scene_stability(run, [1], along=flag).limits[0].critical_step for flag in (False, True))
-    assert along <= rest < 0.96 * 2 / run.mechanism.highest_frequency
+    assert along <= rest < 0.96 * 2 / run.system.highest_frequency
     with pytest.raises(StabilityError):
-        CentralDifference(1.02 * rest).march(run.mechanism, *run.start, np.array([0.2]))
-    found = CentralDifference(0.98 * along).march(run.mechanism, *run.start, np.linspace(0.0, 0.2, 11))
+        CentralDifference(1.02 * rest).march(run.system, *run.start, np.array([0.2]))
+    found = CentralDifference(0.98 * along).march(run.system, *run.start, np.linspace(0.0, 0.2, 11))
     assert np.abs(found.q).max() < 3
 
 
@@ -244,7 +244,9 @@ def test_a_killed_stress_test_goes_on_where_it_was(tmp_path: Path) -> None:
 def test_a_step_can_be_chosen_for_the_wanted_error() -> None:
     """`step = "auto"`: the error that was asked for is met, and a tighter one takes a shorter step."""
     times = np.linspace(0.0, 0.1, 11)
-    exact = Pipeline(load_scene("beam")).motion.q[::20][:11]  # at 10 us, where the error is 1e-6 of the deflection
+    exact = Pipeline(load_scene("beam")).motion.modal("beam")[::20][
+        :11
+    ]  # at 10 us, where the error is 1e-6 of the deflection
     steps = []
     for error in (1e-2, 1e-3):
         run = Pipeline(
@@ -252,6 +254,6 @@ def test_a_step_can_be_chosen_for_the_wanted_error() -> None:
         )
         trajectory = run.motion.trajectory
         steps.append(trajectory.step)
-        found = run.motion.q[np.searchsorted(run.motion.times, times - 1e-9)]
+        found = run.motion.modal("beam")[np.searchsorted(run.motion.times, times - 1e-9)]
         assert np.abs(found - exact).max() < error * np.abs(exact).max()
     assert steps[1] < 0.5 * steps[0]

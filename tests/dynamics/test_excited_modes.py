@@ -29,7 +29,7 @@ def both_ways(overrides: list[str], scene: str = "beam"):
 def test_a_beam_turned_in_its_plane_leaves_its_other_modes_at_rest() -> None:
     plan, part, whole = both_ways(FLAT)
     assert plan.excited is not None
-    left_out = np.array(plan.excited.left_out[""])
+    left_out = np.array(plan.excited.left_out["beam"])
     assert 0 < len(left_out) < plan.system.n - 1
     assert not part.q[:, 1 + left_out].any()
     # Integrated, they answer to nothing but round-off.
@@ -68,4 +68,4 @@ def test_keep_all_integrates_every_mode(keep_all: bool) -> None:
     run = Pipeline(load_scene("beam", FLAT), keep_all=keep_all)
     plan = next(iter(plans_of(run).values()))
     assert (plan.excited is None) == keep_all
-    assert excited_part(plan.system, plan.start[0], 1e-6) is not None
+    assert excited_part(plan.mechanism, plan.start[0], 1e-6) is not None

@@ -9,7 +9,8 @@ import numpy as np
 import pytest
 
 from pipeline import Pipeline, load_scene
-from pipeline.dynamics.rotor.rotor import PlanarRotor, TorquePulse
+from pipeline.dynamics.rotor.parameters import TorquePulse
+from pipeline.dynamics.rotor.rotor import PlanarRotor
 from pipeline.integrators.adaptive_alpha import AdaptiveGeneralizedAlpha
 from pipeline.integrators.automatic import Automatic
 from pipeline.integrators.central_difference import CentralDifference
@@ -41,7 +42,7 @@ EACH = pytest.mark.parametrize("method", METHODS)
 @pytest.fixture(scope="module")
 def rod_slider():
     pipeline = Pipeline(load_scene("rod-slider"))
-    return pipeline.mechanism, *pipeline.start
+    return pipeline.system, *pipeline.start
 
 
 @pytest.fixture(scope="module")

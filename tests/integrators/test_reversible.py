@@ -15,7 +15,8 @@ from pipeline.core.errors import InputError, StabilityError
 from pipeline.dynamics.kinematics import Kinematics
 from pipeline.dynamics.links import REVOLUTE, Link, rigid_gram
 from pipeline.dynamics.mechanism import Mechanism
-from pipeline.dynamics.rotor.rotor import PlanarRotor, TorquePulse
+from pipeline.dynamics.rotor.parameters import TorquePulse
+from pipeline.dynamics.rotor.rotor import PlanarRotor
 from pipeline.dynamics.signals.signal import constant
 from pipeline.integrators.central_difference import CentralDifference
 from pipeline.integrators.reversible import ReversibleSubcycling
@@ -208,8 +209,7 @@ def test_the_free_frames_beam_keeps_its_energy(free_rotor: PlanarRotor, m: int) 
 def swung() -> tuple[Mechanism, tuple[Array, Array]]:
     """The arm without its drive and its dampers, let go at 3 rad/s."""
     run = Pipeline(load_scene("arm"))
-    assert not run.is_rotor
-    tree, (q0, v0) = run.chain.tree, run.start
+    tree, (q0, v0) = run.mechanism, run.start
     links = [replace(link, damper=0.0, damping=0.0 * link.damping, load=constant(0.0)) for link in tree.links]
     return replace(tree, links=links), (q0, np.r_[3.0, v0[1:]])
 

@@ -15,7 +15,7 @@ from pipeline.stability.growth import GROWN, Course, Instant, longest_safe_step,
 @pytest.fixture(scope="module")
 def coasting() -> Mechanism:
     """Rod and slider without a torque."""
-    return Pipeline(load_scene("rod-slider", ["drive.motor.torque=0 N m"])).chain.tree
+    return Pipeline(load_scene("rod-slider", ["drive.motor.torque=0 N m"])).mechanism
 
 
 def turning(tree: Mechanism, rate: float) -> Instant:
