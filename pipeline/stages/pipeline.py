@@ -13,6 +13,7 @@ from pipeline.core.cache import Cache
 from pipeline.core.errors import InputError
 from pipeline.core.paths import cache_folder
 from pipeline.core.progress import Monitor, silent
+from pipeline.recovery.stress import StressHistory, stress_measure
 from pipeline.scene.scene import Scene
 from pipeline.scene.source_files import collect_inputs
 from pipeline.stages.part import FlexiblePart
@@ -27,7 +28,6 @@ if TYPE_CHECKING:
     from pipeline.fem.surface import SurfaceTopology
     from pipeline.integrators.protocol import Trajectory
     from pipeline.recovery.motion import Motion
-    from pipeline.recovery.stress import StressHistory
     from pipeline.reduction.body import FlexibleBody
     from pipeline.reduction.modes import Modes
     from pipeline.stages.runs import Plan
@@ -162,15 +162,11 @@ class Pipeline:
 
     def stress_of(self, body: str) -> StressHistory:
         """Stress on a flexible body's surface over the first run's motion."""
-        from pipeline.recovery.stress import StressHistory
-
         part, first = self.parts[body], self.motion
         return StressHistory(part.surface.nodes, part.surface_stress, first.times, first.modal(body))
 
     def element_stress(self, element: str, component: str = "von Mises") -> dict[str, Array]:
         """Stress in the middle of a named element, ``"body.element"``, over each run's motion, (n_times,) [Pa]."""
-        from pipeline.recovery.stress import stress_measure
-
         body, _, name = element.partition(".")
         part = self.parts[body]
         modal = part.element_stress[list(part.elements).index(name)]
@@ -191,7 +187,9 @@ class Pipeline:
         """Largest rate of each flexible body and its effect on the stiffness; empty if nothing turns."""
         from pipeline.stages.stiffening_check import check_spins
 
-        return check_spins(self) if self._spin is None else self._spin
+        if self._spin is not None:
+            return self._spin
+        return check_spins(self.scene, {name: part.body for name, part in self.parts.items()})
 
     @cached_property
     def bodies(self) -> Mapping[str, FlexibleBody]:
@@ -230,9 +228,9 @@ class Pipeline:
     @cached_property
     def plans(self) -> dict[str, Plan]:
         """The scene's runs, ready to be integrated, each under the label of its motion; raises what `motions` does."""
-        from pipeline.stages.runs import plans_of
+        from pipeline.stages.runs import make_plans
 
-        return plans_of(self)
+        return make_plans(self)
 
     @cached_property
     def motions(self) -> dict[str, Motion]:

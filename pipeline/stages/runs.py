@@ -2,8 +2,9 @@
 
 from __future__ import annotations
 
+from collections.abc import Mapping
 from dataclasses import dataclass, replace
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING, Any, Protocol
 
 import numpy as np
 
@@ -17,11 +18,48 @@ from pipeline.integrators.subcycling import Subcycling
 from pipeline.stages.mechanism import build_mechanism, choose_system, find_start, place_joints
 
 if TYPE_CHECKING:
-    from pipeline.scene.simulation import ReversibleSubCyclingRun, Run, Simulation, SubCyclingRun
-    from pipeline.stages.pipeline import Pipeline
+    from pipeline.reduction.body import FlexibleBody
+    from pipeline.scene.runs import ReversibleSubCyclingRun, Run, SubCyclingRun
+    from pipeline.scene.scene import Scene
+    from pipeline.scene.simulation import Simulation
 
-STABLE = 0.4  # of the largest stable step: what a neighbour of a run takes that doesn't stand the run's own
-_NO_FORCE = 1e-3  # part of the wanted error: what a mode that is left out could have answered with
+STABLE = 0.4  # of the largest stable step: for a variant that is unstable at the run's own
+_NO_FORCE = 1e-3  # largest response of a mode that is left out, over the wanted error
+
+
+class BuiltScene(Protocol):
+    """A scene with its mechanism, as a `Pipeline` has it.
+
+    Attributes
+    ----------
+    scene : Scene
+        The scene.
+    keep_all : bool
+        Integrate modes that nothing can excite, too.
+    """
+
+    scene: Scene
+    keep_all: bool
+
+    @property
+    def bodies(self) -> Mapping[str, FlexibleBody]:
+        """Reduced flexible bodies."""
+
+    @property
+    def mechanism(self) -> Mechanism:
+        """Mechanism with the scene's own slow joints."""
+
+    @property
+    def system(self) -> System:
+        """System that marches it."""
+
+    @property
+    def start(self) -> tuple[Array, Array]:
+        """Positions and rates at the start."""
+
+    @property
+    def reference_matrices(self) -> tuple[Array, Array]:
+        """Mass and stiffness of the undeformed mechanism."""
 
 
 @dataclass(frozen=True)
@@ -66,8 +104,8 @@ class Plan:
         return replace(march, q=q, v=v)
 
 
-def plans_of(pipeline: Pipeline) -> dict[str, Plan]:
-    """Make the scene's runs ready; the label tells integrator and ratio.
+def make_plans(built: BuiltScene) -> dict[str, Plan]:
+    """Make a scene's runs ready to be integrated, each under a label of its integrator and ratio.
 
     Raises
     ------
@@ -75,9 +113,9 @@ def plans_of(pipeline: Pipeline) -> dict[str, Plan]:
         A step is beyond its stability limit, or vibrations would grow visibly by the method itself.
     """
     plans: dict[str, Plan] = {}
-    given = _given_step(pipeline)
-    for k, run in enumerate(pipeline.scene.simulation.run):
-        plan = _plan(pipeline, k, given)
+    given = _given_step(built)
+    for k, run in enumerate(built.scene.simulation.run):
+        plan = _plan(built, k, given)
         label = str(run.integrator)
         if hasattr(run, "substeps"):
             label += f" {getattr(plan.integrator, 'substeps', 1)}:1"
@@ -85,48 +123,48 @@ def plans_of(pipeline: Pipeline) -> dict[str, Plan]:
     return plans
 
 
-def plan_like(plan: Plan, neighbour: Pipeline) -> Plan:
-    """A neighbouring scene's first run, by the method and the step of a run whose growth has been asked already.
+def plan_like(plan: Plan, variant: BuiltScene) -> Plan:
+    """Plan the first run of a scene's variant by the method and the step of a run whose growth is known.
 
-    The step is a shorter one where the neighbour's highest frequency takes that.
+    The step is a shorter one where the variant's highest frequency takes that.
     """
-    found = _unasked(neighbour, 0, _given_step(neighbour))
+    first = _plan_unchecked(variant, 0, _given_step(variant))
     method: Any = plan.integrator
-    limit = method.largest_step(found.system)
+    limit = method.largest_step(first.system)
     if method.step >= limit:
         method = replace(method, step=STABLE * limit)
-    return _without_rest(neighbour, replace(found, integrator=method))
+    return _leave_out_modes(variant, replace(first, integrator=method))
 
 
-def _plan(pipeline: Pipeline, k: int, given: float | None) -> Plan:
-    simulation = pipeline.scene.simulation
+def _plan(built: BuiltScene, k: int, given: float | None) -> Plan:
+    simulation = built.scene.simulation
     free = simulation.step == "auto" and not simulation.run[k].step
-    return _without_rest(pipeline, _stable(pipeline, _unasked(pipeline, k, given), free))
+    return _leave_out_modes(built, _check_growth(built, _plan_unchecked(built, k, given), free))
 
 
-def _unasked(pipeline: Pipeline, k: int, given: float | None) -> Plan:
-    """A run as the scene has it, not asked yet whether it is stable."""
-    simulation = pipeline.scene.simulation
+def _plan_unchecked(built: BuiltScene, k: int, given: float | None) -> Plan:
+    """Plan a run as the scene has it, whose stability isn't known yet."""
+    simulation = built.scene.simulation
     run = simulation.run[k]
     key = f"simulation.run.{k}.step" if run.step else "simulation.step"
     if run.integrator in ("sub-cycling", "reversible-sub-cycling"):
-        return sub_cycled(pipeline, run, key, given)
-    return Plan(key, _method(run, simulation, given), pipeline.mechanism, pipeline.system, pipeline.start)
+        return plan_sub_cycled(built, run, key, given)
+    return Plan(key, _make_integrator(run, simulation, given), built.mechanism, built.system, built.start)
 
 
-def _without_rest(pipeline: Pipeline, plan: Plan) -> Plan:
+def _leave_out_modes(built: BuiltScene, plan: Plan) -> Plan:
     """Leave the modes out of a run that nothing excites, unless all are to be kept."""
     part = None
-    if not pipeline.keep_all:
-        part = excited_part(plan.mechanism, plan.start[0], _NO_FORCE * pipeline.scene.simulation.error)
+    if not built.keep_all:
+        part = excited_part(plan.mechanism, plan.start[0], _NO_FORCE * built.scene.simulation.error)
     if part is None:
         return plan
-    return replace(plan, excited=part, excited_system=choose_system(pipeline.scene, part.mechanism))
+    return replace(plan, excited=part, excited_system=choose_system(built.scene, part.mechanism))
 
 
-def _stable(pipeline: Pipeline, plan: Plan, free: bool) -> Plan:
-    """The same with its growth measured and, if its step is ``free``, with one that is short enough."""
-    method = plan.integrator
+def _check_growth(built: BuiltScene, plan: Plan, free: bool) -> Plan:
+    """Measure the growth of small vibrations by a run's method; shorten its step for that if it is ``free``."""
+    method: Any = plan.integrator  # a method with a limit has a step, and resumes
     limit = method.largest_step(plan.system)
     if not method.step < limit and not free:
         frequency = f"2/ω of its highest frequency, {1 / (np.pi * limit):.5g} Hz"
@@ -135,43 +173,45 @@ def _stable(pipeline: Pipeline, plan: Plan, free: bool) -> Plan:
             if (m + 1) * slow > fast:
                 frequency = f"2/(m ω) of its slow coordinates, {slow / (2 * np.pi):.5g} Hz"
         raise InputError(
-            pipeline.scene.file,
+            built.scene.file,
             plan.key,
             f"{method.step:.6g} s",
             f"{method.name} would diverge; the largest stable step of this model is {limit:.4g} s ({frequency})",
         )
     if not np.isfinite(limit):  # implicit, exact for small motions, or steered by its error
         return plan
-    from pipeline.stability.growth import GROWN, longest_safe_step
-    from pipeline.stages.operating_points import course_of
+    from pipeline.stability.operating_points import find_operating_points
+    from pipeline.stability.safe_step import ALLOWED_GROWTH, longest_safe_step
 
+    duration = built.scene.simulation.duration
     try:
-        course = course_of(pipeline, plan.mechanism, plan.system)
+        points = find_operating_points(built.mechanism, *built.start, duration, plan.mechanism, plan.system)
     except StabilityError:  # of the mechanism itself: the march will tell
         return plan
-    folds = course.e_folds(method) if method.step < limit else np.inf
-    if folds > np.log(GROWN):
-        explicit: Any = method  # a dataclass with a step
-        longest = longest_safe_step(lambda step: course.e_folds(replace(explicit, step=step)), min(method.step, limit))
+    folds = points.e_folds(method) if method.step < limit else np.inf
+    if folds > np.log(ALLOWED_GROWTH):
+        longest = longest_safe_step(lambda step: points.e_folds(replace(method, step=step)), min(method.step, limit))
         if not (free and longest):
-            raise InputError(pipeline.scene.file, plan.key, f"{method.step:.6g} s", _told(method, folds, longest))
-        plan = replace(plan, integrator=replace(explicit, step=longest))
-        folds = course.e_folds(plan.integrator)
+            raise InputError(
+                built.scene.file, plan.key, f"{method.step:.6g} s", _describe_growth(method, folds, longest)
+            )
+        plan = replace(plan, integrator=replace(method, step=longest))
+        folds = points.e_folds(replace(method, step=longest))
     return replace(plan, growth=float(np.exp(folds)))
 
 
-def _told(method: Integrator, folds: float, longest: float) -> str:
-    from pipeline.stability.growth import GROWN
+def _describe_growth(method: Integrator, folds: float, longest: float) -> str:
+    from pipeline.stability.safe_step import ALLOWED_GROWTH
 
     ratio = f" {m}:1" if (m := getattr(method, "substeps", 1)) > 1 else ""
     grows = "at once" if folds > 100 else f"by a factor of {np.exp(folds):.3g} over the scene"
-    mend = f"a step of {longest:.3g} s keeps that below {GROWN:g}" if longest else "no step is short enough"
+    mend = f"a step of {longest:.3g} s keeps that below {ALLOWED_GROWTH:g}" if longest else "no step is short enough"
     other = ", and reversible-sub-cycling takes longer ones" if method.name == "sub-cycling" else ""
     return f"{method.name}{ratio} is unstable here: it makes small vibrations grow {grows}; {mend}{other}"
 
 
-def _method(run: Run, simulation: Simulation, given: float | None) -> Integrator:
-    """Only what is used is loaded: each method brings kernels of its own."""
+def _make_integrator(run: Run, simulation: Simulation, given: float | None) -> Integrator:
+    """Make a run's integrator; its module is loaded here, for each method brings kernels of its own."""
     step = run.step or given or 0.0
     match run.integrator:
         case "central-difference":
@@ -187,12 +227,9 @@ def _method(run: Run, simulation: Simulation, given: float | None) -> Integrator
 
             return ExponentialRosenbrock(run.tolerance)
         case "generalized-alpha":
-            from pipeline.integrators.adaptive_alpha import AdaptiveGeneralizedAlpha
             from pipeline.integrators.generalized_alpha import GeneralizedAlpha
 
-            if run.tolerance is None:
-                return GeneralizedAlpha(step, run.rho)
-            return AdaptiveGeneralizedAlpha(run.tolerance, run.rho)
+            return GeneralizedAlpha(step, run.rho)
         case "runge-kutta":
             from pipeline.integrators.runge_kutta import RungeKutta
 
@@ -201,7 +238,7 @@ def _method(run: Run, simulation: Simulation, given: float | None) -> Integrator
             from pipeline.integrators.automatic import Automatic
 
             return Automatic(simulation.error, simulation.duration)
-        case "DOP853" | "Radau" | "LSODA":
+        case "Radau" | "LSODA":
             from pipeline.integrators.scipy_ivp import ScipyIvp
 
             return ScipyIvp(run.integrator, run.tolerance)
@@ -209,7 +246,7 @@ def _method(run: Run, simulation: Simulation, given: float | None) -> Integrator
             raise AssertionError(run)
 
 
-def _two_rates(run: SubCyclingRun | ReversibleSubCyclingRun, step: float, substeps: int) -> Integrator:
+def _make_two_rate_integrator(run: SubCyclingRun | ReversibleSubCyclingRun, step: float, substeps: int) -> Integrator:
     if run.integrator == "sub-cycling":
         return Subcycling(step, substeps)
     if substeps == 1:  # there both have the same limit, and nothing is held
@@ -221,36 +258,38 @@ def _two_rates(run: SubCyclingRun | ReversibleSubCyclingRun, step: float, subste
     return ReversibleSubcycling(step, substeps)
 
 
-def _given_step(pipeline: Pipeline) -> float | None:
-    """The scene's step; "auto" is plain central difference's for the wanted error, about the reference state."""
-    simulation = pipeline.scene.simulation
+def _given_step(built: BuiltScene) -> float | None:
+    """Return the scene's step; "auto" is plain central difference's for the wanted error, about the reference state."""
+    simulation = built.scene.simulation
     if simulation.step != "auto":
         return simulation.step
     from pipeline.stability.splitting import longest_step
 
-    return longest_step(*pipeline.reference_matrices, simulation.error, simulation.duration)
+    return longest_step(*built.reference_matrices, simulation.error, simulation.duration)
 
 
-def sub_cycled(pipeline: Pipeline, run: SubCyclingRun | ReversibleSubCyclingRun, key: str, given: float | None) -> Plan:
-    """Split the coordinates as a run says; each split has a mechanism with its own order of coordinates."""
-    simulation = pipeline.scene.simulation
+def plan_sub_cycled(
+    built: BuiltScene, run: SubCyclingRun | ReversibleSubCyclingRun, key: str, given: float | None
+) -> Plan:
+    """Plan a sub-cycled run; each split of the coordinates has a mechanism with an order of its own."""
+    simulation = built.scene.simulation
     step = run.step or given or 0.0
     if run.split == "joints":
         assert run.substeps != "auto"  # the scene's own check
-        method = _two_rates(run, step, run.substeps)
-        return Plan(key, method, pipeline.mechanism, pipeline.system, pipeline.start)
+        method = _make_two_rate_integrator(run, step, run.substeps)
+        return Plan(key, method, built.mechanism, built.system, built.start)
     from pipeline.stability.splitting import choose_split, split_at
     from pipeline.stages.stiffening_check import rigid_spins
 
-    whole, substeps = pipeline.mechanism, run.substeps
+    whole, substeps = built.mechanism, run.substeps
     if run.split == "auto":
-        spins = rigid_spins(whole, *place_joints(pipeline.scene, whole.rigid), simulation.duration)
+        spins = rigid_spins(whole, *place_joints(built.scene, whole.rigid), simulation.duration)
         spin = max(float(np.sqrt(np.mean(np.sum(rates**2, axis=1)))) for rates in spins.values())
         choice = choose_split(whole, simulation.error, simulation.duration, spin, step or None)
         frequency, substeps, step = choice.frequency_hz, choice.substeps, choice.step
     else:
         frequency = run.split
     assert substeps != "auto"
-    mechanism = build_mechanism(pipeline.scene, pipeline.bodies, *split_at(whole, frequency))
-    start = find_start(pipeline.scene, mechanism)
-    return Plan(key, _two_rates(run, step, substeps), mechanism, mechanism, start)
+    mechanism = build_mechanism(built.scene, built.bodies, *split_at(whole, frequency))
+    start = find_start(built.scene, mechanism)
+    return Plan(key, _make_two_rate_integrator(run, step, substeps), mechanism, mechanism, start)

@@ -6,6 +6,7 @@ critical rate. Geometric stiffening, by the stress of the inertia loads themselv
 
 from __future__ import annotations
 
+from collections.abc import Mapping
 from dataclasses import dataclass
 from typing import TYPE_CHECKING
 
@@ -16,11 +17,12 @@ from pipeline.core.arrays import Array
 from pipeline.core.errors import AccuracyError, InputError
 from pipeline.dynamics.fast_path import rigid_hinge_motion
 from pipeline.dynamics.kinematics import Kinematics
+from pipeline.stages.mechanism import build_mechanism, place_joints
 
 if TYPE_CHECKING:
     from pipeline.dynamics.mechanism import Mechanism
     from pipeline.reduction.body import FlexibleBody
-    from pipeline.stages.pipeline import Pipeline
+    from pipeline.scene.scene import Scene
 
 # Spin counts where it changes the lowest stiffness by more than this part.
 _MATTERS = 0.01
@@ -49,35 +51,42 @@ class SpinCheck:
     stiffened: bool
 
 
-def check_spins(pipeline: Pipeline) -> dict[str, SpinCheck]:
-    """Check each flexible body of a scene, before it is integrated.
+def check_spins(scene: Scene, bodies: Mapping[str, FlexibleBody]) -> dict[str, SpinCheck]:
+    """Check how fast each flexible body of a scene will turn, before anything is integrated.
+
+    Parameters
+    ----------
+    scene : Scene
+        With a simulation.
+    bodies : mapping of str to FlexibleBody
+        Its flexible bodies, reduced and not stiffened.
 
     Raises
     ------
     InputError
         The scene wants no stiffening, and a body would lose its stiffness.
     """
-    if not pipeline.parts:
+    if not bodies:
         return {}
-    wanted = pipeline.scene.simulation.stiffening
-    bodies = {name: part.body for name, part in pipeline.parts.items()}
-    spins = _spins(pipeline, bodies)
-    found = {}
+    wanted = scene.simulation.stiffening
+    mechanism = build_mechanism(scene, bodies)
+    spins = rigid_spins(mechanism, *place_joints(scene, mechanism.rigid), scene.simulation.duration)
+    checks = {}
     for name, body in bodies.items():
         rates = np.linalg.norm(spins[name], axis=1)
         largest, first = float(rates.max()), float(body.omega[0])
         critical = critical_rate(body, spins[name][rates.argmax()])
         if wanted == "off" and largest >= critical:
             raise InputError(
-                pipeline.scene.file,
+                scene.file,
                 "simulation.stiffening",
                 "off",
                 f"body '{name}' would diverge: it turns at up to {largest:.4g} rad/s, and from {critical:.4g} rad/s on "
                 "the linear floating frame has no stiffness left; 'auto' adds geometric stiffening",
             )
         matters = (largest / first) ** 2 > _MATTERS
-        found[name] = SpinCheck(largest, first, critical, wanted == "on" or (wanted == "auto" and matters))
-    return found
+        checks[name] = SpinCheck(largest, first, critical, wanted == "on" or (wanted == "auto" and matters))
+    return checks
 
 
 def critical_rate(body: FlexibleBody, spin: Array) -> float:
@@ -89,16 +98,6 @@ def critical_rate(body: FlexibleBody, spin: Array) -> float:
     D = np.einsum("ab,abij->ij", np.eye(3) - np.outer(e, e), body.gram.G)[1:, 1:]
     softest = eigh(0.5 * (D + D.T), np.diag(body.omega**2), eigvals_only=True)[-1]
     return float(1 / np.sqrt(softest)) if softest > 0 else np.inf
-
-
-def _spins(pipeline: Pipeline, bodies: dict[str, FlexibleBody]) -> dict[str, Array]:
-    """Angular velocities of the bodies in their own axes over the scene, (n_samples, 3) each, all bodies rigid."""
-    from pipeline.stages.mechanism import build_mechanism, place_joints
-
-    mechanism = build_mechanism(pipeline.scene, bodies)
-    start = place_joints(pipeline.scene, mechanism.rigid)
-    every = rigid_spins(mechanism, *start, pipeline.scene.simulation.duration)
-    return {name: spins for name, spins in every.items() if name in bodies}
 
 
 def rigid_spins(mechanism: Mechanism, q0: Array, v0: Array, duration: float) -> dict[str, Array]:
