@@ -184,7 +184,7 @@ def sfepy(mesh):
 def calculix(mesh):
     """CalculiX, the whole run of ``ccx``; its C3D10 has scikit-fem's order of nodes."""
     from pipeline.fem.mesh import SolidMesh
-    from pipeline.fem.model import Discretisation
+    from pipeline.fem.space import Discretisation
 
     space = Discretisation(SolidMesh(mesh["points"], mesh["cells"], "tetra", {}, {}), 2)
     rows = ["*NODE"]

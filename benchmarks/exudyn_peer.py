@@ -32,7 +32,7 @@ from scipy.integrate import solve_ivp
 from scipy.sparse.linalg import eigsh
 
 from pipeline import Pipeline, load_scene
-from pipeline.bench.work_precision import Row
+from pipeline.bench.work_precision import WorkPrecisionRow
 from pipeline.fem.markers import face_marker
 from pipeline.integrators.scipy_ivp import ScipyIvp
 from pipeline.reduction.inertia import inertia_gram
@@ -268,7 +268,7 @@ def march(peer: Peer, case: Case, solver: str, n_steps: int, output: bool) -> tu
     return done.timer.total, STAGES[solver] * n_steps or done.it.newtonStepsCount
 
 
-def measure(case: Case, repeats: int = 5) -> Iterator[Row]:
+def measure(case: Case, repeats: int = 5) -> Iterator[WorkPrecisionRow]:
     """March a case by each of Exudyn's solvers, coarse to fine, timed as our own benchmark does it."""
     exu = import_exudyn()
     for solver, stages in STAGES.items():
@@ -284,12 +284,12 @@ def measure(case: Case, repeats: int = 5) -> Iterator[Row]:
             seconds: list[float] = []
             while len(seconds) < repeats and sum(seconds) < MOST_SECONDS:
                 seconds.append(march(peer, case, solver, n_steps, output=False)[0])
-            yield Row(f"Exudyn {solver}", case.duration / n_steps, 1, median(seconds), error, evaluations)
+            yield WorkPrecisionRow(f"Exudyn {solver}", case.duration / n_steps, 1, median(seconds), error, evaluations)
             if median(seconds) > MOST_SECONDS or error < FINEST:
                 break
 
 
-def peer_rows(scene_name: str) -> list[Row]:
+def peer_rows(scene_name: str) -> list[WorkPrecisionRow]:
     """Return the rows of Exudyn's solvers on a scene, to stand beside our own.
 
     Raises

@@ -11,7 +11,8 @@ import numpy as np
 from pipeline.core.arrays import Array
 from pipeline.dynamics.linear.linear import LinearSystem
 from pipeline.scene.scene import load_scene
-from pipeline.stability.growth import Instant, steadied
+from pipeline.stability.operating_points import settle
+from pipeline.stability.tangent import OperatingPoint
 from pipeline.stages.pipeline import Pipeline
 
 _BEAM_AT_REST = "drive.spin_up.speed=0 rad/s"
@@ -25,7 +26,7 @@ SPEEDS = (0.0, 0.5, 0.9, 1.1, 1.5, 2.0, 3.0)  # over the first frequency
 
 
 @dataclass(frozen=True)
-class Case:
+class StressCase:
     """A system about a state that it stays in, small vibrations apart.
 
     Attributes
@@ -34,7 +35,7 @@ class Case:
         What is told of it.
     system : System
         It.
-    at : Instant
+    at : OperatingPoint
         The state.
     M, K : ndarray, shape (n, n)
         Its mass and stiffness at rest, slow coordinates first: steps are told over their limit.
@@ -43,7 +44,7 @@ class Case:
     family: str
     name: str
     system: Any
-    at: Instant
+    at: OperatingPoint
     M: Array
     K: Array
 
@@ -54,7 +55,7 @@ class Case:
         return float(np.sqrt(squares[len(squares) - np.linalg.matrix_rank(self.K)]))
 
 
-Builder = Callable[[], Case]
+Builder = Callable[[], StressCase]
 
 
 def builders() -> dict[str, Builder]:
@@ -81,8 +82,8 @@ def builders() -> dict[str, Builder]:
 
 
 def _linear(family: str, name: str, M: Array, K: Array) -> Builder:
-    rest = Instant(0.0, np.zeros(len(M)), np.zeros(len(M)))
-    return lambda: Case(family, name or family, LinearSystem(M, K, 1), rest, M, K)
+    rest = OperatingPoint(0.0, np.zeros(len(M)), np.zeros(len(M)))
+    return lambda: StressCase(family, name or family, LinearSystem(M, K, 1), rest, M, K)
 
 
 def _of_masses(exponent: int, beta: float) -> Builder:
@@ -93,12 +94,14 @@ def _of_masses(exponent: int, beta: float) -> Builder:
 
 
 def _of_scene(name: str) -> Builder:
-    def build() -> Case:
+    def build() -> StressCase:
         scene, overrides = SCENES[name]
         run = Pipeline(load_scene(scene, list(overrides)))
         q0, _ = run.start
         q0 = q0 if name == "arm" else np.zeros_like(q0)  # the arm hangs
-        return Case(name, name, run.mechanism, Instant(0.0, q0, np.zeros(run.mechanism.n)), *run.reference_matrices)
+        return StressCase(
+            name, name, run.mechanism, OperatingPoint(0.0, q0, np.zeros(run.mechanism.n)), *run.reference_matrices
+        )
 
     return build
 
@@ -106,16 +109,16 @@ def _of_scene(name: str) -> Builder:
 def _spinning(speed: float, stiffened: bool) -> Builder:
     """The beam that turns freely about its joint at a rate given over its first frequency."""
 
-    def build() -> Case:
+    def build() -> StressCase:
         from pipeline.dynamics.rotor.rotor import PlanarRotor, TorquePulse
 
         run = Pipeline(load_scene("beam"))
         body = run.part.stiffened if stiffened else run.part.body
         rotor = PlanarRotor(body, TorquePulse(0.0, 1.0, 0.0))
         rates = np.r_[speed * body.omega[0], np.zeros(rotor.n - 1)]
-        at = steadied(rotor, Instant(0.0, np.zeros(rotor.n), rates), np.arange(1, rotor.n))
+        at = settle(rotor, OperatingPoint(0.0, np.zeros(rotor.n), rates), np.arange(1, rotor.n))
         family = f"beam, 0 … 3 ω₁, {'stiffened' if stiffened else 'without geometric stiffening'}"
         name = f"beam at {speed:g} ω₁, {'stiffened' if stiffened else 'linear'}"
-        return Case(family, name, rotor, at, rotor.reference_mass, np.diag(np.r_[0.0, body.omega**2]))
+        return StressCase(family, name, rotor, at, rotor.reference_mass, np.diag(np.r_[0.0, body.omega**2]))
 
     return build

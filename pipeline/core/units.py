@@ -152,6 +152,11 @@ def parse_quantity(text: str) -> tuple[float, str]:
     return float(Decimal(match[1]) * factor), unit
 
 
+def si_unit(kind: str) -> str:
+    """Return the SI unit of a kind of quantity: ``si_unit("angular rate")`` is ``"rad/s"``."""
+    return _KINDS[kind][0]
+
+
 def parse_percentage(value: object) -> float:
     """Parse a percentage given as text: ``"1 %"`` is 0.01.
 

@@ -16,10 +16,10 @@ from numpy.typing import NDArray
 
 from pipeline.core.arrays import Array, IntArray
 from pipeline.dynamics.links import FREE, PRISMATIC, Link
+from pipeline.dynamics.mechanism import Mechanism
 from pipeline.dynamics.rotor.rotor import PlanarRotor
 from pipeline.dynamics.system import System
 from pipeline.dynamics.tree.arrays import plane_normal
-from pipeline.dynamics.tree.tree import Tree
 from pipeline.reduction.body import FlexibleBody, MarkerShapes
 from pipeline.reduction.inertia import InertiaGram
 
@@ -32,7 +32,7 @@ class Excited:
 
     Attributes
     ----------
-    system : PlanarRotor or Tree
+    system : PlanarRotor or Mechanism
         With the other modes alone.
     positions, rates : ndarray
         Which of the whole mechanism's its positions and rates are.
@@ -40,7 +40,7 @@ class Excited:
         Numbers of the modes of each body that are left out, from 0; a rotor's body has no name.
     """
 
-    system: PlanarRotor | Tree
+    system: PlanarRotor | Mechanism
     positions: IntArray
     rates: IntArray
     left_out: Mapping[str, tuple[int, ...]]
@@ -59,7 +59,7 @@ def excited_part(system: System, q0: Array, tolerance: float) -> Excited | None:
     """
     if isinstance(system, PlanarRotor):
         return _of_rotor(system, q0, tolerance)
-    return _of_tree(system, q0, tolerance) if isinstance(system, Tree) else None
+    return _of_tree(system, q0, tolerance) if isinstance(system, Mechanism) else None
 
 
 def reached(omega: Array, forces: Sequence[Array], couplings: Sequence[Array], tolerance: float) -> NDArray[np.bool_]:
@@ -98,7 +98,7 @@ def _of_rotor(rotor: PlanarRotor, q0: Array, tolerance: float) -> Excited | None
     return Excited(replace(rotor, body=_body_with(body, kept)), at, at, {"": _others(kept, len(body.omega))})
 
 
-def _of_tree(tree: Tree, q0: Array, tolerance: float) -> Excited | None:
+def _of_tree(tree: Mechanism, q0: Array, tolerance: float) -> Excited | None:
     kept = []
     for b, link in enumerate(tree.links):
         forces, couplings = _acting(tree, b)
@@ -128,7 +128,7 @@ def _of_tree(tree: Tree, q0: Array, tolerance: float) -> Excited | None:
     return Excited(part, positions, rates, {name: numbers for name, numbers in left_out.items() if numbers})
 
 
-def _acting(tree: Tree, b: int) -> tuple[list[Array], list[Array]]:
+def _acting(tree: Mechanism, b: int) -> tuple[list[Array], list[Array]]:
     """Forces on body b's modes by the rigid motion, its joint, its loads and what it carries; couplings of modes."""
     link, p, n = tree.links[b], tree.parameters, len(tree.links[b].omega)
     G, A, gram = p.G[b, :, : 1 + n, : 1 + n], p.A[b, :, : 1 + n, : 1 + n], link.gram
@@ -155,7 +155,7 @@ def _acting(tree: Tree, b: int) -> tuple[list[Array], list[Array]]:
     return [force for force in forces if len(force) == n], couplings
 
 
-def _number(tree: Tree, name: str) -> int:
+def _number(tree: Mechanism, name: str) -> int:
     return [link.name for link in tree.links].index(name)
 
 

@@ -11,7 +11,7 @@ from pipeline.core.arrays import Array
 from pipeline.core.errors import InputError
 
 if TYPE_CHECKING:
-    from pipeline.scene.scene import Chart
+    from pipeline.scene.outputs import Chart
     from pipeline.stages.pipeline import Pipeline
 
 Curves = tuple[str, dict[str, Array], tuple[str, ...]]

@@ -6,6 +6,8 @@ from typing import Any
 
 import numpy as np
 
+from pipeline.accuracy.error_budget import ERROR_BUDGET
+from pipeline.output.explain import STAGES
 from pipeline.output.frequencies import frequency_table
 from pipeline.stages.pipeline import Pipeline
 
@@ -58,13 +60,13 @@ def summarise(run: Pipeline, files: list[str], budget: bool) -> dict[str, Any]:
         place = run.bodies[meshed[0]].x[stress.nodes[node]]
         summary["worst_stress"] = {"time_s": time, "von_mises_pa": value, "position_m": place.tolist()}
     if budget and len(meshed) == len(run.parts):  # matrices alone tell nothing of their own error
-        summary["error_budget"] = run.budget.summary()
+        summary["error_budget"] = ERROR_BUDGET.of(run).summary()
     return summary | {
         "files": files,
         "seconds": dict(run.log.seconds),
         "stages_run": list(run.log.run),
         "stages_cached": list(run.log.cached),
-        "stages_skipped": run.log.skipped,
+        "stages_skipped": [stage for stage in STAGES if stage not in run.log.seconds],
     }
 
 
@@ -80,7 +82,7 @@ def _body(run: Pipeline, name: str) -> dict[str, Any]:
     return {
         "frequencies_in_frame_hz": body.frequencies_hz.tolist(),
         "coupling": body.coupling,
-        "prescribed": run.parts[name].inboard.prescribed,
+        "prescribed": run.parts[name].joint.prescribed,
         "mass_kg": body.gram.mass,
         "mesh_notes": list(run.parts[name].mesh_notes),
         "largest_spin_rad_s": spin.largest_rate,

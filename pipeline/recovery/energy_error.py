@@ -17,7 +17,7 @@ from pipeline.recovery.stress import hooke_stress, modal_stress, strains
 
 if TYPE_CHECKING:
     from pipeline.fem.material import AnyMaterial
-    from pipeline.fem.model import Discretisation
+    from pipeline.fem.space import Discretisation
 
 _CHUNK = 512  # elements at a time
 # Part of the error's energy that averaged stress shows: 0.5 to 0.75 on bars and propellers of all four elements.
@@ -38,7 +38,7 @@ def energy_errors(space: Discretisation, material: AnyMaterial, shapes: Array) -
     shapes : ndarray, shape (n_nodes, 3, n)
         Displacement fields.
     """
-    from pipeline.fem.assembly import volume_ratio
+    from pipeline.fem.assembly import determinants
 
     recovered = modal_stress(space, material, shapes, np.arange(len(space.x)))
     X, w = space.kind.quadrature(space.kind.stiffness_order)
@@ -48,7 +48,7 @@ def energy_errors(space: Discretisation, material: AnyMaterial, shapes: Array) -
         part = np.arange(start, min(start + _CHUNK, len(space.element_nodes)))
         raw = hooke_stress(material, part, strains(space, shapes, X, part))
         averaged = np.einsum("aq,earn->eqrn", N, recovered[space.element_nodes[part]], optimize=True)
-        weights = np.sqrt(volume_ratio(space.jacobians(X, part)) * w)
+        weights = np.sqrt(determinants(space.jacobians(X, part)) * w)
         apart = weights[:, :, None, None] * (averaged - raw)
         for own, mine in material.over(part):
             root = np.linalg.cholesky(np.linalg.inv(own.stiffness)).T  # |root σ|² is twice the energy density

@@ -16,7 +16,7 @@ from pipeline.recovery.stress import hooke_stress, strains
 
 if TYPE_CHECKING:
     from pipeline.fem.material import AnyMaterial
-    from pipeline.fem.model import Discretisation
+    from pipeline.fem.space import Discretisation
 
 _SAMPLES_PER_TERM = 3
 _INDEPENDENT = 0.02

@@ -18,7 +18,7 @@ from pipeline.core.arrays import Array, IntArray, require_shape
 
 if TYPE_CHECKING:
     from pipeline.fem.material import AnyMaterial
-    from pipeline.fem.model import Discretisation
+    from pipeline.fem.space import Discretisation
 
 _ORDER = ("xx", "yy", "zz", "yz", "xz", "xy")
 _CHUNK = 512  # elements at a time
@@ -79,9 +79,9 @@ def element_stress(space: Discretisation, material: AnyMaterial, shapes: Array, 
 
 def point_stress(space: Discretisation, material: AnyMaterial, shapes: Array, points: Array) -> Array:
     """Stress of each shape in the elements at points (n, 3) [m], shape (n, 6, n_shapes) [Pa per unit of the shape]."""
-    from pipeline.fem.locate import locate
+    from pipeline.fem.selection import locate_points
 
-    elements, X = locate(space, points)
+    elements, X = locate_points(space, points)
     strain = [
         strains(space, shapes, x[:, None], np.array([element]))[0, 0] for element, x in zip(elements, X, strict=True)
     ]

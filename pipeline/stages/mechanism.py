@@ -11,6 +11,7 @@ import numpy as np
 from pipeline.core.arrays import Array
 from pipeline.core.formula import parse_formula
 from pipeline.dynamics.links import FIXED, FREE, PRISMATIC, REVOLUTE, SPHERICAL, Link, PointLoad, rigid_gram
+from pipeline.dynamics.mechanism import Mechanism
 from pipeline.dynamics.rotor.rotor import PlanarRotor, TorquePulse
 from pipeline.dynamics.signals.signal import (
     Signal,
@@ -21,7 +22,6 @@ from pipeline.dynamics.signals.signal import (
     smooth_table,
     total,
 )
-from pipeline.dynamics.tree.tree import Tree
 from pipeline.reduction.body import FlexibleBody, MarkerShapes
 from pipeline.reduction.inertia import InertiaGram
 
@@ -38,7 +38,7 @@ class Chain:
 
     Attributes
     ----------
-    tree : Tree
+    tree : Mechanism
         The mechanism.
     q0, v0 : ndarray, shapes (n_positions,) and (n,)
         Positions and rates at the start.
@@ -50,7 +50,7 @@ class Chain:
         Unit of each such joint's position: ``rad`` or ``m``.
     """
 
-    tree: Tree
+    tree: Mechanism
     q0: Array
     v0: Array
     tip: tuple[str, MarkerShapes]
@@ -92,7 +92,7 @@ def chain_of(
     bodies : mapping of str to FlexibleBody
         The scene's flexible bodies, reduced.
     fast_joints, slow_modes
-        As in `Tree`; by default the joints that the scene lists as fast, and no mode slow.
+        As in `Mechanism`; by default the joints that the scene lists as fast, and no mode slow.
     """
     places = _Places(scene, bodies)
     order = places.order
@@ -100,7 +100,7 @@ def chain_of(
     if fast_joints is None:
         fast_joints = [scene.joint[name].child.partition(".")[0] for name in scene.simulation.fast]
     loads = _point_loads(scene, places)
-    tree = Tree(links, fast_joints, np.array(scene.simulation.gravity), loads, slow_modes or {})
+    tree = Mechanism(links, fast_joints, np.array(scene.simulation.gravity), loads, slow_modes or {})
     q0, v0 = tree.rest_positions, np.zeros(tree.n)
     joints, units = {}, {}
     for k, body in enumerate(order):

@@ -14,9 +14,10 @@ from scipy.linalg import eigh
 
 from pipeline.core.arrays import Array
 from pipeline.core.errors import AccuracyError, InputError
+from pipeline.dynamics.kinematics import Kinematics
 
 if TYPE_CHECKING:
-    from pipeline.dynamics.tree.tree import Tree
+    from pipeline.dynamics.mechanism import Mechanism
     from pipeline.reduction.body import FlexibleBody
     from pipeline.stages.mechanism import Chain
     from pipeline.stages.pipeline import Pipeline
@@ -109,11 +110,11 @@ def spins_of(chain: Chain, duration: float) -> dict[str, Array]:
     rigid = chain.tree.rigid
     times = np.linspace(0.0, duration, _SAMPLES)
     q, v = _rigid_motion(rigid, chain.q0[: rigid.n_positions], chain.v0[: rigid.n], times)
-    spins = rigid.spins(q, v, times)
-    return {link.name: spins[:, k] for k, link in enumerate(rigid.links)}
+    motion = Kinematics(rigid, times, q, v)
+    return {link.name: motion.body_spin(k) for k, link in enumerate(rigid.links)}
 
 
-def _rigid_motion(rigid: Tree, q0: Array, v0: Array, times: Array) -> tuple[Array, Array]:
+def _rigid_motion(rigid: Mechanism, q0: Array, v0: Array, times: Array) -> tuple[Array, Array]:
     if not rigid.n:
         return np.zeros((len(times), 0)), np.zeros((len(times), 0))
     from pipeline.integrators.scipy_ivp import ScipyIvp

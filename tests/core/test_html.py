@@ -16,7 +16,7 @@ from pipeline.core.html import facts, scaled, table
         (-2.5e-3, "m", "-2.5 mm"),
         (0.0, "m", "0 m"),
         (999.96, "m", "1 km"),  # rounded to four digits it is 1000 m
-        (2e-12, "m", "0.002 nm"),
+        (2e-12, "m", "2e-12 m"),  # below a nano, powers of ten are easier to read
         (3600.0, "s", "3600 s"),  # nobody says kiloseconds
         (2e-6, "s", "2 µs"),
         (1234.5, "rad/s", "1234 rad/s"),

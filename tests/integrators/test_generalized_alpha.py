@@ -12,8 +12,8 @@ from pipeline import Pipeline, load_scene
 from pipeline.bench.stress_cases import builders
 from pipeline.core.errors import AccuracyError
 from pipeline.dynamics.links import REVOLUTE, Link, rigid_gram
+from pipeline.dynamics.mechanism import Mechanism
 from pipeline.dynamics.rotor.rotor import TorquePulse
-from pipeline.dynamics.tree.tree import Tree
 from pipeline.integrators.generalized_alpha import GeneralizedAlpha
 from pipeline.integrators.scipy_ivp import ScipyIvp
 
@@ -86,7 +86,7 @@ def test_output_times_never_change_the_steps(beam):
 def test_a_spinning_body_in_space_keeps_its_quaternion_unit():
     from pipeline.dynamics.links import SPHERICAL
 
-    top = Tree([Link("top", rigid_gram(2.0, np.zeros(3), np.diag([0.1, 0.2, 0.25])), SPHERICAL)])
+    top = Mechanism([Link("top", rigid_gram(2.0, np.zeros(3), np.diag([0.1, 0.2, 0.25])), SPHERICAL)])
     v0 = np.array([0.1, 5.0, 0.1])
     motion = GeneralizedAlpha(1e-3, 1.0).march(top, top.rest_positions, v0, np.linspace(0, 2, 21))
     np.testing.assert_allclose(np.linalg.norm(motion.q, axis=1), 1.0, atol=1e-14)
@@ -133,7 +133,7 @@ def test_a_pendulum_comes_to_rest_at_an_angle_that_is_no_exact_number(swing):
     # Gravity's two components balance about its hinge, with a round-off that is coarser than its last swings.
     down = np.array([np.cos(0.7), np.sin(0.7), 0.0])
     gram = rigid_gram(1.0, down, np.eye(3))
-    hanging = Tree([Link("pendulum", gram, REVOLUTE, damper=2.0)], gravity=9.81 * down)
+    hanging = Mechanism([Link("pendulum", gram, REVOLUTE, damper=2.0)], gravity=9.81 * down)
     end = GeneralizedAlpha(0.05).march(hanging, np.array([swing]), np.zeros(1), np.array([0.0, 1000.0])).end
     assert abs(end.q[0]) < 1e-12
 

@@ -12,9 +12,9 @@ from pipeline import Pipeline, load_scene
 from pipeline.core.errors import AccuracyError
 from pipeline.dynamics.jit.compiled import kernel
 from pipeline.dynamics.links import PRISMATIC, REVOLUTE, SPHERICAL, Link, rigid_gram
+from pipeline.dynamics.mechanism import Mechanism
 from pipeline.dynamics.rotor.rotor import PlanarRotor, TorquePulse
 from pipeline.dynamics.signals.signal import linear_table
-from pipeline.dynamics.tree.tree import Tree
 from pipeline.integrators import rosenbrock
 from pipeline.integrators.protocol import State, evaluate, evaluate_velocities
 from pipeline.integrators.rosenbrock import ExponentialRosenbrock
@@ -109,7 +109,7 @@ def test_the_flow_to_any_time_in_a_step_is_that_of_a_larger_exponential(ahead, s
 # Jacobian --------------------------------------------------------------------------------------------------------
 
 
-def chain() -> Tree:
+def chain() -> Mechanism:
     """A bob that swings in space, a slider on it, a spin about it."""
     bob = rigid_gram(2.0, np.array([0.0, 0.1, -0.5]), np.diag([0.11, 0.12, 0.05]))
     links = [
@@ -117,7 +117,7 @@ def chain() -> Tree:
         Link("slider", rigid_gram(0.5, np.zeros(3), np.zeros((3, 3))), PRISMATIC, 0, axis=[0, 0, 1], spring=200.0),
         Link("wheel", rigid_gram(1.0, np.array([0.1, 0, 0]), np.diag([0.1, 0.2, 0.3])), REVOLUTE, 1, axis=[0, 1, 0]),
     ]
-    return Tree(links, gravity=[0, 0, -9.81])
+    return Mechanism(links, gravity=[0, 0, -9.81])
 
 
 def slope_of(tree, u, t=0.0):
@@ -189,7 +189,7 @@ def test_an_oscillator_under_a_load_linear_in_time_is_solved_exactly_in_steps_fa
     # x(t) of a mass 5 kg on 1000 N/m under 3 N + 2 N/s t, up to a kink at 40 s: the particular solution and a cosine.
     point = rigid_gram(5.0, np.zeros(3), np.zeros((3, 3)))
     load = linear_table(np.array([0.0, 40.0, 80.0]), np.array([3.0, 83.0, 83.0]))
-    tree = Tree([Link("point", point, PRISMATIC, axis=[1, 0, 0], spring=1000.0, load=load)])
+    tree = Mechanism([Link("point", point, PRISMATIC, axis=[1, 0, 0], spring=1000.0, load=load)])
     times, omega = np.linspace(0.0, 40.0, 201), np.sqrt(200.0)
     march = ExponentialRosenbrock(1e-3).march(tree, np.array([0.01]), np.zeros(1), times)
     amplitude, rate = 0.01 - 0.003, -0.002 / omega

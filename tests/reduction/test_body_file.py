@@ -11,8 +11,8 @@ import xarray
 
 from pipeline.core.errors import InputError
 from pipeline.dynamics.links import REVOLUTE, SPHERICAL, Link
+from pipeline.dynamics.mechanism import Mechanism
 from pipeline.dynamics.rotor.rotor import PlanarRotor, TorquePulse
-from pipeline.dynamics.tree.tree import Tree
 from pipeline.fem.markers import Marker, face_marker
 from pipeline.fem.model import FEModel
 from pipeline.fem.surface import SurfaceTopology, surface_topology
@@ -135,7 +135,7 @@ def _swing(body: FlexibleBody) -> Any:
         place_rotations=tip.rotation,
         omega=body.omega,
     )
-    tree = Tree([upper, lower], gravity=np.array([0.3, -9.81, 0.1]))
+    tree = Mechanism([upper, lower], gravity=np.array([0.3, -9.81, 0.1]))
     q0, v0 = np.zeros(tree.n_positions), np.zeros(tree.n)
     q0[tree.layout.position[1]] = 1.0  # the unit quaternion
     v0[:] = np.linspace(0.1, 0.2, tree.n)

@@ -6,7 +6,7 @@ import pytest
 from pipeline.core.errors import AccuracyError
 from pipeline.fem.markers import Marker, face_marker
 from pipeline.fem.model import FEModel
-from pipeline.fem.supports import nodes_on_faces
+from pipeline.fem.selection import nodes_on_faces
 from pipeline.reduction.craig_bampton import (
     _count_rigid_motions,
     constraint_modes,

@@ -1,6 +1,6 @@
 import subprocess
 from collections.abc import Callable, Iterator
-from itertools import pairwise
+from itertools import pairwise, product
 from pathlib import Path
 
 import imageio_ffmpeg  # type: ignore[import-untyped]
@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 
 from pipeline.render import film as film_module
-from pipeline.render.camera import Look
+from pipeline.render.camera import Camera
 from pipeline.render.film import draw_film
 from pipeline.render.surface import Surface
 
@@ -30,9 +30,9 @@ def turned(points: np.ndarray, angle: float) -> np.ndarray:
 def film(part: Surface, path: Path, n_frames: int = 5, **changes: object) -> Path:
     given = {
         "frames": frames(part, n_frames),
-        "bounds": np.array([-0.35, 0.35, -0.35, 0.35, 0.0, 0.01]),
+        "bounds": np.array(list(product((-0.35, 0.35), (-0.35, 0.35), (0.0, 0.01)))),
         "clim_pa": (0.0, 1e6),
-        "look": Look(size=(320, 180)),
+        "camera": Camera(size=(320, 180)),
     } | changes
     draw_film(part, n_frames=n_frames, path=path, title="Part", rate=25.0, **given)  # type: ignore[arg-type]
     return path
@@ -69,7 +69,7 @@ def test_a_film_that_can_not_be_made_is_refused(tmp_path: Path, beam: Surface) -
     with pytest.raises(ValueError, match=r"film\.avi: a film's name ends in \.mp4 or \.gif"):
         film(beam, tmp_path / "film.avi")
     with pytest.raises(ValueError, match="both must be even"):
-        film(beam, tmp_path / "film.mp4", look=Look(size=(321, 180)))
+        film(beam, tmp_path / "film.mp4", camera=Camera(size=(321, 180)))
     with pytest.raises(ValueError, match="the highest colour needs a larger stress"):
         film(beam, tmp_path / "film.mp4", clim_pa=(0.0, 0.0))
 
@@ -88,8 +88,8 @@ def test_no_part_of_a_turning_propeller_is_cut_off(
     angle = np.linspace(0, 2 * np.pi, 61)
     circle = 0.405 * np.stack([np.cos(angle), np.sin(angle), 0 * angle], axis=1)
     reached = (circle + np.array([[[0, 0, -0.04]], [[0, 0, 0.04]]])).reshape(-1, 3)
-    look = Look(camera, size=(320, 180))
-    path = film(propeller, tmp_path / "film.mp4", bounds=reached, hub=False, quantity="σ", look=look)
+    camera = Camera(camera, size=(320, 180))
+    path = film(propeller, tmp_path / "film.mp4", bounds=reached, hub=False, quantity="σ", camera=camera)
     part = decoded(path)[:, 19:, 49:].astype(int).min(axis=-1) < 200
     assert part.any(axis=(1, 2)).all()
     for margin in (part[:, 0], part[:, -1], part[:, :, 0], part[:, :, -1]):
@@ -104,14 +104,14 @@ def test_a_film_of_a_component_of_stress_has_limits_of_both_signs(tmp_path: Path
     assert shown.std() > 0
 
 
-def test_a_film_has_one_plotter_and_one_body(tmp_path: Path, beam: Surface, monkeypatch: pytest.MonkeyPatch) -> None:
+def test_a_film_has_one_plotter_and_one_part(tmp_path: Path, beam: Surface, monkeypatch: pytest.MonkeyPatch) -> None:
     made: list[str] = []
 
     def counted(name: str) -> Callable[..., object]:
         real = getattr(film_module, name)
         return lambda *arguments, **settings: made.append(name) or real(*arguments, **settings)
 
-    for name in ("stage", "add_body"):
+    for name in ("open_canvas", "add_part_by_values"):
         monkeypatch.setattr(film_module, name, counted(name))
     film(beam, tmp_path / "film.gif", n_frames=3)
-    assert made == ["stage", "add_body"]
+    assert made == ["open_canvas", "add_part_by_values"]

@@ -61,5 +61,5 @@ def test_a_body_file_adds_what_is_lacking_and_keeps_it(asked, tmp_path: Path) ->
 
 def test_a_body_that_may_move_in_other_ways_has_them_all(asked) -> None:
     assert Pipeline(load_scene("arm"), Cache(None)).parts["forearm"].body.gram.normal == -1  # its elbow moves
-    assert Pipeline(load_scene("beam", ["joint.hub.axis=[0,1,1]"])).part.inboard.normal == -1
+    assert Pipeline(load_scene("beam", ["joint.hub.axis=[0,1,1]"])).part.joint.normal == -1
     assert asked[0] == (3, 3)

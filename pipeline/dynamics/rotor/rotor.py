@@ -22,7 +22,7 @@ import numpy as np
 
 from pipeline.core.arrays import EPSILON, Array, IntArray
 from pipeline.dynamics.jit.compiled import aligned, inlined, meaning
-from pipeline.dynamics.system import accelerations, advance, fast_steps, freeze, velocities
+from pipeline.dynamics.system import accelerations, advance, fast_steps, hold_slow, velocities
 from pipeline.dynamics.vibration import highest_frequency
 from pipeline.reduction.body import FlexibleBody
 
@@ -293,8 +293,8 @@ def _accelerations(p: PlanarParameters, t: float, q: Array, v: Array, a: Array) 
             a[i] -= H * a[0]
 
 
-@meaning(freeze, PlanarParameters)
-def _freeze(p: PlanarParameters, t: float, q: Array, v: Array, a: Array, frozen: FrozenPlanar) -> None:
+@meaning(hold_slow, PlanarParameters)
+def _hold_slow(p: PlanarParameters, t: float, q: Array, v: Array, a: Array, frozen: FrozenPlanar) -> None:
     D, A, stiffness, lever, Dp, Dv = p.D, p.A, p.stiffness, p.lever, p.Dp, p.Dv
     constant, slope, k, K, C = frozen.constant, frozen.slope, frozen.k, frozen.K, frozen.C
     n = q.size

@@ -30,12 +30,12 @@ def view_data(run: Pipeline, body: str, scale: float) -> dict[str, Any]:
         [MPa] of the drawn points, uint32 ``triangles`` and ``edges``, uint8 ``colours`` (256, 3); the rest are numbers:
         ``axes`` are the camera's, row by row, to the right, up and towards the viewer.
     """
-    from pipeline.render.camera import Look
-    from pipeline.render.pictures import stress_limits
-    from pipeline.render.projection import view_of_hottest
-    from pipeline.render.surface import Surface, skin_of
+    from pipeline.render.camera import Camera
+    from pipeline.render.colours import sample_colours, stress_limits
+    from pipeline.render.projection import choose_axes
+    from pipeline.render.surface import Surface, build_skin
 
-    look = Look()
+    camera = Camera()
     topology, history = run.parts[body].surface, run.stress_of(body)
     time, _, worst = history.worst()
     frame = int(np.searchsorted(history.times, time))
@@ -43,8 +43,8 @@ def view_data(run: Pipeline, body: str, scale: float) -> dict[str, Any]:
     displacement = run.bodies[body].shapes[history.nodes] @ history.q[frame]
     stress = history.measure_at(np.array([frame]))[0]
     moved = surface.points + scale * displacement
-    axes, _, _ = view_of_hottest(look.directions(moved), moved, surface.triangles, stress)
-    skin = skin_of(surface)
+    axes, _, _ = choose_axes(camera.candidate_axes(moved), moved, surface.triangles, stress)
+    skin = build_skin(surface)
     drawn = np.zeros(len(surface.points), dtype=np.int64)
     drawn[skin.source] = np.arange(len(skin.source))
     middle = (surface.points.min(axis=0) + surface.points.max(axis=0)) / 2
@@ -55,7 +55,7 @@ def view_data(run: Pipeline, body: str, scale: float) -> dict[str, Any]:
         "values": _packed(stress[skin.source] * 1e-6, "<f4"),
         "triangles": _packed(skin.triangles, "<u4"),
         "edges": _packed(drawn[surface.edges], "<u4"),
-        "colours": _packed(look.colours(_COLOURS), "u1"),
+        "colours": _packed(sample_colours(camera.colour_map, _COLOURS), "u1"),
         "limits": [low * 1e-6, high * 1e-6],
         "axes": axes.ravel().tolist(),
         "radius": float(np.linalg.norm(surface.points - middle, axis=1).max()),
