@@ -1,4 +1,4 @@
-"""What the stress tests of stability march: scenes about their rest, bodies that spin, and systems hard on purpose."""
+"""Cases of the stress tests of stability: scenes about their rest, spinning bodies, and systems hard on purpose."""
 
 from __future__ import annotations
 
@@ -27,18 +27,18 @@ SPEEDS = (0.0, 0.5, 0.9, 1.1, 1.5, 2.0, 3.0)  # over the first frequency
 
 @dataclass(frozen=True)
 class StressCase:
-    """A system about a state that it stays in, small vibrations apart.
+    """Mechanism about a state that it keeps but for small vibrations.
 
     Attributes
     ----------
     family, name : str
-        What is told of it.
+        Names of a group of cases, and of the case.
     system : System
-        It.
+        The mechanism.
     at : OperatingPoint
         The state.
     M, K : ndarray, shape (n, n)
-        Its mass and stiffness at rest, slow coordinates first: steps are told over their limit.
+        Mass and stiffness at rest, slow coordinates first; they give the limit that steps are relative to.
     """
 
     family: str
@@ -58,8 +58,8 @@ class StressCase:
 Builder = Callable[[], StressCase]
 
 
-def builders() -> dict[str, Builder]:
-    """Functions that make the cases, by name."""
+def case_builders() -> dict[str, Builder]:
+    """Return the functions that build the cases, by name."""
     found: dict[str, Builder] = {name: _of_scene(name) for name in SCENES}
     for stiffened in (False, True):
         for speed in SPEEDS:
@@ -107,7 +107,7 @@ def _of_scene(name: str) -> Builder:
 
 
 def _spinning(speed: float, stiffened: bool) -> Builder:
-    """The beam that turns freely about its joint at a rate given over its first frequency."""
+    """Return the builder of the beam that turns freely at a rate given over its first frequency."""
 
     def build() -> StressCase:
         from pipeline.dynamics.rotor.rotor import PlanarRotor, TorquePulse
