@@ -7,7 +7,7 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from pipeline.accuracy.error_estimates import refinement_gain, retuned
+from pipeline.accuracy.error_estimates import refinement_gain, retune_body
 from pipeline.accuracy.matching import counterparts
 from pipeline.accuracy.quantities import modes_like
 from pipeline.core.arrays import Array, IntArray
@@ -58,7 +58,7 @@ class Pair:
             other, (numbers, alike) = self.coarse.bodies[name], self._counterparts(name)
             omega = other.omega.copy()
             omega[numbers[alike]] = body.omega[alike]
-            retuned_bodies[name] = retuned(other, omega)
+            retuned_bodies[name] = retune_body(other, omega)
         ringing = self.coarse.with_bodies({name: body for name, (body, _) in retuned_bodies.items()})
         return ringing, {name: scale for name, (_, scale) in retuned_bodies.items()}
 

@@ -1,4 +1,4 @@
-"""An open chain of rigid and flexible bodies, as the integrators see it.
+"""A mechanism of rigid and flexible bodies: the one description from which its kernels and results are made.
 
 Bodies form a tree of joints. The coordinates are those of the joints and of the modes alone, the independent
 coordinates of eq. (4) of Miao et al. (2008): nothing else appears, so no constraint can drift.
@@ -14,7 +14,7 @@ import numpy as np
 
 from pipeline.core.arrays import Array, IntArray
 from pipeline.core.errors import AccuracyError
-from pipeline.dynamics.links import FREE, REVOLUTE, SPHERICAL, Link, PointLoad
+from pipeline.dynamics.links import FREE, SPHERICAL, Link, PointLoad
 from pipeline.dynamics.signals.signal import Signal
 from pipeline.dynamics.tree.arrays import FrozenTree, Layout, MiddleTree, TreeParameters, layout_of, packed, with_room
 from pipeline.dynamics.vibration import highest_frequency
@@ -26,7 +26,7 @@ _STEADY_STEPS = 30
 
 @dataclass(frozen=True)
 class Mechanism:
-    """A mechanism of links.
+    """Bodies with the joints that carry them, as a system that the integrators march.
 
     Rates are ordered by what is slow: slow joints, slow modes, fast joints, fast modes.
 
@@ -119,6 +119,15 @@ class Mechanism:
             modes = self.modes_of(k)
             rates[modes], positions[modes + self.n_positions - self.n] = 3 * k + 2, 3 * k + 2
         return positions, rates
+
+    @property
+    def mass(self) -> float:
+        """Mass of all bodies [kg]."""
+        return float(sum(link.gram.mass for link in self.links))
+
+    def number_of(self, body: str) -> int:
+        """Number of the body of a name."""
+        return next(k for k, link in enumerate(self.links) if link.name == body)
 
     def modes_of(self, body: int) -> IntArray:
         """Rates of a body's modal coordinates, lowest mode first."""
@@ -226,36 +235,9 @@ class Mechanism:
     def _highest(self, part: slice) -> float:
         return highest_frequency(self.mass_matrix(self.rest_positions)[part, part], self.linear_stiffness[part, part])
 
-    def energies(self, q: Array, v: Array, times: Array | None = None) -> tuple[Array, Array]:
-        """Kinetic and potential energy (strain, springs, gravity) [J] at states q (n_times, …), v (n_times, n).
-
-        Prescribed motions are taken at ``times``, (n_times,) [s]; without, at 0.
-        """
-        from pipeline.dynamics.tree.kernels import kinetic_energies
-
-        times = np.zeros(len(q)) if times is None else times
-        free = self.released
-        positions, rates, _ = self.in_released(times, q, v)
-        kinetic, potential = np.empty(len(q)), np.zeros(len(q))
-        origins, rotations = np.empty((len(q), len(self.links), 3)), np.empty((len(q), len(self.links), 3, 3))
-        kinetic_energies(free.parameters, times, positions, rates, kinetic, origins, rotations)
-        for b, link in enumerate(free.links):
-            modal = positions[:, free.modes_of(b) + free.n_positions - free.n]
-            potential += 0.5 * modal**2 @ link.omega**2
-            if link.spring:
-                stretch = positions[:, free.layout.position[b]] - link.rest
-                if link.joint == REVOLUTE and len(link.joint_rotation):
-                    stretch = stretch + modal @ link.joint_rotation
-                potential += 0.5 * link.spring * stretch**2
-            if np.any(self.gravity):
-                moment = link.gram.mass * origins[:, b]
-                moment += np.einsum("tij,tj->ti", rotations[:, b], _first_moments(link, modal))
-                potential -= moment @ self.gravity
-        return kinetic, potential
-
     @cached_property
     def released(self) -> Mechanism:
-        """The same mechanism with its prescribed joints free to move: for their reactions and for the energy."""
+        """Mechanism whose prescribed joints are free to move, from which their reactions are found."""
         return replace(self, links=[replace(link, motion=None) for link in self.links])
 
     def in_released(self, times: Array, q: Array, v: Array, a: Array | None = None) -> tuple[Array, Array, Array]:
@@ -331,31 +313,9 @@ class Mechanism:
             link.name: float(lack[free.layout.rate[k]]) for k, link in enumerate(self.links) if link.motion is not None
         }
 
-    def frames(self, q: Array, times: Array | None = None) -> tuple[Array, Array]:
-        """Origins (n_times, n_bodies, 3) [m] and rotations (n_times, n_bodies, 3, 3) of the bodies' frames in space.
-
-        Prescribed motions are taken at ``times``, (n_times,) [s]; without, at 0.
-        """
-        times = np.zeros(len(q)) if times is None else times
-        return self._placed(q, np.zeros((len(q), self.n)), times)[:2]
-
-    def spins(self, q: Array, v: Array, times: Array) -> Array:
-        """Angular velocities of the bodies in their own axes, (n_times, n_bodies, 3) [rad/s]."""
-        _, rotations, spins = self._placed(q, v, times)
-        return np.asarray(np.einsum("tbij,tbi->tbj", rotations, spins))
-
-    def _placed(self, q: Array, v: Array, times: Array) -> tuple[Array, Array, Array]:
-        from pipeline.dynamics.tree.kernels import place_bodies
-
-        shape = (len(q), len(self.links), 3)
-        origins, rotations, spins = np.empty(shape), np.empty((*shape, 3)), np.empty(shape)
-        q, v = np.ascontiguousarray(q), np.ascontiguousarray(v)
-        place_bodies(self.parameters, times, q, v, origins, rotations, spins)
-        return origins, rotations, spins
-
     @cached_property
     def rigid(self) -> Mechanism:
-        """The same mechanism with no body deforming; its coordinates are the joints' of this one if all are slow."""
+        """Mechanism in which no body deforms; its coordinates are those of the joints alone."""
         nothing, none = np.zeros(0), np.zeros((3, 0))
         links = [
             replace(
@@ -366,6 +326,8 @@ class Mechanism:
                 joint_rotation=nothing,
                 place_shapes=none,
                 place_rotations=none,
+                markers={},
+                section="",
             )
             for link in self.links
         ]
@@ -376,12 +338,3 @@ class Mechanism:
 def _symmetric(lower: Array) -> Array:
     """The whole of a symmetric matrix of which the lower triangle is there."""
     return np.tril(lower) + np.tril(lower, -1).T
-
-
-def _first_moments(link: Link, modal: Array) -> Array:
-    """First moments about a body's origin in its axes, (n_times, 3) [kg m], at modal coordinates (n_times, n)."""
-    gram = link.gram
-    moments = gram.S[:, 0] + modal @ gram.S[:, 1:].T
-    if gram.bow.size:
-        moments = moments + 0.5 * np.einsum("tj,ajk,tk->ta", modal, gram.bow, modal)
-    return np.asarray(moments)

@@ -10,6 +10,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from pipeline.core.arrays import Array
+from pipeline.dynamics.kinematics import Kinematics, turned
 from pipeline.dynamics.mechanism import Mechanism
 from pipeline.integrators.protocol import Trajectory
 from pipeline.recovery.motion_table import motion_table
@@ -59,20 +60,18 @@ class ChainMotion:
         return self._along(joint, 1)
 
     @cached_property
-    def frames(self) -> tuple[Array, Array]:
-        """Origins (n_times, n_bodies, 3) [m] and rotations (n_times, n_bodies, 3, 3) of the bodies' frames."""
-        return self.tree.frames(self.trajectory.q, self.times)
+    def kinematics(self) -> Kinematics:
+        """Frames, energies and momenta at the output times."""
+        return Kinematics(self.tree, self.times, self.trajectory.q, self.trajectory.v)
 
     def spin(self, body: str) -> Array:
         """Angular rate of a body's frame [rad/s], shape (n_times,)."""
-        spins = self.tree.spins(self.trajectory.q, self.trajectory.v, self.times)
-        return np.asarray(np.linalg.norm(spins[:, self._number(body)], axis=1))
+        return np.asarray(np.linalg.norm(self.kinematics.body_spin(self._number(body)), axis=1))
 
     def placed(self, body: str, r: Array, k: int) -> Array:
         """Points r (n, 3) [m] of a body's frame as they are in space at output time k, shape (n, 3)."""
-        origins, rotations = self.frames
-        number = self._number(body)
-        return np.asarray(origins[k, number] + r @ rotations[k, number].T)
+        frame = self.kinematics.frames[self._number(body)]
+        return np.asarray(frame.origin[k] + r @ frame.rotation[k].T)
 
     @property
     def tip_displacement(self) -> Array:
@@ -89,16 +88,13 @@ class ChainMotion:
     def tip_position(self) -> Array:
         """The tip in space [m], shape (n_times, 3)."""
         body, place = self.tip
-        origins, rotations = self.frames
-        number = self._number(body)
-        return np.asarray(
-            origins[:, number] + np.einsum("tij,tj->ti", rotations[:, number], place.position + self.tip_displacement)
-        )
+        frame = self.kinematics.frames[self._number(body)]
+        return frame.origin + turned(frame.rotation, place.position + self.tip_displacement)
 
     @cached_property
     def energies(self) -> tuple[Array, Array]:
         """Kinetic and potential energy [J], each of shape (n_times,)."""
-        return self.tree.energies(self.trajectory.q, self.trajectory.v, self.times)
+        return self.kinematics.energies
 
     def differences(self, first: ChainMotion) -> dict[str, Any]:
         """Return the largest differences from another motion over all output times."""

@@ -2,9 +2,10 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Callable, Mapping
 from dataclasses import dataclass
 from functools import cached_property, partial
+from typing import Any
 
 import numpy as np
 
@@ -17,7 +18,7 @@ from pipeline.reduction.craig_bampton import craig_bampton_modes, rayleigh_ritz
 from pipeline.reduction.cyclic import CyclicSolver
 from pipeline.reduction.eigen import FreeBodySolver
 from pipeline.reduction.enrichment import enrich_modes
-from pipeline.reduction.factor.factor import MissingSolverError, TooLargeError, factorise
+from pipeline.reduction.factor.factor import Factor, MissingSolverError, TooLargeError, factorise
 from pipeline.reduction.factor.slepc import factorise_over_ranks
 from pipeline.reduction.inertia import InertiaGram
 from pipeline.reduction.loads import acceleration_loads, motion_loads
@@ -38,8 +39,10 @@ class HeldModel:
     ----------
     file, name : str
         The scene's file and the body's name in it, for messages.
-    settings : ModeSettings
-        The scene's choice of modes.
+    solver_name : str
+        Solver that the scene chooses.
+    factorise : callable
+        Factorises a matrix by that solver.
     fe : FEModel
         Stiffness and mass.
     sectors : int
@@ -54,7 +57,8 @@ class HeldModel:
 
     file: str
     name: str
-    settings: ModeSettings
+    solver_name: str
+    factorise: Callable[[Any], Factor]
     fe: FEModel
     sectors: int
     markers: Mapping[str, Marker]
@@ -71,22 +75,17 @@ class HeldModel:
             Rigid faces share nodes, the factor doesn't fit into memory, or the wanted solver isn't installed.
         """
         rigid = [marker for marker in self.markers.values() if marker.rigid]
-        wanted, key = self.settings, f"body.{self.name}"
-        factorise_as_wanted = (
-            partial(factorise_over_ranks, ranks=wanted.ranks or 2)
-            if wanted.solver == "slepc"
-            else partial(factorise, solver=wanted.solver)
-        )
+        key = f"body.{self.name}"
         try:
             if self.sectors > 2 and not rigid and self.fixed is None:
-                return CyclicSolver(self.fe, self.sectors, factorise_as_wanted)
-            return FreeBodySolver(self.fe, rigid, self.fixed, factorise_as_wanted)
+                return CyclicSolver(self.fe, self.sectors, self.factorise)
+            return FreeBodySolver(self.fe, rigid, self.fixed, self.factorise)
         except ValueError as error:  # rigid faces that share nodes, with one another or with a support
             raise InputError(self.file, f"{key}.marker", None, str(error)) from error
         except TooLargeError as error:
             raise InputError(self.file, f"{key}.mesh", None, str(error)) from error
         except MissingSolverError as error:
-            raise InputError(self.file, f"{key}.modes.solver", wanted.solver, str(error)) from error
+            raise InputError(self.file, f"{key}.modes.solver", self.solver_name, str(error)) from error
 
     @property
     def reaction(self) -> Array:
@@ -95,29 +94,30 @@ class HeldModel:
         across = np.linalg.svd(np.eye(3) - free.T @ free)[0][:, : 3 - len(free)].T
         return self.markers[self.joint.marker].columns(len(self.fe.x), across)
 
-    @property
-    def held(self) -> Array | None:
-        """The joint's reaction if the modes are to be those of the body held there; else ``None``."""
-        return self.reaction if self.settings.boundary == "joint" and not self.joint.floating else None
-
-    @property
-    def interface(self) -> list[Marker]:
-        """Markers of the interface of Craig and Bampton's modes."""
-        return [self.markers[name] for name in self.settings.interface or tuple(self.markers)]
+    def reaction_if_held(self, settings: ModeSettings) -> Array | None:
+        """Return the joint's reaction if the modes are to be those of the body held there; else ``None``."""
+        return self.reaction if settings.boundary == "joint" and not self.joint.floating else None
 
 
-def compute_modes(model: HeldModel) -> Modes:
+def choose_factorisation(settings: ModeSettings) -> Callable[[Any], Factor]:
+    """Return the function that factorises a matrix by the solver that a scene chooses."""
+    if settings.solver == "slepc":
+        return partial(factorise_over_ranks, ranks=settings.ranks or 2)
+    return partial(factorise, solver=settings.solver)
+
+
+def compute_modes(model: HeldModel, settings: ModeSettings) -> Modes:
     """Compute the modes that a scene chooses for a body."""
-    wanted = model.settings
-    if wanted.boundary == "interface":
-        return craig_bampton_modes(model.fe, model.solver, model.interface, wanted.count)
-    if wanted.family == "any":
-        return lowest_modes(model.solver, wanted.count, model.held)
-    axis = np.array(model.joint.axis)
-    return modes_of_family(model.solver, model.fe, wanted.count, wanted.family, axis, model.held)
+    if settings.boundary == "interface":
+        interface = [model.markers[name] for name in settings.interface or tuple(model.markers)]
+        return craig_bampton_modes(model.fe, model.solver, interface, settings.count)
+    held = model.reaction_if_held(settings)
+    if settings.family == "any":
+        return lowest_modes(model.solver, settings.count, held)
+    return modes_of_family(model.solver, model.fe, settings.count, settings.family, np.array(model.joint.axis), held)
 
 
-def reduce_body(model: HeldModel, modes: Modes, frame: str) -> FlexibleBody:
+def reduce_body(model: HeldModel, modes: Modes, settings: ModeSettings, frame: str) -> FlexibleBody:
     """Reduce a body to its modes and static responses, with the frame that its joint asks for.
 
     Raises
@@ -128,7 +128,9 @@ def reduce_body(model: HeldModel, modes: Modes, frame: str) -> FlexibleBody:
     fe, markers, joint, fixed = model.fe, model.markers, model.joint, model.fixed
     if not joint.marker:
         raise InputError(model.file, f"body.{model.name}", None, "hangs on no joint: it has modes, but no motion")
-    omega, shapes = _enriched_shapes(model, modes) if model.settings.enrich != "none" else (modes.omega, modes.shapes)
+    omega, shapes = modes.omega, modes.shapes
+    if settings.enrich != "none":
+        omega, shapes = _enriched_shapes(model, modes, settings)
     common = (fe, omega, shapes, markers, joint.marker)
     if fixed is not None:
         _require_held(model, modes, fixed)
@@ -147,16 +149,17 @@ def stiffen_inertia(model: HeldModel, body: FlexibleBody) -> InertiaGram:
     return stiffen_body(body, model.fe, model.solver, reaction, joint.plane, joint.accelerated).gram
 
 
-def _enriched_shapes(model: HeldModel, modes: Modes) -> tuple[Array, Array]:
+def _enriched_shapes(model: HeldModel, modes: Modes, settings: ModeSettings) -> tuple[Array, Array]:
     """Frequencies and shapes of the modes with static responses to inertia loads and joint forces beside them."""
-    fe, markers, joint, settings = model.fe, model.markers, model.joint, model.settings
+    fe, markers, joint = model.fe, model.markers, model.joint
     outboard = [(markers[at], joint.plane if flat else None) for at, flat in joint.loaded if at != joint.marker]
     loads = motion_loads(fe, markers[joint.marker], joint.plane, outboard)
     if model.fixed is not None:
         own = acceleration_loads(fe, markers[joint.marker].position, joint.plane)
         loads = np.concatenate([loads, own], axis=2)
     generations = _RITZ_GENERATIONS if settings.enrich == "ritz" else 1
-    omega, shapes = enrich_modes(modes, fe, model.solver, loads, model.held, generations)
+    held = model.reaction_if_held(settings)
+    omega, shapes = enrich_modes(modes, fe, model.solver, loads, held, generations)
     if settings.boundary == "interface":  # no eigenvectors: the new shapes mix with them
         omega, shapes = rayleigh_ritz(fe, shapes.reshape(fe.K.shape[0], -1))
     return omega, shapes

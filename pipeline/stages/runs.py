@@ -16,7 +16,8 @@ from pipeline.integrators.subcycling import Subcycling
 from pipeline.stages.mechanism import Chain, chain_of
 
 if TYPE_CHECKING:
-    from pipeline.scene.simulation import ReversibleSubCyclingRun, Run, Simulation, SubCyclingRun
+    from pipeline.scene.runs import ReversibleSubCyclingRun, Run, SubCyclingRun
+    from pipeline.scene.simulation import Simulation
     from pipeline.stages.pipeline import Pipeline
 
 STABLE = 0.4  # of the largest stable step: what a neighbour of a run takes that doesn't stand the run's own

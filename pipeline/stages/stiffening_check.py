@@ -14,6 +14,7 @@ from scipy.linalg import eigh
 
 from pipeline.core.arrays import Array
 from pipeline.core.errors import AccuracyError, InputError
+from pipeline.dynamics.kinematics import Kinematics
 
 if TYPE_CHECKING:
     from pipeline.dynamics.mechanism import Mechanism
@@ -109,8 +110,8 @@ def spins_of(chain: Chain, duration: float) -> dict[str, Array]:
     rigid = chain.tree.rigid
     times = np.linspace(0.0, duration, _SAMPLES)
     q, v = _rigid_motion(rigid, chain.q0[: rigid.n_positions], chain.v0[: rigid.n], times)
-    spins = rigid.spins(q, v, times)
-    return {link.name: spins[:, k] for k, link in enumerate(rigid.links)}
+    motion = Kinematics(rigid, times, q, v)
+    return {link.name: motion.body_spin(k) for k, link in enumerate(rigid.links)}
 
 
 def _rigid_motion(rigid: Mechanism, q0: Array, v0: Array, times: Array) -> tuple[Array, Array]:

@@ -15,6 +15,7 @@ from scipy.spatial.transform import Rotation
 
 from pipeline.core.arrays import Array
 from pipeline.core.formula import parse_formula
+from pipeline.dynamics.kinematics import Kinematics
 from pipeline.dynamics.links import PRISMATIC, REVOLUTE, Link, PointLoad
 from pipeline.dynamics.mechanism import Mechanism
 from pipeline.dynamics.signals.signal import Signal, constant, formula, half_sine, linear_table
@@ -294,7 +295,7 @@ def compiled(tree: Mechanism, t: float, q: Array, v: Array) -> Array:
 
 def test_the_energy_gained_is_the_work_done(case: Case) -> None:
     march = CLOSELY.march(case.arm.tree, *start(case.arm), TIMES)
-    energy = np.sum(case.arm.tree.energies(march.q, march.v, TIMES), axis=0)
+    energy = np.sum(Kinematics(case.arm.tree, TIMES, march.q, march.v).energies, axis=0)
     power = np.empty(len(TIMES))
     for i, t in enumerate(TIMES):
         q, v = march.q[i], march.v[i]
@@ -308,7 +309,7 @@ def test_the_energy_gained_is_the_work_done(case: Case) -> None:
 def test_energies_are_those_of_the_points_whatever_drives_them(case: Case) -> None:
     q, v = start(case.arm, 1)
     for t in (0.0, 0.37):
-        kinetic, potential = case.arm.tree.energies(q[None], v[None], np.array([t]))
+        kinetic, potential = Kinematics(case.arm.tree, np.array([t]), q[None], v[None]).energies
         want = case.arm.energy(*whole(case, t, q, v))
         assert (kinetic[0], potential[0]) == pytest.approx(want, rel=1e-12)
 
@@ -408,9 +409,10 @@ def test_turning_and_moving_everything_in_space_changes_nothing(names: tuple[str
     here, there = (CLOSELY.march(one.tree, *start(arm, 5), times) for one in (arm, other))
     assert there.q == pytest.approx(here.q, abs=1e-9)
     assert there.v == pytest.approx(here.v, abs=1e-8)
-    (origins, rotations), (others, turned) = arm.tree.frames(here.q, times), other.tree.frames(there.q, times)
-    assert others == pytest.approx(origins @ R.T + shift, abs=1e-8)
-    assert turned == pytest.approx(R @ rotations @ R.T, abs=1e-8)
+    frames, others = (Kinematics(one.tree, times, m.q, m.v).frames for one, m in ((arm, here), (other, there)))
+    for frame, moved in zip(frames, others, strict=True):
+        assert moved.origin == pytest.approx(frame.origin @ R.T + shift, abs=1e-8)
+        assert moved.rotation == pytest.approx(R @ frame.rotation @ R.T, abs=1e-8)
 
 
 # Slow and fast modes ---------------------------------------------------------------------------------------------

@@ -48,10 +48,13 @@ class Signal:
     breakpoints : tuple of float
         Times at which it or its first derivative may jump, and the ends of a smooth table, at which its second one
         does [s], ascending. Kinks of abs, min and max in a formula are not among them.
+    pulse : tuple of float, optional
+        Start [s], duration [s] and peak, if the signal is one half sine.
     """
 
     terms: tuple[_Term, ...]
     breakpoints: tuple[float, ...] = ()
+    pulse: tuple[float, float, float] | None = None
 
     def value(self, t: float) -> tuple[float, float, float]:
         """Value, first and second time derivative at time t [s], by the kernel that a march uses."""
@@ -127,7 +130,8 @@ def half_sine(start: float, duration: float, peak: float) -> Signal:
         raise ValueError(f"a half sine that begins at {start:g} s can't last {duration:g} s; give more than 0")
     codes = (_TIME, _NUMBER, _SUBTRACT, _NUMBER, _MULTIPLY, _SIN, _NUMBER, _MULTIPLY)
     numbers = (start, math.pi / duration, peak)
-    return Signal((_Term(_PROGRAM, codes, numbers, support=(start, end)),), (start, end))
+    term = _Term(_PROGRAM, codes, numbers, support=(start, end))
+    return Signal((term,), (start, end), (start, float(duration), peak))
 
 
 def linear_table(times: Array, values: Array) -> Signal:
@@ -168,6 +172,8 @@ def smooth_table(times: Array, values: Array) -> Signal:
 
 def total(signals: Sequence[Signal]) -> Signal:
     """Add signals up; none at all make zero."""
+    if len(signals) == 1:
+        return signals[0]
     breakpoints = {time for signal in signals for time in signal.breakpoints}
     return Signal(tuple(term for signal in signals for term in signal.terms), tuple(sorted(breakpoints)))
 

@@ -12,6 +12,7 @@ from scipy.linalg import eigh
 from scipy.spatial.transform import Rotation
 
 from pipeline.core.arrays import Array
+from pipeline.dynamics.kinematics import Kinematics
 from pipeline.dynamics.links import FIXED, FREE, PRISMATIC, REVOLUTE, SPHERICAL, Link, rigid_gram
 from pipeline.dynamics.mechanism import Mechanism
 from pipeline.dynamics.signals.signal import constant
@@ -93,15 +94,6 @@ def test_a_place_turned_by_the_modes_is_right_at_angles_of_any_size(chain: Make,
     assert compiled(some.tree, q, v) == pytest.approx(want, abs=1e-12 * np.abs(want).max())
 
 
-def test_energies_are_those_of_the_points(chain: Make, name: str) -> None:
-    some = chain(name, gravity=WEIGHT)
-    states = [some.state(seed) for seed in SEEDS]
-    kinetic, potential = some.tree.energies(*(np.array(part) for part in zip(*states, strict=True)))
-    for k, (q, v) in enumerate(states):
-        assert kinetic[k] == pytest.approx(some.kinetic(q, v), rel=1e-12)
-        assert potential[k] == pytest.approx(some.potential(q), rel=1e-11)
-
-
 def test_shapes_that_are_left_out_count_as_zero(chain: Make, name: str) -> None:
     whole = chain(name, gravity=WEIGHT)
     links = [
@@ -121,17 +113,9 @@ def test_shapes_that_are_left_out_count_as_zero(chain: Make, name: str) -> None:
     zeros = replace(whole.tree, links=links)
     q, v = whole.state(17)
     assert np.array_equal(compiled(bare, q, v), compiled(zeros, q, v))
-    assert np.array_equal(bare.energies(q[None], v[None]), zeros.energies(q[None], v[None]))
+    energies = [Kinematics(tree, np.zeros(1), q[None], v[None]).energies for tree in (bare, zeros)]
+    assert np.array_equal(*energies)
     assert bare.highest_frequency == zeros.highest_frequency
-
-
-def test_frames_are_those_of_matrix_products(chain: Make, name: str) -> None:
-    some = chain(name)
-    q, _ = some.state(5)
-    origins, rotations = some.tree.frames(q[None])
-    for k, (origin, R) in enumerate(some.frames(q)):
-        assert origins[0, k] == pytest.approx(origin, abs=1e-14), k
-        assert rotations[0, k] == pytest.approx(R, abs=1e-14)
 
 
 def test_positions_change_at_the_rates(chain: Make, name: str) -> None:
@@ -145,11 +129,11 @@ def test_positions_change_at_the_rates(chain: Make, name: str) -> None:
 def test_the_undeformed_chain_has_all_frames_parallel_to_the_ground(chain: Make, name: str) -> None:
     tree = chain(name).tree
     places: dict[int, Array] = {-1: np.zeros(3)}
-    (origins,), (rotations,) = tree.frames(tree.rest_positions[None])
+    frames = Kinematics(tree, np.zeros(1), tree.rest_positions[None], np.zeros((1, tree.n))).frames
     for k, link in enumerate(tree.links):
         places[k] = places[link.parent] + link.place
-        assert origins[k] == pytest.approx(places[k], abs=1e-15)
-        assert np.array_equal(rotations[k], np.eye(3))
+        assert frames[k].origin[0] == pytest.approx(places[k], abs=1e-15)
+        assert np.array_equal(frames[k].rotation[0], np.eye(3))
 
 
 def test_slow_joints_come_first_then_fast_ones_then_modes(chain: Make) -> None:
@@ -240,7 +224,7 @@ def test_dampers_take_out_what_their_rates_cost_and_never_add(chain: Make, name:
     some = chain(name, gravity=WEIGHT).with_links(load=constant(0.0))
     times = np.linspace(0.0, 2.0, 2001)
     march = CLOSELY.march(some.tree, *some.state(4), times)
-    energy = np.sum(some.tree.energies(march.q, march.v), axis=0)
+    energy = np.sum(Kinematics(some.tree, march.times, march.q, march.v).energies, axis=0)
     power = np.zeros(times.size)
     for i, v in enumerate(march.v):
         for link, ds, d_inner in zip(some.tree.links, *some.rates_of(v), strict=True):
