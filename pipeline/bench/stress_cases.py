@@ -60,25 +60,25 @@ Builder = Callable[[], StressCase]
 
 def case_builders() -> dict[str, Builder]:
     """Return the functions that build the cases, by name."""
-    found: dict[str, Builder] = {name: _of_scene(name) for name in SCENES}
+    cases: dict[str, Builder] = {name: _of_scene(name) for name in SCENES}
     for stiffened in (False, True):
         for speed in SPEEDS:
-            found[f"beam at {speed:g} ω₁, {'stiffened' if stiffened else 'linear'}"] = _spinning(speed, stiffened)
+            cases[f"beam at {speed:g} ω₁, {'stiffened' if stiffened else 'linear'}"] = _spinning(speed, stiffened)
     for exponent in (-6, -3, 0, 3, 6):
         for beta in (0.0, 0.3):
-            found[f"mass ratio 1e{exponent}, β = {beta}"] = _of_masses(exponent, beta)
+            cases[f"mass ratio 1e{exponent}, β = {beta}"] = _of_masses(exponent, beta)
     for n in (1, 20, 200):
         modes = np.diag(np.r_[0.0, np.linspace(1.0, 30.0, n) ** 2])
-        found[f"{n} modes"] = _linear("1 to 200 modes", f"{n} modes", np.eye(n + 1), modes)
+        cases[f"{n} modes"] = _linear("1 to 200 modes", f"{n} modes", np.eye(n + 1), modes)
     spread = np.diag(np.r_[1e-2, 10.0 ** np.linspace(0, 12, 5)])
-    found["stiffness from 1 to 1e12"] = _linear("stiffness from 1 to 1e12", "", np.eye(6), spread)
+    cases["stiffness from 1 to 1e12"] = _linear("stiffness from 1 to 1e12", "", np.eye(6), spread)
     turn = np.linalg.qr(np.random.default_rng(0).standard_normal((4, 4)))[0]
     M = np.eye(5)
     M[1:, 1:] = turn @ np.diag([1e-10, 1.0, 1.0, 1.0]) @ turn.T
-    found["M_SS nearly singular, 1e-10"] = _linear(
+    cases["M_SS nearly singular, 1e-10"] = _linear(
         "M_SS nearly singular, 1e-10", "", M, np.diag([0.01, 1.0, 4.0, 9.0, 16.0])
     )
-    return found
+    return cases
 
 
 def _linear(family: str, name: str, M: Array, K: Array) -> Builder:

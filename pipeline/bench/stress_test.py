@@ -101,11 +101,11 @@ def march_all(
     # The longest first, so that none is waited for in the end.
     longest = sorted(marches, key=lambda march: (march[0] != "arm", -len(_case(march[0]).M)))
     tasks = (delayed(_kept_row)(*march, cycles, keep) for march in longest)
-    found: dict[tuple[str, int], StressTestRow] = {}
+    rows: dict[tuple[str, int], StressTestRow] = {}
     for march, row in zip(longest, Parallel(n_jobs=2, return_as="generator")(tasks), strict=True):
-        found[march] = row
-        advance(len(found) / len(marches))
-    return [found[march] for march in marches]
+        rows[march] = row
+        advance(len(rows) / len(marches))
+    return [rows[march] for march in marches]
 
 
 def march_case(name: str, cycles: int = CYCLES) -> list[StressTestRow]:
@@ -190,7 +190,7 @@ def _march(case: StressCase, method: ResumableIntegrator, m: int, share: float, 
         folds = np.inf
     predicted = "lives" if folds < _GROWN - _UNSURE else "diverges" if folds > _GROWN + _UNSURE else "either"
     label = (case.family, case.name, method.name, m, share, cycles, predicted)
-    # A vibration that has taken the spin away may be small again in the end: such marches are looked at on their way.
+    # A vibration that has taken the spin away may be small again in the end: those marches are watched on their way.
     looks = _LOOKS if case.at.v.any() else 1
     times, before = (cycles * m - 1) * h * np.linspace(1.0 / looks, 1.0, looks), np.zeros(1)
     try:
