@@ -1,5 +1,9 @@
+"""`fmd doctor`: what it checks, and the remedies that it names."""
+
+import json
 import subprocess
 import sys
+from collections.abc import Callable
 from pathlib import Path
 
 import pytest
@@ -98,3 +102,8 @@ def test_the_doctor_loads_neither_gmsh_nor_pyvista(tmp_path: Path) -> None:
     )
     result = subprocess.run([sys.executable, "-c", code, str(tmp_path)], capture_output=True, text=True, check=False)
     assert result.stderr.strip() == ""
+
+
+def test_doctor_finds_nothing_to_mend_here(fmd: Callable[..., int], capsys: pytest.CaptureFixture[str]) -> None:
+    assert fmd("doctor", "--json") == 0
+    assert json.loads(capsys.readouterr().out) == {"ok": True, "problems": []}
