@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from dataclasses import asdict
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Any
 
@@ -14,7 +15,7 @@ from pipeline.cli.tables import new_table, print_files
 from pipeline.core.errors import InputError
 
 if TYPE_CHECKING:
-    from pipeline.bench.stability_study import SceneStability
+    from pipeline.stability.limits import MechanismLimits
 
 _RATIOS = range(1, 21)
 
@@ -55,13 +56,11 @@ def stability(
     out
         Folder for the picture; out/stability by default.
     """
-    from pipeline.bench import stability_study as study
-
     if two_dof == bool(scene):
         raise InputError("stability", "", scene or None, "give a scene, e.g. beam, or --two-dof")
     if two_dof:
         substeps, couplings = substeps or 2, coupling or [0.0]
-        study.require_map(substeps, couplings, scheme, resolution)
+        _require_map(substeps, couplings, scheme, resolution)
         if law:
             _fit_laws(json)
         else:
@@ -69,19 +68,34 @@ def stability(
         return
     if not 0 <= substeps <= 1000:
         raise InputError("--substeps", "", substeps, "must be 1 … 1000")
+    from pipeline.output.stability_results import summarise_limits
+    from pipeline.stages.stability_limits import find_scene_limits
+
     run = open_pipeline(scene, set_, no_cache)
-    result = study.scene_stability(run, [1, substeps] if substeps else list(_RATIOS), along)
+    result = find_scene_limits(run, [1, substeps] if substeps else list(_RATIOS), along)
     if json:
-        print_json(study.summary_of_scene(result))
+        print_json(summarise_limits(result))
     else:
         _print_limits(run.scene.title, result)
 
 
+def _require_map(substeps: int, couplings: list[float], scheme: str, resolution: int) -> None:
+    """Raise `InputError` unless maps can be made with these options."""
+    from pipeline.stability.two_dof import SCHEMES
+
+    if not all(0 <= beta < 1 for beta in couplings):
+        raise InputError("--coupling", "", couplings, "must be 0 ≤ β < 1")
+    if not 1 <= substeps <= 1000 or not 2 <= resolution <= 2000:
+        raise InputError("--substeps", "", substeps, "must be 1 … 1000, and --resolution 2 … 2000")
+    if scheme not in SCHEMES:
+        raise InputError("--scheme", "", scheme, f"must be one of {', '.join(SCHEMES)}")
+
+
 def _draw_maps(substeps: int, couplings: list[float], scheme: str, resolution: int, folder: Path, json: bool) -> None:
     """Draw the maps of one ratio, and print the stable share of each."""
-    from pipeline.bench.stability_study import summary_of_maps, two_dof
+    from pipeline.output.stability_results import summarise_maps, write_maps
 
-    summary = summary_of_maps(*two_dof(substeps, couplings, resolution, scheme, folder))
+    summary = summarise_maps(*write_maps(substeps, couplings, resolution, scheme, folder))
     if json:
         print_json(summary if len(summary["maps"]) > 1 else summary | summary["maps"][0])
         return
@@ -95,9 +109,9 @@ def _draw_maps(substeps: int, couplings: list[float], scheme: str, resolution: i
 
 def _fit_laws(json: bool) -> None:
     """Print the fitted law of the weak instability for each ratio."""
-    from pipeline.bench.stability_study import laws
+    from pipeline.stability.two_dof import fit_growth_law
 
-    rows: list[dict[str, Any]] = laws()
+    rows: list[dict[str, Any]] = [asdict(law) for law in map(fit_growth_law, range(2, 21))]
     if json:
         print_json({"rows": rows})
         return
@@ -110,7 +124,7 @@ def _fit_laws(json: bool) -> None:
     Console().print(table)
 
 
-def _print_limits(title: str, result: SceneStability) -> None:
+def _print_limits(title: str, result: MechanismLimits) -> None:
     """Print the largest stable step of each ratio, and the step for the scene's error."""
     columns = ["m", "largest stable fast step", "sudden beyond", "growth at half of that"]
     table = new_table(title, *columns, *(["worst at"] if result.along else []))

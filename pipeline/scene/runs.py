@@ -2,9 +2,9 @@
 
 from __future__ import annotations
 
-from typing import Annotated, ClassVar, Literal
+from typing import Annotated, Any, ClassVar, Literal
 
-from pydantic import Field, model_validator
+from pydantic import BeforeValidator, Field, model_validator
 
 from pipeline.core.units import PositiveFrequency, PositiveTime
 from pipeline.scene.reading import FaultError, SceneTable
@@ -170,7 +170,7 @@ class RungeKuttaRun(SceneTable):
 
 
 class GeneralizedAlphaRun(SceneTable):
-    """Generalised-α method: implicit, order 2, with damping of high frequencies; it takes a step or a tolerance.
+    """Generalised-α method: implicit, order 2, with damping of the high frequencies that its step can't resolve.
 
     Parameters
     ----------
@@ -178,8 +178,6 @@ class GeneralizedAlphaRun(SceneTable):
         Spectral radius at infinite frequency: 1 damps nothing, 0 damps high frequencies at once.
     step : float, optional
         Time step [s]; by default that of the simulation.
-    tolerance : float, optional
-        Relative tolerance of the error in a step; with it the method chooses its steps.
 
     Examples
     --------
@@ -194,13 +192,14 @@ class GeneralizedAlphaRun(SceneTable):
     integrator: Literal["generalized-alpha"]
     rho: Annotated[Number, Field(ge=0.0, le=1.0)] = 0.8
     step: PositiveTime | None = None
-    tolerance: Tolerance | None = None
 
-    @model_validator(mode="after")
-    def _one_of_two(self) -> GeneralizedAlphaRun:
-        if self.step is not None and self.tolerance is not None:
-            raise FaultError("can't stand beside a step: with a tolerance the method chooses its steps", "tolerance")
-        return self
+    @model_validator(mode="before")
+    @classmethod
+    def _take_no_tolerance(cls, table: Any) -> Any:
+        if isinstance(table, dict) and "tolerance" in table:
+            message = "generalized-alpha takes a step; exponential-rosenbrock and runge-kutta take a tolerance"
+            raise FaultError(message, "tolerance")
+        return table
 
 
 class ScipyRun(SceneTable):
@@ -220,7 +219,7 @@ class ScipyRun(SceneTable):
         tolerance = 1e-8
     """
 
-    integrator: Literal["DOP853", "Radau", "LSODA"]
+    integrator: Literal["Radau", "LSODA"]
     tolerance: Tolerance = 1e-9
 
     step: ClassVar[None] = None
@@ -246,6 +245,12 @@ class AutoRun(SceneTable):
     step: ClassVar[None] = None
 
 
+def _refuse_dop853(table: Any) -> Any:
+    if isinstance(table, dict) and table.get("integrator") == "DOP853":
+        raise FaultError("is no integrator of its own; take runge-kutta, the same method compiled", "integrator")
+    return table
+
+
 Run = Annotated[
     CentralDifferenceRun
     | SubCyclingRun
@@ -257,4 +262,5 @@ Run = Annotated[
     | ScipyRun
     | AutoRun,
     Field(discriminator="integrator"),
+    BeforeValidator(_refuse_dop853),
 ]

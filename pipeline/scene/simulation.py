@@ -78,9 +78,7 @@ class Simulation(SceneTable):
                 raise FaultError(f"must not be longer than the duration, {self.duration:g} s", *path)
         if self.step is None:
             for run in self.run:
-                chooses = isinstance(run, RosenbrockRun | RungeKuttaRun | ScipyRun | AutoRun) or getattr(
-                    run, "tolerance", None
-                )
+                chooses = isinstance(run, RosenbrockRun | RungeKuttaRun | ScipyRun | AutoRun)
                 if not chooses and run.step is None:
                     message = f"is missing: {run.integrator} needs a step, here or in the run, e.g. '10 us'"
                     raise FaultError(message, "step")

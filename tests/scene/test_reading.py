@@ -119,6 +119,15 @@ def test_an_override_with_two_lines_of_toml_is_a_string() -> None:
         ),
         ('body.beam.mesh={element="tetrahedron"}', "body.beam.mesh.size: is missing: the edge length"),
         ("body.beam.mesh.order=3", "must be less than or equal to 2"),
+        # integrators that are no more
+        (
+            'simulation.run.0={integrator="generalized-alpha", tolerance=1e-6}',
+            "simulation.run.0.tolerance = 1e-06: generalized-alpha takes a step; exponential-rosenbrock and",
+        ),
+        (
+            'simulation.run.0.integrator="DOP853"',
+            "simulation.run.0.integrator = 'DOP853': is no integrator of its own; take runge-kutta",
+        ),
         ("drive.spin_up.torque=3 N m", "drive.spin_up.torque = '3 N m': can't stand beside speed"),
         (
             'drive.spin_up={type="torque pulse", joint="hub", duration="1 s"}',
