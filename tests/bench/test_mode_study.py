@@ -53,8 +53,8 @@ def test_frequencies_are_extrapolated_by_the_order_that_they_show() -> None:
 def test_hexahedra_and_tetrahedra_show_the_same_modes(scene: str, meshes: tuple[str, str], error: float) -> None:
     """A mode along z among the beam's, or a pair that is missed, would be off by a tenth."""
     study = next(study for study in STUDIES if study.scene == scene)
-    told = {(element, mesh): overrides for element, mesh, overrides in study.meshes}
-    runs = [told[kind] for kind in zip(("hex20", "tet10"), meshes, strict=True)]
+    meshes_of = {(element, mesh): overrides for element, mesh, overrides in study.meshes}
+    runs = [meshes_of[kind] for kind in zip(("hex20", "tet10"), meshes, strict=True)]
     hexahedra, tetrahedra = (study.frequencies(Pipeline(load_scene(scene, mesh), Cache(None))) for mesh in runs)
     assert len(hexahedra) == {"beam": 5, "propeller": 6}[scene]
     assert tetrahedra == pytest.approx(hexahedra, rel=error)

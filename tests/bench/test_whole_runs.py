@@ -11,7 +11,7 @@ from pipeline.bench.whole_runs import StageRow, _run, write_stages
 from pipeline.core.errors import AccuracyError
 
 
-def test_a_run_that_fails_is_told_with_its_last_line() -> None:
+def test_a_run_that_fails_is_reported_with_its_last_line() -> None:
     command = [sys.executable, "-c", "import sys; print('broken', file=sys.stderr); sys.exit(3)"]
     with pytest.raises(AccuracyError, match="fmd run beam ended with status 3: broken"):
         _run("beam", command, {})

@@ -7,7 +7,7 @@ import json
 import pytest
 
 
-def test_mesh_tells_counts_volume_and_mass(fmd, capsys):
+def test_mesh_reports_counts_volume_and_mass(fmd, capsys):
     assert fmd("mesh", "beam", "--set", "body.beam.mesh.divisions=[10, 3, 2]", "--json") == 0
     result = json.loads(capsys.readouterr().out)
     assert result["elements"] == 10 * 3 * 2

@@ -9,9 +9,9 @@ from pipeline.sweep.points import Variation, make_points, parse_variations
 
 
 def test_a_comma_within_brackets_or_quotes_belongs_to_its_value():
-    found = parse_variations(["a.b=[1, 2],[3,4]", "c.0.d = 'x,y' , {u=1,v=[2,3]}", 'simulation.step="1 us","2 us"'])
-    assert found[0] == Variation("a.b", ("[1, 2]", "[3,4]"))
-    assert found[1] == Variation("c.0.d", ("'x,y'", "{u=1,v=[2,3]}"))
+    parsed = parse_variations(["a.b=[1, 2],[3,4]", "c.0.d = 'x,y' , {u=1,v=[2,3]}", 'simulation.step="1 us","2 us"'])
+    assert parsed[0] == Variation("a.b", ("[1, 2]", "[3,4]"))
+    assert parsed[1] == Variation("c.0.d", ("'x,y'", "{u=1,v=[2,3]}"))
 
 
 @pytest.mark.parametrize(

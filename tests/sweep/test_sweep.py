@@ -225,7 +225,7 @@ def test_a_cluster_that_loses_a_worker_loses_no_point_and_records_none_twice(env
 
 
 @pytest.mark.parametrize("address", ["nowhere", "tcp://127.0.0.1:9"])
-def test_a_scheduler_that_does_not_answer_is_told(address, tmp_path, capsys, monkeypatch):
+def test_a_scheduler_that_does_not_answer_is_reported(address, tmp_path, capsys, monkeypatch):
     monkeypatch.setattr("pipeline.sweep.cluster._ANSWERS_WITHIN", 1)
     with pytest.raises(SystemExit, match="2"):
         main(["sweep", "beam", "--vary", "simulation.step=10us", "--scheduler", address, "--out", str(tmp_path)])
@@ -242,7 +242,7 @@ def test_workers_are_for_this_machine(wrong, tmp_path, capsys):
     assert not (tmp_path / "out").exists()
 
 
-def test_a_folder_that_cannot_be_written_is_told(tmp_path, capsys):
+def test_a_folder_that_cannot_be_written_is_reported(tmp_path, capsys):
     (tmp_path / "file").touch()
     with pytest.raises(SystemExit, match="2"):
         main(["sweep", "beam", "--vary", "simulation.step=10us", "--out", str(tmp_path / "file" / "out")])
