@@ -11,7 +11,6 @@ from typing import NamedTuple
 from pipeline.core.arrays import Array
 from pipeline.core.errors import AccuracyError
 from pipeline.dynamics.system import System
-from pipeline.integrators.adaptive_alpha import AdaptiveGeneralizedAlpha
 from pipeline.integrators.central_difference import CentralDifference
 from pipeline.integrators.exponential import Exponential
 from pipeline.integrators.generalized_alpha import GeneralizedAlpha
@@ -140,7 +139,6 @@ def _families(system: System, duration: float) -> Iterator[Iterator[tuple[str, I
         yield ((f"{method.name} {m}:1", replace(method, step=step)) for step in stable)
     coarse = [step for step in steps if step >= explicit[-1]]
     yield (("generalized-alpha", GeneralizedAlpha(step)) for step in coarse)
-    yield (("generalized-alpha, adaptive", AdaptiveGeneralizedAlpha(10.0**-k)) for k in range(2, 9))
     if system.n_positions == system.n:
         bound = Exponential(1.0).largest_step(system)
         yield (("exponential", Exponential(step)) for step in coarse if step < 0.9 * bound)

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from dataclasses import asdict
 from pathlib import Path
 from typing import Annotated
 
@@ -46,14 +47,13 @@ def stability(
     out
         Folder for the picture; out/stability by default.
     """
-    from pipeline.bench import stability_study as study
     from pipeline.core.errors import InputError
 
     if two_dof == bool(scene):
         raise InputError("stability", "", scene or None, "give a scene, e.g. beam, or --two-dof")
     if two_dof:
         substeps, couplings = substeps or 2, coupling or [0.0]
-        study.require_map(substeps, couplings, scheme, resolution)
+        _require_map(substeps, couplings, scheme, resolution)
         if law:
             _weak_growth(json)
         else:
@@ -61,20 +61,36 @@ def stability(
         return
     if not 0 <= substeps <= 1000:
         raise InputError("--substeps", "", substeps, "must be 1 … 1000")
+    from pipeline.output.stability_results import summarise_limits
+    from pipeline.stages.stability_limits import find_scene_limits
+
     run = open_pipeline(scene, set_, no_cache)
-    result = study.scene_stability(run, [1, substeps] if substeps else list(range(1, 21)), along)
+    result = find_scene_limits(run, [1, substeps] if substeps else list(range(1, 21)), along)
     if json:
-        print_json(study.summary_of_scene(result))
+        print_json(summarise_limits(result))
     else:
         from pipeline.cli.tables import print_stability
 
         print_stability(run.scene.title, result)
 
 
-def _weak_growth(json: bool) -> None:
-    from pipeline.bench.stability_study import laws
+def _require_map(substeps: int, couplings: list[float], scheme: str, resolution: int) -> None:
+    """Raise `InputError` unless maps can be made with these options."""
+    from pipeline.core.errors import InputError
+    from pipeline.stability.two_dof import SCHEMES
 
-    rows = laws()
+    if not all(0 <= beta < 1 for beta in couplings):
+        raise InputError("--coupling", "", couplings, "must be 0 ≤ β < 1")
+    if not 1 <= substeps <= 1000 or not 2 <= resolution <= 2000:
+        raise InputError("--substeps", "", substeps, "must be 1 … 1000, and --resolution 2 … 2000")
+    if scheme not in SCHEMES:
+        raise InputError("--scheme", "", scheme, f"must be one of {', '.join(SCHEMES)}")
+
+
+def _weak_growth(json: bool) -> None:
+    from pipeline.stability.two_dof import fit_growth_law
+
+    rows = [asdict(law) for law in map(fit_growth_law, range(2, 21))]
     if json:
         print_json({"rows": rows})
         return
@@ -86,9 +102,9 @@ def _weak_growth(json: bool) -> None:
 def _two_dof_maps(
     substeps: int, couplings: list[float], scheme: str, resolution: int, folder: Path, json: bool
 ) -> None:
-    from pipeline.bench.stability_study import summary_of_maps, two_dof
+    from pipeline.output.stability_results import summarise_maps, write_maps
 
-    found = summary_of_maps(*two_dof(substeps, couplings, resolution, scheme, folder))
+    found = summarise_maps(*write_maps(substeps, couplings, resolution, scheme, folder))
     if json:
         print_json(found if len(found["maps"]) > 1 else found | found["maps"][0])
         return

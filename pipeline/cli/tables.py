@@ -12,9 +12,9 @@ from rich.markup import escape
 from rich.table import Table
 
 if TYPE_CHECKING:
-    from pipeline.bench.stability_study import SceneStability
     from pipeline.bench.work_precision import WorkPrecision
     from pipeline.output.explain import Forecast
+    from pipeline.stability.limits import MechanismLimits
     from pipeline.stages.part import FlexiblePart
     from pipeline.sweep.study import Sweep
     from pipeline.verification.suite import Outcome
@@ -292,7 +292,7 @@ def print_maps(found: dict[str, Any], folder: Path) -> None:
     console.print(f"{', '.join(found['files'])} in {folder}/")
 
 
-def print_stability(title: str, found: SceneStability) -> None:
+def print_stability(title: str, found: MechanismLimits) -> None:
     """Print the limits of a scene's mechanism."""
     table = Table("m", "largest stable fast step", "sudden beyond", "growth at half of that", title=title)
     if found.along:

@@ -1,4 +1,4 @@
-"""What the assembly needs to know of each finite element: all of it is scikit-fem's reference data."""
+"""Solid finite elements: shape functions, quadrature and local numbering, from scikit-fem's reference data."""
 
 from __future__ import annotations
 
@@ -16,19 +16,19 @@ from pipeline.fem.wedge import Wedge, wedge_quadrature
 
 @dataclass(frozen=True)
 class ElementKind:
-    """A displacement element on its geometry.
+    """A displacement element together with its geometry and its quadrature.
 
     Parameters
     ----------
     name : str
-        The field's name of the element, e.g. ``hex20``.
+        The element's name in the literature, e.g. ``hex20``.
     element, geometry : skfem.Element
         Scalar shape functions of the displacement and of the position.
     stiffness_order, mass_order : int
-        Polynomial degree that the quadrature of K and M integrates exactly: all of both on cells with a constant
-        Jacobian, mass and first moments on any.
+        Polynomial degree that the quadrature of K and M integrates exactly: the integrand on cells with a constant
+        Jacobian; on curved cells, mass and first moments.
     stress_order : int
-        Degree of the quadrature whose points carry the most accurate stresses (Barlow 1976).
+        Degree of the quadrature at whose points stresses are most accurate (Barlow 1976).
     """
 
     name: str
@@ -39,7 +39,7 @@ class ElementKind:
     stress_order: int
 
     def quadrature(self, order: int) -> tuple[Array, Array]:
-        """Points (3, n_q) and weights (n_q,) on the reference cell."""
+        """Return points (3, n_q) and weights (n_q,) on the reference cell, exact to a polynomial degree."""
         if isinstance(self.element, Wedge):
             return wedge_quadrature(order)
         X, w = get_quadrature(self.element.refdom, order)
@@ -52,22 +52,27 @@ class ElementKind:
 
     @property
     def curved(self) -> bool:
-        """Whether the cell's own edges may be curved."""
+        """True if the edges of the cell may be curved."""
         return bool(self.geometry.edge_dofs)
 
     @property
     def is_affine(self) -> bool:
-        """Whether the Jacobian is the same all over a cell."""
+        """True if the Jacobian is constant over a cell."""
         return isinstance(self.geometry, skfem.ElementTetP1)
 
     @cached_property
+    def facet_corners(self) -> tuple[list[int], ...]:
+        """Local corners around each facet."""
+        # scikit-fem repeats the first corner of a wedge's triangles
+        return tuple(list(dict.fromkeys(facet)) for facet in self.element.refdom.facets)
+
+    @cached_property
     def facet_polygons(self) -> tuple[IntArray, ...]:
-        """Local nodes around each facet, mid-edge nodes between corners."""
+        """Local nodes around each facet, mid-edge nodes between the corners."""
         refdom = self.element.refdom
         edge = {frozenset(ends): k for k, ends in enumerate(refdom.edges)}
         polygons = []
-        for facet in refdom.facets:
-            corners = list(dict.fromkeys(facet))  # scikit-fem repeats a wedge triangle's first corner
+        for corners in self.facet_corners:
             around = []
             for a, b in zip(corners, [*corners[1:], corners[0]], strict=True):
                 around.append(a)
@@ -78,13 +83,13 @@ class ElementKind:
 
 
 def shape_functions(element: Any, X: Array) -> tuple[Array, Array]:
-    """Values (n_nodes, n_q) and reference gradients (n_nodes, 3, n_q) at the points X (3, n_q), read-only."""
-    return _tabulated(element, X.astype(float).tobytes(), X.shape[1])
+    """Return values (n_nodes, n_q) and reference gradients (n_nodes, 3, n_q) at points X (3, n_q), read-only."""
+    return _tabulate(element, X.astype(float).tobytes(), X.shape[1])
 
 
-@lru_cache(maxsize=16)  # the quadrature's points come again with every batch of elements
-def _tabulated(element: Any, places: bytes, n_q: int) -> tuple[Array, Array]:
-    X = np.frombuffer(places).reshape(3, n_q)
+@lru_cache(maxsize=16)  # every batch of elements has the same quadrature points
+def _tabulate(element: Any, points: bytes, n_q: int) -> tuple[Array, Array]:
+    X = np.frombuffer(points).reshape(3, n_q)
     values, gradients = zip(*(element.lbasis(X, i) for i in range(element.doflocs.shape[0])), strict=True)
     ones = np.ones(n_q)
     return (
@@ -112,7 +117,7 @@ def jacobians(geometry: Any, x: Array, X: Array) -> Array:
 
 @lru_cache
 def element_kind(cell_type: str, order: int) -> ElementKind:
-    """Look up the element of displacement order 1 or 2 on cells of the given type, meshio's name."""
+    """Return the element of displacement order 1 or 2 on a cell, which has meshio's name."""
     match cell_type, order:
         case "tetra", 1:
             return ElementKind("tet4", skfem.ElementTetP1(), skfem.ElementTetP1(), 0, 2, 0)
@@ -135,9 +140,9 @@ def element_kind(cell_type: str, order: int) -> ElementKind:
     raise ValueError(f"no element of order {order} on {cell_type} cells")
 
 
-def places(wanted: Array, nodes: Array) -> IntArray:
-    """Which of the reference ``nodes`` (n, 3) lies at each of the ``wanted`` (n, 3)."""
-    place, found = np.nonzero(np.abs(wanted[:, None] - nodes).max(axis=2) < 1e-12)
+def match_nodes(wanted: Array, nodes: Array) -> IntArray:
+    """Return the numbers of the reference ``nodes`` (n, 3) that lie at the points ``wanted`` (n, 3)."""
+    place, number = np.nonzero(np.abs(wanted[:, None] - nodes).max(axis=2) < 1e-12)
     if not np.array_equal(place, np.arange(len(wanted))):
         raise ValueError("the two orders of nodes aren't of the same element")
-    return found
+    return number

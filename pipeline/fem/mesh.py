@@ -1,4 +1,4 @@
-"""The solid mesh: points, cells, named parts and faces, checked once."""
+"""The solid mesh: points, cells, named parts and faces, checked when it is made."""
 
 from __future__ import annotations
 
@@ -16,7 +16,7 @@ from pipeline.fem.cells import FACES, N_CORNERS, N_NODES, STRAIGHT, scaled_jacob
 
 @dataclass(frozen=True)
 class SolidMesh:
-    """A mesh of one kind of solid cell.
+    """A mesh of one type of solid cell.
 
     Parameters
     ----------
@@ -30,9 +30,9 @@ class SolidMesh:
     parts, faces : mapping of str to ndarray
         Cell numbers of each part; of each face its point numbers (n,), or the corners (n_facets, 3 or 4) of its facets.
     sectors : int
-        How many equal parts a turn about the z axis carries into each other: 1 if the mesh is not cyclic.
+        Number of equal sectors around the z axis; 1 if the mesh is not cyclic.
     notes : tuple of str
-        What was found in the file that the mesh comes from and set aside or mended, with counts.
+        Faults of the file that the mesh was read from, and how they were mended, with counts.
 
     Raises
     ------
@@ -79,12 +79,12 @@ class SolidMesh:
 
     @cached_property
     def volume(self) -> float:
-        """Enclosed volume [m³]; of cells with straight edges exactly: each is summed over tetrahedra from its faces."""
+        """Enclosed volume [m³], exact for cells with straight edges."""
         if self.order == 2:
             return self._curved_volume()
         x = self.points[self.cells]
         volume = 0.0
-        for face in FACES[self.cell_type]:
+        for face in FACES[self.cell_type]:  # tetrahedra from the origin to the faces, these split about their centres
             corners = x[:, face]  # (n_cells, n_around, 3)
             following = np.roll(corners, -1, axis=1)
             volume += float(np.einsum("eci,ei->", np.cross(corners, following), corners.mean(axis=1)))
@@ -92,16 +92,16 @@ class SolidMesh:
 
     def _curved_volume(self) -> float:
         """Integrate the Jacobian determinants of cells with curved edges [m³]."""
-        from pipeline.fem.elements import element_kind, jacobians, places
+        from pipeline.fem.elements import element_kind, jacobians, match_nodes
 
         kind = element_kind(self.cell_type, 2)
-        local = places(kind.element.doflocs, vtk_nodes(self.cell_type, 2))
+        local = match_nodes(kind.element.doflocs, vtk_nodes(self.cell_type, 2))
         X, w = kind.quadrature(kind.mass_order)
         determinants = np.linalg.det(jacobians(kind.geometry, self.points[self.cells[:, local]], X))
         return float(np.abs(determinants @ w).sum())
 
 
 def rows_among(rows: IntArray, table: IntArray) -> NDArray[np.bool_]:
-    """Whether each of the rows (n, k) is a row of the table (m, k)."""
+    """Return for each of the rows (n, k) whether it is a row of the table (m, k), shape (n,)."""
     _, number = np.unique(np.concatenate([table, rows]), axis=0, return_inverse=True)
     return np.isin(number[len(table) :], number[: len(table)])

@@ -15,7 +15,7 @@ from pipeline.fem.space import Discretisation
 
 @dataclass(frozen=True)
 class FEModel:
-    """Stiffness and mass of a body on its discretisation.
+    """Stiffness and mass matrices of a body on its discretisation.
 
     Attributes
     ----------
@@ -37,9 +37,9 @@ class FEModel:
 
     @cached_property
     def M(self) -> sp.csr_array:
-        """Full consistent mass matrix, shape (3 n_nodes, 3 n_nodes) [kg]."""
+        """Consistent mass matrix of all unknowns, shape (3 n_nodes, 3 n_nodes) [kg]."""
         n = self.m.shape[0]
-        each = self.m[np.repeat(np.arange(n), 3)]  # every row three times, once for each axis
+        each = self.m[np.repeat(np.arange(n), 3)]  # every row three times, once an axis
         axis = np.repeat(np.tile(np.arange(3, dtype=each.indices.dtype), n), np.diff(each.indptr))
         return sp.csr_array((each.data, 3 * each.indices + axis, each.indptr), shape=(3 * n, 3 * n))
 

@@ -29,7 +29,7 @@ def energy_errors(space: Discretisation, material: AnyMaterial, shapes: Array) -
 
     With unit modal mass, a mode's eigenvalue is too high by its own [rad²/s²].
     """
-    from pipeline.fem.assembly import volume_ratio
+    from pipeline.fem.assembly import determinants
 
     recovered = modal_stress(space, material, shapes, np.arange(len(space.x)))
     X, w = space.kind.quadrature(space.kind.stiffness_order)
@@ -39,7 +39,7 @@ def energy_errors(space: Discretisation, material: AnyMaterial, shapes: Array) -
         part = np.arange(start, min(start + _CHUNK, len(space.element_nodes)))
         raw = hooke_stress(material, part, strains(space, shapes, X, part))
         averaged = np.einsum("aq,earn->eqrn", N, recovered[space.element_nodes[part]], optimize=True)
-        weights = np.sqrt(volume_ratio(space.jacobians(X, part)) * w)
+        weights = np.sqrt(determinants(space.jacobians(X, part)) * w)
         apart = weights[:, :, None, None] * (averaged - raw)
         for own, mine in material.over(part):
             root = np.linalg.cholesky(np.linalg.inv(own.stiffness)).T  # |root σ|² is twice the energy density

@@ -72,9 +72,9 @@ def element_stress(space: Discretisation, material: AnyMaterial, shapes: Array, 
 
 def point_stress(space: Discretisation, material: AnyMaterial, shapes: Array, points: Array) -> Array:
     """Stress of each shape in the elements at points (n, 3) [m], shape (n, 6, n_shapes); else as `modal_stress`."""
-    from pipeline.fem.selection import locate
+    from pipeline.fem.selection import locate_points
 
-    elements, X = locate(space, points)
+    elements, X = locate_points(space, points)
     strain = [
         strains(space, shapes, x[:, None], np.array([element]))[0, 0] for element, x in zip(elements, X, strict=True)
     ]

@@ -27,7 +27,7 @@ def rows_of(result, name):
 
 def test_every_method_is_there_and_measured(result):
     methods = {"central-difference", "sub-cycling 5:1", "sub-cycling 10:1", "generalized-alpha", "exponential"}
-    adaptive = {"generalized-alpha, adaptive", "exponential-rosenbrock", "runge-kutta", "Radau", "LSODA"}
+    adaptive = {"exponential-rosenbrock", "runge-kutta", "Radau", "LSODA"}
     assert {row.integrator for row in result.rows} == methods | adaptive
     assert all(row.seconds > 0 and row.evaluations > 0 and np.isfinite(row.error) for row in result.rows)
 

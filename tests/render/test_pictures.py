@@ -6,12 +6,9 @@ import numpy as np
 import pytest
 from matplotlib import colormaps
 from matplotlib.colors import to_rgb
-from scipy.ndimage import binary_dilation, label
 
 from pipeline.render.annotations import BAR
 from pipeline.render.camera import Camera
-from pipeline.render.colours import stress_limits
-from pipeline.render.mode_sheet import draw_mode_sheet
 from pipeline.render.pictures import PART_COLOURS, draw_mesh, draw_mode, draw_stress
 from pipeline.render.projection import Projection, is_visible
 from pipeline.render.surface import Surface
@@ -157,13 +154,7 @@ def test_of_a_component_of_stress_the_largest_absolute_value_is_marked(
     assert away.min(axis=0).min() < 1.5 * SIZE[1] / 100
 
 
-def test_limits_of_the_colours_are_those_of_the_stress_unless_they_are_given(tmp_path: Path, block: Surface) -> None:
-    assert stress_limits(np.array([2.0, 5.0])) == (0.0, 5.0)
-    assert stress_limits(np.array([-2.0, 5.0])) == (-2.0, 5.0)
-    assert stress_limits(np.array([-5.0, -2.0])) == (-5.0, -2.0)
-    for constant in (0.0, -3.0):
-        low, high = stress_limits(np.full(3, constant))
-        assert low == constant < high
+def test_limits_that_do_not_ascend_are_refused(tmp_path: Path, block: Surface) -> None:
     zero = np.zeros_like(block.points)
     with pytest.raises(ValueError, match="the highest colour needs a larger stress"):
         draw_stress(block, zero, zero[:, 0], tmp_path / "no.png", title="", clim_pa=(1.0, 1.0))
@@ -204,31 +195,3 @@ def test_parts_and_names_that_do_not_fit_are_refused(tmp_path: Path, block: Surf
         draw_mesh(block, part[1:], ["all"], tmp_path / "mesh.png", title="")
     with pytest.raises(ValueError, match="beyond the 1 that have names"):
         draw_mesh(block, part + 1, ["all"], tmp_path / "mesh.png", title="")
-
-
-@pytest.mark.parametrize("n_modes", [1, 5, 6])
-def test_a_sheet_shows_all_its_modes_and_their_labels(tmp_path: Path, propeller: Surface, n_modes: int) -> None:
-    radius = np.linalg.norm(propeller.points[:, :2], axis=1, keepdims=True)
-    shapes = np.stack([radius**2 * np.array([0, 0, (-1.0) ** k]) for k in range(n_modes)], axis=-1)
-    labels = [f"mode {k + 1}, 131.0 Hz" for k in range(n_modes)]
-    camera = Camera((-60, 40), size=(900, 600))
-    draw_mode_sheet(propeller, shapes, labels, tmp_path / "sheet.png", title="", camera=camera)
-    picture = iio.imread(tmp_path / "sheet.png")[:540, :, :3].astype(int)
-    top = np.array([122, 4, 3])  # turbo's dark red, which a tip has in each mode
-    red = np.all(np.abs(picture - top) < 30, axis=-1)
-    _, n_places = label(binary_dilation(red, iterations=12))
-    assert n_places >= n_modes
-    assert picture[:40].min() == 255  # no title, and nothing that reaches there
-
-
-def test_a_sheet_of_modes_that_do_not_fit_is_refused(tmp_path: Path, block: Surface) -> None:
-    shapes = np.ones((len(block.points), 3, 2))
-    path = tmp_path / "sheet.png"
-    with pytest.raises(ValueError, match="shapes has shape"):
-        draw_mode_sheet(block, shapes, ["one"], path, title="")
-    with pytest.raises(ValueError, match="at least one"):
-        draw_mode_sheet(block, shapes[:, :, :0], [], path, title="")
-    with pytest.raises(ValueError, match="zero everywhere"):
-        draw_mode_sheet(block, 0 * shapes, ["one", "two"], path, title="")
-    with pytest.raises(ValueError, match="whole parts"):
-        draw_mode_sheet(block, shapes, ["one", "two"], path, title="", camera=Camera(zoom=2))

@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 
-from pipeline.render.projection import PART, fit_projection, oblique_axes
+from pipeline.render.projection import PART, choose_axes, fit_projection, is_visible, oblique_axes
 from pipeline.render.surface import Surface
 
 SIZE = (960, 540)
@@ -25,3 +25,21 @@ def test_motion_in_the_horizontal_plane_is_looked_at_from_above() -> None:
     for extents in ((1.0, 1.0, 0.1), (1.0, 2.0, 0.1), (2.0, 1.0, 0.0)):
         axes = next(oblique_axes(np.array([[0.0, 0.0, 0.0], extents])))
         assert axes[2, 2] > 0.8
+
+
+def test_a_point_is_visible_unless_a_triangle_lies_before_it() -> None:
+    far, near = np.array([[0.2, 0.2, 0.0]]), np.array([[0.0, 0.0, 1.0], [1.0, 0.0, 1.0], [0.0, 1.0, 1.0]])
+    points, triangles = np.concatenate([far, near]), np.array([[1, 2, 3]])
+    assert not is_visible(np.eye(3), points, triangles, 0)
+    assert is_visible(np.diag([1.0, -1.0, -1.0]), points, triangles, 0)  # from below
+    assert is_visible(np.eye(3), points, triangles, 1)
+
+
+def test_the_first_axes_that_show_the_largest_value_are_chosen() -> None:
+    points = np.array([[0.2, 0.2, 0.0], [0.0, 0.0, 1.0], [1.0, 0.0, 1.0], [0.0, 1.0, 1.0]])
+    triangles, values = np.array([[1, 2, 3]]), np.array([5.0, 1.0, 2.0, 3.0])
+    above, below = np.eye(3), np.diag([1.0, -1.0, -1.0])
+    axes, number, visible = choose_axes([above, below], points, triangles, values)
+    assert (axes is below, number, visible) == (True, 0, True)
+    axes, number, visible = choose_axes([above], points, triangles, values)
+    assert (axes is above, number, visible) == (True, 0, False)

@@ -6,7 +6,8 @@ import numpy as np
 import pytest
 
 from pipeline.core.errors import AccuracyError
-from pipeline.fem.mesh import SolidMesh
+from pipeline.fem.cells import vtk_nodes
+from pipeline.fem.mesh import SolidMesh, rows_among
 from pipeline.fem.model import FEModel
 
 # One regular tetrahedron and one cube, corners in VTK's order.
@@ -62,6 +63,21 @@ def test_the_volume_of_a_cell_with_crooked_faces_is_that_of_its_shape_functions(
         gradient = np.stack([signs[:, a] / 2 * np.delete(factors, a, axis=1).prod(axis=1) for a in range(3)], axis=1)
         total += np.linalg.det(crooked.T @ gradient)
     assert cell(crooked).volume == pytest.approx(total, rel=1e-13)
+
+
+@pytest.mark.parametrize("cell_type", ["tetra10", "hexahedron20", "hexahedron27", "wedge15"])
+def test_the_volume_of_a_curved_cell_is_that_of_its_map(cell_type: str) -> None:
+    # x + (0.1 y², 0, 0) keeps volumes, and bends edges by polynomials of second degree
+    nodes = vtk_nodes(cell_type, 2)
+    bent = nodes + 0.1 * nodes[:, 1:2] ** 2 * (1, 0, 0)
+    mesh = SolidMesh(bent, np.arange(len(nodes))[None], cell_type, {}, {})
+    assert mesh.volume == pytest.approx({"t": 1 / 6, "h": 1.0, "w": 0.5}[cell_type[0]], rel=1e-13)
+
+
+def test_rows_are_looked_up_in_a_table() -> None:
+    table = np.array([[0, 1], [2, 3]])
+    assert rows_among(np.array([[2, 3], [1, 0], [0, 1]]), table).tolist() == [True, False, True]
+    assert rows_among(np.empty((0, 2), dtype=int), table).tolist() == []
 
 
 def test_an_unknown_kind_of_cell_is_refused() -> None:
