@@ -9,7 +9,7 @@ import numpy as np
 import pytest
 
 from pipeline import Pipeline, load_scene
-from pipeline.bench.integrators import bench
+from pipeline.bench.integrators import compare_on_scene
 from pipeline.cli.app import main
 from pipeline.core.errors import AccuracyError
 
@@ -18,7 +18,7 @@ SHORT = ["simulation.duration=25 ms"]
 
 @pytest.fixture(scope="module")
 def result():
-    return bench(Pipeline(load_scene("beam", SHORT)), repeats=1)
+    return compare_on_scene(Pipeline(load_scene("beam", SHORT)), repeats=1)
 
 
 def rows_of(result, name):
