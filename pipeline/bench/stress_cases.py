@@ -100,7 +100,7 @@ def _of_scene(name: str) -> Builder:
         q0, _ = run.start
         q0 = q0 if name == "arm" else np.zeros_like(q0)  # the arm hangs
         return StressCase(
-            name, name, run.mechanism, OperatingPoint(0.0, q0, np.zeros(run.mechanism.n)), *run.reference_matrices
+            name, name, run.system, OperatingPoint(0.0, q0, np.zeros(run.system.n)), *run.reference_matrices
         )
 
     return build
@@ -110,7 +110,8 @@ def _spinning(speed: float, stiffened: bool) -> Builder:
     """The beam that turns freely about its joint at a rate given over its first frequency."""
 
     def build() -> StressCase:
-        from pipeline.dynamics.rotor.rotor import PlanarRotor, TorquePulse
+        from pipeline.dynamics.rotor.parameters import TorquePulse
+        from pipeline.dynamics.rotor.rotor import PlanarRotor
 
         run = Pipeline(load_scene("beam"))
         body = run.part.stiffened if stiffened else run.part.body

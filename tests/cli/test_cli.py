@@ -69,8 +69,8 @@ def test_run_without_pictures_writes_summary_and_motion(fmd, tmp_path, capsys):
         assert wanted | {"tip_difference_m"} <= row.keys()
     assert [row["substeps"] for row in printed["integrations"]] == [1, 5, 10]
     with xarray.open_dataset(tmp_path / "motion.nc", engine="scipy") as motion:
-        assert dict(motion.sizes) == {"run": 3, "time": 101, "axis": 3, "mode": 5}
-        assert motion.com_velocity.units == "m/s"
+        assert dict(motion.sizes) == {"run": 3, "time": 101, "axis": 3, "quaternion": 4, "beam.mode": 5}
+        assert motion.momentum.units == "kg m/s"
 
 
 def test_run_draws_everything_that_the_scene_lists(fmd, tmp_path, capsys):
@@ -103,9 +103,9 @@ def test_rod_slider_turns_as_in_figure_4_and_draws_the_papers_charts(fmd, tmp_pa
     for name in charts:
         assert imread(tmp_path / name)[..., :3].std() > 0.01
     with xarray.open_dataset(tmp_path / "motion.nc", engine="scipy") as motion:
-        assert motion.hinge_position.units == "rad"
-        assert motion.slide_position.units == "m"
-        assert float(np.abs(motion.slide_position).max()) < 0.2  # Figs. 5 and 7 stay within ±0.2 m
+        assert motion["hinge.position"].units == "rad"
+        assert motion["slide.position"].units == "m"
+        assert float(np.abs(motion["slide.position"]).max()) < 0.2  # Figs. 5 and 7 stay within ±0.2 m
 
 
 def test_rigid_scenes_have_nothing_to_mesh(fmd, capsys):

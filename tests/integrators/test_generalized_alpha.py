@@ -13,14 +13,14 @@ from pipeline.bench.stress_cases import builders
 from pipeline.core.errors import AccuracyError
 from pipeline.dynamics.links import REVOLUTE, Link, rigid_gram
 from pipeline.dynamics.mechanism import Mechanism
-from pipeline.dynamics.rotor.rotor import TorquePulse
+from pipeline.dynamics.rotor.parameters import TorquePulse
 from pipeline.integrators.generalized_alpha import GeneralizedAlpha
 from pipeline.integrators.scipy_ivp import ScipyIvp
 
 
 @pytest.fixture(scope="module")
 def beam():
-    return Pipeline(load_scene("beam")).rotor
+    return Pipeline(load_scene("beam")).system
 
 
 @pytest.fixture(scope="module")

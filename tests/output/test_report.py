@@ -117,7 +117,7 @@ def test_the_part_in_the_page_is_the_stressed_surface():
     moved, at_hub = unpacked("displacements", "<f4", 3), np.isclose(positions[:, 0], -0.17)
     hub, tip = (moved[np.isclose(positions[:, 0], x), 1].mean() for x in (-0.17, 0.17))
     turn = -np.polyfit(positions[at_hub, 1], moved[at_hub, 0], 1)[0]
-    deflection = run.motion.tip_deflection[int(np.searchsorted(run.motion.times, time))]
+    deflection = run.motion.tip_deflection[:, 1][int(np.searchsorted(run.motion.times, time))]
     assert tip - hub - 0.34 * turn == pytest.approx(deflection, rel=0.02)
     assert unpacked("colours", "u1", 3)[255].tolist() == pytest.approx(
         255 * np.array(colormaps["turbo"](1.0)[:3]), abs=1
