@@ -51,6 +51,11 @@ def test_files_that_a_page_names_exist(path: Path) -> None:
         places = (ROOT, ROOT / "pipeline", DOCS)
         if not name.startswith("out/") and not any(list(place.glob(name)) for place in places):
             missing.append(name)
+    for name in re.findall(r"`(pipeline(?:\.\w+)+)`", page):
+        module, _, last = name.replace(".", "/").rpartition("/")
+        source = ROOT / f"{module}.py"
+        if not (ROOT / module / f"{last}.py").exists() and not (source.exists() and last in source.read_text()):
+            missing.append(name)
     assert not missing
 
 

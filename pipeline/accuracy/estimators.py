@@ -19,6 +19,7 @@ from pipeline.accuracy.error_estimates import NO_PART, SAFETY, shifted_frequenci
 from pipeline.accuracy.quantities import Quantities, of_the_mesh, of_the_motion, of_the_stress
 from pipeline.core.arrays import Array, IntArray
 from pipeline.integrators.automatic import Automatic
+from pipeline.recovery.stress import choose_frames, von_mises
 from pipeline.scene.variants import enrich_bases
 from pipeline.stages.runs import STABLE, plan_like
 
@@ -74,7 +75,7 @@ class Estimates:
 
     def _time(self) -> dict[str, float | str]:
         """Estimate the error of time integration by another step or a finer tolerance."""
-        integrator, gain = _of_other_fineness(self.plan, self.motion.trajectory.seconds)
+        integrator, gain = _change_fineness(self.plan, self.motion.trajectory.seconds)
         other = self._march(self.run, replace(self.plan, integrator=integrator))
         return {name: error / gain for name, error in self._changes(self._of(self.run, other, self.hot)).items()}
 
@@ -97,12 +98,12 @@ class Estimates:
             body = self.run.bodies[name]
             of_modes, excess[name] = _energy_excess(part, body)
             if isinstance(pair, Pair):
-                of_modes = _of_both(of_modes, pair.excess_of_modes(name))
+                of_modes = _root_mean_square(of_modes, pair.excess_of_modes(name))
                 changed, alike = pair.excess_of_shapes(name)
                 recovered = np.diag(excess[name])
                 static = body.omega > part.modes.omega.max()
                 most = np.where(static, _MOST_OF_CHANGE * np.abs(changed), np.inf)
-                wanted = np.where(alike, _of_both(np.minimum(recovered, most), changed), recovered)
+                wanted = np.where(alike, _root_mean_square(np.minimum(recovered, most), changed), recovered)
                 excess[name] = _with_diagonal(excess[name], wanted)
             for k, share in enumerate(1 - shifted_frequencies(np.ones(len(of_modes)), of_modes, 1.0)):
                 errors[f"{name}, frequency {k + 1}"] = abs(float(share))
@@ -148,7 +149,6 @@ class Estimates:
     def _recovery(self) -> dict[str, float | str]:
         """Estimate the error of stress recovery by a patch of elements at the worst node."""
         from pipeline.recovery.patch_stress import patch_stress
-        from pipeline.recovery.stress import von_mises
 
         errors: dict[str, float | str] = {}
         for name, part in self.run.parts.items():
@@ -187,8 +187,6 @@ class Estimates:
 
     def _choose_stress_samples(self) -> None:
         """Choose the output times at which stress is compared, and the nodes that matter."""
-        from pipeline.recovery.stress import choose_frames
-
         frames = [choose_frames(len(self.motion.times), _FRAMES)]
         for name in self.run.parts:
             values = self.run.stress_of(name).measure_at(np.arange(len(self.motion.times)))
@@ -229,7 +227,7 @@ def _with_diagonal(excess: Array, wanted: Array) -> Array:
     return np.asarray(scaled)
 
 
-def _of_both(recovered: Array, changed: Array) -> Array:
+def _root_mean_square(recovered: Array, changed: Array) -> Array:
     """Return the root mean square of the estimates by recovered stress and by a coarser mesh, signed as the larger.
 
     Neither is a bound: recovered stress states too much where stress jumps, a coarser mesh too little where corners
@@ -239,7 +237,7 @@ def _of_both(recovered: Array, changed: Array) -> Array:
     return np.asarray(np.copysign(np.sqrt((recovered**2 + changed**2) / 2), larger))
 
 
-def _of_other_fineness(plan: Plan, seconds: float) -> tuple[Integrator, float]:
+def _change_fineness(plan: Plan, seconds: float) -> tuple[Integrator, float]:
     """Return the method with another step or tolerance, and the difference of the results over the plan's error."""
     method: Any = plan.integrator
     if isinstance(method, Automatic):

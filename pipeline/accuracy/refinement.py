@@ -9,8 +9,8 @@ from pipeline.accuracy.error_budget import ERROR_BUDGET, Budget
 from pipeline.accuracy.error_estimates import SAFETY, SOURCES, Row
 from pipeline.core.errors import AccuracyError
 from pipeline.scene.imported_bodies import MatrixPart
+from pipeline.scene.runs import AutoRun
 from pipeline.scene.scene import Scene
-from pipeline.scene.simulation import AutoRun
 from pipeline.scene.variants import (
     change_modes,
     coarsen_meshes,

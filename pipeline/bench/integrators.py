@@ -1,4 +1,4 @@
-"""Run time against error for a scene: rows, a CSV and a chart."""
+"""Run time against error of every integrator on a scene's mechanism: rows, a CSV and a chart."""
 
 from __future__ import annotations
 
@@ -21,7 +21,7 @@ from pipeline.stages.pipeline import Pipeline
 if TYPE_CHECKING:
     from pipeline.bench.work_precision import Errors, ErrorsOf, WorkPrecision, WorkPrecisionRow
 
-# What `fmd bench` compares by default: name of the files, scene, overrides.
+# Scenes that `fmd bench` compares by default: name of the files, scene, overrides.
 READY: tuple[tuple[str, str, tuple[str, ...]], ...] = (
     ("rod-slider", "rod-slider", ()),
     ("beam", "beam", ()),
@@ -33,7 +33,7 @@ _PEER = Path(__file__).parents[2] / "benchmarks" / "exudyn_peer.py"
 _EMPTY: Any = None
 
 
-def bench(run: Pipeline, repeats: int = 5) -> WorkPrecision:
+def compare_on_scene(run: Pipeline, repeats: int = 5) -> WorkPrecision:
     """Compare all integrators on a scene's mechanism, from its start to its end; ``repeats`` marches are timed."""
     from pipeline.bench.work_precision import compare
 
@@ -43,7 +43,7 @@ def bench(run: Pipeline, repeats: int = 5) -> WorkPrecision:
 
 
 def _errors_of(run: Pipeline) -> ErrorsOf:
-    """Errors of the tip, seen from its body's joint where the body is flexible, of modal and of joint coordinates."""
+    """Make the function for the errors of the tip, of the modal and of the joints' coordinates."""
     from pipeline.bench.work_precision import Errors
     from pipeline.recovery.chain_motion import ChainMotion
     from pipeline.recovery.motion import Motion
@@ -70,12 +70,12 @@ def _errors_of(run: Pipeline) -> ErrorsOf:
 
 
 def _relative(found: Array, exact: Array) -> float:
-    """Largest difference over all times over the largest value."""
+    """Return the largest difference at any time over the largest value."""
     return float(np.abs(found - exact).max() / np.abs(exact).max())
 
 
 def peer_rows(scene: str) -> list[WorkPrecisionRow]:
-    """Rows of Exudyn's solvers on a scene of the same name; none if it has no peer.
+    """Measure Exudyn's solvers on their model of a scene; return no rows for a scene without one.
 
     Raises
     ------
@@ -100,8 +100,8 @@ def peer_rows(scene: str) -> list[WorkPrecisionRow]:
         raise InputError("--peer", "", None, f"{error}, or the extra 'bench'") from None
 
 
-def write_bench(run: Pipeline, result: WorkPrecision, folder: Path, name: str) -> list[str]:
-    """Write the rows as CSV, with the machine they came from, and the chart; return the files' names."""
+def write_comparison(run: Pipeline, result: WorkPrecision, folder: Path, name: str) -> list[str]:
+    """Write the rows as CSV, after a line that names the machine, and the chart; return the files' names."""
     from pipeline.render.precision_chart import draw_work_precision
 
     folder.mkdir(parents=True, exist_ok=True)

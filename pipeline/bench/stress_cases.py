@@ -11,7 +11,8 @@ import numpy as np
 from pipeline.core.arrays import Array
 from pipeline.dynamics.linear.linear import LinearSystem
 from pipeline.scene.scene import load_scene
-from pipeline.stability.growth import Instant, steadied
+from pipeline.stability.operating_points import settle
+from pipeline.stability.tangent import OperatingPoint
 from pipeline.stages.pipeline import Pipeline
 
 _BEAM_AT_REST = "drive.spin_up.speed=0 rad/s"
@@ -34,7 +35,7 @@ class StressCase:
         What is told of it.
     system : System
         It.
-    at : Instant
+    at : OperatingPoint
         The state.
     M, K : ndarray, shape (n, n)
         Its mass and stiffness at rest, slow coordinates first: steps are told over their limit.
@@ -43,7 +44,7 @@ class StressCase:
     family: str
     name: str
     system: Any
-    at: Instant
+    at: OperatingPoint
     M: Array
     K: Array
 
@@ -81,7 +82,7 @@ def builders() -> dict[str, Builder]:
 
 
 def _linear(family: str, name: str, M: Array, K: Array) -> Builder:
-    rest = Instant(0.0, np.zeros(len(M)), np.zeros(len(M)))
+    rest = OperatingPoint(0.0, np.zeros(len(M)), np.zeros(len(M)))
     return lambda: StressCase(family, name or family, LinearSystem(M, K, 1), rest, M, K)
 
 
@@ -99,7 +100,7 @@ def _of_scene(name: str) -> Builder:
         q0, _ = run.start
         q0 = q0 if name == "arm" else np.zeros_like(q0)  # the arm hangs
         return StressCase(
-            name, name, run.mechanism, Instant(0.0, q0, np.zeros(run.mechanism.n)), *run.reference_matrices
+            name, name, run.mechanism, OperatingPoint(0.0, q0, np.zeros(run.mechanism.n)), *run.reference_matrices
         )
 
     return build
@@ -115,7 +116,7 @@ def _spinning(speed: float, stiffened: bool) -> Builder:
         body = run.part.stiffened if stiffened else run.part.body
         rotor = PlanarRotor(body, TorquePulse(0.0, 1.0, 0.0))
         rates = np.r_[speed * body.omega[0], np.zeros(rotor.n - 1)]
-        at = steadied(rotor, Instant(0.0, np.zeros(rotor.n), rates), np.arange(1, rotor.n))
+        at = settle(rotor, OperatingPoint(0.0, np.zeros(rotor.n), rates), np.arange(1, rotor.n))
         family = f"beam, 0 … 3 ω₁, {'stiffened' if stiffened else 'without geometric stiffening'}"
         name = f"beam at {speed:g} ω₁, {'stiffened' if stiffened else 'linear'}"
         return StressCase(family, name, rotor, at, rotor.reference_mass, np.diag(np.r_[0.0, body.omega**2]))

@@ -16,7 +16,7 @@ def scaled(value: float | None, unit: str = "", digits: int = 4) -> str:
     factor, prefix = 1.0, ""
     if value and unit not in _PLAIN:
         fitting = [(f, p) for f, p in _PREFIXES if abs(value) >= 0.9995 * f and not (unit == "s" and f > 1)]
-        factor, prefix = fitting[0] if fitting else _PREFIXES[-1]
+        factor, prefix = fitting[0] if fitting else (1.0, "")  # below a nano, powers of ten are easier to read
     return f"{value / factor:.{digits}g} {prefix}{unit}".rstrip()
 
 

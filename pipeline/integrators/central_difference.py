@@ -14,14 +14,13 @@ import numpy as np
 from pipeline.core.arrays import Array, IntArray
 from pipeline.dynamics.jit.compiled import aligned, kernel
 from pipeline.dynamics.system import System, accelerations, advance
+from pipeline.integrators.fixed_step import march_fixed_steps, runs_away
 from pipeline.integrators.protocol import (
     Progress,
     State,
     Trajectory,
     march_from,
-    march_in_chunks,
     require_step,
-    runs_away,
     start_state,
 )
 
@@ -57,7 +56,7 @@ class CentralDifference:
         def run(state: State, n_steps: int, *samples: Any) -> int:
             return int(_march(parameters, h, state.step, n_steps, state.q, state.v, state.a, work, *samples))
 
-        end, q, v, seconds = march_in_chunks(run, start, h, 1, times, progress)
+        end, q, v, seconds = march_fixed_steps(run, start, h, 1, times, progress)
         return Trajectory(self.name, h, 1, times, q, v, end.step - start.step, 0, seconds, end)
 
 

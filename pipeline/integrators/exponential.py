@@ -17,14 +17,13 @@ import numpy as np
 from pipeline.core.arrays import Array, IntArray
 from pipeline.dynamics.jit.compiled import inner, kernel
 from pipeline.dynamics.system import System, accelerations
+from pipeline.integrators.fixed_step import march_fixed_steps, runs_away
 from pipeline.integrators.protocol import (
     Progress,
     State,
     Trajectory,
     march_from,
-    march_in_chunks,
     require_step,
-    runs_away,
     start_state,
 )
 
@@ -73,7 +72,7 @@ class Exponential:
             march = (h, state.step, n_steps, state.q, state.v, state.a)
             return int(_march(parameters, stiffness, full, half, work, phi, *march, *samples))
 
-        end, q, v, seconds = march_in_chunks(run, start, h, 1, times, progress)
+        end, q, v, seconds = march_fixed_steps(run, start, h, 1, times, progress)
         return Trajectory(self.name, h, 1, times, q, v, 4 * (end.step - start.step), 0, seconds, end)
 
 

@@ -34,14 +34,13 @@ import numpy as np
 from pipeline.core.arrays import Array, IntArray
 from pipeline.dynamics.jit.compiled import aligned, kernel
 from pipeline.dynamics.system import System, advance, hold_middle, reacting_steps, slow_response
+from pipeline.integrators.fixed_step import march_fixed_steps, runs_away
 from pipeline.integrators.protocol import (
     Progress,
     State,
     Trajectory,
     march_from,
-    march_in_chunks,
     require_ratio,
-    runs_away,
     start_state,
 )
 
@@ -92,7 +91,7 @@ class ReversibleSubcycling:
             march = (n_slow, h, m, state.step, n_steps // m, state.q, state.v, state.a, move, D)
             return m * int(_march(parameters, middle, *march, q_now, v_now, shift, before, *samples))
 
-        end, q, v, seconds = march_in_chunks(run, start, h, m, times, progress)
+        end, q, v, seconds = march_fixed_steps(run, start, h, m, times, progress)
         n_steps = end.step - start.step
         return Trajectory(self.name, h, m, times, q, v, n_steps // m, n_steps, seconds, end)
 

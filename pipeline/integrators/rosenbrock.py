@@ -24,13 +24,13 @@ from pipeline.dynamics.jit.compiled import inner, kernel
 from pipeline.dynamics.system import System, accelerations, advance, velocities
 from pipeline.integrators.adaptive import (
     SMALLEST,
+    adaptive_start,
     groups_of,
     just_after,
     just_before,
     keep_largest,
-    march_adaptively,
+    march_adaptive_steps,
     scaled_error,
-    state_of_all,
     step_factor,
     step_within,
 )
@@ -65,7 +65,7 @@ class ExponentialRosenbrock:
 
     def march(self, system: System, q0: Array, v0: Array, times: Array, progress: Progress | None = None) -> Trajectory:
         """Integrate from time 0 until the last of ``times`` is passed."""
-        start = state_of_all(system, q0, v0, more=2)  # the largest of all rates and accelerations, for round-off
+        start = adaptive_start(system, q0, v0, more=2)  # the largest of all rates and accelerations, for round-off
         return march_from(self, system, start, times, progress)
 
     def resume(self, system: System, start: State, times: Array, progress: Progress | None = None) -> Trajectory:
@@ -86,7 +86,7 @@ class ExponentialRosenbrock:
             march = (clock, stop, n_steps, state.q, state.v, state.a, groups, state.memory)
             return int(_march(p, self.tolerance, *march, *room, *samples))
 
-        return march_adaptively(self.name, run, start, system.breakpoints, times, progress, evaluations)
+        return march_adaptive_steps(self.name, run, start, system.breakpoints, times, progress, evaluations)
 
 
 @inner

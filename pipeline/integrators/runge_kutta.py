@@ -17,13 +17,13 @@ from pipeline.dynamics.jit.compiled import inner, kernel
 from pipeline.dynamics.system import System, accelerations, advance, velocities
 from pipeline.integrators.adaptive import (
     SMALLEST,
+    adaptive_start,
     groups_of,
     just_after,
     just_before,
     keep_largest,
-    march_adaptively,
+    march_adaptive_steps,
     scaled_error,
-    state_of_all,
     step_factor,
     step_within,
 )
@@ -73,7 +73,7 @@ class RungeKutta:
 
     def march(self, system: System, q0: Array, v0: Array, times: Array, progress: Progress | None = None) -> Trajectory:
         """Integrate from time 0 until the last of ``times`` is passed."""
-        return march_from(self, system, state_of_all(system, q0, v0), times, progress)
+        return march_from(self, system, adaptive_start(system, q0, v0), times, progress)
 
     def resume(self, system: System, start: State, times: Array, progress: Progress | None = None) -> Trajectory:
         """Continue from a state that a march of this method has ended in; earlier output times stay NaN.
@@ -91,7 +91,7 @@ class RungeKutta:
             work = (state.q, state.v, state.a, groups, state.memory, slopes, vectors, trial, evaluations)
             return int(_march(p, coefficients, self.tolerance, clock, stop, n_steps, *work, *samples))
 
-        return march_adaptively(self.name, run, start, system.breakpoints, times, progress, evaluations)
+        return march_adaptive_steps(self.name, run, start, system.breakpoints, times, progress, evaluations)
 
 
 @inner

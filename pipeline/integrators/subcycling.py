@@ -19,14 +19,13 @@ import numpy as np
 from pipeline.core.arrays import Array, IntArray
 from pipeline.dynamics.jit.compiled import aligned, kernel
 from pipeline.dynamics.system import System, accelerations, advance, fast_steps, hold_slow
+from pipeline.integrators.fixed_step import march_fixed_steps, runs_away
 from pipeline.integrators.protocol import (
     Progress,
     State,
     Trajectory,
     march_from,
-    march_in_chunks,
     require_ratio,
-    runs_away,
     start_state,
 )
 
@@ -78,7 +77,7 @@ class Subcycling:
             march = (n_slow, h, m, state.step, n_steps // m, state.q, state.v, state.a)
             return m * int(_march(parameters, frozen, *march, q_now, v_now, *samples))
 
-        end, q, v, seconds = march_in_chunks(run, start, h, m, times, progress)
+        end, q, v, seconds = march_fixed_steps(run, start, h, m, times, progress)
         n_steps = end.step - start.step
         return Trajectory(self.name, h, m, times, q, v, n_steps // m, n_steps - n_steps // m, seconds, end)
 

@@ -9,6 +9,7 @@ from pathlib import Path
 import numpy as np
 from numpy.typing import NDArray
 
+from pipeline.recovery.stress import choose_frames, von_mises
 from pipeline.scene.outputs import Export
 from pipeline.stages.pipeline import Pipeline
 
@@ -38,7 +39,6 @@ def _write_body(run: Pipeline, output: Export, path: Path) -> None:
 def _write_motion(run: Pipeline, output: Export, path: Path) -> None:
     """Write displacement from the undeformed body at rest, deformation and stress at all nodes."""
     from pipeline.fem.formats.vtkhdf import write_series
-    from pipeline.recovery.stress import choose_frames, von_mises
 
     part, motion, shapes = run.parts[output.body], run.first_motion, run.bodies[output.body].shapes
     chosen = choose_frames(len(motion.times), output.frames)

@@ -11,20 +11,21 @@ import numpy as np
 
 from pipeline.core.arrays import Array, IntArray
 from pipeline.core.errors import InputError
+from pipeline.core.units import unit_ratio
+from pipeline.output.curves import curves_of
+from pipeline.recovery.stress import StressHistory, choose_frames, stress_measure
 
 if TYPE_CHECKING:
-    from pipeline.recovery.stress import StressHistory
     from pipeline.render.camera import Camera
     from pipeline.render.film import Frame
     from pipeline.render.surface import Surface
-    from pipeline.scene.outputs import BodyPicture, Chart, Film, MeshPicture, ModePictures, ModeSheet, StressPicture
+    from pipeline.scene.outputs import Chart
+    from pipeline.scene.pictures import BodyPicture, Film, MeshPicture, ModePictures, ModeSheet, StressPicture
     from pipeline.stages.pipeline import Pipeline
 
 
 def draw_chart(run: Pipeline, output: Chart, folder: Path) -> list[str]:
     """Draw a quantity over time."""
-    from pipeline.core.units import unit_ratio
-    from pipeline.output.curves import curves_of
     from pipeline.render.charts import Band, Curve
     from pipeline.render.charts import draw_chart as draw
 
@@ -105,7 +106,6 @@ def draw_mode_sheet(run: Pipeline, output: ModeSheet, folder: Path) -> list[str]
 
 def draw_stress(run: Pipeline, output: StressPicture, folder: Path) -> list[str]:
     """Draw a body's stress at the worst instant."""
-    from pipeline.recovery.stress import stress_measure
     from pipeline.render.pictures import draw_stress as draw
 
     stress = run.stress_of(output.body)
@@ -128,7 +128,6 @@ def draw_film(run: Pipeline, output: Film, folder: Path) -> list[str]:
     """Film a body's stress in motion."""
     from scipy.spatial import ConvexHull
 
-    from pipeline.recovery.stress import choose_frames, stress_measure
     from pipeline.render.colours import stress_limits
     from pipeline.render.film import PIXELS
     from pipeline.render.film import draw_film as draw

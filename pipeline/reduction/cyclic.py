@@ -41,7 +41,7 @@ class Sector:
     fe : FEModel
         The sector, its cuts free.
     images : ndarray, shape (N, n_nodes)
-        Node of the whole body where each turn carries each of the sector's nodes.
+        Node of the whole body to which each turn carries each node of the sector.
     low, high : ndarray, shape (n_cut,)
         The sector's nodes on its cuts; a turn carries ``low`` onto ``high``.
     """
@@ -53,34 +53,34 @@ class Sector:
 
     @property
     def count(self) -> int:
-        """N."""
+        """Number N of sectors in the whole body."""
         return len(self.images)
 
-    def paired(self, harmonic: int) -> bool:
-        """Whether a harmonic's modes come in pairs."""
+    def is_paired(self, harmonic: int) -> bool:
+        """Return true if the modes of a harmonic come in pairs of equal frequency."""
         return 0 < 2 * harmonic < self.count
 
-    def turned(self, u: Array, k: int) -> Array:
+    def turn(self, u: Array, k: int) -> Array:
         """Turn fields u (n_nodes, 3, …) by k sectors about z."""
         return np.asarray(np.einsum("ab,ib...->ia...", _turn(2 * np.pi * k / self.count), u))
 
-    def expanded(self, z: Array, harmonic: int) -> Array:
-        """Real parts of the whole body's fields, (n_all, 3, n), of fields z (n_nodes, 3, n) of one harmonic."""
+    def expand(self, z: Array, harmonic: int) -> Array:
+        """Expand complex fields z (n_nodes, 3, n) of one harmonic to the whole body; real parts (n_all, 3, n)."""
         own = np.setdiff1d(np.arange(len(z)), self.high)
         whole = np.empty((self.images.max() + 1, *z.shape[1:]))
         for k, image in enumerate(self.images):
             phase = np.exp(2j * np.pi * harmonic * k / self.count)
-            whole[image[own]] = self.turned((phase * z[own]).real, k)
+            whole[image[own]] = self.turn((phase * z[own]).real, k)
         return whole
 
     def harmonic_part(self, f: Array, harmonic: int) -> Array:
-        """Load on the sector (n_nodes, 3, n), complex, of one harmonic of a load f (n_all, 3, n).
+        """Part of one harmonic in loads f (n_all, 3, n), as complex loads on the sector (n_nodes, 3, n).
 
-        A node on both cuts has its load on the lower.
+        Loads on the cuts stand on the lower one.
         """
         part = np.zeros((self.images.shape[1], *f.shape[1:]), dtype=complex)
         for k, image in enumerate(self.images):
-            part += np.exp(-2j * np.pi * harmonic * k / self.count) * self.turned(f[image], -k)
+            part += np.exp(-2j * np.pi * harmonic * k / self.count) * self.turn(f[image], -k)
         part[self.high] = 0.0
         return part / self.count
 
@@ -91,9 +91,9 @@ def first_sector(fe: FEModel, sectors: int) -> Sector:
     Raises
     ------
     ValueError
-        There are fewer than three: two have both cuts in common.
+        There are fewer than three sectors: two have both cuts in common.
     AccuracyError
-        Turning the sector doesn't give the body.
+        Turns of the sector don't make up the body.
     """
     if sectors < 3:
         raise ValueError(f"a cyclic body needs at least 3 sectors, not {sectors}")
@@ -103,9 +103,9 @@ def first_sector(fe: FEModel, sectors: int) -> Sector:
     own = SolidMesh(mesh.points[points], corners.reshape(len(cells), -1), mesh.cell_type, {}, {})
     sector = assemble(own, fe.discretisation.order, fe.material)
     tree = cKDTree(x)
-    found = [tree.query(sector.x @ _turn(2 * np.pi * k / sectors).T) for k in range(sectors)]
-    images = np.stack([image for _, image in found])
-    distance = max(float(away.max()) for away, _ in found) / np.ptp(x, axis=0).max()
+    nearest = [tree.query(sector.x @ _turn(2 * np.pi * k / sectors).T) for k in range(sectors)]
+    images = np.stack([image for _, image in nearest])
+    distance = max(float(away.max()) for away, _ in nearest) / np.ptp(x, axis=0).max()
     place = np.full(len(x), -1)
     place[images[1]] = np.arange(len(sector.x))
     high = np.flatnonzero(place[images[0]] >= 0)
@@ -119,14 +119,14 @@ def first_sector(fe: FEModel, sectors: int) -> Sector:
 
 
 class CyclicSolver(FreeBodySolver):
-    """Solves for a cyclic body by solves for one sector; free modes are found harmonic by harmonic.
+    """Solver for a cyclic body that factorises one sector only and finds free modes harmonic by harmonic.
 
     Parameters
     ----------
     fe : FEModel
-        The body.
+        The whole body.
     sectors : int
-        How many turns carry it into itself.
+        Number of sectors, of which each turn carries one into the next.
     factorise : callable
         Makes a `Factor` of a symmetric positive definite matrix, here of the sector's inside.
     """
@@ -136,7 +136,10 @@ class CyclicSolver(FreeBodySolver):
         super().__init__(fe, factorise=factorise)
 
     def _shifted_factor(self) -> tuple[float, Factor]:
-        """A shift far below the lowest eigenvalue, whose bound may be ten times too high: held cuts keep A stiff."""
+        """Choose the shift σ and condense the sector.
+
+        The shift lies far below the lowest eigenvalue, whose bound may be ten times too high: held cuts keep A stiff.
+        """
         shift = -0.002 * self._lowest_bound()
         self._harmonics = _CyclicInverse(self._sector, shift, self._factorise)
         return shift, Factor(self._harmonics, self._harmonics.figures)
@@ -146,24 +149,24 @@ class CyclicSolver(FreeBodySolver):
         n, n_sectors = self._sector.fe.K.shape[0], self._sector.count
         if held is not None or 4 * (count + 6) > n:
             return super().modes(count, held)
-        found: list[tuple[float, int, Array]] = []
-        highest = np.inf  # below it, no harmonic has a mode that wasn't found
+        modes: list[tuple[float, int, Array]] = []
+        highest = np.inf  # below it, no harmonic has a mode that is missing
         for harmonic in range(n_sectors // 2 + 1):
-            paired = self._sector.paired(harmonic)
+            paired = self._sector.is_paired(harmonic)
             values, z = self._harmonics.modes(harmonic, (count + 6) // n_sectors + _SPARE)
             highest = min(highest, float(values[-1]))
             for value, field in zip(values, z.T / np.sqrt(n_sectors / (1 + paired)), strict=True):
-                found += [(value, harmonic, field), (value, harmonic, -1j * field)][: 1 + paired]
-        found = sorted(found, key=lambda mode: mode[0])[: count + 6]
-        eigenvalues = np.array([value for value, _, _ in found])
-        if len(found) < count + 6 or not eigenvalues[-1] <= highest:
+                modes += [(value, harmonic, field), (value, harmonic, -1j * field)][: 1 + paired]
+        modes = sorted(modes, key=lambda mode: mode[0])[: count + 6]
+        eigenvalues = np.array([value for value, _, _ in modes])
+        if len(modes) < count + 6 or not eigenvalues[-1] <= highest:
             return super().modes(count)
-        shapes = [self._sector.expanded(z.reshape(-1, 3), harmonic).ravel() for _, harmonic, z in found]
+        shapes = [self._sector.expand(z.reshape(-1, 3), harmonic).ravel() for _, harmonic, z in modes]
         return self._verified_pairs(eigenvalues, np.stack(shapes, axis=1), 6, self._inverse)
 
 
 class _CyclicInverse:
-    """``A⁻¹`` of the whole body, ``A = K − σ M``, by static condensation of one sector to its cuts.
+    """Inverse of ``A = K − σ M`` for the whole body by static condensation of one sector to its cuts.
 
     The sector's inside is factorised once, with its cuts held; only the few unknowns of a cut differ between harmonics.
     """
@@ -178,24 +181,24 @@ class _CyclicInverse:
         factor = factorise(A[inside][:, inside])
         self._inverse, self.figures = factor.solve, factor.figures
         self._from_inside = A[cut][:, inside]
-        self._Z = self._inverse(self._from_inside.T.toarray())  # the inside follows the cuts by −Z
-        S = A[cut][:, cut].toarray() - self._from_inside @ self._Z
-        self._moves = [self._move(harmonic) for harmonic in range(sector.count // 2 + 1)]
-        self._condensed = [cho_factor(T.conj().T @ S @ T) for T in self._moves]
+        self._following = self._inverse(self._from_inside.T.toarray())  # the inside follows the cuts by −Z
+        S = A[cut][:, cut].toarray() - self._from_inside @ self._following
+        self._cut_motions = [self._cut_motion(harmonic) for harmonic in range(sector.count // 2 + 1)]
+        self._condensed = [cho_factor(T.conj().T @ S @ T) for T in self._cut_motions]
 
-    def _move(self, harmonic: int) -> Array:
-        """How both cuts move with the lower one, shape (6 n_cut, 3 n_cut)."""
+    def _cut_motion(self, harmonic: int) -> Array:
+        """Motion of both cuts for unit motion of the lower one in a harmonic, shape (6 n_cut, 3 n_cut)."""
         n = len(self._sector.low)
         phase = np.exp(2j * np.pi * harmonic / self._sector.count)
         return np.concatenate([np.eye(3 * n), phase * np.kron(np.eye(n), _turn(2 * np.pi / self._sector.count))])
 
     def solve_harmonic(self, harmonic: int, f: Array) -> Array:
         """Solve for sector loads f (3 n_nodes, k), complex, of one harmonic."""
-        T, z = self._moves[harmonic], np.empty(f.shape, dtype=complex)
-        alone = _apart(self._inverse, f[self._inside])
+        T, z = self._cut_motions[harmonic], np.empty(f.shape, dtype=complex)
+        alone = _by_parts(self._inverse, f[self._inside])
         load = T.conj().T @ (f[self._cut] - _on_complex(self._from_inside, alone))
         z[self._cut] = T @ cho_solve(self._condensed[harmonic], load)
-        z[self._inside] = alone - _on_complex(self._Z, z[self._cut])
+        z[self._inside] = alone - _on_complex(self._following, z[self._cut])
         return z
 
     def __call__(self, f: Array) -> Array:
@@ -203,29 +206,45 @@ class _CyclicInverse:
         sector = self._sector
         loads = f.reshape(-1, 3, f[0].size)
         u = np.zeros(loads.shape)
-        for harmonic in range(len(self._moves)):
+        for harmonic in range(len(self._cut_motions)):
             part = sector.harmonic_part(loads, harmonic)
             z = self.solve_harmonic(harmonic, part.reshape(-1, f[0].size))
-            u += (1 + sector.paired(harmonic)) * sector.expanded(z.reshape(part.shape), harmonic)
+            u += (1 + sector.is_paired(harmonic)) * sector.expand(z.reshape(part.shape), harmonic)
         return u.reshape(f.shape)
 
     def modes(self, harmonic: int, count: int) -> tuple[Array, Array]:
-        """Eigenvalues (count,), ascending, and fields z (3 n_nodes, count) of one harmonic, ``zᴴ M z = 1``."""
+        """Lowest eigenpairs of one harmonic.
+
+        Returns
+        -------
+        values : ndarray, shape (count,)
+            Eigenvalues, ascending [rad²/s²].
+        Z : ndarray, shape (3 n_nodes, count)
+            Fields of the sector, ``Zᴴ M Z = 1``.
+        """
+        return (self._paired_modes if self._sector.is_paired(harmonic) else self._real_modes)(harmonic, count)
+
+    def _real_modes(self, harmonic: int, count: int) -> tuple[Array, Array]:
+        """Eigenpairs of a harmonic whose fields are real."""
         n = self._K.shape[0]
-        start = np.random.default_rng(0).standard_normal(n)
-        settings: dict[str, Any] = {"k": count, "sigma": self._shift, "v0": start, "ncv": max(2 * count + 1, 20)}
-        if not self._sector.paired(harmonic):
-            inverse = LinearOperator((n, n), lambda f: self.solve_harmonic(harmonic, f.reshape(n, 1)).real, dtype=float)
-            values, Z = eigsh(self._K, M=self._M, OPinv=inverse, **settings)
-            order = np.argsort(values)
-            return values[order], Z[:, order]
+        inverse = LinearOperator((n, n), lambda f: self.solve_harmonic(harmonic, f.reshape(n, 1)).real, dtype=float)
+        values, Z = eigsh(
+            self._K, count, self._M, self._shift, OPinv=inverse, v0=_start(n), ncv=_lanczos_vectors(count)
+        )
+        order = np.argsort(values)
+        return values[order], Z[:, order]
+
+    def _paired_modes(self, harmonic: int, count: int) -> tuple[Array, Array]:
+        """Eigenpairs of a harmonic whose fields are complex."""
+        n = self._K.shape[0]
 
         def operator(apply: Callable[[Array], Array]) -> LinearOperator:
             return LinearOperator((n, n), lambda u: apply(u.reshape(n, 1)), dtype=complex)
 
         K, M = (operator(lambda u, A=A: _on_complex(A, u)) for A in (self._K, self._M))  # type: ignore[misc]
-        settings["v0"] = start.astype(complex)
-        values, Z = eigs(K, M=M, OPinv=operator(lambda f: self.solve_harmonic(harmonic, f)), **settings)
+        inverse = operator(lambda f: self.solve_harmonic(harmonic, f))
+        start = _start(n).astype(complex)
+        values, Z = eigs(K, count, M, self._shift, OPinv=inverse, v0=start, ncv=_lanczos_vectors(count))
         order = np.argsort(values.real)
         Z = Z[:, order]
         # Orthonormal where eigenvalues are equal too, as those of rigid-body modes are.
@@ -233,16 +252,28 @@ class _CyclicInverse:
         return values.real[order], np.linalg.solve(weights, Z.conj().T).conj().T
 
 
+def _start(n: int) -> Array:
+    """Fixed start vector of a search, so that each run gives one result."""
+    return np.random.default_rng(0).standard_normal(n)
+
+
+def _lanczos_vectors(count: int) -> int:
+    """Number of vectors in a search for ``count`` eigenpairs."""
+    return max(2 * count + 1, 20)
+
+
 def _turn(angle: float) -> Array:
+    """Rotation matrix about z for an angle [rad]."""
     c, s = np.cos(angle), np.sin(angle)
     return np.array([[c, -s, 0.0], [s, c, 0.0], [0.0, 0.0, 1.0]])
 
 
-def _apart(operation: Callable[[Array], Array], z: Array) -> Array:
+def _by_parts(operation: Callable[[Array], Array], z: Array) -> Array:
     """Apply a real operation to complex columns (n, k): to real and imaginary parts side by side."""
     both = operation(np.concatenate([z.real, z.imag], axis=1))
     return np.asarray(both[:, : z.shape[1]] + 1j * both[:, z.shape[1] :])
 
 
 def _on_complex(A: Any, z: Array) -> Array:
-    return _apart(lambda columns: A @ columns, z)
+    """Product of a real matrix with complex columns (n, k)."""
+    return _by_parts(lambda columns: A @ columns, z)

@@ -1,4 +1,4 @@
-"""Static responses that truncated free modes lack: to inertia loads and to the reaction at the joint.
+"""Enrichment of a truncated modal basis by static responses to the loads that its scene can produce.
 
 Low free modes carry almost none of the stretch under centrifugal load, so stress from them alone is wrong however
 many bending modes are kept. Load-dependent vectors mend it (MacNeal 1971, Wilson, Yuan & Dickens 1982).
@@ -33,15 +33,20 @@ def enrich_modes(
     held: Array | None = None,
     generations: int = 1,
 ) -> tuple[Array, Array]:
-    """Add the static responses to ``loads`` to a modal basis; orthonormalise and diagonalise again.
+    """Add the static responses to loads to a modal basis; orthonormalise and diagonalise again.
 
     Parameters
     ----------
     modes : Modes
         Eigenvectors; they come back unchanged in front of the new ones.
+    fe : FEModel
+        The finite element model.
+    solver : FreeBodySolver
+        Solves with the stiffness of ``fe``.
     loads : ndarray, shape (n_nodes, 3, n_loads)
+        Nodal loads, as `pipeline.reduction.loads` gives them.
     held : ndarray, shape (n_nodes, 3, k), optional
-        What holds the body in its modes; the responses are moved as rigid bodies until it holds them too.
+        Columns that hold the body in its modes; the responses are moved as rigid bodies until these hold them too.
     generations : int
         1 for the responses to the loads; each further one adds those to the inertia of the one before.
 
@@ -54,23 +59,22 @@ def enrich_modes(
     """
     Phi = modes.shapes.reshape(fe.K.shape[0], -1)
     B = None if held is None else held.reshape(fe.K.shape[0], -1)
-    basis, n_modes = Phi, Phi.shape[1]
-    new = solver.static_response(loads)
+    basis, response = Phi, solver.static_response(loads)
     for generation in range(generations):
-        U = (solver.inertia_response(new) if generation else new).reshape(fe.K.shape[0], -1)
-        U = _beside(basis, U if B is None else _moved(U, fe, B), fe)
-        basis, new = np.concatenate([basis, U], axis=1), U.reshape(len(fe.x), 3, -1)
+        U = (solver.inertia_response(response) if generation else response).reshape(fe.K.shape[0], -1)
+        U = _new_part(basis, U if B is None else _held_fields(U, fe, B), fe)
+        basis, response = np.concatenate([basis, U], axis=1), U.reshape(len(fe.x), 3, -1)
         if not generation:
             softest = eigh(U.T @ (fe.K @ U), eigvals_only=True)[:1].min(initial=np.inf)
-    U = basis[:, n_modes:]
+    U = basis[:, Phi.shape[1] :]
     omega2, turn = eigh(U.T @ (fe.K @ U))
     excited = omega2 >= _SOFTER**2 * softest
     shapes = np.concatenate([Phi, U @ turn[:, excited]], axis=1).reshape(len(fe.x), 3, -1)
     return np.concatenate([modes.omega, np.sqrt(omega2[excited])]), shapes
 
 
-def _beside(basis: Array, U: Array, fe: FEModel) -> Array:
-    """What is new in the columns of U beside an M-orthonormal basis, M-orthonormal itself."""
+def _new_part(basis: Array, U: Array, fe: FEModel) -> Array:
+    """M-orthonormal columns of U's part outside an M-orthonormal basis."""
     U = U[:, U.any(axis=0)]
     U = U / np.sqrt(np.einsum("ij,ij->j", U, fe.M @ U))
     for _ in range(2):  # twice is enough (Parlett)
@@ -80,8 +84,8 @@ def _beside(basis: Array, U: Array, fe: FEModel) -> Array:
     return np.asarray(U @ (turn[:, new] / np.sqrt(weight[new])))
 
 
-def _moved(U: Array, fe: FEModel, B: Array) -> Array:
-    """Add rigid motions: ``Bᵀ U = 0``, and U is M-orthogonal to the rigid motions that B leaves."""
+def _held_fields(U: Array, fe: FEModel, B: Array) -> Array:
+    """Add rigid motions until ``Bᵀ U = 0`` and U is M-orthogonal to the rigid motions that B leaves."""
     R = fe.rigid_modes
     U = U - R @ np.linalg.lstsq(B.T @ R, B.T @ U, rcond=None)[0]
     left = R @ null_space(B.T @ R)

@@ -78,12 +78,12 @@ def stiffen_body(
 
 
 def _in_equilibrium(fe: FEModel, f: Array, held: Array | None) -> Array:
-    """Add the joint's reaction ``B μ`` and the inertia of what the joint leaves free: no resultant is left."""
+    """Balance loads by the joint's reaction ``B μ`` and the inertia of the motions that the joint leaves free."""
     flat, R = f.reshape(-1, f.shape[-1]), fe.rigid_modes
     B = np.zeros((len(flat), 0)) if held is None else held.reshape(len(flat), -1)
     free = R @ np.linalg.svd(B.T @ R)[2][np.linalg.matrix_rank(B.T @ R) if B.shape[1] else 0 :].T
-    answers = np.concatenate([B, fe.M @ free], axis=1)
-    return np.asarray(flat - answers @ np.linalg.lstsq(R.T @ answers, R.T @ flat, rcond=None)[0]).reshape(f.shape)
+    balance = np.concatenate([B, fe.M @ free], axis=1)
+    return np.asarray(flat - balance @ np.linalg.lstsq(R.T @ balance, R.T @ flat, rcond=None)[0]).reshape(f.shape)
 
 
 def reduced_geometric_stiffness(fe: FEModel, u: Array, shapes: Array) -> Array:

@@ -9,11 +9,10 @@ from pydantic import AfterValidator, Field, model_validator
 from pipeline.core.units import PositiveDensity, PositiveLength, PositiveStress
 from pipeline.scene.places import MarkerPlace, NamedElement, Support
 from pipeline.scene.reading import FaultError, SceneTable, suggest_name
-from pipeline.scene.values import Count, Name, Number, Order, Place
+from pipeline.scene.values import Count, Name, Number, Order, Text, Words
 
 
 def _check_poisson(nu: float) -> float:
-    """Number above -1 and below 0.5."""
     if not nu > -1:
         raise ValueError("must be above -1; most metals have about 0.3")
     if not nu < 0.5:
@@ -21,7 +20,7 @@ def _check_poisson(nu: float) -> float:
     return nu
 
 
-Poisson = Annotated[Number, AfterValidator(_check_poisson)]
+Poisson = Annotated[Number, AfterValidator(_check_poisson), Words("number above -1 and below 0.5")]
 
 
 class ModeSettings(SceneTable):
@@ -65,7 +64,7 @@ class ModeSettings(SceneTable):
     count: Count
     family: Literal["any", "in-plane bending", "out-of-plane bending", "torsion", "axial"] = "any"
     boundary: Literal["free", "joint", "interface"] = "free"
-    interface: tuple[Place, ...] = ()
+    interface: tuple[Annotated[Text, Words("name of a marker")], ...] = ()
     enrich: Literal["none", "inertia", "ritz"] = "none"
     damping: Annotated[Number, Field(ge=0.0, lt=1.0)] = 0.0
     solver: Literal["auto", "cholesky", "superlu", "slepc"] = "auto"

@@ -10,7 +10,8 @@ from pipeline.core.units import unit_ratio
 from pipeline.scene.any_body import Body, Flexible
 from pipeline.scene.joints import Joint
 from pipeline.scene.loads import Drive, MotionDrive, PointForce, PointTorque
-from pipeline.scene.outputs import BodyPicture, Chart, Export, Output
+from pipeline.scene.outputs import Chart, Export, Output
+from pipeline.scene.pictures import BodyPicture
 from pipeline.scene.reading import FaultError, suggest_name
 from pipeline.scene.simulation import Simulation
 

@@ -10,7 +10,7 @@ from pipeline.core.units import PositiveDensity, PositiveLength, PositiveStress
 from pipeline.scene.bodies import ModeSettings, Poisson, Solid
 from pipeline.scene.places import MarkerPlace, NamedElement, Support
 from pipeline.scene.reading import FaultError, SceneTable, suggest_name
-from pipeline.scene.values import LengthUnit, Name, Order, Place, SourceFile, UnitCheck
+from pipeline.scene.values import LengthUnit, Name, Order, PartName, SourceFile, UnitCheck
 
 
 class MeshFile(SceneTable):
@@ -107,7 +107,7 @@ class Imported(Solid):
         Materials of single parts, by the part's name.
     """
 
-    material: dict[Place, Substance] = Field(default_factory=dict)
+    material: dict[PartName, Substance] = Field(default_factory=dict)
 
     @property
     def faces(self) -> None:
@@ -123,6 +123,8 @@ class MeshedPart(Imported):
 
     Parameters
     ----------
+    shape : str
+        Kind of body; ``mesh`` alone says it, too.
     mesh : MeshFile
         The file and its unit.
 
@@ -151,6 +153,8 @@ class CadPart(Imported):
 
     Parameters
     ----------
+    shape : str
+        Kind of body; ``mesh`` alone says it, too.
     mesh : CadFile
         The file and the size of the elements.
 
@@ -177,8 +181,8 @@ class MatrixFiles(SceneTable):
     Parameters
     ----------
     stiffness, mass : str
-        Matrices of the free body in Matrix Market, SciPy's ``.npz`` or Abaqus' rows of node, direction, node,
-        direction, value; relative to the scene's file.
+        Matrix of the free body, relative to the scene's file: Matrix Market, SciPy's ``.npz``, or Abaqus' rows of
+        node, direction, node, direction, value.
     nodes : str
         Rows of a node's number, x, y and z, in the order of the matrices.
     unit : str
@@ -214,6 +218,8 @@ class MatrixPart(SceneTable):
 
     Parameters
     ----------
+    shape : str
+        Kind of body; ``matrices`` alone says it, too.
     matrices : MatrixFiles
         The files of the matrices and nodes.
     modes : ModeSettings

@@ -18,7 +18,7 @@ from pipeline.core.units import (
     Velocity,
 )
 from pipeline.scene.reading import SceneTable
-from pipeline.scene.values import Axis, Place
+from pipeline.scene.values import Axis, MarkerName
 
 Spin = tuple[AngularRate, AngularRate, AngularRate]
 
@@ -29,9 +29,9 @@ class Revolute(SceneTable):
     Parameters
     ----------
     parent : str
-        ``"body.marker"`` that the joint hangs on, or ``"ground"``.
+        Marker that the joint hangs on, or ``"ground"``.
     child : str
-        ``"body.marker"`` that the joint carries; every body is the child of one joint.
+        Marker of the body that the joint carries.
     axis : tuple of float
         Direction of the axis in the parent's frame; its length doesn't count.
     angle : float
@@ -59,8 +59,8 @@ class Revolute(SceneTable):
     """
 
     type: Literal["revolute"]
-    parent: Place
-    child: Place
+    parent: MarkerName
+    child: MarkerName
     axis: Axis
     angle: Angle = 0.0
     rate: AngularRate = 0.0
@@ -75,9 +75,9 @@ class Prismatic(SceneTable):
     Parameters
     ----------
     parent : str
-        ``"body.marker"`` that the joint hangs on, or ``"ground"``.
+        Marker that the joint hangs on, or ``"ground"``.
     child : str
-        ``"body.marker"`` that the joint carries; every body is the child of one joint.
+        Marker of the body that the joint carries.
     axis : tuple of float
         Direction of the axis in the parent's frame; its length doesn't count.
     position : float
@@ -105,8 +105,8 @@ class Prismatic(SceneTable):
     """
 
     type: Literal["prismatic"]
-    parent: Place
-    child: Place
+    parent: MarkerName
+    child: MarkerName
     axis: Axis
     position: Length = 0.0
     rate: Velocity = 0.0
@@ -121,9 +121,9 @@ class Fixed(SceneTable):
     Parameters
     ----------
     parent : str
-        ``"body.marker"`` that the joint hangs on, or ``"ground"``.
+        Marker that the joint hangs on, or ``"ground"``.
     child : str
-        ``"body.marker"`` that the joint carries; every body is the child of one joint.
+        Marker of the body that the joint carries.
 
     Examples
     --------
@@ -136,8 +136,8 @@ class Fixed(SceneTable):
     """
 
     type: Literal["fixed"]
-    parent: Place
-    child: Place
+    parent: MarkerName
+    child: MarkerName
 
 
 class Spherical(SceneTable):
@@ -146,9 +146,9 @@ class Spherical(SceneTable):
     Parameters
     ----------
     parent : str
-        ``"body.marker"`` that the joint hangs on, or ``"ground"``.
+        Marker that the joint hangs on, or ``"ground"``.
     child : str
-        ``"body.marker"`` that the joint carries; every body is the child of one joint.
+        Marker of the body that the joint carries.
     spin : tuple of float
         Angular velocity against the parent at the start, along the child's axes [rad/s].
 
@@ -164,8 +164,8 @@ class Spherical(SceneTable):
     """
 
     type: Literal["spherical"]
-    parent: Place
-    child: Place
+    parent: MarkerName
+    child: MarkerName
     spin: Spin = (0.0, 0.0, 0.0)
 
 
@@ -175,9 +175,9 @@ class Free(SceneTable):
     Parameters
     ----------
     parent : str
-        ``"body.marker"`` that the joint hangs on, or ``"ground"``.
+        Marker that the joint hangs on, or ``"ground"``.
     child : str
-        ``"body.marker"`` that the joint carries; every body is the child of one joint.
+        Marker of the body that the joint carries.
     velocity : tuple of float
         Velocity of the child's marker against the parent at the start [m/s].
     spin : tuple of float
@@ -195,8 +195,8 @@ class Free(SceneTable):
     """
 
     type: Literal["free"]
-    parent: Place
-    child: Place
+    parent: MarkerName
+    child: MarkerName
     velocity: tuple[Velocity, Velocity, Velocity] = (0.0, 0.0, 0.0)
     spin: Spin = (0.0, 0.0, 0.0)
 

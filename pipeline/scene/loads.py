@@ -9,7 +9,7 @@ from pydantic import Field, model_validator
 from pipeline.core.units import AngularRate, NonNegativeTime, PositiveTime, Torque
 from pipeline.scene.reading import FaultError, SceneTable
 from pipeline.scene.time_functions import AngleOverTime, ForceOverTime, PositionOverTime, TorqueOverTime
-from pipeline.scene.values import Axis, Place
+from pipeline.scene.values import Axis, JointName, MarkerName
 
 
 class PulseDrive(SceneTable):
@@ -40,7 +40,7 @@ class PulseDrive(SceneTable):
     """
 
     type: Literal["torque pulse"]
-    joint: Place
+    joint: JointName
     duration: PositiveTime
     start: NonNegativeTime = 0.0
     speed: AngularRate | None = None
@@ -76,7 +76,7 @@ class TorqueDrive(SceneTable):
     """
 
     type: Literal["torque"]
-    joint: Place
+    joint: JointName
     torque: TorqueOverTime
 
 
@@ -101,7 +101,7 @@ class ForceDrive(SceneTable):
     """
 
     type: Literal["force"]
-    joint: Place
+    joint: JointName
     force: ForceOverTime
 
 
@@ -128,7 +128,7 @@ class MotionDrive(SceneTable):
     """
 
     type: Literal["motion"]
-    joint: Place
+    joint: JointName
     angle: AngleOverTime | None = None
     position: PositionOverTime | None = None
 
@@ -139,7 +139,7 @@ class PointForce(SceneTable):
     Parameters
     ----------
     marker : str
-        ``"body.marker"`` that it acts on.
+        Marker that it acts on.
     direction : tuple of float
         Direction of the force; its length doesn't count.
     force : ForceOverTime
@@ -159,7 +159,7 @@ class PointForce(SceneTable):
     """
 
     type: Literal["point force"]
-    marker: Place
+    marker: MarkerName
     direction: Axis
     force: ForceOverTime
     following: bool = False
@@ -171,7 +171,7 @@ class PointTorque(SceneTable):
     Parameters
     ----------
     marker : str
-        ``"body.marker"`` that it acts on.
+        Marker that it acts on.
     direction : tuple of float
         Axis of the torque; its length doesn't count.
     torque : TorqueOverTime
@@ -192,7 +192,7 @@ class PointTorque(SceneTable):
     """
 
     type: Literal["point torque"]
-    marker: Place
+    marker: MarkerName
     direction: Axis
     torque: TorqueOverTime
     following: bool = False

@@ -1,4 +1,4 @@
-"""Outputs in a scene file: charts, pictures, films and files for other tools."""
+"""Outputs in a scene file: charts, pictures and films, and files for other tools."""
 
 from __future__ import annotations
 
@@ -6,44 +6,29 @@ from typing import Annotated, Literal
 
 from pydantic import AfterValidator, Field, model_validator
 
-from pipeline.core.units import Angle, NonNegative, Positive, PositiveLength, Stress
+from pipeline.core.units import Stress
+from pipeline.scene.pictures import Component, Film, MeshPicture, ModePictures, ModeSheet, StressPicture
 from pipeline.scene.reading import FaultError, SceneTable
-from pipeline.scene.values import FileCheck, Number, Place, Point
-
-
-def _check_no_mode(file: str) -> str:
-    if "{mode}" in file:
-        raise ValueError("'{mode}' belongs to an output of type 'modes'")
-    return file
-
-
-def _check_one_mode(file: str) -> str:
-    """One ``{mode}`` in it, for the mode's number."""
-    if file.count("{mode}") != 1:
-        raise ValueError("must hold '{mode}' once, for the mode's number, e.g. 'mode-{mode}.png'")
-    return file
-
-
-Pixels = Annotated[int, Field(strict=True, ge=64, le=8192)]
-Scale = Annotated[Number, NonNegative]
-PictureFile = Annotated[str, AfterValidator(FileCheck((".png",))), AfterValidator(_check_no_mode)]
-Component = Literal["von Mises", "xx", "yy", "zz", "yz", "xz", "xy", "principal 1", "principal 2", "principal 3"]
-
+from pipeline.scene.values import BodyName, ElementName, FileCheck, JointName, Text
 
 # Meanings of the quantities that a chart can draw.
 CHART_QUANTITIES = {
+    "joint_position": "angle of a revolute or displacement of a prismatic joint",
+    "joint_rate": "angular rate of a revolute or speed of a prismatic joint",
     "tip_position": "position of the tip in space",
-    "tip_deflection": "displacement of the tip by deformation, across a beam on a hinge",
+    "tip_deflection": "displacement of the tip by deformation, seen from the section at its body's joint",
     "tip_displacement": "displacement of the tip by deformation, in the axes of its body",
-    "joint_position": "angle of a revolute or displacement of a prismatic joint, named by `joint`",
-    "joint_rate": "angular rate or speed of a joint, named by `joint`; without it that of the one hinge",
-    "joint_angle": "angle of the one hinge",
-    "modal_coordinates": "modal coordinates of the body with the tip",
+    "marker_position": "position of a marker in space",
+    "modal_coordinates": "modal coordinates of a body, by default the one with the tip",
     "energy": "kinetic and potential energy",
+    "centre_of_mass": "position of the centre of mass",
+    "momentum": "momentum",
+    "angular_momentum": "angular momentum about the ground's origin",
     "com_position": "position of the centre of mass",
     "com_velocity": "velocity of the centre of mass",
-    "com_angular_velocity": "angular velocity of the centre of mass about the hinge",
-    "element_stress": "stress in a named element, given by `element` and `component`",
+    "com_angular_velocity": "angular velocity of the centre of mass about the joint",
+    "joint_angle": "angle of the one joint",
+    "element_stress": "stress in a named element",
 }
 
 
@@ -59,7 +44,7 @@ class Chart(SceneTable):
     joint : str, optional
         Revolute or prismatic joint whose position or rate is drawn.
     element : str, optional
-        ``"body.element"``, a named element whose stress is drawn.
+        Named element whose stress is drawn.
     component : str
         Component of that stress; principal stresses are numbered from the largest.
     unit : str, optional
@@ -84,7 +69,7 @@ class Chart(SceneTable):
     """
 
     type: Literal["chart"]
-    file: Annotated[str, AfterValidator(FileCheck((".png", ".pdf", ".svg"))), AfterValidator(_check_no_mode)]
+    file: Annotated[str, AfterValidator(FileCheck((".png", ".pdf", ".svg")))]
     quantity: Literal[
         "com_position",
         "com_velocity",
@@ -99,10 +84,10 @@ class Chart(SceneTable):
         "energy",
         "element_stress",
     ]
-    joint: Place | None = None
-    element: Place | None = None
+    joint: JointName | None = None
+    element: ElementName | None = None
     component: Component = "von Mises"
-    unit: Place | None = None
+    unit: Text | None = None
     title: str = ""
     band: tuple[Stress, Stress] | None = None
     band_title: str = ""
@@ -121,181 +106,6 @@ class Chart(SceneTable):
         if self.band is not None and (self.element is None or not self.band[0] < self.band[1]):
             raise FaultError("must be two stresses, the smaller first, on a chart of 'element_stress'", "band")
         return self
-
-
-class BodyPicture(SceneTable):
-    """Keys that pictures and films have in common.
-
-    Parameters
-    ----------
-    body : str
-        Flexible body that is drawn.
-    size : tuple of int, optional
-        Width and height [pixels].
-    camera : tuple of float, optional
-        Direction of the viewer from the body: azimuth about z, counted from x, and elevation [rad].
-    zoom : float
-        Factor on the body's size in the picture.
-    focus : tuple of float, optional
-        Point in the middle of a close-up [m].
-    extent : float, optional
-        Length that the picture's width covers [m].
-    colour_map : str
-        Colour map, by its name in Matplotlib.
-    title : str
-        Text above; by default it is made from the scene's title.
-    """
-
-    body: Place
-    size: tuple[Pixels, Pixels] | None = None
-    camera: tuple[Angle, Annotated[Angle, Field(ge=-1.58, le=1.58)]] | None = None
-    zoom: Annotated[Number, Field(ge=0.01, le=1000.0)] = 1.0
-    focus: Point | None = None
-    extent: PositiveLength | None = None
-    colour_map: Place = "turbo"
-    title: str = ""
-
-
-class MeshPicture(BodyPicture):
-    """A picture of a body's mesh with its parts in different colours.
-
-    Parameters
-    ----------
-    file : str
-        File of the picture.
-
-    Examples
-    --------
-    ::
-
-        [[output]]
-        type = "mesh"
-        file = "mesh.png"
-        body = "beam"
-        camera = ["-60 deg", "32 deg"]
-    """
-
-    type: Literal["mesh"]
-    file: PictureFile
-
-
-class ModePictures(BodyPicture):
-    """A picture of each mode shape, one file a mode.
-
-    Parameters
-    ----------
-    file : str
-        Files of the pictures; the mode's number replaces ``{mode}``.
-    scale : float, optional
-        Factor on the shapes; 1 by default, which draws them at 8 % of the body's largest extent.
-
-    Examples
-    --------
-    ::
-
-        [[output]]
-        type = "modes"
-        file = "mode-{mode}.png"
-        body = "beam"
-    """
-
-    type: Literal["modes"]
-    file: Annotated[str, AfterValidator(FileCheck((".png",))), AfterValidator(_check_one_mode)]
-    scale: Annotated[Number, Positive] | None = None
-
-
-class ModeSheet(BodyPicture):
-    """One picture of the first elastic modes side by side.
-
-    Parameters
-    ----------
-    file : str
-        File of the picture.
-    count : int
-        Number of modes.
-    scale : float
-        Factor on the shapes; 1 draws them at 8 % of the body's largest extent.
-
-    Examples
-    --------
-    ::
-
-        [[output]]
-        type = "mode sheet"
-        file = "modes.png"
-        body = "beam"
-        count = 6
-    """
-
-    type: Literal["mode sheet"]
-    file: PictureFile
-    count: Annotated[int, Field(strict=True, ge=1, le=30)] = 6
-    scale: Annotated[Number, Positive] = 1.0
-
-
-class StressPicture(BodyPicture):
-    """A picture of the stress on the surface at the instant of the largest von Mises stress.
-
-    Parameters
-    ----------
-    file : str
-        File of the picture.
-    component : str
-        Component of the stress; principal stresses are numbered from the largest.
-    scale : float
-        Factor on the deformation in the picture.
-
-    Examples
-    --------
-    ::
-
-        [[output]]
-        type = "stress"
-        file = "von-mises.png"
-        body = "beam"
-        scale = 10.0
-    """
-
-    type: Literal["stress"]
-    file: PictureFile
-    component: Component = "von Mises"
-    scale: Scale = 1.0
-
-
-class Film(BodyPicture):
-    """A film of a body in motion, coloured by the stress on its surface.
-
-    Parameters
-    ----------
-    file : str
-        File of the film.
-    component : str
-        Component of the stress; principal stresses are numbered from the largest.
-    scale : float
-        Factor on the deformation in the picture.
-    frames : int
-        Number of pictures, spread over the duration.
-    rate : float
-        Pictures a second when the film is played [1/s].
-
-    Examples
-    --------
-    ::
-
-        [[output]]
-        type = "film"
-        file = "motion.mp4"
-        body = "beam"
-        frames = 80
-        rate = 20.0
-    """
-
-    type: Literal["film"]
-    file: Annotated[str, AfterValidator(FileCheck((".mp4", ".gif"))), AfterValidator(_check_no_mode)]
-    component: Component = "von Mises"
-    scale: Scale = 1.0
-    frames: Annotated[int, Field(strict=True, ge=2, le=2000)]
-    rate: Annotated[Number, Positive]
 
 
 class Export(SceneTable):
@@ -325,8 +135,8 @@ class Export(SceneTable):
     """
 
     type: Literal["export"]
-    file: Annotated[str, AfterValidator(FileCheck((".msh", ".vtu", ".vtkhdf", ".nc"))), AfterValidator(_check_no_mode)]
-    body: Place
+    file: Annotated[str, AfterValidator(FileCheck((".msh", ".vtu", ".vtkhdf", ".nc")))]
+    body: BodyName
     frames: Annotated[int, Field(strict=True, ge=2, le=2000)] = 21
 
 

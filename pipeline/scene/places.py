@@ -7,7 +7,7 @@ from typing import Annotated, Literal
 from pydantic import Field, model_validator
 
 from pipeline.scene.reading import FaultError, SceneTable
-from pipeline.scene.values import Place, Plane, Point
+from pipeline.scene.values import FaceName, PartName, Plane, Point
 
 
 class MarkerPlace(SceneTable):
@@ -23,7 +23,7 @@ class MarkerPlace(SceneTable):
     near : tuple of float, optional
         A point [m]; the marker is the smooth face nearest to it, up to edges sharper than 40°.
     plane : tuple, optional
-        Plane whose part of the surface is the marker; the number of its axis and its place there [m].
+        Plane; all of the surface in it is the marker.
     nodes : tuple of int, optional
         Numbers of the nodes in the file, for a body that is given by its matrices.
     attachment : str
@@ -41,7 +41,7 @@ class MarkerPlace(SceneTable):
         wall = { plane = "x = 0" }
     """
 
-    face: Place | Annotated[tuple[Place, ...], Field(min_length=1, max_length=100)] | None = None
+    face: FaceName | Annotated[tuple[FaceName, ...], Field(min_length=1, max_length=100)] | None = None
     near: Point | None = None
     plane: Plane | None = None
     nodes: tuple[int, ...] | None = None
@@ -95,7 +95,7 @@ class Support(SceneTable):
         point = ["0 m", "0 m", "0 m"]
     """
 
-    face: Place | Annotated[tuple[Place, ...], Field(min_length=1, max_length=10)] = ()
+    face: FaceName | Annotated[tuple[FaceName, ...], Field(min_length=1, max_length=10)] = ()
     edge: tuple[Point, Point] | None = None
     point: Point | None = None
     fixed: Annotated[tuple[Literal["x", "y", "z"], ...], Field(min_length=1)] = ("x", "y", "z")
@@ -136,4 +136,4 @@ class NamedElement(SceneTable):
     """
 
     at: Point
-    part: Place | None = None
+    part: PartName | None = None

@@ -78,9 +78,9 @@ class SceneFile:
     data: dict[str, Any]
     overridden: tuple[KeyPath, ...]
 
-    def input_error(self, error: ValidationError) -> InputError:
+    def make_error(self, error: ValidationError) -> InputError:
         """Turn pydantic's list of faults into one message about the first of them."""
-        faults = [(_without_tags(fault["loc"]), fault) for fault in error.errors(include_url=False)]
+        faults = [(_remove_tags(fault["loc"]), fault) for fault in error.errors(include_url=False)]
         path = faults[0][0]
         # A quantity that may also be a word has a fault for each; that of the quantity is the better message.
         here = [fault for place, fault in faults if place == path]
@@ -93,8 +93,8 @@ class SceneFile:
         if first["type"].startswith("union_tag"):
             path += (first["ctx"]["discriminator"].strip("'"),)
         given = any(path[: len(key)] == key for key in self.overridden)
-        mend = _mend(first) + (f" (and {more} more)" if more else "")
-        return InputError(_SET if given else self.file, _dotted(path), self._value(path), mend)
+        mend = _write_mend(first) + (f" (and {more} more)" if more else "")
+        return InputError(_SET if given else self.file, _join_path(path), self._value(path), mend)
 
     def _value(self, path: KeyPath) -> object:
         """Return the value at a path; ``None`` if it is missing or too long for a message."""
@@ -113,11 +113,11 @@ def read_scene_file(name_or_path: str | Path, overrides: Sequence[str]) -> Scene
     file = str(source)
     data = _parse(file, _read(file, source))
     if "base" in data:
-        data = _based(file, data)
-    return SceneFile(file, data, tuple(_override(data, text) for text in overrides))
+        data = _add_base(file, data)
+    return SceneFile(file, data, tuple(_set_value(data, text) for text in overrides))
 
 
-def _based(file: str, data: dict[str, Any]) -> dict[str, Any]:
+def _add_base(file: str, data: dict[str, Any]) -> dict[str, Any]:
     """Add those tables of the ready scene named as the base that the file leaves out."""
     name = data.pop("base")
     if name not in list_ready_scenes():
@@ -183,7 +183,7 @@ def _parse(file: str, text: str) -> dict[str, Any]:
         raise InputError(file, "", None, mend) from None
 
 
-def _override(data: dict[str, Any], text: str) -> KeyPath:
+def _set_value(data: dict[str, Any], text: str) -> KeyPath:
     """Set a value given as ``body.beam.length=300mm`` in the tables and return the path of its key."""
     dotted, equals, given = (part.strip() for part in text.partition("="))
     *tables, last = dotted.split(".")
@@ -192,14 +192,14 @@ def _override(data: dict[str, Any], text: str) -> KeyPath:
     node: Any = data
     path: KeyPath = ()
     for part in tables:
-        path += (_existing_key(dotted, node, part),)
+        path += (_find_key(dotted, node, part),)
         node = node[path[-1]]
-    key = last if isinstance(node, dict) else _existing_key(dotted, node, last)
+    key = last if isinstance(node, dict) else _find_key(dotted, node, last)
     node[key] = parse_value(given)
     return (*path, key)
 
 
-def _existing_key(dotted: str, node: object, part: str) -> str | int:
+def _find_key(dotted: str, node: object, part: str) -> str | int:
     """Return the key of a table, or the number in a list, that one part of a dotted path names."""
     if isinstance(node, dict):
         names = list(node)
@@ -219,7 +219,7 @@ def parse_value(text: str) -> object:
     return table["value"] if len(table) == 1 else text
 
 
-def _without_tags(location: KeyPath) -> KeyPath:
+def _remove_tags(location: KeyPath) -> KeyPath:
     """Remove what pydantic adds to a path: the kind of a table or value, and a mark for a fault in a key."""
     if location[:2] == ("simulation", "run"):
         location = location[:3] + location[4:]
@@ -230,11 +230,11 @@ def _without_tags(location: KeyPath) -> KeyPath:
     return location
 
 
-def _dotted(path: KeyPath) -> str:
+def _join_path(path: KeyPath) -> str:
     return ".".join(str(k) if re.fullmatch(r"[\w-]{1,60}", str(k)) else reprlib.repr(k) for k in path)
 
 
-def _mend(error: ErrorDetails) -> str:
+def _write_mend(error: ErrorDetails) -> str:
     match error["type"]:
         case "value_error":
             return str(error["ctx"]["error"])

@@ -40,7 +40,7 @@ class Rod(SceneTable):
     Parameters
     ----------
     mass : float
-        Mass [kg].
+        Mass of the body [kg].
     length : float
         Extent along x [m].
     marker : dict of str to PointMarker
@@ -69,7 +69,7 @@ class PointMass(SceneTable):
     Parameters
     ----------
     mass : float
-        Mass [kg].
+        Mass of the body [kg].
     marker : dict of str to PointMarker
         Points for joints, loads and results, by name.
 
@@ -94,7 +94,7 @@ class RigidBody(SceneTable):
     Parameters
     ----------
     mass : float
-        Mass [kg].
+        Mass of the body [kg].
     centre : tuple of float
         Centre of mass in the body's frame [m].
     inertia : tuple of float

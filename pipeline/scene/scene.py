@@ -30,9 +30,17 @@ class PublishedResults(SceneTable):
     Parameters
     ----------
     source : str
-        Where they were published.
+        Publication, and where in it they stand.
     frequencies : tuple of float
-        Natural frequencies of the first flexible body [Hz].
+        Natural frequencies of the first flexible body, the lowest first [Hz].
+
+    Examples
+    --------
+    ::
+
+        [reference]
+        source = "Table 1"
+        frequencies = ["131.2 Hz", "349.3 Hz", "653.9 Hz"]
     """
 
     source: str
@@ -40,9 +48,7 @@ class PublishedResults(SceneTable):
 
 
 class Scene(SceneTable):
-    """A part or a mechanism, what happens to it and what is wanted of it.
-
-    ``model_dump(mode="json")`` is its content, for hashing.
+    """Bodies and joints, what drives them, how they are integrated over time, and the results that are written.
 
     Parameters
     ----------
@@ -65,6 +71,44 @@ class Scene(SceneTable):
         Published results to compare with.
     output : tuple
         Charts, pictures, films and files that a run writes.
+
+    Notes
+    -----
+    ``model_dump(mode="json")`` is a scene's content, for hashing.
+
+    Examples
+    --------
+    ::
+
+        title = "Pendulum"
+
+        [body.rod]
+        shape = "rod"
+        mass = "2 kg"
+        length = "1 m"
+        marker = { hinge = { at = ["0 m", "0 m", "0 m"] }, end = { at = ["1 m", "0 m", "0 m"] } }
+
+        [joint.hinge]
+        type = "revolute"
+        parent = "ground"
+        child = "rod.hinge"
+        axis = [0, 0, 1]
+
+        [simulation]
+        duration = "2 s"
+        output_step = "10 ms"
+        tip = "rod.end"
+        gravity = ["0 m/s^2", "-9.81 m/s^2", "0 m/s^2"]
+
+        [[simulation.run]]
+        integrator = "auto"
+
+        [[output]]
+        type = "chart"
+        file = "angle.png"
+        quantity = "joint_position"
+        joint = "hinge"
+        unit = "deg"
     """
 
     title: str
@@ -150,7 +194,7 @@ def load_scene(name_or_path: str | Path, overrides: Sequence[str] = ()) -> Scene
     try:
         scene = Scene.model_validate(source.data)
     except ValidationError as error:
-        raise source.input_error(error) from None
+        raise source.make_error(error) from None
     scene._file = source.file
     return scene
 

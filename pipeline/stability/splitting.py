@@ -17,7 +17,7 @@ import numpy as np
 from pipeline.core.arrays import Array
 from pipeline.dynamics.mechanism import Mechanism
 from pipeline.dynamics.vibration import frequencies
-from pipeline.stability.amplification import growth
+from pipeline.stability.amplification import cycle_growth
 
 _MOST_SUBSTEPS = 50
 _STABLE = 0.8  # of the stability limit 2/ω
@@ -92,7 +92,7 @@ def choose_split(tree: Mechanism, error: float, duration: float, spin: float, st
             break
         n_fast = omega.size - n_slow
         work = (_cost(omega.size, n_fast) + (substeps - 1) * _fast_cost(n_fast)) / (substeps * step)
-        if work < least and _stays(growth(M, K, n_slow, step, substeps), substeps * step, error, duration):
+        if work < least and _stays(cycle_growth(M, K, n_slow, step, substeps), substeps * step, error, duration):
             between = 0.5 * (omega[n_slow - 1] + omega[n_slow]) / (2 * np.pi)
             least, best = work, Split(float(between), substeps, step)
     return best
@@ -118,7 +118,7 @@ def recommended_step(M: Array, K: Array, n_slow: int, error: float, duration: fl
 
     step = min(longest(fast), 2 * _STABLE / both[-1])
     for substeps in range(min(max(1, int(longest(slow) / step)), _MOST_SUBSTEPS), 1, -1):
-        if _stays(growth(M, K, n_slow, step, substeps), substeps * step, error, duration):
+        if _stays(cycle_growth(M, K, n_slow, step, substeps), substeps * step, error, duration):
             return step, substeps
     return min(step, longest_step(M, K, error, duration)), 1
 

@@ -12,6 +12,9 @@ from numpy.typing import NDArray
 
 from pipeline.core.arrays import Array, IntArray
 from pipeline.core.errors import InputError
+from pipeline.fem.surface import SurfaceTopology, surface_elements, surface_topology
+from pipeline.recovery.stress import element_stress, modal_stress, point_stress
+from pipeline.reduction.inertia import InertiaGram, add_normal_blocks, normal_blocks
 from pipeline.scene.any_body import Flexible
 from pipeline.scene.bodies import Bar
 from pipeline.scene.propeller import Propeller
@@ -28,9 +31,7 @@ if TYPE_CHECKING:
     from pipeline.fem.mesh import SolidMesh
     from pipeline.fem.model import FEModel
     from pipeline.fem.space import Discretisation
-    from pipeline.fem.surface import SurfaceTopology
     from pipeline.reduction.body import FlexibleBody
-    from pipeline.reduction.inertia import InertiaGram
     from pipeline.reduction.modes import Modes
     from pipeline.stages.basis import HeldModel
 
@@ -127,32 +128,22 @@ def _stiffen(part: FlexiblePart) -> InertiaGram:
 
 
 def _integrate_along_normal(part: FlexiblePart) -> Array:
-    from pipeline.reduction.inertia import normal_blocks
-
     return normal_blocks(part.body.x, part.fe.m, part.body.shapes, part.body.gram.normal)
 
 
 def _find_surface(part: FlexiblePart) -> SurfaceTopology:
-    from pipeline.fem.surface import surface_topology
-
     return surface_topology(part.space)
 
 
 def _recover_surface_stress(part: FlexiblePart) -> Array:
-    from pipeline.recovery.stress import modal_stress
-
     return modal_stress(part.space, part.material, part.body.shapes, part.surface.nodes)
 
 
 def _recover_element_stress(part: FlexiblePart) -> Array:
-    from pipeline.recovery.stress import element_stress
-
     return element_stress(part.space, part.material, part.body.shapes, np.array(list(part.elements.values())))
 
 
 def _recover_nodal_stress(part: FlexiblePart) -> NDArray[np.float32]:
-    from pipeline.recovery.stress import modal_stress
-
     nodes = np.arange(len(part.space.x))
     return modal_stress(part.space, part.material, part.body.shapes, nodes).astype(np.float32)
 
@@ -302,8 +293,6 @@ class FlexiblePart:
 
     def for_any_motion(self, body: FlexibleBody) -> FlexibleBody:
         """Add the inertia integrals that motion about one axis doesn't take to the reduced body, stiffened or not."""
-        from pipeline.reduction.inertia import add_normal_blocks
-
         if body.gram.normal < 0:
             return body
         return replace(body, gram=add_normal_blocks(body.gram, self.inertia_along_normal))
@@ -331,15 +320,11 @@ class FlexiblePart:
 
     def stress_at(self, points: Array) -> Array:
         """Return the stress of each modal coordinate at points (n, 3) [m] of the mesh, shape (n, 6, n_modes) [Pa]."""
-        from pipeline.recovery.stress import point_stress
-
         return point_stress(self.space, self.material, self.body.shapes, points)
 
     @cached_property
     def surface_elements(self) -> IntArray:
         """Element that each of the surface's triangles belongs to, shape (n_triangles,)."""
-        from pipeline.fem.surface import surface_elements
-
         return surface_elements(self.space)
 
 

@@ -13,6 +13,7 @@ from pipeline.core.cache import Cache
 from pipeline.core.errors import InputError
 from pipeline.core.paths import cache_folder
 from pipeline.core.progress import Monitor, silent
+from pipeline.recovery.stress import StressHistory, stress_measure
 from pipeline.scene.scene import Scene
 from pipeline.scene.source_files import collect_inputs
 from pipeline.stages.part import FlexiblePart
@@ -28,7 +29,6 @@ if TYPE_CHECKING:
     from pipeline.integrators.protocol import Trajectory
     from pipeline.recovery.chain_motion import ChainMotion
     from pipeline.recovery.motion import Motion
-    from pipeline.recovery.stress import StressHistory
     from pipeline.reduction.body import FlexibleBody
     from pipeline.reduction.modes import Modes
     from pipeline.stages.mechanism import Chain
@@ -171,15 +171,11 @@ class Pipeline:
 
     def stress_of(self, body: str) -> StressHistory:
         """Stress on a flexible body's surface over the first run's motion."""
-        from pipeline.recovery.stress import StressHistory
-
         part, first = self.parts[body], self.first_motion
         return StressHistory(part.surface.nodes, part.surface_stress, first.times, first.modal(body))
 
     def element_stress(self, element: str, component: str = "von Mises") -> dict[str, Array]:
         """Stress in the middle of a named element, ``"body.element"``, over each run's motion, (n_times,) [Pa]."""
-        from pipeline.recovery.stress import stress_measure
-
         body, _, name = element.partition(".")
         part = self.parts[body]
         modal = part.element_stress[list(part.elements).index(name)]

@@ -16,7 +16,8 @@ from pipeline.integrators.subcycling import Subcycling
 from pipeline.stages.mechanism import Chain, chain_of
 
 if TYPE_CHECKING:
-    from pipeline.scene.simulation import ReversibleSubCyclingRun, Run, Simulation, SubCyclingRun
+    from pipeline.scene.runs import ReversibleSubCyclingRun, Run, SubCyclingRun
+    from pipeline.scene.simulation import Simulation
     from pipeline.stages.pipeline import Pipeline
 
 STABLE = 0.4  # of the largest stable step: what a neighbour of a run takes that doesn't stand the run's own
@@ -117,7 +118,7 @@ def _without_rest(pipeline: Pipeline, plan: Plan) -> Plan:
 
 def _stable(pipeline: Pipeline, plan: Plan, free: bool) -> Plan:
     """The same with its growth measured and, if its step is ``free``, with one that is short enough."""
-    method = plan.integrator
+    method: Any = plan.integrator  # a method with a limit has a step, and resumes
     limit = method.largest_step(plan.system)
     if not method.step < limit and not free:
         frequency = f"2/ω of its highest frequency, {1 / (np.pi * limit):.5g} Hz"
@@ -133,30 +134,30 @@ def _stable(pipeline: Pipeline, plan: Plan, free: bool) -> Plan:
         )
     if not np.isfinite(limit):  # implicit, exact for small motions, or steered by its error
         return plan
-    from pipeline.stability.growth import GROWN, longest_safe_step
-    from pipeline.stages.operating_points import course_of
+    from pipeline.stability.operating_points import find_operating_points
+    from pipeline.stability.safe_step import ALLOWED_GROWTH, longest_safe_step
 
+    duration, split = pipeline.scene.simulation.duration, plan.chain.tree if plan.chain else None
     try:
-        course = course_of(pipeline, plan.chain)
+        points = find_operating_points(pipeline.mechanism, *pipeline.start, duration, split)
     except StabilityError:  # of the mechanism itself: the march will tell
         return plan
-    folds = course.e_folds(method) if method.step < limit else np.inf
-    if folds > np.log(GROWN):
-        explicit: Any = method  # a dataclass with a step
-        longest = longest_safe_step(lambda step: course.e_folds(replace(explicit, step=step)), min(method.step, limit))
+    folds = points.e_folds(method) if method.step < limit else np.inf
+    if folds > np.log(ALLOWED_GROWTH):
+        longest = longest_safe_step(lambda step: points.e_folds(replace(method, step=step)), min(method.step, limit))
         if not (free and longest):
             raise InputError(pipeline.scene.file, plan.key, f"{method.step:.6g} s", _told(method, folds, longest))
-        plan = replace(plan, integrator=replace(explicit, step=longest))
-        folds = course.e_folds(plan.integrator)
+        plan = replace(plan, integrator=replace(method, step=longest))
+        folds = points.e_folds(replace(method, step=longest))
     return replace(plan, growth=float(np.exp(folds)))
 
 
 def _told(method: Integrator, folds: float, longest: float) -> str:
-    from pipeline.stability.growth import GROWN
+    from pipeline.stability.safe_step import ALLOWED_GROWTH
 
     ratio = f" {m}:1" if (m := getattr(method, "substeps", 1)) > 1 else ""
     grows = "at once" if folds > 100 else f"by a factor of {np.exp(folds):.3g} over the scene"
-    mend = f"a step of {longest:.3g} s keeps that below {GROWN:g}" if longest else "no step is short enough"
+    mend = f"a step of {longest:.3g} s keeps that below {ALLOWED_GROWTH:g}" if longest else "no step is short enough"
     other = ", and reversible-sub-cycling takes longer ones" if method.name == "sub-cycling" else ""
     return f"{method.name}{ratio} is unstable here: it makes small vibrations grow {grows}; {mend}{other}"
 
@@ -178,12 +179,9 @@ def _method(run: Run, simulation: Simulation, given: float | None) -> Integrator
 
             return ExponentialRosenbrock(run.tolerance)
         case "generalized-alpha":
-            from pipeline.integrators.adaptive_alpha import AdaptiveGeneralizedAlpha
             from pipeline.integrators.generalized_alpha import GeneralizedAlpha
 
-            if run.tolerance is None:
-                return GeneralizedAlpha(step, run.rho)
-            return AdaptiveGeneralizedAlpha(run.tolerance, run.rho)
+            return GeneralizedAlpha(step, run.rho)
         case "runge-kutta":
             from pipeline.integrators.runge_kutta import RungeKutta
 
@@ -192,7 +190,7 @@ def _method(run: Run, simulation: Simulation, given: float | None) -> Integrator
             from pipeline.integrators.automatic import Automatic
 
             return Automatic(simulation.error, simulation.duration)
-        case "DOP853" | "Radau" | "LSODA":
+        case "Radau" | "LSODA":
             from pipeline.integrators.scipy_ivp import ScipyIvp
 
             return ScipyIvp(run.integrator, run.tolerance)

@@ -9,8 +9,8 @@ import numpy as np
 import pytest
 
 from pipeline import Pipeline, load_scene
-from pipeline.bench.mode_study import STUDIES, ConvergedFrequencies, ModeStudyRow, extrapolated, fastest, write_study
-from pipeline.bench.whole_runs import StageRow, _run, write_rows
+from pipeline.bench.mode_study import STUDIES, ConvergedFrequencies, ModeStudyRow, extrapolate, fastest, write_study
+from pipeline.bench.whole_runs import StageRow, _run, write_stages
 from pipeline.cli.app import main
 from pipeline.core.cache import Cache
 from pipeline.core.errors import AccuracyError
@@ -47,7 +47,7 @@ def test_a_study_of_modes_is_written_with_its_reference_and_a_chart(tmp_path: Pa
 def test_frequencies_are_extrapolated_by_the_order_that_they_show() -> None:
     h = np.array([1.0, 2 / 3, 0.5])[:, None]
     limits, orders = np.array([131.0, 349.3, 655.2]), np.array([2.0, 2.9, 4.0])
-    assert extrapolated(limits + 0.7 * h**orders) == pytest.approx(limits, rel=1e-12)
+    assert extrapolate(limits + 0.7 * h**orders) == pytest.approx(limits, rel=1e-12)
 
 
 @pytest.mark.parametrize(
@@ -81,6 +81,6 @@ def test_a_runs_size_is_that_of_its_own_process() -> None:
 
 
 def test_stages_are_written_row_by_row(tmp_path: Path) -> None:
-    write_rows([StageRow("beam", "cold", "mesh", 0.5, 0.25, False, float("nan"))], tmp_path / "pipeline.csv")
+    write_stages([StageRow("beam", "cold", "mesh", 0.5, 0.25, False, float("nan"))], tmp_path / "pipeline.csv")
     _, *table = (tmp_path / "pipeline.csv").read_text().splitlines()
     assert next(csv.DictReader(table))["share"] == "0.25"

@@ -50,13 +50,13 @@ def test_a_drawing_that_hangs_is_told(tmp_path: Path, monkeypatch: pytest.Monkey
 
 @pytest.mark.usefixtures("drawing_works")
 def test_nothing_is_amiss_on_this_machine(tmp_path: Path) -> None:
-    assert doctor.problems(tmp_path / "new" / "cache") == ()
+    assert doctor.find_problems(tmp_path / "new" / "cache") == ()
 
 
 @pytest.mark.usefixtures("drawing_works")
 def test_missing_libraries_are_mended_by_one_command(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr(doctor, "can_load", lambda library: library not in ("libGLU.so.1", "libXft.so.2"))
-    (problem,) = doctor.problems(tmp_path)
+    (problem,) = doctor.find_problems(tmp_path)
     assert problem.what == "Gmsh can't be loaded without libGLU.so.1, libXft.so.2"
     assert problem.mend.endswith("apt-get install libglu1-mesa libxft2")
 
@@ -71,20 +71,20 @@ def test_every_package_that_a_mend_names_is_in_the_full_list() -> None:
 
 def test_a_failing_drawing_is_a_problem(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr(probe, "rendering_failure", lambda: "drawing off-screen died of SIGSEGV")
-    assert doctor.problems(tmp_path) == (doctor.Problem("drawing off-screen died of SIGSEGV", probe.MEND),)
+    assert doctor.find_problems(tmp_path) == (doctor.Problem("drawing off-screen died of SIGSEGV", probe.MEND),)
 
 
 @pytest.mark.usefixtures("drawing_works")
 def test_a_cache_folder_that_can_not_be_written_is_told(tmp_path: Path) -> None:
     (tmp_path / "file").touch()
-    (problem,) = doctor.problems(tmp_path / "file" / "cache")
+    (problem,) = doctor.find_problems(tmp_path / "file" / "cache")
     assert problem.what.startswith(f"the cache folder {tmp_path / 'file' / 'cache'} can't be written (")
 
 
 def test_cores_and_threads_are_told(monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setenv("OPENBLAS_NUM_THREADS", "3")
     monkeypatch.delenv("NUMBA_NUM_THREADS", raising=False)
-    told = doctor.information()
+    told = doctor.describe_machine()
     assert int(told["processor cores"]) >= 1
     assert told["BLAS threads"] == "3 (OPENBLAS_NUM_THREADS)"
     assert told["numba threads"] == "one a core"
@@ -92,7 +92,8 @@ def test_cores_and_threads_are_told(monkeypatch: pytest.MonkeyPatch) -> None:
 
 def test_the_doctor_loads_neither_gmsh_nor_pyvista(tmp_path: Path) -> None:
     code = (
-        "import sys, pathlib; from pipeline import doctor; doctor.problems(pathlib.Path(sys.argv[1])); "
+        "import sys, pathlib; from pipeline.cli import doctor_checks; "
+        "doctor_checks.find_problems(pathlib.Path(sys.argv[1])); "
         "sys.exit(str({'gmsh', 'pyvista', 'vtkmodules', 'matplotlib'} & set(sys.modules) or ''))"
     )
     result = subprocess.run([sys.executable, "-c", code, str(tmp_path)], capture_output=True, text=True, check=False)

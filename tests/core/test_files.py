@@ -111,8 +111,13 @@ def test_a_file_appears_whole(tmp_path: Path) -> None:
 def test_a_failed_writer_leaves_the_old_file_and_nothing_else(tmp_path: Path) -> None:
     path = tmp_path / "table.csv"
     path.write_text("old")
-    with pytest.raises(RuntimeError, match="half-way"), whole_file(path) as part:
-        part.write_text("ha")
-        raise RuntimeError("half-way")
+
+    def write() -> None:
+        with whole_file(path) as part:
+            part.write_text("ha")
+            raise RuntimeError("half-way")
+
+    with pytest.raises(RuntimeError, match="half-way"):
+        write()
     assert path.read_text() == "old"
     assert list(tmp_path.iterdir()) == [path]

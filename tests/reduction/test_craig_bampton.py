@@ -8,7 +8,7 @@ from pipeline.fem.markers import Marker, face_marker
 from pipeline.fem.model import FEModel
 from pipeline.fem.selection import nodes_on_faces
 from pipeline.reduction.craig_bampton import (
-    _rigid_recovered,
+    _count_rigid_motions,
     constraint_modes,
     craig_bampton_modes,
     interface_columns,
@@ -113,12 +113,12 @@ def test_the_rigid_motions_found_are_counted_against_those_expected(small_bar: F
     B = interface_columns(small_bar, ends(small_bar))
     Psi, R = constraint_modes(small_bar, FreeBodySolver(small_bar), B), small_bar.rigid_modes
     zero = 1e-6 * FreeBodySolver(small_bar).modes(1).omega[0] ** 2
-    assert _rigid_recovered(small_bar, R, Psi, zero) == 6
+    assert _count_rigid_motions(small_bar, R, Psi, zero) == 6
     with pytest.raises(AccuracyError, match="space holds 6 rigid motions, the supports leave 5; its lowest eigenval"):
-        _rigid_recovered(small_bar, R[:, :5], Psi, zero)
+        _count_rigid_motions(small_bar, R[:, :5], Psi, zero)
     other = np.exp(small_bar.x).ravel()[:, None]  # no rigid motion, in the place of one
     with pytest.raises(AccuracyError, match=r"misses \d\.\de-0\d of a rigid motion, above 1e-06"):
-        _rigid_recovered(small_bar, np.c_[R[:, :5], other], Psi, zero)
+        _count_rigid_motions(small_bar, np.c_[R[:, :5], other], Psi, zero)
 
 
 def test_more_modes_than_the_mesh_has_are_refused(small_bar: FEModel) -> None:

@@ -58,7 +58,7 @@ def test_a_sector_and_its_turns_make_the_body(body: tuple[FEModel, int]) -> None
     u = np.random.default_rng(0).standard_normal((len(fe.x), 3))
     energy = 0.0
     for k, image in enumerate(sector.images):
-        own = sector.turned(u[image], -k).ravel()
+        own = sector.turn(u[image], -k).ravel()
         energy += own @ (sector.fe.K @ own)
     assert energy == pytest.approx(u.ravel() @ (fe.K @ u.ravel()), rel=1e-12)
 

@@ -54,7 +54,7 @@ output_step = "20 ms"
 tip = "slider.centre"
 
 [[simulation.run]]
-integrator = "DOP853"
+integrator = "runge-kutta"
 tolerance = 1e-10
 """
 WELDED = CRANK.replace('type = "prismatic"', 'type = "fixed"').replace('axis = [1, 0, 0]\nspring = "50 N/m"\n', "")
@@ -67,7 +67,7 @@ SLIDE_BY_TABLE = (
     'position = { times = ["0 s", "400 ms", "1 s"], values = [0, 30, -10], unit = "cm" }\n'
 )
 BEAM = ("body.beam.mesh.divisions=[12, 1, 1]", "simulation.duration=20 ms", "simulation.output_step=1 ms")
-CLOSELY = 'simulation.run=[{ integrator = "DOP853", tolerance = 1e-12 }]'
+CLOSELY = 'simulation.run=[{ integrator = "runge-kutta", tolerance = 1e-12 }]'
 
 
 def scene_of(folder: Path, text: str, *overrides: str) -> Scene:

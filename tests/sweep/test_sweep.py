@@ -17,10 +17,10 @@ import xarray
 
 from pipeline.cli.app import main
 from pipeline.core.errors import InputError
-from pipeline.sweep.local import on_this_machine
-from pipeline.sweep.points import Varied, points_of, varied_of
+from pipeline.sweep.local import compute_locally
+from pipeline.sweep.points import Variation, make_points, parse_variations
 from pipeline.sweep.record import Record, read_record, write_record
-from pipeline.sweep.table import axis_of
+from pipeline.sweep.table import axis_values
 
 FMD = [str(Path(sys.executable).with_name("fmd"))]
 RUNS = "simulation.run=[{integrator='central-difference'}, {integrator='sub-cycling', substeps=5}]"
@@ -90,13 +90,13 @@ def grid(run, fmd, tmp_path_factory):
 
 
 def test_a_comma_within_brackets_or_quotes_belongs_to_its_value():
-    found = varied_of(["a.b=[1, 2],[3,4]", "c.0.d = 'x,y' , {u=1,v=[2,3]}", 'simulation.step="1 us","2 us"'])
-    assert found[0] == Varied("a.b", ("[1, 2]", "[3,4]"))
-    assert found[1] == Varied("c.0.d", ("'x,y'", "{u=1,v=[2,3]}"))
-    assert axis_of(found[0]) == (("[1, 2]", "[3,4]"), "")
-    assert axis_of(found[2]) == ((1e-6, 2e-6), "s")
-    assert axis_of(Varied("a", ("1", "2.5"))) == ((1, 2.5), "")
-    assert axis_of(Varied("a", ("1 us", "fast"))) == (("1 us", "fast"), "")
+    found = parse_variations(["a.b=[1, 2],[3,4]", "c.0.d = 'x,y' , {u=1,v=[2,3]}", 'simulation.step="1 us","2 us"'])
+    assert found[0] == Variation("a.b", ("[1, 2]", "[3,4]"))
+    assert found[1] == Variation("c.0.d", ("'x,y'", "{u=1,v=[2,3]}"))
+    assert axis_values(found[0]) == (("[1, 2]", "[3,4]"), "")
+    assert axis_values(found[2]) == ((1e-6, 2e-6), "s")
+    assert axis_values(Variation("a", ("1", "2.5"))) == ((1, 2.5), "")
+    assert axis_values(Variation("a", ("1 us", "fast"))) == (("1 us", "fast"), "")
 
 
 @pytest.mark.parametrize(
@@ -112,19 +112,21 @@ def test_a_comma_within_brackets_or_quotes_belongs_to_its_value():
 )
 def test_a_wrong_list_of_values_is_refused(texts, said):
     with pytest.raises(InputError, match=said):
-        varied_of(texts)
+        parse_variations(texts)
 
 
 def test_a_sweep_that_is_wrong_everywhere_is_refused_as_a_whole():
     with pytest.raises(InputError, match=r"--vary: body\.bem.*did you mean 'beam'"):
-        points_of("beam", varied_of(["body.bem.nu=0.3,0.34"]))
+        make_points("beam", parse_variations(["body.bem.nu=0.3,0.34"]))
     numbers = ",".join(map(str, range(100)))
     with pytest.raises(InputError, match="makes 1000000 points"):
-        points_of("beam", varied_of([f"a={numbers}", f"b={numbers}", f"c={numbers}"]))
+        make_points("beam", parse_variations([f"a={numbers}", f"b={numbers}", f"c={numbers}"]))
 
 
 def test_a_points_key_is_that_of_its_scene_however_it_is_written():
-    one, same, other = (point.key for point in points_of("beam", varied_of(["simulation.step=1us,1e-3 ms,2us"])))
+    one, same, other = (
+        point.key for point in make_points("beam", parse_variations(["simulation.step=1us,1e-3 ms,2us"]))
+    )
     assert one == same != other
 
 
@@ -145,11 +147,11 @@ def test_a_points_key_is_that_of_its_mesh_file_too(tmp_path):
     keys = []
     for content in ("one", "another"):
         (tmp_path / "part.vtu").write_text(content)
-        keys.append(points_of(scene, varied_of(["body.part.nu=0.3"]))[0].key)
+        keys.append(make_points(scene, parse_variations(["body.part.nu=0.3"]))[0].key)
     assert keys[0] != keys[1]
     (tmp_path / "part.vtu").unlink()
     with pytest.raises(InputError, match=r"body\.part\.mesh\.file"):
-        points_of(scene, varied_of(["body.part.nu=0.3"]))
+        make_points(scene, parse_variations(["body.part.nu=0.3"]))
 
 
 def test_a_damaged_record_counts_as_none(tmp_path):
@@ -170,7 +172,7 @@ class Deadly:
 
 
 def test_a_point_that_kills_every_process_is_a_row_that_is_not_kept():
-    records = dict(on_this_machine({"point-1": Deadly(), "point-2": Deadly()}, 1))
+    records = dict(compute_locally({"point-1": Deadly(), "point-2": Deadly()}, 1))
     assert sorted(records) == ["point-1", "point-2"]
     assert {(record.status, record.lasting) for record in records.values()} == {("failed", False)}
     assert all("its process died, 2 times" in record.message for record in records.values())

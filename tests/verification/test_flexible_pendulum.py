@@ -50,7 +50,7 @@ stiffening = "off"
 gravity = [{gravity}]
 
 [[simulation.run]]
-integrator = "DOP853"
+integrator = "runge-kutta"
 tolerance = 1e-11
 """
 

@@ -17,22 +17,22 @@ from pipeline.core.errors import AccuracyError
 from pipeline.fem.material import Material
 from pipeline.verification import closed_forms, suite
 from pipeline.verification.case import Figure, VerificationCase
-from pipeline.verification.suite import CASES, Outcome, outcomes, require_within
+from pipeline.verification.suite import CASES, Outcome, require_tolerances, run_cases
 
 STEEL = Material(210e9, 0.3, 7800.0)
 
 
 @pytest.mark.parametrize("case", CASES)
 def test_each_case_keeps_its_tolerances(case: str) -> None:
-    (outcome,) = outcomes([CASES[case]])
-    require_within([outcome])
+    (outcome,) = run_cases([CASES[case]])
+    require_tolerances([outcome])
     assert len(outcome.figures) >= 2
     assert all(np.isfinite([figure.ours, figure.published]).all() for figure in outcome.figures)
 
 
 def test_the_tolerances_mean_something() -> None:
     """A per cent or two for a printed number or a coarse published mesh, a few thousandths for theory."""
-    for outcome in outcomes([CASES["table-1"], CASES["fv52"], CASES["rotating-rod"]]):
+    for outcome in run_cases([CASES["table-1"], CASES["fv52"], CASES["rotating-rod"]]):
         for figure in outcome.figures:
             assert figure.tolerance <= 0.025
             assert not replace(figure, ours=figure.ours * 1.06).holds
@@ -176,5 +176,5 @@ def test_several_cases_out_of_tolerance_are_counted() -> None:
     case = VerificationCase("a", "a case", "nowhere", lambda _: [])
     wrong = Outcome(case, (Figure("x", 2.0, 1.0, 0.1),), 0.0)
     with pytest.raises(AccuracyError, match=r"\+100 % exceeds 10 % \(and 1 more cases\)"):
-        require_within([wrong, Outcome(case, (), 0.0, "failed")])
-    require_within([Outcome(case, (Figure("x", 1.05, 1.0, 0.1),), 0.0)])
+        require_tolerances([wrong, Outcome(case, (), 0.0, "failed")])
+    require_tolerances([Outcome(case, (Figure("x", 1.05, 1.0, 0.1),), 0.0)])

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from functools import partial
 from pathlib import Path
+from types import SimpleNamespace
 
 import numpy as np
 import pytest
@@ -161,19 +162,33 @@ def test_what_does_not_fit_is_refused_before_it_is_factorised(
         factorise(positive(tetrahedra))
 
 
-def test_memory_is_the_least_of_what_machine_and_container_leave(tmp_path: Path) -> None:
-    meminfo = tmp_path / "meminfo"
-    meminfo.write_text("MemTotal:       24000000 kB\nMemAvailable:    8000000 kB\n")
-    nothing, container = tmp_path / "none", tmp_path / "container"
-    assert available_memory(meminfo, nothing) == 8e6 * 1024
+def test_memory_is_the_least_of_what_machine_and_container_leave(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setattr("psutil.virtual_memory", lambda: SimpleNamespace(available=8e9))
+    container = tmp_path / "container"
+    assert available_memory(container) == 8e9
     container.mkdir()
     (container / "memory.max").write_text("3000000000\n")
     (container / "memory.current").write_text("1500000000\n")
     (container / "memory.stat").write_text("anon 1000000000\nactive_file 200000000\ninactive_file 300000000\n")
-    assert available_memory(meminfo, container) == 2e9  # pages of files make room
+    assert available_memory(container) == 2e9  # pages of files make room
     (container / "memory.max").write_text("max\n")
-    assert available_memory(meminfo, container) == 8e6 * 1024
-    assert available_memory(nothing, nothing) > 1e8  # all that the machine has
+    assert available_memory(container) == 8e9
+
+
+def test_memory_is_read_from_control_groups_of_version_1_too(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr("psutil.virtual_memory", lambda: SimpleNamespace(available=8e9))
+    group = tmp_path / "memory"
+    group.mkdir()
+    (group / "memory.limit_in_bytes").write_text("4000000000\n")
+    (group / "memory.usage_in_bytes").write_text("3000000000\n")
+    (group / "memory.stat").write_text("cache 0\ntotal_active_file 100000000\ntotal_inactive_file 400000000\n")
+    assert available_memory(tmp_path) == 1.5e9
+
+
+def test_this_machine_has_memory_to_spare() -> None:
+    assert 1e8 < available_memory() < 1e14
 
 
 def test_a_scene_whose_factor_does_not_fit_ends_in_a_message(monkeypatch: pytest.MonkeyPatch, tmp_path: Path) -> None:
