@@ -9,7 +9,7 @@ from pipeline.core.arrays import Array
 from pipeline.render.figure import open_figure, style_axes
 
 _MARKERS = "osD^vP*X"
-_SOLID = 10  # methods of other programs follow ours, with dashed lines
+_SOLID = 9  # methods of other programs follow ours, with dashed lines
 
 
 def draw_work_precision(curves: Mapping[str, Array], path: Path, *, title: str, error_label: str) -> None:

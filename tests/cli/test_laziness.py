@@ -73,7 +73,7 @@ def test_modes_load_neither_pictures_nor_integrators(modules):
 
 def test_a_run_without_pictures_loads_neither_pyvista_nor_matplotlib(cold_run):
     assert "numba" in cold_run
-    assert not cold_run & {"pyvista", "vtk", "vtkmodules", "matplotlib", "pipeline.render"}
+    assert not cold_run & {"pyvista", "vtk", "vtkmodules", "matplotlib"}
 
 
 @pytest.mark.usefixtures("cold_run")
