@@ -143,8 +143,8 @@ def deflection_error(across, exact):
 
 def beam() -> Case:
     run = Pipeline(load_scene("beam"))
-    body, pulse, (q0, v0), simulation = run.rotor.body, run.rotor.pulse, run.start, run.scene.simulation
-    exact = ScipyIvp("DOP853", 1e-12).march(run.rotor, q0, v0, sample_times(simulation.duration)).q[:, 1:]
+    body, pulse, (q0, v0), simulation = run.body, run.system.pulse, run.start, run.scene.simulation
+    exact = ScipyIvp("DOP853", 1e-12).march(run.system, q0, v0, sample_times(simulation.duration)).q[:, 1:]
     tip = body.markers[simulation.tip.partition(".")[2]]
     arm = np.cross(body.axis, tip.position)
     length = np.linalg.norm(arm)
@@ -215,7 +215,7 @@ def rod_slider() -> Case:
     scene, (q0, v0) = run.scene, run.start
     rod, slider, slide, motor = scene.body["rod"], scene.body["slider"], scene.joint["slide"], scene.drive["motor"]
     rest, duration = float(rod.marker["rest"].at[0]), scene.simulation.duration
-    exact = ScipyIvp("DOP853", 1e-12).march(run.mechanism, q0, v0, sample_times(duration)).q
+    exact = ScipyIvp("DOP853", 1e-12).march(run.system, q0, v0, sample_times(duration)).q
 
     def build(_):  # joint coordinates know no constraints
         exu = import_exudyn()

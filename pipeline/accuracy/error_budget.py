@@ -48,7 +48,7 @@ def true_errors(run: Pipeline, finer: Pipeline) -> dict[str, float]:
 
     Frequencies are matched by their modes' shapes, element stress by place.
     """
-    quantities, motion = Estimates(run).quantities, finer.first_motion
+    quantities, motion = Estimates(run).quantities, finer.motion
     places = {name: part.element_places for name, part in run.parts.items() if part.elements}
     exact = of_the_mesh(finer, run) | of_the_motion(finer, motion, finer.fine_motion)
     if run.parts:

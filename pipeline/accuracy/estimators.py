@@ -25,7 +25,6 @@ from pipeline.stages.runs import STABLE, plan_like
 
 if TYPE_CHECKING:
     from pipeline.integrators.protocol import Integrator
-    from pipeline.recovery.chain_motion import ChainMotion
     from pipeline.recovery.motion import Motion
     from pipeline.reduction.body import FlexibleBody
     from pipeline.stages.part import FlexiblePart
@@ -49,7 +48,7 @@ class Estimates:
     def __init__(self, run: Pipeline) -> None:
         self.run = run
         self.plan = next(iter(run.plans.values()))
-        self.motion = run.first_motion
+        self.motion = run.motion
         self.frames: IntArray = np.arange(0)
         self.of_mesh = of_the_mesh(run)
         self.quantities = self.of_mesh | of_the_motion(run, self.motion, run.fine_motion)
@@ -170,7 +169,7 @@ class Estimates:
     def _of(
         self,
         run: Pipeline,
-        fine: Motion | ChainMotion,
+        fine: Motion,
         nodes: dict[str, IntArray] | None = None,
         places: dict[str, Array] | None = None,
         as_if: dict[str, Array] | None = None,
@@ -194,13 +193,13 @@ class Estimates:
             self.hot[name] = np.flatnonzero(values.max(axis=0) >= _HOT * values.max())
         self.frames = np.unique(np.concatenate(frames))
 
-    def _march(self, other: Pipeline, plan: Plan) -> Motion | ChainMotion:
+    def _march(self, other: Pipeline, plan: Plan) -> Motion:
         return other.motion_by(plan, plan.march(self.run.fine_times[0]))
 
-    def _comparable(self, rich: Pipeline) -> tuple[Plan, Motion | ChainMotion | None]:
+    def _comparable(self, rich: Pipeline) -> tuple[Plan, Motion | None]:
         """Return a plan for the richer model, and the run's own motion by its step if that is a shorter one."""
         method: Any = self.plan.integrator
-        limit = STABLE * method.largest_step(rich.mechanism)
+        limit = STABLE * method.largest_step(rich.system)
         if not method.step > limit:
             return plan_like(self.plan, rich), None
         shorter = replace(self.plan, integrator=replace(method, step=limit))

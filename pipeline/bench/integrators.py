@@ -39,34 +39,33 @@ def compare_on_scene(run: Pipeline, repeats: int = 5) -> WorkPrecision:
 
     times = np.linspace(0.0, run.scene.simulation.duration, 101)
     q0, v0 = run.start
-    return compare(run.mechanism, q0, v0, times, _errors_of(run), repeats)
+    return compare(run.system, q0, v0, times, _errors_of(run), repeats)
 
 
 def _errors_of(run: Pipeline) -> ErrorsOf:
-    """Make the function for the errors of the tip, of the modal and of the joints' coordinates."""
+    """Make the function of the errors of the tip, of modal and of joint coordinates.
+
+    The tip of a flexible body on the ground is seen from its joint, any other in space.
+    """
     from pipeline.bench.work_precision import Errors
-    from pipeline.recovery.chain_motion import ChainMotion
     from pipeline.recovery.motion import Motion
 
-    if run.is_rotor:
-        rotor = Motion(run.rotor, _EMPTY, run.scene.simulation.tip.partition(".")[2])
+    empty, seen_from_joint = Motion(run.mechanism, _EMPTY, run.scene.simulation.tip), _from_joint(run)
 
-        def of_rotor(found: Trajectory, exact: Trajectory) -> Errors:
-            one, other = replace(rotor, trajectory=found), replace(rotor, trajectory=exact)
-            pairs = [(m.tip_deflection, m.q, m.joint_angle) for m in (one, other)]
-            return Errors(*(_relative(a, b) for a, b in zip(*pairs, strict=True)))
-
-        return of_rotor
-    chain = ChainMotion(run.chain.tree, _EMPTY, run.chain.tip, run.chain.joints)
-
-    def of_chain(found: Trajectory, exact: Trajectory) -> Errors:
-        one, other = replace(chain, trajectory=found), replace(chain, trajectory=exact)
+    def errors(trajectory: Trajectory, exact: Trajectory) -> Errors:
+        one, other = replace(empty, trajectory=trajectory), replace(empty, trajectory=exact)
         modal = [_relative(one.modal(name), other.modal(name)) for name in run.parts]
-        joints = [_relative(one.joint_position(name), other.joint_position(name)) for name in chain.joints]
-        tip = _relative(one.tip_position, other.tip_position)
-        return Errors(tip, max(modal, default=np.nan), max(joints, default=np.nan))
+        joints = [_relative(one.joint_position(name), other.joint_position(name)) for name in one.joints]
+        pair = [motion.tip_deflection if seen_from_joint else motion.tip_position for motion in (one, other)]
+        return Errors(_relative(*pair), max(modal, default=np.nan), max(joints, default=np.nan))
 
-    return of_chain
+    return errors
+
+
+def _from_joint(run: Pipeline) -> bool:
+    """Tell whether the tip is on a flexible body that hangs on the ground."""
+    link = run.mechanism.links[run.mechanism.number_of(run.scene.simulation.tip.partition(".")[0])]
+    return link.parent < 0 and len(link.omega) > 0
 
 
 def _relative(found: Array, exact: Array) -> float:
@@ -115,11 +114,11 @@ def write_comparison(run: Pipeline, result: WorkPrecision, folder: Path, name: s
     curves: dict[str, Any] = {}
     for row in result.rows:
         curves.setdefault(row.integrator, []).append((row.seconds, max(row.error, 1e-16)))
-    what = "deflection" if run.is_rotor else "position"
+    what = "deflection" if _from_joint(run) else "position"
     draw_work_precision(
         {label: np.array(points) for label, points in curves.items()},
         folder / f"{name}.png",
-        title=f"{run.scene.title} ({run.mechanism.n} coordinates): run time against error",
+        title=f"{run.scene.title} ({run.system.n} coordinates): run time against error",
         error_label=f"largest error of the tip's {what} / largest {what}",
     )
     return [f"{name}.csv", f"{name}.png"]

@@ -198,6 +198,11 @@ class Mechanism:
         """Damping of modes and joints, shape (n, n)."""
         return self._packed[0].C
 
+    @property
+    def linear_matrices(self) -> tuple[Array, Array, Array]:
+        """Mass, stiffness and damping of the undeformed mechanism, (n, n) each."""
+        return self.mass_matrix(self.rest_positions), self.linear_stiffness, self.linear_damping
+
     def mass_matrix(self, q: Array, t: float = 0.0) -> Array:
         """M̂ at positions q, shape (n, n)."""
         return _symmetric(self._evaluated(t, q, np.zeros(self.n)).M)

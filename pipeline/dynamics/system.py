@@ -99,6 +99,10 @@ class System(Protocol):
         """What the compiled functions read."""
 
     @property
+    def linear_matrices(self) -> tuple[Array, Array, Array]:
+        """Mass, stiffness and damping in the reference state, (n, n) each."""
+
+    @property
     def breakpoints(self) -> tuple[float, ...]:
         """Times at which a load or its rate jumps [s], ascending."""
 

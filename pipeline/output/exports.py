@@ -40,7 +40,7 @@ def _write_motion(run: Pipeline, output: Export, path: Path) -> None:
     """Write displacement from the undeformed body at rest, deformation and stress at all nodes."""
     from pipeline.fem.formats.vtkhdf import write_series
 
-    part, motion, shapes = run.parts[output.body], run.first_motion, run.bodies[output.body].shapes
+    part, motion, shapes = run.parts[output.body], run.motion, run.bodies[output.body].shapes
     chosen = choose_frames(len(motion.times), output.frames)
     x, q, stress = run.bodies[output.body].x, motion.modal(output.body), part.nodal_stress
     origin = part.space.x[0] - x[0]

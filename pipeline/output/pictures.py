@@ -35,7 +35,7 @@ def draw_chart(run: Pipeline, output: Chart, folder: Path) -> list[str]:
         low, high = (unit_ratio("Pa", output.unit or "MPa") * value for value in output.band)
         band = Band(low, high, output.band_title)
     draw(
-        run.first_motion.times,
+        run.motion.times,
         [Curve(name, values) for name, values in curves.items()],
         folder / output.file,
         title=output.title or output.quantity.replace("_", " "),
@@ -195,7 +195,7 @@ def _frames(
 ) -> Iterator[FilmFrame]:
     from pipeline.render.film import FilmFrame
 
-    motion, shapes = run.first_motion, run.bodies[output.body].shapes[history.nodes]
+    motion, shapes = run.motion, run.bodies[output.body].shapes[history.nodes]
     turns = motion.spin(output.body) * 60 / (2 * np.pi)
     for k, value in zip(chosen, values, strict=True):
         deformed = surface.points + output.scale * (shapes @ history.q[k])

@@ -1,4 +1,4 @@
-"""Everything that a run has to tell, in plain numbers."""
+"""Figures of a run in plain numbers, as ``summary.json`` holds them."""
 
 from __future__ import annotations
 
@@ -9,6 +9,7 @@ import numpy as np
 from pipeline.accuracy.error_budget import ERROR_BUDGET
 from pipeline.output.explain import STAGES
 from pipeline.output.frequencies import frequency_table
+from pipeline.recovery.motion import Motion
 from pipeline.stages.pipeline import Pipeline
 
 
@@ -20,10 +21,9 @@ def summarise(run: Pipeline, files: list[str], budget: bool) -> dict[str, Any]:
     if run.parts:
         summary |= frequency_table(run)
         summary["bodies"] = {name: _body(run, name) for name in run.parts}
-    motions: dict[str, Any] = dict(run.motions)
-    first = next(iter(motions.values()))
+    first = run.motion
     limits = [plan.integrator.largest_step(plan.system) for plan in run.plans.values()]
-    summary["largest_stable_step_s"] = 2.0 / run.mechanism.highest_frequency if run.mechanism.n else None
+    summary["largest_stable_step_s"] = 2.0 / run.system.highest_frequency if run.system.n else None
     summary["integrations"] = [
         {
             "integrator": motion.trajectory.integrator,
@@ -37,13 +37,14 @@ def summarise(run: Pipeline, files: list[str], budget: bool) -> dict[str, Any]:
             "largest_stable_step_s": limit if np.isfinite(limit) else None,
             "stability_margin": limit / motion.trajectory.step if np.isfinite(limit) else None,
             **motion.differences(first),
-            "final": motion.final(),
+            "final": motion.final() | _former_names(motion),
         }
-        for (label, motion), limit in zip(motions.items(), limits, strict=True)
+        for (label, motion), limit in zip(run.motions.items(), limits, strict=True)
     ]
-    summary["final"] = first.final()
+    summary["final"] = first.final() | _former_names(first)
+    summary["tip"] = summary["final"]["tip"]
     summary["left_out_modes"] = run.left_out
-    if run.is_rotor:
+    if len(first.tip_link.omega):
         summary["peak_tip_deflection_m"] = float(run.fine_motion.tip_size.max())
     histories = _element_histories(run)
     for name, values in histories.items():
@@ -70,6 +71,20 @@ def summarise(run: Pipeline, files: list[str], budget: bool) -> dict[str, Any]:
     }
 
 
+def _former_names(motion: Motion) -> dict[str, float]:
+    """Names that a single flexible body on a hinge had in ``final`` until 0.1; they go with the next release."""
+    final, across = motion.final(), motion.deflection_across_arm
+    if len(motion.mechanism.links) > 1 or across is None or not len(motion.tip_link.omega):
+        return {}
+    (angle,), (rate,) = final["joint_positions"].values(), final["joint_rates"].values()
+    return {
+        "joint_angle_rad": angle,
+        "joint_rate_rad_s": rate,
+        "tip_deflection_m": float(across[-1]),
+        "strain_energy_j": final["potential_energy_j"],
+    }
+
+
 def _element_histories(run: Pipeline) -> dict[str, dict[str, Any]]:
     """Von Mises stress of each named element over each run."""
     names = [f"{body}.{element}" for body, part in run.parts.items() for element in part.elements]
@@ -77,7 +92,7 @@ def _element_histories(run: Pipeline) -> dict[str, dict[str, Any]]:
 
 
 def _body(run: Pipeline, name: str) -> dict[str, Any]:
-    """A flexible body's own figures, and what its spin does to it."""
+    """Figures of a flexible body: mass, frequencies in its frame, coupling, and the effect of its spin."""
     body, spin = run.bodies[name], run.spin[name]
     return {
         "frequencies_in_frame_hz": body.frequencies_hz.tolist(),

@@ -85,15 +85,8 @@ def _require_drawing(file: str) -> None:
 
 
 def _write_motion(run: Pipeline, folder: Path) -> str:
-    motions: dict[str, Any] = dict(run.motions)
-    if run.is_rotor:
-        from pipeline.recovery.motion import motion_dataset
+    from pipeline.recovery.motion_file import motion_dataset
 
-        dataset = motion_dataset(motions)
-    else:
-        from pipeline.recovery.chain_motion import chain_dataset
-
-        dataset = chain_dataset(motions, run.chain.units)
     with whole_file(folder / "motion.nc") as part:
-        dataset.to_netcdf(part, engine="scipy")
+        motion_dataset(run.motions).to_netcdf(part, engine="scipy")
     return "motion.nc"

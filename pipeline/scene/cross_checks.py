@@ -10,7 +10,7 @@ from pipeline.core.units import unit_ratio
 from pipeline.scene.any_body import Body, Flexible
 from pipeline.scene.joints import Joint
 from pipeline.scene.loads import Drive, MotionDrive, PointForce, PointTorque
-from pipeline.scene.outputs import Chart, Export, Output
+from pipeline.scene.outputs import JOINT_QUANTITIES, Chart, Export, Output
 from pipeline.scene.pictures import BodyPicture
 from pipeline.scene.reading import FaultError, suggest_name
 from pipeline.scene.simulation import Simulation
@@ -100,7 +100,18 @@ class CrossCheck:
     def _check_chart(self, chart: Chart, *path: str | int) -> Iterator[FaultError]:
         if chart.element is not None:
             yield from self._check_element(chart.element, *path, "element")
+        if chart.marker is not None:
+            yield from self._check_marker(chart.marker, *path, "marker")
+        if chart.body is not None and chart.body not in self._flexible:
+            names = suggest_name(chart.body, self._flexible, "the flexible bodies")
+            yield FaultError(f"no such flexible body; {names}", *path, "body")
+        if chart.quantity == "modal_coordinates" and not self._flexible:
+            yield FaultError("needs a flexible body; this scene has none", *path, "quantity")
         if chart.joint is None:
+            single = [name for name, joint in self.joint.items() if joint.type in _SINGLE]
+            if chart.quantity in JOINT_QUANTITIES and len(single) != 1:
+                known = f"; the revolute and prismatic joints: {', '.join(single) or 'none'}"
+                yield FaultError(f"is missing: the name of the joint whose motion is drawn{known}", *path, "joint")
             return
         faults = [*self._check_joint(chart.joint, _SINGLE, "joint_position", *path, "joint")]
         yield from faults

@@ -9,27 +9,30 @@ from pydantic import AfterValidator, Field, model_validator
 from pipeline.core.units import Stress
 from pipeline.scene.pictures import Component, Film, MeshPicture, ModePictures, ModeSheet, StressPicture
 from pipeline.scene.reading import FaultError, SceneTable
-from pipeline.scene.values import BodyName, ElementName, FileCheck, JointName, Text
+from pipeline.scene.values import BodyName, ElementName, FileCheck, JointName, MarkerName, Text
 
 # Meanings of the quantities that a chart can draw.
 CHART_QUANTITIES = {
-    "joint_position": "angle of a revolute or displacement of a prismatic joint",
-    "joint_rate": "angular rate of a revolute or speed of a prismatic joint",
+    "joint_position": "angle of a revolute or displacement of a prismatic joint, named by `joint` if there are several",
+    "joint_rate": "angular rate or speed of such a joint",
     "tip_position": "position of the tip in space",
-    "tip_deflection": "displacement of the tip by deformation, seen from the section at its body's joint",
-    "tip_displacement": "displacement of the tip by deformation, in the axes of its body",
-    "marker_position": "position of a marker in space",
-    "modal_coordinates": "modal coordinates of a body, by default the one with the tip",
+    "tip_deflection": "displacement of the tip by deformation, seen from the section at its body's joint, in its axes",
+    "tip_displacement": "displacement of the tip by deformation, in the floating frame of its body",
+    "marker_position": "position of any marker in space, named by `marker`",
+    "modal_coordinates": "modal coordinates of the body named by `body`, or of that with the tip",
     "energy": "kinetic and potential energy",
-    "centre_of_mass": "position of the centre of mass",
-    "momentum": "momentum",
-    "angular_momentum": "angular momentum about the ground's origin",
-    "com_position": "position of the centre of mass",
+    "centre_of_mass": "position of the centre of all bodies' mass in space",
+    "momentum": "momentum of all bodies",
+    "angular_momentum": "angular momentum of all bodies about the ground's origin",
     "com_velocity": "velocity of the centre of mass",
-    "com_angular_velocity": "angular velocity of the centre of mass about the joint",
-    "joint_angle": "angle of the one joint",
-    "element_stress": "stress in a named element",
+    "com_angular_velocity": "angular velocity of the centre of mass about the axis of the first joint",
+    "element_stress": "stress in a named element, given by `element` and `component`",
+    "com_position": "the former name of `centre_of_mass`",
+    "joint_angle": "the former name of `joint_position`",
 }
+
+
+JOINT_QUANTITIES = ("joint_position", "joint_rate", "joint_angle")
 
 
 class Chart(SceneTable):
@@ -42,7 +45,11 @@ class Chart(SceneTable):
     quantity : str
         Quantity that is drawn; the table of quantities below explains each.
     joint : str, optional
-        Revolute or prismatic joint whose position or rate is drawn.
+        Revolute or prismatic joint whose position or rate is drawn; needed if there are several.
+    body : str, optional
+        Flexible body whose modal coordinates are drawn; that of the tip by default.
+    marker : str, optional
+        Marker whose position in space is drawn.
     element : str, optional
         Named element whose stress is drawn.
     component : str
@@ -71,20 +78,26 @@ class Chart(SceneTable):
     type: Literal["chart"]
     file: Annotated[str, AfterValidator(FileCheck((".png", ".pdf", ".svg")))]
     quantity: Literal[
-        "com_position",
-        "com_velocity",
-        "com_angular_velocity",
+        "joint_position",
+        "joint_rate",
+        "tip_position",
         "tip_deflection",
         "tip_displacement",
-        "tip_position",
-        "joint_angle",
-        "joint_rate",
-        "joint_position",
+        "marker_position",
         "modal_coordinates",
         "energy",
+        "centre_of_mass",
+        "momentum",
+        "angular_momentum",
+        "com_velocity",
+        "com_angular_velocity",
         "element_stress",
+        "com_position",
+        "joint_angle",
     ]
     joint: JointName | None = None
+    body: BodyName | None = None
+    marker: MarkerName | None = None
     element: ElementName | None = None
     component: Component = "von Mises"
     unit: Text | None = None
@@ -94,11 +107,14 @@ class Chart(SceneTable):
 
     @model_validator(mode="after")
     def _joint_where_needed(self) -> Chart:
-        if self.quantity == "joint_position" and self.joint is None:
-            raise FaultError("is missing: the name of the joint whose coordinate is drawn", "joint")
-        if self.quantity not in ("joint_position", "joint_rate") and self.joint is not None:
-            raise FaultError("belongs to the quantities 'joint_position' and 'joint_rate'", "joint")
-        if self.unit is not None and self.joint is None and self.element is None:
+        if self.quantity != "modal_coordinates" and self.body is not None:
+            raise FaultError("belongs to the quantity 'modal_coordinates'", "body")
+        if (self.marker is None) == (self.quantity == "marker_position"):
+            wrong = "is missing: 'body.marker', the marker" if self.marker is None else "belongs to 'marker_position'"
+            raise FaultError(wrong, "marker")
+        if self.quantity not in JOINT_QUANTITIES and self.joint is not None:
+            raise FaultError(f"belongs to the quantities {', '.join(JOINT_QUANTITIES[:2])}", "joint")
+        if self.unit is not None and self.quantity not in (*JOINT_QUANTITIES, "element_stress"):
             raise FaultError("belongs to a joint's position or rate, or to a stress", "unit")
         if (self.element is None) == (self.quantity == "element_stress"):
             wrong = "is missing: 'body.element', the element" if self.element is None else "belongs to 'element_stress'"

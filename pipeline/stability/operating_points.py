@@ -15,8 +15,8 @@ import numpy as np
 
 from pipeline.core.arrays import Array, IntArray
 from pipeline.core.errors import StabilityError
+from pipeline.dynamics.fast_path import fast_system, rigid_hinge_motion
 from pipeline.dynamics.mechanism import Mechanism
-from pipeline.dynamics.rotor.rotor import PlanarRotor
 from pipeline.dynamics.system import System
 from pipeline.integrators.central_difference import CentralDifference
 from pipeline.integrators.protocol import ResumableIntegrator, evaluate
@@ -94,7 +94,12 @@ class OperatingPoints:
 
 
 def find_operating_points(
-    mechanism: System, q0: Array, v0: Array, duration: float, split: Mechanism | None = None
+    mechanism: Mechanism,
+    q0: Array,
+    v0: Array,
+    duration: float,
+    split: Mechanism | None = None,
+    system: System | None = None,
 ) -> OperatingPoints:
     """Find operating points of a mechanism's motion from its start, by the motion with all bodies rigid.
 
@@ -106,6 +111,8 @@ def find_operating_points(
         [s]
     split : Mechanism, optional
         The mechanism with another choice of slow coordinates, whose states are wanted.
+    system : System, optional
+        The system that marches those coordinates; the fastest one by default.
 
     Raises
     ------
@@ -113,23 +120,22 @@ def find_operating_points(
         The mechanism with all bodies rigid can't be integrated.
     """
     times = (np.arange(_POINTS) + 0.5) * duration / _POINTS
-    if isinstance(mechanism, PlanarRotor):
-        return OperatingPoints(mechanism, _points_of_rotor(mechanism, q0, v0, times), duration)
-    assert isinstance(mechanism, Mechanism)
     wanted = split or mechanism
-    q, v = _rigid_motion(mechanism.rigid, q0, v0, times, duration / _RIGID_STEPS)
+    marched = system or fast_system(wanted)
+    closed_form = rigid_hinge_motion(mechanism, q0, v0, times)
+    q, v = closed_form or _rigid_motion(mechanism.rigid, q0, v0, times, duration / _RIGID_STEPS)
     modes = (wanted.modes_of(k).tolist() for k in range(len(wanted.links)))
     resting = np.array(sorted({*range(wanted.n_slow, wanted.n)}.union(*modes)), dtype=np.int64)
     undeformed = [
         OperatingPoint(float(t), *_with_joints(wanted, mechanism.rigid, q[k], v[k])) for k, t in enumerate(times)
     ]
-    return OperatingPoints(wanted, tuple(settle(wanted, at, resting) for at in undeformed), duration)
+    return OperatingPoints(marched, tuple(settle(marched, at, resting) for at in undeformed), duration)
 
 
 def settle(system: System, at: OperatingPoint, rates: IntArray) -> OperatingPoint:
     """Bring the scalar coordinates of some ``rates`` to rest where nothing accelerates them.
 
-    Where there is no such state near by, they rest where they are.
+    If that has no solution near by, they rest where they are.
     """
     steady = find_steady_point(system, at, rates)
     if steady is None:
@@ -194,11 +200,3 @@ def _with_joints(mechanism: Mechanism, rigid: Mechanism, q: Array, v: Array) -> 
         to, of = mechanism.layout.rate[k], rigid.layout.rate[k]
         rates[to : to + link.n_rates] = v[of : of + link.n_rates]
     return positions, rates
-
-
-def _points_of_rotor(rotor: PlanarRotor, q0: Array, v0: Array, times: Array) -> tuple[OperatingPoint, ...]:
-    """Operating points of a rotor at the rates to which its pulse has brought the undeformed body."""
-    done = np.clip((times - rotor.pulse.start) / rotor.pulse.duration, 0.0, 1.0)
-    rates = v0[0] + rotor.driven_rate * 0.5 * (1 - np.cos(np.pi * done))
-    points = [OperatingPoint(float(t), q0, np.r_[rate, v0[1:]]) for t, rate in zip(times, rates, strict=True)]
-    return tuple(settle(rotor, at, np.arange(1, rotor.n)) for at in points)

@@ -21,17 +21,15 @@ from pipeline.stages.stage import Stage
 from pipeline.stages.store import Log, StageStore
 
 if TYPE_CHECKING:
-    from pipeline.dynamics.rotor.rotor import PlanarRotor
+    from pipeline.dynamics.mechanism import Mechanism
     from pipeline.dynamics.system import System
     from pipeline.fem.mesh import SolidMesh
     from pipeline.fem.model import FEModel
     from pipeline.fem.surface import SurfaceTopology
     from pipeline.integrators.protocol import Trajectory
-    from pipeline.recovery.chain_motion import ChainMotion
     from pipeline.recovery.motion import Motion
     from pipeline.reduction.body import FlexibleBody
     from pipeline.reduction.modes import Modes
-    from pipeline.stages.mechanism import Chain
     from pipeline.stages.runs import Plan
     from pipeline.stages.stiffening_check import SpinCheck
 
@@ -117,13 +115,6 @@ class Pipeline:
         """Time and origin of each stage's results."""
         return self.store.log
 
-    @cached_property
-    def is_rotor(self) -> bool:
-        """Whether the scene is one flexible body on a hinge that at most a torque pulse drives."""
-        from pipeline.stages.mechanism import is_rotor
-
-        return is_rotor(self.scene)
-
     # The flexible body of a scene that has one ------------------------------------------------------------------
 
     @property
@@ -171,7 +162,7 @@ class Pipeline:
 
     def stress_of(self, body: str) -> StressHistory:
         """Stress on a flexible body's surface over the first run's motion."""
-        part, first = self.parts[body], self.first_motion
+        part, first = self.parts[body], self.motion
         return StressHistory(part.surface.nodes, part.surface_stress, first.times, first.modal(body))
 
     def element_stress(self, element: str, component: str = "von Mises") -> dict[str, Array]:
@@ -196,7 +187,9 @@ class Pipeline:
         """Largest rate of each flexible body and its effect on the stiffness; empty if nothing turns."""
         from pipeline.stages.stiffening_check import check_spins
 
-        return check_spins(self) if self._spin is None else self._spin
+        if self._spin is not None:
+            return self._spin
+        return check_spins(self.scene, {name: part.body for name, part in self.parts.items()})
 
     @cached_property
     def bodies(self) -> Mapping[str, FlexibleBody]:
@@ -206,55 +199,41 @@ class Pipeline:
         return {name: part.stiffened if self.spin[name].stiffened else part.body for name, part in self.parts.items()}
 
     @cached_property
-    def rotor(self) -> PlanarRotor:
-        """The body on its joint with its drive, for a scene that is a rotor."""
-        from pipeline.stages.mechanism import rotor_of
+    def mechanism(self) -> Mechanism:
+        """Bodies, joints and loads of the scene, its joints slow and its modes fast if it doesn't say otherwise."""
+        from pipeline.stages.mechanism import build_mechanism
 
-        return rotor_of(self.scene, self.body)
+        return build_mechanism(self.scene, self.bodies)
 
     @cached_property
-    def chain(self) -> Chain:
-        """The mechanism of any scene."""
-        from pipeline.stages.mechanism import chain_of
+    def system(self) -> System:
+        """Mechanism as it is marched, with the fastest kernels for it; its coordinates are the mechanism's."""
+        from pipeline.stages.mechanism import choose_system
 
-        try:
-            return chain_of(self.scene, self.bodies)
-        except ValueError as error:  # a prescribed motion that jumps
-            raise InputError(self.scene.file, "drive", None, str(error)) from error
-
-    @property
-    def mechanism(self) -> System:
-        """What is integrated: the rotor, or the chain."""
-        return self.rotor if self.is_rotor else self.chain.tree
+        return choose_system(self.scene, self.mechanism)
 
     @property
     def reference_matrices(self) -> tuple[Array, Array]:
         """Mass and stiffness of the undeformed mechanism, (n, n) each, in the order of its rates."""
-        if self.is_rotor:
-            return self.rotor.reference_mass, np.diag(np.r_[0.0, self.body.omega**2])
-        tree = self.chain.tree
-        return tree.mass_matrix(tree.rest_positions), tree.linear_stiffness
+        M, K, _ = self.system.linear_matrices
+        return M, K
 
-    @property
+    @cached_property
     def start(self) -> tuple[Array, Array]:
         """Positions and rates at the start."""
-        if not self.is_rotor:
-            return self.chain.q0, self.chain.v0
-        joint = next(iter(self.scene.joint.values()))
-        assert joint.type == "revolute"  # is_rotor
-        q0, v0 = np.zeros(self.rotor.n), np.zeros(self.rotor.n)
-        q0[0], v0[0] = joint.angle, joint.rate
-        return q0, v0
+        from pipeline.stages.mechanism import find_start
+
+        return find_start(self.scene, self.mechanism)
 
     @cached_property
     def plans(self) -> dict[str, Plan]:
         """The scene's runs, ready to be integrated, each under the label of its motion; raises what `motions` does."""
-        from pipeline.stages.runs import plans_of
+        from pipeline.stages.runs import make_plans
 
-        return plans_of(self)
+        return make_plans(self)
 
     @cached_property
-    def motions(self) -> dict[str, Motion] | dict[str, ChainMotion]:
+    def motions(self) -> dict[str, Motion]:
         """The motion by each of the scene's runs; the label tells integrator and ratio.
 
         Raises
@@ -266,27 +245,22 @@ class Pipeline:
         self.bodies  # noqa: B018 - stages of their own; what the plans add is kernels, compiled or read
         self.plans  # noqa: B018 - refuses a step before anything is timed
         trajectories = self.trajectories
-        motions: Any = {label: self.motion_by(plan, trajectories[label]) for label, plan in self.plans.items()}
-        return dict(motions)
+        return {label: self.motion_by(plan, trajectories[label]) for label, plan in self.plans.items()}
 
     @property
     def left_out(self) -> dict[str, list[int]]:
         """Numbers from 1 of the modes of each body that no run integrates: nothing excites them."""
         parts = [plan.excited.left_out if plan.excited else {} for plan in self.plans.values()]
         return {
-            body or self.part.name: [k + 1 for k in modes if all(k in part.get(body, ()) for part in parts)]
+            body: [k + 1 for k in modes if all(k in part.get(body, ()) for part in parts)]
             for body, modes in parts[0].items()
         }
 
-    def motion_by(self, plan: Plan, trajectory: Trajectory) -> Motion | ChainMotion:
-        """What a trajectory of one of the scene's plans means."""
-        if plan.chain is None:
-            from pipeline.recovery.motion import Motion
+    def motion_by(self, plan: Plan, trajectory: Trajectory) -> Motion:
+        """Return the motion that a trajectory of one of the scene's plans describes."""
+        from pipeline.recovery.motion import Motion
 
-            return Motion(self.rotor, trajectory, self.scene.simulation.tip.partition(".")[2])
-        from pipeline.recovery.chain_motion import ChainMotion
-
-        return ChainMotion(plan.chain.tree, trajectory, plan.chain.tip, plan.chain.joints)
+        return Motion(plan.mechanism, trajectory, self.scene.simulation.tip)
 
     @property
     def output_times(self) -> Array:
@@ -298,31 +272,20 @@ class Pipeline:
     @cached_property
     def fine_times(self) -> tuple[Array, IntArray]:
         """Output times with many more around the tip's largest deflections [s]; which of them are output times."""
-        tip = self.first_motion.tip_size
+        tip = self.motion.tip_size
         near = (tip > 0) & (tip >= _NEAR_LARGEST * tip.max())
         numbers = np.r_[0, np.cumsum(np.where(near[:-1] | near[1:], _FINER, 1))]
         return np.interp(np.arange(numbers[-1] + 1), numbers, self.output_times), numbers
 
     @cached_property
-    def fine_motion(self) -> Motion | ChainMotion:
+    def fine_motion(self) -> Motion:
         """The first run's motion at the fine times: what vibrates fast is largest between two output times."""
         if len(self.fine_times[0]) == len(self.output_times):  # nothing flexible is at the tip
-            return self.first_motion
+            return self.motion
         plan = next(iter(self.plans.values()))
         return self.motion_by(plan, plan.march(self.fine_times[0]))
 
     @property
-    def first_motion(self) -> Motion | ChainMotion:
-        """The motion by the scene's first run, with which the others are compared."""
-        motions: dict[str, Motion | ChainMotion] = {**self.motions}
-        return next(iter(motions.values()))
-
-    @property
     def motion(self) -> Motion:
-        """The same, for a scene that is a rotor."""
-        from pipeline.recovery.motion import Motion
-
-        first = self.first_motion
-        if not isinstance(first, Motion):
-            raise InputError(self.scene.file, "body", sorted(self.scene.body), "is a chain; see Pipeline.motions")
-        return first
+        """Motion by the scene's first run, with which the others are compared."""
+        return next(iter(self.motions.values()))

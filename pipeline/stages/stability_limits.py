@@ -6,15 +6,14 @@ from collections.abc import Iterator, Sequence
 from dataclasses import replace
 from typing import TYPE_CHECKING
 
-import numpy as np
-
 from pipeline.core.progress import Advance
 from pipeline.stability.limits import MechanismLimits, ReferenceMatrices, find_limits, inertial_coupling
 from pipeline.stability.operating_points import find_operating_points
-from pipeline.stages.runs import sub_cycled
+from pipeline.stages.runs import plan_sub_cycled
 
 if TYPE_CHECKING:
-    from pipeline.stages.mechanism import Chain
+    from pipeline.dynamics.mechanism import Mechanism
+    from pipeline.dynamics.system import System
     from pipeline.stages.pipeline import Pipeline
 
 
@@ -24,24 +23,15 @@ def find_scene_limits(pipeline: Pipeline, ratios: Sequence[int], along: bool) ->
     Without a sub-cycled run in the scene its joints are slow.
     """
     simulation = pipeline.scene.simulation
-    chain = _split_chain(pipeline)
-    if chain is None:
-        M, K = pipeline.reference_matrices
-        reference, system = ReferenceMatrices(M, K, np.zeros_like(K)), pipeline.mechanism
-    else:
-        tree = chain.tree
-        reference = ReferenceMatrices(tree.mass_matrix(tree.rest_positions), tree.linear_stiffness, tree.linear_damping)
-        system = tree
-    points = None
+    mechanism, system = _split(pipeline)
+    reference, points = ReferenceMatrices(*system.linear_matrices), None
     if along:
-        points = find_operating_points(
-            pipeline.mechanism, *pipeline.start, simulation.duration, split=chain.tree if chain else None
-        )
+        points = find_operating_points(pipeline.mechanism, *pipeline.start, simulation.duration, mechanism, system)
     with pipeline.store.monitor("stability") as advance:
         counted = _counted(ratios, advance)
         limits = find_limits(system, reference, counted, simulation.duration, simulation.error, points)
-    if points and chain:
-        masses = [chain.tree.mass_matrix(at.q, at.time) for at in points.points]
+    if points and system is mechanism:  # a fast path's coupling doesn't change along the motion
+        masses = [mechanism.mass_matrix(at.q, at.time) for at in points.points]
         coupling = max(limits.coupling, *(inertial_coupling(mass, system.n_slow) for mass in masses))
         limits = replace(limits, coupling=coupling)
     return limits
@@ -54,12 +44,13 @@ def _counted(ratios: Sequence[int], advance: Advance) -> Iterator[int]:
         advance((k + 1) / len(ratios))
 
 
-def _split_chain(pipeline: Pipeline) -> Chain | None:
-    """Return the scene's chain with the split of its first sub-cycled run; none for a rotor."""
+def _split(pipeline: Pipeline) -> tuple[Mechanism, System]:
+    """Return the mechanism with the split of the scene's first sub-cycled run, and the system that marches it."""
     simulation = pipeline.scene.simulation
     step = simulation.step if isinstance(simulation.step, float) else 1.0  # only a split that is chosen depends on it
     for run in simulation.run:
         if run.integrator in ("sub-cycling", "reversible-sub-cycling"):
             chosen = run.split == "auto" and simulation.step == "auto"
-            return sub_cycled(pipeline, run, "", None if chosen else run.step or step).chain
-    return None if pipeline.is_rotor else pipeline.chain
+            plan = plan_sub_cycled(pipeline, run, "", None if chosen else run.step or step)
+            return plan.mechanism, plan.system
+    return pipeline.mechanism, pipeline.system

@@ -15,7 +15,7 @@ _CLOSE = 1e-7
 
 def _spins(cache: Cache | None, *overrides: str) -> tuple[Array, Array]:
     """Return the times, and the angular velocity along the body's axes, (n_times, 3) [rad/s]."""
-    march = open_scene("verification/top", cache, overrides).first_motion.trajectory
+    march = open_scene("verification/top", cache, overrides).motion.trajectory
     return march.times, march.v[:, 3:]
 
 

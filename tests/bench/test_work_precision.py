@@ -50,7 +50,7 @@ def test_a_reference_that_cannot_be_confirmed_stops_the_comparison():
 
     times = np.linspace(0, 0.01, 3)
     with pytest.raises(AccuracyError, match=r"two references differ by 1\.0e\+00, above 1e-08"):
-        compare(run.mechanism, *run.start, times, lambda found, exact: Errors(1.0, 1.0, 1.0))
+        compare(run.system, *run.start, times, lambda found, exact: Errors(1.0, 1.0, 1.0))
 
 
 def test_the_command_writes_table_and_chart(tmp_path, capsys):

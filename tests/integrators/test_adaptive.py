@@ -123,11 +123,11 @@ def oscillators_case():
 def rod_slider_case():
     pipeline = Pipeline(load_scene("rod-slider"))
     times = np.linspace(0.0, 5.0, 41)
-    return by_dop853(pipeline.mechanism, *pipeline.start, times)
+    return by_dop853(pipeline.system, *pipeline.start, times)
 
 
 def beam_case():
-    rotor, times = Pipeline(load_scene("beam")).rotor, np.linspace(0.0, 0.05, 41)
+    rotor, times = Pipeline(load_scene("beam")).system, np.linspace(0.0, 0.05, 41)
     return by_dop853(rotor, np.zeros(rotor.n), np.zeros(rotor.n), times)
 
 

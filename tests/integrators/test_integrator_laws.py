@@ -13,7 +13,8 @@ from pipeline.core.errors import AccuracyError, InputError, StabilityError
 from pipeline.dynamics.linear.linear import LinearSystem
 from pipeline.dynamics.links import REVOLUTE, Link, rigid_gram
 from pipeline.dynamics.mechanism import Mechanism
-from pipeline.dynamics.rotor.rotor import PlanarRotor, TorquePulse
+from pipeline.dynamics.rotor.parameters import TorquePulse
+from pipeline.dynamics.rotor.rotor import PlanarRotor
 from pipeline.integrators.central_difference import CentralDifference
 from pipeline.integrators.protocol import State, evaluate
 from pipeline.integrators.reversible import ReversibleSubcycling

@@ -9,7 +9,8 @@ import numpy as np
 import pytest
 
 from pipeline import Pipeline, load_scene
-from pipeline.dynamics.rotor.rotor import PlanarRotor, TorquePulse
+from pipeline.dynamics.rotor.parameters import TorquePulse
+from pipeline.dynamics.rotor.rotor import PlanarRotor
 from pipeline.integrators.central_difference import CentralDifference
 from pipeline.integrators.exponential import Exponential
 from pipeline.integrators.generalized_alpha import GeneralizedAlpha
@@ -34,7 +35,7 @@ EACH = pytest.mark.parametrize("method", METHODS)
 @pytest.fixture(scope="module")
 def rod_slider():
     pipeline = Pipeline(load_scene("rod-slider"))
-    return pipeline.mechanism, *pipeline.start
+    return pipeline.system, *pipeline.start
 
 
 @pytest.fixture(scope="module")

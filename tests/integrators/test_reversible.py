@@ -15,14 +15,15 @@ from pipeline.core.errors import InputError, StabilityError
 from pipeline.dynamics.kinematics import Kinematics
 from pipeline.dynamics.links import REVOLUTE, Link, rigid_gram
 from pipeline.dynamics.mechanism import Mechanism
-from pipeline.dynamics.rotor.rotor import PlanarRotor, TorquePulse
+from pipeline.dynamics.rotor.parameters import TorquePulse
+from pipeline.dynamics.rotor.rotor import PlanarRotor
 from pipeline.dynamics.signals.signal import constant
 from pipeline.integrators.central_difference import CentralDifference
 from pipeline.integrators.reversible import ReversibleSubcycling
 from pipeline.integrators.runge_kutta import RungeKutta
 from pipeline.integrators.subcycling import Subcycling
 from pipeline.reduction.body import FlexibleBody
-from pipeline.stages.runs import plans_of
+from pipeline.stages.runs import make_plans
 
 Body = Callable[..., FlexibleBody]
 Order = Callable[[Array, Array], float]
@@ -69,7 +70,7 @@ def test_it_is_of_second_order_whatever_couples(order_of: Order, scene: str, m: 
     split = [text.split("=")[1] for text in overrides if text.startswith("split")]
     run = f'{{ integrator = "reversible-sub-cycling", substeps = {m}, split = "{split[0] if split else "joints"}" }}'
     others = [text for text in overrides if not text.startswith("split")]
-    ((_, plan),) = plans_of(Pipeline(load_scene(name, [f"simulation.run=[{run}]", *others]))).items()
+    ((_, plan),) = make_plans(Pipeline(load_scene(name, [f"simulation.run=[{run}]", *others]))).items()
     steps, times = step / 2.0 ** np.arange(3), np.linspace(0.0, duration, 11)
     assert plan.integrator.order(plan.system) == 2
     assert order_of(steps, errors_of(plan.system, plan.start, times, steps, m)) == pytest.approx(2, abs=0.15)
@@ -208,8 +209,7 @@ def test_the_free_frames_beam_keeps_its_energy(free_rotor: PlanarRotor, m: int) 
 def swung() -> tuple[Mechanism, tuple[Array, Array]]:
     """The arm without its drive and its dampers, let go at 3 rad/s."""
     run = Pipeline(load_scene("arm"))
-    assert not run.is_rotor
-    tree, (q0, v0) = run.chain.tree, run.start
+    tree, (q0, v0) = run.mechanism, run.start
     links = [replace(link, damper=0.0, damping=0.0 * link.damping, load=constant(0.0)) for link in tree.links]
     return replace(tree, links=links), (q0, np.r_[3.0, v0[1:]])
 
@@ -250,7 +250,7 @@ def test_a_hub_that_nothing_drives_keeps_its_momentum_within_a_cycle(body: Body)
 
 def planned(scene: str, settings: str) -> Any:
     run = f'simulation.run=[{{ integrator = "reversible-sub-cycling", {settings} }}]'
-    return plans_of(Pipeline(load_scene(scene, [run])))
+    return make_plans(Pipeline(load_scene(scene, [run])))
 
 
 def test_one_to_one_is_central_difference() -> None:

@@ -13,7 +13,8 @@ from pipeline.core.errors import AccuracyError
 from pipeline.dynamics.jit.compiled import kernel
 from pipeline.dynamics.links import PRISMATIC, REVOLUTE, SPHERICAL, Link, rigid_gram
 from pipeline.dynamics.mechanism import Mechanism
-from pipeline.dynamics.rotor.rotor import PlanarRotor, TorquePulse
+from pipeline.dynamics.rotor.parameters import TorquePulse
+from pipeline.dynamics.rotor.rotor import PlanarRotor
 from pipeline.dynamics.signals.signal import linear_table
 from pipeline.integrators import rosenbrock
 from pipeline.integrators.protocol import State, evaluate, evaluate_velocities
@@ -162,8 +163,8 @@ def with_fixed_steps(system, q0, v0, h, n_steps):
 
 def order_cases():
     pipeline = Pipeline(load_scene("rod-slider"))
-    yield pipeline.mechanism, *pipeline.start, 1.0, np.array([8, 16, 32])
-    rotor = Pipeline(load_scene("beam")).rotor  # while the torque acts, which has no kink before 0.1 s
+    yield pipeline.system, *pipeline.start, 1.0, np.array([8, 16, 32])
+    rotor = Pipeline(load_scene("beam")).system  # while the torque acts, which has no kink before 0.1 s
     yield rotor, np.zeros(rotor.n), np.zeros(rotor.n), 0.05, np.array([20, 40, 80])
     tree = chain()
     yield tree, tree.rest_positions, np.array([2.0, 1.0, 8.0, 0.0, 3.0]), 0.5, np.array([16, 32, 64])

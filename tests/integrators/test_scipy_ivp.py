@@ -15,7 +15,8 @@ from pipeline import Pipeline, load_scene
 from pipeline.core.arrays import Array
 from pipeline.core.errors import AccuracyError, StabilityError
 from pipeline.dynamics.jit.compiled import meaning
-from pipeline.dynamics.rotor.rotor import PlanarRotor, TorquePulse
+from pipeline.dynamics.rotor.parameters import TorquePulse
+from pipeline.dynamics.rotor.rotor import PlanarRotor
 from pipeline.dynamics.system import accelerations, velocities
 from pipeline.integrators import scipy_ivp
 from pipeline.integrators.exponential import Exponential

@@ -12,7 +12,8 @@ import xarray
 from pipeline.core.errors import InputError
 from pipeline.dynamics.links import REVOLUTE, SPHERICAL, Link
 from pipeline.dynamics.mechanism import Mechanism
-from pipeline.dynamics.rotor.rotor import PlanarRotor, TorquePulse
+from pipeline.dynamics.rotor.parameters import TorquePulse
+from pipeline.dynamics.rotor.rotor import PlanarRotor
 from pipeline.fem.markers import Marker, face_marker
 from pipeline.fem.model import FEModel
 from pipeline.fem.surface import SurfaceTopology, surface_topology

@@ -76,6 +76,26 @@ FIXED = 'joint.slide={type="fixed", parent="rod.rest", child="slider.centre"}'
         (["output.1.unit=deg"], "output.1.unit = 'deg': isn't a unit that m converts to; 'm' works"),
         (["output.1.unit=9**9**9"], "output.1.unit = '9**9**9': isn't a unit that m converts to; 'm' works"),
         (['output.0={type="chart", file="a.png", quantity="joint_position"}'], "output.0.joint: is missing: the name"),
+        (
+            ['output.0={type="chart", file="a.png", quantity="marker_position", marker="rod.en"}'],
+            "output.0.marker = 'rod.en': no such marker; did you mean 'rod.",
+        ),
+        (
+            ['output.0={type="chart", file="a.png", quantity="marker_position"}'],
+            "output.0.marker: is missing: 'body.marker', the marker",
+        ),
+        (
+            ['output.0={type="chart", file="a.png", quantity="modal_coordinates"}'],
+            "output.0.quantity = 'modal_coordinates': needs a flexible body; this scene has none",
+        ),
+        (
+            ['output.0={type="chart", file="a.png", quantity="modal_coordinates", body="rod"}'],
+            "output.0.body = 'rod': no such flexible body",
+        ),
+        (
+            ['output.0={type="chart", file="a.png", quantity="energy", body="rod"}'],
+            "output.0.body = 'rod': belongs to the quantity 'modal_coordinates'",
+        ),
         (["output.0.quantity=energy"], "output.0.joint = 'hinge': belongs to"),
         (
             ['output.0={type="chart", file="a.png", quantity="energy", unit="mm"}'],

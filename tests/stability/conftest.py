@@ -8,4 +8,4 @@ from pipeline.dynamics.mechanism import Mechanism
 
 @pytest.fixture(scope="session")
 def coasting() -> Mechanism:
-    return Pipeline(load_scene("rod-slider", ["drive.motor.torque=0 N m"])).chain.tree
+    return Pipeline(load_scene("rod-slider", ["drive.motor.torque=0 N m"])).mechanism

@@ -25,7 +25,7 @@ def test_marches_live_below_the_limit_and_diverge_above_it(name: str, still: str
     (row,) = find_scene_limits(run, [m], along=False).limits
     limit = row.critical_step
     assert row.sudden_step == pytest.approx(limit, rel=1e-3)
-    system = run.mechanism
+    system = run.system
     q0, v0 = np.full(system.n, 1e-6), np.zeros(system.n)
     method = CentralDifference if m == 1 else lambda step: Subcycling(step, m)
     steps = 20_000
@@ -40,7 +40,7 @@ def grown(method: Integrator, run: Pipeline) -> float:
 
     Two marches that differ by a millionth: what they differ by is a small vibration, in the norm of its energy.
     """
-    system, times = run.mechanism, np.linspace(0.0, run.scene.simulation.duration, 4001)
+    system, times = run.system, np.linspace(0.0, run.scene.simulation.duration, 4001)
     fast = np.arange(system.n_slow, system.n)
     at = settle(system, OperatingPoint(0.0, *run.start), fast)
     moved = at.q.copy()
@@ -56,7 +56,7 @@ def folds_of_slider(method: Integrator, run: Pipeline) -> float:
 
     Its energy is averaged over one and a half periods; a polynomial through its logarithm goes on to both ends.
     """
-    system, duration = run.mechanism, run.scene.simulation.duration
+    system, duration = run.system, run.scene.simulation.duration
     at = settle(system, OperatingPoint(0.0, *run.start), np.array([1]))
     cycle = getattr(method, "substeps", 1) * method.step
     times = np.arange(0.0, duration, cycle / max(1, round(cycle / 0.02)))
@@ -91,7 +91,7 @@ def test_steps_beyond_a_summit_of_growth_are_not_trusted() -> None:
     assert folds_of_slider(Subcycling(along.critical_step, 10), run) == pytest.approx(2.18, abs=0.05)
     assert folds_of_slider(Subcycling(0.042, 10), run) > np.log(ALLOWED_GROWTH)
     with pytest.raises(StabilityError):
-        Subcycling(0.138, 5).march(run.mechanism, *run.start, np.linspace(0.0, 10.0, 11))
+        Subcycling(0.138, 5).march(run.system, *run.start, np.linspace(0.0, 10.0, 11))
 
 
 @pytest.mark.parametrize("m", [1, 5])
@@ -101,15 +101,15 @@ def test_the_limit_along_the_beams_own_drive_is_sharp(m: int) -> None:
     assert limit == pytest.approx(2 / run.body.omega.max(), rel=1e-3)
     assert grown(explicit_method(0.98 * limit, m), run) < ALLOWED_GROWTH
     with pytest.raises(StabilityError):
-        explicit_method(1.02 * limit, m).march(run.mechanism, *run.start, np.linspace(0.0, 0.5, 11))
+        explicit_method(1.02 * limit, m).march(run.system, *run.start, np.linspace(0.0, 0.5, 11))
 
 
 def test_dampers_shorten_the_arms_step() -> None:
     """They take the rate that is predicted from half a step before: 4.9 % less than 2/ω."""
     run = Pipeline(load_scene("arm", ["simulation.duration=0.2 s"]))
     rest, along = (find_scene_limits(run, [1], along=flag).limits[0].critical_step for flag in (False, True))
-    assert along <= rest < 0.96 * 2 / run.mechanism.highest_frequency
+    assert along <= rest < 0.96 * 2 / run.system.highest_frequency
     with pytest.raises(StabilityError):
-        CentralDifference(1.02 * rest).march(run.mechanism, *run.start, np.array([0.2]))
-    found = CentralDifference(0.98 * along).march(run.mechanism, *run.start, np.linspace(0.0, 0.2, 11))
+        CentralDifference(1.02 * rest).march(run.system, *run.start, np.array([0.2]))
+    found = CentralDifference(0.98 * along).march(run.system, *run.start, np.linspace(0.0, 0.2, 11))
     assert np.abs(found.q).max() < 3

@@ -64,6 +64,11 @@ class LinearSystem:
         return np.asarray(self._packed.A.diagonal())
 
     @property
+    def linear_matrices(self) -> tuple[Array, Array, Array]:
+        """Mass, stiffness and damping, (n, n) each."""
+        return self.M, self.K, np.zeros_like(self.K) if self.C is None else self.C
+
+    @property
     def parameters(self) -> LinearParameters:
         """Flat arrays for the kernels, with a work array that no other caller has."""
         return self._packed._replace(v_now=np.zeros(self.n - self.n_slow))

@@ -8,7 +8,8 @@ import pytest
 from scipy.spatial.transform import Rotation
 
 from pipeline.core.arrays import Array
-from pipeline.dynamics.rotor.rotor import PlanarRotor, TorquePulse
+from pipeline.dynamics.rotor.parameters import TorquePulse
+from pipeline.dynamics.rotor.rotor import PlanarRotor
 from pipeline.dynamics.system import accelerations, advance, fast_steps, hold_slow
 from pipeline.integrators.protocol import evaluate
 from pipeline.reduction.body import FlexibleBody, MarkerShapes
