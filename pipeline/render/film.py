@@ -83,14 +83,13 @@ def draw_film(
     quantity : str
         Label of the colour bar, which is in MPa.
     camera : Camera, optional
-        Of an even width and height.
     hub : bool
         Mark the origin; a part all around it needs no mark.
 
     Raises
     ------
     ValueError
-        Suffix, size or limits can't be used, or a frame has another shape than the part.
+        Suffix or limits can't be used, a side of the picture is odd, or a frame has another shape than the part.
     """
     camera = camera or Camera(size=PIXELS)
     _require_encodable(path, camera.size)

@@ -51,7 +51,6 @@ def draw_mode_sheet(
     scale : float
         Factor on the amplitude.
     camera : Camera, optional
-        Without zoom, focus and extent.
 
     Returns
     -------
