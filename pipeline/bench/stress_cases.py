@@ -10,6 +10,8 @@ import numpy as np
 
 from pipeline.core.arrays import Array
 from pipeline.dynamics.linear.linear import LinearSystem
+from pipeline.dynamics.rotor.parameters import TorquePulse
+from pipeline.dynamics.rotor.rotor import PlanarRotor
 from pipeline.scene.scene import load_scene
 from pipeline.stability.operating_points import settle
 from pipeline.stability.tangent import OperatingPoint
@@ -110,9 +112,6 @@ def _spinning(speed: float, stiffened: bool) -> Builder:
     """Return the builder of the beam that turns freely at a rate given over its first frequency."""
 
     def build() -> StressCase:
-        from pipeline.dynamics.rotor.parameters import TorquePulse
-        from pipeline.dynamics.rotor.rotor import PlanarRotor
-
         run = Pipeline(load_scene("beam"))
         body = run.part.stiffened if stiffened else run.part.body
         rotor = PlanarRotor(body, TorquePulse(0.0, 1.0, 0.0))
