@@ -42,9 +42,10 @@ OWNERS = {
     "slepc4py": "pipeline.reduction.factor",
     "meshes": "pipeline.stages.meshing",
 }
-# Packages that take 50 ms or more to load, so that an import inside a function pays.
+# Packages that take 50 ms or more to load, so that an import inside a function pays; `meshes` brings Gmsh.
 HEAVY = {
     *("cvxopt", "dask", "distributed", "filelock", "gmsh", "h5py", "imageio", "jinja2", "joblib", "llvmlite"),
+    "meshes",
     *("matplotlib", "meshio", "numba", "petsc4py", "pint", "psutil", "pymetis", "pyvista", "rich", "scipy", "skfem"),
     *("slepc4py", "vtk", "vtkmodules", "xarray"),
 }

@@ -9,6 +9,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 from rich.console import Console
+from threadpoolctl import threadpool_limits
 
 from pipeline.bench import whole_runs
 from pipeline.cli.inputs import open_pipeline
@@ -100,8 +101,6 @@ def _measure_modes(scenes: Sequence[str], out: Path, json: bool) -> dict[str, An
     InputError
         Another scene is named.
     """
-    from threadpoolctl import threadpool_limits
-
     from pipeline.bench import mode_study
 
     known = [ready.scene for ready in mode_study.STUDIES]

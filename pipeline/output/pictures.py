@@ -17,7 +17,7 @@ from pipeline.recovery.stress import StressHistory, choose_frames, stress_measur
 
 if TYPE_CHECKING:
     from pipeline.render.camera import Camera
-    from pipeline.render.film import Frame
+    from pipeline.render.film import FilmFrame
     from pipeline.render.surface import Surface
     from pipeline.scene.outputs import Chart
     from pipeline.scene.pictures import BodyPicture, Film, MeshPicture, ModePictures, ModeSheet, StressPicture
@@ -183,7 +183,7 @@ DRAWINGS: dict[str, Drawing] = {
 }
 
 
-def _report_progress(frames: Iterable[Frame], count: int, advance: Callable[[float], None]) -> Iterator[Frame]:
+def _report_progress(frames: Iterable[FilmFrame], count: int, advance: Callable[[float], None]) -> Iterator[FilmFrame]:
     """Yield frames and report the share that has been drawn."""
     for done, frame in enumerate(frames, start=1):
         yield frame
@@ -192,15 +192,15 @@ def _report_progress(frames: Iterable[Frame], count: int, advance: Callable[[flo
 
 def _frames(
     run: Pipeline, output: Film, surface: Surface, history: StressHistory, chosen: IntArray, values: Array
-) -> Iterator[Frame]:
-    from pipeline.render.film import Frame
+) -> Iterator[FilmFrame]:
+    from pipeline.render.film import FilmFrame
 
     motion, shapes = run.motion, run.bodies[output.body].shapes[history.nodes]
     turns = motion.spin(output.body) * 60 / (2 * np.pi)
     for k, value in zip(chosen, values, strict=True):
         deformed = surface.points + output.scale * (shapes @ history.q[k])
         note = f"{turns[k]:,.0f} rpm".replace(",", " ")
-        yield Frame(float(motion.times[k]), motion.placed(output.body, deformed, k), value, note)
+        yield FilmFrame(float(motion.times[k]), motion.placed(output.body, deformed, k), value, note)
 
 
 def _surface(run: Pipeline, body: str) -> Surface:

@@ -6,6 +6,7 @@ from typing import Any
 
 import numpy as np
 
+from pipeline import __version__
 from pipeline.accuracy.error_budget import ERROR_BUDGET
 from pipeline.output.explain import STAGES
 from pipeline.output.frequencies import frequency_table
@@ -15,8 +16,6 @@ from pipeline.stages.pipeline import Pipeline
 
 def summarise(run: Pipeline, files: list[str], budget: bool) -> dict[str, Any]:
     """Gather a run's figures; the keys about modes and stress are there if the scene has a flexible body."""
-    from pipeline import __version__
-
     summary: dict[str, Any] = {"scene": run.scene.name, "version": __version__}
     if run.parts:
         summary |= frequency_table(run)

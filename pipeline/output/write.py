@@ -15,6 +15,7 @@ from pipeline.output.explain import remember_times
 from pipeline.output.exports import write_export
 from pipeline.output.picture_files import draw
 from pipeline.output.summary import summarise
+from pipeline.render.rendering_check import rendering_problem
 from pipeline.stages.pipeline import Pipeline
 
 
@@ -76,8 +77,6 @@ def _require_drawing(file: str) -> None:
     key = stage_key("drawing", None, ("pipeline/render/rendering_check.py",), ("pyvista", "vtk"))
     if cache.load(key):
         return
-    from pipeline.render.rendering_check import rendering_problem
-
     problem = rendering_problem()
     if problem is not None:
         raise InputError(file, "output", None, f"this machine can't draw: {problem} (or run with --no-pictures)")

@@ -28,7 +28,7 @@ CLOCK = "00 000 rpm   t = 0.0000 s"  # text as long as any beside the title
 ORIGIN = np.zeros(3)
 
 
-class Frame(NamedTuple):
+class FilmFrame(NamedTuple):
     """A part's position and stress at an instant of a film.
 
     Attributes
@@ -51,7 +51,7 @@ class Frame(NamedTuple):
 
 def draw_film(
     surface: Surface,
-    frames: Iterable[Frame],
+    frames: Iterable[FilmFrame],
     path: Path,
     *,
     title: str,
@@ -68,7 +68,7 @@ def draw_film(
     ----------
     surface : Surface
         The undeformed part.
-    frames : iterable of Frame
+    frames : iterable of FilmFrame
         Computed one after the other.
     path : Path
         The film, ``.mp4`` (H.264) or ``.gif``; no file is left if a frame fails.
@@ -121,7 +121,7 @@ def _require_encodable(path: Path, size: tuple[int, int]) -> None:
 
 
 def _draw_frames(
-    canvas: Canvas, part: DrawnPart, clock: vtkTextActor, frames: Iterable[Frame], shape: tuple[int, ...]
+    canvas: Canvas, part: DrawnPart, clock: vtkTextActor, frames: Iterable[FilmFrame], shape: tuple[int, ...]
 ) -> Iterator[NDArray[np.uint8]]:
     """Move the part and set the clock frame by frame, and yield the pictures."""
     for frame in frames:

@@ -14,6 +14,7 @@ import numpy as np
 from pipeline.core.arrays import IntArray
 from pipeline.core.errors import InputError
 from pipeline.core.units import unit_ratio
+from pipeline.fem.formats.raw_mesh import MeshFileError, RawMesh
 from pipeline.fem.material import AnyMaterial, Material, MaterialOfElements
 from pipeline.fem.mesh import SolidMesh
 from pipeline.scene.imported_bodies import CadPart, MeshedPart
@@ -135,7 +136,6 @@ def _from_cad(path: Path, size: float, order: int) -> SolidMesh:
     """Mesh a CAD file by Gmsh in a process of its own, and check what comes as a mesh from a file is checked."""
     from meshes.cad import SUFFIXES, load
     from pipeline.fem.formats.import_mesh import solid_mesh
-    from pipeline.fem.formats.raw_mesh import MeshFileError, RawMesh
 
     if path.suffix.lower() not in SUFFIXES:
         raise InputError(str(path), "", None, f"is no CAD file that is read; these are: {' '.join(SUFFIXES)}")

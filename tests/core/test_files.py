@@ -92,9 +92,10 @@ def test_all_go_through_where_there_are_no_locks(tmp_path: Path, monkeypatch: py
         raise OSError(code, os.strerror(code))
 
     monkeypatch.setattr(fcntl, "flock", refuse)
-    lock = tmp_path / "lock"
+    lock, entered = tmp_path / "lock", 0
     with one_at_a_time(lock), one_at_a_time(lock):
-        pass
+        entered += 1
+    assert entered == 1
 
 
 def test_a_file_appears_whole(tmp_path: Path) -> None:

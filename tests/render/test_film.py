@@ -9,15 +9,15 @@ import pytest
 
 from pipeline.render import film as film_module
 from pipeline.render.camera import Camera
-from pipeline.render.film import Frame, draw_film
+from pipeline.render.film import FilmFrame, draw_film
 from pipeline.render.surface import Surface
 
 
-def frames(part: Surface, n_frames: int, fail_at: int = -1) -> Iterator[Frame]:
+def frames(part: Surface, n_frames: int, fail_at: int = -1) -> Iterator[FilmFrame]:
     for number in range(n_frames):
         if number == fail_at:
             raise RuntimeError("diverged")
-        yield Frame(0.01 * number, turned(part.points, float(number)), 1e6 * (1 - part.points[:, 0]))
+        yield FilmFrame(0.01 * number, turned(part.points, float(number)), 1e6 * (1 - part.points[:, 0]))
 
 
 def turned(points: np.ndarray, angle: float) -> np.ndarray:
