@@ -10,6 +10,7 @@ import numpy as np
 from pipeline.accuracy.error_estimates import Quantity
 from pipeline.accuracy.matching import matched
 from pipeline.core.arrays import Array, IntArray
+from pipeline.recovery.stress import StressHistory, von_mises
 
 if TYPE_CHECKING:
     from pipeline.recovery.motion import Motion
@@ -83,8 +84,6 @@ def of_the_stress(
     as_if : dict of str to ndarray, optional
         From each body's modal coordinates to those that its stress is made of, (n, n).
     """
-    from pipeline.recovery.stress import StressHistory, von_mises
-
     found = []
     for name, part in run.parts.items():
         chosen = slice(None) if nodes is None else nodes[name]

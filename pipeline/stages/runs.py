@@ -15,6 +15,7 @@ from pipeline.dynamics.mechanism import Mechanism
 from pipeline.dynamics.system import System
 from pipeline.integrators.protocol import Integrator, Progress, Trajectory
 from pipeline.integrators.subcycling import Subcycling
+from pipeline.stability.safe_step import ALLOWED_GROWTH, longest_safe_step
 from pipeline.stages.mechanism import build_mechanism, choose_system, find_start, place_joints
 
 if TYPE_CHECKING:
@@ -181,7 +182,6 @@ def _check_growth(built: BuiltScene, plan: Plan, free: bool) -> Plan:
     if not np.isfinite(limit):  # implicit, exact for small motions, or steered by its error
         return plan
     from pipeline.stability.operating_points import find_operating_points
-    from pipeline.stability.safe_step import ALLOWED_GROWTH, longest_safe_step
 
     duration = built.scene.simulation.duration
     try:
@@ -201,8 +201,6 @@ def _check_growth(built: BuiltScene, plan: Plan, free: bool) -> Plan:
 
 
 def _describe_growth(method: Integrator, folds: float, longest: float) -> str:
-    from pipeline.stability.safe_step import ALLOWED_GROWTH
-
     ratio = f" {m}:1" if (m := getattr(method, "substeps", 1)) > 1 else ""
     grows = "at once" if folds > 100 else f"by a factor of {np.exp(folds):.3g} over the scene"
     mend = f"a step of {longest:.3g} s keeps that below {ALLOWED_GROWTH:g}" if longest else "no step is short enough"

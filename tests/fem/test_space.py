@@ -42,6 +42,7 @@ def test_the_boundary_has_the_facets_of_the_box_and_all_nodes_on_it_only(space: 
 
 def test_derivatives_of_position_are_differences_of_positions(space: Discretisation) -> None:
     X, step = np.full((3, 1), 0.2), 1e-6
+
     def position(X: np.ndarray) -> np.ndarray:
         N, _ = shape_functions(space.kind.geometry, X)
         return np.asarray(np.einsum("n,enb->eb", N[:, 0], space.corner_coordinates))
