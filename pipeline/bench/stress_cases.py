@@ -10,8 +10,6 @@ import numpy as np
 
 from pipeline.core.arrays import Array
 from pipeline.dynamics.linear.linear import LinearSystem
-from pipeline.dynamics.rotor.parameters import TorquePulse
-from pipeline.dynamics.rotor.rotor import PlanarRotor
 from pipeline.scene.scene import load_scene
 from pipeline.stability.operating_points import settle
 from pipeline.stability.tangent import OperatingPoint
@@ -112,13 +110,12 @@ def _spinning(speed: float, stiffened: bool) -> Builder:
     """Return the builder of the beam that turns freely at a rate given over its first frequency."""
 
     def build() -> StressCase:
-        run = Pipeline(load_scene("beam"))
-        body = run.part.stiffened if stiffened else run.part.body
-        rotor = PlanarRotor(body, TorquePulse(0.0, 1.0, 0.0))
-        rates = np.r_[speed * body.omega[0], np.zeros(rotor.n - 1)]
-        at = settle(rotor, OperatingPoint(0.0, np.zeros(rotor.n), rates), np.arange(1, rotor.n))
+        run = Pipeline(load_scene("beam", ["drive={}", f"simulation.stiffening='{'on' if stiffened else 'off'}'"]))
+        system = run.system
+        rates = np.r_[speed * run.body.omega[0], np.zeros(system.n - 1)]
+        at = settle(system, OperatingPoint(0.0, np.zeros(system.n), rates), np.arange(1, system.n))
         family = f"beam, 0 … 3 ω₁, {'stiffened' if stiffened else 'without geometric stiffening'}"
         name = f"beam at {speed:g} ω₁, {'stiffened' if stiffened else 'linear'}"
-        return StressCase(family, name, rotor, at, rotor.reference_mass, np.diag(np.r_[0.0, body.omega**2]))
+        return StressCase(family, name, system, at, *run.reference_matrices)
 
     return build

@@ -26,7 +26,7 @@ from pipeline.dynamics.mechanism import Mechanism
 _SMALL = 0.05  # angle [rad] below which series replace differences that cancel
 
 
-class Frame(NamedTuple):
+class BodyFrame(NamedTuple):
     """A body's frame at each state: origin and rotation in space, velocity of the origin and angular velocity."""
 
     origin: Array  # (n_times, 3) [m]
@@ -98,19 +98,19 @@ class Kinematics:
         return np.asarray(position), np.asarray(rate)
 
     @cached_property
-    def frames(self) -> tuple[Frame, ...]:
+    def frames(self) -> tuple[BodyFrame, ...]:
         """Each body's frame."""
-        found: list[Frame] = []
+        found: list[BodyFrame] = []
         for body, link in enumerate(self.mechanism.links):
             found.append(self._through_joint(body, self._joint_place(link, found)))
         return tuple(found)
 
-    def _joint_place(self, link: Link, found: list[Frame]) -> Frame:
-        """Frame of the joint on the body that carries it, or on the ground."""
+    def _joint_place(self, link: Link, found: list[BodyFrame]) -> BodyFrame:
+        """BodyFrame of the joint on the body that carries it, or on the ground."""
         n_times = len(self.q)
         if link.parent < 0:
             still, axes = np.zeros((n_times, 3)), np.broadcast_to(np.eye(3), (n_times, 3, 3))
-            return Frame(np.broadcast_to(link.place, (n_times, 3)), axes, still, still)
+            return BodyFrame(np.broadcast_to(link.place, (n_times, 3)), axes, still, still)
         parent, q, rates = found[link.parent], self.modal_coordinates(link.parent), self.modal_rates(link.parent)
         arm, moving = np.broadcast_to(link.place, (n_times, 3)), np.zeros((n_times, 3))
         rotation, spin = parent.rotation, parent.spin
@@ -122,10 +122,10 @@ class Kinematics:
             rotation = rotation @ rotation_matrix(angle)
         arm = turned(parent.rotation, arm)
         velocity = parent.velocity + np.cross(parent.spin, arm) + turned(parent.rotation, moving)
-        return Frame(parent.origin + arm, rotation, velocity, spin)
+        return BodyFrame(parent.origin + arm, rotation, velocity, spin)
 
-    def _through_joint(self, body: int, place: Frame) -> Frame:
-        """Frame of a body from that of its joint's place on the body that carries it."""
+    def _through_joint(self, body: int, place: BodyFrame) -> BodyFrame:
+        """BodyFrame of a body from that of its joint's place on the body that carries it."""
         link = self.mechanism.links[body]
         position, rate = self.joint_coordinates(body)
         axis = link.axis / np.linalg.norm(link.axis)
@@ -140,7 +140,7 @@ class Kinematics:
         if link.joint in (SPHERICAL, FREE):
             rotation = rotation @ matrix_of_quaternion(position[:, -4:])
             spin = spin + turned(rotation, rate[:, -3:])  # rates about the body's own axes
-        return Frame(origin, rotation, velocity, spin)
+        return BodyFrame(origin, rotation, velocity, spin)
 
     def body_spin(self, body: int) -> Array:
         """Angular velocity of a body's frame in its own axes [rad/s], shape (n_times, 3)."""

@@ -32,7 +32,8 @@ def test_what_grows_by_less_is_told() -> None:
 def test_a_step_can_be_chosen_for_the_wanted_error() -> None:
     """`step = "auto"`: the error that was asked for is met, and a tighter one takes a shorter step."""
     times = np.linspace(0.0, 0.1, 11)
-    exact = Pipeline(load_scene("beam")).motion.q[::20][:11]  # at 10 us, where the error is 1e-6 of the deflection
+    # At 10 us, where the error is 1e-6 of the deflection.
+    exact = Pipeline(load_scene("beam")).motion.modal("beam")[::20][:11]
     steps = []
     for error in (1e-2, 1e-3):
         run = Pipeline(
@@ -40,6 +41,6 @@ def test_a_step_can_be_chosen_for_the_wanted_error() -> None:
         )
         trajectory = run.motion.trajectory
         steps.append(trajectory.step)
-        found = run.motion.q[np.searchsorted(run.motion.times, times - 1e-9)]
+        found = run.motion.modal("beam")[np.searchsorted(run.motion.times, times - 1e-9)]
         assert np.abs(found - exact).max() < error * np.abs(exact).max()
     assert steps[1] < 0.5 * steps[0]
