@@ -1,4 +1,4 @@
-"""What the stress tests of stability march: scenes about their rest, bodies that spin, and systems hard on purpose."""
+"""Cases of the stress tests of stability: scenes about their rest, spinning bodies, and systems hard on purpose."""
 
 from __future__ import annotations
 
@@ -27,18 +27,18 @@ SPEEDS = (0.0, 0.5, 0.9, 1.1, 1.5, 2.0, 3.0)  # over the first frequency
 
 @dataclass(frozen=True)
 class StressCase:
-    """A system about a state that it stays in, small vibrations apart.
+    """Mechanism about a state that it keeps but for small vibrations.
 
     Attributes
     ----------
     family, name : str
-        What is told of it.
+        Names of a group of cases, and of the case.
     system : System
-        It.
+        The mechanism.
     at : OperatingPoint
         The state.
     M, K : ndarray, shape (n, n)
-        Its mass and stiffness at rest, slow coordinates first: steps are told over their limit.
+        Mass and stiffness at rest, slow coordinates first; they give the limit that steps are relative to.
     """
 
     family: str
@@ -58,27 +58,27 @@ class StressCase:
 Builder = Callable[[], StressCase]
 
 
-def builders() -> dict[str, Builder]:
-    """Functions that make the cases, by name."""
-    found: dict[str, Builder] = {name: _of_scene(name) for name in SCENES}
+def case_builders() -> dict[str, Builder]:
+    """Return the functions that build the cases, by name."""
+    cases: dict[str, Builder] = {name: _of_scene(name) for name in SCENES}
     for stiffened in (False, True):
         for speed in SPEEDS:
-            found[f"beam at {speed:g} ω₁, {'stiffened' if stiffened else 'linear'}"] = _spinning(speed, stiffened)
+            cases[f"beam at {speed:g} ω₁, {'stiffened' if stiffened else 'linear'}"] = _spinning(speed, stiffened)
     for exponent in (-6, -3, 0, 3, 6):
         for beta in (0.0, 0.3):
-            found[f"mass ratio 1e{exponent}, β = {beta}"] = _of_masses(exponent, beta)
+            cases[f"mass ratio 1e{exponent}, β = {beta}"] = _of_masses(exponent, beta)
     for n in (1, 20, 200):
         modes = np.diag(np.r_[0.0, np.linspace(1.0, 30.0, n) ** 2])
-        found[f"{n} modes"] = _linear("1 to 200 modes", f"{n} modes", np.eye(n + 1), modes)
+        cases[f"{n} modes"] = _linear("1 to 200 modes", f"{n} modes", np.eye(n + 1), modes)
     spread = np.diag(np.r_[1e-2, 10.0 ** np.linspace(0, 12, 5)])
-    found["stiffness from 1 to 1e12"] = _linear("stiffness from 1 to 1e12", "", np.eye(6), spread)
+    cases["stiffness from 1 to 1e12"] = _linear("stiffness from 1 to 1e12", "", np.eye(6), spread)
     turn = np.linalg.qr(np.random.default_rng(0).standard_normal((4, 4)))[0]
     M = np.eye(5)
     M[1:, 1:] = turn @ np.diag([1e-10, 1.0, 1.0, 1.0]) @ turn.T
-    found["M_SS nearly singular, 1e-10"] = _linear(
+    cases["M_SS nearly singular, 1e-10"] = _linear(
         "M_SS nearly singular, 1e-10", "", M, np.diag([0.01, 1.0, 4.0, 9.0, 16.0])
     )
-    return found
+    return cases
 
 
 def _linear(family: str, name: str, M: Array, K: Array) -> Builder:
@@ -107,7 +107,7 @@ def _of_scene(name: str) -> Builder:
 
 
 def _spinning(speed: float, stiffened: bool) -> Builder:
-    """The beam that turns freely about its joint at a rate given over its first frequency."""
+    """Return the builder of the beam that turns freely at a rate given over its first frequency."""
 
     def build() -> StressCase:
         from pipeline.dynamics.rotor.parameters import TorquePulse

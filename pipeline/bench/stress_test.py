@@ -1,4 +1,4 @@
-"""Stress tests of stability: long marches at steps below and above the limits, against what the tangent predicts."""
+"""Stress tests of stability: long marches at steps below and above the limits, against the prediction by tangents."""
 
 from __future__ import annotations
 
@@ -11,7 +11,7 @@ from typing import Any
 
 import numpy as np
 
-from pipeline.bench.stress_cases import StressCase, builders
+from pipeline.bench.stress_cases import StressCase, case_builders
 from pipeline.core.arrays import Array
 from pipeline.core.cache import Cache, stage_key
 from pipeline.core.errors import AccuracyError
@@ -48,14 +48,14 @@ _NO_CACHE = Cache(None)
 
 @dataclass(frozen=True)
 class StressTestRow:
-    """One march.
+    """Prediction and outcome of one long march.
 
     Attributes
     ----------
     family, case, integrator : str
-        What was marched, and how.
+        Family and name of the case, and the method.
     substeps : int
-        m.
+        Fast steps to a slow one.
     share : float
         Fast step over the largest stable explicit one.
     cycles : int
@@ -63,7 +63,7 @@ class StressTestRow:
     predicted, found : str
         ``lives`` or ``diverges``; the prediction may be ``either``.
     drift : float
-        Change of the vibrations' energy, each mode's as the scheme sees it, over that of the start; not a number where
+        Change of the vibrations' energy, summed over the scheme's own modes, over that of the start; NaN where
         the march diverges.
     """
 
@@ -79,7 +79,7 @@ class StressTestRow:
 
     @property
     def wrong(self) -> bool:
-        """Whether the prediction failed."""
+        """True if the prediction failed."""
         return self.predicted not in ("either", self.found)
 
 
@@ -88,27 +88,27 @@ def stress_test(folder: Path, advance: Advance) -> list[dict[str, Any]]:
     rows = march_all(keep=Cache(cache_folder()), advance=advance)
     folder.mkdir(parents=True, exist_ok=True)
     write_rows(rows, folder / "stability.csv")
-    return summary_of_rows(rows)
+    return summarise_rows(rows)
 
 
 def march_all(
     cycles: int = CYCLES, only: tuple[str, ...] = (), keep: Cache = _NO_CACHE, advance: Advance = lambda done: None
 ) -> list[StressTestRow]:
-    """March every case by every method, on two processors if they are there; a march that is kept isn't repeated."""
+    """March every case by every method in two processes; marches in the cache aren't repeated."""
     from joblib import Parallel, delayed
 
-    marches = [(name, k) for name in only or builders() for k in range(len(_marches(name, cycles)))]
+    marches = [(name, k) for name in only or case_builders() for k in range(len(_marches(name, cycles)))]
     # The longest first, so that none is waited for in the end.
     longest = sorted(marches, key=lambda march: (march[0] != "arm", -len(_case(march[0]).M)))
     tasks = (delayed(_kept_row)(*march, cycles, keep) for march in longest)
-    found: dict[tuple[str, int], StressTestRow] = {}
+    rows: dict[tuple[str, int], StressTestRow] = {}
     for march, row in zip(longest, Parallel(n_jobs=2, return_as="generator")(tasks), strict=True):
-        found[march] = row
-        advance(len(found) / len(marches))
-    return [found[march] for march in marches]
+        rows[march] = row
+        advance(len(rows) / len(marches))
+    return [rows[march] for march in marches]
 
 
-def rows_of(name: str, cycles: int = CYCLES) -> list[StressTestRow]:
+def march_case(name: str, cycles: int = CYCLES) -> list[StressTestRow]:
     """March one case by every method."""
     return [_row(name, k, cycles) for k in range(len(_marches(name, cycles)))]
 
@@ -132,12 +132,12 @@ def _row(name: str, k: int, cycles: int) -> StressTestRow:
 
 @cache
 def _case(name: str) -> StressCase:
-    return builders()[name]()
+    return case_builders()[name]()
 
 
 @cache
 def _marches(name: str, cycles: int) -> list[Callable[[], StressTestRow]]:
-    """One case by every method."""
+    """Return the marches of one case by every method, as functions."""
     case = _case(name)
     return [
         *(partial(_march, case, *chosen, cycles) for chosen in _fixed(case)),
@@ -146,7 +146,7 @@ def _marches(name: str, cycles: int) -> list[Callable[[], StressTestRow]]:
 
 
 def _fixed(case: StressCase) -> Iterator[tuple[ResumableIntegrator, int, float]]:
-    """Methods with a step, their ratios, and the step over the explicit limit."""
+    """Yield the methods with a step, their ratios, and the step over the explicit limit."""
     spins = bool(case.at.v.any())
     for m in (1, 5) if spins else RATIOS:
         limit = find_sudden_step(case.M, case.K, case.system.n_slow, m)[0]
@@ -170,7 +170,7 @@ def _fixed(case: StressCase) -> Iterator[tuple[ResumableIntegrator, int, float]]
 
 
 def _adaptive(cycles: int) -> Iterator[tuple[Integrator, int]]:
-    """Methods that choose their steps, and how many of the explicit limit they march over."""
+    """Yield the methods that choose their steps, and the number of explicit steps that they march over."""
     steps = max(cycles // 50, 1000)
     yield RungeKutta(1e-9), steps
     yield ExponentialRosenbrock(1e-6), steps
@@ -190,7 +190,7 @@ def _march(case: StressCase, method: ResumableIntegrator, m: int, share: float, 
         folds = np.inf
     predicted = "lives" if folds < _GROWN - _UNSURE else "diverges" if folds > _GROWN + _UNSURE else "either"
     label = (case.family, case.name, method.name, m, share, cycles, predicted)
-    # A vibration that has taken the spin away may be small again in the end: such marches are looked at on their way.
+    # A vibration that has taken the spin away may be small again in the end: those marches are watched on their way.
     looks = _LOOKS if case.at.v.any() else 1
     times, before = (cycles * m - 1) * h * np.linspace(1.0 / looks, 1.0, looks), np.zeros(1)
     try:
@@ -211,13 +211,13 @@ def _march(case: StressCase, method: ResumableIntegrator, m: int, share: float, 
     if not now < was * np.exp(_GROWN):
         return StressTestRow(*label, "diverges", np.nan)
     if np.isinf(folds):
-        return StressTestRow(*label, "lives", np.nan)  # against the prediction: there are no modes to tell energies by
+        return StressTestRow(*label, "lives", np.nan)  # against the prediction: there are no modes to sum energies over
     earlier, later = (float(np.abs(left @ x) ** 2 @ energies) for x in sizes)
     return StressTestRow(*label, "lives", later / earlier - 1 if earlier else -1.0)  # nothing is left that vibrates
 
 
 def _modes(A: Array, case: StressCase) -> tuple[Array, Array]:
-    """Left eigenvectors of one cycle's vibrations, and their energies by the right ones."""
+    """Return the left eigenvectors of one cycle's vibrations, and their energies by the right ones."""
     n = len(case.M)
     values, right = np.linalg.eig(A)
     left = np.linalg.pinv(right)
@@ -228,13 +228,14 @@ def _modes(A: Array, case: StressCase) -> tuple[Array, Array]:
 
 
 def _disturbed(case: StressCase) -> tuple[Array, Array]:
+    """Return a start of the case with small random deflections."""
     rng = np.random.default_rng(0)
     size = (_SPINNING if case.at.v.any() else 1.0) * _START / np.sqrt(np.maximum(case.M.diagonal(), 1e-12))
     return case.at.q + size * rng.uniform(0.5, 1.0, len(case.M)), case.at.v.copy()
 
 
 def _march_adaptively(case: StressCase, method: Integrator, steps: int) -> StressTestRow:
-    """Over many periods, but no longer than as many explicit steps go; predicted by the equations of motion."""
+    """March over many periods, within a number of explicit steps; predicted by the equations of motion."""
     duration = min(1e3 * 2 * np.pi / case.lowest, steps * 2 / case.system.highest_frequency)
     folds = float(system_growth_rates(case.system, case.at)[0]) * duration
     predicted = "lives" if folds < _GROWN - _UNSURE else "diverges" if folds > _GROWN + _UNSURE else "either"
@@ -252,7 +253,7 @@ def _march_adaptively(case: StressCase, method: Integrator, steps: int) -> Stres
 
 
 def write_rows(rows: list[StressTestRow], path: Path) -> None:
-    """Write the table as CSV."""
+    """Write the marches as a CSV table."""
     with whole_file(path) as part, part.open("w", newline="") as file:
         table = csv.DictWriter(file, [*asdict(rows[0]), "wrong"], lineterminator="\n")
         table.writeheader()
@@ -261,7 +262,7 @@ def write_rows(rows: list[StressTestRow], path: Path) -> None:
             table.writerow(asdict(row) | figures)
 
 
-def summary_of_rows(rows: list[StressTestRow]) -> list[dict[str, Any]]:
+def summarise_rows(rows: list[StressTestRow]) -> list[dict[str, Any]]:
     """Count, for each family, the marches, those that lived and diverged, and the predictions that failed."""
     return [
         {

@@ -14,6 +14,7 @@ app = App(
     help="From the shape of a flexible part to its stress in motion. SCENE is a ready scene's name or a TOML file.",
     help_format="plaintext",
     help_formatter="plain",
+    suppress_keyboard_interrupt=False,  # main says it and sets the status
 )
 
 # Module and function of each command: cyclopts imports the module when the command is called, so --help stays quick.

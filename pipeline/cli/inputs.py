@@ -1,4 +1,4 @@
-"""Reading of what commands are given: a scene with its overrides, an angular rate."""
+"""Values given to commands: a scene with its overrides, an angular rate."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""Files that are written whole or not at all, and work that one process does while others wait for it."""
+"""Files that are written whole or not at all, and work that one process at a time does."""
 
 from __future__ import annotations
 
@@ -13,7 +13,7 @@ _ABANDONED = 3600.0  # seconds; no file takes as long to be written
 
 
 def remove_abandoned(folder: Path, pattern: str) -> None:
-    """Delete what killed processes have left half-written under temporary names."""
+    """Delete half-written files that killed processes have left under temporary names."""
     with suppress(OSError):
         for part in folder.glob(pattern):
             with suppress(OSError):
@@ -23,7 +23,7 @@ def remove_abandoned(folder: Path, pattern: str) -> None:
 
 @contextmanager
 def whole_file(path: Path) -> Iterator[Path]:
-    """Lend a temporary name beside ``path``: renamed to it if the block ends well, deleted otherwise."""
+    """Lend a temporary name beside ``path``; the file is renamed to it if the block ends well, else deleted."""
     part = path.with_name(f".{path.stem}.{os.getpid()}{path.suffix}")
     remove_abandoned(path.parent, f".{escape(path.stem)}.*{escape(path.suffix)}")
     try:

@@ -45,6 +45,7 @@ def assemble(mesh: SolidMesh, order: int, material: AnyMaterial) -> FEModel:
 
 
 def _stiffness(space: Discretisation, material: AnyMaterial) -> sp.csr_array:
+    """Assemble the stiffness matrix, shape (3 n_nodes, 3 n_nodes) [N/m]."""
     products, structure = _gradient_products(space), space.structure
     each = [_isotropic(structure.sums(_select(products, mine)), own) for own, mine in material.over(slice(None))]
     del products  # a third of the assembly's peak memory
@@ -52,6 +53,7 @@ def _stiffness(space: Discretisation, material: AnyMaterial) -> sp.csr_array:
 
 
 def _mass(space: Discretisation, material: AnyMaterial) -> sp.csr_array:
+    """Assemble the scalar mass matrix, shape (n_nodes, n_nodes) [kg]."""
     products, structure = _shape_products(space), space.structure
     each = [own.rho * structure.sums(_select(products, mine)) for own, mine in material.over(slice(None))]
     return structure.scalar_matrix(sum(each[1:], each[0]))

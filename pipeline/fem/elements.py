@@ -89,6 +89,7 @@ def shape_functions(element: Any, X: Array) -> tuple[Array, Array]:
 
 @lru_cache(maxsize=16)  # every batch of elements has the same quadrature points
 def _tabulate(element: Any, points: bytes, n_q: int) -> tuple[Array, Array]:
+    """Return `shape_functions` at the points that the bytes hold."""
     X = np.frombuffer(points).reshape(3, n_q)
     values, gradients = zip(*(element.lbasis(X, i) for i in range(element.doflocs.shape[0])), strict=True)
     ones = np.ones(n_q)

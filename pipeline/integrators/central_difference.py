@@ -1,4 +1,4 @@
-"""Central difference in leapfrog form: ``v_{n+½} = v_{n−½} + h a_n``, ``q_{n+1} = q_n + h v_{n+½}``.
+"""Central difference method in leapfrog form: ``v_{n+½} = v_{n−½} + h a_n``, ``q_{n+1} = q_n + h v_{n+½}``.
 
 Velocity-dependent forces take ``v_n ≈ v_{n−½} + ½ h a_{n−1}``, which keeps the method explicit and of second order.
 Stable for ω_max h < 2.
@@ -27,7 +27,7 @@ from pipeline.integrators.protocol import (
 
 @dataclass(frozen=True)
 class CentralDifference:
-    """Central difference with a constant step [s]."""
+    """Central difference method with a constant step [s]: explicit, of order 2."""
 
     step: float
 
@@ -37,11 +37,11 @@ class CentralDifference:
         require_step(self.step)
 
     def order(self, system: System) -> int:
-        """Order 2."""
+        """Return 2."""
         return 2
 
     def largest_step(self, system: System) -> float:
-        """``2/ω_max`` of the coupled system [s]."""
+        """Return ``2/ω_max`` of the coupled system [s]."""
         return 2.0 / system.highest_frequency
 
     def march(self, system: System, q0: Array, v0: Array, times: Array, progress: Progress | None = None) -> Trajectory:

@@ -66,11 +66,11 @@ class GeneralizedAlpha:
         return np.array([alpha_m, alpha_f, 0.25 * (1 - alpha_m + alpha_f) ** 2, 0.5 - alpha_m + alpha_f])
 
     def order(self, system: System) -> int:
-        """Order 2."""
+        """Return 2."""
         return 2
 
     def largest_step(self, system: System) -> float:
-        """No limit for a linear system."""
+        """Return infinity: the method is stable for linear systems at any step."""
         return np.inf
 
     def march(self, system: System, q0: Array, v0: Array, times: Array, progress: Progress | None = None) -> Trajectory:

@@ -1,4 +1,4 @@
-"""Reversible sub-cycling: two step lengths that inertial coupling leaves stable.
+"""Reversible sub-cycling: a method with two step lengths that stays stable under inertial coupling.
 
 With the slow coordinates L first, and ``D = M_LL⁻¹ M_LS`` held over a major cycle ``H = m h``, the sum
 ``y = q_L + D q_S`` feels no inertial coupling::
@@ -47,7 +47,7 @@ from pipeline.integrators.protocol import (
 
 @dataclass(frozen=True)
 class ReversibleSubcycling:
-    """Reversible sub-cycling with the fast step [s] and the number of fast steps to a major cycle.
+    """Reversible sub-cycling by a fast step [s] and a number of fast steps to a major cycle.
 
     A state's rates are at its own time; ``a`` holds the accelerations of y and q_S, ``memory`` the last change of q_S,
     (n,), and D, (n, n_slow).
@@ -62,11 +62,11 @@ class ReversibleSubcycling:
         require_ratio(self.step, self.substeps)
 
     def order(self, system: System) -> int:
-        """Order 2."""
+        """Return 2."""
         return 2
 
     def largest_step(self, system: System) -> float:
-        """``2/ω_max`` of the fast coordinates, the slow ones reacting, and of the slow ones by their own step [s]."""
+        """Return the step at which slow coordinates, or fast ones with the slow free to react, reach ``2/ω`` [s]."""
         return min(2.0 / system.highest_reacting_frequency, 2.0 / (self.substeps * system.highest_slow_frequency))
 
     def march(self, system: System, q0: Array, v0: Array, times: Array, progress: Progress | None = None) -> Trajectory:

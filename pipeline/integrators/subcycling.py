@@ -1,7 +1,7 @@
-"""Sub-cycled central difference: Miao, Zhu, Shi & Chen, Comput Mech 41 (2008), eqs. (8)–(11).
+"""Sub-cycled central difference method of Miao, Zhu, Shi & Chen, Comput Mech 41 (2008), eqs. (8)–(11).
 
 At the start of a major cycle of length ``H = m h`` both sets are solved together, ``M̂ a = Q̂``. The slow coordinates
-then take one step H; the fast ones take m steps h, the first with the acceleration just found, the others with
+then take one step H; the fast ones take m steps h, the first with that acceleration, the others with
 ``a_S = M_SS⁻¹ (Q_S − K_S q_S − M_SL a_L)``. Over the cycle M̂ and a_L are held (the "instantaneous structure"). Of the
 velocity-dependent terms the rotor holds the coefficients, θ̇² D and 2 θ̇ A, and lets them change at the rate known at
 the start: a force held for a cycle would lag behind the mode that makes it and damp it at first order in H.
@@ -32,7 +32,7 @@ from pipeline.integrators.protocol import (
 
 @dataclass(frozen=True)
 class Subcycling:
-    """Sub-cycling with the fast step [s] and the number of fast steps to a major cycle.
+    """Sub-cycling by a fast step [s] and a number of fast steps to a major cycle.
 
     Where slow and fast coordinates couple through the mass matrix, the slow acceleration held over the cycle makes
     the method weakly unstable; joint-conforming modes remove the coupling in the reference state.
@@ -47,11 +47,11 @@ class Subcycling:
         require_ratio(self.step, self.substeps)
 
     def order(self, system: System) -> int:
-        """Order 2; 1 if the cycle holds forces, or a slow acceleration that couples with the fast coordinates."""
+        """Return 2, or 1 if a cycle holds forces, or slow accelerations that couple with the fast coordinates."""
         return 1 if self.substeps > 1 and (system.holds_forces or system.coupled) else 2
 
     def largest_step(self, system: System) -> float:
-        """``2/ω_max`` of the fast and of the slow coordinates [s], each by its own step; of all if m = 1."""
+        """Return the step at which fast or slow coordinates reach ``2/ω_max`` by their own steps [s]; all if m = 1."""
         if self.substeps == 1:
             return 2.0 / system.highest_frequency
         return min(2.0 / system.highest_fast_frequency, 2.0 / (self.substeps * system.highest_slow_frequency))

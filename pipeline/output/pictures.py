@@ -139,17 +139,9 @@ def draw_film(run: Pipeline, output: Film, folder: Path) -> list[str]:
     around = [frame.points[outer] for frame in _frames(run, output, surface, history, chosen, values)]
     scaled = f", deformation × {output.scale:g}" if output.scale != 1 else ""
     with run.store.monitor(output.file) as advance:
-        done = 0
-
-        def on_frame() -> None:
-            nonlocal done
-            done += 1
-            advance(done / len(chosen))
-
         draw(
             surface,
-            _frames(run, output, surface, history, chosen, values),
-            len(chosen),
+            _report_progress(_frames(run, output, surface, history, chosen, values), len(chosen), advance),
             folder / output.file,
             title=(output.title or run.scene.title) + scaled,
             bounds=np.concatenate(around),
@@ -158,7 +150,6 @@ def draw_film(run: Pipeline, output: Film, folder: Path) -> list[str]:
             quantity=_quantity(output.component),
             camera=_camera(run, output, PIXELS),
             hub=not _is_ring(run, output.body),
-            on_frame=on_frame,
         )
     return [output.file]
 
@@ -190,6 +181,13 @@ DRAWINGS: dict[str, Drawing] = {
     "stress": Drawing(draw_stress, ("surface", "stress", "body")),
     "film": Drawing(draw_film, ("mesh", "surface", "stress", "body")),
 }
+
+
+def _report_progress(frames: Iterable[Frame], count: int, advance: Callable[[float], None]) -> Iterator[Frame]:
+    """Yield frames and report the share that has been drawn."""
+    for done, frame in enumerate(frames, start=1):
+        yield frame
+        advance(done / count)
 
 
 def _frames(

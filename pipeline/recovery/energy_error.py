@@ -1,7 +1,7 @@
-"""Error of shapes in the energy norm from recovered stress: no second mesh needed.
+"""Errors of shapes in the energy norm, estimated from recovered stress without a second mesh.
 
 The stress of the elements jumps between them; averaged at the nodes and interpolated, it is more accurate, and the
-energy of what both differ by estimates that of the error (Zienkiewicz & Zhu, Int J Num Meth Eng 24, 1987). A mode's
+energy of the difference estimates that of the error (Zienkiewicz & Zhu, Int J Num Meth Eng 24, 1987). A mode's
 eigenvalue is too high by just this energy.
 """
 
@@ -20,14 +20,23 @@ if TYPE_CHECKING:
     from pipeline.fem.space import Discretisation
 
 _CHUNK = 512  # elements at a time
-# What averaged stress sees of the energy: 0.5 to 0.75 was measured on bars and propellers of all four elements.
+# Part of the error's energy that averaged stress shows: 0.5 to 0.75 on bars and propellers of all four elements.
 EFFECTIVITY = 0.6
 
 
 def energy_errors(space: Discretisation, material: AnyMaterial, shapes: Array) -> Array:
     """Energy products of the errors of shapes, shape (n, n) [J per unit of two shapes].
 
-    With unit modal mass, a mode's eigenvalue is too high by its own [rad²/s²].
+    With unit modal mass, an eigenvalue is too high by its mode's own product [rad²/s²].
+
+    Parameters
+    ----------
+    space : Discretisation
+        The body's finite element space.
+    material : AnyMaterial
+        Material of each element.
+    shapes : ndarray, shape (n_nodes, 3, n)
+        Displacement fields.
     """
     from pipeline.fem.assembly import determinants
 

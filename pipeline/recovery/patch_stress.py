@@ -1,4 +1,4 @@
-"""A second recovery of stress, by patches of elements: what it and the averaged one differ by tells of their error.
+"""Recovery of stress from patches of elements; its difference from averaged stress estimates the error of both.
 
 Polynomials are fitted to the stress at the elements' most accurate points around a node (superconvergent patch
 recovery; Zienkiewicz & Zhu, Int J Num Meth Eng 33, 1992).
@@ -23,12 +23,18 @@ _INDEPENDENT = 0.02
 
 
 def patch_stress(space: Discretisation, material: AnyMaterial, shapes: Array, node: int) -> Array:
-    """Stress of each shape at a node, from the elements around it.
+    """Stress of each shape at a node by a fit to the elements around it.
 
     Parameters
     ----------
+    space : Discretisation
+        The body's finite element space.
+    material : AnyMaterial
+        Material of each element.
     shapes : ndarray, shape (n_nodes, 3, n)
         Displacement fields.
+    node : int
+        Node number.
 
     Returns
     -------
@@ -54,7 +60,7 @@ def patch_stress(space: Discretisation, material: AnyMaterial, shapes: Array, no
 def _terms(order: int, x: Array) -> Array:
     """Monomials up to an order at places (n, 3), the constant first, shape (n, n_terms).
 
-    Those that the places can't tell from the others are left out, as squares across a single layer of elements are.
+    Monomials that depend on the others at these places are left out, as squares across a single layer of elements are.
     """
     terms = [np.ones(len(x)), *x.T]
     if order == 2:

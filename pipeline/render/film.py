@@ -2,12 +2,13 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterable, Iterator
+from collections.abc import Iterable, Iterator
 from pathlib import Path
 from typing import Any, NamedTuple
 
 import imageio.v2 as iio
 import numpy as np
+from numpy.typing import NDArray
 from vtkmodules.vtkRenderingCore import vtkTextActor
 
 from pipeline.core.arrays import Array, require_shape
@@ -28,7 +29,7 @@ ORIGIN = np.zeros(3)
 
 
 class Frame(NamedTuple):
-    """An instant of a film.
+    """A part's position and stress at an instant of a film.
 
     Attributes
     ----------
@@ -50,8 +51,7 @@ class Frame(NamedTuple):
 
 def draw_film(
     surface: Surface,
-    frames: Iterable[tuple[float, Array, Array] | tuple[float, Array, Array, str]],
-    n_frames: int,
+    frames: Iterable[Frame],
     path: Path,
     *,
     title: str,
@@ -61,7 +61,6 @@ def draw_film(
     quantity: str = STRESS,
     camera: Camera | None = None,
     hub: bool = True,
-    on_frame: Callable[[], None] = lambda: None,
 ) -> None:
     """Film the stress of a moving part with a camera at rest.
 
@@ -70,9 +69,7 @@ def draw_film(
     surface : Surface
         The undeformed part.
     frames : iterable of Frame
-        Or of tuples of a frame's values, with or without the note.
-    n_frames : int
-        Number of frames.
+        Computed one after the other.
     path : Path
         The film, ``.mp4`` (H.264) or ``.gif``; no file is left if a frame fails.
     title : str
@@ -89,13 +86,11 @@ def draw_film(
         Of an even width and height.
     hub : bool
         Mark the origin; a part all around it needs no mark.
-    on_frame : callable, optional
-        Called after each frame.
 
     Raises
     ------
     ValueError
-        Suffix, size or limits can't be used, or the frames' shapes or number are wrong.
+        Suffix, size or limits can't be used, or a frame has another shape than the part.
     """
     camera = camera or Camera(size=PIXELS)
     _require_encodable(path, camera.size)
@@ -112,7 +107,9 @@ def draw_film(
         if hub and projection.contains(ORIGIN, PART):
             column, row = projection.pixels(ORIGIN[None])[0] / camera.size
             add_text(canvas, "●", (column, 1 - row), 1 / 60, "centre")
-        _write_film(canvas, part, clock, _checked(frames, n_frames, len(surface.points)), path, rate, on_frame)
+        with whole_file(path) as file, _open_writer(file, rate) as writer:
+            for picture in _draw_frames(canvas, part, clock, frames, surface.points.shape):
+                writer.append_data(picture)
 
 
 def _require_encodable(path: Path, size: tuple[int, int]) -> None:
@@ -123,34 +120,16 @@ def _require_encodable(path: Path, size: tuple[int, int]) -> None:
         raise ValueError(f"a film of {size[0]} × {size[1]} pixels can't be encoded, both must be even")
 
 
-def _checked(frames: Iterable[tuple[Any, ...]], n_frames: int, n_points: int) -> Iterator[Frame]:
-    """Yield frames; raise ``ValueError`` for a wrong shape, or at the end for a wrong number."""
-    count = 0
-    for frame in (Frame(*values) for values in frames):
-        count += 1
-        require_shape("points", frame.points, (n_points, 3))
-        require_shape("stress", frame.stress, (n_points,))
-        yield frame
-    if count != n_frames:
-        raise ValueError(f"{n_frames} frames were announced, {count} came")
-
-
-def _write_film(
-    canvas: Canvas,
-    part: DrawnPart,
-    clock: vtkTextActor,
-    frames: Iterable[Frame],
-    path: Path,
-    rate: float,
-    on_frame: Callable[[], None],
-) -> None:
-    """Move the part and the clock from frame to frame and encode the pictures."""
-    with whole_file(path) as file, _open_writer(file, rate) as writer:
-        for frame in frames:
-            part.move(frame.points, frame.stress * 1e-6)
-            clock.SetInput(f"{frame.note}   t = {frame.time:.4f} s".strip())
-            writer.append_data(canvas.picture())
-            on_frame()
+def _draw_frames(
+    canvas: Canvas, part: DrawnPart, clock: vtkTextActor, frames: Iterable[Frame], shape: tuple[int, ...]
+) -> Iterator[NDArray[np.uint8]]:
+    """Move the part and set the clock frame by frame, and yield the pictures."""
+    for frame in frames:
+        require_shape("points", frame.points, shape)
+        require_shape("stress", frame.stress, shape[:1])
+        part.move(frame.points, frame.stress * 1e-6)
+        clock.SetInput(f"{frame.note}   t = {frame.time:.4f} s".strip())
+        yield canvas.picture()
 
 
 def _open_writer(path: Path, rate: float) -> Any:

@@ -65,10 +65,7 @@ def draw_mode_sheet(
     """
     camera = camera or Camera(size=PIXELS)
     require_shape("shapes", shapes, (len(surface.points), 3, len(labels)))
-    if not labels:
-        raise ValueError("a sheet of modes needs at least one")
-    if camera.zoom != 1 or camera.is_close_up:
-        raise ValueError("a sheet of modes shows whole parts: zoom, focus and extent are for single pictures")
+    _require_sheet(labels, camera)
     modes = [scale_mode(surface, shapes[:, :, k], scale) for k in range(len(labels))]
     every = np.concatenate([surface.points, *(points for points, _ in modes)])
     axes = camera.candidate_axes(every)[0]
@@ -88,6 +85,14 @@ def draw_mode_sheet(
         add_heading(canvas, title)
         canvas.save(path)
     return projection
+
+
+def _require_sheet(labels: Sequence[str], camera: Camera) -> None:
+    """Raise ``ValueError`` unless there are modes and the camera shows whole parts."""
+    if not labels:
+        raise ValueError("a sheet of modes needs at least one")
+    if camera.zoom != 1 or camera.is_close_up:
+        raise ValueError("a sheet of modes shows whole parts: zoom, focus and extent are for single pictures")
 
 
 def _choose_cells(n: int, extents: Array, size: tuple[int, int]) -> list[Place]:

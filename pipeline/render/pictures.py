@@ -129,10 +129,7 @@ def draw_mode(
     projection = camera.projection(camera.candidate_axes(both)[0], both)
     with open_canvas(projection) as canvas:
         _add_deformed(canvas, surface, points, magnitude, (0.0, 1.0), camera)
-        if camera.is_close_up:
-            cover_margins(canvas, PART)
-        add_colour_bar(canvas, "relative displacement", (0.0, 1.0), camera.colour_map)
-        add_heading(canvas, title)
+        _annotate(canvas, camera, title, "", "relative displacement", (0.0, 1.0))
         canvas.save(path)
     return projection
 
@@ -204,10 +201,7 @@ def draw_stress(
         if not camera.is_close_up or projection.contains(points[largest], PART):
             value = f"{format_number(stress[largest] * 1e-6, limits[1] - limits[0])} MPa"
             add_label(canvas, points[largest], value if visible else f"{value} (on the far side)", PART)
-        if camera.is_close_up:
-            cover_margins(canvas, PART)
-        add_colour_bar(canvas, quantity, limits, camera.colour_map)
-        add_heading(canvas, title, "" if scale == 1 else f"deformation × {scale:g}")
+        _annotate(canvas, camera, title, "" if scale == 1 else f"deformation × {scale:g}", quantity, limits)
         canvas.save(path)
     return projection
 
@@ -219,3 +213,13 @@ def _add_deformed(
     skin = build_skin(surface)
     add_undeformed(canvas, surface, skin)
     add_part_by_values(canvas, replace(surface, points=points), skin, values, limits, camera.colour_map)
+
+
+def _annotate(
+    canvas: Canvas, camera: Camera, title: str, note: str, quantity: str, limits: tuple[float, float]
+) -> None:
+    """Add title, note and colour bar, on covered margins if the picture is a close-up."""
+    if camera.is_close_up:
+        cover_margins(canvas, PART)
+    add_colour_bar(canvas, quantity, limits, camera.colour_map)
+    add_heading(canvas, title, note)

@@ -21,7 +21,7 @@ from pipeline.integrators.subcycling import Subcycling
 from pipeline.stability.amplification import STABLE, cycle_growth
 from pipeline.stability.operating_points import OperatingPoints
 from pipeline.stability.safe_step import longest_safe_step
-from pipeline.stability.splitting import recommended_step
+from pipeline.stability.splitting import recommend_step
 
 _BISECTIONS = 30
 _BEYOND = 1.02  # times the limit, where the worst operating point shows
@@ -109,7 +109,7 @@ def find_limits(
         Wanted error of the recommended step, relative to the largest deformation.
     """
     limits = tuple(find_limit(system, reference, m, duration, points) for m in ratios)
-    step, m = recommended_step(reference.M, reference.K, system.n_slow, error, duration)
+    step, m = recommend_step(reference.M, reference.K, system.n_slow, error, duration)
     if points:
         step, m = _recommend_along(points, min(step, _BELOW * limits[0].critical_step), m, error)
     coupling = inertial_coupling(reference.M, system.n_slow)

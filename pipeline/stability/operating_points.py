@@ -135,7 +135,7 @@ def find_operating_points(
 def settle(system: System, at: OperatingPoint, rates: IntArray) -> OperatingPoint:
     """Bring the scalar coordinates of some ``rates`` to rest where nothing accelerates them.
 
-    Where there is no such state near by, they rest where they are.
+    If that has no solution near by, they rest where they are.
     """
     steady = find_steady_point(system, at, rates)
     if steady is None:

@@ -43,7 +43,7 @@ class Figure:
 
 @dataclass(frozen=True)
 class VerificationCase:
-    """Figures from one source.
+    """A case: figures of ours beside those of one publication.
 
     Parameters
     ----------

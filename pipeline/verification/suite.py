@@ -23,7 +23,7 @@ CASES = {case.name: case for case in (*frequencies.CASES, *rotation.CASES, *tops
 
 @dataclass(frozen=True)
 class Outcome:
-    """The result of a case.
+    """The result of a case: its figures, or the failed check that ended it.
 
     Parameters
     ----------

@@ -4,7 +4,7 @@ from pathlib import Path
 
 import pytest
 
-from pipeline.bench.stress_test import march_all, rows_of, write_rows
+from pipeline.bench.stress_test import march_all, march_case, write_rows
 from pipeline.core.cache import Cache
 
 
@@ -17,7 +17,7 @@ from pipeline.core.cache import Cache
 )
 def test_what_the_tangent_predicts_is_what_marches_do(name: str) -> None:
     """The stress tests of `fmd bench --stability`, shorter: no prediction may fail."""
-    rows = rows_of(name, cycles=2000)
+    rows = march_case(name, cycles=2000)
     assert not [row for row in rows if row.wrong]
     decided = {row.found for row in rows if row.predicted != "either"}
     assert decided == {"lives", "diverges"} if "ω₁" not in name else {"diverges" if "linear" in name else "lives"}

@@ -7,6 +7,7 @@ import numpy as np
 import pytest
 import skfem
 
+from pipeline.fem.elements import shape_functions
 from pipeline.fem.mesh import SolidMesh
 from pipeline.fem.space import Discretisation
 
@@ -41,7 +42,6 @@ def test_the_boundary_has_the_facets_of_the_box_and_all_nodes_on_it_only(space: 
 
 def test_derivatives_of_position_are_differences_of_positions(space: Discretisation) -> None:
     X, step = np.full((3, 1), 0.2), 1e-6
-    from pipeline.fem.elements import shape_functions
 
     def position(X: np.ndarray) -> np.ndarray:
         N, _ = shape_functions(space.kind.geometry, X)

@@ -9,7 +9,7 @@ import pytest
 import scipy.linalg
 
 from pipeline import Pipeline, load_scene
-from pipeline.bench.stress_cases import builders
+from pipeline.bench.stress_cases import case_builders
 from pipeline.core.errors import AccuracyError
 from pipeline.dynamics.links import REVOLUTE, Link, rigid_gram
 from pipeline.dynamics.mechanism import Mechanism
@@ -107,7 +107,7 @@ def test_a_newton_iteration_that_fails_stops_the_march(beam):
 def test_forces_that_balance_leave_an_acceleration_with_their_round_off(share):
     # The slider's vibration is damped until the spring holds the slowly turning rod's slider: k x = m Ω² r. Both are
     # far above what accelerates it then.
-    case = builders()["rod-slider"]()
+    case = case_builders()["rod-slider"]()
     step = share * 2 / case.system.highest_frequency
     end = GeneralizedAlpha(step).march(case.system, np.full(2, 1e-6), np.zeros(2), np.array([0.0, 12000 * step])).end
     radius = 1.0  # m
@@ -118,7 +118,7 @@ def test_forces_that_balance_leave_an_acceleration_with_their_round_off(share):
 @pytest.mark.parametrize("size", [1e-6, 1.0])
 def test_a_nearly_singular_mass_leaves_the_slow_vibrations(share, n_steps, size):
     # ω from 0.1 to 4e5 rad/s: once the fastest is damped, what accelerates the others is beneath its forces' round-off.
-    case = builders()["M_SS nearly singular, 1e-10"]()
+    case = case_builders()["M_SS nearly singular, 1e-10"]()
     squares, modes = scipy.linalg.eigh(case.M, case.K)  # 1/ω²: the slow ones are the exact ones
     omega = 1 / np.sqrt(squares[1:])
     method = GeneralizedAlpha(share * 2 / case.system.highest_frequency)
@@ -141,7 +141,7 @@ def test_a_pendulum_comes_to_rest_at_an_angle_that_is_no_exact_number(swing):
 def test_corrections_beneath_round_off_end_though_they_shrink():
     # A stiffened beam that turns steadily rests within 1e-16 m of its axis. There a trial of 1e-25 m/s² no longer moves
     # it, and corrections shrink by a steady 0.27, until after 38,948 steps twelve of them were not enough.
-    case = builders()["beam at 1.1 ω₁, stiffened"]()
+    case = case_builders()["beam at 1.1 ω₁, stiffened"]()
     step = 0.5 * 2 / case.system.highest_frequency
     end = GeneralizedAlpha(step).march(case.system, case.at.q, case.at.v, np.array([0.0, 42_000 * step])).end
     assert end.v[0] == pytest.approx(case.at.v[0], rel=1e-12)
@@ -152,7 +152,7 @@ def test_corrections_beneath_round_off_end_though_they_shrink():
 def test_a_step_far_beyond_the_highest_frequency_keeps_newton_near_by(rho):
     # At ω h = 2000 the last acceleration, held over a step, throws the modes of a beam in its free frame metres away,
     # where their inertia swamps the rotation's: Newton's iteration ran to accelerations of 1e16 from there.
-    case = builders()["beam, free frame"]()
+    case = case_builders()["beam, free frame"]()
     step = 1000 * 2 / case.system.highest_frequency
     q0 = np.full(case.system.n, 1e-6)
     motion = GeneralizedAlpha(step, rho).march(case.system, q0, np.zeros(case.system.n), np.arange(301) * step)

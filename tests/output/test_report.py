@@ -18,7 +18,7 @@ from matplotlib.image import imread
 
 from pipeline import load
 from pipeline.output.report.page import make_page
-from pipeline.output.report.view3d import view_data
+from pipeline.output.report.view3d import collect_view
 
 QUICK = ["body.beam.mesh.divisions=[24, 2, 1]", "simulation.duration=100 ms"]
 CHROMIUM = shutil.which("chromium") or shutil.which("chromium-browser") or shutil.which("google-chrome")
@@ -102,7 +102,7 @@ def test_the_page_needs_no_network(text):
 
 def test_the_part_in_the_page_is_the_stressed_surface():
     run = load("beam", *QUICK)
-    data = view_data(run, "beam", 10.0)
+    data = collect_view(run, "beam", 10.0)
 
     def unpacked(name, kind, width):
         return np.frombuffer(base64.b64decode(data[name]), dtype=kind).reshape(-1, width)
@@ -181,7 +181,7 @@ def test_titles_and_overrides_are_text_even_where_they_look_like_html(tmp_path):
     assert "b" not in page.tags
 
 
-def test_a_page_that_cannot_be_written_is_told_before_anything_is_computed(fmd, tmp_path, capsys, monkeypatch):
+def test_a_page_that_cannot_be_written_is_refused_before_anything_is_computed(fmd, tmp_path, capsys, monkeypatch):
     (tmp_path / "file").touch()
     monkeypatch.setattr("pipeline.output.report.page.make_page", lambda *_: pytest.fail("computed"))
     assert fmd("report", "beam", "--out", tmp_path / "file" / "page.html") == 2

@@ -144,6 +144,7 @@ class _Deck:
             raise MeshFileError(f"there is more than one instance; {_WRITE_FLAT}")
 
     def _take_nodes(self, options: dict[str, str], data: list[list[str]]) -> None:
+        """Add nodes and, if it is named, their set."""
         if self.parts > 1:
             raise MeshFileError(f"there is more than one part; {_WRITE_FLAT}")
         if options.get("SYSTEM", "R").upper() != "R":
@@ -158,6 +159,7 @@ class _Deck:
             self.node_sets[self._named(options["NSET"])] += [int(row[0]) for row in data]
 
     def _take_elements(self, options: dict[str, str], data: list[list[str]]) -> None:
+        """Add elements of one type and, if it is named, their set."""
         name = options.get("TYPE", "").upper()
         kind, n_local = _cell_kind(name)
         if not kind:
@@ -180,6 +182,7 @@ class _Deck:
             self.element_sets[self._named(options["ELSET"])] += block.numbers
 
     def _take_set(self, keyword: str, options: dict[str, str], data: list[list[str]]) -> None:
+        """Add members to a set of nodes or elements."""
         sets = self.node_sets if keyword == "NSET" else self.element_sets
         name = self._named(options.get(keyword, ""))
         if "GENERATE" in options:

@@ -12,7 +12,7 @@ import numpy as np
 from pipeline import __version__
 from pipeline.core.html import facts, scaled
 from pipeline.output.notebook import Picture, draw_inline
-from pipeline.output.report.view3d import view_data
+from pipeline.output.report.view3d import collect_view
 from pipeline.stages.pipeline import Pipeline
 
 _MOST_MODES = 6
@@ -65,7 +65,7 @@ def _stressed_part(run: Pipeline, name: str) -> dict[str, Any]:
     """Draw a part at its worst instant, and gather its data and colour bar for the viewer."""
     listed = [output for output in run.scene.output if output.type == "stress" and output.body == name]
     scale = listed[0].scale if listed else 1.0
-    view = view_data(run, name, scale)
+    view = collect_view(run, name, scale)
     still = draw_inline(run, "stress", body=name, scale=scale, size=_LARGE)[0]
     colours = np.frombuffer(base64.b64decode(view["colours"]), dtype=np.uint8).reshape(-1, 3)[::15]
     low, high = view["limits"]

@@ -1,8 +1,6 @@
-"""`fmd bench`'s studies of elements and of whole runs: what they refuse, choose and write."""
+"""The study of elements and meshes: extrapolated frequencies, the fastest mesh, files."""
 
 import csv
-import subprocess
-import sys
 from pathlib import Path
 
 import numpy as np
@@ -10,10 +8,8 @@ import pytest
 
 from pipeline import Pipeline, load_scene
 from pipeline.bench.mode_study import STUDIES, ConvergedFrequencies, ModeStudyRow, extrapolate, fastest, write_study
-from pipeline.bench.whole_runs import StageRow, _run, write_stages
 from pipeline.cli.app import main
 from pipeline.core.cache import Cache
-from pipeline.core.errors import AccuracyError
 
 ROWS = [
     ModeStudyRow("beam", "hex20", "coarse", 900, 0.1, 2e-3),
@@ -57,30 +53,8 @@ def test_frequencies_are_extrapolated_by_the_order_that_they_show() -> None:
 def test_hexahedra_and_tetrahedra_show_the_same_modes(scene: str, meshes: tuple[str, str], error: float) -> None:
     """A mode along z among the beam's, or a pair that is missed, would be off by a tenth."""
     study = next(study for study in STUDIES if study.scene == scene)
-    told = {(element, mesh): overrides for element, mesh, overrides in study.meshes}
-    runs = [told[kind] for kind in zip(("hex20", "tet10"), meshes, strict=True)]
+    meshes_of = {(element, mesh): overrides for element, mesh, overrides in study.meshes}
+    runs = [meshes_of[kind] for kind in zip(("hex20", "tet10"), meshes, strict=True)]
     hexahedra, tetrahedra = (study.frequencies(Pipeline(load_scene(scene, mesh), Cache(None))) for mesh in runs)
     assert len(hexahedra) == {"beam": 5, "propeller": 6}[scene]
     assert tetrahedra == pytest.approx(hexahedra, rel=error)
-
-
-def test_a_run_that_fails_is_told_with_its_last_line() -> None:
-    command = [sys.executable, "-c", "import sys; print('broken', file=sys.stderr); sys.exit(3)"]
-    with pytest.raises(AccuracyError, match="fmd run beam ended with status 3: broken"):
-        _run("beam", command, {})
-
-
-def test_a_runs_size_is_that_of_its_own_process() -> None:
-    """Asked by a small process: a child counts as large as its parent was when it began."""
-    measure = (
-        "import sys; from pipeline.bench.whole_runs import _run; "
-        "print(_run('beam', [sys.executable, '-c', \"kept = bytearray(200_000_000); print('{}')\"], {})[2])"
-    )
-    done = subprocess.run([sys.executable, "-c", measure], capture_output=True, text=True, check=True)
-    assert 190 < float(done.stdout) < 400
-
-
-def test_stages_are_written_row_by_row(tmp_path: Path) -> None:
-    write_stages([StageRow("beam", "cold", "mesh", 0.5, 0.25, False, float("nan"))], tmp_path / "pipeline.csv")
-    _, *table = (tmp_path / "pipeline.csv").read_text().splitlines()
-    assert next(csv.DictReader(table))["share"] == "0.25"

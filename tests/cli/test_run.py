@@ -1,4 +1,4 @@
-"""The command line as a user meets it: in-process, with the results in a temporary folder."""
+"""`fmd run`: its files and figures, the cache, and wrong input."""
 
 from __future__ import annotations
 
@@ -11,49 +11,6 @@ import xarray
 from matplotlib.image import imread
 
 QUICK = ["--set", "body.beam.mesh.divisions=[24, 2, 1]", "--set", "simulation.duration=50 ms"]
-
-
-def test_modes_prints_one_json_object_with_frequencies_beside_table_1(fmd, capsys):
-    assert fmd("modes", "beam", "--json") == 0
-    result = json.loads(capsys.readouterr().out)
-    # Table 1 of Miao et al. 2008; the tolerance is the issue's half per cent.
-    assert result["reference_hz"] == [131.2, 349.3, 653.9, 1025.3, 1444.5]
-    np.testing.assert_allclose(result["frequencies_hz"], result["reference_hz"], rtol=5e-3)
-    assert result["rigid_modes"] == 6
-    assert {"relative_error", "dofs", "seconds"} <= result.keys()
-
-
-def test_modes_of_the_printed_length_agree_with_timoshenko_theory(fmd, capsys):
-    assert fmd("modes", "beam", "--set", "body.beam.length=300mm", "--json") == 0
-    result = json.loads(capsys.readouterr().out)
-    # Free-free Timoshenko beam of 300 mm.
-    np.testing.assert_allclose(result["frequencies_hz"], [167.4, 442.6, 822.0, 1276.5, 1784.1], rtol=5e-3)
-
-
-def test_mesh_tells_counts_volume_and_mass(fmd, capsys):
-    assert fmd("mesh", "beam", "--set", "body.beam.mesh.divisions=[10, 3, 2]", "--json") == 0
-    result = json.loads(capsys.readouterr().out)
-    assert result["elements"] == 10 * 3 * 2
-    assert result["nodes"] == 11 * 4 * 3
-    assert result["parts"] == {"bar": 60}
-    assert (result["element_type"], result["order"], result["min_quality"]) == ("hexahedron", 2, pytest.approx(1.0))
-    assert result["volume_m3"] == pytest.approx(0.34 * 0.025 * 0.01, rel=1e-12)
-    assert result["mass_kg"] == pytest.approx(0.34 * 0.025 * 0.01 * 2000, rel=1e-12)
-
-
-def test_mesh_can_be_written_and_read_again(fmd, tmp_path, capsys):
-    import meshio
-
-    path = tmp_path / "beam.vtu"
-    assert fmd("mesh", "beam", "--out", str(path)) == 0
-    assert "elements" in capsys.readouterr().out
-    assert sum(len(block.data) for block in meshio.read(path).cells) == 30 * 3
-
-
-def test_mesh_refuses_an_unknown_format(fmd, tmp_path, capsys):
-    assert fmd("mesh", "beam", "--out", str(tmp_path / "beam.docx")) == 2
-    assert "no known mesh format" in capsys.readouterr().err
-    assert list(tmp_path.iterdir()) == []
 
 
 def test_run_without_pictures_writes_summary_and_motion(fmd, tmp_path, capsys):
@@ -108,11 +65,6 @@ def test_rod_slider_turns_as_in_figure_4_and_draws_the_papers_charts(fmd, tmp_pa
         assert float(np.abs(motion["slide.position"]).max()) < 0.2  # Figs. 5 and 7 stay within ±0.2 m
 
 
-def test_rigid_scenes_have_nothing_to_mesh(fmd, capsys):
-    assert fmd("modes", "rod-slider") == 2
-    assert "no flexible body" in capsys.readouterr().err
-
-
 def test_every_integrator_can_be_chosen_by_name(fmd, tmp_path, capsys):
     runs = ['{ integrator = "exponential", step = "1 ms" }', '{ integrator = "generalized-alpha", rho = 0.9 }']
     runs.append('{ integrator = "runge-kutta", tolerance = 1e-8 }')
@@ -144,21 +96,6 @@ def test_no_cache_computes_all_again(fmd, tmp_path, capsys):
     assert json.loads(capsys.readouterr().out)["stages_cached"] == []
 
 
-def test_damaged_cache_entries_are_rebuilt(fmd, tmp_path, capsys, monkeypatch):
-    monkeypatch.setenv("FMD_CACHE", str(tmp_path / "cache"))
-    arguments = ["modes", "beam", "--set", "body.beam.mesh.divisions=[24, 2, 1]", "--json"]
-    assert fmd(*arguments) == 0
-    first = json.loads(capsys.readouterr().out)
-    for entry in (tmp_path / "cache" / "stages").iterdir():
-        content = bytearray(entry.read_bytes())
-        content[len(content) // 2] ^= 1
-        entry.write_bytes(content)
-    assert fmd(*arguments) == 0
-    second = json.loads(capsys.readouterr().out)
-    assert second["frequencies_hz"] == first["frequencies_hz"]
-    assert second["seconds"].keys() == first["seconds"].keys() == {"mesh", "assembly", "modes"}
-
-
 @pytest.mark.parametrize(
     ("override", "said"),
     [
@@ -180,41 +117,13 @@ def test_wrong_input_is_one_line_and_status_2(fmd, override, said, tmp_path, cap
     assert not out.exists()
 
 
-def test_a_missing_scene_names_the_ready_ones(fmd, capsys):
-    assert fmd("modes", "baem") == 2
-    assert "beam" in capsys.readouterr().err
-
-
 def test_an_output_folder_that_cannot_be_written_is_refused(fmd, tmp_path, capsys):
     (tmp_path / "file").write_text("in the way")
     assert fmd("run", "beam", *QUICK, "--no-pictures", "--out", str(tmp_path / "file" / "out")) == 2
     assert "can't be written" in capsys.readouterr().err
 
 
-def test_the_first_of_several_flexible_bodies_has_its_modes_shown(fmd, tmp_path, capsys):
-    from importlib.resources import files
-
-    scene = (files("models") / "beam.toml").read_text()
-    second = scene[scene.index("[body.beam]") : scene.index("[joint.hub]")].replace("body.beam", "body.other")
-    joint = scene[scene.index("[joint.hub]") : scene.index("[drive")].replace("hub", "other").replace("beam.", "other.")
-    path = tmp_path / "two.toml"
-    path.write_text(scene + second + joint.partition("\n#")[0])
-    assert fmd("modes", str(path), "--json") == 0
-    assert json.loads(capsys.readouterr().out)["frequencies_hz"][0] == pytest.approx(131.04, abs=0.01)
-
-
-def test_a_failed_check_ends_with_status_3_and_its_figure(fmd, capsys, monkeypatch):
-    monkeypatch.setattr("pipeline.reduction.eigen.RESIDUAL_LIMIT", 0.0)
-    assert fmd("modes", "beam", "--no-cache") == 3
-    assert "residual" in capsys.readouterr().err
-
-
-def test_doctor_finds_nothing_to_mend_here(fmd, capsys):
-    assert fmd("doctor", "--json") == 0
-    assert json.loads(capsys.readouterr().out) == {"ok": True, "problems": []}
-
-
-def test_a_machine_that_cannot_draw_is_told_before_anything_runs(fmd, tmp_path, capsys, monkeypatch):
+def test_a_machine_that_cannot_draw_is_refused_before_anything_runs(fmd, tmp_path, capsys, monkeypatch):
     monkeypatch.setenv("FMD_CACHE", str(tmp_path / "cache"))
     monkeypatch.setattr("pipeline.render.rendering_check.rendering_problem", lambda: "no EGL; apt-get install libegl1")
     assert fmd("run", "beam", "--out", str(tmp_path / "out")) == 2
