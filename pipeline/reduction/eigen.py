@@ -77,7 +77,7 @@ class FreeBodySolver:
         fixed: IntArray | None = None,
         factorise: Callable[[Any], Factor] = factorise,
     ) -> None:
-        n_pieces, _ = connected_components(fe.m, directed=False)
+        n_pieces = count_pieces(fe.K)
         if n_pieces > 1:
             raise AccuracyError(
                 f"the mesh is in {n_pieces} unconnected pieces, so it has {6 * n_pieces} rigid-body modes "
@@ -269,6 +269,24 @@ class FreeBodySolver:
                 f"{residuals[worst]:.1e}, above {RESIDUAL_LIMIT:.0e}"
             )
         return float(residuals.max())
+
+
+def count_pieces(K: sp.csr_array) -> int:
+    """Count the pieces of a body that its stiffness matrix leaves unconnected.
+
+    Masses say nothing of it: lumped ones connect no node with another.
+
+    Parameters
+    ----------
+    K : sparse array, shape (3 n_nodes, 3 n_nodes)
+        Stiffness matrix, three unknowns a node; its pattern is symmetric.
+    """
+    # Strongly connected parts are connected ones where the pattern is symmetric, and take no transpose.
+    _, piece = connected_components(K, directed=True, connection="strong")
+    x, y, z = piece.reshape(-1, 3).T
+    n = int(piece.max()) + 1
+    within = sp.coo_array((np.ones(2 * len(x)), (np.r_[x, x], np.r_[y, z])), shape=(n, n))
+    return int(connected_components(within, directed=False, return_labels=False))
 
 
 def constrained_inverse(inverse: Inverse, B: Array) -> Inverse:

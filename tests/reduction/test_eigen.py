@@ -1,6 +1,7 @@
 """The modes of a free body: complete, accurate, independent of units; refused when they fail their checks."""
 
 from collections.abc import Callable
+from dataclasses import replace
 from typing import Any
 
 import numpy as np
@@ -120,6 +121,16 @@ def test_two_unconnected_pieces_are_refused(box_mesh: Callable[..., SolidMesh], 
         AccuracyError, match="the mesh is in 2 unconnected pieces, so it has 12 rigid-body modes instead of 6; join"
     ):
         FreeBodySolver(assemble(submesh(box, [True, True, False, True, True]), 1, steel))
+
+
+def test_a_lumped_mass_leaves_the_body_in_one_piece(small_bar: FEModel) -> None:
+    own = small_bar.m.diagonal()  # Hinton, Rock & Zienkiewicz: in proportion to the consistent diagonal
+    lumped = replace(small_bar, m=sp.diags_array(own * (small_bar.mass / own.sum())).tocsr())
+    pairs = FreeBodySolver(lumped).modes(4)
+    dense = eigh(lumped.K.toarray(), lumped.M.toarray(), eigvals_only=True)
+    assert pairs.n_rigid == 6
+    assert pairs.omega**2 == pytest.approx(dense[6:10], rel=1e-9)
+    assert pairs.omega[0] == pytest.approx(FreeBodySolver(small_bar).modes(1).omega[0], rel=0.05)
 
 
 @pytest.mark.parametrize(("corner", "n_rigid"), [((1, 1, 0), 7), ((1, 1, 1), 9)])
