@@ -89,7 +89,7 @@ class SavedBody:
 
 
 def save_body(
-    path: Path,
+    path: str | Path,
     body: FlexibleBody,
     surface: SurfaceTopology | None = None,
     stress: Array | None = None,
@@ -107,11 +107,11 @@ def save_body(
         The place can't be written.
     """
     dataset = body_dataset(SavedBody(body, surface, stress, elastic_hz))
-    with whole_file(path) as part:
+    with whole_file(Path(path)) as part:
         dataset.to_netcdf(part, engine="scipy")
 
 
-def load_body(path: Path) -> SavedBody:
+def load_body(path: str | Path) -> SavedBody:
     """Read a reduced body from a file, every number to the last bit as it was saved.
 
     Raises
@@ -125,7 +125,7 @@ def load_body(path: Path) -> SavedBody:
         return InputError(str(path), "", None, mend)
 
     try:
-        content = path.read_bytes()
+        content = Path(path).read_bytes()
     except OSError as error:
         raise refuse(f"can't be read: {error.strerror or error}") from error
     if content[:4] != b"CDF\x02":
