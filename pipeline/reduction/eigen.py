@@ -29,6 +29,7 @@ ORTHONORMALITY_LIMIT = 1e-8
 # below 1e-8, where single vectors have been seen to lose one of a pair.
 _TOLERANCE = 1e-9
 _TRIES = 3
+_MOST_DENSE = 4000  # unknowns up to which all modes are computed in half a minute
 # An eigenvalue below this part of the shift is zero: Lanczos leaves about 1e-12, an elastic mode about 1.
 _ZERO = 1e-6
 
@@ -111,8 +112,7 @@ class FreeBodySolver:
             Residual or M-orthonormality exceed their limits, or there are not as many rigid-body modes as the holding
             leaves, six of a free body; the message gives the figure.
         """
-        n = self._K.shape[0]
-        B = np.zeros((n, 0)) if held is None else self._loads(held)
+        n, B = self._K.shape[0], self._holding(held)
         inverse = constrained_inverse(self._inverse, B) if B.shape[1] else self._inverse
         Z = self._rigid_modes_left(B)
         count = min(count, n - B.shape[1] - Z.shape[1])
@@ -128,6 +128,20 @@ class FreeBodySolver:
             Phi = N @ Phi
         order = np.argsort(eigenvalues)
         return self._verified_pairs(eigenvalues[order], Phi[:, order], Z.shape[1], inverse)
+
+    def most_modes(self, held: Array | None = None) -> int:
+        """Return how many elastic modes `modes` can compute: all of a small mesh, not quite half of a large one's.
+
+        More than that takes a dense solver, whose time grows with the third power of the number of unknowns.
+
+        Parameters
+        ----------
+        held : ndarray, shape (n_nodes, 3, k), optional
+            Columns that hold the body.
+        """
+        n, B = self._K.shape[0], self._holding(held)
+        n_elastic: int = n - B.shape[1] - self._rigid_modes_left(B).shape[1]
+        return n_elastic if n <= _MOST_DENSE else (n_elastic - 1) // 2
 
     def static_response(self, f: Array) -> Array:
         """Solve ``K u = f`` for loads in equilibrium with the rigid acceleration they cause (inertia relief).
@@ -171,6 +185,10 @@ class FreeBodySolver:
         """Loads on the unknowns (n, k) of nodal loads f (n_nodes, 3, k)."""
         flat = f.reshape(-1, f.shape[-1])
         return flat if self._T is None or not flat.shape[1] else np.asarray(self._T.T @ flat)
+
+    def _holding(self, held: Array | None) -> Array:
+        """Columns B (n, k) on the unknowns that hold the body; none if it is free."""
+        return np.zeros((self._K.shape[0], 0)) if held is None else self._loads(held)
 
     def _nodal(self, u: Array) -> Array:
         """Nodal fields (n_nodes, 3, k) of unknowns u (n, k)."""
