@@ -58,7 +58,8 @@ def summarise(run: Pipeline, files: list[str], budget: bool) -> dict[str, Any]:
     if meshed:
         stress = run.stress_of(meshed[0])
         time, node, value = stress.worst()
-        place = run.bodies[meshed[0]].x[stress.nodes[node]]
+        body = run.bodies[meshed[0]]
+        place = body.origin + body.x[stress.nodes[node]]
         summary["worst_stress"] = {"time_s": time, "von_mises_pa": value, "position_m": place.tolist()}
     if budget and len(meshed) == len(run.parts):  # matrices alone tell nothing of their own error
         summary["error_budget"] = ERROR_BUDGET.of(run).summary()
