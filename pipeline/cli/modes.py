@@ -8,8 +8,8 @@ from rich.console import Console
 
 from pipeline.cli.inputs import open_pipeline, read_rate
 from pipeline.cli.options import Json, NoCache, Repair, SceneName, Set, print_json
-from pipeline.cli.tables import frequencies_table, new_table
-from pipeline.output.frequencies import frequency_table, mode_warnings, rotating_table
+from pipeline.cli.tables import frequency_tables, new_table
+from pipeline.output.frequencies import frequencies_by_body, frequency_table, mode_warnings, rotating_table
 
 
 def modes(
@@ -32,6 +32,7 @@ def modes(
     result = frequency_table(pipeline)
     if speed is not None:
         result |= rotating_table(pipeline, read_rate("--speed", speed))
+    result["bodies"] = frequencies_by_body(pipeline)
     result["warnings"] = mode_warnings(pipeline)
     result["seconds"] = dict(pipeline.log.seconds)
     if json:
@@ -41,14 +42,16 @@ def modes(
 
 
 def _print_frequencies(result: dict[str, Any]) -> None:
-    console = Console()
-    console.print(frequencies_table(result))
+    console, first = Console(), next(iter(result["bodies"]))
+    for body_table in frequency_tables(result):
+        console.print(body_table)
     if "speed_rad_s" in result:
-        table = new_table(f"On a hub that turns at {result['speed_rad_s']:.6g} rad/s", "mode", "Hz")
+        title = f"Frequencies of {first} on a hub that turns at {result['speed_rad_s']:.6g} rad/s"
+        table = new_table(title, "mode", "Hz")
         for k, frequency in enumerate(result["rotating_frequencies_hz"]):
             table.add_row(str(k + 1), f"{frequency:.4f}")
         console.print(table)
-    line = f"{result['rigid_modes']} rigid-body modes, {result['dofs']} unknowns"
+    line = f"{first}: {result['rigid_modes']} rigid-body modes, {result['dofs']} unknowns"
     if (factor := result["factor"]) is not None:
         line += (
             f"; factor by {factor['solver']} in {factor['order']} order, {factor['nonzeros'] / 1e6:.3g} million "

@@ -13,7 +13,7 @@ from rich.table import Table
 from pipeline.accuracy.error_estimates import NO_PART, SOURCES
 from pipeline.cli.inputs import open_pipeline
 from pipeline.cli.options import Flag, Json, NoCache, Repair, SceneName, Set, print_json
-from pipeline.cli.tables import frequencies_table, new_table
+from pipeline.cli.tables import frequency_tables, new_table
 from pipeline.core.errors import AccuracyError
 from pipeline.core.html import scaled
 from pipeline.output.explain import Forecast, forecast_run
@@ -106,7 +106,8 @@ def _print_run(summary: dict[str, Any], folder: Path) -> None:
     console = Console()
     console.print(_stages(summary))
     if "frequencies_hz" in summary:
-        console.print(frequencies_table(summary))
+        for table in frequency_tables(summary):
+            console.print(table)
     console.print(_integrations(summary))
     if "error_budget" in summary:
         console.print(_budget(summary["error_budget"]))

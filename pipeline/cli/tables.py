@@ -18,16 +18,20 @@ def new_table(title: str, *columns: str, wide: int = 0) -> Table:
     return table
 
 
-def frequencies_table(summary: dict[str, Any]) -> Table:
-    """Make the table of a scene's frequencies beside those of its reference."""
-    table = new_table("Frequencies", "mode", "Hz", "reference Hz", "difference")
+def frequency_tables(summary: dict[str, Any]) -> list[Table]:
+    """Make a table of each flexible body's frequencies; those of the first stand beside the scene's reference."""
     beside = [
         (f"{hertz:.1f}", f"{100 * error:+.2f} %")
         for hertz, error in zip(summary["reference_hz"], summary["relative_error"], strict=True)
     ]
-    for k, frequency in enumerate(summary["frequencies_hz"]):
-        table.add_row(str(k + 1), f"{frequency:.2f}", *(beside[k] if k < len(beside) else ("", "")))
-    return table
+    tables = []
+    for name, body in summary["bodies"].items():
+        table = new_table(f"Frequencies of {name}", "mode", "Hz", *(("reference Hz", "difference") if beside else ()))
+        for k, frequency in enumerate(body["frequencies_hz"]):
+            table.add_row(str(k + 1), f"{frequency:.2f}", *(beside[k] if k < len(beside) else ()))
+        tables.append(table)
+        beside = []
+    return tables
 
 
 def print_files(folder: Path, files: Sequence[str]) -> None:

@@ -30,6 +30,11 @@ def frequency_table(run: Pipeline) -> dict[str, Any]:
     }
 
 
+def frequencies_by_body(run: Pipeline) -> dict[str, dict[str, list[float]]]:
+    """Gather the frequencies of each flexible body's modes [Hz], ``frequencies_hz`` under the body's name."""
+    return {name: {"frequencies_hz": part.modes.frequencies_hz.tolist()} for name, part in run.parts.items()}
+
+
 def mode_warnings(run: Pipeline) -> list[dict[str, str]]:
     """Warn of each body whose basis holds more modes than wanted, to complete a group of equal frequency.
 

@@ -9,7 +9,7 @@ import numpy as np
 from pipeline import __version__
 from pipeline.accuracy.error_budget import ERROR_BUDGET
 from pipeline.output.explain import STAGES
-from pipeline.output.frequencies import frequency_table, mode_warnings
+from pipeline.output.frequencies import frequencies_by_body, frequency_table, mode_warnings
 from pipeline.recovery.motion import Motion
 from pipeline.stages.pipeline import Pipeline
 
@@ -19,7 +19,7 @@ def summarise(run: Pipeline, files: list[str], budget: bool) -> dict[str, Any]:
     summary: dict[str, Any] = {"scene": run.scene.name, "version": __version__}
     if run.parts:
         summary |= frequency_table(run)
-        summary["bodies"] = {name: _body(run, name) for name in run.parts}
+        summary["bodies"] = {name: own | _body(run, name) for name, own in frequencies_by_body(run).items()}
     summary["warnings"] = mode_warnings(run)
     first = run.motion
     limits = [plan.integrator.largest_step(plan.system) for plan in run.plans.values()]

@@ -31,14 +31,23 @@ def test_rigid_scenes_have_nothing_to_mesh(fmd, capsys):
     assert "no flexible body" in capsys.readouterr().err
 
 
-def test_the_first_of_several_flexible_bodies_has_its_modes_shown(fmd, tmp_path, capsys):
+def test_each_flexible_body_has_a_table_of_its_frequencies(fmd, tmp_path, capsys):
     scene = (files("models") / "beam.toml").read_text()
     second = scene[scene.index("[body.beam]") : scene.index("[joint.hub]")].replace("body.beam", "body.other")
     joint = scene[scene.index("[joint.hub]") : scene.index("[drive")].replace("hub", "other").replace("beam.", "other.")
     path = tmp_path / "two.toml"
     path.write_text(scene + second + joint.partition("\n#")[0])
-    assert fmd("modes", str(path), "--json") == 0
-    assert json.loads(capsys.readouterr().out)["frequencies_hz"][0] == pytest.approx(131.04, abs=0.01)
+    command = ["modes", str(path), "--set", "body.other.E=2888 MPa"]  # four times the beam's: twice its frequencies
+    assert fmd(*command, "--json") == 0
+    result = json.loads(capsys.readouterr().out)
+    assert result["frequencies_hz"] == result["bodies"]["beam"]["frequencies_hz"]
+    assert result["frequencies_hz"][0] == pytest.approx(131.04, abs=0.01)
+    twice = result["bodies"]["other"]["frequencies_hz"]
+    assert twice == pytest.approx(2 * np.array(result["frequencies_hz"]), rel=1e-9)
+    assert fmd(*command) == 0
+    printed = " ".join(capsys.readouterr().out.split())
+    assert printed.index("Frequencies of beam") < printed.index("131.04") < printed.index("Frequencies of other")
+    assert f"{twice[0]:.2f}" in printed[printed.index("Frequencies of other") :]
 
 
 def test_damaged_cache_entries_are_rebuilt(fmd, tmp_path, capsys, monkeypatch):
@@ -59,6 +68,6 @@ def test_damaged_cache_entries_are_rebuilt(fmd, tmp_path, capsys, monkeypatch):
 def test_frequencies_on_a_turning_hub_are_printed_as_a_second_table(fmd, capsys):
     assert fmd("modes", "beam", "--set", "body.beam.mesh.divisions=[24, 2, 1]", "--speed", "20 rad/s") == 0
     printed = " ".join(capsys.readouterr().out.split())
-    assert "On a hub that turns at 20 rad/s" in printed
+    assert "Frequencies of beam on a hub that turns at 20 rad/s" in printed
     assert "131.2" in printed  # Table 1's first
     assert "6 rigid-body modes, 1407 unknowns" in printed
