@@ -1,0 +1,180 @@
+"""A mechanism's equations as machine code: traced once, simplified, compiled when first wanted, kept on disk."""
+
+from __future__ import annotations
+
+import ctypes
+from functools import cached_property
+
+import numpy as np
+
+from pipeline.core.arrays import Array
+from pipeline.dynamics.compiler.algebra import times
+from pipeline.dynamics.compiler.coordinates import Coordinates
+from pipeline.dynamics.compiler.frames import Frame, trace_frames
+from pipeline.dynamics.compiler.graph import Graph
+from pipeline.dynamics.compiler.machine import LoadedObject
+from pipeline.dynamics.compiler.program import Output, Program
+from pipeline.dynamics.compiler.quantities import trace_kinetic_energy, trace_momenta, trace_potential_energy
+from pipeline.dynamics.compiler.recursion import BodyValues, trace_accelerations
+from pipeline.dynamics.compiler.residual import trace_residual
+from pipeline.dynamics.compiler.store import load_program
+from pipeline.dynamics.compiler.structure import describe_structure
+from pipeline.dynamics.signals.signal import Signal, evaluate_signal, pack
+from pipeline.dynamics.tree.tree import Tree
+
+PROGRAMS = {
+    "accelerations": ("inputs", "q", "v", "a"),
+    "residual": ("inputs", "q", "v", "a", "r"),
+    "frames": ("inputs", "q", "v", "origins", "rotations", "spins"),
+    "energies": ("inputs", "q", "v", "energies"),
+    "momenta": ("inputs", "q", "v", "momenta"),
+}
+"""Functions of a mechanism, and their arguments: those that are no state come last and are filled."""
+
+
+class CompiledMechanism:
+    """Functions of a mechanism's state, each traced and compiled when it is first used.
+
+    All have the C signature ``void name(const double *…, double *…)``, with the arguments that `PROGRAMS` names:
+
+    - ``inputs`` (3 n_signals,): value, rate and acceleration of each varying signal at the state's time, see `signals`;
+    - ``q`` (n_positions,) and ``v`` (n,): positions and rates in the mechanism's order;
+    - ``a`` (n,): accelerations, ``r`` (n,): ``M̂ a − Q̂``;
+    - ``origins`` (n_bodies, 3), ``rotations`` (n_bodies, 3, 3), ``spins`` (n_bodies, 3): the bodies' frames and angular
+      velocities in space;
+    - ``energies`` (2,): kinetic and potential (strain, springs, weight) [J];
+    - ``momenta`` (6,): linear [N s], and angular about the origin [N m s].
+
+    Arrays must not overlap. Functions keep no state, so threads may call them at once.
+
+    Parameters
+    ----------
+    mechanism : Tree
+        Its constants are part of the code.
+    """
+
+    def __init__(self, mechanism: Tree) -> None:
+        self.mechanism = mechanism
+        self._inputs = Coordinates(Graph(), mechanism)
+        self._programs: dict[str, Program] = {}
+        self._loaded: dict[str, LoadedObject] = {}
+
+    @cached_property
+    def _frames(self) -> list[Frame]:
+        return trace_frames(self._inputs)
+
+    def program(self, name: str) -> Program:
+        """Return one of `PROGRAMS`, traced."""
+        if name not in self._programs:
+            outputs = getattr(self, f"_trace_{name}")()
+            self._programs[name] = Program(name, self._inputs.graph, PROGRAMS[name], tuple(outputs))
+        return self._programs[name]
+
+    def address(self, name: str) -> int:
+        """Return the address of one of `PROGRAMS`, valid while this object lives; compiles it, or reads it."""
+        if name not in self._loaded:
+            self._loaded[name] = load_program(self.program(name))
+        return self._loaded[name].address(name)
+
+    def call(self, name: str, *arrays: Array) -> None:
+        """Call one of `PROGRAMS` with its arrays, C-contiguous and of doubles, which aren't checked."""
+        prototype = ctypes.CFUNCTYPE(None, *[ctypes.c_void_p] * len(arrays))
+        prototype(self.address(name))(*(array.ctypes.data for array in arrays))
+
+    @property
+    def signals(self) -> tuple[Signal, ...]:
+        """Loads and motions that vary with time, in the order of the argument ``inputs``."""
+        return self._inputs.signals
+
+    def signal_values(self, t: float) -> Array:
+        """Return the argument ``inputs`` at a time t [s], shape (3 n_signals,)."""
+        out = np.zeros((len(self.signals), 3))
+        if self.signals:
+            packed = pack(self.signals)
+            for k in range(len(self.signals)):
+                evaluate_signal(packed, k, float(t), out[k])
+        return out.ravel()
+
+    def accelerations(self, t: float, q: Array, v: Array) -> Array:
+        """Return the accelerations, shape (n,), at a time t [s]."""
+        a = np.zeros(self.mechanism.n)
+        self.call("accelerations", self.signal_values(t), *_contiguous(q, v), a)
+        return a
+
+    def residual(self, t: float, q: Array, v: Array, a: Array) -> Array:
+        """Return ``M̂ a − Q̂``, shape (n,), at a time t [s]."""
+        r = np.zeros(self.mechanism.n)
+        self.call("residual", self.signal_values(t), *_contiguous(q, v, a), r)
+        return r
+
+    def frames(self, t: float, q: Array, v: Array) -> tuple[Array, Array, Array]:
+        """Return the bodies' origins (n_bodies, 3), rotations (n_bodies, 3, 3) and angular velocities in space."""
+        n = len(self.mechanism.links)
+        origins, rotations, spins = np.zeros((n, 3)), np.zeros((n, 3, 3)), np.zeros((n, 3))
+        self.call("frames", self.signal_values(t), *_contiguous(q, v), origins, rotations, spins)
+        return origins, rotations, spins
+
+    def energies(self, t: float, q: Array, v: Array) -> tuple[float, float]:
+        """Return the kinetic and the potential energy [J]."""
+        out = np.zeros(2)
+        self.call("energies", self.signal_values(t), *_contiguous(q, v), out)
+        return float(out[0]), float(out[1])
+
+    def momenta(self, t: float, q: Array, v: Array) -> tuple[Array, Array]:
+        """Return the linear momentum and the angular momentum about the origin, in space."""
+        out = np.zeros(6)
+        self.call("momenta", self.signal_values(t), *_contiguous(q, v), out)
+        return out[:3], out[3:]
+
+    def flops(self, name: str = "accelerations") -> int:
+        """Return the number of additions and multiplications of one call."""
+        return self.program(name).flops
+
+    @property
+    def structure(self) -> list[str]:
+        """What simplification has found, a line each."""
+        return describe_structure(self._inputs, self._frames, self.program("accelerations"))
+
+    def _trace_accelerations(self) -> list[Output]:
+        return self._in_order_of_rates("a", trace_accelerations(self._inputs, self._frames))
+
+    def _trace_residual(self) -> list[Output]:
+        return self._in_order_of_rates("r", trace_residual(self._inputs, self._frames))
+
+    def _trace_frames(self) -> list[Output]:
+        outputs = []
+        for frame in self._frames:
+            origin, R = frame.world
+            for i in range(3):
+                outputs.append(Output(origin[i], ("origins", (3 * frame.number + i,))))
+                outputs += [Output(R[i][j], ("rotations", (9 * frame.number + 3 * i + j,))) for j in range(3)]
+                outputs.append(Output(times(R, frame.spin)[i], ("spins", (3 * frame.number + i,))))
+        return outputs
+
+    def _trace_energies(self) -> list[Output]:
+        kinetic = trace_kinetic_energy(self._inputs, self._frames)
+        potential = trace_potential_energy(self._inputs, self._frames)
+        return [Output(kinetic, ("energies", (0,))), Output(potential, ("energies", (1,)))]
+
+    def _trace_momenta(self) -> list[Output]:
+        linear, angular = trace_momenta(self._inputs, self._frames)
+        return [Output(value, ("momenta", (k,))) for k, value in enumerate(linear + angular)]
+
+    def _in_order_of_rates(self, argument: str, values: list[BodyValues]) -> list[Output]:
+        outputs = []
+        for number, body in enumerate(values):
+            first = int(self.mechanism.layout.rate[number])
+            outputs += [Output(value, (argument, (first + k,))) for k, value in enumerate(body.joint)]
+            if body.modes.size:
+                modes = tuple(int(k) for k in self.mechanism.modes_of(number))
+                outputs.append(Output(body.modes, (argument, modes)))
+        return outputs
+
+
+def compile_mechanism(mechanism: Tree) -> CompiledMechanism:
+    """Make the compiled functions of a mechanism; each compiles when it is first used, or is read from disk."""
+    return CompiledMechanism(mechanism)
+
+
+def _contiguous(*arrays: Array) -> list[Array]:
+    return [np.ascontiguousarray(array, dtype=float) for array in arrays]

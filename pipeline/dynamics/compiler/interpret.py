@@ -1,0 +1,58 @@
+"""Evaluation of a graph by NumPy, node by node: slow, and the reference that compiled code is tested against."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from typing import Any
+
+import numpy as np
+
+from pipeline.core.arrays import Array
+from pipeline.dynamics.compiler.graph import FUNCTIONS, Graph, evaluate_function
+
+
+def interpret(graph: Graph, outputs: Sequence[int], arguments: Mapping[str, Array]) -> list[Any]:
+    """Return the values of nodes.
+
+    Parameters
+    ----------
+    outputs : sequence of int
+        Numbers of the nodes.
+    arguments : mapping of str to ndarray
+        What inputs read. Complex entries are carried through, for derivatives by a complex step, by all but `FUNCTIONS`
+        of the graph other than sine and cosine.
+    """
+    values: dict[int, Any] = {}
+    for number in graph.live(outputs):
+        operation, taken, data, _ = graph.nodes[number]
+        x = [values[k] for k in taken]
+        value: Any
+        if operation == "number":
+            value = data
+        elif operation in ("input", "vector input"):
+            name, places = data  # type: ignore[misc]
+            value = arguments[name][list(places)] if operation == "vector input" else arguments[name][places[0]]
+        elif operation == "array":
+            value = graph.arrays[data]  # type: ignore[index]
+        elif operation in ("sin", "cos"):
+            value = getattr(np, operation)(x[0])
+        elif operation in FUNCTIONS:
+            value = evaluate_function(operation, x[0])
+        elif operation in ("diagonal", "matrix"):
+            constant = graph.arrays[data]  # type: ignore[index]
+            value = constant * x[0] if operation == "diagonal" else constant @ x[0]
+        else:
+            value = _ARITHMETIC[operation](x)
+        values[number] = value
+    return [values[number] for number in outputs]
+
+
+_ARITHMETIC: dict[str, Any] = {
+    "add": lambda x: x[0] + x[1],
+    "subtract": lambda x: x[0] - x[1],
+    "multiply": lambda x: x[0] * x[1],
+    "negate": lambda x: -x[0],
+    "invert": lambda x: 1.0 / x[0],
+    "dot": lambda x: x[0] @ x[1],
+    "combine": lambda x: sum(factor * vector for factor, vector in zip(x[::2], x[1::2], strict=True)),
+}

@@ -1,0 +1,80 @@
+"""Machine code of this computer's processor by LLVM, through llvmlite: compiled, loaded and called by address."""
+
+from __future__ import annotations
+
+from functools import cache
+from typing import Any
+
+
+@cache
+def _binding() -> Any:
+    """LLVM, made ready for this processor."""
+    import llvmlite.binding as llvm
+
+    llvm.initialize_native_target()
+    llvm.initialize_native_asmprinter()
+    return llvm
+
+
+@cache
+def processor() -> tuple[str, str, str]:
+    """Return what machine code depends on: LLVM's version, and the processor's name and features."""
+    llvm = _binding()
+    version = ".".join(str(part) for part in llvm.llvm_version_info)
+    return version, llvm.get_host_cpu_name(), llvm.get_host_cpu_features().flatten()
+
+
+def register_width() -> int:
+    """Return how many doubles a vector register of this processor holds, 4 at least."""
+    return 8 if "+avx512f" in processor()[2].split(",") else 4
+
+
+def _target() -> Any:
+    llvm = _binding()
+    _, name, features = processor()
+    return llvm.Target.from_default_triple().create_target_machine(cpu=name, features=features, opt=3, jit=True)
+
+
+def compile_object(source: str, pair_scalars: bool) -> bytes:
+    """Compile a module of LLVM's language to an object file.
+
+    Parameters
+    ----------
+    source : str
+        The module.
+    pair_scalars : bool
+        Whether like operations of scalars become vector operations (LLVM's SLP pass), which speeds up small functions
+        and costs compile time that grows faster than a function's size.
+    """
+    llvm = _binding()
+    module = llvm.parse_assembly(source)
+    module.verify()
+    target = _target()
+    module.triple, module.data_layout = target.triple, str(target.target_data)
+    options = llvm.create_pipeline_tuning_options(speed_level=2)
+    options.slp_vectorization, options.loop_vectorization = pair_scalars, False
+    passes = llvm.create_pass_builder(target, options)
+    passes.getModulePassManager().run(module, passes)
+    return bytes(target.emit_object(module))
+
+
+class LoadedObject:
+    """Functions of an object file in memory, for as long as this lives.
+
+    Raises
+    ------
+    ValueError
+        The object isn't one, or misses a function.
+    """
+
+    def __init__(self, content: bytes) -> None:
+        llvm = _binding()
+        self._engine = llvm.create_mcjit_compiler(llvm.parse_assembly(""), _target())
+        self._engine.add_object_file(llvm.ObjectFileRef.from_data(content))
+        self._engine.finalize_object()
+
+    def address(self, function: str) -> int:
+        """Return a function's address."""
+        if not (address := self._engine.get_function_address(function)):
+            raise ValueError(f"the object has no function {function}")
+        return int(address)

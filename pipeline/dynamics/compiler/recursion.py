@@ -1,0 +1,286 @@
+"""Accelerations of a mechanism by articulated bodies whose modes are eliminated body by body.
+
+Featherstone's algorithm (Rigid Body Dynamics Algorithms, Springer, 2008, chapter 7) walks outwards for velocities,
+inwards for articulated inertias ``IA`` and bias forces ``pA``, and outwards for accelerations. A flexible body brings
+its modes' equations along (see `bodies`); with c its children, all seen at their markers,
+
+    (1 + Σ T_cᵀ IA_c T_c) η + (Wᵀ + Σ T_cᵀ IA_c B_c) x + e + Σ T_cᵀ pA_c = 0
+
+The modal mass of a body that carries none is the identity, and the others' differs from it by low rank: the rows of all
+T_c lie in the span of a few constant rows Q (``T_c = L_c Q``, Q Qᵀ = 1), those of the markers' shapes and rotations.
+Across that span the modes are eliminated as if the body carried none. Along it, ``η = … + Qᵀ ζ`` with the small system
+
+    F ζ = −(Y x + f)    F = 1 + Σ L_cᵀ IA_c L_c    Y = Q W + Σ L_cᵀ IA_c B_c    f = Q e + Σ L_cᵀ pA_c
+
+so that n modes cost of the order of n, and a cube only of Q's few rows.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, field
+
+import numpy as np
+
+from pipeline.dynamics.compiler.algebra import (
+    Matrix,
+    SymmetricFactor,
+    Vector6,
+    add,
+    add_matrices,
+    congruence,
+    constants,
+    dot,
+    factor_symmetric,
+    identity,
+    product,
+    rotate,
+    rotate_inertia,
+    scale,
+    shift_matrix,
+    subtract,
+    subtract_matrices,
+    symmetric_product,
+    times,
+    transpose,
+)
+from pipeline.dynamics.compiler.bodies import body_forces, joint_load, trace_inertia
+from pipeline.dynamics.compiler.cleaning import orthonormal_rows
+from pipeline.dynamics.compiler.coordinates import Coordinates
+from pipeline.dynamics.compiler.frames import Frame
+from pipeline.dynamics.compiler.graph import Scalar, Vector, combine
+from pipeline.dynamics.links import FREE
+
+
+@dataclass
+class Carried:
+    """An articulated body as its parent feels it at the marker, in the parent's axes.
+
+    Attributes
+    ----------
+    IA : Matrix
+        Articulated inertia.
+    pA : Vector6
+        Force for a marker that doesn't accelerate.
+    """
+
+    IA: Matrix
+    pA: Vector6
+
+
+@dataclass
+class CarrierModes:
+    """A carrier's modes along the span Q of its markers; see this module's equations.
+
+    Attributes
+    ----------
+    Q : list of Vector
+        Orthonormal rows.
+    QW : Matrix
+        Q times the coupling of frame and modes.
+    Qe : list of Scalar
+        Q times the modes' bias.
+    F : SymmetricFactor
+        Factors of F.
+    Y, f : Matrix and list of Scalar
+        ``L⁻¹ Y`` and ``L⁻¹ f`` with the factor L of F.
+    T : dict of int to Matrix
+        Each child's T by the rows of Q, ``T_c = T Q``, by its number.
+    """
+
+    Q: list[Vector]
+    QW: Matrix
+    Qe: list[Scalar]
+    F: SymmetricFactor
+    Y: Matrix
+    f: list[Scalar]
+    T: dict[int, Matrix]
+
+
+@dataclass
+class ArticulatedBody:
+    """A body with all that it carries.
+
+    Attributes
+    ----------
+    W, e : list of Vector and Vector
+        Coupling of frame and modes, and the modes' bias.
+    modes : CarrierModes, optional
+        Of a flexible body that carries others.
+    IA, pA : Matrix and Vector6
+        Articulated inertia and bias force at the body's origin.
+    U : list of Vector6
+        ``IA S`` column by column.
+    D : SymmetricFactor, optional
+        Factors of ``Sᵀ IA S``; of IA itself for a free joint.
+    u : list of Scalar
+        The joint's load less ``Sᵀ pA``.
+    carried : Carried
+        What its parent feels.
+    x, eta, zeta : Vector6, Vector and list of Scalar
+        Accelerations of its frame, of its modes, and of these along Q: filled by the walk outwards.
+    """
+
+    frame: Frame
+    W: list[Vector]
+    e: Vector
+    IA: Matrix
+    pA: Vector6
+    modes: CarrierModes | None = None
+    U: list[Vector6] = field(default_factory=list)
+    D: SymmetricFactor | None = None
+    u: list[Scalar] = field(default_factory=list)
+    carried: Carried | None = None
+    x: Vector6 = field(default_factory=list)
+    zeta: list[Scalar] = field(default_factory=list)
+
+    def __post_init__(self) -> None:
+        self.eta = self.e.graph.zeros(0)
+
+
+@dataclass
+class BodyValues:
+    """A body's share of what has the order of rates: entries of its joint and of its modes."""
+
+    joint: list[Scalar]
+    modes: Vector
+
+
+def trace_accelerations(inputs: Coordinates, frames: list[Frame]) -> list[BodyValues]:
+    """Trace the accelerations of a mechanism's joints and modes, body by body."""
+    bodies: dict[int, ArticulatedBody] = {}
+    for frame in reversed(frames):
+        children = [bodies[child.number] for child in frame.children]
+        bodies[frame.number] = _articulate(inputs, frame, children)
+    return [_accelerate(inputs, bodies[frame.number], bodies) for frame in frames]
+
+
+def _articulate(inputs: Coordinates, frame: Frame, children: list[ArticulatedBody]) -> ArticulatedBody:
+    """Gather a body and what it carries; the walk inwards."""
+    graph = inputs.graph
+    inertia = trace_inertia(graph, frame)
+    p, terms = body_forces(inputs, frame, inertia)
+    e = combine([(-1.0 * factor, vector) for factor, vector in terms])
+    body = ArticulatedBody(frame, inertia.W, e, inertia.M, p)
+    if len(frame.link.omega):
+        body.IA = subtract_matrices(body.IA, [[body.W[i].dot(body.W[j]) for j in range(6)] for i in range(6)])
+        body.pA = [x - row.dot(e) for x, row in zip(p, body.W, strict=True)]
+    for child in children:
+        _add_rigidly(body, child)
+    if len(frame.link.omega) and any(child.frame.link.joint != FREE for child in children):
+        _couple_modes(body, children)
+    _eliminate_joint(inputs, body)
+    return body
+
+
+def _add_rigidly(body: ArticulatedBody, child: ArticulatedBody) -> None:
+    """Add what a child puts on its carrier's frame."""
+    if child.carried is None:
+        return
+    B, carried = child.frame.B, child.carried
+    body.IA = add_matrices(body.IA, congruence(transpose(B), carried.IA))
+    body.pA = add(body.pA, times(transpose(B), carried.pA))
+
+
+def _couple_modes(body: ArticulatedBody, children: list[ArticulatedBody]) -> None:
+    """Eliminate a carrier's modes along the span of its markers."""
+    graph = body.e.graph
+    held = [child for child in children if child.carried is not None]
+    markers = [np.concatenate([child.frame.place_shapes, child.frame.place_rotations]) for child in held]
+    rows, L = orthonormal_rows(np.concatenate(markers))
+    rank = len(rows)
+    if rank == 0:
+        return
+    Q = [graph.array(row) for row in rows]
+    QW, Qe = [[row.dot(w) for w in body.W] for row in Q], [row.dot(body.e) for row in Q]
+    F, Y, f, T = identity(graph, rank), QW, Qe, dict[int, Matrix]()
+    # `_articulate` has eliminated all modes as a leaf's: give back those along Q.
+    columns = transpose(QW)
+    body.IA = add_matrices(body.IA, symmetric_product(columns, columns))
+    body.pA = add(body.pA, times(columns, Qe))
+    for number, child in enumerate(held):
+        assert child.carried is not None
+        B, IA, pA = child.frame.B, child.carried.IA, child.carried.pA
+        constant = [constants(graph, row) for row in L[6 * number : 6 * number + 6]]
+        T[child.frame.number] = constant[:3] + product(child.frame.marker.A, constant[3:])
+        across = transpose(T[child.frame.number])
+        pushed = product(across, IA)
+        F = add_matrices(F, symmetric_product(pushed, across))
+        Y = add_matrices(Y, product(pushed, B))
+        f = add(f, times(across, pA))
+    factor = factor_symmetric(F)
+    Y_columns = [factor.forward(column) for column in transpose(Y)]
+    f = factor.forward(f)
+    divided = [factor.divide(column) for column in Y_columns]
+    body.IA = subtract_matrices(body.IA, symmetric_product(divided, Y_columns))
+    body.pA = subtract(body.pA, times(divided, f))
+    body.modes = CarrierModes(Q, QW, Qe, factor, transpose(Y_columns), f, T)
+
+
+def _eliminate_joint(inputs: Coordinates, body: ArticulatedBody) -> None:
+    """Eliminate a joint's accelerations, and carry the rest to the marker on the parent."""
+    frame, IA, pA = body.frame, body.IA, body.pA
+    if frame.link.joint == FREE:  # carries nothing
+        body.D = factor_symmetric(IA)
+        return
+    if frame.directions:
+        body.U = [times(IA, direction) for direction in frame.directions]
+        body.D = factor_symmetric([[dot(a, b) for b in frame.directions] for a in body.U])
+        load = [joint_load(inputs, frame)] * len(frame.directions)  # 0 for joints of several directions
+        body.u = [load[k] - dot(direction, pA) for k, direction in enumerate(frame.directions)]
+    if frame.parent is None:
+        return
+    if body.D is not None:
+        reduced = [body.D.forward(row) for row in transpose(body.U)]
+        divided = [body.D.divide(row) for row in reduced]
+        IA = subtract_matrices(IA, symmetric_product(divided, reduced))
+        pA = add(pA, times(divided, body.D.forward(body.u)))
+    pA = add(pA, times(IA, frame.gamma))
+    if any(not x.is_zero for x in frame.shift):
+        B = shift_matrix(frame.shift)
+        IA, pA = congruence(transpose(B), IA), times(transpose(B), pA)
+    IA = rotate_inertia(frame.R, IA)
+    body.carried = Carried(IA, add(rotate(frame.R, pA), times(IA, frame.beta)))
+
+
+def _accelerate(inputs: Coordinates, body: ArticulatedBody, bodies: dict[int, ArticulatedBody]) -> BodyValues:
+    """Accelerate a body's joint, frame and modes; the walk outwards."""
+    graph, frame = inputs.graph, body.frame
+    if frame.parent is None:
+        x = frame.carry(constants(graph, [*(-inputs.mechanism.gravity), 0.0, 0.0, 0.0]))
+    else:
+        parent = bodies[frame.parent.number]
+        x = frame.carry(parent.x, _marker_motion(parent, body))
+    joint: list[Scalar] = []
+    if frame.link.joint == FREE and body.D is not None:
+        body.x = body.D.solve(scale(-1.0, body.pA))
+        joint = [dot(direction, subtract(body.x, x)) for direction in frame.directions]
+    elif body.D is not None:
+        joint = body.D.solve(subtract(body.u, [dot(column, x) for column in body.U]))
+        body.x = add(x, frame.move(joint))
+    else:
+        body.x = x
+    if len(frame.link.omega):
+        body.eta = _accelerate_modes(body)
+    return BodyValues(joint, body.eta)
+
+
+def _marker_motion(parent: ArticulatedBody, child: ArticulatedBody) -> Vector6 | None:
+    """Acceleration of a child's marker by its carrier's modes, ``T η``; ``Q η`` is ζ."""
+    frame = child.frame
+    if not len(parent.frame.link.omega):
+        return None
+    if parent.modes is not None and frame.number in parent.modes.T:
+        return times(parent.modes.T[frame.number], parent.zeta)
+    return frame.marker_motion(parent.eta)
+
+
+def _accelerate_modes(body: ArticulatedBody) -> Vector:
+    """Accelerations of a body's modes for those of its frame."""
+    x, modes = body.x, body.modes
+    terms: list[tuple[Scalar | float, Vector]] = [(-1.0, body.e)]
+    terms += [(-a, w) for a, w in zip(x, body.W, strict=True)]
+    if modes is not None:
+        body.zeta = scale(-1.0, modes.F.backward(modes.F.divide(add(modes.f, times(modes.Y, x)))))
+        along = add(body.zeta, modes.Qe, times(modes.QW, x))
+        terms += zip(along, modes.Q, strict=True)
+    return combine(terms)

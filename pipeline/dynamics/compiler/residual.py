@@ -1,0 +1,69 @@
+"""Residual of a mechanism's equations of motion, ``r = M̂ a − Q̂``, for given accelerations.
+
+The recursive Newton–Euler algorithm (Featherstone 2008, chapter 5) with the bodies' modes: accelerations are carried
+outwards, and the forces that they take inwards. No matrix is formed.
+"""
+
+from __future__ import annotations
+
+from pipeline.dynamics.compiler.algebra import (
+    Vector6,
+    add,
+    constants,
+    cross,
+    dot,
+    rotate,
+    times,
+    transpose,
+)
+from pipeline.dynamics.compiler.bodies import body_forces, joint_load, trace_inertia
+from pipeline.dynamics.compiler.coordinates import Coordinates
+from pipeline.dynamics.compiler.frames import Frame
+from pipeline.dynamics.compiler.graph import Scalar, Vector, combine
+from pipeline.dynamics.compiler.recursion import BodyValues
+
+
+def trace_residual(inputs: Coordinates, frames: list[Frame]) -> list[BodyValues]:
+    """Trace the residual of each body's joint and modes; accelerations are the argument ``a``."""
+    x: list[Vector6] = []
+    for frame in frames:
+        x.append(_accelerate(inputs, frame, x))
+    carried: dict[int, Vector6] = {}
+    out: list[BodyValues] = []
+    for frame in reversed(frames):
+        force, modes = _forces(inputs, frame, x[frame.number], carried)
+        load = joint_load(inputs, frame)  # 0 for joints of several directions
+        out.append(BodyValues([dot(direction, force) - load for direction in frame.directions], modes))
+        at_joint = force[:3] + add(force[3:], cross(frame.shift, force[:3]))
+        carried[frame.number] = rotate(frame.R, at_joint)
+    return out[::-1]
+
+
+def _accelerate(inputs: Coordinates, frame: Frame, above: list[Vector6]) -> Vector6:
+    """Return the acceleration of a body's frame from that of its parent's."""
+    graph = inputs.graph
+    if frame.parent is None:
+        x = frame.carry(constants(graph, [*(-inputs.mechanism.gravity), 0.0, 0.0, 0.0]))
+    else:
+        eta = inputs.modal_rates(frame.parent.number, "a")
+        x = frame.carry(above[frame.parent.number], frame.marker_motion(eta))
+    return add(x, frame.move(inputs.joint_rates(frame.number, "a")))
+
+
+def _forces(inputs: Coordinates, frame: Frame, x: Vector6, carried: dict[int, Vector6]) -> tuple[Vector6, Vector]:
+    """Return the force that moves a body's frame and what it carries, and the residual of its modes."""
+    graph = inputs.graph
+    inertia = trace_inertia(graph, frame)
+    eta = inputs.modal_rates(frame.number, "a")
+    p, terms = body_forces(inputs, frame, inertia)
+    force = add(times(inertia.M, x), [row.dot(eta) for row in inertia.W], p)
+    on_modes: list[tuple[Scalar | float, Vector]] = [(1.0, eta)]
+    on_modes += [(-1.0 * factor, vector) for factor, vector in terms]
+    on_modes += zip(x, inertia.W, strict=True)
+    for child in frame.children:
+        at_marker = carried[child.number]
+        force = add(force, times(transpose(child.B), at_marker))
+        turning = times(transpose(child.marker.A), at_marker[3:])
+        on_modes += [(f, graph.array(row)) for f, row in zip(at_marker[:3], child.place_shapes, strict=True)]
+        on_modes += [(f, graph.array(row)) for f, row in zip(turning, child.place_rotations, strict=True)]
+    return force, combine(on_modes)
