@@ -13,18 +13,20 @@ from pipeline.dynamics.compiler.coordinates import Coordinates
 from pipeline.dynamics.compiler.frames import Frame, trace_frames
 from pipeline.dynamics.compiler.graph import Graph
 from pipeline.dynamics.compiler.machine import LoadedObject
-from pipeline.dynamics.compiler.program import Output, Program
+from pipeline.dynamics.compiler.program import LANES, Output, Program
 from pipeline.dynamics.compiler.quantities import trace_kinetic_energy, trace_momenta, trace_potential_energy
 from pipeline.dynamics.compiler.recursion import BodyValues, trace_accelerations
 from pipeline.dynamics.compiler.residual import trace_residual
 from pipeline.dynamics.compiler.store import load_program
 from pipeline.dynamics.compiler.structure import describe_structure
+from pipeline.dynamics.compiler.tangents import trace_tangents
 from pipeline.dynamics.signals.signal import Signal, evaluate_signal, pack
 from pipeline.dynamics.tree.tree import Tree
 
 PROGRAMS = {
     "accelerations": ("inputs", "q", "v", "a"),
     "residual": ("inputs", "q", "v", "a", "r"),
+    "tangents": ("inputs", "q", "v", "a", "dq", "dv", "da", "dr"),
     "frames": ("inputs", "q", "v", "origins", "rotations", "spins"),
     "energies": ("inputs", "q", "v", "energies"),
     "momenta": ("inputs", "q", "v", "momenta"),
@@ -43,7 +45,8 @@ class CompiledMechanism:
     - ``origins`` (n_bodies, 3), ``rotations`` (n_bodies, 3, 3), ``spins`` (n_bodies, 3): the bodies' frames and angular
       velocities in space;
     - ``energies`` (2,): kinetic and potential (strain, springs, weight) [J];
-    - ``momenta`` (6,): linear [N s], and angular about the origin [N m s].
+    - ``momenta`` (6,): linear [N s], and angular about the origin [N m s];
+    - ``dq`` (n_positions, 8), ``dv``, ``da`` (n, 8): eight directions, ``dr`` (n, 8): derivatives of r along them.
 
     Arrays must not overlap. Functions keep no state, so threads may call them at once.
 
@@ -67,7 +70,8 @@ class CompiledMechanism:
         """Return one of `PROGRAMS`, traced."""
         if name not in self._programs:
             outputs = getattr(self, f"_trace_{name}")()
-            self._programs[name] = Program(name, self._inputs.graph, PROGRAMS[name], tuple(outputs))
+            lanes = tuple(argument for argument in PROGRAMS[name] if argument in ("dq", "dv", "da", "dr"))
+            self._programs[name] = Program(name, self._inputs.graph, PROGRAMS[name], tuple(outputs), lanes)
         return self._programs[name]
 
     def address(self, name: str) -> int:
@@ -107,6 +111,21 @@ class CompiledMechanism:
         self.call("residual", self.signal_values(t), *_contiguous(q, v, a), r)
         return r
 
+    def tangents(self, t: float, q: Array, v: Array, a: Array) -> tuple[Array, Array, Array]:
+        """Return the residual's derivatives by q (n, n_positions), v (n, n) and a, which is ``M̂`` (n, n)."""
+        sizes = (len(q), len(v), len(a))
+        directions = np.eye(sum(sizes))
+        inputs, state, columns = self.signal_values(t), _contiguous(q, v, a), []
+        for first in range(0, sum(sizes), LANES):
+            block = np.zeros((sum(sizes), LANES))
+            some = directions[:, first : first + LANES]
+            block[:, : some.shape[1]] = some
+            dr = np.zeros((len(v), LANES))
+            self.call("tangents", inputs, *state, *np.split(block, np.cumsum(sizes)[:2]), dr)
+            columns.append(dr[:, : some.shape[1]])
+        by_q, by_v, by_a = np.split(np.concatenate(columns, axis=1), np.cumsum(sizes)[:2], axis=1)
+        return by_q, by_v, by_a
+
     def frames(self, t: float, q: Array, v: Array) -> tuple[Array, Array, Array]:
         """Return the bodies' origins (n_bodies, 3), rotations (n_bodies, 3, 3) and angular velocities in space."""
         n = len(self.mechanism.links)
@@ -140,6 +159,10 @@ class CompiledMechanism:
 
     def _trace_residual(self) -> list[Output]:
         return self._in_order_of_rates("r", trace_residual(self._inputs, self._frames))
+
+    def _trace_tangents(self) -> list[Output]:
+        residual = trace_residual(self._inputs, self._frames)
+        return self._in_order_of_rates("dr", trace_tangents(self._inputs, residual))
 
     def _trace_frames(self) -> list[Output]:
         outputs = []

@@ -30,12 +30,12 @@ class Node(NamedTuple):
     ----------
     operation : str
         Scalars: ``number``, ``input``, ``add``, ``subtract``, ``multiply``, ``negate``, ``invert``, one of `FUNCTIONS`,
-        ``dot`` of two vectors. Vectors: ``array``, ``vector input``, ``combine`` (scalar, vector, scalar, vector, …:
-        the sum of the products), ``diagonal`` and ``matrix`` (constant, times a vector).
+        ``dot`` of two vectors, ``entry`` of one. Vectors: ``array``, ``vector input``, ``combine`` (scalar, vector,
+        scalar, vector, …: the sum of the products), ``diagonal`` and ``matrix`` (constant, times a vector).
     arguments : tuple of int
         Numbers of the nodes that it takes, all smaller than its own.
     data : float, int or Place
-        The number; the number of the constant in `Graph.arrays`; where an input is.
+        The number; which entry; the number of the constant in `Graph.arrays`; where an input is.
     size : int
         Entries of a vector, 0 for a scalar.
     """
@@ -277,8 +277,20 @@ class Vector:
         x, y = a.constant, b.constant
         if x is not None and y is not None:
             return s * t * float(x @ y)
+        for known, rest in ((x, b), (y, a)):
+            if known is not None and np.count_nonzero(known) == 1:
+                place = int(np.flatnonzero(known)[0])
+                return s * t * float(known[place]) * rest.entry(place)
         product = self.graph.add("dot", (min(a.node, b.node), max(a.node, b.node)))
         return s * t * Scalar(self.graph, product)
+
+    def entry(self, place: int) -> Scalar:
+        """Return one of its entries."""
+        values = self.constant
+        if values is not None:
+            return self.graph.number(float(values[place]))
+        factor, vector = self._factored()
+        return factor * Scalar(self.graph, self.graph.add("entry", (vector.node,), place))
 
     def multiplied_by(self, matrix: Array) -> Vector:
         """Return a constant matrix, shape (any, size), times it."""

@@ -19,8 +19,8 @@ def interpret(graph: Graph, outputs: Sequence[int], arguments: Mapping[str, Arra
     outputs : sequence of int
         Numbers of the nodes.
     arguments : mapping of str to ndarray
-        What inputs read. Complex entries are carried through, for derivatives by a complex step, by all but `FUNCTIONS`
-        of the graph other than sine and cosine.
+        What inputs read; those of lanes have an axis more. Complex entries are carried through, for derivatives by a
+        complex step, by all but Stumpff functions.
     """
     values: dict[int, Any] = {}
     for number in graph.live(outputs):
@@ -34,17 +34,24 @@ def interpret(graph: Graph, outputs: Sequence[int], arguments: Mapping[str, Arra
             value = arguments[name][list(places)] if operation == "vector input" else arguments[name][places[0]]
         elif operation == "array":
             value = graph.arrays[data]  # type: ignore[index]
+        elif operation == "entry":
+            value = x[0][data]
         elif operation in ("sin", "cos"):
             value = getattr(np, operation)(x[0])
         elif operation in FUNCTIONS:
             value = evaluate_function(operation, x[0])
         elif operation in ("diagonal", "matrix"):
             constant = graph.arrays[data]  # type: ignore[index]
-            value = constant * x[0] if operation == "diagonal" else constant @ x[0]
+            value = (np.diag(constant) if operation == "diagonal" else constant) @ x[0]
         else:
             value = _ARITHMETIC[operation](x)
         values[number] = value
     return [values[number] for number in outputs]
+
+
+def _times(factor: Any, vector: Any) -> Any:
+    """Multiply a vector; an entry for each lane, if either has one, stays in the last axis."""
+    return vector[:, None] * factor if np.ndim(factor) and np.ndim(vector) == 1 else factor * vector
 
 
 _ARITHMETIC: dict[str, Any] = {
@@ -53,6 +60,6 @@ _ARITHMETIC: dict[str, Any] = {
     "multiply": lambda x: x[0] * x[1],
     "negate": lambda x: -x[0],
     "invert": lambda x: 1.0 / x[0],
-    "dot": lambda x: x[0] @ x[1],
-    "combine": lambda x: sum(factor * vector for factor, vector in zip(x[::2], x[1::2], strict=True)),
+    "dot": lambda x: np.tensordot(x[0], x[1], (0, 0)),
+    "combine": lambda x: sum(_times(factor, vector) for factor, vector in zip(x[::2], x[1::2], strict=True)),
 }

@@ -11,6 +11,9 @@ import numpy as np
 
 from pipeline.dynamics.compiler.graph import FUNCTIONS, Graph, Place, Scalar, Vector
 
+LANES = 8
+"""Directions that a program with lanes takes at once."""
+
 
 class Output(NamedTuple):
     """A value that a program computes, and where it goes."""
@@ -33,12 +36,15 @@ class Program:
         Names of its arrays in their order, those that it fills last.
     outputs : tuple of Output
         What it fills them with; places that none names are left as they are.
+    lanes : tuple of str
+        Arguments that have `LANES` entries in each place: the directions of derivatives, and these.
     """
 
     name: str
     graph: Graph
     arguments: tuple[str, ...]
     outputs: tuple[Output, ...] = field(repr=False)
+    lanes: tuple[str, ...] = ()
 
     @cached_property
     def nodes(self) -> list[int]:
@@ -48,12 +54,12 @@ class Program:
     @cached_property
     def digest(self) -> str:
         """Digest of all that it computes, equal for equal programs of different graphs."""
-        digest = hashlib.blake2b(repr((self.name, self.arguments)).encode(), digest_size=16)
+        digest = hashlib.blake2b(repr((self.name, self.arguments, self.lanes)).encode(), digest_size=16)
         new = {number: position for position, number in enumerate(self.nodes)}
         for number in self.nodes:
             operation, arguments, data, size = self.graph.nodes[number]
             digest.update(repr((operation, [new[k] for k in arguments], size)).encode())
-            if isinstance(data, int):
+            if operation in ("array", "diagonal", "matrix") and isinstance(data, int):
                 digest.update(self.graph.arrays[data].tobytes())
             else:
                 digest.update(repr(data).encode())

@@ -40,9 +40,13 @@ def random_mechanism(seed: int, second_order: bool = True) -> RandomMechanism:
     """Make one of one to four bodies, any of them rigid or flexible, on random joints, markers and under random loads.
 
     Every fifth is plane. ``second_order`` adds geometric stiffening and second-order first moments, which no mass
-    points have.
+    points have. One without coordinates is made anew.
     """
-    rng = np.random.default_rng([seed, 7])
+    made = _any_mechanism(seed, np.random.default_rng([seed, 7]), second_order)
+    return made if made.tree.n else random_mechanism(seed + 1000, second_order)
+
+
+def _any_mechanism(seed: int, rng: np.random.Generator, second_order: bool) -> RandomMechanism:
     plane = seed % 5 == 4
     sizes = [int(n) for n in rng.integers(0, 4, size=rng.integers(1, 5))]
     bodies = [_random_points(n, rng, plane) for n in sizes]

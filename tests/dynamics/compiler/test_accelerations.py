@@ -4,14 +4,13 @@ import numpy as np
 import pytest
 
 from pipeline.core.arrays import Array
-from pipeline.dynamics.compiler.compiled import CompiledMechanism, compile_mechanism
-from pipeline.dynamics.compiler.interpret import interpret
+from pipeline.dynamics.compiler.compiled import compile_mechanism
 from pipeline.dynamics.tree.solve import solve_accelerations
 from pipeline.dynamics.tree.tree import Tree
 from tests.dynamics.compiler import kane
+from tests.dynamics.compiler.comparison import TIME, difference, interpreted
 from tests.dynamics.compiler.mechanisms import random_mechanism
 
-TIME = 0.37
 BATCHES = [*range(3), *(pytest.param(k, marks=pytest.mark.slow) for k in range(3, 20))]
 
 
@@ -21,27 +20,12 @@ def by_kernels(tree: Tree, q: Array, v: Array) -> Array:
     return a
 
 
-def interpreted(compiled: CompiledMechanism, name: str, size: int, **arguments: Array) -> Array:
-    """An array that a program fills, by the interpreter."""
-    program = compiled.program(name)
-    arguments["inputs"] = compiled.signal_values(TIME)
-    values = interpret(program.graph, [output.value.node for output in program.outputs], arguments)
-    out = np.zeros(size)
-    for value, (_, (_, places)) in zip(values, program.outputs, strict=True):
-        out[list(places)] = value
-    return out
-
-
-def difference(a: Array, b: Array) -> float:
-    return float(np.abs(a - b).max(initial=0.0) / max(np.abs(b).max(initial=0.0), 1e-300))
-
-
 @pytest.mark.parametrize("batch", BATCHES)
 def test_random_mechanisms_accelerate_as_by_the_kernels(batch: int) -> None:
     for seed in range(10 * batch, 10 * batch + 10):
         mechanism = random_mechanism(seed)
         q, v = mechanism.state(seed)
-        a = interpreted(compile_mechanism(mechanism.tree), "accelerations", mechanism.tree.n, q=q, v=v)
+        a = interpreted(compile_mechanism(mechanism.tree), "accelerations", (mechanism.tree.n,), q=q, v=v)
         assert difference(a, by_kernels(mechanism.tree, q, v)) < 1e-12, seed
 
 
@@ -51,7 +35,7 @@ def test_machine_code_does_what_the_interpreter_does(seed: int) -> None:
     q, v = mechanism.state(seed)
     compiled = compile_mechanism(mechanism.tree)
     a = compiled.accelerations(TIME, q, v)
-    assert difference(a, interpreted(compiled, "accelerations", mechanism.tree.n, q=q, v=v)) < 1e-13
+    assert difference(a, interpreted(compiled, "accelerations", (mechanism.tree.n,), q=q, v=v)) < 1e-13
 
 
 @pytest.mark.parametrize("seed", [*range(8), *(pytest.param(k, marks=pytest.mark.slow) for k in range(8, 60))])
@@ -59,5 +43,5 @@ def test_mass_points_accelerate_alike_by_dalemberts_principle(seed: int) -> None
     # Differences of order 8 over steps of 0.01 s leave 1e-10 or so of the bias.
     mechanism = random_mechanism(seed, second_order=False)
     q, v = mechanism.state(seed)
-    a = interpreted(compile_mechanism(mechanism.tree), "accelerations", mechanism.tree.n, q=q, v=v)
+    a = interpreted(compile_mechanism(mechanism.tree), "accelerations", (mechanism.tree.n,), q=q, v=v)
     assert difference(a, kane.accelerations(mechanism, TIME, q, v)) < 1e-8
