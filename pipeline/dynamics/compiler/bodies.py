@@ -15,8 +15,6 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 
-import numpy as np
-
 from pipeline.dynamics.compiler.algebra import (
     Matrix,
     Vector3,
@@ -31,11 +29,9 @@ from pipeline.dynamics.compiler.algebra import (
     times,
     transpose,
 )
-from pipeline.dynamics.compiler.cleaning import clean_direction, clean_place, clean_shapes, inertia_forms
-from pipeline.dynamics.compiler.coordinates import Coordinates
-from pipeline.dynamics.compiler.frames import Frame, trace_marker
+from pipeline.dynamics.compiler.cleaning import inertia_forms
+from pipeline.dynamics.compiler.frames import Frame
 from pipeline.dynamics.compiler.graph import Graph, Scalar, Vector, combine
-from pipeline.dynamics.links import PRISMATIC, REVOLUTE, PointLoad
 
 AXES = range(3)
 
@@ -124,60 +120,3 @@ def velocity_forces(inertia: Inertia, w: Vector3) -> tuple[Vector6, list[tuple[S
         terms += [(w[a] * w[a], inertia.y[a][a]), (w[a] * 2.0, inertia.z_rate[a])]
         terms += [(w[a] * w[b] * 2.0, inertia.y[a][b]) for b in range(a)]
     return p, terms
-
-
-def body_forces(
-    inputs: Coordinates, frame: Frame, inertia: Inertia
-) -> tuple[Vector6, list[tuple[Scalar | float, Vector]]]:
-    """Return p of a body with all that acts on it, and the terms of −e."""
-    p, terms = velocity_forces(inertia, frame.spin)
-    terms += modal_load(inputs, frame)
-    for at in inputs.mechanism.loads:
-        if at.body == frame.link.name:
-            force, on_modes = point_load(inputs, frame, at)
-            p, terms = subtract(p, force), terms + on_modes
-    return p, terms
-
-
-def joint_load(inputs: Coordinates, frame: Frame) -> Scalar:
-    """Return the force or torque along a joint: its load, its spring's and its damper's."""
-    link, graph = frame.link, inputs.graph
-    if link.joint not in (REVOLUTE, PRISMATIC) or link.motion is not None:
-        return graph.number(0.0)
-    grip = joint_grip(graph, frame)
-    (s,), (ds,) = inputs.joint_positions(frame.number), inputs.joint_rates(frame.number)
-    stretch = s + grip.dot(frame.q) - link.rest
-    return inputs.signal(link.load)[0] - stretch * link.spring - (ds + grip.dot(frame.v)) * link.damper
-
-
-def joint_grip(graph: Graph, frame: Frame) -> Vector:
-    """Return how much the body's own section turns in its joint for unit modal coordinates."""
-    link = frame.link
-    grips = link.joint == REVOLUTE and len(link.joint_rotation) and link.motion is None
-    return graph.array(link.joint_rotation) if grips else graph.zeros(len(link.omega))
-
-
-def modal_load(inputs: Coordinates, frame: Frame) -> list[tuple[Scalar | float, Vector]]:
-    """Return the terms of the forces of a body's modal springs and dampers, and of its joint's load, on its modes."""
-    link, graph = frame.link, inputs.graph
-    if not len(link.omega):
-        return []
-    terms: list[tuple[Scalar | float, Vector]] = [(-1.0, frame.q.multiplied_by(np.diag(link.omega**2)))]
-    if len(link.damping):
-        terms.append((-1.0, frame.v.multiplied_by(np.diag(2.0 * link.damping * link.omega))))
-    return [*terms, (joint_load(inputs, frame), joint_grip(graph, frame))]
-
-
-def point_load(inputs: Coordinates, frame: Frame, at: PointLoad) -> tuple[Vector6, list[tuple[Scalar | float, Vector]]]:
-    """Return the force and moment of a load on the body's frame, and the terms of its forces on the modes."""
-    graph, n = inputs.graph, len(frame.link.omega)
-    shapes, rotations = clean_shapes(at.shapes, n), clean_shapes(at.rotations, n)
-    marker = trace_marker(graph, clean_place(at), shapes, rotations, frame.q, frame.v)
-    size = inputs.signal(at.size)[0]
-    direction = [size * float(x) for x in clean_direction(at.direction)]
-    direction = times(marker.R if at.following else transpose(frame.world[1]), direction)
-    if at.torque:
-        zero = graph.number(0.0)
-        moments = times(transpose(marker.A), direction)
-        return [zero] * 3 + direction, [(moments[i], graph.array(rotations[i])) for i in AXES]
-    return direction + cross(marker.arm, direction), [(direction[i], graph.array(shapes[i])) for i in AXES]

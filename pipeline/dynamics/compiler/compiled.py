@@ -9,7 +9,8 @@ import numpy as np
 
 from pipeline.core.arrays import Array
 from pipeline.dynamics.compiler.algebra import times
-from pipeline.dynamics.compiler.coordinates import Coordinates
+from pipeline.dynamics.compiler.coordinates import Coordinates, RestingCoordinates
+from pipeline.dynamics.compiler.forces import ActingForces, GivenForces
 from pipeline.dynamics.compiler.frames import Frame, trace_frames
 from pipeline.dynamics.compiler.graph import Graph
 from pipeline.dynamics.compiler.machine import LoadedObject
@@ -27,6 +28,8 @@ PROGRAMS = {
     "accelerations": ("inputs", "q", "v", "a"),
     "residual": ("inputs", "q", "v", "a", "r"),
     "tangents": ("inputs", "q", "v", "a", "dq", "dv", "da", "dr"),
+    "solve": ("inputs", "q", "f", "x"),
+    "solve_fast": ("inputs", "q", "f", "x"),
     "frames": ("inputs", "q", "v", "origins", "rotations", "spins"),
     "energies": ("inputs", "q", "v", "energies"),
     "momenta": ("inputs", "q", "v", "momenta"),
@@ -46,7 +49,9 @@ class CompiledMechanism:
       velocities in space;
     - ``energies`` (2,): kinetic and potential (strain, springs, weight) [J];
     - ``momenta`` (6,): linear [N s], and angular about the origin [N m s];
-    - ``dq`` (n_positions, 8), ``dv``, ``da`` (n, 8): eight directions, ``dr`` (n, 8): derivatives of r along them.
+    - ``dq`` (n_positions, 8), ``dv``, ``da`` (n, 8): eight directions, ``dr`` (n, 8): derivatives of r along them;
+    - ``f`` (n, 8): eight generalised forces, ``x`` (n, 8): ``M̂⁻¹ f``; ``solve_fast`` takes the fast rows alone, and
+      gives ``M̂_SS⁻¹ f_S`` and zeros.
 
     Arrays must not overlap. Functions keep no state, so threads may call them at once.
 
@@ -70,7 +75,7 @@ class CompiledMechanism:
         """Return one of `PROGRAMS`, traced."""
         if name not in self._programs:
             outputs = getattr(self, f"_trace_{name}")()
-            lanes = tuple(argument for argument in PROGRAMS[name] if argument in ("dq", "dv", "da", "dr"))
+            lanes = tuple(argument for argument in PROGRAMS[name] if argument in ("dq", "dv", "da", "dr", "f", "x"))
             self._programs[name] = Program(name, self._inputs.graph, PROGRAMS[name], tuple(outputs), lanes)
         return self._programs[name]
 
@@ -126,6 +131,37 @@ class CompiledMechanism:
         by_q, by_v, by_a = np.split(np.concatenate(columns, axis=1), np.cumsum(sizes)[:2], axis=1)
         return by_q, by_v, by_a
 
+    def solve(self, t: float, q: Array, f: Array) -> Array:
+        """Return ``M̂⁻¹ f`` for columns f (n, any)."""
+        return self._solve("solve", t, q, f)
+
+    def solve_fast(self, t: float, q: Array, f: Array) -> Array:
+        """Return ``M̂_SS⁻¹ f_S`` in the fast rows, and zeros in the slow ones, for columns f (n, any)."""
+        return self._solve("solve_fast", t, q, f)
+
+    def _solve(self, name: str, t: float, q: Array, f: Array) -> Array:
+        out, inputs = np.zeros(f.shape), self.signal_values(t)
+        for first in range(0, f.shape[1], LANES):
+            some = f[:, first : first + LANES]
+            block, x = np.zeros((2, len(f), LANES))
+            block[:, : some.shape[1]] = some
+            self.call(name, inputs, *_contiguous(q), block, x)
+            out[:, first : first + LANES] = x[:, : some.shape[1]]
+        return out
+
+    def held_equation(self, t: float, q: Array, v: Array) -> tuple[Array, Array, Array]:
+        """Return c, K and C of the fast coordinates' ``a_S = c − K q_S − C v_S`` with all else as it is at a state.
+
+        The slow accelerations, the mass matrix and the forces of velocities are those of the state: eq. (11) of Miao
+        et al. (2008).
+        """
+        mechanism = self.mechanism
+        fast = slice(mechanism.n_slow, None)
+        both = np.concatenate([mechanism.linear_stiffness[:, fast], mechanism.linear_damping[:, fast]], axis=1)
+        K, C = np.split(self.solve_fast(t, q, both)[fast], 2, axis=1)
+        positions = q[fast.start + mechanism.n_positions - mechanism.n :]
+        return self.accelerations(t, q, v)[fast] + K @ positions + C @ v[fast], K, C
+
     def frames(self, t: float, q: Array, v: Array) -> tuple[Array, Array, Array]:
         """Return the bodies' origins (n_bodies, 3), rotations (n_bodies, 3, 3) and angular velocities in space."""
         n = len(self.mechanism.links)
@@ -155,7 +191,18 @@ class CompiledMechanism:
         return describe_structure(self._inputs, self._frames, self.program("accelerations"))
 
     def _trace_accelerations(self) -> list[Output]:
-        return self._in_order_of_rates("a", trace_accelerations(self._inputs, self._frames))
+        return self._in_order_of_rates("a", trace_accelerations(self._frames, ActingForces(self._inputs)))
+
+    def _trace_solve(self) -> list[Output]:
+        return self._trace_solution(0)
+
+    def _trace_solve_fast(self) -> list[Output]:
+        return self._trace_solution(self.mechanism.n_slow)
+
+    def _trace_solution(self, n_held: int) -> list[Output]:
+        resting = RestingCoordinates(self._inputs.graph, self.mechanism)
+        forces = GivenForces(resting, "f", n_held)
+        return self._in_order_of_rates("x", trace_accelerations(trace_frames(resting), forces))
 
     def _trace_residual(self) -> list[Output]:
         return self._in_order_of_rates("r", trace_residual(self._inputs, self._frames))

@@ -36,19 +36,26 @@ class Coordinates:
         count = self.mechanism.links[body].n_positions
         return [self.graph.scalar_input("q", first + k) for k in range(count)]
 
-    def joint_rates(self, body: int, argument: str = "v") -> list[Scalar]:
-        """Rates of the joint that carries a body, or what else has their order."""
-        first = int(self.mechanism.layout.rate[body])
-        count = self.mechanism.links[body].n_rates
-        return [self.graph.scalar_input(argument, first + k) for k in range(count)]
-
     def modal_positions(self, body: int) -> Vector:
         """Modal coordinates of a body."""
         shift = self.mechanism.n_positions - self.mechanism.n
         return self.graph.vector_input("q", self.mechanism.modes_of(body) + shift)
 
-    def modal_rates(self, body: int, argument: str = "v") -> Vector:
-        """Modal rates of a body, or what else has their order."""
+    def joint_rates(self, body: int) -> list[Scalar]:
+        """Rates of the joint that carries a body."""
+        return self.inputs_of_joint(body, "v")
+
+    def modal_rates(self, body: int) -> Vector:
+        """Modal rates of a body."""
+        return self.inputs_of_modes(body, "v")
+
+    def inputs_of_joint(self, body: int, argument: str) -> list[Scalar]:
+        """A joint's entries of an argument in the order of rates."""
+        first = int(self.mechanism.layout.rate[body])
+        return [self.graph.scalar_input(argument, first + k) for k in range(self.mechanism.links[body].n_rates)]
+
+    def inputs_of_modes(self, body: int, argument: str) -> Vector:
+        """Entries of a body's modes of an argument in the order of rates."""
         return self.graph.vector_input(argument, self.mechanism.modes_of(body))
 
     def signal(self, signal: Signal, derivatives: int = 0) -> list[Scalar]:
@@ -58,6 +65,22 @@ class Coordinates:
             return constants(self.graph, [value, 0.0, 0.0][: 1 + derivatives])
         first = 3 * self.signals.index(signal)
         return [self.graph.scalar_input("inputs", first + k) for k in range(1 + derivatives)]
+
+
+class RestingCoordinates(Coordinates):
+    """Inputs of a mechanism at rest: its positions; all rates, and the derivatives of signals, are zero."""
+
+    def joint_rates(self, body: int) -> list[Scalar]:
+        """Return zeros."""
+        return constants(self.graph, [0.0] * self.mechanism.links[body].n_rates)
+
+    def modal_rates(self, body: int) -> Vector:
+        """Return zeros."""
+        return self.graph.zeros(len(self.mechanism.links[body].omega))
+
+    def signal(self, signal: Signal, derivatives: int = 0) -> list[Scalar]:
+        """A signal's value, and zeros."""
+        return [*super().signal(signal), *constants(self.graph, [0.0] * derivatives)]
 
 
 def constant_value(signal: Signal) -> float | None:

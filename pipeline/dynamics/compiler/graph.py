@@ -103,15 +103,23 @@ class Graph:
         return Vector(self, node, size) if size or operation == "array" else Scalar(self, node)
 
     def live(self, outputs: Iterable[int]) -> list[int]:
-        """Return the nodes that the outputs depend on, in an order in which they can be evaluated."""
-        needed: set[int] = set()
-        stack = list(outputs)
-        while stack:
-            node = stack.pop()
-            if node not in needed:
-                needed.add(node)
-                stack += self.nodes[node].arguments
-        return sorted(needed)
+        """Return the nodes that the outputs depend on, in an order in which they can be evaluated.
+
+        The order is depth first: what a node takes stands shortly before it, so that values live in registers.
+        """
+        order: dict[int, None] = {}
+        visited: set[int] = set()
+        for output in outputs:
+            stack = [(output, False)]
+            while stack:
+                node, taken = stack.pop()
+                if taken:
+                    order[node] = None
+                elif node not in visited:
+                    visited.add(node)
+                    stack.append((node, True))
+                    stack += [(argument, False) for argument in reversed(self.nodes[node].arguments)]
+        return list(order)
 
 
 class Scalar:

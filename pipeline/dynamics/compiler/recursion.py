@@ -21,6 +21,7 @@ from dataclasses import dataclass, field
 
 import numpy as np
 
+from pipeline.core.arrays import Array
 from pipeline.dynamics.compiler.algebra import (
     Matrix,
     SymmetricFactor,
@@ -43,12 +44,11 @@ from pipeline.dynamics.compiler.algebra import (
     times,
     transpose,
 )
-from pipeline.dynamics.compiler.bodies import body_forces, joint_load, trace_inertia
+from pipeline.dynamics.compiler.bodies import trace_inertia
 from pipeline.dynamics.compiler.cleaning import orthonormal_rows
-from pipeline.dynamics.compiler.coordinates import Coordinates
+from pipeline.dynamics.compiler.forces import Forces
 from pipeline.dynamics.compiler.frames import Frame
 from pipeline.dynamics.compiler.graph import Scalar, Vector, combine
-from pipeline.dynamics.links import FREE
 
 
 @dataclass
@@ -102,18 +102,22 @@ class ArticulatedBody:
 
     Attributes
     ----------
+    free : ndarray, shape (n,)
+        1 for each mode that isn't held.
     W, e : list of Vector and Vector
-        Coupling of frame and modes, and the modes' bias.
+        Coupling of frame and free modes, and the bias of these.
     modes : CarrierModes, optional
         Of a flexible body that carries others.
     IA, pA : Matrix and Vector6
         Articulated inertia and bias force at the body's origin.
+    directions : list of Vector6
+        Columns of S, none if the joint is held.
     U : list of Vector6
         ``IA S`` column by column.
     D : SymmetricFactor, optional
         Factors of ``Sᵀ IA S``; of IA itself for a free joint.
     u : list of Scalar
-        The joint's load less ``Sᵀ pA``.
+        The joint's load less ``Sᵀ pA``; the load itself for a free joint.
     carried : Carried
         What its parent feels.
     x, eta, zeta : Vector6, Vector and list of Scalar
@@ -121,10 +125,12 @@ class ArticulatedBody:
     """
 
     frame: Frame
+    free: Array
     W: list[Vector]
     e: Vector
     IA: Matrix
     pA: Vector6
+    directions: list[Vector6]
     modes: CarrierModes | None = None
     U: list[Vector6] = field(default_factory=list)
     D: SymmetricFactor | None = None
@@ -145,68 +151,64 @@ class BodyValues:
     modes: Vector
 
 
-def trace_accelerations(inputs: Coordinates, frames: list[Frame]) -> list[BodyValues]:
-    """Trace the accelerations of a mechanism's joints and modes, body by body."""
+def trace_accelerations(frames: list[Frame], forces: Forces) -> list[BodyValues]:
+    """Trace the accelerations of a mechanism's joints and modes, body by body; held ones are 0."""
     bodies: dict[int, ArticulatedBody] = {}
     for frame in reversed(frames):
         children = [bodies[child.number] for child in frame.children]
-        bodies[frame.number] = _articulate(inputs, frame, children)
-    return [_accelerate(inputs, bodies[frame.number], bodies) for frame in frames]
+        bodies[frame.number] = _articulate(forces, frame, children)
+    return [_accelerate(forces, bodies[frame.number], bodies) for frame in frames]
 
 
-def _articulate(inputs: Coordinates, frame: Frame, children: list[ArticulatedBody]) -> ArticulatedBody:
+def _articulate(forces: Forces, frame: Frame, children: list[ArticulatedBody]) -> ArticulatedBody:
     """Gather a body and what it carries; the walk inwards."""
-    graph = inputs.graph
-    inertia = trace_inertia(graph, frame)
-    p, terms = body_forces(inputs, frame, inertia)
+    inertia = trace_inertia(forces.graph, frame)
+    p, terms = forces.on_body(frame, inertia)
+    free = forces.free_modes(frame)
     e = combine([(-1.0 * factor, vector) for factor, vector in terms])
-    body = ArticulatedBody(frame, inertia.W, e, inertia.M, p)
-    if len(frame.link.omega):
-        body.IA = subtract_matrices(body.IA, [[body.W[i].dot(body.W[j]) for j in range(6)] for i in range(6)])
-        body.pA = [x - row.dot(e) for x, row in zip(p, body.W, strict=True)]
-    for child in children:
-        _add_rigidly(body, child)
-    if len(frame.link.omega) and any(child.frame.link.joint != FREE for child in children):
-        _couple_modes(body, children)
-    _eliminate_joint(inputs, body)
+    W = [row.multiplied_by(np.diag(free)) for row in inertia.W]
+    body = ArticulatedBody(frame, free, W, e, inertia.M, p, forces.free_directions(frame))
+    carried = {child.frame.number: child.carried for child in children if child.carried is not None}
+    held = [child for child in frame.children if child.number in carried]
+    for child in held:
+        across = transpose(child.B)
+        body.IA = add_matrices(body.IA, congruence(across, carried[child.number].IA))
+        body.pA = add(body.pA, times(across, carried[child.number].pA))
+    if free.any():
+        _eliminate_modes(body, held, carried)
+    _eliminate_joint(body, forces.on_joint(frame))
     return body
 
 
-def _add_rigidly(body: ArticulatedBody, child: ArticulatedBody) -> None:
-    """Add what a child puts on its carrier's frame."""
-    if child.carried is None:
+def _eliminate_modes(body: ArticulatedBody, held: list[Frame], carried: dict[int, Carried]) -> None:
+    """Eliminate a body's modes: across the span of its markers as a leaf's, along it by the small system."""
+    graph, n_free = body.e.graph, np.count_nonzero(body.free)
+    markers = [np.concatenate([child.place_shapes, child.place_rotations]) * body.free for child in held]
+    rows = np.concatenate([np.zeros((0, body.e.size)), *markers])
+    basis, L = orthonormal_rows(rows)
+    if len(basis) == n_free:  # nothing is left across; the modes themselves keep the markers' zeros
+        basis = np.eye(body.e.size)[body.free > 0.0]
+        L = rows @ basis.T
+    else:
+        body.IA = subtract_matrices(body.IA, [[a.dot(b) for b in body.W] for a in body.W])
+        body.pA = subtract(body.pA, [row.dot(body.e) for row in body.W])
+    if not len(basis):
         return
-    B, carried = child.frame.B, child.carried
-    body.IA = add_matrices(body.IA, congruence(transpose(B), carried.IA))
-    body.pA = add(body.pA, times(transpose(B), carried.pA))
-
-
-def _couple_modes(body: ArticulatedBody, children: list[ArticulatedBody]) -> None:
-    """Eliminate a carrier's modes along the span of its markers."""
-    graph = body.e.graph
-    held = [child for child in children if child.carried is not None]
-    markers = [np.concatenate([child.frame.place_shapes, child.frame.place_rotations]) for child in held]
-    rows, L = orthonormal_rows(np.concatenate(markers))
-    rank = len(rows)
-    if rank == 0:
-        return
-    Q = [graph.array(row) for row in rows]
+    Q = [graph.array(row) for row in basis]
     QW, Qe = [[row.dot(w) for w in body.W] for row in Q], [row.dot(body.e) for row in Q]
-    F, Y, f, T = identity(graph, rank), QW, Qe, dict[int, Matrix]()
-    # `_articulate` has eliminated all modes as a leaf's: give back those along Q.
-    columns = transpose(QW)
-    body.IA = add_matrices(body.IA, symmetric_product(columns, columns))
-    body.pA = add(body.pA, times(columns, Qe))
-    for number, child in enumerate(held):
-        assert child.carried is not None
-        B, IA, pA = child.frame.B, child.carried.IA, child.carried.pA
-        constant = [constants(graph, row) for row in L[6 * number : 6 * number + 6]]
-        T[child.frame.number] = constant[:3] + product(child.frame.marker.A, constant[3:])
-        across = transpose(T[child.frame.number])
-        pushed = product(across, IA)
+    if len(Q) < n_free:  # give back what a leaf's elimination took along Q
+        columns = transpose(QW)
+        body.IA = add_matrices(body.IA, symmetric_product(columns, columns))
+        body.pA = add(body.pA, times(columns, Qe))
+    F, Y, f, T = identity(graph, len(Q)), QW, Qe, dict[int, Matrix]()
+    for k, child in enumerate(held):
+        constant = [constants(graph, row) for row in L[6 * k : 6 * k + 6]]
+        T[child.number] = constant[:3] + product(child.marker.A, constant[3:])
+        across = transpose(T[child.number])
+        pushed = product(across, carried[child.number].IA)
         F = add_matrices(F, symmetric_product(pushed, across))
-        Y = add_matrices(Y, product(pushed, B))
-        f = add(f, times(across, pA))
+        Y = add_matrices(Y, product(pushed, child.B))
+        f = add(f, times(across, carried[child.number].pA))
     factor = factor_symmetric(F)
     Y_columns = [factor.forward(column) for column in transpose(Y)]
     f = factor.forward(f)
@@ -216,20 +218,23 @@ def _couple_modes(body: ArticulatedBody, children: list[ArticulatedBody]) -> Non
     body.modes = CarrierModes(Q, QW, Qe, factor, transpose(Y_columns), f, T)
 
 
-def _eliminate_joint(inputs: Coordinates, body: ArticulatedBody) -> None:
+def _eliminate_joint(body: ArticulatedBody, load: list[Scalar]) -> None:
     """Eliminate a joint's accelerations, and carry the rest to the marker on the parent."""
     frame, IA, pA = body.frame, body.IA, body.pA
-    if frame.link.joint == FREE:  # carries nothing
+    if len(body.directions) == len(pA):  # a free joint carries no more than what acts along it
         body.D = factor_symmetric(IA)
-        return
-    if frame.directions:
-        body.U = [times(IA, direction) for direction in frame.directions]
-        body.D = factor_symmetric([[dot(a, b) for b in frame.directions] for a in body.U])
-        load = [joint_load(inputs, frame)] * len(frame.directions)  # 0 for joints of several directions
-        body.u = [load[k] - dot(direction, pA) for k, direction in enumerate(frame.directions)]
+        body.u = load
+        if all(x.is_zero for x in load):
+            return
+        zero = load[0].graph.number(0.0)
+        IA, pA = [[zero] * 6 for _ in pA], times(transpose(body.directions), load)
+    elif body.directions:
+        body.U = [times(IA, direction) for direction in body.directions]
+        body.D = factor_symmetric([[dot(a, b) for b in body.directions] for a in body.U])
+        body.u = [tau - dot(direction, pA) for tau, direction in zip(load, body.directions, strict=True)]
     if frame.parent is None:
         return
-    if body.D is not None:
+    if body.U and body.D is not None:
         reduced = [body.D.forward(row) for row in transpose(body.U)]
         divided = [body.D.divide(row) for row in reduced]
         IA = subtract_matrices(IA, symmetric_product(divided, reduced))
@@ -242,24 +247,24 @@ def _eliminate_joint(inputs: Coordinates, body: ArticulatedBody) -> None:
     body.carried = Carried(IA, add(rotate(frame.R, pA), times(IA, frame.beta)))
 
 
-def _accelerate(inputs: Coordinates, body: ArticulatedBody, bodies: dict[int, ArticulatedBody]) -> BodyValues:
+def _accelerate(forces: Forces, body: ArticulatedBody, bodies: dict[int, ArticulatedBody]) -> BodyValues:
     """Accelerate a body's joint, frame and modes; the walk outwards."""
-    graph, frame = inputs.graph, body.frame
+    frame, zero = body.frame, forces.graph.number(0.0)
     if frame.parent is None:
-        x = frame.carry(constants(graph, [*(-inputs.mechanism.gravity), 0.0, 0.0, 0.0]))
+        x = frame.carry(forces.ground)
     else:
         parent = bodies[frame.parent.number]
         x = frame.carry(parent.x, _marker_motion(parent, body))
-    joint: list[Scalar] = []
-    if frame.link.joint == FREE and body.D is not None:
-        body.x = body.D.solve(scale(-1.0, body.pA))
-        joint = [dot(direction, subtract(body.x, x)) for direction in frame.directions]
-    elif body.D is not None:
+    joint = [zero] * len(frame.directions)
+    body.x = x
+    if body.U and body.D is not None:
         joint = body.D.solve(subtract(body.u, [dot(column, x) for column in body.U]))
         body.x = add(x, frame.move(joint))
-    else:
-        body.x = x
-    if len(frame.link.omega):
+    elif body.D is not None:
+        body.x = body.D.solve(subtract(times(transpose(body.directions), body.u), body.pA))
+        joint = [dot(direction, subtract(body.x, x)) for direction in body.directions]
+    body.eta = forces.graph.zeros(len(frame.link.omega))
+    if body.free.any():
         body.eta = _accelerate_modes(body)
     return BodyValues(joint, body.eta)
 
@@ -267,7 +272,7 @@ def _accelerate(inputs: Coordinates, body: ArticulatedBody, bodies: dict[int, Ar
 def _marker_motion(parent: ArticulatedBody, child: ArticulatedBody) -> Vector6 | None:
     """Acceleration of a child's marker by its carrier's modes, ``T η``; ``Q η`` is ζ."""
     frame = child.frame
-    if not len(parent.frame.link.omega):
+    if not parent.free.any():
         return None
     if parent.modes is not None and frame.number in parent.modes.T:
         return times(parent.modes.T[frame.number], parent.zeta)
@@ -281,6 +286,8 @@ def _accelerate_modes(body: ArticulatedBody) -> Vector:
     terms += [(-a, w) for a, w in zip(x, body.W, strict=True)]
     if modes is not None:
         body.zeta = scale(-1.0, modes.F.backward(modes.F.divide(add(modes.f, times(modes.Y, x)))))
+        if len(modes.Q) == np.count_nonzero(body.free):
+            return combine(list(zip(body.zeta, modes.Q, strict=True)))
         along = add(body.zeta, modes.Qe, times(modes.QW, x))
         terms += zip(along, modes.Q, strict=True)
     return combine(terms)

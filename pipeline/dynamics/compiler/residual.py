@@ -9,55 +9,57 @@ from __future__ import annotations
 from pipeline.dynamics.compiler.algebra import (
     Vector6,
     add,
-    constants,
     cross,
     dot,
     rotate,
     times,
     transpose,
 )
-from pipeline.dynamics.compiler.bodies import body_forces, joint_load, trace_inertia
+from pipeline.dynamics.compiler.bodies import trace_inertia
 from pipeline.dynamics.compiler.coordinates import Coordinates
+from pipeline.dynamics.compiler.forces import ActingForces, Terms
 from pipeline.dynamics.compiler.frames import Frame
-from pipeline.dynamics.compiler.graph import Scalar, Vector, combine
+from pipeline.dynamics.compiler.graph import Vector, combine
 from pipeline.dynamics.compiler.recursion import BodyValues
 
 
 def trace_residual(inputs: Coordinates, frames: list[Frame]) -> list[BodyValues]:
     """Trace the residual of each body's joint and modes; accelerations are the argument ``a``."""
+    acting = ActingForces(inputs)
     x: list[Vector6] = []
     for frame in frames:
-        x.append(_accelerate(inputs, frame, x))
+        x.append(_accelerate(inputs, acting, frame, x))
     carried: dict[int, Vector6] = {}
     out: list[BodyValues] = []
     for frame in reversed(frames):
-        force, modes = _forces(inputs, frame, x[frame.number], carried)
-        load = joint_load(inputs, frame)  # 0 for joints of several directions
-        out.append(BodyValues([dot(direction, force) - load for direction in frame.directions], modes))
+        force, modes = _forces(inputs, acting, frame, x[frame.number], carried)
+        loads = zip(frame.directions, acting.on_joint(frame), strict=True)
+        out.append(BodyValues([dot(direction, force) - load for direction, load in loads], modes))
         at_joint = force[:3] + add(force[3:], cross(frame.shift, force[:3]))
         carried[frame.number] = rotate(frame.R, at_joint)
     return out[::-1]
 
 
-def _accelerate(inputs: Coordinates, frame: Frame, above: list[Vector6]) -> Vector6:
+def _accelerate(inputs: Coordinates, acting: ActingForces, frame: Frame, above: list[Vector6]) -> Vector6:
     """Return the acceleration of a body's frame from that of its parent's."""
-    graph = inputs.graph
     if frame.parent is None:
-        x = frame.carry(constants(graph, [*(-inputs.mechanism.gravity), 0.0, 0.0, 0.0]))
+        x = frame.carry(acting.ground)
     else:
-        eta = inputs.modal_rates(frame.parent.number, "a")
+        eta = inputs.inputs_of_modes(frame.parent.number, "a")
         x = frame.carry(above[frame.parent.number], frame.marker_motion(eta))
-    return add(x, frame.move(inputs.joint_rates(frame.number, "a")))
+    return add(x, frame.move(inputs.inputs_of_joint(frame.number, "a")))
 
 
-def _forces(inputs: Coordinates, frame: Frame, x: Vector6, carried: dict[int, Vector6]) -> tuple[Vector6, Vector]:
+def _forces(
+    inputs: Coordinates, acting: ActingForces, frame: Frame, x: Vector6, carried: dict[int, Vector6]
+) -> tuple[Vector6, Vector]:
     """Return the force that moves a body's frame and what it carries, and the residual of its modes."""
     graph = inputs.graph
     inertia = trace_inertia(graph, frame)
-    eta = inputs.modal_rates(frame.number, "a")
-    p, terms = body_forces(inputs, frame, inertia)
+    eta = inputs.inputs_of_modes(frame.number, "a")
+    p, terms = acting.on_body(frame, inertia)
     force = add(times(inertia.M, x), [row.dot(eta) for row in inertia.W], p)
-    on_modes: list[tuple[Scalar | float, Vector]] = [(1.0, eta)]
+    on_modes: Terms = [(1.0, eta)]
     on_modes += [(-1.0 * factor, vector) for factor, vector in terms]
     on_modes += zip(x, inertia.W, strict=True)
     for child in frame.children:

@@ -15,9 +15,6 @@ from pipeline.dynamics.compiler.llvm import emit
 from pipeline.dynamics.compiler.machine import LoadedObject, compile_object, processor, register_width
 from pipeline.dynamics.compiler.program import Program
 
-_PAIRED_NODES = 1000
-"""Programs of fewer nodes have like operations of scalars paired: a fifth off their time, in 0.1 s of compiling."""
-
 _DIGEST_BYTES = 16
 
 
@@ -27,7 +24,7 @@ def load_program(program: Program) -> LoadedObject:
     content = _read(path)
     if content is not None:
         return LoadedObject(content)
-    content = compile_object(emit(program, register_width()), pair_scalars=len(program.nodes) < _PAIRED_NODES)
+    content = compile_object(emit(program, register_width()))
     _write(path, content)
     return LoadedObject(content)
 

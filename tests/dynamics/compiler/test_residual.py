@@ -3,20 +3,12 @@
 import numpy as np
 import pytest
 
-from pipeline.core.arrays import Array
 from pipeline.dynamics.compiler.compiled import compile_mechanism
-from pipeline.dynamics.tree.tree import Tree
 from tests.dynamics.compiler import kane
-from tests.dynamics.compiler.comparison import TIME, difference, interpreted
+from tests.dynamics.compiler.comparison import TIME, difference, interpreted, mass_and_force
 from tests.dynamics.compiler.mechanisms import random_mechanism
 
 SEEDS = pytest.mark.parametrize("seed", [*range(6), *(pytest.param(k, marks=pytest.mark.slow) for k in range(6, 40))])
-
-
-def mass_and_force(tree: Tree, q: Array, v: Array) -> tuple[Array, Array]:
-    parameters = tree._evaluated(TIME, q, v)
-    lower = np.tril(parameters.M)
-    return lower + np.tril(lower, -1).T, parameters.Q.copy()
 
 
 @SEEDS
