@@ -7,7 +7,7 @@ from pipeline.dynamics.compiler.compiled import compile_mechanism
 from tests.dynamics.compiler.comparison import TIME, difference, mass_and_force
 from tests.dynamics.compiler.mechanisms import random_mechanism
 
-SEEDS = pytest.mark.parametrize("seed", [*range(8), *(pytest.param(k, marks=pytest.mark.slow) for k in range(8, 60))])
+SEEDS = pytest.mark.parametrize("seed", [*range(4), *(pytest.param(k, marks=pytest.mark.slow) for k in range(4, 60))])
 
 
 @SEEDS
