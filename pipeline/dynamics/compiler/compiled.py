@@ -11,7 +11,7 @@ from pipeline.core.arrays import Array
 from pipeline.dynamics.compiler.algebra import times
 from pipeline.dynamics.compiler.coordinates import Coordinates, RestingCoordinates
 from pipeline.dynamics.compiler.forces import ActingForces, GivenForces
-from pipeline.dynamics.compiler.frames import Frame, trace_frames
+from pipeline.dynamics.compiler.frames import BodyFrame, trace_frames
 from pipeline.dynamics.compiler.graph import Graph
 from pipeline.dynamics.compiler.machine import LoadedObject
 from pipeline.dynamics.compiler.program import LANES, Output, Program
@@ -68,7 +68,7 @@ class CompiledMechanism:
         self._loaded: dict[str, LoadedObject] = {}
 
     @cached_property
-    def _frames(self) -> list[Frame]:
+    def _frames(self) -> list[BodyFrame]:
         return trace_frames(self._inputs)
 
     def program(self, name: str) -> Program:

@@ -41,7 +41,7 @@ _PARALLEL = 1e-14
 
 
 @dataclass
-class Marker:
+class MarkerMotion:
     """Motion of the place on a body where a joint sits, in the body's axes.
 
     Attributes
@@ -68,7 +68,7 @@ class Marker:
 
 
 @dataclass
-class Frame:
+class BodyFrame:
     """A body's frame and the joint that carries it; see this module's equations.
 
     Attributes
@@ -85,7 +85,7 @@ class Frame:
         Bias accelerations of the marker, in the parent's axes, and of the joint.
     B : Matrix
         Shift of accelerations from the parent's origin to the marker.
-    marker : Marker
+    marker : MarkerMotion
         Where the joint sits.
     place_shapes, place_rotations : ndarray, shape (3, n_parent)
         Φ and Ψ of the marker.
@@ -95,13 +95,13 @@ class Frame:
         Columns of S.
     velocity : Vector3
         Of the origin.
-    children : list of Frame
+    children : list of BodyFrame
         Bodies that this one carries.
     """
 
     number: int
     link: Link
-    parent: Frame | None
+    parent: BodyFrame | None
     q: Vector
     v: Vector
     spin: Vector3
@@ -109,13 +109,13 @@ class Frame:
     beta: Vector6
     gamma: Vector6
     B: Matrix
-    marker: Marker
+    marker: MarkerMotion
     place_shapes: Array
     place_rotations: Array
     shift: Vector3
     directions: list[Vector6]
     velocity: Vector3
-    children: list[Frame] = field(default_factory=list)
+    children: list[BodyFrame] = field(default_factory=list)
     _world: tuple[Vector3, Matrix] | None = None
 
     @property
@@ -155,9 +155,9 @@ class Frame:
         return out
 
 
-def trace_frames(inputs: Coordinates) -> list[Frame]:
+def trace_frames(inputs: Coordinates) -> list[BodyFrame]:
     """Trace the frames of a mechanism's bodies, each after its parent's."""
-    frames: list[Frame] = []
+    frames: list[BodyFrame] = []
     for number, link in enumerate(inputs.mechanism.links):
         parent = frames[link.parent] if link.parent >= 0 else None
         frame = _trace_frame(inputs, number, link, parent)
@@ -167,7 +167,7 @@ def trace_frames(inputs: Coordinates) -> list[Frame]:
     return frames
 
 
-def _trace_frame(inputs: Coordinates, number: int, link: Link, parent: Frame | None) -> Frame:
+def _trace_frame(inputs: Coordinates, number: int, link: Link, parent: BodyFrame | None) -> BodyFrame:
     graph = inputs.graph
     zero3 = constants(graph, [0.0] * 3)
     n_parent = len(parent.link.omega) if parent else 0
@@ -185,7 +185,7 @@ def _trace_frame(inputs: Coordinates, number: int, link: Link, parent: Frame | N
     above = parent.velocity if parent else zero3
     at_marker = add(above, cross(spin, marker.arm), scale(0.5, marker.moving))
     velocity = add(times(transpose(motion.R), at_marker), cross(w, motion.shift), motion.sliding)
-    return Frame(
+    return BodyFrame(
         number,
         link,
         parent,
@@ -205,17 +205,17 @@ def _trace_frame(inputs: Coordinates, number: int, link: Link, parent: Frame | N
     )
 
 
-def trace_marker(graph: Graph, place: Array, Phi: Array, Psi: Array, q: Vector, v: Vector) -> Marker:
+def trace_marker(graph: Graph, place: Array, Phi: Array, Psi: Array, q: Vector, v: Vector) -> MarkerMotion:
     """Trace the motion of a point of a body, with its section, for the body's modal coordinates and rates."""
     zero3 = constants(graph, [0.0] * 3)
     if q.size == 0:
         unit = identity(graph, 3)
-        return Marker(constants(graph, place), zero3, unit, unit, zero3, zero3)
+        return MarkerMotion(constants(graph, place), zero3, unit, unit, zero3, zero3)
     arm = [graph.array(row).dot(q) + float(x) for row, x in zip(Phi, place, strict=True)]
     moving = [graph.array(2.0 * row).dot(v) for row in Phi]
     if not Psi.any():
         unit = identity(graph, 3)
-        return Marker(arm, moving, unit, unit, zero3, zero3)
+        return MarkerMotion(arm, moving, unit, unit, zero3, zero3)
     axes, sizes, _ = np.linalg.svd(Psi, full_matrices=False)
     if np.sum(sizes > 1e-12 * sizes[0]) == 1:
         axis = axes[:, 0] * np.sign(axes[np.abs(axes[:, 0]).argmax(), 0])
@@ -223,9 +223,9 @@ def trace_marker(graph: Graph, place: Array, Phi: Array, Psi: Array, q: Vector, 
         row = graph.array(axis @ Psi)
         angle, rate = row.dot(q), row.dot(v)
         R, turned = rotation(graph, axis, angle), [rate * float(x) for x in axis]
-        return Marker(arm, moving, R, identity(graph, 3), turned, zero3, (axis, angle))
+        return MarkerMotion(arm, moving, R, identity(graph, 3), turned, zero3, (axis, angle))
     R, A, turned, turning = _turn_by_vector(graph, [graph.array(row) for row in Psi], q, v)
-    return Marker(arm, moving, R, A, turned, turning)
+    return MarkerMotion(arm, moving, R, A, turned, turning)
 
 
 def _turn_by_vector(graph: Graph, Psi: list[Vector], q: Vector, v: Vector) -> tuple[Matrix, Matrix, Vector3, Vector3]:
@@ -274,7 +274,7 @@ class _JointMotion:
     directions: list[Vector6]
 
 
-def _trace_joint(inputs: Coordinates, number: int, link: Link, marker: Marker) -> _JointMotion:
+def _trace_joint(inputs: Coordinates, number: int, link: Link, marker: MarkerMotion) -> _JointMotion:
     graph = inputs.graph
     zero3 = constants(graph, [0.0] * 3)
     motion = _JointMotion(marker.R, zero3, zero3, zero3, zero3, zero3, [])
@@ -306,7 +306,7 @@ def _trace_joint(inputs: Coordinates, number: int, link: Link, marker: Marker) -
     return motion
 
 
-def _turn_about(graph: Graph, marker: Marker, axis: Array, angle: Scalar) -> Matrix:
+def _turn_about(graph: Graph, marker: MarkerMotion, axis: Array, angle: Scalar) -> Matrix:
     """Rotation of the marker and of a hinge on it: one rotation if both have the same axis."""
     if marker.angle is not None:
         marker_axis, marker_angle = marker.angle
