@@ -24,7 +24,7 @@ import numpy as np
 
 from meshes.bar import hexahedral_bar, tetrahedral_bar
 from pipeline.fem.mesh import SolidMesh
-from pipeline.fem.model import Discretisation
+from pipeline.fem.space import Discretisation
 
 PEERS = Path(__file__).with_name("assembly_peers.py")
 BLOCK = (0.12, 0.1, 0.08)

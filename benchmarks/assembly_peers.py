@@ -39,7 +39,7 @@ def nodal(found, factors):
 
 def space_of(points, cells, name):
     from pipeline.fem.mesh import SolidMesh
-    from pipeline.fem.model import Discretisation
+    from pipeline.fem.space import Discretisation
 
     return Discretisation(SolidMesh(points, cells, ELEMENTS[name][0], {}, {}), ELEMENTS[name][1])
 

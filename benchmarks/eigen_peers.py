@@ -75,16 +75,16 @@ def ours(mesh, factorise):
 
 def fmd(mesh):
     """What is installed."""
-    from pipeline.reduction.factor.factor import factorised
+    from pipeline.reduction.factor.factor import factorise
 
-    return ours(mesh, factorised)
+    return ours(mesh, factorise)
 
 
 def fmd_superlu(mesh):
     """The same without cvxopt."""
-    from pipeline.reduction.factor.factor import factorised
+    from pipeline.reduction.factor.factor import factorise
 
-    return ours(mesh, partial(factorised, solver="superlu"))
+    return ours(mesh, partial(factorise, solver="superlu"))
 
 
 def eigsh_default(mesh):
@@ -184,7 +184,7 @@ def sfepy(mesh):
 def calculix(mesh):
     """CalculiX, the whole run of ``ccx``; its C3D10 has scikit-fem's order of nodes."""
     from pipeline.fem.mesh import SolidMesh
-    from pipeline.fem.model import Discretisation
+    from pipeline.fem.space import Discretisation
 
     space = Discretisation(SolidMesh(mesh["points"], mesh["cells"], "tetra", {}, {}), 2)
     rows = ["*NODE"]

@@ -16,7 +16,7 @@ from dataclasses import dataclass
 from pathlib import Path
 
 from pipeline import Pipeline, load_scene
-from pipeline.accuracy.error_budget import true_errors
+from pipeline.accuracy.error_budget import ERROR_BUDGET, true_errors
 
 _TABLE = Path(__file__).parent / "error_budget.csv"
 _AUTO = ('simulation.run=[{integrator="auto"}]', "simulation.error=1e-6")
@@ -197,7 +197,7 @@ def compare(case: Case) -> list[Compared]:
     closer = true_errors(Pipeline(load_scene(case.scene, case.between)), finer) if case.between else {}
     return [
         Compared(row.name, row.total, true[row.name], closer.get(row.name, 0.0) >= true[row.name])
-        for row in run.budget.rows
+        for row in ERROR_BUDGET.of(run).rows
         if true[row.name] > _ROUND_OFF
     ]
 

@@ -32,7 +32,7 @@ from scipy.integrate import solve_ivp
 from scipy.sparse.linalg import eigsh
 
 from pipeline import Pipeline, load_scene
-from pipeline.bench.work_precision import Row
+from pipeline.bench.work_precision import WorkPrecisionRow
 from pipeline.fem.markers import face_marker
 from pipeline.integrators.scipy_ivp import ScipyIvp
 from pipeline.reduction.inertia import inertia_gram
@@ -143,8 +143,8 @@ def deflection_error(across, exact):
 
 def beam() -> Case:
     run = Pipeline(load_scene("beam"))
-    body, pulse, (q0, v0), simulation = run.rotor.body, run.rotor.pulse, run.start, run.scene.simulation
-    exact = ScipyIvp("DOP853", 1e-12).march(run.rotor, q0, v0, sample_times(simulation.duration)).q[:, 1:]
+    body, pulse, (q0, v0), simulation = run.body, run.system.pulse, run.start, run.scene.simulation
+    exact = ScipyIvp("DOP853", 1e-12).march(run.system, q0, v0, sample_times(simulation.duration)).q[:, 1:]
     tip = body.markers[simulation.tip.partition(".")[2]]
     arm = np.cross(body.axis, tip.position)
     length = np.linalg.norm(arm)
@@ -215,7 +215,7 @@ def rod_slider() -> Case:
     scene, (q0, v0) = run.scene, run.start
     rod, slider, slide, motor = scene.body["rod"], scene.body["slider"], scene.joint["slide"], scene.drive["motor"]
     rest, duration = float(rod.marker["rest"].at[0]), scene.simulation.duration
-    exact = ScipyIvp("DOP853", 1e-12).march(run.mechanism, q0, v0, sample_times(duration)).q
+    exact = ScipyIvp("DOP853", 1e-12).march(run.system, q0, v0, sample_times(duration)).q
 
     def build(_):  # joint coordinates know no constraints
         exu = import_exudyn()
@@ -268,7 +268,7 @@ def march(peer: Peer, case: Case, solver: str, n_steps: int, output: bool) -> tu
     return done.timer.total, STAGES[solver] * n_steps or done.it.newtonStepsCount
 
 
-def measure(case: Case, repeats: int = 5) -> Iterator[Row]:
+def measure(case: Case, repeats: int = 5) -> Iterator[WorkPrecisionRow]:
     """March a case by each of Exudyn's solvers, coarse to fine, timed as our own benchmark does it."""
     exu = import_exudyn()
     for solver, stages in STAGES.items():
@@ -284,12 +284,12 @@ def measure(case: Case, repeats: int = 5) -> Iterator[Row]:
             seconds: list[float] = []
             while len(seconds) < repeats and sum(seconds) < MOST_SECONDS:
                 seconds.append(march(peer, case, solver, n_steps, output=False)[0])
-            yield Row(f"Exudyn {solver}", case.duration / n_steps, 1, median(seconds), error, evaluations)
+            yield WorkPrecisionRow(f"Exudyn {solver}", case.duration / n_steps, 1, median(seconds), error, evaluations)
             if median(seconds) > MOST_SECONDS or error < FINEST:
                 break
 
 
-def peer_rows(scene_name: str) -> list[Row]:
+def peer_rows(scene_name: str) -> list[WorkPrecisionRow]:
     """Return the rows of Exudyn's solvers on a scene, to stand beside our own.
 
     Raises

@@ -1,1 +1,1 @@
-"""Shapes to Gmsh meshes. The only package that loads Gmsh (GPL); it imports nothing of ``pipeline``."""
+"""Gmsh meshes of shapes and CAD files; the only package that loads Gmsh (GPL), without imports of ``pipeline``."""

@@ -1,4 +1,4 @@
-"""A straight bar of rectangular section: x from 0 to its length, the section centred on y = z = 0."""
+"""Straight bars of rectangular section along x from 0, centred on y = z = 0."""
 
 from __future__ import annotations
 
@@ -24,20 +24,21 @@ def hexahedral_bar(length: float, depth: float, width: float, divisions: tuple[i
         face = geo.extrude([line[1]], 0, depth, 0, numElements=[divisions[1]], recombine=True)
         volume = geo.extrude([face[1]], 0, 0, width, numElements=[divisions[2]], recombine=True)
         geo.synchronize()
-        return _meshed(gmsh, volume[1][1], length, depth, width)
+        return _generate(gmsh, volume[1][1], length, depth, width)
 
 
 def tetrahedral_bar(length: float, depth: float, width: float, size: float) -> MeshArrays:
-    """Mesh a bar with tetrahedra of edge length ``size`` [m]; the other arguments as in `hexahedral_bar`."""
+    """Mesh a bar with tetrahedra of edge length ``size`` [m]; other arguments as in `hexahedral_bar`."""
     with gmsh_model("bar") as gmsh:
         volume = gmsh.model.occ.addBox(0, -depth / 2, -width / 2, length, depth, width)
         gmsh.model.occ.synchronize()
         gmsh.option.setNumber("Mesh.MeshSizeMin", size)
         gmsh.option.setNumber("Mesh.MeshSizeMax", size)
-        return _meshed(gmsh, volume, length, depth, width)
+        return _generate(gmsh, volume, length, depth, width)
 
 
-def _meshed(gmsh: Any, volume: int, length: float, depth: float, width: float) -> MeshArrays:
+def _generate(gmsh: Any, volume: int, length: float, depth: float, width: float) -> MeshArrays:
+    """Mesh the current model, a bar of one volume, and name its faces by the signs of their normals."""
     gmsh.model.addPhysicalGroup(3, [volume], name="bar")
     gmsh.model.mesh.generate(3)
     centres = {

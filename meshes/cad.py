@@ -1,6 +1,6 @@
-"""Solids from CAD files, meshed with tetrahedra: ``python -m meshes.cad FILE ARRAYS SIZE ORDER`` in its own process.
+"""Mesher of CAD files in its own process: ``python -m meshes.cad FILE ARRAYS SIZE ORDER``.
 
-Gmsh's OpenCASCADE may crash on a damaged file, or never end; a process of its own can be given up.
+Gmsh's OpenCASCADE may crash on a damaged file or never return; a separate process can be stopped.
 """
 
 from __future__ import annotations
@@ -21,10 +21,10 @@ from meshes.gmsh_session import gmsh_model
 
 SUFFIXES = (".step", ".stp", ".iges", ".igs", ".brep")
 _MOST_ELEMENTS = 3_000_000
-_AROUND = 12  # elements around a full circle, if they aren't smaller by their size
-_FINEST = 0.2  # smallest element by curvature over the size that is asked for
-_TETRAHEDRON = 0.117851  # volume of the regular one of unit edge
-_TANGENT = 0.9999
+_AROUND = 12  # elements around a full circle, at least
+_FINEST = 0.2  # smallest element by curvature over the given size
+_TETRAHEDRON = 0.117851  # volume of the regular tetrahedron of unit edge
+_TANGENT = 0.9999  # cosine between normals
 _UNCOLOURED = (0, 0, 255, 0)
 _TYPES = {1: (4, "tetra"), 2: (11, "tetra10")}
 # Gmsh's ten nodes in VTK's order.
@@ -39,7 +39,7 @@ _SURFACES = {
 
 
 class CadMesh(NamedTuple):
-    """A meshed part.
+    """A meshed CAD part as plain arrays with named solids and faces.
 
     Attributes
     ----------
@@ -60,7 +60,7 @@ class CadMesh(NamedTuple):
 
 
 class CadError(ValueError):
-    """A CAD file can't be meshed; the message tells why."""
+    """A CAD file can't be meshed; the message gives the reason."""
 
 
 def mesh_cad(path: Path, size: float, order: int) -> CadMesh:
@@ -71,14 +71,14 @@ def mesh_cad(path: Path, size: float, order: int) -> CadMesh:
     path : Path
         STEP, IGES or BREP.
     size : float
-        Edge length of the elements [m]; around bores and fillets they are smaller.
+        Edge length of the elements [m], smaller around bores and fillets.
     order : int
-        1 or 2, with edges that follow the curved faces.
+        1, or 2 for edges that follow curved faces.
 
     Raises
     ------
     CadError
-        There is no solid in it, or the size would give too many elements.
+        The file has no solid, or the size would give too many elements.
     """
     with gmsh_model("cad") as gmsh:
         gmsh.option.setString("Geometry.OCCTargetUnit", "M")
@@ -89,7 +89,7 @@ def mesh_cad(path: Path, size: float, order: int) -> CadMesh:
             raise CadError("there is no solid in it; export the part as a solid, not as surfaces")
         names = _names(gmsh, path)
         if len(solids) > 1:
-            names = _joined(gmsh, solids, names)
+            names = _fragment(gmsh, solids, names)
         volume = sum(gmsh.model.occ.getMass(3, tag) for _, tag in gmsh.model.getEntities(3))
         expected = volume / (_TETRAHEDRON * size**3)
         if expected > _MOST_ELEMENTS:
@@ -109,7 +109,7 @@ def mesh_cad(path: Path, size: float, order: int) -> CadMesh:
 
 
 def _names(gmsh: Any, path: Path) -> dict[tuple[int, int], list[str]]:
-    """Names of each solid and face: the last part of its label, its colour, and what STEP itself calls a face."""
+    """Return the names of each solid and face: the end of its label, its colour, its name in STEP."""
     names: dict[tuple[int, int], list[str]] = {}
     for entity in [*gmsh.model.getEntities(2), *gmsh.model.getEntities(3)]:
         own = []
@@ -129,7 +129,7 @@ def _names(gmsh: Any, path: Path) -> dict[tuple[int, int], list[str]]:
             names[solid] += [name.strip()] if name.strip() else []
     faces, given = gmsh.model.getEntities(2), _step_faces(text)
     kinds = [gmsh.model.getType(*face) for face in faces]
-    # Faces come in the file's order; their kinds of surface have to agree, or the names are left alone.
+    # Gmsh keeps the file's order of faces. STEP's names are used only if the types of surface agree.
     if len(given) == len(faces) and all(kind in (None, k) for (_, kind), k in zip(given, kinds, strict=True)):
         for face, (name, _) in zip(faces, given, strict=True):
             if name and name not in names[face]:
@@ -138,9 +138,9 @@ def _names(gmsh: Any, path: Path) -> dict[tuple[int, int], list[str]]:
 
 
 def _step_faces(text: str) -> list[tuple[str, str | None]]:
-    """Name and kind of surface (``None`` if it is none of the simple ones) of each face, shell by shell."""
+    """Return name and type of surface of each face, shell by shell; ``None`` for free-form surfaces."""
     entity = dict(re.findall(r"#(\d+)\s*=\s*([A-Z_0-9]+\s*\([^;]*\))\s*;", text))
-    found: list[tuple[str, str | None]] = []
+    faces: list[tuple[str, str | None]] = []
     for shell in entity.values():
         if not re.match(r"(CLOSED|OPEN)_SHELL", shell):
             continue
@@ -149,14 +149,14 @@ def _step_faces(text: str) -> list[tuple[str, str | None]]:
             if face is None:
                 return []
             surface = re.match(r"[A-Z_]+", entity.get(face[2], "?"))
-            found.append((face[1].strip(), _SURFACES.get(surface[0]) if surface else None))
-    return found
+            faces.append((face[1].strip(), _SURFACES.get(surface[0]) if surface else None))
+    return faces
 
 
-def _joined(
+def _fragment(
     gmsh: Any, solids: list[tuple[int, int]], names: dict[tuple[int, int], list[str]]
 ) -> dict[tuple[int, int], list[str]]:
-    """Cut solids along one another so that they share faces; each piece keeps the names of what it was cut from."""
+    """Cut solids along one another so that they share faces; pieces keep their names."""
     named = [entity for entity, own in names.items() if entity[0] == 2 and own]
     _, pieces = gmsh.model.occ.fragment(solids, named)
     gmsh.model.occ.synchronize()
@@ -168,6 +168,7 @@ def _joined(
 
 
 def _read_out(gmsh: Any, order: int, names: dict[tuple[int, int], list[str]]) -> CadMesh:
+    """Read the mesh of the current model out of Gmsh."""
     tags, xyz, _ = gmsh.model.mesh.getNodes()
     place = np.full(int(tags.max()) + 1, -1, dtype=np.int64)
     place[tags] = np.arange(tags.size)
@@ -194,7 +195,7 @@ def _read_out(gmsh: Any, order: int, names: dict[tuple[int, int], list[str]]) ->
 
 
 def _whole_faces(gmsh: Any) -> dict[int, int]:
-    """Number of the face that each surface belongs to: halves of a bore, as many CAD programs write them, are one."""
+    """Return the face of each surface, joining the halves of a bore that many CAD programs write."""
     first = {tag: tag for _, tag in gmsh.model.getEntities(2)}
     kinds = {tag: gmsh.model.getType(2, tag) for tag in first}
     for _, curve in gmsh.model.getEntities(1):
@@ -211,7 +212,7 @@ def _whole_faces(gmsh: Any) -> dict[int, int]:
 
 
 def save(mesh: CadMesh, path: Path) -> None:
-    """Write a mesh as plain arrays."""
+    """Save a mesh as plain arrays and names in an ``.npz`` file."""
     arrays: dict[str, Any] = {"points": mesh.points, "cells": mesh.cells}
     arrays |= {f"part {k}": cells for k, cells in enumerate(mesh.parts.values())}
     arrays |= {f"face {k}": corners for k, corners in enumerate(mesh.faces.values())}
@@ -220,7 +221,7 @@ def save(mesh: CadMesh, path: Path) -> None:
 
 
 def load(path: Path) -> CadMesh:
-    """Read what `save` wrote."""
+    """Load a mesh that `save` has written."""
     with np.load(path, allow_pickle=False) as file:
         names = json.loads(bytes(file["names"]))
         return CadMesh(
@@ -232,7 +233,7 @@ def load(path: Path) -> CadMesh:
 
 
 def main(arguments: list[str]) -> str | None:
-    """Mesh the first argument's file into the second; return a message if that can't be done."""
+    """Mesh the first argument's file into the second, and return an error message or ``None``."""
     source, target, size, order = arguments
     quiet = io.StringIO()
     try:

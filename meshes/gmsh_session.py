@@ -1,4 +1,4 @@
-"""One Gmsh model at a time: opened quiet and single-threaded, read out as arrays, always closed."""
+"""One Gmsh model at a time: silent, on one thread, read out as arrays and always closed."""
 
 from __future__ import annotations
 
@@ -13,7 +13,7 @@ _GMSH_TO_MESHIO = {4: "tetra", 5: "hexahedron"}
 
 
 class MeshArrays(NamedTuple):
-    """A mesh as plain arrays.
+    """A mesh as plain arrays with named parts and faces.
 
     Attributes
     ----------
@@ -28,7 +28,7 @@ class MeshArrays(NamedTuple):
     faces : dict of str to ndarray
         Point numbers on each named face.
     sectors : int
-        How many equal parts a turn about the z axis carries into each other: 1 if the mesh is not cyclic.
+        Number of equal sectors around the z axis; 1 if the mesh is not cyclic.
     """
 
     points: NDArray[np.float64]
@@ -41,7 +41,7 @@ class MeshArrays(NamedTuple):
 
 @contextmanager
 def gmsh_model(name: str) -> Iterator[Any]:
-    """Yield the ``gmsh`` module with an empty model; results don't depend on the number of threads."""
+    """Yield the ``gmsh`` module with an empty model, on one thread so that meshes are reproducible."""
     import gmsh
 
     gmsh.initialize(["gmsh", "-nt", "1"], readConfigFiles=False, interruptible=False)
@@ -55,14 +55,14 @@ def gmsh_model(name: str) -> Iterator[Any]:
 
 
 def read_out(gmsh: Any, faces: Mapping[str, Sequence[int]]) -> MeshArrays:
-    """Take the current model's volume mesh out of Gmsh.
+    """Read the current model's volume mesh out of Gmsh.
 
     Parameters
     ----------
     gmsh : module
         As yielded by `gmsh_model`, after ``mesh.generate(3)``.
     faces : mapping of str to sequence of int
-        Surface tags of each face to be named.
+        Surface tags of each named face.
 
     Returns
     -------

@@ -1,4 +1,4 @@
-"""A propeller: a sleeve, and around it blades that grow out of it through joints, all in one mesh of hexahedra.
+"""Propellers: a sleeve and blades that grow out of it through joints, in one mesh of hexahedra.
 
 The axis of rotation is z. Gmsh divides the straightened propeller, whose blades are sectors of a ring; each of its
 points (r, θ, z) then moves to where the blade's section at the radius r has it. With u and w from −1 to 1 across the
@@ -23,14 +23,14 @@ from scipy.interpolate import PchipInterpolator
 from scipy.spatial import cKDTree
 
 from meshes.gmsh_session import MeshArrays, gmsh_model, read_out
-from meshes.ring import tetrahedra, with_mid_edges
+from meshes.ring import add_mid_edge_nodes, split_into_tetrahedra
 
 Floats = NDArray[np.float64]
 
 
 @dataclass(frozen=True)
 class PropellerShape:
-    """Dimensions of a propeller.
+    """Dimensions of a propeller, its sleeve, joints and blades.
 
     Attributes
     ----------
@@ -45,7 +45,7 @@ class PropellerShape:
     camber, edge : float
         Largest rise of a section's middle over its chord; thickness of its edges over that of its middle.
     seat : float, optional
-        Angle that each joint takes of the sleeve [rad]; by default its share of the cells around.
+        Angle of each joint on the sleeve [rad]; by default its share of the cells around.
     """
 
     blades: int
@@ -64,14 +64,14 @@ class PropellerShape:
 
 @dataclass(frozen=True)
 class PropellerCounts:
-    """Numbers of cells of a propeller.
+    """Numbers of cells along the edges of a propeller's sleeve, joints and blades.
 
     Attributes
     ----------
     around, axial, sleeve_radial : int
         Of the sleeve.
     seat : int
-        Cells around under each blade, fewer than ``around / blades``; the same through the blade's thickness.
+        Around under each blade, fewer than ``around / blades``, and through the blade's thickness.
     joint_radial, blade_radial : int
         Along each joint and each blade.
     growth : float
@@ -93,14 +93,14 @@ def propeller(
     element: Literal["hexahedron", "tetrahedron"] = "hexahedron",
     order: int = 1,
 ) -> MeshArrays:
-    """Mesh a propeller.
+    """Mesh a propeller with hexahedra or tetrahedra of first or second order.
 
     Parameters
     ----------
     element : str
-        ``tetrahedron``: six in place of each hexahedron.
+        ``hexahedron``, or ``tetrahedron`` for six in place of each.
     order : int
-        2 curves the edges.
+        1, or 2 for curved edges.
 
     Returns
     -------
@@ -111,17 +111,17 @@ def propeller(
     """
     half = counts.seat * np.pi / counts.around if shape.seat is None else shape.seat / 2
     with gmsh_model("propeller") as gmsh:
-        faces = _straight(gmsh, shape, counts, half)
+        faces = _build_straight(gmsh, shape, counts, half)
         gmsh.model.mesh.generate(3)
         mesh = read_out(gmsh, faces)
-    mesh = tetrahedra(mesh) if element == "tetrahedron" else mesh
-    mesh = with_mid_edges(mesh) if order == 2 else mesh
-    points = _bent(mesh.points, shape, half)
-    return mesh._replace(points=_exactly_cyclic(points, shape.blades), sectors=shape.blades)
+    mesh = split_into_tetrahedra(mesh) if element == "tetrahedron" else mesh
+    mesh = add_mid_edge_nodes(mesh) if order == 2 else mesh
+    points = _bend(mesh.points, shape, half)
+    return mesh._replace(points=_make_cyclic(points, shape.blades), sectors=shape.blades)
 
 
-def _straight(gmsh: Any, shape: PropellerShape, counts: PropellerCounts, half: float) -> dict[str, list[int]]:
-    """Build the straightened propeller in the current model; return the surfaces of each named face."""
+def _build_straight(gmsh: Any, shape: PropellerShape, counts: PropellerCounts, half: float) -> dict[str, list[int]]:
+    """Build the straightened propeller in the current model and return the surfaces of each named face."""
     geo = gmsh.model.geo
     low = -shape.length / 2
     centre = geo.addPoint(0, 0, low)
@@ -149,8 +149,8 @@ def _straight(gmsh: Any, shape: PropellerShape, counts: PropellerCounts, half: f
     volumes: dict[str, list[int]] = {"sleeve": [], "joints": [], "blades": []}
     faces: dict[str, list[int]] = {"bore": [], "back": [], "front": []}
 
-    def raised(inner: int, side: int, outer: int, other: int) -> tuple[int, list[int], int, int]:
-        """Volume over a patch, and its surfaces at the bottom, at the top and over each of the patch's curves."""
+    def extrude(inner: int, side: int, outer: int, other: int) -> tuple[int, list[int], int, int]:
+        """Extrude a patch; return the volume, the surfaces over its curves, the bottom and the top."""
         patch = geo.addPlaneSurface([geo.addCurveLoop([inner, side, -outer, -other])])
         geo.mesh.setTransfiniteSurface(patch)
         geo.mesh.setRecombine(2, patch)
@@ -160,7 +160,7 @@ def _straight(gmsh: Any, shape: PropellerShape, counts: PropellerCounts, half: f
     for k in range(shape.blades):
         after = (k + 1) % shape.blades
         for level, part in enumerate(volumes):
-            volume, around, bottom, top = raised(
+            volume, around, bottom, top = extrude(
                 arcs[k][level], spokes[k][level][1], arcs[k][level + 1], spokes[k][level][0]
             )
             volumes[part].append(volume)
@@ -171,7 +171,7 @@ def _straight(gmsh: Any, shape: PropellerShape, counts: PropellerCounts, half: f
             elif part == "blades":
                 sides = zip(("pressure", "tip", "suction"), around[1:], strict=True)
                 faces |= {f"{side}-{k + 1}": [surface] for side, surface in sides}
-        volume, around, bottom, top = raised(gaps[k][0], spokes[after][0][0], gaps[k][1], spokes[k][0][1])
+        volume, around, bottom, top = extrude(gaps[k][0], spokes[after][0][0], gaps[k][1], spokes[k][0][1])
         volumes["sleeve"].append(volume)
         faces["bore"].append(around[0])
         faces["back"].append(bottom)
@@ -182,8 +182,8 @@ def _straight(gmsh: Any, shape: PropellerShape, counts: PropellerCounts, half: f
     return faces
 
 
-def _bent(points: Floats, shape: PropellerShape, half: float) -> Floats:
-    """Move the points of the straightened propeller, whose blades are 2 ``half`` wide, to where they belong."""
+def _bend(points: Floats, shape: PropellerShape, half: float) -> Floats:
+    """Move the points of the straightened propeller, with blades of 2 ``half`` [rad], to the real sections."""
     r, z = np.hypot(points[:, 0], points[:, 1]), points[:, 2]
     angle = np.arctan2(points[:, 1], points[:, 0])
     pitch = 2 * np.pi / shape.blades
@@ -191,11 +191,11 @@ def _bent(points: Floats, shape: PropellerShape, half: float) -> Floats:
     beyond = r > shape.hub * (1 + 1e-9)
     r, u, w = r[beyond], (angle - middle)[beyond] / half, z[beyond] / (shape.length / 2)
     width = 2 * shape.hub * half
-    c = _along(shape, r, shape.chord, shape.length, _fillet)
-    t = _along(shape, r, shape.thickness, width, _fillet)
-    beta = _along(shape, r, shape.pitch, np.pi / 2, _turn)
-    e = _along(shape, r, (shape.edge, shape.edge), 1.0, _fillet)
-    k = _along(shape, r, (shape.camber, shape.camber), 0.0, _turn)
+    c = _section_property(shape, r, shape.chord, shape.length, _fillet)
+    t = _section_property(shape, r, shape.thickness, width, _fillet)
+    beta = _section_property(shape, r, shape.pitch, np.pi / 2, _turn)
+    e = _section_property(shape, r, (shape.edge, shape.edge), 1.0, _fillet)
+    k = _section_property(shape, r, (shape.camber, shape.camber), 0.0, _turn)
     along = 0.5 * c * w
     across = 0.5 * t * u * (1 - (1 - e) * w**2) - k * c * (1 - w**2)
     y = along * np.cos(beta) + across * np.sin(beta)
@@ -207,8 +207,8 @@ def _bent(points: Floats, shape: PropellerShape, half: float) -> Floats:
     return bent
 
 
-def _exactly_cyclic(points: Floats, sectors: int) -> Floats:
-    """Turn the first of every like points onto the others: Gmsh leaves 1e-10 m between them."""
+def _make_cyclic(points: Floats, sectors: int) -> Floats:
+    """Replace points by exact images of those in the first sector, since Gmsh's differ by 1e-10 m."""
     tree = cKDTree(points)
     turns = [_turn_about_z(2 * np.pi * k / sectors) for k in range(sectors)]
     images = np.stack([tree.query(points @ turn.T)[1] for turn in turns])
@@ -220,12 +220,13 @@ def _exactly_cyclic(points: Floats, sectors: int) -> Floats:
 
 
 def _turn_about_z(angle: float) -> Floats:
+    """Return the matrix (3, 3) of a rotation about z."""
     c, s = np.cos(angle), np.sin(angle)
     return np.array([[c, -s, 0.0], [s, c, 0.0], [0.0, 0.0, 1.0]])
 
 
-def _along(shape: PropellerShape, r: Floats, values: tuple[float, ...], seat: float, blend: Any) -> Floats:
-    """A section's property at the radii r: of the blade by its values, in the joint blended from that of the seat."""
+def _section_property(shape: PropellerShape, r: Floats, values: tuple[float, ...], seat: float, blend: Any) -> Floats:
+    """Return a section's property at the radii r: the blade's, blended with the seat's along the joint."""
     stations = np.linspace(shape.root, shape.tip, len(values))
     if len(values) == 1:
         stations, values = np.array([shape.root, shape.tip]), values * 2
@@ -240,8 +241,10 @@ def _along(shape: PropellerShape, r: Floats, values: tuple[float, ...], seat: fl
 
 
 def _fillet(s: Floats) -> Floats:
+    """Blend from 1 to 0 with a slope at 0 and none at 1."""
     return (1 - s) ** 3
 
 
 def _turn(s: Floats) -> Floats:
+    """Blend from 1 to 0 with no slope at either end."""
     return 1 - s**2 * (3 - 2 * s)

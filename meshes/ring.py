@@ -1,4 +1,4 @@
-"""Cells whose edges run along r, θ or z: split into tetrahedra, or given curved edges."""
+"""Conversions of cells with edges along r, θ and z to tetrahedra and to second order."""
 
 from __future__ import annotations
 
@@ -11,7 +11,7 @@ from meshes.gmsh_session import MeshArrays
 
 Floats = NDArray[np.float64]
 
-# Mid-edge nodes of cells of second order in meshio's (VTK's) order, by the corners they lie between.
+# Corners at the ends of each edge, in the order of meshio's (VTK's) mid-edge nodes.
 _EDGES = {
     "tetra": ((0, 1), (1, 2), (2, 0), (0, 3), (1, 3), (2, 3)),
     "hexahedron": ((0, 1), (1, 2), (2, 3), (3, 0), (4, 5), (5, 6), (6, 7), (7, 4), (0, 4), (1, 5), (2, 6), (3, 7)),
@@ -19,10 +19,10 @@ _EDGES = {
 _SECOND_ORDER = {"tetra": "tetra10", "hexahedron": "hexahedron20"}
 
 
-def tetrahedra(mesh: MeshArrays) -> MeshArrays:
+def split_into_tetrahedra(mesh: MeshArrays) -> MeshArrays:
     """Split each hexahedron into the six tetrahedra around its diagonal towards greater r, θ and z (Kuhn 1960).
 
-    All cells are split in one sense, so the tetrahedra conform, and what turns into itself still does.
+    All cells are split in the same sense, so the tetrahedra conform and keep the cyclic symmetry.
     """
     polar = _polar(mesh.points[mesh.cells])
     upper = polar > polar.mean(axis=1, keepdims=True)
@@ -35,8 +35,8 @@ def tetrahedra(mesh: MeshArrays) -> MeshArrays:
     return mesh._replace(cells=corners[:, split].reshape(-1, 4), cell_type="tetra", parts=parts)
 
 
-def with_mid_edges(mesh: MeshArrays) -> MeshArrays:
-    """Add the nodes in the middle of each edge, in r, θ and z."""
+def add_mid_edge_nodes(mesh: MeshArrays) -> MeshArrays:
+    """Add a node in the middle of each edge, the middle in r, θ and z."""
     ends = np.sort(mesh.cells[:, _EDGES[mesh.cell_type]], axis=-1)
     edges, number = np.unique(ends.reshape(-1, 2), axis=0, return_inverse=True)
     r, angle, z = np.moveaxis(_polar(mesh.points[edges]).mean(axis=1), -1, 0)
@@ -50,7 +50,7 @@ def with_mid_edges(mesh: MeshArrays) -> MeshArrays:
 
 
 def _polar(x: Floats) -> Floats:
-    """(r, θ, z) of points (n, k, 3), the angles from that of the first of each k."""
+    """Return (r, θ, z) of points (n, k, 3), with angles from the first of each k."""
     angle = np.arctan2(x[..., 1], x[..., 0])
     turned = (angle - angle[:, :1] + np.pi) % (2 * np.pi) - np.pi
     return np.stack([np.hypot(x[..., 0], x[..., 1]), turned, x[..., 2]], axis=-1)

@@ -1,42 +1,33 @@
-"""The layers: who may import whom, read off the source by its syntax tree; and a few habits of the house."""
+"""The order of the layers and a few habits of the house, read off the sources' syntax trees.
+
+Each rule is a function from sources to a list of faults; a test shows all faults of the project at once, and the last
+tests show each rule a small source with a fault.
+"""
 
 from __future__ import annotations
 
 import ast
-from collections.abc import Iterator
+from collections import defaultdict
+from collections.abc import Callable, Iterator, Mapping
+from functools import cache
+from graphlib import CycleError, TopologicalSorter
 from pathlib import Path
 from typing import NamedTuple
 
 import pytest
 
 ROOT = Path(__file__).parent.parent
-SOURCES = sorted(path for folder in ("meshes", "pipeline") for path in (ROOT / folder).rglob("*.py"))
-MOST_LINES = 460
+MOST_LINES = 420  # most files have less than 250
 
-# Each layer imports from itself and from those above it in this list.
-LAYERS = (
-    {"units", "checks", "tensors", "expression", "folders", "files", "progress", "cache", "keeper", "html"},
-    {"fem"},
-    {"reduction"},
-    {"dynamics"},
-    {"integrators"},
-    {"recovery"},
-    {"studies"},
-    {
-        *{"scene", "scene_file", "scene_time", "scene_shapes", "scene_files"},
-        *{"scene_parts", "scene_outputs", "scene_runs"},
-        *{"mechanism", "methods", "inboard", "part", "attachments", "shapes", "sources", "spin"},
-        *{"stages", "plan", "frequencies", "quantities", "outputs", "drawings", "picture_files", "exports"},
-        *{"stability", "course", "stress_test", "stress_cases"},
-        *{"neighbours", "observed", "coarse", "estimates", "budget", "accuracy"},
-        *{"summary", "tables", "bench", "mode_study", "whole_runs", "doctor", "sweep", "verification"},
-        *{"report", "notebook", "starting", "templates", "commands", "cli"},
-        *{"__init__", "__main__"},
-    },
-)
-# Pictures stand beside the calculation: they know nothing of it, and only the last layer knows them.
-RENDER = "render"
-TOP = len(LAYERS) - 1
+_PHYSICS = ["fem", "reduction", "dynamics", "integrators", "recovery", "stability"]
+# The folders of `pipeline` that each may import, beside itself.
+MAY_IMPORT: dict[str, set[str]] = {"core": set(), "scene": {"core"}, "render": {"core"}}
+MAY_IMPORT |= {folder: {"core", *_PHYSICS[:k]} for k, folder in enumerate(_PHYSICS)}
+MAY_IMPORT["stages"] = {"core", "scene", *_PHYSICS}
+MAY_IMPORT["accuracy"] = {"stages", *MAY_IMPORT["stages"]}
+MAY_IMPORT["output"] = {"accuracy", "render", *MAY_IMPORT["accuracy"]}
+MAY_IMPORT |= {folder: {"output", *MAY_IMPORT["output"]} for folder in ("bench", "verification", "sweep")}
+MAY_IMPORT["cli"] = {"bench", "verification", "sweep", *MAY_IMPORT["bench"]}
 
 # Packages that only one place may load.
 OWNERS = {
@@ -47,167 +38,276 @@ OWNERS = {
     "vtk": "pipeline.render",
     "vtkmodules": "pipeline.render",
     "matplotlib": "pipeline.render",
+    "petsc4py": "pipeline.reduction.factor",
+    "slepc4py": "pipeline.reduction.factor",
     "meshes": "pipeline.stages.meshing",
 }
+# Packages that take 50 ms or more to load, so that an import inside a function pays; `meshes` brings Gmsh.
+HEAVY = {
+    *("cvxopt", "dask", "distributed", "filelock", "gmsh", "h5py", "imageio", "jinja2", "joblib", "llvmlite"),
+    "meshes",
+    *("matplotlib", "meshio", "numba", "petsc4py", "pint", "psutil", "pymetis", "pyvista", "rich", "scipy", "skfem"),
+    *("slepc4py", "vtk", "vtkmodules", "xarray"),
+}
+MISSING_ON_SOME_SYSTEMS = {"resource"}
+# `fmd --help` and `import pipeline` load nothing but the standard library and the command line's own package.
+HEAVY_FOR_COMMANDS = HEAVY | {"numpy", "pydantic"}
+
+Sources = Mapping[str, str]
 
 
 class Import(NamedTuple):
-    """A module that is imported, and whether that happens as soon as the importer is: not for types, not later on."""
+    """A module that another imports: at the top, inside a function, or for types alone."""
 
     name: str
     line: int
-    at_once: bool
+    where: str
 
 
-def imports(tree: ast.AST, at_once: bool = True) -> Iterator[Import]:
+def read_sources(*folders: str) -> dict[str, str]:
+    """Return the sources of all modules in some folders, by dotted name."""
+    sources = {}
+    for path in sorted(path for folder in folders for path in (ROOT / folder).rglob("*.py")):
+        parts = path.relative_to(ROOT).with_suffix("").parts
+        sources[".".join(parts[:-1] if parts[-1] == "__init__" else parts)] = path.read_text(encoding="utf-8")
+    return sources
+
+
+@cache
+def parse(source: str) -> ast.Module:
+    return ast.parse(source)
+
+
+def imports_of(sources: Sources, module: str) -> list[Import]:
+    return [*_imports(parse(sources[module]), set(sources), "top")]
+
+
+def _imports(tree: ast.AST, known: set[str], where: str) -> Iterator[Import]:
     for node in ast.iter_child_nodes(tree):
         if isinstance(node, ast.Import):
-            yield from (Import(alias.name, node.lineno, at_once) for alias in node.names)
+            yield from (Import(alias.name, node.lineno, where) for alias in node.names)
         elif isinstance(node, ast.ImportFrom):
             module = "." * node.level + (node.module or "")
-            # `from pipeline.render import probe` imports a module, `from pipeline.core.errors import Array` doesn't
-            whole = [f"{module}.{alias.name}" for alias in node.names if is_module(f"{module}.{alias.name}")]
-            yield from (Import(name, node.lineno, at_once) for name in whole or [module])
+            names = {f"{module}.{alias.name}" for alias in node.names}
+            yield from (Import(name, node.lineno, where) for name in sorted(names & known) or [module])
         elif isinstance(node, ast.If) and ast.unparse(node.test).endswith("TYPE_CHECKING"):
-            for inner in node.body:
-                yield from imports(ast.Module([inner], []), at_once=False)
-            yield from imports(ast.Module(node.orelse, []), at_once)
-        else:
-            yield from imports(node, at_once and not isinstance(node, ast.FunctionDef | ast.AsyncFunctionDef))
-
-
-def is_module(name: str) -> bool:
-    path = ROOT.joinpath(*name.split("."))
-    return path.with_suffix(".py").is_file() or (path / "__init__.py").is_file()
-
-
-def module_of(path: Path) -> str:
-    parts = path.relative_to(ROOT).with_suffix("").parts
-    return ".".join(parts if parts[-1] != "__init__" else parts[:-1])
+            yield from _imports(ast.Module(node.body, []), known, "types")
+            yield from _imports(ast.Module(node.orelse, []), known, where)
+        elif isinstance(node, ast.FunctionDef | ast.AsyncFunctionDef):
+            yield from _imports(node, known, "function")
+        elif not isinstance(node, ast.expr):
+            yield from _imports(node, known, where)
 
 
 def inside(module: str, package: str) -> bool:
     return module == package or module.startswith(f"{package}.")
 
 
-def part(module: str) -> str:
-    """Folder or file below ``pipeline`` that a module belongs to."""
-    return module.split(".")[1] if "." in module else "__init__"
+def folder_of(module: str) -> str:
+    """The folder of `pipeline` that a module is in; empty for the package itself and what isn't of it."""
+    parts = module.split(".")
+    return parts[1] if parts[0] == "pipeline" and len(parts) > 1 else ""
 
 
-def layer(module: str) -> int:
-    return next(k for k, names in enumerate(LAYERS) if part(module) in names)
+def breaches_of_layers(sources: Sources) -> Iterator[str]:
+    for module in sources:
+        folder = folder_of(module)
+        for name, line, _ in imports_of(sources, module):
+            other = folder_of(name)
+            if name.startswith("."):
+                yield f"{module}:{line} has a relative import; write it out"
+            elif inside(name, "pipeline") and not inside(module, "pipeline"):
+                yield f"{module}:{line} imports {name}, which stands above it"
+            elif folder in MAY_IMPORT and other in MAY_IMPORT and other not in {folder, *MAY_IMPORT[folder]}:
+                yield f"{module}:{line} imports {name}, which doesn't stand below it"
 
 
-def faults(module: str, source: str) -> list[str]:
-    """Say what a module imports against the rules."""
-    found = []
-    for imported in imports(ast.parse(source)):
-        name = imported.name
-        if name.startswith("."):
-            found.append(f"line {imported.line}: a relative import; write it out")
+def breaches_of_ownership(sources: Sources) -> Iterator[str]:
+    for module in sources:
+        for name, line, _ in imports_of(sources, module):
+            package = name.partition(".")[0]
+            owner = OWNERS.get(package)
+            if owner and not inside(module, owner) and not inside(module, package):
+                yield f"{module}:{line} imports {name}, which belongs to {owner}"
+
+
+def circles(sources: Sources) -> Iterator[str]:
+    needs = {module: {i.name for i in imports_of(sources, module)} & sources.keys() - {module} for module in sources}
+    while True:
+        try:
+            TopologicalSorter(needs).prepare()
+        except CycleError as error:
+            circle: list[str] = error.args[1]
+            yield " <- ".join(circle)
+            needs[circle[1]] -= {circle[0]}  # to find the others
+        else:
+            return
+
+
+def needless_late_imports(sources: Sources) -> Iterator[str]:
+    """An import stands inside a function only if it loads, or leads to loading, a heavy package."""
+    loads = {module: {i.name for i in imports_of(sources, module) if i.where == "top"} for module in sources}
+    for module in sources:
+        heavy = HEAVY_FOR_COMMANDS if module == "pipeline" or folder_of(module) == "cli" else HEAVY
+        for name, line, where in imports_of(sources, module):
+            if where == "function" and not _leads_to(name, heavy | MISSING_ON_SOME_SYSTEMS, loads):
+                yield f"{module}:{line} imports {name} inside a function, which loads nothing heavy"
+
+
+def _leads_to(name: str, heavy: set[str], loads: Mapping[str, set[str]]) -> bool:
+    seen, waiting = {name}, [name]
+    while waiting:
+        name = waiting.pop()
+        if name.partition(".")[0] in heavy:
+            return True
+        waiting += loads.get(name, set()) - seen
+        seen |= loads.get(name, set())
+    return False
+
+
+def classes_of_one_name(sources: Sources) -> Iterator[str]:
+    places = defaultdict(list)
+    for module in sources:
+        for node in ast.walk(parse(sources[module])):
+            if isinstance(node, ast.ClassDef) and not node.name.startswith("_"):
+                places[node.name].append(module)
+    yield from (f"{name} is a class of {' and of '.join(at)}" for name, at in places.items() if len(at) > 1)
+
+
+def misplaced_modules(sources: Sources) -> Iterator[str]:
+    for module in sources:
+        folder = folder_of(module)
+        if folder and folder not in (*MAY_IMPORT, "__main__"):
+            yield f"{module} is in no layer"
+        elif folder in MAY_IMPORT and module == f"pipeline.{folder}" and _statements(sources[module]) > 1:
+            yield f"{module} holds more than its docstring"
+
+
+def _statements(source: str) -> int:
+    return len(parse(source).body)
+
+
+def long_files(sources: Sources) -> Iterator[str]:
+    for module, source in sources.items():
+        if (lines := len(source.splitlines())) > MOST_LINES:
+            yield f"{module} has {lines} lines"
+
+
+def prints(sources: Sources) -> Iterator[str]:
+    """A library returns and raises: only the command line, and what runs as a process of its own, prints and exits."""
+    for module in sources:
+        if folder_of(module) in ("cli", "__main__"):
             continue
-        owner = OWNERS.get(name.partition(".")[0])
-        if owner and not inside(module, owner) and module.partition(".")[0] != name.partition(".")[0]:
-            found.append(f"line {imported.line}: {name} belongs to {owner}")
-        if not inside(name, "pipeline"):
-            continue
-        if not inside(module, "pipeline"):
-            found.append(f"line {imported.line}: {name} is not for {module}")
-        elif part(module) == RENDER:
-            if part(name) != RENDER and (part(name) not in LAYERS[0]):
-                found.append(f"line {imported.line}: pictures know nothing of {name}")
-        elif part(name) == RENDER:
-            if layer(module) != TOP:
-                found.append(f"line {imported.line}: {module} knows nothing of pictures")
-        elif layer(name) > layer(module):
-            found.append(f"line {imported.line}: {name} stands below {module}")
-    return found
+        body = [node for node in parse(sources[module]).body if not _is_main_guard(node)]
+        for node in ast.walk(ast.Module(body, [])):
+            if isinstance(node, ast.Call) and ast.unparse(node.func) in ("print", "exit", "sys.exit"):
+                yield f"{module}:{node.lineno} calls {ast.unparse(node.func)}"
 
 
-@pytest.mark.parametrize("path", SOURCES, ids=module_of)
-def test_a_module_imports_only_from_the_layers_above_it(path: Path) -> None:
-    assert faults(module_of(path), path.read_text(encoding="utf-8")) == []
+def _is_main_guard(node: ast.stmt) -> bool:
+    return isinstance(node, ast.If) and ast.unparse(node.test) == "__name__ == '__main__'"
 
 
-def test_every_module_has_its_layer() -> None:
-    known = {RENDER}.union(*LAYERS)
-    parts = {part(module_of(path)) for path in SOURCES if inside(module_of(path), "pipeline")}
-    assert parts - known == set()
+def assertionless_tests(sources: Sources) -> Iterator[str]:
+    """A test asserts, expects an error, or calls a function of the tests that does."""
+    functions = [
+        (module, node)
+        for module in sources
+        for node in ast.walk(parse(sources[module]))
+        if isinstance(node, ast.FunctionDef)
+    ]
+    calls = [(function.name, _calls(function)) for _, function in functions]
+    asserting = {"assert", "raises", "warns", "check=True"}
+    while more := {name for name, called in calls if not name.startswith("test_") and called & asserting} - asserting:
+        asserting |= more
+    for (module, function), (name, called) in zip(functions, calls, strict=True):
+        if name.startswith("test_") and not called & asserting:
+            yield f"{module}:{function.lineno} {name} asserts nothing"
 
 
-def test_modules_do_not_import_one_another_in_circles() -> None:
-    needs = {}
-    for path in SOURCES:
-        found = imports(ast.parse(path.read_text(encoding="utf-8")))
-        needs[module_of(path)] = {i.name for i in found if i.at_once and is_module(i.name)}
-    needs["pipeline"] = set()  # it offers what is below it by name, when asked
-    while free := {name for name, wanted in needs.items() if not wanted & needs.keys()}:
-        needs = {name: wanted for name, wanted in needs.items() if name not in free}
-    assert needs == {}
+def _calls(function: ast.FunctionDef) -> set[str]:
+    """The names of what a function calls, without what they belong to, and the word "assert" if it holds one."""
+    called = set()
+    for node in ast.walk(function):
+        if isinstance(node, ast.Call):
+            name = ast.unparse(node.func).rpartition(".")[2]
+            called.add("assert" if name.startswith("assert_") else name)
+            called |= {ast.unparse(keyword) for keyword in node.keywords if keyword.arg == "check"}
+        elif isinstance(node, ast.Assert):
+            called.add("assert")
+    return called
+
+
+RULES: list[Callable[[Sources], Iterator[str]]] = [
+    breaches_of_layers,
+    breaches_of_ownership,
+    circles,
+    needless_late_imports,
+    classes_of_one_name,
+    misplaced_modules,
+    long_files,
+    prints,
+]
+
+
+@pytest.mark.parametrize("rule", RULES, ids=lambda rule: rule.__name__)
+def test_the_project_keeps_the_rule(rule: Callable[[Sources], Iterator[str]]) -> None:
+    assert not (faults := [*rule(read_sources("meshes", "pipeline"))]), "\n".join(["", *faults])
+
+
+def test_every_test_asserts() -> None:
+    assert not (faults := [*assertionless_tests(read_sources("tests"))]), "\n".join(["", *faults])
 
 
 @pytest.mark.parametrize(
-    ("module", "line", "fault"),
+    ("rule", "sources", "fault"),
     [
-        ("pipeline.fem.mesh", "import gmsh", "gmsh belongs to meshes"),
-        ("pipeline.fem.mesh", "from meshes.bar import hexahedral_bar", "meshes.bar belongs to pipeline.stages.meshing"),
-        ("pipeline.reduction.eigen", "def f():\n    import skfem.utils", "skfem.utils belongs to pipeline.fem"),
+        (breaches_of_layers, {"pipeline.fem.mesh": "import pipeline.scene.scene"}, "doesn't stand below it"),
+        (breaches_of_layers, {"pipeline.core.a": "def f():\n    import pipeline.fem.b"}, "pipeline.core.a:2 imports"),
+        (breaches_of_layers, {"pipeline.render.a": "if TYPE_CHECKING:\n    import pipeline.fem.b"}, "pipeline.fem.b"),
+        (breaches_of_layers, {"pipeline.stages.a": "import pipeline.render.b"}, "pipeline.render.b"),
+        (breaches_of_layers, {"meshes.bar": "import pipeline.core.errors"}, "which stands above it"),
+        (breaches_of_layers, {"pipeline.fem.a": "from . import b"}, "relative import"),
+        (breaches_of_ownership, {"pipeline.stages.meshing": "import gmsh"}, "gmsh, which belongs to meshes"),
+        (breaches_of_ownership, {"pipeline.stages.part": "from meshes.bar import b"}, "pipeline.stages.meshing"),
+        (breaches_of_ownership, {"pipeline.output.a": "from matplotlib.figure import F"}, "belongs to pipeline.render"),
+        (circles, {"pipeline.fem.a": "import pipeline.fem.b", "pipeline.fem.b": "import pipeline.fem.a"}, " <- "),
         (
-            "pipeline.output.write",
-            "from matplotlib.figure import Figure",
-            "matplotlib.figure belongs to pipeline.render",
+            circles,
+            {"p.a": "import p.b", "p.b": "def f():\n    import p.c", "p.c": "if TYPE_CHECKING:\n    import p.a"},
+            "p.a <- p.c <- p.b <- p.a",
         ),
+        (needless_late_imports, {"pipeline.fem.a": "def f():\n    import json"}, "json inside a function"),
         (
-            "pipeline.cli.doctor_checks",
-            "import vtkmodules.vtkCommonCore",
-            "vtkmodules.vtkCommonCore belongs to pipeline.render",
+            needless_late_imports,
+            {"pipeline.fem.a": "def f():\n    from pipeline.fem import b", "pipeline.fem.b": "import numpy"},
+            "pipeline.fem.b inside a function",
         ),
-        ("meshes.bar", "from pipeline.core.errors import Array", "pipeline.core.errors is not for meshes.bar"),
-        ("pipeline.fem.mesh", "from pipeline.reduction.modes import Modes", "pipeline.reduction.modes stands below"),
-        (
-            "pipeline.core.errors",
-            "from pipeline.scene.scene import Scene",
-            "pipeline.scene.scene stands below pipeline.core.errors",
-        ),
-        ("pipeline.recovery.stress", "from pipeline import stages", "pipeline.stages.pipeline stands below"),
-        ("pipeline.dynamics.rotor.rotor", "if TYPE_CHECKING:\n    import pipeline.recovery.motion", "stands below"),
-        ("pipeline.recovery.stress", "from pipeline.render.charts import Curve", "knows nothing of pictures"),
-        ("pipeline.render.charts", "from pipeline.fem.mesh import SolidMesh", "pictures know nothing of"),
-        ("pipeline.fem.mesh", "from .model import FEModel", "a relative import"),
-        ("pipeline.fem.mesh", "from . import model", "a relative import"),
+        (classes_of_one_name, {"a": "class Row: ...", "b": "class Row: ..."}, "Row is a class of a and of b"),
+        (misplaced_modules, {"pipeline.tools": ""}, "pipeline.tools is in no layer"),
+        (misplaced_modules, {"pipeline.fem": "'''Doc.'''\nimport pipeline.fem.mesh"}, "more than its docstring"),
+        (long_files, {"pipeline.fem.a": "\n" * (MOST_LINES + 1)}, f"{MOST_LINES + 1} lines"),
+        (prints, {"pipeline.fem.a": "print(1)"}, "calls print"),
+        (assertionless_tests, {"tests.test_a": "def test_f(): g()\ndef g(): pass"}, "test_f asserts nothing"),
     ],
 )
-def test_what_is_against_the_rules_is_found(module: str, line: str, fault: str) -> None:
-    found = faults(module, line)
-    assert len(found) == 1
-    assert fault in found[0]
+def test_a_rule_finds_its_fault(rule: Callable[[Sources], Iterator[str]], sources: Sources, fault: str) -> None:
+    (found,) = rule(sources)
+    assert fault in found
 
 
 @pytest.mark.parametrize(
-    ("module", "line"),
+    "sources",
     [
-        ("meshes.gmsh_session", "import gmsh"),
-        ("meshes.bar", "from meshes.gmsh_session import gmsh_model"),
-        ("pipeline.stages.meshing", "from meshes.bar import hexahedral_bar"),
-        ("pipeline.fem.model", "import skfem, meshio"),
-        ("pipeline.recovery.stress", "from pipeline.fem.model import FEModel"),
-        ("pipeline.cli.doctor_checks", "from pipeline.render import probe"),
-        ("pipeline.render.film", "from pipeline.core.files import whole_file"),
+        {"meshes.bar": "import gmsh\nfrom meshes.ring import cells"},
+        {"pipeline.stages.meshing": "def f():\n    import meshes.bar", "meshes.bar": "import gmsh"},
+        {"pipeline.render.film": "import pyvista\nfrom pipeline.core.files import whole_file"},
+        {"pipeline.cli.a": "def f():\n    import pipeline.stages.b", "pipeline.stages.b": "import numpy"},
+        {"pipeline.output.a": "def f():\n    import pipeline.recovery.b", "pipeline.recovery.b": "import scipy.linalg"},
+        {"pipeline.cli.a": "print(1)"},
+        {"meshes.cad": "if __name__ == '__main__':\n    print(1)"},
+        {"tests.test_a": "def test_f(): g()\ndef g(): h()\ndef h(): assert True"},
     ],
 )
-def test_what_is_within_the_rules_is_let_through(module: str, line: str) -> None:
-    assert faults(module, line) == []
-
-
-@pytest.mark.parametrize("path", SOURCES, ids=module_of)
-def test_a_file_is_not_too_long(path: Path) -> None:
-    assert len(path.read_text(encoding="utf-8").splitlines()) <= MOST_LINES
-
-
-@pytest.mark.parametrize(
-    "path", [path for path in SOURCES if part(module_of(path)) not in ("cli", "commands")], ids=module_of
-)
-def test_the_library_prints_nothing(path: Path) -> None:
-    calls = [node for node in ast.walk(ast.parse(path.read_text(encoding="utf-8"))) if isinstance(node, ast.Call)]
-    assert [call.lineno for call in calls if ast.unparse(call.func) == "print"] == []
+def test_what_keeps_the_rules_is_let_through(sources: Sources) -> None:
+    assert [fault for rule in [*RULES, assertionless_tests] for fault in rule(sources)] == []

@@ -1,30 +1,28 @@
-"""The error budget of a run: what each of its results is off by, source by source."""
+"""The error budget of a run: the relative error of each of its results, source by source."""
 
 from __future__ import annotations
 
 from dataclasses import dataclass
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 import numpy as np
 
 from pipeline.accuracy.error_estimates import NO_PART, SAFETY, SOURCES, Row
 from pipeline.accuracy.estimators import Estimates
 from pipeline.accuracy.quantities import of_the_mesh, of_the_motion, of_the_stress
-from pipeline.core.cache import stage_key
-
-if TYPE_CHECKING:
-    from pipeline.stages.pipeline import Pipeline
+from pipeline.stages.pipeline import Pipeline
+from pipeline.stages.stage import Stage
 
 
 @dataclass(frozen=True)
 class Budget:
-    """The budget of all of a run's quantities.
+    """Error budget of all of a run's quantities.
 
     Attributes
     ----------
     rows : tuple of Row
     safety : float
-        What the root of the sum of a row's estimates' squares is multiplied by.
+        Factor on the root of the sum of the squares of a row's estimates.
     """
 
     rows: tuple[Row, ...]
@@ -32,11 +30,11 @@ class Budget:
 
     @property
     def worst(self) -> Row:
-        """The row with the largest total."""
+        """Row with the largest total."""
         return max(self.rows, key=lambda row: row.total)
 
     def summary(self) -> dict[str, Any]:
-        """Plain numbers and texts."""
+        """Return the budget as plain numbers and texts."""
         rows = [
             {"quantity": row.name, "value": row.value, "unit": row.unit, "over_time": row.over_time}
             | {**row.parts, "total": row.total}
@@ -45,35 +43,40 @@ class Budget:
         return {"safety": self.safety, "rows": rows}
 
 
-def budget_key(run: Pipeline) -> str:
-    """Key that the budget is kept under."""
-    return stage_key("error budget", run.inputs, ("pipeline", "meshes"), ("numpy", "scipy", "scikit-fem", "gmsh"))
-
-
-def budget_of(run: Pipeline) -> Budget:
-    """The budget of the scene's first run, kept like other stages."""
-    return run.keeper.kept("error budget", budget_key(run), lambda: _made(run))
-
-
 def true_errors(run: Pipeline, finer: Pipeline) -> dict[str, float]:
-    """Relative errors of a run's quantities against those of a much finer run of the same scene.
+    """Return the relative errors of a run's quantities against those of a much finer run of the same scene.
 
     Frequencies are matched by their modes' shapes, element stress by place.
     """
-    found, motion = Estimates(run).found, finer.first_motion
+    quantities, motion = Estimates(run).quantities, finer.motion
     places = {name: part.element_places for name, part in run.parts.items() if part.elements}
     exact = of_the_mesh(finer, run) | of_the_motion(finer, motion, finer.fine_motion)
     if run.parts:
         exact |= of_the_stress(finer, motion, np.arange(len(motion.times)), places=places)
-    return {name: quantity.error(exact[name]) for name, quantity in found.items()}
+    return {name: quantity.error(exact[name]) for name, quantity in quantities.items()}
 
 
-def _made(run: Pipeline) -> Budget:
+def _estimate(run: Pipeline) -> Budget:
     estimates = Estimates(run)
     by_source = estimates.by_source()
     rows = []
-    for name, quantity in estimates.found.items():
+    for name, quantity in estimates.quantities.items():
         parts = {source: by_source.get(source, {}).get(name, NO_PART) for source in SOURCES}
         over_time = not (quantity.largest or name in estimates.of_mesh)
         rows.append(Row(name, quantity.unit, quantity.scale, over_time, parts))
     return Budget(tuple(rows))
+
+
+def _inputs(run: Pipeline) -> dict[str, Any]:
+    return run.inputs
+
+
+ERROR_BUDGET: Stage[Budget] = Stage(
+    "error budget",
+    _estimate,
+    ("mesh", "assembly", "modes", "body", "surface", "stress"),  # of each part; the rest is in stages of its own
+    _inputs,
+    ("pipeline", "meshes"),
+    ("numpy", "scipy", "scikit-fem", "gmsh"),
+)
+"""Stage of a run: ``ERROR_BUDGET.of(run)`` is the budget of the scene's first run."""

@@ -1,26 +1,24 @@
-"""What two computations of different fineness say about the error of one of them.
+"""Errors estimated from two computations of different fineness.
 
 Richardson's extrapolation (Phil Trans R Soc A 210, 1911): if the error falls by ``R`` from the coarser to the finer
-computation, the finer one is off by their difference over ``R − 1``.
+computation, the error of the finer one is their difference over ``R − 1``.
 """
 
 from __future__ import annotations
 
 import math
 from dataclasses import dataclass, replace
-from typing import TYPE_CHECKING, Literal
+from typing import Literal
 
 import numpy as np
 from numpy.typing import NDArray
 
 from pipeline.core.arrays import Array, IntArray
-
-if TYPE_CHECKING:
-    from pipeline.reduction.body import FlexibleBody
+from pipeline.reduction.body import FlexibleBody
 
 NO_PART = "no part in it"
 SOURCES = ("discretisation", "truncation", "time", "recovery")
-# An estimate tells the size of an error, not a bound: what is stated is this many times all estimates together.
+# An estimate has the size of an error and is no bound: the stated error is this many times all estimates together.
 SAFETY = 2.0
 _NEAR_PEAK = 0.8  # of the largest value
 _MOST = 0.75
@@ -28,18 +26,18 @@ _MOST = 0.75
 
 @dataclass(frozen=True)
 class Quantity:
-    """A result that a run reports.
+    """A result of a run, over time or once, with its unit and its order of convergence.
 
     Parameters
     ----------
     name, unit : str
-        What it is.
+        Name and unit.
     values : ndarray, shape (n_times,) or (n_times, 3)
-        Over the output times; one value if it doesn't depend on time.
+        Values at the output times; one if it doesn't depend on time.
     largest : bool
-        Whether the largest size over time is reported, or the whole history.
+        The largest size over time is reported, and not the whole history.
     kind : str
-        How it converges as the mesh is refined: as ``"displacement"``, as ``"stress"``, or with the ``"geometry"``.
+        Convergence as the mesh is refined: that of ``"displacement"``, ``"stress"`` or ``"geometry"``.
     """
 
     name: str
@@ -55,18 +53,18 @@ class Quantity:
 
     @property
     def scale(self) -> float:
-        """The largest of them, to which errors are relative."""
+        """Largest absolute value, to which errors are relative."""
         return float(self.sizes.max())
 
     def error(self, other: Quantity) -> float:
-        """Error relative to another computation of the same: of the largest value, or the largest over time."""
+        """Return the error relative to another computation: of the largest value, or the largest over time."""
         return _over(self._apart(other), other.scale)
 
     def change(self, other: Quantity) -> float:
-        """Size of the error that a change to ``other`` tells of, relative to the larger of the two.
+        """Return the size of a difference from ``other``, relative to the larger of the two.
 
-        A largest value may by chance be the same in both: half of what any peak near it differs by counts at least.
-        Peaks are compared, not values, for what comes a little later is as large.
+        A largest value may by chance be the same in both: half of the difference of any peak near it counts at
+        least. Peaks are compared, not values, since a peak that comes a little later is as large.
         """
         apart = self._apart(other)
         if self.largest:
@@ -76,7 +74,7 @@ class Quantity:
         return _over(apart, max(self.scale, other.scale))
 
     def _peaks(self, near: NDArray[np.bool_], starts: IntArray) -> Array:
-        """The largest size in each row of times that are ``near`` a peak, by where these start."""
+        """Return the largest size in each stretch of times that are ``near`` a peak, by where these start."""
         return np.asarray(np.maximum.reduceat(np.where(near, self.sizes, 0.0), starts))
 
     def _apart(self, other: Quantity) -> float:
@@ -87,14 +85,14 @@ class Quantity:
 
 @dataclass(frozen=True)
 class Row:
-    """The budget of one quantity.
+    """Error budget of one quantity.
 
     Attributes
     ----------
     value : float
-        Its largest value, or the only one.
+        Largest value of the quantity, or the only one.
     over_time : bool
-        Whether the error is the largest of a history's.
+        The error is the largest of a history's.
     parts : dict of str to float or str
         Relative error by each source, or in words why there is no estimate: `NO_PART`, or what it would take.
     """
@@ -107,7 +105,7 @@ class Row:
 
     @property
     def total(self) -> float:
-        """What is stated: `SAFETY` times the root of the sum of the estimates' squares, relative.
+        """Stated relative error: `SAFETY` times the root of the sum of the estimates' squares.
 
         Sources are independent of one another, so that they rarely add up at the same instant (JCGM 100, Guide to the
         expression of uncertainty in measurement, 2008, section 5.1).
@@ -116,36 +114,37 @@ class Row:
 
     @property
     def dominant(self) -> str:
-        """The source with the largest estimate."""
+        """Source with the largest estimate."""
         return max(SOURCES, key=lambda source: p if isinstance(p := self.parts[source], float) else 0.0)
 
 
 def refinement_gain(ratio: float, order: int, edges: int, kind: str) -> float:
-    """What the error falls by if elements of an order are made ``ratio`` times smaller, less one.
+    """Return the factor by which the error falls with elements ``ratio`` times smaller, less one.
 
-    Displacements, energies and eigenvalues converge as ``h^2p``, stress at least as ``h^p``, the volume in facets whose
-    ``edges`` are of order ``k`` as ``h^2k``: ``h²`` in plane ones, and in curved ones with nodes on the surface ``h⁴``,
-    for Simpson's rule is exact for cubics (Strang & Fix, An Analysis of the Finite Element Method, 1973).
+    Displacements, energies and eigenvalues converge as ``h^2p`` with elements of order p, stress at least as ``h^p``.
+    The volume in facets whose ``edges`` are of order k converges as ``h^2k``: as ``h²`` in plane ones, and as ``h⁴`` in
+    curved ones with nodes on the surface, since Simpson's rule is exact for cubics (Strang & Fix, An Analysis of the
+    Finite Element Method, 1973).
     """
     power = {"displacement": 2 * order, "stress": order, "geometry": 2 * edges}[kind]
     return float(ratio**power) - 1
 
 
 def shifted_frequencies(omega: Array, excess: Array, part: float) -> Array:
-    """Frequencies when ``part`` of what their eigenvalues are too high by is taken off.
+    """Return frequencies with ``part`` of the excess of their eigenvalues taken off.
 
     Parameters
     ----------
     omega : ndarray, shape (n,)
         Frequencies, angular or not.
     excess : ndarray, shape (n,)
-        What their squares are too high by, relative; at most three quarters of a square are taken off.
+        Relative excess of their squares; at most three quarters of a square are taken off.
     """
     return np.asarray(omega * np.sqrt(1 - np.clip(part * excess, -_MOST, _MOST)))
 
 
-def softened(body: FlexibleBody, excess: Array) -> tuple[FlexibleBody, Array]:
-    """A body whose stiffness has lost what it is too large by, and what its stress is then made of.
+def soften_body(body: FlexibleBody, excess: Array) -> tuple[FlexibleBody, Array]:
+    """Return a body whose stiffness has lost its excess, and the coordinates that its stress is made of.
 
     Stress balances forces: a stiffness that is too large makes displacements too small but leaves it right. So the
     stress of the softened body is that of the given one under the same modal forces.
@@ -153,15 +152,15 @@ def softened(body: FlexibleBody, excess: Array) -> tuple[FlexibleBody, Array]:
     Parameters
     ----------
     excess : ndarray, shape (n, n)
-        What the products of two shapes' stiffness are too large by, over both frequencies; at most three quarters of
-        the stiffness of a combination are taken off.
+        Excess of the products of two shapes' stiffness, over both frequencies; at most three quarters of the stiffness
+        of a combination are taken off.
 
     Returns
     -------
     FlexibleBody
-        In its own coordinates, of other frequencies.
+        Body of other frequencies, in its own coordinates.
     ndarray, shape (n, n)
-        From these to the given body's that have the same forces.
+        Matrix from these coordinates to the given body's that have the same forces.
     """
     parts, directions = np.linalg.eigh(np.eye(len(excess)) - 0.5 * (excess + excess.T))
     kept = (directions * np.clip(parts, 1 - _MOST, 1 + _MOST)) @ directions.T
@@ -169,10 +168,10 @@ def softened(body: FlexibleBody, excess: Array) -> tuple[FlexibleBody, Array]:
     return _combined(body, turn, np.sqrt(omega2)), turn * omega2 / body.omega[:, None] ** 2
 
 
-def retuned(body: FlexibleBody, omega: Array) -> tuple[FlexibleBody, Array]:
-    """A body of other frequencies and the same stiffness: its modal masses are what changes.
+def retune_body(body: FlexibleBody, omega: Array) -> tuple[FlexibleBody, Array]:
+    """Return a body of other frequencies and the same stiffness, whose modal masses are changed.
 
-    So it rings at them and still yields to static loads as before.
+    It rings at these frequencies and still yields to static loads as before.
 
     Parameters
     ----------
@@ -182,16 +181,16 @@ def retuned(body: FlexibleBody, omega: Array) -> tuple[FlexibleBody, Array]:
     Returns
     -------
     FlexibleBody
-        In coordinates of unit modal mass.
+        Body in coordinates of unit modal mass.
     ndarray, shape (n, n)
-        From these to the given body's.
+        Matrix from these coordinates to the given body's.
     """
     scale = np.diag(omega / body.omega)
     return _combined(body, scale, omega), scale
 
 
 def _combined(body: FlexibleBody, weights: Array, omega: Array) -> FlexibleBody:
-    """A body whose shapes are combinations of another's, (n, n), and have unit modal mass and these frequencies."""
+    """Return a body whose shapes are combinations (n, n) of another's, of unit modal mass, with these frequencies."""
     full = np.eye(len(omega) + 1)
     full[1:, 1:] = weights
     gram = body.gram

@@ -1,4 +1,4 @@
-"""What the results of a run are off by, measured by neighbours that differ from it in one source of error each.
+"""Estimates of the errors of a run's results, from variants that differ from it in one source of error each.
 
 Time integration is measured by another step or tolerance, modal truncation by a basis with four generations of
 load-dependent vectors, discretisation by recovered stress and by a mesh of half as many elements each way, stress
@@ -15,16 +15,16 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from pipeline.accuracy.coarse_mesh import Pair, coarse_pair
-from pipeline.accuracy.error_estimates import NO_PART, SAFETY, shifted_frequencies, softened
+from pipeline.accuracy.error_estimates import NO_PART, SAFETY, shifted_frequencies, soften_body
 from pipeline.accuracy.quantities import Quantities, of_the_mesh, of_the_motion, of_the_stress
 from pipeline.core.arrays import Array, IntArray
 from pipeline.integrators.automatic import Automatic
-from pipeline.scene.variants import richer
+from pipeline.recovery.stress import choose_frames, von_mises
+from pipeline.scene.variants import enrich_bases
 from pipeline.stages.runs import STABLE, plan_like
 
 if TYPE_CHECKING:
     from pipeline.integrators.protocol import Integrator
-    from pipeline.recovery.chain_motion import ChainMotion
     from pipeline.recovery.motion import Motion
     from pipeline.reduction.body import FlexibleBody
     from pipeline.stages.part import FlexiblePart
@@ -43,22 +43,22 @@ _MOST_OF_CHANGE = 3.0
 
 
 class Estimates:
-    """Relative errors by source; each method compares one neighbour with the run."""
+    """Relative errors of a run's quantities by source; each method compares the run with one variant."""
 
     def __init__(self, run: Pipeline) -> None:
         self.run = run
         self.plan = next(iter(run.plans.values()))
-        self.motion = run.first_motion
+        self.motion = run.motion
         self.frames: IntArray = np.arange(0)
         self.of_mesh = of_the_mesh(run)
-        self.found = self.of_mesh | of_the_motion(run, self.motion, run.fine_motion)
+        self.quantities = self.of_mesh | of_the_motion(run, self.motion, run.fine_motion)
         self.hot: dict[str, IntArray] = {}
         if run.parts:
-            self._look_for_stress()
-            self.found |= of_the_stress(run, self.motion, self.frames)
+            self._choose_stress_samples()
+            self.quantities |= of_the_stress(run, self.motion, self.frames)
 
     def by_source(self) -> dict[str, dict[str, float | str]]:
-        """Relative errors of the quantities by each source that has a part in them, or why there is no estimate."""
+        """Return the relative errors of the quantities by source, or the reason why there is no estimate."""
         if not self.run.parts:
             return {"time": self._time()}
         recovery = self._recovery()
@@ -73,37 +73,36 @@ class Estimates:
     # The sources ------------------------------------------------------------------------------------------------
 
     def _time(self) -> dict[str, float | str]:
-        """Another step, or a finer tolerance."""
-        integrator, gain = _of_other_fineness(self.plan, self.motion.trajectory.seconds)
+        """Estimate the error of time integration by another step or a finer tolerance."""
+        integrator, gain = _change_fineness(self.plan, self.motion.trajectory.seconds)
         other = self._march(self.run, replace(self.plan, integrator=integrator))
         return {name: error / gain for name, error in self._changes(self._of(self.run, other, self.hot)).items()}
 
     def _truncation(self) -> dict[str, float | str]:
-        """A richer basis on the same mesh; both are marched with a step that the richer one stands."""
-        rich = self.run.neighbour(richer(self.run.scene))
-        rich.spin = self.run.spin  # what is stiffened stays so
+        """Estimate modal truncation by a richer basis, both marched with a step that is stable for the richer one."""
+        rich = self.run.variant(enrich_bases(self.run.scene), spin=self.run.spin)  # what is stiffened stays so
         plan, base = self._comparable(rich)
-        ours = self.found if base is None else self._of(self.run, base)
+        ours = self.quantities if base is None else self._of(self.run, base)
         return dict(self._changes(self._of(rich, self._march(rich, plan)), ours))
 
     def _discretisation(self, recovery: dict[str, float | str]) -> dict[str, float | str]:
-        """Frequencies that are too high shift the run's own; what else a coarser mesh changes comes on top.
+        """Estimate the mesh's error: the shift of the frequencies, and everything else that a coarser mesh changes.
 
-        What the stress of two meshes differs by holds the error of its recovery; that is not counted twice.
+        The difference between the stress of two meshes holds the error of its recovery; that is not counted twice.
         """
         pair = coarse_pair(self.run)
-        errors: dict[str, float | str] = dict.fromkeys(self.found, pair if isinstance(pair, str) else NO_PART)
+        errors: dict[str, float | str] = dict.fromkeys(self.quantities, pair if isinstance(pair, str) else NO_PART)
         excess: dict[str, Array] = {}
         for name, part in self.run.parts.items():
             body = self.run.bodies[name]
             of_modes, excess[name] = _energy_excess(part, body)
             if isinstance(pair, Pair):
-                of_modes = _of_both(of_modes, pair.excess_of_modes(name))
+                of_modes = _root_mean_square(of_modes, pair.excess_of_modes(name))
                 changed, alike = pair.excess_of_shapes(name)
                 recovered = np.diag(excess[name])
                 static = body.omega > part.modes.omega.max()
                 most = np.where(static, _MOST_OF_CHANGE * np.abs(changed), np.inf)
-                wanted = np.where(alike, _of_both(np.minimum(recovered, most), changed), recovered)
+                wanted = np.where(alike, _root_mean_square(np.minimum(recovered, most), changed), recovered)
                 excess[name] = _with_diagonal(excess[name], wanted)
             for k, share in enumerate(1 - shifted_frequencies(np.ones(len(of_modes)), of_modes, 1.0)):
                 errors[f"{name}, frequency {k + 1}"] = abs(float(share))
@@ -116,7 +115,7 @@ class Estimates:
             if quantity.kind == "geometry":
                 errors[name] = quantity.change(masses[name]) / pair.gains["geometry"]
         for name, error in self._otherwise_coarse(pair).items():
-            shape = error / pair.gains[self.found[name].kind]
+            shape = error / pair.gains[self.quantities[name].kind]
             if isinstance(again := recovery.get(name), float):
                 recovery[name] = again = min(again, _MOST_OF_CHANGE * shape)
                 shape = max(shape - again, 0.0)
@@ -124,32 +123,31 @@ class Estimates:
         return errors
 
     def _shifted(self, excess: dict[str, Array]) -> dict[str, float]:
-        """What the motion changes by if the bodies' eigenvalues lose what they are too high by, up to `SAFETY` times.
+        """Return the change of the motion where the bodies' eigenvalues lose up to `SAFETY` times their excess.
 
         Over time a shift turns phases, so that twice of it need not change the motion twice as much: the largest change
         on the way counts.
         """
-        found = {name: 0.0 for name in self.found if name not in self.of_mesh}
+        largest = {name: 0.0 for name in self.quantities if name not in self.of_mesh}
         for shift in _SHIFTS:
-            found_bodies = {name: softened(body, shift * excess[name]) for name, body in self.run.bodies.items()}
-            moved = self.run.with_bodies({name: body for name, (body, _) in found_bodies.items()})
-            forces = {name: as_if for name, (_, as_if) in found_bodies.items()}
+            bodies = {name: soften_body(body, shift * excess[name]) for name, body in self.run.bodies.items()}
+            moved = self.run.with_bodies({name: body for name, (body, _) in bodies.items()})
+            forces = {name: as_if for name, (_, as_if) in bodies.items()}
             theirs = self._of(moved, self._march(moved, plan_like(self.plan, moved)), self.hot, as_if=forces)
             for name, quantity in theirs.items():
-                found[name] = max(found[name], self.found[name].error(quantity) / SAFETY)
-        return found
+                largest[name] = max(largest[name], self.quantities[name].error(quantity) / SAFETY)
+        return largest
 
     def _otherwise_coarse(self, pair: Pair) -> dict[str, float]:
-        """What the motion changes by on a coarser mesh that rings at the run's frequencies."""
+        """Return the change of the motion on a coarser mesh that rings at the run's frequencies."""
         ringing, stressed = pair.at_the_same_frequencies()
         places = {name: part.element_places for name, part in self.run.parts.items() if part.elements}
         motion = self._march(ringing, plan_like(self.plan, ringing))
         return self._changes(self._of(ringing, motion, places=places, as_if=stressed))
 
     def _recovery(self) -> dict[str, float | str]:
-        """Patches of elements at the worst node."""
+        """Estimate the error of stress recovery by a patch of elements at the worst node."""
         from pipeline.recovery.patch_stress import patch_stress
-        from pipeline.recovery.stress import von_mises
 
         errors: dict[str, float | str] = {}
         for name, part in self.run.parts.items():
@@ -164,44 +162,44 @@ class Estimates:
     # How they are computed --------------------------------------------------------------------------------------
 
     def _changes(self, theirs: Quantities, ours: Quantities | None = None) -> dict[str, float]:
-        """How much each quantity of the motion differs from a neighbour's."""
-        ours = ours or self.found
+        """Return the difference of each quantity of the motion from a variant's."""
+        ours = ours or self.quantities
         return {name: ours[name].change(quantity) for name, quantity in theirs.items()}
 
     def _of(
         self,
         run: Pipeline,
-        fine: Motion | ChainMotion,
+        fine: Motion,
         nodes: dict[str, IntArray] | None = None,
         places: dict[str, Array] | None = None,
         as_if: dict[str, Array] | None = None,
     ) -> Quantities:
-        """The quantities of a motion at the run's fine times; stress only at the chosen output times."""
+        """Return the quantities of a motion at the run's fine times; stress only at the chosen output times."""
         given, chosen = fine.trajectory, self.run.fine_times[1]
         motion = replace(
             fine, trajectory=replace(given, times=given.times[chosen], q=given.q[chosen], v=given.v[chosen])
         )
-        found = of_the_motion(run, motion, fine)
-        return found | of_the_stress(run, motion, self.frames, nodes, places, as_if) if run.parts else found
+        quantities = of_the_motion(run, motion, fine)
+        if run.parts:
+            quantities |= of_the_stress(run, motion, self.frames, nodes, places, as_if)
+        return quantities
 
-    def _look_for_stress(self) -> None:
+    def _choose_stress_samples(self) -> None:
         """Choose the output times at which stress is compared, and the nodes that matter."""
-        from pipeline.recovery.stress import spread
-
-        frames = [spread(len(self.motion.times), _FRAMES)]
+        frames = [choose_frames(len(self.motion.times), _FRAMES)]
         for name in self.run.parts:
             values = self.run.stress_of(name).measure_at(np.arange(len(self.motion.times)))
             frames.append(np.argsort(values.max(axis=1))[-_HOTTEST:])
             self.hot[name] = np.flatnonzero(values.max(axis=0) >= _HOT * values.max())
         self.frames = np.unique(np.concatenate(frames))
 
-    def _march(self, other: Pipeline, plan: Plan) -> Motion | ChainMotion:
+    def _march(self, other: Pipeline, plan: Plan) -> Motion:
         return other.motion_by(plan, plan.march(self.run.fine_times[0]))
 
-    def _comparable(self, rich: Pipeline) -> tuple[Plan, Motion | ChainMotion | None]:
-        """A plan for the richer model, and the run's own motion by its step if that is a shorter one."""
+    def _comparable(self, rich: Pipeline) -> tuple[Plan, Motion | None]:
+        """Return a plan for the richer model, and the run's own motion by its step if that is a shorter one."""
         method: Any = self.plan.integrator
-        limit = STABLE * method.largest_step(rich.mechanism)
+        limit = STABLE * method.largest_step(rich.system)
         if not method.step > limit:
             return plan_like(self.plan, rich), None
         shorter = replace(self.plan, integrator=replace(method, step=limit))
@@ -209,7 +207,7 @@ class Estimates:
 
 
 def _energy_excess(part: FlexiblePart, body: FlexibleBody) -> tuple[Array, Array]:
-    """What recovered stress says that the squares of a part's mode frequencies and of its body's are too high by."""
+    """Return the excess of a part's squared mode frequencies and of its body's eigenvalues by recovered stress."""
     from pipeline.recovery.energy_error import energy_errors
 
     errors = energy_errors(part.space, part.material, body.shapes)
@@ -221,25 +219,25 @@ def _energy_excess(part: FlexiblePart, body: FlexibleBody) -> tuple[Array, Array
 
 
 def _with_diagonal(excess: Array, wanted: Array) -> Array:
-    """The same products of shapes, scaled to another diagonal; what isn't positive there stands alone."""
+    """Scale products of shapes to another diagonal; entries that aren't positive there stand alone."""
     scale = np.sqrt(np.maximum(wanted, 0.0) / np.diag(excess))
     scaled = excess * np.outer(scale, scale)
     np.fill_diagonal(scaled, wanted)
     return np.asarray(scaled)
 
 
-def _of_both(recovered: Array, changed: Array) -> Array:
-    """The root mean square of what recovered stress and a coarser mesh tell, with the sign of the larger.
+def _root_mean_square(recovered: Array, changed: Array) -> Array:
+    """Return the root mean square of the estimates by recovered stress and by a coarser mesh, signed as the larger.
 
-    Neither is a bound: recovered stress tells too much where stress jumps, a coarser mesh too little where corners slow
-    convergence, or where it has as few elements as the run's.
+    Neither is a bound: recovered stress states too much where stress jumps, a coarser mesh too little where corners
+    slow convergence, or where it has as few elements as the run's.
     """
     larger = np.where(np.abs(recovered) > np.abs(changed), recovered, changed)
     return np.asarray(np.copysign(np.sqrt((recovered**2 + changed**2) / 2), larger))
 
 
-def _of_other_fineness(plan: Plan, seconds: float) -> tuple[Integrator, float]:
-    """The method with another step or tolerance, and what its result differs by over the error of the plan's."""
+def _change_fineness(plan: Plan, seconds: float) -> tuple[Integrator, float]:
+    """Return the method with another step or tolerance, and the difference of the results over the plan's error."""
     method: Any = plan.integrator
     if isinstance(method, Automatic):
         return replace(method, error=_FINER * method.error), 1 - _FINER

@@ -1,12 +1,10 @@
-"""Which shapes of one mesh are those of another: by their likeness, for frequencies may change places."""
+"""Pairs of shapes of two meshes, matched by their likeness, since frequencies may change places."""
 
 from __future__ import annotations
 
 from typing import Any
 
 import numpy as np
-from scipy.optimize import linear_sum_assignment
-from scipy.spatial import cKDTree
 
 from pipeline.core.arrays import Array, IntArray
 
@@ -14,12 +12,14 @@ _SAME_FREQUENCY = 0.02  # relative: of shapes that the mesh alone keeps apart
 
 
 def matched(x: Array, shapes: Array, other_x: Array, other_m: Any, other_shapes: Array) -> IntArray:
-    """Number of the other mesh's shape that is most like each shape, all different, by the modal assurance criterion.
+    """Return the numbers of the other mesh's shapes that are most like each shape, all different.
+
+    Likeness is the modal assurance criterion.
 
     Parameters
     ----------
     x, shapes : ndarray, shapes (n_nodes, 3) and (n_nodes, 3, n)
-        Of the one mesh; what the other's nodes see of it is the nearest node's.
+        Nodes and shapes of the one mesh, sampled at the nearest node to each of the other's.
     other_x, other_m, other_shapes : ndarray, sparse array, ndarray
         Of the other: its nodes, scalar mass matrix and mass-normalised shapes, (n_nodes', 3, n') with n' ≥ n.
 
@@ -30,6 +30,8 @@ def matched(x: Array, shapes: Array, other_x: Array, other_m: Any, other_shapes:
     """
     if other_shapes.shape[2] < shapes.shape[2]:
         raise ValueError(f"the other mesh has {other_shapes.shape[2]} shapes, fewer than {shapes.shape[2]}")
+    from scipy.optimize import linear_sum_assignment
+
     likeness = _likeness(x, shapes, other_x, other_m, other_shapes)
     return np.asarray(linear_sum_assignment(likeness, maximize=True)[1], dtype=np.int64)
 
@@ -37,11 +39,13 @@ def matched(x: Array, shapes: Array, other_x: Array, other_m: Any, other_shapes:
 def counterparts(
     x: Array, shapes: Array, other_x: Array, other_m: Any, other_shapes: Array, other_omega: Array
 ) -> tuple[IntArray, Array]:
-    """As `matched`, also if the other has fewer shapes, and how alike the pairs are, 0 … 1, shape (n,).
+    """Return the most similar shapes of the other mesh, which may have fewer, and their likeness, 0 … 1, (n,) each.
 
-    Shapes of one frequency may be turned into each other: what a shape has in common with any of them counts. A shape
-    without a counterpart is like none, 0.
+    Shapes of one frequency may be turned into each other: the likeness to any of them counts. A shape without a
+    counterpart has likeness 0.
     """
+    from scipy.optimize import linear_sum_assignment
+
     likeness = _likeness(x, shapes, other_x, other_m, other_shapes)
     rows, columns = linear_sum_assignment(likeness, maximize=True)
     numbers, alike = np.zeros(len(likeness), dtype=np.int64), np.zeros(len(likeness))
@@ -52,6 +56,8 @@ def counterparts(
 
 
 def _likeness(x: Array, shapes: Array, other_x: Array, other_m: Any, other_shapes: Array) -> Array:
+    from scipy.spatial import cKDTree
+
     seen = shapes[cKDTree(x).query(other_x)[1]]
     mseen = (other_m @ seen.reshape(len(seen), -1)).reshape(seen.shape)
     likeness = np.tensordot(mseen, other_shapes, ((0, 1), (0, 1))) ** 2

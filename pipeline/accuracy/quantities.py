@@ -1,4 +1,4 @@
-"""The quantities that a run reports, for whatever motion of whatever neighbour of its scene."""
+"""Quantities that a run reports, of its own motion and of those of variants of its scene."""
 
 from __future__ import annotations
 
@@ -10,9 +10,9 @@ import numpy as np
 from pipeline.accuracy.error_estimates import Quantity
 from pipeline.accuracy.matching import matched
 from pipeline.core.arrays import Array, IntArray
+from pipeline.recovery.stress import StressHistory, von_mises
 
 if TYPE_CHECKING:
-    from pipeline.recovery.chain_motion import ChainMotion
     from pipeline.recovery.motion import Motion
     from pipeline.reduction.modes import Modes
     from pipeline.stages.part import FlexiblePart
@@ -40,40 +40,32 @@ def modes_like(part: FlexiblePart, other: FlexiblePart) -> Modes:
     return replace(modes, omega=modes.omega[numbers], shapes=modes.shapes[:, :, numbers], numbers=places)
 
 
-def of_the_motion(run: Pipeline, motion: Motion | ChainMotion, fine: Motion | ChainMotion) -> Quantities:
-    """Joints, tip and energies over time; a joint whose motion is given has no result.
+def of_the_motion(run: Pipeline, motion: Motion, fine: Motion) -> Quantities:
+    """Compute joints, tip and energies over time; a joint whose motion is given has no result.
 
     Parameters
     ----------
-    motion, fine : Motion or ChainMotion
-        The same at the output times and at many more, among which the tip's largest deflection is looked for.
+    motion, fine : Motion
+        At the output times, and at many more, among which the tip's largest deflection is looked for.
     """
-    from pipeline.recovery.motion import Motion
-
     kinetic, potential = motion.energies
     found = [Quantity("kinetic energy", "J", kinetic), Quantity("potential energy", "J", potential)]
-    if isinstance(motion, Motion):
-        (joint,) = run.scene.joint
-        found.append(Quantity(f"{joint}, angle", "rad", motion.joint_angle))
-        found.append(Quantity(f"{joint}, rate", "rad/s", motion.joint_rate))
-        tip = motion.tip_deflection
-    else:
-        given = {drive.joint for drive in run.scene.drive.values() if drive.type == "motion"}
-        for name in motion.joints.keys() - given:
-            unit = run.chain.units[name]
-            what = "angle" if unit == "rad" else "position"
-            found.append(Quantity(f"{name}, {what}", unit, motion.joint_position(name)))
-            found.append(Quantity(f"{name}, rate", f"{unit}/s", motion.joint_rate(name)))
-        tip = motion.tip_displacement
-    if run.scene.simulation.tip.partition(".")[0] in run.parts:
-        found.append(Quantity("tip, deflection", "m", tip))
+    for name, number in motion.joints.items():
+        if motion.mechanism.links[number].motion is not None:
+            continue
+        unit = motion.joint_unit(name)
+        what = "angle" if unit == "rad" else "position"
+        found.append(Quantity(f"{name}, {what}", unit, motion.joint_position(name)))
+        found.append(Quantity(f"{name}, rate", f"{unit}/s", motion.joint_rate(name)))
+    if len(motion.tip_link.omega):
+        found.append(Quantity("tip, deflection", "m", motion.tip_deflection))
         found.append(Quantity("tip, largest deflection", "m", fine.tip_size, largest=True))
     return _by_name(sorted(found, key=lambda quantity: quantity.name))
 
 
 def of_the_stress(
     run: Pipeline,
-    motion: Motion | ChainMotion,
+    motion: Motion,
     frames: IntArray,
     nodes: dict[str, IntArray] | None = None,
     places: dict[str, Array] | None = None,
@@ -92,8 +84,6 @@ def of_the_stress(
     as_if : dict of str to ndarray, optional
         From each body's modal coordinates to those that its stress is made of, (n, n).
     """
-    from pipeline.recovery.stress import StressHistory, von_mises
-
     found = []
     for name, part in run.parts.items():
         chosen = slice(None) if nodes is None else nodes[name]

@@ -3,18 +3,23 @@
 from __future__ import annotations
 
 from dataclasses import dataclass, field
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
-from pipeline.accuracy.error_estimates import SAFETY, SOURCES
+from pipeline.accuracy.error_budget import ERROR_BUDGET, Budget
+from pipeline.accuracy.error_estimates import SAFETY, SOURCES, Row
 from pipeline.core.errors import AccuracyError
 from pipeline.scene.imported_bodies import MatrixPart
-from pipeline.scene.variants import coarser, refined, with_error, with_modes, with_order, with_runs
-
-if TYPE_CHECKING:
-    from pipeline.accuracy.error_budget import Budget
-    from pipeline.accuracy.error_estimates import Row
-    from pipeline.scene.scene import Scene
-    from pipeline.stages.pipeline import Pipeline
+from pipeline.scene.runs import AutoRun
+from pipeline.scene.scene import Scene
+from pipeline.scene.variants import (
+    change_modes,
+    coarsen_meshes,
+    refine_meshes,
+    replace_error,
+    replace_order,
+    replace_runs,
+)
+from pipeline.stages.pipeline import Pipeline
 
 _MOST_ROUNDS = 6
 _MOST_ELEMENTS = 20_000
@@ -29,16 +34,16 @@ _LEAST_ERROR = 1e-10
 
 @dataclass(frozen=True)
 class Round:
-    """One try.
+    """Settings and error budget of one round of refinement.
 
     Attributes
     ----------
     settings : dict
-        What was chosen: of each flexible body its mesh and modes, and of the time integration its wanted error.
+        Mesh and modes of each flexible body, and the wanted error of the time integration.
     worst : Row
-        The quantity that is stated least well.
+        Quantity with the largest stated error.
     shares : dict of str to float
-        By source, the largest share of what is stated of any quantity.
+        Largest share of each source in the stated error of any quantity.
     given_up : tuple of Row
         Quantities that refining hardly improves, and that the others are not refined for.
     """
@@ -49,7 +54,7 @@ class Round:
     given_up: tuple[Row, ...] = ()
 
     def summary(self) -> dict[str, Any]:
-        """Plain numbers and texts."""
+        """Return the round as plain numbers and texts."""
         found = {"quantity": self.worst.name, "stated": self.worst.total, "dominant": self.worst.dominant}
         given_up = [{"quantity": row.name, "stated": row.total, "dominant": row.dominant} for row in self.given_up]
         return self.settings | {"worst": found, "refined_for": self.shares, "given_up": given_up}
@@ -61,7 +66,7 @@ def meet_accuracy(run: Pipeline) -> tuple[Pipeline, tuple[Round, ...]]:
     The first has half of the scene's elements each way, quadratic ones, its modes with the static responses to inertia
     loads, and the automatic integrator. The scene's number of modes is where that of the basis starts; of the
     frequencies only as many count. A quantity whose error two rounds hardly lower is given up: stress at an edge that
-    is held has no limit, what a load acts on rings in vibrations beyond any basis. It is told, not refined for.
+    is held has no limit, what a load acts on rings in vibrations beyond any basis. It is reported, not refined for.
 
     Raises
     ------
@@ -76,22 +81,22 @@ def meet_accuracy(run: Pipeline) -> tuple[Pipeline, tuple[Round, ...]]:
     stated: list[dict[str, float]] = []
     here = run
     for left in reversed(range(_MOST_ROUNDS)):
-        here = here.neighbour(scene, here.keeper.monitor)
-        rows = _counting(here.budget, run.scene)
+        here = here.variant(scene, here.store.monitor)
+        rows = _counting(ERROR_BUDGET.of(here), run.scene)
         stated.append({row.name: row.total for row in rows})
         stalled = {name for name in stated[-1] if _is_stalled([past[name] for past in stated], wanted, left)}
         stalled |= {row.name for row in rounds[-1].given_up if row.total > wanted} if rounds else set()
         hopeful = [row for row in rows if row.name not in stalled] or rows
         worst = max(hopeful, key=lambda row: row.total)
         given_up = tuple(row for row in rows if row.name in stalled and row.total > wanted)
-        found = Round(_settings(scene), worst, _shares(hopeful), given_up)
-        rounds.append(found)
+        this = Round(_settings(scene), worst, _shares(hopeful), given_up)
+        rounds.append(this)
         if worst.total <= wanted:
             return here, tuple(rounds)
-        scene = _refined(scene, found.shares, wanted)
+        scene = _refined(scene, this.shares, wanted)
         if any(len(part.mesh.cells) > _MOST_ELEMENTS for part in here.parts.values()):
             break
-    best = min(rounds, key=lambda found: found.worst.total)
+    best = min(rounds, key=lambda each: each.worst.total)
     raise AccuracyError(
         f"{run.scene.file}: accuracy = {wanted:.2%}: not met in {len(rounds)} rounds; the best states "
         f"{best.worst.total:.2%} for '{best.worst.name}', most of it {best.worst.dominant}, with {best.settings}"
@@ -99,15 +104,13 @@ def meet_accuracy(run: Pipeline) -> tuple[Pipeline, tuple[Round, ...]]:
 
 
 def _start(scene: Scene, wanted: float) -> Scene:
-    from pipeline.scene.simulation import AutoRun
-
-    scene = with_error(with_runs(scene, AutoRun(integrator="auto")), max(_TIME_SHARE * wanted, _LEAST_ERROR))
-    scene = with_modes(scene, lambda body: {"enrich": "ritz" if body.modes.enrich == "ritz" else "inertia"})
-    return with_order(coarser(scene) or scene, 2)
+    scene = replace_error(replace_runs(scene, AutoRun(integrator="auto")), max(_TIME_SHARE * wanted, _LEAST_ERROR))
+    scene = change_modes(scene, lambda body: {"enrich": "ritz" if body.modes.enrich == "ritz" else "inertia"})
+    return replace_order(coarsen_meshes(scene) or scene, 2)
 
 
 def _counting(budget: Budget, scene: Scene) -> list[Row]:
-    """The rows that count: not those of modes that only serve the basis."""
+    """Return the rows that count: not those of modes that only serve the basis."""
     asked = {f"{name}, frequency": body.modes.count for name, body in scene.flexible.items()}
 
     def counts(name: str) -> bool:
@@ -118,7 +121,7 @@ def _counting(budget: Budget, scene: Scene) -> list[Row]:
 
 
 def _is_stalled(stated: list[float], wanted: float, left: int) -> bool:
-    """Whether what is stated, round by round, is above what is wanted and will be at this rate after what is left."""
+    """Whether the stated error, round by round, is above the wanted one and will be so after the rounds left."""
     if len(stated) < 3 or stated[-1] <= wanted:
         return False
     rate: float = (stated[-1] / stated[-3]) ** 0.5
@@ -126,7 +129,7 @@ def _is_stalled(stated: list[float], wanted: float, left: int) -> bool:
 
 
 def _shares(rows: list[Row]) -> dict[str, float]:
-    """The largest share of each source in what is stated."""
+    """Return the largest share of each source in the stated errors."""
     return {
         source: SAFETY * max(part if isinstance(part := row.parts[source], float) else 0.0 for row in rows)
         for source in SOURCES
@@ -134,13 +137,13 @@ def _shares(rows: list[Row]) -> dict[str, float]:
 
 
 def _refined(scene: Scene, shares: dict[str, float], wanted: float) -> Scene:
-    """The next scene: each source is refined that takes more than its share."""
+    """Return the next scene, refined in each source that takes more than its share."""
     too_much = {source: share / (_SHARE * wanted) for source, share in shares.items()}
     mesh = max(too_much["discretisation"], too_much["recovery"]) ** _MESH_POWER
     if mesh > 1:
-        scene = refined(scene, min(max(mesh, _GENTLEST), _BOLDEST)) or scene
+        scene = refine_meshes(scene, min(max(mesh, _GENTLEST), _BOLDEST)) or scene
     if too_much["truncation"] > 1:
-        scene = with_modes(
+        scene = change_modes(
             scene,
             lambda body: (
                 {"enrich": "ritz"}
@@ -149,7 +152,7 @@ def _refined(scene: Scene, shares: dict[str, float], wanted: float) -> Scene:
             ),
         )
     if too_much["time"] > 1:
-        scene = with_error(scene, max(scene.simulation.error / (2 * too_much["time"]), _LEAST_ERROR))
+        scene = replace_error(scene, max(scene.simulation.error / (2 * too_much["time"]), _LEAST_ERROR))
     return scene
 
 

@@ -1,1 +1,1 @@
-"""Run time against error, and stress tests of stability."""
+"""Benchmarks: run time against error, whole runs, and stress tests of stability."""

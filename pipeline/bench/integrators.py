@@ -1,4 +1,4 @@
-"""Run time against error for a scene: rows, a CSV and a chart."""
+"""Run time against error of every integrator on a scene's mechanism: rows, a CSV and a chart."""
 
 from __future__ import annotations
 
@@ -19,9 +19,9 @@ from pipeline.integrators.protocol import Trajectory
 from pipeline.stages.pipeline import Pipeline
 
 if TYPE_CHECKING:
-    from pipeline.bench.work_precision import Errors, ErrorsOf, Row, WorkPrecision
+    from pipeline.bench.work_precision import Errors, ErrorsOf, WorkPrecision, WorkPrecisionRow
 
-# What `fmd bench` compares by default: name of the files, scene, overrides.
+# Scenes that `fmd bench` compares by default: name of the files, scene, overrides.
 READY: tuple[tuple[str, str, tuple[str, ...]], ...] = (
     ("rod-slider", "rod-slider", ()),
     ("beam", "beam", ()),
@@ -33,49 +33,48 @@ _PEER = Path(__file__).parents[2] / "benchmarks" / "exudyn_peer.py"
 _EMPTY: Any = None
 
 
-def bench(run: Pipeline, repeats: int = 5) -> WorkPrecision:
+def compare_on_scene(run: Pipeline, repeats: int = 5) -> WorkPrecision:
     """Compare all integrators on a scene's mechanism, from its start to its end; ``repeats`` marches are timed."""
     from pipeline.bench.work_precision import compare
 
     times = np.linspace(0.0, run.scene.simulation.duration, 101)
     q0, v0 = run.start
-    return compare(run.mechanism, q0, v0, times, _errors_of(run), repeats)
+    return compare(run.system, q0, v0, times, _errors_of(run), repeats)
 
 
 def _errors_of(run: Pipeline) -> ErrorsOf:
-    """Errors of the tip, seen from its body's joint where the body is flexible, of modal and of joint coordinates."""
+    """Make the function of the errors of the tip, of modal and of joint coordinates.
+
+    The tip of a flexible body on the ground is seen from its joint, any other in space.
+    """
     from pipeline.bench.work_precision import Errors
-    from pipeline.recovery.chain_motion import ChainMotion
     from pipeline.recovery.motion import Motion
 
-    if run.is_rotor:
-        rotor = Motion(run.rotor, _EMPTY, run.scene.simulation.tip.partition(".")[2])
+    empty, seen_from_joint = Motion(run.mechanism, _EMPTY, run.scene.simulation.tip), _from_joint(run)
 
-        def of_rotor(found: Trajectory, exact: Trajectory) -> Errors:
-            one, other = replace(rotor, trajectory=found), replace(rotor, trajectory=exact)
-            pairs = [(m.tip_deflection, m.q, m.joint_angle) for m in (one, other)]
-            return Errors(*(_relative(a, b) for a, b in zip(*pairs, strict=True)))
-
-        return of_rotor
-    chain = ChainMotion(run.chain.tree, _EMPTY, run.chain.tip, run.chain.joints)
-
-    def of_chain(found: Trajectory, exact: Trajectory) -> Errors:
-        one, other = replace(chain, trajectory=found), replace(chain, trajectory=exact)
+    def errors(trajectory: Trajectory, exact: Trajectory) -> Errors:
+        one, other = replace(empty, trajectory=trajectory), replace(empty, trajectory=exact)
         modal = [_relative(one.modal(name), other.modal(name)) for name in run.parts]
-        joints = [_relative(one.joint_position(name), other.joint_position(name)) for name in chain.joints]
-        tip = _relative(one.tip_position, other.tip_position)
-        return Errors(tip, max(modal, default=np.nan), max(joints, default=np.nan))
+        joints = [_relative(one.joint_position(name), other.joint_position(name)) for name in one.joints]
+        pair = [motion.tip_deflection if seen_from_joint else motion.tip_position for motion in (one, other)]
+        return Errors(_relative(*pair), max(modal, default=np.nan), max(joints, default=np.nan))
 
-    return of_chain
+    return errors
+
+
+def _from_joint(run: Pipeline) -> bool:
+    """Tell whether the tip is on a flexible body that hangs on the ground."""
+    link = run.mechanism.links[run.mechanism.number_of(run.scene.simulation.tip.partition(".")[0])]
+    return link.parent < 0 and len(link.omega) > 0
 
 
 def _relative(found: Array, exact: Array) -> float:
-    """Largest difference over all times over the largest value."""
+    """Return the largest difference at any time over the largest value."""
     return float(np.abs(found - exact).max() / np.abs(exact).max())
 
 
-def peer_rows(scene: str) -> list[Row]:
-    """Rows of Exudyn's solvers on a scene of the same name; none if it has no peer.
+def peer_rows(scene: str) -> list[WorkPrecisionRow]:
+    """Measure Exudyn's solvers on their model of a scene; return no rows for a scene without one.
 
     Raises
     ------
@@ -100,8 +99,8 @@ def peer_rows(scene: str) -> list[Row]:
         raise InputError("--peer", "", None, f"{error}, or the extra 'bench'") from None
 
 
-def write_bench(run: Pipeline, result: WorkPrecision, folder: Path, name: str) -> list[str]:
-    """Write the rows as CSV, with the machine they came from, and the chart; return the files' names."""
+def write_comparison(run: Pipeline, result: WorkPrecision, folder: Path, name: str) -> list[str]:
+    """Write the rows as CSV, after a line that names the machine, and the chart; return the files' names."""
     from pipeline.render.precision_chart import draw_work_precision
 
     folder.mkdir(parents=True, exist_ok=True)
@@ -115,11 +114,11 @@ def write_bench(run: Pipeline, result: WorkPrecision, folder: Path, name: str) -
     curves: dict[str, Any] = {}
     for row in result.rows:
         curves.setdefault(row.integrator, []).append((row.seconds, max(row.error, 1e-16)))
-    what = "deflection" if run.is_rotor else "position"
+    what = "deflection" if _from_joint(run) else "position"
     draw_work_precision(
         {label: np.array(points) for label, points in curves.items()},
         folder / f"{name}.png",
-        title=f"{run.scene.title} ({run.mechanism.n} coordinates): run time against error",
+        title=f"{run.scene.title} ({run.system.n} coordinates): run time against error",
         error_label=f"largest error of the tip's {what} / largest {what}",
     )
     return [f"{name}.csv", f"{name}.png"]

@@ -10,8 +10,6 @@ from dataclasses import astuple, dataclass, fields
 from pathlib import Path
 
 import numpy as np
-from rich.console import Console
-from rich.table import Table
 from scipy.optimize import brentq
 
 from pipeline.core.arrays import Array
@@ -20,24 +18,24 @@ from pipeline.core.files import whole_file
 from pipeline.scene.scene import load_scene
 from pipeline.stages.pipeline import Pipeline
 
-WANTED = 1e-3
+WANTED_ERROR = 1e-3
 _IN_PLANE = 0.5  # share of a mode's movement along y: above 0.8 in the plane, in all other modes below 0.25
 _REFINED = (1.0, 1.5, 2.0)  # meshes of a reference, in elements each way
 _SHORT = 2.0  # s, below which a time is measured twice
 
 
 @dataclass(frozen=True)
-class ModeRow:
-    """One mesh.
+class ModeStudyRow:
+    """Time and error of one mesh.
 
     Attributes
     ----------
     scene, element, mesh : str
-        What was solved.
+        Names of the scene, of the element and of its mesh.
     unknowns : int
-        How many.
+        Number of unknowns.
     seconds : float
-        Processor time of assembly and modes, of short ones the less of two runs.
+        Processor time of assembly and modes; where it is short, the less of two runs.
     error : float
         Largest relative error of the frequencies.
     """
@@ -51,19 +49,19 @@ class ModeRow:
 
 
 @dataclass(frozen=True)
-class Study:
-    """The meshes of a scene.
+class ModeStudy:
+    """A scene with the meshes that its frequencies are computed on.
 
     Attributes
     ----------
     scene : str
-        Its name.
+        Name of the scene.
     meshes : tuple
-        Element, mesh as it is told, and override of the scene, coarse to fine.
+        Element, name of the mesh, and overrides of the scene, coarse to fine.
     references : tuple
         For each of two elements the overrides of three meshes, of 1, 1.5 and 2 times as many of them each way.
     frequencies : callable
-        From a pipeline to the frequencies that are compared [Hz].
+        Function from a pipeline to the frequencies that are compared [Hz].
     """
 
     scene: str
@@ -73,17 +71,17 @@ class Study:
 
 
 @dataclass(frozen=True)
-class Reference:
-    """A converged solution.
+class ConvergedFrequencies:
+    """Frequencies that finer meshes hardly change, and how well two elements agree on them.
 
     Attributes
     ----------
     frequencies : ndarray
-        By the first element of the study's references [Hz].
+        Limits by the first element of the study's references [Hz].
     uncertainty : float
-        Largest relative difference from the same by the second element.
+        Largest relative difference from the limits by the second element.
     unknowns : int
-        Of the finest mesh of the first.
+        Number of unknowns of the finest mesh of the first element.
     """
 
     frequencies: Array
@@ -92,14 +90,17 @@ class Reference:
 
 
 def _beam(element: str, order: int, *counts: float) -> tuple[str, ...]:
-    """Numbers of hexahedra along x, y and z; the size of tetrahedra [mm]."""
+    """Return the beam's overrides for numbers of hexahedra along x, y and z, or a size of tetrahedra [mm]."""
     size = f"divisions={list(counts)}" if element == "hexahedron" else f"size='{counts[0]:g} mm'"
     mesh = f"body.beam.mesh={{element='{element}',order={order},{size}}}"
     return mesh, "body.beam.modes.family=any", "body.beam.modes.count=20"
 
 
 def _propeller(element: str, order: int, *counts: float) -> tuple[str, ...]:
-    """Counts along the chord, across the joint and the gap, through the sleeve, along joint and blade."""
+    """Return the propeller's overrides for counts of elements.
+
+    They are along the chord, across the joint and the gap, through the sleeve, along joint and blade.
+    """
     chord, across, gap, sleeve, joint, blade = counts
     mesh = f"element='{element}',order={order},sleeve=[{6 * (across + gap)},{chord},{sleeve}],growth=4.0"
     return (
@@ -110,7 +111,7 @@ def _propeller(element: str, order: int, *counts: float) -> tuple[str, ...]:
 
 
 def _in_plane(run: Pipeline) -> Array:
-    """First five frequencies of bending along y, whatever the mesh's symmetry."""
+    """Return the first five frequencies of bending along y, on a mesh of any symmetry."""
     shapes = run.modes.shapes
     share = np.einsum("nj,nj->j", shapes[:, 1], shapes[:, 1]) / np.einsum("naj,naj->j", shapes, shapes)
     return np.asarray(run.modes.frequencies_hz[share > _IN_PLANE][:5])
@@ -135,25 +136,26 @@ _PROPELLER_MESHES = {
 }
 
 
-def _study(
+def _mode_study(
     scene: str,
-    made: Callable[..., tuple[str, ...]],
+    overrides: Callable[..., tuple[str, ...]],
     meshes: Mapping[tuple[str, int], Sequence[Sequence[float]]],
     references: Sequence[Sequence[tuple[str, ...]]],
     frequencies: Callable[[Pipeline], Array],
-) -> Study:
+) -> ModeStudy:
+    """Name the meshes of a study, and make the overrides of each."""
     rows = ((kind, counts) for kind, several in meshes.items() for counts in several)
-    told = ((kind, " × ".join(f"{n:g}" for n in counts) + " mm" * (len(counts) == 1), counts) for kind, counts in rows)
-    return Study(
+    named = ((kind, " × ".join(f"{n:g}" for n in counts) + " mm" * (len(counts) == 1), counts) for kind, counts in rows)
+    return ModeStudy(
         scene,
-        tuple((_NAMES[kind], mesh, made(*kind, *counts)) for kind, mesh, counts in told),
+        tuple((_NAMES[kind], mesh, overrides(*kind, *counts)) for kind, mesh, counts in named),
         tuple(tuple(one) for one in references),
         frequencies,
     )
 
 
 STUDIES = (
-    _study(
+    _mode_study(
         "beam",
         _beam,
         _BEAM_MESHES,
@@ -163,7 +165,7 @@ STUDIES = (
         ),
         _in_plane,
     ),
-    _study(
+    _mode_study(
         "propeller",
         _propeller,
         _PROPELLER_MESHES,
@@ -176,8 +178,8 @@ STUDIES = (
 )
 
 
-def extrapolated(frequencies: Array) -> Array:
-    """Limit of frequencies (3, n) on meshes of 1, 1.5 and 2 times as many elements each way, ``f + c hᵖ``.
+def extrapolate(frequencies: Array) -> Array:
+    """Extrapolate frequencies (3, n) on meshes of 1, 1.5 and 2 times as many elements each way by ``f + c hᵖ``.
 
     The order p is each one's own, at most 8: 4 where all is smooth, less where there is a re-entrant corner
     (Babuška & Osborn 1991).
@@ -192,19 +194,19 @@ def extrapolated(frequencies: Array) -> Array:
     return np.array([limit(f) for f in frequencies.T])
 
 
-def reference_of(study: Study) -> Reference:
-    """Extrapolate the frequencies by each of two elements."""
-    found, unknowns = [], []
+def converged_frequencies(study: ModeStudy) -> ConvergedFrequencies:
+    """Extrapolate the frequencies to meshes without end, by each of two elements."""
+    limits, unknowns = [], []
     for meshes in study.references:
         runs = [Pipeline(load_scene(study.scene, mesh), Cache(None)) for mesh in meshes]
-        found.append(extrapolated(np.stack([study.frequencies(run) for run in runs])))
+        limits.append(extrapolate(np.stack([study.frequencies(run) for run in runs])))
         unknowns.append(3 * len(runs[-1].fe.x))
-    apart = np.abs(found[1] / found[0] - 1).max()
-    return Reference(found[0], float(apart), unknowns[0])
+    apart = np.abs(limits[1] / limits[0] - 1).max()
+    return ConvergedFrequencies(limits[0], float(apart), unknowns[0])
 
 
-def measure(study: Study, reference: Reference) -> Iterator[ModeRow]:
-    """Solve on each mesh; the mesh is made before the clock runs."""
+def measure_meshes(study: ModeStudy, reference: ConvergedFrequencies) -> Iterator[ModeStudyRow]:
+    """Solve on each mesh and measure time and error; the mesh is made before the clock starts."""
     for element, mesh, overrides in study.meshes:
         seconds: list[float] = []
         while len(seconds) < (2 if seconds[:1] < [_SHORT] else 1):
@@ -214,15 +216,15 @@ def measure(study: Study, reference: Reference) -> Iterator[ModeRow]:
             run.modes  # noqa: B018
             seconds.append(time.process_time() - tick)
         error = float(np.abs(study.frequencies(run) / reference.frequencies - 1).max())
-        yield ModeRow(study.scene, element, mesh, 3 * len(run.fe.x), min(seconds), error)
+        yield ModeStudyRow(study.scene, element, mesh, 3 * len(run.fe.x), min(seconds), error)
 
 
-def fastest(rows: list[ModeRow], error: float = WANTED) -> ModeRow | None:
-    """The row that takes least time among those within an error."""
+def fastest(rows: list[ModeStudyRow], error: float = WANTED_ERROR) -> ModeStudyRow | None:
+    """Return the row that takes least time among those within an error, None if there is none."""
     return min((row for row in rows if row.error <= error), key=lambda row: row.seconds, default=None)
 
 
-def write_study(rows: list[ModeRow], references: dict[str, Reference], folder: Path) -> list[str]:
+def write_study(rows: list[ModeStudyRow], references: dict[str, ConvergedFrequencies], folder: Path) -> list[str]:
     """Write the rows as CSV and a chart of each scene; return the files' names."""
     from pipeline.render.precision_chart import draw_work_precision
 
@@ -237,7 +239,7 @@ def write_study(rows: list[ModeRow], references: dict[str, Reference], folder: P
                 f"good to {reference.uncertainty:.0e}\n"
             )
         table = csv.writer(file, lineterminator="\n")
-        table.writerow([field.name for field in fields(ModeRow)])
+        table.writerow([field.name for field in fields(ModeStudyRow)])
         table.writerows([f"{x:.4g}" if isinstance(x, float) else x for x in astuple(row)] for row in rows)
     for scene in references:
         curves: dict[str, list[tuple[float, float]]] = {}
@@ -252,20 +254,3 @@ def write_study(rows: list[ModeRow], references: dict[str, Reference], folder: P
             error_label="largest relative error of the frequencies",
         )
     return files
-
-
-def print_study(rows: list[ModeRow], references: dict[str, Reference], folder: Path, files: list[str]) -> None:
-    """Print a table of each scene and what is fastest within the wanted error."""
-    console = Console()
-    for scene, reference in references.items():
-        title = f"{scene}: two elements' limits agree to {reference.uncertainty:.0e}"
-        table = Table("element", "mesh", "unknowns", "seconds", "error", title=title, title_justify="left")
-        own = [row for row in rows if row.scene == scene]
-        for row in own:
-            table.add_row(row.element, row.mesh, str(row.unknowns), f"{row.seconds:.3f}", f"{row.error:.1e}")
-        console.print(table)
-        for element in dict.fromkeys(row.element for row in own):
-            best = fastest([row for row in own if row.element == element])
-            found = f"{best.mesh}, {best.unknowns} unknowns, {best.seconds:.3f} s" if best else "none of these"
-            console.print(f"fastest {element} within {WANTED:g}: {found}")
-    console.print(f"in {folder}/: {', '.join(files)}")

@@ -1,4 +1,4 @@
-"""What the stress tests of stability march: scenes about their rest, bodies that spin, and systems hard on purpose."""
+"""Cases of the stress tests of stability: scenes about their rest, spinning bodies, and systems hard on purpose."""
 
 from __future__ import annotations
 
@@ -11,7 +11,8 @@ import numpy as np
 from pipeline.core.arrays import Array
 from pipeline.dynamics.linear.linear import LinearSystem
 from pipeline.scene.scene import load_scene
-from pipeline.stability.growth import Instant, steadied
+from pipeline.stability.operating_points import settle
+from pipeline.stability.tangent import OperatingPoint
 from pipeline.stages.pipeline import Pipeline
 
 _BEAM_AT_REST = "drive.spin_up.speed=0 rad/s"
@@ -25,25 +26,25 @@ SPEEDS = (0.0, 0.5, 0.9, 1.1, 1.5, 2.0, 3.0)  # over the first frequency
 
 
 @dataclass(frozen=True)
-class Case:
-    """A system about a state that it stays in, small vibrations apart.
+class StressCase:
+    """Mechanism about a state that it keeps but for small vibrations.
 
     Attributes
     ----------
     family, name : str
-        What is told of it.
+        Names of a group of cases, and of the case.
     system : System
-        It.
-    at : Instant
+        The mechanism.
+    at : OperatingPoint
         The state.
     M, K : ndarray, shape (n, n)
-        Its mass and stiffness at rest, slow coordinates first: steps are told over their limit.
+        Mass and stiffness at rest, slow coordinates first; they give the limit that steps are relative to.
     """
 
     family: str
     name: str
     system: Any
-    at: Instant
+    at: OperatingPoint
     M: Array
     K: Array
 
@@ -54,35 +55,35 @@ class Case:
         return float(np.sqrt(squares[len(squares) - np.linalg.matrix_rank(self.K)]))
 
 
-Builder = Callable[[], Case]
+Builder = Callable[[], StressCase]
 
 
-def builders() -> dict[str, Builder]:
-    """Functions that make the cases, by name."""
-    found: dict[str, Builder] = {name: _of_scene(name) for name in SCENES}
+def case_builders() -> dict[str, Builder]:
+    """Return the functions that build the cases, by name."""
+    cases: dict[str, Builder] = {name: _of_scene(name) for name in SCENES}
     for stiffened in (False, True):
         for speed in SPEEDS:
-            found[f"beam at {speed:g} ω₁, {'stiffened' if stiffened else 'linear'}"] = _spinning(speed, stiffened)
+            cases[f"beam at {speed:g} ω₁, {'stiffened' if stiffened else 'linear'}"] = _spinning(speed, stiffened)
     for exponent in (-6, -3, 0, 3, 6):
         for beta in (0.0, 0.3):
-            found[f"mass ratio 1e{exponent}, β = {beta}"] = _of_masses(exponent, beta)
+            cases[f"mass ratio 1e{exponent}, β = {beta}"] = _of_masses(exponent, beta)
     for n in (1, 20, 200):
         modes = np.diag(np.r_[0.0, np.linspace(1.0, 30.0, n) ** 2])
-        found[f"{n} modes"] = _linear("1 to 200 modes", f"{n} modes", np.eye(n + 1), modes)
+        cases[f"{n} modes"] = _linear("1 to 200 modes", f"{n} modes", np.eye(n + 1), modes)
     spread = np.diag(np.r_[1e-2, 10.0 ** np.linspace(0, 12, 5)])
-    found["stiffness from 1 to 1e12"] = _linear("stiffness from 1 to 1e12", "", np.eye(6), spread)
+    cases["stiffness from 1 to 1e12"] = _linear("stiffness from 1 to 1e12", "", np.eye(6), spread)
     turn = np.linalg.qr(np.random.default_rng(0).standard_normal((4, 4)))[0]
     M = np.eye(5)
     M[1:, 1:] = turn @ np.diag([1e-10, 1.0, 1.0, 1.0]) @ turn.T
-    found["M_SS nearly singular, 1e-10"] = _linear(
+    cases["M_SS nearly singular, 1e-10"] = _linear(
         "M_SS nearly singular, 1e-10", "", M, np.diag([0.01, 1.0, 4.0, 9.0, 16.0])
     )
-    return found
+    return cases
 
 
 def _linear(family: str, name: str, M: Array, K: Array) -> Builder:
-    rest = Instant(0.0, np.zeros(len(M)), np.zeros(len(M)))
-    return lambda: Case(family, name or family, LinearSystem(M, K, 1), rest, M, K)
+    rest = OperatingPoint(0.0, np.zeros(len(M)), np.zeros(len(M)))
+    return lambda: StressCase(family, name or family, LinearSystem(M, K, 1), rest, M, K)
 
 
 def _of_masses(exponent: int, beta: float) -> Builder:
@@ -93,29 +94,28 @@ def _of_masses(exponent: int, beta: float) -> Builder:
 
 
 def _of_scene(name: str) -> Builder:
-    def build() -> Case:
+    def build() -> StressCase:
         scene, overrides = SCENES[name]
         run = Pipeline(load_scene(scene, list(overrides)))
         q0, _ = run.start
         q0 = q0 if name == "arm" else np.zeros_like(q0)  # the arm hangs
-        return Case(name, name, run.mechanism, Instant(0.0, q0, np.zeros(run.mechanism.n)), *run.reference_matrices)
+        return StressCase(
+            name, name, run.system, OperatingPoint(0.0, q0, np.zeros(run.system.n)), *run.reference_matrices
+        )
 
     return build
 
 
 def _spinning(speed: float, stiffened: bool) -> Builder:
-    """The beam that turns freely about its joint at a rate given over its first frequency."""
+    """Return the builder of the beam that turns freely at a rate given over its first frequency."""
 
-    def build() -> Case:
-        from pipeline.dynamics.rotor.rotor import PlanarRotor, TorquePulse
-
-        run = Pipeline(load_scene("beam"))
-        body = run.part.stiffened if stiffened else run.part.body
-        rotor = PlanarRotor(body, TorquePulse(0.0, 1.0, 0.0))
-        rates = np.r_[speed * body.omega[0], np.zeros(rotor.n - 1)]
-        at = steadied(rotor, Instant(0.0, np.zeros(rotor.n), rates), np.arange(1, rotor.n))
+    def build() -> StressCase:
+        run = Pipeline(load_scene("beam", ["drive={}", f"simulation.stiffening='{'on' if stiffened else 'off'}'"]))
+        system = run.system
+        rates = np.r_[speed * run.body.omega[0], np.zeros(system.n - 1)]
+        at = settle(system, OperatingPoint(0.0, np.zeros(system.n), rates), np.arange(1, system.n))
         family = f"beam, 0 … 3 ω₁, {'stiffened' if stiffened else 'without geometric stiffening'}"
         name = f"beam at {speed:g} ω₁, {'stiffened' if stiffened else 'linear'}"
-        return Case(family, name, rotor, at, rotor.reference_mass, np.diag(np.r_[0.0, body.omega**2]))
+        return StressCase(family, name, system, at, *run.reference_matrices)
 
     return build

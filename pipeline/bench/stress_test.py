@@ -1,4 +1,4 @@
-"""Stress tests of stability: long marches at steps below and above the limits, against what the tangent predicts."""
+"""Stress tests of stability: long marches at steps below and above the limits, against the prediction by tangents."""
 
 from __future__ import annotations
 
@@ -11,25 +11,24 @@ from typing import Any
 
 import numpy as np
 
-from pipeline.bench.stability_study import find_limit
-from pipeline.bench.stress_cases import Case, builders
+from pipeline.bench.stress_cases import StressCase, case_builders
 from pipeline.core.arrays import Array
 from pipeline.core.cache import Cache, stage_key
 from pipeline.core.errors import AccuracyError
 from pipeline.core.files import whole_file
 from pipeline.core.paths import cache_folder
 from pipeline.core.progress import Advance
-from pipeline.integrators.adaptive_alpha import AdaptiveGeneralizedAlpha
 from pipeline.integrators.central_difference import CentralDifference
 from pipeline.integrators.exponential import Exponential
 from pipeline.integrators.generalized_alpha import GeneralizedAlpha
-from pipeline.integrators.protocol import Integrator
+from pipeline.integrators.protocol import Integrator, ResumableIntegrator
 from pipeline.integrators.reversible import ReversibleSubcycling
 from pipeline.integrators.rosenbrock import ExponentialRosenbrock
 from pipeline.integrators.runge_kutta import RungeKutta
 from pipeline.integrators.scipy_ivp import ScipyIvp
 from pipeline.integrators.subcycling import Subcycling
-from pipeline.stability.growth import march_rates, march_tangent, true_rates
+from pipeline.stability.limits import find_sudden_step
+from pipeline.stability.tangent import scheme_growth_rates, scheme_tangent, system_growth_rates
 
 RATIOS = (1, 2, 3, 5, 10, 20)
 SHARES = (0.1, 0.5, 0.9, 0.98, 1.02, 1.05)  # of the explicit limit
@@ -48,15 +47,15 @@ _NO_CACHE = Cache(None)
 
 
 @dataclass(frozen=True)
-class Row:
-    """One march.
+class StressTestRow:
+    """Prediction and outcome of one long march.
 
     Attributes
     ----------
     family, case, integrator : str
-        What was marched, and how.
+        Family and name of the case, and the method.
     substeps : int
-        m.
+        Fast steps to a slow one.
     share : float
         Fast step over the largest stable explicit one.
     cycles : int
@@ -64,7 +63,7 @@ class Row:
     predicted, found : str
         ``lives`` or ``diverges``; the prediction may be ``either``.
     drift : float
-        Change of the vibrations' energy, each mode's as the scheme sees it, over that of the start; not a number where
+        Change of the vibrations' energy, summed over the scheme's own modes, over that of the start; NaN where
         the march diverges.
     """
 
@@ -80,7 +79,7 @@ class Row:
 
     @property
     def wrong(self) -> bool:
-        """Whether the prediction failed."""
+        """True if the prediction failed."""
         return self.predicted not in ("either", self.found)
 
 
@@ -89,56 +88,56 @@ def stress_test(folder: Path, advance: Advance) -> list[dict[str, Any]]:
     rows = march_all(keep=Cache(cache_folder()), advance=advance)
     folder.mkdir(parents=True, exist_ok=True)
     write_rows(rows, folder / "stability.csv")
-    return summary_of_rows(rows)
+    return summarise_rows(rows)
 
 
 def march_all(
     cycles: int = CYCLES, only: tuple[str, ...] = (), keep: Cache = _NO_CACHE, advance: Advance = lambda done: None
-) -> list[Row]:
-    """March every case by every method, on two processors if they are there; a march that is kept isn't repeated."""
+) -> list[StressTestRow]:
+    """March every case by every method in two processes; marches in the cache aren't repeated."""
     from joblib import Parallel, delayed
 
-    marches = [(name, k) for name in only or builders() for k in range(len(_marches(name, cycles)))]
+    marches = [(name, k) for name in only or case_builders() for k in range(len(_marches(name, cycles)))]
     # The longest first, so that none is waited for in the end.
     longest = sorted(marches, key=lambda march: (march[0] != "arm", -len(_case(march[0]).M)))
     tasks = (delayed(_kept_row)(*march, cycles, keep) for march in longest)
-    found: dict[tuple[str, int], Row] = {}
+    rows: dict[tuple[str, int], StressTestRow] = {}
     for march, row in zip(longest, Parallel(n_jobs=2, return_as="generator")(tasks), strict=True):
-        found[march] = row
-        advance(len(found) / len(marches))
-    return [found[march] for march in marches]
+        rows[march] = row
+        advance(len(rows) / len(marches))
+    return [rows[march] for march in marches]
 
 
-def rows_of(name: str, cycles: int = CYCLES) -> list[Row]:
+def march_case(name: str, cycles: int = CYCLES) -> list[StressTestRow]:
     """March one case by every method."""
     return [_row(name, k, cycles) for k in range(len(_marches(name, cycles)))]
 
 
-def _kept_row(name: str, k: int, cycles: int, keep: Cache) -> Row:
+def _kept_row(name: str, k: int, cycles: int, keep: Cache) -> StressTestRow:
     from joblib import hash as digest
 
     case = _case(name)
     inputs = [name, k, cycles, digest((case.M, case.K, case.at))]
     key = stage_key("stress-march", inputs, ("pipeline",), ("numba", "numpy", "scipy"))
-    row: Row | None = keep.load(key)
+    row: StressTestRow | None = keep.load(key)
     if row is None:
         row = _row(name, k, cycles)
         keep.save(key, row)
     return row
 
 
-def _row(name: str, k: int, cycles: int) -> Row:
+def _row(name: str, k: int, cycles: int) -> StressTestRow:
     return _marches(name, cycles)[k]()
 
 
 @cache
-def _case(name: str) -> Case:
-    return builders()[name]()
+def _case(name: str) -> StressCase:
+    return case_builders()[name]()
 
 
 @cache
-def _marches(name: str, cycles: int) -> list[Callable[[], Row]]:
-    """One case by every method."""
+def _marches(name: str, cycles: int) -> list[Callable[[], StressTestRow]]:
+    """Return the marches of one case by every method, as functions."""
     case = _case(name)
     return [
         *(partial(_march, case, *chosen, cycles) for chosen in _fixed(case)),
@@ -146,11 +145,11 @@ def _marches(name: str, cycles: int) -> list[Callable[[], Row]]:
     ]
 
 
-def _fixed(case: Case) -> Iterator[tuple[Integrator, int, float]]:
-    """Methods with a step, their ratios, and the step over the explicit limit."""
+def _fixed(case: StressCase) -> Iterator[tuple[ResumableIntegrator, int, float]]:
+    """Yield the methods with a step, their ratios, and the step over the explicit limit."""
     spins = bool(case.at.v.any())
     for m in (1, 5) if spins else RATIOS:
-        limit = find_limit(case.M, case.K, case.system.n_slow, m)[0]
+        limit = find_sudden_step(case.M, case.K, case.system.n_slow, m)[0]
         for share in (0.5, 0.9) if spins else SHARES:
             if m == 1:
                 yield CentralDifference(share * limit), 1, share
@@ -171,28 +170,27 @@ def _fixed(case: Case) -> Iterator[tuple[Integrator, int, float]]:
 
 
 def _adaptive(cycles: int) -> Iterator[tuple[Integrator, int]]:
-    """Methods that choose their steps, and how many of the explicit limit they march over."""
+    """Yield the methods that choose their steps, and the number of explicit steps that they march over."""
     steps = max(cycles // 50, 1000)
     yield RungeKutta(1e-9), steps
     yield ExponentialRosenbrock(1e-6), steps
-    yield AdaptiveGeneralizedAlpha(1e-6), steps
-    for name in ("DOP853", "Radau", "LSODA"):
+    for name in ("Radau", "LSODA"):
         yield ScipyIvp(name, 1e-6), _SCIPYS
 
 
-def _march(case: Case, method: Integrator, m: int, share: float, most: int) -> Row:
+def _march(case: StressCase, method: ResumableIntegrator, m: int, share: float, most: int) -> StressTestRow:
     h, n = method.step, len(case.M)
     cycles = int(min(most, _PERIODS * 2 * np.pi / (case.lowest * m * h) + 1))
     cycles = max(cycles, 1000)
     start, span = _disturbed(case), 1e-3 * cycles * m * h
     try:
-        left, energies = _modes(march_tangent(method, case.system, case.at, 0.0)[0], case)
-        folds = float(march_rates(method, case.system, case.at, span)[0]) * cycles * m * h
+        left, energies = _modes(scheme_tangent(method, case.system, case.at, 0.0)[0], case)
+        folds = float(scheme_growth_rates(method, case.system, case.at, span)[0]) * cycles * m * h
     except AccuracyError:
         folds = np.inf
     predicted = "lives" if folds < _GROWN - _UNSURE else "diverges" if folds > _GROWN + _UNSURE else "either"
     label = (case.family, case.name, method.name, m, share, cycles, predicted)
-    # A vibration that has taken the spin away may be small again in the end: such marches are looked at on their way.
+    # A vibration that has taken the spin away may be small again in the end: those marches are watched on their way.
     looks = _LOOKS if case.at.v.any() else 1
     times, before = (cycles * m - 1) * h * np.linspace(1.0 / looks, 1.0, looks), np.zeros(1)
     try:
@@ -204,22 +202,22 @@ def _march(case: Case, method: Integrator, m: int, share: float, most: int) -> R
             spinning = method.resume(case.system, base, times)
             still, on_its_way = spinning.end, np.concatenate([moved.q - spinning.q, moved.v - spinning.v], axis=1)
     except AccuracyError:
-        return Row(*label, "diverges", np.nan)
+        return StressTestRow(*label, "diverges", np.nan)
     sizes = [np.concatenate([x.q - y.q, x.v - y.v, x.a - y.a]) for x, y in ((first, base), (there, still))]
     scale = np.r_[np.full(n, case.lowest), np.ones(n)]
     held = np.tile(case.K.any(axis=1), 2)  # nothing holds a free angle back
     was, now = (np.abs(scale * x[: 2 * n])[held].max() for x in sizes)
     now = max(now, np.abs(scale * on_its_way)[:, held].max(initial=0.0))
     if not now < was * np.exp(_GROWN):
-        return Row(*label, "diverges", np.nan)
+        return StressTestRow(*label, "diverges", np.nan)
     if np.isinf(folds):
-        return Row(*label, "lives", np.nan)  # against the prediction: there are no modes to tell energies by
+        return StressTestRow(*label, "lives", np.nan)  # against the prediction: there are no modes to sum energies over
     earlier, later = (float(np.abs(left @ x) ** 2 @ energies) for x in sizes)
-    return Row(*label, "lives", later / earlier - 1 if earlier else -1.0)  # nothing is left that vibrates
+    return StressTestRow(*label, "lives", later / earlier - 1 if earlier else -1.0)  # nothing is left that vibrates
 
 
-def _modes(A: Array, case: Case) -> tuple[Array, Array]:
-    """Left eigenvectors of one cycle's vibrations, and their energies by the right ones."""
+def _modes(A: Array, case: StressCase) -> tuple[Array, Array]:
+    """Return the left eigenvectors of one cycle's vibrations, and their energies by the right ones."""
     n = len(case.M)
     values, right = np.linalg.eig(A)
     left = np.linalg.pinv(right)
@@ -229,32 +227,33 @@ def _modes(A: Array, case: Case) -> tuple[Array, Array]:
     return left[chosen], energy.real[chosen]
 
 
-def _disturbed(case: Case) -> tuple[Array, Array]:
+def _disturbed(case: StressCase) -> tuple[Array, Array]:
+    """Return a start of the case with small random deflections."""
     rng = np.random.default_rng(0)
     size = (_SPINNING if case.at.v.any() else 1.0) * _START / np.sqrt(np.maximum(case.M.diagonal(), 1e-12))
     return case.at.q + size * rng.uniform(0.5, 1.0, len(case.M)), case.at.v.copy()
 
 
-def _march_adaptively(case: Case, method: Integrator, steps: int) -> Row:
-    """Over many periods, but no longer than as many explicit steps go; predicted by the equations of motion."""
+def _march_adaptively(case: StressCase, method: Integrator, steps: int) -> StressTestRow:
+    """March over many periods, within a number of explicit steps; predicted by the equations of motion."""
     duration = min(1e3 * 2 * np.pi / case.lowest, steps * 2 / case.system.highest_frequency)
-    folds = float(true_rates(case.system, case.at)[0]) * duration
+    folds = float(system_growth_rates(case.system, case.at)[0]) * duration
     predicted = "lives" if folds < _GROWN - _UNSURE else "diverges" if folds > _GROWN + _UNSURE else "either"
     label = (case.family, case.name, method.name, 1, 0.0, 0, predicted)
     times = np.linspace(0.0, duration, _LOOKS)
     try:
         moved, base = (method.march(case.system, *of, times) for of in (_disturbed(case), (case.at.q, case.at.v)))
     except AccuracyError:
-        return Row(*label, "diverges", np.nan)
+        return StressTestRow(*label, "diverges", np.nan)
     q, v = moved.q - base.q, moved.v - base.v
     energies = [x @ case.K @ x + y @ case.M @ y for x, y in zip(q, v, strict=True)]
     if not max(energies) < energies[0] * np.exp(2 * _GROWN):
-        return Row(*label, "diverges", np.nan)
-    return Row(*label, "lives", float(energies[-1] / energies[0] - 1))
+        return StressTestRow(*label, "diverges", np.nan)
+    return StressTestRow(*label, "lives", float(energies[-1] / energies[0] - 1))
 
 
-def write_rows(rows: list[Row], path: Path) -> None:
-    """Write the table as CSV."""
+def write_rows(rows: list[StressTestRow], path: Path) -> None:
+    """Write the marches as a CSV table."""
     with whole_file(path) as part, part.open("w", newline="") as file:
         table = csv.DictWriter(file, [*asdict(rows[0]), "wrong"], lineterminator="\n")
         table.writeheader()
@@ -263,7 +262,7 @@ def write_rows(rows: list[Row], path: Path) -> None:
             table.writerow(asdict(row) | figures)
 
 
-def summary_of_rows(rows: list[Row]) -> list[dict[str, Any]]:
+def summarise_rows(rows: list[StressTestRow]) -> list[dict[str, Any]]:
     """Count, for each family, the marches, those that lived and diverged, and the predictions that failed."""
     return [
         {

@@ -1,4 +1,4 @@
-"""Whole runs of ready scenes: where a newcomer's first run and every later one spend their time and memory."""
+"""Time and memory of whole runs of ready scenes: the first one on a machine, and a later one."""
 
 from __future__ import annotations
 
@@ -15,21 +15,18 @@ from dataclasses import astuple, dataclass, fields
 from pathlib import Path
 from typing import Any
 
-from rich.console import Console
-from rich.table import Table
-
 from pipeline.core.errors import AccuracyError
 from pipeline.core.files import whole_file
 
 SCENES = ("beam", "rod-slider", "propeller")
-REST = "start, imports and the rest"
+_REST = "start, imports and the rest"
 _COMMAND = "import sys; from pipeline.cli.app import main; main(sys.argv[1:])"
-_PER_MEGABYTE = 1024**2 if sys.platform == "darwin" else 1024  # of what the system calls a process's largest size
+_PER_MEGABYTE = 1024**2 if sys.platform == "darwin" else 1024  # of the system's unit of a process's size
 
 
 @dataclass(frozen=True)
 class StageRow:
-    """What one stage of a run took.
+    """Time of one stage of a run, or time and memory of the whole run.
 
     Attributes
     ----------
@@ -42,7 +39,7 @@ class StageRow:
     seconds, share : float
         Wall time [s], and its share of the whole.
     cached : bool
-        Whether it was read rather than computed.
+        True if the result was read from the cache.
     megabytes : float
         Largest size of the process, in the row of the whole; else not a number.
     """
@@ -56,7 +53,7 @@ class StageRow:
     megabytes: float
 
 
-def measure(scene: str, overrides: Sequence[str]) -> Iterator[StageRow]:
+def measure_runs(scene: str, overrides: Sequence[str]) -> Iterator[StageRow]:
     """Run a scene twice from an empty cache folder, each time in a process of its own.
 
     Raises
@@ -65,24 +62,15 @@ def measure(scene: str, overrides: Sequence[str]) -> Iterator[StageRow]:
         A run ended with an error.
     """
     with tempfile.TemporaryDirectory(prefix="fmd-runs-") as folder:
-        # Matplotlib keeps its list of fonts, which a newcomer hasn't got either
+        # Matplotlib keeps its list of fonts, which a new machine hasn't got either
         kept = {"FMD_CACHE": str(Path(folder) / "cache"), "MPLCONFIGDIR": str(Path(folder) / "fonts")}
         settings = [f"--set={override}" for override in overrides]
-        command = [
-            sys.executable,
-            "-c",
-            _COMMAND,
-            "run",
-            scene,
-            "--json",
-            "--out",
-            str(Path(folder) / "out"),
-            *settings,
-        ]
+        fmd = [sys.executable, "-c", _COMMAND]
+        command = [*fmd, "run", scene, "--json", "--out", str(Path(folder) / "out"), *settings]
         for run in ("cold", "warm"):
             summary, seconds, megabytes = _run(scene, command, os.environ | kept)
             stages = summary["seconds"]
-            parts = stages | {REST: max(seconds - sum(stages.values()), 0.0)}
+            parts = stages | {_REST: max(seconds - sum(stages.values()), 0.0)}
             for stage, spent in sorted(parts.items(), key=lambda part: -part[1]):
                 cached = stage in summary["stages_cached"]
                 yield StageRow(scene, run, stage, spent, spent / seconds, cached, float("nan"))
@@ -90,7 +78,7 @@ def measure(scene: str, overrides: Sequence[str]) -> Iterator[StageRow]:
 
 
 def _run(scene: str, command: list[str], environment: dict[str, str]) -> tuple[dict[str, Any], float, float]:
-    """Summary, wall time [s] and largest size [MB] of a run."""
+    """Run a command in a process; return its summary, wall time [s] and largest size [MB]."""
     with tempfile.TemporaryFile() as output, tempfile.TemporaryFile() as errors:
         tick = time.perf_counter()
         process = subprocess.Popen(command, stdout=output, stderr=errors, env=environment)
@@ -100,13 +88,13 @@ def _run(scene: str, command: list[str], environment: dict[str, str]) -> tuple[d
         output.seek(0)
         errors.seek(0)
         if process.returncode:
-            told = errors.read().decode(errors="replace").strip().splitlines()
-            raise AccuracyError(f"fmd run {scene} ended with status {process.returncode}: {told[-1] if told else ''}")
+            last = errors.read().decode(errors="replace").strip().splitlines()
+            raise AccuracyError(f"fmd run {scene} ended with status {process.returncode}: {last[-1] if last else ''}")
         return json.load(output), seconds, usage.ru_maxrss / _PER_MEGABYTE
 
 
-def write_rows(rows: list[StageRow], path: Path) -> None:
-    """Write the rows as CSV, with the machine that they came from."""
+def write_stages(rows: list[StageRow], path: Path) -> None:
+    """Write the rows as CSV, after a line that names the machine."""
     path.parent.mkdir(parents=True, exist_ok=True)
     with whole_file(path) as part, part.open("w", newline="") as file:
         file.write(f"# {platform.machine()}, {platform.system()}, Python {platform.python_version()}, ")
@@ -114,18 +102,3 @@ def write_rows(rows: list[StageRow], path: Path) -> None:
         table = csv.writer(file, lineterminator="\n")
         table.writerow([field.name for field in fields(StageRow)])
         table.writerows([f"{x:.4g}" if isinstance(x, float) else x for x in astuple(row)] for row in rows)
-
-
-def print_rows(rows: list[StageRow], path: Path) -> None:
-    """Print a table of each run."""
-    console = Console()
-    for scene, run in dict.fromkeys((row.scene, row.run) for row in rows):
-        table = Table("stage", "seconds", "share", "", title=f"{scene}, {run}", title_justify="left")
-        for row in rows:
-            if (row.scene, row.run) == (scene, run):
-                note = "from the cache" if row.cached else ""
-                if row.stage == "whole":
-                    note = f"{row.megabytes:.0f} MB at most"
-                table.add_row(row.stage, f"{row.seconds:.3f}", f"{100 * row.share:.1f} %", note)
-        console.print(table)
-    console.print(f"{path.name} in {path.parent}/")

@@ -11,7 +11,6 @@ from typing import NamedTuple
 from pipeline.core.arrays import Array
 from pipeline.core.errors import AccuracyError
 from pipeline.dynamics.system import System
-from pipeline.integrators.adaptive_alpha import AdaptiveGeneralizedAlpha
 from pipeline.integrators.central_difference import CentralDifference
 from pipeline.integrators.exponential import Exponential
 from pipeline.integrators.generalized_alpha import GeneralizedAlpha
@@ -23,7 +22,7 @@ from pipeline.integrators.subcycling import Subcycling
 
 
 class Errors(NamedTuple):
-    """Errors of a trajectory, each relative to the largest value over the motion; nan where there is nothing."""
+    """Errors of a trajectory, each relative to the largest value over the motion; NaN for what the system lacks."""
 
     tip: float
     modal: float
@@ -31,31 +30,31 @@ class Errors(NamedTuple):
 
 
 ErrorsOf = Callable[[Trajectory, Trajectory], Errors]
-"""Errors of one trajectory against another."""
+"""A function that returns the errors of one trajectory against another."""
 
 _MOST_SECONDS = 2.0  # a march longer than this ends its method's range
 
 
 @dataclass(frozen=True)
-class Row:
-    """One march.
+class WorkPrecisionRow:
+    """Run time and errors of one march.
 
     Attributes
     ----------
     integrator : str
-        The method, with its ratio if it sub-cycles.
+        Name of the method, with its ratio if it sub-cycles.
     step_s : float
-        Its step, the mean one if it chooses by itself [s].
+        Step, of adaptive methods the mean one [s].
     substeps : int
         Fast steps to one slow step.
     seconds : float
         Median run time.
     error : float
-        Of the tip, against the reference.
+        Error of the tip against the reference.
     evaluations : int
         Solutions of the whole system; those of the fast part alone come on top.
     modal_error, joint_error : float
-        Of the modal coordinates that stress is made of, and of the joints' coordinates.
+        Errors of the modal coordinates, from which stress is recovered, and of the joints' coordinates.
     """
 
     integrator: str
@@ -70,31 +69,31 @@ class Row:
 
 @dataclass(frozen=True)
 class WorkPrecision:
-    """A comparison.
+    """Run time against error of all methods on one system.
 
     Attributes
     ----------
-    rows : tuple of Row
+    rows : tuple of WorkPrecisionRow
         All marches that came to their end, method by method, coarse to fine.
     reference_error : float
-        What two independent references differ by at the tip.
+        Difference of two independent references at the tip.
     """
 
-    rows: tuple[Row, ...]
+    rows: tuple[WorkPrecisionRow, ...]
     reference_error: float
 
 
 def compare(
     system: System, q0: Array, v0: Array, times: Array, errors_of: ErrorsOf, repeats: int = 5, limit: float = 1e-8
 ) -> WorkPrecision:
-    """March a system by every method and measure.
+    """March a system by every method, and measure run times and errors.
 
     Parameters
     ----------
     times : ndarray, shape (n_times,)
-        Where the error is taken [s].
+        Times at which the errors are taken [s].
     repeats : int
-        Marches whose median run time counts; taken with output at the end alone.
+        Number of marches whose median run time counts, each with output at the end alone.
     limit : float
         Largest difference of the two references.
 
@@ -109,12 +108,12 @@ def compare(
     reference_error = errors_of(other.march(system, q0, v0, times), reference).tip
     if not reference_error < limit:
         raise AccuracyError(f"two references differ by {reference_error:.1e}, above {limit:.0e}")
-    rows: list[Row] = []
+    rows: list[WorkPrecisionRow] = []
     for methods in _families(system, duration):
         for label, method in methods:
             try:
                 motion = method.march(system, q0, v0, times)
-            except AccuracyError:  # diverged: nothing to compare at this step
+            except AccuracyError:  # it diverged at this step
                 continue
             ends = times[[0, -1]]
             seconds = [method.march(system, q0, v0, ends).seconds]
@@ -122,14 +121,14 @@ def compare(
                 seconds.append(method.march(system, q0, v0, ends).seconds)
             errors, substeps = errors_of(motion, reference), motion.substeps
             figures = (median(seconds), errors.tip, motion.evaluations, errors.modal, errors.joint)
-            rows.append(Row(label, float(motion.step), substeps, *figures))
+            rows.append(WorkPrecisionRow(label, float(motion.step), substeps, *figures))
             if median(seconds) > _MOST_SECONDS:
                 break
     return WorkPrecision(tuple(rows), reference_error)
 
 
 def _families(system: System, duration: float) -> Iterator[Iterator[tuple[str, Integrator]]]:
-    """Each method's range, coarse to fine; steps divide a fifth of the duration, where a drive may end."""
+    """Yield each method's range, coarse to fine; steps divide a fifth of the duration, where a drive may end."""
     steps = [duration / (5 * 2**k) for k in range(3, 20)]
     plain = CentralDifference(1.0)
     explicit = [step for step in steps if step < 0.9 * plain.largest_step(system)][:7]
@@ -140,7 +139,6 @@ def _families(system: System, duration: float) -> Iterator[Iterator[tuple[str, I
         yield ((f"{method.name} {m}:1", replace(method, step=step)) for step in stable)
     coarse = [step for step in steps if step >= explicit[-1]]
     yield (("generalized-alpha", GeneralizedAlpha(step)) for step in coarse)
-    yield (("generalized-alpha, adaptive", AdaptiveGeneralizedAlpha(10.0**-k)) for k in range(2, 9))
     if system.n_positions == system.n:
         bound = Exponential(1.0).largest_step(system)
         yield (("exponential", Exponential(step)) for step in coarse if step < 0.9 * bound)

@@ -1,1 +1,1 @@
-"""The command line."""
+"""The command line ``fmd``: one module a command, each with its own printing."""

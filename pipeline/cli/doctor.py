@@ -1,23 +1,22 @@
-"""``fmd doctor``."""
+"""``fmd doctor``: a check of the machine."""
 
 from __future__ import annotations
 
+from pipeline.cli.doctor_checks import describe_machine, find_problems
 from pipeline.cli.options import Json, print_json
+from pipeline.core.paths import cache_folder
 
 
 def doctor(*, json: Json = False) -> None:
-    """Tell what this machine lacks, and the command that mends it."""
-    from pipeline.cli.doctor_checks import information, problems
-    from pipeline.core.paths import cache_folder
-
-    found = problems(cache_folder())
+    """Check what this machine lacks, and print the command that mends it."""
+    problems = find_problems(cache_folder())
     if json:
-        print_json({"ok": not found, "problems": [{"what": p.what, "mend": p.mend} for p in found]})
+        print_json({"ok": not problems, "problems": [{"what": p.what, "mend": p.mend} for p in problems]})
     else:
-        for name, value in information().items():
+        for name, value in describe_machine().items():
             print(f"{name}: {value}")
-        for problem in found:
+        for problem in problems:
             print(f"lacking: {problem.what}\n  mend: {problem.mend}")
-        print("this machine can do everything" if not found else f"{len(found)} to mend")
-    if found:
+        print(f"{len(problems)} to mend" if problems else "this machine can do everything")
+    if problems:
         raise SystemExit(3)

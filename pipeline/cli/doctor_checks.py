@@ -1,4 +1,4 @@
-"""What this machine lacks, and the command that mends it."""
+"""Checks of the machine: libraries that Gmsh needs, drawing off-screen, the cache folder."""
 
 from __future__ import annotations
 
@@ -32,28 +32,28 @@ DEBIAN_PACKAGES: tuple[str, ...] = tuple(sorted({*GMSH_LIBRARIES.values(), *rend
 
 @dataclass(frozen=True, slots=True)
 class Problem:
-    """Something that is amiss.
+    """Something that doesn't work on this machine, and its remedy.
 
     Attributes
     ----------
     what : str
-        What does not work.
+        The failure.
     mend : str
-        What makes it work.
+        The remedy, a command where there is one.
     """
 
     what: str
     mend: str
 
 
-def problems(cache: Path) -> tuple[Problem, ...]:
+def find_problems(cache: Path) -> tuple[Problem, ...]:
     """Check the system's libraries, drawing and the cache folder, which is made if it is missing."""
-    found = (_library_problem(), _drawing_problem(), _cache_problem(cache))
-    return tuple(problem for problem in found if problem is not None)
+    checks = (_library_problem(), _drawing_problem(), _cache_problem(cache))
+    return tuple(problem for problem in checks if problem is not None)
 
 
-def information() -> dict[str, str]:
-    """Tell how many processor cores there are and how many threads are asked for."""
+def describe_machine() -> dict[str, str]:
+    """Return the number of processor cores and the numbers of threads that the environment sets."""
     return {
         "processor cores": str(cpu_count()),
         "BLAS threads": _threads("OPENBLAS_NUM_THREADS", "MKL_NUM_THREADS", "OMP_NUM_THREADS"),
@@ -62,7 +62,7 @@ def information() -> dict[str, str]:
 
 
 def can_load(library: str) -> bool:
-    """Tell whether the system has a shared library."""
+    """Return True if the system has a shared library."""
     try:
         ctypes.CDLL(library)
     except OSError:
@@ -71,7 +71,7 @@ def can_load(library: str) -> bool:
 
 
 def _library_problem() -> Problem | None:
-    """Name all libraries that Gmsh lacks at once."""
+    """List all libraries that Gmsh lacks in one problem, so that one command mends it."""
     if sys.platform != "linux":  # elsewhere the wheel brings what it needs
         return None
     missing = [library for library in GMSH_LIBRARIES if not can_load(library)]
@@ -90,7 +90,7 @@ def _drawing_problem() -> Problem | None:
 
 
 def _cache_problem(cache: Path) -> Problem | None:
-    """Write a file, to be sure."""
+    """Write a file into the cache folder: permissions alone don't show a full or read-only disk."""
     try:
         cache.mkdir(parents=True, exist_ok=True)
         with tempfile.TemporaryFile(dir=cache):
@@ -101,7 +101,7 @@ def _cache_problem(cache: Path) -> Problem | None:
 
 
 def _threads(*variables: str) -> str:
-    """Tell the number that the first of these environment variables sets."""
+    """Return the number of threads that the first of these environment variables sets."""
     for variable in variables:
         if variable in os.environ:
             return f"{os.environ[variable]} ({variable})"

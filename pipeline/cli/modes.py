@@ -1,46 +1,15 @@
-"""``fmd mesh``, ``fmd modes`` and ``fmd campbell``: a part alone."""
+"""``fmd modes``: the natural frequencies of a part."""
 
 from __future__ import annotations
 
-from pathlib import Path
+from typing import Any
 
-from pipeline.cli.options import (
-    Json,
-    NoCache,
-    Repair,
-    SceneName,
-    Set,
-    open_pipeline,
-    print_figures,
-    print_json,
-    rate_of,
-)
+from rich.console import Console
 
-
-def mesh(
-    scene: SceneName,
-    *,
-    out: Path | None = None,
-    set_: Set = None,
-    repair: Repair = False,
-    no_cache: NoCache = False,
-    json: Json = False,
-) -> None:
-    """Mesh alone: counts, volume, mass and the smallest scaled Jacobian.
-
-    Parameters
-    ----------
-    out
-        File to write the mesh to, in the format of its suffix: .vtu, .msh, .inp ...
-    """
-    pipeline = open_pipeline(scene, set_, no_cache, repair)
-    if out is not None:
-        from pipeline.fem.formats.export import write_mesh
-
-        write_mesh(pipeline.mesh, out)
-    from pipeline.cli.tables import mesh_figures
-
-    print_figures(mesh_figures(pipeline.part), json)
+from pipeline.cli.inputs import open_pipeline, read_rate
+from pipeline.cli.options import Json, NoCache, Repair, SceneName, Set, print_json
+from pipeline.cli.tables import frequencies_table, new_table
+from pipeline.output.frequencies import frequency_table, rotating_table
 
 
 def modes(
@@ -59,63 +28,29 @@ def modes(
     speed
         Rate of rotation about the joint, e.g. "20 rad/s": the frequencies on a hub that turns so, too.
     """
-    from pipeline.output.frequencies import frequency_table, rotating_table
-
     pipeline = open_pipeline(scene, set_, no_cache, repair)
     result = frequency_table(pipeline)
     if speed is not None:
-        result |= rotating_table(pipeline, rate_of("--speed", speed))
+        result |= rotating_table(pipeline, read_rate("--speed", speed))
     result["seconds"] = dict(pipeline.log.seconds)
     if json:
         print_json(result)
     else:
-        from pipeline.cli.tables import print_frequencies
-
-        print_frequencies(result)
+        _print_frequencies(result)
 
 
-def campbell(
-    scene: SceneName,
-    *,
-    to: str,
-    points: int = 41,
-    out: Path | None = None,
-    set_: Set = None,
-    no_cache: NoCache = False,
-    json: Json = False,
-) -> None:
-    """Campbell diagram: frequencies on a turning hub over its rate of rotation, as a table and a chart.
-
-    Parameters
-    ----------
-    to
-        Highest rate of rotation, e.g. "8000 rpm".
-    points
-        How many rates, from 0 on.
-    out
-        Folder for the results; out/SCENE by default.
-    """
-    import numpy as np
-
-    from pipeline.core.errors import InputError
-    from pipeline.output.frequencies import campbell as compute
-
-    pipeline = open_pipeline(scene, set_, no_cache)
-    highest = rate_of("--to", to)
-    if not highest > 0:
-        raise InputError("--to", "", to, "must be above zero")
-    if not 2 <= points <= 10_000:
-        raise InputError("--points", "", points, "must be 2 … 10000")
-    folder = out or Path("out") / pipeline.scene.name
-    rates = np.linspace(0.0, highest, points)
-    table, files = compute(pipeline, rates, folder)
-    if json:
-        rows = [
-            {"rate_rad_s": rate, "frequencies_hz": row[np.isfinite(row)].tolist()}
-            for rate, row in zip(rates.tolist(), table, strict=True)
-        ]
-        print_json({"rows": rows, "files": files})
-    else:
-        from pipeline.cli.tables import print_campbell
-
-        print_campbell(pipeline.scene.title, rates, table, folder, files)
+def _print_frequencies(result: dict[str, Any]) -> None:
+    console = Console()
+    console.print(frequencies_table(result))
+    if "speed_rad_s" in result:
+        table = new_table(f"On a hub that turns at {result['speed_rad_s']:.6g} rad/s", "mode", "Hz")
+        for k, frequency in enumerate(result["rotating_frequencies_hz"]):
+            table.add_row(str(k + 1), f"{frequency:.4f}")
+        console.print(table)
+    line = f"{result['rigid_modes']} rigid-body modes, {result['dofs']} unknowns"
+    if (factor := result["factor"]) is not None:
+        line += (
+            f"; factor by {factor['solver']} in {factor['order']} order, {factor['nonzeros'] / 1e6:.3g} million "
+            f"nonzeros of {factor['unknowns']} unknowns, {factor['memory'] / 1e6:.3g} MB"
+        )
+    console.print(line)

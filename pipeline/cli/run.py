@@ -1,14 +1,27 @@
-"""``fmd run``."""
+"""``fmd run``: a whole scene, and its results in the terminal."""
 
 from __future__ import annotations
 
 import sys
+from math import pi
 from pathlib import Path
-from typing import Annotated
+from typing import Any
 
-from cyclopts import Parameter
+from rich.console import Console
+from rich.table import Table
 
-from pipeline.cli.options import Json, NoCache, Repair, SceneName, Set, open_pipeline, print_json
+from pipeline.accuracy.error_estimates import NO_PART, SOURCES
+from pipeline.cli.inputs import open_pipeline
+from pipeline.cli.options import Flag, Json, NoCache, Repair, SceneName, Set, print_json
+from pipeline.cli.tables import frequencies_table, new_table
+from pipeline.core.errors import AccuracyError
+from pipeline.core.html import scaled
+from pipeline.output.explain import Forecast, forecast_run
+from pipeline.output.write import write_results
+
+_COUPLED = 1e-6  # inertial coupling of rotation and modes from which on sub-cycling is said to grow
+_GROWING = 0.01  # growth over the scene by the method itself that is worth a note
+_FATES = {"run": "run", "cached": "be read", "skipped": "be skipped", "open": "run or not"}
 
 
 def run(
@@ -16,16 +29,16 @@ def run(
     *,
     out: Path | None = None,
     set_: Set = None,
-    no_pictures: Annotated[bool, Parameter(negative=())] = False,
-    no_budget: Annotated[bool, Parameter(negative=())] = False,
-    explain: Annotated[bool, Parameter(negative=())] = False,
-    dry_run: Annotated[bool, Parameter(negative=())] = False,
-    keep_all: Annotated[bool, Parameter(negative=())] = False,
+    no_pictures: Flag = False,
+    no_budget: Flag = False,
+    explain: Flag = False,
+    dry_run: Flag = False,
+    keep_all: Flag = False,
     repair: Repair = False,
     no_cache: NoCache = False,
     json: Json = False,
 ) -> None:
-    """Do everything that a scene asks for: mesh, modes, motion, stress, pictures, an error budget.
+    """Do everything that a scene lists: mesh, modes, motion, stress, pictures, an error budget.
 
     Parameters
     ----------
@@ -42,30 +55,192 @@ def run(
     keep_all
         Integrate modes that neither loads nor motion can excite, too.
     """
-    from pipeline.cli.tables import given_up, print_plan, print_run
-    from pipeline.core.errors import AccuracyError
-    from pipeline.output.write import write_results
-    from pipeline.stages.explain import plan_of
-
     pipeline = open_pipeline(scene, set_, no_cache, repair, keep_all)
     folder = out or Path("out") / pipeline.scene.name
-    asked = explain or dry_run
-    # Who waits at a terminal is told what it will cost; asking the cache takes time that nobody else need spend.
-    plan = plan_of(pipeline, not no_pictures, not no_budget) if asked or (not json and sys.stdout.isatty()) else None
-    if plan and not json:
-        print_plan(plan, steps=asked)
+    every_step = explain or dry_run
+    # At a terminal a forecast is worth the time that looking through the cache takes.
+    wanted = every_step or (not json and sys.stdout.isatty())
+    forecast = forecast_run(pipeline, not no_pictures, not no_budget) if wanted else None
+    if forecast and not json:
+        _print_forecast(forecast, every_step)
     if dry_run:
-        if plan and json:
-            print_json({"plan": plan.summary()})
+        if forecast and json:
+            print_json({"plan": forecast.summary()})
         return
     summary = write_results(pipeline, folder, pictures=not no_pictures, budget=not no_budget)
     if json:
-        print_json({"plan": plan.summary(), **summary} if plan else summary)
+        print_json({"plan": forecast.summary(), **summary} if forecast else summary)
     else:
-        print_run(summary, folder)
-    left = summary["accuracy"]["rounds"][-1]["given_up"] if "accuracy" in summary else []
-    if left:
-        raise AccuracyError(
-            f"accuracy: finer meshes and more modes hardly lower the error of {given_up(left)}; "
-            f"all else is met, and what was computed is in {folder}/"
+        _print_run(summary, folder)
+    _require_accuracy(summary, folder)
+
+
+def _require_accuracy(summary: dict[str, Any], folder: Path) -> None:
+    """Raise ``AccuracyError`` if the wanted accuracy was given up for a quantity; the message names all of them."""
+    given_up = summary["accuracy"]["rounds"][-1]["given_up"] if "accuracy" in summary else []
+    if not given_up:
+        return
+    named = "; ".join(
+        f"'{row['quantity']}', stated {_percent(row['stated'])} %, most from {row['dominant']}" for row in given_up
+    )
+    raise AccuracyError(
+        f"accuracy: finer meshes and more modes hardly lower the error of {named}; "
+        f"all else is met, and what was computed is in {folder}/"
+    )
+
+
+def _print_forecast(forecast: Forecast, every_step: bool) -> None:
+    """Print how long a run will take, and stage by stage what it will do if every step is wanted."""
+    console = Console()
+    if every_step:
+        table = new_table("Plan", "stage", "body", "will", "last time", "why", wide=4)
+        for step in forecast.steps:
+            last = "" if step.seconds is None else f"{step.seconds:.3g} s"
+            table.add_row(step.stage, step.body, _FATES[step.fate], last, step.why)
+        console.print(table)
+    console.print(f"forecast: {forecast.line}")
+
+
+def _print_run(summary: dict[str, Any], folder: Path) -> None:
+    """Print the tables and notes of a run."""
+    console = Console()
+    console.print(_stages(summary))
+    if "frequencies_hz" in summary:
+        console.print(frequencies_table(summary))
+    console.print(_integrations(summary))
+    if "error_budget" in summary:
+        console.print(_budget(summary["error_budget"]))
+    if "accuracy" in summary:
+        console.print(_rounds(summary["accuracy"]))
+    for line in _notes(summary):
+        console.print(line)
+    console.print(f"{len(summary['files']) + 1} files in {folder}/: summary.json, {', '.join(summary['files'])}")
+
+
+def _stages(summary: dict[str, Any]) -> Table:
+    table = new_table("Stages", "stage", "seconds", "result", wide=2)
+    results = {
+        "motion": f"{len(summary['integrations'])} runs to t = {summary['final']['time_s']:g} s",
+        "pictures": f"{len(summary['files']) - 1} files",
+    }
+    if "frequencies_hz" in summary:
+        results |= {
+            "assembly": f"{summary['dofs']} unknowns",
+            "modes": f"{len(summary['frequencies_hz'])} modes of {summary['dofs']} unknowns, "
+            f"{summary['rigid_modes']} rigid-body modes, residual {summary['residual']:.0e}",
+            "body": "; ".join(
+                f"{name}: {body['mass_kg']:.4g} kg, {body['frequencies_in_frame_hz'][0]:.4g} Hz on its joint, "
+                f"coupling {body['coupling']:.0e}"
+                for name, body in summary["bodies"].items()
+            ),
+        }
+    if "worst_stress" in summary:
+        results["stress"] = f"{summary['worst_stress']['von_mises_pa'] / 1e6:.4g} MPa at worst"
+    for stage, seconds in summary["seconds"].items():
+        partly = "partly " if stage in summary["stages_run"] else ""
+        cached = f"{partly}from the cache; " if stage in summary["stages_cached"] else ""
+        table.add_row(stage, f"{seconds:.3f}", (cached + results.get(stage, "")).rstrip("; "))
+    for stage in summary["stages_skipped"]:
+        table.add_row(stage, "", "not needed")
+    return table
+
+
+def _integrations(summary: dict[str, Any]) -> Table:
+    table = new_table("Integration", "method", "step", "run time", "ratio", "solutions + fast", "tip differs by")
+    for row in summary["integrations"]:
+        table.add_row(
+            row["integrator"] + (f" {row['substeps']}:1" if row["substeps"] > 1 else ""),
+            scaled(row["step_s"], "s", 3),
+            scaled(row["seconds"], "s", 3),
+            f"{row['ratio_to_plain']:.2f}",
+            f"{row['evaluations']} + {row['fast_evaluations']}",
+            scaled(row["tip_difference_m"], "m", 3),
         )
+    return table
+
+
+def _budget(budget: dict[str, Any]) -> Table:
+    """Make the table of relative errors by source; of a body's frequencies it holds only the worst."""
+    title = f"Error budget [%]: what is stated is {budget['safety']:g} times the root of their squares"
+    table = new_table(title, "quantity", "mesh", "modes", "time", "stress", "stated")
+    worst: dict[str, dict[str, Any]] = {}
+    for row in budget["rows"]:
+        group = row["quantity"].partition(", frequency")[0] if ", frequency" in row["quantity"] else row["quantity"]
+        if group not in worst or row["total"] > worst[group]["total"]:
+            worst[group] = row
+    for row in worst.values():
+        parts = [
+            _percent(part) if isinstance(part := row[source], float) else "–" if part == NO_PART else "?"
+            for source in SOURCES
+        ]
+        stated = _percent(row["total"])
+        table.add_row(row["quantity"], *parts, f"> {stated}" if "?" in parts else stated)
+    return table
+
+
+def _rounds(accuracy: dict[str, Any]) -> Table:
+    """Make the table of refinements for a wanted accuracy: settings and worst quantity of each round."""
+    but = "" if accuracy["met"] else " but for the quantities named below"
+    title = f"Accuracy: {_percent(accuracy['wanted'])} % wanted and met{but}"
+    table = new_table(title, "round", "chosen", "stated [%]", "worst in", "most from", wide=1)
+    for k, settings in enumerate(accuracy["rounds"]):
+        chosen = [
+            f"{name}: {body['mesh'].get('divisions') or body['mesh'].get('size') or body['mesh'].get('blade')}, "
+            f"{body['modes']} modes, {body['enrich']}"
+            for name, body in settings["bodies"].items()
+        ]
+        worst = settings["worst"]
+        text = "; ".join([*chosen, f"time {settings['integration_error']:.1g}"])
+        table.add_row(str(k + 1), text, _percent(worst["stated"]), worst["quantity"], worst["dominant"])
+    return table
+
+
+def _notes(summary: dict[str, Any]) -> list[str]:
+    """Collect what a user should know beside the tables, a line each."""
+    lines = [
+        f"note: {row['integrator']} {row['substeps']}:1 by itself makes small vibrations grow by "
+        f"{100 * (row['growth'] - 1):.2g} % over the scene"
+        for row in summary["integrations"]
+        if row["growth"] > 1 + _GROWING
+    ]
+    sub_cycled = any(row["substeps"] > 1 and row["integrator"] == "sub-cycling" for row in summary["integrations"])
+    for name, body in summary.get("bodies", {}).items():
+        lines += _notes_on_body(name, body, sub_cycled)
+    if "worst_stress" in summary:
+        stress = summary["worst_stress"]
+        line = f"largest von Mises stress {scaled(stress['von_mises_pa'], 'Pa')} at t = {scaled(stress['time_s'], 's')}"
+        if "peak_tip_deflection_m" in summary:
+            line += f"; largest tip deflection {scaled(summary['peak_tip_deflection_m'], 'm')}"
+        lines.append(line)
+    for name, modes in summary["left_out_modes"].items():
+        numbers = ", ".join(str(k) for k in modes)
+        lines.append(f"left out: modal coordinates {numbers} of {name}, which nothing excites (--keep-all)")
+    for joint, position in summary["final"].get("joint_positions", {}).items():
+        differences = [f"{row['joint_differences'][joint]:.3g}" for row in summary["integrations"][1:]]
+        apart = f"; the runs differ by {', '.join(differences)}" if differences else ""
+        lines.append(f"{joint}: {position:.6g} (SI) at the end{apart}")
+    return lines
+
+
+def _notes_on_body(name: str, body: dict[str, Any], sub_cycled: bool) -> list[str]:
+    """Collect the notes on a body: repairs of its mesh, inertial coupling with its joint, stiffening."""
+    lines = [f"mesh of {name}: {note}" for note in body["mesh_notes"]]
+    if sub_cycled and body["coupling"] > _COUPLED and not body["prescribed"]:
+        lines.append(
+            f"note: rotation and modes of {name} couple through the mass matrix ({body['coupling']:.2f}), so "
+            'sub-cycling is weakly unstable at every step; simulation.frame = "joint-conforming" removes that, and '
+            "reversible-sub-cycling stays stable"
+        )
+    if body["stiffened"]:
+        critical = body["critical_spin_rad_s"]
+        softens = f"; without, it would lose its stiffness at {critical:.4g} rad/s" if critical else ""
+        lines.append(
+            f"{name} is stiffened by its inertia loads: it turns at up to {body['largest_spin_rad_s']:.4g} rad/s, "
+            f"its lowest frequency is {2 * pi * body['frequencies_in_frame_hz'][0]:.4g} rad/s{softens}"
+        )
+    return lines
+
+
+def _percent(part: float) -> str:
+    """Write a relative error in percent, to two digits."""
+    return f"{100 * part:.2g}" if part >= 1e-5 else "<.001"

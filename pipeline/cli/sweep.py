@@ -1,20 +1,41 @@
-"""``fmd sweep``."""
+"""``fmd sweep``: one scene at every combination of values."""
 
 from __future__ import annotations
 
 import time
+from collections.abc import Sequence
 from functools import partial
 from pathlib import Path
-from typing import Annotated
+from typing import Annotated, Any
 
 from cyclopts import Parameter
+from rich.console import Console
 
 from pipeline.cli.options import Json, SceneName, Set, print_json
+from pipeline.cli.tables import new_table, print_files
+from pipeline.core.errors import InputError
+from pipeline.core.html import scaled
+from pipeline.core.progress import bars
+from pipeline.sweep.cluster import compute_on_cluster
+from pipeline.sweep.local import compute_locally
+from pipeline.sweep.points import make_points, parse_variations
+from pipeline.sweep.study import Sweep, run_sweep
+from pipeline.sweep.table import write_tables
 
 Vary = Annotated[
     list[str],
     Parameter(name="--vary", negative=(), help="A key and its values: key=a,b,c, e.g. simulation.step=1us,2us."),
 ]
+# Figures that fit a terminal, with their column and unit; the files have all.
+_FIGURES = {
+    "frequencies_hz.0": ("mode 1 Hz", ""),
+    "worst_stress.von_mises_pa": ("stress", "Pa"),
+    "peak_tip_deflection_m": ("tip", "m"),
+    "run.0.stability_margin": ("limit/step", ""),
+    "run.0.seconds": ("run time", "s"),
+}
+_JOINT = "run.0.final.joint_positions."
+_MOST_JOINTS = 2
 
 
 def sweep(
@@ -34,42 +55,57 @@ def sweep(
     out
         Folder for the table and the points that are done; out/SCENE-sweep by default.
     workers
-        How many processes, all cores by default.
+        Number of processes, all cores by default.
     scheduler
         Address of a Dask scheduler, e.g. tcp://host:8786, to send the points to; needs the extra 'cluster'.
     """
     from joblib import cpu_count
 
-    from pipeline.core.errors import InputError
-    from pipeline.core.progress import bars
-    from pipeline.sweep.cluster import on_cluster
-    from pipeline.sweep.local import on_this_machine
-    from pipeline.sweep.points import points_of, varied_of
-    from pipeline.sweep.study import sweep as compute
-    from pipeline.sweep.table import write_tables
-
     if workers is not None and (workers < 1 or scheduler is not None):
         raise InputError("--workers", "", workers, "must be 1 or more, and can't stand beside --scheduler")
     tick = time.perf_counter()
-    varied = varied_of(vary)
-    points = points_of(scene, varied, set_ or ())
+    variations = parse_variations(vary)
+    points = make_points(scene, variations, set_ or ())
     name = Path(scene).stem
     folder = out or Path("out") / f"{name}-sweep"
-    work = (
-        partial(on_this_machine, workers=workers or cpu_count())
+    compute = (
+        partial(compute_locally, workers=workers or cpu_count())
         if scheduler is None
-        else partial(on_cluster, address=scheduler)
+        else partial(compute_on_cluster, address=scheduler)
     )
     try:
-        found = compute(varied, points, folder / "points", work, bars)
-        files, rows = write_tables(found, folder)
+        result = run_sweep(variations, points, folder / "points", compute, bars)
+        files, rows = write_tables(result, folder)
     except OSError as error:
         raise InputError("--out", "", str(folder), f"can't be written: {error.strerror or error}") from error
     seconds = time.perf_counter() - tick
     if json:
-        counts = {"points": len(rows), "computed": found.computed, **found.counts}
+        counts = {"points": len(rows), "computed": result.computed, **result.counts}
         print_json({"scene": name, **counts, "seconds": seconds, "rows": rows, "files": files})
     else:
-        from pipeline.cli.tables import print_sweep
+        _print_points(result, rows)
+        _print_messages(result)
+        statuses = ", ".join(f"{number} {status}" for status, number in result.counts.items() if number)
+        Console().print(f"{len(rows)} points: {statuses}; {result.computed} computed now, in {seconds:.1f} s")
+        print_files(folder, files)
 
-        print_sweep(found, rows, seconds, folder, files)
+
+def _print_points(result: Sweep, rows: Sequence[dict[str, Any]]) -> None:
+    joints = [name for name in rows[0] if name.startswith(_JOINT)][:_MOST_JOINTS]
+    figures = _FIGURES | {name: (name.removeprefix(_JOINT), "") for name in joints}
+    figures = {name: words for name, words in figures.items() if any(row.get(name) is not None for row in rows)}
+    keys = [variation.key.rpartition(".")[2] for variation in result.variations]
+    table = new_table("Points", "", *keys, "status", *(column for column, _ in figures.values()))
+    for column in table.columns:
+        column.overflow = "fold"
+    for number, (point, row) in enumerate(zip(result.points, rows, strict=True), start=1):
+        cells = ["" if row[name] is None else scaled(row[name], unit) for name, (_, unit) in figures.items()]
+        table.add_row(str(number), *point.values, str(row["status"]), *cells)
+    Console().print(table)
+
+
+def _print_messages(result: Sweep) -> None:
+    """Print each message once, after the numbers of its points."""
+    for message in dict.fromkeys(record.message for record in result.records if record.message):
+        where = [str(number) for number, record in enumerate(result.records, start=1) if record.message == message]
+        Console().print(f"{', '.join(where)}: {message}", markup=False)

@@ -1,10 +1,20 @@
-"""``fmd verify``."""
+"""``fmd verify``: the verification suite."""
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from pathlib import Path
+from typing import TYPE_CHECKING
+
+from rich.console import Console
+from rich.markup import escape
 
 from pipeline.cli.options import Json, NoCache, print_json
+from pipeline.cli.tables import new_table
+from pipeline.core.cache import Cache
+
+if TYPE_CHECKING:
+    from pipeline.verification.suite import Outcome
 
 
 def verify(
@@ -24,14 +34,34 @@ def verify(
     out
         Folder for the table as CSV and JSON.
     """
-    from pipeline.core.cache import Cache
-    from pipeline.verification.suite import carry_out, require_within
+    from pipeline.verification.suite import require_tolerances, verify_cases
 
-    found, summary = carry_out(cases or (), out, Cache(None) if no_cache else None)
+    outcomes, summary = verify_cases(cases or (), out, Cache(None) if no_cache else None)
     if json:
         print_json(summary)
     else:
-        from pipeline.cli.tables import print_verification
+        _print_outcomes(outcomes)
+        Console().print(f"{', '.join(summary['files'])} in {out}/")
+    require_tolerances(outcomes)
 
-        print_verification(found, out, summary["files"])
-    require_within(found)
+
+def _print_outcomes(outcomes: Sequence[Outcome]) -> None:
+    """Print published figures beside ours, case by case."""
+    console = Console()
+    for outcome in outcomes:
+        case = outcome.case
+        if outcome.error:
+            console.print(f"{case.name} FAILED: {outcome.error}")
+            continue
+        columns = ("quantity", "ours", "published", "difference", "allowed")
+        table = new_table(f"{case.name}: {case.title} ({case.source})", *columns)
+        for figure in outcome.figures:
+            difference = f"{100 * figure.difference:+.2g} %" + ("" if figure.holds else " OUT")
+            numbers = (f"{figure.ours:.6g}", f"{figure.published:.6g}", difference, f"{100 * figure.tolerance:.2g} %")
+            table.add_row(escape(figure.quantity), *numbers)  # [m] is no markup
+        console.print(table)
+    n_figures, n_wrong = sum(len(one.figures) for one in outcomes), sum(not one.holds for one in outcomes)
+    console.print(
+        f"{n_figures} figures of {len(outcomes)} cases in {sum(one.seconds for one in outcomes):.1f} s"
+        + (f", {n_wrong} cases out of tolerance" if n_wrong else ", all within their tolerances")
+    )

@@ -1,1 +1,1 @@
-"""What every other layer stands on: errors, arrays, units, formulas, files and the cache."""
+"""Foundations of every other layer: errors, arrays, units, formulas, files and the cache."""

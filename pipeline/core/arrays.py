@@ -1,4 +1,4 @@
-"""Types of arrays, the permutation tensor, and checks of shapes and values."""
+"""Types of arrays, the permutation tensor, and checks of shape and of finite values."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""Results of stages kept between runs, each named by the digest of everything it depends on."""
+"""Results of stages kept between runs, each named by a digest of everything that it depends on."""
 
 from __future__ import annotations
 
@@ -13,14 +13,31 @@ from importlib.metadata import version
 from pathlib import Path
 from typing import Any
 
-from pipeline.core.files import forget_abandoned, one_at_a_time
+from pipeline.core.files import one_at_a_time, remove_abandoned
 from pipeline.core.paths import source_digest
 
 _DIGEST_BYTES = 32
 
 
 def stage_key(stage: str, inputs: Any, sources: tuple[str, ...], packages: tuple[str, ...] = ()) -> str:
-    """Name a stage's result after its inputs, the source code and the packages that make it."""
+    """Name a stage's result after its inputs, the source code and the packages that make it.
+
+    Parameters
+    ----------
+    stage : str
+        Name of the stage.
+    inputs : object
+        All that the result depends on, as JSON takes it; other objects enter by their text.
+    sources : tuple of str
+        Folders and files of the source code, from the project's root, e.g. ``pipeline/fem``.
+    packages : tuple of str
+        Distributions whose versions matter.
+
+    Returns
+    -------
+    str
+        The stage's name and a digest.
+    """
     content = {
         "stage": stage,
         "inputs": inputs,
@@ -33,21 +50,22 @@ def stage_key(stage: str, inputs: Any, sources: tuple[str, ...], packages: tuple
 
 @dataclass(frozen=True)
 class Cache:
-    """A folder of results; each file carries the digest of its content.
+    """Folder of results, of which each file carries the digest of its content.
 
     Parameters
     ----------
     folder : Path or None
-        ``None`` keeps nothing.
+        Place of the files; ``None`` keeps nothing.
     """
 
     folder: Path | None
 
     def holds(self, key: str) -> bool:
-        """Whether something undamaged is saved under ``key``."""
+        """Return true if an undamaged result is saved under ``key``."""
         return self._body(key) is not None
 
     def _body(self, key: str) -> bytes | None:
+        """Read a file's content without its digest; ``None`` if it is missing or damaged."""
         if self.folder is None:
             return None
         try:
@@ -58,7 +76,7 @@ class Cache:
         return body if _digest(body) == digest else None
 
     def load(self, key: str) -> Any:
-        """Return what was saved under ``key``; ``None`` if there is nothing, or only something damaged."""
+        """Return the result that was saved under ``key``; ``None`` if it is missing or damaged."""
         body = self._body(key)
         if body is None:
             return None
@@ -66,11 +84,11 @@ class Cache:
 
         try:
             return joblib.load(io.BytesIO(body))
-        except Exception:  # whole, but of another version of what it is made of
+        except Exception:  # undamaged, but of another version of its classes
             return None
 
     def save(self, key: str, value: Any) -> None:
-        """Keep ``value`` under ``key``: whole or not at all; a folder that can't be written is left alone."""
+        """Save a result under ``key``, whole or not at all; a folder that can't be written is left alone."""
         if self.folder is None:
             return
         import joblib
@@ -81,7 +99,7 @@ class Cache:
         part = ""
         try:
             self.folder.mkdir(parents=True, exist_ok=True)
-            forget_abandoned(self.folder, ".part-*")
+            remove_abandoned(self.folder, ".part-*")
             handle, part = tempfile.mkstemp(dir=self.folder, prefix=".part-")
             with os.fdopen(handle, "wb") as file:
                 file.write(_digest(body))
@@ -91,8 +109,8 @@ class Cache:
             if part:
                 Path(part).unlink(missing_ok=True)
 
-    def alone(self, key: str) -> AbstractContextManager[None]:
-        """Enter what one process at a time may do: make the value of ``key``."""
+    def lock(self, key: str) -> AbstractContextManager[None]:
+        """Let one process at a time make the result of ``key``, while others wait."""
         return nullcontext() if self.folder is None else one_at_a_time(self.folder / f".making-{key}")
 
 

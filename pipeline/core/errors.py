@@ -4,7 +4,7 @@ from __future__ import annotations
 
 
 class InputError(Exception):
-    """What the user gave is wrong; the command line ends with exit status 2.
+    """A scene, a file or an option is wrong; the command line ends with exit status 2.
 
     Parameters
     ----------
@@ -15,7 +15,7 @@ class InputError(Exception):
     value : object
         The offending value; ``None`` if there is none.
     mend : str
-        What is wrong and what would work.
+        Fault and mend: what is wrong and what would work.
     """
 
     def __init__(self, file: str, key: str, value: object, mend: str) -> None:

@@ -1,4 +1,4 @@
-"""Files that are written whole or not at all, and work that one process does while others wait for it."""
+"""Files that are written whole or not at all, and work that one process at a time does."""
 
 from __future__ import annotations
 
@@ -12,8 +12,8 @@ from pathlib import Path
 _ABANDONED = 3600.0  # seconds; no file takes as long to be written
 
 
-def forget_abandoned(folder: Path, pattern: str) -> None:
-    """Delete what killed processes have left half-written under temporary names."""
+def remove_abandoned(folder: Path, pattern: str) -> None:
+    """Delete half-written files that killed processes have left under temporary names."""
     with suppress(OSError):
         for part in folder.glob(pattern):
             with suppress(OSError):
@@ -23,9 +23,9 @@ def forget_abandoned(folder: Path, pattern: str) -> None:
 
 @contextmanager
 def whole_file(path: Path) -> Iterator[Path]:
-    """Lend a temporary name beside ``path``: renamed to it if the block ends well, deleted otherwise."""
+    """Lend a temporary name beside ``path``; the file is renamed to it if the block ends well, else deleted."""
     part = path.with_name(f".{path.stem}.{os.getpid()}{path.suffix}")
-    forget_abandoned(path.parent, f".{escape(path.stem)}.*{escape(path.suffix)}")
+    remove_abandoned(path.parent, f".{escape(path.stem)}.*{escape(path.suffix)}")
     try:
         yield part
         os.replace(part, path)
@@ -37,40 +37,20 @@ def whole_file(path: Path) -> Iterator[Path]:
 def one_at_a_time(path: Path) -> Iterator[None]:
     """Let one process at a time through, on any machine that shares the folder; ``path`` is there meanwhile.
 
-    The system lets go of it when a process dies. Where it can't be had (no such locks, no such folder), all go through.
+    The system releases the lock when a process dies. Where there are no locks, or no folder, all processes go through.
     """
-    handle = _locked(path)
+    from filelock import FileLock
+
+    lock = FileLock(path, fallback_to_soft=False)
+    with suppress(OSError, NotImplementedError):
+        path.parent.mkdir(parents=True, exist_ok=True)
+        lock.acquire()
     try:
         yield
     finally:
-        if handle is not None:
+        if lock.is_locked:
+            # Deleted while it is held: a process that waits notices and makes the file anew.
             with suppress(OSError):
                 path.unlink(missing_ok=True)
-            os.close(handle)
-
-
-def _locked(path: Path) -> int | None:
-    try:
-        import fcntl
-
-        path.parent.mkdir(parents=True, exist_ok=True)
-        while True:
-            handle = os.open(path, os.O_CREAT | os.O_RDWR)
-            try:
-                fcntl.flock(handle, fcntl.LOCK_EX)
-                if _is_at(handle, path):
-                    return handle
-            except BaseException:
-                os.close(handle)
-                raise
-            os.close(handle)
-    except (ImportError, OSError):
-        return None
-
-
-def _is_at(handle: int, path: Path) -> bool:
-    """Whether an open file is still what others find under its name: whoever held it before may have deleted it."""
-    try:
-        return os.path.samestat(os.fstat(handle), path.stat())
-    except FileNotFoundError:
-        return False
+            with suppress(OSError):
+                lock.release()

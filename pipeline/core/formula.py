@@ -1,4 +1,4 @@
-"""Formulas of time in a scene: parsed by a whitelist into a postfix program, never run by Python."""
+"""Formulas of time in a scene, parsed by a list of allowed operations into a postfix program."""
 
 from __future__ import annotations
 
@@ -11,7 +11,7 @@ from dataclasses import dataclass
 # Codes of the postfix program. A constant takes the next of the constants.
 CONSTANT, TIME, ADD, SUBTRACT, MULTIPLY, DIVIDE, POWER, NEGATE = range(8)
 SIN, COS, TAN, EXP, LOG, SQRT, TANH, ABS, MINIMUM, MAXIMUM = range(8, 18)
-BEFORE, UNTIL = 18, 19  # chooses by t < c or t <= c: pops c, what holds then, what holds else
+BEFORE, UNTIL = 18, 19  # chooses by t < c or t <= c: pops c, the value until then, the value after
 MOST_DEPTH = 16
 
 _FUNCTIONS: dict[str, tuple[int, int, Callable[..., float]]] = {
@@ -37,7 +37,7 @@ _CONSTANTS = {"pi": math.pi}
 _ALLOWED = f"t, pi, numbers, + - * / **, {', '.join(_FUNCTIONS)} and 'a if t < c else b'"
 _CONDITION = "a condition compares t with a constant, e.g. t < 0.5; for two of them write one 'if' into the other"
 _MOST_CHARACTERS = 500
-# Refused before Python's parser sees it: quotes, brackets and comments, and a number that runs into a name, of which
+# Refused before Python's parser sees them: quotes, brackets and comments, and a number that runs into a name, of which
 # 0x1f, 1_000 and 2j are some and of which others only make Python warn.
 _FOREIGN = re.compile(r"[^A-Za-z0-9_.+*/()<>=, \t\r\n-]")
 _GLUED = re.compile(r"(?<![A-Za-z0-9_.])(?>(?:[0-9]+\.?[0-9]*|\.[0-9]+)(?:[eE][+-]?[0-9]+)?)[A-Za-z_]")
@@ -45,18 +45,17 @@ _BLANKS = str.maketrans("\t\r\n", "   ")
 
 
 @dataclass(frozen=True, slots=True)
-class Expression:
+class Formula:
     """A formula of the time as a postfix program.
 
     Attributes
     ----------
     codes : tuple of int
-        What to do with the stack, in order; it never holds more than ``MOST_DEPTH`` values.
+        Operations on the stack, in order; it never holds more than ``MOST_DEPTH`` values.
     constants : tuple of float
-        For each code ``CONSTANT``, in order.
+        Values of the codes ``CONSTANT``, in order.
     breakpoints : tuple of float
-        Times at which a condition switches [s], ascending; kinks of abs, min and max are not among them, for they
-        are not looked for.
+        Times at which a condition switches [s], ascending; kinks of abs, min and max aren't looked for.
     """
 
     codes: tuple[int, ...]
@@ -66,7 +65,7 @@ class Expression:
 
 @dataclass(frozen=True, slots=True)
 class _Part:
-    """A piece of a program, with its value if it doesn't depend on t, and the depth of stack that it needs."""
+    """Piece of a program, with its value if it doesn't depend on t, and the depth of stack that it needs."""
 
     codes: tuple[int, ...]
     constants: tuple[float, ...]
@@ -74,10 +73,11 @@ class _Part:
     depth: int
 
 
-def parse(text: str) -> Expression:
-    """Read a formula of the time t in seconds, such as ``"1.5*sin(2*pi*10*t) if t < 0.2 else 0"``.
+def parse_formula(text: str) -> Formula:
+    """Parse a formula of the time t in seconds, e.g. ``"1.5*sin(2*pi*10*t) if t < 0.2 else 0"``.
 
-    It has Python's syntax, but Python only parses it: each node of the tree is one of a list or refused.
+    The syntax is Python's, but Python only parses and never runs it: any node of the tree that isn't on a list is
+    refused.
 
     Parameters
     ----------
@@ -87,24 +87,24 @@ def parse(text: str) -> Expression:
 
     Returns
     -------
-    Expression
-        Its program, in which what doesn't depend on t is one number.
+    Formula
+        Its program; parts that don't depend on t are one number.
 
     Raises
     ------
     ValueError
-        It is no such formula; the message says where and what works.
+        The text is no formula; the message says where, and what works.
     """
     if len(text) > _MOST_CHARACTERS:
         raise ValueError(f"is longer than {_MOST_CHARACTERS} characters; use a table")
     if not text.strip():
         raise ValueError(f"is empty; a formula is made of {_ALLOWED}")
-    if found := _FOREIGN.search(text):
+    if match := _FOREIGN.search(text):
         power = "a power is written **, not ^"
-        foreign = f"{found[0]!r} can't be in a formula; it is made of {_ALLOWED}"
-        raise ValueError(f"at column {found.start() + 1}: {power if found[0] == '^' else foreign}")
-    if found := _GLUED.search(text):
-        raise ValueError(f"at column {found.start() + 1}: a number runs into a name; write 2*t, not 2t")
+        foreign = f"{match[0]!r} can't be in a formula; it is made of {_ALLOWED}"
+        raise ValueError(f"at column {match.start() + 1}: {power if match[0] == '^' else foreign}")
+    if match := _GLUED.search(text):
+        raise ValueError(f"at column {match.start() + 1}: a number runs into a name; write 2*t, not 2t")
     line = text.translate(_BLANKS)
     indent = len(line) - len(line.lstrip())
     try:
@@ -123,10 +123,11 @@ def parse(text: str) -> Expression:
         raise ValueError("is nested too deeply") from None
     if part.depth > MOST_DEPTH:
         raise ValueError(f"needs {part.depth} values at a time, {MOST_DEPTH} is the most; simplify or nest less")
-    return Expression(part.codes, part.constants, tuple(sorted(breakpoints)))
+    return Formula(part.codes, part.constants, tuple(sorted(breakpoints)))
 
 
 def _read(node: ast.expr, breakpoints: set[float]) -> _Part:
+    """Translate a node of Python's syntax tree and all below it; adds the times at which conditions switch."""
     match node:
         case ast.Constant(value=float() | int() as number) if not isinstance(number, bool):
             return _constant(node, lambda: float(number))
@@ -161,7 +162,7 @@ def _read(node: ast.expr, breakpoints: set[float]) -> _Part:
 
 
 def _chosen(test: ast.expr, then: _Part, other: _Part, breakpoints: set[float]) -> _Part:
-    """``then if t < c else other``, for the four comparisons of t with a constant."""
+    """Translate ``then if t < c else other``, for the four comparisons of t with a constant."""
     match test:
         case ast.Compare(left=left, ops=[ast.Lt() | ast.LtE() | ast.Gt() | ast.GtE() as op], comparators=[right]):
             time, switch = _read(left, set()), _read(right, set())
@@ -170,7 +171,7 @@ def _chosen(test: ast.expr, then: _Part, other: _Part, breakpoints: set[float]) 
                 time, switch, before = switch, time, not before
             if time.codes != (TIME,) or switch.value is None:
                 raise _refusal(test, _CONDITION)
-            # What holds later begins at c itself for t < c and t >= c, and after it for t <= c and t > c.
+            # The later value begins at c itself for t < c and t >= c, and after it for t <= c and t > c.
             strict = isinstance(op, ast.Lt | ast.Gt) == before
             code = BEFORE if strict else UNTIL
             first, second = (then, other) if before else (other, then)
@@ -186,7 +187,7 @@ def _chosen(test: ast.expr, then: _Part, other: _Part, breakpoints: set[float]) 
 
 
 def _joined(node: ast.expr, code: int, does: Callable[..., float], *parts: _Part) -> _Part:
-    """An operation on parts; on constants alone it is done at once."""
+    """Append an operation to its operands; on constants alone it is done at once."""
     values = [part.value for part in parts]
     if None not in values:
         return _constant(node, lambda: does(*values))
@@ -199,13 +200,14 @@ def _joined(node: ast.expr, code: int, does: Callable[..., float], *parts: _Part
 
 
 def _constant(node: ast.expr, value: Callable[[], float]) -> _Part:
+    """Evaluate a part that doesn't depend on t."""
     try:
-        found = float(value())
+        number = float(value())
     except (ArithmeticError, ValueError):
-        found = math.nan
-    if not math.isfinite(found):
+        number = math.nan
+    if not math.isfinite(number):
         raise _refusal(node, "this constant has no finite value")
-    return _Part((CONSTANT,), (found,), found, 1)
+    return _Part((CONSTANT,), (number,), number, 1)
 
 
 def _refusal(node: ast.expr, why: str) -> ValueError:

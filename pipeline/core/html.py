@@ -1,4 +1,4 @@
-"""Figures and tables as HTML, for notebooks and reports."""
+"""Numbers and tables as HTML for notebooks and reports."""
 
 from __future__ import annotations
 
@@ -6,22 +6,22 @@ from collections.abc import Iterable, Sequence
 from html import escape
 
 _PREFIXES = ((1e9, "G"), (1e6, "M"), (1e3, "k"), (1.0, ""), (1e-3, "m"), (1e-6, "µ"), (1e-9, "n"))
-_PLAIN = ("", "rad", "rad/s", "Hz", "kg")  # units that are given as they are
+_PLAIN = ("", "rad", "rad/s", "Hz", "kg")  # units without prefixes
 
 
 def scaled(value: float | None, unit: str = "", digits: int = 4) -> str:
-    """Write a number with the prefix of its unit that fits: ``scaled(1.728e6, "Pa")`` is ``1.728 MPa``."""
+    """Write a number with the prefix that fits its size, e.g. ``1.728 MPa`` for ``scaled(1.728e6, "Pa")``."""
     if value is None:
         return "–"
     factor, prefix = 1.0, ""
     if value and unit not in _PLAIN:
         fitting = [(f, p) for f, p in _PREFIXES if abs(value) >= 0.9995 * f and not (unit == "s" and f > 1)]
-        factor, prefix = fitting[0] if fitting else _PREFIXES[-1]
+        factor, prefix = fitting[0] if fitting else (1.0, "")  # below a nano, powers of ten are easier to read
     return f"{value / factor:.{digits}g} {prefix}{unit}".rstrip()
 
 
 def table(header: Sequence[str], rows: Iterable[Sequence[object]], caption: str = "") -> str:
-    """Write a table whose first column is words and whose others are figures; what is in it is escaped."""
+    """Write a table with words in the first column and numbers in the others; all text is escaped."""
     head = "".join(f"<th>{escape(name)}</th>" for name in header)
     body = "".join("<tr>" + "".join(_cell(value, k) for k, value in enumerate(row)) + "</tr>" for row in rows)
     title = f"<caption>{escape(caption)}</caption>" if caption else ""
@@ -35,7 +35,7 @@ def _cell(value: object, column: int) -> str:
 
 
 def facts(rows: Iterable[tuple[str, str]], caption: str = "") -> str:
-    """Write names and what belongs to them, both words."""
+    """Write a table of two columns, names and their texts; all text is escaped."""
     lines = "".join(
         f'<tr><th scope="row" style="text-align:left">{escape(name)}</th>'
         f'<td style="text-align:left">{escape(text)}</td></tr>'

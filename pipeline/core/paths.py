@@ -1,11 +1,10 @@
-"""Where the user's cache lives, and the digests that name what is in it."""
+"""Folders of the user's cache and its kernels, and digests of the source code that name their content."""
 
 from __future__ import annotations
 
 import hashlib
 import os
 import tempfile
-from collections.abc import Iterable
 from functools import cache
 from pathlib import Path
 from stat import S_ISDIR
@@ -16,7 +15,7 @@ _ROOT = Path(__file__).parents[2]
 
 
 def cache_folder() -> Path:
-    """The user's cache folder; ``FMD_CACHE`` overrides it."""
+    """Return the user's cache folder, which the environment variable ``FMD_CACHE`` overrides."""
     if given := os.environ.get("FMD_CACHE"):
         return Path(given)
     try:
@@ -27,13 +26,13 @@ def cache_folder() -> Path:
 
 @cache
 def own_temporary_folder() -> Path:
-    """A folder among the temporary ones that this user has made and nobody else can write to."""
+    """Return a temporary folder that belongs to this user and that nobody else can write to."""
     user = os.getuid() if hasattr(os, "getuid") else 0
     folder = Path(tempfile.gettempdir()) / f"fmd-{user}"
     try:
         folder.mkdir(mode=0o700, exist_ok=True)
-        found = folder.lstat()
-        if S_ISDIR(found.st_mode) and found.st_uid == user and not found.st_mode & 0o022:
+        status = folder.lstat()
+        if S_ISDIR(status.st_mode) and status.st_uid == user and not status.st_mode & 0o022:
             return folder
     except OSError:
         pass
@@ -42,29 +41,26 @@ def own_temporary_folder() -> Path:
 
 @cache
 def source_digest(*names: str) -> str:
-    """Digest of the Python sources in folders and files named from the project's root, e.g. ``pipeline/fem``.
+    """Digest the Python sources in folders and files named from the project's root, e.g. ``pipeline/fem``.
 
     Raises
     ------
     FileNotFoundError
-        A name is neither: a source that has moved must not silently leave a result's key.
+        A name is no folder and no file: a source that has moved must not silently leave a result's key.
     """
     digest = hashlib.blake2b(digest_size=8)
     for name in names:
         place = _ROOT / name
         if not place.exists():
             raise FileNotFoundError(f"{name}: no such source in {_ROOT}; a stage's key names it")
-        for path in _sources([place] if place.is_file() else sorted(place.rglob("*.py"))):
-            digest.update(path.read_bytes())
+        for path in [place] if place.is_file() else sorted(place.rglob("*.py")):
+            if "__pycache__" not in path.parts:
+                digest.update(path.read_bytes())
     return digest.hexdigest()
 
 
-def _sources(paths: Iterable[Path]) -> Iterable[Path]:
-    return (path for path in paths if "__pycache__" not in path.parts)
-
-
 def kernel_folder() -> Path:
-    """Folder of the compiled kernels of this very source; a temporary one if the cache can't be written."""
+    """Make the folder of kernels compiled from this very source; a temporary one if the cache can't be written."""
     for place in (cache_folder, own_temporary_folder):
         folder = place() / "kernels" / source_digest("pipeline/dynamics", "pipeline/integrators")
         try:

@@ -1,4 +1,4 @@
-"""Telling what goes on: one bar for each stage that takes more than a second, on standard error."""
+"""Progress of long tasks, as one bar on standard error for each that takes more than a second."""
 
 from __future__ import annotations
 
@@ -9,27 +9,27 @@ from contextlib import AbstractContextManager, contextmanager
 from typing import Protocol
 
 Advance = Callable[[float], None]
-"""Called with the part of a task that is done, 0…1."""
+"""Takes the part of a task that is done, 0…1."""
 
 _SHOW_AFTER_SECONDS = 1.0
 
 
 class Monitor(Protocol):
-    """Anything that can be told of tasks."""
+    """Listener to tasks and their progress."""
 
     def __call__(self, name: str) -> AbstractContextManager[Advance]:
-        """Enter a task; what is yielded takes its progress."""
+        """Enter a task; the function that is yielded takes its progress."""
 
 
 @contextmanager
 def silent(name: str) -> Iterator[Advance]:
-    """Tell nobody."""
+    """Report no progress."""
     yield lambda done: None
 
 
 @contextmanager
 def bars(name: str) -> Iterator[Advance]:
-    """Show a bar once the task has taken a second; nothing where standard error is not a terminal."""
+    """Draw a bar once a task has taken a second, if standard error is a terminal."""
     if not sys.stderr.isatty():
         yield lambda done: None
         return

@@ -1,6 +1,6 @@
-"""Quantities in, SI floats inside.
+"""Quantities with units, read from text into SI floats.
 
-A scene gives every quantity as text with its unit, ``"340 mm"``. The types below are floats that read such
+A scene gives every quantity as text with its unit, ``"340 mm"``. The types below are floats that read this
 text, convert it to SI units and refuse a bare number, a wrong dimension, an unknown unit and a value that
 isn't finite. Radians count as a dimension here: ``"131.2 Hz"`` is no angular rate and ``"8000 rpm"`` no
 frequency, so no factor 2π is lost on the way. A rotational spring or damper may leave out its radian, as is
@@ -30,7 +30,7 @@ if TYPE_CHECKING:
 
     from pipeline.core.arrays import Array
 
-# What a quantity may be: its SI unit and an example. The last rows only give wrong quantities their name.
+# Kinds of quantities with SI unit and example. The last rows only give wrong quantities their name.
 _KINDS = {
     "length": ("m", "340 mm"),
     "stress": ("Pa", "722 MPa"),
@@ -54,7 +54,7 @@ _KINDS = {
     "temperature": ("K", "293 K"),
 }
 
-# Units that are taken for the SI unit too.
+# Other units that count as the SI unit.
 _ALSO = {"rotational stiffness": "N m", "rotational damping": "N m s"}
 
 # Only units with exponents of one digit reach pint's parser: an expression such as 9**9**9 can't.
@@ -68,7 +68,7 @@ _LONGEST = 60
 
 @cache
 def _known_units() -> dict[str, list[str]]:
-    """Units that have been read before, each with its factor and base units: a scene of such needs no registry."""
+    """Units that have been read before, with factor and base units: known ones need no registry of pint's."""
     try:
         known = json.loads(_known_file().read_text(encoding="utf-8"))
         return {str(unit): [str(Decimal(factor)), str(base)] for unit, (factor, base) in known.items()}
@@ -82,7 +82,7 @@ def _known_file() -> Path:
 
 @cache
 def _registry() -> pint.UnitRegistry[Decimal]:
-    """Return the units known, loaded when a quantity is first read; decimals make 10 us exactly 1e-05 s."""
+    """Load pint's registry of units when an unknown unit is first read; decimals make 10 us exactly 1e-05 s."""
     import pint
 
     folder = cache_folder() / "units"
@@ -101,7 +101,7 @@ def to_si(value: object, kind: str) -> float:
     value : object
         The quantity, e.g. ``"340 mm"``.
     kind : str
-        What it must be, e.g. ``"length"``.
+        Kind that it must have, e.g. ``"length"``.
 
     Returns
     -------
@@ -136,8 +136,8 @@ def to_si(value: object, kind: str) -> float:
     return result
 
 
-def si_of(text: str) -> tuple[float, str]:
-    """Convert a quantity of any kind to SI units: ``si_of("2 us")`` is ``(2e-06, "s")``.
+def parse_quantity(text: str) -> tuple[float, str]:
+    """Convert a quantity of any kind to SI units: ``parse_quantity("2 us")`` is ``(2e-06, "s")``.
 
     Raises
     ------
@@ -152,30 +152,35 @@ def si_of(text: str) -> tuple[float, str]:
     return float(Decimal(match[1]) * factor), unit
 
 
-def share(value: object) -> float:
-    """Read a part of a whole, ``"1 %"``, as 0.01.
+def si_unit(kind: str) -> str:
+    """Return the SI unit of a kind of quantity: ``si_unit("angular rate")`` is ``"rad/s"``."""
+    return _KINDS[kind][0]
+
+
+def parse_percentage(value: object) -> float:
+    """Parse a percentage given as text: ``"1 %"`` is 0.01.
 
     Raises
     ------
     ValueError
-        It isn't text such as ``"1 %"``, or not between 0 and 50 %.
+        The value isn't a percentage as text, or not between 0.0001 % and 50 %.
     """
     match = re.fullmatch(rf"\s*({_NUMBER})\s*%\s*", value) if isinstance(value, str) else None
     if match is None:
         raise ValueError("must be a percentage as text, e.g. '1 %'")
-    found = float(match[1]) / 100
-    if not 1e-6 <= found <= 0.5:
+    share = float(match[1]) / 100
+    if not 1e-6 <= share <= 0.5:
         raise ValueError("must be between 0.0001 % and 50 %")
-    return found
+    return share
 
 
 def unit_ratio(unit: str, wanted: str) -> float:
-    """Return how many of the wanted unit one unit is: ``unit_ratio("m", "mm")`` is 1000.
+    """Return the number of wanted units in one unit: ``unit_ratio("m", "mm")`` is 1000.
 
     Raises
     ------
     ValueError
-        The wanted one is no unit, or one of another dimension.
+        The wanted unit is unknown, or has another dimension.
     """
     factor, base = _base_units(unit)
     known = len(wanted) <= _LONGEST and _UNITS.fullmatch(wanted)
@@ -185,8 +190,8 @@ def unit_ratio(unit: str, wanted: str) -> float:
     return float(factor / wanted_factor)
 
 
-def in_unit(values: Array, unit: str, wanted: str) -> Array:
-    """Convert values from one unit to another; raises what ``unit_ratio`` does."""
+def convert_values(values: Array, unit: str, wanted: str) -> Array:
+    """Convert values from one unit to another; raises as `unit_ratio` does."""
     return values * unit_ratio(unit, wanted)
 
 
@@ -233,7 +238,7 @@ def _not_negative(value: float) -> float:
 Positive = AfterValidator(_positive)
 NonNegative = AfterValidator(_not_negative)
 
-Share = Annotated[float, BeforeValidator(share)]
+Share = Annotated[float, BeforeValidator(parse_percentage)]
 Length = Annotated[float, BeforeValidator(partial(to_si, kind="length"))]
 Stress = Annotated[float, BeforeValidator(partial(to_si, kind="stress"))]
 Density = Annotated[float, BeforeValidator(partial(to_si, kind="density"))]

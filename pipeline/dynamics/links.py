@@ -1,13 +1,15 @@
-"""The parts of an open chain: bodies with the joints that carry them, and loads at points."""
+"""The parts of a mechanism: bodies with the joints that carry them, and loads at points."""
 
 from __future__ import annotations
 
+from collections.abc import Mapping
 from dataclasses import dataclass, field
 
 import numpy as np
 
 from pipeline.core.arrays import Array
 from pipeline.dynamics.signals.signal import Signal, constant
+from pipeline.reduction.body import MarkerShapes
 from pipeline.reduction.inertia import InertiaGram
 
 FIXED, REVOLUTE, PRISMATIC, SPHERICAL, FREE = range(5)
@@ -18,7 +20,7 @@ _N_POSITIONS = (0, 1, 1, 4, 7)
 
 @dataclass(frozen=True)
 class Link:
-    """A body with the joint that carries it; rigid if it has no modes.
+    """A body with the joint that carries it on another body or on the ground; rigid if it has no modes.
 
     Parameters
     ----------
@@ -48,6 +50,13 @@ class Link:
         Torque or force along a revolute or prismatic joint [N m or N].
     motion : Signal, optional
         Prescribed angle or displacement of a revolute or prismatic joint [rad or m]; the joint has no coordinate then.
+    joint_name : str
+        The joint's name.
+    markers : mapping of str to MarkerShapes
+        Named places of the body, in its frame.
+    section : str
+        The marker on the section at the joint, from which deflections are seen; empty where they are seen from the
+        body's frame itself.
     """
 
     name: str
@@ -66,6 +75,14 @@ class Link:
     damper: float = 0.0
     load: Signal = field(default_factory=lambda: constant(0.0))
     motion: Signal | None = None
+    joint_name: str = ""
+    markers: Mapping[str, MarkerShapes] = field(default_factory=dict)
+    section: str = ""
+
+    @property
+    def unit(self) -> str:
+        """Unit of the joint's position where that is one number, ``rad`` or ``m``; else empty."""
+        return {REVOLUTE: "rad", PRISMATIC: "m"}.get(self.joint, "")
 
     @property
     def n_rates(self) -> int:
@@ -110,7 +127,7 @@ def _require_smooth(name: str, motion: Signal) -> None:
 
 @dataclass(frozen=True)
 class PointLoad:
-    """A force or a torque at a point of a body.
+    """A force or a torque at a point of a body, fixed in space or turning with the body.
 
     Parameters
     ----------
@@ -141,7 +158,7 @@ class PointLoad:
 
 
 def rigid_gram(mass: float, centre: Array, inertia: Array) -> InertiaGram:
-    """Inertia integrals of a rigid body.
+    """Form the inertia integrals of a rigid body about the origin of its frame.
 
     Parameters
     ----------

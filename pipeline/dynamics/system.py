@@ -17,16 +17,16 @@ def accelerations(p: Any, t: float, q: Array, v: Array, a: Array) -> None:
     raise NotImplementedError
 
 
-def freeze(p: Any, t: float, q: Array, v: Array, a: Array, frozen: Any) -> None:
-    """Hold M̂, the slow accelerations and the coefficients of the velocity-dependent terms for a major cycle."""
+def hold_slow(p: Any, t: float, q: Array, v: Array, a: Array, frozen: Any) -> None:
+    """Hold M̂, the slow accelerations and the coefficients of the velocity-dependent terms over a major cycle."""
     raise NotImplementedError
 
 
 def fast_steps(p: Any, frozen: Any, first: int, h: float, count: int, q: Array, v: Array, a: Array) -> None:
     """Take ``count`` leapfrog steps h with the fast coordinates alone, from time ``first · h``.
 
-    Each solves ``M_SS a_S = Q_S − K_S q_S − M_SL a_L`` (eq. 11) with what `freeze` holds, into a; then
-    ``v += h a``, ``q += h v``. The first call after `freeze` is for a time h after its own, the next goes on where
+    Each solves ``M_SS a_S = Q_S − K_S q_S − M_SL a_L`` (eq. 11) with what `hold_slow` holds, into a; then
+    ``v += h a``, ``q += h v``. The first call after `hold_slow` is for a time h after its own, the next goes on where
     that ends: into how many calls a cycle's steps are divided changes no bit.
     """
     raise NotImplementedError
@@ -99,6 +99,10 @@ class System(Protocol):
         """What the compiled functions read."""
 
     @property
+    def linear_matrices(self) -> tuple[Array, Array, Array]:
+        """Mass, stiffness and damping in the reference state, (n, n) each."""
+
+    @property
     def breakpoints(self) -> tuple[float, ...]:
         """Times at which a load or its rate jumps [s], ascending."""
 
@@ -108,7 +112,7 @@ class System(Protocol):
 
     @property
     def holds_forces(self) -> bool:
-        """Whether `freeze` holds forces that follow the coordinates for a major cycle, not their coefficients."""
+        """Whether `hold_slow` holds forces that follow the coordinates for a major cycle, not their coefficients."""
 
     @property
     def highest_frequency(self) -> float:
@@ -127,7 +131,7 @@ class System(Protocol):
         """Highest angular frequency of the slow coordinates with the fast ones held [rad/s]."""
 
     def frozen(self) -> Any:
-        """Fresh storage for the coefficients that `freeze` holds."""
+        """Fresh storage for the coefficients that `hold_slow` holds."""
 
     def middle(self) -> Any:
         """Fresh storage for what `hold_middle` holds."""

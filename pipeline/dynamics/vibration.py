@@ -1,4 +1,4 @@
-"""Frequencies of ``M q̈ + K q = 0``: every limit of a step rests on them."""
+"""Angular frequencies of ``M q̈ + K q = 0``, from which all limits of explicit steps follow."""
 
 from __future__ import annotations
 
@@ -9,10 +9,21 @@ from pipeline.core.arrays import Array
 
 
 def frequencies(M: Array, K: Array) -> Array:
-    """Angular frequencies [rad/s] of a mass and a stiffness matrix (n, n), ascending; 0 where nothing pulls back."""
+    """Return the angular frequencies of an undamped system, ascending.
+
+    Parameters
+    ----------
+    M, K : ndarray, shape (n, n)
+        Mass, positive definite, and stiffness.
+
+    Returns
+    -------
+    ndarray, shape (n,)
+        [rad/s]; 0 where a vibration has no stiffness, or a negative one.
+    """
     return np.sqrt(np.maximum(eigh(K, M, eigvals_only=True), 0.0)) if len(M) else np.zeros(0)
 
 
 def highest_frequency(M: Array, K: Array) -> float:
-    """The highest of them; all but 0, so that steps may be divided by it, if there is none."""
+    """Return the highest angular frequency of an undamped system [rad/s]; never 0, for steps divide by it."""
     return float(frequencies(M, K).max(initial=1e-150))

@@ -1,1 +1,1 @@
-"""Mesh, material, stiffness and mass, strain operators. The only importer of scikit-fem and meshio."""
+"""Finite elements: meshes, matrices, markers and files; the only importer of scikit-fem and meshio."""

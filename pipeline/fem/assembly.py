@@ -1,9 +1,9 @@
-"""Element matrices by batched dense products, and their sum into sparse matrices.
+"""Assembly of stiffness and mass: element matrices by batched dense products, summed into sparse ones.
 
 For an isotropic material the stiffness follows from one array of gradient products
 ``T[ai, bj] = ∫ g_ai g_bj dV`` (g_ai: derivative of shape function a along axis i) as
-``K[ai, bj] = λ T[ai, bj] + μ T[aj, bi] + μ δ_ij Σ_k T[ak, bk]``. One dense product of size (3 n_local × n_q) makes T
-for each element; the material comes in after the sum over elements, where there are far fewer blocks.
+``K[ai, bj] = λ T[ai, bj] + μ T[aj, bi] + μ δ_ij Σ_k T[ak, bk]``. One dense product of size (3 n_local × n_q) gives an
+element's T; the material enters after the sum over elements, where there are far fewer blocks.
 """
 
 from __future__ import annotations
@@ -16,10 +16,11 @@ from pipeline.core.errors import AccuracyError
 from pipeline.fem.elements import shape_functions
 from pipeline.fem.material import AnyMaterial, Material
 from pipeline.fem.mesh import SolidMesh
-from pipeline.fem.model import Discretisation, FEModel
+from pipeline.fem.model import FEModel
+from pipeline.fem.space import Discretisation
 
 _CHUNK = 2048  # elements at a time, fewer if they have many nodes: their matrices stay in the processor's cache
-_BLOCKS = 8192  # blocks at a time, for the same reason
+_BLOCKS = 8192  # blocks at a time, so that they stay in the cache too
 
 
 def assemble(mesh: SolidMesh, order: int, material: AnyMaterial) -> FEModel:
@@ -28,7 +29,7 @@ def assemble(mesh: SolidMesh, order: int, material: AnyMaterial) -> FEModel:
     Parameters
     ----------
     mesh : SolidMesh
-        The part.
+        The body.
     order : int
         Order of the displacement, 1 or 2.
     material : Material or MaterialOfElements
@@ -44,20 +45,22 @@ def assemble(mesh: SolidMesh, order: int, material: AnyMaterial) -> FEModel:
 
 
 def _stiffness(space: Discretisation, material: AnyMaterial) -> sp.csr_array:
+    """Assemble the stiffness matrix, shape (3 n_nodes, 3 n_nodes) [N/m]."""
     products, structure = _gradient_products(space), space.structure
-    each = [_isotropic(structure.sums(_only(products, mine)), own) for own, mine in material.over(slice(None))]
-    del products  # a third of what the assembly needs at its peak
+    each = [_isotropic(structure.sums(_select(products, mine)), own) for own, mine in material.over(slice(None))]
+    del products  # a third of the assembly's peak memory
     return structure.block_matrix(sum(each[1:], each[0]))
 
 
 def _mass(space: Discretisation, material: AnyMaterial) -> sp.csr_array:
+    """Assemble the scalar mass matrix, shape (n_nodes, n_nodes) [kg]."""
     products, structure = _shape_products(space), space.structure
-    each = [own.rho * structure.sums(_only(products, mine)) for own, mine in material.over(slice(None))]
+    each = [own.rho * structure.sums(_select(products, mine)) for own, mine in material.over(slice(None))]
     return structure.scalar_matrix(sum(each[1:], each[0]))
 
 
-def _only(entries: Array, elements: IntArray | slice) -> Array:
-    """Entries of some elements, those of the others zero."""
+def _select(entries: Array, elements: IntArray | slice) -> Array:
+    """Return the entries of some elements and zero for the others."""
     if isinstance(elements, slice):
         return entries
     chosen = np.zeros_like(entries)
@@ -66,7 +69,7 @@ def _only(entries: Array, elements: IntArray | slice) -> Array:
 
 
 def _isotropic(T: Array, material: Material) -> Array:
-    """Make blocks of the stiffness of sums of gradient products (n_pairs, 3, 3), in their place."""
+    """Turn sums of gradient products T (n_pairs, 3, 3) into blocks of the stiffness, in place."""
     lam, mu = material.lame
     transposed, diagonal = np.arange(9).reshape(3, 3).T.ravel(), np.eye(3).ravel()
     for start in range(0, len(T), _BLOCKS):
@@ -82,7 +85,7 @@ def _isotropic(T: Array, material: Material) -> Array:
 
 
 def gradients(space: Discretisation, X: Array, elements: slice | IntArray) -> tuple[Array, Array]:
-    """Spatial gradients of the shape functions and Jacobian determinants at reference points X (3, n_q).
+    """Return spatial gradients of the shape functions and Jacobian determinants at reference points X (3, n_q).
 
     Returns
     -------
@@ -97,13 +100,21 @@ def gradients(space: Discretisation, X: Array, elements: slice | IntArray) -> tu
     return g.reshape(n_elements, X.shape[1], len(dN), 3), np.broadcast_to(det, (n_elements, X.shape[1]))
 
 
-def volume_ratio(J: Array) -> Array:
-    """Determinants of the Jacobians J (n_elements, n_q, 3, 3), positive: scikit-fem's hexahedra are left-handed."""
+def determinants(J: Array) -> Array:
+    """Return the determinants of Jacobians J (n_elements, n_q, 3, 3), positive for left-handed elements too.
+
+    scikit-fem's hexahedra are left-handed.
+
+    Raises
+    ------
+    AccuracyError
+        Determinants differ in sign; the message counts the elements.
+    """
     return _inverse(J)[1]
 
 
 def _inverse(J: Array) -> tuple[Array, Array]:
-    """Inverses of Jacobians (n_elements, n_q, 3, 3) by Cramer's rule, and their determinants as `volume_ratio`'s."""
+    """Return the inverses of Jacobians (n_elements, n_q, 3, 3) by Cramer's rule, and `determinants`."""
     J = np.moveaxis(J, (2, 3), (0, 1))
     cofactor = np.empty((3, 3, *J.shape[2:]))
     for i in range(3):
@@ -119,7 +130,7 @@ def _inverse(J: Array) -> tuple[Array, Array]:
 
 
 def _gradient_products(space: Discretisation) -> Array:
-    """``∫ g_ai g_bj dV`` of each element, shape (n_elements, n_local, n_local, 3, 3)."""
+    """Return ``∫ g_ai g_bj dV`` of each element, shape (n_elements, n_local, n_local, 3, 3)."""
     X, w = space.kind.quadrature(space.kind.stiffness_order)
     n_elements, n_local = space.element_nodes.shape
     T = np.empty((n_elements, n_local, n_local, 3, 3))
@@ -131,14 +142,14 @@ def _gradient_products(space: Discretisation) -> Array:
         g, det = gradients(space, X, chunk)
         g *= np.sqrt(det * w)[:, :, None, None]
         flat = g.reshape(len(g), w.size, 3 * n_local)
-        # a product of a matrix with its own transpose: NumPy takes BLAS's, symmetric to the last bit
+        # NumPy multiplies a matrix by its own transpose with BLAS's syrk: symmetric to the last bit
         products = (flat.transpose(0, 2, 1) @ flat).reshape(len(g), -1)
         np.take(products, by_pairs, axis=1, out=flat_T[chunk], mode="clip")  # thrice as fast as by strides
     return T
 
 
 def _shape_products(space: Discretisation) -> Array:
-    """``∫ N_a N_b dV`` of each element, shape (n_elements, n_local, n_local)."""
+    """Return ``∫ N_a N_b dV`` of each element, shape (n_elements, n_local, n_local)."""
     X, w = space.kind.quadrature(space.kind.mass_order)
     N, _ = shape_functions(space.kind.element, X)
     weights = (N[:, None] * N[None]).reshape(-1, w.size) * w
@@ -148,5 +159,5 @@ def _shape_products(space: Discretisation) -> Array:
     products = np.empty((n_elements, n_local**2))
     for start in range(0, n_elements, _CHUNK):
         chunk = slice(start, start + _CHUNK)
-        np.matmul(volume_ratio(space.jacobians(X, chunk)), weights.T, out=products[chunk])
+        np.matmul(determinants(space.jacobians(X, chunk)), weights.T, out=products[chunk])
     return products.reshape(n_elements, n_local, n_local)

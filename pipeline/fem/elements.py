@@ -1,4 +1,4 @@
-"""What the assembly needs to know of each finite element: all of it is scikit-fem's reference data."""
+"""Solid finite elements: shape functions, quadrature and local numbering, from scikit-fem's reference data."""
 
 from __future__ import annotations
 
@@ -11,45 +11,24 @@ import skfem
 from skfem.quadrature import get_quadrature
 
 from pipeline.core.arrays import Array, IntArray, read_only
-from pipeline.fem.mesh import STRAIGHT
 from pipeline.fem.wedge import Wedge, wedge_quadrature
-
-# The reference cells of meshio, which are VTK's: corners, and the two that each mid-edge node lies between.
-_VTK_CORNERS = {
-    "tetra": ((0, 0, 0), (1, 0, 0), (0, 1, 0), (0, 0, 1)),
-    "hexahedron": (
-        (0, 0, 0), (1, 0, 0), (1, 1, 0), (0, 1, 0),
-        (0, 0, 1), (1, 0, 1), (1, 1, 1), (0, 1, 1),
-    ),
-    "wedge": ((0, 0, 0), (1, 0, 0), (0, 1, 0), (0, 0, 1), (1, 0, 1), (0, 1, 1)),
-}  # fmt: skip
-VTK_EDGES = {
-    "tetra": ((0, 1), (1, 2), (2, 0), (0, 3), (1, 3), (2, 3)),
-    "hexahedron": (
-        (0, 1), (1, 2), (2, 3), (3, 0), (4, 5), (5, 6), (6, 7), (7, 4),
-        (0, 4), (1, 5), (2, 6), (3, 7),
-    ),
-    "wedge": ((0, 1), (1, 2), (2, 0), (3, 4), (4, 5), (5, 3), (0, 3), (1, 4), (2, 5)),
-}  # fmt: skip
-# Corners of the faces that a hexahedron of 27 nodes has one more in the middle of each, before the one inside.
-_VTK_FACES = ((0, 3, 7, 4), (1, 2, 6, 5), (0, 1, 5, 4), (3, 2, 6, 7), (0, 1, 2, 3), (4, 5, 6, 7))
 
 
 @dataclass(frozen=True)
 class ElementKind:
-    """A displacement element on its geometry.
+    """A displacement element together with its geometry and its quadrature.
 
     Parameters
     ----------
     name : str
-        The field's name of the element, e.g. ``hex20``.
+        The element's name in the literature, e.g. ``hex20``.
     element, geometry : skfem.Element
         Scalar shape functions of the displacement and of the position.
     stiffness_order, mass_order : int
-        Polynomial degree that the quadrature of K and M integrates exactly: all of both on cells with a constant
-        Jacobian, mass and first moments on any.
+        Polynomial degree that the quadrature of K and M integrates exactly: the integrand on cells with a constant
+        Jacobian; on curved cells, mass and first moments.
     stress_order : int
-        Degree of the quadrature whose points carry the most accurate stresses (Barlow 1976).
+        Degree of the quadrature at whose points stresses are most accurate (Barlow 1976).
     """
 
     name: str
@@ -60,7 +39,7 @@ class ElementKind:
     stress_order: int
 
     def quadrature(self, order: int) -> tuple[Array, Array]:
-        """Points (3, n_q) and weights (n_q,) on the reference cell."""
+        """Return points (3, n_q) and weights (n_q,) on the reference cell, exact to a polynomial degree."""
         if isinstance(self.element, Wedge):
             return wedge_quadrature(order)
         X, w = get_quadrature(self.element.refdom, order)
@@ -73,22 +52,27 @@ class ElementKind:
 
     @property
     def curved(self) -> bool:
-        """Whether the cell's own edges may be curved."""
+        """True if the edges of the cell may be curved."""
         return bool(self.geometry.edge_dofs)
 
     @property
     def is_affine(self) -> bool:
-        """Whether the Jacobian is the same all over a cell."""
+        """True if the Jacobian is constant over a cell."""
         return isinstance(self.geometry, skfem.ElementTetP1)
 
     @cached_property
+    def facet_corners(self) -> tuple[list[int], ...]:
+        """Local corners around each facet."""
+        # scikit-fem repeats the first corner of a wedge's triangles
+        return tuple(list(dict.fromkeys(facet)) for facet in self.element.refdom.facets)
+
+    @cached_property
     def facet_polygons(self) -> tuple[IntArray, ...]:
-        """Local nodes around each facet, mid-edge nodes between corners."""
+        """Local nodes around each facet, mid-edge nodes between the corners."""
         refdom = self.element.refdom
         edge = {frozenset(ends): k for k, ends in enumerate(refdom.edges)}
         polygons = []
-        for facet in refdom.facets:
-            corners = list(dict.fromkeys(facet))  # scikit-fem repeats a wedge triangle's first corner
+        for corners in self.facet_corners:
             around = []
             for a, b in zip(corners, [*corners[1:], corners[0]], strict=True):
                 around.append(a)
@@ -99,13 +83,14 @@ class ElementKind:
 
 
 def shape_functions(element: Any, X: Array) -> tuple[Array, Array]:
-    """Values (n_nodes, n_q) and reference gradients (n_nodes, 3, n_q) at the points X (3, n_q), read-only."""
-    return _tabulated(element, X.astype(float).tobytes(), X.shape[1])
+    """Return values (n_nodes, n_q) and reference gradients (n_nodes, 3, n_q) at points X (3, n_q), read-only."""
+    return _tabulate(element, X.astype(float).tobytes(), X.shape[1])
 
 
-@lru_cache(maxsize=16)  # the quadrature's points come again with every batch of elements
-def _tabulated(element: Any, places: bytes, n_q: int) -> tuple[Array, Array]:
-    X = np.frombuffer(places).reshape(3, n_q)
+@lru_cache(maxsize=16)  # every batch of elements has the same quadrature points
+def _tabulate(element: Any, points: bytes, n_q: int) -> tuple[Array, Array]:
+    """Return `shape_functions` at the points that the bytes hold."""
+    X = np.frombuffer(points).reshape(3, n_q)
     values, gradients = zip(*(element.lbasis(X, i) for i in range(element.doflocs.shape[0])), strict=True)
     ones = np.ones(n_q)
     return (
@@ -114,9 +99,26 @@ def _tabulated(element: Any, places: bytes, n_q: int) -> tuple[Array, Array]:
     )
 
 
+def jacobians(geometry: Any, x: Array, X: Array) -> Array:
+    """Return the derivatives of position by reference coordinates, shape (n_elements, n_q, 3, 3), last axis reference.
+
+    Parameters
+    ----------
+    geometry : skfem.Element
+        Scalar shape functions of the position.
+    x : ndarray, shape (n_elements, n_geometry, 3)
+        Positions of the geometry's nodes [m].
+    X : ndarray, shape (3, n_q)
+        Points on the reference cell.
+    """
+    _, dN = shape_functions(geometry, X)
+    J = np.ascontiguousarray(x.transpose(2, 0, 1)) @ dN.reshape(len(dN), -1)
+    return np.asarray(J.reshape(3, -1, *dN.shape[1:]).transpose(1, 3, 0, 2))
+
+
 @lru_cache
 def element_kind(cell_type: str, order: int) -> ElementKind:
-    """Look up the element of displacement order 1 or 2 on cells of the given type, meshio's name."""
+    """Return the element of displacement order 1 or 2 on a cell, which has meshio's name."""
     match cell_type, order:
         case "tetra", 1:
             return ElementKind("tet4", skfem.ElementTetP1(), skfem.ElementTetP1(), 0, 2, 0)
@@ -139,21 +141,9 @@ def element_kind(cell_type: str, order: int) -> ElementKind:
     raise ValueError(f"no element of order {order} on {cell_type} cells")
 
 
-def vtk_nodes(cell_type: str, order: int) -> Array:
-    """Where VTK's, and meshio's, nodes of an element lie on its reference cell, shape (n_local, 3)."""
-    straight = STRAIGHT[cell_type]
-    corners = np.array(_VTK_CORNERS[straight], dtype=float)
-    if order == 1:
-        return corners
-    nodes = [corners, corners[np.array(VTK_EDGES[straight])].mean(axis=1)]
-    if cell_type == "hexahedron27":
-        nodes += [corners[np.array(_VTK_FACES)].mean(axis=1), corners.mean(axis=0, keepdims=True)]
-    return np.concatenate(nodes)
-
-
-def places(wanted: Array, nodes: Array) -> IntArray:
-    """Which of the reference ``nodes`` (n, 3) lies at each of the ``wanted`` (n, 3)."""
-    place, found = np.nonzero(np.abs(wanted[:, None] - nodes).max(axis=2) < 1e-12)
+def match_nodes(wanted: Array, nodes: Array) -> IntArray:
+    """Return the numbers of the reference ``nodes`` (n, 3) that lie at the points ``wanted`` (n, 3)."""
+    place, number = np.nonzero(np.abs(wanted[:, None] - nodes).max(axis=2) < 1e-12)
     if not np.array_equal(place, np.arange(len(wanted))):
         raise ValueError("the two orders of nodes aren't of the same element")
-    return found
+    return number

@@ -1,7 +1,7 @@
-"""Geometric stiffness: what a stress that is there already does to a body's stiffness.
+"""Geometric stiffness: the change of a body's stiffness by a static stress.
 
-Under a static stress σ a displacement u costs ``½ ∫ σ_ab ∂_a u·∂_b u dV`` more, for each of its components alike: so
-the matrix is ``k ⊗ 1₃`` with one number ``k_ij = ∫ σ_ab ∂_a N_i ∂_b N_j dV`` for each pair of nodes, as the mass is.
+Under a stress σ a displacement u takes the additional energy ``½ ∫ σ_ab ∂_a u·∂_b u dV``, alike for its three
+components. So the matrix is ``k ⊗ 1₃`` with a number ``k_ij = ∫ σ_ab ∂_a N_i ∂_b N_j dV`` for each pair of nodes.
 """
 
 from __future__ import annotations
@@ -17,7 +17,7 @@ _CHUNK = 256  # elements at a time
 
 
 def geometric_stiffness(fe: FEModel, u: Array) -> list[sp.csr_array]:
-    """Assemble the geometric stiffness by the linear stress of each displacement, in the structure of K and M.
+    """Assemble the geometric stiffness of the linear stress of each displacement.
 
     Parameters
     ----------
@@ -29,7 +29,7 @@ def geometric_stiffness(fe: FEModel, u: Array) -> list[sp.csr_array]:
     Returns
     -------
     list of sparse array, shape (n_nodes, n_nodes)
-        Scalar matrices [N/m], each for all three components of a displacement.
+        Scalar matrices [N/m] in the pattern of ``fe.m``, each for all three components of a displacement.
     """
     space = fe.discretisation
     X, w = space.kind.quadrature(space.kind.stiffness_order)

@@ -1,4 +1,4 @@
-"""Markers: a named face's mean displacement and mean rotation as weights on its nodes, or the face held rigid."""
+"""Markers: mean displacement and rotation of a face as weights on its nodes, or a face held rigid."""
 
 from __future__ import annotations
 
@@ -13,16 +13,16 @@ from skfem.refdom import RefQuad, RefTri
 from pipeline.core.arrays import EPSILON, Array, IntArray
 from pipeline.fem.elements import shape_functions
 from pipeline.fem.mesh import rows_among
-from pipeline.fem.model import Discretisation
+from pipeline.fem.space import Discretisation
 
-# Shape functions of nodes off the face are round-off on it.
+# Integrals over a face of the shape functions of nodes off it are round-off.
 _ON_FACE = 1e-12
-_FACET_ORDER = {False: 2, True: 3}  # of the quadrature over that of the displacement: N_i N_j, and the area's own
+_FACET_ORDER = {False: 2, True: 3}  # degree of N_i N_j over the displacement's; one more for a curved facet's area
 
 
 @dataclass(frozen=True)
 class Marker:
-    """A point that follows a face in the mean (RBE3), or holds it rigid (RBE2).
+    """A point that follows a face in the mean (RBE3) or holds it rigid (RBE2).
 
     The weights come from integrals over the face, so a force at the marker acts as a uniform traction. On a rigid face
     its mean displacement and rotation are its displacement and rotation.
@@ -38,7 +38,7 @@ class Marker:
     rotation_weights : ndarray, shape (3, n, 3)
         Weights [1/m] of the mean rotation: ``ψ_a = Σ_ib rotation_weights[a, i, b] u_ib``.
     rigid : bool
-        Whether the face's nodes move as one rigid piece.
+        True if the face's nodes move as a rigid body.
     """
 
     position: Array
@@ -48,17 +48,18 @@ class Marker:
     rigid: bool = False
 
     def translation(self, u: Array) -> Array:
-        """Mean displacement (3, …) [m] of a nodal field u, shape (n_nodes, 3, …)."""
+        """Return the mean displacement (3, …) [m] of a nodal field u, shape (n_nodes, 3, …)."""
         return np.asarray(np.tensordot(self.translation_weights, u[self.nodes], axes=1))
 
     def rotation(self, u: Array) -> Array:
-        """Mean rotation vector (3, …) [rad] of a nodal field u, shape (n_nodes, 3, …)."""
+        """Return the mean rotation vector (3, …) [rad] of a nodal field u, shape (n_nodes, 3, …)."""
         return np.asarray(np.tensordot(self.rotation_weights, u[self.nodes], axes=2))
 
     def columns(self, n_nodes: int, rotations: Array) -> Array:
-        """Nodal loads of unit forces along x, y, z and unit torques about directions (k, 3), shape (n_nodes, 3, 3 + k).
+        """Return nodal loads of unit forces and torques at the marker, shape (n_nodes, 3, 3 + k).
 
-        They are also what holds the marker: ``Bᵀ u = 0`` is no mean displacement, and no mean rotation about those.
+        The forces act along x, y, z, the torques about the directions ``rotations`` (k, 3). The columns are constraints
+        too: ``Bᵀ u = 0`` allows no mean displacement, and no mean rotation about these directions.
         """
         B = np.zeros((n_nodes, 3, 3 + len(rotations)))
         for a in range(3):
@@ -75,10 +76,10 @@ def face_marker(space: Discretisation, face: IntArray | Sequence[IntArray], rigi
     space : Discretisation
         The body's nodes and elements.
     face : ndarray, shape (n,) or (n_facets, 3 or 4), or a sequence of such
-        Mesh points on a face: it is made of the boundary facets whose corners are all among them. Or the corners of
-        each of its facets.
+        Mesh points of a face, which consists of the boundary facets with all corners among them; or the corners of each
+        of its facets.
     rigid : bool
-        Whether the face's nodes move as one rigid piece.
+        True if the face's nodes move as a rigid body.
 
     Raises
     ------
@@ -86,11 +87,11 @@ def face_marker(space: Discretisation, face: IntArray | Sequence[IntArray], rigi
         No boundary facet lies on the face.
     """
     faces = [face] if isinstance(face, np.ndarray) else face
-    chosen = np.unique(np.concatenate([facets_on(space, one) for one in faces]))
+    chosen = np.unique(np.concatenate([facets_on_face(space, one) for one in faces]))
     elements, local = (numbers[chosen] for numbers in space.boundary_facets)
     if elements.size == 0:
         raise ValueError("no boundary facet of the mesh lies on the face")
-    nodes, A = _areas(space, elements, local)
+    nodes, A = _integrate_products(space, elements, local)
     x = space.x[nodes]
     w = A @ np.ones(len(nodes))
     area = w.sum()
@@ -103,16 +104,16 @@ def face_marker(space: Discretisation, face: IntArray | Sequence[IntArray], rigi
     return Marker(centre, nodes, w / area, np.einsum("ad,dib->aib", np.linalg.inv(inertia), moment), rigid)
 
 
-def facets_on(space: Discretisation, face: IntArray) -> IntArray:
-    """Numbers of the boundary facets on a face, which is given as in `face_marker`."""
+def facets_on_face(space: Discretisation, face: IntArray) -> IntArray:
+    """Return the numbers of the boundary facets on a face, given as in `face_marker`."""
     elements, local = space.boundary_facets
     on_face = np.zeros(len(elements), dtype=bool)
     points = np.zeros(len(space.x), dtype=bool)
     points[face.ravel()] = True
     facets = np.sort(face, axis=1)[:, :3] if face.ndim == 2 else None
-    for k, facet in enumerate(space.kind.element.refdom.facets):
+    for k, facet in enumerate(space.kind.facet_corners):
         mine = local == k
-        corners = space.element_nodes[elements[mine][:, None], list(dict.fromkeys(facet))]
+        corners = space.element_nodes[elements[mine][:, None], facet]
         if facets is None:
             on_face[mine] = points[corners].all(axis=1)
         else:
@@ -120,8 +121,8 @@ def facets_on(space: Discretisation, face: IntArray) -> IntArray:
     return np.flatnonzero(on_face)
 
 
-def _areas(space: Discretisation, elements: IntArray, local: IntArray) -> tuple[IntArray, sp.csr_array]:
-    """Nodes of facets, and ``∫ N_i N_j dA`` over them, shape (n_nodes, n_nodes) [m²]."""
+def _integrate_products(space: Discretisation, elements: IntArray, local: IntArray) -> tuple[IntArray, sp.csr_array]:
+    """Return the nodes of facets and ``∫ N_i N_j dA`` over them, shape (n_nodes, n_nodes) [m²]."""
     rows, values = [], []
     for k in np.unique(local):
         on = elements[local == k]
@@ -143,8 +144,8 @@ def _areas(space: Discretisation, elements: IntArray, local: IntArray) -> tuple[
 
 
 def _facet_quadrature(space: Discretisation, facet: int) -> tuple[Array, Array, Array]:
-    """Points (3, n_q) and weights (n_q,) on a facet of the reference cell, and its two sides (3, 2)."""
-    corners = list(dict.fromkeys(space.kind.element.refdom.facets[facet]))
+    """Return points (3, n_q) and weights (n_q,) on a facet of the reference cell, and two of its sides (3, 2)."""
+    corners = space.kind.facet_corners[facet]
     start, after, *_, before = space.kind.element.doflocs[corners]
     sides = np.stack([after - start, before - start], axis=1)
     X, w = get_quadrature(RefTri if len(corners) == 3 else RefQuad, _FACET_ORDER[space.kind.curved] * space.order)

@@ -1,4 +1,4 @@
-"""Linear isotropic elasticity."""
+"""Linear isotropic elastic materials, one for a body or one for each element."""
 
 from __future__ import annotations
 
@@ -33,7 +33,7 @@ class Material:
             raise ValueError(f"not a material: E = {self.E} Pa, nu = {self.nu}, rho = {self.rho} kg/m³")
 
     def over(self, elements: IntArray | slice) -> Iterator[tuple[Material, IntArray | slice]]:
-        """Yield each material, and which of the elements are made of it: here, all."""
+        """Yield the material with all of the elements."""
         yield self, slice(None)
 
     @property
@@ -53,21 +53,21 @@ class Material:
 
 @dataclass(frozen=True)
 class MaterialOfElements:
-    """Several materials in one body.
+    """Materials of a body's elements, each homogeneous and isotropic.
 
     Parameters
     ----------
     materials : tuple of Material
-        What there is.
+        The different materials.
     numbers : ndarray, shape (n_elements,)
-        Which of them each element is made of.
+        Position in ``materials`` of each element's.
     """
 
     materials: tuple[Material, ...]
     numbers: IntArray
 
     def over(self, elements: IntArray | slice) -> Iterator[tuple[Material, IntArray | slice]]:
-        """Yield each material of some elements, and which of those are made of it."""
+        """Yield each material of the elements with the numbers of those made of it."""
         numbers = self.numbers[elements]
         for k in np.unique(numbers):
             yield self.materials[k], np.flatnonzero(numbers == k)

@@ -9,18 +9,17 @@ from pipeline.core.arrays import Array, IntArray
 
 
 class BlockStructure:
-    """The pairs of nodes that share an element: the pattern of stiffness, mass and geometric stiffness alike.
+    """Pairs of nodes that share an element: the pattern of stiffness, mass and geometric stiffness.
 
-    Entries of all elements are brought into the order of the pairs by two counting sorts, SciPy's conversions between
-    compressed rows and columns: first by the row's node, then by the column's. That order, as a sparse matrix of ones
-    with a row for each pair, is the operator that sums them.
+    Two counting sorts, SciPy's conversions between compressed rows and columns, order the entries of all elements by
+    the row's node and then by the column's. A sparse matrix of ones in that order, with a row for each pair, sums them.
 
     Parameters
     ----------
     element_nodes : ndarray, shape (n_elements, n_local)
         Node numbers of each element.
     n_nodes : int
-        How many nodes there are.
+        Number of nodes.
     """
 
     def __init__(self, element_nodes: IntArray, n_nodes: int) -> None:
@@ -49,10 +48,10 @@ class BlockStructure:
         return np.asarray(total.reshape(-1, *entries.shape[3:]))
 
     def scalar_matrix(self, pairs: Array) -> sp.csr_array:
-        """Put one number for each pair (n_pairs,) into a matrix (n_nodes, n_nodes)."""
+        """Return the matrix (n_nodes, n_nodes) with a number for each pair, shape (n_pairs,)."""
         return sp.csr_array((pairs, self._column, self._pointer), shape=(self._n, self._n))
 
     def block_matrix(self, pairs: Array) -> sp.csr_array:
-        """Put a block for each pair (n_pairs, 3, 3) into a matrix (3 n_nodes, 3 n_nodes)."""
+        """Return the matrix (3 n_nodes, 3 n_nodes) with a block for each pair, shape (n_pairs, 3, 3)."""
         n = 3 * self._n
         return sp.csr_array(sp.bsr_array((pairs, self._column, self._pointer), shape=(n, n)).tocsr())

@@ -1,4 +1,4 @@
-"""The outer surface of a mesh as triangles and element outlines, through the mid-edge nodes too."""
+"""The outer surface of a mesh as triangles and element outlines through all nodes on it."""
 
 from __future__ import annotations
 
@@ -10,12 +10,12 @@ import numpy as np
 from pipeline.core.arrays import Array, IntArray
 
 if TYPE_CHECKING:
-    from pipeline.fem.model import Discretisation
+    from pipeline.fem.space import Discretisation
 
 
 @dataclass(frozen=True, slots=True)
 class SurfaceTopology:
-    """Which nodes lie on the surface and how they are joined.
+    """Nodes, triangles and element outlines of a surface.
 
     Attributes
     ----------
@@ -24,7 +24,7 @@ class SurfaceTopology:
     triangles : ndarray, shape (n_triangles, 3)
         Positions in ``nodes``, counter-clockwise seen from outside.
     edges : ndarray, shape (n_edges, 2)
-        Positions in ``nodes``: the outlines of the element faces.
+        Positions in ``nodes``: outlines of the elements' faces.
     """
 
     nodes: IntArray
@@ -37,7 +37,7 @@ def surface_topology(space: Discretisation) -> SurfaceTopology:
     triangles, edges = [], []
     for _, around in boundary_polygons(space):
         n_around = around.shape[1]
-        polygons = _longways(space.x, around) if n_around == 8 else around
+        polygons = _split_along_length(space.x, around) if n_around == 8 else around
         rim = np.arange(n_around)
         if space.order == 1:
             fan = np.array([(0, k, k + 1) for k in range(1, n_around - 1)])
@@ -53,40 +53,41 @@ def surface_topology(space: Discretisation) -> SurfaceTopology:
 
 
 def surface_elements(space: Discretisation) -> IntArray:
-    """Element that each triangle of `surface_topology` belongs to, shape (n_triangles,)."""
+    """Return the element of each triangle of `surface_topology`, shape (n_triangles,)."""
     return np.concatenate(
         [np.repeat(elements, polygons.shape[1] - 2) for elements, polygons in boundary_polygons(space)]
     )
 
 
 def boundary_polygons(space: Discretisation) -> list[tuple[IntArray, IntArray]]:
-    """Elements (n_facets,) of the boundary facets, and nodes (n_facets, n_around) around each.
+    """Return the elements (n_facets,) of the boundary facets and the nodes (n_facets, n_around) around each.
 
-    Counter-clockwise seen from outside; triangles and quadrilaterals apart.
+    Counter-clockwise seen from outside; triangles and quadrilaterals are separate items.
     """
     elements, local = space.boundary_facets
     polygons = space.kind.facet_polygons
-    found = []
+    result = []
     for n_around in sorted({len(polygon) for polygon in polygons}):
         numbers = [k for k, polygon in enumerate(polygons) if len(polygon) == n_around]
         of_kind = np.isin(local, numbers)
         if of_kind.any():
             table = np.zeros((len(polygons), n_around), dtype=np.int64)
             table[numbers] = [polygons[k] for k in numbers]
-            found.append((elements[of_kind], _outwards(space, elements[of_kind], table[local[of_kind]])))
-    return found
+            result.append((elements[of_kind], _turn_outwards(space, elements[of_kind], table[local[of_kind]])))
+    return result
 
 
-def _longways(x: Array, polygons: IntArray) -> IntArray:
-    """Begin quadrilaterals of eight nodes where nodes 1 and 5, which are joined, are the mid-edge nodes further apart.
+def _split_along_length(x: Array, polygons: IntArray) -> IntArray:
+    """Rotate quadrilaterals of eight nodes so that they are split between the mid-edge nodes further apart.
 
-    Elements are drawn out along what changes least, so that what is interpolated along there is truer.
+    Elements are longest in the direction of the smallest change, where interpolation errs least.
     """
     one, other = (np.linalg.norm(x[polygons[:, k]] - x[polygons[:, k + 4]], axis=1) for k in (1, 3))
     return np.where((other > one)[:, None], np.roll(polygons, -2, axis=1), polygons)
 
 
-def _outwards(space: Discretisation, elements: IntArray, around: IntArray) -> IntArray:
+def _turn_outwards(space: Discretisation, elements: IntArray, around: IntArray) -> IntArray:
+    """Return the nodes around facets, local nodes ``around`` (n_facets, n_around), counter-clockwise from outside."""
     polygons = space.element_nodes[elements[:, None], around]
     corners = space.x[polygons[:, :: space.order]]
     normal = np.cross(corners[:, 1] - corners[:, 0], corners[:, 2] - corners[:, 0])

@@ -1,4 +1,4 @@
-"""Wedges, a triangle carried along a line: shape functions and quadrature, which scikit-fem has only in part.
+"""Wedges of 6 and 15 nodes: shape functions and quadrature, which scikit-fem has only in part.
 
 Reference cell: the triangle r, s ≥ 0, r + s ≤ 1 times 0 ≤ t ≤ 1. With L = (1 − r − s, r, s) and ζ = 2t − 1 the nodes of
 the serendipity wedge have (Zienkiewicz & Taylor, The Finite Element Method, vol. 1, 5th ed., section 8.12)
@@ -23,7 +23,7 @@ _SLOPES = np.array([(-1.0, -1.0), (1.0, 0.0), (0.0, 1.0)])  # of L by r, s
 
 
 class Wedge:
-    """A wedge of 6 or 15 nodes, with what `pipeline.fem.elements` reads of a scikit-fem element.
+    """A wedge of 6 or 15 nodes with the attributes of a scikit-fem element that `elements` reads.
 
     Parameters
     ----------
@@ -41,7 +41,7 @@ class Wedge:
         self.doflocs: Array = np.array(corners if order == 1 else corners + sides + uprights)
 
     def lbasis(self, X: Array, i: int) -> tuple[Array, Array]:
-        """Value (n_q,) and gradient (3, n_q) of shape function i at the points X (3, n_q)."""
+        """Return value (n_q,) and gradient (3, n_q) of shape function i at points X (3, n_q)."""
         L, zeta = np.array([1 - X[0] - X[1], X[0], X[1]]), 2 * X[2] - 1
         one = np.ones_like(zeta)
         if i < 6:
@@ -67,7 +67,7 @@ class Wedge:
 
 
 def wedge_quadrature(order: int) -> tuple[Array, Array]:
-    """Points (3, n_q) and weights (n_q,), exact to the order in the triangle's plane and along the line."""
+    """Return points (3, n_q) and weights (n_q,), exact to a degree in the triangle's plane and along t."""
     (XY, w_plane), (Z, w_line) = get_quadrature(RefTri, order), get_quadrature(RefLine, order)
     n_plane, n_line = len(w_plane), len(w_line)
     X = np.concatenate([np.tile(XY, n_line), np.repeat(Z, n_plane, axis=1)])

@@ -1,4 +1,4 @@
-"""Marching with a step that follows the error: what the adaptive methods share.
+"""Loop and step control of the methods whose step follows the error.
 
 A coordinate's error counts relative to the largest value that its group, coordinates of like kind, has had so far.
 The steps depend neither on the output times nor on how the march is cut into pieces; the last one may pass the last
@@ -29,31 +29,25 @@ _SAFETY = 0.9
 
 
 def groups_of(system: System) -> IntArray:
-    """Group of each position and, after them, of each rate; every coordinate its own if the system names none."""
+    """Return the group of each position and then of each rate; each coordinate is one if the system has no groups."""
     groups = getattr(system, "groups", None)
     positions, rates = (np.arange(system.n_positions), np.arange(system.n)) if groups is None else groups
     return np.concatenate([positions, rates + positions.max(initial=-1) + 1])
 
 
-def adaptive_state(system: System, start: State) -> State:
-    """Complete a state at time 0: the first step is a tenth of the highest frequency's radian."""
-    highest = system.highest_frequency if system.n else 1.0
-    return replace(start, next_step=0.1 / highest if highest > 1e-3 else 1e-2)
+def adaptive_start(system: System, q0: Array, v0: Array, more: int = 0) -> State:
+    """Return the state at time 0 of an adaptive method, its first step a tenth of the highest frequency's radian.
 
-
-def state_of_all(system: System, q0: Array, v0: Array, more: int = 0) -> State:
-    """State at time 0 of a method that steers by positions and rates.
-
-    Its memory is the largest value of each group, and ``more`` numbers of the method's own.
+    The memory is the largest value of each group, and ``more`` numbers of the method's own.
     """
-    start = start_state(system, q0, v0, np.zeros(system.n))
-    groups = groups_of(system)
+    start, groups = start_state(system, q0, v0, np.zeros(system.n)), groups_of(system)
     largest = np.zeros(int(groups.max(initial=-1)) + 1 + more)
     keep_largest(groups, largest, np.concatenate([start.q, start.v]))
-    return replace(adaptive_state(system, start), memory=largest)
+    highest = system.highest_frequency if system.n else 1.0
+    return replace(start, next_step=0.1 / highest if highest > 1e-3 else 1e-2, memory=largest)
 
 
-def march_adaptively(
+def march_adaptive_steps(
     name: str,
     run: Run,
     start: State,
@@ -62,18 +56,18 @@ def march_adaptively(
     progress: Progress | None,
     evaluations: Array,
 ) -> Trajectory:
-    """Call a compiled adaptive march until it has passed the last output time.
+    """Call a compiled march that chooses its steps until it has passed the last output time.
 
     Parameters
     ----------
     name : str
-        The method's.
+        Name of the method.
     run : callable
         ``run(state, clock, stop, n_steps, times, sample_q, sample_v, cursor) -> steps done``; it writes into the
         state's arrays and ``clock``, (2,), the time and the next step. A negative number of steps says that the next
         step would be too small.
     evaluations : ndarray
-        Whose first number ``run`` raises by each solution of the whole system.
+        Its first number is raised by ``run`` for each solution of the whole system.
 
     Raises
     ------
@@ -81,7 +75,7 @@ def march_adaptively(
         The step became too small, or the state is not finite; the message gives the time.
     """
     require_times(times)
-    state = start.copied()
+    state = start.copy()
     q, v = np.full((times.size, start.q.size), np.nan), np.full((times.size, start.v.size), np.nan)
     cursor = np.array([np.searchsorted(times, state.time)])
     clock, end, seconds = np.array([state.time, state.next_step]), float(times[-1]), 0.0
@@ -104,19 +98,19 @@ def march_adaptively(
 
 @inner
 def just_after(t: float) -> float:
-    """Time at which a step that begins at t takes the loads: where one jumps, the value after the jump counts."""
+    """Return the time at which a step that begins at t evaluates loads: after a jump at t, not before it."""
     return float(np.nextafter(t, math.inf))
 
 
 @inner
 def just_before(t: float) -> float:
-    """Time at which a step that ends at t takes the loads."""
+    """Return the time at which a step that ends at t evaluates loads: before a jump at t, not after it."""
     return float(np.nextafter(t, -math.inf))
 
 
 @kernel
 def step_within(h: float, left: float) -> float:
-    """Step h, or what is left to the next breakpoint, or half of that if a short rest would remain."""
+    """Return a step h, what is left to the next breakpoint, or half of that if a short rest would remain."""
     if h >= left * (1.0 - 1e-9):
         return left
     return 0.5 * left if h > 0.5 * left else h
@@ -124,14 +118,14 @@ def step_within(h: float, left: float) -> float:
 
 @inner
 def scaled_error(groups: IntArray, largest: Array, error: Array) -> float:
-    """Largest error over its group's largest value; not a number if an error or a value isn't finite.
+    """Return the largest error over its group's largest value; NaN if an error or a value isn't finite.
 
     Parameters
     ----------
     groups : ndarray, shape (n,)
-        Of each error.
+        Group of each error.
     largest : ndarray, shape (n_groups,)
-        Of each group, with the end of the step that is on trial.
+        Largest value of each group, the end of the trial step included.
     """
     worst = 0.0
     for i in range(groups.size):
@@ -144,7 +138,7 @@ def scaled_error(groups: IntArray, largest: Array, error: Array) -> float:
 
 @kernel
 def keep_largest(groups: IntArray, largest: Array, new: Array) -> None:
-    """Raise each group's largest value to that of a state; what is not a number stays to be seen."""
+    """Raise each group's largest value to that of a state; a NaN stays, so that it is noticed."""
     for i in range(groups.size):
         size = abs(new[i])
         if not size <= largest[groups[i]]:
@@ -153,7 +147,7 @@ def keep_largest(groups: IntArray, largest: Array, new: Array) -> None:
 
 @inner
 def step_factor(error: float, tolerance: float, order: int) -> float:
-    """What to multiply a step by whose error in one step is of this order."""
+    """Return the factor that takes a step with an error of this order to the tolerance, within 0.2 … 4."""
     if error == 0.0:
         return 4.0
     if not math.isfinite(error):

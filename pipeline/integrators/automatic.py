@@ -1,4 +1,4 @@
-"""The method that fits, with steps refined until two marches agree: the error is measured, not hoped for."""
+"""Automatic choice of a method for a wanted error, with steps refined until two marches agree."""
 
 from __future__ import annotations
 
@@ -11,7 +11,7 @@ from pipeline.core.errors import AccuracyError, StabilityError
 from pipeline.dynamics.system import System
 from pipeline.integrators.adaptive import groups_of
 from pipeline.integrators.exponential import Exponential
-from pipeline.integrators.protocol import Integrator, Progress, State, Trajectory
+from pipeline.integrators.protocol import Integrator, Progress, Trajectory
 from pipeline.integrators.rosenbrock import ExponentialRosenbrock
 from pipeline.integrators.runge_kutta import RungeKutta
 
@@ -24,7 +24,7 @@ _SAFETY = 0.1  # tolerance of an adaptive method over the wanted error
 
 @dataclass(frozen=True)
 class Automatic:
-    """Marches with finer and finer steps until the difference of the last two, extrapolated, is below ``error``.
+    """Method that marches with finer and finer steps until the last two marches differ by less than ``error``.
 
     By the measured run times over error (``benchmarks/``) the fastest are the exponential method where modes and joints
     don't couple through the mass matrix, else the exponential Rosenbrock method if the mechanism is stiff over the
@@ -49,11 +49,11 @@ class Automatic:
             raise ValueError(f"error is {self.error}, expected 0 … 1")
 
     def order(self, system: System) -> int:
-        """That of the method it takes."""
+        """Return the order of the chosen method where it counts."""
         return 4
 
     def largest_step(self, system: System) -> float:
-        """No limit: what diverges is refined."""
+        """Return infinity: a march that diverges is refined."""
         return np.inf
 
     def march(self, system: System, q0: Array, v0: Array, times: Array, progress: Progress | None = None) -> Trajectory:
@@ -70,32 +70,22 @@ class Automatic:
         for refinement in range(_MOST_REFINEMENTS):
             method, gain = self._method(system, refinement)
             try:
-                found = method.march(system, q0, v0, times, progress)
+                trajectory = method.march(system, q0, v0, times, progress)
             except StabilityError:
                 before = None
                 continue
-            seconds += found.seconds
-            evaluations += found.evaluations
+            seconds += trajectory.seconds
+            evaluations += trajectory.evaluations
             if before is not None:
-                difference = largest_difference(before.q, found.q, groups) / gain
+                difference = largest_difference(before.q, trajectory.q, groups) / gain
                 if difference < self.error:
-                    name = f"{self.name} ({found.integrator})"
-                    return replace(found, integrator=name, seconds=seconds, evaluations=evaluations)
-            before = found
+                    name = f"{self.name} ({trajectory.integrator})"
+                    return replace(trajectory, integrator=name, seconds=seconds, evaluations=evaluations)
+            before = trajectory
         raise AccuracyError(f"{self.name}: the last two marches differ by {difference:.1e}, above {self.error:.0e}")
 
-    def resume(self, system: System, start: State, times: Array, progress: Progress | None = None) -> Trajectory:
-        """Not to be had: the state at the end belongs to the method that the trajectory names.
-
-        Raises
-        ------
-        ValueError
-            Always.
-        """
-        raise ValueError(f"{self.name} has no state of its own; resume with the method that its trajectory names")
-
     def _method(self, system: System, refinement: int) -> tuple[Integrator, float]:
-        """A method, and what the difference from the march before is larger by than this one's own error."""
+        """Return a method, and the difference from the march before over the method's own error."""
         if system.coupled:
             tolerance = max(self.error * _SAFETY ** (1 + refinement), 3e-14)
             stiff = system.highest_frequency * self.duration > _STIFF
@@ -104,7 +94,7 @@ class Automatic:
 
 
 def largest_difference(q: Array, other: Array, groups: IntArray) -> float:
-    """Largest difference of two motions (n_times, n), each coordinate's over the largest value in its group."""
+    """Return the largest difference of two motions (n_times, n), each coordinate's over its group's largest value."""
     largest = np.zeros(int(groups.max()) + 1)
     np.maximum.at(largest, groups, np.nanmax(np.abs(other), axis=0))
     apart = np.nanmax(np.abs(q - other), axis=0)

@@ -1,4 +1,4 @@
-"""Central difference in leapfrog form: ``v_{n+½} = v_{n−½} + h a_n``, ``q_{n+1} = q_n + h v_{n+½}``.
+"""Central difference method in leapfrog form: ``v_{n+½} = v_{n−½} + h a_n``, ``q_{n+1} = q_n + h v_{n+½}``.
 
 Velocity-dependent forces take ``v_n ≈ v_{n−½} + ½ h a_{n−1}``, which keeps the method explicit and of second order.
 Stable for ω_max h < 2.
@@ -14,21 +14,20 @@ import numpy as np
 from pipeline.core.arrays import Array, IntArray
 from pipeline.dynamics.jit.compiled import aligned, kernel
 from pipeline.dynamics.system import System, accelerations, advance
+from pipeline.integrators.fixed_step import march_fixed_steps, runs_away
 from pipeline.integrators.protocol import (
     Progress,
     State,
     Trajectory,
     march_from,
-    march_in_chunks,
     require_step,
-    runs_away,
     start_state,
 )
 
 
 @dataclass(frozen=True)
 class CentralDifference:
-    """Central difference with a constant step [s]."""
+    """Central difference method with a constant step [s]: explicit, of order 2."""
 
     step: float
 
@@ -38,11 +37,11 @@ class CentralDifference:
         require_step(self.step)
 
     def order(self, system: System) -> int:
-        """Order 2."""
+        """Return 2."""
         return 2
 
     def largest_step(self, system: System) -> float:
-        """``2/ω_max`` of the coupled system [s]."""
+        """Return ``2/ω_max`` of the coupled system [s]."""
         return 2.0 / system.highest_frequency
 
     def march(self, system: System, q0: Array, v0: Array, times: Array, progress: Progress | None = None) -> Trajectory:
@@ -57,7 +56,7 @@ class CentralDifference:
         def run(state: State, n_steps: int, *samples: Any) -> int:
             return int(_march(parameters, h, state.step, n_steps, state.q, state.v, state.a, work, *samples))
 
-        end, q, v, seconds = march_in_chunks(run, start, h, 1, times, progress)
+        end, q, v, seconds = march_fixed_steps(run, start, h, 1, times, progress)
         return Trajectory(self.name, h, 1, times, q, v, end.step - start.step, 0, seconds, end)
 
 

@@ -1,6 +1,6 @@
-"""Exponential time differencing, Runge–Kutta of order 4: Cox & Matthews, J Comput Phys 176 (2002).
+"""Exponential Runge–Kutta method of order 4 (ETDRK4) of Cox & Matthews, J Comput Phys 176 (2002).
 
-Each coordinate is an oscillator ``q̈ = −ω² q + N`` (ω = 0 where nothing holds it), solved exactly but for the rest N, so
+Each coordinate is an oscillator ``q̈ = −ω² q + N`` (ω = 0 without a spring), solved exactly but for the rest N, so
 the step follows the motion and the loads, not the highest mode. For ``L = [[0, 1], [−ω², 0]]`` and a function f with
 real coefficients ``f(L h) = Re f(iθ) + (L h) Im f(iθ)/θ`` with θ = ω h: two numbers for each coordinate stand for the
 matrix functions φ₁, φ₂, φ₃ of the method.
@@ -17,21 +17,20 @@ import numpy as np
 from pipeline.core.arrays import Array, IntArray
 from pipeline.dynamics.jit.compiled import inner, kernel
 from pipeline.dynamics.system import System, accelerations
+from pipeline.integrators.fixed_step import march_fixed_steps, runs_away
 from pipeline.integrators.protocol import (
     Progress,
     State,
     Trajectory,
     march_from,
-    march_in_chunks,
     require_step,
-    runs_away,
     start_state,
 )
 
 
 @dataclass(frozen=True)
 class Exponential:
-    """ETDRK4 with a constant step [s], for mechanisms without rotations in space."""
+    """Exponential method of order 4 with a constant step [s], for mechanisms without rotations in space."""
 
     step: float
 
@@ -41,11 +40,11 @@ class Exponential:
         require_step(self.step)
 
     def order(self, system: System) -> int:
-        """Order 4; about 3 for modes that the step does not resolve (Hochbruck & Ostermann 2005)."""
+        """Return 4; modes that the step does not resolve have about 3 (Hochbruck & Ostermann 2005)."""
         return 4
 
     def largest_step(self, system: System) -> float:
-        """No limit where nothing couples through the mass matrix; else about that of an explicit method."""
+        """Return infinity without coupling through the mass matrix, else about an explicit method's limit [s]."""
         return 2.0 / system.highest_frequency if system.coupled else np.inf
 
     def march(self, system: System, q0: Array, v0: Array, times: Array, progress: Progress | None = None) -> Trajectory:
@@ -73,7 +72,7 @@ class Exponential:
             march = (h, state.step, n_steps, state.q, state.v, state.a)
             return int(_march(parameters, stiffness, full, half, work, phi, *march, *samples))
 
-        end, q, v, seconds = march_in_chunks(run, start, h, 1, times, progress)
+        end, q, v, seconds = march_fixed_steps(run, start, h, 1, times, progress)
         return Trajectory(self.name, h, 1, times, q, v, 4 * (end.step - start.step), 0, seconds, end)
 
 
@@ -81,7 +80,7 @@ class Exponential:
 def _functions(stiffness: float, h: float, out: Array) -> None:
     """Fill out (8,) with ``(Re φ_k, h Im φ_k/θ)`` for k = 0 … 3, where φ₀ is the exponential.
 
-    Those are the entries of φ_k(L h) for rate → rate and rate → position.
+    These are the entries of φ_k(L h) that take a rate to a rate and to a position.
     """
     theta = math.sqrt(stiffness) * h
     if theta < 1.0:  # series of φ_k(iθ) = Σ (iθ)^m / (m + k)!
@@ -105,7 +104,7 @@ def _functions(stiffness: float, h: float, out: Array) -> None:
 
 @inner
 def _rest(p: Any, stiffness: Array, t: float, q: Array, v: Array, N: Array) -> None:
-    """What is left of the accelerations when the oscillators' own part is taken out."""
+    """Evaluate the accelerations without the oscillators' own part ``−ω² q``, into N."""
     accelerations(p, t, q, v, N)
     for i in range(v.size):
         N[i] += stiffness[i] * q[i]

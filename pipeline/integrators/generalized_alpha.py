@@ -1,10 +1,10 @@
-"""Generalised-α: Chung & Hulbert, J Appl Mech 60 (1993), in the form of Arnold & Brüls, Multibody Syst Dyn 18 (2007).
+"""Generalised-α method of Chung & Hulbert, J Appl Mech 60 (1993), as by Arnold & Brüls, Multibody Syst Dyn 18 (2007).
 
 The equations of motion hold at the end of each step; the auxiliary accelerations a follow
 ``(1 − α_m) a_{n+1} + α_m a_n = (1 − α_f) q̈_{n+1} + α_f q̈_n``. Positions move by
 ``h (v + h ((½ − β) a_n + β a_{n+1}))``, on a rotation in space along its own group (Brüls & Cardona, J Comput Nonlinear
 Dyn 5, 2010). Newton's unknown is q̈_{n+1}; its tangent comes from differences of the accelerations and is kept while it
-serves.
+converges fast.
 """
 
 from __future__ import annotations
@@ -19,18 +19,17 @@ from pipeline.core.arrays import Array, IntArray
 from pipeline.core.errors import AccuracyError
 from pipeline.dynamics.jit.compiled import inner, kernel
 from pipeline.dynamics.system import System, accelerations, advance
+from pipeline.integrators.fixed_step import march_fixed_steps, runs_away
 from pipeline.integrators.protocol import (
     Progress,
     State,
     Trajectory,
     march_from,
-    march_in_chunks,
     require_step,
-    runs_away,
     start_state,
 )
 
-TOLERANCE = 1e-10  # of Newton's corrections, relative to the largest acceleration
+_TOLERANCE = 1e-10  # of Newton's corrections, relative to the largest acceleration
 _OF_GUESS = 1e-5  # times the tolerance: the round-off of the acceleration that an iteration starts from
 _ROUND_OFF = 1e-14  # of positions, relative to the largest, or to a radian or metre
 _MOST_ITERATIONS = 12
@@ -39,12 +38,12 @@ _VANISHED = 1e-200  # an acceleration below which nothing is left to converge: d
 
 @dataclass(frozen=True)
 class GeneralizedAlpha:
-    """Generalised-α with a constant step [s].
+    """Generalised-α method with a constant step: implicit, of order 2.
 
     Parameters
     ----------
     step : float
-        [s]
+        Time step [s].
     rho : float
         Spectral radius at infinite frequency, 0 (strongest damping of what the step can't resolve) … 1 (none).
     """
@@ -61,23 +60,22 @@ class GeneralizedAlpha:
 
     @cached_property
     def weights(self) -> Array:
-        """α_m, α_f, β and γ of second order for this ρ∞, shape (4,)."""
+        """Weights α_m, α_f, β and γ that make the method of second order for this ρ∞, shape (4,)."""
         alpha_m = (2 * self.rho - 1) / (self.rho + 1)
         alpha_f = self.rho / (self.rho + 1)
         return np.array([alpha_m, alpha_f, 0.25 * (1 - alpha_m + alpha_f) ** 2, 0.5 - alpha_m + alpha_f])
 
     def order(self, system: System) -> int:
-        """Order 2."""
+        """Return 2."""
         return 2
 
     def largest_step(self, system: System) -> float:
-        """No limit for a linear system."""
+        """Return infinity: the method is stable for linear systems at any step."""
         return np.inf
 
     def march(self, system: System, q0: Array, v0: Array, times: Array, progress: Progress | None = None) -> Trajectory:
         """Integrate from time 0 to the last of ``times``."""
-        start = start_state(system, q0, v0, np.zeros(system.n))
-        start = two_accelerations(start)
+        start = _two_accelerations(start_state(system, q0, v0, np.zeros(system.n)))
         return march_from(self, system, start, times, progress)
 
     def resume(self, system: System, start: State, times: Array, progress: Progress | None = None) -> Trajectory:
@@ -88,7 +86,7 @@ class GeneralizedAlpha:
         AccuracyError
             Newton's iteration did not converge; the message has the time.
         """
-        parameters, h, room = system.parameters, self.step, newton_room(system)
+        parameters, h, room = system.parameters, self.step, _newton_room(system)
 
         def run(state: State, n_steps: int, *samples: Any) -> int:
             march: tuple[Any, ...] = (h, state.step, n_steps, state.q, state.v, state.a)
@@ -100,24 +98,24 @@ class GeneralizedAlpha:
                 )
             return done
 
-        end, q, v, seconds = march_in_chunks(run, start, h, 1, times, progress)
+        end, q, v, seconds = march_fixed_steps(run, start, h, 1, times, progress)
         return Trajectory(self.name, h, 1, times, q, v, int(room[-1][0]), 0, seconds, end)
 
 
-def two_accelerations(start: State) -> State:
-    """Complete a state at time 0: auxiliary and true acceleration, equal at first, and memory for `newton_step`."""
+def _two_accelerations(start: State) -> State:
+    """Complete a state at time 0 by auxiliary and true accelerations, equal at first, and memory for `_newton_step`."""
     n = start.a.size
     return replace(start, a=np.concatenate([start.a, start.a]), memory=np.zeros(n * n + 2))
 
 
-def newton_room(system: System) -> tuple[Array, Array, Array]:
-    """Room for the kernels: rates, positions, and the counts of evaluations and of failures."""
+def _newton_room(system: System) -> tuple[Array, Array, Array]:
+    """Return work arrays of the kernels: rates, positions, and counts of evaluations and of failures."""
     return np.zeros((6, system.n)), np.zeros((2, system.n_positions)), np.zeros(2)
 
 
 @inner
 def _factor(A: Array) -> None:
-    """LU factor in place, no pivoting: the tangent is the unit matrix and what a step adds to it."""
+    """Factor a matrix into L and U in place, without pivoting: a tangent is the unit matrix and a step's change."""
     n = A.shape[0]
     for k in range(n):
         for i in range(k + 1, n):
@@ -143,7 +141,7 @@ def _end_of_step(
     p: Any, weights: Array, end: float, h: float, q: Array, v: Array, a: Array, new: Array,
     q_new: Array, v_new: Array, mean: Array, found: Array,
 ) -> None:  # fmt: skip
-    """Accelerations at the end of a step for a trial ``new`` of them; a holds the auxiliary and the true ones."""
+    """Evaluate the accelerations at a step's end for trial ones ``new``; a holds the auxiliary and the true ones."""
     n = v.size
     alpha_m, alpha_f, beta, gamma = weights[0], weights[1], weights[2], weights[3]
     for i in range(n):
@@ -157,14 +155,14 @@ def _end_of_step(
 
 
 @inner
-def newton_step(
+def _newton_step(
     p: Any, weights: Array, work: Array, positions: Array, counts: Array, memory: Array,
     end: float, h: float, q: Array, v: Array, a: Array,
 ) -> bool:  # fmt: skip
-    """Find the accelerations at a step's ``end`` [s], in work[0]; positions[0] and work[3] are its positions and rates.
+    """Find the accelerations at a step's ``end`` [s] by Newton's method, into work[0].
 
-    The tangent, factored, is kept in ``memory``, with a number that says whether it serves and the largest acceleration
-    so far.
+    positions[0] and work[3] are the positions and rates there. ``memory`` keeps the factored tangent, 1 behind it
+    while it is valid, and the largest acceleration so far.
     """
     n, new = v.size, work[0]
     alpha_m, alpha_f, beta = weights[0], weights[1], weights[2]
@@ -186,7 +184,7 @@ def _converges(
     p: Any, weights: Array, work: Array, positions: Array, counts: Array, memory: Array,
     end: float, h: float, q: Array, v: Array, a: Array, wary: bool,
 ) -> bool:  # fmt: skip
-    """Iterate from the accelerations in work[0]; if ``wary``, only while corrections shrink.
+    """Iterate from the accelerations in work[0] until they converge; if ``wary``, only while corrections shrink.
 
     Forces that balance leave an acceleration with their own round-off: a correction that no longer shrinks, or shrinks
     to the last, is good enough if it is small beside the largest one so far, or moves positions by their round-off.
@@ -229,9 +227,9 @@ def _converges(
         for i in range(q.size):
             reached = max(reached, abs(q_new[i]))
         slow = iteration > 0 and largest > 0.3 * largest_before
-        good_enough = max(TOLERANCE * peak, _ROUND_OFF * reached / to_position)
+        good_enough = max(_TOLERANCE * peak, _ROUND_OFF * reached / to_position)
         last = iteration == _MOST_ITERATIONS - 1  # beneath round-off it may shrink by a steady factor for long
-        if largest <= TOLERANCE * size or ((slow or last) and largest <= good_enough):
+        if largest <= _TOLERANCE * size or ((slow or last) and largest <= good_enough):
             memory[n * n + 1] = max(peak, size)
             _end_of_step(p, weights, end, h, q, v, a, new, q_new, v_new, mean, found)
             counts[0] += 1
@@ -245,10 +243,10 @@ def _converges(
 
 
 @inner
-def sample_step_at(
+def _sample_step_at(
     p: Any, s: float, h: float, q: Array, v: Array, a: Array, new: Array, mean: Array, q_out: Array, v_out: Array
 ) -> None:
-    """State s after a step's begin: cubic in time between the step's ends, along the mean rates."""
+    """Interpolate the state at a time s after a step's begin: cubic in time, along the mean rates."""
     n = v.size
     x = s / h
     for i in range(n):
@@ -260,7 +258,7 @@ def sample_step_at(
 
 
 @inner
-def accept_step(weights: Array, q: Array, v: Array, a: Array, new: Array, q_new: Array, v_new: Array) -> None:
+def _accept_step(weights: Array, q: Array, v: Array, a: Array, new: Array, q_new: Array, v_new: Array) -> None:
     """Move the state to the end of a step."""
     n = v.size
     alpha_m, alpha_f = weights[0], weights[1]
@@ -280,15 +278,15 @@ def _march(
 ) -> int:  # fmt: skip
     next_sample = sample_step[cursor[0]] if cursor[0] < sample_step.size else -1
     for step in range(first, first + n_steps):
-        if not newton_step(p, weights, work, positions, counts, memory, step * h + h, h, q, v, a):
+        if not _newton_step(p, weights, work, positions, counts, memory, step * h + h, h, q, v, a):
             counts[1] = 1.0
             return step - first
         while step == next_sample:
             k = cursor[0]
-            sample_step_at(p, sample_offset[k], h, q, v, a, work[0], work[2], sample_q[k], sample_v[k])
+            _sample_step_at(p, sample_offset[k], h, q, v, a, work[0], work[2], sample_q[k], sample_v[k])
             cursor[0] += 1
             next_sample = sample_step[cursor[0]] if cursor[0] < sample_step.size else -1
-        accept_step(weights, q, v, a, work[0], positions[0], work[3])
+        _accept_step(weights, q, v, a, work[0], positions[0], work[3])
         if runs_away(v):
             return step - first
     return n_steps

@@ -1,4 +1,4 @@
-"""Reversible sub-cycling: two step lengths that inertial coupling leaves stable.
+"""Reversible sub-cycling: a method with two step lengths that stays stable under inertial coupling.
 
 With the slow coordinates L first, and ``D = M_LL⁻¹ M_LS`` held over a major cycle ``H = m h``, the sum
 ``y = q_L + D q_S`` feels no inertial coupling::
@@ -34,21 +34,20 @@ import numpy as np
 from pipeline.core.arrays import Array, IntArray
 from pipeline.dynamics.jit.compiled import aligned, kernel
 from pipeline.dynamics.system import System, advance, hold_middle, reacting_steps, slow_response
+from pipeline.integrators.fixed_step import march_fixed_steps, runs_away
 from pipeline.integrators.protocol import (
     Progress,
     State,
     Trajectory,
     march_from,
-    march_in_chunks,
     require_ratio,
-    runs_away,
     start_state,
 )
 
 
 @dataclass(frozen=True)
 class ReversibleSubcycling:
-    """Reversible sub-cycling with the fast step [s] and the number of fast steps to a major cycle.
+    """Reversible sub-cycling by a fast step [s] and a number of fast steps to a major cycle.
 
     A state's rates are at its own time; ``a`` holds the accelerations of y and q_S, ``memory`` the last change of q_S,
     (n,), and D, (n, n_slow).
@@ -63,11 +62,11 @@ class ReversibleSubcycling:
         require_ratio(self.step, self.substeps)
 
     def order(self, system: System) -> int:
-        """Order 2."""
+        """Return 2."""
         return 2
 
     def largest_step(self, system: System) -> float:
-        """``2/ω_max`` of the fast coordinates, the slow ones reacting, and of the slow ones by their own step [s]."""
+        """Return the step at which slow coordinates, or fast ones with the slow free to react, reach ``2/ω`` [s]."""
         return min(2.0 / system.highest_reacting_frequency, 2.0 / (self.substeps * system.highest_slow_frequency))
 
     def march(self, system: System, q0: Array, v0: Array, times: Array, progress: Progress | None = None) -> Trajectory:
@@ -92,7 +91,7 @@ class ReversibleSubcycling:
             march = (n_slow, h, m, state.step, n_steps // m, state.q, state.v, state.a, move, D)
             return m * int(_march(parameters, middle, *march, q_now, v_now, shift, before, *samples))
 
-        end, q, v, seconds = march_in_chunks(run, start, h, m, times, progress)
+        end, q, v, seconds = march_fixed_steps(run, start, h, m, times, progress)
         n_steps = end.step - start.step
         return Trajectory(self.name, h, m, times, q, v, n_steps // m, n_steps, seconds, end)
 

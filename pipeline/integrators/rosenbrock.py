@@ -1,4 +1,4 @@
-"""Exponential Rosenbrock method exprb43: Hochbruck, Ostermann & Schweitzer, SIAM J Numer Anal 47 (2009).
+"""Exponential Rosenbrock method exprb43 of Hochbruck, Ostermann & Schweitzer, SIAM J Numer Anal 47 (2009).
 
 ``u' = F(t, u)`` for positions and rates together. Each step linearises F anew, ``F = J u + v t + g``: the linear part
 is solved exactly by ``φ_k(h J)`` and the rest g by two stages:
@@ -24,13 +24,13 @@ from pipeline.dynamics.jit.compiled import inner, kernel
 from pipeline.dynamics.system import System, accelerations, advance, velocities
 from pipeline.integrators.adaptive import (
     SMALLEST,
+    adaptive_start,
     groups_of,
     just_after,
     just_before,
     keep_largest,
-    march_adaptively,
+    march_adaptive_steps,
     scaled_error,
-    state_of_all,
     step_factor,
     step_within,
 )
@@ -45,7 +45,7 @@ _ROUND_OFF = 1e-15  # of the largest rate and acceleration so far, and of what t
 
 @dataclass(frozen=True)
 class ExponentialRosenbrock:
-    """The adaptive method of order 4 with a relative ``tolerance`` of each step."""
+    """Exponential Rosenbrock method of order 4 that chooses its steps by a relative ``tolerance`` of each."""
 
     tolerance: float = 1e-6
 
@@ -56,16 +56,16 @@ class ExponentialRosenbrock:
         require_tolerance(self.tolerance)
 
     def order(self, system: System) -> int:
-        """Order 4."""
+        """Return 4."""
         return 4
 
     def largest_step(self, system: System) -> float:
-        """No limit: the step follows the error."""
+        """Return infinity: the step follows the error."""
         return math.inf
 
     def march(self, system: System, q0: Array, v0: Array, times: Array, progress: Progress | None = None) -> Trajectory:
         """Integrate from time 0 until the last of ``times`` is passed."""
-        start = state_of_all(system, q0, v0, more=2)  # the largest of all rates and accelerations, for round-off
+        start = adaptive_start(system, q0, v0, more=2)  # the largest of all rates and accelerations, for round-off
         return march_from(self, system, start, times, progress)
 
     def resume(self, system: System, start: State, times: Array, progress: Progress | None = None) -> Trajectory:
@@ -86,12 +86,12 @@ class ExponentialRosenbrock:
             march = (clock, stop, n_steps, state.q, state.v, state.a, groups, state.memory)
             return int(_march(p, self.tolerance, *march, *room, *samples))
 
-        return march_adaptively(self.name, run, start, system.breakpoints, times, progress, evaluations)
+        return march_adaptive_steps(self.name, run, start, system.breakpoints, times, progress, evaluations)
 
 
 @inner
 def _slope(p: Any, t: float, u: Array, n_positions: int, F: Array) -> None:
-    """``F(t, u)``."""
+    """Evaluate the time derivatives ``F(t, u)`` of positions and rates together, into F."""
     velocities(p, u[:n_positions], u[n_positions:], F[:n_positions])
     accelerations(p, t, u[:n_positions], u[n_positions:], F[n_positions:])
 
@@ -100,9 +100,9 @@ def _slope(p: Any, t: float, u: Array, n_positions: int, F: Array) -> None:
 def _linearise(
     p: Any, t: float, dt: float, u: Array, n_positions: int, F: Array, nudged: Array, J: Array, v: Array, second: float
 ) -> None:
-    """Derivatives J of F by u and v by t, by differences.
+    """Differentiate F by u for J and by t for v, by finite differences.
 
-    Entries that may be no more than round-off are 0: a coordinate at rest would take them for errors of its own.
+    Entries that may be round-off alone are set to 0: a coordinate at rest would take them for errors of its own.
     """
     n = u.size
     for j in range(n):
@@ -123,7 +123,7 @@ def _linearise(
 
 @inner
 def _multiply(A: Array, B: Array, C: Array) -> None:
-    """``C = A B``."""
+    """Multiply square matrices: ``C = A B``."""
     n = A.shape[0]
     for i in range(n):
         row = C[i]
@@ -176,7 +176,7 @@ def _taylor_matrices(A: Array, tau: float, norm: float, phi: Array, m: Array) ->
 
 @inner
 def _double(phi: Array, out: Array) -> None:
-    """From φ_k(z) to φ_k(2 z): ``φ_k(2z) = 2^-k (φ₀ φ_k + Σ_j φ_j/(k − j)!)``."""
+    """Compute φ_k(2z) from φ_k(z): ``φ_k(2z) = 2^-k (φ₀ φ_k + Σ_j φ_j/(k − j)!)``."""
     n = phi.shape[1]
     factor = 1.0
     for k in range(5):
@@ -194,7 +194,7 @@ def _double(phi: Array, out: Array) -> None:
 
 @inner
 def _matrix_functions(A: Array, half: float, levels: Array, m: Array) -> int:
-    """Fill levels[0 … top] with φ₀ … φ₄ of ``half A 2^(level − top)``; the top, or -1 if there are too few levels."""
+    """Fill levels[0 … top] with φ₀ … φ₄ of ``half A 2^(level − top)`` and return the top; -1 if they are too few."""
     n = A.shape[0]
     norm, all_rows = 0.0, 0.0
     for i in range(n):
@@ -217,7 +217,7 @@ def _matrix_functions(A: Array, half: float, levels: Array, m: Array) -> int:
 
 @inner
 def _flow(phi: Array, tau: float, w: Array, c: Array, out: Array) -> None:
-    """Carry ``w' = A w + Σ_k c_k t^k/k!`` from 0 to tau, exactly; c (4, n) is then the source as seen from there.
+    """Advance ``w' = A w + Σ_k c_k t^k/k!`` by a time tau exactly, and shift the source c (4, n) to begin there.
 
     ``∫ exp((tau − t) A) t^k/k! dt = tau^(k+1) φ_{k+1}(tau A)``.
     """
@@ -238,7 +238,7 @@ def _flow(phi: Array, tau: float, w: Array, c: Array, out: Array) -> None:
 
 @inner
 def _taylor_flow(A: Array, tau: float, w: Array, c: Array, rate: Array, new: Array) -> None:
-    """Carry w as `_flow` does, by Taylor's series: for a short time, without matrices; c stays."""
+    """Advance w by a short time as `_flow` does, but by Taylor's series without matrices; c stays."""
     n = w.size
     for i in range(n):
         rate[i] = c[0, i]
@@ -260,7 +260,7 @@ def _taylor_flow(A: Array, tau: float, w: Array, c: Array, rate: Array, new: Arr
 def _flow_to(
     A: Array, levels: Array, top: int, half: float, ahead: float, w: Array, c: Array, out: Array, room: Array
 ) -> None:
-    """Carry w from 0 to any time below twice ``half``: by the times of the levels, and the rest by Taylor's series."""
+    """Advance w from 0 by any time below twice ``half``: by the levels' times, and the rest by Taylor's series."""
     for i in range(w.size):
         w[i] = 0.0
     tau, left = half, ahead
@@ -274,7 +274,7 @@ def _flow_to(
 
 @inner
 def _flow_over(phi: Array, half: float, w: Array, c: Array, out: Array) -> None:
-    """Carry w from 0 at the begin of a step to its end."""
+    """Advance w from 0 at the begin of a step to its end."""
     for i in range(w.size):
         w[i] = 0.0
     _flow(phi, half, w, c, out)
@@ -283,7 +283,7 @@ def _flow_over(phi: Array, half: float, w: Array, c: Array, out: Array) -> None:
 
 @inner
 def _set_source(c: Array, scale: Array, first: Array, v: Array, A: Array, B: Array, h: float) -> None:
-    """``first + v t + A (t/h)² + B (t/h)³`` as a source for `_flow`; scaled."""
+    """Set the source of `_flow` to ``first + v t + A (t/h)² + B (t/h)³``, scaled."""
     for i in range(scale.size):
         c[0, i], c[1, i] = scale[i] * first[i], scale[i] * v[i]
         c[2, i], c[3, i] = 2.0 * scale[i] * A[i] / h**2, 6.0 * scale[i] * B[i] / h**3
@@ -294,7 +294,7 @@ def _remainder(
     p: Any, t: float, dt: float, u: Array, w: Array, scale: Array, n_positions: int, F: Array, J: Array, v: Array,
     U: Array, out: Array,
 ) -> None:  # fmt: skip
-    """``g(t, u + w) − g(t − dt, u)``, into out, for a scaled change w; u + w goes into U."""
+    """Evaluate ``g(t, u + w) − g(t − dt, u)`` into out for a scaled change w, and u + w into U."""
     n = u.size
     for i in range(n):
         U[i] = u[i] + w[i] / scale[i]
@@ -308,7 +308,7 @@ def _remainder(
 
 @inner
 def _balance(J: Array, n_positions: int, floor: float, scale: Array, A: Array) -> None:
-    """``A = S J S⁻¹`` with positions scaled so that an oscillator's 1 and ω² both become ω."""
+    """Balance J by ``A = S J S⁻¹``, positions scaled so that an oscillator's 1 and ω² both become ω."""
     n = scale.size
     for i in range(n):
         column = 0.0

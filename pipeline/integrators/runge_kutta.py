@@ -1,4 +1,4 @@
-"""Dormand and Prince's explicit Runge–Kutta method of order 8, compiled.
+"""Explicit Runge–Kutta method of order 8 by Dormand and Prince, compiled.
 
 The tableau, the error estimate (of orders 5 and 3 together) and the dense output of order 7 are those of Hairer,
 Nørsett & Wanner, Solving Ordinary Differential Equations I (1993), section II.10; the coefficients are SciPy's.
@@ -17,13 +17,13 @@ from pipeline.dynamics.jit.compiled import inner, kernel
 from pipeline.dynamics.system import System, accelerations, advance, velocities
 from pipeline.integrators.adaptive import (
     SMALLEST,
+    adaptive_start,
     groups_of,
     just_after,
     just_before,
     keep_largest,
-    march_adaptively,
+    march_adaptive_steps,
     scaled_error,
-    state_of_all,
     step_factor,
     step_within,
 )
@@ -31,7 +31,7 @@ from pipeline.integrators.protocol import Progress, State, Trajectory, march_fro
 
 
 class Tableau(NamedTuple):
-    """Coefficients: 12 stages, the one at the step's end, three more for dense output."""
+    """Coefficients of the method: 12 stages, one at the step's end and three more for dense output."""
 
     A: Array  # (16, 16)
     C: Array  # (16,)
@@ -41,7 +41,7 @@ class Tableau(NamedTuple):
 
 
 def tableau() -> Tableau:
-    """Collect the coefficients."""
+    """Return the coefficients, taken from SciPy."""
     from scipy.integrate import DOP853
 
     A, C = np.zeros((16, 16)), np.zeros(16)
@@ -53,7 +53,7 @@ def tableau() -> Tableau:
 
 @dataclass(frozen=True)
 class RungeKutta:
-    """The method of order 8 with a relative ``tolerance`` of each step; for motions without stiff parts."""
+    """Runge–Kutta method of order 8 that chooses its steps by a relative ``tolerance`` of each."""
 
     tolerance: float = 1e-9
 
@@ -64,16 +64,16 @@ class RungeKutta:
         require_tolerance(self.tolerance)
 
     def order(self, system: System) -> int:
-        """Order 8."""
+        """Return 8."""
         return 8
 
     def largest_step(self, system: System) -> float:
-        """No limit: the step keeps to what is stable by its error."""
+        """Return infinity: the error keeps the step to stable ones."""
         return math.inf
 
     def march(self, system: System, q0: Array, v0: Array, times: Array, progress: Progress | None = None) -> Trajectory:
         """Integrate from time 0 until the last of ``times`` is passed."""
-        return march_from(self, system, state_of_all(system, q0, v0), times, progress)
+        return march_from(self, system, adaptive_start(system, q0, v0), times, progress)
 
     def resume(self, system: System, start: State, times: Array, progress: Progress | None = None) -> Trajectory:
         """Continue from a state that a march of this method has ended in; earlier output times stay NaN.
@@ -91,12 +91,12 @@ class RungeKutta:
             work = (state.q, state.v, state.a, groups, state.memory, slopes, vectors, trial, evaluations)
             return int(_march(p, coefficients, self.tolerance, clock, stop, n_steps, *work, *samples))
 
-        return march_adaptively(self.name, run, start, system.breakpoints, times, progress, evaluations)
+        return march_adaptive_steps(self.name, run, start, system.breakpoints, times, progress, evaluations)
 
 
 @inner
 def _stage(p: Any, c: Tableau, k: int, t: float, h: float, u: Array, n_positions: int, K: Array, U: Array) -> None:
-    """Slope number k at ``t + C_k h``."""
+    """Evaluate slope number k of a step, at ``t + C_k h``."""
     n = u.size
     for i in range(n):
         U[i] = u[i]
@@ -113,7 +113,7 @@ def _stage(p: Any, c: Tableau, k: int, t: float, h: float, u: Array, n_positions
 
 @inner
 def _error(c: Tableau, h: float, K: Array, groups: IntArray, largest: Array, error: Array) -> float:
-    """Estimates of orders 5 and 3 together: ``|e₅|² / √(|e₅|² + 0.01 |e₃|²)`` by the largest of each."""
+    """Estimate the error of a step by those of orders 5 and 3 together: ``|e₅|² / √(|e₅|² + 0.01 |e₃|²)``."""
     for i in range(error.size):
         error[i] = 0.0
         for k in range(13):
@@ -198,7 +198,7 @@ def _march(
 
 @inner
 def _prepare_samples(c: Tableau, h: float, u: Array, new: Array, K: Array, x: Array) -> None:
-    """Coefficients of the dense output into x[5 … 11]."""
+    """Compute the coefficients of the dense output, into x[5 … 11]."""
     n = u.size
     for i in range(n):
         rise = new[i] - u[i]
@@ -214,7 +214,7 @@ def _prepare_samples(c: Tableau, h: float, u: Array, new: Array, K: Array, x: Ar
 
 @inner
 def _sample(s: float, u: Array, x: Array, out: Array) -> None:
-    """State at the part s of the step: ``u + s (f₁ + (1 − s)(f₂ + s (f₃ + …)))`` with seven coefficients."""
+    """Evaluate the state at a part s of the step: ``u + s (f₁ + (1 − s)(f₂ + s (f₃ + …)))`` with seven coefficients."""
     for i in range(u.size):
         total = x[11, i] * s
         for row in range(10, 4, -1):

@@ -1,97 +1,134 @@
-"""What a chart can show of a motion: axis label, one curve a run, names of the components."""
+"""Curves of a chart: one quantity of each run's motion, with the axis label and the names of its components."""
 
 from __future__ import annotations
 
-from collections.abc import Callable
-from typing import TYPE_CHECKING, Any
+from collections.abc import Callable, Mapping
+from typing import TYPE_CHECKING, NamedTuple
 
 import numpy as np
 
 from pipeline.core.arrays import Array
 from pipeline.core.errors import InputError
+from pipeline.core.units import convert_values
+from pipeline.recovery.motion import Motion
+from pipeline.scene.outputs import Chart
 
 if TYPE_CHECKING:
-    from pipeline.scene.scene import Chart
     from pipeline.stages.pipeline import Pipeline
 
 Curves = tuple[str, dict[str, Array], tuple[str, ...]]
 _XYZ = ("x", "y", "z")
-_ENERGIES: tuple[str, Callable[[Any], Array]] = ("energy [J]", lambda motion: np.stack(motion.energies, axis=1))
+_AT_REST = 1e-3  # of the largest movement of a component: what moves less isn't drawn
 
-# Axis label, values, names of the components. Of one body on a hinge, whatever its name:
-_OF_A_ROTOR: dict[str, tuple[str, Callable[[Any], Array], tuple[str, ...]]] = {
-    "com_position": ("position [m]", lambda motion: motion.com_position, _XYZ),
-    "com_velocity": ("velocity [m/s]", lambda motion: motion.com_velocity, _XYZ),
-    "com_angular_velocity": ("angular velocity [rad/s]", lambda motion: motion.com_angular_velocity, ()),
-    "tip_deflection": ("deflection [m]", lambda motion: motion.tip_deflection, ()),
-    "tip_position": ("position [m]", lambda motion: motion.tip_position, _XYZ),
-    "joint_angle": ("angle [rad]", lambda motion: motion.joint_angle, ()),
-    "joint_rate": ("rate [rad/s]", lambda motion: motion.joint_rate, ()),
-    "modal_coordinates": ("modal coordinate [kg^½ m]", lambda motion: motion.q, ()),
-    "energy": (*_ENERGIES, ("kinetic", "strain")),
+
+class Drawn(NamedTuple):
+    """A quantity that any motion has, as a chart draws it.
+
+    Attributes
+    ----------
+    label : str
+        Of the axis.
+    values : callable
+        Of a motion, shape (n_times,) or (n_times, n_components).
+    components : tuple of str
+        Their names; empty for a single curve.
+    """
+
+    label: str
+    values: Callable[[Motion], Array]
+    components: tuple[str, ...] = _XYZ
+
+
+_QUANTITIES: Mapping[str, Drawn] = {
+    "centre_of_mass": Drawn("position [m]", lambda motion: motion.centre_of_mass),
+    "com_velocity": Drawn("velocity [m/s]", lambda motion: motion.centre_velocity),
+    "com_angular_velocity": Drawn("angular velocity [rad/s]", lambda motion: motion.centre_angular_velocity, ()),
+    "momentum": Drawn("momentum [kg m/s]", lambda motion: motion.kinematics.momentum),
+    "angular_momentum": Drawn("angular momentum [kg m²/s]", lambda motion: motion.kinematics.angular_momentum),
+    "tip_position": Drawn("position [m]", lambda motion: motion.tip_position),
+    "tip_deflection": Drawn("deflection [m]", lambda motion: motion.tip_deflection),
+    "tip_displacement": Drawn("displacement by deformation [m]", lambda motion: motion.tip_displacement),
+    "energy": Drawn(
+        "energy [J]", lambda motion: np.stack(motion.energies, axis=1), components=("kinetic", "potential")
+    ),
 }
-# Of a chain.
-_OF_A_CHAIN: dict[str, tuple[str, Callable[[Any], Array], tuple[str, ...]]] = {
-    "tip_position": ("position [m]", lambda motion: motion.tip_position, _XYZ),
-    "tip_displacement": ("displacement by deformation [m]", lambda motion: motion.tip_displacement, _XYZ),
-    "modal_coordinates": ("modal coordinate [kg^½ m]", lambda motion: motion.modal(motion.tip[0]), ()),
-    "energy": (*_ENERGIES, ("kinetic", "potential")),
-}
+_FORMER = {"com_position": "centre_of_mass", "joint_angle": "joint_position"}
 
 
 def curves_of(run: Pipeline, output: Chart) -> Curves:
-    """Find the curves of a chart.
+    """Compute the curves of a chart, one for each run.
+
+    Returns
+    -------
+    tuple of str, dict and tuple
+        Axis label, values by the run's label, names of the components.
 
     Raises
     ------
     InputError
-        The scene's mechanism has no such quantity.
+        The scene has no modes, or not one joint where the chart names none.
     """
-    motions: dict[str, Any] = dict(run.motions)
-    if output.joint is not None:
-        return _along_a_joint(run, motions, output)
-    if output.element is not None:
+    quantity = _FORMER.get(output.quantity, output.quantity)
+    if quantity == "element_stress":
         return _in_an_element(run, output)
-    known = _OF_A_ROTOR if run.is_rotor else _OF_A_CHAIN
-    if output.quantity not in known:
-        works = ", ".join(["joint_position", *known])
-        raise InputError(run.scene.file, "output", output.quantity, f"can't be had of this mechanism; it has {works}")
-    label, quantity, components = known[output.quantity]
-    curves = {name: quantity(motion) for name, motion in motions.items()}
-    first = curves[next(iter(curves))]
-    if components == _XYZ:  # a planar motion has nothing to show across its plane
-        moving = np.abs(first).max(axis=0) > 1e-9 * np.abs(first).max()
-        components = tuple(name for name, moves in zip(components, moving, strict=True) if moves)
-        curves = {name: values[:, moving] for name, values in curves.items()}
-    elif first.ndim == 2 and not components:
-        components = tuple(f"mode {k + 1}" for k in range(first.shape[1]))
-    return label, curves, components
+    if quantity in ("joint_position", "joint_rate"):
+        return _along_a_joint(run, output, rate=quantity == "joint_rate")
+    if quantity == "modal_coordinates":
+        return _of_modes(run, output)
+    if quantity == "marker_position":
+        return _of_a_marker(run, output)
+    drawn = _QUANTITIES[quantity]
+    curves = {name: drawn.values(motion) for name, motion in run.motions.items()}
+    return _moving(drawn.label, curves, drawn.components) if drawn.components == _XYZ else (drawn[0], curves, drawn[2])
+
+
+def _moving(label: str, curves: dict[str, Array], components: tuple[str, ...]) -> Curves:
+    """Leave out the components that hardly move; a planar motion has nothing to show across its plane."""
+    with np.errstate(invalid="ignore"):
+        sizes = np.max([np.ptp(values, axis=0) for values in curves.values()], axis=0)
+    sizes = np.nan_to_num(sizes)
+    moving = sizes > _AT_REST * sizes.max()
+    if not moving.any():
+        moving = np.isfinite(next(iter(curves.values()))).all(axis=0)
+    kept = tuple(name for name, moves in zip(components, moving, strict=True) if moves)
+    return label, {name: values[:, moving] for name, values in curves.items()}, kept
+
+
+def _of_modes(run: Pipeline, output: Chart) -> Curves:
+    """Modal coordinates of the body that a chart names; by default of the tip's, or of the first flexible one."""
+    tip = run.scene.simulation.tip.partition(".")[0]
+    body = output.body or (tip if tip in run.parts else run.part.name)
+    curves = {name: motion.modal(body) for name, motion in run.motions.items()}
+    n_modes = next(iter(curves.values())).shape[1]
+    return "modal coordinate [kg^½ m]", curves, tuple(f"mode {k + 1}" for k in range(n_modes))
+
+
+def _of_a_marker(run: Pipeline, output: Chart) -> Curves:
+    """Position in space of the marker that a chart names as ``"body.marker"``."""
+    body, _, name = str(output.marker).partition(".")
+    number = run.mechanism.number_of(body)
+    curves = {label: motion.kinematics.marker_position(number, name) for label, motion in run.motions.items()}
+    return _moving(f"{output.marker} [m]", curves, _XYZ)
 
 
 def _in_an_element(run: Pipeline, output: Chart) -> Curves:
-    """A named element's stress in the unit that the scene asks for."""
-    from pipeline.core.units import in_unit
-
+    """Stress in a named element, in the unit that the chart asks for."""
     unit = output.unit or "MPa"
-    curves = {
-        name: in_unit(values, "Pa", unit)
-        for name, values in run.element_stress(str(output.element), output.component).items()
-    }
+    stress = run.element_stress(str(output.element), output.component)
+    curves = {name: convert_values(values, "Pa", unit) for name, values in stress.items()}
     return f"{output.component} [{unit}]", curves, ()
 
 
-def _along_a_joint(run: Pipeline, motions: dict[str, Any], output: Chart) -> Curves:
-    """A joint's position or rate in the unit that the scene asks for."""
-    from pipeline.core.units import in_unit
-
-    joint, rate = str(output.joint), output.quantity == "joint_rate"
-    unit = ("rad" if run.is_rotor else run.chain.units[joint]) + ("/s" if rate else "")
+def _along_a_joint(run: Pipeline, output: Chart, rate: bool) -> Curves:
+    """Position or rate of the joint that a chart names, in its unit; without a name, of the only one there is."""
+    joints = list(run.motion.joints)
+    if output.joint is None and len(joints) != 1:
+        raise InputError(run.scene.file, "output.joint", None, f"must be one of {', '.join(joints) or 'no joints'}")
+    joint = output.joint or joints[0]
+    unit = run.motion.joint_unit(joint) + ("/s" if rate else "")
     wanted = output.unit or unit
-
-    def values(motion: Any) -> Array:
-        if run.is_rotor:
-            return np.asarray(motion.joint_rate if rate else motion.joint_angle)
-        return np.asarray(motion.joint_rate(joint) if rate else motion.joint_position(joint))
-
-    curves = {name: in_unit(values(motion), unit, wanted) for name, motion in motions.items()}
+    curves = {
+        name: convert_values(motion.joint_rate(joint) if rate else motion.joint_position(joint), unit, wanted)
+        for name, motion in run.motions.items()
+    }
     return f"{joint} [{wanted}]", curves, ()

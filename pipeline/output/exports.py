@@ -1,45 +1,47 @@
-"""A scene's files for other tools: mesh, motion with stress, reduced body."""
+"""Files of a scene for other tools: the mesh, the motion with stress, the reduced body."""
 
 from __future__ import annotations
 
-from collections.abc import Iterator
+from collections.abc import Callable, Iterator
+from dataclasses import dataclass
 from pathlib import Path
-from typing import TYPE_CHECKING
 
 import numpy as np
 from numpy.typing import NDArray
 
-if TYPE_CHECKING:
-    from pipeline.scene.scene import Export
-    from pipeline.stages.pipeline import Pipeline
+from pipeline.recovery.stress import choose_frames, von_mises
+from pipeline.scene.outputs import Export
+from pipeline.stages.pipeline import Pipeline
 
 
 def write_export(run: Pipeline, output: Export, folder: Path) -> list[str]:
-    """Write one file of an export."""
-    path, part = folder / output.file, run.parts[output.body]
-    match path.suffix:
-        case ".vtkhdf":
-            _write_motion(run, output, path)
-        case ".nc":
-            from pipeline.reduction.body_file import save_body
-
-            body = part.for_any_motion(run.bodies[output.body])
-            surface, stress = (part.surface, part.surface_stress) if part.has_mesh else (None, None)
-            save_body(path, body, surface, stress, part.modes.frequencies_hz)
-        case _:
-            from pipeline.fem.formats.export import write_mesh
-
-            write_mesh(part.mesh, path)
+    """Write the file of an export into a folder and return its name."""
+    path = folder / output.file
+    EXPORTS[path.suffix].write(run, output, path)
     return [output.file]
 
 
-def _write_motion(run: Pipeline, output: Export, path: Path) -> None:
-    """Displacement from the undeformed body at rest, and stress, at all nodes."""
-    from pipeline.fem.formats.vtkhdf import write_series
-    from pipeline.recovery.stress import spread, von_mises
+def _write_mesh(run: Pipeline, output: Export, path: Path) -> None:
+    from pipeline.fem.formats.export import write_mesh
 
-    part, motion, shapes = run.parts[output.body], run.first_motion, run.bodies[output.body].shapes
-    chosen = spread(len(motion.times), output.frames)
+    write_mesh(run.parts[output.body].mesh, path)
+
+
+def _write_body(run: Pipeline, output: Export, path: Path) -> None:
+    from pipeline.reduction.body_file import save_body
+
+    part = run.parts[output.body]
+    body = part.for_any_motion(run.bodies[output.body])
+    surface, stress = (part.surface, part.surface_stress) if part.has_mesh else (None, None)
+    save_body(path, body, surface, stress, part.modes.frequencies_hz)
+
+
+def _write_motion(run: Pipeline, output: Export, path: Path) -> None:
+    """Write displacement from the undeformed body at rest, deformation and stress at all nodes."""
+    from pipeline.fem.formats.vtkhdf import write_series
+
+    part, motion, shapes = run.parts[output.body], run.motion, run.bodies[output.body].shapes
+    chosen = choose_frames(len(motion.times), output.frames)
     x, q, stress = run.bodies[output.body].x, motion.modal(output.body), part.nodal_stress
     origin = part.space.x[0] - x[0]
 
@@ -54,3 +56,27 @@ def _write_motion(run: Pipeline, output: Export, path: Path) -> None:
             }
 
     write_series(part.space, motion.times[chosen], fields(), path)
+
+
+@dataclass(frozen=True)
+class FileFormat:
+    """How an export of one suffix is written.
+
+    Attributes
+    ----------
+    write : callable
+        Writes an export of a run to a path.
+    reads : tuple of str
+        Stages of the body that it holds.
+    """
+
+    write: Callable[[Pipeline, Export, Path], None]
+    reads: tuple[str, ...]
+
+
+EXPORTS: dict[str, FileFormat] = {
+    ".msh": FileFormat(_write_mesh, ("mesh",)),
+    ".vtu": FileFormat(_write_mesh, ("mesh",)),
+    ".vtkhdf": FileFormat(_write_motion, ("mesh", "body", "nodal stress")),
+    ".nc": FileFormat(_write_body, ("modes", "body", "surface", "stress")),
+}

@@ -5,15 +5,13 @@ from __future__ import annotations
 import csv
 from dataclasses import asdict
 from pathlib import Path
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 import numpy as np
 
 from pipeline.core.arrays import Array
 from pipeline.core.files import whole_file
-
-if TYPE_CHECKING:
-    from pipeline.stages.pipeline import Pipeline
+from pipeline.stages.pipeline import Pipeline
 
 
 def frequency_table(run: Pipeline) -> dict[str, Any]:
@@ -43,7 +41,7 @@ def _rotating(run: Pipeline, rate: float) -> Array:
 
     part = run.part
     body = part.body if run.scene.simulation.stiffening == "off" else part.stiffened
-    return rotating_frequencies(body, np.array(part.inboard.axis), rate, len(part.inboard.free) == 1)
+    return rotating_frequencies(body, np.array(part.joint.axis), rate, len(part.joint.free) == 1)
 
 
 def campbell(run: Pipeline, rates: Array, folder: Path) -> tuple[Array, list[str]]:

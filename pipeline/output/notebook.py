@@ -1,24 +1,23 @@
-"""What a notebook shows: a scene in a few lines, its pictures inline."""
+"""Runs in a notebook: a scene in a few lines, its pictures inline."""
 
 from __future__ import annotations
 
 import tempfile
+from collections.abc import Iterable
 from dataclasses import dataclass
 from pathlib import Path
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 from pydantic import TypeAdapter, ValidationError
 
+from pipeline.accuracy.error_budget import ERROR_BUDGET, Budget
 from pipeline.core.errors import InputError
-from pipeline.core.html import facts, scaled
 from pipeline.core.progress import bars
+from pipeline.output.pictures import DRAWINGS, draw_modes
 from pipeline.scene.outputs import Output
-from pipeline.scene.reading import among
-from pipeline.scene.scene import Scene, load_scene
+from pipeline.scene.reading import suggest_name
+from pipeline.scene.scene import load_scene
 from pipeline.stages.pipeline import Pipeline
-
-if TYPE_CHECKING:
-    from collections.abc import Iterable, Mapping
 
 _PICTURES = ("chart", "mesh", "modes", "mode sheet", "stress")
 
@@ -39,11 +38,42 @@ class Picture:
         return self.png
 
     def save(self, path: str | Path) -> None:
-        """Write it to a file; raises ``OSError``."""
+        """Write the picture to a file; raises ``OSError``."""
         Path(path).write_bytes(self.png)
 
 
-def load(scene: str | Path, *overrides: str) -> Pipeline:
+class NotebookRun(Pipeline):
+    """A pipeline whose pictures and error budget are at hand in a notebook."""
+
+    @property
+    def budget(self) -> Budget:
+        """Error budget of the scene's first run."""
+        return ERROR_BUDGET.of(self)
+
+    def picture(self, type: str, mode: int = 1, **settings: Any) -> Picture:
+        """Draw the picture of an ``[[output]]`` of this type, to be shown inline: ``picture("stress", scale=10)``.
+
+        Parameters
+        ----------
+        type : str
+            ``"chart"``, ``"mesh"``, ``"modes"``, ``"mode sheet"`` or ``"stress"``.
+        mode : int
+            Number of the mode, from 1.
+        settings
+            The output's other keys; ``body`` is the first flexible one by default.
+
+        Raises
+        ------
+        InputError
+            There is no such output or mode, or the scene lacks what it shows.
+        """
+        drawn = draw_inline(self, type, [mode], **settings)
+        if not drawn:
+            raise InputError("picture", "mode", mode, f"must be 1 … {len(self.modes.omega)}")
+        return drawn[0]
+
+
+def load(scene: str | Path, *overrides: str) -> NotebookRun:
     """Load a scene, ready to be computed: ``load("beam", "body.beam.length=300mm")``.
 
     Parameters
@@ -58,18 +88,18 @@ def load(scene: str | Path, *overrides: str) -> Pipeline:
     InputError
         As `pipeline.load_scene`.
     """
-    return Pipeline(load_scene(scene, overrides), monitor=bars)
+    return NotebookRun(load_scene(scene, overrides), monitor=bars)
 
 
-def pictures(run: Pipeline, type: str, numbers: Iterable[int] | None = None, **settings: Any) -> tuple[Picture, ...]:
-    """Draw what an ``[[output]]`` of the scene could ask for, without writing it.
+def draw_inline(run: Pipeline, type: str, numbers: Iterable[int] | None = None, **settings: Any) -> tuple[Picture, ...]:
+    """Draw the pictures of an ``[[output]]`` that the scene could have, without leaving files.
 
     Parameters
     ----------
     type : str
         ``"chart"``, ``"mesh"``, ``"modes"``, ``"mode sheet"`` or ``"stress"``.
     numbers : iterable of int, optional
-        Of the modes, from 1; all by default.
+        Numbers of the modes, from 1; all by default.
     settings
         The output's other keys; ``body`` is the first flexible one by default.
 
@@ -78,10 +108,8 @@ def pictures(run: Pipeline, type: str, numbers: Iterable[int] | None = None, **s
     InputError
         There is no such output, or the scene lacks what it shows.
     """
-    from pipeline.output.pictures import DRAWINGS, draw_modes
-
     if type not in _PICTURES:
-        raise InputError("picture", "type", type, among(type, _PICTURES, "the pictures"))
+        raise InputError("picture", "type", type, suggest_name(type, _PICTURES, "the pictures"))
     given = {"type": type, "file": "mode-{mode}.png" if type == "modes" else "picture.png", **settings}
     if type != "chart":
         given.setdefault("body", run.part.name)
@@ -95,28 +123,8 @@ def pictures(run: Pipeline, type: str, numbers: Iterable[int] | None = None, **s
     with tempfile.TemporaryDirectory(prefix="fmd-") as name:
         folder = Path(name)
         files = (
-            draw_modes(run, output, folder, numbers) if type == "modes" else DRAWINGS[output.type](run, output, folder)
+            draw_modes(run, output, folder, numbers)
+            if type == "modes"
+            else DRAWINGS[output.type].draw(run, output, folder)
         )
         return tuple(Picture((folder / file).read_bytes()) for file in files)
-
-
-def scene_table(scene: Scene) -> str:
-    """Tell in a table of HTML what a scene holds."""
-    rows = [
-        ("bodies", _kinds(scene.body, "shape")),
-        ("joints", "; ".join(f"{name}: {j.type}, {j.parent} → {j.child}" for name, j in scene.joint.items())),
-        ("drives", _kinds(scene.drive, "type")),
-        ("outputs", ", ".join(getattr(output, "file", "") for output in scene.output)),
-    ]
-    if scene.march is not None:
-        spans = f"{scaled(scene.march.duration, 's')}, output every {scaled(scene.march.output_step, 's')}"
-        methods = ", ".join(
-            f"{run.integrator} {run.substeps}:1" if hasattr(run, "substeps") else run.integrator
-            for run in scene.march.run
-        )
-        rows[3:3] = [("simulation", spans), ("runs", methods)]
-    return facts([(name, text) for name, text in rows if text], f"{scene.title} ({scene.file})")
-
-
-def _kinds(table: Mapping[str, Any], key: str) -> str:
-    return ", ".join(f"{name}: {getattr(value, key)}" for name, value in table.items())

@@ -1,8 +1,9 @@
-"""A scene's pictures and films: what is drawn, and how it is looked at."""
+"""Pictures, charts and films of a run, drawn as the scene's outputs ask for."""
 
 from __future__ import annotations
 
 from collections.abc import Callable, Iterable, Iterator
+from dataclasses import dataclass
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
@@ -10,21 +11,21 @@ import numpy as np
 
 from pipeline.core.arrays import Array, IntArray
 from pipeline.core.errors import InputError
+from pipeline.core.units import unit_ratio
+from pipeline.output.curves import curves_of
+from pipeline.recovery.stress import StressHistory, choose_frames, stress_measure
 
 if TYPE_CHECKING:
-    from pipeline.recovery.stress import StressHistory
-    from pipeline.render.camera import Look
-    from pipeline.render.film import Frame
+    from pipeline.render.camera import Camera
+    from pipeline.render.film import FilmFrame
     from pipeline.render.surface import Surface
-    from pipeline.scene.outputs import Picture
-    from pipeline.scene.scene import Chart, Film, MeshPicture, ModePictures, ModeSheet, StressPicture
+    from pipeline.scene.outputs import Chart
+    from pipeline.scene.pictures import BodyPicture, Film, MeshPicture, ModePictures, ModeSheet, StressPicture
     from pipeline.stages.pipeline import Pipeline
 
 
 def draw_chart(run: Pipeline, output: Chart, folder: Path) -> list[str]:
     """Draw a quantity over time."""
-    from pipeline.core.units import unit_ratio
-    from pipeline.output.curves import curves_of
     from pipeline.render.charts import Band, Curve
     from pipeline.render.charts import draw_chart as draw
 
@@ -34,7 +35,7 @@ def draw_chart(run: Pipeline, output: Chart, folder: Path) -> list[str]:
         low, high = (unit_ratio("Pa", output.unit or "MPa") * value for value in output.band)
         band = Band(low, high, output.band_title)
     draw(
-        run.first_motion.times,
+        run.motion.times,
         [Curve(name, values) for name, values in curves.items()],
         folder / output.file,
         title=output.title or output.quantity.replace("_", " "),
@@ -54,7 +55,7 @@ def draw_mesh(run: Pipeline, output: MeshPicture, folder: Path) -> list[str]:
     names = [f"{name} ({len(cells):,} elements)".replace(",", " ") for name, cells in part.mesh.parts.items()]
     title = output.title or f"{run.scene.title}: {len(part.mesh.cells):,} elements".replace(",", " ")
     triangles = part_numbers(part.mesh)[part.surface_elements] - 1
-    draw(_surface(run, output.body), triangles, names, folder / output.file, title=title, look=_look(run, output))
+    draw(_surface(run, output.body), triangles, names, folder / output.file, title=title, camera=_camera(run, output))
     return [output.file]
 
 
@@ -78,7 +79,7 @@ def draw_modes(run: Pipeline, output: ModePictures, folder: Path, numbers: Itera
             folder / name,
             title=f"{output.title or run.scene.title}: {held} mode {k + 1}, {frequency:.1f} Hz{family}",
             scale=output.scale or 1.0,
-            look=_look(run, output),
+            camera=_camera(run, output),
         )
         files.append(name)
     return files
@@ -98,14 +99,13 @@ def draw_mode_sheet(run: Pipeline, output: ModeSheet, folder: Path) -> list[str]
         folder / output.file,
         title=output.title or f"{run.scene.title}: elastic modes",
         scale=output.scale,
-        look=_look(run, output, PIXELS),
+        camera=_camera(run, output, PIXELS),
     )
     return [output.file]
 
 
 def draw_stress(run: Pipeline, output: StressPicture, folder: Path) -> list[str]:
     """Draw a body's stress at the worst instant."""
-    from pipeline.recovery.stress import measure_of
     from pipeline.render.pictures import draw_stress as draw
 
     stress = run.stress_of(output.body)
@@ -114,12 +114,12 @@ def draw_stress(run: Pipeline, output: StressPicture, folder: Path) -> list[str]
     draw(
         _surface(run, output.body),
         run.bodies[output.body].shapes[stress.nodes] @ stress.q[frame],
-        stress.measure_at(np.array([frame]), measure_of(output.component))[0],
+        stress.measure_at(np.array([frame]), stress_measure(output.component))[0],
         folder / output.file,
         title=f"{output.title or run.scene.title}: worst instant, t = {1e3 * time:.1f} ms",
         scale=output.scale,
         quantity=_quantity(output.component),
-        look=_look(run, output),
+        camera=_camera(run, output),
     )
     return [output.file]
 
@@ -128,86 +128,102 @@ def draw_film(run: Pipeline, output: Film, folder: Path) -> list[str]:
     """Film a body's stress in motion."""
     from scipy.spatial import ConvexHull
 
-    from pipeline.recovery.stress import measure_of, spread
+    from pipeline.render.colours import stress_limits
     from pipeline.render.film import PIXELS
     from pipeline.render.film import draw_film as draw
-    from pipeline.render.pictures import stress_limits
 
     surface, history = _surface(run, output.body), run.stress_of(output.body)
-    chosen = spread(len(history.times), output.frames)
-    values = history.measure_at(chosen, measure_of(output.component))
+    chosen = choose_frames(len(history.times), output.frames)
+    values = history.measure_at(chosen, stress_measure(output.component))
     outer = np.union1d(ConvexHull(surface.points).vertices, np.arange(0, len(surface.points), 50))
     around = [frame.points[outer] for frame in _frames(run, output, surface, history, chosen, values)]
     scaled = f", deformation × {output.scale:g}" if output.scale != 1 else ""
-    with run.keeper.monitor(output.file) as advance:
-        done = 0
-
-        def on_frame() -> None:
-            nonlocal done
-            done += 1
-            advance(done / len(chosen))
-
+    with run.store.monitor(output.file) as advance:
         draw(
             surface,
-            _frames(run, output, surface, history, chosen, values),
-            len(chosen),
+            _report_progress(_frames(run, output, surface, history, chosen, values), len(chosen), advance),
             folder / output.file,
             title=(output.title or run.scene.title) + scaled,
             bounds=np.concatenate(around),
             clim_pa=stress_limits(values),
             rate=output.rate,
             quantity=_quantity(output.component),
-            look=_look(run, output, PIXELS),
+            camera=_camera(run, output, PIXELS),
             hub=not _is_ring(run, output.body),
-            on_frame=on_frame,
         )
     return [output.file]
 
 
-DRAWINGS: dict[str, Callable[[Pipeline, Any, Path], list[str]]] = {
-    "chart": draw_chart,
-    "mesh": draw_mesh,
-    "modes": draw_modes,
-    "mode sheet": draw_mode_sheet,
-    "stress": draw_stress,
-    "film": draw_film,
+@dataclass(frozen=True)
+class Drawing:
+    """How one type of output is drawn.
+
+    Attributes
+    ----------
+    draw : callable
+        Draws an output of a run into a folder and returns the names of its files.
+    reads : tuple of str
+        Stages of the body that it shows.
+    still : bool
+        It shows a part, and nothing of its motion.
+    """
+
+    draw: Callable[[Pipeline, Any, Path], list[str]]
+    reads: tuple[str, ...] = ()
+    still: bool = False
+
+
+DRAWINGS: dict[str, Drawing] = {
+    "chart": Drawing(draw_chart),
+    "mesh": Drawing(draw_mesh, ("mesh", "surface", "body"), still=True),
+    "modes": Drawing(draw_modes, ("modes", "surface", "body"), still=True),
+    "mode sheet": Drawing(draw_mode_sheet, ("modes", "surface", "body"), still=True),
+    "stress": Drawing(draw_stress, ("surface", "stress", "body")),
+    "film": Drawing(draw_film, ("mesh", "surface", "stress", "body")),
 }
+
+
+def _report_progress(frames: Iterable[FilmFrame], count: int, advance: Callable[[float], None]) -> Iterator[FilmFrame]:
+    """Yield frames and report the share that has been drawn."""
+    for done, frame in enumerate(frames, start=1):
+        yield frame
+        advance(done / count)
 
 
 def _frames(
     run: Pipeline, output: Film, surface: Surface, history: StressHistory, chosen: IntArray, values: Array
-) -> Iterator[Frame]:
-    from pipeline.render.film import Frame
+) -> Iterator[FilmFrame]:
+    from pipeline.render.film import FilmFrame
 
-    motion, shapes = run.first_motion, run.bodies[output.body].shapes[history.nodes]
+    motion, shapes = run.motion, run.bodies[output.body].shapes[history.nodes]
     turns = motion.spin(output.body) * 60 / (2 * np.pi)
     for k, value in zip(chosen, values, strict=True):
         deformed = surface.points + output.scale * (shapes @ history.q[k])
         note = f"{turns[k]:,.0f} rpm".replace(",", " ")
-        yield Frame(float(motion.times[k]), motion.placed(output.body, deformed, k), value, note)
+        yield FilmFrame(float(motion.times[k]), motion.placed(output.body, deformed, k), value, note)
 
 
 def _surface(run: Pipeline, body: str) -> Surface:
     from pipeline.render.surface import Surface
 
     part = run.parts[body]
-    x = part.space.x if run.scene.march is None else run.bodies[body].x  # a part alone isn't reduced
+    x = part.space.x if not run.scene.moves else run.bodies[body].x  # a part alone isn't reduced
     return Surface(x[part.surface.nodes], part.surface.triangles, part.surface.edges)
 
 
 def _is_ring(run: Pipeline, body: str) -> bool:
-    """Whether the body lies all around its joint, where a dot for the hub would lie upon it."""
+    """Whether a body surrounds its joint, so that a dot for the hub would lie upon it."""
     return run.parts[body].mesh.sectors > 1
 
 
-def _look(run: Pipeline, output: Picture, size: tuple[int, int] | None = None) -> Look:
-    """How the scene wants a picture taken, of ``size`` if it doesn't say; by default of a still picture's."""
-    from pipeline.render.camera import PIXELS, Look
+def _camera(run: Pipeline, output: BodyPicture, size: tuple[int, int] | None = None) -> Camera:
+    """Return a picture's camera, of ``size`` unless the scene gives one; by default of a still picture's."""
+    from pipeline.render.camera import PIXELS, Camera
 
-    camera = None if output.camera is None else (np.degrees(output.camera[0]), np.degrees(output.camera[1]))
+    angles = None if output.camera is None else (np.degrees(output.camera[0]), np.degrees(output.camera[1]))
     settings: dict[str, Any] = {"focus": output.focus, "extent": output.extent, "zoom": output.zoom}
     try:
-        return Look(camera=camera, size=output.size or size or PIXELS, colour_map=output.colour_map, **settings)
+        return Camera(angles=angles, size=output.size or size or PIXELS, colour_map=output.colour_map, **settings)
     except ValueError as error:
         raise InputError(run.scene.file, "output", output.colour_map, str(error)) from error
 

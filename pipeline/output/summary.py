@@ -1,4 +1,4 @@
-"""Everything that a run has to tell, in plain numbers."""
+"""Figures of a run in plain numbers, as ``summary.json`` holds them."""
 
 from __future__ import annotations
 
@@ -6,22 +6,23 @@ from typing import Any
 
 import numpy as np
 
+from pipeline import __version__
+from pipeline.accuracy.error_budget import ERROR_BUDGET
+from pipeline.output.explain import STAGES
 from pipeline.output.frequencies import frequency_table
+from pipeline.recovery.motion import Motion
 from pipeline.stages.pipeline import Pipeline
 
 
 def summarise(run: Pipeline, files: list[str], budget: bool) -> dict[str, Any]:
     """Gather a run's figures; the keys about modes and stress are there if the scene has a flexible body."""
-    from pipeline import __version__
-
     summary: dict[str, Any] = {"scene": run.scene.name, "version": __version__}
     if run.parts:
         summary |= frequency_table(run)
         summary["bodies"] = {name: _body(run, name) for name in run.parts}
-    motions: dict[str, Any] = dict(run.motions)
-    first = next(iter(motions.values()))
+    first = run.motion
     limits = [plan.integrator.largest_step(plan.system) for plan in run.plans.values()]
-    summary["largest_stable_step_s"] = 2.0 / run.mechanism.highest_frequency if run.mechanism.n else None
+    summary["largest_stable_step_s"] = 2.0 / run.system.highest_frequency if run.system.n else None
     summary["integrations"] = [
         {
             "integrator": motion.trajectory.integrator,
@@ -35,13 +36,14 @@ def summarise(run: Pipeline, files: list[str], budget: bool) -> dict[str, Any]:
             "largest_stable_step_s": limit if np.isfinite(limit) else None,
             "stability_margin": limit / motion.trajectory.step if np.isfinite(limit) else None,
             **motion.differences(first),
-            "final": motion.final(),
+            "final": motion.final() | _former_names(motion),
         }
-        for (label, motion), limit in zip(motions.items(), limits, strict=True)
+        for (label, motion), limit in zip(run.motions.items(), limits, strict=True)
     ]
-    summary["final"] = first.final()
+    summary["final"] = first.final() | _former_names(first)
+    summary["tip"] = summary["final"]["tip"]
     summary["left_out_modes"] = run.left_out
-    if run.is_rotor:
+    if len(first.tip_link.omega):
         summary["peak_tip_deflection_m"] = float(run.fine_motion.tip_size.max())
     histories = _element_histories(run)
     for name, values in histories.items():
@@ -58,13 +60,27 @@ def summarise(run: Pipeline, files: list[str], budget: bool) -> dict[str, Any]:
         place = run.bodies[meshed[0]].x[stress.nodes[node]]
         summary["worst_stress"] = {"time_s": time, "von_mises_pa": value, "position_m": place.tolist()}
     if budget and len(meshed) == len(run.parts):  # matrices alone tell nothing of their own error
-        summary["error_budget"] = run.budget.summary()
+        summary["error_budget"] = ERROR_BUDGET.of(run).summary()
     return summary | {
         "files": files,
         "seconds": dict(run.log.seconds),
         "stages_run": list(run.log.run),
         "stages_cached": list(run.log.cached),
-        "stages_skipped": run.log.skipped,
+        "stages_skipped": [stage for stage in STAGES if stage not in run.log.seconds],
+    }
+
+
+def _former_names(motion: Motion) -> dict[str, float]:
+    """Names that a single flexible body on a hinge had in ``final`` until 0.1; they go with the next release."""
+    final, across = motion.final(), motion.deflection_across_arm
+    if len(motion.mechanism.links) > 1 or across is None or not len(motion.tip_link.omega):
+        return {}
+    (angle,), (rate,) = final["joint_positions"].values(), final["joint_rates"].values()
+    return {
+        "joint_angle_rad": angle,
+        "joint_rate_rad_s": rate,
+        "tip_deflection_m": float(across[-1]),
+        "strain_energy_j": final["potential_energy_j"],
     }
 
 
@@ -75,12 +91,12 @@ def _element_histories(run: Pipeline) -> dict[str, dict[str, Any]]:
 
 
 def _body(run: Pipeline, name: str) -> dict[str, Any]:
-    """A flexible body's own figures, and what its spin does to it."""
+    """Figures of a flexible body: mass, frequencies in its frame, coupling, and the effect of its spin."""
     body, spin = run.bodies[name], run.spin[name]
     return {
         "frequencies_in_frame_hz": body.frequencies_hz.tolist(),
         "coupling": body.coupling,
-        "prescribed": run.parts[name].inboard.prescribed,
+        "prescribed": run.parts[name].joint.prescribed,
         "mass_kg": body.gram.mass,
         "mesh_notes": list(run.parts[name].mesh_notes),
         "largest_spin_rad_s": spin.largest_rate,

@@ -1,4 +1,4 @@
-"""What a run leaves behind: pictures, films and files as the scene lists them, the motion, the summary."""
+"""Files of a run: the motion, the summary, and the pictures, films and exports that the scene lists."""
 
 from __future__ import annotations
 
@@ -6,30 +6,32 @@ import json
 from pathlib import Path
 from typing import Any
 
+from pipeline.accuracy.refinement import meet_accuracy
 from pipeline.core.cache import Cache, stage_key
 from pipeline.core.errors import InputError
 from pipeline.core.files import whole_file
 from pipeline.core.paths import cache_folder
+from pipeline.output.explain import remember_times
 from pipeline.output.exports import write_export
 from pipeline.output.picture_files import draw
 from pipeline.output.summary import summarise
-from pipeline.stages.explain import remember
+from pipeline.render.rendering_check import rendering_problem
 from pipeline.stages.pipeline import Pipeline
 
 
 def write_results(run: Pipeline, folder: Path, pictures: bool, budget: bool = True) -> dict[str, Any]:
-    """Compute what the scene asks for and write it into ``folder``; return the summary.
+    """Compute the results that a scene asks for, write them into a folder and return the summary.
 
     Parameters
     ----------
     run : Pipeline
-        Of the scene.
+        The scene's pipeline.
     folder : Path
         Made if it is missing; each file appears whole or not at all.
     pictures : bool
-        Whether to draw; without, neither PyVista nor Matplotlib is loaded.
+        Draw pictures; without, neither PyVista nor Matplotlib is loaded.
     budget : bool
-        Whether to estimate the errors of the results.
+        Estimate the errors of the results.
 
     Raises
     ------
@@ -44,18 +46,18 @@ def write_results(run: Pipeline, folder: Path, pictures: bool, budget: bool = Tr
         _require_drawing(run.scene.file)
     rounds: list[dict[str, Any]] = []
     if run.scene.accuracy is not None:
-        from pipeline.accuracy.refinement import meet_accuracy
-
         if not budget:
             raise InputError("--no-budget", "", None, "can't be: the scene wants an accuracy, which the budget proves")
-        run, found = meet_accuracy(run)
-        rounds = [each.summary() for each in found]
+        run, tried = meet_accuracy(run)
+        rounds = [each.summary() for each in tried]
     run.motions  # noqa: B018 - refuses or diverges before anything is written
     try:
         folder.mkdir(parents=True, exist_ok=True)
         files = [_write_motion(run, folder)]
         if exports:
-            files += run.keeper.timed("files", lambda: [name for o in exports for name in write_export(run, o, folder)])
+            files += run.store.compute(
+                "files", lambda: [name for o in exports for name in write_export(run, o, folder)]
+            )
         if drawn:
             files += [name for output in drawn for name in draw(run, output, folder)]
         summary = summarise(run, files, budget)
@@ -65,18 +67,16 @@ def write_results(run: Pipeline, folder: Path, pictures: bool, budget: bool = Tr
             part.write_text(json.dumps(summary, indent=1, allow_nan=False) + "\n")
     except OSError as error:
         raise InputError("--out", "", str(folder), f"can't be written: {error.strerror or error}") from error
-    remember(run)
+    remember_times(run)
     return summary
 
 
 def _require_drawing(file: str) -> None:
-    """Refuse to draw where VTK would take the process down; a machine that has drawn once isn't asked again."""
+    """Refuse to draw where VTK would take the process down; a machine that has drawn once isn't checked again."""
     cache = Cache(cache_folder() / "stages")
     key = stage_key("drawing", None, ("pipeline/render/rendering_check.py",), ("pyvista", "vtk"))
     if cache.load(key):
         return
-    from pipeline.render.rendering_check import rendering_problem
-
     problem = rendering_problem()
     if problem is not None:
         raise InputError(file, "output", None, f"this machine can't draw: {problem} (or run with --no-pictures)")
@@ -84,15 +84,8 @@ def _require_drawing(file: str) -> None:
 
 
 def _write_motion(run: Pipeline, folder: Path) -> str:
-    motions: dict[str, Any] = dict(run.motions)
-    if run.is_rotor:
-        from pipeline.recovery.motion import motion_dataset
+    from pipeline.recovery.motion_file import motion_dataset
 
-        dataset = motion_dataset(motions)
-    else:
-        from pipeline.recovery.chain_motion import chain_dataset
-
-        dataset = chain_dataset(motions, run.chain.units)
     with whole_file(folder / "motion.nc") as part:
-        dataset.to_netcdf(part, engine="scipy")
+        motion_dataset(run.motions).to_netcdf(part, engine="scipy")
     return "motion.nc"

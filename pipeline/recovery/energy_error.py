@@ -1,7 +1,7 @@
-"""Error of shapes in the energy norm from recovered stress: no second mesh needed.
+"""Errors of shapes in the energy norm, estimated from recovered stress without a second mesh.
 
 The stress of the elements jumps between them; averaged at the nodes and interpolated, it is more accurate, and the
-energy of what both differ by estimates that of the error (Zienkiewicz & Zhu, Int J Num Meth Eng 24, 1987). A mode's
+energy of the difference estimates that of the error (Zienkiewicz & Zhu, Int J Num Meth Eng 24, 1987). A mode's
 eigenvalue is too high by just this energy.
 """
 
@@ -13,23 +13,32 @@ import numpy as np
 
 from pipeline.core.arrays import Array
 from pipeline.fem.elements import shape_functions
-from pipeline.recovery.stress import hooke, modal_stress, strains
+from pipeline.recovery.stress import hooke_stress, modal_stress, strains
 
 if TYPE_CHECKING:
     from pipeline.fem.material import AnyMaterial
-    from pipeline.fem.model import Discretisation
+    from pipeline.fem.space import Discretisation
 
 _CHUNK = 512  # elements at a time
-# What averaged stress sees of the energy: 0.5 to 0.75 was measured on bars and propellers of all four elements.
+# Part of the error's energy that averaged stress shows: 0.5 to 0.75 on bars and propellers of all four elements.
 EFFECTIVITY = 0.6
 
 
 def energy_errors(space: Discretisation, material: AnyMaterial, shapes: Array) -> Array:
     """Energy products of the errors of shapes, shape (n, n) [J per unit of two shapes].
 
-    With unit modal mass, a mode's eigenvalue is too high by its own [rad²/s²].
+    With unit modal mass, an eigenvalue is too high by its mode's own product [rad²/s²].
+
+    Parameters
+    ----------
+    space : Discretisation
+        The body's finite element space.
+    material : AnyMaterial
+        Material of each element.
+    shapes : ndarray, shape (n_nodes, 3, n)
+        Displacement fields.
     """
-    from pipeline.fem.assembly import volume_ratio
+    from pipeline.fem.assembly import determinants
 
     recovered = modal_stress(space, material, shapes, np.arange(len(space.x)))
     X, w = space.kind.quadrature(space.kind.stiffness_order)
@@ -37,9 +46,9 @@ def energy_errors(space: Discretisation, material: AnyMaterial, shapes: Array) -
     total = np.zeros((shapes.shape[2],) * 2)
     for start in range(0, len(space.element_nodes), _CHUNK):
         part = np.arange(start, min(start + _CHUNK, len(space.element_nodes)))
-        raw = hooke(material, part, strains(space, shapes, X, part))
+        raw = hooke_stress(material, part, strains(space, shapes, X, part))
         averaged = np.einsum("aq,earn->eqrn", N, recovered[space.element_nodes[part]], optimize=True)
-        weights = np.sqrt(volume_ratio(space.jacobians(X, part)) * w)
+        weights = np.sqrt(determinants(space.jacobians(X, part)) * w)
         apart = weights[:, :, None, None] * (averaged - raw)
         for own, mine in material.over(part):
             root = np.linalg.cholesky(np.linalg.inv(own.stiffness)).T  # |root σ|² is twice the energy density

@@ -1,37 +1,37 @@
-"""What a body on a fixed axis does in space: its centre of mass, its tip and its energies."""
+"""The motion of a mechanism: its joints, bodies, markers, energies and momenta over time."""
 
 from __future__ import annotations
 
+from collections.abc import Mapping
 from dataclasses import dataclass
 from functools import cached_property
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 import numpy as np
 
 from pipeline.core.arrays import Array
-from pipeline.dynamics.rotor.rotor import PlanarRotor
+from pipeline.core.html import facts, scaled
+from pipeline.dynamics.kinematics import Kinematics
+from pipeline.dynamics.links import REVOLUTE, Link
+from pipeline.dynamics.mechanism import Mechanism
 from pipeline.integrators.protocol import Trajectory
-from pipeline.recovery.motion_table import motion_table
-
-if TYPE_CHECKING:
-    import xarray
 
 
 @dataclass(frozen=True)
 class Motion:
-    """A trajectory with the mechanism it belongs to.
+    """A trajectory with the mechanism that it belongs to.
 
     Parameters
     ----------
-    rotor : PlanarRotor
-        The mechanism.
+    mechanism : Mechanism
+        Whose coordinates the trajectory has.
     trajectory : Trajectory
-        Its motion.
+        Positions and rates at the output times.
     tip : str
-        Name of the body's marker whose motion is reported.
+        ``"body.marker"``, the marker whose motion is reported.
     """
 
-    rotor: PlanarRotor
+    mechanism: Mechanism
     trajectory: Trajectory
     tip: str
 
@@ -40,163 +40,153 @@ class Motion:
         """Output times [s], shape (n_times,)."""
         return self.trajectory.times
 
-    @property
-    def q(self) -> Array:
-        """Modal coordinates [kg^1/2 m], shape (n_times, n_modes)."""
-        return self.trajectory.q[:, 1:]
+    @cached_property
+    def kinematics(self) -> Kinematics:
+        """Frames, energies and momenta at the output times."""
+        return Kinematics(self.mechanism, self.times, self.trajectory.q, self.trajectory.v)
 
-    @property
-    def frame_angle(self) -> Array:
-        """Angle of the floating frame [rad], shape (n_times,)."""
-        return self.trajectory.q[:, 0]
+    # Joints ------------------------------------------------------------------------------------------------------
 
-    @property
-    def joint_angle(self) -> Array:
-        """Angle of the body's section at the joint, what an encoder there reads [rad], shape (n_times,)."""
-        return np.asarray(self.frame_angle + self.q @ self.rotor.body.joint_rotation)
+    @cached_property
+    def joints(self) -> Mapping[str, int]:
+        """Numbers of the bodies that the revolute and prismatic joints carry, by the joints' names."""
+        return {link.joint_name: k for k, link in enumerate(self.mechanism.links) if link.unit}
 
-    @property
-    def joint_rate(self) -> Array:
-        """Rate of ``joint_angle`` [rad/s], shape (n_times,)."""
-        rates = self.trajectory.v
-        return np.asarray(rates[:, 0] + rates[:, 1:] @ self.rotor.body.joint_rotation)
+    def joint_unit(self, joint: str) -> str:
+        """Unit of a joint's position, ``rad`` or ``m``."""
+        return self.mechanism.links[self.joints[joint]].unit
 
-    @property
-    def com_position(self) -> Array:
-        """Centre of mass relative to the joint [m], shape (n_times, 3)."""
-        return self._in_space(self._com_in_frame)
+    def joint_position(self, joint: str) -> Array:
+        """Angle [rad] of the section at a revolute joint, displacement [m] of a prismatic one, shape (n_times,)."""
+        return self.kinematics.along_joint(self.joints[joint])[0]
 
-    @property
-    def com_velocity(self) -> Array:
-        """Velocity of the centre of mass [m/s], shape (n_times, 3)."""
-        gram, v = self.rotor.body.gram, self.trajectory.v
-        relative = v[:, 1:] @ gram.S[:, 1:].T / gram.mass
-        spin = v[:, :1] * np.cross(self.rotor.body.axis, self._com_in_frame)
-        return self._in_space(spin + relative)
+    def joint_rate(self, joint: str) -> Array:
+        """Rate of a revolute or prismatic joint's position [rad/s or m/s], shape (n_times,)."""
+        return self.kinematics.along_joint(self.joints[joint])[1]
 
-    @property
-    def com_angular_velocity(self) -> Array:
-        """Angular velocity of the centre of mass about the joint's axis, ``e·(r × v)/r²`` [rad/s]."""
-        e = self.rotor.body.axis
-        arm = np.cross(e, self.com_position)
-        return np.asarray((arm * self.com_velocity).sum(axis=1) / (arm**2).sum(axis=1))
+    # Bodies ------------------------------------------------------------------------------------------------------
 
-    @property
+    def modal(self, body: str) -> Array:
+        """Modal coordinates of a body [kg^1/2 m], shape (n_times, n_modes)."""
+        return self.kinematics.modal_coordinates(self.mechanism.number_of(body))
+
+    def spin(self, body: str) -> Array:
+        """Size of the angular velocity of a body's frame [rad/s], shape (n_times,)."""
+        return np.asarray(np.linalg.norm(self.kinematics.frames[self.mechanism.number_of(body)].spin, axis=1))
+
+    def placed(self, body: str, r: Array, k: int) -> Array:
+        """Points r (n, 3) [m] of a body's frame as they are in space at output time k, shape (n, 3)."""
+        frame = self.kinematics.frames[self.mechanism.number_of(body)]
+        return np.asarray(frame.origin[k] + r @ frame.rotation[k].T)
+
+    # The tip -----------------------------------------------------------------------------------------------------
+
+    @cached_property
     def tip_position(self) -> Array:
-        """The tip relative to the joint [m], shape (n_times, 3)."""
-        marker = self.rotor.body.markers[self.tip]
-        return self._in_space(marker.position + self.q @ marker.translation.T)
+        """Tip in space [m], shape (n_times, 3)."""
+        return self.kinematics.marker_position(*self._tip)
+
+    @cached_property
+    def tip_deflection(self) -> Array:
+        """Displacement of the tip by deformation, seen from the section at its body's joint [m], shape (n_times, 3)."""
+        return self.kinematics.deflection(*self._tip)
 
     @property
-    def tip_deflection(self) -> Array:
-        """Displacement of the tip across its arm, seen from the section at the joint [m], shape (n_times,)."""
-        body = self.rotor.body
-        marker = body.markers[self.tip]
-        arm = np.cross(body.axis, marker.position)
-        length = np.linalg.norm(arm)
-        return np.asarray(self.q @ (arm @ marker.translation / length - length * body.joint_rotation))
+    def tip_displacement(self) -> Array:
+        """Displacement of the tip by deformation in its body's floating frame [m], shape (n_times, 3)."""
+        return self.kinematics.displacement(*self._tip)
 
     @property
     def tip_size(self) -> Array:
         """Size of the tip's deflection [m], shape (n_times,)."""
-        return np.abs(self.tip_deflection)
+        return np.asarray(np.linalg.norm(self.tip_deflection, axis=1))
 
-    @cached_property
+    @property
+    def deflection_across_arm(self) -> Array | None:
+        """Deflection of the tip across its arm about a revolute joint [m], (n_times,); ``None`` at other joints."""
+        number, name = self._tip
+        link = self.mechanism.links[number]
+        arm = np.cross(link.axis, link.markers[name].position)
+        length = np.linalg.norm(arm)
+        return np.asarray(self.tip_deflection @ (arm / length)) if link.joint == REVOLUTE and length else None
+
+    @property
+    def tip_link(self) -> Link:
+        """Body that the tip is on, with its joint."""
+        return self.mechanism.links[self._tip[0]]
+
+    @property
+    def _tip(self) -> tuple[int, str]:
+        body, _, marker = self.tip.partition(".")
+        return self.mechanism.number_of(body), marker
+
+    # The whole ---------------------------------------------------------------------------------------------------
+
+    @property
     def energies(self) -> tuple[Array, Array]:
-        """Kinetic and strain energy [J], each of shape (n_times,)."""
-        return self.rotor.energies(self.trajectory.q, self.trajectory.v)
+        """Kinetic and potential energy [J], each of shape (n_times,)."""
+        return self.kinematics.energies
+
+    @property
+    def centre_of_mass(self) -> Array:
+        """Centre of all bodies' mass in space [m], shape (n_times, 3)."""
+        return self.kinematics.centre_of_mass
+
+    @property
+    def centre_velocity(self) -> Array:
+        """Velocity of the centre of mass [m/s], shape (n_times, 3)."""
+        return self.kinematics.momentum / self.mechanism.mass
+
+    @property
+    def centre_angular_velocity(self) -> Array:
+        """Angular velocity of the centre of mass about the first joint's axis, ``e·(r × v)/|e × r|²`` [rad/s]."""
+        joint = self.mechanism.links[0]
+        axis = joint.axis / np.linalg.norm(joint.axis)
+        arm = np.cross(axis, self.centre_of_mass - joint.place)
+        moment, square = (arm * self.centre_velocity).sum(axis=1), (arm**2).sum(axis=1)
+        return np.asarray(np.divide(moment, square, out=np.zeros(len(square)), where=square > 0.0))
+
+    # Figures -----------------------------------------------------------------------------------------------------
 
     def differences(self, first: Motion) -> dict[str, Any]:
         """Return the largest differences from another motion over all output times."""
         return {
-            "tip_difference_m": float(np.linalg.norm(self.tip_position - first.tip_position, axis=1).max()),
-            "tip_deflection_difference_m": float(np.abs(self.tip_deflection - first.tip_deflection).max()),
+            "tip_difference_m": _farthest(self.tip_position, first.tip_position),
+            "tip_deflection_difference_m": _farthest(self.tip_deflection, first.tip_deflection),
+            "joint_differences": {
+                joint: float(np.abs(self.joint_position(joint) - first.joint_position(joint)).max())
+                for joint in self.joints
+            },
+        }
+
+    def final(self) -> dict[str, Any]:
+        """Return the state at the last output time: joints, energies and the tip."""
+        kinetic, potential = self.energies
+        return {
+            "time_s": float(self.times[-1]),
+            "joint_positions": {joint: float(self.joint_position(joint)[-1]) for joint in self.joints},
+            "joint_rates": {joint: float(self.joint_rate(joint)[-1]) for joint in self.joints},
+            "kinetic_energy_j": float(kinetic[-1]),
+            "potential_energy_j": float(potential[-1]),
+            "tip": {"position_m": self.tip_position[-1].tolist(), "deflection_m": self.tip_deflection[-1].tolist()},
         }
 
     def _repr_html_(self) -> str:
-        return motion_table(self.trajectory, self.final())
-
-    def final(self) -> dict[str, Any]:
-        """Return where the motion ends."""
-        kinetic, strain = self.energies
-        return {
-            "time_s": float(self.times[-1]),
-            "joint_angle_rad": float(self.joint_angle[-1]),
-            "joint_rate_rad_s": float(self.joint_rate[-1]),
-            "tip_deflection_m": float(self.tip_deflection[-1]),
-            "kinetic_energy_j": float(kinetic[-1]),
-            "strain_energy_j": float(strain[-1]),
-        }
-
-    @property
-    def _com_in_frame(self) -> Array:
-        gram = self.rotor.body.gram
-        return np.asarray((gram.S[:, 0] + self.q @ gram.S[:, 1:].T) / gram.mass)
-
-    def modal(self, body: str) -> Array:
-        """Modal coordinates of the one body, whatever its name, shape (n_times, n_modes)."""
-        return self.q
-
-    def spin(self, body: str) -> Array:
-        """Angular rate of the body's frame [rad/s], shape (n_times,)."""
-        return np.abs(self.trajectory.v[:, 0])
-
-    def placed(self, body: str, r: Array, k: int) -> Array:
-        """Points r (n, 3) [m] of the body's frame as they are in space at output time k, shape (n, 3)."""
-        return _turned(r, self.rotor.body.axis, self.frame_angle[k])
-
-    def _in_space(self, r: Array) -> Array:
-        """One vector of the frame for each output time, in space, shape (n_times, 3)."""
-        return _turned(r, self.rotor.body.axis, self.frame_angle[:, None])
+        run = self.trajectory
+        ratio = f" {run.substeps}:1" if run.substeps > 1 else ""
+        work = f"{run.evaluations} + {run.fast_evaluations} solutions in {scaled(run.seconds, 's')}"
+        rows = [("method", run.integrator + ratio), ("step", scaled(run.step, "s")), ("work", work)]
+        for name, value in self.final().items():
+            inner = value.items() if isinstance(value, Mapping) else [("", value)]
+            rows += [(f"{name} {key}".replace("_", " ").rstrip(), _figures(figure)) for key, figure in inner]
+        return facts(rows, f"motion, {len(run.times)} output times; where it ends")
 
 
-def _turned(r: Array, e: Array, angle: Array) -> Array:
-    """Turn vectors r (n, 3) by angles about the unit vector e (Rodrigues' formula)."""
-    along = np.outer(r @ e, e)
-    return np.asarray(along + np.cos(angle) * (r - along) + np.sin(angle) * np.cross(e, r))
+def _farthest(some: Array, others: Array) -> float:
+    """Largest distance of vectors (n_times, 3)."""
+    return float(np.linalg.norm(some - others, axis=1).max())
 
 
-def motion_dataset(motions: dict[str, Motion]) -> xarray.Dataset:
-    """Gather several motions with common output times in one labelled data set, units as attributes."""
-    import xarray
-
-    labels = list(motions)
-    first = motions[labels[0]]
-
-    def stacked(name: str) -> Array:
-        return np.stack([getattr(motion, name) for motion in motions.values()])
-
-    per_time, xyz = ("run", "time"), ("run", "time", "axis")
-    variables = {
-        "joint_angle": (per_time, "rad", "angle of the body's section at the joint"),
-        "joint_rate": (per_time, "rad/s", "rate of joint_angle"),
-        "frame_angle": (per_time, "rad", "angle of the floating frame"),
-        "tip_deflection": (per_time, "m", "tip across its arm, seen from the section at the joint"),
-        "tip_position": (xyz, "m", "tip relative to the joint"),
-        "com_position": (xyz, "m", "centre of mass relative to the joint"),
-        "com_velocity": (xyz, "m/s", "velocity of the centre of mass"),
-        "com_angular_velocity": (per_time, "rad/s", "angular velocity of the centre of mass about the joint"),
-    }
-    data = {
-        name: (dims, stacked(name), {"units": unit, "long_name": text})
-        for name, (dims, unit, text) in variables.items()
-    }
-    data["modal_coordinates"] = (
-        ("run", "time", "mode"), stacked("q"), {"units": "kg^0.5 m", "long_name": "modal coordinates"},
-    )  # fmt: skip
-    energies = np.stack([np.stack(motion.energies) for motion in motions.values()])
-    for k, name in enumerate(("kinetic_energy", "strain_energy")):
-        data[name] = (per_time, energies[:, k], {"units": "J", "long_name": name.replace("_", " ")})
-    return xarray.Dataset(
-        data,
-        coords={
-            "run": labels,
-            "time": ("time", first.times, {"units": "s"}),
-            "mode": (
-                "mode",
-                first.rotor.body.frequencies_hz,
-                {"units": "Hz", "long_name": "modal frequency"},
-            ),
-            "axis": ["x", "y", "z"],
-        },
-    )
+def _figures(value: float | list[float]) -> str:
+    """Write a number, or the numbers of a vector, with six digits."""
+    return ", ".join(f"{x:.6g}" for x in value) if isinstance(value, list) else f"{value:.6g}"

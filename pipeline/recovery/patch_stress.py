@@ -1,4 +1,4 @@
-"""A second recovery of stress, by patches of elements: what it and the averaged one differ by tells of their error.
+"""Recovery of stress from patches of elements; its difference from averaged stress estimates the error of both.
 
 Polynomials are fitted to the stress at the elements' most accurate points around a node (superconvergent patch
 recovery; Zienkiewicz & Zhu, Int J Num Meth Eng 33, 1992).
@@ -12,23 +12,29 @@ import numpy as np
 
 from pipeline.core.arrays import Array
 from pipeline.fem.elements import shape_functions
-from pipeline.recovery.stress import hooke, strains
+from pipeline.recovery.stress import hooke_stress, strains
 
 if TYPE_CHECKING:
     from pipeline.fem.material import AnyMaterial
-    from pipeline.fem.model import Discretisation
+    from pipeline.fem.space import Discretisation
 
 _SAMPLES_PER_TERM = 3
 _INDEPENDENT = 0.02
 
 
 def patch_stress(space: Discretisation, material: AnyMaterial, shapes: Array, node: int) -> Array:
-    """Stress of each shape at a node, from the elements around it.
+    """Stress of each shape at a node by a fit to the elements around it.
 
     Parameters
     ----------
+    space : Discretisation
+        The body's finite element space.
+    material : AnyMaterial
+        Material of each element.
     shapes : ndarray, shape (n_nodes, 3, n)
         Displacement fields.
+    node : int
+        Node number.
 
     Returns
     -------
@@ -46,7 +52,7 @@ def patch_stress(space: Discretisation, material: AnyMaterial, shapes: Array, no
     N, _ = shape_functions(space.kind.geometry, X)
     places = (N.T @ space.corner_coordinates[patch] - space.x[node]).reshape(-1, 3)
     size = np.ptp(places, axis=0)
-    stress = hooke(material, patch, strains(space, shapes, X, patch)).reshape(len(places), 6, -1)
+    stress = hooke_stress(material, patch, strains(space, shapes, X, patch)).reshape(len(places), 6, -1)
     fitted = np.linalg.lstsq(_terms(space.order, places / size), stress.reshape(len(places), -1), rcond=None)[0]
     return np.asarray(fitted[0].reshape(6, -1))  # the other terms vanish at the node
 
@@ -54,7 +60,7 @@ def patch_stress(space: Discretisation, material: AnyMaterial, shapes: Array, no
 def _terms(order: int, x: Array) -> Array:
     """Monomials up to an order at places (n, 3), the constant first, shape (n, n_terms).
 
-    Those that the places can't tell from the others are left out, as squares across a single layer of elements are.
+    Monomials that depend on the others at these places are left out, as squares across a single layer of elements are.
     """
     terms = [np.ones(len(x)), *x.T]
     if order == 2:

@@ -1,4 +1,4 @@
-"""Stress of a modal basis, and of a motion as its combination.
+"""Stress of modal bases, and of motions as combinations of them.
 
 Stress is linear in the modal coordinates: ``σ(t) = Σ_j q_j(t) σ_j``. Each mode's stress is evaluated at the points
 where the element's strains are most accurate (Barlow, Int J Num Meth Eng 10, 1976), extrapolated to the element's
@@ -18,21 +18,23 @@ from pipeline.core.arrays import Array, IntArray, require_shape
 
 if TYPE_CHECKING:
     from pipeline.fem.material import AnyMaterial
-    from pipeline.fem.model import Discretisation
+    from pipeline.fem.space import Discretisation
 
 _ORDER = ("xx", "yy", "zz", "yz", "xz", "xy")
 _CHUNK = 512  # elements at a time
 _FRAMES = 256  # output times at a time
-_CACHED = 2**17  # numbers that stay in a core's cache
+_CACHED = 2**17  # numbers that fit into a core's cache
 
 
 def modal_stress(space: Discretisation, material: AnyMaterial, shapes: Array, nodes: IntArray) -> Array:
-    """Stress of each shape at chosen nodes.
+    """Stress of each shape at chosen nodes, averaged over the elements around them.
 
     Parameters
     ----------
     space : Discretisation
         The body's finite element space.
+    material : AnyMaterial
+        Material of each element.
     shapes : ndarray, shape (n_nodes, 3, n)
         Displacement fields.
     nodes : ndarray, shape (n_chosen,)
@@ -42,6 +44,11 @@ def modal_stress(space: Discretisation, material: AnyMaterial, shapes: Array, no
     -------
     ndarray, shape (n_chosen, 6, n)
         xx, yy, zz, yz, xz, xy [Pa per unit of the shape].
+
+    Raises
+    ------
+    ValueError
+        Shapes don't belong to the space, or a node is named twice.
     """
     require_shape("shapes", shapes, (len(space.x), 3, None))
     if len(np.unique(nodes)) < len(nodes):
@@ -51,12 +58,12 @@ def modal_stress(space: Discretisation, material: AnyMaterial, shapes: Array, no
     chosen = np.full(len(space.x), -1)
     chosen[nodes] = np.arange(len(nodes))
     elements = np.flatnonzero((chosen[space.element_nodes] >= 0).any(axis=1))
-    total = np.zeros((len(nodes) + 1, 6, shapes.shape[2]))  # the last row gathers what was not asked for
+    total = np.zeros((len(nodes) + 1, 6, shapes.shape[2]))  # the last row gathers all other nodes
     count = np.zeros(len(nodes) + 1)
     for start in range(0, len(elements), _CHUNK):
         part = elements[start : start + _CHUNK]
         strain = strains(space, shapes, X, part)
-        stress = hooke(material, part, np.einsum("aq,eqsn->easn", to_nodes, strain, optimize=True))
+        stress = hooke_stress(material, part, np.einsum("aq,eqsn->easn", to_nodes, strain, optimize=True))
         local = chosen[space.element_nodes[part]]
         np.add.at(total, local, stress)
         np.add.at(count, local, 1.0)
@@ -64,25 +71,25 @@ def modal_stress(space: Discretisation, material: AnyMaterial, shapes: Array, no
 
 
 def element_stress(space: Discretisation, material: AnyMaterial, shapes: Array, elements: IntArray) -> Array:
-    """Stress of each shape in the middle of chosen elements, shape (n_chosen, 6, n); else as `modal_stress`."""
+    """Stress of each shape in the middle of chosen elements, shape (n_chosen, 6, n) [Pa per unit of the shape]."""
     middle = space.kind.element.refdom.init_refdom()[0].mean(axis=1, keepdims=True)
     strain = strains(space, shapes, middle, elements)
-    return hooke(material, elements, strain)[:, 0]
+    return hooke_stress(material, elements, strain)[:, 0]
 
 
 def point_stress(space: Discretisation, material: AnyMaterial, shapes: Array, points: Array) -> Array:
-    """Stress of each shape in the elements at points (n, 3) [m], shape (n, 6, n_shapes); else as `modal_stress`."""
-    from pipeline.fem.locate import locate
+    """Stress of each shape in the elements at points (n, 3) [m], shape (n, 6, n_shapes) [Pa per unit of the shape]."""
+    from pipeline.fem.selection import locate_points
 
-    elements, X = locate(space, points)
+    elements, X = locate_points(space, points)
     strain = [
         strains(space, shapes, x[:, None], np.array([element]))[0, 0] for element, x in zip(elements, X, strict=True)
     ]
-    return hooke(material, elements, np.stack(strain)[:, None])[:, 0]
+    return hooke_stress(material, elements, np.stack(strain)[:, None])[:, 0]
 
 
-def hooke(material: AnyMaterial, elements: IntArray, strain: Array) -> Array:
-    """Stress of strains (n_elements, n_points, 6, n) in chosen elements, of the same shape."""
+def hooke_stress(material: AnyMaterial, elements: IntArray, strain: Array) -> Array:
+    """Stress of strains in chosen elements by Hooke's law, both of shape (n_elements, n_points, 6, n)."""
     stress = np.empty_like(strain)
     for own, mine in material.over(elements):
         stress[mine] = own.stiffness @ strain[mine]
@@ -90,7 +97,7 @@ def hooke(material: AnyMaterial, elements: IntArray, strain: Array) -> Array:
 
 
 def strains(space: Discretisation, shapes: Array, X: Array, elements: IntArray) -> Array:
-    """Strains xx, yy, zz, 2yz, 2xz, 2xy at reference points X (3, n_q), shape (n_elements, n_q, 6, n)."""
+    """Strains xx, yy, zz, 2yz, 2xz, 2xy of shapes at reference points X (3, n_q), (n_elements, n_q, 6, n)."""
     from pipeline.fem.assembly import gradients
 
     local = space.element_nodes[elements]
@@ -110,15 +117,18 @@ def von_mises(stress: Array) -> Array:
     return np.asarray(np.sqrt(0.5 * ((xx - yy) ** 2 + (yy - zz) ** 2 + (zz - xx) ** 2) + 3.0 * (yz**2 + xz**2 + xy**2)))
 
 
-def spread(n_times: int, count: int) -> IntArray:
-    """Numbers of at most ``count`` among ``n_times`` output times, evenly, with the first and the last."""
+def choose_frames(n_times: int, count: int) -> IntArray:
+    """Choose at most ``count`` of ``n_times`` output times, evenly, with the first and the last; their numbers."""
     return np.unique(np.linspace(0, n_times - 1, count).round().astype(int))
 
 
-def measure_of(component: str) -> Callable[[Array], Array]:
-    """Function from tensors (n, 6, …) to ``von Mises``, a component such as ``xx``, or ``principal 1`` to ``3``.
+def stress_measure(component: str) -> Callable[[Array], Array]:
+    """Return the function that takes stress tensors (n, 6, …) to one measure (n, …).
 
-    Principal stresses are numbered from the largest.
+    Parameters
+    ----------
+    component : str
+        ``von Mises``, a component, e.g. ``xx``, or ``principal 1`` to ``principal 3``, the first being the largest.
     """
     if component == "von Mises":
         return von_mises
@@ -136,7 +146,7 @@ def measure_of(component: str) -> Callable[[Array], Array]:
 
 @dataclass(frozen=True)
 class StressHistory:
-    """Stress at some nodes of a body over a motion; nothing is combined before it is asked for.
+    """Stress at some nodes of a body over a motion, combined from its modes when it is read.
 
     Attributes
     ----------
@@ -167,9 +177,9 @@ class StressHistory:
         return von_mises(self.tensor(t))
 
     def measure_at(self, frames: IntArray, measure: Callable[[Array], Array] | None = None) -> Array:
-        """Von Mises stress, or another measure of the tensors, at chosen output times, shape (n_frames, n_nodes) [Pa].
+        """Von Mises stress, or another measure, at chosen output times, shape (n_frames, n_nodes) [Pa].
 
-        Tensors are formed for a few nodes at a time, which stay in the processor's cache.
+        Tensors are formed for a few nodes at a time, so that they stay in the processor's cache.
         """
         measure = measure or von_mises
         q = np.ascontiguousarray(self.q[frames].T)

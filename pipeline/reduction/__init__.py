@@ -1,1 +1,1 @@
-"""Modes, enrichment, joint-conforming frames and the inertia Gram tensor: from K and M to a reduced body."""
+"""From stiffness and mass to a reduced body: modes, enrichment, frames at joints and inertia integrals."""

@@ -1,4 +1,4 @@
-"""The reduced flexible body: a modal basis referenced to the joint that carries it."""
+"""The reduced flexible body: a modal basis in the floating frame of the joint that carries it."""
 
 from __future__ import annotations
 
@@ -18,14 +18,14 @@ if TYPE_CHECKING:
     from pipeline.fem.model import FEModel
 
 
-_INDEPENDENT = 1e-9
-_ELASTIC = 1e-6
-_STIFF = 1e-14
+_INDEPENDENT = 1e-9  # of the largest modal mass: less is left of shapes that depend on one another
+_ELASTIC = 1e-6  # of a shape's norm: more of it may not be rigid motion
+_STIFF = 1e-14  # of the highest ω²: below it a shape has no stiffness
 
 
 @dataclass(frozen=True)
 class MarkerShapes:
-    """How a marker of the reduced body moves.
+    """Displacement and rotation of a marker for each modal coordinate of a reduced body.
 
     Attributes
     ----------
@@ -44,7 +44,7 @@ class MarkerShapes:
 
 @dataclass(frozen=True)
 class FlexibleBody:
-    """A body in the floating frame of its inboard joint, ``r = R(θ) (x + Σ_j q_j φ_j(x))``.
+    """A reduced body in the floating frame of its inboard joint, ``r = R(θ) (x + Σ_j q_j φ_j(x))``.
 
     Attributes
     ----------
@@ -60,7 +60,7 @@ class FlexibleBody:
     joint : str
         Name of the marker at the joint.
     markers : mapping of str to MarkerShapes
-        All markers.
+        Motion of each marker, by name.
     gram : InertiaGram
         Inertia integrals about the joint.
     coupling : float
@@ -95,25 +95,32 @@ class FlexibleBody:
 def reduced_body(
     fe: FEModel, omega: Array, shapes: Array, markers: Mapping[str, Marker], joint: str, free: Array, normal: int = -1
 ) -> FlexibleBody:
-    """Refer a basis to a joint: the marker there moves with the frame but for the rotations that the joint leaves free.
+    """Refer a basis to a joint, whose marker moves with the frame but for the rotations that the joint leaves free.
 
     About those the frame floats so that rotation and modes don't couple in the reference state,
     ``∫ρ e·(x × φ) = 0`` (mean axes about the joint; Canavan & Likins, Journal of Spacecraft 14, 1977).
 
     Parameters
     ----------
+    fe : FEModel
+        The finite element model.
     omega, shapes : ndarray, shapes (n,) and (n_nodes, 3, n)
         Basis with unit modal mass and diagonal stiffness, of the free body or of the body held at the joint.
     markers : mapping of str to Marker
         All markers of the body.
     joint : str
-        The one at the joint.
+        Name of the marker at the joint.
     free : ndarray, shape (k, 3)
         Orthonormal directions of the free rotations: none at a fixed, prismatic or angle-driven joint, the axis of a
         torque-driven hinge, three at a spherical joint.
     normal : int
         Number of the only axis that the body turns about in space, for which fewer inertia integrals do; -1 if it may
         move in any way.
+
+    Raises
+    ------
+    AccuracyError
+        With the marker held, the shapes depend on one another, or a combination of them is a rigid motion.
     """
     return supported_body(fe, omega, _pinned(fe, shapes, markers[joint], free), markers, joint, free, normal)
 
@@ -121,9 +128,9 @@ def reduced_body(
 def supported_body(
     fe: FEModel, omega: Array, shapes: Array, markers: Mapping[str, Marker], joint: str, free: Array, normal: int = -1
 ) -> FlexibleBody:
-    """Refer a basis to the frame of what holds the body in it, which the joint turns as a whole.
+    """Refer the basis of a supported body to the frame of its supports, which the joint turns as a whole.
 
-    Shapes stay as they are, but that the frame floats about the rotations that the joint leaves free, as in
+    Shapes are not pinned at the marker; the frame floats about the rotations that the joint leaves free, as in
     `reduced_body`, whose arguments these are.
     """
     spins = np.cross(free, (fe.x - markers[joint].position)[:, None]).swapaxes(1, 2)
@@ -132,26 +139,19 @@ def supported_body(
     return _body(fe, omega, shapes - spins @ np.linalg.solve(J, H), markers, joint, axis, normal)
 
 
-def joint_conforming_body(
-    fe: FEModel, omega: Array, shapes: Array, markers: Mapping[str, Marker], joint: str, axis: Array
-) -> FlexibleBody:
-    """Refer a basis to a torque-driven hinge about ``axis``, (3,); the other arguments are those of `reduced_body`."""
-    return reduced_body(fe, omega, shapes, markers, joint, (axis / np.linalg.norm(axis))[None])
-
-
 def free_frame_body(
     fe: FEModel, omega: Array, shapes: Array, markers: Mapping[str, Marker], joint: str, axis: Array, normal: int = -1
 ) -> FlexibleBody:
-    """Keep the free modes' own mean axes as the frame at a hinge: rotation and modes stay coupled, up to 1.
+    """Refer free modes to a hinge without mean axes about it, so that rotation and modes stay coupled, up to 1.
 
-    The arguments are those of `joint_conforming_body`, and ``normal`` that of `reduced_body`.
+    ``axis`` (3,) is the hinge's; the other arguments are those of `reduced_body`.
     """
     e = axis / np.linalg.norm(axis)
     return _body(fe, omega, _pinned(fe, shapes, markers[joint], e[None]), markers, joint, e, normal)
 
 
 def floating_body(fe: FEModel, omega: Array, shapes: Array, markers: Mapping[str, Marker], joint: str) -> FlexibleBody:
-    """Keep the free modes as they are, for a free joint: mean axes (Tisserand) with their origin at the marker."""
+    """Refer free modes to a free joint: they stay in their mean axes (Tisserand), with the origin at the marker."""
     _require_elastic(fe, shapes)
     return _body(fe, omega, shapes, markers, joint, np.array([0.0, 0.0, 1.0]))
 
@@ -165,7 +165,7 @@ def _pinned(fe: FEModel, shapes: Array, marker: Marker, free: Array) -> Array:
 
 
 def _require_elastic(fe: FEModel, shapes: Array) -> None:
-    """Shapes that hold a rigid motion would move the body twice, once with the frame."""
+    """Raise ``AccuracyError`` if shapes hold rigid motions, which would move the body twice, once with the frame."""
     R = fe.rigid_modes
     H = R.T @ (fe.M @ shapes.reshape(len(R), -1))
     part = float(np.sqrt(np.einsum("ij,ij->j", H, np.linalg.solve(R.T @ (fe.M @ R), H)).max()))
@@ -174,7 +174,7 @@ def _require_elastic(fe: FEModel, shapes: Array) -> None:
 
 
 def _rotation_coupling(fe: FEModel, spins: Array, shapes: Array) -> tuple[Array, Array]:
-    """Inertia (k, k) of unit spins (n_nodes, 3, k), and its coupling (k, n) with each shape."""
+    """Inertia (k, k) of unit spins (n_nodes, 3, k), and their inertial coupling (k, n) with each shape."""
     mspins = (fe.m @ spins.reshape(len(spins), -1)).reshape(spins.shape)
     return np.einsum("iak,ial->kl", spins, mspins), np.einsum("iak,ian->kn", mspins, shapes)
 
@@ -182,7 +182,7 @@ def _rotation_coupling(fe: FEModel, spins: Array, shapes: Array) -> tuple[Array,
 def _body(
     fe: FEModel, omega: Array, shapes: Array, markers: Mapping[str, Marker], joint: str, e: Array, normal: int = -1
 ) -> FlexibleBody:
-    """Diagonalise: rigid motions added to the shapes changed their mass and left ``diag(ω²)`` as it was."""
+    """Orthonormalise shapes and make the body: rigid motions added to them changed mass, but not ``diag(ω²)``."""
     n = len(omega)
     mass = np.tensordot(shapes, (fe.m @ shapes.reshape(len(fe.x), -1)).reshape(shapes.shape), ((0, 1), (0, 1)))
     weakest = float(np.linalg.eigvalsh(mass)[0])

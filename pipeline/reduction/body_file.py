@@ -1,4 +1,4 @@
-"""A reduced body as one NetCDF file: what its motion and its surface's stress need, without mesh or matrices."""
+"""Reduced bodies as NetCDF files: enough for motion and surface stress, without mesh or matrices."""
 
 from __future__ import annotations
 
@@ -13,13 +13,12 @@ from numpy.typing import NDArray
 from pipeline.core.arrays import Array, IntArray, read_only, require_shape
 from pipeline.core.errors import InputError
 from pipeline.core.files import whole_file
+from pipeline.fem.surface import SurfaceTopology
 from pipeline.reduction.body import FlexibleBody, MarkerShapes
 from pipeline.reduction.inertia import InertiaGram
 
 if TYPE_CHECKING:
     import xarray
-
-    from pipeline.fem.surface import SurfaceTopology
 
 FORMAT = "fmd reduced body"
 VERSION = 1
@@ -63,20 +62,20 @@ _VARIABLES: dict[str, tuple[tuple[str, ...], str, str]] = {
         ("surface_node", "component", "mode"), "Pa kg^-0.5 m^-1", "stress for a unit of each modal coordinate",
     ),
 }  # fmt: skip
-# What xarray and SciPy's reader raise on bytes that aren't what they should be.
+# Errors of xarray and SciPy's reader on damaged files.
 _UNREADABLE = (ValueError, TypeError, LookupError, AttributeError, OverflowError, MemoryError)
 
 
 @dataclass(frozen=True)
 class SavedBody:
-    """What a body's file holds.
+    """Reduced body with its surface and stress, as a file holds them.
 
     Attributes
     ----------
     body : FlexibleBody
         The reduced body.
     surface : SurfaceTopology or None
-        Its outer surface.
+        Outer surface of the body.
     stress : ndarray, shape (n_surface, 6, n), or None
         Stress of each modal coordinate at the surface's nodes: xx, yy, zz, yz, xz, xy [Pa per unit].
     elastic_hz : ndarray or None
@@ -96,7 +95,9 @@ def save_body(
     stress: Array | None = None,
     elastic_hz: Array | None = None,
 ) -> None:
-    """Write a reduced body; the file appears whole or not at all. The arguments are those of `SavedBody`.
+    """Write a reduced body to a file, which appears whole or not at all.
+
+    The arguments are those of `SavedBody`.
 
     Raises
     ------
@@ -111,12 +112,12 @@ def save_body(
 
 
 def load_body(path: Path) -> SavedBody:
-    """Read a reduced body: each number is the one that was saved, to the last bit.
+    """Read a reduced body from a file, every number to the last bit as it was saved.
 
     Raises
     ------
     InputError
-        The file can't be read, is none of a reduced body, of another version, cut off, or lacks something.
+        The file can't be read, holds no reduced body, is of another version, cut off, or lacks a variable.
     """
     import xarray
 
@@ -149,7 +150,7 @@ def load_body(path: Path) -> SavedBody:
 
 
 def body_dataset(saved: SavedBody) -> xarray.Dataset:
-    """Gather a reduced body in one labelled data set, units as attributes."""
+    """Gather a reduced body in one labelled data set with units and descriptions as attributes."""
     import xarray
 
     arrays = _arrays(saved)
@@ -168,7 +169,7 @@ def body_dataset(saved: SavedBody) -> xarray.Dataset:
 
 
 def _arrays(saved: SavedBody) -> dict[str, NDArray[Any]]:
-    """Every variable that there is, by its name in the file."""
+    """Arrays of a saved body by their names in the file; empty ones are left out."""
     body, surface = saved.body, saved.surface
     gram, markers = body.gram, list(body.markers.values())
     n = len(body.omega)
@@ -187,7 +188,7 @@ def _arrays(saved: SavedBody) -> dict[str, NDArray[Any]]:
         "M_hat": gram.mass_matrix(np.eye(1, 1 + n)[0]),
         "K_hat": np.diag(np.r_[np.zeros(6), body.omega**2]),
     }
-    # NetCDF has no room for empty arrays: what is empty is left out
+    # NetCDF has no room for empty arrays.
     arrays |= {name: a for name, a in (("stiffening", gram.stiffening), ("bow", gram.bow)) if a.size}
     if saved.elastic_hz is not None:
         arrays["elastic_frequencies"] = saved.elastic_hz
@@ -202,19 +203,18 @@ def _arrays(saved: SavedBody) -> dict[str, NDArray[Any]]:
 
 
 def _saved(dataset: xarray.Dataset) -> SavedBody:
-    """Make the objects of a data set; ``KeyError`` tells what is missing."""
-    from pipeline.fem.surface import SurfaceTopology
+    """Make the body of a data set; ``KeyError`` names a missing variable, ``ValueError`` a contradiction."""
 
     def variable(name: str) -> xarray.DataArray:
         if name not in dataset:
             raise KeyError(name)
-        if (found := dataset[name].dims) != (wanted := _VARIABLES[name][0]):
-            raise ValueError(f"{name} has dimensions {found}, expected {wanted}")
+        if (dims := dataset[name].dims) != (wanted := _VARIABLES[name][0]):
+            raise ValueError(f"{name} has dimensions {dims}, expected {wanted}")
         return dataset[name]
 
     def real(name: str) -> Array:
-        found = variable(name)
-        return _laid_out(found.to_numpy().astype(np.float64), found.attrs.get("layout"))
+        array = variable(name)
+        return _restore_layout(array.to_numpy().astype(np.float64), array.attrs.get("layout"))
 
     def whole(name: str) -> IntArray:
         return variable(name).to_numpy().astype(np.int64)
@@ -250,7 +250,7 @@ def _saved(dataset: xarray.Dataset) -> SavedBody:
 
 
 def _layout(a: NDArray[Any]) -> dict[str, list[int]]:
-    """Tell an array's axes from the slowest in memory to the fastest, if that isn't their own order.
+    """Note an array's axes from the slowest in memory to the fastest, if that isn't their own order.
 
     Sums over an array run along its memory: laid out another way, G would give inertia tensors with other last bits.
     """
@@ -258,6 +258,6 @@ def _layout(a: NDArray[Any]) -> dict[str, list[int]]:
     return {} if order == sorted(order) else {"layout": order}
 
 
-def _laid_out(a: Array, order: Any) -> Array:
-    """Lay an array out in memory as ``_layout`` has noted."""
+def _restore_layout(a: Array, order: Any) -> Array:
+    """Lay an array out in memory as `_layout` has noted."""
     return a if order is None else np.ascontiguousarray(a.transpose(order)).transpose(np.argsort(order))

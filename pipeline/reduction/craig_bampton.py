@@ -1,4 +1,4 @@
-"""Craig–Bampton: modes of the body held at its interface, and its static answers to the interface's motion.
+"""Craig–Bampton basis: modes of a body held at its interface, and static responses to the interface's motion.
 
 Bampton & Craig, AIAA Journal 6 (1968) 1313–1319. An interface is a set of markers; each has six coordinates, its mean
 displacement and its mean rotation, or those of its rigid face.
@@ -23,32 +23,36 @@ if TYPE_CHECKING:
 
 INTERFACE_LIMIT = 1e-7
 RIGID_LIMIT = 1e-6
-_NEW = 1e-6  # a shape with less than this outside the others is one of them
+_NEW = 1e-6  # a shape with less than this part outside the others depends on them
 _ZERO = 1e-6  # of the shift, which is about the lowest elastic eigenvalue of the free body
 
 
 def interface_columns(fe: FEModel, markers: Sequence[Marker]) -> Array:
-    """Columns B, (n_nodes, 3, 6 n_markers): ``Bᵀ u`` are the interface's coordinates, ``B f`` is its load."""
+    """Columns B of an interface: ``Bᵀ u`` are its coordinates, ``B f`` are nodal loads; (n_nodes, 3, 6 n_markers)."""
     return np.concatenate([marker.columns(len(fe.x), np.eye(3)) for marker in markers], axis=2)
 
 
-def craig_bampton(fe: FEModel, solver: FreeBodySolver, markers: Sequence[Marker], count: int) -> Modes:
-    """Modes of a body in the space of its fixed-interface modes and its constraint modes.
+def craig_bampton_modes(fe: FEModel, solver: FreeBodySolver, markers: Sequence[Marker], count: int) -> Modes:
+    """Modes of a body in the space of its fixed-interface modes and constraint modes.
 
     The space holds every rigid motion that the supports leave, and every deformation by loads at the interface,
     exactly. Its rigid motions are counted and left out; the rest is orthonormalised, ``Φᵀ M Φ = 1``, ``Φᵀ K Φ = ω²``.
 
     Parameters
     ----------
+    fe : FEModel
+        The finite element model.
     solver : FreeBodySolver
-        Of the body ``fe``, which may be supported.
+        Solves for the body ``fe``, which may be supported.
+    markers : sequence of Marker
+        The interface.
     count : int
         Number of fixed-interface modes.
 
     Returns
     -------
     Modes
-        ``count`` and six for each marker, less the rigid motions; frequencies from above by Rayleigh's principle. The
+        ``count`` modes and six for each marker, less the rigid motions. Frequencies are upper bounds (Rayleigh); the
         residual is that of the fixed-interface modes.
 
     Raises
@@ -65,16 +69,30 @@ def craig_bampton(fe: FEModel, solver: FreeBodySolver, markers: Sequence[Marker]
             f"the mesh has only {len(held.omega)} modes with its interface held, {count} wanted; refine it"
         )
     V = np.concatenate([held.shapes.reshape(len(Psi), -1), Psi], axis=1)
-    n_rigid = _rigid_recovered(fe, solver.rigid_modes, V, _ZERO * -solver.shift)
-    omega, shapes = ritz(fe, _elastic(fe, solver.rigid_modes, V, V.shape[1] - n_rigid))
+    n_rigid = _count_rigid_motions(fe, solver.rigid_modes, V, _ZERO * -solver.shift)
+    omega, shapes = rayleigh_ritz(fe, _elastic(fe, solver.rigid_modes, V, V.shape[1] - n_rigid))
     return Modes(omega, shapes, n_rigid, held.residual, tuple(range(1, len(omega) + 1)))
 
 
 def constraint_modes(fe: FEModel, solver: FreeBodySolver, B: Array) -> Array:
-    """Static deflections Ψ, (3 n_nodes, k), by a unit of each interface coordinate, the others held: ``Bᵀ Ψ = 1``.
+    """Static deflections Ψ by a unit of each interface coordinate while the others are held, ``Bᵀ Ψ = 1``.
 
     ``K Ψ = B F``, with forces that are in equilibrium in all rigid motions R: ``Rᵀ B F = 0``. So Ψ consists of the
     responses G to unit forces (inertia relief takes nothing off forces in equilibrium) and of rigid motions.
+
+    Parameters
+    ----------
+    fe : FEModel
+        The finite element model.
+    solver : FreeBodySolver
+        Solves for the body ``fe``.
+    B : ndarray, shape (n_nodes, 3, k)
+        Columns as `interface_columns` gives them.
+
+    Returns
+    -------
+    ndarray, shape (3 n_nodes, k)
+        Constraint modes.
 
     Raises
     ------
@@ -100,14 +118,17 @@ def constraint_modes(fe: FEModel, solver: FreeBodySolver, B: Array) -> Array:
     return np.asarray(Psi * scale)
 
 
-def ritz(fe: FEModel, V: Array) -> tuple[Array, Array]:
-    """Rayleigh and Ritz: angular frequencies (n,) and shapes (n_nodes, 3, n) among columns V (3 n_nodes, n)."""
+def rayleigh_ritz(fe: FEModel, V: Array) -> tuple[Array, Array]:
+    """Diagonalise K and M in the space of columns V (3 n_nodes, n) by Rayleigh and Ritz.
+
+    Returns angular frequencies (n,) [rad/s] and shapes (n_nodes, 3, n) of unit modal mass.
+    """
     omega2, turn = eigh(V.T @ (fe.K @ V), V.T @ (fe.M @ V))
     return np.sqrt(omega2), (V @ turn).reshape(len(fe.x), 3, -1)
 
 
-def _rigid_recovered(fe: FEModel, R: Array, V: Array, zero: float) -> int:
-    """Count the motions of a space with an eigenvalue below ``zero``; they must be the rigid ones of the body, R."""
+def _count_rigid_motions(fe: FEModel, R: Array, V: Array, zero: float) -> int:
+    """Count the motions of a space with an eigenvalue below ``zero``; they must be the body's rigid motions R."""
     V = _independent(fe, V)
     omega2, turn = eigh(V.T @ (fe.K @ V), V.T @ (fe.M @ V))
     expected = R.shape[1]
@@ -126,7 +147,7 @@ def _rigid_recovered(fe: FEModel, R: Array, V: Array, zero: float) -> int:
 
 
 def _elastic(fe: FEModel, R: Array, V: Array, n: int) -> Array:
-    """Take the rigid motions out of a space; n independent columns are left."""
+    """Take the rigid motions R out of a space V; n M-orthonormal columns are left."""
     if R.shape[1]:
         MR = fe.M @ R
         for _ in range(2):
@@ -135,7 +156,7 @@ def _elastic(fe: FEModel, R: Array, V: Array, n: int) -> Array:
 
 
 def _independent(fe: FEModel, V: Array, n: int | None = None) -> Array:
-    """M-orthonormal columns of the same space: n of them, or all that are independent."""
+    """M-orthonormal columns that span V: n of them, or all that are independent."""
     V = V / np.sqrt(np.einsum("ij,ij->j", V, fe.M @ V))
     weight, turn = eigh(V.T @ (fe.M @ V))
     keep = np.flatnonzero(weight > _NEW**2) if n is None else np.arange(len(weight) - n, len(weight))

@@ -1,4 +1,4 @@
-"""Static responses that truncated free modes lack: to inertia loads and to the reaction at the joint.
+"""Enrichment of a truncated modal basis by static responses to the loads that its scene can produce.
 
 Low free modes carry almost none of the stretch under centrifugal load, so stress from them alone is wrong however
 many bending modes are kept. Load-dependent vectors mend it (MacNeal 1971, Wilson, Yuan & Dickens 1982).
@@ -6,7 +6,6 @@ many bending modes are kept. Load-dependent vectors mend it (MacNeal 1971, Wilso
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Sequence
 from typing import TYPE_CHECKING
 
 import numpy as np
@@ -16,7 +15,6 @@ from pipeline.core.arrays import Array
 from pipeline.reduction.modes import Modes
 
 if TYPE_CHECKING:
-    from pipeline.fem.markers import Marker
     from pipeline.fem.model import FEModel
     from pipeline.reduction.eigen import FreeBodySolver
 
@@ -27,53 +25,7 @@ _NEW = 1e-4
 _SOFTER = 0.5
 
 
-def inertia_loads(
-    fe: FEModel, marker: Marker, axis: Array | None, outboard: Sequence[tuple[Marker, Array | None]] = ()
-) -> Array:
-    """Loads that motion puts on a body, shape (n_nodes, 3, n_loads).
-
-    The centrifugal loads of unit rates, and unit forces and torques at its joints, spread over the markers' faces. The
-    loads of linear and angular acceleration are not among them: in a free body they are balanced by themselves, what
-    they bend comes from the joint's reaction.
-
-    Parameters
-    ----------
-    marker : Marker
-        At the joint that carries the body.
-    axis : ndarray, shape (3,), optional
-        Normal of the plane to which all motion keeps: one centrifugal load, two forces and one torque at each marker.
-        Without, the six products of two rates, and three forces and three torques at each marker.
-    outboard : sequence of (Marker, ndarray or None)
-        Where other bodies hang on this one, or loads act, and the normal of the plane to which those keep.
-    """
-    r = fe.x - marker.position
-    if axis is None:
-        fields = [(np.outer(r[:, b], e) + np.outer(r[:, a], f)) / 2 for a, b, e, f in _products()]
-    else:
-        fields = [r - np.outer(r @ axis, axis) / (axis @ axis)]
-    reactions = []
-    flat = axis is not None and all(normal is not None for _, normal in outboard)
-    for at, normal in ((marker, axis if flat else None), *outboard):  # the joint answers to every load
-        directions, torques = _planar(normal)
-        columns = at.columns(len(fe.x), torques)
-        reactions += [columns[:, :, :3] @ directions.T, columns[:, :, 3:]]
-    return np.concatenate([np.stack([fe.m @ field for field in fields], axis=-1), *reactions], axis=-1)
-
-
-def _planar(normal: Array | None) -> tuple[Array, Array]:
-    """Directions of forces and of torques, as rows, that keep to a plane; all of them without a plane."""
-    if normal is None:
-        return np.eye(3), np.eye(3)
-    e = normal / np.linalg.norm(normal)
-    return np.linalg.svd(np.eye(3) - np.outer(e, e))[0].T[:2], e[None]
-
-
-def _products() -> Iterator[tuple[int, int, Array, Array]]:
-    unit = np.eye(3)
-    yield from ((a, b, unit[a], unit[b]) for a in range(3) for b in range(a, 3))
-
-
-def enriched(
+def enrich_modes(
     modes: Modes,
     fe: FEModel,
     solver: FreeBodySolver,
@@ -81,15 +33,20 @@ def enriched(
     held: Array | None = None,
     generations: int = 1,
 ) -> tuple[Array, Array]:
-    """Add the static responses to ``loads`` to a modal basis; orthonormalise and diagonalise again.
+    """Add the static responses to loads to a modal basis; orthonormalise and diagonalise again.
 
     Parameters
     ----------
     modes : Modes
         Eigenvectors; they come back unchanged in front of the new ones.
+    fe : FEModel
+        The finite element model.
+    solver : FreeBodySolver
+        Solves with the stiffness of ``fe``.
     loads : ndarray, shape (n_nodes, 3, n_loads)
+        Nodal loads, as `pipeline.reduction.loads` gives them.
     held : ndarray, shape (n_nodes, 3, k), optional
-        What holds the body in its modes; the responses are moved as rigid bodies until it holds them too.
+        Columns that hold the body in its modes; the responses are moved as rigid bodies until these hold them too.
     generations : int
         1 for the responses to the loads; each further one adds those to the inertia of the one before.
 
@@ -102,23 +59,22 @@ def enriched(
     """
     Phi = modes.shapes.reshape(fe.K.shape[0], -1)
     B = None if held is None else held.reshape(fe.K.shape[0], -1)
-    basis, n_modes = Phi, Phi.shape[1]
-    new = solver.static_response(loads)
+    basis, response = Phi, solver.static_response(loads)
     for generation in range(generations):
-        U = (solver.inertia_response(new) if generation else new).reshape(fe.K.shape[0], -1)
-        U = _beside(basis, U if B is None else _moved(U, fe, B), fe)
-        basis, new = np.concatenate([basis, U], axis=1), U.reshape(len(fe.x), 3, -1)
+        U = (solver.inertia_response(response) if generation else response).reshape(fe.K.shape[0], -1)
+        U = _new_part(basis, U if B is None else _held_fields(U, fe, B), fe)
+        basis, response = np.concatenate([basis, U], axis=1), U.reshape(len(fe.x), 3, -1)
         if not generation:
             softest = eigh(U.T @ (fe.K @ U), eigvals_only=True)[:1].min(initial=np.inf)
-    U = basis[:, n_modes:]
+    U = basis[:, Phi.shape[1] :]
     omega2, turn = eigh(U.T @ (fe.K @ U))
     excited = omega2 >= _SOFTER**2 * softest
     shapes = np.concatenate([Phi, U @ turn[:, excited]], axis=1).reshape(len(fe.x), 3, -1)
     return np.concatenate([modes.omega, np.sqrt(omega2[excited])]), shapes
 
 
-def _beside(basis: Array, U: Array, fe: FEModel) -> Array:
-    """What is new in the columns of U beside an M-orthonormal basis, M-orthonormal itself."""
+def _new_part(basis: Array, U: Array, fe: FEModel) -> Array:
+    """M-orthonormal columns of U's part outside an M-orthonormal basis."""
     U = U[:, U.any(axis=0)]
     U = U / np.sqrt(np.einsum("ij,ij->j", U, fe.M @ U))
     for _ in range(2):  # twice is enough (Parlett)
@@ -128,8 +84,8 @@ def _beside(basis: Array, U: Array, fe: FEModel) -> Array:
     return np.asarray(U @ (turn[:, new] / np.sqrt(weight[new])))
 
 
-def _moved(U: Array, fe: FEModel, B: Array) -> Array:
-    """Add rigid motions: ``Bᵀ U = 0``, and U is M-orthogonal to the rigid motions that B leaves."""
+def _held_fields(U: Array, fe: FEModel, B: Array) -> Array:
+    """Add rigid motions until ``Bᵀ U = 0`` and U is M-orthogonal to the rigid motions that B leaves."""
     R = fe.rigid_modes
     U = U - R @ np.linalg.lstsq(B.T @ R, B.T @ U, rcond=None)[0]
     left = R @ null_space(B.T @ R)

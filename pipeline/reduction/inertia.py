@@ -1,4 +1,4 @@
-"""The inertia Gram tensor: every inertia integral of a floating frame, exact in the finite element space."""
+"""The inertia Gram tensor: all inertia integrals of a floating frame, exact in the finite element space."""
 
 from __future__ import annotations
 
@@ -10,7 +10,8 @@ import numpy as np
 from pipeline.core.arrays import Array, read_only, require_shape
 from pipeline.core.errors import AccuracyError
 
-_ACROSS = (slice(1, 3), slice(0, 3, 2), slice(0, 2), slice(0, 3))  # the axes across each, and all: the last, number -1
+# Axes across each axis; the last, number -1, has all three.
+_ACROSS = (slice(1, 3), slice(0, 3, 2), slice(0, 2), slice(0, 3))
 
 
 @dataclass(frozen=True)
@@ -26,12 +27,12 @@ class InertiaGram:
     mass : float
         ``1ᵀ m 1`` [kg].
     stiffening : ndarray, shape (3, 3, n, n)
-        Geometric stiffness that was taken off the modal blocks of G, in which it counts as inertia; empty if none was.
+        Geometric stiffness that was taken off the modal blocks of G, in which it counts as inertia; empty without.
     bow : ndarray, shape (3, n, n)
         Second-order first moments: ``c_a = S_a p + ½ qᵀ bow_a q``; empty if they are left out.
     normal : int
-        Number of the only axis that the body turns about, and along which G is 0 for being left out: that motion takes
-        the blocks across it alone. -1 if G is whole.
+        Number of the only axis that the body turns about: that motion needs only the blocks of G across it, those along
+        it are left out (zero). -1 if G is whole.
     """
 
     G: Array
@@ -46,7 +47,7 @@ class InertiaGram:
         return np.asarray(np.einsum("abij,i,j->ab", self.G, p, p))
 
     def inertia(self, p: Array) -> Array:
-        """Inertia tensor about the frame's origin, shape (3, 3) [kg m²]; right about the normal, if there is one."""
+        """Inertia tensor about the frame's origin, shape (3, 3) [kg m²]; with a normal, right about that alone."""
         P = self.second_moment(p)
         return np.asarray(np.trace(P) * np.eye(3) - P)
 
@@ -56,7 +57,7 @@ class InertiaGram:
         Raises
         ------
         ValueError
-            G is left out along an axis.
+            G lacks its blocks along an axis.
         """
         if self.normal >= 0:
             mend = "FlexiblePart.for_any_motion adds the rest"
@@ -95,12 +96,12 @@ def inertia_gram(x: Array, m: Any, Phi: Array, normal: int = -1) -> InertiaGram:
     Phi : ndarray, shape (n_nodes, 3, n_modes)
         Mode shapes in the body frame [kg^-1/2].
     normal : int
-        Number of the only axis that the body turns about: G is left out along it.
+        Number of the only axis that the body turns about, along which G is left out; -1 for all of G.
 
     Raises
     ------
     ValueError
-        Shapes disagree.
+        Shapes of the arrays disagree.
     AccuracyError
         ``G[a, b]`` is not the transpose of ``G[b, a]``: m is not symmetric, or something is not finite.
 
@@ -118,8 +119,8 @@ def inertia_gram(x: Array, m: Any, Phi: Array, normal: int = -1) -> InertiaGram:
     return InertiaGram(_symmetric(G), read_only(S), float(masses.sum()), normal=normal)
 
 
-def with_normal(gram: InertiaGram, along: Array) -> InertiaGram:
-    """Make integrals whole that are left out along an axis by what `along_normal` gives."""
+def add_normal_blocks(gram: InertiaGram, along: Array) -> InertiaGram:
+    """Complete integrals that were left out along an axis by the blocks from `normal_blocks`."""
     G, e = gram.G.copy(), gram.normal
     G[e] += along
     G[:, e] += along.swapaxes(1, 2)
@@ -127,27 +128,31 @@ def with_normal(gram: InertiaGram, along: Array) -> InertiaGram:
     return replace(gram, G=_symmetric(G), normal=-1)
 
 
-def along_normal(x: Array, m: Any, Phi: Array, normal: int) -> Array:
-    """``G[normal]``, shape (3, 1 + n, 1 + n): the blocks that `inertia_gram`, whose arguments these are, leaves out."""
+def normal_blocks(x: Array, m: Any, Phi: Array, normal: int) -> Array:
+    """Integrate ``G[normal]``, shape (3, 1 + n, 1 + n), the blocks that `inertia_gram` leaves out.
+
+    The arguments are those of `inertia_gram`.
+    """
     e = slice(normal, normal + 1)
     return np.asarray(_products(_positions(x, Phi, e), m, _positions(x, Phi))[0])
 
 
 def _positions(x: Array, Phi: Array, axes: slice = slice(None)) -> Array:
-    """``U_a = [x_a, Φ_a]``, shape (n_nodes, n_axes, 1 + n)."""
+    """Positions and shapes ``U_a = [x_a, Φ_a]`` along chosen axes, shape (n_nodes, n_axes, 1 + n)."""
     require_shape("x", x, (None, 3))
     require_shape("Phi", Phi, (len(x), 3, None))
     return np.concatenate([x[:, axes, None], Phi[:, axes]], axis=2)
 
 
 def _products(some: Array, m: Any, others: Array) -> Array:
-    """``U_aᵀ m U_b``, shape (n_axes, n_axes, 1 + n, 1 + n)."""
+    """Mass products ``U_aᵀ m U_b``, shape (n_axes, n_axes, 1 + n, 1 + n)."""
     m_some = (m @ some.reshape(len(some), -1)).reshape(some.shape)
     return np.asarray(np.einsum("iaj,ibk->abjk", m_some, others, optimize=True))
 
 
 def _symmetric(G: Array) -> Array:
-    lack = float(np.abs(G - G.transpose(1, 0, 3, 2)).max() / np.abs(G).max())
-    if not lack < 1e-10:
-        raise AccuracyError(f"the inertia Gram tensor is not symmetric: relative error {lack:.1e}")
+    """Return G read-only; raise ``AccuracyError`` if it isn't symmetric or not finite."""
+    error = float(np.abs(G - G.transpose(1, 0, 3, 2)).max() / np.abs(G).max())
+    if not error < 1e-10:
+        raise AccuracyError(f"the inertia Gram tensor is not symmetric: relative error {error:.1e}")
     return read_only(G)

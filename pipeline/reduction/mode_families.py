@@ -1,4 +1,4 @@
-"""What kind of motion a mode is, from its own symmetry and kinetic energy, never from its place in the list."""
+"""Families of modes (bending, torsion, axial) by symmetry and kinetic energy, never by place in the list."""
 
 from __future__ import annotations
 
@@ -22,11 +22,22 @@ _FAMILY_OF_PARITY = {
     (-1, -1): "torsion",
     (1, 1): "axial",
 }
+# Direction of most of the kinetic energy: along the bar, across it in the plane, normal to the plane.
+_MAIN_DIRECTION = {"axial": 0, "in-plane bending": 1, "out-of-plane bending": 2}
 _SAME_FREQUENCY = 1e-6
 
 
 def lowest_modes(solver: FreeBodySolver, count: int, held: Array | None = None) -> Modes:
-    """Return the ``count`` lowest elastic modes, whatever they look like, of the body free or ``held``.
+    """Return the ``count`` lowest elastic modes of any family.
+
+    Parameters
+    ----------
+    solver : FreeBodySolver
+        Solves for the body.
+    count : int
+        Number of modes.
+    held : ndarray, shape (n_nodes, 3, k), optional
+        Columns that hold the body; without, it is free.
 
     Raises
     ------
@@ -48,13 +59,13 @@ def modes_of_family(
     Parameters
     ----------
     solver : FreeBodySolver
-        Of the body ``fe``.
+        Solves for the body ``fe``.
     family : str
         ``in-plane bending``, ``out-of-plane bending``, ``torsion`` or ``axial``.
     normal : ndarray, shape (3,)
         Normal of the plane of motion.
     held : ndarray, shape (n_nodes, 3, k), optional
-        What holds the body, as symmetric as it is.
+        Columns that hold the body, as symmetric as it is.
 
     Raises
     ------
@@ -64,11 +75,11 @@ def modes_of_family(
     n_all = 4 * count + 4
     while True:
         pairs = solver.modes(n_all, held)
-        families, shapes = classify(fe, pairs, normal)
+        families, shapes = classify_modes(fe, pairs, normal)
         # The twin of the highest may be missing, without which its plane is not known.
         all_there = len(pairs.omega) < n_all
         settled = np.full(len(families), all_there) | (pairs.omega < pairs.omega.max() * (1 - _SAME_FREQUENCY))
-        chosen = [k for k, found in enumerate(families) if found == family and settled[k]][:count]
+        chosen = [k for k, name in enumerate(families) if name == family and settled[k]][:count]
         if len(chosen) == count:
             numbers = tuple(k + 1 for k in chosen)
             return Modes(
@@ -81,17 +92,33 @@ def modes_of_family(
         n_all *= 2
 
 
-def classify(fe: FEModel, pairs: EigenPairs, normal: Array) -> tuple[list[str], Array]:
+def classify_modes(fe: FEModel, pairs: EigenPairs, normal: Array) -> tuple[list[str], Array]:
     """Name the family of each mode of a body with two planes of symmetry.
 
     A mode's parity about a plane is ``φᵀ M S φ`` with S the reflection: +1 or -1 for a symmetric body. Bending
     must also carry most of its kinetic energy across the bar, the axial family along it; anything else is
     ``"other"``. Modes of equal frequency are first turned within their subspace until each has a parity.
 
+    Parameters
+    ----------
+    fe : FEModel
+        The body.
+    pairs : EigenPairs
+        Its lowest modes.
+    normal : ndarray, shape (3,)
+        Normal of the plane of motion, a plane of symmetry.
+
     Returns
     -------
     families : list of str
+        Family of each mode.
     shapes : ndarray, shape (n_nodes, 3, n)
+        Mode shapes, turned where frequencies are equal.
+
+    Raises
+    ------
+    AccuracyError
+        The body is not symmetric.
     """
     n = normal / np.linalg.norm(normal)
     centre = fe.m.sum(axis=0) @ fe.x / fe.mass
@@ -108,21 +135,20 @@ def classify(fe: FEModel, pairs: EigenPairs, normal: Array) -> tuple[list[str], 
             turn = np.linalg.eigh(mixed + mixed.T)[1]
             shapes[..., group], Mshapes[..., group] = shapes[..., group] @ turn, Mshapes[..., group] @ turn
     parities = np.array([np.einsum("iak,iak->k", Mshapes, reflect(shapes)) for reflect in reflections])
-    energy = np.array([_energy_along(fe, shapes, axis) for axis in (along, across, n)])
-    wanted = {"in-plane bending": 1, "out-of-plane bending": 2, "axial": 0}
-    families = []
-    for k in range(shapes.shape[2]):
-        family = "other"
-        if (np.abs(parities[:, k]) > 0.5).all():
-            family = _FAMILY_OF_PARITY[int(np.sign(parities[0, k])), int(np.sign(parities[1, k]))]
-            if family in wanted and energy[:, k].argmax() != wanted[family]:
-                family = "other"
-        families.append(family)
-    return families, shapes
+    energies = np.array([_energy_along(fe, shapes, axis) for axis in (along, across, n)])
+    return [_family(parity, energy) for parity, energy in zip(parities.T, energies.T, strict=True)], shapes
+
+
+def _family(parity: Array, energy: Array) -> str:
+    """Family of a mode by its two parities and its energies along and across the bar and normal to the plane."""
+    if not (np.abs(parity) > 0.5).all():
+        return "other"
+    family = _FAMILY_OF_PARITY[int(np.sign(parity[0])), int(np.sign(parity[1]))]
+    return family if energy.argmax() == _MAIN_DIRECTION.get(family, energy.argmax()) else "other"
 
 
 class _Reflection:
-    """Reflect nodal fields in a plane through the origin, by way of the node nearest to each mirror image."""
+    """Reflection of nodal fields in a plane through the origin, by the nodes nearest to the mirror images."""
 
     def __init__(self, x: Array, normal: Array) -> None:
         self._H = np.eye(3) - 2 * np.outer(normal, normal)
@@ -141,21 +167,25 @@ class _Reflection:
 
 
 def _long_axis(fe: FEModel, x: Array, normal: Array) -> Array:
+    """Direction of the largest second moment in the plane of motion, shape (3,)."""
     second = x.T @ (fe.m @ x)
     in_plane = np.eye(3) - np.outer(normal, normal)
     return np.asarray(np.linalg.eigh(in_plane @ second @ in_plane)[1][:, -1])
 
 
 def _times_mass(fe: FEModel, u: Array) -> Array:
+    """Product of the mass matrix with fields u (n_nodes, 3, n)."""
     return np.asarray((fe.m @ u.reshape(len(u), -1)).reshape(u.shape))
 
 
 def _energy_along(fe: FEModel, u: Array, axis: Array) -> Array:
+    """Twice the kinetic energy of each field's motion along an axis, shape (n,)."""
     component = np.einsum("iak,a->ik", u, axis)
     return np.asarray(np.einsum("ik,ik->k", component, fe.m @ component))
 
 
 def _equal_frequencies(omega: Array) -> list[list[int]]:
+    """Group the numbers of modes by equal frequency, lowest first."""
     groups: list[list[int]] = []
     for k in np.argsort(omega):
         if groups and omega[k] - omega[groups[-1][-1]] < _SAME_FREQUENCY * omega[k]:

@@ -1,4 +1,4 @@
-"""The modes that a body keeps, as data."""
+"""Modes of a body as data: eigenpairs, and those chosen among them for its basis."""
 
 from __future__ import annotations
 
@@ -22,11 +22,11 @@ class EigenPairs:
     shapes : ndarray, shape (n_nodes, 3, n)
         Mode shapes [kg^-1/2].
     n_rigid : int
-        Number of rigid-body modes found.
+        Number of rigid-body modes.
     residual : float
         Largest defect of ``K φ = ω² M φ`` in the energy norm, relative to the mode's own.
     factor : FactorFigures, optional
-        What the factorisation behind them took.
+        Solver, size and memory of the factorisation behind them.
     """
 
     omega: Array
@@ -38,7 +38,7 @@ class EigenPairs:
 
 @dataclass(frozen=True)
 class Modes(EigenPairs):
-    """The chosen among a body's eigenpairs.
+    """Modes that are chosen among the elastic ones of a body, with their places among them.
 
     Attributes
     ----------
@@ -55,7 +55,7 @@ class Modes(EigenPairs):
 
     @property
     def dofs(self) -> int:
-        """Unknowns of the finite element model."""
+        """Number of unknowns of the finite element model."""
         return 3 * len(self.shapes)
 
     def _repr_html_(self) -> str:

@@ -9,14 +9,16 @@ from pipeline.reduction.body import FlexibleBody
 
 
 def rotating_frequencies(body: FlexibleBody, axis: Array, rate: float, hub_is_free: bool = False) -> Array:
-    """Angular frequencies of small vibrations at a constant rate about an axis through the joint [rad/s], ascending.
+    """Angular frequencies of small vibrations of a body that turns at a constant rate about its joint [rad/s].
 
-    About the undeformed state, with ``D = Σ (δ_ab − e_a e_b) G[a, b]`` and ``A = ε_abc e_a G[b, c]``,
-    ``M̂ ẍ − 2 Ω A ẋ + (diag(ω²) − Ω² D) x = 0``; a stiffened body has its geometric stiffness in D. A frequency is the
-    imaginary part of an eigenvalue, whatever its real part.
+    The equations are linearised about the undeformed state: with ``D = Σ (δ_ab − e_a e_b) G[a, b]`` and
+    ``A = ε_abc e_a G[b, c]``, ``M̂ ẍ − 2 Ω A ẋ + (diag(ω²) − Ω² D) x = 0``. A stiffened body has its geometric stiffness
+    in D. A frequency is the imaginary part of an eigenvalue, whatever its real part.
 
     Parameters
     ----------
+    body : FlexibleBody
+        Reduced body; its joint lies on the axis.
     axis : ndarray, shape (3,)
         Axis of rotation in the body's frame.
     rate : float
@@ -27,7 +29,7 @@ def rotating_frequencies(body: FlexibleBody, axis: Array, rate: float, hub_is_fr
     Returns
     -------
     ndarray, shape (n,)
-        Those above zero.
+        Frequencies above zero, ascending.
     """
     e, G = axis / np.linalg.norm(axis), body.gram.G
     D = np.einsum("ab,abij->ij", np.eye(3) - np.outer(e, e), G)

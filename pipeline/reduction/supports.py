@@ -1,7 +1,8 @@
-"""Supports: unknowns of a body that are held, what they leave of its rigid motion, and the loads they answer to."""
+"""Constraints on a body's unknowns: supports that hold some of them, and faces that move as rigid pieces."""
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
@@ -11,17 +12,18 @@ from scipy.linalg import null_space
 from pipeline.core.arrays import Array, IntArray
 
 if TYPE_CHECKING:
+    from pipeline.fem.markers import Marker
     from pipeline.fem.model import FEModel
 
 # Rows of the rigid motions below this part of the largest are round-off of the nodes' positions.
 _HELD = 1e-9
 
 
-def rigid_motions_left(fe: FEModel, fixed: IntArray) -> Array:
-    """Rigid motions, to first order, in which no held unknown moves.
+def remaining_rigid_motions(fe: FEModel, fixed: IntArray) -> Array:
+    """Rigid motions of a supported body, to first order, in which none of the held unknowns moves.
 
-    Six less the rank of the rigid motions' rows at the held unknowns: what the supports say, by statics alone, that the
-    modes must bring forth again at zero frequency.
+    There are six less the rank of the rigid motions' rows at the held unknowns: by statics alone the number of modes
+    that must come out with zero frequency.
 
     Parameters
     ----------
@@ -41,8 +43,51 @@ def rigid_motions_left(fe: FEModel, fixed: IntArray) -> Array:
     return left
 
 
-def without(T: Any, fixed: IntArray, n_rigid_faces: int) -> sp.csr_array:
+def tie_rigid_faces(fe: FEModel, markers: Sequence[Marker]) -> sp.csr_array:
+    """Make the transformation ``u = T u_r`` that lets each marker's face move as one rigid piece.
+
+    Parameters
+    ----------
+    markers : sequence of Marker
+        Their faces have no node in common.
+
+    Returns
+    -------
+    sparse array, shape (3 n_nodes, n)
+        Columns: the unknowns of all other nodes, then displacement and rotation of each marker.
+
+    Raises
+    ------
+    ValueError
+        Two faces share nodes.
+    """
+    tied = np.concatenate([marker.nodes for marker in markers])
+    if len(np.unique(tied)) < len(tied):
+        raise ValueError("two rigid faces share nodes; make one of the attachments 'averaged'")
+    others = np.setdiff1d(np.arange(len(fe.x)), tied)
+    unknowns = (3 * others[:, None] + np.arange(3)).ravel()
+    kept = sp.csr_array((np.ones(len(unknowns)), (unknowns, np.arange(len(unknowns)))), (fe.K.shape[0], len(unknowns)))
+    blocks = [kept]
+    for marker in markers:
+        r = fe.x[marker.nodes] - marker.position
+        moves = np.concatenate([np.tile(np.eye(3), (len(r), 1, 1)), np.cross(np.eye(3), r[:, None]).swapaxes(1, 2)], 2)
+        rows = np.repeat((3 * marker.nodes[:, None] + np.arange(3)).ravel(), 6)
+        columns = np.tile(np.arange(6), 3 * len(r))
+        blocks.append(sp.csr_array((moves.ravel(), (rows, columns)), (fe.K.shape[0], 6)))
+    return sp.csr_array(sp.hstack(blocks))
+
+
+def remove_held_unknowns(T: Any, fixed: IntArray, n_rigid_faces: int) -> sp.csr_array:
     """Take the held unknowns out of a transformation ``u = T u_r``, whose last columns move rigid faces.
+
+    Parameters
+    ----------
+    T : sparse array, shape (3 n_nodes, n)
+        Transformation as `tie_rigid_faces` makes it, or the identity.
+    fixed : ndarray of int
+        Held unknowns; ``3 i + a`` is node i along axis a.
+    n_rigid_faces : int
+        Number of faces that move as rigid pieces.
 
     Raises
     ------
@@ -53,19 +98,3 @@ def without(T: Any, fixed: IntArray, n_rigid_faces: int) -> sp.csr_array:
     if columns.size and columns[-1] >= T.shape[1] - 6 * n_rigid_faces:
         raise ValueError("a support and a rigid face share nodes; make the attachment 'averaged'")
     return sp.csr_array(T[:, np.setdiff1d(np.arange(T.shape[1]), columns)])
-
-
-def acceleration_loads(fe: FEModel, centre: Array, axis: Array | None) -> Array:
-    """Inertia loads of a support that is moved, shape (n_nodes, 3, n_loads).
-
-    Unit linear accelerations and unit angular accelerations about a centre (3,) [m]: three of each, or the two and the
-    one that keep to the plane with normal ``axis``. A free body balances them by itself, a supported one bends.
-    """
-    r = fe.x - centre
-    if axis is None:
-        moves, turns = np.eye(3), np.eye(3)
-    else:
-        e = axis / np.linalg.norm(axis)
-        moves, turns = np.linalg.svd(np.eye(3) - np.outer(e, e))[0].T[:2], e[None]
-    fields = [np.tile(e, (len(r), 1)) for e in moves] + [np.cross(e, r) for e in turns]
-    return np.stack([fe.m @ field for field in fields], axis=-1)

@@ -1,4 +1,4 @@
-"""What is written and drawn over a picture: title, colour bar, legend, and a mark at a point."""
+"""Annotations over a picture: title, colour bar, legend, and a label at a point."""
 
 from __future__ import annotations
 
@@ -7,7 +7,7 @@ from functools import cache
 
 import numpy as np
 import pyvista as pv
-from matplotlib import colormaps, get_data_path
+from matplotlib import get_data_path
 from matplotlib.font_manager import FontProperties
 from matplotlib.textpath import TextPath
 from matplotlib.ticker import MaxNLocator
@@ -16,21 +16,23 @@ from vtkmodules.vtkRenderingCore import vtkActor2D, vtkCoordinate, vtkPolyDataMa
 
 from pipeline.core.arrays import Array
 from pipeline.render.canvas import INK, Canvas
+from pipeline.render.colours import sample_colours
 from pipeline.render.projection import Place
 
-FONT = f"{get_data_path()}/fonts/ttf/DejaVuSans.ttf"  # the charts' font, at hand on every machine
+FONT = f"{get_data_path()}/fonts/ttf/DejaVuSans.ttf"  # the charts' font, which comes with Matplotlib
 VTK_FONT_FILE = 4
-BAR = (0.3, 0.7, 0.075, 0.11)  # place in the picture
-HEADING = 1 / 26  # height of letters over the picture's
-WORDS = 1 / 36
+BAR = (0.3, 0.7, 0.075, 0.11)  # place of the colour bar
+TITLE_HEIGHT = 1 / 26  # of letters, over the picture's height
+LABEL_HEIGHT = 1 / 36
+TICK_HEIGHT = 1 / 42
 MARGIN = 0.03
-ABOVE_BAR = 0.13  # width of the place for what an upright bar shows, over the picture's
+ABOVE_BAR = 0.13  # width of the label of an upright colour bar, over the picture's
 
 
 def add_text(
     canvas: Canvas, text: str, place: tuple[float, float], height: float, align: str = "left", colour: str = INK
 ) -> vtkTextActor:
-    """Add text at ``place``; place and ``height`` of the letters are fractions of the picture's size."""
+    """Add text at a place, with letters of a height, both as fractions of the picture's size."""
     label = vtkTextActor()
     label.SetInput(text)
     label.GetPositionCoordinate().SetCoordinateSystemToNormalizedViewport()
@@ -48,7 +50,7 @@ def add_text(
 
 @cache
 def text_width(text: str, height: float, size: tuple[int, int]) -> float:
-    """Return how wide a text is, as a fraction of the width of a picture of ``size``."""
+    """Return the width of a text as a fraction of that of a picture of ``size`` [pixels]."""
     if not text.strip():
         return 0.0
     path = TextPath((0, 0), text, size=height * size[1], prop=FontProperties(fname=FONT))
@@ -56,41 +58,41 @@ def text_width(text: str, height: float, size: tuple[int, int]) -> float:
 
 
 def add_heading(canvas: Canvas, title: str, note: str = "") -> vtkTextActor:
-    """Add the title at the upper left and a smaller note, which is returned, at the upper right.
+    """Add a title at the upper left and a smaller note at the upper right, and return the note's actor.
 
-    A title that would reach into the note is written smaller.
+    A title that would reach into the note gets smaller letters.
     """
-    size = canvas.view.size
-    taken = text_width(note, WORDS, size) + MARGIN if note.strip() else 0.0
-    add_text(canvas, title, (MARGIN, 0.94), fitting(title, HEADING, 1 - 2 * MARGIN - taken, size))
-    return add_text(canvas, note, (1 - MARGIN, 0.94), WORDS, "right")
+    size = canvas.size
+    taken = text_width(note, LABEL_HEIGHT, size) + MARGIN if note.strip() else 0.0
+    add_text(canvas, title, (MARGIN, 0.94), fit_height(title, TITLE_HEIGHT, 1 - 2 * MARGIN - taken, size))
+    return add_text(canvas, note, (1 - MARGIN, 0.94), LABEL_HEIGHT, "right")
 
 
-def fitting(text: str, height: float, room: float, size: tuple[int, int]) -> float:
-    """Return the height of letters that makes a text no wider than ``room``, ``height`` at most."""
+def fit_height(text: str, height: float, room: float, size: tuple[int, int]) -> float:
+    """Return the height of letters, at most ``height``, at which a text is no wider than ``room``."""
     return height * min(1.0, room / max(text_width(text, height, size), 1e-9))
 
 
 def add_colour_bar(
     canvas: Canvas, quantity: str, limits: tuple[float, float], colour_map: str, place: Place = BAR
 ) -> None:
-    """Add a bar of the colours, lying or upright as its place is, with round numbers and the limits."""
+    """Add a colour bar, horizontal or upright as its place is, with its quantity, round numbers and limits."""
     left, right, bottom, top = place
     start = np.array([left, bottom, 0.0])
     wide, high, _ = np.diag([right - left, top - bottom, 0.0])
     if top - bottom > right - left:
         along, across, offset, align = high, wide, np.array([right - left + 0.01, 0, 0]), "left"
-        add_text(canvas, quantity, (left, top + 0.05), fitting(quantity, WORDS, ABOVE_BAR, canvas.view.size))
+        add_text(canvas, quantity, (left, top + 0.05), fit_height(quantity, LABEL_HEIGHT, ABOVE_BAR, canvas.size))
     else:
         along, across, offset, align = wide, high, np.array([0, -0.025, 0]), "centre"
         room = left - 0.015 - MARGIN
-        height = fitting(quantity, WORDS, room, canvas.view.size)
+        height = fit_height(quantity, LABEL_HEIGHT, room, canvas.size)
         add_text(canvas, quantity, (left - 0.015, (bottom + top) / 2), height, "right")
     side = start + np.linspace(0, 1, 257)[:, None] * along
     k = np.arange(256)
     faces = np.column_stack([np.full(256, 4), k, k + 1, k + 258, k + 257])
     strip = pv.PolyData(np.concatenate([side, side + across]), faces=faces.ravel())
-    strip.cell_data["colours"] = colormaps[colour_map](np.linspace(0, 1, 256), bytes=True)[:, :3]
+    strip.cell_data["colours"] = sample_colours(colour_map, 256)
     strip.set_active_scalars("colours")
     _add_flat(canvas, strip)
     span = limits[1] - limits[0]
@@ -98,49 +100,49 @@ def add_colour_bar(
         share = (tick - limits[0]) / span
         if tick in limits or 0.06 < share < 0.94:
             x, y, _ = start + share * along + offset
-            add_text(canvas, number(tick, span), (x, y), 1 / 42, align)
+            add_text(canvas, format_number(tick, span), (x, y), TICK_HEIGHT, align)
 
 
-def number(value: float, span: float) -> str:
-    """Write a number in three digits with a true minus sign; what is nothing beside ``span`` is 0."""
+def format_number(value: float, span: float) -> str:
+    """Write a number in three digits with a true minus sign; round-off of a range ``span`` is 0."""
     return "0" if abs(value) < 1e-9 * span else f"{value:.3g}".replace("-", "−")
 
 
-def legend_rows(names: Sequence[str], size: tuple[int, int]) -> list[list[tuple[int, float]]]:
-    """Distribute names over centred rows of a picture of ``size``: in each the numbers and left ends of its names."""
+def arrange_legend(names: Sequence[str], size: tuple[int, int]) -> list[list[tuple[int, float]]]:
+    """Distribute names over centred rows; return the numbers and left ends of the names in each."""
     rows: list[list[tuple[int, float]]] = [[]]
     right = 0.0
     for k, name in enumerate(names):
-        wide = text_width(name, WORDS, size) + _key(size) * 3
-        if rows[-1] and right + wide > 1 - 2 * MARGIN:
+        width = text_width(name, LABEL_HEIGHT, size) + _key_width(size) * 3
+        if rows[-1] and right + width > 1 - 2 * MARGIN:
             rows.append([])
             right = 0.0
         rows[-1].append((k, right))
-        right += wide
-    return [_centred(row, names, size) for row in rows]
+        right += width
+    return [_centre_row(row, names, size) for row in rows]
 
 
-def _centred(row: list[tuple[int, float]], names: Sequence[str], size: tuple[int, int]) -> list[tuple[int, float]]:
-    """Move a row of names to the middle."""
+def _centre_row(row: list[tuple[int, float]], names: Sequence[str], size: tuple[int, int]) -> list[tuple[int, float]]:
+    """Move a row of names to the middle of the picture."""
     last, left = row[-1]
-    start = (1 - left - 1.5 * _key(size) - text_width(names[last], WORDS, size)) / 2
+    start = (1 - left - 1.5 * _key_width(size) - text_width(names[last], LABEL_HEIGHT, size)) / 2
     return [(k, start + x) for k, x in row]
 
 
-def _key(size: tuple[int, int]) -> float:
+def _key_width(size: tuple[int, int]) -> float:
     """Width of a legend's square, as a fraction of the picture's width."""
-    return WORDS * size[1] / size[0]
+    return LABEL_HEIGHT * size[1] / size[0]
 
 
 def add_legend(canvas: Canvas, names: Sequence[str], colours: Sequence[str], bottom: float, step: float) -> None:
-    """Add a square of its colour and each name in rows ``step`` high, the lowest at ``bottom``."""
-    wide = _key(canvas.view.size)
-    rows = legend_rows(names, canvas.view.size)
+    """Add a legend of coloured squares and names in rows ``step`` high, the lowest at ``bottom``."""
+    width = _key_width(canvas.size)
+    rows = arrange_legend(names, canvas.size)
     for line, row in enumerate(reversed(rows)):
         y = bottom + line * step
         for k, x in row:
-            add_patch(canvas, (x, x + wide, y - WORDS / 2, y + WORDS / 2), colours[k])
-            add_text(canvas, names[k], (x + 1.5 * wide, y), WORDS)
+            add_patch(canvas, (x, x + width, y - LABEL_HEIGHT / 2, y + LABEL_HEIGHT / 2), colours[k])
+            add_text(canvas, names[k], (x + 1.5 * width, y), LABEL_HEIGHT)
 
 
 def add_patch(canvas: Canvas, place: Place, colour: str = "white") -> None:
@@ -151,17 +153,17 @@ def add_patch(canvas: Canvas, place: Place, colour: str = "white") -> None:
 
 
 def add_stroke(canvas: Canvas, pixels: Array) -> None:
-    """Add a line through ``pixels`` (n, 2), over everything, with a white seam that sets it off from dark colours."""
-    flat = pixels / canvas.view.size * (1, -1) + (0, 1)
+    """Add a line through ``pixels`` (n, 2) over everything, with a white rim that sets it off from dark colours."""
+    flat = pixels / canvas.size * (1, -1) + (0, 1)
     line = pv.lines_from_points(np.column_stack([flat, np.zeros(len(flat))]))
     _add_flat(canvas, line, "white", 3.2)
     _add_flat(canvas, line)
 
 
 def _add_flat(canvas: Canvas, shape: pv.PolyData, colour: str = INK, width: float = 1.5) -> None:
-    """Add a shape whose x and y are fractions of the picture's width and height, over everything.
+    """Add a shape over everything, its x and y as fractions of the picture's width and height.
 
-    Its lines are ``width`` pixels wide.
+    Lines are ``width`` pixels wide.
     """
     fractions = vtkCoordinate()
     fractions.SetCoordinateSystemToNormalizedViewport()
@@ -175,37 +177,47 @@ def _add_flat(canvas: Canvas, shape: pv.PolyData, colour: str = INK, width: floa
     canvas.plotter.renderer.AddViewProp(actor)
 
 
-def add_marker(canvas: Canvas, point: Array, text: str, place: Place) -> None:
-    """Ring a point (3,) [m] and write beside it, where nothing has been drawn if there is such a spot in ``place``."""
-    size = np.array(canvas.view.size)
+def cover_margins(canvas: Canvas, place: Place) -> None:
+    """Cover a close-up outside of its place, where title, colour bar and legend stand."""
+    left, _, bottom, top = place
+    add_patch(canvas, (0.0, 1.0, 0.0, bottom))
+    add_patch(canvas, (0.0, 1.0, top, 1.0))
+    if left > 0.1:  # else it is a narrow margin without annotations
+        add_patch(canvas, (0.0, left, 0.0, 1.0))
+
+
+def add_label(canvas: Canvas, point: Array, text: str, place: Place) -> None:
+    """Ring a point (3,) [m] and label it nearby, on free ground of ``place`` if there is any."""
+    size = np.array(canvas.size)
     radius = max(size[1] / 100, 7.0)
-    spot = canvas.view.pixels(point[None])[0]
-    half = np.array([text_width(text, WORDS, canvas.view.size) * size[0] / 2, WORDS * size[1] * 0.6]) + radius
-    middle = nearest_free(canvas.picture(), spot, half, place)
+    spot = canvas.projection.pixels(point[None])[0]
+    half_width = text_width(text, LABEL_HEIGHT, canvas.size) * size[0] / 2
+    half = np.array([half_width, LABEL_HEIGHT * size[1] * 0.6]) + radius
+    middle = find_free_place(canvas.picture(), spot, half, place)
     end = np.clip(spot, middle - half + radius / 2, middle + half - radius / 2)
     away = (end - spot) / max(float(np.linalg.norm(end - spot)), 1e-9)
     angle = np.linspace(0.0, 2 * np.pi, 49)
     if np.linalg.norm(end - spot) > radius:
         add_stroke(canvas, np.stack([spot + radius * away, end]))
     add_stroke(canvas, spot + radius * np.column_stack([np.cos(angle), np.sin(angle)]))
-    style = add_text(canvas, text, (middle[0] / size[0], 1 - middle[1] / size[1]), WORDS, "centre").GetTextProperty()
-    style.SetBackgroundColor(1.0, 1.0, 1.0)  # legible over the part too
-    style.SetBackgroundOpacity(0.75)
+    label = add_text(canvas, text, (middle[0] / size[0], 1 - middle[1] / size[1]), LABEL_HEIGHT, "centre")
+    label.GetTextProperty().SetBackgroundColor(1.0, 1.0, 1.0)  # legible over the part too
+    label.GetTextProperty().SetBackgroundOpacity(0.75)
 
 
-def nearest_free(picture: NDArray[np.uint8], spot: Array, half: Array, place: Place) -> Array:
-    """Find room for a label in a picture: the middle, column and row, of the nearest box that is white.
+def find_free_place(picture: NDArray[np.uint8], spot: Array, half: Array, place: Place) -> Array:
+    """Find the white box of a picture nearest to a spot, and return the column and row of its middle.
 
     Parameters
     ----------
     picture : ndarray, shape (height, width, 3)
-        What has been drawn.
+        The picture so far.
     spot : ndarray, shape (2,)
-        Column and row [pixels] to be near to.
+        Column and row [pixels].
     half : ndarray, shape (2,)
         Half the width and half the height of the box [pixels].
     place : tuple of float
-        Where the box may be; if there is no room, it is above ``spot`` as far as the place allows.
+        Bounds of the box; if nothing there is free, it is above ``spot`` as far as they allow.
     """
     height, width = picture.shape[:2]
     sums = np.zeros((height + 1, width + 1), dtype=np.int64)

@@ -1,4 +1,4 @@
-"""What pictures and films are taken on: a plotter with camera and light, and the parts that it shows."""
+"""Off-screen plotters with camera and light, and the parts that they draw."""
 
 from __future__ import annotations
 
@@ -17,28 +17,33 @@ from vtkmodules.vtkCommonCore import vtkLogger
 
 from pipeline.core.arrays import Array, IntArray
 from pipeline.core.files import whole_file
-from pipeline.render.projection import View
-from pipeline.render.surface import Skin, Surface, doubled_areas
+from pipeline.render.projection import Projection
+from pipeline.render.surface import Skin, Surface, area_normals
 
 INK = "#1a1a1a"
-GHOST = "#707070"
-WIDEST = 16384  # pixels of a window's width or height, a limit of OpenGL's
+UNDEFORMED = "#707070"
+MOST_PIXELS_ACROSS = 16384  # of a window's width or height, a limit of OpenGL's
 MOST_PIXELS = 50_000_000  # of a window, for the sake of memory
-LIGHT = (-0.3, 0.4, 1.0)  # from where, to the right, up and towards the viewer
+LIGHT = (-0.3, 0.4, 1.0)  # position of the light, to the right, up and towards the viewer
 COARSE, FINE = 14.0, 6.0  # pixels between element outlines: with more they are drawn in full, with less not at all
-AMONG_COLOURS, AMONG_PARTS = 0.7, 0.42  # ambient light where colours are read off a bar, and where they are names
+AMBIENT_OF_VALUES, AMBIENT_OF_COLOURS = 0.7, 0.42  # little shading where colours are compared with the colour bar
 
 
 @dataclass(frozen=True, slots=True)
 class Canvas:
-    """A plotter that draws ``fineness`` times as large as the picture is, which smooths edges when it is reduced."""
+    """A plotter whose window is ``fineness`` times as large as the picture, to smooth its edges."""
 
     plotter: pv.Plotter
-    view: View
+    projection: Projection
     fineness: int
 
+    @property
+    def size(self) -> tuple[int, int]:
+        """Width and height of the picture [pixels]."""
+        return self.projection.size
+
     def picture(self) -> NDArray[np.uint8]:
-        """Return what the plotter shows, shape (height, width, 3): means over squares of its pixels."""
+        """Render the picture, shape (height, width, 3), as means over squares of the window's pixels."""
         self.plotter.render()
         fine: NDArray[np.uint8] = np.asarray(self.plotter.screenshot(return_img=True))[..., :3]
         n = self.fineness
@@ -48,7 +53,7 @@ class Canvas:
         for k in range(2, n):
             rows += fine[k::n]
         picture = np.empty((len(rows), rows.shape[1] // n, 3), dtype=np.uint8)
-        for channel in range(3):  # one by one: along an axis of three NumPy takes twice the time
+        for channel in range(3):  # one by one: along an axis of length three NumPy takes twice the time
             total = rows[:, 0::n, channel] + rows[:, 1::n, channel]
             for k in range(2, n):
                 total += rows[:, k::n, channel]
@@ -56,153 +61,161 @@ class Canvas:
         return picture
 
     def save(self, path: Path) -> None:
-        """Write the picture to a file."""
+        """Write the picture to a file, whole or not at all."""
         with whole_file(path) as part:
             iio.imwrite(part, self.picture())
 
 
 @contextmanager
-def stage(view: View, fineness: int = 3) -> Iterator[Canvas]:
-    """Lend a canvas with a white background, the camera of ``view`` and a light above its left; close it after.
+def open_canvas(projection: Projection, fineness: int = 3) -> Iterator[Canvas]:
+    """Open a white canvas with a camera and a light above its left, and close it afterwards.
 
     A larger window that is reduced looks as good as VTK's own anti-aliasing and takes a third of its time without a
     GPU.
     """
-    finest = min(WIDEST // max(view.size), math.isqrt(MOST_PIXELS // (view.size[0] * view.size[1])))
+    width, height = projection.size
+    finest = min(MOST_PIXELS_ACROSS // max(width, height), math.isqrt(MOST_PIXELS // (width * height)))
     fineness = max(1, min(fineness, finest))
     verbosity = vtkLogger.GetCurrentVerbosityCutoff()
-    vtkLogger.SetStderrVerbosity(vtkLogger.VERBOSITY_ERROR)  # a missing X server is no news, EGL stands in
-    plotter = pv.Plotter(off_screen=True, window_size=[fineness * n for n in view.size], lighting="none")
+    vtkLogger.SetStderrVerbosity(vtkLogger.VERBOSITY_ERROR)  # no warning of a missing X server: EGL replaces it
+    plotter = pv.Plotter(off_screen=True, window_size=[fineness * n for n in projection.size], lighting="none")
     vtkLogger.SetStderrVerbosity(verbosity)
     try:
-        plotter.disable_anti_aliasing()  # multi-sampling as well
+        plotter.disable_anti_aliasing()  # and multi-sampling with it
         plotter.renderer.SetBackground(1.0, 1.0, 1.0)
         plotter.renderer.SetUseOIT(False)  # only lines are translucent: sorting them by depth doubles a frame's time
         plotter.add_light(pv.Light(light_type="camera light", position=LIGHT))
         camera = plotter.camera
-        camera.focal_point = view.centre
-        camera.position = view.centre + 2 * view.reach * view.axes[2]
-        camera.up = view.axes[1]
+        camera.focal_point = projection.centre
+        camera.position = projection.centre + 2 * projection.half_depth * projection.axes[2]
+        camera.up = projection.axes[1]
         camera.parallel_projection = True
-        camera.parallel_scale = view.metres_per_pixel * view.size[1] / 2
-        camera.clipping_range = (view.reach, 3 * view.reach)
-        yield Canvas(plotter, view, fineness)
+        camera.parallel_scale = projection.metres_per_pixel * projection.size[1] / 2
+        camera.clipping_range = (projection.half_depth, 3 * projection.half_depth)
+        yield Canvas(plotter, projection, fineness)
     finally:
         plotter.close()
 
 
 @dataclass(frozen=True, slots=True)
 class Outline:
-    """Lines upon a part: outlines of elements or only those that show its form; width [pixels] and opacity."""
+    """Style of the lines on a part.
+
+    Attributes
+    ----------
+    elements : bool
+        True for the outlines of elements, False for the lines of the part's form alone.
+    width : float
+        [pixels].
+    opacity : float
+    lift : float
+        Distance towards the viewer, so that lines lie over faces [pixels].
+    """
 
     elements: bool
     width: float = 1.2
     opacity: float = 1.0
-    lift: float = 2.0  # pixels towards the viewer, so that lines lie over faces
+    lift: float = 2.0
 
 
-def outline_for(surface: Surface, view: View, ghost: bool = False) -> Outline:
-    """Choose lines that leave colours to be seen: those of elements fade as they come close, and then are left out.
-
-    A ghost, a part that isn't there, is drawn behind what coincides with it, and never with faded lines.
-    """
-    cell = surface.cell / view.metres_per_pixel
-    if ghost:
-        elements = cell >= COARSE
-        return Outline(elements, width=1.0, opacity=0.35 if elements else 0.6, lift=-1.0)
-    if cell < FINE:
+def choose_outline(surface: Surface, projection: Projection) -> Outline:
+    """Choose a part's lines so that its colours stay visible: close outlines of elements fade, then disappear."""
+    spacing = surface.outline_spacing / projection.metres_per_pixel
+    if spacing < FINE:
         return Outline(elements=False, opacity=0.6)
-    share = min(1.0, (cell - FINE) / (COARSE - FINE))
+    share = min(1.0, (spacing - FINE) / (COARSE - FINE))
     return Outline(elements=True, width=0.7 + 0.3 * share, opacity=0.2 + 0.2 * share)
 
 
-@dataclass(frozen=True, slots=True)
-class Body:
-    """A part in a plotter: its faces, shaded smoothly but for creases, and the lines upon them."""
+def choose_undeformed_outline(surface: Surface, projection: Projection) -> Outline:
+    """Choose the lines of the undeformed part, which lie behind the deformed one where both coincide."""
+    elements = surface.outline_spacing / projection.metres_per_pixel >= COARSE
+    return Outline(elements, width=1.0, opacity=0.35 if elements else 0.6, lift=-1.0)
 
-    view: View
+
+@dataclass(frozen=True, slots=True)
+class DrawnPart:
+    """A part in a plotter: its faces, shaded smoothly except at creases, and the lines on them."""
+
+    projection: Projection
     skin: Skin
     faces: pv.PolyData
     lines: pv.PolyData
     outline: Outline
 
     def move(self, points: Array, values: Array | None = None) -> None:
-        """Put the part's points (n_points, 3) [m] where they are now, and colour it by ``values`` (n_points,)."""
+        """Move the part's points to (n_points, 3) [m] and, if given, colour it by ``values`` (n_points,)."""
         positions = points[self.skin.source]
-        areas = doubled_areas(positions, self.skin.triangles)
+        normals = area_normals(positions, self.skin.triangles)
         self.faces.points = positions
-        self.faces.point_data.active_normals = self.skin.normals(areas)
+        self.faces.point_data.active_normals = self.skin.normals(normals)
         if values is not None:
             self.faces.point_data["values"] = values[self.skin.source]
-        _move_lines(self.lines, self.outline, self.view, self.skin, points, areas)
+        _move_lines(self.lines, self.outline, self.projection, self.skin, points, normals)
 
 
-def add_body(
-    canvas: Canvas,
-    surface: Surface,
-    skin: Skin,
-    values: Array,
-    limits: tuple[float, float],
-    colour_map: str,
-    outline: Outline | None = None,
-) -> Body:
-    """Add a part, coloured by ``values`` (n_points,) between ``limits``; ``outline`` is chosen if none is given."""
-    coloured = {"scalars": "values", "cmap": colour_map, "clim": limits, "show_scalar_bar": False}
-    faces = pv.PolyData(surface.points[skin.source], faces=_cells(skin.triangles))
+def add_part_by_values(
+    canvas: Canvas, surface: Surface, skin: Skin, values: Array, limits: tuple[float, float], colour_map: str
+) -> DrawnPart:
+    """Add a part with its points coloured by ``values`` (n_points,) between two limits."""
+    faces = pv.PolyData(surface.points[skin.source], faces=_vtk_cells(skin.triangles))
     faces.point_data["values"] = values[skin.source]
-    return _add(canvas, faces, surface, skin, outline, coloured, AMONG_COLOURS)
+    colouring = {"scalars": "values", "cmap": colour_map, "clim": limits, "show_scalar_bar": False}
+    outline = choose_outline(surface, canvas.projection)
+    return _add_part(canvas, faces, surface, skin, outline, AMBIENT_OF_VALUES, colouring)
 
 
-def add_parts(
-    canvas: Canvas, surface: Surface, skin: Skin, colours: NDArray[np.uint8], outline: Outline | None = None
-) -> Body:
-    """Add a part with a colour for each triangle, shape (n_triangles, 3)."""
-    faces = pv.PolyData(surface.points[skin.source], faces=_cells(skin.triangles))
+def add_part_by_colours(
+    canvas: Canvas, surface: Surface, skin: Skin, colours: NDArray[np.uint8], outline: Outline
+) -> DrawnPart:
+    """Add a part with a colour for each of its triangles, shape (n_triangles, 3)."""
+    faces = pv.PolyData(surface.points[skin.source], faces=_vtk_cells(skin.triangles))
     faces.cell_data["colours"] = colours
-    return _add(canvas, faces, surface, skin, outline, {"scalars": "colours", "rgb": True}, AMONG_PARTS)
+    return _add_part(canvas, faces, surface, skin, outline, AMBIENT_OF_COLOURS, {"scalars": "colours", "rgb": True})
 
 
-def _add(
+def _add_part(
     canvas: Canvas,
     faces: pv.PolyData,
     surface: Surface,
     skin: Skin,
-    outline: Outline | None,
-    colouring: dict[str, Any],
+    outline: Outline,
     ambient: float,
-) -> Body:
-    """Add faces and lines of a part; ``ambient`` is the share of their brightness that no direction takes away."""
+    colouring: dict[str, Any],
+) -> DrawnPart:
+    """Add a part's faces and lines; ``ambient`` is the share of light that doesn't depend on direction."""
     actor = canvas.plotter.add_mesh(faces, ambient=ambient, diffuse=1 - ambient, specular=0.0, **colouring)
     actor.prop.interpolation = "Phong"
-    outline = outline or outline_for(surface, canvas.view)
-    body = Body(canvas.view, skin, faces, _added_lines(canvas, outline, INK), outline)
-    body.move(surface.points)
-    return body
+    part = DrawnPart(canvas.projection, skin, faces, _add_lines(canvas, outline, INK), outline)
+    part.move(surface.points)
+    return part
 
 
-def add_ghost(canvas: Canvas, surface: Surface, skin: Skin) -> None:
-    """Add the lines of a part that isn't there."""
-    outline = outline_for(surface, canvas.view, ghost=True)
-    areas = doubled_areas(surface.points, surface.triangles)
-    lines = _added_lines(canvas, outline, GHOST)
-    _move_lines(lines, outline, canvas.view, skin, surface.points, areas)
+def add_undeformed(canvas: Canvas, surface: Surface, skin: Skin) -> None:
+    """Add the grey lines of the undeformed part."""
+    outline = choose_undeformed_outline(surface, canvas.projection)
+    lines = _add_lines(canvas, outline, UNDEFORMED)
+    normals = area_normals(surface.points, surface.triangles)
+    _move_lines(lines, outline, canvas.projection, skin, surface.points, normals)
 
 
-def _added_lines(canvas: Canvas, outline: Outline, colour: str) -> pv.PolyData:
-    """Add lines that are yet to be drawn."""
+def _add_lines(canvas: Canvas, outline: Outline, colour: str) -> pv.PolyData:
+    """Add lines whose points `_move_lines` sets."""
     lines = pv.PolyData(np.zeros((2, 3)), lines=[2, 0, 1])  # PyVista adds no shape without cells
     width = outline.width * canvas.fineness
     canvas.plotter.add_mesh(lines, color=colour, line_width=width, opacity=outline.opacity, lighting=False)
     return lines
 
 
-def _move_lines(lines: pv.PolyData, outline: Outline, view: View, skin: Skin, points: Array, areas: Array) -> None:
-    """Draw those lines of a surface that are wanted, at positions (n_points, 3) [m]; ``areas`` by triangle."""
+def _move_lines(
+    lines: pv.PolyData, outline: Outline, projection: Projection, skin: Skin, points: Array, normals: Array
+) -> None:
+    """Set the lines of a surface by its points (n_points, 3) [m] and its triangles' `area_normals`."""
     choose = skin.element_lines if outline.elements else skin.form_lines
-    lines.points = view.moved(points, 0, 0, outline.lift)
-    lines.lines = _cells(choose(areas, view.axes[2]))
+    lines.points = projection.shift(points, 0, 0, outline.lift)
+    lines.lines = _vtk_cells(choose(normals, projection.axes[2]))
 
 
-def _cells(corners: IntArray) -> IntArray:
-    """Put the number of corners before those of each cell, as VTK wants them."""
+def _vtk_cells(corners: IntArray) -> IntArray:
+    """Return cells as VTK lists them: the number of corners before those of each cell."""
     return np.insert(corners, 0, corners.shape[1], axis=1).ravel()

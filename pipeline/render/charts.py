@@ -1,4 +1,4 @@
-"""Curves over time, with what sets each apart from the first."""
+"""Charts over time, with the differences of further curves from the first."""
 
 from __future__ import annotations
 
@@ -10,20 +10,18 @@ from pathlib import Path
 
 import numpy as np
 from matplotlib.axes import Axes
-from matplotlib.backends.backend_agg import FigureCanvasAgg
 from matplotlib.colors import to_rgb
 from matplotlib.figure import Figure
-from matplotlib.layout_engine import ConstrainedLayoutEngine
 from matplotlib.lines import Line2D
 from matplotlib.patches import Patch
 
 from pipeline.core.arrays import Array, read_only
-from pipeline.core.files import whole_file
+from pipeline.render.figure import open_figure, style_axes
 
 SIZE_INCHES = (10.0, 6.0)
 DOTS_PER_INCH = 160
-# The first curve is broad and pale, the others are thin, dark and broken: where they coincide, all are seen.
-BROKEN = ((0, (6, 3)), (0, (1.2, 2)), (0, (8, 2, 1.5, 2)), (0, (3, 1.5)))
+# The first curve is broad and pale, the others are thin, dark and dashed: all stay visible where they coincide.
+DASHES = ((0, (6, 3)), (0, (1.2, 2)), (0, (8, 2, 1.5, 2)), (0, (3, 1.5)))
 COLOURS = ("#1f5fa8", "#c8501e", "#2f8f4e", "#7a4fa3", "#8a6d1a", "#4a4a4a")
 GREY = "#444444"
 SHADE = "#f3e3b3"
@@ -32,14 +30,14 @@ PALENESS = 0.45
 
 @dataclass(frozen=True, slots=True)
 class Curve:
-    """One quantity of one run.
+    """A quantity of one run over time.
 
     Attributes
     ----------
     label : str
         The run's name in the legend.
     values : ndarray, shape (n_times,) or (n_times, n_components)
-        The quantity, in the unit that the chart's ``ylabel`` names.
+        The quantity in the unit of the chart's ``ylabel``.
     """
 
     label: str
@@ -58,7 +56,7 @@ class Curve:
 
 @dataclass(frozen=True, slots=True)
 class Band:
-    """A range of values, in the unit of the chart's ``ylabel``, that is marked under the curves."""
+    """A range of values, in the unit of the chart's ``ylabel``, shaded under the curves."""
 
     low: float
     high: float
@@ -75,26 +73,24 @@ def draw_chart(
     component_labels: Sequence[str] = (),
     band: Band | None = None,
 ) -> None:
-    """Draw curves in one frame and, below it, the difference of each further curve from the first.
-
-    The first curve is continuous, the others are broken lines over it.
+    """Draw curves over time and, below, the difference of each further curve from the first.
 
     Parameters
     ----------
     time : ndarray, shape (n_times,)
         Times [s].
     curves : sequence of Curve
-        All of one shape; the first is the one that the others are compared with.
+        All of one shape; the others are compared with the first.
     path : Path
-        The picture to write, 1600 × 960 pixels, in the format that its suffix names.
+        PNG of 1600 × 960 pixels, PDF or SVG.
     title : str
-        Heading of the chart.
+        Heading.
     ylabel : str
         The quantity with its unit in brackets, e.g. ``velocity [m/s]``.
     component_labels : sequence of str
         Names of the components; may be empty if there is only one.
     band : Band, optional
-        A range to be marked.
+        A range to shade.
 
     Raises
     ------
@@ -102,31 +98,30 @@ def draw_chart(
         There are no curves, or the shapes of times, curves and component labels disagree.
     """
     _check(time, curves, component_labels)
-    layout = ConstrainedLayoutEngine(w_pad=0.1, h_pad=0.1)
-    figure = Figure(figsize=SIZE_INCHES, dpi=DOTS_PER_INCH, layout=layout)
-    FigureCanvasAgg(figure)
-    figure.suptitle(title, fontsize=15)
-    if len(curves) == 1:
-        upper = lower = figure.add_subplot()
-    else:
+    with open_figure(path, SIZE_INCHES, DOTS_PER_INCH, padding=0.1) as figure:
+        figure.suptitle(title, fontsize=15)
+        upper, lower = _add_frames(figure, two=len(curves) > 1)
+        difference = _add_differences(lower, time, curves, ylabel) if lower is not upper else ylabel
+        for number, curve in enumerate(curves):
+            _add_lines(upper, time, curve.columns, number)
+        if band is not None:
+            upper.axhspan(band.low, band.high, color=SHADE, linewidth=0, zorder=0)
+        for axes, label in ((upper, ylabel), (lower, difference)):
+            axes.margins(x=0)
+            axes.autoscale_view()
+            axes.tick_params(labelsize=11)
+            style_axes(axes, "time [s]" if axes is lower else "", label)
+        figure.align_ylabels()
+        _add_legends(figure, curves, component_labels, band)
+
+
+def _add_frames(figure: Figure, *, two: bool) -> tuple[Axes, Axes]:
+    """Add an upper frame, and a lower one a third as high unless both are one."""
+    if two:
         upper, lower = figure.subplots(2, 1, sharex=True, height_ratios=(3, 1))
-        _add_differences(lower, time, curves, ylabel)
-    for number, curve in enumerate(curves):
-        _add_lines(upper, time, curve.columns, number)
-    if band is not None:
-        upper.axhspan(band.low, band.high, color=SHADE, linewidth=0, zorder=0)
-    upper.set_ylabel(ylabel, fontsize=12)
-    lower.set_xlabel("time [s]", fontsize=12)
-    for axes in (upper, lower):
-        axes.margins(x=0)
-        axes.autoscale_view()
-        axes.grid(color="#dddddd", linewidth=0.7)
-        axes.tick_params(labelsize=11)
-        axes.spines[["top", "right"]].set_visible(False)
-    figure.align_ylabels()
-    _add_legends(figure, curves, component_labels, band)
-    with whole_file(path) as part:
-        figure.savefig(part)
+        return upper, lower
+    axes = figure.add_subplot()
+    return axes, axes
 
 
 def _check(time: Array, curves: Sequence[Curve], component_labels: Sequence[str]) -> None:
@@ -145,23 +140,23 @@ def _check(time: Array, curves: Sequence[Curve], component_labels: Sequence[str]
 
 
 def _line(x: Array, y: Array, number: int, colour: str, label: str = "") -> Line2D:
-    """Return curve ``number``: the first broad, pale and continuous, the others thin, dark and broken."""
+    """Return the line of curve ``number``: broad and pale for the first, thin, dark and dashed for the others."""
     if number == 0:
         red, green, blue = PALENESS + (1 - PALENESS) * np.array(to_rgb(colour))
         return Line2D(x, y, color=(red, green, blue), linewidth=3.5, label=label)
-    broken = BROKEN[(number - 1) % len(BROKEN)]
-    return Line2D(x, y, color=colour, linewidth=1.5, linestyle=broken, label=label)
+    dashes = DASHES[(number - 1) % len(DASHES)]
+    return Line2D(x, y, color=colour, linewidth=1.5, linestyle=dashes, label=label)
 
 
 def _add_lines(axes: Axes, time: Array, columns: Array, number: int) -> None:
-    """Add one curve: its components differ in colour; curves without components do so themselves."""
+    """Add a curve's lines, coloured by component, or by curve if there is only one component."""
     for component, values in enumerate(columns.T):
         colour = COLOURS[(component if columns.shape[1] > 1 else number) % len(COLOURS)]
         axes.add_line(_line(time, values, number, colour))
 
 
-def _add_differences(axes: Axes, time: Array, curves: Sequence[Curve], ylabel: str) -> None:
-    """Add what each further curve is away from the first, in thousandths, millionths ... of the unit."""
+def _add_differences(axes: Axes, time: Array, curves: Sequence[Curve], ylabel: str) -> str:
+    """Add each further curve's difference from the first, in a power of a thousand of the unit; return the label."""
     differences = [curve.columns - curves[0].columns for curve in curves[1:]]
     largest = max(float(np.max(np.abs(difference))) for difference in differences)
     exponent = 3 * math.floor(math.log10(largest) / 3) if largest > 0 else 0
@@ -170,13 +165,13 @@ def _add_differences(axes: Axes, time: Array, curves: Sequence[Curve], ylabel: s
     factor = f"$10^{{{exponent}}}$" if exponent else ""
     unit = ylabel.partition("[")[2].partition("]")[0]
     inside = f"{factor} {unit}".strip()
-    axes.set_ylabel(f"difference\n[{inside}]" if inside else "difference", fontsize=12)
+    return f"difference\n[{inside}]" if inside else "difference"
 
 
 def _add_legends(
     figure: Figure, curves: Sequence[Curve], component_labels: Sequence[str], band: Band | None = None
 ) -> None:
-    """Add the curves' names below the frames and the components' names beside them: they hide nothing."""
+    """Add the curves' names below the frames and the components' names beside them."""
     none = np.empty(0)
     runs: list[Line2D | Patch] = [
         _line(none, none, number, GREY if len(component_labels) > 1 else COLOURS[number % len(COLOURS)], c.label)

@@ -2,31 +2,34 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterable
+from collections.abc import Iterable, Iterator
 from pathlib import Path
 from typing import Any, NamedTuple
 
 import imageio.v2 as iio
 import numpy as np
+from numpy.typing import NDArray
+from vtkmodules.vtkRenderingCore import vtkTextActor
 
 from pipeline.core.arrays import Array, require_shape
 from pipeline.core.files import whole_file
-from pipeline.render.annotations import add_colour_bar, add_heading, add_text
-from pipeline.render.camera import Look
-from pipeline.render.canvas import add_body, stage
-from pipeline.render.pictures import STRESS, clear_around, in_megapascals
-from pipeline.render.surface import Surface, skin_of
+from pipeline.render.annotations import add_colour_bar, add_heading, add_text, cover_margins
+from pipeline.render.camera import Camera
+from pipeline.render.canvas import Canvas, DrawnPart, add_part_by_values, open_canvas
+from pipeline.render.colours import STRESS, limits_in_megapascals
+from pipeline.render.surface import Surface, build_skin
 
 PIXELS = (1280, 720)
-# Motion sweeps a region about as high as wide: it gets the whole height, and the colour bar stands aside.
+# Motion sweeps a region about as high as wide: the part gets the whole height, and the colour bar stands beside it.
 PART = (0.16, 0.98, 0.03, 0.88)
 BAR = (0.03, 0.05, 0.15, 0.7)
 TILT = (12.0, 11.0)
-CLOCK = "00 000 rpm   t = 0.0000 s"  # the room that is kept for it
+CLOCK = "00 000 rpm   t = 0.0000 s"  # text as long as any beside the title
+ORIGIN = np.zeros(3)
 
 
-class Frame(NamedTuple):
-    """An instant of a film.
+class FilmFrame(NamedTuple):
+    """A part's position and stress at an instant of a film.
 
     Attributes
     ----------
@@ -37,7 +40,7 @@ class Frame(NamedTuple):
     stress : ndarray, shape (n_points,)
         [Pa]
     note : str
-        What is told beside the time, e.g. ``4000 rpm``.
+        Text beside the time, e.g. ``4000 rpm``.
     """
 
     time: float
@@ -48,8 +51,7 @@ class Frame(NamedTuple):
 
 def draw_film(
     surface: Surface,
-    frames: Iterable[tuple[float, Array, Array] | tuple[float, Array, Array, str]],
-    n_frames: int,
+    frames: Iterable[FilmFrame],
     path: Path,
     *,
     title: str,
@@ -57,84 +59,80 @@ def draw_film(
     clim_pa: tuple[float, float],
     rate: float,
     quantity: str = STRESS,
-    look: Look | None = None,
+    camera: Camera | None = None,
     hub: bool = True,
-    on_frame: Callable[[], None] | None = None,
 ) -> None:
     """Film the stress of a moving part with a camera at rest.
 
     Parameters
     ----------
     surface : Surface
-        The part as it is undeformed.
-    frames : iterable of Frame
-        Or of tuples of a frame's values; the note may be left out.
-    n_frames : int
-        How many frames there are.
+        The undeformed part.
+    frames : iterable of FilmFrame
+        Computed one after the other.
     path : Path
-        The film to write, ``.mp4`` (H.264) or ``.gif``; nothing is left there if a frame fails.
+        The film, ``.mp4`` (H.264) or ``.gif``; no file is left if a frame fails.
     title : str
         Heading.
-    bounds : ndarray, shape (6,) or (any, 3)
-        Least and largest x, y and z of the motion, in this order [m], or points about all that moves, which is tighter;
-        the origin, the hub, is added.
+    bounds : ndarray, shape (n, 3)
+        Points around the part in motion [m]; the origin, the hub, is added.
     clim_pa : tuple of float
         Stress of the lowest and of the highest colour [Pa].
     rate : float
         Frames per second.
     quantity : str
-        What the colour bar shows, in MPa.
-    look : Look
-        How the film is taken; width and height must be even.
+        Label of the colour bar, which is in MPa.
+    camera : Camera, optional
     hub : bool
-        Whether to mark the origin; a part around it shows where it is.
-    on_frame : callable, optional
-        Called after each frame.
+        Mark the origin; a part all around it needs no mark.
 
     Raises
     ------
     ValueError
-        Suffix, size or limits are of no use, or the frames' shapes or number are not as announced.
+        Suffix or limits can't be used, a side of the picture is odd, or a frame has another shape than the part.
     """
-    look = look or Look(size=PIXELS)
+    camera = camera or Camera(size=PIXELS)
+    _require_encodable(path, camera.size)
+    limits = limits_in_megapascals(clim_pa)
+    around = np.concatenate([ORIGIN[None], bounds])
+    projection = camera.projection(camera.candidate_axes(around, TILT)[0], around, PART)
+    with open_canvas(projection, fineness=2) as canvas:
+        skin, no_stress = build_skin(surface), np.zeros(len(surface.points))
+        part = add_part_by_values(canvas, surface, skin, no_stress, limits, camera.colour_map)
+        if camera.is_close_up:
+            cover_margins(canvas, PART)
+        add_colour_bar(canvas, quantity, limits, camera.colour_map, BAR)
+        clock = add_heading(canvas, title, CLOCK)
+        if hub and projection.contains(ORIGIN, PART):
+            column, row = projection.pixels(ORIGIN[None])[0] / camera.size
+            add_text(canvas, "●", (column, 1 - row), 1 / 60, "centre")
+        with whole_file(path) as file, _open_writer(file, rate) as writer:
+            for picture in _draw_frames(canvas, part, clock, frames, surface.points.shape):
+                writer.append_data(picture)
+
+
+def _require_encodable(path: Path, size: tuple[int, int]) -> None:
+    """Raise ``ValueError`` unless there is an encoder for the path's suffix and the picture's size."""
     if path.suffix not in (".mp4", ".gif"):
         raise ValueError(f"film {path.name}: a film's name ends in .mp4 or .gif")
-    if look.size[0] % 2 or look.size[1] % 2:
-        raise ValueError(f"a film of {look.size[0]} × {look.size[1]} pixels can't be encoded, both must be even")
-    limits = in_megapascals(clim_pa)
-    origin = np.zeros(3)
-    reached = np.concatenate([origin[None], bounds if bounds.ndim == 2 else _corners(bounds)])
-    view = look.view(look.directions(reached, TILT)[0], reached, PART)
-    n_came = 0
-    with stage(view, fineness=2) as canvas, whole_file(path) as part, _writer(part, rate) as writer:
-        body = add_body(canvas, surface, skin_of(surface), np.zeros(len(surface.points)), limits, look.colour_map)
-        clear_around(canvas, look, PART)
-        add_colour_bar(canvas, quantity, limits, look.colour_map, BAR)
-        clock = add_heading(canvas, title, CLOCK)
-        if hub and view.holds(origin, PART):
-            column, row = view.pixels(origin[None])[0] / look.size
-            add_text(canvas, "●", (column, 1 - row), 1 / 60, "centre")
-        for frame in frames:
-            time, points, stress, note = Frame(*frame)
-            require_shape("points", points, surface.points.shape)
-            require_shape("stress", stress, (len(surface.points),))
-            body.move(points, stress * 1e-6)
-            clock.SetInput(f"{note}   t = {time:.4f} s".strip())
-            writer.append_data(canvas.picture())
-            n_came += 1
-            if on_frame is not None:
-                on_frame()
-        if n_came != n_frames:
-            raise ValueError(f"{n_frames} frames were announced, {n_came} came")
+    if size[0] % 2 or size[1] % 2:
+        raise ValueError(f"a film of {size[0]} × {size[1]} pixels can't be encoded, both must be even")
 
 
-def _corners(bounds: Array) -> Array:
-    """Return the corners (8, 3) of a box from least and largest x, y and z."""
-    return np.stack(np.meshgrid(*np.reshape(bounds, (3, 2)), indexing="ij"), axis=-1).reshape(8, 3)
+def _draw_frames(
+    canvas: Canvas, part: DrawnPart, clock: vtkTextActor, frames: Iterable[FilmFrame], shape: tuple[int, ...]
+) -> Iterator[NDArray[np.uint8]]:
+    """Move the part and set the clock frame by frame, and yield the pictures."""
+    for frame in frames:
+        require_shape("points", frame.points, shape)
+        require_shape("stress", frame.stress, shape[:1])
+        part.move(frame.points, frame.stress * 1e-6)
+        clock.SetInput(f"{frame.note}   t = {frame.time:.4f} s".strip())
+        yield canvas.picture()
 
 
-def _writer(path: Path, rate: float) -> Any:
-    """Open a film for writing."""
+def _open_writer(path: Path, rate: float) -> Any:
+    """Open an encoder of ``rate`` frames per second for the path's suffix."""
     if path.suffix == ".gif":
         return iio.get_writer(path, mode="I", duration=1000 / rate, loop=0)
     return iio.get_writer(

@@ -1,4 +1,4 @@
-"""From where a part is looked at: the camera's directions, what it sees, and where points are in the picture."""
+"""Parallel projection of a part onto a picture, and the choice of its direction."""
 
 from __future__ import annotations
 
@@ -15,12 +15,12 @@ Place = tuple[float, float, float, float]
 PART = (0.04, 0.96, 0.24, 0.84)
 TILT = (24.0, 22.0)  # of the camera [degrees], about the upright axis and about the horizontal one
 SLENDER = 0.4  # second extent over longest
-MOST_HOT = 100  # points as hot as the hottest that are tried: with stress the same everywhere all of them are
+MOST_CANDIDATES = 100  # points tried for the largest value: of a uniform field all points are equal
 SAME_EXTENT = 1.3  # extents that differ by less than this factor count as equal
 
 
 @dataclass(frozen=True, slots=True)
-class View:
+class Projection:
     """A parallel projection onto a picture.
 
     Attributes
@@ -28,55 +28,70 @@ class View:
     axes : ndarray, shape (3, 3)
         Unit vectors as rows: to the right, up, and towards the viewer.
     centre : ndarray, shape (3,)
-        The point in the middle of the picture [m].
+        Point in the middle of the picture [m].
     metres_per_pixel : float
-        Length that a pixel shows.
+        Length of a pixel's side in space [m].
     size : tuple of int
-        Width and height in pixels.
-    reach : float
-        How far before and behind ``centre`` the picture shows anything [m].
+        Width and height [pixels].
+    half_depth : float
+        Distance before and behind ``centre`` up to which points are drawn [m].
     """
 
     axes: Array
     centre: Array
     metres_per_pixel: float
     size: tuple[int, int]
-    reach: float
+    half_depth: float
 
     def pixels(self, points: Array) -> Array:
-        """Place points (n, 3) [m] in the picture: columns from the left, rows from the top, shape (n, 2)."""
+        """Project points (n, 3) [m] to columns from the left and rows from the top, shape (n, 2)."""
         flat = (points - self.centre) @ self.axes[:2].T / self.metres_per_pixel
         return np.asarray(np.array(self.size) / 2 + flat * (1, -1))
 
-    def holds(self, point: Array, place: Place) -> bool:
-        """Tell whether a point (3,) [m] is within a place of the picture."""
+    def contains(self, point: Array, place: Place) -> bool:
+        """Return whether a point (3,) [m] falls within a place of the picture."""
         x, y = self.pixels(point[None])[0] / self.size
         left, right, bottom, top = place
         return bool(left <= x <= right and bottom <= 1 - y <= top)
 
-    def moved(self, points: Array, right: float, up: float, towards: float) -> Array:
-        """Move points (n, 3) [m] in the picture and towards the viewer [pixels]."""
+    def shift(self, points: Array, right: float, up: float, towards: float) -> Array:
+        """Shift points (n, 3) [m] by pixels to the right, up and towards the viewer."""
         return points + self.metres_per_pixel * np.array([right, up, towards]) @ self.axes
 
 
-def fitted_view(axes: Array, points: Array, size: tuple[int, int], place: Place = PART) -> View:
-    """Look along the last of ``axes`` so that ``points`` (n, 3) [m] fill a place in the picture."""
+def fit_projection(axes: Array, points: Array, size: tuple[int, int], place: Place = PART) -> Projection:
+    """Project along the last of ``axes`` so that points (n, 3) [m] fill a place in the picture."""
     low, high = (points @ axes.T).min(axis=0), (points @ axes.T).max(axis=0)
     left, right, bottom, top = place
     room = np.array([(right - left) * size[0], (top - bottom) * size[1]])
     scale = float(np.max((high - low)[:2] / room)) or 1.0
-    return framed_view(axes, (low + high) / 2 @ axes, scale, size, place, points)
+    return frame_projection(axes, (low + high) / 2 @ axes, scale, size, place, points)
 
 
-def framed_view(axes: Array, target: Array, scale: float, size: tuple[int, int], place: Place, points: Array) -> View:
-    """Look along the last of ``axes`` with ``target`` (3,) [m] in the middle of a place, ``scale`` [m] to a pixel.
+def frame_projection(
+    axes: Array, target: Array, scale: float, size: tuple[int, int], place: Place, points: Array
+) -> Projection:
+    """Project along the last of ``axes`` with a target in the middle of a place, at a given scale.
 
-    No point of ``points`` (n, 3) [m] is too near or too far to be shown.
+    Parameters
+    ----------
+    axes : ndarray, shape (3, 3)
+        To the right, up, towards the viewer.
+    target : ndarray, shape (3,)
+        [m].
+    scale : float
+        Length of a pixel's side [m].
+    size : tuple of int
+        Width and height [pixels].
+    place : tuple of float
+        Fractions of the picture: left, right, bottom, top.
+    points : ndarray, shape (n, 3)
+        Points that may not be cut off for being too near or too far [m].
     """
     left, right, bottom, top = place
     aside = np.array([(left + right - 1) * size[0], (bottom + top - 1) * size[1], 0.0]) / 2 * scale
     depth = float(np.abs((points - target) @ axes[2]).max())
-    return View(axes, target - aside @ axes, scale, size, max(scale * sum(size), 1.1 * depth))
+    return Projection(axes, target - aside @ axes, scale, size, max(scale * sum(size), 1.1 * depth))
 
 
 def oblique_axes(points: Array, tilt: tuple[float, float] = TILT) -> Iterator[Array]:
@@ -85,7 +100,7 @@ def oblique_axes(points: Array, tilt: tuple[float, float] = TILT) -> Iterator[Ar
     steps = np.log(np.maximum(extents / extents.max(), 1e-9)) / np.log(SAME_EXTENT)
     slender = np.sort(extents)[1] < SLENDER * extents.max()
     right, up, _ = np.eye(3)[np.argsort(-np.round(steps), kind="stable")]
-    if np.cross(right, up)[2] < 0:  # planar motion is looked at from above: turning left stays turning left
+    if np.cross(right, up)[2] < 0:  # planar motion is seen from above: turning left stays turning left
         up = -up
     front = np.array([right, up, np.cross(right, up)])
     for back, rise, turn in product((1, -1), (1, -1), (1, -1)):
@@ -99,9 +114,19 @@ def oblique_axes(points: Array, tilt: tuple[float, float] = TILT) -> Iterator[Ar
         yield turned @ (front * [[back], [1], [back]])
 
 
-def is_seen(view_axes: Array, points: Array, triangles: IntArray, number: int) -> bool:
-    """Tell whether no triangle lies between a point and the viewer."""
-    seen = points @ view_axes.T - view_axes @ points[number]
+def is_visible(axes: Array, points: Array, triangles: IntArray, number: int) -> bool:
+    """Return whether no triangle lies between point ``number`` and the viewer.
+
+    Parameters
+    ----------
+    axes : ndarray, shape (3, 3)
+        To the right, up, towards the viewer.
+    points : ndarray, shape (n_points, 3)
+        [m].
+    triangles : ndarray, shape (n_triangles, 3)
+        Positions in ``points``.
+    """
+    seen = points @ axes.T - axes @ points[number]
     a, b, c = np.moveaxis(seen[triangles[np.all(triangles != number, axis=1)]], 1, 0)
 
     def doubled_area(p: Array, q: Array) -> Array:
@@ -113,12 +138,19 @@ def is_seen(view_axes: Array, points: Array, triangles: IntArray, number: int) -
     return not np.any(over & (depth * weights.sum(axis=1) > 0))
 
 
-def view_of_hottest(
-    candidates: list[Array], points: Array, triangles: IntArray, strength: Array
-) -> tuple[Array, int, bool]:
-    """Choose the first camera that sees a point as hot as the hottest, to a thousandth; that point; whether it does."""
-    hot = np.flatnonzero(strength >= (1 - 1e-3) * strength.max())[:MOST_HOT]
-    for axes, number in product(candidates, hot.tolist()):
-        if is_seen(axes, points, triangles, number):
+def choose_axes(candidates: list[Array], points: Array, triangles: IntArray, values: Array) -> tuple[Array, int, bool]:
+    """Choose the first camera axes that show a point of the largest value, to a thousandth.
+
+    Returns
+    -------
+    axes : ndarray, shape (3, 3)
+    number : int
+        The point.
+    visible : bool
+        False if none of the candidates shows the point; the first one is returned then.
+    """
+    largest = np.flatnonzero(values >= (1 - 1e-3) * values.max())[:MOST_CANDIDATES]
+    for axes, number in product(candidates, largest.tolist()):
+        if is_visible(axes, points, triangles, number):
             return axes, number, True
-    return candidates[0], int(np.argmax(strength)), False
+    return candidates[0], int(np.argmax(values)), False

@@ -1,4 +1,4 @@
-"""Whether this machine can draw, found out in a process of its own: VTK without OpenGL dies by a signal."""
+"""A check that this machine can draw, in another process: VTK without OpenGL dies of a signal."""
 
 from __future__ import annotations
 
@@ -20,7 +20,7 @@ if not plotter.screenshot(return_img=True).std() > 0:
 
 
 def rendering_failure(timeout: float = TIMEOUT) -> str | None:
-    """Draw a sphere off-screen in a process of its own and return what failed, if anything did."""
+    """Draw a sphere off-screen in another process and return the failure, or ``None``."""
     try:
         result = subprocess.run(
             [sys.executable, "-c", DRAWING], capture_output=True, text=True, timeout=timeout, check=False
@@ -36,6 +36,6 @@ def rendering_failure(timeout: float = TIMEOUT) -> str | None:
 
 
 def rendering_problem() -> str | None:
-    """Say in one sentence why pictures can't be drawn here and what would mend it; ``None`` if they can."""
+    """Return a sentence with the reason and the mend if this machine can't draw, or ``None``."""
     failure = rendering_failure()
     return None if failure is None else f"{failure}; {MEND}"

@@ -1,4 +1,4 @@
-"""Maps of stability over two Courant numbers: as a surface of 0 and 1, and in plan with the growth in colours."""
+"""Stability maps over two Courant numbers: growth in colours, and a surface of stable and unstable."""
 
 from __future__ import annotations
 
@@ -9,21 +9,18 @@ from typing import Any
 
 import numpy as np
 from matplotlib.axes import Axes
-from matplotlib.backends.backend_agg import FigureCanvasAgg
 from matplotlib.colors import LogNorm
-from matplotlib.figure import Figure
 
 from pipeline.core.arrays import Array, require_shape
-from pipeline.core.files import whole_file
+from pipeline.render.figure import open_figure
 
-FAINTEST = 1e-6  # growth of a cycle that is just told from none in the colours
-MOST = 10.0
-COARSE = 50  # lines of the surface
+LEAST_GROWTH, MOST_GROWTH = 1e-6, 10.0  # ends of the colour scale
+SURFACE_LINES = 50
 
 
 @dataclass(frozen=True, slots=True)
 class Panel:
-    """One map.
+    """A stability map with its heading, one panel of a figure.
 
     Attributes
     ----------
@@ -32,7 +29,7 @@ class Panel:
     rho : ndarray, shape (n_l, n_s)
         Spectral radius of a major cycle.
     title : str
-        What is written above.
+        Heading.
     """
 
     omega_s: Array
@@ -45,7 +42,7 @@ class Panel:
 
 
 def draw_stability(panels: Sequence[Panel], path: Path, *, title: str, tolerance: float = 1e-9) -> None:
-    """Draw maps in plan, side by side; one map alone stands beside the surface of what is stable (0) and not (1).
+    """Draw stability maps side by side; a single one stands beside its surface of 0 (stable) and 1.
 
     Parameters
     ----------
@@ -53,39 +50,34 @@ def draw_stability(panels: Sequence[Panel], path: Path, *, title: str, tolerance
         At least one.
     path : Path
         PNG, PDF or SVG.
+    title : str
+        Heading.
     tolerance : float
-        By how much a spectral radius may exceed 1 and count as stable.
+        Excess of a spectral radius over 1 that counts as stable.
     """
-    alone = len(panels) == 1
-    columns = 2 if alone else min(len(panels), 3)
+    single = len(panels) == 1
+    columns = 2 if single else min(len(panels), 3)
     rows = -(-len(panels) // columns)
-    figure = Figure(
-        figsize=(11, 5.2) if alone else (4.0 * columns + 1.2, 3.7 * rows + 0.8), dpi=90, layout="constrained"
-    )
-    FigureCanvasAgg(figure)
-    figure.suptitle(title, fontsize=15)
-    if alone:
-        _add_surface(figure.add_subplot(1, 2, 1, projection="3d"), panels[0], tolerance)
-    colours: Any = None
-    plans: list[Axes] = []
-    for number, panel in enumerate(panels):
-        axes = figure.add_subplot(rows, columns, 2 if alone else number + 1)
-        colours = _add_plan(axes, panel, tolerance)
-        plans.append(axes)
-    bar = figure.colorbar(colours, ax=plans, shrink=0.85)
-    bar.set_label("growth of a major cycle, ρ − 1", fontsize=11)
-    with whole_file(path) as part:
-        figure.savefig(part)
+    size = (11, 5.2) if single else (4.0 * columns + 1.2, 3.7 * rows + 0.8)
+    with open_figure(path, size, 90) as figure:
+        figure.suptitle(title, fontsize=15)
+        if single:
+            _add_surface(figure.add_subplot(1, 2, 1, projection="3d"), panels[0], tolerance)
+        maps = [figure.add_subplot(rows, columns, 2 if single else number) for number in range(1, len(panels) + 1)]
+        colours = [_add_map(axes, panel, tolerance) for axes, panel in zip(maps, panels, strict=True)]
+        bar = figure.colorbar(colours[-1], ax=maps, shrink=0.85)
+        bar.set_label("growth of a major cycle, ρ − 1", fontsize=11)
 
 
-def _add_plan(axes: Axes, panel: Panel, tolerance: float) -> Any:
-    growth = np.where(panel.rho > 1 + tolerance, np.clip(panel.rho - 1, FAINTEST, MOST), np.nan)
+def _add_map(axes: Axes, panel: Panel, tolerance: float) -> Any:
+    """Add a panel's growth in colours and the limits of central differences; return the colours."""
+    growth = np.where(panel.rho > 1 + tolerance, np.clip(panel.rho - 1, LEAST_GROWTH, MOST_GROWTH), np.nan)
     axes.set_facecolor("#eef3ee")
     colours = axes.pcolormesh(
         panel.omega_s,
         panel.omega_l,
         growth,
-        norm=LogNorm(FAINTEST, MOST),
+        norm=LogNorm(LEAST_GROWTH, MOST_GROWTH),
         cmap="YlOrRd",
         shading="nearest",
         rasterized=True,
@@ -101,10 +93,11 @@ def _add_plan(axes: Axes, panel: Panel, tolerance: float) -> Any:
 
 
 def _add_surface(axes: Any, panel: Panel, tolerance: float) -> None:
-    every_s, every_l = (max(1, len(omega) // COARSE) for omega in (panel.omega_s, panel.omega_l))
+    """Add a panel as a surface that is 0 where the scheme is stable and 1 elsewhere."""
+    every_s, every_l = (max(1, len(omega) // SURFACE_LINES) for omega in (panel.omega_s, panel.omega_l))
     unstable = (panel.rho > 1 + tolerance)[::every_l, ::every_s].astype(float)
     x, y = np.meshgrid(panel.omega_s[::every_s], panel.omega_l[::every_l])
-    axes.plot_surface(x, y, unstable, color="#e8a13a", linewidth=0, rcount=COARSE, ccount=COARSE)
+    axes.plot_surface(x, y, unstable, color="#e8a13a", linewidth=0, rcount=SURFACE_LINES, ccount=SURFACE_LINES)
     axes.set_zlim(0, 1)
     axes.set_zticks([0, 1])
     axes.set_xlabel(r"$\Omega_S$", fontsize=12)

@@ -1,1 +1,1 @@
-"""The scene: what a TOML file asks for, checked."""
+"""Scenes: TOML files that are read into immutable tables and checked as a whole."""

@@ -2,67 +2,94 @@
 
 from __future__ import annotations
 
-from functools import partial
 from typing import Annotated, Literal
 
 from pydantic import AfterValidator, Field, model_validator
 
-from pipeline.core.units import PositiveDensity, PositiveLength, PositiveStress, unit_ratio
-from pipeline.scene.bodies import Element, Marker, Modes, Name, Place, Poisson, Solid, Support
-from pipeline.scene.reading import FaultError, Table, among
+from pipeline.core.units import PositiveDensity, PositiveLength, PositiveStress
+from pipeline.scene.bodies import ModeSettings, Poisson, Solid
+from pipeline.scene.places import MarkerPlace, NamedElement, Support
+from pipeline.scene.reading import FaultError, SceneTable, suggest_name
+from pipeline.scene.values import LengthUnit, Name, Order, PartName, SourceFile, UnitCheck
 
 
-def _unit(si: str, unit: str) -> str:
-    unit_ratio(si, unit)
-    return unit
-
-
-File = Annotated[str, Field(min_length=1, max_length=1000)]
-LengthUnit = Annotated[str, AfterValidator(partial(_unit, "m"))]
-
-
-class FileMesh(Table):
-    """A mesh that another program made.
+class MeshFile(SceneTable):
+    """A mesh that another program made: Abaqus, Nastran, Gmsh, MED, VTK and more.
 
     Parameters
     ----------
     file : str
-        Its file, relative to the scene's; the suffix tells the format.
+        The file, relative to the scene's; its suffix gives the format.
     unit : str
         The file's unit of length.
     order : int, optional
         Polynomial order of the displacement in an element; the file's own by default. 2 on a file of order 1 adds nodes
         in the middle of straight edges.
     repair : bool
-        Whether what is wrong with it is mended where that is safe.
+        True to mend faults of the mesh where that is safe; else they are listed and refused.
+
+    Examples
+    --------
+    ::
+
+        [body.bracket.mesh]
+        file = "bracket.inp"
+        unit = "mm"
     """
 
-    file: File
+    file: SourceFile
     unit: LengthUnit
-    order: Annotated[int, Field(strict=True, ge=1, le=2)] | None = None
+    order: Order | None = None
     repair: bool = False
 
 
-class CadMesh(Table):
-    """A CAD file's solids, meshed with tetrahedra that follow its curved faces.
+class CadFile(SceneTable):
+    """A CAD file whose solids are meshed with tetrahedra that follow its curved faces.
 
     Parameters
     ----------
     cad : str
-        STEP, IGES or BREP, relative to the scene's file.
+        A STEP, IGES or BREP file, relative to the scene's.
     size : float
-        Edge length of an element [m]; around bores and fillets they are smaller.
+        Edge length of an element [m]; around bores and fillets elements are smaller.
     order : int
         Polynomial order of the displacement in an element.
+
+    Examples
+    --------
+    ::
+
+        [body.bracket.mesh]
+        cad = "bracket.step"
+        size = "5 mm"
     """
 
-    cad: File
+    cad: SourceFile
     size: PositiveLength
-    order: Annotated[int, Field(strict=True, ge=1, le=2)] = 2
+    order: Order = 2
 
 
-class Substance(Table):
-    """What one of a body's parts is made of: ``E`` [Pa], ``nu`` and ``rho`` [kg/m³]."""
+class Substance(SceneTable):
+    """Material of one of a body's parts, where it differs from that of the whole body.
+
+    Parameters
+    ----------
+    E : float
+        Young's modulus [Pa].
+    nu : float
+        Poisson's ratio.
+    rho : float
+        Density [kg/m³].
+
+    Examples
+    --------
+    ::
+
+        [body.bracket.material.bush]
+        E = "110 GPa"
+        nu = 0.34
+        rho = "8700 kg/m^3"
+    """
 
     E: PositiveStress
     nu: Poisson
@@ -70,85 +97,159 @@ class Substance(Table):
 
 
 class Imported(Solid):
-    """A part that comes from a file; its faces and parts are known once that is read.
+    """Keys of a body whose mesh or shape comes from a file, beside those of every flexible body.
+
+    Faces and parts are known once the file is read; ``fmd mesh`` prints their names.
 
     Parameters
     ----------
     material : dict of str to Substance
-        What parts are made of, by their names, if not of what the whole body is.
+        Materials of single parts, by the part's name.
     """
 
-    material: dict[Place, Substance] = Field(default_factory=dict)
+    material: dict[PartName, Substance] = Field(default_factory=dict)
 
     @property
     def faces(self) -> None:
-        """Known once the file is read."""
+        """Unknown until the file is read."""
 
     @property
     def parts(self) -> None:
-        """Known once the file is read."""
+        """Unknown until the file is read."""
 
 
 class MeshedPart(Imported):
-    """A part whose mesh is read from a file; its faces and parts are the file's surfaces and sets."""
+    """A body whose mesh is read from a file; the file's surfaces and sets are its faces and parts.
+
+    Parameters
+    ----------
+    shape : str
+        Kind of body; ``mesh`` alone says it, too.
+    mesh : MeshFile
+        The file and its unit.
+
+    Examples
+    --------
+    ::
+
+        [body.bracket]
+        mesh = { file = "bracket.inp", unit = "mm" }
+        E = "70 GPa"
+        nu = 0.33
+        rho = "2700 kg/m^3"
+        modes = { count = 6 }
+        marker = { bore = { face = "bore" } }
+    """
 
     shape: Literal["mesh"]
-    mesh: FileMesh
+    mesh: MeshFile
 
 
 class CadPart(Imported):
-    """A part whose shape is read from a CAD file; its parts are the file's solids, sharing nodes where they touch."""
+    """A body whose shape is read from a CAD file; solids that touch share their nodes.
+
+    The file's solids are its parts; its faces have their names in STEP, their colour ``"#ff0000"`` and a number
+    ``face-7``.
+
+    Parameters
+    ----------
+    shape : str
+        Kind of body; ``mesh`` alone says it, too.
+    mesh : CadFile
+        The file and the size of the elements.
+
+    Examples
+    --------
+    ::
+
+        [body.bracket]
+        mesh = { cad = "bracket.step", size = "5 mm" }
+        E = "70 GPa"
+        nu = 0.33
+        rho = "2700 kg/m^3"
+        modes = { count = 6, boundary = "joint" }
+        marker = { bore = { near = ["31 mm", "20 mm", "4 mm"] } }
+    """
 
     shape: Literal["cad"]
-    mesh: CadMesh
+    mesh: CadFile
 
 
-class Matrices(Table):
-    """A body's matrices as another program has written them, three displacements a node.
+class MatrixFiles(SceneTable):
+    """Files that hold a body's matrices as another program wrote them, three displacements a node.
 
     Parameters
     ----------
     stiffness, mass : str
-        Matrix Market, SciPy's ``.npz`` or Abaqus' rows of node, direction, node, direction, value; relative to the
-        scene's file.
+        Matrix of the free body, relative to the scene's file: Matrix Market, SciPy's ``.npz``, or Abaqus' rows of
+        node, direction, node, direction, value.
     nodes : str
-        Rows of a node's number, x, y, z; in the matrices' order.
-    unit, stiffness_unit, mass_unit : str
-        The files' units of length, stiffness and mass.
+        Rows of a node's number, x, y and z, in the order of the matrices.
+    unit : str
+        Unit of length of ``nodes``.
+    stiffness_unit : str
+        Unit of the stiffness matrix.
+    mass_unit : str
+        Unit of the mass matrix.
+
+    Examples
+    --------
+    ::
+
+        [body.beam.matrices]
+        stiffness = "K.mtx"
+        mass = "M.mtx"
+        nodes = "nodes.csv"
+        unit = "mm"
+        stiffness_unit = "N/mm"
+        mass_unit = "t"
     """
 
-    stiffness: File
-    mass: File
-    nodes: File
+    stiffness: SourceFile
+    mass: SourceFile
+    nodes: SourceFile
     unit: LengthUnit
-    stiffness_unit: Annotated[str, AfterValidator(partial(_unit, "N/m"))] = "N/m"
-    mass_unit: Annotated[str, AfterValidator(partial(_unit, "kg"))] = "kg"
+    stiffness_unit: Annotated[str, AfterValidator(UnitCheck("N/m"))] = "N/m"
+    mass_unit: Annotated[str, AfterValidator(UnitCheck("kg"))] = "kg"
 
 
-class MatrixPart(Table):
-    """A part without a mesh: its matrices give modes and motion, but no stress and no picture.
+class MatrixPart(SceneTable):
+    """A body without a mesh, given by its matrices: it has modes and motion, but no stress and no picture.
 
     Parameters
     ----------
-    matrices
-        Its files.
-    modes, marker
-        Its modes, and its markers by name, on nodes or in a plane.
+    shape : str
+        Kind of body; ``matrices`` alone says it, too.
+    matrices : MatrixFiles
+        The files of the matrices and nodes.
+    modes : ModeSettings
+        Modes that describe the deformation.
+    marker : dict of str to MarkerPlace
+        Places for joints and loads, by name; each on ``nodes`` or in a ``plane``.
+
+    Examples
+    --------
+    ::
+
+        [body.beam]
+        matrices = { stiffness = "K.mtx", mass = "M.mtx", nodes = "nodes.csv", unit = "m" }
+        modes = { count = 10 }
+        marker = { root = { nodes = [17, 18, 19, 25] }, tip = { plane = "x = 340 mm" } }
     """
 
     shape: Literal["matrices"]
-    matrices: Matrices
-    modes: Modes
-    marker: dict[Name, Marker]
+    matrices: MatrixFiles
+    modes: ModeSettings
+    marker: dict[Name, MarkerPlace]
 
     @property
-    def element(self) -> dict[str, Element]:
-        """It has none."""
+    def element(self) -> dict[str, NamedElement]:
+        """Empty, since there is no mesh."""
         return {}
 
     @property
     def support(self) -> tuple[Support, ...]:
-        """It has none."""
+        """Empty, since there is no mesh."""
         return ()
 
     @model_validator(mode="after")
@@ -161,18 +262,6 @@ class MatrixPart(Table):
                 )
         for number, name in enumerate(self.modes.interface):
             if name not in self.marker:
-                message = f"no such marker; {among(name, self.marker, 'the markers')}"
+                message = f"no such marker; {suggest_name(name, self.marker, 'the markers')}"
                 raise FaultError(message, "modes", "interface", number)
         return self
-
-
-def with_shape(body: object) -> object:
-    """Add the shape that a body's mesh tells by itself."""
-    if isinstance(body, dict) and "shape" not in body:
-        mesh = body.get("mesh")
-        if "matrices" in body:
-            return body | {"shape": "matrices"}
-        for key, shape in (("file", "mesh"), ("cad", "cad")):
-            if isinstance(mesh, dict) and key in mesh:
-                return body | {"shape": shape}
-    return body

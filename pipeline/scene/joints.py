@@ -1,110 +1,39 @@
-"""The mechanism's tables in a scene file: rigid bodies, joints and drives."""
+"""Joints in a scene file: how bodies hang on the ground and on one another."""
 
 from __future__ import annotations
 
 from typing import Annotated, Literal
 
-from pydantic import BeforeValidator, Field, model_validator
+from pydantic import Field
 
 from pipeline.core.units import (
     Angle,
     AngularRate,
     Length,
-    MomentOfInertia,
     NonNegative,
-    NonNegativeTime,
-    PositiveLength,
-    PositiveMass,
-    PositiveTime,
     RotationalDamping,
     RotationalStiffness,
-    Torque,
     TranslationalDamping,
     TranslationalStiffness,
     Velocity,
 )
-from pipeline.scene.bodies import Axis, Bar, Name, Place, Propeller
-from pipeline.scene.imported_bodies import CadPart, MatrixPart, MeshedPart, with_shape
-from pipeline.scene.reading import FaultError, Table
-from pipeline.scene.time_functions import AngleOverTime, ForceOverTime, PositionOverTime, TorqueOverTime
+from pipeline.scene.reading import SceneTable
+from pipeline.scene.values import Axis, MarkerName
 
-Moment = Annotated[MomentOfInertia, NonNegative]
 Spin = tuple[AngularRate, AngularRate, AngularRate]
 
-_ROUNDING = 1e-9  # a plate's moments, 0.1 and 0.2 and 0.3, are just possible whatever their last digit
 
-
-class PointMarker(Table):
-    """A point of a rigid body, named for joints and results; ``at`` is its place in the body's frame [m]."""
-
-    at: tuple[Length, Length, Length]
-
-
-class Rod(Table):
-    """A uniform slender rigid rod along x, from the origin of its frame.
+class Revolute(SceneTable):
+    """A hinge: the child turns about one axis of the parent.
 
     Parameters
     ----------
-    mass : float
-        Its mass [kg].
-    length : float
-        Its extent along x [m].
-    marker
-        Its markers by name.
-    """
-
-    shape: Literal["rod"]
-    mass: PositiveMass
-    length: PositiveLength
-    marker: dict[Name, PointMarker]
-
-
-class PointMass(Table):
-    """A mass [kg] without extent, in the origin of its frame, and its markers by name."""
-
-    shape: Literal["point"]
-    mass: PositiveMass
-    marker: dict[Name, PointMarker]
-
-
-class RigidBody(Table):
-    """A rigid body of any shape, given by its inertia.
-
-    Parameters
-    ----------
-    mass : float
-        Its mass [kg].
-    centre : tuple of float
-        Where its centre of mass is, in its frame [m].
-    inertia : tuple of float
-        Principal moments about the centre of mass, along x, y and z of its frame [kg m²].
-    marker
-        Its markers by name.
-    """
-
-    shape: Literal["rigid"]
-    mass: PositiveMass
-    centre: tuple[Length, Length, Length] = (0.0, 0.0, 0.0)
-    inertia: tuple[Moment, Moment, Moment]
-    marker: dict[Name, PointMarker]
-
-    @model_validator(mode="after")
-    def _inertia_of_a_body(self) -> RigidBody:
-        largest = max(self.inertia)
-        if largest > (sum(self.inertia) - largest) * (1 + _ROUNDING):
-            raise FaultError("isn't any body's: no moment is greater than the sum of the other two", "inertia")
-        return self
-
-
-class Revolute(Table):
-    """A hinge.
-
-    Parameters
-    ----------
-    parent, child : str
-        ``"body.marker"``; the parent may be ``"ground"``.
+    parent : str
+        Marker that the joint hangs on, or ``"ground"``.
+    child : str
+        Marker of the body that the joint carries.
     axis : tuple of float
-        Its direction; the length is of no account.
+        Direction of the axis in the parent's frame; its length doesn't count.
     angle : float
         Angle at the start [rad].
     rate : float
@@ -115,11 +44,23 @@ class Revolute(Table):
         Angle at which the spring is unstretched [rad].
     damper : float
         Coefficient of a damper about the axis [N m s/rad].
+
+    Examples
+    --------
+    ::
+
+        [joint.elbow]
+        type = "revolute"
+        parent = "upper.elbow"
+        child = "forearm.elbow"
+        axis = [0, 0, 1]
+        spring = "60 N m/rad"
+        damper = "0.2 N m s/rad"
     """
 
     type: Literal["revolute"]
-    parent: Place
-    child: Place
+    parent: MarkerName
+    child: MarkerName
     axis: Axis
     angle: Angle = 0.0
     rate: AngularRate = 0.0
@@ -128,15 +69,17 @@ class Revolute(Table):
     damper: Annotated[RotationalDamping, NonNegative] = 0.0
 
 
-class Prismatic(Table):
-    """A slide.
+class Prismatic(SceneTable):
+    """A slide: the child moves along one axis of the parent, without turning.
 
     Parameters
     ----------
-    parent, child : str
-        ``"body.marker"``; the parent may be ``"ground"``.
+    parent : str
+        Marker that the joint hangs on, or ``"ground"``.
+    child : str
+        Marker of the body that the joint carries.
     axis : tuple of float
-        Its direction; the length is of no account.
+        Direction of the axis in the parent's frame; its length doesn't count.
     position : float
         Displacement of the child's marker from the parent's at the start [m].
     rate : float
@@ -147,11 +90,23 @@ class Prismatic(Table):
         Displacement at which the spring is unstretched [m].
     damper : float
         Coefficient of a damper along the axis [N s/m].
+
+    Examples
+    --------
+    ::
+
+        [joint.slide]
+        type = "prismatic"
+        parent = "rod.rest"
+        child = "slider.centre"
+        axis = [1, 0, 0]
+        position = "0.15 m"
+        spring = "1000 N/m"
     """
 
     type: Literal["prismatic"]
-    parent: Place
-    child: Place
+    parent: MarkerName
+    child: MarkerName
     axis: Axis
     position: Length = 0.0
     rate: Velocity = 0.0
@@ -160,147 +115,90 @@ class Prismatic(Table):
     damper: Annotated[TranslationalDamping, NonNegative] = 0.0
 
 
-class Fixed(Table):
-    """A weld: the child's marker stays on the parent's, without turning."""
+class Fixed(SceneTable):
+    """A weld: the child's marker stays on the parent's, without turning.
+
+    Parameters
+    ----------
+    parent : str
+        Marker that the joint hangs on, or ``"ground"``.
+    child : str
+        Marker of the body that the joint carries.
+
+    Examples
+    --------
+    ::
+
+        [joint.flange]
+        type = "fixed"
+        parent = "ground"
+        child = "plate.rim"
+    """
 
     type: Literal["fixed"]
-    parent: Place
-    child: Place
+    parent: MarkerName
+    child: MarkerName
 
 
-class Spherical(Table):
+class Spherical(SceneTable):
     """A ball joint: the child's marker stays on the parent's and turns freely.
 
     Parameters
     ----------
-    parent, child : str
-        ``"body.marker"``; the parent may be ``"ground"``.
+    parent : str
+        Marker that the joint hangs on, or ``"ground"``.
+    child : str
+        Marker of the body that the joint carries.
     spin : tuple of float
         Angular velocity against the parent at the start, along the child's axes [rad/s].
+
+    Examples
+    --------
+    ::
+
+        [joint.ball]
+        type = "spherical"
+        parent = "ground"
+        child = "top.foot"
+        spin = ["0 rad/s", "0 rad/s", "100 rad/s"]
     """
 
     type: Literal["spherical"]
-    parent: Place
-    child: Place
+    parent: MarkerName
+    child: MarkerName
     spin: Spin = (0.0, 0.0, 0.0)
 
 
-class Free(Table):
-    """No constraint: the child moves freely against the parent.
+class Free(SceneTable):
+    """No constraint: the child moves and turns freely against the parent.
 
     Parameters
     ----------
-    parent, child : str
-        ``"body.marker"``; the parent may be ``"ground"``.
+    parent : str
+        Marker that the joint hangs on, or ``"ground"``.
+    child : str
+        Marker of the body that the joint carries.
     velocity : tuple of float
         Velocity of the child's marker against the parent at the start [m/s].
     spin : tuple of float
         Angular velocity against the parent at the start, along the child's axes [rad/s].
+
+    Examples
+    --------
+    ::
+
+        [joint.flight]
+        type = "free"
+        parent = "ground"
+        child = "box.corner"
+        velocity = ["1 m/s", "0 m/s", "2 m/s"]
     """
 
     type: Literal["free"]
-    parent: Place
-    child: Place
+    parent: MarkerName
+    child: MarkerName
     velocity: tuple[Velocity, Velocity, Velocity] = (0.0, 0.0, 0.0)
     spin: Spin = (0.0, 0.0, 0.0)
 
 
-class TorquePulse(Table):
-    """A smooth torque about a joint that ends by itself, given by its effect or by its peak.
-
-    Parameters
-    ----------
-    joint : str
-        The joint that it drives.
-    duration, start : float
-        How long it lasts and when it begins [s].
-    speed : float, optional
-        Mean rate that it brings the joint to from rest [rad/s].
-    torque : float, optional
-        Its peak [N m].
-    """
-
-    type: Literal["torque pulse"]
-    joint: Place
-    duration: PositiveTime
-    start: NonNegativeTime = 0.0
-    speed: AngularRate | None = None
-    torque: Torque | None = None
-
-    @model_validator(mode="after")
-    def _sized_one_way(self) -> TorquePulse:
-        if self.speed is None and self.torque is None:
-            raise FaultError("is missing: give it, e.g. '20 rad/s', or a torque, e.g. '1.5 N m'", "speed")
-        if self.speed is not None and self.torque is not None:
-            raise FaultError("can't stand beside speed: give one of the two", "torque")
-        return self
-
-
-class TorqueDrive(Table):
-    """A ``torque`` [N m] about a revolute joint."""
-
-    type: Literal["torque"]
-    joint: Place
-    torque: TorqueOverTime
-
-
-class ForceDrive(Table):
-    """A ``force`` [N] along a prismatic joint."""
-
-    type: Literal["force"]
-    joint: Place
-    force: ForceOverTime
-
-
-class MotionDrive(Table):
-    """A prescribed motion of a revolute joint's ``angle`` [rad] or a prismatic one's ``position`` [m]."""
-
-    type: Literal["motion"]
-    joint: Place
-    angle: AngleOverTime | None = None
-    position: PositionOverTime | None = None
-
-
-class PointForce(Table):
-    """A force at a point of a body.
-
-    Parameters
-    ----------
-    marker : str
-        ``"body.marker"`` that it acts on.
-    direction : tuple of float
-        Its direction; the length is of no account.
-    force : TimeFunction
-        Its size [N].
-    following : bool
-        Whether the direction turns with the marker; else it is fixed in space.
-    """
-
-    type: Literal["point force"]
-    marker: Place
-    direction: Axis
-    force: ForceOverTime
-    following: bool = False
-
-
-class PointTorque(Table):
-    """A ``torque`` [N m] on a body's marker; else as a point force."""
-
-    type: Literal["point torque"]
-    marker: Place
-    direction: Axis
-    torque: TorqueOverTime
-    following: bool = False
-
-
-# Each is told apart by one key.
-Flexible = Bar | Propeller | MeshedPart | CadPart | MatrixPart
-Body = Annotated[
-    Bar | Propeller | Rod | PointMass | RigidBody | MeshedPart | CadPart | MatrixPart,
-    Field(discriminator="shape"),
-    BeforeValidator(with_shape),
-]
 Joint = Annotated[Revolute | Prismatic | Fixed | Spherical | Free, Field(discriminator="type")]
-Drive = Annotated[
-    TorquePulse | TorqueDrive | ForceDrive | MotionDrive | PointForce | PointTorque, Field(discriminator="type")
-]

@@ -1,98 +1,120 @@
-"""The output tables in a scene file: charts, pictures and films."""
+"""Outputs in a scene file: charts, pictures and films, and files for other tools."""
 
 from __future__ import annotations
 
-import re
 from typing import Annotated, Literal
 
 from pydantic import AfterValidator, Field, model_validator
 
-from pipeline.core.units import Angle, Length, NonNegative, Positive, PositiveLength, Stress
-from pipeline.scene.bodies import Number, Place
-from pipeline.scene.reading import FaultError, Table
+from pipeline.core.units import Stress
+from pipeline.scene.pictures import Component, Film, MeshPicture, ModePictures, ModeSheet, StressPicture
+from pipeline.scene.reading import FaultError, SceneTable
+from pipeline.scene.values import BodyName, ElementName, FileCheck, JointName, MarkerName, Text
+
+# Meanings of the quantities that a chart can draw.
+CHART_QUANTITIES = {
+    "joint_position": "angle of a revolute or displacement of a prismatic joint, named by `joint` if there are several",
+    "joint_rate": "angular rate or speed of such a joint",
+    "tip_position": "position of the tip in space",
+    "tip_deflection": "displacement of the tip by deformation, seen from the section at its body's joint, in its axes",
+    "tip_displacement": "displacement of the tip by deformation, in the floating frame of its body",
+    "marker_position": "position of any marker in space, named by `marker`",
+    "modal_coordinates": "modal coordinates of the body named by `body`, or of that with the tip",
+    "energy": "kinetic and potential energy",
+    "centre_of_mass": "position of the centre of all bodies' mass in space",
+    "momentum": "momentum of all bodies",
+    "angular_momentum": "angular momentum of all bodies about the ground's origin",
+    "com_velocity": "velocity of the centre of mass",
+    "com_angular_velocity": "angular velocity of the centre of mass about the axis of the first joint",
+    "element_stress": "stress in a named element, given by `element` and `component`",
+    "com_position": "the former name of `centre_of_mass`",
+    "joint_angle": "the former name of `joint_position`",
+}
 
 
-def _file(*suffixes: str) -> AfterValidator:
-    """Return a check for a plain file name with one of these suffixes."""
-
-    def check(file: str) -> str:
-        plain = re.fullmatch(r"\w[\w .-]{0,99}", file.replace("{mode}", "1"))
-        if not plain or ".." in file or not file.endswith(suffixes):
-            raise ValueError(f"must be a plain file name without a folder, ending in {' or '.join(suffixes)}")
-        return file
-
-    return AfterValidator(check)
+JOINT_QUANTITIES = ("joint_position", "joint_rate", "joint_angle")
 
 
-def _no_mode(file: str) -> str:
-    if "{mode}" in file:
-        raise ValueError("'{mode}' belongs to an output of type 'modes'")
-    return file
-
-
-def _one_mode(file: str) -> str:
-    if file.count("{mode}") != 1:
-        raise ValueError("must hold '{mode}' once, for the mode's number, e.g. 'mode-{mode}.png'")
-    return file
-
-
-Pixels = Annotated[int, Field(strict=True, ge=64, le=8192)]
-Scale = Annotated[Number, NonNegative]
-Component = Literal["von Mises", "xx", "yy", "zz", "yz", "xz", "xy", "principal 1", "principal 2", "principal 3"]
-
-
-class Chart(Table):
-    """A chart of one quantity over time, with all runs in it.
+class Chart(SceneTable):
+    """A chart of one quantity over time with the curves of all runs.
 
     Parameters
     ----------
-    file, title : str
-        Its file, and the text above it.
+    file : str
+        File of the chart.
     quantity : str
-        What is drawn.
+        Quantity that is drawn; the table of quantities below explains each.
     joint : str, optional
-        The revolute or prismatic joint whose coordinate or rate is drawn.
+        Revolute or prismatic joint whose position or rate is drawn; needed if there are several.
+    body : str, optional
+        Flexible body whose modal coordinates are drawn; that of the tip by default.
+    marker : str, optional
+        Marker whose position in space is drawn.
     element : str, optional
-        ``"body.element"``, a named element whose stress is drawn.
+        Named element whose stress is drawn.
     component : str
-        Of that stress.
+        Component of that stress; principal stresses are numbered from the largest.
     unit : str, optional
-        What it is drawn in, e.g. ``"deg"`` or ``"mm/s"``; else in rad, m, s and MPa.
+        Unit of the axis, e.g. ``"deg"`` or ``"mm/s"``; rad, m, s and MPa by default.
+    title : str
+        Text above the chart; the quantity's name by default.
     band : tuple of float, optional
-        A range of stress to be marked [Pa], with ``band_title`` in the legend.
+        Range of stress that is marked [Pa].
+    band_title : str
+        Text for the band in the legend.
+
+    Examples
+    --------
+    ::
+
+        [[output]]
+        type = "chart"
+        file = "shoulder.png"
+        quantity = "joint_position"
+        joint = "shoulder"
+        unit = "deg"
     """
 
     type: Literal["chart"]
-    file: Annotated[str, _file(".png", ".pdf", ".svg"), AfterValidator(_no_mode)]
+    file: Annotated[str, AfterValidator(FileCheck((".png", ".pdf", ".svg")))]
     quantity: Literal[
-        "com_position",
-        "com_velocity",
-        "com_angular_velocity",
+        "joint_position",
+        "joint_rate",
+        "tip_position",
         "tip_deflection",
         "tip_displacement",
-        "tip_position",
-        "joint_angle",
-        "joint_rate",
-        "joint_position",
+        "marker_position",
         "modal_coordinates",
         "energy",
+        "centre_of_mass",
+        "momentum",
+        "angular_momentum",
+        "com_velocity",
+        "com_angular_velocity",
         "element_stress",
+        "com_position",
+        "joint_angle",
     ]
-    joint: Place | None = None
-    element: Place | None = None
+    joint: JointName | None = None
+    body: BodyName | None = None
+    marker: MarkerName | None = None
+    element: ElementName | None = None
     component: Component = "von Mises"
-    unit: Place | None = None
+    unit: Text | None = None
     title: str = ""
     band: tuple[Stress, Stress] | None = None
     band_title: str = ""
 
     @model_validator(mode="after")
     def _joint_where_needed(self) -> Chart:
-        if self.quantity == "joint_position" and self.joint is None:
-            raise FaultError("is missing: the name of the joint whose coordinate is drawn", "joint")
-        if self.quantity not in ("joint_position", "joint_rate") and self.joint is not None:
-            raise FaultError("belongs to the quantities 'joint_position' and 'joint_rate'", "joint")
-        if self.unit is not None and self.joint is None and self.element is None:
+        if self.quantity != "modal_coordinates" and self.body is not None:
+            raise FaultError("belongs to the quantity 'modal_coordinates'", "body")
+        if (self.marker is None) == (self.quantity == "marker_position"):
+            wrong = "is missing: 'body.marker', the marker" if self.marker is None else "belongs to 'marker_position'"
+            raise FaultError(wrong, "marker")
+        if self.quantity not in JOINT_QUANTITIES and self.joint is not None:
+            raise FaultError(f"belongs to the quantities {', '.join(JOINT_QUANTITIES[:2])}", "joint")
+        if self.unit is not None and self.quantity not in (*JOINT_QUANTITIES, "element_stress"):
             raise FaultError("belongs to a joint's position or rate, or to a stress", "unit")
         if (self.element is None) == (self.quantity == "element_stress"):
             wrong = "is missing: 'body.element', the element" if self.element is None else "belongs to 'element_stress'"
@@ -102,93 +124,35 @@ class Chart(Table):
         return self
 
 
-class Picture(Table):
-    """What pictures and films have in common.
+class Export(SceneTable):
+    """A file for other tools; its suffix gives the format and what it holds.
+
+    ``.msh`` and ``.vtu`` hold the mesh with its parts, ``.vtkhdf`` displacement and stress at several times for
+    ParaView, ``.nc`` the reduced body: modes, mass, stiffness, inertia integrals and the stress of each mode.
 
     Parameters
     ----------
+    file : str
+        File that is written.
     body : str
-        The flexible body that is shown.
-    size : tuple of int, optional
-        Width and height [pixels].
-    camera : tuple of float, optional
-        Where the viewer stands: azimuth about z, counted from x, and elevation [rad].
-    zoom : float
-        Factor on the body's size in the picture.
-    focus : tuple of float, optional
-        The point in the middle of a close-up [m].
-    extent : float, optional
-        Length that the picture's width shows [m].
-    colour_map : str
-        Matplotlib's name of the colours.
-    title : str
-        The text above; else it is made from the scene's.
-    """
+        Flexible body that it holds.
+    frames : int
+        Number of output times in a ``.vtkhdf`` file, spread over the duration.
 
-    body: Place
-    size: tuple[Pixels, Pixels] | None = None
-    camera: tuple[Angle, Annotated[Angle, Field(ge=-1.58, le=1.58)]] | None = None
-    zoom: Annotated[Number, Field(ge=0.01, le=1000.0)] = 1.0
-    focus: tuple[Length, Length, Length] | None = None
-    extent: PositiveLength | None = None
-    colour_map: Place = "turbo"
-    title: str = ""
+    Examples
+    --------
+    ::
 
-
-class MeshPicture(Picture):
-    """A picture of a body's mesh, its parts in colours."""
-
-    type: Literal["mesh"]
-    file: Annotated[str, _file(".png"), AfterValidator(_no_mode)]
-
-
-class ModePictures(Picture):
-    """A picture of each mode; its number replaces ``{mode}`` in ``file``, ``scale`` magnifies its shape."""
-
-    type: Literal["modes"]
-    file: Annotated[str, _file(".png"), AfterValidator(_one_mode)]
-    scale: Annotated[Number, Positive] | None = None
-
-
-class ModeSheet(Picture):
-    """The first ``count`` elastic modes in one picture; ``scale`` magnifies their shapes."""
-
-    type: Literal["mode sheet"]
-    file: Annotated[str, _file(".png"), AfterValidator(_no_mode)]
-    count: Annotated[int, Field(strict=True, ge=1, le=30)] = 6
-    scale: Annotated[Number, Positive] = 1.0
-
-
-class StressPicture(Picture):
-    """A picture of one ``component`` of the stress at the worst instant; ``scale`` magnifies the deformation."""
-
-    type: Literal["stress"]
-    file: Annotated[str, _file(".png"), AfterValidator(_no_mode)]
-    component: Component = "von Mises"
-    scale: Scale = 1.0
-
-
-class Film(Picture):
-    """A film of a body in motion: ``frames`` pictures, shown at ``rate`` [1/s]; else as for the stress."""
-
-    type: Literal["film"]
-    file: Annotated[str, _file(".mp4", ".gif"), AfterValidator(_no_mode)]
-    component: Component = "von Mises"
-    scale: Scale = 1.0
-    frames: Annotated[int, Field(strict=True, ge=2, le=2000)]
-    rate: Annotated[Number, Positive]
-
-
-class Export(Table):
-    """A file for other tools, by its suffix.
-
-    ``.msh`` and ``.vtu`` hold the mesh with its parts, ``.vtkhdf`` displacement and stress at ``frames`` output times,
-    ``.nc`` the reduced body: modes, mass, stiffness, inertia integrals and the stress of each mode.
+        [[output]]
+        type = "export"
+        file = "motion.vtkhdf"
+        body = "propeller"
+        frames = 41
     """
 
     type: Literal["export"]
-    file: Annotated[str, _file(".msh", ".vtu", ".vtkhdf", ".nc"), AfterValidator(_no_mode)]
-    body: Place
+    file: Annotated[str, AfterValidator(FileCheck((".msh", ".vtu", ".vtkhdf", ".nc")))]
+    body: BodyName
     frames: Annotated[int, Field(strict=True, ge=2, le=2000)] = 21
 
 

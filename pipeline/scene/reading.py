@@ -1,4 +1,4 @@
-"""Reading a scene file: finding it, its TOML, values set on the command line, one message for a fault."""
+"""Reading of scene files: finding the file, its TOML, values from the command line, one message for a fault."""
 
 from __future__ import annotations
 
@@ -44,8 +44,8 @@ class FaultError(ValueError):
         super().__init__(message)
 
 
-class Table(BaseModel):
-    """A table of the scene file: immutable, and no key is ever ignored."""
+class SceneTable(BaseModel):
+    """A table of the scene file, immutable once read; an unknown key in it is a fault, never ignored."""
 
     model_config = ConfigDict(frozen=True, extra="forbid", allow_inf_nan=False)
 
@@ -55,34 +55,34 @@ class Table(BaseModel):
         known = [field.alias or name for name, field in cls.model_fields.items()]
         unknown = [key for key in table if key not in known] if isinstance(table, dict) else []
         if unknown:
-            message = f"no such key; {among(unknown[0], known, 'the keys here')}"
+            message = f"no such key; {suggest_name(unknown[0], known, 'the keys here')}"
             raise FaultError(message, unknown[0], more=len(unknown) - 1)
         return table
 
 
 @dataclass(frozen=True, slots=True)
 class SceneFile:
-    """What a scene file holds, before it is checked.
+    """Content of a scene file before its values are checked.
 
     Parameters
     ----------
     file : str
-        Where it was read from.
+        Path that it was read from.
     data : dict
         Its tables, with the overrides in them.
     overridden : tuple
-        The keys that were overridden.
+        Paths of the keys that were set on the command line.
     """
 
     file: str
     data: dict[str, Any]
     overridden: tuple[KeyPath, ...]
 
-    def input_error(self, error: ValidationError) -> InputError:
-        """Turn the faults that pydantic found into one message, about the first of them."""
-        faults = [(_without_tags(fault["loc"]), fault) for fault in error.errors(include_url=False)]
+    def make_error(self, error: ValidationError) -> InputError:
+        """Turn pydantic's list of faults into one message about the first of them."""
+        faults = [(_remove_tags(fault["loc"]), fault) for fault in error.errors(include_url=False)]
         path = faults[0][0]
-        # A quantity that may also be a word has a fault for each: that of the quantity tells more.
+        # A quantity that may also be a word has a fault for each; that of the quantity is the better message.
         here = [fault for place, fault in faults if place == path]
         first = next((fault for fault in here if fault["type"] != "literal_error"), here[0])
         fault = first.get("ctx", {}).get("error")
@@ -93,11 +93,11 @@ class SceneFile:
         if first["type"].startswith("union_tag"):
             path += (first["ctx"]["discriminator"].strip("'"),)
         given = any(path[: len(key)] == key for key in self.overridden)
-        mend = _mend(first) + (f" (and {more} more)" if more else "")
-        return InputError(_SET if given else self.file, _dotted(path), self._value(path), mend)
+        mend = _write_mend(first) + (f" (and {more} more)" if more else "")
+        return InputError(_SET if given else self.file, _join_path(path), self._value(path), mend)
 
     def _value(self, path: KeyPath) -> object:
-        """Return the value at a path, ``None`` if it is missing or too long for a message."""
+        """Return the value at a path; ``None`` if it is missing or too long for a message."""
         value: Any = self.data
         try:
             for key in path:
@@ -113,15 +113,15 @@ def read_scene_file(name_or_path: str | Path, overrides: Sequence[str]) -> Scene
     file = str(source)
     data = _parse(file, _read(file, source))
     if "base" in data:
-        data = _based(file, data)
-    return SceneFile(file, data, tuple(_override(data, text) for text in overrides))
+        data = _add_base(file, data)
+    return SceneFile(file, data, tuple(_set_value(data, text) for text in overrides))
 
 
-def _based(file: str, data: dict[str, Any]) -> dict[str, Any]:
-    """Take the tables that the file leaves out from the ready scene that it names as its base."""
+def _add_base(file: str, data: dict[str, Any]) -> dict[str, Any]:
+    """Add those tables of the ready scene named as the base that the file leaves out."""
     name = data.pop("base")
-    if name not in ready_scenes():
-        raise InputError(file, "base", name, among(str(name), ready_scenes(), "the ready scenes"))
+    if name not in list_ready_scenes():
+        raise InputError(file, "base", name, suggest_name(str(name), list_ready_scenes(), "the ready scenes"))
     source = files("models") / f"{name}.toml"
     base = _parse(str(source), _read(str(source), source))
     if "base" in base:
@@ -129,13 +129,16 @@ def _based(file: str, data: dict[str, Any]) -> dict[str, Any]:
     return base | data
 
 
-def ready_scenes() -> tuple[str, ...]:
-    """Return the names of the scenes that come with the package."""
+def list_ready_scenes() -> tuple[str, ...]:
+    """List the names of the scenes that come with the package, in alphabetical order."""
     return tuple(sorted(Path(f.name).stem for f in files("models").iterdir() if f.name.endswith(".toml")))
 
 
-def among(given: str, names: Iterable[str], what: str) -> str:
-    """List the names that exist, after the one that ``given`` was probably meant to be."""
+def suggest_name(given: str, names: Iterable[str], what: str) -> str:
+    """Write the names that exist for a message, the likeliest meaning of ``given`` first.
+
+    ``suggest_name("hup", ["hub"], "the joints")`` is ``"did you mean 'hub'? the joints: hub"``.
+    """
     names = list(names)
     near = difflib.get_close_matches(given, names, n=1)
     meant = f"did you mean {near[0]!r}? " if near else ""
@@ -146,8 +149,8 @@ def _find(name: str) -> Traversable:
     path = Path(name)
     if path.name != name or path.suffix:
         return path
-    if name not in ready_scenes():
-        mend = f"no such ready scene; {among(name, ready_scenes(), 'the ready scenes')}"
+    if name not in list_ready_scenes():
+        mend = f"no such ready scene; {suggest_name(name, list_ready_scenes(), 'the ready scenes')}"
         raise InputError(name or "scene", "", None, f"{mend}; your own needs its path, e.g. my-scene.toml")
     return files("models") / f"{name}.toml"
 
@@ -157,7 +160,7 @@ def _read(file: str, source: Traversable) -> str:
         if source.is_dir():
             raise InputError(file, "", None, "is a folder; give the scene file in it")
         if not source.is_file():
-            raise InputError(file, "", None, f"no such file; the ready scenes: {', '.join(ready_scenes())}")
+            raise InputError(file, "", None, f"no such file; the ready scenes: {', '.join(list_ready_scenes())}")
         with source.open("rb") as stream:
             content = stream.read(_MOST_BYTES + 1)
     except (OSError, ValueError) as error:
@@ -180,8 +183,8 @@ def _parse(file: str, text: str) -> dict[str, Any]:
         raise InputError(file, "", None, mend) from None
 
 
-def _override(data: dict[str, Any], text: str) -> KeyPath:
-    """Apply ``body.beam.length=300mm`` to the tables and return the path of its key."""
+def _set_value(data: dict[str, Any], text: str) -> KeyPath:
+    """Set a value given as ``body.beam.length=300mm`` in the tables and return the path of its key."""
     dotted, equals, given = (part.strip() for part in text.partition("="))
     *tables, last = dotted.split(".")
     if not equals or not all((*tables, last)):
@@ -189,26 +192,26 @@ def _override(data: dict[str, Any], text: str) -> KeyPath:
     node: Any = data
     path: KeyPath = ()
     for part in tables:
-        path += (_existing_key(dotted, node, part),)
+        path += (_find_key(dotted, node, part),)
         node = node[path[-1]]
-    key = last if isinstance(node, dict) else _existing_key(dotted, node, last)
-    node[key] = toml_value(given)
+    key = last if isinstance(node, dict) else _find_key(dotted, node, last)
+    node[key] = parse_value(given)
     return (*path, key)
 
 
-def _existing_key(dotted: str, node: object, part: str) -> str | int:
-    """Return the key in a table or the number in a list that one part of a dotted path stands for."""
+def _find_key(dotted: str, node: object, part: str) -> str | int:
+    """Return the key of a table, or the number in a list, that one part of a dotted path names."""
     if isinstance(node, dict):
         names = list(node)
     else:
         names = [str(number) for number in range(len(node))] if isinstance(node, list) else []
     if part not in names:
-        raise InputError(_SET, dotted, None, f"there is no {part!r}; {among(part, names, 'the keys there')}")
+        raise InputError(_SET, dotted, None, f"there is no {part!r}; {suggest_name(part, names, 'the keys there')}")
     return part if isinstance(node, dict) else int(part)
 
 
-def toml_value(text: str) -> object:
-    """Parse a TOML value; what isn't one is taken as a string."""
+def parse_value(text: str) -> object:
+    """Parse a TOML value; text that isn't one is returned as a string."""
     try:
         table = tomllib.loads(f"value = {text}")
     except (ValueError, RecursionError):
@@ -216,8 +219,8 @@ def toml_value(text: str) -> object:
     return table["value"] if len(table) == 1 else text
 
 
-def _without_tags(location: KeyPath) -> KeyPath:
-    """Drop what pydantic adds: the kind after a table or a value that has kinds, and a mark for a fault in a key."""
+def _remove_tags(location: KeyPath) -> KeyPath:
+    """Remove what pydantic adds to a path: the kind of a table or value, and a mark for a fault in a key."""
     if location[:2] == ("simulation", "run"):
         location = location[:3] + location[4:]
     elif location[:1] in (("body",), ("joint",), ("drive",), ("output",)):
@@ -227,11 +230,11 @@ def _without_tags(location: KeyPath) -> KeyPath:
     return location
 
 
-def _dotted(path: KeyPath) -> str:
+def _join_path(path: KeyPath) -> str:
     return ".".join(str(k) if re.fullmatch(r"[\w-]{1,60}", str(k)) else reprlib.repr(k) for k in path)
 
 
-def _mend(error: ErrorDetails) -> str:
+def _write_mend(error: ErrorDetails) -> str:
     match error["type"]:
         case "value_error":
             return str(error["ctx"]["error"])

@@ -1,178 +1,72 @@
-"""Integrations in a scene file: what is integrated over time, and by which methods."""
+"""The simulation in a scene file: its duration, its settings and its runs."""
 
 from __future__ import annotations
 
-from typing import Annotated, ClassVar, Literal
+from typing import Annotated, Literal
 
 from pydantic import Field, model_validator
 
-from pipeline.core.units import Acceleration, PositiveFrequency, PositiveTime
-from pipeline.scene.bodies import Count, Number, Place
-from pipeline.scene.reading import FaultError, KeyPath, Table
-
-Tolerance = Annotated[Number, Field(ge=3e-14, lt=1.0)]
-
-
-class CentralDifference(Table):
-    """Central differences; ``step`` [s] overrides that of the simulation."""
-
-    integrator: Literal["central-difference"]
-    step: PositiveTime | None = None
+from pipeline.core.units import Acceleration, PositiveTime
+from pipeline.scene.reading import FaultError, KeyPath, SceneTable
+from pipeline.scene.runs import AutoRun, RosenbrockRun, Run, RungeKuttaRun, ScipyRun
+from pipeline.scene.values import JointName, MarkerName, Number
 
 
-class SubCycling(Table):
-    """Sub-cycling.
+class Simulation(SceneTable):
+    """The integration over time: its duration, its settings, and the runs by one or several integrators.
 
     Parameters
     ----------
-    substeps : int or str
-        Fast steps in a slow one; ``"auto"`` chooses with the split.
-    split : float or str
-        What is slow: all joints but those listed as fast (``"joints"``), every coordinate below a frequency [Hz], or
-        what makes the least work for the wanted error (``"auto"``).
-    step : float, optional
-        Fast step [s]; overrides that of the simulation.
-    """
-
-    integrator: Literal["sub-cycling"]
-    substeps: Count | Literal["auto"]
-    split: Literal["joints", "auto"] | PositiveFrequency = "joints"
-    step: PositiveTime | None = None
-
-    @model_validator(mode="after")
-    def _both_or_none(self) -> SubCycling:
-        if (self.substeps == "auto") != (self.split == "auto"):
-            raise FaultError("is chosen together with the split: give both 'auto' or none", "substeps")
-        return self
-
-
-class ReversibleSubCycling(Table):
-    """Sub-cycling that inertial coupling leaves stable.
-
-    Parameters
-    ----------
-    substeps : int
-        Fast steps in a slow one; with 1 it is central differences.
-    split : float or str
-        What is slow: all joints but those listed as fast (``"joints"``), or every coordinate below a frequency [Hz].
-    step : float, optional
-        Fast step [s]; overrides that of the simulation.
-    """
-
-    integrator: Literal["reversible-sub-cycling"]
-    substeps: Count
-    split: Literal["joints"] | PositiveFrequency = "joints"
-    step: PositiveTime | None = None
-
-
-class ExponentialRun(Table):
-    """Exponential time differencing of order 4; ``step`` [s] overrides that of the simulation."""
-
-    integrator: Literal["exponential"]
-    step: PositiveTime | None = None
-
-
-class RosenbrockRun(Table):
-    """Exponential Rosenbrock method of order 4: chooses its steps by a relative ``tolerance``."""
-
-    integrator: Literal["exponential-rosenbrock"]
-    tolerance: Tolerance = 1e-6
-
-    step: ClassVar[None] = None
-
-
-class RungeKuttaRun(Table):
-    """Dormand and Prince's Runge–Kutta method of order 8: chooses its steps by a relative ``tolerance``."""
-
-    integrator: Literal["runge-kutta"]
-    tolerance: Tolerance = 1e-9
-
-    step: ClassVar[None] = None
-
-
-class GeneralizedAlphaRun(Table):
-    """Generalised-α with spectral radius ``rho`` at infinite frequency; with a ``tolerance`` it chooses its steps."""
-
-    integrator: Literal["generalized-alpha"]
-    rho: Annotated[Number, Field(ge=0.0, le=1.0)] = 0.8
-    step: PositiveTime | None = None
-    tolerance: Tolerance | None = None
-
-    @model_validator(mode="after")
-    def _one_of_two(self) -> GeneralizedAlphaRun:
-        if self.step is not None and self.tolerance is not None:
-            raise FaultError("can't stand beside a step: with a tolerance the method chooses its steps", "tolerance")
-        return self
-
-
-class ScipyRun(Table):
-    """One of SciPy's adaptive methods, with its relative ``tolerance``."""
-
-    integrator: Literal["DOP853", "Radau", "LSODA"]
-    tolerance: Tolerance = 1e-9
-
-    step: ClassVar[None] = None
-
-
-class AutoRun(Table):
-    """The method that measurements say is fastest, with a step that meets the simulation's wanted error."""
-
-    integrator: Literal["auto"]
-
-    step: ClassVar[None] = None
-
-
-Run = Annotated[
-    CentralDifference
-    | SubCycling
-    | ReversibleSubCycling
-    | ExponentialRun
-    | RosenbrockRun
-    | RungeKuttaRun
-    | GeneralizedAlphaRun
-    | ScipyRun
-    | AutoRun,
-    Field(discriminator="integrator"),
-]
-
-
-class Simulation(Table):
-    """What is integrated over time, and how.
-
-    Parameters
-    ----------
-    duration, output_step : float
-        How long it lasts, and the time between two results [s].
+    duration : float
+        Time that is integrated [s].
+    output_step : float
+        Time between two results [s]; it doesn't change the integrators' steps.
     step : float or str, optional
-        Time step of the methods that don't choose it [s]; ``"auto"`` for the longest with the wanted error.
+        Time step of the integrators that don't choose it [s]; ``"auto"`` takes the longest with the wanted error.
     error : float
-        Wanted error, relative to the largest value of each kind of coordinate; for what is chosen automatically.
+        Wanted error of what is chosen automatically, relative to the largest value of each kind of coordinate.
     tip : str
-        ``"body.marker"`` whose motion is recorded.
+        Marker whose motion is recorded and compared between runs.
     gravity : tuple of float
         Acceleration of free fall [m/s²].
     frame : str
-        How free modes are re-expressed for a torque-driven hinge.
+        Frame of a body with free modes on a torque-driven hinge: modes without inertial coupling to the hinge
+        (``"joint-conforming"``) or the free modes themselves (``"free"``), for comparison.
     stiffening : str
-        Geometric stiffening by the inertia loads: when the speed matters, always or never.
+        Geometric stiffening by inertia loads: when the speed makes it matter (``"auto"``), always or never.
     start : str
-        Whether the bodies start undeformed, or as the rates at the start bend them when they are steady.
+        Deformation at the start: none (``"undeformed"``) or that of a steady motion at the rates of the start
+        (``"steady"``).
     fast : tuple of str
-        The revolute and prismatic joints whose coordinates take the fast steps in sub-cycling.
+        Revolute and prismatic joints whose coordinates take the fast steps in sub-cycling.
     run : tuple of Run
-        The integrations; the others are compared with the first.
+        Runs by one or several integrators; the others are compared with the first.
+
+    Examples
+    --------
+    ::
+
+        [simulation]
+        duration = "0.5 s"
+        output_step = "0.5 ms"
+        step = "10 us"
+        tip = "beam.tip"
+        gravity = ["0 m/s^2", "-9.81 m/s^2", "0 m/s^2"]
+
+        [[simulation.run]]
+        integrator = "central-difference"
     """
 
     duration: PositiveTime
     output_step: PositiveTime
     step: PositiveTime | Literal["auto"] | None = None
     error: Annotated[Number, Field(ge=1e-10, le=0.1)] = 1e-3
-    tip: Place
+    tip: MarkerName
     gravity: tuple[Acceleration, Acceleration, Acceleration] = (0.0, 0.0, 0.0)
     frame: Literal["joint-conforming", "free"] = "joint-conforming"
     stiffening: Literal["auto", "on", "off"] = "auto"
     start: Literal["undeformed", "steady"] = "undeformed"
-    fast: tuple[Place, ...] = ()
+    fast: tuple[JointName, ...] = ()
     run: Annotated[tuple[Run, ...], Field(min_length=1)]
 
     @model_validator(mode="after")
@@ -184,9 +78,7 @@ class Simulation(Table):
                 raise FaultError(f"must not be longer than the duration, {self.duration:g} s", *path)
         if self.step is None:
             for run in self.run:
-                chooses = isinstance(run, RosenbrockRun | RungeKuttaRun | ScipyRun | AutoRun) or getattr(
-                    run, "tolerance", None
-                )
+                chooses = isinstance(run, RosenbrockRun | RungeKuttaRun | ScipyRun | AutoRun)
                 if not chooses and run.step is None:
                     message = f"is missing: {run.integrator} needs a step, here or in the run, e.g. '10 us'"
                     raise FaultError(message, "step")

@@ -1,30 +1,28 @@
-"""The files that a flexible body comes from: where they are, and what they hold as part of a result's identity."""
+"""Files that flexible bodies come from, and their contents as part of a result's identity."""
 
 from __future__ import annotations
 
 import hashlib
+from collections.abc import Sequence
 from dataclasses import dataclass
 from pathlib import Path
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 from pipeline.core.errors import InputError
-
-if TYPE_CHECKING:
-    from collections.abc import Sequence
-
-    from pipeline.scene.scene import Flexible, Scene
+from pipeline.scene.any_body import Flexible
+from pipeline.scene.scene import Scene, load_scene
 
 
 @dataclass(frozen=True)
-class Source:
-    """The files that a body comes from.
+class SourceFiles:
+    """The files that one flexible body comes from.
 
     Attributes
     ----------
     paths : dict of str to Path
-        Where each is, by its key in the scene.
+        Path of each file by its key in the scene.
     digests : dict of str to str
-        Of their contents: results are kept for what a file holds, wherever it lies.
+        Digest of each file's content; results are kept by content, wherever the file lies.
     """
 
     paths: dict[str, Path]
@@ -32,18 +30,18 @@ class Source:
 
     @property
     def path(self) -> Path:
-        """The file, if there is one."""
+        """Path of the file, for a body that has only one."""
         (path,) = self.paths.values()
         return path
 
     @staticmethod
-    def of(shape: Flexible, scene_file: str, body: str) -> Source | None:
-        """Find the files of a body that comes from such; their places are relative to the scene's.
+    def find(shape: Flexible, scene_file: str, body: str) -> SourceFiles | None:
+        """Find the files of a body, relative to the scene's file; ``None`` if the body comes from no file.
 
         Raises
         ------
         InputError
-            One isn't there or can't be read.
+            A file isn't there or can't be read.
         """
         match shape.shape:
             case "mesh":
@@ -55,19 +53,20 @@ class Source:
                 table, names = "matrices", {"stiffness": given.stiffness, "mass": given.mass, "nodes": given.nodes}
             case _:
                 return None
-        source = Source({key: Path(scene_file).parent / name for key, name in names.items()}, {})
-        for key, path in source.paths.items():
+        paths = {key: Path(scene_file).parent / name for key, name in names.items()}
+        digests = {}
+        for key, path in paths.items():
             try:
                 with path.open("rb") as stream:
-                    source.digests[key] = hashlib.file_digest(stream, "blake2b").hexdigest()
+                    digests[key] = hashlib.file_digest(stream, "blake2b").hexdigest()
             except (OSError, ValueError) as error:
                 what = getattr(error, "strerror", None) or error
                 mend = f"can't be read: {what}; it is looked for at {path}"
                 raise InputError(scene_file, f"body.{body}.{table}.{key}", names[key], mend) from None
-        return source
+        return SourceFiles(paths, digests)
 
     def identity(self, part: dict[str, Any]) -> dict[str, Any]:
-        """What a body's result depends on: the scene's values, the files' contents in place of their names."""
+        """Return a body's table with the files' contents in place of their names, for hashing."""
         table = "matrices" if "matrices" in part else "mesh"
         own = {key: value for key, value in part[table].items() if key not in self.paths}
         kinds = [path.suffix.lower() for path in self.paths.values()]
@@ -75,28 +74,32 @@ class Source:
 
 
 def load_repaired(name_or_path: str, overrides: Sequence[str]) -> Scene:
-    """Read a scene as `pipeline.load_scene` does, its bodies' meshes to be mended where that is safe.
+    """Read a scene as `load_scene` does, with repair of the meshes that come from files.
 
     Raises
     ------
     InputError
-        What that raises, and if no body has its mesh from a file.
+        As `load_scene`, or no body has its mesh from a file.
     """
-    from pipeline.scene.scene import load_scene
-
     read = [name for name, body in load_scene(name_or_path, overrides).flexible.items() if body.shape == "mesh"]
     if not read:
         raise InputError("--repair", "", None, "no body of the scene has its mesh from a file")
     return load_scene(name_or_path, [*overrides, *(f"body.{name}.mesh.repair=true" for name in read)])
 
 
-def contents(scene: Scene) -> dict[str, dict[str, str]]:
-    """Digests of the files that bodies come from, by body; raises what `Source.of` does."""
-    found = {name: Source.of(shape, scene.file, name) for name, shape in scene.flexible.items()}
+def digest_files(scene: Scene) -> dict[str, dict[str, str]]:
+    """Return the digests of the files that bodies come from, by body; raises `SourceFiles.find`'s errors."""
+    found = {name: SourceFiles.find(shape, scene.file, name) for name, shape in scene.flexible.items()}
     return {name: source.digests for name, source in found.items() if source is not None}
 
 
-def all_of(scene: Scene) -> dict[str, Any]:
-    """All of a scene that its results depend on, with what its files hold; raises what `Source.of` does."""
+def collect_inputs(scene: Scene) -> dict[str, Any]:
+    """Return all values of a scene that its results depend on, with its files' digests, for hashing.
+
+    Raises
+    ------
+    InputError
+        A file isn't there or can't be read.
+    """
     inputs: dict[str, Any] = scene.model_dump(mode="json", exclude={"title", "source", "reference", "output"})
-    return inputs | {"files": contents(scene)}
+    return inputs | {"files": digest_files(scene)}

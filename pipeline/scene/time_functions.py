@@ -1,4 +1,4 @@
-"""Quantities of a scene that change with time: a constant, a formula or a table."""
+"""Quantities of a scene that may change with time: constants, formulas and tables."""
 
 from __future__ import annotations
 
@@ -7,30 +7,43 @@ from typing import Annotated, Any, ClassVar, Literal
 
 from pydantic import Field, model_validator
 
+from pipeline.core.formula import parse_formula
 from pipeline.core.units import NonNegativeTime, to_si, unit_ratio
-from pipeline.scene.reading import FaultError, Table
+from pipeline.scene.reading import FaultError, SceneTable
 
 _KEYS = ("formula", "times", "values", "between", "unit")
 Sample = Annotated[float, Field(strict=True)]
 
 
-class TimeFunction(Table):
-    """A quantity over time: ``"5 N m"``, or ``{ formula = "5*sin(2*pi*t)", unit = "N m" }``, or a table.
+class TimeFunction(SceneTable):
+    """A quantity that may change with time: a constant, a formula of t, or a table of times and values.
+
+    A constant is written as the quantity itself, ``"5 N m"``.
 
     Parameters
     ----------
     constant : float, optional
-        Its value in SI units if it doesn't change; in a scene this is the quantity itself.
+        Value in SI units, if the quantity doesn't change; no key of a scene.
     formula : str, optional
-        Of the time t in seconds.
+        Formula of the time t in seconds; its values are in ``unit``.
     times : tuple of float, optional
-        Of the table [s]; the first and the last value hold before and after.
+        Times of a table, ascending [s]; its first and last value hold before and after.
     values : tuple of float, optional
-        One for each time.
+        Values of the table in ``unit``, one for each time.
     between : str
-        How the table goes on between its times.
+        Course of a table between its times: ``"straight"`` lines, which a force or torque takes by default, or a
+        ``"smooth"`` curve, which a prescribed motion must take, because a jump of its rate would be an impulse.
     unit : str, optional
-        Of the formula's or the table's values.
+        Unit of the formula's or the table's values, e.g. ``"N m"``; required with either.
+
+    Examples
+    --------
+    ::
+
+        [drive.swing.torque]
+        times = ["0 s", "0.1 s", "0.3 s"]
+        values = [0.0, 2.5, 0.0]
+        unit = "N m"
     """
 
     kind: ClassVar[str]
@@ -73,10 +86,8 @@ class TimeFunction(Table):
             for key in ("values", "between"):
                 if getattr(self, key) is not None:
                     raise FaultError("belongs to a table of times; a formula takes none", key)
-            from pipeline.core.formula import parse
-
             try:
-                parse(self.formula)
+                parse_formula(self.formula)
             except ValueError as error:
                 raise FaultError(str(error), "formula") from None
         if self.times is not None:
@@ -86,40 +97,40 @@ class TimeFunction(Table):
                 if not after > before:
                     raise FaultError("must come after the time before it", "times", number)
         if self.between == "straight" and self.default_between == "smooth":
-            # Such a jump is an impulse that no equation here would pass on to the other coordinates.
+            # A jump of the rate is an impulse that no equation here would pass on to the other coordinates.
             raise FaultError("would let the motion's rate jump at each time; 'smooth' works", "between")
         return self
 
     @property
     def factor(self) -> float:
-        """SI units in one unit of the values."""
+        """Factor from the unit of the values to SI units."""
         return 1.0 if self.unit is None else unit_ratio(self.unit, self.si)
 
     @property
     def smooth(self) -> bool:
-        """Whether a table goes on as a smooth curve."""
+        """True if a table is a smooth curve between its times, false if it is straight lines."""
         return (self.between or self.default_between) == "smooth"
 
 
 class TorqueOverTime(TimeFunction):
-    """A torque [N m]."""
+    """A torque [N m] that is constant or changes with time."""
 
     kind, si = "torque", "N m"
 
 
 class ForceOverTime(TimeFunction):
-    """A force [N]."""
+    """A force [N] that is constant or changes with time."""
 
     kind, si = "force", "N"
 
 
 class AngleOverTime(TimeFunction):
-    """An angle [rad]; a table of it is smooth, for its second derivative acts as a load."""
+    """A prescribed angle [rad] over time; tables are smooth, because the second derivative acts as a load."""
 
     kind, si, default_between = "angle", "rad", "smooth"
 
 
 class PositionOverTime(TimeFunction):
-    """A displacement [m]; a table of it is smooth, for its second derivative acts as a load."""
+    """A prescribed displacement [m] over time; tables are smooth, because the second derivative acts as a load."""
 
     kind, si, default_between = "length", "m", "smooth"

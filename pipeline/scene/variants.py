@@ -1,98 +1,99 @@
-"""Scenes beside a scene: on a coarser or a finer mesh, with a richer basis, with other runs.
+"""Variants of a scene: the same scene on coarser or finer meshes, with more shapes or with other runs.
 
-The error budget compares runs of neighbouring scenes, and a wanted accuracy is met by moving from one to the next.
+The error budget compares a run with those of variants, and a wanted accuracy is met by going from one variant to the
+next. A variant keeps the file of its scene.
 """
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from math import pi
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
-from pipeline.scene.imported_bodies import MatrixPart, MeshedPart
+from pipeline.scene.any_body import Flexible
+from pipeline.scene.bodies import Bar
+from pipeline.scene.imported_bodies import CadPart, MatrixPart, MeshedPart
+from pipeline.scene.propeller import Propeller
+from pipeline.scene.scene import Scene
 
-if TYPE_CHECKING:
-    from collections.abc import Callable
-
-    from pipeline.scene.imported_bodies import CadPart
-    from pipeline.scene.scene import Bar, Flexible, Propeller, Scene
-
-COARSENING = (2.0, 1.5, 1.25)  # times fewer elements each way: the most that can be meshed tells the most
-
-
-def with_runs(scene: Scene, *runs: Any) -> Scene:
-    """The scene, integrated by other runs."""
-    return _changed(scene, {"march": scene.simulation.model_copy(update={"run": runs})})
+# Factors to coarsen a mesh by. The largest shows most of the error, but not every part can be meshed so coarsely.
+COARSENING_FACTORS = (2.0, 1.5, 1.25)
 
 
-def with_modes(scene: Scene, change: Callable[[Flexible], dict[str, Any]]) -> Scene:
-    """The scene, each flexible body's table of modes changed by what ``change`` returns for it."""
-    return _with_bodies(scene, lambda body: {"modes": body.modes.model_copy(update=change(body))})
+def replace_runs(scene: Scene, *runs: Any) -> Scene:
+    """Return the scene with other runs in its simulation."""
+    return _change_simulation(scene, {"run": runs})
 
 
-def with_error(scene: Scene, error: float) -> Scene:
-    """The scene with another wanted error of what is integrated automatically."""
-    return _changed(scene, {"march": scene.simulation.model_copy(update={"error": error})})
+def replace_error(scene: Scene, error: float) -> Scene:
+    """Return the scene with another wanted error of automatic integration."""
+    return _change_simulation(scene, {"error": error})
 
 
-def with_order(scene: Scene, order: int) -> Scene:
-    """The scene with elements of another order."""
+def change_modes(scene: Scene, change: Callable[[Flexible], dict[str, Any]]) -> Scene:
+    """Return the scene with the mode settings of each flexible body changed by what ``change`` returns for it."""
+    return _change_bodies(scene, lambda body: {"modes": body.modes.model_copy(update=change(body))})
+
+
+def enrich_bases(scene: Scene) -> Scene:
+    """Return the scene with load-dependent vectors added to each body's modes; a body that has them gets more modes."""
+
+    def change(body: Flexible) -> dict[str, Any]:
+        has_them = body.modes.enrich == "ritz"
+        return {"enrich": "ritz", "count": body.modes.count + has_them * (body.modes.count // 2 + 1)}
+
+    return change_modes(scene, change)
+
+
+def replace_order(scene: Scene, order: int) -> Scene:
+    """Return the scene with elements of another order, except in bodies whose files say what their elements are."""
 
     def change(body: Flexible) -> dict[str, Any]:
         if isinstance(body, MeshedPart | MatrixPart):
             return {}
         return {"mesh": body.mesh.model_copy(update={"order": order})}
 
-    return _with_bodies(scene, change)
+    return _change_bodies(scene, change)
 
 
-def richer(scene: Scene) -> Scene:
-    """The scene with load-dependent vectors beside each body's modes; where it has them, with half more modes."""
+def refine_meshes(scene: Scene, factor: float) -> Scene | None:
+    """Return the scene on meshes with about ``factor`` times the elements each way; ``None`` if no mesh changes.
 
-    def change(body: Flexible) -> dict[str, Any]:
-        has_them = body.modes.enrich == "ritz"
-        return {"enrich": "ritz", "count": body.modes.count + has_them * (body.modes.count // 2 + 1)}
-
-    return with_modes(scene, change)
-
-
-def refined(scene: Scene, factor: float) -> Scene | None:
-    """The scene on meshes with about ``factor`` times the elements each way; ``None`` if none of them changes.
-
-    Finer meshes have even numbers of them, so that a coarser one has just half.
+    Numbers of elements on finer meshes are even, so that a coarser mesh can have exactly half of them.
     """
-    found = _with_bodies(scene, lambda body: _divided(body, factor))
+    found = _change_bodies(scene, lambda body: _change_mesh(body, factor))
     return None if found.body == scene.body else found
 
 
-def coarser(scene: Scene, times: float = COARSENING[0]) -> Scene | None:
-    """The scene on meshes with so many ``times`` fewer elements each way; ``None`` if a body's can't be coarser."""
-    found = refined(scene, 1 / times)
+def coarsen_meshes(scene: Scene, times: float = COARSENING_FACTORS[0]) -> Scene | None:
+    """Return the scene on meshes with ``times`` fewer elements each way; ``None`` if one can't be coarser."""
+    found = refine_meshes(scene, 1 / times)
     return None if found is None or any(found.body[name] == body for name, body in scene.flexible.items()) else found
 
 
-def times_finer(body: Flexible, elements: int, fewer: int) -> float:
-    """How many times smaller each way a body's elements are than those of its coarser mesh, from both numbers of them.
+def compare_element_sizes(body: Flexible, elements: int, fewer: int) -> float:
+    """Return the ratio of element sizes of a coarser mesh and a body's own, from both numbers of elements.
 
-    A direction with one element has no fewer.
+    A direction with one element has no fewer and doesn't count.
     """
     divisions = body.mesh.divisions if body.shape == "bar" else None
     directions = 3 if divisions is None else max(1, sum(count > 1 for count in divisions))
     return float((elements / fewer) ** (1 / directions))
 
 
-def _divided(body: Flexible, factor: float) -> dict[str, Any]:
-    """A body's table of another mesh; empty where files say what it is."""
+def _change_mesh(body: Flexible, factor: float) -> dict[str, Any]:
+    """Return the changes of a body's table for another mesh; none where a file holds the mesh."""
     if isinstance(body, MeshedPart | MatrixPart):
         return {}
-    mesh = {"mesh": body.mesh.model_copy(update=_divisions(body, factor))}
+    mesh = {"mesh": body.mesh.model_copy(update=_change_divisions(body, factor))}
     if body.shape != "propeller":
         return mesh
     # The joints stay as wide, whatever the numbers of elements.
     return mesh | {"seat": body.seat or 2 * pi * body.mesh.joint[1] / body.mesh.sleeve[0]}
 
 
-def _divisions(body: Bar | Propeller | CadPart, factor: float) -> dict[str, Any]:
-    """What changes in a body's table of the mesh."""
+def _change_divisions(body: Bar | Propeller | CadPart, factor: float) -> dict[str, Any]:
+    """Return the changes of a body's table of the mesh."""
 
     def times(count: int) -> int:
         return max(1, int(count * factor)) if factor < 1 else 2 * round(count * factor / 2)
@@ -105,7 +106,7 @@ def _divisions(body: Bar | Propeller | CadPart, factor: float) -> dict[str, Any]
     if body.shape == "cad":
         return {"size": body.mesh.size / factor}
     (around, axial, radial), (chordwise, across, outwards) = body.mesh.sleeve, body.mesh.joint
-    # Between two joints there are cells of their own; as many of them as before, or they would be thin ones.
+    # Between two joints the sleeve has elements of its own; with too few of them they would become thin.
     between = around // body.blades - across
     across = times(across)
     per_blade = across + times(between)
@@ -116,11 +117,10 @@ def _divisions(body: Bar | Propeller | CadPart, factor: float) -> dict[str, Any]
     }
 
 
-def _with_bodies(scene: Scene, change: Callable[[Flexible], dict[str, Any]]) -> Scene:
+def _change_simulation(scene: Scene, values: dict[str, Any]) -> Scene:
+    return scene.model_copy(update={"simulation_table": scene.simulation.model_copy(update=values)})
+
+
+def _change_bodies(scene: Scene, change: Callable[[Flexible], dict[str, Any]]) -> Scene:
     bodies = {name: body.model_copy(update=change(body)) for name, body in scene.flexible.items()}
-    return _changed(scene, {"body": {**scene.body, **bodies}})
-
-
-def _changed(scene: Scene, values: dict[str, Any]) -> Scene:
-    """A copy that has been changed; it stays the same file's."""
-    return scene.model_copy(update=values)
+    return scene.model_copy(update={"body": {**scene.body, **bodies}})

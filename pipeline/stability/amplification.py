@@ -1,4 +1,4 @@
-"""What one major cycle does to a system: by formula, Miao et al. (2008), eqs. (8)–(11), and by the very integrators.
+"""Amplification matrix of one major cycle of sub-cycling: Miao et al. (2008), eqs. (8)–(11).
 
 The state is what an explicit march keeps: positions, rates half a step behind them, and the last accelerations, which
 predict the rates that damping and gyroscopic terms are taken at.
@@ -6,22 +6,15 @@ predict the rates that damping and gyroscopic terms are taken at.
 
 from __future__ import annotations
 
-from dataclasses import replace
-from typing import TYPE_CHECKING
-
 import numpy as np
 
 from pipeline.core.arrays import Array
-
-if TYPE_CHECKING:
-    from pipeline.dynamics.system import System
-    from pipeline.integrators.protocol import Integrator, State
 
 STABLE = 1e-9  # a spectral radius that exceeds 1 by less is round-off
 
 
 def amplification_matrix(M: Array, K: Array, n_slow: int, step: float, substeps: int, C: Array | None = None) -> Array:
-    """Map of positions, rates and accelerations over one major cycle of ``M q̈ + C q̇ + K q = 0``, shape (3n, 3n).
+    """Return the map of positions, rates and accelerations over one major cycle of ``M q̈ + C q̇ + K q = 0``.
 
     Parameters
     ----------
@@ -33,6 +26,10 @@ def amplification_matrix(M: Array, K: Array, n_slow: int, step: float, substeps:
         Fast step [s].
     substeps : int
         Fast steps to a major cycle.
+
+    Returns
+    -------
+    ndarray, shape (3n, 3n)
     """
     n, L, S = len(M), slice(0, n_slow), slice(n_slow, None)
     C = np.zeros_like(K) if C is None else C
@@ -53,40 +50,11 @@ def amplification_matrix(M: Array, K: Array, n_slow: int, step: float, substeps:
     return np.concatenate([q, v, a])
 
 
-def growth(M: Array, K: Array, n_slow: int, step: float, substeps: int, C: Array | None = None) -> float:
-    """Spectral radius of `amplification_matrix`."""
+def cycle_growth(M: Array, K: Array, n_slow: int, step: float, substeps: int, C: Array | None = None) -> float:
+    """Return the spectral radius of `amplification_matrix`: the largest growth of a vibration over a major cycle."""
     return spectral_radius(amplification_matrix(M, K, n_slow, step, substeps, C))
 
 
 def spectral_radius(A: Array) -> float:
-    """Largest modulus of the eigenvalues of a matrix (n, n)."""
+    """Return the largest modulus of the eigenvalues of a matrix of shape (n, n)."""
     return float(np.abs(np.linalg.eigvals(A)).max())
-
-
-def measured_matrix(method: Integrator, system: System, about: State | None = None, size: float = 1.0) -> Array:
-    """The same map found by feeding unit vectors to an integrator: positions, rates and what it keeps in ``State.a``.
-
-    Parameters
-    ----------
-    method : Integrator
-        One with a fixed step.
-    system : System
-        With as many positions as rates.
-    about : State, optional
-        A state of the march about which the map is taken, by central differences; the undeformed rest by default.
-    size : float
-        Of the vectors that are fed; for a linear system it is of no account.
-    """
-    rest = np.zeros(system.n)
-    base = about or method.march(system, rest, rest, np.zeros(1)).end
-    parts = np.cumsum([base.q.size, base.v.size])
-    centre = np.concatenate([base.q, base.v, base.a])
-
-    def cycle(values: Array) -> Array:
-        q, v, a = np.split(values, parts)
-        start = replace(base, q=q, v=v, a=a)
-        end = method.resume(system, start, np.array([base.step * method.step])).end
-        return np.concatenate([end.q, end.v, end.a])
-
-    units = size * np.eye(centre.size)
-    return np.stack([(cycle(centre + unit) - cycle(centre - unit)) / (2 * size) for unit in units], axis=1)

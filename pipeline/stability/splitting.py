@@ -1,4 +1,4 @@
-"""Which coordinates sub-cycling may take slowly, and how slowly, for a wanted error.
+"""Choice of slow coordinates, ratio and step of sub-cycling for a wanted error.
 
 Central difference with a step h advances an oscillation ω by a phase that is wrong by ``(ω h)²/24`` of itself. What a
 load bends, it bends mode by mode as ``1/ω²``, so the high modes of a motion are small by ``(ω₁/ω)²`` against the lowest
@@ -15,9 +15,9 @@ from dataclasses import dataclass
 import numpy as np
 
 from pipeline.core.arrays import Array
-from pipeline.dynamics.tree.tree import Tree
+from pipeline.dynamics.mechanism import Mechanism
 from pipeline.dynamics.vibration import frequencies
-from pipeline.stability.amplification import growth
+from pipeline.stability.amplification import cycle_growth
 
 _MOST_SUBSTEPS = 50
 _STABLE = 0.8  # of the stability limit 2/ω
@@ -27,7 +27,7 @@ _STEPS_OVER_MOTION = 200  # slow steps over the duration, at least
 
 @dataclass(frozen=True)
 class Split:
-    """A choice.
+    """Split of a mechanism into slow and fast coordinates, with the steps of both.
 
     Attributes
     ----------
@@ -44,20 +44,23 @@ class Split:
     step: float
 
 
-def split_at(tree: Tree, frequency_hz: float) -> tuple[list[str], dict[str, int]]:
-    """Fast joints and numbers of slow modes of a tree if every coordinate below a frequency is slow."""
-    own = tree.frequencies_hz
+def split_at(mechanism: Mechanism, frequency_hz: float) -> tuple[list[str], dict[str, int]]:
+    """Return the fast joints and the numbers of slow modes of a mechanism that is split at a frequency."""
+    own = mechanism.frequencies_hz
     fast_joints = [
-        link.name for k, link in enumerate(tree.links) if link.n_rates == 1 and own[tree.layout.rate[k]] >= frequency_hz
+        link.name
+        for k, link in enumerate(mechanism.links)
+        if link.n_rates == 1 and own[mechanism.layout.rate[k]] >= frequency_hz
     ]
     slow_modes = {
-        link.name: int(np.count_nonzero(own[tree.modes_of(k)] < frequency_hz)) for k, link in enumerate(tree.links)
+        link.name: int(np.count_nonzero(own[mechanism.modes_of(k)] < frequency_hz))
+        for k, link in enumerate(mechanism.links)
     }
     return fast_joints, slow_modes
 
 
-def choose_split(tree: Tree, error: float, duration: float, spin: float, step: float | None = None) -> Split:
-    """Choose the split, the ratio and, if none is given, the fast step.
+def choose_split(mechanism: Mechanism, error: float, duration: float, spin: float, step: float | None = None) -> Split:
+    """Choose the split with the least work, its ratio and, if none is given, the fast step.
 
     Parameters
     ----------
@@ -70,16 +73,16 @@ def choose_split(tree: Tree, error: float, duration: float, spin: float, step: f
     step : float, optional
         Fast step [s].
     """
-    own = 2 * np.pi * tree.frequencies_hz
+    own = 2 * np.pi * mechanism.frequencies_hz
     order = np.argsort(own, kind="stable")
     omega = own[order]
     stiff = omega[omega > 0]
     if not stiff.size:
         return Split(np.inf, 1, step or duration / _STEPS_OVER_MOTION)
-    limits = largest_steps(omega, float(stiff[0]), error, duration)
-    highest = 2 * _STABLE / tree.highest_frequency
+    limits = step_limits(omega, float(stiff[0]), error, duration)
+    highest = 2 * _STABLE / mechanism.highest_frequency
     step = step or float(min(highest, limits.min()))
-    M, K = tree.mass_matrix(tree.rest_positions), tree.linear_stiffness
+    M, K = mechanism.mass_matrix(mechanism.rest_positions), mechanism.linear_stiffness
     M, K = M[np.ix_(order, order)], K[np.ix_(order, order)]
     best = Split(0.0, 1, step)
     least = _cost(omega.size, omega.size) / step
@@ -92,46 +95,50 @@ def choose_split(tree: Tree, error: float, duration: float, spin: float, step: f
             break
         n_fast = omega.size - n_slow
         work = (_cost(omega.size, n_fast) + (substeps - 1) * _fast_cost(n_fast)) / (substeps * step)
-        if work < least and _stays(growth(M, K, n_slow, step, substeps), substeps * step, error, duration):
+        if work < least and _stays_below(cycle_growth(M, K, n_slow, step, substeps), substeps * step, error, duration):
             between = 0.5 * (omega[n_slow - 1] + omega[n_slow]) / (2 * np.pi)
             least, best = work, Split(float(between), substeps, step)
     return best
 
 
 def longest_step(M: Array, K: Array, error: float, duration: float) -> float:
-    """Longest step [s] of plain central difference whose phase errors over a duration [s] stay below an error."""
+    """Return the longest step [s] of central difference whose phase errors over a duration [s] stay below an error."""
     omega = frequencies(M, K)
-    moving = omega[omega > _AT_REST * omega[-1]]
-    lowest = float(moving[0]) if moving.size else 1e-150
-    return float(largest_steps(omega, lowest, error, duration).min(initial=duration / _STEPS_OVER_MOTION))
+    return _longest_of(omega, _lowest(omega), error, duration)
 
 
-def recommended_step(M: Array, K: Array, n_slow: int, error: float, duration: float) -> tuple[float, int]:
-    """Longest fast step [s] and largest ratio whose phase errors and growth over a duration [s] stay below an error."""
+def recommend_step(M: Array, K: Array, n_slow: int, error: float, duration: float) -> tuple[float, int]:
+    """Return the longest fast step [s] and the largest ratio whose phase errors and growth stay below an error."""
     fast, slow = (frequencies(M[part, part], K[part, part]) for part in (slice(n_slow, None), slice(0, n_slow)))
     both = frequencies(M, K)
-    moving = both[both > _AT_REST * both[-1]]
-    lowest = float(moving[0]) if moving.size else 1e-150
-
-    def longest(omega: Array) -> float:
-        return float(largest_steps(omega, lowest, error, duration).min(initial=duration / _STEPS_OVER_MOTION))
-
-    step = min(longest(fast), 2 * _STABLE / both[-1])
-    for substeps in range(min(max(1, int(longest(slow) / step)), _MOST_SUBSTEPS), 1, -1):
-        if _stays(growth(M, K, n_slow, step, substeps), substeps * step, error, duration):
+    longest_fast, longest_slow = (_longest_of(omega, _lowest(both), error, duration) for omega in (fast, slow))
+    step = min(longest_fast, 2 * _STABLE / both[-1])
+    for substeps in range(min(max(1, int(longest_slow / step)), _MOST_SUBSTEPS), 1, -1):
+        if _stays_below(cycle_growth(M, K, n_slow, step, substeps), substeps * step, error, duration):
             return step, substeps
     return min(step, longest_step(M, K, error, duration)), 1
 
 
-def _stays(radius: float, cycle: float, error: float, duration: float) -> bool:
-    """Whether what grows by ``radius`` in each major cycle [s] stays below the wanted error over the duration [s]."""
+def _lowest(omega: Array) -> float:
+    """Return the lowest of ascending frequencies that isn't 0 [rad/s]; never 0, for errors are divided by it."""
+    moving = omega[omega > _AT_REST * omega[-1]]
+    return float(moving[0]) if moving.size else 1e-150
+
+
+def _longest_of(omega: Array, lowest: float, error: float, duration: float) -> float:
+    """Return the longest step that is within the limits of all oscillations and resolves the motion [s]."""
+    return float(step_limits(omega, lowest, error, duration).min(initial=duration / _STEPS_OVER_MOTION))
+
+
+def _stays_below(radius: float, cycle: float, error: float, duration: float) -> bool:
+    """Return true if growth by ``radius`` in each major cycle [s] stays below an error over the duration [s]."""
     return bool(duration / cycle * np.log(max(radius, 1e-300)) < error)
 
 
-def largest_steps(omega: Array, lowest: float, error: float, duration: float) -> Array:
-    """Step of each oscillation that keeps to its stability limit and to the wanted error [s], shape (n,).
+def step_limits(omega: Array, lowest: float, error: float, duration: float) -> Array:
+    """Return the step of each oscillation that its stability limit and a wanted error allow [s], shape (n,).
 
-    ``ω T (ω h)²/24 · (ω₁/ω)² ≤ error``.
+    The error over a duration T is ``ω T (ω h)²/24 · (ω₁/ω)²``, ω₁ the lowest frequency.
     """
     moving = np.maximum(omega, 1e-150)
     accurate = np.sqrt(24 * error / (duration * moving * lowest**2))
@@ -139,9 +146,10 @@ def largest_steps(omega: Array, lowest: float, error: float, duration: float) ->
 
 
 def _cost(n: int, n_fast: int) -> float:
-    """Measured on one core [s]: a solution of the whole, and what is held of it."""
+    """Return the run time of a solution of the whole mechanism, measured on one core [s]."""
     return 0.9e-6 + 30e-9 * n + 1.2e-9 * n**2 + 0.5e-9 * n_fast**2
 
 
 def _fast_cost(n: int) -> float:
+    """Return the run time of a fast step of n coordinates, measured on one core [s]."""
     return 5e-9 + 4e-9 * n + 0.5e-9 * n**2

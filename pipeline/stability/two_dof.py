@@ -1,4 +1,4 @@
-"""The two-degree-of-freedom system of Miao et al. (2008), Figs. 2 and 3, and what inertial coupling does to it.
+"""Stability of the two-degree-of-freedom system of Miao et al. (2008), Figs. 2 and 3, with inertial coupling.
 
 Two unit masses, one slow and one fast, coupled through the mass matrix by β and each on a spring:
 ``M = [[1, β], [β, 1]]``, ``K = diag(ω_L², ω_S²)``. The spectral radius of a major cycle depends on the Courant numbers
@@ -16,11 +16,15 @@ from pipeline.stability.amplification import STABLE
 
 HIGHEST = 2.5  # Courant number up to which maps go
 _ROUND_OFF = 4e-15
+# What the law of the weak instability is fitted to: values of β and of Ω_S in all pairs, and ω_L over ω_S.
+_COUPLINGS = np.array([0.01, 0.03, 0.1, 0.3, 0.77])
+_COURANT = np.array([1e-3, 2e-3, 5e-3])
+_SLOWNESS = 1e-3
 
 
 @dataclass(frozen=True)
-class Map:
-    """Spectral radii over both Courant numbers.
+class StabilityMap:
+    """Spectral radii of a major cycle over the Courant numbers of both coordinates.
 
     Attributes
     ----------
@@ -42,12 +46,12 @@ class Map:
 
     @property
     def unstable(self) -> Array:
-        """1 where the radius exceeds 1, else 0."""
+        """Map of 1 where the spectral radius exceeds 1 and 0 elsewhere, shape (n, n)."""
         return (self.rho > 1 + STABLE).astype(float)
 
 
-def stability_map(substeps: int, coupling: float, resolution: int, scheme: str = "sub-cycling") -> Map:
-    """Spectral radius on a grid of both Courant numbers, ``resolution`` each way.
+def stability_map(substeps: int, coupling: float, resolution: int, scheme: str = "sub-cycling") -> StabilityMap:
+    """Compute the spectral radius on a grid of both Courant numbers, with ``resolution`` points each way.
 
     Parameters
     ----------
@@ -55,13 +59,15 @@ def stability_map(substeps: int, coupling: float, resolution: int, scheme: str =
         One of `SCHEMES`: the paper's eqs. (8)–(11), or reversible sub-cycling.
     """
     omega = HIGHEST * np.arange(1, resolution + 1) / resolution
-    return Map(substeps, coupling, omega, omega, SCHEMES[scheme](omega[None], omega[:, None], coupling, substeps))
+    return StabilityMap(
+        substeps, coupling, omega, omega, SCHEMES[scheme](omega[None], omega[:, None], coupling, substeps)
+    )
 
 
 def two_dof_growth(omega_s: Array, omega_l: Array, coupling: float, substeps: int) -> Array:
-    """Spectral radius of a major cycle at Courant numbers that broadcast against each other.
+    """Compute the spectral radius of a major cycle at Courant numbers that broadcast against each other.
 
-    The map is block triangular without coupling; else the 4 × 4 maps' eigenvalues are found all at once.
+    Without coupling the amplification matrix falls into two of size 2.
     """
     A = two_dof_map(omega_s, omega_l, coupling, substeps)
     if coupling == 0.0:
@@ -70,7 +76,7 @@ def two_dof_growth(omega_s: Array, omega_l: Array, coupling: float, substeps: in
 
 
 def two_dof_map(omega_s: Array, omega_l: Array, coupling: float, substeps: int) -> Array:
-    """Amplification matrices (…, 4, 4) of the state (q_L, q_S, v_L, v_S), the fast step being the unit of time."""
+    """Return the amplification matrices of the state (q_L, q_S, v_L, v_S), shape (…, 4, 4), for a fast step of 1."""
     omega_s, omega_l = np.broadcast_arrays(np.asarray(omega_s, dtype=float), np.asarray(omega_l, dtype=float))
     k_s, k_l = omega_s[..., None] ** 2, (omega_l[..., None] / substeps) ** 2
     q_l, q_s, v_l, v_s = (np.broadcast_to(row, (*omega_s.shape, 4)) for row in np.eye(4))
@@ -89,25 +95,14 @@ def two_dof_map(omega_s: Array, omega_l: Array, coupling: float, substeps: int) 
 
 
 def _radius(A: Array) -> Array:
-    """Spectral radii of matrices (…, 2, 2)."""
+    """Return the spectral radii of matrices of shape (…, 2, 2)."""
     half, det = 0.5 * np.trace(A, axis1=-2, axis2=-1), np.linalg.det(A)
     root = np.sqrt(half**2 - det + 0j)
     return np.asarray(np.maximum(np.abs(half + root), np.abs(half - root)))
 
 
-def determinant(omega_s: Array, coupling: float, substeps: int) -> Array:
-    """Determinant of the two-dof map, ``1 + 2 β²/(1 − β²) · sin((m−1)ϑ/2) sin(mϑ/2)/cos(ϑ/2)``, ``Ω_S = 2 sin(ϑ/2)``.
-
-    It is above 1 for any β while ``m ϑ < 2π``, so one eigenvalue is: the scheme is unstable there at every step.
-    """
-    theta = 2 * np.arcsin(0.5 * np.asarray(omega_s))
-    m = substeps
-    product = np.sin(0.5 * (m - 1) * theta) * np.sin(0.5 * m * theta) / np.cos(0.5 * theta)
-    return np.asarray(1 + 2 * coupling**2 / (1 - coupling**2) * product)
-
-
 def reversible_growth(omega_s: Array, omega_l: Array, coupling: float, substeps: int) -> Array:
-    """Spectral radius of a major cycle of reversible sub-cycling, in closed form.
+    """Compute the spectral radius of a major cycle of reversible sub-cycling from its closed form.
 
     With ``y = q_L + β q_S`` held at the middle of the cycle the fast coordinate turns by m ϑ,
     ``4 sin²(ϑ/2) = Ω₁² = (Ω_S² + β² Ω_L²/m²)/(1 − β²)``, about a place that y sets. Of the eigenvalues λ only
@@ -134,7 +129,7 @@ def reversible_growth(omega_s: Array, omega_l: Array, coupling: float, substeps:
 
 @dataclass(frozen=True)
 class GrowthLaw:
-    """``ρ − 1 = c β^b Ω_S^s / (1 − β²)`` fitted to computed radii.
+    """Law ``ρ − 1 = c β^b Ω_S^s / (1 − β²)`` of the weak instability, fitted to computed radii.
 
     Attributes
     ----------
@@ -153,20 +148,10 @@ class GrowthLaw:
     misfit: float
 
 
-def growth_law(substeps: int, couplings: Array, courant: Array, slowness: float = 1e-3) -> GrowthLaw:
-    """Fit the law of the weak instability to the radii at small steps.
-
-    Parameters
-    ----------
-    couplings, courant : ndarray
-        Values of β and of Ω_S that are taken in all pairs.
-    slowness : float
-        ω_L over ω_S.
-    """
-    beta, omega = np.meshgrid(couplings, courant, indexing="ij")
-    excess = np.array(
-        [two_dof_growth(omega[k], slowness * substeps * omega[k], b, substeps) - 1 for k, b in enumerate(couplings)]
-    )
+def fit_growth_law(substeps: int) -> GrowthLaw:
+    """Fit the law of the weak instability to the spectral radii at small steps for one ratio."""
+    beta, omega = np.meshgrid(_COUPLINGS, _COURANT, indexing="ij")
+    excess = np.array([two_dof_growth(_COURANT, _SLOWNESS * substeps * _COURANT, b, substeps) - 1 for b in _COUPLINGS])
     left = np.log(excess * (1 - beta**2)).ravel()
     terms = np.stack([np.ones(left.size), np.log(beta).ravel(), np.log(omega).ravel()], axis=1)
     (constant, b, s), *_ = np.linalg.lstsq(terms, left, rcond=None)

@@ -1,64 +1,106 @@
-"""How a flexible body hangs on the joint that carries it, as a scene tells it."""
+"""The joint that carries a flexible body, the loads that reach it, and what both mean for its modes."""
 
 from __future__ import annotations
 
 from dataclasses import dataclass
-from typing import TYPE_CHECKING
 
 import numpy as np
 
-if TYPE_CHECKING:
-    from pipeline.scene.scene import Scene
+from pipeline.core.arrays import Array
+from pipeline.scene.scene import Scene
+
+Direction = tuple[float, float, float]
 
 
 @dataclass(frozen=True)
-class Inboard:
-    """How a body hangs on its joint.
+class InboardJoint:
+    """The joint that carries a body, as far as the body's reduction depends on it.
 
     Attributes
     ----------
     marker : str
-        The body's marker at the joint.
+        The body's marker at the joint; empty in a scene of parts alone.
     axis : tuple of float
         Normal of the plane of motion: the hinge's axis, or that of the other hinges.
     free : tuple
         Directions (k, 3) about which the joint lets the body turn by itself: its frame floats about them.
     floating : bool
-        Whether the joint holds nothing at all.
+        Holds nothing at all: a free joint, or none.
     prescribed : bool
-        Whether its motion is given.
+        Its motion is given.
     planar : bool
-        Whether every joint of the scene keeps to the plane across ``axis``.
+        Every joint of the scene keeps to the plane across ``axis``.
     normal : int
-        Number of the coordinate axis that it turns about in space, on a hinge to the ground, and no other; else -1.
+        Number of the only coordinate axis that the body turns about in space, on a hinge to the ground; else -1.
+    accelerated : bool
+        The joint moves through space, or gravity acts: the body's frame accelerates.
+    loaded : tuple of (str, bool)
+        Markers where other bodies hang or loads act, by name, and if those keep to the plane of motion.
     """
 
     marker: str
-    axis: tuple[float, float, float]
-    free: tuple[tuple[float, float, float], ...]
+    axis: Direction
+    free: tuple[Direction, ...]
     floating: bool
     prescribed: bool
     planar: bool
     normal: int = -1
+    accelerated: bool = True
+    loaded: tuple[tuple[str, bool], ...] = ()
+
+    @property
+    def free_directions(self) -> Array:
+        """Unit vectors about which the body turns freely, shape (k, 3)."""
+        free = np.array(self.free, dtype=float).reshape(-1, 3)
+        return np.asarray(free / np.linalg.norm(free, axis=1, keepdims=True))
+
+    @property
+    def plane(self) -> Array | None:
+        """Normal of the plane of motion, shape (3,); ``None`` if the scene moves in space."""
+        return np.array(self.axis) if self.planar else None
 
 
-def inboard_of(scene: Scene, body: str) -> Inboard:
-    """Read from a scene how a body hangs on the joint that carries it."""
-    carried = [(n, j) for n, j in scene.joint.items() if j.child.partition(".")[0] == body]
-    if not carried:  # a scene of parts alone
-        return Inboard("", (0.0, 0.0, 1.0), (), floating=True, prescribed=False, planar=False)
-    name, joint = carried[0]
+def read_inboard_joint(scene: Scene, body: str) -> InboardJoint:
+    """Read from a scene how the joint that carries a flexible body holds it."""
+    gravity = scene.moves and any(scene.simulation.gravity)
+    carrying = [(name, joint) for name, joint in scene.joint.items() if joint.child.partition(".")[0] == body]
+    if not carrying:  # a scene of parts alone
+        axis = (0.0, 0.0, 1.0)
+        loaded = _loaded_markers(scene, body, axis)
+        return InboardJoint("", axis, (), floating=True, prescribed=False, planar=False, loaded=loaded)
+    name, joint = carrying[0]
     prescribed = any(drive.type == "motion" and drive.joint == name for drive in scene.drive.values())
-    hinges = [j.axis for j in scene.joint.values() if j.type == "revolute"]
+    hinges = [other.axis for other in scene.joint.values() if other.type == "revolute"]
     axis = joint.axis if joint.type == "revolute" else (hinges[0] if hinges else (0.0, 0.0, 1.0))
     in_plane = [not np.any(np.cross(axis, hinge)) for hinge in hinges]
-    in_plane += [j.type not in ("spherical", "free") for j in scene.joint.values()]
-    in_plane += [not np.dot(axis, j.axis) for j in scene.joint.values() if j.type == "prismatic"]
-    free: tuple[tuple[float, float, float], ...] = ()
+    in_plane += [other.type not in ("spherical", "free") for other in scene.joint.values()]
+    in_plane += [not np.dot(axis, other.axis) for other in scene.joint.values() if other.type == "prismatic"]
+    free: tuple[Direction, ...] = ()
     if joint.type == "revolute" and not prescribed:
         free = (axis,)
     elif joint.type == "spherical":
         free = ((1.0, 0.0, 0.0), (0.0, 1.0, 0.0), (0.0, 0.0, 1.0))
-    fixed = joint.type == "revolute" and joint.parent.partition(".")[0] == "ground" and np.count_nonzero(axis) == 1
-    normal = int(np.argmax(np.abs(axis))) if fixed else -1
-    return Inboard(joint.child.partition(".")[2], axis, free, joint.type == "free", prescribed, all(in_plane), normal)
+    on_ground = joint.parent.partition(".")[0] == "ground"
+    about_an_axis = joint.type == "revolute" and on_ground and np.count_nonzero(axis) == 1
+    return InboardJoint(
+        marker=joint.child.partition(".")[2],
+        axis=axis,
+        free=free,
+        floating=joint.type == "free",
+        prescribed=prescribed,
+        planar=all(in_plane),
+        normal=int(np.argmax(np.abs(axis))) if about_an_axis else -1,
+        accelerated=gravity or not on_ground or joint.type in ("prismatic", "free"),
+        loaded=_loaded_markers(scene, body, axis),
+    )
+
+
+def _loaded_markers(scene: Scene, body: str, axis: Direction) -> tuple[tuple[str, bool], ...]:
+    places = dict.fromkeys([joint.parent for joint in scene.joint.values()], True)
+    for drive in scene.drive.values():
+        if drive.type in ("point force", "point torque"):
+            turns = drive.type == "point torque"
+            out_of_plane = np.cross(axis, drive.direction) if turns else np.dot(axis, drive.direction)
+            places[drive.marker] = places.get(drive.marker, True) and not np.any(out_of_plane)
+    own = {place.partition(".")[2]: flat for place, flat in places.items() if place.partition(".")[0] == body}
+    return tuple(sorted(own.items()))

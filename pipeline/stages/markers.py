@@ -1,98 +1,93 @@
-"""Where a flexible body is held, jointed and loaded: its scene's markers and supports on its mesh or nodes."""
+"""Markers and supports of a flexible body on its mesh or on the nodes of its matrices."""
 
 from __future__ import annotations
 
 import re
-from typing import TYPE_CHECKING
+from collections.abc import Callable
 
 import numpy as np
 
 from pipeline.core.arrays import IntArray
 from pipeline.core.errors import InputError
-from pipeline.scene.reading import among
+from pipeline.fem.formats.matrices import MatrixModel, node_marker, nodes_in_plane
+from pipeline.fem.markers import Marker, face_marker
+from pipeline.fem.selection import facets_in_plane, facets_near, node_at, nodes_on_edge, nodes_on_faces
+from pipeline.fem.space import Discretisation
+from pipeline.scene.any_body import Flexible
+from pipeline.scene.places import MarkerPlace
+from pipeline.stages.meshing import find_name
 
-if TYPE_CHECKING:
-    from pipeline.fem.markers import Marker
-    from pipeline.scene.scene import Marker as SceneMarker
-    from pipeline.stages.part import FlexiblePart
 
-
-def markers_of(part: FlexiblePart) -> dict[str, Marker]:
-    """A body's markers on its finite element model.
+def place_markers(shape: Flexible, space: Discretisation, file: str, body: str) -> dict[str, Marker]:
+    """Place a body's markers on the surface of its mesh.
 
     Raises
     ------
     InputError
         A face isn't there, or no part of the surface is.
     """
-    found = {}
-    for name, marker in part.shape.marker.items():
-        try:
-            found[name] = _marker(part, name, marker)
-        except ValueError as error:
-            key = f"body.{part.name}.marker.{name}"
-            raise InputError(part.file, key, next(iter(marker.where.values())), str(error)) from error
-    return found
+
+    def place(name: str, marker: MarkerPlace) -> Marker:
+        rigid = marker.attachment == "rigid"
+        if marker.plane is not None:
+            return face_marker(space, facets_in_plane(space, *marker.plane), rigid)
+        if marker.near is not None:
+            return face_marker(space, facets_near(space, np.array(marker.near), _cad_faces(shape, space)), rigid)
+        key = f"body.{body}.marker.{name}.face"
+        faces = [space.mesh.faces[find_name(space.mesh.faces, face, file, key)] for face in marker.faces]
+        return face_marker(space, faces, rigid)
+
+    return _placed(shape, place, file, body)
 
 
-def _marker(part: FlexiblePart, name: str, marker: SceneMarker) -> Marker:
-    from pipeline.fem.formats.matrices import MatrixModel, node_marker, nodes_in_plane
-    from pipeline.fem.markers import face_marker
-    from pipeline.fem.selection import facets_in_plane, facets_near
+def place_node_markers(shape: Flexible, model: MatrixModel, file: str, body: str) -> dict[str, Marker]:
+    """Place the markers of a body that is given by its matrices on its nodes; raises as `place_markers`."""
 
-    rigid = marker.attachment == "rigid"
-    if not part.has_mesh:
-        assert isinstance(part.fe, MatrixModel)
-        nodes = nodes_in_plane(part.fe, *marker.plane) if marker.plane else np.array(marker.nodes)
-        return node_marker(part.fe, nodes, rigid)
-    if marker.plane is not None:
-        return face_marker(part.space, facets_in_plane(part.space, *marker.plane), rigid)
-    if marker.near is not None:
-        return face_marker(part.space, facets_near(part.space, np.array(marker.near), _cad_faces(part)), rigid)
-    faces = [part.mesh.faces[known_name(part, "marker", name, face)] for face in marker.faces]
-    return face_marker(part.space, faces, rigid)
+    def place(name: str, marker: MarkerPlace) -> Marker:
+        nodes = nodes_in_plane(model, *marker.plane) if marker.plane else np.array(marker.nodes)
+        return node_marker(model, nodes, marker.attachment == "rigid")
+
+    return _placed(shape, place, file, body)
 
 
-def _cad_faces(part: FlexiblePart) -> list[IntArray]:
-    """The faces that CAD itself tells apart; fillets, which have no sharp edges, are such."""
-    if part.shape.shape != "cad":
-        return []
-    return [face for name, face in part.mesh.faces.items() if re.fullmatch(r"face-\d+", name)]
-
-
-def known_name(part: FlexiblePart, kind: str, name: str | int, given: str) -> str:
-    """A face's or a part's name as the mesh has it; upper and lower case may differ.
+def fixed_unknowns(shape: Flexible, space: Discretisation, file: str, body: str) -> IntArray:
+    """Return the unknowns that a body's supports hold, shape (n_fixed,).
 
     Raises
     ------
     InputError
-        There is none of that name.
+        A face isn't there, or no node lies where a support is to hold.
     """
-    what, names = ("part", part.mesh.parts) if kind in ("element", "material") else ("face", part.mesh.faces)
-    alike = [known for known in names if known.casefold() == given.casefold()]
-    if given not in names and len(alike) != 1:
-        mend = f"no such {what}; {among(given, names, f'the {what}s')}"
-        raise InputError(part.file, f"body.{part.name}.{kind}.{name}.{what}", given, mend)
-    return given if given in names else alike[0]
-
-
-def fixed_unknowns(part: FlexiblePart) -> IntArray:
-    """Unknowns that a body's supports hold."""
-    from pipeline.fem.supports import node_at, nodes_on_edge, nodes_on_faces
-
     fixed = []
-    for number, support in enumerate(part.shape.support):
+    for number, support in enumerate(shape.support):
+        key = f"body.{body}.support.{number}"
         try:
             if support.edge is not None:
-                nodes = nodes_on_edge(part.space, np.array(support.edge))
+                nodes = nodes_on_edge(space, np.array(support.edge))
             elif support.point is not None:
-                nodes = node_at(part.space, np.array(support.point))
+                nodes = node_at(space, np.array(support.point))
             else:
-                nodes = nodes_on_faces(
-                    part.space, [part.mesh.faces[known_name(part, "support", number, face)] for face in support.faces]
-                )
+                names = [find_name(space.mesh.faces, face, file, f"{key}.face") for face in support.faces]
+                nodes = nodes_on_faces(space, [space.mesh.faces[name] for name in names])
         except ValueError as error:
-            key = f"body.{part.name}.support.{number}"
-            raise InputError(part.file, key, support.edge or support.faces, str(error)) from error
+            raise InputError(file, key, support.edge or support.faces, str(error)) from error
         fixed += [3 * nodes + "xyz".index(axis) for axis in support.fixed]
     return np.unique(np.concatenate(fixed))
+
+
+def _placed(shape: Flexible, place: Callable[[str, MarkerPlace], Marker], file: str, body: str) -> dict[str, Marker]:
+    markers = {}
+    for name, marker in shape.marker.items():
+        try:
+            markers[name] = place(name, marker)
+        except ValueError as error:
+            given = next(iter(marker.where.values()))
+            raise InputError(file, f"body.{body}.marker.{name}", given, str(error)) from error
+    return markers
+
+
+def _cad_faces(shape: Flexible, space: Discretisation) -> list[IntArray]:
+    """Return the faces that CAD itself keeps apart; fillets, which have no sharp edges, are among them."""
+    if shape.shape != "cad":
+        return []
+    return [face for name, face in space.mesh.faces.items() if re.fullmatch(r"face-\d+", name)]

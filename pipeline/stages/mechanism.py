@@ -1,17 +1,18 @@
-"""From the scene's bodies, joints and drives to a mechanism that can be integrated."""
+"""From a scene's bodies, joints and drives to the mechanism that its runs integrate."""
 
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
 from pipeline.core.arrays import Array
-from pipeline.core.formula import parse
+from pipeline.core.errors import InputError
+from pipeline.core.formula import parse_formula
+from pipeline.dynamics.fast_path import fast_system
 from pipeline.dynamics.links import FIXED, FREE, PRISMATIC, REVOLUTE, SPHERICAL, Link, PointLoad, rigid_gram
-from pipeline.dynamics.rotor.rotor import PlanarRotor, TorquePulse
+from pipeline.dynamics.mechanism import Mechanism
 from pipeline.dynamics.signals.signal import (
     Signal,
     constant,
@@ -21,9 +22,10 @@ from pipeline.dynamics.signals.signal import (
     smooth_table,
     total,
 )
-from pipeline.dynamics.tree.tree import Tree
+from pipeline.dynamics.system import System
 from pipeline.reduction.body import FlexibleBody, MarkerShapes
 from pipeline.reduction.inertia import InertiaGram
+from pipeline.stages.inboard_joint import read_inboard_joint
 
 if TYPE_CHECKING:
     from pipeline.scene.scene import Scene
@@ -32,96 +34,79 @@ if TYPE_CHECKING:
 _JOINTS = {"fixed": FIXED, "revolute": REVOLUTE, "prismatic": PRISMATIC, "spherical": SPHERICAL, "free": FREE}
 
 
-@dataclass(frozen=True)
-class Chain:
-    """A chain as a scene describes it.
-
-    Attributes
-    ----------
-    tree : Tree
-        The mechanism.
-    q0, v0 : ndarray, shapes (n_positions,) and (n,)
-        Positions and rates at the start.
-    tip : tuple of str and MarkerShapes
-        The body whose motion is reported, and where on it.
-    joints : dict of str to str
-        The body that each revolute or prismatic joint carries.
-    units : dict of str to str
-        Unit of each such joint's position: ``rad`` or ``m``.
-    """
-
-    tree: Tree
-    q0: Array
-    v0: Array
-    tip: tuple[str, MarkerShapes]
-    joints: dict[str, str]
-    units: dict[str, str]
-
-
-def is_rotor(scene: Scene) -> bool:
-    """Whether a scene is one flexible body on a hinge that at most a torque pulse drives: the kernels of `planar`."""
-    (body, *others), (joint, *_) = scene.body, scene.joint.values()
-    drives = list(scene.drive.values())
-    plain = len(drives) <= 1 and all(drive.type == "torque pulse" for drive in drives)
-    plain = plain and scene.simulation.start == "undeformed"
-    hinge = joint.type == "revolute" and not (joint.spring or joint.damper)
-    undamped = body in scene.flexible and not scene.flexible[body].modes.damping
-    split = any(getattr(run, "split", "joints") != "joints" for run in scene.simulation.run)
-    return not others and plain and hinge and undamped and not split and not any(scene.simulation.gravity)
-
-
-def rotor_of(scene: Scene, body: FlexibleBody) -> PlanarRotor:
-    """Build the mechanism of a scene for which `is_rotor` holds."""
-    pulse = TorquePulse(0.0, 1.0, 0.0)
-    for drive in scene.drive.values():
-        assert drive.type == "torque pulse"  # is_rotor
-        pulse = TorquePulse(drive.start, drive.duration, _peak(drive, body.inertia_about_joint))
-    return PlanarRotor(body, pulse)
-
-
-def chain_of(
+def build_mechanism(
     scene: Scene,
     bodies: Mapping[str, FlexibleBody],
     fast_joints: Sequence[str] | None = None,
     slow_modes: Mapping[str, int] | None = None,
-) -> Chain:
-    """Build the chain of a scene; each body's frame sits at the marker of the joint that carries it.
+) -> Mechanism:
+    """Build the mechanism of a scene; each body's frame sits at the marker of the joint that carries it.
 
     Parameters
     ----------
     bodies : mapping of str to FlexibleBody
         The scene's flexible bodies, reduced.
     fast_joints, slow_modes
-        As in `Tree`; by default the joints that the scene lists as fast, and no mode slow.
+        As in `Mechanism`; by default the joints that the scene lists as fast, and no mode slow.
+
+    Raises
+    ------
+    InputError
+        A prescribed motion jumps.
     """
     places = _Places(scene, bodies)
-    order = places.order
-    links = [_link(scene, places, body) for body in order]
     if fast_joints is None:
         fast_joints = [scene.joint[name].child.partition(".")[0] for name in scene.simulation.fast]
-    loads = _point_loads(scene, places)
-    tree = Tree(links, fast_joints, np.array(scene.simulation.gravity), loads, slow_modes or {})
-    q0, v0 = tree.rest_positions, np.zeros(tree.n)
-    joints, units = {}, {}
-    for k, body in enumerate(order):
-        joint = scene.joint[places.carried[body]]
-        if joint.type in ("revolute", "prismatic"):
-            joints[places.carried[body]] = body
-            units[places.carried[body]] = "rad" if joint.type == "revolute" else "m"
-            if links[k].n_rates:
-                q0[tree.layout.position[k]] = joint.angle if joint.type == "revolute" else joint.position
-                v0[tree.layout.rate[k]] = joint.rate
+    links = [_link(scene, places, body) for body in places.order]
+    gravity, loads = np.array(scene.simulation.gravity), _point_loads(scene, places)
+    try:
+        return Mechanism(links, fast_joints, gravity, loads, slow_modes or {})
+    except ValueError as error:
+        raise InputError(scene.file, "drive", None, str(error)) from error
+
+
+def find_start(scene: Scene, mechanism: Mechanism) -> tuple[Array, Array]:
+    """Find positions and rates of a scene's mechanism at the start.
+
+    Returns
+    -------
+    tuple of ndarray, shapes (n_positions,) and (n,)
+        With the joints where the scene has them, the bodies undeformed or, on a steady start, at rest in their frames.
+
+    Raises
+    ------
+    AccuracyError
+        There is no steady state.
+    """
+    q0, v0 = place_joints(scene, mechanism)
+    return (mechanism.steady(q0, v0), v0) if scene.simulation.start == "steady" else (q0, v0)
+
+
+def place_joints(scene: Scene, mechanism: Mechanism) -> tuple[Array, Array]:
+    """Return positions (n_positions,) and rates (n,) of the undeformed mechanism, its joints where the scene starts."""
+    q0, v0 = mechanism.rest_positions, np.zeros(mechanism.n)
+    for k, link in enumerate(mechanism.links):
+        joint, at, first = scene.joint[link.joint_name], mechanism.layout.position[k], mechanism.layout.rate[k]
+        if joint.type in ("revolute", "prismatic") and link.n_rates:
+            q0[at] = joint.angle if joint.type == "revolute" else joint.position
+            v0[first] = joint.rate
         elif joint.type in ("spherical", "free"):
             rates = [*getattr(joint, "velocity", ()), *joint.spin]
-            v0[tree.layout.rate[k] : tree.layout.rate[k] + len(rates)] = rates
-    if scene.simulation.start == "steady":
-        q0 = tree.steady(q0, v0)
-    tip = scene.simulation.tip
-    return Chain(tree, q0, v0, (tip.partition(".")[0], places.marker(tip)), joints, units)
+            v0[first : first + len(rates)] = rates
+    return q0, v0
+
+
+def choose_system(scene: Scene, mechanism: Mechanism) -> System:
+    """Choose what a scene's runs march: the mechanism by its fast path, if that serves all of them.
+
+    Runs whose times are compared take the same kernels, so a run that splits modes keeps the others from the fast path.
+    """
+    split = any(getattr(run, "split", "joints") != "joints" for run in scene.simulation.run)
+    return mechanism if split or scene.simulation.start != "undeformed" else fast_system(mechanism)
 
 
 class _Places:
-    """Where the scene's markers are in the frames of their bodies."""
+    """Places of a scene's markers in the frames of their bodies."""
 
     def __init__(self, scene: Scene, bodies: Mapping[str, FlexibleBody]) -> None:
         self.scene, self.bodies = scene, bodies
@@ -142,32 +127,40 @@ class _Places:
 
     def marker(self, place: str) -> MarkerShapes:
         body, _, name = place.partition(".")
-        if body in self.bodies:
-            return self.bodies[body].markers[name]
-        inboard = self.scene.joint[self.carried[body]].child.partition(".")[2]
-        markers: Any = self.scene.body[body].marker
-        nothing = np.zeros((3, 0))
-        return MarkerShapes(np.subtract(markers[name].at, markers[inboard].at), nothing, nothing)
+        return self.markers(body)[name]
 
-    def inboard(self, body: str) -> Array:
-        markers: Any = self.scene.body[body].marker
-        return np.array(markers[self.scene.joint[self.carried[body]].child.partition(".")[2]].at)
+    def markers(self, body: str) -> Mapping[str, MarkerShapes]:
+        """All markers of a body by their names."""
+        if body in self.bodies:
+            return self.bodies[body].markers
+        given: Any = self.scene.body[body].marker
+        nothing, origin = np.zeros((3, 0)), self.origin(body)
+        return {name: MarkerShapes(np.subtract(at.at, origin), nothing, nothing) for name, at in given.items()}
+
+    def origin(self, body: str) -> Array:
+        """Place of a rigid body's joint, the origin of its frame, in the scene's coordinates of the body [m]."""
+        given: Any = self.scene.body[body].marker
+        return np.array(given[self.joint_marker(body)].at)
+
+    def joint_marker(self, body: str) -> str:
+        return self.scene.joint[self.carried[body]].child.partition(".")[2]
 
 
 def _link(scene: Scene, places: _Places, body: str) -> Link:
     name = places.carried[body]
     joint = scene.joint[name]
-    settings: dict[str, Any] = {}
+    settings: dict[str, Any] = {"joint_name": name, "markers": places.markers(body)}
     if body in places.bodies:
         reduced, damping = places.bodies[body], scene.flexible[body].modes.damping
         gram = reduced.gram
-        settings = {"omega": reduced.omega, "damping": np.full(len(reduced.omega), damping)}
+        settings |= {"omega": reduced.omega, "damping": np.full(len(reduced.omega), damping)}
+        settings["section"] = _section(scene, places, body)
     else:
-        gram = _gram(scene.body[body], places.inboard(body))
+        gram = _gram(scene.body[body], places.origin(body))
     if joint.type in ("revolute", "prismatic"):
+        axis = np.array(joint.axis, dtype=float)
         settings |= {"spring": joint.spring, "rest": joint.rest, "damper": joint.damper}
-        settings |= {"axis": np.array(joint.axis, dtype=float), "motion": _motion(scene, name)}
-        settings["load"] = _load(scene, name, gram, np.array(joint.axis, dtype=float))
+        settings |= {"axis": axis, "motion": _motion(scene, name), "load": _load(scene, name, gram, axis)}
         if joint.type == "revolute" and body in places.bodies and settings["motion"] is None:
             settings["joint_rotation"] = places.bodies[body].joint_rotation
     parent = places.parent(body)
@@ -178,8 +171,17 @@ def _link(scene: Scene, places: _Places, body: str) -> Link:
     return Link(body, gram, _JOINTS[joint.type], **settings)
 
 
+def _section(scene: Scene, places: _Places, body: str) -> str:
+    """Marker on the section from which a body's deflections are seen; none where supports hold the body in its frame.
+
+    A supported body on a free hinge turns with the face there that its supports hold.
+    """
+    supported = bool(scene.flexible[body].support) and not read_inboard_joint(scene, body).free
+    return "" if supported else places.joint_marker(body)
+
+
 def _gram(part: Any, origin: Array) -> InertiaGram:
-    """Inertia of a rigid body about a place in its frame."""
+    """Inertia integrals of a rigid body about a place in its frame."""
     match part.shape:
         case "rod":
             across = part.mass * part.length**2 / 12
@@ -238,6 +240,6 @@ def signal_of(given: TimeFunction) -> Signal:
     if given.constant is not None:
         return constant(given.constant)
     if given.formula is not None:
-        return formula(parse(given.formula), given.factor)
+        return formula(parse_formula(given.formula), given.factor)
     times, values = np.array(given.times), given.factor * np.array(given.values)
     return smooth_table(times, values) if given.smooth else linear_table(times, values)

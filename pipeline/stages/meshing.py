@@ -1,32 +1,37 @@
-"""From a flexible body's table in the scene to its mesh."""
+"""Meshes, matrices and materials of flexible bodies, from their tables in the scene."""
 
 from __future__ import annotations
 
 import subprocess
 import sys
 import tempfile
-from collections.abc import Callable
+from collections.abc import Mapping
 from pathlib import Path
 from typing import TYPE_CHECKING
 
 import numpy as np
 
+from pipeline.core.arrays import IntArray
 from pipeline.core.errors import InputError
 from pipeline.core.units import unit_ratio
+from pipeline.fem.formats.raw_mesh import MeshFileError, RawMesh
 from pipeline.fem.material import AnyMaterial, Material, MaterialOfElements
 from pipeline.fem.mesh import SolidMesh
 from pipeline.scene.imported_bodies import CadPart, MeshedPart
-from pipeline.scene.source_files import Source
+from pipeline.scene.reading import suggest_name
+from pipeline.scene.source_files import SourceFiles
 
 if TYPE_CHECKING:
     from meshes.gmsh_session import MeshArrays
     from pipeline.fem.model import FEModel
-    from pipeline.scene.scene import Bar, Flexible, Propeller
+    from pipeline.scene.any_body import Flexible
+    from pipeline.scene.bodies import Bar
+    from pipeline.scene.propeller import Propeller
 
 _MOST_SECONDS = 1800
 
 
-def mesh_of(shape: Flexible, source: Source | None) -> SolidMesh:
+def make_mesh(shape: Flexible, source: SourceFiles | None) -> SolidMesh:
     """Mesh a body, or read its mesh from the file that it comes from."""
     if shape.shape == "mesh":
         from pipeline.fem.formats.import_mesh import read_mesh
@@ -40,7 +45,7 @@ def mesh_of(shape: Flexible, source: Source | None) -> SolidMesh:
     return SolidMesh(*_mesh_arrays(shape))
 
 
-def matrices_of(shape: Flexible, source: Source | None) -> FEModel:
+def read_body_matrices(shape: Flexible, source: SourceFiles | None) -> FEModel:
     """Read a body that is given by its matrices."""
     from pipeline.fem.formats.matrices import read_matrices
 
@@ -51,18 +56,49 @@ def matrices_of(shape: Flexible, source: Source | None) -> FEModel:
     return read_matrices(paths["stiffness"], paths["mass"], paths["nodes"], units)
 
 
-def material_of(shape: Flexible, mesh: SolidMesh, part_named: Callable[[str], str]) -> AnyMaterial:
-    """What a body is made of; ``part_named`` finds the mesh's name of a part or raises."""
+def find_material(shape: Flexible, mesh: SolidMesh, file: str, body: str) -> AnyMaterial:
+    """Return a body's material: of the whole, or of each part of its mesh that has one of its own.
+
+    Raises
+    ------
+    InputError
+        The mesh has no part of a name that the scene gives a material to.
+    """
     assert shape.shape != "matrices"
     whole = Material(shape.E, shape.nu, shape.rho)
     if not isinstance(shape, MeshedPart | CadPart) or not shape.material:
         return whole
     numbers = np.zeros(len(mesh.cells), dtype=np.int64)
-    cells = {k: mesh.parts[part_named(name)] for k, name in enumerate(shape.material, start=1)}
+    names = [find_name(mesh.parts, name, file, f"body.{body}.material.{name}.part") for name in shape.material]
+    cells = {k: mesh.parts[name] for k, name in enumerate(names, start=1)}
     for k in sorted(cells, key=lambda k: -len(cells[k])):  # of parts within parts the smallest counts
         numbers[cells[k]] = k
-    own = (Material(stuff.E, stuff.nu, stuff.rho) for stuff in shape.material.values())
+    own = (Material(table.E, table.nu, table.rho) for table in shape.material.values())
     return MaterialOfElements((whole, *own), numbers)
+
+
+def find_name(names: Mapping[str, IntArray], given: str, file: str, key: str) -> str:
+    """Return a face's or a part's name as the mesh has it; upper and lower case may differ.
+
+    Parameters
+    ----------
+    names : mapping of str to ndarray
+        The mesh's faces or parts.
+    given : str
+        The name in the scene.
+    file, key : str
+        Where the scene gives it; the key ends with ``face`` or ``part``.
+
+    Raises
+    ------
+    InputError
+        There is none of that name.
+    """
+    alike = [known for known in names if known.casefold() == given.casefold()]
+    if given not in names and len(alike) != 1:
+        what = key.rpartition(".")[2]
+        raise InputError(file, key, given, f"no such {what}; {suggest_name(given, names, f'the {what}s')}")
+    return given if given in names else alike[0]
 
 
 def _mesh_arrays(part: Bar | Propeller) -> MeshArrays:
@@ -100,7 +136,6 @@ def _from_cad(path: Path, size: float, order: int) -> SolidMesh:
     """Mesh a CAD file by Gmsh in a process of its own, and check what comes as a mesh from a file is checked."""
     from meshes.cad import SUFFIXES, load
     from pipeline.fem.formats.import_mesh import solid_mesh
-    from pipeline.fem.formats.raw_mesh import MeshFileError, RawMesh
 
     if path.suffix.lower() not in SUFFIXES:
         raise InputError(str(path), "", None, f"is no CAD file that is read; these are: {' '.join(SUFFIXES)}")

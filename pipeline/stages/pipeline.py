@@ -1,7 +1,8 @@
-"""The lazy stage graph: each stage runs when something asks for it, once, and not at all if its result is kept."""
+"""From a scene to its motion and stress: each stage runs when something asks for it, once, and not if it is kept."""
 
 from __future__ import annotations
 
+from collections.abc import Mapping
 from functools import cached_property
 from typing import TYPE_CHECKING, Any
 
@@ -12,32 +13,38 @@ from pipeline.core.cache import Cache
 from pipeline.core.errors import InputError
 from pipeline.core.paths import cache_folder
 from pipeline.core.progress import Monitor, silent
+from pipeline.recovery.stress import StressHistory, stress_measure
+from pipeline.scene.scene import Scene
+from pipeline.scene.source_files import collect_inputs
 from pipeline.stages.part import FlexiblePart
-from pipeline.stages.store import Keeper, Log
+from pipeline.stages.stage import Stage
+from pipeline.stages.store import Log, StageStore
 
 if TYPE_CHECKING:
-    from pipeline.accuracy.error_budget import Budget
-    from pipeline.dynamics.rotor.rotor import PlanarRotor
+    from pipeline.dynamics.mechanism import Mechanism
     from pipeline.dynamics.system import System
     from pipeline.fem.mesh import SolidMesh
     from pipeline.fem.model import FEModel
     from pipeline.fem.surface import SurfaceTopology
     from pipeline.integrators.protocol import Trajectory
-    from pipeline.output.notebook import Picture
-    from pipeline.recovery.chain_motion import ChainMotion
     from pipeline.recovery.motion import Motion
-    from pipeline.recovery.stress import StressHistory
     from pipeline.reduction.body import FlexibleBody
     from pipeline.reduction.modes import Modes
-    from pipeline.scene.scene import Scene
-    from pipeline.stages.mechanism import Chain
     from pipeline.stages.runs import Plan
     from pipeline.stages.stiffening_check import SpinCheck
 
 _NEAR_LARGEST = 0.8  # of the tip's largest deflection
 _FINER = 32  # times as many times there tell what is largest between two output times
-_SHORT_SECONDS = 0.2
-_REPEATS = 4
+
+
+def _march(run: Pipeline) -> dict[str, Trajectory]:
+    """Integrate the scene's runs, one after the other."""
+    times, trajectories = run.output_times, {}
+    for label, plan in run.plans.items():
+        plan.march(times[:2])  # compiles, or reads kernels: not part of the run time
+        with run.store.monitor(label) as advance:
+            trajectories[label] = plan.march(times, advance)
+    return trajectories
 
 
 class Pipeline:
@@ -50,77 +57,63 @@ class Pipeline:
     cache : Cache, optional
         Where results are kept; the user's cache folder by default.
     monitor : Monitor, optional
-        Is told of each stage's progress.
+        Reports each stage's progress.
     keep_all : bool
-        Whether to integrate modes that nothing can excite, too.
+        Integrate modes that nothing can excite, too.
+    parts : mapping of str to FlexiblePart, optional
+        Flexible bodies to use in place of the scene's own.
+    bodies : mapping of str to FlexibleBody, optional
+        Reduced bodies to use in place of those of the parts.
+    spin : mapping of str to SpinCheck, optional
+        Decisions on stiffening to use in place of this scene's own.
 
     Attributes
     ----------
     parts : dict of str to FlexiblePart
         The flexible bodies.
-    is_rotor : bool
-        Whether the scene is one flexible body on a hinge that a torque pulse drives: `rotor` and `motion` are there for
-        it, `chain` for every other scene.
+    store : StageStore
+        Runs the stages and keeps their results.
     """
 
+    trajectories: Stage[dict[str, Trajectory]] = Stage("motion", _march)
+
     def __init__(
-        self, scene: Scene, cache: Cache | None = None, monitor: Monitor = silent, keep_all: bool = False
+        self,
+        scene: Scene,
+        cache: Cache | None = None,
+        monitor: Monitor = silent,
+        keep_all: bool = False,
+        *,
+        parts: Mapping[str, FlexiblePart] | None = None,
+        bodies: Mapping[str, FlexibleBody] | None = None,
+        spin: Mapping[str, SpinCheck] | None = None,
     ) -> None:
         self.scene, self.keep_all = scene, keep_all
-        self.keeper = Keeper(Cache(cache_folder() / "stages") if cache is None else cache, monitor)
-        self.parts = {name: FlexiblePart(scene, name, self.keeper) for name in scene.flexible}
+        self.store = StageStore(Cache(cache_folder() / "stages") if cache is None else cache, monitor)
+        self.results: dict[str, Any] = {}
+        self.parts = (
+            {name: FlexiblePart(scene, name, self.store) for name in scene.flexible} if parts is None else dict(parts)
+        )
+        self._bodies, self._spin = bodies, spin
 
-    def neighbour(self, scene: Scene, monitor: Monitor = silent) -> Pipeline:
-        """The same for another scene, which shares what both have in common; its stages are not this one's."""
-        other = Pipeline(scene, self.keeper.cache, monitor, self.keep_all)
-        for name, part in other.parts.items():
-            part.share(self.parts[name])
+    def variant(self, scene: Scene, monitor: Monitor = silent, spin: Mapping[str, SpinCheck] | None = None) -> Pipeline:
+        """Return a pipeline for another scene that takes over all results that both have in common."""
+        other = Pipeline(scene, self.store.cache, monitor, self.keep_all, spin=spin)
+        for name, part in self.parts.items():
+            other.parts[name] = FlexiblePart(scene, name, other.store, like=part)
         return other
 
-    def with_bodies(self, bodies: dict[str, FlexibleBody]) -> Pipeline:
-        """The same with other reduced bodies on the same meshes."""
-        other = Pipeline(self.scene, self.keeper.cache, keep_all=self.keep_all)
-        other.parts, other.bodies = self.parts, bodies
-        return other
+    def with_bodies(self, bodies: Mapping[str, FlexibleBody]) -> Pipeline:
+        """Return a pipeline for this scene with other reduced bodies on the same meshes."""
+        return Pipeline(self.scene, self.store.cache, keep_all=self.keep_all, parts=self.parts, bodies=bodies)
 
     def _repr_html_(self) -> str:
         return self.scene._repr_html_()
 
-    def picture(self, type: str, mode: int = 1, **settings: Any) -> Picture:
-        """Draw what an ``[[output]]`` of this type would, to be shown inline: ``picture("stress", scale=10)``.
-
-        Parameters
-        ----------
-        type : str
-            ``"chart"``, ``"mesh"``, ``"modes"``, ``"mode sheet"`` or ``"stress"``.
-        mode : int
-            Which of the modes, from 1.
-        settings
-            The output's other keys; ``body`` is the first flexible one by default.
-
-        Raises
-        ------
-        InputError
-            There is no such output or mode, or the scene lacks what it shows.
-        """
-        from pipeline.output.notebook import pictures
-
-        drawn = pictures(self, type, [mode], **settings)
-        if not drawn:
-            raise InputError("picture", "mode", mode, f"must be 1 … {len(self.modes.omega)}")
-        return drawn[0]
-
     @property
     def log(self) -> Log:
-        """What has happened to each stage."""
-        return self.keeper.log
-
-    @cached_property
-    def is_rotor(self) -> bool:
-        """Whether the scene is one flexible body on a hinge that at most a torque pulse drives."""
-        from pipeline.stages.mechanism import is_rotor
-
-        return is_rotor(self.scene)
+        """Time and origin of each stage's results."""
+        return self.store.log
 
     # The flexible body of a scene that has one ------------------------------------------------------------------
 
@@ -169,94 +162,78 @@ class Pipeline:
 
     def stress_of(self, body: str) -> StressHistory:
         """Stress on a flexible body's surface over the first run's motion."""
-        from pipeline.recovery.stress import StressHistory
-
-        part, first = self.parts[body], self.first_motion
+        part, first = self.parts[body], self.motion
         return StressHistory(part.surface.nodes, part.surface_stress, first.times, first.modal(body))
 
     def element_stress(self, element: str, component: str = "von Mises") -> dict[str, Array]:
         """Stress in the middle of a named element, ``"body.element"``, over each run's motion, (n_times,) [Pa]."""
-        from pipeline.recovery.stress import measure_of
-
         body, _, name = element.partition(".")
         part = self.parts[body]
         modal = part.element_stress[list(part.elements).index(name)]
         return {
-            label: measure_of(component)((modal @ motion.modal(body).T)[None])[0]
+            label: stress_measure(component)((modal @ motion.modal(body).T)[None])[0]
             for label, motion in self.motions.items()
         }
 
     @cached_property
     def inputs(self) -> dict[str, Any]:
         """All of the scene that its results depend on; files are read for it once."""
-        from pipeline.scene.source_files import all_of
-
-        return all_of(self.scene)
+        return collect_inputs(self.scene)
 
     # The mechanism and its motion -------------------------------------------------------------------------------
 
     @cached_property
-    def spin(self) -> dict[str, SpinCheck]:
-        """How fast each flexible body turns, and what that does to its stiffness; empty if nothing turns."""
+    def spin(self) -> Mapping[str, SpinCheck]:
+        """Largest rate of each flexible body and its effect on the stiffness; empty if nothing turns."""
         from pipeline.stages.stiffening_check import check_spins
 
-        return check_spins(self)
+        if self._spin is not None:
+            return self._spin
+        return check_spins(self.scene, {name: part.body for name, part in self.parts.items()})
 
     @cached_property
-    def bodies(self) -> dict[str, FlexibleBody]:
-        """The flexible bodies, reduced, and stiffened by their inertia loads where the scene's speed calls for it."""
+    def bodies(self) -> Mapping[str, FlexibleBody]:
+        """Reduced flexible bodies, stiffened by their inertia loads where the scene's speed calls for it."""
+        if self._bodies is not None:
+            return self._bodies
         return {name: part.stiffened if self.spin[name].stiffened else part.body for name, part in self.parts.items()}
 
     @cached_property
-    def rotor(self) -> PlanarRotor:
-        """The body on its joint with its drive, for a scene that is a rotor."""
-        from pipeline.stages.mechanism import rotor_of
+    def mechanism(self) -> Mechanism:
+        """Bodies, joints and loads of the scene, its joints slow and its modes fast if it doesn't say otherwise."""
+        from pipeline.stages.mechanism import build_mechanism
 
-        return rotor_of(self.scene, self.body)
+        return build_mechanism(self.scene, self.bodies)
 
     @cached_property
-    def chain(self) -> Chain:
-        """The mechanism of any scene."""
-        from pipeline.stages.mechanism import chain_of
+    def system(self) -> System:
+        """Mechanism as it is marched, with the fastest kernels for it; its coordinates are the mechanism's."""
+        from pipeline.stages.mechanism import choose_system
 
-        try:
-            return chain_of(self.scene, self.bodies)
-        except ValueError as error:  # a prescribed motion that jumps
-            raise InputError(self.scene.file, "drive", None, str(error)) from error
-
-    @property
-    def mechanism(self) -> System:
-        """What is integrated: the rotor, or the chain."""
-        return self.rotor if self.is_rotor else self.chain.tree
+        return choose_system(self.scene, self.mechanism)
 
     @property
     def reference_matrices(self) -> tuple[Array, Array]:
         """Mass and stiffness of the undeformed mechanism, (n, n) each, in the order of its rates."""
-        if self.is_rotor:
-            return self.rotor.reference_mass, np.diag(np.r_[0.0, self.body.omega**2])
-        tree = self.chain.tree
-        return tree.mass_matrix(tree.rest_positions), tree.linear_stiffness
+        M, K, _ = self.system.linear_matrices
+        return M, K
 
-    @property
+    @cached_property
     def start(self) -> tuple[Array, Array]:
         """Positions and rates at the start."""
-        if not self.is_rotor:
-            return self.chain.q0, self.chain.v0
-        joint = next(iter(self.scene.joint.values()))
-        assert joint.type == "revolute"  # is_rotor
-        q0, v0 = np.zeros(self.rotor.n), np.zeros(self.rotor.n)
-        q0[0], v0[0] = joint.angle, joint.rate
-        return q0, v0
+        from pipeline.stages.mechanism import find_start
+
+        return find_start(self.scene, self.mechanism)
 
     @cached_property
     def plans(self) -> dict[str, Plan]:
         """The scene's runs, ready to be integrated, each under the label of its motion; raises what `motions` does."""
-        from pipeline.stages.runs import plans_of
+        from pipeline.stages.runs import make_plans
 
-        return plans_of(self)
+        return make_plans(self)
 
     @cached_property
-    def motions(self) -> dict[str, Motion] | dict[str, ChainMotion]:
+    def motions(self) -> dict[str, Motion]:
         """The motion by each of the scene's runs; the label tells integrator and ratio.
 
         Raises
@@ -266,28 +243,24 @@ class Pipeline:
             integrated then.
         """
         self.bodies  # noqa: B018 - stages of their own; what the plans add is kernels, compiled or read
-        trajectories = self.keeper.timed("motion", lambda: self._march_all(self.plans))
-        motions: Any = {label: self.motion_by(plan, trajectories[label]) for label, plan in self.plans.items()}
-        return dict(motions)
+        self.plans  # noqa: B018 - refuses a step before anything is timed
+        trajectories = self.trajectories
+        return {label: self.motion_by(plan, trajectories[label]) for label, plan in self.plans.items()}
 
     @property
     def left_out(self) -> dict[str, list[int]]:
         """Numbers from 1 of the modes of each body that no run integrates: nothing excites them."""
         parts = [plan.excited.left_out if plan.excited else {} for plan in self.plans.values()]
         return {
-            body or self.part.name: [k + 1 for k in modes if all(k in part.get(body, ()) for part in parts)]
+            body: [k + 1 for k in modes if all(k in part.get(body, ()) for part in parts)]
             for body, modes in parts[0].items()
         }
 
-    def motion_by(self, plan: Plan, trajectory: Trajectory) -> Motion | ChainMotion:
-        """What a trajectory of one of the scene's plans means."""
-        if plan.chain is None:
-            from pipeline.recovery.motion import Motion
+    def motion_by(self, plan: Plan, trajectory: Trajectory) -> Motion:
+        """Return the motion that a trajectory of one of the scene's plans describes."""
+        from pipeline.recovery.motion import Motion
 
-            return Motion(self.rotor, trajectory, self.scene.simulation.tip.partition(".")[2])
-        from pipeline.recovery.chain_motion import ChainMotion
-
-        return ChainMotion(plan.chain.tree, trajectory, plan.chain.tip, plan.chain.joints)
+        return Motion(plan.mechanism, trajectory, self.scene.simulation.tip)
 
     @property
     def output_times(self) -> Array:
@@ -299,54 +272,20 @@ class Pipeline:
     @cached_property
     def fine_times(self) -> tuple[Array, IntArray]:
         """Output times with many more around the tip's largest deflections [s]; which of them are output times."""
-        tip = self.first_motion.tip_size
+        tip = self.motion.tip_size
         near = (tip > 0) & (tip >= _NEAR_LARGEST * tip.max())
         numbers = np.r_[0, np.cumsum(np.where(near[:-1] | near[1:], _FINER, 1))]
         return np.interp(np.arange(numbers[-1] + 1), numbers, self.output_times), numbers
 
     @cached_property
-    def fine_motion(self) -> Motion | ChainMotion:
+    def fine_motion(self) -> Motion:
         """The first run's motion at the fine times: what vibrates fast is largest between two output times."""
         if len(self.fine_times[0]) == len(self.output_times):  # nothing flexible is at the tip
-            return self.first_motion
+            return self.motion
         plan = next(iter(self.plans.values()))
         return self.motion_by(plan, plan.march(self.fine_times[0]))
 
-    @cached_property
-    def budget(self) -> Budget:
-        """What the results of the first run are off by."""
-        from pipeline.accuracy.error_budget import budget_of
-
-        return budget_of(self)
-
-    @property
-    def first_motion(self) -> Motion | ChainMotion:
-        """The motion by the scene's first run, with which the others are compared."""
-        motions: dict[str, Motion | ChainMotion] = {**self.motions}
-        return next(iter(motions.values()))
-
     @property
     def motion(self) -> Motion:
-        """The same, for a scene that is a rotor."""
-        from pipeline.recovery.motion import Motion
-
-        first = self.first_motion
-        if not isinstance(first, Motion):
-            raise InputError(self.scene.file, "body", sorted(self.scene.body), "is a chain; see Pipeline.motions")
-        return first
-
-    def _march_all(self, plans: dict[str, Plan]) -> dict[str, Trajectory]:
-        times = self.output_times
-        trajectories = {}
-        for label, plan in plans.items():
-            plan.march(times[:2])  # compiles, or reads kernels: not part of the run time
-            with self.keeper.monitor(label) as advance:
-                trajectories[label] = plan.march(times, advance)
-        spent = sum(trajectory.seconds for trajectory in trajectories.values())
-        repeats = min(_REPEATS, int(_SHORT_SECONDS / max(spent, 1e-9)))
-        for _ in range(repeats):  # side by side, so that the ratios of run times mean something
-            for label, plan in plans.items():
-                again = plan.march(times)
-                if again.seconds < trajectories[label].seconds:
-                    trajectories[label] = again
-        return trajectories
+        """Motion by the scene's first run, with which the others are compared."""
+        return next(iter(self.motions.values()))

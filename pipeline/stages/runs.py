@@ -1,65 +1,112 @@
-"""From the scene's runs to integrators, each with the mechanism it marches: split and step chosen where asked for."""
+"""From a scene's runs to integrators, each with the mechanism that it marches, its split and its step."""
 
 from __future__ import annotations
 
+from collections.abc import Mapping
 from dataclasses import dataclass, replace
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING, Any, Protocol
 
 import numpy as np
 
 from pipeline.core.arrays import Array
 from pipeline.core.errors import InputError, StabilityError
 from pipeline.dynamics.excited_modes import Excited, excited_part
+from pipeline.dynamics.mechanism import Mechanism
 from pipeline.dynamics.system import System
 from pipeline.integrators.protocol import Integrator, Progress, Trajectory
 from pipeline.integrators.subcycling import Subcycling
-from pipeline.stages.mechanism import Chain, chain_of
+from pipeline.stability.safe_step import ALLOWED_GROWTH, longest_safe_step
+from pipeline.stages.mechanism import build_mechanism, choose_system, find_start, place_joints
 
 if TYPE_CHECKING:
-    from pipeline.scene.scene import ReversibleSubCycling, Run, Simulation, SubCycling
-    from pipeline.stages.pipeline import Pipeline
+    from pipeline.reduction.body import FlexibleBody
+    from pipeline.scene.runs import ReversibleSubCyclingRun, Run, SubCyclingRun
+    from pipeline.scene.scene import Scene
+    from pipeline.scene.simulation import Simulation
 
-STABLE = 0.4  # of the largest stable step: what a neighbour of a run takes that doesn't stand the run's own
-_NO_FORCE = 1e-3  # part of the wanted error: what a mode that is left out could have answered with
+STABLE = 0.4  # of the largest stable step: for a variant that is unstable at the run's own
+_NO_FORCE = 1e-3  # largest response of a mode that is left out, over the wanted error
+
+
+class BuiltScene(Protocol):
+    """A scene with its mechanism, as a `Pipeline` has it.
+
+    Attributes
+    ----------
+    scene : Scene
+        The scene.
+    keep_all : bool
+        Integrate modes that nothing can excite, too.
+    """
+
+    scene: Scene
+    keep_all: bool
+
+    @property
+    def bodies(self) -> Mapping[str, FlexibleBody]:
+        """Reduced flexible bodies."""
+
+    @property
+    def mechanism(self) -> Mechanism:
+        """Mechanism with the scene's own slow joints."""
+
+    @property
+    def system(self) -> System:
+        """System that marches it."""
+
+    @property
+    def start(self) -> tuple[Array, Array]:
+        """Positions and rates at the start."""
+
+    @property
+    def reference_matrices(self) -> tuple[Array, Array]:
+        """Mass and stiffness of the undeformed mechanism."""
 
 
 @dataclass(frozen=True)
 class Plan:
-    """One run: an integrator and what it marches from where.
+    """A run of a scene, ready to be integrated: an integrator, a mechanism and a start.
 
     Attributes
     ----------
     key : str
         The scene's key of its step.
-    chain : Chain, optional
-        The mechanism with the run's own split, if the scene is a chain.
+    mechanism : Mechanism
+        With the run's own split into slow and fast coordinates.
+    system : System
+        The mechanism or its fast path, whose steps are limited.
+    start : tuple of ndarray, shapes (n_positions,) and (n,)
+        Positions and rates.
     excited : Excited, optional
         The part of the mechanism that is integrated, if some modes can be left at rest.
+    excited_system : System, optional
+        That part or its fast path.
     growth : float
         Factor by which an explicit method itself makes small vibrations grow over the scene.
     """
 
     key: str
     integrator: Integrator
+    mechanism: Mechanism
     system: System
     start: tuple[Array, Array]
-    chain: Chain | None = None
     excited: Excited | None = None
+    excited_system: System | None = None
     growth: float = 1.0
 
     def march(self, times: Array, progress: Progress | None = None) -> Trajectory:
         """Integrate; coordinates of modes that stay at rest are 0. The end is that of what was integrated."""
         (q0, v0), part = self.start, self.excited
-        if part is None:
+        if part is None or self.excited_system is None:
             return self.integrator.march(self.system, q0, v0, times, progress)
-        found = self.integrator.march(part.system, q0[part.positions], v0[part.rates], times, progress)
+        march = self.integrator.march(self.excited_system, q0[part.positions], v0[part.rates], times, progress)
         q, v = np.tile(q0, (len(times), 1)), np.zeros((len(times), len(v0)))
-        q[:, part.positions], v[:, part.rates] = found.q, found.v
-        return replace(found, q=q, v=v)
+        q[:, part.positions], v[:, part.rates] = march.q, march.v
+        return replace(march, q=q, v=v)
 
 
-def plans_of(pipeline: Pipeline) -> dict[str, Plan]:
-    """Make the scene's runs ready; the label tells integrator and ratio.
+def make_plans(built: BuiltScene) -> dict[str, Plan]:
+    """Make a scene's runs ready to be integrated, each under a label of its integrator and ratio.
 
     Raises
     ------
@@ -67,9 +114,9 @@ def plans_of(pipeline: Pipeline) -> dict[str, Plan]:
         A step is beyond its stability limit, or vibrations would grow visibly by the method itself.
     """
     plans: dict[str, Plan] = {}
-    given = _given_step(pipeline)
-    for k, run in enumerate(pipeline.scene.simulation.run):
-        plan = _plan(pipeline, k, given)
+    given = _given_step(built)
+    for k, run in enumerate(built.scene.simulation.run):
+        plan = _plan(built, k, given)
         label = str(run.integrator)
         if hasattr(run, "substeps"):
             label += f" {getattr(plan.integrator, 'substeps', 1)}:1"
@@ -77,47 +124,48 @@ def plans_of(pipeline: Pipeline) -> dict[str, Plan]:
     return plans
 
 
-def plan_like(plan: Plan, neighbour: Pipeline) -> Plan:
-    """A neighbouring scene's first run, by the method and the step of a run whose growth has been asked already.
+def plan_like(plan: Plan, variant: BuiltScene) -> Plan:
+    """Plan the first run of a scene's variant by the method and the step of a run whose growth is known.
 
-    The step is a shorter one where the neighbour's highest frequency takes that.
+    The step is a shorter one where the variant's highest frequency takes that.
     """
-    found = _unasked(neighbour, 0, _given_step(neighbour))
+    first = _plan_unchecked(variant, 0, _given_step(variant))
     method: Any = plan.integrator
-    limit = method.largest_step(found.system)
+    limit = method.largest_step(first.system)
     if method.step >= limit:
         method = replace(method, step=STABLE * limit)
-    return _without_rest(neighbour, replace(found, integrator=method))
+    return _leave_out_modes(variant, replace(first, integrator=method))
 
 
-def _plan(pipeline: Pipeline, k: int, given: float | None) -> Plan:
-    simulation = pipeline.scene.simulation
+def _plan(built: BuiltScene, k: int, given: float | None) -> Plan:
+    simulation = built.scene.simulation
     free = simulation.step == "auto" and not simulation.run[k].step
-    return _without_rest(pipeline, _stable(pipeline, _unasked(pipeline, k, given), free))
+    return _leave_out_modes(built, _check_growth(built, _plan_unchecked(built, k, given), free))
 
 
-def _unasked(pipeline: Pipeline, k: int, given: float | None) -> Plan:
-    """A run as the scene has it, not asked yet whether it is stable."""
-    simulation = pipeline.scene.simulation
+def _plan_unchecked(built: BuiltScene, k: int, given: float | None) -> Plan:
+    """Plan a run as the scene has it, whose stability isn't known yet."""
+    simulation = built.scene.simulation
     run = simulation.run[k]
     key = f"simulation.run.{k}.step" if run.step else "simulation.step"
     if run.integrator in ("sub-cycling", "reversible-sub-cycling"):
-        return sub_cycled(pipeline, run, key, given)
-    chain = None if pipeline.is_rotor else pipeline.chain
-    return Plan(key, _method(run, simulation, given), pipeline.mechanism, pipeline.start, chain)
+        return plan_sub_cycled(built, run, key, given)
+    return Plan(key, _make_integrator(run, simulation, given), built.mechanism, built.system, built.start)
 
 
-def _without_rest(pipeline: Pipeline, plan: Plan) -> Plan:
-    """The same without the modes that nothing excites, unless all are to be kept."""
-    if pipeline.keep_all:
+def _leave_out_modes(built: BuiltScene, plan: Plan) -> Plan:
+    """Leave the modes out of a run that nothing excites, unless all are to be kept."""
+    part = None
+    if not built.keep_all:
+        part = excited_part(plan.mechanism, plan.start[0], _NO_FORCE * built.scene.simulation.error)
+    if part is None:
         return plan
-    wanted = _NO_FORCE * pipeline.scene.simulation.error
-    return replace(plan, excited=excited_part(plan.system, plan.start[0], wanted))
+    return replace(plan, excited=part, excited_system=choose_system(built.scene, part.mechanism))
 
 
-def _stable(pipeline: Pipeline, plan: Plan, free: bool) -> Plan:
-    """The same with its growth measured and, if its step is ``free``, with one that is short enough."""
-    method = plan.integrator
+def _check_growth(built: BuiltScene, plan: Plan, free: bool) -> Plan:
+    """Measure the growth of small vibrations by a run's method; shorten its step for that if it is ``free``."""
+    method: Any = plan.integrator  # a method with a limit has a step, and resumes
     limit = method.largest_step(plan.system)
     if not method.step < limit and not free:
         frequency = f"2/ω of its highest frequency, {1 / (np.pi * limit):.5g} Hz"
@@ -126,43 +174,42 @@ def _stable(pipeline: Pipeline, plan: Plan, free: bool) -> Plan:
             if (m + 1) * slow > fast:
                 frequency = f"2/(m ω) of its slow coordinates, {slow / (2 * np.pi):.5g} Hz"
         raise InputError(
-            pipeline.scene.file,
+            built.scene.file,
             plan.key,
             f"{method.step:.6g} s",
             f"{method.name} would diverge; the largest stable step of this model is {limit:.4g} s ({frequency})",
         )
     if not np.isfinite(limit):  # implicit, exact for small motions, or steered by its error
         return plan
-    from pipeline.stability.growth import GROWN, longest_safe_step
-    from pipeline.stages.operating_points import course_of
+    from pipeline.stability.operating_points import find_operating_points
 
+    duration = built.scene.simulation.duration
     try:
-        course = course_of(pipeline, plan.chain)
+        points = find_operating_points(built.mechanism, *built.start, duration, plan.mechanism, plan.system)
     except StabilityError:  # of the mechanism itself: the march will tell
         return plan
-    folds = course.e_folds(method) if method.step < limit else np.inf
-    if folds > np.log(GROWN):
-        explicit: Any = method  # a dataclass with a step
-        longest = longest_safe_step(lambda step: course.e_folds(replace(explicit, step=step)), min(method.step, limit))
+    folds = points.e_folds(method) if method.step < limit else np.inf
+    if folds > np.log(ALLOWED_GROWTH):
+        longest = longest_safe_step(lambda step: points.e_folds(replace(method, step=step)), min(method.step, limit))
         if not (free and longest):
-            raise InputError(pipeline.scene.file, plan.key, f"{method.step:.6g} s", _told(method, folds, longest))
-        plan = replace(plan, integrator=replace(explicit, step=longest))
-        folds = course.e_folds(plan.integrator)
+            raise InputError(
+                built.scene.file, plan.key, f"{method.step:.6g} s", _describe_growth(method, folds, longest)
+            )
+        plan = replace(plan, integrator=replace(method, step=longest))
+        folds = points.e_folds(replace(method, step=longest))
     return replace(plan, growth=float(np.exp(folds)))
 
 
-def _told(method: Integrator, folds: float, longest: float) -> str:
-    from pipeline.stability.growth import GROWN
-
+def _describe_growth(method: Integrator, folds: float, longest: float) -> str:
     ratio = f" {m}:1" if (m := getattr(method, "substeps", 1)) > 1 else ""
     grows = "at once" if folds > 100 else f"by a factor of {np.exp(folds):.3g} over the scene"
-    mend = f"a step of {longest:.3g} s keeps that below {GROWN:g}" if longest else "no step is short enough"
+    mend = f"a step of {longest:.3g} s keeps that below {ALLOWED_GROWTH:g}" if longest else "no step is short enough"
     other = ", and reversible-sub-cycling takes longer ones" if method.name == "sub-cycling" else ""
     return f"{method.name}{ratio} is unstable here: it makes small vibrations grow {grows}; {mend}{other}"
 
 
-def _method(run: Run, simulation: Simulation, given: float | None) -> Integrator:
-    """Only what is used is loaded: each method brings kernels of its own."""
+def _make_integrator(run: Run, simulation: Simulation, given: float | None) -> Integrator:
+    """Make a run's integrator; its module is loaded here, for each method brings kernels of its own."""
     step = run.step or given or 0.0
     match run.integrator:
         case "central-difference":
@@ -178,12 +225,9 @@ def _method(run: Run, simulation: Simulation, given: float | None) -> Integrator
 
             return ExponentialRosenbrock(run.tolerance)
         case "generalized-alpha":
-            from pipeline.integrators.adaptive_alpha import AdaptiveGeneralizedAlpha
             from pipeline.integrators.generalized_alpha import GeneralizedAlpha
 
-            if run.tolerance is None:
-                return GeneralizedAlpha(step, run.rho)
-            return AdaptiveGeneralizedAlpha(run.tolerance, run.rho)
+            return GeneralizedAlpha(step, run.rho)
         case "runge-kutta":
             from pipeline.integrators.runge_kutta import RungeKutta
 
@@ -192,7 +236,7 @@ def _method(run: Run, simulation: Simulation, given: float | None) -> Integrator
             from pipeline.integrators.automatic import Automatic
 
             return Automatic(simulation.error, simulation.duration)
-        case "DOP853" | "Radau" | "LSODA":
+        case "Radau" | "LSODA":
             from pipeline.integrators.scipy_ivp import ScipyIvp
 
             return ScipyIvp(run.integrator, run.tolerance)
@@ -200,7 +244,7 @@ def _method(run: Run, simulation: Simulation, given: float | None) -> Integrator
             raise AssertionError(run)
 
 
-def _two_rates(run: SubCycling | ReversibleSubCycling, step: float, substeps: int) -> Integrator:
+def _make_two_rate_integrator(run: SubCyclingRun | ReversibleSubCyclingRun, step: float, substeps: int) -> Integrator:
     if run.integrator == "sub-cycling":
         return Subcycling(step, substeps)
     if substeps == 1:  # there both have the same limit, and nothing is held
@@ -212,35 +256,38 @@ def _two_rates(run: SubCycling | ReversibleSubCycling, step: float, substeps: in
     return ReversibleSubcycling(step, substeps)
 
 
-def _given_step(pipeline: Pipeline) -> float | None:
-    """The scene's step; "auto" is plain central difference's for the wanted error, about the reference state."""
-    simulation = pipeline.scene.simulation
+def _given_step(built: BuiltScene) -> float | None:
+    """Return the scene's step; "auto" is plain central difference's for the wanted error, about the reference state."""
+    simulation = built.scene.simulation
     if simulation.step != "auto":
         return simulation.step
     from pipeline.stability.splitting import longest_step
 
-    return longest_step(*pipeline.reference_matrices, simulation.error, simulation.duration)
+    return longest_step(*built.reference_matrices, simulation.error, simulation.duration)
 
 
-def sub_cycled(pipeline: Pipeline, run: SubCycling | ReversibleSubCycling, key: str, given: float | None) -> Plan:
-    """Split the coordinates as a run says; each split has a mechanism with its own order of coordinates."""
-    simulation = pipeline.scene.simulation
+def plan_sub_cycled(
+    built: BuiltScene, run: SubCyclingRun | ReversibleSubCyclingRun, key: str, given: float | None
+) -> Plan:
+    """Plan a sub-cycled run; each split of the coordinates has a mechanism with an order of its own."""
+    simulation = built.scene.simulation
     step = run.step or given or 0.0
     if run.split == "joints":
         assert run.substeps != "auto"  # the scene's own check
-        chain = None if pipeline.is_rotor else pipeline.chain
-        return Plan(key, _two_rates(run, step, run.substeps), pipeline.mechanism, pipeline.start, chain)
+        method = _make_two_rate_integrator(run, step, run.substeps)
+        return Plan(key, method, built.mechanism, built.system, built.start)
     from pipeline.stability.splitting import choose_split, split_at
-    from pipeline.stages.stiffening_check import spins_of
+    from pipeline.stages.stiffening_check import rigid_spins
 
-    tree, substeps = pipeline.chain.tree, run.substeps
+    whole, substeps = built.mechanism, run.substeps
     if run.split == "auto":
-        spins = spins_of(pipeline.chain, simulation.duration)
+        spins = rigid_spins(whole, *place_joints(built.scene, whole.rigid), simulation.duration)
         spin = max(float(np.sqrt(np.mean(np.sum(rates**2, axis=1)))) for rates in spins.values())
-        choice = choose_split(tree, simulation.error, simulation.duration, spin, step or None)
+        choice = choose_split(whole, simulation.error, simulation.duration, spin, step or None)
         frequency, substeps, step = choice.frequency_hz, choice.substeps, choice.step
     else:
         frequency = run.split
     assert substeps != "auto"
-    chain = chain_of(pipeline.scene, pipeline.bodies, *split_at(tree, frequency))
-    return Plan(key, _two_rates(run, step, substeps), chain.tree, (chain.q0, chain.v0), chain)
+    mechanism = build_mechanism(built.scene, built.bodies, *split_at(whole, frequency))
+    start = find_start(built.scene, mechanism)
+    return Plan(key, _make_two_rate_integrator(run, step, substeps), mechanism, mechanism, start)

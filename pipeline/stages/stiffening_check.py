@@ -1,4 +1,4 @@
-"""Whether a body's spin matters to its stiffness: how fast it will turn, found with all bodies rigid.
+"""Check of how fast each flexible body turns, by the motion with all bodies rigid, and whether that stiffens it.
 
 The linear floating frame softens with spin, by ``Ω²`` times a body's second moments, and has no stiffness left at a
 critical rate. Geometric stiffening, by the stress of the inertia loads themselves, more than makes up for it.
@@ -6,6 +6,7 @@ critical rate. Geometric stiffening, by the stress of the inertia loads themselv
 
 from __future__ import annotations
 
+from collections.abc import Mapping
 from dataclasses import dataclass
 from typing import TYPE_CHECKING
 
@@ -14,12 +15,14 @@ from scipy.linalg import eigh
 
 from pipeline.core.arrays import Array
 from pipeline.core.errors import AccuracyError, InputError
+from pipeline.dynamics.fast_path import rigid_hinge_motion
+from pipeline.dynamics.kinematics import Kinematics
+from pipeline.stages.mechanism import build_mechanism, place_joints
 
 if TYPE_CHECKING:
-    from pipeline.dynamics.tree.tree import Tree
+    from pipeline.dynamics.mechanism import Mechanism
     from pipeline.reduction.body import FlexibleBody
-    from pipeline.stages.mechanism import Chain
-    from pipeline.stages.pipeline import Pipeline
+    from pipeline.scene.scene import Scene
 
 # Spin counts where it changes the lowest stiffness by more than this part.
 _MATTERS = 0.01
@@ -28,7 +31,7 @@ _SAMPLES = 401
 
 @dataclass(frozen=True)
 class SpinCheck:
-    """What a body's spin does to its stiffness.
+    """Largest spin of a body over a scene, against the rate at which its stiffness would be lost.
 
     Attributes
     ----------
@@ -48,35 +51,42 @@ class SpinCheck:
     stiffened: bool
 
 
-def check_spins(pipeline: Pipeline) -> dict[str, SpinCheck]:
-    """Check each flexible body of a scene, before it is integrated.
+def check_spins(scene: Scene, bodies: Mapping[str, FlexibleBody]) -> dict[str, SpinCheck]:
+    """Check how fast each flexible body of a scene will turn, before anything is integrated.
+
+    Parameters
+    ----------
+    scene : Scene
+        With a simulation.
+    bodies : mapping of str to FlexibleBody
+        Its flexible bodies, reduced and not stiffened.
 
     Raises
     ------
     InputError
         The scene wants no stiffening, and a body would lose its stiffness.
     """
-    if not pipeline.parts:
+    if not bodies:
         return {}
-    wanted = pipeline.scene.simulation.stiffening
-    bodies = {name: part.body for name, part in pipeline.parts.items()}
-    spins = _spins(pipeline, bodies)
-    found = {}
+    wanted = scene.simulation.stiffening
+    mechanism = build_mechanism(scene, bodies)
+    spins = rigid_spins(mechanism, *place_joints(scene, mechanism.rigid), scene.simulation.duration)
+    checks = {}
     for name, body in bodies.items():
         rates = np.linalg.norm(spins[name], axis=1)
         largest, first = float(rates.max()), float(body.omega[0])
         critical = critical_rate(body, spins[name][rates.argmax()])
         if wanted == "off" and largest >= critical:
             raise InputError(
-                pipeline.scene.file,
+                scene.file,
                 "simulation.stiffening",
                 "off",
                 f"body '{name}' would diverge: it turns at up to {largest:.4g} rad/s, and from {critical:.4g} rad/s on "
                 "the linear floating frame has no stiffness left; 'auto' adds geometric stiffening",
             )
         matters = (largest / first) ** 2 > _MATTERS
-        found[name] = SpinCheck(largest, first, critical, wanted == "on" or (wanted == "auto" and matters))
-    return found
+        checks[name] = SpinCheck(largest, first, critical, wanted == "on" or (wanted == "auto" and matters))
+    return checks
 
 
 def critical_rate(body: FlexibleBody, spin: Array) -> float:
@@ -90,30 +100,29 @@ def critical_rate(body: FlexibleBody, spin: Array) -> float:
     return float(1 / np.sqrt(softest)) if softest > 0 else np.inf
 
 
-def _spins(pipeline: Pipeline, bodies: dict[str, FlexibleBody]) -> dict[str, Array]:
-    """Angular velocities of the bodies in their own axes over the scene, (n_samples, 3) each, all bodies rigid."""
-    from pipeline.stages.mechanism import chain_of, rotor_of
+def rigid_spins(mechanism: Mechanism, q0: Array, v0: Array, duration: float) -> dict[str, Array]:
+    """Compute the angular velocity of each body in its own axes over a motion in which no body deforms.
 
-    if pipeline.is_rotor:
-        (body,) = bodies.values()
-        (joint,) = pipeline.scene.joint.values()
-        reached = rotor_of(pipeline.scene, body).driven_rate
-        start = joint.rate if joint.type == "revolute" else 0.0
-        return {body_name: np.outer([start, start + reached], body.axis) for body_name in bodies}
-    found = spins_of(chain_of(pipeline.scene, bodies), pipeline.scene.simulation.duration)
-    return {name: spins for name, spins in found.items() if name in bodies}
+    Parameters
+    ----------
+    q0, v0 : ndarray
+        Positions and rates of `Mechanism.rigid` at the start.
+    duration : float
+        Of the motion [s].
 
-
-def spins_of(chain: Chain, duration: float) -> dict[str, Array]:
-    """Angular velocity of each body of a chain in its own axes, all bodies rigid, (n_samples, 3) each [rad/s]."""
-    rigid = chain.tree.rigid
+    Returns
+    -------
+    dict of str to ndarray, shapes (n_samples, 3)
+        [rad/s]
+    """
     times = np.linspace(0.0, duration, _SAMPLES)
-    q, v = _rigid_motion(rigid, chain.q0[: rigid.n_positions], chain.v0[: rigid.n], times)
-    spins = rigid.spins(q, v, times)
-    return {link.name: spins[:, k] for k, link in enumerate(rigid.links)}
+    q, v = rigid_hinge_motion(mechanism, q0, v0, times) or _rigid_motion(mechanism.rigid, q0, v0, times)
+    motion = Kinematics(mechanism.rigid, times, q, v)
+    return {link.name: motion.body_spin(k) for k, link in enumerate(mechanism.links)}
 
 
-def _rigid_motion(rigid: Tree, q0: Array, v0: Array, times: Array) -> tuple[Array, Array]:
+def _rigid_motion(rigid: Mechanism, q0: Array, v0: Array, times: Array) -> tuple[Array, Array]:
+    """Integrate a mechanism of rigid bodies: positions and rates, (n_times, …) each."""
     if not rigid.n:
         return np.zeros((len(times), 0)), np.zeros((len(times), 0))
     from pipeline.integrators.scipy_ivp import ScipyIvp

@@ -1,1 +1,1 @@
-"""One scene at many values: the points, the workers that compute them, what they found as a table."""
+"""One scene at many values: its points, the workers that compute them, and the table of results."""

@@ -1,4 +1,4 @@
-"""Points on a Dask cluster: the scheduler hands them out, and again if a worker is lost."""
+"""Points on a Dask cluster: the scheduler hands them out, and once more if a worker is lost."""
 
 from __future__ import annotations
 
@@ -8,8 +8,8 @@ from pathlib import Path
 from typing import TYPE_CHECKING
 
 from pipeline.core.errors import InputError
-from pipeline.sweep.record import Record, broken_off
-from pipeline.sweep.work import compute
+from pipeline.sweep.record import Record, interrupted_record
+from pipeline.sweep.work import compute_point
 
 if TYPE_CHECKING:
     from pipeline.scene.scene import Scene
@@ -19,11 +19,10 @@ _ANSWERS_WITHIN = 10  # s
 _WORKS_WITHIN = 60  # s; a cluster may start its workers when there is work
 
 
-def on_cluster(scenes: Mapping[str, Scene], address: str) -> Iterator[tuple[str, Record]]:
-    """Send scenes to the workers of a scheduler; yield key and record of each as it is done.
+def compute_on_cluster(scenes: Mapping[str, Scene], address: str) -> Iterator[tuple[str, Record]]:
+    """Compute scenes on the workers of a Dask scheduler; yield key and record of each as it is done.
 
-    Workers need this package, of the same version. The scene goes with the work, its record comes back; a mesh that is
-    read from a file must lie at the same place for them.
+    Workers need this package, of the same version. A mesh that is read from a file must lie at the same place for them.
 
     Raises
     ------
@@ -35,14 +34,15 @@ def on_cluster(scenes: Mapping[str, Scene], address: str) -> Iterator[tuple[str,
     except ModuleNotFoundError:
         raise InputError(_SCHEDULER, "", address, "needs Dask: install this package's extra 'cluster'") from None
     try:
-        asyncio.run(_reach(address))  # first: a client that can't connect takes 20 s to give up closing
+        asyncio.run(_connect(address))  # first: a client that can't connect takes 20 s to give up closing
         client = Client(address, timeout=_ANSWERS_WITHIN, set_as_default=False)
     except (OSError, ValueError, ImportError) as error:
-        said = f"no Dask scheduler answers there, e.g. tcp://host:8786: {error}"
-        raise InputError(_SCHEDULER, "", address, said) from None
+        mend = f"no Dask scheduler answers there, e.g. tcp://host:8786: {error}"
+        raise InputError(_SCHEDULER, "", address, mend) from None
     with client:
         futures = {
-            client.submit(compute, key, _placed(scene), key=key, pure=False): key for key, scene in scenes.items()
+            client.submit(compute_point, key, _with_absolute_file(scene), key=key, pure=False): key
+            for key, scene in scenes.items()
         }
         try:
             client.wait_for_workers(1, timeout=_WORKS_WITHIN)
@@ -55,7 +55,7 @@ def on_cluster(scenes: Mapping[str, Scene], address: str) -> Iterator[tuple[str,
                 record: Record = future.result()
             elif status == "error":
                 fault = future.exception()
-                record = broken_off(f"{type(fault).__name__}: {fault}")
+                record = interrupted_record(f"{type(fault).__name__}: {fault}")
             else:
                 mend = "the scheduler went away; what is done is kept, and the same command goes on from there"
                 raise InputError(_SCHEDULER, "", address, mend)
@@ -63,14 +63,15 @@ def on_cluster(scenes: Mapping[str, Scene], address: str) -> Iterator[tuple[str,
             yield key, record
 
 
-def _placed(scene: Scene) -> Scene:
-    """A scene whose file, beside which those of its meshes are, is found from any folder."""
-    placed = scene.model_copy()
-    placed._file = str(Path(scene.file).resolve())
-    return placed
+def _with_absolute_file(scene: Scene) -> Scene:
+    """Copy a scene with the absolute path of its file, so that workers in other folders can read its meshes."""
+    copy = scene.model_copy()
+    copy._file = str(Path(scene.file).resolve())
+    return copy
 
 
-async def _reach(address: str) -> None:
+async def _connect(address: str) -> None:
+    """Open and close a connection to a scheduler; raises ``OSError`` or ``ValueError`` if none answers."""
     from distributed.comm import connect
 
     await (await connect(address, timeout=_ANSWERS_WITHIN)).close()

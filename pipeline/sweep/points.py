@@ -1,4 +1,4 @@
-"""The points of a sweep: which keys of the scene take which values, and the scene at each combination."""
+"""Points of a sweep: keys of the scene with the values that they take, and the scene at each combination."""
 
 from __future__ import annotations
 
@@ -11,7 +11,7 @@ from pathlib import Path
 from pipeline.core.cache import stage_key
 from pipeline.core.errors import InputError
 from pipeline.scene.scene import Scene, load_scene
-from pipeline.scene.source_files import contents
+from pipeline.scene.source_files import digest_files
 
 _VARY = "--vary"
 _MOST_POINTS = 100_000
@@ -20,8 +20,8 @@ _PACKAGES = ("gmsh", "numba", "numpy", "scikit-fem", "scipy")
 
 
 @dataclass(frozen=True)
-class Varied:
-    """A key of the scene, dotted as for ``--set``, and the values that it takes, as text."""
+class Variation:
+    """A key of the scene, dotted as for ``--set``, with its values as text."""
 
     key: str
     values: tuple[str, ...]
@@ -29,18 +29,18 @@ class Varied:
 
 @dataclass(frozen=True)
 class Point:
-    """One combination of values.
+    """One combination of values, with its scene or the reason why there is none.
 
     Parameters
     ----------
     values : tuple of str
         One for each varied key.
     scene : Scene or None
-        The scene there; ``None`` if it is refused.
+        The scene with these values; ``None`` if it is refused.
     key : str
-        Digest of the whole scene and of what computes it; empty if it is refused.
+        Digest of the scene, its files and the sources that compute it; empty if it is refused.
     refusal : str
-        Why, if it is refused.
+        The reason, if it is refused.
     """
 
     values: tuple[str, ...]
@@ -49,15 +49,15 @@ class Point:
     refusal: str = ""
 
 
-def varied_of(texts: Sequence[str]) -> tuple[Varied, ...]:
-    """Read ``simulation.step=1us,2us``; a comma within brackets or quotes belongs to its value.
+def parse_variations(texts: Sequence[str]) -> tuple[Variation, ...]:
+    """Parse texts like ``simulation.step=1us,2us``; a comma within brackets or quotes belongs to its value.
 
     Raises
     ------
     InputError
         A text isn't of this form, or a key or value is given twice.
     """
-    varied: list[Varied] = []
+    variations: list[Variation] = []
     for text in texts:
         key, equals, given = (part.strip() for part in text.partition("="))
         values = tuple(value.strip() for value in _split(given))
@@ -65,15 +65,15 @@ def varied_of(texts: Sequence[str]) -> tuple[Varied, ...]:
             raise InputError(_VARY, "", text, "must look like simulation.step=1us,2us,5us")
         if len(set(values)) < len(values):
             raise InputError(_VARY, key, given, "has a value twice")
-        if any(other.key == key for other in varied):
+        if any(other.key == key for other in variations):
             raise InputError(_VARY, key, given, "is varied twice; give all its values in one list")
-        varied.append(Varied(key, values))
-    if not varied:
+        variations.append(Variation(key, values))
+    if not variations:
         raise InputError(_VARY, "", None, "is missing: what to vary, e.g. --vary simulation.step=1us,2us,5us")
-    return tuple(varied)
+    return tuple(variations)
 
 
-def points_of(scene: str | Path, varied: Sequence[Varied], overrides: Sequence[str] = ()) -> list[Point]:
+def make_points(scene: str | Path, variations: Sequence[Variation], overrides: Sequence[str] = ()) -> list[Point]:
     """Load the scene at each combination of values, the last key varying fastest.
 
     Raises
@@ -81,17 +81,18 @@ def points_of(scene: str | Path, varied: Sequence[Varied], overrides: Sequence[s
     InputError
         There is no such scene, or it is refused at every point; the message is that of the first.
     """
-    count = math.prod(len(v.values) for v in varied)
+    count = math.prod(len(v.values) for v in variations)
     if count > _MOST_POINTS:
         raise InputError(_VARY, "", None, f"makes {count} points; at most {_MOST_POINTS} in one sweep")
     points: list[Point] = []
     first: InputError | None = None
-    for values in itertools.product(*(v.values for v in varied)):
+    for values in itertools.product(*(v.values for v in variations)):
         try:
-            found = load_scene(scene, [*overrides, *(f"{v.key}={x}" for v, x in zip(varied, values, strict=True))])
-            points.append(Point(values, found, point_key(found)))
+            own = [f"{v.key}={x}" for v, x in zip(variations, values, strict=True)]
+            loaded = load_scene(scene, [*overrides, *own])
+            points.append(Point(values, loaded, point_key(loaded)))
         except InputError as error:
-            refused = _as_varied(error, varied)
+            refused = _naming_vary(error, variations)
             first = first or refused
             points.append(Point(values, None, refusal=str(refused)))
     if first is not None and all(point.scene is None for point in points):
@@ -100,25 +101,26 @@ def points_of(scene: str | Path, varied: Sequence[Varied], overrides: Sequence[s
 
 
 def point_key(scene: Scene) -> str:
-    """Name what a scene leads to after its whole content, that of its files, and all that computes it.
+    """Return the key of a scene's results: a digest of the scene, its files, the sources and packages.
 
     Raises
     ------
     InputError
         A file isn't there.
     """
-    inputs = {"scene": scene.model_dump(mode="json"), "files": contents(scene)}
+    inputs = {"scene": scene.model_dump(mode="json"), "files": digest_files(scene)}
     return stage_key("point", inputs, ("meshes", "pipeline"), _PACKAGES)
 
 
-def _as_varied(error: InputError, varied: Sequence[Varied]) -> InputError:
-    """Say that a value came by ``--vary``, not by ``--set``, which is how the scene got it."""
-    if error.file == "--set" and any(error.key.startswith(v.key) for v in varied):
+def _naming_vary(error: InputError, variations: Sequence[Variation]) -> InputError:
+    """Return the error of a varied value with ``--vary`` as its origin, where loading has put ``--set``."""
+    if error.file == "--set" and any(error.key.startswith(v.key) for v in variations):
         return InputError(_VARY, error.key, error.value, error.mend)
     return error
 
 
 def _split(text: str) -> list[str]:
+    """Split a text at its commas, but for those within brackets or quotes."""
     parts, depth, quote = [""], 0, ""
     for character in text:
         if quote:

@@ -1,4 +1,4 @@
-"""What is known of a point once it has been computed, as a file that is there whole or not at all."""
+"""The result of one point of a sweep, kept as a file that exists whole or not at all."""
 
 from __future__ import annotations
 
@@ -14,18 +14,18 @@ STATUSES = ("ok", "refused", "failed")
 
 @dataclass(frozen=True)
 class Record:
-    """What became of a point.
+    """The result of one point of a sweep.
 
     Parameters
     ----------
     status : str
-        ``"ok"``; ``"refused"``: its input is wrong; ``"failed"``: a number failed its check, or the work broke off.
+        ``"ok"``; ``"refused"``: its input is wrong; ``"failed"``: a number failed its check, or its process died.
     message : str
-        Why, unless it is ok.
+        The reason, unless it is ok.
     summary : dict
-        What ``fmd run`` writes as summary.json.
+        The figures that ``fmd run`` writes as summary.json.
     lasting : bool
-        Whether the same would come out again: a process that died may be luckier next time.
+        False if computing once more may succeed, e.g. after a process has died; then it isn't kept.
     """
 
     status: str
@@ -34,19 +34,19 @@ class Record:
     lasting: bool = True
 
 
-def broken_off(message: str) -> Record:
-    """Return the record of a point whose work broke off; a later sweep tries it again."""
+def interrupted_record(message: str) -> Record:
+    """Make the record of a point whose computation was interrupted; a later sweep tries it once more."""
     return Record("failed", message, lasting=False)
 
 
 def write_record(record: Record, path: Path) -> None:
-    """Keep a record; raises ``OSError``."""
+    """Write a record to a file that appears whole; raises ``OSError``."""
     with whole_file(path) as part:
         part.write_text(json.dumps(asdict(record), indent=1, allow_nan=False) + "\n")
 
 
 def read_record(path: Path) -> Record | None:
-    """Read what was kept; ``None`` if there is nothing, or something else."""
+    """Read a record from a file; return ``None`` if the file is missing, damaged or something else."""
     try:
         record = Record(**json.loads(path.read_text()))
     except (OSError, ValueError, TypeError):

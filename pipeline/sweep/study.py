@@ -1,4 +1,4 @@
-"""A sweep from its points to its table, and on from where an earlier one was stopped."""
+"""A sweep over its points, taken up where an earlier one was stopped."""
 
 from __future__ import annotations
 
@@ -8,53 +8,53 @@ from pathlib import Path
 
 from pipeline.core.progress import Monitor, silent
 from pipeline.scene.scene import Scene
-from pipeline.sweep.points import Point, Varied
+from pipeline.sweep.points import Point, Variation
 from pipeline.sweep.record import STATUSES, Record, read_record, write_record
 
-Work = Callable[[Mapping[str, Scene]], Iterator[tuple[str, Record]]]
-"""Computes scenes by their keys; yields key and record of each as it is done."""
+Compute = Callable[[Mapping[str, Scene]], Iterator[tuple[str, Record]]]
+"""A function that computes scenes by their keys, and yields key and record of each as it is done."""
 
 
 @dataclass(frozen=True)
 class Sweep:
-    """A scene at many values.
+    """A scene at many values, with the record of each.
 
     Attributes
     ----------
-    varied : tuple of Varied
-        What was varied.
+    variations : tuple of Variation
+        Keys and their values.
     points : tuple of Point
         All combinations, the last key varying fastest.
     records : tuple of Record
-        What became of each point.
+        The result of each point.
     computed : int
-        How many scenes were computed; the others were kept from before, refused at once, or equal to one of these.
+        Number of scenes computed now; the others were kept from before, refused at once, or equal to one of these.
     """
 
-    varied: tuple[Varied, ...]
+    variations: tuple[Variation, ...]
     points: tuple[Point, ...]
     records: tuple[Record, ...]
     computed: int
 
     @property
     def counts(self) -> dict[str, int]:
-        """How many points have which status."""
+        """Number of points of each status."""
         return {status: sum(record.status == status for record in self.records) for status in STATUSES}
 
 
-def sweep(
-    varied: Sequence[Varied], points: Sequence[Point], folder: Path, work: Work, monitor: Monitor = silent
+def run_sweep(
+    variations: Sequence[Variation], points: Sequence[Point], folder: Path, compute: Compute, monitor: Monitor = silent
 ) -> Sweep:
-    """Compute what isn't known yet of the points, keeping each as soon as it is done.
+    """Compute all points that have no record yet, and keep the record of each as soon as it is done.
 
     Parameters
     ----------
-    varied, points
-        As `pipeline.sweep.points` makes them.
+    variations, points
+        Keys with their values, and their combinations, from `pipeline.sweep.points`.
     folder : Path
-        Where records are kept, one file a scene; made if it is missing.
-    work : callable
-        `pipeline.sweep.local.on_this_machine` or `pipeline.sweep.cluster.on_cluster`, with its workers given.
+        Folder of the records, one file a scene; made if it is missing.
+    compute : callable
+        `pipeline.sweep.local.compute_locally` or `pipeline.sweep.cluster.compute_on_cluster`, with its workers bound.
 
     Raises
     ------
@@ -66,10 +66,10 @@ def sweep(
     known = {key: record for key in scenes if (record := read_record(folder / f"{key}.json")) is not None}
     wanted = {key: scene for key, scene in scenes.items() if key not in known}
     with monitor(f"{len(wanted)} points") as advance:
-        for number, (key, record) in enumerate(work(wanted) if wanted else (), start=1):
+        for number, (key, record) in enumerate(compute(wanted) if wanted else (), start=1):
             if record.lasting:
                 write_record(record, folder / f"{key}.json")
             known[key] = record
             advance(number / len(wanted))
     records = [known[point.key] if point.key else Record("refused", point.refusal) for point in points]
-    return Sweep(tuple(varied), tuple(points), tuple(records), len(wanted))
+    return Sweep(tuple(variations), tuple(points), tuple(records), len(wanted))

@@ -11,9 +11,9 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from pipeline.core.files import whole_file
-from pipeline.core.units import si_of
-from pipeline.scene.reading import toml_value
-from pipeline.sweep.points import Varied
+from pipeline.core.units import parse_quantity
+from pipeline.scene.reading import parse_value
+from pipeline.sweep.points import Variation
 from pipeline.sweep.study import Sweep
 
 if TYPE_CHECKING:
@@ -22,7 +22,7 @@ if TYPE_CHECKING:
 Leaf = float | str | None
 Place = tuple[str | int, ...]
 
-# Of a summary: what is the same everywhere, what tells of files, and what the first run says once more.
+# Of a summary: equal at all points, names of files, and figures that the first run repeats.
 _LEFT_OUT = {"scene", "version", "files", "stages_run", "stages_cached", "stages_skipped", "reference_hz"}
 _LEFT_OUT |= {"mode_numbers", "final"}
 _NAMES = {"integrations": "run"}  # as in the scene: simulation.run.0
@@ -36,12 +36,12 @@ _UNITS = {
 
 
 class SweepTable:
-    """The figures of a sweep's points.
+    """Figures of a sweep's points, as rows or as arrays over the varied keys.
 
     Parameters
     ----------
     sweep : Sweep
-        What was found.
+        Points and their records.
     """
 
     def __init__(self, sweep: Sweep) -> None:
@@ -53,25 +53,25 @@ class SweepTable:
 
     @cached_property
     def places(self) -> list[Place]:
-        """Where the figures of any point are in its summary, e.g. ``("run", 0, "seconds")``."""
+        """Places of all figures in the summaries, e.g. ``("run", 0, "seconds")``."""
         return list(dict.fromkeys(place for figures in self._figures for place in figures))
 
     @property
     def rows(self) -> list[dict[str, Leaf]]:
-        """One a point: varied values as SI numbers where they are quantities, status, message, figures."""
-        axes = [axis_of(varied) for varied in self.sweep.varied]
+        """One row a point: varied values, as SI numbers where they are quantities, status, message, figures."""
+        axes = [axis_values(variation) for variation in self.sweep.variations]
         rows = []
         for point, record, figures in zip(self.sweep.points, self.sweep.records, self._figures, strict=True):
             row: dict[str, Leaf] = {}
-            for varied, (values, unit), value in zip(self.sweep.varied, axes, point.values, strict=True):
-                name = f"{varied.key} [{unit}]" if unit else varied.key
-                row[name] = values[varied.values.index(value)]
+            for variation, (values, unit), value in zip(self.sweep.variations, axes, point.values, strict=True):
+                name = f"{variation.key} [{unit}]" if unit else variation.key
+                row[name] = values[variation.values.index(value)]
             row |= {"status": record.status, "message": record.message}
             rows.append(row | {_dotted(place): figures.get(place) for place in self.places})
         return rows
 
     def write_csv(self, path: Path) -> None:
-        """Write the rows; an empty cell where a point lacks a figure."""
+        """Write the rows as CSV, with an empty cell where a point lacks a figure."""
         rows = self.rows
         with whole_file(path) as part, part.open("w", newline="", encoding="utf-8") as file:
             table = csv.DictWriter(file, list(rows[0]), lineterminator="\n")
@@ -80,10 +80,10 @@ class SweepTable:
 
     @property
     def dataset(self) -> xarray.Dataset:
-        """One dimension a varied key, then one a list (``run``, ``mode``, ``axis``); NaN or "" where a figure lacks."""
+        """Figures over a dimension for each varied key and each list (``run``, ``mode`` ...); NaN or "" if missing."""
         import xarray
 
-        axes = {varied.key: axis_of(varied) for varied in self.sweep.varied}
+        axes = {variation.key: axis_values(variation) for variation in self.sweep.variations}
         shape = tuple(len(values) for values, _ in axes.values())
         inner = self._inner_sizes()
         data: dict[str, Any] = {}
@@ -103,16 +103,16 @@ class SweepTable:
         return xarray.Dataset(data, {key: (key, list(values), {"units": unit}) for key, (values, unit) in axes.items()})
 
     def write_netcdf(self, path: Path) -> None:
-        """Write the data set."""
+        """Write the data set as NetCDF."""
         with whole_file(path) as part:
             self.dataset.to_netcdf(part, engine="scipy")
 
     def _variables(self) -> dict[str, list[Place]]:
-        """Gather the places that differ only by their numbers in lists."""
-        found: dict[str, list[Place]] = {}
+        """Group the places that differ only by their numbers in lists: each group is one variable."""
+        groups: dict[str, list[Place]] = {}
         for place in self.places:
-            found.setdefault(_dotted(tuple(step for step in place if isinstance(step, str))), []).append(place)
-        return found
+            groups.setdefault(_dotted(tuple(step for step in place if isinstance(step, str))), []).append(place)
+        return groups
 
     def _inner_sizes(self) -> dict[str, int]:
         sizes: dict[str, int] = {}
@@ -131,21 +131,21 @@ def write_tables(sweep: Sweep, folder: Path) -> tuple[list[str], list[dict[str, 
     return ["sweep.csv", "sweep.nc"], table.rows
 
 
-def axis_of(varied: Varied) -> tuple[tuple[Leaf, ...], str]:
+def axis_values(variation: Variation) -> tuple[tuple[Leaf, ...], str]:
     """Return a key's values as SI numbers and their unit if all are numbers or quantities of a kind, else as text."""
     try:
-        numbers = [_number(value) for value in varied.values]
+        numbers = [_number(value) for value in variation.values]
     except ValueError:
-        return varied.values, ""
+        return variation.values, ""
     units = {unit for _, unit in numbers}
-    return (tuple(value for value, _ in numbers), units.pop()) if len(units) == 1 else (varied.values, "")
+    return (tuple(value for value, _ in numbers), units.pop()) if len(units) == 1 else (variation.values, "")
 
 
 def _number(text: str) -> tuple[float, str]:
-    value = toml_value(text)
+    value = parse_value(text)
     if isinstance(value, int | float) and not isinstance(value, bool):
         return value, ""
-    return si_of(str(value))
+    return parse_quantity(str(value))
 
 
 def _leaves(value: Any, place: Place = ()) -> Iterator[tuple[Place, Leaf]]:

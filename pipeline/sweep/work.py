@@ -1,4 +1,4 @@
-"""What a worker does with a point, wherever it runs."""
+"""The computation of one point of a sweep, on this machine or on a cluster."""
 
 from __future__ import annotations
 
@@ -11,32 +11,32 @@ from pipeline.output.summary import summarise
 from pipeline.scene.scene import Scene
 from pipeline.stages.pipeline import Pipeline
 from pipeline.sweep.points import point_key
-from pipeline.sweep.record import Record, broken_off
+from pipeline.sweep.record import Record, interrupted_record
 
 _alone = threading.Lock()
 
 
-def compute(key: str, scene: Scene) -> Record:
-    """Run a scene without pictures and error budget; what goes wrong is told in the record.
+def compute_point(key: str, scene: Scene) -> Record:
+    """Run a scene without pictures and error budget; its record holds the summary or the error.
 
     Gmsh keeps one model a process, so a worker with several threads computes one point after the other.
     """
     with _alone:
         try:
             if point_key(scene) != key:
-                return broken_off(
+                return interrupted_record(
                     "its worker has another version of this program, of a package or of the scene's files"
                 )
         except InputError as error:  # a file that this machine doesn't have
-            return broken_off(f"its worker: {error}")
+            return interrupted_record(f"its worker: {error}")
         try:
             run = Pipeline(scene)
-            summary = frequency_table(run) if scene.march is None else summarise(run, [], budget=False)
+            summary = frequency_table(run) if not scene.moves else summarise(run, [], budget=False)
             json.dumps(summary, allow_nan=False)
         except InputError as error:
             return Record("refused", str(error))
         except AccuracyError as error:
             return Record("failed", str(error))
         except Exception as error:  # a point is a row of the table, not the end of the sweep
-            return broken_off(f"{type(error).__name__}: {error}")
+            return interrupted_record(f"{type(error).__name__}: {error}")
         return Record("ok", summary=summary)

@@ -1,1 +1,1 @@
-"""Published and closed-form results, compared with what the library finds."""
+"""Published and closed-form results, compared with those of this package."""

@@ -1,4 +1,4 @@
-"""A case of the verification suite: figures of ours beside published ones, each with its tolerance."""
+"""Cases of the verification suite: figures of ours beside published ones, each with its tolerance."""
 
 from __future__ import annotations
 
@@ -13,14 +13,14 @@ from pipeline.stages.pipeline import Pipeline
 
 @dataclass(frozen=True)
 class Figure:
-    """One number of ours and what it should be.
+    """One number of ours beside the published one.
 
     Parameters
     ----------
     quantity : str
-        What it is, with its unit.
+        Name of the quantity, with its unit.
     ours, published : float
-        In that unit.
+        Values in that unit.
     tolerance : float
         Largest difference allowed, relative to ``published``.
     """
@@ -32,25 +32,25 @@ class Figure:
 
     @property
     def difference(self) -> float:
-        """Relative to what is published."""
+        """Difference of ours from the published number, relative to the latter."""
         return float(self.ours / self.published - 1)
 
     @property
     def holds(self) -> bool:
-        """Whether the difference is within the tolerance; never for what isn't a number."""
+        """True if the difference is within the tolerance, which NaN never is."""
         return abs(self.difference) <= self.tolerance
 
 
 @dataclass(frozen=True)
-class Case:
-    """Figures from one source.
+class VerificationCase:
+    """A case: figures of ours beside those of one publication.
 
     Parameters
     ----------
     name, title, source : str
-        For the command line and for the table; where the numbers or formulas were published.
+        Name on the command line, title in the table, and publication of the numbers or formulas.
     measure : callable
-        Computes the figures; takes the cache where stages are kept, ``None`` for the user's.
+        Function that computes the figures; takes the cache of the stages, ``None`` for the user's.
     """
 
     name: str
@@ -59,8 +59,8 @@ class Case:
     measure: Callable[[Cache | None], list[Figure]]
 
 
-def scene_run(name: str, cache: Cache | None, overrides: Sequence[str] = ()) -> Pipeline:
-    """Run a ready scene, or one of the suite's own, e.g. ``"verification/rod"``."""
+def open_scene(name: str, cache: Cache | None, overrides: Sequence[str] = ()) -> Pipeline:
+    """Make the pipeline of a ready scene, or of one of the suite's own, e.g. ``"verification/rod"``."""
     folder, _, scene = name.rpartition("/")
     if not folder:
         return Pipeline(load_scene(scene, overrides), cache)
@@ -68,9 +68,9 @@ def scene_run(name: str, cache: Cache | None, overrides: Sequence[str] = ()) -> 
         return Pipeline(load_scene(path, overrides), cache)
 
 
-def listed(
+def make_figures(
     quantities: Iterable[str], ours: Iterable[float], published: Iterable[float], tolerance: float
 ) -> list[Figure]:
-    """Figures with one tolerance, as many as there are names."""
+    """Pair quantities, our values and published ones as figures of one tolerance, as many as there are names."""
     rows = zip(quantities, ours, published, strict=False)
     return [Figure(quantity, float(own), float(other), tolerance) for quantity, own, other in rows]

@@ -1,8 +1,8 @@
-"""What the cases are compared with, where it is a formula or another method and no printed number."""
+"""Formulas and independent methods that the cases are compared with where no number is printed."""
 
 from __future__ import annotations
 
-from itertools import product
+import itertools
 
 import numpy as np
 from numpy.polynomial import legendre
@@ -35,7 +35,10 @@ def timoshenko_free(length: float, depth: float, material: Material, count: int)
 
 
 def timoshenko_supported(length: float, depth: float, material: Material, count: int) -> Array:
-    """Bending frequencies of the same beam on simple supports [Hz]: ``sin(n π x/L)``, ``bβ = n π`` (Huang)."""
+    """Bending frequencies of a simply supported rectangular Timoshenko beam [Hz], shape (count,).
+
+    Shapes are ``sin(n π x/L)``, with ``bβ = n π`` (Huang, J Appl Mech 28, 1961).
+    """
     r2, s2, unit = _timoshenko(length, depth, material)
     a = (np.pi * np.arange(1, count + 1)) ** 2
     middle = 1 + a * (r2 + s2)  # r²s² b⁴ − (1 + a (r² + s²)) b² + a² = 0
@@ -43,7 +46,7 @@ def timoshenko_supported(length: float, depth: float, material: Material, count:
 
 
 def _timoshenko(length: float, depth: float, material: Material) -> tuple[float, float, float]:
-    """Huang's r² and s², and the frequency that b is in units of [Hz]."""
+    """Return Huang's r² and s², and the frequency [Hz] that his b is a multiple of."""
     nu, r2 = material.nu, depth**2 / 12 / length**2
     shear = 10 * (1 + nu) / (12 + 11 * nu) / (2 * (1 + nu))
     return r2, r2 / shear, float(np.sqrt(material.E / material.rho * r2) / length / (2 * np.pi))
@@ -52,7 +55,7 @@ def _timoshenko(length: float, depth: float, material: Material) -> tuple[float,
 def supported_plate(side: float, thickness: float, material: Material, m: int, n: int) -> float:
     """Bending frequency (m, n) of a simply supported square plate by the exact theory of elasticity [Hz].
 
-    Its edges are held across and along themselves. The plate vibrates as waves of ``k = π √(m² + n²)/a`` do in an
+    The edges are held across and along themselves. The plate vibrates as waves of ``k = π √(m² + n²)/a`` do in an
     endless one: ``4 k² p q tanh(q h/2) = (q² + k²)² tanh(p h/2)``, ``p² = k² − ω²/c_L²``, ``q² = k² − ω²/c_T²``
     (Rayleigh and Lamb; Srinivas, Rao & Rao, J Sound Vib 12, 1970).
     """
@@ -68,7 +71,7 @@ def supported_plate(side: float, thickness: float, material: Material, m: int, n
 
 
 def plate_shear(side: float, material: Material, m: int, n: int) -> float:
-    """Frequency of shear in the plane of the same plate, ``c_T √(m² + n²)/2a`` [Hz]."""
+    """Frequency (m, n) of in-plane shear of a simply supported square plate, ``c_T √(m² + n²)/2a`` [Hz]."""
     return float(np.sqrt(material.lame[1] / material.rho) * np.hypot(m, n) / (2 * side))
 
 
@@ -82,14 +85,14 @@ def free_box(sizes: tuple[float, float, float], material: Material, count: int, 
     slopes = legendre.legval(nodes, legendre.legder(np.diag(np.sqrt(np.arange(degree + 1) + 0.5)))).T
     both = (values, slopes)
     one = [[left.T @ (weights[:, None] * right) for right in both] for left in both]
-    powers = np.array([lmn for lmn in product(range(degree + 1), repeat=3) if sum(lmn) <= degree])
+    powers = np.array([lmn for lmn in itertools.product(range(degree + 1), repeat=3) if sum(lmn) <= degree])
 
     def integral(j: int, k: int) -> Array:
         """∫ ∂_j φ_a ∂_k φ_b over the box, for functions of unit mass at unit density in (-1, 1)³."""
-        found = np.ones((len(powers), len(powers)))
+        product = np.ones((len(powers), len(powers)))
         for axis in range(3):
-            found *= one[j == axis][k == axis][powers[:, None, axis], powers[None, :, axis]]
-        return np.asarray(found * 4 / (sizes[j] * sizes[k]))
+            product *= one[j == axis][k == axis][powers[:, None, axis], powers[None, :, axis]]
+        return np.asarray(product * 4 / (sizes[j] * sizes[k]))
 
     lam, mu = material.lame
     grad = [[integral(j, k) for k in range(3)] for j in range(3)]
@@ -100,7 +103,7 @@ def free_box(sizes: tuple[float, float, float], material: Material, count: int, 
 
 
 def symmetric_top(moments: tuple[float, float], spin: tuple[float, float], t: Array) -> Array:
-    """Angular velocity of Euler's free symmetric body along its axes, (n_times, 3) [rad/s].
+    """Angular velocity of Euler's symmetric free body along its axes, (n_times, 3) [rad/s].
 
     ``moments`` are those across and along the axis of symmetry, ``spin`` its parts along x and that axis at t = 0; the
     part across turns at ``(C − A)/A ω_z`` (Landau & Lifshitz, Mechanics, §36).
@@ -111,7 +114,7 @@ def symmetric_top(moments: tuple[float, float], spin: tuple[float, float], t: Ar
 
 
 def asymmetric_top(moments: tuple[float, float, float], spin: tuple[float, float], t: Array) -> tuple[Array, float]:
-    """Angular velocity of Euler's free body along its axes, (n_times, 3) [rad/s], and its period [s].
+    """Angular velocity of Euler's asymmetric free body along its axes, (n_times, 3) [rad/s], and its period [s].
 
     ``spin`` are its parts along the axes of the least and the greatest moment at t = 0; that about the middle axis is
     zero then. By Jacobi's elliptic functions, for ``L² > 2 E B`` (Landau & Lifshitz, Mechanics, §37).
@@ -126,7 +129,7 @@ def asymmetric_top(moments: tuple[float, float, float], spin: tuple[float, float
 
 
 def stretched_rod(length: float, material: Material, rate: float) -> tuple[float, float]:
-    """Extension of a rod that turns about its end [m]: by the load of its undeformed shape, and of its deformed one.
+    """Extension of a rod that turns about its end [m], under the load of its undeformed and its deformed shape.
 
     ``ρ Ω² L³/3E``, and ``(tan kL/kL − 1) L`` with ``k = Ω √(ρ/E)``: the solution of ``E u'' + ρ Ω² (x + u) = 0``.
     """

@@ -12,7 +12,7 @@ from pipeline.core.cache import Cache
 from pipeline.fem.material import Material
 from pipeline.scene.scene import load_scene
 from pipeline.stages.pipeline import Pipeline
-from pipeline.verification.case import Case, Figure, listed, scene_run
+from pipeline.verification.case import Figure, VerificationCase, make_figures, open_scene
 from pipeline.verification.closed_forms import (
     free_box,
     plate_shear,
@@ -35,55 +35,55 @@ modes = { count = 6 }
 _FREE_PLATE = ('body.plate.width="10 mm"', "body.plate.mesh.divisions=[16, 16, 1]", "body.plate.support=[]")
 
 
-def _modes(published: Array, ours: Array, tolerance: float) -> list[Figure]:
-    return listed([f"mode {k + 1} [Hz]" for k in range(len(published))], ours, published, tolerance)
+def _mode_figures(published: Array, ours: Array, tolerance: float) -> list[Figure]:
+    return make_figures([f"mode {k + 1} [Hz]" for k in range(len(published))], ours, published, tolerance)
 
 
 def _table_1(cache: Cache | None) -> list[Figure]:
-    run = scene_run("beam", cache)
+    run = open_scene("beam", cache)
     assert run.scene.reference is not None
-    return _modes(np.array(run.scene.reference.frequencies), run.modes.frequencies_hz, 5e-3)
+    return _mode_figures(np.array(run.scene.reference.frequencies), run.modes.frequencies_hz, 5e-3)
 
 
 def _free_beam(cache: Cache | None) -> list[Figure]:
-    run = scene_run("verification/beam", cache)
-    return _modes(timoshenko_free(1.0, 0.1, _STEEL, 3), run.modes.frequencies_hz, 3e-3)
+    run = open_scene("verification/beam", cache)
+    return _mode_figures(timoshenko_free(1.0, 0.1, _STEEL, 3), run.modes.frequencies_hz, 3e-3)
 
 
 def _supported_beam(cache: Cache | None) -> list[Figure]:
-    run = scene_run("verification/beam", cache, [_ENDS])
-    return _modes(timoshenko_supported(1.0, 0.1, _STEEL, 3), run.modes.frequencies_hz, 3e-3)
+    run = open_scene("verification/beam", cache, [_ENDS])
+    return _mode_figures(timoshenko_supported(1.0, 0.1, _STEEL, 3), run.modes.frequencies_hz, 3e-3)
 
 
 def _supported_plate(cache: Cache | None) -> list[Figure]:
-    found = scene_run("verification/plate", cache).modes.frequencies_hz
+    ours = open_scene("verification/plate", cache).modes.frequencies_hz
     bending = [(1, 1), (1, 2), (2, 1), (2, 2), (1, 3), (3, 1)]
     exact = [(supported_plate(1.0, 0.1, _STEEL, m, n), f"bending ({m}, {n}) [Hz]") for m, n in bending]
     exact += [(plate_shear(1.0, _STEEL, m, n), f"shear ({m}, {n}) [Hz]") for m, n in ((1, 0), (0, 1))]
     exact.sort()
-    return listed([name for _, name in exact], found, [value for value, _ in exact], 2e-3)
+    return make_figures([name for _, name in exact], ours, [value for value, _ in exact], 2e-3)
 
 
 def _free_plate(cache: Cache | None) -> list[Figure]:
-    run = scene_run("verification/plate", cache, _FREE_PLATE)
+    run = open_scene("verification/plate", cache, _FREE_PLATE)
     side, thickness = 1.0, 0.01
     rigidity = _STEEL.E * thickness**3 / (12 * (1 - _STEEL.nu**2))
     scale = np.sqrt(rigidity / (_STEEL.rho * thickness)) / side**2
     published = [13.489, 19.789, 24.432, 35.024, 35.024, 61.526]
     names = [f"ω a² √(ρh/D), mode {k + 1}" for k in range(6)]
-    return listed(names, run.modes.omega[:6] / scale, published, 0.012)
+    return make_figures(names, run.modes.omega[:6] / scale, published, 0.012)
 
 
 def _fv52(cache: Cache | None) -> list[Figure]:
-    run = scene_run("verification/fv52", cache)
+    run = open_scene("verification/fv52", cache)
     published = np.array([45.897, 109.44, 109.44, 167.89, 193.59, 206.19, 206.19])
-    figures = _modes(published, run.modes.frequencies_hz, 0.025)
+    figures = _mode_figures(published, run.modes.frequencies_hz, 0.025)
     return [*figures, Figure("rigid motions left", float(run.modes.n_rigid), 3.0, 0.0)]
 
 
 def _box(cache: Cache | None) -> list[Figure]:
-    run = scene_run("verification/box", cache)
-    return _modes(free_box((0.1, 0.07, 0.05), _STEEL, 6, 11), run.modes.frequencies_hz, 1e-3)
+    run = open_scene("verification/box", cache)
+    return _mode_figures(free_box((0.1, 0.07, 0.05), _STEEL, 6, 11), run.modes.frequencies_hz, 1e-3)
 
 
 def _abaqus_box(cache: Cache | None) -> list[Figure]:
@@ -92,12 +92,12 @@ def _abaqus_box(cache: Cache | None) -> list[Figure]:
         scene = Path(folder) / "box.toml"
         scene.write_text(_ABAQUS_SCENE, encoding="utf-8")
         run = Pipeline(load_scene(scene), cache)
-        figures = _modes(free_box((0.1, 0.07, 0.05), _STEEL, 6, 11), run.modes.frequencies_hz, 1e-3)
+        figures = _mode_figures(free_box((0.1, 0.07, 0.05), _STEEL, 6, 11), run.modes.frequencies_hz, 1e-3)
         return [*figures, Figure("volume [m³]", run.mesh.volume, 0.1 * 0.07 * 0.05, 1e-9)]
 
 
 def write_abaqus_box(path: Path, sizes: tuple[float, float, float], divisions: tuple[int, int, int]) -> None:
-    """Write a box of 20-node bricks as an Abaqus input file, with a set of nodes at x = 0; in the unit of the sizes."""
+    """Write a box of 20-node bricks, with its nodes at x = 0 as a set, to an Abaqus file in the unit of its sizes."""
     number: dict[tuple[int, ...], int] = {}
     elements = []
     around = ((0, 0), (1, 0), (1, 1), (0, 1))
@@ -119,13 +119,16 @@ def write_abaqus_box(path: Path, sizes: tuple[float, float, float], divisions: t
     path.write_text("\n".join(lines) + "\n", encoding="utf-8")
 
 
+_HUANG = "Huang, J Appl Mech 28 (1961)"
+_SRINIVAS = "Srinivas et al., J Sound Vib 12 (1970)"
+_VISSCHER = "Visscher et al., J Acoust Soc Am 90 (1991)"
 CASES = (
-    Case("table-1", "the paper's beam, free", "Miao et al., Comput Mech 41 (2008), Table 1", _table_1),
-    Case("beam-free", "thick beam, free", "Huang, J Appl Mech 28 (1961)", _free_beam),
-    Case("beam-supported", "thick beam, simply supported", "Huang, J Appl Mech 28 (1961)", _supported_beam),
-    Case("plate-free", "thin square plate, free", "Leissa, J Sound Vib 31 (1973)", _free_plate),
-    Case("plate-supported", "thick plate, supported", "Srinivas et al., J Sound Vib 12 (1970)", _supported_plate),
-    Case("fv52", "solid plate on its lower edges", "NAFEMS FV52", _fv52),
-    Case("box-free", "box, free", "Visscher et al., J Acoust Soc Am 90 (1991)", _box),
-    Case("box-abaqus", "the same, from an Abaqus file", "Visscher et al., J Acoust Soc Am 90 (1991)", _abaqus_box),
+    VerificationCase("table-1", "the paper's beam, free", "Miao et al., Comput Mech 41 (2008), Table 1", _table_1),
+    VerificationCase("beam-free", "thick beam, free", _HUANG, _free_beam),
+    VerificationCase("beam-supported", "thick beam, simply supported", _HUANG, _supported_beam),
+    VerificationCase("plate-free", "thin square plate, free", "Leissa, J Sound Vib 31 (1973)", _free_plate),
+    VerificationCase("plate-supported", "thick plate, supported", _SRINIVAS, _supported_plate),
+    VerificationCase("fv52", "solid plate on its lower edges", "NAFEMS FV52", _fv52),
+    VerificationCase("box-free", "box, free", _VISSCHER, _box),
+    VerificationCase("box-abaqus", "box, free, from an Abaqus file", _VISSCHER, _abaqus_box),
 )

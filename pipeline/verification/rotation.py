@@ -7,9 +7,8 @@ import numpy as np
 from pipeline.core.arrays import Array
 from pipeline.core.cache import Cache
 from pipeline.output.frequencies import rotating_table
-from pipeline.recovery.chain_motion import ChainMotion
 from pipeline.stages.pipeline import Pipeline
-from pipeline.verification.case import Case, Figure, scene_run
+from pipeline.verification.case import Figure, VerificationCase, open_scene
 from pipeline.verification.closed_forms import stretched_rod
 
 # First and second flapping frequency of a uniform cantilever at Ω √(μL⁴/EI) = η: Wright et al., table of the hub of no
@@ -27,40 +26,39 @@ _OUT_OF_PLANE = 'body.beam.modes={count=8, family="out-of-plane bending", bounda
 _ALL_AXIAL = 'body.rod.modes={count=1, family="axial", boundary="joint", enrich="inertia"}'
 
 
-def _tip(run: Pipeline) -> tuple[Array, Array]:
-    """Times of a chain's first run, and its tip's displacement in the body's frame, (n_times, 3)."""
-    motion = run.first_motion
-    assert isinstance(motion, ChainMotion)  # of the suite's scenes, none is a rotor
+def _tip_displacement(run: Pipeline) -> tuple[Array, Array]:
+    """Return the times of the first run, and the tip's displacement in the body's frame, (n_times, 3) [m]."""
+    motion = run.motion
     return motion.times, motion.tip_displacement
 
 
 def _rod(cache: Cache | None) -> list[Figure]:
-    softened = scene_run("verification/rod", cache)
+    softened = open_scene("verification/rod", cache)
     linear, nonlinear = stretched_rod(0.5, next(softened.fe.material.over(slice(None)))[0], 3000.0)
     # Without spin softening: the static answer of the reduced body, enriched for it, to the load of its own shape.
-    body = scene_run("verification/rod", cache, [_ALL_AXIAL]).part.body
+    body = open_scene("verification/rod", cache, [_ALL_AXIAL]).part.body
     load = 3000.0**2 * (body.gram.G[0, 0] + body.gram.G[1, 1])[1:, 0]
     extension = float(body.markers["tip"].translation[0] @ (load / body.omega**2))
-    tip = _tip(softened)[1][-1, 0]
+    tip = _tip_displacement(softened)[1][-1, 0]
     return [
         Figure("extension, load of the undeformed rod [m]", extension, linear, 1e-3),
         Figure("extension with spin softening [m]", float(tip), nonlinear, 1e-3),
     ]
 
 
-def _cantilever(cache: Cache | None) -> list[Figure]:
-    run = scene_run("spin-up", cache, [_OUT_OF_PLANE])
+def _flapping(cache: Cache | None) -> list[Figure]:
+    run = open_scene("spin-up", cache, [_OUT_OF_PLANE])
     scale = np.sqrt(1.2 * 10.0**4 / 1.4e4)  # √(μL⁴/EI) of the scene
     figures = []
     for eta, published in _FLAP.items():
-        found = 2 * np.pi * scale * np.array(rotating_table(run, eta / scale)["rotating_frequencies_hz"])
+        ours = 2 * np.pi * scale * np.array(rotating_table(run, eta / scale)["rotating_frequencies_hz"])
         for k in range(2):
-            figures.append(Figure(f"flap {k + 1} at η = {eta}", float(found[k]), published[k], 5e-3))
+            figures.append(Figure(f"flap {k + 1} at η = {eta}", float(ours[k]), published[k], 5e-3))
     return figures
 
 
 def _spin_up(cache: Cache | None) -> list[Figure]:
-    times, tip = _tip(scene_run("spin-up", cache))
+    times, tip = _tip_displacement(open_scene("spin-up", cache))
     along, across = tip[:, 0], np.abs(tip[:, 1])
     return [
         Figure("largest lag of the tip [m]", float(across.max()), 0.574, 0.02),
@@ -69,8 +67,9 @@ def _spin_up(cache: Cache | None) -> list[Figure]:
     ]
 
 
+_WRIGHT = "Wright et al., J Appl Mech 49 (1982)"
 CASES = (
-    Case("rotating-rod", "rod at 3000 rad/s", "ρΩ²L³/3E; (tan kL/kL − 1) L, k = Ω√(ρ/E)", _rod),
-    Case("rotating-cantilever", "flapping of a cantilever", "Wright et al., J Appl Mech 49 (1982)", _cantilever),
-    Case("spin-up", "slender beam spun up", "Kane et al. (1987); Simo & Vu-Quoc (1986)", _spin_up),
+    VerificationCase("rotating-rod", "rod at 3000 rad/s", "ρΩ²L³/3E; (tan kL/kL − 1) L, k = Ω√(ρ/E)", _rod),
+    VerificationCase("rotating-cantilever", "flapping of a cantilever", _WRIGHT, _flapping),
+    VerificationCase("spin-up", "slender beam spun up", "Kane et al. (1987); Simo & Vu-Quoc (1986)", _spin_up),
 )

@@ -1,4 +1,4 @@
-"""The verification suite: runs its cases, gathers their figures and writes them down."""
+"""The verification suite: its cases are run one by one, and their figures written as a table."""
 
 from __future__ import annotations
 
@@ -14,56 +14,56 @@ from typing import Any
 from pipeline.core.cache import Cache
 from pipeline.core.errors import AccuracyError, InputError
 from pipeline.core.files import whole_file
-from pipeline.scene.reading import among
+from pipeline.scene.reading import suggest_name
 from pipeline.verification import frequencies, rotation, tops
-from pipeline.verification.case import Case, Figure
+from pipeline.verification.case import Figure, VerificationCase
 
 CASES = {case.name: case for case in (*frequencies.CASES, *rotation.CASES, *tops.CASES)}
 
 
 @dataclass(frozen=True)
 class Outcome:
-    """What a case has given.
+    """The result of a case: its figures, or the failed check that ended it.
 
     Parameters
     ----------
-    case : Case
+    case : VerificationCase
         The case.
     figures : tuple of Figure
         Its figures; none if it ended in an error.
     seconds : float
-        How long it took [s].
+        Run time [s].
     error : str
         The failed check that ended it; empty if it was carried through.
     """
 
-    case: Case
+    case: VerificationCase
     figures: tuple[Figure, ...]
     seconds: float
     error: str = ""
 
     @property
     def holds(self) -> bool:
-        """Whether all figures are within their tolerances."""
+        """True if all figures are within their tolerances."""
         return not self.error and all(figure.holds for figure in self.figures)
 
 
-def chosen(names: Sequence[str]) -> list[Case]:
-    """Return the cases of some names; all, if none is given.
+def choose_cases(names: Sequence[str]) -> list[VerificationCase]:
+    """Return the cases with these names; all, if there are no names.
 
     Raises
     ------
     InputError
-        There is no case of a name.
+        There is no case with one of the names.
     """
     for name in names:
         if name not in CASES:
-            raise InputError("verify", "", name, f"no such case; {among(name, CASES, 'the cases')}")
+            raise InputError("verify", "", name, f"no such case; {suggest_name(name, CASES, 'the cases')}")
     return [CASES[name] for name in dict.fromkeys(names)] or list(CASES.values())
 
 
-def outcomes(cases: Sequence[Case], cache: Cache | None = None) -> Iterator[Outcome]:
-    """Run cases one after another; a check that fails in one doesn't keep the others from running."""
+def run_cases(cases: Sequence[VerificationCase], cache: Cache | None = None) -> Iterator[Outcome]:
+    """Run cases one after another; a failed check in one doesn't keep the others from running."""
     for case in cases:
         tick = time.perf_counter()
         try:
@@ -73,10 +73,10 @@ def outcomes(cases: Sequence[Case], cache: Cache | None = None) -> Iterator[Outc
         yield Outcome(case, figures, time.perf_counter() - tick, error)
 
 
-def rows_of(found: Sequence[Outcome]) -> list[dict[str, Any]]:
-    """One row for each figure, in plain numbers; a case that ended in an error has one with the error."""
+def tabulate(outcomes: Sequence[Outcome]) -> list[dict[str, Any]]:
+    """Make one row for each figure, in plain numbers; a case that ended in an error has one row with the error."""
     rows: list[dict[str, Any]] = []
-    for outcome in found:
+    for outcome in outcomes:
         head = {"case": outcome.case.name}
         tail = {"source": outcome.case.source, "error": outcome.error}
         for figure in outcome.figures:
@@ -110,17 +110,17 @@ def write_rows(rows: list[dict[str, Any]], folder: Path) -> list[str]:
     return ["verification.csv", "verification.json"]
 
 
-def carry_out(names: Sequence[str], folder: Path, cache: Cache | None) -> tuple[list[Outcome], dict[str, Any]]:
-    """Run the cases of some names, write their table into ``folder``; return the outcomes and what they come to."""
-    found = list(outcomes(chosen(names), cache))
-    rows = rows_of(found)
+def verify_cases(names: Sequence[str], folder: Path, cache: Cache | None) -> tuple[list[Outcome], dict[str, Any]]:
+    """Run the cases with these names and write their table; return the outcomes and their summary."""
+    outcomes = list(run_cases(choose_cases(names), cache))
+    rows = tabulate(outcomes)
     files = write_rows(rows, folder)
-    return found, {"rows": rows, "seconds": {one.case.name: one.seconds for one in found}, "files": files}
+    return outcomes, {"rows": rows, "seconds": {one.case.name: one.seconds for one in outcomes}, "files": files}
 
 
-def require_within(found: Sequence[Outcome]) -> None:
+def require_tolerances(outcomes: Sequence[Outcome]) -> None:
     """Raise ``AccuracyError`` if a figure is out of its tolerance or a case has failed; the message names the first."""
-    wrong = [outcome for outcome in found if not outcome.holds]
+    wrong = [outcome for outcome in outcomes if not outcome.holds]
     if not wrong:
         return
     case = wrong[0].case.name

@@ -6,7 +6,7 @@ from scipy.interpolate import CubicSpline
 
 from pipeline.core.arrays import Array
 from pipeline.core.cache import Cache
-from pipeline.verification.case import Case, Figure, listed, scene_run
+from pipeline.verification.case import Figure, VerificationCase, make_figures, open_scene
 from pipeline.verification.closed_forms import asymmetric_top, symmetric_top
 
 _MOMENTS = (1.0, 2.0, 3.0)  # of models/verification/top.toml
@@ -14,8 +14,8 @@ _CLOSE = 1e-7
 
 
 def _spins(cache: Cache | None, *overrides: str) -> tuple[Array, Array]:
-    """Times, and the angular velocity along the body's axes, (n_times, 3)."""
-    march = scene_run("verification/top", cache, overrides).first_motion.trajectory
+    """Return the times, and the angular velocity along the body's axes, (n_times, 3) [rad/s]."""
+    march = open_scene("verification/top", cache, overrides).motion.trajectory
     return march.times, march.v[:, 3:]
 
 
@@ -24,18 +24,21 @@ def _symmetric(cache: Cache | None) -> list[Figure]:
     times, spins = _spins(cache, inertia)
     exact = symmetric_top((1.0, 1.6), (1.0, 2.0), times)
     names = [f"ω_{axis} after 20 s [rad/s]" for axis in "xyz"]
-    return listed(names, spins[-1], exact[-1], _CLOSE)
+    return make_figures(names, spins[-1], exact[-1], _CLOSE)
 
 
 def _asymmetric(cache: Cache | None) -> list[Figure]:
     times, spins = _spins(cache)
     exact, _ = asymmetric_top(_MOMENTS, (1.0, 2.0), times)
     names = [f"ω_{axis} after 20 s [rad/s]" for axis in "xyz"]
-    return listed(names, spins[-1], exact[-1], _CLOSE)
+    return make_figures(names, spins[-1], exact[-1], _CLOSE)
 
 
 def _racket(cache: Cache | None) -> list[Figure]:
-    """Near the separatrix, L² = 2 E B, the body spins about its middle axis and turns over again and again."""
+    """Measure when a body that spins near the separatrix, L² = 2 E B, turns over.
+
+    Its axis of rotation stays near the middle one, and leaves it again and again.
+    """
     x, z = 1.75, 1.011  # L² − 2 E B = C (C − B) z² − A (B − A) x²: a thousandth of the first is left
     times, spins = _spins(cache, f'joint.free.spin=["{x} rad/s", "0 rad/s", "{z} rad/s"]')
     _, period = asymmetric_top(_MOMENTS, (x, z), times)
@@ -47,8 +50,9 @@ def _racket(cache: Cache | None) -> list[Figure]:
     ]
 
 
+_MECHANICS = "Landau & Lifshitz, Mechanics"
 CASES = (
-    Case("symmetric-top", "free symmetric body", "Euler: Landau & Lifshitz, Mechanics, §36", _symmetric),
-    Case("asymmetric-top", "free asymmetric body", "Jacobi: Landau & Lifshitz, Mechanics, §37", _asymmetric),
-    Case("tennis-racket", "racket that turns over", "period 4K(k): Landau & Lifshitz, Mechanics, §37", _racket),
+    VerificationCase("symmetric-top", "free symmetric body", f"Euler: {_MECHANICS}, §36", _symmetric),
+    VerificationCase("asymmetric-top", "free asymmetric body", f"Jacobi: {_MECHANICS}, §37", _asymmetric),
+    VerificationCase("tennis-racket", "racket that turns over", f"period 4K(k): {_MECHANICS}, §37", _racket),
 )

@@ -8,9 +8,9 @@ from pipeline.accuracy.error_estimates import (
     Quantity,
     Row,
     refinement_gain,
-    retuned,
+    retune_body,
     shifted_frequencies,
-    softened,
+    soften_body,
 )
 from pipeline.accuracy.matching import counterparts, matched
 from pipeline.reduction.body import FlexibleBody, MarkerShapes
@@ -102,7 +102,7 @@ def test_a_softened_body_yields_more_to_the_same_force_and_has_the_same_stress()
     shapes = np.linalg.qr(random.standard_normal((30, 4)))[0].reshape(10, 3, 4)
     body = body_of(random.uniform(size=(10, 3)), shapes, np.array([1.0, 2.0, 5.0, 9.0]))
     excess = 0.02 * np.array([[1, 0.5, 0, 0], [0.5, 2, 0, 0], [0, 0, 3, -1], [0, 0, -1, 1]])
-    soft, as_if = softened(body, excess)
+    soft, as_if = soften_body(body, excess)
     force = random.standard_normal(30)  # at the nodes
     q = (soft.shapes.reshape(30, 4).T @ force) / soft.omega**2
     K = np.diag(body.omega) @ (np.eye(4) - excess) @ np.diag(body.omega)
@@ -118,7 +118,7 @@ def test_a_retuned_body_rings_at_other_frequencies_and_yields_to_a_static_force_
     random = np.random.default_rng(0)
     shapes = np.linalg.qr(random.standard_normal((30, 3)))[0].reshape(10, 3, 3)
     body = body_of(random.uniform(size=(10, 3)), shapes, np.array([1.0, 2.0, 5.0]))
-    tuned, stressed = retuned(body, np.array([0.9, 2.1, 5.0]))
+    tuned, stressed = retune_body(body, np.array([0.9, 2.1, 5.0]))
     force = random.standard_normal(30)  # at the nodes
     q, before = (b.shapes.reshape(30, 3).T @ force / b.omega**2 for b in (tuned, body))
     assert tuned.omega.tolist() == [0.9, 2.1, 5.0]
@@ -131,4 +131,4 @@ def test_at_most_three_quarters_of_a_stiffness_are_taken_off() -> None:
     body = body_of(
         np.eye(4, 3), np.linalg.qr(np.random.default_rng(0).standard_normal((12, 1)))[0].reshape(4, 3, 1), T[-1:]
     )
-    assert softened(body, np.array([[5.0]]))[0].omega == pytest.approx(0.5 * T[-1:])
+    assert soften_body(body, np.array([[5.0]]))[0].omega == pytest.approx(0.5 * T[-1:])

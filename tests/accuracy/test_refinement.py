@@ -8,13 +8,13 @@ import pytest
 
 from pipeline import Pipeline, load_scene
 from pipeline.accuracy import refinement as accuracy
-from pipeline.accuracy.error_budget import Budget, true_errors
+from pipeline.accuracy.error_budget import ERROR_BUDGET, Budget, true_errors
 from pipeline.accuracy.error_estimates import NO_PART, SOURCES, Row
 from pipeline.accuracy.refinement import meet_accuracy
 from pipeline.cli.app import main
 from pipeline.core.cache import Cache
 from pipeline.core.errors import AccuracyError, InputError
-from pipeline.scene.variants import refined
+from pipeline.scene.variants import refine_meshes
 
 QUICK = ("simulation.duration=0.1 s", "simulation.output_step=1 ms", "body.beam.mesh.divisions=[24, 2, 1]")
 
@@ -34,20 +34,18 @@ def test_a_quantity_that_refining_hardly_improves_is_given_up_and_told_while_the
     class Imagined:
         """A run whose errors are laws of its round: frequency and rate converge, stress has no limit."""
 
-        keeper = type("Keeper", (), {"monitor": None})
+        store = type("Store", (), {"monitor": None})
         parts: ClassVar[dict] = {}
 
         def __init__(self, scene, number: int) -> None:
             self.scene, self.number = scene, number
-
-        def neighbour(self, scene, monitor):
-            return Imagined(scene, self.number + 1)
-
-        @property
-        def budget(self) -> Budget:
-            errors = {"frequency": 0.3**self.number, "rate": 0.4**self.number, "stress": 0.1 * 0.9**self.number}
+            errors = {"frequency": 0.3**number, "rate": 0.4**number, "stress": 0.1 * 0.9**number}
             parts = dict.fromkeys(SOURCES, NO_PART)
-            return Budget(tuple(Row(f"{x}", "", 1.0, False, parts | {"time": e}) for x, e in errors.items()))
+            rows = tuple(Row(f"{x}", "", 1.0, False, parts | {"time": e}) for x, e in errors.items())
+            self.results = {ERROR_BUDGET.name: Budget(rows)}
+
+        def variant(self, scene, monitor):
+            return Imagined(scene, self.number + 1)
 
     _, rounds = meet_accuracy(Imagined(load_scene("beam", ["accuracy=5 %"]), 0))
     assert [[row.name for row in found.given_up] for found in rounds] == [[], [], ["stress"], ["stress"], ["stress"]]
@@ -60,7 +58,7 @@ def test_a_quantity_that_refining_hardly_improves_is_given_up_and_told_while_the
 def test_a_refined_propeller_keeps_its_cells_between_the_joints_and_can_be_meshed(factor: float) -> None:
     mesh = "body.propeller.mesh={order=2, sleeve=[12, 2, 1], joint=[2, 3, 3], blade=[2, 3, 6], growth=4.0}"
     scene = load_scene("propeller", ["body.propeller.blades=3", mesh])
-    finer = refined(scene, factor)
+    finer = refine_meshes(scene, factor)
     chosen = finer.flexible["propeller"].mesh
     assert chosen.sleeve[0] // 3 - chosen.joint[1] >= 2  # of two cells, none is a thin one
     assert finer.flexible["propeller"].seat == pytest.approx(np.radians(90.0))  # 3 of the 4 cells of a third
@@ -89,10 +87,11 @@ def test_what_is_given_up_is_named_and_the_status_is_3(tmp_path, capsys, monkeyp
     """The rod's rate is made to stall; all that was computed is there nevertheless."""
 
     def meets(run: Pipeline) -> tuple[Pipeline, tuple[accuracy.Round, ...]]:
-        rate = next(row for row in run.budget.rows if row.name == "hinge, rate")
-        return run, (accuracy.Round({"bodies": {}, "integration_error": 0.1}, run.budget.rows[0], {}, (rate,)),)
+        rows = ERROR_BUDGET.of(run).rows
+        rate = next(row for row in rows if row.name == "hinge, rate")
+        return run, (accuracy.Round({"bodies": {}, "integration_error": 0.1}, rows[0], {}, (rate,)),)
 
-    monkeypatch.setattr(accuracy, "meet_accuracy", meets)
+    monkeypatch.setattr("pipeline.output.write.meet_accuracy", meets)
     overrides = ["--set", "accuracy=0.1 %", "--set", "simulation.duration=1 s"]
     with pytest.raises(SystemExit) as stop:
         main(["run", "rod-slider", *overrides, "--no-pictures", "--out", str(tmp_path)])

@@ -1,5 +1,9 @@
+"""`fmd doctor`: what it checks, and the remedies that it names."""
+
+import json
 import subprocess
 import sys
+from collections.abc import Callable
 from pathlib import Path
 
 import pytest
@@ -26,37 +30,37 @@ def test_this_machine_can_draw() -> None:
 
 
 @pytest.mark.parametrize(
-    ("does", "told"),
+    ("does", "message"),
     [
         ("kill -SEGV $$", "drawing off-screen died of SIGSEGV"),
         ("echo no module >&2; exit 1", r"drawing off-screen failed \(no module\)"),
         ("exit 3", r"drawing off-screen failed \(exit status 3\)"),
     ],
 )
-def test_a_drawing_that_dies_is_told_with_what_mends_it(
-    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, does: str, told: str
+def test_a_drawing_that_dies_is_reported_with_its_remedy(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, does: str, message: str
 ) -> None:
     monkeypatch.setattr(sys, "executable", python_that(does, tmp_path))
     problem = probe.rendering_problem()
     assert problem is not None
-    with pytest.raises(RuntimeError, match=f"^{told}; .*apt-get install libgl1 libegl1$"):
+    with pytest.raises(RuntimeError, match=f"^{message}; .*apt-get install libgl1 libegl1$"):
         raise RuntimeError(problem)
 
 
-def test_a_drawing_that_hangs_is_told(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+def test_a_drawing_that_hangs_is_reported(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr(sys, "executable", python_that("exec sleep 10", tmp_path))
     assert probe.rendering_failure(timeout=0.2) == "drawing off-screen took more than 0.2 s"
 
 
 @pytest.mark.usefixtures("drawing_works")
 def test_nothing_is_amiss_on_this_machine(tmp_path: Path) -> None:
-    assert doctor.problems(tmp_path / "new" / "cache") == ()
+    assert doctor.find_problems(tmp_path / "new" / "cache") == ()
 
 
 @pytest.mark.usefixtures("drawing_works")
 def test_missing_libraries_are_mended_by_one_command(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr(doctor, "can_load", lambda library: library not in ("libGLU.so.1", "libXft.so.2"))
-    (problem,) = doctor.problems(tmp_path)
+    (problem,) = doctor.find_problems(tmp_path)
     assert problem.what == "Gmsh can't be loaded without libGLU.so.1, libXft.so.2"
     assert problem.mend.endswith("apt-get install libglu1-mesa libxft2")
 
@@ -71,29 +75,35 @@ def test_every_package_that_a_mend_names_is_in_the_full_list() -> None:
 
 def test_a_failing_drawing_is_a_problem(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr(probe, "rendering_failure", lambda: "drawing off-screen died of SIGSEGV")
-    assert doctor.problems(tmp_path) == (doctor.Problem("drawing off-screen died of SIGSEGV", probe.MEND),)
+    assert doctor.find_problems(tmp_path) == (doctor.Problem("drawing off-screen died of SIGSEGV", probe.MEND),)
 
 
 @pytest.mark.usefixtures("drawing_works")
-def test_a_cache_folder_that_can_not_be_written_is_told(tmp_path: Path) -> None:
+def test_a_cache_folder_that_can_not_be_written_is_reported(tmp_path: Path) -> None:
     (tmp_path / "file").touch()
-    (problem,) = doctor.problems(tmp_path / "file" / "cache")
+    (problem,) = doctor.find_problems(tmp_path / "file" / "cache")
     assert problem.what.startswith(f"the cache folder {tmp_path / 'file' / 'cache'} can't be written (")
 
 
-def test_cores_and_threads_are_told(monkeypatch: pytest.MonkeyPatch) -> None:
+def test_cores_and_threads_are_reported(monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setenv("OPENBLAS_NUM_THREADS", "3")
     monkeypatch.delenv("NUMBA_NUM_THREADS", raising=False)
-    told = doctor.information()
-    assert int(told["processor cores"]) >= 1
-    assert told["BLAS threads"] == "3 (OPENBLAS_NUM_THREADS)"
-    assert told["numba threads"] == "one a core"
+    machine = doctor.describe_machine()
+    assert int(machine["processor cores"]) >= 1
+    assert machine["BLAS threads"] == "3 (OPENBLAS_NUM_THREADS)"
+    assert machine["numba threads"] == "one a core"
 
 
 def test_the_doctor_loads_neither_gmsh_nor_pyvista(tmp_path: Path) -> None:
     code = (
-        "import sys, pathlib; from pipeline import doctor; doctor.problems(pathlib.Path(sys.argv[1])); "
+        "import sys, pathlib; from pipeline.cli import doctor_checks; "
+        "doctor_checks.find_problems(pathlib.Path(sys.argv[1])); "
         "sys.exit(str({'gmsh', 'pyvista', 'vtkmodules', 'matplotlib'} & set(sys.modules) or ''))"
     )
     result = subprocess.run([sys.executable, "-c", code, str(tmp_path)], capture_output=True, text=True, check=False)
     assert result.stderr.strip() == ""
+
+
+def test_doctor_finds_nothing_to_mend_here(fmd: Callable[..., int], capsys: pytest.CaptureFixture[str]) -> None:
+    assert fmd("doctor", "--json") == 0
+    assert json.loads(capsys.readouterr().out) == {"ok": True, "problems": []}

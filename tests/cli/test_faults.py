@@ -47,7 +47,7 @@ FILES = len(KEPT) + 2  # at least: and the motion and the summary
 
 FMD = (sys.executable, "-c", "from pipeline.cli.app import main; main()")
 
-# Forks a child for each line: it runs the command line with a cache of its own, and dies where it is told to.
+# Forks a child for each line: it runs the command line with a cache of its own, and dies where the order says.
 SERVER = """
 import json, os, signal, sys
 from pipeline.cli.app import main

@@ -73,14 +73,14 @@ def test_modes_load_neither_pictures_nor_integrators(modules):
 
 def test_a_run_without_pictures_loads_neither_pyvista_nor_matplotlib(cold_run):
     assert "numba" in cold_run
-    assert not cold_run & {"pyvista", "vtk", "vtkmodules", "matplotlib", "pipeline.render"}
+    assert not cold_run & {"pyvista", "vtk", "vtkmodules", "matplotlib"}
 
 
 @pytest.mark.usefixtures("cold_run")
 def test_modes_of_a_scene_that_was_run_load_little_more_than_numpy(modules):
     loaded = modules("modes", "beam", *QUICK)
     assert "numpy" in loaded
-    meshing = {"gmsh", "meshes", "skfem", "meshio", "pipeline.fem"}
+    meshing = {"gmsh", "meshes", "skfem", "meshio", "pipeline.fem.model", "pipeline.fem.assembly"}
     assert not loaded & {*meshing, "pint", "dask", "numba", "pyvista", "matplotlib", "xarray", "pipeline.integrators"}
 
 
@@ -99,4 +99,4 @@ def test_the_package_itself_loads_nothing_heavy():
 def test_a_rigid_scene_loads_neither_gmsh_nor_scikit_fem(modules, tmp_path):
     loaded = modules("run", "rod-slider", "--no-pictures", "--set", "simulation.duration=1 s", "--out", str(tmp_path))
     assert "numba" in loaded
-    assert not loaded & {"gmsh", "meshes", "skfem", "meshio", "pipeline.fem", "pyvista", "matplotlib"}
+    assert not loaded & {"gmsh", "meshes", "skfem", "meshio", "pipeline.fem.model", "pyvista", "matplotlib"}

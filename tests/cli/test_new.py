@@ -9,7 +9,8 @@ from pathlib import Path
 import pytest
 
 from pipeline.cli.app import app
-from pipeline.scene.scene import load_scene, ready_scenes
+from pipeline.scene.reading import list_ready_scenes
+from pipeline.scene.scene import load_scene
 
 
 @pytest.mark.slow
@@ -26,7 +27,7 @@ def test_the_scene_to_start_from_runs_as_it_is_written(fmd, tmp_path, capsys):
 
 
 def test_a_ready_scene_can_be_the_start(fmd, tmp_path):
-    for name in ready_scenes():
+    for name in list_ready_scenes():
         path = tmp_path / f"{name}.toml"
         assert fmd("new", str(path), "--from", name) == 0
         assert load_scene(path).model_dump() == load_scene(name).model_dump()

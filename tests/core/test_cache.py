@@ -1,4 +1,4 @@
-"""The cache: what comes out is what went in, or nothing; and the folders where it lies."""
+"""The cache: a value comes out as it went in, or not at all."""
 
 import errno
 import os
@@ -9,10 +9,8 @@ from typing import Any
 import numpy as np
 import pytest
 
-from pipeline.core import paths as folders
 from pipeline.core.cache import Cache, stage_key
 from pipeline.core.files import whole_file
-from pipeline.core.paths import cache_folder, kernel_folder, source_digest
 
 VALUE = {"numbers": np.arange(10.0), "names": ("a", "b"), "nothing": None}
 
@@ -159,51 +157,6 @@ def test_keys_differ_with_everything_that_a_result_depends_on(monkeypatch: pytes
     assert len(keys) == 6
 
 
-def test_a_change_in_the_source_changes_its_digest(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr(folders, "_ROOT", tmp_path)
-    digest = source_digest.__wrapped__
-    part = tmp_path / "part"
-    (part / "__pycache__").mkdir(parents=True)
-    (part / "one.py").write_text("x = 1\n")
-    (tmp_path / "two.py").write_text("y = 1\n")
-    before = digest("part", "two.py")
-    (part / "__pycache__" / "one.py").write_text("not a source\n")
-    (part / "notes.txt").write_text("not a source\n")
-    assert digest("part", "two.py") == before
-    (part / "one.py").write_text("x = 2\n")
-    changed = digest("part", "two.py")
-    (tmp_path / "two.py").write_text("y = 2\n")
-    assert len({before, changed, digest("part", "two.py"), digest("part")}) == 4
-
-
-def test_the_environment_says_where_the_cache_is(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setenv("FMD_CACHE", str(tmp_path))
-    assert cache_folder() == tmp_path
-    for empty in ("", None):  # an empty variable means none
-        monkeypatch.delenv("FMD_CACHE") if empty is None else monkeypatch.setenv("FMD_CACHE", empty)
-        assert cache_folder().name == "fmd"
-        assert cache_folder().is_absolute()
-
-
-def test_kernels_are_kept_in_the_cache_by_their_source(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setenv("FMD_CACHE", str(tmp_path))
-    digest = source_digest("pipeline/dynamics", "pipeline/integrators")
-    assert kernel_folder() == tmp_path / "kernels" / digest
-    assert kernel_folder().is_dir()
-
-
-def test_kernels_go_elsewhere_if_the_cache_cannot_be_written(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
-    (tmp_path / "file").write_text("in the way")
-    (tmp_path / "temporary").mkdir()
-    monkeypatch.setenv("FMD_CACHE", str(tmp_path / "file"))
-    monkeypatch.setattr("tempfile.tempdir", str(tmp_path / "temporary"))
-    folders.own_temporary_folder.cache_clear()
-    folder = kernel_folder()
-    folders.own_temporary_folder.cache_clear()
-    assert folder.is_dir()
-    assert folder.parent.parent == tmp_path / "temporary" / f"fmd-{os.getuid()}"  # where the next run finds it
-
-
 def test_what_killed_processes_left_half_written_is_deleted_in_time(cache: Cache, entry: Path, tmp_path: Path) -> None:
     old, new = entry.parent / ".part-old", entry.parent / ".part-new"
     for path in (old, new):
@@ -218,32 +171,3 @@ def test_what_killed_processes_left_half_written_is_deleted_in_time(cache: Cache
     with whole_file(tmp_path / "summary.json") as part:
         part.write_text("whole")
     assert (abandoned.exists(), others.exists()) == (False, True)
-
-
-@pytest.mark.parametrize("state", ["new", "own", "another's", "open to all", "a file"])
-def test_a_user_without_a_home_has_a_folder_that_nobody_else_can_write_to(
-    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, state: str
-) -> None:
-    def homeless(_: str) -> Path:
-        raise RuntimeError("could not determine the home directory")
-
-    user = os.getuid()
-    monkeypatch.setattr(folders.platformdirs, "user_cache_path", homeless)
-    monkeypatch.setattr(tempfile, "tempdir", str(tmp_path))
-    monkeypatch.delenv("FMD_CACHE")
-    folder = tmp_path / f"fmd-{user}"
-    if state == "a file":
-        folder.write_text("in the way")
-    elif state != "new":
-        folder.mkdir(mode=0o700)
-    if state == "open to all":
-        folder.chmod(0o777)
-    if state == "another's":
-        monkeypatch.setattr(os, "getuid", lambda: user + 1)
-        folder.rename(tmp_path / f"fmd-{user + 1}")
-    folders.own_temporary_folder.cache_clear()
-    found = cache_folder()
-    folders.own_temporary_folder.cache_clear()
-    assert (found == folder) == (state in ("new", "own"))
-    assert found.parent == tmp_path
-    assert found.stat().st_mode & 0o777 == 0o700

@@ -12,7 +12,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from pipeline.core import formula as code
-from pipeline.core.formula import MOST_DEPTH, Expression, parse
+from pipeline.core.formula import MOST_DEPTH, Formula, parse_formula
 
 NAMES = {name: getattr(math, name) for name in ("sin", "cos", "tan", "exp", "log", "sqrt", "tanh", "pi")}
 NAMES |= {"abs": abs, "min": min, "max": max}
@@ -39,11 +39,11 @@ BINARY = {
 
 
 def by_python(text: str, t: float) -> float:
-    """What Python makes of a formula of ours: the meaning that `parse` promises."""
+    """What Python makes of a formula of ours: the meaning that `parse_formula` promises."""
     return eval(text, {"__builtins__": {}}, {"t": t, **NAMES})
 
 
-def run(formula: Expression, t: float) -> float:
+def run(formula: Formula, t: float) -> float:
     """Run a program as its codes are described, on a stack of floats that may not grow beyond what is promised."""
     stack: list[float] = []
     constants = iter(formula.constants)
@@ -89,7 +89,7 @@ TIMES = st.one_of(st.sampled_from([-0.25, 0.0, 0.5, 1.0]), st.floats(-4.0, 4.0))
 @given(FORMULAS, TIMES)
 def test_a_formula_means_what_it_means_in_python(text: str, t: float) -> None:
     if len(text) <= 500:
-        assert run(parse(text), t) == pytest.approx(by_python(text, t), rel=1e-12, abs=1e-12)
+        assert run(parse_formula(text), t) == pytest.approx(by_python(text, t), rel=1e-12, abs=1e-12)
 
 
 @pytest.mark.parametrize(
@@ -109,7 +109,7 @@ def test_a_formula_means_what_it_means_in_python(text: str, t: float) -> None:
 )
 @pytest.mark.parametrize("t", [0.3, 2.0, 15.0, 20.0])
 def test_precedence_and_layout_are_those_of_python(text: str, t: float) -> None:
-    assert run(parse(text), t) == pytest.approx(by_python(text.strip().replace("\n", " "), t), rel=1e-14)
+    assert run(parse_formula(text), t) == pytest.approx(by_python(text.strip().replace("\n", " "), t), rel=1e-14)
 
 
 @pytest.mark.parametrize("comparison", ["t < 0.5", "t <= 0.5", "t > 0.5", "t >= 0.5"])
@@ -118,19 +118,19 @@ def test_each_comparison_switches_on_the_side_that_it_says(comparison: str, swap
     t, sign, switch = comparison.split()
     mirror = {"<": ">", "<=": ">=", ">": "<", ">=": "<="}
     text = f"1 if {f'{switch} {mirror[sign]} {t}' if swapped else comparison} else 2"
-    assert parse(text).breakpoints == (0.5,)
+    assert parse_formula(text).breakpoints == (0.5,)
     for at in (math.nextafter(0.5, 0.0), 0.5, math.nextafter(0.5, 1.0)):
-        assert run(parse(text), at) == by_python(f"1 if {comparison} else 2", at)
+        assert run(parse_formula(text), at) == by_python(f"1 if {comparison} else 2", at)
 
 
 def test_breakpoints_of_chained_and_nested_conditions_ascend_without_repeats() -> None:
     text = "(1 if t > 3 else t) if t < 1/4 else 2 if t <= 2*pi else (t if t >= 0.25 else 5)"
-    assert parse(text).breakpoints == (0.25, 3.0, 2 * math.pi)
-    assert parse("1 if t < 8 else 2 if t < 32 else 3 if t < 1 else 4").breakpoints == (1.0, 8.0, 32.0)
+    assert parse_formula(text).breakpoints == (0.25, 3.0, 2 * math.pi)
+    assert parse_formula("1 if t < 8 else 2 if t < 32 else 3 if t < 1 else 4").breakpoints == (1.0, 8.0, 32.0)
 
 
 def test_kinks_of_abs_min_and_max_are_not_looked_for() -> None:
-    assert parse("abs(t - 1) + min(t, 2) + max(t, 3)").breakpoints == ()
+    assert parse_formula("abs(t - 1) + min(t, 2) + max(t, 3)").breakpoints == ()
 
 
 @pytest.mark.parametrize(
@@ -144,13 +144,13 @@ def test_kinks_of_abs_min_and_max_are_not_looked_for() -> None:
     ],
 )
 def test_what_does_not_depend_on_time_is_one_number(text: str, value: float) -> None:
-    assert parse(text) == Expression((code.CONSTANT,), (value,), ())
-    assert parse(f"t*({text})") == Expression((code.TIME, code.CONSTANT, code.MULTIPLY), (value,), ())
+    assert parse_formula(text) == Formula((code.CONSTANT,), (value,), ())
+    assert parse_formula(f"t*({text})") == Formula((code.TIME, code.CONSTANT, code.MULTIPLY), (value,), ())
 
 
 def test_an_expression_can_be_compared_and_hashed() -> None:
-    assert parse("2*t") == parse("2 * t")
-    assert len({parse("2*t"), parse(" 2.0*t"), parse("t*2")}) == 2
+    assert parse_formula("2*t") == parse_formula("2 * t")
+    assert len({parse_formula("2*t"), parse_formula(" 2.0*t"), parse_formula("t*2")}) == 2
 
 
 def nested(depth: int) -> str:
@@ -158,16 +158,16 @@ def nested(depth: int) -> str:
 
 
 def test_a_formula_that_fills_the_stack_runs_and_a_deeper_one_is_refused() -> None:
-    assert run(parse(nested(MOST_DEPTH)), 0.5) == MOST_DEPTH / 2
+    assert run(parse_formula(nested(MOST_DEPTH)), 0.5) == MOST_DEPTH / 2
     with pytest.raises(ValueError, match=r"^needs 17 values at a time, 16 is the most; simplify or nest less$"):
-        parse(nested(MOST_DEPTH + 1))
+        parse_formula(nested(MOST_DEPTH + 1))
 
 
 def test_branches_and_the_time_of_their_switch_count_for_the_stack() -> None:
     text = "t+(" * (MOST_DEPTH - 3) + "1 if t < 1 else 2" + ")" * (MOST_DEPTH - 3)
-    assert run(parse(text), 0.5) == 0.5 * (MOST_DEPTH - 3) + 1
+    assert run(parse_formula(text), 0.5) == 0.5 * (MOST_DEPTH - 3) + 1
     with pytest.raises(ValueError, match=r"^needs 17 values"):
-        parse(f"t+({text})")
+        parse_formula(f"t+({text})")
 
 
 @pytest.mark.parametrize("sign", ["<", "<=", ">", ">="])
@@ -175,16 +175,16 @@ def test_what_holds_before_a_switch_lies_on_what_holds_later(sign: str) -> None:
     fits, deeper = nested(MOST_DEPTH - 1), nested(MOST_DEPTH)
     for t in (0.5, 1.5):
         text = f"{fits} if t {sign} 1 else {fits}"
-        assert run(parse(text), t) == by_python(text, t)
+        assert run(parse_formula(text), t) == by_python(text, t)
         text = f"({deeper}) if t {sign} 1 else t" if sign in (">", ">=") else f"t if t {sign} 1 else ({deeper})"
-        assert run(parse(text), t) == by_python(text, t)
+        assert run(parse_formula(text), t) == by_python(text, t)
     refused = f"t if t {sign} 1 else ({deeper})" if sign in (">", ">=") else f"({deeper}) if t {sign} 1 else t"
     with pytest.raises(ValueError, match=r"^needs 17 values"):
-        parse(refused)
+        parse_formula(refused)
 
 
 def test_a_long_sum_is_no_deep_one() -> None:
-    assert run(parse("+".join(["t"] * 250)), 2.0) == 500.0
+    assert run(parse_formula("+".join(["t"] * 250)), 2.0) == 500.0
 
 
 @pytest.mark.parametrize(
@@ -244,7 +244,7 @@ def test_a_long_sum_is_no_deep_one() -> None:
 )
 def test_a_fault_is_told_with_its_place_and_what_works(text: str, message: str) -> None:
     with pytest.raises(ValueError) as caught:  # noqa: PT011 - the whole message is looked at
-        parse(text)
+        parse_formula(text)
     assert message in str(caught.value)
     assert len(str(caught.value).splitlines()) == 1
 
@@ -277,7 +277,7 @@ def test_a_fault_is_told_with_its_place_and_what_works(text: str, message: str) 
 )
 def test_whatever_is_no_formula_is_refused(text: str) -> None:
     with pytest.raises(ValueError, match=r"^at column \d+: .{10}") as caught:
-        parse(text)
+        parse_formula(text)
     assert str(caught.value).isprintable()
 
 
@@ -297,7 +297,7 @@ def test_whatever_is_no_formula_is_refused(text: str) -> None:
 def test_nothing_in_a_formula_is_run(call: str, tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.chdir(tmp_path)
     with pytest.raises(ValueError, match="can't be in a formula"):
-        parse(call)
+        parse_formula(call)
     assert list(tmp_path.iterdir()) == []
     eval(call, {"t": 0.0, "sin": lambda x: x})  # the attack is a real one
     assert len(list(tmp_path.iterdir())) == 1
@@ -328,9 +328,9 @@ WORDS += [
 
 @given(st.one_of(st.lists(st.sampled_from(WORDS), max_size=60).map("".join), st.text(max_size=60)))
 def test_any_text_is_a_formula_or_a_fault(text: str) -> None:
-    found = parse("0")
+    found = parse_formula("0")
     with suppress(ValueError):
-        found = parse(text)
+        found = parse_formula(text)
     assert all(math.isfinite(c) for c in (*found.constants, *found.breakpoints))
 
 
@@ -338,15 +338,15 @@ def test_any_text_is_a_formula_or_a_fault(text: str) -> None:
 def test_as_much_nesting_as_there_is_room_for_is_a_formula_or_a_fault(opening: str) -> None:
     count = 499 // (len(opening) + opening.count("("))
     text = opening * count + "t" + ")" * (opening.count("(") * count)
-    found = parse("0")
+    found = parse_formula("0")
     with suppress(ValueError):
-        found = parse(text)
+        found = parse_formula(text)
     assert math.isfinite(run(found, 0.5))
 
 
 def test_a_stack_of_calls_that_is_nearly_full_is_no_crash() -> None:
-    def from_below(frames: int) -> Expression:
-        return parse("-" * 450 + "t") if frames == 0 else from_below(frames - 1)
+    def from_below(frames: int) -> Formula:
+        return parse_formula("-" * 450 + "t") if frames == 0 else from_below(frames - 1)
 
     used = 0
     frame = sys._getframe()
@@ -364,11 +364,11 @@ def test_a_parser_that_gives_up_is_a_fault(error: type[Exception], monkeypatch: 
     with monkeypatch.context() as patched:
         patched.setattr(ast, "parse", give_up)
         with pytest.raises(ValueError, match=r"^isn't a formula; it is made of t, pi"):
-            parse("t")
+            parse_formula("t")
 
 
 def test_reading_a_formula_loads_nothing_heavy() -> None:
-    script = "import sys; from pipeline.core.formula import parse; parse('2*t'); print(*sys.modules)"
+    script = "import sys; from pipeline.core.formula import parse_formula; parse_formula('2*t'); print(*sys.modules)"
     done = subprocess.run([sys.executable, "-c", script], check=True, capture_output=True, text=True)
     assert "pipeline.core.formula" in done.stdout.split()
     assert not {"numba", "numpy", "scipy", "pydantic", "pint"} & set(done.stdout.split())

@@ -11,7 +11,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 from pydantic import TypeAdapter, ValidationError
 
-from pipeline.core.units import NonNegativeTime, PositiveLength, in_unit, to_si, unit_ratio
+from pipeline.core.units import NonNegativeTime, PositiveLength, convert_values, to_si, unit_ratio
 
 
 @pytest.mark.parametrize(
@@ -142,7 +142,7 @@ def test_any_other_text_is_refused_or_finite(text: str) -> None:
 
 def test_values_change_their_unit() -> None:
     # the definitions of the degree, the turn and the prefix
-    assert in_unit(np.array([0.0, math.pi]), "rad", "deg") == pytest.approx([0.0, 180.0], rel=1e-15)
+    assert convert_values(np.array([0.0, math.pi]), "rad", "deg") == pytest.approx([0.0, 180.0], rel=1e-15)
     assert unit_ratio("rad", "turn") == pytest.approx(1 / (2 * math.pi), rel=1e-15)
     assert (unit_ratio("m", "mm"), unit_ratio("m", "m"), unit_ratio("rad", "rad")) == (1000.0, 1.0, 1.0)
 
@@ -150,7 +150,7 @@ def test_values_change_their_unit() -> None:
 @pytest.mark.parametrize("wanted", ["deg", "mmm", "", "2 mm", "9**9**9", "m/s", "m " * 100_000])
 def test_values_change_to_no_other_dimension(wanted: str) -> None:
     with pytest.raises(ValueError, match="isn't a unit that m converts to; 'm' works"):
-        in_unit(np.ones(2), "m", wanted)
+        convert_values(np.ones(2), "m", wanted)
 
 
 def test_pint_is_loaded_only_for_a_quantity() -> None:

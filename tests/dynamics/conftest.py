@@ -13,8 +13,8 @@ from scipy.linalg import expm
 
 from pipeline.core.arrays import Array
 from pipeline.dynamics.links import FIXED, FREE, PRISMATIC, REVOLUTE, SPHERICAL, Link, rigid_gram
+from pipeline.dynamics.mechanism import Mechanism
 from pipeline.dynamics.signals.signal import constant
-from pipeline.dynamics.tree.tree import Tree
 from pipeline.reduction.inertia import inertia_gram
 
 Orders = tuple[tuple[int, ...], tuple[int, ...], tuple[int, ...]]
@@ -53,7 +53,7 @@ class PointChain:
 
     Attributes
     ----------
-    tree : Tree
+    tree : Mechanism
         The mechanism under test.
     x : tuple of ndarray, shapes (n_points, 3)
         Each body's points in its frame.
@@ -63,7 +63,7 @@ class PointChain:
         Their mode shapes, of unit modal mass.
     """
 
-    tree: Tree
+    tree: Mechanism
     x: tuple[Array, ...]
     m: tuple[Array, ...]
     Phi: tuple[Array, ...]
@@ -244,7 +244,7 @@ class PointChain:
                     place_rotations=R @ link.place_rotations,
                 )
             )
-        return PointChain(Tree(links, self.tree.fast_joints, R @ self.tree.gravity), x, self.m, Phi)
+        return PointChain(Mechanism(links, self.tree.fast_joints, R @ self.tree.gravity), x, self.m, Phi)
 
     def turned_state(self, R: Array, q: Array, v: Array) -> tuple[Array, Array]:
         """State of the chain that `turned` gives, in the same motion."""
@@ -310,7 +310,7 @@ def random_chain(name: str, seed: int = 0, gravity: tuple[float, float, float] =
         )
     fast = [link.name for link in links if link.joint == PRISMATIC]
     x, m, Phi = (tuple(body[i] for body in bodies) for i in range(3))
-    return PointChain(Tree(links, fast, np.array(gravity)), x, m, Phi)
+    return PointChain(Mechanism(links, fast, np.array(gravity)), x, m, Phi)
 
 
 @pytest.fixture(scope="session", params=CHAINS)

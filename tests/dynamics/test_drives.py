@@ -14,10 +14,11 @@ from scipy.linalg import expm
 from scipy.spatial.transform import Rotation
 
 from pipeline.core.arrays import Array
-from pipeline.core.formula import parse
+from pipeline.core.formula import parse_formula
+from pipeline.dynamics.kinematics import Kinematics
 from pipeline.dynamics.links import PRISMATIC, REVOLUTE, Link, PointLoad
+from pipeline.dynamics.mechanism import Mechanism
 from pipeline.dynamics.signals.signal import Signal, constant, formula, half_sine, linear_table
-from pipeline.dynamics.tree.tree import Tree
 from pipeline.integrators.central_difference import CentralDifference
 from pipeline.integrators.protocol import evaluate
 from pipeline.integrators.scipy_ivp import ScipyIvp
@@ -45,13 +46,13 @@ class Arm:
 
     Attributes
     ----------
-    tree : Tree
+    tree : Mechanism
         The mechanism under test.
     points : tuple of (ndarray, ndarray, ndarray)
         Places (n, 3), masses (n,) and shapes (n, 3, n_modes) of each body's points.
     """
 
-    tree: Tree
+    tree: Mechanism
     points: tuple[tuple[Array, Array, Array], ...]
 
     @property
@@ -161,7 +162,7 @@ def make_arm() -> Arm:
             else Link(name, gram, joint, k - 1, place, axis, spring=spring, rest=rest, **on)
         )
         points.append((x, m, Phi))
-    return Arm(Tree(links, gravity=WEIGHT), tuple(points))
+    return Arm(Mechanism(links, gravity=WEIGHT), tuple(points))
 
 
 ARM = make_arm()
@@ -190,7 +191,7 @@ def table(t: float) -> float:
 
 SIGNALS: dict[str, tuple[Signal, Callable[[float], float]]] = {
     "constant": (constant(1.2), lambda t: 1.2),
-    "formula": (formula(parse("2*sin(5*t) + t**2"), 1.5), lambda t: 1.5 * (2 * np.sin(5 * t) + t**2)),
+    "formula": (formula(parse_formula("2*sin(5*t) + t**2"), 1.5), lambda t: 1.5 * (2 * np.sin(5 * t) + t**2)),
     "table": (linear_table(np.array([0.1, 0.4, 0.7]), np.array([1.0, -2.0, 3.0])), table),
     "half sine": (half_sine(0.2, 0.5, 4.0), lambda t: 4 * np.sin(np.pi * (t - 0.2) / 0.5) if 0.2 < t < 0.7 else 0.0),
 }
@@ -204,7 +205,7 @@ MOVES: dict[str, tuple[str, Callable[[float], tuple[float, float, float]]]] = {
 
 def held(name: str) -> dict[str, Any]:
     """Fields of a link whose joint moves as prescribed: a held section, and no spring."""
-    return {"motion": formula(parse(MOVES[name][0])), "joint_rotation": np.zeros(0), "spring": 0.0}
+    return {"motion": formula(parse_formula(MOVES[name][0])), "joint_rotation": np.zeros(0), "spring": 0.0}
 
 
 def along_joint(name: str, signal: str) -> Case:
@@ -283,7 +284,7 @@ def start(arm: Arm, seed: int = 0) -> tuple[Array, Array]:
     return q[arm.order], v[arm.order]
 
 
-def compiled(tree: Tree, t: float, q: Array, v: Array) -> Array:
+def compiled(tree: Mechanism, t: float, q: Array, v: Array) -> Array:
     a = np.full(tree.n, np.nan)
     evaluate(tree.parameters, t, q, v, a)
     return a
@@ -294,7 +295,7 @@ def compiled(tree: Tree, t: float, q: Array, v: Array) -> Array:
 
 def test_the_energy_gained_is_the_work_done(case: Case) -> None:
     march = CLOSELY.march(case.arm.tree, *start(case.arm), TIMES)
-    energy = np.sum(case.arm.tree.energies(march.q, march.v, TIMES), axis=0)
+    energy = np.sum(Kinematics(case.arm.tree, TIMES, march.q, march.v).energies, axis=0)
     power = np.empty(len(TIMES))
     for i, t in enumerate(TIMES):
         q, v = march.q[i], march.v[i]
@@ -308,7 +309,7 @@ def test_the_energy_gained_is_the_work_done(case: Case) -> None:
 def test_energies_are_those_of_the_points_whatever_drives_them(case: Case) -> None:
     q, v = start(case.arm, 1)
     for t in (0.0, 0.37):
-        kinetic, potential = case.arm.tree.energies(q[None], v[None], np.array([t]))
+        kinetic, potential = Kinematics(case.arm.tree, np.array([t]), q[None], v[None]).energies
         want = case.arm.energy(*whole(case, t, q, v))
         assert (kinetic[0], potential[0]) == pytest.approx(want, rel=1e-12)
 
@@ -324,7 +325,7 @@ def test_a_point_load_does_its_virtual_work_on_every_rate(
     body: str, torque: bool, following: bool, size: float
 ) -> None:
     # Q_j is the power for the unit rate j; M̂ (a − a₀) is what the load adds. Sections turned a little and a lot.
-    load = at(body, formula(parse("2 + t")), 3, torque=torque, following=following)
+    load = at(body, formula(parse_formula("2 + t")), 3, torque=torque, following=following)
     q, v = start(ARM, 2)
     q[3:] *= size / np.linalg.norm(q[3:])
     t = 0.5
@@ -408,9 +409,10 @@ def test_turning_and_moving_everything_in_space_changes_nothing(names: tuple[str
     here, there = (CLOSELY.march(one.tree, *start(arm, 5), times) for one in (arm, other))
     assert there.q == pytest.approx(here.q, abs=1e-9)
     assert there.v == pytest.approx(here.v, abs=1e-8)
-    (origins, rotations), (others, turned) = arm.tree.frames(here.q, times), other.tree.frames(there.q, times)
-    assert others == pytest.approx(origins @ R.T + shift, abs=1e-8)
-    assert turned == pytest.approx(R @ rotations @ R.T, abs=1e-8)
+    frames, others = (Kinematics(one.tree, times, m.q, m.v).frames for one, m in ((arm, here), (other, there)))
+    for frame, moved in zip(frames, others, strict=True):
+        assert moved.origin == pytest.approx(frame.origin @ R.T + shift, abs=1e-8)
+        assert moved.rotation == pytest.approx(R @ frame.rotation @ R.T, abs=1e-8)
 
 
 # Slow and fast modes ---------------------------------------------------------------------------------------------

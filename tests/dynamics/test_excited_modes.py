@@ -7,7 +7,7 @@ import pytest
 
 from pipeline import Pipeline, load_scene
 from pipeline.dynamics.excited_modes import excited_part, reached
-from pipeline.stages.runs import plans_of
+from pipeline.stages.runs import make_plans
 
 FLAT = ["body.beam.mesh.divisions=[12, 2, 1]", "simulation.duration=20 ms", "body.beam.modes.family='any'"]
 TILTED = """
@@ -21,7 +21,7 @@ force = "0.01 N"
 
 def both_ways(overrides: list[str], scene: str = "beam"):
     run = Pipeline(load_scene(scene, overrides))
-    plan = next(iter(plans_of(run).values()))
+    plan = next(iter(make_plans(run).values()))
     times = run.output_times
     return plan, plan.march(times), replace(plan, excited=None).march(times)
 
@@ -29,7 +29,7 @@ def both_ways(overrides: list[str], scene: str = "beam"):
 def test_a_beam_turned_in_its_plane_leaves_its_other_modes_at_rest() -> None:
     plan, part, whole = both_ways(FLAT)
     assert plan.excited is not None
-    left_out = np.array(plan.excited.left_out[""])
+    left_out = np.array(plan.excited.left_out["beam"])
     assert 0 < len(left_out) < plan.system.n - 1
     assert not part.q[:, 1 + left_out].any()
     # Integrated, they answer to nothing but round-off.
@@ -66,6 +66,6 @@ def test_what_is_reached_is_what_forces_and_couplings_lead_to() -> None:
 @pytest.mark.parametrize("keep_all", [False, True])
 def test_keep_all_integrates_every_mode(keep_all: bool) -> None:
     run = Pipeline(load_scene("beam", FLAT), keep_all=keep_all)
-    plan = next(iter(plans_of(run).values()))
+    plan = next(iter(make_plans(run).values()))
     assert (plan.excited is None) == keep_all
-    assert excited_part(plan.system, plan.start[0], 1e-6) is not None
+    assert excited_part(plan.mechanism, plan.start[0], 1e-6) is not None

@@ -1,14 +1,9 @@
 """The elements' names, their nodes and the quadrature they ask for."""
 
-from math import factorial
-
 import numpy as np
 import pytest
-from vtkmodules import vtkCommonDataModel
 
-from pipeline.fem.elements import element_kind, shape_functions, vtk_nodes
-from pipeline.fem.mesh import N_CORNERS
-from pipeline.fem.wedge import wedge_quadrature
+from pipeline.fem.elements import element_kind, jacobians, match_nodes, shape_functions
 
 # Nodes of each element: corners, and mid-edges for order 2.
 NODES = {"hex8": 8, "hex20": 8 + 12, "tet4": 4, "tet10": 4 + 6}
@@ -72,15 +67,6 @@ def test_facets_are_walked_around_corner_by_corner(element) -> None:
 
 # Elements whose cells come from files: their nodes are the file's.
 IMPORTED = [("tetra10", 2), ("hexahedron20", 2), ("hexahedron27", 2), ("wedge", 1), ("wedge15", 2)]
-VTK_CELLS = {
-    "tetra": "Tetra",
-    "tetra10": "QuadraticTetra",
-    "hexahedron": "Hexahedron",
-    "hexahedron20": "QuadraticHexahedron",
-    "hexahedron27": "TriQuadraticHexahedron",
-    "wedge": "Wedge",
-    "wedge15": "QuadraticWedge",
-}
 
 
 @pytest.mark.parametrize(("cell_type", "order"), IMPORTED)
@@ -103,19 +89,17 @@ def test_shape_functions_of_imported_cells_are_right(cell_type: str, order: int)
         assert np.abs(nodal @ N - monomials).max() < 1e-14
 
 
-@pytest.mark.parametrize("degree", [2, 4, 6])
-def test_the_wedges_quadrature_is_exact(degree: int) -> None:
-    (x, y, z), w = wedge_quadrature(degree)
-    # ∫ x^a y^b over the triangle is a! b! / (a + b + 2)!, ∫ z^c over the line 1 / (c + 1)
-    for a in range(degree + 1):
-        b = degree - a
-        exact = factorial(a) * factorial(b) / factorial(degree + 2) / (degree + 1)
-        assert w @ (x**a * y**b * z**degree) == pytest.approx(exact, rel=1e-12)
+def test_jacobians_are_those_of_an_affine_map() -> None:
+    kind = element_kind("tetra10", 2)
+    A = np.random.default_rng(2).standard_normal((3, 3))
+    x = kind.element.doflocs @ A.T + 5.0
+    X = np.random.default_rng(3).uniform(0, 0.3, (3, 4))
+    assert np.abs(jacobians(kind.geometry, x[None], X) - A).max() < 1e-13
 
 
-@pytest.mark.parametrize("cell_type", VTK_CELLS)
-def test_nodes_come_in_vtks_own_order(cell_type: str) -> None:
-    cell = getattr(vtkCommonDataModel, f"vtk{VTK_CELLS[cell_type]}")()
-    coordinates = cell.GetParametricCoords()
-    vtk = np.array([[coordinates[3 * k + a] for a in range(3)] for k in range(cell.GetNumberOfPoints())])
-    assert np.array_equal(vtk_nodes(cell_type, 1 if cell_type in N_CORNERS else 2), vtk)
+def test_nodes_are_matched_by_place_and_others_are_refused() -> None:
+    nodes = np.random.default_rng(4).uniform(size=(6, 3))
+    order = np.array([3, 0, 5, 1, 2, 4])
+    assert match_nodes(nodes[order], nodes).tolist() == order.tolist()
+    with pytest.raises(ValueError, match="aren't of the same element"):
+        match_nodes(nodes + 0.1, nodes)

@@ -58,7 +58,7 @@ def test_stiffness_mass_and_every_geometric_stiffness_are_in_one_structure_built
             built.append(self)
             super().__init__(*arguments)  # type: ignore[arg-type]
 
-    monkeypatch.setattr(pipeline.fem.model, "BlockStructure", Counted)
+    monkeypatch.setattr(pipeline.fem.space, "BlockStructure", Counted)
     space = distorted.discretisation
     fe = assemble(space.mesh, space.order, distorted.material)
     u = np.random.default_rng(1).standard_normal((len(fe.x), 3, 2))

@@ -10,7 +10,8 @@ import skfem
 from pipeline.core.arrays import Array
 from pipeline.fem.markers import Marker, face_marker
 from pipeline.fem.mesh import SolidMesh
-from pipeline.fem.model import Discretisation, FEModel
+from pipeline.fem.model import FEModel
+from pipeline.fem.space import Discretisation
 
 FACES = ("x-", "x+", "y-", "z+")
 
@@ -104,7 +105,7 @@ def test_the_columns_are_loads_and_measure_the_motion(distorted: FEModel) -> Non
     assert np.array_equal(marker.columns(len(distorted.x), np.zeros((0, 3))), B[..., :3])
 
 
-def test_a_marker_is_rigid_only_if_it_is_told_to_be(distorted: FEModel) -> None:
+def test_a_marker_is_rigid_only_by_its_flag(distorted: FEModel) -> None:
     space = distorted.discretisation
     assert not marker_of(distorted, "x+").rigid
     assert face_marker(space, space.mesh.faces["x+"], rigid=True).rigid

@@ -1,9 +1,9 @@
-"""Hooke's law."""
+"""Hooke's law, and materials of single elements."""
 
 import numpy as np
 import pytest
 
-from pipeline.fem.material import Material
+from pipeline.fem.material import Material, MaterialOfElements
 
 
 @pytest.mark.parametrize(
@@ -39,3 +39,12 @@ def test_shear_and_bulk_moduli_follow_from_young_and_poisson(nu: float) -> None:
     sheared, swollen = (material.stiffness @ strain for strain in ([0, 0, 0, 1, 0, 0], [1, 1, 1, 0, 0, 0]))
     assert sheared == pytest.approx([0, 0, 0, shear, 0, 0], rel=1e-14)
     assert swollen == pytest.approx([3 * bulk] * 3 + [0] * 3, rel=1e-13)
+
+
+def test_materials_of_elements_come_one_by_one_with_their_elements() -> None:
+    steel, aluminium, unused = Material(210e9, 0.3, 7800.0), Material(70e9, 0.33, 2700.0), Material(1e9, 0.4, 1000.0)
+    several = MaterialOfElements((steel, unused, aluminium), np.array([0, 2, 2, 0, 2]))
+    assert [(own, list(mine)) for own, mine in several.over(slice(1, 4))] == [(steel, [2]), (aluminium, [0, 1])]
+    assert [(own, list(mine)) for own, mine in several.over(np.array([1, 4]))] == [(aluminium, [0, 1])]
+    ((own, every),) = steel.over(slice(2, 5))
+    assert (own, every) == (steel, slice(None))

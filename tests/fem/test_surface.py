@@ -9,7 +9,8 @@ import pytest
 
 from pipeline.core.arrays import Array
 from pipeline.fem.mesh import SolidMesh
-from pipeline.fem.model import Discretisation, FEModel
+from pipeline.fem.model import FEModel
+from pipeline.fem.space import Discretisation
 from pipeline.fem.surface import boundary_polygons, surface_topology
 
 SIZES = np.array([1.2, 1.0, 0.8])

@@ -9,7 +9,9 @@ from scipy.integrate import solve_ivp
 
 from pipeline import Pipeline, load_scene
 from pipeline.core.arrays import Array
-from pipeline.dynamics.rotor.rotor import PlanarRotor, TorquePulse
+from pipeline.dynamics.mechanism import Mechanism
+from pipeline.dynamics.rotor.parameters import TorquePulse
+from pipeline.dynamics.rotor.rotor import PlanarRotor
 from pipeline.integrators.central_difference import CentralDifference
 from pipeline.integrators.protocol import evaluate
 from pipeline.integrators.reversible import ReversibleSubcycling
@@ -109,13 +111,19 @@ def order_of() -> Callable[[Array, Array], float]:
 @pytest.fixture(scope="session")
 def rotor() -> PlanarRotor:
     """The beam on its joint, in joint-conforming modes, and its drive."""
-    return Pipeline(load_scene("beam")).rotor
+    return Pipeline(load_scene("beam")).system
+
+
+@pytest.fixture(scope="session")
+def beam() -> Mechanism:
+    """The same, as the mechanism whose results are reported."""
+    return Pipeline(load_scene("beam")).mechanism
 
 
 @pytest.fixture(scope="session")
 def free_rotor() -> PlanarRotor:
     """The same beam in the frame of its free modes."""
-    return Pipeline(load_scene("beam", ["simulation.frame=free"])).rotor
+    return Pipeline(load_scene("beam", ["simulation.frame=free"])).system
 
 
 @pytest.fixture(scope="session")
@@ -125,12 +133,12 @@ def coasting(rotor: PlanarRotor) -> PlanarRotor:
 
 
 @pytest.fixture(scope="session")
-def exact(rotor: PlanarRotor) -> Motion:
+def exact(rotor: PlanarRotor, beam: Mechanism) -> Motion:
     """The beam's motion over the scene's 0.5 s at its output times, by DOP853."""
     times, rest = np.arange(1001) * 5e-4, np.zeros(rotor.n)
     blank = CentralDifference(1e-5).march(rotor, rest, rest, times[:1])
     q, v = by_dop853(rotor, rest, rest, times)
-    return Motion(rotor, replace(blank, times=times, q=q, v=v), "tip")
+    return Motion(beam, replace(blank, times=times, q=q, v=v), "beam.tip")
 
 
 def _sub_cycled(m: int) -> Method:

@@ -13,8 +13,8 @@ from pipeline.dynamics.system import (
     accelerations,
     advance,
     fast_steps,
-    freeze,
     hold_middle,
+    hold_slow,
     reacting_steps,
     slow_response,
 )
@@ -39,8 +39,8 @@ def _accelerations(p: Counted, t: float, q: Array, v: Array, a: Array) -> None:
         a[i] = -p.stiffness[i] * q[i]
 
 
-@meaning(freeze, Counted)
-def _freeze(p: Counted, t: float, q: Array, v: Array, a: Array, frozen: Array) -> None:
+@meaning(hold_slow, Counted)
+def _hold_slow(p: Counted, t: float, q: Array, v: Array, a: Array, frozen: Array) -> None:
     p.calls[1] += 1
 
 

@@ -9,18 +9,18 @@ import pytest
 import scipy.linalg
 
 from pipeline import Pipeline, load_scene
-from pipeline.bench.stress_cases import builders
+from pipeline.bench.stress_cases import case_builders
 from pipeline.core.errors import AccuracyError
 from pipeline.dynamics.links import REVOLUTE, Link, rigid_gram
-from pipeline.dynamics.rotor.rotor import TorquePulse
-from pipeline.dynamics.tree.tree import Tree
+from pipeline.dynamics.mechanism import Mechanism
+from pipeline.dynamics.rotor.parameters import TorquePulse
 from pipeline.integrators.generalized_alpha import GeneralizedAlpha
 from pipeline.integrators.scipy_ivp import ScipyIvp
 
 
 @pytest.fixture(scope="module")
 def beam():
-    return Pipeline(load_scene("beam")).rotor
+    return Pipeline(load_scene("beam")).system
 
 
 @pytest.fixture(scope="module")
@@ -86,7 +86,7 @@ def test_output_times_never_change_the_steps(beam):
 def test_a_spinning_body_in_space_keeps_its_quaternion_unit():
     from pipeline.dynamics.links import SPHERICAL
 
-    top = Tree([Link("top", rigid_gram(2.0, np.zeros(3), np.diag([0.1, 0.2, 0.25])), SPHERICAL)])
+    top = Mechanism([Link("top", rigid_gram(2.0, np.zeros(3), np.diag([0.1, 0.2, 0.25])), SPHERICAL)])
     v0 = np.array([0.1, 5.0, 0.1])
     motion = GeneralizedAlpha(1e-3, 1.0).march(top, top.rest_positions, v0, np.linspace(0, 2, 21))
     np.testing.assert_allclose(np.linalg.norm(motion.q, axis=1), 1.0, atol=1e-14)
@@ -107,7 +107,7 @@ def test_a_newton_iteration_that_fails_stops_the_march(beam):
 def test_forces_that_balance_leave_an_acceleration_with_their_round_off(share):
     # The slider's vibration is damped until the spring holds the slowly turning rod's slider: k x = m Ω² r. Both are
     # far above what accelerates it then.
-    case = builders()["rod-slider"]()
+    case = case_builders()["rod-slider"]()
     step = share * 2 / case.system.highest_frequency
     end = GeneralizedAlpha(step).march(case.system, np.full(2, 1e-6), np.zeros(2), np.array([0.0, 12000 * step])).end
     radius = 1.0  # m
@@ -118,7 +118,7 @@ def test_forces_that_balance_leave_an_acceleration_with_their_round_off(share):
 @pytest.mark.parametrize("size", [1e-6, 1.0])
 def test_a_nearly_singular_mass_leaves_the_slow_vibrations(share, n_steps, size):
     # ω from 0.1 to 4e5 rad/s: once the fastest is damped, what accelerates the others is beneath its forces' round-off.
-    case = builders()["M_SS nearly singular, 1e-10"]()
+    case = case_builders()["M_SS nearly singular, 1e-10"]()
     squares, modes = scipy.linalg.eigh(case.M, case.K)  # 1/ω²: the slow ones are the exact ones
     omega = 1 / np.sqrt(squares[1:])
     method = GeneralizedAlpha(share * 2 / case.system.highest_frequency)
@@ -133,7 +133,7 @@ def test_a_pendulum_comes_to_rest_at_an_angle_that_is_no_exact_number(swing):
     # Gravity's two components balance about its hinge, with a round-off that is coarser than its last swings.
     down = np.array([np.cos(0.7), np.sin(0.7), 0.0])
     gram = rigid_gram(1.0, down, np.eye(3))
-    hanging = Tree([Link("pendulum", gram, REVOLUTE, damper=2.0)], gravity=9.81 * down)
+    hanging = Mechanism([Link("pendulum", gram, REVOLUTE, damper=2.0)], gravity=9.81 * down)
     end = GeneralizedAlpha(0.05).march(hanging, np.array([swing]), np.zeros(1), np.array([0.0, 1000.0])).end
     assert abs(end.q[0]) < 1e-12
 
@@ -141,7 +141,7 @@ def test_a_pendulum_comes_to_rest_at_an_angle_that_is_no_exact_number(swing):
 def test_corrections_beneath_round_off_end_though_they_shrink():
     # A stiffened beam that turns steadily rests within 1e-16 m of its axis. There a trial of 1e-25 m/s² no longer moves
     # it, and corrections shrink by a steady 0.27, until after 38,948 steps twelve of them were not enough.
-    case = builders()["beam at 1.1 ω₁, stiffened"]()
+    case = case_builders()["beam at 1.1 ω₁, stiffened"]()
     step = 0.5 * 2 / case.system.highest_frequency
     end = GeneralizedAlpha(step).march(case.system, case.at.q, case.at.v, np.array([0.0, 42_000 * step])).end
     assert end.v[0] == pytest.approx(case.at.v[0], rel=1e-12)
@@ -152,7 +152,7 @@ def test_corrections_beneath_round_off_end_though_they_shrink():
 def test_a_step_far_beyond_the_highest_frequency_keeps_newton_near_by(rho):
     # At ω h = 2000 the last acceleration, held over a step, throws the modes of a beam in its free frame metres away,
     # where their inertia swamps the rotation's: Newton's iteration ran to accelerations of 1e16 from there.
-    case = builders()["beam, free frame"]()
+    case = case_builders()["beam, free frame"]()
     step = 1000 * 2 / case.system.highest_frequency
     q0 = np.full(case.system.n, 1e-6)
     motion = GeneralizedAlpha(step, rho).march(case.system, q0, np.zeros(case.system.n), np.arange(301) * step)

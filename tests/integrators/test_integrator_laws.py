@@ -12,8 +12,9 @@ from pipeline.core.arrays import Array
 from pipeline.core.errors import AccuracyError, InputError, StabilityError
 from pipeline.dynamics.linear.linear import LinearSystem
 from pipeline.dynamics.links import REVOLUTE, Link, rigid_gram
-from pipeline.dynamics.rotor.rotor import PlanarRotor, TorquePulse
-from pipeline.dynamics.tree.tree import Tree
+from pipeline.dynamics.mechanism import Mechanism
+from pipeline.dynamics.rotor.parameters import TorquePulse
+from pipeline.dynamics.rotor.rotor import PlanarRotor
 from pipeline.integrators.central_difference import CentralDifference
 from pipeline.integrators.protocol import State, evaluate
 from pipeline.integrators.reversible import ReversibleSubcycling
@@ -211,7 +212,7 @@ def test_output_times_within_a_cycle_leave_it_alone(
     rotor: PlanarRotor, body: Body, system: str, sub_cycled: type[Subcycling | ReversibleSubcycling], m: int
 ) -> None:
     # Each step is asked for, and times between: the fast steps are cut everywhere. The torque ends within a cycle.
-    some: PlanarRotor | LinearSystem | Tree = replace(rotor, pulse=TorquePulse(0.0, 1003.3e-5, 5.0))
+    some: PlanarRotor | LinearSystem | Mechanism = replace(rotor, pulse=TorquePulse(0.0, 1003.3e-5, 5.0))
     step, rng = 1e-5, np.random.default_rng(2)
     if system == "beam whose angle reacts":
         vars(some)["parameters"] = rotor.parameters._replace(pulse=some.pulse, gyroscopic=True)
@@ -223,7 +224,7 @@ def test_output_times_within_a_cycle_leave_it_alone(
     elif system == "chain":
         rod = rigid_gram(1.0, np.array([0.25, 0.0, 0.0]), np.diag([1e-3, 0.02, 0.02]))
         links = [Link(f"rod {k}", rod, REVOLUTE, k - 1, spring=9.0 * 100**k, damper=0.01) for k in range(2)]
-        some, step = Tree(links, ["rod 1"]), 1e-3
+        some, step = Mechanism(links, ["rod 1"]), 1e-3
     start = 1e-3 * rng.normal(size=some.n), rng.normal(size=some.n)
     coarse, times = np.linspace(0.0, 3000 * step, 11), np.arange(3001) * step
     fine = np.sort(np.r_[coarse, times, rng.uniform(0.0, times[-1], 2000)])

@@ -45,8 +45,8 @@ def case(request: pytest.FixtureRequest) -> Case:
     duration, step = SCENES[request.param]
     run = Pipeline(load_scene(request.param))
     times = np.linspace(0.0, duration, 11)
-    exact = RungeKutta(1e-13).march(run.mechanism, *run.start, times).q
-    return Case(run.mechanism, run.start, times, step / 2.0 ** np.arange(4), exact)
+    exact = RungeKutta(1e-13).march(run.system, *run.start, times).q
+    return Case(run.system, run.start, times, step / 2.0 ** np.arange(4), exact)
 
 
 @pytest.mark.parametrize("name", METHODS)

@@ -12,16 +12,18 @@ import pytest
 from pipeline import Pipeline, load_scene
 from pipeline.core.arrays import Array
 from pipeline.core.errors import InputError, StabilityError
+from pipeline.dynamics.kinematics import Kinematics
 from pipeline.dynamics.links import REVOLUTE, Link, rigid_gram
-from pipeline.dynamics.rotor.rotor import PlanarRotor, TorquePulse
+from pipeline.dynamics.mechanism import Mechanism
+from pipeline.dynamics.rotor.parameters import TorquePulse
+from pipeline.dynamics.rotor.rotor import PlanarRotor
 from pipeline.dynamics.signals.signal import constant
-from pipeline.dynamics.tree.tree import Tree
 from pipeline.integrators.central_difference import CentralDifference
 from pipeline.integrators.reversible import ReversibleSubcycling
 from pipeline.integrators.runge_kutta import RungeKutta
 from pipeline.integrators.subcycling import Subcycling
 from pipeline.reduction.body import FlexibleBody
-from pipeline.stages.runs import plans_of
+from pipeline.stages.runs import make_plans
 
 Body = Callable[..., FlexibleBody]
 Order = Callable[[Array, Array], float]
@@ -34,9 +36,17 @@ def errors_of(system: Any, start: tuple[Array, Array], times: Array, steps: Arra
     return np.array([np.abs(march.q - exact).max() for march in marches])
 
 
+def energies(system: Any, march: Any) -> tuple[Array, Array]:
+    """Kinetic and potential energy [J]."""
+    if isinstance(system, Mechanism):
+        return Kinematics(system, march.times, march.q, march.v).energies
+    found: tuple[Array, Array] = system.energies(march.q, march.v)
+    return found
+
+
 def drift(system: Any, march: Any) -> float:
     """Largest change of the energy [J]."""
-    kinetic, potential = system.energies(march.q, march.v)
+    kinetic, potential = energies(system, march)
     return float(np.abs(kinetic + potential - kinetic[0] - potential[0]).max())
 
 
@@ -60,7 +70,7 @@ def test_it_is_of_second_order_whatever_couples(order_of: Order, scene: str, m: 
     split = [text.split("=")[1] for text in overrides if text.startswith("split")]
     run = f'{{ integrator = "reversible-sub-cycling", substeps = {m}, split = "{split[0] if split else "joints"}" }}'
     others = [text for text in overrides if not text.startswith("split")]
-    ((_, plan),) = plans_of(Pipeline(load_scene(name, [f"simulation.run=[{run}]", *others]))).items()
+    ((_, plan),) = make_plans(Pipeline(load_scene(name, [f"simulation.run=[{run}]", *others]))).items()
     steps, times = step / 2.0 ** np.arange(3), np.linspace(0.0, duration, 11)
     assert plan.integrator.order(plan.system) == 2
     assert order_of(steps, errors_of(plan.system, plan.start, times, steps, m)) == pytest.approx(2, abs=0.15)
@@ -141,7 +151,7 @@ def test_small_motions_of_a_coupled_rotor_take_the_linear_map(free_rotor: Planar
     assert scaled(found, omega) == pytest.approx(scaled(want, omega), abs=1e-8)
 
 
-def pendulum() -> Tree:
+def pendulum() -> Mechanism:
     """Three rods on springy hinges that couple strongly: the last two are fast."""
     gram = rigid_gram(1.0, np.array([0.25, 0.0, 0.0]), np.diag([1e-3, 0.02, 0.02]))
     places = [np.zeros(3), np.array([0.5, 0.0, 0.0]), np.array([0.5, 0.0, 0.0])]
@@ -151,7 +161,7 @@ def pendulum() -> Tree:
              place_shapes=none, place_rotations=none)
         for k, (place, spring) in enumerate(zip(places, (20.0, 300.0, 500.0), strict=True))
     ]  # fmt: skip
-    return Tree(links, ["rod 1", "rod 2"])
+    return Mechanism(links, ["rod 1", "rod 2"])
 
 
 @RATIOS
@@ -196,28 +206,27 @@ def test_the_free_frames_beam_keeps_its_energy(free_rotor: PlanarRotor, m: int) 
 
 
 @pytest.fixture(scope="module")
-def swung() -> tuple[Tree, tuple[Array, Array]]:
+def swung() -> tuple[Mechanism, tuple[Array, Array]]:
     """The arm without its drive and its dampers, let go at 3 rad/s."""
     run = Pipeline(load_scene("arm"))
-    assert not run.is_rotor
-    tree, (q0, v0) = run.chain.tree, run.start
+    tree, (q0, v0) = run.mechanism, run.start
     links = [replace(link, damper=0.0, damping=0.0 * link.damping, load=constant(0.0)) for link in tree.links]
     return replace(tree, links=links), (q0, np.r_[3.0, v0[1:]])
 
 
-def test_the_arm_keeps_its_energy_where_sub_cycling_diverges(swung: tuple[Tree, tuple[Array, Array]]) -> None:
+def test_the_arm_keeps_its_energy_where_sub_cycling_diverges(swung: tuple[Mechanism, tuple[Array, Array]]) -> None:
     tree, start = swung
     times = np.linspace(0.0, 2.0, 401)
     with pytest.raises(StabilityError, match="diverged"):
         Subcycling(2e-5, 5).march(tree, *start, times)
     march = ReversibleSubcycling(2e-5, 5).march(tree, *start, times)
-    kinetic, _ = tree.energies(march.q, march.v)
+    kinetic, _ = energies(tree, march)
     assert np.ptp(kinetic) > 5.0
     assert drift(tree, march) < 1e-6
 
 
 def test_the_arms_energy_is_kept_better_by_the_square_of_the_step(
-    swung: tuple[Tree, tuple[Array, Array]], order_of: Order
+    swung: tuple[Mechanism, tuple[Array, Array]], order_of: Order
 ) -> None:
     tree, start = swung
     steps, times = 4e-5 / 2.0 ** np.arange(3), np.linspace(0.0, 0.5, 101)
@@ -241,7 +250,7 @@ def test_a_hub_that_nothing_drives_keeps_its_momentum_within_a_cycle(body: Body)
 
 def planned(scene: str, settings: str) -> Any:
     run = f'simulation.run=[{{ integrator = "reversible-sub-cycling", {settings} }}]'
-    return plans_of(Pipeline(load_scene(scene, [run])))
+    return make_plans(Pipeline(load_scene(scene, [run])))
 
 
 def test_one_to_one_is_central_difference() -> None:

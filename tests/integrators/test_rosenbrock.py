@@ -12,9 +12,10 @@ from pipeline import Pipeline, load_scene
 from pipeline.core.errors import AccuracyError
 from pipeline.dynamics.jit.compiled import kernel
 from pipeline.dynamics.links import PRISMATIC, REVOLUTE, SPHERICAL, Link, rigid_gram
-from pipeline.dynamics.rotor.rotor import PlanarRotor, TorquePulse
+from pipeline.dynamics.mechanism import Mechanism
+from pipeline.dynamics.rotor.parameters import TorquePulse
+from pipeline.dynamics.rotor.rotor import PlanarRotor
 from pipeline.dynamics.signals.signal import linear_table
-from pipeline.dynamics.tree.tree import Tree
 from pipeline.integrators import rosenbrock
 from pipeline.integrators.protocol import State, evaluate, evaluate_velocities
 from pipeline.integrators.rosenbrock import ExponentialRosenbrock
@@ -109,7 +110,7 @@ def test_the_flow_to_any_time_in_a_step_is_that_of_a_larger_exponential(ahead, s
 # Jacobian --------------------------------------------------------------------------------------------------------
 
 
-def chain() -> Tree:
+def chain() -> Mechanism:
     """A bob that swings in space, a slider on it, a spin about it."""
     bob = rigid_gram(2.0, np.array([0.0, 0.1, -0.5]), np.diag([0.11, 0.12, 0.05]))
     links = [
@@ -117,7 +118,7 @@ def chain() -> Tree:
         Link("slider", rigid_gram(0.5, np.zeros(3), np.zeros((3, 3))), PRISMATIC, 0, axis=[0, 0, 1], spring=200.0),
         Link("wheel", rigid_gram(1.0, np.array([0.1, 0, 0]), np.diag([0.1, 0.2, 0.3])), REVOLUTE, 1, axis=[0, 1, 0]),
     ]
-    return Tree(links, gravity=[0, 0, -9.81])
+    return Mechanism(links, gravity=[0, 0, -9.81])
 
 
 def slope_of(tree, u, t=0.0):
@@ -162,8 +163,8 @@ def with_fixed_steps(system, q0, v0, h, n_steps):
 
 def order_cases():
     pipeline = Pipeline(load_scene("rod-slider"))
-    yield pipeline.mechanism, *pipeline.start, 1.0, np.array([8, 16, 32])
-    rotor = Pipeline(load_scene("beam")).rotor  # while the torque acts, which has no kink before 0.1 s
+    yield pipeline.system, *pipeline.start, 1.0, np.array([8, 16, 32])
+    rotor = Pipeline(load_scene("beam")).system  # while the torque acts, which has no kink before 0.1 s
     yield rotor, np.zeros(rotor.n), np.zeros(rotor.n), 0.05, np.array([20, 40, 80])
     tree = chain()
     yield tree, tree.rest_positions, np.array([2.0, 1.0, 8.0, 0.0, 3.0]), 0.5, np.array([16, 32, 64])
@@ -189,7 +190,7 @@ def test_an_oscillator_under_a_load_linear_in_time_is_solved_exactly_in_steps_fa
     # x(t) of a mass 5 kg on 1000 N/m under 3 N + 2 N/s t, up to a kink at 40 s: the particular solution and a cosine.
     point = rigid_gram(5.0, np.zeros(3), np.zeros((3, 3)))
     load = linear_table(np.array([0.0, 40.0, 80.0]), np.array([3.0, 83.0, 83.0]))
-    tree = Tree([Link("point", point, PRISMATIC, axis=[1, 0, 0], spring=1000.0, load=load)])
+    tree = Mechanism([Link("point", point, PRISMATIC, axis=[1, 0, 0], spring=1000.0, load=load)])
     times, omega = np.linspace(0.0, 40.0, 201), np.sqrt(200.0)
     march = ExponentialRosenbrock(1e-3).march(tree, np.array([0.01]), np.zeros(1), times)
     amplitude, rate = 0.01 - 0.003, -0.002 / omega

@@ -52,7 +52,7 @@ def test_modes_show_their_frequencies_and_a_motion_its_end(run):
     modes = cells(run.modes._repr_html_())
     assert [float(row[1]) for row in modes[1:]] == pytest.approx(run.modes.frequencies_hz, abs=0.006)
     motion = dict(cells(run.motion._repr_html_()))
-    assert float(motion["joint angle rad"]) == pytest.approx(run.motion.joint_angle[-1], rel=1e-5)
+    assert float(motion["joint positions hub"]) == pytest.approx(run.motion.joint_position("hub")[-1], rel=1e-5)
     assert motion["step"] == "10 µs"
 
 

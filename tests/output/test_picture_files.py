@@ -1,13 +1,15 @@
 """What was drawn before is not drawn again, as long as all that it shows is the same."""
 
 import shutil
+from dataclasses import replace
 
 import pytest
 
 from pipeline import Pipeline, load_scene
 from pipeline.core.cache import Cache
+from pipeline.output.explain import forecast_run
+from pipeline.output.pictures import DRAWINGS
 from pipeline.output.write import write_results
-from pipeline.stages.explain import plan_of
 
 SMALL = ["body.beam.mesh.divisions=[12, 2, 1]", "simulation.duration=20 ms", "output.3.size=[320, 180]"]
 SMALL += ["output.4.size=[320, 180]", "output.5.size=[320, 180]", "output.5.frames=2"]
@@ -34,7 +36,7 @@ def first(drawn_once, tmp_path):
 
 def draw(folder, overrides):
     cache, scene = Cache(folder / "cache"), load_scene("beam", [*SMALL, *overrides])
-    plan, run = plan_of(Pipeline(scene, cache), True, False), Pipeline(scene, cache)
+    plan, run = forecast_run(Pipeline(scene, cache), True, False), Pipeline(scene, cache)
     write_results(run, folder / "out", pictures=True, budget=False)
     return plan, run
 
@@ -50,7 +52,12 @@ def pictures_in(folder):
 
 def test_a_second_run_draws_nothing_and_leaves_the_same_files(first, monkeypatch):
     folder, pictures = first
-    monkeypatch.setattr("pipeline.output.picture_files.DRAWINGS", {})
+
+    def draw_again(*_):
+        raise AssertionError("drawn again")
+
+    drawings = {type: replace(drawing, draw=draw_again) for type, drawing in DRAWINGS.items()}
+    monkeypatch.setattr("pipeline.output.picture_files.DRAWINGS", drawings)
     plan, run = draw(folder, [])
     assert fate_of(plan) == "cached"
     assert "pictures" not in run.log.run
@@ -77,9 +84,8 @@ def test_what_has_changed_is_drawn_anew(first, override, drawn, monkeypatch):
         (out / name).write_bytes(b"")
         return [name]
 
-    monkeypatch.setattr(
-        "pipeline.output.picture_files.DRAWINGS", dict.fromkeys(["chart", "modes", "stress", "film"], note)
-    )
+    drawings = {type: replace(drawing, draw=note) for type, drawing in DRAWINGS.items()}
+    monkeypatch.setattr("pipeline.output.picture_files.DRAWINGS", drawings)
     plan, run = draw(folder, [override])
     assert ALL & again == drawn
     assert fate_of(plan) == "run"

@@ -16,7 +16,8 @@ from pipeline.fem.assembly import assemble
 from pipeline.fem.markers import face_marker
 from pipeline.fem.material import Material
 from pipeline.fem.mesh import SolidMesh
-from pipeline.fem.model import Discretisation, FEModel
+from pipeline.fem.model import FEModel
+from pipeline.fem.space import Discretisation
 from pipeline.recovery.stress import StressHistory, modal_stress, strains, von_mises
 from pipeline.reduction.eigen import FreeBodySolver
 

@@ -11,8 +11,9 @@ import xarray
 
 from pipeline.core.errors import InputError
 from pipeline.dynamics.links import REVOLUTE, SPHERICAL, Link
-from pipeline.dynamics.rotor.rotor import PlanarRotor, TorquePulse
-from pipeline.dynamics.tree.tree import Tree
+from pipeline.dynamics.mechanism import Mechanism
+from pipeline.dynamics.rotor.parameters import TorquePulse
+from pipeline.dynamics.rotor.rotor import PlanarRotor
 from pipeline.fem.markers import Marker, face_marker
 from pipeline.fem.model import FEModel
 from pipeline.fem.surface import SurfaceTopology, surface_topology
@@ -23,7 +24,7 @@ from pipeline.reduction.body_file import FORMAT, VERSION, SavedBody, load_body, 
 from pipeline.reduction.eigen import FreeBodySolver
 from pipeline.reduction.inertia import InertiaGram
 from pipeline.reduction.mode_families import lowest_modes
-from pipeline.reduction.stiffening import stiffened
+from pipeline.reduction.stiffening import stiffen_body
 
 Z = np.array([0.0, 0.0, 1.0])
 
@@ -49,7 +50,7 @@ def hinged(small_bar: FEModel, solver: FreeBodySolver, markers: dict[str, Marker
 def saved(small_bar: FEModel, solver: FreeBodySolver, markers: dict[str, Marker], hinged: FlexibleBody) -> SavedBody:
     """Everything that a file can hold."""
     space = small_bar.discretisation
-    body = stiffened(hinged, small_bar, solver, markers["Fuß"].columns(len(small_bar.x), np.eye(3)[:2]))
+    body = stiffen_body(hinged, small_bar, solver, markers["Fuß"].columns(len(small_bar.x), np.eye(3)[:2]))
     surface = surface_topology(space)
     stress = modal_stress(space, small_bar.material, body.shapes, surface.nodes)
     return SavedBody(body, surface, stress, lowest_modes(solver, 4).frequencies_hz)
@@ -135,7 +136,7 @@ def _swing(body: FlexibleBody) -> Any:
         place_rotations=tip.rotation,
         omega=body.omega,
     )
-    tree = Tree([upper, lower], gravity=np.array([0.3, -9.81, 0.1]))
+    tree = Mechanism([upper, lower], gravity=np.array([0.3, -9.81, 0.1]))
     q0, v0 = np.zeros(tree.n_positions), np.zeros(tree.n)
     q0[tree.layout.position[1]] = 1.0  # the unit quaternion
     v0[:] = np.linspace(0.1, 0.2, tree.n)

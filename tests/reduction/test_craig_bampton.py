@@ -6,11 +6,11 @@ import pytest
 from pipeline.core.errors import AccuracyError
 from pipeline.fem.markers import Marker, face_marker
 from pipeline.fem.model import FEModel
-from pipeline.fem.supports import nodes_on_faces
+from pipeline.fem.selection import nodes_on_faces
 from pipeline.reduction.craig_bampton import (
-    _rigid_recovered,
+    _count_rigid_motions,
     constraint_modes,
-    craig_bampton,
+    craig_bampton_modes,
     interface_columns,
 )
 from pipeline.reduction.eigen import FreeBodySolver
@@ -69,7 +69,7 @@ def test_its_frequencies_come_down_to_those_of_the_free_body(small_bar: FEModel,
     exact = solver.modes(6).omega
     excess = []
     for count in (6, 12, 24, 48):
-        modes = craig_bampton(small_bar, solver, markers, count)
+        modes = craig_bampton_modes(small_bar, solver, markers, count)
         assert (modes.n_rigid, len(modes.omega)) == (6, count + 12 - 6)
         excess.append(modes.omega[:6] / exact - 1)
     assert np.min(excess) > -1e-9
@@ -80,7 +80,7 @@ def test_its_frequencies_come_down_to_those_of_the_free_body(small_bar: FEModel,
 @BOTH
 def test_its_shapes_are_orthonormal_and_hold_no_rigid_motion(small_bar: FEModel, rigid: bool) -> None:
     markers = ends(small_bar, rigid)
-    modes = craig_bampton(small_bar, solver_of(small_bar, markers), markers, 8)
+    modes = craig_bampton_modes(small_bar, solver_of(small_bar, markers), markers, 8)
     Phi = modes.shapes.reshape(len(small_bar.x) * 3, -1)
     assert Phi.T @ (small_bar.M @ Phi) == pytest.approx(np.eye(14), abs=1e-9)
     stiffness = Phi.T @ (small_bar.K @ Phi)
@@ -93,7 +93,7 @@ def test_loads_at_the_interface_deflect_it_exactly_however_few_modes_there_are(
     small_bar: FEModel, clamped: FreeBodySolver, count: int
 ) -> None:
     tip = ends(small_bar)[1]
-    modes = craig_bampton(small_bar, clamped, [tip], count)
+    modes = craig_bampton_modes(small_bar, clamped, [tip], count)
     assert modes.n_rigid == 0
     f = tip.columns(len(small_bar.x), np.eye(3)).reshape(-1, 6)
     Phi = modes.shapes.reshape(len(f), -1)
@@ -106,22 +106,22 @@ def test_loads_at_the_interface_deflect_it_exactly_however_few_modes_there_are(
 
 def test_an_interface_that_a_support_holds_is_refused(small_bar: FEModel, clamped: FreeBodySolver) -> None:
     with pytest.raises(AccuracyError, match="its markers can't move apart from one another"):
-        craig_bampton(small_bar, clamped, ends(small_bar), 4)
+        craig_bampton_modes(small_bar, clamped, ends(small_bar), 4)
 
 
 def test_the_rigid_motions_found_are_counted_against_those_expected(small_bar: FEModel) -> None:
     B = interface_columns(small_bar, ends(small_bar))
     Psi, R = constraint_modes(small_bar, FreeBodySolver(small_bar), B), small_bar.rigid_modes
     zero = 1e-6 * FreeBodySolver(small_bar).modes(1).omega[0] ** 2
-    assert _rigid_recovered(small_bar, R, Psi, zero) == 6
+    assert _count_rigid_motions(small_bar, R, Psi, zero) == 6
     with pytest.raises(AccuracyError, match="space holds 6 rigid motions, the supports leave 5; its lowest eigenval"):
-        _rigid_recovered(small_bar, R[:, :5], Psi, zero)
+        _count_rigid_motions(small_bar, R[:, :5], Psi, zero)
     other = np.exp(small_bar.x).ravel()[:, None]  # no rigid motion, in the place of one
     with pytest.raises(AccuracyError, match=r"misses \d\.\de-0\d of a rigid motion, above 1e-06"):
-        _rigid_recovered(small_bar, np.c_[R[:, :5], other], Psi, zero)
+        _count_rigid_motions(small_bar, np.c_[R[:, :5], other], Psi, zero)
 
 
 def test_more_modes_than_the_mesh_has_are_refused(small_bar: FEModel) -> None:
     markers = ends(small_bar)
     with pytest.raises(AccuracyError, match="modes with its interface held, 5000 wanted; refine it"):
-        craig_bampton(small_bar, FreeBodySolver(small_bar), markers, 5000)
+        craig_bampton_modes(small_bar, FreeBodySolver(small_bar), markers, 5000)

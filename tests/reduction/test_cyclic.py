@@ -19,9 +19,10 @@ from pipeline.fem.markers import face_marker
 from pipeline.fem.material import Material
 from pipeline.fem.mesh import SolidMesh
 from pipeline.fem.model import FEModel
-from pipeline.reduction.cyclic import CyclicSolver, first_sector
+from pipeline.reduction.cyclic import CyclicSolver
 from pipeline.reduction.eigen import FreeBodySolver
-from pipeline.reduction.factor.factor import Solver, factorised
+from pipeline.reduction.factor.factor import Solver, factorise
+from pipeline.reduction.sector import cut_first_sector
 
 ALUMINIUM = Material(E=70e9, nu=0.3, rho=2780.0)
 SHAPE = PropellerShape(
@@ -53,12 +54,12 @@ def body(request: pytest.FixtureRequest) -> tuple[FEModel, int]:
 
 def test_a_sector_and_its_turns_make_the_body(body: tuple[FEModel, int]) -> None:
     fe, blades = body
-    sector = first_sector(fe, blades)
+    sector = cut_first_sector(fe, blades)
     assert blades * sector.fe.mass == pytest.approx(fe.mass, rel=1e-12)
     u = np.random.default_rng(0).standard_normal((len(fe.x), 3))
     energy = 0.0
     for k, image in enumerate(sector.images):
-        own = sector.turned(u[image], -k).ravel()
+        own = sector.turn(u[image], -k).ravel()
         energy += own @ (sector.fe.K @ own)
     assert energy == pytest.approx(u.ravel() @ (fe.K @ u.ravel()), rel=1e-12)
 
@@ -99,7 +100,7 @@ def test_any_factor_of_a_sectors_inside_gives_the_modes_of_the_whole(solver: Sol
     if solver == "cholesky":
         pytest.importorskip("cvxopt", reason="cvxopt is not installed")
     fe = model(3)
-    modes = CyclicSolver(fe, 3, partial(factorised, solver=solver)).modes(8)
+    modes = CyclicSolver(fe, 3, partial(factorise, solver=solver)).modes(8)
     assert modes.omega == pytest.approx(FreeBodySolver(fe).modes(8).omega, rel=1e-8)
     assert modes.factor is not None
     assert modes.factor.unknowns < fe.K.shape[0] / 3

@@ -14,9 +14,10 @@ from pipeline.fem.material import Material
 from pipeline.fem.mesh import SolidMesh
 from pipeline.fem.model import FEModel
 from pipeline.recovery.stress import modal_stress
-from pipeline.reduction.body import FlexibleBody, joint_conforming_body
+from pipeline.reduction.body import FlexibleBody, reduced_body
 from pipeline.reduction.eigen import FreeBodySolver
-from pipeline.reduction.enrichment import enriched, inertia_loads
+from pipeline.reduction.enrichment import enrich_modes
+from pipeline.reduction.loads import motion_loads
 from pipeline.reduction.mode_families import lowest_modes, modes_of_family
 from pipeline.reduction.modes import Modes
 
@@ -40,18 +41,18 @@ def rod() -> Rod:
     fe = assemble(mesh, 2, ROD)
     solver = FreeBodySolver(fe)
     root = face_marker(fe.discretisation, mesh.faces["x-"])
-    return Rod(fe, solver, lowest_modes(solver, 6), root, inertia_loads(fe, root, Z))
+    return Rod(fe, solver, lowest_modes(solver, 6), root, motion_loads(fe, root, Z))
 
 
 def test_the_modes_come_back_unchanged_in_front(rod: Rod) -> None:
-    omega, shapes = enriched(rod.modes, rod.fe, rod.solver, rod.loads)
+    omega, shapes = enrich_modes(rod.modes, rod.fe, rod.solver, rod.loads)
     assert len(omega) == shapes.shape[2] == 6 + 4
     assert np.array_equal(omega[:6], rod.modes.omega)
     assert np.array_equal(shapes[..., :6], rod.modes.shapes)
 
 
 def test_the_basis_is_orthonormal_and_its_stiffness_diagonal(rod: Rod) -> None:
-    omega, shapes = enriched(rod.modes, rod.fe, rod.solver, rod.loads)
+    omega, shapes = enrich_modes(rod.modes, rod.fe, rod.solver, rod.loads)
     Phi = shapes.reshape(-1, len(omega))
     assert np.abs(Phi.T @ rod.fe.M @ Phi - np.eye(len(omega))).max() < 1e-9
     assert np.abs((Phi.T @ rod.fe.K @ Phi) / np.outer(omega, omega) - np.eye(len(omega))).max() < 1e-6
@@ -60,7 +61,7 @@ def test_the_basis_is_orthonormal_and_its_stiffness_diagonal(rod: Rod) -> None:
 
 def test_the_basis_holds_the_response_to_each_load(rod: Rod) -> None:
     """The response that solves K u = f is a combination of the basis: its M-projection is itself."""
-    _, shapes = enriched(rod.modes, rod.fe, rod.solver, rod.loads)
+    _, shapes = enrich_modes(rod.modes, rod.fe, rod.solver, rod.loads)
     M, Phi = rod.fe.M, shapes.reshape(-1, shapes.shape[2])
     u = rod.solver.static_response(rod.loads).reshape(len(Phi), -1)
     rest = u - Phi @ (Phi.T @ (M @ u))
@@ -75,14 +76,14 @@ def test_a_load_that_adds_nothing_new_adds_no_shape(rod: Rod) -> None:
     # the inertia load ω² M φ of a mode answers with that mode; a load given twice answers twice the same
     inertia = (rod.fe.M @ rod.modes.shapes[..., 0].ravel()).reshape(-1, 3, 1)
     twice = np.concatenate([inertia, rod.loads[..., [0, 0]]], axis=2)
-    omega, _ = enriched(rod.modes, rod.fe, rod.solver, twice)
+    omega, _ = enrich_modes(rod.modes, rod.fe, rod.solver, twice)
     assert len(omega) == 6 + 1
 
 
 @pytest.mark.parametrize("scale", [1e-3, 1e6])
 def test_the_size_of_the_loads_does_not_matter(rod: Rod, scale: float) -> None:
-    omega, _ = enriched(rod.modes, rod.fe, rod.solver, rod.loads)
-    scaled, _ = enriched(rod.modes, rod.fe, rod.solver, scale * rod.loads)
+    omega, _ = enrich_modes(rod.modes, rod.fe, rod.solver, rod.loads)
+    scaled, _ = enrich_modes(rod.modes, rod.fe, rod.solver, scale * rod.loads)
     assert scaled == pytest.approx(omega, rel=1e-6)
 
 
@@ -90,7 +91,7 @@ def test_the_size_of_the_loads_does_not_matter(rod: Rod, scale: float) -> None:
 def test_inertia_loads_are_those_of_a_spin(rod: Rod, axis: Array) -> None:
     """Check resultants: the centrifugal force m r_c, unit forces in the plane and a unit torque about the axis."""
     e = axis / np.linalg.norm(axis)
-    loads = inertia_loads(rod.fe, rod.root, axis)
+    loads = motion_loads(rod.fe, rod.root, axis)
     force = loads.sum(axis=0)
     r = rod.fe.x - rod.root.position
     torque = np.cross(r[:, :, None], loads, axis=1).sum(axis=0)
@@ -109,13 +110,13 @@ def test_loads_that_a_free_body_balances_itself_add_no_shape(rod: Rod, beside: i
     # weight and the Euler load ρ e × r are rigid accelerations: nothing is left of them but round-off
     rigid = np.stack([np.tile(Z, (len(rod.fe.x), 1)), np.cross(Z, rod.fe.x - rod.root.position)], axis=2)
     own = (rod.fe.M @ rigid.reshape(-1, 2)).reshape(rigid.shape)
-    omega, _ = enriched(rod.modes, rod.fe, rod.solver, np.concatenate([own, rod.loads[..., :beside]], axis=2))
+    omega, _ = enrich_modes(rod.modes, rod.fe, rod.solver, np.concatenate([own, rod.loads[..., :beside]], axis=2))
     assert len(omega) == 6 + beside
 
 
 def stretch(rod: Rod, omega: Array, shapes: Array) -> tuple[Array, Array]:
     """Stress along a rod in steady spin and where: the reduced statics ``diag(ω²) q = Ω² D`` about its joint."""
-    body: FlexibleBody = joint_conforming_body(rod.fe, omega, shapes, {"root": rod.root}, "root", Z)
+    body: FlexibleBody = reduced_body(rod.fe, omega, shapes, {"root": rod.root}, "root", Z[None])
     D = body.gram.G[0, 0] + body.gram.G[1, 1]
     q = SPIN**2 * D[1:, 0] / body.omega**2
     along = np.flatnonzero((np.abs(rod.fe.x[:, 1]) < 1e-9) & (rod.fe.x[:, 2] < -0.01 + 1e-9))
@@ -127,7 +128,7 @@ def stretch(rod: Rod, omega: Array, shapes: Array) -> tuple[Array, Array]:
 def test_a_spinning_rod_is_stretched_as_it_should_be(rod: Rod) -> None:
     # what lies outside r pulls: σ = ρ Ω² ∫_r^L s ds = ρ Ω² (L² − r²)/2
     bending = modes_of_family(rod.solver, rod.fe, 5, "in-plane bending", Z)
-    r, stress = stretch(rod, *enriched(bending, rod.fe, rod.solver, rod.loads))
+    r, stress = stretch(rod, *enrich_modes(bending, rod.fe, rod.solver, rod.loads))
     exact = ROD.rho * SPIN**2 * (LENGTH**2 - r**2) / 2
     assert len(r) >= 21
     assert np.abs(stress - exact).max() < 0.01 * exact.max()
@@ -149,7 +150,7 @@ def bar(small_bar: FEModel) -> Rod:
     root, side = (face_marker(small_bar.discretisation, faces[face]) for face in ("x-", "y+"))
     solver = FreeBodySolver(small_bar)
     modes = lowest_modes(solver, 6, root.columns(len(small_bar.x), np.eye(3)))
-    return Rod(small_bar, solver, modes, root, inertia_loads(small_bar, root, None, [(side, None)]))
+    return Rod(small_bar, solver, modes, root, motion_loads(small_bar, root, None, [(side, None)]))
 
 
 def test_spatial_loads_make_up_the_load_of_any_spin(bar: Rod) -> None:
@@ -173,7 +174,7 @@ def test_spatial_loads_have_three_forces_and_three_torques_at_each_marker(bar: R
 
 def test_planar_loads_go_on_with_two_forces_and_a_torque_at_each_outboard_marker(rod: Rod) -> None:
     tip = face_marker(rod.fe.discretisation, rod.fe.discretisation.mesh.faces["x+"])
-    loads = inertia_loads(rod.fe, rod.root, Z, [(tip, Z)])
+    loads = motion_loads(rod.fe, rod.root, Z, [(tip, Z)])
     assert np.array_equal(loads[..., :4], rod.loads)
     forces = loads[..., 4:].sum(axis=0)
     torques = np.cross((rod.fe.x - [LENGTH, 0, 0])[:, :, None], loads[..., 4:], axis=1).sum(axis=0)
@@ -188,7 +189,7 @@ def test_responses_are_held_as_the_modes_are(bar: Rod, about: Array) -> None:
     fe, solver = bar.fe, bar.solver
     B = bar.root.columns(len(fe.x), about)
     modes = lowest_modes(solver, 6, B)
-    omega, shapes = enriched(modes, fe, solver, bar.loads, B)
+    omega, shapes = enrich_modes(modes, fe, solver, bar.loads, B)
     n, size = len(omega), np.abs(shapes).max()
     assert np.array_equal(shapes[..., :6], modes.shapes)
     assert np.abs(bar.root.translation(shapes)).max() < 1e-8 * size
@@ -209,7 +210,7 @@ def test_a_held_basis_has_the_static_deflection_under_each_load(bar: Rod) -> Non
     N = null_space(B.T)
     f = bar.loads.reshape(len(N), -1)
     exact = N @ np.linalg.solve(N.T @ (fe.K @ N), N.T @ f)
-    omega, shapes = enriched(bar.modes, fe, bar.solver, bar.loads, B.reshape(-1, 3, 6))
+    omega, shapes = enrich_modes(bar.modes, fe, bar.solver, bar.loads, B.reshape(-1, 3, 6))
     Phi = shapes.reshape(-1, len(omega))
     found = Phi @ ((Phi.T @ f) / omega[:, None] ** 2)
     loaded = np.linalg.norm(exact, axis=0) > 1e-9 * np.linalg.norm(exact, axis=0).max()

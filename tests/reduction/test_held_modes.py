@@ -16,10 +16,11 @@ from pipeline.fem.markers import Marker, face_marker
 from pipeline.fem.material import Material
 from pipeline.fem.mesh import SolidMesh
 from pipeline.fem.model import FEModel
-from pipeline.reduction.body import joint_conforming_body
+from pipeline.reduction.body import reduced_body
 from pipeline.reduction.eigen import FreeBodySolver
-from pipeline.reduction.enrichment import enriched, inertia_loads
-from pipeline.reduction.mode_families import classify, lowest_modes, modes_of_family
+from pipeline.reduction.enrichment import enrich_modes
+from pipeline.reduction.loads import motion_loads
+from pipeline.reduction.mode_families import classify_modes, lowest_modes, modes_of_family
 
 X, Y, Z = np.eye(3)
 # Directions about which a joint holds a body's rotation, and the rigid motions that it leaves.
@@ -143,7 +144,7 @@ def test_families_of_held_modes_are_chosen_from_all_held_modes(small_bar: FEMode
     B = marker_of(small_bar, "x-").columns(len(small_bar.x), np.eye(3))
     solver = FreeBodySolver(small_bar)
     pairs = solver.modes(16, B)
-    families, _ = classify(small_bar, pairs, Z)
+    families, _ = classify_modes(small_bar, pairs, Z)
     places = [k for k, family in enumerate(families) if family == "in-plane bending"][:3]
     chosen = modes_of_family(solver, small_bar, 3, "in-plane bending", Z, B)
     assert chosen.numbers == tuple(k + 1 for k in places)
@@ -161,14 +162,14 @@ def test_free_modes_pinned_at_a_joint_converge_to_the_held_ones(small_bar: FEMod
     excess = []
     for count in (3, 6, 12):
         modes = modes_of_family(solver, small_bar, count, "in-plane bending", Z)
-        body = joint_conforming_body(small_bar, modes.omega, modes.shapes, markers, "root", Z)
+        body = reduced_body(small_bar, modes.omega, modes.shapes, markers, "root", Z[None])
         excess.append(body.omega[:2] / held - 1)
     assert (np.diff(excess, axis=0) < 0).all()
     assert (excess[-1] > 0).all()
     assert (excess[-1] < [0.01, 0.02]).all()
     # the response to the joint's force makes up for the modes that are left out
-    enlarged = enriched(modes, small_bar, solver, inertia_loads(small_bar, markers["root"], Z))
-    body = joint_conforming_body(small_bar, *enlarged, markers, "root", Z)
+    enlarged = enrich_modes(modes, small_bar, solver, motion_loads(small_bar, markers["root"], Z))
+    body = reduced_body(small_bar, *enlarged, markers, "root", Z[None])
     for omega in held:  # among them are those of stretching
         assert np.abs(body.omega / omega - 1).min() < 1e-5
 

@@ -15,7 +15,7 @@ from pipeline.fem.assembly import assemble
 from pipeline.fem.material import Material
 from pipeline.fem.mesh import SolidMesh
 from pipeline.fem.model import FEModel
-from pipeline.reduction.inertia import InertiaGram, along_normal, inertia_gram, with_normal
+from pipeline.reduction.inertia import InertiaGram, add_normal_blocks, inertia_gram, normal_blocks
 
 N_SHAPES = 4
 SIZES = (1.2, 1.0, 0.8)
@@ -209,7 +209,7 @@ def test_a_body_that_turns_about_one_axis_takes_the_blocks_across_it_alone(
     with pytest.raises(ValueError, match=f"no more of the inertia than turning about {'xyz'[normal]} takes"):
         plane.mass_matrix(state)
     m.columns = 0
-    whole = with_normal(plane, along_normal(distorted.x, m, Phi, normal))
+    whole = add_normal_blocks(plane, normal_blocks(distorted.x, m, Phi, normal))
     assert m.columns == 1 + N_SHAPES
     assert np.abs(whole.G - gram.G).max() < 1e-15 * size
     assert np.abs(whole.mass_matrix(state) - gram.mass_matrix(state)).max() < 1e-14 * size

@@ -14,7 +14,7 @@ from pipeline.fem.material import Material
 from pipeline.fem.mesh import SolidMesh
 from pipeline.fem.model import FEModel
 from pipeline.reduction.eigen import FreeBodySolver
-from pipeline.reduction.mode_families import classify, lowest_modes, modes_of_family
+from pipeline.reduction.mode_families import classify_modes, lowest_modes, modes_of_family
 from pipeline.reduction.modes import EigenPairs
 
 Z = np.array([0.0, 0.0, 1.0])
@@ -28,7 +28,7 @@ def pairs(small_bar: FEModel) -> EigenPairs:
 
 @pytest.fixture(scope="module")
 def families(small_bar: FEModel, pairs: EigenPairs) -> list[str]:
-    return classify(small_bar, pairs, Z)[0]
+    return classify_modes(small_bar, pairs, Z)[0]
 
 
 def moved(fe: FEModel, turn: Array) -> FEModel:
@@ -67,7 +67,7 @@ def test_families_do_not_depend_on_the_order_of_the_list(
 ) -> None:
     order = np.random.default_rng(seed).permutation(len(families))
     shuffled = EigenPairs(pairs.omega[order], pairs.shapes[:, :, order], 6, pairs.residual)
-    found, shapes = classify(small_bar, shuffled, Z)
+    found, shapes = classify_modes(small_bar, shuffled, Z)
     assert found == [families[k] for k in order]
     assert np.array_equal(shapes, shuffled.shapes)
 
@@ -77,7 +77,7 @@ def test_a_mode_has_its_family_without_the_others_too(
 ) -> None:
     for k, family in enumerate(families):
         alone = EigenPairs(pairs.omega[[k]], pairs.shapes[:, :, [k]], 6, pairs.residual)
-        assert classify(small_bar, alone, Z)[0] == [family]
+        assert classify_modes(small_bar, alone, Z)[0] == [family]
 
 
 @pytest.mark.parametrize(
@@ -91,7 +91,7 @@ def test_a_mode_has_its_family_without_the_others_too(
 )
 def test_families_turn_with_the_bar(small_bar: FEModel, families: list[str], turn: Array) -> None:
     fe = moved(small_bar, turn)
-    found, _ = classify(fe, FreeBodySolver(fe).modes(16), 3.0 * turn @ Z)
+    found, _ = classify_modes(fe, FreeBodySolver(fe).modes(16), 3.0 * turn @ Z)
     assert found == families
 
 
@@ -99,7 +99,7 @@ def test_the_planes_of_bending_change_places_with_the_normal(
     small_bar: FEModel, pairs: EigenPairs, families: list[str]
 ) -> None:
     swap = {"in-plane bending": "out-of-plane bending", "out-of-plane bending": "in-plane bending"}
-    found, _ = classify(small_bar, pairs, np.array([0.0, 1.0, 0.0]))
+    found, _ = classify_modes(small_bar, pairs, np.array([0.0, 1.0, 0.0]))
     assert found == [swap.get(family, family) for family in families]
 
 
@@ -108,7 +108,7 @@ def test_tetrahedra_have_the_same_families(
 ) -> None:
     fe = assemble(SolidMesh(*tetrahedral_bar(*SIZES, 0.02)), 2, steel)
     other = FreeBodySolver(fe).modes(8)
-    assert classify(fe, other, Z)[0] == families[:8]
+    assert classify_modes(fe, other, Z)[0] == families[:8]
     assert other.omega == pytest.approx(pairs.omega[:8], rel=0.03)
 
 
@@ -119,7 +119,7 @@ def square_bar(steel: Material) -> FEModel:
 
 def test_pairs_of_a_square_bar_are_parted_into_the_two_planes(square_bar: FEModel) -> None:
     pairs = FreeBodySolver(square_bar).modes(15)  # the highest is one of a pair, and both are there
-    families, shapes = classify(square_bar, pairs, Z)
+    families, shapes = classify_modes(square_bar, pairs, Z)
     x = square_bar.x
     # a mode that mirrors in the plane of bending has no displacement out of that plane
     for family, axis, across in (("in-plane bending", 2, 1), ("out-of-plane bending", 1, 2)):
@@ -204,7 +204,7 @@ def test_four_families_of_one_frequency_are_parted(
     names = ["in-plane bending", "out-of-plane bending", "torsion", "axial"]
     chosen = pairs.shapes[..., [families.index(name) for name in names]]
     mix = np.linalg.qr(np.random.default_rng(seed).standard_normal((4, 4)))[0]
-    found, shapes = classify(small_bar, EigenPairs(np.ones(4), chosen @ mix, 6, 0.0), Z)
+    found, shapes = classify_modes(small_bar, EigenPairs(np.ones(4), chosen @ mix, 6, 0.0), Z)
     assert sorted(found) == sorted(names)
     order = [found.index(name) for name in names]
     assert np.abs(np.abs(shapes[..., order]) - np.abs(chosen)).max() < 1e-6 * np.abs(chosen).max()
@@ -225,13 +225,13 @@ def test_a_field_has_the_family_of_its_formula(small_bar: FEModel, family: str, 
     fe = moved(small_bar, turn)
     u = FIELDS[family](small_bar.x - [0.15, 0, 0]) @ turn.T
     u /= np.sqrt(np.einsum("ia,ia->", u, fe.m @ u))
-    assert classify(fe, EigenPairs(np.ones(1), u[:, :, None], 6, 0.0), turn @ Z)[0] == [family]
+    assert classify_modes(fe, EigenPairs(np.ones(1), u[:, :, None], 6, 0.0), turn @ Z)[0] == [family]
 
 
 def test_a_field_between_two_families_has_none(small_bar: FEModel) -> None:
     u = FIELDS["in-plane bending"](small_bar.x) + FIELDS["out-of-plane bending"](small_bar.x)
     u /= np.sqrt(np.einsum("ia,ia->", u, small_bar.m @ u))
-    assert classify(small_bar, EigenPairs(np.ones(1), u[:, :, None], 6, 0.0), Z)[0] == ["other"]
+    assert classify_modes(small_bar, EigenPairs(np.ones(1), u[:, :, None], 6, 0.0), Z)[0] == ["other"]
 
 
 def test_a_mode_whose_twin_was_not_looked_for_is_not_taken(square_bar: FEModel) -> None:

@@ -18,7 +18,7 @@ from pipeline.reduction.body import FlexibleBody, floating_body, reduced_body
 from pipeline.reduction.eigen import FreeBodySolver
 from pipeline.reduction.inertia import inertia_gram
 from pipeline.reduction.mode_families import modes_of_family
-from pipeline.reduction.stiffening import reduced_geometric_stiffness, stiffened
+from pipeline.reduction.stiffening import reduced_geometric_stiffness, stiffen_body
 
 X, Y, Z = np.eye(3)
 LENGTH, DEPTH = 1.0, 0.01
@@ -120,7 +120,7 @@ def test_more_elements_than_fit_into_one_part_are_summed_too(steel: Material) ->
 def test_a_rod_on_its_joint_has_the_tension_of_what_lies_outside(rod: Rod, about: Array, axis: Array | None) -> None:
     """N = ρA (L² − x²)/2 for a unit rate, N = ρA (L − x) for a unit acceleration, and K_G = ∫ N w'² dx with w = x²."""
     body = with_shapes(rod.lag, rod.fe, parabola(rod.fe))
-    stiff = stiffened(body, rod.fe, rod.solver, rod.root.columns(len(rod.fe.x), about), axis)
+    stiff = stiffen_body(body, rod.fe, rod.solver, rod.root.columns(len(rod.fe.x), about), axis)
     spin = LINE_MASS * 4 / 15 * LENGTH**5
     taken = centrifugal(body, Z) - centrifugal(stiff, Z)
     assert taken == pytest.approx(spin * np.eye(2), rel=2e-3, abs=1e-4 * spin)
@@ -135,7 +135,7 @@ def test_a_rod_that_floats_has_the_tension_of_its_halves(rod: Rod) -> None:
     free = floating_body(rod.fe, modes.omega, modes.shapes, {"side": middle}, "side")
     s = rod.fe.x[:, :1, None] - LENGTH / 2
     body = with_shapes(free, rod.fe, s**2 * np.eye(3)[None, :, 1:])
-    stiff = stiffened(body, rod.fe, rod.solver, None, Z)
+    stiff = stiffen_body(body, rod.fe, rod.solver, None, Z)
     # ∫ ρA (a² − s²)/2 (2s)² ds over ±a with a = L/2
     exact = LINE_MASS * 8 / 15 * (LENGTH / 2) ** 5
     assert centrifugal(body, Z) - centrifugal(stiff, Z) == pytest.approx(exact * np.eye(2), rel=2e-3, abs=1e-3 * exact)
@@ -152,7 +152,7 @@ def test_a_hinge_that_is_accelerated_lets_the_body_turn(small_bar: FEModel) -> N
     solver = FreeBodySolver(fe)
     pairs = solver.modes(6)
     body = reduced_body(fe, pairs.omega, pairs.shapes, {"side": side}, "side", Z[None])
-    stiff = stiffened(body, fe, solver, side.columns(len(fe.x), np.array([X, Y])), Z)
+    stiff = stiffen_body(body, fe, solver, side.columns(len(fe.x), np.array([X, Y])), Z)
     r = fe.x - side.position
     inertia = np.cross(Z, r).ravel() @ (fe.M @ np.cross(Z, r).ravel())
     for a, e in enumerate(np.eye(3)):
@@ -168,7 +168,7 @@ def test_a_hinge_that_is_accelerated_lets_the_body_turn(small_bar: FEModel) -> N
 
 
 def test_stiffness_that_is_not_asked_for_is_not_there(rod: Rod) -> None:
-    stiff = stiffened(rod.lag, rod.fe, rod.solver, rod.clamp, Z, linear=False)
+    stiff = stiffen_body(rod.lag, rod.fe, rod.solver, rod.clamp, Z, linear=False)
     assert stiff.gram.bow.shape == (3, 0, 0)
     assert stiff.gram.stiffening.shape == (3, 3, 6, 6)
     assert rod.lag.gram.stiffening.shape == (3, 3, 0, 0)
@@ -184,7 +184,7 @@ def test_one_planar_load_does_what_the_six_products_do(small_bar: FEModel, axis:
     clamp = root.columns(len(small_bar.x), np.eye(3))
     pairs = solver.modes(8, clamp)
     body = reduced_body(small_bar, pairs.omega, pairs.shapes, {"root": root}, "root", np.zeros((0, 3)))
-    planar, spatial = (stiffened(body, small_bar, solver, clamp, plane) for plane in (axis, None))
+    planar, spatial = (stiffen_body(body, small_bar, solver, clamp, plane) for plane in (axis, None))
     taken = centrifugal(body, e) - centrifugal(spatial, e)
     assert np.abs(centrifugal(planar, e) - centrifugal(spatial, e)).max() < 1e-7 * np.abs(taken).max()
     assert np.abs(planar.gram.bow - spatial.gram.bow).max() < 1e-7 * np.abs(spatial.gram.bow).max()
@@ -211,7 +211,7 @@ def test_only_loads_that_the_motion_has_are_solved_for(
         return response(self, loads, *held)
 
     monkeypatch.setattr(FreeBodySolver, "static_response", counted)
-    stiffened(body, small_bar, solver, clamp, axis, linear)
+    stiffen_body(body, small_bar, solver, clamp, axis, linear)
     assert solved == [count]
 
 
@@ -220,7 +220,7 @@ def test_only_loads_that_the_motion_has_are_solved_for(
 
 @pytest.mark.parametrize("axis", [Z, None], ids=["planar", "spatial"])
 def test_a_turning_cantilever_flaps_as_published(rod: Rod, axis: Array | None) -> None:
-    body = stiffened(rod.flap, rod.fe, rod.solver, rod.clamp, axis, linear=False)
+    body = stiffen_body(rod.flap, rod.fe, rod.solver, rod.clamp, axis, linear=False)
     D = centrifugal(body, Z)
     found = [np.sqrt(eigvalsh(np.diag(body.omega**2) - (eta * UNIT_RATE) ** 2 * D)[0]) / UNIT_RATE for eta in ETA]
     assert found == pytest.approx(FLAP, rel=2e-3)
@@ -228,7 +228,7 @@ def test_a_turning_cantilever_flaps_as_published(rod: Rod, axis: Array | None) -
 
 def test_lagging_is_flapping_softened_by_the_rate(rod: Rod) -> None:
     # across the axis the centrifugal force has a part along the deflection: ω² is lower by Ω²
-    body = stiffened(rod.lag, rod.fe, rod.solver, rod.clamp, Z, linear=False)
+    body = stiffen_body(rod.lag, rod.fe, rod.solver, rod.clamp, Z, linear=False)
     D = centrifugal(body, Z)
     for eta, flap in zip(ETA, FLAP, strict=True):
         squared = eigvalsh(np.diag(body.omega**2) - (eta * UNIT_RATE) ** 2 * D)[0] / UNIT_RATE**2
@@ -245,7 +245,7 @@ def test_without_stiffening_lagging_loses_its_stiffness(rod: Rod) -> None:
 
 def test_a_bent_rod_draws_its_mass_in(rod: Rod) -> None:
     """Independent path: inertia about z of an inextensible curve, x(s) = ∫ √(1 − w'²) ds, by quadrature."""
-    body = stiffened(with_shapes(rod.flap, rod.fe, parabola(rod.fe)), rod.fe, rod.solver, rod.clamp, Z)
+    body = stiffen_body(with_shapes(rod.flap, rod.fe, parabola(rod.fe)), rod.fe, rod.solver, rod.clamp, Z)
     s = np.linspace(0.0, LENGTH, 2001)
     for amplitude in (0.01, 0.05):
         slope = 2 * amplitude * s
@@ -261,7 +261,7 @@ def test_a_bent_rod_draws_its_mass_in(rod: Rod) -> None:
 
 def test_a_column_buckles_under_its_own_weight(rod: Rod) -> None:
     """ρ g A L³/EI = 7.837 for a standing column clamped at its foot (Timoshenko & Gere, section 2.12)."""
-    body = stiffened(rod.flap, rod.fe, rod.solver, rod.clamp, Z)
+    body = stiffen_body(rod.flap, rod.fe, rod.solver, rod.clamp, Z)
     hanging = -body.gram.bow[0]  # weight along +x, away from the clamp
     g = 7.837 * ROD.E * DEPTH**4 / 12 / (LINE_MASS * LENGTH**3)
     assert eigvalsh(hanging).min() > 0
@@ -276,7 +276,7 @@ def test_a_hinged_rod_flaps_as_a_turning_beam(rod: Rod) -> None:
     hinge = rod.root.columns(len(rod.fe.x), np.array([X, Z]))
     modes = modes_of_family(rod.solver, rod.fe, 6, "out-of-plane bending", Z, hinge)
     body = reduced_body(rod.fe, modes.omega, modes.shapes, {"root": rod.root}, "root", Y[None])
-    stiff = stiffened(body, rod.fe, rod.solver, hinge)
+    stiff = stiffen_body(body, rod.fe, rod.solver, hinge)
     n = np.arange(1, 10)
     powers = n[:, None] + n
     slopes = np.outer(n, n)

@@ -13,9 +13,9 @@ from pipeline.fem.markers import face_marker
 from pipeline.fem.material import Material
 from pipeline.fem.mesh import SolidMesh
 from pipeline.fem.model import FEModel
-from pipeline.fem.supports import node_at, nodes_on_edge, nodes_on_faces
+from pipeline.fem.selection import node_at, nodes_on_edge, nodes_on_faces
 from pipeline.reduction.eigen import FreeBodySolver
-from pipeline.reduction.supports import acceleration_loads
+from pipeline.reduction.loads import acceleration_loads
 
 LENGTH, DEPTH, WIDTH = 0.3, 0.04, 0.02  # small_bar
 

@@ -6,7 +6,6 @@ import pytest
 from matplotlib.colors import to_rgb
 
 from pipeline.core.arrays import Array
-from pipeline.core.files import whole_file
 from pipeline.render.charts import COLOURS, PALENESS, Curve, draw_chart
 
 TIME = np.linspace(0.0, 0.5, 201)
@@ -45,9 +44,7 @@ def test_components_differ_in_colour(tmp_path: Path) -> None:
 
 
 @pytest.mark.parametrize(("size", "factor"), [(4e-5, "$10^{-6}$ m/s"), (2e3, "$10^{3}$ m/s"), (0.0, "[m/s]")])
-def test_differences_are_told_in_the_same_unit_with_a_power_of_a_thousand(
-    tmp_path: Path, size: float, factor: str
-) -> None:
+def test_differences_are_in_the_same_unit_with_a_power_of_a_thousand(tmp_path: Path, size: float, factor: str) -> None:
     text = draw(tmp_path / "chart.svg", Curve("first", WAVE), Curve("second", WAVE + size)).read_text()
     assert factor in text  # Matplotlib writes each text as a comment beside its outlines
 
@@ -63,18 +60,3 @@ def test_shapes_that_disagree_are_refused(tmp_path: Path) -> None:
     with pytest.raises(ValueError, match=r"curve 'none' has shape \(0,\)"):
         Curve("none", np.empty(0))
     assert not list(tmp_path.iterdir())
-
-
-def test_an_error_while_writing_leaves_the_old_file_and_nothing_else(tmp_path: Path) -> None:
-    path = tmp_path / "chart.png"
-    path.write_text("old")
-
-    def fail_half_way() -> None:
-        with whole_file(path) as part:
-            part.write_text("half")
-            raise RuntimeError("disk full")
-
-    with pytest.raises(RuntimeError, match="disk full"):
-        fail_half_way()
-    assert path.read_text() == "old"
-    assert list(tmp_path.iterdir()) == [path]

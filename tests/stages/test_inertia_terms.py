@@ -5,8 +5,8 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-import pipeline.fem.geometric_stiffness
 import pipeline.reduction.inertia
+import pipeline.reduction.stiffening
 from pipeline import Pipeline, load_scene
 from pipeline.core.cache import Cache
 from pipeline.output.exports import write_export
@@ -32,13 +32,13 @@ def asked(monkeypatch: pytest.MonkeyPatch) -> list[tuple[int, ...]]:
         return stiffness(fe, u)
 
     monkeypatch.setattr(pipeline.reduction.inertia, "_products", counted_products)
-    monkeypatch.setattr(pipeline.fem.geometric_stiffness, "geometric_stiffness", counted_stiffness)
+    monkeypatch.setattr(pipeline.reduction.stiffening, "geometric_stiffness", counted_stiffness)
     return found
 
 
 def test_a_planar_run_takes_two_axes_of_inertia_and_one_load_of_stiffness(asked, tmp_path: Path) -> None:
     run = Pipeline(load_scene("beam", QUICK), Cache(tmp_path))
-    assert run.motion.q.any()
+    assert run.motion.modal("beam").any()
     assert run.body.gram.stiffening.any()
     assert asked == [(2, 2), (3, 1)]
 
@@ -46,7 +46,7 @@ def test_a_planar_run_takes_two_axes_of_inertia_and_one_load_of_stiffness(asked,
 def test_a_body_file_adds_what_is_lacking_and_keeps_it(asked, tmp_path: Path) -> None:
     for again in range(2):
         run = Pipeline(load_scene("beam", EXPORT), Cache(tmp_path / "cache"))
-        before = run.motion.q
+        before = run.motion.modal("beam")
         write_export(run, run.scene.output[0], tmp_path)
         assert asked == [(2, 2), (3, 1), (1, 3)]
         assert ("inertia" in run.log.cached) == bool(again)
@@ -56,10 +56,10 @@ def test_a_body_file_adds_what_is_lacking_and_keeps_it(asked, tmp_path: Path) ->
     want[:, :, 1:, 1:] -= run.body.gram.stiffening
     assert np.abs(written.gram.G - want).max() < 1e-14 * np.abs(want).max()
     assert written.gram.mass_matrix(np.eye(1, 1 + len(run.body.omega))[0])[2, 2] == run.body.gram.mass
-    assert np.array_equal(before, run.motion.q)
+    assert np.array_equal(before, run.motion.modal("beam"))
 
 
 def test_a_body_that_may_move_in_other_ways_has_them_all(asked) -> None:
     assert Pipeline(load_scene("arm"), Cache(None)).parts["forearm"].body.gram.normal == -1  # its elbow moves
-    assert Pipeline(load_scene("beam", ["joint.hub.axis=[0,1,1]"])).part.inboard.normal == -1
+    assert Pipeline(load_scene("beam", ["joint.hub.axis=[0,1,1]"])).part.joint.normal == -1
     assert asked[0] == (3, 3)

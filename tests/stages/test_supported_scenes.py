@@ -133,7 +133,7 @@ def tips() -> dict[str, tuple[float, float]]:
     found = {}
     for name, overrides in BOUNDARIES.items():
         run = Pipeline(load_scene("spin-up", [*COARSE, *overrides]))
-        lag = run.first_motion.tip_displacement[:, 1]
+        lag = run.motion.tip_deflection[:, 1]
         found[name] = (float(np.abs(lag).max()), float(run.body.omega[0]))
     return found
 

@@ -16,11 +16,6 @@ import pytest
 import xarray
 
 from pipeline.cli.app import main
-from pipeline.core.errors import InputError
-from pipeline.sweep.local import on_this_machine
-from pipeline.sweep.points import Varied, points_of, varied_of
-from pipeline.sweep.record import Record, read_record, write_record
-from pipeline.sweep.table import axis_of
 
 FMD = [str(Path(sys.executable).with_name("fmd"))]
 RUNS = "simulation.run=[{integrator='central-difference'}, {integrator='sub-cycling', substeps=5}]"
@@ -87,93 +82,6 @@ def grid(run, fmd, tmp_path_factory):
     shapes = ["--vary", "body.beam.modes.count=2,3", "--vary", "body.beam.mesh.divisions=[12, 2, 1],[16,2,1]"]
     steps = ["--vary", "simulation.step=10us,20us,3ms,fast"]
     return folder, fmd("beam", *COARSE, *shapes, *steps, "--out", folder, "--workers", 2)
-
-
-def test_a_comma_within_brackets_or_quotes_belongs_to_its_value():
-    found = varied_of(["a.b=[1, 2],[3,4]", "c.0.d = 'x,y' , {u=1,v=[2,3]}", 'simulation.step="1 us","2 us"'])
-    assert found[0] == Varied("a.b", ("[1, 2]", "[3,4]"))
-    assert found[1] == Varied("c.0.d", ("'x,y'", "{u=1,v=[2,3]}"))
-    assert axis_of(found[0]) == (("[1, 2]", "[3,4]"), "")
-    assert axis_of(found[2]) == ((1e-6, 2e-6), "s")
-    assert axis_of(Varied("a", ("1", "2.5"))) == ((1, 2.5), "")
-    assert axis_of(Varied("a", ("1 us", "fast"))) == (("1 us", "fast"), "")
-
-
-@pytest.mark.parametrize(
-    ("texts", "said"),
-    [
-        ([], "is missing"),
-        (["simulation.step"], "must look like"),
-        (["simulation.step=1us,"], "must look like"),
-        (["=1"], "must look like"),
-        (["a=1,2,1"], "has a value twice"),
-        (["a=1", "a=2"], "is varied twice"),
-    ],
-)
-def test_a_wrong_list_of_values_is_refused(texts, said):
-    with pytest.raises(InputError, match=said):
-        varied_of(texts)
-
-
-def test_a_sweep_that_is_wrong_everywhere_is_refused_as_a_whole():
-    with pytest.raises(InputError, match=r"--vary: body\.bem.*did you mean 'beam'"):
-        points_of("beam", varied_of(["body.bem.nu=0.3,0.34"]))
-    numbers = ",".join(map(str, range(100)))
-    with pytest.raises(InputError, match="makes 1000000 points"):
-        points_of("beam", varied_of([f"a={numbers}", f"b={numbers}", f"c={numbers}"]))
-
-
-def test_a_points_key_is_that_of_its_scene_however_it_is_written():
-    one, same, other = (point.key for point in points_of("beam", varied_of(["simulation.step=1us,1e-3 ms,2us"])))
-    assert one == same != other
-
-
-def test_a_points_key_is_that_of_its_mesh_file_too(tmp_path):
-    scene = tmp_path / "part.toml"
-    scene.write_text(
-        """title = "part"
-        [body.part]
-        shape = "mesh"
-        mesh = { file = "part.vtu", unit = "mm" }
-        E = "70 GPa"
-        nu = 0.3
-        rho = "2700 kg/m^3"
-        modes = { count = 2 }
-        marker = {}
-        """
-    )
-    keys = []
-    for content in ("one", "another"):
-        (tmp_path / "part.vtu").write_text(content)
-        keys.append(points_of(scene, varied_of(["body.part.nu=0.3"]))[0].key)
-    assert keys[0] != keys[1]
-    (tmp_path / "part.vtu").unlink()
-    with pytest.raises(InputError, match=r"body\.part\.mesh\.file"):
-        points_of(scene, varied_of(["body.part.nu=0.3"]))
-
-
-def test_a_damaged_record_counts_as_none(tmp_path):
-    path = tmp_path / "point.json"
-    write_record(Record("ok", summary={"a": 1.0}), path)
-    assert read_record(path) == Record("ok", summary={"a": 1.0})
-    whole = path.read_text()
-    for damaged in (whole[:-20], "[]", '{"status": "fine"}', ""):
-        path.write_text(damaged)
-        assert read_record(path) is None
-
-
-class Deadly:
-    """Ends the process that reads it."""
-
-    def __reduce__(self):
-        return os._exit, (3,)
-
-
-def test_a_point_that_kills_every_process_is_a_row_that_is_not_kept():
-    records = dict(on_this_machine({"point-1": Deadly(), "point-2": Deadly()}, 1))
-    assert sorted(records) == ["point-1", "point-2"]
-    assert {(record.status, record.lasting) for record in records.values()} == {("failed", False)}
-    assert all("its process died, 2 times" in record.message for record in records.values())
 
 
 def test_each_point_is_a_row_also_what_is_refused(grid):
@@ -317,7 +225,7 @@ def test_a_cluster_that_loses_a_worker_loses_no_point_and_records_none_twice(env
 
 
 @pytest.mark.parametrize("address", ["nowhere", "tcp://127.0.0.1:9"])
-def test_a_scheduler_that_does_not_answer_is_told(address, tmp_path, capsys, monkeypatch):
+def test_a_scheduler_that_does_not_answer_is_reported(address, tmp_path, capsys, monkeypatch):
     monkeypatch.setattr("pipeline.sweep.cluster._ANSWERS_WITHIN", 1)
     with pytest.raises(SystemExit, match="2"):
         main(["sweep", "beam", "--vary", "simulation.step=10us", "--scheduler", address, "--out", str(tmp_path)])
@@ -334,7 +242,7 @@ def test_workers_are_for_this_machine(wrong, tmp_path, capsys):
     assert not (tmp_path / "out").exists()
 
 
-def test_a_folder_that_cannot_be_written_is_told(tmp_path, capsys):
+def test_a_folder_that_cannot_be_written_is_reported(tmp_path, capsys):
     (tmp_path / "file").touch()
     with pytest.raises(SystemExit, match="2"):
         main(["sweep", "beam", "--vary", "simulation.step=10us", "--out", str(tmp_path / "file" / "out")])

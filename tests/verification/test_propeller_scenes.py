@@ -89,7 +89,7 @@ def test_a_base_gives_what_a_scene_leaves_out(tmp_path: Path) -> None:
 def test_by_constant_torque_it_comes_to_the_same_speed() -> None:
     """The torque is that of the fine mesh; the work it has done is the energy there is."""
     run = coarse("propeller-torque", "simulation.duration=4 ms", "simulation.step=2 us")
-    motion = run.first_motion
+    motion = run.motion
     torque = run.scene.drive["spin_up"].torque.constant
     kinetic, strain = motion.energies
     assert (kinetic + strain)[-1] == pytest.approx(torque * motion.joint_position("shaft")[-1], rel=1e-3)
@@ -101,7 +101,7 @@ def test_by_constant_torque_it_comes_to_the_same_speed() -> None:
 def test_a_steady_start_stays_steady_until_the_gust_comes() -> None:
     late = 'drive.gust.force={formula="1500 if t > 0.001 else 0", unit="N"}'
     run = coarse("propeller-gust", late)
-    q, times = run.first_motion.modal("propeller"), run.first_motion.times
+    q, times = run.motion.modal("propeller"), run.motion.times
     before = times <= 0.001
     assert np.abs(q[before] - q[0]).max() < 1e-9 * np.abs(q[0]).max()
     assert np.abs(q[-1] - q[0]).max() > 0.01 * np.abs(q[0]).max()
@@ -161,7 +161,7 @@ def test_the_body_file_gives_back_the_body_without_a_mesh(results: Path) -> None
     assert saved.body.omega == pytest.approx(body.omega, rel=1e-9)
     assert saved.body.gram.stiffening.shape == body.gram.stiffening.shape
     assert saved.stress is not None
-    q = run.first_motion.modal("propeller")[-1]
+    q = run.motion.modal("propeller")[-1]
     assert von_mises(saved.stress @ q) == pytest.approx(run.stress.von_mises(0.002), rel=1e-6)
 
 
@@ -178,7 +178,7 @@ def test_the_series_moves_as_the_propeller_does(results: Path) -> None:
     x = vtk_to_numpy(grid.GetPoints().GetData())
     placed = x + vtk_to_numpy(grid.GetPointData().GetArray("displacement"))
     run = coarse("propeller")
-    motion, tip = run.first_motion, run.part.markers["tip"]
+    motion, tip = run.motion, run.part.markers["tip"]
     assert tip.translation(placed) == pytest.approx(motion.tip_position[-1], abs=1e-6)
     assert placed == pytest.approx(
         motion.placed("propeller", run.body.x + run.body.shapes @ motion.modal("propeller")[-1], -1), abs=1e-6
@@ -190,7 +190,7 @@ def test_the_series_moves_as_the_propeller_does(results: Path) -> None:
 def test_components_and_principal_stresses_are_those_of_the_tensor() -> None:
     run = coarse("propeller")
     modal = run.part.element_stress[0]
-    tensor = modal @ run.first_motion.modal("propeller")[-1]
+    tensor = modal @ run.motion.modal("propeller")[-1]
     assert run.element_stress("propeller.joint", "zz")["central-difference"][-1] == pytest.approx(tensor[2])
     xx, yy, zz, yz, xz, xy = tensor
     full = np.array([[xx, xy, xz], [xy, yy, yz], [xz, yz, zz]])
@@ -203,5 +203,5 @@ def test_a_named_element_changes_nothing_but_its_stress() -> None:
     places = (f"body.propeller.element.joint.at=['{x} mm','0 mm','0 mm']" for x in (80, 125))
     one, other = (coarse("propeller", place).part for place in places)
     assert one._mesh_key == other._mesh_key
-    assert one.body_key == other.body_key
+    assert one.key("body") == other.key("body")
     assert one.elements != other.elements

@@ -110,7 +110,7 @@ def load(folder: Path, seed: int, units: dict[str, float] = SI, order: Sequence[
 
 
 def tip(run: Pipeline) -> Array:
-    motion: Any = run.first_motion
+    motion: Any = run.motion
     return np.asarray(motion.tip_position)
 
 
@@ -119,17 +119,17 @@ def tip(run: Pipeline) -> Array:
 def test_a_march_ends_in_numbers_or_says_when_and_where_it_diverged(
     folder: Path, seed: int, m: int, share: float
 ) -> None:
-    chain = load(folder, seed).chain
-    limit = min(2.0 / chain.tree.highest_frequency, 0.05)
+    run = load(folder, seed)
+    limit = min(2.0 / run.mechanism.highest_frequency, 0.05)
     method = CentralDifference(share * limit) if m == 1 else Subcycling(share * limit / m, m)
     times = np.linspace(0.0, 400 * share * limit, 9)
     try:
-        found = method.march(chain.tree, chain.q0, chain.v0, times)
+        found = method.march(run.mechanism, *run.start, times)
     except StabilityError as error:
         told = re.search(r"diverged at t = (\S+) s, most in coordinate (\d+)", str(error))
         assert told
         assert 0 < float(told[1]) <= times[-1] + m * method.step * 1.001
-        assert int(told[2]) < chain.tree.n
+        assert int(told[2]) < run.mechanism.n
         return
     assert np.isfinite(found.q).all()
     assert np.isfinite(found.v).all()
@@ -138,17 +138,17 @@ def test_a_march_ends_in_numbers_or_says_when_and_where_it_diverged(
 @settings(max_examples=20)
 @given(seed=SEEDS, m=st.integers(1, 8))
 def test_a_motion_does_not_depend_on_the_times_asked_for(folder: Path, seed: int, m: int) -> None:
-    """Bit for bit on chains; the rotor's sub-cycling has a path of its own (`test_subcycling_beam.py`)."""
-    chain, method = load(folder, seed).chain, Subcycling(1e-4, m)
+    """Bit for bit; the rotor's sub-cycling has a path of its own (`test_subcycling_beam.py`)."""
+    run, method = load(folder, seed), Subcycling(1e-4, m)
     coarse = np.linspace(0.0, 0.05, 6)
     fine = np.sort(np.r_[coarse, np.random.default_rng(seed).uniform(0.0, 0.05, 40)])
     try:
-        one = method.march(chain.tree, chain.q0, chain.v0, coarse)
+        one = method.march(run.mechanism, *run.start, coarse)
     except StabilityError as error:  # flexible bodies on joints couple: then it is told alike
         with pytest.raises(StabilityError, match=re.escape(str(error))):
-            method.march(chain.tree, chain.q0, chain.v0, fine)
+            method.march(run.mechanism, *run.start, fine)
         return
-    other = method.march(chain.tree, chain.q0, chain.v0, fine)
+    other = method.march(run.mechanism, *run.start, fine)
     rows = np.searchsorted(fine, coarse)
     assert np.array_equal(other.q[rows], one.q)
     assert np.array_equal(other.v[rows], one.v)

@@ -14,9 +14,10 @@ from scipy.spatial.transform import Rotation
 from scipy.special import ellipj, ellipk
 
 from pipeline.core.arrays import Array
+from pipeline.dynamics.kinematics import Kinematics
 from pipeline.dynamics.links import FIXED, FREE, PRISMATIC, REVOLUTE, SPHERICAL, Link, rigid_gram
+from pipeline.dynamics.mechanism import Mechanism
 from pipeline.dynamics.signals.signal import constant
-from pipeline.dynamics.tree.tree import Tree
 from pipeline.integrators.central_difference import CentralDifference
 from pipeline.integrators.protocol import evaluate
 from pipeline.integrators.scipy_ivp import ScipyIvp
@@ -30,7 +31,7 @@ CLOSELY = ScipyIvp("DOP853", 1e-12)
 BOTH = pytest.mark.parametrize("method", [CLOSELY, CentralDifference(1e-3)], ids=["dop853", "central-difference"])
 
 
-def compiled(tree: Tree, q: Array, v: Array) -> Array:
+def compiled(tree: Mechanism, q: Array, v: Array) -> Array:
     a = np.full(tree.n, np.nan)
     evaluate(tree.parameters, 0.0, np.asarray(q, dtype=float), np.asarray(v, dtype=float), a)
     return a
@@ -69,7 +70,7 @@ START = np.array([0.0, 0.15]), np.zeros(2)
 
 
 @pytest.fixture(scope="module")
-def rod_slider() -> Tree:
+def rod_slider() -> Mechanism:
     """A rod of 2 m and 2 kg; 5 kg on it, 1 m from the joint, held there by 1000 N/m."""
     rod = rigid_gram(2.0, X, np.diag([0.0, 2 / 3, 2 / 3]))  # m l²/12 across
     slider = rigid_gram(5.0, NOWHERE, np.zeros((3, 3)))
@@ -77,7 +78,7 @@ def rod_slider() -> Tree:
         Link("rod", rod, REVOLUTE, axis=Z, load=constant(TORQUE)),
         Link("slider", slider, PRISMATIC, 0, place=X, axis=X, spring=1000.0),
     ]
-    return Tree(links, fast_joints=["slider"])
+    return Mechanism(links, fast_joints=["slider"])
 
 
 def rod_slider_by_hand(q: Array, v: Array) -> Sequence[float]:
@@ -91,19 +92,19 @@ def rod_slider_motion() -> Array:
     return by_hand(rod_slider_by_hand, *START, TEN_SECONDS)
 
 
-def test_rod_and_slider_obey_lagranges_equations(rod_slider: Tree) -> None:
+def test_rod_and_slider_obey_lagranges_equations(rod_slider: Mechanism) -> None:
     rng = np.random.default_rng(0)
     for _ in range(20):
         q, v = rng.normal(size=(2, 2))
         assert compiled(rod_slider, q, v) == pytest.approx(rod_slider_by_hand(q, v), rel=1e-13)
 
 
-def test_rod_and_slider_move_as_by_lagranges_equations(rod_slider: Tree, rod_slider_motion: Array) -> None:
+def test_rod_and_slider_move_as_by_lagranges_equations(rod_slider: Mechanism, rod_slider_motion: Array) -> None:
     march = CLOSELY.march(rod_slider, *START, TEN_SECONDS)
     assert march.q == pytest.approx(rod_slider_motion, abs=1e-11)
 
 
-def test_the_rod_turns_as_far_as_in_the_papers_fourth_figure(rod_slider: Tree, rod_slider_motion: Array) -> None:
+def test_the_rod_turns_as_far_as_in_the_papers_fourth_figure(rod_slider: Mechanism, rod_slider_motion: Array) -> None:
     # With the slider on its place the inertia is 2·2²/3 + 5·1² = 7.667 kg m² and ½ τ/J t² is 652° at 10 s. The slider's
     # vibration and the stretch of the spring, some mm, change that by less than 1 %.
     held = np.degrees(0.5 * TORQUE / (2 * 2**2 / 3 + 5) * 10**2)
@@ -115,7 +116,9 @@ def test_the_rod_turns_as_far_as_in_the_papers_fourth_figure(rod_slider: Tree, r
         assert np.abs(march.q[:, 1]).max() < 0.2  # figs. 5 and 7
 
 
-def test_central_difference_is_of_second_order_on_rod_and_slider(rod_slider: Tree, rod_slider_motion: Array) -> None:
+def test_central_difference_is_of_second_order_on_rod_and_slider(
+    rod_slider: Mechanism, rod_slider_motion: Array
+) -> None:
     steps = 1e-3 / 2.0 ** np.arange(4)
     marches = [CentralDifference(step).march(rod_slider, *START, TEN_SECONDS) for step in steps]
     for coordinate in (0, 1):
@@ -125,7 +128,7 @@ def test_central_difference_is_of_second_order_on_rod_and_slider(rod_slider: Tre
 
 @pytest.mark.parametrize("m", [5, 10])
 def test_sub_cycling_is_of_its_declared_order_on_rod_and_slider(
-    rod_slider: Tree, rod_slider_motion: Array, m: int
+    rod_slider: Mechanism, rod_slider_motion: Array, m: int
 ) -> None:
     # The slider's centrifugal force is held over a cycle and with it late by half of it.
     declared, steps = Subcycling(1.0, m).order(rod_slider), 5e-4 / 2.0 ** np.arange(4)
@@ -137,7 +140,7 @@ def test_sub_cycling_is_of_its_declared_order_on_rod_and_slider(
 @pytest.mark.parametrize("m", [5, 10])
 @pytest.mark.parametrize("h", [1e-3, 5e-4])
 def test_sub_cycled_rod_and_slider_err_by_no_more_than_a_late_force_explains(
-    rod_slider: Tree, rod_slider_motion: Array, m: int, h: float
+    rod_slider: Mechanism, rod_slider_motion: Array, m: int, h: float
 ) -> None:
     # The force M r θ̇² is held for H = m h and so (m - 1) h/2 late on average. Its part that follows x is M c θ̇² x with
     # c = 1 - 4 M r²/J, for the angular momentum J θ̇ = τ t makes δθ̇ = -2 M r θ̇ x/J. Late, that is a negative damping:
@@ -150,7 +153,7 @@ def test_sub_cycled_rod_and_slider_err_by_no_more_than_a_late_force_explains(
     assert errors[1] < errors[0] + 1.1 * growth
 
 
-def test_one_spring_sets_the_frequency_of_the_fast_set(rod_slider: Tree) -> None:
+def test_one_spring_sets_the_frequency_of_the_fast_set(rod_slider: Mechanism) -> None:
     # √(k/M) with the rod held
     assert rod_slider.highest_fast_frequency == pytest.approx(np.sqrt(1000 / 5), rel=1e-14)
     assert rod_slider.n_slow == 1
@@ -179,11 +182,11 @@ def pendula(request: pytest.FixtureRequest) -> tuple[Pendulum, Pendulum]:
     return request.param  # type: ignore[no-any-return]
 
 
-def double_pendulum(one: Pendulum, two: Pendulum) -> Tree:
+def double_pendulum(one: Pendulum, two: Pendulum) -> Mechanism:
     """Hanging along -y at angle 0, turning about z; the second joint's angle is relative to the first body."""
     grams = [rigid_gram(part.mass, -part.centre * Y, part.inertia * np.diag([1.0, 0.0, 1.0])) for part in (one, two)]
     links = [Link("one", grams[0], REVOLUTE), Link("two", grams[1], REVOLUTE, 0, place=-one.length * Y)]
-    return Tree(links, gravity=-G * Y)
+    return Mechanism(links, gravity=-G * Y)
 
 
 def pendulum_by_lagrange(one: Pendulum, two: Pendulum) -> Callable[[Array, Array], Array]:
@@ -279,8 +282,8 @@ TUMBLE = Tumble(energy=4.0, momentum2=2 * 4.0 * 2.0 * (1 + 1e-3))
 WHERE = np.array([0.1, -0.2, 0.3])  # centre of mass
 
 
-def free_body(centre: Array = NOWHERE, gravity: Array = NOWHERE) -> Tree:
-    return Tree([Link("body", rigid_gram(MASS, centre, np.diag(INERTIA)), FREE)], gravity=gravity)
+def free_body(centre: Array = NOWHERE, gravity: Array = NOWHERE) -> Mechanism:
+    return Mechanism([Link("body", rigid_gram(MASS, centre, np.diag(INERTIA)), FREE)], gravity=gravity)
 
 
 def thrown(centre: Array, spin: Array, velocity: Array) -> tuple[Array, Array]:
@@ -337,7 +340,7 @@ STEPS = 0.01 / 2.0 ** np.arange(4)
 
 def drift_of_a_spin(inertia: Array, step: float) -> tuple[float, float]:
     """Largest change of angular momentum in space and of energy over 10 s."""
-    tree = Tree([Link("body", rigid_gram(MASS, NOWHERE, np.diag(inertia)), FREE)])
+    tree = Mechanism([Link("body", rigid_gram(MASS, NOWHERE, np.diag(inertia)), FREE)])
     start = thrown(NOWHERE, np.array([1.5, 0.7, -1.1]), NOWHERE)
     march = CentralDifference(step).march(tree, *start, np.linspace(0.0, 10.0, 101))
     momentum = Rotation.from_quat(march.q[:, 3:]).apply(inertia * march.v[:, 3:])
@@ -378,9 +381,9 @@ TILT, TOP_SPIN = 0.6, 100.0  # rad; rad/s about its own axis, in space
 
 
 @pytest.fixture(scope="module")
-def top() -> Tree:
+def top() -> Mechanism:
     gram = rigid_gram(TOP_MASS, TOP_CENTRE * Z, np.diag([TOP_ACROSS, TOP_ACROSS, TOP_ALONG]))
-    return Tree([Link("top", gram, SPHERICAL)], gravity=DOWN)
+    return Mechanism([Link("top", gram, SPHERICAL)], gravity=DOWN)
 
 
 @pytest.fixture(scope="module", params=[0, 1], ids=["slow", "fast"])
@@ -409,15 +412,15 @@ def top_axis(rate: float, times: Array) -> Array:
     )
 
 
-def test_a_top_precesses_steadily_at_the_rate_of_the_closed_form(top: Tree, precession: float) -> None:
+def test_a_top_precesses_steadily_at_the_rate_of_the_closed_form(top: Mechanism, precession: float) -> None:
     times = np.linspace(0.0, 4 * np.pi / precession, 41)  # twice around
     march = CLOSELY.march(top, *precessing(precession), times)
-    axis = top.frames(march.q)[1][:, 0] @ Z
+    axis = Kinematics(top, times, march.q, march.v).frames[0].rotation @ Z
     assert axis == pytest.approx(top_axis(precession, times), abs=1e-8)
     assert march.v[:, 2] == pytest.approx(np.full(41, TOP_SPIN), rel=1e-12)  # no moment about a top's own axis
 
 
-def test_central_difference_precesses_a_top_at_second_order(top: Tree, precession: float) -> None:
+def test_central_difference_precesses_a_top_at_second_order(top: Mechanism, precession: float) -> None:
     times, steps = np.linspace(0.0, 1.0, 11), 1e-3 / 2.0 ** np.arange(4)
     errors = []
     for step in steps:
@@ -446,17 +449,18 @@ def test_a_body_slides_down_an_incline(method: CentralDifference | ScipyIvp) -> 
     # s = ½ (g·e) t² along the axis e, whatever the body's inertia.
     axis = np.array([0.6, 0.0, -0.8])
     gram = rigid_gram(MASS, WHERE, np.diag(INERTIA))
-    tree = Tree([Link("sledge", gram, PRISMATIC, place=np.array([1.0, 2.0, 3.0]), axis=axis)], gravity=DOWN)
+    tree = Mechanism([Link("sledge", gram, PRISMATIC, place=np.array([1.0, 2.0, 3.0]), axis=axis)], gravity=DOWN)
     times = np.linspace(0.0, 2.0, 21)
     march = method.march(tree, np.zeros(1), np.zeros(1), times)
     assert march.q[:, 0] == pytest.approx(0.5 * 0.8 * G * times**2, abs=1e-11)
-    assert tree.frames(march.q[-1:])[0][0, -1] == pytest.approx([1.0, 2.0, 3.0] + march.q[-1, 0] * axis)
+    origin = Kinematics(tree, times, march.q, march.v).frames[0].origin
+    assert origin[-1] == pytest.approx([1.0, 2.0, 3.0] + march.q[-1, 0] * axis)
 
 
 def test_a_body_on_a_spring_and_a_damper_swings_out_about_its_weight() -> None:
     # s = s₀ (1 − exp(−ζωt) (cos ω_d t + ζω/ω_d sin ω_d t)) with k s₀ = m g, ω² = k/m, 2ζω = c/m: a step response.
     spring, damper = 100.0, 4.0
-    tree = Tree(
+    tree = Mechanism(
         [Link("weight", rigid_gram(MASS, WHERE, np.diag(INERTIA)), PRISMATIC, axis=-Z, spring=spring, damper=damper)],
         gravity=DOWN,
     )
@@ -484,7 +488,7 @@ def boxes_welded() -> tuple[list[Link], list[Link]]:
 
 
 def test_two_welded_bodies_are_one_of_summed_inertia() -> None:
-    two, one = (Tree(links, gravity=DOWN) for links in boxes_welded())
+    two, one = (Mechanism(links, gravity=DOWN) for links in boxes_welded())
     rng, times = np.random.default_rng(3), np.linspace(0.0, 1.0, 11)
     for _ in range(5):
         e = rng.normal(size=4)
@@ -503,7 +507,7 @@ def test_a_body_carried_by_welded_ones_moves_as_on_one(joint: int) -> None:
     place, gram = np.array([0.2, 0.7, -0.4]), rigid_gram(1.5, WHERE, np.diag(INERTIA))
     axis = np.array([1.0, 2.0, -2.0])
     chains = [
-        Tree([*links, Link("next", gram, joint, len(links) - 1, place=place - offset, axis=axis)], gravity=DOWN)
+        Mechanism([*links, Link("next", gram, joint, len(links) - 1, place=place - offset, axis=axis)], gravity=DOWN)
         for links, offset in ((two, two[1].place), (one, NOWHERE))
     ]
     rng = np.random.default_rng(4)

@@ -16,23 +16,23 @@ from scipy.integrate import solve_ivp
 from pipeline.core.errors import AccuracyError
 from pipeline.fem.material import Material
 from pipeline.verification import closed_forms, suite
-from pipeline.verification.case import Case, Figure
-from pipeline.verification.suite import CASES, Outcome, outcomes, require_within
+from pipeline.verification.case import Figure, VerificationCase
+from pipeline.verification.suite import CASES, Outcome, require_tolerances, run_cases
 
 STEEL = Material(210e9, 0.3, 7800.0)
 
 
 @pytest.mark.parametrize("case", CASES)
 def test_each_case_keeps_its_tolerances(case: str) -> None:
-    (outcome,) = outcomes([CASES[case]])
-    require_within([outcome])
+    (outcome,) = run_cases([CASES[case]])
+    require_tolerances([outcome])
     assert len(outcome.figures) >= 2
     assert all(np.isfinite([figure.ours, figure.published]).all() for figure in outcome.figures)
 
 
 def test_the_tolerances_mean_something() -> None:
     """A per cent or two for a printed number or a coarse published mesh, a few thousandths for theory."""
-    for outcome in outcomes([CASES["table-1"], CASES["fv52"], CASES["rotating-rod"]]):
+    for outcome in run_cases([CASES["table-1"], CASES["fv52"], CASES["rotating-rod"]]):
         for figure in outcome.figures:
             assert figure.tolerance <= 0.025
             assert not replace(figure, ours=figure.ours * 1.06).holds
@@ -135,7 +135,7 @@ def test_a_figure_out_of_its_tolerance_ends_with_status_3_and_is_written(
     fmd: Callable[..., int], tmp_path: Path, capsys: pytest.CaptureFixture[str], monkeypatch: pytest.MonkeyPatch
 ) -> None:
     figures = [Figure("length [m]", 1.0, 1.0, 0.0), Figure("mass [kg]", 1.02, 1.0, 0.01), Figure("x", np.nan, 1.0, 0.1)]
-    monkeypatch.setitem(suite.CASES, "wrong", Case("wrong", "a case", "nowhere", lambda _: figures))
+    monkeypatch.setitem(suite.CASES, "wrong", VerificationCase("wrong", "a case", "nowhere", lambda _: figures))
     assert fmd("verify", "wrong", "--json", "--out", str(tmp_path)) == 3
     printed = capsys.readouterr()
     assert "case wrong is out of its tolerance: mass [kg] is 1.02, published 1; +2 % exceeds 1 %" in printed.err
@@ -152,7 +152,7 @@ def test_a_case_whose_check_fails_does_not_keep_others_from_running(
     def fail(_: object) -> list[Figure]:
         raise AccuracyError("residual 1 exceeds 0")
 
-    monkeypatch.setitem(suite.CASES, "wrong", Case("wrong", "a case", "nowhere", fail))
+    monkeypatch.setitem(suite.CASES, "wrong", VerificationCase("wrong", "a case", "nowhere", fail))
     assert fmd("verify", "wrong", "fv52", "--out", str(tmp_path)) == 3
     printed = capsys.readouterr()
     assert "wrong FAILED: residual 1 exceeds 0" in printed.out
@@ -173,8 +173,8 @@ def test_a_folder_that_cannot_be_written_is_wrong_input(
 
 
 def test_several_cases_out_of_tolerance_are_counted() -> None:
-    case = Case("a", "a case", "nowhere", lambda _: [])
+    case = VerificationCase("a", "a case", "nowhere", lambda _: [])
     wrong = Outcome(case, (Figure("x", 2.0, 1.0, 0.1),), 0.0)
     with pytest.raises(AccuracyError, match=r"\+100 % exceeds 10 % \(and 1 more cases\)"):
-        require_within([wrong, Outcome(case, (), 0.0, "failed")])
-    require_within([Outcome(case, (Figure("x", 1.05, 1.0, 0.1),), 0.0)])
+        require_tolerances([wrong, Outcome(case, (), 0.0, "failed")])
+    require_tolerances([Outcome(case, (Figure("x", 1.05, 1.0, 0.1),), 0.0)])

@@ -1,51 +1,23 @@
-"""A linear system, ``M q̈ + C q̇ + K q = 0``, as the integrators see it: what their stability is measured on."""
+"""Linear systems ``M q̈ + C q̇ + K q = 0`` in the form that integrators take, to measure their stability on."""
 
 from __future__ import annotations
 
 from dataclasses import dataclass
 from functools import cached_property
-from typing import TYPE_CHECKING, NamedTuple
 
 import numpy as np
 
 from pipeline.core.arrays import Array, require_shape
 from pipeline.dynamics.jit.compiled import meaning
-from pipeline.dynamics.system import accelerations, advance, fast_steps, freeze, velocities
+from pipeline.dynamics.linear.middle import middle_of
+from pipeline.dynamics.linear.parameters import FrozenLinear, LinearParameters, MiddleLinear
+from pipeline.dynamics.system import accelerations, advance, fast_steps, hold_slow, velocities
 from pipeline.dynamics.vibration import highest_frequency
-
-if TYPE_CHECKING:
-    from pipeline.dynamics.linear.middle import MiddleLinear
-
-
-class LinearParameters(NamedTuple):
-    """What the kernels read: ``a = −A q − B v``, and of the fast coordinates ``a_S = −A_S q_S − B_S v_S − W held``.
-
-    Matrices lie in memory by columns, so that products run over one column after another in vector instructions.
-    Without terms of the rates B and C have no columns.
-    """
-
-    n_slow: int
-    A: Array  # (n, n) M⁻¹ K
-    B: Array  # (n, n or 0) M⁻¹ C
-    M: Array
-    C: Array  # (n, n or 0)
-    K: Array
-    K_SS: Array  # (n_fast, n_fast)
-    C_SS: Array  # (n_fast, n_fast or 0)
-    W: Array  # (n_fast, n_fast) M_SS⁻¹
-    v_now: Array  # (n_fast,), room to work in
-
-
-class FrozenLinear(NamedTuple):
-    """What the fast coordinates feel of the slow ones over a major cycle: ``held = K_SL q_L + C_SL v_L + M_SL a_L``."""
-
-    held: Array  # (n_fast,)
-    right: Array  # (n_fast,), room to work in
 
 
 @dataclass(frozen=True)
 class LinearSystem:
-    """A linear system with its slow coordinates first.
+    """Mass, stiffness and rate coefficients of a linear system, its slow coordinates first.
 
     Parameters
     ----------
@@ -78,12 +50,12 @@ class LinearSystem:
 
     @property
     def n_positions(self) -> int:
-        """The same."""
+        """Number of position coordinates, here one for each rate."""
         return self.n
 
     @property
     def coupled(self) -> bool:
-        """Whether slow and fast coordinates couple through M."""
+        """True if slow and fast coordinates couple through the mass matrix."""
         return bool(self.M[: self.n_slow, self.n_slow :].any())
 
     @property
@@ -92,8 +64,13 @@ class LinearSystem:
         return np.asarray(self._packed.A.diagonal())
 
     @property
+    def linear_matrices(self) -> tuple[Array, Array, Array]:
+        """Mass, stiffness and damping, (n, n) each."""
+        return self.M, self.K, np.zeros_like(self.K) if self.C is None else self.C
+
+    @property
     def parameters(self) -> LinearParameters:
-        """Flat arrays for the kernels, with room to work in that is the caller's own."""
+        """Flat arrays for the kernels, with a work array that no other caller has."""
         return self._packed._replace(v_now=np.zeros(self.n - self.n_slow))
 
     @cached_property
@@ -106,36 +83,34 @@ class LinearSystem:
         return LinearParameters(self.n_slow, *(np.asfortranarray(a, dtype=float) for a in arrays))
 
     def frozen(self) -> FrozenLinear:
-        """Fresh storage for what a major cycle holds."""
+        """Return new arrays for the coefficients that `hold_slow` holds over a major cycle."""
         return FrozenLinear(np.zeros(self.n - self.n_slow), np.zeros(self.n - self.n_slow))
 
     def middle(self) -> MiddleLinear:
-        """Fresh storage for what a major cycle's middle holds."""
-        from pipeline.dynamics.linear.middle import middle_of
-
+        """Return new arrays for what `hold_middle` holds at the middle of a major cycle."""
         C = np.zeros_like(self.K) if self.C is None else self.C
         return middle_of(self.M, self.K, C, self.n_slow)
 
     @property
     def highest_frequency(self) -> float:
-        """Highest angular frequency without the rates' terms [rad/s]."""
+        """Highest angular frequency of the undamped system [rad/s]."""
         return self._highest(slice(0, None))
 
     @property
     def highest_fast_frequency(self) -> float:
-        """The same of the fast coordinates with the slow ones held."""
+        """Highest angular frequency of the fast coordinates with the slow ones held [rad/s]."""
         return self._highest(slice(self.n_slow, None))
 
     @property
     def highest_reacting_frequency(self) -> float:
-        """The same of the fast coordinates with ``q_L + M_LL⁻¹ M_LS q_S`` held."""
+        """Highest angular frequency of the fast coordinates with ``q_L + M_LL⁻¹ M_LS q_S`` held [rad/s]."""
         slow, fast = slice(0, self.n_slow), slice(self.n_slow, None)
         T = np.concatenate([-np.linalg.solve(self.M[slow, slow], self.M[slow, fast]), np.eye(self.n - self.n_slow)])
         return highest_frequency(T.T @ self.M @ T, T.T @ self.K @ T)
 
     @property
     def highest_slow_frequency(self) -> float:
-        """The same of the slow coordinates with the fast ones held."""
+        """Highest angular frequency of the slow coordinates with the fast ones held [rad/s]."""
         return self._highest(slice(0, self.n_slow))
 
     def _highest(self, part: slice) -> float:
@@ -155,8 +130,8 @@ def _accelerations(p: LinearParameters, t: float, q: Array, v: Array, a: Array) 
             a[i] -= B[i, j] * v[j]
 
 
-@meaning(freeze, LinearParameters)
-def _freeze(p: LinearParameters, t: float, q: Array, v: Array, a: Array, frozen: FrozenLinear) -> None:
+@meaning(hold_slow, LinearParameters)
+def _hold_slow(p: LinearParameters, t: float, q: Array, v: Array, a: Array, frozen: FrozenLinear) -> None:
     M, C, K, held, n_slow = p.M, p.C, p.K, frozen.held, p.n_slow
     for i in range(n_slow, v.size):
         held[i - n_slow] = 0.0

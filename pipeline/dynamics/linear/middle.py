@@ -1,35 +1,17 @@
-"""A linear system over a major cycle that is held at its middle: what reversible sub-cycling needs of it."""
+"""Kernels of reversible sub-cycling for a linear system, whose major cycles are held at their middles."""
 
 from __future__ import annotations
-
-from typing import NamedTuple
 
 import numpy as np
 
 from pipeline.core.arrays import Array
 from pipeline.dynamics.jit.compiled import meaning
-from pipeline.dynamics.linear.linear import LinearParameters
+from pipeline.dynamics.linear.parameters import LinearParameters, MiddleLinear
 from pipeline.dynamics.system import hold_middle, reacting_steps, slow_response
 
 
-class MiddleLinear(NamedTuple):
-    """The equations with ``y = q_L + D q_S`` held: constants of the system, and what the middle of a cycle adds."""
-
-    D: Array  # (n, n_slow), a row for each fast rate
-    W: Array  # (n_fast, n_fast) S̄⁻¹
-    V: Array  # (n_slow, n_slow) M_LL⁻¹
-    T: Array  # (n, n_fast)
-    K: Array  # (n, n_fast) K T
-    C: Array  # (n, n_fast) C T
-    Q: Array  # (n,)
-    q: Array  # (n,): q*, v*
-    v: Array
-    now: Array  # (n,), room to work in
-    right: Array  # (n,)
-
-
 def middle_of(M: Array, K: Array, C: Array, n_slow: int) -> MiddleLinear:
-    """Fresh storage with the constants of ``M q̈ + C q̇ + K q = 0``."""
+    """Return the constants of reversible sub-cycling for ``M q̈ + C q̇ + K q = 0``, and new work arrays."""
     n, L, S = len(M), slice(0, n_slow), slice(n_slow, None)
     D = np.linalg.solve(M[L, L], M[L, S])  # (n_slow, n_fast)
     T = np.concatenate([-D, np.eye(n - n_slow)])

@@ -1,6 +1,6 @@
-"""A planar rotor over a major cycle that is frozen at its middle: what reversible sub-cycling needs of it.
+"""Equations of a planar rotor held at the middle of a major cycle, for reversible sub-cycling.
 
-With ``p = (1, q)`` as in `planar` and the torque left out, the tangents of the generalised forces are::
+With ``p = (1, q)`` as in `kernels` and the torque left out, the tangents of the generalised forces are::
 
     Q_θ = −2 θ̇ pᵀ D ṗ                    −∂Q_θ/∂(θ̇, q̇, q) = 2 pᵀ D ṗ,         2 θ̇ D p,   2 θ̇ D ṗ
     Q_q = θ̇² D p + 2 θ̇ A ṗ − ω² q        −∂Q_q/∂(θ̇, q̇, q) = −2 θ̇ D p − 2 A ṗ,  −2 θ̇ A,   ω² − θ̇² D
@@ -14,7 +14,8 @@ import numpy as np
 
 from pipeline.core.arrays import Array
 from pipeline.dynamics.jit.compiled import inlined, meaning
-from pipeline.dynamics.rotor.rotor import MiddlePlanar, PlanarParameters, is_over, leap, torque
+from pipeline.dynamics.rotor.kernels import is_over, leap, torque
+from pipeline.dynamics.rotor.parameters import MiddlePlanar, PlanarParameters
 from pipeline.dynamics.system import hold_middle, reacting_steps, slow_response
 
 

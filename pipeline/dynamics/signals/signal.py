@@ -13,7 +13,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from pipeline.core.arrays import Array, IntArray, require_shape
-from pipeline.core.formula import MOST_DEPTH, Expression
+from pipeline.core.formula import MOST_DEPTH, Formula
 from pipeline.dynamics.jit.compiled import addressed, inner, kernel
 from pipeline.dynamics.jit.table import Table, address_of, call
 
@@ -48,10 +48,13 @@ class Signal:
     breakpoints : tuple of float
         Times at which it or its first derivative may jump, and the ends of a smooth table, at which its second one
         does [s], ascending. Kinks of abs, min and max in a formula are not among them.
+    pulse : tuple of float, optional
+        Start [s], duration [s] and peak, if the signal is one half sine.
     """
 
     terms: tuple[_Term, ...]
     breakpoints: tuple[float, ...] = ()
+    pulse: tuple[float, float, float] | None = None
 
     def value(self, t: float) -> tuple[float, float, float]:
         """Value, first and second time derivative at time t [s], by the kernel that a march uses."""
@@ -77,7 +80,7 @@ def constant(value: float) -> Signal:
     return Signal((_Term(_CONSTANT, numbers=(_finite("the constant", value),)),))
 
 
-def formula(expression: Expression, factor: float = 1.0) -> Signal:
+def formula(expression: Formula, factor: float = 1.0) -> Signal:
     """Make a signal of a formula times a factor.
 
     Where a formula has no real value (a root or a logarithm of a negative number, a varying power of one) the signal
@@ -87,8 +90,8 @@ def formula(expression: Expression, factor: float = 1.0) -> Signal:
 
     Parameters
     ----------
-    expression : Expression
-        What `pipeline.core.formula.parse` makes of the text.
+    expression : Formula
+        What `pipeline.core.formula.parse_formula` makes of the text.
     factor : float
         SI units in one unit of the formula's values.
 
@@ -127,7 +130,8 @@ def half_sine(start: float, duration: float, peak: float) -> Signal:
         raise ValueError(f"a half sine that begins at {start:g} s can't last {duration:g} s; give more than 0")
     codes = (_TIME, _NUMBER, _SUBTRACT, _NUMBER, _MULTIPLY, _SIN, _NUMBER, _MULTIPLY)
     numbers = (start, math.pi / duration, peak)
-    return Signal((_Term(_PROGRAM, codes, numbers, support=(start, end)),), (start, end))
+    term = _Term(_PROGRAM, codes, numbers, support=(start, end))
+    return Signal((term,), (start, end), (start, float(duration), peak))
 
 
 def linear_table(times: Array, values: Array) -> Signal:
@@ -168,6 +172,8 @@ def smooth_table(times: Array, values: Array) -> Signal:
 
 def total(signals: Sequence[Signal]) -> Signal:
     """Add signals up; none at all make zero."""
+    if len(signals) == 1:
+        return signals[0]
     breakpoints = {time for signal in signals for time in signal.breakpoints}
     return Signal(tuple(term for signal in signals for term in signal.terms), tuple(sorted(breakpoints)))
 

@@ -11,7 +11,7 @@ from pipeline.core.arrays import Array
 from pipeline.dynamics.jit.compiled import addressed, inner, kernel, meaning
 from pipeline.dynamics.jit.table import address_of, call
 from pipeline.dynamics.links import FREE, SPHERICAL
-from pipeline.dynamics.system import accelerations, advance, fast_steps, freeze, velocities
+from pipeline.dynamics.system import accelerations, advance, fast_steps, hold_slow, velocities
 from pipeline.dynamics.tree.arrays import FrozenTree, TreeParameters
 from pipeline.dynamics.tree.frames import move_through_joint, place_joint
 from pipeline.dynamics.tree.kernels import add_body, add_point_load, mass_and_force
@@ -187,8 +187,8 @@ def _accelerations(p: TreeParameters, t: float, q: Array, v: Array, a: Array) ->
     call(p.solve_accelerations, (p, float(t), q, v, a))
 
 
-@meaning(freeze, TreeParameters)
-def _freeze(p: TreeParameters, t: float, q: Array, v: Array, a: Array, frozen: FrozenTree) -> None:
+@meaning(hold_slow, TreeParameters)
+def _hold_slow(p: TreeParameters, t: float, q: Array, v: Array, a: Array, frozen: FrozenTree) -> None:
     _hold(p, t, q, v, a, frozen)
 
 

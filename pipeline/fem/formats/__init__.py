@@ -1,1 +1,1 @@
-"""Files that meshes and matrices are read from and written to."""
+"""Readers and writers of meshes, matrices and results in the formats of other programs."""

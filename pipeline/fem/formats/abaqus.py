@@ -1,7 +1,7 @@
-"""Reads the mesh in an Abaqus or CalculiX input file: nodes, elements, sets and surfaces.
+"""Reader of Abaqus and CalculiX input files: nodes, elements, sets and surfaces.
 
-meshio's own reader loses sets that are given in several pieces, knows only some of the elements, follows includes and
-takes a second part's numbers for the first's; hence this one.
+meshio's own reader loses sets that are given in several pieces, knows few of the elements, follows includes, and
+confuses the numbers of a second part with the first's.
 """
 
 from __future__ import annotations
@@ -20,13 +20,13 @@ from pipeline.fem.formats.raw_mesh import MeshFileError, RawMesh
 _SOLID = re.compile(r"(?:AC|DC|DCC|EC|Q|C)3D(\d+)")
 _PLANE = re.compile(r"(?:S|STRI|DS|SFM3D|M3D|R3D|F3D|CPS|CPE|CPEG|CAX|SAX|CGAX)(\d+)")
 _LINE = re.compile(r"B[23]\d|PIPE|T[23]D|R2D|RB[23]D")
-_DEEPEST = 50  # sets that name sets
+_DEEPEST = 50  # levels of sets that name sets
 _CELLS = {
     4: "tetra", 5: "pyramid", 6: "wedge", 8: "hexahedron", 10: "tetra10", 13: "pyramid13", 15: "wedge15", 18: "wedge18",
     20: "hexahedron20", 27: "hexahedron27",
 }  # fmt: skip
 _PLANE_CELLS = {3: "triangle", 4: "quad", 6: "triangle6", 8: "quad8", 9: "quad9"}
-# Ours of Abaqus' 27 nodes: its inner node comes before those in the faces.
+# From Abaqus' 27 nodes, whose inner one comes before those in the faces, to meshio's.
 _HEX27 = [*range(20), 26, 24, 23, 25, 21, 22, 20]
 # Corners of the faces S1, S2 … of a solid element.
 _FACES = {
@@ -35,26 +35,28 @@ _FACES = {
     "wedge": ((0, 1, 2), (3, 5, 4), (0, 3, 4, 1), (1, 4, 5, 2), (2, 5, 3, 0)),
 }
 _GENERATED = ("NGEN", "NFILL", "NCOPY", "NMAP", "ELGEN", "ELCOPY", "SYSTEM", "INCLUDE")
-_NOT_PLAIN = "write the mesh out flat, all nodes and elements in one file without parts and assemblies"
+_WRITE_FLAT = "write the mesh out flat, all nodes and elements in one file without parts and assemblies"
 
 
-_Item = int | str | range  # what a set may hold: a number, another set's name, a range
+_Item = int | str | range  # of a set: a number, another set's name, a range
 
 
 @dataclass
 class _Block:
+    """Elements of one section: their numbers, and the nodes of all one after the other."""
+
     kind: str
     numbers: list[int] = field(default_factory=list)
     nodes: list[int] = field(default_factory=list)
 
 
 def read_abaqus(text: str) -> RawMesh:
-    """Read the text of an input file.
+    """Read the mesh in the text of an input file.
 
     Raises
     ------
     MeshFileError
-        It makes no sense, or has its mesh in a form that isn't read; the message gives the line.
+        The text is damaged, or its mesh is in a form that isn't read; the message gives the line.
     """
     deck = _Deck()
     for line, keyword, options, data in _sections(text):
@@ -95,6 +97,7 @@ def _sections(text: str) -> Iterator[tuple[int, str, dict[str, str], list[list[s
 
 
 def _keyword(line: str) -> tuple[str, dict[str, str]]:
+    """Split a keyword line into the keyword and its options, in capitals."""
     name, *options = line.split(",")
     pairs = (option.partition("=") for option in options)
     return " ".join(name[1:].split()).upper(), {
@@ -103,7 +106,7 @@ def _keyword(line: str) -> tuple[str, dict[str, str]]:
 
 
 class _Deck:
-    """Nodes, elements and sets as they are read, by their numbers in the file."""
+    """Nodes, elements and sets by their numbers in the file, gathered section by section."""
 
     def __init__(self) -> None:
         self.nodes: dict[int, tuple[float, float, float]] = {}
@@ -116,6 +119,7 @@ class _Deck:
         self.parts = self.instances = 0
 
     def take(self, keyword: str, options: dict[str, str], data: list[list[str]]) -> None:
+        """Add a section."""
         match keyword:
             case "NODE":
                 self._take_nodes(options, data)
@@ -131,17 +135,18 @@ class _Deck:
             case "INSTANCE":
                 self.instances += 1
                 if any(float(item or 0) for row in data for item in row):
-                    raise MeshFileError(f"an instance is moved; {_NOT_PLAIN}")
+                    raise MeshFileError(f"an instance is moved; {_WRITE_FLAT}")
             case _ if keyword in _GENERATED:
-                raise MeshFileError(f"*{keyword} isn't read; {_NOT_PLAIN}")
+                raise MeshFileError(f"*{keyword} isn't read; {_WRITE_FLAT}")
             case "PART":
                 self.parts += 1
         if self.instances > 1:
-            raise MeshFileError(f"there is more than one instance; {_NOT_PLAIN}")
+            raise MeshFileError(f"there is more than one instance; {_WRITE_FLAT}")
 
     def _take_nodes(self, options: dict[str, str], data: list[list[str]]) -> None:
+        """Add nodes and, if it is named, their set."""
         if self.parts > 1:
-            raise MeshFileError(f"there is more than one part; {_NOT_PLAIN}")
+            raise MeshFileError(f"there is more than one part; {_WRITE_FLAT}")
         if options.get("SYSTEM", "R").upper() != "R":
             raise MeshFileError("the nodes are in cylindrical or spherical coordinates; Cartesian ones are read")
         for row in data:
@@ -154,6 +159,7 @@ class _Deck:
             self.node_sets[self._named(options["NSET"])] += [int(row[0]) for row in data]
 
     def _take_elements(self, options: dict[str, str], data: list[list[str]]) -> None:
+        """Add elements of one type and, if it is named, their set."""
         name = options.get("TYPE", "").upper()
         kind, n_local = _cell_kind(name)
         if not kind:
@@ -176,6 +182,7 @@ class _Deck:
             self.element_sets[self._named(options["ELSET"])] += block.numbers
 
     def _take_set(self, keyword: str, options: dict[str, str], data: list[list[str]]) -> None:
+        """Add members to a set of nodes or elements."""
         sets = self.node_sets if keyword == "NSET" else self.element_sets
         name = self._named(options.get(keyword, ""))
         if "GENERATE" in options:
@@ -190,13 +197,13 @@ class _Deck:
         sets[name] += [_number_or_name(item) for row in data for item in row if item]
 
     def _named(self, name: str) -> str:
-        """Names are the same in upper and lower case; the first spelling stays."""
+        """Return a name in its first spelling; upper and lower case are equal."""
         if not name:
             raise MeshFileError("a set or surface without a name")
         return self.names.setdefault(name.casefold(), name)
 
     def mesh(self) -> RawMesh:
-        """Put numbers in the file's order in place of those in the file."""
+        """Return the mesh, numbered in the file's order in place of the file's numbers."""
         if not self.nodes:
             raise MeshFileError("there are no nodes: no *NODE section with lines of number, x, y, z")
         place = {number: k for k, number in enumerate(self.nodes)}
@@ -234,7 +241,7 @@ class _Deck:
     def _members(
         self, name: str, sets: dict[str, list[_Item]], known: dict[int, Any], above: tuple[str, ...] = ()
     ) -> set[int]:
-        """Known numbers in a set and in the sets that it names."""
+        """Return the known numbers in a set and in the sets that it names."""
         if name in above or len(above) > _DEEPEST:
             raise MeshFileError(f"set {name} holds itself")
         numbers: set[int] = set()
@@ -255,7 +262,8 @@ class _Deck:
     def _facets(
         self, name: str, rows: list[tuple[str, str]], raw: RawMesh, where: dict[int, tuple[int, int]]
     ) -> list[IntArray]:
-        found: dict[tuple[int, int], list[int]] = defaultdict(list)
+        """Return the corners of a surface's facets, an array for each block and face."""
+        cells_of: dict[tuple[int, int], list[int]] = defaultdict(list)
         for of, side in rows:
             if not re.fullmatch(r"S[1-6]", side):
                 continue  # of shells: SPOS, SNEG
@@ -268,9 +276,9 @@ class _Deck:
                 raise MeshFileError(f"surface {name} names the element set {of}, which isn't there")
             for number in sorted(numbers):
                 b, k = where[number]
-                found[b, int(side[1]) - 1].append(k)
+                cells_of[b, int(side[1]) - 1].append(k)
         facets = []
-        for (b, face), chosen in found.items():
+        for (b, face), chosen in cells_of.items():
             kind, cells = raw.blocks[b]
             corners = _FACES.get(re.sub(r"\d+", "", kind), ())
             if face >= len(corners):
@@ -280,7 +288,7 @@ class _Deck:
 
 
 def _cell_kind(name: str) -> tuple[str, int]:
-    """Kind of cell and its number of nodes for an element's name; empty for what is no cell."""
+    """Return the cell type and number of nodes of an element's name; empty if it is no cell."""
     if match := _SOLID.match(name):
         n_local = int(match[1])
         if n_local not in _CELLS:
@@ -300,6 +308,7 @@ def _number_or_name(item: str) -> int | str:
 
 
 def _by_block(places: list[tuple[int, int]], n_blocks: int) -> list[IntArray]:
+    """Return the cells of each block from pairs of block and cell."""
     sets: list[list[int]] = [[] for _ in range(n_blocks)]
     for block, cell in places:
         sets[block].append(cell)

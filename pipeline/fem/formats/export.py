@@ -1,4 +1,4 @@
-"""Meshes as files for other tools, with the names of their parts where the format has a place for them."""
+"""Writer of meshes in the formats of other programs, with the names of parts if the format allows."""
 
 from __future__ import annotations
 
@@ -35,20 +35,20 @@ def write_mesh(mesh: SolidMesh, path: Path) -> None:
         with whole_file(path) as part:
             match path.suffix:
                 case ".msh" if mesh.parts:
-                    _with_groups(mesh).write(part, file_format="gmsh")
+                    _to_gmsh(mesh).write(part, file_format="gmsh")
                 case ".vtu" if mesh.parts:
-                    _plain(mesh, {"part": [part_numbers(mesh)]}).write(part)
+                    _to_meshio(mesh, {"part": [part_numbers(mesh)]}).write(part)
                     _add_part_names(mesh, part)
                 case _:
-                    _plain(mesh, {}).write(part)
+                    _to_meshio(mesh, {}).write(part)
     except OSError as error:
         raise InputError("--out", "", str(path), f"can't be written: {error.strerror or error}") from error
 
 
 def part_numbers(mesh: SolidMesh) -> IntArray:
-    """Number of each cell's part, counted from 1 in the order of ``mesh.parts``, shape (n_cells,); 0 if it has none.
+    """Return the number of each cell's part in ``mesh.parts``, from 1, shape (n_cells,); 0 without a part.
 
-    A cell of several parts, as files' sets may have them, counts to the smallest.
+    A cell of several parts, which sets in files may overlap to, belongs to the smallest.
     """
     numbers = np.zeros(len(mesh.cells), dtype=np.int64)
     for number, cells in sorted(enumerate(mesh.parts.values(), start=1), key=lambda part: -len(part[1])):
@@ -56,12 +56,13 @@ def part_numbers(mesh: SolidMesh) -> IntArray:
     return numbers
 
 
-def _plain(mesh: SolidMesh, cell_data: dict[str, list[IntArray]]) -> meshio.Mesh:
+def _to_meshio(mesh: SolidMesh, cell_data: dict[str, list[IntArray]]) -> meshio.Mesh:
+    """Convert a mesh with cell data, an array for its one block of cells each."""
     return meshio.Mesh(mesh.points, [(mesh.cell_type, mesh.cells)], cell_data=cell_data)
 
 
-def _with_groups(mesh: SolidMesh) -> meshio.Mesh:
-    """Give each part a volume and a physical group of the part's number; cells of no part come last, as one more."""
+def _to_gmsh(mesh: SolidMesh) -> meshio.Mesh:
+    """Convert a mesh with a volume and a physical group for each part; cells of no part form the last one."""
     numbers = part_numbers(mesh)
     names = dict(enumerate(mesh.parts, start=1))
     if not numbers.all():
@@ -69,8 +70,8 @@ def _with_groups(mesh: SolidMesh) -> meshio.Mesh:
         numbers[numbers == 0] = len(names)
     used = np.unique(numbers)
     tags = [numbers[numbers == number] for number in used]
-    # meshio writes the points volume by volume and reads them in the file's order, so a point's volume must not fall
-    # along the points. Gmsh takes a group's points from its cells: here a volume needs no more than one of its own.
+    # meshio writes the points volume by volume and reads them in the file's order, so the volumes of consecutive points
+    # must ascend. Gmsh gets a group's points from its cells: a volume needs no more than one point.
     volume = used[np.minimum(np.arange(len(mesh.points)), len(used) - 1)]
     return meshio.Mesh(
         mesh.points,
@@ -82,10 +83,7 @@ def _with_groups(mesh: SolidMesh) -> meshio.Mesh:
 
 
 def _add_part_names(mesh: SolidMesh, path: Path) -> None:
-    """Put the parts' numbers by name into a ``.vtu`` file: meshio reads field data but doesn't write them.
-
-    Numbers, since meshio can't read strings.
-    """
+    """Insert the parts' numbers by name into a ``.vtu`` file as field data, which meshio reads but doesn't write."""
     arrays = "".join(
         f'<DataArray type="Int64" Name={quoteattr(name)} NumberOfTuples="1" format="ascii">{number}</DataArray>'
         for number, name in enumerate(mesh.parts, start=1)

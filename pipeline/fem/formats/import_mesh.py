@@ -1,4 +1,4 @@
-"""A solid mesh from a file of another program: read, checked as a whole, mended if wanted."""
+"""Import of a solid mesh from a file of another program: reading, checks and mends."""
 
 from __future__ import annotations
 
@@ -9,16 +9,17 @@ import numpy as np
 
 from pipeline.core.arrays import Array, IntArray
 from pipeline.core.errors import InputError
+from pipeline.fem.cells import FACES, STRAIGHT
 from pipeline.fem.formats import repair as repairs
 from pipeline.fem.formats.abaqus import read_abaqus
 from pipeline.fem.formats.meshio_reader import read_by_meshio
 from pipeline.fem.formats.nastran import read_nastran
 from pipeline.fem.formats.raw_mesh import MeshFileError, RawMesh
-from pipeline.fem.mesh import FACES, STRAIGHT, SolidMesh, rows_among
+from pipeline.fem.mesh import SolidMesh, rows_among
 
 _TEXT_READERS = {".inp": read_abaqus, ".bdf": read_nastran, ".nas": read_nastran, ".fem": read_nastran}
 _CAD = (".step", ".stp", ".iges", ".igs", ".brep")
-_LARGEST = 1e30  # coordinate: a volume is still a number
+_LARGEST = 1e30  # of the coordinates: a volume is still finite
 _MOST_BYTES = 2_000_000_000
 _SOLID = ("tetra", "hexahedron", "wedge", "pyramid", "penta_prism", "hexa_prism", "polyhedron")
 _PLANE = ("triangle", "quad", "polygon")
@@ -27,7 +28,7 @@ _NONE = np.empty(0, dtype=np.int64)
 
 @dataclass
 class _Findings:
-    """What is told of a mesh: set aside or put right by itself, to be mended if that is wanted, beyond mending."""
+    """Faults of a mesh: those corrected without asking, those that repair mends, and those beyond mending."""
 
     notes: list[str] = field(default_factory=list)
     mendable: list[str] = field(default_factory=list)
@@ -35,18 +36,18 @@ class _Findings:
 
 
 def read_mesh(path: Path, scale: float, repair: bool = False) -> SolidMesh:
-    """Read a solid mesh.
+    """Read a solid mesh from a file, check it, and repair it if that is allowed.
 
     Parameters
     ----------
     path : Path
-        The file; its suffix tells the format. Element sets become parts; surfaces, sets of surface elements and node
+        The file, its format given by the suffix. Element sets become parts; surfaces, sets of surface elements and node
         sets become faces.
     scale : float
         The file's unit of length [m].
     repair : bool
-        Whether to merge coincident nodes, turn inverted elements, straighten edges that turn an element inside out and
-        leave out elements that aren't solid; what was done stands in the mesh's notes.
+        Merge coincident nodes, turn inverted elements, straighten edges that turn an element inside out, and leave out
+        elements that aren't solid. The mesh's notes list the mends.
 
     Raises
     ------
@@ -54,12 +55,13 @@ def read_mesh(path: Path, scale: float, repair: bool = False) -> SolidMesh:
         The file can't be read, or its mesh can't be used; the message counts what is wrong.
     """
     try:
-        return solid_mesh(_raw_mesh(path), scale, repair)
+        return solid_mesh(_read_raw(path), scale, repair)
     except MeshFileError as error:
         raise InputError(str(path), "", None, str(error)) from error
 
 
-def _raw_mesh(path: Path) -> RawMesh:
+def _read_raw(path: Path) -> RawMesh:
+    """Read a file by the reader of its suffix."""
     reader = _TEXT_READERS.get(path.suffix.lower())
     try:
         if not path.is_file():
@@ -76,29 +78,29 @@ def _raw_mesh(path: Path) -> RawMesh:
 
 
 def solid_mesh(raw: RawMesh, scale: float, repair: bool = False) -> SolidMesh:
-    """Make a checked solid mesh of what a reader found; the arguments are those of `read_mesh`.
+    """Check and convert a raw mesh to a solid one, with the arguments of `read_mesh`.
 
     Raises
     ------
     MeshFileError
-        It can't be used.
+        The mesh can't be used; the message counts its faults.
     """
     _require_sound(raw)
-    found = _Findings()
+    findings = _Findings()
     cell_type, cells = _solid_cells(raw)
     points = raw.points * scale
-    cells, first = _joined(points, cells, cell_type, found)
-    kept = _sound_cells(cells, found)
+    cells, first = _merge_coincident(points, cells, cell_type, findings)
+    kept = _find_sound_cells(cells, findings)
     cells = cells[kept]
-    if not found.fatal:
-        points, cells = _right_side_out(points, cells, cell_type, found)
-    _set_aside(raw, cells, cell_type, first, found)
-    if found.fatal or (found.mendable and not repair):
-        raise MeshFileError(_complaint(found))
+    if not findings.fatal:
+        points, cells = _turn_right_side_out(points, cells, cell_type, findings)
+    _note_loose_elements(raw, cells, cell_type, first, findings)
+    if findings.fatal or (findings.mendable and not repair):
+        raise MeshFileError(_complaint(findings))
     used = np.unique(cells)
     lone = len(points) - len(np.unique(np.concatenate([block.ravel() for _, block in raw.blocks])))
     if lone:
-        found.notes.append(f"{lone} nodes that belong to no element are left out")
+        findings.notes.append(f"{lone} nodes that belong to no element are left out")
     place = np.full(len(points), -1)
     place[used] = np.arange(len(used))
     return SolidMesh(
@@ -107,11 +109,12 @@ def solid_mesh(raw: RawMesh, scale: float, repair: bool = False) -> SolidMesh:
         cell_type,
         _parts(raw, kept),
         _faces(raw, place[first]),
-        notes=(*found.notes, *(f"mended: {what}" for what in found.mendable)),
+        notes=(*findings.notes, *(f"mended: {what}" for what in findings.mendable)),
     )
 
 
 def _require_sound(raw: RawMesh) -> None:
+    """Raise ``MeshFileError`` for coordinates, cells or sets that are no mesh at all."""
     bad = int(np.count_nonzero(~(np.abs(raw.points) < _LARGEST).all(axis=1)))
     if bad:
         raise MeshFileError(f"{bad} nodes have coordinates that aren't numbers below {_LARGEST:g}")
@@ -124,7 +127,7 @@ def _require_sound(raw: RawMesh) -> None:
 
 
 def _solid_cells(raw: RawMesh) -> tuple[str, IntArray]:
-    """The one kind of solid cells that the file has, and their points, block after block."""
+    """Return the one type of solid cells in the file, and their points, block after block."""
     count: dict[str, int] = {}
     for kind, cells in raw.blocks:
         if len(cells):
@@ -145,77 +148,77 @@ def _solid_cells(raw: RawMesh) -> tuple[str, IntArray]:
     return solids[0], np.concatenate([cells for kind, cells in raw.blocks if kind == solids[0]])
 
 
-def _joined(points: Array, cells: IntArray, cell_type: str, found: _Findings) -> tuple[IntArray, IntArray]:
-    """Merge nodes that lie in the same place; also returned is the node that each has become."""
+def _merge_coincident(points: Array, cells: IntArray, cell_type: str, findings: _Findings) -> tuple[IntArray, IntArray]:
+    """Merge nodes at one position; return the cells and for each node the one that replaces it."""
     apart = np.arange(len(points))
-    first = repairs.coincident(points, cells, cell_type)
+    first = repairs.find_coincident(points, cells, cell_type)
     n_merged = len(np.unique(cells)) - len(np.unique(first[cells]))
-    n_pieces = int(repairs.pieces(cells, len(points)).max()) + 1
-    n_joined = int(repairs.pieces(first[cells], len(points)).max()) + 1 if n_merged else n_pieces
+    n_pieces = int(repairs.label_pieces(cells, len(points)).max()) + 1
+    n_joined = int(repairs.label_pieces(first[cells], len(points)).max()) + 1 if n_merged else n_pieces
     if n_joined > 1:
-        sizes = np.bincount(repairs.pieces(first[cells], len(points)))
-        shown = ", ".join(str(size) for size in sizes[:5]) + (" …" if len(sizes) > 5 else "")
-        found.fatal.append(f"it is in {n_joined} unconnected pieces, of {shown} elements; join them, or leave one")
+        sizes = np.bincount(repairs.label_pieces(first[cells], len(points)))
+        listed = ", ".join(str(size) for size in sizes[:5]) + (" …" if len(sizes) > 5 else "")
+        findings.fatal.append(f"it is in {n_joined} unconnected pieces, of {listed} elements; join them, or leave one")
     if not n_merged:
         return cells, apart
     collapsed = (np.diff(np.sort(first[cells], axis=1), axis=1) == 0).any(axis=1)
     what = f"{n_merged} nodes lie on others, which leaves it in {n_pieces} pieces: merged"
     if n_pieces == n_joined or collapsed.any():
-        found.notes.append(f"{n_merged} nodes lie on others, as along a crack, and are left apart")
+        findings.notes.append(f"{n_merged} nodes lie on others, as along a crack, and are left apart")
         return cells, apart
-    found.mendable.append(what)
+    findings.mendable.append(what)
     return first[cells], first
 
 
-def _sound_cells(cells: IntArray, found: _Findings) -> IntArray:
-    """Numbers of the cells to keep: each once; cells with a node twice are beyond mending."""
+def _find_sound_cells(cells: IntArray, findings: _Findings) -> IntArray:
+    """Return the numbers of the cells to keep, each once; cells with a node twice are beyond mending."""
     rows = np.sort(cells, axis=1)
     collapsed = int((np.diff(rows, axis=1) == 0).any(axis=1).sum())
     if collapsed:
-        found.fatal.append(f"{collapsed} elements have a node more than once, as collapsed ones do")
+        findings.fatal.append(f"{collapsed} elements have a node more than once, as collapsed ones do")
     _, kept = np.unique(rows, axis=0, return_index=True)
     again = len(cells) - len(kept)
     if again and not collapsed:
-        found.mendable.append(f"{again} elements lie on others with the same nodes: left out")
+        findings.mendable.append(f"{again} elements lie on others with the same nodes: left out")
         return np.sort(kept)
     return np.arange(len(cells))
 
 
-def _right_side_out(points: Array, cells: IntArray, cell_type: str, found: _Findings) -> tuple[Array, IntArray]:
-    """Put nodes into order where they aren't; what then is flat or inside out is counted."""
+def _turn_right_side_out(points: Array, cells: IntArray, cell_type: str, findings: _Findings) -> tuple[Array, IntArray]:
+    """Correct the order of nodes, and straighten the cells that are inside out even so."""
     hand = repairs.handedness(points, cells, cell_type)
     spoilt, turned = int((hand == 0).sum()), int((hand < 0).sum())
     if spoilt:
         worst = int(np.flatnonzero(hand == 0)[0])
         x = ", ".join(f"{value:.4g}" for value in points[cells[worst]].mean(axis=0))
-        found.fatal.append(f"{spoilt} of {len(cells)} elements are flat, twisted or concave, the first at ({x}) m")
+        findings.fatal.append(f"{spoilt} of {len(cells)} elements are flat, twisted or concave, the first at ({x}) m")
         return points, cells
     if turned == len(cells):
-        found.notes.append(f"all {turned} elements have their nodes in left-handed order and were turned")
+        findings.notes.append(f"all {turned} elements have their nodes in left-handed order and were turned")
     elif turned:
-        found.mendable.append(f"{turned} of {len(cells)} elements are inverted: turned")
+        findings.mendable.append(f"{turned} of {len(cells)} elements are inverted: turned")
     cells = cells.copy()
-    cells[hand < 0] = cells[hand < 0][:, repairs.mirrored(cell_type)]
+    cells[hand < 0] = cells[hand < 0][:, repairs.mirrored_order(cell_type)]
     if STRAIGHT[cell_type] == cell_type:
         return points, cells
-    order = repairs.other_order(points, cells, cell_type)
+    order = repairs.find_node_order(points, cells, cell_type)
     if order is not None:
-        found.notes.append("the mid-edge nodes come in another order than the format's and were put into it")
+        findings.notes.append("the mid-edge nodes come in another order than the format's and were put into it")
         cells = cells[:, order]
-    wrong = repairs.inside_out(points, cells, cell_type)
+    wrong = repairs.find_inside_out(points, cells, cell_type)
     if len(wrong):
-        straight, n_cells, moved = repairs.straightened(points, cells, cell_type, wrong)
-        found.mendable.append(
+        straight, n_cells, moved = repairs.straighten_cells(points, cells, cell_type, wrong)
+        findings.mendable.append(
             f"{len(wrong)} elements are inside out by their curved edges: {n_cells} straightened by up to {moved:.3g} m"
         )
-        if len(repairs.inside_out(straight, cells, cell_type)):
-            found.fatal.append("elements that are inside out by their curved edges stay so with straight ones")
+        if len(repairs.find_inside_out(straight, cells, cell_type)):
+            findings.fatal.append("elements that are inside out by their curved edges stay so with straight ones")
         points = straight
     return points, cells
 
 
-def _set_aside(raw: RawMesh, cells: IntArray, cell_type: str, first: IntArray, found: _Findings) -> None:
-    """Tell which elements besides the solid ones are no faces or edges of these: they would be lost."""
+def _note_loose_elements(raw: RawMesh, cells: IntArray, cell_type: str, first: IntArray, findings: _Findings) -> None:
+    """Note the elements that are neither solid nor on a solid's faces or edges: they would be lost."""
     straight = STRAIGHT[cell_type]
     facets = np.concatenate([_three(cells[:, list(face)]) for face in FACES[straight]])
     sides = np.sort(repairs.edges(cells, cell_type).reshape(-1, 2), axis=1)
@@ -233,21 +236,22 @@ def _set_aside(raw: RawMesh, cells: IntArray, cell_type: str, first: IntArray, f
         if lost:
             loose[kind] = loose.get(kind, 0) + lost
     if on_solid:
-        found.notes.append(f"{on_solid} surface elements on the solid's facets count as its faces, not as shells")
+        findings.notes.append(f"{on_solid} surface elements on the solid's facets count as its faces, not as shells")
     if loose:
         listed = ", ".join(f"{n} {kind}" for kind, n in loose.items())
-        found.mendable.append(f"elements that aren't solid ({listed}): left out")
+        findings.mendable.append(f"elements that aren't solid ({listed}): left out")
 
 
-def _complaint(found: _Findings) -> str:
-    wrong = "; ".join([*found.fatal, *found.mendable])
-    if found.fatal:
+def _complaint(findings: _Findings) -> str:
+    """Return the error message for a mesh with faults."""
+    wrong = "; ".join([*findings.fatal, *findings.mendable])
+    if findings.fatal:
         return f"its mesh can't be used: {wrong}"
     return f"its mesh needs mending, which mesh.repair = true (or --repair) does: {wrong}"
 
 
 def _parts(raw: RawMesh, kept: IntArray) -> dict[str, IntArray]:
-    """Cells of each element set of solids; those of no set are the part ``rest``."""
+    """Return the cells of each element set of solids; those of no set are the part ``rest``."""
     solid = [_is_solid(kind) for kind, _ in raw.blocks]
     offsets = np.cumsum([0, *(len(cells) if s else 0 for s, (_, cells) in zip(solid, raw.blocks, strict=True))])
     place = np.full(offsets[-1], -1)
@@ -263,7 +267,7 @@ def _parts(raw: RawMesh, kept: IntArray) -> dict[str, IntArray]:
 
 
 def _faces(raw: RawMesh, place: IntArray) -> dict[str, IntArray]:
-    """Node sets as points, sets of surface elements and surfaces as the corners of facets."""
+    """Return node sets as points, and sets of surface elements and surfaces as corners of facets."""
     faces = {name: np.unique(place[points][place[points] >= 0]) for name, points in raw.point_sets.items()}
     facets: dict[str, list[IntArray]] = {name: list(corners) for name, corners in raw.facet_sets.items()}
     for name, sets in raw.cell_sets.items():
@@ -278,7 +282,7 @@ def _faces(raw: RawMesh, place: IntArray) -> dict[str, IntArray]:
 
 
 def _three(corners: IntArray) -> IntArray:
-    """Three corners tell facets apart, those of four too."""
+    """Return three corners of each facet, which identify one of four corners too."""
     return np.sort(corners, axis=1)[:, :3]
 
 

@@ -1,4 +1,4 @@
-"""A body given by the stiffness and mass matrices that another program has written, and its nodes' positions."""
+"""Bodies given by another program's stiffness and mass matrices and its nodes' positions."""
 
 from __future__ import annotations
 
@@ -16,8 +16,8 @@ from pipeline.fem.markers import Marker
 from pipeline.fem.model import FEModel
 
 _SYMMETRIC = 1e-7
-_RIGID = 1e-5  # force of a rigid motion over that of its parts: files have six digits at least
-_ALIKE = 1e-6  # masses along x, y and z of a node pair
+_RIGID = 1e-5  # force of a rigid motion over the sum of its terms: files have six digits at least
+_ISOTROPIC = 1e-6  # difference of masses along x, y and z
 _IN_LINE = 1e-6
 _IN_PLANE = 1e-5
 _MOST_BYTES = 4_000_000_000
@@ -25,14 +25,14 @@ _MOST_BYTES = 4_000_000_000
 
 @dataclass(frozen=True)
 class MatrixModel(FEModel):
-    """A model without elements: its discretisation and its material are ``None``.
+    """A finite element model without elements: discretisation and material are ``None``.
 
     Attributes
     ----------
     positions : ndarray, shape (n_nodes, 3)
-        Of the nodes [m].
+        Node positions [m].
     labels : ndarray, shape (n_nodes,)
-        Their numbers in the other program.
+        Node numbers in the other program.
     """
 
     positions: Array
@@ -80,6 +80,7 @@ def read_matrices(stiffness: Path, mass: Path, nodes: Path, units: tuple[float, 
 
 
 def _require_free(path: Path, model: MatrixModel) -> None:
+    """Raise ``AccuracyError`` unless rigid motions of the body cause no forces."""
     R = model.rigid_modes.copy()
     size = float(np.ptp(model.x, axis=0).max())
     centre = model.m.sum(axis=0) @ model.x / model.mass
@@ -95,18 +96,19 @@ def _require_free(path: Path, model: MatrixModel) -> None:
 
 
 def _scalar(path: Path, M: sp.csr_array) -> sp.csr_array:
-    """``m`` of ``M = m ⊗ 1₃``: solid elements have the same mass in every direction."""
+    """Return ``m`` of ``M = m ⊗ 1₃``; raise ``AccuracyError`` if masses depend on the direction."""
     m = sp.csr_array(M[::3][:, ::3])
     apart = abs(M - sp.kron(m, sp.eye_array(3), format="csr")).max() / abs(M).max()
-    if not apart < _ALIKE:
+    if not apart < _ISOTROPIC:
         raise AccuracyError(
-            f"{path}: masses depend on the direction, by {apart:.1e} of the largest (at most {_ALIKE:.0e}); matrices "
-            "of solid elements are wanted, of displacements alone and not reduced"
+            f"{path}: masses depend on the direction, by {apart:.1e} of the largest (at most {_ISOTROPIC:.0e}); "
+            "matrices of solid elements are wanted, of displacements alone and not reduced"
         )
     return m
 
 
 def _read_nodes(path: Path) -> tuple[IntArray, Array]:
+    """Read node numbers (n_nodes,) and positions (n_nodes, 3) in the file's unit."""
     rows: list[list[float]] = []
     for number, line in enumerate(_text(path).splitlines(), start=1):
         items = [item for item in re.split(r"[,;\s]+", line.strip()) if item]
@@ -124,9 +126,10 @@ def _read_nodes(path: Path) -> tuple[IntArray, Array]:
 
 
 def _read(path: Path, labels: IntArray) -> sp.csr_array:
+    """Read a matrix of three unknowns a node, shape (3 n_nodes, 3 n_nodes)."""
     n = 3 * len(labels)
     try:
-        A = _of_scipy(path) if path.suffix == ".npz" else _of_text(path, labels)
+        A = _read_npz(path) if path.suffix == ".npz" else _read_text(path, labels)
     except InputError:
         raise
     except Exception as error:  # what NumPy, SciPy and zipfile raise on damaged bytes is of many kinds
@@ -140,7 +143,8 @@ def _read(path: Path, labels: IntArray) -> sp.csr_array:
     return A
 
 
-def _of_scipy(path: Path) -> sp.csr_array:
+def _read_npz(path: Path) -> sp.csr_array:
+    """Read a matrix that SciPy has saved."""
     with zipfile.ZipFile(path) as archive:
         if sum(item.file_size for item in archive.infolist()) > _MOST_BYTES:
             raise ValueError(f"unpacked it is over {_MOST_BYTES / 1e9:g} GB")
@@ -148,14 +152,14 @@ def _of_scipy(path: Path) -> sp.csr_array:
     if A.format not in ("csr", "csc", "coo"):
         raise ValueError(f"it is in SciPy's format {A.format}; csr, csc and coo are read")
     if A.format != "coo":
-        A.check_format(full_check=True)  # SciPy believes indices that it is given
+        A.check_format(full_check=True)  # SciPy trusts the indices in the file
     A = sp.coo_array(A)
     row, column = A.coords
     return _real_matrix(A.shape, row, column, A.data)
 
 
 def _real_matrix(shape: tuple[int, ...], row: IntArray, column: IntArray, values: Array) -> sp.csr_array:
-    """Gather entries; SciPy would write where an index out of range says."""
+    """Sum entries into a matrix; check indices first, since SciPy writes out of range otherwise."""
     if np.iscomplexobj(values):
         raise ValueError("its entries are complex")
     if len(row) and not (row.min() >= 0 and row.max() < shape[0] and column.min() >= 0 and column.max() < shape[1]):
@@ -163,10 +167,11 @@ def _real_matrix(shape: tuple[int, ...], row: IntArray, column: IntArray, values
     return sp.csr_array((np.asarray(values, dtype=float), (row, column)), shape=shape)
 
 
-def _of_text(path: Path, labels: IntArray) -> sp.csr_array:
+def _read_text(path: Path, labels: IntArray) -> sp.csr_array:
+    """Read a matrix in Matrix Market form or in rows of node, direction, node, direction, value."""
     text = _text(path)
     if text.startswith("%%MatrixMarket"):
-        return _of_matrix_market(text)
+        return _read_matrix_market(text)
     place = {int(label): k for k, label in enumerate(labels)}
     rows, columns, values = [], [], []
     for number, line in enumerate(text.splitlines(), start=1):
@@ -194,8 +199,8 @@ def _of_text(path: Path, labels: IntArray) -> sp.csr_array:
     return _real_matrix((n, n), row, column, value_array)
 
 
-def _of_matrix_market(text: str) -> sp.csr_array:
-    """Read the coordinate form; SciPy's own reader takes the process down on some damaged files."""
+def _read_matrix_market(text: str) -> sp.csr_array:
+    """Read Matrix Market's coordinate form; SciPy's own reader crashes on some damaged files."""
     head, *lines = (line for line in text.splitlines() if line.strip() and (line[:2] == "%%" or line[0] != "%"))
     kind, field, symmetry = [*head.lower().split(), "", "", "", "", ""][2:5]
     if kind != "coordinate" or field not in ("real", "integer") or symmetry not in ("general", "symmetric"):
@@ -212,11 +217,13 @@ def _of_matrix_market(text: str) -> sp.csr_array:
 
 
 def _both_halves(row: IntArray, column: IntArray, values: Array) -> tuple[IntArray, IntArray, Array]:
+    """Add the mirror images of a symmetric matrix's entries off the diagonal."""
     off = row != column
     return np.r_[row, column[off]], np.r_[column, row[off]], np.r_[values, values[off]]
 
 
 def _text(path: Path) -> str:
+    """Read a text file, or raise ``InputError``."""
     try:
         if path.stat().st_size > _MOST_BYTES:
             raise InputError(str(path), "", None, f"is over {_MOST_BYTES / 1e9:g} GB")
@@ -234,17 +241,17 @@ def _is_number(item: str) -> bool:
 
 
 def node_marker(model: MatrixModel, nodes: IntArray, rigid: bool = False) -> Marker:
-    """Attach a marker to nodes, all of the same weight: without elements there is no area.
+    """Attach a marker to nodes of equal weight, since there are no areas without elements.
 
     Parameters
     ----------
     nodes : ndarray, shape (n,)
-        Their numbers in the other program.
+        Node numbers in the other program.
 
     Raises
     ------
     ValueError
-        A node isn't there, or they lie in a line, which has no rotation about itself.
+        A node is missing, or all lie in a line, about which they have no rotation.
     """
     place = {int(label): k for k, label in enumerate(model.labels)}
     missing = [int(node) for node in nodes if int(node) not in place]
@@ -263,6 +270,6 @@ def node_marker(model: MatrixModel, nodes: IntArray, rigid: bool = False) -> Mar
 
 
 def nodes_in_plane(model: MatrixModel, axis: int, place: float) -> IntArray:
-    """Numbers of the nodes in a plane across an axis, at ``place`` [m] on it."""
+    """Return the numbers of the nodes in the plane across an axis at ``place`` [m]."""
     near = _IN_PLANE * float(np.ptp(model.x, axis=0).max())
     return np.asarray(model.labels[np.abs(model.x[:, axis] - place) <= near])

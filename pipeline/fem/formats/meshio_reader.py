@@ -1,8 +1,7 @@
-"""Reads a mesh file by meshio in a process of its own.
+"""Reader of meshio's formats in another process: ``python -m pipeline.fem.formats.meshio_reader MESH ARRAYS``.
 
-meshio prints, ends the program on some faults, waits for ever on some files that are cut off, and takes a header's word
-for how much memory to ask for. So it runs here with a limit on time and memory, and what it found is handed over as
-plain arrays in a file: ``python -m pipeline.fem.formats.meshio_reader MESH ARRAYS``.
+meshio prints, ends the program on some faults, never returns from some files that are cut off, and trusts a header for
+the memory to allocate. The other process has a limit on time and memory and returns the mesh as arrays in a file.
 """
 
 from __future__ import annotations
@@ -26,11 +25,11 @@ from pipeline.fem.formats.raw_mesh import MeshFileError, RawMesh
 _SECONDS, _SECONDS_PER_MB = 60.0, 2.0
 _BYTES, _BYTES_PER_BYTE = 2 << 30, 60  # of memory, and for each byte of the file
 _MOST_MESSAGE = 160
-_MOST_TAGS = 1000  # integer cell data with more values than this are no numbers of parts
+_MOST_TAGS = 1000  # integer cell data of more values aren't numbers of parts
 
 
 def read_by_meshio(path: Path) -> RawMesh:
-    """Read a mesh in any format of meshio's.
+    """Read a mesh in any of meshio's formats.
 
     Raises
     ------
@@ -47,10 +46,11 @@ def read_by_meshio(path: Path) -> RawMesh:
             done = subprocess.run(command, capture_output=True, check=False, timeout=seconds, env=environment)
         except subprocess.TimeoutExpired:
             raise MeshFileError(f"couldn't be read in {seconds:.0f} s; is it cut off?") from None
-        return _handed_over(arrays, done.returncode, done.stderr.decode(errors="replace"))
+        return _load_arrays(arrays, done.returncode, done.stderr.decode(errors="replace"))
 
 
-def _handed_over(arrays: Path, status: int, message: str) -> RawMesh:
+def _load_arrays(arrays: Path, status: int, message: str) -> RawMesh:
+    """Load the mesh that the other process saved, or raise ``MeshFileError`` with its message."""
     if status != 0 or not arrays.is_file():
         raise MeshFileError(f"is damaged, or in a form that meshio doesn't read: {message.strip() or 'it stopped'}")
     with np.load(arrays, allow_pickle=False) as file:
@@ -71,7 +71,7 @@ def main(arguments: list[str]) -> str | None:
     try:
         _limit_memory(source.stat().st_size)
         with contextlib.redirect_stdout(quiet), contextlib.redirect_stderr(quiet):
-            _hand_over(_read(source), target)
+            _save_arrays(_read(source), target)
     except MeshFileError as error:
         said = str(error)
     except MemoryError:
@@ -86,9 +86,10 @@ def main(arguments: list[str]) -> str | None:
 
 
 def _limit_memory(size: int) -> None:
+    """Limit this process's memory to what a file of ``size`` bytes can need."""
     try:
         import resource
-    except ImportError:  # Windows: the time is limited still
+    except ImportError:  # on Windows only time is limited
         return
     limit = _BYTES + _BYTES_PER_BYTE * size
     with contextlib.suppress(OSError):
@@ -98,14 +99,14 @@ def _limit_memory(size: int) -> None:
 
 
 def _read(path: Path) -> RawMesh:
+    """Read a mesh by meshio, and mend the faults of meshio 5.3."""
     import meshio
     from meshio import _mesh
     from meshio.gmsh import _gmsh41
 
-    _mesh.topological_dimension.setdefault("wedge15", 3)  # meshio 5.3 has forgotten it
+    _mesh.topological_dimension.setdefault("wedge15", 3)  # missing in meshio 5.3
 
-    # Where only some of the entities are in physical groups, meshio 5.3 gives fewer arrays than there are blocks and
-    # then refuses its own work.
+    # If only some entities are in physical groups, meshio 5.3 makes fewer arrays than blocks and then refuses them.
     def mesh(points: Any, cells: Any, *, cell_data: Any, cell_sets: Any, **rest: Any) -> meshio.Mesh:
         whole = {name: arrays for name, arrays in cell_data.items() if len(arrays) == len(cells)}
         named = {name: sets for name, sets in cell_sets.items() if not name.startswith("gmsh:")}
@@ -115,7 +116,7 @@ def _read(path: Path) -> RawMesh:
     with path.open("rb") as stream:  # other programs write .msh too
         file_format = "gmsh" if path.suffix == ".msh" and stream.read(100).lstrip().startswith(b"$") else None
     with warnings.catch_warnings():
-        # NumPy reads text up to what is no number, and only warns.
+        # NumPy stops reading at text that isn't a number, with a mere warning.
         warnings.filterwarnings("error", message=".*could not be read to its end")
         found = meshio.read(path, file_format)
     points = np.asarray(found.points, dtype=np.float64)
@@ -136,7 +137,7 @@ def _read(path: Path) -> RawMesh:
 
 
 def _add_tags(raw: RawMesh, found: Any) -> None:
-    """Turn what formats call tags, families or cell data into sets, with the names that the file has for them."""
+    """Turn tags, families and integer cell data into sets with the file's names."""
     names = {
         (int(np.ravel(value)[0]), int(np.ravel(value)[1]) if np.size(value) > 1 else None): name
         for name, value in found.field_data.items()
@@ -164,14 +165,15 @@ def _add_tags(raw: RawMesh, found: Any) -> None:
 
 
 def _few(values: list[Any]) -> list[int]:
-    found = sorted({int(tag) for v in values for tag in np.unique(v)[: _MOST_TAGS + 1]})
-    return found if len(found) <= _MOST_TAGS else []
+    """Return the different values, or none if there are too many."""
+    tags = sorted({int(tag) for v in values for tag in np.unique(v)[: _MOST_TAGS + 1]})
+    return tags if len(tags) <= _MOST_TAGS else []
 
 
 def _tag_names(
     key: str, tag: int, dimension: int, names: dict[tuple[int, int | None], str], families: dict[int, list[str]]
 ) -> list[str]:
-    """Names of the set that an integer stands for among the cell data ``key``."""
+    """Return the names of the set that a value of the cell data ``key`` stands for."""
     what = {2: "surface", 3: "volume"}[dimension]
     match key:
         case "cell_tags":
@@ -186,17 +188,20 @@ def _tag_names(
 
 
 def _add(sets: dict[str, list[IntArray]], name: str, chosen: list[IntArray]) -> None:
+    """Add cells to a named set."""
     before = sets.get(name)
     sets[name] = chosen if before is None else [np.union1d(a, b) for a, b in zip(before, chosen, strict=True)]
 
 
 def _dimension(kind: str) -> int:
+    """Return the dimension of a cell type: 3, 2 or 1."""
     if kind.startswith(("tetra", "hexahedron", "wedge", "pyramid")):
         return 3
     return 2 if kind.startswith(("triangle", "quad")) else 1
 
 
-def _hand_over(raw: RawMesh, target: Path) -> None:
+def _save_arrays(raw: RawMesh, target: Path) -> None:
+    """Save a mesh as plain arrays for `_load_arrays`."""
     arrays: dict[str, Any] = {"points": raw.points}
     arrays |= {f"cells {k}": cells for k, (_, cells) in enumerate(raw.blocks)}
     for s, sets in enumerate(raw.cell_sets.values()):

@@ -1,7 +1,7 @@
-"""Reads the mesh in a Nastran bulk data file: grid points and elements, these with their property as a set.
+"""Reader of Nastran bulk data files: grid points and elements, with a set for each property.
 
-meshio's own reader takes a grid point's coordinate system for a label, cell after cell with holes in it for a shorter
-one, and waits for ever for the end of a file that is cut off; hence this one.
+meshio's own reader mistakes a grid point's coordinate system for a label and a cell with missing nodes for a shorter
+one, and never returns from a file that is cut off.
 """
 
 from __future__ import annotations
@@ -33,7 +33,7 @@ _PLANES = {
 _LINES = ("CBAR", "CBEAM", "CROD", "CTUBE", "CBEND")
 _OTHERS = ("CONM1", "CONM2", "CONROD", "CBUSH", "CBUSH1D", "CGAP", "RBE1", "RBE2", "RBE3", "RBAR", "RROD")
 _OTHER = re.compile(r"CELAS\d|CDAMP\d|CMASS\d|CVISC|CWELD|CFAST")
-# Ours of Nastran's nodes: those of the upright edges come last.
+# From Nastran's nodes, where those of the upright edges come before the upper ones, to meshio's.
 _ORDER = {
     "hexahedron20": [*range(12), *range(16, 20), *range(12, 16)],
     "wedge15": [*range(9), *range(12, 15), *range(9, 12)],
@@ -41,12 +41,12 @@ _ORDER = {
 
 
 def read_nastran(text: str) -> RawMesh:
-    """Read the text of a bulk data file, in small, large or free fields.
+    """Read the mesh in the text of a bulk data file, in small, large or free fields.
 
     Raises
     ------
     MeshFileError
-        It makes no sense, or has something that isn't read; the message gives the line.
+        The text is damaged, or has a form that isn't read; the message gives the line.
     """
     points: dict[int, list[float]] = {}
     cells: dict[str, list[list[int]]] = defaultdict(list)
@@ -94,6 +94,7 @@ def read_nastran(text: str) -> RawMesh:
 
 
 def _take_point(fields: list[str], points: dict[int, list[float]]) -> None:
+    """Add a grid point."""
     number, system = int(fields[0]), fields[1] if len(fields) > 1 else ""
     if system not in ("", "0"):
         raise MeshFileError(f"grid point {number} is in coordinate system {system}; write all in the basic one, 0")
@@ -104,6 +105,7 @@ def _take_point(fields: list[str], points: dict[int, list[float]]) -> None:
 
 
 def _cell(name: str, fields: list[str]) -> tuple[str, list[int]]:
+    """Return the cell type and the grid points of an element."""
     if name in _LINES:
         return "line", [int(field) for field in fields[2:4]]
     kinds = _SOLIDS.get(name) or _PLANES[name]
@@ -142,7 +144,7 @@ def _cards(text: str) -> Iterator[tuple[int, str, list[str]]]:
 
 
 def _fields(line: str) -> tuple[str, list[str]]:
-    """First field, and the eight (four of the large ones) data fields of a line; the last may be left out."""
+    """Return the first field of a line, and its eight data fields, or four large ones."""
     if "," in line:
         head, *rest = (field.strip() for field in line.split(","))
         large = head.endswith("*")

@@ -1,4 +1,4 @@
-"""A mesh as a file holds it: blocks of cells of any kind, sets by name; nothing is checked or mended yet."""
+"""A mesh as its file gives it: blocks of cells of any type and named sets, not yet checked."""
 
 from __future__ import annotations
 
@@ -8,27 +8,27 @@ from pipeline.core.arrays import Array, IntArray
 
 
 class MeshFileError(ValueError):
-    """A mesh file can't be used; the message tells what is wrong and what would work."""
+    """A mesh file can't be used; the message names the fault and a mend."""
 
 
 @dataclass
 class RawMesh:
-    """What a reader found.
+    """Contents of a mesh file before any check.
 
     Attributes
     ----------
     points : ndarray, shape (n_points, 3)
         Positions in the file's unit.
     blocks : list of (str, ndarray)
-        Kind of cells, by meshio's name and in its order of nodes, and the points of each, shape (n, n_local).
+        Cell type by meshio's name, and the points of each cell in meshio's order, shape (n, n_local).
     cell_sets : dict of str to list of ndarray
-        Of each named set, the cells that it holds of each block.
+        Cells of each named set, an array for each block.
     point_sets : dict of str to ndarray
         Points of each named set.
     facet_sets : dict of str to list of ndarray
-        Corners of solid cells' facets that make up a named surface, arrays (n, 3) or (n, 4).
+        Corners of the facets of each named surface, arrays (n, 3) or (n, 4).
     others : dict of str to int
-        How many elements the file has that are no cells of a mesh, by their kind: springs, masses, rigid links.
+        Number of elements that aren't cells, by type: springs, masses, rigid links.
     """
 
     points: Array

@@ -1,7 +1,8 @@
-"""A motion's fields on a body's mesh as one VTKHDF file, which ParaView plays: the mesh once, then field after field.
+"""Writer of fields over time on a body's mesh as one VTKHDF file, which ParaView plays.
 
-The format is VTK's own, https://docs.vtk.org/en/latest/vtk_file_formats/vtkhdf_file_format; what is used of it here
-belongs to its version 2.0.
+The format is VTK's, version 2.0 (https://docs.vtk.org/en/latest/vtk_file_formats/vtkhdf_file_format). VTK's own
+``vtkHDFWriter`` rounds times to single precision, repeats cell data at every instant and needs a source in VTK's
+pipeline, which is no shorter than the functions below.
 """
 
 from __future__ import annotations
@@ -15,13 +16,14 @@ from numpy.typing import NDArray
 
 from pipeline.core.arrays import Array, IntArray, require_shape
 from pipeline.core.files import whole_file
-from pipeline.fem.elements import places, vtk_nodes
+from pipeline.fem.cells import vtk_nodes
+from pipeline.fem.elements import match_nodes
 from pipeline.fem.formats.export import part_numbers
-from pipeline.fem.model import Discretisation
+from pipeline.fem.space import Discretisation
 
 _VERSION = (2, 0)
 _CELL_TYPES = {"tet4": 10, "hex8": 12, "wedge6": 13, "tet10": 24, "hex20": 25, "wedge15": 26, "hex27": 29}
-_TENSOR = [0, 1, 2, 5, 3, 4]  # our xx, yy, zz, yz, xz, xy in VTK's order, which ends xy, yz, xz
+_TENSOR = [0, 1, 2, 5, 3, 4]  # from xx, yy, zz, yz, xz, xy to VTK's order, which ends xy, yz, xz
 
 
 def write_series(space: Discretisation, times: Array, fields: Iterable[Mapping[str, NDArray[Any]]], path: Path) -> None:
@@ -30,11 +32,11 @@ def write_series(space: Discretisation, times: Array, fields: Iterable[Mapping[s
     Parameters
     ----------
     space : Discretisation
-        The body's nodes and elements; the cell data ``part`` tells each element's part, counted from 1.
+        The body's nodes and elements; the cell data ``part`` is the number of each element's part, from 1.
     times : ndarray, shape (n_times,)
         Instants [s], ascending.
     fields : iterable of mapping of str to ndarray, shape (n_nodes,) or (n_nodes, k)
-        The fields at each of the times, asked for one after the other and kept in single precision. All have the names
+        The fields at each of the times, computed one after the other and stored in single precision. All have the names
         and shapes of the first. Six components are a symmetric tensor, xx, yy, zz, yz, xz, xy.
     path : Path
         The file, ``.vtkhdf``.
@@ -42,7 +44,7 @@ def write_series(space: Discretisation, times: Array, fields: Iterable[Mapping[s
     Raises
     ------
     ValueError
-        The times don't ascend, there are more or fewer fields than times, or a field changes its name or shape.
+        The times don't ascend, fields and times differ in number, or a field changes its name or shape.
     OSError
         The place can't be written.
     """
@@ -61,7 +63,7 @@ def write_series(space: Discretisation, times: Array, fields: Iterable[Mapping[s
 
 
 def vtk_cells(space: Discretisation) -> IntArray:
-    """Node numbers of each element in VTK's order, shape (n_elements, n_local), the volume always positive."""
+    """Return the nodes of each element in VTK's order, shape (n_elements, n_local), with positive volumes."""
     order = np.array([_local_order(space, mirrored) for mirrored in (False, True)])
     centre = space.kind.geometry.doflocs.mean(axis=0)[:, None]
     mirrored = np.linalg.det(space.jacobians(centre)[:, 0]) < 0
@@ -69,17 +71,18 @@ def vtk_cells(space: Discretisation) -> IntArray:
 
 
 def _local_order(space: Discretisation, mirrored: bool) -> IntArray:
-    """Which local node of the element lies where VTK's nodes do on the unit cell, shape (n_local,).
+    """Return the local nodes of an element in the order of VTK's on the reference cell, shape (n_local,).
 
-    An element that scikit-fem maps with a negative Jacobian is right-handed with the unit cell's x and y exchanged.
+    An element with a negative Jacobian is right-handed if x and y of the reference cell change places.
     """
     nodes = vtk_nodes(space.mesh.cell_type, space.order)
     if mirrored:
         nodes = nodes[:, [1, 0, 2]]
-    return places(nodes, space.kind.element.doflocs)
+    return match_nodes(nodes, space.kind.element.doflocs)
 
 
 def _write_mesh(root: Any, space: Discretisation) -> None:
+    """Write points, cells and parts, which don't change over time."""
     cells = vtk_cells(space)
     n_cells, n_local = cells.shape
     for name, number in (("Points", len(space.x)), ("Cells", n_cells), ("ConnectivityIds", cells.size)):
@@ -93,7 +96,7 @@ def _write_mesh(root: Any, space: Discretisation) -> None:
 
 
 def _write_fields(root: Any, n_nodes: int, n_times: int, fields: Iterable[Mapping[str, NDArray[Any]]]) -> None:
-    """Write fields below one another as they come: only those of one instant are in memory."""
+    """Write the fields of one instant after the other, so that memory holds those of one."""
     group = root.create_group("PointData")
     step = -1
     for step, now in enumerate(fields):
@@ -106,26 +109,27 @@ def _write_fields(root: Any, n_nodes: int, n_times: int, fields: Iterable[Mappin
             raise ValueError(f"fields at time {step} are {', '.join(now)}; at first they were {', '.join(group)}")
         for name, values in now.items():
             require_shape(name, values, (n_nodes, *group[name].shape[1:]))
-            group[name][step * n_nodes : (step + 1) * n_nodes] = _in_vtk_order(values)
+            group[name][step * n_nodes : (step + 1) * n_nodes] = _to_vtk_order(values)
     if step + 1 < n_times:
         raise ValueError(f"there are fields for {step + 1} of {n_times} times")
 
 
-def _in_vtk_order(values: NDArray[Any]) -> NDArray[Any]:
+def _to_vtk_order(values: NDArray[Any]) -> NDArray[Any]:
+    """Return a field with the components of a tensor in VTK's order."""
     return values[:, _TENSOR] if values.shape[1:] == (6,) else values
 
 
 def _write_steps(root: Any, times: Array, n_nodes: int) -> None:
-    """Tell where each instant's data begin: the mesh's always at 0, a field's after the one before it."""
+    """Write the offsets of each instant's data: the mesh's are 0, a field's follow one another."""
     steps = root.create_group("Steps")
     n_times = len(times)
     steps.attrs["NSteps"] = n_times
     steps["Values"] = times
-    same = np.zeros(n_times, dtype=np.int64)
-    steps["NumberOfParts"] = same + 1
+    zeros = np.zeros(n_times, dtype=np.int64)
+    steps["NumberOfParts"] = zeros + 1
     for name in ("PartOffsets", "PointOffsets", "CellDataOffsets/part"):
-        steps[name] = same
+        steps[name] = zeros
     for name in ("CellOffsets", "ConnectivityIdOffsets"):
-        steps[name] = same[:, None]
+        steps[name] = zeros[:, None]
     for name in root["PointData"]:
         steps[f"PointDataOffsets/{name}"] = n_nodes * np.arange(n_times)

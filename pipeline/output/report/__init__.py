@@ -1,1 +1,1 @@
-"""One web page of all results."""
+"""One web page of all results: its contents, its template, and the viewer in it."""

@@ -1,4 +1,4 @@
-"""A stressed part as data for the page's own viewer."""
+"""Data of a stressed part for the viewer of the page, which turns it in the browser."""
 
 from __future__ import annotations
 
@@ -8,20 +8,22 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 from numpy.typing import NDArray
 
+from pipeline.render.projection import choose_axes
+
 if TYPE_CHECKING:
     from pipeline.stages.pipeline import Pipeline
 
 _COLOURS = 256
-_MOST_EDGES = 12_000  # with more, element edges are off at first
+_MOST_EDGES = 12_000  # with more, element edges are hidden at first
 
 
-def view_data(run: Pipeline, body: str, scale: float) -> dict[str, Any]:
-    """Gather a body at the instant of its largest von Mises stress.
+def collect_view(run: Pipeline, body: str, scale: float) -> dict[str, Any]:
+    """Collect shape, deformation and stress of a body at the instant of its largest von Mises stress.
 
     Parameters
     ----------
     scale : float
-        Factor on the deformation that is shown at first.
+        Factor on the deformation when the page is opened.
 
     Returns
     -------
@@ -30,12 +32,11 @@ def view_data(run: Pipeline, body: str, scale: float) -> dict[str, Any]:
         [MPa] of the drawn points, uint32 ``triangles`` and ``edges``, uint8 ``colours`` (256, 3); the rest are numbers:
         ``axes`` are the camera's, row by row, to the right, up and towards the viewer.
     """
-    from pipeline.render.camera import Look
-    from pipeline.render.pictures import stress_limits
-    from pipeline.render.projection import view_of_hottest
-    from pipeline.render.surface import Surface, skin_of
+    from pipeline.render.camera import Camera
+    from pipeline.render.colours import sample_colours, stress_limits
+    from pipeline.render.surface import Surface, build_skin
 
-    look = Look()
+    camera = Camera()
     topology, history = run.parts[body].surface, run.stress_of(body)
     time, _, worst = history.worst()
     frame = int(np.searchsorted(history.times, time))
@@ -43,19 +44,19 @@ def view_data(run: Pipeline, body: str, scale: float) -> dict[str, Any]:
     displacement = run.bodies[body].shapes[history.nodes] @ history.q[frame]
     stress = history.measure_at(np.array([frame]))[0]
     moved = surface.points + scale * displacement
-    axes, _, _ = view_of_hottest(look.directions(moved), moved, surface.triangles, stress)
-    skin = skin_of(surface)
+    axes, _, _ = choose_axes(camera.candidate_axes(moved), moved, surface.triangles, stress)
+    skin = build_skin(surface)
     drawn = np.zeros(len(surface.points), dtype=np.int64)
     drawn[skin.source] = np.arange(len(skin.source))
     middle = (surface.points.min(axis=0) + surface.points.max(axis=0)) / 2
     low, high = stress_limits(stress)
     return {
-        "positions": _packed(surface.points[skin.source] - middle, "<f4"),
-        "displacements": _packed(displacement[skin.source], "<f4"),
-        "values": _packed(stress[skin.source] * 1e-6, "<f4"),
-        "triangles": _packed(skin.triangles, "<u4"),
-        "edges": _packed(drawn[surface.edges], "<u4"),
-        "colours": _packed(look.colours(_COLOURS), "u1"),
+        "positions": _encode(surface.points[skin.source] - middle, "<f4"),
+        "displacements": _encode(displacement[skin.source], "<f4"),
+        "values": _encode(stress[skin.source] * 1e-6, "<f4"),
+        "triangles": _encode(skin.triangles, "<u4"),
+        "edges": _encode(drawn[surface.edges], "<u4"),
+        "colours": _encode(sample_colours(camera.colour_map, _COLOURS), "u1"),
         "limits": [low * 1e-6, high * 1e-6],
         "axes": axes.ravel().tolist(),
         "radius": float(np.linalg.norm(surface.points - middle, axis=1).max()),
@@ -66,5 +67,6 @@ def view_data(run: Pipeline, body: str, scale: float) -> dict[str, Any]:
     }
 
 
-def _packed(values: NDArray[Any], kind: str) -> str:
+def _encode(values: NDArray[Any], kind: str) -> str:
+    """Encode an array's bytes in base64."""
     return base64.b64encode(values.astype(kind).tobytes()).decode()

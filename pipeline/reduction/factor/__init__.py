@@ -1,1 +1,1 @@
-"""Factors of large sparse symmetric matrices."""
+"""Factors of large sparse symmetric matrices, with their size and memory known beforehand."""

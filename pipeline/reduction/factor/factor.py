@@ -1,8 +1,8 @@
 """Factors of large symmetric positive definite matrices, by the best sparse solver that is installed.
 
-CHOLMOD, which cvxopt's wheels bring, on METIS' nested dissection (pymetis) is the fastest of what plain wheels hold.
-SciPy's own SuperLU is always there and gains from the same order. The factor's size is known from the elimination tree
-before anything is factorised, so what doesn't fit is refused at once.
+CHOLMOD, which cvxopt's wheels bring, on METIS' nested dissection (pymetis) is the fastest solver that comes in plain
+wheels. SciPy's own SuperLU is always there and gains from the same order. The factor's size is known from the
+elimination tree before anything is factorised, so a factor that doesn't fit is refused at once.
 """
 
 from __future__ import annotations
@@ -34,25 +34,25 @@ class TooLargeError(MemoryError):
 
 
 class MissingSolverError(ImportError):
-    """A solver that was asked for isn't installed; the message says what to install."""
+    """The solver that a scene names isn't installed; the message says what to install."""
 
 
 @dataclass(frozen=True, slots=True)
 class FactorFigures:
-    """What a factorisation takes.
+    """Solver, order, size and memory of a factorisation.
 
     Attributes
     ----------
     solver : str
         ``CHOLMOD`` or ``SuperLU``; ``MUMPS`` and others of PETSc's with the number of ranks.
     order : str
-        By which the unknowns were reordered: ``METIS`` (nested dissection), ``MMD`` (minimum degree) or ``own``.
+        Method that reordered the unknowns: ``METIS`` (nested dissection), ``MMD`` (minimum degree) or ``own``.
     unknowns : int
-        Of the matrix.
+        Number of unknowns of the matrix.
     nonzeros : int
-        Of its Cholesky factor in this order.
+        Number of nonzeros of its Cholesky factor in this order.
     memory : int
-        What the solver keeps, by prediction [bytes].
+        Memory that the solver keeps, by prediction [bytes].
     """
 
     solver: str
@@ -64,14 +64,14 @@ class FactorFigures:
 
 @dataclass(frozen=True)
 class Factor:
-    """A factorised matrix.
+    """Factorised matrix: its solves, and its size.
 
     Attributes
     ----------
     solve : callable
         ``A⁻¹ f`` of f, (n,) or (n, k).
     figures : FactorFigures
-        What it took.
+        Size and memory.
     lowest : callable, optional
         Where the factor's package has a method of its own: ``lowest(M, count, ncv, Z)`` finds the lowest eigenpairs of
         ``A φ = θ M φ`` outside known eigenvectors Z (n, k): θ (count,), Φ (n, count) with ``Φᵀ M Φ = 1``.
@@ -82,8 +82,8 @@ class Factor:
     lowest: Callable[[Any, int, int, Array], tuple[Array, Array]] | None = None
 
 
-def factorised(A: Any, solver: Solver = "auto") -> Factor:
-    """Factorise a symmetric positive definite matrix.
+def factorise(A: Any, solver: Solver = "auto") -> Factor:
+    """Factorise a symmetric positive definite matrix by the fastest solver installed, or by a named one.
 
     Parameters
     ----------
@@ -97,13 +97,13 @@ def factorised(A: Any, solver: Solver = "auto") -> Factor:
     TooLargeError
         The factor wouldn't fit into the memory that is available; the message gives both.
     MissingSolverError
-        ``cholesky`` is asked for, and cvxopt is not installed.
+        The solver is ``cholesky``, and cvxopt is not installed.
     AccuracyError
         A is not positive definite.
     """
-    chosen = _installed(solver, A.shape[0])
+    chosen = _choose_solver(solver, A.shape[0])
     if chosen == "superlu" and A.shape[0] < _SMALL:
-        factor = superlu(A)
+        factor = _superlu(A)
         return Factor(factor.solve, _figures(chosen, "MMD", A.shape[0], (factor.nnz + A.shape[0]) // 2))
     A = sp.csr_array(A)
     order, name, nonzeros = _ordered(A)
@@ -112,19 +112,8 @@ def factorised(A: Any, solver: Solver = "auto") -> Factor:
     return Factor({"cholesky": _cholmod, "superlu": _superlu_in_order}[chosen](A, order), figures)
 
 
-def superlu(A: Any) -> Any:
-    """Factorise a symmetric matrix by SuperLU, without leaving the diagonal for pivots."""
-    return splu(sp.csc_array(A), permc_spec="MMD_AT_PLUS_A", diag_pivot_thresh=0.0, options={"SymmetricMode": True})
-
-
-def predicted(A: Any, solver: Solver = "auto") -> FactorFigures:
-    """Tell what `factorised` would take, without factorising."""
-    A = sp.csr_array(A)
-    _, name, nonzeros = _ordered(A)
-    return _figures(_installed(solver, A.shape[0]), name, A.shape[0], nonzeros)
-
-
-def _installed(solver: Solver, n: int) -> Literal["cholesky", "superlu"]:
+def _choose_solver(solver: Solver, n: int) -> Literal["cholesky", "superlu"]:
+    """Choose the solver for n unknowns among those installed."""
     has_cvxopt = find_spec("cvxopt") is not None
     if solver == "cholesky" and not has_cvxopt:
         raise MissingSolverError("cvxopt, which brings CHOLMOD, is not installed: pip install cvxopt, or use 'superlu'")
@@ -134,12 +123,13 @@ def _installed(solver: Solver, n: int) -> Literal["cholesky", "superlu"]:
 
 
 def _figures(chosen: str, order: str, n: int, nonzeros: int) -> FactorFigures:
+    """Predict the memory of a factor from its nonzeros."""
     name = {"cholesky": "CHOLMOD", "superlu": "SuperLU"}[chosen]
     return FactorFigures(name, order, n, nonzeros, int(_BYTES[chosen] * nonzeros))
 
 
 def _ordered(A: sp.csr_array) -> tuple[IntArray, str, int]:
-    """Fill-reducing order of the unknowns, its name, and the Cholesky factor's number of nonzeros in it."""
+    """Find a fill-reducing order of the unknowns; its name and the number of nonzeros of the factor come with it."""
     size = 3 if A.shape[0] % 3 == 0 else 1
     graph = node_graph(A, size)
     if find_spec("pymetis") is not None and graph.nnz:
@@ -148,12 +138,13 @@ def _ordered(A: sp.csr_array) -> tuple[IntArray, str, int]:
         name, order = "METIS", np.array(pymetis.nested_dissection(pymetis.CSRAdjacency(graph.indptr, graph.indices))[0])
     else:  # SuperLU's minimum degree, by a factorisation of the graph: 1/27 of the work
         dominant = sp.csc_array(graph + sp.diags_array(graph.sum(axis=0) + 1.0))
-        name, order = "MMD", np.argsort(superlu(dominant).perm_c)
+        name, order = "MMD", np.argsort(_superlu(dominant).perm_c)
     unknowns = (size * order.astype(np.int64)[:, None] + np.arange(size)).ravel()
     return unknowns, name, factor_nonzeros(graph[order][:, order], size)
 
 
 def _refuse_too_large(figures: FactorFigures, nonzeros: int) -> None:
+    """Raise `TooLargeError` if factor and matrix don't fit into the available memory."""
     needed, there = figures.memory + _BYTES_OF_MATRIX * nonzeros, available_memory()
     if needed > there:
         raise TooLargeError(
@@ -165,6 +156,7 @@ def _refuse_too_large(figures: FactorFigures, nonzeros: int) -> None:
 
 
 def _cholmod(A: sp.csr_array, order: IntArray) -> Callable[[Array], Array]:
+    """Factorise by CHOLMOD with the unknowns in the given order; returns the solve."""
     from cvxopt import cholmod, matrix, sparse, spmatrix
 
     lower = sp.tril(A, format="coo")
@@ -189,7 +181,13 @@ def _cholmod(A: sp.csr_array, order: IntArray) -> Callable[[Array], Array]:
     return solve
 
 
+def _superlu(A: Any) -> Any:
+    """Factorise a symmetric matrix by SuperLU, without leaving the diagonal for pivots."""
+    return splu(sp.csc_array(A), permc_spec="MMD_AT_PLUS_A", diag_pivot_thresh=0.0, options={"SymmetricMode": True})
+
+
 def _superlu_in_order(A: sp.csr_array, order: IntArray) -> Callable[[Array], Array]:
+    """Factorise by SuperLU with the unknowns in the given order; returns the solve."""
     inside = sp.csc_array(A[order][:, order])
     factor = splu(inside, permc_spec="NATURAL", diag_pivot_thresh=0.0, options={"SymmetricMode": True})
 

@@ -1,4 +1,4 @@
-"""What a Cholesky factor will hold, from the pattern of its matrix alone."""
+"""Size of a Cholesky factor, counted from the pattern of its matrix before anything is factorised."""
 
 from __future__ import annotations
 
@@ -13,7 +13,7 @@ from pipeline.core.paths import kernel_folder
 
 
 def node_graph(A: sp.csr_array, size: int) -> sp.csr_array:
-    """Graph of the nodes, ``size`` unknowns each, that a matrix couples; symmetric, without loops."""
+    """Graph of the nodes, of ``size`` unknowns each, that a matrix couples; symmetric, without loops."""
     n = A.shape[0]
     rows, columns = np.repeat(np.arange(n) // size, np.diff(A.indptr)), A.indices // size
     apart = rows != columns
@@ -35,6 +35,7 @@ def factor_nonzeros(graph: sp.csr_array, size: int = 1) -> int:
 
 @cache
 def _count_columns() -> Any:
+    """Compile `_counts`, and keep the machine code in the cache folder."""
     os.environ.setdefault("NUMBA_CACHE_DIR", str(kernel_folder()))
     import numba
 
@@ -42,6 +43,7 @@ def _count_columns() -> Any:
 
 
 def _counts(indptr: Any, indices: Any, counts: Any, parent: Any, seen: Any) -> None:
+    """Add to each column's count the rows below the diagonal, walking up the elimination tree from each row."""
     for i in range(len(counts)):
         seen[i] = i
         for k in range(indptr[i], indptr[i + 1]):

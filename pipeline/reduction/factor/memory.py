@@ -1,13 +1,11 @@
-"""How much memory this process may still take."""
+"""Memory that this process may still take, on the machine and within its container."""
 
 from __future__ import annotations
 
-import os
 from pathlib import Path
 
-_MEMINFO = Path("/proc/meminfo")
 _CGROUP = Path("/sys/fs/cgroup")
-# Limit, use, and what of that are files' pages, which make room: by version 2 of control groups, and by version 1.
+# Limit, use, and pages of files, which make room when needed: in version 2 of Linux's control groups and in version 1.
 _GROUPS = (
     ("memory.max", "memory.current", "memory.stat", ("active_file", "inactive_file")),
     (
@@ -17,35 +15,26 @@ _GROUPS = (
 )
 
 
-def available_memory(meminfo: Path = _MEMINFO, cgroup: Path = _CGROUP) -> float:
-    """Memory that is free or can be freed, within what a container allows [bytes]; infinite if it can't be told.
+def available_memory(cgroup: Path = _CGROUP) -> float:
+    """Return the memory that is free or can be freed, within the limit of a container [bytes].
 
     Parameters
     ----------
-    meminfo, cgroup : Path
-        Linux's file on memory, and the folder of this process's control group, version 2 or 1.
+    cgroup : Path
+        Folder of this process's control group, version 2 or 1; psutil knows the machine's memory only.
     """
-    return min(_of_machine(meminfo), _of_group(cgroup))
+    import psutil
+
+    return min(float(psutil.virtual_memory().available), _left_in_group(cgroup))
 
 
-def _of_machine(meminfo: Path) -> float:
-    try:
-        lines = dict(line.split(":", 1) for line in meminfo.read_text().splitlines() if ":" in line)
-        return 1024.0 * float(lines["MemAvailable"].split()[0])
-    except (OSError, KeyError, ValueError):
-        pass
-    try:  # what the machine has at all
-        return float(os.sysconf("SC_PAGE_SIZE") * os.sysconf("SC_PHYS_PAGES"))
-    except (AttributeError, ValueError, OSError):
-        return float("inf")
-
-
-def _of_group(cgroup: Path) -> float:
-    for limit, used, stat, cached in _GROUPS:
+def _left_in_group(cgroup: Path) -> float:
+    """Memory that a control group's limit leaves [bytes]; infinite without a limit."""
+    for limit, used, stat, pages in _GROUPS:
         try:
             lines = dict(line.split() for line in (cgroup / stat).read_text().splitlines())
             free = float((cgroup / limit).read_text()) - float((cgroup / used).read_text())
-            return free + sum(float(lines[name]) for name in cached)
+            return free + sum(float(lines[name]) for name in pages)
         except (OSError, KeyError, ValueError):  # no such file, or "max": no limit
             continue
     return float("inf")

@@ -1,4 +1,4 @@
-"""A factor and an eigensolver spread over the ranks of an MPI run: PETSc, MUMPS and SLEPc in processes of their own."""
+"""Factor and eigensolver spread over MPI ranks: PETSc, MUMPS and SLEPc in processes of their own."""
 
 from __future__ import annotations
 
@@ -30,21 +30,20 @@ _INSTALL = (
 )
 
 
-def slepc_factorised(A: Any, ranks: int) -> Factor:
-    """Factorise a symmetric positive definite matrix over a number of MPI ranks; they end with the factor.
+def factorise_over_ranks(A: Any, ranks: int) -> Factor:
+    """Factorise a symmetric positive definite matrix over a number of MPI ranks, which end with the factor.
 
     Raises
     ------
     MissingSolverError
-        slepc4py or ``mpiexec`` isn't there.
-        Or the processes don't start; the message has what they said last.
+        slepc4py or ``mpiexec`` isn't installed, or the processes don't start; the message quotes their last words.
     """
     started = _Ranks(A, ranks)
     return Factor(started.solve, started.figures, started.lowest)
 
 
 def _python() -> str:
-    """Interpreter that has slepc4py."""
+    """Find the Python interpreter that has slepc4py."""
     if PYTHON in os.environ:
         python = os.environ[PYTHON]
         if shutil.which(python) is None:
@@ -56,7 +55,7 @@ def _python() -> str:
 
 
 class _Ranks:
-    """The processes, and the folder through which they are given matrices and vectors."""
+    """Processes of a distributed factor, and the folder that hands matrices and vectors over to them."""
 
     def __init__(self, A: Any, ranks: int) -> None:
         command = [_python(), str(_WORKER)]
@@ -82,48 +81,52 @@ class _Ranks:
         self._end = weakref.finalize(self, _end, self._process, self._errors, self._folder)
         line = self._process.stdout.readline()
         if not line:
-            said = self._said()
-            raise MissingSolverError(_INSTALL if "No module named" in said else f"doesn't start: {said}")
+            words = self._last_words()
+            raise MissingSolverError(_INSTALL if "No module named" in words else f"doesn't start: {words}")
         about = json.loads(line)
         name = {"mumps": "MUMPS", "superlu_dist": "SuperLU_DIST"}.get(about["package"], "PETSc")
         nonzeros = int(about["nonzeros"])
         self.figures = FactorFigures(f"{name}, {ranks} rank{'s' * (ranks > 1)}", "own", self._n, nonzeros, 8 * nonzeros)
 
     def solve(self, f: Array) -> Array:
+        """Solve for loads f, (n,) or (n, k)."""
         loads = f.reshape(self._n, -1)
         np.save(self._folder / "f.npy", loads)
         np.save(self._folder / "x.npy", np.empty_like(loads))
-        self._ask("solve")
+        self._send("solve")
         return np.asarray(np.load(self._folder / "x.npy").reshape(f.shape))
 
     def lowest(self, M: Any, count: int, ncv: int, outside: Array) -> tuple[Array, Array]:
+        """Find the lowest eigenpairs of ``A φ = θ M φ`` outside known eigenvectors, as `Factor.lowest` says."""
         self._write("M", M)
         np.save(self._folder / "f.npy", outside)
         np.save(self._folder / "x.npy", np.empty((self._n, count)))
-        theta = np.array(self._ask("modes", count, ncv)["values"])
+        theta = np.array(self._send("modes", count, ncv)["values"])
         if len(theta) < count:
             raise AccuracyError(f"SLEPc found only {len(theta)} of {count} modes")
         return theta, np.load(self._folder / "x.npy")
 
     def _write(self, name: str, A: Any) -> None:
+        """Write a matrix in CSR form to the folder."""
         A = sp.csr_array(A)
         for part in ("indptr", "indices", "data"):
             np.save(self._folder / f"{name}-{part}.npy", getattr(A, part))
 
-    def _ask(self, *command: object) -> dict[str, Any]:
+    def _send(self, *command: object) -> dict[str, Any]:
+        """Send a command to rank 0 and wait for its answer."""
         assert self._process.stdin is not None
         assert self._process.stdout is not None
-        with suppress(BrokenPipeError):  # the answer, or its absence, tells
+        with suppress(BrokenPipeError):  # then there is no answer either
             self._process.stdin.write(json.dumps(command) + "\n")
             self._process.stdin.flush()
         line = self._process.stdout.readline()
         if not line:
-            raise AccuracyError(f'the processes of modes.solver = "slepc" ended: {self._said()}')
+            raise AccuracyError(f'the processes of modes.solver = "slepc" ended: {self._last_words()}')
         answer: dict[str, Any] = json.loads(line)
         return answer
 
-    def _said(self) -> str:
-        """Last words of the processes."""
+    def _last_words(self) -> str:
+        """Wait for the processes to end; return the last words on their standard error."""
         self._process.wait()
         self._errors.seek(0)
         lines = [line.strip(" -") for line in self._errors.read().splitlines()]

@@ -1,8 +1,8 @@
 """One rank of a distributed factor, run by `slepc.py` under ``mpiexec``; needs NumPy and slepc4py only.
 
-The folder that it is given, which all ranks see, holds matrices and vectors as NumPy files, of which each rank maps its
-own rows. Rank 0 reads one command a line from standard input and answers each with one line on standard output; the end
-of input ends all ranks.
+A folder that all ranks see holds matrices and vectors as NumPy files, of which each rank maps its own rows. Rank 0
+reads one command a line from standard input and answers each with one line on standard output; the end of input ends
+all ranks.
 """
 
 from __future__ import annotations
@@ -47,12 +47,13 @@ def _matrix(folder: Path, name: str) -> Any:
 
 
 def _rows(n: int) -> tuple[int, int]:
+    """First row of this rank, and of the next, of n rows."""
     rank, ranks = PETSc.COMM_WORLD.getRank(), PETSc.COMM_WORLD.getSize()
     return n * rank // ranks, n * (rank + 1) // ranks
 
 
 class _Distributed:
-    """A matrix and its factor, a block of rows on each rank."""
+    """Matrix and its factor, of which each rank has a block of rows."""
 
     def __init__(self, folder: Path) -> None:
         self._folder = folder
@@ -72,7 +73,7 @@ class _Distributed:
         self._ksp.setUp()
 
     def about(self) -> dict[str, Any]:
-        """Solver and its factor's number of entries, where the package tells it."""
+        """Return the solver's name and the number of entries of its factor, 0 if the package doesn't give it."""
         entries = 0
         if self.package == "mumps":
             entries = self._ksp.getPC().getFactorMatrix().getMumpsInfog(29)
@@ -80,7 +81,7 @@ class _Distributed:
         return {"package": self.package, "nonzeros": entries}
 
     def solve(self) -> dict[str, Any]:
-        """Solve for all columns of ``f.npy`` into ``x.npy``."""
+        """Solve for all columns of ``f.npy``; solutions go to ``x.npy``."""
         f = np.load(self._folder / "f.npy", mmap_mode="r")
         x = np.load(self._folder / "x.npy", mmap_mode="r+")
         load, solution = self._A.createVecs()
@@ -114,10 +115,10 @@ class _Distributed:
         if vectors:
             eps.setDeflationSpace(vectors)
         eps.solve()
-        found = min(eps.getConverged(), count)
+        n_converged = min(eps.getConverged(), count)
         x = np.load(self._folder / "x.npy", mmap_mode="r+")
         field, values = self._A.createVecRight(), []
-        for k in range(found):
+        for k in range(n_converged):
             values.append(float(np.real(eps.getEigenpair(k, field))))
             x[self._rows, k] = field.getArray()
         x.flush()
@@ -125,7 +126,7 @@ class _Distributed:
 
 
 def _commands(folder: Path) -> Iterator[list[Any]]:
-    """Commands as rank 0 reads them; the others look for its note, since waiting in MPI would take a core each."""
+    """Read commands on rank 0; the others look for its note, since waiting in MPI would take a core each."""
     for number in itertools.count():
         note = folder / f"command-{number}"
         if PETSc.COMM_WORLD.getRank() == 0:
@@ -142,6 +143,7 @@ def _commands(folder: Path) -> Iterator[list[Any]]:
 
 
 def _answer(values: dict[str, Any]) -> None:
+    """Write one line to standard output when all ranks are done."""
     PETSc.COMM_WORLD.barrier()
     if PETSc.COMM_WORLD.getRank() == 0:
         sys.stdout.write(json.dumps(values) + "\n")

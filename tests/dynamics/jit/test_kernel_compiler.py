@@ -47,4 +47,4 @@ def test_a_scene_compiles_each_kernel_once_and_only_those_of_its_methods(tmp_pat
     # Only what is told an order, 3 or 4, as a constant is compiled for each: `step_factor` raises to its reciprocal.
     assert {name for name, count in ours.items() if count > 1} <= {("pipeline.integrators.adaptive", "step_factor")}
     methods = {module.rpartition(".")[2] for module, name in ours if name == "_march"}
-    assert methods == {"central_difference", "adaptive_alpha", "rosenbrock"}
+    assert methods == {"central_difference", "generalized_alpha", "rosenbrock"}

@@ -8,8 +8,9 @@ import pytest
 from scipy.spatial.transform import Rotation
 
 from pipeline.core.arrays import Array
-from pipeline.dynamics.rotor.rotor import PlanarRotor, TorquePulse
-from pipeline.dynamics.system import accelerations, advance, fast_steps, freeze
+from pipeline.dynamics.rotor.parameters import TorquePulse
+from pipeline.dynamics.rotor.rotor import PlanarRotor
+from pipeline.dynamics.system import accelerations, advance, fast_steps, hold_slow
 from pipeline.integrators.protocol import evaluate
 from pipeline.reduction.body import FlexibleBody, MarkerShapes
 from pipeline.reduction.inertia import inertia_gram
@@ -202,7 +203,7 @@ def test_spin_about_the_opposite_axis_is_spin_in_reverse() -> None:
     assert sign * compiled(mirrored, 0.5, sign * q, sign * v) == pytest.approx(compiled(rotor, 0.5, q, v), rel=1e-10)
 
 
-@pytest.mark.parametrize("name", [accelerations, freeze, fast_steps, advance], ids=lambda name: name.__name__)
+@pytest.mark.parametrize("name", [accelerations, hold_slow, fast_steps, advance], ids=lambda name: name.__name__)
 def test_a_name_without_a_mechanism_does_nothing(name: Any) -> None:
     with pytest.raises(NotImplementedError, match=r"^$"):
         name(*([None] * (name.__code__.co_argcount)))

@@ -13,7 +13,7 @@ from scipy.integrate import quad
 from scipy.interpolate import CubicSpline
 
 from pipeline.core import formula as expression
-from pipeline.core.formula import MOST_DEPTH, parse
+from pipeline.core.formula import MOST_DEPTH, parse_formula
 from pipeline.dynamics.signals import signal
 from pipeline.dynamics.signals.signal import (
     Signal,
@@ -63,7 +63,7 @@ def by_cauchy(text: str, t: float, radius: float = 0.02, count: int = 16) -> tup
 
 
 def of(text: str, t: float) -> tuple[float, float, float]:
-    return formula(parse(text)).value(t)
+    return formula(parse_formula(text)).value(t)
 
 
 def only_value(made: Signal, t: float) -> float:
@@ -95,7 +95,7 @@ ANALYTIC = [
 def test_derivatives_of_every_operation_are_those_of_cauchys_integral(text: str, t: float) -> None:
     expected = by_cauchy(text, t)
     assert of(text, t) == pytest.approx(expected, rel=1e-9, abs=1e-9 * max(map(abs, expected)))
-    assert only_value(formula(parse(text)), t) == of(text, t)[0]
+    assert only_value(formula(parse_formula(text)), t) == of(text, t)[0]
 
 
 def combined(inner: st.SearchStrategy[str]) -> st.SearchStrategy[str]:
@@ -119,7 +119,7 @@ def test_derivatives_of_any_formula_are_those_of_cauchys_integral(text: str, t: 
     finer = np.array(by_cauchy(text, t, 0.005))
     scale = 1.0 + np.abs(expected).max()
     assume(np.abs(expected - finer).max() < 1e-8 * scale)  # else a pole is near, or the function turns too fast
-    made = formula(parse(text), factor)
+    made = formula(parse_formula(text), factor)
     assert made.value(t) == pytest.approx(tuple(factor * finer), rel=1e-7, abs=3e-8 * scale)
     assert only_value(made, t) == made.value(t)[0]
 
@@ -169,12 +169,12 @@ def test_edges_have_the_values_of_closed_forms(text: str, t: float, expected: tu
 )
 def test_what_has_no_real_value_is_not_finite_and_does_not_get_lost(text: str, t: float) -> None:
     assert not math.isfinite(of(text, t)[0])
-    assert not math.isfinite(only_value(formula(parse(text)), t))
+    assert not math.isfinite(only_value(formula(parse_formula(text)), t))
 
 
 @pytest.mark.parametrize(("text", "t"), [("sqrt(t)", 0.0), ("t**0.5", 0.0), ("(t - 2)**t", 1.0), ("0**(1 + t)", 0.5)])
 def test_a_load_may_stand_where_a_motion_has_no_derivative(text: str, t: float) -> None:
-    assert math.isfinite(only_value(formula(parse(text)), t))
+    assert math.isfinite(only_value(formula(parse_formula(text)), t))
     assert not math.isfinite(of(text, t)[1])
 
 
@@ -186,7 +186,7 @@ def test_the_spin_up_of_kanes_beam_has_its_published_rate_and_settles_at_it() ->
         assert acceleration == pytest.approx(0.4 * (1 - math.cos(w * t)), rel=1e-11, abs=1e-15)
     assert of(KANE, math.nextafter(15.0, 0.0)) == pytest.approx(of(KANE, 15.0), abs=1e-12)
     assert of(KANE, 20.0) == pytest.approx((75.0, 6.0, 0.0), rel=1e-15)
-    assert formula(parse(KANE)).breakpoints == (15.0,)
+    assert formula(parse_formula(KANE)).breakpoints == (15.0,)
 
 
 @pytest.mark.parametrize("sign", ["<", "<=", ">", ">="])
@@ -199,10 +199,10 @@ def test_a_condition_switches_all_three_on_its_side(sign: str) -> None:
 
 def test_a_formula_may_fill_the_stack() -> None:
     text = "t*t+(" * (MOST_DEPTH - 2) + "t*t" + ")" * (MOST_DEPTH - 2)
-    made = formula(parse(text), 2.0)
+    made = formula(parse_formula(text), 2.0)
     assert made.value(3.0) == (18.0 * (MOST_DEPTH - 1), 12.0 * (MOST_DEPTH - 1), 4.0 * (MOST_DEPTH - 1))
     with pytest.raises(ValueError, match="needs 17 values"):
-        parse(f"t+({text})")
+        parse_formula(f"t+({text})")
 
 
 def test_the_codes_are_those_of_the_parser() -> None:
@@ -284,7 +284,7 @@ def test_a_sum_adds_values_derivatives_and_breakpoints() -> None:
     parts = [
         constant(0.5),
         half_sine(0.0, 1.0, 2.0),
-        formula(parse("sin(3*t) if t < 0.4 else t"), 1e3),
+        formula(parse_formula("sin(3*t) if t < 0.4 else t"), 1e3),
         smooth_table(times, values),
         linear_table(times, values),
     ]
@@ -301,13 +301,13 @@ def test_a_sum_adds_values_derivatives_and_breakpoints() -> None:
 def test_packed_signals_are_the_ones_that_were_packed() -> None:
     times, values = samples()
     made = [
-        formula(parse("t**3")),
+        formula(parse_formula("t**3")),
         linear_table(times, values),
         total([]),
         constant(4.0),
-        total([smooth_table(times, values), constant(1.0), formula(parse("2**t"))]),
+        total([smooth_table(times, values), constant(1.0), formula(parse_formula("2**t"))]),
         half_sine(0.0, 1.0, 2.0),
-        formula(parse("exp(-t)"), 3.0),
+        formula(parse_formula("exp(-t)"), 3.0),
     ]
     table, out = pack(made), np.empty(3)
     for t in (-2.0, 0.4, 1.3, 9.0):
@@ -325,7 +325,7 @@ def test_no_signals_can_be_packed() -> None:
 
 
 def test_room_to_work_in_is_the_callers_own() -> None:
-    table = pack([formula(parse("t*t + 1"))])
+    table = pack([formula(parse_formula("t*t + 1"))])
     own = table.with_room()
     assert own.stack is not table.stack
     assert all(getattr(own, member.name) is getattr(table, member.name) for member in fields(table)[:-1])
@@ -334,7 +334,7 @@ def test_room_to_work_in_is_the_callers_own() -> None:
 
 
 def test_a_constant_is_one_whatever_it_is_made_of() -> None:
-    assert formula(parse("2*pi"), 3.0) == constant(3.0 * (2 * math.pi))
+    assert formula(parse_formula("2*pi"), 3.0) == constant(3.0 * (2 * math.pi))
     assert constant(-2).value(7) == (-2.0, 0.0, 0.0)
     assert constant(2.0).breakpoints == ()
 
@@ -343,7 +343,7 @@ def test_signals_can_be_compared_and_hashed() -> None:
     times, values = samples()
     makers: list[Callable[[], Signal]] = [
         lambda: constant(1.0),
-        lambda: formula(parse("2*t")),
+        lambda: formula(parse_formula("2*t")),
         lambda: half_sine(0.0, 1.0, 2.0),
         lambda: linear_table(times, values),
         lambda: smooth_table(times, values),
@@ -355,8 +355,8 @@ def test_signals_can_be_compared_and_hashed() -> None:
     ("make", "message"),
     [
         (lambda: constant(math.nan), r"^the constant of a signal is nan, which isn't finite$"),
-        (lambda: formula(parse("t"), math.inf), r"^the factor of a signal is inf"),
-        (lambda: formula(parse("1e300"), 1e300), r"^the constant of a signal is inf"),
+        (lambda: formula(parse_formula("t"), math.inf), r"^the factor of a signal is inf"),
+        (lambda: formula(parse_formula("1e300"), 1e300), r"^the constant of a signal is inf"),
         (lambda: half_sine(math.nan, 1.0, 1.0), r"^the start of a signal is nan"),
         (lambda: half_sine(0.0, math.inf, 1.0), r"^the duration of a signal is inf"),
         (lambda: half_sine(0.0, 1.0, -math.inf), r"^the peak of a signal is -inf"),

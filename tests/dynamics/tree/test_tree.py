@@ -12,9 +12,10 @@ from scipy.linalg import eigh
 from scipy.spatial.transform import Rotation
 
 from pipeline.core.arrays import Array
+from pipeline.dynamics.kinematics import Kinematics
 from pipeline.dynamics.links import FIXED, FREE, PRISMATIC, REVOLUTE, SPHERICAL, Link, rigid_gram
+from pipeline.dynamics.mechanism import Mechanism
 from pipeline.dynamics.signals.signal import constant
-from pipeline.dynamics.tree.tree import Tree
 from pipeline.integrators.central_difference import CentralDifference
 from pipeline.integrators.protocol import State, evaluate, evaluate_velocities
 from pipeline.integrators.scipy_ivp import ScipyIvp
@@ -37,7 +38,7 @@ def with_sections(chain: Any, scale: float) -> Any:
     return replace(chain, tree=replace(chain.tree, links=links))
 
 
-def compiled(tree: Tree, q: Array, v: Array) -> Array:
+def compiled(tree: Mechanism, q: Array, v: Array) -> Array:
     a = np.full(tree.n, np.nan)
     evaluate(tree.parameters, 0.0, q, v, a)
     return a
@@ -93,15 +94,6 @@ def test_a_place_turned_by_the_modes_is_right_at_angles_of_any_size(chain: Make,
     assert compiled(some.tree, q, v) == pytest.approx(want, abs=1e-12 * np.abs(want).max())
 
 
-def test_energies_are_those_of_the_points(chain: Make, name: str) -> None:
-    some = chain(name, gravity=WEIGHT)
-    states = [some.state(seed) for seed in SEEDS]
-    kinetic, potential = some.tree.energies(*(np.array(part) for part in zip(*states, strict=True)))
-    for k, (q, v) in enumerate(states):
-        assert kinetic[k] == pytest.approx(some.kinetic(q, v), rel=1e-12)
-        assert potential[k] == pytest.approx(some.potential(q), rel=1e-11)
-
-
 def test_shapes_that_are_left_out_count_as_zero(chain: Make, name: str) -> None:
     whole = chain(name, gravity=WEIGHT)
     links = [
@@ -121,17 +113,9 @@ def test_shapes_that_are_left_out_count_as_zero(chain: Make, name: str) -> None:
     zeros = replace(whole.tree, links=links)
     q, v = whole.state(17)
     assert np.array_equal(compiled(bare, q, v), compiled(zeros, q, v))
-    assert np.array_equal(bare.energies(q[None], v[None]), zeros.energies(q[None], v[None]))
+    energies = [Kinematics(tree, np.zeros(1), q[None], v[None]).energies for tree in (bare, zeros)]
+    assert np.array_equal(*energies)
     assert bare.highest_frequency == zeros.highest_frequency
-
-
-def test_frames_are_those_of_matrix_products(chain: Make, name: str) -> None:
-    some = chain(name)
-    q, _ = some.state(5)
-    origins, rotations = some.tree.frames(q[None])
-    for k, (origin, R) in enumerate(some.frames(q)):
-        assert origins[0, k] == pytest.approx(origin, abs=1e-14), k
-        assert rotations[0, k] == pytest.approx(R, abs=1e-14)
 
 
 def test_positions_change_at_the_rates(chain: Make, name: str) -> None:
@@ -145,11 +129,11 @@ def test_positions_change_at_the_rates(chain: Make, name: str) -> None:
 def test_the_undeformed_chain_has_all_frames_parallel_to_the_ground(chain: Make, name: str) -> None:
     tree = chain(name).tree
     places: dict[int, Array] = {-1: np.zeros(3)}
-    (origins,), (rotations,) = tree.frames(tree.rest_positions[None])
+    frames = Kinematics(tree, np.zeros(1), tree.rest_positions[None], np.zeros((1, tree.n))).frames
     for k, link in enumerate(tree.links):
         places[k] = places[link.parent] + link.place
-        assert origins[k] == pytest.approx(places[k], abs=1e-15)
-        assert np.array_equal(rotations[k], np.eye(3))
+        assert frames[k].origin[0] == pytest.approx(places[k], abs=1e-15)
+        assert np.array_equal(frames[k].rotation[0], np.eye(3))
 
 
 def test_slow_joints_come_first_then_fast_ones_then_modes(chain: Make) -> None:
@@ -240,7 +224,7 @@ def test_dampers_take_out_what_their_rates_cost_and_never_add(chain: Make, name:
     some = chain(name, gravity=WEIGHT).with_links(load=constant(0.0))
     times = np.linspace(0.0, 2.0, 2001)
     march = CLOSELY.march(some.tree, *some.state(4), times)
-    energy = np.sum(some.tree.energies(march.q, march.v), axis=0)
+    energy = np.sum(Kinematics(some.tree, march.times, march.q, march.v).energies, axis=0)
     power = np.zeros(times.size)
     for i, v in enumerate(march.v):
         for link, ds, d_inner in zip(some.tree.links, *some.rates_of(v), strict=True):
@@ -374,7 +358,7 @@ def test_a_body_with_no_slow_joint_is_sub_cycled_as_by_central_difference(chain:
         link = replace(link, joint_rotation=np.zeros(0))
     if joint == FIXED:
         link = replace(link, spring=0.0, damper=0.0)
-    tree = Tree([link], [link.name] if joint != FIXED else [])
+    tree = Mechanism([link], [link.name] if joint != FIXED else [])
     assert tree.n_slow == 0
     q0, times = 1e-8 * np.random.default_rng(0).normal(size=tree.n), np.linspace(0.0, 10.0, 101)
     plain = CentralDifference(0.04).march(tree, q0, np.zeros(tree.n), times)
@@ -445,24 +429,24 @@ POINT = rigid_gram(1.0, np.zeros(3), np.eye(3))
 def test_a_link_comes_after_its_parent(parent: int) -> None:
     links = [Link("first", POINT, FREE), Link("second", POINT, REVOLUTE, parent)]
     with pytest.raises(ValueError, match=re.escape("link second comes before its parent")):
-        Tree(links)
+        Mechanism(links)
 
 
 def test_a_link_does_not_carry_itself() -> None:
     with pytest.raises(ValueError, match=re.escape("link first comes before its parent")):
-        Tree([Link("first", POINT, FREE, parent=0)])
+        Mechanism([Link("first", POINT, FREE, parent=0)])
 
 
 @pytest.mark.parametrize("joint", [FIXED, SPHERICAL, FREE])
 def test_only_a_joint_of_one_coordinate_can_be_fast(joint: int) -> None:
     message = "the joint of ball can't be fast: it has no one coordinate"
     with pytest.raises(ValueError, match=re.escape(message)):
-        Tree([Link("ball", POINT, joint)], fast_joints=["ball"])
+        Mechanism([Link("ball", POINT, joint)], fast_joints=["ball"])
 
 
 @pytest.mark.parametrize("joint", [REVOLUTE, PRISMATIC])
 def test_a_joint_of_one_coordinate_can_be_fast(joint: int) -> None:
-    assert Tree([Link("ball", POINT, joint)], fast_joints=["ball"]).n_slow == 0
+    assert Mechanism([Link("ball", POINT, joint)], fast_joints=["ball"]).n_slow == 0
 
 
 @pytest.mark.parametrize(
@@ -476,17 +460,17 @@ def test_a_joint_of_one_coordinate_can_be_fast(joint: int) -> None:
 def test_names_that_do_not_fit_are_refused(links: list[str], fast: list[str], said: str) -> None:
     gram = rigid_gram(1.0, np.zeros(3), np.eye(3))
     with pytest.raises(ValueError, match=said):
-        Tree([Link(name, gram, REVOLUTE) for name in links], fast)
+        Mechanism([Link(name, gram, REVOLUTE) for name in links], fast)
 
 
 def test_an_axis_without_direction_is_refused() -> None:
     gram = rigid_gram(1.0, np.zeros(3), np.eye(3))
     with pytest.raises(ValueError, match="the axis of a has no direction"):
-        Tree([Link("a", gram, REVOLUTE, axis=np.zeros(3))])
+        Mechanism([Link("a", gram, REVOLUTE, axis=np.zeros(3))])
 
 
 def test_a_slow_oscillator_limits_the_sub_cycled_step_by_its_own_long_one() -> None:
     # A mass of 2 kg on a spring of 8 N/m: ω = 2 rad/s, so m h < 2/ω = 1 s (central difference's limit).
     gram = rigid_gram(2.0, np.zeros(3), np.eye(3))
-    tree = Tree([Link("a", gram, PRISMATIC, spring=8.0)])
+    tree = Mechanism([Link("a", gram, PRISMATIC, spring=8.0)])
     assert Subcycling(1.0, 10).largest_step(tree) == pytest.approx(0.1, rel=1e-12)

@@ -12,17 +12,19 @@ from scipy.sparse.linalg import spsolve
 
 from meshes.gmsh_session import gmsh_model
 from pipeline.core.arrays import Array
+from pipeline.core.errors import InputError
 from pipeline.fem.assembly import assemble
 from pipeline.fem.elements import shape_functions
 from pipeline.fem.formats import import_mesh as mesh_file
 from pipeline.fem.formats.import_mesh import read_mesh
 from pipeline.fem.formats.meshio_reader import _read
 from pipeline.fem.formats.vtkhdf import vtk_cells
-from pipeline.fem.locate import locate
 from pipeline.fem.markers import face_marker
 from pipeline.fem.material import Material
 from pipeline.fem.mesh import SolidMesh
-from pipeline.fem.model import Discretisation, FEModel
+from pipeline.fem.model import FEModel
+from pipeline.fem.selection import locate_points
+from pipeline.fem.space import Discretisation
 from pipeline.fem.surface import surface_topology
 from pipeline.recovery.stress import element_stress, modal_stress, point_stress
 
@@ -170,7 +172,14 @@ def test_stress_in_an_element_and_at_a_point_is_that_of_a_linear_displacement(re
     inside = np.array([[0.3, 0.4, 0.5], [0.9, 0.2, 1.0]])
     for stress in (element_stress(space, MATERIAL, u, np.array([0, 3])), point_stress(space, MATERIAL, u, inside)):
         assert np.abs(stress[..., 0] - wanted).max() < 1e-9 * wanted[0]
-    elements, X = locate(space, inside)
+    elements, X = locate_points(space, inside)
     N = [shape_functions(space.kind.geometry, x[:, None])[0][:, 0] for x in X]
     found = [n @ space.corner_coordinates[element] for n, element in zip(N, elements, strict=True)]
     assert np.abs(found - inside).max() < 1e-9
+
+
+def test_a_missing_file_and_a_folder_are_refused(tmp_path: Path) -> None:
+    with pytest.raises(InputError, match="no such file"):
+        read_mesh(tmp_path / "no.inp", 1.0)
+    with pytest.raises(InputError, match="is a folder"):
+        read_mesh(tmp_path, 1.0)

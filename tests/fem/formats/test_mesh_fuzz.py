@@ -147,7 +147,7 @@ def in_a_fork(run: Callable[[], str | None]) -> int:
 
 
 def by_meshio(path: Path, arrays: Path, message: str = "it stopped") -> RawMesh:
-    return meshio_reader._handed_over(arrays, 0 if arrays.is_file() else 1, message)
+    return meshio_reader._load_arrays(arrays, 0 if arrays.is_file() else 1, message)
 
 
 def read_damaged(path: Path, arrays: Path) -> str:

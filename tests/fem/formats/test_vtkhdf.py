@@ -17,7 +17,7 @@ from pipeline.core.arrays import Array
 from pipeline.fem.formats.export import part_numbers
 from pipeline.fem.formats.vtkhdf import vtk_cells, write_series
 from pipeline.fem.mesh import SolidMesh
-from pipeline.fem.model import Discretisation
+from pipeline.fem.space import Discretisation
 
 Make = Callable[..., SolidMesh]
 TIMES = np.array([0.0, 0.1, 0.35, 2.0])

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from functools import partial
 from pathlib import Path
+from types import SimpleNamespace
 
 import numpy as np
 import pytest
@@ -18,7 +19,7 @@ from pipeline.fem.mesh import SolidMesh
 from pipeline.fem.model import FEModel
 from pipeline.reduction.eigen import FreeBodySolver
 from pipeline.reduction.factor import factor
-from pipeline.reduction.factor.factor import MissingSolverError, TooLargeError, factorised, predicted
+from pipeline.reduction.factor.factor import MissingSolverError, TooLargeError, factorise
 from pipeline.reduction.factor.factor_size import factor_nonzeros
 from pipeline.reduction.factor.memory import available_memory
 
@@ -56,7 +57,7 @@ def test_every_solver_in_every_order_solves(
     monkeypatch.setattr(factor, "_SMALL", 0)
     A = positive(tetrahedra)
     u = np.random.default_rng(0).standard_normal((A.shape[0], 2))
-    made = factorised(A, solver)
+    made = factorise(A, solver)
     assert made.figures.order == ("MMD" if missing else "METIS")
     for wanted in (u, u[:, 0]):
         assert np.abs(made.solve(A @ wanted) - wanted).max() < 1e-9
@@ -82,7 +83,7 @@ def test_static_responses_and_rigid_faces_are_the_same(hexahedra: FEModel) -> No
     marker = face_marker(hexahedra.discretisation, hexahedra.discretisation.mesh.faces["x-"], True)
     loads = np.random.default_rng(0).standard_normal((len(hexahedra.x), 3, 2))
     u, v = (
-        FreeBodySolver(hexahedra, [marker], factorise=partial(factorised, solver=solver)).static_response(loads)
+        FreeBodySolver(hexahedra, [marker], factorise=partial(factorise, solver=solver)).static_response(loads)
         for solver in SOLVERS
     )
     assert u == pytest.approx(v, abs=1e-8 * np.abs(v).max())
@@ -91,12 +92,12 @@ def test_static_responses_and_rigid_faces_are_the_same(hexahedra: FEModel) -> No
 def test_cholesky_without_cvxopt_says_what_to_install(tetrahedra: FEModel, monkeypatch: pytest.MonkeyPatch) -> None:
     without(monkeypatch, "cvxopt")
     with pytest.raises(MissingSolverError, match="cvxopt, which brings CHOLMOD, is not installed: pip install cvxopt"):
-        factorised(positive(tetrahedra), "cholesky")
+        factorise(positive(tetrahedra), "cholesky")
 
 
 def test_a_matrix_that_is_not_positive_definite_is_refused(tetrahedra: FEModel) -> None:
     with pytest.raises(AccuracyError, match=r"not positive definite: CHOLMOD stopped at pivot \d+"):
-        factorised(tetrahedra.K - 1e12 * tetrahedra.M, "cholesky")
+        factorise(tetrahedra.K - 1e12 * tetrahedra.M, "cholesky")
 
 
 @pytest.mark.parametrize("missing", [(), ("pymetis",)])
@@ -109,7 +110,7 @@ def test_the_predicted_nonzeros_are_those_of_a_factor(
     monkeypatch.setattr(factor, "_SMALL", 0)
     A = positive(request.getfixturevalue(body))
     order, _, nonzeros = factor._ordered(A)
-    assert predicted(A).nonzeros == nonzeros
+    assert factorise(A).figures.nonzeros == nonzeros
     real = factor.splu(
         sp.csc_array(A[order][:, order]), permc_spec="NATURAL", diag_pivot_thresh=0.0, options={"SymmetricMode": True}
     )
@@ -141,9 +142,9 @@ def test_the_memory_of_a_factor_is_predicted_within_a_third(hexahedra: FEModel) 
         return 4096 * int(statm.read_text().split()[1])
 
     A = positive(assemble(SolidMesh(*hexahedral_bar(0.3, 0.1, 0.1, (24, 8, 8))), 2, hexahedra.material))
-    factorised(A, "cholesky").solve(np.ones(A.shape[0]))  # what is loaded and made once
+    factorise(A, "cholesky").solve(np.ones(A.shape[0]))  # what is loaded and made once
     before = resident()
-    kept = [factorised(A, "cholesky") for _ in range(3)]
+    kept = [factorise(A, "cholesky") for _ in range(3)]
     grown = (resident() - before) / len(kept)
     assert 0.67 < kept[0].figures.memory / grown < 1.5
 
@@ -158,22 +159,36 @@ def test_what_does_not_fit_is_refused_before_it_is_factorised(
         r"the factor of its \d+ unknowns needs about [\d.]+ GB of memory \(CHOLMOD, METIS order, [\d.e+]+ nonzeros\)"
     )
     with pytest.raises(TooLargeError, match=needs + ", the machine has 0.02 GB to spare; make the mesh coarser"):
-        factorised(positive(tetrahedra))
+        factorise(positive(tetrahedra))
 
 
-def test_memory_is_the_least_of_what_machine_and_container_leave(tmp_path: Path) -> None:
-    meminfo = tmp_path / "meminfo"
-    meminfo.write_text("MemTotal:       24000000 kB\nMemAvailable:    8000000 kB\n")
-    nothing, container = tmp_path / "none", tmp_path / "container"
-    assert available_memory(meminfo, nothing) == 8e6 * 1024
+def test_memory_is_the_least_of_what_machine_and_container_leave(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setattr("psutil.virtual_memory", lambda: SimpleNamespace(available=8e9))
+    container = tmp_path / "container"
+    assert available_memory(container) == 8e9
     container.mkdir()
     (container / "memory.max").write_text("3000000000\n")
     (container / "memory.current").write_text("1500000000\n")
     (container / "memory.stat").write_text("anon 1000000000\nactive_file 200000000\ninactive_file 300000000\n")
-    assert available_memory(meminfo, container) == 2e9  # pages of files make room
+    assert available_memory(container) == 2e9  # pages of files make room
     (container / "memory.max").write_text("max\n")
-    assert available_memory(meminfo, container) == 8e6 * 1024
-    assert available_memory(nothing, nothing) > 1e8  # all that the machine has
+    assert available_memory(container) == 8e9
+
+
+def test_memory_is_read_from_control_groups_of_version_1_too(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr("psutil.virtual_memory", lambda: SimpleNamespace(available=8e9))
+    group = tmp_path / "memory"
+    group.mkdir()
+    (group / "memory.limit_in_bytes").write_text("4000000000\n")
+    (group / "memory.usage_in_bytes").write_text("3000000000\n")
+    (group / "memory.stat").write_text("cache 0\ntotal_active_file 100000000\ntotal_inactive_file 400000000\n")
+    assert available_memory(tmp_path) == 1.5e9
+
+
+def test_this_machine_has_memory_to_spare() -> None:
+    assert 1e8 < available_memory() < 1e14
 
 
 def test_a_scene_whose_factor_does_not_fit_ends_in_a_message(monkeypatch: pytest.MonkeyPatch, tmp_path: Path) -> None:

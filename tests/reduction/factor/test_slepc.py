@@ -17,7 +17,7 @@ from pipeline.fem.markers import face_marker
 from pipeline.fem.model import FEModel
 from pipeline.reduction.eigen import FreeBodySolver
 from pipeline.reduction.factor import slepc
-from pipeline.reduction.factor.slepc import slepc_factorised
+from pipeline.reduction.factor.slepc import factorise_over_ranks
 
 installed = pytest.mark.skipif(
     find_spec("slepc4py") is None and slepc.PYTHON not in os.environ, reason="slepc4py is not installed"
@@ -36,7 +36,10 @@ def mpi(monkeypatch: pytest.MonkeyPatch) -> None:
 @installed
 @pytest.mark.parametrize("ranks", [1, pytest.param(2, marks=two_ranks)])
 def test_free_held_and_static_fields_are_those_of_one_process(ranks: int, small_bar: FEModel) -> None:
-    one, spread = FreeBodySolver(small_bar), FreeBodySolver(small_bar, factorise=partial(slepc_factorised, ranks=ranks))
+    one, spread = (
+        FreeBodySolver(small_bar),
+        FreeBodySolver(small_bar, factorise=partial(factorise_over_ranks, ranks=ranks)),
+    )
     marker = face_marker(small_bar.discretisation, small_bar.discretisation.mesh.faces["x-"])
     for held in (None, marker.columns(len(small_bar.x), np.eye(3))):
         expected, found = one.modes(10, held), spread.modes(10, held)
@@ -62,7 +65,7 @@ def test_a_scene_takes_slepc_by_one_key() -> None:
 
 @installed
 def test_processes_and_files_end_with_the_factor(small_bar: FEModel) -> None:
-    made = slepc_factorised(small_bar.K + 1e6 * small_bar.M, 1)
+    made = factorise_over_ranks(small_bar.K + 1e6 * small_bar.M, 1)
     ranks = made.solve.__self__  # type: ignore[attr-defined]
     process, folder = ranks._process, ranks._folder
     assert process.poll() is None
@@ -73,7 +76,7 @@ def test_processes_and_files_end_with_the_factor(small_bar: FEModel) -> None:
 
 @installed
 def test_processes_that_end_too_soon_are_an_error(small_bar: FEModel) -> None:
-    made = slepc_factorised(small_bar.K + 1e6 * small_bar.M, 1)
+    made = factorise_over_ranks(small_bar.K + 1e6 * small_bar.M, 1)
     made.solve.__self__._process.kill()  # type: ignore[attr-defined]
     with pytest.raises(AccuracyError, match=r'the processes of modes\.solver = "slepc" ended: '):
         made.solve(np.ones(small_bar.K.shape[0]))

@@ -1,0 +1,293 @@
+"""Where the bodies of a mechanism are and how they move, at many states at once.
+
+From the ground outwards, each body's frame follows from that of the body that carries it: the joint's place moves and
+turns with the parent's modes, by ``R exp(θ̃)`` with the rotation vector ``θ = Ψ q``, and the joint moves the frame on.
+Energies and momenta take the inertia Gram tensor of each body, in its own axes, with ``p = (1, q)``::
+
+    momentum            P = m V + ω × c + ċ              c = S p + ½ qᵀ bow q
+    angular momentum    L = c × V + J ω + H q̇            J = tr(P₂) 1 − P₂,   P₂ = pᵀ G p,   H = p·(G[b, c] − G[c, b])
+    kinetic energy      T = ½ (V·P + ω·L + q̇·(q̇ + (∂c/∂q)ᵀ V + Hᵀ ω))
+
+Nothing here is compiled, so that a mechanism whose march needs few kernels reports its motion without any more.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from functools import cached_property
+from typing import NamedTuple
+
+import numpy as np
+
+from pipeline.core.arrays import EPSILON, Array
+from pipeline.dynamics.links import FREE, PRISMATIC, REVOLUTE, SPHERICAL, Link
+from pipeline.dynamics.mechanism import Mechanism
+
+_SMALL = 0.05  # angle [rad] below which series replace differences that cancel
+
+
+class BodyFrame(NamedTuple):
+    """A body's frame at each state: origin and rotation in space, velocity of the origin and angular velocity."""
+
+    origin: Array  # (n_times, 3) [m]
+    rotation: Array  # (n_times, 3, 3)
+    velocity: Array  # (n_times, 3) [m/s]
+    spin: Array  # (n_times, 3) [rad/s]
+
+
+class Momenta(NamedTuple):
+    """A body's inertia in motion, in its own axes and about the origin of its frame."""
+
+    moment: Array  # (n_times, 3): first moment c [kg m]
+    linear: Array  # (n_times, 3) [kg m/s]
+    angular: Array  # (n_times, 3) [kg m²/s]
+    energy: Array  # (n_times,) [J]
+
+
+@dataclass(frozen=True)
+class Kinematics:
+    """Positions, velocities, energies and momenta of a mechanism's bodies at given states.
+
+    Parameters
+    ----------
+    mechanism : Mechanism
+        Whose states they are.
+    times : ndarray, shape (n_times,)
+        At which prescribed motions are taken [s].
+    q, v : ndarray, shapes (n_times, n_positions) and (n_times, n)
+        Positions and rates.
+    """
+
+    mechanism: Mechanism
+    times: Array
+    q: Array
+    v: Array
+
+    def modal_coordinates(self, body: int) -> Array:
+        """Modal coordinates of a body by its number [kg^1/2 m], shape (n_times, n_modes)."""
+        modes = self.mechanism.modes_of(body)
+        return np.asarray(self.q[:, modes + self.mechanism.n_positions - self.mechanism.n])
+
+    def modal_rates(self, body: int) -> Array:
+        """Rates of a body's modal coordinates [kg^1/2 m/s], shape (n_times, n_modes)."""
+        return np.asarray(self.v[:, self.mechanism.modes_of(body)])
+
+    def joint_coordinates(self, body: int) -> tuple[Array, Array]:
+        """Positions (n_times, n_positions) and rates (n_times, n_rates) of the joint that carries a body.
+
+        A prescribed joint has one of each, taken from its motion. The angle of a revolute joint is that of the body's
+        frame; the section that the joint grips is at `section_angle`.
+        """
+        link, layout = self.mechanism.links[body], self.mechanism.layout
+        if link.motion is not None:
+            values = link.motion.values(self.times)
+            return values[:, :1], values[:, 1:2]
+        at, first = layout.position[body], layout.rate[body]
+        return self.q[:, at : at + link.n_positions], self.v[:, first : first + link.n_rates]
+
+    def along_joint(self, body: int) -> tuple[Array, Array]:
+        """Position and rate of a revolute or prismatic joint, (n_times,) each.
+
+        Of a revolute joint they are those of the body's section that the joint grips: what an encoder reads.
+        """
+        link = self.mechanism.links[body]
+        position, rate = (values[:, 0] for values in self.joint_coordinates(body))
+        if link.joint == REVOLUTE and len(link.joint_rotation) and link.motion is None:
+            position = position + self.modal_coordinates(body) @ link.joint_rotation
+            rate = rate + self.modal_rates(body) @ link.joint_rotation
+        return np.asarray(position), np.asarray(rate)
+
+    @cached_property
+    def frames(self) -> tuple[BodyFrame, ...]:
+        """Each body's frame."""
+        found: list[BodyFrame] = []
+        for body, link in enumerate(self.mechanism.links):
+            found.append(self._through_joint(body, self._joint_place(link, found)))
+        return tuple(found)
+
+    def _joint_place(self, link: Link, found: list[BodyFrame]) -> BodyFrame:
+        """BodyFrame of the joint on the body that carries it, or on the ground."""
+        n_times = len(self.q)
+        if link.parent < 0:
+            still, axes = np.zeros((n_times, 3)), np.broadcast_to(np.eye(3), (n_times, 3, 3))
+            return BodyFrame(np.broadcast_to(link.place, (n_times, 3)), axes, still, still)
+        parent, q, rates = found[link.parent], self.modal_coordinates(link.parent), self.modal_rates(link.parent)
+        arm, moving = np.broadcast_to(link.place, (n_times, 3)), np.zeros((n_times, 3))
+        rotation, spin = parent.rotation, parent.spin
+        if link.place_shapes.size:
+            arm, moving = arm + q @ link.place_shapes.T, rates @ link.place_shapes.T
+        if link.place_rotations.size:
+            angle, turning = q @ link.place_rotations.T, rates @ link.place_rotations.T
+            spin = spin + turned(rotation, rotation_rate(angle, turning))
+            rotation = rotation @ rotation_matrix(angle)
+        arm = turned(parent.rotation, arm)
+        velocity = parent.velocity + np.cross(parent.spin, arm) + turned(parent.rotation, moving)
+        return BodyFrame(parent.origin + arm, rotation, velocity, spin)
+
+    def _through_joint(self, body: int, place: BodyFrame) -> BodyFrame:
+        """BodyFrame of a body from that of its joint's place on the body that carries it."""
+        link = self.mechanism.links[body]
+        position, rate = self.joint_coordinates(body)
+        axis = link.axis / np.linalg.norm(link.axis)
+        origin, rotation, velocity, spin = place
+        if link.joint == REVOLUTE:
+            spin = spin + rate * (rotation @ axis)
+            rotation = rotation @ rotation_matrix(position * axis)
+        elif link.joint in (PRISMATIC, FREE):
+            along = (position * axis, rate * axis) if link.joint == PRISMATIC else (position[:, :3], rate[:, :3])
+            arm, moving = (turned(rotation, values) for values in along)
+            origin, velocity = origin + arm, velocity + np.cross(spin, arm) + moving
+        if link.joint in (SPHERICAL, FREE):
+            rotation = rotation @ matrix_of_quaternion(position[:, -4:])
+            spin = spin + turned(rotation, rate[:, -3:])  # rates about the body's own axes
+        return BodyFrame(origin, rotation, velocity, spin)
+
+    def body_spin(self, body: int) -> Array:
+        """Angular velocity of a body's frame in its own axes [rad/s], shape (n_times, 3)."""
+        frame = self.frames[body]
+        return np.asarray(np.einsum("tij,ti->tj", frame.rotation, frame.spin))
+
+    @cached_property
+    def momenta(self) -> tuple[Momenta, ...]:
+        """Each body's first moment, momenta and kinetic energy."""
+        return tuple(self._momenta(body) for body in range(len(self.mechanism.links)))
+
+    def _momenta(self, body: int) -> Momenta:
+        gram, frame = self.mechanism.links[body].gram, self.frames[body]
+        q, rates, w = self.modal_coordinates(body), self.modal_rates(body), self.body_spin(body)
+        V = np.einsum("tij,ti->tj", frame.rotation, frame.velocity)
+        p = np.concatenate([np.ones((len(q), 1)), q], axis=1)
+        Gp = np.tensordot(p, gram.G, (1, 3))  # (n_times, 3, 3, 1 + n)
+        P = np.einsum("tabi,ti->tab", Gp, p)
+        Jw = np.trace(P, axis1=1, axis2=2)[:, None] * w - np.einsum("tab,tb->ta", P + P.swapaxes(1, 2), w) / 2
+        # p·(G[b, c] − G[c, b])·q̇ by the axis a across b and c
+        h = -np.einsum("abc,tbci,ti->ta", EPSILON, Gp[..., 1:], rates)
+        S = np.broadcast_to(gram.S[:, 1:], (len(q), 3, q.shape[1]))
+        c = gram.S[:, 0] + q @ gram.S[:, 1:].T
+        if gram.bow.size:
+            bow = np.einsum("ajk,tk->taj", gram.bow, q)
+            S, c = S + bow, c + 0.5 * np.einsum("taj,tj->ta", bow, q)
+        c_rate = np.einsum("taj,tj->ta", S, rates)
+        linear = gram.mass * V + np.cross(w, c) + c_rate
+        angular = np.cross(c, V) + Jw + h
+        energy = 0.5 * ((V * (linear + c_rate)).sum(axis=1) + (w * (angular + h)).sum(axis=1) + (rates**2).sum(axis=1))
+        return Momenta(c, linear, angular, energy)
+
+    @cached_property
+    def energies(self) -> tuple[Array, Array]:
+        """Kinetic and potential energy (strain, springs, gravity) [J], each of shape (n_times,)."""
+        kinetic = np.sum([momenta.energy for momenta in self.momenta], axis=0)
+        potential = np.zeros(len(self.q))
+        for body, link in enumerate(self.mechanism.links):
+            potential += 0.5 * self.modal_coordinates(body) ** 2 @ link.omega**2
+            if link.spring:
+                potential += 0.5 * link.spring * (self.along_joint(body)[0] - link.rest) ** 2
+        if np.any(self.mechanism.gravity):
+            potential -= self._first_moment @ self.mechanism.gravity
+        return np.asarray(kinetic), potential
+
+    @property
+    def _first_moment(self) -> Array:
+        """First moment of all bodies about the ground's origin [kg m], shape (n_times, 3)."""
+        parts = zip(self.mechanism.links, self.frames, self.momenta, strict=True)
+        return np.asarray(sum(link.gram.mass * at.origin + turned(at.rotation, of.moment) for link, at, of in parts))
+
+    @property
+    def centre_of_mass(self) -> Array:
+        """Centre of all bodies' mass in space [m], shape (n_times, 3)."""
+        return self._first_moment / self.mechanism.mass
+
+    @cached_property
+    def momentum(self) -> Array:
+        """Momentum of all bodies in space [kg m/s], shape (n_times, 3)."""
+        parts = zip(self.frames, self.momenta, strict=True)
+        return np.asarray(sum(turned(at.rotation, of.linear) for at, of in parts))
+
+    @cached_property
+    def angular_momentum(self) -> Array:
+        """Angular momentum of all bodies about the ground's origin [kg m²/s], shape (n_times, 3).
+
+        Not a number across the axis of a body whose inertia is known about that axis alone.
+        """
+        total = np.zeros((len(self.q), 3))
+        for link, at, of in zip(self.mechanism.links, self.frames, self.momenta, strict=True):
+            total += turned(at.rotation, of.angular) + np.cross(at.origin, turned(at.rotation, of.linear))
+            if link.gram.normal >= 0:
+                total[:, np.arange(3) != link.gram.normal] = np.nan
+        return total
+
+    def marker_position(self, body: int, name: str) -> Array:
+        """A marker of a body in space [m], shape (n_times, 3)."""
+        frame, marker = self.frames[body], self.mechanism.links[body].markers[name]
+        return frame.origin + turned(frame.rotation, marker.position + self.displacement(body, name))
+
+    def displacement(self, body: int, name: str) -> Array:
+        """Displacement of a marker by deformation in its body's frame and axes [m], shape (n_times, 3)."""
+        return np.asarray(self.modal_coordinates(body) @ self.mechanism.links[body].markers[name].translation.T)
+
+    def deflection(self, body: int, name: str) -> Array:
+        """Displacement of a marker by deformation, seen from the section at the body's joint [m], (n_times, 3).
+
+        In the axes of the body's frame: ``Φ q − Φ₀ q − (Ψ₀ q) × r`` with the displacement Φ₀ and the rotation Ψ₀ of
+        the section. How the frame floats in the body doesn't matter to it.
+        """
+        link, q, own = self.mechanism.links[body], self.modal_coordinates(body), self.displacement(body, name)
+        if not link.section:
+            return own
+        section, arm = link.markers[link.section], link.markers[name].position
+        return np.asarray(own - q @ section.translation.T - np.cross(q @ section.rotation.T, arm))
+
+
+def turned(rotation: Array, vectors: Array) -> Array:
+    """Turn one vector by each rotation: (n, 3, 3) and (n, 3) give (n, 3)."""
+    return np.asarray(np.einsum("tij,tj->ti", rotation, vectors))
+
+
+def rotation_matrix(angle: Array) -> Array:
+    """Rotation by each of the vectors ``angle``, (n, 3) [rad]: ``exp(θ̃)``, shape (n, 3, 3)."""
+    square = (angle**2).sum(axis=1)
+    one, two = _coefficients(square)
+    sine = (1.0 - square * two)[:, None, None]
+    skew = _skew(angle)
+    return np.asarray(np.eye(3) + sine * skew + one[:, None, None] * (skew @ skew))
+
+
+def rotation_rate(angle: Array, rate: Array) -> Array:
+    """Angular velocity in the axes before the turn of ``exp(θ̃)``: ``(1 + a θ̃ + b θ̃²) θ̇``, (n, 3) [rad/s]."""
+    one, two = (c[:, None] for c in _coefficients((angle**2).sum(axis=1)))
+    across = np.cross(angle, rate)
+    return np.asarray(rate + one * across + two * np.cross(angle, across))
+
+
+def _coefficients(square: Array) -> tuple[Array, Array]:
+    """``(1 − cos θ)/θ²`` and ``(θ − sin θ)/θ³`` for the squares of angles."""
+    size = np.sqrt(np.maximum(square, _SMALL**2))
+    one, two = (1.0 - np.cos(size)) / size**2, (size - np.sin(size)) / size**3
+    small = square <= _SMALL**2
+    one = np.where(small, 0.5 - square / 24 + square**2 / 720 - square**3 / 40320, one)
+    return one, np.where(small, 1 / 6 - square / 120 + square**2 / 5040 - square**3 / 362880, two)
+
+
+def _skew(a: Array) -> Array:
+    """Matrices of the cross products with each vector: ``skew(a) @ b = a × b``, shape (n, 3, 3)."""
+    return np.asarray(-np.einsum("abc,tc->tab", EPSILON, a))
+
+
+def matrix_of_quaternion(e: Array) -> Array:
+    """Rotations of unit quaternions (n, 4), scalar part last, shape (n, 3, 3)."""
+    skew = _skew(e[:, :3])
+    return np.asarray(np.eye(3) + 2.0 * (e[:, 3, None, None] * skew + skew @ skew))
+
+
+def quaternion_of_matrix(R: Array) -> Array:
+    """Unit quaternions (n, 4), scalar part last, of rotations (n, 3, 3) in a row; their signs go on without a jump."""
+    # The 4 × 4 matrix 4 e eᵀ: its row of the largest diagonal is e itself but for its size (Shepperd 1978).
+    K = np.empty((len(R), 4, 4))
+    trace = np.trace(R, axis1=1, axis2=2)
+    K[:, :3, :3] = R + R.swapaxes(1, 2) + (1.0 - trace)[:, None, None] * np.eye(3)
+    K[:, :3, 3] = K[:, 3, :3] = np.einsum("abc,tcb->ta", EPSILON, R)
+    K[:, 3, 3] = 1.0 + trace
+    e = K[np.arange(len(R)), np.argmax(np.einsum("tii->ti", K), axis=1)]
+    e /= np.linalg.norm(e, axis=1)[:, None]
+    flips = np.where((e[1:] * e[:-1]).sum(axis=1) < 0.0, -1.0, 1.0)
+    return np.asarray(e * np.cumprod(np.r_[1.0, flips])[:, None])

@@ -1,0 +1,164 @@
+"""Contents of the page of all results: figures, pictures and tables as its template takes them."""
+
+from __future__ import annotations
+
+import base64
+import platform
+from importlib.metadata import version
+from typing import Any
+
+import numpy as np
+
+from pipeline import __version__
+from pipeline.core.html import facts, scaled
+from pipeline.output.notebook import Picture, draw_inline
+from pipeline.output.report.view3d import collect_view
+from pipeline.stages.pipeline import Pipeline
+
+_MOST_MODES = 6
+_SMALL = [800, 450]  # pixels
+_LARGE = [1280, 720]
+_TICKS = 5
+_PACKAGES = ("numpy", "scipy", "gmsh", "scikit-fem", "numba", "pyvista", "vtk", "matplotlib")
+_SOURCES = {"discretisation": "mesh", "truncation": "modes", "time": "time", "recovery": "stress", "total": "stated"}
+
+
+def draw_pictures(run: Pipeline) -> dict[str, Any]:
+    """Draw the stressed parts, the first modes and the scene's charts."""
+    moves = run.scene.moves
+    return {
+        "parts": [_stressed_part(run, name) for name, part in run.parts.items() if part.has_mesh] if moves else [],
+        "modes": _draw_modes(run) if run.parts and run.part.has_mesh else [],
+        "charts": _draw_charts(run) if moves else [],
+    }
+
+
+def collect_tables(run: Pipeline, summary: dict[str, Any]) -> dict[str, Any]:
+    """Collect the key figures and the rows of all tables from a run's summary."""
+    cached = summary.get("stages_cached", ())
+    return {
+        "title": run.scene.title,
+        "source": run.scene.source,
+        "scene": run.scene.name,
+        "figures": _key_figures(summary),
+        "frequencies": _frequencies(summary) if run.parts else None,
+        "integrations": _integrations(summary) if "integrations" in summary else None,
+        "budget": _budget(summary["error_budget"]) if "error_budget" in summary else None,
+        "stages": [
+            (name, f"{seconds:.3f}", "from the cache" if name in cached else "")
+            for name, seconds in summary["seconds"].items()
+        ],
+    }
+
+
+def versions_table() -> str:
+    """Make the table of versions and of the machine, as HTML."""
+    from joblib import cpu_count
+
+    versions = [("fmd", __version__), ("Python", platform.python_version())]
+    versions += [(package, version(package)) for package in _PACKAGES]
+    machine = f"{platform.system()}, {platform.machine()}, {cpu_count()} cores"
+    return facts([*versions, ("machine", machine)], "versions")
+
+
+def _stressed_part(run: Pipeline, name: str) -> dict[str, Any]:
+    """Draw a part at its worst instant, and gather its data and colour bar for the viewer."""
+    listed = [output for output in run.scene.output if output.type == "stress" and output.body == name]
+    scale = listed[0].scale if listed else 1.0
+    view = collect_view(run, name, scale)
+    still = draw_inline(run, "stress", body=name, scale=scale, size=_LARGE)[0]
+    colours = np.frombuffer(base64.b64decode(view["colours"]), dtype=np.uint8).reshape(-1, 3)[::15]
+    low, high = view["limits"]
+    return {
+        "name": name,
+        "view": view,
+        "still": _image(still, f"von Mises stress of {name}"),
+        "strip": [f"rgb({r} {g} {b})" for r, g, b in colours.tolist()],
+        "ticks": np.linspace(low, high, _TICKS).tolist(),
+        "largest_scale": 2 * scale if scale > 1 else 10,
+    }
+
+
+def _draw_modes(run: Pipeline) -> list[dict[str, str]]:
+    drawn = draw_inline(run, "modes", range(1, _MOST_MODES + 1), size=_SMALL)
+    return [_image(picture, f"mode {k + 1}, {run.modes.frequencies_hz[k]:.1f} Hz") for k, picture in enumerate(drawn)]
+
+
+def _draw_charts(run: Pipeline) -> list[dict[str, str]]:
+    charts = []
+    for chart in (output for output in run.scene.output if output.type == "chart"):
+        settings = chart.model_dump(exclude={"type", "file", "band"}, exclude_defaults=True)
+        title = chart.title or chart.quantity.replace("_", " ")
+        charts.append(_image(draw_inline(run, "chart", **settings)[0], title))
+    return charts
+
+
+def _image(picture: Picture, text: str) -> dict[str, str]:
+    return {"text": text, "png": base64.b64encode(picture.png).decode()}
+
+
+def _key_figures(summary: dict[str, Any]) -> list[tuple[str, str]]:
+    figures: list[tuple[str, str]] = []
+    if "frequencies_hz" in summary:
+        figures.append(("first frequency", f"{summary['frequencies_hz'][0]:.2f} Hz"))
+    for name, body in summary.get("bodies", {}).items():
+        figures.append((f"mass of {name}", scaled(body["mass_kg"], "kg")))
+    if "worst_stress" in summary:
+        figures.append(("largest von Mises stress", scaled(summary["worst_stress"]["von_mises_pa"], "Pa")))
+    if "peak_tip_deflection_m" in summary:
+        figures.append(("largest tip deflection", scaled(summary["peak_tip_deflection_m"], "m")))
+    if "integrations" in summary:
+        figures.append(("simulated", scaled(summary["final"]["time_s"], "s")))
+        figures.append(("largest stable step", scaled(summary["largest_stable_step_s"], "s", 3)))
+    return figures
+
+
+def _frequencies(summary: dict[str, Any]) -> dict[str, Any]:
+    """Frequencies, beside those of the scene's reference if it has one."""
+    known = zip(summary["reference_hz"], summary["relative_error"], strict=True)
+    beside = [(f"{hertz:.1f}", f"{100 * error:+.2f} %") for hertz, error in known]
+    return {
+        "header": ("mode", "Hz", "reference Hz", "difference") if beside else ("mode", "Hz"),
+        "rows": [
+            (k + 1, f"{hertz:.2f}", *(beside[k] if k < len(beside) else ("", "") if beside else ()))
+            for k, hertz in enumerate(summary["frequencies_hz"])
+        ],
+        "note": f"{summary['dofs']} unknowns, {summary['rigid_modes']} rigid-body modes, "
+        f"residual {summary['residual']:.0e}",
+    }
+
+
+def _integrations(summary: dict[str, Any]) -> dict[str, Any]:
+    return {
+        "header": ("method", "step", "run time", "ratio", "solutions + fast", "limit / step", "tip differs by"),
+        "rows": [
+            (
+                row["integrator"] + (f" {row['substeps']}:1" if row["substeps"] > 1 else ""),
+                scaled(row["step_s"], "s", 3),
+                scaled(row["seconds"], "s", 3),
+                f"{row['ratio_to_plain']:.2f}",
+                f"{row['evaluations']} + {row['fast_evaluations']}",
+                scaled(row["stability_margin"], digits=3),
+                scaled(row["tip_difference_m"], "m", 3),
+            )
+            for row in summary["integrations"]
+        ],
+    }
+
+
+def _budget(budget: dict[str, Any]) -> dict[str, Any]:
+    return {
+        "header": ("quantity", "value", *_SOURCES.values()),
+        "rows": [
+            (row["quantity"], scaled(row["value"], row["unit"]), *(_percent(row[source]) for source in _SOURCES))
+            for row in budget["rows"]
+        ],
+        "note": f"Error of each result by its source [%]; stated is {budget['safety']:g} times the root of their "
+        "squares.",
+    }
+
+
+def _percent(error: float | str | None) -> str:
+    if not isinstance(error, float):
+        return "–"
+    return f"{100 * error:.2g}" if error >= 1e-5 else "< 0.001"

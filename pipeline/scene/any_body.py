@@ -1,0 +1,32 @@
+"""Bodies of any kind in a scene file; the key ``shape`` says which kind a table is."""
+
+from __future__ import annotations
+
+from typing import Annotated
+
+from pydantic import BeforeValidator, Field
+
+from pipeline.scene.bodies import Bar
+from pipeline.scene.imported_bodies import CadPart, MatrixPart, MeshedPart
+from pipeline.scene.propeller import Propeller
+from pipeline.scene.rigid_bodies import PointMass, RigidBody, Rod
+
+
+def _with_shape(body: object) -> object:
+    """Add the shape of a body that leaves it out because its mesh or matrices come from files."""
+    if isinstance(body, dict) and "shape" not in body:
+        mesh = body.get("mesh")
+        if "matrices" in body:
+            return body | {"shape": "matrices"}
+        for key, shape in (("file", "mesh"), ("cad", "cad")):
+            if isinstance(mesh, dict) and key in mesh:
+                return body | {"shape": shape}
+    return body
+
+
+Flexible = Bar | Propeller | MeshedPart | CadPart | MatrixPart
+Body = Annotated[
+    Bar | Propeller | Rod | PointMass | RigidBody | MeshedPart | CadPart | MatrixPart,
+    Field(discriminator="shape"),
+    BeforeValidator(_with_shape),
+]

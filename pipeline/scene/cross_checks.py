@@ -1,0 +1,193 @@
+"""Checks between the tables of a scene: names exist, joints fit their use, bodies form a tree on the ground."""
+
+from __future__ import annotations
+
+import re
+from collections.abc import Iterator, Mapping, Sequence
+from dataclasses import dataclass
+
+from pipeline.core.units import unit_ratio
+from pipeline.scene.any_body import Body, Flexible
+from pipeline.scene.joints import Joint
+from pipeline.scene.loads import Drive, MotionDrive, PointForce, PointTorque
+from pipeline.scene.outputs import JOINT_QUANTITIES, Chart, Export, Output
+from pipeline.scene.pictures import BodyPicture
+from pipeline.scene.reading import FaultError, suggest_name
+from pipeline.scene.simulation import Simulation
+
+_SINGLE = ("revolute", "prismatic")  # the joints with one coordinate
+
+
+@dataclass(frozen=True, slots=True)
+class CrossCheck:
+    """The tables of a scene that name one another, each already checked by itself.
+
+    Parameters
+    ----------
+    body, joint, drive : mapping
+        Bodies, joints and drives by name.
+    simulation : Simulation, optional
+        The integration over time, if the scene has one.
+    output : sequence
+        Charts, pictures, films and exports.
+    """
+
+    body: Mapping[str, Body]
+    joint: Mapping[str, Joint]
+    drive: Mapping[str, Drive]
+    simulation: Simulation | None
+    output: Sequence[Output]
+
+    def find_faults(self) -> list[FaultError]:
+        """List all faults; the tree of bodies is checked once the names in it are right."""
+        names = [*self._check_joints(), *self._check_drives(), *self._check_simulation(), *self._check_outputs()]
+        return names or [*self._check_tree()]
+
+    @property
+    def _flexible(self) -> dict[str, Flexible]:
+        return {name: body for name, body in self.body.items() if isinstance(body, Flexible)}
+
+    def _check_joints(self) -> Iterator[FaultError]:
+        for name, joint in self.joint.items():
+            if joint.parent != "ground":
+                yield from self._check_marker(joint.parent, "joint", name, "parent")
+            yield from self._check_marker(joint.child, "joint", name, "child")
+
+    def _check_drives(self) -> Iterator[FaultError]:
+        for name, drive in self.drive.items():
+            if isinstance(drive, PointForce | PointTorque):
+                yield from self._check_marker(drive.marker, "drive", name, "marker")
+                continue
+            fitting = {"force": ("prismatic",), "motion": _SINGLE}.get(drive.type, ("revolute",))
+            faults = [*self._check_joint(drive.joint, fitting, f"a {drive.type}", "drive", name, "joint")]
+            yield from faults
+            if not faults and isinstance(drive, MotionDrive):
+                yield from self._check_motion(name, drive)
+
+    def _check_motion(self, name: str, drive: MotionDrive) -> Iterator[FaultError]:
+        """A prescribed motion leaves its joint no coordinate: nothing else may act along it."""
+        joint = self.joint[drive.joint]
+        wanted, other = ("angle", "position") if joint.type == "revolute" else ("position", "angle")
+        if getattr(drive, wanted) is None:
+            yield FaultError(f"is missing: a {joint.type} joint moves by its {wanted}", "drive", name, wanted)
+        if getattr(drive, other) is not None:
+            yield FaultError(f"belongs to another joint; this one moves by its {wanted}", "drive", name, other)
+        for other_name, also in self.drive.items():
+            if other_name != name and getattr(also, "joint", None) == drive.joint:
+                yield FaultError(f"has no effect: '{name}' prescribes the joint's motion", "drive", other_name, "joint")
+        for key in (wanted, "rate", "spring", "damper"):
+            if getattr(joint, key):
+                yield FaultError(f"has no effect: '{name}' prescribes the joint's motion", "joint", drive.joint, key)
+        if self.simulation is not None and drive.joint in self.simulation.fast:
+            number = self.simulation.fast.index(drive.joint)
+            yield FaultError(f"has no coordinate: '{name}' prescribes its motion", "simulation", "fast", number)
+
+    def _check_simulation(self) -> Iterator[FaultError]:
+        if self.simulation is None:
+            return
+        yield from self._check_marker(self.simulation.tip, "simulation", "tip")
+        for number, name in enumerate(self.simulation.fast):
+            yield from self._check_joint(name, _SINGLE, "the fast list", "simulation", "fast", number)
+
+    def _check_outputs(self) -> Iterator[FaultError]:
+        for number, output in enumerate(self.output):
+            if isinstance(output, Chart):
+                yield from self._check_chart(output, "output", number)
+            else:
+                yield from self._check_picture(output, "output", number)
+        yield from self._check_files()
+
+    def _check_chart(self, chart: Chart, *path: str | int) -> Iterator[FaultError]:
+        if chart.element is not None:
+            yield from self._check_element(chart.element, *path, "element")
+        if chart.marker is not None:
+            yield from self._check_marker(chart.marker, *path, "marker")
+        if chart.body is not None and chart.body not in self._flexible:
+            names = suggest_name(chart.body, self._flexible, "the flexible bodies")
+            yield FaultError(f"no such flexible body; {names}", *path, "body")
+        if chart.quantity == "modal_coordinates" and not self._flexible:
+            yield FaultError("needs a flexible body; this scene has none", *path, "quantity")
+        if chart.joint is None:
+            single = [name for name, joint in self.joint.items() if joint.type in _SINGLE]
+            if chart.quantity in JOINT_QUANTITIES and len(single) != 1:
+                known = f"; the revolute and prismatic joints: {', '.join(single) or 'none'}"
+                yield FaultError(f"is missing: the name of the joint whose motion is drawn{known}", *path, "joint")
+            return
+        faults = [*self._check_joint(chart.joint, _SINGLE, "joint_position", *path, "joint")]
+        yield from faults
+        if not faults and chart.unit is not None:
+            try:
+                unit = "rad" if self.joint[chart.joint].type == "revolute" else "m"
+                unit_ratio(f"{unit}/s" if chart.quantity == "joint_rate" else unit, chart.unit)
+            except ValueError as error:
+                yield FaultError(str(error), *path, "unit")
+
+    def _check_picture(self, picture: BodyPicture | Export, *path: str | int) -> Iterator[FaultError]:
+        flexible = self._flexible
+        of_body_alone = isinstance(picture, Export) and picture.file.endswith(".nc")
+        if picture.body not in self.body:
+            yield FaultError(f"no such body; {suggest_name(picture.body, self.body, 'the bodies')}", *path, "body")
+        elif picture.body not in flexible:
+            names = suggest_name(picture.body, flexible, "the flexible bodies")
+            yield FaultError(f"is rigid, without modes or stress; {names}", *path, "body")
+        elif flexible[picture.body].shape == "matrices" and not of_body_alone:
+            yield FaultError("is given by its matrices: without elements there is no stress or picture", *path, "body")
+
+    def _check_files(self) -> Iterator[FaultError]:
+        """No output may write over another's file; some file systems don't distinguish upper from lower case."""
+        taken: list[tuple[str, str]] = []
+        for number, output in enumerate(self.output):
+            file = output.file.casefold()
+            pattern = re.escape(file).replace(r"\{mode\}", r"(\d+|\{mode\})")
+            if any(re.fullmatch(pattern, other) or re.fullmatch(its, file) for other, its in taken):
+                yield FaultError("another output has this file; rename it", "output", number, "file")
+            taken.append((file, pattern))
+
+    def _check_tree(self) -> Iterator[FaultError]:
+        """Every body hangs on one joint, and through it on the ground."""
+        parents: dict[str, str] = {}
+        for name, joint in self.joint.items():
+            child = joint.child.partition(".")[0]
+            if child in parents:
+                yield FaultError("is the child of another joint; a body has one", "joint", name, "child")
+            parents[child] = joint.parent.partition(".")[0]
+            if joint.type == "free" and child in self._flexible and self._flexible[child].support:
+                yield FaultError("holds nothing that a support could hold on to; take a fixed joint", "joint", name)
+        for name in self.body:
+            if name in parents:
+                if _leads_round(name, parents):
+                    yield FaultError("its joints lead round in a circle; one must lead to ground", "body", name)
+            elif self.simulation is not None:
+                yield FaultError(f"hangs on no joint; give it one with child = '{name}.…'", "body", name)
+            elif name in self._flexible and self._flexible[name].modes.boundary == "joint":
+                yield FaultError("hangs on no joint to be held at", "body", name, "modes", "boundary")
+
+    def _check_joint(self, name: str, fitting: tuple[str, ...], user: str, *path: str | int) -> Iterator[FaultError]:
+        if name not in self.joint:
+            yield FaultError(f"no such joint; {suggest_name(name, self.joint, 'the joints')}", *path)
+        elif self.joint[name].type not in fitting:
+            wanted = " or ".join(fitting)
+            yield FaultError(f"is a {self.joint[name].type} joint; {user} needs a {wanted} one", *path)
+
+    def _check_marker(self, place: str, *path: str | int) -> Iterator[FaultError]:
+        body = place.partition(".")[0]
+        if body not in self.body:
+            yield FaultError(f"no such body; {suggest_name(body, self.body, 'the bodies')}", *path)
+            return
+        markers = [f"{body}.{marker}" for marker in self.body[body].marker]
+        if place not in markers:
+            yield FaultError(f"no such marker; {suggest_name(place, markers, 'the markers')}", *path)
+
+    def _check_element(self, place: str, *path: str | int) -> Iterator[FaultError]:
+        elements = [f"{name}.{element}" for name, body in self._flexible.items() for element in body.element]
+        if place not in elements:
+            yield FaultError(f"no such element; {suggest_name(place, elements, 'the named elements')}", *path)
+
+
+def _leads_round(body: str, parents: Mapping[str, str]) -> bool:
+    """Return true if the parents of a body come back to one of themselves."""
+    seen: set[str] = set()
+    while body in parents and body not in seen:
+        seen.add(body)
+        body = parents[body]
+    return body in seen

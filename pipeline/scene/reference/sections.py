@@ -1,0 +1,178 @@
+"""Sections of the page about the scene file in their order, and the texts between its tables."""
+
+from __future__ import annotations
+
+from typing import NamedTuple
+
+from pipeline.scene.bodies import Bar, BarMesh, ModeSettings, Solid
+from pipeline.scene.imported_bodies import (
+    CadFile,
+    CadPart,
+    Imported,
+    MatrixFiles,
+    MatrixPart,
+    MeshedPart,
+    MeshFile,
+    Substance,
+)
+from pipeline.scene.joints import Fixed, Free, Prismatic, Revolute, Spherical
+from pipeline.scene.loads import ForceDrive, MotionDrive, PointForce, PointTorque, PulseDrive, TorqueDrive
+from pipeline.scene.outputs import Chart, Export
+from pipeline.scene.pictures import BodyPicture, Film, MeshPicture, ModePictures, ModeSheet, StressPicture
+from pipeline.scene.places import MarkerPlace, NamedElement, Support
+from pipeline.scene.propeller import Propeller, PropellerMesh
+from pipeline.scene.reading import SceneTable
+from pipeline.scene.rigid_bodies import PointMarker, PointMass, RigidBody, Rod
+from pipeline.scene.runs import (
+    AutoRun,
+    CentralDifferenceRun,
+    ExponentialRun,
+    GeneralizedAlphaRun,
+    ReversibleSubCyclingRun,
+    RosenbrockRun,
+    RungeKuttaRun,
+    ScipyRun,
+    SubCyclingRun,
+)
+from pipeline.scene.scene import PublishedResults, Scene
+from pipeline.scene.simulation import Simulation
+from pipeline.scene.time_functions import TimeFunction
+
+INTRODUCTION = """\
+<!-- Written by `python -m pipeline.scene.reference > docs/scene.md` from the docstrings in pipeline/scene. -->
+
+# The scene file
+
+A scene is a TOML file: the bodies, how they are joined, what drives them, how they are integrated over time, and the
+charts, pictures and files that are wanted. `fmd new my-part.toml` writes a commented one to start from;
+[your part](your-part.md) goes through one step by step.
+
+- **Quantities** are text with a unit: `"340 mm"`, `"8000 rpm"`, `"2.7 g/cm^3"`. Any unit will do that converts to the
+  SI unit of the key. A bare number is refused, and so is a unit of another dimension. Values without a dimension, like
+  `nu`, are plain numbers.
+- **Names** of bodies, markers, elements, joints and drives are yours: a letter and up to 39 letters, digits, `_` or
+  `-`. A marker is named with its body, `"beam.tip"`. `"ground"` stands still.
+- **On the command line** `--set` replaces values of the file: `--set body.beam.length=300mm`,
+  `--set simulation.run.1.substeps=7`. Items of a list count from 0.
+- **Variants** of a ready scene start with `base = "propeller"`; tables that the file doesn't hold come from that scene.
+  The ready scenes are {ready}.
+- **Mistakes** are refused, unknown keys too, by one message with the file, the key, the value and what would work.
+
+The tables below give each key's values, its SI unit and its default. A key with a dash may be left out.
+"""
+
+_BODIES = """\
+A body is a table `[body.NAME]`, and its key `shape` says of which kind it is. Bars, propellers and bodies from files
+are flexible; rods, point masses and rigid bodies are not.
+"""
+_JOINTS = """\
+A joint is a table `[joint.NAME]`, and its key `type` says of which kind it is. Bodies form a tree: each is the child of
+one joint, and through its joints hangs on the ground. A joint holds a marker of the child on a marker of the parent. At
+angle and displacement zero the frames of all bodies are parallel.
+"""
+_DRIVES = """\
+A drive is a table `[drive.NAME]`, and its key `type` says of which kind it is. Several drives may act on one joint,
+unless one of them prescribes its motion.
+"""
+_RUNS = """\
+A run is a table `[[simulation.run]]`, and its key `integrator` says by which method. The others are compared with the
+first run, and pictures show the first.
+"""
+_OUTPUTS = """\
+An output is a table `[[output]]`, and its key `type` says of which kind it is. Its `file` is a name without a folder;
+it lies in the folder of results, and no two outputs have the same.
+"""
+_FORMULAS = """\
+A formula may hold `t`, `pi`, numbers, `+ - * / **`, the functions `sin`, `cos`, `tan`, `exp`, `log`, `sqrt`, `tanh`,
+`abs`, `min` and `max`, and choices such as `12*t if t < 0.5 else 6`, whose condition compares `t` with a constant.
+"""
+
+
+class Section(NamedTuple):
+    """One section of the page.
+
+    Attributes
+    ----------
+    heading : str
+        Heading with its marks, e.g. ``"### Bar"``.
+    table : type, optional
+        The scene's table that it describes.
+    text : str
+        Text that stands before the description, or after it if there is one.
+    """
+
+    heading: str
+    table: type[SceneTable] | None = None
+    text: str = ""
+
+    @property
+    def title(self) -> str:
+        """Heading without its marks."""
+        return self.heading.lstrip("# ")
+
+    @property
+    def anchor(self) -> str:
+        """Link to the section."""
+        return "#" + self.title.lower().replace(" ", "-")
+
+
+SECTIONS = (
+    Section("## The whole file", Scene),
+    Section("## Bodies", None, _BODIES),
+    Section("### Every flexible body", Solid),
+    Section("### Bar", Bar),
+    Section("### Mesh of a bar", BarMesh),
+    Section("### Propeller", Propeller),
+    Section("### Mesh of a propeller", PropellerMesh),
+    Section("### Every body from a file", Imported),
+    Section("### Material of a part", Substance),
+    Section("### Body from a mesh file", MeshedPart),
+    Section("### Mesh file", MeshFile),
+    Section("### Body from a CAD file", CadPart),
+    Section("### CAD file", CadFile),
+    Section("### Body from matrices", MatrixPart),
+    Section("### Files of matrices", MatrixFiles),
+    Section("### Modes", ModeSettings),
+    Section("### Markers of a flexible body", MarkerPlace),
+    Section("### Supports", Support),
+    Section("### Named elements", NamedElement),
+    Section("### Rod", Rod),
+    Section("### Point mass", PointMass),
+    Section("### Rigid body", RigidBody),
+    Section("### Markers of a rigid body", PointMarker),
+    Section("## Joints", None, _JOINTS),
+    Section("### Revolute joint", Revolute),
+    Section("### Prismatic joint", Prismatic),
+    Section("### Fixed joint", Fixed),
+    Section("### Spherical joint", Spherical),
+    Section("### Free joint", Free),
+    Section("## Drives", None, _DRIVES),
+    Section("### Torque pulse", PulseDrive),
+    Section("### Torque", TorqueDrive),
+    Section("### Force", ForceDrive),
+    Section("### Prescribed motion", MotionDrive),
+    Section("### Point force", PointForce),
+    Section("### Point torque", PointTorque),
+    Section("### Quantities over time", TimeFunction, _FORMULAS),
+    Section("## Simulation", Simulation),
+    Section("## Runs", None, _RUNS),
+    Section("### Central differences", CentralDifferenceRun),
+    Section("### Sub-cycling", SubCyclingRun),
+    Section("### Reversible sub-cycling", ReversibleSubCyclingRun),
+    Section("### Exponential", ExponentialRun),
+    Section("### Exponential Rosenbrock", RosenbrockRun),
+    Section("### Runge-Kutta", RungeKuttaRun),
+    Section("### Generalised alpha", GeneralizedAlphaRun),
+    Section("### Methods of SciPy", ScipyRun),
+    Section("### Automatic", AutoRun),
+    Section("## Published results", PublishedResults),
+    Section("## Outputs", None, _OUTPUTS),
+    Section("### Chart", Chart),
+    Section("### Every picture and film", BodyPicture),
+    Section("### Picture of the mesh", MeshPicture),
+    Section("### Pictures of modes", ModePictures),
+    Section("### Sheet of modes", ModeSheet),
+    Section("### Picture of the stress", StressPicture),
+    Section("### Film", Film),
+    Section("### File for other tools", Export),
+)

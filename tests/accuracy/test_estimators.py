@@ -1,0 +1,66 @@
+"""Estimates of errors by source, each from a variant of the run that differs in that source alone."""
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+
+from pipeline import Pipeline, load_scene
+from pipeline.accuracy.error_budget import ERROR_BUDGET
+from pipeline.accuracy.error_estimates import NO_PART
+from pipeline.accuracy.estimators import Estimates, _change_fineness, _root_mean_square, _with_diagonal
+from pipeline.core.cache import Cache
+
+ROD = ["simulation.duration=1 s", 'simulation.run=[{integrator="central-difference", step="4 ms"}]']
+
+
+def budget(*overrides: str) -> dict[str, float]:
+    run = Pipeline(load_scene("rod-slider", [*ROD, *overrides]), Cache(None))
+    return {row.name: row.parts["time"] for row in ERROR_BUDGET.of(run).rows}
+
+
+def test_halving_a_step_of_order_two_quarters_the_stated_error_of_time() -> None:
+    long, short = budget(), budget("simulation.run.0.step=2 ms")
+    for name in ("hinge, angle", "slide, position"):
+        assert long[name] / short[name] == pytest.approx(4.0, rel=0.15)
+
+
+def test_rigid_bodies_have_no_error_of_mesh_modes_or_stress() -> None:
+    run = Pipeline(load_scene("rod-slider", ROD), Cache(None))
+    for row in ERROR_BUDGET.of(run).rows:
+        assert {source for source, part in row.parts.items() if part == NO_PART} == {
+            "discretisation",
+            "truncation",
+            "recovery",
+        }
+
+
+def test_the_other_step_of_a_short_march_is_half_and_its_gain_richardsons() -> None:
+    run = Pipeline(load_scene("rod-slider", ROD), Cache(None))
+    plan = next(iter(run.plans.values()))
+    method, gain = _change_fineness(plan, seconds=0.0)
+    assert method == replace(plan.integrator, step=2e-3)
+    assert gain == pytest.approx(1 - 0.5**2)
+
+
+def test_two_estimates_are_combined_with_the_sign_of_the_larger() -> None:
+    combined = _root_mean_square(np.array([3e-3, -1e-3]), np.array([-1e-3, 0.0]))
+    assert combined == pytest.approx([np.sqrt(5e-6), -np.sqrt(0.5e-6)])
+
+
+def test_another_diagonal_keeps_the_correlations_of_products() -> None:
+    excess = np.array([[4.0, 1.0], [1.0, 1.0]])
+    scaled = _with_diagonal(excess, np.array([1.0, 4.0]))
+    assert scaled == pytest.approx(np.array([[1.0, 1.0], [1.0, 4.0]]))  # 1/√(4·1) stays
+    assert _with_diagonal(excess, np.array([1.0, -0.5])) == pytest.approx(np.diag([1.0, -0.5]))
+
+
+def test_stress_is_compared_around_the_worst_instant_on_the_hot_nodes() -> None:
+    overrides = ["body.beam.mesh.divisions=[12, 2, 1]", "simulation.duration=50 ms"]
+    run = Pipeline(load_scene("beam", overrides), Cache(None))
+    estimates = Estimates(run)
+    stress = run.stress_of("beam")
+    time, node, _ = stress.worst()
+    assert np.searchsorted(stress.times, time) in estimates.frames
+    assert node in estimates.hot["beam"]
+    assert len(estimates.hot["beam"]) < len(stress.nodes)

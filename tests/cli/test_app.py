@@ -1,0 +1,52 @@
+"""The command line as a whole: names of commands, exit status, one message."""
+
+from __future__ import annotations
+
+from importlib import import_module
+
+import pytest
+
+from pipeline.cli import app
+
+
+def test_a_missing_scene_names_the_ready_ones(fmd, capsys):
+    assert fmd("modes", "baem") == 2
+    assert "beam" in capsys.readouterr().err
+
+
+def test_a_failed_check_ends_with_status_3_and_its_figure(fmd, capsys, monkeypatch):
+    monkeypatch.setattr("pipeline.reduction.eigen.RESIDUAL_LIMIT", 0.0)
+    assert fmd("modes", "beam", "--no-cache") == 3
+    assert "residual" in capsys.readouterr().err
+
+
+def test_every_command_has_a_module_of_its_name():
+    for place in app._COMMANDS:
+        module, _, function = place.partition(":")
+        assert callable(getattr(import_module(f"pipeline.cli.{module}"), function))
+        assert module == function
+
+
+@pytest.mark.parametrize(
+    ("error", "status", "message"),
+    [
+        (KeyboardInterrupt(), 130, "fmd: interrupted\n"),
+        (OSError("no space left"), 2, "fmd: no space left; `fmd doctor` tells what this machine lacks\n"),
+    ],
+)
+def test_an_interrupt_and_a_full_disk_are_one_message(fmd, capsys, monkeypatch, error, status, message):
+    def fail(*_):
+        raise error
+
+    monkeypatch.setattr("pipeline.cli.inputs.load_scene", fail)
+    assert fmd("modes", "beam") == status
+    assert capsys.readouterr().err == message
+
+
+def test_a_fault_of_the_program_is_not_hidden(fmd, monkeypatch):
+    def fail(*_):
+        raise ZeroDivisionError
+
+    monkeypatch.setattr("pipeline.cli.inputs.load_scene", fail)
+    with pytest.raises(ZeroDivisionError):
+        fmd("modes", "beam")

@@ -1,0 +1,131 @@
+"""`fmd run`: its files and figures, the cache, and wrong input."""
+
+from __future__ import annotations
+
+import json
+
+import imageio_ffmpeg
+import numpy as np
+import pytest
+import xarray
+from matplotlib.image import imread
+
+QUICK = ["--set", "body.beam.mesh.divisions=[24, 2, 1]", "--set", "simulation.duration=50 ms"]
+
+
+def test_run_without_pictures_writes_summary_and_motion(fmd, tmp_path, capsys):
+    assert fmd("run", "beam", *QUICK, "--no-pictures", "--out", str(tmp_path), "--json") == 0
+    printed = json.loads(capsys.readouterr().out)
+    assert printed == json.loads((tmp_path / "summary.json").read_text())
+    keys = {"scene", "seconds", "stages_run", "stages_cached", "stages_skipped", "frequencies_hz", "integrations"}
+    assert keys | {"final", "files"} <= printed.keys()
+    assert sorted(path.name for path in tmp_path.iterdir()) == ["motion.nc", "summary.json"]
+    assert "pictures" in printed["stages_skipped"]
+    for row in printed["integrations"]:
+        wanted = {"integrator", "step_s", "substeps", "seconds", "ratio_to_plain", "evaluations"}
+        assert wanted | {"tip_difference_m"} <= row.keys()
+    assert [row["substeps"] for row in printed["integrations"]] == [1, 5, 10]
+    with xarray.open_dataset(tmp_path / "motion.nc", engine="scipy") as motion:
+        assert dict(motion.sizes) == {"run": 3, "time": 101, "axis": 3, "quaternion": 4, "beam.mode": 5}
+        assert motion.momentum.units == "kg m/s"
+
+
+def test_run_draws_everything_that_the_scene_lists(fmd, tmp_path, capsys):
+    film = ["--set", "output.5.frames=3", "--set", "output.5.size=[320, 180]", "--set", "output.4.size=[640, 360]"]
+    assert fmd("run", "beam", *QUICK, *film, "--out", str(tmp_path)) == 0
+    printed = capsys.readouterr().out
+    for word in ("central-difference", "sub-cycling 10:1", "131.2", "MPa", "summary.json"):
+        assert word in printed
+    pictures = [*(f"mode-{k}.png" for k in range(1, 6)), "von-mises.png"]
+    charts = ["fig-09-com-position.png", "fig-10-com-velocity.png", "fig-11-com-angular-velocity.png"]
+    assert {path.name for path in tmp_path.iterdir()} == {*pictures, *charts, "motion.mp4", "motion.nc", "summary.json"}
+    assert imread(tmp_path / "von-mises.png").shape[:2] == (360, 640)
+    for name in pictures + charts:
+        assert imread(tmp_path / name)[..., :3].std() > 0.01, f"{name} is blank"
+    frames = imageio_ffmpeg.count_frames_and_secs(str(tmp_path / "motion.mp4"))[0]
+    assert frames == 3
+
+
+def test_rod_slider_turns_as_in_figure_4_and_draws_the_papers_charts(fmd, tmp_path, capsys):
+    assert fmd("run", "rod-slider", "--out", str(tmp_path), "--json") == 0
+    result = json.loads(capsys.readouterr().out)
+    # 100 N m taken per degree, on the inertia with the slider at rest at 1 m: ½ τ/J t² = 652° after 10 s (Fig. 4).
+    expected = 0.5 * (100 * np.pi / 180) / (2 * 2**2 / 3 + 5 * 1**2) * 10**2
+    assert result["final"]["joint_positions"]["hinge"] == pytest.approx(expected, rel=0.01)
+    assert [row["substeps"] for row in result["integrations"]] == [1, 5, 10]
+    assert result["stages_run"] == ["motion", "pictures", "error budget"]
+    assert {"mesh", "assembly", "modes", "body", "stress"} <= set(result["stages_skipped"])
+    charts = {"fig-04-06-angle.png", "fig-05-07-slider.png"}
+    assert {path.name for path in tmp_path.iterdir()} == {*charts, "motion.nc", "summary.json"}
+    for name in charts:
+        assert imread(tmp_path / name)[..., :3].std() > 0.01
+    with xarray.open_dataset(tmp_path / "motion.nc", engine="scipy") as motion:
+        assert motion["hinge.position"].units == "rad"
+        assert motion["slide.position"].units == "m"
+        assert float(np.abs(motion["slide.position"]).max()) < 0.2  # Figs. 5 and 7 stay within ±0.2 m
+
+
+def test_every_integrator_can_be_chosen_by_name(fmd, tmp_path, capsys):
+    runs = ['{ integrator = "exponential", step = "1 ms" }', '{ integrator = "generalized-alpha", rho = 0.9 }']
+    runs.append('{ integrator = "runge-kutta", tolerance = 1e-8 }')
+    chosen = f"simulation.run=[{', '.join(runs)}]"
+    assert fmd("run", "beam", *QUICK, "--set", chosen, "--no-pictures", "--out", str(tmp_path), "--json") == 0
+    rows = json.loads(capsys.readouterr().out)["integrations"]
+    assert [row["integrator"] for row in rows] == ["exponential", "generalized-alpha", "runge-kutta"]
+    # Generalised-α at 10 µs is good to 1e-4 of the 5 mm deflection; Runge-Kutta and the exponential method agree.
+    assert rows[1]["tip_deflection_difference_m"] < 5e-6
+    assert rows[2]["tip_deflection_difference_m"] < 1e-6
+
+
+def test_second_run_meshes_assembles_and_solves_nothing(fmd, tmp_path, capsys):
+    arguments = ["run", "beam", *QUICK, "--no-pictures", "--out", str(tmp_path), "--json"]
+    assert fmd(*arguments) == 0
+    first = json.loads(capsys.readouterr().out)
+    assert fmd(*arguments) == 0
+    second = json.loads(capsys.readouterr().out)
+    assert second["stages_run"] == ["motion"]
+    assert {"modes", "body", "surface", "stress", "error budget"} == set(second["stages_cached"])
+    assert {"mesh", "assembly"} <= set(second["stages_skipped"])
+    for key in ("frequencies_hz", "final", "worst_stress"):
+        assert first[key] == second[key]
+
+
+def test_no_cache_computes_all_again(fmd, tmp_path, capsys):
+    arguments = ["run", "beam", *QUICK, "--no-pictures", "--no-cache", "--out", str(tmp_path), "--json"]
+    assert fmd(*arguments) == 0
+    assert json.loads(capsys.readouterr().out)["stages_cached"] == []
+
+
+@pytest.mark.parametrize(
+    ("override", "said"),
+    [
+        ("body.beam.lenght=300mm", "did you mean 'length'"),
+        ("body.beam.depth=25 kg", "length"),
+        ("body.beam.depth=-25 mm", "body.beam.depth"),
+        ("body.beam.nu=0.5", "0.499"),
+        ("simulation.step=300 us", "largest stable step"),
+    ],
+)
+def test_wrong_input_is_one_line_and_status_2(fmd, override, said, tmp_path, capsys):
+    out = tmp_path / "out"
+    assert fmd("run", "beam", "--set", override, "--out", str(out)) == 2
+    printed = capsys.readouterr()
+    assert printed.out == ""
+    assert printed.err.count("\n") == 1
+    assert said in printed.err
+    assert override.partition("=")[0].rpartition(".")[2] in printed.err
+    assert not out.exists()
+
+
+def test_an_output_folder_that_cannot_be_written_is_refused(fmd, tmp_path, capsys):
+    (tmp_path / "file").write_text("in the way")
+    assert fmd("run", "beam", *QUICK, "--no-pictures", "--out", str(tmp_path / "file" / "out")) == 2
+    assert "can't be written" in capsys.readouterr().err
+
+
+def test_a_machine_that_cannot_draw_is_refused_before_anything_runs(fmd, tmp_path, capsys, monkeypatch):
+    monkeypatch.setenv("FMD_CACHE", str(tmp_path / "cache"))
+    monkeypatch.setattr("pipeline.render.rendering_check.rendering_problem", lambda: "no EGL; apt-get install libegl1")
+    assert fmd("run", "beam", "--out", str(tmp_path / "out")) == 2
+    assert "apt-get install libegl1" in capsys.readouterr().err
+    assert not (tmp_path / "out").exists()

@@ -1,0 +1,111 @@
+"""Folders of the cache and of kernels, and digests of the source that follow every change of it."""
+
+from __future__ import annotations
+
+import os
+import tempfile
+from pathlib import Path
+
+import pytest
+
+from pipeline.core import paths as folders
+from pipeline.core.paths import cache_folder, kernel_folder, source_digest
+
+
+def test_a_change_in_the_source_changes_its_digest(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr(folders, "_ROOT", tmp_path)
+    digest = source_digest.__wrapped__
+    part = tmp_path / "part"
+    (part / "__pycache__").mkdir(parents=True)
+    (part / "one.py").write_text("x = 1\n")
+    (tmp_path / "two.py").write_text("y = 1\n")
+    before = digest("part", "two.py")
+    (part / "__pycache__" / "one.py").write_text("not a source\n")
+    (part / "notes.txt").write_text("not a source\n")
+    assert digest("part", "two.py") == before
+    (part / "one.py").write_text("x = 2\n")
+    changed = digest("part", "two.py")
+    (tmp_path / "two.py").write_text("y = 2\n")
+    assert len({before, changed, digest("part", "two.py"), digest("part")}) == 4
+
+
+def test_the_environment_says_where_the_cache_is(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setenv("FMD_CACHE", str(tmp_path))
+    assert cache_folder() == tmp_path
+    for empty in ("", None):  # an empty variable means none
+        monkeypatch.delenv("FMD_CACHE") if empty is None else monkeypatch.setenv("FMD_CACHE", empty)
+        assert cache_folder().name == "fmd"
+        assert cache_folder().is_absolute()
+
+
+def test_kernels_are_kept_in_the_cache_by_their_source(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setenv("FMD_CACHE", str(tmp_path))
+    digest = source_digest("pipeline/dynamics", "pipeline/integrators")
+    assert kernel_folder() == tmp_path / "kernels" / digest
+    assert kernel_folder().is_dir()
+
+
+def test_kernels_go_elsewhere_if_the_cache_cannot_be_written(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    (tmp_path / "file").write_text("in the way")
+    (tmp_path / "temporary").mkdir()
+    monkeypatch.setenv("FMD_CACHE", str(tmp_path / "file"))
+    monkeypatch.setattr("tempfile.tempdir", str(tmp_path / "temporary"))
+    folders.own_temporary_folder.cache_clear()
+    folder = kernel_folder()
+    folders.own_temporary_folder.cache_clear()
+    assert folder.is_dir()
+    assert folder.parent.parent == tmp_path / "temporary" / f"fmd-{os.getuid()}"  # where the next run finds it
+
+
+@pytest.mark.parametrize("state", ["new", "own", "another's", "open to all", "a file"])
+def test_a_user_without_a_home_has_a_folder_that_nobody_else_can_write_to(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, state: str
+) -> None:
+    def homeless(_: str) -> Path:
+        raise RuntimeError("could not determine the home directory")
+
+    user = os.getuid()
+    monkeypatch.setattr(folders.platformdirs, "user_cache_path", homeless)
+    monkeypatch.setattr(tempfile, "tempdir", str(tmp_path))
+    monkeypatch.delenv("FMD_CACHE")
+    folder = tmp_path / f"fmd-{user}"
+    if state == "a file":
+        folder.write_text("in the way")
+    elif state != "new":
+        folder.mkdir(mode=0o700)
+    if state == "open to all":
+        folder.chmod(0o777)
+    if state == "another's":
+        monkeypatch.setattr(os, "getuid", lambda: user + 1)
+        folder.rename(tmp_path / f"fmd-{user + 1}")
+    folders.own_temporary_folder.cache_clear()
+    found = cache_folder()
+    folders.own_temporary_folder.cache_clear()
+    assert (found == folder) == (state in ("new", "own"))
+    assert found.parent == tmp_path
+    assert found.stat().st_mode & 0o777 == 0o700
+
+
+@pytest.mark.parametrize("name", ["pipeline/no_such_folder", "pipeline/core/no_such_file.py"])
+def test_a_source_that_does_not_exist_is_refused(name: str) -> None:
+    with pytest.raises(FileNotFoundError, match=f"{name}: no such source in .*; a stage's key names it"):
+        source_digest("pipeline/core", name)
+
+
+def test_a_digest_of_a_file_is_that_of_its_content_alone(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr(folders, "_ROOT", tmp_path)
+    for name in ("one.py", "two.py"):
+        (tmp_path / name).write_text("x = 1\n")
+    digest = source_digest.__wrapped__
+    assert digest("one.py") == digest("two.py") != digest("one.py", "two.py")
+
+
+def test_kernels_have_a_new_folder_where_no_other_can_be_made(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    (tmp_path / "file").write_text("in the way")
+    (tmp_path / "temporary").mkdir()
+    monkeypatch.setattr(folders, "cache_folder", lambda: tmp_path / "file")
+    monkeypatch.setattr(folders, "own_temporary_folder", lambda: tmp_path / "file")
+    monkeypatch.setattr(tempfile, "tempdir", str(tmp_path / "temporary"))
+    folder = kernel_folder()
+    assert folder.is_dir()
+    assert folder.parent == tmp_path / "temporary"

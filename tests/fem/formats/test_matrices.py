@@ -1,0 +1,107 @@
+"""Matrices of other programs: every form is read, and what isn't a free body is refused."""
+
+from pathlib import Path
+
+import numpy as np
+import pytest
+import scipy.io
+import scipy.sparse as sp
+
+from pipeline.core.errors import AccuracyError, InputError
+from pipeline.fem.formats.matrices import MatrixModel, node_marker, nodes_in_plane, read_matrices
+from pipeline.fem.markers import face_marker
+from pipeline.fem.model import FEModel
+
+UNITS = (1.0, 1.0, 1.0)
+
+
+@pytest.fixture
+def files(small_bar: FEModel, tmp_path: Path) -> tuple[Path, Path, Path]:
+    K, M, nodes = tmp_path / "K.npz", tmp_path / "M.npz", tmp_path / "nodes.csv"
+    sp.save_npz(K, sp.csr_array(small_bar.K))
+    sp.save_npz(M, sp.csr_array(small_bar.M))
+    n = len(small_bar.x)
+    np.savetxt(nodes, np.c_[10 + 2 * np.arange(n), small_bar.x], delimiter=",", header="node, x, y, z", comments="")
+    return K, M, nodes
+
+
+@pytest.fixture
+def model(files: tuple[Path, Path, Path]) -> MatrixModel:
+    return read_matrices(*files, UNITS)
+
+
+def test_matrices_and_positions_come_back(model: MatrixModel, small_bar: FEModel) -> None:
+    assert abs(model.K - small_bar.K).max() < 1e-14 * abs(small_bar.K).max()
+    assert abs(model.m - small_bar.m).max() < 1e-14 * abs(small_bar.m).max()
+    assert np.abs(model.x - small_bar.x).max() < 1e-15
+    assert model.labels[:3].tolist() == [10, 12, 14]
+
+
+@pytest.mark.parametrize("half", [False, True])
+def test_text_forms_give_the_same_matrix(
+    files: tuple[Path, Path, Path], small_bar: FEModel, half: bool, tmp_path: Path
+) -> None:
+    K = small_bar.K
+    scipy.io.mmwrite(tmp_path / "K.mtx", K, symmetry="symmetric" if half else "general")
+    entries = sp.coo_array(sp.tril(K) if half else K)
+    rows = zip(*entries.coords, entries.data.tolist(), strict=True)
+    lines = (f"{10 + 2 * (i // 3)},{i % 3 + 1}, {10 + 2 * (j // 3)},{j % 3 + 1}, {value!r}\n" for i, j, value in rows)
+    (tmp_path / "K.inp").write_text("** MATRIX\n" + "".join(lines))
+    for name in ("K.mtx", "K.inp"):
+        read = read_matrices(tmp_path / name, *files[1:], UNITS)
+        assert abs(read.K - K).max() < 1e-12 * abs(K).max()
+
+
+def test_units_are_those_of_the_files(files: tuple[Path, Path, Path], small_bar: FEModel) -> None:
+    model = read_matrices(*files, (1e-3, 1e3, 1e3))
+    assert model.mass == pytest.approx(1e3 * small_bar.mass, rel=1e-12)
+    assert model.x == pytest.approx(1e-3 * small_bar.x)
+
+
+def test_what_is_no_free_body_is_refused_with_the_figure(files: tuple[Path, Path, Path], small_bar: FEModel) -> None:
+    K, M, _ = files
+    held = sp.lil_array(small_bar.K)
+    held[0, 0] *= 2
+    sp.save_npz(K, sp.csr_array(held))
+    with pytest.raises(AccuracyError, match=r"the body isn't free: moved along x as a whole it answers with"):
+        read_matrices(*files, UNITS)
+    held[0, 5] = 1e9 * held[0, 0]
+    sp.save_npz(K, sp.csr_array(held))
+    with pytest.raises(AccuracyError, match="the matrix isn't symmetric"):
+        read_matrices(*files, UNITS)
+    sp.save_npz(K, sp.csr_array(small_bar.K))
+    lopsided = sp.csr_array(small_bar.M * np.tile([1.0, 1.0, 2.0], len(small_bar.x)))
+    sp.save_npz(M, sp.csr_array(0.5 * (lopsided + lopsided.T)))
+    with pytest.raises(AccuracyError, match="masses depend on the direction"):
+        read_matrices(*files, UNITS)
+
+
+def test_files_that_do_not_fit_are_refused(files: tuple[Path, Path, Path]) -> None:
+    K, M, nodes = files
+    lines = nodes.read_text().splitlines(keepends=True)
+    nodes.write_text("".join(lines[:-1]))
+    with pytest.raises(InputError, match=r"nodes have \d+ displacements"):
+        read_matrices(K, M, nodes, UNITS)
+    nodes.write_text("".join([*lines, lines[-1]]))
+    with pytest.raises(InputError, match="gives a node twice"):
+        read_matrices(K, M, nodes, UNITS)
+    nodes.write_text("".join([*lines, "7, 1.0\n"]))
+    with pytest.raises(InputError, match="must be a node's number, x, y and z"):
+        read_matrices(K, M, nodes, UNITS)
+
+
+def test_a_marker_on_nodes_follows_rigid_motions_as_one_on_the_face(model: MatrixModel, small_bar: FEModel) -> None:
+    nodes = nodes_in_plane(model, 0, 0.3)
+    marker = node_marker(model, nodes)
+    face = face_marker(small_bar.discretisation, small_bar.discretisation.mesh.faces["x+"])
+    assert marker.position == pytest.approx(face.position, abs=1e-12)
+    R = small_bar.rigid_modes.reshape(-1, 3, 6)
+    assert marker.rotation(R) == pytest.approx(face.rotation(R), abs=1e-12)
+    assert marker.translation(R) == pytest.approx(face.translation(R), abs=1e-12)
+
+
+def test_a_marker_on_too_few_nodes_is_refused(model: MatrixModel) -> None:
+    with pytest.raises(ValueError, match="there is no node 11"):
+        node_marker(model, np.array([10, 11]))
+    with pytest.raises(ValueError, match="three nodes at least that don't lie in a line"):
+        node_marker(model, np.array([10, 12]))

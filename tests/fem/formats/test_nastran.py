@@ -1,0 +1,46 @@
+"""Nastran bulk data: fields of every form, and what is refused."""
+
+import pytest
+
+from pipeline.fem.formats.import_mesh import solid_mesh
+from pipeline.fem.formats.nastran import read_nastran
+from pipeline.fem.formats.raw_mesh import MeshFileError
+
+NASTRAN = """SOL 103
+BEGIN BULK
+$ small, large and free fields; exponents without an E
+GRID           1       0     0.0      0.      0.
+GRID,2,,1.0,0.,0.
+GRID*                  3               0              1.              1.
+*                     0.
+GRID           4             0.0  10.0-1     0.0
+GRID           5              0.      0.     1.0
+GRID           6              1.      0.     1.0
+GRID           7              1.      1.   .1+1
+GRID           8              0.      1.     1.0
+CHEXA          1       3       1       2       3       4       5       6+
++              7       8
+ENDDATA
+"""
+
+
+def test_nastran_fields_of_every_kind_are_read() -> None:
+    mesh = solid_mesh(read_nastran(NASTRAN), 1.0)
+    assert mesh.volume == pytest.approx(1.0, rel=1e-14)
+    assert {name: cells.tolist() for name, cells in mesh.parts.items()} == {"property-3": [0]}
+
+
+@pytest.mark.parametrize(
+    ("change", "message"),
+    [
+        (("GRID,2,,1.0", "GRID,2,7,1.0"), "line 5: grid point 2 is in coordinate system 7"),
+        (("+              7       8", "+              7"), "line 13: CHEXA 1 lacks 1 of 8 nodes"),
+        (("ENDDATA", "CHEXA,1,3,1,2,3,4,5,6\n+,7,8"), "element 1 is given twice"),
+        (("       7       8\n", "       7      88\n"), "names grid point 88"),
+        (("GRID,2,,1.0", "INCLUDE 'x.bdf'\nGRID,2,,1.0"), "INCLUDE isn't followed"),
+    ],
+)
+def test_nastran_files_that_make_no_sense_are_refused_with_the_line(change: tuple[str, str], message: str) -> None:
+    assert change[0] in NASTRAN
+    with pytest.raises(MeshFileError, match=message):
+        read_nastran(NASTRAN.replace(*change))

@@ -1,0 +1,111 @@
+"""What `fmd run --explain` foretells is what happens."""
+
+import json
+from importlib.resources import files
+
+import pytest
+
+from pipeline import Pipeline, load_scene
+from pipeline.cli.app import main
+from pipeline.core.cache import Cache
+from pipeline.output.explain import Forecast, forecast_run
+from pipeline.output.write import write_results
+
+QUICK = ["body.beam.mesh.divisions=[12, 2, 1]", "simulation.duration=20 ms"]
+MORE = """
+[body.beam.element.middle]
+at = ["170 mm", "0 mm", "0 mm"]
+[[output]]
+type = "export"
+body = "beam"
+file = "body.nc"
+[[output]]
+type = "export"
+body = "beam"
+file = "motion.vtkhdf"
+frames = 2
+"""
+
+
+def plan_and_run(folder, overrides, scene="beam", budget=False) -> tuple[Forecast, Pipeline]:
+    """Plan, and run by a pipeline of its own."""
+    cache, loaded = Cache(folder / "cache"), load_scene(scene, overrides)
+    plan = forecast_run(Pipeline(loaded, cache), pictures=False, budget=budget)
+    run = Pipeline(loaded, cache)
+    write_results(run, folder / "out", pictures=False, budget=budget)
+    return plan, run
+
+
+def stages(plan: Forecast, fate: str) -> set[str]:
+    return {step.stage for step in plan.steps if step.fate == fate}
+
+
+def require_foretold(plan: Forecast, run: Pipeline, decided_later: frozenset[str] = frozenset()) -> None:
+    assert stages(plan, "run") - decided_later == set(run.log.run) - decided_later
+    assert stages(plan, "cached") - decided_later == set(run.log.cached) - decided_later
+
+
+def lose(folder, stage: str) -> None:
+    lost = list((folder / "cache").glob(f"{stage}-*"))
+    assert lost
+    for file in lost:
+        file.write_bytes(file.read_bytes()[:-1])
+
+
+@pytest.mark.parametrize("more", [False, True], ids=["plain", "element, files, stiffening"])
+def test_the_plan_of_a_first_a_second_and_a_damaged_run_is_what_happens(tmp_path, more):
+    overrides, scene = QUICK, "beam"
+    if more:
+        scene, overrides = str(tmp_path / "more.toml"), [*QUICK, 'simulation.stiffening="on"']
+        ready = files("models").joinpath("beam.toml").read_text(encoding="utf-8")
+        (tmp_path / "more.toml").write_text(ready + MORE, encoding="utf-8")
+    first = plan_and_run(tmp_path, overrides, scene)
+    require_foretold(*first)
+    assert "mesh" in first[1].log.run
+    second = plan_and_run(tmp_path, overrides, scene)
+    require_foretold(*second)
+    assert {"modes", "body"} <= set(second[1].log.cached)
+    for stage in ("stress", "modes"):
+        lose(tmp_path, stage)
+        plan, run = plan_and_run(tmp_path, overrides, scene)
+        require_foretold(plan, run)
+        (step,) = [step for step in plan.steps if step.stage == stage]
+        assert (step.fate, step.why) == ("run", "no longer in the cache, or damaged")
+
+
+def test_the_plan_tells_what_has_changed_and_what_it_took(tmp_path):
+    _, run = plan_and_run(tmp_path, QUICK)
+    plan, _ = plan_and_run(tmp_path, [*QUICK, "body.beam.modes.enrich='inertia'"])
+    steps = {step.stage: step for step in plan.steps}
+    assert steps["modes"].fate == "cached"
+    assert steps["body"].why == "its inputs or the source have changed"
+    assert steps["body"].seconds == run.log.seconds["body"]
+    assert steps["mesh"].fate == "cached"
+    assert steps["stiffening"].fate == "open"
+    assert "body" in plan.line
+
+
+def test_a_scene_without_flexible_bodies_skips_all_but_the_motion(tmp_path):
+    plan, run = plan_and_run(tmp_path, ["simulation.duration=0.1 s"], "rod-slider")
+    require_foretold(plan, run)
+    assert stages(plan, "run") == {"motion"}
+
+
+@pytest.mark.slow
+def test_the_plan_of_an_error_budget_is_what_happens(tmp_path):
+    shared = frozenset({"mesh", "assembly"})  # what a budget's neighbours take over hangs on what is computed already
+    require_foretold(*plan_and_run(tmp_path, QUICK, budget=True), shared)
+    require_foretold(*plan_and_run(tmp_path, QUICK, budget=True), shared)
+    lose(tmp_path, "error budget")
+    require_foretold(*plan_and_run(tmp_path, QUICK, budget=True), shared)
+
+
+def test_a_dry_run_prints_the_plan_and_leaves_nothing(tmp_path, monkeypatch, capsys):
+    monkeypatch.setenv("FMD_CACHE", str(tmp_path / "cache"))
+    with pytest.raises(SystemExit, match="0"):
+        main(["run", "beam", "--dry-run", "--json", "--out", str(tmp_path / "out")])
+    plan = json.loads(capsys.readouterr().out)["plan"]
+    fates = {step["stage"]: step["fate"] for step in plan["stages"]}
+    assert fates["mesh"] == fates["pictures"] == "run"
+    assert not (tmp_path / "out").exists()
+    assert not (tmp_path / "cache" / "stages").exists()

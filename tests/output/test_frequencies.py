@@ -1,0 +1,47 @@
+"""Tables of frequencies: beside a scene's reference, and on a hub that turns."""
+
+import csv
+
+import numpy as np
+import pytest
+
+from pipeline import Pipeline, load_scene
+from pipeline.core.cache import Cache
+from pipeline.output.frequencies import campbell, frequency_table, rotating_table
+
+SMALL = ["body.beam.mesh.divisions=[12, 2, 1]"]
+
+
+@pytest.fixture(scope="module")
+def run() -> Pipeline:
+    return Pipeline(load_scene("beam", SMALL), Cache(None))
+
+
+def test_the_error_is_relative_to_the_scenes_reference(run):
+    table = frequency_table(run)
+    found, wanted = np.array(table["frequencies_hz"]), np.array(run.scene.reference.frequencies)
+    assert table["relative_error"] == pytest.approx((found / wanted - 1).tolist(), abs=1e-15)
+    assert table["rigid_modes"] == 6
+
+
+def test_a_scene_without_a_reference_has_no_errors():
+    alone = frequency_table(Pipeline(load_scene("spin-up"), Cache(None)))
+    assert alone["reference_hz"] == alone["relative_error"] == []
+    assert len(alone["frequencies_hz"]) > 0
+
+
+def test_at_rest_a_hub_turns_no_frequency_away(run):
+    held = rotating_table(run, 0.0)["rotating_frequencies_hz"]
+    assert held == pytest.approx(run.body.frequencies_hz.tolist(), rel=1e-9)
+
+
+def test_a_campbell_diagram_is_written_as_table_and_chart(run, tmp_path):
+    rates = np.array([0.0, 100.0, 200.0])
+    table, files = campbell(run, rates, tmp_path)
+    assert table.shape == (3, len(run.body.omega))
+    assert (np.diff(table[:, 0]) > 0).all()  # the hub's own turning stiffens the beam
+    with (tmp_path / files[0]).open(newline="") as file:
+        rows = list(csv.reader(file))
+    assert rows[0][:2] == ["rate_rad_s", "mode_1_hz"]
+    assert np.array(rows[1:], dtype=float) == pytest.approx(np.column_stack([rates, table]), rel=1e-5)
+    assert (tmp_path / files[1]).stat().st_size > 5000

@@ -1,0 +1,69 @@
+"""Drawings of a run's outputs: which stages they read, and what they show."""
+
+from types import SimpleNamespace
+
+import numpy as np
+import pytest
+from matplotlib.image import imread
+
+from pipeline import Pipeline, load_scene
+from pipeline.core.cache import Cache
+from pipeline.core.errors import InputError
+from pipeline.output.exports import EXPORTS
+from pipeline.output.pictures import DRAWINGS
+from pipeline.scene.outputs import Export
+from pipeline.stages.part import PART_STAGES
+
+SMALL = ["body.beam.mesh.divisions=[12, 2, 1]", "simulation.duration=20 ms"]
+
+
+@pytest.fixture(scope="module")
+def run() -> Pipeline:
+    return Pipeline(load_scene("beam", SMALL), Cache(None))
+
+
+def test_drawings_and_exports_read_stages_that_there_are():
+    for kind in (*DRAWINGS.values(), *EXPORTS.values()):
+        assert set(kind.reads) <= set(PART_STAGES)
+
+
+def test_every_type_of_output_can_be_drawn_or_written():
+    types = {output.type for name in ("beam", "propeller", "arm") for output in load_scene(name).output}
+    assert types - {"export"} <= set(DRAWINGS)
+    for suffix in EXPORTS:
+        Export(type="export", file=f"file{suffix}", body="beam")
+
+
+def test_still_pictures_need_no_motion(run, tmp_path):
+    output = next(output for output in run.scene.output if output.type == "modes")
+    small = output.model_copy(update={"size": (160, 90)})
+    assert len(DRAWINGS["modes"].draw(run, small, tmp_path)) == len(run.modes.omega)
+    assert "motion" not in run.log.seconds
+    assert imread(tmp_path / "mode-1.png").shape[:2] == (90, 160)
+
+
+def test_chosen_modes_alone_are_drawn(run, tmp_path):
+    from pipeline.output.pictures import draw_modes
+
+    output = next(output for output in run.scene.output if output.type == "modes").model_copy(update={"size": (64, 36)})
+    assert draw_modes(run, output, tmp_path, [2, 99]) == ["mode-2.png"]
+
+
+def test_an_unknown_colour_map_is_refused_with_the_key(run, tmp_path):
+    output = next(output for output in run.scene.output if output.type == "modes")
+    with pytest.raises(InputError, match="no-such-colours"):
+        DRAWINGS["modes"].draw(run, output.model_copy(update={"colour_map": "no-such-colours"}), tmp_path)
+
+
+def test_the_stress_picture_is_of_the_worst_instant(run, tmp_path, monkeypatch):
+    seen = SimpleNamespace()
+
+    def note(surface, deformation, values, path, **settings):
+        seen.values, seen.title = values, settings["title"]
+
+    monkeypatch.setattr("pipeline.render.pictures.draw_stress", note)
+    output = next(output for output in run.scene.output if output.type == "stress")
+    DRAWINGS["stress"].draw(run, output, tmp_path)
+    time, _, worst = run.stress_of("beam").worst()
+    assert np.max(seen.values) == pytest.approx(worst)
+    assert f"t = {1e3 * time:.1f} ms" in seen.title

@@ -1,0 +1,17 @@
+"""Campbell diagrams: modes and multiples of the rate."""
+
+from pathlib import Path
+
+import numpy as np
+
+from pipeline.render.campbell_chart import draw_campbell
+
+
+def test_modes_and_multiples_of_the_rate_are_named(tmp_path: Path) -> None:
+    rates = np.linspace(0.0, 800.0, 9)
+    frequencies = np.stack([100 + 0.1 * rates, np.where(rates < 500, 300.0, np.nan)], axis=1)
+    draw_campbell(rates, frequencies, tmp_path / "campbell.svg", title="Hub")
+    text = (tmp_path / "campbell.svg").read_text()
+    for words in ("mode 1", "mode 2", "1 ×", "4 ×", "Hub", "rate of rotation [rad/s]", "frequency [Hz]"):
+        assert f"<!-- {words} -->" in text
+    assert "<!-- mode 3 -->" not in text

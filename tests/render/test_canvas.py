@@ -1,0 +1,34 @@
+"""Canvases: which lines are drawn, and how the picture is reduced from the window."""
+
+import numpy as np
+import pytest
+
+from pipeline.render.canvas import add_part_by_values, choose_outline, open_canvas
+from pipeline.render.projection import fit_projection, oblique_axes
+from pipeline.render.surface import Surface, build_skin
+
+
+def test_lines_that_would_smear_a_picture_are_left_out(block: Surface) -> None:
+    assert block.outline_spacing == pytest.approx(0.0235, rel=0.1)  # 20 mm × 25 mm × 26.7 mm
+    opacities = []
+    for pixels in (4000, 400, 100, 40):
+        axes = next(oblique_axes(block.points))
+        outline = choose_outline(block, fit_projection(axes, block.points, (pixels, pixels)))
+        opacities.append(outline.opacity)
+        assert outline.elements == (pixels >= 100)
+    assert opacities[0] == opacities[1] > opacities[2]
+
+
+def test_a_picture_has_its_size_whatever_the_fineness_and_shows_the_part_moved(beam: Surface) -> None:
+    projection = fit_projection(next(oblique_axes(beam.points)), beam.points, (160, 90))
+    skin, values = build_skin(beam), np.zeros(len(beam.points))
+    for fineness in (1, 2, 3):
+        with open_canvas(projection, fineness) as canvas:
+            assert canvas.picture().min() == 255  # nothing is drawn yet
+            part = add_part_by_values(canvas, beam, skin, values, (0.0, 1.0), "turbo")
+            before = canvas.picture()
+            part.move(beam.points + np.array([10.0, 0.0, 0.0]))
+            after = canvas.picture()
+        assert before.shape == (90, 160, 3)
+        assert before.min() < 100
+        assert after.min() == 255  # out of the picture

@@ -1,0 +1,45 @@
+"""Projections: a part fills its place, and points in front hide those behind."""
+
+import numpy as np
+import pytest
+
+from pipeline.render.projection import PART, choose_axes, fit_projection, is_visible, oblique_axes
+from pipeline.render.surface import Surface
+
+SIZE = (960, 540)
+
+
+@pytest.mark.parametrize("name", ["block", "beam", "propeller"])
+def test_a_part_fills_its_place_in_the_picture(request: pytest.FixtureRequest, name: str) -> None:
+    surface: Surface = request.getfixturevalue(name)
+    for axes in oblique_axes(surface.points):
+        assert np.allclose(axes @ axes.T, np.eye(3), rtol=1e-7, atol=1e-12)
+        assert np.linalg.det(axes) > 0
+        pixels = fit_projection(axes, surface.points, SIZE).pixels(surface.points) / SIZE
+        low, high = pixels.min(axis=0), pixels.max(axis=0)
+        margins = [low[0] - PART[0], PART[1] - high[0], low[1] - (1 - PART[3]), 1 - PART[2] - high[1]]
+        assert min(margins) == pytest.approx(0, abs=1e-9)
+
+
+def test_motion_in_the_horizontal_plane_is_looked_at_from_above() -> None:
+    for extents in ((1.0, 1.0, 0.1), (1.0, 2.0, 0.1), (2.0, 1.0, 0.0)):
+        axes = next(oblique_axes(np.array([[0.0, 0.0, 0.0], extents])))
+        assert axes[2, 2] > 0.8
+
+
+def test_a_point_is_visible_unless_a_triangle_lies_before_it() -> None:
+    far, near = np.array([[0.2, 0.2, 0.0]]), np.array([[0.0, 0.0, 1.0], [1.0, 0.0, 1.0], [0.0, 1.0, 1.0]])
+    points, triangles = np.concatenate([far, near]), np.array([[1, 2, 3]])
+    assert not is_visible(np.eye(3), points, triangles, 0)
+    assert is_visible(np.diag([1.0, -1.0, -1.0]), points, triangles, 0)  # from below
+    assert is_visible(np.eye(3), points, triangles, 1)
+
+
+def test_the_first_axes_that_show_the_largest_value_are_chosen() -> None:
+    points = np.array([[0.2, 0.2, 0.0], [0.0, 0.0, 1.0], [1.0, 0.0, 1.0], [0.0, 1.0, 1.0]])
+    triangles, values = np.array([[1, 2, 3]]), np.array([5.0, 1.0, 2.0, 3.0])
+    above, below = np.eye(3), np.diag([1.0, -1.0, -1.0])
+    axes, number, visible = choose_axes([above, below], points, triangles, values)
+    assert (axes is below, number, visible) == (True, 0, True)
+    axes, number, visible = choose_axes([above], points, triangles, values)
+    assert (axes is above, number, visible) == (True, 0, False)

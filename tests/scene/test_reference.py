@@ -1,0 +1,103 @@
+"""The page about the scene file: up to date, complete, and with examples that are right."""
+
+import tomllib
+from pathlib import Path
+from typing import Any
+
+import pytest
+from pydantic import TypeAdapter
+
+from pipeline.core.units import Length, PositiveTime
+from pipeline.scene.any_body import Body
+from pipeline.scene.joints import Joint, Revolute
+from pipeline.scene.loads import Drive
+from pipeline.scene.outputs import CHART_QUANTITIES, Output
+from pipeline.scene.reading import SceneTable
+from pipeline.scene.reference.page import describe_table, list_keys, read_docstring, write_page
+from pipeline.scene.reference.sections import SECTIONS
+from pipeline.scene.reference.values import describe_values
+from pipeline.scene.runs import Run
+from pipeline.scene.scene import Scene
+from pipeline.scene.time_functions import TimeFunction, TorqueOverTime
+
+PAGE = Path(__file__).parents[2] / "docs" / "scene.md"
+TABLES = [section.table for section in SECTIONS if section.table is not None]
+
+
+def subclasses_of(table: type) -> set[type]:
+    return {table}.union(*(subclasses_of(below) for below in table.__subclasses__()))
+
+
+def test_the_page_is_up_to_date():
+    assert PAGE.read_text(encoding="utf-8") == write_page(), "python -m pipeline.scene.reference > docs/scene.md"
+
+
+def test_the_page_describes_every_table_of_a_scene():
+    over_time = subclasses_of(TimeFunction) - {TimeFunction}  # they have its keys
+    ours = {table for table in subclasses_of(SceneTable) if table.__module__.startswith("pipeline.")}
+    assert ours - over_time - {SceneTable} == set(TABLES)
+
+
+def test_every_key_of_every_table_has_a_row_with_a_meaning():
+    anchors = dict.fromkeys(TABLES, "#x")
+    for table in TABLES:
+        text = "\n".join(describe_table(table, "Kind.", anchors))
+        for name, field in list_keys(table):
+            (row,) = [line for line in text.splitlines() if line.startswith(f"| `{field.alias or name}` |")]
+            assert len(row.split(" | ")[-1].strip(" |")) > 3, (table, name)
+
+
+def test_a_key_without_a_meaning_is_an_error():
+    class Undescribed(Revolute):
+        """A joint with a key that its docstring leaves out."""
+
+        backlash: Length = 0.0
+
+    with pytest.raises(ValueError, match="Undescribed doesn't say in its docstring what backlash means"):
+        list(describe_table(Undescribed, "", {}))
+
+
+def test_a_quantity_of_charts_without_a_meaning_is_an_error(monkeypatch: pytest.MonkeyPatch):
+    monkeypatch.delitem(CHART_QUANTITIES, "energy")
+    with pytest.raises(ValueError, match="quantities of charts have no meaning: energy"):
+        write_page()
+
+
+@pytest.mark.parametrize("table", TABLES, ids=lambda table: table.__name__)
+def test_the_example_of_a_table_is_right(table: type[SceneTable]):
+    example = read_docstring(table)[1]
+    if not example:
+        assert subclasses_of(table) != {table}, "only tables that others build on go without an example"
+        return
+    value: Any = tomllib.loads(example)
+    kinds = {"body": Body, "joint": Joint, "drive": Drive, "output": Output}
+    if table is Scene:
+        Scene.model_validate(value)
+        return
+    header = example.splitlines()[0].strip("[]").split(".")
+    for key in header:
+        value = value[key]
+    kind: Any = Run if header[:2] == ["simulation", "run"] else kinds.get(header[0]) if len(header) < 3 else table
+    kind = TorqueOverTime if table is TimeFunction else kind or table
+    by_name = header[-1] in ("marker", "element")
+    values = value if isinstance(value, list) else value.values() if by_name else [value]
+    for one in values:
+        assert isinstance(TypeAdapter(kind).validate_python(one), table)
+
+
+@pytest.mark.parametrize(
+    ("annotation", "words", "unit"),
+    [
+        (PositiveTime, "time above 0", "s"),
+        (PositiveTime | None, "time above 0", "s"),
+        (tuple[Length, Length], "list of 2 lengths", "m"),
+        (tuple[Length, ...], "list of lengths", "m"),
+        (bool, "`true` or `false`", ""),
+        (TorqueOverTime, "[torque over time](#here)", "N m"),
+        (dict[str, Revolute], "[tables](#joint) by name", ""),
+        (tuple[Revolute, ...], "list of [tables](#joint)", ""),
+    ],
+)
+def test_values_are_described_by_their_types(annotation: Any, words: str, unit: str):
+    found = describe_values(annotation, (), {TimeFunction: "#here", Revolute: "#joint"})
+    assert (found.text, found.unit) == (words, unit)

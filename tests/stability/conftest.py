@@ -1,0 +1,11 @@
+"""A rod with a slider that nothing drives: one slow angle, one fast place on a spring."""
+
+import pytest
+
+from pipeline import Pipeline, load_scene
+from pipeline.dynamics.mechanism import Mechanism
+
+
+@pytest.fixture(scope="session")
+def coasting() -> Mechanism:
+    return Pipeline(load_scene("rod-slider", ["drive.motor.torque=0 N m"])).mechanism

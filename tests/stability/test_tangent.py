@@ -1,0 +1,80 @@
+"""Growth rates by tangent maps: against energies of real marches, closed forms and amplification matrices."""
+
+import numpy as np
+import pytest
+
+from pipeline.dynamics.linear.linear import LinearSystem
+from pipeline.dynamics.mechanism import Mechanism
+from pipeline.integrators.central_difference import CentralDifference
+from pipeline.integrators.generalized_alpha import GeneralizedAlpha
+from pipeline.integrators.subcycling import Subcycling
+from pipeline.stability.amplification import amplification_matrix
+from pipeline.stability.operating_points import settle
+from pipeline.stability.tangent import (
+    OperatingPoint,
+    cycles_within,
+    differentiate,
+    scheme_growth_rates,
+    scheme_tangent,
+    system_growth_rates,
+)
+
+REST = OperatingPoint(0.0, np.zeros(2), np.zeros(2))
+
+
+@pytest.mark.parametrize("rate", [0.5, 2.0])
+@pytest.mark.parametrize(("m", "step"), [(5, 0.011), (1, 0.06), (10, 0.002)])
+def test_vibrations_grow_in_marches_as_the_tangent_says(coasting: Mechanism, rate: float, m: int, step: float) -> None:
+    """Against the energy of the difference of two marches, averaged over ten periods, over 20 s."""
+    turning = OperatingPoint(0.0, np.zeros(2), np.array([rate, 0.0]))
+    at, method = settle(coasting, turning, np.array([1])), Subcycling(step, m)
+    by_tangent = scheme_growth_rates(method, coasting, at, 0.01)[0]
+    times = np.arange(0.0, 20.0, m * step)
+    one, other = (method.march(coasting, at.q + np.array([0.0, x]), at.v, times) for x in (0.0, 1e-7))
+    energy = (200 - rate**2) * (other.q - one.q)[:, 1] ** 2 + (other.v - one.v)[:, 1] ** 2
+    window = round(4.4 / (m * step))
+    means = np.convolve(energy, np.ones(window) / window, "valid")
+    in_marches = 0.5 * np.polyfit(times[: len(means)], np.log(means), 1)[0]
+    assert by_tangent == pytest.approx(in_marches, rel=2e-3, abs=1e-5)
+
+
+def test_the_growth_of_the_equations_is_that_of_their_eigenvalues() -> None:
+    # A mass on a spring that pushes, −4 N/m on 1 kg, grows by 2 per second; one on a spring that pulls doesn't.
+    system = LinearSystem(np.eye(2), np.diag([-4.0, 9.0]), 1)
+    assert system_growth_rates(system, REST) == pytest.approx([2, 0, 0, -2], abs=1e-6)
+
+
+def test_the_tangent_of_a_linear_system_is_its_amplification_matrix() -> None:
+    # It begins one cycle late, which changes nothing where the equations are the same at all times.
+    M, K, C = np.array([[1.0, 0.3], [0.3, 1.0]]), np.diag([0.02, 1.0]), np.diag([0.01, 0.05])
+    A = amplification_matrix(M, K, 1, 0.2, 5, C)
+    tangent, duration = scheme_tangent(Subcycling(0.2, 5), LinearSystem(M, K, 1, C), REST, 3.2)
+    assert duration == pytest.approx(3.0)
+    assert tangent == pytest.approx(np.linalg.matrix_power(A, 3), abs=1e-9)
+
+
+def test_a_method_that_keeps_two_accelerations_has_a_tangent_of_both() -> None:
+    # ρ∞ = 1 neither damps nor feeds an oscillator (Chung & Hulbert 1993); what it forgets decays.
+    system = LinearSystem(np.eye(2), np.diag([1.0, 9.0]), 1)
+    tangent, duration = scheme_tangent(GeneralizedAlpha(0.1, 1.0), system, REST, 0.1)
+    assert tangent.shape == (8, 8)
+    assert duration == pytest.approx(0.1)
+    rates = scheme_growth_rates(GeneralizedAlpha(0.1, 1.0), system, REST, 0.1)
+    assert rates[:4] == pytest.approx(np.zeros(4), abs=1e-6)
+
+
+def test_damping_shows_as_decay_in_both() -> None:
+    # ẍ + 2 δ ẋ + x = 0 decays by δ; central difference follows it to second order.
+    system = LinearSystem(np.eye(2), np.eye(2), 1, 0.2 * np.eye(2))
+    assert system_growth_rates(system, REST) == pytest.approx(np.full(4, -0.1), abs=1e-6)
+    assert scheme_growth_rates(CentralDifference(0.01), system, REST, 1.0)[:4] == pytest.approx(-0.1, abs=1e-4)
+
+
+@pytest.mark.parametrize(("span", "cycle", "whole"), [(1.0, 0.3, 3), (1.0, 0.26, 4), (0.1, 0.5, 1), (0.0, 0.5, 1)])
+def test_a_span_is_rounded_to_whole_cycles(span: float, cycle: float, whole: int) -> None:
+    assert cycles_within(span, cycle) == whole
+
+
+def test_central_differences_are_exact_for_quadratic_functions() -> None:
+    J = differentiate(lambda x: np.array([x[0] * x[1], x[1] ** 2, x[0]]), np.array([2.0, 3.0]), np.array([0.1, 0.2]))
+    assert pytest.approx(np.array([[3.0, 2.0], [0.0, 6.0], [1.0, 0.0]])) == J

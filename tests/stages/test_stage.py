@@ -1,0 +1,108 @@
+"""The stage graph: results are computed once, kept under keys of everything they depend on, and logged."""
+
+from pathlib import Path
+from typing import Any
+
+import pytest
+
+from pipeline import Pipeline, load_scene
+from pipeline.accuracy.error_budget import ERROR_BUDGET
+from pipeline.core.cache import Cache
+from pipeline.output.explain import STAGES
+from pipeline.stages.part import PART_STAGES, FlexiblePart
+from pipeline.stages.stage import Stage, stages_of
+from pipeline.stages.store import StageStore
+
+ROOT = Path(__file__).parents[2]
+
+
+class Sum:
+    """A sum of two numbers, with a stage for the sum and one for its double."""
+
+    def __init__(self, store: StageStore, *numbers: int) -> None:
+        self.store, self.numbers, self.computed = store, numbers, 0
+        self.results: dict[str, Any] = {}
+
+    def add(self) -> int:
+        self.computed += 1
+        return sum(self.numbers)
+
+    total: Stage[int] = Stage("total", add, (), lambda owner: owner.numbers, ("pipeline/stages",))
+    double: Stage[int] = Stage("double", lambda owner: 2 * owner.total, ("total",))
+
+
+def test_a_stage_is_computed_once_and_by_nobody_who_finds_it_in_the_cache(tmp_path):
+    first = Sum(StageStore(Cache(tmp_path)), 3, 4)
+    assert (first.double, first.double, first.total) == (14, 14, 7)
+    assert first.computed == 1
+    assert first.store.log.run == ["total", "double"]
+    again = Sum(StageStore(Cache(tmp_path)), 3, 4)
+    assert again.double == 14
+    assert again.computed == 0
+    assert again.store.log.cached == ["total"]
+    assert again.store.log.run == ["double"]  # it has no inputs for a key, so it is never kept
+    assert Sum(StageStore(Cache(tmp_path)), 4, 4).total == 8
+
+
+def test_the_stages_of_a_class_come_in_the_order_of_their_definition():
+    assert [stage.name for stage in stages_of(Sum)] == ["total", "double"]
+    assert isinstance(Sum.total, Stage)
+
+
+def test_every_stage_reads_stages_that_come_before_it():
+    before: set[str] = set()
+    for stage in PART_STAGES.values():
+        assert {*stage.reads, *stage.in_key} <= before, stage.name
+        before.add(stage.name)
+    assert set(ERROR_BUDGET.reads) <= before
+    assert len(STAGES) == len(set(STAGES))
+
+
+def test_every_source_that_a_key_names_is_there():
+    named = {source for stage in (*PART_STAGES.values(), ERROR_BUDGET) for source in stage.sources}
+    assert named
+    assert [source for source in named if not (ROOT / source).exists()] == []
+
+
+@pytest.mark.parametrize(
+    ("override", "changed"),
+    [
+        ("body.beam.mesh.divisions=[12, 2, 1]", set(PART_STAGES) - {"assembly"}),
+        ("body.beam.E='70 GPa'", set(PART_STAGES) - {"assembly", "mesh", "surface"}),
+        ("body.beam.modes.count=4", set(PART_STAGES) - {"assembly", "mesh", "surface"}),
+        ("body.beam.modes.enrich='inertia'", set(PART_STAGES) - {"assembly", "mesh", "surface", "modes"}),
+        ("simulation.frame='free'", set(PART_STAGES) - {"assembly", "mesh", "surface", "modes"}),
+        ("simulation.duration='1 ms'", set()),
+    ],
+)
+def test_a_key_changes_with_whatever_its_stage_depends_on_and_with_nothing_else(override, changed):
+    one, other = (
+        FlexiblePart(load_scene("beam", overrides), "beam", StageStore(Cache(None))) for overrides in ([], [override])
+    )
+    assert {name for name in PART_STAGES if one.key(name) != other.key(name)} == changed
+
+
+def test_a_variant_takes_over_what_both_scenes_have_in_common_and_leaves_the_run_alone():
+    small = "body.beam.mesh.divisions=[12, 2, 1]"
+    run = Pipeline(load_scene("beam", [small]), Cache(None))
+    body, before = run.part.body, set(run.part.results)
+    richer = run.variant(load_scene("beam", [small, "body.beam.modes.enrich='inertia'"]))
+    assert richer.part.modes is run.part.modes
+    assert richer.part.model is run.part.model
+    assert "body" not in richer.part.results
+    assert len(richer.part.body.omega) > len(body.omega)
+    finer = run.variant(load_scene("beam", ["body.beam.mesh.divisions=[14, 2, 1]"]))
+    assert finer.part.results == {}
+    assert run.part.body is body
+    assert set(run.part.results) == before
+
+
+def test_given_modes_replace_the_scenes_own_in_all_that_follows():
+    scene = load_scene("beam", ["body.beam.mesh.divisions=[12, 2, 1]"])
+    part = FlexiblePart(scene, "beam", StageStore(Cache(None)))
+    fewer = FlexiblePart(
+        load_scene("beam", ["body.beam.mesh.divisions=[12, 2, 1]", "body.beam.modes.count=2"]), "beam", part.store
+    )
+    given = FlexiblePart(scene, "beam", part.store, like=part, modes=fewer.modes)
+    assert len(given.body.omega) == 2
+    assert len(part.body.omega) == 5

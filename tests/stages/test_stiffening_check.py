@@ -1,0 +1,61 @@
+"""How fast bodies turn with all of them rigid, and what that does to their stiffness."""
+
+import numpy as np
+import pytest
+
+from pipeline import Pipeline, load_scene
+from pipeline.core.errors import InputError
+from pipeline.stages.mechanism import build_mechanism, place_joints
+from pipeline.stages.stiffening_check import check_spins, critical_rate, rigid_spins
+
+QUICK = ["body.beam.mesh.divisions=[12, 2, 1]"]
+
+
+@pytest.fixture(scope="module")
+def beam() -> Pipeline:
+    return Pipeline(load_scene("beam", QUICK))
+
+
+def test_the_beams_pulse_brings_it_to_the_scenes_speed(beam: Pipeline) -> None:
+    check = beam.spin["beam"]
+    assert check.largest_rate == pytest.approx(20.0, rel=1e-12)
+    assert check.first_frequency == beam.parts["beam"].body.omega[0]
+    assert not check.stiffened
+
+
+def test_a_damper_hardly_slows_it(beam: Pipeline) -> None:
+    # The other way: DOP853 in place of the closed form.
+    damped = load_scene("beam", [*QUICK, "joint.hub.damper=1e-9 N m s"])
+    check = check_spins(damped, {"beam": beam.parts["beam"].body})["beam"]
+    assert check.largest_rate == pytest.approx(20.0, rel=1e-3)
+
+
+def test_a_scene_that_ends_early_turns_as_fast_as_it_gets(beam: Pipeline) -> None:
+    half = load_scene("beam", [*QUICK, "simulation.duration=50 ms"])
+    check = check_spins(half, {"beam": beam.parts["beam"].body})["beam"]
+    assert check.largest_rate == pytest.approx(10.0, rel=1e-12)  # 10 (1 − cos(π t/0.1 s))
+
+
+def test_a_body_loses_its_stiffness_where_spin_takes_as_much_as_there_is(beam: Pipeline) -> None:
+    body = beam.parts["beam"].body
+    critical = critical_rate(body, np.array([0.0, 0.0, 5.0]))
+    D = (body.gram.G[0, 0] + body.gram.G[1, 1])[1:, 1:]
+    softest = np.linalg.eigvalsh(np.diag(body.omega**2) - critical**2 * 0.5 * (D + D.T))[0]
+    assert softest == pytest.approx(0.0, abs=1e-9 * body.omega[0] ** 2)
+    assert critical_rate(body, np.zeros(3)) == np.inf
+
+
+def test_without_stiffening_a_body_that_would_diverge_is_refused(beam: Pipeline) -> None:
+    fast = load_scene("beam", [*QUICK, "drive.spin_up.speed=2000 rad/s", "simulation.stiffening='off'"])
+    with pytest.raises(InputError, match="body 'beam' would diverge: it turns at up to 2000 rad/s"):
+        check_spins(fast, {"beam": beam.parts["beam"].body})
+    assert check_spins(fast, {}) == {}
+
+
+def test_each_rigid_body_has_its_own_spin() -> None:
+    scene = load_scene("rod-slider", ["simulation.duration=1 s"])
+    mechanism = build_mechanism(scene, {})
+    spins = rigid_spins(mechanism, *place_joints(scene, mechanism.rigid), 1.0)
+    assert set(spins) == {"rod", "slider"}
+    assert np.array_equal(spins["rod"], spins["slider"])  # the slider slides on the rod
+    assert spins["rod"][-1, 2] == pytest.approx(np.pi / 180 * 100 / (23 / 3), rel=0.01)

@@ -1,0 +1,41 @@
+"""Tables of a sweep: values of an axis, rows and dimensions of lists."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+
+from pipeline.sweep.points import Point, Variation
+from pipeline.sweep.record import Record
+from pipeline.sweep.study import Sweep
+from pipeline.sweep.table import SweepTable, axis_values
+
+
+@pytest.mark.parametrize(
+    ("texts", "values", "unit"),
+    [
+        (("[1, 2]", "[3,4]"), ("[1, 2]", "[3,4]"), ""),
+        (('"1 us"', '"2 us"'), (1e-6, 2e-6), "s"),
+        (("1", "2.5"), (1, 2.5), ""),
+        (("1 us", "fast"), ("1 us", "fast"), ""),
+        (("1 us", "1 mm"), ("1 us", "1 mm"), ""),
+    ],
+)
+def test_values_are_si_numbers_if_all_are_quantities_of_a_kind(texts, values, unit):
+    assert axis_values(Variation("key", texts)) == (values, unit)
+
+
+def test_a_list_becomes_a_dimension_and_what_a_point_lacks_is_nan():
+    """A point that was refused has no figures; one that is done has two runs, each with its seconds."""
+    summary = {"integrations": [{"seconds": 1.0, "integrator": "a"}, {"seconds": 2.0, "integrator": "b"}]}
+    points = (Point(("1 ms",), None, "key"), Point(("2 ms",), None, refusal="too long"))
+    records = (Record("ok", summary=summary), Record("refused", "too long"))
+    table = SweepTable(Sweep((Variation("step", ("1 ms", "2 ms")),), points, records, 1))
+    assert [row["step [s]"] for row in table.rows] == [1e-3, 2e-3]
+    assert [row["run.1.seconds"] for row in table.rows] == [2.0, None]
+    assert [row["message"] for row in table.rows] == ["", "too long"]
+    data = table.dataset
+    assert data["run.seconds"].dims == ("step", "run")
+    np.testing.assert_array_equal(data["run.seconds"], [[1.0, 2.0], [np.nan, np.nan]])
+    assert data["run.integrator"].values.tolist() == [["a", "b"], ["", ""]]
+    assert data["run.seconds"].units == data["step"].units == "s"

@@ -1,0 +1,74 @@
+"""README and pages agree with code and measurements: tables, commands, names of files."""
+
+from __future__ import annotations
+
+import re
+import runpy
+from itertools import chain
+from pathlib import Path
+from typing import Any
+
+import pytest
+
+ROOT = Path(__file__).parent.parent
+DOCS = ROOT / "docs"
+ROOMS = sorted(path.parent.name for path in (ROOT / "pipeline").glob("*/__init__.py"))
+PAGES = sorted(chain(ROOT.glob("*.md"), DOCS.glob("*.md")))
+
+
+def test_the_tables_of_the_pages_are_those_of_the_benchmarks() -> None:
+    tables = runpy.run_path(str(ROOT / "benchmarks" / "tables.py"))
+    used = set()
+    for path in DOCS.glob("*.md"):
+        page = path.read_text(encoding="utf-8")
+        used |= {slot[1] for slot in tables["SLOT"].findall(page)}
+        assert tables["fill_tables"](page) == page, f"{path.name}: run python benchmarks/tables.py"
+    assert used == set(tables["TABLES"])
+
+
+def test_the_readme_is_a_door() -> None:
+    assert len((ROOT / "README.md").read_text(encoding="utf-8").splitlines()) <= 130
+
+
+def test_the_commands_of_the_readme_are_those_of_the_command_line(fmd: Any, capsys: pytest.CaptureFixture[str]) -> None:
+    rows = re.findall(r"^\| `fmd (\w+)(.*?)` \|", (ROOT / "README.md").read_text(encoding="utf-8"), re.MULTILINE)
+    fmd("--help")
+    commands = re.findall(r"^  ([a-z]+): ", capsys.readouterr().out, re.MULTILINE)
+    assert sorted(command for command, _ in rows) == sorted(commands)
+    for command, text in rows:
+        fmd(command, "--help")
+        said = capsys.readouterr().out
+        for option in re.findall(r"--[\w-]+", text):
+            assert re.search(rf"{option}\b", said), f"fmd {command} has no {option}"
+
+
+@pytest.mark.parametrize("path", PAGES, ids=lambda path: path.name)
+def test_files_that_a_page_names_exist(path: Path) -> None:
+    page = path.read_text(encoding="utf-8")
+    linked = [target.partition("#")[0] for target in re.findall(r"\]\(([^)\s]+)\)", page) if "://" not in target]
+    missing = [target for target in linked if target and not (path.parent / target).exists()]
+    for name in re.findall(r"`((?:[\w-]+/)+[\w*-]+\.(?:py|csv|md|toml))`", page):
+        places = (ROOT, ROOT / "pipeline", DOCS)
+        if not name.startswith("out/") and not any(list(place.glob(name)) for place in places):
+            missing.append(name)
+    for name in re.findall(r"`(pipeline(?:\.\w+)+)`", page):
+        module, _, last = name.replace(".", "/").rpartition("/")
+        source = ROOT / f"{module}.py"
+        if not (ROOT / module / f"{last}.py").exists() and not (source.exists() and last in source.read_text()):
+            missing.append(name)
+    assert not missing
+
+
+def test_every_room_has_its_page_of_reference() -> None:
+    stubs = {path.stem: path.read_text(encoding="utf-8") for path in (DOCS / "api").glob("*.md")}
+    assert sorted(stubs) == sorted([*ROOMS, "meshes"])
+    menu = (ROOT / "mkdocs.yml").read_text(encoding="utf-8")
+    for room, stub in stubs.items():
+        assert stub.endswith(f"::: {'' if room == 'meshes' else 'pipeline.'}{room}\n")
+        assert f"{room}: api/{room}.md\n" in menu
+
+
+def test_the_changelog_has_one_line_or_two_for_each_change() -> None:
+    unreleased = (ROOT / "CHANGELOG.md").read_text(encoding="utf-8").split("\n## ")[1]
+    headings = re.findall(r"^### (.*)$", unreleased, re.MULTILINE)
+    assert headings == ["Added", "Changed", "Fixed", "Removed"]
