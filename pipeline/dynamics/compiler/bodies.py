@@ -30,7 +30,7 @@ from pipeline.dynamics.compiler.algebra import (
     transpose,
 )
 from pipeline.dynamics.compiler.cleaning import inertia_forms
-from pipeline.dynamics.compiler.frames import BodyFrame
+from pipeline.dynamics.compiler.frames import MovingFrame
 from pipeline.dynamics.compiler.graph import Graph, Scalar, Vector, combine
 
 AXES = range(3)
@@ -80,7 +80,7 @@ class Inertia:
         return self.S + [-z for z in self.z]
 
 
-def trace_inertia(graph: Graph, frame: BodyFrame) -> Inertia:
+def trace_inertia(graph: Graph, frame: MovingFrame) -> Inertia:
     """Trace a body's inertia for its modal coordinates and rates."""
     forms, q, v = inertia_forms(frame.link), frame.q, frame.v
     S, c, z, z_rate = list[Vector](), list[Scalar](), list[Vector](), list[Vector]()

@@ -11,18 +11,23 @@ from pipeline.core.arrays import Array
 from pipeline.dynamics.compiler.algebra import times
 from pipeline.dynamics.compiler.coordinates import Coordinates, RestingCoordinates
 from pipeline.dynamics.compiler.forces import ActingForces, GivenForces
-from pipeline.dynamics.compiler.frames import BodyFrame, trace_frames
-from pipeline.dynamics.compiler.graph import Graph
+from pipeline.dynamics.compiler.frames import MovingFrame, trace_frames
+from pipeline.dynamics.compiler.graph import Graph, Scalar
 from pipeline.dynamics.compiler.machine import LoadedObject
 from pipeline.dynamics.compiler.program import LANES, Output, Program
-from pipeline.dynamics.compiler.quantities import trace_kinetic_energy, trace_momenta, trace_potential_energy
+from pipeline.dynamics.compiler.quantities import (
+    trace_kinetic_energy,
+    trace_markers,
+    trace_momenta,
+    trace_potential_energy,
+)
 from pipeline.dynamics.compiler.recursion import BodyValues, trace_accelerations
 from pipeline.dynamics.compiler.residual import trace_residual
 from pipeline.dynamics.compiler.store import load_program
 from pipeline.dynamics.compiler.structure import describe_structure
 from pipeline.dynamics.compiler.tangents import trace_tangents
+from pipeline.dynamics.mechanism import Mechanism
 from pipeline.dynamics.signals.signal import Signal, evaluate_signal, pack
-from pipeline.dynamics.tree.tree import Tree
 
 PROGRAMS = {
     "accelerations": ("inputs", "q", "v", "a"),
@@ -31,6 +36,7 @@ PROGRAMS = {
     "solve": ("inputs", "q", "f", "x"),
     "solve_fast": ("inputs", "q", "f", "x"),
     "frames": ("inputs", "q", "v", "origins", "rotations", "spins"),
+    "markers": ("inputs", "q", "positions", "rotations"),
     "energies": ("inputs", "q", "v", "energies"),
     "momenta": ("inputs", "q", "v", "momenta"),
 }
@@ -47,6 +53,8 @@ class CompiledMechanism:
     - ``a`` (n,): accelerations, ``r`` (n,): ``M̂ a − Q̂``;
     - ``origins`` (n_bodies, 3), ``rotations`` (n_bodies, 3, 3), ``spins`` (n_bodies, 3): the bodies' frames and angular
       velocities in space;
+    - ``positions`` (n_markers, 3) and ``rotations`` (n_markers, 3, 3): the bodies' named markers and their sections in
+      space, body by body;
     - ``energies`` (2,): kinetic and potential (strain, springs, weight) [J];
     - ``momenta`` (6,): linear [N s], and angular about the origin [N m s];
     - ``dq`` (n_positions, 8), ``dv``, ``da`` (n, 8): eight directions, ``dr`` (n, 8): derivatives of r along them;
@@ -57,18 +65,18 @@ class CompiledMechanism:
 
     Parameters
     ----------
-    mechanism : Tree
+    mechanism : Mechanism
         Its constants are part of the code.
     """
 
-    def __init__(self, mechanism: Tree) -> None:
+    def __init__(self, mechanism: Mechanism) -> None:
         self.mechanism = mechanism
         self._inputs = Coordinates(Graph(), mechanism)
         self._programs: dict[str, Program] = {}
         self._loaded: dict[str, LoadedObject] = {}
 
     @cached_property
-    def _frames(self) -> list[BodyFrame]:
+    def _frames(self) -> list[MovingFrame]:
         return trace_frames(self._inputs)
 
     def program(self, name: str) -> Program:
@@ -169,6 +177,13 @@ class CompiledMechanism:
         self.call("frames", self.signal_values(t), *_contiguous(q, v), origins, rotations, spins)
         return origins, rotations, spins
 
+    def markers(self, t: float, q: Array) -> tuple[Array, Array]:
+        """Return positions (n_markers, 3) and rotations (n_markers, 3, 3) of all named markers in space."""
+        n = sum(len(link.markers) for link in self.mechanism.links)
+        positions, rotations = np.zeros((n, 3)), np.zeros((n, 3, 3))
+        self.call("markers", self.signal_values(t), *_contiguous(q), positions, rotations)
+        return positions, rotations
+
     def energies(self, t: float, q: Array, v: Array) -> tuple[float, float]:
         """Return the kinetic and the potential energy [J]."""
         out = np.zeros(2)
@@ -213,22 +228,27 @@ class CompiledMechanism:
 
     def _trace_frames(self) -> list[Output]:
         outputs = []
-        for frame in self._frames:
+        for number, frame in enumerate(self._frames):
             origin, R = frame.world
-            for i in range(3):
-                outputs.append(Output(origin[i], ("origins", (3 * frame.number + i,))))
-                outputs += [Output(R[i][j], ("rotations", (9 * frame.number + 3 * i + j,))) for j in range(3)]
-                outputs.append(Output(times(R, frame.spin)[i], ("spins", (3 * frame.number + i,))))
+            outputs += in_rows("origins", number, origin) + in_rows("spins", number, times(R, frame.spin))
+            outputs += in_rows("rotations", number, [x for row in R for x in row])
+        return outputs
+
+    def _trace_markers(self) -> list[Output]:
+        outputs = []
+        for number, (position, R) in enumerate(trace_markers(self._inputs, self._frames)):
+            outputs += in_rows("positions", number, position)
+            outputs += in_rows("rotations", number, [x for row in R for x in row])
         return outputs
 
     def _trace_energies(self) -> list[Output]:
         kinetic = trace_kinetic_energy(self._inputs, self._frames)
         potential = trace_potential_energy(self._inputs, self._frames)
-        return [Output(kinetic, ("energies", (0,))), Output(potential, ("energies", (1,)))]
+        return in_rows("energies", 0, [kinetic, potential])
 
     def _trace_momenta(self) -> list[Output]:
         linear, angular = trace_momenta(self._inputs, self._frames)
-        return [Output(value, ("momenta", (k,))) for k, value in enumerate(linear + angular)]
+        return in_rows("momenta", 0, linear + angular)
 
     def _in_order_of_rates(self, argument: str, values: list[BodyValues]) -> list[Output]:
         outputs = []
@@ -241,9 +261,14 @@ class CompiledMechanism:
         return outputs
 
 
-def compile_mechanism(mechanism: Tree) -> CompiledMechanism:
+def compile_mechanism(mechanism: Mechanism) -> CompiledMechanism:
     """Make the compiled functions of a mechanism; each compiles when it is first used, or is read from disk."""
     return CompiledMechanism(mechanism)
+
+
+def in_rows(argument: str, row: int, values: list[Scalar]) -> list[Output]:
+    """Return scalars as outputs in a row of an argument."""
+    return [Output(value, (argument, (len(values) * row + k,))) for k, value in enumerate(values)]
 
 
 def _contiguous(*arrays: Array) -> list[Array]:

@@ -4,8 +4,8 @@ from __future__ import annotations
 
 from pipeline.dynamics.compiler.algebra import constants
 from pipeline.dynamics.compiler.graph import Graph, Scalar, Vector
+from pipeline.dynamics.mechanism import Mechanism
 from pipeline.dynamics.signals.signal import Signal, constant, total
-from pipeline.dynamics.tree.tree import Tree
 
 
 class Coordinates:
@@ -15,7 +15,7 @@ class Coordinates:
     ----------
     graph : Graph
         Where the inputs become nodes.
-    mechanism : Tree
+    mechanism : Mechanism
         Its layout says where each coordinate is.
 
     Attributes
@@ -25,7 +25,7 @@ class Coordinates:
         argument ``inputs``.
     """
 
-    def __init__(self, graph: Graph, mechanism: Tree) -> None:
+    def __init__(self, graph: Graph, mechanism: Mechanism) -> None:
         self.graph, self.mechanism = graph, mechanism
         signals = [link.motion or link.load for link in mechanism.links] + [load.size for load in mechanism.loads]
         self.signals = tuple(dict.fromkeys(signal for signal in signals if constant_value(signal) is None))

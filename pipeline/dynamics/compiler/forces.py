@@ -11,7 +11,7 @@ from pipeline.dynamics.compiler.algebra import Vector6, constants, cross, subtra
 from pipeline.dynamics.compiler.bodies import AXES, Inertia, velocity_forces
 from pipeline.dynamics.compiler.cleaning import clean_direction, clean_place, clean_shapes
 from pipeline.dynamics.compiler.coordinates import Coordinates, RestingCoordinates
-from pipeline.dynamics.compiler.frames import BodyFrame, trace_marker
+from pipeline.dynamics.compiler.frames import MovingFrame, trace_marker
 from pipeline.dynamics.compiler.graph import Graph, Scalar, Vector
 from pipeline.dynamics.links import PRISMATIC, REVOLUTE, PointLoad
 
@@ -30,16 +30,16 @@ class Forces(Protocol):
     def ground(self) -> Vector6:
         """Acceleration of the ground; upwards it is the weight."""
 
-    def on_body(self, frame: BodyFrame, inertia: Inertia) -> tuple[Vector6, Terms]:
+    def on_body(self, frame: MovingFrame, inertia: Inertia) -> tuple[Vector6, Terms]:
         """Return p of a body, and the terms of −e; see `bodies`."""
 
-    def on_joint(self, frame: BodyFrame) -> list[Scalar]:
+    def on_joint(self, frame: MovingFrame) -> list[Scalar]:
         """Return what acts along each of a joint's directions."""
 
-    def free_directions(self, frame: BodyFrame) -> list[Vector6]:
+    def free_directions(self, frame: MovingFrame) -> list[Vector6]:
         """Return the directions in which a joint isn't held."""
 
-    def free_modes(self, frame: BodyFrame) -> Array:
+    def free_modes(self, frame: MovingFrame) -> Array:
         """Return 1 for each mode that isn't held, else 0."""
 
 
@@ -50,7 +50,7 @@ class ActingForces:
         self._inputs, self.graph = inputs, inputs.graph
         self.ground: Vector6 = constants(inputs.graph, [*(-inputs.mechanism.gravity), 0.0, 0.0, 0.0])
 
-    def on_body(self, frame: BodyFrame, inertia: Inertia) -> tuple[Vector6, Terms]:
+    def on_body(self, frame: MovingFrame, inertia: Inertia) -> tuple[Vector6, Terms]:
         """Return p of a body, and the terms of −e; see `bodies`."""
         p, terms = velocity_forces(inertia, frame.spin)
         terms = terms + modal_load(self._inputs, frame)
@@ -60,15 +60,15 @@ class ActingForces:
                 p, terms = subtract(p, force), terms + on_modes
         return p, terms
 
-    def on_joint(self, frame: BodyFrame) -> list[Scalar]:
+    def on_joint(self, frame: MovingFrame) -> list[Scalar]:
         """Return what acts along each of a joint's directions: 0 if there are several."""
         return [joint_load(self._inputs, frame)] * len(frame.directions)
 
-    def free_directions(self, frame: BodyFrame) -> list[Vector6]:
+    def free_directions(self, frame: MovingFrame) -> list[Vector6]:
         """Return all directions of a joint."""
         return frame.directions
 
-    def free_modes(self, frame: BodyFrame) -> Array:
+    def free_modes(self, frame: MovingFrame) -> Array:
         """Return 1 for each mode."""
         return np.ones(len(frame.link.omega))
 
@@ -90,27 +90,27 @@ class GivenForces:
         self._inputs, self._argument, self._n_held, self.graph = inputs, argument, n_held, inputs.graph
         self.ground: Vector6 = constants(inputs.graph, [0.0] * 6)
 
-    def on_body(self, frame: BodyFrame, inertia: Inertia) -> tuple[Vector6, Terms]:
+    def on_body(self, frame: MovingFrame, inertia: Inertia) -> tuple[Vector6, Terms]:
         """Return no force on the frame, and the forces on free modes."""
         given = self._inputs.inputs_of_modes(frame.number, self._argument)
         return constants(self.graph, [0.0] * 6), [(1.0, given.multiplied_by(np.diag(self.free_modes(frame))))]
 
-    def on_joint(self, frame: BodyFrame) -> list[Scalar]:
+    def on_joint(self, frame: MovingFrame) -> list[Scalar]:
         """Return what acts along each direction that isn't held."""
         given = self._inputs.inputs_of_joint(frame.number, self._argument)
         return given[: len(self.free_directions(frame))]
 
-    def free_directions(self, frame: BodyFrame) -> list[Vector6]:
+    def free_directions(self, frame: MovingFrame) -> list[Vector6]:
         """Return the directions of a joint that isn't held."""
         held = self._inputs.mechanism.layout.rate[frame.number] < self._n_held
         return [] if held else frame.directions
 
-    def free_modes(self, frame: BodyFrame) -> Array:
+    def free_modes(self, frame: MovingFrame) -> Array:
         """Return 1 for each mode that isn't held, else 0."""
         return np.where(self._inputs.mechanism.modes_of(frame.number) < self._n_held, 0.0, 1.0)
 
 
-def joint_load(inputs: Coordinates, frame: BodyFrame) -> Scalar:
+def joint_load(inputs: Coordinates, frame: MovingFrame) -> Scalar:
     """Return the force or torque along a joint: its load, its spring's and its damper's."""
     link, graph = frame.link, inputs.graph
     if link.joint not in (REVOLUTE, PRISMATIC) or link.motion is not None:
@@ -121,14 +121,14 @@ def joint_load(inputs: Coordinates, frame: BodyFrame) -> Scalar:
     return inputs.signal(link.load)[0] - stretch * link.spring - (ds + grip.dot(frame.v)) * link.damper
 
 
-def joint_grip(graph: Graph, frame: BodyFrame) -> Vector:
+def joint_grip(graph: Graph, frame: MovingFrame) -> Vector:
     """Return how much the body's own section turns in its joint for unit modal coordinates."""
     link = frame.link
     grips = link.joint == REVOLUTE and len(link.joint_rotation) and link.motion is None
     return graph.array(link.joint_rotation) if grips else graph.zeros(len(link.omega))
 
 
-def modal_load(inputs: Coordinates, frame: BodyFrame) -> Terms:
+def modal_load(inputs: Coordinates, frame: MovingFrame) -> Terms:
     """Return the terms of the forces of a body's modal springs and dampers, and of its joint's load, on its modes."""
     link, graph = frame.link, inputs.graph
     if not len(link.omega):
@@ -139,7 +139,7 @@ def modal_load(inputs: Coordinates, frame: BodyFrame) -> Terms:
     return [*terms, (joint_load(inputs, frame), joint_grip(graph, frame))]
 
 
-def point_load(inputs: Coordinates, frame: BodyFrame, at: PointLoad) -> tuple[Vector6, Terms]:
+def point_load(inputs: Coordinates, frame: MovingFrame, at: PointLoad) -> tuple[Vector6, Terms]:
     """Return the force and moment of a load on the body's frame, and the terms of its forces on the modes."""
     graph, n = inputs.graph, len(frame.link.omega)
     shapes, rotations = clean_shapes(at.shapes, n), clean_shapes(at.rotations, n)

@@ -68,7 +68,7 @@ class MarkerMotion:
 
 
 @dataclass
-class BodyFrame:
+class MovingFrame:
     """A body's frame and the joint that carries it; see this module's equations.
 
     Attributes
@@ -95,13 +95,13 @@ class BodyFrame:
         Columns of S.
     velocity : Vector3
         Of the origin.
-    children : list of BodyFrame
+    children : list of MovingFrame
         Bodies that this one carries.
     """
 
     number: int
     link: Link
-    parent: BodyFrame | None
+    parent: MovingFrame | None
     q: Vector
     v: Vector
     spin: Vector3
@@ -115,7 +115,7 @@ class BodyFrame:
     shift: Vector3
     directions: list[Vector6]
     velocity: Vector3
-    children: list[BodyFrame] = field(default_factory=list)
+    children: list[MovingFrame] = field(default_factory=list)
     _world: tuple[Vector3, Matrix] | None = None
 
     @property
@@ -155,9 +155,9 @@ class BodyFrame:
         return out
 
 
-def trace_frames(inputs: Coordinates) -> list[BodyFrame]:
+def trace_frames(inputs: Coordinates) -> list[MovingFrame]:
     """Trace the frames of a mechanism's bodies, each after its parent's."""
-    frames: list[BodyFrame] = []
+    frames: list[MovingFrame] = []
     for number, link in enumerate(inputs.mechanism.links):
         parent = frames[link.parent] if link.parent >= 0 else None
         frame = _trace_frame(inputs, number, link, parent)
@@ -167,7 +167,7 @@ def trace_frames(inputs: Coordinates) -> list[BodyFrame]:
     return frames
 
 
-def _trace_frame(inputs: Coordinates, number: int, link: Link, parent: BodyFrame | None) -> BodyFrame:
+def _trace_frame(inputs: Coordinates, number: int, link: Link, parent: MovingFrame | None) -> MovingFrame:
     graph = inputs.graph
     zero3 = constants(graph, [0.0] * 3)
     n_parent = len(parent.link.omega) if parent else 0
@@ -185,7 +185,7 @@ def _trace_frame(inputs: Coordinates, number: int, link: Link, parent: BodyFrame
     above = parent.velocity if parent else zero3
     at_marker = add(above, cross(spin, marker.arm), scale(0.5, marker.moving))
     velocity = add(times(transpose(motion.R), at_marker), cross(w, motion.shift), motion.sliding)
-    return BodyFrame(
+    return MovingFrame(
         number,
         link,
         parent,

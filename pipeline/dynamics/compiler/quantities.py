@@ -4,15 +4,29 @@ from __future__ import annotations
 
 import numpy as np
 
-from pipeline.dynamics.compiler.algebra import Vector3, add, constants, cross, dot, scale, times
+from pipeline.dynamics.compiler.algebra import Matrix, Vector3, add, constants, cross, dot, product, scale, times
 from pipeline.dynamics.compiler.bodies import trace_inertia
+from pipeline.dynamics.compiler.cleaning import clean_shapes
 from pipeline.dynamics.compiler.coordinates import Coordinates
-from pipeline.dynamics.compiler.frames import BodyFrame
+from pipeline.dynamics.compiler.frames import MovingFrame, trace_marker
 from pipeline.dynamics.compiler.graph import Scalar, total
 from pipeline.dynamics.links import REVOLUTE
 
 
-def trace_momenta(inputs: Coordinates, frames: list[BodyFrame]) -> tuple[Vector3, Vector3]:
+def trace_markers(inputs: Coordinates, frames: list[MovingFrame]) -> list[tuple[Vector3, Matrix]]:
+    """Trace position and rotation in space of the bodies' named markers, body by body."""
+    out = []
+    for frame in frames:
+        origin, R = frame.world
+        n = len(frame.link.omega)
+        for at in frame.link.markers.values():
+            shapes, rotations = clean_shapes(at.translation, n), clean_shapes(at.rotation, n)
+            marker = trace_marker(inputs.graph, at.position, shapes, rotations, frame.q, frame.v)
+            out.append((add(origin, times(R, marker.arm)), product(R, marker.R)))
+    return out
+
+
+def trace_momenta(inputs: Coordinates, frames: list[MovingFrame]) -> tuple[Vector3, Vector3]:
     """Trace the linear momentum and the angular momentum about the origin, in space."""
     linear, angular = (constants(inputs.graph, [0.0] * 3) for _ in range(2))
     for frame in frames:
@@ -22,7 +36,7 @@ def trace_momenta(inputs: Coordinates, frames: list[BodyFrame]) -> tuple[Vector3
     return linear, angular
 
 
-def body_momenta(inputs: Coordinates, frame: BodyFrame) -> tuple[Vector3, Vector3]:
+def body_momenta(inputs: Coordinates, frame: MovingFrame) -> tuple[Vector3, Vector3]:
     """Return a body's momentum and its angular momentum about its origin, in its axes."""
     inertia, w, u = trace_inertia(inputs.graph, frame), frame.spin, frame.velocity
     push = add(scale(inertia.mass, u), cross(w, inertia.c), inertia.c_rate)
@@ -30,7 +44,7 @@ def body_momenta(inputs: Coordinates, frame: BodyFrame) -> tuple[Vector3, Vector
     return push, turn
 
 
-def trace_kinetic_energy(inputs: Coordinates, frames: list[BodyFrame]) -> Scalar:
+def trace_kinetic_energy(inputs: Coordinates, frames: list[MovingFrame]) -> Scalar:
     """Trace ``½ Σ (v · momentum + ω · angular momentum + q̇ · modal momentum)``."""
     twice: list[Scalar] = []
     for frame in frames:
@@ -41,7 +55,7 @@ def trace_kinetic_energy(inputs: Coordinates, frames: list[BodyFrame]) -> Scalar
     return total(twice) * 0.5
 
 
-def trace_potential_energy(inputs: Coordinates, frames: list[BodyFrame]) -> Scalar:
+def trace_potential_energy(inputs: Coordinates, frames: list[MovingFrame]) -> Scalar:
     """Trace the energy of modes and springs and that of the weight, 0 at the origin."""
     energies = [inputs.graph.number(0.0)]
     gravity = constants(inputs.graph, inputs.mechanism.gravity)

@@ -47,7 +47,7 @@ from pipeline.dynamics.compiler.algebra import (
 from pipeline.dynamics.compiler.bodies import trace_inertia
 from pipeline.dynamics.compiler.cleaning import orthonormal_rows
 from pipeline.dynamics.compiler.forces import Forces
-from pipeline.dynamics.compiler.frames import BodyFrame
+from pipeline.dynamics.compiler.frames import MovingFrame
 from pipeline.dynamics.compiler.graph import Scalar, Vector, combine
 
 
@@ -124,7 +124,7 @@ class ArticulatedBody:
         Accelerations of its frame, of its modes, and of these along Q: filled by the walk outwards.
     """
 
-    frame: BodyFrame
+    frame: MovingFrame
     free: Array
     W: list[Vector]
     e: Vector
@@ -151,7 +151,7 @@ class BodyValues:
     modes: Vector
 
 
-def trace_accelerations(frames: list[BodyFrame], forces: Forces) -> list[BodyValues]:
+def trace_accelerations(frames: list[MovingFrame], forces: Forces) -> list[BodyValues]:
     """Trace the accelerations of a mechanism's joints and modes, body by body; held ones are 0."""
     bodies: dict[int, ArticulatedBody] = {}
     for frame in reversed(frames):
@@ -160,7 +160,7 @@ def trace_accelerations(frames: list[BodyFrame], forces: Forces) -> list[BodyVal
     return [_accelerate(forces, bodies[frame.number], bodies) for frame in frames]
 
 
-def _articulate(forces: Forces, frame: BodyFrame, children: list[ArticulatedBody]) -> ArticulatedBody:
+def _articulate(forces: Forces, frame: MovingFrame, children: list[ArticulatedBody]) -> ArticulatedBody:
     """Gather a body and what it carries; the walk inwards."""
     inertia = trace_inertia(forces.graph, frame)
     p, terms = forces.on_body(frame, inertia)
@@ -180,7 +180,7 @@ def _articulate(forces: Forces, frame: BodyFrame, children: list[ArticulatedBody
     return body
 
 
-def _eliminate_modes(body: ArticulatedBody, held: list[BodyFrame], carried: dict[int, Carried]) -> None:
+def _eliminate_modes(body: ArticulatedBody, held: list[MovingFrame], carried: dict[int, Carried]) -> None:
     """Eliminate a body's modes: across the span of its markers as a leaf's, along it by the small system."""
     graph, n_free = body.e.graph, np.count_nonzero(body.free)
     markers = [np.concatenate([child.place_shapes, child.place_rotations]) * body.free for child in held]

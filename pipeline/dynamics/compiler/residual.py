@@ -18,12 +18,12 @@ from pipeline.dynamics.compiler.algebra import (
 from pipeline.dynamics.compiler.bodies import trace_inertia
 from pipeline.dynamics.compiler.coordinates import Coordinates
 from pipeline.dynamics.compiler.forces import ActingForces, Terms
-from pipeline.dynamics.compiler.frames import BodyFrame
+from pipeline.dynamics.compiler.frames import MovingFrame
 from pipeline.dynamics.compiler.graph import Vector, combine
 from pipeline.dynamics.compiler.recursion import BodyValues
 
 
-def trace_residual(inputs: Coordinates, frames: list[BodyFrame]) -> list[BodyValues]:
+def trace_residual(inputs: Coordinates, frames: list[MovingFrame]) -> list[BodyValues]:
     """Trace the residual of each body's joint and modes; accelerations are the argument ``a``."""
     acting = ActingForces(inputs)
     x: list[Vector6] = []
@@ -40,7 +40,7 @@ def trace_residual(inputs: Coordinates, frames: list[BodyFrame]) -> list[BodyVal
     return out[::-1]
 
 
-def _accelerate(inputs: Coordinates, acting: ActingForces, frame: BodyFrame, above: list[Vector6]) -> Vector6:
+def _accelerate(inputs: Coordinates, acting: ActingForces, frame: MovingFrame, above: list[Vector6]) -> Vector6:
     """Return the acceleration of a body's frame from that of its parent's."""
     if frame.parent is None:
         x = frame.carry(acting.ground)
@@ -51,7 +51,7 @@ def _accelerate(inputs: Coordinates, acting: ActingForces, frame: BodyFrame, abo
 
 
 def _forces(
-    inputs: Coordinates, acting: ActingForces, frame: BodyFrame, x: Vector6, carried: dict[int, Vector6]
+    inputs: Coordinates, acting: ActingForces, frame: MovingFrame, x: Vector6, carried: dict[int, Vector6]
 ) -> tuple[Vector6, Vector]:
     """Return the force that moves a body's frame and what it carries, and the residual of its modes."""
     graph = inputs.graph

@@ -4,12 +4,12 @@ from __future__ import annotations
 
 from pipeline.dynamics.compiler.bodies import trace_inertia
 from pipeline.dynamics.compiler.coordinates import Coordinates
-from pipeline.dynamics.compiler.frames import BodyFrame
+from pipeline.dynamics.compiler.frames import MovingFrame
 from pipeline.dynamics.compiler.program import Program
 from pipeline.dynamics.links import REVOLUTE
 
 
-def describe_structure(inputs: Coordinates, frames: list[BodyFrame], accelerations: Program) -> list[str]:
+def describe_structure(inputs: Coordinates, frames: list[MovingFrame], accelerations: Program) -> list[str]:
     """Return what saves a mechanism's equations arithmetic: plane motion, cyclic angles, constant inertia."""
     graph, lines = inputs.graph, list[str]()
     for axis, name in enumerate("xyz"):

@@ -7,7 +7,7 @@ import numpy as np
 from pipeline.core.arrays import Array
 from pipeline.dynamics.compiler.compiled import CompiledMechanism
 from pipeline.dynamics.compiler.interpret import interpret
-from pipeline.dynamics.tree.tree import Tree
+from pipeline.dynamics.mechanism import Mechanism
 
 TIME = 0.37
 
@@ -28,8 +28,8 @@ def difference(a: Array, b: Array) -> float:
     return float(np.abs(np.subtract(a, b)).max(initial=0.0) / max(np.abs(b).max(initial=0.0), 1e-300))
 
 
-def mass_and_force(tree: Tree, q: Array, v: Array) -> tuple[Array, Array]:
+def mass_and_force(mechanism: Mechanism, q: Array, v: Array) -> tuple[Array, Array]:
     """Return M̂ and Q̂ by the kernels of the mechanism."""
-    parameters = tree._evaluated(TIME, q, v)
+    parameters = mechanism._evaluated(TIME, q, v)
     lower = np.tril(parameters.M)
     return lower + np.tril(lower, -1).T, parameters.Q.copy()

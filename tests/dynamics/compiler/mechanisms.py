@@ -7,28 +7,28 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from pipeline.core.arrays import Array
-from pipeline.core.formula import parse
+from pipeline.core.formula import parse_formula
 from pipeline.dynamics.links import FIXED, FREE, PRISMATIC, REVOLUTE, SPHERICAL, Link, PointLoad, rigid_gram
+from pipeline.dynamics.mechanism import Mechanism
 from pipeline.dynamics.signals.signal import Signal, constant, formula, half_sine
-from pipeline.dynamics.tree.tree import Tree
 from pipeline.reduction.inertia import inertia_gram
 
 JOINTS = (FIXED, REVOLUTE, PRISMATIC, SPHERICAL, FREE)
 
 
 @dataclass(frozen=True)
-class RandomMechanism:
+class PointMechanism:
     """A mechanism, and for each body its points' places (n, 3), masses (n,) and mode shapes (n, 3, n_modes)."""
 
-    tree: Tree
+    mechanism: Mechanism
     points: tuple[tuple[Array, Array, Array], ...]
 
     def state(self, seed: int) -> tuple[Array, Array]:
         """Random positions and rates; quaternions have unit length, modal coordinates are small."""
         rng = np.random.default_rng(seed)
-        tree = self.tree
-        q, v = 0.4 * rng.normal(size=tree.n_positions), 0.6 * rng.normal(size=tree.n)
-        for link, first in zip(tree.links, tree.layout.position, strict=True):
+        mechanism = self.mechanism
+        q, v = 0.4 * rng.normal(size=mechanism.n_positions), 0.6 * rng.normal(size=mechanism.n)
+        for link, first in zip(mechanism.links, mechanism.layout.position, strict=True):
             if link.joint in (SPHERICAL, FREE):
                 e = q[first + link.n_positions - 4 : first + link.n_positions]
                 e[:] = rng.normal(size=4)
@@ -36,17 +36,17 @@ class RandomMechanism:
         return q, v
 
 
-def random_mechanism(seed: int, second_order: bool = True) -> RandomMechanism:
+def random_mechanism(seed: int, second_order: bool = True) -> PointMechanism:
     """Make one of one to four bodies, any of them rigid or flexible, on random joints, markers and under random loads.
 
     Every fifth is plane. ``second_order`` adds geometric stiffening and second-order first moments, which no mass
     points have. One without coordinates is made anew.
     """
     made = _any_mechanism(seed, np.random.default_rng([seed, 7]), second_order)
-    return made if made.tree.n else random_mechanism(seed + 1000, second_order)
+    return made if made.mechanism.n else random_mechanism(seed + 1000, second_order)
 
 
-def _any_mechanism(seed: int, rng: np.random.Generator, second_order: bool) -> RandomMechanism:
+def _any_mechanism(seed: int, rng: np.random.Generator, second_order: bool) -> PointMechanism:
     plane = seed % 5 == 4
     sizes = [int(n) for n in rng.integers(0, 4, size=rng.integers(1, 5))]
     bodies = [_random_points(n, rng, plane) for n in sizes]
@@ -62,7 +62,7 @@ def _any_mechanism(seed: int, rng: np.random.Generator, second_order: bool) -> R
     slow = {link.name: int(rng.integers(0, len(link.omega) + 1)) for link in links if rng.random() < 0.3}
     gravity = np.array([1.0, -9.8, 0.0 if plane else 2.0]) * (rng.random() < 0.7)
     loads = [_random_load(link, rng, plane) for link in links for _ in range(rng.integers(0, 3))]
-    return RandomMechanism(Tree(links, fast, gravity, loads, slow), tuple(bodies))
+    return PointMechanism(Mechanism(links, fast, gravity, loads, slow), tuple(bodies))
 
 
 def _random_points(n_modes: int, rng: np.random.Generator, plane: bool) -> tuple[Array, Array, Array]:
@@ -139,7 +139,7 @@ def _random_signal(rng: np.random.Generator) -> Signal:
 
 
 def _smooth_signal(rng: np.random.Generator) -> Signal:
-    return formula(parse(f"{rng.uniform(0.3, 0.8):.3f}*sin({rng.uniform(1, 3):.3f}*t) + 0.2*t"))
+    return formula(parse_formula(f"{rng.uniform(0.3, 0.8):.3f}*sin({rng.uniform(1, 3):.3f}*t) + 0.2*t"))
 
 
 def _random_load(link: Link, rng: np.random.Generator, plane: bool) -> PointLoad:

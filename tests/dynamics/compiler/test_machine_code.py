@@ -148,8 +148,8 @@ def test_equal_programs_of_different_graphs_share_an_object() -> None:
 
 def _accelerate(folder: Path) -> bytes:
     store.kernel_folder = lambda: folder
-    mechanism = random_mechanism(1)
-    return compile_mechanism(mechanism.tree).accelerations(TIME, *mechanism.state(1)).tobytes()
+    made = random_mechanism(1)
+    return compile_mechanism(made.mechanism).accelerations(TIME, *made.state(1)).tobytes()
 
 
 def test_processes_that_compile_at_once_agree(tmp_path: Path) -> None:

@@ -9,7 +9,7 @@ from pipeline.core.arrays import Array
 from pipeline.dynamics.compiler.cleaning import THRESHOLD, orthonormal_rows
 from pipeline.dynamics.compiler.compiled import CompiledMechanism, compile_mechanism
 from pipeline.dynamics.links import REVOLUTE, Link
-from pipeline.dynamics.tree.tree import Tree
+from pipeline.dynamics.mechanism import Mechanism
 from pipeline.reduction.inertia import inertia_gram
 from tests.dynamics.compiler.comparison import TIME, difference
 from tests.dynamics.compiler.mechanisms import random_mechanism
@@ -17,7 +17,7 @@ from tests.dynamics.compiler.mechanisms import random_mechanism
 PLANE = "plane motion: every body turns about z alone"
 
 
-def plane_arm(lift: float = 0.0, n: int = 4) -> Tree:
+def plane_arm(lift: float = 0.0, n: int = 4) -> Mechanism:
     """Two flexible bodies of points in a plane, hinged across it; points, shapes and axes lifted out of it a little."""
     rng = np.random.default_rng(5)
     up = lift * rng.normal(size=(3, n))
@@ -34,12 +34,12 @@ def plane_arm(lift: float = 0.0, n: int = 4) -> Tree:
         markers = {"place": np.array([1.0, 0.2, lift]), "place_shapes": shapes, "place_rotations": turns} if k else {}
         gram, omega = inertia_gram(x, np.diag(m), Phi), rng.uniform(3.0, 9.0, n)
         links.append(Link(f"body {k}", gram, REVOLUTE, k - 1, omega=omega, **markers))
-    return Tree(links)
+    return Mechanism(links)
 
 
-def state(tree: Tree) -> tuple[Array, Array]:
+def state(mechanism: Mechanism) -> tuple[Array, Array]:
     rng = np.random.default_rng(1)
-    return 0.3 * rng.normal(size=tree.n), rng.normal(size=tree.n)
+    return 0.3 * rng.normal(size=mechanism.n), rng.normal(size=mechanism.n)
 
 
 def test_a_plane_mechanism_is_found_to_be_one() -> None:
@@ -52,41 +52,41 @@ def test_round_off_out_of_the_plane_is_no_arithmetic_and_changes_no_more_than_it
     exact, lifted = plane_arm(), plane_arm(1e-11)
     assert compile_mechanism(lifted).flops() == compile_mechanism(exact).flops()
     q, v = state(exact)
-    a, b = (compile_mechanism(tree).accelerations(TIME, q, v) for tree in (exact, lifted))
+    a, b = (compile_mechanism(mechanism).accelerations(TIME, q, v) for mechanism in (exact, lifted))
     assert difference(a, b) < 10 * THRESHOLD
     assert difference(a, reference(lifted, q, v)) < 10 * THRESHOLD
 
 
 def test_a_part_that_is_nearly_plane_but_truly_is_not_stays_spatial() -> None:
-    tree = plane_arm(1e-5)
-    compiled = compile_mechanism(tree)
-    q, v = state(tree)
+    mechanism = plane_arm(1e-5)
+    compiled = compile_mechanism(mechanism)
+    q, v = state(mechanism)
     assert PLANE not in compiled.structure
-    assert difference(compiled.accelerations(TIME, q, v), reference(tree, q, v)) < 1e-12
+    assert difference(compiled.accelerations(TIME, q, v), reference(mechanism, q, v)) < 1e-12
 
 
-def reference(tree: Tree, q: Array, v: Array) -> Array:
+def reference(mechanism: Mechanism, q: Array, v: Array) -> Array:
     from pipeline.dynamics.tree.solve import solve_accelerations
 
-    a = np.zeros(tree.n)
-    solve_accelerations(tree.parameters, TIME, q, v, a)
+    a = np.zeros(mechanism.n)
+    solve_accelerations(mechanism.parameters, TIME, q, v, a)
     return a
 
 
 @pytest.mark.parametrize("seed", range(30))
 def test_cleaning_changes_no_mechanism_beyond_its_threshold(seed: int) -> None:
     # Noise of a tenth of the threshold on every constant: as it is, or cleaned.
-    tree = random_mechanism(seed, second_order=False).tree
+    mechanism = random_mechanism(seed, second_order=False).mechanism
     q, v = random_mechanism(seed).state(seed)
     rng = np.random.default_rng(seed)
 
     def noisy(values: Array) -> Array:
         return values + 0.1 * THRESHOLD * np.abs(values).max(initial=0.0) * rng.uniform(-1, 1, values.shape)
 
-    links = [replace(link, place_shapes=noisy(link.place_shapes), place=noisy(link.place)) for link in tree.links]
-    moved = replace(tree, links=links)
-    a, b = (compile_interpreted(compile_mechanism(one), q, v) for one in (tree, moved))
-    assert difference(b, a) < 1e3 * THRESHOLD  # what the mechanism's condition makes of it
+    links = [replace(link, place_shapes=noisy(link.place_shapes), place=noisy(link.place)) for link in mechanism.links]
+    moved = replace(mechanism, links=links)
+    a, b = (compile_interpreted(compile_mechanism(one), q, v) for one in (mechanism, moved))
+    assert difference(b, a) < 1e3 * THRESHOLD  # what the condition of the mechanism makes of it
 
 
 def compile_interpreted(compiled: CompiledMechanism, q: Array, v: Array) -> Array:
@@ -110,8 +110,8 @@ def test_modes_of_bodies_that_carry_none_do_not_couple() -> None:
 
 
 def test_varying_signals_are_inputs_and_constant_ones_numbers() -> None:
-    mechanism = next(m for m in (random_mechanism(seed) for seed in range(50)) if compile_mechanism(m.tree).signals)
-    compiled = compile_mechanism(mechanism.tree)
+    made = next(m for m in (random_mechanism(seed) for seed in range(50)) if compile_mechanism(m.mechanism).signals)
+    compiled = compile_mechanism(made.mechanism)
     values = compiled.signal_values(TIME)
     assert values.shape == (3 * len(compiled.signals),)
     assert np.array_equal(values[:3], compiled.signals[0].value(TIME))
