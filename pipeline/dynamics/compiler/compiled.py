@@ -8,60 +8,22 @@ from functools import cached_property
 import numpy as np
 
 from pipeline.core.arrays import Array
-from pipeline.dynamics.compiler.algebra import times
-from pipeline.dynamics.compiler.coordinates import Coordinates, RestingCoordinates
-from pipeline.dynamics.compiler.forces import ActingForces, GivenForces
+from pipeline.dynamics.compiler.coordinates import Coordinates
 from pipeline.dynamics.compiler.frames import MovingFrame, trace_frames
-from pipeline.dynamics.compiler.graph import Graph, Scalar
+from pipeline.dynamics.compiler.graph import Graph
 from pipeline.dynamics.compiler.machine import LoadedObject
-from pipeline.dynamics.compiler.program import LANES, Output, Program
-from pipeline.dynamics.compiler.quantities import (
-    trace_kinetic_energy,
-    trace_markers,
-    trace_momenta,
-    trace_potential_energy,
-)
-from pipeline.dynamics.compiler.recursion import BodyValues, trace_accelerations
-from pipeline.dynamics.compiler.residual import trace_residual
+from pipeline.dynamics.compiler.program import LANES, Program
+from pipeline.dynamics.compiler.programs import trace_program
 from pipeline.dynamics.compiler.store import load_program
 from pipeline.dynamics.compiler.structure import describe_structure
-from pipeline.dynamics.compiler.tangents import trace_tangents
 from pipeline.dynamics.mechanism import Mechanism
-from pipeline.dynamics.signals.signal import Signal, evaluate_signal, pack
-
-PROGRAMS = {
-    "accelerations": ("inputs", "q", "v", "a"),
-    "residual": ("inputs", "q", "v", "a", "r"),
-    "tangents": ("inputs", "q", "v", "a", "dq", "dv", "da", "dr"),
-    "solve": ("inputs", "q", "f", "x"),
-    "solve_fast": ("inputs", "q", "f", "x"),
-    "frames": ("inputs", "q", "v", "origins", "rotations", "spins"),
-    "markers": ("inputs", "q", "positions", "rotations"),
-    "energies": ("inputs", "q", "v", "energies"),
-    "momenta": ("inputs", "q", "v", "momenta"),
-}
-"""Functions of a mechanism, and their arguments: those that are no state come last and are filled."""
+from pipeline.dynamics.signals.signal import Signal, SignalTable, evaluate_signal, pack
 
 
 class CompiledMechanism:
     """Functions of a mechanism's state, each traced and compiled when it is first used.
 
-    All have the C signature ``void name(const double *…, double *…)``, with the arguments that `PROGRAMS` names:
-
-    - ``inputs`` (3 n_signals,): value, rate and acceleration of each varying signal at the state's time, see `signals`;
-    - ``q`` (n_positions,) and ``v`` (n,): positions and rates in the mechanism's order;
-    - ``a`` (n,): accelerations, ``r`` (n,): ``M̂ a − Q̂``;
-    - ``origins`` (n_bodies, 3), ``rotations`` (n_bodies, 3, 3), ``spins`` (n_bodies, 3): the bodies' frames and angular
-      velocities in space;
-    - ``positions`` (n_markers, 3) and ``rotations`` (n_markers, 3, 3): the bodies' named markers and their sections in
-      space, body by body;
-    - ``energies`` (2,): kinetic and potential (strain, springs, weight) [J];
-    - ``momenta`` (6,): linear [N s], and angular about the origin [N m s];
-    - ``dq`` (n_positions, 8), ``dv``, ``da`` (n, 8): eight directions, ``dr`` (n, 8): derivatives of r along them;
-    - ``f`` (n, 8): eight generalised forces, ``x`` (n, 8): ``M̂⁻¹ f``; ``solve_fast`` takes the fast rows alone, and
-      gives ``M̂_SS⁻¹ f_S`` and zeros.
-
-    Arrays must not overlap. Functions keep no state, so threads may call them at once.
+    `pipeline.dynamics.compiler.programs` lists them with their arguments, which `address` and `call` take as they are.
 
     Parameters
     ----------
@@ -79,22 +41,24 @@ class CompiledMechanism:
     def _frames(self) -> list[MovingFrame]:
         return trace_frames(self._inputs)
 
+    @cached_property
+    def _signals(self) -> SignalTable:
+        return pack(self.signals)
+
     def program(self, name: str) -> Program:
-        """Return one of `PROGRAMS`, traced."""
+        """Return a function as a traced program."""
         if name not in self._programs:
-            outputs = getattr(self, f"_trace_{name}")()
-            lanes = tuple(argument for argument in PROGRAMS[name] if argument in ("dq", "dv", "da", "dr", "f", "x"))
-            self._programs[name] = Program(name, self._inputs.graph, PROGRAMS[name], tuple(outputs), lanes)
+            self._programs[name] = trace_program(name, self._inputs, self._frames)
         return self._programs[name]
 
     def address(self, name: str) -> int:
-        """Return the address of one of `PROGRAMS`, valid while this object lives; compiles it, or reads it."""
+        """Return the address of a function, valid while this object lives; compiles it, or reads it from disk."""
         if name not in self._loaded:
             self._loaded[name] = load_program(self.program(name))
         return self._loaded[name].address(name)
 
     def call(self, name: str, *arrays: Array) -> None:
-        """Call one of `PROGRAMS` with its arrays, C-contiguous and of doubles, which aren't checked."""
+        """Call a function with its arrays, which have to be C-contiguous and of doubles."""
         prototype = ctypes.CFUNCTYPE(None, *[ctypes.c_void_p] * len(arrays))
         prototype(self.address(name))(*(array.ctypes.data for array in arrays))
 
@@ -106,10 +70,8 @@ class CompiledMechanism:
     def signal_values(self, t: float) -> Array:
         """Return the argument ``inputs`` at a time t [s], shape (3 n_signals,)."""
         out = np.zeros((len(self.signals), 3))
-        if self.signals:
-            packed = pack(self.signals)
-            for k in range(len(self.signals)):
-                evaluate_signal(packed, k, float(t), out[k])
+        for number, row in enumerate(out):
+            evaluate_signal(self._signals, number, float(t), row)
         return out.ravel()
 
     def accelerations(self, t: float, q: Array, v: Array) -> Array:
@@ -202,73 +164,13 @@ class CompiledMechanism:
 
     @property
     def structure(self) -> list[str]:
-        """What simplification has found, a line each."""
+        """Structure that simplification makes use of, a line each."""
         return describe_structure(self._inputs, self._frames, self.program("accelerations"))
-
-    def _trace_accelerations(self) -> list[Output]:
-        return self._in_order_of_rates("a", trace_accelerations(self._frames, ActingForces(self._inputs)))
-
-    def _trace_solve(self) -> list[Output]:
-        return self._trace_solution(0)
-
-    def _trace_solve_fast(self) -> list[Output]:
-        return self._trace_solution(self.mechanism.n_slow)
-
-    def _trace_solution(self, n_held: int) -> list[Output]:
-        resting = RestingCoordinates(self._inputs.graph, self.mechanism)
-        forces = GivenForces(resting, "f", n_held)
-        return self._in_order_of_rates("x", trace_accelerations(trace_frames(resting), forces))
-
-    def _trace_residual(self) -> list[Output]:
-        return self._in_order_of_rates("r", trace_residual(self._inputs, self._frames))
-
-    def _trace_tangents(self) -> list[Output]:
-        residual = trace_residual(self._inputs, self._frames)
-        return self._in_order_of_rates("dr", trace_tangents(self._inputs, residual))
-
-    def _trace_frames(self) -> list[Output]:
-        outputs = []
-        for number, frame in enumerate(self._frames):
-            origin, R = frame.world
-            outputs += in_rows("origins", number, origin) + in_rows("spins", number, times(R, frame.spin))
-            outputs += in_rows("rotations", number, [x for row in R for x in row])
-        return outputs
-
-    def _trace_markers(self) -> list[Output]:
-        outputs = []
-        for number, (position, R) in enumerate(trace_markers(self._inputs, self._frames)):
-            outputs += in_rows("positions", number, position)
-            outputs += in_rows("rotations", number, [x for row in R for x in row])
-        return outputs
-
-    def _trace_energies(self) -> list[Output]:
-        kinetic = trace_kinetic_energy(self._inputs, self._frames)
-        potential = trace_potential_energy(self._inputs, self._frames)
-        return in_rows("energies", 0, [kinetic, potential])
-
-    def _trace_momenta(self) -> list[Output]:
-        linear, angular = trace_momenta(self._inputs, self._frames)
-        return in_rows("momenta", 0, linear + angular)
-
-    def _in_order_of_rates(self, argument: str, values: list[BodyValues]) -> list[Output]:
-        outputs = []
-        for number, body in enumerate(values):
-            first = int(self.mechanism.layout.rate[number])
-            outputs += [Output(value, (argument, (first + k,))) for k, value in enumerate(body.joint)]
-            if body.modes.size:
-                modes = tuple(int(k) for k in self.mechanism.modes_of(number))
-                outputs.append(Output(body.modes, (argument, modes)))
-        return outputs
 
 
 def compile_mechanism(mechanism: Mechanism) -> CompiledMechanism:
     """Make the compiled functions of a mechanism; each compiles when it is first used, or is read from disk."""
     return CompiledMechanism(mechanism)
-
-
-def in_rows(argument: str, row: int, values: list[Scalar]) -> list[Output]:
-    """Return scalars as outputs in a row of an argument."""
-    return [Output(value, (argument, (len(values) * row + k,))) for k, value in enumerate(values)]
 
 
 def _contiguous(*arrays: Array) -> list[Array]:

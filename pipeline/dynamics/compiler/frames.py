@@ -181,7 +181,6 @@ def _trace_frame(inputs: Coordinates, number: int, link: Link, parent: MovingFra
     w = times(transpose(motion.R), add(spin, marker.turned))  # of the joint's frame on the parent, in the body's axes
     swept = add(cross(w, motion.shift), scale(2.0, motion.sliding))
     gamma = add(cross(w, swept), motion.slide_acceleration) + add(cross(w, motion.turning), motion.turn_acceleration)
-    # velocity of the origin in the body's axes
     above = parent.velocity if parent else zero3
     at_marker = add(above, cross(spin, marker.arm), scale(0.5, marker.moving))
     velocity = add(times(transpose(motion.R), at_marker), cross(w, motion.shift), motion.sliding)
@@ -263,7 +262,7 @@ def rotation(graph: Graph, axis: Array, angle: Scalar) -> Matrix:
 
 @dataclass
 class _JointMotion:
-    """What a joint does between its marker and its body, in the body's axes."""
+    """Motion of a joint between its marker and its body, in the body's axes."""
 
     R: Matrix  # from the body's axes into the parent's: the marker's rotation and the joint's
     shift: Vector3

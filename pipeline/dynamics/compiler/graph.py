@@ -132,13 +132,13 @@ class Scalar:
 
     @property
     def constant(self) -> float | None:
-        """Its value if it is a number, else ``None``."""
+        """Value of a scalar that is a number, else ``None``."""
         node = self.graph.nodes[self.node]
         return float(node.data) if node.operation == "number" else None  # type: ignore[arg-type]
 
     @property
     def is_zero(self) -> bool:
-        """Whether it is the number 0."""
+        """True for the number 0."""
         return self.constant == 0.0
 
     def _other(self, value: Scalar | float) -> Scalar:
@@ -245,18 +245,18 @@ class Vector:
 
     @property
     def constant(self) -> Array | None:
-        """Its values if they are constant, else ``None``."""
+        """Values of a constant vector, else ``None``."""
         node = self.graph.nodes[self.node]
         return self.graph.arrays[node.data] if node.operation == "array" else None  # type: ignore[index]
 
     @property
     def is_zero(self) -> bool:
-        """Whether all entries are the number 0."""
+        """True if all entries are the number 0."""
         values = self.constant
         return values is not None and not values.any()
 
     def _factored(self) -> tuple[Scalar, Vector]:
-        """Its factor and the rest, if it is a scalar times a vector; else 1 and itself."""
+        """Factor and vector of a product with a scalar; 1 and the vector itself if it is none."""
         node = self.graph.nodes[self.node]
         if node.operation == "combine" and len(node.arguments) == 2:
             factor, rest = node.arguments

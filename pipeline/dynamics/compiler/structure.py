@@ -1,4 +1,4 @@
-"""Structure that tracing has found in a mechanism, in words."""
+"""Structure of a mechanism that saves its equations arithmetic, in words."""
 
 from __future__ import annotations
 
