@@ -6,7 +6,8 @@ from collections.abc import Mapping, Sequence
 
 import numpy as np
 
-from pipeline.dynamics.compiler.graph import FUNCTIONS, Graph, Scalar, Vector, combine
+from pipeline.dynamics.compiler.graph import Graph, Scalar, Vector, combine
+from pipeline.dynamics.compiler.nodes import FUNCTIONS
 from pipeline.dynamics.compiler.stumpff import LAST
 
 

@@ -8,7 +8,8 @@ from typing import Any
 import numpy as np
 
 from pipeline.core.arrays import Array
-from pipeline.dynamics.compiler.graph import FUNCTIONS, Graph, evaluate_function
+from pipeline.dynamics.compiler.graph import Graph
+from pipeline.dynamics.compiler.nodes import FUNCTIONS, evaluate_function
 
 
 def interpret(graph: Graph, outputs: Sequence[int], arguments: Mapping[str, Array]) -> list[Any]:

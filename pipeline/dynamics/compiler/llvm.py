@@ -3,8 +3,8 @@
 from __future__ import annotations
 
 from pipeline.dynamics.compiler.chunks import Chunk, ChunkWriter
-from pipeline.dynamics.compiler.graph import FUNCTIONS
 from pipeline.dynamics.compiler.lanes import LaneEmitter
+from pipeline.dynamics.compiler.nodes import FUNCTIONS
 from pipeline.dynamics.compiler.program import Program
 from pipeline.dynamics.compiler.writer import literal, stumpff_function
 

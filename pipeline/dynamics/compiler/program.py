@@ -9,7 +9,8 @@ from typing import NamedTuple
 
 import numpy as np
 
-from pipeline.dynamics.compiler.graph import FUNCTIONS, Graph, Place, Scalar, Vector
+from pipeline.dynamics.compiler.graph import Graph, Scalar, Vector
+from pipeline.dynamics.compiler.nodes import FUNCTIONS, Place
 
 LANES = 8
 """Directions that a program with lanes takes at once."""
