@@ -9,6 +9,7 @@ import numpy as np
 
 from pipeline.core.arrays import Array
 from pipeline.dynamics.compiler.coordinates import Coordinates
+from pipeline.dynamics.compiler.digest import digest_mechanism
 from pipeline.dynamics.compiler.frames import MovingFrame, trace_frames
 from pipeline.dynamics.compiler.graph import Graph
 from pipeline.dynamics.compiler.machine import LoadedObject
@@ -42,6 +43,10 @@ class CompiledMechanism:
         return trace_frames(self._inputs)
 
     @cached_property
+    def _digest(self) -> str:
+        return digest_mechanism(self._inputs)
+
+    @cached_property
     def _signals(self) -> SignalTable:
         return pack(self.signals)
 
@@ -54,7 +59,7 @@ class CompiledMechanism:
     def address(self, name: str) -> int:
         """Return the address of a function, valid while this object lives; compiles it, or reads it from disk."""
         if name not in self._loaded:
-            self._loaded[name] = load_program(self.program(name))
+            self._loaded[name] = load_program(name, self._digest, lambda: self.program(name))
         return self._loaded[name].address(name)
 
     def call(self, name: str, *arrays: Array) -> None:

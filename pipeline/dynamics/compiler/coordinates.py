@@ -86,4 +86,4 @@ class RestingCoordinates(Coordinates):
 def constant_value(signal: Signal) -> float | None:
     """Return the value of a signal that doesn't change, else ``None``."""
     numbers = [term.numbers[0] for term in signal.terms if len(term.numbers) == 1]
-    return sum(numbers) if signal == total([constant(number) for number in numbers]) else None
+    return float(sum(numbers)) if signal == total([constant(number) for number in numbers]) else None

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import hashlib
 from dataclasses import dataclass, field
 from functools import cached_property
 from typing import NamedTuple
@@ -51,22 +50,6 @@ class Program:
     def nodes(self) -> list[int]:
         """Numbers of the nodes that it evaluates, in order."""
         return self.graph.live(output.value.node for output in self.outputs)
-
-    @cached_property
-    def digest(self) -> str:
-        """Digest of all that it computes, equal for equal programs of different graphs."""
-        digest = hashlib.blake2b(repr((self.name, self.arguments, self.lanes)).encode(), digest_size=16)
-        new = {number: position for position, number in enumerate(self.nodes)}
-        for number in self.nodes:
-            operation, arguments, data, size = self.graph.nodes[number]
-            digest.update(repr((operation, [new[k] for k in arguments], size)).encode())
-            if operation in ("array", "diagonal", "matrix") and isinstance(data, int):
-                digest.update(self.graph.arrays[data].tobytes())
-            else:
-                digest.update(repr(data).encode())
-        for value, place in self.outputs:
-            digest.update(repr((new[value.node], place)).encode())
-        return digest.hexdigest()
 
     @property
     def flops(self) -> int:

@@ -1,4 +1,4 @@
-"""Compiled programs on disk: one object file each, named after its program and the processor that it is for.
+"""Compiled programs on disk: one object file each, named after what it is compiled from and the processor it is for.
 
 Files are written whole or not at all, so any number of processes may compile and load at once; a damaged one is made
 anew.
@@ -7,6 +7,7 @@ anew.
 from __future__ import annotations
 
 import hashlib
+from collections.abc import Callable
 from pathlib import Path
 
 from pipeline.core.files import whole_file
@@ -18,21 +19,29 @@ from pipeline.dynamics.compiler.program import Program
 _DIGEST_BYTES = 16
 
 
-def load_program(program: Program) -> LoadedObject:
-    """Return a program's machine code: kept from before, or compiled now and kept."""
-    path = object_path(program)
+def load_program(name: str, digest: str, trace: Callable[[], Program]) -> LoadedObject:
+    """Return a program's machine code: kept from before, or compiled now and kept.
+
+    Parameters
+    ----------
+    name : str
+        The program's function.
+    digest : str
+        Of all that it is traced from, apart from the sources.
+    trace : callable
+        Makes the program, if it has to be compiled.
+    """
+    path = object_path(name, digest)
     content = _read(path)
-    if content is not None:
-        return LoadedObject(content)
-    content = compile_object(emit(program, register_width()))
-    _write(path, content)
+    if content is None:
+        content = compile_object(emit(trace(), register_width()))
+        _write(path, content)
     return LoadedObject(content)
 
 
-def object_path(program: Program) -> Path:
+def object_path(name: str, digest: str) -> Path:
     """Return where a program's machine code for this processor is kept."""
-    key = hashlib.blake2b(repr((program.digest, processor())).encode(), digest_size=_DIGEST_BYTES).hexdigest()
-    return kernel_folder() / f"{program.name}.{key}.object"
+    return kernel_folder() / f"{name}.{_digest(repr((digest, processor())).encode()).hex()}.object"
 
 
 def _read(path: Path) -> bytes | None:

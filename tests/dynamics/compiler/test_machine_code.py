@@ -3,6 +3,7 @@
 import ctypes
 import multiprocessing
 import time
+from dataclasses import replace
 from itertools import pairwise
 from pathlib import Path
 
@@ -10,15 +11,21 @@ import numpy as np
 import pytest
 
 from pipeline.core.arrays import Array
+from pipeline.core.formula import parse_formula
 from pipeline.dynamics.compiler import machine, store
 from pipeline.dynamics.compiler.chunks import chunk_widths
 from pipeline.dynamics.compiler.compiled import compile_mechanism
+from pipeline.dynamics.compiler.coordinates import Coordinates
+from pipeline.dynamics.compiler.digest import digest_mechanism
 from pipeline.dynamics.compiler.graph import Graph, combine
 from pipeline.dynamics.compiler.interpret import interpret
 from pipeline.dynamics.compiler.llvm import emit
 from pipeline.dynamics.compiler.machine import LoadedObject, compile_object
 from pipeline.dynamics.compiler.program import Output, Program
 from pipeline.dynamics.compiler.store import load_program, object_path
+from pipeline.dynamics.links import PRISMATIC, REVOLUTE, PointLoad
+from pipeline.dynamics.mechanism import Mechanism
+from pipeline.dynamics.signals.signal import constant, formula
 from tests.dynamics.compiler.comparison import TIME
 from tests.dynamics.compiler.mechanisms import random_mechanism
 
@@ -108,42 +115,86 @@ def test_an_object_without_the_function_is_refused() -> None:
         loaded.address("g")
 
 
+def load(name: str) -> LoadedObject:
+    return load_program("f", name, lambda: function(name))
+
+
 def test_objects_are_read_back_and_damaged_ones_made_anew(monkeypatch: pytest.MonkeyPatch, tmp_path: Path) -> None:
     monkeypatch.setattr(store, "kernel_folder", lambda: tmp_path)
     compiled = []
     monkeypatch.setattr(store, "compile_object", lambda text: compiled.append(text) or compile_object(text))
-    program, y = function("cos"), np.zeros(1)
+    y, path = np.zeros(1), object_path("f", "cos")
     for damage in (None, b"", b"nothing that was ever an object file"):
         if damage is not None:
-            object_path(program).write_bytes(damage)
+            path.write_bytes(damage)
         before = len(compiled)
         for _ in range(2):
-            run(program, load_program(program), np.zeros(1), y)
+            run(function("cos"), load("cos"), np.zeros(1), y)
             assert y[0] == 1.0
         assert len(compiled) == before + 1
-    assert [path.name for path in tmp_path.iterdir()] == [object_path(program).name]
+    assert list(tmp_path.iterdir()) == [path]
 
 
 def test_an_object_that_cannot_be_kept_serves_all_the_same(monkeypatch: pytest.MonkeyPatch, tmp_path: Path) -> None:
     monkeypatch.setattr(store, "kernel_folder", lambda: tmp_path / "missing")
     y = np.zeros(1)
-    program = function("cos")
-    run(program, load_program(program), np.zeros(1), y)
+    run(function("cos"), load("cos"), np.zeros(1), y)
     assert y[0] == 1.0
 
 
 def test_another_processor_has_objects_of_its_own(monkeypatch: pytest.MonkeyPatch) -> None:
-    here = object_path(function("sin"))
+    here = object_path("f", "sin")
     monkeypatch.setattr(store, "processor", lambda: ("22.1.0", "another", "+avx2"))
-    assert object_path(function("sin")) != here
+    assert object_path("f", "sin") != here
 
 
-def test_equal_programs_of_different_graphs_share_an_object() -> None:
-    graph = Graph()
-    graph.number(5.0)  # moves all numbers on
-    same = Program("f", graph, ("x", "y"), (Output(graph.scalar_input("x", 0).apply("sin"), ("y", (0,))),))
-    assert same.digest == function("sin").digest
-    assert same.digest != function("cos").digest
+def test_a_mechanism_whose_object_is_kept_is_not_traced(monkeypatch: pytest.MonkeyPatch) -> None:
+    made = random_mechanism(2)
+    a = compile_mechanism(made.mechanism).accelerations(TIME, *made.state(2))
+    again = compile_mechanism(made.mechanism)
+    monkeypatch.setattr(again, "program", lambda name: pytest.fail(f"{name} is traced"))
+    assert np.array_equal(again.accelerations(TIME, *made.state(2)), a)
+
+
+def digest(mechanism: Mechanism) -> str:
+    return digest_mechanism(Coordinates(Graph(), mechanism))
+
+
+def changed(mechanism: Mechanism, **fields: object) -> Mechanism:
+    """The first link with other fields."""
+    return replace(mechanism, links=[replace(mechanism.links[0], **fields), *mechanism.links[1:]])
+
+
+def test_every_constant_of_a_mechanism_is_in_its_digest() -> None:
+    loads = [PointLoad("body 0", np.eye(3)[0], constant(1.0))]
+    any_one = next(made for made in map(random_mechanism, range(50)) if len(made.mechanism.links[0].omega) > 1)
+    one = changed(any_one.mechanism, name="body 0", load=constant(1.0), joint=REVOLUTE, motion=None)
+    one = replace(one, loads=loads, slow_modes={}, fast_joints=[])
+    first = one.links[0]
+    others = [
+        changed(one, omega=1.01 * first.omega),
+        changed(one, spring=first.spring + 1.0),
+        changed(one, place=first.place + 1e-9),
+        changed(one, axis=first.axis[::-1]),
+        changed(one, gram=replace(first.gram, mass=first.gram.mass + 1.0)),
+        changed(one, load=constant(1.5)),
+        changed(one, load=formula(parse_formula("sin(t)"))),
+        changed(one, joint=PRISMATIC),
+        replace(one, gravity=one.gravity + 1.0),
+        replace(one, loads=[]),
+        replace(one, loads=[replace(loads[0], torque=True)]),
+        replace(one, loads=[replace(loads[0], size=constant(2.0))]),
+        replace(one, fast_joints=["body 0"]),
+        replace(one, slow_modes={"body 0": 1}),
+    ]
+    assert len({digest(mechanism) for mechanism in [one, *others]}) == 1 + len(others)
+
+
+def test_what_is_an_input_or_a_name_is_not_in_the_digest() -> None:
+    one = changed(random_mechanism(0).mechanism, joint=REVOLUTE, motion=None, load=formula(parse_formula("sin(t)")))
+    one = replace(one, loads=[], fast_joints=[], slow_modes={})
+    assert digest(changed(one, load=formula(parse_formula("2*cos(t)")))) == digest(one)
+    assert digest(changed(one, name="another")) == digest(one)
 
 
 def _accelerate(folder: Path) -> bytes:
@@ -160,12 +211,11 @@ def test_processes_that_compile_at_once_agree(tmp_path: Path) -> None:
 
 
 def test_a_kept_object_is_ready_in_milliseconds() -> None:
-    program = function("sin")
-    load_program(program)
+    load("sin")
     seconds = []
     for _ in range(5):
         start = time.process_time()
-        load_program(program)
+        load("sin")
         seconds.append(time.process_time() - start)
     assert min(seconds) < 0.05  # 2 ms on a quiet machine
 
