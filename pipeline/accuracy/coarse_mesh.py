@@ -8,8 +8,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from pipeline.accuracy.error_estimates import refinement_gain, retune_body
-from pipeline.accuracy.matching import counterparts
-from pipeline.accuracy.quantities import modes_like
+from pipeline.accuracy.matching import find_counterparts
+from pipeline.accuracy.quantities import match_modes
 from pipeline.core.arrays import Array, IntArray
 from pipeline.core.cache import Cache
 from pipeline.core.errors import AccuracyError
@@ -65,11 +65,11 @@ class Pair:
     def _counterparts(self, name: str) -> tuple[IntArray, NDArray[np.bool_]]:
         """Return the numbers of the shapes on the coarse mesh that are most like a body's, and which of them match."""
         own, other, m = self.run.bodies[name], self.coarse.bodies[name], self.coarse.parts[name].fe.m
-        numbers, alike = counterparts(own.x, own.shapes, other.x, m, other.shapes, other.omega)
+        numbers, alike = find_counterparts(own.x, own.shapes, other.x, m, other.shapes, other.omega)
         return numbers, alike > _ALIKE
 
 
-def coarse_pair(run: Pipeline) -> Pair | str:
+def make_coarse_pair(run: Pipeline) -> Pair | str:
     """Return a run and its scene on a coarser mesh; or the reason why there is none.
 
     Few curved elements may be inverted: then a mesh that is less coarse is tried.
@@ -91,7 +91,7 @@ def _pair(run: Pipeline, scene: Scene) -> Pair:
     store, parts = StageStore(Cache(None)), {}
     for name, own in run.parts.items():
         other = FlexiblePart(more, name, store)
-        parts[name] = FlexiblePart(more, name, store, like=other, modes=modes_like(own, other))
+        parts[name] = FlexiblePart(more, name, store, like=other, modes=match_modes(own, other))
     coarse = Pipeline(more, store.cache, parts=parts, spin=run.spin)
     pairs = [(own, parts[name]) for name, own in run.parts.items()]
     ratio = min(compare_element_sizes(own.shape, len(own.mesh.cells), len(other.mesh.cells)) for own, other in pairs)

@@ -9,7 +9,7 @@ import numpy as np
 
 from pipeline.accuracy.error_estimates import NO_PART, SAFETY, SOURCES, Row
 from pipeline.accuracy.estimators import Estimates
-from pipeline.accuracy.quantities import of_the_mesh, of_the_motion, of_the_stress
+from pipeline.accuracy.quantities import mesh_quantities, motion_quantities, stress_quantities
 from pipeline.stages.pipeline import Pipeline
 from pipeline.stages.stage import Stage
 
@@ -50,9 +50,9 @@ def true_errors(run: Pipeline, finer: Pipeline) -> dict[str, float]:
     """
     quantities, motion = Estimates(run).quantities, finer.motion
     places = {name: part.element_places for name, part in run.parts.items() if part.elements}
-    exact = of_the_mesh(finer, run) | of_the_motion(finer, motion, finer.fine_motion)
+    exact = mesh_quantities(finer, run) | motion_quantities(finer, motion, finer.fine_motion)
     if run.parts:
-        exact |= of_the_stress(finer, motion, np.arange(len(motion.times)), places=places)
+        exact |= stress_quantities(finer, motion, np.arange(len(motion.times)), places=places)
     return {name: quantity.error(exact[name]) for name, quantity in quantities.items()}
 
 

@@ -14,9 +14,9 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from pipeline.accuracy.coarse_mesh import Pair, coarse_pair
+from pipeline.accuracy.coarse_mesh import Pair, make_coarse_pair
 from pipeline.accuracy.error_estimates import NO_PART, SAFETY, shifted_frequencies, soften_body
-from pipeline.accuracy.quantities import Quantities, of_the_mesh, of_the_motion, of_the_stress
+from pipeline.accuracy.quantities import Quantities, mesh_quantities, motion_quantities, stress_quantities
 from pipeline.core.arrays import Array, IntArray
 from pipeline.integrators.automatic import Automatic
 from pipeline.recovery.stress import choose_frames, von_mises
@@ -50,12 +50,12 @@ class Estimates:
         self.plan = next(iter(run.plans.values()))
         self.motion = run.motion
         self.frames: IntArray = np.arange(0)
-        self.of_mesh = of_the_mesh(run)
-        self.quantities = self.of_mesh | of_the_motion(run, self.motion, run.fine_motion)
+        self.of_mesh = mesh_quantities(run)
+        self.quantities = self.of_mesh | motion_quantities(run, self.motion, run.fine_motion)
         self.hot: dict[str, IntArray] = {}
         if run.parts:
             self._choose_stress_samples()
-            self.quantities |= of_the_stress(run, self.motion, self.frames)
+            self.quantities |= stress_quantities(run, self.motion, self.frames)
 
     def by_source(self) -> dict[str, dict[str, float | str]]:
         """Return the relative errors of the quantities by source, or the reason why there is no estimate."""
@@ -90,7 +90,7 @@ class Estimates:
 
         The difference between the stress of two meshes holds the error of its recovery; that is not counted twice.
         """
-        pair = coarse_pair(self.run)
+        pair = make_coarse_pair(self.run)
         errors: dict[str, float | str] = dict.fromkeys(self.quantities, pair if isinstance(pair, str) else NO_PART)
         excess: dict[str, Array] = {}
         for name, part in self.run.parts.items():
@@ -110,7 +110,7 @@ class Estimates:
         errors |= shifted
         if isinstance(pair, str):
             return errors
-        masses = of_the_mesh(pair.coarse)
+        masses = mesh_quantities(pair.coarse)
         for name, quantity in self.of_mesh.items():
             if quantity.kind == "geometry":
                 errors[name] = quantity.change(masses[name]) / pair.gains["geometry"]
@@ -179,9 +179,9 @@ class Estimates:
         motion = replace(
             fine, trajectory=replace(given, times=given.times[chosen], q=given.q[chosen], v=given.v[chosen])
         )
-        quantities = of_the_motion(run, motion, fine)
+        quantities = motion_quantities(run, motion, fine)
         if run.parts:
-            quantities |= of_the_stress(run, motion, self.frames, nodes, places, as_if)
+            quantities |= stress_quantities(run, motion, self.frames, nodes, places, as_if)
         return quantities
 
     def _choose_stress_samples(self) -> None:

@@ -11,7 +11,7 @@ from pipeline.core.arrays import Array, IntArray
 _SAME_FREQUENCY = 0.02  # relative: of shapes that the mesh alone keeps apart
 
 
-def matched(x: Array, shapes: Array, other_x: Array, other_m: Any, other_shapes: Array) -> IntArray:
+def match_shapes(x: Array, shapes: Array, other_x: Array, other_m: Any, other_shapes: Array) -> IntArray:
     """Return the numbers of the other mesh's shapes that are most like each shape, all different.
 
     Likeness is the modal assurance criterion.
@@ -36,7 +36,7 @@ def matched(x: Array, shapes: Array, other_x: Array, other_m: Any, other_shapes:
     return np.asarray(linear_sum_assignment(likeness, maximize=True)[1], dtype=np.int64)
 
 
-def counterparts(
+def find_counterparts(
     x: Array, shapes: Array, other_x: Array, other_m: Any, other_shapes: Array, other_omega: Array
 ) -> tuple[IntArray, Array]:
     """Return the most similar shapes of the other mesh, which may have fewer, and their likeness, 0 … 1, (n,) each.

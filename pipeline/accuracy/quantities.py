@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from pipeline.accuracy.error_estimates import Quantity
-from pipeline.accuracy.matching import matched
+from pipeline.accuracy.matching import match_shapes
 from pipeline.core.arrays import Array, IntArray
 from pipeline.recovery.stress import StressHistory, von_mises
 
@@ -21,26 +21,26 @@ if TYPE_CHECKING:
 Quantities = dict[str, Quantity]
 
 
-def of_the_mesh(run: Pipeline, like: Pipeline | None = None) -> Quantities:
+def mesh_quantities(run: Pipeline, like: Pipeline | None = None) -> Quantities:
     """Frequencies and masses of the flexible bodies; those of the modes that look ``like`` another run's, if given."""
     found = []
     for name, part in run.parts.items():
-        modes = part.modes if like is None else modes_like(like.parts[name], part)
+        modes = part.modes if like is None else match_modes(like.parts[name], part)
         for k, frequency in enumerate(modes.frequencies_hz):
             found.append(Quantity(f"{name}, frequency {k + 1}", "Hz", np.array([frequency])))
         found.append(Quantity(f"{name}, mass", "kg", np.array([run.bodies[name].gram.mass]), kind="geometry"))
     return _by_name(found)
 
 
-def modes_like(part: FlexiblePart, other: FlexiblePart) -> Modes:
-    """Those modes of another mesh's part that are most like a part's, in its order."""
+def match_modes(part: FlexiblePart, other: FlexiblePart) -> Modes:
+    """Return the modes of another mesh's part that are most like a part's, in its order."""
     modes = other.modes
-    numbers = matched(part.space.x, part.modes.shapes, other.fe.x, other.fe.m, modes.shapes)
+    numbers = match_shapes(part.space.x, part.modes.shapes, other.fe.x, other.fe.m, modes.shapes)
     places = tuple(modes.numbers[k] for k in numbers)
     return replace(modes, omega=modes.omega[numbers], shapes=modes.shapes[:, :, numbers], numbers=places)
 
 
-def of_the_motion(run: Pipeline, motion: Motion, fine: Motion) -> Quantities:
+def motion_quantities(run: Pipeline, motion: Motion, fine: Motion) -> Quantities:
     """Compute joints, tip and energies over time; a joint whose motion is given has no result.
 
     Parameters
@@ -63,7 +63,7 @@ def of_the_motion(run: Pipeline, motion: Motion, fine: Motion) -> Quantities:
     return _by_name(sorted(found, key=lambda quantity: quantity.name))
 
 
-def of_the_stress(
+def stress_quantities(
     run: Pipeline,
     motion: Motion,
     frames: IntArray,

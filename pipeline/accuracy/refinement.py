@@ -121,7 +121,7 @@ def _counting(budget: Budget, scene: Scene) -> list[Row]:
 
 
 def _is_stalled(stated: list[float], wanted: float, left: int) -> bool:
-    """Whether the stated error, round by round, is above the wanted one and will be so after the rounds left."""
+    """True if the stated error, round by round, stays above the wanted one through the rounds left."""
     if len(stated) < 3 or stated[-1] <= wanted:
         return False
     rate: float = (stated[-1] / stated[-3]) ** 0.5

@@ -167,7 +167,7 @@ class _Planner:
                 self.want(part, stage.reads)
 
     def has_drawn(self, output: Any) -> bool:
-        """Whether the cache holds an output's files as they were drawn."""
+        """Return True if the cache holds an output's files as they were drawn."""
         return self._run.store.cache.holds(picture_key(self._run, output))
 
     def _fate(self, key: str, at: tuple[str, str]) -> tuple[Fate, str]:

@@ -212,7 +212,7 @@ def _surface(run: Pipeline, body: str) -> Surface:
 
 
 def _is_ring(run: Pipeline, body: str) -> bool:
-    """Whether a body surrounds its joint, so that a dot for the hub would lie upon it."""
+    """Return True if a body surrounds its joint, so that a dot for the hub would lie upon it."""
     return run.parts[body].mesh.sectors > 1
 
 

@@ -1,1 +1,1 @@
-"""What the coordinates mean: positions, energies and stress."""
+"""Motion in space, energies and stress, recovered from generalised coordinates."""

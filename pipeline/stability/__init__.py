@@ -1,1 +1,1 @@
-"""Which step is safe, computed for a mechanism."""
+"""Largest stable steps and growth of vibrations, computed for a mechanism and a scheme."""

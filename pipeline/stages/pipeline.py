@@ -115,11 +115,9 @@ class Pipeline:
         """Time and origin of each stage's results."""
         return self.store.log
 
-    # The flexible body of a scene that has one ------------------------------------------------------------------
-
     @property
     def part(self) -> FlexiblePart:
-        """The first flexible body.
+        """First flexible body.
 
         Raises
         ------
@@ -132,32 +130,32 @@ class Pipeline:
 
     @property
     def mesh(self) -> SolidMesh:
-        """Its mesh."""
+        """Mesh of the first flexible body."""
         return self.part.mesh
 
     @property
     def fe(self) -> FEModel:
-        """Its stiffness and mass."""
+        """Stiffness and mass of the first flexible body."""
         return self.part.fe
 
     @property
     def modes(self) -> Modes:
-        """The modes that the scene chooses for it."""
+        """Modes that the scene chooses for the first flexible body."""
         return self.part.modes
 
     @property
     def body(self) -> FlexibleBody:
-        """It, reduced."""
+        """First flexible body, reduced and, where it matters, stiffened."""
         return self.bodies[self.part.name]
 
     @property
     def surface(self) -> SurfaceTopology:
-        """Its outer surface."""
+        """Outer surface of the first flexible body."""
         return self.part.surface
 
     @cached_property
     def stress(self) -> StressHistory:
-        """Stress on its surface over the first run's motion."""
+        """Stress on the first flexible body's surface over the first run's motion."""
         return self.stress_of(self.part.name)
 
     def stress_of(self, body: str) -> StressHistory:
@@ -177,10 +175,8 @@ class Pipeline:
 
     @cached_property
     def inputs(self) -> dict[str, Any]:
-        """All of the scene that its results depend on; files are read for it once."""
+        """Everything in the scene and its files that results depend on, as plain data."""
         return collect_inputs(self.scene)
-
-    # The mechanism and its motion -------------------------------------------------------------------------------
 
     @cached_property
     def spin(self) -> Mapping[str, SpinCheck]:
@@ -227,14 +223,14 @@ class Pipeline:
 
     @cached_property
     def plans(self) -> dict[str, Plan]:
-        """The scene's runs, ready to be integrated, each under the label of its motion; raises what `motions` does."""
+        """Runs of the scene, ready to be integrated, each under the label of its motion; raises as `motions`."""
         from pipeline.stages.runs import make_plans
 
         return make_plans(self)
 
     @cached_property
     def motions(self) -> dict[str, Motion]:
-        """The motion by each of the scene's runs; the label tells integrator and ratio.
+        """Motion by each of the scene's runs, under a label of integrator and ratio.
 
         Raises
         ------
@@ -279,7 +275,7 @@ class Pipeline:
 
     @cached_property
     def fine_motion(self) -> Motion:
-        """The first run's motion at the fine times: what vibrates fast is largest between two output times."""
+        """First run's motion at the fine times, since fast vibrations are largest between two output times."""
         if len(self.fine_times[0]) == len(self.output_times):  # nothing flexible is at the tip
             return self.motion
         plan = next(iter(self.plans.values()))

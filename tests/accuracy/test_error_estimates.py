@@ -12,7 +12,7 @@ from pipeline.accuracy.error_estimates import (
     shifted_frequencies,
     soften_body,
 )
-from pipeline.accuracy.matching import counterparts, matched
+from pipeline.accuracy.matching import find_counterparts, match_shapes
 from pipeline.reduction.body import FlexibleBody, MarkerShapes
 from pipeline.reduction.inertia import inertia_gram
 
@@ -68,7 +68,7 @@ def test_shapes_that_changed_places_are_found() -> None:
     x = np.random.default_rng(0).uniform(size=(40, 3))
     shapes = np.linalg.qr(np.random.default_rng(1).standard_normal((120, 6)))[0].reshape(40, 3, 6)
     order = np.array([3, 0, 5, 1, 4, 2])
-    found = matched(x, shapes[:, :, order[:4]], x, np.eye(40), -shapes)
+    found = match_shapes(x, shapes[:, :, order[:4]], x, np.eye(40), -shapes)
     assert found.tolist() == order[:4].tolist()
 
 
@@ -78,7 +78,7 @@ def test_shapes_that_turned_in_their_plane_are_alike_and_noise_is_not() -> None:
     turned, other = np.array([[0.8, -0.6], [0.6, 0.8]]), shapes.copy()
     other[:, :, :2] = shapes[:, :, :2] @ turned
     other[:, :, 2] = np.random.default_rng(2).standard_normal((40, 3)) / np.sqrt(120)
-    numbers, alike = counterparts(x, shapes, x, np.eye(40), other[:, :, :3], np.array([5.0, 5.001, 9.0]))
+    numbers, alike = find_counterparts(x, shapes, x, np.eye(40), other[:, :, :3], np.array([5.0, 5.001, 9.0]))
     assert sorted(numbers[:2]) == [0, 1]
     assert alike[:2] == pytest.approx([1.0, 1.0])
     assert (alike[2:] < 0.1).all()
@@ -87,7 +87,7 @@ def test_shapes_that_turned_in_their_plane_are_alike_and_noise_is_not() -> None:
 def test_too_few_shapes_are_told() -> None:
     shapes = np.ones((4, 3, 2))
     with pytest.raises(ValueError, match="the other mesh has 1 shapes, fewer than 2"):
-        matched(np.eye(4, 3), shapes, np.eye(4, 3), np.eye(4), shapes[:, :, :1])
+        match_shapes(np.eye(4, 3), shapes, np.eye(4, 3), np.eye(4), shapes[:, :, :1])
 
 
 def body_of(x: np.ndarray, shapes: np.ndarray, omega: np.ndarray) -> FlexibleBody:

@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 
 from pipeline import Pipeline, load_scene
-from pipeline.accuracy.coarse_mesh import Pair, coarse_pair
+from pipeline.accuracy.coarse_mesh import Pair, make_coarse_pair
 from pipeline.accuracy.error_budget import ERROR_BUDGET, true_errors
 from pipeline.core.cache import Cache
 from pipeline.output.summary import summarise
@@ -97,7 +97,7 @@ def test_few_curved_elements_have_a_coarser_mesh_that_can_be_meshed_and_tells_of
         )
 
     run = blades("sleeve=[18, 2, 1], joint=[2, 4, 3], blade=[2, 4, 6]")
-    pair = coarse_pair(run)
+    pair = make_coarse_pair(run)
     assert isinstance(pair, Pair)
     volumes = [
         p.part.mesh.volume for p in (pair.coarse, run, blades("sleeve=[30, 5, 2], joint=[5, 6, 6], blade=[5, 6, 12]"))
