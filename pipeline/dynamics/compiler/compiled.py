@@ -58,9 +58,16 @@ class CompiledMechanism:
 
     def address(self, name: str) -> int:
         """Return the address of a function, valid while this object lives; compiles it, or reads it from disk."""
+        return self._object(name).address(name)
+
+    def n_bytes(self, name: str = "accelerations") -> int:
+        """Return the size of a function's object file."""
+        return self._object(name).n_bytes
+
+    def _object(self, name: str) -> LoadedObject:
         if name not in self._loaded:
             self._loaded[name] = load_program(name, self._digest, lambda: self.program(name))
-        return self._loaded[name].address(name)
+        return self._loaded[name]
 
     def call(self, name: str, *arrays: Array) -> None:
         """Call a function with its arrays, which have to be C-contiguous and of doubles."""

@@ -51,6 +51,11 @@ def compile_object(source: str) -> bytes:
 class LoadedObject:
     """Functions of an object file in memory, for as long as this lives.
 
+    Attributes
+    ----------
+    n_bytes : int
+        Size of the file.
+
     Raises
     ------
     ValueError
@@ -59,6 +64,7 @@ class LoadedObject:
 
     def __init__(self, content: bytes) -> None:
         llvm = _binding()
+        self.n_bytes = len(content)
         self._engine = llvm.create_mcjit_compiler(llvm.parse_assembly(""), _target())
         self._engine.add_object_file(llvm.ObjectFileRef.from_data(content))
         self._engine.finalize_object()

@@ -104,6 +104,12 @@ def test_orthonormal_rows_span_their_rows_and_keep_zeros() -> None:
     assert np.array_equal(Q == 0.0, rows[:2] == 0.0)
 
 
+def test_a_function_has_a_size_on_disk_and_in_operations() -> None:
+    compiled = compile_mechanism(plane_arm())
+    assert compiled.n_bytes() > compiled.flops()
+    assert compiled.flops() > compile_mechanism(replace(plane_arm(), links=plane_arm().links[:1])).flops() > 0
+
+
 def test_modes_of_bodies_that_carry_none_do_not_couple() -> None:
     compiled = compile_mechanism(replace(plane_arm(), links=plane_arm().links[:1]))
     assert compiled.flops("solve_fast") == 0
