@@ -156,6 +156,8 @@ class Estimates:
         errors: dict[str, float | str] = {}
         for name, part in self.run.parts.items():
             time, place, worst = self.run.stress_of(name).worst()
+            if not worst:  # nothing moved
+                continue
             k = int(np.abs(self.motion.times - time).argmin())
             q, node = self.motion.modal(name)[k], int(part.surface.nodes[place])
             field = (part.body.shapes @ q)[:, :, None]
