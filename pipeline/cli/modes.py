@@ -4,11 +4,9 @@ from __future__ import annotations
 
 from typing import Any
 
-from rich.console import Console
-
 from pipeline.cli.inputs import open_pipeline, read_rate
 from pipeline.cli.options import Json, NoCache, Repair, SceneName, Set, print_json
-from pipeline.cli.tables import frequencies_table, new_table
+from pipeline.cli.tables import frequencies_table, new_table, open_console
 from pipeline.output.frequencies import frequency_table, rotating_table
 
 
@@ -40,7 +38,7 @@ def modes(
 
 
 def _print_frequencies(result: dict[str, Any]) -> None:
-    console = Console()
+    console = open_console()
     console.print(frequencies_table(result))
     if "speed_rad_s" in result:
         table = new_table(f"On a hub that turns at {result['speed_rad_s']:.6g} rad/s", "mode", "Hz")

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import json
+import re
 
 import imageio_ffmpeg
 import numpy as np
@@ -63,6 +64,16 @@ def test_rod_slider_turns_as_in_figure_4_and_draws_the_papers_charts(fmd, tmp_pa
         assert motion["hinge.position"].units == "rad"
         assert motion["slide.position"].units == "m"
         assert float(np.abs(motion["slide.position"]).max()) < 0.2  # Figs. 5 and 7 stay within ±0.2 m
+
+
+def test_printed_positions_have_their_units_and_run_times_say_of_what(fmd, tmp_path, capsys):
+    short = ["--set", "simulation.duration=0.1 s", "--no-pictures", "--out", str(tmp_path)]
+    assert fmd("run", "rod-slider", *short) == 0
+    printed = capsys.readouterr().out
+    assert re.search(r"hinge: \S+ rad at the end; the runs differ by \S+, \S+ rad\n", printed)
+    assert re.search(r"slide: \S+ m at the end; the runs differ by \S+, \S+ m\n", printed)
+    assert "of time integration alone" in printed
+    assert json.loads((tmp_path / "summary.json").read_text())["joint_units"] == {"hinge": "rad", "slide": "m"}
 
 
 def test_every_integrator_can_be_chosen_by_name(fmd, tmp_path, capsys):
