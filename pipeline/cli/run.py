@@ -209,7 +209,8 @@ def _rounds(accuracy: dict[str, Any]) -> Table:
 
 def _notes(summary: dict[str, Any]) -> list[str]:
     """Collect what a user should know beside the tables, a line each."""
-    lines = [
+    lines = [f"warning: {warning['text']}" for warning in summary["warnings"]]
+    lines += [
         f"note: {row['integrator']} {row['substeps']}:1 by itself makes small vibrations grow by "
         f"{100 * (row['growth'] - 1):.2g} % over the scene"
         for row in summary["integrations"]
