@@ -136,7 +136,7 @@ def test_an_output_folder_that_cannot_be_written_is_refused(fmd, tmp_path, capsy
 
 def test_a_machine_that_cannot_draw_is_refused_before_anything_runs(fmd, tmp_path, capsys, monkeypatch):
     monkeypatch.setenv("FMD_CACHE", str(tmp_path / "cache"))
-    monkeypatch.setattr("pipeline.render.rendering_check.rendering_problem", lambda: "no EGL; apt-get install libegl1")
+    monkeypatch.setattr("pipeline.output.write.rendering_problem", lambda: "no EGL; apt-get install libegl1")
     assert fmd("run", "beam", "--out", str(tmp_path / "out")) == 2
     assert "apt-get install libegl1" in capsys.readouterr().err
     assert not (tmp_path / "out").exists()
