@@ -1,4 +1,4 @@
-"""``fmd bench``: run time against error, and long marches against the predicted stability."""
+"""``fmd bench``: run time of time integration alone against error, and long marches against the predicted stability."""
 
 from __future__ import annotations
 
@@ -8,13 +8,12 @@ from math import isfinite
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
-from rich.console import Console
 from threadpoolctl import threadpool_limits
 
 from pipeline.bench import whole_runs
 from pipeline.cli.inputs import open_pipeline
 from pipeline.cli.options import Flag, Json, Set, print_json
-from pipeline.cli.tables import new_table, print_files
+from pipeline.cli.tables import new_table, open_console, print_files
 from pipeline.core.errors import InputError
 from pipeline.core.progress import bars
 
@@ -35,7 +34,7 @@ def bench(
     pipeline: Flag = False,
     json: Json = False,
 ) -> None:
-    """Run time against error: every integrator on a scene's mechanism, as a table, a CSV and a chart.
+    """Run time of integration alone against error: every integrator on a scene, as a table, a CSV and a chart.
 
     Parameters
     ----------
@@ -90,7 +89,7 @@ def _print_comparison(title: str, result: WorkPrecision) -> None:
     table = new_table(title, "method", "step", "seconds", "error")
     for row in result.rows:
         table.add_row(row.integrator, f"{row.step_s:.3g}", f"{row.seconds:.3g}", f"{row.error:.2e}")
-    Console().print(table)
+    open_console().print(table)
 
 
 def _measure_modes(scenes: Sequence[str], out: Path, json: bool) -> dict[str, Any]:
@@ -123,7 +122,7 @@ def _print_meshes(scene: str, reference: ConvergedFrequencies, rows: Sequence[Mo
     """Print all meshes of a scene, and the fastest of each element within the wanted error."""
     from pipeline.bench.mode_study import WANTED_ERROR, fastest
 
-    console = Console()
+    console = open_console()
     title = f"{scene}: two elements' limits agree to {reference.uncertainty:.0e}"
     table = new_table(title, "element", "mesh", "unknowns", "seconds", "error", wide=1)
     for row in rows:
@@ -154,7 +153,7 @@ def _print_stages(title: str, rows: Sequence[whole_runs.StageRow]) -> None:
         if row.stage == "whole":
             note = f"{row.megabytes:.0f} MB at most"
         table.add_row(row.stage, f"{row.seconds:.3f}", f"{100 * row.share:.1f} %", note)
-    Console().print(table)
+    open_console().print(table)
 
 
 def _march_stress_tests(out: Path, json: bool) -> dict[str, Any]:
@@ -168,7 +167,7 @@ def _march_stress_tests(out: Path, json: bool) -> dict[str, Any]:
         table = new_table("Stress tests", "family", *counts[:5], "predicted wrongly", "largest gain of energy")
         for row in rows:
             table.add_row(row["family"], *(str(row[key]) for key in counts), f"{row['drift']:.1e}")
-        Console().print(table)
+        open_console().print(table)
         print_files(out, ["stability.csv"])
     return {"rows": rows, "files": ["stability.csv"]}
 

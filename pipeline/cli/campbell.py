@@ -5,11 +5,10 @@ from __future__ import annotations
 from pathlib import Path
 
 import numpy as np
-from rich.console import Console
 
 from pipeline.cli.inputs import open_pipeline, read_rate
 from pipeline.cli.options import Json, NoCache, SceneName, Set, print_json
-from pipeline.cli.tables import new_table, print_files
+from pipeline.cli.tables import new_table, open_console, print_files
 from pipeline.core.arrays import Array
 from pipeline.core.errors import InputError
 from pipeline.output.frequencies import campbell as compute
@@ -66,4 +65,4 @@ def _print_diagram(title: str, rates: Array, frequencies: Array) -> None:
     table = new_table(f"{title}: frequencies on a turning hub [Hz]", "rad/s", *columns)
     for k in range(0, len(rates), max(1, len(rates) // _LINES)):
         table.add_row(f"{rates[k]:.4g}", *(f"{value:.3f}" for value in frequencies[k, :n_modes]))
-    Console().print(table)
+    open_console().print(table)

@@ -5,11 +5,9 @@ from __future__ import annotations
 import time
 from typing import Any
 
-from rich.console import Console
-
 from pipeline.cli.inputs import open_pipeline
 from pipeline.cli.options import Flag, Json, NoCache, SceneName, Set, print_json
-from pipeline.cli.tables import new_table
+from pipeline.cli.tables import new_table, open_console
 
 _FUNCTIONS = ("accelerations", "residual", "frames", "energies", "momenta")
 
@@ -48,7 +46,7 @@ def compile(
     table = new_table(f"{run.scene.title}: {mechanism.n} coordinates", "function", "operations", "bytes", "ready after")
     for row in rows:
         table.add_row(row["function"], str(row["flops"]), str(row["bytes"]), f"{1e3 * row['seconds']:.0f} ms")
-    console = Console()
+    console = open_console()
     console.print(table)
     for line in compiled.structure or ["no structure that saves arithmetic"]:
         console.print(line, markup=False)

@@ -4,11 +4,9 @@ from __future__ import annotations
 
 from typing import Any
 
-from rich.console import Console
-
 from pipeline.cli.inputs import open_pipeline, read_rate
 from pipeline.cli.options import Json, NoCache, Repair, SceneName, Set, print_json
-from pipeline.cli.tables import frequency_tables, new_table
+from pipeline.cli.tables import frequency_tables, new_table, open_console
 from pipeline.output.frequencies import frequencies_by_body, frequency_table, mode_warnings, rotating_table
 
 
@@ -42,7 +40,7 @@ def modes(
 
 
 def _print_frequencies(result: dict[str, Any]) -> None:
-    console, first = Console(), next(iter(result["bodies"]))
+    console, first = open_console(), next(iter(result["bodies"]))
     for body_table in frequency_tables(result):
         console.print(body_table)
     if "speed_rad_s" in result:

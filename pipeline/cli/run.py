@@ -7,13 +7,12 @@ from math import pi
 from pathlib import Path
 from typing import Any
 
-from rich.console import Console
 from rich.table import Table
 
 from pipeline.accuracy.error_estimates import NO_PART, SOURCES
 from pipeline.cli.inputs import open_pipeline
 from pipeline.cli.options import Flag, Json, NoCache, Repair, SceneName, Set, print_json
-from pipeline.cli.tables import frequency_tables, new_table
+from pipeline.cli.tables import frequency_tables, new_table, open_console
 from pipeline.core.errors import AccuracyError
 from pipeline.core.html import scaled
 from pipeline.output.explain import Forecast, forecast_run
@@ -101,7 +100,7 @@ def _require_accuracy(summary: dict[str, Any], folder: Path) -> None:
 
 def _print_forecast(forecast: Forecast, every_step: bool) -> None:
     """Print how long a run will take, and stage by stage what it will do if every step is wanted."""
-    console = Console()
+    console = open_console()
     if every_step:
         table = new_table("Plan", "stage", "body", "will", "last time", "why", wide=4)
         for step in forecast.steps:
@@ -113,7 +112,7 @@ def _print_forecast(forecast: Forecast, every_step: bool) -> None:
 
 def _print_run(summary: dict[str, Any], folder: Path) -> None:
     """Print the tables and notes of a run."""
-    console = Console()
+    console = open_console()
     console.print(_stages(summary))
     if "frequencies_hz" in summary:
         for table in frequency_tables(summary):
@@ -157,7 +156,8 @@ def _stages(summary: dict[str, Any]) -> Table:
 
 
 def _integrations(summary: dict[str, Any]) -> Table:
-    table = new_table("Integration", "method", "step", "run time", "ratio", "solutions + fast", "tip differs by")
+    title = "Integration: run times are of time integration alone"
+    table = new_table(title, "method", "step", "run time", "ratio", "solutions + fast", "tip differs by")
     for row in summary["integrations"]:
         table.add_row(
             row["integrator"] + (f" {row['substeps']}:1" if row["substeps"] > 1 else ""),
@@ -230,9 +230,10 @@ def _notes(summary: dict[str, Any]) -> list[str]:
         numbers = ", ".join(str(k) for k in modes)
         lines.append(f"left out: modal coordinates {numbers} of {name}, which nothing excites (--keep-all)")
     for joint, position in summary["final"].get("joint_positions", {}).items():
+        unit = summary["joint_units"][joint]
         differences = [f"{row['joint_differences'][joint]:.3g}" for row in summary["integrations"][1:]]
-        apart = f"; the runs differ by {', '.join(differences)}" if differences else ""
-        lines.append(f"{joint}: {position:.6g} (SI) at the end{apart}")
+        apart = f"; the runs differ by {', '.join(differences)} {unit}" if differences else ""
+        lines.append(f"{joint}: {position:.6g} {unit} at the end{apart}")
     return lines
 
 

@@ -7,11 +7,10 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Any
 
 from cyclopts import Parameter
-from rich.console import Console
 
 from pipeline.cli.inputs import open_pipeline
 from pipeline.cli.options import Flag, Json, NoCache, SceneName, Set, print_json
-from pipeline.cli.tables import new_table, print_files
+from pipeline.cli.tables import new_table, open_console, print_files
 from pipeline.core.errors import InputError
 
 if TYPE_CHECKING:
@@ -103,7 +102,7 @@ def _draw_maps(substeps: int, couplings: list[float], scheme: str, resolution: i
     for row in summary["maps"]:
         share, radius = f"{100 * row['stable_share']:.2f} %", f"{row['spectral_radius']:.4g}"
         table.add_row(f"{row['coupling']:g}", str(row["substeps"]), share, radius)
-    Console().print(table)
+    open_console().print(table)
     print_files(folder, summary["files"])
 
 
@@ -121,7 +120,7 @@ def _fit_laws(json: bool) -> None:
         m, b, s = int(row["substeps"]), row["coupling_power"], row["courant_power"]
         expected, misfit = f"{m * (m - 1) / 4:g}", f"{100 * row['misfit']:.2g} %"
         table.add_row(str(m), f"{row['factor']:.4g}", expected, f"{b:.4f}", f"{s:.4f}", misfit)
-    Console().print(table)
+    open_console().print(table)
 
 
 def _print_limits(title: str, result: MechanismLimits) -> None:
@@ -132,7 +131,7 @@ def _print_limits(title: str, result: MechanismLimits) -> None:
         grows = f"{row.growth_rate:.3g} 1/s" if row.growth_rate else "none"
         when = [f"{row.worst_time:.3g} s" if row.worst_time else "rest"] if result.along else []
         table.add_row(str(row.substeps), f"{row.critical_step:.4g} s", f"{row.sudden_step:.4g} s", grows, *when)
-    console = Console()
+    console = open_console()
     console.print(table)
     step, substeps = result.recommended
     console.print(

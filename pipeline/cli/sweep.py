@@ -9,10 +9,9 @@ from pathlib import Path
 from typing import Annotated, Any
 
 from cyclopts import Parameter
-from rich.console import Console
 
 from pipeline.cli.options import Json, SceneName, Set, print_json
-from pipeline.cli.tables import new_table, print_files
+from pipeline.cli.tables import new_table, open_console, print_files
 from pipeline.core.errors import InputError
 from pipeline.core.html import scaled
 from pipeline.core.progress import bars
@@ -32,7 +31,7 @@ _FIGURES = {
     "worst_stress.von_mises_pa": ("stress", "Pa"),
     "peak_tip_deflection_m": ("tip", "m"),
     "run.0.stability_margin": ("limit/step", ""),
-    "run.0.seconds": ("run time", "s"),
+    "run.0.seconds": ("time of integration", "s"),
 }
 _JOINT = "run.0.final.joint_positions."
 _MOST_JOINTS = 2
@@ -86,7 +85,7 @@ def sweep(
         _print_points(result, rows)
         _print_messages(result)
         statuses = ", ".join(f"{number} {status}" for status, number in result.counts.items() if number)
-        Console().print(f"{len(rows)} points: {statuses}; {result.computed} computed now, in {seconds:.1f} s")
+        open_console().print(f"{len(rows)} points: {statuses}; {result.computed} computed now, in {seconds:.1f} s")
         print_files(folder, files)
 
 
@@ -96,16 +95,14 @@ def _print_points(result: Sweep, rows: Sequence[dict[str, Any]]) -> None:
     figures = {name: words for name, words in figures.items() if any(row.get(name) is not None for row in rows)}
     keys = [variation.key.rpartition(".")[2] for variation in result.variations]
     table = new_table("Points", "", *keys, "status", *(column for column, _ in figures.values()))
-    for column in table.columns:
-        column.overflow = "fold"
     for number, (point, row) in enumerate(zip(result.points, rows, strict=True), start=1):
         cells = ["" if row[name] is None else scaled(row[name], unit) for name, (_, unit) in figures.items()]
         table.add_row(str(number), *point.values, str(row["status"]), *cells)
-    Console().print(table)
+    open_console().print(table)
 
 
 def _print_messages(result: Sweep) -> None:
     """Print each message once, after the numbers of its points."""
     for message in dict.fromkeys(record.message for record in result.records if record.message):
         where = [str(number) for number, record in enumerate(result.records, start=1) if record.message == message]
-        Console().print(f"{', '.join(where)}: {message}", markup=False)
+        open_console().print(f"{', '.join(where)}: {message}", markup=False)

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import os
 from collections.abc import Sequence
 from pathlib import Path
 from typing import Any
@@ -9,12 +10,14 @@ from typing import Any
 from rich.console import Console
 from rich.table import Table
 
+_UNCUT = 10_000  # characters
+
 
 def new_table(title: str, *columns: str, wide: int = 0) -> Table:
     """Make an empty table: figures to the right, the first column and the column ``wide`` to the left."""
     table = Table(title=title, title_justify="left")
     for k, column in enumerate(columns):
-        table.add_column(column, justify="left" if k in (0, wide) else "right", no_wrap=k == 0)
+        table.add_column(column, justify="left" if k in (0, wide) else "right", no_wrap=k == 0, overflow="fold")
     return table
 
 
@@ -34,6 +37,14 @@ def frequency_tables(summary: dict[str, Any]) -> list[Table]:
     return tables
 
 
+def open_console() -> Console:
+    """Open standard output for text and tables; a file or a pipe gets lines as long as they are, none cut."""
+    console = Console()
+    if not console.is_terminal and "COLUMNS" not in os.environ:
+        console.width = _UNCUT
+    return console
+
+
 def print_files(folder: Path, files: Sequence[str]) -> None:
     """Print which files a command has written."""
-    Console().print(f"in {folder}/: {', '.join(files)}")
+    open_console().print(f"in {folder}/: {', '.join(files)}")

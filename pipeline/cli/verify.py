@@ -6,11 +6,10 @@ from collections.abc import Sequence
 from pathlib import Path
 from typing import TYPE_CHECKING
 
-from rich.console import Console
 from rich.markup import escape
 
 from pipeline.cli.options import Json, NoCache, print_json
-from pipeline.cli.tables import new_table
+from pipeline.cli.tables import new_table, open_console
 from pipeline.core.cache import Cache
 
 if TYPE_CHECKING:
@@ -41,13 +40,13 @@ def verify(
         print_json(summary)
     else:
         _print_outcomes(outcomes)
-        Console().print(f"{', '.join(summary['files'])} in {out}/")
+        open_console().print(f"{', '.join(summary['files'])} in {out}/")
     require_tolerances(outcomes)
 
 
 def _print_outcomes(outcomes: Sequence[Outcome]) -> None:
     """Print published figures beside ours, case by case."""
-    console = Console()
+    console = open_console()
     for outcome in outcomes:
         case = outcome.case
         if outcome.error:

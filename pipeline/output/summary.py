@@ -42,6 +42,7 @@ def summarise(run: Pipeline, files: list[str], budget: bool) -> dict[str, Any]:
         for (label, motion), limit in zip(run.motions.items(), limits, strict=True)
     ]
     summary["final"] = first.final() | _former_names(first)
+    summary["joint_units"] = {joint: first.joint_unit(joint) for joint in first.joints}
     summary["tip"] = summary["final"]["tip"]
     summary["left_out_modes"] = run.left_out
     if len(first.tip_link.omega):

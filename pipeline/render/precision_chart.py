@@ -31,5 +31,5 @@ def draw_work_precision(curves: Mapping[str, Array], path: Path, *, title: str, 
         for number, (label, points) in enumerate(curves.items()):
             marker, style = _MARKERS[number % len(_MARKERS)], "-" if number < _SOLID else "--"
             axes.loglog(points[:, 0], points[:, 1], marker=marker, linestyle=style, label=label, linewidth=1.5)
-        style_axes(axes, "run time [s]", error_label, title)
+        style_axes(axes, "run time of integration alone [s]", error_label, title)
         figure.legend(loc="outside right center", fontsize=11, frameon=False)

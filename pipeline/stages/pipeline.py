@@ -17,6 +17,7 @@ from pipeline.recovery.stress import StressHistory, stress_measure
 from pipeline.scene.scene import Scene
 from pipeline.scene.source_files import collect_inputs
 from pipeline.stages.part import FlexiblePart
+from pipeline.stages.result_size import require_room
 from pipeline.stages.stage import Stage
 from pipeline.stages.store import Log, StageStore
 
@@ -238,8 +239,6 @@ class Pipeline:
             A step is beyond its stability limit, a body would lose its stiffness by its spin, or the results don't fit
             into the memory; nothing has been integrated then.
         """
-        from pipeline.stages.result_size import require_room
-
         self.bodies  # noqa: B018 - stages of their own; what the plans add is kernels, compiled or read
         require_room(self.scene, self.mechanism)
         self.plans  # noqa: B018 - refuses a step before anything is timed

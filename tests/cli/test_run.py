@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import json
+import re
 
 import imageio_ffmpeg
 import numpy as np
@@ -65,6 +66,16 @@ def test_rod_slider_turns_as_in_figure_4_and_draws_the_papers_charts(fmd, tmp_pa
         assert float(np.abs(motion["slide.position"]).max()) < 0.2  # Figs. 5 and 7 stay within ±0.2 m
 
 
+def test_printed_positions_have_their_units_and_run_times_say_of_what(fmd, tmp_path, capsys):
+    short = ["--set", "simulation.duration=0.1 s", "--no-pictures", "--out", str(tmp_path)]
+    assert fmd("run", "rod-slider", *short) == 0
+    printed = capsys.readouterr().out
+    assert re.search(r"hinge: \S+ rad at the end; the runs differ by \S+, \S+ rad\n", printed)
+    assert re.search(r"slide: \S+ m at the end; the runs differ by \S+, \S+ m\n", printed)
+    assert "of time integration alone" in printed
+    assert json.loads((tmp_path / "summary.json").read_text())["joint_units"] == {"hinge": "rad", "slide": "m"}
+
+
 def test_every_integrator_can_be_chosen_by_name(fmd, tmp_path, capsys):
     runs = ['{ integrator = "exponential", step = "1 ms" }', '{ integrator = "generalized-alpha", rho = 0.9 }']
     runs.append('{ integrator = "runge-kutta", tolerance = 1e-8 }')
@@ -125,7 +136,7 @@ def test_an_output_folder_that_cannot_be_written_is_refused(fmd, tmp_path, capsy
 
 def test_a_machine_that_cannot_draw_is_refused_before_anything_runs(fmd, tmp_path, capsys, monkeypatch):
     monkeypatch.setenv("FMD_CACHE", str(tmp_path / "cache"))
-    monkeypatch.setattr("pipeline.render.rendering_check.rendering_problem", lambda: "no EGL; apt-get install libegl1")
+    monkeypatch.setattr("pipeline.output.write.rendering_problem", lambda: "no EGL; apt-get install libegl1")
     assert fmd("run", "beam", "--out", str(tmp_path / "out")) == 2
     assert "apt-get install libegl1" in capsys.readouterr().err
     assert not (tmp_path / "out").exists()

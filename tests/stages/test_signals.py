@@ -6,7 +6,7 @@ import pytest
 from pipeline import load_scene
 from pipeline.core.errors import InputError
 from pipeline.scene.scene import Scene
-from pipeline.stages.signals import require_sound_drives
+from pipeline.stages.signals import require_sound_drives, signal_of
 
 
 def with_torque(formula: str) -> Scene:
@@ -50,7 +50,9 @@ def test_a_load_without_a_finite_value_is_refused_with_its_drive_and_time(formul
     ],
 )
 def test_sharp_but_finite_loads_pass(formula: str) -> None:
-    require_sound_drives(with_torque(formula))
+    scene = with_torque(formula)
+    require_sound_drives(scene)
+    assert np.isfinite(signal_of(scene.drive["motor"].torque).values(np.linspace(0.0, 1.0, 1001))[:, 0]).all()
 
 
 @pytest.mark.parametrize(

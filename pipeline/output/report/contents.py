@@ -130,7 +130,15 @@ def _frequencies(summary: dict[str, Any]) -> dict[str, Any]:
 
 def _integrations(summary: dict[str, Any]) -> dict[str, Any]:
     return {
-        "header": ("method", "step", "run time", "ratio", "solutions + fast", "limit / step", "tip differs by"),
+        "header": (
+            "method",
+            "step",
+            "time of integration alone",
+            "ratio",
+            "solutions + fast",
+            "limit / step",
+            "tip differs by",
+        ),
         "rows": [
             (
                 row["integrator"] + (f" {row['substeps']}:1" if row["substeps"] > 1 else ""),

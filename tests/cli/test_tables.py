@@ -1,0 +1,31 @@
+"""Printed tables: nothing is cut in a file or a pipe, columns fold at a narrow terminal."""
+
+import pytest
+
+from pipeline.cli.tables import new_table, open_console
+
+WORDS = ["a quantity with a rather long name", "another one that goes on for quite a while", "x" * 60, "y" * 60]
+
+
+@pytest.fixture(autouse=True)
+def no_width(monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.delenv("COLUMNS", raising=False)
+
+
+def test_no_column_is_cut_in_a_file(capsys: pytest.CaptureFixture[str]) -> None:
+    table = new_table("A title that is longer than any of the columns", *(f"column {k}" for k in range(len(WORDS))))
+    table.add_row(*WORDS)
+    open_console().print(table)
+    (line,) = [line for line in capsys.readouterr().out.splitlines() if WORDS[0] in line]
+    assert all(word in line for word in WORDS)
+
+
+def test_a_long_line_of_text_stays_one_line_in_a_file(capsys: pytest.CaptureFixture[str]) -> None:
+    open_console().print(" ".join(WORDS))
+    assert capsys.readouterr().out == " ".join(WORDS) + "\n"
+
+
+def test_a_width_that_is_given_is_kept(capsys: pytest.CaptureFixture[str], monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setenv("COLUMNS", "100")
+    open_console().print(" ".join(WORDS))
+    assert max(len(line) for line in capsys.readouterr().out.splitlines()) <= 100
