@@ -12,7 +12,7 @@ from pipeline.accuracy.matching import find_counterparts
 from pipeline.accuracy.quantities import match_modes
 from pipeline.core.arrays import Array, IntArray
 from pipeline.core.cache import Cache
-from pipeline.core.errors import AccuracyError
+from pipeline.core.errors import AccuracyError, InputError
 from pipeline.scene.scene import Scene
 from pipeline.scene.variants import COARSENING_FACTORS, change_modes, coarsen_meshes, compare_element_sizes
 from pipeline.stages.part import FlexiblePart
@@ -81,13 +81,14 @@ def make_coarse_pair(run: Pipeline) -> Pair | str:
             break
         try:
             return _pair(run, scene)
-        except AccuracyError as fault:
+        except (AccuracyError, InputError) as fault:  # the latter where it has fewer modes than wanted
             why = f"not estimated: on a coarser mesh, {fault}"
     return why
 
 
 def _pair(run: Pipeline, scene: Scene) -> Pair:
-    more = change_modes(scene, lambda body: {"count": int(_MORE * body.modes.count) + 1})
+    beyond = max(part.modes.n_completing for part in run.parts.values())
+    more = change_modes(scene, lambda body: {"count": int(_MORE * body.modes.count) + 1 + beyond})
     store, parts = StageStore(Cache(None)), {}
     for name, own in run.parts.items():
         other = FlexiblePart(more, name, store)

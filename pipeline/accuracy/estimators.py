@@ -18,6 +18,7 @@ from pipeline.accuracy.coarse_mesh import Pair, make_coarse_pair
 from pipeline.accuracy.error_estimates import NO_PART, SAFETY, shifted_frequencies, soften_body
 from pipeline.accuracy.quantities import Quantities, mesh_quantities, motion_quantities, stress_quantities
 from pipeline.core.arrays import Array, IntArray
+from pipeline.core.errors import InputError
 from pipeline.integrators.automatic import Automatic
 from pipeline.recovery.stress import choose_frames, von_mises
 from pipeline.scene.variants import enrich_bases
@@ -81,7 +82,10 @@ class Estimates:
     def _truncation(self) -> dict[str, float | str]:
         """Estimate modal truncation by a richer basis, both marched with a step that is stable for the richer one."""
         rich = self.run.variant(enrich_bases(self.run.scene), spin=self.run.spin)  # what is stiffened stays so
-        plan, base = self._comparable(rich)
+        try:
+            plan, base = self._comparable(rich)
+        except InputError as fault:  # the mesh has no more modes than the run's
+            return dict.fromkeys(self.quantities, f"not estimated: with more modes, {fault}")
         ours = self.quantities if base is None else self._of(self.run, base)
         return dict(self._changes(self._of(rich, self._march(rich, plan)), ours))
 
@@ -152,6 +156,8 @@ class Estimates:
         errors: dict[str, float | str] = {}
         for name, part in self.run.parts.items():
             time, place, worst = self.run.stress_of(name).worst()
+            if not worst:  # nothing moved
+                continue
             k = int(np.abs(self.motion.times - time).argmin())
             q, node = self.motion.modal(name)[k], int(part.surface.nodes[place])
             field = (part.body.shapes @ q)[:, :, None]

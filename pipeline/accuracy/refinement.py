@@ -2,12 +2,13 @@
 
 from __future__ import annotations
 
+import math
 from dataclasses import dataclass, field
 from typing import Any
 
 from pipeline.accuracy.error_budget import ERROR_BUDGET, Budget
 from pipeline.accuracy.error_estimates import SAFETY, SOURCES, Row
-from pipeline.core.errors import AccuracyError
+from pipeline.core.errors import AccuracyError, InputError
 from pipeline.scene.imported_bodies import MatrixPart
 from pipeline.scene.runs import AutoRun
 from pipeline.scene.scene import Scene
@@ -60,29 +61,71 @@ class Round:
         return self.settings | {"worst": found, "refined_for": self.shares, "given_up": given_up}
 
 
-def meet_accuracy(run: Pipeline) -> tuple[Pipeline, tuple[Round, ...]]:
+@dataclass(frozen=True)
+class Refinement:
+    """Rounds of refinement for a wanted accuracy, and the run that states the smallest errors.
+
+    Attributes
+    ----------
+    run : Pipeline
+        The run of the last round if the accuracy is met, else that of the best one.
+    rounds : tuple of Round
+        All rounds, in their order.
+    chosen : int
+        Number of the run's round, from 0.
+    ended_by : str
+        Cap that ended the rounds before the accuracy was met; empty if it is met.
+    """
+
+    run: Pipeline
+    rounds: tuple[Round, ...]
+    chosen: int
+    ended_by: str = ""
+
+    @property
+    def met(self) -> bool:
+        """True if every quantity is stated within the wanted accuracy."""
+        return not (self.ended_by or self.rounds[self.chosen].given_up)
+
+    def summary(self) -> dict[str, Any]:
+        """Return the refinement as plain numbers and texts."""
+        rounds = [each.summary() for each in self.rounds]
+        wanted = {"wanted": self.run.scene.accuracy, "met": self.met}
+        return wanted | {"ended_by": self.ended_by, "chosen_round": self.chosen + 1, "rounds": rounds}
+
+
+def meet_accuracy(run: Pipeline) -> Refinement:
     """Find the first of a row of ever finer runs whose budget states the scene's wanted accuracy or better.
 
     The first has half of the scene's elements each way, quadratic ones, its modes with the static responses to inertia
     loads, and the automatic integrator. The scene's number of modes is where that of the basis starts; of the
     frequencies only as many count. A quantity whose error two rounds hardly lower is given up: stress at an edge that
     is held has no limit, what a load acts on rings in vibrations beyond any basis. It is reported, not refined for.
+    If the accuracy isn't met within some rounds, or on a mesh that can be afforded, the best run counts.
 
     Raises
     ------
-    AccuracyError
-        It is not met within some rounds, or not on a mesh that can be afforded; the message has the best that was
-        measured.
+    AccuracyError, InputError
+        The first round can't be computed.
     """
     wanted = run.scene.accuracy
     assert wanted is not None
     scene = _start(run.scene, wanted)
     rounds: list[Round] = []
     stated: list[dict[str, float]] = []
+    best, chosen = run, 0
     here = run
+    ended_by = f"{_MOST_ROUNDS} rounds"
     for left in reversed(range(_MOST_ROUNDS)):
         here = here.variant(scene, here.store.monitor)
-        rows = _counting(ERROR_BUDGET.of(here), run.scene)
+        try:
+            budget = ERROR_BUDGET.of(here)
+        except (AccuracyError, InputError) as error:
+            if not rounds:
+                raise
+            ended_by = f"a round that failed: {error}"
+            break
+        rows = _counting(budget, run.scene)
         stated.append({row.name: row.total for row in rows})
         stalled = {name for name in stated[-1] if _is_stalled([past[name] for past in stated], wanted, left)}
         stalled |= {row.name for row in rounds[-1].given_up if row.total > wanted} if rounds else set()
@@ -90,17 +133,16 @@ def meet_accuracy(run: Pipeline) -> tuple[Pipeline, tuple[Round, ...]]:
         worst = max(hopeful, key=lambda row: row.total)
         given_up = tuple(row for row in rows if row.name in stalled and row.total > wanted)
         this = Round(_settings(scene), worst, _shares(hopeful), given_up)
+        if worst.total <= min((each.worst.total for each in rounds), default=math.inf):
+            best, chosen = here, len(rounds)
         rounds.append(this)
         if worst.total <= wanted:
-            return here, tuple(rounds)
+            return Refinement(here, tuple(rounds), len(rounds) - 1)
         scene = _refined(scene, this.shares, wanted)
-        if any(len(part.mesh.cells) > _MOST_ELEMENTS for part in here.parts.values()):
+        if any(part.has_mesh and len(part.mesh.cells) > _MOST_ELEMENTS for part in here.parts.values()):
+            ended_by = f"{_MOST_ELEMENTS} elements"
             break
-    best = min(rounds, key=lambda each: each.worst.total)
-    raise AccuracyError(
-        f"{run.scene.file}: accuracy = {wanted:.2%}: not met in {len(rounds)} rounds; the best states "
-        f"{best.worst.total:.2%} for '{best.worst.name}', most of it {best.worst.dominant}, with {best.settings}"
-    )
+    return Refinement(best, tuple(rounds), chosen, ended_by)
 
 
 def _start(scene: Scene, wanted: float) -> Scene:

@@ -25,6 +25,7 @@ _COMMANDS = {
     "modes:modes": "Modes alone: frequencies beside the scene's reference.",
     "campbell:campbell": "Campbell diagram: frequencies on a turning hub over its rate of rotation.",
     "stability:stability": "Largest safe step: of a scene, or as a map for two degrees of freedom.",
+    "compile:compile": "Equations of motion as machine code: operations, size, structure.",
     "sweep:sweep": "A scene at every combination of values, on all cores or a cluster.",
     "report:report": "One web page of all results, to be opened without a network.",
     "verify:verify": "Published and closed-form results beside ours.",

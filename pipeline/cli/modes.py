@@ -9,7 +9,7 @@ from rich.console import Console
 from pipeline.cli.inputs import open_pipeline, read_rate
 from pipeline.cli.options import Json, NoCache, Repair, SceneName, Set, print_json
 from pipeline.cli.tables import frequencies_table, new_table
-from pipeline.output.frequencies import frequency_table, rotating_table
+from pipeline.output.frequencies import frequency_table, mode_warnings, rotating_table
 
 
 def modes(
@@ -32,6 +32,7 @@ def modes(
     result = frequency_table(pipeline)
     if speed is not None:
         result |= rotating_table(pipeline, read_rate("--speed", speed))
+    result["warnings"] = mode_warnings(pipeline)
     result["seconds"] = dict(pipeline.log.seconds)
     if json:
         print_json(result)
@@ -54,3 +55,5 @@ def _print_frequencies(result: dict[str, Any]) -> None:
             f"nonzeros of {factor['unknowns']} unknowns, {factor['memory'] / 1e6:.3g} MB"
         )
     console.print(line)
+    for warning in result["warnings"]:
+        console.print(f"warning: {warning['text']}")

@@ -76,17 +76,27 @@ def run(
 
 
 def _require_accuracy(summary: dict[str, Any], folder: Path) -> None:
-    """Raise ``AccuracyError`` if the wanted accuracy was given up for a quantity; the message names all of them."""
-    given_up = summary["accuracy"]["rounds"][-1]["given_up"] if "accuracy" in summary else []
-    if not given_up:
+    """Raise ``AccuracyError`` unless the wanted accuracy is met; the message names what is off, and what ended it."""
+    accuracy = summary.get("accuracy", {"met": True})
+    if accuracy["met"]:
         return
-    named = "; ".join(
-        f"'{row['quantity']}', stated {_percent(row['stated'])} %, most from {row['dominant']}" for row in given_up
-    )
-    raise AccuracyError(
-        f"accuracy: finer meshes and more modes hardly lower the error of {named}; "
-        f"all else is met, and what was computed is in {folder}/"
-    )
+    chosen = accuracy["rounds"][accuracy["chosen_round"] - 1]
+    reasons = []
+    if accuracy["ended_by"]:
+        worst = chosen["worst"]
+        reasons.append(
+            f"{_percent(accuracy['wanted'])} % was not met: refining ended at {accuracy['ended_by']}; the best, round "
+            f"{accuracy['chosen_round']}, states {_percent(worst['stated'])} % for '{worst['quantity']}', most of it "
+            f"from {worst['dominant']}"
+        )
+    if chosen["given_up"]:
+        named = "; ".join(
+            f"'{row['quantity']}', stated {_percent(row['stated'])} %, most from {row['dominant']}"
+            for row in chosen["given_up"]
+        )
+        rest = "" if accuracy["ended_by"] else "; all else is met"
+        reasons.append(f"finer meshes and more modes hardly lower the error of {named}{rest}")
+    raise AccuracyError(f"accuracy: {'; '.join(reasons)}; what was computed is in {folder}/")
 
 
 def _print_forecast(forecast: Forecast, every_step: bool) -> None:
@@ -180,8 +190,10 @@ def _budget(budget: dict[str, Any]) -> Table:
 
 def _rounds(accuracy: dict[str, Any]) -> Table:
     """Make the table of refinements for a wanted accuracy: settings and worst quantity of each round."""
-    but = "" if accuracy["met"] else " but for the quantities named below"
-    title = f"Accuracy: {_percent(accuracy['wanted'])} % wanted and met{but}"
+    met = "met" if accuracy["met"] else "met but for the quantities named below"
+    if accuracy["ended_by"]:
+        met = f"not met; the results are those of round {accuracy['chosen_round']}"
+    title = f"Accuracy: {_percent(accuracy['wanted'])} % wanted, {met}"
     table = new_table(title, "round", "chosen", "stated [%]", "worst in", "most from", wide=1)
     for k, settings in enumerate(accuracy["rounds"]):
         chosen = [
@@ -197,7 +209,8 @@ def _rounds(accuracy: dict[str, Any]) -> Table:
 
 def _notes(summary: dict[str, Any]) -> list[str]:
     """Collect what a user should know beside the tables, a line each."""
-    lines = [
+    lines = [f"warning: {warning['text']}" for warning in summary["warnings"]]
+    lines += [
         f"note: {row['integrator']} {row['substeps']}:1 by itself makes small vibrations grow by "
         f"{100 * (row['growth'] - 1):.2g} % over the scene"
         for row in summary["integrations"]

@@ -107,7 +107,7 @@ class Mechanism:
 
     @cached_property
     def coupled(self) -> bool:
-        """Whether coordinates couple through M̂: not if all are modes of bodies that carry nothing that moves."""
+        """True if coordinates couple through M̂; modes of bodies that carry nothing that moves don't."""
         joints = any(link.n_rates for link in self.links)
         return joints or any(link.parent >= 0 and len(self.links[link.parent].omega) for link in self.links)
 

@@ -1,4 +1,4 @@
-"""What the integrators need of a mechanism.
+"""Interface between integrators and the systems that they march.
 
 A system is its parameters, a ``NamedTuple`` of flat arrays, and three compiled functions of them. The functions here
 are names only: a mechanism gives each its meaning for its own type of parameters with ``overload``, so one
@@ -96,7 +96,7 @@ class System(Protocol):
 
     @property
     def parameters(self) -> Any:
-        """What the compiled functions read."""
+        """Flat arrays for the compiled functions."""
 
     @property
     def linear_matrices(self) -> tuple[Array, Array, Array]:
@@ -108,11 +108,11 @@ class System(Protocol):
 
     @property
     def coupled(self) -> bool:
-        """Whether slow and fast coordinates couple through the mass matrix in any state."""
+        """True if slow and fast coordinates couple through the mass matrix in any state."""
 
     @property
     def holds_forces(self) -> bool:
-        """Whether `hold_slow` holds forces that follow the coordinates for a major cycle, not their coefficients."""
+        """True if `hold_slow` holds forces that follow the coordinates for a major cycle, not their coefficients."""
 
     @property
     def highest_frequency(self) -> float:

@@ -88,8 +88,9 @@ def _moving(label: str, curves: dict[str, Array], components: tuple[str, ...]) -
         sizes = np.max([np.ptp(values, axis=0) for values in curves.values()], axis=0)
     sizes = np.nan_to_num(sizes)
     moving = sizes > _AT_REST * sizes.max()
-    if not moving.any():
-        moving = np.isfinite(next(iter(curves.values()))).all(axis=0)
+    if not moving.any():  # all is at rest: lines of what is known, or of all
+        known = np.isfinite(next(iter(curves.values()))).all(axis=0)
+        moving = known if known.any() else ~known
     kept = tuple(name for name, moves in zip(components, moving, strict=True) if moves)
     return label, {name: values[:, moving] for name, values in curves.items()}, kept
 

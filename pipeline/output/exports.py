@@ -40,16 +40,15 @@ def _write_motion(run: Pipeline, output: Export, path: Path) -> None:
     """Write displacement from the undeformed body at rest, deformation and stress at all nodes."""
     from pipeline.fem.formats.vtkhdf import write_series
 
-    part, motion, shapes = run.parts[output.body], run.motion, run.bodies[output.body].shapes
+    part, motion, body = run.parts[output.body], run.motion, run.bodies[output.body]
     chosen = choose_frames(len(motion.times), output.frames)
-    x, q, stress = run.bodies[output.body].x, motion.modal(output.body), part.nodal_stress
-    origin = part.space.x[0] - x[0]
+    q, stress = motion.modal(output.body), part.nodal_stress
 
     def fields() -> Iterator[dict[str, NDArray[np.floating]]]:
         for k in chosen:
-            tensor, deformation = stress @ q[k].astype(np.float32), shapes @ q[k]
+            tensor, deformation = stress @ q[k].astype(np.float32), body.shapes @ q[k]
             yield {
-                "displacement": motion.placed(output.body, x + deformation, k) + origin - part.space.x,
+                "displacement": motion.placed(output.body, body.x + deformation, k) + body.origin - part.space.x,
                 "deformation": deformation,
                 "stress": tensor,
                 "von_mises": von_mises(tensor),

@@ -30,6 +30,26 @@ def frequency_table(run: Pipeline) -> dict[str, Any]:
     }
 
 
+def mode_warnings(run: Pipeline) -> list[dict[str, str]]:
+    """Warn of each body whose basis holds more modes than wanted, to complete a group of equal frequency.
+
+    Returns
+    -------
+    list of dict
+        ``code``, ``body`` and ``text`` of each warning.
+    """
+    found = []
+    for name, part in run.parts.items():
+        count, more = part.shape.modes.count, part.modes.n_completing
+        if more:
+            text = (
+                f"{name}: mode {count} is one of {'a pair' if more == 1 else 'several'} of equal frequency; alone it "
+                f"would bend the body in an arbitrary direction, so {count + more} modes are taken instead of {count}"
+            )
+            found.append({"code": "mode-pair-completed", "body": name, "text": text})
+    return found
+
+
 def rotating_table(run: Pipeline, rate: float) -> dict[str, Any]:
     """Gather the frequencies of the first flexible body on its joint at a constant rate [rad/s]."""
     return {"speed_rad_s": rate, "rotating_frequencies_hz": (_rotating(run, rate) / (2 * np.pi)).tolist()}

@@ -9,7 +9,7 @@ import numpy as np
 from pipeline import __version__
 from pipeline.accuracy.error_budget import ERROR_BUDGET
 from pipeline.output.explain import STAGES
-from pipeline.output.frequencies import frequency_table
+from pipeline.output.frequencies import frequency_table, mode_warnings
 from pipeline.recovery.motion import Motion
 from pipeline.stages.pipeline import Pipeline
 
@@ -20,6 +20,7 @@ def summarise(run: Pipeline, files: list[str], budget: bool) -> dict[str, Any]:
     if run.parts:
         summary |= frequency_table(run)
         summary["bodies"] = {name: _body(run, name) for name in run.parts}
+    summary["warnings"] = mode_warnings(run)
     first = run.motion
     limits = [plan.integrator.largest_step(plan.system) for plan in run.plans.values()]
     summary["largest_stable_step_s"] = 2.0 / run.system.highest_frequency if run.system.n else None
@@ -57,7 +58,8 @@ def summarise(run: Pipeline, files: list[str], budget: bool) -> dict[str, Any]:
     if meshed:
         stress = run.stress_of(meshed[0])
         time, node, value = stress.worst()
-        place = run.bodies[meshed[0]].x[stress.nodes[node]]
+        body = run.bodies[meshed[0]]
+        place = body.origin + body.x[stress.nodes[node]]
         summary["worst_stress"] = {"time_s": time, "von_mises_pa": value, "position_m": place.tolist()}
     if budget and len(meshed) == len(run.parts):  # matrices alone tell nothing of their own error
         summary["error_budget"] = ERROR_BUDGET.of(run).summary()

@@ -38,18 +38,18 @@ def write_results(run: Pipeline, folder: Path, pictures: bool, budget: bool = Tr
     InputError
         The folder can't be written, or this machine can't draw.
     AccuracyError
-        The accuracy that the scene wants is not met.
+        A march diverged, or a result failed its check.
     """
     exports = [output for output in run.scene.output if output.type == "export"]
     drawn = [output for output in run.scene.output if output.type != "export"] if pictures else []
     if drawn:
         _require_drawing(run.scene.file)
-    rounds: list[dict[str, Any]] = []
+    refinement: dict[str, Any] = {}
     if run.scene.accuracy is not None:
         if not budget:
             raise InputError("--no-budget", "", None, "can't be: the scene wants an accuracy, which the budget proves")
-        run, tried = meet_accuracy(run)
-        rounds = [each.summary() for each in tried]
+        found = meet_accuracy(run)
+        run, refinement = found.run, found.summary()
     run.motions  # noqa: B018 - refuses or diverges before anything is written
     try:
         folder.mkdir(parents=True, exist_ok=True)
@@ -61,8 +61,8 @@ def write_results(run: Pipeline, folder: Path, pictures: bool, budget: bool = Tr
         if drawn:
             files += [name for output in drawn for name in draw(run, output, folder)]
         summary = summarise(run, files, budget)
-        if rounds:
-            summary["accuracy"] = {"wanted": run.scene.accuracy, "met": not rounds[-1]["given_up"], "rounds": rounds}
+        if refinement:
+            summary["accuracy"] = refinement
         with whole_file(folder / "summary.json") as part:
             part.write_text(json.dumps(summary, indent=1, allow_nan=False) + "\n")
     except OSError as error:

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Mapping
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from typing import TYPE_CHECKING
 
 import numpy as np
@@ -65,6 +65,8 @@ class FlexibleBody:
         Inertia integrals about the joint.
     coupling : float
         ``|M_θq| / √J`` in the reference state: 0 for a joint-conforming basis, below 1 always.
+    origin : ndarray, shape (3,)
+        Position of the joint in the part's own coordinates, those of its mesh or CAD file [m].
     """
 
     x: Array
@@ -75,6 +77,7 @@ class FlexibleBody:
     markers: Mapping[str, MarkerShapes]
     gram: InertiaGram
     coupling: float
+    origin: Array = field(default_factory=lambda: np.zeros(3), kw_only=True)
 
     @property
     def frequencies_hz(self) -> Array:
@@ -213,4 +216,5 @@ def _body(
         },
         gram=inertia_gram(x, fe.m, shapes, normal),
         coupling=float(np.linalg.norm(H) / np.sqrt(J[0, 0])),
+        origin=origin,
     )

@@ -21,13 +21,14 @@ if TYPE_CHECKING:
     import xarray
 
 FORMAT = "fmd reduced body"
-VERSION = 1
+VERSION = 2
 
 # Dimensions, unit and meaning of each variable. "motions" are three translations and three rotations of the frame, then
 # the modes; "state" is (1, q). A dimension may stand in a variable only once, hence the second of some.
 _VARIABLES: dict[str, tuple[tuple[str, ...], str, str]] = {
     "marker": (("marker",), "", "names of the markers"),
     "x": (("node", "axis"), "m", "undeformed node positions relative to the joint"),
+    "origin": (("axis",), "m", "position of the joint in the part's own coordinates, as in its mesh or CAD file"),
     "shapes": (("node", "axis", "mode"), "kg^-0.5", "basis: displacement for a unit of each modal coordinate"),
     "omega": (("mode",), "rad/s", "angular frequencies of the basis"),
     "joint_axis": (("axis",), "1", "unit vector of the joint's axis"),
@@ -89,7 +90,7 @@ class SavedBody:
 
 
 def save_body(
-    path: Path,
+    path: str | Path,
     body: FlexibleBody,
     surface: SurfaceTopology | None = None,
     stress: Array | None = None,
@@ -107,11 +108,11 @@ def save_body(
         The place can't be written.
     """
     dataset = body_dataset(SavedBody(body, surface, stress, elastic_hz))
-    with whole_file(path) as part:
+    with whole_file(Path(path)) as part:
         dataset.to_netcdf(part, engine="scipy")
 
 
-def load_body(path: Path) -> SavedBody:
+def load_body(path: str | Path) -> SavedBody:
     """Read a reduced body from a file, every number to the last bit as it was saved.
 
     Raises
@@ -125,7 +126,7 @@ def load_body(path: Path) -> SavedBody:
         return InputError(str(path), "", None, mend)
 
     try:
-        content = path.read_bytes()
+        content = Path(path).read_bytes()
     except OSError as error:
         raise refuse(f"can't be read: {error.strerror or error}") from error
     if content[:4] != b"CDF\x02":
@@ -175,6 +176,7 @@ def _arrays(saved: SavedBody) -> dict[str, NDArray[Any]]:
     n = len(body.omega)
     arrays: dict[str, NDArray[Any]] = {
         "x": body.x,
+        "origin": body.origin,
         "shapes": body.shapes,
         "omega": body.omega,
         "joint_axis": body.axis,
@@ -237,6 +239,7 @@ def _saved(dataset: xarray.Dataset) -> SavedBody:
         markers=markers,
         gram=InertiaGram(read_only(G), read_only(real("S")), float(real("mass")), **second_order),
         coupling=float(real("coupling")),
+        origin=real("origin"),
     )
     surface = None
     if "surface_nodes" in dataset:

@@ -14,6 +14,7 @@ from scipy.linalg import eigh
 
 from pipeline.core.arrays import Array
 from pipeline.core.errors import AccuracyError
+from pipeline.reduction.mode_families import complete_pairs
 from pipeline.reduction.modes import Modes
 
 if TYPE_CHECKING:
@@ -47,31 +48,30 @@ def craig_bampton_modes(fe: FEModel, solver: FreeBodySolver, markers: Sequence[M
     markers : sequence of Marker
         The interface.
     count : int
-        Number of fixed-interface modes.
+        Number of fixed-interface modes; what completes the group of equal frequency of the highest comes on top.
 
     Returns
     -------
     Modes
-        ``count`` modes and six for each marker, less the rigid motions. Frequencies are upper bounds (Rayleigh); the
-        residual is that of the fixed-interface modes.
+        The fixed-interface modes and six for each marker, less the rigid motions. Frequencies are upper bounds
+        (Rayleigh); the residual is that of the fixed-interface modes.
 
     Raises
     ------
+    TooManyModesError
+        The mesh has fewer fixed-interface modes.
     AccuracyError
         The constraint modes don't move the interface as they should, or the space holds another number of rigid motions
         than the supports leave; the message gives the figure.
     """
     B = interface_columns(fe, markers)
     Psi = constraint_modes(fe, solver, B)
-    held = solver.modes(count, B)
-    if len(held.omega) < count:
-        raise AccuracyError(
-            f"the mesh has only {len(held.omega)} modes with its interface held, {count} wanted; refine it"
-        )
+    held = complete_pairs(solver, count, B)
     V = np.concatenate([held.shapes.reshape(len(Psi), -1), Psi], axis=1)
     n_rigid = _count_rigid_motions(fe, solver.rigid_modes, V, _ZERO * -solver.shift)
     omega, shapes = rayleigh_ritz(fe, _elastic(fe, solver.rigid_modes, V, V.shape[1] - n_rigid))
-    return Modes(omega, shapes, n_rigid, held.residual, tuple(range(1, len(omega) + 1)))
+    numbers, n_completing = tuple(range(1, len(omega) + 1)), len(held.omega) - count
+    return Modes(omega, shapes, n_rigid, held.residual, numbers, n_completing=n_completing)
 
 
 def constraint_modes(fe: FEModel, solver: FreeBodySolver, B: Array) -> Array:

@@ -29,6 +29,7 @@ ORTHONORMALITY_LIMIT = 1e-8
 # below 1e-8, where single vectors have been seen to lose one of a pair.
 _TOLERANCE = 1e-9
 _TRIES = 3
+_MOST_DENSE = 4000  # unknowns up to which all modes are computed in half a minute
 # An eigenvalue below this part of the shift is zero: Lanczos leaves about 1e-12, an elastic mode about 1.
 _ZERO = 1e-6
 
@@ -77,7 +78,7 @@ class FreeBodySolver:
         fixed: IntArray | None = None,
         factorise: Callable[[Any], Factor] = factorise,
     ) -> None:
-        n_pieces, _ = connected_components(fe.m, directed=False)
+        n_pieces = count_pieces(fe.K)
         if n_pieces > 1:
             raise AccuracyError(
                 f"the mesh is in {n_pieces} unconnected pieces, so it has {6 * n_pieces} rigid-body modes "
@@ -111,8 +112,7 @@ class FreeBodySolver:
             Residual or M-orthonormality exceed their limits, or there are not as many rigid-body modes as the holding
             leaves, six of a free body; the message gives the figure.
         """
-        n = self._K.shape[0]
-        B = np.zeros((n, 0)) if held is None else self._loads(held)
+        n, B = self._K.shape[0], self._holding(held)
         inverse = constrained_inverse(self._inverse, B) if B.shape[1] else self._inverse
         Z = self._rigid_modes_left(B)
         count = min(count, n - B.shape[1] - Z.shape[1])
@@ -128,6 +128,20 @@ class FreeBodySolver:
             Phi = N @ Phi
         order = np.argsort(eigenvalues)
         return self._verified_pairs(eigenvalues[order], Phi[:, order], Z.shape[1], inverse)
+
+    def most_modes(self, held: Array | None = None) -> int:
+        """Return how many elastic modes `modes` can compute: all of a small mesh, not quite half of a large one's.
+
+        More than that takes a dense solver, whose time grows with the third power of the number of unknowns.
+
+        Parameters
+        ----------
+        held : ndarray, shape (n_nodes, 3, k), optional
+            Columns that hold the body.
+        """
+        n, B = self._K.shape[0], self._holding(held)
+        n_elastic: int = n - B.shape[1] - self._rigid_modes_left(B).shape[1]
+        return n_elastic if n <= _MOST_DENSE else (n_elastic - 1) // 2
 
     def static_response(self, f: Array) -> Array:
         """Solve ``K u = f`` for loads in equilibrium with the rigid acceleration they cause (inertia relief).
@@ -171,6 +185,10 @@ class FreeBodySolver:
         """Loads on the unknowns (n, k) of nodal loads f (n_nodes, 3, k)."""
         flat = f.reshape(-1, f.shape[-1])
         return flat if self._T is None or not flat.shape[1] else np.asarray(self._T.T @ flat)
+
+    def _holding(self, held: Array | None) -> Array:
+        """Columns B (n, k) on the unknowns that hold the body; none if it is free."""
+        return np.zeros((self._K.shape[0], 0)) if held is None else self._loads(held)
 
     def _nodal(self, u: Array) -> Array:
         """Nodal fields (n_nodes, 3, k) of unknowns u (n, k)."""
@@ -269,6 +287,24 @@ class FreeBodySolver:
                 f"{residuals[worst]:.1e}, above {RESIDUAL_LIMIT:.0e}"
             )
         return float(residuals.max())
+
+
+def count_pieces(K: sp.csr_array) -> int:
+    """Count the pieces of a body that its stiffness matrix leaves unconnected.
+
+    Masses say nothing of it: lumped ones connect no node with another.
+
+    Parameters
+    ----------
+    K : sparse array, shape (3 n_nodes, 3 n_nodes)
+        Stiffness matrix, three unknowns a node; its pattern is symmetric.
+    """
+    # Strongly connected parts are connected ones where the pattern is symmetric, and take no transpose.
+    _, piece = connected_components(K, directed=True, connection="strong")
+    x, y, z = piece.reshape(-1, 3).T
+    n = int(piece.max()) + 1
+    within = sp.coo_array((np.ones(2 * len(x)), (np.r_[x, x], np.r_[y, z])), shape=(n, n))
+    return int(connected_components(within, directed=False, return_labels=False))
 
 
 def constrained_inverse(inverse: Inverse, B: Array) -> Inverse:

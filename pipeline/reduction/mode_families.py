@@ -9,7 +9,7 @@ from scipy.spatial import cKDTree
 
 from pipeline.core.arrays import Array, IntArray
 from pipeline.core.errors import AccuracyError
-from pipeline.reduction.modes import EigenPairs, Modes
+from pipeline.reduction.modes import EigenPairs, Modes, TooManyModesError
 
 if TYPE_CHECKING:
     from pipeline.fem.model import FEModel
@@ -25,30 +25,52 @@ _FAMILY_OF_PARITY = {
 # Direction of most of the kinetic energy: along the bar, across it in the plane, normal to the plane.
 _MAIN_DIRECTION = {"axial": 0, "in-plane bending": 1, "out-of-plane bending": 2}
 _SAME_FREQUENCY = 1e-6
+# Relative difference up to which the highest of a basis and its successor count as a pair: symmetric bodies on meshes
+# that aren't quite symmetric have pairs that differ by the error of discretisation.
+_PAIR = 1e-3
 
 
 def lowest_modes(solver: FreeBodySolver, count: int, held: Array | None = None) -> Modes:
-    """Return the ``count`` lowest elastic modes of any family.
+    """Return the lowest elastic modes of any family, the last group of equal frequency complete.
 
     Parameters
     ----------
     solver : FreeBodySolver
         Solves for the body.
     count : int
-        Number of modes.
+        Number of modes; what completes the group of the highest comes on top.
     held : ndarray, shape (n_nodes, 3, k), optional
         Columns that hold the body; without, it is free.
 
     Raises
     ------
-    AccuracyError
+    TooManyModesError
         The mesh has fewer.
     """
-    pairs = solver.modes(count, held)
-    if len(pairs.omega) < count:
-        raise AccuracyError(f"the mesh has only {len(pairs.omega)} elastic modes, {count} wanted; refine it")
-    numbers = tuple(range(1, count + 1))
-    return Modes(pairs.omega, pairs.shapes, pairs.n_rigid, pairs.residual, numbers, factor=pairs.factor)
+    pairs = complete_pairs(solver, count, held)
+    n = len(pairs.omega)
+    numbers = tuple(range(1, n + 1))
+    return Modes(
+        pairs.omega, pairs.shapes, pairs.n_rigid, pairs.residual, numbers, n_completing=n - count, factor=pairs.factor
+    )
+
+
+def complete_pairs(solver: FreeBodySolver, count: int, held: Array | None = None) -> EigenPairs:
+    """Return the lowest eigenpairs, ``count`` of them and those of about the frequency of the highest.
+
+    One of a pair alone is an arbitrary direction in the plane of both: a square bar would bend askew to its load.
+    The arguments and errors are those of `lowest_modes`.
+    """
+    most = solver.most_modes(held)
+    if count > most:
+        raise TooManyModesError(f"at most {most} modes can be computed of this mesh; take fewer, or refine it")
+    wanted = count + 1
+    while True:
+        pairs = solver.modes(min(wanted, most), held)
+        n = int(np.count_nonzero(pairs.omega <= pairs.omega[count - 1] * (1 + _PAIR)))
+        if n < len(pairs.omega) or len(pairs.omega) < wanted:
+            return pairs.lowest(n)
+        wanted += n - count + 1
 
 
 def modes_of_family(
@@ -70,11 +92,16 @@ def modes_of_family(
     Raises
     ------
     AccuracyError
-        The body is not symmetric, or has too few modes of the family.
+        The body is not symmetric.
+    TooManyModesError
+        It has too few modes of the family.
     """
+    most = solver.most_modes(held)
+    if count > most:
+        raise TooManyModesError(f"at most {most} modes of all families can be computed of this mesh")
     n_all = 4 * count + 4
     while True:
-        pairs = solver.modes(n_all, held)
+        pairs = solver.modes(min(n_all, most), held)
         families, shapes = classify_modes(fe, pairs, normal)
         # The twin of the highest may be missing, without which its plane is not known.
         all_there = len(pairs.omega) < n_all
@@ -86,8 +113,9 @@ def modes_of_family(
                 pairs.omega[chosen], shapes[:, :, chosen], pairs.n_rigid, pairs.residual, numbers, factor=pairs.factor
             )
         if n_all > 40 * count or all_there:
-            raise AccuracyError(
-                f"only {len(chosen)} {family} modes among the {len(pairs.omega)} lowest, {count} wanted"
+            mend = f"take at most {len(chosen)}" if chosen else "take another family"
+            raise TooManyModesError(
+                f"only {len(chosen)} {family} modes are among the {len(pairs.omega)} lowest; {mend}"
             )
         n_all *= 2
 

@@ -11,6 +11,10 @@ from pipeline.core.html import table
 from pipeline.reduction.factor.factor import FactorFigures
 
 
+class TooManyModesError(ValueError):
+    """More modes are wanted than a mesh has, or than can be computed of it; the message gives their number."""
+
+
 @dataclass(frozen=True)
 class EigenPairs:
     """Eigenpairs of ``K φ = ω² M φ``, ascending, ``Φᵀ M Φ = 1``; the rigid-body modes are counted and left out.
@@ -35,6 +39,12 @@ class EigenPairs:
     residual: float
     factor: FactorFigures | None = field(default=None, kw_only=True)
 
+    def lowest(self, count: int) -> EigenPairs:
+        """Return the ``count`` lowest of the pairs."""
+        return EigenPairs(
+            self.omega[:count], self.shapes[:, :, :count], self.n_rigid, self.residual, factor=self.factor
+        )
+
 
 @dataclass(frozen=True)
 class Modes(EigenPairs):
@@ -44,9 +54,12 @@ class Modes(EigenPairs):
     ----------
     numbers : tuple of int
         Place of each among all elastic modes of the body, from 1.
+    n_completing : int
+        Modes beyond the wanted number that complete the group of equal frequency of the highest.
     """
 
     numbers: tuple[int, ...]
+    n_completing: int = field(default=0, kw_only=True)
 
     @property
     def frequencies_hz(self) -> Array:

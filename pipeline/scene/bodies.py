@@ -29,7 +29,8 @@ class ModeSettings(SceneTable):
     Parameters
     ----------
     count : int
-        Number of modes, above those of rigid motion.
+        Number of modes, above those of rigid motion. If the highest is one of a pair of equal frequency, the other is
+        taken, too.
     family : str
         Kind of motion that the modes are chosen from; the lowest ``count`` of that kind are taken.
     boundary : str

@@ -181,8 +181,8 @@ class MatrixFiles(SceneTable):
     Parameters
     ----------
     stiffness, mass : str
-        Matrix of the free body, relative to the scene's file: Matrix Market, SciPy's ``.npz``, or Abaqus' rows of
-        node, direction, node, direction, value.
+        Matrix of the free body, relative to the scene's file: Matrix Market, SciPy's ``.npz``, or what
+        Abaqus writes: rows of node, direction, node, direction, value, or of row, column, value.
     nodes : str
         Rows of a node's number, x, y and z, in the order of the matrices.
     unit : str

@@ -23,7 +23,7 @@ from pipeline.reduction.factor.slepc import factorise_over_ranks
 from pipeline.reduction.inertia import InertiaGram
 from pipeline.reduction.loads import acceleration_loads, motion_loads
 from pipeline.reduction.mode_families import lowest_modes, modes_of_family
-from pipeline.reduction.modes import Modes
+from pipeline.reduction.modes import Modes, TooManyModesError
 from pipeline.reduction.stiffening import stiffen_body
 from pipeline.scene.bodies import ModeSettings
 from pipeline.stages.inboard_joint import InboardJoint
@@ -107,14 +107,24 @@ def choose_factorisation(settings: ModeSettings) -> Callable[[Any], Factor]:
 
 
 def compute_modes(model: HeldModel, settings: ModeSettings) -> Modes:
-    """Compute the modes that a scene chooses for a body."""
-    if settings.boundary == "interface":
-        interface = [model.markers[name] for name in settings.interface or tuple(model.markers)]
-        return craig_bampton_modes(model.fe, model.solver, interface, settings.count)
-    held = model.reaction_if_held(settings)
-    if settings.family == "any":
-        return lowest_modes(model.solver, settings.count, held)
-    return modes_of_family(model.solver, model.fe, settings.count, settings.family, np.array(model.joint.axis), held)
+    """Compute the modes that a scene chooses for a body.
+
+    Raises
+    ------
+    InputError
+        The mesh has fewer modes; the message says how many.
+    """
+    solver, count = model.solver, settings.count
+    try:
+        if settings.boundary == "interface":
+            interface = [model.markers[name] for name in settings.interface or tuple(model.markers)]
+            return craig_bampton_modes(model.fe, solver, interface, count)
+        held = model.reaction_if_held(settings)
+        if settings.family == "any":
+            return lowest_modes(solver, count, held)
+        return modes_of_family(solver, model.fe, count, settings.family, np.array(model.joint.axis), held)
+    except TooManyModesError as error:
+        raise InputError(model.file, f"body.{model.name}.modes.count", count, str(error)) from error
 
 
 def reduce_body(model: HeldModel, modes: Modes, settings: ModeSettings, frame: str) -> FlexibleBody:

@@ -9,27 +9,18 @@ import numpy as np
 
 from pipeline.core.arrays import Array
 from pipeline.core.errors import InputError
-from pipeline.core.formula import parse_formula
 from pipeline.dynamics.fast_path import fast_system
 from pipeline.dynamics.links import FIXED, FREE, PRISMATIC, REVOLUTE, SPHERICAL, Link, PointLoad, rigid_gram
 from pipeline.dynamics.mechanism import Mechanism
-from pipeline.dynamics.signals.signal import (
-    Signal,
-    constant,
-    formula,
-    half_sine,
-    linear_table,
-    smooth_table,
-    total,
-)
+from pipeline.dynamics.signals.signal import Signal, constant, half_sine, total
 from pipeline.dynamics.system import System
 from pipeline.reduction.body import FlexibleBody, MarkerShapes
 from pipeline.reduction.inertia import InertiaGram
 from pipeline.stages.inboard_joint import read_inboard_joint
+from pipeline.stages.signals import require_sound_drives, signal_of
 
 if TYPE_CHECKING:
     from pipeline.scene.scene import Scene
-    from pipeline.scene.time_functions import TimeFunction
 
 _JOINTS = {"fixed": FIXED, "revolute": REVOLUTE, "prismatic": PRISMATIC, "spherical": SPHERICAL, "free": FREE}
 
@@ -52,8 +43,9 @@ def build_mechanism(
     Raises
     ------
     InputError
-        A prescribed motion jumps.
+        A prescribed motion jumps, or a load or motion has no finite value at some time of the scene.
     """
+    require_sound_drives(scene)
     places = _Places(scene, bodies)
     if fast_joints is None:
         fast_joints = [scene.joint[name].child.partition(".")[0] for name in scene.simulation.fast]
@@ -233,13 +225,3 @@ def _point_loads(scene: Scene, places: _Places) -> list[PointLoad]:
             place = {"place": at.position, "shapes": at.translation, "rotations": at.rotation}
             loads.append(PointLoad(body, direction, size, turns, drive.following, **place))
     return loads
-
-
-def signal_of(given: TimeFunction) -> Signal:
-    """Make the signal of a scene's quantity over time, in SI units."""
-    if given.constant is not None:
-        return constant(given.constant)
-    if given.formula is not None:
-        return formula(parse_formula(given.formula), given.factor)
-    times, values = np.array(given.times), given.factor * np.array(given.values)
-    return smooth_table(times, values) if given.smooth else linear_table(times, values)

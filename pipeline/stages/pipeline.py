@@ -235,10 +235,13 @@ class Pipeline:
         Raises
         ------
         InputError
-            A step is beyond its stability limit, or a body would lose its stiffness by its spin; nothing has been
-            integrated then.
+            A step is beyond its stability limit, a body would lose its stiffness by its spin, or the results don't fit
+            into the memory; nothing has been integrated then.
         """
+        from pipeline.stages.result_size import require_room
+
         self.bodies  # noqa: B018 - stages of their own; what the plans add is kernels, compiled or read
+        require_room(self.scene, self.mechanism)
         self.plans  # noqa: B018 - refuses a step before anything is timed
         trajectories = self.trajectories
         return {label: self.motion_by(plan, trajectories[label]) for label, plan in self.plans.items()}

@@ -24,10 +24,11 @@ Place = tuple[str | int, ...]
 
 # Of a summary: equal at all points, names of files, and figures that the first run repeats.
 _LEFT_OUT = {"scene", "version", "files", "stages_run", "stages_cached", "stages_skipped", "reference_hz"}
-_LEFT_OUT |= {"mode_numbers", "final"}
+_LEFT_OUT |= {"mode_numbers", "final", "tip"}
 _NAMES = {"integrations": "run"}  # as in the scene: simulation.run.0
 _DIMENSIONS = {
-    "run_number": "run", "frequencies_hz_number": "mode", "relative_error_number": "mode", "position_m_number": "axis",
+    "run_number": "run", "frequencies_hz_number": "mode", "relative_error_number": "mode",
+    "position_m_number": "axis", "deflection_m_number": "axis",
 }  # fmt: skip
 _UNITS = {
     "_rad_s": "rad/s", "_hz": "Hz", "_pa": "Pa", "_kg": "kg", "_rad": "rad", "_m": "m", "_s": "s", "_j": "J",

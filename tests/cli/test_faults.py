@@ -51,7 +51,7 @@ FMD = (sys.executable, "-c", "from pipeline.cli.app import main; main()")
 SERVER = """
 import json, os, signal, sys
 from pipeline.cli.app import main
-from pipeline.stages.store import Keeper
+from pipeline.stages.store import StageStore
 
 def die(*_):
     os.kill(os.getpid(), signal.SIGKILL)
@@ -59,12 +59,12 @@ def die(*_):
 def prepare(order):
     os.environ["FMD_CACHE"] = order["cache"]
     stage, when = order.get("stage"), order.get("when")
-    timed, replace, count = Keeper.timed, os.replace, [0]
+    compute, replace, count = StageStore.compute, os.replace, [0]
 
     def patched(self, name, make):
         if name == stage and when == "before":
             die()
-        value = timed(self, name, (lambda: (make(), die())) if name == stage and when == "within" else make)
+        value = compute(self, name, (lambda: (make(), die())) if name == stage and when == "within" else make)
         if name == stage and when == "after":
             die()
         return value
@@ -77,7 +77,7 @@ def prepare(order):
         if count[0] == order.get("file") and when == "after":
             die()
 
-    Keeper.timed, os.replace = patched, replaced
+    StageStore.compute, os.replace = patched, replaced
     if "most_bytes" in order:
         import resource
         signal.signal(signal.SIGXFSZ, signal.SIG_IGN)
@@ -178,7 +178,8 @@ def read(out: Path) -> dict[str, Any]:
     for row in summary["integrations"]:
         del row["seconds"], row["ratio_to_plain"]
     with xarray.open_dataset(out / "motion.nc", engine="scipy") as motion:
-        summary["motion"] = {name: np.asarray(values).tolist() for name, values in motion.load().variables.items()}
+        # text of repr: a component of the angular momentum that isn't computed is no number, which equals nothing
+        summary["motion"] = {name: repr(np.asarray(x).tolist()) for name, x in motion.load().variables.items()}
     return summary
 
 

@@ -17,6 +17,7 @@ from pipeline import Pipeline, load_scene
 from pipeline.core.arrays import Array
 from pipeline.core.errors import AccuracyError, StabilityError
 from pipeline.dynamics.jit.compiled import meaning
+from pipeline.dynamics.linear.linear import LinearSystem
 from pipeline.dynamics.mechanism import Mechanism
 from pipeline.dynamics.rotor.parameters import TorquePulse
 from pipeline.dynamics.rotor.rotor import PlanarRotor
@@ -304,12 +305,29 @@ def test_it_solves_the_system_four_times_a_step_and_once_at_the_start(spacing: f
 # Stability -------------------------------------------------------------------------------------------------------
 
 
-def test_the_largest_step_has_no_limit_where_nothing_couples(rotor: PlanarRotor, free_rotor: PlanarRotor) -> None:
-    assert not rotor.coupled
+def test_the_largest_step_has_no_limit_where_nothing_couples(rotor: PlanarRotor, beam: Mechanism) -> None:
     assert Exponential(1.0).largest_step(rotor) == np.inf
-    # In the frame of free modes angle and modes couple, and the limit is that of an explicit method, 2/ω.
-    assert free_rotor.coupled
-    assert Exponential(1.0).largest_step(free_rotor) == pytest.approx(2 / free_rotor.highest_frequency)
+    assert beam.coupled  # as a tree of joints whose coordinates could couple in another state
+    assert Exponential(1.0).largest_step(beam) == np.inf
+
+
+@pytest.mark.parametrize("beta", [0.05, 0.2, 0.5, 0.9])
+def test_the_largest_step_is_that_of_the_coupling_alone(beta: float) -> None:
+    """Of a free joint and a mode at ω, unit masses coupled by β, M⁻¹ K has ω²/(1 − β²) in place of ω²."""
+    omega = 30.0
+    system = LinearSystem(np.array([[1.0, beta], [beta, 1.0]]), np.diag([0.0, omega**2]), 1)
+    expected = 2 / (omega * beta) * np.sqrt(1 - beta**2)
+    assert Exponential(1.0).largest_step(system) == pytest.approx(expected, rel=1e-9)
+    assert expected > 2 / system.highest_frequency
+
+
+def test_an_explicit_limit_is_left_where_coupling_is_strong(free_rotor: PlanarRotor) -> None:
+    # In the frame of free modes angle and modes couple: beyond the limit small vibrations grow within a few steps.
+    limit = Exponential(1.0).largest_step(free_rotor)
+    assert 1 < limit * free_rotor.highest_frequency / 2 < 10
+    rest, plucked = np.zeros(free_rotor.n), np.r_[0.0, 1e-9 * np.ones(free_rotor.n - 1)]
+    march = Exponential(3 * limit).march(free_rotor, plucked, rest, 3 * limit * np.arange(101.0))
+    assert np.abs(march.q[-1, 1:]).max() > 10 * np.abs(plucked).max()
 
 
 def test_an_undriven_beam_keeps_its_energy_for_ten_seconds_at_steps_far_above_its_periods(

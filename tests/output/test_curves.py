@@ -1,5 +1,6 @@
 """Curves of charts: every quantity of every scene, components that move, former names."""
 
+from pathlib import Path
 from typing import get_args
 
 import numpy as np
@@ -7,8 +8,9 @@ import pytest
 
 from pipeline import Pipeline, load_scene
 from pipeline.core.errors import InputError
-from pipeline.output.curves import Curves, curves_of
+from pipeline.output.curves import Curves, _moving, curves_of
 from pipeline.output.summary import summarise
+from pipeline.render.charts import Curve, draw_chart
 from pipeline.scene.outputs import CHART_QUANTITIES, JOINT_QUANTITIES, Chart
 
 QUICK = ["body.beam.mesh.divisions=[12, 2, 1]", "simulation.duration=20 ms"]
@@ -56,6 +58,28 @@ def test_a_damper_changes_no_key_of_the_summary(beam: Pipeline, damped: Pipeline
     assert list(one["integrations"][1]) == list(other["integrations"][1])
     assert one["peak_tip_deflection_m"] == pytest.approx(other["peak_tip_deflection_m"], rel=1e-6)
     assert one["final"]["joint_angle_rad"] == one["final"]["joint_positions"]["hub"]
+
+
+@pytest.mark.parametrize("value", [0.0, 2.0, np.nan])
+def test_components_that_are_all_still_are_drawn_as_lines(tmp_path: Path, value: float) -> None:
+    given = {"auto": np.full((30, 3), value), "other": np.full((30, 3), value)}
+    label, curves, components = _moving("momentum [kg m/s]", given, ("x", "y", "z"))
+    assert components == ("x", "y", "z")
+    assert curves["auto"].shape == (30, 3)
+    lines = [Curve(name, values) for name, values in curves.items()]
+    file = tmp_path / "still.png"
+    draw_chart(np.linspace(0, 1, 30), lines, file, title="", ylabel=label, component_labels=components)
+    assert file.is_file()
+
+
+def test_a_body_that_never_moves_has_every_chart() -> None:
+    still = Pipeline(load_scene("beam", [*QUICK, "drive={}"]))
+    for quantity in set(CHART_QUANTITIES) - {"element_stress", "marker_position"}:
+        _, curves, components = drawn(still, quantity)
+        values = next(iter(curves.values()))
+        assert values.shape == ((41, len(components)) if components else (41,)), quantity
+        if quantity not in ("centre_of_mass", "com_position", "tip_position"):
+            assert not values.any(), quantity
 
 
 def test_components_that_hardly_move_are_not_drawn(beam: Pipeline) -> None:

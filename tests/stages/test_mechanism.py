@@ -17,8 +17,9 @@ from pipeline.integrators.subcycling import Subcycling
 from pipeline.recovery.motion import Motion
 from pipeline.scene.scene import Scene
 from pipeline.scene.time_functions import TorqueOverTime
-from pipeline.stages.mechanism import build_mechanism, signal_of
+from pipeline.stages.mechanism import build_mechanism
 from pipeline.stages.runs import make_plans
+from pipeline.stages.signals import signal_of
 
 # A crank on a hinge with a slider on it: rigid, so quick.
 CRANK = """
@@ -188,15 +189,15 @@ def test_the_command_line_ends_with_status_2(tmp_path: Path, name: str, capsys: 
     assert not (tmp_path / "out").exists()
 
 
-def test_a_formula_that_stops_being_a_number_is_a_failed_check_with_status_3(
+def test_a_formula_that_stops_being_a_number_is_wrong_input_with_status_2(
     tmp_path: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:
     file = tmp_path / "mine.toml"
     file.write_text(CRANK + twisted('{ formula = "sqrt(0.5 - t)", unit = "N m" }'))
     with pytest.raises(SystemExit) as stop:
         main(["run", str(file), "--out", str(tmp_path / "out"), "--no-pictures"])
-    assert stop.value.code == 3
-    assert "t = 0.5" in capsys.readouterr().err
+    assert stop.value.code == 2
+    assert "drive.twist.torque = 'sqrt(0.5 - t)': has no real value" in capsys.readouterr().err
 
 
 # Drives ----------------------------------------------------------------------------------------------------------

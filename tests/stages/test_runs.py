@@ -44,3 +44,24 @@ def test_a_step_can_be_chosen_for_the_wanted_error() -> None:
         found = run.motion.modal("beam")[np.searchsorted(run.motion.times, times - 1e-9)]
         assert np.abs(found - exact).max() < error * np.abs(exact).max()
     assert steps[1] < 0.5 * steps[0]
+
+
+LONG = "simulation.run=[{integrator='exponential', step='1 ms'}]"  # ω h = 8.7 of the beam's highest mode
+
+
+@pytest.mark.parametrize("other", ["joint.hub.damper=1e-12 N m s", "body.beam.modes.damping=1e-9"])
+def test_one_rule_limits_the_exponential_method_whatever_kernels_march_a_scene(other: str) -> None:
+    """A damper that takes next to nothing puts the beam on other kernels, where such a step was refused."""
+    quick = ["body.beam.mesh.divisions=[12, 2, 1]", "simulation.duration=20 ms", LONG]
+    one, two = (Pipeline(load_scene("beam", given)) for given in (quick, [*quick, other]))
+    assert type(one.system) is not type(two.system)
+    assert two.motion.tip_position == pytest.approx(one.motion.tip_position, abs=1e-8)
+    assert next(iter(two.plans.values())).growth < 1.01
+
+
+def test_a_step_beyond_the_coupling_s_limit_is_refused_with_its_frequency() -> None:
+    quick = ["body.beam.mesh.divisions=[12, 2, 1]", "simulation.frame=free", LONG.replace("1 ms", "2 ms")]
+    with pytest.raises(
+        InputError, match=r"exponential would diverge; .* is 0\.001049 s \(2/ω with 303\.3\d? Hz, the freq"
+    ):
+        Pipeline(load_scene("beam", quick)).plans  # noqa: B018

@@ -36,7 +36,7 @@ def test_the_scene_asks_for_the_papers_mesh_and_speed() -> None:
     assert (part.diameter, part.rho, part.mesh.order) == (0.9, 2780.0, 1)
     assert drive.type == "motion"
     assert drive.angle is not None
-    from pipeline.stages.mechanism import signal_of
+    from pipeline.stages.signals import signal_of
 
     angle, rate, acceleration = signal_of(drive.angle).value(0.02)
     # 8000 rpm from rest in 0.02 s: half of 837.758 rad/s times 0.02 s

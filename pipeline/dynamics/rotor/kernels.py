@@ -21,7 +21,7 @@ from pipeline.dynamics.system import accelerations, advance, fast_steps, hold_sl
 
 @inlined
 def is_over(pulse: TorquePulse, t: float) -> bool:
-    """Whether no torque acts from time t [s] on."""
+    """Return true if no torque acts from time t [s] on."""
     return t >= pulse.start + pulse.duration or pulse.peak == 0.0
 
 

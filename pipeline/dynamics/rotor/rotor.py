@@ -139,7 +139,7 @@ class PlanarRotor:
 
     @property
     def coupled(self) -> bool:
-        """Whether angle and modes couple through the mass matrix in any state."""
+        """True if angle and modes couple through the mass matrix in any state."""
         return self._parameters.gyroscopic
 
     @property

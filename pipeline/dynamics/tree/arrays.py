@@ -1,4 +1,4 @@
-"""An open chain as flat arrays: what the kernels of `tree_kernels` and `tree_solve` read and write."""
+"""Flat arrays of a mechanism, which the kernels of `kernels` and `solve` read and write."""
 
 from __future__ import annotations
 
@@ -23,7 +23,7 @@ _PLANE = 1e-9
 class TreeParameters(Table):
     """Flat arrays for the kernels; those from ``origin`` on are room to work in."""
 
-    # Addresses of kernels, so that each is compiled once and only where it is needed: see `tree_solve.with_kernels`.
+    # Addresses of kernels, so that each is compiled once and only where it is needed: see `solve.with_kernels`.
     place_joint: int
     move_through_joint: int
     add_body: int
@@ -312,7 +312,7 @@ def plane_normal(links: Sequence[Link]) -> int:
 
 
 def _active(G: Array, A: Array, normal: int) -> Array:
-    """Which of the nine inertia integrals a body's motion can excite, shape (9,)."""
+    """Mark those of the nine inertia integrals that a body's motion can excite, shape (9,)."""
     scale = np.full(G.shape[-1], 1.0)
     scale[0] = np.sqrt(max(G[0, 0, 0] + G[1, 0, 0] + G[2, 0, 0], 1e-300))
     significant = np.abs(np.concatenate([G, A]) / np.outer(scale, scale)).max(axis=(1, 2)) > _ROUND_OFF

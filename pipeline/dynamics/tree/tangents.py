@@ -1,8 +1,8 @@
-"""Derivatives of an open chain's Q̂ by its rates: the walk of `tree_kernels` along directions u of the rates.
+"""Derivatives of an open chain's Q̂ by its rates: the walk of `kernels` along directions u of the rates.
 
 Frames and Jacobians are those of the last `mass_and_force`. Each frame's spin and bias are of degree 1 and 2 in the
 rates, and their derivatives follow those of the frame before. With ``'`` for derivatives along u, the body's own force
-and moment (see `tree_kernels`) give::
+and moment (see `kernels`) give::
 
     F' = −m a' − ω' × (ω × c + 2 ċ) − ω × (ω' × c + 2 ċ') − α' × c
     N' = −J α' − ω' × J ω − ω × J ω' − 2 (1 tr N_s − N_s)' ω − 2 (1 tr N_s − N_s) ω' + (ω × h)' − c × a'

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import re
 import zipfile
+from collections.abc import Sequence
 from dataclasses import dataclass
 from pathlib import Path
 
@@ -21,6 +22,8 @@ _ISOTROPIC = 1e-6  # difference of masses along x, y and z
 _IN_LINE = 1e-6
 _IN_PLANE = 1e-5
 _MOST_BYTES = 4_000_000_000
+
+_Line = tuple[int, list[str]]  # number and items of a line of text
 
 
 @dataclass(frozen=True)
@@ -50,8 +53,9 @@ def read_matrices(stiffness: Path, mass: Path, nodes: Path, units: tuple[float, 
     Parameters
     ----------
     stiffness, mass : Path
-        Matrix Market (``.mtx``), SciPy's ``.npz``, or Abaqus' rows of node, direction, node, direction, value. Rows and
-        columns of the first two are x, y, z of the first node in ``nodes``, then of the second.
+        Matrix Market (``.mtx``), SciPy's ``.npz``, or what Abaqus writes: rows of node, direction, node, direction,
+        value (``FORMAT=MATRIX INPUT`` or ``LABELS``) or of row, column, value (``FORMAT=COORDINATE``). Rows and columns
+        without node numbers are x, y, z of the first node in ``nodes``, then of the second.
     nodes : Path
         Rows of number, x, y, z.
     units : tuple of float
@@ -72,6 +76,7 @@ def read_matrices(stiffness: Path, mass: Path, nodes: Path, units: tuple[float, 
         if not apart < _SYMMETRIC:
             raise AccuracyError(f"{path}: the matrix isn't symmetric, entries differ by {apart:.1e} of the largest")
     K, M = (sp.csr_array(0.5 * (A + A.T)) for A in (K, M))
+    K.eliminate_zeros()  # its pattern tells what is connected
     model = MatrixModel(None, None, K, _scalar(mass, M), x, labels)  # type: ignore[arg-type]
     _require_free(stiffness, model)
     if not (model.mass > 0 and (model.m.diagonal() >= 0).all()):
@@ -168,35 +173,70 @@ def _real_matrix(shape: tuple[int, ...], row: IntArray, column: IntArray, values
 
 
 def _read_text(path: Path, labels: IntArray) -> sp.csr_array:
-    """Read a matrix in Matrix Market form or in rows of node, direction, node, direction, value."""
+    """Read a matrix in Matrix Market form or in Abaqus' rows, of five items by node labels or of three by numbers."""
     text = _text(path)
     if text.startswith("%%MatrixMarket"):
         return _read_matrix_market(text)
-    place = {int(label): k for k, label in enumerate(labels)}
-    rows, columns, values = [], [], []
+    lines = []
     for number, line in enumerate(text.splitlines(), start=1):
         items = [item for item in re.split(r"[,\s]+", line.strip()) if item]
-        if not items or items[0].startswith(("*", "#")):
-            continue
+        if items and not items[0].startswith(("*", "#", "%")):
+            lines.append((number, items))
+    by_numbers = bool(lines) and len(lines[0][1]) == 3
+    row, column, values = (_coordinate_entries if by_numbers else _label_entries)(lines, labels)
+    # Abaqus writes symmetric matrices whole or one half of them.
+    if len(row) and ((row >= column).all() or (row <= column).all()):
+        row, column, values = _both_halves(row, column, values)
+    n = 3 * len(labels)
+    return _real_matrix((n, n), row, column, values)
+
+
+def _label_entries(lines: Sequence[_Line], labels: IntArray) -> tuple[IntArray, IntArray, Array]:
+    """Return rows, columns and values of lines of node, direction, node, direction, value."""
+    place = {int(label): k for k, label in enumerate(labels)}
+    rows, columns, values = [], [], []
+    for number, items in lines:
         try:
             node, direction, other, along = map(int, items[:4])
-            value = float(items[4].upper().replace("D", "E"))
-            if not (1 <= direction <= 3 and 1 <= along <= 3):
-                raise ValueError(f"directions are 1, 2, 3; line {number} has {direction} and {along}")
+            value = _real(items[4])
+        except (IndexError, ValueError):
+            raise ValueError(f"line {number} isn't node, direction, node, direction, value") from None
+        if not (1 <= direction <= 3 and 1 <= along <= 3):
+            raise ValueError(f"directions are 1, 2, 3; line {number} has {direction} and {along}")
+        try:
             rows.append(3 * place[node] + direction - 1)
             columns.append(3 * place[other] + along - 1)
-            values.append(value)
         except KeyError as error:
             raise ValueError(f"line {number} names node {error}, which isn't among the nodes") from None
-        except (IndexError, ValueError) as error:
-            if "directions" in str(error):
-                raise
-            raise ValueError(f"line {number} isn't node, direction, node, direction, value") from None
-    row, column, value_array = np.array(rows, dtype=int), np.array(columns, dtype=int), np.array(values)
-    if len(row) and ((row >= column).all() or (row <= column).all()):  # one half of a symmetric matrix
-        row, column, value_array = _both_halves(row, column, value_array)
+        values.append(value)
+    return np.array(rows, dtype=int), np.array(columns, dtype=int), np.array(values)
+
+
+def _coordinate_entries(lines: Sequence[_Line], labels: IntArray) -> tuple[IntArray, IntArray, Array]:
+    """Return rows, columns and values of lines of row, column, value, counted from 1 through the nodes' unknowns."""
     n = 3 * len(labels)
-    return _real_matrix((n, n), row, column, value_array)
+    rows, columns, values = [], [], []
+    for number, items in lines:
+        try:
+            row, column = map(int, items[:2])
+            value = _real(items[2])
+            if len(items) > 3:
+                raise ValueError
+        except (IndexError, ValueError):
+            raise ValueError(f"line {number} isn't row, column, value") from None
+        if not (1 <= row <= n and 1 <= column <= n):
+            raise ValueError(
+                f"line {number} has row {row} and column {column}, and {len(labels)} nodes have {n} displacements"
+            )
+        rows.append(row - 1)
+        columns.append(column - 1)
+        values.append(value)
+    return np.array(rows, dtype=int), np.array(columns, dtype=int), np.array(values)
+
+
+def _real(item: str) -> float:
+    """Return a number that may have Fortran's exponent, ``1.0D+05``."""
+    return float(item.upper().replace("D", "E"))
 
 
 def _read_matrix_market(text: str) -> sp.csr_array:

@@ -1,6 +1,8 @@
 """Matrices of other programs: every form is read, and what isn't a free body is refused."""
 
+from collections.abc import Callable
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 import pytest
@@ -50,6 +52,36 @@ def test_text_forms_give_the_same_matrix(
     for name in ("K.mtx", "K.inp"):
         read = read_matrices(tmp_path / name, *files[1:], UNITS)
         assert abs(read.K - K).max() < 1e-12 * abs(K).max()
+
+
+@pytest.mark.parametrize("half", [None, sp.tril, sp.triu])
+@pytest.mark.parametrize("matrix", ["K", "M"])
+def test_rows_and_columns_of_abaqus_coordinate_format_give_the_same_matrix(
+    files: tuple[Path, Path, Path], small_bar: FEModel, half: Callable[[Any], Any] | None, matrix: str, tmp_path: Path
+) -> None:
+    whole = getattr(small_bar, matrix)
+    entries = sp.coo_array(half(whole) if half else whole)
+    rows = zip(*entries.coords, entries.data.tolist(), strict=True)
+    lines = [f"{i + 1:10d} {j + 1:10d} {value:24.16e}\n".replace("e", "D") for i, j, value in rows]
+    (tmp_path / "matrix.mtx").write_text("".join(lines))
+    given = (tmp_path / "matrix.mtx", *files[1:]) if matrix == "K" else (files[0], tmp_path / "matrix.mtx", files[2])
+    read = getattr(read_matrices(*given, UNITS), matrix)
+    assert abs(read - whole).max() < 1e-14 * abs(whole).max()
+
+
+def test_lines_that_do_not_fit_their_format_are_named(files: tuple[Path, Path, Path], small_bar: FEModel) -> None:
+    K, n = files[0].with_suffix(".mtx"), len(small_bar.x)
+    for text, message in (
+        ("1 1 2.0\n1 2\n", "line 2 isn't row, column, value"),
+        ("1 1 2.0\n1,1,1,1,2.0\n", "line 2 isn't row, column, value"),
+        (f"1 {3 * n + 1} 2.0\n", f"line 1 has row 1 and column {3 * n + 1}, and {n} nodes have {3 * n} displacements"),
+        ("10,1,10,1,2.0\n10,1,10\n", "line 2 isn't node, direction, node, direction, value"),
+        ("10,4,10,1,2.0\n", "directions are 1, 2, 3; line 1 has 4 and 1"),
+        ("10,1,11,1,2.0\n", "line 1 names node 11, which isn't among the nodes"),
+    ):
+        K.write_text(text)
+        with pytest.raises(InputError, match=message):
+            read_matrices(K, *files[1:], UNITS)
 
 
 def test_units_are_those_of_the_files(files: tuple[Path, Path, Path], small_bar: FEModel) -> None:

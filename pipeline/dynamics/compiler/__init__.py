@@ -1,0 +1,1 @@
+"""Mechanisms traced into expression graphs, simplified, differentiated and compiled to machine code."""

@@ -1,0 +1,122 @@
+"""Inertia and forces of one body: the part of a mechanism's equations that knows nothing of its neighbours.
+
+For accelerations x = (a, α) of a body's frame and η of its modes, with unit modal masses, the body's equations are
+
+    M x + W η + p = forces on the frame        Wᵀ x + η + e = forces on the modes
+
+M is the rigid inertia of the deformed shape, W couples frame and modes, p and e are what velocities, springs and loads
+bring about. With the inertia forms I_ab and A_a, and p = (1, q):
+
+    J_ab = pᵀ I_ab p        y_ab = I_ab p        N_ab = q̇ · y_ab        z_a = A_a p        h_a = z_a · q̇
+    moments   ω × J ω + 2 N ω − ω × h        modes   −Σ ω_a ω_b y_ab − 2 Σ ω_a A_a q̇
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+from pipeline.dynamics.compiler.algebra import (
+    Matrix,
+    Vector3,
+    Vector6,
+    add,
+    cross,
+    identity,
+    scale,
+    spatial,
+    subtract,
+    tilde,
+    times,
+    transpose,
+)
+from pipeline.dynamics.compiler.cleaning import inertia_forms
+from pipeline.dynamics.compiler.frames import MovingFrame
+from pipeline.dynamics.compiler.graph import Graph, Scalar, Vector, combine
+
+AXES = range(3)
+
+
+@dataclass
+class Inertia:
+    """A body's inertia at its state, in its own axes.
+
+    Attributes
+    ----------
+    mass : float
+        [kg]
+    c, c_rate : Vector3
+        First moment about the origin, and its rate.
+    J, N : Matrix
+        Inertia tensor, and half its rate's symmetric part: ``N_ab = q̇ · I_ab p``.
+    h : Vector3
+        Angular momentum of the deforming alone.
+    y : list of list of Vector
+        Modal parts of ``I_ab p``.
+    S, z, z_rate : list of Vector
+        First moments of the modes, modal parts of ``A_a p`` and ``A_a q̇``.
+    """
+
+    mass: float
+    c: Vector3
+    c_rate: Vector3
+    J: Matrix
+    N: Matrix
+    h: Vector3
+    y: list[list[Vector]]
+    S: list[Vector]
+    z: list[Vector]
+    z_rate: list[Vector]
+
+    @property
+    def M(self) -> Matrix:
+        """Inertia of the frame, 6 × 6."""
+        graph = self.c[0].graph
+        mass = [[x * self.mass for x in row] for row in identity(graph, 3)]
+        return spatial(mass, transpose(tilde(self.c)), self.J)
+
+    @property
+    def W(self) -> list[Vector]:
+        """Coupling of the frame's six accelerations with the modes."""
+        return self.S + [-z for z in self.z]
+
+
+def trace_inertia(graph: Graph, frame: MovingFrame) -> Inertia:
+    """Trace a body's inertia for its modal coordinates and rates."""
+    forms, q, v = inertia_forms(frame.link), frame.q, frame.v
+    S, c, z, z_rate = list[Vector](), list[Scalar](), list[Vector](), list[Vector]()
+    for a in AXES:
+        row = graph.array(forms.S[a, 1:])
+        bowed = row + q.multiplied_by(forms.bow[a].T) if forms.bow.size else row
+        S.append(bowed)
+        c.append(combine([(0.5, row), (0.5, bowed)]).dot(q) + float(forms.S[a, 0]))
+        z.append(graph.array(forms.A_a[a, 1:, 0]) + q.multiplied_by(forms.A_a[a, 1:, 1:]))
+        z_rate.append(v.multiplied_by(forms.A_a[a, 1:, 1:]))
+    y: list[list[Vector]] = [[], [], []]
+    J: Matrix = [[], [], []]
+    N: Matrix = [[], [], []]
+    for a in AXES:
+        for b in range(a + 1):
+            form = forms.I_ab[a, b]
+            linear = graph.array(form[1:, 0])
+            both = linear + q.multiplied_by(form[1:, 1:])
+            y[a].append(both)
+            J[a].append((linear + both).dot(q) + float(form[0, 0]))
+            N[a].append(both.dot(v))
+    rates = [row.dot(v) for row in S]
+    return Inertia(forms.mass, c, rates, _full(J), _full(N), [row.dot(v) for row in z], y, S, z, z_rate)
+
+
+def _full(lower: Matrix) -> Matrix:
+    return [[lower[max(a, b)][min(a, b)] for b in AXES] for a in AXES]
+
+
+def velocity_forces(inertia: Inertia, w: Vector3) -> tuple[Vector6, list[tuple[Scalar | float, Vector]]]:
+    """Return p of a body that spins at ω, and the terms of −e, without loads and springs."""
+    swept = add(cross(w, inertia.c), scale(2.0, inertia.c_rate))
+    moment = add(cross(w, times(inertia.J, w)), scale(2.0, times(inertia.N, w)))
+    p = cross(w, swept) + subtract(moment, cross(w, inertia.h))
+    terms: list[tuple[Scalar | float, Vector]] = []
+    for a in AXES:
+        terms += [(w[a] * w[a], inertia.y[a][a]), (w[a] * 2.0, inertia.z_rate[a])]
+        terms += [(w[a] * w[b] * 2.0, inertia.y[a][b]) for b in range(a)]
+    return p, terms

@@ -1,0 +1,104 @@
+"""Round-off taken out of a mechanism's constants, so that what is zero in theory is zero in its graph.
+
+A plane part's finite element mesh leaves integrals and shapes of 1e-10 where theory has 0. They cost as much arithmetic
+as all others. An entry is taken for round-off if it is below `THRESHOLD` of its natural scale: for inertia integrals
+that of the modes' unit mass and the body's size, for markers the largest entry of its kind. So cleaning changes forces
+by that share at most, and an entry above it is kept: a part that is nearly plane stays spatial.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+
+from pipeline.core.arrays import Array
+from pipeline.dynamics.links import Link, PointLoad
+
+THRESHOLD = 1e-9
+"""Share of its natural scale below which an entry is round-off: meshes leave up to 2e-10, and nothing up to 1e-8."""
+
+_DEPENDENT = 1e-12
+
+
+@dataclass(frozen=True)
+class InertiaForms:
+    """Constant inertia integrals of a body, in the combinations that its equations take.
+
+    Attributes
+    ----------
+    I_ab : ndarray, shape (3, 3, 1 + n, 1 + n)
+        ``I_aa = G_bb + G_cc`` and ``I_ab = −½ (G_ab + G_ba)``, symmetric each: with p = (1, q), the inertia tensor is
+        ``J_ab = pᵀ I_ab p``.
+    A_a : ndarray, shape (3, 1 + n, 1 + n)
+        ``A_a = G_bc − G_cb`` by the axis a across b and c, antisymmetric each.
+    S : ndarray, shape (3, 1 + n)
+        First moments.
+    bow : ndarray, shape (3, n, n) or (3, 0, 0)
+        Second-order first moments.
+    mass : float
+        [kg]
+    """
+
+    I_ab: Array
+    A_a: Array
+    S: Array
+    bow: Array
+    mass: float
+
+
+def inertia_forms(link: Link) -> InertiaForms:
+    """Form a body's inertia integrals without their round-off."""
+    gram = link.gram
+    G, n = gram.G, gram.G.shape[-1]
+    scale = np.ones(n)  # a mode's is its unit mass
+    scale[0] = np.sqrt(max(np.trace(G[:, :, 0, 0]), 1e-300))
+    limit = THRESHOLD * np.outer(scale, scale)
+    forms, antisymmetric = np.zeros((3, 3, n, n)), np.zeros((3, n, n))
+    for a in range(3):
+        b, c = (a + 1) % 3, (a + 2) % 3
+        forms[a, a] = G[b, b] + G[c, c]
+        forms[a, b] = forms[b, a] = -0.5 * (G[a, b] + G[b, a])
+        antisymmetric[a] = G[b, c] - G[c, b]
+    forms[np.abs(forms) <= limit], antisymmetric[np.abs(antisymmetric) <= limit] = 0.0, 0.0
+    units = np.sqrt(gram.mass) * scale
+    S = np.where(np.abs(gram.S) <= THRESHOLD * units, 0.0, gram.S)
+    return InertiaForms(forms, antisymmetric, S, gram.bow, gram.mass)
+
+
+def clean_shapes(values: Array, n: int) -> Array:
+    """Return rows of a marker's shapes or rotations, shape (3, n), without round-off; absent ones are zero."""
+    return _cut(np.asarray(values, dtype=float)) if np.size(values) else np.zeros((3, n))
+
+
+def clean_place(at: Link | PointLoad) -> Array:
+    """Return a place in a body's frame, shape (3,), without round-off."""
+    return _cut(np.asarray(at.place, dtype=float))
+
+
+def clean_direction(direction: Array) -> Array:
+    """Return the unit vector along a direction, shape (3,), without round-off."""
+    unit = _cut(direction / np.linalg.norm(direction))
+    return np.asarray(unit / np.linalg.norm(unit))
+
+
+def _cut(values: Array) -> Array:
+    return np.where(np.abs(values) <= THRESHOLD * np.abs(values).max(initial=0.0), 0.0, values)
+
+
+def orthonormal_rows(rows: Array) -> tuple[Array, Array]:
+    """Return an orthonormal basis Q, shape (rank, n), of rows (m, n), and the factor L (m, rank) with ``rows = L Q``.
+
+    Row by row (Gram–Schmidt, twice), which keeps the zeros of the rows: the rows' own number of them spans Q.
+    """
+    basis: list[Array] = []
+    for row in rows:
+        rest = row.copy()
+        for _ in range(2):
+            for known in basis:
+                rest = rest - (known @ rest) * known
+        if float(np.linalg.norm(rest)) > _DEPENDENT * float(np.linalg.norm(row)):
+            basis.append(rest / np.linalg.norm(rest))
+    Q = np.reshape(basis, (-1, rows.shape[1]))
+    L = rows @ Q.T
+    return Q, np.where(np.abs(L) <= 1e-14 * np.linalg.norm(rows, axis=1)[:, None], 0.0, L)

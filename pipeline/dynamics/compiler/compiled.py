@@ -1,0 +1,189 @@
+"""A mechanism's equations as machine code: traced once, simplified, compiled when first wanted, kept on disk."""
+
+from __future__ import annotations
+
+import ctypes
+from functools import cached_property
+
+import numpy as np
+
+from pipeline.core.arrays import Array
+from pipeline.dynamics.compiler.coordinates import Coordinates
+from pipeline.dynamics.compiler.digest import digest_mechanism
+from pipeline.dynamics.compiler.frames import MovingFrame, trace_frames
+from pipeline.dynamics.compiler.graph import Graph
+from pipeline.dynamics.compiler.machine import LoadedObject
+from pipeline.dynamics.compiler.program import LANES, Program
+from pipeline.dynamics.compiler.programs import trace_program
+from pipeline.dynamics.compiler.store import load_program
+from pipeline.dynamics.compiler.structure import describe_structure
+from pipeline.dynamics.mechanism import Mechanism
+from pipeline.dynamics.signals.signal import Signal, SignalTable, evaluate_signal, pack
+
+
+class CompiledMechanism:
+    """Functions of a mechanism's state, each traced and compiled when it is first used.
+
+    `pipeline.dynamics.compiler.programs` lists them with their arguments, which `address` and `call` take as they are.
+
+    Parameters
+    ----------
+    mechanism : Mechanism
+        Its constants are part of the code.
+    """
+
+    def __init__(self, mechanism: Mechanism) -> None:
+        self.mechanism = mechanism
+        self._inputs = Coordinates(Graph(), mechanism)
+        self._programs: dict[str, Program] = {}
+        self._loaded: dict[str, LoadedObject] = {}
+
+    @cached_property
+    def _frames(self) -> list[MovingFrame]:
+        return trace_frames(self._inputs)
+
+    @cached_property
+    def _digest(self) -> str:
+        return digest_mechanism(self._inputs)
+
+    @cached_property
+    def _signals(self) -> SignalTable:
+        return pack(self.signals)
+
+    def program(self, name: str) -> Program:
+        """Return a function as a traced program."""
+        if name not in self._programs:
+            self._programs[name] = trace_program(name, self._inputs, self._frames)
+        return self._programs[name]
+
+    def address(self, name: str) -> int:
+        """Return the address of a function, valid while this object lives; compiles it, or reads it from disk."""
+        return self._object(name).address(name)
+
+    def n_bytes(self, name: str = "accelerations") -> int:
+        """Return the size of a function's object file."""
+        return self._object(name).n_bytes
+
+    def _object(self, name: str) -> LoadedObject:
+        if name not in self._loaded:
+            self._loaded[name] = load_program(name, self._digest, lambda: self.program(name))
+        return self._loaded[name]
+
+    def call(self, name: str, *arrays: Array) -> None:
+        """Call a function with its arrays, which have to be C-contiguous and of doubles."""
+        prototype = ctypes.CFUNCTYPE(None, *[ctypes.c_void_p] * len(arrays))
+        prototype(self.address(name))(*(array.ctypes.data for array in arrays))
+
+    @property
+    def signals(self) -> tuple[Signal, ...]:
+        """Loads and motions that vary with time, in the order of the argument ``inputs``."""
+        return self._inputs.signals
+
+    def signal_values(self, t: float) -> Array:
+        """Return the argument ``inputs`` at a time t [s], shape (3 n_signals,)."""
+        out = np.zeros((len(self.signals), 3))
+        for number, row in enumerate(out):
+            evaluate_signal(self._signals, number, float(t), row)
+        return out.ravel()
+
+    def accelerations(self, t: float, q: Array, v: Array) -> Array:
+        """Return the accelerations, shape (n,), at a time t [s]."""
+        a = np.zeros(self.mechanism.n)
+        self.call("accelerations", self.signal_values(t), *_contiguous(q, v), a)
+        return a
+
+    def residual(self, t: float, q: Array, v: Array, a: Array) -> Array:
+        """Return ``M̂ a − Q̂``, shape (n,), at a time t [s]."""
+        r = np.zeros(self.mechanism.n)
+        self.call("residual", self.signal_values(t), *_contiguous(q, v, a), r)
+        return r
+
+    def tangents(self, t: float, q: Array, v: Array, a: Array) -> tuple[Array, Array, Array]:
+        """Return the residual's derivatives by q (n, n_positions), v (n, n) and a, which is ``M̂`` (n, n)."""
+        sizes = (len(q), len(v), len(a))
+        directions = np.eye(sum(sizes))
+        inputs, state, columns = self.signal_values(t), _contiguous(q, v, a), []
+        for first in range(0, sum(sizes), LANES):
+            block = np.zeros((sum(sizes), LANES))
+            some = directions[:, first : first + LANES]
+            block[:, : some.shape[1]] = some
+            dr = np.zeros((len(v), LANES))
+            self.call("tangents", inputs, *state, *np.split(block, np.cumsum(sizes)[:2]), dr)
+            columns.append(dr[:, : some.shape[1]])
+        by_q, by_v, by_a = np.split(np.concatenate(columns, axis=1), np.cumsum(sizes)[:2], axis=1)
+        return by_q, by_v, by_a
+
+    def solve(self, t: float, q: Array, f: Array) -> Array:
+        """Return ``M̂⁻¹ f`` for columns f (n, any)."""
+        return self._solve("solve", t, q, f)
+
+    def solve_fast(self, t: float, q: Array, f: Array) -> Array:
+        """Return ``M̂_SS⁻¹ f_S`` in the fast rows, and zeros in the slow ones, for columns f (n, any)."""
+        return self._solve("solve_fast", t, q, f)
+
+    def _solve(self, name: str, t: float, q: Array, f: Array) -> Array:
+        out, inputs = np.zeros(f.shape), self.signal_values(t)
+        for first in range(0, f.shape[1], LANES):
+            some = f[:, first : first + LANES]
+            block, x = np.zeros((2, len(f), LANES))
+            block[:, : some.shape[1]] = some
+            self.call(name, inputs, *_contiguous(q), block, x)
+            out[:, first : first + LANES] = x[:, : some.shape[1]]
+        return out
+
+    def held_equation(self, t: float, q: Array, v: Array) -> tuple[Array, Array, Array]:
+        """Return c, K and C of the fast coordinates' ``a_S = c − K q_S − C v_S`` with all else as it is at a state.
+
+        The slow accelerations, the mass matrix and the forces of velocities are those of the state: eq. (11) of Miao
+        et al. (2008).
+        """
+        mechanism = self.mechanism
+        fast = slice(mechanism.n_slow, None)
+        both = np.concatenate([mechanism.linear_stiffness[:, fast], mechanism.linear_damping[:, fast]], axis=1)
+        K, C = np.split(self.solve_fast(t, q, both)[fast], 2, axis=1)
+        positions = q[fast.start + mechanism.n_positions - mechanism.n :]
+        return self.accelerations(t, q, v)[fast] + K @ positions + C @ v[fast], K, C
+
+    def frames(self, t: float, q: Array, v: Array) -> tuple[Array, Array, Array]:
+        """Return the bodies' origins (n_bodies, 3), rotations (n_bodies, 3, 3) and angular velocities in space."""
+        n = len(self.mechanism.links)
+        origins, rotations, spins = np.zeros((n, 3)), np.zeros((n, 3, 3)), np.zeros((n, 3))
+        self.call("frames", self.signal_values(t), *_contiguous(q, v), origins, rotations, spins)
+        return origins, rotations, spins
+
+    def markers(self, t: float, q: Array) -> tuple[Array, Array]:
+        """Return positions (n_markers, 3) and rotations (n_markers, 3, 3) of all named markers in space."""
+        n = sum(len(link.markers) for link in self.mechanism.links)
+        positions, rotations = np.zeros((n, 3)), np.zeros((n, 3, 3))
+        self.call("markers", self.signal_values(t), *_contiguous(q), positions, rotations)
+        return positions, rotations
+
+    def energies(self, t: float, q: Array, v: Array) -> tuple[float, float]:
+        """Return the kinetic and the potential energy [J]."""
+        out = np.zeros(2)
+        self.call("energies", self.signal_values(t), *_contiguous(q, v), out)
+        return float(out[0]), float(out[1])
+
+    def momenta(self, t: float, q: Array, v: Array) -> tuple[Array, Array]:
+        """Return the linear momentum and the angular momentum about the origin, in space."""
+        out = np.zeros(6)
+        self.call("momenta", self.signal_values(t), *_contiguous(q, v), out)
+        return out[:3], out[3:]
+
+    def flops(self, name: str = "accelerations") -> int:
+        """Return the number of additions and multiplications of one call."""
+        return self.program(name).flops
+
+    @property
+    def structure(self) -> list[str]:
+        """Structure that simplification makes use of, a line each."""
+        return describe_structure(self._inputs, self._frames, self.program("accelerations"))
+
+
+def compile_mechanism(mechanism: Mechanism) -> CompiledMechanism:
+    """Make the compiled functions of a mechanism; each compiles when it is first used, or is read from disk."""
+    return CompiledMechanism(mechanism)
+
+
+def _contiguous(*arrays: Array) -> list[Array]:
+    return [np.ascontiguousarray(array, dtype=float) for array in arrays]

@@ -1,0 +1,154 @@
+"""Forces that accelerate a mechanism: its own at a state, or any that are given, with some coordinates held or none."""
+
+from __future__ import annotations
+
+from typing import Protocol
+
+import numpy as np
+
+from pipeline.core.arrays import Array
+from pipeline.dynamics.compiler.algebra import Vector6, constants, cross, subtract, times, transpose
+from pipeline.dynamics.compiler.bodies import AXES, Inertia, velocity_forces
+from pipeline.dynamics.compiler.cleaning import clean_direction, clean_place, clean_shapes
+from pipeline.dynamics.compiler.coordinates import Coordinates, RestingCoordinates
+from pipeline.dynamics.compiler.frames import MovingFrame, trace_marker
+from pipeline.dynamics.compiler.graph import Graph, Scalar, Vector
+from pipeline.dynamics.links import PRISMATIC, REVOLUTE, PointLoad
+
+Terms = list[tuple[Scalar | float, Vector]]
+"""Scalars and vectors whose products add up to a modal vector."""
+
+
+class Forces(Protocol):
+    """Forces on a mechanism's bodies and joints, and which of its coordinates they accelerate."""
+
+    @property
+    def graph(self) -> Graph:
+        """Where they are nodes."""
+
+    @property
+    def ground(self) -> Vector6:
+        """Acceleration of the ground; upwards it is the weight."""
+
+    def on_body(self, frame: MovingFrame, inertia: Inertia) -> tuple[Vector6, Terms]:
+        """Return p of a body, and the terms of −e; see `bodies`."""
+
+    def on_joint(self, frame: MovingFrame) -> list[Scalar]:
+        """Return what acts along each of a joint's directions."""
+
+    def free_directions(self, frame: MovingFrame) -> list[Vector6]:
+        """Return the directions in which a joint isn't held."""
+
+    def free_modes(self, frame: MovingFrame) -> Array:
+        """Return 1 for each mode that isn't held, else 0."""
+
+
+class ActingForces:
+    """All that acts on a mechanism: inertia of its velocities, weight, springs, dampers, loads."""
+
+    def __init__(self, inputs: Coordinates) -> None:
+        self._inputs, self.graph = inputs, inputs.graph
+        self.ground: Vector6 = constants(inputs.graph, [*(-inputs.mechanism.gravity), 0.0, 0.0, 0.0])
+
+    def on_body(self, frame: MovingFrame, inertia: Inertia) -> tuple[Vector6, Terms]:
+        """Return p of a body, and the terms of −e; see `bodies`."""
+        p, terms = velocity_forces(inertia, frame.spin)
+        terms = terms + modal_load(self._inputs, frame)
+        for at in self._inputs.mechanism.loads:
+            if at.body == frame.link.name:
+                force, on_modes = point_load(self._inputs, frame, at)
+                p, terms = subtract(p, force), terms + on_modes
+        return p, terms
+
+    def on_joint(self, frame: MovingFrame) -> list[Scalar]:
+        """Return what acts along each of a joint's directions: 0 if there are several."""
+        return [joint_load(self._inputs, frame)] * len(frame.directions)
+
+    def free_directions(self, frame: MovingFrame) -> list[Vector6]:
+        """Return all directions of a joint."""
+        return frame.directions
+
+    def free_modes(self, frame: MovingFrame) -> Array:
+        """Return 1 for each mode."""
+        return np.ones(len(frame.link.omega))
+
+
+class GivenForces:
+    """Generalised forces that are read from an argument, on a mechanism at rest without weight.
+
+    Parameters
+    ----------
+    inputs : RestingCoordinates
+        Positions alone.
+    argument : str
+        The forces, in the order of rates.
+    n_held : int
+        How many rates, the first, don't accelerate: none, or the slow ones.
+    """
+
+    def __init__(self, inputs: RestingCoordinates, argument: str, n_held: int) -> None:
+        self._inputs, self._argument, self._n_held, self.graph = inputs, argument, n_held, inputs.graph
+        self.ground: Vector6 = constants(inputs.graph, [0.0] * 6)
+
+    def on_body(self, frame: MovingFrame, inertia: Inertia) -> tuple[Vector6, Terms]:
+        """Return no force on the frame, and the forces on free modes."""
+        given = self._inputs.inputs_of_modes(frame.number, self._argument)
+        return constants(self.graph, [0.0] * 6), [(1.0, given.multiplied_by(np.diag(self.free_modes(frame))))]
+
+    def on_joint(self, frame: MovingFrame) -> list[Scalar]:
+        """Return what acts along each direction that isn't held."""
+        given = self._inputs.inputs_of_joint(frame.number, self._argument)
+        return given[: len(self.free_directions(frame))]
+
+    def free_directions(self, frame: MovingFrame) -> list[Vector6]:
+        """Return the directions of a joint that isn't held."""
+        held = self._inputs.mechanism.layout.rate[frame.number] < self._n_held
+        return [] if held else frame.directions
+
+    def free_modes(self, frame: MovingFrame) -> Array:
+        """Return 1 for each mode that isn't held, else 0."""
+        return np.where(self._inputs.mechanism.modes_of(frame.number) < self._n_held, 0.0, 1.0)
+
+
+def joint_load(inputs: Coordinates, frame: MovingFrame) -> Scalar:
+    """Return the force or torque along a joint: its load, its spring's and its damper's."""
+    link, graph = frame.link, inputs.graph
+    if link.joint not in (REVOLUTE, PRISMATIC) or link.motion is not None:
+        return graph.number(0.0)
+    grip = joint_grip(graph, frame)
+    (s,), (ds,) = inputs.joint_positions(frame.number), inputs.joint_rates(frame.number)
+    stretch = s + grip.dot(frame.q) - link.rest
+    return inputs.signal(link.load)[0] - stretch * link.spring - (ds + grip.dot(frame.v)) * link.damper
+
+
+def joint_grip(graph: Graph, frame: MovingFrame) -> Vector:
+    """Return how much the body's own section turns in its joint for unit modal coordinates."""
+    link = frame.link
+    grips = link.joint == REVOLUTE and len(link.joint_rotation) and link.motion is None
+    return graph.array(link.joint_rotation) if grips else graph.zeros(len(link.omega))
+
+
+def modal_load(inputs: Coordinates, frame: MovingFrame) -> Terms:
+    """Return the terms of the forces of a body's modal springs and dampers, and of its joint's load, on its modes."""
+    link, graph = frame.link, inputs.graph
+    if not len(link.omega):
+        return []
+    terms: Terms = [(-1.0, frame.q.multiplied_by(np.diag(link.omega**2)))]
+    if len(link.damping):
+        terms.append((-1.0, frame.v.multiplied_by(np.diag(2.0 * link.damping * link.omega))))
+    return [*terms, (joint_load(inputs, frame), joint_grip(graph, frame))]
+
+
+def point_load(inputs: Coordinates, frame: MovingFrame, at: PointLoad) -> tuple[Vector6, Terms]:
+    """Return the force and moment of a load on the body's frame, and the terms of its forces on the modes."""
+    graph, n = inputs.graph, len(frame.link.omega)
+    shapes, rotations = clean_shapes(at.shapes, n), clean_shapes(at.rotations, n)
+    marker = trace_marker(graph, clean_place(at), shapes, rotations, frame.q, frame.v)
+    size = inputs.signal(at.size)[0]
+    direction = [size * float(x) for x in clean_direction(at.direction)]
+    direction = times(marker.R if at.following else transpose(frame.world[1]), direction)
+    if at.torque:
+        zero = graph.number(0.0)
+        moments = times(transpose(marker.A), direction)
+        return [zero] * 3 + direction, [(moments[i], graph.array(rotations[i])) for i in AXES]
+    return direction + cross(marker.arm, direction), [(direction[i], graph.array(shapes[i])) for i in AXES]

@@ -1,0 +1,145 @@
+"""Functions of a mechanism that can be compiled: their arguments, and how their outputs are traced.
+
+All have the C signature ``void name(const double *…, double *…)`` with these arguments; the last, which are no state,
+are filled:
+
+- ``inputs`` (3 n_signals,): value, rate and acceleration of each varying signal at the state's time;
+- ``q`` (n_positions,) and ``v`` (n,): positions and rates in the mechanism's order;
+- ``a`` (n,): accelerations, and ``r`` (n,): the residual ``M̂ a − Q̂``;
+- ``dq`` (n_positions, 8), ``dv`` and ``da`` (n, 8): eight directions, and ``dr`` (n, 8): the residual's derivatives;
+- ``f`` (n, 8): eight generalised forces, and ``x`` (n, 8): ``M̂⁻¹ f``, or ``M̂_SS⁻¹ f_S`` of the fast coordinates and
+  zeros for the slow ones;
+- ``origins`` (n_bodies, 3), ``rotations`` (n_bodies, 3, 3) and ``spins`` (n_bodies, 3): the bodies' frames and angular
+  velocities in space;
+- ``positions`` (n_markers, 3) and ``rotations`` (n_markers, 3, 3): the bodies' named markers, body by body;
+- ``energies`` (2,): kinetic and potential (strain, springs, weight) [J];
+- ``momenta`` (6,): linear [N s], and angular about the origin [N m s].
+
+Arrays must not overlap. Functions keep no state, so threads may call them at once.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from typing import NamedTuple
+
+from pipeline.dynamics.compiler.algebra import times
+from pipeline.dynamics.compiler.coordinates import Coordinates, RestingCoordinates
+from pipeline.dynamics.compiler.forces import ActingForces, GivenForces
+from pipeline.dynamics.compiler.frames import MovingFrame, trace_frames
+from pipeline.dynamics.compiler.graph import Scalar
+from pipeline.dynamics.compiler.program import Output, Program
+from pipeline.dynamics.compiler.quantities import (
+    trace_kinetic_energy,
+    trace_markers,
+    trace_momenta,
+    trace_potential_energy,
+)
+from pipeline.dynamics.compiler.recursion import BodyValues, trace_accelerations
+from pipeline.dynamics.compiler.residual import trace_residual
+from pipeline.dynamics.compiler.tangents import trace_tangents
+from pipeline.dynamics.mechanism import Mechanism
+
+Trace = Callable[[Coordinates, list[MovingFrame]], list[Output]]
+"""Traces a function's outputs for the frames of a mechanism."""
+
+
+class Definition(NamedTuple):
+    """Arguments of a function, and the trace of what it fills."""
+
+    arguments: tuple[str, ...]
+    trace: Trace
+    lanes: tuple[str, ...] = ()
+
+
+def trace_program(name: str, inputs: Coordinates, frames: list[MovingFrame]) -> Program:
+    """Trace one of `DEFINITIONS`."""
+    arguments, trace, lanes = DEFINITIONS[name]
+    return Program(name, inputs.graph, arguments, tuple(trace(inputs, frames)), lanes)
+
+
+def _accelerations(inputs: Coordinates, frames: list[MovingFrame]) -> list[Output]:
+    return _in_order_of_rates(inputs.mechanism, "a", trace_accelerations(frames, ActingForces(inputs)))
+
+
+def _residual(inputs: Coordinates, frames: list[MovingFrame]) -> list[Output]:
+    return _in_order_of_rates(inputs.mechanism, "r", trace_residual(inputs, frames))
+
+
+def _tangents(inputs: Coordinates, frames: list[MovingFrame]) -> list[Output]:
+    slopes = trace_tangents(inputs, trace_residual(inputs, frames))
+    return _in_order_of_rates(inputs.mechanism, "dr", slopes)
+
+
+def _solve(inputs: Coordinates, frames: list[MovingFrame]) -> list[Output]:
+    return _solution(inputs, 0)
+
+
+def _solve_fast(inputs: Coordinates, frames: list[MovingFrame]) -> list[Output]:
+    return _solution(inputs, inputs.mechanism.n_slow)
+
+
+def _solution(inputs: Coordinates, n_held: int) -> list[Output]:
+    """Accelerations at rest by given forces, with the first rates held."""
+    resting = RestingCoordinates(inputs.graph, inputs.mechanism)
+    values = trace_accelerations(trace_frames(resting), GivenForces(resting, "f", n_held))
+    return _in_order_of_rates(inputs.mechanism, "x", values)
+
+
+def _frames(inputs: Coordinates, frames: list[MovingFrame]) -> list[Output]:
+    outputs = []
+    for frame in frames:
+        origin, R = frame.world
+        outputs += _in_row("origins", frame.number, origin)
+        outputs += _in_row("rotations", frame.number, [x for row in R for x in row])
+        outputs += _in_row("spins", frame.number, times(R, frame.spin))
+    return outputs
+
+
+def _markers(inputs: Coordinates, frames: list[MovingFrame]) -> list[Output]:
+    outputs = []
+    for number, (position, R) in enumerate(trace_markers(inputs, frames)):
+        outputs += _in_row("positions", number, position)
+        outputs += _in_row("rotations", number, [x for row in R for x in row])
+    return outputs
+
+
+def _energies(inputs: Coordinates, frames: list[MovingFrame]) -> list[Output]:
+    return _in_row("energies", 0, [trace_kinetic_energy(inputs, frames), trace_potential_energy(inputs, frames)])
+
+
+def _momenta(inputs: Coordinates, frames: list[MovingFrame]) -> list[Output]:
+    linear, angular = trace_momenta(inputs, frames)
+    return _in_row("momenta", 0, linear + angular)
+
+
+def _in_order_of_rates(mechanism: Mechanism, argument: str, values: list[BodyValues]) -> list[Output]:
+    outputs = []
+    for number, body in enumerate(values):
+        first = int(mechanism.layout.rate[number])
+        outputs += [Output(value, (argument, (first + k,))) for k, value in enumerate(body.joint)]
+        if body.modes.size:
+            modes = tuple(int(k) for k in mechanism.modes_of(number))
+            outputs.append(Output(body.modes, (argument, modes)))
+    return outputs
+
+
+def _in_row(argument: str, row: int, values: list[Scalar]) -> list[Output]:
+    return [Output(value, (argument, (len(values) * row + k,))) for k, value in enumerate(values)]
+
+
+_STATE = ("inputs", "q", "v")
+_DIRECTIONS = ("dq", "dv", "da", "dr")
+
+DEFINITIONS = {
+    "accelerations": Definition((*_STATE, "a"), _accelerations),
+    "residual": Definition((*_STATE, "a", "r"), _residual),
+    "tangents": Definition((*_STATE, "a", *_DIRECTIONS), _tangents, lanes=_DIRECTIONS),
+    "solve": Definition(("inputs", "q", "f", "x"), _solve, lanes=("f", "x")),
+    "solve_fast": Definition(("inputs", "q", "f", "x"), _solve_fast, lanes=("f", "x")),
+    "frames": Definition((*_STATE, "origins", "rotations", "spins"), _frames),
+    "markers": Definition(("inputs", "q", "positions", "rotations"), _markers),
+    "energies": Definition((*_STATE, "energies"), _energies),
+    "momenta": Definition((*_STATE, "momenta"), _momenta),
+}
+"""Functions of a mechanism by their names."""

@@ -1,0 +1,71 @@
+"""Residual of a mechanism's equations of motion, ``r = M̂ a − Q̂``, for given accelerations.
+
+The recursive Newton–Euler algorithm (Featherstone 2008, chapter 5) with the bodies' modes: accelerations are carried
+outwards, and the forces that they take inwards. No matrix is formed.
+"""
+
+from __future__ import annotations
+
+from pipeline.dynamics.compiler.algebra import (
+    Vector6,
+    add,
+    cross,
+    dot,
+    rotate,
+    times,
+    transpose,
+)
+from pipeline.dynamics.compiler.bodies import trace_inertia
+from pipeline.dynamics.compiler.coordinates import Coordinates
+from pipeline.dynamics.compiler.forces import ActingForces, Terms
+from pipeline.dynamics.compiler.frames import MovingFrame
+from pipeline.dynamics.compiler.graph import Vector, combine
+from pipeline.dynamics.compiler.recursion import BodyValues
+
+
+def trace_residual(inputs: Coordinates, frames: list[MovingFrame]) -> list[BodyValues]:
+    """Trace the residual of each body's joint and modes; accelerations are the argument ``a``."""
+    acting = ActingForces(inputs)
+    x: list[Vector6] = []
+    for frame in frames:
+        x.append(_accelerate(inputs, acting, frame, x))
+    carried: dict[int, Vector6] = {}
+    out: list[BodyValues] = []
+    for frame in reversed(frames):
+        force, modes = _forces(inputs, acting, frame, x[frame.number], carried)
+        loads = zip(frame.directions, acting.on_joint(frame), strict=True)
+        out.append(BodyValues([dot(direction, force) - load for direction, load in loads], modes))
+        at_joint = force[:3] + add(force[3:], cross(frame.shift, force[:3]))
+        carried[frame.number] = rotate(frame.R, at_joint)
+    return out[::-1]
+
+
+def _accelerate(inputs: Coordinates, acting: ActingForces, frame: MovingFrame, above: list[Vector6]) -> Vector6:
+    """Return the acceleration of a body's frame from that of its parent's."""
+    if frame.parent is None:
+        x = frame.carry(acting.ground)
+    else:
+        eta = inputs.inputs_of_modes(frame.parent.number, "a")
+        x = frame.carry(above[frame.parent.number], frame.marker_motion(eta))
+    return add(x, frame.move(inputs.inputs_of_joint(frame.number, "a")))
+
+
+def _forces(
+    inputs: Coordinates, acting: ActingForces, frame: MovingFrame, x: Vector6, carried: dict[int, Vector6]
+) -> tuple[Vector6, Vector]:
+    """Return the force that moves a body's frame and what it carries, and the residual of its modes."""
+    graph = inputs.graph
+    inertia = trace_inertia(graph, frame)
+    eta = inputs.inputs_of_modes(frame.number, "a")
+    p, terms = acting.on_body(frame, inertia)
+    force = add(times(inertia.M, x), [row.dot(eta) for row in inertia.W], p)
+    on_modes: Terms = [(1.0, eta)]
+    on_modes += [(-1.0 * factor, vector) for factor, vector in terms]
+    on_modes += zip(x, inertia.W, strict=True)
+    for child in frame.children:
+        at_marker = carried[child.number]
+        force = add(force, times(transpose(child.B), at_marker))
+        turning = times(transpose(child.marker.A), at_marker[3:])
+        on_modes += [(f, graph.array(row)) for f, row in zip(at_marker[:3], child.place_shapes, strict=True)]
+        on_modes += [(f, graph.array(row)) for f, row in zip(turning, child.place_rotations, strict=True)]
+    return force, combine(on_modes)

@@ -1,0 +1,35 @@
+"""Values of compiled programs by the interpreter, and differences between arrays."""
+
+from __future__ import annotations
+
+import numpy as np
+
+from pipeline.core.arrays import Array
+from pipeline.dynamics.compiler.compiled import CompiledMechanism
+from pipeline.dynamics.compiler.interpret import interpret
+from pipeline.dynamics.mechanism import Mechanism
+
+TIME = 0.37
+
+
+def interpreted(compiled: CompiledMechanism, name: str, shape: tuple[int, ...], **arguments: Array) -> Array:
+    """Return an array that a program fills, by the interpreter."""
+    program = compiled.program(name)
+    arguments["inputs"] = compiled.signal_values(TIME)
+    values = interpret(program.graph, [output.value.node for output in program.outputs], arguments)
+    out = np.zeros(shape)
+    for value, (_, (_, places)) in zip(values, program.outputs, strict=True):
+        out[list(places)] = value
+    return out
+
+
+def difference(a: Array, b: Array) -> float:
+    """Return the largest difference over the largest value of b."""
+    return float(np.abs(np.subtract(a, b)).max(initial=0.0) / max(np.abs(b).max(initial=0.0), 1e-300))
+
+
+def mass_and_force(mechanism: Mechanism, q: Array, v: Array) -> tuple[Array, Array]:
+    """Return M̂ and Q̂ by the kernels of the mechanism."""
+    parameters = mechanism._evaluated(TIME, q, v)
+    lower = np.tril(parameters.M)
+    return lower + np.tril(lower, -1).T, parameters.Q.copy()

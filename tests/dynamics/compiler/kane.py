@@ -1,0 +1,138 @@
+"""Accelerations of a made of mass points by d'Alembert's principle: plain NumPy, slow, and sharing no code.
+
+Places are products of matrix exponentials, velocities complex steps of them, and accelerations at constant rates
+differences of order 8. Forces do their work on what moves (Kane & Levinson, Dynamics, McGraw-Hill, 1985).
+"""
+
+from __future__ import annotations
+
+import numpy as np
+from scipy.linalg import expm
+
+from pipeline.core.arrays import Array
+from pipeline.dynamics.links import FREE, PRISMATIC, REVOLUTE, SPHERICAL
+from tests.dynamics.compiler.mechanisms import PointMechanism
+
+STEP = 1e-30  # of complex differences
+WEIGHTS = (4 / 5, -1 / 5, 4 / 105, -1 / 280)
+
+
+def tilde(a: Array) -> Array:
+    return np.array([[0, -a[2], a[1]], [a[2], 0, -a[0]], [-a[1], a[0], 0]])
+
+
+def accelerations(made: PointMechanism, t: float, q: Array, v: Array) -> Array:
+    """Solve ``Σ m Jᵀ (J a + bias − g) = Q`` over all points."""
+    mechanism = made.mechanism
+    J = np.stack([velocities(made, t, q, unit, flow=0.0)[0] for unit in np.eye(mechanism.n)], axis=-1)
+    m = np.concatenate([masses for _, masses, _ in made.points])
+    M = np.einsum("i,iaj,iak->jk", m, J, J)
+    lack = mechanism.gravity - bias(made, t, q, v)
+    return np.linalg.solve(M, np.einsum("i,iaj,ia->j", m, J, lack) + forces(made, t, q, v))
+
+
+def frames(made: PointMechanism, t: complex, q: Array) -> list[tuple[Array, Array, Array]]:
+    """Origin, rotation and modal coordinates of each body; analytic in t and q."""
+    mechanism = made.mechanism
+    out: list[tuple[Array, Array, Array]] = []
+    for k, link in enumerate(mechanism.links):
+        origin, R, inner = np.zeros(3), np.eye(3), np.zeros(0)
+        if link.parent >= 0:
+            origin, R, inner = out[link.parent]
+        bent = link.place_shapes @ inner if link.place_shapes.size else 0.0
+        origin = origin + R @ (link.place + bent)
+        R = R @ expm(tilde(link.place_rotations @ inner)) if link.place_rotations.size else R
+        axis = link.axis / np.linalg.norm(link.axis)
+        s = q[mechanism.layout.position[k] : mechanism.layout.position[k] + link.n_positions]
+        if link.motion is not None:
+            value, rate, _ = link.motion.value(np.real(t))
+            s = np.array([value + 1j * np.imag(t) * rate])
+        if link.joint == REVOLUTE:
+            R = R @ expm(s[0] * tilde(axis))
+        elif link.joint == PRISMATIC:
+            origin = origin + R @ (s[0] * axis)
+        elif link.joint in (SPHERICAL, FREE):
+            origin = origin + R @ s[:3] if link.joint == FREE else origin
+            u, w = s[-4:-1], s[-1]
+            R = R @ ((w * w - u @ u) * np.eye(3) + 2 * np.outer(u, u) + 2 * w * tilde(u))
+        out.append((origin, R, q[mechanism.modes_of(k) + mechanism.n_positions - mechanism.n]))
+    return out
+
+
+def rate_of_positions(made: PointMechanism, q: Array, v: Array) -> Array:
+    """q̇ for rates v: a quaternion's is ½ e ∘ (ω, 0)."""
+    mechanism, dq = made.mechanism, np.zeros(len(q))
+    for k, link in enumerate(mechanism.links):
+        p, r = mechanism.layout.position[k], mechanism.layout.rate[k]
+        if link.joint in (SPHERICAL, FREE):
+            skip = 3 if link.joint == FREE else 0
+            dq[p : p + skip] = v[r : r + skip]
+            e, w = q[p + skip : p + skip + 4], v[r + skip : r + skip + 3]
+            dq[p + skip : p + skip + 3] = 0.5 * (e[3] * w + np.cross(e[:3], w))
+            dq[p + skip + 3] = -0.5 * e[:3] @ w
+        else:
+            dq[p : p + link.n_positions] = v[r : r + link.n_rates]
+        modes = mechanism.modes_of(k)
+        dq[modes + mechanism.n_positions - mechanism.n] = v[modes]
+    return dq
+
+
+def velocities(made: PointMechanism, t: float, q: Array, v: Array, flow: float = 1.0) -> tuple[Array, Array]:
+    """Velocities of all points and angular velocities of all bodies for rates v; without prescribed ones for flow 0."""
+    moved = frames(made, t + 1j * STEP * flow, q + 1j * STEP * rate_of_positions(made, q, v))
+    points = [o + (x + Phi @ z) @ R.T for (o, R, z), (x, _, Phi) in zip(moved, made.points, strict=True)]
+    return np.concatenate(points).imag / STEP, np.array([spin(R) for _, R, _ in moved])
+
+
+def spin(R: Array) -> Array:
+    W = R.imag @ R.real.T / STEP
+    return np.array([W[2, 1], W[0, 2], W[1, 0]])
+
+
+def bias(made: PointMechanism, t: float, q: Array, v: Array, step: float = 0.01) -> Array:
+    """Accelerations of all points at constant rates."""
+    total = np.zeros_like(velocities(made, t, q, v)[0])
+    for k, weight in enumerate(WEIGHTS, start=1):
+        for side in (1, -1):
+            h = side * k * step
+            total += side * weight / step * velocities(made, t + h, advance(made, q, v, h), v)[0]
+    return total
+
+
+def advance(made: PointMechanism, q: Array, v: Array, h: float) -> Array:
+    """Positions after a time h at constant rates: q̇ is linear in q."""
+    A = np.stack([rate_of_positions(made, unit, v) for unit in np.eye(len(q))], axis=1)
+    b = rate_of_positions(made, np.zeros(len(q)), v)  # of all but quaternions, which A turns
+    A -= b[:, None]
+    return np.asarray(expm(h * A) @ q + h * b)
+
+
+def forces(made: PointMechanism, t: float, q: Array, v: Array) -> Array:
+    """Generalised forces of modes, springs, dampers, drives and point loads."""
+    mechanism, Q = made.mechanism, np.zeros(made.mechanism.n)
+    shift = mechanism.n_positions - mechanism.n
+    for k, link in enumerate(mechanism.links):
+        modes, i = mechanism.modes_of(k), mechanism.layout.rate[k]
+        Q[modes] -= link.omega**2 * q[modes + shift]
+        Q[modes] -= 2 * link.damping * link.omega * v[modes] if len(link.damping) else 0.0
+        if link.n_rates == 1:
+            grip = link.joint_rotation if len(link.joint_rotation) else np.zeros(len(modes))
+            s, ds = q[mechanism.layout.position[k]] + grip @ q[modes + shift], v[i] + grip @ v[modes]
+            along = link.load.value(t)[0] - link.spring * (s - link.rest) - link.damper * ds
+            Q[i] += along
+            Q[modes] += grip * along
+    for load in mechanism.loads:
+        for j, unit in enumerate(np.eye(mechanism.n)):
+            Q[j] += power(made, load, t, q, unit)
+    return Q
+
+
+def power(made: PointMechanism, load: object, t: float, q: Array, v: Array) -> float:
+    """Power of a point load for rates v."""
+    k = [link.name for link in made.mechanism.links].index(load.body)
+    moved = frames(made, t, q + 1j * STEP * rate_of_positions(made, q, v))
+    origin, R, z = moved[k]
+    point, section = origin + R @ (load.place + load.shapes @ z), R @ expm(tilde(load.rotations @ z))
+    force = load.size.value(t)[0] * load.direction / np.linalg.norm(load.direction)
+    force = section.real @ force if load.following else force
+    return float(force @ (spin(section) if load.torque else point.imag / STEP))

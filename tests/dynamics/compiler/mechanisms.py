@@ -1,0 +1,175 @@
+"""Random mechanisms with everything that one may have, made of mass points whose places are known."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, replace
+
+import numpy as np
+
+from pipeline.core.arrays import Array
+from pipeline.core.formula import parse_formula
+from pipeline.dynamics.links import FIXED, FREE, PRISMATIC, REVOLUTE, SPHERICAL, Link, PointLoad, rigid_gram
+from pipeline.dynamics.mechanism import Mechanism
+from pipeline.dynamics.signals.signal import Signal, constant, formula, half_sine
+from pipeline.reduction.inertia import inertia_gram
+
+JOINTS = (FIXED, REVOLUTE, PRISMATIC, SPHERICAL, FREE)
+
+
+@dataclass(frozen=True)
+class PointMechanism:
+    """A mechanism, and for each body its points' places (n, 3), masses (n,) and mode shapes (n, 3, n_modes)."""
+
+    mechanism: Mechanism
+    points: tuple[tuple[Array, Array, Array], ...]
+
+    def state(self, seed: int) -> tuple[Array, Array]:
+        """Random positions and rates; quaternions have unit length, modal coordinates are small."""
+        rng = np.random.default_rng(seed)
+        mechanism = self.mechanism
+        q, v = 0.4 * rng.normal(size=mechanism.n_positions), 0.6 * rng.normal(size=mechanism.n)
+        for link, first in zip(mechanism.links, mechanism.layout.position, strict=True):
+            if link.joint in (SPHERICAL, FREE):
+                e = q[first + link.n_positions - 4 : first + link.n_positions]
+                e[:] = rng.normal(size=4)
+                e /= np.linalg.norm(e)
+        return q, v
+
+
+def random_mechanism(seed: int, second_order: bool = True) -> PointMechanism:
+    """Make one of one to four bodies, any of them rigid or flexible, on random joints, markers and under random loads.
+
+    Every fifth is plane. ``second_order`` adds geometric stiffening and second-order first moments, which no mass
+    points have. One without coordinates is made anew.
+    """
+    made = _any_mechanism(seed, np.random.default_rng([seed, 7]), second_order)
+    return made if made.mechanism.n else random_mechanism(seed + 1000, second_order)
+
+
+def _any_mechanism(seed: int, rng: np.random.Generator, second_order: bool) -> PointMechanism:
+    plane = seed % 5 == 4
+    sizes = [int(n) for n in rng.integers(0, 4, size=rng.integers(1, 5))]
+    bodies = [_random_points(n, rng, plane) for n in sizes]
+    links: list[Link] = []
+    for k, n in enumerate(sizes):
+        kind = int(rng.choice(JOINTS[:3] if plane else JOINTS))
+        kind = REVOLUTE if k == 0 and kind == FIXED else kind
+        parent = int(rng.integers(-1, k)) if k else -1
+        links.append(_random_link(k, kind, parent, n, sizes[parent] if parent >= 0 else 0, bodies[k], rng, plane))
+    if second_order:
+        links = [_with_second_order(link, rng) if rng.random() < 0.5 else link for link in links]
+    fast = [link.name for link in links if link.n_rates == 1 and rng.random() < 0.3]
+    slow = {link.name: int(rng.integers(0, len(link.omega) + 1)) for link in links if rng.random() < 0.3}
+    gravity = np.array([1.0, -9.8, 0.0 if plane else 2.0]) * (rng.random() < 0.7)
+    loads = [_random_load(link, rng, plane) for link in links for _ in range(rng.integers(0, 3))]
+    return PointMechanism(Mechanism(links, fast, gravity, loads, slow), tuple(bodies))
+
+
+def _random_points(n_modes: int, rng: np.random.Generator, plane: bool) -> tuple[Array, Array, Array]:
+    """Twelve points and shapes of unit modal mass."""
+    x, m, Phi = rng.normal(size=(12, 3)), rng.uniform(0.1, 0.5, 12), rng.normal(size=(12, 3, n_modes))
+    if plane:
+        x[:, 2] = 0.0
+        Phi[:, 2] = 0.0
+    flat = Phi.reshape(36, n_modes)
+    L = np.linalg.cholesky(flat.T @ (np.repeat(m, 3)[:, None] * flat))
+    return x, m, np.linalg.solve(L, flat.T).T.reshape(12, 3, n_modes)
+
+
+def _random_link(
+    number: int,
+    kind: int,
+    parent: int,
+    n: int,
+    n_parent: int,
+    points: tuple[Array, Array, Array],
+    rng: np.random.Generator,
+    plane: bool,
+) -> Link:
+    x, m, Phi = points
+    if n:
+        gram = inertia_gram(x, np.diag(m), Phi)
+    else:
+        centre = m @ x / m.sum()
+        arms = x - centre
+        gram = rigid_gram(float(m.sum()), centre, np.sum(arms**2 * m[:, None]) * np.eye(3) - (arms.T * m) @ arms)
+    axis = rng.normal(size=3)
+    if plane:
+        axis = np.array([0.0, 0.0, 1.0 if rng.random() < 0.5 else -2.0]) if kind == REVOLUTE else [*axis[:2], 0.0]
+    elif rng.random() < 0.3:
+        axis = np.eye(3)[rng.integers(3)]
+    along = kind in (REVOLUTE, PRISMATIC)
+    link = Link(
+        f"body {number}",
+        gram,
+        kind,
+        parent,
+        place=rng.normal(size=3) * [1, 1, not plane],
+        axis=np.asarray(axis),
+        omega=np.sort(rng.uniform(3.0, 9.0, n)),
+        damping=rng.uniform(0.02, 0.1, n) if rng.random() < 0.7 else np.zeros(0),
+        place_shapes=0.3 * rng.normal(size=(3, n_parent)) * np.array([[1], [1], [not plane]]),
+        place_rotations=_random_rotations(n_parent, np.asarray(axis), rng, plane),
+        joint_rotation=0.3 * rng.normal(size=n if kind == REVOLUTE and rng.random() < 0.6 else 0),
+        spring=rng.uniform(2.0, 4.0) if along and rng.random() < 0.6 else 0.0,
+        rest=rng.uniform(0.1, 0.3) if along else 0.0,
+        damper=rng.uniform(0.1, 0.3) if along and rng.random() < 0.6 else 0.0,
+        load=_random_signal(rng) if along else constant(0.0),
+    )
+    if along and rng.random() < 0.25:  # prescribed
+        return replace(link, motion=_smooth_signal(rng), joint_rotation=np.zeros(0))
+    return link
+
+
+def _random_rotations(n: int, axis: Array, rng: np.random.Generator, plane: bool) -> Array:
+    """Rotations of a marker: none, about the next hinge, about another axis, about all three."""
+    along = axis / np.linalg.norm(axis) if rng.random() < 0.5 else np.eye(3)[rng.integers(3)]
+    about = np.array([0.0, 0.0, 1.0]) if plane else along
+    choice = rng.integers(4)
+    if choice == 0:
+        return np.zeros((3, n))
+    if choice < 3 or plane:
+        return np.outer(about, 0.5 * rng.normal(size=n))
+    return 0.5 * rng.normal(size=(3, n))
+
+
+def _random_signal(rng: np.random.Generator) -> Signal:
+    choices = (constant(0.0), constant(rng.uniform(0.5, 1.0)), _smooth_signal(rng), half_sine(0.1, 0.9, 1.5))
+    return choices[rng.integers(len(choices))]
+
+
+def _smooth_signal(rng: np.random.Generator) -> Signal:
+    return formula(parse_formula(f"{rng.uniform(0.3, 0.8):.3f}*sin({rng.uniform(1, 3):.3f}*t) + 0.2*t"))
+
+
+def _random_load(link: Link, rng: np.random.Generator, plane: bool) -> PointLoad:
+    n = len(link.omega)
+    torque = bool(rng.random() < 0.5)
+    direction = rng.normal(size=3)
+    if plane:
+        direction[[2] if not torque else [0, 1]] = 0.0
+    return PointLoad(
+        link.name,
+        direction,
+        _random_signal(rng),
+        torque,
+        bool(rng.random() < 0.5),
+        rng.normal(size=3) * [1, 1, not plane],
+        0.3 * rng.normal(size=(3, n)) * np.array([[1], [1], [not plane]]),
+        _random_rotations(n, np.array([0.0, 0.0, 1.0]), rng, plane),
+    )
+
+
+def _with_second_order(link: Link, rng: np.random.Generator) -> Link:
+    """Take a little off the modal blocks of G, as geometric stiffening does, and give the body second-order moments."""
+    n = len(link.omega)
+    if not n:
+        return link
+    G = link.gram.G.copy()
+    for a in range(3):
+        for b in range(a + 1):
+            part = 0.02 * rng.normal(size=(n, n))
+            G[a, b, 1:, 1:] -= part + part.T
+            G[b, a] = G[a, b].T
+    bow = 0.05 * rng.normal(size=(3, n, n))
+    return replace(link, gram=replace(link.gram, G=G, bow=bow + bow.transpose(0, 2, 1)))

@@ -1,0 +1,216 @@
+"""Machine code: functions of scalars, vectors of every length, objects on disk, several processes."""
+
+import ctypes
+import multiprocessing
+from dataclasses import replace
+from itertools import pairwise
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from pipeline.core.arrays import Array
+from pipeline.core.formula import parse_formula
+from pipeline.dynamics.compiler import machine, store
+from pipeline.dynamics.compiler.chunks import chunk_widths
+from pipeline.dynamics.compiler.compiled import compile_mechanism
+from pipeline.dynamics.compiler.coordinates import Coordinates
+from pipeline.dynamics.compiler.digest import digest_mechanism
+from pipeline.dynamics.compiler.graph import Graph, combine
+from pipeline.dynamics.compiler.interpret import interpret
+from pipeline.dynamics.compiler.llvm import emit
+from pipeline.dynamics.compiler.machine import LoadedObject, compile_object
+from pipeline.dynamics.compiler.program import Output, Program
+from pipeline.dynamics.compiler.store import load_program, object_path
+from pipeline.dynamics.links import PRISMATIC, REVOLUTE, PointLoad
+from pipeline.dynamics.mechanism import Mechanism
+from pipeline.dynamics.signals.signal import constant, formula
+from tests.dynamics.compiler.comparison import TIME
+from tests.dynamics.compiler.mechanisms import random_mechanism
+
+
+def run(program: Program, loaded: LoadedObject, *arrays: Array) -> None:
+    prototype = ctypes.CFUNCTYPE(None, *[ctypes.c_void_p] * len(arrays))
+    prototype(loaded.address(program.name))(*(array.ctypes.data for array in arrays))
+
+
+def function(name: str) -> Program:
+    graph = Graph()
+    return Program("f", graph, ("x", "y"), (Output(graph.scalar_input("x", 0).apply(name), ("y", (0,))),))
+
+
+def values_of(name: str, at: Array) -> Array:
+    program = function(name)
+    loaded, out, y = LoadedObject(compile_object(emit(program, 4))), np.empty(at.size), np.zeros(1)
+    for k, x in enumerate(at):
+        run(program, loaded, np.array([x]), y)
+        out[k] = y[0]
+    return out
+
+
+@pytest.mark.parametrize("name", ["sin", "cos"])
+def test_sines_and_cosines_are_right_to_the_last_bit_but_one(name: str) -> None:
+    rng = np.random.default_rng(0)
+    at = np.concatenate([rng.uniform(-1, 1, 500), rng.uniform(-1e3, 1e3, 500), rng.uniform(-1e9, 1e9, 200)])
+    at = np.concatenate([at, np.arange(-8, 9) * np.pi / 4, [0.0]])
+    assert np.abs(values_of(name, at) - getattr(np, name)(at)).max() < 2.3e-16
+
+
+def test_sines_of_what_is_no_number_are_none() -> None:
+    assert np.isnan(values_of("sin", np.array([np.nan, np.inf]))).all()
+
+
+@pytest.mark.parametrize("k", range(4, 10))
+def test_compiled_stumpff_functions_are_those_of_the_interpreter(k: int) -> None:
+    graph, at = Graph(), np.array([0.0, 1e-3, 0.7, 3.99, 4.01, 9.0, 100.0])
+    node = graph.scalar_input("x", 0).apply(f"stumpff{k}").node
+    expected = [interpret(graph, [node], {"x": np.array([x])})[0] for x in at]
+    assert np.allclose(values_of(f"stumpff{k}", at), expected, rtol=1e-12)
+
+
+@pytest.mark.parametrize("register", [4, 8])
+@pytest.mark.parametrize("n", [*range(1, 14), 17, 31, 33, 60])
+def test_vectors_of_every_length(n: int, register: int) -> None:
+    rng = np.random.default_rng(n)
+    square, flat = rng.normal(size=(n, n)), rng.normal(size=(3, n))
+    graph = Graph()
+    u, w = graph.vector_input("x", range(n)), graph.vector_input("x", [n + (3 * k) % n for k in range(n)])
+    outputs = [
+        (u.multiplied_by(square), n),
+        (combine([(u.dot(w), u), (1.0, w), (2.0, u.multiplied_by(np.diag(square.diagonal())))]), n),
+        (w.multiplied_by(flat), 3),
+        (u.entry(n - 1) * w.entry(n // 2), 1),
+        (u.dot(graph.array(square[0])), 1),
+    ]
+    places = np.cumsum([0, *(size for _, size in outputs)])
+    at = [tuple(range(first, last)) for first, last in pairwise(places)]
+    named = tuple(Output(value, ("y", place)) for (value, _), place in zip(outputs, at, strict=True))
+    program = Program("f", graph, ("x", "y"), named)
+    x, y = rng.normal(size=2 * n), np.zeros(places[-1])
+    run(program, LoadedObject(compile_object(emit(program, register))), x, y)
+    expected = interpret(graph, [value.node for value, _ in outputs], {"x": x})
+    assert np.allclose(y, np.concatenate([np.atleast_1d(value) for value in expected]), rtol=1e-13, atol=1e-13)
+
+
+def test_chunks_cover_a_vector_and_pad_it_by_no_more_than_they_spare() -> None:
+    for register in (4, 8):
+        for n in range(1, 70):
+            widths = chunk_widths(n, register)
+            assert 0 <= sum(widths) - n <= 1
+            assert set(widths) <= {1, 2, 4, 8}
+
+
+def test_a_function_that_a_direction_enters_but_linearly_has_no_code() -> None:
+    graph = Graph()
+    value = graph.scalar_input("dx", 0).apply("sin")
+    program = Program("f", graph, ("dx", "y"), (Output(value, ("y", (0,))),), lanes=("dx", "y"))
+    with pytest.raises(ValueError, match="sin of a direction: a derivative is linear in its direction"):
+        emit(program, 4)
+
+
+def test_an_object_without_the_function_is_refused() -> None:
+    loaded = LoadedObject(compile_object(emit(function("sin"), 4)))
+    with pytest.raises(ValueError, match="the object has no function g"):
+        loaded.address("g")
+
+
+def load(name: str) -> LoadedObject:
+    return load_program("f", name, lambda: function(name))
+
+
+def test_objects_are_read_back_and_damaged_ones_made_anew(monkeypatch: pytest.MonkeyPatch, tmp_path: Path) -> None:
+    monkeypatch.setattr(store, "kernel_folder", lambda: tmp_path)
+    compiled = []
+    monkeypatch.setattr(store, "compile_object", lambda text: compiled.append(text) or compile_object(text))
+    y, path = np.zeros(1), object_path("f", "cos")
+    for damage in (None, b"", b"nothing that was ever an object file"):
+        if damage is not None:
+            path.write_bytes(damage)
+        before = len(compiled)
+        for _ in range(2):
+            run(function("cos"), load("cos"), np.zeros(1), y)
+            assert y[0] == 1.0
+        assert len(compiled) == before + 1
+    assert list(tmp_path.iterdir()) == [path]
+
+
+def test_an_object_that_cannot_be_kept_serves_all_the_same(monkeypatch: pytest.MonkeyPatch, tmp_path: Path) -> None:
+    monkeypatch.setattr(store, "kernel_folder", lambda: tmp_path / "missing")
+    y = np.zeros(1)
+    run(function("cos"), load("cos"), np.zeros(1), y)
+    assert y[0] == 1.0
+
+
+def test_another_processor_has_objects_of_its_own(monkeypatch: pytest.MonkeyPatch) -> None:
+    here = object_path("f", "sin")
+    monkeypatch.setattr(store, "processor", lambda: ("22.1.0", "another", "+avx2"))
+    assert object_path("f", "sin") != here
+
+
+def test_a_mechanism_whose_object_is_kept_is_not_traced(monkeypatch: pytest.MonkeyPatch) -> None:
+    made = random_mechanism(2)
+    a = compile_mechanism(made.mechanism).accelerations(TIME, *made.state(2))
+    again = compile_mechanism(made.mechanism)
+    monkeypatch.setattr(again, "program", lambda name: pytest.fail(f"{name} is traced"))
+    assert np.array_equal(again.accelerations(TIME, *made.state(2)), a)
+
+
+def digest(mechanism: Mechanism) -> str:
+    return digest_mechanism(Coordinates(Graph(), mechanism))
+
+
+def changed(mechanism: Mechanism, **fields: object) -> Mechanism:
+    """The first link with other fields."""
+    return replace(mechanism, links=[replace(mechanism.links[0], **fields), *mechanism.links[1:]])
+
+
+def test_every_constant_of_a_mechanism_is_in_its_digest() -> None:
+    loads = [PointLoad("body 0", np.eye(3)[0], constant(1.0))]
+    any_one = next(made for made in map(random_mechanism, range(50)) if len(made.mechanism.links[0].omega) > 1)
+    one = changed(any_one.mechanism, name="body 0", load=constant(1.0), joint=REVOLUTE, motion=None)
+    one = replace(one, loads=loads, slow_modes={}, fast_joints=[])
+    first = one.links[0]
+    others = [
+        changed(one, omega=1.01 * first.omega),
+        changed(one, spring=first.spring + 1.0),
+        changed(one, place=first.place + 1e-9),
+        changed(one, axis=first.axis[::-1]),
+        changed(one, gram=replace(first.gram, mass=first.gram.mass + 1.0)),
+        changed(one, load=constant(1.5)),
+        changed(one, load=formula(parse_formula("sin(t)"))),
+        changed(one, joint=PRISMATIC),
+        replace(one, gravity=one.gravity + 1.0),
+        replace(one, loads=[]),
+        replace(one, loads=[replace(loads[0], torque=True)]),
+        replace(one, loads=[replace(loads[0], size=constant(2.0))]),
+        replace(one, fast_joints=["body 0"]),
+        replace(one, slow_modes={"body 0": 1}),
+    ]
+    assert len({digest(mechanism) for mechanism in [one, *others]}) == 1 + len(others)
+
+
+def test_what_is_an_input_or_a_name_is_not_in_the_digest() -> None:
+    one = changed(random_mechanism(0).mechanism, joint=REVOLUTE, motion=None, load=formula(parse_formula("sin(t)")))
+    one = replace(one, loads=[], fast_joints=[], slow_modes={})
+    assert digest(changed(one, load=formula(parse_formula("2*cos(t)")))) == digest(one)
+    assert digest(changed(one, name="another")) == digest(one)
+
+
+def _accelerate(folder: Path) -> bytes:
+    store.kernel_folder = lambda: folder
+    made = random_mechanism(1)
+    return compile_mechanism(made.mechanism).accelerations(TIME, *made.state(1)).tobytes()
+
+
+def test_processes_that_compile_at_once_agree(tmp_path: Path) -> None:
+    with multiprocessing.get_context("spawn").Pool(2) as pool:
+        results = pool.map(_accelerate, [tmp_path] * 2)
+    assert len(set(results)) == 1
+    assert len(list(tmp_path.iterdir())) == 1
+
+
+def test_registers_are_as_wide_as_the_processor_says(monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr(machine, "processor", lambda: ("", "", "+avx2,+avx512f"))
+    assert machine.register_width() == 8
+    monkeypatch.setattr(machine, "processor", lambda: ("", "", "+avx2,-avx512f"))
+    assert machine.register_width() == 4

@@ -1,0 +1,119 @@
+"""Residual, its tangents, frames, energies and momenta against the kernels of the mechanism and by differences."""
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+from scipy.linalg import expm
+
+from pipeline.dynamics.compiler.compiled import compile_mechanism
+from pipeline.dynamics.kinematics import Kinematics
+from pipeline.reduction.body import MarkerShapes
+from tests.dynamics.compiler import kane
+from tests.dynamics.compiler.comparison import TIME, difference, interpreted, mass_and_force
+from tests.dynamics.compiler.mechanisms import random_mechanism
+
+SEEDS = pytest.mark.parametrize("seed", [*range(3), *(pytest.param(k, marks=pytest.mark.slow) for k in range(3, 40))])
+
+
+@SEEDS
+def test_the_residual_is_mass_times_acceleration_less_force(seed: int) -> None:
+    made = random_mechanism(seed)
+    q, v = made.state(seed)
+    a = np.random.default_rng(seed).normal(size=len(v))
+    M, Q = mass_and_force(made.mechanism, q, v)
+    assert difference(compile_mechanism(made.mechanism).residual(TIME, q, v, a), M @ a - Q) < 1e-12
+
+
+@SEEDS
+def test_accelerations_leave_no_residual(seed: int) -> None:
+    made = random_mechanism(seed)
+    compiled = compile_mechanism(made.mechanism)
+    q, v = made.state(seed)
+    r = compiled.residual(TIME, q, v, compiled.accelerations(TIME, q, v))
+    assert np.abs(r).max() < 1e-12 * max(np.abs(compiled.residual(TIME, q, v, 0.0 * v)).max(), 1.0)
+
+
+@SEEDS
+def test_tangents_are_those_of_differences(seed: int) -> None:
+    made = random_mechanism(seed)
+    compiled = compile_mechanism(made.mechanism)
+    q, v = made.state(seed)
+    a = np.random.default_rng(seed).normal(size=len(v))
+    by_q, by_v, by_a = compiled.tangents(TIME, q, v, a)
+    assert difference(by_a, mass_and_force(made.mechanism, q, v)[0]) < 1e-12
+    for tangent, which in ((by_q, "q"), (by_v, "v")):
+        # Order 4; steps of 1e-3 leave 1e-11 or so.
+        state = {"q": q, "v": v, "a": a}
+        columns = []
+        for unit in np.eye(tangent.shape[1]):
+            r = [compiled.residual(TIME, **(state | {which: state[which] + k * 1e-3 * unit})) for k in (-2, -1, 1, 2)]
+            columns.append((r[0] - 8 * r[1] + 8 * r[2] - r[3]) / 12e-3)
+        scale = max(np.abs(by_q).max(), np.abs(by_v).max(), 1.0)
+        assert np.abs(tangent - np.stack(columns, axis=1)).max() < 1e-8 * scale
+
+
+@SEEDS
+def test_lanes_of_machine_code_do_what_the_interpreter_does(seed: int) -> None:
+    made = random_mechanism(seed)
+    compiled, mechanism = compile_mechanism(made.mechanism), made.mechanism
+    q, v = made.state(seed)
+    rng = np.random.default_rng(seed)
+    directions = {"dq": rng.normal(size=(len(q), 8)), "dv": rng.normal(size=(len(v), 8))}
+    directions["da"] = rng.normal(size=(len(v), 8))
+    dr, a = np.zeros((mechanism.n, 8)), rng.normal(size=mechanism.n)
+    compiled.call("tangents", compiled.signal_values(TIME), q, v, a, *directions.values(), dr)
+    assert difference(dr, interpreted(compiled, "tangents", dr.shape, q=q, v=v, a=a, **directions)) < 1e-13
+
+
+@SEEDS
+def test_frames_are_those_of_the_mechanism(seed: int) -> None:
+    made = random_mechanism(seed)
+    q, v = made.state(seed)
+    frames = Kinematics(made.mechanism, np.array([TIME]), q[None], v[None]).frames
+    expected = [
+        np.concatenate(values) for values in zip(*((at.origin, at.rotation, at.spin) for at in frames), strict=True)
+    ]
+    for found, wanted in zip(compile_mechanism(made.mechanism).frames(TIME, q, v), expected, strict=True):
+        assert np.abs(found - wanted).max() < 1e-13 * max(np.abs(wanted).max(), 1.0)
+
+
+@SEEDS
+def test_markers_are_where_their_points_are(seed: int) -> None:
+    made = random_mechanism(seed)
+    rng = np.random.default_rng(seed)
+    links = []
+    for link in made.mechanism.links:
+        shapes = rng.normal(size=(2, 3, len(link.omega)))
+        links.append(replace(link, markers={"tip": MarkerShapes(rng.normal(size=3), *shapes)}))
+    mechanism = replace(made.mechanism, links=links)
+    q, _ = made.state(seed)
+    positions, rotations = compile_mechanism(mechanism).markers(TIME, q)
+    bodies = kane.frames(made, TIME, q)
+    for link, (origin, R, z), at, turn in zip(links, bodies, positions, rotations, strict=True):
+        marker = link.markers["tip"]
+        assert np.allclose(at, origin + R @ (marker.position + marker.translation @ z), rtol=0, atol=1e-12)
+        assert np.allclose(turn, R @ expm(kane.tilde(marker.rotation @ z)), rtol=0, atol=1e-12)
+
+
+@SEEDS
+def test_energies_are_those_of_the_mechanism(seed: int) -> None:
+    made = random_mechanism(seed)
+    q, v = made.state(seed)
+    energies = compile_mechanism(made.mechanism).energies(TIME, q, v)
+    expected = Kinematics(made.mechanism, np.array([TIME]), q[None], v[None]).energies
+    assert np.allclose(energies, np.ravel(expected), rtol=1e-12, atol=1e-12)
+
+
+@SEEDS
+def test_momenta_are_those_of_the_mass_points(seed: int) -> None:
+    made = random_mechanism(seed, second_order=False)
+    q, v = made.state(seed)
+    u, _ = kane.velocities(made, TIME, q, v)
+    points = [
+        o + (x + Phi @ z) @ R.T for (o, R, z), (x, _, Phi) in zip(kane.frames(made, TIME, q), made.points, strict=True)
+    ]
+    p = np.concatenate([m for _, m, _ in made.points])[:, None] * u
+    linear, angular = compile_mechanism(made.mechanism).momenta(TIME, q, v)
+    assert np.allclose(linear, p.sum(axis=0).real, rtol=0, atol=1e-11)
+    assert np.allclose(angular, np.cross(np.concatenate(points).real, p).sum(axis=0), rtol=0, atol=1e-11)

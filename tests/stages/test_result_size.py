@@ -1,0 +1,31 @@
+"""Results that don't fit into the memory are refused before anything is integrated."""
+
+import re
+from pathlib import Path
+
+import pytest
+
+from pipeline import Pipeline, load_scene
+from pipeline.cli.app import main
+from pipeline.core.errors import InputError
+
+
+def test_too_many_output_times_are_wrong_input_and_no_memory_error(
+    tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    with pytest.raises(SystemExit) as stop:
+        main(["run", "rod-slider", "--set", "simulation.output_step=1 as", "--out", str(tmp_path), "--no-pictures"])
+    assert stop.value.code == 2
+    said = capsys.readouterr().err
+    assert re.search(r"simulation\.output_step = '1e-18 s': makes 1e\+19 output times, .* GB are free: ", said)
+
+
+def test_the_step_in_the_message_fits(monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr("pipeline.stages.result_size._ALWAYS_FIT", 0.0)
+    monkeypatch.setattr("pipeline.stages.result_size.available_memory", lambda: 1e6)
+    with pytest.raises(InputError, match=r"0\.001 GB are free: \S+ s or longer fits") as caught:
+        _ = Pipeline(load_scene("rod-slider")).motions
+    (step,) = re.findall(r"free: (\S+) s", str(caught.value))
+    # Two bodies of 60 numbers, two coordinates of 4 numbers for position and rate, 8 bytes each, in three runs.
+    assert float(step) == pytest.approx(10 * 3 * 8 * (2 * 60 + 2 * 2 * 4) / 1e6, rel=0.12)
+    assert Pipeline(load_scene("rod-slider", [f"simulation.output_step={step} s"])).motions
