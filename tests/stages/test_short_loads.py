@@ -7,6 +7,7 @@ import pytest
 
 from pipeline import Pipeline, load_scene
 from pipeline.core.errors import InputError
+from pipeline.output.summary import summarise
 
 SCENE = """
 title = "Plate"
@@ -99,3 +100,12 @@ def test_a_fixed_step_that_would_step_over_a_blow_is_refused_with_one_that_works
     run = plate(tmp_path, BLOWS[0], only, "simulation.step=0.05 ms")
     exact = closed_form(run)
     assert np.abs(run.motion.modal("plate") - exact).max() < 0.05 * np.abs(exact).max()
+
+
+def test_a_load_that_moves_nothing_is_warned_of(tmp_path: Any) -> None:
+    run = plate(tmp_path, BLOWS[0], "simulation.run=[{integrator='auto'}]")
+    assert summarise(run, [], budget=False)["warnings"] == []
+    run.motion.trajectory.q[:] = 0.0
+    (warning,) = summarise(run, [], budget=False)["warnings"]
+    assert warning["code"] == "load-without-motion"
+    assert "a load acts, but nothing moves" in warning["text"]
