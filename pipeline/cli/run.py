@@ -72,6 +72,7 @@ def run(
     else:
         _print_run(summary, folder)
     _require_accuracy(summary, folder)
+    _require_motion(summary, folder)
 
 
 def _require_accuracy(summary: dict[str, Any], folder: Path) -> None:
@@ -96,6 +97,13 @@ def _require_accuracy(summary: dict[str, Any], folder: Path) -> None:
         rest = "" if accuracy["ended_by"] else "; all else is met"
         reasons.append(f"finer meshes and more modes hardly lower the error of {named}{rest}")
     raise AccuracyError(f"accuracy: {'; '.join(reasons)}; what was computed is in {folder}/")
+
+
+def _require_motion(summary: dict[str, Any], folder: Path) -> None:
+    """Raise ``AccuracyError`` if a load acted in a run and nothing moved."""
+    for warning in summary["warnings"]:
+        if warning["code"] == "load-without-motion":
+            raise AccuracyError(f"{warning['text']}; what was computed is in {folder}/")
 
 
 def _print_forecast(forecast: Forecast, every_step: bool) -> None:

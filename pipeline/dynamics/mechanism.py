@@ -15,6 +15,7 @@ import numpy as np
 from pipeline.core.arrays import Array, IntArray
 from pipeline.core.errors import AccuracyError
 from pipeline.dynamics.links import FREE, SPHERICAL, Link, PointLoad
+from pipeline.dynamics.signals.activity import Activity, find_activity
 from pipeline.dynamics.signals.signal import Signal
 from pipeline.dynamics.tree.arrays import FrozenTree, Layout, MiddleTree, TreeParameters, layout_of, packed, with_room
 from pipeline.dynamics.vibration import highest_frequency
@@ -42,6 +43,8 @@ class Mechanism:
         Forces and torques at points.
     slow_modes : mapping of str to int
         How many modes of a body, the lowest, are slow; none by default.
+    horizon : float
+        Time [s] up to which loads are searched for short actions that adaptive steps must not miss; 0 searches none.
 
     Raises
     ------
@@ -55,6 +58,7 @@ class Mechanism:
     gravity: Array = field(default_factory=lambda: np.zeros(3))
     loads: Sequence[PointLoad] = ()
     slow_modes: Mapping[str, int] = field(default_factory=dict)
+    horizon: float = 0.0
 
     holds_forces = True
 
@@ -149,10 +153,23 @@ class Mechanism:
     def _packed(self) -> tuple[TreeParameters, tuple[Signal, ...]]:
         return packed(self.links, self.loads, self.layout, self.gravity)
 
-    @property
+    @cached_property
     def breakpoints(self) -> tuple[float, ...]:
-        """Times at which a load or a motion jumps or has a kink [s], ascending."""
-        return tuple(sorted({time for signal in self._packed[1] for time in signal.breakpoints}))
+        """Times at which a load or a motion jumps, has a kink or begins to vary much faster [s], ascending."""
+        known = {time for signal in self._packed[1] for time in signal.breakpoints}
+        return tuple(sorted(known.union(*(activity.events for activity in self.activities))))
+
+    @cached_property
+    def activities(self) -> tuple[Activity, ...]:
+        """When each load and each motion that isn't constant acts, up to the horizon."""
+        if not self.horizon > 0.0:
+            return ()
+        loads = [*(link.load for link in self.links), *(load.size for load in self.loads)]
+        motions = [link.motion for link in self.links if link.motion is not None]
+        varying = [(signal, 0) for signal in loads] + [(signal, 2) for signal in motions]
+        return tuple(
+            find_activity(signal, self.horizon, derivative) for signal, derivative in varying if not signal.is_constant
+        )
 
     def frozen(self) -> FrozenTree:
         """Fresh storage for the frozen coefficients of a major cycle."""
@@ -337,7 +354,7 @@ class Mechanism:
             for link in self.links
         ]
         loads = [replace(at, shapes=none, rotations=none) for at in self.loads]
-        return Mechanism(links, self.fast_joints, self.gravity, loads)
+        return Mechanism(links, self.fast_joints, self.gravity, loads, horizon=self.horizon)
 
 
 def _symmetric(lower: Array) -> Array:

@@ -10,13 +10,14 @@ from pipeline.core.arrays import Array, IntArray
 from pipeline.core.errors import AccuracyError, StabilityError
 from pipeline.dynamics.system import System
 from pipeline.integrators.adaptive import groups_of
-from pipeline.integrators.exponential import Exponential
+from pipeline.integrators.exponential import PiecewiseExponential
 from pipeline.integrators.protocol import Integrator, Progress, Trajectory
 from pipeline.integrators.rosenbrock import ExponentialRosenbrock
 from pipeline.integrators.runge_kutta import RungeKutta
 
 _FIRST_STEPS = 32  # over the duration
 _MOST_REFINEMENTS = 16
+_MANY = 256  # breakpoints, as of a table, at each of which the exponential method would have to start anew
 # Radians of the highest frequency over the duration. Measured: 140 (rod-slider) for Runge-Kutta, 12,500 (arm) against.
 _STIFF = 2000.0
 _SAFETY = 0.1  # tolerance of an adaptive method over the wanted error
@@ -86,11 +87,13 @@ class Automatic:
 
     def _method(self, system: System, refinement: int) -> tuple[Integrator, float]:
         """Return a method, and the difference from the march before over the method's own error."""
-        if system.coupled:
+        if system.coupled or len(system.breakpoints) > _MANY:
             tolerance = max(self.error * _SAFETY ** (1 + refinement), 3e-14)
             stiff = system.highest_frequency * self.duration > _STIFF
             return (ExponentialRosenbrock if stiff else RungeKutta)(tolerance), 1 / _SAFETY
-        return Exponential(self.duration / (_FIRST_STEPS * 2**refinement)), 2.0**3  # order 3 where it is worst
+        # What happens between two breakpoints takes finer steps too, lest two marches agree that miss it alike.
+        method = PiecewiseExponential(self.duration / (_FIRST_STEPS * 2**refinement), 2**refinement)
+        return method, 2.0**3  # order 3 where it is worst
 
 
 def largest_difference(q: Array, other: Array, groups: IntArray) -> float:

@@ -9,7 +9,8 @@ matrix functions φ₁, φ₂, φ₃ of the method.
 from __future__ import annotations
 
 import math
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
+from itertools import pairwise
 from typing import Any
 
 import numpy as np
@@ -23,7 +24,9 @@ from pipeline.integrators.protocol import (
     State,
     Trajectory,
     march_from,
+    require_start,
     require_step,
+    require_times,
     start_state,
 )
 
@@ -68,9 +71,14 @@ class Exponential:
         ValueError
             The mechanism has a rotation in space, whose quaternion is no oscillator.
         """
-        if system.n_positions != system.n:
-            raise ValueError("the exponential method takes no rotations in space; use another integrator")
-        parameters, h, stiffness = system.parameters, self.step, system.stiffness
+        _require_oscillators(system)
+        return self._continue(system, system.stiffness, start, times, 0.0, progress)
+
+    def _continue(
+        self, system: System, stiffness: Array, start: State, times: Array, origin: float, progress: Progress | None
+    ) -> Trajectory:
+        """Continue from a state, its steps and the output times counted from an origin [s]."""
+        parameters, h = system.parameters, self.step
         full, half = np.empty((system.n, 8)), np.empty((system.n, 8))
         for j, squared in enumerate(stiffness):
             _functions(squared, h, full[j])
@@ -78,11 +86,78 @@ class Exponential:
         work, phi = np.empty((10, system.n)), np.empty(8)
 
         def run(state: State, n_steps: int, *samples: Any) -> int:
-            march = (h, state.step, n_steps, state.q, state.v, state.a)
+            march = (origin, h, state.step, n_steps, state.q, state.v, state.a)
             return int(_march(parameters, stiffness, full, half, work, phi, *march, *samples))
 
         end, q, v, seconds = march_fixed_steps(run, start, h, 1, times, progress)
         return Trajectory(self.name, h, 1, times, q, v, 4 * (end.step - start.step), 0, seconds, end)
+
+
+@dataclass(frozen=True)
+class PiecewiseExponential:
+    """Exponential method that starts anew at each breakpoint of the loads, with a constant step between two of them.
+
+    Parameters
+    ----------
+    step : float
+        Longest step [s].
+    least : int
+        Smallest number of steps between two breakpoints.
+    """
+
+    step: float
+    least: int = 1
+
+    name = "exponential"
+
+    def __post_init__(self) -> None:
+        require_step(self.step)
+
+    def order(self, system: System) -> int:
+        """Return 4; modes that the step does not resolve have about 3."""
+        return 4
+
+    def largest_step(self, system: System) -> float:
+        """Return the limit of `Exponential` [s]."""
+        return Exponential(self.step).largest_step(system)
+
+    def march(self, system: System, q0: Array, v0: Array, times: Array, progress: Progress | None = None) -> Trajectory:
+        """Integrate from time 0 to the last of ``times``."""
+        require_times(times)
+        end = float(times[-1])
+        stops = [t for t in system.breakpoints if 0.0 < t < end]
+        if not stops:
+            return Exponential(self.step).march(system, q0, v0, times, progress)
+        require_start(system, q0, v0)
+        _require_oscillators(system)
+        stiffness = system.stiffness
+        q, v = np.full((times.size, q0.size), np.nan), np.full((times.size, v0.size), np.nan)
+        state = State(0, q0.astype(float), v0.astype(float), np.zeros(v0.size))
+        evaluations, seconds, steps = 0, 0.0, 0
+        for begin, finish in pairwise([0.0, *stops, end]):
+            # A margin of some units in the last place keeps loads on their side of a jump.
+            margin = 4.0 * float(np.spacing(finish))
+            origin, last = begin + (margin if begin else 0.0), finish - margin
+            if not last > origin:
+                continue
+            count = max(self.least, math.ceil((last - origin) / self.step))
+            method = Exponential((last - origin) / count)
+            inside = (times >= begin) & ((times < finish) if finish < end else (times <= end))
+            local = np.append(np.clip(times[inside] - origin, 0.0, last - origin), last - origin)
+            piece = method._continue(system, stiffness, replace(state, step=0, time=0.0), local, origin, None)
+            q[inside], v[inside] = piece.q[:-1], piece.v[:-1]
+            state = replace(piece.end, q=piece.q[-1].copy(), v=piece.v[-1].copy())
+            evaluations, seconds, steps = evaluations + piece.evaluations, seconds + piece.seconds, steps + count
+            if progress:
+                progress(finish / end)
+        state = replace(state, step=steps, time=end)
+        return Trajectory(self.name, end / steps, 1, times, q, v, evaluations, 0, seconds, state)
+
+
+def _require_oscillators(system: System) -> None:
+    """Raise ``ValueError`` if a mechanism has a rotation in space, whose quaternion is no oscillator."""
+    if system.n_positions != system.n:
+        raise ValueError("the exponential method takes no rotations in space; use another integrator")
 
 
 @kernel
@@ -122,7 +197,7 @@ def _rest(p: Any, stiffness: Array, t: float, q: Array, v: Array, N: Array) -> N
 @kernel
 def _march(
     p: Any, stiffness: Array, full: Array, half: Array, work: Array, phi: Array,
-    h: float, first: int, n_steps: int, q: Array, v: Array, a: Array,
+    origin: float, h: float, first: int, n_steps: int, q: Array, v: Array, a: Array,
     sample_step: IntArray, sample_offset: Array, sample_q: Array, sample_v: Array, cursor: IntArray,
 ) -> int:  # fmt: skip
     n = v.size
@@ -130,7 +205,7 @@ def _march(
     q_now, v_now = work[8], work[9]
     next_sample = sample_step[cursor[0]] if cursor[0] < sample_step.size else -1
     for step in range(first, first + n_steps):
-        t = step * h
+        t = origin + step * h
         _rest(p, stiffness, t, q, v, N0)
         for i in range(n):
             q_now[i], v_now[i] = q[i], v[i]

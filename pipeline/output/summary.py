@@ -20,7 +20,7 @@ def summarise(run: Pipeline, files: list[str], budget: bool) -> dict[str, Any]:
     if run.parts:
         summary |= frequency_table(run)
         summary["bodies"] = {name: own | _body(run, name) for name, own in frequencies_by_body(run).items()}
-    summary["warnings"] = mode_warnings(run)
+    summary["warnings"] = [*mode_warnings(run), *_motion_warnings(run)]
     first = run.motion
     limits = [plan.integrator.largest_step(plan.system) for plan in run.plans.values()]
     summary["largest_stable_step_s"] = 2.0 / run.system.highest_frequency if run.system.n else None
@@ -71,6 +71,20 @@ def summarise(run: Pipeline, files: list[str], budget: bool) -> dict[str, Any]:
         "stages_cached": list(run.log.cached),
         "stages_skipped": [stage for stage in STAGES if stage not in run.log.seconds],
     }
+
+
+def _motion_warnings(run: Pipeline) -> list[dict[str, str]]:
+    """Warnings about results that can't be right, each a text and a code."""
+    acts = any(not activity.quiet.all() for activity in run.mechanism.activities)
+    return [
+        {
+            "code": "load-without-motion",
+            "text": f"{motion.trajectory.integrator}: a load acts, but nothing moves; check its place and direction, "
+            "and what the joints leave free",
+        }
+        for motion in run.motions.values()
+        if acts and motion.trajectory.q.size and not np.ptp(motion.trajectory.q, axis=0).any()
+    ]
 
 
 def _former_names(motion: Motion) -> dict[str, float]:

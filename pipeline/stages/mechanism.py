@@ -52,7 +52,7 @@ def build_mechanism(
     links = [_link(scene, places, body) for body in places.order]
     gravity, loads = np.array(scene.simulation.gravity), _point_loads(scene, places)
     try:
-        return Mechanism(links, fast_joints, gravity, loads, slow_modes or {})
+        return Mechanism(links, fast_joints, gravity, loads, slow_modes or {}, scene.simulation.duration)
     except ValueError as error:
         raise InputError(scene.file, "drive", None, str(error)) from error
 

@@ -25,6 +25,7 @@ if TYPE_CHECKING:
     from pipeline.scene.simulation import Simulation
 
 STABLE = 0.4  # of the largest stable step: for a variant that is unstable at the run's own
+_STEPS_IN_ACTION = 4.0  # at least, while a load acts between two times without it
 _NO_FORCE = 1e-3  # largest response of a mode that is left out, over the wanted error
 
 
@@ -140,7 +141,23 @@ def plan_like(plan: Plan, variant: BuiltScene) -> Plan:
 def _plan(built: BuiltScene, k: int, given: float | None) -> Plan:
     simulation = built.scene.simulation
     free = simulation.step == "auto" and not simulation.run[k].step
-    return _leave_out_modes(built, _check_growth(built, _plan_unchecked(built, k, given), free))
+    plan = _plan_unchecked(built, k, given)
+    _require_resolved_loads(built, plan)
+    return _leave_out_modes(built, _check_growth(built, plan, free))
+
+
+def _require_resolved_loads(built: BuiltScene, plan: Plan) -> None:
+    """Raise ``InputError`` if a fixed step is too long for a load that acts between two times without it."""
+    shortest = min((activity.shortest_action for activity in built.mechanism.activities), default=np.inf)
+    if plan.integrator.step * _STEPS_IN_ACTION > shortest:
+        raise InputError(
+            built.scene.file,
+            plan.key,
+            f"{plan.integrator.step:.6g} s",
+            f"a load acts for {shortest:.4g} s only, which {plan.integrator.name} would step over; "
+            f"a step of {shortest / _STEPS_IN_ACTION:.2g} s or less works, and auto, runge-kutta and "
+            "exponential-rosenbrock find theirs",
+        )
 
 
 def _plan_unchecked(built: BuiltScene, k: int, given: float | None) -> Plan:

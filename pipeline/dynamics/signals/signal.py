@@ -26,7 +26,7 @@ _CONSTANT, _PROGRAM, _TABLE = range(3)
 
 
 @dataclass(frozen=True)
-class _Term:
+class Term:
     """One of the terms whose sum is a signal; zero outside of its support."""
 
     kind: int
@@ -52,9 +52,14 @@ class Signal:
         Start [s], duration [s] and peak, if the signal is one half sine.
     """
 
-    terms: tuple[_Term, ...]
+    terms: tuple[Term, ...]
     breakpoints: tuple[float, ...] = ()
     pulse: tuple[float, float, float] | None = None
+
+    @property
+    def is_constant(self) -> bool:
+        """True if it never changes."""
+        return all(term.kind == _CONSTANT for term in self.terms)
 
     def value(self, t: float) -> tuple[float, float, float]:
         """Value, first and second time derivative at time t [s], by the kernel that a march uses."""
@@ -77,7 +82,7 @@ def constant(value: float) -> Signal:
     ValueError
         It isn't finite.
     """
-    return Signal((_Term(_CONSTANT, numbers=(_finite("the constant", value),)),))
+    return Signal((Term(_CONSTANT, numbers=(_finite("the constant", value),)),))
 
 
 def formula(expression: Formula, factor: float = 1.0) -> Signal:
@@ -106,7 +111,7 @@ def formula(expression: Formula, factor: float = 1.0) -> Signal:
     codes, numbers = expression.codes, expression.constants
     if factor != 1.0:
         codes, numbers = (*codes, _NUMBER, _MULTIPLY), (*numbers, factor)
-    return Signal((_Term(_PROGRAM, codes, numbers),), expression.breakpoints)
+    return Signal((Term(_PROGRAM, codes, numbers),), expression.breakpoints)
 
 
 def half_sine(start: float, duration: float, peak: float) -> Signal:
@@ -130,7 +135,7 @@ def half_sine(start: float, duration: float, peak: float) -> Signal:
         raise ValueError(f"a half sine that begins at {start:g} s can't last {duration:g} s; give more than 0")
     codes = (_TIME, _NUMBER, _SUBTRACT, _NUMBER, _MULTIPLY, _SIN, _NUMBER, _MULTIPLY)
     numbers = (start, math.pi / duration, peak)
-    term = _Term(_PROGRAM, codes, numbers, support=(start, end))
+    term = Term(_PROGRAM, codes, numbers, support=(start, end))
     return Signal((term,), (start, end), (start, float(duration), peak))
 
 
@@ -198,9 +203,9 @@ def _samples(times: Array, values: Array) -> tuple[Array, Array]:
     return times, values
 
 
-def _table(times: Array, cubics: Sequence[Sequence[float]]) -> _Term:
+def _table(times: Array, cubics: Sequence[Sequence[float]]) -> Term:
     pieces = tuple((a, b, c, d) for a, b, c, d in cubics)
-    return _Term(_TABLE, knots=tuple(times.tolist()), cubics=pieces)
+    return Term(_TABLE, knots=tuple(times.tolist()), cubics=pieces)
 
 
 @dataclass(frozen=True)

@@ -1,0 +1,111 @@
+"""Loads that act for a short time are never stepped over: each method against the sum of damped oscillators."""
+
+from typing import Any
+
+import numpy as np
+import pytest
+
+from pipeline import Pipeline, load_scene
+from pipeline.core.errors import InputError
+from pipeline.output.summary import summarise
+
+SCENE = """
+title = "Plate"
+[body.plate]
+shape = "bar"
+length = "300 mm"
+depth = "100 mm"
+width = "4 mm"
+E = "70 GPa"
+nu = 0.33
+rho = "2700 kg/m^3"
+mesh = { element = "hexahedron", order = 2, divisions = [6, 2, 1] }
+modes = { count = 4, boundary = "joint", damping = 0.02 }
+marker = { root = { face = "x-" }, tip = { face = "x+" } }
+[joint.hub]
+type = "fixed"
+parent = "ground"
+child = "plate.root"
+[drive.blow]
+type = "point force"
+marker = "plate.tip"
+direction = [0, 0, 1]
+force = { formula = "FORCE", unit = "N" }
+[simulation]
+duration = "0.3 s"
+output_step = "0.2 ms"
+step = "20 us"
+tip = "plate.tip"
+run = [{ integrator = "auto" }, { integrator = "runge-kutta", tolerance = 1e-9 },
+    { integrator = "exponential-rosenbrock", tolerance = 1e-8 }, { integrator = "Radau", tolerance = 1e-6 }]
+"""
+BLOWS = (
+    "100*sin(pi*t/0.001) if t < 0.001 else 0",
+    "500*exp(-((t-0.15)/0.0003)**2)",
+    "sin(30*t) + 500*exp(-((t-0.15)/0.0003)**2)",
+    "sin(30*t) + 100*max(0, 1 - abs(t - 0.2345)/0.0002)",
+)
+
+
+def plate(folder: Any, force: str, *settings: str) -> Pipeline:
+    """Return the plate under a force at its tip."""
+    file = folder / "plate.toml"
+    file.write_text(SCENE.replace("FORCE", force))
+    return Pipeline(load_scene(file, list(settings)))
+
+
+def closed_form(run: Pipeline) -> np.ndarray[Any, Any]:
+    """Return modal coordinates by Duhamel's integral, summed over 1 µs with the damped oscillator's own decay."""
+    (link,), (load,) = run.mechanism.links, run.mechanism.loads
+    h = 1e-6
+    t = h * np.arange(round(run.output_times[-1] / h) + 1)
+    force = np.outer(load.direction @ load.shapes, load.size.values(t)[:, 0])
+    pole = link.omega * (-link.damping + 1j * np.sqrt(1 - link.damping**2))
+    from scipy.signal import lfilter
+
+    coordinates = []
+    for p, f in zip(pole, force.astype(complex), strict=True):
+        # The integral of exp(p (t − s)) f(s), exact for a force that is linear over each step.
+        z = p * h
+        first, second = (np.exp(z) * (z - 1) + 1) / z**2, (np.exp(z) - 1 - z) / z**2
+        total = lfilter([h * second, h * first], [1.0, -np.exp(z)], f)
+        total -= lfilter([h * second * f[0]], [1.0, -np.exp(z)], np.r_[1.0, np.zeros(len(f) - 1)])
+        coordinates.append(total.imag / p.imag)
+    return np.array(coordinates).T[:: round(run.scene.simulation.output_step / h)]
+
+
+@pytest.mark.parametrize("force", BLOWS)
+def test_a_short_blow_is_felt_by_every_adaptive_method(tmp_path: Any, force: str) -> None:
+    run = plate(tmp_path, force)
+    exact = closed_form(run)
+    for label, motion in run.motions.items():
+        error = np.abs(motion.modal("plate") - exact).max() / np.abs(exact).max()
+        assert error < (1e-3 if label == "auto" else 2e-5), label
+
+
+def test_random_blows_are_felt_by_the_automatic_choice(tmp_path: Any) -> None:
+    rng = np.random.default_rng(3)
+    for _ in range(5):
+        width, at = 10.0 ** rng.uniform(-4.5, -2.5), rng.uniform(0.02, 0.28)
+        run = plate(tmp_path, f"100*exp(-((t-{at:.6f})/{width:.6g})**2)", "simulation.run=[{integrator='auto'}]")
+        exact = closed_form(run)
+        assert np.abs(run.motion.modal("plate") - exact).max() < 1e-3 * np.abs(exact).max()
+
+
+@pytest.mark.parametrize("method", ["exponential", "generalized-alpha"])
+def test_a_fixed_step_that_would_step_over_a_blow_is_refused_with_one_that_works(tmp_path: Any, method: str) -> None:
+    only = f"simulation.run=[{{integrator='{method}'}}]"
+    with pytest.raises(InputError, match=r"a load acts for 0\.001 s only.* a step of 0\.00025 s or less works"):
+        _ = plate(tmp_path, BLOWS[0], only, "simulation.step=5 ms").plans
+    run = plate(tmp_path, BLOWS[0], only, "simulation.step=0.05 ms")
+    exact = closed_form(run)
+    assert np.abs(run.motion.modal("plate") - exact).max() < 0.05 * np.abs(exact).max()
+
+
+def test_a_load_that_moves_nothing_is_warned_of(tmp_path: Any) -> None:
+    run = plate(tmp_path, BLOWS[0], "simulation.run=[{integrator='auto'}]")
+    assert summarise(run, [], budget=False)["warnings"] == []
+    run.motion.trajectory.q[:] = 0.0
+    (warning,) = summarise(run, [], budget=False)["warnings"]
+    assert warning["code"] == "load-without-motion"
+    assert "a load acts, but nothing moves" in warning["text"]
