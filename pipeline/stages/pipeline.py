@@ -186,6 +186,7 @@ class Pipeline:
 
         if self._spin is not None:
             return self._spin
+        self.scene.simulation  # noqa: B018 - a scene of parts alone is refused before anything is reduced
         return check_spins(self.scene, {name: part.body for name, part in self.parts.items()})
 
     @cached_property
