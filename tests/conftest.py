@@ -11,10 +11,13 @@ from typing import NamedTuple
 _CACHE = Path(tempfile.mkdtemp(prefix="fmd-tests-"))
 # The cache folder is read as soon as pipeline.dynamics is imported, so it has to be set before that.
 os.environ["FMD_CACHE"] = str(_CACHE)
-if not os.environ.get("CI"):  # a developer's kernels stay from run to run, named by their source; the gate starts cold
-    _KERNELS = Path(os.environ.get("FMD_TEST_KERNELS", Path(__file__).parents[1] / ".pytest_cache" / "kernels"))
-    _KERNELS.mkdir(parents=True, exist_ok=True)
-    (_CACHE / "kernels").symlink_to(_KERNELS.resolve(), target_is_directory=True)
+# Kernels are shared by the processes of a run. A developer's stay from run to run, named by their source; the gate's
+# are compiled anew: there the first process makes the folder, and those that it starts inherit its name.
+_COLD = bool(os.environ.get("CI")) and "FMD_TEST_KERNELS" not in os.environ
+_KEPT = tempfile.mkdtemp(prefix="fmd-kernels-") if _COLD else Path(__file__).parents[1] / ".pytest_cache" / "kernels"
+_KERNELS = Path(os.environ.setdefault("FMD_TEST_KERNELS", str(_KEPT)))
+_KERNELS.mkdir(parents=True, exist_ok=True)
+(_CACHE / "kernels").symlink_to(_KERNELS.resolve(), target_is_directory=True)
 
 import numpy as np
 import pytest
@@ -71,6 +74,8 @@ def fmd() -> Callable[..., int]:
 
 def pytest_unconfigure() -> None:
     shutil.rmtree(_CACHE, ignore_errors=True)
+    if _COLD:
+        shutil.rmtree(_KERNELS, ignore_errors=True)
 
 
 def make_box(
