@@ -26,13 +26,13 @@ REPEATS = 101
 
 def reference(rotor, times):
     """Integrate by DOP853, stopped where the torque ends."""
-    n, a = rotor.n, np.zeros(rotor.n)
+    n, a, parameters = rotor.n, np.zeros(rotor.n), rotor.parameters
 
     def rates(t, y):
-        evaluate(rotor.parameters, t, y[:n], y[n:], a)
+        evaluate(parameters, t, y[:n], y[n:], a)
         return np.concatenate([y[n:], a])
 
-    end = rotor.pulse.start + rotor.pulse.duration
+    end = max(rotor.breakpoints)
     driven, free = times[times <= end + 1e-12], times[times > end + 1e-12]
     first = solve_ivp(rates, (0, end), np.zeros(2 * n), "DOP853", t_eval=driven, rtol=1e-11, atol=1e-16)
     second = solve_ivp(rates, (end, times[-1]), first.y[:, -1], "DOP853", t_eval=free, rtol=1e-11, atol=1e-16)

@@ -196,7 +196,7 @@ def compare(case: Case) -> list[Compared]:
     true = true_errors(run, finer)
     closer = true_errors(Pipeline(load_scene(case.scene, case.between)), finer) if case.between else {}
     return [
-        Compared(row.name, row.total, true[row.name], closer.get(row.name, 0.0) >= true[row.name])
+        Compared(row.name, row.numerical, true[row.name], closer.get(row.name, 0.0) >= true[row.name])
         for row in ERROR_BUDGET.of(run).rows
         if true[row.name] > _ROUND_OFF
     ]

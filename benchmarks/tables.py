@@ -12,6 +12,7 @@ from collections.abc import Callable, Iterable
 from itertools import pairwise
 from math import exp, inf, isfinite, log
 from pathlib import Path
+from statistics import median
 
 HERE = Path(__file__).parent
 DOCS = HERE.parent / "docs"
@@ -267,6 +268,38 @@ def error_budget() -> str:
     return markdown((*header, "the same without true errors that are small by chance"), lines)
 
 
+def error_sources() -> str:
+    """Tabulate the medians of stated over true errors by source and kind of result."""
+    groups: dict[tuple[str, str], list[float]] = {}
+    for row in read_rows("error_sources"):
+        ratio = float(row["stated"]) / float(row["true"])
+        groups.setdefault((row["source"], row["kind"]), []).append(ratio)
+        groups.setdefault((row["source"], "all"), []).append(ratio)
+    lines = []
+    for source in dict.fromkeys(source for source, _ in groups):
+        kinds = sorted(kind for owner, kind in groups if owner == source and kind != "all")
+        for kind in (*kinds, "all"):
+            ratios = groups[source, kind]
+            covered = f"{100 * sum(ratio >= 1 for ratio in ratios) / len(ratios):.0f} % of {len(ratios)}"
+            lines.append([source, kind, f"{median(ratios):.1f}", covered])
+    return markdown(("source", "results", "median of stated over true", "true below stated"), lines)
+
+
+def deflection() -> str:
+    """Tabulate stated and true errors of large deflections, in percent."""
+    deflections: dict[tuple[str, str], dict[str, str]] = {}
+    for row in read_rows("deflection"):
+        stated, true = (100 * float(row[key]) for key in ("stated", "true"))
+        line = deflections.setdefault((row["reference"], row["deflection"]), {})
+        line[row["quantity"]] = f"{stated:.2g} for {true:.2g}"
+    quantities = ("tip, deflection", "tip, largest deflection", "strip, largest von Mises stress")
+    lines = (
+        [reference, f"{100 * float(size):g} %", *(line.get(quantity, "–") for quantity in quantities)]
+        for (reference, size), line in deflections.items()
+    )
+    return markdown(("reference", "of the length", "deflection [%]", "its size [%]", "stress [%]"), lines)
+
+
 TABLES: dict[str, Callable[[], str]] = {
     "integrators": integrators,
     "beam-subcycling": beam_subcycling,
@@ -277,6 +310,8 @@ TABLES: dict[str, Callable[[], str]] = {
     "eigen": eigen,
     "assembly": assembly,
     "error-budget": error_budget,
+    "error-sources": error_sources,
+    "deflection": deflection,
 }
 
 

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+import signal
+import threading
 from collections.abc import Iterator, Mapping, Sequence
 from contextlib import contextmanager
 from typing import Any, NamedTuple
@@ -45,6 +47,8 @@ def gmsh_model(name: str) -> Iterator[Any]:
     import gmsh
 
     gmsh.initialize(["gmsh", "-nt", "1"], readConfigFiles=False, interruptible=False)
+    if hasattr(signal, "SIGPIPE") and threading.current_thread() is threading.main_thread():
+        signal.signal(signal.SIGPIPE, signal.SIG_IGN)  # Gmsh has a broken pipe end the process
     try:
         gmsh.option.setNumber("General.Terminal", 0)
         gmsh.option.setNumber("Mesh.RandomSeed", 1)

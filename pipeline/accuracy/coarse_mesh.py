@@ -20,7 +20,7 @@ from pipeline.stages.pipeline import Pipeline
 from pipeline.stages.store import StageStore
 
 _SAME = 1e-9
-_ALIKE = 0.5  # modal assurance criterion above which a shape of the coarse mesh is the run's own
+ALIKE = 0.5  # modal assurance criterion above which a shape of the coarse mesh is the run's own
 _MORE = 1.5  # modes of the coarse mesh to find the run's among
 
 
@@ -47,7 +47,7 @@ class Pair:
 
     def excess_of_shapes(self, name: str) -> tuple[Array, NDArray[np.bool_]]:
         """Return the relative excess of a body's squared frequencies, and which shapes have a match, (n,) each."""
-        numbers, alike = self._counterparts(name)
+        numbers, alike = self.counterparts(name)
         theirs, own = self.coarse.bodies[name].omega[numbers], self.run.bodies[name].omega
         return np.asarray(((theirs / own) ** 2 - 1) / self.gains["displacement"]), alike
 
@@ -55,18 +55,18 @@ class Pair:
         """Return the coarse run at the run's frequencies, and each body's factors from coordinates to stress."""
         retuned_bodies = {}
         for name, body in self.run.bodies.items():
-            other, (numbers, alike) = self.coarse.bodies[name], self._counterparts(name)
+            other, (numbers, alike) = self.coarse.bodies[name], self.counterparts(name)
             omega = other.omega.copy()
             omega[numbers[alike]] = body.omega[alike]
             retuned_bodies[name] = retune_body(other, omega)
         ringing = self.coarse.with_bodies({name: body for name, (body, _) in retuned_bodies.items()})
         return ringing, {name: scale for name, (_, scale) in retuned_bodies.items()}
 
-    def _counterparts(self, name: str) -> tuple[IntArray, NDArray[np.bool_]]:
+    def counterparts(self, name: str) -> tuple[IntArray, NDArray[np.bool_]]:
         """Return the numbers of the shapes on the coarse mesh that are most like a body's, and which of them match."""
         own, other, m = self.run.bodies[name], self.coarse.bodies[name], self.coarse.parts[name].fe.m
         numbers, alike = find_counterparts(own.x, own.shapes, other.x, m, other.shapes, other.omega)
-        return numbers, alike > _ALIKE
+        return numbers, alike > ALIKE
 
 
 def make_coarse_pair(run: Pipeline) -> Pair | str:
@@ -97,7 +97,8 @@ def _pair(run: Pipeline, scene: Scene) -> Pair:
     pairs = [(own, parts[name]) for name, own in run.parts.items()]
     ratio = min(compare_element_sizes(own.shape, len(own.mesh.cells), len(other.mesh.cells)) for own, other in pairs)
     order, edges = min(own.order for own in run.parts.values()), min(own.mesh.order for own in run.parts.values())
-    gains = {kind: refinement_gain(ratio, order, edges, kind) for kind in ("displacement", "stress", "geometry")}
+    kinds = ("displacement", "stress", "spot stress", "geometry")
+    gains = {kind: refinement_gain(ratio, order, edges, kind) for kind in kinds}
     # Where the volume changes with the mesh so does the shape, and nothing converges faster than that does.
     exact = all(abs(coarse.bodies[name].gram.mass / body.gram.mass - 1) < _SAME for name, body in run.bodies.items())
     return Pair(run, coarse, gains if exact else {kind: min(gain, gains["geometry"]) for kind, gain in gains.items()})

@@ -2,16 +2,21 @@
 
 from __future__ import annotations
 
+import math
 from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
 
 from pipeline.accuracy.error_estimates import NO_PART, SAFETY, SOURCES, Row
-from pipeline.accuracy.estimators import Estimates
+from pipeline.accuracy.model_errors import ModelError, summarise_causes
 from pipeline.accuracy.quantities import mesh_quantities, motion_quantities, stress_quantities
+from pipeline.accuracy.time_limit import TimeLimit
 from pipeline.stages.pipeline import Pipeline
 from pipeline.stages.stage import Stage
+
+_TIMES_RUN = 3.0  # time limit over the time of the run
+_LEAST_SECONDS = 10.0  # of a time limit
 
 
 @dataclass(frozen=True)
@@ -23,10 +28,19 @@ class Budget:
     rows : tuple of Row
     safety : float
         Factor on the root of the sum of the squares of a row's estimates.
+    model : tuple of ModelError
+        What the model leaves out, cause by cause.
+    left_out : tuple of str
+        Estimates that the time limit left out, with the reason.
+    seconds : float
+        Time that the estimates took [s].
     """
 
     rows: tuple[Row, ...]
     safety: float = SAFETY
+    model: tuple[ModelError, ...] = ()
+    left_out: tuple[str, ...] = ()
+    seconds: float = 0.0
 
     @property
     def worst(self) -> Row:
@@ -40,7 +54,13 @@ class Budget:
             | {**row.parts, "total": row.total}
             for row in self.rows
         ]
-        return {"safety": self.safety, "rows": rows}
+        return {
+            "safety": self.safety,
+            "rows": rows,
+            "model": summarise_causes(self.model),
+            "left_out": list(self.left_out),
+            "seconds": self.seconds,
+        }
 
 
 def true_errors(run: Pipeline, finer: Pipeline) -> dict[str, float]:
@@ -48,6 +68,8 @@ def true_errors(run: Pipeline, finer: Pipeline) -> dict[str, float]:
 
     Frequencies are matched by their modes' shapes, element stress by place.
     """
+    from pipeline.accuracy.estimators import Estimates
+
     quantities, motion = Estimates(run).quantities, finer.motion
     places = {name: part.element_places for name, part in run.parts.items() if part.elements}
     exact = mesh_quantities(finer, run) | motion_quantities(finer, motion, finer.fine_motion)
@@ -56,15 +78,38 @@ def true_errors(run: Pipeline, finer: Pipeline) -> dict[str, float]:
     return {name: quantity.error(exact[name]) for name, quantity in quantities.items()}
 
 
-def _estimate(run: Pipeline) -> Budget:
-    estimates = Estimates(run)
+def state_errors(run: Pipeline, seconds: float = math.inf) -> Budget:
+    """State the errors of a scene's first run, within a time limit [s]; a budget that is whole is kept.
+
+    Of one that isn't, the next call makes all estimates anew.
+    """
+    name = ERROR_BUDGET.name
+    if name not in run.results:
+        run.results[name] = run.store.read_or_compute(
+            name, ERROR_BUDGET.key(run), lambda: _estimate(run, seconds), keep=lambda budget: not budget.left_out
+        )
+    budget: Budget = run.results[name]
+    return budget
+
+
+def allowed_seconds(run: Pipeline) -> float:
+    """Return the time that a budget may take by default [s]: three times that of the run."""
+    return max(_TIMES_RUN * sum(run.log.seconds.values()), _LEAST_SECONDS)
+
+
+def _estimate(run: Pipeline, seconds: float = math.inf) -> Budget:
+    from pipeline.accuracy.estimators import Estimates
+
+    limit = TimeLimit(seconds)
+    estimates = Estimates(run, limit)
     by_source = estimates.by_source()
     rows = []
     for name, quantity in estimates.quantities.items():
         parts = {source: by_source.get(source, {}).get(name, NO_PART) for source in SOURCES}
         over_time = not (quantity.largest or name in estimates.of_mesh)
         rows.append(Row(name, quantity.unit, quantity.scale, over_time, parts))
-    return Budget(tuple(rows))
+    causes, left_out = tuple(estimates.model.causes), tuple(estimates.left_out)
+    return Budget(tuple(rows), model=causes, left_out=left_out, seconds=limit.spent)
 
 
 def _inputs(run: Pipeline) -> dict[str, Any]:

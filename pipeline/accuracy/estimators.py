@@ -9,18 +9,22 @@ extrapolated from two motions; so the frequencies are, and the motion is compute
 from __future__ import annotations
 
 import math
+from collections.abc import Callable
 from dataclasses import replace
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
 from pipeline.accuracy.coarse_mesh import Pair, make_coarse_pair
+from pipeline.accuracy.comparison import Comparison
 from pipeline.accuracy.error_estimates import NO_PART, SAFETY, shifted_frequencies, soften_body
-from pipeline.accuracy.quantities import Quantities, mesh_quantities, motion_quantities, stress_quantities
-from pipeline.core.arrays import Array, IntArray
+from pipeline.accuracy.model_errors import ModelErrors
+from pipeline.accuracy.quantities import mesh_quantities
+from pipeline.accuracy.time_limit import LeftOutError, TimeLimit
+from pipeline.core.arrays import Array
 from pipeline.core.errors import InputError
 from pipeline.integrators.automatic import Automatic
-from pipeline.recovery.stress import choose_frames, von_mises
+from pipeline.recovery.stress import von_mises
 from pipeline.scene.variants import enrich_bases
 from pipeline.stages.runs import STABLE, plan_like
 
@@ -33,121 +37,163 @@ if TYPE_CHECKING:
     from pipeline.stages.runs import Plan
 
 _SHORT = 0.5  # seconds of a march that may be taken again with half of its step
-_FRAMES = 60  # at which stress is compared
-_HOTTEST = 20  # of them around the largest stress
-_HOT = 0.5  # of the largest stress: what other nodes have doesn't matter
-_SHIFTS = (0.5, 1.0, 1.5, 2.0)  # of the extrapolated change of frequencies; the last is SAFETY
+# Multiples of the extrapolated change of frequencies; the first, SAFETY, tells most.
+_SHIFTS = (SAFETY, 1.0, 0.5, 1.5)
+_COARSE_SHARE = 0.25  # of the time that mesh and modes took, for those of half as many elements each way
+_FINER_WORK = 2.0  # work of a march that is finer in time, over the run's
 _FINER = 0.1
 # Recovered stress overstates the error of static responses to forces on a face, where stress jumps, 25 times on the
 # beam, and patches of elements that at edges: both count up to this many times of what the coarse mesh tells.
 _MOST_OF_CHANGE = 3.0
 
 
-class Estimates:
-    """Relative errors of a run's quantities by source; each method compares the run with one variant."""
+class Estimates(Comparison):
+    """Relative errors of a run's quantities by source; each method compares the run with one variant.
 
-    def __init__(self, run: Pipeline) -> None:
-        self.run = run
-        self.plan = next(iter(run.plans.values()))
-        self.motion = run.motion
-        self.frames: IntArray = np.arange(0)
-        self.of_mesh = mesh_quantities(run)
-        self.quantities = self.of_mesh | motion_quantities(run, self.motion, run.fine_motion)
-        self.hot: dict[str, IntArray] = {}
-        if run.parts:
-            self._choose_stress_samples()
-            self.quantities |= stress_quantities(run, self.motion, self.frames)
+    Attributes
+    ----------
+    left_out : list of str
+        Estimates that the time limit left out, with the reason.
+    model : ModelErrors
+        Errors of what the model leaves out.
+    """
+
+    def __init__(self, run: Pipeline, limit: TimeLimit | None = None) -> None:
+        super().__init__(run, limit or TimeLimit())
+        self.left_out: list[str] = []
+        self.model = ModelErrors(self)
+        self._excess: dict[str, Array] = {}  # of each body's stiffness
+        self._shifts: dict[str, float] = {}  # changes of the motion by shifted frequencies
+        self._shapes: dict[str, float] = {}  # errors by shapes of the mesh
 
     def by_source(self) -> dict[str, dict[str, float | str]]:
-        """Return the relative errors of the quantities by source, or the reason why there is no estimate."""
-        if not self.run.parts:
-            return {"time": self._time()}
-        recovery = self._recovery()
-        discretisation = self._discretisation(recovery)
-        return {
-            "discretisation": discretisation,
-            "truncation": self._truncation(),
-            "time": self._time(),
-            "recovery": recovery,
-        }
+        """Return the relative errors of the quantities by source, or the reason why there is no estimate.
 
-    # The sources ------------------------------------------------------------------------------------------------
+        What is cheap and says most comes first, for a time limit may end the row.
+        """
+        found: dict[str, dict[str, float | str]] = {}
+        if self.run.parts:
+            found["recovery"] = self._recovery()
+        found["time"] = self._within_limit("time", self._time)
+        if not self.run.parts:
+            return found
+        found["discretisation"] = self._discretisation(found["recovery"])
+        found["truncation"] = self._within_limit("truncation", self._truncation)
+        with self.run.store.monitor("error budget: model"):
+            self.model.estimate_left_out()
+        self.left_out += self.model.left_out
+        self._within_limit("discretisation, more shifts of frequencies", self._march_shifts)
+        found["discretisation"] |= self._shifts_and_shapes()
+        return found | {"model": self.model.of_quantities}
+
+    def _within_limit(self, source: str, estimate: Callable[[], dict[str, float | str]]) -> dict[str, float | str]:
+        """Return a source's estimates; if the time limit leaves them out, the reason for each quantity."""
+        try:
+            with self.run.store.monitor(f"error budget: {source}"):
+                return estimate()
+        except LeftOutError as why:
+            self.left_out.append(f"{source}: {why}")
+            return dict.fromkeys(self.of_motion, str(why))
 
     def _time(self) -> dict[str, float | str]:
         """Estimate the error of time integration by another step or a finer tolerance."""
         integrator, gain = _change_fineness(self.plan, self.motion.trajectory.seconds)
-        other = self._march(self.run, replace(self.plan, integrator=integrator))
-        return {name: error / gain for name, error in self._changes(self._of(self.run, other, self.hot)).items()}
+        other = self.march(self.run, replace(self.plan, integrator=integrator), _FINER_WORK)
+        theirs = self.quantities_of(self.run, other, self.hot)
+        return {name: error / gain for name, error in self.changes(theirs).items()}
 
     def _truncation(self) -> dict[str, float | str]:
         """Estimate modal truncation by a richer basis, both marched with a step that is stable for the richer one."""
+        self.require_modes(1.0)
         rich = self.run.variant(enrich_bases(self.run.scene), spin=self.run.spin)  # what is stiffened stays so
         try:
             plan, base = self._comparable(rich)
         except InputError as fault:  # the mesh has no more modes than the run's
             return dict.fromkeys(self.quantities, f"not estimated: with more modes, {fault}")
-        ours = self.quantities if base is None else self._of(self.run, base)
-        return dict(self._changes(self._of(rich, self._march(rich, plan)), ours))
+        ours = self.quantities if base is None else self.quantities_of(self.run, base)
+        return dict(self.changes(self.quantities_of(rich, self.march(rich, plan)), ours))
 
     def _discretisation(self, recovery: dict[str, float | str]) -> dict[str, float | str]:
-        """Estimate the mesh's error: the shift of the frequencies, and everything else that a coarser mesh changes.
-
-        The difference between the stress of two meshes holds the error of its recovery; that is not counted twice.
-        """
-        pair = make_coarse_pair(self.run)
+        """Estimate the mesh's error: the shift of the frequencies, and everything else that a coarser mesh changes."""
+        pair = self.pair = self._coarse_pair()
         errors: dict[str, float | str] = dict.fromkeys(self.quantities, pair if isinstance(pair, str) else NO_PART)
-        excess: dict[str, Array] = {}
-        for name, part in self.run.parts.items():
-            body = self.run.bodies[name]
-            of_modes, excess[name] = _energy_excess(part, body)
-            if isinstance(pair, Pair):
-                of_modes = _root_mean_square(of_modes, pair.excess_of_modes(name))
-                changed, alike = pair.excess_of_shapes(name)
-                recovered = np.diag(excess[name])
-                static = body.omega > part.modes.omega.max()
-                most = np.where(static, _MOST_OF_CHANGE * np.abs(changed), np.inf)
-                wanted = np.where(alike, _root_mean_square(np.minimum(recovered, most), changed), recovered)
-                excess[name] = _with_diagonal(excess[name], wanted)
+        for name in self.run.parts:
+            of_modes, self._excess[name] = self._excess_of(name)
             for k, share in enumerate(1 - shifted_frequencies(np.ones(len(of_modes)), of_modes, 1.0)):
                 errors[f"{name}, frequency {k + 1}"] = abs(float(share))
-        shifted = self._shifted(excess)
-        errors |= shifted
+        errors |= self._within_limit("discretisation", lambda: self._march_shift(self._excess, _SHIFTS[0]))
         if isinstance(pair, str):
             return errors
         masses = mesh_quantities(pair.coarse)
         for name, quantity in self.of_mesh.items():
             if quantity.kind == "geometry":
                 errors[name] = quantity.change(masses[name]) / pair.gains["geometry"]
-        for name, error in self._otherwise_coarse(pair).items():
+        self._within_limit("discretisation, shapes", lambda: self._otherwise_coarse(pair, recovery))
+        return errors
+
+    def _excess_of(self, name: str) -> tuple[Array, Array]:
+        """Return the excess of a body's squared frequencies (n,) and of products of its shapes' stiffness (n', n')."""
+        part, body, pair = self.run.parts[name], self.run.bodies[name], self.pair
+        of_modes, excess = _energy_excess(part, body)
+        if isinstance(pair, str):
+            return of_modes, excess
+        changed, alike = pair.excess_of_shapes(name)
+        recovered = np.diag(excess)
+        static = body.omega > part.modes.omega.max()
+        most = np.where(static, _MOST_OF_CHANGE * np.abs(changed), np.inf)
+        wanted = np.where(alike, _root_mean_square(np.minimum(recovered, most), changed), recovered)
+        return _root_mean_square(of_modes, pair.excess_of_modes(name)), _with_diagonal(excess, wanted)
+
+    def _coarse_pair(self) -> Pair | str:
+        """Return the run and its scene on a coarser mesh, or the reason why there is none."""
+        try:
+            self.require_modes(_COARSE_SHARE)
+        except LeftOutError as why:
+            self.left_out.append(f"discretisation, a coarser mesh: {why}")
+            return str(why)
+        with self.run.store.monitor("error budget: a coarser mesh"):
+            return make_coarse_pair(self.run)
+
+    def _march_shifts(self) -> dict[str, float | str]:
+        """March all shifts but the first, which has been; each that is done counts."""
+        for shift in _SHIFTS[1:]:
+            self._march_shift(self._excess, shift)
+        return {}
+
+    def _march_shift(self, excess: dict[str, Array], shift: float) -> dict[str, float | str]:
+        """Return the change of the motion where the bodies' eigenvalues lose a multiple of their excess.
+
+        Over time a shift turns phases, so that twice of it need not change the motion twice as much: the largest change
+        on the way up to `SAFETY` counts.
+        """
+        bodies = {name: soften_body(body, shift * excess[name]) for name, body in self.run.bodies.items()}
+        moved = self.run.with_bodies({name: body for name, (body, _) in bodies.items()})
+        forces = {name: as_if for name, (_, as_if) in bodies.items()}
+        motion = self.march(moved, plan_like(self.plan, moved))
+        for name, quantity in self.quantities_of(moved, motion, self.hot, as_if=forces).items():
+            change = self.quantities[name].error(quantity) / SAFETY
+            self._shifts[name] = max(self._shifts.get(name, 0.0), change)
+        return dict(self._shifts)
+
+    def _otherwise_coarse(self, pair: Pair, recovery: dict[str, float | str]) -> dict[str, float | str]:
+        """Estimate what else changes on a coarser mesh that rings at the run's frequencies, the shapes' part.
+
+        The difference between the stress of two meshes holds the error of its recovery; that is not counted twice.
+        """
+        ringing, stressed = pair.at_the_same_frequencies()
+        places = {name: part.element_places for name, part in self.run.parts.items() if part.elements}
+        motion = self.march(ringing, plan_like(self.plan, ringing))
+        for name, error in self.changes(self.quantities_of(ringing, motion, places=places, as_if=stressed)).items():
             shape = error / pair.gains[self.quantities[name].kind]
             if isinstance(again := recovery.get(name), float):
                 recovery[name] = again = min(again, _MOST_OF_CHANGE * shape)
                 shape = max(shape - again, 0.0)
-            errors[name] = math.hypot(shifted[name], shape)
-        return errors
+            self._shapes[name] = shape
+        return {}
 
-    def _shifted(self, excess: dict[str, Array]) -> dict[str, float]:
-        """Return the change of the motion where the bodies' eigenvalues lose up to `SAFETY` times their excess.
-
-        Over time a shift turns phases, so that twice of it need not change the motion twice as much: the largest change
-        on the way counts.
-        """
-        largest = {name: 0.0 for name in self.quantities if name not in self.of_mesh}
-        for shift in _SHIFTS:
-            bodies = {name: soften_body(body, shift * excess[name]) for name, body in self.run.bodies.items()}
-            moved = self.run.with_bodies({name: body for name, (body, _) in bodies.items()})
-            forces = {name: as_if for name, (_, as_if) in bodies.items()}
-            theirs = self._of(moved, self._march(moved, plan_like(self.plan, moved)), self.hot, as_if=forces)
-            for name, quantity in theirs.items():
-                largest[name] = max(largest[name], self.quantities[name].error(quantity) / SAFETY)
-        return largest
-
-    def _otherwise_coarse(self, pair: Pair) -> dict[str, float]:
-        """Return the change of the motion on a coarser mesh that rings at the run's frequencies."""
-        ringing, stressed = pair.at_the_same_frequencies()
-        places = {name: part.element_places for name, part in self.run.parts.items() if part.elements}
-        motion = self._march(ringing, plan_like(self.plan, ringing))
-        return self._changes(self._of(ringing, motion, places=places, as_if=stressed))
+    def _shifts_and_shapes(self) -> dict[str, float]:
+        """Return the mesh's errors of the motion by shifted frequencies and by shapes together."""
+        return {name: math.hypot(shift, self._shapes.get(name, 0.0)) for name, shift in self._shifts.items()}
 
     def _recovery(self) -> dict[str, float | str]:
         """Estimate the error of stress recovery by a patch of elements at the worst node."""
@@ -165,43 +211,6 @@ class Estimates:
             errors[f"{name}, largest von Mises stress"] = abs(again - worst) / worst
         return errors
 
-    # How they are computed --------------------------------------------------------------------------------------
-
-    def _changes(self, theirs: Quantities, ours: Quantities | None = None) -> dict[str, float]:
-        """Return the difference of each quantity of the motion from a variant's."""
-        ours = ours or self.quantities
-        return {name: ours[name].change(quantity) for name, quantity in theirs.items()}
-
-    def _of(
-        self,
-        run: Pipeline,
-        fine: Motion,
-        nodes: dict[str, IntArray] | None = None,
-        places: dict[str, Array] | None = None,
-        as_if: dict[str, Array] | None = None,
-    ) -> Quantities:
-        """Return the quantities of a motion at the run's fine times; stress only at the chosen output times."""
-        given, chosen = fine.trajectory, self.run.fine_times[1]
-        motion = replace(
-            fine, trajectory=replace(given, times=given.times[chosen], q=given.q[chosen], v=given.v[chosen])
-        )
-        quantities = motion_quantities(run, motion, fine)
-        if run.parts:
-            quantities |= stress_quantities(run, motion, self.frames, nodes, places, as_if)
-        return quantities
-
-    def _choose_stress_samples(self) -> None:
-        """Choose the output times at which stress is compared, and the nodes that matter."""
-        frames = [choose_frames(len(self.motion.times), _FRAMES)]
-        for name in self.run.parts:
-            values = self.run.stress_of(name).measure_at(np.arange(len(self.motion.times)))
-            frames.append(np.argsort(values.max(axis=1))[-_HOTTEST:])
-            self.hot[name] = np.flatnonzero(values.max(axis=0) >= _HOT * values.max())
-        self.frames = np.unique(np.concatenate(frames))
-
-    def _march(self, other: Pipeline, plan: Plan) -> Motion:
-        return other.motion_by(plan, plan.march(self.run.fine_times[0]))
-
     def _comparable(self, rich: Pipeline) -> tuple[Plan, Motion | None]:
         """Return a plan for the richer model, and the run's own motion by its step if that is a shorter one."""
         method: Any = self.plan.integrator
@@ -209,7 +218,7 @@ class Estimates:
         if not method.step > limit:
             return plan_like(self.plan, rich), None
         shorter = replace(self.plan, integrator=replace(method, step=limit))
-        return plan_like(shorter, rich), self._march(self.run, shorter)
+        return plan_like(shorter, rich), self.march(self.run, shorter)
 
 
 def _energy_excess(part: FlexiblePart, body: FlexibleBody) -> tuple[Array, Array]:

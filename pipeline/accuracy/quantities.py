@@ -20,6 +20,8 @@ if TYPE_CHECKING:
 
 Quantities = dict[str, Quantity]
 
+_ROUND_OFF = 1e-14
+
 
 def mesh_quantities(run: Pipeline, like: Pipeline | None = None) -> Quantities:
     """Frequencies and masses of the flexible bodies; those of the modes that look ``like`` another run's, if given."""
@@ -48,7 +50,7 @@ def motion_quantities(run: Pipeline, motion: Motion, fine: Motion) -> Quantities
     motion, fine : Motion
         At the output times, and at many more, among which the tip's largest deflection is looked for.
     """
-    kinetic, potential = motion.energies
+    kinetic, potential = (_above_round_off(energy, motion.energies) for energy in motion.energies)
     found = [Quantity("kinetic energy", "J", kinetic), Quantity("potential energy", "J", potential)]
     for name, number in motion.joints.items():
         if motion.mechanism.links[number].motion is not None:
@@ -61,6 +63,12 @@ def motion_quantities(run: Pipeline, motion: Motion, fine: Motion) -> Quantities
         found.append(Quantity("tip, deflection", "m", motion.tip_deflection))
         found.append(Quantity("tip, largest deflection", "m", fine.tip_size, largest=True))
     return _by_name(sorted(found, key=lambda quantity: quantity.name))
+
+
+def _above_round_off(energy: Array, energies: tuple[Array, Array]) -> Array:
+    """Return an energy, or zeros if it is round-off beside the larger one: of a body at rest, or without weight."""
+    largest = max(float(np.abs(each).max()) for each in energies)
+    return energy if np.abs(energy).max() > _ROUND_OFF * largest else np.zeros_like(energy)
 
 
 def stress_quantities(
@@ -97,8 +105,8 @@ def stress_quantities(
         for element, stress in zip(part.elements, modal, strict=True):
             values = von_mises((stress @ q.T)[None])[0]
             label = f"{name}.{element}, von Mises stress"
-            found.append(Quantity(label, "Pa", values, kind="stress"))
-            found.append(Quantity(f"{label}, largest", "Pa", values, largest=True, kind="stress"))
+            found.append(Quantity(label, "Pa", values, kind="spot stress"))
+            found.append(Quantity(f"{label}, largest", "Pa", values, largest=True, kind="spot stress"))
     return _by_name(found)
 
 

@@ -7,7 +7,7 @@ from dataclasses import dataclass, field
 from typing import Any
 
 from pipeline.accuracy.error_budget import ERROR_BUDGET, Budget
-from pipeline.accuracy.error_estimates import SAFETY, SOURCES, Row
+from pipeline.accuracy.error_estimates import NUMERICAL, SAFETY, Row
 from pipeline.core.errors import AccuracyError, InputError
 from pipeline.scene.imported_bodies import MatrixPart
 from pipeline.scene.runs import AutoRun
@@ -56,8 +56,8 @@ class Round:
 
     def summary(self) -> dict[str, Any]:
         """Return the round as plain numbers and texts."""
-        found = {"quantity": self.worst.name, "stated": self.worst.total, "dominant": self.worst.dominant}
-        given_up = [{"quantity": row.name, "stated": row.total, "dominant": row.dominant} for row in self.given_up]
+        found = {"quantity": self.worst.name, "stated": self.worst.numerical, "dominant": self.worst.dominant}
+        given_up = [{"quantity": row.name, "stated": row.numerical, "dominant": row.dominant} for row in self.given_up]
         return self.settings | {"worst": found, "refined_for": self.shares, "given_up": given_up}
 
 
@@ -101,6 +101,7 @@ def meet_accuracy(run: Pipeline) -> Refinement:
     loads, and the automatic integrator. The scene's number of modes is where that of the basis starts; of the
     frequencies only as many count. A quantity whose error two rounds hardly lower is given up: stress at an edge that
     is held has no limit, what a load acts on rings in vibrations beyond any basis. It is reported, not refined for.
+    The model's own errors don't count, for no refinement lowers them: the run warns of them.
     If the accuracy isn't met within some rounds, or on a mesh that can be afforded, the best run counts.
 
     Raises
@@ -126,17 +127,17 @@ def meet_accuracy(run: Pipeline) -> Refinement:
             ended_by = f"a round that failed: {error}"
             break
         rows = _counting(budget, run.scene)
-        stated.append({row.name: row.total for row in rows})
+        stated.append({row.name: row.numerical for row in rows})
         stalled = {name for name in stated[-1] if _is_stalled([past[name] for past in stated], wanted, left)}
-        stalled |= {row.name for row in rounds[-1].given_up if row.total > wanted} if rounds else set()
+        stalled |= {row.name for row in rounds[-1].given_up if row.numerical > wanted} if rounds else set()
         hopeful = [row for row in rows if row.name not in stalled] or rows
-        worst = max(hopeful, key=lambda row: row.total)
-        given_up = tuple(row for row in rows if row.name in stalled and row.total > wanted)
+        worst = max(hopeful, key=lambda row: row.numerical)
+        given_up = tuple(row for row in rows if row.name in stalled and row.numerical > wanted)
         this = Round(_settings(scene), worst, _shares(hopeful), given_up)
-        if worst.total <= min((each.worst.total for each in rounds), default=math.inf):
+        if worst.numerical <= min((each.worst.numerical for each in rounds), default=math.inf):
             best, chosen = here, len(rounds)
         rounds.append(this)
-        if worst.total <= wanted:
+        if worst.numerical <= wanted:
             return Refinement(here, tuple(rounds), len(rounds) - 1)
         scene = _refined(scene, this.shares, wanted)
         if any(part.has_mesh and len(part.mesh.cells) > _MOST_ELEMENTS for part in here.parts.values()):
@@ -174,7 +175,7 @@ def _shares(rows: list[Row]) -> dict[str, float]:
     """Return the largest share of each source in the stated errors."""
     return {
         source: SAFETY * max(part if isinstance(part := row.parts[source], float) else 0.0 for row in rows)
-        for source in SOURCES
+        for source in NUMERICAL
     }
 
 

@@ -89,20 +89,19 @@ class ConvergedFrequencies:
     unknowns: int
 
 
-def _beam(element: str, order: int, *counts: float) -> tuple[str, ...]:
+def _beam(element: str, *counts: float) -> tuple[str, ...]:
     """Return the beam's overrides for numbers of hexahedra along x, y and z, or a size of tetrahedra [mm]."""
-    size = f"divisions={list(counts)}" if element == "hexahedron" else f"size='{counts[0]:g} mm'"
-    mesh = f"body.beam.mesh={{element='{element}',order={order},{size}}}"
-    return mesh, "body.beam.modes.family=any", "body.beam.modes.count=20"
+    size = f"divisions={list(counts)}" if len(counts) == 3 else f"size='{counts[0]:g} mm'"
+    return f"body.beam.mesh={{{_KEYS[element]},{size}}}", "body.beam.modes.family=any", "body.beam.modes.count=20"
 
 
-def _propeller(element: str, order: int, *counts: float) -> tuple[str, ...]:
+def _propeller(element: str, *counts: float) -> tuple[str, ...]:
     """Return the propeller's overrides for counts of elements.
 
     They are along the chord, across the joint and the gap, through the sleeve, along joint and blade.
     """
     chord, across, gap, sleeve, joint, blade = counts
-    mesh = f"element='{element}',order={order},sleeve=[{6 * (across + gap)},{chord},{sleeve}],growth=4.0"
+    mesh = f"{_KEYS[element]},sleeve=[{6 * (across + gap)},{chord},{sleeve}],growth=4.0"
     return (
         f"body.propeller.mesh={{{mesh},joint=[{chord},{across},{joint}],blade=[{chord},{across},{blade}]}}",
         "body.propeller.seat='43.636363636 deg'",  # the ready scene's, of 8 elements of 66 around
@@ -117,38 +116,47 @@ def _in_plane(run: Pipeline) -> Array:
     return np.asarray(run.modes.frequencies_hz[share > _IN_PLANE][:5])
 
 
-_HEX8, _HEX20, _TET4, _TET10 = ((element, order) for element in ("hexahedron", "tetrahedron") for order in (1, 2))
-_NAMES = {_HEX8: "hex8", _HEX20: "hex20", _TET4: "tet4", _TET10: "tet10"}
-_BEAM_MESHES = {
-    _HEX8: ((60, 5, 2), (120, 10, 4), (240, 20, 8), (300, 24, 10)),
-    _HEX20: ((16, 2, 1), (24, 2, 1), (24, 3, 1), (30, 3, 1), (36, 3, 1), (48, 4, 1), (60, 5, 2), (90, 8, 3)),
-    _TET4: ((5.0,), (3.0,), (2.0,), (1.5,)),
-    _TET10: ((20.0,), (15.0,), (12.0,), (10.0,), (8.0,), (6.0,), (4.0,)),
+# Elements by name, with the keys of a scene's mesh that choose them.
+_KEYS = {
+    "hex8": "element='hexahedron',order=1",
+    "plain hex8": "element='hexahedron',order=1,formulation='plain'",
+    "hex20": "element='hexahedron',order=2",
+    "tet4": "element='tetrahedron',order=1",
+    "tet10": "element='tetrahedron',order=2",
 }
+_BEAM_MESHES = {
+    "hex8": ((30, 3, 1), (60, 3, 1), (120, 3, 1), (200, 3, 1), (240, 4, 1), (300, 5, 2)),
+    "plain hex8": ((60, 5, 2), (120, 10, 4), (240, 20, 8), (300, 24, 10)),
+    "hex20": ((16, 2, 1), (24, 2, 1), (24, 3, 1), (30, 3, 1), (36, 3, 1), (48, 4, 1), (60, 5, 2), (90, 8, 3)),
+    "tet4": ((5.0,), (3.0,), (2.0,), (1.5,)),
+    "tet10": ((20.0,), (15.0,), (12.0,), (10.0,), (8.0,), (6.0,), (4.0,)),
+}
+_LINEAR = ((5, 4, 2, 2, 6, 14), (10, 8, 3, 3, 12, 27), (15, 12, 4, 4, 18, 36))
 _PROPELLER_MESHES = {
-    _HEX8: ((5, 4, 2, 2, 6, 14), (10, 8, 3, 3, 12, 27), (15, 12, 4, 4, 18, 36)),
-    _HEX20: (
+    "hex8": ((4, 2, 1, 2, 4, 9), *_LINEAR[:1], (8, 4, 2, 3, 8, 20), *_LINEAR[1:]),
+    "plain hex8": _LINEAR,
+    "hex20": (
         *((4, 1, 1, 1, 3, 6), (4, 2, 1, 1, 4, 9), (4, 2, 1, 2, 4, 9), (4, 3, 1, 2, 4, 9), (5, 3, 1, 3, 5, 11)),
         *((5, 4, 2, 3, 5, 11), (6, 4, 2, 3, 6, 12), (8, 5, 2, 4, 8, 15)),
     ),
-    _TET4: ((5, 4, 2, 2, 6, 14), (10, 8, 3, 3, 12, 27)),
-    _TET10: ((4, 2, 1, 2, 4, 9), (6, 4, 2, 3, 6, 12), (9, 6, 3, 4, 9, 18)),
+    "tet4": _LINEAR[:2],
+    "tet10": ((4, 2, 1, 2, 4, 9), (6, 4, 2, 3, 6, 12), (9, 6, 3, 4, 9, 18)),
 }
 
 
 def _mode_study(
     scene: str,
     overrides: Callable[..., tuple[str, ...]],
-    meshes: Mapping[tuple[str, int], Sequence[Sequence[float]]],
+    meshes: Mapping[str, Sequence[Sequence[float]]],
     references: Sequence[Sequence[tuple[str, ...]]],
     frequencies: Callable[[Pipeline], Array],
 ) -> ModeStudy:
     """Name the meshes of a study, and make the overrides of each."""
-    rows = ((kind, counts) for kind, several in meshes.items() for counts in several)
-    named = ((kind, " × ".join(f"{n:g}" for n in counts) + " mm" * (len(counts) == 1), counts) for kind, counts in rows)
+    rows = ((element, counts) for element, several in meshes.items() for counts in several)
+    named = ((name, " × ".join(f"{n:g}" for n in counts) + " mm" * (len(counts) == 1), counts) for name, counts in rows)
     return ModeStudy(
         scene,
-        tuple((_NAMES[kind], mesh, overrides(*kind, *counts)) for kind, mesh, counts in named),
+        tuple((name, mesh, overrides(name, *counts)) for name, mesh, counts in named),
         tuple(tuple(one) for one in references),
         frequencies,
     )
@@ -160,8 +168,8 @@ STUDIES = (
         _beam,
         _BEAM_MESHES,
         (
-            [_beam(*_HEX20, *(round(n * k) for n in (60, 6, 2))) for k in _REFINED],
-            [_beam(*_TET10, 5.0 / k) for k in _REFINED],
+            [_beam("hex20", *(round(n * k) for n in (60, 6, 2))) for k in _REFINED],
+            [_beam("tet10", 5.0 / k) for k in _REFINED],
         ),
         _in_plane,
     ),
@@ -170,8 +178,8 @@ STUDIES = (
         _propeller,
         _PROPELLER_MESHES,
         (
-            [_propeller(*_HEX20, *(round(n * k) for n in (6, 4, 2, 2, 6, 10))) for k in _REFINED],
-            [_propeller(*_TET10, *(round(n * k) for n in (4, 4, 2, 2, 6, 8))) for k in _REFINED],
+            [_propeller("hex20", *(round(n * k) for n in (6, 4, 2, 2, 6, 10))) for k in _REFINED],
+            [_propeller("tet10", *(round(n * k) for n in (4, 4, 2, 2, 6, 8))) for k in _REFINED],
         ),
         lambda run: run.modes.frequencies_hz[:6],
     ),

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import sys
-from math import pi
 from pathlib import Path
 from typing import Any
 
@@ -13,7 +12,7 @@ from pipeline.accuracy.error_estimates import NO_PART, SOURCES
 from pipeline.cli.inputs import open_pipeline
 from pipeline.cli.options import Flag, Json, NoCache, Repair, SceneName, Set, print_json
 from pipeline.cli.tables import frequency_tables, new_table, open_console
-from pipeline.core.errors import AccuracyError
+from pipeline.core.errors import AccuracyError, InputError
 from pipeline.core.html import scaled
 from pipeline.output.explain import Forecast, forecast_run
 from pipeline.output.write import write_results
@@ -30,6 +29,7 @@ def run(
     set_: Set = None,
     no_pictures: Flag = False,
     no_budget: Flag = False,
+    budget_seconds: float | None = None,
     explain: Flag = False,
     dry_run: Flag = False,
     keep_all: Flag = False,
@@ -47,6 +47,8 @@ def run(
         Draw nothing.
     no_budget
         Don't estimate the errors of the results.
+    budget_seconds
+        Time that their estimates may take [s]; three times that of the run by default.
     explain
         Print first which stages will run, come from the cache or are skipped, why, and what each took last.
     dry_run
@@ -54,6 +56,10 @@ def run(
     keep_all
         Integrate modes that neither loads nor motion can excite, too.
     """
+    if budget_seconds is not None and not budget_seconds > 0:
+        raise InputError(
+            "--budget-seconds", "", budget_seconds, "must be a time above 0; --no-budget estimates nothing"
+        )
     pipeline = open_pipeline(scene, set_, no_cache, repair, keep_all)
     folder = out or Path("out") / pipeline.scene.name
     every_step = explain or dry_run
@@ -66,7 +72,7 @@ def run(
         if forecast and json:
             print_json({"plan": forecast.summary()})
         return
-    summary = write_results(pipeline, folder, pictures=not no_pictures, budget=not no_budget)
+    summary = write_results(pipeline, folder, not no_pictures, not no_budget, budget_seconds)
     if json:
         print_json({"plan": forecast.summary(), **summary} if forecast else summary)
     else:
@@ -181,7 +187,7 @@ def _integrations(summary: dict[str, Any]) -> Table:
 def _budget(budget: dict[str, Any]) -> Table:
     """Make the table of relative errors by source; of a body's frequencies it holds only the worst."""
     title = f"Error budget [%]: what is stated is {budget['safety']:g} times the root of their squares"
-    table = new_table(title, "quantity", "mesh", "modes", "time", "stress", "stated")
+    table = new_table(title, "quantity", "mesh", "modes", "time", "stress", "model", "stated")
     worst: dict[str, dict[str, Any]] = {}
     for row in budget["rows"]:
         group = row["quantity"].partition(", frequency")[0] if ", frequency" in row["quantity"] else row["quantity"]
@@ -225,6 +231,12 @@ def _notes(summary: dict[str, Any]) -> list[str]:
         for row in summary["integrations"]
         if row["growth"] > 1 + _GROWING
     ]
+    lines += [
+        f"model: {each['text']}"
+        + f" ({_percent(each['error'])} % of '{each['quantity']}'{'' if each['counted'] else ', not counted'})"
+        * bool(each["quantity"])
+        for each in summary.get("error_budget", {}).get("model", ())
+    ]
     sub_cycled = any(row["substeps"] > 1 and row["integrator"] == "sub-cycling" for row in summary["integrations"])
     for name, body in summary.get("bodies", {}).items():
         lines += _notes_on_body(name, body, sub_cycled)
@@ -256,11 +268,11 @@ def _notes_on_body(name: str, body: dict[str, Any], sub_cycled: bool) -> list[st
         )
     if body["stiffened"]:
         critical = body["critical_spin_rad_s"]
-        softens = f"; without, it would lose its stiffness at {critical:.4g} rad/s" if critical else ""
-        lines.append(
-            f"{name} is stiffened by its inertia loads: it turns at up to {body['largest_spin_rad_s']:.4g} rad/s, "
-            f"its lowest frequency is {2 * pi * body['frequencies_in_frame_hz'][0]:.4g} rad/s{softens}"
-        )
+        spins = critical and body["largest_spin_rad_s"] >= critical
+        softens = f"; without, it would lose its stiffness at {critical:.4g} rad/s" if spins else ""
+        change = body["stiffness_change"]
+        by = "" if change is None else f", which change its stiffness by up to {_percent(change)} %"
+        lines.append(f"{name} is stiffened by the loads through it{by}{softens}")
     return lines
 
 

@@ -3,13 +3,14 @@
 from __future__ import annotations
 
 import hashlib
-import io
 import json
 import os
+import pickle
 import tempfile
 from contextlib import AbstractContextManager, nullcontext
 from dataclasses import dataclass
-from importlib.metadata import version
+from functools import cache
+from importlib import metadata
 from pathlib import Path
 from typing import Any
 
@@ -17,6 +18,9 @@ from pipeline.core.files import one_at_a_time, remove_abandoned
 from pipeline.core.paths import source_digest
 
 _DIGEST_BYTES = 32
+_FORMAT = "pickle 5"  # of the files, and so a part of their names
+
+package_version = cache(metadata.version)
 
 
 def stage_key(stage: str, inputs: Any, sources: tuple[str, ...], packages: tuple[str, ...] = ()) -> str:
@@ -39,10 +43,11 @@ def stage_key(stage: str, inputs: Any, sources: tuple[str, ...], packages: tuple
         The stage's name and a digest.
     """
     content = {
+        "format": _FORMAT,
         "stage": stage,
         "inputs": inputs,
         "source": source_digest(*sources),
-        "packages": {package: version(package) for package in packages},
+        "packages": {package: package_version(package) for package in packages},
     }
     text = json.dumps(content, sort_keys=True, default=str)
     return f"{stage}-{hashlib.blake2b(text.encode(), digest_size=16).hexdigest()}"
@@ -80,10 +85,8 @@ class Cache:
         body = self._body(key)
         if body is None:
             return None
-        import joblib
-
         try:
-            return joblib.load(io.BytesIO(body))
+            return pickle.loads(body)
         except Exception:  # undamaged, but of another version of its classes
             return None
 
@@ -91,11 +94,7 @@ class Cache:
         """Save a result under ``key``, whole or not at all; a folder that can't be written is left alone."""
         if self.folder is None:
             return
-        import joblib
-
-        buffer = io.BytesIO()
-        joblib.dump(value, buffer)
-        body = buffer.getvalue()
+        body = pickle.dumps(value, protocol=5)
         part = ""
         try:
             self.folder.mkdir(parents=True, exist_ok=True)

@@ -105,16 +105,19 @@ def _acting(mechanism: Mechanism, b: int) -> tuple[list[Array], list[Array]]:
     accelerated = link.parent >= 0 or link.joint in (PRISMATIC, FREE) or bool(np.any(mechanism.gravity))
     if accelerated:
         forces += list(gram.S[:, 1:] / size)
-        couplings += list(gram.bow) if gram.bow.size else []
+        couplings += list(gram.bow)
+    couplings += [*gram.curl, link.joint_bow]
     if link.motion is None and len(link.joint_rotation):
         forces.append(link.joint_rotation * inertia)
     for load in mechanism.loads:
         if load.body == link.name:
             forces += list((load.rotations * inertia) if load.torque else (load.shapes * size))
+            couplings += list(load.bow)
     for other in mechanism.links:
         if other.parent == b:
             forces += [*(other.place_shapes * size), *(other.place_rotations * inertia)]
-    return [force for force in forces if len(force) == n], couplings
+            couplings += list(other.place_bow)
+    return [force for force in forces if len(force) == n], [pairs for pairs in couplings if len(pairs) == n]
 
 
 def _inertia_products(gram: InertiaGram, axis: Array | None) -> list[Array]:
@@ -152,7 +155,12 @@ def _with_modes(mechanism: Mechanism, kept: Sequence[IntArray]) -> Mechanism:
     numbers = {link.name: k for k, link in enumerate(mechanism.links)}
     slow = {name: int((kept[numbers[name]] < count).sum()) for name, count in mechanism.slow_modes.items()}
     loads = [
-        replace(load, shapes=_columns(load.shapes, own), rotations=_columns(load.rotations, own))
+        replace(
+            load,
+            shapes=_columns(load.shapes, own),
+            rotations=_columns(load.rotations, own),
+            bow=_pairs(load.bow, own),
+        )
         for load in mechanism.loads
         for own in [kept[numbers[load.body]]]
     ]
@@ -181,6 +189,11 @@ def _columns(shapes: Array, kept: IntArray) -> Array:
     return shapes[:, kept] if shapes.size else shapes
 
 
+def _pairs(forms: Array, kept: IntArray) -> Array:
+    """Rows and columns of quadratic forms (…, n, n); empty forms stay empty."""
+    return forms[..., kept[:, None], kept] if forms.size else forms
+
+
 def _link_with(link: Link, kept: IntArray, of_parent: IntArray) -> Link:
     return replace(
         link,
@@ -188,19 +201,22 @@ def _link_with(link: Link, kept: IntArray, of_parent: IntArray) -> Link:
         omega=link.omega[kept],
         damping=link.damping[kept] if len(link.damping) else link.damping,
         joint_rotation=link.joint_rotation[kept] if len(link.joint_rotation) else link.joint_rotation,
+        joint_bow=_pairs(link.joint_bow, kept),
         place_shapes=_columns(link.place_shapes, of_parent),
         place_rotations=_columns(link.place_rotations, of_parent),
+        place_bow=_pairs(link.place_bow, of_parent),
         markers={},
         section="",
     )
 
 
 def _gram_with(gram: InertiaGram, kept: IntArray) -> InertiaGram:
-    at, both = np.r_[0, 1 + kept], np.ix_(kept, kept)
+    at = np.r_[0, 1 + kept]
     return replace(
         gram,
         G=gram.G[:, :, at[:, None], at],
         S=gram.S[:, at],
-        stiffening=gram.stiffening[:, :, both[0], both[1]] if gram.stiffening.size else gram.stiffening,
-        bow=gram.bow[:, both[0], both[1]] if gram.bow.size else gram.bow,
+        stiffening=_pairs(gram.stiffening, kept),
+        bow=_pairs(gram.bow, kept),
+        curl=_pairs(gram.curl, kept),
     )

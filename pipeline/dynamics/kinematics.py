@@ -1,11 +1,12 @@
 """Where the bodies of a mechanism are and how they move, at many states at once.
 
 From the ground outwards, each body's frame follows from that of the body that carries it: the joint's place moves and
-turns with the parent's modes, by ``R exp(θ̃)`` with the rotation vector ``θ = Ψ q``, and the joint moves the frame on.
-Energies and momenta take the inertia Gram tensor of each body, in its own axes, with ``p = (1, q)``::
+turns with the parent's modes, by ``R exp(θ̃)`` with the rotation vector ``θ = Ψ q + ½ qᵀ bow q``, and the joint moves
+the frame on. Energies and momenta take the inertia Gram tensor of each body, in its own axes, with ``p = (1, q)``::
 
     momentum            P = m V + ω × c + ċ              c = S p + ½ qᵀ bow q
-    angular momentum    L = c × V + J ω + H q̇            J = tr(P₂) 1 − P₂,   P₂ = pᵀ G p,   H = p·(G[b, c] − G[c, b])
+    angular momentum    L = c × V + J ω + H q̇            J = tr(P₂) 1 − P₂,   P₂ = pᵀ G p
+                                                     H = p·(G[b, c] − G[c, b]) + curl q
     kinetic energy      T = ½ (V·P + ω·L + q̇·(q̇ + (∂c/∂q)ᵀ V + Hᵀ ω))
 
 Nothing here is compiled, so that a mechanism whose march needs few kernels reports its motion without any more.
@@ -93,8 +94,10 @@ class Kinematics:
         link = self.mechanism.links[body]
         position, rate = (values[:, 0] for values in self.joint_coordinates(body))
         if link.joint == REVOLUTE and len(link.joint_rotation) and link.motion is None:
-            position = position + self.modal_coordinates(body) @ link.joint_rotation
-            rate = rate + self.modal_rates(body) @ link.joint_rotation
+            q, rates = self.modal_coordinates(body), self.modal_rates(body)
+            bow = link.joint_bow[None] if link.joint_bow.size else np.zeros((1, 0, 0))
+            turned, turning = _moved(link.joint_rotation[None], bow, q, rates)
+            position, rate = position + turned[:, 0], rate + turning[:, 0]
         return np.asarray(position), np.asarray(rate)
 
     @cached_property
@@ -112,15 +115,13 @@ class Kinematics:
             still, axes = np.zeros((n_times, 3)), np.broadcast_to(np.eye(3), (n_times, 3, 3))
             return BodyFrame(np.broadcast_to(link.place, (n_times, 3)), axes, still, still)
         parent, q, rates = found[link.parent], self.modal_coordinates(link.parent), self.modal_rates(link.parent)
-        arm, moving = np.broadcast_to(link.place, (n_times, 3)), np.zeros((n_times, 3))
         rotation, spin = parent.rotation, parent.spin
-        if link.place_shapes.size:
-            arm, moving = arm + q @ link.place_shapes.T, rates @ link.place_shapes.T
-        if link.place_rotations.size:
-            angle, turning = q @ link.place_rotations.T, rates @ link.place_rotations.T
+        bent, moving = _moved(link.place_shapes, link.place_bow[:3], q, rates)
+        if link.place_rotations.size or link.place_bow.size:
+            angle, turning = _moved(link.place_rotations, link.place_bow[3:], q, rates)
             spin = spin + turned(rotation, rotation_rate(angle, turning))
             rotation = rotation @ rotation_matrix(angle)
-        arm = turned(parent.rotation, arm)
+        arm = turned(parent.rotation, link.place + bent)
         velocity = parent.velocity + np.cross(parent.spin, arm) + turned(parent.rotation, moving)
         return BodyFrame(parent.origin + arm, rotation, velocity, spin)
 
@@ -167,6 +168,8 @@ class Kinematics:
         if gram.bow.size:
             bow = np.einsum("ajk,tk->taj", gram.bow, q)
             S, c = S + bow, c + 0.5 * np.einsum("taj,tj->ta", bow, q)
+        if gram.curl.size:
+            h = h + np.einsum("ajk,tj,tk->ta", gram.curl, rates, q)
         c_rate = np.einsum("taj,tj->ta", S, rates)
         linear = gram.mass * V + np.cross(w, c) + c_rate
         angular = np.cross(c, V) + Jw + h
@@ -223,7 +226,8 @@ class Kinematics:
 
     def displacement(self, body: int, name: str) -> Array:
         """Displacement of a marker by deformation in its body's frame and axes [m], shape (n_times, 3)."""
-        return np.asarray(self.modal_coordinates(body) @ self.mechanism.links[body].markers[name].translation.T)
+        at, q = self.mechanism.links[body].markers[name], self.modal_coordinates(body)
+        return _moved(at.translation, at.bow[:3], q, q)[0]
 
     def deflection(self, body: int, name: str) -> Array:
         """Displacement of a marker by deformation, seen from the section at the body's joint [m], (n_times, 3).
@@ -236,6 +240,16 @@ class Kinematics:
             return own
         section, arm = link.markers[link.section], link.markers[name].position
         return np.asarray(own - q @ section.translation.T - np.cross(q @ section.rotation.T, arm))
+
+
+def _moved(shapes: Array, bow: Array, q: Array, rates: Array) -> tuple[Array, Array]:
+    """Displacements ``Φ q + ½ qᵀ bow q`` for Φ (k, n) and bow (k, n, n), and their rates, (n_times, k) each."""
+    moved, moving = (x @ shapes.T if shapes.size else np.zeros((len(x), len(shapes))) for x in (q, rates))
+    if bow.size:
+        slope = np.einsum("ajk,tk->taj", bow, q)
+        moved = moved + 0.5 * np.einsum("taj,tj->ta", slope, q)
+        moving = moving + np.einsum("taj,tj->ta", slope, rates)
+    return moved, moving
 
 
 def turned(rotation: Array, vectors: Array) -> Array:

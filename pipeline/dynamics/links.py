@@ -42,8 +42,12 @@ class Link:
         Modal damping ratios.
     place_shapes, place_rotations : ndarray, shape (3, n_parent)
         Displacement and rotation of the joint's place for unit modal coordinates of the parent.
+    place_bow : ndarray, shape (6, n_parent, n_parent)
+        Their second order, as in `MarkerShapes.bow`; empty if it is left out.
     joint_rotation : ndarray, shape (n,)
         Rotation of the body's own section at a revolute joint about its axis, for unit modal coordinates.
+    joint_bow : ndarray, shape (n, n)
+        Its second order, ``½ qᵀ joint_bow q``; empty if it is left out.
     spring, rest, damper : float
         Of a revolute or prismatic joint [N m/rad or N/m; rad or m; N m s/rad or N s/m].
     load : Signal
@@ -69,7 +73,9 @@ class Link:
     damping: Array = field(default_factory=lambda: np.zeros(0))
     place_shapes: Array = field(default_factory=lambda: np.zeros((3, 0)))
     place_rotations: Array = field(default_factory=lambda: np.zeros((3, 0)))
+    place_bow: Array = field(default_factory=lambda: np.zeros((6, 0, 0)))
     joint_rotation: Array = field(default_factory=lambda: np.zeros(0))
+    joint_bow: Array = field(default_factory=lambda: np.zeros((0, 0)))
     spring: float = 0.0
     rest: float = 0.0
     damper: float = 0.0
@@ -78,6 +84,11 @@ class Link:
     joint_name: str = ""
     markers: Mapping[str, MarkerShapes] = field(default_factory=dict)
     section: str = ""
+
+    @property
+    def place_marker(self) -> MarkerShapes:
+        """Motion of the joint's place on the parent."""
+        return MarkerShapes(self.place, self.place_shapes, self.place_rotations, self.place_bow)
 
     @property
     def unit(self) -> str:
@@ -102,7 +113,7 @@ class Link:
             raise ValueError(f"the axis of {self.name} has no direction")
         if self.gram.G.shape[-1] != 1 + len(self.omega):
             raise ValueError(f"{self.name} has {len(self.omega)} frequencies and {self.gram.G.shape[-1] - 1} shapes")
-        for name in ("place_shapes", "place_rotations"):
+        for name in ("place_shapes", "place_rotations", "place_bow"):
             if (found := getattr(self, name).shape[1]) not in (0, parent_modes):
                 raise ValueError(f"{name} of {self.name} has {found} columns, its parent {parent_modes} modes")
         along = self.spring or self.damper or self.motion or self.load != constant(0.0)
@@ -145,6 +156,8 @@ class PointLoad:
         The point in the body's frame [m].
     shapes, rotations : ndarray, shape (3, n)
         Displacement and rotation of the point for unit modal coordinates of the body.
+    bow : ndarray, shape (6, n, n)
+        Their second order, as in `MarkerShapes.bow`; empty if it is left out.
     """
 
     body: str
@@ -155,6 +168,12 @@ class PointLoad:
     place: Array = field(default_factory=lambda: np.zeros(3))
     shapes: Array = field(default_factory=lambda: np.zeros((3, 0)))
     rotations: Array = field(default_factory=lambda: np.zeros((3, 0)))
+    bow: Array = field(default_factory=lambda: np.zeros((6, 0, 0)))
+
+    @property
+    def marker(self) -> MarkerShapes:
+        """Motion of the point on its body."""
+        return MarkerShapes(self.place, self.shapes, self.rotations, self.bow)
 
 
 def rigid_gram(mass: float, centre: Array, inertia: Array) -> InertiaGram:

@@ -17,6 +17,11 @@ def accelerations(p: Any, t: float, q: Array, v: Array, a: Array) -> None:
     raise NotImplementedError
 
 
+def leapfrog_step(p: Any, leapfrog: Any, t: float, h: float, q: Array, v: Array, a: Array) -> None:
+    """Take a step h of the leapfrog method: ``a = M̂⁻¹ Q̂(t, q, v + ½ h a)``, ``v += h a``, ``q += h v``."""
+    raise NotImplementedError
+
+
 def hold_slow(p: Any, t: float, q: Array, v: Array, a: Array, frozen: Any) -> None:
     """Hold M̂, the slow accelerations and the coefficients of the velocity-dependent terms over a major cycle."""
     raise NotImplementedError
@@ -107,12 +112,12 @@ class System(Protocol):
         """Times at which a load or its rate jumps [s], ascending."""
 
     @property
-    def coupled(self) -> bool:
-        """True if slow and fast coordinates couple through the mass matrix in any state."""
+    def shortest_action(self) -> float:
+        """Shortest time for which a load acts between two times without it [s]; infinity if none does."""
 
     @property
-    def holds_forces(self) -> bool:
-        """True if `hold_slow` holds forces that follow the coordinates for a major cycle, not their coefficients."""
+    def coupled(self) -> bool:
+        """True if coordinates couple through the mass matrix in some state."""
 
     @property
     def highest_frequency(self) -> float:
@@ -130,8 +135,11 @@ class System(Protocol):
     def highest_slow_frequency(self) -> float:
         """Highest angular frequency of the slow coordinates with the fast ones held [rad/s]."""
 
-    def frozen(self) -> Any:
-        """Fresh storage for the coefficients that `hold_slow` holds."""
+    def leapfrog(self) -> Any:
+        """Fresh storage for `leapfrog_step`."""
 
-    def middle(self) -> Any:
-        """Fresh storage for what `hold_middle` holds."""
+    def frozen(self, cycle: float) -> Any:
+        """Fresh storage for the coefficients that `hold_slow` holds over a major cycle of a duration [s]."""
+
+    def middle(self, cycle: float) -> Any:
+        """Fresh storage for what `hold_middle` holds over a major cycle of a duration [s]."""

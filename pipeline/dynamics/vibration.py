@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import numpy as np
-from scipy.linalg import eigh
 
 from pipeline.core.arrays import Array
 
@@ -21,7 +20,11 @@ def frequencies(M: Array, K: Array) -> Array:
     ndarray, shape (n,)
         [rad/s]; 0 where a vibration has no stiffness, or a negative one.
     """
-    return np.sqrt(np.maximum(eigh(K, M, eigvals_only=True), 0.0)) if len(M) else np.zeros(0)
+    if not len(M):
+        return np.zeros(0)
+    L = np.linalg.cholesky(M)
+    scaled = np.linalg.solve(L, np.linalg.solve(L, K).T)  # L⁻¹ K L⁻ᵀ
+    return np.asarray(np.sqrt(np.maximum(np.linalg.eigvalsh(0.5 * (scaled + scaled.T)), 0.0)))
 
 
 def highest_frequency(M: Array, K: Array) -> float:

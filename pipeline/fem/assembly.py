@@ -12,18 +12,20 @@ import numpy as np
 import scipy.sparse as sp
 
 from pipeline.core.arrays import Array, IntArray
-from pipeline.core.errors import AccuracyError
-from pipeline.fem.elements import shape_functions
+from pipeline.fem.elements import Formulation, shape_functions
+from pipeline.fem.enhanced_strain import condensed_stiffness
+from pipeline.fem.gradients import determinants, gradients
 from pipeline.fem.material import AnyMaterial, Material
 from pipeline.fem.mesh import SolidMesh
 from pipeline.fem.model import FEModel
 from pipeline.fem.space import Discretisation
 
 _CHUNK = 2048  # elements at a time, fewer if they have many nodes: their matrices stay in the processor's cache
+_ENHANCED_CHUNK = 512
 _BLOCKS = 8192  # blocks at a time, so that they stay in the cache too
 
 
-def assemble(mesh: SolidMesh, order: int, material: AnyMaterial) -> FEModel:
+def assemble(mesh: SolidMesh, order: int, material: AnyMaterial, formulation: Formulation = "enhanced") -> FEModel:
     """Assemble stiffness and consistent mass of a solid.
 
     Parameters
@@ -34,19 +36,24 @@ def assemble(mesh: SolidMesh, order: int, material: AnyMaterial) -> FEModel:
         Order of the displacement, 1 or 2.
     material : Material or MaterialOfElements
         One for all elements, or several.
+    formulation : str
+        ``enhanced`` or ``plain`` strain of linear hexahedra; of no effect on other elements.
 
     Raises
     ------
     AccuracyError
         The Jacobian is not positive at every quadrature point.
     """
-    space = Discretisation(mesh, order)
+    space = Discretisation(mesh, order, formulation)
     return FEModel(space, material, _stiffness(space, material), _mass(space, material))
 
 
 def _stiffness(space: Discretisation, material: AnyMaterial) -> sp.csr_array:
     """Assemble the stiffness matrix, shape (3 n_nodes, 3 n_nodes) [N/m]."""
-    products, structure = _gradient_products(space), space.structure
+    structure = space.structure
+    if space.is_enhanced:
+        return structure.block_matrix(structure.sums(_condensed_blocks(space, material)))
+    products = _gradient_products(space)
     each = [_isotropic(structure.sums(_select(products, mine)), own) for own, mine in material.over(slice(None))]
     del products  # a third of the assembly's peak memory
     return structure.block_matrix(sum(each[1:], each[0]))
@@ -84,49 +91,21 @@ def _isotropic(T: Array, material: Material) -> Array:
     return T
 
 
-def gradients(space: Discretisation, X: Array, elements: slice | IntArray) -> tuple[Array, Array]:
-    """Return spatial gradients of the shape functions and Jacobian determinants at reference points X (3, n_q).
-
-    Returns
-    -------
-    g : ndarray, shape (n_elements, n_q, n_local, 3) [1/m]
-    det : ndarray, shape (n_elements, n_q) [m³]
-    """
-    _, dN = shape_functions(space.kind.element, X)
-    J = space.jacobians(X[:, :1] if space.kind.is_affine else X, elements)
-    inverse, det = _inverse(J)
-    n_elements, n_jacobians = det.shape
-    g = dN.transpose(2, 0, 1).reshape(n_jacobians, -1, 3) @ inverse
-    return g.reshape(n_elements, X.shape[1], len(dN), 3), np.broadcast_to(det, (n_elements, X.shape[1]))
+def _condensed_blocks(space: Discretisation, material: AnyMaterial) -> Array:
+    """Return the stiffness of enhanced elements by pairs of nodes, shape (n_elements, n_local, n_local, 3, 3) [N/m]."""
+    n_elements, n_local = space.element_nodes.shape
+    blocks = np.empty((n_elements, n_local, n_local, 3, 3))
+    flat, by_pairs = blocks.reshape(n_elements, -1), _by_pairs(n_local)
+    for start in range(0, n_elements, _ENHANCED_CHUNK):
+        part = np.arange(start, min(start + _ENHANCED_CHUNK, n_elements))
+        stiffness = condensed_stiffness(space, material, part).reshape(len(part), -1)
+        np.take(stiffness, by_pairs, axis=1, out=flat[part[0] : part[-1] + 1], mode="clip")
+    return blocks
 
 
-def determinants(J: Array) -> Array:
-    """Return the determinants of Jacobians J (n_elements, n_q, 3, 3), positive for left-handed elements too.
-
-    scikit-fem's hexahedra are left-handed.
-
-    Raises
-    ------
-    AccuracyError
-        Determinants differ in sign; the message counts the elements.
-    """
-    return _inverse(J)[1]
-
-
-def _inverse(J: Array) -> tuple[Array, Array]:
-    """Return the inverses of Jacobians (n_elements, n_q, 3, 3) by Cramer's rule, and `determinants`."""
-    J = np.moveaxis(J, (2, 3), (0, 1))
-    cofactor = np.empty((3, 3, *J.shape[2:]))
-    for i in range(3):
-        for k in range(3):
-            (a, b), (c, d) = ((i + 1) % 3, (i + 2) % 3), ((k + 1) % 3, (k + 2) % 3)
-            cofactor[k, i] = J[a, c] * J[b, d] - J[a, d] * J[b, c]
-    det = (J[0] * cofactor[:, 0]).sum(axis=0)
-    hand = np.sign(np.median(det)) or 1.0
-    if (hand * det).min() <= 0:
-        bad = np.count_nonzero((hand * det <= 0).any(axis=1))
-        raise AccuracyError(f"{bad} elements are inverted (Jacobian ≤ 0 at a quadrature point)")
-    return np.ascontiguousarray(np.moveaxis(cofactor / det, (0, 1), (2, 3))), hand * det
+def _by_pairs(n_local: int) -> IntArray:
+    """Return the places of a flat matrix (3 n_local, 3 n_local) in the order of the blocks of pairs of nodes."""
+    return np.arange(9 * n_local**2).reshape(n_local, 3, n_local, 3).swapaxes(1, 2).ravel()
 
 
 def _gradient_products(space: Discretisation) -> Array:
@@ -135,7 +114,7 @@ def _gradient_products(space: Discretisation) -> Array:
     n_elements, n_local = space.element_nodes.shape
     T = np.empty((n_elements, n_local, n_local, 3, 3))
     flat_T = T.reshape(n_elements, -1)
-    by_pairs = np.arange(9 * n_local**2).reshape(n_local, 3, n_local, 3).swapaxes(1, 2).ravel()
+    by_pairs = _by_pairs(n_local)
     step = max(_CHUNK // 16, 16 * _CHUNK // n_local**2)
     for start in range(0, n_elements, step):
         chunk = slice(start, start + step)

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 from functools import cached_property, lru_cache
-from typing import Any
+from typing import Any, Literal
 
 import numpy as np
 import skfem
@@ -12,6 +12,9 @@ from skfem.quadrature import get_quadrature
 
 from pipeline.core.arrays import Array, IntArray, read_only
 from pipeline.fem.wedge import Wedge, wedge_quadrature
+
+# Linear hexahedra with enhanced assumed strain, or with the strain of their displacement alone; others have no choice.
+Formulation = Literal["enhanced", "plain"]
 
 
 @dataclass(frozen=True)

@@ -1,7 +1,9 @@
 """Geometric stiffness: the change of a body's stiffness by a static stress.
 
 Under a stress σ a displacement u takes the additional energy ``½ ∫ σ_ab ∂_a u·∂_b u dV``, alike for its three
-components. So the matrix is ``k ⊗ 1₃`` with a number ``k_ij = ∫ σ_ab ∂_a N_i ∂_b N_j dV`` for each pair of nodes.
+components. So the matrix is ``k ⊗ 1₃`` with a number ``k_ij = ∫ σ_ab ∂_a N_i ∂_b N_j dV`` for each pair of nodes. The
+stress is that of enhanced strain where elements have it, the gradients are those of the nodes' displacements alone; so
+the matrix turns the nodes' forces as the body turns, ``k (θ × x) = θ × f``.
 """
 
 from __future__ import annotations
@@ -10,10 +12,12 @@ import numpy as np
 import scipy.sparse as sp
 
 from pipeline.core.arrays import Array
-from pipeline.fem.assembly import gradients
+from pipeline.fem.gradients import gradients
 from pipeline.fem.model import FEModel
+from pipeline.fem.strain import stresses
 
 _CHUNK = 256  # elements at a time
+_TENSOR = np.array([[0, 5, 4], [5, 1, 3], [4, 3, 2]])  # places of the components in a vector of six
 
 
 def geometric_stiffness(fe: FEModel, u: Array) -> list[sp.csr_array]:
@@ -36,16 +40,9 @@ def geometric_stiffness(fe: FEModel, u: Array) -> list[sp.csr_array]:
     n_elements, n_local = space.element_nodes.shape
     entries = np.empty((n_elements, n_local, n_local, u.shape[2]))
     for start in range(0, n_elements, _CHUNK):
-        part = slice(start, start + _CHUNK)
+        part = np.arange(start, min(start + _CHUNK, n_elements))
         g, det = gradients(space, X, part)
-        lam, mu = np.empty((2, len(g), 1, 1))
-        for own, mine in fe.material.over(part):
-            lam[mine], mu[mine] = own.lame
-        local = u[space.element_nodes[part]].reshape(len(g), 1, n_local, -1)
-        slopes = (g.swapaxes(2, 3) @ local).reshape(*det.shape, 3, 3, -1)  # [e, q, a, i] = ∂_a u_i
-        stress = mu[..., None, None] * (slopes + slopes.swapaxes(2, 3))
-        stress[..., range(3), range(3), :] += (lam * np.trace(slopes, axis1=2, axis2=3))[..., None, :]
-        stress *= (det * w)[..., None, None, None]
+        stress = stresses(space, fe.material, u, X, part)[:, :, _TENSOR] * (det * w)[..., None, None, None]
         flat = g.swapaxes(1, 2).reshape(len(g), n_local, -1)
         for k in range(u.shape[2]):
             pulled = (g @ stress[..., k]).swapaxes(1, 2).reshape(flat.shape)

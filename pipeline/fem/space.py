@@ -12,7 +12,7 @@ from skfem.io.meshio import from_meshio
 
 from pipeline.core.arrays import Array, IntArray, read_only
 from pipeline.fem.cells import STRAIGHT, vtk_nodes
-from pipeline.fem.elements import ElementKind, element_kind, jacobians, match_nodes, shape_functions
+from pipeline.fem.elements import ElementKind, Formulation, element_kind, jacobians, match_nodes, shape_functions
 from pipeline.fem.mesh import SolidMesh
 from pipeline.fem.sparsity import BlockStructure
 
@@ -27,15 +27,23 @@ class Discretisation:
         The body's geometry.
     order : int
         Order of the displacement, 1 or 2.
+    formulation : str
+        ``enhanced`` or ``plain`` strain of linear hexahedra; of no effect on other elements.
     """
 
     mesh: SolidMesh
     order: int
+    formulation: Formulation = "enhanced"
 
     @cached_property
     def kind(self) -> ElementKind:
         """The element on the mesh's cells."""
         return element_kind(self.mesh.cell_type, self.order)
+
+    @property
+    def is_enhanced(self) -> bool:
+        """True if the elements add strains of their own to those of the nodes' displacements."""
+        return self.formulation == "enhanced" and self.kind.name == "hex8"
 
     @cached_property
     def skfem_mesh(self) -> Any:

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Iterator
 from dataclasses import dataclass, replace
 
 import numpy as np
@@ -11,25 +12,33 @@ from pipeline.core.errors import AccuracyError, StabilityError
 from pipeline.dynamics.system import System
 from pipeline.integrators.adaptive import groups_of
 from pipeline.integrators.exponential import PiecewiseExponential
+from pipeline.integrators.generalized_alpha import GeneralizedAlpha
 from pipeline.integrators.protocol import Integrator, Progress, Trajectory
 from pipeline.integrators.rosenbrock import ExponentialRosenbrock
 from pipeline.integrators.runge_kutta import RungeKutta
 
-_FIRST_STEPS = 32  # over the duration
+_FIRST_STEPS = 32  # of the exponential method over the duration
 _MOST_REFINEMENTS = 16
 _MANY = 256  # breakpoints, as of a table, at each of which the exponential method would have to start anew
-# Radians of the highest frequency over the duration. Measured: 140 (rod-slider) for Runge-Kutta, 12,500 (arm) against.
-_STIFF = 2000.0
+_STABLE = 5.5  # radians of the highest frequency in a step of the Runge-Kutta method
+_FEW = 400  # such steps over the duration: not stiff
 _SAFETY = 0.1  # tolerance of an adaptive method over the wanted error
+_IMPLICIT_STEPS = 256  # of generalised-α over the duration, at first
+_STEPS_IN_ACTION = 8  # of generalised-α in the shortest load
+_TRIAL = 1 / 16  # of the duration
+_WORTH = 0.5  # of the explicit method's cost: what generalised-α may cost, whose result is less accurate
+_EVALUATION = 60.0  # cost of a body in an evaluation of the accelerations, in operations on a coordinate
 
 
 @dataclass(frozen=True)
 class Automatic:
     """Method that marches with finer and finer steps until the last two marches differ by less than ``error``.
 
-    By the measured run times over error (``benchmarks/``) the fastest are the exponential method where modes and joints
-    don't couple through the mass matrix, else the exponential Rosenbrock method if the mechanism is stiff over the
-    duration, and the Runge–Kutta method if it isn't.
+    Where modes and joints don't couple through the mass matrix, that is the exponential method, and where few of the
+    longest stable steps cover the duration, the Runge–Kutta method. Else generalised-α marches by halved steps, as long
+    as the steps that the error still asks for cost less than that method's stable ones; then the Runge–Kutta or the
+    exponential Rosenbrock method, whichever a trial over the first part of the motion finds cheaper. Costs are counted,
+    not timed, so that the choice is the same on every machine.
 
     Parameters
     ----------
@@ -65,35 +74,112 @@ class Automatic:
         AccuracyError
             The wanted error was not reached; the message has the last difference.
         """
-        groups = groups_of(system)[: system.n_positions]
-        seconds, evaluations, difference = 0.0, 0, np.inf
-        before: Trajectory | None = None
-        for refinement in range(_MOST_REFINEMENTS):
-            method, gain = self._method(system, refinement)
+        report = _Pairs(self.error, groups_of(system)[: system.n_positions])
+        for method, gain in self._methods(system, q0, v0, report):
             try:
                 trajectory = method.march(system, q0, v0, times, progress)
             except StabilityError:
-                before = None
+                report.before = None
                 continue
-            seconds += trajectory.seconds
-            evaluations += trajectory.evaluations
-            if before is not None:
-                difference = largest_difference(before.q, trajectory.q, groups) / gain
-                if difference < self.error:
-                    name = f"{self.name} ({trajectory.integrator})"
-                    return replace(trajectory, integrator=name, seconds=seconds, evaluations=evaluations)
-            before = trajectory
-        raise AccuracyError(f"{self.name}: the last two marches differ by {difference:.1e}, above {self.error:.0e}")
+            if report.agrees(trajectory, gain):
+                name = f"{self.name} ({trajectory.integrator})"
+                return replace(trajectory, integrator=name, seconds=report.seconds, evaluations=report.evaluations)
+        raise AccuracyError(
+            f"{self.name}: the last two marches differ by {report.difference:.1e}, above {self.error:.0e}"
+        )
 
-    def _method(self, system: System, refinement: int) -> tuple[Integrator, float]:
-        """Return a method, and the difference from the march before over the method's own error."""
-        if system.coupled or len(system.breakpoints) > _MANY:
-            tolerance = max(self.error * _SAFETY ** (1 + refinement), 3e-14)
-            stiff = system.highest_frequency * self.duration > _STIFF
-            return (ExponentialRosenbrock if stiff else RungeKutta)(tolerance), 1 / _SAFETY
-        # What happens between two breakpoints takes finer steps too, lest two marches agree that miss it alike.
-        method = PiecewiseExponential(self.duration / (_FIRST_STEPS * 2**refinement), 2**refinement)
-        return method, 2.0**3  # order 3 where it is worst
+    def _methods(self, system: System, q0: Array, v0: Array, report: _Pairs) -> Iterator[tuple[Integrator, float]]:
+        """Yield methods, each finer than that before, with the factor by which its error is below their difference."""
+        if not system.coupled and len(system.breakpoints) <= _MANY:
+            # What happens between two breakpoints takes finer steps too, lest two marches agree that miss it alike.
+            for k in range(_MOST_REFINEMENTS):
+                method = PiecewiseExponential(self.duration / (_FIRST_STEPS * 2**k), 2**k)
+                yield method, 2.0**3  # order 3 where it is worst
+            return
+        stable_steps = system.highest_frequency * self.duration / _STABLE
+        adaptive: type[RungeKutta | ExponentialRosenbrock] = RungeKutta
+        if stable_steps > _FEW:
+            yield from self._implicit_methods(system, stable_steps, report)
+            adaptive = self._choose_adaptive(system, q0, v0, stable_steps)
+        report.before = None
+        for k in range(_MOST_REFINEMENTS):
+            yield adaptive(max(self.error * _SAFETY ** (1 + k), 3e-14)), 1 / _SAFETY
+
+    def _implicit_methods(
+        self, system: System, stable_steps: float, report: _Pairs
+    ) -> Iterator[tuple[GeneralizedAlpha, float]]:
+        """Yield generalised-α with halved steps while those still to come cost less than the explicit method."""
+        allowed = _WORTH * stable_steps * _explicit_cost(system) / _implicit_cost(system)
+        steps = float(max(_IMPLICIT_STEPS, np.ceil(_STEPS_IN_ACTION * self.duration / system.shortest_action)))
+        while steps <= allowed:
+            yield GeneralizedAlpha(self.duration / steps), 2.0**2 - 1.0
+            if np.isfinite(report.difference):
+                # The error falls with the step's square.
+                needed = steps * np.sqrt(report.difference / self.error)
+                if needed > allowed:
+                    return
+            steps *= 2
+
+    def _choose_adaptive(
+        self, system: System, q0: Array, v0: Array, stable_steps: float
+    ) -> type[RungeKutta | ExponentialRosenbrock]:
+        """Choose between the stable steps of the explicit method and the steps that the Rosenbrock method takes."""
+        method = ExponentialRosenbrock(self.error * _SAFETY)
+        try:
+            trial = method.march(system, q0, v0, np.array([_TRIAL * self.duration]))
+        except StabilityError:
+            return RungeKutta
+        n, step = system.n + system.n_positions, max(trial.step, 1e-300)
+        doublings = max(0.0, np.log2(system.highest_frequency * step))
+        products = 14 + 15 * doublings  # of matrices in a step
+        cost = n * _EVALUATION * _n_bodies(system) + 2 * products * n**3
+        cheaper = self.duration / step * cost < stable_steps * _explicit_cost(system)
+        return ExponentialRosenbrock if cheaper else RungeKutta
+
+
+def _n_bodies(system: System) -> int:
+    groups = getattr(system, "groups", None)
+    return system.n if groups is None else int(np.ptp(groups[1]) // 3) + 1
+
+
+def _explicit_cost(system: System) -> float:
+    """Cost of a step of the Runge–Kutta method: 12 evaluations, and sums of 12 slopes for each."""
+    return 12 * (_EVALUATION * _n_bodies(system) + 12 * system.n)
+
+
+def _implicit_cost(system: System) -> float:
+    """Cost of a step of generalised-α: three iterations, each an evaluation and a solution with a kept factor."""
+    return 3 * (_EVALUATION * _n_bodies(system) + 4 * system.n**2)
+
+
+@dataclass
+class _Pairs:
+    """Marches so far, each compared with the one before.
+
+    Attributes
+    ----------
+    before : Trajectory, optional
+        The last march, None if the next one has nothing to be compared with.
+    difference : float
+        Error of the last march, from its difference to that before.
+    """
+
+    error: float
+    groups: IntArray
+    before: Trajectory | None = None
+    difference: float = np.inf
+    seconds: float = 0.0
+    evaluations: int = 0
+
+    def agrees(self, trajectory: Trajectory, gain: float) -> bool:
+        """Count a march, and return true if it differs from the one before by less than the error allows."""
+        self.seconds += trajectory.seconds
+        self.evaluations += trajectory.evaluations
+        if self.before is not None:
+            self.difference = largest_difference(self.before.q, trajectory.q, self.groups) / gain
+        agrees = self.before is not None and self.difference < self.error
+        self.before = trajectory
+        return agrees
 
 
 def largest_difference(q: Array, other: Array, groups: IntArray) -> float:

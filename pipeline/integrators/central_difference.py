@@ -13,7 +13,7 @@ import numpy as np
 
 from pipeline.core.arrays import Array, IntArray
 from pipeline.dynamics.jit.compiled import aligned, kernel
-from pipeline.dynamics.system import System, accelerations, advance
+from pipeline.dynamics.system import System, advance, leapfrog_step
 from pipeline.integrators.fixed_step import march_fixed_steps, runs_away
 from pipeline.integrators.protocol import (
     Progress,
@@ -51,10 +51,12 @@ class CentralDifference:
 
     def resume(self, system: System, start: State, times: Array, progress: Progress | None = None) -> Trajectory:
         """Continue from a state that a march of this method has ended in; earlier output times stay NaN."""
-        parameters, h, (work,) = system.parameters, self.step, aligned(system.n)
+        parameters, leapfrog, h = system.parameters, system.leapfrog(), self.step
+        q_now, v_now = aligned(system.n_positions, system.n)
 
         def run(state: State, n_steps: int, *samples: Any) -> int:
-            return int(_march(parameters, h, state.step, n_steps, state.q, state.v, state.a, work, *samples))
+            march = (parameters, leapfrog, h, state.step, n_steps, state.q, state.v, state.a)
+            return int(_march(*march, q_now, v_now, *samples))
 
         end, q, v, seconds = march_fixed_steps(run, start, h, 1, times, progress)
         return Trajectory(self.name, h, 1, times, q, v, end.step - start.step, 0, seconds, end)
@@ -62,28 +64,27 @@ class CentralDifference:
 
 @kernel
 def _march(
-    p: Any, h: float, first: int, n_steps: int, q: Array, v: Array, a: Array, v_now: Array,
+    p: Any, leapfrog: Any, h: float, first: int, n_steps: int, q: Array, v: Array, a: Array, q_now: Array, v_now: Array,
     sample_step: IntArray, sample_offset: Array, sample_q: Array, sample_v: Array, cursor: IntArray,
 ) -> int:  # fmt: skip
     n = v.size
     next_sample = sample_step[cursor[0]] if cursor[0] < sample_step.size else -1
     for k in range(n_steps):
-        for i in range(n):
-            v_now[i] = v[i] + 0.5 * h * a[i]
-        accelerations(p, (first + k) * h, q, v_now, a)
+        sampled = first + k == next_sample
+        if sampled:
+            for i in range(q.size):
+                q_now[i] = q[i]
+        leapfrog_step(p, leapfrog, (first + k) * h, h, q, v, a)
         while first + k == next_sample:
             s = sample_offset[cursor[0]]
             for i in range(n):  # Taylor's polynomial, which the next step continues
-                v_now[i] = v[i] + h * a[i] - 0.5 * h * a[i] + 0.5 * s * a[i]
+                v_now[i] = v[i] - 0.5 * h * a[i] + 0.5 * s * a[i]
                 sample_v[cursor[0], i] = v_now[i] + 0.5 * s * a[i]
             for i in range(q.size):
-                sample_q[cursor[0], i] = q[i]
+                sample_q[cursor[0], i] = q_now[i]
             advance(p, sample_q[cursor[0]], v_now, s, 0, n)
             cursor[0] += 1
             next_sample = sample_step[cursor[0]] if cursor[0] < sample_step.size else -1
-        for i in range(n):
-            v[i] += h * a[i]
-        advance(p, q, v, h, 0, n)
         if runs_away(v):
             return k
     return n_steps

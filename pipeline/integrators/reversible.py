@@ -74,7 +74,7 @@ class ReversibleSubcycling:
         n, n_slow = system.n, system.n_slow
         start = start_state(system, q0, v0, np.zeros(n))
         D = np.zeros((n, n_slow))
-        _hold(system.parameters, 0.0, start.q, start.v, D, system.middle())
+        _hold(system.parameters, 0.0, start.q, start.v, D, system.middle(self.substeps * self.step))
         start.a[:n_slow] += start.a @ D
         move = self.substeps * self.step * start.v
         start = replace(start, memory=np.concatenate([move, D.ravel()]))
@@ -82,7 +82,12 @@ class ReversibleSubcycling:
 
     def resume(self, system: System, start: State, times: Array, progress: Progress | None = None) -> Trajectory:
         """Continue from a state that a march of this method has ended in; earlier output times stay NaN."""
-        parameters, middle, n, n_slow = system.parameters, system.middle(), system.n, system.n_slow
+        parameters, middle, n, n_slow = (
+            system.parameters,
+            system.middle(self.substeps * self.step),
+            system.n,
+            system.n_slow,
+        )
         h, m = self.step, self.substeps
         q_now, v_now, shift, before = aligned(system.n_positions, n, n, n)
 

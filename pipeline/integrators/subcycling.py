@@ -2,16 +2,16 @@
 
 At the start of a major cycle of length ``H = m h`` both sets are solved together, ``M̂ a = Q̂``. The slow coordinates
 then take one step H; the fast ones take m steps h, the first with that acceleration, the others with
-``a_S = M_SS⁻¹ (Q_S − K_S q_S − M_SL a_L)``. Over the cycle M̂ and a_L are held (the "instantaneous structure"). Of the
-velocity-dependent terms the rotor holds the coefficients, θ̇² D and 2 θ̇ A, and lets them change at the rate known at
-the start: a force held for a cycle would lag behind the mode that makes it and damp it at first order in H.
+``a_S = M_SS⁻¹ (Q_S − K_S q_S − M_SL a_L)``. Over the cycle M̂ and a_L are held (the "instantaneous structure"). A
+mechanism holds the tangents of Q̂ by the fast coordinates and rates, and lets Q̂ change with its loads and with the slow
+motion: a force held for a cycle would lag behind the mode that makes it and damp it at first order in H.
 
 m = 1 is central difference, bit for bit.
 """
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import Any
 
 import numpy as np
@@ -19,6 +19,7 @@ import numpy as np
 from pipeline.core.arrays import Array, IntArray
 from pipeline.dynamics.jit.compiled import aligned, kernel
 from pipeline.dynamics.system import System, accelerations, advance, fast_steps, hold_slow
+from pipeline.integrators.central_difference import CentralDifference
 from pipeline.integrators.fixed_step import march_fixed_steps, runs_away
 from pipeline.integrators.protocol import (
     Progress,
@@ -47,8 +48,8 @@ class Subcycling:
         require_ratio(self.step, self.substeps)
 
     def order(self, system: System) -> int:
-        """Return 2, or 1 if a cycle holds forces, or slow accelerations that couple with the fast coordinates."""
-        return 1 if self.substeps > 1 and (system.holds_forces or system.coupled) else 2
+        """Return 2, or 1 if a cycle holds slow accelerations that couple with the fast coordinates."""
+        return 1 if self.substeps > 1 and system.coupled else 2
 
     def largest_step(self, system: System) -> float:
         """Return the step at which fast or slow coordinates reach ``2/ω_max`` by their own steps [s]; all if m = 1."""
@@ -64,9 +65,11 @@ class Subcycling:
 
     def resume(self, system: System, start: State, times: Array, progress: Progress | None = None) -> Trajectory:
         """Continue from a state that a march of this method has ended in; earlier output times stay NaN."""
+        if self.substeps == 1:
+            return replace(CentralDifference(self.step).resume(system, start, times, progress), integrator=self.name)
         parameters, frozen, n_slow, h, m = (
             system.parameters,
-            system.frozen(),
+            system.frozen(self.step * self.substeps),
             system.n_slow,
             self.step,
             self.substeps,

@@ -85,6 +85,8 @@ def forecast_run(run: Pipeline, pictures: bool, budget: bool) -> Forecast:
     planner.want_stiffening()
     compiling = "" if planner.compiled else "; new kernels are compiled first"
     planner.note(Pipeline.trajectories.name, "run", f"never kept{compiling}")
+    for part in run.parts.values():
+        planner.want(part, ["deformation"] if part.has_mesh else [])
     for part in [part for part in run.parts.values() if part.has_mesh][:1]:
         planner.want(part, ["modes", "surface", "stress"])
     for part in run.parts.values():

@@ -10,6 +10,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from pipeline.recovery.stress import choose_frames, von_mises
+from pipeline.reduction.body_file import save_body
 from pipeline.scene.outputs import Export
 from pipeline.stages.pipeline import Pipeline
 
@@ -28,8 +29,6 @@ def _write_mesh(run: Pipeline, output: Export, path: Path) -> None:
 
 
 def _write_body(run: Pipeline, output: Export, path: Path) -> None:
-    from pipeline.reduction.body_file import save_body
-
     part = run.parts[output.body]
     body = part.for_any_motion(run.bodies[output.body])
     surface, stress = (part.surface, part.surface_stress) if part.has_mesh else (None, None)

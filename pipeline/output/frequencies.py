@@ -11,6 +11,7 @@ import numpy as np
 
 from pipeline.core.arrays import Array
 from pipeline.core.files import whole_file
+from pipeline.reduction.rotating import rotating_frequencies
 from pipeline.stages.pipeline import Pipeline
 
 
@@ -62,8 +63,6 @@ def rotating_table(run: Pipeline, rate: float) -> dict[str, Any]:
 
 def _rotating(run: Pipeline, rate: float) -> Array:
     """Angular frequencies at a rate; geometric stiffening is left out only if the scene says so."""
-    from pipeline.reduction.rotating import rotating_frequencies
-
     part = run.part
     body = part.body if run.scene.simulation.stiffening == "off" else part.stiffened
     return rotating_frequencies(body, np.array(part.joint.axis), rate, len(part.joint.free) == 1)

@@ -10,7 +10,7 @@ from typing import Any
 
 from pydantic import TypeAdapter, ValidationError
 
-from pipeline.accuracy.error_budget import ERROR_BUDGET, Budget
+from pipeline.accuracy.error_budget import Budget, state_errors
 from pipeline.core.errors import InputError
 from pipeline.core.progress import bars
 from pipeline.output.pictures import DRAWINGS, draw_modes
@@ -48,7 +48,7 @@ class NotebookRun(Pipeline):
     @property
     def budget(self) -> Budget:
         """Error budget of the scene's first run."""
-        return ERROR_BUDGET.of(self)
+        return state_errors(self)
 
     def picture(self, type: str, mode: int = 1, **settings: Any) -> Picture:
         """Draw the picture of an ``[[output]]`` of this type, to be shown inline: ``picture("stress", scale=10)``.
@@ -123,7 +123,7 @@ def draw_inline(run: Pipeline, type: str, numbers: Iterable[int] | None = None, 
     with tempfile.TemporaryDirectory(prefix="fmd-") as name:
         folder = Path(name)
         files = (
-            draw_modes(run, output, folder, numbers)
+            draw_modes(run, output, folder, numbers=numbers)
             if type == "modes"
             else DRAWINGS[output.type].draw(run, output, folder)
         )

@@ -2,14 +2,19 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
+from contextlib import AbstractContextManager
 from pathlib import Path
+from types import TracebackType
 from typing import Any
 
 from pipeline.core.cache import stage_key
 from pipeline.core.files import whole_file
+from pipeline.output.drawing_process import DrawingProcess
 from pipeline.output.pictures import DRAWINGS
 from pipeline.stages.pipeline import Pipeline
 
+_STAGE = "pictures"
 _PACKAGES = ("numpy", "pyvista", "vtk", "matplotlib", "imageio-ffmpeg")
 
 
@@ -18,22 +23,84 @@ def picture_key(run: Pipeline, output: Any) -> str:
     shown = {"output": output.model_dump(mode="json"), "title": run.scene.title}
     if DRAWINGS[output.type].still:
         sources = ("pipeline/render", "pipeline/output/pictures.py")
-        return stage_key("pictures", shown | {"part": run.parts[output.body].key("body")}, sources, _PACKAGES)
+        return stage_key(_STAGE, shown | {"part": run.parts[output.body].key("body")}, sources, _PACKAGES)
     shown |= {"scene": run.inputs, "all modes": run.keep_all}
-    return stage_key("pictures", shown, ("pipeline", "meshes"), (*_PACKAGES, "scipy", "scikit-fem", "gmsh"))
+    return stage_key(_STAGE, shown, ("pipeline", "meshes"), (*_PACKAGES, "scipy", "scikit-fem", "gmsh"))
 
 
-def draw(run: Pipeline, output: Any, folder: Path) -> list[str]:
-    """Draw an output into a folder, or copy the files of an earlier drawing there; return the names of the files."""
-    drawn: list[str] = []
+class Pictures:
+    """Outputs of a scene that are drawn in another process while the run goes on, unless they are kept.
 
-    def make() -> dict[str, bytes]:
-        drawn.extend(DRAWINGS[output.type].draw(run, output, folder))
-        return {name: (folder / name).read_bytes() for name in drawn}
+    Parameters
+    ----------
+    outputs : sequence of output models
+        The scene's, without exports.
+    scene_file : str
+        The scene, for messages.
+    """
 
-    files = run.store.read_or_compute("pictures", picture_key(run, output), make)
-    if not drawn:
-        for name, content in files.items():
-            with whole_file(folder / name) as part:
-                part.write_bytes(content)
-    return list(files)
+    def __init__(self, outputs: Sequence[Any], scene_file: str) -> None:
+        self._outputs = outputs
+        self._process = DrawingProcess(scene_file)
+        self._drawn: dict[str, list[str]] = {}  # names of files by the name in the output
+        self._kept: dict[str, dict[str, bytes]] = {}
+
+    def __enter__(self) -> Pictures:
+        self._process.__enter__()
+        return self
+
+    def __exit__(
+        self, kind: type[BaseException] | None, error: BaseException | None, trace: TracebackType | None
+    ) -> None:
+        self._process.__exit__(kind, error, trace)
+
+    def start(self, run: Pipeline) -> None:
+        """Start the process if something will have to be drawn."""
+        if not all(run.store.cache.holds(picture_key(run, output)) for output in self._outputs):
+            self._process.start()
+
+    def require_ready(self) -> None:
+        """Raise ``InputError`` if this machine can't draw what will have to be drawn."""
+        self._process.require_ready()
+
+    def paused(self) -> AbstractContextManager[None]:
+        """Make a context in which nothing is drawn, so that other work can be timed."""
+        return self._process.paused()
+
+    def begin(self, run: Pipeline, still: bool) -> None:
+        """Begin to draw the outputs that show a part alone, or those that show its motion."""
+        for output in self._outputs:
+            if DRAWINGS[output.type].still is still:
+                kept = run.store.cache.load(picture_key(run, output))
+                if kept is None:
+                    self._draw(run, output)
+                else:
+                    self._kept[output.file] = kept
+
+    def _draw(self, run: Pipeline, output: Any) -> None:
+        draw, folder = DRAWINGS[output.type].draw, self._process.folder
+        self._drawn[output.file] = run.store.compute(_STAGE, lambda: draw(run, output, folder, self._process))
+
+    def write(self, run: Pipeline, folder: Path) -> list[str]:
+        """Wait until everything is drawn, and write the files into a folder; return their names.
+
+        Raises
+        ------
+        InputError
+            The process that draws has died.
+        """
+        if self._drawn:
+            run.store.compute(_STAGE, self._process.finish)
+        if self._kept:
+            run.log.add(_STAGE, 0.0, run.log.cached)
+        names: list[str] = []
+        for output in self._outputs:
+            files = self._kept.get(output.file)
+            if files is None:
+                files = {name: (self._process.folder / name).read_bytes() for name in self._drawn[output.file]}
+                run.store.cache.save(picture_key(run, output), files)
+            for name, content in files.items():
+                with whole_file(folder / name) as part:
+                    part.write_bytes(content)
+            names += files
+        return names

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterable, Iterator
+from collections.abc import Callable, Iterable
 from dataclasses import dataclass
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
@@ -14,27 +14,28 @@ from pipeline.core.errors import InputError
 from pipeline.core.units import unit_ratio
 from pipeline.output.curves import curves_of
 from pipeline.recovery.stress import StressHistory, choose_frames, stress_measure
+from pipeline.render.calls import Drawer, draw_here
+from pipeline.render.camera import FILM_PIXELS, PIXELS, SHEET_PIXELS, Camera
+from pipeline.render.chart_data import Band, Curve
+from pipeline.render.colours import stress_limits
+from pipeline.render.film_frames import FilmedMotion
 
 if TYPE_CHECKING:
-    from pipeline.render.camera import Camera
-    from pipeline.render.film import FilmFrame
     from pipeline.render.surface import Surface
     from pipeline.scene.outputs import Chart
     from pipeline.scene.pictures import BodyPicture, Film, MeshPicture, ModePictures, ModeSheet, StressPicture
     from pipeline.stages.pipeline import Pipeline
 
 
-def draw_chart(run: Pipeline, output: Chart, folder: Path) -> list[str]:
+def draw_chart(run: Pipeline, output: Chart, folder: Path, draw: Drawer = draw_here) -> list[str]:
     """Draw a quantity over time."""
-    from pipeline.render.charts import Band, Curve
-    from pipeline.render.charts import draw_chart as draw
-
     label, curves, components = curves_of(run, output)
     band = None
     if output.band is not None:
         low, high = (unit_ratio("Pa", output.unit or "MPa") * value for value in output.band)
         band = Band(low, high, output.band_title)
     draw(
+        "charts.draw_chart",
         run.motion.times,
         [Curve(name, values) for name, values in curves.items()],
         folder / output.file,
@@ -46,23 +47,27 @@ def draw_chart(run: Pipeline, output: Chart, folder: Path) -> list[str]:
     return [output.file]
 
 
-def draw_mesh(run: Pipeline, output: MeshPicture, folder: Path) -> list[str]:
+def draw_mesh(run: Pipeline, output: MeshPicture, folder: Path, draw: Drawer = draw_here) -> list[str]:
     """Draw a body's mesh, its parts in colours."""
     from pipeline.fem.formats.export import part_numbers
-    from pipeline.render.pictures import draw_mesh as draw
 
     part = run.parts[output.body]
     names = [f"{name} ({len(cells):,} elements)".replace(",", " ") for name, cells in part.mesh.parts.items()]
     title = output.title or f"{run.scene.title}: {len(part.mesh.cells):,} elements".replace(",", " ")
     triangles = part_numbers(part.mesh)[part.surface_elements] - 1
-    draw(_surface(run, output.body), triangles, names, folder / output.file, title=title, camera=_camera(run, output))
+    surface, camera = _surface(run, output.body), _camera(run, output)
+    draw("pictures.draw_mesh", surface, triangles, names, folder / output.file, title=title, camera=camera)
     return [output.file]
 
 
-def draw_modes(run: Pipeline, output: ModePictures, folder: Path, numbers: Iterable[int] | None = None) -> list[str]:
+def draw_modes(
+    run: Pipeline,
+    output: ModePictures,
+    folder: Path,
+    draw: Drawer = draw_here,
+    numbers: Iterable[int] | None = None,
+) -> list[str]:
     """Draw a picture of each mode, or of those with the given numbers, from 1."""
-    from pipeline.render.pictures import draw_mode
-
     part = run.parts[output.body]
     surface, modes, files = _surface(run, output.body), part.modes, []
     held = "free" if part.shape.modes.boundary == "free" else "held"
@@ -73,7 +78,8 @@ def draw_modes(run: Pipeline, output: ModePictures, folder: Path, numbers: Itera
     for k in chosen:
         frequency = modes.frequencies_hz[k]
         name = output.file.format(mode=k + 1)
-        draw_mode(
+        draw(
+            "pictures.draw_mode",
             surface,
             modes.shapes[part.surface.nodes, :, k],
             folder / name,
@@ -85,33 +91,30 @@ def draw_modes(run: Pipeline, output: ModePictures, folder: Path, numbers: Itera
     return files
 
 
-def draw_mode_sheet(run: Pipeline, output: ModeSheet, folder: Path) -> list[str]:
+def draw_mode_sheet(run: Pipeline, output: ModeSheet, folder: Path, draw: Drawer = draw_here) -> list[str]:
     """Draw the first modes in one picture."""
-    from pipeline.render.mode_sheet import PIXELS
-    from pipeline.render.mode_sheet import draw_mode_sheet as draw
-
     part = run.parts[output.body]
     hertz = part.modes.frequencies_hz[: output.count]
     draw(
+        "mode_sheet.draw_mode_sheet",
         _surface(run, output.body),
         part.modes.shapes[part.surface.nodes][..., : len(hertz)],
         [f"mode {k + 1}, {frequency:.1f} Hz" for k, frequency in enumerate(hertz)],
         folder / output.file,
         title=output.title or f"{run.scene.title}: elastic modes",
         scale=output.scale,
-        camera=_camera(run, output, PIXELS),
+        camera=_camera(run, output, SHEET_PIXELS),
     )
     return [output.file]
 
 
-def draw_stress(run: Pipeline, output: StressPicture, folder: Path) -> list[str]:
+def draw_stress(run: Pipeline, output: StressPicture, folder: Path, draw: Drawer = draw_here) -> list[str]:
     """Draw a body's stress at the worst instant."""
-    from pipeline.render.pictures import draw_stress as draw
-
     stress = run.stress_of(output.body)
     time, _, _ = stress.worst()
     frame = int(np.searchsorted(stress.times, time))
     draw(
+        "pictures.draw_stress",
         _surface(run, output.body),
         run.bodies[output.body].shapes[stress.nodes] @ stress.q[frame],
         stress.measure_at(np.array([frame]), stress_measure(output.component))[0],
@@ -124,33 +127,24 @@ def draw_stress(run: Pipeline, output: StressPicture, folder: Path) -> list[str]
     return [output.file]
 
 
-def draw_film(run: Pipeline, output: Film, folder: Path) -> list[str]:
+def draw_film(run: Pipeline, output: Film, folder: Path, draw: Drawer = draw_here) -> list[str]:
     """Film a body's stress in motion."""
-    from scipy.spatial import ConvexHull
-
-    from pipeline.render.colours import stress_limits
-    from pipeline.render.film import PIXELS
-    from pipeline.render.film import draw_film as draw
-
     surface, history = _surface(run, output.body), run.stress_of(output.body)
     chosen = choose_frames(len(history.times), output.frames)
     values = history.measure_at(chosen, stress_measure(output.component))
-    outer = np.union1d(ConvexHull(surface.points).vertices, np.arange(0, len(surface.points), 50))
-    around = [frame.points[outer] for frame in _frames(run, output, surface, history, chosen, values)]
     scaled = f", deformation × {output.scale:g}" if output.scale != 1 else ""
-    with run.store.monitor(output.file) as advance:
-        draw(
-            surface,
-            _report_progress(_frames(run, output, surface, history, chosen, values), len(chosen), advance),
-            folder / output.file,
-            title=(output.title or run.scene.title) + scaled,
-            bounds=np.concatenate(around),
-            clim_pa=stress_limits(values),
-            rate=output.rate,
-            quantity=_quantity(output.component),
-            camera=_camera(run, output, PIXELS),
-            hub=not _is_ring(run, output.body),
-        )
+    draw(
+        "film.film_motion",
+        surface,
+        _filmed(run, output, history, chosen, values),
+        folder / output.file,
+        title=(output.title or run.scene.title) + scaled,
+        clim_pa=stress_limits(values),
+        rate=output.rate,
+        quantity=_quantity(output.component),
+        camera=_camera(run, output, FILM_PIXELS),
+        hub=not _is_ring(run, output.body),
+    )
     return [output.file]
 
 
@@ -161,14 +155,14 @@ class Drawing:
     Attributes
     ----------
     draw : callable
-        Draws an output of a run into a folder and returns the names of its files.
+        Has an output of a run drawn into a folder by a `Drawer` and returns the names of its files.
     reads : tuple of str
         Stages of the body that it shows.
     still : bool
         It shows a part, and nothing of its motion.
     """
 
-    draw: Callable[[Pipeline, Any, Path], list[str]]
+    draw: Callable[..., list[str]]
     reads: tuple[str, ...] = ()
     still: bool = False
 
@@ -183,24 +177,21 @@ DRAWINGS: dict[str, Drawing] = {
 }
 
 
-def _report_progress(frames: Iterable[FilmFrame], count: int, advance: Callable[[float], None]) -> Iterator[FilmFrame]:
-    """Yield frames and report the share that has been drawn."""
-    for done, frame in enumerate(frames, start=1):
-        yield frame
-        advance(done / count)
-
-
-def _frames(
-    run: Pipeline, output: Film, surface: Surface, history: StressHistory, chosen: IntArray, values: Array
-) -> Iterator[FilmFrame]:
-    from pipeline.render.film import FilmFrame
-
-    motion, shapes = run.motion, run.bodies[output.body].shapes[history.nodes]
-    turns = motion.spin(output.body) * 60 / (2 * np.pi)
-    for k, value in zip(chosen, values, strict=True):
-        deformed = surface.points + output.scale * (shapes @ history.q[k])
-        note = f"{turns[k]:,.0f} rpm".replace(",", " ")
-        yield FilmFrame(float(motion.times[k]), motion.placed(output.body, deformed, k), value, note)
+def _filmed(run: Pipeline, output: Film, history: StressHistory, chosen: IntArray, values: Array) -> FilmedMotion:
+    """Gather a body's motion at some output times for a film, with its rate of rotation as notes."""
+    motion, body = run.motion, output.body
+    frame = motion.kinematics.frames[motion.mechanism.number_of(body)]
+    return FilmedMotion(
+        times=motion.times[chosen],
+        points=_surface(run, body).points,
+        shapes=run.bodies[body].shapes[history.nodes],
+        coordinates=history.q[chosen],
+        scale=output.scale,
+        origin=frame.origin[chosen],
+        rotation=frame.rotation[chosen],
+        stress=values,
+        notes=tuple(f"{turns * 60 / (2 * np.pi):,.0f} rpm".replace(",", " ") for turns in motion.spin(body)[chosen]),
+    )
 
 
 def _surface(run: Pipeline, body: str) -> Surface:
@@ -218,8 +209,6 @@ def _is_ring(run: Pipeline, body: str) -> bool:
 
 def _camera(run: Pipeline, output: BodyPicture, size: tuple[int, int] | None = None) -> Camera:
     """Return a picture's camera, of ``size`` unless the scene gives one; by default of a still picture's."""
-    from pipeline.render.camera import PIXELS, Camera
-
     angles = None if output.camera is None else (np.degrees(output.camera[0]), np.degrees(output.camera[1]))
     settings: dict[str, Any] = {"focus": output.focus, "extent": output.extent, "zoom": output.zoom}
     try:

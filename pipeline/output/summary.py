@@ -2,45 +2,48 @@
 
 from __future__ import annotations
 
+import math
 from typing import Any
 
 import numpy as np
 
 from pipeline import __version__
-from pipeline.accuracy.error_budget import ERROR_BUDGET
+from pipeline.accuracy.deflection import TOO_LARGE, deflection_warnings
+from pipeline.accuracy.error_budget import Budget, state_errors
+from pipeline.accuracy.error_estimates import SAFETY
 from pipeline.output.explain import STAGES
 from pipeline.output.frequencies import frequencies_by_body, frequency_table, mode_warnings
 from pipeline.recovery.motion import Motion
 from pipeline.stages.pipeline import Pipeline
 
+_MORE_TIME = 5.0  # times that of an error budget that isn't whole
 
-def summarise(run: Pipeline, files: list[str], budget: bool) -> dict[str, Any]:
-    """Gather a run's figures; the keys about modes and stress are there if the scene has a flexible body."""
+
+def summarise(run: Pipeline, files: list[str], budget: bool, budget_seconds: float = math.inf) -> dict[str, Any]:
+    """Gather a run's figures; the keys about modes and stress are there if the scene has a flexible body.
+
+    Parameters
+    ----------
+    files : list of str
+        Files that were written.
+    budget : bool
+        Estimate the errors of the results.
+    budget_seconds : float
+        Time that this may take [s].
+    """
     summary: dict[str, Any] = {"scene": run.scene.name, "version": __version__}
     if run.parts:
         summary |= frequency_table(run)
         summary["bodies"] = {name: own | _body(run, name) for name, own in frequencies_by_body(run).items()}
-    summary["warnings"] = [*mode_warnings(run), *_motion_warnings(run)]
-    first = run.motion
-    limits = [plan.integrator.largest_step(plan.system) for plan in run.plans.values()]
-    summary["largest_stable_step_s"] = 2.0 / run.system.highest_frequency if run.system.n else None
-    summary["integrations"] = [
-        {
-            "integrator": motion.trajectory.integrator,
-            "step_s": motion.trajectory.step,
-            "substeps": motion.trajectory.substeps,
-            "seconds": motion.trajectory.seconds,
-            "ratio_to_plain": motion.trajectory.seconds / first.trajectory.seconds,
-            "evaluations": motion.trajectory.evaluations,
-            "fast_evaluations": motion.trajectory.fast_evaluations,
-            "growth": run.plans[label].growth,
-            "largest_stable_step_s": limit if np.isfinite(limit) else None,
-            "stability_margin": limit / motion.trajectory.step if np.isfinite(limit) else None,
-            **motion.differences(first),
-            "final": motion.final() | _former_names(motion),
-        }
-        for (label, motion), limit in zip(run.motions.items(), limits, strict=True)
+    summary["warnings"] = [
+        *mode_warnings(run),
+        *_stiffness_warnings(run),
+        *_motion_warnings(run),
+        *deflection_warnings(run),
     ]
+    first = run.motion
+    summary["largest_stable_step_s"] = 2.0 / run.system.highest_frequency if run.system.n else None
+    summary["integrations"] = _integrations(run)
     summary["final"] = first.final() | _former_names(first)
     summary["joint_units"] = {joint: first.joint_unit(joint) for joint in first.joints}
     summary["tip"] = summary["final"]["tip"]
@@ -63,7 +66,9 @@ def summarise(run: Pipeline, files: list[str], budget: bool) -> dict[str, Any]:
         place = body.origin + body.x[stress.nodes[node]]
         summary["worst_stress"] = {"time_s": time, "von_mises_pa": value, "position_m": place.tolist()}
     if budget and len(meshed) == len(run.parts):  # matrices alone tell nothing of their own error
-        summary["error_budget"] = ERROR_BUDGET.of(run).summary()
+        stated = state_errors(run, budget_seconds)
+        summary["error_budget"] = stated.summary()
+        summary["warnings"] += _budget_warnings(run, stated)
     return summary | {
         "files": files,
         "seconds": dict(run.log.seconds),
@@ -71,6 +76,50 @@ def summarise(run: Pipeline, files: list[str], budget: bool) -> dict[str, Any]:
         "stages_cached": list(run.log.cached),
         "stages_skipped": [stage for stage in STAGES if stage not in run.log.seconds],
     }
+
+
+def _integrations(run: Pipeline) -> list[dict[str, Any]]:
+    """Figures of each of the scene's runs: method, step, work, stability, differences from the first, and its end."""
+    first = run.motion
+    limits = [plan.integrator.largest_step(plan.system) for plan in run.plans.values()]
+    return [
+        {
+            "integrator": motion.trajectory.integrator,
+            "step_s": motion.trajectory.step,
+            "substeps": motion.trajectory.substeps,
+            "seconds": motion.trajectory.seconds,
+            "ratio_to_plain": motion.trajectory.seconds / first.trajectory.seconds,
+            "evaluations": motion.trajectory.evaluations,
+            "fast_evaluations": motion.trajectory.fast_evaluations,
+            "growth": run.plans[label].growth,
+            "largest_stable_step_s": limit if np.isfinite(limit) else None,
+            "stability_margin": limit / motion.trajectory.step if np.isfinite(limit) else None,
+            **motion.differences(first),
+            "final": motion.final() | _former_names(motion),
+        }
+        for (label, motion), limit in zip(run.motions.items(), limits, strict=True)
+    ]
+
+
+def _stiffness_warnings(run: Pipeline) -> list[dict[str, str]]:
+    """Warnings about bodies that the loads through them bring to buckling, or that should be stiffened and aren't."""
+    found = []
+    for name, change in run.stiffness_changes.items():
+        if change.growth > 0.0:
+            text = (
+                f"{name}: the loads through it pass {change.buckling:.3g} times its buckling load at "
+                f"t = {change.buckles_at:.4g} s; what grows from there is right only while it is small"
+            )
+            found.append({"code": "buckling", "body": name, "text": text})
+    for name, spin in run.spin.items():
+        if not spin.stiffened and spin.change > run.scene.simulation.error:
+            why = "simulation.stiffening is off" if run.parts[name].has_mesh else "a body without a mesh has no stress"
+            text = (
+                f"{name}: the loads through it can change its stiffness by up to {100 * spin.change:.2g} %, which is "
+                f"left out: {why}"
+            )
+            found.append({"code": "stiffening-left-out", "body": name, "text": text})
+    return found
 
 
 def _motion_warnings(run: Pipeline) -> list[dict[str, str]]:
@@ -85,6 +134,34 @@ def _motion_warnings(run: Pipeline) -> list[dict[str, str]]:
         for motion in run.motions.values()
         if acts and motion.trajectory.q.size and not np.ptp(motion.trajectory.q, axis=0).any()
     ]
+
+
+def _budget_warnings(run: Pipeline, budget: Budget) -> list[dict[str, str]]:
+    """Warnings about estimates that were left out, and about a wanted accuracy that the model itself doesn't reach."""
+    warnings = []
+    if budget.left_out:
+        text = (
+            f"the error budget isn't whole: {'; '.join(budget.left_out)}; with --budget-seconds "
+            f"{math.ceil(_MORE_TIME * max(budget.seconds, 1.0))} more of it is estimated"
+        )
+        warnings.append({"code": "budget-incomplete", "text": text})
+    warnings += [
+        {
+            "code": "large-deflection",
+            "text": f"{each.text}; results are off by about {100 * each.error:.2g} %",
+        }
+        for each in budget.model
+        if each.cause == "stretching" and each.error > TOO_LARGE
+    ]
+    wanted = run.scene.accuracy
+    causes = [each for each in budget.model if each.counted and wanted is not None and SAFETY * each.error > wanted]
+    for each in causes:
+        text = (
+            f"the wanted accuracy is that of the equations as they are solved; the model itself is off by about "
+            f"{100 * each.error:.2g} % in '{each.quantity}': {each.text}"
+        )
+        warnings.append({"code": "model-error", "text": text})
+    return warnings
 
 
 def _former_names(motion: Motion) -> dict[str, float]:
@@ -109,7 +186,8 @@ def _element_histories(run: Pipeline) -> dict[str, dict[str, Any]]:
 
 def _body(run: Pipeline, name: str) -> dict[str, Any]:
     """Figures of a flexible body: mass, frequencies in its frame, coupling, and the effect of its spin."""
-    body, spin = run.bodies[name], run.spin[name]
+    body, spin, change = run.bodies[name], run.spin[name], run.stiffness_changes.get(name)
+    deformation = run.deformations.get(name)
     return {
         "frequencies_in_frame_hz": body.frequencies_hz.tolist(),
         "coupling": body.coupling,
@@ -119,4 +197,8 @@ def _body(run: Pipeline, name: str) -> dict[str, Any]:
         "largest_spin_rad_s": spin.largest_rate,
         "critical_spin_rad_s": spin.critical_rate if np.isfinite(spin.critical_rate) else None,
         "stiffened": spin.stiffened,
+        "largest_rotation_rad": None if deformation is None else deformation.rotation,
+        "largest_strain": None if deformation is None else deformation.strain,
+        "stiffness_change": change.largest if change else None,
+        "buckling_load_factor": change.buckling if change else None,
     }

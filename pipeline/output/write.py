@@ -6,20 +6,21 @@ import json
 from pathlib import Path
 from typing import Any
 
+from pipeline.accuracy.error_budget import allowed_seconds, state_errors
 from pipeline.accuracy.refinement import meet_accuracy
-from pipeline.core.cache import Cache, stage_key
 from pipeline.core.errors import InputError
 from pipeline.core.files import whole_file
-from pipeline.core.paths import cache_folder
 from pipeline.output.explain import remember_times
 from pipeline.output.exports import write_export
-from pipeline.output.picture_files import draw
+from pipeline.output.picture_files import Pictures
 from pipeline.output.summary import summarise
-from pipeline.render.rendering_check import rendering_problem
+from pipeline.recovery.motion_file import write_motions
 from pipeline.stages.pipeline import Pipeline
 
 
-def write_results(run: Pipeline, folder: Path, pictures: bool, budget: bool = True) -> dict[str, Any]:
+def write_results(
+    run: Pipeline, folder: Path, pictures: bool, budget: bool = True, budget_seconds: float | None = None
+) -> dict[str, Any]:
     """Compute the results that a scene asks for, write them into a folder and return the summary.
 
     Parameters
@@ -32,6 +33,8 @@ def write_results(run: Pipeline, folder: Path, pictures: bool, budget: bool = Tr
         Draw pictures; without, neither PyVista nor Matplotlib is loaded.
     budget : bool
         Estimate the errors of the results.
+    budget_seconds : float, optional
+        Time that this may take [s]; three times that of the run by default.
 
     Raises
     ------
@@ -40,52 +43,58 @@ def write_results(run: Pipeline, folder: Path, pictures: bool, budget: bool = Tr
     AccuracyError
         A march diverged, or a result failed its check.
     """
-    exports = [output for output in run.scene.output if output.type == "export"]
     drawn = [output for output in run.scene.output if output.type != "export"] if pictures else []
-    if drawn:
-        _require_drawing(run.scene.file)
-    refinement: dict[str, Any] = {}
-    if run.scene.accuracy is not None:
-        if not budget:
-            raise InputError("--no-budget", "", None, "can't be: the scene wants an accuracy, which the budget proves")
-        found = meet_accuracy(run)
-        run, refinement = found.run, found.summary()
-    run.motions  # noqa: B018 - refuses or diverges before anything is written
-    try:
-        folder.mkdir(parents=True, exist_ok=True)
-        files = [_write_motion(run, folder)]
-        if exports:
-            files += run.store.compute(
-                "files", lambda: [name for o in exports for name in write_export(run, o, folder)]
-            )
-        if drawn:
-            files += [name for output in drawn for name in draw(run, output, folder)]
-        summary = summarise(run, files, budget)
-        if refinement:
-            summary["accuracy"] = refinement
-        with whole_file(folder / "summary.json") as part:
-            part.write_text(json.dumps(summary, indent=1, allow_nan=False) + "\n")
-    except OSError as error:
-        raise InputError("--out", "", str(folder), f"can't be written: {error.strerror or error}") from error
+    with Pictures(drawn, run.scene.file) as drawing:
+        drawing.start(run)
+        refinement: dict[str, Any] = {}
+        if run.scene.accuracy is not None:
+            if not budget:
+                mend = "can't be: the scene wants an accuracy, which the budget proves"
+                raise InputError("--no-budget", "", None, mend)
+            drawing.require_ready()
+            found = meet_accuracy(run)
+            run, refinement = found.run, found.summary()
+        run.bodies  # noqa: B018 - the process that draws gets ready meanwhile
+        drawing.require_ready()
+        drawing.begin(run, still=True)
+        run.while_timed = drawing.paused
+        run.motions  # noqa: B018 - refuses or diverges before anything is written
+        drawing.begin(run, still=False)
+        try:
+            summary = _write(run, folder, drawing, budget, budget_seconds, refinement)
+        except OSError as error:
+            raise InputError("--out", "", str(folder), f"can't be written: {error.strerror or error}") from error
     remember_times(run)
     return summary
 
 
-def _require_drawing(file: str) -> None:
-    """Refuse to draw where VTK would take the process down; a machine that has drawn once isn't checked again."""
-    cache = Cache(cache_folder() / "stages")
-    key = stage_key("drawing", None, ("pipeline/render/rendering_check.py",), ("pyvista", "vtk"))
-    if cache.load(key):
-        return
-    problem = rendering_problem()
-    if problem is not None:
-        raise InputError(file, "output", None, f"this machine can't draw: {problem} (or run with --no-pictures)")
-    cache.save(key, True)
+def _write(
+    run: Pipeline,
+    folder: Path,
+    drawing: Pictures,
+    budget: bool,
+    budget_seconds: float | None,
+    refinement: dict[str, Any],
+) -> dict[str, Any]:
+    """Write all files of a run that has been integrated, the summary last, while its pictures are drawn."""
+    exports = [output for output in run.scene.output if output.type == "export"]
+    folder.mkdir(parents=True, exist_ok=True)
+    files = [_write_motion(run, folder)]
+    if exports:
+        files += run.store.compute("files", lambda: [name for o in exports for name in write_export(run, o, folder)])
+    seconds = allowed_seconds(run) if budget_seconds is None else budget_seconds
+    if budget and all(part.has_mesh for part in run.parts.values()):
+        state_errors(run, seconds)
+    files += drawing.write(run, folder)
+    summary = summarise(run, files, budget, seconds)
+    if refinement:
+        summary["accuracy"] = refinement
+    with whole_file(folder / "summary.json") as part:
+        part.write_text(json.dumps(summary, indent=1, allow_nan=False) + "\n")
+    return summary
 
 
 def _write_motion(run: Pipeline, folder: Path) -> str:
-    from pipeline.recovery.motion_file import motion_dataset
-
     with whole_file(folder / "motion.nc") as part:
-        motion_dataset(run.motions).to_netcdf(part, engine="scipy")
+        write_motions(run.motions, part)
     return "motion.nc"

@@ -13,7 +13,9 @@ import numpy as np
 
 from pipeline.core.arrays import Array
 from pipeline.fem.elements import shape_functions
-from pipeline.recovery.stress import hooke_stress, modal_stress, strains
+from pipeline.fem.gradients import determinants
+from pipeline.fem.strain import stresses
+from pipeline.recovery.stress import modal_stress
 
 if TYPE_CHECKING:
     from pipeline.fem.material import AnyMaterial
@@ -38,15 +40,13 @@ def energy_errors(space: Discretisation, material: AnyMaterial, shapes: Array) -
     shapes : ndarray, shape (n_nodes, 3, n)
         Displacement fields.
     """
-    from pipeline.fem.assembly import determinants
-
     recovered = modal_stress(space, material, shapes, np.arange(len(space.x)))
     X, w = space.kind.quadrature(space.kind.stiffness_order)
     N, _ = shape_functions(space.kind.element, X)
     total = np.zeros((shapes.shape[2],) * 2)
     for start in range(0, len(space.element_nodes), _CHUNK):
         part = np.arange(start, min(start + _CHUNK, len(space.element_nodes)))
-        raw = hooke_stress(material, part, strains(space, shapes, X, part))
+        raw = stresses(space, material, shapes, X, part)
         averaged = np.einsum("aq,earn->eqrn", N, recovered[space.element_nodes[part]], optimize=True)
         weights = np.sqrt(determinants(space.jacobians(X, part)) * w)
         apart = weights[:, :, None, None] * (averaged - raw)

@@ -26,11 +26,13 @@ A joint whose variable would have the name of another one gets ``joint.`` before
 from __future__ import annotations
 
 from collections.abc import Iterator, Mapping
+from pathlib import Path
 from typing import TYPE_CHECKING, NamedTuple
 
 import numpy as np
 
 from pipeline.core.arrays import Array
+from pipeline.core.netcdf import NetcdfVariable, write_netcdf
 from pipeline.dynamics.kinematics import quaternion_of_matrix
 from pipeline.dynamics.links import FREE, SPHERICAL
 from pipeline.recovery.motion import Motion
@@ -67,35 +69,49 @@ def motion_dataset(motions: Mapping[str, Motion]) -> xarray.Dataset:
     """Gather several motions of a scene with common output times in one labelled data set, units as attributes."""
     import xarray
 
+    data, coordinates = _gather(motions)
+    return xarray.Dataset(
+        {own.name: (own.dims, own.values, own.attributes) for own in data},
+        {own.name: (own.dims, own.values, own.attributes) for own in coordinates},
+    )
+
+
+def write_motions(motions: Mapping[str, Motion], path: Path) -> None:
+    """Write the data set of several motions to a NetCDF file, without loading xarray."""
+    data, coordinates = _gather(motions)
+    write_netcdf(path, [*coordinates, *data])
+
+
+def _gather(motions: Mapping[str, Motion]) -> tuple[list[NetcdfVariable], list[NetcdfVariable]]:
+    """Gather the variables of several motions, stacked over the runs, and the coordinates of their dimensions."""
     first = next(iter(motions.values()))
     tables = [{variable.name: variable for variable in motion_variables(motion)} for motion in motions.values()]
-    data = {
-        name: (
+    data = [
+        NetcdfVariable(
+            name,
             ("run", "time", *variable.dims),
             np.stack([table[name].values for table in tables]),
             {"units": variable.units, "long_name": variable.long_name},
         )
         for name, variable in tables[0].items()
-    }
-    frequencies = {
-        f"{link.name}.mode": (
+    ]
+    frequencies = [
+        NetcdfVariable(
             f"{link.name}.mode",
+            (f"{link.name}.mode",),
             link.omega / (2 * np.pi),
             {"units": "Hz", "long_name": f"frequencies of the modes of {link.name}"},
         )
         for link in first.mechanism.links
         if len(link.omega)
-    }
-    return xarray.Dataset(
-        data,
-        coords={
-            "run": list(motions),
-            "time": ("time", first.times, {"units": "s", "long_name": "time"}),
-            "axis": ["x", "y", "z"],
-            "quaternion": ["x", "y", "z", "w"],
-            **frequencies,
-        },
-    )
+    ]
+    return data, [
+        NetcdfVariable("run", ("run",), np.array(list(motions))),
+        NetcdfVariable("time", ("time",), first.times, {"units": "s", "long_name": "time"}),
+        NetcdfVariable("axis", ("axis",), np.array(["x", "y", "z"])),
+        NetcdfVariable("quaternion", ("quaternion",), np.array(["x", "y", "z", "w"])),
+        *frequencies,
+    ]
 
 
 def motion_variables(motion: Motion) -> list[Variable]:

@@ -12,7 +12,7 @@ import numpy as np
 
 from pipeline.core.arrays import Array
 from pipeline.fem.elements import shape_functions
-from pipeline.recovery.stress import hooke_stress, strains
+from pipeline.fem.strain import stresses
 
 if TYPE_CHECKING:
     from pipeline.fem.material import AnyMaterial
@@ -52,7 +52,7 @@ def patch_stress(space: Discretisation, material: AnyMaterial, shapes: Array, no
     N, _ = shape_functions(space.kind.geometry, X)
     places = (N.T @ space.corner_coordinates[patch] - space.x[node]).reshape(-1, 3)
     size = np.ptp(places, axis=0)
-    stress = hooke_stress(material, patch, strains(space, shapes, X, patch)).reshape(len(places), 6, -1)
+    stress = stresses(space, material, shapes, X, patch).reshape(len(places), 6, -1)
     fitted = np.linalg.lstsq(_terms(space.order, places / size), stress.reshape(len(places), -1), rcond=None)[0]
     return np.asarray(fitted[0].reshape(6, -1))  # the other terms vanish at the node
 

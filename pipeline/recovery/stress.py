@@ -50,6 +50,8 @@ def modal_stress(space: Discretisation, material: AnyMaterial, shapes: Array, no
     ValueError
         Shapes don't belong to the space, or a node is named twice.
     """
+    from pipeline.fem.strain import stresses
+
     require_shape("shapes", shapes, (len(space.x), 3, None))
     if len(np.unique(nodes)) < len(nodes):
         raise ValueError("nodes names a node twice")
@@ -62,8 +64,8 @@ def modal_stress(space: Discretisation, material: AnyMaterial, shapes: Array, no
     count = np.zeros(len(nodes) + 1)
     for start in range(0, len(elements), _CHUNK):
         part = elements[start : start + _CHUNK]
-        strain = strains(space, shapes, X, part)
-        stress = hooke_stress(material, part, np.einsum("aq,eqsn->easn", to_nodes, strain, optimize=True))
+        at_points = stresses(space, material, shapes, X, part)
+        stress = np.einsum("aq,eqsn->easn", to_nodes, at_points, optimize=True)
         local = chosen[space.element_nodes[part]]
         np.add.at(total, local, stress)
         np.add.at(count, local, 1.0)
@@ -72,43 +74,20 @@ def modal_stress(space: Discretisation, material: AnyMaterial, shapes: Array, no
 
 def element_stress(space: Discretisation, material: AnyMaterial, shapes: Array, elements: IntArray) -> Array:
     """Stress of each shape in the middle of chosen elements, shape (n_chosen, 6, n) [Pa per unit of the shape]."""
+    from pipeline.fem.strain import stresses
+
     middle = space.kind.element.refdom.init_refdom()[0].mean(axis=1, keepdims=True)
-    strain = strains(space, shapes, middle, elements)
-    return hooke_stress(material, elements, strain)[:, 0]
+    return stresses(space, material, shapes, middle, elements)[:, 0]
 
 
 def point_stress(space: Discretisation, material: AnyMaterial, shapes: Array, points: Array) -> Array:
     """Stress of each shape in the elements at points (n, 3) [m], shape (n, 6, n_shapes) [Pa per unit of the shape]."""
     from pipeline.fem.selection import locate_points
+    from pipeline.fem.strain import stresses
 
     elements, X = locate_points(space, points)
-    strain = [
-        strains(space, shapes, x[:, None], np.array([element]))[0, 0] for element, x in zip(elements, X, strict=True)
-    ]
-    return hooke_stress(material, elements, np.stack(strain)[:, None])[:, 0]
-
-
-def hooke_stress(material: AnyMaterial, elements: IntArray, strain: Array) -> Array:
-    """Stress of strains in chosen elements by Hooke's law, both of shape (n_elements, n_points, 6, n)."""
-    stress = np.empty_like(strain)
-    for own, mine in material.over(elements):
-        stress[mine] = own.stiffness @ strain[mine]
-    return stress
-
-
-def strains(space: Discretisation, shapes: Array, X: Array, elements: IntArray) -> Array:
-    """Strains xx, yy, zz, 2yz, 2xz, 2xy of shapes at reference points X (3, n_q), (n_elements, n_q, 6, n)."""
-    from pipeline.fem.assembly import gradients
-
-    local = space.element_nodes[elements]
-    g, _ = gradients(space, X, elements)
-    u = shapes[local].reshape(len(elements), 1, local.shape[1], -1)
-    du = (g.swapaxes(2, 3) @ u).reshape(len(elements), X.shape[1], 3, 3, -1)  # du[e, q, j, i] = ∂u_i/∂x_j
-    return np.stack(
-        [du[:, :, 0, 0], du[:, :, 1, 1], du[:, :, 2, 2]]
-        + [du[:, :, a, b] + du[:, :, b, a] for a, b in ((1, 2), (0, 2), (0, 1))],
-        axis=2,
-    )
+    each = zip(elements, X, strict=True)
+    return np.stack([stresses(space, material, shapes, x[:, None], np.array([element]))[0, 0] for element, x in each])
 
 
 def von_mises(stress: Array) -> Array:

@@ -7,7 +7,6 @@ from dataclasses import dataclass, field
 from typing import TYPE_CHECKING
 
 import numpy as np
-from scipy.linalg import eigh
 
 from pipeline.core.arrays import Array
 from pipeline.core.errors import AccuracyError
@@ -35,11 +34,15 @@ class MarkerShapes:
         Displacement for a unit of each modal coordinate [kg^-1/2].
     rotation : ndarray, shape (3, n)
         Rotation for a unit of each modal coordinate [rad m^-1 kg^-1/2].
+    bow : ndarray, shape (6, n, n)
+        Displacement (3, …) and rotation vector (3, …) of second order, ``½ qᵀ bow q``, symmetric each; empty if left
+        out.
     """
 
     position: Array
     translation: Array
     rotation: Array
+    bow: Array = field(default_factory=lambda: np.zeros((6, 0, 0)))
 
 
 @dataclass(frozen=True)
@@ -88,6 +91,11 @@ class FlexibleBody:
     def joint_rotation(self) -> Array:
         """Rotation of the joint's section about the axis for a unit of each modal coordinate, shape (n,)."""
         return np.asarray(self.axis @ self.markers[self.joint].rotation)
+
+    @property
+    def joint_bow(self) -> Array:
+        """Rotation of second order of the joint's section about the axis, shape (n, n); empty if it is left out."""
+        return np.tensordot(self.axis, self.markers[self.joint].bow[3:], axes=1)
 
     @property
     def inertia_about_joint(self) -> float:
@@ -186,6 +194,8 @@ def _body(
     fe: FEModel, omega: Array, shapes: Array, markers: Mapping[str, Marker], joint: str, e: Array, normal: int = -1
 ) -> FlexibleBody:
     """Orthonormalise shapes and make the body: rigid motions added to them changed mass, but not ``diag(ω²)``."""
+    from scipy.linalg import eigh
+
     n = len(omega)
     mass = np.tensordot(shapes, (fe.m @ shapes.reshape(len(fe.x), -1)).reshape(shapes.shape), ((0, 1), (0, 1)))
     weakest = float(np.linalg.eigvalsh(mass)[0])

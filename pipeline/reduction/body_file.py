@@ -40,6 +40,10 @@ _VARIABLES: dict[str, tuple[tuple[str, ...], str, str]] = {
     "marker_rotation": (
         ("marker", "axis", "mode"), "rad m^-1 kg^-0.5", "rotation for a unit of each modal coordinate",
     ),
+    "marker_bow": (
+        ("marker", "marker_motion", "mode", "mode_2"), "m^-1 kg^-1, rad m^-2 kg^-1",
+        "second order of a marker's displacement and rotation: q^T bow q / 2",
+    ),
     "mass": ((), "kg", "mass"),
     "G": (
         ("axis", "axis_2", "state", "state_2"), "kg m^2, kg^0.5 m, 1",
@@ -50,6 +54,7 @@ _VARIABLES: dict[str, tuple[tuple[str, ...], str, str]] = {
         ("axis", "axis_2", "mode", "mode_2"), "1", "geometric stiffness that was taken off the modal blocks of G",
     ),
     "bow": (("axis", "mode", "mode_2"), "m^-1", "second-order first moments: c_a = S_a p + q^T bow_a q / 2"),
+    "curl": (("axis", "mode", "mode_2"), "1", "second-order angular momentum of the deforming: q^T curl_a q'"),
     "M_hat": (
         ("motion", "motion_2"), "kg, kg m, kg m^2, kg^0.5, kg^0.5 m, 1",
         "mass matrix of translation, rotation and modes in the reference state",
@@ -63,6 +68,7 @@ _VARIABLES: dict[str, tuple[tuple[str, ...], str, str]] = {
         ("surface_node", "component", "mode"), "Pa kg^-0.5 m^-1", "stress for a unit of each modal coordinate",
     ),
 }  # fmt: skip
+_SECOND_ORDER = ("stiffening", "bow", "curl")
 # Errors of xarray and SciPy's reader on damaged files.
 _UNREADABLE = (ValueError, TypeError, LookupError, AttributeError, OverflowError, MemoryError)
 
@@ -191,7 +197,10 @@ def _arrays(saved: SavedBody) -> dict[str, NDArray[Any]]:
         "K_hat": np.diag(np.r_[np.zeros(6), body.omega**2]),
     }
     # NetCDF has no room for empty arrays.
-    arrays |= {name: a for name, a in (("stiffening", gram.stiffening), ("bow", gram.bow)) if a.size}
+    arrays |= {name: a for name in _SECOND_ORDER if (a := getattr(gram, name)).size}
+    if any(marker.bow.size for marker in markers):
+        none = np.zeros((6, n, n))
+        arrays["marker_bow"] = np.array([marker.bow if marker.bow.size else none for marker in markers])
     if saved.elastic_hz is not None:
         arrays["elastic_frequencies"] = saved.elastic_hz
     if surface is not None:
@@ -221,15 +230,17 @@ def _saved(dataset: xarray.Dataset) -> SavedBody:
     def whole(name: str) -> IntArray:
         return variable(name).to_numpy().astype(np.int64)
 
-    marker_shapes = zip(real("marker_position"), real("marker_translation"), real("marker_rotation"), strict=True)
     names = variable("marker").to_numpy().tolist()
-    markers = {name: MarkerShapes(*shapes) for name, shapes in zip(names, marker_shapes, strict=True)}
+    bows = [bow if bow.any() else bow[:, :0, :0] for bow in real("marker_bow")] if "marker_bow" in dataset else []
+    shapes = (real(f"marker_{key}") for key in ("position", "translation", "rotation"))
+    columns = zip(*shapes, *([bows] if bows else []), strict=True)
+    markers = {name: MarkerShapes(*values) for name, values in zip(names, columns, strict=True)}
     joint = str(dataset.attrs["joint"])
     if joint not in markers:
         raise ValueError(f"the joint's marker '{joint}' is none of {', '.join(markers)}")
     G, n = real("G"), dataset.sizes["mode"]
     require_shape("G", G, (3, 3, 1 + n, 1 + n))
-    second_order: dict[str, Any] = {name: read_only(real(name)) for name in ("stiffening", "bow") if name in dataset}
+    second_order: dict[str, Any] = {name: read_only(real(name)) for name in _SECOND_ORDER if name in dataset}
     body = FlexibleBody(
         x=real("x"),
         shapes=real("shapes"),

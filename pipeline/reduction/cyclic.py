@@ -98,18 +98,18 @@ class _CyclicInverse:
     def _cut_motion(self, harmonic: int) -> Array:
         """Motion of both cuts for unit motion of the lower one in a harmonic, shape (6 n_cut, 3 n_cut)."""
         n = len(self._sector.low)
-        phase = np.exp(2j * np.pi * harmonic / self._sector.count)
+        phase = self._sector.phases(harmonic)[1]
         return np.concatenate(
             [np.eye(3 * n), phase * np.kron(np.eye(n), rotation_about_z(2 * np.pi / self._sector.count))]
         )
 
     def solve_harmonic(self, harmonic: int, f: Array) -> Array:
-        """Solve for sector loads f (3 n_nodes, k), complex, of one harmonic."""
-        T, z = self._cut_motions[harmonic], np.empty(f.shape, dtype=complex)
+        """Solve for sector loads f (3 n_nodes, k) of one harmonic, complex ones unless it is without pairs."""
+        T, z = self._cut_motions[harmonic], np.empty_like(f)
         alone = _by_parts(self._inverse, f[self._inside])
-        load = T.conj().T @ (f[self._cut] - _on_complex(self._from_inside, alone))
+        load = T.conj().T @ (f[self._cut] - _times(self._from_inside, alone))
         z[self._cut] = T @ cho_solve(self._condensed[harmonic], load)
-        z[self._inside] = alone - _on_complex(self._following, z[self._cut])
+        z[self._inside] = alone - _times(self._following, z[self._cut])
         return z
 
     def __call__(self, f: Array) -> Array:
@@ -138,7 +138,7 @@ class _CyclicInverse:
     def _real_modes(self, harmonic: int, count: int) -> tuple[Array, Array]:
         """Eigenpairs of a harmonic whose fields are real."""
         n = self._K.shape[0]
-        inverse = LinearOperator((n, n), lambda f: self.solve_harmonic(harmonic, f.reshape(n, 1)).real, dtype=float)
+        inverse = LinearOperator((n, n), lambda f: self.solve_harmonic(harmonic, f.reshape(n, 1)), dtype=float)
         values, Z = eigsh(
             self._K, count, self._M, self._shift, OPinv=inverse, v0=_start(n), ncv=_lanczos_vectors(count)
         )
@@ -152,14 +152,14 @@ class _CyclicInverse:
         def operator(apply: Callable[[Array], Array]) -> LinearOperator:
             return LinearOperator((n, n), lambda u: apply(u.reshape(n, 1)), dtype=complex)
 
-        K, M = (operator(lambda u, A=A: _on_complex(A, u)) for A in (self._K, self._M))  # type: ignore[misc]
+        K, M = (operator(lambda u, A=A: _times(A, u)) for A in (self._K, self._M))  # type: ignore[misc]
         inverse = operator(lambda f: self.solve_harmonic(harmonic, f))
         start = _start(n).astype(complex)
         values, Z = eigs(K, count, M, self._shift, OPinv=inverse, v0=start, ncv=_lanczos_vectors(count))
         order = np.argsort(values.real)
         Z = Z[:, order]
         # Orthonormal where eigenvalues are equal too, as those of rigid-body modes are.
-        weights = np.linalg.cholesky(Z.conj().T @ _on_complex(self._M, Z))
+        weights = np.linalg.cholesky(Z.conj().T @ _times(self._M, Z))
         return values.real[order], np.linalg.solve(weights, Z.conj().T).conj().T
 
 
@@ -174,11 +174,13 @@ def _lanczos_vectors(count: int) -> int:
 
 
 def _by_parts(operation: Callable[[Array], Array], z: Array) -> Array:
-    """Apply a real operation to complex columns (n, k): to real and imaginary parts side by side."""
+    """Apply a real operation to columns (n, k), to real and imaginary parts side by side if they are complex."""
+    if not np.iscomplexobj(z):
+        return operation(z)
     both = operation(np.concatenate([z.real, z.imag], axis=1))
     return np.asarray(both[:, : z.shape[1]] + 1j * both[:, z.shape[1] :])
 
 
-def _on_complex(A: Any, z: Array) -> Array:
-    """Product of a real matrix with complex columns (n, k)."""
+def _times(A: Any, z: Array) -> Array:
+    """Product of a real matrix with columns (n, k), real or complex."""
     return _by_parts(lambda columns: A @ columns, z)

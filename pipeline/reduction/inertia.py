@@ -30,6 +30,8 @@ class InertiaGram:
         Geometric stiffness that was taken off the modal blocks of G, in which it counts as inertia; empty without.
     bow : ndarray, shape (3, n, n)
         Second-order first moments: ``c_a = S_a p + ½ qᵀ bow_a q``; empty if they are left out.
+    curl : ndarray, shape (3, n, n)
+        Second-order angular momentum of the deforming, ``qᵀ curl_a q̇``; empty if it is left out.
     normal : int
         Number of the only axis that the body turns about: that motion needs only the blocks of G across it, those along
         it are left out (zero). -1 if G is whole.
@@ -40,6 +42,7 @@ class InertiaGram:
     mass: float
     stiffening: Array = field(default_factory=lambda: np.zeros((3, 3, 0, 0)))
     bow: Array = field(default_factory=lambda: np.zeros((3, 0, 0)))
+    curl: Array = field(default_factory=lambda: np.zeros((3, 0, 0)))
     normal: int = -1
 
     def second_moment(self, p: Array) -> Array:
@@ -72,6 +75,8 @@ class InertiaGram:
         tilde = np.array([[0, -c[2], c[1]], [c[2], 0, -c[0]], [-c[1], c[0], 0]])
         pG = np.einsum("i,bcij->bcj", p, self.G)
         H = np.stack([pG[1, 2] - pG[2, 1], pG[2, 0] - pG[0, 2], pG[0, 1] - pG[1, 0]])[:, 1:]
+        if self.curl.size:
+            H = H + self.curl @ p[1:]
         M = np.zeros((6 + n, 6 + n))
         M[:3, :3] = self.mass * np.eye(3)
         M[:3, 3:6], M[3:6, :3] = -tilde, tilde

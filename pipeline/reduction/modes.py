@@ -8,7 +8,7 @@ import numpy as np
 
 from pipeline.core.arrays import Array
 from pipeline.core.html import table
-from pipeline.reduction.factor.factor import FactorFigures
+from pipeline.reduction.factor.figures import FactorFigures
 
 
 class TooManyModesError(ValueError):

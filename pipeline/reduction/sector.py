@@ -3,8 +3,10 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
+from typing import Any
 
 import numpy as np
+from numpy.typing import NDArray
 from scipy.spatial import cKDTree
 
 from pipeline.core.arrays import Array, IntArray
@@ -44,27 +46,33 @@ class Sector:
         """Return true if the modes of a harmonic come in pairs of equal frequency."""
         return 0 < 2 * harmonic < self.count
 
+    def phases(self, harmonic: int) -> NDArray[Any]:
+        """Return the factor of each sector's field over the first one's, shape (N,); real unless paired."""
+        if self.is_paired(harmonic):
+            return np.asarray(np.exp(2j * np.pi * harmonic * np.arange(self.count) / self.count))
+        return np.where(harmonic * np.arange(self.count) % self.count, -1.0, 1.0)
+
     def turn(self, u: Array, k: int) -> Array:
         """Turn fields u (n_nodes, 3, …) by k sectors about z."""
         return np.asarray(np.einsum("ab,ib...->ia...", rotation_about_z(2 * np.pi * k / self.count), u))
 
     def expand(self, z: Array, harmonic: int) -> Array:
-        """Expand complex fields z (n_nodes, 3, n) of one harmonic to the whole body; real parts (n_all, 3, n)."""
+        """Expand fields z (n_nodes, 3, n) of one harmonic to the whole body; real parts (n_all, 3, n)."""
         own = np.setdiff1d(np.arange(len(z)), self.high)
         whole = np.empty((self.images.max() + 1, *z.shape[1:]))
-        for k, image in enumerate(self.images):
-            phase = np.exp(2j * np.pi * harmonic * k / self.count)
+        for k, (phase, image) in enumerate(zip(self.phases(harmonic), self.images, strict=True)):
             whole[image[own]] = self.turn((phase * z[own]).real, k)
         return whole
 
     def harmonic_part(self, f: Array, harmonic: int) -> Array:
-        """Part of one harmonic in loads f (n_all, 3, n), as complex loads on the sector (n_nodes, 3, n).
+        """Part of one harmonic in loads f (n_all, 3, n), as loads on the sector (n_nodes, 3, n), real unless paired.
 
         Loads on the cuts stand on the lower one.
         """
-        part = np.zeros((self.images.shape[1], *f.shape[1:]), dtype=complex)
-        for k, image in enumerate(self.images):
-            part += np.exp(-2j * np.pi * harmonic * k / self.count) * self.turn(f[image], -k)
+        phases = self.phases(harmonic).conj()
+        part = np.zeros((self.images.shape[1], *f.shape[1:]), dtype=phases.dtype)
+        for k, (phase, image) in enumerate(zip(phases, self.images, strict=True)):
+            part += phase * self.turn(f[image], -k)
         part[self.high] = 0.0
         return part / self.count
 
@@ -85,7 +93,8 @@ def cut_first_sector(fe: FEModel, sectors: int) -> Sector:
     cells = np.concatenate([numbers[: len(numbers) // sectors] for numbers in mesh.parts.values()])
     points, corners = np.unique(mesh.cells[cells], return_inverse=True)
     own = SolidMesh(mesh.points[points], corners.reshape(len(cells), -1), mesh.cell_type, {}, {})
-    sector = assemble(own, fe.discretisation.order, fe.material)
+    space = fe.discretisation
+    sector = assemble(own, space.order, fe.material, space.formulation)
     tree = cKDTree(x)
     nearest = [tree.query(sector.x @ rotation_about_z(2 * np.pi * k / sectors).T) for k in range(sectors)]
     images = np.stack([image for _, image in nearest])

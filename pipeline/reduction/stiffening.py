@@ -1,15 +1,18 @@
-"""Geometric stiffening of a reduced body by the stress that its own inertia loads cause.
+"""Geometric stiffening of a reduced body by the stress of all loads that pass through it.
 
-Under a static stress σ a deflection costs ``½ ∫ σ_ab ∂_a u·∂_b u`` more. The loads here are those of the floating
-frame's own motion, ``ρ ẍ`` for each product of two angular rates and for each linear acceleration. By the principle of
-virtual work that energy is what a displacement of second order, Γ, gives up in the load field:
-``∫ρ x_b Γ_a = −K_G[a, b]``. So it enters as inertia: taken off the Gram tensor wherever position counts, it stiffens
-the body, lowers its moment of inertia and keeps the energy's balance, and the equations of motion stay as they are.
-Stress from angular acceleration is left out: it is bending, whose mean over a section is zero.
+Under a static stress σ a deflection costs ``½ ∫ σ_ab ∂_a u·∂_b u`` more. By the principle of virtual work that energy
+is what a displacement of second order, Γ, gives up in the load f that causes the stress: ``f·Γ = −½ qᵀ K_G[f] q``. Γ is
+how far a bent body is drawn in. So stiffening is kinematics: every load works on Γ where it acts, no stress needs to be
+known while the body moves, and energy keeps its balance. The geometric stiffness of a unit load each gives
+
+- the inertia integrals of Γ, from loads ``ρ ẍ`` of the frame's own motion: products of two angular rates, taken off
+  the Gram tensor wherever position counts, and linear and angular accelerations (``bow`` and ``curl``);
+- displacement and rotation of a marker by Γ, from forces and torques there (`MarkerShapes.bow`).
 """
 
 from __future__ import annotations
 
+from collections.abc import Mapping
 from dataclasses import replace
 from typing import TYPE_CHECKING
 
@@ -17,12 +20,16 @@ import numpy as np
 
 from pipeline.core.arrays import Array, read_only
 from pipeline.fem.geometric_stiffness import geometric_stiffness
-from pipeline.reduction.body import FlexibleBody
+from pipeline.reduction.body import FlexibleBody, MarkerShapes
 from pipeline.reduction.loads import PRODUCTS, centrifugal_fields, inertia_of
 
 if TYPE_CHECKING:
+    from pipeline.fem.markers import Marker
     from pipeline.fem.model import FEModel
     from pipeline.reduction.eigen import FreeBodySolver
+
+_AT_A_TIME = 3  # loads: memory for the matrix of every element under each
+_BALANCED = 1e-9  # of a load: less that is left beside the inertia of free motion is round-off
 
 
 def stiffen_body(
@@ -32,8 +39,10 @@ def stiffen_body(
     held: Array | None,
     axis: Array | None = None,
     linear: bool = True,
+    moving: Mapping[str, Marker] | None = None,
+    free: Array | None = None,
 ) -> FlexibleBody:
-    """Add the geometric stiffness of its inertia loads to a reduced body.
+    """Add the displacement of second order to a reduced body: to its inertia, and to its markers.
 
     Parameters
     ----------
@@ -46,44 +55,89 @@ def stiffen_body(
     held : ndarray, shape (n_nodes, 3, k), optional
         Columns of the reactions of its joint, as `Marker.columns` gives them; without, the body moves freely.
     axis : ndarray, shape (3,), optional
-        Axis of a planar motion, for which one load is enough; without, all six products of rates are taken.
+        Axis of a planar motion, with one product of rates and one angular acceleration; without, six and three.
     linear : bool
-        Whether the joint is accelerated, or gravity acts.
+        True if the joint is accelerated, or gravity acts.
+    moving : mapping of str to Marker, optional
+        Markers whose displacement of second order is wanted: those that bodies or loads act on, and any to look at.
+    free : ndarray, shape (k, 3), optional
+        Directions about which the joint lets a body turn that stands on supports.
 
     Returns
     -------
     FlexibleBody
-        Its Gram tensor has the geometric stiffness taken off; shapes and frequencies stay.
+        With other inertia integrals and markers; shapes and frequencies stay.
     """
-    n = len(body.omega)
-    fields = centrifugal_fields(body.x, axis)
-    n_spin = len(fields)
-    if linear:
-        fields += [np.tile(e, (len(body.x), 1)) for e in np.eye(3)]
-    loads = inertia_of(fe, fields)
-    if solver.rigid_modes.size:  # else supports answer to any load
-        loads = _in_equilibrium(fe, loads, held)
-    K_G = reduced_geometric_stiffness(fe, solver.static_response(loads), body.shapes)
+    x, n = body.x, len(body.omega)
+    moving, turns = moving or {}, np.eye(3) if axis is None else axis[None] / np.linalg.norm(axis)
+    pushes = [np.tile(e, (len(x), 1)) for e in np.eye(3)] if linear else []
+    fields = centrifugal_fields(x, axis), pushes, [np.cross(e, x) for e in turns]
+    inertia = inertia_of(fe, [field for group in fields for field in group])
+    columns = [marker.columns(len(x), np.eye(3)) for marker in moving.values()]
+    support = _Support(body, fe, solver, held, np.zeros((0, 3)) if free is None else free)
+    K_G = support.geometric_stiffness(np.concatenate([inertia, *columns], axis=2))  # one solution for all loads
+    ends = np.cumsum([*(len(group) for group in fields), *(6 for _ in moving)])
+    spin, push, turn, *unit = np.split(K_G, ends[:-1])
     KG = np.zeros((3, 3, n, n))
     if axis is not None:  # Σ (δ_ab − e_a e_b) K_G[a, b] is the one that was computed
         across = np.eye(3) - np.outer(axis, axis) / (axis @ axis)
-        KG += 0.5 * across[:, :, None, None] * K_G[0]
+        KG += 0.5 * across[:, :, None, None] * spin[0]
     else:
-        for (a, b), K in zip(PRODUCTS, K_G, strict=False):
+        for (a, b), K in zip(PRODUCTS, spin, strict=True):
             KG[a, b] = KG[b, a] = K
     G = body.gram.G.copy()
     G[:, :, 1:, 1:] -= KG
-    bow = -K_G[n_spin:] if linear else np.zeros((3, 0, 0))
-    return replace(body, gram=replace(body.gram, G=read_only(G), stiffening=read_only(KG), bow=read_only(bow)))
+    bow = -push if linear else np.zeros((3, 0, 0))
+    curl = -np.einsum("ka,kij->aij", turns, turn) if turn.any() else np.zeros((3, 0, 0))
+    gram = replace(body.gram, G=read_only(G), stiffening=read_only(KG), bow=read_only(bow), curl=read_only(curl))
+    bowed = {
+        name: _bowed(x, body.markers[name], marker, K) for (name, marker), K in zip(moving.items(), unit, strict=True)
+    }
+    return replace(body, gram=gram, markers={**body.markers, **bowed})
 
 
-def _in_equilibrium(fe: FEModel, f: Array, held: Array | None) -> Array:
-    """Balance loads by the joint's reaction ``B μ`` and the inertia of the motions that the joint leaves free."""
-    flat, R = f.reshape(-1, f.shape[-1]), fe.rigid_modes
-    B = np.zeros((len(flat), 0)) if held is None else held.reshape(len(flat), -1)
-    free = R @ np.linalg.svd(B.T @ R)[2][np.linalg.matrix_rank(B.T @ R) if B.shape[1] else 0 :].T
-    balance = np.concatenate([B, fe.M @ free], axis=1)
-    return np.asarray(flat - balance @ np.linalg.lstsq(R.T @ balance, R.T @ flat, rcond=None)[0]).reshape(f.shape)
+class _Support:
+    """What balances loads on a body: the reactions of its joint, and its inertia where the joint lets it move."""
+
+    def __init__(
+        self, body: FlexibleBody, fe: FEModel, solver: FreeBodySolver, held: Array | None, free: Array
+    ) -> None:
+        self._fe, self._solver, self._shapes = fe, solver, body.shapes
+        R = solver.rigid_modes
+        if R.size:
+            B = np.zeros((len(R), 0)) if held is None else held.reshape(len(R), -1)
+            moves = R @ np.linalg.svd(B.T @ R)[2][np.linalg.matrix_rank(B.T @ R) if B.shape[1] else 0 :].T
+            self._tests, self._balance = R, np.concatenate([B, fe.M @ moves], axis=1)
+        else:  # supports answer to any load, and the frame floats about the joint
+            self._tests = np.cross(free, body.x[:, None]).swapaxes(1, 2).reshape(fe.M.shape[0], -1)
+            self._balance = fe.M @ self._tests
+
+    def geometric_stiffness(self, loads: Array) -> Array:
+        """Return the geometric stiffness of the body's shapes under nodal loads (n_nodes, 3, k), shape (k, n, n)."""
+        flat = loads.reshape(-1, loads.shape[-1])
+        T, P = self._tests, self._balance
+        rest = flat - P @ np.linalg.lstsq(T.T @ P, T.T @ flat, rcond=None)[0] if P.size else flat
+        felt = np.flatnonzero(np.abs(rest).max(axis=0) > _BALANCED * np.abs(flat).max(axis=0))
+        u = self._solver.static_response(rest[:, felt].reshape(*loads.shape[:2], -1))
+        out = np.zeros((flat.shape[1], self._shapes.shape[2], self._shapes.shape[2]))
+        for first in range(0, len(felt), _AT_A_TIME):
+            part = slice(first, first + _AT_A_TIME)
+            out[felt[part]] = reduced_geometric_stiffness(self._fe, u[:, :, part], self._shapes)
+        return out
+
+
+def _bowed(x: Array, shapes: MarkerShapes, marker: Marker, K_G: Array) -> MarkerShapes:
+    """Add its displacement and rotation of second order to a marker, from K_G of unit forces and torques there.
+
+    Forces f at places r of a face that turns by θ do the work ``½ f·θ̃²r`` beside that of its rotation of second order.
+    """
+    if not K_G.any():  # held by the joint
+        return shapes
+    bow, r = -K_G, x[marker.nodes] - shapes.position
+    for k, A in enumerate(np.einsum("ia,kib->kab", r, marker.rotation_weights)):
+        own = 0.5 * (A + A.T) - np.trace(A) * np.eye(3)
+        bow[3 + k] -= shapes.rotation.T @ own @ shapes.rotation
+    return replace(shapes, bow=read_only(bow))
 
 
 def reduced_geometric_stiffness(fe: FEModel, u: Array, shapes: Array) -> Array:

@@ -12,6 +12,8 @@ from pipeline.render.colours import require_colour_map
 from pipeline.render.projection import PART, TILT, Place, Projection, fit_projection, frame_projection, oblique_axes
 
 PIXELS = (1600, 900)
+SHEET_PIXELS = (1800, 1200)
+FILM_PIXELS = (1280, 720)
 
 
 @dataclass(frozen=True, slots=True)

@@ -5,6 +5,7 @@ from __future__ import annotations
 import math
 from collections.abc import Iterator
 from contextlib import contextmanager
+from contextvars import ContextVar
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
@@ -13,7 +14,8 @@ import imageio.v3 as iio
 import numpy as np
 import pyvista as pv
 from numpy.typing import NDArray
-from vtkmodules.vtkCommonCore import vtkLogger
+from vtkmodules.util.numpy_support import vtk_to_numpy
+from vtkmodules.vtkCommonCore import vtkLogger, vtkUnsignedCharArray
 
 from pipeline.core.arrays import Array, IntArray
 from pipeline.core.files import whole_file
@@ -44,9 +46,7 @@ class Canvas:
 
     def picture(self) -> NDArray[np.uint8]:
         """Render the picture, shape (height, width, 3), as means over squares of the window's pixels."""
-        self.plotter.render()
-        fine: NDArray[np.uint8] = np.asarray(self.plotter.screenshot(return_img=True))[..., :3]
-        n = self.fineness
+        fine, n = self._render(), self.fineness
         if n == 1:
             return fine
         rows = np.add(fine[0::n], fine[1::n], dtype=np.uint16)
@@ -60,10 +60,39 @@ class Canvas:
             picture[..., channel] = (total + n * n // 2) // (n * n)
         return picture
 
+    def _render(self) -> NDArray[np.uint8]:
+        """Render the window's pixels, the upper row first; the buffer that a screen would show is left out."""
+        self.plotter.render()
+        window: Any = self.plotter.render_window
+        width, height = self.plotter.window_size
+        window.SetSwapBuffers(False)
+        window.Render()
+        pixels = vtkUnsignedCharArray()
+        window.GetPixelData(0, 0, width - 1, height - 1, 0, pixels, 0)
+        flat: NDArray[np.uint8] = vtk_to_numpy(pixels)  # type: ignore[no-untyped-call]
+        return flat.reshape(height, width, 3)[::-1]
+
     def save(self, path: Path) -> None:
         """Write the picture to a file, whole or not at all."""
         with whole_file(path) as part:
             iio.imwrite(part, self.picture())
+
+
+_Windows = dict[tuple[int, int], pv.Plotter]
+_KEPT: ContextVar[_Windows | None] = ContextVar("windows", default=None)
+
+
+@contextmanager
+def keep_windows() -> Iterator[None]:
+    """Keep the windows of canvases for later ones of equal size: a new one takes longer than a picture."""
+    windows: _Windows = {}
+    token = _KEPT.set(windows)
+    try:
+        yield
+    finally:
+        _KEPT.reset(token)
+        for plotter in windows.values():
+            plotter.close()
 
 
 @contextmanager
@@ -76,14 +105,7 @@ def open_canvas(projection: Projection, fineness: int = 3) -> Iterator[Canvas]:
     width, height = projection.size
     finest = min(MOST_PIXELS_ACROSS // max(width, height), math.isqrt(MOST_PIXELS // (width * height)))
     fineness = max(1, min(fineness, finest))
-    verbosity = vtkLogger.GetCurrentVerbosityCutoff()
-    vtkLogger.SetStderrVerbosity(vtkLogger.VERBOSITY_ERROR)  # no warning of a missing X server: EGL replaces it
-    plotter = pv.Plotter(off_screen=True, window_size=[fineness * n for n in projection.size], lighting="none")
-    vtkLogger.SetStderrVerbosity(verbosity)
-    try:
-        plotter.disable_anti_aliasing()  # and multi-sampling with it
-        plotter.renderer.SetBackground(1.0, 1.0, 1.0)
-        plotter.renderer.SetUseOIT(False)  # only lines are translucent: sorting them by depth doubles a frame's time
+    with _open_window((fineness * width, fineness * height)) as plotter:
         plotter.add_light(pv.Light(light_type="camera light", position=LIGHT))
         camera = plotter.camera
         camera.focal_point = projection.centre
@@ -93,8 +115,36 @@ def open_canvas(projection: Projection, fineness: int = 3) -> Iterator[Canvas]:
         camera.parallel_scale = projection.metres_per_pixel * projection.size[1] / 2
         camera.clipping_range = (projection.half_depth, 3 * projection.half_depth)
         yield Canvas(plotter, projection, fineness)
-    finally:
+
+
+@contextmanager
+def _open_window(size: tuple[int, int]) -> Iterator[pv.Plotter]:
+    """Open an empty window [pixels], or take one that is kept; it is closed, or emptied and kept."""
+    kept = _KEPT.get()
+    plotter = kept.pop(size) if kept and size in kept else _new_window(size)
+    try:
+        yield plotter
+    except BaseException:
         plotter.close()
+        raise
+    if kept is None or size in kept:
+        plotter.close()
+    else:
+        plotter.clear()
+        plotter.renderer.RemoveAllViewProps()
+        plotter.renderer.RemoveAllLights()
+        kept[size] = plotter
+
+
+def _new_window(size: tuple[int, int]) -> pv.Plotter:
+    verbosity = vtkLogger.GetCurrentVerbosityCutoff()
+    vtkLogger.SetStderrVerbosity(vtkLogger.VERBOSITY_ERROR)  # no warning of a missing X server: EGL replaces it
+    plotter = pv.Plotter(off_screen=True, window_size=list(size), lighting="none")
+    vtkLogger.SetStderrVerbosity(verbosity)
+    plotter.disable_anti_aliasing()  # and multi-sampling with it
+    plotter.renderer.SetBackground(1.0, 1.0, 1.0)
+    plotter.renderer.SetUseOIT(False)  # only lines are translucent: sorting them by depth doubles a frame's time
+    return plotter
 
 
 @dataclass(frozen=True, slots=True)

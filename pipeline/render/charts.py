@@ -5,7 +5,6 @@ from __future__ import annotations
 import itertools
 import math
 from collections.abc import Sequence
-from dataclasses import dataclass
 from pathlib import Path
 
 import numpy as np
@@ -15,7 +14,8 @@ from matplotlib.figure import Figure
 from matplotlib.lines import Line2D
 from matplotlib.patches import Patch
 
-from pipeline.core.arrays import Array, read_only
+from pipeline.core.arrays import Array
+from pipeline.render.chart_data import Band, Curve
 from pipeline.render.figure import open_figure, style_axes
 
 SIZE_INCHES = (10.0, 6.0)
@@ -26,41 +26,6 @@ COLOURS = ("#1f5fa8", "#c8501e", "#2f8f4e", "#7a4fa3", "#8a6d1a", "#4a4a4a")
 GREY = "#444444"
 SHADE = "#f3e3b3"
 PALENESS = 0.45
-
-
-@dataclass(frozen=True, slots=True)
-class Curve:
-    """A quantity of one run over time.
-
-    Attributes
-    ----------
-    label : str
-        The run's name in the legend.
-    values : ndarray, shape (n_times,) or (n_times, n_components)
-        The quantity in the unit of the chart's ``ylabel``.
-    """
-
-    label: str
-    values: Array
-
-    def __post_init__(self) -> None:
-        if self.values.ndim not in (1, 2) or self.values.size == 0:
-            raise ValueError(f"curve {self.label!r} has shape {self.values.shape}, expected (any,) or (any, any)")
-        read_only(self.values)
-
-    @property
-    def columns(self) -> Array:
-        """The values, shape (n_times, n_components)."""
-        return self.values.reshape(len(self.values), -1)
-
-
-@dataclass(frozen=True, slots=True)
-class Band:
-    """A range of values, in the unit of the chart's ``ylabel``, shaded under the curves."""
-
-    low: float
-    high: float
-    label: str
 
 
 def draw_chart(

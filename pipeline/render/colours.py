@@ -5,16 +5,20 @@ from __future__ import annotations
 from difflib import get_close_matches
 
 import numpy as np
-from matplotlib import colormaps
 from numpy.typing import NDArray
 
 from pipeline.core.arrays import Array
 
 STRESS = "von Mises [MPa]"
+COMMON = frozenset({"turbo", "viridis", "plasma", "inferno", "magma", "cividis", "coolwarm"})  # Matplotlib has them all
 
 
 def require_colour_map(name: str) -> None:
     """Raise ``ValueError`` with similar names unless Matplotlib has a colour map of that name."""
+    if name in COMMON:
+        return
+    from matplotlib import colormaps
+
     if name not in colormaps:
         near = get_close_matches(name, list(colormaps), n=4, cutoff=0.5)
         hint = f"did you mean {', '.join(near)}?" if near else "e.g. turbo, viridis, cividis, coolwarm"
@@ -23,6 +27,8 @@ def require_colour_map(name: str) -> None:
 
 def sample_colours(colour_map: str, n: int) -> NDArray[np.uint8]:
     """Return n colours of a map from its lower to its upper end, shape (n, 3), 0 … 255."""
+    from matplotlib import colormaps
+
     return np.asarray(colormaps[colour_map](np.linspace(0, 1, n), bytes=True)[:, :3])
 
 

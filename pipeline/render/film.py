@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Iterable, Iterator
 from pathlib import Path
-from typing import Any, NamedTuple
+from typing import Any
 
 import imageio.v2 as iio
 import numpy as np
@@ -14,12 +14,12 @@ from vtkmodules.vtkRenderingCore import vtkTextActor
 from pipeline.core.arrays import Array, require_shape
 from pipeline.core.files import whole_file
 from pipeline.render.annotations import add_colour_bar, add_heading, add_text, cover_margins
-from pipeline.render.camera import Camera
+from pipeline.render.camera import FILM_PIXELS, Camera
 from pipeline.render.canvas import Canvas, DrawnPart, add_part_by_values, open_canvas
 from pipeline.render.colours import STRESS, limits_in_megapascals
+from pipeline.render.film_frames import FilmedMotion, FilmFrame
 from pipeline.render.surface import Surface, build_skin
 
-PIXELS = (1280, 720)
 # Motion sweeps a region about as high as wide: the part gets the whole height, and the colour bar stands beside it.
 PART = (0.16, 0.98, 0.03, 0.88)
 BAR = (0.03, 0.05, 0.15, 0.7)
@@ -28,25 +28,31 @@ CLOCK = "00 000 rpm   t = 0.0000 s"  # text as long as any beside the title
 ORIGIN = np.zeros(3)
 
 
-class FilmFrame(NamedTuple):
-    """A part's position and stress at an instant of a film.
-
-    Attributes
-    ----------
-    time : float
-        [s]
-    points : ndarray, shape (n_points, 3)
-        Positions in space [m].
-    stress : ndarray, shape (n_points,)
-        [Pa]
-    note : str
-        Text beside the time, e.g. ``4000 rpm``.
-    """
-
-    time: float
-    points: Array
-    stress: Array
-    note: str = ""
+def film_motion(
+    surface: Surface,
+    motion: FilmedMotion,
+    path: Path,
+    *,
+    title: str,
+    clim_pa: tuple[float, float],
+    rate: float,
+    quantity: str = STRESS,
+    camera: Camera | None = None,
+    hub: bool = True,
+) -> None:
+    """Film a part whose frames are computed from its motion, as `draw_film` does, whose arguments these are."""
+    draw_film(
+        surface,
+        motion.frames(),
+        path,
+        title=title,
+        bounds=motion.around(),
+        clim_pa=clim_pa,
+        rate=rate,
+        quantity=quantity,
+        camera=camera,
+        hub=hub,
+    )
 
 
 def draw_film(
@@ -91,7 +97,7 @@ def draw_film(
     ValueError
         Suffix or limits can't be used, a side of the picture is odd, or a frame has another shape than the part.
     """
-    camera = camera or Camera(size=PIXELS)
+    camera = camera or Camera(size=FILM_PIXELS)
     _require_encodable(path, camera.size)
     limits = limits_in_megapascals(clim_pa)
     around = np.concatenate([ORIGIN[None], bounds])

@@ -10,13 +10,12 @@ import numpy as np
 
 from pipeline.core.arrays import Array, require_shape
 from pipeline.render.annotations import add_colour_bar, add_heading, add_text
-from pipeline.render.camera import Camera
+from pipeline.render.camera import SHEET_PIXELS, Camera
 from pipeline.render.canvas import add_part_by_values, add_undeformed, open_canvas
 from pipeline.render.pictures import scale_mode
 from pipeline.render.projection import Place, Projection
 from pipeline.render.surface import Surface, build_skin
 
-PIXELS = (1800, 1200)
 SHEET = (0.02, 0.98, 0.12, 0.91)  # place of the shapes and their labels
 BAR = (0.35, 0.75, 0.055, 0.08)
 LABEL_HEIGHT = 1 / 38  # of letters, over the picture's height
@@ -62,7 +61,7 @@ def draw_mode_sheet(
     ValueError
         Shapes, labels and points disagree, a shape is zero everywhere, or the camera takes a close-up.
     """
-    camera = camera or Camera(size=PIXELS)
+    camera = camera or Camera(size=SHEET_PIXELS)
     require_shape("shapes", shapes, (len(surface.points), 3, len(labels)))
     _require_sheet(labels, camera)
     modes = [scale_mode(surface, shapes[:, :, k], scale) for k in range(len(labels))]

@@ -9,7 +9,7 @@ from pydantic import AfterValidator, Field, model_validator
 from pipeline.core.units import PositiveDensity, PositiveLength, PositiveStress
 from pipeline.scene.places import MarkerPlace, NamedElement, Support
 from pipeline.scene.reading import FaultError, SceneTable, suggest_name
-from pipeline.scene.values import Count, Name, Number, Order, Text, Words
+from pipeline.scene.values import Count, Formulation, Name, Number, Order, Text, Words
 
 
 def _check_poisson(nu: float) -> float:
@@ -160,6 +160,12 @@ class Solid(SceneTable):
                 raise FaultError(f"no such face; {suggest_name(face, known, 'the faces')}", *path)
 
 
+def check_formulation(formulation: Formulation, order: int | None, element: str = "hexahedron") -> None:
+    """Raise the fault of a formulation that elements of this order and shape don't have."""
+    if formulation == "plain" and (order == 2 or element != "hexahedron"):
+        raise FaultError("belongs to hexahedra of order 1; other elements have no such choice", "formulation")
+
+
 class BarMesh(SceneTable):
     """Division of a bar into elements: hexahedra by their numbers, tetrahedra by their size.
 
@@ -168,7 +174,10 @@ class BarMesh(SceneTable):
     element : str
         Shape of the elements.
     order : int
-        Polynomial order of the displacement in an element; linear elements are too stiff in bending.
+        Polynomial order of the displacement in an element; linear tetrahedra are too stiff in bending.
+    formulation : str
+        Strain of linear hexahedra: enhanced by terms that let them bend (``"enhanced"``), or that of the displacement
+        alone (``"plain"``), which is too stiff in bending.
     divisions : tuple of int, optional
         Numbers of hexahedra along x, y and z; required for hexahedra.
     size : float, optional
@@ -185,6 +194,7 @@ class BarMesh(SceneTable):
 
     element: Literal["hexahedron", "tetrahedron"] = "hexahedron"
     order: Order = 2
+    formulation: Formulation = "enhanced"
     divisions: tuple[Count, Count, Count] | None = None
     size: PositiveLength | None = None
 
@@ -200,6 +210,11 @@ class BarMesh(SceneTable):
                 raise FaultError("belongs to hexahedra; tetrahedra take a size, e.g. '5 mm'", "divisions")
             if self.size is None:
                 raise FaultError("is missing: the edge length of a tetrahedron, e.g. '5 mm'", "size")
+        return self
+
+    @model_validator(mode="after")
+    def _plain_if_linear(self) -> BarMesh:
+        check_formulation(self.formulation, self.order, self.element)
         return self
 
 

@@ -7,10 +7,10 @@ from typing import Annotated, Literal
 from pydantic import AfterValidator, Field, model_validator
 
 from pipeline.core.units import PositiveDensity, PositiveLength, PositiveStress
-from pipeline.scene.bodies import ModeSettings, Poisson, Solid
+from pipeline.scene.bodies import ModeSettings, Poisson, Solid, check_formulation
 from pipeline.scene.places import MarkerPlace, NamedElement, Support
 from pipeline.scene.reading import FaultError, SceneTable, suggest_name
-from pipeline.scene.values import LengthUnit, Name, Order, PartName, SourceFile, UnitCheck
+from pipeline.scene.values import Formulation, LengthUnit, Name, Order, PartName, SourceFile, UnitCheck
 
 
 class MeshFile(SceneTable):
@@ -25,6 +25,9 @@ class MeshFile(SceneTable):
     order : int, optional
         Polynomial order of the displacement in an element; the file's own by default. 2 on a file of order 1 adds nodes
         in the middle of straight edges.
+    formulation : str
+        Strain of linear hexahedra: enhanced by terms that let them bend (``"enhanced"``), or that of the displacement
+        alone (``"plain"``), which is too stiff in bending.
     repair : bool
         True to mend faults of the mesh where that is safe; else they are listed and refused.
 
@@ -40,7 +43,13 @@ class MeshFile(SceneTable):
     file: SourceFile
     unit: LengthUnit
     order: Order | None = None
+    formulation: Formulation = "enhanced"
     repair: bool = False
+
+    @model_validator(mode="after")
+    def _plain_if_linear(self) -> MeshFile:
+        check_formulation(self.formulation, self.order)
+        return self
 
 
 class CadFile(SceneTable):

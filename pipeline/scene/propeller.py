@@ -8,9 +8,9 @@ from typing import Annotated, Literal
 from pydantic import Field, model_validator
 
 from pipeline.core.units import Angle, PositiveLength
-from pipeline.scene.bodies import Solid
+from pipeline.scene.bodies import Solid, check_formulation
 from pipeline.scene.reading import FaultError, SceneTable
-from pipeline.scene.values import Count, Number, Order
+from pipeline.scene.values import Count, Formulation, Number, Order
 
 Sections = Annotated[tuple[PositiveLength, ...], Field(min_length=1, max_length=20)]
 
@@ -24,6 +24,9 @@ class PropellerMesh(SceneTable):
         Shape of the elements; six tetrahedra take the place of each hexahedron.
     order : int
         Polynomial order of the displacement in an element; elements of order 2 have curved edges.
+    formulation : str
+        Strain of linear hexahedra: enhanced by terms that let them bend (``"enhanced"``), or that of the displacement
+        alone (``"plain"``), which is too stiff in bending.
     sleeve : tuple of int
         Elements of the sleeve around, along the axis and along the radius; the number around must be a multiple of the
         number of blades.
@@ -49,10 +52,16 @@ class PropellerMesh(SceneTable):
 
     element: Literal["hexahedron", "tetrahedron"] = "hexahedron"
     order: Order = 2
+    formulation: Formulation = "enhanced"
     sleeve: tuple[Count, Count, Count] = (66, 10, 3)
     joint: tuple[Count, Count, Count] = (10, 8, 12)
     blade: tuple[Count, Count, Count] = (10, 8, 27)
     growth: Annotated[Number, Field(ge=0.05, le=20.0)] = 4.0
+
+    @model_validator(mode="after")
+    def _plain_if_linear(self) -> PropellerMesh:
+        check_formulation(self.formulation, self.order, self.element)
+        return self
 
 
 class Propeller(Solid):

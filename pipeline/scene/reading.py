@@ -47,7 +47,7 @@ class FaultError(ValueError):
 class SceneTable(BaseModel):
     """A table of the scene file, immutable once read; an unknown key in it is a fault, never ignored."""
 
-    model_config = ConfigDict(frozen=True, extra="forbid", allow_inf_nan=False)
+    model_config = ConfigDict(frozen=True, extra="forbid", allow_inf_nan=False, defer_build=True)
 
     @model_validator(mode="before")
     @classmethod

@@ -33,7 +33,8 @@ class Simulation(SceneTable):
         Frame of a body with free modes on a torque-driven hinge: modes without inertial coupling to the hinge
         (``"joint-conforming"``) or the free modes themselves (``"free"``), for comparison.
     stiffening : str
-        Geometric stiffening by inertia loads: when the speed makes it matter (``"auto"``), always or never.
+        Geometric stiffening by all loads that pass through a body: where they count beside the wanted error
+        (``"auto"``), always or never.
     start : str
         Deformation at the start: none (``"undeformed"``) or that of a steady motion at the rates of the start
         (``"steady"``).

@@ -7,7 +7,7 @@ from __future__ import annotations
 
 import re
 from dataclasses import dataclass
-from typing import Annotated
+from typing import Annotated, Literal
 
 from pydantic import AfterValidator, BeforeValidator, Field
 
@@ -115,6 +115,7 @@ LengthUnit = Annotated[str, AfterValidator(UnitCheck("m"))]
 Number = Annotated[float, Field(strict=True)]
 Count = Annotated[int, Field(strict=True, ge=1, le=1_000_000)]
 Order = Annotated[int, Field(strict=True, ge=1, le=2)]
+Formulation = Literal["enhanced", "plain"]
 Point = tuple[Length, Length, Length]
 Axis = Annotated[tuple[Number, Number, Number], AfterValidator(_check_direction), Words("list of 3 numbers, not all 0")]
 Plane = Annotated[tuple[int, float], BeforeValidator(_read_plane), Words('plane, e.g. ``"x = 0"`` or ``"z = 12 mm"``')]

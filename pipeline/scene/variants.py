@@ -6,7 +6,7 @@ next. A variant keeps the file of its scene.
 
 from __future__ import annotations
 
-from collections.abc import Callable
+from collections.abc import Callable, Mapping
 from math import pi
 from typing import Any
 
@@ -43,6 +43,26 @@ def enrich_bases(scene: Scene) -> Scene:
         return {"enrich": "ritz", "count": body.modes.count + has_them * (body.modes.count // 2 + 1)}
 
     return change_modes(scene, change)
+
+
+def damp_bodies(scene: Scene, damping: float) -> Scene | None:
+    """Return the scene with damping for the bodies that have none; ``None`` if all have some."""
+    if all(body.modes.damping for body in scene.flexible.values()):
+        return None
+    return change_modes(scene, lambda body: {"damping": body.modes.damping or damping})
+
+
+def attach_roots_rigidly(scene: Scene, roots: Mapping[str, str]) -> Scene | None:
+    """Return the scene with rigid attachment of named markers, by body; ``None`` if they all have it or are points."""
+    bodies = {}
+    for name, root in roots.items():
+        body = scene.flexible[name]
+        marker = body.marker[root]
+        if marker.attachment != "averaged" or getattr(marker, "face", None) is None:
+            continue
+        markers = {**body.marker, root: marker.model_copy(update={"attachment": "rigid"})}
+        bodies[name] = body.model_copy(update={"marker": markers})
+    return scene.model_copy(update={"body": {**scene.body, **bodies}}) if bodies else None
 
 
 def replace_order(scene: Scene, order: int) -> Scene:

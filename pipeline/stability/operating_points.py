@@ -15,7 +15,7 @@ import numpy as np
 
 from pipeline.core.arrays import Array, IntArray
 from pipeline.core.errors import StabilityError
-from pipeline.dynamics.fast_path import fast_system, rigid_hinge_motion
+from pipeline.dynamics.compiled_system.system import CompiledSystem
 from pipeline.dynamics.mechanism import Mechanism
 from pipeline.dynamics.system import System
 from pipeline.integrators.central_difference import CentralDifference
@@ -94,25 +94,20 @@ class OperatingPoints:
 
 
 def find_operating_points(
-    mechanism: Mechanism,
-    q0: Array,
-    v0: Array,
-    duration: float,
-    split: Mechanism | None = None,
-    system: System | None = None,
+    system: CompiledSystem, mechanism: Mechanism, q0: Array, v0: Array, duration: float
 ) -> OperatingPoints:
     """Find operating points of a mechanism's motion from its start, by the motion with all bodies rigid.
 
     Parameters
     ----------
+    system : CompiledSystem
+        The mechanism as it is marched, whose states are wanted; it may have another choice of slow coordinates.
+    mechanism : Mechanism
+        The mechanism that starts.
     q0, v0 : ndarray, shapes (n_positions,) and (n,)
-        Positions and rates at the start.
+        Positions and rates at the mechanism's start.
     duration : float
         [s]
-    split : Mechanism, optional
-        The mechanism with another choice of slow coordinates, whose states are wanted.
-    system : System, optional
-        The system that marches those coordinates; the fastest one by default.
 
     Raises
     ------
@@ -120,16 +115,14 @@ def find_operating_points(
         The mechanism with all bodies rigid can't be integrated.
     """
     times = (np.arange(_POINTS) + 0.5) * duration / _POINTS
-    wanted = split or mechanism
-    marched = system or fast_system(wanted)
-    closed_form = rigid_hinge_motion(mechanism, q0, v0, times)
-    q, v = closed_form or _rigid_motion(mechanism.rigid, q0, v0, times, duration / _RIGID_STEPS)
+    wanted = system.mechanism
+    q, v = _rigid_motion(mechanism.rigid, q0, v0, times, duration / _RIGID_STEPS)
     modes = (wanted.modes_of(k).tolist() for k in range(len(wanted.links)))
     resting = np.array(sorted({*range(wanted.n_slow, wanted.n)}.union(*modes)), dtype=np.int64)
     undeformed = [
         OperatingPoint(float(t), *_with_joints(wanted, mechanism.rigid, q[k], v[k])) for k, t in enumerate(times)
     ]
-    return OperatingPoints(marched, tuple(settle(marched, at, resting) for at in undeformed), duration)
+    return OperatingPoints(system, tuple(settle(system, at, resting) for at in undeformed), duration)
 
 
 def settle(system: System, at: OperatingPoint, rates: IntArray) -> OperatingPoint:
@@ -155,7 +148,7 @@ def find_steady_point(system: System, at: OperatingPoint, rates: IntArray) -> Op
     if not rates.size:
         return at
     parameters = system.parameters
-    places = getattr(parameters, "scalar_position", np.arange(system.n))[rates]
+    places = getattr(parameters, "position", np.arange(system.n))[rates]
     q, v = at.q.copy(), at.v.copy()
     v[rates] = 0.0
 
@@ -184,10 +177,11 @@ def _rigid_motion(rigid: Mechanism, q0: Array, v0: Array, times: Array, longest_
     """
     if not rigid.n:
         return np.zeros((len(times), rigid.n_positions)), np.zeros((len(times), 0))
-    step = min(longest_step, _RESOLVED * 2.0 / rigid.highest_frequency)
+    system = CompiledSystem(rigid)
+    step = min(longest_step, _RESOLVED * 2.0 / system.highest_frequency)
     start = OperatingPoint(0.0, q0[: rigid.n_positions], v0[: rigid.n])
-    start = find_steady_point(rigid, start, np.arange(rigid.n_slow, rigid.n)) or start
-    motion = CentralDifference(step).march(rigid, start.q, start.v, times)
+    start = find_steady_point(system, start, np.arange(rigid.n_slow, rigid.n)) or start
+    motion = CentralDifference(step).march(system, start.q, start.v, times)
     return motion.q, motion.v
 
 

@@ -15,7 +15,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from pipeline.core.arrays import Array
-from pipeline.dynamics.mechanism import Mechanism
+from pipeline.dynamics.compiled_system.system import CompiledSystem
 from pipeline.dynamics.vibration import frequencies
 from pipeline.stability.amplification import cycle_growth
 
@@ -44,9 +44,9 @@ class Split:
     step: float
 
 
-def split_at(mechanism: Mechanism, frequency_hz: float) -> tuple[list[str], dict[str, int]]:
+def split_at(system: CompiledSystem, frequency_hz: float) -> tuple[list[str], dict[str, int]]:
     """Return the fast joints and the numbers of slow modes of a mechanism that is split at a frequency."""
-    own = mechanism.frequencies_hz
+    own, mechanism = system.frequencies_hz, system.mechanism
     fast_joints = [
         link.name
         for k, link in enumerate(mechanism.links)
@@ -59,7 +59,9 @@ def split_at(mechanism: Mechanism, frequency_hz: float) -> tuple[list[str], dict
     return fast_joints, slow_modes
 
 
-def choose_split(mechanism: Mechanism, error: float, duration: float, spin: float, step: float | None = None) -> Split:
+def choose_split(
+    system: CompiledSystem, error: float, duration: float, spin: float, step: float | None = None
+) -> Split:
     """Choose the split with the least work, its ratio and, if none is given, the fast step.
 
     Parameters
@@ -73,16 +75,16 @@ def choose_split(mechanism: Mechanism, error: float, duration: float, spin: floa
     step : float, optional
         Fast step [s].
     """
-    own = 2 * np.pi * mechanism.frequencies_hz
+    own = 2 * np.pi * system.frequencies_hz
     order = np.argsort(own, kind="stable")
     omega = own[order]
     stiff = omega[omega > 0]
     if not stiff.size:
         return Split(np.inf, 1, step or duration / _STEPS_OVER_MOTION)
     limits = step_limits(omega, float(stiff[0]), error, duration)
-    highest = 2 * _STABLE / mechanism.highest_frequency
+    highest = 2 * _STABLE / system.highest_frequency
     step = step or float(min(highest, limits.min()))
-    M, K = mechanism.mass_matrix(mechanism.rest_positions), mechanism.linear_stiffness
+    M, K, _ = system.linear_matrices
     M, K = M[np.ix_(order, order)], K[np.ix_(order, order)]
     best = Split(0.0, 1, step)
     least = _cost(omega.size, omega.size) / step

@@ -20,7 +20,6 @@ from pipeline.reduction.eigen import FreeBodySolver
 from pipeline.reduction.enrichment import enrich_modes
 from pipeline.reduction.factor.factor import Factor, MissingSolverError, TooLargeError, factorise
 from pipeline.reduction.factor.slepc import factorise_over_ranks
-from pipeline.reduction.inertia import InertiaGram
 from pipeline.reduction.loads import acceleration_loads, motion_loads
 from pipeline.reduction.mode_families import lowest_modes, modes_of_family
 from pipeline.reduction.modes import Modes, TooManyModesError
@@ -152,11 +151,14 @@ def reduce_body(model: HeldModel, modes: Modes, settings: ModeSettings, frame: s
     return reduced_body(*common, joint.free_directions, joint.normal)
 
 
-def stiffen_inertia(model: HeldModel, body: FlexibleBody) -> InertiaGram:
-    """Add the geometric stiffness of its inertia loads to a reduced body's inertia terms."""
+def stiffen_reduced(model: HeldModel, body: FlexibleBody) -> FlexibleBody:
+    """Stiffen a reduced body by the loads that a scene can put on it."""
     joint = model.joint
     reaction = None if joint.floating or model.fixed is not None else model.reaction
-    return stiffen_body(body, model.fe, model.solver, reaction, joint.plane, joint.accelerated).gram
+    # The joint's own marker moves in the body's frame where the body turns freely about an axis.
+    moving = {name: at for name, at in model.markers.items() if name != joint.marker or len(joint.free) == 1}
+    common = (body, model.fe, model.solver, reaction, joint.plane, joint.accelerated)
+    return stiffen_body(*common, moving, joint.free_directions if model.fixed is not None else None)
 
 
 def _enriched_shapes(model: HeldModel, modes: Modes, settings: ModeSettings) -> tuple[Array, Array]:

@@ -7,6 +7,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from pipeline.core.arrays import Array
+from pipeline.scene.loads import Drive
 from pipeline.scene.scene import Scene
 
 Direction = tuple[float, float, float]
@@ -29,7 +30,7 @@ class InboardJoint:
     prescribed : bool
         Its motion is given.
     planar : bool
-        Every joint of the scene keeps to the plane across ``axis``.
+        Every joint of the scene keeps to the plane across ``axis``, and so do gravity and all loads.
     normal : int
         Number of the only coordinate axis that the body turns about in space, on a hinge to the ground; else -1.
     accelerated : bool
@@ -75,6 +76,8 @@ def read_inboard_joint(scene: Scene, body: str) -> InboardJoint:
     in_plane = [not np.any(np.cross(axis, hinge)) for hinge in hinges]
     in_plane += [other.type not in ("spherical", "free") for other in scene.joint.values()]
     in_plane += [not np.dot(axis, other.axis) for other in scene.joint.values() if other.type == "prismatic"]
+    in_plane += [not gravity or not np.dot(axis, scene.simulation.gravity)]
+    in_plane += [_acts_in_plane(drive, axis) for drive in scene.drive.values()]
     free: tuple[Direction, ...] = ()
     if joint.type == "revolute" and not prescribed:
         free = (axis,)
@@ -99,8 +102,13 @@ def _loaded_markers(scene: Scene, body: str, axis: Direction) -> tuple[tuple[str
     places = dict.fromkeys([joint.parent for joint in scene.joint.values()], True)
     for drive in scene.drive.values():
         if drive.type in ("point force", "point torque"):
-            turns = drive.type == "point torque"
-            out_of_plane = np.cross(axis, drive.direction) if turns else np.dot(axis, drive.direction)
-            places[drive.marker] = places.get(drive.marker, True) and not np.any(out_of_plane)
+            places[drive.marker] = places.get(drive.marker, True) and _acts_in_plane(drive, axis)
     own = {place.partition(".")[2]: flat for place, flat in places.items() if place.partition(".")[0] == body}
     return tuple(sorted(own.items()))
+
+
+def _acts_in_plane(drive: Drive, axis: Direction) -> bool:
+    """Return False for a force or torque at a point that acts out of the plane across an axis."""
+    if drive.type == "point torque":
+        return not np.any(np.cross(axis, drive.direction))
+    return drive.type != "point force" or not np.dot(axis, drive.direction)

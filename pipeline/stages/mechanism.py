@@ -9,11 +9,11 @@ import numpy as np
 
 from pipeline.core.arrays import Array
 from pipeline.core.errors import InputError
-from pipeline.dynamics.fast_path import fast_system
+from pipeline.dynamics.compiled_system.steady import find_steady_state
+from pipeline.dynamics.compiled_system.system import CompiledSystem
 from pipeline.dynamics.links import FIXED, FREE, PRISMATIC, REVOLUTE, SPHERICAL, Link, PointLoad, rigid_gram
 from pipeline.dynamics.mechanism import Mechanism
 from pipeline.dynamics.signals.signal import Signal, constant, half_sine, total
-from pipeline.dynamics.system import System
 from pipeline.reduction.body import FlexibleBody, MarkerShapes
 from pipeline.reduction.inertia import InertiaGram
 from pipeline.stages.inboard_joint import read_inboard_joint
@@ -57,7 +57,7 @@ def build_mechanism(
         raise InputError(scene.file, "drive", None, str(error)) from error
 
 
-def find_start(scene: Scene, mechanism: Mechanism) -> tuple[Array, Array]:
+def find_start(scene: Scene, system: CompiledSystem) -> tuple[Array, Array]:
     """Find positions and rates of a scene's mechanism at the start.
 
     Returns
@@ -70,8 +70,8 @@ def find_start(scene: Scene, mechanism: Mechanism) -> tuple[Array, Array]:
     AccuracyError
         There is no steady state.
     """
-    q0, v0 = place_joints(scene, mechanism)
-    return (mechanism.steady(q0, v0), v0) if scene.simulation.start == "steady" else (q0, v0)
+    q0, v0 = place_joints(scene, system.mechanism)
+    return (find_steady_state(system, q0, v0), v0) if scene.simulation.start == "steady" else (q0, v0)
 
 
 def place_joints(scene: Scene, mechanism: Mechanism) -> tuple[Array, Array]:
@@ -86,15 +86,6 @@ def place_joints(scene: Scene, mechanism: Mechanism) -> tuple[Array, Array]:
             rates = [*getattr(joint, "velocity", ()), *joint.spin]
             v0[first : first + len(rates)] = rates
     return q0, v0
-
-
-def choose_system(scene: Scene, mechanism: Mechanism) -> System:
-    """Choose what a scene's runs march: the mechanism by its fast path, if that serves all of them.
-
-    Runs whose times are compared take the same kernels, so a run that splits modes keeps the others from the fast path.
-    """
-    split = any(getattr(run, "split", "joints") != "joints" for run in scene.simulation.run)
-    return mechanism if split or scene.simulation.start != "undeformed" else fast_system(mechanism)
 
 
 class _Places:
@@ -154,12 +145,12 @@ def _link(scene: Scene, places: _Places, body: str) -> Link:
         settings |= {"spring": joint.spring, "rest": joint.rest, "damper": joint.damper}
         settings |= {"axis": axis, "motion": _motion(scene, name), "load": _load(scene, name, gram, axis)}
         if joint.type == "revolute" and body in places.bodies and settings["motion"] is None:
-            settings["joint_rotation"] = places.bodies[body].joint_rotation
+            settings |= {"joint_rotation": reduced.joint_rotation, "joint_bow": reduced.joint_bow}
     parent = places.parent(body)
     if parent != "ground":
         at = places.marker(joint.parent)
         settings |= {"parent": places.order.index(parent), "place": at.position}
-        settings |= {"place_shapes": at.translation, "place_rotations": at.rotation}
+        settings |= {"place_shapes": at.translation, "place_rotations": at.rotation, "place_bow": at.bow}
     return Link(body, gram, _JOINTS[joint.type], **settings)
 
 
@@ -222,6 +213,6 @@ def _point_loads(scene: Scene, places: _Places) -> list[PointLoad]:
             size = signal_of(drive.force if drive.type == "point force" else drive.torque)
             direction = np.array(drive.direction, dtype=float)
             body, turns = drive.marker.partition(".")[0], drive.type == "point torque"
-            place = {"place": at.position, "shapes": at.translation, "rotations": at.rotation}
+            place = {"place": at.position, "shapes": at.translation, "rotations": at.rotation, "bow": at.bow}
             loads.append(PointLoad(body, direction, size, turns, drive.following, **place))
     return loads

@@ -13,13 +13,17 @@ from numpy.typing import NDArray
 from pipeline.core.arrays import Array, IntArray
 from pipeline.core.errors import InputError
 from pipeline.fem.surface import SurfaceTopology, surface_elements, surface_topology
+from pipeline.recovery.deformation import DeformationShapes, deformation_shapes
 from pipeline.recovery.stress import element_stress, modal_stress, point_stress
+from pipeline.reduction.body import MarkerShapes
 from pipeline.reduction.inertia import InertiaGram, add_normal_blocks, normal_blocks
 from pipeline.scene.any_body import Flexible
 from pipeline.scene.bodies import Bar
+from pipeline.scene.imported_bodies import CadPart, MatrixPart
 from pipeline.scene.propeller import Propeller
 from pipeline.scene.scene import Scene
 from pipeline.scene.source_files import SourceFiles
+from pipeline.scene.values import Formulation
 from pipeline.stages.inboard_joint import read_inboard_joint
 from pipeline.stages.meshing import find_material, find_name, make_mesh, read_body_matrices
 from pipeline.stages.stage import Stage, stages_of
@@ -39,17 +43,22 @@ NO_MESH = "is given by its matrices: without elements it has no mesh, no stress 
 _FEM = ("pipeline/fem",)
 _REDUCTION = ("pipeline/fem", "pipeline/reduction", "pipeline/stages/basis.py", "pipeline/stages/markers.py")
 _STRESS = ("pipeline/fem", "pipeline/recovery/stress.py")
+_DEFORMATION = ("pipeline/fem", "pipeline/recovery/deformation.py")
 _PACKAGES = ("numpy", "scipy", "scikit-fem", "gmsh")
 # Of another scene's part with the same modes: enrichment, damping and the joint's frame leave them alone.
 _OF_THE_MODES = ("mesh", "assembly", "modes", "surface")
 _OF_THE_MODEL = ("space", "markers", "fixed", "model")
 
 
+SecondOrder = tuple[InertiaGram, Mapping[str, MarkerShapes]]
+"""Inertia and markers of a stiffened body."""
+
 # Inputs of the keys: everything in the scene and in the body's files that a stage's result depends on.
 
 
 def _mesh_inputs(part: FlexiblePart) -> Any:
-    without = {"E", "nu", "rho", "material", "modes", "marker", "support", "element"}
+    without: Any = dict.fromkeys(("E", "nu", "rho", "material", "modes", "marker", "support", "element"), True)
+    without["mesh"] = {"formulation"}
     table = part.shape.model_dump(mode="json", exclude=without)
     return table if part.source is None else part.source.identity(table)
 
@@ -103,7 +112,10 @@ def _assemble(part: FlexiblePart) -> FEModel:
 
     if not part.has_mesh:
         return read_body_matrices(part.shape, part.source)
-    return assemble(part.mesh, part.order, part.material)
+    if part.formulation == "plain" and part.space.kind.name != "hex8":
+        problem = f"belongs to linear hexahedra; the elements here are {part.space.kind.name}"
+        raise InputError(part.file, f"body.{part.name}.mesh.formulation", "plain", problem)
+    return assemble(part.mesh, part.order, part.material, part.formulation)
 
 
 def _compute_modes(part: FlexiblePart) -> Modes:
@@ -118,13 +130,14 @@ def _reduce(part: FlexiblePart) -> FlexibleBody:
     return reduce_body(part.model, part.modes, part.shape.modes, part.frame)
 
 
-def _stiffen(part: FlexiblePart) -> InertiaGram:
-    from pipeline.stages.basis import stiffen_inertia
+def _stiffen(part: FlexiblePart) -> SecondOrder:
+    from pipeline.stages.basis import stiffen_reduced
 
     if not part.has_mesh:
         mend = f"stiffening by inertia loads takes stress, and the body {NO_MESH}; 'off' leaves it out"
         raise InputError(part.file, "simulation.stiffening", None, mend)
-    return stiffen_inertia(part.model, part.body)
+    body = stiffen_reduced(part.model, part.body)
+    return body.gram, body.markers
 
 
 def _integrate_along_normal(part: FlexiblePart) -> Array:
@@ -141,6 +154,10 @@ def _recover_surface_stress(part: FlexiblePart) -> Array:
 
 def _recover_element_stress(part: FlexiblePart) -> Array:
     return element_stress(part.space, part.material, part.body.shapes, np.array(list(part.elements.values())))
+
+
+def _evaluate_deformation(part: FlexiblePart) -> DeformationShapes:
+    return deformation_shapes(part.space, part.body, part.is_supported)
 
 
 def _recover_nodal_stress(part: FlexiblePart) -> NDArray[np.float32]:
@@ -174,7 +191,7 @@ class FlexiblePart:
         "modes", _compute_modes, ("mesh", "assembly"), _modes_inputs, ("meshes", *_REDUCTION), _PACKAGES
     )
     body: Stage[FlexibleBody] = Stage("body", _reduce, ("mesh", "assembly", "modes"), _body_inputs, _REDUCTION)
-    stiffened_gram: Stage[InertiaGram] = Stage(
+    second_order: Stage[SecondOrder] = Stage(
         "stiffening", _stiffen, ("mesh", "assembly", "body"), _of_the_body, _REDUCTION, _PACKAGES
     )
     surface: Stage[SurfaceTopology] = Stage("surface", _find_surface, ("mesh",), _mesh_inputs, ("meshes", *_FEM))
@@ -183,6 +200,9 @@ class FlexiblePart:
     )
     element_stress: Stage[Array] = Stage(
         "element stress", _recover_element_stress, ("mesh", "body"), _element_inputs, _STRESS, in_key=("mesh",)
+    )
+    deformation_shapes: Stage[DeformationShapes] = Stage(
+        "deformation", _evaluate_deformation, ("mesh", "body"), _of_the_body, _DEFORMATION
     )
     nodal_stress: Stage[NDArray[np.float32]] = Stage(
         "nodal stress", _recover_nodal_stress, ("mesh", "body"), _of_the_body, _STRESS
@@ -227,6 +247,16 @@ class FlexiblePart:
         return self.mesh.order if self.shape.shape == "matrices" else self.shape.mesh.order or self.mesh.order
 
     @property
+    def formulation(self) -> Formulation:
+        """Strain of linear hexahedra, ``enhanced`` or ``plain``."""
+        return "enhanced" if isinstance(self.shape, MatrixPart | CadPart) else self.shape.mesh.formulation
+
+    @property
+    def is_supported(self) -> bool:
+        """True if supports hold the body in its frame, and not its joint's section alone, which may turn freely."""
+        return bool(self.shape.support) and not self.joint.free
+
+    @property
     def mesh_notes(self) -> tuple[str, ...]:
         """Faults that were mended in the file that the mesh comes from, if it comes from one."""
         return self.mesh.notes if self.shape.shape in ("mesh", "cad") else ()
@@ -236,7 +266,7 @@ class FlexiblePart:
         """Nodes and elements, without matrices."""
         from pipeline.fem.space import Discretisation
 
-        return Discretisation(self.mesh, self.order)
+        return Discretisation(self.mesh, self.order, self.formulation)
 
     @property
     def material(self) -> AnyMaterial:
@@ -288,8 +318,9 @@ class FlexiblePart:
 
     @property
     def stiffened(self) -> FlexibleBody:
-        """The reduced body, stiffened by its inertia loads."""
-        return replace(self.body, gram=self.stiffened_gram)
+        """The reduced body, stiffened by all loads that pass through it."""
+        gram, markers = self.second_order
+        return replace(self.body, gram=gram, markers=markers)
 
     def for_any_motion(self, body: FlexibleBody) -> FlexibleBody:
         """Add the inertia integrals that motion about one axis doesn't take to the reduced body, stiffened or not."""

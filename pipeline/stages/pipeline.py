@@ -2,7 +2,8 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Callable, Mapping
+from contextlib import AbstractContextManager, nullcontext
 from functools import cached_property
 from typing import TYPE_CHECKING, Any
 
@@ -22,17 +23,18 @@ from pipeline.stages.stage import Stage
 from pipeline.stages.store import Log, StageStore
 
 if TYPE_CHECKING:
+    from pipeline.dynamics.compiled_system.system import CompiledSystem
     from pipeline.dynamics.mechanism import Mechanism
-    from pipeline.dynamics.system import System
     from pipeline.fem.mesh import SolidMesh
     from pipeline.fem.model import FEModel
     from pipeline.fem.surface import SurfaceTopology
     from pipeline.integrators.protocol import Trajectory
+    from pipeline.recovery.deformation import Deformation
     from pipeline.recovery.motion import Motion
     from pipeline.reduction.body import FlexibleBody
     from pipeline.reduction.modes import Modes
     from pipeline.stages.runs import Plan
-    from pipeline.stages.stiffening_check import SpinCheck
+    from pipeline.stages.stiffening_check import SpinCheck, StiffnessChange
 
 _NEAR_LARGEST = 0.8  # of the tip's largest deflection
 _FINER = 32  # times as many times there tell what is largest between two output times
@@ -43,7 +45,7 @@ def _march(run: Pipeline) -> dict[str, Trajectory]:
     times, trajectories = run.output_times, {}
     for label, plan in run.plans.items():
         plan.march(times[:2])  # compiles, or reads kernels: not part of the run time
-        with run.store.monitor(label) as advance:
+        with run.store.monitor(label) as advance, run.while_timed():
             trajectories[label] = plan.march(times, advance)
     return trajectories
 
@@ -66,12 +68,14 @@ class Pipeline:
     bodies : mapping of str to FlexibleBody, optional
         Reduced bodies to use in place of those of the parts.
     spin : mapping of str to SpinCheck, optional
-        Decisions on stiffening to use in place of this scene's own.
+        Checks of stiffening to use in place of this scene's own.
 
     Attributes
     ----------
     parts : dict of str to FlexiblePart
         The flexible bodies.
+    while_timed : callable
+        Makes a context in which each run is timed; it may hold up whatever else uses the processor.
     store : StageStore
         Runs the stages and keeps their results.
     """
@@ -90,6 +94,7 @@ class Pipeline:
         spin: Mapping[str, SpinCheck] | None = None,
     ) -> None:
         self.scene, self.keep_all = scene, keep_all
+        self.while_timed: Callable[[], AbstractContextManager[None]] = nullcontext
         self.store = StageStore(Cache(cache_folder() / "stages") if cache is None else cache, monitor)
         self.results: dict[str, Any] = {}
         self.parts = (
@@ -175,23 +180,42 @@ class Pipeline:
         }
 
     @cached_property
+    def deformations(self) -> Mapping[str, Deformation]:
+        """Largest rotation and strain of each meshed body's elastic field over the first run's motion."""
+        from pipeline.recovery.deformation import measure_deformation
+
+        return {
+            name: measure_deformation(part.deformation_shapes, self.bodies[name], self.motion.modal(name))
+            for name, part in self.parts.items()
+            if part.has_mesh
+        }
+
+    @cached_property
     def inputs(self) -> dict[str, Any]:
         """Everything in the scene and its files that results depend on, as plain data."""
         return collect_inputs(self.scene)
 
     @cached_property
     def spin(self) -> Mapping[str, SpinCheck]:
-        """Largest rate of each flexible body and its effect on the stiffness; empty if nothing turns."""
+        """Loads through each flexible body, and whether they stiffen it."""
         from pipeline.stages.stiffening_check import check_spins
 
         if self._spin is not None:
             return self._spin
         self.scene.simulation  # noqa: B018 - a scene of parts alone is refused before anything is reduced
-        return check_spins(self.scene, {name: part.body for name, part in self.parts.items()})
+        meshed = [name for name, part in self.parts.items() if part.has_mesh]
+        return check_spins(self.scene, {name: part.body for name, part in self.parts.items()}, meshed)
+
+    @cached_property
+    def stiffness_changes(self) -> Mapping[str, StiffnessChange]:
+        """Change of the stiffness of each stiffened body by the loads through it."""
+        from pipeline.stages.stiffening_check import find_changes
+
+        return {} if self._bodies is not None else find_changes(self.mechanism, self.spin)
 
     @cached_property
     def bodies(self) -> Mapping[str, FlexibleBody]:
-        """Reduced flexible bodies, stiffened by their inertia loads where the scene's speed calls for it."""
+        """Reduced flexible bodies, stiffened by the loads through them where these count."""
         if self._bodies is not None:
             return self._bodies
         return {name: part.stiffened if self.spin[name].stiffened else part.body for name, part in self.parts.items()}
@@ -200,15 +224,17 @@ class Pipeline:
     def mechanism(self) -> Mechanism:
         """Bodies, joints and loads of the scene, its joints slow and its modes fast if it doesn't say otherwise."""
         from pipeline.stages.mechanism import build_mechanism
+        from pipeline.stages.stiffening_check import keep_what_counts
 
-        return build_mechanism(self.scene, self.bodies)
+        mechanism, error = build_mechanism(self.scene, self.bodies), self.scene.simulation.error
+        return mechanism if self._bodies is not None else keep_what_counts(mechanism, self.spin, error)
 
     @cached_property
-    def system(self) -> System:
-        """Mechanism as it is marched, with the fastest kernels for it; its coordinates are the mechanism's."""
-        from pipeline.stages.mechanism import choose_system
+    def system(self) -> CompiledSystem:
+        """Mechanism as it is marched, by compiled functions."""
+        from pipeline.dynamics.compiled_system.system import CompiledSystem
 
-        return choose_system(self.scene, self.mechanism)
+        return CompiledSystem(self.mechanism)
 
     @property
     def reference_matrices(self) -> tuple[Array, Array]:
@@ -221,7 +247,7 @@ class Pipeline:
         """Positions and rates at the start."""
         from pipeline.stages.mechanism import find_start
 
-        return find_start(self.scene, self.mechanism)
+        return find_start(self.scene, self.system)
 
     @cached_property
     def plans(self) -> dict[str, Plan]:
@@ -237,14 +263,20 @@ class Pipeline:
         Raises
         ------
         InputError
-            A step is beyond its stability limit, a body would lose its stiffness by its spin, or the results don't fit
-            into the memory; nothing has been integrated then.
+            A step is beyond its stability limit, a body would buckle or lose its stiffness by its spin, or the results
+            don't fit into the memory; nothing has been integrated then.
         """
         self.bodies  # noqa: B018 - stages of their own; what the plans add is kernels, compiled or read
         require_room(self.scene, self.mechanism)
+        self._require_unbuckled()
         self.plans  # noqa: B018 - refuses a step before anything is timed
         trajectories = self.trajectories
         return {label: self.motion_by(plan, trajectories[label]) for label, plan in self.plans.items()}
+
+    def _require_unbuckled(self) -> None:
+        from pipeline.stages.stiffening_check import require_unbuckled
+
+        require_unbuckled(self.scene, self.stiffness_changes)
 
     @property
     def left_out(self) -> dict[str, list[int]]:

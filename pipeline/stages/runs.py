@@ -10,19 +10,20 @@ import numpy as np
 
 from pipeline.core.arrays import Array
 from pipeline.core.errors import InputError, StabilityError
+from pipeline.dynamics.compiled_system.system import CompiledSystem
 from pipeline.dynamics.excited_modes import Excited, excited_part
 from pipeline.dynamics.mechanism import Mechanism
-from pipeline.dynamics.system import System
 from pipeline.integrators.protocol import Integrator, Progress, Trajectory
 from pipeline.integrators.subcycling import Subcycling
 from pipeline.stability.safe_step import ALLOWED_GROWTH, longest_safe_step
-from pipeline.stages.mechanism import build_mechanism, choose_system, find_start, place_joints
+from pipeline.stages.mechanism import find_start, place_joints
 
 if TYPE_CHECKING:
     from pipeline.reduction.body import FlexibleBody
     from pipeline.scene.runs import ReversibleSubCyclingRun, Run, SubCyclingRun
     from pipeline.scene.scene import Scene
     from pipeline.scene.simulation import Simulation
+    from pipeline.stability.operating_points import OperatingPoints
 
 STABLE = 0.4  # of the largest stable step: for a variant that is unstable at the run's own
 _STEPS_IN_ACTION = 4.0  # at least, while a load acts between two times without it
@@ -52,7 +53,7 @@ class BuiltScene(Protocol):
         """Mechanism with the scene's own slow joints."""
 
     @property
-    def system(self) -> System:
+    def system(self) -> CompiledSystem:
         """System that marches it."""
 
     @property
@@ -74,14 +75,14 @@ class Plan:
         The scene's key of its step.
     mechanism : Mechanism
         With the run's own split into slow and fast coordinates.
-    system : System
-        The mechanism or its fast path, whose steps are limited.
+    system : CompiledSystem
+        The mechanism as it is marched, whose steps are limited.
     start : tuple of ndarray, shapes (n_positions,) and (n,)
         Positions and rates.
     excited : Excited, optional
         The part of the mechanism that is integrated, if some modes can be left at rest.
-    excited_system : System, optional
-        That part or its fast path.
+    excited_system : CompiledSystem, optional
+        That part as it is marched.
     growth : float
         Factor by which an explicit method itself makes small vibrations grow over the scene.
     """
@@ -89,10 +90,10 @@ class Plan:
     key: str
     integrator: Integrator
     mechanism: Mechanism
-    system: System
+    system: CompiledSystem
     start: tuple[Array, Array]
     excited: Excited | None = None
-    excited_system: System | None = None
+    excited_system: CompiledSystem | None = None
     growth: float = 1.0
 
     def march(self, times: Array, progress: Progress | None = None) -> Trajectory:
@@ -115,9 +116,10 @@ def make_plans(built: BuiltScene) -> dict[str, Plan]:
         A step is beyond its stability limit, or vibrations would grow visibly by the method itself.
     """
     plans: dict[str, Plan] = {}
+    known: list[OperatingPoints] = []
     given = _given_step(built)
     for k, run in enumerate(built.scene.simulation.run):
-        plan = _plan(built, k, given)
+        plan = _plan(built, k, given, known)
         label = str(run.integrator)
         if hasattr(run, "substeps"):
             label += f" {getattr(plan.integrator, 'substeps', 1)}:1"
@@ -138,17 +140,17 @@ def plan_like(plan: Plan, variant: BuiltScene) -> Plan:
     return _leave_out_modes(variant, replace(first, integrator=method))
 
 
-def _plan(built: BuiltScene, k: int, given: float | None) -> Plan:
+def _plan(built: BuiltScene, k: int, given: float | None, known: list[OperatingPoints]) -> Plan:
     simulation = built.scene.simulation
     free = simulation.step == "auto" and not simulation.run[k].step
     plan = _plan_unchecked(built, k, given)
     _require_resolved_loads(built, plan)
-    return _leave_out_modes(built, _check_growth(built, plan, free))
+    return _leave_out_modes(built, _check_growth(built, plan, free, known))
 
 
 def _require_resolved_loads(built: BuiltScene, plan: Plan) -> None:
     """Raise ``InputError`` if a fixed step is too long for a load that acts between two times without it."""
-    shortest = min((activity.shortest_action for activity in built.mechanism.activities), default=np.inf)
+    shortest = plan.system.shortest_action
     if plan.integrator.step * _STEPS_IN_ACTION > shortest:
         raise InputError(
             built.scene.file,
@@ -177,11 +179,14 @@ def _leave_out_modes(built: BuiltScene, plan: Plan) -> Plan:
         part = excited_part(plan.mechanism, plan.start[0], _NO_FORCE * built.scene.simulation.error)
     if part is None:
         return plan
-    return replace(plan, excited=part, excited_system=choose_system(built.scene, part.mechanism))
+    return replace(plan, excited=part, excited_system=CompiledSystem(part.mechanism))
 
 
-def _check_growth(built: BuiltScene, plan: Plan, free: bool) -> Plan:
-    """Measure the growth of small vibrations by a run's method; shorten its step for that if it is ``free``."""
+def _check_growth(built: BuiltScene, plan: Plan, free: bool, known: list[OperatingPoints]) -> Plan:
+    """Measure the growth of small vibrations by a run's method; shorten its step for that if it is ``free``.
+
+    The operating points of a system are the same for all of its runs; those ``known`` are taken, new ones added.
+    """
     method: Any = plan.integrator  # a method with a limit has a step, and resumes
     limit = method.largest_step(plan.system)
     if not method.step < limit and not free:
@@ -207,10 +212,13 @@ def _check_growth(built: BuiltScene, plan: Plan, free: bool) -> Plan:
     from pipeline.stability.operating_points import find_operating_points
 
     duration = built.scene.simulation.duration
-    try:
-        points = find_operating_points(built.mechanism, *built.start, duration, plan.mechanism, plan.system)
-    except StabilityError:  # of the mechanism itself: the march will tell
-        return plan
+    points = next((own for own in known if own.system is plan.system), None)
+    if points is None:
+        try:
+            points = find_operating_points(plan.system, built.mechanism, *built.start, duration)
+        except StabilityError:  # of the mechanism itself: the march will tell
+            return plan
+        known.append(points)
     folds = points.e_folds(method) if method.step < limit else np.inf
     if folds > np.log(ALLOWED_GROWTH):
         longest = longest_safe_step(lambda step: points.e_folds(replace(method, step=step)), min(method.step, limit))
@@ -306,11 +314,12 @@ def plan_sub_cycled(
     if run.split == "auto":
         spins = rigid_spins(whole, *place_joints(built.scene, whole.rigid), simulation.duration)
         spin = max(float(np.sqrt(np.mean(np.sum(rates**2, axis=1)))) for rates in spins.values())
-        choice = choose_split(whole, simulation.error, simulation.duration, spin, step or None)
+        choice = choose_split(built.system, simulation.error, simulation.duration, spin, step or None)
         frequency, substeps, step = choice.frequency_hz, choice.substeps, choice.step
     else:
         frequency = run.split
     assert substeps != "auto"
-    mechanism = build_mechanism(built.scene, built.bodies, *split_at(whole, frequency))
-    start = find_start(built.scene, mechanism)
-    return Plan(key, _make_two_rate_integrator(run, step, substeps), mechanism, mechanism, start)
+    fast_joints, slow_modes = split_at(built.system, frequency)
+    mechanism = replace(whole, fast_joints=fast_joints, slow_modes=slow_modes)
+    system = CompiledSystem(mechanism)
+    return Plan(key, _make_two_rate_integrator(run, step, substeps), mechanism, system, find_start(built.scene, system))

@@ -12,8 +12,7 @@ from pipeline.stability.operating_points import find_operating_points
 from pipeline.stages.runs import plan_sub_cycled
 
 if TYPE_CHECKING:
-    from pipeline.dynamics.mechanism import Mechanism
-    from pipeline.dynamics.system import System
+    from pipeline.dynamics.compiled_system.system import CompiledSystem
     from pipeline.stages.pipeline import Pipeline
 
 
@@ -23,15 +22,15 @@ def find_scene_limits(pipeline: Pipeline, ratios: Sequence[int], along: bool) ->
     Without a sub-cycled run in the scene its joints are slow.
     """
     simulation = pipeline.scene.simulation
-    mechanism, system = _split(pipeline)
+    system = _split(pipeline)
     reference, points = ReferenceMatrices(*system.linear_matrices), None
     if along:
-        points = find_operating_points(pipeline.mechanism, *pipeline.start, simulation.duration, mechanism, system)
+        points = find_operating_points(system, pipeline.mechanism, *pipeline.start, simulation.duration)
     with pipeline.store.monitor("stability") as advance:
         counted = _counted(ratios, advance)
         limits = find_limits(system, reference, counted, simulation.duration, simulation.error, points)
-    if points and system is mechanism:  # a fast path's coupling doesn't change along the motion
-        masses = [mechanism.mass_matrix(at.q, at.time) for at in points.points]
+    if points:
+        masses = [system.mass_matrix(at.q, at.time) for at in points.points]
         coupling = max(limits.coupling, *(inertial_coupling(mass, system.n_slow) for mass in masses))
         limits = replace(limits, coupling=coupling)
     return limits
@@ -44,13 +43,12 @@ def _counted(ratios: Sequence[int], advance: Advance) -> Iterator[int]:
         advance((k + 1) / len(ratios))
 
 
-def _split(pipeline: Pipeline) -> tuple[Mechanism, System]:
-    """Return the mechanism with the split of the scene's first sub-cycled run, and the system that marches it."""
+def _split(pipeline: Pipeline) -> CompiledSystem:
+    """Return the mechanism with the split of the scene's first sub-cycled run, as it is marched."""
     simulation = pipeline.scene.simulation
     step = simulation.step if isinstance(simulation.step, float) else 1.0  # only a split that is chosen depends on it
     for run in simulation.run:
         if run.integrator in ("sub-cycling", "reversible-sub-cycling"):
             chosen = run.split == "auto" and simulation.step == "auto"
-            plan = plan_sub_cycled(pipeline, run, "", None if chosen else run.step or step)
-            return plan.mechanism, plan.system
-    return pipeline.mechanism, pipeline.system
+            return plan_sub_cycled(pipeline, run, "", None if chosen else run.step or step).system
+    return pipeline.system

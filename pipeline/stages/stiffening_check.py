@@ -1,22 +1,27 @@
-"""Check of how fast each flexible body turns, by the motion with all bodies rigid, and whether that stiffens it.
+"""Check if the loads through each flexible body change its stiffness, by the motion with all bodies rigid.
 
-The linear floating frame softens with spin, by ``Ω²`` times a body's second moments, and has no stiffness left at a
-critical rate. Geometric stiffening, by the stress of the inertia loads themselves, more than makes up for it.
+Tension stiffens and compression softens. The linear floating frame knows neither: it softens with spin, by ``Ω²`` times
+a body's second moments, and has no stiffness left at a critical rate.
 """
 
 from __future__ import annotations
 
-from collections.abc import Mapping
-from dataclasses import dataclass
+from collections.abc import Collection, Mapping
+from dataclasses import dataclass, field
 from typing import TYPE_CHECKING
 
 import numpy as np
-from scipy.linalg import eigh
 
 from pipeline.core.arrays import Array
 from pipeline.core.errors import AccuracyError, InputError
-from pipeline.dynamics.fast_path import rigid_hinge_motion
+from pipeline.dynamics.compiled_system.system import CompiledSystem
 from pipeline.dynamics.kinematics import Kinematics
+from pipeline.dynamics.transmitted_loads import (
+    BodyLoads,
+    geometric_stiffness_over,
+    transmitted_loads,
+    without_negligible_terms,
+)
 from pipeline.stages.mechanism import build_mechanism, place_joints
 
 if TYPE_CHECKING:
@@ -24,14 +29,20 @@ if TYPE_CHECKING:
     from pipeline.reduction.body import FlexibleBody
     from pipeline.scene.scene import Scene
 
-# Spin counts where it changes the lowest stiffness by more than this part.
-_MATTERS = 0.01
 _SAMPLES = 401
+# ∫ φ'² dx of a slender body's lowest modes is 1.2 (clamped) to 6 (hinged) times the largest φ² over its length.
+_SLOPES = 10.0
+# Share of a motion that rings, where a change of frequency adds up to one of phase.
+_RINGING = 0.02
+# Terms that change a stiffness by less than this part of the wanted error are left out.
+_NEGLIGIBLE = 1e-2
+# A deflection that grows by more than e³ has left what geometric stiffness describes.
+_GROWTH = 3.0
 
 
 @dataclass(frozen=True)
 class SpinCheck:
-    """Largest spin of a body over a scene, against the rate at which its stiffness would be lost.
+    """Loads through a body over a scene, and whether they count.
 
     Attributes
     ----------
@@ -42,17 +53,50 @@ class SpinCheck:
     critical_rate : float
         Rate at which it would have no stiffness left without geometric stiffening [rad/s].
     stiffened : bool
-        Whether the body is stiffened by its inertia loads.
+        True if the body has its geometric stiffness.
+    change : float
+        Estimate from above of how much the loads change the stiffness of a mode, as a part of it.
+    loads : BodyLoads
+        Loads through the body with all bodies rigid.
+    times : ndarray, shape (n_times,)
+        At which they are known [s].
     """
 
     largest_rate: float
     first_frequency: float
     critical_rate: float
     stiffened: bool
+    change: float
+    loads: BodyLoads = field(repr=False)
+    times: Array = field(repr=False)
 
 
-def check_spins(scene: Scene, bodies: Mapping[str, FlexibleBody]) -> dict[str, SpinCheck]:
-    """Check how fast each flexible body of a scene will turn, before anything is integrated.
+@dataclass(frozen=True)
+class StiffnessChange:
+    """Change of a stiffened body's stiffness by the loads through it.
+
+    Attributes
+    ----------
+    largest : float
+        Largest change of the stiffness of a shape, as a part of it.
+    buckling : float
+        Largest load as a part of the buckling load; 0 if nothing is compressed.
+    buckles_at : float
+        Time at which it first passes the buckling load [s]; infinite if it never does.
+    growth : float
+        Logarithm of the factor by which a deflection grows while the load is beyond that.
+    """
+
+    largest: float
+    buckling: float
+    buckles_at: float
+    growth: float
+
+
+def check_spins(
+    scene: Scene, bodies: Mapping[str, FlexibleBody], meshed: Collection[str] | None = None
+) -> dict[str, SpinCheck]:
+    """Check the loads through each flexible body of a scene, and if they count, before anything is integrated.
 
     Parameters
     ----------
@@ -60,6 +104,8 @@ def check_spins(scene: Scene, bodies: Mapping[str, FlexibleBody]) -> dict[str, S
         With a simulation.
     bodies : mapping of str to FlexibleBody
         Its flexible bodies, reduced and not stiffened.
+    meshed : collection of str, optional
+        Names of bodies that have elements, and so stress; all by default.
 
     Raises
     ------
@@ -68,14 +114,16 @@ def check_spins(scene: Scene, bodies: Mapping[str, FlexibleBody]) -> dict[str, S
     """
     if not bodies:
         return {}
-    wanted = scene.simulation.stiffening
+    wanted, error = scene.simulation.stiffening, scene.simulation.error
     mechanism = build_mechanism(scene, bodies)
-    spins = rigid_spins(mechanism, *place_joints(scene, mechanism.rigid), scene.simulation.duration)
+    motion = rigid_motion(mechanism, *place_joints(scene, mechanism.rigid), scene.simulation.duration)
+    all_loads = transmitted_loads(motion)
     checks = {}
     for name, body in bodies.items():
-        rates = np.linalg.norm(spins[name], axis=1)
+        loads = all_loads[mechanism.number_of(name)]
+        rates = np.linalg.norm(loads.spin, axis=1)
         largest, first = float(rates.max()), float(body.omega[0])
-        critical = critical_rate(body, spins[name][rates.argmax()])
+        critical = critical_rate(body, loads.spin[rates.argmax()])
         if wanted == "off" and largest >= critical:
             raise InputError(
                 scene.file,
@@ -84,9 +132,63 @@ def check_spins(scene: Scene, bodies: Mapping[str, FlexibleBody]) -> dict[str, S
                 f"body '{name}' would diverge: it turns at up to {largest:.4g} rad/s, and from {critical:.4g} rad/s on "
                 "the linear floating frame has no stiffness left; 'auto' adds geometric stiffening",
             )
-        matters = (largest / first) ** 2 > _MATTERS
-        checks[name] = SpinCheck(largest, first, critical, wanted == "on" or (wanted == "auto" and matters))
+        change = estimate_change(body, loads)
+        lasting = 1.0 / max(scene.flexible[name].modes.damping, 1e-300)  # radians of ringing
+        matters = change * (1.0 + 0.5 * _RINGING * min(first * scene.simulation.duration, lasting)) > error
+        stiffened = wanted == "on" or (wanted == "auto" and matters and (meshed is None or name in meshed))
+        checks[name] = SpinCheck(largest, first, critical, stiffened, change, loads, motion.times)
     return checks
+
+
+def estimate_change(body: FlexibleBody, loads: BodyLoads) -> float:
+    """Estimate from above the part by which loads change the stiffness of a mode, without geometric stiffness."""
+    length = float(np.linalg.norm(body.x, axis=1).max())
+    peaks = (body.shapes**2).sum(axis=1).max(axis=0)
+    spin, turning, acceleration = (np.linalg.norm(a, axis=1) for a in (loads.spin, loads.turning, loads.acceleration))
+    forces = (
+        np.linalg.norm(loads.wrenches[:, :, :3], axis=2) + np.linalg.norm(loads.wrenches[:, :, 3:], axis=2) / length
+    )
+    inertia = body.gram.mass * (acceleration + 0.5 * length * (spin**2 + turning))
+    return float(_SLOPES * (forces.sum(axis=0) + inertia).max() * (peaks / body.omega**2).max() / length)
+
+
+def keep_what_counts(mechanism: Mechanism, checks: Mapping[str, SpinCheck], error: float) -> Mechanism:
+    """Leave out of a mechanism those terms of stiffening that don't count beside a wanted error."""
+    for name, check in checks.items():
+        if check.stiffened:
+            mechanism = without_negligible_terms(mechanism, mechanism.number_of(name), check.loads, _NEGLIGIBLE * error)
+    return mechanism
+
+
+def find_changes(mechanism: Mechanism, checks: Mapping[str, SpinCheck]) -> dict[str, StiffnessChange]:
+    """Find the change of stiffness of each stiffened body of a mechanism by the loads through it."""
+    changes = {}
+    for name, check in checks.items():
+        body = mechanism.number_of(name)
+        omega = mechanism.links[body].omega
+        if check.stiffened and len(omega):
+            K = geometric_stiffness_over(mechanism, body, check.loads) / np.outer(omega, omega)
+            parts = np.linalg.eigvalsh(K)
+            lowest = np.linalg.eigvalsh(K * np.outer(omega, omega) + np.diag(omega**2))[:, 0]
+            beyond = np.flatnonzero(lowest < 0.0)
+            growth = float(np.trapezoid(np.sqrt(np.maximum(-lowest, 0.0)), check.times))
+            buckles_at = float(check.times[beyond[0]]) if beyond.size else np.inf
+            buckling = float(max(-parts[:, 0].min(), 0.0))
+            changes[name] = StiffnessChange(float(np.abs(parts).max()), buckling, buckles_at, growth)
+    return changes
+
+
+def require_unbuckled(scene: Scene, changes: Mapping[str, StiffnessChange]) -> None:
+    """Raise ``InputError`` if a body would buckle for so long that its deflection grows beyond what is described."""
+    for name, change in changes.items():
+        if change.growth > _GROWTH:
+            raise InputError(
+                scene.file,
+                f"body.{name}",
+                None,
+                f"the body would buckle: from t = {change.buckles_at:.4g} s on the loads through it are up to "
+                f"{change.buckling:.3g} times what it bears; reduce them, or make it stiffer",
+            )
 
 
 def critical_rate(body: FlexibleBody, spin: Array) -> float:
@@ -96,7 +198,7 @@ def critical_rate(body: FlexibleBody, spin: Array) -> float:
         return np.inf
     e = spin / size
     D = np.einsum("ab,abij->ij", np.eye(3) - np.outer(e, e), body.gram.G)[1:, 1:]
-    softest = eigh(0.5 * (D + D.T), np.diag(body.omega**2), eigvals_only=True)[-1]
+    softest = np.linalg.eigvalsh(0.5 * (D + D.T) / np.outer(body.omega, body.omega))[-1]
     return float(1 / np.sqrt(softest)) if softest > 0 else np.inf
 
 
@@ -115,20 +217,25 @@ def rigid_spins(mechanism: Mechanism, q0: Array, v0: Array, duration: float) -> 
     dict of str to ndarray, shapes (n_samples, 3)
         [rad/s]
     """
-    times = np.linspace(0.0, duration, _SAMPLES)
-    q, v = rigid_hinge_motion(mechanism, q0, v0, times) or _rigid_motion(mechanism.rigid, q0, v0, times)
-    motion = Kinematics(mechanism.rigid, times, q, v)
+    motion = rigid_motion(mechanism, q0, v0, duration)
     return {link.name: motion.body_spin(k) for k, link in enumerate(mechanism.links)}
 
 
-def _rigid_motion(rigid: Mechanism, q0: Array, v0: Array, times: Array) -> tuple[Array, Array]:
+def rigid_motion(mechanism: Mechanism, q0: Array, v0: Array, duration: float) -> Kinematics:
+    """Compute the motion of a mechanism in which no body deforms; the arguments are those of `rigid_spins`."""
+    times = np.linspace(0.0, duration, _SAMPLES)
+    q, v = _march_rigid(mechanism.rigid, q0, v0, times)
+    return Kinematics(mechanism.rigid, times, q, v)
+
+
+def _march_rigid(rigid: Mechanism, q0: Array, v0: Array, times: Array) -> tuple[Array, Array]:
     """Integrate a mechanism of rigid bodies: positions and rates, (n_times, …) each."""
     if not rigid.n:
         return np.zeros((len(times), 0)), np.zeros((len(times), 0))
-    from pipeline.integrators.scipy_ivp import ScipyIvp
+    from pipeline.integrators.runge_kutta import RungeKutta
 
     try:
-        motion = ScipyIvp("DOP853", 1e-4).march(rigid, q0, v0, times)
+        motion = RungeKutta(1e-4).march(CompiledSystem(rigid), q0, v0, times)
     except AccuracyError as error:
         raise AccuracyError(f"the scene with all bodies rigid: {error}") from error
     return motion.q, motion.v

@@ -56,8 +56,10 @@ class StageStore:
     monitor: Monitor = silent
     log: Log = field(default_factory=Log)
 
-    def read_or_compute(self, stage: str, key: str, compute: Callable[[], T]) -> T:
-        """Read a stage's result, or compute and keep it; of several processes that want it, one computes."""
+    def read_or_compute(
+        self, stage: str, key: str, compute: Callable[[], T], keep: Callable[[T], bool] = lambda result: True
+    ) -> T:
+        """Read a stage's result, or compute it and ``keep`` it; of several processes that want it, one computes."""
         tick = time.perf_counter()
         value: T | None = self.cache.load(key)
         if value is None:
@@ -65,7 +67,8 @@ class StageStore:
                 value = self.cache.load(key)
                 if value is None:
                     value = self.compute(stage, compute)
-                    self.cache.save(key, value)
+                    if keep(value):
+                        self.cache.save(key, value)
                     return value
         self.log.add(stage, time.perf_counter() - tick, self.log.cached)
         return value

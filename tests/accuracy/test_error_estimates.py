@@ -20,7 +20,8 @@ T = np.linspace(0.0, 1.0, 101)
 
 
 @pytest.mark.parametrize(
-    ("kind", "edges", "power"), [("displacement", 1, 4), ("stress", 1, 2), ("geometry", 1, 2), ("geometry", 2, 4)]
+    ("kind", "edges", "power"),
+    [("displacement", 1, 4), ("stress", 1, 2), ("spot stress", 1, 3), ("geometry", 1, 2), ("geometry", 2, 4)],
 )
 def test_the_gain_of_a_finer_mesh_is_richardsons(kind: str, edges: int, power: int) -> None:
     exact = 3.0

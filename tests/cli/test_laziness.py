@@ -18,7 +18,7 @@ try:
 except SystemExit as stop:
     assert not stop.code
 print("\\n" + json.dumps(sorted({name.partition(".")[0] for name in sys.modules} | {
-    ".".join(name.split(".")[:2]) for name in sys.modules if name.startswith("pipeline.")})))
+    ".".join(name.split(".")[:2]) for name in sys.modules if name.startswith(("pipeline.", "scipy."))})))
 """
 QUICK = ["--set", "body.beam.mesh.divisions=[24, 2, 1]", "--set", "simulation.duration=50 ms"]
 
@@ -77,17 +77,29 @@ def test_a_run_without_pictures_loads_neither_pyvista_nor_matplotlib(cold_run):
 
 
 @pytest.mark.usefixtures("cold_run")
+def test_a_run_draws_in_another_process(modules, tmp_path):
+    loaded = modules("run", "beam", *QUICK, "--no-budget", "--out", str(tmp_path))
+    assert (tmp_path / "motion.mp4").exists()
+    assert not loaded & {"pyvista", "vtk", "vtkmodules", "matplotlib", "imageio"}
+
+
+@pytest.mark.usefixtures("cold_run")
 def test_modes_of_a_scene_that_was_run_load_little_more_than_numpy(modules):
     loaded = modules("modes", "beam", *QUICK)
     assert "numpy" in loaded
     meshing = {"gmsh", "meshes", "skfem", "meshio", "pipeline.fem.model", "pipeline.fem.assembly"}
     assert not loaded & {*meshing, "pint", "dask", "numba", "pyvista", "matplotlib", "xarray", "pipeline.integrators"}
+    assert not loaded & {"scipy", "joblib"}
 
 
 @pytest.mark.usefixtures("cold_run")
-def test_a_second_run_loads_neither_gmsh_nor_scikit_fem(modules, tmp_path):
+def test_a_second_run_loads_little_but_numpy_and_the_kernels(modules, tmp_path):
     warm = modules("run", "beam", *QUICK, "--no-pictures", "--out", str(tmp_path))
-    assert not warm & {"gmsh", "meshes", "skfem", "meshio"}
+    assert (tmp_path / "motion.nc").exists()
+    assert not warm & {"gmsh", "meshes", "skfem", "meshio", "pyvista", "matplotlib"}
+    assert not warm & {"xarray", "pandas", "dask", "distributed", "joblib", "pint"}
+    # Numba itself loads the package scipy, which is empty but for its version.
+    assert not warm & {f"scipy.{name}" for name in ("linalg", "sparse", "optimize", "spatial", "io", "interpolate")}
 
 
 def test_the_package_itself_loads_nothing_heavy():

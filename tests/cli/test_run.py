@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import json
 import re
+import sys
 
 import imageio_ffmpeg
 import numpy as np
@@ -95,7 +96,7 @@ def test_second_run_meshes_assembles_and_solves_nothing(fmd, tmp_path, capsys):
     assert fmd(*arguments) == 0
     second = json.loads(capsys.readouterr().out)
     assert second["stages_run"] == ["motion"]
-    assert {"modes", "body", "surface", "stress", "error budget"} == set(second["stages_cached"])
+    assert {"modes", "body", "deformation", "surface", "stress", "error budget"} == set(second["stages_cached"])
     assert {"mesh", "assembly"} <= set(second["stages_skipped"])
     for key in ("frequencies_hz", "final", "worst_stress"):
         assert first[key] == second[key]
@@ -134,9 +135,62 @@ def test_an_output_folder_that_cannot_be_written_is_refused(fmd, tmp_path, capsy
     assert "can't be written" in capsys.readouterr().err
 
 
-def test_a_machine_that_cannot_draw_is_refused_before_anything_runs(fmd, tmp_path, capsys, monkeypatch):
+def test_a_machine_that_cannot_draw_is_refused_before_anything_is_integrated(fmd, tmp_path, capsys, monkeypatch):
     monkeypatch.setenv("FMD_CACHE", str(tmp_path / "cache"))
-    monkeypatch.setattr("pipeline.output.write.rendering_problem", lambda: "no EGL; apt-get install libegl1")
-    assert fmd("run", "beam", "--out", str(tmp_path / "out")) == 2
-    assert "apt-get install libegl1" in capsys.readouterr().err
+    program = tmp_path / "python"
+    program.write_text("#!/bin/sh\nkill -SEGV $$\n")
+    program.chmod(0o755)
+    monkeypatch.setattr(sys, "executable", str(program))
+    monkeypatch.setattr("pipeline.stages.pipeline.Pipeline.motions", property(lambda run: pytest.fail("integrated")))
+    assert fmd("run", "beam", *QUICK, "--out", str(tmp_path / "out")) == 2
+    said = capsys.readouterr().err
+    assert "drawing off-screen died of SIGSEGV" in said
+    assert "apt-get install libgl1 libegl1" in said
     assert not (tmp_path / "out").exists()
+
+
+HELD = """
+title = "A slider under a force across its way"
+[body.block]
+shape = "point"
+mass = "1 kg"
+marker = { at = { at = ["0 m", "0 m", "0 m"] } }
+[joint.slide]
+type = "prismatic"
+parent = "ground"
+child = "block.at"
+axis = [1, 0, 0]
+[drive.push]
+type = "point force"
+marker = "block.at"
+direction = [0, 1, 0]
+force = { formula = "10*sin(100*t)", unit = "N" }
+[simulation]
+duration = "10 ms"
+output_step = "1 ms"
+step = "0.1 ms"
+tip = "block.at"
+run = [{ integrator = "auto" }]
+"""
+
+
+def test_a_load_that_moves_nothing_ends_with_status_3_and_its_results(fmd, tmp_path, capsys):
+    (tmp_path / "held.toml").write_text(HELD)
+    assert fmd("run", tmp_path / "held.toml", "--out", tmp_path / "out") == 3
+    printed = capsys.readouterr()
+    assert "a load acts, but nothing moves; check its place and direction" in printed.err
+    (warning,) = json.loads((tmp_path / "out" / "summary.json").read_text())["warnings"]
+    assert warning["code"] == "load-without-motion"
+    (tmp_path / "free.toml").write_text(HELD.replace("[0, 1, 0]", "[1, 1, 0]"))
+    assert fmd("run", tmp_path / "free.toml", "--out", tmp_path / "out") == 0
+
+
+def test_a_budgets_time_limit_is_an_option_and_what_it_leaves_out_is_named(fmd, tmp_path, capsys):
+    only = ["--no-pictures", "--no-cache", "--out", str(tmp_path)]
+    assert fmd("run", "beam", *QUICK, *only, "--budget-seconds", "0") == 2
+    assert "--budget-seconds = 0.0: must be a time above 0" in capsys.readouterr().err
+    assert fmd("run", "beam", *QUICK, *only, "--budget-seconds", "1e-6") == 0
+    assert "warning: the error budget isn't whole: time: not estimated" in re.sub(r"\s+", " ", capsys.readouterr().out)
+    summary = json.loads((tmp_path / "summary.json").read_text())
+    assert "budget-incomplete" in [warning["code"] for warning in summary["warnings"]]
+    assert summary["error_budget"]["left_out"]

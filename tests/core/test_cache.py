@@ -152,7 +152,7 @@ def test_keys_differ_with_everything_that_a_result_depends_on(monkeypatch: pytes
 
     keys = {key(), key(stage="body"), key(length=np.nextafter(0.34, 1)), key(sources=("pipeline/fem",))}
     keys.add(key(package="scipy"))
-    monkeypatch.setattr("pipeline.core.cache.version", lambda package: f"another {package}")
+    monkeypatch.setattr("pipeline.core.cache.package_version", lambda package: f"another {package}")
     keys.add(key())
     assert len(keys) == 6
 

@@ -6,12 +6,14 @@ from sums over points.
 
 from collections.abc import Callable
 from dataclasses import dataclass, replace
+from functools import cached_property
 
 import numpy as np
 import pytest
 from scipy.linalg import expm
 
 from pipeline.core.arrays import Array
+from pipeline.dynamics.compiled_system.system import CompiledSystem
 from pipeline.dynamics.links import FIXED, FREE, PRISMATIC, REVOLUTE, SPHERICAL, Link, rigid_gram
 from pipeline.dynamics.mechanism import Mechanism
 from pipeline.dynamics.signals.signal import constant
@@ -67,6 +69,11 @@ class PointChain:
     x: tuple[Array, ...]
     m: tuple[Array, ...]
     Phi: tuple[Array, ...]
+
+    @cached_property
+    def system(self) -> CompiledSystem:
+        """The mechanism as integrators march it."""
+        return CompiledSystem(self.tree)
 
     @property
     def masses(self) -> Array:
@@ -262,6 +269,11 @@ class PointChain:
     def with_links(self, **changes: object) -> "PointChain":
         """Change the same fields of every link that has them: none of springs, dampers, loads …"""
         links = [replace(link, **changes) for link in self.tree.links]  # type: ignore[arg-type]
+        return replace(self, tree=replace(self.tree, links=links))
+
+    def with_sections(self, scale: float) -> "PointChain":
+        """Scale how far the sections at revolute joints turn with the modes."""
+        links = [replace(link, joint_rotation=scale * link.joint_rotation) for link in self.tree.links]
         return replace(self, tree=replace(self.tree, links=links))
 
 

@@ -5,6 +5,7 @@ The chain is made of mass points; its kinematics, matrix exponentials and comple
 
 from collections.abc import Callable
 from dataclasses import dataclass, replace
+from functools import cached_property
 from typing import Any, NamedTuple
 
 import numpy as np
@@ -15,6 +16,7 @@ from scipy.spatial.transform import Rotation
 
 from pipeline.core.arrays import Array
 from pipeline.core.formula import parse_formula
+from pipeline.dynamics.compiled_system.system import CompiledSystem
 from pipeline.dynamics.kinematics import Kinematics
 from pipeline.dynamics.links import PRISMATIC, REVOLUTE, Link, PointLoad
 from pipeline.dynamics.mechanism import Mechanism
@@ -24,6 +26,7 @@ from pipeline.integrators.protocol import evaluate
 from pipeline.integrators.scipy_ivp import ScipyIvp
 from pipeline.integrators.subcycling import Subcycling
 from pipeline.reduction.inertia import inertia_gram
+from tests.dynamics.drives import Drives
 
 CLOSELY = ScipyIvp("DOP853", 1e-11)
 WEIGHT = np.array([1.0, -2.0, -9.81])  # aslant, so that no axis of the ground is special
@@ -54,6 +57,16 @@ class Arm:
 
     tree: Mechanism
     points: tuple[tuple[Array, Array, Array], ...]
+
+    @cached_property
+    def system(self) -> CompiledSystem:
+        """The mechanism as integrators march it."""
+        return CompiledSystem(self.tree)
+
+    @cached_property
+    def drives(self) -> Drives:
+        """Loads of the prescribed joints."""
+        return Drives(self.tree)
 
     @property
     def order(self) -> list[int]:
@@ -230,7 +243,7 @@ def prescribed(*names: str) -> Case:
     motions = {NAMES.index(name): MOVES[name][1] for name in names}
 
     def power(t: float, z: Array, dz: Array, q: Array, v: Array) -> float:
-        return sum(load * MOVES[name][1](t)[1] for name, load in arm.tree.drive_loads(t, q, v).items())
+        return sum(load * MOVES[name][1](t)[1] for name, load in arm.drives.loads(t, q, v).items())
 
     return Case(arm, power, motions)
 
@@ -284,9 +297,9 @@ def start(arm: Arm, seed: int = 0) -> tuple[Array, Array]:
     return q[arm.order], v[arm.order]
 
 
-def compiled(tree: Mechanism, t: float, q: Array, v: Array) -> Array:
-    a = np.full(tree.n, np.nan)
-    evaluate(tree.parameters, t, q, v, a)
+def compiled(arm: Arm, t: float, q: Array, v: Array) -> Array:
+    a = np.full(arm.tree.n, np.nan)
+    evaluate(arm.system.parameters, t, q, v, a)
     return a
 
 
@@ -294,7 +307,7 @@ def compiled(tree: Mechanism, t: float, q: Array, v: Array) -> Array:
 
 
 def test_the_energy_gained_is_the_work_done(case: Case) -> None:
-    march = CLOSELY.march(case.arm.tree, *start(case.arm), TIMES)
+    march = CLOSELY.march(case.arm.system, *start(case.arm), TIMES)
     energy = np.sum(Kinematics(case.arm.tree, TIMES, march.q, march.v).energies, axis=0)
     power = np.empty(len(TIMES))
     for i, t in enumerate(TIMES):
@@ -330,10 +343,10 @@ def test_a_point_load_does_its_virtual_work_on_every_rate(
     q[3:] *= size / np.linalg.norm(q[3:])
     t = 0.5
     arm = ARM.with_tree(loads=[load])
-    found = arm.tree.mass_matrix(q) @ (compiled(arm.tree, t, q, v) - compiled(ARM.tree, t, q, v))
+    found = arm.system.mass_matrix(q, t) @ (compiled(arm, t, q, v) - compiled(ARM, t, q, v))
     want = np.array([ARM.power(load, 2.5, q, unit) for unit in np.eye(5)])
     assert np.abs(want).max() > 0.1
-    assert found == pytest.approx(want, abs=1e-12 * (1 + np.abs(compiled(arm.tree, t, q, v)).max()))
+    assert found == pytest.approx(want, abs=1e-12 * (1 + np.abs(compiled(arm, t, q, v)).max()))
 
 
 # Prescribed motion -----------------------------------------------------------------------------------------------
@@ -370,8 +383,8 @@ def test_prescribed_motion_obeys_the_constrained_equations_with_multipliers(name
     n = len(held_at)
     solution = np.linalg.solve(np.block([[M, -G.T], [G, np.zeros((n, n))]]), np.r_[Q, wanted])
     scale = np.abs(solution).max()
-    assert compiled(case.arm.tree, t, q, v) == pytest.approx(solution[case.arm.order], abs=1e-10 * scale)
-    loads = case.arm.tree.drive_loads(t, q, v)
+    assert compiled(case.arm, t, q, v) == pytest.approx(solution[case.arm.order], abs=1e-10 * scale)
+    loads = case.arm.drives.loads(t, q, v)
     assert [loads[NAMES[k]] for k in held_at] == pytest.approx(solution[5:], abs=1e-10 * scale)
 
 
@@ -379,12 +392,12 @@ def test_prescribed_motion_obeys_the_constrained_equations_with_multipliers(name
 def test_the_drive_load_moves_the_released_mechanism_as_prescribed(names: tuple[str, ...]) -> None:
     case, t = prescribed(*names), 0.37
     q, v = start(case.arm, 4)
-    loads = case.arm.tree.drive_loads(t, q, v)
+    loads = case.arm.drives.loads(t, q, v)
     driven = {name: {"motion": None, "load": constant(loads[name])} for name in names}
     z, dz = whole(case, t, q, v)
-    found = compiled(case.arm.with_links(**driven).tree, t, z, dz)
+    found = compiled(case.arm.with_links(**driven), t, z, dz)
     want = np.zeros(5)
-    want[case.arm.order] = compiled(case.arm.tree, t, q, v)
+    want[case.arm.order] = compiled(case.arm, t, q, v)
     for k, motion in case.motions.items():
         want[k] = motion(t)[2]
     assert found == pytest.approx(want, abs=1e-11 * np.abs(want).max())
@@ -406,7 +419,7 @@ def test_turning_and_moving_everything_in_space_changes_nothing(names: tuple[str
     arm = prescribed(*names).arm.with_tree(loads=[*loads, at("upper", size, 9), at("slider", size, 10, torque=True)])
     R, shift = Rotation.from_rotvec([0.4, -1.1, 0.7]).as_matrix(), np.array([3.0, -2.0, 1.0])
     other, times = arm.turned(R, shift), np.linspace(0.0, 1.0, 11)
-    here, there = (CLOSELY.march(one.tree, *start(arm, 5), times) for one in (arm, other))
+    here, there = (CLOSELY.march(one.system, *start(arm, 5), times) for one in (arm, other))
     assert there.q == pytest.approx(here.q, abs=1e-9)
     assert there.v == pytest.approx(here.v, abs=1e-8)
     frames, others = (Kinematics(one.tree, times, m.q, m.v).frames for one, m in ((arm, here), (other, there)))
@@ -433,8 +446,8 @@ def test_accelerations_do_not_depend_on_the_split(n_slow: int, fast: tuple[str, 
     assert split.tree.n_slow == n_slow + 3 - len(fast)
     q, v = start(arm, 6)
     order = split.order
-    found = compiled(split.tree, 0.3, q[order], v[order])
-    assert found == pytest.approx(compiled(arm.tree, 0.3, q, v)[order], rel=1e-12)
+    found = compiled(split, 0.3, q[order], v[order])
+    assert found == pytest.approx(compiled(arm, 0.3, q, v)[order], rel=1e-12)
     assert list(split.tree.modes_of(1)) == [order.index(3), order.index(4)]
 
 
@@ -442,9 +455,8 @@ def test_accelerations_do_not_depend_on_the_split(n_slow: int, fast: tuple[str, 
 def test_one_to_one_sub_cycling_is_central_difference_for_any_split(n_slow: int, fast: tuple[str, ...]) -> None:
     _, split = split_arms(n_slow, fast)
     times = np.linspace(0.0, 1.0, 37)
-    plain, one = (
-        method.march(split.tree, *start(split, 7), times) for method in (CentralDifference(0.002), Subcycling(0.002, 1))
-    )
+    methods = (CentralDifference(0.002), Subcycling(0.002, 1))
+    plain, one = (method.march(split.system, *start(split, 7), times) for method in methods)
     assert np.array_equal(plain.q, one.q)
     assert np.array_equal(plain.v, one.v)
 
@@ -454,8 +466,8 @@ def test_sub_cycling_of_any_split_comes_to_the_same_motion(n_slow: int, fast: tu
     # The reference has a split of its own; sub-cycling is of first order at least.
     arm, split = split_arms(n_slow, fast)
     times = np.linspace(0.0, 1.0, 11)
-    want = CLOSELY.march(arm.tree, *start(arm, 8), times).q[:, split.order]
+    want = CLOSELY.march(arm.system, *start(arm, 8), times).q[:, split.order]
     coarse, fine = (
-        np.abs(Subcycling(h, 4).march(split.tree, *start(split, 8), times).q - want).max() for h in (2e-3, 5e-4)
+        np.abs(Subcycling(h, 4).march(split.system, *start(split, 8), times).q - want).max() for h in (2e-3, 5e-4)
     )
     assert fine < 0.3 * coarse  # steps are a quarter

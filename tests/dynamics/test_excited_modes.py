@@ -47,7 +47,7 @@ def test_a_force_across_the_plane_excites_them_too(tmp_path) -> None:
     plan, part, whole = both_ways(FLAT, str(tmp_path / "tilted.toml"))
     bending = [] if plan.excited is None else list(plan.excited.left_out["beam"])
     moved = np.abs(whole.q).max(axis=0)
-    modes = plan.system.modes_of(0)
+    modes = plan.mechanism.modes_of(0)
     assert moved[modes].max() > 0.0
     assert moved[modes[bending]].max(initial=0.0) < 1e-6 * moved[modes].max()
     assert np.abs(part.q - whole.q).max() < 1e-6 * np.abs(whole.q).max()

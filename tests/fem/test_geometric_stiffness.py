@@ -5,8 +5,9 @@ import pytest
 
 import pipeline.fem.model
 from pipeline.core.arrays import Array
-from pipeline.fem.assembly import assemble, gradients
+from pipeline.fem.assembly import assemble
 from pipeline.fem.geometric_stiffness import geometric_stiffness
+from pipeline.fem.gradients import gradients
 from pipeline.fem.material import Material, MaterialOfElements
 from pipeline.fem.model import FEModel
 from pipeline.fem.sparsity import BlockStructure
@@ -38,14 +39,27 @@ def assert_equal_to_the_integral(fe: FEModel) -> None:
 
 
 def test_geometric_stiffness_is_its_integral(distorted: FEModel) -> None:
-    assert_equal_to_the_integral(distorted)
+    space = distorted.discretisation
+    assert_equal_to_the_integral(assemble(space.mesh, space.order, distorted.material, "plain"))
+
+
+def test_the_forces_of_a_stressed_body_turn_with_it(distorted: FEModel) -> None:
+    # with forces f = K u at the nodes, a small rotation θ of body and stress together changes them by θ × f
+    space = distorted.discretisation
+    materials = Material(1.0, 0.3, 1.0), Material(5.0, 0.495, 2.0)
+    material = MaterialOfElements(materials, np.arange(len(space.element_nodes)) % 2)
+    fe = assemble(space.mesh, space.order, material)
+    u = np.random.default_rng(2).standard_normal((len(fe.x), 3, 1))
+    force, theta = (fe.K @ u.ravel()).reshape(-1, 3), np.array([0.3, -0.5, 0.7])
+    (k_G,) = geometric_stiffness(fe, u)
+    assert np.abs(k_G @ np.cross(theta, fe.x) - np.cross(theta, force)).max() < 1e-12 * np.abs(force).max()
 
 
 def test_each_part_has_the_stress_of_its_own_material(distorted: FEModel) -> None:
     space = distorted.discretisation
     numbers = np.arange(len(space.element_nodes)) % 2
     material = MaterialOfElements((Material(1.0, 0.3, 1.0), Material(5.0, 0.1, 2.0)), numbers)
-    assert_equal_to_the_integral(assemble(space.mesh, space.order, material))
+    assert_equal_to_the_integral(assemble(space.mesh, space.order, material, "plain"))
 
 
 def test_stiffness_mass_and_every_geometric_stiffness_are_in_one_structure_built_once(

@@ -9,9 +9,8 @@ from scipy.integrate import solve_ivp
 
 from pipeline import Pipeline, load_scene
 from pipeline.core.arrays import Array
+from pipeline.dynamics.compiled_system.system import CompiledSystem
 from pipeline.dynamics.mechanism import Mechanism
-from pipeline.dynamics.rotor.parameters import TorquePulse
-from pipeline.dynamics.rotor.rotor import PlanarRotor
 from pipeline.integrators.central_difference import CentralDifference
 from pipeline.integrators.protocol import evaluate
 from pipeline.integrators.reversible import ReversibleSubcycling
@@ -19,6 +18,7 @@ from pipeline.integrators.subcycling import Subcycling
 from pipeline.recovery.motion import Motion
 from pipeline.reduction.body import FlexibleBody, MarkerShapes
 from pipeline.reduction.inertia import inertia_gram
+from tests.dynamics.hinged_body import body_of, hinged
 
 Method = Callable[[float], CentralDifference | Subcycling | ReversibleSubcycling]
 Spin = tuple[Array, Array]
@@ -67,16 +67,16 @@ def random_body(n: int, seed: int, kind: str = "conforming", far: float = 0.0) -
     )
 
 
-def by_dop853(rotor: PlanarRotor, q0: Array, v0: Array, times: Array) -> tuple[Array, Array]:
+def by_dop853(rotor: CompiledSystem, q0: Array, v0: Array, times: Array) -> tuple[Array, Array]:
     """Integrate by SciPy's DOP853, started afresh where the torque has a kink; coordinates and rates at ``times``."""
-    n, a = rotor.n, np.empty(rotor.n)
+    n, a, parameters = rotor.n, np.empty(rotor.n), rotor.parameters
 
     def rates(t: float, y: Array) -> Array:
-        evaluate(rotor.parameters, t, y[:n], y[n:], a)
+        evaluate(parameters, t, y[:n].copy(), y[n:].copy(), a)
         return np.concatenate([y[n:], a])
 
-    pulse, last = rotor.pulse, float(times[-1])
-    kinks = [t for t in (pulse.start, pulse.start + pulse.duration) if 0.0 < t < last]
+    last = float(times[-1])
+    kinks = [t for t in rotor.breakpoints if 0.0 < t < last]
     y, begin, pieces = np.concatenate([q0, v0]), 0.0, []
     for end in (*kinks, last):
         inside = times[(times >= begin) & (times < end)] if end < last else times[times >= begin]
@@ -109,31 +109,31 @@ def order_of() -> Callable[[Array, Array], float]:
 
 
 @pytest.fixture(scope="session")
-def rotor() -> PlanarRotor:
+def rotor() -> CompiledSystem:
     """The beam on its joint, in joint-conforming modes, and its drive."""
     return Pipeline(load_scene("beam")).system
 
 
 @pytest.fixture(scope="session")
-def beam() -> Mechanism:
-    """The same, as the mechanism whose results are reported."""
-    return Pipeline(load_scene("beam")).mechanism
+def beam(rotor: CompiledSystem) -> Mechanism:
+    """The mechanism that it marches."""
+    return rotor.mechanism
 
 
 @pytest.fixture(scope="session")
-def free_rotor() -> PlanarRotor:
+def free_rotor() -> CompiledSystem:
     """The same beam in the frame of its free modes."""
     return Pipeline(load_scene("beam", ["simulation.frame=free"])).system
 
 
 @pytest.fixture(scope="session")
-def coasting(rotor: PlanarRotor) -> PlanarRotor:
+def coasting(rotor: CompiledSystem) -> CompiledSystem:
     """The beam without its drive."""
-    return PlanarRotor(rotor.body, TorquePulse(0.0, 1.0, 0.0))
+    return hinged(body_of(rotor))
 
 
 @pytest.fixture(scope="session")
-def exact(rotor: PlanarRotor, beam: Mechanism) -> Motion:
+def exact(rotor: CompiledSystem, beam: Mechanism) -> Motion:
     """The beam's motion over the scene's 0.5 s at its output times, by DOP853."""
     times, rest = np.arange(1001) * 5e-4, np.zeros(rotor.n)
     blank = CentralDifference(1e-5).march(rotor, rest, rest, times[:1])

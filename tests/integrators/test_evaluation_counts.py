@@ -15,6 +15,7 @@ from pipeline.dynamics.system import (
     fast_steps,
     hold_middle,
     hold_slow,
+    leapfrog_step,
     reacting_steps,
     slow_response,
 )
@@ -37,6 +38,14 @@ def _accelerations(p: Counted, t: float, q: Array, v: Array, a: Array) -> None:
     p.calls[0] += 1
     for i in range(q.size):
         a[i] = -p.stiffness[i] * q[i]
+
+
+@meaning(leapfrog_step, Counted)
+def _leapfrog_step(p: Counted, leapfrog: Array, t: float, h: float, q: Array, v: Array, a: Array) -> None:
+    accelerations(p, t, q, v, a)
+    for i in range(q.size):
+        v[i] += h * a[i]
+        q[i] += h * v[i]
 
 
 @meaning(hold_slow, Counted)
@@ -87,10 +96,13 @@ class Oscillators:
     highest_frequency = 10.0
     highest_fast_frequency = 10.0
 
-    def frozen(self) -> Array:
+    def frozen(self, cycle: float) -> Array:
         return np.zeros(1)
 
     middle = frozen
+
+    def leapfrog(self) -> Array:
+        return np.zeros(1)
 
 
 @pytest.fixture

@@ -9,8 +9,7 @@ import numpy as np
 import pytest
 
 from pipeline import Pipeline, load_scene
-from pipeline.dynamics.rotor.parameters import TorquePulse
-from pipeline.dynamics.rotor.rotor import PlanarRotor
+from pipeline.dynamics.signals.signal import half_sine
 from pipeline.integrators.central_difference import CentralDifference
 from pipeline.integrators.exponential import Exponential
 from pipeline.integrators.generalized_alpha import GeneralizedAlpha
@@ -19,6 +18,7 @@ from pipeline.integrators.reversible import ReversibleSubcycling
 from pipeline.integrators.rosenbrock import ExponentialRosenbrock
 from pipeline.integrators.runge_kutta import RungeKutta
 from pipeline.integrators.subcycling import Subcycling
+from tests.dynamics.hinged_body import body_of, hinged
 
 METHODS: dict[str, ResumableIntegrator] = {
     "central-difference": CentralDifference(2e-3),
@@ -41,7 +41,7 @@ def rod_slider():
 @pytest.fixture(scope="module")
 def struck(rotor):
     """The beam struck from rest for 4 ms."""
-    rotor = PlanarRotor(rotor.body, TorquePulse(1e-3, 4e-3, 50.0))
+    rotor = hinged(body_of(rotor), half_sine(1e-3, 4e-3, 50.0))
     return rotor, np.zeros(rotor.n), np.zeros(rotor.n)
 
 

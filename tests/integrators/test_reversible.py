@@ -12,18 +12,17 @@ import pytest
 from pipeline import Pipeline, load_scene
 from pipeline.core.arrays import Array
 from pipeline.core.errors import InputError, StabilityError
-from pipeline.dynamics.kinematics import Kinematics
-from pipeline.dynamics.links import REVOLUTE, Link, rigid_gram
+from pipeline.dynamics.compiled_system.system import CompiledSystem
+from pipeline.dynamics.links import PRISMATIC, REVOLUTE, Link, rigid_gram
 from pipeline.dynamics.mechanism import Mechanism
-from pipeline.dynamics.rotor.parameters import TorquePulse
-from pipeline.dynamics.rotor.rotor import PlanarRotor
-from pipeline.dynamics.signals.signal import constant
+from pipeline.dynamics.signals.signal import constant, half_sine
 from pipeline.integrators.central_difference import CentralDifference
 from pipeline.integrators.reversible import ReversibleSubcycling
 from pipeline.integrators.runge_kutta import RungeKutta
 from pipeline.integrators.subcycling import Subcycling
 from pipeline.reduction.body import FlexibleBody
 from pipeline.stages.runs import make_plans
+from tests.dynamics.hinged_body import body_of, energies, hinged
 
 Body = Callable[..., FlexibleBody]
 Order = Callable[[Array, Array], float]
@@ -34,14 +33,6 @@ def errors_of(system: Any, start: tuple[Array, Array], times: Array, steps: Arra
     exact = RungeKutta(1e-13).march(system, *start, times).q
     marches = [ReversibleSubcycling(step, m).march(system, *start, times) for step in steps]
     return np.array([np.abs(march.q - exact).max() for march in marches])
-
-
-def energies(system: Any, march: Any) -> tuple[Array, Array]:
-    """Kinetic and potential energy [J]."""
-    if isinstance(system, Mechanism):
-        return Kinematics(system, march.times, march.q, march.v).energies
-    found: tuple[Array, Array] = system.energies(march.q, march.v)
-    return found
 
 
 def drift(system: Any, march: Any) -> float:
@@ -79,7 +70,7 @@ def test_it_is_of_second_order_whatever_couples(order_of: Order, scene: str, m: 
 @RATIOS
 @pytest.mark.parametrize("kind", ["uncoupled", "conforming", "coupled"])
 def test_it_is_of_second_order_on_any_rotor_under_any_spin(body: Body, order_of: Order, kind: str, m: int) -> None:
-    rotor = PlanarRotor(body(4, seed=1, kind=kind), TorquePulse(0.32, 1.6, 20.0))
+    rotor = hinged(body(4, seed=1, kind=kind), half_sine(0.32, 1.6, 20.0))
     rng, times, steps = np.random.default_rng(0), np.linspace(0.0, 4.0, 41), 0.001 / 2.0 ** np.arange(3)
     start = np.r_[0.3, 0.1 * rng.normal(size=4)], np.r_[0.5, 0.3 * rng.normal(size=4)]
     assert order_of(steps, errors_of(rotor, start, times, steps, m)) == pytest.approx(2, abs=0.15)
@@ -142,16 +133,16 @@ def scaled(A: Array, omega: float) -> Array:
 
 
 @RATIOS
-def test_small_motions_of_a_coupled_rotor_take_the_linear_map(free_rotor: PlanarRotor, m: int) -> None:
-    rotor = PlanarRotor(free_rotor.body, TorquePulse(0.0, 1.0, 0.0))
+def test_small_motions_of_a_coupled_rotor_take_the_linear_map(free_rotor: CompiledSystem, m: int) -> None:
+    rotor = hinged(body_of(free_rotor))
     h = 0.5 * ReversibleSubcycling(1.0, m).largest_step(rotor)
-    want = map_by_formula(rotor.reference_mass, np.diag(np.r_[0.0, rotor.body.omega**2]), 1, h, m)
+    want = map_by_formula(rotor.linear_matrices[0], np.diag(np.r_[0.0, body_of(rotor).omega ** 2]), 1, h, m)
     found = map_by_marching(rotor, h, m, np.zeros(rotor.n), 1e-7)
     omega = rotor.highest_frequency
     assert scaled(found, omega) == pytest.approx(scaled(want, omega), abs=1e-8)
 
 
-def pendulum() -> Mechanism:
+def pendulum() -> CompiledSystem:
     """Three rods on springy hinges that couple strongly: the last two are fast."""
     gram = rigid_gram(1.0, np.array([0.25, 0.0, 0.0]), np.diag([1e-3, 0.02, 0.02]))
     places = [np.zeros(3), np.array([0.5, 0.0, 0.0]), np.array([0.5, 0.0, 0.0])]
@@ -161,25 +152,42 @@ def pendulum() -> Mechanism:
              place_shapes=none, place_rotations=none)
         for k, (place, spring) in enumerate(zip(places, (20.0, 300.0, 500.0), strict=True))
     ]  # fmt: skip
-    return Mechanism(links, ["rod 1", "rod 2"])
+    return CompiledSystem(Mechanism(links, ["rod 1", "rod 2"]))
 
 
 @RATIOS
 def test_small_motions_of_a_coupled_chain_take_the_linear_map(m: int) -> None:
     tree = pendulum()
-    M, K = tree.mass_matrix(tree.rest_positions), tree.linear_stiffness
+    M, K, _ = tree.linear_matrices
     assert tree.n_slow == 1
     h = 0.5 * ReversibleSubcycling(1.0, m).largest_step(tree)
     want = map_by_formula(M, K, 1, h, m)
     assert np.abs(np.linalg.eigvals(want)).max() == pytest.approx(1, abs=1e-9)
-    found = map_by_marching(tree, h, m, tree.rest_positions, 1e-5)
+    found = map_by_marching(tree, h, m, tree.mechanism.rest_positions, 1e-5)
     assert scaled(found, tree.highest_frequency) == pytest.approx(scaled(want, tree.highest_frequency), abs=1e-6)
+
+
+@RATIOS
+def test_a_march_from_its_end_with_rates_reversed_goes_back_to_its_start(m: int) -> None:
+    # Sliders on sliders along one line couple through the mass matrix alone and have no velocity-dependent force.
+    point = rigid_gram(1.0, np.zeros(3), np.eye(3))
+    links = [Link(f"slider {k}", point, PRISMATIC, k - 1, spring=4.0 * 50.0**k) for k in range(3)]
+    system = CompiledSystem(Mechanism(links, ["slider 1", "slider 2"]))
+    assert system.couplings.inertial
+    method = ReversibleSubcycling(0.4 * ReversibleSubcycling(1.0, m).largest_step(system), m)
+    start, times = (np.array([0.3, -0.1, 0.02]), np.array([0.5, -0.2, 1.0])), np.array([(600 * m - 0.5) * method.step])
+    there = method.march(system, *start, times).end
+    back = method.march(system, there.q, -there.v, times).end
+    assert there.step == back.step == 600 * m
+    assert np.abs(there.q - start[0]).max() > 1e-2
+    assert back.q == pytest.approx(start[0], abs=1e-10)
+    assert -back.v == pytest.approx(start[1], abs=1e-9)
 
 
 @RATIOS
 def test_the_largest_step_is_where_the_linear_map_begins_to_grow(m: int) -> None:
     tree = pendulum()
-    M, K = tree.mass_matrix(tree.rest_positions), tree.linear_stiffness
+    M, K, _ = tree.linear_matrices
     limit = ReversibleSubcycling(1.0, m).largest_step(tree)
     assert limit < 2 / tree.highest_slow_frequency / m or limit == pytest.approx(2 / tree.highest_reacting_frequency)
     with np.errstate(invalid="ignore"):
@@ -197,7 +205,7 @@ def test_the_largest_step_is_where_the_linear_map_begins_to_grow(m: int) -> None
 
 
 @pytest.mark.parametrize("m", [5, 10])
-def test_the_free_frames_beam_keeps_its_energy(free_rotor: PlanarRotor, m: int) -> None:
+def test_the_free_frames_beam_keeps_its_energy(free_rotor: CompiledSystem, m: int) -> None:
     # Sub-cycling at 10:1 takes it from 1.3 J to 229 J within the same time.
     coast, rest = np.linspace(0.11, 0.5, 391), np.zeros(free_rotor.n)
     march = ReversibleSubcycling(1e-5, m).march(free_rotor, rest, rest, coast)
@@ -206,15 +214,15 @@ def test_the_free_frames_beam_keeps_its_energy(free_rotor: PlanarRotor, m: int) 
 
 
 @pytest.fixture(scope="module")
-def swung() -> tuple[Mechanism, tuple[Array, Array]]:
+def swung() -> tuple[CompiledSystem, tuple[Array, Array]]:
     """The arm without its drive and its dampers, let go at 3 rad/s."""
     run = Pipeline(load_scene("arm"))
     tree, (q0, v0) = run.mechanism, run.start
     links = [replace(link, damper=0.0, damping=0.0 * link.damping, load=constant(0.0)) for link in tree.links]
-    return replace(tree, links=links), (q0, np.r_[3.0, v0[1:]])
+    return CompiledSystem(replace(tree, links=links)), (q0, np.r_[3.0, v0[1:]])
 
 
-def test_the_arm_keeps_its_energy_where_sub_cycling_diverges(swung: tuple[Mechanism, tuple[Array, Array]]) -> None:
+def test_the_arm_keeps_its_energy_where_sub_cycling_diverges(swung: tuple[CompiledSystem, tuple[Array, Array]]) -> None:
     tree, start = swung
     times = np.linspace(0.0, 2.0, 401)
     with pytest.raises(StabilityError, match="diverged"):
@@ -226,7 +234,7 @@ def test_the_arm_keeps_its_energy_where_sub_cycling_diverges(swung: tuple[Mechan
 
 
 def test_the_arms_energy_is_kept_better_by_the_square_of_the_step(
-    swung: tuple[Mechanism, tuple[Array, Array]], order_of: Order
+    swung: tuple[CompiledSystem, tuple[Array, Array]], order_of: Order
 ) -> None:
     tree, start = swung
     steps, times = 4e-5 / 2.0 ** np.arange(3), np.linspace(0.0, 0.5, 101)
@@ -236,10 +244,10 @@ def test_the_arms_energy_is_kept_better_by_the_square_of_the_step(
 
 def test_a_hub_that_nothing_drives_keeps_its_momentum_within_a_cycle(body: Body) -> None:
     # M_LL v_L + M_LS v_S is that of each cycle's M̂, which deflections of 10⁻⁹ change by as much: no more may show.
-    rotor = PlanarRotor(body(4, seed=3, kind="coupled"), TorquePulse(0.0, 1.0, 0.0))
+    rotor = hinged(body(4, seed=3, kind="coupled"))
     rng = np.random.default_rng(1)
     q0, v0 = np.r_[0.0, 1e-9 * rng.normal(size=4)], np.r_[0.0, 1e-9 * rng.normal(size=4)]
-    J, H = rotor.reference_mass[0, 0], rotor.reference_mass[0, 1:]
+    J, H = rotor.linear_matrices[0][0, 0], rotor.linear_matrices[0][0, 1:]
     march = ReversibleSubcycling(0.01, 10).march(rotor, q0, v0, 0.01 * np.arange(0, 1001, 10))
     momentum = J * march.v[:, 0] + march.v[:, 1:] @ H
     assert momentum == pytest.approx(np.full(101, momentum[0]), rel=1e-6)

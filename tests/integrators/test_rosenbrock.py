@@ -10,16 +10,16 @@ from scipy.linalg import expm
 
 from pipeline import Pipeline, load_scene
 from pipeline.core.errors import AccuracyError
+from pipeline.dynamics.compiled_system.system import CompiledSystem
 from pipeline.dynamics.jit.compiled import kernel
 from pipeline.dynamics.links import PRISMATIC, REVOLUTE, SPHERICAL, Link, rigid_gram
 from pipeline.dynamics.mechanism import Mechanism
-from pipeline.dynamics.rotor.parameters import TorquePulse
-from pipeline.dynamics.rotor.rotor import PlanarRotor
 from pipeline.dynamics.signals.signal import linear_table
 from pipeline.integrators import rosenbrock
 from pipeline.integrators.protocol import State, evaluate, evaluate_velocities
 from pipeline.integrators.rosenbrock import ExponentialRosenbrock
 from pipeline.integrators.scipy_ivp import ScipyIvp
+from tests.dynamics.hinged_body import body_of, energies, hinged
 
 
 @kernel
@@ -110,7 +110,7 @@ def test_the_flow_to_any_time_in_a_step_is_that_of_a_larger_exponential(ahead, s
 # Jacobian --------------------------------------------------------------------------------------------------------
 
 
-def chain() -> Mechanism:
+def chain() -> CompiledSystem:
     """A bob that swings in space, a slider on it, a spin about it."""
     bob = rigid_gram(2.0, np.array([0.0, 0.1, -0.5]), np.diag([0.11, 0.12, 0.05]))
     links = [
@@ -118,7 +118,7 @@ def chain() -> Mechanism:
         Link("slider", rigid_gram(0.5, np.zeros(3), np.zeros((3, 3))), PRISMATIC, 0, axis=[0, 0, 1], spring=200.0),
         Link("wheel", rigid_gram(1.0, np.array([0.1, 0, 0]), np.diag([0.1, 0.2, 0.3])), REVOLUTE, 1, axis=[0, 1, 0]),
     ]
-    return Mechanism(links, gravity=[0, 0, -9.81])
+    return CompiledSystem(Mechanism(links, gravity=np.array([0, 0, -9.81])))
 
 
 def slope_of(tree, u, t=0.0):
@@ -131,7 +131,7 @@ def slope_of(tree, u, t=0.0):
 
 def test_the_jacobian_is_that_of_central_differences():
     tree, rng = chain(), np.random.default_rng(2)
-    u = np.r_[tree.rest_positions, np.zeros(tree.n)] + 0.3 * rng.normal(size=tree.n_positions + tree.n)
+    u = np.r_[tree.mechanism.rest_positions, np.zeros(tree.n)] + 0.3 * rng.normal(size=tree.n_positions + tree.n)
     n, J, v = u.size, np.full((u.size, u.size), np.nan), np.full(u.size, np.nan)
     exact = np.empty((n, n))
     for j, unit in enumerate(np.eye(n)):  # of order 4
@@ -167,7 +167,7 @@ def order_cases():
     rotor = Pipeline(load_scene("beam")).system  # while the torque acts, which has no kink before 0.1 s
     yield rotor, np.zeros(rotor.n), np.zeros(rotor.n), 0.05, np.array([20, 40, 80])
     tree = chain()
-    yield tree, tree.rest_positions, np.array([2.0, 1.0, 8.0, 0.0, 3.0]), 0.5, np.array([16, 32, 64])
+    yield tree, tree.mechanism.rest_positions, np.array([2.0, 1.0, 8.0, 0.0, 3.0]), 0.5, np.array([64, 128, 256])
 
 
 @pytest.mark.parametrize("k", range(3), ids=["rod-slider", "beam", "chain"])
@@ -190,7 +190,8 @@ def test_an_oscillator_under_a_load_linear_in_time_is_solved_exactly_in_steps_fa
     # x(t) of a mass 5 kg on 1000 N/m under 3 N + 2 N/s t, up to a kink at 40 s: the particular solution and a cosine.
     point = rigid_gram(5.0, np.zeros(3), np.zeros((3, 3)))
     load = linear_table(np.array([0.0, 40.0, 80.0]), np.array([3.0, 83.0, 83.0]))
-    tree = Mechanism([Link("point", point, PRISMATIC, axis=[1, 0, 0], spring=1000.0, load=load)])
+    link = Link("point", point, PRISMATIC, axis=np.array([1, 0, 0]), spring=1000.0, load=load)
+    tree = CompiledSystem(Mechanism([link]))
     times, omega = np.linspace(0.0, 40.0, 201), np.sqrt(200.0)
     march = ExponentialRosenbrock(1e-3).march(tree, np.array([0.01]), np.zeros(1), times)
     amplitude, rate = 0.01 - 0.003, -0.002 / omega
@@ -202,21 +203,20 @@ def test_an_oscillator_under_a_load_linear_in_time_is_solved_exactly_in_steps_fa
 
 def test_a_mode_too_fast_to_follow_costs_no_steps(rotor):
     # The same beam with its highest mode ten times as fast: explicit methods would need ten times the steps.
-    stiff = replace(rotor.body, omega=rotor.body.omega * np.r_[np.ones(len(rotor.body.omega) - 1), 10.0])
+    body = body_of(rotor)
+    stiff = replace(body, omega=body.omega * np.r_[np.ones(len(body.omega) - 1), 10.0])
     times, rest = np.array([0.05]), np.zeros(rotor.n)
-    marches = [
-        ExponentialRosenbrock(1e-4).march(r, rest, rest, times) for r in (rotor, PlanarRotor(stiff, rotor.pulse))
-    ]
+    marches = [ExponentialRosenbrock(1e-4).march(r, rest, rest, times) for r in (rotor, hinged(stiff, body.load))]
     assert marches[1].end.step < 2 * marches[0].end.step
     assert marches[1].q[-1, :2] == pytest.approx(marches[0].q[-1, :2], rel=1e-2)
 
 
 def test_energy_of_a_ringing_beam_that_turns_stays_to_the_tolerance(rotor):
-    coasting = PlanarRotor(rotor.body, TorquePulse(0.0, 1.0, 0.0))
+    coasting = hinged(body_of(rotor))
     q0, v0 = np.zeros(rotor.n), np.zeros(rotor.n)
     q0[1], v0[0] = 1e-4, 20.0
     march = ExponentialRosenbrock(1e-9).march(coasting, q0, v0, np.linspace(0.0, 0.2, 51))
-    total = np.sum(coasting.energies(march.q, march.v), axis=0)
+    total = np.sum(energies(coasting, march), axis=0)
     np.testing.assert_allclose(total / total[0], 1.0, atol=1e-7)
 
 

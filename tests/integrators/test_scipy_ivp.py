@@ -14,17 +14,26 @@ from scipy.integrate import DOP853
 from pipeline import Pipeline, load_scene
 from pipeline.core.arrays import Array
 from pipeline.core.errors import AccuracyError, StabilityError
+from pipeline.dynamics.compiled_system.system import CompiledSystem
 from pipeline.dynamics.jit.compiled import meaning
-from pipeline.dynamics.rotor.parameters import TorquePulse
-from pipeline.dynamics.rotor.rotor import PlanarRotor
+from pipeline.dynamics.signals.signal import half_sine
 from pipeline.dynamics.system import accelerations, velocities
 from pipeline.integrators import scipy_ivp
 from pipeline.integrators.exponential import Exponential
 from pipeline.integrators.protocol import Trajectory
 from pipeline.integrators.scipy_ivp import ScipyIvp
+from tests.dynamics.hinged_body import body_of, hinged
 
 NAMES = ("DOP853", "Radau", "LSODA")
 EACH = pytest.mark.parametrize("name", NAMES)
+
+
+class Pulse(NamedTuple):
+    """Half a sine of force."""
+
+    start: float
+    duration: float
+    peak: float
 
 
 class Hit(NamedTuple):
@@ -32,7 +41,7 @@ class Hit(NamedTuple):
 
     calls: Array  # (1,)
     stiffness: float
-    pulse: TorquePulse
+    pulse: Pulse
     until: float
 
 
@@ -54,7 +63,7 @@ def _velocities(p: Hit, q: Array, v: Array, dq: Array) -> None:
 @dataclass
 class HitOscillators:
     stiffness: float = 4.0
-    pulse: TorquePulse = TorquePulse(0.0, 1.0, 0.0)  # noqa: RUF009
+    pulse: Pulse = Pulse(0.0, 1.0, 0.0)  # noqa: RUF009
     until: float = np.inf
     breakpoints: tuple[float, ...] = ()
     parameters: Hit = field(init=False)
@@ -69,14 +78,19 @@ class HitOscillators:
 # Agreement -------------------------------------------------------------------------------------------------------
 
 
+def peak_of(rotor: CompiledSystem) -> float:
+    """Torque in the middle of the scene's 0.1 s of it [N m]."""
+    return float(body_of(rotor).load.value(0.05)[0])
+
+
 @pytest.fixture(scope="module")
-def struck(rotor: PlanarRotor) -> PlanarRotor:
+def struck(rotor: CompiledSystem) -> CompiledSystem:
     """The scene's beam, struck for 8 ms: as long as its first period is, and short enough for Radau."""
-    return PlanarRotor(rotor.body, rotor.pulse._replace(duration=0.008))
+    return hinged(body_of(rotor), half_sine(0.0, 0.008, peak_of(rotor)))
 
 
 @pytest.fixture(scope="module")
-def marches(struck: PlanarRotor) -> dict[str, Trajectory]:
+def marches(struck: CompiledSystem) -> dict[str, Trajectory]:
     times, rest = np.linspace(0.0, 0.012, 25), np.zeros(struck.n)
     tolerances = {"DOP853": 1e-11, "Radau": 1e-9, "LSODA": 1e-11}
     return {name: ScipyIvp(name, tolerances[name]).march(struck, rest, rest, times) for name in NAMES}
@@ -84,13 +98,13 @@ def marches(struck: PlanarRotor) -> dict[str, Trajectory]:
 
 @pytest.mark.parametrize("name", ["Radau", "LSODA"])
 def test_the_methods_agree_with_each_other_on_the_struck_beam(
-    struck: PlanarRotor, marches: dict[str, Trajectory], name: str
+    struck: CompiledSystem, marches: dict[str, Trajectory], name: str
 ) -> None:
     # Nothing in the beam grows: errors of single steps, each below tolerance times size, add up at most. A mode's
     # position in units of its amplitude is as far off as its rate; the angle adds its rate's error over 12 ms.
     exact, march = marches["DOP853"], marches[name]
     steps = exact.end.step * 1e-11 + march.end.step * (1e-9 if name == "Radau" else 1e-11)
-    omega = np.r_[1 / 0.012, struck.body.omega]
+    omega = np.r_[1 / 0.012, body_of(struck).omega]
     size = np.maximum(np.abs(exact.q), np.abs(exact.v) / omega).max(axis=0)
     bound = steps * size
     assert (bound < 1e-4 * size).all()
@@ -99,7 +113,7 @@ def test_the_methods_agree_with_each_other_on_the_struck_beam(
 
 
 def test_they_agree_with_the_exponential_method_to_its_own_error(
-    struck: PlanarRotor, marches: dict[str, Trajectory]
+    struck: CompiledSystem, marches: dict[str, Trajectory]
 ) -> None:
     # Of order 4: the error at 0.1 ms is 16/15 of the difference between 0.1 and 0.05 ms, but for higher orders.
     rest, exact = np.zeros(struck.n), marches["DOP853"]
@@ -139,7 +153,7 @@ def test_a_tighter_tolerance_gives_a_smaller_error(name: str) -> None:
 def test_a_blow_shorter_than_the_steps_is_never_missed(name: str) -> None:
     # At rest, without a spring, a method would step over a blow that it isn't told of. Of mass 1: the rate is the
     # impulse, 2/π peak duration, and the place at the end of the blow half of that times the duration.
-    pulse = TorquePulse(5.0, 1e-3, 300.0)
+    pulse = Pulse(5.0, 1e-3, 300.0)
     rate = 2 / np.pi * pulse.peak * pulse.duration
     told = HitOscillators(0.0, pulse, breakpoints=(5.0, 5.001))
     times = np.array([0.0, 4.0, 5.001, 10.0])
@@ -153,15 +167,17 @@ def test_a_blow_shorter_than_the_steps_is_never_missed(name: str) -> None:
     assert np.array_equal(missed.v, np.zeros((4, 2)))
 
 
-class Unaware(PlanarRotor):
-    """A rotor that doesn't tell when its torque begins and ends."""
+class Unaware(CompiledSystem):
+    """A system that doesn't say when its torque begins and ends."""
 
     @property
     def breakpoints(self) -> tuple[float, ...]:
         return ()
 
 
-def test_no_step_straddles_the_begin_or_end_of_the_torque(rotor: PlanarRotor, monkeypatch: pytest.MonkeyPatch) -> None:
+def test_no_step_straddles_the_begin_or_end_of_the_torque(
+    rotor: CompiledSystem, monkeypatch: pytest.MonkeyPatch
+) -> None:
     steps: list[tuple[float, float]] = []
 
     class Watched(DOP853):
@@ -171,20 +187,20 @@ def test_no_step_straddles_the_begin_or_end_of_the_torque(rotor: PlanarRotor, mo
             return message
 
     monkeypatch.setitem(scipy_ivp._METHODS, "DOP853", Watched)
-    pulse = rotor.pulse._replace(start=0.0031, duration=0.0052)
+    mechanism = hinged(body_of(rotor), half_sine(0.0031, 0.0052, peak_of(rotor))).mechanism
     rest, times = np.zeros(rotor.n), np.array([0.0, 0.02])
 
-    def straddling(kind: type[PlanarRotor]) -> tuple[int, Trajectory]:
+    def straddling(kind: type[CompiledSystem]) -> tuple[int, Trajectory]:
         steps.clear()
-        march = ScipyIvp("DOP853", 1e-8).march(kind(rotor.body, pulse), rest, rest, times)
+        march = ScipyIvp("DOP853", 1e-8).march(kind(mechanism), rest, rest, times)
         assert march.end.step == len(steps)
         return sum(begin < edge < end for begin, end in steps for edge in (0.0031, 0.0083)), march
 
-    none, told = straddling(PlanarRotor)
+    none, told = straddling(CompiledSystem)
     some, unaware = straddling(Unaware)
     assert none == 0
     assert some > 0
-    exact = ScipyIvp("DOP853", 1e-13).march(PlanarRotor(rotor.body, pulse), rest, rest, times)
+    exact = ScipyIvp("DOP853", 1e-13).march(CompiledSystem(mechanism), rest, rest, times)
     assert np.abs(told.q[-1] - exact.q[-1])[0] < np.abs(unaware.q[-1] - exact.q[-1])[0]
 
 
@@ -246,7 +262,7 @@ def test_what_a_march_tells_about_itself(name: str) -> None:
 
 
 @EACH
-def test_it_has_no_largest_step_and_the_order_of_its_formula(rotor: PlanarRotor, name: str) -> None:
+def test_it_has_no_largest_step_and_the_order_of_its_formula(rotor: CompiledSystem, name: str) -> None:
     # Hairer, Nørsett & Wanner I (DOP853) and II (Radau IIA of three stages); Adams' formulas up to 12 in LSODA.
     assert ScipyIvp(name).largest_step(rotor) == np.inf
     assert ScipyIvp(name).step == 0.0

@@ -1,20 +1,18 @@
 """Sub-cycling on the beam of the scene: accuracy at equal fast step, order, conservation over 10⁶ steps, its limit."""
 
 from collections.abc import Callable
-from dataclasses import replace
 
 import numpy as np
 import pytest
 
 from pipeline.core.arrays import Array
 from pipeline.core.errors import StabilityError
-from pipeline.dynamics.links import Link
-from pipeline.dynamics.mechanism import Mechanism
-from pipeline.dynamics.rotor.rotor import PlanarRotor
+from pipeline.dynamics.compiled_system.system import CompiledSystem
 from pipeline.integrators.central_difference import CentralDifference
 from pipeline.integrators.protocol import Integrator, Trajectory
 from pipeline.integrators.subcycling import Subcycling
 from pipeline.recovery.motion import Motion
+from tests.dynamics.hinged_body import angular_momentum, body_of, energies
 
 Method = Callable[[float], CentralDifference | Subcycling]
 Order = Callable[[Array, Array], float]
@@ -26,10 +24,9 @@ CONSERVING = pytest.mark.parametrize(
 SPINS = pytest.mark.parametrize("spin", [20.0, 200.0])  # rad/s
 
 
-def driven(method: Integrator, rotor: PlanarRotor, times: Array) -> Motion:
-    rest, link = np.zeros(rotor.n), rotor.body
-    assert isinstance(link, Link)
-    return Motion(Mechanism([link]), method.march(rotor, rest, rest, times), "beam.tip")
+def driven(method: Integrator, rotor: CompiledSystem, times: Array) -> Motion:
+    rest = np.zeros(rotor.n)
+    return Motion(rotor.mechanism, method.march(rotor, rest, rest, times), "beam.tip")
 
 
 def largest(difference: Array) -> float:
@@ -41,7 +38,7 @@ def largest(difference: Array) -> float:
 
 @pytest.mark.parametrize("m", [2, 5, 10])
 def test_at_equal_fast_step_the_tip_is_as_accurate_as_without_sub_cycling(
-    rotor: PlanarRotor, exact: Motion, m: int
+    rotor: CompiledSystem, exact: Motion, m: int
 ) -> None:
     # The angle alone takes the longer steps, and the deflection is seen from the section at the joint.
     plain, sub_cycled = (
@@ -54,7 +51,7 @@ def test_at_equal_fast_step_the_tip_is_as_accurate_as_without_sub_cycling(
 
 @pytest.mark.parametrize("quantity", ["tip_deflection", "modes", "joint", "tip_position"])
 def test_the_measured_order_is_the_declared_one(
-    rotor: PlanarRotor, exact: Motion, method: Method, order_of: Order, quantity: str
+    rotor: CompiledSystem, exact: Motion, method: Method, order_of: Order, quantity: str
 ) -> None:
     # The first 0.15 s, with the whole torque pulse, whose ends are multiples of every major step.
     first = exact.times < 0.1501
@@ -72,12 +69,15 @@ def test_the_measured_order_is_the_declared_one(
 
 
 @pytest.mark.parametrize("m", [2, 5, 10])
-def test_modes_taken_as_uncoupled_move_as_with_all_their_couplings(rotor: PlanarRotor, exact: Motion, m: int) -> None:
+def test_modes_taken_as_uncoupled_move_as_with_all_their_couplings(
+    rotor: CompiledSystem, exact: Motion, m: int
+) -> None:
     # The beam's modes couple with each other through the spin by a part in 10⁶ of their mass; what is left out of that
     # within a cycle must be far below the error of the step itself.
-    whole = replace(rotor)
-    vars(whole)["parameters"] = rotor.parameters._replace(diagonal=False, gyroscopic=True)
-    assert rotor.parameters.diagonal
+    whole = CompiledSystem(rotor.mechanism)
+    vars(whole)["couplings"] = rotor.couplings._replace(elastic=True, damped=True)
+    assert rotor.frozen(m * STEP).single
+    assert not whole.frozen(m * STEP).single
     short, full = (driven(Subcycling(STEP, m), some, exact.times).tip_deflection for some in (rotor, whole))
     assert largest(full - short) < 1e-3 * largest(short - exact.tip_deflection)
 
@@ -85,24 +85,16 @@ def test_modes_taken_as_uncoupled_move_as_with_all_their_couplings(rotor: Planar
 # Conservation ----------------------------------------------------------------------------------------------------
 
 
-def spun(method: Integrator, rotor: PlanarRotor, spin: float, duration: float) -> Trajectory:
+def spun(method: Integrator, rotor: CompiledSystem, spin: float, duration: float) -> Trajectory:
     """March with all modes excited, to 0.14 J in all: a tenth of the energy of the spin at 20 rad/s."""
     amplitudes = 0.5 * np.array([1.0, 0.3, 0.1, 0.03, 0.01])
-    q0, v0 = np.r_[0.0, amplitudes / rotor.body.omega], np.r_[spin, np.zeros(rotor.n - 1)]
+    q0, v0 = np.r_[0.0, amplitudes / body_of(rotor).omega], np.r_[spin, np.zeros(rotor.n - 1)]
     return method.march(rotor, q0, v0, np.linspace(0.0, duration, 2001))
 
 
-def energy(rotor: PlanarRotor, trajectory: Trajectory) -> Array:
-    kinetic, strain = rotor.energies(trajectory.q, trajectory.v)
+def energy(rotor: CompiledSystem, trajectory: Trajectory) -> Array:
+    kinetic, strain = energies(rotor, trajectory)
     return kinetic + strain
-
-
-def angular_momentum(rotor: PlanarRotor, trajectory: Trajectory) -> Array:
-    """About the axis, ``J θ̇ + H q̇`` [kg m²/s]."""
-    D, A = rotor.parameters.D, rotor.parameters.A
-    p = np.column_stack([np.ones(len(trajectory.times)), trajectory.q[:, 1:]])
-    J = np.einsum("ti,ij,tj->t", p, D, p)
-    return np.asarray(J * trajectory.v[:, 0] + ((p @ A)[:, 1:] * trajectory.v[:, 1:]).sum(axis=1))
 
 
 def drift(values: Array) -> float:
@@ -113,7 +105,7 @@ def drift(values: Array) -> float:
 @CONSERVING
 @SPINS
 def test_energy_and_angular_momentum_last_for_a_million_steps(
-    coasting: PlanarRotor, method: Method, spin: float
+    coasting: CompiledSystem, method: Method, spin: float
 ) -> None:
     trajectory = spun(method(STEP), coasting, spin, 10.0)
     assert trajectory.end.step >= 1_000_000
@@ -126,7 +118,7 @@ def test_energy_and_angular_momentum_last_for_a_million_steps(
 @SPINS
 @pytest.mark.parametrize("conserved", [energy, angular_momentum])
 def test_what_is_conserved_drifts_by_the_order_of_the_method_at_least(
-    coasting: PlanarRotor, method: Method, order_of: Order, spin: float, conserved: Callable[..., Array]
+    coasting: CompiledSystem, method: Method, order_of: Order, spin: float, conserved: Callable[..., Array]
 ) -> None:
     steps = 2e-5 / 2.0 ** np.arange(3)
     drifts = [drift(conserved(coasting, spun(method(step), coasting, spin, 2.0))) for step in steps]
@@ -137,12 +129,12 @@ def test_what_is_conserved_drifts_by_the_order_of_the_method_at_least(
 
 
 def test_the_conforming_frame_has_no_coupling_and_the_free_frame_nearly_all(
-    rotor: PlanarRotor, free_rotor: PlanarRotor
+    rotor: CompiledSystem, free_rotor: CompiledSystem
 ) -> None:
     # Free modes of a slender uniform beam of mass m have the value 2/√m at its ends. With n of them, held at one end,
     # H_k = −√m L and M_kl = δ_kl + 4, while J = mL²/3: coupling² = HᵀM⁻¹H/J = 3n/(1 + 4n).
-    def coupling(some: PlanarRotor) -> float:
-        M = some.reference_mass
+    def coupling(some: CompiledSystem) -> float:
+        M = some.linear_matrices[0]
         return float(np.linalg.norm(M[0, 1:]) / np.sqrt(M[0, 0]))
 
     assert coupling(rotor) < 1e-10
@@ -150,7 +142,9 @@ def test_the_conforming_frame_has_no_coupling_and_the_free_frame_nearly_all(
 
 
 @pytest.mark.parametrize("m", [5, 10])
-def test_in_the_free_frame_sub_cycling_is_weakly_unstable(rotor: PlanarRotor, free_rotor: PlanarRotor, m: int) -> None:
+def test_in_the_free_frame_sub_cycling_is_weakly_unstable(
+    rotor: CompiledSystem, free_rotor: CompiledSystem, m: int
+) -> None:
     # At a twelfth of the plain limit, over 2 s: what grows is slow to do so, and has no other cause than the frame.
     step, times = 2 * STEP, np.linspace(0.0, 2.0, 401)
     assert step < 0.1 * min(
@@ -167,7 +161,7 @@ def test_in_the_free_frame_sub_cycling_is_weakly_unstable(rotor: PlanarRotor, fr
 
 
 def test_in_the_free_frame_growth_shows_within_the_scenes_half_second(
-    rotor: PlanarRotor, free_rotor: PlanarRotor
+    rotor: CompiledSystem, free_rotor: CompiledSystem
 ) -> None:
     # After the pulse energy is conserved; in the conforming frame it is, at ten times the step as well.
     coast = np.linspace(0.11, 0.5, 391)

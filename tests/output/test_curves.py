@@ -10,7 +10,8 @@ from pipeline import Pipeline, load_scene
 from pipeline.core.errors import InputError
 from pipeline.output.curves import Curves, _moving, curves_of
 from pipeline.output.summary import summarise
-from pipeline.render.charts import Curve, draw_chart
+from pipeline.render.chart_data import Curve
+from pipeline.render.charts import draw_chart
 from pipeline.scene.outputs import CHART_QUANTITIES, JOINT_QUANTITIES, Chart
 
 QUICK = ["body.beam.mesh.divisions=[12, 2, 1]", "simulation.duration=20 ms"]

@@ -75,7 +75,7 @@ def test_the_plan_of_a_first_a_second_and_a_damaged_run_is_what_happens(tmp_path
 
 def test_the_plan_tells_what_has_changed_and_what_it_took(tmp_path):
     _, run = plan_and_run(tmp_path, QUICK)
-    plan, _ = plan_and_run(tmp_path, [*QUICK, "body.beam.modes.enrich='inertia'"])
+    plan, _ = plan_and_run(tmp_path, [*QUICK, "body.beam.modes.enrich='inertia'", "simulation.stiffening='auto'"])
     steps = {step.stage: step for step in plan.steps}
     assert steps["modes"].fate == "cached"
     assert steps["body"].why == "its inputs or the source have changed"

@@ -78,7 +78,7 @@ def test_what_has_changed_is_drawn_anew(first, override, drawn, monkeypatch):
     folder, _ = first
     again = set()
 
-    def note(_, output, out):
+    def note(_, output, out, draw):
         name = output.file.format(mode=1)
         again.add(name)
         (out / name).write_bytes(b"")

@@ -46,7 +46,7 @@ def test_chosen_modes_alone_are_drawn(run, tmp_path):
     from pipeline.output.pictures import draw_modes
 
     output = next(output for output in run.scene.output if output.type == "modes").model_copy(update={"size": (64, 36)})
-    assert draw_modes(run, output, tmp_path, [2, 99]) == ["mode-2.png"]
+    assert draw_modes(run, output, tmp_path, numbers=[2, 99]) == ["mode-2.png"]
 
 
 def test_an_unknown_colour_map_is_refused_with_the_key(run, tmp_path):

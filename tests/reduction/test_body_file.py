@@ -10,10 +10,10 @@ import pytest
 import xarray
 
 from pipeline.core.errors import InputError
+from pipeline.dynamics.compiled_system.system import CompiledSystem
 from pipeline.dynamics.links import REVOLUTE, SPHERICAL, Link
 from pipeline.dynamics.mechanism import Mechanism
-from pipeline.dynamics.rotor.parameters import TorquePulse
-from pipeline.dynamics.rotor.rotor import PlanarRotor
+from pipeline.dynamics.signals.signal import half_sine
 from pipeline.fem.markers import Marker, face_marker
 from pipeline.fem.model import FEModel
 from pipeline.fem.surface import SurfaceTopology, surface_topology
@@ -25,6 +25,7 @@ from pipeline.reduction.eigen import FreeBodySolver
 from pipeline.reduction.inertia import InertiaGram
 from pipeline.reduction.mode_families import lowest_modes
 from pipeline.reduction.stiffening import stiffen_body
+from tests.dynamics.hinged_body import hinged as on_hinge
 
 Z = np.array([0.0, 0.0, 1.0])
 
@@ -50,7 +51,8 @@ def hinged(small_bar: FEModel, solver: FreeBodySolver, markers: dict[str, Marker
 def saved(small_bar: FEModel, solver: FreeBodySolver, markers: dict[str, Marker], hinged: FlexibleBody) -> SavedBody:
     """Everything that a file can hold."""
     space = small_bar.discretisation
-    body = stiffen_body(hinged, small_bar, solver, markers["Fuß"].columns(len(small_bar.x), np.eye(3)[:2]))
+    held = markers["Fuß"].columns(len(small_bar.x), np.eye(3)[:2])
+    body = stiffen_body(hinged, small_bar, solver, held, moving={name: markers[name] for name in list(markers)[1:]})
     surface = surface_topology(space)
     stress = modal_stress(space, small_bar.material, body.shapes, surface.nodes)
     return SavedBody(body, surface, stress, lowest_modes(solver, 4).frequencies_hz)
@@ -79,6 +81,8 @@ def bits(value: Any) -> Any:
 def test_everything_comes_back_to_the_last_bit(saved: SavedBody, path: Path) -> None:
     assert saved.body.gram.stiffening.any()
     assert saved.body.gram.bow.any()
+    assert saved.body.gram.curl.any()
+    assert any(marker.bow.any() for marker in saved.body.markers.values())
     assert bits(load_body(path)) == bits(load_body(str(path))) == bits(saved)
 
 
@@ -108,7 +112,7 @@ def test_the_motion_of_a_loaded_rotor_is_the_same_to_the_last_bit(hinged: Flexib
     loaded = load_body(tmp_path / "body.nc").body
     marches = []
     for body in (hinged, loaded):
-        rotor = PlanarRotor(body, TorquePulse(0.0, 0.005, 40.0))
+        rotor = on_hinge(body, half_sine(0.0, 0.005, 40.0))
         rest = np.zeros(rotor.n)
         marches.append(CentralDifference(1e-6).march(rotor, rest, rest, np.linspace(0.0, 0.01, 11)))
     first, second = marches
@@ -140,7 +144,7 @@ def _swing(body: FlexibleBody) -> Any:
     q0, v0 = np.zeros(tree.n_positions), np.zeros(tree.n)
     q0[tree.layout.position[1]] = 1.0  # the unit quaternion
     v0[:] = np.linspace(0.1, 0.2, tree.n)
-    return CentralDifference(1e-6).march(tree, q0, v0, np.linspace(0.0, 1e-3, 3))
+    return CentralDifference(1e-6).march(CompiledSystem(tree), q0, v0, np.linspace(0.0, 1e-3, 3))
 
 
 # What other programs find -----------------------------------------------------------------------------------------

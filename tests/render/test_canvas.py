@@ -2,8 +2,9 @@
 
 import numpy as np
 import pytest
+from numpy.typing import NDArray
 
-from pipeline.render.canvas import add_part_by_values, choose_outline, open_canvas
+from pipeline.render.canvas import add_part_by_values, choose_outline, keep_windows, open_canvas
 from pipeline.render.projection import fit_projection, oblique_axes
 from pipeline.render.surface import Surface, build_skin
 
@@ -32,3 +33,22 @@ def test_a_picture_has_its_size_whatever_the_fineness_and_shows_the_part_moved(b
         assert before.shape == (90, 160, 3)
         assert before.min() < 100
         assert after.min() == 255  # out of the picture
+
+
+def test_a_kept_window_shows_nothing_of_the_picture_before(beam: Surface) -> None:
+    axes, skin, values = next(oblique_axes(beam.points)), build_skin(beam), np.zeros(len(beam.points))
+    projections = [fit_projection(axes, points, (160, 90)) for points in (beam.points, beam.points * 3.0)]
+
+    def draw(number: int) -> NDArray[np.uint8]:
+        with open_canvas(projections[number], 2) as canvas:
+            add_part_by_values(canvas, beam, skin, values, (0.0, 1.0), "turbo")
+            return canvas.picture()
+
+    alone = [draw(0), draw(1)]
+    with keep_windows():
+        in_one = [draw(0), draw(1), draw(0)]
+        with open_canvas(projections[0], 2) as canvas:
+            assert canvas.picture().min() == 255
+    assert not np.array_equal(*alone)
+    for picture, expected in zip(in_one, [*alone, alone[0]], strict=True):
+        assert np.array_equal(picture, expected)

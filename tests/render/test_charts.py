@@ -6,7 +6,8 @@ import pytest
 from matplotlib.colors import to_rgb
 
 from pipeline.core.arrays import Array
-from pipeline.render.charts import COLOURS, PALENESS, Curve, draw_chart
+from pipeline.render.chart_data import Curve
+from pipeline.render.charts import COLOURS, PALENESS, draw_chart
 
 TIME = np.linspace(0.0, 0.5, 201)
 WAVE = np.sin(20 * TIME)

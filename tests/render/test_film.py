@@ -9,7 +9,8 @@ import pytest
 
 from pipeline.render import film as film_module
 from pipeline.render.camera import Camera
-from pipeline.render.film import FilmFrame, draw_film
+from pipeline.render.film import draw_film
+from pipeline.render.film_frames import FilmFrame
 from pipeline.render.surface import Surface
 
 

@@ -119,6 +119,11 @@ def test_an_override_with_two_lines_of_toml_is_a_string() -> None:
         ),
         ('body.beam.mesh={element="tetrahedron"}', "body.beam.mesh.size: is missing: the edge length"),
         ("body.beam.mesh.order=3", "must be less than or equal to 2"),
+        ("body.beam.mesh.formulation=plain", "formulation = 'plain': belongs to hexahedra of order 1; other elements"),
+        (
+            'body.beam.mesh={element="tetrahedron", size="5 mm", order=1, formulation="plain"}',
+            "body.beam.mesh.formulation = 'plain': belongs to hexahedra of order 1",
+        ),
         # integrators that are no more
         (
             'simulation.run.0={integrator="generalized-alpha", tolerance=1e-6}',

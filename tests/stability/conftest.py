@@ -3,9 +3,9 @@
 import pytest
 
 from pipeline import Pipeline, load_scene
-from pipeline.dynamics.mechanism import Mechanism
+from pipeline.dynamics.compiled_system.system import CompiledSystem
 
 
 @pytest.fixture(scope="session")
-def coasting() -> Mechanism:
-    return Pipeline(load_scene("rod-slider", ["drive.motor.torque=0 N m"])).mechanism
+def coasting() -> CompiledSystem:
+    return Pipeline(load_scene("rod-slider", ["drive.motor.torque=0 N m"])).system

@@ -3,6 +3,7 @@
 import numpy as np
 import pytest
 
+from pipeline.dynamics.compiled_system.system import CompiledSystem
 from pipeline.dynamics.links import PRISMATIC, Link, rigid_gram
 from pipeline.dynamics.mechanism import Mechanism
 from pipeline.stability.amplification import cycle_growth
@@ -11,22 +12,22 @@ from pipeline.stability.splitting import choose_split, longest_step, recommend_s
 SLOW, FAST = 2 * np.pi * 1.0, 2 * np.pi * 100.0  # rad/s
 
 
-def cart_with_slider(slider_axis: tuple[float, float, float]) -> Mechanism:
+def cart_with_slider(slider_axis: tuple[float, float, float]) -> CompiledSystem:
     """A cart of 99 kg on a spring along x that carries a slider of 1 kg on a spring of its own."""
     along, nothing = np.array([1.0, 0.0, 0.0]), np.zeros((3, 3))
     cart = Link("cart", rigid_gram(99.0, np.zeros(3), nothing), PRISMATIC, axis=along, spring=100.0 * SLOW**2)
     gram = rigid_gram(1.0, np.zeros(3), nothing)
     slider = Link("slider", gram, PRISMATIC, parent=0, axis=np.array(slider_axis), spring=FAST**2)
-    return Mechanism([cart, slider])
+    return CompiledSystem(Mechanism([cart, slider]))
 
 
 @pytest.fixture(scope="module")
-def across() -> Mechanism:
+def across() -> CompiledSystem:
     """The slider across the cart's way: no coupling through the mass matrix, 1 Hz and 100 Hz."""
     return cart_with_slider((0.0, 1.0, 0.0))
 
 
-def test_what_is_below_the_frequency_is_slow(across: Mechanism) -> None:
+def test_what_is_below_the_frequency_is_slow(across: CompiledSystem) -> None:
     assert across.frequencies_hz == pytest.approx([1.0, 100.0])
     assert split_at(across, 10.0) == (["slider"], {"cart": 0, "slider": 0})
     assert split_at(across, 0.5)[0] == ["cart", "slider"]
@@ -49,7 +50,7 @@ def test_high_vibrations_are_limited_by_stability_alone() -> None:
     assert limits[0] > 100 * limits[1]
 
 
-def test_a_split_takes_the_slow_coordinate_by_many_fast_steps(across: Mechanism) -> None:
+def test_a_split_takes_the_slow_coordinate_by_many_fast_steps(across: CompiledSystem) -> None:
     error, duration = 1e-2, 4.0
     split = choose_split(across, error, duration, spin=0.0)
     assert 1.0 < split.frequency_hz < 100.0
@@ -60,31 +61,32 @@ def test_a_split_takes_the_slow_coordinate_by_many_fast_steps(across: Mechanism)
     assert (split.substeps + 1) * split.step > min(low, duration / 200)
 
 
-def test_a_given_step_is_kept_and_a_tighter_error_takes_a_smaller_ratio(across: Mechanism) -> None:
+def test_a_given_step_is_kept_and_a_tighter_error_takes_a_smaller_ratio(across: CompiledSystem) -> None:
     wide, tight = (choose_split(across, error, 1.0, spin=0.0, step=1e-4) for error in (1e-2, 1e-5))
     assert wide.step == tight.step == 1e-4
     assert tight.substeps < wide.substeps
 
 
-def test_forces_of_a_spin_that_a_cycle_holds_bound_the_ratio(across: Mechanism) -> None:
+def test_forces_of_a_spin_that_a_cycle_holds_bound_the_ratio(across: CompiledSystem) -> None:
     # ½ Ω² H T ≤ error is the bound where what is slow has no limit of its own below it.
     still, spinning = (choose_split(across, 1e-2, 1.0, spin) for spin in (0.0, 100.0))
     assert spinning.substeps <= still.substeps
 
 
-def test_coupling_that_would_show_in_the_result_leaves_a_smaller_ratio(across: Mechanism) -> None:
+def test_coupling_that_would_show_in_the_result_leaves_a_smaller_ratio(across: CompiledSystem) -> None:
     """Slider along the cart's way: both couple through the mass matrix, and each cycle grows a little."""
     along, error, duration = cart_with_slider((1.0, 0.0, 0.0)), 1e-3, 10.0
     split = choose_split(along, error, duration, spin=0.0)
     assert split.substeps < choose_split(across, error, duration, spin=0.0).substeps
-    M, K = along.mass_matrix(along.rest_positions), along.linear_stiffness
+    M, K, _ = along.linear_matrices
     if split.substeps > 1:
         growth = cycle_growth(M, K, 1, split.step, split.substeps)
         assert duration / (split.substeps * split.step) * np.log(growth) < error
 
 
 def test_a_mechanism_without_springs_is_stepped_over_its_motion() -> None:
-    free = Mechanism([Link("cart", rigid_gram(1.0, np.zeros(3), np.zeros((3, 3))), PRISMATIC)])
+    cart = Link("cart", rigid_gram(1.0, np.zeros(3), np.zeros((3, 3))), PRISMATIC)
+    free = CompiledSystem(Mechanism([cart]))
     split = choose_split(free, 1e-3, 4.0, spin=0.0)
     assert (split.frequency_hz, split.substeps, split.step) == (np.inf, 1, 4.0 / 200)
 

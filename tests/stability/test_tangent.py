@@ -3,8 +3,8 @@
 import numpy as np
 import pytest
 
+from pipeline.dynamics.compiled_system.system import CompiledSystem
 from pipeline.dynamics.linear.linear import LinearSystem
-from pipeline.dynamics.mechanism import Mechanism
 from pipeline.integrators.central_difference import CentralDifference
 from pipeline.integrators.generalized_alpha import GeneralizedAlpha
 from pipeline.integrators.subcycling import Subcycling
@@ -24,7 +24,9 @@ REST = OperatingPoint(0.0, np.zeros(2), np.zeros(2))
 
 @pytest.mark.parametrize("rate", [0.5, 2.0])
 @pytest.mark.parametrize(("m", "step"), [(5, 0.011), (1, 0.06), (10, 0.002)])
-def test_vibrations_grow_in_marches_as_the_tangent_says(coasting: Mechanism, rate: float, m: int, step: float) -> None:
+def test_vibrations_grow_in_marches_as_the_tangent_says(
+    coasting: CompiledSystem, rate: float, m: int, step: float
+) -> None:
     """Against the energy of the difference of two marches, averaged over ten periods, over 20 s."""
     turning = OperatingPoint(0.0, np.zeros(2), np.array([rate, 0.0]))
     at, method = settle(coasting, turning, np.array([1])), Subcycling(step, m)

@@ -175,6 +175,13 @@ def test_a_mesh_from_a_file_gives_the_same_modes(from_files: Pipeline, folder: P
     assert read.modes.omega == pytest.approx(from_files.modes.omega, rel=1e-8)
 
 
+def test_a_file_without_linear_hexahedra_has_no_choice_of_formulation(from_files: Pipeline, folder: Path) -> None:
+    markers = 'body.strip.marker={e={plane="x = 20 mm"}}'
+    run = pipeline(folder, 'body.strip.mesh={file="strip.inp",unit="m",formulation="plain"}', markers)
+    with pytest.raises(InputError, match=r"formulation.*belongs to linear hexahedra; the elements here are tet10"):
+        run.fe  # noqa: B018
+
+
 @pytest.mark.parametrize("mass", ["M.npz", "M.mtx"])
 def test_matrices_give_the_same_modes(from_files: Pipeline, folder: Path, mass: str) -> None:
     run = pipeline(folder, f"body.strip.matrices.mass={mass}", scene="matrices.toml")

@@ -65,6 +65,16 @@ def test_loads_out_of_the_plane_of_motion_are_marked():
     assert joint(twist).loaded == (("tip", False),)
 
 
+def test_gravity_and_loads_out_of_the_plane_of_the_hinges_make_a_motion_in_space():
+    """A static response in the plane alone would leave out how such loads pass through a body to those it carries."""
+    push = 'drive.push={type="point force", marker="beam.tip", direction=[1, 1, 0], force="1 N"}'
+    lift = 'drive.lift={type="point force", marker="beam.tip", direction=[0, 0, 1], force="1 N"}'
+    weight = "simulation.gravity=['0 m/s^2', '0 m/s^2', '-9.81 m/s^2']"
+    assert joint(push).planar
+    assert not joint(lift).planar
+    assert not joint(weight).planar
+
+
 def test_a_scene_of_parts_alone_has_a_floating_body():
     part = read_inboard_joint(load_scene("beam").model_copy(update={"joint": {}}), "beam")
     assert part.marker == ""

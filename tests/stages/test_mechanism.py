@@ -11,7 +11,6 @@ from scipy.interpolate import CubicSpline
 from pipeline import Pipeline, load_scene
 from pipeline.cli.app import main
 from pipeline.core.errors import InputError
-from pipeline.dynamics.rotor.rotor import PlanarRotor
 from pipeline.integrators.scipy_ivp import ScipyIvp
 from pipeline.integrators.subcycling import Subcycling
 from pipeline.recovery.motion import Motion
@@ -20,6 +19,7 @@ from pipeline.scene.time_functions import TorqueOverTime
 from pipeline.stages.mechanism import build_mechanism
 from pipeline.stages.runs import make_plans
 from pipeline.stages.signals import signal_of
+from tests.dynamics.drives import Drives
 
 # A crank on a hinge with a slider on it: rigid, so quick.
 CRANK = """
@@ -256,7 +256,7 @@ def test_a_prescribed_table_moves_its_joint_along_the_smooth_curve(tmp_path: Pat
     assert (4 + 2 * (2 + x) ** 2) * moved.joint_rate("hub") == pytest.approx(moved.times, abs=1e-8)
     # What pushes the slider: m (ẍ − r θ̇²).
     for k in (10, 35):
-        load = mechanism.drive_loads(moved.times[k], moved.trajectory.q[k], moved.trajectory.v[k])
+        load = Drives(mechanism).loads(moved.times[k], moved.trajectory.q[k], moved.trajectory.v[k])
         want = 2 * (curve(moved.times[k], 2) - (2 + x[k]) * moved.joint_rate("hub")[k] ** 2)
         assert load == pytest.approx({"slider": want}, rel=1e-9)
 
@@ -307,33 +307,6 @@ def quick_beam(*overrides: str) -> Pipeline:
     return Pipeline(load_scene("beam", [*BEAM, CLOSELY, *overrides]))
 
 
-def test_a_beam_that_a_pulse_drives_is_marched_by_the_kernels_of_a_rotor() -> None:
-    assert isinstance(quick_beam().system, PlanarRotor)
-    assert isinstance(quick_beam("drive={}").system, PlanarRotor)
-
-
-CHAINS = {
-    "weight": 'simulation.gravity=["0 m/s^2", "-9.81 m/s^2", "0 m/s^2"]',
-    "a spring": "joint.hub.spring=1 N m",
-    "a damper": "joint.hub.damper=1 N m s",
-    "modal damping": "body.beam.modes.damping=0.01",
-    "a torque": 'drive.more={ type = "torque", joint = "hub", torque = "1 N m" }',
-    "a motion": 'drive.spin_up={ type = "motion", joint = "hub", angle = { formula = "t", unit = "rad" } }',
-    "a force": 'drive.more={ type = "point force", marker = "beam.tip", direction = [0, 1, 0], force = "1 N" }',
-    "two pulses": 'drive.more={ type = "torque pulse", joint = "hub", torque = "1 N m", duration = "1 ms" }',
-    "another joint": 'joint.hub={ type = "spherical", parent = "ground", child = "beam.root" }',
-    "a steady start": "simulation.start=steady",
-    "a split": 'simulation.run=[{ integrator = "sub-cycling", substeps = 2, split = "500 Hz" }]',
-}
-
-
-@pytest.mark.parametrize("what", CHAINS)
-def test_a_beam_with_more_than_a_pulse_is_marched_as_a_mechanism(what: str) -> None:
-    extra = ("drive={}",) if what == "another joint" else ()
-    run = quick_beam(*extra, CHAINS[what])
-    assert run.system is run.mechanism
-
-
 @pytest.mark.parametrize(
     "extra",
     [
@@ -344,11 +317,9 @@ def test_a_beam_with_more_than_a_pulse_is_marched_as_a_mechanism(what: str) -> N
     ids=["damping", "torque", "point force"],
 )
 @pytest.mark.parametrize("stiffening", ["off", "on"])
-def test_the_beam_moves_alike_as_rotor_and_as_chain(extra: str, stiffening: str) -> None:
-    rotor, chain = (quick_beam(f"simulation.stiffening={stiffening}", *more) for more in ((), (extra,)))
-    one, other = rotor.motion, chain.motion
-    assert rotor.system is not rotor.mechanism
-    assert chain.system is chain.mechanism
+def test_drives_and_dampers_next_to_nothing_change_next_to_nothing(extra: str, stiffening: str) -> None:
+    plain, driven = (quick_beam(f"simulation.stiffening={stiffening}", *more) for more in ((), (extra,)))
+    one, other = plain.motion, driven.motion
     q = one.trajectory.q
     assert other.modal("beam") == pytest.approx(q[:, 1:], abs=1e-10 * np.abs(q[:, 1:]).max())
     assert other.trajectory.q[:, 0] == pytest.approx(q[:, 0], abs=1e-10)
@@ -362,9 +333,9 @@ def test_modal_damping_takes_out_what_its_ratio_says() -> None:
     zeta = 0.03
     weld = 'joint.hub={ type = "fixed", parent = "ground", child = "beam.root" }'
     run = quick_beam("drive={}", weld, f"body.beam.modes.damping={zeta}", 'body.beam.modes.boundary="joint"')
-    tree, t = run.mechanism, np.linspace(0.0, 0.02, 21)
+    system, t = run.system, np.linspace(0.0, 0.02, 21)
     omega = run.body.omega
-    march = ScipyIvp("DOP853", 1e-11).march(tree, np.zeros(tree.n), np.ones(tree.n), t)
+    march = ScipyIvp("DOP853", 1e-11).march(system, np.zeros(system.n), np.ones(system.n), t)
     swing = omega * np.sqrt(1 - zeta**2)
     want = np.exp(-zeta * np.outer(t, omega)) * np.sin(np.outer(t, swing)) / swing
     assert march.q == pytest.approx(want, abs=1e-8 / omega[0])

@@ -82,6 +82,18 @@ def test_a_key_changes_with_whatever_its_stage_depends_on_and_with_nothing_else(
     assert {name for name in PART_STAGES if one.key(name) != other.key(name)} == changed
 
 
+def test_the_formulation_of_elements_is_in_the_keys_of_modes_and_stress_but_not_of_the_mesh():
+    linear = "body.beam.mesh.order=1"
+    one, other = (
+        FlexiblePart(load_scene("beam", overrides), "beam", StageStore(Cache(None)))
+        for overrides in ([linear], [linear, "body.beam.mesh.formulation=plain"])
+    )
+    changed = {name for name in PART_STAGES if one.key(name) != other.key(name)}
+    assert changed == set(PART_STAGES) - {"assembly", "mesh", "surface"}
+    assert (one.space.is_enhanced, other.space.is_enhanced) == (True, False)
+    assert (one.modes.frequencies_hz < other.modes.frequencies_hz).all()
+
+
 def test_a_variant_takes_over_what_both_scenes_have_in_common_and_leaves_the_run_alone():
     small = "body.beam.mesh.divisions=[12, 2, 1]"
     run = Pipeline(load_scene("beam", [small]), Cache(None))

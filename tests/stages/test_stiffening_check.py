@@ -18,13 +18,12 @@ def beam() -> Pipeline:
 
 def test_the_beams_pulse_brings_it_to_the_scenes_speed(beam: Pipeline) -> None:
     check = beam.spin["beam"]
-    assert check.largest_rate == pytest.approx(20.0, rel=1e-12)
+    assert check.largest_rate == pytest.approx(20.0, rel=1e-4)  # DOP853's tolerance
     assert check.first_frequency == beam.parts["beam"].body.omega[0]
     assert not check.stiffened
 
 
 def test_a_damper_hardly_slows_it(beam: Pipeline) -> None:
-    # The other way: DOP853 in place of the closed form.
     damped = load_scene("beam", [*QUICK, "joint.hub.damper=1e-9 N m s"])
     check = check_spins(damped, {"beam": beam.parts["beam"].body})["beam"]
     assert check.largest_rate == pytest.approx(20.0, rel=1e-3)
@@ -33,7 +32,7 @@ def test_a_damper_hardly_slows_it(beam: Pipeline) -> None:
 def test_a_scene_that_ends_early_turns_as_fast_as_it_gets(beam: Pipeline) -> None:
     half = load_scene("beam", [*QUICK, "simulation.duration=50 ms"])
     check = check_spins(half, {"beam": beam.parts["beam"].body})["beam"]
-    assert check.largest_rate == pytest.approx(10.0, rel=1e-12)  # 10 (1 − cos(π t/0.1 s))
+    assert check.largest_rate == pytest.approx(10.0, rel=1e-4)  # 10 (1 − cos(π t/0.1 s))
 
 
 def test_a_body_loses_its_stiffness_where_spin_takes_as_much_as_there_is(beam: Pipeline) -> None:

@@ -18,7 +18,7 @@ def ratios(scene: str, own: list[str], finer: list[str]) -> dict[str, float]:
     """Stated over true error of each quantity whose true one is above round-off."""
     run = Pipeline(load_scene(scene, own), Cache(None))
     true = true_errors(run, Pipeline(load_scene(scene, [*own, *finer]), Cache(None)))
-    return {row.name: row.total / true[row.name] for row in ERROR_BUDGET.of(run).rows if true[row.name] > ROUND_OFF}
+    return {row.name: row.numerical / true[row.name] for row in ERROR_BUDGET.of(run).rows if true[row.name] > ROUND_OFF}
 
 
 def rod_slider() -> dict[str, float]:

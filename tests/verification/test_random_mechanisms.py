@@ -120,11 +120,11 @@ def test_a_march_ends_in_numbers_or_says_when_and_where_it_diverged(
     folder: Path, seed: int, m: int, share: float
 ) -> None:
     run = load(folder, seed)
-    limit = min(2.0 / run.mechanism.highest_frequency, 0.05)
+    limit = min(2.0 / run.system.highest_frequency, 0.05)
     method = CentralDifference(share * limit) if m == 1 else Subcycling(share * limit / m, m)
     times = np.linspace(0.0, 400 * share * limit, 9)
     try:
-        found = method.march(run.mechanism, *run.start, times)
+        found = method.march(run.system, *run.start, times)
     except StabilityError as error:
         told = re.search(r"diverged at t = (\S+) s, most in coordinate (\d+)", str(error))
         assert told
@@ -138,17 +138,16 @@ def test_a_march_ends_in_numbers_or_says_when_and_where_it_diverged(
 @settings(max_examples=20)
 @given(seed=SEEDS, m=st.integers(1, 8))
 def test_a_motion_does_not_depend_on_the_times_asked_for(folder: Path, seed: int, m: int) -> None:
-    """Bit for bit; the rotor's sub-cycling has a path of its own (`test_subcycling_beam.py`)."""
     run, method = load(folder, seed), Subcycling(1e-4, m)
     coarse = np.linspace(0.0, 0.05, 6)
     fine = np.sort(np.r_[coarse, np.random.default_rng(seed).uniform(0.0, 0.05, 40)])
     try:
-        one = method.march(run.mechanism, *run.start, coarse)
+        one = method.march(run.system, *run.start, coarse)
     except StabilityError as error:  # flexible bodies on joints couple: then it is told alike
         with pytest.raises(StabilityError, match=re.escape(str(error))):
-            method.march(run.mechanism, *run.start, fine)
+            method.march(run.system, *run.start, fine)
         return
-    other = method.march(run.mechanism, *run.start, fine)
+    other = method.march(run.system, *run.start, fine)
     rows = np.searchsorted(fine, coarse)
     assert np.array_equal(other.q[rows], one.q)
     assert np.array_equal(other.v[rows], one.v)

@@ -38,9 +38,14 @@ def scale(factor: Scalar | float, a: Sequence[Scalar]) -> list[Scalar]:
     return [x * factor for x in a]
 
 
+def multiply(a: Sequence[Scalar], b: Sequence[Scalar]) -> list[Scalar]:
+    """Return the products of entries."""
+    return [x * y for x, y in zip(a, b, strict=True)]
+
+
 def dot(a: Sequence[Scalar], b: Sequence[Scalar]) -> Scalar:
     """Return ``a · b``."""
-    return total(x * y for x, y in zip(a, b, strict=True))
+    return total(multiply(a, b))
 
 
 def cross(a: Sequence[Scalar], b: Sequence[Scalar]) -> Vector3:
@@ -52,6 +57,12 @@ def tilde(a: Sequence[Scalar]) -> Matrix:
     """Return the matrix of the cross product, ``ã b = a × b``."""
     zero = a[0].graph.number(0.0)
     return [[zero, -a[2], a[1]], [a[2], zero, -a[0]], [-a[1], a[0], zero]]
+
+
+def diagonal(values: Sequence[Scalar]) -> Matrix:
+    """Make a diagonal matrix."""
+    zero = values[0].graph.number(0.0)
+    return [[value if i == j else zero for j in range(len(values))] for i, value in enumerate(values)]
 
 
 def transpose(A: Matrix) -> Matrix:
@@ -118,7 +129,7 @@ class SymmetricFactor:
 
     def divide(self, x: Sequence[Scalar]) -> list[Scalar]:
         """Return ``D⁻¹ x``."""
-        return [a * b for a, b in zip(x, self.inverse_D, strict=True)]
+        return multiply(x, self.inverse_D)
 
     def backward(self, x: Sequence[Scalar]) -> list[Scalar]:
         """Return ``L⁻ᵀ x``."""

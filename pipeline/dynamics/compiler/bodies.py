@@ -9,12 +9,16 @@ bring about. With the inertia forms I_ab and A_a, and p = (1, q):
 
     J_ab = pᵀ I_ab p        y_ab = I_ab p        N_ab = q̇ · y_ab        z_a = A_a p        h_a = z_a · q̇
     moments   ω × J ω + 2 N ω − ω × h        modes   −Σ ω_a ω_b y_ab − 2 Σ ω_a A_a q̇
+
+Displacements of second order add ``½ qᵀ bow_a q`` to the first moments and ``qᵀ curl_a q̇`` to the angular momentum. So
+S_a has bow_a q beside it, z_a has −curl_a q, and ``q̇ᵀ bow_a q̇`` and ``q̇ᵀ curl_a q̇`` act on the frame.
 """
 
 from __future__ import annotations
 
 from dataclasses import dataclass
 
+from pipeline.core.arrays import Array
 from pipeline.dynamics.compiler.algebra import (
     Matrix,
     Vector3,
@@ -54,6 +58,8 @@ class Inertia:
         Modal parts of ``I_ab p``.
     S, z, z_rate : list of Vector
         First moments of the modes, modal parts of ``A_a p`` and ``A_a q̇``.
+    bending : Vector6
+        Force and moment that displacements of second order take at constant modal rates.
     """
 
     mass: float
@@ -66,6 +72,7 @@ class Inertia:
     S: list[Vector]
     z: list[Vector]
     z_rate: list[Vector]
+    bending: Vector6
 
     @property
     def M(self) -> Matrix:
@@ -86,10 +93,11 @@ def trace_inertia(graph: Graph, frame: MovingFrame) -> Inertia:
     S, c, z, z_rate = list[Vector](), list[Scalar](), list[Vector](), list[Vector]()
     for a in AXES:
         row = graph.array(forms.S[a, 1:])
-        bowed = row + q.multiplied_by(forms.bow[a].T) if forms.bow.size else row
+        bowed = row + q.multiplied_by(forms.bow[a]) if forms.bow.size else row
         S.append(bowed)
         c.append(combine([(0.5, row), (0.5, bowed)]).dot(q) + float(forms.S[a, 0]))
-        z.append(graph.array(forms.A_a[a, 1:, 0]) + q.multiplied_by(forms.A_a[a, 1:, 1:]))
+        curled = forms.A_a[a, 1:, 1:] - forms.curl[a] if forms.curl.size else forms.A_a[a, 1:, 1:]
+        z.append(graph.array(forms.A_a[a, 1:, 0]) + q.multiplied_by(curled))
         z_rate.append(v.multiplied_by(forms.A_a[a, 1:, 1:]))
     y: list[list[Vector]] = [[], [], []]
     J: Matrix = [[], [], []]
@@ -103,7 +111,13 @@ def trace_inertia(graph: Graph, frame: MovingFrame) -> Inertia:
             J[a].append((linear + both).dot(q) + float(form[0, 0]))
             N[a].append(both.dot(v))
     rates = [row.dot(v) for row in S]
-    return Inertia(forms.mass, c, rates, _full(J), _full(N), [row.dot(v) for row in z], y, S, z, z_rate)
+    bending = [_square(graph, form, v) for forms_of in (forms.bow, forms.curl) for form in forms_of]
+    return Inertia(forms.mass, c, rates, _full(J), _full(N), [row.dot(v) for row in z], y, S, z, z_rate, bending)
+
+
+def _square(graph: Graph, form: Array, v: Vector) -> Scalar:
+    """Return ``vᵀ form v``, 0 for an empty form."""
+    return v.multiplied_by(form).dot(v) if form.size else graph.number(0.0)
 
 
 def _full(lower: Matrix) -> Matrix:
@@ -114,7 +128,7 @@ def velocity_forces(inertia: Inertia, w: Vector3) -> tuple[Vector6, list[tuple[S
     """Return p of a body that spins at ω, and the terms of −e, without loads and springs."""
     swept = add(cross(w, inertia.c), scale(2.0, inertia.c_rate))
     moment = add(cross(w, times(inertia.J, w)), scale(2.0, times(inertia.N, w)))
-    p = cross(w, swept) + subtract(moment, cross(w, inertia.h))
+    p = add(cross(w, swept) + subtract(moment, cross(w, inertia.h)), inertia.bending)
     terms: list[tuple[Scalar | float, Vector]] = []
     for a in AXES:
         terms += [(w[a] * w[a], inertia.y[a][a]), (w[a] * 2.0, inertia.z_rate[a])]

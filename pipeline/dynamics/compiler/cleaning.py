@@ -13,7 +13,8 @@ from dataclasses import dataclass
 import numpy as np
 
 from pipeline.core.arrays import Array
-from pipeline.dynamics.links import Link, PointLoad
+from pipeline.dynamics.links import Link
+from pipeline.reduction.body import MarkerShapes
 
 THRESHOLD = 1e-9
 """Share of its natural scale below which an entry is round-off: meshes leave up to 2e-10, and nothing up to 1e-8."""
@@ -34,8 +35,8 @@ class InertiaForms:
         ``A_a = G_bc − G_cb`` by the axis a across b and c, antisymmetric each.
     S : ndarray, shape (3, 1 + n)
         First moments.
-    bow : ndarray, shape (3, n, n) or (3, 0, 0)
-        Second-order first moments.
+    bow, curl : ndarray, shape (3, n, n) or (3, 0, 0)
+        Second-order first moments and angular momentum.
     mass : float
         [kg]
     """
@@ -44,6 +45,7 @@ class InertiaForms:
     A_a: Array
     S: Array
     bow: Array
+    curl: Array
     mass: float
 
 
@@ -63,17 +65,14 @@ def inertia_forms(link: Link) -> InertiaForms:
     forms[np.abs(forms) <= limit], antisymmetric[np.abs(antisymmetric) <= limit] = 0.0, 0.0
     units = np.sqrt(gram.mass) * scale
     S = np.where(np.abs(gram.S) <= THRESHOLD * units, 0.0, gram.S)
-    return InertiaForms(forms, antisymmetric, S, gram.bow, gram.mass)
+    return InertiaForms(forms, antisymmetric, S, _cut(gram.bow), _cut(gram.curl), gram.mass)
 
 
-def clean_shapes(values: Array, n: int) -> Array:
-    """Return rows of a marker's shapes or rotations, shape (3, n), without round-off; absent ones are zero."""
-    return _cut(np.asarray(values, dtype=float)) if np.size(values) else np.zeros((3, n))
-
-
-def clean_place(at: Link | PointLoad) -> Array:
-    """Return a place in a body's frame, shape (3,), without round-off."""
-    return _cut(np.asarray(at.place, dtype=float))
+def clean_marker(at: MarkerShapes, n: int) -> MarkerShapes:
+    """Return a marker of a body of n modes without round-off; shapes that are absent are zero."""
+    shapes, rotations = (_cut(values) if values.size else np.zeros((3, n)) for values in (at.translation, at.rotation))
+    bow = np.concatenate([_cut(at.bow[:3]), _cut(at.bow[3:])]) if at.bow.size else np.zeros((6, n, n))
+    return MarkerShapes(_cut(at.position), shapes, rotations, bow)
 
 
 def clean_direction(direction: Array) -> Array:
@@ -83,6 +82,7 @@ def clean_direction(direction: Array) -> Array:
 
 
 def _cut(values: Array) -> Array:
+    values = np.asarray(values, dtype=float)
     return np.where(np.abs(values) <= THRESHOLD * np.abs(values).max(initial=0.0), 0.0, values)
 
 

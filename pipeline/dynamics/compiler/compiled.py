@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import ctypes
+from collections.abc import Callable
 from functools import cached_property
 
 import numpy as np
@@ -15,10 +16,11 @@ from pipeline.dynamics.compiler.graph import Graph
 from pipeline.dynamics.compiler.machine import LoadedObject
 from pipeline.dynamics.compiler.program import LANES, Program
 from pipeline.dynamics.compiler.programs import trace_program
-from pipeline.dynamics.compiler.store import load_program
+from pipeline.dynamics.compiler.signal_code import digest_signals, emit_signals
+from pipeline.dynamics.compiler.store import load_object, load_program
 from pipeline.dynamics.compiler.structure import describe_structure
 from pipeline.dynamics.mechanism import Mechanism
-from pipeline.dynamics.signals.signal import Signal, SignalTable, evaluate_signal, pack
+from pipeline.dynamics.signals.signal import Signal
 
 
 class CompiledMechanism:
@@ -47,8 +49,8 @@ class CompiledMechanism:
         return digest_mechanism(self._inputs)
 
     @cached_property
-    def _signals(self) -> SignalTable:
-        return pack(self.signals)
+    def _signal_values(self) -> LoadedObject:
+        return load_object("signals", digest_signals(self.signals), lambda: emit_signals(self.signals))
 
     def program(self, name: str) -> Program:
         """Return a function as a traced program."""
@@ -65,6 +67,8 @@ class CompiledMechanism:
         return self._object(name).n_bytes
 
     def _object(self, name: str) -> LoadedObject:
+        if name == "signals":
+            return self._signal_values
         if name not in self._loaded:
             self._loaded[name] = load_program(name, self._digest, lambda: self.program(name))
         return self._loaded[name]
@@ -81,10 +85,10 @@ class CompiledMechanism:
 
     def signal_values(self, t: float) -> Array:
         """Return the argument ``inputs`` at a time t [s], shape (3 n_signals,)."""
-        out = np.zeros((len(self.signals), 3))
-        for number, row in enumerate(out):
-            evaluate_signal(self._signals, number, float(t), row)
-        return out.ravel()
+        out = np.zeros(3 * len(self.signals))
+        if out.size:
+            self.call("signals", np.array([float(t)]), out)
+        return out
 
     def accelerations(self, t: float, q: Array, v: Array) -> Array:
         """Return the accelerations, shape (n,), at a time t [s]."""
@@ -101,17 +105,39 @@ class CompiledMechanism:
     def tangents(self, t: float, q: Array, v: Array, a: Array) -> tuple[Array, Array, Array]:
         """Return the residual's derivatives by q (n, n_positions), v (n, n) and a, which is ``M̂`` (n, n)."""
         sizes = (len(q), len(v), len(a))
-        directions = np.eye(sum(sizes))
-        inputs, state, columns = self.signal_values(t), _contiguous(q, v, a), []
-        for first in range(0, sum(sizes), LANES):
-            block = np.zeros((sum(sizes), LANES))
-            some = directions[:, first : first + LANES]
-            block[:, : some.shape[1]] = some
+        inputs, state = self.signal_values(t), _contiguous(q, v, a)
+        fixed = np.zeros((len(inputs), LANES))
+
+        def along(block: Array) -> Array:
             dr = np.zeros((len(v), LANES))
-            self.call("tangents", inputs, *state, *np.split(block, np.cumsum(sizes)[:2]), dr)
-            columns.append(dr[:, : some.shape[1]])
-        by_q, by_v, by_a = np.split(np.concatenate(columns, axis=1), np.cumsum(sizes)[:2], axis=1)
+            self.call("tangents", inputs, *state, fixed, *np.split(block, np.cumsum(sizes)[:2]), dr)
+            return dr
+
+        by_q, by_v, by_a = np.split(_in_blocks(along, np.eye(sum(sizes)), len(v)), np.cumsum(sizes)[:2], axis=1)
         return by_q, by_v, by_a
+
+    def input_tangents(self, t: float, q: Array, v: Array, a: Array) -> Array:
+        """Return the residual's derivatives by the argument ``inputs``, shape (n, 3 n_signals)."""
+        inputs, state = self.signal_values(t), _contiguous(q, v, a)
+        fixed = [np.zeros((len(x), LANES)) for x in state]
+
+        def along(block: Array) -> Array:
+            dr = np.zeros((len(v), LANES))
+            self.call("tangents", inputs, *state, block, *fixed, dr)
+            return dr
+
+        return _in_blocks(along, np.eye(len(inputs)), len(v))
+
+    def mass_matrix(self, t: float, q: Array) -> Array:
+        """Return ``M̂``, shape (n, n)."""
+        inputs, (positions,) = self.signal_values(t), _contiguous(q)
+
+        def along(block: Array) -> Array:
+            dr = np.zeros(block.shape)
+            self.call("inertia", inputs, positions, block, dr)
+            return dr
+
+        return _in_blocks(along, np.eye(self.mechanism.n), self.mechanism.n)
 
     def solve(self, t: float, q: Array, f: Array) -> Array:
         """Return ``M̂⁻¹ f`` for columns f (n, any)."""
@@ -122,27 +148,14 @@ class CompiledMechanism:
         return self._solve("solve_fast", t, q, f)
 
     def _solve(self, name: str, t: float, q: Array, f: Array) -> Array:
-        out, inputs = np.zeros(f.shape), self.signal_values(t)
-        for first in range(0, f.shape[1], LANES):
-            some = f[:, first : first + LANES]
-            block, x = np.zeros((2, len(f), LANES))
-            block[:, : some.shape[1]] = some
-            self.call(name, inputs, *_contiguous(q), block, x)
-            out[:, first : first + LANES] = x[:, : some.shape[1]]
-        return out
+        inputs, (positions,) = self.signal_values(t), _contiguous(q)
 
-    def held_equation(self, t: float, q: Array, v: Array) -> tuple[Array, Array, Array]:
-        """Return c, K and C of the fast coordinates' ``a_S = c − K q_S − C v_S`` with all else as it is at a state.
+        def along(block: Array) -> Array:
+            x = np.zeros(block.shape)
+            self.call(name, inputs, positions, block, x)
+            return x
 
-        The slow accelerations, the mass matrix and the forces of velocities are those of the state: eq. (11) of Miao
-        et al. (2008).
-        """
-        mechanism = self.mechanism
-        fast = slice(mechanism.n_slow, None)
-        both = np.concatenate([mechanism.linear_stiffness[:, fast], mechanism.linear_damping[:, fast]], axis=1)
-        K, C = np.split(self.solve_fast(t, q, both)[fast], 2, axis=1)
-        positions = q[fast.start + mechanism.n_positions - mechanism.n :]
-        return self.accelerations(t, q, v)[fast] + K @ positions + C @ v[fast], K, C
+        return _in_blocks(along, f, len(f))
 
     def frames(self, t: float, q: Array, v: Array) -> tuple[Array, Array, Array]:
         """Return the bodies' origins (n_bodies, 3), rotations (n_bodies, 3, 3) and angular velocities in space."""
@@ -187,3 +200,12 @@ def compile_mechanism(mechanism: Mechanism) -> CompiledMechanism:
 
 def _contiguous(*arrays: Array) -> list[Array]:
     return [np.ascontiguousarray(array, dtype=float) for array in arrays]
+
+
+def _in_blocks(along: Callable[[Array], Array], columns: Array, n_rows: int) -> Array:
+    """Apply a function that takes eight columns, and returns them with so many rows, to any number of them."""
+    n, n_columns = columns.shape
+    filled = np.zeros((n, -(-n_columns // LANES) * LANES))
+    filled[:, :n_columns] = columns
+    blocks = [along(filled[:, first : first + LANES].copy()) for first in range(0, n_columns, LANES)]
+    return np.concatenate([np.zeros((n_rows, 0)), *blocks], axis=1)[:, :n_columns]

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from pipeline.dynamics.compiler.algebra import constants
-from pipeline.dynamics.compiler.graph import Graph, Scalar, Vector
+from pipeline.dynamics.compiler.graph import Graph, Scalar, Vector, combine
 from pipeline.dynamics.mechanism import Mechanism
 from pipeline.dynamics.signals.signal import Signal, constant, total
 
@@ -81,6 +81,24 @@ class RestingCoordinates(Coordinates):
     def signal(self, signal: Signal, derivatives: int = 0) -> list[Scalar]:
         """A signal's value, and zeros."""
         return [*super().signal(signal), *constants(self.graph, [0.0] * derivatives)]
+
+
+class LeapingCoordinates(Coordinates):
+    """Inputs of a mechanism in the leapfrog method: rates are half a step behind, ``v + ½ h a`` with the last a."""
+
+    def joint_rates(self, body: int) -> list[Scalar]:
+        """Return a joint's rates half a step later."""
+        pairs = zip(super().joint_rates(body), self.inputs_of_joint(body, "a"), strict=True)
+        return [v + a * (self.step * 0.5) for v, a in pairs]
+
+    def modal_rates(self, body: int) -> Vector:
+        """Return a body's modal rates half a step later."""
+        return combine([(1.0, super().modal_rates(body)), (self.step * 0.5, self.inputs_of_modes(body, "a"))])
+
+    @property
+    def step(self) -> Scalar:
+        """Length of the step."""
+        return self.graph.scalar_input("step", 0)
 
 
 def constant_value(signal: Signal) -> float | None:

@@ -9,10 +9,11 @@ import numpy as np
 from pipeline.core.arrays import Array
 from pipeline.dynamics.compiler.algebra import Vector6, constants, cross, subtract, times, transpose
 from pipeline.dynamics.compiler.bodies import AXES, Inertia, velocity_forces
-from pipeline.dynamics.compiler.cleaning import clean_direction, clean_place, clean_shapes
+from pipeline.dynamics.compiler.cleaning import clean_direction, clean_marker
 from pipeline.dynamics.compiler.coordinates import Coordinates, RestingCoordinates
-from pipeline.dynamics.compiler.frames import MovingFrame, trace_marker
-from pipeline.dynamics.compiler.graph import Graph, Scalar, Vector
+from pipeline.dynamics.compiler.frames import MovingFrame
+from pipeline.dynamics.compiler.graph import Graph, Scalar, Vector, combine
+from pipeline.dynamics.compiler.marker import trace_marker
 from pipeline.dynamics.links import PRISMATIC, REVOLUTE, PointLoad
 
 Terms = list[tuple[Scalar | float, Vector]]
@@ -115,17 +116,27 @@ def joint_load(inputs: Coordinates, frame: MovingFrame) -> Scalar:
     link, graph = frame.link, inputs.graph
     if link.joint not in (REVOLUTE, PRISMATIC) or link.motion is not None:
         return graph.number(0.0)
-    grip = joint_grip(graph, frame)
     (s,), (ds,) = inputs.joint_positions(frame.number), inputs.joint_rates(frame.number)
-    stretch = s + grip.dot(frame.q) - link.rest
-    return inputs.signal(link.load)[0] - stretch * link.spring - (ds + grip.dot(frame.v)) * link.damper
+    stretch = s + section_angle(graph, frame) - link.rest
+    rate = ds + joint_grip(graph, frame).dot(frame.v)
+    return inputs.signal(link.load)[0] - stretch * link.spring - rate * link.damper
+
+
+def section_angle(graph: Graph, frame: MovingFrame) -> Scalar:
+    """Return the angle by which a body's own section has turned in its joint."""
+    link = frame.link
+    if not (link.joint == REVOLUTE and len(link.joint_rotation) and link.motion is None):
+        return graph.number(0.0)
+    return combine([(0.5, graph.array(link.joint_rotation)), (0.5, joint_grip(graph, frame))]).dot(frame.q)
 
 
 def joint_grip(graph: Graph, frame: MovingFrame) -> Vector:
-    """Return how much the body's own section turns in its joint for unit modal coordinates."""
+    """Return how much a body's own section turns in its joint for unit modal coordinates, at its deflection."""
     link = frame.link
-    grips = link.joint == REVOLUTE and len(link.joint_rotation) and link.motion is None
-    return graph.array(link.joint_rotation) if grips else graph.zeros(len(link.omega))
+    if not (link.joint == REVOLUTE and len(link.joint_rotation) and link.motion is None):
+        return graph.zeros(len(link.omega))
+    grip = graph.array(link.joint_rotation)
+    return grip + frame.q.multiplied_by(link.joint_bow) if link.joint_bow.size else grip
 
 
 def modal_load(inputs: Coordinates, frame: MovingFrame) -> Terms:
@@ -141,14 +152,13 @@ def modal_load(inputs: Coordinates, frame: MovingFrame) -> Terms:
 
 def point_load(inputs: Coordinates, frame: MovingFrame, at: PointLoad) -> tuple[Vector6, Terms]:
     """Return the force and moment of a load on the body's frame, and the terms of its forces on the modes."""
-    graph, n = inputs.graph, len(frame.link.omega)
-    shapes, rotations = clean_shapes(at.shapes, n), clean_shapes(at.rotations, n)
-    marker = trace_marker(graph, clean_place(at), shapes, rotations, frame.q, frame.v)
+    graph = inputs.graph
+    marker = trace_marker(graph, clean_marker(at.marker, len(frame.link.omega)), frame.q, frame.v)
     size = inputs.signal(at.size)[0]
     direction = [size * float(x) for x in clean_direction(at.direction)]
     direction = times(marker.R if at.following else transpose(frame.world[1]), direction)
     if at.torque:
         zero = graph.number(0.0)
         moments = times(transpose(marker.A), direction)
-        return [zero] * 3 + direction, [(moments[i], graph.array(rotations[i])) for i in AXES]
-    return direction + cross(marker.arm, direction), [(direction[i], graph.array(shapes[i])) for i in AXES]
+        return [zero] * 3 + direction, [(moments[i], marker.turns[i]) for i in AXES]
+    return direction + cross(marker.arm, direction), [(direction[i], marker.slopes[i]) for i in AXES]

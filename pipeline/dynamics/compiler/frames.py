@@ -23,48 +23,20 @@ from pipeline.dynamics.compiler.algebra import (
     add,
     constants,
     cross,
-    dot,
     identity,
     product,
     scale,
     shift_matrix,
-    tilde,
     times,
     transpose,
 )
-from pipeline.dynamics.compiler.cleaning import clean_direction, clean_place, clean_shapes
+from pipeline.dynamics.compiler.cleaning import clean_direction, clean_marker
 from pipeline.dynamics.compiler.coordinates import Coordinates
 from pipeline.dynamics.compiler.graph import Graph, Scalar, Vector
+from pipeline.dynamics.compiler.marker import MarkerMotion, rotation, trace_marker
 from pipeline.dynamics.links import FREE, PRISMATIC, REVOLUTE, SPHERICAL, Link
 
 _PARALLEL = 1e-14
-
-
-@dataclass
-class MarkerMotion:
-    """Motion of the place on a body where a joint sits, in the body's axes.
-
-    Attributes
-    ----------
-    arm, moving : Vector3
-        Its place, and twice the rate at which the modes move it.
-    R : Matrix
-        ``exp(θ̃)``: its rotation by the modes.
-    A : Matrix
-        Its rotation rate is ``A θ̇``.
-    turned, turning : Vector3
-        That rate, and its derivative while θ̇ doesn't change.
-    angle : tuple of ndarray and Scalar, optional
-        Axis and angle, of a rotation about one axis only.
-    """
-
-    arm: Vector3
-    moving: Vector3
-    R: Matrix
-    A: Matrix
-    turned: Vector3
-    turning: Vector3
-    angle: tuple[Array, Scalar] | None = None
 
 
 @dataclass
@@ -87,8 +59,6 @@ class MovingFrame:
         Shift of accelerations from the parent's origin to the marker.
     marker : MarkerMotion
         Where the joint sits.
-    place_shapes, place_rotations : ndarray, shape (3, n_parent)
-        Φ and Ψ of the marker.
     shift : Vector3
         From the joint to the body's origin, in the body's axes.
     directions : list of Vector6
@@ -110,8 +80,6 @@ class MovingFrame:
     gamma: Vector6
     B: Matrix
     marker: MarkerMotion
-    place_shapes: Array
-    place_rotations: Array
     shift: Vector3
     directions: list[Vector6]
     velocity: Vector3
@@ -142,10 +110,8 @@ class MovingFrame:
 
     def marker_motion(self, eta: Vector) -> Vector6:
         """Return ``T η``: how the modes of the parent accelerate the marker."""
-        graph = self.spin[0].graph
-        shapes = [graph.array(row).dot(eta) for row in self.place_shapes]
-        turns = [graph.array(row).dot(eta) for row in self.place_rotations]
-        return shapes + times(self.marker.A, turns)
+        turns = [row.dot(eta) for row in self.marker.turns]
+        return [row.dot(eta) for row in self.marker.slopes] + times(self.marker.A, turns)
 
     def move(self, accelerations: list[Scalar]) -> Vector6:
         """Return ``S q̈``."""
@@ -171,12 +137,11 @@ def _trace_frame(inputs: Coordinates, number: int, link: Link, parent: MovingFra
     graph = inputs.graph
     zero3 = constants(graph, [0.0] * 3)
     n_parent = len(parent.link.omega) if parent else 0
-    Phi, Psi = clean_shapes(link.place_shapes, n_parent), clean_shapes(link.place_rotations, n_parent)
     none = graph.zeros(0)
     q, v, spin = (parent.q, parent.v, parent.spin) if parent else (none, none, zero3)
-    marker = trace_marker(graph, clean_place(link), Phi, Psi, q, v)
+    marker = trace_marker(graph, clean_marker(link.place_marker, n_parent), q, v)
     swept = add(cross(spin, marker.arm), marker.moving)
-    beta = cross(spin, swept) + add(cross(spin, marker.turned), marker.turning)
+    beta = add(cross(spin, swept), marker.bending) + add(cross(spin, marker.turned), marker.turning)
     motion = _trace_joint(inputs, number, link, marker)
     w = times(transpose(motion.R), add(spin, marker.turned))  # of the joint's frame on the parent, in the body's axes
     swept = add(cross(w, motion.shift), scale(2.0, motion.sliding))
@@ -196,68 +161,10 @@ def _trace_frame(inputs: Coordinates, number: int, link: Link, parent: MovingFra
         gamma,
         shift_matrix(marker.arm),
         marker,
-        Phi,
-        Psi,
         motion.shift,
         motion.directions,
         velocity,
     )
-
-
-def trace_marker(graph: Graph, place: Array, Phi: Array, Psi: Array, q: Vector, v: Vector) -> MarkerMotion:
-    """Trace the motion of a point of a body, with its section, for the body's modal coordinates and rates."""
-    zero3 = constants(graph, [0.0] * 3)
-    if q.size == 0:
-        unit = identity(graph, 3)
-        return MarkerMotion(constants(graph, place), zero3, unit, unit, zero3, zero3)
-    arm = [graph.array(row).dot(q) + float(x) for row, x in zip(Phi, place, strict=True)]
-    moving = [graph.array(2.0 * row).dot(v) for row in Phi]
-    if not Psi.any():
-        unit = identity(graph, 3)
-        return MarkerMotion(arm, moving, unit, unit, zero3, zero3)
-    axes, sizes, _ = np.linalg.svd(Psi, full_matrices=False)
-    if np.sum(sizes > 1e-12 * sizes[0]) == 1:
-        axis = axes[:, 0] * np.sign(axes[np.abs(axes[:, 0]).argmax(), 0])
-        axis = clean_direction(axis)
-        row = graph.array(axis @ Psi)
-        angle, rate = row.dot(q), row.dot(v)
-        R, turned = rotation(graph, axis, angle), [rate * float(x) for x in axis]
-        return MarkerMotion(arm, moving, R, identity(graph, 3), turned, zero3, (axis, angle))
-    R, A, turned, turning = _turn_by_vector(graph, [graph.array(row) for row in Psi], q, v)
-    return MarkerMotion(arm, moving, R, A, turned, turning)
-
-
-def _turn_by_vector(graph: Graph, Psi: list[Vector], q: Vector, v: Vector) -> tuple[Matrix, Matrix, Vector3, Vector3]:
-    """Rotation by θ = Ψ q, A(θ), A θ̇ and its derivative for constant θ̇.
-
-    With Stumpff functions c_k of x = |θ|², ``exp(θ̃) = c₀ + c₁ θ̃ + c₂ θ θᵀ`` and ``A = 1 + c₂ θ̃ + c₃ θ̃²``.
-    """
-    t, dt = [row.dot(q) for row in Psi], [row.dot(v) for row in Psi]
-    x, t_dt, dt2 = dot(t, t), dot(t, dt), dot(dt, dt)
-    c4, c5 = x.apply("stumpff4"), x.apply("stumpff5")
-    c2, c3 = 0.5 - x * c4, 1.0 / 6.0 - x * c5
-    c0, c1 = 1.0 - x * c2, 1.0 - x * c3
-    d2, d3 = c4 * 2.0 - c3, c5 * 3.0 - c4  # twice the slopes of c₂ and c₃
-    turn, unit = tilde(t), identity(graph, 3)
-    R = [[unit[i][j] * c0 + c1 * turn[i][j] + c2 * (t[i] * t[j]) for j in range(3)] for i in range(3)]
-    one = 1.0 - c3 * x
-    A = [[unit[i][j] * one + c2 * turn[i][j] + c3 * (t[i] * t[j]) for j in range(3)] for i in range(3)]
-    across = cross(t, dt)
-    twice = [a * t_dt - b * x for a, b in zip(t, dt, strict=True)]  # θ̃² θ̇
-    turned = add(dt, scale(c2, across), scale(c3, twice))
-    curl = [a * dt2 - b * t_dt for a, b in zip(t, dt, strict=True)]
-    turning = add(scale(c3, curl), scale(d3 * t_dt, twice), scale(d2 * t_dt, across))
-    return R, A, turned, turning
-
-
-def rotation(graph: Graph, axis: Array, angle: Scalar) -> Matrix:
-    """Return the rotation about a constant unit axis (Rodrigues' formula)."""
-    c, s = angle.apply("cos"), angle.apply("sin")
-    outer, across = np.outer(axis, axis), np.cross(np.eye(3), axis)
-    return [
-        [c * float((i == j) - outer[i, j]) + s * float(across[i, j]) + float(outer[i, j]) for j in range(3)]
-        for i in range(3)
-    ]
 
 
 @dataclass

@@ -14,7 +14,8 @@ def emit(program: Program, register: int) -> str:
     emitter = _Emitter(program, register)
     emitter.write_nodes()
     emitter.write_outputs()
-    arguments = ", ".join(f"ptr noalias %{name}" for name in program.arguments)
+    own = "" if program.in_place else "noalias "
+    arguments = ", ".join(f"ptr {own}%{name}" for name in program.arguments)
     lines = [
         "declare double @llvm.fma.f64(double, double, double)",
         "declare double @llvm.sqrt.f64(double)",

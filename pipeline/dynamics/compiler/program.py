@@ -38,6 +38,8 @@ class Program:
         What it fills them with; places that none names are left as they are.
     lanes : tuple of str
         Arguments that have `LANES` entries in each place: the directions of derivatives, and these.
+    in_place : bool
+        Outputs replace inputs.
     """
 
     name: str
@@ -45,6 +47,7 @@ class Program:
     arguments: tuple[str, ...]
     outputs: tuple[Output, ...] = field(repr=False)
     lanes: tuple[str, ...] = ()
+    in_place: bool = False
 
     @cached_property
     def nodes(self) -> list[int]:

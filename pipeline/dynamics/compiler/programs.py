@@ -5,8 +5,10 @@ are filled:
 
 - ``inputs`` (3 n_signals,): value, rate and acceleration of each varying signal at the state's time;
 - ``q`` (n_positions,) and ``v`` (n,): positions and rates in the mechanism's order;
+- ``step`` (1,): length of a leapfrog step, which takes ``q``, ``v`` and ``a`` on in their places;
 - ``a`` (n,): accelerations, and ``r`` (n,): the residual ``M̂ a − Q̂``;
-- ``dq`` (n_positions, 8), ``dv`` and ``da`` (n, 8): eight directions, and ``dr`` (n, 8): the residual's derivatives;
+- ``dinputs`` (3 n_signals, 8), ``dq`` (n_positions, 8), ``dv`` and ``da`` (n, 8): eight directions, and ``dr`` (n, 8):
+  the residual's derivatives; ``M̂ da`` by ``inertia``;
 - ``f`` (n, 8): eight generalised forces, and ``x`` (n, 8): ``M̂⁻¹ f``, or ``M̂_SS⁻¹ f_S`` of the fast coordinates and
   zeros for the slow ones;
 - ``origins`` (n_bodies, 3), ``rotations`` (n_bodies, 3, 3) and ``spins`` (n_bodies, 3): the bodies' frames and angular
@@ -24,10 +26,10 @@ from collections.abc import Callable
 from typing import NamedTuple
 
 from pipeline.dynamics.compiler.algebra import times
-from pipeline.dynamics.compiler.coordinates import Coordinates, RestingCoordinates
+from pipeline.dynamics.compiler.coordinates import Coordinates, LeapingCoordinates, RestingCoordinates
 from pipeline.dynamics.compiler.forces import ActingForces, GivenForces
 from pipeline.dynamics.compiler.frames import MovingFrame, trace_frames
-from pipeline.dynamics.compiler.graph import Scalar
+from pipeline.dynamics.compiler.graph import Scalar, combine
 from pipeline.dynamics.compiler.program import Output, Program
 from pipeline.dynamics.compiler.quantities import (
     trace_kinetic_energy,
@@ -50,16 +52,35 @@ class Definition(NamedTuple):
     arguments: tuple[str, ...]
     trace: Trace
     lanes: tuple[str, ...] = ()
+    in_place: bool = False
 
 
 def trace_program(name: str, inputs: Coordinates, frames: list[MovingFrame]) -> Program:
     """Trace one of `DEFINITIONS`."""
-    arguments, trace, lanes = DEFINITIONS[name]
-    return Program(name, inputs.graph, arguments, tuple(trace(inputs, frames)), lanes)
+    arguments, trace, lanes, in_place = DEFINITIONS[name]
+    return Program(name, inputs.graph, arguments, tuple(trace(inputs, frames)), lanes, in_place)
 
 
 def _accelerations(inputs: Coordinates, frames: list[MovingFrame]) -> list[Output]:
     return _in_order_of_rates(inputs.mechanism, "a", trace_accelerations(frames, ActingForces(inputs)))
+
+
+def _leap(inputs: Coordinates, frames: list[MovingFrame]) -> list[Output]:
+    """Accelerations half a step after the rates, and rates and positions a step later."""
+    leaping = LeapingCoordinates(inputs.graph, inputs.mechanism)
+    new = trace_accelerations(trace_frames(leaping), ActingForces(leaping))
+    h, rates, positions = leaping.step, [], []
+    for number, a in enumerate(new):
+        v = [rate + x * h for rate, x in zip(inputs.joint_rates(number), a.joint, strict=True)]
+        rates.append(BodyValues(v, combine([(1.0, inputs.modal_rates(number)), (h, a.modes)])))
+        joint = zip(inputs.joint_positions(number), v, strict=True)
+        modes = combine([(1.0, inputs.modal_positions(number)), (h, rates[-1].modes)])
+        positions.append(BodyValues([q + rate * h for q, rate in joint], modes))
+    return [
+        output
+        for argument, values in (("a", new), ("v", rates), ("q", positions))
+        for output in _in_order_of_rates(inputs.mechanism, argument, values)
+    ]
 
 
 def _residual(inputs: Coordinates, frames: list[MovingFrame]) -> list[Output]:
@@ -67,7 +88,15 @@ def _residual(inputs: Coordinates, frames: list[MovingFrame]) -> list[Output]:
 
 
 def _tangents(inputs: Coordinates, frames: list[MovingFrame]) -> list[Output]:
-    slopes = trace_tangents(inputs, trace_residual(inputs, frames))
+    return _slopes(inputs, frames, ("inputs", "q", "v", "a"))
+
+
+def _inertia(inputs: Coordinates, frames: list[MovingFrame]) -> list[Output]:
+    return _slopes(inputs, frames, ("a",))
+
+
+def _slopes(inputs: Coordinates, frames: list[MovingFrame], arguments: tuple[str, ...]) -> list[Output]:
+    slopes = trace_tangents(inputs, trace_residual(inputs, frames), arguments)
     return _in_order_of_rates(inputs.mechanism, "dr", slopes)
 
 
@@ -129,12 +158,14 @@ def _in_row(argument: str, row: int, values: list[Scalar]) -> list[Output]:
 
 
 _STATE = ("inputs", "q", "v")
-_DIRECTIONS = ("dq", "dv", "da", "dr")
+_DIRECTIONS = ("dinputs", "dq", "dv", "da", "dr")
 
 DEFINITIONS = {
     "accelerations": Definition((*_STATE, "a"), _accelerations),
+    "leap": Definition(("inputs", "step", *_STATE[1:], "a"), _leap, in_place=True),
     "residual": Definition((*_STATE, "a", "r"), _residual),
     "tangents": Definition((*_STATE, "a", *_DIRECTIONS), _tangents, lanes=_DIRECTIONS),
+    "inertia": Definition(("inputs", "q", "da", "dr"), _inertia, lanes=("da", "dr")),
     "solve": Definition(("inputs", "q", "f", "x"), _solve, lanes=("f", "x")),
     "solve_fast": Definition(("inputs", "q", "f", "x"), _solve_fast, lanes=("f", "x")),
     "frames": Definition((*_STATE, "origins", "rotations", "spins"), _frames),

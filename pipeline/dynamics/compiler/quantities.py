@@ -6,11 +6,12 @@ import numpy as np
 
 from pipeline.dynamics.compiler.algebra import Matrix, Vector3, add, constants, cross, dot, product, scale, times
 from pipeline.dynamics.compiler.bodies import trace_inertia
-from pipeline.dynamics.compiler.cleaning import clean_shapes
+from pipeline.dynamics.compiler.cleaning import clean_marker
 from pipeline.dynamics.compiler.coordinates import Coordinates
-from pipeline.dynamics.compiler.frames import MovingFrame, trace_marker
+from pipeline.dynamics.compiler.forces import section_angle
+from pipeline.dynamics.compiler.frames import MovingFrame
 from pipeline.dynamics.compiler.graph import Scalar, total
-from pipeline.dynamics.links import REVOLUTE
+from pipeline.dynamics.compiler.marker import trace_marker
 
 
 def trace_markers(inputs: Coordinates, frames: list[MovingFrame]) -> list[tuple[Vector3, Matrix]]:
@@ -18,10 +19,8 @@ def trace_markers(inputs: Coordinates, frames: list[MovingFrame]) -> list[tuple[
     out = []
     for frame in frames:
         origin, R = frame.world
-        n = len(frame.link.omega)
         for at in frame.link.markers.values():
-            shapes, rotations = clean_shapes(at.translation, n), clean_shapes(at.rotation, n)
-            marker = trace_marker(inputs.graph, at.position, shapes, rotations, frame.q, frame.v)
+            marker = trace_marker(inputs.graph, clean_marker(at, len(frame.link.omega)), frame.q, frame.v)
             out.append((add(origin, times(R, marker.arm)), product(R, marker.R)))
     return out
 
@@ -65,8 +64,7 @@ def trace_potential_energy(inputs: Coordinates, frames: list[MovingFrame]) -> Sc
         if link.spring:
             known = inputs.signal(link.motion) if link.motion is not None else inputs.joint_positions(frame.number)
             stretch = known[0] - link.rest
-            if link.joint == REVOLUTE and len(link.joint_rotation):
-                stretch = stretch + inputs.graph.array(link.joint_rotation).dot(frame.q)
+            stretch = stretch + section_angle(inputs.graph, frame)
             energies.append(stretch * stretch * (0.5 * link.spring))
         if any(not g.is_zero for g in gravity):
             origin, R = frame.world

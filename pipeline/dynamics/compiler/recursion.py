@@ -7,10 +7,12 @@ its modes' equations along (see `bodies`); with c its children, all seen at thei
     (1 + Σ T_cᵀ IA_c T_c) η + (Wᵀ + Σ T_cᵀ IA_c B_c) x + e + Σ T_cᵀ pA_c = 0
 
 The modal mass of a body that carries none is the identity, and the others' differs from it by low rank: the rows of all
-T_c lie in the span of a few constant rows Q (``T_c = L_c Q``, Q Qᵀ = 1), those of the markers' shapes and rotations.
-Across that span the modes are eliminated as if the body carried none. Along it, ``η = … + Qᵀ ζ`` with the small system
+T_c lie in the span of a few orthogonal rows Q (``T_c = L_c Q``, Q Qᵀ = P diagonal): those of the markers' shapes and
+rotations, constant but for what displacements of second order add to them (see `span`).
+Across that span the modes are eliminated as if the body carried none. Along it, ``η = … + Qᵀ P⁻¹ ζ`` with the small
+system
 
-    F ζ = −(Y x + f)    F = 1 + Σ L_cᵀ IA_c L_c    Y = Q W + Σ L_cᵀ IA_c B_c    f = Q e + Σ L_cᵀ pA_c
+    F ζ = −(Y x + f)    F = P⁻¹ + Σ L_cᵀ IA_c L_c    Y = P⁻¹ Q W + Σ L_cᵀ IA_c B_c    f = P⁻¹ Q e + Σ L_cᵀ pA_c
 
 so that n modes cost of the order of n, and a cube only of Q's few rows.
 """
@@ -29,10 +31,10 @@ from pipeline.dynamics.compiler.algebra import (
     add,
     add_matrices,
     congruence,
-    constants,
+    diagonal,
     dot,
     factor_symmetric,
-    identity,
+    multiply,
     product,
     rotate,
     rotate_inertia,
@@ -45,10 +47,10 @@ from pipeline.dynamics.compiler.algebra import (
     transpose,
 )
 from pipeline.dynamics.compiler.bodies import trace_inertia
-from pipeline.dynamics.compiler.cleaning import orthonormal_rows
 from pipeline.dynamics.compiler.forces import Forces
 from pipeline.dynamics.compiler.frames import MovingFrame
 from pipeline.dynamics.compiler.graph import Scalar, Vector, combine
+from pipeline.dynamics.compiler.span import Span, span_markers
 
 
 @dataclass
@@ -73,12 +75,12 @@ class CarrierModes:
 
     Attributes
     ----------
-    Q : list of Vector
-        Orthonormal rows.
-    QW : Matrix
-        Q times the coupling of frame and modes.
-    Qe : list of Scalar
-        Q times the modes' bias.
+    span : Span
+        The rows Q.
+    PQW : Matrix
+        ``P⁻¹ Q`` times the coupling of frame and modes.
+    PQe : list of Scalar
+        ``P⁻¹ Q`` times the modes' bias.
     F : SymmetricFactor
         Factors of F.
     Y, f : Matrix and list of Scalar
@@ -87,9 +89,9 @@ class CarrierModes:
         Each child's T by the rows of Q, ``T_c = T Q``, by its number.
     """
 
-    Q: list[Vector]
-    QW: Matrix
-    Qe: list[Scalar]
+    span: Span
+    PQW: Matrix
+    PQe: list[Scalar]
     F: SymmetricFactor
     Y: Matrix
     f: list[Scalar]
@@ -182,28 +184,22 @@ def _articulate(forces: Forces, frame: MovingFrame, children: list[ArticulatedBo
 
 def _eliminate_modes(body: ArticulatedBody, held: list[MovingFrame], carried: dict[int, Carried]) -> None:
     """Eliminate a body's modes: across the span of its markers as a leaf's, along it by the small system."""
-    graph, n_free = body.e.graph, np.count_nonzero(body.free)
-    markers = [np.concatenate([child.place_shapes, child.place_rotations]) * body.free for child in held]
-    rows = np.concatenate([np.zeros((0, body.e.size)), *markers])
-    basis, L = orthonormal_rows(rows)
-    if len(basis) == n_free:  # nothing is left across; the modes themselves keep the markers' zeros
-        basis = np.eye(body.e.size)[body.free > 0.0]
-        L = rows @ basis.T
-    else:
+    span = span_markers(body.e.graph, [child.marker for child in held], body.free)
+    Q, inverses, n_free = span.Q, span.inverse_squares, np.count_nonzero(body.free)
+    if len(Q) < n_free:
         body.IA = subtract_matrices(body.IA, [[a.dot(b) for b in body.W] for a in body.W])
         body.pA = subtract(body.pA, [row.dot(body.e) for row in body.W])
-    if not len(basis):
+    if not Q:
         return
-    Q = [graph.array(row) for row in basis]
     QW, Qe = [[row.dot(w) for w in body.W] for row in Q], [row.dot(body.e) for row in Q]
+    PQW, PQe = [scale(p, row) for p, row in zip(inverses, QW, strict=True)], multiply(inverses, Qe)
     if len(Q) < n_free:  # give back what a leaf's elimination took along Q
         columns = transpose(QW)
-        body.IA = add_matrices(body.IA, symmetric_product(columns, columns))
-        body.pA = add(body.pA, times(columns, Qe))
-    F, Y, f, T = identity(graph, len(Q)), QW, Qe, dict[int, Matrix]()
-    for k, child in enumerate(held):
-        constant = [constants(graph, row) for row in L[6 * k : 6 * k + 6]]
-        T[child.number] = constant[:3] + product(child.marker.A, constant[3:])
+        body.IA = add_matrices(body.IA, symmetric_product(transpose(PQW), columns))
+        body.pA = add(body.pA, times(columns, PQe))
+    F, Y, f, T = diagonal(inverses), PQW, PQe, dict[int, Matrix]()
+    for child, by_rows in zip(held, span.L, strict=True):
+        T[child.number] = by_rows[:3] + product(child.marker.A, by_rows[3:])
         across = transpose(T[child.number])
         pushed = product(across, carried[child.number].IA)
         F = add_matrices(F, symmetric_product(pushed, across))
@@ -215,7 +211,7 @@ def _eliminate_modes(body: ArticulatedBody, held: list[MovingFrame], carried: di
     divided = [factor.divide(column) for column in Y_columns]
     body.IA = subtract_matrices(body.IA, symmetric_product(divided, Y_columns))
     body.pA = subtract(body.pA, times(divided, f))
-    body.modes = CarrierModes(Q, QW, Qe, factor, transpose(Y_columns), f, T)
+    body.modes = CarrierModes(span, PQW, PQe, factor, transpose(Y_columns), f, T)
 
 
 def _eliminate_joint(body: ArticulatedBody, load: list[Scalar]) -> None:
@@ -286,8 +282,9 @@ def _accelerate_modes(body: ArticulatedBody) -> Vector:
     terms += [(-a, w) for a, w in zip(x, body.W, strict=True)]
     if modes is not None:
         body.zeta = scale(-1.0, modes.F.backward(modes.F.divide(add(modes.f, times(modes.Y, x)))))
-        if len(modes.Q) == np.count_nonzero(body.free):
-            return combine(list(zip(body.zeta, modes.Q, strict=True)))
-        along = add(body.zeta, modes.Qe, times(modes.QW, x))
-        terms += zip(along, modes.Q, strict=True)
+        Q = modes.span.Q
+        if len(Q) == np.count_nonzero(body.free):
+            return combine(list(zip(body.zeta, Q, strict=True)))
+        along = add(multiply(modes.span.inverse_squares, body.zeta), modes.PQe, times(modes.PQW, x))
+        terms += zip(along, Q, strict=True)
     return combine(terms)

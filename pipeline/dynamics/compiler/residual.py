@@ -66,6 +66,5 @@ def _forces(
         at_marker = carried[child.number]
         force = add(force, times(transpose(child.B), at_marker))
         turning = times(transpose(child.marker.A), at_marker[3:])
-        on_modes += [(f, graph.array(row)) for f, row in zip(at_marker[:3], child.place_shapes, strict=True)]
-        on_modes += [(f, graph.array(row)) for f, row in zip(turning, child.place_rotations, strict=True)]
+        on_modes += zip(at_marker[:3] + turning, child.marker.slopes + child.marker.turns, strict=True)
     return force, combine(on_modes)

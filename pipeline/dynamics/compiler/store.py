@@ -20,21 +20,26 @@ _DIGEST_BYTES = 16
 
 
 def load_program(name: str, digest: str, trace: Callable[[], Program]) -> LoadedObject:
-    """Return a program's machine code: kept from before, or compiled now and kept.
+    """Return a program's machine code; parameters are those of `load_object`."""
+    return load_object(name, digest, lambda: emit(trace(), register_width()))
+
+
+def load_object(name: str, digest: str, write: Callable[[], str]) -> LoadedObject:
+    """Return a function's machine code: kept from before, or compiled now and kept.
 
     Parameters
     ----------
     name : str
-        The program's function.
+        The function's.
     digest : str
-        Of all that it is traced from, apart from the sources.
-    trace : callable
-        Makes the program, if it has to be compiled.
+        Of all that it is made from, apart from the sources.
+    write : callable
+        Writes it in LLVM's language, if it has to be compiled.
     """
     path = object_path(name, digest)
     content = _read(path)
     if content is None:
-        content = compile_object(emit(trace(), register_width()))
+        content = compile_object(write())
         _write(path, content)
     return LoadedObject(content)
 

@@ -8,13 +8,13 @@ from pipeline.dynamics.compiler.graph import Graph, Scalar, Vector
 from pipeline.dynamics.compiler.recursion import BodyValues
 
 
-def trace_tangents(inputs: Coordinates, residual: list[BodyValues]) -> list[BodyValues]:
-    """Trace the residual's derivatives along the direction of the arguments ``dq``, ``dv`` and ``da``."""
+def trace_tangents(inputs: Coordinates, residual: list[BodyValues], arguments: tuple[str, ...]) -> list[BodyValues]:
+    """Trace the residual's derivatives along a direction of some arguments, such as ``dq`` of ``q``."""
     graph = inputs.graph
     values: list[Scalar | Vector] = []
     for body in residual:
         values += [*body.joint, body.modes]
-    slopes = iter(differentiate(graph, values, direction_inputs(graph)))
+    slopes = iter(differentiate(graph, values, direction_inputs(graph, arguments)))
     out = []
     for body in residual:
         joint = [_scalar(next(slopes)) for _ in body.joint]
@@ -22,14 +22,14 @@ def trace_tangents(inputs: Coordinates, residual: list[BodyValues]) -> list[Body
     return out
 
 
-def direction_inputs(graph: Graph) -> dict[int, Scalar | Vector]:
-    """Return an input of a direction for each input of the state, by the numbers of these nodes."""
+def direction_inputs(graph: Graph, arguments: tuple[str, ...]) -> dict[int, Scalar | Vector]:
+    """Return an input of a direction for each input of some arguments, by the numbers of these nodes."""
     seeds: dict[int, Scalar | Vector] = {}
     for number, node in enumerate(list(graph.nodes)):
         if node.operation not in ("input", "vector input"):
             continue
         argument, places = node.data  # type: ignore[misc]
-        if argument in ("q", "v", "a"):
+        if argument in arguments:
             one = node.operation == "input"
             name = f"d{argument}"
             seeds[number] = graph.scalar_input(name, places[0]) if one else graph.vector_input(name, places)

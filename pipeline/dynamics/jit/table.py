@@ -2,7 +2,6 @@
 
 Numba hands a tuple on by its members: fifty arrays are four hundred arguments in each call of each kernel, and
 compiling those took longer than compiling all arithmetic. A `Table` is one argument, and a kernel loads what it names.
-Compiled functions can be among the members, by their address: who calls one by it needn't compile it over again.
 """
 
 # mypy: allow-untyped-calls, allow-untyped-decorators, allow-subclassing-any
@@ -22,9 +21,8 @@ from pipeline.core.arrays import Array
 import numba
 from llvmlite import ir
 from numba.core import cgutils, types
-from numba.core.errors import TypingError
 from numba.core.typing.templates import AttributeTemplate
-from numba.extending import NativeValue, infer_getattr, intrinsic, lower_getattr_generic, models, register_model, unbox
+from numba.extending import NativeValue, infer_getattr, lower_getattr_generic, models, register_model, unbox
 
 _WORD = 8  # bytes
 
@@ -162,46 +160,3 @@ def _load_member(context: Any, builder: Any, table: TableType, pointer: Any, nam
     array.shape, array.strides = cgutils.pack_array(builder, shape), cgutils.pack_array(builder, strides)
     array.meminfo, array.parent = (cgutils.get_null_value(x.type) for x in (array.meminfo, array.parent))
     return array._getvalue()
-
-
-def address_of(function: Any, *arguments: Any) -> int:
-    """Address of a kernel that returns nothing, compiled for arguments like these, for `call`.
-
-    Raises
-    ------
-    TypeError
-        The function is one that is linked into kernels.
-    """
-    kinds = tuple(numba.typeof(x) for x in arguments)
-    function.compile(kinds)
-    compiled = function.overloads[kinds]
-    address = int(compiled.library.get_pointer_to_function(compiled.fndesc.llvm_func_name))
-    if not address:
-        raise TypeError(f"{function.__name__} has no address; what is called by one is `addressed`, or a `kernel`")
-    return address
-
-
-@intrinsic
-def _call(typing_context: Any, address: Any, arguments: Any) -> Any:
-    """Call the kernel at an address, with a tuple of arguments of the very types that `address_of` had for it.
-
-    Nothing can check that: the address is only a number. Make sure that floats are floats.
-    """
-    kinds = tuple(arguments)
-    for kind in kinds:
-        if isinstance(kind, types.Array) and kind.layout != "C":
-            raise TypingError(f"{kind} is not contiguous")
-
-    def generate(context: Any, builder: Any, signature: Any, values: Any) -> Any:
-        function_type = context.call_conv.get_function_type(types.none, kinds)
-        function = builder.inttoptr(values[0], function_type.as_pointer())
-        unpacked = cgutils.unpack_tuple(builder, values[1], len(kinds))
-        flat = context.get_arg_packer(kinds).as_arguments(builder, unpacked)
-        none, error = (cgutils.alloca_once(builder, place.pointee) for place in function_type.args[:2])
-        builder.call(function, [none, error, *flat])  # kernels raise nothing
-        return context.get_dummy_value()
-
-    return types.none(address, arguments), generate
-
-
-call: Any = _call  # as kernels see it: without the context

@@ -11,7 +11,7 @@ from pipeline.core.arrays import Array, require_shape
 from pipeline.dynamics.jit.compiled import meaning
 from pipeline.dynamics.linear.middle import middle_of
 from pipeline.dynamics.linear.parameters import FrozenLinear, LinearParameters, MiddleLinear
-from pipeline.dynamics.system import accelerations, advance, fast_steps, hold_slow, velocities
+from pipeline.dynamics.system import accelerations, advance, fast_steps, hold_slow, leapfrog_step, velocities
 from pipeline.dynamics.vibration import highest_frequency
 
 
@@ -35,7 +35,7 @@ class LinearSystem:
     C: Array | None = None
 
     breakpoints = ()
-    holds_forces = False
+    shortest_action = np.inf
 
     def __post_init__(self) -> None:
         for name in ("M", "K"):
@@ -82,11 +82,15 @@ class LinearSystem:
         arrays = (inverse @ self.K, inverse @ C, self.M, C, self.K, *of_fast, np.empty(0))
         return LinearParameters(self.n_slow, *(np.asfortranarray(a, dtype=float) for a in arrays))
 
-    def frozen(self) -> FrozenLinear:
+    def leapfrog(self) -> Array:
+        """Return room for rates."""
+        return np.zeros(self.n)
+
+    def frozen(self, cycle: float) -> FrozenLinear:
         """Return new arrays for the coefficients that `hold_slow` holds over a major cycle."""
         return FrozenLinear(np.zeros(self.n - self.n_slow), np.zeros(self.n - self.n_slow))
 
-    def middle(self) -> MiddleLinear:
+    def middle(self, cycle: float) -> MiddleLinear:
         """Return new arrays for what `hold_middle` holds at the middle of a major cycle."""
         C = np.zeros_like(self.K) if self.C is None else self.C
         return middle_of(self.M, self.K, C, self.n_slow)
@@ -128,6 +132,16 @@ def _accelerations(p: LinearParameters, t: float, q: Array, v: Array, a: Array) 
     for j in range(B.shape[1]):
         for i in range(v.size):
             a[i] -= B[i, j] * v[j]
+
+
+@meaning(leapfrog_step, LinearParameters)
+def _leapfrog_step(p: LinearParameters, leapfrog: Array, t: float, h: float, q: Array, v: Array, a: Array) -> None:
+    for i in range(v.size):
+        leapfrog[i] = v[i] + 0.5 * h * a[i]
+    accelerations(p, t, q, leapfrog, a)
+    for i in range(v.size):
+        v[i] += h * a[i]
+        q[i] += h * v[i]
 
 
 @meaning(hold_slow, LinearParameters)

@@ -20,7 +20,14 @@ _SMALL = [800, 450]  # pixels
 _LARGE = [1280, 720]
 _TICKS = 5
 _PACKAGES = ("numpy", "scipy", "gmsh", "scikit-fem", "numba", "pyvista", "vtk", "matplotlib")
-_SOURCES = {"discretisation": "mesh", "truncation": "modes", "time": "time", "recovery": "stress", "total": "stated"}
+_SOURCES = {
+    "discretisation": "mesh",
+    "truncation": "modes",
+    "time": "time",
+    "recovery": "stress",
+    "model": "model",
+    "total": "stated",
+}
 
 
 def draw_pictures(run: Pipeline) -> dict[str, Any]:

@@ -9,6 +9,7 @@ from pathlib import Path
 
 from jinja2 import Environment, PackageLoader, StrictUndefined, Template
 
+from pipeline.accuracy.error_budget import allowed_seconds
 from pipeline.core.errors import InputError
 from pipeline.core.files import whole_file
 from pipeline.core.html import scaled
@@ -54,7 +55,11 @@ def make_page(run: Pipeline, overrides: Sequence[str] = (), budget: bool = True)
     if moves:
         run.motions  # noqa: B018 - refuses or diverges before anything is drawn
     pictures = run.store.compute("pictures", lambda: draw_pictures(run))
-    summary = summarise(run, [], budget) if moves else {**frequency_table(run), "seconds": dict(run.log.seconds)}
+    summary = (
+        summarise(run, [], budget, allowed_seconds(run))
+        if moves
+        else {**frequency_table(run), "seconds": dict(run.log.seconds)}
+    )
     resources = files(_PACKAGE)
     return _template().render(
         **pictures,

@@ -8,6 +8,8 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 from numpy.typing import NDArray
 
+from pipeline.render.camera import Camera
+from pipeline.render.colours import sample_colours, stress_limits
 from pipeline.render.projection import choose_axes
 
 if TYPE_CHECKING:
@@ -32,8 +34,6 @@ def collect_view(run: Pipeline, body: str, scale: float) -> dict[str, Any]:
         [MPa] of the drawn points, uint32 ``triangles`` and ``edges``, uint8 ``colours`` (256, 3); the rest are numbers:
         ``axes`` are the camera's, row by row, to the right, up and towards the viewer.
     """
-    from pipeline.render.camera import Camera
-    from pipeline.render.colours import sample_colours, stress_limits
     from pipeline.render.surface import Surface, build_skin
 
     camera = Camera()

@@ -19,6 +19,7 @@ from scipy.sparse.linalg import splu
 from pipeline.core.arrays import Array, IntArray
 from pipeline.core.errors import AccuracyError
 from pipeline.reduction.factor.factor_size import factor_nonzeros, node_graph
+from pipeline.reduction.factor.figures import FactorFigures
 from pipeline.reduction.factor.memory import available_memory
 
 Solver = Literal["auto", "cholesky", "superlu"]
@@ -35,31 +36,6 @@ class TooLargeError(MemoryError):
 
 class MissingSolverError(ImportError):
     """The solver that a scene names isn't installed; the message says what to install."""
-
-
-@dataclass(frozen=True, slots=True)
-class FactorFigures:
-    """Solver, order, size and memory of a factorisation.
-
-    Attributes
-    ----------
-    solver : str
-        ``CHOLMOD`` or ``SuperLU``; ``MUMPS`` and others of PETSc's with the number of ranks.
-    order : str
-        Method that reordered the unknowns: ``METIS`` (nested dissection), ``MMD`` (minimum degree) or ``own``.
-    unknowns : int
-        Number of unknowns of the matrix.
-    nonzeros : int
-        Number of nonzeros of its Cholesky factor in this order.
-    memory : int
-        Memory that the solver keeps, by prediction [bytes].
-    """
-
-    solver: str
-    order: str
-    unknowns: int
-    nonzeros: int
-    memory: int
 
 
 @dataclass(frozen=True)

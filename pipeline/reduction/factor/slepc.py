@@ -19,7 +19,8 @@ import scipy.sparse as sp
 
 from pipeline.core.arrays import Array
 from pipeline.core.errors import AccuracyError
-from pipeline.reduction.factor.factor import Factor, FactorFigures, MissingSolverError
+from pipeline.reduction.factor.factor import Factor, MissingSolverError
+from pipeline.reduction.factor.figures import FactorFigures
 
 PYTHON = "FMD_SLEPC_PYTHON"  # environment variable: the interpreter that has slepc4py, if ours hasn't
 _WORKER = Path(__file__).with_name("slepc_worker.py")

@@ -7,7 +7,6 @@ import numpy as np
 from pipeline.core.arrays import Array
 from pipeline.dynamics.compiler.compiled import CompiledMechanism
 from pipeline.dynamics.compiler.interpret import interpret
-from pipeline.dynamics.mechanism import Mechanism
 
 TIME = 0.37
 
@@ -26,10 +25,3 @@ def interpreted(compiled: CompiledMechanism, name: str, shape: tuple[int, ...], 
 def difference(a: Array, b: Array) -> float:
     """Return the largest difference over the largest value of b."""
     return float(np.abs(np.subtract(a, b)).max(initial=0.0) / max(np.abs(b).max(initial=0.0), 1e-300))
-
-
-def mass_and_force(mechanism: Mechanism, q: Array, v: Array) -> tuple[Array, Array]:
-    """Return M̂ and Q̂ by the kernels of the mechanism."""
-    parameters = mechanism._evaluated(TIME, q, v)
-    lower = np.tril(parameters.M)
-    return lower + np.tril(lower, -1).T, parameters.Q.copy()

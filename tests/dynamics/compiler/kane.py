@@ -1,4 +1,4 @@
-"""Accelerations of a made of mass points by d'Alembert's principle: plain NumPy, slow, and sharing no code.
+"""Accelerations of bodies made of mass points by d'Alembert's principle: plain NumPy, slow, and sharing no code.
 
 Places are products of matrix exponentials, velocities complex steps of them, and accelerations at constant rates
 differences of order 8. Forces do their work on what moves (Kane & Levinson, Dynamics, McGraw-Hill, 1985).
@@ -23,12 +23,17 @@ def tilde(a: Array) -> Array:
 
 def accelerations(made: PointMechanism, t: float, q: Array, v: Array) -> Array:
     """Solve ``Σ m Jᵀ (J a + bias − g) = Q`` over all points."""
+    return np.linalg.solve(*mass_and_force(made, t, q, v))
+
+
+def mass_and_force(made: PointMechanism, t: float, q: Array, v: Array) -> tuple[Array, Array]:
+    """Inertia ``Σ m Jᵀ J`` and force ``Q + Σ m Jᵀ (g − bias)`` of all points."""
     mechanism = made.mechanism
     J = np.stack([velocities(made, t, q, unit, flow=0.0)[0] for unit in np.eye(mechanism.n)], axis=-1)
-    m = np.concatenate([masses for _, masses, _ in made.points])
+    m = np.concatenate([body.m for body in made.points])
     M = np.einsum("i,iaj,iak->jk", m, J, J)
     lack = mechanism.gravity - bias(made, t, q, v)
-    return np.linalg.solve(M, np.einsum("i,iaj,ia->j", m, J, lack) + forces(made, t, q, v))
+    return M, np.einsum("i,iaj,ia->j", m, J, lack) + forces(made, t, q, v)
 
 
 def frames(made: PointMechanism, t: complex, q: Array) -> list[tuple[Array, Array, Array]]:
@@ -39,9 +44,8 @@ def frames(made: PointMechanism, t: complex, q: Array) -> list[tuple[Array, Arra
         origin, R, inner = np.zeros(3), np.eye(3), np.zeros(0)
         if link.parent >= 0:
             origin, R, inner = out[link.parent]
-        bent = link.place_shapes @ inner if link.place_shapes.size else 0.0
-        origin = origin + R @ (link.place + bent)
-        R = R @ expm(tilde(link.place_rotations @ inner)) if link.place_rotations.size else R
+        bent, turned = marker_motion(link.place_shapes, link.place_rotations, link.place_bow, inner)
+        origin, R = origin + R @ (link.place + bent), R @ expm(tilde(turned))
         axis = link.axis / np.linalg.norm(link.axis)
         s = q[mechanism.layout.position[k] : mechanism.layout.position[k] + link.n_positions]
         if link.motion is not None:
@@ -57,6 +61,13 @@ def frames(made: PointMechanism, t: complex, q: Array) -> list[tuple[Array, Arra
             R = R @ ((w * w - u @ u) * np.eye(3) + 2 * np.outer(u, u) + 2 * w * tilde(u))
         out.append((origin, R, q[mechanism.modes_of(k) + mechanism.n_positions - mechanism.n]))
     return out
+
+
+def marker_motion(shapes: Array, rotations: Array, bow: Array, z: Array) -> tuple[Array, Array]:
+    """Displacement and rotation vector of a marker."""
+    second = 0.5 * (bow @ z) @ z if bow.size else np.zeros(6)
+    first = [values @ z if values.size else np.zeros(3) for values in (shapes, rotations)]
+    return first[0] + second[:3], first[1] + second[3:]
 
 
 def rate_of_positions(made: PointMechanism, q: Array, v: Array) -> Array:
@@ -80,7 +91,7 @@ def rate_of_positions(made: PointMechanism, q: Array, v: Array) -> Array:
 def velocities(made: PointMechanism, t: float, q: Array, v: Array, flow: float = 1.0) -> tuple[Array, Array]:
     """Velocities of all points and angular velocities of all bodies for rates v; without prescribed ones for flow 0."""
     moved = frames(made, t + 1j * STEP * flow, q + 1j * STEP * rate_of_positions(made, q, v))
-    points = [o + (x + Phi @ z) @ R.T for (o, R, z), (x, _, Phi) in zip(moved, made.points, strict=True)]
+    points = [o + body.moved(z) @ R.T for (o, R, z), body in zip(moved, made.points, strict=True)]
     return np.concatenate(points).imag / STEP, np.array([spin(R) for _, R, _ in moved])
 
 
@@ -117,7 +128,10 @@ def forces(made: PointMechanism, t: float, q: Array, v: Array) -> Array:
         Q[modes] -= 2 * link.damping * link.omega * v[modes] if len(link.damping) else 0.0
         if link.n_rates == 1:
             grip = link.joint_rotation if len(link.joint_rotation) else np.zeros(len(modes))
-            s, ds = q[mechanism.layout.position[k]] + grip @ q[modes + shift], v[i] + grip @ v[modes]
+            z, bow = q[modes + shift], link.joint_bow if link.joint_bow.size else np.zeros((len(modes),) * 2)
+            s = q[mechanism.layout.position[k]] + grip @ z + 0.5 * z @ bow @ z
+            grip = grip + bow @ z
+            ds = v[i] + grip @ v[modes]
             along = link.load.value(t)[0] - link.spring * (s - link.rest) - link.damper * ds
             Q[i] += along
             Q[modes] += grip * along
@@ -132,7 +146,8 @@ def power(made: PointMechanism, load: object, t: float, q: Array, v: Array) -> f
     k = [link.name for link in made.mechanism.links].index(load.body)
     moved = frames(made, t, q + 1j * STEP * rate_of_positions(made, q, v))
     origin, R, z = moved[k]
-    point, section = origin + R @ (load.place + load.shapes @ z), R @ expm(tilde(load.rotations @ z))
+    bent, turned = marker_motion(load.shapes, load.rotations, load.bow, z)
+    point, section = origin + R @ (load.place + bent), R @ expm(tilde(turned))
     force = load.size.value(t)[0] * load.direction / np.linalg.norm(load.direction)
     force = section.real @ force if load.following else force
     return float(force @ (spin(section) if load.torque else point.imag / STEP))

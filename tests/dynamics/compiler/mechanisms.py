@@ -3,25 +3,40 @@
 from __future__ import annotations
 
 from dataclasses import dataclass, replace
+from typing import NamedTuple
 
 import numpy as np
 
-from pipeline.core.arrays import Array
+from pipeline.core.arrays import EPSILON, Array
 from pipeline.core.formula import parse_formula
 from pipeline.dynamics.links import FIXED, FREE, PRISMATIC, REVOLUTE, SPHERICAL, Link, PointLoad, rigid_gram
 from pipeline.dynamics.mechanism import Mechanism
 from pipeline.dynamics.signals.signal import Signal, constant, formula, half_sine
-from pipeline.reduction.inertia import inertia_gram
+from pipeline.reduction.body import MarkerShapes
+from pipeline.reduction.inertia import InertiaGram, inertia_gram
 
 JOINTS = (FIXED, REVOLUTE, PRISMATIC, SPHERICAL, FREE)
 
 
+class Points(NamedTuple):
+    """Mass points: places (n, 3), masses (n,), mode shapes (n, 3, n_modes), shapes of second order (n, 3, …)."""
+
+    x: Array
+    m: Array
+    Phi: Array
+    Gamma: Array
+
+    def moved(self, z: Array) -> Array:
+        """Places for modal coordinates, shape (n, 3)."""
+        return np.asarray(self.x + self.Phi @ z + 0.5 * (self.Gamma @ z) @ z)
+
+
 @dataclass(frozen=True)
 class PointMechanism:
-    """A mechanism, and for each body its points' places (n, 3), masses (n,) and mode shapes (n, 3, n_modes)."""
+    """A mechanism, and the mass points that each body is made of."""
 
     mechanism: Mechanism
-    points: tuple[tuple[Array, Array, Array], ...]
+    points: tuple[Points, ...]
 
     def state(self, seed: int) -> tuple[Array, Array]:
         """Random positions and rates; quaternions have unit length, modal coordinates are small."""
@@ -36,11 +51,10 @@ class PointMechanism:
         return q, v
 
 
-def random_mechanism(seed: int, second_order: bool = True) -> PointMechanism:
+def random_mechanism(seed: int, second_order: bool = False) -> PointMechanism:
     """Make one of one to four bodies, any of them rigid or flexible, on random joints, markers and under random loads.
 
-    Every fifth is plane. ``second_order`` adds geometric stiffening and second-order first moments, which no mass
-    points have. One without coordinates is made anew.
+    Every fifth is plane. ``second_order`` adds displacements of second order. One without coordinates is made anew.
     """
     made = _any_mechanism(seed, np.random.default_rng([seed, 7]), second_order)
     return made if made.mechanism.n else random_mechanism(seed + 1000, second_order)
@@ -56,16 +70,15 @@ def _any_mechanism(seed: int, rng: np.random.Generator, second_order: bool) -> P
         kind = REVOLUTE if k == 0 and kind == FIXED else kind
         parent = int(rng.integers(-1, k)) if k else -1
         links.append(_random_link(k, kind, parent, n, sizes[parent] if parent >= 0 else 0, bodies[k], rng, plane))
-    if second_order:
-        links = [_with_second_order(link, rng) if rng.random() < 0.5 else link for link in links]
     fast = [link.name for link in links if link.n_rates == 1 and rng.random() < 0.3]
     slow = {link.name: int(rng.integers(0, len(link.omega) + 1)) for link in links if rng.random() < 0.3}
     gravity = np.array([1.0, -9.8, 0.0 if plane else 2.0]) * (rng.random() < 0.7)
     loads = [_random_load(link, rng, plane) for link in links for _ in range(rng.integers(0, 3))]
-    return PointMechanism(Mechanism(links, fast, gravity, loads, slow), tuple(bodies))
+    made = PointMechanism(Mechanism(links, fast, gravity, loads, slow), tuple(bodies))
+    return _with_second_order(made, rng, plane) if second_order else made
 
 
-def _random_points(n_modes: int, rng: np.random.Generator, plane: bool) -> tuple[Array, Array, Array]:
+def _random_points(n_modes: int, rng: np.random.Generator, plane: bool) -> Points:
     """Twelve points and shapes of unit modal mass."""
     x, m, Phi = rng.normal(size=(12, 3)), rng.uniform(0.1, 0.5, 12), rng.normal(size=(12, 3, n_modes))
     if plane:
@@ -73,7 +86,7 @@ def _random_points(n_modes: int, rng: np.random.Generator, plane: bool) -> tuple
         Phi[:, 2] = 0.0
     flat = Phi.reshape(36, n_modes)
     L = np.linalg.cholesky(flat.T @ (np.repeat(m, 3)[:, None] * flat))
-    return x, m, np.linalg.solve(L, flat.T).T.reshape(12, 3, n_modes)
+    return Points(x, m, np.linalg.solve(L, flat.T).T.reshape(12, 3, n_modes), np.zeros((12, 3, n_modes, n_modes)))
 
 
 def _random_link(
@@ -82,11 +95,11 @@ def _random_link(
     parent: int,
     n: int,
     n_parent: int,
-    points: tuple[Array, Array, Array],
+    points: Points,
     rng: np.random.Generator,
     plane: bool,
 ) -> Link:
-    x, m, Phi = points
+    x, m, Phi, _ = points
     if n:
         gram = inertia_gram(x, np.diag(m), Phi)
     else:
@@ -160,16 +173,52 @@ def _random_load(link: Link, rng: np.random.Generator, plane: bool) -> PointLoad
     )
 
 
-def _with_second_order(link: Link, rng: np.random.Generator) -> Link:
-    """Take a little off the modal blocks of G, as geometric stiffening does, and give the body second-order moments."""
-    n = len(link.omega)
-    if not n:
-        return link
-    G = link.gram.G.copy()
-    for a in range(3):
-        for b in range(a + 1):
-            part = 0.02 * rng.normal(size=(n, n))
-            G[a, b, 1:, 1:] -= part + part.T
-            G[b, a] = G[a, b].T
-    bow = 0.05 * rng.normal(size=(3, n, n))
-    return replace(link, gram=replace(link.gram, G=G, bow=bow + bow.transpose(0, 2, 1)))
+def _with_second_order(made: PointMechanism, rng: np.random.Generator, plane: bool) -> PointMechanism:
+    """Give flexible bodies displacements of second order, and pairs of points with masses ±m that they move by ±Γ.
+
+    A pair has the inertia of what is linear in Γ alone: all that the equations keep of it.
+    """
+    mechanism, bodies, links = made.mechanism, list(made.points), list(made.mechanism.links)
+    for k, link in enumerate(links):
+        n = len(link.omega)
+        if n and rng.random() < 0.7:
+            bodies[k], gram = _with_pairs(bodies[k], link.gram, rng, plane)
+            bow = _random_bow(1, n, rng)[0] if len(link.joint_rotation) and rng.random() < 0.5 else np.zeros((0, 0))
+            markers = {"tip": MarkerShapes(rng.normal(size=3), *rng.normal(size=(2, 3, n)), _random_bow(6, n, rng))}
+            links[k] = replace(link, gram=gram, joint_bow=bow, markers=markers)
+    for k, link in enumerate(links):
+        n = len(links[link.parent].omega) if link.parent >= 0 else 0
+        if n and rng.random() < 0.7:
+            links[k] = replace(link, place_bow=_random_bow(6, n, rng) * _IN_PLANE if plane else _random_bow(6, n, rng))
+    counts = {link.name: len(link.omega) for link in links}
+    loads = [
+        replace(at, bow=_random_bow(6, counts[at.body], rng) * (_IN_PLANE if plane else 1.0))
+        if counts[at.body] and rng.random() < 0.7
+        else at
+        for at in mechanism.loads
+    ]
+    return PointMechanism(replace(mechanism, links=links, loads=loads), tuple(bodies))
+
+
+def _with_pairs(points: Points, gram: InertiaGram, rng: np.random.Generator, plane: bool) -> tuple[Points, InertiaGram]:
+    n = points.Phi.shape[2]
+    x, m, Gamma = rng.normal(size=(4, 3)), rng.uniform(0.1, 0.5, 4), _random_bow(12, n, rng).reshape(4, 3, n, n)
+    if plane:
+        x[:, 2] = 0.0
+        Gamma[:, 2] = 0.0
+    G = gram.G.copy()
+    first = np.einsum("i,ia,ibjk->abjk", m, x, Gamma)
+    G[:, :, 1:, 1:] += first + first.swapaxes(0, 1)
+    curl = 2.0 * np.einsum("abc,bcjk->ajk", EPSILON, first)
+    gram = replace(gram, G=G, bow=2.0 * np.einsum("i,iajk->ajk", m, Gamma), curl=curl)
+    still = np.zeros((8, 3, n))
+    pairs = Points(np.r_[x, x], np.r_[m, -m], still, np.r_[Gamma, -Gamma])
+    return Points(*(np.concatenate(both) for both in zip(points, pairs, strict=True))), gram
+
+
+def _random_bow(count: int, n: int, rng: np.random.Generator) -> Array:
+    bow = 0.1 * rng.normal(size=(count, n, n))
+    return bow + bow.transpose(0, 2, 1)
+
+
+_IN_PLANE = np.array([1.0, 1.0, 0.0, 0.0, 0.0, 1.0])[:, None, None]

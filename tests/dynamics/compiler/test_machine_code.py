@@ -206,7 +206,7 @@ def test_processes_that_compile_at_once_agree(tmp_path: Path) -> None:
     with multiprocessing.get_context("spawn").Pool(2) as pool:
         results = pool.map(_accelerate, [tmp_path] * 2)
     assert len(set(results)) == 1
-    assert len(list(tmp_path.iterdir())) == 1
+    assert len(list(tmp_path.glob("accelerations.*"))) == 1
 
 
 def test_registers_are_as_wide_as_the_processor_says(monkeypatch: pytest.MonkeyPatch) -> None:

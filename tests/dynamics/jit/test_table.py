@@ -1,4 +1,4 @@
-"""Tables: kernels read the members that Python sees, and call what is compiled by its address."""
+"""Tables: kernels read the members that Python sees."""
 
 import ast
 import pickle
@@ -9,8 +9,8 @@ import numpy as np
 import pytest
 
 from pipeline.core.arrays import Array, IntArray
-from pipeline.dynamics.jit.compiled import inner, kernel
-from pipeline.dynamics.jit.table import Table, address_of, call
+from pipeline.dynamics.jit.compiled import kernel
+from pipeline.dynamics.jit.table import Table
 
 ROOT = Path(__file__).parents[3] / "pipeline"
 
@@ -28,7 +28,6 @@ class Outside(Table):
     numbers: IntArray
     cube: Array
     inside: Inside
-    add: int = 0
 
 
 @kernel
@@ -39,18 +38,6 @@ def _read(p: Outside, out: Array) -> None:
     for i in range(layer.shape[0]):
         for j in range(layer.shape[1]):
             out[6] += p.inside.weights[j] * layer[i, j]
-
-
-@kernel
-def _add(p: Outside, t: float, out: Array) -> None:
-    for i in range(out.size):
-        out[i] += t * p.scale
-
-
-@kernel
-def _call_twice(p: Outside, out: Array) -> None:
-    call(p.add, (p, 1.0, out))
-    call(p.add, (p, 10.0, out[1:]))
 
 
 def made() -> Outside:
@@ -82,32 +69,6 @@ def test_a_pickled_copy_has_memory_of_its_own() -> None:
     assert p.inside.weights[2] == 2.0
 
 
-def test_kernels_call_one_another_by_address() -> None:
-    out = np.zeros(3)
-    p = made()
-    p = replace(p, add=address_of(_add, p, 0.0, out))
-    _call_twice(p, out)
-    assert out.tolist() == [-2.5, -27.5, -27.5]
-
-
-@inner
-def _add_inside(p: Outside, t: float, out: Array) -> None:
-    out[0] += t * p.scale
-
-
-@kernel
-def _add_by_name(p: Outside, out: Array) -> None:
-    _add_inside(p, 3.0, out)
-
-
-def test_what_is_linked_into_kernels_has_no_code_of_its_own() -> None:
-    out = np.zeros(1)
-    _add_by_name(made(), out)
-    assert out.tolist() == [-7.5]
-    with pytest.raises(TypeError, match="_add_inside has no address; what is called by one is `addressed`"):
-        address_of(_add_inside, made(), 0.0, out)
-
-
 @pytest.mark.parametrize("numbers", [np.arange(6)[::2], np.arange(3, dtype=np.int32)])
 def test_arrays_that_kernels_could_not_read_are_refused(numbers: IntArray) -> None:
     with pytest.raises(ValueError, match="numbers must be a C-contiguous array of 64-bit numbers"):
@@ -119,14 +80,14 @@ def marks(function: ast.FunctionDef) -> set[str]:
 
 
 def test_python_calls_no_kernel_that_has_no_way_in_for_it() -> None:
-    """It would crash: `inner` and `addressed` functions are called by what is compiled, and by nothing else."""
+    """It would crash: `inner` functions are called by what is compiled, and by nothing else."""
     paths = [path for folder in ("dynamics", "integrators") for path in (ROOT / folder).rglob("*.py")]
     names = {path: ".".join(path.relative_to(ROOT.parent).with_suffix("").parts) for path in paths}
     trees = {names[path]: list(ast.walk(ast.parse(path.read_text(encoding="utf-8")))) for path in paths}
     functions = {name: [f for f in nodes if isinstance(f, ast.FunctionDef)] for name, nodes in trees.items()}
-    only = {"inner", "inlined", "addressed"}
+    only = {"inner"}
     inner = {name: {f.name for f in found if only & marks(f)} for name, found in functions.items()}
-    assert {"add_body", "add_scaled"} <= inner["pipeline.dynamics.tree.kernels"]
+    assert {"step_all", "step_single"} <= inner["pipeline.dynamics.compiled_system.held"]
     wrong = []
     for name, nodes in trees.items():
         imports = [node for node in nodes if isinstance(node, ast.ImportFrom) and node.module]

@@ -1,29 +1,26 @@
 """Functions of time: their values against Python and SciPy, their derivatives against Cauchy's integral."""
 
 import cmath
+import ctypes
 import math
-from collections.abc import Callable
-from dataclasses import fields
+from collections.abc import Callable, Sequence
 
 import numpy as np
 import pytest
-from hypothesis import assume, given
+from hypothesis import assume, given, settings
 from hypothesis import strategies as st
 from scipy.integrate import quad
 from scipy.interpolate import CubicSpline
 
-from pipeline.core import formula as expression
 from pipeline.core.formula import MOST_DEPTH, parse_formula
-from pipeline.dynamics.signals import signal
+from pipeline.dynamics.compiler.machine import LoadedObject, compile_object
+from pipeline.dynamics.compiler.signal_code import emit_signals
 from pipeline.dynamics.signals.signal import (
     Signal,
     constant,
-    evaluate_signal,
     formula,
     half_sine,
     linear_table,
-    pack,
-    signal_value,
     smooth_table,
     total,
 )
@@ -67,7 +64,17 @@ def of(text: str, t: float) -> tuple[float, float, float]:
 
 
 def only_value(made: Signal, t: float) -> float:
-    return signal_value(pack([made]), 0, t)
+    return made.value(t)[0]
+
+
+def compiled(signals: Sequence[Signal], times: Sequence[float]) -> np.ndarray:
+    """Value and derivatives of signals by their machine code, shape (n_times, n_signals, 3)."""
+    loaded = LoadedObject(compile_object(emit_signals(signals)))
+    call = ctypes.CFUNCTYPE(None, ctypes.c_void_p, ctypes.c_void_p)(loaded.address("signals"))
+    out = np.full((len(times), len(signals), 3), np.nan)
+    for t, row in zip(times, out, strict=True):
+        call(np.array([float(t)]).ctypes.data, row.ctypes.data)
+    return out
 
 
 ANALYTIC = [
@@ -205,15 +212,6 @@ def test_a_formula_may_fill_the_stack() -> None:
         parse_formula(f"t+({text})")
 
 
-def test_the_codes_are_those_of_the_parser() -> None:
-    ours = ["NUMBER", "TIME", "ADD", "SUBTRACT", "MULTIPLY", "DIVIDE", "POWER", "NEGATE", "SIN", "COS", "TAN", "EXP"]
-    ours += ["LOG", "SQRT", "TANH", "ABS", "MINIMUM", "MAXIMUM", "BEFORE"]
-    for name in ours:
-        theirs = "CONSTANT" if name == "NUMBER" else name
-        assert getattr(signal, f"_{name}") == getattr(expression, theirs)
-    assert expression.UNTIL == expression.BEFORE + 1  # the last of all, and the only other one from BEFORE on
-
-
 def test_a_half_sine_is_its_closed_form_and_nothing_outside() -> None:
     made = half_sine(0.2, 0.5, 3.0)
     rate = math.pi / 0.5
@@ -237,11 +235,8 @@ def samples(count: int = 9) -> tuple[np.ndarray, np.ndarray]:
 def test_a_table_of_straight_lines_is_numpys_and_holds_at_its_ends(count: int) -> None:
     times, values = samples(count)
     made = linear_table(times, values)
-    table = pack([made])
     everywhere = np.sort(np.concatenate([np.linspace(times[0] - 1, times[-1] + 1, 101), times]))
-    assert [signal_value(table, 0, t) for t in everywhere] == pytest.approx(
-        np.interp(everywhere, times, values), rel=1e-13
-    )
+    assert made.values(everywhere)[:, 0] == pytest.approx(np.interp(everywhere, times, values), rel=1e-13)
     for k in range(count - 1):
         slope = (values[k + 1] - values[k]) / (times[k + 1] - times[k])
         assert made.value(0.5 * (times[k] + times[k + 1]))[1:] == pytest.approx((slope, 0.0), rel=1e-14)
@@ -259,11 +254,9 @@ def test_a_table_breaks_only_where_its_slope_changes() -> None:
 def test_a_smooth_table_is_scipys_clamped_spline_and_at_rest_outside(count: int) -> None:
     times, values = samples(count)
     made, spline = smooth_table(times, values), CubicSpline(times, values, bc_type="clamped")
-    table = pack([made])
     for t in np.sort(np.concatenate([np.linspace(times[0], times[-1], 80, endpoint=False), times[:-1]])):
         expected = [float(spline(t, order)) for order in range(3)]
         assert made.value(t) == pytest.approx(expected, rel=1e-12, abs=1e-12)
-        assert signal_value(table, 0, t) == made.value(t)[0]
     for t, value in ((times[0] - 0.5, values[0]), (times[-1], values[-1]), (times[-1] + 0.5, values[-1])):
         assert made.value(t) == (value, 0.0, 0.0)
     assert made.breakpoints == (times[0], times[-1])
@@ -298,39 +291,37 @@ def test_a_sum_adds_values_derivatives_and_breakpoints() -> None:
     assert total([]).value(1.0) == (0.0, 0.0, 0.0)
 
 
-def test_packed_signals_are_the_ones_that_were_packed() -> None:
+def test_machine_code_gives_what_numpy_does() -> None:
     times, values = samples()
     made = [
-        formula(parse_formula("t**3")),
+        *(formula(parse_formula(text), 1.7) for text in ANALYTIC),
+        *(
+            formula(parse_formula(text))
+            for text in ("sin(1e10*t)", "sqrt(max(t - 1, 0))", KANE, "1 if t <= 0.4 else t")
+        ),
         linear_table(times, values),
         total([]),
         constant(4.0),
         total([smooth_table(times, values), constant(1.0), formula(parse_formula("2**t"))]),
         half_sine(0.0, 1.0, 2.0),
-        formula(parse_formula("exp(-t)"), 3.0),
     ]
-    table, out = pack(made), np.empty(3)
-    for t in (-2.0, 0.4, 1.3, 9.0):
-        for k in (3, 0, 6, 1, 5, 2, 4):  # what one leaves on the stack is nothing to the next
-            evaluate_signal(table, k, t, out)
-            assert tuple(out) == made[k].value(t)
-            assert signal_value(table, k, t) == out[0]
+    everywhere = [-2.0, 0.0, 0.4, 0.4000001, 1.0, 1.3, 9.0, 20.0, *times]
+    found = compiled(made, everywhere)
+    for k, one in enumerate(made):
+        expected = one.values(np.array(everywhere))
+        finite = np.isfinite(expected).all(axis=1)
+        assert found[finite, k] == pytest.approx(expected[finite], rel=1e-12, abs=1e-12), k
+        assert not np.isfinite(found[~finite, k]).all(axis=1).any(), k
 
 
-def test_no_signals_can_be_packed() -> None:
-    table = pack([])
-    assert table.first_term.tolist() == [0]
-    assert table.support.shape == (0, 2)
-    assert table.cubics.shape == (0, 4)
-
-
-def test_room_to_work_in_is_the_callers_own() -> None:
-    table = pack([formula(parse_formula("t*t + 1"))])
-    own = table.with_room()
-    assert own.stack is not table.stack
-    assert all(getattr(own, member.name) is getattr(table, member.name) for member in fields(table)[:-1])
-    assert signal_value(own, 0, 3.0) == 10.0
-    assert not table.stack.any()
+@settings(max_examples=30, deadline=None)
+@given(text=st.sampled_from(ANALYTIC), other=st.sampled_from(ANALYTIC), operation=st.sampled_from("+-*/"))
+def test_machine_code_of_composed_formulas_is_that_of_numpy(text: str, other: str, operation: str) -> None:
+    made = formula(parse_formula(f"({text}) {operation} ({other})"))
+    times = np.array([0.31, 0.77, 1.9])
+    expected, found = made.values(times), compiled([made], times.tolist())[:, 0]
+    finite = np.isfinite(expected).all(axis=1)
+    assert found[finite] == pytest.approx(expected[finite], rel=1e-10, abs=1e-10)
 
 
 def test_a_constant_is_one_whatever_it_is_made_of() -> None:

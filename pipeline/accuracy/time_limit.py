@@ -1,0 +1,55 @@
+"""Time limit of an error budget: estimates that would go beyond it are left out and named."""
+
+from __future__ import annotations
+
+import math
+import time
+from collections.abc import Callable
+from dataclasses import dataclass, field
+
+_JUDGED_AFTER = 0.5  # seconds of a march from which on its progress forecasts the rest
+
+
+class LeftOutError(Exception):
+    """An estimate would take more time than is left."""
+
+
+@dataclass
+class TimeLimit:
+    """Clock of an error budget, which knows how much time is left.
+
+    Attributes
+    ----------
+    seconds : float
+        Time for all estimates together [s]; infinite by default.
+    started : float
+        When the clock was started [s].
+    """
+
+    seconds: float = math.inf
+    started: float = field(default_factory=time.perf_counter)
+
+    @property
+    def spent(self) -> float:
+        """Time since the start [s]."""
+        return time.perf_counter() - self.started
+
+    def require(self, seconds: float) -> None:
+        """Raise ``LeftOutError`` if a computation would take more seconds than are left."""
+        left = self.seconds - self.spent
+        if seconds > left or left <= 0:
+            raise LeftOutError(
+                f"not estimated: it would take about {max(seconds, 0.1):.2g} s, and {max(left, 0.0):.2g} s of "
+                f"{self.seconds:.2g} s are left"
+            )
+
+    def watch(self) -> Callable[[float], None]:
+        """Return a march's progress, which raises ``LeftOutError`` as soon as it won't end in time."""
+        begun = time.perf_counter()
+
+        def advance(done: float) -> None:
+            taken = time.perf_counter() - begun
+            if taken > _JUDGED_AFTER and 0 < done < 1:
+                self.require(taken * (1 - done) / done)
+
+        return advance

@@ -1,0 +1,1 @@
+"""A compiled mechanism as the system that integrators march."""

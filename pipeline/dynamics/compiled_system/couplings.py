@@ -1,0 +1,99 @@
+"""Couplings between a mechanism's coordinates in any state, found by sampling its tangents at random ones."""
+
+from __future__ import annotations
+
+from typing import NamedTuple
+
+import numpy as np
+
+from pipeline.core.arrays import Array, IntArray
+from pipeline.dynamics.compiler.compiled import CompiledMechanism
+
+_SAMPLES = 3
+_DEFLECTION = 0.1  # of modal coordinates, beside rates of 1 rad/s or m/s
+_NEGLIGIBLE = 1e-9  # beside what couples with itself
+_STIFFNESS, _DAMPING = 1e-5, 1e-8  # by rates of 1 rad/s: too small to tell within a major cycle
+
+
+class Couplings(NamedTuple):
+    """Structure of the fast coordinates' equations that holds in any state.
+
+    Attributes
+    ----------
+    inertial : bool
+        Slow and fast coordinates couple through the mass matrix.
+    mass : ndarray, shape (n,) or None
+        Diagonal of the fast mass matrix, 0 for the slow ones; None if it isn't constant and diagonal.
+    elastic : bool
+        Fast coordinates couple with each other by stiffness or by rates.
+    damped : bool
+        Fast accelerations depend on fast rates.
+    dragging : bool
+        Forces, slow ones or fast ones, depend on fast rates.
+    driven : ndarray
+        Those of the compiled functions' ``inputs`` that accelerate fast coordinates.
+    """
+
+    inertial: bool
+    mass: Array | None
+    elastic: bool
+    damped: bool
+    dragging: bool
+    driven: IntArray
+
+
+def find_inertial_coupling(compiled: CompiledMechanism) -> bool:
+    """Return whether any coordinates couple through the mass matrix in some state."""
+    return any(_exceed(M, _NEGLIGIBLE * _scale(M)) for M in _masses(compiled))
+
+
+def find_couplings(compiled: CompiledMechanism) -> Couplings:
+    """Find the structure of the fast coordinates' equations."""
+    n_slow, masses = compiled.mechanism.n_slow, _masses(compiled)
+    shift, fast = compiled.mechanism.n_positions - compiled.mechanism.n, slice(n_slow, None)
+    diagonals = [M.diagonal()[fast] for M in masses]
+    constant = all(np.allclose(diagonal, diagonals[0], rtol=1e-12, atol=0.0) for diagonal in diagonals)
+    single = not any(_exceed(M[fast, fast], _NEGLIGIBLE * _scale(M[fast, fast])) for M in masses)
+    mass = np.r_[np.zeros(n_slow), diagonals[0]] if constant and single else None
+    elastic = damped = dragging = False
+    driven = np.zeros(3 * len(compiled.signals), dtype=bool)
+    for t, q, v, a in _states(compiled):
+        by_q, by_v, M = compiled.tangents(t, q, v, a)
+        driven |= np.any(compiled.input_tangents(t, q, v, a)[fast], axis=0)
+        K, C = by_q[fast, n_slow + shift :], by_v[fast, fast]
+        elastic |= _exceed(K, _STIFFNESS + _NEGLIGIBLE * _scale(K)) or _exceed(C, _DAMPING)
+        damped |= bool(np.any(np.abs(C) > _DAMPING * np.sqrt(M.diagonal()[fast])))
+        dragging |= bool((np.abs(by_v) > _NEGLIGIBLE * _scale(M))[:, fast].any())
+    inertial = any((np.abs(M) > _NEGLIGIBLE * _scale(M))[:n_slow, n_slow:].any() for M in masses)
+    return Couplings(inertial, mass, elastic, damped, dragging, np.flatnonzero(driven))
+
+
+def _exceed(A: Array, limit: Array | float) -> bool:
+    """Whether a matrix has entries off its diagonal beyond a limit."""
+    return bool((np.abs(A - np.diag(A.diagonal())) > limit).any())
+
+
+def _scale(A: Array) -> Array:
+    own = np.sqrt(np.abs(A.diagonal()))
+    return np.asarray(np.outer(own, own))
+
+
+def _masses(compiled: CompiledMechanism) -> list[Array]:
+    return [compiled.mass_matrix(t, q) for t, q, _, _ in _states(compiled)]
+
+
+def _states(compiled: CompiledMechanism) -> list[tuple[float, Array, Array, Array]]:
+    """Times, positions, rates and accelerations of some random states."""
+    mechanism, random = compiled.mechanism, np.random.default_rng(0)
+    states = []
+    for k in range(_SAMPLES):
+        q = random.uniform(-1.0, 1.0, mechanism.n_positions)
+        for number, link in enumerate(mechanism.links):
+            modes = mechanism.modes_of(number) + mechanism.n_positions - mechanism.n
+            q[modes] *= _DEFLECTION
+            if link.n_positions > link.n_rates:
+                last = mechanism.layout.position[number] + link.n_positions
+                q[last - 4 : last] /= np.linalg.norm(q[last - 4 : last])
+        v, a = random.uniform(-1.0, 1.0, (2, mechanism.n))
+        states.append(((k + 0.5) / _SAMPLES * mechanism.horizon, q, v, a))
+    return states

@@ -1,0 +1,241 @@
+"""A mechanism as a system that integrators march, by its compiled functions."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+from functools import cached_property
+
+import numpy as np
+
+import pipeline.dynamics.compiled_system.held
+import pipeline.dynamics.compiled_system.kernels
+import pipeline.dynamics.compiled_system.middle  # noqa: F401 - all give the functions of `system` their meaning here
+from pipeline.core.arrays import Array, IntArray
+from pipeline.dynamics.compiled_system.couplings import Couplings, find_couplings, find_inertial_coupling
+from pipeline.dynamics.compiled_system.parameters import (
+    CompiledParameters,
+    Directions,
+    HeldCycle,
+    Leapfrog,
+    MiddleCycle,
+)
+from pipeline.dynamics.compiler.compiled import CompiledMechanism
+from pipeline.dynamics.compiler.program import LANES
+from pipeline.dynamics.jit.compiled import aligned
+from pipeline.dynamics.links import FREE, SPHERICAL
+from pipeline.dynamics.mechanism import Mechanism
+from pipeline.dynamics.vibration import highest_frequency
+
+
+class CompiledSystem:
+    """A mechanism ready to be integrated; its functions are compiled when they are first wanted.
+
+    Parameters
+    ----------
+    mechanism : Mechanism
+        Its coordinates are the system's.
+    """
+
+    def __init__(self, mechanism: Mechanism) -> None:
+        self.mechanism = mechanism
+        self.compiled = CompiledMechanism(mechanism)
+
+    def __reduce__(self) -> tuple[type[CompiledSystem], tuple[Mechanism]]:
+        """Make copies anew: addresses are this process's own."""
+        return type(self), (self.mechanism,)
+
+    @property
+    def n(self) -> int:
+        """Number of rates."""
+        return self.mechanism.n
+
+    @property
+    def n_positions(self) -> int:
+        """Number of position coordinates."""
+        return self.mechanism.n_positions
+
+    @property
+    def n_slow(self) -> int:
+        """Number of slow rates."""
+        return self.mechanism.n_slow
+
+    @property
+    def groups(self) -> tuple[IntArray, IntArray]:
+        """Group of like coordinates that each position and each rate belongs to."""
+        return self.mechanism.groups
+
+    @property
+    def breakpoints(self) -> tuple[float, ...]:
+        """Times at which a load or a motion jumps, has a kink or begins to vary much faster [s], ascending."""
+        return self.mechanism.breakpoints
+
+    @property
+    def shortest_action(self) -> float:
+        """Shortest time for which a load acts between two times without it [s]; infinity if none does."""
+        return min((activity.shortest_action for activity in self.mechanism.activities), default=np.inf)
+
+    @cached_property
+    def coupled(self) -> bool:
+        """True if coordinates couple through the mass matrix in some state."""
+        return find_inertial_coupling(self.compiled)
+
+    @property
+    def parameters(self) -> CompiledParameters:
+        """Addresses and arrays for the kernels, with room to work in that is the caller's own."""
+        return replace(self._parameters, inputs=np.zeros(3 * len(self.compiled.signals)), clock=np.full(2, np.nan))
+
+    @cached_property
+    def _parameters(self) -> CompiledParameters:
+        mechanism, quaternions = self.mechanism, []
+        position = np.full(self.n, -1, dtype=np.int64)
+        for k, link in enumerate(mechanism.links):
+            rate, first = int(mechanism.layout.rate[k]), int(mechanism.layout.position[k])
+            slides = 3 if link.joint == FREE else 0 if link.joint == SPHERICAL else link.n_rates
+            position[rate : rate + slides] = np.arange(first, first + slides)
+            if link.joint in (FREE, SPHERICAL):
+                quaternions.append((rate + slides, first + slides))
+            modes = mechanism.modes_of(k)
+            position[modes] = modes + self.n_positions - self.n
+        return CompiledParameters(
+            accelerations=self.compiled.address("accelerations"),
+            signals=self.compiled.address("signals") if self.compiled.signals else 0,
+            inputs=np.zeros(0),
+            clock=np.zeros(0),
+            position=position,
+            quaternions=np.array(quaternions, dtype=np.int64).reshape(-1, 2),
+        )
+
+    @cached_property
+    def couplings(self) -> Couplings:
+        """Structure of the fast coordinates' equations."""
+        return find_couplings(self.compiled)
+
+    def leapfrog(self) -> Leapfrog:
+        """Fresh storage for leapfrog steps."""
+        step, v_now = aligned(1, self.n)
+        plain = not len(self._parameters.quaternions)
+        return Leapfrog(self.compiled.address("leap") if plain else 0, step, v_now)
+
+    def frozen(self, cycle: float) -> HeldCycle:
+        """Fresh storage for the fast coordinates' equation over a major cycle of a duration [s]."""
+        couplings, n, n_fast = self.couplings, self.n, self.n - self.n_slow
+        constant, slope, k, c, v_now, d, load = aligned(*7 * [n])
+        constant_mass, n_inputs = couplings.mass is not None, 3 * len(self.compiled.signals)
+        return HeldCycle(
+            directions=self._directions(),
+            solve_fast=0 if constant_mass else self.compiled.address("solve_fast"),
+            n_slow=self.n_slow,
+            single=constant_mass and not couplings.elastic,
+            damped=couplings.damped,
+            cycle=float(cycle),
+            driven=couplings.driven,
+            mass=couplings.mass if couplings.mass is not None else np.zeros(n),
+            time=np.zeros(1),
+            active=np.zeros(1),
+            breakpoints=np.array(self.breakpoints, dtype=float),
+            before=np.zeros(n_inputs),
+            now=np.zeros(n_inputs),
+            lever=np.zeros((len(couplings.driven), n)),
+            constant=constant,
+            slope=slope,
+            k=k,
+            c=c,
+            K=np.zeros((n_fast, n_fast)),
+            C=np.zeros((n_fast, n_fast)),
+            moved=np.zeros(self.n_positions),
+            v_now=v_now,
+            d=d,
+            load=load,
+            f=np.zeros((n, LANES)),
+            x=np.zeros((n, LANES)),
+        )
+
+    def _directions(self) -> Directions:
+        n, n_inputs = self.n, 3 * len(self.compiled.signals)
+        dv, da, dr = np.zeros((3, n, LANES))
+        return Directions(
+            tangents=self.compiled.address("tangents"),
+            inertia=self.compiled.address("inertia"),
+            a=np.zeros(n),
+            dinputs=np.zeros((n_inputs, LANES)),
+            dq=np.zeros((self.n_positions, LANES)),
+            dv=dv,
+            da=da,
+            dr=dr,
+        )
+
+    def middle(self, cycle: float) -> MiddleCycle:
+        """Fresh storage for the equations at the middle of a major cycle of a duration [s]."""
+        n, n_slow, n_fast, held = self.n, self.n_slow, self.n - self.n_slow, self.frozen(cycle)
+        loose = held.single and not self.couplings.inertial
+        if not loose:  # the slow ones' reaction to fast rates acts on the fast ones, too
+            held = replace(held, damped=self.couplings.dragging)
+        KT, CT, T = np.zeros((3, n_fast, n))
+        Q, v, a = np.zeros((3, n))
+        return MiddleCycle(
+            held=held,
+            loose=loose,
+            L=np.zeros((n_slow, n_slow)),
+            S=np.zeros((n_fast, n_fast)),
+            M=np.zeros((n, n)),
+            KT=KT,
+            CT=CT,
+            T=T,
+            Q=Q,
+            q=np.zeros(self.n_positions),
+            v=v,
+            a=a,
+            fresh=np.zeros(1),
+        )
+
+    def mass_matrix(self, q: Array, t: float = 0.0) -> Array:
+        """M̂ at positions q, shape (n, n)."""
+        return self.compiled.mass_matrix(t, q)
+
+    @cached_property
+    def _reference_mass(self) -> Array:
+        return self.mass_matrix(self.mechanism.rest_positions)
+
+    @property
+    def linear_matrices(self) -> tuple[Array, Array, Array]:
+        """Mass, stiffness and damping of the undeformed mechanism, (n, n) each."""
+        return self._reference_mass, self.mechanism.linear_forces.K, self.mechanism.linear_forces.C
+
+    @property
+    def stiffness(self) -> Array:
+        """Squared modal frequencies, and springs over what they move in the undeformed mechanism [1/s²]."""
+        return self.mechanism.linear_forces.own / self._reference_mass.diagonal()
+
+    @property
+    def frequencies_hz(self) -> Array:
+        """Of each mode and of each joint by itself, undeformed [Hz], shape (n,); 0 where nothing holds it."""
+        mechanism = self.mechanism
+        own = np.sqrt(mechanism.linear_forces.K.diagonal() / self._reference_mass.diagonal())
+        for k, link in enumerate(mechanism.links):
+            own[mechanism.modes_of(k)] = link.omega
+        return np.asarray(own / (2 * np.pi))
+
+    @cached_property
+    def highest_frequency(self) -> float:
+        """Highest coupled angular frequency in the reference state [rad/s]."""
+        return self._highest(slice(0, None))
+
+    @cached_property
+    def highest_fast_frequency(self) -> float:
+        """Highest angular frequency of the fast coordinates with the slow ones held [rad/s]."""
+        return self._highest(slice(self.n_slow, None))
+
+    @cached_property
+    def highest_reacting_frequency(self) -> float:
+        """Highest angular frequency of the fast coordinates with ``q_L + M_LL⁻¹ M_LS q_S`` held [rad/s]."""
+        slow, fast, M = slice(0, self.n_slow), slice(self.n_slow, None), self._reference_mass
+        T = np.concatenate([-np.linalg.solve(M[slow, slow], M[slow, fast]), np.eye(self.n - self.n_slow)])
+        return highest_frequency(T.T @ M @ T, T.T @ self.mechanism.linear_forces.K @ T)
+
+    @cached_property
+    def highest_slow_frequency(self) -> float:
+        """Highest angular frequency of the slow coordinates with the fast ones held [rad/s]."""
+        return self._highest(slice(0, self.n_slow))
+
+    def _highest(self, part: slice) -> float:
+        return highest_frequency(self._reference_mass[part, part], self.mechanism.linear_forces.K[part, part])

@@ -1,0 +1,50 @@
+"""Constant stiffness and damping of a mechanism's modes, springs and dampers."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from typing import NamedTuple
+
+import numpy as np
+
+from pipeline.core.arrays import Array
+from pipeline.dynamics.layout import Layout
+from pipeline.dynamics.links import REVOLUTE, Link
+
+
+class LinearForces(NamedTuple):
+    """Stiffness and damping in the order of rates.
+
+    Attributes
+    ----------
+    own : ndarray, shape (n,)
+        Stiffness of each mode and each spring by itself.
+    K, C : ndarray, shape (n, n)
+        Stiffness and damping, with springs and dampers that grip a section which turns with its body's modes.
+    """
+
+    own: Array
+    K: Array
+    C: Array
+
+
+def gather_linear_forces(links: Sequence[Link], layout: Layout) -> LinearForces:
+    """Gather the stiffness and the damping of all links."""
+    n = layout.n
+    own, K, C = np.zeros(n), np.zeros((n, n)), np.zeros((n, n))
+    for k, link in enumerate(links):
+        modes = layout.mode[k, : len(link.omega)]
+        own[modes] = link.omega**2
+        K[modes, modes] += link.omega**2
+        if len(link.damping):
+            C[modes, modes] += 2.0 * link.damping * link.omega
+        if link.n_rates == 1:
+            i = layout.rate[k]
+            own[i] = link.spring
+            grip = np.zeros(n)  # what stretches the spring: the joint, and the section's turning with the modes
+            grip[i] = 1.0
+            if link.joint == REVOLUTE and len(link.joint_rotation):
+                grip[modes] = link.joint_rotation
+            K += link.spring * np.outer(grip, grip)
+            C += link.damper * np.outer(grip, grip)
+    return LinearForces(own, K, C)

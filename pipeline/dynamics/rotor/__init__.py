@@ -1,1 +1,0 @@
-"""One flexible body on a driven hinge."""

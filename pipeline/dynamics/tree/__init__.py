@@ -1,1 +1,0 @@
-"""A tree of rigid and flexible bodies."""

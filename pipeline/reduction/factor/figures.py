@@ -1,0 +1,30 @@
+"""Figures of a factorisation as plain data, which is read without loading a solver."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+
+@dataclass(frozen=True, slots=True)
+class FactorFigures:
+    """Solver, order, size and memory of a factorisation.
+
+    Attributes
+    ----------
+    solver : str
+        ``CHOLMOD`` or ``SuperLU``; ``MUMPS`` and others of PETSc's with the number of ranks.
+    order : str
+        Method that reordered the unknowns: ``METIS`` (nested dissection), ``MMD`` (minimum degree) or ``own``.
+    unknowns : int
+        Number of unknowns of the matrix.
+    nonzeros : int
+        Number of nonzeros of its Cholesky factor in this order.
+    memory : int
+        Memory that the solver keeps, by prediction [bytes].
+    """
+
+    solver: str
+    order: str
+    unknowns: int
+    nonzeros: int
+    memory: int

@@ -1,0 +1,105 @@
+"""Errors of the model itself: what a run leaves out, against runs that have it."""
+
+from typing import Any
+
+import numpy as np
+import pytest
+
+from pipeline import Pipeline, load_scene
+from pipeline.accuracy.error_budget import state_errors
+from pipeline.accuracy.error_estimates import SAFETY, Row
+from pipeline.core.cache import Cache
+from pipeline.output.summary import summarise
+
+SPUN = [
+    "body.beam.mesh.divisions=[12, 2, 1]",
+    "body.beam.modes.enrich=inertia",
+    "simulation.duration=0.15 s",
+    'simulation.run=[{integrator="auto"}]',
+]
+CLAMPED = """
+title = "Clamped bar"
+[body.bar]
+shape = "bar"
+length = "200 mm"
+depth = "20 mm"
+width = "20 mm"
+E = "70 GPa"
+nu = 0.33
+rho = "2700 kg/m^3"
+mesh = { element = "hexahedron", order = 2, divisions = [12, 2, 2] }
+modes = { count = 3, boundary = "joint", damping = 0.01 }
+marker = { root = { face = "x-" }, tip = { face = "x+" } }
+[joint.root]
+type = "fixed"
+parent = "ground"
+child = "bar.root"
+[drive.push]
+type = "point force"
+marker = "bar.tip"
+direction = [0, 1, 0]
+force = { formula = "100*sin(100*t)", unit = "N" }
+[simulation]
+duration = "20 ms"
+output_step = "0.2 ms"
+tip = "bar.tip"
+run = [{ integrator = "auto" }]
+"""
+
+
+def rows_of(run: Pipeline) -> dict[str, Row]:
+    return {row.name: row for row in state_errors(run).rows}
+
+
+def test_geometric_stiffening_that_is_left_off_is_stated() -> None:
+    off, on = (Pipeline(load_scene("beam", [*SPUN, f"simulation.stiffening={x}"]), Cache(None)) for x in ("off", "on"))
+    rows = rows_of(off)
+    budget = state_errors(off)
+    (cause,) = (each for each in budget.model if each.cause == "stiffening left off")
+    ours, theirs = off.motion.tip_deflection, on.motion.tip_deflection
+    true = np.linalg.norm(ours - theirs, axis=1).max() / np.linalg.norm(theirs, axis=1).max()
+    assert true > 1e-3
+    assert true <= rows["tip, deflection"].total <= 5 * true + rows["tip, deflection"].numerical
+    stated = [part for row in rows.values() if isinstance(part := row.parts["model"], float)]
+    assert cause.error == pytest.approx(max(stated), rel=0.5)
+    assert not [each for each in state_errors(on).model if each.cause == "stiffening left off"]
+
+
+def test_the_model_is_a_source_of_the_stated_error_and_not_of_the_numerical_one() -> None:
+    row = Row("x", "m", 1.0, True, {"time": 0.003, "truncation": 0.0, "model": 0.004})
+    assert row.numerical == pytest.approx(SAFETY * 0.003)
+    assert row.total == pytest.approx(SAFETY * 0.005)
+    assert row.dominant == "time"
+
+
+def bar(folder: Any, *settings: str) -> Pipeline:
+    file = folder / "bar.toml"
+    file.write_text(CLAMPED)
+    return Pipeline(load_scene(file, list(settings)), Cache(None))
+
+
+def test_an_averaged_root_is_off_by_what_a_rigid_one_changes_on_a_fine_mesh(tmp_path: Any) -> None:
+    fine = ["body.bar.mesh.divisions=[24, 5, 5]"]
+    averaged, rigid = bar(tmp_path, *fine), bar(tmp_path, *fine, "body.bar.marker.root.attachment=rigid")
+    true = rigid.modes.omega[0] / averaged.modes.omega[0] - 1
+    stated = rows_of(bar(tmp_path))["bar, frequency 1"].parts["model"]
+    assert isinstance(stated, float)
+    assert true < SAFETY * stated < 3 * true
+    assert rows_of(bar(tmp_path, "body.bar.marker.root.attachment=rigid"))["bar, frequency 1"].parts["model"] == (
+        "no part in it"
+    )
+
+
+def test_missing_damping_is_named_and_not_counted(tmp_path: Any) -> None:
+    with_it, without = bar(tmp_path), bar(tmp_path, "body.bar.modes.damping=0")
+    assert not [each for each in state_errors(with_it).model if each.cause == "no damping"]
+    (cause,) = (each for each in state_errors(without).model if each.cause == "no damping")
+    assert not cause.counted
+    assert cause.error > 1e-3
+
+
+def test_a_wanted_accuracy_beyond_the_models_is_warned_of(tmp_path: Any) -> None:
+    summary = summarise(bar(tmp_path, "accuracy=0.01 %"), [], budget=True)
+    codes = [warning["code"] for warning in summary["warnings"]]
+    assert "model-error" in codes
+    assert {each["cause"] for each in summary["error_budget"]["model"]} >= {"attachment"}

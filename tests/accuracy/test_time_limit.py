@@ -1,0 +1,63 @@
+"""The time limit of an error budget."""
+
+import time
+
+import pytest
+
+from pipeline import Pipeline, load_scene
+from pipeline.accuracy.error_budget import ERROR_BUDGET, allowed_seconds, state_errors
+from pipeline.accuracy.time_limit import LeftOutError, TimeLimit
+from pipeline.core.cache import Cache
+
+BEAM = [
+    "body.beam.mesh.divisions=[8, 1, 1]",
+    "body.beam.modes.count=2",
+    "simulation.duration=10 ms",
+    'simulation.run=[{integrator="auto"}]',
+]
+
+
+def test_what_would_take_longer_than_is_left_is_refused() -> None:
+    limit = TimeLimit(10.0, started=time.perf_counter())
+    limit.require(5.0)
+    with pytest.raises(LeftOutError, match=r"it would take about 20 s, and 10 s of 10 s are left"):
+        limit.require(20.0)
+    TimeLimit().require(1e9)
+
+
+def test_a_march_that_will_not_end_in_time_is_stopped_by_its_progress(monkeypatch: pytest.MonkeyPatch) -> None:
+    now = [0.0]
+    monkeypatch.setattr(time, "perf_counter", lambda: now[0])
+    limit = TimeLimit(10.0, started=time.perf_counter())
+    advance = limit.watch()
+    now[0] = 1.0
+    advance(0.5)  # one more second
+    now[0] = 2.0
+    with pytest.raises(LeftOutError, match="it would take about 38 s, and 8 s of 10 s are left"):
+        advance(0.05)
+
+
+def test_a_budget_without_time_names_what_it_left_out_and_is_not_kept(tmp_path) -> None:
+    run = Pipeline(load_scene("beam", BEAM), Cache(tmp_path))
+    short = state_errors(run, 1e-9)
+    rows = {row.name: row for row in short.rows}
+    assert isinstance(rows["beam, frequency 1"].parts["discretisation"], float)  # from recovered stress, at once
+    assert "not estimated: it would take" in str(rows["tip, deflection"].parts["time"])
+    named = " ".join(short.left_out)
+    for source in ("time", "discretisation", "truncation", "stiffening left off"):
+        assert f"{source}: not estimated" in named
+    again = Pipeline(load_scene("beam", BEAM), Cache(tmp_path))
+    whole = state_errors(again)
+    assert whole.left_out == ()
+    assert ERROR_BUDGET.name in again.log.run
+    kept = Pipeline(load_scene("beam", BEAM), Cache(tmp_path))
+    assert state_errors(kept, 1e-9) == whole
+    assert ERROR_BUDGET.name in kept.log.cached
+
+
+def test_the_time_limit_is_three_times_that_of_the_run() -> None:
+    run = Pipeline(load_scene("beam", BEAM), Cache(None))
+    run.log.seconds["modes"] = 20.0
+    assert allowed_seconds(run) == pytest.approx(60.0)
+    run.log.seconds["modes"] = 0.1
+    assert allowed_seconds(run) == 10.0

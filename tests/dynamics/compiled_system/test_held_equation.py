@@ -1,0 +1,27 @@
+"""Sub-cycling of compiled systems against one in NumPy that holds the residual's slopes by differences."""
+
+import numpy as np
+import pytest
+
+from pipeline.core.arrays import Array
+from pipeline.dynamics.compiled_system.system import CompiledSystem
+from pipeline.integrators.subcycling import Subcycling
+from tests.dynamics.compiled_system.held_by_differences import sub_cycle
+from tests.dynamics.compiler.mechanisms import PointMechanism, random_mechanism
+
+# Between them: rotations in space, prescribed joints, fast joints, slow modes, loads of every kind.
+SEEDS = [*range(8), *(pytest.param(k, marks=pytest.mark.slow) for k in range(8, 40))]
+
+
+def small_state(made: PointMechanism, seed: int) -> tuple[Array, Array]:
+    q, v = made.state(seed)
+    return q, 0.5 * v
+
+
+@pytest.mark.parametrize("seed", SEEDS)
+def test_sub_cycling_holds_the_slopes_of_the_residual(seed: int) -> None:
+    made, h, m = random_mechanism(seed), 0.004, 5
+    start = small_state(made, seed)
+    want = sub_cycle(made, h, m, 20, *start)
+    march = Subcycling(h, m).march(CompiledSystem(made.mechanism), *start, m * h * np.arange(20))
+    assert march.q == pytest.approx(want, abs=1e-9)

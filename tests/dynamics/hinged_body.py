@@ -1,0 +1,43 @@
+"""One flexible body on a hinge as a system that integrators march, its energies and its angular momentum."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+
+import numpy as np
+
+from pipeline.core.arrays import Array
+from pipeline.dynamics.compiled_system.system import CompiledSystem
+from pipeline.dynamics.kinematics import Kinematics
+from pipeline.dynamics.links import REVOLUTE, Link
+from pipeline.dynamics.mechanism import Mechanism
+from pipeline.dynamics.signals.signal import Signal, constant
+from pipeline.integrators.protocol import Trajectory
+from pipeline.reduction.body import FlexibleBody
+
+
+def hinged(body: FlexibleBody | Link, load: Signal | None = None) -> CompiledSystem:
+    """Make the system of one body on a hinge to the ground, whose torque is ``load``; none by default."""
+    torque = load or constant(0.0)
+    if isinstance(body, Link):
+        return CompiledSystem(Mechanism([replace(body, load=torque)]))
+    inertia = {"gram": body.gram, "omega": body.omega, "joint_rotation": body.joint_rotation}
+    return CompiledSystem(Mechanism([Link("body", joint=REVOLUTE, axis=body.axis, load=torque, **inertia)]))
+
+
+def body_of(system: CompiledSystem) -> Link:
+    """The body of a system of one."""
+    (link,) = system.mechanism.links
+    return link
+
+
+def energies(system: CompiledSystem, march: Trajectory) -> tuple[Array, Array]:
+    """Kinetic and potential energy of a march [J], shape (n_times,) each."""
+    return Kinematics(system.mechanism, march.times, march.q, march.v).energies
+
+
+def angular_momentum(system: CompiledSystem, march: Trajectory) -> Array:
+    """Angular momentum of a march of one body about the axis of its hinge at the origin [kg m²/s]."""
+    axis = body_of(system).axis
+    momentum = Kinematics(system.mechanism, march.times, march.q, march.v).angular_momentum
+    return np.asarray(momentum @ axis / np.linalg.norm(axis))

@@ -1,0 +1,39 @@
+"""Kernels call machine code that Numba hasn't compiled, by its address."""
+
+import numba
+import numpy as np
+import pytest
+
+from pipeline.core.arrays import Array
+from pipeline.dynamics.compiler.machine import LoadedObject, compile_object
+from pipeline.dynamics.jit.compiled import kernel
+from pipeline.dynamics.jit.native import call_native
+
+SOURCE = """
+define void @scale(ptr %factor, ptr %x) {
+  %f = load double, ptr %factor, align 8
+  %a = load double, ptr %x, align 8
+  %y = fmul double %f, %a
+  store double %y, ptr %x, align 8
+  ret void
+}
+"""
+
+
+@kernel
+def _scale_both(address: int, factor: Array, x: Array) -> None:
+    call_native(address, (factor, x))
+    call_native(address, (factor, x[1:]))
+
+
+def test_a_kernel_calls_a_compiled_function_with_the_data_of_its_arrays() -> None:
+    loaded = LoadedObject(compile_object(SOURCE))
+    x = np.array([1.0, 2.0, 3.0])
+    _scale_both(loaded.address("scale"), np.array([10.0]), x)
+    assert x.tolist() == [10.0, 20.0, 3.0]
+
+
+@pytest.mark.parametrize("x", [np.arange(6.0)[::2], np.arange(3)])
+def test_arrays_that_it_could_not_read_are_refused(x: Array) -> None:
+    with pytest.raises(numba.TypingError, match="is not a contiguous array of doubles"):
+        _scale_both(0, np.ones(1), x)

@@ -1,0 +1,55 @@
+"""What a mechanism refuses: links out of order, names that don't fit, joints that can't be fast."""
+
+import re
+
+import numpy as np
+import pytest
+
+from pipeline.dynamics.links import FIXED, FREE, PRISMATIC, REVOLUTE, SPHERICAL, Link, rigid_gram
+from pipeline.dynamics.mechanism import Mechanism
+
+POINT = rigid_gram(1.0, np.zeros(3), np.eye(3))
+
+
+@pytest.mark.parametrize("parent", [-2, 1, 2])
+def test_a_link_comes_after_its_parent(parent: int) -> None:
+    links = [Link("first", POINT, FREE), Link("second", POINT, REVOLUTE, parent)]
+    with pytest.raises(ValueError, match=re.escape("link second comes before its parent")):
+        Mechanism(links)
+
+
+def test_a_link_does_not_carry_itself() -> None:
+    with pytest.raises(ValueError, match=re.escape("link first comes before its parent")):
+        Mechanism([Link("first", POINT, FREE, parent=0)])
+
+
+@pytest.mark.parametrize("joint", [FIXED, SPHERICAL, FREE])
+def test_only_a_joint_of_one_coordinate_can_be_fast(joint: int) -> None:
+    message = "the joint of ball can't be fast: it has no one coordinate"
+    with pytest.raises(ValueError, match=re.escape(message)):
+        Mechanism([Link("ball", POINT, joint)], fast_joints=["ball"])
+
+
+@pytest.mark.parametrize("joint", [REVOLUTE, PRISMATIC])
+def test_a_joint_of_one_coordinate_can_be_fast(joint: int) -> None:
+    assert Mechanism([Link("ball", POINT, joint)], fast_joints=["ball"]).n_slow == 0
+
+
+@pytest.mark.parametrize(
+    ("links", "fast", "said"),
+    [
+        ([], [], "one link at least"),
+        (["a", "a"], [], "names of their own"),
+        (["a"], ["b"], "no link is named b"),
+    ],
+)
+def test_names_that_do_not_fit_are_refused(links: list[str], fast: list[str], said: str) -> None:
+    gram = rigid_gram(1.0, np.zeros(3), np.eye(3))
+    with pytest.raises(ValueError, match=said):
+        Mechanism([Link(name, gram, REVOLUTE) for name in links], fast)
+
+
+def test_an_axis_without_direction_is_refused() -> None:
+    gram = rigid_gram(1.0, np.zeros(3), np.eye(3))
+    with pytest.raises(ValueError, match="the axis of a has no direction"):
+        Mechanism([Link("a", gram, REVOLUTE, axis=np.zeros(3))])

@@ -1,0 +1,15 @@
+"""Names of the functions that a system gives a meaning."""
+
+from typing import Any
+
+import pytest
+
+from pipeline.dynamics.system import accelerations, advance, fast_steps, hold_middle, hold_slow, velocities
+
+NAMES = (accelerations, hold_slow, hold_middle, fast_steps, advance, velocities)
+
+
+@pytest.mark.parametrize("name", NAMES, ids=lambda name: name.__name__)
+def test_a_name_without_a_system_does_nothing(name: Any) -> None:
+    with pytest.raises(NotImplementedError, match=r"^$"):
+        name(*([None] * (name.__code__.co_argcount)))

@@ -1,0 +1,55 @@
+"""Stretching by large deflection, against the energies of a beam."""
+
+import numpy as np
+import pytest
+
+from meshes.bar import hexahedral_bar
+from pipeline.fem.assembly import assemble
+from pipeline.fem.material import Material
+from pipeline.fem.membrane import membrane_ratio, quadratic_strain_load
+from pipeline.fem.mesh import SolidMesh
+from pipeline.fem.model import FEModel
+from pipeline.reduction.eigen import FreeBodySolver
+from pipeline.reduction.factor.factor import factorise
+
+LENGTH, WIDTH, DEPTH = 1.0, 0.02, 0.005
+SOFT = Material(E=70e9, nu=0.0, rho=2700.0)
+
+
+def strip() -> FEModel:
+    return assemble(SolidMesh(*hexahedral_bar(LENGTH, WIDTH, DEPTH, (32, 1, 1))), 2, SOFT)
+
+
+def ratio(fe: FEModel, held: tuple[float, ...], load: float) -> tuple[float, float]:
+    """Return the stiffening of a strip held at some of its sections under a uniform load, and its deflection."""
+    along = fe.x[:, 0] - fe.x[:, 0].min()
+    nodes = np.flatnonzero(np.min([np.abs(along - x) for x in held], axis=0) < 1e-9)
+    solver = FreeBodySolver(fe, [], (3 * nodes[:, None] + np.arange(3)).ravel(), factorise)
+    weight = np.zeros((len(fe.x), 3, 1))
+    weight[:, 2, 0] = load * np.asarray(fe.m.sum(axis=1)).ravel()
+    u = solver.static_response(weight)[:, :, 0]
+    f, energy = quadratic_strain_load(fe, u)
+    v = solver.static_response(-f[:, :, None])[:, :, 0]
+    return membrane_ratio(fe, u, v, f, energy), float(np.abs(u[:, 2]).max())
+
+
+def test_a_strip_held_at_both_ends_stiffens_as_von_karmans_beam() -> None:
+    """With ``w ~ x² (1 − x)²`` the tension ``EA/2L ∫ w'²`` has energies in the ratio 0.697 (w/h)²."""
+    stiffer, deflection = ratio(strip(), (0.0, LENGTH), 300.0)
+    assert stiffer == pytest.approx(0.697 * (deflection / DEPTH) ** 2, rel=0.05)
+
+
+def test_a_cantilever_is_free_to_shorten_and_hardly_stiffens() -> None:
+    stiffer, deflection = ratio(strip(), (0.0,), 30.0)
+    assert deflection > 10 * DEPTH
+    assert stiffer < 2 * (deflection / LENGTH) ** 2
+
+
+def test_the_load_is_quadratic_and_its_energy_quartic_and_no_translation_works() -> None:
+    fe = strip()
+    u = 1e-4 * np.sin(fe.x @ np.random.default_rng(0).normal(size=(3, 3)))
+    f, energy = quadratic_strain_load(fe, u)
+    twice, of_twice = quadratic_strain_load(fe, 2 * u)
+    assert twice == pytest.approx(4 * f, rel=1e-9, abs=1e-9 * np.abs(f).max())
+    assert of_twice == pytest.approx(16 * energy, rel=1e-12)
+    assert np.abs(f.sum(axis=0)).max() < 1e-9 * np.abs(f).sum()

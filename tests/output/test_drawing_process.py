@@ -1,0 +1,87 @@
+"""A process that draws: order, errors, its death, and the pause while something is timed."""
+
+from __future__ import annotations
+
+import os
+import sys
+import time
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from meshes.gmsh_session import gmsh_model
+from pipeline.core.errors import InputError
+from pipeline.output.drawing_process import DrawingProcess
+from pipeline.render.calls import draw_here
+from pipeline.render.chart_data import Curve
+
+TIMES = np.linspace(0.0, 1.0, 11)
+
+
+def draw_line(draw, path: Path, slope: float = 1.0) -> None:
+    draw("charts.draw_chart", TIMES, [Curve("line", slope * TIMES)], path, title="a line", ylabel="x [m]")
+
+
+def test_pictures_are_the_same_as_drawn_here(tmp_path: Path) -> None:
+    with DrawingProcess("scene.toml") as process:
+        for slope in (1.0, 2.0):
+            draw_line(process, tmp_path / f"there-{slope}.png", slope)
+        process.finish()
+    for slope in (1.0, 2.0):
+        draw_line(draw_here, tmp_path / f"here-{slope}.png", slope)
+        assert (tmp_path / f"there-{slope}.png").read_bytes() == (tmp_path / f"here-{slope}.png").read_bytes()
+
+
+def test_an_error_comes_back_and_the_next_picture_is_drawn(tmp_path: Path) -> None:
+    with DrawingProcess("scene.toml") as process:
+        process("charts.draw_chart", TIMES, [], tmp_path / "none.png", title="", ylabel="")
+        draw_line(process, tmp_path / "line.png")
+        with pytest.raises(ValueError, match="a chart needs at least one curve"):
+            process.finish()
+        process.finish()
+    assert (tmp_path / "line.png").exists()
+
+
+def test_a_process_that_dies_is_reported_with_its_remedy(tmp_path: Path) -> None:
+    with DrawingProcess("scene.toml") as process:
+        process.start()
+        process.require_ready()
+        assert process._process is not None
+        process._process.kill()
+        process._process.wait()
+        with pytest.raises(InputError, match=r"scene.toml: output: .*died of SIGKILL; .*--no-pictures"):  # noqa: PT012
+            draw_line(process, tmp_path / "line.png")
+            process.finish()
+
+
+def test_nothing_is_drawn_while_something_is_timed(tmp_path: Path) -> None:
+    picture = tmp_path / "line.png"
+    with DrawingProcess("scene.toml") as process:
+        process.start()
+        process.require_ready()
+        with process.paused():
+            draw_line(process, picture)
+            time.sleep(3.0)
+            assert picture.exists() == (sys.platform == "win32")
+        process.finish()
+    assert picture.exists()
+
+
+def test_a_process_that_is_not_needed_is_never_started() -> None:
+    with DrawingProcess("scene.toml") as process:
+        process.require_ready()
+        with process.paused():
+            process.finish()
+        assert process._process is None
+
+
+@pytest.mark.skipif(sys.platform == "win32", reason="there are no such signals")
+def test_a_broken_pipe_is_an_error_after_meshing_too() -> None:
+    with gmsh_model("empty"):
+        pass
+    reader, writer = os.pipe()
+    os.close(reader)
+    with pytest.raises(BrokenPipeError):  # Gmsh would have the signal end this process
+        os.write(writer, b"x")
+    os.close(writer)

@@ -1,0 +1,129 @@
+"""Rotation and strain of an elastic field, and the error of leaving their squares out, against the elastica."""
+
+from typing import Any
+
+import numpy as np
+import pytest
+from scipy.optimize import brentq
+from scipy.special import ellipeinc, ellipkinc
+
+from pipeline import Pipeline, load_scene
+from pipeline.accuracy.deflection import TOO_LARGE, deflection_errors, deflection_warnings
+from pipeline.accuracy.error_estimates import SAFETY
+from pipeline.accuracy.quantities import motion_quantities
+
+LENGTH, DEPTH, WIDTH, MODULUS = 1.0, 0.005, 0.02, 210e9
+BENDING = MODULUS * WIDTH * DEPTH**3 / 12
+STRIP = f"""
+title = "Strip"
+[body.strip]
+shape = "bar"
+length = "{LENGTH} m"
+depth = "{WIDTH} m"
+width = "{DEPTH} m"
+E = "{MODULUS} Pa"
+nu = 0.0
+rho = "7850 kg/m^3"
+mesh = {{ element = "hexahedron", order = 2, divisions = [20, 1, 1] }}
+modes = {{ count = 3, boundary = "joint", enrich = "inertia" }}
+marker = {{ root = {{ face = "x-" }}, tip = {{ face = "x+" }} }}
+[joint.clamp]
+type = "fixed"
+parent = "ground"
+child = "strip.root"
+[drive.load]
+type = "point force"
+marker = "strip.tip"
+direction = [0, 0, 1]
+force = "FORCE N"
+[simulation]
+duration = "1 ms"
+output_step = "1 ms"
+start = "steady"
+tip = "strip.tip"
+run = [{{ integrator = "auto" }}]
+"""
+
+
+def strip(folder: Any, deflection: float) -> Pipeline:
+    """Return a clamped strip whose linear deflection under a force at its end is a part of its length."""
+    file = folder / "strip.toml"
+    file.write_text(STRIP.replace("FORCE", repr(3 * deflection * BENDING / LENGTH**2)))
+    return Pipeline(load_scene(file))
+
+
+def elastica(load: float) -> tuple[float, float]:
+    """Return the place of a cantilever's end under a dead load P L²/EI, over its length, by elliptic integrals."""
+    begin = np.arcsin(np.sqrt(0.5))
+
+    def places(k: float) -> tuple[float, float, float]:
+        phi = np.arcsin(np.sin(begin) / k)
+        F, E = (f(np.pi / 2, k * k) - f(phi, k * k) for f in (ellipkinc, ellipeinc))
+        return F, np.sqrt(2 * (2 * k * k - 1)), 1 - 2 * E / np.sqrt(load) if load else 0.0
+
+    k = brentq(lambda k: places(k)[0] - np.sqrt(load), np.sqrt(0.5) * (1 + 1e-14), 1 - 1e-12, xtol=1e-15)
+    return float(np.sqrt(2 * (2 * k * k - 1) / load)), float(places(k)[2])
+
+
+@pytest.mark.parametrize("deflection", [0.02, 0.05, 0.1, 0.2, 0.4])
+def test_the_stated_error_of_a_large_deflection_is_one_to_five_times_the_elasticas(
+    tmp_path: Any, deflection: float
+) -> None:
+    run = strip(tmp_path, deflection)
+    x, y = elastica(3 * deflection)
+    exact, ours = (
+        np.array([x - 1, 0.0, y]),
+        np.array([0.0, 0.0, deflection]),
+    )  # of beam theory, without the mesh's error
+    size = float(np.linalg.norm(exact))
+    true = {
+        "tip, deflection": np.linalg.norm(ours - exact) / size,
+        "tip, largest deflection": abs(deflection / size - 1),
+        "strip, largest von Mises stress": 1 / x - 1,  # the moment at the root is P x
+    }
+    assert run.motion.tip_deflection[0] == pytest.approx(ours, rel=2e-3, abs=1e-6)
+    quantities = dict.fromkeys(true, None) | motion_quantities(run, run.motion, run.motion)
+    stated = deflection_errors(run, quantities)
+    for name, error in true.items():
+        assert error <= SAFETY * stated[name] <= 5 * error, name
+    (warning,) = deflection_warnings(run) or [{"text": ""}]
+    assert bool(warning["text"]) == (stated["tip, deflection"] > TOO_LARGE)
+
+
+def test_largest_rotation_and_strain_are_those_of_beam_theory(tmp_path: Any) -> None:
+    measured = strip(tmp_path, 0.1).deformations["strip"]
+    assert measured.rotation == pytest.approx(1.5 * 0.1, rel=2e-3)
+    assert measured.strain == pytest.approx(3 * 0.1 * DEPTH / 2 / LENGTH, rel=0.03)  # of the element at the root
+    assert measured.shortening["tip"] == pytest.approx(0.6 * 0.1**2, rel=5e-3)  # ½ ∫ w'² ds
+
+
+def test_a_chain_of_bodies_lowers_the_error_as_the_warning_says(tmp_path: Any) -> None:
+    """The strip cut into as many pieces as the warning names, at a fifth of its length."""
+    deflection = 0.2
+    (warning,) = deflection_warnings(strip(tmp_path, deflection))
+    pieces = int(warning["text"].partition("a chain of ")[2].split()[0])
+    chain = cut(STRIP.replace("FORCE", repr(3 * deflection * BENDING / LENGTH**2)), pieces)
+    (tmp_path / "chain.toml").write_text(chain)
+    run = Pipeline(load_scene(tmp_path / "chain.toml"))
+    q0, _ = run.start
+    from pipeline.dynamics.kinematics import Kinematics
+
+    ends = Kinematics(run.mechanism, np.zeros(1), q0[None], np.zeros((1, run.mechanism.n)))
+    place = ends.marker_position(pieces - 1, "tip")[0]
+    x, y = elastica(3 * deflection)
+    assert np.linalg.norm(place - [x, 0.0, y]) < 2 * TOO_LARGE * np.hypot(x - 1, y)
+
+
+def cut(text: str, pieces: int) -> str:
+    """Return the strip's scene with a chain of bodies on fixed joints in place of the strip."""
+    head, _, rest = text.partition("[body.strip]")
+    body, _, rest = rest.partition("[joint.clamp]")
+    body = body.replace(f'"{LENGTH} m"', f'"{LENGTH / pieces!r} m"').replace("[20, 1, 1]", "[6, 1, 1]")
+    _, _, rest = rest.partition("[drive.load]")
+    chain = head
+    for k in range(pieces):
+        parent = f"strip{k - 1}.tip" if k else "ground"
+        chain += (
+            f"[body.strip{k}]{body}[joint.clamp{k}]\ntype = 'fixed'\nparent = '{parent}'\nchild = 'strip{k}.root'\n"
+        )
+    return chain + "[drive.load]" + rest.replace("strip.tip", f"strip{pieces - 1}.tip")
