@@ -20,7 +20,7 @@ def deflection_errors(run: Pipeline, quantities: Quantities) -> dict[str, float]
     """Estimate the relative error of each quantity of a motion by the squares of rotation and strain.
 
     A body's stress is off by what this body leaves out, all else by what the worst body does. The tip's deflection
-    lacks the shortening of its body too.
+    lacks the shortening of its body too where displacements of second order are left out.
     """
     errors = {name: deformation.second_order_error for name, deformation in run.deformations.items()}
     worst = max(errors.values(), default=0.0)
@@ -34,10 +34,12 @@ def deflection_errors(run: Pipeline, quantities: Quantities) -> dict[str, float]
 
 
 def tip_shortening(run: Pipeline) -> float:
-    """Return how far the tip comes nearer to its joint by deflection, relative to the largest deflection."""
+    """Return how far the tip comes nearer to its joint beyond what its motion has, over the largest deflection."""
     body, _, marker = run.scene.simulation.tip.partition(".")
-    largest = float(run.motion.tip_size.max()) if body in run.deformations else 0.0
-    shortening = run.deformations[body].shortening.get(marker, np.zeros(1)) if largest else np.zeros(1)
+    if body not in run.deformations or run.bodies[body].markers[marker].bow.size:
+        return 0.0
+    largest = float(run.motion.tip_size.max())
+    shortening = run.deformations[body].shortening.get(marker, np.zeros(1))
     return float(shortening.max()) / largest if largest else 0.0
 
 

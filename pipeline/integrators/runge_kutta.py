@@ -1,7 +1,7 @@
 """Explicit Runge–Kutta method of order 8 by Dormand and Prince, compiled.
 
 The tableau, the error estimate (of orders 5 and 3 together) and the dense output of order 7 are those of Hairer,
-Nørsett & Wanner, Solving Ordinary Differential Equations I (1993), section II.10; the coefficients are SciPy's.
+Nørsett & Wanner, Solving Ordinary Differential Equations I (1993), section II.10.
 """
 
 from __future__ import annotations
@@ -16,6 +16,7 @@ import numpy as np
 from pipeline.core.arrays import Array, IntArray
 from pipeline.dynamics.jit.compiled import inner, kernel
 from pipeline.dynamics.system import System, accelerations, advance, velocities
+from pipeline.integrators import dop853
 from pipeline.integrators.adaptive import (
     SMALLEST,
     adaptive_start,
@@ -57,19 +58,11 @@ class Tableau(NamedTuple):
 
 @cache
 def tableau() -> Tableau:
-    """Return the coefficients, taken from SciPy."""
-    from scipy.integrate import DOP853
-
-    rows, C = np.zeros((22, 16)), np.zeros(16)
-    rows[:12, :12], C[:12] = DOP853.A, DOP853.C
-    rows[12, :12], C[12] = DOP853.B, 1.0
-    rows[13:16], C[13:] = DOP853.A_EXTRA, DOP853.C_EXTRA
-    rows[_E3, :13], rows[_E5, :13], rows[_D:] = DOP853.E3, DOP853.E5, DOP853.D
+    """Return the coefficients as arrays."""
     slope, weight, length = np.zeros((22, 16), dtype=np.int64), np.zeros((22, 16)), np.zeros(22, dtype=np.int64)
-    for k, row in enumerate(rows):
-        used = np.flatnonzero(row)
-        slope[k, : used.size], weight[k, : used.size], length[k] = used, row[used], -(-used.size // 4) * 4
-    return Tableau(C, slope, weight, length)
+    for k, row in enumerate(dop853.ROWS):
+        slope[k, : len(row)], weight[k, : len(row)], length[k] = [*row], [*row.values()], -(-len(row) // 4) * 4
+    return Tableau(np.array(dop853.C), slope, weight, length)
 
 
 @dataclass(frozen=True)

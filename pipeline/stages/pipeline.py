@@ -14,6 +14,7 @@ from pipeline.core.cache import Cache
 from pipeline.core.errors import InputError
 from pipeline.core.paths import cache_folder
 from pipeline.core.progress import Monitor, silent
+from pipeline.recovery.deformation import Deformation, measure_deformation
 from pipeline.recovery.stress import StressHistory, stress_measure
 from pipeline.scene.scene import Scene
 from pipeline.scene.source_files import collect_inputs
@@ -29,7 +30,6 @@ if TYPE_CHECKING:
     from pipeline.fem.model import FEModel
     from pipeline.fem.surface import SurfaceTopology
     from pipeline.integrators.protocol import Trajectory
-    from pipeline.recovery.deformation import Deformation
     from pipeline.recovery.motion import Motion
     from pipeline.reduction.body import FlexibleBody
     from pipeline.reduction.modes import Modes
@@ -182,8 +182,6 @@ class Pipeline:
     @cached_property
     def deformations(self) -> Mapping[str, Deformation]:
         """Largest rotation and strain of each meshed body's elastic field over the first run's motion."""
-        from pipeline.recovery.deformation import measure_deformation
-
         return {
             name: measure_deformation(part.deformation_shapes, self.bodies[name], self.motion.modal(name))
             for name, part in self.parts.items()

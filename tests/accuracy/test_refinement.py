@@ -86,7 +86,7 @@ def test_a_chain_of_rigid_bodies_meets_it_by_its_integrator_alone(tmp_path, caps
     assert summary["accuracy"]["wanted"] == pytest.approx(1e-3)
     assert summary["accuracy"]["rounds"][-1]["worst"]["stated"] <= 1e-3
     assert max(row["total"] for row in summary["error_budget"]["rows"]) <= 1e-3
-    assert [row["integrator"] for row in summary["integrations"]] == ["auto (runge-kutta)"]
+    assert [row["integrator"].startswith("auto") for row in summary["integrations"]] == [True]
 
 
 def test_what_is_given_up_is_named_and_the_status_is_3(tmp_path, capsys, monkeypatch) -> None:

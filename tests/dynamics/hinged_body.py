@@ -38,6 +38,6 @@ def energies(system: CompiledSystem, march: Trajectory) -> tuple[Array, Array]:
 
 def angular_momentum(system: CompiledSystem, march: Trajectory) -> Array:
     """Angular momentum of a march of one body about the axis of its hinge at the origin [kg m²/s]."""
-    axis = body_of(system).axis
+    axis = body_of(system).axis / np.linalg.norm(body_of(system).axis)
     momentum = Kinematics(system.mechanism, march.times, march.q, march.v).angular_momentum
-    return np.asarray(momentum @ axis / np.linalg.norm(axis))
+    return np.asarray(momentum[:, axis != 0.0] @ axis[axis != 0.0])  # a planar body's has no other parts

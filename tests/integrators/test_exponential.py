@@ -232,8 +232,8 @@ def test_on_the_beam_it_is_of_fourth_order_once_the_step_resolves_the_highest_mo
     steps = np.array([0.1, 0.0625, 0.05]) * MILLI  # at half of that the angle is within its round-off, some 1e-14
     assert body_of(rotor).omega.max() * steps[0] < 1
     errors = beam_errors(steps)
-    assert order_of(steps, errors[:, 0]) == pytest.approx(4, abs=0.1)
-    assert order_of(steps, errors[:, 1]) == pytest.approx(4, abs=0.1)
+    assert order_of(steps, errors[:, 0]) == pytest.approx(4, abs=0.15)
+    assert order_of(steps, errors[:, 1]) == pytest.approx(4, abs=0.15)
 
 
 def test_on_the_beam_steps_far_above_the_highest_mode_still_converge(

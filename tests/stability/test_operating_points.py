@@ -63,7 +63,7 @@ def test_points_of_the_beam_have_the_rates_of_its_torque_pulse() -> None:
     # Leapfrog sums the torque up with an error of (π h/0.1 s)²/12 = 8.2e-9 at its h = 10 µs.
     assert np.array([at.v[0] for at in points]) == pytest.approx(exact, rel=1e-8)
     assert all(np.array_equal(at.v[1:], np.zeros(run.mechanism.n - 1)) for at in points)
-    assert all(np.abs(at.q[1:]).max() > 0 for at in points)  # bent by torque or spin
+    assert all(np.abs(at.q[1:]).max() > 0 for at in points if at.time < 0.1)  # bent by the torque
 
 
 def test_another_split_has_the_same_points_in_its_own_order() -> None:

@@ -24,9 +24,9 @@ def test_a_run_that_would_grow_is_refused_with_the_step_that_works() -> None:
     assert plan.integrator.step == pytest.approx(float(step[1]), rel=0.02)
 
 
-def test_what_grows_by_less_is_told() -> None:
+def test_what_grows_by_less_is_stated() -> None:
     growths = [plan.growth for plan in Pipeline(load_scene("rod-slider")).plans.values()]
-    assert growths == pytest.approx([1.0, 1.03, 1.07], abs=0.01)
+    assert growths == pytest.approx([1.0, 1.0003, 1.0025], abs=3e-4)
 
 
 def test_a_step_can_be_chosen_for_the_wanted_error() -> None:
@@ -50,11 +50,10 @@ LONG = "simulation.run=[{integrator='exponential', step='1 ms'}]"  # ω h = 8.7 
 
 
 @pytest.mark.parametrize("other", ["joint.hub.damper=1e-12 N m s", "body.beam.modes.damping=1e-9"])
-def test_one_rule_limits_the_exponential_method_whatever_kernels_march_a_scene(other: str) -> None:
-    """A damper that takes next to nothing puts the beam on other kernels, where such a step was refused."""
+def test_one_rule_limits_the_exponential_method_whatever_damps_a_scene(other: str) -> None:
+    """A damper that takes next to nothing changes the structure of the equations, by which such a step was refused."""
     quick = ["body.beam.mesh.divisions=[12, 2, 1]", "simulation.duration=20 ms", LONG]
     one, two = (Pipeline(load_scene("beam", given)) for given in (quick, [*quick, other]))
-    assert type(one.system) is not type(two.system)
     assert two.motion.tip_position == pytest.approx(one.motion.tip_position, abs=1e-8)
     assert next(iter(two.plans.values())).growth < 1.01
 

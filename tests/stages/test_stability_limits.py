@@ -68,28 +68,24 @@ def folds_of_slider(method: Integrator, run: Pipeline) -> float:
     return float(along(duration) - along(0.0))
 
 
-@pytest.mark.parametrize("m", [1, 2, 3, 5])
+@pytest.mark.parametrize("m", [1, 2, 3, 5, 10])
 def test_the_limit_along_the_rod_sliders_own_drive_is_that_of_real_marches(m: int) -> None:
     """What a cycle holds of the centrifugal force feeds the slider; the reference state knows nothing of it.
 
-    E-folds grow faster than the step, so that 2 % of them are less than 2 % of the step.
+    E-folds grow faster than the step, so that 3 % of them are less than 3 % of the step.
     """
     run = Pipeline(load_scene("rod-slider"))
     (along,) = find_scene_limits(run, [m], along=True).limits
     assert along.critical_step < 0.6 * 2 / np.sqrt(200)
     assert along.worst_time > 5.0  # the rod turns faster and faster
     assert folds_of_slider(explicit_method(along.critical_step, m), run) == pytest.approx(
-        np.log(ALLOWED_GROWTH), rel=0.02
+        np.log(ALLOWED_GROWTH), rel=0.03
     )
 
 
-def test_steps_beyond_a_summit_of_growth_are_not_trusted() -> None:
-    """At 10:1 growth comes to ninefold and falls again; further on the held forces resonate with the slider."""
+def test_far_above_the_limit_along_its_drive_the_slider_diverges_below_the_limit_at_rest() -> None:
     run = Pipeline(load_scene("rod-slider"))
-    (along,) = find_scene_limits(run, [10], along=True).limits
-    assert 0.012 < along.critical_step < 0.015
-    assert folds_of_slider(Subcycling(along.critical_step, 10), run) == pytest.approx(2.18, abs=0.05)
-    assert folds_of_slider(Subcycling(0.042, 10), run) > np.log(ALLOWED_GROWTH)
+    assert find_scene_limits(run, [5], along=False).limits[0].sudden_step > 0.14
     with pytest.raises(StabilityError):
         Subcycling(0.138, 5).march(run.system, *run.start, np.linspace(0.0, 10.0, 11))
 

@@ -10,6 +10,7 @@ from pipeline.core.arrays import Array, IntArray
 from pipeline.dynamics.compiler.compiled import CompiledMechanism
 
 _SAMPLES = 3
+_TIMES = 33  # at which inputs are looked at
 _DEFLECTION = 0.1  # of modal coordinates, beside rates of 1 rad/s or m/s
 _NEGLIGIBLE = 1e-9  # beside what couples with itself
 _STIFFNESS, _DAMPING = 1e-5, 1e-8  # by rates of 1 rad/s: too small to tell within a major cycle
@@ -57,19 +58,19 @@ def find_couplings(compiled: CompiledMechanism) -> Couplings:
     mass = np.r_[np.zeros(n_slow), diagonals[0]] if constant and single else None
     elastic = damped = dragging = False
     driven = np.zeros(3 * len(compiled.signals), dtype=bool)
-    for t, q, v, a in _states(compiled):
-        by_q, by_v, M = compiled.tangents(t, q, v, a)
-        driven |= np.any(compiled.input_tangents(t, q, v, a)[fast], axis=0)
+    for inputs, q, v, a in _states(compiled):
+        by_q, by_v, M = compiled.tangents(inputs, q, v, a)
+        driven |= np.any(compiled.input_tangents(inputs, q, v, a)[fast], axis=0)
         K, C = by_q[fast, n_slow + shift :], by_v[fast, fast]
         elastic |= _exceed(K, _STIFFNESS + _NEGLIGIBLE * _scale(K)) or _exceed(C, _DAMPING)
-        damped |= bool(np.any(np.abs(C) > _DAMPING * np.sqrt(M.diagonal()[fast])))
+        damped |= bool(np.any(np.abs(C) > _DAMPING * np.sqrt(np.abs(M.diagonal()[fast]))))
         dragging |= bool((np.abs(by_v) > _NEGLIGIBLE * _scale(M))[:, fast].any())
     inertial = any((np.abs(M) > _NEGLIGIBLE * _scale(M))[:n_slow, n_slow:].any() for M in masses)
     return Couplings(inertial, mass, elastic, damped, dragging, np.flatnonzero(driven))
 
 
 def _exceed(A: Array, limit: Array | float) -> bool:
-    """Whether a matrix has entries off its diagonal beyond a limit."""
+    """Tell if a matrix has entries off its diagonal beyond a limit."""
     return bool((np.abs(A - np.diag(A.diagonal())) > limit).any())
 
 
@@ -79,14 +80,17 @@ def _scale(A: Array) -> Array:
 
 
 def _masses(compiled: CompiledMechanism) -> list[Array]:
-    return [compiled.mass_matrix(t, q) for t, q, _, _ in _states(compiled)]
+    return [compiled.mass_matrix(inputs, q) for inputs, q, _, _ in _states(compiled)]
 
 
-def _states(compiled: CompiledMechanism) -> list[tuple[float, Array, Array, Array]]:
-    """Times, positions, rates and accelerations of some random states."""
-    mechanism, random = compiled.mechanism, np.random.default_rng(0)
+def _states(compiled: CompiledMechanism) -> list[tuple[Array, Array, Array, Array]]:
+    """Inputs, positions, rates and accelerations of some random states.
+
+    Each load and motion is as large as it gets, so that no short one is missed between the samples.
+    """
+    mechanism, random, largest = compiled.mechanism, np.random.default_rng(0), _largest_inputs(compiled)
     states = []
-    for k in range(_SAMPLES):
+    for _ in range(_SAMPLES):
         q = random.uniform(-1.0, 1.0, mechanism.n_positions)
         for number, link in enumerate(mechanism.links):
             modes = mechanism.modes_of(number) + mechanism.n_positions - mechanism.n
@@ -95,5 +99,16 @@ def _states(compiled: CompiledMechanism) -> list[tuple[float, Array, Array, Arra
                 last = mechanism.layout.position[number] + link.n_positions
                 q[last - 4 : last] /= np.linalg.norm(q[last - 4 : last])
         v, a = random.uniform(-1.0, 1.0, (2, mechanism.n))
-        states.append(((k + 0.5) / _SAMPLES * mechanism.horizon, q, v, a))
+        states.append((random.uniform(0.5, 1.0, len(largest)) * largest, q, v, a))
     return states
+
+
+def _largest_inputs(compiled: CompiledMechanism) -> Array:
+    """Return the largest of each input's values at even times and between breakpoints; 1 where these are all 0."""
+    mechanism = compiled.mechanism
+    even = np.linspace(0.0, mechanism.horizon, _TIMES)
+    breaks = np.unique([0.0, mechanism.horizon, *(t for signal in compiled.signals for t in signal.breakpoints)])
+    times = [*even, *(0.5 * (breaks[:-1] + breaks[1:]))]
+    values = np.array([compiled.signal_values(t) for t in times])
+    largest = values[np.abs(values).argmax(axis=0), np.arange(values.shape[1])]
+    return np.where(largest == 0.0, 1.0, largest)

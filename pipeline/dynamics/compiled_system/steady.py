@@ -22,27 +22,21 @@ def find_steady_state(system: CompiledSystem, q: Array, v: Array, t: float = 0.0
     """
     mechanism, compiled = system.mechanism, system.compiled
     modes = np.concatenate([mechanism.modes_of(k) for k in range(len(mechanism.links))])
-    at, q = modes + mechanism.n_positions - mechanism.n, q.copy()
-
-    def left(values: Array) -> Array:
-        q[at] = values
-        return np.asarray(compiled.accelerations(t, q, v)[modes])
-
-    found, size = q[at].copy(), 0.0
+    at, q, inputs = modes + mechanism.n_positions - mechanism.n, q.copy(), compiled.signal_values(t)
+    size = 0.0
     for _ in range(_CORRECTIONS):
-        lack = left(found)
-        # The equations are almost linear in the modes: a difference of their own size has no error to speak of.
-        step = 1e-3 * max(np.abs(found).max(initial=0.0), 1e-6)
-        slopes = np.stack([left(found + step * unit) - lack for unit in np.eye(len(found))], axis=1) / step
-        change = np.linalg.solve(slopes, lack)
-        found, size = found - change, float(np.linalg.norm(change))
-        if size <= _SETTLED * np.linalg.norm(found):
+        a = compiled.accelerations(t, q, v)
+        by_q, _, M = compiled.tangents(inputs, q, v, a)
+        slopes = -np.linalg.solve(M, by_q[:, at])[modes]
+        change = np.linalg.solve(slopes, a[modes])
+        q[at] -= change
+        size = float(np.linalg.norm(change))
+        if size <= _SETTLED * np.linalg.norm(q[at]):
             break
     stable = np.linalg.eigvals(slopes).real.max(initial=-1.0) < 0
-    if not (stable and size <= _SETTLED * np.linalg.norm(found)):
+    if not (stable and size <= _SETTLED * np.linalg.norm(q[at])):
         raise AccuracyError(
             f"no steady state: the modes still change by {size:.1e} after {_CORRECTIONS} corrections, or a "
             "deflection grows by itself; the scene turns too fast for the bodies' stiffness"
         )
-    q[at] = found
     return q

@@ -190,7 +190,7 @@ class CompiledSystem:
 
     def mass_matrix(self, q: Array, t: float = 0.0) -> Array:
         """M̂ at positions q, shape (n, n)."""
-        return self.compiled.mass_matrix(t, q)
+        return self.compiled.mass_matrix(self.compiled.signal_values(t), q)
 
     @cached_property
     def _reference_mass(self) -> Array:

@@ -102,10 +102,10 @@ class CompiledMechanism:
         self.call("residual", self.signal_values(t), *_contiguous(q, v, a), r)
         return r
 
-    def tangents(self, t: float, q: Array, v: Array, a: Array) -> tuple[Array, Array, Array]:
+    def tangents(self, inputs: Array, q: Array, v: Array, a: Array) -> tuple[Array, Array, Array]:
         """Return the residual's derivatives by q (n, n_positions), v (n, n) and a, which is ``M̂`` (n, n)."""
         sizes = (len(q), len(v), len(a))
-        inputs, state = self.signal_values(t), _contiguous(q, v, a)
+        state = _contiguous(q, v, a)
         fixed = np.zeros((len(inputs), LANES))
 
         def along(block: Array) -> Array:
@@ -116,9 +116,9 @@ class CompiledMechanism:
         by_q, by_v, by_a = np.split(_in_blocks(along, np.eye(sum(sizes)), len(v)), np.cumsum(sizes)[:2], axis=1)
         return by_q, by_v, by_a
 
-    def input_tangents(self, t: float, q: Array, v: Array, a: Array) -> Array:
+    def input_tangents(self, inputs: Array, q: Array, v: Array, a: Array) -> Array:
         """Return the residual's derivatives by the argument ``inputs``, shape (n, 3 n_signals)."""
-        inputs, state = self.signal_values(t), _contiguous(q, v, a)
+        state = _contiguous(q, v, a)
         fixed = [np.zeros((len(x), LANES)) for x in state]
 
         def along(block: Array) -> Array:
@@ -128,9 +128,9 @@ class CompiledMechanism:
 
         return _in_blocks(along, np.eye(len(inputs)), len(v))
 
-    def mass_matrix(self, t: float, q: Array) -> Array:
+    def mass_matrix(self, inputs: Array, q: Array) -> Array:
         """Return ``M̂``, shape (n, n)."""
-        inputs, (positions,) = self.signal_values(t), _contiguous(q)
+        (positions,) = _contiguous(q)
 
         def along(block: Array) -> Array:
             dr = np.zeros(block.shape)

@@ -54,7 +54,7 @@ def test_tangents_are_those_of_differences(seed: int) -> None:
     compiled = compile_mechanism(made.mechanism)
     q, v = made.state(seed)
     a = np.random.default_rng(seed).normal(size=len(v))
-    by_q, by_v, by_a = compiled.tangents(TIME, q, v, a)
+    by_q, by_v, by_a = compiled.tangents(compiled.signal_values(TIME), q, v, a)
     assert difference(compiled.solve(TIME, q, by_a), np.eye(len(v))) < 1e-10
     for tangent, which in ((by_q, "q"), (by_v, "v")):
         # Order 4; steps of 1e-3 leave 1e-11 or so.
