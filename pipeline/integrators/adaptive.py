@@ -9,18 +9,17 @@ from __future__ import annotations
 
 import math
 import time
-from collections.abc import Callable
-from dataclasses import replace
+from dataclasses import dataclass, replace
+from typing import Any
 
 import numpy as np
 
 from pipeline.core.arrays import Array, IntArray
 from pipeline.core.errors import StabilityError
-from pipeline.dynamics.jit.compiled import inner, kernel
-from pipeline.dynamics.system import System
+from pipeline.dynamics.jit.compiled import aligned, inner, kernel
+from pipeline.dynamics.jit.table import Table
+from pipeline.dynamics.system import System, advance
 from pipeline.integrators.protocol import Progress, State, Trajectory, require_times, start_state
-
-Run = Callable[[State, Array, float, int, Array, Array, Array, IntArray], int]
 
 _FLOOR = 1e-12  # a group that has not moved yet
 SMALLEST = 1e-12  # of the duration
@@ -45,55 +44,6 @@ def adaptive_start(system: System, q0: Array, v0: Array, more: int = 0) -> State
     keep_largest(groups, largest, np.concatenate([start.q, start.v]))
     highest = system.highest_frequency if system.n else 1.0
     return replace(start, next_step=0.1 / highest if highest > 1e-3 else 1e-2, memory=largest)
-
-
-def march_adaptive_steps(
-    name: str,
-    run: Run,
-    start: State,
-    breakpoints: tuple[float, ...],
-    times: Array,
-    progress: Progress | None,
-    evaluations: Array,
-) -> Trajectory:
-    """Call a compiled march that chooses its steps until it has passed the last output time.
-
-    Parameters
-    ----------
-    name : str
-        Name of the method.
-    run : callable
-        ``run(state, clock, stop, n_steps, times, sample_q, sample_v, cursor) -> steps done``; it writes into the
-        state's arrays and ``clock``, (2,), the time and the next step. A negative number of steps says that the next
-        step would be too small.
-    evaluations : ndarray
-        Its first number is raised by ``run`` for each solution of the whole system.
-
-    Raises
-    ------
-    StabilityError
-        The step became too small, or the state is not finite; the message gives the time.
-    """
-    require_times(times)
-    state = start.copy()
-    q, v = np.full((times.size, start.q.size), np.nan), np.full((times.size, start.v.size), np.nan)
-    cursor = np.array([np.searchsorted(times, state.time)])
-    clock, end, seconds = np.array([state.time, state.next_step]), float(times[-1]), 0.0
-    while cursor[0] < times.size:
-        stop = next((point for point in breakpoints if point > clock[0]), math.inf)
-        tick = time.perf_counter()
-        done = run(state, clock, stop, _CHUNK, times, q, v, cursor)
-        seconds += time.perf_counter() - tick
-        state = replace(state, step=state.step + abs(done), time=float(clock[0]), next_step=float(clock[1]))
-        if done <= 0 or not (np.isfinite(state.q).all() and np.isfinite(state.v).all()):
-            finite = all(np.isfinite(x).all() for x in (state.q, state.v, state.a))
-            reason = f"its step fell to {clock[1]:.1e} s" if finite else "the accelerations are not finite"
-            raise StabilityError(f"{name} stopped at t = {clock[0]:.6g} s: {reason}")
-        if progress:
-            progress(min(1.0, clock[0] / end) if end else 1.0)
-    n_steps = state.step - start.step
-    mean = (state.time - start.time) / n_steps if n_steps else 0.0
-    return Trajectory(name, mean, 1, times, q, v, int(evaluations[0]), 0, seconds, state)
 
 
 @inner
@@ -154,3 +104,183 @@ def step_factor(error: float, tolerance: float, order: int) -> float:
         return 0.2
     wanted: float = _SAFETY * (tolerance / error) ** (1.0 / order)
     return min(4.0, max(0.2, wanted))
+
+
+@dataclass(frozen=True)
+class AdaptiveMarch(Table):
+    """State of a march whose step follows the error, the step that is tried, and the output.
+
+    Attributes
+    ----------
+    tolerance : float
+        Of each step, relative to the largest value of a coordinate's group.
+    order : int
+        Of the step's error.
+    q, v, a : ndarray
+        Positions, rates and accelerations.
+    clock : ndarray, shape (2,)
+        Present time, and the step to try next [s].
+    groups : ndarray of int, shape (n_positions + n,)
+        Group of each position and rate.
+    largest, trial : ndarray
+        Largest values of the groups so far, with numbers of the method's own behind, and with the trial step's end.
+    begin, new, out : ndarray, shape (n_positions + n,)
+        Positions and rates at a step's begin, at its end, and at an output time.
+    times, sample_q, sample_v : ndarray
+        Output times [s], and positions and rates there.
+    cursor : ndarray of int, shape (1,)
+        How many output times are passed.
+    evaluations : ndarray, shape (1,)
+        How often the whole system was solved.
+    """
+
+    tolerance: float
+    order: int
+    q: Array
+    v: Array
+    a: Array
+    clock: Array
+    groups: IntArray
+    largest: Array
+    trial: Array
+    begin: Array
+    new: Array
+    out: Array
+    times: Array
+    sample_q: Array
+    sample_v: Array
+    cursor: IntArray
+    evaluations: Array
+
+
+def begin_step(m: Any, p: Any, s: AdaptiveMarch, t: float, h: float) -> None:
+    """Prepare a step from ``s.begin`` at time t [s], of which h is the first trial."""
+    raise NotImplementedError
+
+
+def try_step(m: Any, p: Any, s: AdaptiveMarch, t: float, h: float, reached: float) -> float:
+    """Take a trial step into ``s.new``; return its error over the largest values, NaN if the step is no good."""
+    raise NotImplementedError
+
+
+def prepare_samples(m: Any, p: Any, s: AdaptiveMarch, t: float, h: float) -> None:
+    """Prepare what `sample_step` needs of an accepted step."""
+    raise NotImplementedError
+
+
+def sample_step(m: Any, p: Any, s: AdaptiveMarch, ahead: float, h: float) -> None:
+    """Evaluate positions and rates a time ``ahead`` [s] after the step's begin, into ``s.out``."""
+    raise NotImplementedError
+
+
+def end_step(m: Any, p: Any, s: AdaptiveMarch) -> None:
+    """Keep accelerations, and numbers of the method's own, of an accepted step."""
+    raise NotImplementedError
+
+
+@kernel
+def _march(m: Any, p: Any, s: AdaptiveMarch, stop: float, n_steps: int) -> int:
+    """Take steps until a breakpoint ``stop`` [s] or the last output time; return how many, less than 0 if one fails."""
+    n_positions, n, clock, times, cursor = s.q.size, s.v.size, s.clock, s.times, s.cursor
+    for done in range(n_steps):
+        if cursor[0] >= times.size or clock[0] >= stop:
+            return done
+        t = clock[0]
+        for i in range(n_positions):
+            s.begin[i] = s.q[i]
+        for i in range(n):
+            s.begin[n_positions + i] = s.v[i]
+        h = step_within(clock[1], stop - t)
+        planned, reached = h == clock[1], t
+        begin_step(m, p, s, t, h)
+        while True:
+            reached = stop if h == stop - t else t + h
+            size = try_step(m, p, s, t, h, reached)
+            factor = step_factor(size, s.tolerance, s.order)
+            if size <= s.tolerance:
+                break
+            h *= min(factor, 0.9)
+            planned = True
+            if not h > SMALLEST * times[times.size - 1]:
+                clock[1] = h
+                return -done - 1
+        if cursor[0] < times.size and times[cursor[0]] <= reached:
+            prepare_samples(m, p, s, t, h)
+        while cursor[0] < times.size and times[cursor[0]] <= reached:
+            k = cursor[0]
+            if times[k] < reached:
+                sample_step(m, p, s, times[k] - t, h)
+            for i in range(n_positions + n):  # at the end the state itself, which a polynomial meets but for round-off
+                s.out[i] = s.out[i] if times[k] < reached else s.new[i]
+            _set_state(p, s.out, s.sample_q[k], s.sample_v[k])
+            cursor[0] += 1
+        _set_state(p, s.new, s.q, s.v)
+        clock[0] = reached
+        if planned:  # else a breakpoint cut the step short
+            clock[1] = h * factor
+        keep_largest(s.groups, s.largest, s.new)
+        end_step(m, p, s)
+    return n_steps
+
+
+@inner
+def _set_state(p: Any, both: Array, q: Array, v: Array) -> None:
+    """Set positions, whose quaternions become unit ones, and rates."""
+    for i in range(q.size):
+        q[i] = both[i]
+    for i in range(v.size):
+        v[i] = both[q.size + i]
+    advance(p, q, v, 0.0, 0, v.size)
+
+
+def march_adaptive_steps(
+    name: str,
+    system: System,
+    m: Table,
+    tolerance: float,
+    order: int,
+    start: State,
+    times: Array,
+    progress: Progress | None,
+) -> Trajectory:
+    """March by a method that chooses its steps until the last output time is passed.
+
+    Parameters
+    ----------
+    name : str
+        Name of the method.
+    m : Table
+        The method: its numbers and room to work in, with meanings of `begin_step`, `try_step`, `prepare_samples`,
+        `sample_step` and `end_step`.
+    tolerance, order : float, int
+        As in `AdaptiveMarch`.
+
+    Raises
+    ------
+    StabilityError
+        The step became too small, or the state is not finite; the message gives the time.
+    """
+    require_times(times)
+    state, groups = start.copy(), groups_of(system)
+    q, v = np.full((times.size, start.q.size), np.nan), np.full((times.size, start.v.size), np.nan)
+    cursor, evaluations = np.array([np.searchsorted(times, state.time)]), np.zeros(1)
+    clock, end, seconds = np.array([state.time, state.next_step]), float(times[-1]), 0.0
+    begin, new, out, trial = aligned(*3 * [groups.size], state.memory.size)
+    present = (state.q, state.v, state.a, clock, groups, state.memory)
+    output = (np.ascontiguousarray(times, dtype=float), q, v, cursor, evaluations)
+    march = AdaptiveMarch(tolerance, order, *present, trial, begin, new, out, *output)
+    while cursor[0] < times.size:
+        stop = next((point for point in system.breakpoints if point > clock[0]), math.inf)
+        tick = time.perf_counter()
+        done = int(_march(m, system.parameters, march, stop, _CHUNK))
+        seconds += time.perf_counter() - tick
+        state = replace(state, step=state.step + abs(done), time=float(clock[0]), next_step=float(clock[1]))
+        if done <= 0 or not (np.isfinite(state.q).all() and np.isfinite(state.v).all()):
+            finite = all(np.isfinite(x).all() for x in (state.q, state.v, state.a))
+            reason = f"its step fell to {clock[1]:.1e} s" if finite else "the accelerations are not finite"
+            raise StabilityError(f"{name} stopped at t = {clock[0]:.6g} s: {reason}")
+        if progress:
+            progress(min(1.0, clock[0] / end) if end else 1.0)
+    n_steps = state.step - start.step
+    mean = (state.time - start.time) / n_steps if n_steps else 0.0
+    return Trajectory(name, mean, 1, times, q, v, int(evaluations[0]), 0, seconds, state)

@@ -11,10 +11,10 @@ from typing import Any
 
 import numpy as np
 
-from pipeline.core.arrays import Array, IntArray
-from pipeline.dynamics.jit.compiled import aligned, kernel
+from pipeline.core.arrays import Array
+from pipeline.dynamics.jit.compiled import aligned, meaning
 from pipeline.dynamics.system import System, advance, leapfrog_step
-from pipeline.integrators.fixed_step import march_fixed_steps, runs_away
+from pipeline.integrators.fixed_step import SingleSteps, march_fixed_steps, runs_away, sample_within, take_steps
 from pipeline.integrators.protocol import (
     Progress,
     State,
@@ -51,40 +51,46 @@ class CentralDifference:
 
     def resume(self, system: System, start: State, times: Array, progress: Progress | None = None) -> Trajectory:
         """Continue from a state that a march of this method has ended in; earlier output times stay NaN."""
-        parameters, leapfrog, h = system.parameters, system.leapfrog(), self.step
-        q_now, v_now = aligned(system.n_positions, system.n)
+        h = self.step
 
-        def run(state: State, n_steps: int, *samples: Any) -> int:
-            march = (parameters, leapfrog, h, state.step, n_steps, state.q, state.v, state.a)
-            return int(_march(*march, q_now, v_now, *samples))
+        def make(state: State) -> LeapfrogSteps:
+            return LeapfrogSteps(h, state.q, state.v, state.a, *aligned(system.n_positions, system.n))
 
-        end, q, v, seconds = march_fixed_steps(run, start, h, 1, times, progress)
+        march = (make, system.parameters, system.leapfrog(), start, h, 1, times, progress)
+        end, q, v, seconds = march_fixed_steps(*march)
         return Trajectory(self.name, h, 1, times, q, v, end.step - start.step, 0, seconds, end)
 
 
-@kernel
-def _march(
-    p: Any, leapfrog: Any, h: float, first: int, n_steps: int, q: Array, v: Array, a: Array, q_now: Array, v_now: Array,
-    sample_step: IntArray, sample_offset: Array, sample_q: Array, sample_v: Array, cursor: IntArray,
-) -> int:  # fmt: skip
-    n = v.size
-    next_sample = sample_step[cursor[0]] if cursor[0] < sample_step.size else -1
-    for k in range(n_steps):
-        sampled = first + k == next_sample
-        if sampled:
-            for i in range(q.size):
-                q_now[i] = q[i]
-        leapfrog_step(p, leapfrog, (first + k) * h, h, q, v, a)
-        while first + k == next_sample:
-            s = sample_offset[cursor[0]]
-            for i in range(n):  # Taylor's polynomial, which the next step continues
-                v_now[i] = v[i] - 0.5 * h * a[i] + 0.5 * s * a[i]
-                sample_v[cursor[0], i] = v_now[i] + 0.5 * s * a[i]
-            for i in range(q.size):
-                sample_q[cursor[0], i] = q_now[i]
-            advance(p, sample_q[cursor[0]], v_now, s, 0, n)
-            cursor[0] += 1
-            next_sample = sample_step[cursor[0]] if cursor[0] < sample_step.size else -1
+@dataclass(frozen=True)
+class LeapfrogSteps(SingleSteps):
+    """State of a leapfrog march, and room for what its samples begin with."""
+
+    h: float
+    q: Array
+    v: Array
+    a: Array
+    q_now: Array
+    v_now: Array
+
+
+@meaning(take_steps, LeapfrogSteps)
+def _take_steps(m: LeapfrogSteps, p: Any, leapfrog: Any, first: int, done: int, count: int, sampled: bool) -> int:
+    if sampled:
+        for i in range(m.q.size):
+            m.q_now[i] = m.q[i]
+    h, q, v, a = m.h, m.q, m.v, m.a
+    for k in range(count):
+        leapfrog_step(p, leapfrog, (first + done + k) * h, h, q, v, a)
         if runs_away(v):
             return k
-    return n_steps
+    return count
+
+
+@meaning(sample_within, LeapfrogSteps)
+def _sample_within(m: LeapfrogSteps, p: Any, done: int, s: float, q: Array, v: Array) -> None:
+    for i in range(v.size):  # Taylor's polynomial, which the next step continues
+        m.v_now[i] = m.v[i] - 0.5 * m.h * m.a[i] + 0.5 * s * m.a[i]
+        v[i] = m.v_now[i] + 0.5 * s * m.a[i]
+    for i in range(q.size):
+        q[i] = m.q_now[i]
+    advance(p, q, m.v_now, s, 0, v.size)

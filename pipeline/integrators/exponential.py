@@ -15,10 +15,10 @@ from typing import Any
 
 import numpy as np
 
-from pipeline.core.arrays import Array, IntArray
-from pipeline.dynamics.jit.compiled import inner, kernel
+from pipeline.core.arrays import Array
+from pipeline.dynamics.jit.compiled import aligned, inner, kernel, meaning
 from pipeline.dynamics.system import System, accelerations
-from pipeline.integrators.fixed_step import march_fixed_steps, runs_away
+from pipeline.integrators.fixed_step import SingleSteps, march_fixed_steps, runs_away, sample_within, take_steps
 from pipeline.integrators.protocol import (
     Progress,
     State,
@@ -78,18 +78,18 @@ class Exponential:
         self, system: System, stiffness: Array, start: State, times: Array, origin: float, progress: Progress | None
     ) -> Trajectory:
         """Continue from a state, its steps and the output times counted from an origin [s]."""
-        parameters, h = system.parameters, self.step
-        full, half = np.empty((system.n, 8)), np.empty((system.n, 8))
+        h, n = self.step, system.n
+        full, half = np.empty((n, 8)), np.empty((n, 8))
         for j, squared in enumerate(stiffness):
             _functions(squared, h, full[j])
             _functions(squared, 0.5 * h, half[j])
-        work, phi = np.empty((10, system.n)), np.empty(8)
 
-        def run(state: State, n_steps: int, *samples: Any) -> int:
-            march = (origin, h, state.step, n_steps, state.q, state.v, state.a)
-            return int(_march(parameters, stiffness, full, half, work, phi, *march, *samples))
+        def make(state: State) -> ExponentialSteps:
+            begin = (state.q, state.v, state.a)
+            oscillators = (np.ascontiguousarray(stiffness), full, half)
+            return ExponentialSteps(origin, h, *oscillators, *begin, np.empty(8), *aligned(*10 * [n]))
 
-        end, q, v, seconds = march_fixed_steps(run, start, h, 1, times, progress)
+        end, q, v, seconds = march_fixed_steps(make, system.parameters, 0, start, h, 1, times, progress)
         return Trajectory(self.name, h, 1, times, q, v, 4 * (end.step - start.step), 0, seconds, end)
 
 
@@ -186,68 +186,112 @@ def _functions(stiffness: float, h: float, out: Array) -> None:
             inverse /= k + 1
 
 
+@dataclass(frozen=True)
+class ExponentialSteps(SingleSteps):
+    """State of a march by the exponential method, and room to work in.
+
+    Attributes
+    ----------
+    origin, h : float
+        Time of step number 0, and the step [s].
+    stiffness : ndarray, shape (n,)
+        Of the oscillators [1/s²].
+    full, half : ndarray, shape (n, 8)
+        `_functions` of each oscillator over a step and over half of it.
+    q, v, a : ndarray, shape (n,)
+        The state.
+    phi : ndarray, shape (8,)
+        `_functions` up to a sample.
+    qa, va, qb, vb : ndarray, shape (n,)
+        Positions and rates of the stages.
+    N0, Na, Nb, Nc : ndarray, shape (n,)
+        Accelerations without the oscillators' own, at the begin and at the stages.
+    q_now, v_now : ndarray, shape (n,)
+        The state at the step's begin.
+    """
+
+    origin: float
+    h: float
+    stiffness: Array
+    full: Array
+    half: Array
+    q: Array
+    v: Array
+    a: Array
+    phi: Array
+    qa: Array
+    va: Array
+    qb: Array
+    vb: Array
+    N0: Array
+    Na: Array
+    Nb: Array
+    Nc: Array
+    q_now: Array
+    v_now: Array
+
+
 @inner
-def _rest(p: Any, stiffness: Array, t: float, q: Array, v: Array, N: Array) -> None:
+def _rest(m: ExponentialSteps, p: Any, t: float, q: Array, v: Array, N: Array) -> None:
     """Evaluate the accelerations without the oscillators' own part ``−ω² q``, into N."""
     accelerations(p, t, q, v, N)
     for i in range(v.size):
-        N[i] += stiffness[i] * q[i]
+        N[i] += m.stiffness[i] * q[i]
 
 
-@kernel
-def _march(
-    p: Any, stiffness: Array, full: Array, half: Array, work: Array, phi: Array,
-    origin: float, h: float, first: int, n_steps: int, q: Array, v: Array, a: Array,
-    sample_step: IntArray, sample_offset: Array, sample_q: Array, sample_v: Array, cursor: IntArray,
-) -> int:  # fmt: skip
-    n = v.size
-    qa, va, qb, vb, N0, Na, Nb, Nc = work[0], work[1], work[2], work[3], work[4], work[5], work[6], work[7]
-    q_now, v_now = work[8], work[9]
-    next_sample = sample_step[cursor[0]] if cursor[0] < sample_step.size else -1
-    for step in range(first, first + n_steps):
-        t = origin + step * h
-        _rest(p, stiffness, t, q, v, N0)
-        for i in range(n):
-            q_now[i], v_now[i] = q[i], v[i]
-            e, s, f, g = half[i, 0], half[i, 1], 0.5 * h * half[i, 2], 0.5 * h * half[i, 3]
-            qa[i] = e * q[i] + s * v[i] + g * N0[i]
-            va[i] = e * v[i] - stiffness[i] * s * q[i] + f * N0[i]
-        _rest(p, stiffness, t + 0.5 * h, qa, va, Na)
-        for i in range(n):
-            qb[i] = qa[i] + 0.5 * h * half[i, 3] * (Na[i] - N0[i])
-            vb[i] = va[i] + 0.5 * h * half[i, 2] * (Na[i] - N0[i])
-        _rest(p, stiffness, t + 0.5 * h, qb, vb, Nb)
-        for i in range(n):
-            e, s, f, g = half[i, 0], half[i, 1], 0.5 * h * half[i, 2], 0.5 * h * half[i, 3]
-            rest = 2.0 * Nb[i] - N0[i]
-            qb[i] = e * qa[i] + s * va[i] + g * rest
-            vb[i] = e * va[i] - stiffness[i] * s * qa[i] + f * rest
-        _rest(p, stiffness, t + h, qb, vb, Nc)
-        for i in range(n):
-            w0, w1, w2 = N0[i], Na[i] + Nb[i], Nc[i]
-            # (φ₁ − 3 φ₂ + 4 φ₃) N₀ + 2 (φ₂ − 2 φ₃)(N_a + N_b) + (4 φ₃ − φ₂) N_c
-            c1, c2, c3 = w0, 2.0 * w1 - 3.0 * w0 - w2, 4.0 * (w0 - w1 + w2)
-            e, s = full[i, 0], full[i, 1]
-            q[i] = e * q_now[i] + s * v_now[i] + h * (full[i, 3] * c1 + full[i, 5] * c2 + full[i, 7] * c3)
-            v[i] = (
-                e * v_now[i] - stiffness[i] * s * q_now[i] + h * (full[i, 2] * c1 + full[i, 4] * c2 + full[i, 6] * c3)
-            )
-            a[i] = N0[i] - stiffness[i] * q_now[i]
-        while step == next_sample:  # the oscillators exactly, N by the parabola through its stages
-            s = sample_offset[cursor[0]]
-            x = s / h
-            for i in range(n):
-                _functions(stiffness[i], s, phi)
-                w0, w1, w2 = N0[i], Na[i] + Nb[i], Nc[i]
-                c1, c2, c3 = w0, x * (2.0 * w1 - 3.0 * w0 - w2), 4.0 * x * x * (w0 - w1 + w2)
-                sample_q[cursor[0], i] = (
-                    phi[0] * q_now[i] + phi[1] * v_now[i] + s * (phi[3] * c1 + phi[5] * c2 + phi[7] * c3)
-                )
-                sample_v[cursor[0], i] = (
-                    phi[0] * v_now[i] - stiffness[i] * phi[1] * q_now[i] + s * (phi[2] * c1 + phi[4] * c2 + phi[6] * c3)
-                )
-            cursor[0] += 1
-            next_sample = sample_step[cursor[0]] if cursor[0] < sample_step.size else -1
-        if runs_away(v):
-            return step - first
-    return n_steps
+@meaning(take_steps, ExponentialSteps)
+def _take_steps(m: ExponentialSteps, p: Any, held: Any, first: int, done: int, count: int, sampled: bool) -> int:
+    for k in range(count):
+        _take_step(m, p, m.origin + (first + done + k) * m.h)
+        if runs_away(m.v):
+            return k
+    return count
+
+
+@inner
+def _take_step(m: ExponentialSteps, p: Any, t: float) -> None:
+    h, half, full, stiffness = m.h, m.half, m.full, m.stiffness
+    N0, Na, Nb, Nc = m.N0, m.Na, m.Nb, m.Nc
+    _rest(m, p, t, m.q, m.v, N0)
+    for i in range(m.v.size):
+        q, v = m.q[i], m.v[i]
+        m.q_now[i], m.v_now[i] = q, v
+        e, s, f, g = half[i, 0], half[i, 1], 0.5 * h * half[i, 2], 0.5 * h * half[i, 3]
+        m.qa[i] = e * q + s * v + g * N0[i]
+        m.va[i] = e * v - stiffness[i] * s * q + f * N0[i]
+    _rest(m, p, t + 0.5 * h, m.qa, m.va, Na)
+    for i in range(m.v.size):
+        m.qb[i] = m.qa[i] + 0.5 * h * half[i, 3] * (Na[i] - N0[i])
+        m.vb[i] = m.va[i] + 0.5 * h * half[i, 2] * (Na[i] - N0[i])
+    _rest(m, p, t + 0.5 * h, m.qb, m.vb, Nb)
+    for i in range(m.v.size):
+        e, s, f, g = half[i, 0], half[i, 1], 0.5 * h * half[i, 2], 0.5 * h * half[i, 3]
+        rest = 2.0 * Nb[i] - N0[i]
+        m.qb[i] = e * m.qa[i] + s * m.va[i] + g * rest
+        m.vb[i] = e * m.va[i] - stiffness[i] * s * m.qa[i] + f * rest
+    _rest(m, p, t + h, m.qb, m.vb, Nc)
+    for i in range(m.v.size):
+        m.q[i], m.v[i] = _flow(m, i, h, 1.0, full[i])
+        m.a[i] = N0[i] - stiffness[i] * m.q_now[i]
+
+
+@inner
+def _flow(m: ExponentialSteps, i: int, s: float, x: float, phi: Array) -> tuple[float, float]:
+    """Move an oscillator by a time s, a part x of the step: its own motion exactly, N by the parabola of its stages.
+
+    At x = 1 the weights are ``(φ₁ − 3 φ₂ + 4 φ₃) N₀ + 2 (φ₂ − 2 φ₃)(N_a + N_b) + (4 φ₃ − φ₂) N_c``.
+    """
+    q, v = m.q_now[i], m.v_now[i]
+    c1, middle, end = m.N0[i], m.Na[i] + m.Nb[i], m.Nc[i]
+    c2, c3 = x * (2.0 * middle - 3.0 * c1 - end), 4.0 * x * x * (c1 - middle + end)
+    return (
+        phi[0] * q + phi[1] * v + s * (phi[3] * c1 + phi[5] * c2 + phi[7] * c3),
+        phi[0] * v - m.stiffness[i] * phi[1] * q + s * (phi[2] * c1 + phi[4] * c2 + phi[6] * c3),
+    )
+
+
+@meaning(sample_within, ExponentialSteps)
+def _sample_within(m: ExponentialSteps, p: Any, done: int, s: float, q: Array, v: Array) -> None:
+    for i in range(v.size):
+        _functions(m.stiffness[i], s, m.phi)
+        q[i], v[i] = _flow(m, i, s, s / m.h, m.phi)

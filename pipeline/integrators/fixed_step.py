@@ -1,16 +1,23 @@
-"""Loop of the methods with a fixed step, and its test for divergence."""
+"""Loop of the methods with a fixed step, and its test for divergence.
+
+A method is a `Table` of its numbers and arrays, among them the state's ``q``, ``v`` and ``a``, and the meanings that
+it gives to `begin_cycle`, `take_steps`, `sample_within` and `end_cycle`. A cycle is as many steps as belong together.
+Into how many calls of `take_steps` output times divide it changes no bit.
+"""
 
 from __future__ import annotations
 
 import time
 from collections.abc import Callable
-from dataclasses import replace
+from dataclasses import dataclass, replace
+from typing import Any
 
 import numpy as np
 
-from pipeline.core.arrays import Array
+from pipeline.core.arrays import Array, IntArray
 from pipeline.core.errors import StabilityError
-from pipeline.dynamics.jit.compiled import inner
+from pipeline.dynamics.jit.compiled import inner, kernel, meaning
+from pipeline.dynamics.jit.table import Table
 from pipeline.integrators.protocol import Progress, State, require_times
 
 # Rates that add up to more are taken as divergence: no mechanism in SI units comes near it.
@@ -19,27 +26,126 @@ _FIRST_CHUNK = 1024  # steps: short marches are one call
 _CHUNK_SECONDS = 0.2
 
 
+@dataclass(frozen=True)
+class Samples(Table):
+    """Output times of a march, and the states there.
+
+    Attributes
+    ----------
+    step : ndarray of int, shape (n_times,)
+        Number of the step that each time is in.
+    offset : ndarray, shape (n_times,)
+        Time since that step's begin [s].
+    q, v : ndarray, shapes (n_times, n_positions) and (n_times, n)
+        Positions and rates, NaN as long as they aren't known.
+    cursor : ndarray of int, shape (1,)
+        How many are known.
+    """
+
+    step: IntArray
+    offset: Array
+    q: Array
+    v: Array
+    cursor: IntArray
+
+
+class SingleSteps(Table):
+    """Base of methods without sub-cycling, of which any number of steps is a cycle."""
+
+
+def begin_cycle(m: Any, p: Any, held: Any, first: int, sampled: bool) -> None:
+    """Prepare the cycle that begins with step number ``first``; ``sampled`` tells if an output time is in it."""
+    raise NotImplementedError
+
+
+def take_steps(m: Any, p: Any, held: Any, first: int, done: int, count: int, sampled: bool) -> int:
+    """Take ``count`` steps of a cycle after ``done`` ones, and return how many before `runs_away`.
+
+    ``sampled`` tells if output times are in the first.
+    """
+    raise NotImplementedError
+
+
+def sample_within(m: Any, p: Any, done: int, s: float, q: Array, v: Array) -> None:
+    """Evaluate the state a time s [s] after the begin of the last step, with ``done`` steps of its cycle before it."""
+    raise NotImplementedError
+
+
+def end_cycle(m: Any, p: Any, held: Any, first: int, samples: Samples, first_sample: int) -> None:
+    """Complete a cycle, and its samples from number ``first_sample`` to the cursor."""
+    raise NotImplementedError
+
+
+@meaning(begin_cycle, SingleSteps)
+def _begin_nothing(m: Any, p: Any, held: Any, first: int, sampled: bool) -> None:
+    pass
+
+
+@meaning(end_cycle, SingleSteps)
+def _end_nothing(m: Any, p: Any, held: Any, first: int, samples: Samples, first_sample: int) -> None:
+    pass
+
+
+@inner
+def runs_away(v: Array) -> bool:
+    """Return true if the rates are beyond bounds or not finite."""
+    total = 0.0
+    for i in range(v.size):
+        total += abs(v[i])
+    return not total < _RUNAWAY
+
+
+@kernel
+def _march(m: Any, p: Any, held: Any, samples: Samples, substeps: int, first: int, n_cycles: int) -> int:
+    """March some cycles from step number ``first`` on, and return how many steps are done before rates run away."""
+    n_samples, cursor = samples.step.size, samples.cursor[0]
+    next_sample = samples.step[cursor] if cursor < n_samples else -1
+    for cycle in range(n_cycles):
+        start, done, first_sample = first + cycle * substeps, 0, cursor
+        begin_cycle(m, p, held, start, start <= next_sample < start + substeps)
+        while done < substeps:
+            count, until_sample = substeps - done, next_sample - start - done
+            if until_sample == 0:
+                count = 1
+            elif 0 < until_sample < count:
+                count = until_sample
+            taken = take_steps(m, p, held, start, done, count, until_sample == 0)
+            if taken < count:
+                return cycle * substeps + done + taken
+            while start + done == next_sample:
+                sample_within(m, p, done, samples.offset[cursor], samples.q[cursor], samples.v[cursor])
+                cursor += 1
+                next_sample = samples.step[cursor] if cursor < n_samples else -1
+            done += count
+        samples.cursor[0] = cursor
+        end_cycle(m, p, held, start, samples, first_sample)
+    return n_cycles * substeps
+
+
 def march_fixed_steps(
-    run: Callable[..., int],
+    make: Callable[[State], Table],
+    p: Any,
+    held: Any,
     start: State,
     step: float,
-    stride: int,
+    substeps: int,
     times: Array,
     progress: Progress | None,
 ) -> tuple[State, Array, Array, float]:
-    """Call a compiled march with a fixed step until it has passed the last output time.
+    """March with a fixed step until the last output time is passed.
 
-    It is called for some steps at a time, so that progress shows and divergence is noticed early; neither that nor
-    ``times`` changes the steps.
+    The kernel is called for some steps at a time, so that progress shows and divergence is noticed early; neither that
+    nor ``times`` changes the steps.
 
     Parameters
     ----------
-    run : callable
-        ``run(state, n_steps, sample_step, sample_offset, sample_q, sample_v, cursor) -> steps done``; it writes
-        into the state's arrays.
+    make : callable
+        Make the method's table for a state, into whose arrays it writes.
+    p, held : Any
+        The system's parameters, and its storage for the method.
     step : float
         Fast step [s].
-    stride : int
+    substeps : int
         Fast steps to a major cycle, which is never divided.
 
     Raises
@@ -53,13 +159,15 @@ def march_fixed_steps(
     sample_offset = np.maximum(times - sample_step * step, 0.0)
     sample_offset[sample_offset < 1e-9 * step] = 0.0
     q, v = np.full((times.size, start.q.size), np.nan), np.full((times.size, start.v.size), np.nan)
-    cursor = np.array([np.searchsorted(sample_step, state.step)])
-    last = -(-(int(sample_step[-1]) + 1 - state.step) // stride) * stride + state.step
-    seconds, chunk = 0.0, stride * max(1, _FIRST_CHUNK // stride)
+    method = make(state)
+    samples = Samples(sample_step, sample_offset, q, v, np.array([np.searchsorted(sample_step, state.step)]))
+    last = -(-(int(sample_step[-1]) + 1 - state.step) // substeps) * substeps + state.step
+    seconds, chunk = 0.0, substeps * max(1, _FIRST_CHUNK // substeps)
     while state.step < last:
         wanted = min(chunk, last - state.step)
+        cycle = wanted if isinstance(method, SingleSteps) else substeps
         tick = time.perf_counter()
-        done = run(state, wanted, sample_step, sample_offset, q, v, cursor)
+        done = int(_march(method, p, held, samples, cycle, state.step, wanted // cycle))
         spent = time.perf_counter() - tick
         seconds += spent
         state = replace(state, step=state.step + done, time=(state.step + done) * step)
@@ -69,16 +177,9 @@ def march_fixed_steps(
                 f"the march diverged at t = {state.step * step:.6g} s, most in coordinate {culprit} "
                 f"(rate {state.v[culprit]:.3g}); take a smaller step"
             )
-        chunk = stride * max(64, min(4 * chunk // stride, int(chunk // stride * _CHUNK_SECONDS / max(spent, 1e-9))))
+        chunk = substeps * max(
+            64, min(4 * chunk // substeps, int(chunk // substeps * _CHUNK_SECONDS / max(spent, 1e-9)))
+        )
         if progress:
             progress(state.step / last)
     return state, q, v, seconds
-
-
-@inner
-def runs_away(v: Array) -> bool:
-    """Return true if the rates are beyond bounds or not finite."""
-    total = 0.0
-    for i in range(v.size):
-        total += abs(v[i])
-    return not total < _RUNAWAY

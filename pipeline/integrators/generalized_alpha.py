@@ -15,11 +15,20 @@ from typing import Any
 
 import numpy as np
 
-from pipeline.core.arrays import Array, IntArray
-from pipeline.core.errors import AccuracyError
-from pipeline.dynamics.jit.compiled import inner, kernel
+from pipeline.core.arrays import Array
+from pipeline.core.errors import AccuracyError, StabilityError
+from pipeline.dynamics.jit.compiled import aligned, inner, meaning
+from pipeline.dynamics.jit.table import Table
 from pipeline.dynamics.system import System, accelerations, advance
-from pipeline.integrators.fixed_step import march_fixed_steps, runs_away
+from pipeline.integrators.fixed_step import (
+    Samples,
+    begin_cycle,
+    end_cycle,
+    march_fixed_steps,
+    runs_away,
+    sample_within,
+    take_steps,
+)
 from pipeline.integrators.protocol import (
     Progress,
     State,
@@ -86,31 +95,79 @@ class GeneralizedAlpha:
         AccuracyError
             Newton's iteration did not converge; the message has the time.
         """
-        parameters, h, room = system.parameters, self.step, _newton_room(system)
+        h, n = self.step, system.n
+        counts = np.array([0.0, np.nan])
 
-        def run(state: State, n_steps: int, *samples: Any) -> int:
-            march: tuple[Any, ...] = (h, state.step, n_steps, state.q, state.v, state.a)
-            done = int(_march(parameters, self.weights, *room, state.memory, *march, *samples))
-            if room[-1][1]:
-                raise AccuracyError(
-                    f"{self.name}: Newton's iteration did not converge at t = {(state.step + done) * h:.6g} s; "
-                    "take a smaller step"
-                )
-            return done
+        def make(state: State) -> NewmarkSteps:
+            tangent, marks = state.memory[: n * n].reshape(n, n), state.memory[n * n :]
+            alpha_m, alpha_f, beta, gamma = self.weights.tolist()
+            room = aligned(n, n, n, n, n, n, system.n_positions)
+            begin = (state.q, state.v, state.a, tangent, marks, counts)
+            return NewmarkSteps(h, alpha_m, alpha_f, beta, gamma, *begin, *room)
 
-        end, q, v, seconds = march_fixed_steps(run, start, h, 1, times, progress)
-        return Trajectory(self.name, h, 1, times, q, v, int(room[-1][0]), 0, seconds, end)
+        try:
+            end, q, v, seconds = march_fixed_steps(make, system.parameters, 0, start, h, 1, times, progress)
+        except StabilityError:
+            if np.isnan(counts[1]):
+                raise
+            raise AccuracyError(
+                f"{self.name}: Newton's iteration did not converge at t = {counts[1]:.6g} s; take a smaller step"
+            ) from None
+        return Trajectory(self.name, h, 1, times, q, v, int(counts[0]), 0, seconds, end)
 
 
 def _two_accelerations(start: State) -> State:
-    """Complete a state at time 0 by auxiliary and true accelerations, equal at first, and memory for `_newton_step`."""
+    """Complete a state at time 0 by auxiliary and true accelerations, equal at first, and memory for a tangent."""
     n = start.a.size
     return replace(start, a=np.concatenate([start.a, start.a]), memory=np.zeros(n * n + 2))
 
 
-def _newton_room(system: System) -> tuple[Array, Array, Array]:
-    """Return work arrays of the kernels: rates, positions, and counts of evaluations and of failures."""
-    return np.zeros((6, system.n)), np.zeros((2, system.n_positions)), np.zeros(2)
+@dataclass(frozen=True)
+class NewmarkSteps(Table):
+    """State of a march by the generalised-α method, and room for Newton's iteration.
+
+    Attributes
+    ----------
+    h : float
+        Step [s].
+    alpha_m, alpha_f, beta, gamma : float
+        The method's weights.
+    q, v : ndarray
+        Positions and rates.
+    a : ndarray, shape (2 n,)
+        Auxiliary and true accelerations.
+    tangent : ndarray, shape (n, n)
+        Factors of Newton's tangent.
+    marks : ndarray, shape (2,)
+        1 while the tangent is valid, and the largest acceleration so far.
+    counts : ndarray, shape (2,)
+        Evaluations, and the time at which Newton's iteration failed, or NaN [s].
+    new, found, shifted, base : ndarray, shape (n,)
+        Trial accelerations, those that the equations of motion give for them, and room for the tangent.
+    v_new, mean : ndarray, shape (n,)
+        Rates at the step's end, and those that move the positions there.
+    q_new : ndarray
+        Positions at the step's end.
+    """
+
+    h: float
+    alpha_m: float
+    alpha_f: float
+    beta: float
+    gamma: float
+    q: Array
+    v: Array
+    a: Array
+    tangent: Array
+    marks: Array
+    counts: Array
+    new: Array
+    found: Array
+    shifted: Array
+    base: Array
+    v_new: Array
+    mean: Array
+    q_new: Array
 
 
 @inner
@@ -137,156 +194,130 @@ def _solve(A: Array, x: Array) -> None:
 
 
 @inner
-def _end_of_step(
-    p: Any, weights: Array, end: float, h: float, q: Array, v: Array, a: Array, new: Array,
-    q_new: Array, v_new: Array, mean: Array, found: Array,
-) -> None:  # fmt: skip
-    """Evaluate the accelerations at a step's end for trial ones ``new``; a holds the auxiliary and the true ones."""
-    n = v.size
-    alpha_m, alpha_f, beta, gamma = weights[0], weights[1], weights[2], weights[3]
+def _evaluate_end(m: NewmarkSteps, p: Any, end: float, found: Array) -> None:
+    """Evaluate the accelerations at a step's ``end`` [s] for the trial ones."""
+    n = m.v.size
     for i in range(n):
-        ahead = ((1.0 - alpha_f) * new[i] + alpha_f * a[n + i] - alpha_m * a[i]) / (1.0 - alpha_m)
-        mean[i] = v[i] + h * ((0.5 - beta) * a[i] + beta * ahead)
-        v_new[i] = v[i] + h * ((1.0 - gamma) * a[i] + gamma * ahead)
-    for i in range(q.size):
-        q_new[i] = q[i]
-    advance(p, q_new, mean, h, 0, n)
-    accelerations(p, end, q_new, v_new, found)
+        ahead = ((1.0 - m.alpha_f) * m.new[i] + m.alpha_f * m.a[n + i] - m.alpha_m * m.a[i]) / (1.0 - m.alpha_m)
+        m.mean[i] = m.v[i] + m.h * ((0.5 - m.beta) * m.a[i] + m.beta * ahead)
+        m.v_new[i] = m.v[i] + m.h * ((1.0 - m.gamma) * m.a[i] + m.gamma * ahead)
+    for i in range(m.q.size):
+        m.q_new[i] = m.q[i]
+    advance(p, m.q_new, m.mean, m.h, 0, n)
+    accelerations(p, end, m.q_new, m.v_new, found)
+    m.counts[0] += 1
 
 
 @inner
-def _newton_step(
-    p: Any, weights: Array, work: Array, positions: Array, counts: Array, memory: Array,
-    end: float, h: float, q: Array, v: Array, a: Array,
-) -> bool:  # fmt: skip
-    """Find the accelerations at a step's ``end`` [s] by Newton's method, into work[0].
-
-    positions[0] and work[3] are the positions and rates there. ``memory`` keeps the factored tangent, 1 behind it
-    while it is valid, and the largest acceleration so far.
-    """
-    n, new = v.size, work[0]
-    alpha_m, alpha_f, beta = weights[0], weights[1], weights[2]
+def _find_end(m: NewmarkSteps, p: Any, end: float) -> bool:
+    """Find the accelerations at a step's ``end`` [s] by Newton's method; false if it does not converge."""
+    n = m.v.size
     for i in range(n):
-        new[i] = a[n + i]
+        m.new[i] = m.a[n + i]
     for trial in range(2):  # a loop, since a call with True and one with False would be compiled each
-        if _converges(p, weights, work, positions, counts, memory, end, h, q, v, a, trial == 0):
+        if _converges(m, p, end, trial == 0):
             return True
         # The last accelerations, held over a long step, carry a stiff coordinate far out to where no tangent is of use.
         for i in range(n):
-            ahead = -(v[i] / h + (0.5 - beta) * a[i]) / beta  # so that positions stay
-            new[i] = ((1.0 - alpha_m) * ahead + alpha_m * a[i] - alpha_f * a[n + i]) / (1.0 - alpha_f)
-        memory[n * n] = 0.0
+            ahead = -(m.v[i] / m.h + (0.5 - m.beta) * m.a[i]) / m.beta  # so that positions stay
+            m.new[i] = ((1.0 - m.alpha_m) * ahead + m.alpha_m * m.a[i] - m.alpha_f * m.a[n + i]) / (1.0 - m.alpha_f)
+        m.marks[0] = 0.0
     return False
 
 
 @inner
-def _converges(
-    p: Any, weights: Array, work: Array, positions: Array, counts: Array, memory: Array,
-    end: float, h: float, q: Array, v: Array, a: Array, wary: bool,
-) -> bool:  # fmt: skip
-    """Iterate from the accelerations in work[0] until they converge; if ``wary``, only while corrections shrink.
+def _renew_tangent(m: NewmarkSteps, p: Any, end: float) -> None:
+    """Factor the tangent at the trial accelerations, by differences; ``found`` are the accelerations there."""
+    n, size = m.v.size, _VANISHED
+    for i in range(n):
+        m.base[i] = m.found[i]
+        size = max(size, abs(m.found[i]), abs(m.new[i]), abs(m.a[i]), _OF_GUESS * abs(m.a[n + i]))
+    for j in range(n):
+        keep = m.new[j]
+        nudge = 1e-6 * (abs(keep) + 1e-3 * max(size, m.marks[1]))
+        m.new[j] = keep + nudge
+        _evaluate_end(m, p, end, m.shifted)
+        m.new[j] = keep
+        for i in range(n):
+            m.tangent[i, j] = (1.0 if i == j else 0.0) - (m.shifted[i] - m.base[i]) / nudge
+    _factor(m.tangent)
+    m.marks[0] = 1.0
+    for i in range(n):
+        m.found[i] = m.base[i]
+
+
+@inner
+def _converges(m: NewmarkSteps, p: Any, end: float, wary: bool) -> bool:
+    """Iterate from the trial accelerations until they converge; if ``wary``, only while corrections shrink.
 
     Forces that balance leave an acceleration with their own round-off: a correction that no longer shrinks, or shrinks
     to the last, is good enough if it is small beside the largest one so far, or moves positions by their round-off.
     """
-    n = v.size
-    new, found, shifted, v_new, mean, base = work[0], work[1], work[2], work[3], work[4], work[5]
-    q_new, tangent = positions[0], memory[: n * n].reshape((n, n))
-    largest_before, peak = 0.0, memory[n * n + 1]
-    to_position = h * h * weights[2] * (1.0 - weights[1]) / (1.0 - weights[0])
+    n, largest_before, peak = m.v.size, 0.0, m.marks[1]
+    to_position = m.h * m.h * m.beta * (1.0 - m.alpha_f) / (1.0 - m.alpha_m)
     for iteration in range(_MOST_ITERATIONS):
-        _end_of_step(p, weights, end, h, q, v, a, new, q_new, v_new, mean, found)
-        counts[0] += 1
+        _evaluate_end(m, p, end, m.found)
         size, largest, reached = _VANISHED, 0.0, 1.0
-        if memory[n * n] == 0.0 or (iteration > 0 and iteration % 4 == 0):
-            for i in range(n):
-                base[i] = found[i]
-                size = max(size, abs(found[i]), abs(new[i]), abs(a[i]), _OF_GUESS * abs(a[n + i]))
-            for j in range(n):
-                keep = new[j]
-                nudge = 1e-6 * (abs(keep) + 1e-3 * max(size, peak))
-                new[j] = keep + nudge
-                _end_of_step(p, weights, end, h, q, v, a, new, q_new, v_new, mean, shifted)
-                counts[0] += 1
-                new[j] = keep
-                for i in range(n):
-                    tangent[i, j] = (1.0 if i == j else 0.0) - (shifted[i] - base[i]) / nudge
-            _factor(tangent)
-            memory[n * n] = 1.0
-            for i in range(n):
-                found[i] = base[i]
-        size = _VANISHED
+        if m.marks[0] == 0.0 or (iteration > 0 and iteration % 4 == 0):
+            _renew_tangent(m, p, end)
         for i in range(n):
-            found[i] -= new[i]
-        _solve(tangent, found)
+            m.found[i] -= m.new[i]
+        _solve(m.tangent, m.found)
         for i in range(n):
-            new[i] += found[i]
-            largest += abs(found[i])  # a sum: it keeps a NaN, which max would lose
+            m.new[i] += m.found[i]
+            largest += abs(m.found[i])  # a sum: it keeps a NaN, which max would lose
             # Auxiliary ones too: their round-off is in what is found, and the guess's in new.
-            size = max(size, abs(new[i]), abs(a[i]), _OF_GUESS * abs(a[n + i]))
-        for i in range(q.size):
-            reached = max(reached, abs(q_new[i]))
+            size = max(size, abs(m.new[i]), abs(m.a[i]), _OF_GUESS * abs(m.a[n + i]))
+        for i in range(m.q.size):
+            reached = max(reached, abs(m.q_new[i]))
         slow = iteration > 0 and largest > 0.3 * largest_before
         good_enough = max(_TOLERANCE * peak, _ROUND_OFF * reached / to_position)
         last = iteration == _MOST_ITERATIONS - 1  # beneath round-off it may shrink by a steady factor for long
         if largest <= _TOLERANCE * size or ((slow or last) and largest <= good_enough):
-            memory[n * n + 1] = max(peak, size)
-            _end_of_step(p, weights, end, h, q, v, a, new, q_new, v_new, mean, found)
-            counts[0] += 1
+            m.marks[1] = max(peak, size)
+            _evaluate_end(m, p, end, m.found)
             return True
         if wary and iteration > 0 and largest > largest_before:
             return False
         if slow:
-            memory[n * n] = 0.0  # too slow: a fresh tangent
+            m.marks[0] = 0.0  # too slow: a fresh tangent
         largest_before = largest
     return False
 
 
-@inner
-def _sample_step_at(
-    p: Any, s: float, h: float, q: Array, v: Array, a: Array, new: Array, mean: Array, q_out: Array, v_out: Array
-) -> None:
-    """Interpolate the state at a time s after a step's begin: cubic in time, along the mean rates."""
-    n = v.size
-    x = s / h
+@meaning(begin_cycle, NewmarkSteps)
+def _begin_cycle(m: NewmarkSteps, p: Any, held: Any, first: int, sampled: bool) -> None:
+    pass
+
+
+@meaning(take_steps, NewmarkSteps)
+def _take_steps(m: NewmarkSteps, p: Any, held: Any, first: int, done: int, count: int, sampled: bool) -> int:
+    """Find the step's end; the state moves there when the samples are taken."""
+    if _find_end(m, p, first * m.h + m.h):
+        return 0 if runs_away(m.v_new) else 1
+    m.counts[1] = first * m.h
+    return 0
+
+
+@meaning(sample_within, NewmarkSteps)
+def _sample_within(m: NewmarkSteps, p: Any, done: int, s: float, q: Array, v: Array) -> None:
+    """Interpolate the state: cubic in time, along the mean rates."""
+    n, x = v.size, s / m.h
     for i in range(n):
-        v_out[i] = v[i] + s * (a[n + i] + 0.5 * x * (new[i] - a[n + i]))
-        mean[i] = v[i] + s * (0.5 * a[n + i] + x * (new[i] - a[n + i]) / 6.0)
+        v[i] = m.v[i] + s * (m.a[n + i] + 0.5 * x * (m.new[i] - m.a[n + i]))
+        m.mean[i] = m.v[i] + s * (0.5 * m.a[n + i] + x * (m.new[i] - m.a[n + i]) / 6.0)
     for i in range(q.size):
-        q_out[i] = q[i]
-    advance(p, q_out, mean, s, 0, n)
+        q[i] = m.q[i]
+    advance(p, q, m.mean, s, 0, n)
 
 
-@inner
-def _accept_step(weights: Array, q: Array, v: Array, a: Array, new: Array, q_new: Array, v_new: Array) -> None:
-    """Move the state to the end of a step."""
-    n = v.size
-    alpha_m, alpha_f = weights[0], weights[1]
+@meaning(end_cycle, NewmarkSteps)
+def _end_cycle(m: NewmarkSteps, p: Any, held: Any, first: int, samples: Samples, first_sample: int) -> None:
+    """Move the state to the step's end."""
+    n = m.v.size
     for i in range(n):
-        a[i] = ((1.0 - alpha_f) * new[i] + alpha_f * a[n + i] - alpha_m * a[i]) / (1.0 - alpha_m)
-        a[n + i] = new[i]
-        v[i] = v_new[i]
-    for i in range(q.size):
-        q[i] = q_new[i]
-
-
-@kernel
-def _march(
-    p: Any, weights: Array, work: Array, positions: Array, counts: Array, memory: Array,
-    h: float, first: int, n_steps: int, q: Array, v: Array, a: Array,
-    sample_step: IntArray, sample_offset: Array, sample_q: Array, sample_v: Array, cursor: IntArray,
-) -> int:  # fmt: skip
-    next_sample = sample_step[cursor[0]] if cursor[0] < sample_step.size else -1
-    for step in range(first, first + n_steps):
-        if not _newton_step(p, weights, work, positions, counts, memory, step * h + h, h, q, v, a):
-            counts[1] = 1.0
-            return step - first
-        while step == next_sample:
-            k = cursor[0]
-            _sample_step_at(p, sample_offset[k], h, q, v, a, work[0], work[2], sample_q[k], sample_v[k])
-            cursor[0] += 1
-            next_sample = sample_step[cursor[0]] if cursor[0] < sample_step.size else -1
-        _accept_step(weights, q, v, a, work[0], positions[0], work[3])
-        if runs_away(v):
-            return step - first
-    return n_steps
+        m.a[i] = ((1.0 - m.alpha_f) * m.new[i] + m.alpha_f * m.a[n + i] - m.alpha_m * m.a[i]) / (1.0 - m.alpha_m)
+        m.a[n + i] = m.new[i]
+        m.v[i] = m.v_new[i]
+    for i in range(m.q.size):
+        m.q[i] = m.q_new[i]

@@ -31,10 +31,19 @@ from typing import Any
 
 import numpy as np
 
-from pipeline.core.arrays import Array, IntArray
-from pipeline.dynamics.jit.compiled import aligned, kernel
+from pipeline.core.arrays import Array
+from pipeline.dynamics.jit.compiled import aligned, inner, kernel, meaning
+from pipeline.dynamics.jit.table import Table
 from pipeline.dynamics.system import System, advance, hold_middle, reacting_steps, slow_response
-from pipeline.integrators.fixed_step import march_fixed_steps, runs_away
+from pipeline.integrators.fixed_step import (
+    Samples,
+    begin_cycle,
+    end_cycle,
+    march_fixed_steps,
+    runs_away,
+    sample_within,
+    take_steps,
+)
 from pipeline.integrators.protocol import (
     Progress,
     State,
@@ -82,21 +91,15 @@ class ReversibleSubcycling:
 
     def resume(self, system: System, start: State, times: Array, progress: Progress | None = None) -> Trajectory:
         """Continue from a state that a march of this method has ended in; earlier output times stay NaN."""
-        parameters, middle, n, n_slow = (
-            system.parameters,
-            system.middle(self.substeps * self.step),
-            system.n,
-            system.n_slow,
-        )
-        h, m = self.step, self.substeps
-        q_now, v_now, shift, before = aligned(system.n_positions, n, n, n)
+        h, m, n, n_slow = self.step, self.substeps, system.n, system.n_slow
 
-        def run(state: State, n_steps: int, *samples: Any) -> int:
+        def make(state: State) -> ReactingSteps:
             move, D = state.memory[:n], state.memory[n:].reshape(n, n_slow)
-            march = (n_slow, h, m, state.step, n_steps // m, state.q, state.v, state.a, move, D)
-            return m * int(_march(parameters, middle, *march, q_now, v_now, shift, before, *samples))
+            room = aligned(system.n_positions, n, n, n)
+            return ReactingSteps(h, m, n_slow, state.q, state.v, state.a, move, D, *room)
 
-        end, q, v, seconds = march_fixed_steps(run, start, h, m, times, progress)
+        march = (make, system.parameters, system.middle(m * h), start, h, m, times, progress)
+        end, q, v, seconds = march_fixed_steps(*march)
         n_steps = end.step - start.step
         return Trajectory(self.name, h, m, times, q, v, n_steps // m, n_steps, seconds, end)
 
@@ -106,81 +109,116 @@ def _hold(p: Any, t: float, q: Array, v: Array, D: Array, middle: Any) -> None:
     hold_middle(p, t, q, v, D, middle)
 
 
-@kernel
-def _march(
-    p: Any, middle: Any, n_slow: int, h: float, m: int, first: int, n_cycles: int, q: Array, v: Array, a: Array,
-    move: Array, D: Array, q_now: Array, v_now: Array, shift: Array, before: Array,
-    sample_step: IntArray, sample_offset: Array, sample_q: Array, sample_v: Array, cursor: IntArray,
-) -> int:  # fmt: skip
-    n, H = v.size, m * h
-    offset = q.size - n  # fast coordinates are scalars: number i is position i + offset
-    next_sample = sample_step[cursor[0]] if cursor[0] < sample_step.size else -1
-    for cycle in range(n_cycles):
-        start = first + cycle * m
-        # The middle, predicted with the D of the last cycle.
-        for i in range(q.size):
-            q_now[i] = q[i]
+@dataclass(frozen=True)
+class ReactingSteps(Table):
+    """State of a reversible sub-cycled march, and room to work in.
+
+    Attributes
+    ----------
+    h, substeps, n_slow : float, int, int
+        Fast step [s], steps to a cycle, number of slow rates. Fast coordinates are scalars: number i is position
+        ``i + q.size - v.size``.
+    q, v, a : ndarray
+        The state.
+    move : ndarray, shape (n,)
+        Change of the fast positions over the last cycle.
+    D : ndarray, shape (n, n_slow)
+        How the slow coordinates follow the fast ones, as `hold_middle` gives it.
+    q_now, v_now, shift : ndarray
+        Room: the middle's state or a sample's begin, and changes of the slow positions.
+    before : ndarray, shape (n,)
+        Rates of ``y = q_L + D q_S`` and fast positions at the cycle's begin.
+    """
+
+    h: float
+    substeps: int
+    n_slow: int
+    q: Array
+    v: Array
+    a: Array
+    move: Array
+    D: Array
+    q_now: Array
+    v_now: Array
+    shift: Array
+    before: Array
+
+
+@meaning(begin_cycle, ReactingSteps)
+def _begin_cycle(m: ReactingSteps, p: Any, middle: Any, first: int, sampled: bool) -> None:
+    """Hold the equations in the middle, predicted with the D of the last cycle, and y from here on."""
+    n, n_slow, H, offset = m.v.size, m.n_slow, m.substeps * m.h, m.q.size - m.v.size
+    for i in range(m.q.size):
+        m.q_now[i] = m.q[i]
+    for i in range(n_slow):
+        m.shift[i] = 0.5 * H * m.v[i]
+        m.v_now[i] = m.v[i] + 0.5 * H * m.a[i]
+    for j in range(n_slow, n):
+        m.before[j] = m.q[j + offset]
+        m.q_now[j + offset] += 0.5 * m.move[j]
+        m.v_now[j] = m.v[j]
         for i in range(n_slow):
-            shift[i] = 0.5 * H * v[i]
-            v_now[i] = v[i] + 0.5 * H * a[i]
-        for j in range(n_slow, n):
-            before[j] = q[j + offset]
-            q_now[j + offset] += 0.5 * move[j]
-            v_now[j] = v[j]
-            for i in range(n_slow):
-                shift[i] += 0.5 * D[j, i] * (H * v[j] - move[j])
-        advance(p, q_now, shift, 1.0, 0, n_slow)
-        hold_middle(p, (start + 0.5 * m) * h, q_now, v_now, D, middle)
-        # The fast coordinates, with y held.
+            m.shift[i] += 0.5 * m.D[j, i] * (H * m.v[j] - m.move[j])
+    advance(p, m.q_now, m.shift, 1.0, 0, n_slow)
+    hold_middle(p, (first + 0.5 * m.substeps) * m.h, m.q_now, m.v_now, m.D, middle)
+    for i in range(n_slow):
+        m.before[i] = m.v[i]
+    for j in range(n_slow, n):
         for i in range(n_slow):
-            before[i] = v[i]  # y's rate
+            m.before[i] += m.D[j, i] * m.v[j]
+        m.q[j + offset] += 0.5 * m.h * m.v[j]
+
+
+@meaning(take_steps, ReactingSteps)
+def _take_steps(m: ReactingSteps, p: Any, middle: Any, first: int, done: int, count: int, sampled: bool) -> int:
+    if sampled:
+        offset = m.q.size - m.v.size
+        for j in range(m.n_slow, m.v.size):
+            m.v_now[j] = m.v[j]
+            m.q_now[j + offset] = m.q[j + offset] - 0.5 * m.h * m.v[j] if done else m.before[j]
+    reacting_steps(p, middle, first + done, m.h, count, m.q, m.v, m.a)
+    return 0 if runs_away(m.v) else count
+
+
+@meaning(sample_within, ReactingSteps)
+def _sample_within(m: ReactingSteps, p: Any, done: int, s: float, q: Array, v: Array) -> None:
+    """Evaluate the fast coordinates; the slow ones are known at the cycle's end."""
+    offset = q.size - v.size
+    for j in range(m.n_slow, v.size):  # Taylor's polynomial, which the next step continues
+        v[j] = m.v_now[j] + s * m.a[j]
+        q[j + offset] = m.q_now[j + offset] + s * (m.v_now[j] + 0.5 * s * m.a[j])
+
+
+@meaning(end_cycle, ReactingSteps)
+def _end_cycle(m: ReactingSteps, p: Any, middle: Any, first: int, samples: Samples, first_sample: int) -> None:
+    """Take the slow step."""
+    n, n_slow, H, offset = m.v.size, m.n_slow, m.substeps * m.h, m.q.size - m.v.size
+    for j in range(n_slow, n):
+        m.q[j + offset] -= 0.5 * m.h * m.v[j]
+        m.move[j] = m.q[j + offset] - m.before[j]
+        m.q_now[j], m.v_now[j] = m.before[j] + 0.5 * m.move[j], m.move[j] / H
+    slow_response(p, middle, first, m.h, m.substeps, m.q_now, m.v_now, m.a)
+    for k in range(first_sample, samples.cursor[0]):
+        _sample_slow(m, p, (samples.step[k] - first) * m.h + samples.offset[k], samples.q[k], samples.v[k])
+    for i in range(n_slow):
+        m.shift[i] = H * (m.before[i] + 0.5 * H * m.a[i])
+        m.v[i] = m.before[i] + H * m.a[i]
         for j in range(n_slow, n):
-            for i in range(n_slow):
-                before[i] += D[j, i] * v[j]
-            q[j + offset] += 0.5 * h * v[j]
-        done, first_sample = 0, cursor[0]
-        while done < m:
-            count, until_sample = m - done, next_sample - start - done
-            if until_sample == 0:
-                count = 1
-                for j in range(n_slow, n):
-                    v_now[j] = v[j]
-                    q_now[j + offset] = q[j + offset] - 0.5 * h * v[j] if done else before[j]
-            elif 0 < until_sample < count:
-                count = until_sample
-            reacting_steps(p, middle, start + done, h, count, q, v, a)
-            while start + done == next_sample:
-                s = sample_offset[cursor[0]]
-                for j in range(n_slow, n):  # Taylor's polynomial, which the next step continues
-                    sample_v[cursor[0], j] = v_now[j] + s * a[j]
-                    sample_q[cursor[0], j + offset] = q_now[j + offset] + s * (v_now[j] + 0.5 * s * a[j])
-                cursor[0] += 1
-                next_sample = sample_step[cursor[0]] if cursor[0] < sample_step.size else -1
-            done += count
-        # The slow ones.
+            m.shift[i] -= m.D[j, i] * m.move[j]
+            m.v[i] -= m.D[j, i] * m.v[j]
+    advance(p, m.q, m.shift, 1.0, 0, n_slow)
+
+
+@inner
+def _sample_slow(m: ReactingSteps, p: Any, s: float, q: Array, v: Array) -> None:
+    """Evaluate the slow coordinates a time s after the cycle's begin, where the fast ones are known."""
+    n, n_slow, offset = v.size, m.n_slow, q.size - v.size
+    for i in range(n_slow):
+        m.shift[i] = s * (m.before[i] + 0.5 * s * m.a[i])
+        v[i] = m.before[i] + s * m.a[i]
         for j in range(n_slow, n):
-            q[j + offset] -= 0.5 * h * v[j]
-            move[j] = q[j + offset] - before[j]
-            q_now[j], v_now[j] = before[j] + 0.5 * move[j], move[j] / H
-        slow_response(p, middle, start, h, m, q_now, v_now, a)
-        for k in range(first_sample, cursor[0]):
-            s = (sample_step[k] - start) * h + sample_offset[k]
-            for i in range(n_slow):
-                shift[i] = s * (before[i] + 0.5 * s * a[i])
-                sample_v[k, i] = before[i] + s * a[i]
-                for j in range(n_slow, n):
-                    shift[i] -= D[j, i] * (sample_q[k, j + offset] - before[j])
-                    sample_v[k, i] -= D[j, i] * sample_v[k, j]
-            for i in range(n_slow + offset):
-                sample_q[k, i] = q[i]
-            advance(p, sample_q[k], shift, 1.0, 0, n_slow)
-        for i in range(n_slow):
-            shift[i] = H * (before[i] + 0.5 * H * a[i])
-            v[i] = before[i] + H * a[i]
-            for j in range(n_slow, n):
-                shift[i] -= D[j, i] * move[j]
-                v[i] -= D[j, i] * v[j]
-        advance(p, q, shift, 1.0, 0, n_slow)
-        if runs_away(v):
-            return cycle
-    return n_cycles
+            m.shift[i] -= m.D[j, i] * (q[j + offset] - m.before[j])
+            v[i] -= m.D[j, i] * v[j]
+    for i in range(n_slow + offset):
+        q[i] = m.q[i]
+    advance(p, q, m.shift, 1.0, 0, n_slow)

@@ -20,24 +20,26 @@ from typing import Any
 import numpy as np
 
 from pipeline.core.arrays import Array, IntArray
-from pipeline.dynamics.jit.compiled import inner, kernel
-from pipeline.dynamics.system import System, accelerations, advance, velocities
+from pipeline.dynamics.jit.compiled import aligned, inner, meaning
+from pipeline.dynamics.jit.table import Table
+from pipeline.dynamics.system import System, accelerations, velocities
 from pipeline.integrators.adaptive import (
-    SMALLEST,
+    AdaptiveMarch,
     adaptive_start,
-    groups_of,
+    begin_step,
+    end_step,
     just_after,
     just_before,
     keep_largest,
     march_adaptive_steps,
+    prepare_samples,
+    sample_step,
     scaled_error,
-    step_factor,
-    step_within,
+    try_step,
 )
+from pipeline.integrators.phi_functions import fill_phi_functions
 from pipeline.integrators.protocol import Progress, State, Trajectory, march_from, require_tolerance
 
-_NORMS = (0.25, 1.0, 1.8, 2.9)  # up to which φ₄'s Taylor polynomial of degree 8, 12, 16, 20 is exact to round-off
-_INVERSES = tuple(1.0 / math.factorial(k) for k in range(26))
 _LEVELS = 28  # of doublings at most
 _NUDGE = 1.5e-8  # of a coordinate, or of 1
 _ROUND_OFF = 1e-15  # of the largest rate and acceleration so far, and of what they change in a step
@@ -76,17 +78,61 @@ class ExponentialRosenbrock:
         StabilityError
             The step became too small.
         """
-        p, groups, n_all = system.parameters, groups_of(system), system.n_positions + system.n
-        levels, matrices = np.empty((_LEVELS, 5, n_all, n_all)), np.empty((7, n_all, n_all))
-        vectors, sources, trial = np.zeros((11, n_all)), np.zeros((4, n_all)), np.zeros(start.memory.size)
-        evaluations = np.zeros(1)
+        m = make_room(system.n_positions + system.n)
+        return march_adaptive_steps(self.name, system, m, self.tolerance, 4, start, times, progress)
 
-        def run(state: State, clock: Array, stop: float, n_steps: int, *samples: Any) -> int:
-            room = (levels, matrices, vectors, sources, trial, evaluations)
-            march = (clock, stop, n_steps, state.q, state.v, state.a, groups, state.memory)
-            return int(_march(p, self.tolerance, *march, *room, *samples))
 
-        return march_adaptive_steps(self.name, run, start, system.breakpoints, times, progress, evaluations)
+@dataclass(frozen=True)
+class RosenbrockSteps(Table):
+    """Room for a step of the method.
+
+    Attributes
+    ----------
+    levels : ndarray, shape (_LEVELS, 5, n, n)
+        φ₀ … φ₄ of the scaled matrix, for half of the step in the end and for half of that below.
+    matrices : ndarray, shape (5, n, n)
+        Room for powers.
+    J, A : ndarray, shape (n, n)
+        The derivatives of F, and the same balanced.
+    c : ndarray, shape (4, n)
+        Source of the linear equation, by powers of the time.
+    marks : ndarray, shape (2,)
+        Largest rate of all coordinates so far, and largest acceleration: round-off is relative to them.
+    top : ndarray of int, shape (1,)
+        Number of the level for half of the step.
+    F, dt : ndarray, shape (n,)
+        Time derivatives at the step's begin, and their derivative by time.
+    D2, D3 : ndarray, shape (n,)
+        The remainder at the stages, and then its coefficients over the step.
+    w, error, scale : ndarray, shape (n,)
+        Scaled change, error, and the scales.
+    room, none : ndarray, shape (n,)
+        Room, and zeros.
+    """
+
+    levels: Array
+    matrices: Array
+    J: Array
+    A: Array
+    c: Array
+    marks: Array
+    top: IntArray
+    F: Array
+    dt: Array
+    D2: Array
+    D3: Array
+    w: Array
+    error: Array
+    scale: Array
+    room: Array
+    none: Array
+
+
+def make_room(n: int) -> RosenbrockSteps:
+    """Make room for a step with n positions and rates together."""
+    levels, c, matrices = np.empty((_LEVELS, 5, n, n)), np.zeros((4, n)), np.empty((5, n, n))
+    J, A, marks, top = np.empty((n, n)), np.empty((n, n)), np.zeros(2), np.zeros(1, dtype=np.int64)
+    return RosenbrockSteps(levels, matrices, J, A, c, marks, top, *aligned(*9 * [n]))
 
 
 @inner
@@ -97,14 +143,12 @@ def _slope(p: Any, t: float, u: Array, n_positions: int, F: Array) -> None:
 
 
 @inner
-def _linearise(
-    p: Any, t: float, dt: float, u: Array, n_positions: int, F: Array, nudged: Array, J: Array, v: Array, second: float
-) -> None:
-    """Differentiate F by u for J and by t for v, by finite differences.
+def _linearise(m: RosenbrockSteps, p: Any, t: float, dt: float, u: Array, n_positions: int) -> None:
+    """Differentiate F by u and by t, by finite differences.
 
     Entries that may be round-off alone are set to 0: a coordinate at rest would take them for errors of its own.
     """
-    n = u.size
+    n, nudged, second = u.size, m.room, m.marks[1]
     for j in range(n):
         keep = u[j]
         u[j] = keep + _NUDGE * max(1.0, abs(keep))
@@ -112,107 +156,13 @@ def _linearise(
         nudge = u[j] - keep  # as it was stored
         u[j] = keep
         for i in range(n):
-            change = nudged[i] - F[i]
+            change = nudged[i] - m.F[i]
             noise = _ROUND_OFF * second if i >= n_positions else 0.0
-            J[i, j] = change / nudge if abs(change) > noise else 0.0
+            m.J[i, j] = change / nudge if abs(change) > noise else 0.0
     _slope(p, t + dt, u, n_positions, nudged)
     for i in range(n):
-        change = nudged[i] - F[i]
-        v[i] = change / dt if abs(change) > _ROUND_OFF * second else 0.0
-
-
-@inner
-def _multiply(A: Array, B: Array, C: Array) -> None:
-    """Multiply square matrices: ``C = A B``."""
-    n = A.shape[0]
-    for i in range(n):
-        row = C[i]
-        for j in range(n):
-            row[j] = 0.0
-        for k in range(n):
-            a, other = A[i, k], B[k]
-            for j in range(n):
-                row[j] += a * other[j]
-
-
-@inner
-def _taylor_matrices(A: Array, tau: float, norm: float, phi: Array, m: Array) -> None:
-    """Fill phi (5, n, n) with φ₀ … φ₄ of ``tau A``, of this norm; m (5, n, n) is room.
-
-    φ₄ is a polynomial in blocks of four powers (Paterson & Stockmeyer, SIAM J Comput 2, 1973); the others follow from
-    ``φ_k(z) = z φ_{k+1}(z) + 1/k!``.
-    """
-    n = A.shape[0]
-    B, top, new = m[0], phi[4], m[4]
-    for i in range(n):
-        for j in range(n):
-            B[i, j] = tau * A[i, j]
-    for k in range(1, 4):
-        _multiply(B, m[k - 1], m[k])
-    blocks = 2
-    while blocks < 5 and norm > _NORMS[blocks - 2]:
-        blocks += 1
-    for i in range(n):
-        for j in range(n):
-            new[i, j] = _INVERSES[4 * blocks + 4] * m[3, i, j]
-    for block in range(blocks - 1, -1, -1):
-        c0, c1, c2, c3 = (
-            _INVERSES[4 * block + 4],
-            _INVERSES[4 * block + 5],
-            _INVERSES[4 * block + 6],
-            _INVERSES[4 * block + 7],
-        )
-        for i in range(n):
-            for j in range(n):
-                top[i, j] = new[i, j] + c1 * B[i, j] + c2 * m[1, i, j] + c3 * m[2, i, j]
-            top[i, i] += c0
-        if block:
-            _multiply(m[3], top, new)
-    for k in range(3, -1, -1):
-        _multiply(B, phi[k + 1], phi[k])
-        for i in range(n):
-            phi[k, i, i] += _INVERSES[k]
-
-
-@inner
-def _double(phi: Array, out: Array) -> None:
-    """Compute φ_k(2z) from φ_k(z): ``φ_k(2z) = 2^-k (φ₀ φ_k + Σ_j φ_j/(k − j)!)``."""
-    n = phi.shape[1]
-    factor = 1.0
-    for k in range(5):
-        _multiply(phi[0], phi[k], out[k])
-        for j in range(1, k + 1):
-            weight = _INVERSES[k - j]
-            for row in range(n):
-                for column in range(n):
-                    out[k, row, column] += weight * phi[j, row, column]
-        for row in range(n):
-            for column in range(n):
-                out[k, row, column] *= factor
-        factor *= 0.5
-
-
-@inner
-def _matrix_functions(A: Array, half: float, levels: Array, m: Array) -> int:
-    """Fill levels[0 … top] with φ₀ … φ₄ of ``half A 2^(level − top)`` and return the top; -1 if they are too few."""
-    n = A.shape[0]
-    norm, all_rows = 0.0, 0.0
-    for i in range(n):
-        total = 0.0
-        for j in range(n):
-            total += abs(A[i, j])
-        norm = max(norm, half * total)
-        all_rows += total  # a sum: it keeps a NaN, which max would lose
-    top = 0
-    while norm > _NORMS[3] and top < levels.shape[0]:
-        norm *= 0.5
-        top += 1
-    if top == levels.shape[0] or not math.isfinite(all_rows):
-        return -1
-    _taylor_matrices(A, half * 0.5**top, norm, levels[0], m)
-    for level in range(top):
-        _double(levels[level], levels[level + 1])
-    return top
+        change = nudged[i] - m.F[i]
+        m.dt[i] = change / dt if abs(change) > _ROUND_OFF * second else 0.0
 
 
 @inner
@@ -257,164 +207,132 @@ def _taylor_flow(A: Array, tau: float, w: Array, c: Array, rate: Array, new: Arr
 
 
 @inner
-def _flow_to(
-    A: Array, levels: Array, top: int, half: float, ahead: float, w: Array, c: Array, out: Array, room: Array
-) -> None:
+def _flow_to(m: RosenbrockSteps, half: float, ahead: float) -> None:
     """Advance w from 0 by any time below twice ``half``: by the levels' times, and the rest by Taylor's series."""
-    for i in range(w.size):
-        w[i] = 0.0
+    for i in range(m.w.size):
+        m.w[i] = 0.0
     tau, left = half, ahead
-    for level in range(top, -1, -1):
+    for level in range(m.top[0], -1, -1):
         if left >= tau:
-            _flow(levels[level], tau, w, c, out)
+            _flow(m.levels[level], tau, m.w, m.c, m.room)
             left -= tau
         tau *= 0.5
-    _taylor_flow(A, left, w, c, out, room)
+    _taylor_flow(m.A, left, m.w, m.c, m.room, m.none)
 
 
 @inner
-def _flow_over(phi: Array, half: float, w: Array, c: Array, out: Array) -> None:
+def _flow_over(m: RosenbrockSteps, phi: Array, half: float, w: Array) -> None:
     """Advance w from 0 at the begin of a step to its end."""
     for i in range(w.size):
         w[i] = 0.0
-    _flow(phi, half, w, c, out)
-    _flow(phi, half, w, c, out)
+    _flow(phi, half, w, m.c, m.room)
+    _flow(phi, half, w, m.c, m.room)
 
 
 @inner
-def _set_source(c: Array, scale: Array, first: Array, v: Array, A: Array, B: Array, h: float) -> None:
+def _set_source(m: RosenbrockSteps, first: Array, v: Array, A: Array, B: Array, h: float) -> None:
     """Set the source of `_flow` to ``first + v t + A (t/h)² + B (t/h)³``, scaled."""
+    c, scale = m.c, m.scale
     for i in range(scale.size):
         c[0, i], c[1, i] = scale[i] * first[i], scale[i] * v[i]
         c[2, i], c[3, i] = 2.0 * scale[i] * A[i] / h**2, 6.0 * scale[i] * B[i] / h**3
 
 
 @inner
-def _remainder(
-    p: Any, t: float, dt: float, u: Array, w: Array, scale: Array, n_positions: int, F: Array, J: Array, v: Array,
-    U: Array, out: Array,
-) -> None:  # fmt: skip
-    """Evaluate ``g(t, u + w) − g(t − dt, u)`` into out for a scaled change w, and u + w into U."""
-    n = u.size
+def _remainder(m: RosenbrockSteps, p: Any, s: AdaptiveMarch, t: float, dt: float, out: Array) -> None:
+    """Evaluate ``g(t, u + w) − g(t − dt, u)`` into out for the scaled change w; the system is solved once."""
+    n = out.size
     for i in range(n):
-        U[i] = u[i] + w[i] / scale[i]
-    _slope(p, t, U, n_positions, out)
+        s.new[i] = s.begin[i] + m.w[i] / m.scale[i]
+    _slope(p, t, s.new, s.q.size, out)
+    s.evaluations[0] += 1
     for i in range(n):
-        total = F[i] + dt * v[i]
+        total = m.F[i] + dt * m.dt[i]
         for j in range(n):
-            total += J[i, j] * w[j] / scale[j]
+            total += m.J[i, j] * m.w[j] / m.scale[j]
         out[i] -= total
 
 
 @inner
-def _balance(J: Array, n_positions: int, floor: float, scale: Array, A: Array) -> None:
+def _balance(m: RosenbrockSteps, n_positions: int, floor: float) -> None:
     """Balance J by ``A = S J S⁻¹``, positions scaled so that an oscillator's 1 and ω² both become ω."""
-    n = scale.size
+    n, scale = m.scale.size, m.scale
     for i in range(n):
         column = 0.0
         for j in range(n_positions, n):
-            column = max(column, abs(J[j, i]))
+            column = max(column, abs(m.J[j, i]))
         scale[i] = max(math.sqrt(column), floor) if i < n_positions else 1.0
     for i in range(n):
         for j in range(n):
-            A[i, j] = scale[i] * J[i, j] / scale[j]
+            m.A[i, j] = scale[i] * m.J[i, j] / scale[j]
 
 
-@kernel
-def _march(
-    p: Any, tolerance: float, clock: Array, stop: float, n_steps: int, q: Array, v_state: Array, a: Array,
-    groups: IntArray, largest: Array,
-    levels: Array, m: Array, x: Array, c: Array, trial: Array, evaluations: Array,
-    times: Array, sample_q: Array, sample_v: Array, cursor: IntArray,
-) -> int:  # fmt: skip
-    n_positions, n = q.size, x.shape[1]
-    u, F, v, U, D2, D3 = x[0], x[1], x[2], x[3], x[4], x[5]
-    w, error, scale, room, none = x[6], x[7], x[8], x[9], x[10]
-    J, A, top = m[5], m[6], 0
-    smallest = SMALLEST * times[times.size - 1]
-    for done in range(n_steps):
-        if cursor[0] >= times.size or clock[0] >= stop:
-            return done
-        t = clock[0]
-        for i in range(n_positions):
-            u[i] = q[i]
-        for i in range(n - n_positions):
-            u[n_positions + i] = v_state[i]
-        begin = just_after(t)
-        _slope(p, begin, u, n_positions, F)
-        change, second = largest[largest.size - 2], largest[largest.size - 1]
-        for i in range(n_positions):
-            change = max(change, abs(F[i]))
-        for i in range(n_positions, n):
-            a[i - n_positions] = F[i]
-            second = max(second, abs(F[i]))
-        h = step_within(clock[1], stop - t)
-        planned, reached = h == clock[1], t
-        _linearise(p, begin, 1e-4 * h, u, n_positions, F, U, J, v, second)
-        _balance(J, n_positions, 0.1 / h, scale, A)
-        evaluations[0] += n + 2
-        while True:
-            size, reached = math.nan, stop if h == stop - t else t + h
-            top = _matrix_functions(A, 0.5 * h, levels, m)
-            if top >= 0:
-                phi = levels[top]
-                for i in range(n):
-                    w[i], none[i] = 0.0, 0.0
-                _set_source(c, scale, F, v, none, none, h)
-                _flow(phi, 0.5 * h, w, c, room)
-                _remainder(p, t + 0.5 * h, 0.5 * h, u, w, scale, n_positions, F, J, v, U, D2)
-                for i in range(n):
-                    error[i] = F[i] + D2[i]
-                _set_source(c, scale, error, v, none, none, h)
-                _flow_over(phi, 0.5 * h, w, c, room)
-                _remainder(p, just_before(reached), h, u, w, scale, n_positions, F, J, v, U, D3)
-                evaluations[0] += 2
-                for i in range(n):
-                    D2[i], D3[i] = 8.0 * D2[i] - D3[i], 2.0 * D3[i] - 8.0 * D2[i]
-                _set_source(c, scale, none, none, none, D3, h)
-                _flow_over(phi, 0.5 * h, error, c, room)
-                _set_source(c, scale, F, v, D2, D3, h)
-                _flow_over(phi, 0.5 * h, w, c, room)
-                for i in range(n):
-                    U[i] = u[i] + w[i] / scale[i]
-                    noise = _ROUND_OFF * h * ((change + h * second) if i < n_positions else second)
-                    error[i] = max(abs(error[i]) / scale[i] - noise, 0.0) if math.isfinite(error[i]) else math.nan
-                for k in range(largest.size):
-                    trial[k] = largest[k]
-                keep_largest(groups, trial, U)
-                size = scaled_error(groups, trial, error)
-            factor = step_factor(size, tolerance, 4)
-            if size <= tolerance:
-                break
-            h *= min(factor, 0.9)
-            planned = True
-            if not h > smallest:
-                clock[1] = h
-                return -done - 1
-        while cursor[0] < times.size and times[cursor[0]] <= reached:
-            k, ahead = cursor[0], times[cursor[0]] - t
-            if times[k] < reached:
-                _set_source(c, scale, F, v, D2, D3, h)
-                _flow_to(A, levels, top, 0.5 * h, ahead, w, c, room, none)
-                for i in range(n):
-                    w[i] = u[i] + w[i] / scale[i]
-            else:
-                for i in range(n):
-                    w[i] = U[i]
-            for i in range(n_positions):
-                sample_q[k, i] = w[i]
-            for i in range(n - n_positions):
-                sample_v[k, i] = w[n_positions + i]
-            advance(p, sample_q[k], sample_v[k], 0.0, 0, n - n_positions)  # unit quaternions
-            cursor[0] += 1
-        for i in range(n_positions):
-            q[i] = U[i]
-        for i in range(n - n_positions):
-            v_state[i] = U[n_positions + i]
-        advance(p, q, v_state, 0.0, 0, n - n_positions)
-        clock[0] = reached
-        if planned:  # else a breakpoint cut the step short
-            clock[1] = h * factor
-        keep_largest(groups, largest, U)
-        largest[largest.size - 2], largest[largest.size - 1] = change, second
-    return n_steps
+@meaning(begin_step, RosenbrockSteps)
+def _begin_step(m: RosenbrockSteps, p: Any, s: AdaptiveMarch, t: float, h: float) -> None:
+    """Linearise the equations of motion."""
+    n, n_positions, start = s.begin.size, s.q.size, just_after(t)
+    _slope(p, start, s.begin, n_positions, m.F)
+    for k in range(2):
+        m.marks[k] = s.largest[s.largest.size - 2 + k]
+    for i in range(n):
+        k = 0 if i < n_positions else 1
+        m.marks[k] = max(m.marks[k], abs(m.F[i]))
+    _linearise(m, p, start, 1e-4 * h, s.begin, n_positions)
+    _balance(m, n_positions, 0.1 / h)
+    s.evaluations[0] += n + 2
+
+
+@meaning(try_step, RosenbrockSteps)
+def _try_step(m: RosenbrockSteps, p: Any, s: AdaptiveMarch, t: float, h: float, reached: float) -> float:
+    n, n_positions, change, second = s.begin.size, s.q.size, m.marks[0], m.marks[1]
+    top = fill_phi_functions(m.A, 0.5 * h, m.levels, m.matrices)
+    if top < 0:
+        return math.nan
+    m.top[0], phi = top, m.levels[top]
+    for i in range(n):
+        m.w[i], m.none[i] = 0.0, 0.0
+    _set_source(m, m.F, m.dt, m.none, m.none, h)
+    _flow(phi, 0.5 * h, m.w, m.c, m.room)
+    _remainder(m, p, s, t + 0.5 * h, 0.5 * h, m.D2)
+    for i in range(n):
+        m.error[i] = m.F[i] + m.D2[i]
+    _set_source(m, m.error, m.dt, m.none, m.none, h)
+    _flow_over(m, phi, 0.5 * h, m.w)
+    _remainder(m, p, s, just_before(reached), h, m.D3)
+    for i in range(n):
+        m.D2[i], m.D3[i] = 8.0 * m.D2[i] - m.D3[i], 2.0 * m.D3[i] - 8.0 * m.D2[i]
+    _set_source(m, m.none, m.none, m.none, m.D3, h)
+    _flow_over(m, phi, 0.5 * h, m.error)
+    _set_source(m, m.F, m.dt, m.D2, m.D3, h)
+    _flow_over(m, phi, 0.5 * h, m.w)
+    for i in range(n):
+        s.new[i] = s.begin[i] + m.w[i] / m.scale[i]
+        noise = _ROUND_OFF * h * ((change + h * second) if i < n_positions else second)
+        error = abs(m.error[i]) / m.scale[i] - noise
+        m.error[i] = max(error, 0.0) if math.isfinite(m.error[i]) else math.nan
+    for k in range(s.largest.size):
+        s.trial[k] = s.largest[k]
+    keep_largest(s.groups, s.trial, s.new)
+    return scaled_error(s.groups, s.trial, m.error)
+
+
+@meaning(prepare_samples, RosenbrockSteps)
+def _prepare_samples(m: RosenbrockSteps, p: Any, s: AdaptiveMarch, t: float, h: float) -> None:
+    pass
+
+
+@meaning(sample_step, RosenbrockSteps)
+def _sample_step(m: RosenbrockSteps, p: Any, s: AdaptiveMarch, ahead: float, h: float) -> None:
+    """Solve the linearised equations, with the remainder's polynomial, up to a time within the step."""
+    _set_source(m, m.F, m.dt, m.D2, m.D3, h)
+    _flow_to(m, 0.5 * h, ahead)
+    for i in range(s.out.size):
+        s.out[i] = s.begin[i] + m.w[i] / m.scale[i]
+
+
+@meaning(end_step, RosenbrockSteps)
+def _end_step(m: RosenbrockSteps, p: Any, s: AdaptiveMarch) -> None:
+    for i in range(s.a.size):
+        s.a[i] = m.F[s.q.size + i]
+    for k in range(2):
+        s.largest[s.largest.size - 2 + k] = m.marks[k]

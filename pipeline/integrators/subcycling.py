@@ -16,11 +16,20 @@ from typing import Any
 
 import numpy as np
 
-from pipeline.core.arrays import Array, IntArray
-from pipeline.dynamics.jit.compiled import aligned, kernel
+from pipeline.core.arrays import Array
+from pipeline.dynamics.jit.compiled import aligned, meaning
+from pipeline.dynamics.jit.table import Table
 from pipeline.dynamics.system import System, accelerations, advance, fast_steps, hold_slow
 from pipeline.integrators.central_difference import CentralDifference
-from pipeline.integrators.fixed_step import march_fixed_steps, runs_away
+from pipeline.integrators.fixed_step import (
+    Samples,
+    begin_cycle,
+    end_cycle,
+    march_fixed_steps,
+    runs_away,
+    sample_within,
+    take_steps,
+)
 from pipeline.integrators.protocol import (
     Progress,
     State,
@@ -67,76 +76,80 @@ class Subcycling:
         """Continue from a state that a march of this method has ended in; earlier output times stay NaN."""
         if self.substeps == 1:
             return replace(CentralDifference(self.step).resume(system, start, times, progress), integrator=self.name)
-        parameters, frozen, n_slow, h, m = (
-            system.parameters,
-            system.frozen(self.step * self.substeps),
-            system.n_slow,
-            self.step,
-            self.substeps,
-        )
-        q_now, v_now = aligned(system.n_positions, system.n)
+        h, m, n_slow = self.step, self.substeps, system.n_slow
 
-        def run(state: State, n_steps: int, *samples: Any) -> int:
-            march = (n_slow, h, m, state.step, n_steps // m, state.q, state.v, state.a)
-            return m * int(_march(parameters, frozen, *march, q_now, v_now, *samples))
+        def make(state: State) -> HeldSteps:
+            return HeldSteps(h, m, n_slow, state.q, state.v, state.a, *aligned(system.n_positions, system.n))
 
-        end, q, v, seconds = march_fixed_steps(run, start, h, m, times, progress)
+        march = (make, system.parameters, system.frozen(m * h), start, h, m, times, progress)
+        end, q, v, seconds = march_fixed_steps(*march)
         n_steps = end.step - start.step
         return Trajectory(self.name, h, m, times, q, v, n_steps // m, n_steps - n_steps // m, seconds, end)
 
 
-@kernel
-def _march(
-    p: Any, frozen: Any, n_slow: int, h: float, m: int, first: int, n_cycles: int, q: Array, v: Array, a: Array,
-    q_now: Array, v_now: Array,
-    sample_step: IntArray, sample_offset: Array, sample_q: Array, sample_v: Array, cursor: IntArray,
-) -> int:  # fmt: skip
-    n, H = v.size, m * h
-    offset = q.size - n  # fast coordinates are scalars: number i is position i + offset
-    next_sample = sample_step[cursor[0]] if cursor[0] < sample_step.size else -1
-    for cycle in range(n_cycles):
-        start = first + cycle * m
-        for i in range(n_slow):
-            v_now[i] = v[i] + 0.5 * H * a[i]
-        for i in range(n_slow, n):
-            v_now[i] = v[i] + 0.5 * h * a[i]
-        if start <= next_sample < start + m:
-            for i in range(q.size):
-                q_now[i] = q[i]
-        accelerations(p, start * h, q, v_now, a)
-        hold_slow(p, start * h, q, v_now, a, frozen)
-        for i in range(n_slow):
-            v[i] += H * a[i]
-        advance(p, q, v, H, 0, n_slow)
-        for i in range(n_slow, n):
-            v[i] += h * a[i]
-            q[i + offset] += h * v[i]
-        done = 1
-        while True:
-            while start + done - 1 == next_sample:
-                s = sample_offset[cursor[0]]
-                s_slow, place = s + (done - 1) * h, sample_q[cursor[0]]
-                for i in range(q.size):
-                    place[i] = q_now[i]
-                for i in range(n):  # Taylor's polynomial, which the next step continues
-                    step, ahead = (H, s_slow) if i < n_slow else (h, s)
-                    v_now[i] = v[i] - 0.5 * step * a[i] + 0.5 * ahead * a[i]
-                    sample_v[cursor[0], i] = v_now[i] + 0.5 * ahead * a[i]
-                advance(p, place, v_now, s_slow, 0, n_slow)
-                advance(p, place, v_now, s, n_slow, n)
-                cursor[0] += 1
-                next_sample = sample_step[cursor[0]] if cursor[0] < sample_step.size else -1
-            if done == m:
-                break
-            count, until_sample = m - done, next_sample - start - done
-            if until_sample == 0:
-                count = 1
-                for i in range(n_slow, n):
-                    q_now[i + offset] = q[i + offset]
-            elif 0 < until_sample < count:
-                count = until_sample
-            fast_steps(p, frozen, start + done, h, count, q, v, a)
-            done += count
-        if runs_away(v):
-            return cycle
-    return n_cycles
+@dataclass(frozen=True)
+class HeldSteps(Table):
+    """State of a sub-cycled march, and room for what its samples begin with.
+
+    Fast coordinates are scalars: number i is position ``i + q.size - v.size``.
+    """
+
+    h: float
+    substeps: int
+    n_slow: int
+    q: Array
+    v: Array
+    a: Array
+    q_now: Array
+    v_now: Array
+
+
+@meaning(begin_cycle, HeldSteps)
+def _begin_cycle(m: HeldSteps, p: Any, frozen: Any, first: int, sampled: bool) -> None:
+    """Evaluate all accelerations, hold the fast equation, and take the slow step."""
+    t, H = first * m.h, m.substeps * m.h
+    for i in range(m.v.size):
+        m.v_now[i] = m.v[i] + 0.5 * (H if i < m.n_slow else m.h) * m.a[i]
+    if sampled:
+        for i in range(m.n_slow + m.q.size - m.v.size):
+            m.q_now[i] = m.q[i]
+    accelerations(p, t, m.q, m.v_now, m.a)
+    hold_slow(p, t, m.q, m.v_now, m.a, frozen)
+    for i in range(m.n_slow):
+        m.v[i] += H * m.a[i]
+    advance(p, m.q, m.v, H, 0, m.n_slow)
+
+
+@meaning(take_steps, HeldSteps)
+def _take_steps(m: HeldSteps, p: Any, frozen: Any, first: int, done: int, count: int, sampled: bool) -> int:
+    offset = m.q.size - m.v.size
+    if sampled:
+        for i in range(m.n_slow + offset, m.q.size):
+            m.q_now[i] = m.q[i]
+    taken = 0
+    if done == 0:  # with the accelerations of the cycle's begin
+        for i in range(m.n_slow, m.v.size):
+            m.v[i] += m.h * m.a[i]
+            m.q[i + offset] += m.h * m.v[i]
+        taken = 1
+    if count > taken:
+        fast_steps(p, frozen, first + done + taken, m.h, count - taken, m.q, m.v, m.a)
+    return 0 if runs_away(m.v) else count
+
+
+@meaning(sample_within, HeldSteps)
+def _sample_within(m: HeldSteps, p: Any, done: int, s: float, q: Array, v: Array) -> None:
+    s_slow, H = s + done * m.h, m.substeps * m.h
+    for i in range(q.size):
+        q[i] = m.q_now[i]
+    for i in range(v.size):  # Taylor's polynomial, which the next step continues
+        step, ahead = (H, s_slow) if i < m.n_slow else (m.h, s)
+        m.v_now[i] = m.v[i] - 0.5 * step * m.a[i] + 0.5 * ahead * m.a[i]
+        v[i] = m.v_now[i] + 0.5 * ahead * m.a[i]
+    advance(p, q, m.v_now, s_slow, 0, m.n_slow)
+    advance(p, q, m.v_now, s, m.n_slow, v.size)
+
+
+@meaning(end_cycle, HeldSteps)
+def _end_cycle(m: HeldSteps, p: Any, frozen: Any, first: int, samples: Samples, first_sample: int) -> None:
+    pass

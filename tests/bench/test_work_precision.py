@@ -15,6 +15,8 @@ from pipeline.core.errors import AccuracyError
 
 SHORT = ["simulation.duration=25 ms"]
 
+pytestmark = pytest.mark.slow
+
 
 @pytest.fixture(scope="module")
 def result():

@@ -76,6 +76,7 @@ def test_a_run_without_pictures_loads_neither_pyvista_nor_matplotlib(cold_run):
     assert not cold_run & {"pyvista", "vtk", "vtkmodules", "matplotlib"}
 
 
+@pytest.mark.slow
 @pytest.mark.usefixtures("cold_run")
 def test_a_run_draws_in_another_process(modules, tmp_path):
     loaded = modules("run", "beam", *QUICK, "--no-budget", "--out", str(tmp_path))

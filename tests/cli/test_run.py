@@ -32,6 +32,7 @@ def test_run_without_pictures_writes_summary_and_motion(fmd, tmp_path, capsys):
         assert motion.momentum.units == "kg m/s"
 
 
+@pytest.mark.slow
 def test_run_draws_everything_that_the_scene_lists(fmd, tmp_path, capsys):
     film = ["--set", "output.5.frames=3", "--set", "output.5.size=[320, 180]", "--set", "output.4.size=[640, 360]"]
     assert fmd("run", "beam", *QUICK, *film, "--out", str(tmp_path)) == 0

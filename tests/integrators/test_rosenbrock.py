@@ -15,7 +15,7 @@ from pipeline.dynamics.jit.compiled import kernel
 from pipeline.dynamics.links import PRISMATIC, REVOLUTE, SPHERICAL, Link, rigid_gram
 from pipeline.dynamics.mechanism import Mechanism
 from pipeline.dynamics.signals.signal import linear_table
-from pipeline.integrators import rosenbrock
+from pipeline.integrators import phi_functions, rosenbrock
 from pipeline.integrators.protocol import State, evaluate, evaluate_velocities
 from pipeline.integrators.rosenbrock import ExponentialRosenbrock
 from pipeline.integrators.scipy_ivp import ScipyIvp
@@ -24,17 +24,17 @@ from tests.dynamics.hinged_body import body_of, energies, hinged
 
 @kernel
 def matrix_functions(A, half, levels, m):
-    return rosenbrock._matrix_functions(A, half, levels, m)
+    return phi_functions.fill_phi_functions(A, half, levels, m)
 
 
 @kernel
-def flow_to(A, levels, top, half, ahead, w, c, out, room):
-    rosenbrock._flow_to(A, levels, top, half, ahead, w, c, out, room)
+def flow_to(m, half, ahead):
+    rosenbrock._flow_to(m, half, ahead)
 
 
 @kernel
-def linearise(p, t, dt, u, n_positions, F, nudged, J, v, second):
-    rosenbrock._linearise(p, t, dt, u, n_positions, F, nudged, J, v, second)
+def linearise(m, p, t, dt, u, n_positions):
+    rosenbrock._linearise(m, p, t, dt, u, n_positions)
 
 
 def phi_by_expm(A, tau):
@@ -97,14 +97,14 @@ def test_too_large_a_step_is_told_not_tried(value):
 @pytest.mark.parametrize("size", [0.5, 20.0])
 def test_the_flow_to_any_time_in_a_step_is_that_of_a_larger_exponential(ahead, size):
     rng = np.random.default_rng(1)
-    A, c = rng.normal(size=(3, 3)), rng.normal(size=(4, 3))
+    A, c, m = rng.normal(size=(3, 3)), rng.normal(size=(4, 3)), rosenbrock.make_room(3)
     A *= size / np.abs(A).sum(axis=1).max()
-    top, levels = functions_of(A, 0.5)
-    w, room = np.full(3, np.nan), np.empty((2, 3))
-    flow_to(A, levels, top, 0.5, ahead, w, c.copy(), room[0], room[1])
+    m.top[0], m.levels[:] = functions_of(A, 0.5)
+    m.A[:], m.c[:], m.w[:] = A, c, np.nan
+    flow_to(m, 0.5, ahead)
     phi = phi_by_expm(A, ahead)
     exact = sum(ahead ** (k + 1) * phi[k + 1] @ c[k] for k in range(4))
-    np.testing.assert_allclose(w, exact, rtol=1e-11, atol=1e-13)
+    np.testing.assert_allclose(m.w, exact, rtol=1e-11, atol=1e-13)
 
 
 # Jacobian --------------------------------------------------------------------------------------------------------
@@ -132,16 +132,17 @@ def slope_of(tree, u, t=0.0):
 def test_the_jacobian_is_that_of_central_differences():
     tree, rng = chain(), np.random.default_rng(2)
     u = np.r_[tree.mechanism.rest_positions, np.zeros(tree.n)] + 0.3 * rng.normal(size=tree.n_positions + tree.n)
-    n, J, v = u.size, np.full((u.size, u.size), np.nan), np.full(u.size, np.nan)
+    n, m = u.size, rosenbrock.make_room(u.size)
+    m.J[:], m.dt[:], m.F[:], m.marks[:] = np.nan, np.nan, slope_of(tree, u), 10.0
     exact = np.empty((n, n))
     for j, unit in enumerate(np.eye(n)):  # of order 4
         ahead, far = (slope_of(tree, u + h * unit) - slope_of(tree, u - h * unit) for h in (1e-4, 2e-4))
         exact[:, j] = (8 * ahead - far) / 12e-4
     before = u.copy()
-    linearise(tree.parameters, 0.0, 1e-6, u, tree.n_positions, slope_of(tree, u), np.empty(n), J, v, 10.0)
+    linearise(m, tree.parameters, 0.0, 1e-6, u, tree.n_positions)
     np.testing.assert_array_equal(u, before)
-    np.testing.assert_allclose(J, exact, atol=1e-6 * np.abs(exact).max())
-    np.testing.assert_array_equal(v, np.zeros(n))  # nothing here depends on time
+    np.testing.assert_allclose(m.J, exact, atol=1e-6 * np.abs(exact).max())
+    np.testing.assert_array_equal(m.dt, np.zeros(n))  # nothing here depends on time
 
 
 # Order -----------------------------------------------------------------------------------------------------------

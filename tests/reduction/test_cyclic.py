@@ -128,6 +128,7 @@ def test_two_sectors_are_too_few() -> None:
         CyclicSolver(model(2), 2)
 
 
+@pytest.mark.slow
 def test_the_papers_mesh_has_the_modes_that_two_other_solvers_find() -> None:
     """Shift-invert Lanczos on the whole body, and LOBPCG on it."""
     run = Pipeline(load_scene("propeller"), Cache(None))

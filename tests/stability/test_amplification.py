@@ -46,6 +46,7 @@ def of_positions_and_rates(A: Array, n: int) -> Array:
     return A[: 2 * n, : 2 * n]
 
 
+@pytest.mark.slow
 @settings(max_examples=40, deadline=None)
 @given(
     n=st.integers(2, 7),
@@ -135,6 +136,7 @@ def test_reversible_sub_cycling_follows_its_closed_form(m: int, beta: float, fas
     assert measured == pytest.approx(formula, rel=1e-6)  # a double root loses half of the digits
 
 
+@pytest.mark.slow
 @settings(max_examples=30, deadline=None)
 @given(n=st.integers(2, 6), m=st.integers(1, 12), seed=st.integers(0, 10**6))
 def test_reversible_sub_cycling_is_stable_below_its_limits(n: int, m: int, seed: int) -> None:

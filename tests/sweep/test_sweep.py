@@ -17,6 +17,8 @@ import xarray
 
 from pipeline.cli.app import main
 
+pytestmark = pytest.mark.slow
+
 FMD = [str(Path(sys.executable).with_name("fmd"))]
 RUNS = "simulation.run=[{integrator='central-difference'}, {integrator='sub-cycling', substeps=5}]"
 COARSE = ["--set", RUNS, "--set", "body.beam.mesh.divisions=[12, 2, 1]", "--set", "simulation.duration=20 ms"]

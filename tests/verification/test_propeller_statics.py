@@ -4,6 +4,7 @@ from functools import cache
 from math import pi
 
 import numpy as np
+import pytest
 import scipy.sparse as sp
 from scipy.sparse.linalg import splu
 
@@ -67,6 +68,7 @@ def lacks(run: Pipeline, body: FlexibleBody) -> tuple[float, float]:
     return float(displacement), float(np.abs(ours / theirs - 1).max())
 
 
+@pytest.mark.slow
 def test_28_shapes_give_the_steady_stress_everywhere_on_the_joints() -> None:
     run = propeller()
     assert len(run.part.body.omega) <= 30
@@ -75,6 +77,7 @@ def test_28_shapes_give_the_steady_stress_everywhere_on_the_joints() -> None:
     assert stress < 0.01
 
 
+@pytest.mark.slow
 def test_30_free_modes_alone_dont() -> None:
     """Why the basis is enriched: bending modes hold almost none of the stretch."""
     run = propeller("body.propeller.modes.enrich=none", "body.propeller.modes.count=30")

@@ -114,6 +114,7 @@ def tip(run: Pipeline) -> Array:
     return np.asarray(motion.tip_position)
 
 
+@pytest.mark.slow
 @settings(max_examples=40)
 @given(seed=SEEDS, m=st.integers(1, 8), share=st.floats(0.02, 3.0))
 def test_a_march_ends_in_numbers_or_says_when_and_where_it_diverged(
@@ -135,6 +136,7 @@ def test_a_march_ends_in_numbers_or_says_when_and_where_it_diverged(
     assert np.isfinite(found.v).all()
 
 
+@pytest.mark.slow
 @settings(max_examples=20)
 @given(seed=SEEDS, m=st.integers(1, 8))
 def test_a_motion_does_not_depend_on_the_times_asked_for(folder: Path, seed: int, m: int) -> None:
@@ -153,6 +155,7 @@ def test_a_motion_does_not_depend_on_the_times_asked_for(folder: Path, seed: int
     assert np.array_equal(other.v[rows], one.v)
 
 
+@pytest.mark.slow
 @settings(max_examples=20)
 @given(seed=SEEDS)
 def test_a_motion_does_not_depend_on_units(folder: Path, seed: int) -> None:
@@ -160,6 +163,7 @@ def test_a_motion_does_not_depend_on_units(folder: Path, seed: int) -> None:
     assert millimetres == pytest.approx(metres, abs=1e-10)
 
 
+@pytest.mark.slow
 @settings(max_examples=20)
 @given(seed=SEEDS)
 def test_a_motion_does_not_depend_on_the_order_in_which_bodies_are_named(folder: Path, seed: int) -> None:

@@ -70,12 +70,12 @@ def _kept(compiled: Any) -> Any:
     return compiled
 
 
-def meaning(name: Callable[..., None], parameters: type) -> Callable[[F], F]:
-    """Decorate what the function ``name`` of `pipeline.dynamics.system` does for one type of parameters."""
+def meaning(name: Callable[..., Any], parameters: type) -> Callable[[F], F]:
+    """Decorate what a function that is a name only does for a type of its first argument, or one derived from it."""
 
     def register(function: F) -> F:
         def choose(p: Any, *_: Any) -> F | None:
-            return function if getattr(p, "instance_class", None) is parameters else None
+            return function if issubclass(getattr(p, "instance_class", object), parameters) else None
 
         overload(name, jit_options=_INLINED, strict=False)(choose)
         return function
