@@ -21,7 +21,7 @@ from pipeline.dynamics.jit.table import Table
 from pipeline.integrators.protocol import Progress, State, require_times
 
 # Rates that add up to more are taken as divergence: no mechanism in SI units comes near it.
-_RUNAWAY = 1e30
+RUNAWAY = 1e30
 _FIRST_CHUNK = 1024  # steps: short marches are one call
 _CHUNK_SECONDS = 0.2
 
@@ -92,7 +92,7 @@ def runs_away(v: Array) -> bool:
     total = 0.0
     for i in range(v.size):
         total += abs(v[i])
-    return not total < _RUNAWAY
+    return not total < RUNAWAY
 
 
 @kernel
@@ -120,6 +120,14 @@ def _march(m: Any, p: Any, held: Any, samples: Samples, substeps: int, first: in
         samples.cursor[0] = cursor
         end_cycle(m, p, held, start, samples, first_sample)
     return n_cycles * substeps
+
+
+def locate_samples(times: Array, step: float) -> tuple[IntArray, Array]:
+    """Return the number of the step that each output time is in, and the time since that step's begin [s]."""
+    number = np.floor(times / step * (1 + 1e-14) + 1e-9).astype(np.int64)
+    offset = np.maximum(times - number * step, 0.0)
+    offset[offset < 1e-9 * step] = 0.0
+    return number, offset
 
 
 def march_fixed_steps(
@@ -155,9 +163,7 @@ def march_fixed_steps(
     """
     require_times(times)
     state = start.copy()
-    sample_step = np.floor(times / step * (1 + 1e-14) + 1e-9).astype(np.int64)
-    sample_offset = np.maximum(times - sample_step * step, 0.0)
-    sample_offset[sample_offset < 1e-9 * step] = 0.0
+    sample_step, sample_offset = locate_samples(times, step)
     q, v = np.full((times.size, start.q.size), np.nan), np.full((times.size, start.v.size), np.nan)
     method = make(state)
     samples = Samples(sample_step, sample_offset, q, v, np.array([np.searchsorted(sample_step, state.step)]))

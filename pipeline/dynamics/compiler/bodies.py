@@ -46,7 +46,7 @@ class Inertia:
 
     Attributes
     ----------
-    mass : float
+    mass : Scalar
         [kg]
     c, c_rate : Vector3
         First moment about the origin, and its rate.
@@ -62,7 +62,7 @@ class Inertia:
         Force and moment that displacements of second order take at constant modal rates.
     """
 
-    mass: float
+    mass: Scalar
     c: Vector3
     c_rate: Vector3
     J: Matrix
@@ -95,7 +95,7 @@ def trace_inertia(graph: Graph, frame: MovingFrame) -> Inertia:
         row = graph.array(forms.S[a, 1:])
         bowed = row + q.multiplied_by(forms.bow[a]) if forms.bow.size else row
         S.append(bowed)
-        c.append(combine([(0.5, row), (0.5, bowed)]).dot(q) + float(forms.S[a, 0]))
+        c.append(combine([(0.5, row), (0.5, bowed)]).dot(q) + frame.rigid.S[a])
         curled = forms.A_a[a, 1:, 1:] - forms.curl[a] if forms.curl.size else forms.A_a[a, 1:, 1:]
         z.append(graph.array(forms.A_a[a, 1:, 0]) + q.multiplied_by(curled))
         z_rate.append(v.multiplied_by(forms.A_a[a, 1:, 1:]))
@@ -108,11 +108,11 @@ def trace_inertia(graph: Graph, frame: MovingFrame) -> Inertia:
             linear = graph.array(form[1:, 0])
             both = linear + q.multiplied_by(form[1:, 1:])
             y[a].append(both)
-            J[a].append((linear + both).dot(q) + float(form[0, 0]))
+            J[a].append((linear + both).dot(q) + frame.rigid.J[a][b])
             N[a].append(both.dot(v))
     rates = [row.dot(v) for row in S]
     bending = [_square(graph, form, v) for forms_of in (forms.bow, forms.curl) for form in forms_of]
-    return Inertia(forms.mass, c, rates, _full(J), _full(N), [row.dot(v) for row in z], y, S, z, z_rate, bending)
+    return Inertia(frame.rigid.mass, c, rates, _full(J), _full(N), [row.dot(v) for row in z], y, S, z, z_rate, bending)
 
 
 def _square(graph: Graph, form: Array, v: Vector) -> Scalar:

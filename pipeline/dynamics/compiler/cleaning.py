@@ -68,6 +68,12 @@ def inertia_forms(link: Link) -> InertiaForms:
     return InertiaForms(forms, antisymmetric, S, _cut(gram.bow), _cut(gram.curl), gram.mass)
 
 
+def rigid_constants(link: Link) -> tuple[float, Array, Array]:
+    """Return mass, first moment (3,) and inertia tensor (3, 3) of an undeformed body without round-off."""
+    forms = inertia_forms(link)
+    return forms.mass, forms.S[:, 0], forms.I_ab[:, :, 0, 0]
+
+
 def clean_marker(at: MarkerShapes, n: int) -> MarkerShapes:
     """Return a marker of a body of n modes without round-off; shapes that are absent are zero."""
     shapes, rotations = (_cut(values) if values.size else np.zeros((3, n)) for values in (at.translation, at.rotation))

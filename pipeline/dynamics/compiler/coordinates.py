@@ -2,6 +2,9 @@
 
 from __future__ import annotations
 
+import numpy as np
+
+from pipeline.core.arrays import Array
 from pipeline.dynamics.compiler.algebra import constants
 from pipeline.dynamics.compiler.graph import Graph, Scalar, Vector, combine
 from pipeline.dynamics.mechanism import Mechanism
@@ -58,6 +61,24 @@ class Coordinates:
         """Entries of a body's modes of an argument in the order of rates."""
         return self.graph.vector_input(argument, self.mechanism.modes_of(body))
 
+    @property
+    def leaping(self) -> Coordinates:
+        """The same mechanism's inputs in the leapfrog method."""
+        return LeapingCoordinates(self.graph, self.mechanism)
+
+    @property
+    def step(self) -> Scalar:
+        """Length of a leapfrog step."""
+        return self.graph.scalar_input("step", 0)
+
+    def number(self, body: int, name: str, value: float) -> Scalar:
+        """A constant of a body or of its joint, or of the mechanism for body -1."""
+        return self.graph.number(value)
+
+    def scaled(self, body: int, name: str, values: Array, vector: Vector) -> Vector:
+        """A modal vector, each entry times a constant of a body."""
+        return vector.multiplied_by(np.diag(values))
+
     def signal(self, signal: Signal, derivatives: int = 0) -> list[Scalar]:
         """A signal's value and its first derivatives, as inputs if it varies."""
         value = constant_value(signal)
@@ -94,11 +115,6 @@ class LeapingCoordinates(Coordinates):
     def modal_rates(self, body: int) -> Vector:
         """Return a body's modal rates half a step later."""
         return combine([(1.0, super().modal_rates(body)), (self.step * 0.5, self.inputs_of_modes(body, "a"))])
-
-    @property
-    def step(self) -> Scalar:
-        """Length of the step."""
-        return self.graph.scalar_input("step", 0)
 
 
 def constant_value(signal: Signal) -> float | None:

@@ -16,6 +16,8 @@ from pipeline.dynamics.compiler.graph import Graph, Scalar, Vector, combine
 from pipeline.dynamics.compiler.marker import trace_marker
 from pipeline.dynamics.links import PRISMATIC, REVOLUTE, PointLoad
 
+JOINT_CONSTANTS = ("spring", "rest", "damper")
+
 Terms = list[tuple[Scalar | float, Vector]]
 """Scalars and vectors whose products add up to a modal vector."""
 
@@ -49,7 +51,8 @@ class ActingForces:
 
     def __init__(self, inputs: Coordinates) -> None:
         self._inputs, self.graph = inputs, inputs.graph
-        self.ground: Vector6 = constants(inputs.graph, [*(-inputs.mechanism.gravity), 0.0, 0.0, 0.0])
+        weight = [inputs.number(-1, f"gravity {k}", -float(g)) for k, g in enumerate(inputs.mechanism.gravity)]
+        self.ground: Vector6 = [*weight, *constants(inputs.graph, [0.0] * 3)]
 
     def on_body(self, frame: MovingFrame, inertia: Inertia) -> tuple[Vector6, Terms]:
         """Return p of a body, and the terms of −e; see `bodies`."""
@@ -117,9 +120,10 @@ def joint_load(inputs: Coordinates, frame: MovingFrame) -> Scalar:
     if link.joint not in (REVOLUTE, PRISMATIC) or link.motion is not None:
         return graph.number(0.0)
     (s,), (ds,) = inputs.joint_positions(frame.number), inputs.joint_rates(frame.number)
-    stretch = s + section_angle(graph, frame) - link.rest
+    spring, rest, damper = (inputs.number(frame.number, name, getattr(link, name)) for name in JOINT_CONSTANTS)
+    stretch = s + section_angle(graph, frame) - rest
     rate = ds + joint_grip(graph, frame).dot(frame.v)
-    return inputs.signal(link.load)[0] - stretch * link.spring - rate * link.damper
+    return inputs.signal(link.load)[0] - stretch * spring - rate * damper
 
 
 def section_angle(graph: Graph, frame: MovingFrame) -> Scalar:
@@ -146,7 +150,7 @@ def modal_load(inputs: Coordinates, frame: MovingFrame) -> Terms:
         return []
     terms: Terms = [(-1.0, frame.q.multiplied_by(np.diag(link.omega**2)))]
     if len(link.damping):
-        terms.append((-1.0, frame.v.multiplied_by(np.diag(2.0 * link.damping * link.omega))))
+        terms.append((-1.0, inputs.scaled(frame.number, "damping", 2.0 * link.damping * link.omega, frame.v)))
     return [*terms, (joint_load(inputs, frame), joint_grip(graph, frame))]
 
 

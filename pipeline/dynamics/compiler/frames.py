@@ -30,7 +30,7 @@ from pipeline.dynamics.compiler.algebra import (
     times,
     transpose,
 )
-from pipeline.dynamics.compiler.cleaning import clean_direction, clean_marker
+from pipeline.dynamics.compiler.cleaning import clean_direction, clean_marker, rigid_constants
 from pipeline.dynamics.compiler.coordinates import Coordinates
 from pipeline.dynamics.compiler.graph import Graph, Scalar, Vector
 from pipeline.dynamics.compiler.marker import MarkerMotion, rotation, trace_marker
@@ -65,6 +65,8 @@ class MovingFrame:
         Columns of S.
     velocity : Vector3
         Of the origin.
+    rigid : RigidInertia
+        Of the undeformed body.
     children : list of MovingFrame
         Bodies that this one carries.
     """
@@ -83,6 +85,7 @@ class MovingFrame:
     shift: Vector3
     directions: list[Vector6]
     velocity: Vector3
+    rigid: RigidInertia
     children: list[MovingFrame] = field(default_factory=list)
     _world: tuple[Vector3, Matrix] | None = None
 
@@ -119,6 +122,23 @@ class MovingFrame:
         for direction, value in zip(self.directions, accelerations, strict=True):
             out = add(out, scale(value, direction))
         return out
+
+
+@dataclass(frozen=True)
+class RigidInertia:
+    """Mass, first moment and inertia tensor of an undeformed body, of which the lower triangle by rows."""
+
+    mass: Scalar
+    S: Vector3
+    J: Matrix
+
+
+def trace_rigid_inertia(inputs: Coordinates, body: int) -> RigidInertia:
+    """Trace a body's rigid inertia from its constants."""
+    mass, S, J = rigid_constants(inputs.mechanism.links[body])
+    first = [inputs.number(body, f"S {a}", S[a]) for a in range(3)]
+    tensor = [[inputs.number(body, f"J {a} {b}", J[a, b]) for b in range(a + 1)] for a in range(3)]
+    return RigidInertia(inputs.number(body, "mass", mass), first, tensor)
 
 
 def trace_frames(inputs: Coordinates) -> list[MovingFrame]:
@@ -164,6 +184,7 @@ def _trace_frame(inputs: Coordinates, number: int, link: Link, parent: MovingFra
         motion.shift,
         motion.directions,
         velocity,
+        trace_rigid_inertia(inputs, number),
     )
 
 

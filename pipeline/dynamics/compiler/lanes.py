@@ -1,7 +1,8 @@
-"""LLVM code for many directions at once: what depends on inputs that have an entry for each lane.
+"""LLVM code for many directions or variants at once: what depends on inputs that have an entry for each lane.
 
-Derivatives along a direction are linear in it, so eight directions share all that doesn't depend on them: a scalar of
-theirs is one vector of eight doubles, a modal vector a list of these.
+Derivatives along a direction are linear in it, so eight directions share all that doesn't depend on them; eight
+variants of a mechanism share what depends on none of their states. A scalar of theirs is one vector of eight doubles,
+a modal vector a list of these.
 """
 
 from __future__ import annotations
@@ -10,6 +11,7 @@ import numpy as np
 
 from pipeline.core.arrays import Array
 from pipeline.dynamics.compiler.chunks import Chunk, ChunkWriter
+from pipeline.dynamics.compiler.nodes import FUNCTIONS
 from pipeline.dynamics.compiler.program import LANES, Program
 from pipeline.dynamics.compiler.writer import literal, type_of
 
@@ -20,7 +22,7 @@ _KIND = type_of(LANES)
 
 
 class LaneEmitter:
-    """Writes the nodes that depend on a direction.
+    """Writes the nodes that differ from lane to lane.
 
     Parameters
     ----------
@@ -30,6 +32,11 @@ class LaneEmitter:
         Where they are written.
     scalars, vectors : dict
         Values of the other nodes, by their numbers.
+
+    Attributes
+    ----------
+    stumpff : set of int
+        Numbers of the Stumpff functions that its code calls.
     """
 
     def __init__(
@@ -39,9 +46,11 @@ class LaneEmitter:
         self._plain_scalars, self._plain_vectors = scalars, vectors
         self._scalars: dict[int, str] = {}
         self._vectors: dict[int, list[str]] = {}
+        self._turns: dict[int, tuple[str, str]] = {}
+        self.stumpff: set[int] = set()
 
     def depends(self, number: int) -> bool:
-        """Return whether a node depends on a direction; those that it takes have been written."""
+        """Return whether a node differs from lane to lane; those that it takes have been written."""
         operation, arguments, data, _ = self._graph.nodes[number]
         if operation in ("input", "vector input"):
             return data[0] in self._program.lanes  # type: ignore[index]
@@ -63,6 +72,13 @@ class LaneEmitter:
             self._scalars[number] = self._out.binary(instruction, a, b, LANES)
         elif operation == "negate":
             self._scalars[number] = self._out.value(f"fneg {_KIND} {self._scalars[arguments[0]]}")
+        elif operation == "invert":
+            one = self._out.splat(literal(1.0), LANES)
+            self._scalars[number] = self._out.value(f"fdiv {_KIND} {one}, {self._scalars[arguments[0]]}")
+        elif operation in ("sin", "cos"):
+            self._scalars[number] = self._turn(arguments[0])[operation == "cos"]
+        elif operation in FUNCTIONS:
+            self._scalars[number] = self._stumpff(int(operation.removeprefix("stumpff")), self._scalars[arguments[0]])
         elif operation == "entry":
             self._scalars[number] = self._vectors[arguments[0]][data]  # type: ignore[index]
         elif operation == "dot":
@@ -73,7 +89,23 @@ class LaneEmitter:
             constant = self._graph.arrays[data]  # type: ignore[index]
             self._vectors[number] = self._product(constant, arguments[0])
         else:
-            raise ValueError(f"{operation} of a direction: a derivative is linear in its direction")
+            raise ValueError(f"no code for {operation} in lanes")
+
+    def _turn(self, argument: int) -> tuple[str, str]:
+        """Write the sine and the cosine of a scalar, once."""
+        if argument not in self._turns:
+            self._turns[argument] = self._out.sine_and_cosine(self._scalars[argument], LANES)
+        return self._turns[argument]
+
+    def _stumpff(self, k: int, x: str) -> str:
+        """Write a function with a branch, lane by lane."""
+        self.stumpff.add(k)
+        value = "poison"
+        for lane in range(LANES):
+            one = self._out.value(f"extractelement {_KIND} {x}, i32 {lane}")
+            one = self._out.value(f"call double @stumpff{k}(double {one})")
+            value = self._out.value(f"insertelement {_KIND} {value}, double {one}, i32 {lane}")
+        return value
 
     def store(self, number: int, argument: str, places: tuple[int, ...]) -> None:
         """Write a node's value in all lanes to an argument."""

@@ -18,9 +18,10 @@ def emit(program: Program, register: int) -> str:
     arguments = ", ".join(f"ptr {own}%{name}" for name in program.arguments)
     lines = [
         "declare double @llvm.fma.f64(double, double, double)",
+        "declare <8 x double> @llvm.fma.v8f64(<8 x double>, <8 x double>, <8 x double>)",
         "declare double @llvm.sqrt.f64(double)",
         *emitter.out.tables,
-        *(stumpff_function(k) for k in sorted(emitter.stumpff)),
+        *(stumpff_function(k) for k in sorted(emitter.stumpff | emitter.lanes.stumpff)),
         f"define void @{program.name}({arguments}) nounwind {{",
         "entry:",
         *emitter.out.room,
@@ -41,14 +42,14 @@ class _Emitter:
         self._scalars: dict[int, str] = {}
         self._vectors: dict[int, list[Chunk]] = {}
         self._turns: dict[int, tuple[str, str]] = {}
-        self._lanes = LaneEmitter(program, self.out, self._scalars, self._vectors)
+        self.lanes = LaneEmitter(program, self.out, self._scalars, self._vectors)
 
     def write_nodes(self) -> None:
         """Write all nodes."""
         for number in self._program.nodes:
             node = self._graph.nodes[number]
-            if self._lanes.depends(number):
-                self._lanes.write(number)
+            if self.lanes.depends(number):
+                self.lanes.write(number)
             elif node.size or node.operation == "array":
                 self._vectors[number] = self._vector(number)
             else:
@@ -58,7 +59,7 @@ class _Emitter:
         """Write the stores of all outputs."""
         for value, (argument, places) in self._program.outputs:
             if argument in self._program.lanes:
-                self._lanes.store(value.node, argument, places)
+                self.lanes.store(value.node, argument, places)
             elif value.node in self._vectors:
                 self.out.store(self._vectors[value.node], argument, places)
             else:

@@ -26,7 +26,7 @@ from collections.abc import Callable
 from typing import NamedTuple
 
 from pipeline.dynamics.compiler.algebra import times
-from pipeline.dynamics.compiler.coordinates import Coordinates, LeapingCoordinates, RestingCoordinates
+from pipeline.dynamics.compiler.coordinates import Coordinates, RestingCoordinates
 from pipeline.dynamics.compiler.forces import ActingForces, GivenForces
 from pipeline.dynamics.compiler.frames import MovingFrame, trace_frames
 from pipeline.dynamics.compiler.graph import Scalar, combine
@@ -66,8 +66,12 @@ def _accelerations(inputs: Coordinates, frames: list[MovingFrame]) -> list[Outpu
 
 
 def _leap(inputs: Coordinates, frames: list[MovingFrame]) -> list[Output]:
-    """Accelerations half a step after the rates, and rates and positions a step later."""
-    leaping = LeapingCoordinates(inputs.graph, inputs.mechanism)
+    return trace_leap(inputs)
+
+
+def trace_leap(inputs: Coordinates) -> list[Output]:
+    """Trace accelerations half a step after the rates, and rates and positions a step later."""
+    leaping = inputs.leaping
     new = trace_accelerations(trace_frames(leaping), ActingForces(leaping))
     h, rates, positions = leaping.step, [], []
     for number, a in enumerate(new):

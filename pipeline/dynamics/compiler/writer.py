@@ -23,6 +23,7 @@ _COSINE = (
     -2.75573141792967388112e-7, 2.08757008419747316778e-9, -1.13585365213876817300e-11,
 )  # fmt: skip
 _HALF_PI = (1.57079632679489655800e00, 6.12323399573676603587e-17)
+_SUFFIX = {1: "f64", 8: "v8f64"}
 _ROUNDING = 1.5 * 2.0**52  # adding it leaves the nearest integer in the lowest bits
 
 
@@ -31,9 +32,9 @@ def literal(value: float) -> str:
     return f"0x{struct.unpack('<Q', struct.pack('<d', value))[0]:016X}"
 
 
-def type_of(width: int) -> str:
+def type_of(width: int, of: str = "double") -> str:
     """Return the type of a chunk."""
-    return "double" if width == 1 else f"<{width} x double>"
+    return of if width == 1 else f"<{width} x {of}>"
 
 
 class Writer:
@@ -94,41 +95,56 @@ class Writer:
         self.lines += [f"br i1 {self.value(going_on)}, label %{label}, label %{after}", f"{after}:"]
         self._block = after
 
-    def fma(self, a: str, b: str, c: str) -> str:
+    def fma(self, a: str, b: str, c: str, width: int = 1) -> str:
         """Write ``a b + c``, rounded once."""
-        return self.value(f"call double @llvm.fma.f64(double {a}, double {b}, double {c})")
+        kind = type_of(width)
+        return self.value(f"call {kind} @llvm.fma.{_SUFFIX[width]}({kind} {a}, {kind} {b}, {kind} {c})")
 
-    def polynomial(self, x: str, lowest_first: Sequence[float]) -> str:
+    def polynomial(self, x: str, lowest_first: Sequence[float], width: int = 1) -> str:
         """Write a polynomial by Horner's rule."""
-        *others, value = (literal(c) for c in lowest_first)
+        *others, value = (literals(c, width) for c in lowest_first)
         for coefficient in reversed(others):
-            value = self.fma(x, value, coefficient)
+            value = self.fma(x, value, coefficient, width)
         return value
 
-    def sine_and_cosine(self, x: str) -> tuple[str, str]:
+    def sine_and_cosine(self, x: str, width: int = 1) -> tuple[str, str]:
         """Write sine and cosine, each to the last bit or the one before, for |x| up to 1e9."""
-        quarters = self.value(f"fmul double {x}, {literal(2.0 / math.pi)}")
-        shifted = self.value(f"fadd double {quarters}, {literal(_ROUNDING)}")
-        bits = self.value(f"bitcast double {shifted} to i64")
-        turns = self.value(f"fsub double {literal(_ROUNDING)}, {shifted}")  # minus the quarter turns
+        kind, whole, bit = type_of(width), type_of(width, "i64"), type_of(width, "i1")
+        quarters = self.value(f"fmul {kind} {x}, {literals(2.0 / math.pi, width)}")
+        shifted = self.value(f"fadd {kind} {quarters}, {literals(_ROUNDING, width)}")
+        bits = self.value(f"bitcast {kind} {shifted} to {whole}")
+        turns = self.value(f"fsub {kind} {literals(_ROUNDING, width)}, {shifted}")  # minus the quarter turns
         for part in _HALF_PI:
-            x = self.fma(turns, literal(part), x)
-        square = self.value(f"fmul double {x}, {x}")
-        sine = self.fma(self.value(f"fmul double {x}, {square}"), self.polynomial(square, _SINE), x)
-        halved = self.fma(square, literal(-0.5), literal(1.0))
-        fourth = self.value(f"fmul double {square}, {square}")
-        cosine = self.fma(fourth, self.polynomial(square, _COSINE), halved)
-        odd = self.value(f"trunc i64 {bits} to i1")
-        first = self.value(f"select i1 {odd}, double {cosine}, double {sine}")
-        second = self.value(f"select i1 {odd}, double {sine}, double {cosine}")
-        after = self.value(f"add i64 {bits}, 1")
-        return self._signed(first, bits), self._signed(second, after)
+            x = self.fma(turns, literals(part, width), x, width)
+        square = self.value(f"fmul {kind} {x}, {x}")
+        cube = self.value(f"fmul {kind} {x}, {square}")
+        sine = self.fma(cube, self.polynomial(square, _SINE, width), x, width)
+        halved = self.fma(square, literals(-0.5, width), literals(1.0, width), width)
+        fourth = self.value(f"fmul {kind} {square}, {square}")
+        cosine = self.fma(fourth, self.polynomial(square, _COSINE, width), halved, width)
+        odd = self.value(f"trunc {whole} {bits} to {bit}")
+        first = self.value(f"select {bit} {odd}, {kind} {cosine}, {kind} {sine}")
+        second = self.value(f"select {bit} {odd}, {kind} {sine}, {kind} {cosine}")
+        after = self.value(f"add {whole} {bits}, {_integers(1, width)}")
+        return self._signed(first, bits, width), self._signed(second, after, width)
 
-    def _signed(self, value: str, quarter: str) -> str:
+    def _signed(self, value: str, quarter: str, width: int) -> str:
         """Turn a value's sign if bit 1 of the quarter is set."""
-        sign = self.value(f"shl i64 {self.value(f'and i64 {quarter}, 2')}, 62")
-        turned = self.value(f"xor i64 {self.value(f'bitcast double {value} to i64')}, {sign}")
-        return self.value(f"bitcast i64 {turned} to double")
+        kind, whole = type_of(width), type_of(width, "i64")
+        masked = self.value(f"and {whole} {quarter}, {_integers(2, width)}")
+        sign = self.value(f"shl {whole} {masked}, {_integers(62, width)}")
+        as_bits = self.value(f"bitcast {kind} {value} to {whole}")
+        turned = self.value(f"xor {whole} {as_bits}, {sign}")
+        return self.value(f"bitcast {whole} {turned} to {kind}")
+
+
+def literals(value: float, width: int) -> str:
+    """Return a double in all entries of a chunk."""
+    return literal(value) if width == 1 else "<" + ", ".join([f"double {literal(value)}"] * width) + ">"
+
+
+def _integers(value: int, width: int) -> str:
+    return str(value) if width == 1 else "<" + ", ".join([f"i64 {value}"] * width) + ">"
 
 
 def stumpff_function(k: int) -> str:

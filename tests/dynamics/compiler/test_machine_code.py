@@ -100,14 +100,6 @@ def test_chunks_cover_a_vector_and_pad_it_by_no_more_than_they_spare() -> None:
             assert set(widths) <= {1, 2, 4, 8}
 
 
-def test_a_function_that_a_direction_enters_but_linearly_has_no_code() -> None:
-    graph = Graph()
-    value = graph.scalar_input("dx", 0).apply("sin")
-    program = Program("f", graph, ("dx", "y"), (Output(value, ("y", (0,))),), lanes=("dx", "y"))
-    with pytest.raises(ValueError, match="sin of a direction: a derivative is linear in its direction"):
-        emit(program, 4)
-
-
 def test_an_object_without_the_function_is_refused() -> None:
     loaded = LoadedObject(compile_object(emit(function("sin"), 4)))
     with pytest.raises(ValueError, match="the object has no function g"):
