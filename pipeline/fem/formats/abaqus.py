@@ -208,7 +208,7 @@ class _Deck:
             raise MeshFileError("there are no nodes: no *NODE section with lines of number, x, y, z")
         place = {number: k for k, number in enumerate(self.nodes)}
         blocks, where = [], dict[int, tuple[int, int]]()
-        for b, block in enumerate(self.blocks):
+        for b, block in enumerate(block for block in self.blocks if block.numbers):
             try:
                 cells = np.array([place[node] for node in block.nodes], dtype=np.int64)
             except KeyError as error:

@@ -72,3 +72,9 @@ def test_abaqus_files_that_make_no_sense_are_refused_with_the_line(change: tuple
     assert change[0] in ABAQUS
     with pytest.raises(MeshFileError, match=message):
         read_abaqus(ABAQUS.replace(*change))
+
+
+def test_an_element_section_without_elements_is_skipped() -> None:
+    nodes = "*NODE\n1,0,0,0\n2,1,0,0\n3,0,1,0\n4,0,0,1\n"
+    raw = read_abaqus(f"{nodes}*ELEMENT,TYPE=C3D8\n*ELEMENT,TYPE=C3D4,ELSET=a\n7,1,2,3,4\n")
+    assert [(kind, len(cells)) for kind, cells in raw.blocks] == [("tetra", 1)]
