@@ -39,10 +39,10 @@ def compare_on_scene(run: Pipeline, repeats: int = 5) -> WorkPrecision:
 
     times = np.linspace(0.0, run.scene.simulation.duration, 101)
     q0, v0 = run.start
-    return compare(run.system, q0, v0, times, _errors_of(run), repeats)
+    return compare(run.system, q0, v0, times, errors_of(run), repeats)
 
 
-def _errors_of(run: Pipeline) -> ErrorsOf:
+def errors_of(run: Pipeline) -> ErrorsOf:
     """Make the function of the errors of the tip, of modal and of joint coordinates.
 
     The tip of a flexible body on the ground is seen from its joint, any other in space.

@@ -14,7 +14,6 @@ from pipeline.core.arrays import Array, IntArray
 from pipeline.dynamics.compiled_system.couplings import Couplings, find_couplings, find_inertial_coupling
 from pipeline.dynamics.compiled_system.parameters import (
     CompiledParameters,
-    Directions,
     HeldCycle,
     Leapfrog,
     MiddleCycle,
@@ -25,6 +24,9 @@ from pipeline.dynamics.jit.compiled import aligned
 from pipeline.dynamics.links import FREE, SPHERICAL
 from pipeline.dynamics.mechanism import Mechanism
 from pipeline.dynamics.vibration import highest_frequency
+
+_ROOM = ("v_now", "d", "rising")  # vectors of `HeldCycle` that hold no coefficients
+_MOST_UNROLLED = 64  # fast coordinates: beyond, code without loops takes longer to compile than it saves
 
 
 class CompiledSystem:
@@ -118,15 +120,28 @@ class CompiledSystem:
 
     def frozen(self, cycle: float) -> HeldCycle:
         """Fresh storage for the fast coordinates' equation over a major cycle of a duration [s]."""
+        return self._held(cycle, self._is_single, self.couplings.damped)
+
+    @property
+    def _is_single(self) -> bool:
+        """True if the fast coordinates couple neither by their constant mass nor by their forces."""
+        return self.couplings.mass is not None and not self.couplings.elastic
+
+    def _held(self, cycle: float, single: bool, damped: bool) -> HeldCycle:
         couplings, n, n_fast = self.couplings, self.n, self.n - self.n_slow
-        constant, slope, k, c, v_now, d, load = aligned(*7 * [n])
-        constant_mass, n_inputs = couplings.mass is not None, 3 * len(self.compiled.signals)
+        vectors = ("constant", "slope", "load", "k", "c", "rise", "drift", "by_positions", "by_rates", *_ROOM)
+        n_inputs, address = 3 * len(self.compiled.signals), self.compiled.address
+        step = "fast_step" if damped else "undamped_fast_step"
         return HeldCycle(
-            directions=self._directions(),
-            solve_fast=0 if constant_mass else self.compiled.address("solve_fast"),
+            hold_single=address("hold_single") if single else 0,
+            find_drift=0 if single else address("drift"),
+            stiffness=0 if single else address("stiffness"),
+            damping=address("damping") if damped and not single else 0,
+            solve_fast=0 if single else address("solve_fast"),
+            unrolled=0 if single or n_fast > _MOST_UNROLLED else address(step),
             n_slow=self.n_slow,
-            single=constant_mass and not couplings.elastic,
-            damped=couplings.damped,
+            single=single,
+            damped=damped,
             cycle=float(cycle),
             driven=couplings.driven,
             mass=couplings.mass if couplings.mass is not None else np.zeros(n),
@@ -136,55 +151,49 @@ class CompiledSystem:
             before=np.zeros(n_inputs),
             now=np.zeros(n_inputs),
             lever=np.zeros((len(couplings.driven), n)),
-            constant=constant,
-            slope=slope,
-            k=k,
-            c=c,
             K=np.zeros((n_fast, n_fast)),
             C=np.zeros((n_fast, n_fast)),
+            clock=np.zeros(2),
+            unit_positions=self._units(self.n_positions),
+            unit_rates=self._units(n),
             moved=np.zeros(self.n_positions),
-            v_now=v_now,
-            d=d,
-            load=load,
+            by_inputs=np.zeros((n_inputs, n)),
             f=np.zeros((n, LANES)),
             x=np.zeros((n, LANES)),
+            **dict(zip(vectors, aligned(*[n] * len(vectors)), strict=True)),
         )
 
-    def _directions(self) -> Directions:
-        n, n_inputs = self.n, 3 * len(self.compiled.signals)
-        dv, da, dr = np.zeros((3, n, LANES))
-        return Directions(
-            tangents=self.compiled.address("tangents"),
-            inertia=self.compiled.address("inertia"),
-            a=np.zeros(n),
-            dinputs=np.zeros((n_inputs, LANES)),
-            dq=np.zeros((self.n_positions, LANES)),
-            dv=dv,
-            da=da,
-            dr=dr,
-        )
+    def _units(self, size: int) -> Array:
+        """Directions of the fast coordinates, the last ones of so many, in blocks of eight (n_blocks, size, 8)."""
+        n_fast = self.n - self.n_slow
+        units = np.zeros((-(-n_fast // LANES), size, LANES))
+        for j in range(n_fast):
+            units[j // LANES, size - n_fast + j, j % LANES] = 1.0
+        return units
 
     def middle(self, cycle: float) -> MiddleCycle:
         """Fresh storage for the equations at the middle of a major cycle of a duration [s]."""
-        n, n_slow, n_fast, held = self.n, self.n_slow, self.n - self.n_slow, self.frozen(cycle)
-        loose = held.single and not self.couplings.inertial
-        if not loose:  # the slow ones' reaction to fast rates acts on the fast ones, too
-            held = replace(held, damped=self.couplings.dragging)
-        KT, CT, T = np.zeros((3, n_fast, n))
-        Q, v, a = np.zeros((3, n))
+        n, n_slow, n_fast, address = self.n, self.n_slow, self.n - self.n_slow, self.compiled.address
+        loose = self._is_single and not self.couplings.inertial
+        # Where they couple, the slow ones' reaction to fast rates acts on the fast ones, too.
+        damped = self.couplings.damped if loose else self.couplings.dragging
+        v, a, rest, row = np.zeros((4, n))
         return MiddleCycle(
-            held=held,
+            held=self._held(cycle, loose, damped),
             loose=loose,
-            L=np.zeros((n_slow, n_slow)),
-            S=np.zeros((n_fast, n_fast)),
-            M=np.zeros((n, n)),
-            KT=KT,
-            CT=CT,
-            T=T,
-            Q=Q,
+            inertia=0 if loose else address("inertia"),
+            solve=0 if loose else address("solve"),
+            solve_slow=0 if loose else address("solve_slow"),
+            along_positions=self._units(self.n_positions),
+            along_rates=self._units(n),
+            y=np.zeros(n_slow),
+            Ky=np.zeros((n_fast, n_slow)),
+            Cy=np.zeros((n_fast, n_slow)),
             q=np.zeros(self.n_positions),
             v=v,
             a=a,
+            rest=rest,
+            row=row,
             fresh=np.zeros(1),
         )
 
