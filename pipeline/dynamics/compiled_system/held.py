@@ -20,33 +20,33 @@ _LANES = 8
 
 @inner
 def hold_single(p: CompiledParameters, q: Array, v: Array, a: Array, held: HeldCycle) -> None:
-    """Hold fast coordinates that don't couple, at accelerations a; ``held.moved`` is how all positions change."""
+    """Hold fast coordinates that don't couple, at accelerations a."""
     n, offset = v.size, q.size - v.size
+    moved = v
+    if p.quaternions.shape[0]:
+        velocities(p, q, v, held.moved)
+        moved = held.moved
     call_native(
         held.hold_single,
-        (p.inputs, q, v, a, held.moved, a, held.drift, held.by_inputs, held.by_positions, held.by_rates),
+        (p.inputs, q, v, a, moved, held.drift, held.by_inputs, held.by_positions, held.by_rates),
     )
     for i in range(held.n_slow, n):
-        over = 1.0 / held.mass[i]
+        over = held.inverse_mass[i]
         k, c = over * held.by_positions[i], over * held.by_rates[i] if held.damped else 0.0
         held.k[i], held.c[i] = k, c
         held.constant[i] = a[i] + k * q[i + offset] + c * v[i]
-        held.slope[i] = k * v[i] + c * a[i] - over * held.drift[i]
+        held.slope[i] = -over * held.drift[i]
     for j in range(held.driven.size):
         for i in range(held.n_slow, n):
-            held.lever[j, i] = -held.by_inputs[held.driven[j], i] / held.mass[i]
+            held.lever[j, i] = -held.by_inputs[held.driven[j], i] * held.inverse_mass[i]
 
 
 @inner
 def _hold_drift(p: CompiledParameters, q: Array, v: Array, a: Array, held: HeldCycle) -> None:
     """Hold how the slow coordinates' motion and the inputs change the fast accelerations."""
-    n, offset, n_slow, n_columns = v.size, q.size - v.size, held.n_slow, 1 + held.driven.size
+    n, n_slow, n_columns = v.size, held.n_slow, 1 + held.driven.size
     velocities(p, q, v, held.moved)
-    for i in range(n_slow):
-        held.rise[i] = a[i]
-    for i in range(n_slow, n):
-        held.rise[i], held.moved[i + offset] = 0.0, 0.0
-    call_native(held.find_drift, (p.inputs, q, v, a, held.moved, held.rise, held.drift, held.by_inputs))
+    call_native(held.find_drift, (p.inputs, q, v, a, held.moved, held.drift, held.by_inputs))
     for first in range(0, n_columns, _LANES):
         count = min(_LANES, n_columns - first)
         for lane in range(count):
@@ -124,7 +124,6 @@ def _hold_slow(p: CompiledParameters, t: float, q: Array, v: Array, a: Array, fr
     set_active(p, float(t), frozen)
     frozen.time[0] = t
     if frozen.single:
-        velocities(p, q, v, frozen.moved)
         hold_single(p, q, v, a, frozen)
     else:
         _hold_coupled(p, q, v, a, frozen)

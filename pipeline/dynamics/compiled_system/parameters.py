@@ -50,7 +50,7 @@ class HeldCycle(Table):
     damped: bool  # the fast equation has a term with fast rates
     cycle: float  # its duration [s]
     driven: IntArray  # (n_driven,): those inputs that accelerate fast coordinates
-    mass: Array  # (n,): of each fast coordinate, where that is constant
+    inverse_mass: Array  # (n,): of each fast coordinate, where that is constant
     time: Array  # (1,): of the cycle's start [s]
     active: Array  # (1,): 1 if an input changes within the cycle
     breakpoints: Array  # (any,): times at which a load or a motion jumps, has a kink or begins to vary [s]
@@ -67,9 +67,8 @@ class HeldCycle(Table):
     clock: Array  # (2,): τ and the step [s]
     unit_positions: Array  # (n_blocks, n_positions, 8): directions of the fast positions, eight to a block
     unit_rates: Array  # (n_blocks, n, 8)
-    moved: Array  # (n_positions,): how positions and rates drift
-    rise: Array  # (n,)
-    drift: Array  # (n,): how the residual changes with that, with inputs, and with all fast positions and rates
+    moved: Array  # (n_positions,): how positions change
+    drift: Array  # (n,): how the residual changes with slow motion, with inputs, with all fast positions and rates
     by_inputs: Array  # (3 n_signals, n)
     by_positions: Array  # (n,)
     by_rates: Array  # (n,)

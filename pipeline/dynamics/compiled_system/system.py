@@ -129,7 +129,7 @@ class CompiledSystem:
 
     def _held(self, cycle: float, single: bool, damped: bool) -> HeldCycle:
         couplings, n, n_fast = self.couplings, self.n, self.n - self.n_slow
-        vectors = ("constant", "slope", "load", "k", "c", "rise", "drift", "by_positions", "by_rates", *_ROOM)
+        vectors = ("constant", "slope", "load", "k", "c", "drift", "by_positions", "by_rates", *_ROOM)
         n_inputs, address = 3 * len(self.compiled.signals), self.compiled.address
         step = "fast_step" if damped else "undamped_fast_step"
         return HeldCycle(
@@ -144,7 +144,7 @@ class CompiledSystem:
             damped=damped,
             cycle=float(cycle),
             driven=couplings.driven,
-            mass=couplings.mass if couplings.mass is not None else np.zeros(n),
+            inverse_mass=np.zeros(n) if couplings.mass is None else _inverses(couplings.mass),
             time=np.zeros(1),
             active=np.zeros(1),
             breakpoints=np.array(self.breakpoints, dtype=float),
@@ -248,3 +248,8 @@ class CompiledSystem:
 
     def _highest(self, part: slice) -> float:
         return highest_frequency(self._reference_mass[part, part], self.mechanism.linear_forces.K[part, part])
+
+
+def _inverses(mass: Array) -> Array:
+    """Return 1 over each mass, and 0 for none."""
+    return np.divide(1.0, mass, out=np.zeros(len(mass)), where=mass != 0.0)

@@ -21,9 +21,13 @@ _AT_ONCE = 4  # columns of a product that are summed one after the other: others
 
 
 def trace_drift(inputs: Coordinates, residual: list[BodyValues]) -> list[Output]:
-    """Trace how the residual's fast rows change along ``moved`` and ``rise``, and along each input."""
-    graph = inputs.graph
-    seeds = _renamed(graph, "q", "moved") | _renamed(graph, "v", "rise")
+    """Trace how the residual's fast rows change with what the slow coordinates do, and along each input.
+
+    Slow positions change by ``moved``, slow rates by the accelerations.
+    """
+    graph, mechanism = inputs.graph, inputs.mechanism
+    first = mechanism.n_slow + mechanism.n_positions - mechanism.n
+    seeds = _slow_directions(graph, "q", "moved", first) | _slow_directions(graph, "v", "a", mechanism.n_slow)
     outputs = _fast_slopes(inputs, residual, seeds, "drift", 0)
     for k in range(3 * len(inputs.signals)):
         seed: _Seeds = {graph.scalar_input("inputs", k).node: graph.number(1.0)}
@@ -100,12 +104,17 @@ def _inputs_of(graph: Graph, argument: str) -> Iterable[tuple[int, tuple[int, ..
                 yield number, places, node.operation == "vector input"
 
 
-def _renamed(graph: Graph, argument: str, direction: str) -> _Seeds:
-    """Let the direction of each input of an argument be the like input of another argument."""
-    return {
-        number: graph.vector_input(direction, places) if is_vector else graph.scalar_input(direction, places[0])
-        for number, places, is_vector in _inputs_of(graph, argument)
-    }
+def _slow_directions(graph: Graph, argument: str, direction: str, first_fast: int) -> _Seeds:
+    """Let the direction of an argument be the like entries of another argument, and 0 from an entry on."""
+    seeds: _Seeds = {}
+    for number, places, is_vector in _inputs_of(graph, argument):
+        if is_vector:
+            slow = np.array([float(k < first_fast) for k in places])
+            seeds[number] = graph.vector_input(direction, places).multiplied_by(np.diag(slow))
+        else:
+            slow_one = places[0] < first_fast
+            seeds[number] = graph.scalar_input(direction, places[0]) if slow_one else graph.number(0.0)
+    return seeds
 
 
 def _fast_units(graph: Graph, argument: str, first: int) -> _Seeds:

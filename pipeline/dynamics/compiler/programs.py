@@ -11,9 +11,9 @@ are filled:
   the residual's derivatives; ``M̂ da`` by ``inertia``;
 - ``f`` (n, 8): eight generalised forces, and ``x`` (n, 8): ``M̂⁻¹ f``, or ``M̂_SS⁻¹ f_S`` of the fast coordinates and
   zeros for the slow ones, or ``M̂_LL⁻¹ f_L`` and zeros for the fast ones;
-- ``moved`` (n_positions,) and ``rise`` (n,): a direction of positions and rates; along it the fast rows of the residual
-  change by ``drift`` (n,), and by ``by_inputs`` (3 n_signals, n), ``by_positions`` and ``by_rates`` (n,) along each
-  input, all fast positions and all fast rates;
+- ``moved`` (n_positions,): how positions change. With the slow ones, and with the slow rates by their accelerations,
+  the fast rows of the residual change by ``drift`` (n,), and by ``by_inputs`` (3 n_signals, n), ``by_positions`` and
+  ``by_rates`` (n,) along each input, all fast positions and all fast rates;
 - ``clock`` (2,), ``constant``, ``slope``, ``load`` (n,), ``K`` and ``C`` (n_fast, n_fast): see `held.trace_fast_step`;
 - ``origins`` (n_bodies, 3), ``rotations`` (n_bodies, 3, 3) and ``spins`` (n_bodies, 3): the bodies' frames and angular
   velocities in space;
@@ -191,7 +191,7 @@ def _in_row(argument: str, row: int, values: list[Scalar]) -> list[Output]:
 
 
 _STATE = ("inputs", "q", "v")
-_MOTION = ("a", "moved", "rise", "drift", "by_inputs")
+_MOTION = ("a", "moved", "drift", "by_inputs")
 _HELD = ("constant", "slope", "load", "K")
 _DIRECTIONS = ("dinputs", "dq", "dv", "da", "dr")
 
