@@ -104,7 +104,7 @@ def set_active(p: CompiledParameters, t: float, held: HeldCycle) -> None:
     held.active[0] = 0.0
     if held.driven.size == 0:
         return
-    inputs_at(p, t + held.cycle, held.now)
+    inputs_at(p, t + held.cycle[0], held.now)
     for k in range(p.inputs.size // 3):
         held.before[3 * k] = p.inputs[3 * k]
         for i in range(1, 3):
@@ -114,7 +114,7 @@ def set_active(p: CompiledParameters, t: float, held: HeldCycle) -> None:
         if p.inputs[3 * k] != held.now[3 * k]:
             held.active[0] = 1.0
     for k in range(held.breakpoints.size):  # a short load may begin and end within the cycle
-        if t < held.breakpoints[k] < t + held.cycle:
+        if t < held.breakpoints[k] < t + held.cycle[0]:
             held.active[0] = 1.0
 
 

@@ -48,7 +48,7 @@ class HeldCycle(Table):
     n_slow: int
     single: bool  # no fast coordinate couples with another
     damped: bool  # the fast equation has a term with fast rates
-    cycle: float  # its duration [s]
+    cycle: Array  # (1,): its duration [s]
     driven: IntArray  # (n_driven,): those inputs that accelerate fast coordinates
     inverse_mass: Array  # (n,): of each fast coordinate, where that is constant
     time: Array  # (1,): of the cycle's start [s]

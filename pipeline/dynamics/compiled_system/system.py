@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-from dataclasses import replace
 from functools import cached_property
 
 import numpy as np
@@ -84,7 +83,7 @@ class CompiledSystem:
     @property
     def parameters(self) -> CompiledParameters:
         """Addresses and arrays for the kernels, with room to work in that is the caller's own."""
-        return replace(self._parameters, inputs=np.zeros(3 * len(self.compiled.signals)), clock=np.full(2, np.nan))
+        return self._parameters.renewed()
 
     @cached_property
     def _parameters(self) -> CompiledParameters:
@@ -101,8 +100,8 @@ class CompiledSystem:
         return CompiledParameters(
             accelerations=self.compiled.address("accelerations"),
             signals=self.compiled.address("signals") if self.compiled.signals else 0,
-            inputs=np.zeros(0),
-            clock=np.zeros(0),
+            inputs=np.zeros(3 * len(self.compiled.signals)),
+            clock=np.full(2, np.nan),
             position=position,
             quaternions=np.array(quaternions, dtype=np.int64).reshape(-1, 2),
         )
@@ -114,20 +113,30 @@ class CompiledSystem:
 
     def leapfrog(self) -> Leapfrog:
         """Fresh storage for leapfrog steps."""
+        return self._leapfrog.renewed()
+
+    @cached_property
+    def _leapfrog(self) -> Leapfrog:
         step, v_now = aligned(1, self.n)
         plain = not len(self._parameters.quaternions)
         return Leapfrog(self.compiled.address("leap") if plain else 0, step, v_now)
 
     def frozen(self, cycle: float) -> HeldCycle:
         """Fresh storage for the fast coordinates' equation over a major cycle of a duration [s]."""
-        return self._held(cycle, self._is_single, self.couplings.damped)
+        held = self._frozen.renewed()
+        held.cycle[0] = cycle
+        return held
+
+    @cached_property
+    def _frozen(self) -> HeldCycle:
+        return self._held(self._is_single, self.couplings.damped)
 
     @property
     def _is_single(self) -> bool:
         """True if the fast coordinates couple neither by their constant mass nor by their forces."""
         return self.couplings.mass is not None and not self.couplings.elastic
 
-    def _held(self, cycle: float, single: bool, damped: bool) -> HeldCycle:
+    def _held(self, single: bool, damped: bool) -> HeldCycle:
         couplings, n, n_fast = self.couplings, self.n, self.n - self.n_slow
         vectors = ("constant", "slope", "load", "k", "c", "drift", "by_positions", "by_rates", *_ROOM)
         n_inputs, address = 3 * len(self.compiled.signals), self.compiled.address
@@ -142,7 +151,7 @@ class CompiledSystem:
             n_slow=self.n_slow,
             single=single,
             damped=damped,
-            cycle=float(cycle),
+            cycle=np.zeros(1),
             driven=couplings.driven,
             inverse_mass=np.zeros(n) if couplings.mass is None else _inverses(couplings.mass),
             time=np.zeros(1),
@@ -173,13 +182,19 @@ class CompiledSystem:
 
     def middle(self, cycle: float) -> MiddleCycle:
         """Fresh storage for the equations at the middle of a major cycle of a duration [s]."""
+        middle = self._middle.renewed()
+        middle.held.cycle[0] = cycle
+        return middle
+
+    @cached_property
+    def _middle(self) -> MiddleCycle:
         n, n_slow, n_fast, address = self.n, self.n_slow, self.n - self.n_slow, self.compiled.address
         loose = self._is_single and not self.couplings.inertial
         # Where they couple, the slow ones' reaction to fast rates acts on the fast ones, too.
         damped = self.couplings.damped if loose else self.couplings.dragging
         v, a, rest, row = np.zeros((4, n))
         return MiddleCycle(
-            held=self._held(cycle, loose, damped),
+            held=self._held(loose, damped),
             loose=loose,
             inertia=0 if loose else address("inertia"),
             solve=0 if loose else address("solve"),
