@@ -32,6 +32,7 @@ import numpy as np
 ROOT = Path(__file__).parents[1]
 HERE = Path(__file__).parent
 REPETITIONS = 7
+MANY = 40  # coordinates, with which a first march is shorter
 SHORTEST, LONGEST = 0.01, 0.4  # s, of a march that is timed, but for what the scene's duration is too short for
 SCENES: dict[str, tuple[str, tuple[str, ...]]] = {
     "beam, 5 modes": ("beam", ()),
@@ -249,7 +250,7 @@ def compare_methods(versions: list[Version], label: str, dgemm: float) -> list[d
     step, rows = found["step"], []
     for method in METHODS:
         asked: dict[str, Any] = {"scene": scene, "overrides": overrides, "method": method, "step": step}
-        asked["time"] = min(found["duration"], 5000 * step)
+        asked["time"] = min(found["duration"], (5000 if found["n"] < MANY else 300) * step)
         first = [version.ask(**asked) for _ in range(2) for version in versions][2:]  # before, it compiles
         if any("error" in answer for answer in first):
             print(label, method, *first, flush=True)

@@ -143,18 +143,38 @@ def add_loads(p: CompiledParameters, held: HeldCycle, t: float, a: Array) -> Non
 def step_driven(
     p: CompiledParameters, held: HeldCycle, first: int, h: float, count: int, q: Array, v: Array, a: Array
 ) -> None:
-    """Take leapfrog steps with uncoupled coordinates under varying loads, from time ``first · h``."""
-    constant, slope, k, c, v_now, offset = held.constant, held.slope, held.k, held.c, held.v_now, q.size - v.size
+    """Take leapfrog steps with uncoupled coordinates under varying loads, from time ``first · h``.
+
+    Loads are evaluated for some steps ahead, through which each coordinate then goes by itself.
+    """
+    changes, done = held.changes, 0
+    while done < count:
+        ahead = min(changes.shape[0], count - done)
+        for step in range(ahead):
+            inputs_at(p, (first + done + step) * h, held.now)
+            for k in range(held.driven.size):
+                changes[step, k] = held.now[held.driven[k]] - held.before[held.driven[k]]
+        for i in range(held.n_slow, v.size):
+            _step_one(held, first + done, h, ahead, i, q, v, a)
+        done += ahead
+
+
+@inner
+def _step_one(held: HeldCycle, first: int, h: float, count: int, i: int, q: Array, v: Array, a: Array) -> None:
+    """Take leapfrog steps with one coordinate under the loads of ``changes``, from time ``first · h``."""
+    place, start = i + q.size - v.size, held.time[0]
+    constant, slope, k, c = held.constant[i], held.slope[i], held.k[i], held.c[i]
+    x, rate, acceleration = q[place], v[i], a[i]
     for step in range(count):
-        t = (first + step) * h  # not a sum, whose round-off would depend on how a cycle is divided
-        tau = t - held.time[0]
-        for i in range(held.n_slow, v.size):
-            v_now[i] = v[i] + 0.5 * h * a[i]
-            a[i] = constant[i] + tau * slope[i] - k[i] * q[i + offset] - c[i] * v_now[i]
-        add_loads(p, held, t, a)
-        for i in range(held.n_slow, v.size):
-            v[i] += h * a[i]
-            q[i + offset] += h * v[i]
+        load = constant + ((first + step) * h - start) * slope  # not a sum, whose round-off depends on its first term
+        for j in range(held.driven.size):
+            load += held.changes[step, j] * held.lever[j, i]
+        if held.damped:
+            load -= c * (rate + 0.5 * h * acceleration)
+        acceleration = load - k * x
+        rate += h * acceleration
+        x += h * rate
+    q[place], v[i], a[i] = x, rate, acceleration
 
 
 @inner

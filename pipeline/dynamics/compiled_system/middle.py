@@ -48,17 +48,24 @@ def _find_reaction(p: CompiledParameters, q: Array, block: int, D: Array, middle
 
 @inner
 def _keep_response(
-    p: CompiledParameters, q: Array, block: int, middle: MiddleCycle, on_fast: Array, on_slow: Array
+    p: CompiledParameters, q: Array, block: int, D: Array, middle: MiddleCycle, on_fast: Array, on_slow: Array
 ) -> None:
-    """Keep what a block of columns of −Q̂, in ``held.f``, does to the fast accelerations and to that of y."""
+    """Keep what a block of columns of −Q̂, in ``held.f``, does to the fast accelerations and to that of y.
+
+    With ``x = M̂⁻¹ f`` the latter is ``M_LL⁻¹ f_L = x_L + D x_S``.
+    """
     held = middle.held
-    n_fast, n_slow, first = on_fast.shape[0], held.n_slow, _LANES * block
-    call_native(middle.solve, (p.inputs, q, held.f, held.x))
-    keep_columns(held.x, block, n_slow, on_fast)
-    call_native(middle.solve_slow, (p.inputs, q, held.f, held.x))
-    for lane in range(min(_LANES, n_fast - first)):
-        for i in range(n_slow):
-            on_slow[first + lane, i] = held.x[i, lane]
+    n_fast, n_slow, first, f, x = on_fast.shape[0], held.n_slow, _LANES * block, held.f, held.x
+    call_native(middle.solve, (p.inputs, q, f, x))
+    keep_columns(x, block, n_slow, on_fast)
+    for i in range(n_slow):
+        for lane in range(_LANES):
+            f[i, lane] = x[i, lane]
+        for k in range(n_slow, n_slow + n_fast):
+            for lane in range(_LANES):
+                f[i, lane] += D[k, i] * x[k, lane]
+        for lane in range(min(_LANES, n_fast - first)):
+            on_slow[first + lane, i] = f[i, lane]
 
 
 @inner
@@ -67,13 +74,14 @@ def _hold_coupled(p: CompiledParameters, q: Array, v: Array, D: Array, middle: M
     plain = p.quaternions.shape[0] == 0  # positions follow as rates do
     for block in range(middle.along_rates.shape[0]):
         _find_reaction(p, q, block, D, middle)
+    for block in range(middle.along_rates.shape[0]):
         rates = middle.along_rates[block]
         positions = rates if plain else middle.along_positions[block]
         call_native(held.stiffness, (p.inputs, q, v, middle.rest, positions, held.f))
-        _keep_response(p, q, block, middle, held.K, middle.Ky)
+        _keep_response(p, q, block, D, middle, held.K, middle.Ky)
         if held.damped:
             call_native(held.damping, (p.inputs, q, v, rates, held.f))
-            _keep_response(p, q, block, middle, held.C, middle.Cy)
+            _keep_response(p, q, block, D, middle, held.C, middle.Cy)
     for i in range(n_slow):
         middle.y[i] = a[i]
         for j in range(n_slow, v.size):

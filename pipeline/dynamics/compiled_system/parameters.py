@@ -56,6 +56,7 @@ class HeldCycle(Table):
     breakpoints: Array  # (any,): times at which a load or a motion jumps, has a kink or begins to vary [s]
     before: Array  # (3 n_signals,): inputs at the start
     now: Array  # (3 n_signals,): inputs at a fast step
+    changes: Array  # (any, n_driven): δu of some fast steps
     lever: Array  # (n_driven, n)
     constant: Array  # (n,)
     slope: Array  # (n,)

@@ -25,6 +25,7 @@ from pipeline.dynamics.mechanism import Mechanism
 from pipeline.dynamics.vibration import highest_frequency
 
 _ROOM = ("v_now", "d", "rising")  # vectors of `HeldCycle` that hold no coefficients
+_AHEAD = 16  # steps for which loads are evaluated before coordinates go through them
 _MOST_UNROLLED = 64  # fast coordinates: beyond, code without loops takes longer to compile than it saves
 
 
@@ -159,6 +160,7 @@ class CompiledSystem:
             breakpoints=np.array(self.breakpoints, dtype=float),
             before=np.zeros(n_inputs),
             now=np.zeros(n_inputs),
+            changes=np.zeros((_AHEAD, len(couplings.driven))),
             lever=np.zeros((len(couplings.driven), n)),
             K=np.zeros((n_fast, n_fast)),
             C=np.zeros((n_fast, n_fast)),
