@@ -2,7 +2,8 @@
 
 Run from the project's root: ``python benchmarks/exudyn_peer.py [SCENE]…``; it needs ``pip install exudyn==1.13.6``.
 
-- ``beam``: our matrices and joint-conforming modes in Exudyn's ``ObjectFFRFreducedOrder``; the torque acts on the
+- ``beam``, also with 20 and 60 modes: our matrices and joint-conforming modes in Exudyn's
+  ``ObjectFFRFreducedOrder``; the torque acts on the
   frame's angle and, by the rotation of the section at the joint, on each mode, as in our own equations.
 - ``driven-bar``: a bar of 300 mm with its ten lowest hub-fixed modes; the hub's angle follows the law of Kane, Ryan &
   Banerjee (Journal of Guidance, Control, and Dynamics 10, 1987) to 100 rad/s within 50 ms.
@@ -141,9 +142,11 @@ def deflection_error(across, exact):
     return lambda q: float(np.abs(q @ across - wanted).max() / np.abs(wanted).max())
 
 
-def beam() -> Case:
-    run = Pipeline(load_scene("beam"))
-    body, pulse, (q0, v0), simulation = run.body, run.system.pulse, run.start, run.scene.simulation
+def beam(count: int = 5) -> Case:
+    run = Pipeline(load_scene("beam", [f"body.beam.modes.count={count}"]))
+    body, torque, (q0, v0), simulation = run.body, run.mechanism.links[0].load, run.start, run.scene.simulation
+    first, last = torque.terms[0].support
+    peak, _, _ = torque.value(0.5 * (first + last))
     exact = ScipyIvp("DOP853", 1e-12).march(run.system, q0, v0, sample_times(simulation.duration)).q[:, 1:]
     tip = body.markers[simulation.tip.partition(".")[2]]
     arm = np.cross(body.axis, tip.position)
@@ -151,16 +154,16 @@ def beam() -> Case:
 
     def build(explicit):
         esym = import_exudyn().symbolic
-        first, last, zero = pulse.start, pulse.start + pulse.duration, esym.Real(0.0)
+        zero = esym.Real(0.0)
 
-        def half_sine(peak):
+        def half_sine(size):
             def load(t):
-                size = peak * esym.sin(math.pi / pulse.duration * (t - first))
-                return esym.IfThenElse(t < first, zero, esym.IfThenElse(t < last, size, zero))
+                size_now = size * esym.sin(math.pi / (last - first) * (t - first))
+                return esym.IfThenElse(t < first, zero, esym.IfThenElse(t < last, size_now, zero))
 
             return load
 
-        loads = [half_sine(pulse.peak * lever) for lever in (1.0, *body.joint_rotation)]
+        loads = [half_sine(peak * lever) for lever in (1.0, *body.joint_rotation)]
         return floating_frame(body.x, run.fe.K, run.fe.M, body.shapes, explicit, loads)
 
     across = arm @ tip.translation / length - length * body.joint_rotation
@@ -246,7 +249,13 @@ def rod_slider() -> Case:
     return Case(duration, build, lambda q: float(np.abs(tip(q) - tip(exact)).max()), one_jacobian=False)
 
 
-CASES = {"beam": beam, "driven-bar": driven_bar, "rod-slider": rod_slider}
+CASES: dict[str, Callable[[], Case]] = {
+    "beam": beam,
+    "beam-20-modes": lambda: beam(20),
+    "beam-60-modes": lambda: beam(60),
+    "driven-bar": driven_bar,
+    "rod-slider": rod_slider,
+}
 
 
 def march(peer: Peer, case: Case, solver: str, n_steps: int, output: bool) -> tuple[float, int]:

@@ -6,21 +6,24 @@ lines ``<!-- table: NAME -->`` and ``<!-- end -->``, NAME being one of `TABLES`.
 
 from __future__ import annotations
 
-import csv
 import re
-from collections.abc import Callable, Iterable
+import sys
+from collections.abc import Callable
 from itertools import pairwise
 from math import exp, inf, isfinite, log
 from pathlib import Path
 from statistics import median
 
 HERE = Path(__file__).parent
+sys.path.append(str(HERE))
+from speed_tables import compiling, march_flops, march_speed  # noqa: E402 - beside this file
+from table_format import Row, format_ratio, format_seconds, markdown, read_rows  # noqa: E402
+
 DOCS = HERE.parent / "docs"
 SLOT = re.compile(r"(<!-- table: ([\w-]+) -->\n)(.*?)(<!-- end -->)", re.DOTALL)
-Row = dict[str, str]
 Points = list[tuple[float, float]]
 
-SCENES = ("rod-slider", "beam", "beam-20-modes", "beam-60-modes", "arm")
+SCENES = ("rod-slider", "beam", "beam-20-modes", "beam-60-modes", "arm", "robot")
 TIP_ERRORS = (1e-3, 1e-6)
 METHODS = (
     "central-difference",
@@ -32,7 +35,9 @@ METHODS = (
     "runge-kutta",
     "Radau",
     "LSODA",
+    "heyoka",
     "Exudyn GeneralizedAlpha",
+    "Exudyn TrapezoidalIndex2",
     "Exudyn VelocityVerlet",
     "Exudyn RK44",
     "Exudyn RK67",
@@ -40,32 +45,6 @@ METHODS = (
 FACTOR = 5.0  # an error budget within this factor of the true error counts as near
 LATER = ("further", "propeller, quadratic")  # cases that were added when the estimates had been made
 ENERGY_KEEPING = ("central-difference", "reversible-sub-cycling")
-
-
-def read_rows(name: str) -> list[Row]:
-    """Read a CSV file of this folder; lines that start with # are comments."""
-    with (HERE / f"{name}.csv").open(newline="") as file:
-        return list(csv.DictReader(line for line in file if not line.startswith("#")))
-
-
-def markdown(header: Iterable[str], rows: Iterable[Iterable[str]]) -> str:
-    """Format a Markdown table."""
-    head = list(header)
-    lines = [head, ["---"] * len(head), *(list(row) for row in rows)]
-    return "".join(f"| {' | '.join(line)} |\n" for line in lines)
-
-
-def format_seconds(seconds: float) -> str:
-    """Format a duration with two figures and its unit, a dash for none."""
-    if not isfinite(seconds):
-        return "–"
-    factor, unit = (1, "s") if seconds >= 1 else (1e3, "ms") if seconds >= 1e-3 else (1e6, "µs")
-    return f"{seconds * factor:.2g} {unit}" if seconds * factor < 100 else f"{seconds * factor:.0f} {unit}"
-
-
-def format_ratio(ratio: float) -> str:
-    """Format a ratio with two figures, or three from 100 on."""
-    return f"{ratio:.0f}" if ratio >= 100 else f"{ratio:.2g}"
 
 
 def seconds_at(points: Points, error: float) -> float:
@@ -307,6 +286,9 @@ TABLES: dict[str, Callable[[], str]] = {
     "meshes": meshes,
     "stability": stability,
     "whole-runs": whole_runs,
+    "march-speed": march_speed,
+    "march-flops": march_flops,
+    "compiling": compiling,
     "eigen": eigen,
     "assembly": assembly,
     "error-budget": error_budget,

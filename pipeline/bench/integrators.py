@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import csv
-import importlib.util
+import importlib
 import platform
 import sys
 from dataclasses import asdict, replace
@@ -29,7 +29,8 @@ READY: tuple[tuple[str, str, tuple[str, ...]], ...] = (
     ("beam-60-modes", "beam", ("body.beam.modes.count=60",)),
     ("arm", "arm", ()),
 )
-_PEER = Path(__file__).parents[2] / "benchmarks" / "exudyn_peer.py"
+_PEERS = Path(__file__).parents[2] / "benchmarks"
+_PEER_SCRIPTS = ("exudyn_peer", "exudyn_chains", "heyoka_peer")  # each has CASES, and peer_rows of one of them
 _EMPTY: Any = None
 
 
@@ -39,10 +40,10 @@ def compare_on_scene(run: Pipeline, repeats: int = 5) -> WorkPrecision:
 
     times = np.linspace(0.0, run.scene.simulation.duration, 101)
     q0, v0 = run.start
-    return compare(run.system, q0, v0, times, _errors_of(run), repeats)
+    return compare(run.system, q0, v0, times, errors_of(run), repeats)
 
 
-def _errors_of(run: Pipeline) -> ErrorsOf:
+def errors_of(run: Pipeline) -> ErrorsOf:
     """Make the function of the errors of the tip, of modal and of joint coordinates.
 
     The tip of a flexible body on the ground is seen from its joint, any other in space.
@@ -74,29 +75,26 @@ def _relative(found: Array, exact: Array) -> float:
 
 
 def peer_rows(scene: str) -> list[WorkPrecisionRow]:
-    """Measure Exudyn's solvers on their model of a scene; return no rows for a scene without one.
+    """Measure other programs on their models of a scene; return no rows for a scene that none of them has.
 
     Raises
     ------
     InputError
-        The script or Exudyn itself is missing.
+        The scripts or a program are missing.
     """
-    if not _PEER.is_file():
-        raise InputError(
-            "--peer", "", None, "needs a checkout of the project: benchmarks/exudyn_peer.py isn't installed"
-        )
-    spec = importlib.util.spec_from_file_location("exudyn_peer", _PEER)
-    assert spec is not None
-    assert spec.loader is not None
-    module = importlib.util.module_from_spec(spec)
-    sys.modules[spec.name] = module
-    spec.loader.exec_module(module)
-    if scene not in module.CASES:
-        return []
-    try:
-        return list(module.peer_rows(scene))
-    except ModuleNotFoundError as error:
-        raise InputError("--peer", "", None, f"{error}, or the extra 'bench'") from None
+    if not _PEERS.is_dir():
+        raise InputError("--peer", "", None, "needs a checkout of the project: its folder benchmarks isn't installed")
+    if str(_PEERS) not in sys.path:
+        sys.path.append(str(_PEERS))
+    rows: list[WorkPrecisionRow] = []
+    for name in _PEER_SCRIPTS:
+        try:
+            module = importlib.import_module(name)
+            if scene in module.CASES:
+                rows += module.peer_rows(scene)
+        except ModuleNotFoundError as error:
+            raise InputError("--peer", "", None, f"{error}, or the extra 'bench'") from None
+    return rows
 
 
 def write_comparison(run: Pipeline, result: WorkPrecision, folder: Path, name: str) -> list[str]:

@@ -10,23 +10,10 @@ import math
 
 from pipeline.core.arrays import Array
 from pipeline.dynamics.jit.compiled import inner
+from pipeline.dynamics.jit.products import multiply_square
 
 _NORMS = (0.25, 1.0, 1.8, 2.9)  # up to which φ₄'s Taylor polynomial of degree 8, 12, 16, 20 is exact to round-off
 _INVERSES = tuple(1.0 / math.factorial(k) for k in range(26))
-
-
-@inner
-def _multiply(A: Array, B: Array, C: Array) -> None:
-    """Multiply square matrices: ``C = A B``."""
-    n = A.shape[0]
-    for i in range(n):
-        row = C[i]
-        for j in range(n):
-            row[j] = 0.0
-        for k in range(n):
-            a, other = A[i, k], B[k]
-            for j in range(n):
-                row[j] += a * other[j]
 
 
 @inner
@@ -42,7 +29,7 @@ def _taylor_matrices(A: Array, tau: float, norm: float, phi: Array, m: Array) ->
         for j in range(n):
             B[i, j] = tau * A[i, j]
     for k in range(1, 4):
-        _multiply(B, m[k - 1], m[k])
+        multiply_square(B, m[k - 1], m[k])
     blocks = 2
     while blocks < 5 and norm > _NORMS[blocks - 2]:
         blocks += 1
@@ -61,9 +48,9 @@ def _taylor_matrices(A: Array, tau: float, norm: float, phi: Array, m: Array) ->
                 top[i, j] = new[i, j] + c1 * B[i, j] + c2 * m[1, i, j] + c3 * m[2, i, j]
             top[i, i] += c0
         if block:
-            _multiply(m[3], top, new)
+            multiply_square(m[3], top, new)
     for k in range(3, -1, -1):
-        _multiply(B, phi[k + 1], phi[k])
+        multiply_square(B, phi[k + 1], phi[k])
         for i in range(n):
             phi[k, i, i] += _INVERSES[k]
 
@@ -72,18 +59,23 @@ def _taylor_matrices(A: Array, tau: float, norm: float, phi: Array, m: Array) ->
 def _double(phi: Array, out: Array) -> None:
     """Compute φ_k(2z) from φ_k(z): ``φ_k(2z) = 2^-k (φ₀ φ_k + Σ_j φ_j/(k − j)!)``."""
     n = phi.shape[1]
-    factor = 1.0
     for k in range(5):
-        _multiply(phi[0], phi[k], out[k])
-        for j in range(1, k + 1):
-            weight = _INVERSES[k - j]
-            for row in range(n):
-                for column in range(n):
-                    out[k, row, column] += weight * phi[j, row, column]
-        for row in range(n):
-            for column in range(n):
-                out[k, row, column] *= factor
-        factor *= 0.5
+        multiply_square(phi[0], phi[k], out[k])
+    half, sixth = _INVERSES[2], _INVERSES[3]
+    for i in range(n):  # a row of each at a time: sums of several terms are read and written once
+        one, two, three, four = phi[1, i], phi[2, i], phi[3, i], phi[4, i]
+        row = out[1, i]
+        for j in range(n):
+            row[j] = 0.5 * (row[j] + one[j])
+        row = out[2, i]
+        for j in range(n):
+            row[j] = 0.25 * (row[j] + two[j] + one[j])
+        row = out[3, i]
+        for j in range(n):
+            row[j] = 0.125 * (row[j] + three[j] + two[j] + half * one[j])
+        row = out[4, i]
+        for j in range(n):
+            row[j] = 0.0625 * (row[j] + four[j] + three[j] + half * two[j] + sixth * one[j])
 
 
 @inner

@@ -10,7 +10,7 @@ from __future__ import annotations
 
 from pipeline.core.arrays import Array
 from pipeline.dynamics.compiled_system.kernels import inputs_at, set_inputs
-from pipeline.dynamics.compiled_system.parameters import CompiledParameters, Directions, HeldCycle
+from pipeline.dynamics.compiled_system.parameters import CompiledParameters, HeldCycle
 from pipeline.dynamics.jit.compiled import inner, meaning
 from pipeline.dynamics.jit.native import call_native
 from pipeline.dynamics.system import fast_steps, hold_slow, velocities
@@ -19,110 +19,83 @@ _LANES = 8
 
 
 @inner
-def take_tangents(p: CompiledParameters, d: Directions, q: Array, v: Array) -> None:
-    """Fill ``d.dr`` with the residual's derivatives along the directions at a state, and at the accelerations d.a."""
-    call_native(d.tangents, (p.inputs, q, v, d.a, d.dinputs, d.dq, d.dv, d.da, d.dr))
-
-
-@inner
-def _set_drift(d: Directions, q: Array, v: Array, a: Array, n_rates: int, moved: Array) -> None:
-    """Let lane 0 follow the first rates, and their positions, as they change by themselves."""
-    for i in range(n_rates):
-        d.dv[i, 0] = a[i]
-    for i in range(n_rates + q.size - v.size):
-        d.dq[i, 0] = moved[i]
-
-
-@inner
-def _hold_single(p: CompiledParameters, q: Array, v: Array, a: Array, held: HeldCycle) -> None:
-    """Hold fast coordinates that don't couple: lane 0 is the motion, 1 and 2 are all fast positions and rates."""
-    d, n, offset, n_slow, n_inputs = held.directions, v.size, q.size - v.size, held.n_slow, held.driven.size
-    velocities(p, q, v, held.moved)
-    _set_drift(d, q, v, a, n, held.moved)
-    for i in range(n_slow, n):
-        d.dq[i + offset, 1], d.dv[i, 2] = 1.0, 1.0
-    for k in range(min(n_inputs, _LANES - 3)):
-        d.dinputs[held.driven[k], 3 + k] = 1.0
-    take_tangents(p, d, q, v)
-    for i in range(n_slow, n):
-        over = 1.0 / held.mass[i]
-        k, c = over * d.dr[i, 1], over * d.dr[i, 2] if held.damped else 0.0
+def hold_single(p: CompiledParameters, q: Array, v: Array, a: Array, held: HeldCycle) -> None:
+    """Hold fast coordinates that don't couple, at accelerations a."""
+    n, offset = v.size, q.size - v.size
+    moved = v
+    if p.quaternions.shape[0]:
+        velocities(p, q, v, held.moved)
+        moved = held.moved
+    call_native(
+        held.hold_single,
+        (p.inputs, q, v, a, moved, held.drift, held.by_inputs, held.by_positions, held.by_rates),
+    )
+    for i in range(held.n_slow, n):
+        over = held.inverse_mass[i]
+        k, c = over * held.by_positions[i], over * held.by_rates[i] if held.damped else 0.0
         held.k[i], held.c[i] = k, c
         held.constant[i] = a[i] + k * q[i + offset] + c * v[i]
-        held.slope[i] = k * v[i] + c * a[i] - over * d.dr[i, 0]
-        for j in range(min(n_inputs, _LANES - 3)):
-            held.lever[j, i] = -over * d.dr[i, 3 + j]
-    if n_inputs > _LANES - 3:
-        _hold_columns(p, q, v, held, 1 + 2 * (n - n_slow))
+        held.slope[i] = -over * held.drift[i]
+    for j in range(held.driven.size):
+        for i in range(held.n_slow, n):
+            held.lever[j, i] = -held.by_inputs[held.driven[j], i] * held.inverse_mass[i]
 
 
 @inner
-def _set_column(held: HeldCycle, column: int, lane: int, offset: int, n_fast: int) -> None:
-    """Let a lane be the direction of a column's fast position, fast rate or input; column 0 is another."""
-    d, j = held.directions, column - 1
-    if 0 <= j < n_fast:
-        d.dq[held.n_slow + offset + j, lane] = 1.0
-    elif n_fast <= j < 2 * n_fast:
-        d.dv[held.n_slow + j - n_fast, lane] = 1.0
-    elif j >= 2 * n_fast:
-        d.dinputs[held.driven[j - 2 * n_fast], lane] = 1.0
-
-
-@inner
-def _keep_column(held: HeldCycle, column: int, lane: int, offset: int, n_fast: int, q: Array, v: Array) -> None:
-    """Keep what a column's direction does to the fast accelerations."""
-    n_slow, j = held.n_slow, column - 1
-    for i in range(n_fast):
-        x = held.x[n_slow + i, lane]
-        if column == 0:
-            held.slope[n_slow + i] = -x
-        elif j < n_fast:
-            held.K[j, i] = x
-            held.constant[n_slow + i] += x * q[n_slow + offset + j]
-        elif j < 2 * n_fast:
-            held.C[j - n_fast, i] = x
-            held.constant[n_slow + i] += x * v[n_slow + j - n_fast]
-        else:
-            held.lever[j - 2 * n_fast, n_slow + i] = -x
-
-
-@inner
-def _hold_columns(p: CompiledParameters, q: Array, v: Array, held: HeldCycle, first_column: int) -> None:
-    """Hold the fast coordinates' equation from a column on.
-
-    Column 0 is what the slow coordinates do; then come the fast positions, the fast rates, and the inputs.
-    """
-    d, n, offset, n_slow = held.directions, v.size, q.size - v.size, held.n_slow
-    n_fast = n - n_slow
-    n_columns = 1 + 2 * n_fast + held.driven.size
-    first = first_column
-    while first < n_columns:
-        last = min(first + _LANES, n_columns)
-        if not held.damped and 1 + n_fast < last and first < 1 + 2 * n_fast:
-            last = 1 + n_fast  # no column of the rates
-        d.dinputs[:] = 0.0
-        d.dq[:] = 0.0
-        d.dv[:] = 0.0
-        if first == 0:
-            velocities(p, q, v, held.moved)
-            _set_drift(d, q, v, d.a, n_slow, held.moved)
-        for column in range(first, last):
-            _set_column(held, column, column - first, offset, n_fast)
-        take_tangents(p, d, q, v)
-        if held.solve_fast:
-            for i in range(n):
-                for lane in range(_LANES):
-                    held.f[i, lane] = d.dr[i, lane]
-            call_native(held.solve_fast, (p.inputs, q, held.f, held.x))
-        else:
+def _hold_drift(p: CompiledParameters, q: Array, v: Array, a: Array, held: HeldCycle) -> None:
+    """Hold how the slow coordinates' motion and the inputs change the fast accelerations."""
+    n, n_slow, n_columns = v.size, held.n_slow, 1 + held.driven.size
+    velocities(p, q, v, held.moved)
+    call_native(held.find_drift, (p.inputs, q, v, a, held.moved, held.drift, held.by_inputs))
+    for first in range(0, n_columns, _LANES):
+        count = min(_LANES, n_columns - first)
+        for lane in range(count):
+            column = held.by_inputs[held.driven[first + lane - 1]] if first + lane else held.drift
             for i in range(n_slow, n):
-                for lane in range(_LANES):
-                    held.x[i, lane] = d.dr[i, lane] / held.mass[i]
-        for column in range(first, last):
-            _keep_column(held, column, column - first, offset, n_fast, q, v)
-        first = last
-        if not held.damped and first == 1 + n_fast:
-            first = 1 + 2 * n_fast
+                held.f[i, lane] = column[i]
+        call_native(held.solve_fast, (p.inputs, q, held.f, held.x))
+        for lane in range(count):
+            column = held.lever[first + lane - 1] if first + lane else held.slope
+            for i in range(n_slow, n):
+                column[i] = -held.x[i, lane]
+
+
+@inner
+def keep_columns(x: Array, block: int, n_slow: int, out: Array) -> None:
+    """Keep a block of eight columns, of the fast rows, as rows of a matrix (n_fast, n_fast)."""
+    n_fast, first = out.shape[0], _LANES * block
+    for lane in range(min(_LANES, n_fast - first)):
+        for i in range(n_fast):
+            out[first + lane, i] = x[n_slow + i, lane]
+
+
+@inner
+def complete_constant(held: HeldCycle, q: Array, v: Array, a: Array) -> None:
+    """Choose the constant of the held equation so that it gives the fast accelerations at a state."""
+    n_slow, offset, n_fast = held.n_slow, q.size - v.size, v.size - held.n_slow
+    for i in range(n_slow, v.size):
+        held.constant[i] = a[i]
+    for j in range(n_fast):
+        x, u = q[n_slow + offset + j], v[n_slow + j]
+        for i in range(n_fast):
+            held.constant[n_slow + i] += held.K[j, i] * x
+        if held.damped:
+            for i in range(n_fast):
+                held.constant[n_slow + i] += held.C[j, i] * u
+
+
+@inner
+def _hold_coupled(p: CompiledParameters, q: Array, v: Array, a: Array, held: HeldCycle) -> None:
+    _hold_drift(p, q, v, a, held)
+    for block in range(held.unit_rates.shape[0]):
+        call_native(held.stiffness, (p.inputs, q, v, a, held.unit_positions[block], held.f))
+        call_native(held.solve_fast, (p.inputs, q, held.f, held.x))
+        keep_columns(held.x, block, held.n_slow, held.K)
+        if held.damped:
+            call_native(held.damping, (p.inputs, q, v, held.unit_rates[block], held.f))
+            call_native(held.solve_fast, (p.inputs, q, held.f, held.x))
+            keep_columns(held.x, block, held.n_slow, held.C)
+    complete_constant(held, q, v, a)
 
 
 @inner
@@ -131,7 +104,7 @@ def set_active(p: CompiledParameters, t: float, held: HeldCycle) -> None:
     held.active[0] = 0.0
     if held.driven.size == 0:
         return
-    inputs_at(p, t + held.cycle, held.now)
+    inputs_at(p, t + held.cycle[0], held.now)
     for k in range(p.inputs.size // 3):
         held.before[3 * k] = p.inputs[3 * k]
         for i in range(1, 3):
@@ -141,7 +114,7 @@ def set_active(p: CompiledParameters, t: float, held: HeldCycle) -> None:
         if p.inputs[3 * k] != held.now[3 * k]:
             held.active[0] = 1.0
     for k in range(held.breakpoints.size):  # a short load may begin and end within the cycle
-        if t < held.breakpoints[k] < t + held.cycle:
+        if t < held.breakpoints[k] < t + held.cycle[0]:
             held.active[0] = 1.0
 
 
@@ -150,14 +123,10 @@ def _hold_slow(p: CompiledParameters, t: float, q: Array, v: Array, a: Array, fr
     set_inputs(p, float(t))
     set_active(p, float(t), frozen)
     frozen.time[0] = t
-    for i in range(v.size):
-        frozen.directions.a[i] = a[i]
     if frozen.single:
-        _hold_single(p, q, v, a, frozen)
-        return
-    for i in range(frozen.n_slow, v.size):
-        frozen.constant[i] = a[i]
-    _hold_columns(p, q, v, frozen, 0)
+        hold_single(p, q, v, a, frozen)
+    else:
+        _hold_coupled(p, q, v, a, frozen)
 
 
 @inner
@@ -174,18 +143,38 @@ def add_loads(p: CompiledParameters, held: HeldCycle, t: float, a: Array) -> Non
 def step_driven(
     p: CompiledParameters, held: HeldCycle, first: int, h: float, count: int, q: Array, v: Array, a: Array
 ) -> None:
-    """Take leapfrog steps with uncoupled coordinates under varying loads, from time ``first · h``."""
-    constant, slope, k, c, v_now, offset = held.constant, held.slope, held.k, held.c, held.v_now, q.size - v.size
+    """Take leapfrog steps with uncoupled coordinates under varying loads, from time ``first · h``.
+
+    Loads are evaluated for some steps ahead, through which each coordinate then goes by itself.
+    """
+    changes, done = held.changes, 0
+    while done < count:
+        ahead = min(changes.shape[0], count - done)
+        for step in range(ahead):
+            inputs_at(p, (first + done + step) * h, held.now)
+            for k in range(held.driven.size):
+                changes[step, k] = held.now[held.driven[k]] - held.before[held.driven[k]]
+        for i in range(held.n_slow, v.size):
+            _step_one(held, first + done, h, ahead, i, q, v, a)
+        done += ahead
+
+
+@inner
+def _step_one(held: HeldCycle, first: int, h: float, count: int, i: int, q: Array, v: Array, a: Array) -> None:
+    """Take leapfrog steps with one coordinate under the loads of ``changes``, from time ``first · h``."""
+    place, start = i + q.size - v.size, held.time[0]
+    constant, slope, k, c = held.constant[i], held.slope[i], held.k[i], held.c[i]
+    x, rate, acceleration = q[place], v[i], a[i]
     for step in range(count):
-        t = (first + step) * h  # not a sum, whose round-off would depend on how a cycle is divided
-        tau = t - held.time[0]
-        for i in range(held.n_slow, v.size):
-            v_now[i] = v[i] + 0.5 * h * a[i]
-            a[i] = constant[i] + tau * slope[i] - k[i] * q[i + offset] - c[i] * v_now[i]
-        add_loads(p, held, t, a)
-        for i in range(held.n_slow, v.size):
-            v[i] += h * a[i]
-            q[i + offset] += h * v[i]
+        load = constant + ((first + step) * h - start) * slope  # not a sum, whose round-off depends on its first term
+        for j in range(held.driven.size):
+            load += held.changes[step, j] * held.lever[j, i]
+        if held.damped:
+            load -= c * (rate + 0.5 * h * acceleration)
+        acceleration = load - k * x
+        rate += h * acceleration
+        x += h * rate
+    q[place], v[i], a[i] = x, rate, acceleration
 
 
 @inner
@@ -213,7 +202,7 @@ def step_single(held: HeldCycle, first: int, h: float, count: int, begins: bool,
         more = square * rise
         d, load = h * v[i], square * (constant[i] + since * slope[i])
         if not begins:
-            d, load = held.d[i], held.load[i]
+            d, load = held.d[i], held.rising[i]
         for _ in range(count - 1):
             d = (d + load) - ki * x
             x += d
@@ -221,7 +210,7 @@ def step_single(held: HeldCycle, first: int, h: float, count: int, begins: bool,
         a[i] = constant[i] + until * slope[i] - k[i] * x
         d = (d + load) - ki * x
         v[i], q[i + offset] = over * d, x + d
-        held.d[i], held.load[i] = d, load + more
+        held.d[i], held.rising[i] = d, load + more
 
 
 @inner
@@ -229,28 +218,49 @@ def step_all(
     p: CompiledParameters, held: HeldCycle, first: int, h: float, count: int, q: Array, v: Array, a: Array
 ) -> None:
     """Take leapfrog steps with coordinates that couple, from time ``first · h``."""
-    constant, slope, K, C, v_now = held.constant, held.slope, held.K, held.C, held.v_now
-    n, offset, n_slow = v.size, q.size - v.size, held.n_slow
+    held.clock[1] = h
     for step in range(count):
         t = (first + step) * h  # not a sum, whose round-off would depend on how a cycle is divided
-        tau = t - held.time[0]
-        for i in range(n_slow, n):
-            v_now[i] = v[i] + 0.5 * h * a[i]
-            a[i] = constant[i] + tau * slope[i]
+        held.clock[0] = t - held.time[0]
         if held.active[0] != 0.0:
-            add_loads(p, held, t, a)
+            for i in range(held.n_slow, v.size):
+                held.load[i] = 0.0
+            add_loads(p, held, t, held.load)
+        if held.unrolled:
+            _step_unrolled(held, q, v, a)
+        else:
+            _step_looped(held, q, v, a)
+    for i in range(held.n_slow, v.size):
+        held.load[i] = 0.0
+
+
+@inner
+def _step_unrolled(held: HeldCycle, q: Array, v: Array, a: Array) -> None:
+    if held.damped:
+        call_native(held.unrolled, (held.clock, held.constant, held.slope, held.load, held.K, held.C, q, v, a))
+    else:
+        call_native(held.unrolled, (held.clock, held.constant, held.slope, held.load, held.K, q, v, a))
+
+
+@inner
+def _step_looped(held: HeldCycle, q: Array, v: Array, a: Array) -> None:
+    K, C, v_now = held.K, held.C, held.v_now
+    n, offset, n_slow, tau, h = v.size, q.size - v.size, held.n_slow, held.clock[0], held.clock[1]
+    for i in range(n_slow, n):
+        v_now[i] = v[i] + 0.5 * h * a[i]
+        a[i] = held.constant[i] + tau * held.slope[i] + held.load[i]
+    for j in range(n - n_slow):
+        x = q[n_slow + offset + j]
+        for i in range(n - n_slow):
+            a[n_slow + i] -= K[j, i] * x
+    if held.damped:
         for j in range(n - n_slow):
-            x = q[n_slow + offset + j]
+            x = v_now[n_slow + j]
             for i in range(n - n_slow):
-                a[n_slow + i] -= K[j, i] * x
-        if held.damped:
-            for j in range(n - n_slow):
-                x = v_now[n_slow + j]
-                for i in range(n - n_slow):
-                    a[n_slow + i] -= C[j, i] * x
-        for i in range(n_slow, n):
-            v[i] += h * a[i]
-            q[i + offset] += h * v[i]
+                a[n_slow + i] -= C[j, i] * x
+    for i in range(n_slow, n):
+        v[i] += h * a[i]
+        q[i + offset] += h * v[i]
 
 
 @meaning(fast_steps, CompiledParameters)

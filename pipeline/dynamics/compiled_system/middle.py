@@ -1,15 +1,20 @@
 """Reversible sub-cycling of a compiled mechanism: its equations at a major cycle's middle, the slow ones reacting.
 
 With ``D = M_LL⁻¹ M_LS`` and ``T = (−D, 1)`` the fast equation is ``S̄ a_S = Tᵀ Q̂`` with ``S̄ = M_SS − M_SL D``, and Q̂
-is carried on by its exact tangents along T.
+is carried on by its exact tangents along T. Its solution is the fast part of ``M̂⁻¹ Q̂``, so no matrix is factored:
+compiled functions solve for eight columns at once.
 """
 
 from __future__ import annotations
 
-import math
-
 from pipeline.core.arrays import Array
-from pipeline.dynamics.compiled_system.held import step_all, step_single, take_tangents
+from pipeline.dynamics.compiled_system.held import (
+    complete_constant,
+    hold_single,
+    keep_columns,
+    step_all,
+    step_single,
+)
 from pipeline.dynamics.compiled_system.kernels import set_inputs
 from pipeline.dynamics.compiled_system.parameters import CompiledParameters, MiddleCycle
 from pipeline.dynamics.jit.compiled import inner, meaning
@@ -20,147 +25,70 @@ _LANES = 8
 
 
 @inner
-def _factor(A: Array) -> None:
-    """Cholesky's factor of a symmetric matrix into its lower triangle; not a number where it isn't positive."""
-    for j in range(A.shape[0]):
-        for i in range(j, A.shape[0]):
-            for k in range(j):
-                A[i, j] -= A[i, k] * A[j, k]
-        A[j, j] = math.sqrt(A[j, j]) if A[j, j] > 0.0 else math.nan
-        for i in range(j + 1, A.shape[0]):
-            A[i, j] /= A[j, j]
-
-
-@inner
-def _solve(L: Array, x: Array, first: int) -> None:
-    """Solve with Cholesky's factor for the entries from ``first`` on, in place."""
-    n = L.shape[0]
-    for i in range(n):
-        for k in range(i):
-            x[first + i] -= L[i, k] * x[first + k]
-        x[first + i] /= L[i, i]
-    for i in range(n - 1, -1, -1):
-        for k in range(i + 1, n):
-            x[first + i] -= L[k, i] * x[first + k]
-        x[first + i] /= L[i, i]
-
-
-@inner
-def _take_mass(p: CompiledParameters, middle: MiddleCycle, q: Array) -> None:
-    """Fill the mass matrix column by column."""
-    d, n = middle.held.directions, middle.M.shape[0]
-    for first in range(0, n, _LANES):
-        for j in range(first, min(first + _LANES, n)):
-            d.da[j, j - first] = 1.0
-        call_native(d.inertia, (p.inputs, q, d.da, d.dr))
-        for j in range(first, min(first + _LANES, n)):
-            d.da[j, j - first] = 0.0
-            for i in range(n):
-                middle.M[j, i] = d.dr[i, j - first]
-
-
-@inner
-def _eliminate(middle: MiddleCycle, D: Array) -> None:
-    """Compute D, T and the factors of M_LL and S̄."""
-    M, L, S, T, n_slow, n = middle.M, middle.L, middle.S, middle.T, middle.L.shape[0], middle.M.shape[0]
+def _find_reaction(p: CompiledParameters, q: Array, block: int, D: Array, middle: MiddleCycle) -> None:
+    """Compute D and how all coordinates follow a block of fast ones."""
+    held, along = middle.held, middle.along_rates[block]
+    first, n, n_slow = held.n_slow + _LANES * block, along.shape[0], held.n_slow
+    count = min(_LANES, n - first)
+    call_native(middle.inertia, (p.inputs, q, held.unit_rates[block], held.f))
+    call_native(middle.solve_slow, (p.inputs, q, held.f, held.x))
     for i in range(n_slow):
-        for j in range(n_slow):
-            L[i, j] = M[i, j]
-    _factor(L)
-    for j in range(n_slow, n):
+        for lane in range(_LANES):
+            along[i, lane] = -held.x[i, lane]
+    for lane in range(count):
         for i in range(n_slow):
-            D[j, i] = M[j, i]
-        _solve(L, D[j], 0)
+            D[first + lane, i] = held.x[i, lane]
+    for lane in range(count if p.quaternions.shape[0] else 0):
         for i in range(n):
-            T[j - n_slow, i] = -D[j, i] if i < n_slow else 0.0
-        T[j - n_slow, j] = 1.0
-    for j in range(n_slow, n):
-        for i in range(n_slow, n):
-            total = M[i, j]
-            for k in range(n_slow):
-                total -= M[j, k] * D[i, k]
-            S[j - n_slow, i - n_slow] = total
-    _factor(S)
+            middle.row[i] = along[i, lane]
+        velocities(p, q, middle.row, held.moved)
+        for i in range(q.size):
+            middle.along_positions[block, i, lane] = held.moved[i]
 
 
 @inner
-def _take_tangents_along(p: CompiledParameters, middle: MiddleCycle, q: Array, v: Array) -> None:
-    """Fill ``KT`` and ``CT``, the tangents of −Q̂ along the rows of T."""
-    d, T, moved = middle.held.directions, middle.T, middle.held.moved
-    n, n_fast = v.size, T.shape[0]
-    n_columns = 2 * n_fast if middle.held.damped else n_fast
-    for first in range(0, n_columns, _LANES):
-        last = min(first + _LANES, n_columns)
-        d.dq[:] = 0.0
-        d.dv[:] = 0.0
-        for column in range(first, last):
-            if column < n_fast:
-                velocities(p, q, T[column], moved)
-                for i in range(q.size):
-                    d.dq[i, column - first] = moved[i]
-            else:
-                for i in range(n):
-                    d.dv[i, column - first] = T[column - n_fast, i]
-        take_tangents(p, d, q, v)
-        for column in range(first, last):
-            out = middle.KT[column] if column < n_fast else middle.CT[column - n_fast]
-            for i in range(n):
-                out[i] = d.dr[i, column - first]
+def _keep_response(
+    p: CompiledParameters, q: Array, block: int, D: Array, middle: MiddleCycle, on_fast: Array, on_slow: Array
+) -> None:
+    """Keep what a block of columns of −Q̂, in ``held.f``, does to the fast accelerations and to that of y.
 
-
-@inner
-def _condense(middle: MiddleCycle, of_all: Array, out: Array) -> None:
-    """``out = S̄⁻¹ Tᵀ x`` for the rows x of a matrix."""
-    n_slow, n_fast, T = middle.L.shape[0], middle.T.shape[0], middle.T
-    for j in range(n_fast):
-        for i in range(n_fast):
-            total = of_all[j, n_slow + i]
-            for k in range(n_slow):
-                total += T[i, k] * of_all[j, k]
-            out[j, i] = total
-        _solve(middle.S, out[j], 0)
-
-
-@inner
-def _hold_loose(p: CompiledParameters, q: Array, v: Array, middle: MiddleCycle) -> None:
-    """Hold fast coordinates that couple neither with each other nor with the slow ones through the mass matrix."""
-    held, a = middle.held, middle.a
-    d, offset = held.directions, q.size - v.size
-    for i in range(held.n_slow, v.size):
-        d.dq[i + offset, 1], d.dv[i, 2] = 1.0, 1.0
-    take_tangents(p, d, q, v)
-    for i in range(held.n_slow, v.size):
-        over = 1.0 / held.mass[i]
-        k, c = over * d.dr[i, 1], over * d.dr[i, 2] if held.damped else 0.0
-        held.k[i], held.c[i], held.slope[i] = k, c, 0.0
-        held.constant[i] = a[i] + k * q[i + offset] + c * v[i]
+    With ``x = M̂⁻¹ f`` the latter is ``M_LL⁻¹ f_L = x_L + D x_S``.
+    """
+    held = middle.held
+    n_fast, n_slow, first, f, x = on_fast.shape[0], held.n_slow, _LANES * block, held.f, held.x
+    call_native(middle.solve, (p.inputs, q, f, x))
+    keep_columns(x, block, n_slow, on_fast)
+    for i in range(n_slow):
+        for lane in range(_LANES):
+            f[i, lane] = x[i, lane]
+        for k in range(n_slow, n_slow + n_fast):
+            for lane in range(_LANES):
+                f[i, lane] += D[k, i] * x[k, lane]
+        for lane in range(min(_LANES, n_fast - first)):
+            on_slow[first + lane, i] = f[i, lane]
 
 
 @inner
 def _hold_coupled(p: CompiledParameters, q: Array, v: Array, D: Array, middle: MiddleCycle) -> None:
-    held, a, M, T, Q = middle.held, middle.a, middle.M, middle.T, middle.Q
-    n, n_slow, offset = v.size, held.n_slow, q.size - v.size
-    _take_mass(p, middle, q)
-    _eliminate(middle, D)
-    _take_tangents_along(p, middle, q, v)
-    _condense(middle, middle.KT, held.K)
-    if held.damped:
-        _condense(middle, middle.CT, held.C)
-    for i in range(n):
-        Q[i] = 0.0
-        for j in range(n):
-            Q[i] += M[j, i] * a[j]
-    for i in range(n_slow, n):
-        total = Q[i]
-        for k in range(n_slow):
-            total += T[i - n_slow, k] * Q[k]
-        held.constant[i], held.slope[i] = total, 0.0
-    _solve(middle.S, held.constant, n_slow)
-    for j in range(n - n_slow):
-        for i in range(n - n_slow):
-            held.constant[n_slow + i] += held.K[j, i] * q[n_slow + offset + j]
-            if held.damped:
-                held.constant[n_slow + i] += held.C[j, i] * v[n_slow + j]
+    held, a, n_slow = middle.held, middle.a, middle.held.n_slow
+    plain = p.quaternions.shape[0] == 0  # positions follow as rates do
+    for block in range(middle.along_rates.shape[0]):
+        _find_reaction(p, q, block, D, middle)
+    for block in range(middle.along_rates.shape[0]):
+        rates = middle.along_rates[block]
+        positions = rates if plain else middle.along_positions[block]
+        call_native(held.stiffness, (p.inputs, q, v, middle.rest, positions, held.f))
+        _keep_response(p, q, block, D, middle, held.K, middle.Ky)
+        if held.damped:
+            call_native(held.damping, (p.inputs, q, v, rates, held.f))
+            _keep_response(p, q, block, D, middle, held.C, middle.Cy)
+    for i in range(n_slow):
+        middle.y[i] = a[i]
+        for j in range(n_slow, v.size):
+            middle.y[i] += D[j, i] * a[j]
+    for i in range(n_slow, v.size):
+        held.slope[i] = 0.0
+    complete_constant(held, q, v, a)
 
 
 @meaning(hold_middle, CompiledParameters)
@@ -174,7 +102,9 @@ def _hold_middle(p: CompiledParameters, t: float, q: Array, v: Array, D: Array, 
         middle.v[i] = v[i]
     middle.fresh[0] = 1.0
     if middle.loose:
-        _hold_loose(p, q, v, middle)
+        hold_single(p, q, v, middle.a, middle.held)
+        for i in range(middle.held.n_slow, v.size):
+            middle.held.slope[i] = 0.0
     else:
         _hold_coupled(p, q, v, D, middle)
 
@@ -203,10 +133,9 @@ def _slow_response(
             a[i] = middle.a[i]
         return
     for i in range(n_slow):
-        total = middle.Q[i]
+        total = middle.y[i]
         for j in range(n_slow, n):
-            total -= middle.KT[j - n_slow, i] * (q[j] - middle.q[j + offset])
+            total -= middle.Ky[j - n_slow, i] * (q[j] - middle.q[j + offset])
             if middle.held.damped:
-                total -= middle.CT[j - n_slow, i] * (v[j] - middle.v[j])
+                total -= middle.Cy[j - n_slow, i] * (v[j] - middle.v[j])
         a[i] = total
-    _solve(middle.L, a, 0)

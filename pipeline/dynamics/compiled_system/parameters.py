@@ -30,51 +30,52 @@ class Leapfrog(Table):
 
 
 @dataclass(frozen=True)
-class Directions(Table):
-    """Directions in eight lanes, and the residual's derivatives along them."""
-
-    tangents: int  # addresses of the compiled functions
-    inertia: int
-    a: Array  # (n,), accelerations at which tangents are taken
-    dinputs: Array  # (3 n_signals, 8)
-    dq: Array  # (n_positions, 8)
-    dv: Array  # (n, 8)
-    da: Array  # (n, 8)
-    dr: Array  # (n, 8)
-
-
-@dataclass(frozen=True)
 class HeldCycle(Table):
     """Equation of the fast coordinates over a cycle, ``a_S = constant + slope τ + lever δu − K q_S − C v_S``.
 
     δu is the change of the loads and motions since the cycle's start. Vectors hold it in the places of the fast rates.
     Where the coordinates don't couple with each other, ``K`` and ``C`` are unused and ``k``, ``c`` hold the diagonals.
+    Functions are addresses of compiled ones, 0 for one that isn't needed; `pipeline.dynamics.compiler.programs` has
+    their arguments.
     """
 
-    directions: Directions
-    solve_fast: int  # address of the compiled function; 0 where the fast mass is constant and diagonal
+    hold_single: int
+    find_drift: int
+    stiffness: int
+    damping: int
+    solve_fast: int
+    unrolled: int  # a fast step of coupled coordinates without loops; 0 where these are too many
     n_slow: int
     single: bool  # no fast coordinate couples with another
     damped: bool  # the fast equation has a term with fast rates
-    cycle: float  # its duration [s]
+    cycle: Array  # (1,): its duration [s]
     driven: IntArray  # (n_driven,): those inputs that accelerate fast coordinates
-    mass: Array  # (n,): of each fast coordinate, where that is constant
+    inverse_mass: Array  # (n,): of each fast coordinate, where that is constant
     time: Array  # (1,): of the cycle's start [s]
     active: Array  # (1,): 1 if an input changes within the cycle
     breakpoints: Array  # (any,): times at which a load or a motion jumps, has a kink or begins to vary [s]
     before: Array  # (3 n_signals,): inputs at the start
     now: Array  # (3 n_signals,): inputs at a fast step
+    changes: Array  # (any, n_driven): δu of some fast steps
     lever: Array  # (n_driven, n)
     constant: Array  # (n,)
     slope: Array  # (n,)
+    load: Array  # (n,): lever δu
     k: Array  # (n,)
     c: Array  # (n,)
     K: Array  # (n_fast, n_fast), a row for each fast position
     C: Array  # (n_fast, n_fast), a row for each fast rate
-    moved: Array  # (n_positions,), room to work in
-    v_now: Array  # (n,)
+    clock: Array  # (2,): τ and the step [s]
+    unit_positions: Array  # (n_blocks, n_positions, 8): directions of the fast positions, eight to a block
+    unit_rates: Array  # (n_blocks, n, 8)
+    moved: Array  # (n_positions,): how positions change
+    drift: Array  # (n,): how the residual changes with slow motion, with inputs, with all fast positions and rates
+    by_inputs: Array  # (3 n_signals, n)
+    by_positions: Array  # (n,)
+    by_rates: Array  # (n,)
+    v_now: Array  # (n,), room to work in
     d: Array  # (n,): increment ``h v`` and load of each fast coordinate, from call to call
-    load: Array  # (n,)
+    rising: Array  # (n,)
     f: Array  # (n, 8), room to work in
     x: Array  # (n, 8)
 
@@ -83,16 +84,19 @@ class HeldCycle(Table):
 class MiddleCycle(Table):
     """Equations at a major cycle's middle, in which the slow coordinates react to the fast ones at once."""
 
-    held: HeldCycle  # the fast coordinates', with S̄ in place of the fast mass
+    held: HeldCycle  # the fast coordinates'
     loose: bool  # slow and fast coordinates don't couple through the mass matrix in any state
-    L: Array  # (n_slow, n_slow): factor of M_LL
-    S: Array  # (n_fast, n_fast): factor of S̄
-    M: Array  # (n, n): the mass matrix, a row for each rate whose column it is
-    KT: Array  # (n_fast, n): −∂Q̂/∂q T, a row for each fast coordinate
-    CT: Array  # (n_fast, n)
-    T: Array  # (n_fast, n): how all rates follow each fast one
-    Q: Array  # (n,)
+    inertia: int  # addresses of the compiled functions
+    solve: int
+    solve_slow: int
+    along_positions: Array  # (n_blocks, n_positions, 8): how all coordinates follow each fast one
+    along_rates: Array  # (n_blocks, n, 8)
+    y: Array  # (n_slow,): acceleration of ``y = q_L + D q_S`` in the middle
+    Ky: Array  # (n_fast, n_slow): how it changes with each fast position and rate
+    Cy: Array  # (n_fast, n_slow)
     q: Array  # (n_positions,): the state at the middle
     v: Array  # (n,)
-    a: Array  # (n,), room to work in
+    a: Array  # (n,)
+    rest: Array  # (n,): zeros
+    row: Array  # (n,), room to work in
     fresh: Array  # (1,): 1 before a cycle's first fast step

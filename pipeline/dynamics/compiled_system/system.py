@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-from dataclasses import replace
 from functools import cached_property
 
 import numpy as np
@@ -14,7 +13,6 @@ from pipeline.core.arrays import Array, IntArray
 from pipeline.dynamics.compiled_system.couplings import Couplings, find_couplings, find_inertial_coupling
 from pipeline.dynamics.compiled_system.parameters import (
     CompiledParameters,
-    Directions,
     HeldCycle,
     Leapfrog,
     MiddleCycle,
@@ -25,6 +23,10 @@ from pipeline.dynamics.jit.compiled import aligned
 from pipeline.dynamics.links import FREE, SPHERICAL
 from pipeline.dynamics.mechanism import Mechanism
 from pipeline.dynamics.vibration import highest_frequency
+
+_ROOM = ("v_now", "d", "rising")  # vectors of `HeldCycle` that hold no coefficients
+_AHEAD = 16  # steps for which loads are evaluated before coordinates go through them
+_MOST_UNROLLED = 64  # fast coordinates: beyond, code without loops takes longer to compile than it saves
 
 
 class CompiledSystem:
@@ -82,7 +84,7 @@ class CompiledSystem:
     @property
     def parameters(self) -> CompiledParameters:
         """Addresses and arrays for the kernels, with room to work in that is the caller's own."""
-        return replace(self._parameters, inputs=np.zeros(3 * len(self.compiled.signals)), clock=np.full(2, np.nan))
+        return self._parameters.renewed()
 
     @cached_property
     def _parameters(self) -> CompiledParameters:
@@ -99,8 +101,8 @@ class CompiledSystem:
         return CompiledParameters(
             accelerations=self.compiled.address("accelerations"),
             signals=self.compiled.address("signals") if self.compiled.signals else 0,
-            inputs=np.zeros(0),
-            clock=np.zeros(0),
+            inputs=np.zeros(3 * len(self.compiled.signals)),
+            clock=np.full(2, np.nan),
             position=position,
             quaternions=np.array(quaternions, dtype=np.int64).reshape(-1, 2),
         )
@@ -112,79 +114,103 @@ class CompiledSystem:
 
     def leapfrog(self) -> Leapfrog:
         """Fresh storage for leapfrog steps."""
+        return self._leapfrog.renewed()
+
+    @cached_property
+    def _leapfrog(self) -> Leapfrog:
         step, v_now = aligned(1, self.n)
         plain = not len(self._parameters.quaternions)
         return Leapfrog(self.compiled.address("leap") if plain else 0, step, v_now)
 
     def frozen(self, cycle: float) -> HeldCycle:
         """Fresh storage for the fast coordinates' equation over a major cycle of a duration [s]."""
+        held = self._frozen.renewed()
+        held.cycle[0] = cycle
+        return held
+
+    @cached_property
+    def _frozen(self) -> HeldCycle:
+        return self._held(self._is_single, self.couplings.damped)
+
+    @property
+    def _is_single(self) -> bool:
+        """True if the fast coordinates couple neither by their constant mass nor by their forces."""
+        return self.couplings.mass is not None and not self.couplings.elastic
+
+    def _held(self, single: bool, damped: bool) -> HeldCycle:
         couplings, n, n_fast = self.couplings, self.n, self.n - self.n_slow
-        constant, slope, k, c, v_now, d, load = aligned(*7 * [n])
-        constant_mass, n_inputs = couplings.mass is not None, 3 * len(self.compiled.signals)
+        vectors = ("constant", "slope", "load", "k", "c", "drift", "by_positions", "by_rates", *_ROOM)
+        n_inputs, address = 3 * len(self.compiled.signals), self.compiled.address
+        step = "fast_step" if damped else "undamped_fast_step"
         return HeldCycle(
-            directions=self._directions(),
-            solve_fast=0 if constant_mass else self.compiled.address("solve_fast"),
+            hold_single=address("hold_single") if single else 0,
+            find_drift=0 if single else address("drift"),
+            stiffness=0 if single else address("stiffness"),
+            damping=address("damping") if damped and not single else 0,
+            solve_fast=0 if single else address("solve_fast"),
+            unrolled=0 if single or n_fast > _MOST_UNROLLED else address(step),
             n_slow=self.n_slow,
-            single=constant_mass and not couplings.elastic,
-            damped=couplings.damped,
-            cycle=float(cycle),
+            single=single,
+            damped=damped,
+            cycle=np.zeros(1),
             driven=couplings.driven,
-            mass=couplings.mass if couplings.mass is not None else np.zeros(n),
+            inverse_mass=np.zeros(n) if couplings.mass is None else _inverses(couplings.mass),
             time=np.zeros(1),
             active=np.zeros(1),
             breakpoints=np.array(self.breakpoints, dtype=float),
             before=np.zeros(n_inputs),
             now=np.zeros(n_inputs),
+            changes=np.zeros((_AHEAD, len(couplings.driven))),
             lever=np.zeros((len(couplings.driven), n)),
-            constant=constant,
-            slope=slope,
-            k=k,
-            c=c,
             K=np.zeros((n_fast, n_fast)),
             C=np.zeros((n_fast, n_fast)),
+            clock=np.zeros(2),
+            unit_positions=self._units(self.n_positions),
+            unit_rates=self._units(n),
             moved=np.zeros(self.n_positions),
-            v_now=v_now,
-            d=d,
-            load=load,
+            by_inputs=np.zeros((n_inputs, n)),
             f=np.zeros((n, LANES)),
             x=np.zeros((n, LANES)),
+            **dict(zip(vectors, aligned(*[n] * len(vectors)), strict=True)),
         )
 
-    def _directions(self) -> Directions:
-        n, n_inputs = self.n, 3 * len(self.compiled.signals)
-        dv, da, dr = np.zeros((3, n, LANES))
-        return Directions(
-            tangents=self.compiled.address("tangents"),
-            inertia=self.compiled.address("inertia"),
-            a=np.zeros(n),
-            dinputs=np.zeros((n_inputs, LANES)),
-            dq=np.zeros((self.n_positions, LANES)),
-            dv=dv,
-            da=da,
-            dr=dr,
-        )
+    def _units(self, size: int) -> Array:
+        """Directions of the fast coordinates, the last ones of so many, in blocks of eight (n_blocks, size, 8)."""
+        n_fast = self.n - self.n_slow
+        units = np.zeros((-(-n_fast // LANES), size, LANES))
+        for j in range(n_fast):
+            units[j // LANES, size - n_fast + j, j % LANES] = 1.0
+        return units
 
     def middle(self, cycle: float) -> MiddleCycle:
         """Fresh storage for the equations at the middle of a major cycle of a duration [s]."""
-        n, n_slow, n_fast, held = self.n, self.n_slow, self.n - self.n_slow, self.frozen(cycle)
-        loose = held.single and not self.couplings.inertial
-        if not loose:  # the slow ones' reaction to fast rates acts on the fast ones, too
-            held = replace(held, damped=self.couplings.dragging)
-        KT, CT, T = np.zeros((3, n_fast, n))
-        Q, v, a = np.zeros((3, n))
+        middle = self._middle.renewed()
+        middle.held.cycle[0] = cycle
+        return middle
+
+    @cached_property
+    def _middle(self) -> MiddleCycle:
+        n, n_slow, n_fast, address = self.n, self.n_slow, self.n - self.n_slow, self.compiled.address
+        loose = self._is_single and not self.couplings.inertial
+        # Where they couple, the slow ones' reaction to fast rates acts on the fast ones, too.
+        damped = self.couplings.damped if loose else self.couplings.dragging
+        v, a, rest, row = np.zeros((4, n))
         return MiddleCycle(
-            held=held,
+            held=self._held(loose, damped),
             loose=loose,
-            L=np.zeros((n_slow, n_slow)),
-            S=np.zeros((n_fast, n_fast)),
-            M=np.zeros((n, n)),
-            KT=KT,
-            CT=CT,
-            T=T,
-            Q=Q,
+            inertia=0 if loose else address("inertia"),
+            solve=0 if loose else address("solve"),
+            solve_slow=0 if loose else address("solve_slow"),
+            along_positions=self._units(self.n_positions),
+            along_rates=self._units(n),
+            y=np.zeros(n_slow),
+            Ky=np.zeros((n_fast, n_slow)),
+            Cy=np.zeros((n_fast, n_slow)),
             q=np.zeros(self.n_positions),
             v=v,
             a=a,
+            rest=rest,
+            row=row,
             fresh=np.zeros(1),
         )
 
@@ -239,3 +265,8 @@ class CompiledSystem:
 
     def _highest(self, part: slice) -> float:
         return highest_frequency(self._reference_mass[part, part], self.mechanism.linear_forces.K[part, part])
+
+
+def _inverses(mass: Array) -> Array:
+    """Return 1 over each mass, and 0 for none."""
+    return np.divide(1.0, mass, out=np.zeros(len(mass)), where=mass != 0.0)

@@ -147,6 +147,10 @@ class CompiledMechanism:
         """Return ``M̂_SS⁻¹ f_S`` in the fast rows, and zeros in the slow ones, for columns f (n, any)."""
         return self._solve("solve_fast", t, q, f)
 
+    def solve_slow(self, t: float, q: Array, f: Array) -> Array:
+        """Return ``M̂_LL⁻¹ f_L`` in the slow rows, and zeros in the fast ones, for columns f (n, any)."""
+        return self._solve("solve_slow", t, q, f)
+
     def _solve(self, name: str, t: float, q: Array, f: Array) -> Array:
         inputs, (positions,) = self.signal_values(t), _contiguous(q)
 

@@ -86,12 +86,12 @@ class GivenForces:
         Positions alone.
     argument : str
         The forces, in the order of rates.
-    n_held : int
-        How many rates, the first, don't accelerate: none, or the slow ones.
+    free : range
+        The rates that accelerate; all others are held.
     """
 
-    def __init__(self, inputs: RestingCoordinates, argument: str, n_held: int) -> None:
-        self._inputs, self._argument, self._n_held, self.graph = inputs, argument, n_held, inputs.graph
+    def __init__(self, inputs: RestingCoordinates, argument: str, free: range) -> None:
+        self._inputs, self._argument, self._free, self.graph = inputs, argument, free, inputs.graph
         self.ground: Vector6 = constants(inputs.graph, [0.0] * 6)
 
     def on_body(self, frame: MovingFrame, inertia: Inertia) -> tuple[Vector6, Terms]:
@@ -106,12 +106,13 @@ class GivenForces:
 
     def free_directions(self, frame: MovingFrame) -> list[Vector6]:
         """Return the directions of a joint that isn't held."""
-        held = self._inputs.mechanism.layout.rate[frame.number] < self._n_held
-        return [] if held else frame.directions
+        free = int(self._inputs.mechanism.layout.rate[frame.number]) in self._free
+        return frame.directions if free else []
 
     def free_modes(self, frame: MovingFrame) -> Array:
         """Return 1 for each mode that isn't held, else 0."""
-        return np.where(self._inputs.mechanism.modes_of(frame.number) < self._n_held, 0.0, 1.0)
+        modes = self._inputs.mechanism.modes_of(frame.number)
+        return np.array([float(int(mode) in self._free) for mode in modes])
 
 
 def joint_load(inputs: Coordinates, frame: MovingFrame) -> Scalar:

@@ -10,7 +10,11 @@ are filled:
 - ``dinputs`` (3 n_signals, 8), ``dq`` (n_positions, 8), ``dv`` and ``da`` (n, 8): eight directions, and ``dr`` (n, 8):
   the residual's derivatives; ``M̂ da`` by ``inertia``;
 - ``f`` (n, 8): eight generalised forces, and ``x`` (n, 8): ``M̂⁻¹ f``, or ``M̂_SS⁻¹ f_S`` of the fast coordinates and
-  zeros for the slow ones;
+  zeros for the slow ones, or ``M̂_LL⁻¹ f_L`` and zeros for the fast ones;
+- ``moved`` (n_positions,): how positions change. With the slow ones, and with the slow rates by their accelerations,
+  the fast rows of the residual change by ``drift`` (n,), and by ``by_inputs`` (3 n_signals, n), ``by_positions`` and
+  ``by_rates`` (n,) along each input, all fast positions and all fast rates;
+- ``clock`` (2,), ``constant``, ``slope``, ``load`` (n,), ``K`` and ``C`` (n_fast, n_fast): see `held.trace_fast_step`;
 - ``origins`` (n_bodies, 3), ``rotations`` (n_bodies, 3, 3) and ``spins`` (n_bodies, 3): the bodies' frames and angular
   velocities in space;
 - ``positions`` (n_markers, 3) and ``rotations`` (n_markers, 3, 3): the bodies' named markers, body by body;
@@ -30,6 +34,7 @@ from pipeline.dynamics.compiler.coordinates import Coordinates, RestingCoordinat
 from pipeline.dynamics.compiler.forces import ActingForces, GivenForces
 from pipeline.dynamics.compiler.frames import MovingFrame, trace_frames
 from pipeline.dynamics.compiler.graph import Scalar, combine
+from pipeline.dynamics.compiler.held import trace_drift, trace_fast_step, trace_single
 from pipeline.dynamics.compiler.program import Output, Program
 from pipeline.dynamics.compiler.quantities import (
     trace_kinetic_energy,
@@ -104,18 +109,46 @@ def _slopes(inputs: Coordinates, frames: list[MovingFrame], arguments: tuple[str
     return _in_order_of_rates(inputs.mechanism, "dr", slopes)
 
 
+def _stiffness(inputs: Coordinates, frames: list[MovingFrame]) -> list[Output]:
+    return _slopes(inputs, frames, ("q",))
+
+
+def _damping(inputs: Coordinates, frames: list[MovingFrame]) -> list[Output]:
+    return _slopes(inputs, frames, ("v",))
+
+
+def _drift(inputs: Coordinates, frames: list[MovingFrame]) -> list[Output]:
+    return trace_drift(inputs, trace_residual(inputs, frames))
+
+
+def _hold_single(inputs: Coordinates, frames: list[MovingFrame]) -> list[Output]:
+    return trace_single(inputs, trace_residual(inputs, frames))
+
+
+def _fast_step(inputs: Coordinates, _frames: list[MovingFrame]) -> list[Output]:
+    return trace_fast_step(inputs, damped=True)
+
+
+def _undamped_fast_step(inputs: Coordinates, _frames: list[MovingFrame]) -> list[Output]:
+    return trace_fast_step(inputs, damped=False)
+
+
 def _solve(inputs: Coordinates, frames: list[MovingFrame]) -> list[Output]:
-    return _solution(inputs, 0)
+    return _solution(inputs, range(inputs.mechanism.n))
 
 
 def _solve_fast(inputs: Coordinates, frames: list[MovingFrame]) -> list[Output]:
-    return _solution(inputs, inputs.mechanism.n_slow)
+    return _solution(inputs, range(inputs.mechanism.n_slow, inputs.mechanism.n))
 
 
-def _solution(inputs: Coordinates, n_held: int) -> list[Output]:
-    """Accelerations at rest by given forces, with the first rates held."""
+def _solve_slow(inputs: Coordinates, frames: list[MovingFrame]) -> list[Output]:
+    return _solution(inputs, range(inputs.mechanism.n_slow))
+
+
+def _solution(inputs: Coordinates, free: range) -> list[Output]:
+    """Accelerations at rest by given forces, with all rates held but some."""
     resting = RestingCoordinates(inputs.graph, inputs.mechanism)
-    values = trace_accelerations(trace_frames(resting), GivenForces(resting, "f", n_held))
+    values = trace_accelerations(trace_frames(resting), GivenForces(resting, "f", free))
     return _in_order_of_rates(inputs.mechanism, "x", values)
 
 
@@ -162,6 +195,8 @@ def _in_row(argument: str, row: int, values: list[Scalar]) -> list[Output]:
 
 
 _STATE = ("inputs", "q", "v")
+_MOTION = ("a", "moved", "drift", "by_inputs")
+_HELD = ("constant", "slope", "load", "K")
 _DIRECTIONS = ("dinputs", "dq", "dv", "da", "dr")
 
 DEFINITIONS = {
@@ -170,8 +205,15 @@ DEFINITIONS = {
     "residual": Definition((*_STATE, "a", "r"), _residual),
     "tangents": Definition((*_STATE, "a", *_DIRECTIONS), _tangents, lanes=_DIRECTIONS),
     "inertia": Definition(("inputs", "q", "da", "dr"), _inertia, lanes=("da", "dr")),
+    "stiffness": Definition((*_STATE, "a", "dq", "dr"), _stiffness, lanes=("dq", "dr")),
+    "damping": Definition((*_STATE, "dv", "dr"), _damping, lanes=("dv", "dr")),
+    "drift": Definition((*_STATE, *_MOTION), _drift),
+    "hold_single": Definition((*_STATE, *_MOTION, "by_positions", "by_rates"), _hold_single),
+    "fast_step": Definition(("clock", *_HELD, "C", "q", "v", "a"), _fast_step, in_place=True),
+    "undamped_fast_step": Definition(("clock", *_HELD, "q", "v", "a"), _undamped_fast_step, in_place=True),
     "solve": Definition(("inputs", "q", "f", "x"), _solve, lanes=("f", "x")),
     "solve_fast": Definition(("inputs", "q", "f", "x"), _solve_fast, lanes=("f", "x")),
+    "solve_slow": Definition(("inputs", "q", "f", "x"), _solve_slow, lanes=("f", "x")),
     "frames": Definition((*_STATE, "origins", "rotations", "spins"), _frames),
     "markers": Definition(("inputs", "q", "positions", "rotations"), _markers),
     "energies": Definition((*_STATE, "energies"), _energies),

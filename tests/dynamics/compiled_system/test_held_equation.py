@@ -4,6 +4,7 @@ import numpy as np
 import pytest
 
 from pipeline.core.arrays import Array
+from pipeline.dynamics.compiled_system import system
 from pipeline.dynamics.compiled_system.system import CompiledSystem
 from pipeline.integrators.subcycling import Subcycling
 from tests.dynamics.compiled_system.held_by_differences import sub_cycle
@@ -25,3 +26,13 @@ def test_sub_cycling_holds_the_slopes_of_the_residual(seed: int) -> None:
     want = sub_cycle(made, h, m, 20, *start)
     march = Subcycling(h, m).march(CompiledSystem(made.mechanism), *start, m * h * np.arange(20))
     assert march.q == pytest.approx(want, abs=1e-9)
+
+
+@pytest.mark.parametrize("seed", range(4))
+def test_a_fast_step_without_loops_is_that_with_loops(seed: int, monkeypatch: pytest.MonkeyPatch) -> None:
+    made, h, m = random_mechanism(seed), 0.004, 5
+    start, times = small_state(made, seed), m * h * np.arange(20)
+    unrolled = Subcycling(h, m).march(CompiledSystem(made.mechanism), *start, times)
+    monkeypatch.setattr(system, "_MOST_UNROLLED", 0)
+    looped = Subcycling(h, m).march(CompiledSystem(made.mechanism), *start, times)
+    assert unrolled.q == pytest.approx(looped.q, abs=1e-11)

@@ -29,3 +29,15 @@ def test_fast_coordinates_respond_alone_while_the_slow_ones_are_held(seed: int) 
     M, x = compiled.mass_matrix(compiled.signal_values(TIME), q), compiled.solve_fast(TIME, q, f)
     assert not x[:n_slow].any()
     assert difference(M[n_slow:, n_slow:] @ x[n_slow:], f[n_slow:]) < 1e-12
+
+
+@SEEDS
+def test_slow_coordinates_respond_alone_while_the_fast_ones_are_held(seed: int) -> None:
+    made = random_mechanism(seed)
+    q, v = made.state(seed)
+    n_slow = made.mechanism.n_slow
+    f = np.random.default_rng(seed).normal(size=(len(v), 3))
+    compiled = compile_mechanism(made.mechanism)
+    M, x = compiled.mass_matrix(compiled.signal_values(TIME), q), compiled.solve_slow(TIME, q, f)
+    assert not x[n_slow:].any()
+    assert difference(M[:n_slow, :n_slow] @ x[:n_slow], f[:n_slow]) < 1e-12

@@ -98,3 +98,36 @@ def test_python_calls_no_kernel_that_has_no_way_in_for_it() -> None:
                 called = {ast.unparse(node.func) for node in ast.walk(f) if isinstance(node, ast.Call)}
                 wrong += [f"{name}.{f.name} calls {other}" for other in called & reachable]
     assert wrong == []
+
+
+def test_a_renewed_table_reads_alike_and_shares_no_array() -> None:
+    p = made()
+    copy, out = p.renewed(), np.zeros(7)
+    _read(copy, out)
+    assert out == pytest.approx(expected(p), rel=1e-14)
+    copy.cube[1, 2, 3], copy.inside.weights[3] = 4.0, -1.0
+    out[:] = 0.0
+    _read(copy, out)
+    assert out == pytest.approx(expected(copy), rel=1e-14)
+    assert p.cube[1, 2, 3] != 4.0
+    assert p.inside.weights[3] == 3.0
+    assert not np.shares_memory(p.numbers, copy.numbers)
+
+
+def test_arrays_of_a_renewed_table_begin_cache_lines() -> None:
+    copy = made().renewed()
+    assert [array.ctypes.data % 64 for array in (copy.numbers, copy.cube, copy.inside.weights)] == [0, 0, 0]
+
+
+def test_a_renewed_table_can_be_renewed_and_pickled() -> None:
+    copy = made().renewed()
+    copy.numbers[1] = 5
+    for other in (copy.renewed(), pickle.loads(pickle.dumps(copy))):
+        assert other.numbers.tolist() == [3, 5]
+        assert (other.scale, other.flag, other.count) == (-2.5, True, 7)
+
+
+def test_a_table_has_no_other_members() -> None:
+    for table in (made(), made().renewed()):
+        with pytest.raises(AttributeError, match="Outside has no member other"):
+            _ = table.other

@@ -1,0 +1,321 @@
+"""Exudyn's twins of the arm and of the spatial robot: chains of floating frames on the same meshes, modes and loads.
+
+Run from the project's root: ``python benchmarks/exudyn_chains.py [SCENE]…``; it needs ``pip install exudyn==1.13.6``.
+
+A flexible body is an ``ObjectFFRFreducedOrder`` with our mesh matrices and joint-conforming modes. Four massless mesh
+nodes about each marker, and one that moves as the centre of mass, carry the marker's shapes exactly, so joints, springs
+and weight act on the modes as ours do. Hinges are held by constraints; the robot's second link has Euler parameters,
+the first one stays with Euler angles. The springs of the arm's joints are linear in sections' angles, and are objects
+on the coordinates themselves, at half the time of its torsional springs. Solvers and settings are the fastest that were
+found for the same error: generalised-α with modified Newton to 1e-8, a Jacobian a step. Its explicit solvers know no
+constraints, so the chains have none.
+"""
+
+from __future__ import annotations
+
+import contextlib
+import io
+import math
+import sys
+from collections.abc import Callable, Iterator
+from dataclasses import dataclass
+from pathlib import Path
+from statistics import median
+from typing import Any
+
+import numpy as np
+import scipy.sparse as sp
+from exudyn_peer import INTERVALS, MOST_SECONDS, import_exudyn, sample_times
+
+from pipeline import Pipeline, load_scene
+from pipeline.bench.work_precision import WorkPrecisionRow
+from pipeline.integrators.runge_kutta import RungeKutta
+from pipeline.recovery.motion import Motion
+
+HERE = Path(__file__).parent
+CORNERS = 0.02 * np.array([[1, 0, 0], [0, 1, 0], [0, 0, 1], [-1, -1, -1.0]])  # of a marker's nodes, which average to it
+FINEST = 1e-8
+COARSEST, HALVINGS = 100, 11  # steps of the first march, and how often they are halved
+# What Exudyn's own solver is asked for: trapezoidal steps of index 2 beside generalised-α ones.
+SOLVERS = ("GeneralizedAlpha", "TrapezoidalIndex2")
+
+
+@dataclass
+class Chain:
+    """An assembled chain; ``tip(samples)`` gives the tip in space from the sensors' samples, each (n_times, any)."""
+
+    mbs: Any
+    sensors: list[Any]
+    tip: Callable[[list[Any]], Any]
+    keep: list[Any]
+
+
+def flexible(mbs, fe, body, damping, markers, position, rotation, kind="NodeType.RotationRxyz"):
+    """Add a flexible body; return its object, nodes, and the virtual nodes of each marker."""
+    exu = import_exudyn()
+    n, n_modes = len(body.x), body.shapes.shape[-1]
+    x, shapes, nodes = [body.x], [body.shapes], {}
+    for name in markers:
+        marker = body.markers[name]
+        nodes[name] = list(range(n, n + 4))
+        n += 4
+        for corner in CORNERS:
+            x.append((marker.position + corner)[None])
+            shapes.append((marker.translation + np.cross(marker.rotation.T, corner).T)[None])
+    mass_row = body.gram.S
+    nodes["centre"] = n
+    n += 1
+    x.append((mass_row[:, 0] / body.gram.mass)[None])
+    shapes.append((mass_row[:, 1:] / body.gram.mass)[None])
+    all_x, all_shapes, more = np.concatenate(x), np.concatenate(shapes), 3 * (n - len(body.x))
+
+    def padded(A):
+        return sp.csr_matrix(sp.block_diag([sp.csr_matrix(A), sp.csr_matrix((more, more))]))
+
+    fem = exu.FEM.FEMinterface()
+    fem.nodes, fem.massMatrix, fem.stiffnessMatrix = {"Position": all_x}, padded(fe.M), padded(fe.K)
+    matrix = np.ascontiguousarray(all_shapes.reshape(3 * n, n_modes))
+    fem.modeBasis = {"matrix": matrix, "type": "NormalModes"}
+    reduced = exu.FEM.ObjectFFRFreducedOrderInterface(fem, kind)
+    reduced.stiffnessMatrixReduced, reduced.massMatrixReduced = np.diag(body.omega**2), np.eye(n_modes)
+    still = {"initialAngularVelocity": [0, 0, 0], "initialVelocity": [0, 0, 0]}
+    made = reduced.AddObjectFFRFreducedOrder(mbs, positionRef=list(position), rotationMatrixRef=rotation, **still)
+    D = exu.MatrixContainer()
+    D.SetWithDenseMatrix(np.diag(2 * damping * body.omega), useDenseMatrix=False)
+    mbs.SetObjectParameter(made["oFFRFreducedOrder"], "dampingMatrixReduced", D)
+    return {"object": made["oFFRFreducedOrder"], "frame": made["nRigidBody"], "modes": made["nGenericODE2"], **nodes}
+
+
+def section(mbs, body, name):
+    """Add a marker that moves and turns as a section does."""
+    ii = import_exudyn().itemInterface
+    return mbs.AddMarker(
+        ii.MarkerSuperElementRigid(
+            bodyNumber=body["object"],
+            meshNodeNumbers=body[name],
+            weightingFactors=[0.25] * 4,
+            useAlternativeApproach=True,
+            rotationsExponentialMap=2,
+        )
+    )
+
+
+def point(mbs, body, nodes):
+    """Add a marker that moves as the mean of virtual nodes."""
+    ii, weights = import_exudyn().itemInterface, [1 / len(nodes)] * len(nodes)
+    return mbs.AddMarker(
+        ii.MarkerSuperElementPosition(bodyNumber=body["object"], meshNodeNumbers=nodes, weightingFactors=weights)
+    )
+
+
+def add_weight(mbs, body, mass, g):
+    ii = import_exudyn().itemInterface
+    force = list(mass * np.array(g))
+    mbs.AddLoad(ii.LoadForceVector(markerNumber=point(mbs, body, [body["centre"]]), loadVector=force))
+
+
+def add_torques(mbs, levers, size, keep):
+    """Add a torque ``size(t)`` times a lever on each coordinate (node, number)."""
+    exu = import_exudyn()
+    for (node, k), lever in levers.items():
+        if abs(lever) < 1e-6:
+            continue
+
+        def make(lever):
+            def load(mbs, t, load):  # Exudyn counts the arguments
+                return lever * size(t)
+
+            return load
+
+        made = exu.advancedUtilities.CreateSymbolicUserFunction(
+            mbs, make(float(lever)), "loadUserFunction", itemTypeName="LoadCoordinate"
+        )
+        keep.append(made)
+        ii = exu.itemInterface
+        marker = mbs.AddMarker(ii.MarkerNodeCoordinate(nodeNumber=node, coordinate=k))
+        mbs.AddLoad(ii.LoadCoordinate(markerNumber=marker, loadUserFunction=made))
+
+
+def hold(mbs, node, coordinates):
+    """Hold coordinates of a node."""
+    ii = import_exudyn().itemInterface
+    ground = mbs.AddMarker(ii.MarkerNodeCoordinate(nodeNumber=mbs.AddNode(ii.NodePointGround()), coordinate=0))
+    for k in coordinates:
+        marker = mbs.AddMarker(ii.MarkerNodeCoordinate(nodeNumber=node, coordinate=k))
+        mbs.AddObject(ii.CoordinateConstraint(markerNumbers=[ground, marker]))
+
+
+def arm(run) -> Chain:
+    exu = import_exudyn()
+    ii, symbolic, g, turned = (
+        exu.itemInterface,
+        exu.symbolic,
+        [0, -9.81, 0],
+        np.array([[0, 1, 0], [-1, 0, 0], [0, 0, 1.0]]),
+    )
+    body, container = run.bodies["forearm"], exu.SystemContainer()
+    mbs, keep = container.AddSystem(), [container]
+
+    def rigid(y, mass, inertia):
+        node = mbs.AddNode(ii.NodeRigidBody2D(referenceCoordinates=[0, y, -math.pi / 2]))
+        return node, mbs.AddObject(ii.ObjectRigidBody2D(mass=mass, inertia=inertia, nodeNumber=node))
+
+    def place(number, x):
+        return mbs.AddMarker(ii.MarkerBodyPosition(bodyNumber=number, localPosition=[x, 0, 0]))
+
+    ground = place(mbs.AddObject(ii.ObjectGround()), 0.0)
+    upper_node, upper = rigid(-0.25, 1.5, 1.5 * 0.25 / 12)
+    forearm = flexible(mbs, run.parts["forearm"].fe, body, 0.002, ["wrist"], [0, -0.5, 0], turned)
+    frame = mbs.AddMarker(ii.MarkerNodePosition(nodeNumber=forearm["frame"]))
+    wrist = point(mbs, forearm, forearm["wrist"])
+    gripper_node, gripper = rigid(-1.16, 0.4, 6e-4)
+    for pair in ([ground, place(upper, -0.25)], [place(upper, 0.25), frame], [wrist, place(gripper, -0.06)]):
+        mbs.AddObject(ii.RevoluteJoint2D(markerNumbers=pair))
+    hold(mbs, forearm["frame"], (2, 3, 4))
+    add_weight(mbs, forearm, body.gram.mass, g)
+    for number in (upper, gripper):
+        marker = mbs.AddMarker(ii.MarkerBodyMass(bodyNumber=number))
+        mbs.AddLoad(ii.LoadMassProportional(markerNumber=marker, loadVector=g))
+    add_torques(mbs, {(upper_node, 2): 1.0}, lambda t: 12.0 * symbolic.sin(2 * math.pi * t), keep)
+    at_elbow, at_wrist = body.joint_rotation, body.axis @ body.markers["wrist"].rotation
+
+    def spring(nodes, grip, stiffness, damping):
+        def matrix(factor):
+            made = exu.MatrixContainer()
+            made.SetWithDenseMatrix(factor * np.outer(grip, grip), useDenseMatrix=True)
+            return made
+
+        matrices = {"massMatrix": matrix(0.0), "stiffnessMatrix": matrix(stiffness), "dampingMatrix": matrix(damping)}
+        mbs.AddObject(ii.ObjectGenericODE2(nodeNumbers=nodes, **matrices))
+
+    bent = [forearm["frame"], forearm["modes"]]
+    spring([upper_node, *bent], np.r_[0, 0, -1, 0, 0, 0, 0, 0, 1, at_elbow], 60.0, 0.2)
+    spring([*bent, gripper_node], np.r_[0, 0, 0, 0, 0, -1, -at_wrist, 0, 0, 1], 20.0, 0.02)
+    sensors = [add_sensor(mbs, forearm[name], "Coordinates") for name in ("frame", "modes")]
+    mbs.Assemble()
+    marker = body.markers["wrist"]
+
+    def tip(samples):
+        pose, q = samples
+        r, angle = marker.position + q @ marker.translation.T, pose[:, 5] - math.pi / 2
+        c, s = np.cos(angle), np.sin(angle)
+        turned = [c * r[:, 0] - s * r[:, 1], s * r[:, 0] + c * r[:, 1], r[:, 2]]
+        return np.c_[pose[:, 0], pose[:, 1] - 0.5, pose[:, 2]] + np.transpose(turned)
+
+    return Chain(mbs, sensors, tip, keep)
+
+
+def robot(run) -> Chain:
+    exu = import_exudyn()
+    ii, symbolic, g, straight = exu.itemInterface, exu.symbolic, [0, 0, -9.81], np.eye(3)
+    container = exu.SystemContainer()
+    mbs, keep = container.AddSystem(), [container]
+    first, second = run.bodies["one"], run.bodies["two"]
+    one = flexible(mbs, run.parts["one"].fe, first, 0.005, ["end"], [0, 0, 0], straight)
+    kind = "NodeType.RotationEulerParameters"
+    two = flexible(mbs, run.parts["two"].fe, second, 0.005, ["base", "end"], [0.4, 0, 0], straight, kind)
+    node = mbs.AddNode(ii.NodeRigidBodyRxyz(referenceCoordinates=[0.83, 0, 0, 0, 0, 0]))
+    payload = mbs.AddObject(ii.ObjectRigidBody(mass=1.0, inertia=[8e-4, 6e-4, 5e-4, 0, 0, 0], nodeNumber=node))
+    hold(mbs, one["frame"], range(5))
+    axis = np.array([0, 0.8, 0.6])
+    R = np.c_[[1, 0, 0], np.cross(axis, [1, 0, 0]), axis]
+    turned = {"rotationMarker0": R, "rotationMarker1": R}
+    end = section(mbs, one, "end")
+    frame = mbs.AddMarker(ii.MarkerNodeRigid(nodeNumber=two["frame"]))
+    mbs.AddObject(ii.RevoluteJointZ(markerNumbers=[end, frame], **turned))
+    ends = [end, section(mbs, two, "base")]
+    mbs.AddObject(ii.TorsionalSpringDamper(markerNumbers=ends, stiffness=60.0, damping=0.3, **turned))
+    flange = mbs.AddMarker(ii.MarkerBodyRigid(bodyNumber=payload, localPosition=[-0.03, 0, 0]))
+    mbs.AddObject(ii.GenericJoint(markerNumbers=[section(mbs, two, "end"), flange], constrainedAxes=[1] * 6))
+    for made, body in ((one, first), (two, second)):
+        add_weight(mbs, made, body.gram.mass, g)
+    marker = mbs.AddMarker(ii.MarkerBodyMass(bodyNumber=payload))
+    mbs.AddLoad(ii.LoadMassProportional(markerNumber=marker, loadVector=g))
+    levers = {(one["frame"], 5): 1.0} | {(one["modes"], k): x for k, x in enumerate(first.joint_rotation)}
+    add_torques(mbs, levers, lambda t: 20.0 * symbolic.sin(2 * math.pi * t), keep)
+    kinds = (("frame", "Position"), ("frame", "RotationMatrix"), ("modes", "Coordinates"))
+    sensors = [add_sensor(mbs, two[name], kind) for name, kind in kinds]
+    mbs.Assemble()
+    marker = second.markers["end"]
+
+    def tip(samples):
+        origin, rotation, q = samples
+        r = marker.position + q @ marker.translation.T
+        return origin + np.einsum("tij,tj->ti", rotation.reshape(-1, 3, 3), r)
+
+    return Chain(mbs, sensors, tip, keep)
+
+
+def add_sensor(mbs, node, kind):
+    exu = import_exudyn()
+    kind = getattr(exu.OutputVariableType, kind)
+    return mbs.AddSensor(exu.itemInterface.SensorNode(nodeNumber=node, storeInternal=True, outputVariableType=kind))
+
+
+CASES = {"arm": ("arm", arm), "robot": (str(HERE / "scenes" / "robot.toml"), robot)}
+
+
+def march(chain: Chain, duration: float, solver: str, n_steps: int, output: bool) -> tuple[float, int]:
+    """Integrate; return seconds and Newton's iterations."""
+    exu = import_exudyn()
+    settings = exu.SimulationSettings()
+    settings.solution.file.write = False
+    settings.solution.sensors.active = output
+    settings.solution.sensors.writePeriod = duration / INTERVALS
+    time = settings.timeIntegration
+    time.endTime, time.numberOfSteps = duration, n_steps
+    time.automaticStepSize = time.adaptiveStep = False
+    time.generalizedAlpha.spectralRadius = 0.95
+    time.newton.useModifiedNewton = True
+    time.newton.relativeTolerance, time.newton.absoluteTolerance = 1e-8, 1e-10
+    settings.parallel.numberOfThreads = 1
+    with contextlib.redirect_stdout(io.StringIO()):  # a failed march says so there, and raises
+        chain.mbs.SolveDynamic(settings, solverType=getattr(exu.DynamicSolverType, solver), showHints=False)
+    done = chain.mbs.sys["dynamicSolver"]
+    return done.timer.total, done.it.newtonStepsCount
+
+
+def measure(name: str, repeats: int = 5) -> Iterator[WorkPrecisionRow]:
+    """March a chain by Exudyn's solvers, coarse to fine, timed as our own benchmark does it."""
+    exu, (scene, build) = import_exudyn(), CASES[name]
+    run = Pipeline(load_scene(scene))
+    duration, (q0, v0) = run.scene.simulation.duration, run.start
+    exact = RungeKutta(1e-13).march(run.system, q0, v0, sample_times(duration))
+    wanted = Motion(run.mechanism, exact, run.scene.simulation.tip).tip_position
+    for solver in SOLVERS:
+        chain = build(run)
+        for n_steps in (COARSEST * 2**k for k in range(HALVINGS)):
+            try:
+                _, iterations = march(chain, duration, solver, n_steps, output=True)
+            except exu.ExudynError:  # diverged: nothing to compare at this step
+                continue
+            samples = [np.array(chain.mbs.GetSensorStoredData(sensor))[:, 1:] for sensor in chain.sensors]
+            error = float(np.abs(chain.tip(samples) - wanted).max() / np.abs(wanted).max())
+            if not error < 1.0:
+                continue
+            seconds: list[float] = []
+            while len(seconds) < repeats and sum(seconds) < MOST_SECONDS:
+                seconds.append(march(chain, duration, solver, n_steps, output=False)[0])
+            yield WorkPrecisionRow(f"Exudyn {solver}", duration / n_steps, 1, median(seconds), error, iterations)
+            if median(seconds) > MOST_SECONDS or error < FINEST:
+                break
+
+
+def peer_rows(name: str) -> list[WorkPrecisionRow]:
+    """Return the rows of Exudyn's solvers on a scene, to stand beside our own.
+
+    Raises
+    ------
+    ModuleNotFoundError
+        Exudyn isn't installed.
+    """
+    import_exudyn()  # before the reference takes its time
+    return list(measure(name))
+
+
+if __name__ == "__main__":
+    for name in sys.argv[1:] or CASES:
+        print(f"{name}\n{'solver':<26}{'step_s':>12}{'seconds':>11}{'error':>11}{'iterations':>13}")
+        for row in peer_rows(name):
+            figures = f"{row.step_s:>12.4g}{row.seconds:>11.4g}{row.error:>11.3g}{row.evaluations:>13}"
+            print(f"{row.integrator:<26}{figures}", flush=True)

@@ -1,0 +1,38 @@
+"""Rows of the CSV files of this folder, and how tables show them."""
+
+from __future__ import annotations
+
+import csv
+from collections.abc import Iterable
+from math import isfinite
+from pathlib import Path
+
+HERE = Path(__file__).parent
+Row = dict[str, str]
+
+
+def read_rows(name: str) -> list[Row]:
+    """Read a CSV file of this folder; lines that start with # are comments."""
+    with (HERE / f"{name}.csv").open(newline="") as file:
+        return list(csv.DictReader(line for line in file if not line.startswith("#")))
+
+
+def markdown(header: Iterable[str], rows: Iterable[Iterable[str]]) -> str:
+    """Format a Markdown table."""
+    head = list(header)
+    lines = [head, ["---"] * len(head), *(list(row) for row in rows)]
+    return "".join(f"| {' | '.join(line)} |\n" for line in lines)
+
+
+def format_seconds(seconds: float) -> str:
+    """Format a duration with two figures and its unit, a dash for none."""
+    if not isfinite(seconds):
+        return "–"
+    units = ((1, "s"), (1e3, "ms"), (1e6, "µs"), (1e9, "ns"))
+    factor, unit = next(((f, u) for f, u in units if seconds * f >= 1), units[-1])
+    return f"{seconds * factor:.2g} {unit}" if seconds * factor < 100 else f"{seconds * factor:.0f} {unit}"
+
+
+def format_ratio(ratio: float) -> str:
+    """Format a ratio with two figures, or three from 100 on."""
+    return f"{ratio:.0f}" if ratio >= 100 else f"{ratio:.2g}"
