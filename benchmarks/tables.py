@@ -16,7 +16,7 @@ from statistics import median
 
 HERE = Path(__file__).parent
 sys.path.append(str(HERE))
-from speed_tables import compiling, march_flops, march_speed  # noqa: E402 - beside this file
+from speed_tables import compiling, march_flops, march_speed, variants  # noqa: E402 - beside this file
 from table_format import Row, format_ratio, format_seconds, markdown, read_rows  # noqa: E402
 
 DOCS = HERE.parent / "docs"
@@ -287,6 +287,7 @@ TABLES: dict[str, Callable[[], str]] = {
     "stability": stability,
     "whole-runs": whole_runs,
     "march-speed": march_speed,
+    "variants": variants,
     "march-flops": march_flops,
     "compiling": compiling,
     "eigen": eigen,
