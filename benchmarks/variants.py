@@ -1,9 +1,9 @@
 """Scenes marched in a second for a sweep over a damper, written to variants.csv.
 
-An earlier version's sweep marches one scene after the other in each of two processes; this one marches all in the lanes
-of one compiled step, in two threads. Both march by central difference with the same step, and what is timed is the march
-alone. Run from the project's root: ``python benchmarks/variants.py --before CHECKOUT``; CHECKOUT is the root of the
-earlier version.
+An earlier version's sweep marches one scene after the other in each of two processes; this one marches all in the
+lanes of one compiled step, in two threads. Both march by central difference with the same step, and what is timed is
+the march alone. Run from the project's root: ``python benchmarks/variants.py --before CHECKOUT``; CHECKOUT is the root
+of the earlier version.
 """
 
 from __future__ import annotations

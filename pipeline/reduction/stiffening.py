@@ -97,7 +97,7 @@ def stiffen_body(
 
 
 class _Support:
-    """What balances loads on a body: the reactions of its joint, and its inertia where the joint lets it move."""
+    """Forces that balance loads on a body: the reactions of its joint, and its inertia where the joint lets it move."""
 
     def __init__(
         self, body: FlexibleBody, fe: FEModel, solver: FreeBodySolver, held: Array | None, free: Array

@@ -63,7 +63,7 @@ class Coordinates:
 
     @property
     def leaping(self) -> Coordinates:
-        """The same mechanism's inputs in the leapfrog method."""
+        """Inputs of this mechanism in the leapfrog method."""
         return LeapingCoordinates(self.graph, self.mechanism)
 
     @property

@@ -151,7 +151,7 @@ class _Lifted(Coordinates):
 
 
 class _LeapingLifted(_Lifted, LeapingCoordinates):
-    """The same in the leapfrog method."""
+    """Inputs of variants in the leapfrog method."""
 
 
 class VariantCoordinates(_Lifted):
@@ -159,7 +159,7 @@ class VariantCoordinates(_Lifted):
 
     @property
     def leaping(self) -> Coordinates:
-        """The same mechanisms' inputs in the leapfrog method."""
+        """Inputs of these mechanisms in the leapfrog method."""
         return _LeapingLifted(self.graph, self.mechanism, self._places, self._acting)
 
 

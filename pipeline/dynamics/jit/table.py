@@ -29,7 +29,7 @@ _LINE = 8  # words
 
 
 class _Plan(NamedTuple):
-    """What copies of a table are made of: its words, the content of its arrays in lines, and where each of them is."""
+    """Parts that copies of a table are made of: its words, the content of its arrays in lines, and where each of them is."""
 
     words: IntArray
     content: IntArray
@@ -135,7 +135,7 @@ def _address_of(x: Array | IntArray) -> int:
 
 
 def _words_of(x: Any) -> list[int]:
-    """What is stored of a member: of an array its address and its shape."""
+    """Return the words that hold a member: of an array its address and its shape."""
     if isinstance(x, Table):
         return [x.address]
     if isinstance(x, np.ndarray):
@@ -152,7 +152,7 @@ class TableType(types.Type):
 
     @property
     def key(self) -> Any:
-        """What tells one such type from another."""
+        """Class and members, by which Numba compares types."""
         return self.instance_class, self.members
 
     def word(self, name: str) -> int:
@@ -169,7 +169,7 @@ register_model(TableType)(models.OpaqueModel)
 
 
 def _kind(x: Any) -> Any:
-    """What a member's type depends on; Numba's own look at each of fifty arrays takes longer than many a march."""
+    """Return the kind of a member, on which its type depends; Numba's own look at each of fifty arrays takes longer than many a march."""
     if isinstance(x, np.ndarray):
         return x.dtype, x.ndim, x.flags.writeable
     return x._numba_type_ if isinstance(x, Table) else numba.typeof(x)
