@@ -9,7 +9,7 @@ as the method counts them, the ratio that of whole marches.
 
 Operations are those of the compiled function that a step of central differences calls, counted in its graph. The rate
 of multiplications and additions that this reaches stands beside that of a dense matrix product on one thread. Compiling
-is measured apart: all of what `Pipeline.motions` traces and compiles with an empty cache for the ready scenes.
+is measured apart: all that `Pipeline.motions` traces and compiles for the ready scenes where nothing is kept.
 """
 
 from __future__ import annotations
@@ -181,7 +181,7 @@ def serve() -> None:
 
 def compile_all(scene: str) -> dict[str, float]:
     """Return the processor seconds for tracing and compiling all of a scene's motions, and their number."""
-    from pipeline.dynamics.compiler import compiled
+    from pipeline.dynamics.compiler import compiled, store
 
     spent, count = 0.0, 0
 
@@ -195,6 +195,7 @@ def compile_all(scene: str) -> dict[str, float]:
 
         return load_timed
 
+    store._read = lambda path: None  # as if nothing was kept
     compiled.load_object, compiled.load_program = timed(compiled.load_object), timed(compiled.load_program)
     run, system = open_scene(scene, [])
     if scene == "chain":
@@ -285,11 +286,10 @@ def measure_dgemm() -> float:
 
 
 def measure_compiling(version: Version) -> list[dict[str, str]]:
-    """Compile what the ready scenes and the chain march with, each in a process with an empty cache."""
+    """Compile what the ready scenes and the chain march with, each in a process of its own."""
     rows = []
     for scene in (*READY, "chain"):
-        with tempfile.TemporaryDirectory() as empty:
-            found = Version(version.root, empty).call("--compile", scene)
+        found = version.call("--compile", scene)
         row = {"scene": "ten links" if scene == "chain" else scene, "coordinates": f"{found['n']:.0f}"}
         rows.append(row | {"functions": f"{found['functions']:.0f}", "seconds": f"{found['seconds']:.2f}"})
         print(*rows[-1].values(), sep="  ", flush=True)
@@ -328,7 +328,7 @@ def main() -> None:
         chosen = reader.parse_args()
         with tempfile.TemporaryDirectory() as folder:
             if chosen.before is None:
-                rows = measure_compiling(Version(ROOT, folder))
+                rows = measure_compiling(Version(ROOT, os.environ.get("FMD_CACHE", folder)))
                 write_rows(HERE / "compiling.csv", rows, "", (*READY, "ten links"))
                 return
             versions = [Version(chosen.before.resolve(), f"{folder}/before"), Version(ROOT, f"{folder}/now")]
