@@ -29,7 +29,7 @@ _LINE = 8  # words
 
 
 class _Plan(NamedTuple):
-    """Parts that copies of a table are made of: its words, the content of its arrays in lines, and where each of them is."""
+    """Parts that copies of a table are made of: words, the content of arrays in lines, and where each of them is."""
 
     words: IntArray
     content: IntArray
@@ -169,7 +169,7 @@ register_model(TableType)(models.OpaqueModel)
 
 
 def _kind(x: Any) -> Any:
-    """Return the kind of a member, on which its type depends; Numba's own look at each of fifty arrays takes longer than many a march."""
+    """Return a member's kind: Numba's own look at each of fifty arrays takes longer than many a march."""
     if isinstance(x, np.ndarray):
         return x.dtype, x.ndim, x.flags.writeable
     return x._numba_type_ if isinstance(x, Table) else numba.typeof(x)
