@@ -52,7 +52,7 @@ def fmd(points, cells, name):
     mesh = space_of(points, cells, name).mesh
 
     def work():
-        fe = assemble(mesh, ELEMENTS[name][1], Material(E, NU, RHO))
+        fe = assemble(mesh, ELEMENTS[name][1], Material(E, NU, RHO), "plain")  # as the others have it
         return fe.K, fe.M, fe.x
 
     return work, nodal

@@ -1,8 +1,8 @@
 """Hexahedra side by side: cantilevers beside CalculiX' on the same meshes, the propeller, and rules of quadrature.
 
-Run from the project's root: ``python benchmarks/elements.py [cantilevers] [propeller] [quadrature]``; each part prints
-its table and writes it beside itself. CalculiX (``apt-get install calculix-ccx``) gets the same nodes, elements and
-nodal forces; without it its columns stay as they were. Processor seconds on one thread.
+Run from the project's root: ``python benchmarks/elements.py [cantilevers] [propeller] [hexahedra] [tetrahedra]``; each
+part prints its table and writes it beside itself. CalculiX (``apt-get install calculix-ccx``) gets the same nodes,
+elements and nodal forces; without it its columns are empty. Processor seconds on one thread.
 """
 
 from __future__ import annotations
@@ -16,6 +16,7 @@ import sys
 import tempfile
 import time
 from dataclasses import replace
+from functools import partial
 from pathlib import Path
 
 import numpy as np
@@ -27,13 +28,16 @@ from meshes.bar import hexahedral_bar
 from pipeline import Pipeline, load_scene
 from pipeline.accuracy.error_budget import ERROR_BUDGET
 from pipeline.accuracy.matching import match_shapes
+from pipeline.bench.mode_study import STUDIES
 from pipeline.core.cache import Cache
 from pipeline.fem.assembly import _mass, _stiffness, assemble
 from pipeline.fem.elements import ElementKind
 from pipeline.fem.markers import face_marker
 from pipeline.fem.material import Material
 from pipeline.fem.mesh import SolidMesh
+from pipeline.fem.model import FEModel
 from pipeline.fem.space import Discretisation
+from pipeline.reduction.eigen import FreeBodySolver
 from pipeline.reduction.factor.factor import factorise
 
 HERE = Path(__file__).parent
@@ -168,24 +172,23 @@ def propeller():
         u = solver.static_response(spin)[:, :, 0]
         if exact is None:
             exact = fe, pairs, u
-            yield [name, "", "", "", "", "", "", f"{min(matrices):.3g}", f"{modes:.3g}"]
+            yield [name, "", "", "", "", "", "", f"{min(matrices):.2g}", f"{modes:.3g}"]
             continue
         theirs, their_pairs, their_u = exact
         numbers = match_shapes(fe.x, pairs.shapes, theirs.x, theirs.m, their_pairs.shapes)
         errors = pairs.omega / their_pairs.omega[numbers] - 1
         corners = cKDTree(theirs.x).query(fe.x)[1]
         apart = np.linalg.norm(u - their_u[corners]) / np.linalg.norm(their_u[corners])
-        stated = {row.name: row.total for row in ERROR_BUDGET.of(run).rows}
+        stated = {row.name: row.numerical for row in ERROR_BUDGET.of(run).rows}
         of_frequencies = max(total for quantity, total in stated.items() if "frequency" in quantity)
         figures = (
             *(np.abs(errors).max(), np.sqrt(np.mean(errors**2)), apart),
             *(of_frequencies, stated["tip, deflection"], stated["propeller.joint, von Mises stress"]),
-            *(min(matrices), modes),
         )
-        yield [name, *(f"{figure:.3g}" for figure in figures)]
+        yield [name, *(f"{100 * figure:.2g} %" for figure in figures), f"{min(matrices):.2g}", f"{modes:.3g}"]
 
 
-# Rules of quadrature for the stiffness of quadratic hexahedra -------------------------------------------------------
+# Rules of quadrature ------------------------------------------------------------------------------------------------
 
 
 class Irons(ElementKind):
@@ -201,61 +204,96 @@ class Irons(ElementKind):
         return (np.array(points).T + 1) / 2, np.array([320 / 361] * 6 + [121 / 361] * 8) / 8
 
 
-def with_rule(space, points):
-    """Return a space of quadratic hexahedra whose stiffness is integrated by 27, 14 or 8 points."""
-    kind = space.kind
-    if points == 14:
-        kind = Irons(*(getattr(kind, name) for name in kind.__dataclass_fields__))
-    order = {27: kind.stiffness_order, 14: 14, 8: 3}[points]
-    other = Discretisation(space.mesh, space.order)
-    other.__dict__["kind"] = replace(kind, stiffness_order=order)
-    return other
+def with_orders(mesh, stiffness, mass):
+    """Return a space of second order with other orders of quadrature."""
+    space = Discretisation(mesh, 2)
+    kind = Irons(*(getattr(space.kind, name) for name in space.kind.__dataclass_fields__))
+    space.__dict__["kind"] = replace(kind, stiffness_order=stiffness, mass_order=mass)
+    return space
 
 
-def frequencies(space, count):
-    """Return the number of zero frequencies and the ``count`` lowest others, from dense matrices."""
-    K = _stiffness(space, METAL).toarray()
-    M = np.kron(_mass(Discretisation(space.mesh, space.order), METAL).toarray(), np.eye(3))
+def spectrum(space):
+    """Return all frequencies of a small mesh, those of zero among them."""
+    K, M = _stiffness(space, METAL).toarray(), np.kron(_mass(space, METAL).toarray(), np.eye(3))
     values = scipy.linalg.eigh(K, M, eigvals_only=True)
-    zeros = int((values < 1e-10 * values[-1]).sum())
-    return zeros, np.sqrt(values[zeros : zeros + count])
+    return np.sqrt(np.where(values < 1e-10 * values[-1], 0.0, values))
 
 
-def quadrature():
-    """Count the zero frequencies of free bars, and compare frequencies and seconds."""
-    long = Discretisation(SolidMesh(*hexahedral_bar(0.34, 0.025, 0.01, (30, 3, 1))), 2)
-    exact = frequencies(Discretisation(SolidMesh(*hexahedral_bar(0.34, 0.025, 0.01, (48, 5, 2))), 2), 8)[1]
-    mesh = Pipeline(load_scene("propeller", ["body.propeller.mesh.order=2"]), Cache(None)).parts["propeller"].mesh
-    whole = Discretisation(mesh, 2)
-    whole.element_nodes  # noqa: B018
-    for points in (27, 14, 8):
-        zeros = []
-        for divisions in ((1, 1, 1), (6, 1, 1), (24, 1, 1), (6, 3, 1)):
-            bar = Discretisation(SolidMesh(*hexahedral_bar(*map(float, divisions), divisions)), 2)
-            zeros.append(frequencies(with_rule(bar, points), 1)[0])
-        error = np.abs(frequencies(with_rule(long, points), 8)[1] / exact - 1).max()
-        seconds = []
-        for _ in range(REPEATS):
-            space = with_rule(whole, points)
+def frequencies(space, count, material=METAL):
+    """Return the lowest elastic frequencies of a mesh."""
+    fe = FEModel(space, material, _stiffness(space, material), _mass(space, material))
+    return FreeBodySolver(fe).modes(count).omega
+
+
+def bar(divisions, distortion=0.0):
+    """Mesh a bar of cubes whose corners are moved at random."""
+    points, *rest = hexahedral_bar(*map(float, divisions), divisions)
+    return SolidMesh(points + np.random.default_rng(0).uniform(-distortion, distortion, points.shape), *rest)
+
+
+def seconds_of(make):
+    """Return the least processor time of some repetitions."""
+    times = []
+    for _ in range(REPEATS):
+        tick = time.process_time()
+        make()
+        times.append(time.process_time() - tick)
+    return f"{min(times):.3g}"
+
+
+def hexahedra():
+    """Count what hex20 with fewer points lets through in free bars, and compare frequencies and seconds."""
+    rows, crooked = ((1, 1, 1), (6, 1, 1), (24, 1, 1), (3, 3, 3)), bar((24, 1, 1), 0.2)
+    beam = SolidMesh(*hexahedral_bar(0.34, 0.025, 0.01, (30, 3, 1)))
+    exact = frequencies(Discretisation(SolidMesh(*hexahedral_bar(0.34, 0.025, 0.01, (96, 8, 3))), 2), 8)
+    whole = Pipeline(load_scene("propeller", ["body.propeller.mesh.order=2"]), Cache(None)).parts["propeller"].mesh
+    limit = spectrum(Discretisation(crooked, 2))[26]
+    for points, order in ((27, 5), (14, 14), (8, 3)):
+        zeros = [(spectrum(with_orders(bar(row), order, 5)) == 0).sum() for row in rows]
+        beyond = (spectrum(with_orders(crooked, order, 5)) < limit).sum() - 26
+        error = np.abs(frequencies(with_orders(beam, order, 5), 8) / exact - 1).max()
+        space = with_orders(whole, order, 7)
+        space.structure  # noqa: B018
+        yield [points, *zeros, beyond, f"{100 * error:.3g} %", seconds_of(partial(_stiffness, space, METAL))]
+
+
+def tetrahedra():
+    """Compare frequencies and seconds of propellers of curved tet10 by rules of quadrature for K and M."""
+    study = next(study for study in STUDIES if study.scene == "propeller")
+    limits = next(line for line in (HERE / "modes.csv").read_text().splitlines() if line.startswith("# propeller:"))
+    exact = np.array(limits.split(":")[1].split("Hz")[0].split(), dtype=float)
+    for element, name, overrides in study.meshes:
+        if element != "tet10" or name.startswith("9"):
+            continue
+        part = Pipeline(load_scene("propeller", overrides), Cache(None)).parts["propeller"]
+        for orders in ((2, 5), (2, 6), (5, 5)):
+            space = with_orders(part.mesh, *orders)
             space.structure  # noqa: B018
-            tick = time.process_time()
-            _stiffness(space, METAL)
-            seconds.append(time.process_time() - tick)
-        yield [points, *zeros, f"{error:.3g}", f"{min(seconds):.3g}"]
+            points = [space.kind.quadrature(order)[1].size for order in orders]
+            error = np.abs(frequencies(space, 6, part.material) / (2 * np.pi * exact) - 1).max()
+            times = (seconds_of(partial(make, space, part.material)) for make in (_stiffness, _mass))
+            yield [f"{3 * len(space.x):,}", *points, f"{100 * error:.2g} %", *times]
 
 
 PARTS = {
-    "cantilevers": (cantilevers, ("case", "plain", "enhanced", "CalculiX C3D8", "CalculiX C3D8I")),
+    "cantilevers": (cantilevers, ("cantilever", "plain", "enhanced", "CalculiX C3D8", "CalculiX C3D8I")),
     "propeller": (
         propeller,
         (
-            *("element", "largest error of a frequency", "rms error", "spin displacement"),
-            *("stated: frequency", "stated: tip deflection", "stated: joint stress", "K + M, s", "modes, s"),
+            *("element", "largest error of 24 frequencies", "rms error", "spin displacement"),
+            *("stated: worst frequency", "stated: tip deflection", "stated: joint stress", "K + M, s", "modes, s"),
         ),
     ),
-    "quadrature": (
-        quadrature,
-        ("points", "1 × 1 × 1", "6 × 1 × 1", "24 × 1 × 1", "6 × 3 × 1", "error of a frequency", "K, s"),
+    "hexahedra": (
+        hexahedra,
+        (
+            *("points", "zeros of 1 × 1 × 1", "of 6 × 1 × 1", "of 24 × 1 × 1", "of 3 × 3 × 3"),
+            *("too many below the 21st of a crooked row", "error of a frequency", "K, s"),
+        ),
+    ),
+    "tetrahedra": (
+        tetrahedra,
+        ("unknowns", "points of K", "points of M", "error of a frequency", "K, s", "M, s"),
     ),
 }
 

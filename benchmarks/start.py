@@ -17,6 +17,7 @@ import subprocess
 import sys
 import tempfile
 import time
+import tomllib
 from pathlib import Path
 from statistics import median
 from typing import NamedTuple
@@ -44,7 +45,8 @@ def run(project: Path, arguments: list[str], folder: Path) -> Times:
     kept = {"FMD_CACHE": str(folder / "cache"), "MPLCONFIGDIR": str(folder / "fonts")}
     alone = dict.fromkeys(("OMP_NUM_THREADS", "OPENBLAS_NUM_THREADS"), "1")
     out = ["--out", str(folder / "out")] if arguments[0] == "run" else []
-    command = [sys.executable, "-m", "pipeline", *arguments, *out]
+    module, function = tomllib.loads((project / "pyproject.toml").read_text())["project"]["scripts"]["fmd"].split(":")
+    command = [sys.executable, "-c", f"from {module} import {function}; {function}()", *arguments, *out]
     before, tick = resource.getrusage(resource.RUSAGE_CHILDREN), time.perf_counter()
     environment = os.environ | kept | alone | {"PYTHONPATH": str(project)}
     subprocess.run(command, cwd=project, env=environment, check=True, capture_output=True)

@@ -9,6 +9,7 @@ from __future__ import annotations
 import re
 import sys
 from collections.abc import Callable
+from functools import partial
 from itertools import pairwise
 from math import exp, inf, isfinite, log
 from pathlib import Path
@@ -44,6 +45,7 @@ METHODS = (
 )
 FACTOR = 5.0  # an error budget within this factor of the true error counts as near
 LATER = ("further", "propeller, quadratic")  # cases that were added when the estimates had been made
+ELEMENTS = ("cantilevers", "propeller", "hexahedra", "tetrahedra")
 ENERGY_KEEPING = ("central-difference", "reversible-sub-cycling")
 
 
@@ -279,6 +281,12 @@ def deflection() -> str:
     return markdown(("reference", "of the length", "deflection [%]", "its size [%]", "stress [%]"), lines)
 
 
+def as_written(name: str) -> str:
+    """Tabulate a CSV file as it stands."""
+    rows = read_rows(name)
+    return markdown(rows[0], (row.values() for row in rows))
+
+
 TABLES: dict[str, Callable[[], str]] = {
     "integrators": integrators,
     "beam-subcycling": beam_subcycling,
@@ -295,6 +303,8 @@ TABLES: dict[str, Callable[[], str]] = {
     "error-budget": error_budget,
     "error-sources": error_sources,
     "deflection": deflection,
+    "start": partial(as_written, "start"),
+    **{f"elements-{part}": partial(as_written, f"elements-{part}") for part in ELEMENTS},
 }
 
 

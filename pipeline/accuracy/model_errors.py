@@ -236,7 +236,8 @@ def _gain_by_rigid_root(run: Pipeline, rigid: Pipeline, name: str) -> tuple[Arra
     """Return what the squares of a part's frequencies, and of its body's, gain on the same mesh with a rigid root."""
     part, m = run.parts[name], run.parts[name].fe.m
     gains = []
-    for own, other in ((part.modes, rigid.parts[name].modes), (run.bodies[name], rigid.bodies[name])):
+    other_part = rigid.parts[name]  # stiffening would change neither shapes nor frequencies
+    for own, other in ((part.modes, other_part.modes), (part.body, other_part.body)):
         x = part.space.x
         numbers, alike = find_counterparts(x, own.shapes, x, m, other.shapes, other.omega)
         gains.append(np.where(alike > ALIKE, (other.omega[numbers] / own.omega) ** 2 - 1, 0.0))

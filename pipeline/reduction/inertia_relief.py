@@ -51,23 +51,22 @@ def solve_balanced(K: Any, M: Any, R: Array, inverse: Callable[[Array], Array], 
     def balance(load: Array) -> Array:
         return np.asarray(load - MR @ np.linalg.solve(rigid_mass, R.T @ load))
 
-    def energy_norm(load: Array) -> Array:
-        return np.asarray(np.sqrt(np.maximum(np.einsum("ij,ij->j", load, inverse(load)), 0.0)))
-
     loads = balance(f)
     zero = np.linalg.norm(loads, axis=0) <= _BALANCED * np.linalg.norm(f, axis=0)
     loads[:, zero] = 0.0
-    size = np.where(zero, 1.0, energy_norm(loads))
+    defect, answer = loads, inverse(loads)
+    size = np.where(zero, 1.0, _energy_norm(defect, answer))
     u, before = np.zeros_like(loads), np.inf
     for _ in range(_MAX_RESTARTS):
+        u += _conjugate_gradients(K, defect, answer, inverse)
+        u -= R @ np.linalg.solve(rigid_mass, MR.T @ u)
         defect = balance(loads - K @ u)
-        residual = energy_norm(defect) / size  # in which round-off of stiff elements counts little
+        answer = inverse(defect)
+        residual = _energy_norm(defect, answer) / size  # in which round-off of stiff elements counts little
         largest = residual.max()
         if largest < _CONVERGED or 0.1 * before < largest < STATIC_RESIDUAL_LIMIT:
             break
         before = largest
-        u += _conjugate_gradients(K, defect, inverse)
-        u -= R @ np.linalg.solve(rigid_mass, MR.T @ u)
     if not residual.max() < STATIC_RESIDUAL_LIMIT:
         raise AccuracyError(
             f"static response {residual.argmax()}: residual {residual.max():.1e} exceeds {STATIC_RESIDUAL_LIMIT:.0e}"
@@ -75,10 +74,14 @@ def solve_balanced(K: Any, M: Any, R: Array, inverse: Callable[[Array], Array], 
     return u
 
 
-def _conjugate_gradients(K: Any, f: Array, inverse: Callable[[Array], Array]) -> Array:
-    """Solve ``K u = f``, all columns side by side, to about four digits, preconditioned by ``inverse``."""
+def _energy_norm(load: Array, answer: Array) -> Array:
+    """Return the roots of the products of loads and answers to them, (n,); round-off may make a product negative."""
+    return np.asarray(np.sqrt(np.maximum(np.einsum("ij,ij->j", load, answer), 0.0)))
+
+
+def _conjugate_gradients(K: Any, f: Array, z: Array, inverse: Callable[[Array], Array]) -> Array:
+    """Solve ``K u = f``, all columns side by side, to about four digits, preconditioned by ``inverse``, from its z."""
     u, r = np.zeros_like(f), f.copy()
-    z = inverse(r)
     p, product = z.copy(), np.einsum("ij,ij->j", r, z)
     enough = _STEP_GAIN**2 * product
     for _ in range(_MOST_STEPS):

@@ -28,7 +28,7 @@ if TYPE_CHECKING:
     from pipeline.fem.model import FEModel
     from pipeline.reduction.eigen import FreeBodySolver
 
-_AT_A_TIME = 3  # loads: memory for the matrix of every element under each
+_ENTRIES = 1200  # of an element's matrices under all loads at a time, for the sake of memory
 _BALANCED = 1e-9  # of a load: less that is left beside the inertia of free motion is round-off
 
 
@@ -120,8 +120,9 @@ class _Support:
         felt = np.flatnonzero(np.abs(rest).max(axis=0) > _BALANCED * np.abs(flat).max(axis=0))
         u = self._solver.static_response(rest[:, felt].reshape(*loads.shape[:2], -1))
         out = np.zeros((flat.shape[1], self._shapes.shape[2], self._shapes.shape[2]))
-        for first in range(0, len(felt), _AT_A_TIME):
-            part = slice(first, first + _AT_A_TIME)
+        at_a_time = max(1, _ENTRIES // self._fe.discretisation.element_nodes.shape[1] ** 2)
+        for first in range(0, len(felt), at_a_time):
+            part = slice(first, first + at_a_time)
             out[felt[part]] = reduced_geometric_stiffness(self._fe, u[:, :, part], self._shapes)
         return out
 

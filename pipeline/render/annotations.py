@@ -81,10 +81,10 @@ def add_colour_bar(
     start = np.array([left, bottom, 0.0])
     wide, high, _ = np.diag([right - left, top - bottom, 0.0])
     if top - bottom > right - left:
-        along, across, offset, align = high, wide, np.array([right - left + 0.01, 0, 0]), "left"
+        along, across, offset, align, near = high, wide, np.array([right - left + 0.01, 0, 0]), "left", 0.06
         add_text(canvas, quantity, (left, top + 0.05), fit_height(quantity, LABEL_HEIGHT, ABOVE_BAR, canvas.size))
     else:
-        along, across, offset, align = wide, high, np.array([0, -0.025, 0]), "centre"
+        along, across, offset, align, near = wide, high, np.array([0, -0.025, 0]), "centre", 0.1
         room = left - 0.015 - MARGIN
         height = fit_height(quantity, LABEL_HEIGHT, room, canvas.size)
         add_text(canvas, quantity, (left - 0.015, (bottom + top) / 2), height, "right")
@@ -98,7 +98,7 @@ def add_colour_bar(
     span = limits[1] - limits[0]
     for tick in (limits[0], *MaxNLocator(5).tick_values(*limits), limits[1]):
         share = (tick - limits[0]) / span
-        if tick in limits or 0.06 < share < 0.94:
+        if tick in limits or near < share < 1 - near:  # numbers side by side need more room
             x, y, _ = start + share * along + offset
             add_text(canvas, format_number(tick, span), (x, y), TICK_HEIGHT, align)
 

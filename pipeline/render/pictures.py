@@ -127,7 +127,7 @@ def draw_mode(
     points, magnitude = scale_mode(surface, displacement, scale)
     both = np.concatenate([surface.points, points])
     projection = camera.projection(camera.candidate_axes(both)[0], both)
-    with open_canvas(projection) as canvas:
+    with open_canvas(projection, fineness=2) as canvas:
         _add_deformed(canvas, surface, points, magnitude, (0.0, 1.0), camera)
         _annotate(canvas, camera, title, "", "relative displacement", (0.0, 1.0))
         canvas.save(path)
@@ -196,7 +196,7 @@ def draw_stress(
     both = np.concatenate([surface.points, points])
     axes, largest, visible = choose_axes(camera.candidate_axes(both), points, surface.triangles, np.abs(stress))
     projection = camera.projection(axes, both)
-    with open_canvas(projection) as canvas:
+    with open_canvas(projection, fineness=2) as canvas:
         _add_deformed(canvas, surface, points, stress * 1e-6, limits, camera)
         if not camera.is_close_up or projection.contains(points[largest], PART):
             value = f"{format_number(stress[largest] * 1e-6, limits[1] - limits[0])} MPa"

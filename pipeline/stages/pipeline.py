@@ -4,13 +4,13 @@ from __future__ import annotations
 
 from collections.abc import Callable, Mapping
 from contextlib import AbstractContextManager, nullcontext
-from functools import cached_property
+from functools import cached_property, partial
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
 from pipeline.core.arrays import Array, IntArray
-from pipeline.core.cache import Cache
+from pipeline.core.cache import Cache, stage_key
 from pipeline.core.errors import InputError
 from pipeline.core.paths import cache_folder
 from pipeline.core.progress import Monitor, silent
@@ -36,6 +36,7 @@ if TYPE_CHECKING:
     from pipeline.stages.runs import Plan
     from pipeline.stages.stiffening_check import SpinCheck, StiffnessChange
 
+_PACKAGES = ("numpy", "scipy", "scikit-fem", "gmsh")
 _NEAR_LARGEST = 0.8  # of the tip's largest deflection
 _FINER = 32  # times as many times there tell what is largest between two output times
 
@@ -201,8 +202,13 @@ class Pipeline:
         if self._spin is not None:
             return self._spin
         self.scene.simulation  # noqa: B018 - a scene of parts alone is refused before anything is reduced
+        bodies = {name: part.body for name, part in self.parts.items()}
         meshed = [name for name, part in self.parts.items() if part.has_mesh]
-        return check_spins(self.scene, {name: part.body for name, part in self.parts.items()}, meshed)
+        return self.store.read_or_keep(self._key("loads"), lambda: check_spins(self.scene, bodies, meshed))
+
+    def _key(self, name: str) -> str:
+        """Return the key of a result that depends on the whole scene."""
+        return stage_key(name, self.inputs, ("pipeline", "meshes"), _PACKAGES)
 
     @cached_property
     def stiffness_changes(self) -> Mapping[str, StiffnessChange]:
@@ -252,7 +258,9 @@ class Pipeline:
         """Runs of the scene, ready to be integrated, each under the label of its motion; raises as `motions`."""
         from pipeline.stages.runs import make_plans
 
-        return make_plans(self)
+        if self._bodies is not None or self._spin is not None:  # not the scene's own
+            return make_plans(self)
+        return make_plans(self, partial(self.store.read_or_keep, self._key("growth")))
 
     @cached_property
     def motions(self) -> dict[str, Motion]:

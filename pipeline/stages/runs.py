@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, replace
 from typing import TYPE_CHECKING, Any, Protocol
 
@@ -107,24 +107,60 @@ class Plan:
         return replace(march, q=q, v=v)
 
 
-def make_plans(built: BuiltScene) -> dict[str, Plan]:
+@dataclass(frozen=True)
+class Growth:
+    """Step of a run that is safe to take, and the growth of small vibrations by the method itself.
+
+    Attributes
+    ----------
+    step : float, optional
+        Step in place of the plan's, which is too long [s].
+    factor : float
+        Factor by which small vibrations grow over the scene.
+    """
+
+    step: float | None = None
+    factor: float = 1.0
+
+
+Remember = Callable[[Callable[[], tuple[Growth, ...]]], tuple[Growth, ...]]
+
+
+def make_plans(built: BuiltScene, remember: Remember = lambda measure: measure()) -> dict[str, Plan]:
     """Make a scene's runs ready to be integrated, each under a label of its integrator and ratio.
+
+    Parameters
+    ----------
+    remember : callable
+        Calls the function that it is given, or returns what that has returned for this very scene before.
 
     Raises
     ------
     InputError
-        A step is beyond its stability limit, or vibrations would grow visibly by the method itself.
+        A step is beyond its stability limit, steps over a load, or vibrations would grow visibly by the method itself.
     """
+    runs, given = built.scene.simulation.run, _given_step(built)
+    unchecked = [_plan_unchecked(built, k, given) for k in range(len(runs))]
+    growths = remember(lambda: _measure_growths(built, unchecked))
     plans: dict[str, Plan] = {}
-    known: list[OperatingPoints] = []
-    given = _given_step(built)
-    for k, run in enumerate(built.scene.simulation.run):
-        plan = _plan(built, k, given, known)
-        label = str(run.integrator)
-        if hasattr(run, "substeps"):
-            label += f" {getattr(plan.integrator, 'substeps', 1)}:1"
-        plans[f"{label} ({k})" if label in plans else label] = plan
+    for k, (run, plan, growth) in enumerate(zip(runs, unchecked, growths, strict=True)):
+        method: Any = plan.integrator
+        if growth.step is not None:
+            method = replace(method, step=growth.step)
+        label = str(run.integrator) + (f" {getattr(method, 'substeps', 1)}:1" if hasattr(run, "substeps") else "")
+        checked = replace(plan, integrator=method, growth=growth.factor)
+        plans[f"{label} ({k})" if label in plans else label] = _leave_out_modes(built, checked)
     return plans
+
+
+def _measure_growths(built: BuiltScene, plans: Sequence[Plan]) -> tuple[Growth, ...]:
+    """Measure the growth of small vibrations by the method of each run."""
+    simulation, growths = built.scene.simulation, []
+    known: list[OperatingPoints] = []
+    for run, plan in zip(simulation.run, plans, strict=True):
+        _require_resolved_loads(built, plan)
+        growths.append(_measure_growth(built, plan, simulation.step == "auto" and not run.step, known))
+    return tuple(growths)
 
 
 def plan_like(plan: Plan, variant: BuiltScene) -> Plan:
@@ -138,14 +174,6 @@ def plan_like(plan: Plan, variant: BuiltScene) -> Plan:
     if method.step >= limit:
         method = replace(method, step=STABLE * limit)
     return _leave_out_modes(variant, replace(first, integrator=method))
-
-
-def _plan(built: BuiltScene, k: int, given: float | None, known: list[OperatingPoints]) -> Plan:
-    simulation = built.scene.simulation
-    free = simulation.step == "auto" and not simulation.run[k].step
-    plan = _plan_unchecked(built, k, given)
-    _require_resolved_loads(built, plan)
-    return _leave_out_modes(built, _check_growth(built, plan, free, known))
 
 
 def _require_resolved_loads(built: BuiltScene, plan: Plan) -> None:
@@ -182,7 +210,7 @@ def _leave_out_modes(built: BuiltScene, plan: Plan) -> Plan:
     return replace(plan, excited=part, excited_system=CompiledSystem(part.mechanism))
 
 
-def _check_growth(built: BuiltScene, plan: Plan, free: bool, known: list[OperatingPoints]) -> Plan:
+def _measure_growth(built: BuiltScene, plan: Plan, free: bool, known: list[OperatingPoints]) -> Growth:
     """Measure the growth of small vibrations by a run's method; shorten its step for that if it is ``free``.
 
     The operating points of a system are the same for all of its runs; those ``known`` are taken, new ones added.
@@ -208,7 +236,7 @@ def _check_growth(built: BuiltScene, plan: Plan, free: bool, known: list[Operati
         )
     couples_later = method.name == "exponential" and plan.system.coupled  # away from the reference state
     if not (np.isfinite(limit) or couples_later):  # implicit, exact for small motions, or steered by its error
-        return plan
+        return Growth()
     from pipeline.stability.operating_points import find_operating_points
 
     duration = built.scene.simulation.duration
@@ -217,7 +245,7 @@ def _check_growth(built: BuiltScene, plan: Plan, free: bool, known: list[Operati
         try:
             points = find_operating_points(plan.system, built.mechanism, *built.start, duration)
         except StabilityError:  # of the mechanism itself: the march will tell
-            return plan
+            return Growth()
         known.append(points)
     folds = points.e_folds(method) if method.step < limit else np.inf
     if folds > np.log(ALLOWED_GROWTH):
@@ -226,9 +254,8 @@ def _check_growth(built: BuiltScene, plan: Plan, free: bool, known: list[Operati
             raise InputError(
                 built.scene.file, plan.key, f"{method.step:.6g} s", _describe_growth(method, folds, longest)
             )
-        plan = replace(plan, integrator=replace(method, step=longest))
-        folds = points.e_folds(replace(method, step=longest))
-    return replace(plan, growth=float(np.exp(folds)))
+        return Growth(longest, float(np.exp(points.e_folds(replace(method, step=longest)))))
+    return Growth(None, float(np.exp(folds)))
 
 
 def _describe_growth(method: Integrator, folds: float, longest: float) -> str:

@@ -26,6 +26,7 @@ from pipeline.stages.mechanism import build_mechanism, place_joints
 
 if TYPE_CHECKING:
     from pipeline.dynamics.mechanism import Mechanism
+    from pipeline.integrators.protocol import Integrator
     from pipeline.reduction.body import FlexibleBody
     from pipeline.scene.scene import Scene
 
@@ -36,6 +37,7 @@ _SLOPES = 10.0
 _RINGING = 0.02
 # Terms that change a stiffness by less than this part of the wanted error are left out.
 _NEGLIGIBLE = 1e-2
+_SHORT_MARCH = 1000.0  # radians of the highest frequency, about a step each; compiling takes as long as 10,000
 # A deflection that grows by more than e³ has left what geometric stiffness describes.
 _GROWTH = 3.0
 
@@ -232,10 +234,20 @@ def _march_rigid(rigid: Mechanism, q0: Array, v0: Array, times: Array) -> tuple[
     """Integrate a mechanism of rigid bodies: positions and rates, (n_times, …) each."""
     if not rigid.n:
         return np.zeros((len(times), 0)), np.zeros((len(times), 0))
-    from pipeline.integrators.runge_kutta import RungeKutta
-
+    system = CompiledSystem(rigid)
     try:
-        motion = RungeKutta(1e-4).march(CompiledSystem(rigid), q0, v0, times)
+        motion = _method_for(system, times[-1]).march(system, q0, v0, times)
     except AccuracyError as error:
         raise AccuracyError(f"the scene with all bodies rigid: {error}") from error
     return motion.q, motion.v
+
+
+def _method_for(system: CompiledSystem, duration: float) -> Integrator:
+    """Return SciPy's method, for which nothing is compiled, or the compiled one where there is much to march."""
+    if system.highest_frequency * duration < _SHORT_MARCH:
+        from pipeline.integrators.scipy_ivp import ScipyIvp
+
+        return ScipyIvp("DOP853", 1e-6)
+    from pipeline.integrators.runge_kutta import RungeKutta
+
+    return RungeKutta(1e-4)

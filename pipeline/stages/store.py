@@ -73,6 +73,14 @@ class StageStore:
         self.log.add(stage, time.perf_counter() - tick, self.log.cached)
         return value
 
+    def read_or_keep(self, key: str, compute: Callable[[], T]) -> T:
+        """Read a result that is a part of another stage, or compute and keep it; the log doesn't have it."""
+        value: T | None = self.cache.load(key)
+        if value is None:
+            value = compute()
+            self.cache.save(key, value)
+        return value
+
     def compute(self, stage: str, compute: Callable[[], T]) -> T:
         """Compute a stage; the time of stages that it needs in turn is not counted as its own."""
         others = sum(self.log.seconds.values())

@@ -3,12 +3,14 @@
 import json
 import subprocess
 import sys
+import time
 from collections.abc import Callable
 from pathlib import Path
 
 import pytest
 
 from pipeline.cli import doctor_checks as doctor
+from pipeline.cli import start_times
 from pipeline.render import rendering_check as probe
 
 
@@ -106,4 +108,27 @@ def test_the_doctor_loads_neither_gmsh_nor_pyvista(tmp_path: Path) -> None:
 
 def test_doctor_finds_nothing_to_mend_here(fmd: Callable[..., int], capsys: pytest.CaptureFixture[str]) -> None:
     assert fmd("doctor", "--json") == 0
-    assert json.loads(capsys.readouterr().out) == {"ok": True, "problems": []}
+    found = json.loads(capsys.readouterr().out)
+    assert (found["ok"], found["problems"]) == (True, [])
+    assert fmd("doctor") == 0
+    lines = capsys.readouterr().out.splitlines()
+    assert [line.partition(":")[0] for line in lines if line.startswith("start, ")][:8] == [
+        f"start, {part}" for part in found["start_seconds"]
+    ]
+
+
+def test_the_parts_of_a_start_add_up_to_the_time_that_they_take_together(monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr(start_times, "rendering_failure", lambda: time.sleep(0.2))
+    tick = time.perf_counter()
+    parts = start_times.measure_start()
+    assert sum(parts.values()) <= time.perf_counter() - tick
+    assert parts["drawing, beside the rest"] >= 0.2
+    imports = [parts[name] for name in ("Python", "NumPy", "scene and stages", "Numba", "mechanism")]
+    assert min(imports) > 1e-3  # nothing that is loaded for one part has been loaded for another
+
+
+def test_kernels_that_are_not_kept_take_no_time(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr(start_times, "kernel_folder", lambda: tmp_path)
+    assert start_times.time_of_kernels() == 0.0
+    (tmp_path / "march.kernel").write_bytes(bytes(10))
+    assert start_times.time_of_kernels() > 0.0

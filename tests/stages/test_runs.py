@@ -1,13 +1,16 @@
 """Runs of scenes: refused where a scheme is unstable, and steps chosen for a wanted error."""
 
 import re
+from pathlib import Path
 
 import numpy as np
 import pytest
 
 from pipeline import Pipeline, load_scene
+from pipeline.core.cache import Cache
 from pipeline.core.errors import InputError
 from pipeline.stability.safe_step import ALLOWED_GROWTH
+from pipeline.stages import runs, stiffening_check
 
 
 def test_a_run_that_would_grow_is_refused_with_the_step_that_works() -> None:
@@ -64,3 +67,27 @@ def test_a_step_beyond_the_coupling_s_limit_is_refused_with_its_frequency() -> N
         InputError, match=r"exponential would diverge; .* is 0\.001049 s \(2/ω with 303\.3\d? Hz, the freq"
     ):
         Pipeline(load_scene("beam", quick)).plans  # noqa: B018
+
+
+def test_a_second_run_knows_loads_and_growth_and_a_changed_scene_or_body_does_not(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    overrides = ["body.beam.mesh.divisions=[12, 2, 1]", "simulation.duration=20 ms", "simulation.step=auto"]
+    first = Pipeline(load_scene("beam", overrides), Cache(tmp_path))
+    plans, rate = first.plans, first.spin["beam"].largest_rate
+    assert {plan.growth for plan in plans.values()} != {1.0}
+
+    def refuse(*_: object) -> None:
+        raise AssertionError("measured anew")
+
+    monkeypatch.setattr(runs, "_measure_growth", refuse)
+    monkeypatch.setattr(stiffening_check, "rigid_motion", refuse)
+    again = Pipeline(load_scene("beam", overrides), Cache(tmp_path))
+    assert again.spin["beam"].largest_rate == rate
+    assert {label: (plan.integrator, plan.growth) for label, plan in again.plans.items()} == {
+        label: (plan.integrator, plan.growth) for label, plan in plans.items()
+    }
+    with pytest.raises(AssertionError, match="measured anew"):
+        again.with_bodies(again.bodies).plans  # noqa: B018
+    with pytest.raises(AssertionError, match="measured anew"):
+        Pipeline(load_scene("beam", [*overrides, "simulation.duration=21 ms"]), Cache(tmp_path)).plans  # noqa: B018
