@@ -31,7 +31,8 @@ INPUTS = 9  # angle, rate, acceleration; torque at the root, couple at the tip, 
 SHEAR = 0.8  # part of the deflection by shear over (depth / length)²
 OF_MATH: Table = {name: getattr(math, name) for name in ("sin", "cos", "tan", "exp", "log", "sqrt", "tanh", "pi")}
 OF_MATH |= {"abs": abs, "min": min, "max": max}
-MOST_STEPS = 40_000  # of the explicit method in a finer run
+MOST_RADIANS = 2e5  # of the highest frequency over a finer run that an explicit method marches
+IMPLICIT_STEPS = 20_000  # of a finer run that is too stiff for it
 SMALL = 1e-4  # of the duration: the step of differences of a prescribed motion
 
 
@@ -309,25 +310,24 @@ def shear_shift(case: Case, thick: float) -> float:
 
 
 def finer_run(file: Path, case: Case, run: Pipeline) -> Pipeline:
-    """Return a scene with everything finer, stiffened, and marched by another method than its own run."""
-    overrides = ["simulation.error=1e-7"]
+    """Return a scene with everything finer and stiffened, marched with a small tolerance or step."""
+    overrides = []
     for name in case.bars:
         body = case.table["body"][name]
         along = body["mesh"]["divisions"][0]
         along = 2 * along if body["mesh"]["order"] == 2 else along
         overrides += [
             f"body.{name}.mesh={{order=2, divisions=[{along}, 2, 2]}}",
-            f"body.{name}.modes.count={2 * body['modes']['count'] + 4}",
-            f"body.{name}.modes.enrich=ritz",
+            f"body.{name}.modes.count={2 * body['modes']['count'] + 8}",
+            f"body.{name}.modes.enrich=inertia",
         ]
     overrides += ["simulation.stiffening=on"] if case.bars else []
     finer = Pipeline(load_scene(file, overrides), run.store.cache)
     duration = number(case.table["simulation"]["duration"])
-    used = run.motion.trajectory.integrator
-    stable = finer.system.highest_frequency * duration / 5.5 < MOST_STEPS
-    method = "exponential-rosenbrock" if "runge" in used or not stable else "runge-kutta"
-    tolerance = 1e-9 if method == "runge-kutta" else 1e-8
     if not case.bars:
-        method, tolerance = ("LSODA", 1e-11) if "runge" in used else ("runge-kutta", 1e-12)
-    overrides += [f'simulation.run=[{{integrator="{method}", tolerance={tolerance}}}]']
-    return Pipeline(load_scene(file, overrides), run.store.cache)
+        method = 'integrator="LSODA", tolerance=1e-11'
+    elif finer.system.highest_frequency * duration < MOST_RADIANS:
+        method = 'integrator="runge-kutta", tolerance=1e-9'
+    else:
+        method = f'integrator="generalized-alpha", rho=0.9, step="{duration / IMPLICIT_STEPS} s"'
+    return finer.variant(load_scene(file, [*overrides, f"simulation.run=[{{{method}}}]"]))

@@ -22,7 +22,7 @@ from pipeline.accuracy.model_errors import ModelErrors
 from pipeline.accuracy.quantities import mesh_quantities
 from pipeline.accuracy.time_limit import LeftOutError, TimeLimit
 from pipeline.core.arrays import Array
-from pipeline.core.errors import InputError
+from pipeline.core.errors import AccuracyError, InputError
 from pipeline.integrators.automatic import Automatic
 from pipeline.recovery.stress import von_mises
 from pipeline.scene.variants import enrich_bases
@@ -87,13 +87,16 @@ class Estimates(Comparison):
         return found | {"model": self.model.of_quantities}
 
     def _within_limit(self, source: str, estimate: Callable[[], dict[str, float | str]]) -> dict[str, float | str]:
-        """Return a source's estimates; if the time limit leaves them out, the reason for each quantity."""
+        """Return a source's estimates; if the time limit or a march leaves them out, the reason for each quantity."""
         try:
             with self.run.store.monitor(f"error budget: {source}"):
                 return estimate()
-        except LeftOutError as why:
-            self.left_out.append(f"{source}: {why}")
-            return dict.fromkeys(self.of_motion, str(why))
+        except LeftOutError as left_out:
+            why = str(left_out)
+        except (AccuracyError, InputError) as fault:  # of a variant: the run itself has its results
+            why = f"not estimated: {fault}"
+        self.left_out.append(f"{source}: {why}")
+        return dict.fromkeys(self.of_motion, why)
 
     def _time(self) -> dict[str, float | str]:
         """Estimate the error of time integration by another step or a finer tolerance."""

@@ -72,18 +72,20 @@ class Automatic:
         Raises
         ------
         AccuracyError
-            The wanted error was not reached; the message has the last difference.
+            The wanted error was not reached; the message has the last difference, or says why every march failed.
         """
         report = _Pairs(self.error, groups_of(system)[: system.n_positions])
         for method, gain in self._methods(system, q0, v0, report):
             try:
                 trajectory = method.march(system, q0, v0, times, progress)
-            except StabilityError:
-                report.before = None
+            except AccuracyError as error:  # it diverged, or an implicit step has no solution
+                report.before, report.failure = None, error
                 continue
             if report.agrees(trajectory, gain):
                 name = f"{self.name} ({trajectory.integrator})"
                 return replace(trajectory, integrator=name, seconds=report.seconds, evaluations=report.evaluations)
+        if report.failure and np.isinf(report.difference):
+            raise report.failure
         raise AccuracyError(
             f"{self.name}: the last two marches differ by {report.difference:.1e}, above {self.error:.0e}"
         )
@@ -162,12 +164,15 @@ class _Pairs:
         The last march, None if the next one has nothing to be compared with.
     difference : float
         Error of the last march, from its difference to that before.
+    failure : AccuracyError, optional
+        Why the last march that failed did so.
     """
 
     error: float
     groups: IntArray
     before: Trajectory | None = None
     difference: float = np.inf
+    failure: AccuracyError | None = None
     seconds: float = 0.0
     evaluations: int = 0
 

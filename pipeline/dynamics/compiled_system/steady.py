@@ -6,6 +6,7 @@ import numpy as np
 
 from pipeline.core.arrays import Array
 from pipeline.core.errors import AccuracyError
+from pipeline.dynamics.compiled_system.positive_mass import require_positive_mass
 from pipeline.dynamics.compiled_system.system import CompiledSystem
 
 _SETTLED = 1e-10
@@ -18,7 +19,8 @@ def find_steady_state(system: CompiledSystem, q: Array, v: Array, t: float = 0.0
     Raises
     ------
     AccuracyError
-        There is no such state: something turns too fast for its stiffness.
+        There is no such state: something turns too fast for its stiffness, or deflects so far that the mass matrix
+        isn't positive definite.
     """
     mechanism, compiled = system.mechanism, system.compiled
     modes = np.concatenate([mechanism.modes_of(k) for k in range(len(mechanism.links))])
@@ -39,4 +41,5 @@ def find_steady_state(system: CompiledSystem, q: Array, v: Array, t: float = 0.0
             f"no steady state: the modes still change by {size:.1e} after {_CORRECTIONS} corrections, or a "
             "deflection grows by itself; the scene turns too fast for the bodies' stiffness"
         )
+    require_positive_mass(system, q, "in the steady state")
     return q
