@@ -37,7 +37,7 @@ TABLE = Path(__file__).parent / "truth.csv"
 SCENES = 300
 WRONG = 3.0  # times the stated error
 LONG = 60.0  # seconds of a run
-PATIENCE = 120.0  # seconds of a scene with its reference
+PATIENCE = 100.0  # seconds of a scene with its reference
 ROUND_OFF = 1e-9
 
 

@@ -44,9 +44,9 @@ def require_positive_mass(system: CompiledSystem, q: Array, where: str, least: f
         return
     raise AccuracyError(
         f"{where} the mass matrix isn't positive definite: a motion has {kept:.2g} times its inertia in the undeformed "
-        "mechanism, because deflections are too large for displacements of second order; a chain of shorter bodies on "
-        "fixed joints in place of each flexible one takes larger deflections, and simulation.stiffening = \"off\" "
-        "leaves these terms out"
+        "mechanism, because the displacements of second order that stiffening takes in are linear in the deflection "
+        'there; simulation.stiffening = "off" leaves them out, and a chain of shorter bodies on fixed joints in place '
+        "of a flexible one makes them smaller"
     )
 
 
