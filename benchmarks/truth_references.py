@@ -270,9 +270,9 @@ class Elastica:
             turn, spin, _ = self._prescribed(t)
             theta, ends = self._places(c, turn)
             angles[k], rates[k] = self.ends @ c + self.b_ends * turn, self.ends @ v + self.b_ends * spin
-            x, y = ends[-1] - ends[-2]
+            along, across = ends[-1] - ends[-2]
             co, si = math.cos(angles[k, -2]), math.sin(angles[k, -2])
-            bent[k] = co * x + si * y - self.lengths[-1], co * y - si * x, 0.0
+            bent[k] = co * along + si * across - self.lengths[-1], co * across - si * along, 0.0
             turning = self.B @ v + self.b * spin
             way = np.stack([-np.sin(theta), np.cos(theta)], axis=1) * turning[:, None]
             base = np.array([0.0, v[self.base] if self.base is not None else 0.0])
