@@ -1,7 +1,8 @@
 """Check that the mass matrix of a stiffened mechanism is positive definite at the deflections of a motion.
 
-Displacements of second order make the inertia of a stiffened body linear in its deflection. That describes it while
-deflections are small; beyond, a kinetic energy can be negative, and a motion has no meaning.
+Displacements of second order change what a stiffened body's frame has of inertia, but not the modal masses, which stay
+1. A motion in which frame and modes nearly cancel, such as that of a light end, then loses its inertia as the body
+deflects: a kinetic energy can be negative, and a motion has no meaning.
 """
 
 from __future__ import annotations
@@ -9,14 +10,13 @@ from __future__ import annotations
 from typing import TYPE_CHECKING
 
 import numpy as np
-from scipy.linalg import eigh
 
 from pipeline.core.arrays import Array
 from pipeline.core.errors import AccuracyError, StabilityError
 
 if TYPE_CHECKING:
     from pipeline.dynamics.compiled_system.system import CompiledSystem
-    from pipeline.integrators.protocol import Trajectory
+    from pipeline.dynamics.mechanism import Mechanism
 
 _LOOKED_AT = 20  # output times with the largest deflections
 _LOST = 0.05  # of an inertia, where a march ends because it vanishes
@@ -32,8 +32,10 @@ def require_positive_mass(system: CompiledSystem, q: Array, where: str, least: f
     least : float
         Part of its inertia in the undeformed mechanism that every motion must keep.
     """
+    from scipy.linalg import eigh
+
     mechanism = system.mechanism
-    if not any(link.gram.bow.size for link in mechanism.links):
+    if not _stiffened(mechanism):
         return
     modes = np.concatenate([mechanism.modes_of(k) for k in range(len(mechanism.links))])
     undeformed = q.copy()
@@ -50,17 +52,32 @@ def require_positive_mass(system: CompiledSystem, q: Array, where: str, least: f
     )
 
 
-def require_positive_over(system: CompiledSystem, trajectory: Trajectory) -> None:
-    """Raise ``AccuracyError`` if the mass isn't positive definite at one of a motion's largest deflections."""
+def require_positive_over(system: CompiledSystem, times: Array, q: Array) -> None:
+    """Raise ``AccuracyError`` if the mass isn't positive definite at one of a motion's largest deflections.
+
+    Parameters
+    ----------
+    times, q : ndarray, shapes (n_times,) and (n_times, n_positions)
+        Times [s] and positions.
+    """
     mechanism = system.mechanism
-    bowed = [k for k, link in enumerate(mechanism.links) if link.gram.bow.size]
-    if not bowed:
+    stiffened = _stiffened(mechanism)
+    if not stiffened:
         return
-    modes = np.concatenate([mechanism.modes_of(k) for k in bowed]) + mechanism.n_positions - mechanism.n
-    omega = np.concatenate([mechanism.links[k].omega for k in bowed])
-    energies = ((trajectory.q[:, modes] * omega) ** 2).sum(axis=1)
+    modes = np.concatenate([mechanism.modes_of(k) for k in stiffened]) + mechanism.n_positions - mechanism.n
+    omega = np.concatenate([mechanism.links[k].omega for k in stiffened])
+    energies = ((q[:, modes] * omega) ** 2).sum(axis=1)
     for k in np.argsort(energies)[-_LOOKED_AT:]:
-        require_positive_mass(system, trajectory.q[k], f"at t = {trajectory.times[k]:.4g} s")
+        require_positive_mass(system, q[k], f"at t = {times[k]:.4g} s")
+
+
+def _stiffened(mechanism: Mechanism) -> list[int]:
+    """Return the numbers of the bodies whose inertia holds displacements of second order."""
+    return [
+        k
+        for k, link in enumerate(mechanism.links)
+        if link.gram.stiffening.size or link.gram.bow.size or link.gram.curl.size or link.place_bow.size
+    ]
 
 
 def explain_failure(system: CompiledSystem, failure: StabilityError) -> None:

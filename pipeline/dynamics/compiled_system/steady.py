@@ -35,11 +35,13 @@ def find_steady_state(system: CompiledSystem, q: Array, v: Array, t: float = 0.0
         size = float(np.linalg.norm(change))
         if size <= _SETTLED * np.linalg.norm(q[at]):
             break
+    settled = size <= _SETTLED * np.linalg.norm(q[at])
+    if settled:
+        require_positive_mass(system, q, "in the steady state")
     stable = np.linalg.eigvals(slopes).real.max(initial=-1.0) < 0
-    if not (stable and size <= _SETTLED * np.linalg.norm(q[at])):
+    if not (stable and settled):
         raise AccuracyError(
             f"no steady state: the modes still change by {size:.1e} after {_CORRECTIONS} corrections, or a "
             "deflection grows by itself; the scene turns too fast for the bodies' stiffness"
         )
-    require_positive_mass(system, q, "in the steady state")
     return q
