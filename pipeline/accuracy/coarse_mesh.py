@@ -14,11 +14,18 @@ from pipeline.core.arrays import Array, IntArray
 from pipeline.core.cache import Cache
 from pipeline.core.errors import AccuracyError, InputError
 from pipeline.scene.scene import Scene
-from pipeline.scene.variants import COARSENING_FACTORS, change_modes, coarsen_meshes, compare_element_sizes
+from pipeline.scene.variants import (
+    COARSENING_FACTORS,
+    change_modes,
+    coarsen_meshes,
+    compare_element_sizes,
+    divide_few_elements,
+)
 from pipeline.stages.part import FlexiblePart
 from pipeline.stages.pipeline import Pipeline
 from pipeline.stages.store import StageStore
 
+KINDS = ("displacement", "stress", "spot stress", "geometry")  # of quantities, by their convergence
 _SAME = 1e-9
 ALIKE = 0.5  # modal assurance criterion above which a shape of the coarse mesh is the run's own
 _MORE = 1.5  # modes of the coarse mesh to find the run's among
@@ -39,6 +46,10 @@ class Pair:
     run: Pipeline
     coarse: Pipeline
     gains: dict[str, float]
+
+    def divides(self, name: str) -> bool:
+        """Return true if a body's meshes differ."""
+        return len(self.coarse.parts[name].mesh.cells) != len(self.run.parts[name].mesh.cells)
 
     def excess_of_modes(self, name: str) -> Array:
         """Return the relative excess of the squares of a part's frequencies, shape (n,)."""
@@ -86,19 +97,37 @@ def make_coarse_pair(run: Pipeline) -> Pair | str:
     return why
 
 
-def _pair(run: Pipeline, scene: Scene) -> Pair:
+def make_pair_across(run: Pipeline) -> Pair | None:
+    """Return a run and its scene with more elements where it has few from side to side; ``None`` if it has enough.
+
+    A coarser mesh tells nothing there, and stress that is recovered from these elements lacks what they lack: the
+    warping of a section in torsion, for one. The gains are negative, since the other mesh is the finer one.
+    """
+    scene = divide_few_elements(run.scene)
+    if scene is None:
+        return None
+    order = min(part.order for part in run.parts.values())
+    gains = {kind: -1.0 / (1.0 + 1.0 / refinement_gain(2.0, order, order, kind)) for kind in KINDS}
+    return Pair(run, _matching_run(run, scene), gains)
+
+
+def _matching_run(run: Pipeline, scene: Scene) -> Pipeline:
+    """Return the run of a scene on another mesh, whose modes are those most like a run's, in its order."""
     beyond = max(part.modes.n_completing for part in run.parts.values())
     more = change_modes(scene, lambda body: {"count": int(_MORE * body.modes.count) + 1 + beyond})
     store, parts = StageStore(Cache(None)), {}
     for name, own in run.parts.items():
         other = FlexiblePart(more, name, store)
         parts[name] = FlexiblePart(more, name, store, like=other, modes=match_modes(own, other))
-    coarse = Pipeline(more, store.cache, parts=parts, spin=run.spin)
-    pairs = [(own, parts[name]) for name, own in run.parts.items()]
+    return Pipeline(more, store.cache, parts=parts, spin=run.spin)
+
+
+def _pair(run: Pipeline, scene: Scene) -> Pair:
+    coarse = _matching_run(run, scene)
+    pairs = [(own, coarse.parts[name]) for name, own in run.parts.items()]
     ratio = min(compare_element_sizes(own.shape, len(own.mesh.cells), len(other.mesh.cells)) for own, other in pairs)
     order, edges = min(own.order for own in run.parts.values()), min(own.mesh.order for own in run.parts.values())
-    kinds = ("displacement", "stress", "spot stress", "geometry")
-    gains = {kind: refinement_gain(ratio, order, edges, kind) for kind in kinds}
+    gains = {kind: refinement_gain(ratio, order, edges, kind) for kind in KINDS}
     # Where the volume changes with the mesh so does the shape, and nothing converges faster than that does.
     exact = all(abs(coarse.bodies[name].gram.mass / body.gram.mass - 1) < _SAME for name, body in run.bodies.items())
     return Pair(run, coarse, gains if exact else {kind: min(gain, gains["geometry"]) for kind, gain in gains.items()})

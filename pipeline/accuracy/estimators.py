@@ -15,15 +15,16 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from pipeline.accuracy.coarse_mesh import Pair, make_coarse_pair
+from pipeline.accuracy.coarse_mesh import Pair, make_coarse_pair, make_pair_across
 from pipeline.accuracy.comparison import Comparison
 from pipeline.accuracy.error_estimates import NO_PART, SAFETY, shifted_frequencies, soften_body
 from pipeline.accuracy.model_errors import ModelErrors
 from pipeline.accuracy.quantities import mesh_quantities
 from pipeline.accuracy.time_limit import LeftOutError, TimeLimit
 from pipeline.core.arrays import Array
-from pipeline.core.errors import InputError
+from pipeline.core.errors import AccuracyError, InputError
 from pipeline.integrators.automatic import Automatic
+from pipeline.integrators.generalized_alpha import GeneralizedAlpha
 from pipeline.recovery.stress import von_mises
 from pipeline.scene.variants import enrich_bases
 from pipeline.stages.runs import STABLE, plan_like
@@ -40,8 +41,12 @@ _SHORT = 0.5  # seconds of a march that may be taken again with half of its step
 # Multiples of the extrapolated change of frequencies; the first, SAFETY, tells most.
 _SHIFTS = (SAFETY, 1.0, 0.5, 1.5)
 _COARSE_SHARE = 0.25  # of the time that mesh and modes took, for those of half as many elements each way
+_ACROSS_SHARE = 2.0  # of that time, for more elements from side to side
 _FINER_WORK = 2.0  # work of a march that is finer in time, over the run's
 _FINER = 0.1
+_IMPLICIT_STEPS = 4000  # of two marches that are compared, whose errors in time are alike
+_STEPS_IN_ACTION = 8  # in the shortest load
+_MOST_REFINEMENTS = 4  # until a finer march differs from the run's
 # Recovered stress overstates the error of static responses to forces on a face, where stress jumps, 25 times on the
 # beam, and patches of elements that at edges: both count up to this many times of what the coarse mesh tells.
 _MOST_OF_CHANGE = 3.0
@@ -64,6 +69,7 @@ class Estimates(Comparison):
         self.model = ModelErrors(self)
         self._excess: dict[str, Array] = {}  # of each body's stiffness
         self._shifts: dict[str, float] = {}  # changes of the motion by shifted frequencies
+        self._across: Pair | None = None  # the run and its scene with more elements from side to side
         self._shapes: dict[str, float] = {}  # errors by shapes of the mesh
 
     def by_source(self) -> dict[str, dict[str, float | str]]:
@@ -87,18 +93,27 @@ class Estimates(Comparison):
         return found | {"model": self.model.of_quantities}
 
     def _within_limit(self, source: str, estimate: Callable[[], dict[str, float | str]]) -> dict[str, float | str]:
-        """Return a source's estimates; if the time limit leaves them out, the reason for each quantity."""
+        """Return a source's estimates; if the time limit or a march leaves them out, the reason for each quantity."""
         try:
             with self.run.store.monitor(f"error budget: {source}"):
                 return estimate()
-        except LeftOutError as why:
-            self.left_out.append(f"{source}: {why}")
-            return dict.fromkeys(self.of_motion, str(why))
+        except LeftOutError as left_out:
+            why = str(left_out)
+        except (AccuracyError, InputError) as fault:  # of a variant: the run itself has its results
+            why = f"not estimated: {fault}"
+        self.left_out.append(f"{source}: {why}")
+        return dict.fromkeys(self.of_motion, why)
 
     def _time(self) -> dict[str, float | str]:
         """Estimate the error of time integration by another step or a finer tolerance."""
-        integrator, gain = _change_fineness(self.plan, self.motion.trajectory.seconds)
-        other = self.march(self.run, replace(self.plan, integrator=integrator), _FINER_WORK)
+        plan, gain = self.plan, 0.0
+        for _ in range(_MOST_REFINEMENTS):
+            integrator, gain = _change_fineness(plan, self.motion.trajectory.seconds)
+            plan = replace(plan, integrator=integrator)
+            other = self.march(self.run, plan, _FINER_WORK)
+            chosen = self.run.fine_times[1]
+            if not np.array_equal(other.trajectory.q[chosen], self.motion.trajectory.q):
+                break  # else a method that chooses its step had met the finer tolerance already, and took the same one
         theirs = self.quantities_of(self.run, other, self.hot)
         return {name: error / gain for name, error in self.changes(theirs).items()}
 
@@ -110,12 +125,25 @@ class Estimates(Comparison):
             plan, base = self._comparable(rich)
         except InputError as fault:  # the mesh has no more modes than the run's
             return dict.fromkeys(self.quantities, f"not estimated: with more modes, {fault}")
+        try:
+            theirs = self.march(rich, plan)
+        except LeftOutError:  # static responses vibrate so fast that an explicit method follows them for ever
+            method = self._implicit_method()
+            base = self.march(self.run, replace(self.plan, integrator=method))
+            theirs = self.march(rich, plan_like(replace(self.plan, integrator=method), rich))
         ours = self.quantities if base is None else self.quantities_of(self.run, base)
-        return dict(self.changes(self.quantities_of(rich, self.march(rich, plan)), ours))
+        return dict(self.changes(self.quantities_of(rich, theirs), ours))
+
+    def _implicit_method(self) -> GeneralizedAlpha:
+        """Return generalised-α with a step that follows the motion and the loads, not the fastest vibration."""
+        duration, system = float(self.run.output_times[-1]), self.plan.system
+        steps = max(_IMPLICIT_STEPS, math.ceil(_STEPS_IN_ACTION * duration / system.shortest_action))
+        return GeneralizedAlpha(duration / steps)
 
     def _discretisation(self, recovery: dict[str, float | str]) -> dict[str, float | str]:
         """Estimate the mesh's error: the shift of the frequencies, and everything else that a coarser mesh changes."""
         pair = self.pair = self._coarse_pair()
+        self._across = self._pair_across()
         errors: dict[str, float | str] = dict.fromkeys(self.quantities, pair if isinstance(pair, str) else NO_PART)
         for name in self.run.parts:
             of_modes, self._excess[name] = self._excess_of(name)
@@ -133,6 +161,18 @@ class Estimates(Comparison):
 
     def _excess_of(self, name: str) -> tuple[Array, Array]:
         """Return the excess of a body's squared frequencies (n,) and of products of its shapes' stiffness (n', n')."""
+        of_modes, excess = self._excess_along(name)
+        if self._across is None or not self._across.divides(name):
+            return of_modes, excess
+        changed, alike = self._across.excess_of_shapes(name)
+        wanted = np.diag(excess) + np.where(alike, changed, 0.0)
+        return of_modes + self._across.excess_of_modes(name), _with_diagonal(excess, wanted)
+
+    def _excess_along(self, name: str) -> tuple[Array, Array]:
+        """Return the excess of a body by stress that is recovered, and by a coarser mesh, which tell it along the body.
+
+        Of what few elements from side to side lack both know nothing.
+        """
         part, body, pair = self.run.parts[name], self.run.bodies[name], self.pair
         of_modes, excess = _energy_excess(part, body)
         if isinstance(pair, str):
@@ -153,6 +193,15 @@ class Estimates(Comparison):
             return str(why)
         with self.run.store.monitor("error budget: a coarser mesh"):
             return make_coarse_pair(self.run)
+
+    def _pair_across(self) -> Pair | None:
+        """Return the run and its scene with more elements from side to side, if it has few and time is left."""
+        try:
+            self.require_modes(_ACROSS_SHARE)
+            return make_pair_across(self.run)
+        except (LeftOutError, AccuracyError, InputError) as why:
+            self.left_out.append(f"discretisation, few elements from side to side: {why}")
+            return None
 
     def _march_shifts(self) -> dict[str, float | str]:
         """March all shifts but the first, which has been; each that is done counts."""
@@ -235,7 +284,9 @@ def _energy_excess(part: FlexiblePart, body: FlexibleBody) -> tuple[Array, Array
 
 def _with_diagonal(excess: Array, wanted: Array) -> Array:
     """Scale products of shapes to another diagonal; entries that aren't positive there stand alone."""
-    scale = np.sqrt(np.maximum(wanted, 0.0) / np.diag(excess))
+    given = np.diag(excess)
+    both = (given > 0.0) & (wanted > 0.0)
+    scale = np.sqrt(np.where(both, wanted, 0.0) / np.where(both, given, 1.0))
     scaled = excess * np.outer(scale, scale)
     np.fill_diagonal(scaled, wanted)
     return np.asarray(scaled)

@@ -30,4 +30,18 @@ class AccuracyError(Exception):
 
 
 class StabilityError(AccuracyError):
-    """A time step is beyond the stability limit, or a march diverged."""
+    """A time step is beyond the stability limit, or a march diverged.
+
+    Parameters
+    ----------
+    message : str
+        What happened.
+    time : float
+        Time at which a march ended [s].
+    positions : object
+        Its positions there, an array; None if they aren't known.
+    """
+
+    def __init__(self, message: str, time: float = 0.0, positions: object = None) -> None:
+        super().__init__(message)
+        self.time, self.positions = time, positions

@@ -278,7 +278,8 @@ def march_adaptive_steps(
         if done <= 0 or not (np.isfinite(state.q).all() and np.isfinite(state.v).all()):
             finite = all(np.isfinite(x).all() for x in (state.q, state.v, state.a))
             reason = f"its step fell to {clock[1]:.1e} s" if finite else "the accelerations are not finite"
-            raise StabilityError(f"{name} stopped at t = {clock[0]:.6g} s: {reason}")
+            message = f"{name} stopped at t = {clock[0]:.6g} s: {reason}"
+            raise StabilityError(message, float(clock[0]), state.q)
         if progress:
             progress(min(1.0, clock[0] / end) if end else 1.0)
     n_steps = state.step - start.step

@@ -72,18 +72,21 @@ class Automatic:
         Raises
         ------
         AccuracyError
-            The wanted error was not reached; the message has the last difference.
+            The wanted error was not reached; the message has the last difference, or says why every march failed.
         """
         report = _Pairs(self.error, groups_of(system)[: system.n_positions])
         for method, gain in self._methods(system, q0, v0, report):
             try:
                 trajectory = method.march(system, q0, v0, times, progress)
-            except StabilityError:
-                report.before = None
+            except AccuracyError as error:  # it diverged, or an implicit step has no solution
+                report.before, report.failure = None, error
+                report.failures += 1
                 continue
             if report.agrees(trajectory, gain):
                 name = f"{self.name} ({trajectory.integrator})"
                 return replace(trajectory, integrator=name, seconds=report.seconds, evaluations=report.evaluations)
+        if report.failure and (report.failures > 1 or np.isinf(report.difference)):
+            raise report.failure
         raise AccuracyError(
             f"{self.name}: the last two marches differ by {report.difference:.1e}, above {self.error:.0e}"
         )
@@ -102,7 +105,10 @@ class Automatic:
             yield from self._implicit_methods(system, stable_steps, report)
             adaptive = self._choose_adaptive(system, q0, v0, stable_steps)
         report.before = None
+        report.failures = 0
         for k in range(_MOST_REFINEMENTS):
+            if report.failures > 1:  # it isn't the tolerance
+                return
             yield adaptive(max(self.error * _SAFETY ** (1 + k), 3e-14)), 1 / _SAFETY
 
     def _implicit_methods(
@@ -162,12 +168,18 @@ class _Pairs:
         The last march, None if the next one has nothing to be compared with.
     difference : float
         Error of the last march, from its difference to that before.
+    failure : AccuracyError, optional
+        Why the last march that failed did so.
+    failures : int
+        Number of marches that failed.
     """
 
     error: float
     groups: IntArray
     before: Trajectory | None = None
     difference: float = np.inf
+    failure: AccuracyError | None = None
+    failures: int = 0
     seconds: float = 0.0
     evaluations: int = 0
 

@@ -91,6 +91,23 @@ def coarsen_meshes(scene: Scene, times: float = COARSENING_FACTORS[0]) -> Scene 
     return None if found is None or any(found.body[name] == body for name, body in scene.flexible.items()) else found
 
 
+def divide_few_elements(scene: Scene) -> Scene | None:
+    """Return the scene with more hexahedra wherever a bar has so few from side to side that fewer tell nothing.
+
+    These are one quadratic or two linear elements, which bend a section alike; ``None`` if no bar has them.
+    """
+
+    def change(body: Flexible) -> dict[str, Any]:
+        if body.shape != "bar" or body.mesh.divisions is None:
+            return {}
+        order = body.mesh.order
+        divisions = (4 // order if count * order <= 2 else count for count in body.mesh.divisions)
+        return {"mesh": body.mesh.model_copy(update={"divisions": tuple(divisions)})}
+
+    found = _change_bodies(scene, change)
+    return None if all(found.body[name] == body for name, body in scene.flexible.items()) else found
+
+
 def compare_element_sizes(body: Flexible, elements: int, fewer: int) -> float:
     """Return the ratio of element sizes of a coarser mesh and a body's own, from both numbers of elements.
 

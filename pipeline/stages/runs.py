@@ -10,6 +10,7 @@ import numpy as np
 
 from pipeline.core.arrays import Array
 from pipeline.core.errors import InputError, StabilityError
+from pipeline.dynamics.compiled_system.positive_mass import explain_failure
 from pipeline.dynamics.compiled_system.system import CompiledSystem
 from pipeline.dynamics.excited_modes import Excited, excited_part
 from pipeline.dynamics.mechanism import Mechanism
@@ -100,11 +101,21 @@ class Plan:
         """Integrate; coordinates of modes that stay at rest are 0. The end is that of what was integrated."""
         (q0, v0), part = self.start, self.excited
         if part is None or self.excited_system is None:
-            return self.integrator.march(self.system, q0, v0, times, progress)
-        march = self.integrator.march(self.excited_system, q0[part.positions], v0[part.rates], times, progress)
+            return self._march(self.system, q0, v0, times, progress)
+        march = self._march(self.excited_system, q0[part.positions], v0[part.rates], times, progress)
         q, v = np.tile(q0, (len(times), 1)), np.zeros((len(times), len(v0)))
         q[:, part.positions], v[:, part.rates] = march.q, march.v
         return replace(march, q=q, v=v)
+
+    def _march(
+        self, system: CompiledSystem, q0: Array, v0: Array, times: Array, progress: Progress | None
+    ) -> Trajectory:
+        """Integrate a system; if that fails because a motion has lost its inertia, the error says so."""
+        try:
+            return self.integrator.march(system, q0, v0, times, progress)
+        except StabilityError as failure:
+            explain_failure(system, failure)
+            raise
 
 
 @dataclass(frozen=True)

@@ -22,6 +22,7 @@ from pipeline.dynamics.transmitted_loads import (
     transmitted_loads,
     without_negligible_terms,
 )
+from pipeline.stages.mass_check import require_inertia
 from pipeline.stages.mechanism import build_mechanism, place_joints
 
 if TYPE_CHECKING:
@@ -112,12 +113,13 @@ def check_spins(
     Raises
     ------
     InputError
-        The scene wants no stiffening, and a body would lose its stiffness.
+        The scene wants no stiffening, and a body would lose its stiffness; or a joint moves without any inertia.
     """
     if not bodies:
         return {}
     wanted, error = scene.simulation.stiffening, scene.simulation.error
     mechanism = build_mechanism(scene, bodies)
+    require_inertia(scene, CompiledSystem(mechanism.rigid))
     motion = rigid_motion(mechanism, *place_joints(scene, mechanism.rigid), scene.simulation.duration)
     all_loads = transmitted_loads(motion)
     checks = {}

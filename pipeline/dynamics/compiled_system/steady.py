@@ -6,6 +6,7 @@ import numpy as np
 
 from pipeline.core.arrays import Array
 from pipeline.core.errors import AccuracyError
+from pipeline.dynamics.compiled_system.positive_mass import require_positive_mass
 from pipeline.dynamics.compiled_system.system import CompiledSystem
 
 _SETTLED = 1e-10
@@ -18,7 +19,8 @@ def find_steady_state(system: CompiledSystem, q: Array, v: Array, t: float = 0.0
     Raises
     ------
     AccuracyError
-        There is no such state: something turns too fast for its stiffness.
+        There is no such state: something turns too fast for its stiffness, or deflects so far that the mass matrix
+        isn't positive definite.
     """
     mechanism, compiled = system.mechanism, system.compiled
     modes = np.concatenate([mechanism.modes_of(k) for k in range(len(mechanism.links))])
@@ -33,8 +35,11 @@ def find_steady_state(system: CompiledSystem, q: Array, v: Array, t: float = 0.0
         size = float(np.linalg.norm(change))
         if size <= _SETTLED * np.linalg.norm(q[at]):
             break
+    settled = size <= _SETTLED * np.linalg.norm(q[at])
+    if settled:
+        require_positive_mass(system, q, "in the steady state")
     stable = np.linalg.eigvals(slopes).real.max(initial=-1.0) < 0
-    if not (stable and size <= _SETTLED * np.linalg.norm(q[at])):
+    if not (stable and settled):
         raise AccuracyError(
             f"no steady state: the modes still change by {size:.1e} after {_CORRECTIONS} corrections, or a "
             "deflection grows by itself; the scene turns too fast for the bodies' stiffness"

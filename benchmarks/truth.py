@@ -1,0 +1,224 @@
+"""Stated against true errors of random scenes, each run as a user would, written to truth.csv.
+
+Run from the project's root: ``python benchmarks/truth.py``. Scenes are those of `truth_scenes`, by their seeds; each is
+loaded from its file, integrated by ``auto`` with all defaults and an error budget within its time limit, and compared
+with a reference of `truth_references`. Rows that the table holds already aren't made again, so that a run can be
+interrupted; ``--again`` makes them anew. ``--scenes 40`` takes the first forty seeds, ``--seed 7`` one.
+
+A quantity is *covered* if its true error is below the stated one, and *wrong* if it is more than three times as large;
+what is known of the reference's own error is taken off first. A scene's row has the quantity that is worst.
+"""
+
+from __future__ import annotations
+
+import argparse
+import csv
+import multiprocessing
+import sys
+import tempfile
+import time
+import traceback
+from dataclasses import asdict, dataclass, fields
+from multiprocessing.connection import Connection
+from pathlib import Path
+
+from truth_references import elastica_reference, finer_run
+from truth_scenes import Case, random_case
+
+from pipeline import Pipeline, load_scene
+from pipeline.accuracy.error_budget import state_errors, true_errors
+from pipeline.accuracy.error_estimates import Quantity
+from pipeline.accuracy.quantities import motion_quantities
+from pipeline.core.cache import Cache
+from pipeline.core.errors import AccuracyError, InputError
+from pipeline.output.write import write_results
+
+TABLE = Path(__file__).parent / "truth.csv"
+SCENES = 300
+WRONG = 3.0  # times the stated error
+LONG = 60.0  # seconds of a run
+PATIENCE = 100.0  # seconds of a scene with its reference
+ROUND_OFF = 1e-9
+
+
+@dataclass
+class Row:
+    """Outcome of a scene.
+
+    Attributes
+    ----------
+    outcome : str
+        ``"compared"``, ``"refused"`` with the message in ``said``, ``"traceback"``, ``"long"`` if the run took more
+        than `PATIENCE`, or ``"no reference"``.
+    quantity : str
+        The worst one, with its ``stated`` and ``true`` error and that of the ``reference``.
+    quantities, covered, wrong : int
+        Numbers of quantities compared, of those within the stated error, and of those beyond `WRONG` times it.
+    bounded : int
+        Number of further quantities whose stated error the budget calls a lower bound, for lack of time or of a way.
+    """
+
+    seed: int
+    kind: str
+    outcome: str
+    quantity: str = ""
+    stated: float = 0.0
+    true: float = 0.0
+    reference: float = 0.0
+    quantities: int = 0
+    covered: int = 0
+    wrong: int = 0
+    bounded: int = 0
+    seconds: float = 0.0
+    march: float = 0.0
+    warnings: str = ""
+    said: str = ""
+
+
+def run_case(case: Case, folder: Path) -> tuple[Row, Pipeline | None]:
+    """Run a scene as ``fmd run`` does, without pictures, and return its row as far as it is known."""
+    file = folder / f"truth-{case.seed}.toml"
+    file.write_text(case.text)
+    row, run, begun = Row(case.seed, case.kind, "compared"), None, time.perf_counter()
+    try:
+        run = Pipeline(load_scene(file), Cache(None))
+        summary = write_results(run, folder / "out", pictures=False)
+        row.warnings = " ".join(sorted({each["code"] for each in summary["warnings"]}))
+    except (InputError, AccuracyError) as error:
+        row.outcome, row.said = "refused", str(error)
+    except Exception:
+        row.outcome, row.said = "traceback", traceback.format_exc(limit=-3)
+    row.seconds = time.perf_counter() - begun
+    row.march = run.log.seconds.get("motion", 0.0) if run else 0.0
+    return row, run
+
+
+def reference_errors(case: Case, run: Pipeline, file: Path) -> dict[str, tuple[float, float]]:
+    """Return the true error of each quantity, and the reference's own."""
+    if case.kind != "planar":
+        return {name: (error, 0.0) for name, error in true_errors(run, finer_run(file, case, run)).items()}
+    exact, off = elastica_reference(case)
+    ours = motion_quantities(run, run.motion, run.fine_motion)
+    return {name: (ours[name].error(each), off[name]) for name, each in exact.items() if is_compared(each, ours)}
+
+
+def is_compared(quantity: Quantity, ours: dict[str, Quantity]) -> bool:
+    """Return true unless a quantity vanishes."""
+    return quantity.name in ours and quantity.scale > 0
+
+
+def is_open(part: float | str) -> bool:
+    """Return true if an estimate of a budget is missing, so that the stated error is a lower bound."""
+    return isinstance(part, str) and part.startswith("not estimated")
+
+
+def judge(case: Case, folder: Path) -> Row:
+    """Run a scene and compare it with its reference."""
+    row, run = run_case(case, folder)
+    if run is None or row.outcome != "compared":
+        return row
+    budget = state_errors(run)
+    stated = {each.name: each.total for each in budget.rows}
+    open_ = {each.name for each in budget.rows if any(is_open(part) for part in each.parts.values())}
+    try:
+        true = reference_errors(case, run, folder / f"truth-{case.seed}.toml")
+    except Exception as error:
+        row.outcome, row.said = "no reference", f"{type(error).__name__}: {error}"
+        return row
+    worst = -1.0
+    for name, (error, off) in true.items():
+        if error <= ROUND_OFF:
+            continue
+        if name in open_:
+            row.bounded += 1
+            continue
+        sure = max(error - off, 0.0)
+        row.quantities += 1
+        row.covered += sure <= stated[name]
+        row.wrong += sure > WRONG * stated[name]
+        ratio = sure / max(stated[name], ROUND_OFF)
+        if ratio > worst:
+            worst = ratio
+            row.quantity, row.stated, row.true, row.reference = name, stated[name], error, off
+    return row
+
+
+def _work(case: Case, folder: Path, answer: Connection) -> None:
+    answer.send(judge(case, folder))
+
+
+def judge_apart(case: Case) -> Row:
+    """Judge a scene in a process of its own, which is ended if it takes too long."""
+    with tempfile.TemporaryDirectory() as folder:
+        ours, theirs = multiprocessing.Pipe()
+        process = multiprocessing.get_context("fork").Process(target=_work, args=(case, Path(folder), theirs))
+        process.start()
+        row = Row(case.seed, case.kind, "long", seconds=PATIENCE)
+        try:
+            if ours.poll(PATIENCE):
+                row = ours.recv()
+        except EOFError:
+            row = Row(case.seed, case.kind, "traceback", said="the process ended")
+        process.kill()
+        process.join()
+    return row
+
+
+def read_table() -> dict[int, Row]:
+    """Return the rows that the table holds, by their seeds."""
+    if not TABLE.exists():
+        return {}
+    kinds = {field.name: {"int": int, "float": float, "str": str}[str(field.type)] for field in fields(Row)}
+    with TABLE.open(newline="") as file:
+        rows = [Row(**{name: kinds[name](text) for name, text in row.items()}) for row in csv.DictReader(file)]
+    return {row.seed: row for row in rows}
+
+
+def write_table(rows: dict[int, Row]) -> None:
+    """Write rows, in the order of their seeds."""
+    with TABLE.open("w", newline="") as file:
+        table = csv.DictWriter(file, [field.name for field in fields(Row)], lineterminator="\n")
+        table.writeheader()
+        for _, row in sorted(rows.items()):
+            values = asdict(row)
+            table.writerow({name: f"{x:.3g}" if isinstance(x, float) else x for name, x in values.items()})
+
+
+def summarise(rows: list[Row]) -> str:
+    """Return what the table says of some scenes, a line each."""
+    compared = [row for row in rows if row.outcome == "compared"]
+    quantities = sum(row.quantities for row in compared)
+    share = sum(row.covered for row in compared) / max(quantities, 1)
+    within = sum(row.covered == row.quantities for row in compared) / max(len(compared), 1)
+    outcomes = {kind: sum(row.outcome == kind for row in rows) for kind in ("refused", "traceback", "no reference")}
+    lines = [
+        f"{len(rows)} scenes: {len(compared)} compared, " + ", ".join(f"{n} {kind}" for kind, n in outcomes.items()),
+        f"true error within the stated one: {share:.1%} of {quantities} quantities; all of a scene's: {within:.1%}",
+        f"further quantities whose stated error is a lower bound: {sum(row.bounded for row in compared)}",
+        f"scenes with a quantity beyond {WRONG:g} times what is stated: {[row.seed for row in compared if row.wrong]}",
+        f"tracebacks: {[row.seed for row in rows if row.outcome == 'traceback']}",
+        f"runs over {LONG:g} s: {[row.seed for row in rows if row.seconds > LONG]}",
+    ]
+    return "\n".join(lines)
+
+
+def main(arguments: list[str]) -> None:
+    """Judge scenes, keep each row, and print the summary."""
+    parser = argparse.ArgumentParser(description="Stated against true errors of random scenes.")
+    parser.add_argument("--scenes", type=int, default=SCENES)
+    parser.add_argument("--seed", type=int, action="append")
+    parser.add_argument("--again", action="store_true")
+    options = parser.parse_args(arguments)
+    rows, seeds = read_table(), options.seed or range(options.scenes)
+    for seed in seeds:
+        if seed in rows and not options.again:
+            continue
+        row = rows[seed] = judge_apart(random_case(seed))
+        write_table(rows)
+        told = f"{row.quantity}: stated {row.stated:.1e}, true {row.true:.1e} ± {row.reference:.0e}"
+        print(f"{seed} {row.kind} {row.outcome} {row.seconds:.1f} s, {told} {row.warnings} {row.said}", flush=True)
+    print(summarise([rows[seed] for seed in seeds if seed in rows]))
+
+
+if __name__ == "__main__":
+    main(sys.argv[1:])

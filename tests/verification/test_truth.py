@@ -1,0 +1,74 @@
+"""Random scenes run as a user would, each against a reference by a path of its own; `benchmarks/truth.py` has more."""
+
+import importlib
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pytest
+from scipy.linalg import eigh
+
+BENCHMARKS = Path(__file__).parents[2] / "benchmarks"
+COMPARED = (5, 10, 18, 30, 46)  # planar, rigid, rigid, planar, tree
+REFUSED = {3: "joint.joint2: nothing has inertia against its rotation about [1, 0, 0]"}
+
+
+@pytest.fixture
+def module(monkeypatch: pytest.MonkeyPatch) -> Any:
+    monkeypatch.syspath_prepend(str(BENCHMARKS))
+    return importlib.import_module
+
+
+@pytest.mark.parametrize("seed", COMPARED)
+def test_no_quantity_of_a_random_scene_is_beyond_three_times_what_is_stated(
+    module: Any, tmp_path: Path, seed: int
+) -> None:
+    row = module("truth").judge(module("truth_scenes").random_case(seed), tmp_path)
+    assert row.outcome == "compared", row.said
+    assert row.quantities + row.bounded > 0
+    assert row.wrong == 0, row
+
+
+@pytest.mark.parametrize("seed", REFUSED)
+def test_a_random_scene_that_has_no_answer_is_refused_with_one_message(module: Any, tmp_path: Path, seed: int) -> None:
+    row = module("truth").judge(module("truth_scenes").random_case(seed), tmp_path)
+    assert row.outcome == "refused"
+    assert REFUSED[seed] in row.said
+
+
+def test_the_elasticas_small_vibrations_are_those_of_a_clamped_beam(module: Any) -> None:
+    cases, references = module("truth_scenes"), module("truth_references")
+    case = next(
+        case
+        for case in map(cases.random_case, range(100))
+        if case.kind == "planar" and len(case.bars) == 1 and "load" not in case.table["body"]
+        and case.table["joint"]["hub"]["type"] == "fixed"
+    )  # fmt: skip
+    line = references.Elastica(case, 9)
+    still = np.zeros(line.n)
+    M, _ = references.equations(line.arrays, line.numbers, still, still, np.zeros(references.INPUTS))
+    found = np.sqrt(eigh(line.stiffness, M, eigvals_only=True)[:2])
+    body = case.table["body"][case.bars[0]]
+    length, depth, E, rho = (references.number(body[key]) for key in ("length", "depth", "E", "rho"))
+    # Roots of cos x cosh x = −1; rotary inertia is of the order of (depth / length)².
+    exact = np.array([1.875104, 4.694091]) ** 2 * np.sqrt(E * depth**2 / (12 * rho)) / length**2
+    np.testing.assert_allclose(found, exact, rtol=3e-3)
+
+
+def test_the_elastica_keeps_its_energy_where_nothing_drives_it(module: Any) -> None:
+    cases, references = module("truth_scenes"), module("truth_references")
+    case = next(
+        case for case in map(cases.random_case, range(100)) if case.kind == "planar" and case.table["joint"]["hub"]
+        ["type"] == "revolute" and "rate" in case.table["joint"]["hub"] and len(case.bars) == 1
+    )  # fmt: skip
+    case.table["drive"] = {}
+    case.table["simulation"]["gravity"] = ["0 m/s^2"] * 3
+    case.table["joint"]["hub"]["rate"] = "5 rad/s"
+    line = references.Elastica(case, 7)
+    _, motion = line.march()
+    energies = []
+    for y in motion[::50]:
+        c, v = y[: line.n], y[line.n :]
+        M, _ = references.equations(line.arrays, line.numbers, c, v, np.zeros(references.INPUTS))
+        energies.append(0.5 * (v @ M @ v + c @ line.stiffness @ c))
+    np.testing.assert_allclose(energies, energies[0], rtol=1e-5)
