@@ -24,7 +24,8 @@ Run = Callable[[State, Array, float, int, Array, Array, Array, IntArray], int]
 
 _FLOOR = 1e-12  # a group that has not moved yet
 SMALLEST = 1e-12  # of the duration
-_CHUNK = 256  # steps
+_FIRST_CHUNK, _CHUNK = 4, 256  # steps: few where one takes long, so that progress is told in between
+_CHUNK_SECONDS = 0.1
 _SAFETY = 0.9
 
 
@@ -79,11 +80,14 @@ def march_adaptive_steps(
     q, v = np.full((times.size, start.q.size), np.nan), np.full((times.size, start.v.size), np.nan)
     cursor = np.array([np.searchsorted(times, state.time)])
     clock, end, seconds = np.array([state.time, state.next_step]), float(times[-1]), 0.0
+    chunk = _FIRST_CHUNK
     while cursor[0] < times.size:
         stop = next((point for point in breakpoints if point > clock[0]), math.inf)
         tick = time.perf_counter()
-        done = run(state, clock, stop, _CHUNK, times, q, v, cursor)
-        seconds += time.perf_counter() - tick
+        done = run(state, clock, stop, chunk, times, q, v, cursor)
+        spent = time.perf_counter() - tick
+        seconds += spent
+        chunk = max(1, min(_CHUNK, 4 * chunk, int(chunk * _CHUNK_SECONDS / max(spent, 1e-9))))
         state = replace(state, step=state.step + abs(done), time=float(clock[0]), next_step=float(clock[1]))
         if done <= 0 or not (np.isfinite(state.q).all() and np.isfinite(state.v).all()):
             finite = all(np.isfinite(x).all() for x in (state.q, state.v, state.a))
