@@ -46,6 +46,7 @@ METHODS = (
 FACTOR = 5.0  # an error budget within this factor of the true error counts as near
 LATER = ("further", "propeller, quadratic")  # cases that were added when the estimates had been made
 ELEMENTS = ("cantilevers", "propeller", "hexahedra", "tetrahedra")
+LONG = 60.0  # seconds
 ENERGY_KEEPING = ("central-difference", "reversible-sub-cycling")
 
 
@@ -287,6 +288,24 @@ def as_written(name: str) -> str:
     return markdown(rows[0], (row.values() for row in rows))
 
 
+def truth() -> str:
+    """Tabulate what random scenes state, truly have and refuse, by their kind."""
+    rows = read_rows("truth")
+    lines = []
+    for kind in (*sorted({row["kind"] for row in rows}), "all"):
+        own = [row for row in rows if kind in (row["kind"], "all")]
+        compared = [row for row in own if row["outcome"] == "compared"]
+        quantities, covered, wrong = (
+            sum(int(row[key]) for row in compared) for key in ("quantities", "covered", "wrong")
+        )
+        outcomes = [str(sum(row["outcome"] == outcome for row in own)) for outcome in ("refused", "traceback")]
+        long = sum(float(row["seconds"]) > LONG for row in own)
+        share = f"{100 * covered / quantities:.1f} % of {quantities}"
+        lines.append([kind, str(len(own)), str(len(compared)), *outcomes, share, str(wrong), str(long)])
+    head = ("kind", "scenes", "compared", "refused", "tracebacks", "true below stated", "wrong", "over 60 s")
+    return markdown(head, lines)
+
+
 TABLES: dict[str, Callable[[], str]] = {
     "integrators": integrators,
     "beam-subcycling": beam_subcycling,
@@ -305,6 +324,7 @@ TABLES: dict[str, Callable[[], str]] = {
     "deflection": deflection,
     "start": partial(as_written, "start"),
     **{f"elements-{part}": partial(as_written, f"elements-{part}") for part in ELEMENTS},
+    "truth": truth,
 }
 
 

@@ -18,6 +18,7 @@ import sys
 import tempfile
 import time
 import traceback
+from collections.abc import Callable
 from dataclasses import asdict, dataclass, fields
 from multiprocessing.connection import Connection
 from pathlib import Path
@@ -85,7 +86,7 @@ def run_case(case: Case, folder: Path) -> tuple[Row, Pipeline | None]:
         summary = write_results(run, folder / "out", pictures=False)
         row.warnings = " ".join(sorted({each["code"] for each in summary["warnings"]}))
     except (InputError, AccuracyError) as error:
-        row.outcome, row.said = "refused", str(error)
+        row.outcome, row.said = "refused", str(error).replace(f"{folder}/", "")
     except Exception:
         row.outcome, row.said = "traceback", traceback.format_exc(limit=-3)
     row.seconds = time.perf_counter() - begun
@@ -112,9 +113,10 @@ def is_open(part: float | str) -> bool:
     return isinstance(part, str) and part.startswith("not estimated")
 
 
-def judge(case: Case, folder: Path) -> Row:
-    """Run a scene and compare it with its reference."""
+def judge(case: Case, folder: Path, told: Callable[[Row], None] = lambda row: None) -> Row:
+    """Run a scene and compare it with its reference; the row of the run alone is ``told`` before."""
     row, run = run_case(case, folder)
+    told(row)
     if run is None or row.outcome != "compared":
         return row
     budget = state_errors(run)
@@ -144,23 +146,32 @@ def judge(case: Case, folder: Path) -> Row:
 
 
 def _work(case: Case, folder: Path, answer: Connection) -> None:
-    answer.send(judge(case, folder))
+    answer.send(judge(case, folder, answer.send))
 
 
 def judge_apart(case: Case) -> Row:
-    """Judge a scene in a process of its own, which is ended if it takes too long."""
+    """Judge a scene in a process of its own, which is ended if the run or its reference takes too long."""
     with tempfile.TemporaryDirectory() as folder:
         ours, theirs = multiprocessing.Pipe()
         process = multiprocessing.get_context("fork").Process(target=_work, args=(case, Path(folder), theirs))
         process.start()
+        theirs.close()
         row = Row(case.seed, case.kind, "long", seconds=PATIENCE)
         try:
-            if ours.poll(PATIENCE):
+            for _ in range(2):  # the run alone, and with its reference
+                if not ours.poll(PATIENCE):
+                    break
                 row = ours.recv()
+            else:
+                process.join()
+                return row
+            if row.outcome == "compared":
+                row.outcome, row.said = "no reference", f"it took more than {PATIENCE:g} s"
         except EOFError:
             row = Row(case.seed, case.kind, "traceback", said="the process ended")
-        process.kill()
-        process.join()
+        finally:
+            process.kill()
+            process.join()
     return row
 
 

@@ -23,7 +23,8 @@ from pipeline.integrators.protocol import Progress, State, Trajectory, require_t
 
 _FLOOR = 1e-12  # a group that has not moved yet
 SMALLEST = 1e-12  # of the duration
-_CHUNK = 256  # steps
+_FIRST_CHUNK, _CHUNK = 4, 256  # steps: few where one takes long, so that progress is told in between
+_CHUNK_SECONDS = 0.1
 _SAFETY = 0.9
 
 
@@ -269,11 +270,14 @@ def march_adaptive_steps(
     present = (state.q, state.v, state.a, clock, groups, state.memory)
     output = (np.ascontiguousarray(times, dtype=float), q, v, cursor, evaluations)
     march = AdaptiveMarch(tolerance, order, *present, trial, begin, new, out, *output)
+    chunk = _FIRST_CHUNK
     while cursor[0] < times.size:
         stop = next((point for point in system.breakpoints if point > clock[0]), math.inf)
         tick = time.perf_counter()
-        done = int(_march(m, system.parameters, march, stop, _CHUNK))
-        seconds += time.perf_counter() - tick
+        done = int(_march(m, system.parameters, march, stop, chunk))
+        spent = time.perf_counter() - tick
+        seconds += spent
+        chunk = max(1, min(_CHUNK, 4 * chunk, int(chunk * _CHUNK_SECONDS / max(spent, 1e-9))))
         state = replace(state, step=state.step + abs(done), time=float(clock[0]), next_step=float(clock[1]))
         if done <= 0 or not (np.isfinite(state.q).all() and np.isfinite(state.v).all()):
             finite = all(np.isfinite(x).all() for x in (state.q, state.v, state.a))

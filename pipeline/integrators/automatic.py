@@ -75,7 +75,7 @@ class Automatic:
             The wanted error was not reached; the message has the last difference, or says why every march failed.
         """
         report = _Pairs(self.error, groups_of(system)[: system.n_positions])
-        for method, gain in self._methods(system, q0, v0, report):
+        for method, gain in self._methods(system, q0, v0, report, progress):
             try:
                 trajectory = method.march(system, q0, v0, times, progress)
             except AccuracyError as error:  # it diverged, or an implicit step has no solution
@@ -91,7 +91,9 @@ class Automatic:
             f"{self.name}: the last two marches differ by {report.difference:.1e}, above {self.error:.0e}"
         )
 
-    def _methods(self, system: System, q0: Array, v0: Array, report: _Pairs) -> Iterator[tuple[Integrator, float]]:
+    def _methods(
+        self, system: System, q0: Array, v0: Array, report: _Pairs, progress: Progress | None
+    ) -> Iterator[tuple[Integrator, float]]:
         """Yield methods, each finer than that before, with the factor by which its error is below their difference."""
         if not system.coupled and len(system.breakpoints) <= _MANY:
             # What happens between two breakpoints takes finer steps too, lest two marches agree that miss it alike.
@@ -103,7 +105,7 @@ class Automatic:
         adaptive: type[RungeKutta | ExponentialRosenbrock] = RungeKutta
         if stable_steps > _FEW:
             yield from self._implicit_methods(system, stable_steps, report)
-            adaptive = self._choose_adaptive(system, q0, v0, stable_steps)
+            adaptive = self._choose_adaptive(system, q0, v0, stable_steps, progress)
         report.before = None
         report.failures = 0
         for k in range(_MOST_REFINEMENTS):
@@ -127,12 +129,14 @@ class Automatic:
             steps *= 2
 
     def _choose_adaptive(
-        self, system: System, q0: Array, v0: Array, stable_steps: float
+        self, system: System, q0: Array, v0: Array, stable_steps: float, progress: Progress | None
     ) -> type[RungeKutta | ExponentialRosenbrock]:
         """Choose between the stable steps of the explicit method and the steps that the Rosenbrock method takes."""
         method = ExponentialRosenbrock(self.error * _SAFETY)
         try:
-            trial = method.march(system, q0, v0, np.array([_TRIAL * self.duration]))
+            # Its progress is that of a march to the end, which may be ended where that would take too long.
+            watch = None if progress is None else lambda done: progress(_TRIAL * done)
+            trial = method.march(system, q0, v0, np.array([_TRIAL * self.duration]), watch)
         except StabilityError:
             return RungeKutta
         n, step = system.n + system.n_positions, max(trial.step, 1e-300)

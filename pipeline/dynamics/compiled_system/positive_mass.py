@@ -46,9 +46,8 @@ def require_positive_mass(system: CompiledSystem, q: Array, where: str, least: f
         return
     raise AccuracyError(
         f"{where} the mass matrix isn't positive definite: a motion has {kept:.2g} times its inertia in the undeformed "
-        "mechanism, because the displacements of second order that stiffening takes in are linear in the deflection "
-        'there; simulation.stiffening = "off" leaves them out, and a chain of shorter bodies on fixed joints in place '
-        "of a flexible one makes them smaller"
+        "mechanism, because of displacements of second order, which stiffening takes in; fewer modes with "
+        'modes.enrich = "none" make them smaller for light motions, and simulation.stiffening = "off" leaves them out'
     )
 
 

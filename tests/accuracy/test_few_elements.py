@@ -1,0 +1,90 @@
+"""Estimates where a coarser mesh or a finer tolerance tells nothing: few elements from side to side, an exact march."""
+
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from pipeline import Pipeline, load_scene
+from pipeline.accuracy.error_budget import ERROR_BUDGET
+
+LENGTH, DEPTH, WIDTH, E, RHO = 1.2, 0.02, 0.06, 70e9, 2700.0
+BAR = f"""
+title = "Twisted bar"
+[body.bar]
+shape = "bar"
+length = "{LENGTH} m"
+depth = "{DEPTH} m"
+width = "{WIDTH} m"
+E = "{E} Pa"
+nu = 0.3
+rho = "{RHO} kg/m^3"
+modes = {{ count = 1, family = "torsion", boundary = "joint" }}
+marker = {{ root = {{ face = "x-" }}, tip = {{ face = "x+" }} }}
+mesh = {{ order = ORDER, divisions = DIVISIONS }}
+[joint.clamp]
+type = "fixed"
+parent = "ground"
+child = "bar.root"
+[drive.twist]
+type = "point torque"
+marker = "bar.tip"
+direction = [1, 0, 0]
+torque = "1 N m"
+[simulation]
+duration = "1 ms"
+output_step = "0.1 ms"
+tip = "bar.tip"
+run = [{{ integrator = "auto" }}]
+"""
+PENDULUM = """
+title = "Rigid pendulum with a spring"
+[body.part]
+shape = "rigid"
+mass = "1.4 kg"
+centre = ["-0.17 m", "-0.15 m", "-0.14 m"]
+inertia = ["0.036 kg m^2", "0.020 kg m^2", "0.020 kg m^2"]
+marker = { at = { at = ["0 m", "0 m", "0 m"] } }
+[joint.hinge]
+type = "revolute"
+parent = "ground"
+child = "part.at"
+axis = [0.71, -1.48, -1.28]
+spring = "3.07 N m/rad"
+[simulation]
+duration = "1.5 s"
+output_step = "15 ms"
+tip = "part.at"
+gravity = ["0 m/s^2", "0 m/s^2", "-9.81 m/s^2"]
+run = [{ integrator = "INTEGRATOR" }]
+"""
+
+
+@pytest.mark.parametrize(("order", "divisions"), [(2, [20, 1, 1]), (1, [40, 2, 2])])
+def test_the_torsion_of_few_elements_from_side_to_side_is_off_by_less_than_is_stated(
+    tmp_path: Path, order: int, divisions: list[int]
+) -> None:
+    file = tmp_path / "bar.toml"
+    file.write_text(BAR.replace("ORDER", str(order)).replace("DIVISIONS", str(divisions)))
+    run = Pipeline(load_scene(file))
+    (stated,) = (row.total for row in ERROR_BUDGET.of(run).rows if row.name == "bar, frequency 1")
+    # Saint-Venant: J = a b³ (1/3 − 64/π⁵ b/a Σ tanh(k π a / 2b) / k⁵) for sides a > b.
+    odd = np.arange(1, 40, 2)
+    series = (np.tanh(odd * np.pi * WIDTH / (2 * DEPTH)) / odd**5).sum()
+    J = WIDTH * DEPTH**3 * (1 / 3 - 64 / np.pi**5 * DEPTH / WIDTH * series)
+    polar = WIDTH * DEPTH * (WIDTH**2 + DEPTH**2) / 12
+    exact = np.sqrt(E / 2.6 * J / (RHO * polar)) / (4 * LENGTH)
+    true = abs(run.part.modes.frequencies_hz[0] / exact - 1)
+    assert true > 0.01  # these meshes are too stiff in torsion
+    assert true < stated < 5 * true
+
+
+def test_time_integration_is_not_stated_exact_where_a_finer_tolerance_gives_the_same_march(tmp_path: Path) -> None:
+    file = tmp_path / "pendulum.toml"
+    file.write_text(PENDULUM.replace("INTEGRATOR", "auto"))
+    run = Pipeline(load_scene(file))
+    exact = Pipeline(load_scene(file, ['simulation.run=[{integrator="runge-kutta", tolerance=1e-12}]']))
+    angle = run.motion.joint_position("hinge")
+    true = np.abs(angle - exact.motion.joint_position("hinge")).max() / np.abs(angle).max()
+    (stated,) = (row.total for row in ERROR_BUDGET.of(run).rows if row.name == "hinge, angle")
+    assert 0 < true < stated
