@@ -11,7 +11,7 @@ from __future__ import annotations
 from pipeline.core.arrays import Array
 from pipeline.dynamics.compiled_system.kernels import inputs_at, set_inputs
 from pipeline.dynamics.compiled_system.parameters import CompiledParameters, HeldCycle
-from pipeline.dynamics.jit.compiled import inner, meaning
+from pipeline.dynamics.jit.compiled import contracted, inner, meaning
 from pipeline.dynamics.jit.native import call_native
 from pipeline.dynamics.system import fast_steps, hold_slow, velocities
 
@@ -159,7 +159,7 @@ def step_driven(
         done += ahead
 
 
-@inner
+@contracted
 def _step_one(held: HeldCycle, first: int, h: float, count: int, i: int, q: Array, v: Array, a: Array) -> None:
     """Take leapfrog steps with one coordinate under the loads of ``changes``, from time ``first · h``."""
     place, start = i + q.size - v.size, held.time[0]
@@ -177,7 +177,7 @@ def _step_one(held: HeldCycle, first: int, h: float, count: int, i: int, q: Arra
     q[place], v[i], a[i] = x, rate, acceleration
 
 
-@inner
+@contracted
 def step_single(held: HeldCycle, first: int, h: float, count: int, begins: bool, q: Array, v: Array, a: Array) -> None:
     """Take leapfrog steps coordinate by coordinate, from time ``first · h``; ``begins`` tells a cycle's first call.
 

@@ -70,6 +70,15 @@ def _kept(compiled: Any) -> Any:
     return compiled
 
 
+def contracted(function: F) -> F:
+    """Compile a function for kernels to call, its products and sums contracted to one rounding where the processor can.
+
+    What waits for a chain of them takes two thirds of the time.
+    """
+    compiled: F = numba.njit(**_INNER, fastmath={"contract"})(function)
+    return compiled
+
+
 def meaning(name: Callable[..., Any], parameters: type) -> Callable[[F], F]:
     """Decorate what a function that is a name only does for a type of its first argument, or one derived from it."""
 
