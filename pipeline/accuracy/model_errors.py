@@ -222,7 +222,8 @@ class ModelErrors:
                 of_modes = _OF_LIMIT * (2 * of_modes - coarse_modes)
                 of_shapes = _OF_LIMIT * (2 * of_shapes - coarse_shapes[pair.counterparts(name)[0]])
             excess[name] = -np.diag(of_shapes)
-            for k, gain in enumerate(of_modes):
+            held = run.parts[name].modes.n_rigid == 0  # a free part's own frequencies know of no root
+            for k, gain in enumerate(of_modes if held else ()):
                 errors[f"{name}, frequency {k + 1}"] = abs(float(np.sqrt(max(1 + gain, 0.0)) - 1))
         return errors | self._softened(excess)
 

@@ -14,12 +14,10 @@ from pipeline.core.cache import Cache, stage_key
 from pipeline.core.errors import InputError
 from pipeline.core.paths import cache_folder
 from pipeline.core.progress import Monitor, silent
-from pipeline.dynamics.compiled_system.positive_mass import require_positive_over
 from pipeline.recovery.deformation import Deformation, measure_deformation
 from pipeline.recovery.stress import StressHistory, stress_measure
 from pipeline.scene.scene import Scene
 from pipeline.scene.source_files import collect_inputs
-from pipeline.stages.mass_check import require_inertia
 from pipeline.stages.part import FlexiblePart
 from pipeline.stages.result_size import require_room
 from pipeline.stages.stage import Stage
@@ -279,11 +277,10 @@ class Pipeline:
         self.bodies  # noqa: B018 - stages of their own; what the plans add is kernels, compiled or read
         require_room(self.scene, self.mechanism)
         self._require_unbuckled()
-        require_inertia(self.scene, self.system)
         self.plans  # noqa: B018 - refuses a step before anything is timed
         trajectories = self.trajectories
         for label, plan in self.plans.items():
-            require_positive_over(plan.system, trajectories[label].times, trajectories[label].q)
+            plan.require_positive_mass(trajectories[label])
         return {label: self.motion_by(plan, trajectories[label]) for label, plan in self.plans.items()}
 
     def _require_unbuckled(self) -> None:

@@ -10,13 +10,14 @@ import numpy as np
 
 from pipeline.core.arrays import Array
 from pipeline.core.errors import InputError, StabilityError
-from pipeline.dynamics.compiled_system.positive_mass import explain_failure
+from pipeline.dynamics.compiled_system.positive_mass import explain_failure, require_positive_over
 from pipeline.dynamics.compiled_system.system import CompiledSystem
 from pipeline.dynamics.excited_modes import Excited, excited_part
 from pipeline.dynamics.mechanism import Mechanism
 from pipeline.integrators.protocol import Integrator, Progress, Trajectory
 from pipeline.integrators.subcycling import Subcycling
 from pipeline.stability.safe_step import ALLOWED_GROWTH, longest_safe_step
+from pipeline.stages.mass_check import require_inertia
 from pipeline.stages.mechanism import find_start, place_joints
 
 if TYPE_CHECKING:
@@ -97,6 +98,10 @@ class Plan:
     excited_system: CompiledSystem | None = None
     growth: float = 1.0
 
+    def require_positive_mass(self, trajectory: Trajectory) -> None:
+        """Raise ``AccuracyError`` if the mass matrix isn't positive definite along a march of this plan."""
+        require_positive_over(self.system, trajectory.times, trajectory.q)
+
     def march(self, times: Array, progress: Progress | None = None) -> Trajectory:
         """Integrate; coordinates of modes that stay at rest are 0. The end is that of what was integrated."""
         (q0, v0), part = self.start, self.excited
@@ -148,8 +153,10 @@ def make_plans(built: BuiltScene, remember: Remember = lambda measure: measure()
     Raises
     ------
     InputError
-        A step is beyond its stability limit, steps over a load, or vibrations would grow visibly by the method itself.
+        A motion has no inertia, a step is beyond its stability limit or steps over a load, or vibrations would grow
+        visibly by the method itself.
     """
+    require_inertia(built.scene, built.system)
     runs, given = built.scene.simulation.run, _given_step(built)
     unchecked = [_plan_unchecked(built, k, given) for k in range(len(runs))]
     growths = remember(lambda: _measure_growths(built, unchecked))
