@@ -11,6 +11,8 @@ from pipeline.accuracy.error_estimates import SAFETY, Row
 from pipeline.core.cache import Cache
 from pipeline.output.summary import summarise
 
+pytestmark = pytest.mark.slow
+
 SPUN = [
     "body.beam.mesh.divisions=[12, 2, 1]",
     "body.beam.modes.enrich=inertia",

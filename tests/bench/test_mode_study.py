@@ -11,6 +11,8 @@ from pipeline.bench.mode_study import STUDIES, ConvergedFrequencies, ModeStudyRo
 from pipeline.cli.app import main
 from pipeline.core.cache import Cache
 
+pytestmark = pytest.mark.slow
+
 ROWS = [
     ModeStudyRow("beam", "hex20", "coarse", 900, 0.1, 2e-3),
     ModeStudyRow("beam", "hex20", "fine", 9000, 0.9, 1e-5),

@@ -7,6 +7,8 @@ import pytest
 from pipeline.bench.stress_test import march_all, march_case, write_rows
 from pipeline.core.cache import Cache
 
+pytestmark = pytest.mark.slow
+
 
 @pytest.mark.parametrize(
     "name",

@@ -13,6 +13,8 @@ from pipeline.cli import doctor_checks as doctor
 from pipeline.cli import start_times
 from pipeline.render import rendering_check as probe
 
+pytestmark = pytest.mark.slow
+
 
 @pytest.fixture
 def drawing_works(monkeypatch: pytest.MonkeyPatch) -> None:

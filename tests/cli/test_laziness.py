@@ -10,6 +10,8 @@ from functools import partial
 
 import pytest
 
+pytestmark = pytest.mark.slow
+
 LISTING = """
 import json, sys
 from pipeline.cli.app import main

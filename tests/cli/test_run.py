@@ -49,6 +49,7 @@ def test_run_draws_everything_that_the_scene_lists(fmd, tmp_path, capsys):
     assert frames == 3
 
 
+@pytest.mark.slow
 def test_rod_slider_turns_as_in_figure_4_and_draws_the_papers_charts(fmd, tmp_path, capsys):
     assert fmd("run", "rod-slider", "--out", str(tmp_path), "--json") == 0
     result = json.loads(capsys.readouterr().out)

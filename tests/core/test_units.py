@@ -158,6 +158,7 @@ def test_pint_is_loaded_only_for_a_quantity() -> None:
     subprocess.run([sys.executable, "-c", code], check=True)
 
 
+@pytest.mark.slow
 def test_a_damaged_units_cache_is_rebuilt(tmp_path, monkeypatch):
     # pint writes its files in place: a process killed meanwhile leaves half of one behind
     command = [

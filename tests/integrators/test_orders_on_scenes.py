@@ -18,6 +18,8 @@ from pipeline.integrators.reversible import ReversibleSubcycling
 from pipeline.integrators.runge_kutta import RungeKutta
 from pipeline.integrators.subcycling import Subcycling
 
+pytestmark = pytest.mark.slow
+
 
 class Case(NamedTuple):
     """A scene's mechanism over a while, with steps that resolve it and end where its drive changes."""

@@ -16,6 +16,8 @@ from pipeline.output.drawing_process import DrawingProcess
 from pipeline.render.calls import draw_here
 from pipeline.render.chart_data import Curve
 
+pytestmark = pytest.mark.slow
+
 TIMES = np.linspace(0.0, 1.0, 11)
 
 

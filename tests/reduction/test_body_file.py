@@ -245,6 +245,7 @@ def test_a_file_that_was_tampered_with_is_refused(
         load_body(changed(path, change))
 
 
+@pytest.mark.slow
 def test_loading_needs_neither_mesh_nor_finite_elements(path: Path) -> None:
     import subprocess
     import sys

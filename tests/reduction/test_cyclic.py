@@ -73,6 +73,7 @@ def test_the_inverse_is_that_of_the_whole(body: tuple[FEModel, int]) -> None:
     assert solver._inverse(f[:, 0]) == pytest.approx(u[:, 0], rel=1e-9, abs=1e-9 * np.abs(u).max())
 
 
+@pytest.mark.slow
 def test_the_modes_are_those_that_lapack_finds(body: tuple[FEModel, int]) -> None:
     fe, blades = body
     modes = CyclicSolver(fe, blades).modes(15)

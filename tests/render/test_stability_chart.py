@@ -9,6 +9,8 @@ import pytest
 from pipeline.core.arrays import Array
 from pipeline.render.stability_chart import Panel, draw_stability
 
+pytestmark = pytest.mark.slow
+
 OMEGA = np.linspace(0.05, 3.0, 40)
 
 

@@ -17,6 +17,8 @@ from pipeline.core.cache import Cache
 from pipeline.core.errors import AccuracyError, InputError
 from pipeline.stages.pipeline import Pipeline
 
+pytestmark = pytest.mark.slow
+
 # A strip of two blocks of 10 × 10 × 10 mm that touch at x = 10 mm; the first has a bore of 4 mm along z.
 SCENE = """
 title = "strip"

@@ -13,6 +13,7 @@ from pipeline.stability.safe_step import ALLOWED_GROWTH
 from pipeline.stages import runs, stiffening_check
 
 
+@pytest.mark.slow
 def test_a_run_that_would_grow_is_refused_with_the_step_that_works() -> None:
     """Free modes couple with the rotation by 0.84: 5:1 at 10 µs grows 281-fold over the beam's half second."""
     free = 'simulation.frame="free"'

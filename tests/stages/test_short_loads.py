@@ -9,6 +9,8 @@ from pipeline import Pipeline, load_scene
 from pipeline.core.errors import InputError
 from pipeline.output.summary import summarise
 
+pytestmark = pytest.mark.slow
+
 SCENE = """
 title = "Plate"
 [body.plate]

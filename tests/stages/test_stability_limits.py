@@ -14,6 +14,8 @@ from pipeline.stability.safe_step import ALLOWED_GROWTH
 from pipeline.stability.tangent import OperatingPoint
 from pipeline.stages.stability_limits import find_scene_limits
 
+pytestmark = pytest.mark.slow
+
 
 @pytest.mark.parametrize("m", [1, 2, 5, 20])
 @pytest.mark.parametrize(

@@ -23,6 +23,8 @@ from pipeline.fem.mesh import SolidMesh
 from pipeline.reduction.eigen import FreeBodySolver
 from pipeline.reduction.mode_families import modes_of_family
 
+pytestmark = pytest.mark.slow
+
 STEEL = Material(E=210e9, nu=0.3, rho=7800.0)
 LENGTH, DEPTH, WIDTH = SIZES = (0.4, 0.1, 0.05)
 

@@ -16,6 +16,8 @@ from pipeline.core.arrays import Array
 from pipeline.recovery.motion import Motion
 from pipeline.reduction.body import FlexibleBody
 
+pytestmark = pytest.mark.slow
+
 G = 9.81
 LENGTH, DEPTH, WIDTH, RHO = 0.34, 0.025, 0.010, 2000.0  # as models/beam.toml
 

@@ -18,6 +18,8 @@ from pipeline.recovery.stress import von_mises
 from pipeline.reduction.body_file import load_body
 from pipeline.stages.mechanism import build_mechanism, find_start
 
+pytestmark = pytest.mark.slow
+
 COARSE = (
     "body.propeller.mesh={order=1,sleeve=[24,2,1],joint=[2,2,2],blade=[2,2,4]}",
     "body.propeller.modes.count=12",

@@ -20,6 +20,8 @@ from pipeline.integrators.scipy_ivp import ScipyIvp
 from pipeline.recovery.motion import Motion
 from pipeline.stages.mechanism import build_mechanism, find_start
 
+pytestmark = pytest.mark.slow
+
 EA, EI, MU, LENGTH = 2.8e7, 1.4e4, 1.2, 10.0  # N, N m², kg/m, m
 STEPS = ('simulation.run.0.integrator="generalized-alpha"', 'simulation.step="5 ms"')
 

@@ -194,6 +194,7 @@ def _accelerate(folder: Path) -> bytes:
     return compile_mechanism(made.mechanism).accelerations(TIME, *made.state(1)).tobytes()
 
 
+@pytest.mark.slow
 def test_processes_that_compile_at_once_agree(tmp_path: Path) -> None:
     with multiprocessing.get_context("spawn").Pool(2) as pool:
         results = pool.map(_accelerate, [tmp_path] * 2)

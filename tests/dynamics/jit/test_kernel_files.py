@@ -89,6 +89,7 @@ if __name__ == "__main__":
 """
 
 
+@pytest.mark.slow
 def test_a_second_process_reads_what_the_first_has_compiled(tmp_path: Path) -> None:
     script, cache = tmp_path / "doubling.py", tmp_path / "cache"
     script.write_text(MODULE)

@@ -37,6 +37,7 @@ def test_bounds_hold_values_and_derivatives_within(text: str) -> None:
             assert (found <= bounds[1] + room).all()
 
 
+@pytest.mark.slow
 def test_random_pulses_are_found_where_they_are_and_stepped_onto() -> None:
     """Gaussian blows of any place, width and height, alone or on a slow load: 16 times in each, 6 widths about it."""
     rng = np.random.default_rng(2)

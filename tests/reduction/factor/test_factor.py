@@ -23,6 +23,8 @@ from pipeline.reduction.factor.factor import MissingSolverError, TooLargeError, 
 from pipeline.reduction.factor.factor_size import factor_nonzeros
 from pipeline.reduction.factor.memory import available_memory
 
+pytestmark = pytest.mark.slow
+
 cvxopt = pytest.importorskip("cvxopt", reason="cvxopt is not installed")
 
 SOLVERS = ("cholesky", "superlu")
