@@ -33,6 +33,7 @@ if TYPE_CHECKING:
 _OF_EIGENVALUE = 0.03
 # Of what two meshes extrapolate to: the change by a rigid root falls more slowly on elements as small as the root.
 _OF_LIMIT = 1.5
+_LARGE = 30_000  # unknowns of a mesh that isn't solved anew with rigid roots
 _HARDLY = 1e-6  # relative shift that isn't worth a march
 _BARE_METAL = 0.001  # damping of a part that is given none, over its critical damping
 _WORTH_NAMING = 1e-4  # relative error
@@ -202,7 +203,8 @@ class ModelErrors:
         """Return the change of the motion and the frequencies with rigidly held roots.
 
         A rigid face also holds the contraction of the elements behind it, far more than of the body behind a real
-        clamp if they are long. That part falls with the elements' size, and two meshes tell it from the rest.
+        clamp if they are long. That part falls with the elements' size, and two meshes tell it from the rest. Of a
+        large mesh it would cost more than all else: there the coarser mesh alone says what rigid roots change.
         """
         run, pair = self._run, self._comparison.pair
         clamped = [name for name, part in run.parts.items() if not (part.joint.free or part.joint.floating)]
@@ -212,15 +214,19 @@ class ModelErrors:
         if scene is None:
             return None
         self._comparison.require_modes(1.0)
-        rigid, errors, excess = run.variant(scene, spin=run.spin), {}, {}
+        rigid, errors, excess = run.variant(scene, spin=run.spin), dict[str, float](), dict[str, Array]()
         coarse = None if not isinstance(pair, Pair) else attach_roots_rigidly(pair.coarse.scene, roots)
         on_coarse = None if coarse is None else Pipeline(coarse, run.store.cache, spin=run.spin)
         for name in clamped:
-            of_modes, of_shapes = _gain_by_rigid_root(run, rigid, name)
+            of_modes, of_shapes = np.zeros(0), np.zeros(0)
+            large = isinstance(pair, Pair) and on_coarse is not None and run.parts[name].modes.dofs > _LARGE
+            if not large:
+                of_modes, of_shapes = _gain_by_rigid_root(run, rigid, name)
             if isinstance(pair, Pair) and on_coarse is not None:
                 coarse_modes, coarse_shapes = _gain_by_rigid_root(pair.coarse, on_coarse, name)
-                of_modes = _OF_LIMIT * (2 * of_modes - coarse_modes)
-                of_shapes = _OF_LIMIT * (2 * of_shapes - coarse_shapes[pair.counterparts(name)[0]])
+                coarse_shapes = coarse_shapes[pair.counterparts(name)[0]]
+                of_modes = coarse_modes if large else _OF_LIMIT * (2 * of_modes - coarse_modes)
+                of_shapes = coarse_shapes if large else _OF_LIMIT * (2 * of_shapes - coarse_shapes)
             excess[name] = -np.diag(of_shapes)
             held = run.parts[name].modes.n_rigid == 0  # a free part's own frequencies know of no root
             for k, gain in enumerate(of_modes if held else ()):
