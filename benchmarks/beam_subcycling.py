@@ -29,7 +29,7 @@ def reference(rotor, times):
     n, a, parameters = rotor.n, np.zeros(rotor.n), rotor.parameters
 
     def rates(t, y):
-        evaluate(parameters, t, y[:n], y[n:], a)
+        evaluate(parameters, float(t), y[:n].copy(), y[n:].copy(), a)
         return np.concatenate([y[n:], a])
 
     end = max(rotor.breakpoints)

@@ -78,7 +78,7 @@ def eigenproblem(whole):
     with threadpool_limits(1):
         (FreeBodySolver(fe) if whole else CyclicSolver(fe, 6)).modes(MODES)
     spent = time.perf_counter() - tick
-    print(spent, (resource.getrusage(resource.RUSAGE_SELF).ru_maxrss - before) / 1024)
+    print(spent, resource.getrusage(resource.RUSAGE_SELF).ru_maxrss / 1024)
 
 
 def sectors():
@@ -92,7 +92,7 @@ def sectors():
         time_one / time_whole,
         f"{time_one:.1f} s / {time_whole:.1f} s",
     )
-    yield "the same, memory", memory_one / memory_whole, f"{memory_one:.0f} MB / {memory_whole:.0f} MB"
+    yield "the same, peak memory", memory_one / memory_whole, f"{memory_one:.0f} MB / {memory_whole:.0f} MB"
 
 
 def main():
