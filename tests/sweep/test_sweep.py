@@ -22,9 +22,9 @@ pytestmark = pytest.mark.slow
 FMD = [str(Path(sys.executable).with_name("fmd"))]
 RUNS = "simulation.run=[{integrator='central-difference'}, {integrator='sub-cycling', substeps=5}]"
 COARSE = ["--set", RUNS, "--set", "body.beam.mesh.divisions=[12, 2, 1]", "--set", "simulation.duration=20 ms"]
-# Five million steps, a quarter of a second, so that something is always under way.
+# Fifty million steps, more than half a second, so that something is always under way.
 LONG = ["--set", "simulation.run=[{integrator='central-difference'}]", "--set", "body.beam.mesh.divisions=[12, 2, 1]"]
-LONG += ["--set", "simulation.duration=1 s", "--set", "simulation.step=0.2us"]
+LONG += ["--set", "simulation.duration=1 s", "--set", "simulation.step=0.02us"]
 SPEEDS = ",".join(f"{speed} rad/s" for speed in range(5, 13))
 TRACE = """
 from pathlib import Path
