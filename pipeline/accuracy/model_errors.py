@@ -218,15 +218,17 @@ class ModelErrors:
         coarse = None if not isinstance(pair, Pair) else attach_roots_rigidly(pair.coarse.scene, roots)
         on_coarse = None if coarse is None else Pipeline(coarse, run.store.cache, spin=run.spin)
         for name in clamped:
-            of_modes, of_shapes = np.zeros(0), np.zeros(0)
-            large = isinstance(pair, Pair) and on_coarse is not None and run.parts[name].modes.dofs > _LARGE
-            if not large:
+            if not isinstance(pair, Pair) or on_coarse is None:
                 of_modes, of_shapes = _gain_by_rigid_root(run, rigid, name)
-            if isinstance(pair, Pair) and on_coarse is not None:
-                coarse_modes, coarse_shapes = _gain_by_rigid_root(pair.coarse, on_coarse, name)
-                coarse_shapes = coarse_shapes[pair.counterparts(name)[0]]
-                of_modes = coarse_modes if large else _OF_LIMIT * (2 * of_modes - coarse_modes)
-                of_shapes = coarse_shapes if large else _OF_LIMIT * (2 * of_shapes - coarse_shapes)
+            else:
+                of_modes, of_shapes = _gain_by_rigid_root(pair.coarse, on_coarse, name)
+                of_shapes = of_shapes[pair.counterparts(name)[0]]
+                if run.parts[name].modes.dofs <= _LARGE:
+                    own_modes, own_shapes = _gain_by_rigid_root(run, rigid, name)
+                    of_modes, of_shapes = (
+                        _OF_LIMIT * (2 * own_modes - of_modes),
+                        _OF_LIMIT * (2 * own_shapes - of_shapes),
+                    )
             excess[name] = -np.diag(of_shapes)
             held = run.parts[name].modes.n_rigid == 0  # a free part's own frequencies know of no root
             for k, gain in enumerate(of_modes if held else ()):

@@ -1,8 +1,8 @@
 """Interface between integrators and the systems that they march.
 
-A system is its parameters, a ``NamedTuple`` of flat arrays, and three compiled functions of them. The functions here
-are names only: a mechanism gives each its meaning for its own type of parameters with ``overload``, so one
-integrator kernel serves every mechanism and compiles for just the one it is called with.
+A system is its parameters, a `Table` or a ``NamedTuple`` of flat arrays, and compiled functions of them. The functions
+here are names only: `meaning` gives each what it does for a type of parameters, so that one integrator kernel serves
+every mechanism.
 """
 
 from __future__ import annotations

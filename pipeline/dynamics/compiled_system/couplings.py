@@ -45,12 +45,14 @@ class Couplings(NamedTuple):
 
 def find_inertial_coupling(compiled: CompiledMechanism) -> bool:
     """Return whether any coordinates couple through the mass matrix in some state."""
-    return any(_exceed(M, _NEGLIGIBLE * _scale(M)) for M in _masses(compiled))
+    masses = (compiled.mass_matrix(inputs, q) for inputs, q, _, _ in _states(compiled))
+    return any(_exceed(M, _NEGLIGIBLE * _scale(M)) for M in masses)
 
 
 def find_couplings(compiled: CompiledMechanism) -> Couplings:
     """Find the structure of the fast coordinates' equations."""
-    n_slow, masses = compiled.mechanism.n_slow, _masses(compiled)
+    n_slow, states = compiled.mechanism.n_slow, _states(compiled)
+    masses = [compiled.mass_matrix(inputs, q) for inputs, q, _, _ in states]
     shift, fast = compiled.mechanism.n_positions - compiled.mechanism.n, slice(n_slow, None)
     diagonals = [M.diagonal()[fast] for M in masses]
     constant = all(np.allclose(diagonal, diagonals[0], rtol=1e-12, atol=0.0) for diagonal in diagonals)
@@ -58,7 +60,7 @@ def find_couplings(compiled: CompiledMechanism) -> Couplings:
     mass = np.r_[np.zeros(n_slow), diagonals[0]] if constant and single else None
     elastic = damped = dragging = False
     driven = np.zeros(3 * len(compiled.signals), dtype=bool)
-    for inputs, q, v, a in _states(compiled):
+    for inputs, q, v, a in states:
         by_q, by_v, M = compiled.tangents(inputs, q, v, a)
         driven |= np.any(compiled.input_tangents(inputs, q, v, a)[fast], axis=0)
         K, C = by_q[fast, n_slow + shift :], by_v[fast, fast]
@@ -77,10 +79,6 @@ def _exceed(A: Array, limit: Array | float) -> bool:
 def _scale(A: Array) -> Array:
     own = np.sqrt(np.abs(A.diagonal()))
     return np.asarray(np.outer(own, own))
-
-
-def _masses(compiled: CompiledMechanism) -> list[Array]:
-    return [compiled.mass_matrix(inputs, q) for inputs, q, _, _ in _states(compiled)]
 
 
 def _states(compiled: CompiledMechanism) -> list[tuple[Array, Array, Array, Array]]:

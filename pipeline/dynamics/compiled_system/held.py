@@ -11,11 +11,10 @@ from __future__ import annotations
 from pipeline.core.arrays import Array
 from pipeline.dynamics.compiled_system.kernels import inputs_at, set_inputs
 from pipeline.dynamics.compiled_system.parameters import CompiledParameters, HeldCycle
+from pipeline.dynamics.compiler.program import LANES
 from pipeline.dynamics.jit.compiled import contracted, inner, meaning
 from pipeline.dynamics.jit.native import call_native
 from pipeline.dynamics.system import fast_steps, hold_slow, velocities
-
-_LANES = 8
 
 
 @inner
@@ -47,8 +46,8 @@ def _hold_drift(p: CompiledParameters, q: Array, v: Array, a: Array, held: HeldC
     n, n_slow, n_columns = v.size, held.n_slow, 1 + held.driven.size
     velocities(p, q, v, held.moved)
     call_native(held.find_drift, (p.inputs, q, v, a, held.moved, held.drift, held.by_inputs))
-    for first in range(0, n_columns, _LANES):
-        count = min(_LANES, n_columns - first)
+    for first in range(0, n_columns, LANES):
+        count = min(LANES, n_columns - first)
         for lane in range(count):
             column = held.by_inputs[held.driven[first + lane - 1]] if first + lane else held.drift
             for i in range(n_slow, n):
@@ -63,8 +62,8 @@ def _hold_drift(p: CompiledParameters, q: Array, v: Array, a: Array, held: HeldC
 @inner
 def keep_columns(x: Array, block: int, n_slow: int, out: Array) -> None:
     """Keep a block of eight columns, of the fast rows, as rows of a matrix (n_fast, n_fast)."""
-    n_fast, first = out.shape[0], _LANES * block
-    for lane in range(min(_LANES, n_fast - first)):
+    n_fast, first = out.shape[0], LANES * block
+    for lane in range(min(LANES, n_fast - first)):
         for i in range(n_fast):
             out[first + lane, i] = x[n_slow + i, lane]
 

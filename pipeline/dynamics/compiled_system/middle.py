@@ -17,23 +17,22 @@ from pipeline.dynamics.compiled_system.held import (
 )
 from pipeline.dynamics.compiled_system.kernels import set_inputs
 from pipeline.dynamics.compiled_system.parameters import CompiledParameters, MiddleCycle
+from pipeline.dynamics.compiler.program import LANES
 from pipeline.dynamics.jit.compiled import inner, meaning
 from pipeline.dynamics.jit.native import call_native
 from pipeline.dynamics.system import accelerations, hold_middle, reacting_steps, slow_response, velocities
-
-_LANES = 8
 
 
 @inner
 def _find_reaction(p: CompiledParameters, q: Array, block: int, D: Array, middle: MiddleCycle) -> None:
     """Compute D and how all coordinates follow a block of fast ones."""
     held, along = middle.held, middle.along_rates[block]
-    first, n, n_slow = held.n_slow + _LANES * block, along.shape[0], held.n_slow
-    count = min(_LANES, n - first)
+    first, n, n_slow = held.n_slow + LANES * block, along.shape[0], held.n_slow
+    count = min(LANES, n - first)
     call_native(middle.inertia, (p.inputs, q, held.unit_rates[block], held.f))
     call_native(middle.solve_slow, (p.inputs, q, held.f, held.x))
     for i in range(n_slow):
-        for lane in range(_LANES):
+        for lane in range(LANES):
             along[i, lane] = -held.x[i, lane]
     for lane in range(count):
         for i in range(n_slow):
@@ -55,16 +54,16 @@ def _keep_response(
     With ``x = M̂⁻¹ f`` the latter is ``M_LL⁻¹ f_L = x_L + D x_S``.
     """
     held = middle.held
-    n_fast, n_slow, first, f, x = on_fast.shape[0], held.n_slow, _LANES * block, held.f, held.x
+    n_fast, n_slow, first, f, x = on_fast.shape[0], held.n_slow, LANES * block, held.f, held.x
     call_native(middle.solve, (p.inputs, q, f, x))
     keep_columns(x, block, n_slow, on_fast)
     for i in range(n_slow):
-        for lane in range(_LANES):
+        for lane in range(LANES):
             f[i, lane] = x[i, lane]
         for k in range(n_slow, n_slow + n_fast):
-            for lane in range(_LANES):
+            for lane in range(LANES):
                 f[i, lane] += D[k, i] * x[k, lane]
-        for lane in range(min(_LANES, n_fast - first)):
+        for lane in range(min(LANES, n_fast - first)):
             on_slow[first + lane, i] = f[i, lane]
 
 

@@ -82,13 +82,13 @@ class CompiledVariants:
     @cached_property
     def signals(self) -> list[LoadedObject]:
         """Each variant's loads and motions, compiled once for variants with the same."""
-        codes: dict[str, LoadedObject] = {}
-        for mechanism in self.mechanisms:
-            own = self._acting_on(mechanism)
-            digest = digest_signals(own)
-            if digest not in codes:
-                codes[digest] = load_object("signals", digest, partial(emit_signals, own))
-        return [codes[digest_signals(self._acting_on(mechanism))] for mechanism in self.mechanisms]
+        loads = [self._acting_on(mechanism) for mechanism in self.mechanisms]
+        digests = [digest_signals(own) for own in loads]
+        different = dict(zip(digests, loads, strict=True))
+        codes = {
+            digest: load_object("signals", digest, partial(emit_signals, own)) for digest, own in different.items()
+        }
+        return [codes[digest] for digest in digests]
 
     @property
     def n_inputs(self) -> int:
