@@ -9,8 +9,8 @@ from typing import Any, Protocol
 import numpy as np
 
 from pipeline.core.arrays import Array, require_finite, require_shape
-from pipeline.dynamics.jit.compiled import aligned, kernel
-from pipeline.dynamics.system import System, accelerations, velocities
+from pipeline.dynamics.jit.compiled import aligned, kernel, meaning
+from pipeline.dynamics.system import System, accelerations, project, velocities
 
 Progress = Callable[[float], None]
 """Called with the part of the march that is done, 0…1."""
@@ -183,3 +183,8 @@ def evaluate(p: Any, t: float, q: Array, v: Array, a: Array) -> None:
 def evaluate_velocities(p: Any, q: Array, v: Array, dq: Array) -> None:
     """Evaluate the time derivatives of a mechanism's position coordinates into dq."""
     velocities(p, q, v, dq)
+
+
+@meaning(project, tuple)
+def _project(p: Any, t: float, q: Array, v: Array) -> None:
+    """Leave a state as it is: parameters that are a plain tuple know of no constraints."""

@@ -9,6 +9,7 @@ from functools import cached_property
 import numpy as np
 
 from pipeline.core.arrays import Array
+from pipeline.dynamics.compiler.closures import ConstraintRow, trace_rows
 from pipeline.dynamics.compiler.coordinates import Coordinates
 from pipeline.dynamics.compiler.digest import digest_mechanism
 from pipeline.dynamics.compiler.frames import MovingFrame, trace_frames
@@ -51,6 +52,11 @@ class CompiledMechanism:
     @cached_property
     def _signal_values(self) -> LoadedObject:
         return load_object("signals", digest_signals(self.signals), lambda: emit_signals(self.signals))
+
+    @cached_property
+    def rows(self) -> list[ConstraintRow]:
+        """Scalar constraints of a mechanism with loops, those that hold in every state left out."""
+        return trace_rows(self._inputs, self._frames) if self.mechanism.closures else []
 
     def program(self, name: str) -> Program:
         """Return a function as a traced program."""
@@ -160,6 +166,25 @@ class CompiledMechanism:
             return x
 
         return _in_blocks(along, f, len(f))
+
+    def gaps(self, t: float, q: Array, v: Array) -> tuple[Array, Array]:
+        """Return the constraints' gaps and their rates, shape (n_rows,) each; lengths [m], angles [rad] or cosines."""
+        g, rates = np.zeros((2, len(self.rows)))
+        if len(g):
+            self.call("gaps", self.signal_values(t), *_contiguous(q, v), g, rates)
+        return g, rates
+
+    def multipliers(self, t: float, q: Array) -> tuple[Array, Array]:
+        """Return ``M̂⁻¹ Jᵀ`` (n, n_rows) and ``J M̂⁻¹ Jᵀ`` (n_rows, n_rows) of the constraints."""
+        n, inputs, (positions,) = self.mechanism.n, self.signal_values(t), _contiguous(q)
+
+        def along(block: Array) -> Array:
+            x, s = np.zeros((n, LANES)), np.zeros(block.shape)
+            self.call("multipliers", inputs, positions, block, x, s)
+            return np.concatenate([x, s])
+
+        both = _in_blocks(along, np.eye(len(self.rows)), n + len(self.rows))
+        return both[:n], both[n:]
 
     def frames(self, t: float, q: Array, v: Array) -> tuple[Array, Array, Array]:
         """Return the bodies' origins (n_bodies, 3), rotations (n_bodies, 3, 3) and angular velocities in space."""
