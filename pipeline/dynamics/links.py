@@ -35,8 +35,6 @@ class Link:
         Number of the body that carries it, -1 for the ground; smaller than its own.
     place : ndarray, shape (3,)
         The joint in the parent's frame [m].
-    place_axes : ndarray, shape (3, 3)
-        Rotation from the joint's axes, those of the body at angle 0, into the parent's.
     axis : ndarray, shape (3,)
         Unit vector of a revolute or prismatic joint, in the joint's axes.
     omega : ndarray, shape (n,)
@@ -64,6 +62,8 @@ class Link:
     section : str
         The marker on the section at the joint, from which deflections are seen; empty where they are seen from the
         body's frame itself.
+    place_axes : ndarray, shape (3, 3)
+        Rotation from the joint's axes, those of the body at angle 0, into the parent's.
     """
 
     name: str
@@ -71,7 +71,6 @@ class Link:
     joint: int
     parent: int = -1
     place: Array = field(default_factory=lambda: np.zeros(3))
-    place_axes: Array = field(default_factory=lambda: np.eye(3))
     axis: Array = field(default_factory=lambda: np.array([0.0, 0.0, 1.0]))
     omega: Array = field(default_factory=lambda: np.zeros(0))
     damping: Array = field(default_factory=lambda: np.zeros(0))
@@ -88,6 +87,7 @@ class Link:
     joint_name: str = ""
     markers: Mapping[str, MarkerShapes] = field(default_factory=dict)
     section: str = ""
+    place_axes: Array = field(default_factory=lambda: np.eye(3))
 
     @property
     def place_marker(self) -> MarkerShapes:
