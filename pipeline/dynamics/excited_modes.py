@@ -97,7 +97,7 @@ def reached(omega: Array, forces: Sequence[Array], couplings: Sequence[Array], t
 def _acting(mechanism: Mechanism, b: int) -> tuple[list[Array], list[Array]]:
     """Forces on body b's modes by the rigid motion, its joint, its loads and its children; couplings of modes."""
     link, n, gram = mechanism.links[b], len(mechanism.links[b].omega), mechanism.links[b].gram
-    products = _inertia_products(gram, _common_axis(mechanism.links))
+    products = _inertia_products(gram, _common_axis(mechanism.links, b))
     inertia = float(np.sqrt(max(np.einsum("aa", gram.G[:, :, 0, 0]), 1e-300)))
     size = float(np.sqrt(gram.mass))
     forces = [product[0, 1:] / inertia for product in products]
@@ -133,21 +133,23 @@ def _inertia_products(gram: InertiaGram, axis: Array | None) -> list[Array]:
     return [*(symmetric[a, b] for a in range(3) for b in range(a, 3)), *antisymmetric]
 
 
-def _common_axis(links: Sequence[Link]) -> Array | None:
-    """Unit vector that every rotation of the mechanism is about, or ``None``."""
-    axes = []
+def _common_axis(links: Sequence[Link], body: int) -> Array | None:
+    """Unit vector in a body's axes that every rotation of the mechanism is about, or ``None``."""
+    axes, turned = list[Array](), list[Array]()  # axes in space, and each body's axes at rest
     for link in links:
         if link.joint not in (FIXED, REVOLUTE, PRISMATIC):
             return None
+        carrier = turned[link.parent] if link.parent >= 0 else np.eye(3)
+        turned.append(carrier @ link.place_axes)
         if link.joint == REVOLUTE:
-            axes.append(link.axis / np.linalg.norm(link.axis))
-        axes += list(link.place_rotations.T)
+            axes.append(turned[-1] @ link.axis / np.linalg.norm(link.axis))
+        axes += list((carrier @ link.place_rotations).T)
     if not axes:
         return None
     largest = axes[int(np.argmax([np.linalg.norm(axis) for axis in axes]))]
     axis = largest / np.linalg.norm(largest)
     across = max(np.linalg.norm(other - axis * (axis @ other)) for other in axes)
-    return axis if across <= _PLANE * np.linalg.norm(largest) else None
+    return turned[body].T @ axis if across <= _PLANE * np.linalg.norm(largest) else None
 
 
 def _with_modes(mechanism: Mechanism, kept: Sequence[IntArray]) -> Mechanism:

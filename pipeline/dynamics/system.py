@@ -144,6 +144,22 @@ class System(Protocol):
     def highest_slow_frequency(self) -> float:
         """Highest angular frequency of the slow coordinates with the fast ones held [rad/s]."""
 
+    @property
+    def largest_step(self) -> float:
+        """Longest stable step of the leapfrog method with its dampers [s]."""
+
+    @property
+    def largest_fast_step(self) -> float:
+        """Longest stable step of the fast coordinates with the slow ones held [s]."""
+
+    @property
+    def largest_reacting_step(self) -> float:
+        """Longest stable step of the fast coordinates with ``q_L + D q_S`` held [s]."""
+
+    @property
+    def largest_slow_step(self) -> float:
+        """Longest stable step of the slow coordinates with the fast ones held [s]."""
+
     def leapfrog(self) -> Any:
         """Fresh storage for `leapfrog_step`."""
 

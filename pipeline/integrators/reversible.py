@@ -75,8 +75,8 @@ class ReversibleSubcycling:
         return 2
 
     def largest_step(self, system: System) -> float:
-        """Return the step at which slow coordinates, or fast ones with the slow free to react, reach ``2/ω`` [s]."""
-        return min(2.0 / system.highest_reacting_frequency, 2.0 / (self.substeps * system.highest_slow_frequency))
+        """Return the longest step that slow coordinates, and fast ones with the slow free to react, allow [s]."""
+        return min(system.largest_reacting_step, system.largest_slow_step / self.substeps)
 
     def march(self, system: System, q0: Array, v0: Array, times: Array, progress: Progress | None = None) -> Trajectory:
         """Integrate from time 0 until the major cycle that holds the last of ``times`` is complete."""

@@ -61,10 +61,10 @@ class Subcycling:
         return 1 if self.substeps > 1 and system.coupled else 2
 
     def largest_step(self, system: System) -> float:
-        """Return the step at which fast or slow coordinates reach ``2/ω_max`` by their own steps [s]; all if m = 1."""
+        """Return the step at which fast or slow coordinates reach their own steps' limit [s]; all if m = 1."""
         if self.substeps == 1:
-            return 2.0 / system.highest_frequency
-        return min(2.0 / system.highest_fast_frequency, 2.0 / (self.substeps * system.highest_slow_frequency))
+            return system.largest_step
+        return min(system.largest_fast_step, system.largest_slow_step / self.substeps)
 
     def march(self, system: System, q0: Array, v0: Array, times: Array, progress: Progress | None = None) -> Trajectory:
         """Integrate from time 0 until the major cycle that holds the last of ``times`` is complete."""

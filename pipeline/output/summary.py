@@ -42,7 +42,7 @@ def summarise(run: Pipeline, files: list[str], budget: bool, budget_seconds: flo
         *deflection_warnings(run),
     ]
     first = run.motion
-    summary["largest_stable_step_s"] = 2.0 / run.system.highest_frequency if run.system.n else None
+    summary["largest_stable_step_s"] = run.system.largest_step if run.system.n else None
     summary["integrations"] = _integrations(run)
     summary["final"] = first.final() | _former_names(first)
     summary["joint_units"] = {joint: first.joint_unit(joint) for joint in first.joints}

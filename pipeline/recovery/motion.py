@@ -141,7 +141,7 @@ class Motion:
     def centre_angular_velocity(self) -> Array:
         """Angular velocity of the centre of mass about the first joint's axis, ``e·(r × v)/|e × r|²`` [rad/s]."""
         joint = self.mechanism.links[0]
-        axis = joint.axis / np.linalg.norm(joint.axis)
+        axis = joint.place_axes @ joint.axis / np.linalg.norm(joint.axis)
         arm = np.cross(axis, self.centre_of_mass - joint.place)
         moment, square = (arm * self.centre_velocity).sum(axis=1), (arm**2).sum(axis=1)
         return np.asarray(np.divide(moment, square, out=np.zeros(len(square)), where=square > 0.0))

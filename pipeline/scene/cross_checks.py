@@ -8,6 +8,7 @@ from dataclasses import dataclass
 
 from pipeline.core.units import unit_ratio
 from pipeline.scene.any_body import Body, Flexible
+from pipeline.scene.ground import GroundPlace
 from pipeline.scene.joints import Joint
 from pipeline.scene.loads import Drive, MotionDrive, PointForce, PointTorque
 from pipeline.scene.outputs import JOINT_QUANTITIES, Chart, Export, Output
@@ -24,8 +25,8 @@ class CrossCheck:
 
     Parameters
     ----------
-    body, joint, drive : mapping
-        Bodies, joints and drives by name.
+    body, ground, joint, drive : mapping
+        Bodies, places on the ground, joints and drives by name.
     simulation : Simulation, optional
         The integration over time, if the scene has one.
     output : sequence
@@ -33,6 +34,7 @@ class CrossCheck:
     """
 
     body: Mapping[str, Body]
+    ground: Mapping[str, GroundPlace]
     joint: Mapping[str, Joint]
     drive: Mapping[str, Drive]
     simulation: Simulation | None
@@ -49,8 +51,7 @@ class CrossCheck:
 
     def _check_joints(self) -> Iterator[FaultError]:
         for name, joint in self.joint.items():
-            if joint.parent != "ground":
-                yield from self._check_marker(joint.parent, "joint", name, "parent")
+            yield from self._check_place(joint.parent, "joint", name, "parent")
             yield from self._check_marker(joint.child, "joint", name, "child")
 
     def _check_drives(self) -> Iterator[FaultError]:
@@ -168,6 +169,13 @@ class CrossCheck:
         elif self.joint[name].type not in fitting:
             wanted = " or ".join(fitting)
             yield FaultError(f"is a {self.joint[name].type} joint; {user} needs a {wanted} one", *path)
+
+    def _check_place(self, place: str, *path: str | int) -> Iterator[FaultError]:
+        """Check a marker of a body, or a place on the ground."""
+        if place.partition(".")[0] != "ground":
+            yield from self._check_marker(place, *path)
+        elif place != "ground" and place not in (known := [f"ground.{name}" for name in self.ground]):
+            yield FaultError(f"no such place; {suggest_name(place, known, 'the places on the ground')}", *path)
 
     def _check_marker(self, place: str, *path: str | int) -> Iterator[FaultError]:
         body = place.partition(".")[0]

@@ -16,6 +16,7 @@ from pipeline.core.html import facts, scaled
 from pipeline.core.units import PositiveFrequency, Share
 from pipeline.scene.any_body import Body, Flexible
 from pipeline.scene.cross_checks import CrossCheck
+from pipeline.scene.ground import GroundPlace
 from pipeline.scene.joints import Joint
 from pipeline.scene.loads import Drive
 from pipeline.scene.outputs import Output
@@ -61,6 +62,8 @@ class Scene(SceneTable):
         and step itself until the budget states that error or less.
     body : dict
         Bodies by name.
+    ground : dict
+        Places on the ground by name.
     joint : dict
         Joints by name. In a scene with a simulation every body is the child of one joint.
     drive : dict
@@ -115,6 +118,7 @@ class Scene(SceneTable):
     source: str = ""
     accuracy: Share | None = None
     body: Annotated[dict[Name, Body], Field(min_length=1)]
+    ground: dict[Name, GroundPlace] = Field(default_factory=dict)
     joint: dict[Name, Joint] = Field(default_factory=dict)
     drive: dict[Name, Drive] = Field(default_factory=dict)
     simulation_table: Simulation | None = Field(default=None, alias="simulation")
@@ -162,7 +166,9 @@ class Scene(SceneTable):
 
     @model_validator(mode="after")
     def _fits_together(self) -> Scene:
-        faults = CrossCheck(self.body, self.joint, self.drive, self.simulation_table, self.output).find_faults()
+        faults = CrossCheck(
+            self.body, self.ground, self.joint, self.drive, self.simulation_table, self.output
+        ).find_faults()
         if faults:
             faults[0].more = len(faults) - 1
             raise faults[0]

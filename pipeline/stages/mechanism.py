@@ -16,6 +16,7 @@ from pipeline.dynamics.mechanism import Mechanism
 from pipeline.dynamics.signals.signal import Signal, constant, half_sine, total
 from pipeline.reduction.body import FlexibleBody, MarkerShapes
 from pipeline.reduction.inertia import InertiaGram
+from pipeline.stages.ground import ground_place
 from pipeline.stages.inboard_joint import read_inboard_joint
 from pipeline.stages.signals import require_sound_drives, signal_of
 
@@ -151,6 +152,8 @@ def _link(scene: Scene, places: _Places, body: str) -> Link:
         at = places.marker(joint.parent)
         settings |= {"parent": places.order.index(parent), "place": at.position}
         settings |= {"place_shapes": at.translation, "place_rotations": at.rotation, "place_bow": at.bow}
+    else:
+        settings["place"], settings["place_axes"] = ground_place(scene, joint.parent)
     return Link(body, gram, _JOINTS[joint.type], **settings)
 
 

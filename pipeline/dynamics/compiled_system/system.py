@@ -27,7 +27,7 @@ from pipeline.dynamics.compiler.program import LANES
 from pipeline.dynamics.jit.compiled import aligned
 from pipeline.dynamics.links import FREE, SPHERICAL
 from pipeline.dynamics.mechanism import Mechanism
-from pipeline.dynamics.vibration import highest_frequency
+from pipeline.dynamics.vibration import highest_frequency, largest_leapfrog_step
 
 _ROOM = ("v_now", "d", "rising")  # vectors of `HeldCycle` that hold no coefficients
 _AHEAD = 16  # steps for which loads are evaluated before coordinates go through them
@@ -288,9 +288,36 @@ class CompiledSystem:
     @cached_property
     def highest_reacting_frequency(self) -> float:
         """Highest angular frequency of the fast coordinates with ``q_L + M_LL⁻¹ M_LS q_S`` held [rad/s]."""
+        M, K, _ = self._reacting
+        return highest_frequency(M, K)
+
+    @property
+    def _reacting(self) -> tuple[Array, Array, Array]:
+        """Mass, stiffness and damping of the fast coordinates with the slow ones free to react."""
         slow, fast, M = slice(0, self.n_slow), slice(self.n_slow, None), self._reference_mass
         T = np.concatenate([-np.linalg.solve(M[slow, slow], M[slow, fast]), np.eye(self.n - self.n_slow)])
-        return highest_frequency(T.T @ M @ T, T.T @ self.mechanism.linear_forces.K @ T)
+        M, K, C = (T.T @ A @ T for A in self.linear_matrices)
+        return M, K, C
+
+    @cached_property
+    def largest_step(self) -> float:
+        """Longest stable leapfrog step in the reference state [s]."""
+        return largest_leapfrog_step(*self.linear_matrices)
+
+    @cached_property
+    def largest_fast_step(self) -> float:
+        """Longest stable leapfrog step of the fast coordinates with the slow ones held [s]."""
+        return largest_leapfrog_step(*(A[self.n_slow :, self.n_slow :] for A in self.linear_matrices))
+
+    @cached_property
+    def largest_reacting_step(self) -> float:
+        """Longest stable leapfrog step of the fast coordinates with ``q_L + M_LL⁻¹ M_LS q_S`` held [s]."""
+        return largest_leapfrog_step(*self._reacting)
+
+    @cached_property
+    def largest_slow_step(self) -> float:
+        """Longest stable leapfrog step of the slow coordinates with the fast ones held [s]."""
+        return largest_leapfrog_step(*(A[: self.n_slow, : self.n_slow] for A in self.linear_matrices))
 
     @cached_property
     def highest_slow_frequency(self) -> float:

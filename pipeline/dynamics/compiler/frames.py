@@ -197,7 +197,7 @@ def marker_bias(spin: Vector3, marker: MarkerMotion) -> Vector6:
 class _JointMotion:
     """Motion of a joint between its marker and its body, in the body's axes."""
 
-    R: Matrix  # from the body's axes into the parent's: the marker's rotation and the joint's
+    R: Matrix  # from the body's axes into the parent's: rotations of the marker, of the place's axes and of the joint
     shift: Vector3
     sliding: Vector3
     slide_acceleration: Vector3
@@ -209,7 +209,9 @@ class _JointMotion:
 def _trace_joint(inputs: Coordinates, number: int, link: Link, marker: MarkerMotion) -> _JointMotion:
     graph = inputs.graph
     zero3 = constants(graph, [0.0] * 3)
-    motion = _JointMotion(marker.R, zero3, zero3, zero3, zero3, zero3, [])
+    turned = (link.place_axes != np.eye(3)).any()
+    on_place = product(marker.R, [constants(graph, row) for row in link.place_axes]) if turned else marker.R
+    motion = _JointMotion(on_place, zero3, zero3, zero3, zero3, zero3, [])
     s, ds = inputs.joint_positions(number), inputs.joint_rates(number)
     if link.joint in (REVOLUTE, PRISMATIC):
         unit = clean_direction(link.axis)
@@ -219,7 +221,8 @@ def _trace_joint(inputs: Coordinates, number: int, link: Link, marker: MarkerMot
             known = inputs.signal(link.motion, derivatives=2)
         along, rate, acceleration = (scale(value, axis) for value in known)
         if link.joint == REVOLUTE:
-            motion.R = _turn_about(graph, marker, unit, known[0])
+            turn = rotation(graph, unit, known[0])
+            motion.R = product(on_place, turn) if turned else _turn_about(graph, marker, unit, known[0])
             motion.turning, motion.turn_acceleration = rate, acceleration
             motion.directions = [zero3 + axis]
         else:
@@ -229,7 +232,7 @@ def _trace_joint(inputs: Coordinates, number: int, link: Link, marker: MarkerMot
             motion.directions = []
     elif link.joint in (SPHERICAL, FREE):
         turn = _quaternion_rotation(s[-4:])
-        motion.R, motion.turning = product(marker.R, turn), ds[-3:]
+        motion.R, motion.turning = product(on_place, turn), ds[-3:]
         into_body = transpose(turn)
         if link.joint == FREE:
             motion.shift, motion.sliding = times(into_body, s[:3]), times(into_body, ds[:3])
