@@ -2,12 +2,12 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
-from dataclasses import dataclass, field
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, field, replace
 
 import numpy as np
 
-from pipeline.core.arrays import Array
+from pipeline.core.arrays import Array, IntArray
 from pipeline.reduction.body import MarkerShapes
 
 GROUND = ""
@@ -29,8 +29,17 @@ class Place:
     body: str
     marker: MarkerShapes
 
+    def with_modes(self, kept: Mapping[str, IntArray]) -> Place:
+        """Return the same on a body with some of its modes alone, by bodies' names."""
+        if self.body not in kept:
+            return self
+        own, at = kept[self.body], self.marker
+        bow = at.bow[:, own[:, None], own] if at.bow.size else at.bow
+        moved, turned = (parts[:, own] if parts.size else parts for parts in (at.translation, at.rotation))
+        return Place(self.body, MarkerShapes(at.position, moved, turned, bow))
 
-def ground_place(position: Array) -> Place:
+
+def fixed_place(position: Array) -> Place:
     """Make a place on the ground, shape (3,) [m]."""
     nothing = np.zeros((3, 0))
     return Place(GROUND, MarkerShapes(np.asarray(position, dtype=float), nothing, nothing))
@@ -52,6 +61,9 @@ class Closure:
         Pairs of directions that stay perpendicular, each one in the axes of the first's and of the second's section.
     distance : float
         Distance that the places keep [m]; 0 for none.
+    left_out : sequence of int
+        Numbers of the scalar constraints that aren't kept, in the order ``along``, ``square``, ``distance``: nothing
+        can move them, so they hold by themselves.
     """
 
     name: str
@@ -60,11 +72,22 @@ class Closure:
     along: Array = field(default_factory=lambda: np.zeros((0, 3)))
     square: Array = field(default_factory=lambda: np.zeros((0, 2, 3)))
     distance: float = 0.0
+    left_out: Sequence[int] = ()
 
     @property
     def bodies(self) -> tuple[str, ...]:
         """The links that it holds together; the ground is none."""
         return tuple(place.body for place in (self.first, self.second) if place.body != GROUND)
+
+    @property
+    def rigid(self) -> Closure:
+        """The same between bodies that don't deform."""
+        return self.with_modes({body: np.zeros(0, dtype=np.int64) for body in self.bodies})
+
+    def with_modes(self, kept: Mapping[str, IntArray]) -> Closure:
+        """Return the same for bodies with some of their modes alone."""
+        first, second = (place.with_modes(kept) for place in (self.first, self.second))
+        return replace(self, first=first, second=second)
 
     @property
     def n_rows(self) -> int:
@@ -106,6 +129,15 @@ class Coupler:
     def bodies(self) -> tuple[str, ...]:
         """The links whose joints it couples."""
         return tuple(self.joints)
+
+    @property
+    def rigid(self) -> Coupler:
+        """Itself: it knows nothing of modes."""
+        return self
+
+    def with_modes(self, kept: Mapping[str, IntArray]) -> Coupler:
+        """Return itself."""
+        return self
 
     @property
     def n_rows(self) -> int:

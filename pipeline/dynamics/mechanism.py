@@ -43,6 +43,9 @@ class Mechanism:
         How many modes of a body, the lowest, are slow; none by default.
     closures : sequence of Closure or Coupler
         Joints that close loops, and relations between joint coordinates.
+    assembled : mapping of str to sequence of float
+        Positions of links' joints, by the links' names, with which the loops of the undeformed mechanism close; those
+        of others are 0.
     horizon : float
         Time [s] up to which loads are searched for short actions that adaptive steps must not miss; 0 searches none.
 
@@ -60,6 +63,7 @@ class Mechanism:
     slow_modes: Mapping[str, int] = field(default_factory=dict)
     horizon: float = 0.0
     closures: Sequence[Constraint] = ()
+    assembled: Mapping[str, Sequence[float]] = field(default_factory=dict)
 
     def __post_init__(self) -> None:
         links = {link.name: link for link in self.links}
@@ -103,11 +107,13 @@ class Mechanism:
 
     @property
     def rest_positions(self) -> Array:
-        """Positions of the undeformed mechanism with all joints at 0, shape (n_positions,)."""
+        """Positions of the undeformed mechanism with all joints at 0, or where loops close, shape (n_positions,)."""
         q = np.zeros(self.n_positions)
         for link, first in zip(self.links, self.layout.position, strict=True):
             if link.joint in (SPHERICAL, FREE):
                 q[first + link.n_positions - 1] = 1.0  # a unit quaternion, its scalar part last
+            if link.name in self.assembled:
+                q[first : first + link.n_positions] = self.assembled[link.name]
         return q
 
     @cached_property
@@ -190,4 +196,5 @@ class Mechanism:
             for link in self.links
         ]
         loads = [replace(at, shapes=none, rotations=none, bow=np.zeros((6, 0, 0))) for at in self.loads]
-        return Mechanism(links, self.fast_joints, self.gravity, loads, horizon=self.horizon)
+        closures = [closure.rigid for closure in self.closures]
+        return Mechanism(links, self.fast_joints, self.gravity, loads, {}, self.horizon, closures, self.assembled)

@@ -10,7 +10,7 @@ import numpy as np
 
 from pipeline.core.arrays import Array, require_finite, require_shape
 from pipeline.dynamics.jit.compiled import aligned, kernel, meaning
-from pipeline.dynamics.system import System, accelerations, project, velocities
+from pipeline.dynamics.system import System, accelerations, advance, project, velocities
 
 Progress = Callable[[float], None]
 """Called with the part of the march that is done, 0…1."""
@@ -177,6 +177,18 @@ def start_state(system: System, q0: Array, v0: Array, lag: Array) -> State:
 def evaluate(p: Any, t: float, q: Array, v: Array, a: Array) -> None:
     """Evaluate the accelerations of a mechanism into a."""
     accelerations(p, t, q, v, a)
+
+
+def move_positions(p: Any, q: Array, change: Array) -> Array:
+    """Return positions moved by a change (n,) in the order of rates; unit quaternions stay unit."""
+    moved = np.array(q, dtype=float)
+    _move(p, moved, np.ascontiguousarray(change))
+    return moved
+
+
+@kernel
+def _move(p: Any, q: Array, change: Array) -> None:
+    advance(p, q, change, 1.0, 0, change.size)
 
 
 @kernel

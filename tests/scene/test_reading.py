@@ -151,7 +151,7 @@ def test_an_override_with_two_lines_of_toml_is_a_string() -> None:
         # names of other things
         ("joint.hub.child=beam.toe", "did you mean 'beam.tip'? the markers: beam.root, beam.tip"),
         ("joint.hub.child=beam", "no such marker"),
-        ("joint.hub.child=ground", "joint.hub.child = 'ground': no such body; the bodies: beam"),
+        ("joint.hub.child=ground", "joint.hub.child = 'ground': holds ground to itself"),
         ("joint.hub.parent=beem.tip", "no such body; did you mean 'beam'? the bodies: beam"),
         (
             "drive.spin_up.joint=hup",

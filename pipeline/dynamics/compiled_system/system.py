@@ -129,7 +129,7 @@ class CompiledSystem:
             x=np.zeros((n_blocks, self.n, LANES)),
             s=np.zeros((n_blocks, n_rows, LANES)),
             S=np.zeros((n_rows, n_rows)),
-            scale=1.0 / np.sqrt(scale_rows(mechanism, rows)),
+            scale=1.0 / np.sqrt(self.constraint_scales),
             order=np.arange(n_rows),
             rank=np.zeros(1, dtype=np.int64),
             fresh=np.ones(1),
@@ -140,6 +140,11 @@ class CompiledSystem:
             push=push,
             room=room,
         )
+
+    @cached_property
+    def constraint_scales(self) -> Array:
+        """How fast unit multipliers would accelerate the gaps of free rigid bodies, shape (n_rows,)."""
+        return scale_rows(self.mechanism, self.compiled.rows)
 
     @cached_property
     def couplings(self) -> Couplings:

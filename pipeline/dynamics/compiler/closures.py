@@ -111,6 +111,8 @@ class ConstraintRow:
         Part of g̈ that velocities bring about beside the places' own.
     rotational : bool
         True for an angle.
+    number : int
+        Its own among the joint's.
     """
 
     name: str
@@ -119,6 +121,7 @@ class ConstraintRow:
     bias: Scalar
     rotational: bool
     joints: dict[int, float] = field(default_factory=dict)
+    number: int = 0
 
     def rate(self, inputs: Coordinates) -> Scalar:
         """Return ġ."""
@@ -263,7 +266,9 @@ def _trace_closure(inputs: Coordinates, frames: list[MovingFrame], closure: Clos
         gap = (dot(apart, d) - closure.distance) * 0.5
         bias = dot(drifting, drifting) * (1.0 / closure.distance)
         rows.append(ConstraintRow(closure.name, gap, _opposed(first, second, d, zero3), bias, False))
-    return rows
+    for number, row in enumerate(rows):
+        row.number = number
+    return [row for row in rows if row.number not in closure.left_out]
 
 
 def _opposed(
