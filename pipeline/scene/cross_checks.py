@@ -54,6 +54,8 @@ class CrossCheck:
         for name, joint in self.joint.items():
             yield from self._check_place(joint.parent, "joint", name, "parent")
             yield from self._check_place(joint.child, "joint", name, "child")
+            if joint.parent.partition(".")[0] == (body := joint.child.partition(".")[0]):
+                yield FaultError(f"holds {body} to itself", "joint", name, "child")
 
     def _check_drives(self) -> Iterator[FaultError]:
         for name, drive in self.drive.items():
@@ -168,12 +170,10 @@ class CrossCheck:
 
     def _check_closing(self, name: str, joint: Joint) -> Iterator[FaultError]:
         """A joint that closes a loop holds two places together, and has no coordinate of its own."""
-        ends = [place.partition(".")[0] for place in (joint.parent, joint.child)]
-        if ends[0] == ends[1]:
-            yield FaultError(f"holds {ends[0]} to itself", "joint", name, "child")
+        child = joint.child.partition(".")[0]
         if joint.type == "free":
             yield FaultError("holds nothing: the child hangs on another joint already", "joint", name, "type")
-        mend = f"write it before the other joint that carries {ends[1]}, which closes the loop then"
+        mend = f"write it before the other joint that carries {child}, which closes the loop then"
         for key in OF_COORDINATES:
             if key in joint.model_fields_set:
                 yield FaultError(f"closes a loop, so it has no coordinate for this; {mend}", "joint", name, key)

@@ -62,8 +62,7 @@ def given_joints(scene: Scene, mechanism: Mechanism) -> tuple[Array, Array]:
     for k, link in enumerate(mechanism.links):
         joint, at, first = scene.joint[link.joint_name], mechanism.layout.position[k], mechanism.layout.rate[k]
         if joint.type in ("revolute", "prismatic") and link.n_rates:
-            if link.name not in mechanism.assembled:
-                q0[at] = joint.angle if joint.type == "revolute" else joint.position
+            q0[at] = joint.angle if joint.type == "revolute" else joint.position
             v0[first] = joint.rate
         elif joint.type in ("spherical", "free"):
             rates = [*getattr(joint, "velocity", ()), *joint.spin]
@@ -79,7 +78,10 @@ def close_start(scene: Scene, system: CompiledSystem, q: Array, v: Array) -> tup
     InputError
         The loops can't be closed, prescribed motions work against each other, or nothing can move.
     """
-    mechanism = system.mechanism
+    mechanism, q = system.mechanism, q.copy()
+    for link, at in zip(mechanism.links, mechanism.layout.position, strict=True):
+        if link.name in mechanism.assembled:
+            q[at : at + link.n_positions] = mechanism.assembled[link.name]
     joints = _joint_rates(mechanism)
     q = _close(system, q, [_loose(scene, mechanism, "position"), joints, np.arange(mechanism.n)])
     _require_closed(scene, system, q)

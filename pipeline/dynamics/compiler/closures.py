@@ -292,6 +292,17 @@ def _trace_coupler(inputs: Coordinates, coupler: Coupler) -> ConstraintRow:
     return ConstraintRow(coupler.name, total(gap), [], graph.number(0.0), turning, joints)
 
 
+def trace_reactions(inputs: Coordinates, frames: list[MovingFrame], argument: str) -> list[list[Vector6]]:
+    """Trace force and moment in space on the two places of each joint that closes a loop, for given multipliers."""
+    zero = constants(inputs.graph, [0.0] * 6)
+    found = {closure.name: [zero, zero] for closure in inputs.mechanism.closures if isinstance(closure, Closure)}
+    for k, row in enumerate(trace_rows(inputs, frames)):
+        size = inputs.graph.scalar_input(argument, k)
+        for side, (_, f, m) in enumerate(row.wrenches):
+            found[row.name][side] = add(found[row.name][side], scale(size, f + m))
+    return list(found.values())
+
+
 def scale_rows(mechanism: Mechanism, rows: list[ConstraintRow]) -> Array:
     """Return for each constraint how fast a unit multiplier would accelerate its gap if its bodies were free and rigid.
 

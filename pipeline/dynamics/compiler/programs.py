@@ -13,7 +13,8 @@ are filled:
   zeros for the slow ones, or ``M̂_LL⁻¹ f_L`` and zeros for the fast ones;
 - of a mechanism with loops (see `closures`) ``f`` (n_rows, 8): eight sets of multipliers, ``x`` and ``s`` (n_rows, 8):
   ``M̂⁻¹ Jᵀ f`` and ``J M̂⁻¹ Jᵀ f``, ``w`` (n_rows,): accelerations of the gaps by the tree's, which are ``a`` then,
-  ``g`` and ``rates`` (n_rows,): gaps and their rates;
+  ``g`` and ``rates`` (n_rows,): gaps and their rates, and
+  ``wrenches`` (n_joints, 2, 6): force and moment in space on both places of each joint by multipliers ``f`` (n_rows,);
 - ``moved`` (n_positions,): how positions change. With the slow ones, and with the slow rates by their accelerations,
   the fast rows of the residual change by ``drift`` (n,), and by ``by_inputs`` (3 n_signals, n), ``by_positions`` and
   ``by_rates`` (n,) along each input, all fast positions and all fast rates;
@@ -33,7 +34,7 @@ from collections.abc import Callable
 from typing import NamedTuple
 
 from pipeline.dynamics.compiler.algebra import times
-from pipeline.dynamics.compiler.closures import MultiplierForces, trace_rows
+from pipeline.dynamics.compiler.closures import MultiplierForces, trace_reactions, trace_rows
 from pipeline.dynamics.compiler.coordinates import Coordinates, RestingCoordinates
 from pipeline.dynamics.compiler.forces import ActingForces, GivenForces
 from pipeline.dynamics.compiler.frames import MovingFrame, trace_frames
@@ -179,6 +180,11 @@ def _gaps(inputs: Coordinates, frames: list[MovingFrame]) -> list[Output]:
     return [*_in_row("g", 0, [row.gap for row in rows]), *_in_row("rates", 0, rates)]
 
 
+def _reactions(inputs: Coordinates, frames: list[MovingFrame]) -> list[Output]:
+    both = [x for sides in trace_reactions(inputs, frames, "f") for wrench in sides for x in wrench]
+    return _in_row("wrenches", 0, both)
+
+
 def _frames(inputs: Coordinates, frames: list[MovingFrame]) -> list[Output]:
     outputs = []
     for frame in frames:
@@ -244,6 +250,7 @@ DEFINITIONS = {
     "closed": Definition((*_STATE, "f", "a", "w", "x", "s"), _closed, lanes=("f", "x", "s")),
     "multipliers": Definition(("inputs", "q", "f", "x", "s"), _multipliers, lanes=("f", "x", "s")),
     "gaps": Definition((*_STATE, "g", "rates"), _gaps),
+    "reactions": Definition((*_STATE, "f", "wrenches"), _reactions),
     "frames": Definition((*_STATE, "origins", "rotations", "spins"), _frames),
     "markers": Definition(("inputs", "q", "positions", "rotations"), _markers),
     "energies": Definition((*_STATE, "energies"), _energies),
