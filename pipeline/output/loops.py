@@ -13,7 +13,7 @@ _MOVED = 1e-6  # of a radian or metre
 
 
 def loop_figures(run: Pipeline) -> dict[str, Any]:
-    """Return the largest gap, and the largest force and moment of each joint that closes a loop; empty without loops."""
+    """Return the largest gap, and the largest force and moment of each joint that closes a loop."""
     if not run.mechanism.closures:
         return {}
     first = run.motion
@@ -40,11 +40,9 @@ def loop_warnings(run: Pipeline) -> list[dict[str, str]]:
             "right, but how these joints share their load is not known; the smallest reactions are stated"
         )
         found.append({"code": "redundant-constraints", "text": text})
-    given_q, given_v = given_joints(run.scene, mechanism, as_assembled=False)
-    keys = (
-        ("angle", "position", given_q, q, mechanism.layout.position),
-        ("rate", "rate", given_v, v, mechanism.layout.rate),
-    )
+    given_q, given_v = given_joints(run.scene, mechanism)
+    positions = ("angle", "position", given_q, q, mechanism.layout.position)
+    keys = (positions, ("rate", "rate", given_v, v, mechanism.layout.rate))
     for k, link in enumerate(mechanism.links):
         joint = run.scene.joint[link.joint_name]
         for turning, sliding, given, taken, places in keys:
