@@ -8,17 +8,20 @@ from typing import Any
 import numpy as np
 
 import pipeline.dynamics.compiled_system.closed
+import pipeline.dynamics.compiled_system.closed_cycle
 import pipeline.dynamics.compiled_system.held
 import pipeline.dynamics.compiled_system.kernels
 import pipeline.dynamics.compiled_system.middle  # noqa: F401 - all give the functions of `system` their meaning here
 from pipeline.core.arrays import Array, IntArray
 from pipeline.dynamics.compiled_system.couplings import Couplings, find_couplings, find_inertial_coupling
 from pipeline.dynamics.compiled_system.parameters import (
+    ClosedCycle,
     ClosedParameters,
     CompiledParameters,
     HeldCycle,
     Leapfrog,
     MiddleCycle,
+    Multipliers,
     TreeParameters,
 )
 from pipeline.dynamics.compiler.closures import scale_rows
@@ -30,6 +33,7 @@ from pipeline.dynamics.mechanism import Mechanism
 from pipeline.dynamics.vibration import highest_frequency, largest_leapfrog_step
 
 _ROOM = ("v_now", "d", "rising")  # vectors of `HeldCycle` that hold no coefficients
+_SHARE_AHEAD = 1e-2  # of a major cycle, over which the slow motion of a mechanism with loops is followed
 _AHEAD = 16  # steps for which loads are evaluated before coordinates go through them
 _MOST_UNROLLED = 64  # fast coordinates: beyond, code without loops takes longer to compile than it saves
 
@@ -118,14 +122,28 @@ class CompiledSystem:
         units = np.zeros((n_blocks, n_rows, LANES))
         for k in range(n_rows):
             units[k // LANES, k, k % LANES] = 1.0
-        g, rates, w, multiplier, room = aligned(*5 * [n_rows])
-        (push,) = aligned(self.n)
+        g, rates, w = aligned(*3 * [n_rows])
         return ClosedParameters(
             **own,
             closed=address("closed"),
             multipliers=address("multipliers"),
             gaps=address("gaps"),
             units=units,
+            J=np.zeros((n_blocks, self.n, LANES)),
+            whole=self._multipliers(),
+            slow=self._multipliers(),
+            g=g,
+            rates=rates,
+            w=w,
+        )
+
+    def _multipliers(self) -> Multipliers:
+        """Room for how the constraints push the mechanism."""
+        n_rows = len(self.compiled.rows)
+        n_blocks = -(-n_rows // LANES)
+        multiplier, room = aligned(n_rows, n_rows)
+        (push,) = aligned(self.n)
+        return Multipliers(
             x=np.zeros((n_blocks, self.n, LANES)),
             s=np.zeros((n_blocks, n_rows, LANES)),
             S=np.zeros((n_rows, n_rows)),
@@ -133,9 +151,6 @@ class CompiledSystem:
             order=np.arange(n_rows),
             rank=np.zeros(1, dtype=np.int64),
             fresh=np.ones(1),
-            g=g,
-            rates=rates,
-            w=w,
             multiplier=multiplier,
             push=push,
             room=room,
@@ -161,8 +176,12 @@ class CompiledSystem:
         plain = not (len(self._parameters.quaternions) or self.compiled.rows)
         return Leapfrog(self.compiled.address("leap") if plain else 0, step, v_now)
 
-    def frozen(self, cycle: float) -> HeldCycle:
+    def frozen(self, cycle: float) -> HeldCycle | ClosedCycle:
         """Fresh storage for the fast coordinates' equation over a major cycle of a duration [s]."""
+        if self.compiled.rows:
+            q, v, a = aligned(self.n_positions, self.n, self.n)
+            D = np.zeros((self.n, self.n_slow))
+            return ClosedCycle(self.middle(cycle), D, np.array([_SHARE_AHEAD * cycle]), q, v, a)
         held = self._frozen.renewed()
         held.cycle[0] = cycle
         return held
