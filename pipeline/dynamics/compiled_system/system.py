@@ -14,6 +14,7 @@ import pipeline.dynamics.compiled_system.kernels
 import pipeline.dynamics.compiled_system.middle  # noqa: F401 - all give the functions of `system` their meaning here
 from pipeline.core.arrays import Array, IntArray
 from pipeline.dynamics.compiled_system.couplings import Couplings, find_couplings, find_inertial_coupling
+from pipeline.dynamics.compiled_system.free_motion import FreeMotion, free_motion
 from pipeline.dynamics.compiled_system.parameters import (
     ClosedCycle,
     ClosedParameters,
@@ -282,8 +283,17 @@ class CompiledSystem:
 
     @property
     def linear_matrices(self) -> tuple[Array, Array, Array]:
-        """Mass, stiffness and damping of the undeformed mechanism, (n, n) each."""
+        """Mass, stiffness and damping of the undeformed mechanism, (n, n) each; what loops hold moves, too."""
         return self._reference_mass, self.mechanism.linear_forces.K, self.mechanism.linear_forces.C
+
+    @cached_property
+    def free_motion(self) -> FreeMotion:
+        """Mass, stiffness and damping of the motions of the undeformed mechanism that its loops leave free."""
+        J = np.zeros((0, self.n))
+        if self.compiled.rows:
+            X, _ = self.compiled.multipliers(0.0, self.mechanism.rest_positions)
+            J = X.T @ self._reference_mass
+        return free_motion(*self.linear_matrices, self.n_slow, J)
 
     @property
     def stiffness(self) -> Array:
@@ -302,12 +312,12 @@ class CompiledSystem:
     @cached_property
     def highest_frequency(self) -> float:
         """Highest coupled angular frequency in the reference state [rad/s]."""
-        return self._highest(slice(0, None))
+        return highest_frequency(*self.free_motion[:2])
 
     @cached_property
     def highest_fast_frequency(self) -> float:
-        """Highest angular frequency of the fast coordinates with the slow ones held [rad/s]."""
-        return self._highest(slice(self.n_slow, None))
+        """Highest angular frequency of the fast coordinates with the slow ones held, or reacting where loops are."""
+        return self._highest(slice(self.free_motion.n_slow, None))
 
     @cached_property
     def highest_reacting_frequency(self) -> float:
@@ -318,20 +328,21 @@ class CompiledSystem:
     @property
     def _reacting(self) -> tuple[Array, Array, Array]:
         """Mass, stiffness and damping of the fast coordinates with the slow ones free to react."""
-        slow, fast, M = slice(0, self.n_slow), slice(self.n_slow, None), self._reference_mass
-        T = np.concatenate([-np.linalg.solve(M[slow, slow], M[slow, fast]), np.eye(self.n - self.n_slow)])
-        M, K, C = (T.T @ A @ T for A in self.linear_matrices)
-        return M, K, C
+        M, K, C, n_slow = self.free_motion
+        slow, fast = slice(0, n_slow), slice(n_slow, None)
+        T = np.concatenate([-np.linalg.solve(M[slow, slow], M[slow, fast]), np.eye(len(M) - n_slow)])
+        return T.T @ M @ T, T.T @ K @ T, T.T @ C @ T
 
     @cached_property
     def largest_step(self) -> float:
         """Longest stable leapfrog step in the reference state [s]."""
-        return largest_leapfrog_step(*self.linear_matrices)
+        return largest_leapfrog_step(*self.free_motion[:3])
 
     @cached_property
     def largest_fast_step(self) -> float:
         """Longest stable leapfrog step of the fast coordinates with the slow ones held [s]."""
-        return largest_leapfrog_step(*(A[self.n_slow :, self.n_slow :] for A in self.linear_matrices))
+        *matrices, n_slow = self.free_motion
+        return largest_leapfrog_step(*(A[n_slow:, n_slow:] for A in matrices))
 
     @cached_property
     def largest_reacting_step(self) -> float:
@@ -341,15 +352,17 @@ class CompiledSystem:
     @cached_property
     def largest_slow_step(self) -> float:
         """Longest stable leapfrog step of the slow coordinates with the fast ones held [s]."""
-        return largest_leapfrog_step(*(A[: self.n_slow, : self.n_slow] for A in self.linear_matrices))
+        *matrices, n_slow = self.free_motion
+        return largest_leapfrog_step(*(A[:n_slow, :n_slow] for A in matrices))
 
     @cached_property
     def highest_slow_frequency(self) -> float:
         """Highest angular frequency of the slow coordinates with the fast ones held [rad/s]."""
-        return self._highest(slice(0, self.n_slow))
+        return self._highest(slice(0, self.free_motion.n_slow))
 
     def _highest(self, part: slice) -> float:
-        return highest_frequency(self._reference_mass[part, part], self.mechanism.linear_forces.K[part, part])
+        M, K, _, _ = self.free_motion
+        return highest_frequency(M[part, part], K[part, part])
 
 
 def _inverses(mass: Array) -> Array:
