@@ -15,6 +15,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from pipeline.core.arrays import EPSILON, Array, IntArray
+from pipeline.dynamics.elements import with_modes
 from pipeline.dynamics.links import FIXED, FREE, PRISMATIC, REVOLUTE, Link
 from pipeline.dynamics.mechanism import Mechanism
 from pipeline.reduction.inertia import InertiaGram
@@ -113,6 +114,11 @@ def _acting(mechanism: Mechanism, b: int) -> tuple[list[Array], list[Array]]:
         if load.body == link.name:
             forces += list((load.rotations * inertia) if load.torque else (load.shapes * size))
             couplings += list(load.bow)
+    for element in mechanism.elements:
+        for end in element.ends:
+            if end.body == link.name:
+                forces += [*(end.marker.translation * size), *(end.marker.rotation * inertia)]
+                couplings += list(end.marker.bow)
     for other in mechanism.links:
         if other.parent == b:
             forces += [*(other.place_shapes * size), *(other.place_rotations * inertia)]
@@ -166,8 +172,11 @@ def _with_modes(mechanism: Mechanism, kept: Sequence[IntArray]) -> Mechanism:
         for load in mechanism.loads
         for own in [kept[numbers[load.body]]]
     ]
+    elements = [
+        with_modes(element, {name: kept[number] for name, number in numbers.items()}) for element in mechanism.elements
+    ]
     links = [_link_with(link, kept[b], kept[link.parent]) for b, link in enumerate(mechanism.links)]
-    return replace(mechanism, links=links, loads=loads, slow_modes=slow)
+    return replace(mechanism, links=links, loads=loads, slow_modes=slow, elements=elements)
 
 
 def _numbers(mechanism: Mechanism, part: Mechanism, kept: Sequence[IntArray]) -> tuple[IntArray, IntArray]:

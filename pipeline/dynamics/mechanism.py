@@ -13,6 +13,7 @@ from functools import cached_property
 import numpy as np
 
 from pipeline.core.arrays import Array, IntArray
+from pipeline.dynamics.elements import Element, with_modes
 from pipeline.dynamics.layout import Layout, layout_of
 from pipeline.dynamics.linear_forces import LinearForces, gather_linear_forces
 from pipeline.dynamics.links import FREE, SPHERICAL, Link, PointLoad
@@ -41,6 +42,8 @@ class Mechanism:
         How many modes of a body, the lowest, are slow; none by default.
     horizon : float
         Time [s] up to which loads are searched for short actions that adaptive steps must not miss; 0 searches none.
+    elements : sequence of PointSpring or Bushing
+        Force elements between two places.
 
     Raises
     ------
@@ -55,12 +58,14 @@ class Mechanism:
     loads: Sequence[PointLoad] = ()
     slow_modes: Mapping[str, int] = field(default_factory=dict)
     horizon: float = 0.0
+    elements: Sequence[Element] = ()
 
     def __post_init__(self) -> None:
         links = {link.name: link for link in self.links}
         if not links or len(links) < len(self.links):
             raise ValueError(f"links need names of their own, and one link at least: {list(links)}")
-        named = {*self.fast_joints, *self.slow_modes, *(at.body for at in self.loads)}
+        held = {end.body for element in self.elements for end in element.ends} - {""}
+        named = {*self.fast_joints, *self.slow_modes, *(at.body for at in self.loads), *held}
         if unknown := named - set(links):
             raise ValueError(f"no link is named {', '.join(sorted(unknown))}")
         for k, link in enumerate(self.links):
@@ -175,4 +180,6 @@ class Mechanism:
             for link in self.links
         ]
         loads = [replace(at, shapes=none, rotations=none, bow=np.zeros((6, 0, 0))) for at in self.loads]
-        return Mechanism(links, self.fast_joints, self.gravity, loads, horizon=self.horizon)
+        rigid = {link.name: np.zeros(0, dtype=np.int64) for link in self.links}
+        elements = [with_modes(element, rigid) for element in self.elements]
+        return Mechanism(links, self.fast_joints, self.gravity, loads, horizon=self.horizon, elements=elements)

@@ -12,9 +12,12 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from pipeline.core.arrays import Array
-from pipeline.dynamics.kinematics import Kinematics, turned
+from pipeline.dynamics.element_motion import element_wrenches
+from pipeline.dynamics.elements import Element
+from pipeline.dynamics.kinematics import Kinematics
 from pipeline.dynamics.links import PointLoad
 from pipeline.dynamics.mechanism import Mechanism
+from pipeline.dynamics.rotations import turned
 
 _SHARE = 0.1
 
@@ -30,7 +33,7 @@ class BodyLoads:
     acceleration : ndarray, shape (n_times, 3)
         Acceleration of its frame less that of free fall [m/s²].
     wrenches : ndarray, shape (n_loads, n_times, 6)
-        Force [N] and moment [N m] of each body that it carries, then of each point load on it.
+        Force [N] and moment [N m] of each body that it carries, then of each point load on it, then of force elements.
     joint : ndarray, shape (n_times, 6)
         Force and moment of the joint that carries it, at its origin.
     """
@@ -52,11 +55,13 @@ def transmitted_loads(motion: Kinematics) -> list[BodyLoads]:
         into_body = frame.rotation.swapaxes(1, 2)
         spin, velocity = turned(into_body, frame.spin), turned(into_body, frame.velocity)
         acceleration = _rate(motion, velocity) + np.cross(spin, velocity) - into_body @ mechanism.gravity
-        carried, loads = _loaded_places(mechanism, body)
+        carried, loads, held = _loaded_places(mechanism, body)
         pulls = [_on_carrier(motion, k, *joints[k]) for k in carried] + [_of_load(motion, body, at) for at in loads]
+        pulls += [element_wrenches(motion.states, element)[side] for element, side in held]
         wrenches = np.array([np.concatenate([turned(into_body, part) for part in pull], axis=1) for pull in pulls])
         wrenches = wrenches.reshape(len(pulls), len(motion.times), 6)
         places = [mechanism.links[k].place for k in carried] + [at.place for at in loads]
+        places += [element.ends[side].marker.position for element, side in held]
         force, moment = _joint_load(motion, body, places, wrenches)
         found[body] = BodyLoads(
             spin, _rate(motion, spin), acceleration, wrenches, np.concatenate([force, moment], axis=1)
@@ -69,9 +74,10 @@ def geometric_stiffness_over(mechanism: Mechanism, body: int, loads: BodyLoads) 
     """Return what loads add to the modal stiffness of a body, shape (n_times, n, n) [1/s²]."""
     link = mechanism.links[body]
     gram, n = link.gram, len(link.omega)
-    carried, points = _loaded_places(mechanism, body)
+    carried, points, held = _loaded_places(mechanism, body)
     K = np.zeros((len(loads.spin), n, n))
     bows = [mechanism.links[k].place_bow for k in carried] + [at.bow for at in points]
+    bows += [element.ends[side].marker.bow for element, side in held]
     for wrench, bow in zip(loads.wrenches, bows, strict=True):
         if bow.size:
             K = K - np.einsum("tk,kij->tij", wrench, bow)
@@ -122,13 +128,24 @@ def without_negligible_terms(mechanism: Mechanism, body: int, loads: BodyLoads, 
     for k, load in enumerate(points):
         if load.body == links[body].name:
             points[k] = replace(load, bow=counting_bow(load.bow, next(wrenches)))
-    return replace(mechanism, links=links, loads=points)
+    elements = list(mechanism.elements)
+    for k, element in enumerate(elements):
+        ends = [
+            replace(end, marker=replace(end.marker, bow=counting_bow(end.marker.bow, next(wrenches))))
+            if end.body == links[body].name
+            else end
+            for end in element.ends
+        ]
+        elements[k] = replace(element, ends=(ends[0], ends[1]))
+    return replace(mechanism, links=links, loads=points, elements=elements)
 
 
-def _loaded_places(mechanism: Mechanism, body: int) -> tuple[list[int], list[PointLoad]]:
-    """Numbers of the bodies that a body carries, and the point loads on it."""
+def _loaded_places(mechanism: Mechanism, body: int) -> tuple[list[int], list[PointLoad], list[tuple[Element, int]]]:
+    """Numbers of the bodies that a body carries, the point loads on it, and force elements with their end on it."""
+    name = mechanism.links[body].name
     carried = [k for k, other in enumerate(mechanism.links) if other.parent == body]
-    return carried, [load for load in mechanism.loads if load.body == mechanism.links[body].name]
+    held = [(element, side) for element in mechanism.elements for side in (0, 1) if element.ends[side].body == name]
+    return carried, [load for load in mechanism.loads if load.body == name], held
 
 
 def _rate(motion: Kinematics, values: Array) -> Array:

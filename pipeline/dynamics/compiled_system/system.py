@@ -19,7 +19,9 @@ from pipeline.dynamics.compiled_system.parameters import (
 )
 from pipeline.dynamics.compiler.compiled import CompiledMechanism
 from pipeline.dynamics.compiler.program import LANES
+from pipeline.dynamics.element_linearisation import linearise_forces
 from pipeline.dynamics.jit.compiled import aligned
+from pipeline.dynamics.linear_forces import LinearForces
 from pipeline.dynamics.links import FREE, SPHERICAL
 from pipeline.dynamics.mechanism import Mechanism
 from pipeline.dynamics.vibration import highest_frequency, largest_leapfrog_step
@@ -222,21 +224,32 @@ class CompiledSystem:
     def _reference_mass(self) -> Array:
         return self.mass_matrix(self.mechanism.rest_positions)
 
+    @cached_property
+    def linear_forces(self) -> LinearForces:
+        """Constant stiffness and damping of modes, joints and force elements in the reference state."""
+        return linearise_forces(self.mechanism)
+
+    @property
+    def stiffest_matrices(self) -> tuple[Array, Array, Array]:
+        """Mass, stiffness and damping of the undeformed mechanism with all its end stops touched, (n, n) each."""
+        forces = self.linear_forces
+        return self._reference_mass, forces.K + forces.stop_K, forces.C + forces.stop_C
+
     @property
     def linear_matrices(self) -> tuple[Array, Array, Array]:
         """Mass, stiffness and damping of the undeformed mechanism, (n, n) each."""
-        return self._reference_mass, self.mechanism.linear_forces.K, self.mechanism.linear_forces.C
+        return self._reference_mass, self.linear_forces.K, self.linear_forces.C
 
     @property
     def stiffness(self) -> Array:
         """Squared modal frequencies, and springs over what they move in the undeformed mechanism [1/s²]."""
-        return self.mechanism.linear_forces.own / self._reference_mass.diagonal()
+        return self.linear_forces.own / self._reference_mass.diagonal()
 
     @property
     def frequencies_hz(self) -> Array:
         """Of each mode and of each joint by itself, undeformed [Hz], shape (n,); 0 where nothing holds it."""
         mechanism = self.mechanism
-        own = np.sqrt(mechanism.linear_forces.K.diagonal() / self._reference_mass.diagonal())
+        own = np.sqrt(self.linear_forces.K.diagonal() / self._reference_mass.diagonal())
         for k, link in enumerate(mechanism.links):
             own[mechanism.modes_of(k)] = link.omega
         return np.asarray(own / (2 * np.pi))
@@ -262,18 +275,18 @@ class CompiledSystem:
         """Mass, stiffness and damping of the fast coordinates with the slow ones free to react."""
         slow, fast, M = slice(0, self.n_slow), slice(self.n_slow, None), self._reference_mass
         T = np.concatenate([-np.linalg.solve(M[slow, slow], M[slow, fast]), np.eye(self.n - self.n_slow)])
-        M, K, C = (T.T @ A @ T for A in self.linear_matrices)
+        M, K, C = (T.T @ A @ T for A in self.stiffest_matrices)
         return M, K, C
 
     @cached_property
     def largest_step(self) -> float:
         """Longest stable leapfrog step in the reference state [s]."""
-        return largest_leapfrog_step(*self.linear_matrices)
+        return largest_leapfrog_step(*self.stiffest_matrices)
 
     @cached_property
     def largest_fast_step(self) -> float:
         """Longest stable leapfrog step of the fast coordinates with the slow ones held [s]."""
-        return largest_leapfrog_step(*(A[self.n_slow :, self.n_slow :] for A in self.linear_matrices))
+        return largest_leapfrog_step(*(A[self.n_slow :, self.n_slow :] for A in self.stiffest_matrices))
 
     @cached_property
     def largest_reacting_step(self) -> float:
@@ -283,7 +296,7 @@ class CompiledSystem:
     @cached_property
     def largest_slow_step(self) -> float:
         """Longest stable leapfrog step of the slow coordinates with the fast ones held [s]."""
-        return largest_leapfrog_step(*(A[: self.n_slow, : self.n_slow] for A in self.linear_matrices))
+        return largest_leapfrog_step(*(A[: self.n_slow, : self.n_slow] for A in self.stiffest_matrices))
 
     @cached_property
     def highest_slow_frequency(self) -> float:
@@ -291,7 +304,7 @@ class CompiledSystem:
         return self._highest(slice(0, self.n_slow))
 
     def _highest(self, part: slice) -> float:
-        return highest_frequency(self._reference_mass[part, part], self.mechanism.linear_forces.K[part, part])
+        return highest_frequency(self._reference_mass[part, part], self.linear_forces.K[part, part])
 
 
 def _inverses(mass: Array) -> Array:
