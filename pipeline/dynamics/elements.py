@@ -2,13 +2,15 @@
 
 from __future__ import annotations
 
+from collections.abc import Mapping
 from dataclasses import dataclass, field, replace
+from typing import Self
 
 import numpy as np
 
 from pipeline.core.arrays import Array, IntArray
+from pipeline.dynamics.closures import GROUND, Place
 from pipeline.dynamics.force_laws import ForceLaw
-from pipeline.reduction.body import MarkerShapes
 
 SHORTEST = 1e-9
 """Length [m] below which a spring between points has no direction: its length is ``√(d² + SHORTEST²)``."""
@@ -17,21 +19,15 @@ _ORTHONORMAL = 1e-12
 
 
 @dataclass(frozen=True)
-class Attachment:
-    """A place that a force element holds on to: a marker of a body, or a place on the ground.
+class Attachment(Place):
+    """A place that a force element holds on to, with axes of its own.
 
     Parameters
     ----------
-    body : str
-        The link; empty for the ground.
-    marker : MarkerShapes
-        Where on the body, or in space.
     axes : ndarray, shape (3, 3)
-        Rotation from the place's axes into those of the marker's section.
+        Rotation from the place's axes into those of the marker's section, or of space.
     """
 
-    body: str
-    marker: MarkerShapes
     axes: Array = field(default_factory=lambda: np.eye(3))
 
     def __post_init__(self) -> None:
@@ -40,29 +36,49 @@ class Attachment:
 
 
 @dataclass(frozen=True)
-class PointSpring:
-    """A spring along the line between two places, by any force law of its elongation.
+class _Pair:
+    """An element between two places.
 
     Parameters
     ----------
     name : str
         The element's name.
     ends : tuple of Attachment
-        The two places.
+        The two places; the axes of a bushing's are parallel where it isn't twisted.
+    """
+
+    name: str
+    ends: tuple[Attachment, Attachment]
+
+    def with_modes(self, kept: Mapping[str, IntArray]) -> Self:
+        """Return the same on bodies with some of their modes alone, by the bodies' names."""
+        first, second = (end.with_modes(kept) for end in self.ends)
+        return replace(self, ends=(first, second))
+
+    @property
+    def rigid(self) -> Self:
+        """The same between bodies that don't deform."""
+        return self.with_modes({end.body: np.zeros(0, dtype=np.int64) for end in self.ends if end.body != GROUND})
+
+
+@dataclass(frozen=True)
+class PointSpring(_Pair):
+    """A spring along the line between two places, by any force law of its elongation.
+
+    Parameters
+    ----------
     law : ForceLaw
         Force [N] by elongation [m] and its rate [m/s].
     rest : float
         Length at which the elongation is 0 [m].
     """
 
-    name: str
-    ends: tuple[Attachment, Attachment]
     law: ForceLaw
     rest: float = 0.0
 
 
 @dataclass(frozen=True)
-class Bushing:
+class Bushing(_Pair):
     """Six springs and dampers between two places, along the first one's axes and about them.
 
     With the displacement d of the second place from its rest position, seen along the first one's axes, and the
@@ -71,18 +87,12 @@ class Bushing:
 
     Parameters
     ----------
-    name : str
-        The element's name.
-    ends : tuple of Attachment
-        The two places; their axes are parallel where the bushing isn't twisted.
     K, C : ndarray, shape (6, 6)
         Symmetric stiffness and damping, positive semidefinite [N/m, N, N m/rad; the same times s].
     position : ndarray, shape (3,)
         Of the second place against the first at rest, along the first one's axes [m].
     """
 
-    name: str
-    ends: tuple[Attachment, Attachment]
     K: Array
     C: Array
     position: Array = field(default_factory=lambda: np.zeros(3))
@@ -101,19 +111,3 @@ class Bushing:
 
 
 Element = PointSpring | Bushing
-
-
-def with_modes(element: Element, kept: dict[str, IntArray]) -> Element:
-    """Return a force element whose places move with some modes alone of the bodies named, all of the others'."""
-    first, second = (
-        replace(end, marker=_columns(end.marker, kept[end.body])) if end.body in kept else end for end in element.ends
-    )
-    return replace(element, ends=(first, second))
-
-
-def _columns(marker: MarkerShapes, kept: IntArray) -> MarkerShapes:
-    shapes, rotations = (
-        values[:, kept] if values.size else values[:, :0] for values in (marker.translation, marker.rotation)
-    )
-    bow = marker.bow[..., kept[:, None], kept] if marker.bow.size else marker.bow
-    return MarkerShapes(marker.position, shapes, rotations, bow)

@@ -27,7 +27,7 @@ class Bend:
 
 
 @dataclass(frozen=True)
-class Curve:
+class ForceCurve:
     """A function of one variable: a polynomial with bends, or a formula of its own.
 
     Parameters
@@ -81,20 +81,20 @@ class Curve:
         return np.asarray(np.polynomial.polynomial.polyval(x, own) + sum(bent))
 
 
-def straight_curve(x: Sequence[float], y: Sequence[float]) -> Curve:
+def straight_curve(x: Sequence[float], y: Sequence[float]) -> ForceCurve:
     """Make straight lines through points, which go on beyond the first and the last."""
     slopes = np.diff(y) / np.diff(x)
     bends = tuple(Bend(float(turn), float(at), 1) for turn, at in zip(np.diff(slopes), x[1:-1], strict=True))
-    return Curve((float(y[0] - slopes[0] * x[0]), float(slopes[0])), bends)
+    return ForceCurve((float(y[0] - slopes[0] * x[0]), float(slopes[0])), bends)
 
 
-def smooth_curve(x: Sequence[float], y: Sequence[float]) -> Curve:
+def smooth_curve(x: Sequence[float], y: Sequence[float]) -> ForceCurve:
     """Make the natural cubic spline through points, which goes on straight beyond the first and the last."""
     spline = CubicSpline(x, y, bc_type="natural")
     slope, thirds = float(spline(x[0], 1)), spline.c[0]
     jumps = np.diff(np.concatenate([[0.0], thirds, [0.0]]))
     bends = tuple(Bend(float(jump), float(at), 3) for jump, at in zip(jumps, x, strict=True))
-    return Curve((float(y[0] - slope * x[0]), slope), bends)
+    return ForceCurve((float(y[0] - slope * x[0]), slope), bends)
 
 
 @dataclass(frozen=True)
@@ -131,7 +131,7 @@ class ForceLaw:
 
     Parameters
     ----------
-    curve : Curve
+    curve : ForceCurve
         Elastic force by the elongation.
     damping : float
         Coefficient of a linear damper.
@@ -143,7 +143,7 @@ class ForceLaw:
         Rate at which friction has reached 71 % of that [m/s or rad/s].
     """
 
-    curve: Curve = Curve()
+    curve: ForceCurve = ForceCurve()
     damping: float = 0.0
     stops: tuple[Stop, ...] = ()
     friction: float = 0.0

@@ -17,6 +17,15 @@ def accelerations(p: Any, t: float, q: Array, v: Array, a: Array) -> None:
     raise NotImplementedError
 
 
+def project(p: Any, t: float, q: Array, v: Array) -> None:
+    """Bring positions and rates at time t [s] back onto the constraints of loops, the shortest way by the mass matrix.
+
+    Which constraints are independent is found at the next state whose accelerations are asked for, and then kept until
+    the next projection: stages of one step take the same ones. Nothing happens without loops.
+    """
+    raise NotImplementedError
+
+
 def leapfrog_step(p: Any, leapfrog: Any, t: float, h: float, q: Array, v: Array, a: Array) -> None:
     """Take a step h of the leapfrog method: ``a = M̂⁻¹ Q̂(t, q, v + ½ h a)``, ``v += h a``, ``q += h v``."""
     raise NotImplementedError

@@ -18,7 +18,7 @@ from pipeline.core.arrays import Array, IntArray
 from pipeline.core.errors import StabilityError
 from pipeline.dynamics.jit.compiled import aligned, inner, kernel
 from pipeline.dynamics.jit.table import Table
-from pipeline.dynamics.system import System, advance
+from pipeline.dynamics.system import System, advance, project
 from pipeline.integrators.protocol import Progress, State, Trajectory, require_times, start_state
 
 _FLOOR = 1e-12  # a group that has not moved yet
@@ -213,9 +213,9 @@ def _march(m: Any, p: Any, s: AdaptiveMarch, stop: float, n_steps: int) -> int:
                 sample_step(m, p, s, times[k] - t, h)
             for i in range(n_positions + n):  # at the end the state itself, which a polynomial meets but for round-off
                 s.out[i] = s.out[i] if times[k] < reached else s.new[i]
-            _set_state(p, s.out, s.sample_q[k], s.sample_v[k])
+            _set_state(p, times[k], s.out, s.sample_q[k], s.sample_v[k])
             cursor[0] += 1
-        _set_state(p, s.new, s.q, s.v)
+        _set_state(p, reached, s.new, s.q, s.v)
         clock[0] = reached
         if planned:  # else a breakpoint cut the step short
             clock[1] = h * factor
@@ -225,13 +225,14 @@ def _march(m: Any, p: Any, s: AdaptiveMarch, stop: float, n_steps: int) -> int:
 
 
 @inner
-def _set_state(p: Any, both: Array, q: Array, v: Array) -> None:
-    """Set positions, whose quaternions become unit ones, and rates."""
+def _set_state(p: Any, t: float, both: Array, q: Array, v: Array) -> None:
+    """Set positions, whose quaternions become unit ones, and rates; loops close."""
     for i in range(q.size):
         q[i] = both[i]
     for i in range(v.size):
         v[i] = both[q.size + i]
     advance(p, q, v, 0.0, 0, v.size)
+    project(p, t, q, v)
 
 
 def march_adaptive_steps(

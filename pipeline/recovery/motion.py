@@ -14,6 +14,7 @@ from pipeline.core.html import facts, scaled
 from pipeline.dynamics.kinematics import Kinematics
 from pipeline.dynamics.links import REVOLUTE, Link
 from pipeline.dynamics.mechanism import Mechanism
+from pipeline.dynamics.reactions import closing_reactions, constraint_residual
 from pipeline.integrators.protocol import Trajectory
 
 
@@ -78,6 +79,16 @@ class Motion:
         """Points r (n, 3) [m] of a body's frame as they are in space at output time k, shape (n, 3)."""
         frame = self.kinematics.frames[self.mechanism.number_of(body)]
         return np.asarray(frame.origin[k] + r @ frame.rotation[k].T)
+
+    @cached_property
+    def closing_reactions(self) -> Mapping[str, Array]:
+        """Force [N] and moment [N m] of each joint that closes a loop on its parent and child, (n_times, 2, 6)."""
+        return closing_reactions(self.mechanism, self.times, self.trajectory.q, self.trajectory.v)
+
+    @property
+    def constraint_residual(self) -> float:
+        """Largest gap of the loops at the output times [m, or rad]; 0 without loops."""
+        return constraint_residual(self.mechanism, self.times, self.trajectory.q, self.trajectory.v)
 
     # The tip -----------------------------------------------------------------------------------------------------
 

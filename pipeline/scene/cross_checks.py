@@ -11,6 +11,7 @@ from pipeline.scene.any_body import Body, Flexible
 from pipeline.scene.ground import GroundPlace
 from pipeline.scene.joints import Joint
 from pipeline.scene.loads import Drive, MotionDrive, PointForce, PointTorque
+from pipeline.scene.loops import OF_COORDINATES, closing_joints
 from pipeline.scene.outputs import JOINT_QUANTITIES, Chart, Export, Output
 from pipeline.scene.pictures import BodyPicture
 from pipeline.scene.reading import FaultError, suggest_name
@@ -52,7 +53,9 @@ class CrossCheck:
     def _check_joints(self) -> Iterator[FaultError]:
         for name, joint in self.joint.items():
             yield from self._check_place(joint.parent, "joint", name, "parent")
-            yield from self._check_marker(joint.child, "joint", name, "child")
+            yield from self._check_place(joint.child, "joint", name, "child")
+            if joint.parent.partition(".")[0] == (body := joint.child.partition(".")[0]):
+                yield FaultError(f"holds {body} to itself", "joint", name, "child")
 
     def _check_drives(self) -> Iterator[FaultError]:
         for name, drive in self.drive.items():
@@ -147,10 +150,12 @@ class CrossCheck:
     def _check_tree(self) -> Iterator[FaultError]:
         """Every body hangs on one joint, and through it on the ground."""
         parents: dict[str, str] = {}
+        closing = closing_joints(self.joint)
         for name, joint in self.joint.items():
             child = joint.child.partition(".")[0]
-            if child in parents:
-                yield FaultError("is the child of another joint; a body has one", "joint", name, "child")
+            if name in closing:
+                yield from self._check_closing(name, joint)
+                continue
             parents[child] = joint.parent.partition(".")[0]
             if joint.type == "free" and child in self._flexible and self._flexible[child].support:
                 yield FaultError("holds nothing that a support could hold on to; take a fixed joint", "joint", name)
@@ -163,9 +168,22 @@ class CrossCheck:
             elif name in self._flexible and self._flexible[name].modes.boundary == "joint":
                 yield FaultError("hangs on no joint to be held at", "body", name, "modes", "boundary")
 
+    def _check_closing(self, name: str, joint: Joint) -> Iterator[FaultError]:
+        """A joint that closes a loop holds two places together, and has no coordinate of its own."""
+        child = joint.child.partition(".")[0]
+        if joint.type == "free":
+            yield FaultError("holds nothing: the child hangs on another joint already", "joint", name, "type")
+        mend = f"write it before the other joint that carries {child}, which closes the loop then"
+        for key in OF_COORDINATES:
+            if key in joint.model_fields_set:
+                yield FaultError(f"closes a loop, so it has no coordinate for this; {mend}", "joint", name, key)
+
     def _check_joint(self, name: str, fitting: tuple[str, ...], user: str, *path: str | int) -> Iterator[FaultError]:
         if name not in self.joint:
             yield FaultError(f"no such joint; {suggest_name(name, self.joint, 'the joints')}", *path)
+        elif name in closing_joints(self.joint):
+            mend = "write it before the joint that now carries its child"
+            yield FaultError(f"closes a loop, so it has no coordinate that {user} could take; {mend}", *path)
         elif self.joint[name].type not in fitting:
             wanted = " or ".join(fitting)
             yield FaultError(f"is a {self.joint[name].type} joint; {user} needs a {wanted} one", *path)

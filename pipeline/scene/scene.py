@@ -19,6 +19,7 @@ from pipeline.scene.cross_checks import CrossCheck
 from pipeline.scene.ground import GroundPlace
 from pipeline.scene.joints import Joint
 from pipeline.scene.loads import Drive
+from pipeline.scene.loops import closing_joints
 from pipeline.scene.outputs import Output
 from pipeline.scene.reading import SceneTable, read_scene_file
 from pipeline.scene.simulation import Simulation
@@ -160,6 +161,17 @@ class Scene(SceneTable):
     def flexible(self) -> dict[str, Flexible]:
         """The flexible bodies by name."""
         return {name: body for name, body in self.body.items() if isinstance(body, Flexible)}
+
+    @property
+    def closing(self) -> tuple[str, ...]:
+        """Names of the joints that close loops."""
+        return closing_joints(self.joint)
+
+    @property
+    def carrying(self) -> dict[str, str]:
+        """Name of the joint that carries each body, by the body's name."""
+        closing = self.closing
+        return {joint.child.partition(".")[0]: name for name, joint in self.joint.items() if name not in closing}
 
     def _repr_html_(self) -> str:
         return scene_table(self)

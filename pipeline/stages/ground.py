@@ -30,7 +30,7 @@ def ground_place(scene: Scene, place: str) -> tuple[Array, Array]:
 
 def axes_in_space(scene: Scene, body: str) -> Array:
     """Return the rotation (3, 3) from a body's axes into space with all joints at 0: that of the place it hangs on."""
-    parents = {joint.child.partition(".")[0]: joint.parent for joint in reversed(scene.joint.values())}
+    parents = {child: scene.joint[name].parent for child, name in scene.carrying.items()}
     while body in parents:
         place = parents[body]
         body = place.partition(".")[0]

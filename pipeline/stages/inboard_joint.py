@@ -10,7 +10,7 @@ from pipeline.core.arrays import Array
 from pipeline.scene.joints import Prismatic, Revolute
 from pipeline.scene.loads import Drive
 from pipeline.scene.scene import Scene
-from pipeline.stages.ground import axes_in_space
+from pipeline.stages.ground import axes_in_space, ground_place
 
 Direction = tuple[float, float, float]
 
@@ -68,12 +68,12 @@ class InboardJoint:
 def read_inboard_joint(scene: Scene, body: str) -> InboardJoint:
     """Read from a scene how the joint that carries a flexible body holds it."""
     gravity = scene.moves and any(scene.simulation.gravity)
-    carrying = [(name, joint) for name, joint in scene.joint.items() if joint.child.partition(".")[0] == body]
-    if not carrying:  # a scene of parts alone
+    if body not in scene.carrying:  # a scene of parts alone
         axis = (0.0, 0.0, 1.0)
         loaded = _loaded_markers(scene, body, axis)
         return InboardJoint("", axis, (), floating=True, prescribed=False, planar=False, loaded=loaded)
-    name, joint = carrying[0]
+    name = scene.carrying[body]
+    joint = scene.joint[name]
     prescribed = any(drive.type == "motion" and drive.joint == name for drive in scene.drive.values())
     hinges = [_axis_in_space(scene, other) for other in scene.joint.values() if other.type == "revolute"]
     into_body = axes_in_space(scene, body).T
@@ -106,7 +106,8 @@ def read_inboard_joint(scene: Scene, body: str) -> InboardJoint:
 
 
 def _loaded_markers(scene: Scene, body: str, normal: Direction) -> tuple[tuple[str, bool], ...]:
-    places = dict.fromkeys([joint.parent for joint in scene.joint.values()], True)
+    closed = [scene.joint[name].child for name in scene.closing]
+    places = dict.fromkeys([*(joint.parent for joint in scene.joint.values()), *closed], True)
     for drive in scene.drive.values():
         if drive.type in ("point force", "point torque"):
             places[drive.marker] = places.get(drive.marker, True) and _acts_in_plane(scene, drive, normal)
@@ -124,7 +125,9 @@ def _acts_in_plane(scene: Scene, drive: Drive, normal: Direction) -> bool:
 
 
 def _axis_in_space(scene: Scene, joint: Revolute | Prismatic) -> Direction:
-    return _turned(axes_in_space(scene, joint.child.partition(".")[0]), joint.axis)
+    place = joint.parent.partition(".")[0]
+    axes = ground_place(scene, joint.parent)[1] if place == "ground" else axes_in_space(scene, place)
+    return _turned(axes, joint.axis)
 
 
 def _turned(R: Array, direction: Direction) -> Direction:

@@ -77,7 +77,7 @@ def test_a_motion_is_plane_by_axes_in_space(turn: str, gravity: str, planar: boo
     [
         ("joint.hub.parent=ground.B1", "joint.hub.parent", "no such place; did you mean 'ground.B0'?"),
         ("joint.hub.parent=grund.B0", "joint.hub.parent", "no such body"),
-        ("joint.hub.child=ground.B0", "joint.hub.child", "no such body"),
+        ("joint.hub.child=ground.B0", "joint.hub.child", "holds ground to itself"),
         ("simulation.tip=ground.B0", "simulation.tip", "no such body"),
         ("ground.B0.at=[0, 0, 0]", "ground.B0.at.0", "needs a unit"),
         ('ground.B0.rotation=["1 m", "0 deg", "0 deg"]', "ground.B0.rotation.0", "an angle is wanted"),

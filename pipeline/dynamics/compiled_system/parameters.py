@@ -21,6 +21,34 @@ class CompiledParameters(Table):
 
 
 @dataclass(frozen=True)
+class TreeParameters(CompiledParameters):
+    """Those of a mechanism without loops."""
+
+
+@dataclass(frozen=True)
+class ClosedParameters(CompiledParameters):
+    """Those of a mechanism with loops, which `pipeline.dynamics.compiler.closures` explains, of n_rows constraints."""
+
+    closed: int  # addresses of the compiled functions
+    multipliers: int
+    gaps: int
+    units: Array  # (n_blocks, n_rows, 8): unit multipliers, eight to a block
+    x: Array  # (n_blocks, n, 8): M̂⁻¹ Jᵀ
+    s: Array  # (n_blocks, n_rows, 8): J M̂⁻¹ Jᵀ
+    S: Array  # (n_rows, n_rows): factors of the same, scaled
+    scale: Array  # (n_rows,): of each constraint in it
+    order: IntArray  # (n_rows,): constraints in the order in which they are factored, redundant ones last
+    rank: IntArray  # (1,): how many are independent
+    fresh: Array  # (1,): 1 if order and rank are to be found at the next state
+    g: Array  # (n_rows,): gaps, their rates and accelerations, and multipliers
+    rates: Array
+    w: Array
+    multiplier: Array
+    push: Array  # (n,): change of rates or positions by the multipliers
+    room: Array  # (n_rows,)
+
+
+@dataclass(frozen=True)
 class Leapfrog(Table):
     """A mechanism's leapfrog step, in one function where no rotation in space is a quaternion."""
 

@@ -3,20 +3,25 @@
 from __future__ import annotations
 
 from functools import cached_property
+from typing import Any
 
 import numpy as np
 
+import pipeline.dynamics.compiled_system.closed
 import pipeline.dynamics.compiled_system.held
 import pipeline.dynamics.compiled_system.kernels
 import pipeline.dynamics.compiled_system.middle  # noqa: F401 - all give the functions of `system` their meaning here
 from pipeline.core.arrays import Array, IntArray
 from pipeline.dynamics.compiled_system.couplings import Couplings, find_couplings, find_inertial_coupling
 from pipeline.dynamics.compiled_system.parameters import (
+    ClosedParameters,
     CompiledParameters,
     HeldCycle,
     Leapfrog,
     MiddleCycle,
+    TreeParameters,
 )
+from pipeline.dynamics.compiler.closures import scale_rows
 from pipeline.dynamics.compiler.compiled import CompiledMechanism
 from pipeline.dynamics.compiler.program import LANES
 from pipeline.dynamics.element_linearisation import linearise_forces
@@ -100,14 +105,48 @@ class CompiledSystem:
                 quaternions.append((rate + slides, first + slides))
             modes = mechanism.modes_of(k)
             position[modes] = modes + self.n_positions - self.n
-        return CompiledParameters(
-            accelerations=self.compiled.address("accelerations"),
-            signals=self.compiled.address("signals") if self.compiled.signals else 0,
-            inputs=np.zeros(3 * len(self.compiled.signals)),
-            clock=np.full(2, np.nan),
-            position=position,
-            quaternions=np.array(quaternions, dtype=np.int64).reshape(-1, 2),
+        address, rows = self.compiled.address, self.compiled.rows
+        own: dict[str, Any] = {
+            "accelerations": 0 if rows else address("accelerations"),
+            "signals": address("signals") if self.compiled.signals else 0,
+            "inputs": np.zeros(3 * len(self.compiled.signals)),
+            "clock": np.full(2, np.nan),
+            "position": position,
+            "quaternions": np.array(quaternions, dtype=np.int64).reshape(-1, 2),
+        }
+        if not rows:
+            return TreeParameters(**own)
+        n_rows, n_blocks = len(rows), -(-len(rows) // LANES)
+        units = np.zeros((n_blocks, n_rows, LANES))
+        for k in range(n_rows):
+            units[k // LANES, k, k % LANES] = 1.0
+        g, rates, w, multiplier, room = aligned(*5 * [n_rows])
+        (push,) = aligned(self.n)
+        return ClosedParameters(
+            **own,
+            closed=address("closed"),
+            multipliers=address("multipliers"),
+            gaps=address("gaps"),
+            units=units,
+            x=np.zeros((n_blocks, self.n, LANES)),
+            s=np.zeros((n_blocks, n_rows, LANES)),
+            S=np.zeros((n_rows, n_rows)),
+            scale=1.0 / np.sqrt(self.constraint_scales),
+            order=np.arange(n_rows),
+            rank=np.zeros(1, dtype=np.int64),
+            fresh=np.ones(1),
+            g=g,
+            rates=rates,
+            w=w,
+            multiplier=multiplier,
+            push=push,
+            room=room,
         )
+
+    @cached_property
+    def constraint_scales(self) -> Array:
+        """How fast unit multipliers would accelerate the gaps of free rigid bodies, shape (n_rows,)."""
+        return scale_rows(self.mechanism, self.compiled.rows)
 
     @cached_property
     def couplings(self) -> Couplings:
@@ -121,7 +160,7 @@ class CompiledSystem:
     @cached_property
     def _leapfrog(self) -> Leapfrog:
         step, v_now = aligned(1, self.n)
-        plain = not len(self._parameters.quaternions)
+        plain = not (len(self._parameters.quaternions) or self.compiled.rows)
         return Leapfrog(self.compiled.address("leap") if plain else 0, step, v_now)
 
     def frozen(self, cycle: float) -> HeldCycle:

@@ -9,6 +9,7 @@ from typing import Any
 
 import numpy as np
 
+from pipeline.dynamics.closures import Coupler
 from pipeline.dynamics.compiler.coordinates import Coordinates, constant_value
 from pipeline.dynamics.signals.signal import Signal
 
@@ -25,6 +26,12 @@ def digest_mechanism(inputs: Coordinates) -> str:
         _update(digest, inputs, [numbers[load.body], load])
     for element in mechanism.elements:
         _update(digest, inputs, [[numbers.get(end.body, -1) for end in element.ends], type(element).__name__, element])
+    for closure in mechanism.closures:
+        if isinstance(closure, Coupler):
+            _update(digest, inputs, [[numbers[body] for body in closure.joints], closure.factors, closure.offset])
+        else:
+            places = [numbers.get(place.body, -1) for place in (closure.first, closure.second)]
+            _update(digest, inputs, [places, closure])
     return digest.hexdigest()
 
 

@@ -160,8 +160,7 @@ def _trace_frame(inputs: Coordinates, number: int, link: Link, parent: MovingFra
     none = graph.zeros(0)
     q, v, spin = (parent.q, parent.v, parent.spin) if parent else (none, none, zero3)
     marker = trace_marker(graph, clean_marker(link.place_marker, n_parent), q, v)
-    swept = add(cross(spin, marker.arm), marker.moving)
-    beta = add(cross(spin, swept), marker.bending) + add(cross(spin, marker.turned), marker.turning)
+    beta = marker_bias(spin, marker)
     motion = _trace_joint(inputs, number, link, marker)
     w = times(transpose(motion.R), add(spin, marker.turned))  # of the joint's frame on the parent, in the body's axes
     swept = add(cross(w, motion.shift), scale(2.0, motion.sliding))
@@ -186,6 +185,12 @@ def _trace_frame(inputs: Coordinates, number: int, link: Link, parent: MovingFra
         velocity,
         trace_rigid_inertia(inputs, number),
     )
+
+
+def marker_bias(spin: Vector3, marker: MarkerMotion) -> Vector6:
+    """Return how velocities alone accelerate a marker and its section on a body that spins."""
+    swept = add(cross(spin, marker.arm), marker.moving)
+    return add(cross(spin, swept), marker.bending) + add(cross(spin, marker.turned), marker.turning)
 
 
 @dataclass

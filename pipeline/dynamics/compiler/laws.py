@@ -9,7 +9,7 @@ import numpy as np
 from pipeline.core import formula as codes
 from pipeline.core.formula import Formula
 from pipeline.dynamics.compiler.graph import Scalar, total
-from pipeline.dynamics.force_laws import GAUSS_POINTS, Curve, ForceLaw
+from pipeline.dynamics.force_laws import GAUSS_POINTS, ForceCurve, ForceLaw
 
 _FUNCTIONS = {codes.SIN: "sin", codes.COS: "cos", codes.EXP: "exp", codes.LOG: "log", codes.SQRT: "sqrt"}
 _MOST_FACTORS = 16
@@ -37,7 +37,7 @@ def trace_law_energy(law: ForceLaw, x: Scalar) -> Scalar:
     return energy
 
 
-def trace_curve(curve: Curve, x: Scalar) -> Scalar:
+def trace_curve(curve: ForceCurve, x: Scalar) -> Scalar:
     """Trace the value of a curve."""
     if curve.formula is not None:
         return trace_formula(curve.formula, x) * curve.factor
@@ -47,7 +47,7 @@ def trace_curve(curve: Curve, x: Scalar) -> Scalar:
     return value
 
 
-def _trace_integral(curve: Curve, x: Scalar) -> Scalar:
+def _trace_integral(curve: ForceCurve, x: Scalar) -> Scalar:
     if curve.formula is not None:
         points, weights = np.polynomial.legendre.leggauss(GAUSS_POINTS)
         inside = (trace_curve(curve, x * float(0.5 * (point + 1.0))) for point in points)

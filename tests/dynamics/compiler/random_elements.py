@@ -12,7 +12,7 @@ from scipy.spatial.transform import Rotation
 from pipeline.core.arrays import Array
 from pipeline.core.formula import parse_formula
 from pipeline.dynamics.elements import Attachment, Bushing, Element, PointSpring
-from pipeline.dynamics.force_laws import Curve, ForceLaw, Stop, smooth_curve, straight_curve
+from pipeline.dynamics.force_laws import ForceCurve, ForceLaw, Stop, smooth_curve, straight_curve
 from pipeline.reduction.body import MarkerShapes
 from tests.dynamics.compiler import kane
 from tests.dynamics.compiler.mechanisms import PointMechanism, random_mechanism
@@ -50,11 +50,11 @@ def by_formula(x: float) -> float:
     return float(smooth - abs(x) + max(x, 0.3) + min(x, 0.4) + min(np.sin(x), 0.5))
 
 
-CURVES: dict[str, tuple[Curve, Callable[[float], float]]] = {
-    "linear": (Curve((0.0, 4.0)), lambda x: 4.0 * x),
+CURVES: dict[str, tuple[ForceCurve, Callable[[float], float]]] = {
+    "linear": (ForceCurve((0.0, 4.0)), lambda x: 4.0 * x),
     "straight": (straight_curve(KNOTS, FORCES), straight),
     "smooth": (smooth_curve(KNOTS, FORCES), natural),
-    "formula": (Curve(formula=parse_formula(FORMULA), factor=1.5), lambda x: 1.5 * by_formula(x)),
+    "formula": (ForceCurve(formula=parse_formula(FORMULA), factor=1.5), lambda x: 1.5 * by_formula(x)),
 }
 
 

@@ -8,14 +8,14 @@ import pytest
 from pipeline.core.formula import parse_formula
 from pipeline.dynamics.compiler.compiled import compile_mechanism
 from pipeline.dynamics.elements import Attachment, Bushing
-from pipeline.dynamics.force_laws import Curve, ForceLaw, Stop
+from pipeline.dynamics.force_laws import ForceCurve, ForceLaw, Stop
 from pipeline.reduction.body import MarkerShapes
 from tests.dynamics.compiler import kane
 from tests.dynamics.compiler.comparison import TIME, difference, interpreted
 from tests.dynamics.compiler.random_elements import element_forces, with_elements
 
 SEEDS = [*range(3), *(pytest.param(k, marks=pytest.mark.slow) for k in range(3, 30))]
-SMOOTH = Curve(formula=parse_formula("3*t + 2*t**3 + tanh(t) + exp(-t*t) + tan(t/4) + 2**t"))
+SMOOTH = ForceCurve(formula=parse_formula("3*t + 2*t**3 + tanh(t) + exp(-t*t) + tan(t/4) + 2**t"))
 
 
 @pytest.mark.parametrize("second_order", [False, True])
@@ -103,4 +103,4 @@ def test_what_is_no_element_is_refused() -> None:
     with pytest.raises(ValueError, match="a friction's rate must be greater"):
         ForceLaw(friction=1.0, friction_rate=0.0)
     with pytest.raises(ValueError, match="a stop's width must be greater"):
-        ForceLaw(Curve(), stops=(Stop(0.0, 1.0, 1.0, 0.0, 0.0),))
+        ForceLaw(ForceCurve(), stops=(Stop(0.0, 1.0, 1.0, 0.0, 0.0),))
