@@ -23,7 +23,7 @@ def find_scene_limits(pipeline: Pipeline, ratios: Sequence[int], along: bool) ->
     """
     simulation = pipeline.scene.simulation
     system = _split(pipeline)
-    reference, points = ReferenceMatrices(*system.free_motion), None
+    reference, points = ReferenceMatrices(*system.stiffest_motion), None
     if along:
         points = find_operating_points(system, pipeline.mechanism, *pipeline.start, simulation.duration)
     with pipeline.store.monitor("stability") as advance:

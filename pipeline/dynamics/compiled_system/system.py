@@ -28,7 +28,9 @@ from pipeline.dynamics.compiled_system.parameters import (
 from pipeline.dynamics.compiler.closures import scale_rows
 from pipeline.dynamics.compiler.compiled import CompiledMechanism
 from pipeline.dynamics.compiler.program import LANES
+from pipeline.dynamics.element_linearisation import linearise_forces
 from pipeline.dynamics.jit.compiled import aligned
+from pipeline.dynamics.linear_forces import LinearForces
 from pipeline.dynamics.links import FREE, SPHERICAL
 from pipeline.dynamics.mechanism import Mechanism
 from pipeline.dynamics.vibration import highest_frequency, largest_leapfrog_step
@@ -281,30 +283,50 @@ class CompiledSystem:
     def _reference_mass(self) -> Array:
         return self.mass_matrix(self.mechanism.rest_positions)
 
+    @cached_property
+    def linear_forces(self) -> LinearForces:
+        """Constant stiffness and damping of modes, joints and force elements in the reference state."""
+        return linearise_forces(self.mechanism)
+
+    @property
+    def stiffest_matrices(self) -> tuple[Array, Array, Array]:
+        """Mass, stiffness and damping of the undeformed mechanism with all its end stops touched, (n, n) each."""
+        forces = self.linear_forces
+        return self._reference_mass, forces.K + forces.stop_K, forces.C + forces.stop_C
+
     @property
     def linear_matrices(self) -> tuple[Array, Array, Array]:
         """Mass, stiffness and damping of the undeformed mechanism, (n, n) each; what loops hold moves, too."""
-        return self._reference_mass, self.mechanism.linear_forces.K, self.mechanism.linear_forces.C
+        return self._reference_mass, self.linear_forces.K, self.linear_forces.C
 
     @cached_property
     def free_motion(self) -> FreeMotion:
         """Mass, stiffness and damping of the motions of the undeformed mechanism that its loops leave free."""
-        J = np.zeros((0, self.n))
-        if self.compiled.rows:
-            X, _ = self.compiled.multipliers(0.0, self.mechanism.rest_positions)
-            J = X.T @ self._reference_mass
-        return free_motion(*self.linear_matrices, self.n_slow, J)
+        return free_motion(*self.linear_matrices, self.n_slow, self._reference_constraints)
+
+    @cached_property
+    def stiffest_motion(self) -> FreeMotion:
+        """The same with all end stops touched."""
+        return free_motion(*self.stiffest_matrices, self.n_slow, self._reference_constraints)
+
+    @cached_property
+    def _reference_constraints(self) -> Array:
+        """J of the loops' constraints in the reference state, shape (n_rows, n)."""
+        if not self.compiled.rows:
+            return np.zeros((0, self.n))
+        X, _ = self.compiled.multipliers(0.0, self.mechanism.rest_positions)
+        return np.asarray(X.T @ self._reference_mass)
 
     @property
     def stiffness(self) -> Array:
         """Squared modal frequencies, and springs over what they move in the undeformed mechanism [1/s²]."""
-        return self.mechanism.linear_forces.own / self._reference_mass.diagonal()
+        return self.linear_forces.own / self._reference_mass.diagonal()
 
     @property
     def frequencies_hz(self) -> Array:
         """Of each mode and of each joint by itself, undeformed [Hz], shape (n,); 0 where nothing holds it."""
         mechanism = self.mechanism
-        own = np.sqrt(mechanism.linear_forces.K.diagonal() / self._reference_mass.diagonal())
+        own = np.sqrt(self.linear_forces.K.diagonal() / self._reference_mass.diagonal())
         for k, link in enumerate(mechanism.links):
             own[mechanism.modes_of(k)] = link.omega
         return np.asarray(own / (2 * np.pi))
@@ -328,7 +350,7 @@ class CompiledSystem:
     @property
     def _reacting(self) -> tuple[Array, Array, Array]:
         """Mass, stiffness and damping of the fast coordinates with the slow ones free to react."""
-        M, K, C, n_slow = self.free_motion
+        M, K, C, n_slow = self.stiffest_motion
         slow, fast = slice(0, n_slow), slice(n_slow, None)
         T = np.concatenate([-np.linalg.solve(M[slow, slow], M[slow, fast]), np.eye(len(M) - n_slow)])
         return T.T @ M @ T, T.T @ K @ T, T.T @ C @ T
@@ -336,12 +358,12 @@ class CompiledSystem:
     @cached_property
     def largest_step(self) -> float:
         """Longest stable leapfrog step in the reference state [s]."""
-        return largest_leapfrog_step(*self.free_motion[:3])
+        return largest_leapfrog_step(*self.stiffest_motion[:3])
 
     @cached_property
     def largest_fast_step(self) -> float:
         """Longest stable leapfrog step of the fast coordinates with the slow ones held [s]."""
-        *matrices, n_slow = self.free_motion
+        *matrices, n_slow = self.stiffest_motion
         return largest_leapfrog_step(*(A[n_slow:, n_slow:] for A in matrices))
 
     @cached_property
@@ -352,7 +374,7 @@ class CompiledSystem:
     @cached_property
     def largest_slow_step(self) -> float:
         """Longest stable leapfrog step of the slow coordinates with the fast ones held [s]."""
-        *matrices, n_slow = self.free_motion
+        *matrices, n_slow = self.stiffest_motion
         return largest_leapfrog_step(*(A[:n_slow, :n_slow] for A in matrices))
 
     @cached_property

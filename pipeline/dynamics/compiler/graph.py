@@ -13,7 +13,8 @@ from collections.abc import Iterable, Sequence
 import numpy as np
 
 from pipeline.core.arrays import Array
-from pipeline.dynamics.compiler.nodes import NodeTable, evaluate_function
+from pipeline.dynamics.compiler.functions import evaluate_function
+from pipeline.dynamics.compiler.nodes import NodeTable
 
 
 class Graph(NodeTable):

@@ -17,7 +17,8 @@ from pipeline.dynamics.compiler.algebra import (
 )
 from pipeline.dynamics.compiler.bodies import trace_inertia
 from pipeline.dynamics.compiler.coordinates import Coordinates
-from pipeline.dynamics.compiler.forces import ActingForces, Terms
+from pipeline.dynamics.compiler.elements import Terms
+from pipeline.dynamics.compiler.forces import ActingForces
 from pipeline.dynamics.compiler.frames import MovingFrame
 from pipeline.dynamics.compiler.graph import Vector, combine
 from pipeline.dynamics.compiler.recursion import BodyValues
@@ -25,7 +26,7 @@ from pipeline.dynamics.compiler.recursion import BodyValues
 
 def trace_residual(inputs: Coordinates, frames: list[MovingFrame]) -> list[BodyValues]:
     """Trace the residual of each body's joint and modes; accelerations are the argument ``a``."""
-    acting = ActingForces(inputs)
+    acting = ActingForces(inputs, frames)
     x: list[Vector6] = []
     for frame in frames:
         x.append(_accelerate(inputs, acting, frame, x))
