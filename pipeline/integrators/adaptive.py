@@ -32,7 +32,7 @@ def groups_of(system: System) -> IntArray:
     """Return the group of each position and then of each rate; each coordinate is one if the system has no groups."""
     groups = getattr(system, "groups", None)
     positions, rates = (np.arange(system.n_positions), np.arange(system.n)) if groups is None else groups
-    return np.concatenate([positions, rates + positions.max(initial=-1) + 1])
+    return np.concatenate((positions, rates + (positions.max() + 1))) if positions.size else rates
 
 
 def adaptive_start(system: System, q0: Array, v0: Array, more: int = 0) -> State:
@@ -270,11 +270,12 @@ def march_adaptive_steps(
     present = (state.q, state.v, state.a, clock, groups, state.memory)
     output = (np.ascontiguousarray(times, dtype=float), q, v, cursor, evaluations)
     march = AdaptiveMarch(tolerance, order, *present, trial, begin, new, out, *output)
-    chunk = _FIRST_CHUNK
+    p, chunk = system.parameters, _FIRST_CHUNK
+    _march(m, p, march, math.inf, 0)  # compiles, or reads the kernel: not part of the run time
     while cursor[0] < times.size:
         stop = next((point for point in system.breakpoints if point > clock[0]), math.inf)
         tick = time.perf_counter()
-        done = int(_march(m, system.parameters, march, stop, chunk))
+        done = int(_march(m, p, march, stop, chunk))
         spent = time.perf_counter() - tick
         seconds += spent
         chunk = max(1, min(_CHUNK, 4 * chunk, int(chunk * _CHUNK_SECONDS / max(spent, 1e-9))))

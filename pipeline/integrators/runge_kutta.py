@@ -8,7 +8,7 @@ from __future__ import annotations
 
 import math
 from dataclasses import dataclass
-from functools import cache
+from functools import lru_cache
 from typing import Any
 
 import numpy as np
@@ -69,13 +69,18 @@ class RungeKuttaSteps(Table):
     error: Array
 
 
-@cache
 def _coefficients() -> tuple[Array, IntArray, Array, IntArray]:
     """Return the members C, slope, weight and length of `RungeKuttaSteps`."""
     slope, weight, length = np.zeros((22, 16), dtype=np.int64), np.zeros((22, 16)), np.zeros(22, dtype=np.int64)
     for k, row in enumerate(dop853.ROWS):
         slope[k, : len(row)], weight[k, : len(row)], length[k] = [*row], [*row.values()], -(-len(row) // 4) * 4
     return np.array(dop853.C), slope, weight, length
+
+
+@lru_cache(maxsize=16)
+def _steps(n_all: int) -> RungeKuttaSteps:
+    """Return a table for so many positions and rates, to be renewed for each march."""
+    return RungeKuttaSteps(*_coefficients(), np.zeros((16, n_all)), np.zeros((7, n_all)), np.zeros(n_all))
 
 
 @dataclass(frozen=True)
@@ -110,8 +115,7 @@ class RungeKutta:
         StabilityError
             The step became too small.
         """
-        n_all = system.n_positions + system.n
-        m = RungeKuttaSteps(*_coefficients(), np.zeros((16, n_all)), np.zeros((7, n_all)), np.zeros(n_all))
+        m = _steps(system.n_positions + system.n).renewed()
         return march_adaptive_steps(self.name, system, m, self.tolerance, 8, start, times, progress)
 
 

@@ -85,7 +85,8 @@ class ScipyIvp:
         y, now, end, n_steps = np.concatenate([q0, v0]).astype(float), 0.0, float(times[-1]), 0
         samples[times == now] = y
         stops = [point for point in system.breakpoints if point > now]
-        tick = time.perf_counter()
+        rates(now, y)  # compiles, or reads kernels: not part of the run time
+        evaluations, tick = 0, time.perf_counter()
         while now < end:
             stop = stops.pop(0) if stops else _FAR
             if not np.isfinite(rates(now, y)).all():  # SciPy would search for a first step for ever
