@@ -16,7 +16,7 @@ import numpy as np
 
 from pipeline.core.arrays import Array, IntArray
 from pipeline.core.errors import StabilityError
-from pipeline.dynamics.jit.compiled import inner, kernel, meaning
+from pipeline.dynamics.jit.compiled import inlined, kernel, meaning
 from pipeline.dynamics.jit.table import Table
 from pipeline.integrators.protocol import Progress, State, require_times
 
@@ -86,7 +86,7 @@ def _end_nothing(m: Any, p: Any, held: Any, first: int, samples: Samples, first_
     pass
 
 
-@inner
+@inlined
 def runs_away(v: Array) -> bool:
     """Return true if the rates are beyond bounds or not finite."""
     total = 0.0

@@ -18,12 +18,12 @@ from pipeline.dynamics.compiled_system.held import (
 from pipeline.dynamics.compiled_system.kernels import set_inputs
 from pipeline.dynamics.compiled_system.parameters import CompiledParameters, MiddleCycle
 from pipeline.dynamics.compiler.program import LANES
-from pipeline.dynamics.jit.compiled import inner, meaning
+from pipeline.dynamics.jit.compiled import inlined, meaning
 from pipeline.dynamics.jit.native import call_native
 from pipeline.dynamics.system import accelerations, hold_middle, reacting_steps, slow_response, velocities
 
 
-@inner
+@inlined
 def _find_reaction(p: CompiledParameters, q: Array, block: int, D: Array, middle: MiddleCycle) -> None:
     """Compute D and how all coordinates follow a block of fast ones."""
     held, along = middle.held, middle.along_rates[block]
@@ -45,7 +45,7 @@ def _find_reaction(p: CompiledParameters, q: Array, block: int, D: Array, middle
             middle.along_positions[block, i, lane] = held.moved[i]
 
 
-@inner
+@inlined
 def _keep_response(
     p: CompiledParameters, q: Array, block: int, D: Array, middle: MiddleCycle, on_fast: Array, on_slow: Array
 ) -> None:
@@ -67,7 +67,7 @@ def _keep_response(
             on_slow[first + lane, i] = f[i, lane]
 
 
-@inner
+@inlined
 def _hold_coupled(p: CompiledParameters, q: Array, v: Array, D: Array, middle: MiddleCycle) -> None:
     held, a, n_slow = middle.held, middle.a, middle.held.n_slow
     plain = p.quaternions.shape[0] == 0  # positions follow as rates do
