@@ -14,6 +14,7 @@ from pipeline.dynamics.compiled_system.parameters import CompiledParameters, Hel
 from pipeline.dynamics.compiler.program import LANES
 from pipeline.dynamics.jit.compiled import contracted, inlined, meaning
 from pipeline.dynamics.jit.native import call_native
+from pipeline.dynamics.jit.oscillators import step_damped, step_undamped
 from pipeline.dynamics.system import fast_steps, hold_slow, velocities
 
 
@@ -176,40 +177,15 @@ def _step_one(held: HeldCycle, first: int, h: float, count: int, i: int, q: Arra
     q[place], v[i], a[i] = x, rate, acceleration
 
 
-@contracted
+@inlined
 def step_single(held: HeldCycle, first: int, h: float, count: int, begins: bool, q: Array, v: Array, a: Array) -> None:
-    """Take leapfrog steps coordinate by coordinate, from time ``first · h``; ``begins`` tells a cycle's first call.
-
-    Undamped ones go in increments d = h v: the processor works on several at once, and each waits for two operations a
-    step instead of four. A later call goes on with increments as they are, not by way of v.
-    """
-    constant, slope, k, c, offset = held.constant, held.slope, held.k, held.c, q.size - v.size
-    square, over, start = h * h, 1.0 / h, held.time[0]
-    since, until = first * h - start, (first + count - 1) * h - start
-    for i in range(held.n_slow, v.size):
-        x, ki, rise = q[i + offset], square * k[i], h * slope[i]
-        if held.damped:
-            rate, acceleration = v[i], a[i]
-            for step in range(count):
-                middle = rate + 0.5 * h * acceleration
-                tau = (first + step) * h - start
-                acceleration = constant[i] + tau * slope[i] - k[i] * x - c[i] * middle
-                rate += h * acceleration
-                x += h * rate
-            a[i], v[i], q[i + offset] = acceleration, rate, x
-            continue
-        more = square * rise
-        d, load = h * v[i], square * (constant[i] + since * slope[i])
-        if not begins:
-            d, load = held.d[i], held.rising[i]
-        for _ in range(count - 1):
-            d = (d + load) - ki * x
-            x += d
-            load += more
-        a[i] = constant[i] + until * slope[i] - k[i] * x
-        d = (d + load) - ki * x
-        v[i], q[i + offset] = over * d, x + d
-        held.d[i], held.rising[i] = d, load + more
+    """Take leapfrog steps with uncoupled coordinates from time ``first · h``; ``begins`` tells a cycle's first call."""
+    start, constant, slope, k = held.time[0], held.constant, held.slope, held.k
+    if held.damped:
+        step_damped(held.n_slow, constant, slope, k, held.c, q, v, a, first, start, h, count)
+    else:
+        d, rising = held.d, held.rising
+        step_undamped(held.n_slow, constant, slope, k, q, v, a, d, rising, first, start, h, count, begins)
 
 
 @inlined
