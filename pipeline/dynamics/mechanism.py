@@ -49,7 +49,7 @@ class Mechanism:
         of others are 0.
     horizon : float
         Time [s] up to which loads are searched for short actions that adaptive steps must not miss; 0 searches none.
-    elements : sequence of PointSpring or Bushing
+    elements : sequence of PointSpring or SixAxisSpring
         Force elements between two places.
 
     Raises

@@ -7,7 +7,7 @@ import pytest
 
 from pipeline import Pipeline, load_scene
 from pipeline.core.errors import InputError
-from pipeline.dynamics.elements import Bushing, PointSpring
+from pipeline.dynamics.elements import PointSpring, SixAxisSpring
 from pipeline.recovery.motion import Motion
 
 BLOCK = """
@@ -232,7 +232,7 @@ stiffness_matrix = [[4,1,0,0,0,0],[1,3,0,0,0,0],[0,0,2,0,0,0],[0,0,0,5,0,0],[0,0
     built = run_of(tmp_path, BLOCK.replace("SLIDE", 'position = "0.2 m"') + WALL_SPRING + bushing).mechanism
     spring, full = built.elements
     assert isinstance(spring, PointSpring)
-    assert isinstance(full, Bushing)
+    assert isinstance(full, SixAxisSpring)
     assert (spring.rest, spring.law.curve.polynomial, spring.law.damping) == (1.05, (0.0, 200.0), 3.0)
     assert [end.body for end in full.ends] == ["block", ""]
     # From the block's side at 0.3 m to the wall at -1 m; x of the bushing is y of space, its y is -x of space.
