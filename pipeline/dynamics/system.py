@@ -26,6 +26,15 @@ def project(p: Any, t: float, q: Array, v: Array) -> None:
     raise NotImplementedError
 
 
+def close_gaps(p: Any, t: float, h: float, q: Array, v: Array, a: Array) -> None:
+    """Close the gaps of loops at the end of a leapfrog step h, at time t [s], by forces along Jᵀ at its begin.
+
+    That is SHAKE (Ryckaert, Ciccotti & Berendsen, J Comput Phys 23, 1977): positions move as the rates over the step
+    change, and so do these and the accelerations. Nothing happens without loops.
+    """
+    raise NotImplementedError
+
+
 def leapfrog_step(p: Any, leapfrog: Any, t: float, h: float, q: Array, v: Array, a: Array) -> None:
     """Take a step h of the leapfrog method: ``a = M̂⁻¹ Q̂(t, q, v + ½ h a)``, ``v += h a``, ``q += h v``."""
     raise NotImplementedError

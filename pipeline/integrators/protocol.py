@@ -10,7 +10,7 @@ import numpy as np
 
 from pipeline.core.arrays import Array, require_finite, require_shape
 from pipeline.dynamics.jit.compiled import aligned, kernel, meaning
-from pipeline.dynamics.system import System, accelerations, advance, project, velocities
+from pipeline.dynamics.system import System, accelerations, advance, close_gaps, project, velocities
 
 Progress = Callable[[float], None]
 """Called with the part of the march that is done, 0…1."""
@@ -192,6 +192,12 @@ def _move(p: Any, q: Array, change: Array) -> None:
 
 
 @kernel
+def evaluate_projection(p: Any, t: float, q: Array, v: Array) -> None:
+    """Bring a state at a time t [s] back onto the constraints of loops."""
+    project(p, t, q, v)
+
+
+@kernel
 def evaluate_velocities(p: Any, q: Array, v: Array, dq: Array) -> None:
     """Evaluate the time derivatives of a mechanism's position coordinates into dq."""
     velocities(p, q, v, dq)
@@ -200,3 +206,8 @@ def evaluate_velocities(p: Any, q: Array, v: Array, dq: Array) -> None:
 @meaning(project, tuple)
 def _project(p: Any, t: float, q: Array, v: Array) -> None:
     """Leave a state as it is: parameters that are a plain tuple know of no constraints."""
+
+
+@meaning(close_gaps, tuple)
+def _close_gaps(p: Any, t: float, h: float, q: Array, v: Array, a: Array) -> None:
+    """Leave a step as it is, likewise."""

@@ -34,7 +34,7 @@ import numpy as np
 from pipeline.core.arrays import Array
 from pipeline.dynamics.jit.compiled import aligned, inner, kernel, meaning
 from pipeline.dynamics.jit.table import Table
-from pipeline.dynamics.system import System, advance, hold_middle, reacting_steps, slow_response
+from pipeline.dynamics.system import System, advance, hold_middle, project, reacting_steps, slow_response
 from pipeline.integrators.fixed_step import (
     Samples,
     begin_cycle,
@@ -160,6 +160,7 @@ def _begin_cycle(m: ReactingSteps, p: Any, middle: Any, first: int, sampled: boo
         for i in range(n_slow):
             m.shift[i] += 0.5 * m.D[j, i] * (H * m.v[j] - m.move[j])
     advance(p, m.q_now, m.shift, 1.0, 0, n_slow)
+    project(p, (first + 0.5 * m.substeps) * m.h, m.q_now, m.v_now)
     hold_middle(p, (first + 0.5 * m.substeps) * m.h, m.q_now, m.v_now, m.D, middle)
     for i in range(n_slow):
         m.before[i] = m.v[i]
@@ -207,6 +208,7 @@ def _end_cycle(m: ReactingSteps, p: Any, middle: Any, first: int, samples: Sampl
             m.shift[i] -= m.D[j, i] * m.move[j]
             m.v[i] -= m.D[j, i] * m.v[j]
     advance(p, m.q, m.shift, 1.0, 0, n_slow)
+    project(p, (first + m.substeps) * m.h, m.q, m.v)
 
 
 @inner

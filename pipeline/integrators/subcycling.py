@@ -19,7 +19,7 @@ import numpy as np
 from pipeline.core.arrays import Array
 from pipeline.dynamics.jit.compiled import aligned, meaning
 from pipeline.dynamics.jit.table import Table
-from pipeline.dynamics.system import System, accelerations, advance, fast_steps, hold_slow
+from pipeline.dynamics.system import System, accelerations, advance, close_gaps, fast_steps, hold_slow
 from pipeline.integrators.central_difference import CentralDifference
 from pipeline.integrators.fixed_step import (
     Samples,
@@ -152,4 +152,4 @@ def _sample_within(m: HeldSteps, p: Any, done: int, s: float, q: Array, v: Array
 
 @meaning(end_cycle, HeldSteps)
 def _end_cycle(m: HeldSteps, p: Any, frozen: Any, first: int, samples: Samples, first_sample: int) -> None:
-    pass
+    close_gaps(p, (first + m.substeps) * m.h, m.substeps * m.h, m.q, m.v, m.a)

@@ -16,6 +16,7 @@ from pipeline.scene.loops import OF_COORDINATES, closing_joints
 from pipeline.scene.outputs import JOINT_QUANTITIES, Chart, Export, Output
 from pipeline.scene.pictures import BodyPicture
 from pipeline.scene.reading import FaultError, suggest_name
+from pipeline.scene.runs import ScipyRun
 from pipeline.scene.simulation import Simulation
 
 _SINGLE = ("revolute", "prismatic")  # the joints with one coordinate
@@ -109,6 +110,10 @@ class CrossCheck:
         if self.simulation is None:
             return
         yield from self._check_marker(self.simulation.tip, "simulation", "tip")
+        for number, run in enumerate(self.simulation.run):
+            if isinstance(run, ScipyRun) and closing_joints(self.joint):
+                mend = "runge-kutta, exponential-rosenbrock and auto do"
+                yield FaultError(f"doesn't keep loops closed; {mend}", "simulation", "run", number, "integrator")
         for number, name in enumerate(self.simulation.fast):
             yield from self._check_joint(name, _SINGLE, "the fast list", "simulation", "fast", number)
 

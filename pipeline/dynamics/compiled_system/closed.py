@@ -9,14 +9,15 @@ are is decided at a step's begin, on the constraints, and kept for its stages.
 from __future__ import annotations
 
 import math
+from typing import Any
 
 from pipeline.core.arrays import Array
 from pipeline.dynamics.compiled_system.kernels import set_inputs
-from pipeline.dynamics.compiled_system.parameters import ClosedParameters, Leapfrog
+from pipeline.dynamics.compiled_system.parameters import ClosedParameters, Leapfrog, Multipliers, TreeParameters
 from pipeline.dynamics.compiler.program import LANES
 from pipeline.dynamics.jit.compiled import inner, meaning
 from pipeline.dynamics.jit.native import call_native
-from pipeline.dynamics.system import accelerations, advance, leapfrog_step, project
+from pipeline.dynamics.system import accelerations, advance, close_gaps, leapfrog_step, project
 
 _DEPENDENT = 1e-8  # of the largest pivot, the square of the ratio of lengths
 _NO_PIVOT = 1e-14  # beside what free bodies would do
@@ -30,21 +31,21 @@ _FAR = 1e-7  # gap from which on the constraints are linearised anew
 def _spread(p: ClosedParameters, q: Array, first: int) -> None:
     """Compute X and S, from a block of unit multipliers on."""
     for block in range(first, p.units.shape[0]):
-        call_native(p.multipliers, (p.inputs, q, p.units[block], p.x[block], p.s[block]))
+        call_native(p.multipliers, (p.inputs, q, p.units[block], p.whole.x[block], p.whole.s[block]))
 
 
 @inner
-def _factor(p: ClosedParameters) -> None:
+def _factor(m: Multipliers) -> None:
     """Factor the scaled S in the order of its pivots: row i of the factor has entry k at ``S[i, order[k]]``."""
-    n, S, order, fresh = p.S.shape[0], p.S, p.order, p.fresh[0] != 0.0
+    n, S, order, fresh = m.S.shape[0], m.S, m.order, m.fresh[0] != 0.0
     for i in range(n):
         for j in range(n):
-            S[i, j] = p.s[j // LANES, i, j % LANES] * p.scale[i] * p.scale[j]
+            S[i, j] = m.s[j // LANES, i, j % LANES] * m.scale[i] * m.scale[j]
     if fresh:
-        p.rank[0] = n
+        m.rank[0] = n
         for k in range(n):
             order[k] = k
-    top, p.fresh[0] = 0.0, 0.0
+    top, m.fresh[0] = 0.0, 0.0
     for k in range(n):
         if fresh:
             best = k
@@ -55,8 +56,8 @@ def _factor(p: ClosedParameters) -> None:
             pivot = S[order[k], order[k]]
             top = max(top, pivot)
             if not pivot > max(_DEPENDENT * top, _NO_PIVOT):
-                p.rank[0] = k
-        if k >= p.rank[0]:
+                m.rank[0] = k
+        if k >= m.rank[0]:
             return
         row = order[k]
         S[row, row] = math.sqrt(S[row, row])
@@ -68,14 +69,14 @@ def _factor(p: ClosedParameters) -> None:
 
 
 @inner
-def _push(p: ClosedParameters, w: Array) -> None:
+def _push(m: Multipliers, w: Array) -> None:
     """Solve ``S λ = −w`` for the independent constraints, the others' λ being 0, and ``push = X λ``."""
-    rank, S, order, y = p.rank[0], p.S, p.order, p.room
+    rank, S, order, y = m.rank[0], m.S, m.order, m.room
     for k in range(w.size):
-        p.multiplier[k] = 0.0
+        m.multiplier[k] = 0.0
     for k in range(rank):
         row = order[k]
-        y[k] = -w[row] * p.scale[row]
+        y[k] = -w[row] * m.scale[row]
         for j in range(k):
             y[k] -= S[row, order[j]] * y[j]
         y[k] /= S[row, row]
@@ -85,25 +86,25 @@ def _push(p: ClosedParameters, w: Array) -> None:
             y[k] -= S[order[i], row] * y[i]
         y[k] /= S[row, row]
     for k in range(rank):
-        p.multiplier[order[k]] = y[k] * p.scale[order[k]]
-    for i in range(p.push.size):
-        p.push[i] = 0.0
+        m.multiplier[order[k]] = y[k] * m.scale[order[k]]
+    for i in range(m.push.size):
+        m.push[i] = 0.0
     for k in range(rank):
         row = order[k]
-        block, lane, size = row // LANES, row % LANES, p.multiplier[row]
-        for i in range(p.push.size):
-            p.push[i] += p.x[block, i, lane] * size
+        block, lane, size = row // LANES, row % LANES, m.multiplier[row]
+        for i in range(m.push.size):
+            m.push[i] += m.x[block, i, lane] * size
 
 
 @meaning(accelerations, ClosedParameters)
 def _accelerations(p: ClosedParameters, t: float, q: Array, v: Array, a: Array) -> None:
     set_inputs(p, float(t))
-    call_native(p.closed, (p.inputs, q, v, p.units[0], a, p.w, p.x[0], p.s[0]))
+    call_native(p.closed, (p.inputs, q, v, p.units[0], a, p.w, p.whole.x[0], p.whole.s[0]))
     _spread(p, q, 1)
-    _factor(p)
-    _push(p, p.w)
+    _factor(p.whole)
+    _push(p.whole, p.w)
     for i in range(a.size):
-        a[i] += p.push[i]
+        a[i] += p.whole.push[i]
 
 
 @inner
@@ -124,39 +125,40 @@ def _project(p: ClosedParameters, t: float, q: Array, v: Array) -> None:
         call_native(p.gaps, (p.inputs, q, v, p.g, p.rates))
         widest = _widest(p.g)
         if k == 0 or widest > _FAR:
-            p.fresh[0] = 1.0
+            p.whole.fresh[0] = 1.0
             _spread(p, q, 0)
-            _factor(p)
+            _factor(p.whole)
         if widest <= _CLOSED or (widest <= _FAILED and widest > 0.3 * last):
             break
         if k == _CORRECTIONS or not widest < math.inf:
             v[0] = math.nan  # which ends the march
             break
         last = widest
-        _push(p, p.g)
-        advance(p, q, p.push, 1.0, 0, v.size)
+        _push(p.whole, p.g)
+        advance(p, q, p.whole.push, 1.0, 0, v.size)
     for _ in range(2):  # the second takes the first one's round-off away
         call_native(p.gaps, (p.inputs, q, v, p.g, p.rates))
-        _push(p, p.rates)
+        _push(p.whole, p.rates)
         for i in range(v.size):
-            v[i] += p.push[i]
-    p.fresh[0] = 1.0
+            v[i] += p.whole.push[i]
+    p.whole.fresh[0] = 1.0
 
 
 @meaning(leapfrog_step, ClosedParameters)
 def _leapfrog_step(p: ClosedParameters, leapfrog: Leapfrog, t: float, h: float, q: Array, v: Array, a: Array) -> None:
-    """Take a leapfrog step whose constraint forces, along Jᵀ at its begin, close the gaps at its end.
-
-    That is SHAKE (Ryckaert, Ciccotti & Berendsen, J Comput Phys 23, 1977).
-    """
     for i in range(v.size):
         leapfrog.v_now[i] = v[i] + 0.5 * h * a[i]
-    p.fresh[0] = 1.0
+    p.whole.fresh[0] = 1.0
     accelerations(p, t, q, leapfrog.v_now, a)
     for i in range(v.size):
         v[i] += h * a[i]
     advance(p, q, v, h, 0, v.size)
-    set_inputs(p, t + h)
+    close_gaps(p, t + h, h, q, v, a)
+
+
+@meaning(close_gaps, ClosedParameters)
+def _close_gaps(p: ClosedParameters, t: float, h: float, q: Array, v: Array, a: Array) -> None:
+    set_inputs(p, float(t))
     last = math.inf
     for _ in range(_CORRECTIONS):
         call_native(p.gaps, (p.inputs, q, v, p.g, p.rates))
@@ -164,9 +166,84 @@ def _leapfrog_step(p: ClosedParameters, leapfrog: Leapfrog, t: float, h: float, 
         if widest <= _CLOSED or (widest <= _FAILED and widest > 0.3 * last):
             return
         last = widest
-        _push(p, p.g)
-        advance(p, q, p.push, 1.0, 0, v.size)
+        _push(p.whole, p.g)
+        advance(p, q, p.whole.push, 1.0, 0, v.size)
         for i in range(v.size):
-            v[i] += p.push[i] / h
-            a[i] += p.push[i] / (h * h)
+            v[i] += p.whole.push[i] / h
+            a[i] += p.whole.push[i] / (h * h)
     v[0] = math.nan  # which ends the march
+
+
+def begin_reaction(p: Any, inertia: int, solve_slow: int, q: Array, n_slow: int) -> None:
+    """Prepare `close_reaction` at positions of the last accelerations, with addresses of functions."""
+    raise NotImplementedError
+
+
+def close_reaction(p: Any, x: Array, first: int, count: int, n_slow: int) -> None:
+    """Let the slow coordinates' answers x (n, 8) to ``count`` fast ones from ``first`` on keep the constraints, too.
+
+    x is ``M_LL⁻¹ M_LS``, and D with ``M_LL D + J_Lᵀ μ = M_LS``, ``J_L D = J_S`` after.
+    """
+    raise NotImplementedError
+
+
+def close_response(p: Any, f: Array, x: Array) -> None:
+    """Let accelerations x = M̂⁻¹ f, (n, 8), answer forces as the constraints allow."""
+    raise NotImplementedError
+
+
+@meaning(begin_reaction, TreeParameters)
+def _begin_nothing(p: TreeParameters, inertia: int, solve_slow: int, q: Array, n_slow: int) -> None:
+    pass
+
+
+@meaning(close_reaction, TreeParameters)
+def _react_freely(p: TreeParameters, x: Array, first: int, count: int, n_slow: int) -> None:
+    pass
+
+
+@meaning(close_response, TreeParameters)
+def _respond_freely(p: TreeParameters, f: Array, x: Array) -> None:
+    pass
+
+
+@meaning(begin_reaction, ClosedParameters)
+def _begin_reaction(p: ClosedParameters, inertia: int, solve_slow: int, q: Array, n_slow: int) -> None:
+    J, slow, n_rows = p.J, p.slow, p.w.size
+    for block in range(J.shape[0]):
+        call_native(inertia, (p.inputs, q, p.whole.x[block], J[block]))
+        call_native(solve_slow, (p.inputs, q, J[block], slow.x[block]))
+    for k in range(n_rows):
+        for j in range(n_rows):
+            total = 0.0
+            for i in range(n_slow):
+                total += J[k // LANES, i, k % LANES] * slow.x[j // LANES, i, j % LANES]
+            slow.s[j // LANES, k, j % LANES] = total
+    slow.fresh[0] = 1.0
+    _factor(slow)
+
+
+@meaning(close_reaction, ClosedParameters)
+def _close_reaction(p: ClosedParameters, x: Array, first: int, count: int, n_slow: int) -> None:
+    J, n_rows = p.J, p.w.size
+    for lane in range(count):
+        for k in range(n_rows):
+            p.w[k] = -J[k // LANES, first + lane, k % LANES]
+            for i in range(n_slow):
+                p.w[k] += J[k // LANES, i, k % LANES] * x[i, lane]
+        _push(p.slow, p.w)
+        for i in range(n_slow):
+            x[i, lane] += p.slow.push[i]
+
+
+@meaning(close_response, ClosedParameters)
+def _close_response(p: ClosedParameters, f: Array, x: Array) -> None:
+    X, n_rows = p.whole.x, p.w.size
+    for lane in range(LANES):
+        for k in range(n_rows):
+            p.w[k] = 0.0
+            for i in range(f.shape[0]):
+                p.w[k] += X[k // LANES, i, k % LANES] * f[i, lane]
+        _push(p.whole, p.w)
+        for i in range(f.shape[0]):
+            x[i, lane] += p.whole.push[i]

@@ -8,7 +8,7 @@ from pipeline.core.arrays import Array
 from pipeline.dynamics.compiled_system.parameters import CompiledParameters, Leapfrog, TreeParameters
 from pipeline.dynamics.jit.compiled import inner, meaning
 from pipeline.dynamics.jit.native import call_native
-from pipeline.dynamics.system import accelerations, advance, leapfrog_step, project, velocities
+from pipeline.dynamics.system import accelerations, advance, close_gaps, leapfrog_step, project, velocities
 
 
 @inner
@@ -34,6 +34,11 @@ def _accelerations(p: TreeParameters, t: float, q: Array, v: Array, a: Array) ->
 
 @meaning(project, TreeParameters)
 def _project(p: TreeParameters, t: float, q: Array, v: Array) -> None:
+    pass
+
+
+@meaning(close_gaps, TreeParameters)
+def _close_nothing(p: TreeParameters, t: float, h: float, q: Array, v: Array, a: Array) -> None:
     pass
 
 

@@ -8,17 +8,21 @@ from typing import Any
 import numpy as np
 
 import pipeline.dynamics.compiled_system.closed
+import pipeline.dynamics.compiled_system.closed_cycle
 import pipeline.dynamics.compiled_system.held
 import pipeline.dynamics.compiled_system.kernels
 import pipeline.dynamics.compiled_system.middle  # noqa: F401 - all give the functions of `system` their meaning here
 from pipeline.core.arrays import Array, IntArray
 from pipeline.dynamics.compiled_system.couplings import Couplings, find_couplings, find_inertial_coupling
+from pipeline.dynamics.compiled_system.free_motion import FreeMotion, free_motion
 from pipeline.dynamics.compiled_system.parameters import (
+    ClosedCycle,
     ClosedParameters,
     CompiledParameters,
     HeldCycle,
     Leapfrog,
     MiddleCycle,
+    Multipliers,
     TreeParameters,
 )
 from pipeline.dynamics.compiler.closures import scale_rows
@@ -32,6 +36,7 @@ from pipeline.dynamics.mechanism import Mechanism
 from pipeline.dynamics.vibration import highest_frequency, largest_leapfrog_step
 
 _ROOM = ("v_now", "d", "rising")  # vectors of `HeldCycle` that hold no coefficients
+_SHARE_AHEAD = 1e-2  # of a major cycle, over which the slow motion of a mechanism with loops is followed
 _AHEAD = 16  # steps for which loads are evaluated before coordinates go through them
 _MOST_UNROLLED = 64  # fast coordinates: beyond, code without loops takes longer to compile than it saves
 
@@ -120,14 +125,28 @@ class CompiledSystem:
         units = np.zeros((n_blocks, n_rows, LANES))
         for k in range(n_rows):
             units[k // LANES, k, k % LANES] = 1.0
-        g, rates, w, multiplier, room = aligned(*5 * [n_rows])
-        (push,) = aligned(self.n)
+        g, rates, w = aligned(*3 * [n_rows])
         return ClosedParameters(
             **own,
             closed=address("closed"),
             multipliers=address("multipliers"),
             gaps=address("gaps"),
             units=units,
+            J=np.zeros((n_blocks, self.n, LANES)),
+            whole=self._multipliers(),
+            slow=self._multipliers(),
+            g=g,
+            rates=rates,
+            w=w,
+        )
+
+    def _multipliers(self) -> Multipliers:
+        """Room for how the constraints push the mechanism."""
+        n_rows = len(self.compiled.rows)
+        n_blocks = -(-n_rows // LANES)
+        multiplier, room = aligned(n_rows, n_rows)
+        (push,) = aligned(self.n)
+        return Multipliers(
             x=np.zeros((n_blocks, self.n, LANES)),
             s=np.zeros((n_blocks, n_rows, LANES)),
             S=np.zeros((n_rows, n_rows)),
@@ -135,9 +154,6 @@ class CompiledSystem:
             order=np.arange(n_rows),
             rank=np.zeros(1, dtype=np.int64),
             fresh=np.ones(1),
-            g=g,
-            rates=rates,
-            w=w,
             multiplier=multiplier,
             push=push,
             room=room,
@@ -163,8 +179,12 @@ class CompiledSystem:
         plain = not (len(self._parameters.quaternions) or self.compiled.rows)
         return Leapfrog(self.compiled.address("leap") if plain else 0, step, v_now)
 
-    def frozen(self, cycle: float) -> HeldCycle:
+    def frozen(self, cycle: float) -> HeldCycle | ClosedCycle:
         """Fresh storage for the fast coordinates' equation over a major cycle of a duration [s]."""
+        if self.compiled.rows:
+            q, v, a = aligned(self.n_positions, self.n, self.n)
+            D = np.zeros((self.n, self.n_slow))
+            return ClosedCycle(self.middle(cycle), D, np.array([_SHARE_AHEAD * cycle]), q, v, a)
         held = self._frozen.renewed()
         held.cycle[0] = cycle
         return held
@@ -276,8 +296,26 @@ class CompiledSystem:
 
     @property
     def linear_matrices(self) -> tuple[Array, Array, Array]:
-        """Mass, stiffness and damping of the undeformed mechanism, (n, n) each."""
+        """Mass, stiffness and damping of the undeformed mechanism, (n, n) each; what loops hold moves, too."""
         return self._reference_mass, self.linear_forces.K, self.linear_forces.C
+
+    @cached_property
+    def free_motion(self) -> FreeMotion:
+        """Mass, stiffness and damping of the motions of the undeformed mechanism that its loops leave free."""
+        return free_motion(*self.linear_matrices, self.n_slow, self._reference_constraints)
+
+    @cached_property
+    def stiffest_motion(self) -> FreeMotion:
+        """The same with all end stops touched."""
+        return free_motion(*self.stiffest_matrices, self.n_slow, self._reference_constraints)
+
+    @cached_property
+    def _reference_constraints(self) -> Array:
+        """J of the loops' constraints in the reference state, shape (n_rows, n)."""
+        if not self.compiled.rows:
+            return np.zeros((0, self.n))
+        X, _ = self.compiled.multipliers(0.0, self.mechanism.rest_positions)
+        return np.asarray(X.T @ self._reference_mass)
 
     @property
     def stiffness(self) -> Array:
@@ -296,12 +334,12 @@ class CompiledSystem:
     @cached_property
     def highest_frequency(self) -> float:
         """Highest coupled angular frequency in the reference state [rad/s]."""
-        return self._highest(slice(0, None))
+        return highest_frequency(*self.free_motion[:2])
 
     @cached_property
     def highest_fast_frequency(self) -> float:
-        """Highest angular frequency of the fast coordinates with the slow ones held [rad/s]."""
-        return self._highest(slice(self.n_slow, None))
+        """Highest angular frequency of the fast coordinates with the slow ones held, or reacting where loops are."""
+        return self._highest(slice(self.free_motion.n_slow, None))
 
     @cached_property
     def highest_reacting_frequency(self) -> float:
@@ -312,20 +350,21 @@ class CompiledSystem:
     @property
     def _reacting(self) -> tuple[Array, Array, Array]:
         """Mass, stiffness and damping of the fast coordinates with the slow ones free to react."""
-        slow, fast, M = slice(0, self.n_slow), slice(self.n_slow, None), self._reference_mass
-        T = np.concatenate([-np.linalg.solve(M[slow, slow], M[slow, fast]), np.eye(self.n - self.n_slow)])
-        M, K, C = (T.T @ A @ T for A in self.stiffest_matrices)
-        return M, K, C
+        M, K, C, n_slow = self.stiffest_motion
+        slow, fast = slice(0, n_slow), slice(n_slow, None)
+        T = np.concatenate([-np.linalg.solve(M[slow, slow], M[slow, fast]), np.eye(len(M) - n_slow)])
+        return T.T @ M @ T, T.T @ K @ T, T.T @ C @ T
 
     @cached_property
     def largest_step(self) -> float:
         """Longest stable leapfrog step in the reference state [s]."""
-        return largest_leapfrog_step(*self.stiffest_matrices)
+        return largest_leapfrog_step(*self.stiffest_motion[:3])
 
     @cached_property
     def largest_fast_step(self) -> float:
         """Longest stable leapfrog step of the fast coordinates with the slow ones held [s]."""
-        return largest_leapfrog_step(*(A[self.n_slow :, self.n_slow :] for A in self.stiffest_matrices))
+        *matrices, n_slow = self.stiffest_motion
+        return largest_leapfrog_step(*(A[n_slow:, n_slow:] for A in matrices))
 
     @cached_property
     def largest_reacting_step(self) -> float:
@@ -335,15 +374,17 @@ class CompiledSystem:
     @cached_property
     def largest_slow_step(self) -> float:
         """Longest stable leapfrog step of the slow coordinates with the fast ones held [s]."""
-        return largest_leapfrog_step(*(A[: self.n_slow, : self.n_slow] for A in self.stiffest_matrices))
+        *matrices, n_slow = self.stiffest_motion
+        return largest_leapfrog_step(*(A[:n_slow, :n_slow] for A in matrices))
 
     @cached_property
     def highest_slow_frequency(self) -> float:
         """Highest angular frequency of the slow coordinates with the fast ones held [rad/s]."""
-        return self._highest(slice(0, self.n_slow))
+        return self._highest(slice(0, self.free_motion.n_slow))
 
     def _highest(self, part: slice) -> float:
-        return highest_frequency(self._reference_mass[part, part], self.linear_forces.K[part, part])
+        M, K, _, _ = self.free_motion
+        return highest_frequency(M[part, part], K[part, part])
 
 
 def _inverses(mass: Array) -> Array:
