@@ -8,6 +8,7 @@ import pytest
 from pipeline import Pipeline, load_scene
 from pipeline.core.errors import InputError
 from pipeline.dynamics.elements import PointSpring, SixAxisSpring
+from pipeline.dynamics.transmitted_loads import transmitted_loads
 from pipeline.recovery.motion import Motion
 
 BLOCK = """
@@ -220,6 +221,60 @@ def test_bearings_let_a_rotor_spin_freely(tmp_path: Path) -> None:
     motion = run_of(tmp_path, FREE.replace("VELOCITY", 'spin = ["0 rad/s", "0 rad/s", "300 rad/s"]')).motion
     assert motion.tip_position == pytest.approx(np.tile([0.0, 0.0, -0.2], (len(motion.times), 1)), abs=1e-12)
     assert motion.kinematics.body_spin(0)[:, 2] == pytest.approx(300.0, rel=1e-12)
+
+
+def test_the_pull_of_a_spring_passes_through_the_body_to_its_joint(tmp_path: Path) -> None:
+    # A block on a slide along x: across it, the joint carries all of an oblique spring's pull.
+    spring = """
+[ground.above]
+at = ["0 m", "1 m", "0.5 m"]
+[spring.oblique]
+between = ["ground.above", "block.side"]
+stiffness = "100 N/m"
+length = "0.4 m"
+"""
+    motion = slide(tmp_path, 'position = "0.2 m"', spring, "simulation.output_step=0.1 ms")
+    (loads,) = transmitted_loads(motion.kinematics)
+    way = np.array([0.0, 1.0, 0.5]) - motion.tip_position
+    length = np.linalg.norm(way, axis=1)[:, None]
+    pull = 100.0 * (length - 0.4) * way / length
+    assert loads.joint[:, 1:3] == pytest.approx(-pull[:, 1:], rel=1e-9)
+    assert loads.joint[:, 3:] == pytest.approx(-np.cross([0.1, 0.0, 0.0], pull), abs=1e-3)
+
+
+BEAM_RUNS = """
+base = "beam"
+[ground.post]
+at = ["340 mm", "-100 mm", "0 mm"]
+[spring.tip]
+between = ["ground.post", "beam.tip"]
+stiffness = "2 N/m"
+damper = "1e-4 N s/m"
+[bushing.tip]
+between = ["beam.tip", "ground.post"]
+stiffness = ["1 N/m", "1 N/m", "1 N/m", "1e-3 N m/rad", "1e-3 N m/rad", "1e-3 N m/rad"]
+[simulation]
+duration = "40 ms"
+output_step = "1 ms"
+step = "20 us"
+tip = "beam.tip"
+"""
+METHODS = {
+    "runge-kutta": ("tolerance = 1e-10", 0.0),
+    "exponential-rosenbrock": ("tolerance = 1e-9", 1e-7),
+    "central-difference": ("", 3e-3),
+    "sub-cycling": ("substeps = 5", 3e-3),
+    "reversible-sub-cycling": ("substeps = 5", 3e-3),
+    "generalized-alpha": ("", 3e-3),
+}
+
+
+def test_all_methods_integrate_elements_on_a_flexible_body_alike(tmp_path: Path) -> None:
+    runs = "".join(f'[[simulation.run]]\nintegrator = "{name}"\n{more}\n' for name, (more, _) in METHODS.items())
+    exact, *others = run_of(tmp_path, BEAM_RUNS + runs).motions.values()
+    size = np.abs(exact.tip_deflection).max()
+    for motion, (_, error) in zip(others, list(METHODS.values())[1:], strict=True):
+        assert np.abs(motion.tip_deflection - exact.tip_deflection).max() < error * size
 
 
 def test_elements_of_a_scene_have_its_places_and_rates(tmp_path: Path) -> None:
