@@ -28,11 +28,20 @@ Locate = Callable[[str], tuple[Place, Array]]
 """Returns a marker or a place on the ground by its name, and its axes in those of its body."""
 
 
-def joint_law(joint: Joint) -> ForceLaw | None:
-    """Return the force law of a joint's end stops and friction; none for a joint without."""
-    if joint.type not in ("revolute", "prismatic") or not (joint.stop or joint.friction):
-        return None
-    return ForceLaw(stops=_stops(joint.stop), friction=joint.friction, friction_rate=joint.friction_rate)
+def joint_laws(joint: Joint) -> tuple[ForceLaw, ...]:
+    """Return the force laws along a joint's coordinates, beside the spring and damper of one with a single axis."""
+    if joint.type == "universal":
+        return tuple(_linear_law(*at) for at in zip(joint.springs, joint.rests, joint.dampers, strict=True))
+    if joint.type == "cylindrical":
+        along = _linear_law(joint.spring, joint.rest, joint.damper)
+        return along, _linear_law(joint.turning_spring, joint.rest_angle, joint.turning_damper)
+    if joint.type not in ("revolute", "prismatic", "screw") or not (joint.stop or joint.friction):
+        return ()
+    return (ForceLaw(stops=_stops(joint.stop), friction=joint.friction, friction_rate=joint.friction_rate),)
+
+
+def _linear_law(stiffness: float, rest: float, damping: float) -> ForceLaw:
+    return ForceLaw(ForceCurve((-stiffness * rest, stiffness)), damping)
 
 
 def add_elements(
