@@ -15,6 +15,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from pipeline.core.arrays import EPSILON, Array, IntArray
+from pipeline.dynamics.closures import Closure, Place
 from pipeline.dynamics.links import FIXED, FREE, PRISMATIC, REVOLUTE, Link
 from pipeline.dynamics.mechanism import Mechanism
 from pipeline.reduction.inertia import InertiaGram
@@ -99,7 +100,7 @@ def reached(omega: Array, forces: Sequence[Array], couplings: Sequence[Array], t
 def _acting(mechanism: Mechanism, b: int) -> tuple[list[Array], list[Array]]:
     """Forces on body b's modes by the rigid motion, its joint, its loads and its children; couplings of modes."""
     link, n, gram = mechanism.links[b], len(mechanism.links[b].omega), mechanism.links[b].gram
-    products = _inertia_products(gram, _common_axis(mechanism.links))
+    products = _inertia_products(gram, _common_axis(mechanism, b))
     inertia = float(np.sqrt(max(np.einsum("aa", gram.G[:, :, 0, 0]), 1e-300)))
     size = float(np.sqrt(gram.mass))
     forces = [product[0, 1:] / inertia for product in products]
@@ -119,6 +120,9 @@ def _acting(mechanism: Mechanism, b: int) -> tuple[list[Array], list[Array]]:
         if other.parent == b:
             forces += [*(other.place_shapes * size), *(other.place_rotations * inertia)]
             couplings += list(other.place_bow)
+    for place in _closed_places(mechanism, link.name):
+        forces += [*(place.marker.translation * size), *(place.marker.rotation * inertia)]
+        couplings += list(place.marker.bow)
     return [force for force in forces if len(force) == n], [pairs for pairs in couplings if len(pairs) == n]
 
 
@@ -135,21 +139,32 @@ def _inertia_products(gram: InertiaGram, axis: Array | None) -> list[Array]:
     return [*(symmetric[a, b] for a in range(3) for b in range(a, 3)), *antisymmetric]
 
 
-def _common_axis(links: Sequence[Link]) -> Array | None:
-    """Unit vector that every rotation of the mechanism is about, or ``None``."""
-    axes = []
-    for link in links:
+def _closed_places(mechanism: Mechanism, body: str) -> list[Place]:
+    """Places of a body that joints which close loops hold."""
+    closures = [closure for closure in mechanism.closures if isinstance(closure, Closure)]
+    return [place for closure in closures for place in (closure.first, closure.second) if place.body == body]
+
+
+def _common_axis(mechanism: Mechanism, body: int) -> Array | None:
+    """Unit vector in a body's axes that every rotation of the mechanism is about, or ``None``."""
+    axes, turned = list[Array](), list[Array]()  # axes in space, and each body's axes at rest
+    for link in mechanism.links:
         if link.joint not in (FIXED, REVOLUTE, PRISMATIC):
             return None
+        carrier = turned[link.parent] if link.parent >= 0 else np.eye(3)
+        turned.append(carrier @ link.place_axes)
         if link.joint == REVOLUTE:
-            axes.append(link.axis / np.linalg.norm(link.axis))
-        axes += list(link.place_rotations.T)
+            axes.append(turned[-1] @ link.axis / np.linalg.norm(link.axis))
+        axes += list((carrier @ link.place_rotations).T)
+    for link, into_space in zip(mechanism.links, turned, strict=True):
+        for place in _closed_places(mechanism, link.name):
+            axes += list((into_space @ place.marker.rotation).T)
     if not axes:
         return None
     largest = axes[int(np.argmax([np.linalg.norm(axis) for axis in axes]))]
     axis = largest / np.linalg.norm(largest)
     across = max(np.linalg.norm(other - axis * (axis @ other)) for other in axes)
-    return axis if across <= _PLANE * np.linalg.norm(largest) else None
+    return turned[body].T @ axis if across <= _PLANE * np.linalg.norm(largest) else None
 
 
 def _with_modes(mechanism: Mechanism, kept: Sequence[IntArray]) -> Mechanism:
@@ -167,7 +182,8 @@ def _with_modes(mechanism: Mechanism, kept: Sequence[IntArray]) -> Mechanism:
         for own in [kept[numbers[load.body]]]
     ]
     links = [_link_with(link, kept[b], kept[link.parent]) for b, link in enumerate(mechanism.links)]
-    return replace(mechanism, links=links, loads=loads, slow_modes=slow)
+    closures = [closure.with_modes({name: kept[k] for name, k in numbers.items()}) for closure in mechanism.closures]
+    return replace(mechanism, links=links, loads=loads, slow_modes=slow, closures=closures)
 
 
 def _numbers(mechanism: Mechanism, part: Mechanism, kept: Sequence[IntArray]) -> tuple[IntArray, IntArray]:

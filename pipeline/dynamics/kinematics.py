@@ -113,7 +113,7 @@ class Kinematics:
         n_times = len(self.q)
         if link.parent < 0:
             still, axes = np.zeros((n_times, 3)), np.broadcast_to(np.eye(3), (n_times, 3, 3))
-            return BodyFrame(np.broadcast_to(link.place, (n_times, 3)), axes, still, still)
+            return BodyFrame(np.broadcast_to(link.place, (n_times, 3)), axes @ link.place_axes, still, still)
         parent, q, rates = found[link.parent], self.modal_coordinates(link.parent), self.modal_rates(link.parent)
         rotation, spin = parent.rotation, parent.spin
         bent, moving = _moved(link.place_shapes, link.place_bow[:3], q, rates)
@@ -123,7 +123,7 @@ class Kinematics:
             rotation = rotation @ rotation_matrix(angle)
         arm = turned(parent.rotation, link.place + bent)
         velocity = parent.velocity + np.cross(parent.spin, arm) + turned(parent.rotation, moving)
-        return BodyFrame(parent.origin + arm, rotation, velocity, spin)
+        return BodyFrame(parent.origin + arm, rotation @ link.place_axes, velocity, spin)
 
     def _through_joint(self, body: int, place: BodyFrame) -> BodyFrame:
         """BodyFrame of a body from that of its joint's place on the body that carries it."""

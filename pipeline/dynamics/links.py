@@ -14,6 +14,7 @@ from pipeline.reduction.inertia import InertiaGram
 
 FIXED, REVOLUTE, PRISMATIC, SPHERICAL, FREE = range(5)
 _JUMP = 1e-6
+_ORTHONORMAL = 1e-12
 _N_RATES = (0, 1, 1, 3, 6)
 _N_POSITIONS = (0, 1, 1, 4, 7)
 
@@ -35,7 +36,7 @@ class Link:
     place : ndarray, shape (3,)
         The joint in the parent's frame [m].
     axis : ndarray, shape (3,)
-        Unit vector of a revolute or prismatic joint, in both bodies' frames at angle 0.
+        Unit vector of a revolute or prismatic joint, in the joint's axes.
     omega : ndarray, shape (n,)
         Modal angular frequencies [rad/s], ascending.
     damping : ndarray, shape (n,)
@@ -61,6 +62,8 @@ class Link:
     section : str
         The marker on the section at the joint, from which deflections are seen; empty where they are seen from the
         body's frame itself.
+    place_axes : ndarray, shape (3, 3)
+        Rotation from the joint's axes, those of the body at angle 0, into the parent's.
     """
 
     name: str
@@ -84,6 +87,7 @@ class Link:
     joint_name: str = ""
     markers: Mapping[str, MarkerShapes] = field(default_factory=dict)
     section: str = ""
+    place_axes: Array = field(default_factory=lambda: np.eye(3))
 
     @property
     def place_marker(self) -> MarkerShapes:
@@ -111,6 +115,8 @@ class Link:
             raise ValueError(f"link {self.name} comes before its parent")
         if not np.linalg.norm(self.axis) > 0.0:
             raise ValueError(f"the axis of {self.name} has no direction")
+        if not np.allclose(self.place_axes.T @ self.place_axes, np.eye(3), atol=_ORTHONORMAL):
+            raise ValueError(f"the axes of the place that carries {self.name} are not orthonormal")
         if self.gram.G.shape[-1] != 1 + len(self.omega):
             raise ValueError(f"{self.name} has {len(self.omega)} frequencies and {self.gram.G.shape[-1] - 1} shapes")
         for name in ("place_shapes", "place_rotations", "place_bow"):

@@ -1,7 +1,8 @@
 """A mechanism of rigid and flexible bodies: the one description from which its equations and results are made.
 
 Bodies form a tree of joints. The coordinates are those of the joints and of the modes alone, the independent
-coordinates of eq. (4) of Miao et al. (2008): nothing else appears, so no constraint can drift.
+coordinates of eq. (4) of Miao et al. (2008): nothing else appears, so no constraint of the tree can drift. Joints
+between bodies that both hang on others close loops: constraints between these coordinates.
 """
 
 from __future__ import annotations
@@ -13,9 +14,10 @@ from functools import cached_property
 import numpy as np
 
 from pipeline.core.arrays import Array, IntArray
+from pipeline.dynamics.closures import Constraint, Coupler
 from pipeline.dynamics.layout import Layout, layout_of
 from pipeline.dynamics.linear_forces import LinearForces, gather_linear_forces
-from pipeline.dynamics.links import FREE, SPHERICAL, Link, PointLoad
+from pipeline.dynamics.links import FREE, PRISMATIC, SPHERICAL, Link, PointLoad
 from pipeline.dynamics.signals.activity import Activity, find_activity
 from pipeline.dynamics.signals.signal import Signal
 from pipeline.reduction.inertia import InertiaGram
@@ -39,6 +41,11 @@ class Mechanism:
         Forces and torques at points.
     slow_modes : mapping of str to int
         How many modes of a body, the lowest, are slow; none by default.
+    closures : sequence of Closure or Coupler
+        Joints that close loops, and relations between joint coordinates.
+    assembled : mapping of str to sequence of float
+        Positions of links' joints, by the links' names, with which the loops of the undeformed mechanism close; those
+        of others are 0.
     horizon : float
         Time [s] up to which loads are searched for short actions that adaptive steps must not miss; 0 searches none.
 
@@ -55,12 +62,15 @@ class Mechanism:
     loads: Sequence[PointLoad] = ()
     slow_modes: Mapping[str, int] = field(default_factory=dict)
     horizon: float = 0.0
+    closures: Sequence[Constraint] = ()
+    assembled: Mapping[str, Sequence[float]] = field(default_factory=dict)
 
     def __post_init__(self) -> None:
         links = {link.name: link for link in self.links}
         if not links or len(links) < len(self.links):
             raise ValueError(f"links need names of their own, and one link at least: {list(links)}")
-        named = {*self.fast_joints, *self.slow_modes, *(at.body for at in self.loads)}
+        held = {body for closure in self.closures for body in closure.bodies}
+        named = {*self.fast_joints, *self.slow_modes, *(at.body for at in self.loads), *held}
         if unknown := named - set(links):
             raise ValueError(f"no link is named {', '.join(sorted(unknown))}")
         for k, link in enumerate(self.links):
@@ -69,6 +79,11 @@ class Mechanism:
                 raise ValueError(f"the joint of {link.name} can't be fast: it has no one coordinate")
             if not 0 <= self.slow_modes.get(link.name, 0) <= len(link.omega):
                 raise ValueError(f"{link.name} has {len(link.omega)} modes, fewer than are to be slow")
+        for closure in self.closures:
+            closure.require_valid()
+            for body in closure.bodies if isinstance(closure, Coupler) else ():
+                if not links[body].unit:
+                    raise ValueError(f"coupler {closure.name} takes revolute and prismatic joints, not that of {body}")
 
     @cached_property
     def layout(self) -> Layout:
@@ -92,22 +107,28 @@ class Mechanism:
 
     @property
     def rest_positions(self) -> Array:
-        """Positions of the undeformed mechanism with all joints at 0, shape (n_positions,)."""
+        """Positions of the undeformed mechanism with all joints at 0, or where loops close, shape (n_positions,)."""
         q = np.zeros(self.n_positions)
         for link, first in zip(self.links, self.layout.position, strict=True):
             if link.joint in (SPHERICAL, FREE):
                 q[first + link.n_positions - 1] = 1.0  # a unit quaternion, its scalar part last
+            if link.name in self.assembled:
+                q[first : first + link.n_positions] = self.assembled[link.name]
         return q
 
     @cached_property
     def groups(self) -> tuple[IntArray, IntArray]:
-        """Group of like coordinates that each position and each rate belongs to: one for each joint and each body."""
+        """Group of like coordinates that each position and each rate belongs to: one for each joint and each body.
+
+        Joints of a mechanism with loops move each other: all angles are one group, and all displacements.
+        """
         positions, rates = np.zeros(self.n_positions, dtype=np.int64), np.zeros(self.n, dtype=np.int64)
         for k, link in enumerate(self.links):
             at, first = self.layout.rate[k], self.layout.position[k]
-            moves = 3 if link.joint == FREE else 0  # translation and rotation of a free joint are not alike
-            rates[at : at + link.n_rates], positions[first : first + link.n_positions] = 3 * k, 3 * k
-            rates[at : at + moves], positions[first : first + moves] = 3 * k + 1, 3 * k + 1
+            moves = 3 if link.joint == FREE else int(link.joint == PRISMATIC)  # translations aren't like rotations
+            joint = 0 if self.closures else k
+            rates[at : at + link.n_rates], positions[first : first + link.n_positions] = 3 * joint, 3 * joint
+            rates[at : at + moves], positions[first : first + moves] = 3 * joint + 1, 3 * joint + 1
             modes = self.modes_of(k)
             rates[modes], positions[modes + self.n_positions - self.n] = 3 * k + 2, 3 * k + 2
         return positions, rates
@@ -175,4 +196,5 @@ class Mechanism:
             for link in self.links
         ]
         loads = [replace(at, shapes=none, rotations=none, bow=np.zeros((6, 0, 0))) for at in self.loads]
-        return Mechanism(links, self.fast_joints, self.gravity, loads, horizon=self.horizon)
+        closures = [closure.rigid for closure in self.closures]
+        return Mechanism(links, self.fast_joints, self.gravity, loads, {}, self.horizon, closures, self.assembled)

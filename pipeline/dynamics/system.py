@@ -17,6 +17,24 @@ def accelerations(p: Any, t: float, q: Array, v: Array, a: Array) -> None:
     raise NotImplementedError
 
 
+def project(p: Any, t: float, q: Array, v: Array) -> None:
+    """Bring positions and rates at time t [s] back onto the constraints of loops, the shortest way by the mass matrix.
+
+    Which constraints are independent is found at the next state whose accelerations are asked for, and then kept until
+    the next projection: stages of one step take the same ones. Nothing happens without loops.
+    """
+    raise NotImplementedError
+
+
+def close_gaps(p: Any, t: float, h: float, q: Array, v: Array, a: Array) -> None:
+    """Close the gaps of loops at the end of a leapfrog step h, at time t [s], by forces along Jᵀ at its begin.
+
+    That is SHAKE (Ryckaert, Ciccotti & Berendsen, J Comput Phys 23, 1977): positions move as the rates over the step
+    change, and so do these and the accelerations. Nothing happens without loops.
+    """
+    raise NotImplementedError
+
+
 def leapfrog_step(p: Any, leapfrog: Any, t: float, h: float, q: Array, v: Array, a: Array) -> None:
     """Take a step h of the leapfrog method: ``a = M̂⁻¹ Q̂(t, q, v + ½ h a)``, ``v += h a``, ``q += h v``."""
     raise NotImplementedError
@@ -80,7 +98,8 @@ class System(Protocol):
 
     It may have ``groups``, two integer arrays of shapes (n_positions,) and (n,): coordinates of like kind, such as all
     modes of a body, have the same number, positions and the rates that move them too. Adaptive methods take an error
-    relative to the largest value in its group; without groups each coordinate is one.
+    relative to the largest value in its group; without groups each coordinate is one. It may have ``settles``, true if
+    the end of a step is changed after it, by loops or by quaternions that become unit ones.
     """
 
     @property
@@ -134,6 +153,22 @@ class System(Protocol):
     @property
     def highest_slow_frequency(self) -> float:
         """Highest angular frequency of the slow coordinates with the fast ones held [rad/s]."""
+
+    @property
+    def largest_step(self) -> float:
+        """Longest stable step of the leapfrog method with its dampers [s]."""
+
+    @property
+    def largest_fast_step(self) -> float:
+        """Longest stable step of the fast coordinates with the slow ones held [s]."""
+
+    @property
+    def largest_reacting_step(self) -> float:
+        """Longest stable step of the fast coordinates with ``q_L + D q_S`` held [s]."""
+
+    @property
+    def largest_slow_step(self) -> float:
+        """Longest stable step of the slow coordinates with the fast ones held [s]."""
 
     def leapfrog(self) -> Any:
         """Fresh storage for `leapfrog_step`."""

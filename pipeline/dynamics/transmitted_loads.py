@@ -12,9 +12,12 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from pipeline.core.arrays import Array
+from pipeline.dynamics.closures import Closure
 from pipeline.dynamics.kinematics import Kinematics, turned
 from pipeline.dynamics.links import PointLoad
 from pipeline.dynamics.mechanism import Mechanism
+from pipeline.dynamics.reactions import closing_reactions
+from pipeline.reduction.body import MarkerShapes
 
 _SHARE = 0.1
 
@@ -30,7 +33,8 @@ class BodyLoads:
     acceleration : ndarray, shape (n_times, 3)
         Acceleration of its frame less that of free fall [m/s²].
     wrenches : ndarray, shape (n_loads, n_times, 6)
-        Force [N] and moment [N m] of each body that it carries, then of each point load on it.
+        Force [N] and moment [N m] of each body that it carries, then of each point load on it, then of each joint on it
+        that closes a loop.
     joint : ndarray, shape (n_times, 6)
         Force and moment of the joint that carries it, at its origin.
     """
@@ -45,6 +49,7 @@ class BodyLoads:
 def transmitted_loads(motion: Kinematics) -> list[BodyLoads]:
     """Compute the loads on each body of a mechanism over a motion that is sampled finely enough for its rates."""
     mechanism, frames = motion.mechanism, motion.frames
+    reactions = closing_reactions(mechanism, motion.times, motion.q, motion.v)
     joints: dict[int, tuple[Array, Array]] = {}  # force and moment on a body at its origin, in space
     found: dict[int, BodyLoads] = {}
     for body in reversed(range(len(mechanism.links))):
@@ -52,11 +57,13 @@ def transmitted_loads(motion: Kinematics) -> list[BodyLoads]:
         into_body = frame.rotation.swapaxes(1, 2)
         spin, velocity = turned(into_body, frame.spin), turned(into_body, frame.velocity)
         acceleration = _rate(motion, velocity) + np.cross(spin, velocity) - into_body @ mechanism.gravity
-        carried, loads = _loaded_places(mechanism, body)
+        carried, loads, closed = _loaded_places(mechanism, body)
         pulls = [_on_carrier(motion, k, *joints[k]) for k in carried] + [_of_load(motion, body, at) for at in loads]
+        pulls += [(reactions[joint][:, side, :3], reactions[joint][:, side, 3:]) for joint, side, _ in closed]
         wrenches = np.array([np.concatenate([turned(into_body, part) for part in pull], axis=1) for pull in pulls])
         wrenches = wrenches.reshape(len(pulls), len(motion.times), 6)
         places = [mechanism.links[k].place for k in carried] + [at.place for at in loads]
+        places += [at.position for _, _, at in closed]
         force, moment = _joint_load(motion, body, places, wrenches)
         found[body] = BodyLoads(
             spin, _rate(motion, spin), acceleration, wrenches, np.concatenate([force, moment], axis=1)
@@ -69,9 +76,9 @@ def geometric_stiffness_over(mechanism: Mechanism, body: int, loads: BodyLoads) 
     """Return what loads add to the modal stiffness of a body, shape (n_times, n, n) [1/s²]."""
     link = mechanism.links[body]
     gram, n = link.gram, len(link.omega)
-    carried, points = _loaded_places(mechanism, body)
+    carried, points, closed = _loaded_places(mechanism, body)
     K = np.zeros((len(loads.spin), n, n))
-    bows = [mechanism.links[k].place_bow for k in carried] + [at.bow for at in points]
+    bows = [mechanism.links[k].place_bow for k in carried] + [at.bow for at in points] + [at.bow for *_, at in closed]
     for wrench, bow in zip(loads.wrenches, bows, strict=True):
         if bow.size:
             K = K - np.einsum("tk,kij->tij", wrench, bow)
@@ -122,13 +129,35 @@ def without_negligible_terms(mechanism: Mechanism, body: int, loads: BodyLoads, 
     for k, load in enumerate(points):
         if load.body == links[body].name:
             points[k] = replace(load, bow=counting_bow(load.bow, next(wrenches)))
-    return replace(mechanism, links=links, loads=points)
+    closures = list(mechanism.closures)
+    for k, closure in enumerate(closures):
+        if isinstance(closure, Closure):
+            sides = [
+                replace(place, marker=replace(place.marker, bow=counting_bow(place.marker.bow, next(wrenches))))
+                if place.body == links[body].name
+                else place
+                for place in (closure.first, closure.second)
+            ]
+            closures[k] = replace(closure, first=sides[0], second=sides[1])
+    return replace(mechanism, links=links, loads=points, closures=closures)
 
 
-def _loaded_places(mechanism: Mechanism, body: int) -> tuple[list[int], list[PointLoad]]:
-    """Numbers of the bodies that a body carries, and the point loads on it."""
-    carried = [k for k, other in enumerate(mechanism.links) if other.parent == body]
-    return carried, [load for load in mechanism.loads if load.body == mechanism.links[body].name]
+def _loaded_places(
+    mechanism: Mechanism, body: int
+) -> tuple[list[int], list[PointLoad], list[tuple[str, int, MarkerShapes]]]:
+    """Numbers of the bodies that a body carries, the point loads on it, and the joints on it that close loops.
+
+    Of such a joint there are its name, the number of its place, and the marker there.
+    """
+    carried, name = [k for k, other in enumerate(mechanism.links) if other.parent == body], mechanism.links[body].name
+    closures = [closure for closure in mechanism.closures if isinstance(closure, Closure)]
+    closed = [
+        (closure.name, side, place.marker)
+        for closure in closures
+        for side, place in enumerate((closure.first, closure.second))
+        if place.body == name
+    ]
+    return carried, [load for load in mechanism.loads if load.body == name], closed
 
 
 def _rate(motion: Kinematics, values: Array) -> Array:

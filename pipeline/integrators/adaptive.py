@@ -18,7 +18,7 @@ from pipeline.core.arrays import Array, IntArray
 from pipeline.core.errors import StabilityError
 from pipeline.dynamics.jit.compiled import aligned, inner, kernel
 from pipeline.dynamics.jit.table import Table
-from pipeline.dynamics.system import System, advance
+from pipeline.dynamics.system import System, advance, project
 from pipeline.integrators.protocol import Progress, State, Trajectory, require_times, start_state
 
 _FLOOR = 1e-12  # a group that has not moved yet
@@ -117,6 +117,8 @@ class AdaptiveMarch(Table):
         Of each step, relative to the largest value of a coordinate's group.
     order : int
         Of the step's error.
+    settles : bool
+        True if states settle after each step: loops close, or quaternions become unit ones.
     q, v, a : ndarray
         Positions, rates and accelerations.
     clock : ndarray, shape (2,)
@@ -134,11 +136,13 @@ class AdaptiveMarch(Table):
     evaluations : ndarray, shape (1,)
         How often the whole system was solved.
     fresh : ndarray, shape (1,)
-        1 where the accelerations ``a`` are not those at the present time: loads jump there, or none are known yet.
+        1 where the accelerations ``a`` are not those of the present state: loads jump there, none are known yet, or
+        the state has settled since.
     """
 
     tolerance: float
     order: int
+    settles: bool
     q: Array
     v: Array
     a: Array
@@ -216,26 +220,27 @@ def _march(m: Any, p: Any, s: AdaptiveMarch, stop: float, n_steps: int) -> int:
                 sample_step(m, p, s, times[k] - t, h)
             for i in range(n_positions + n):  # at the end the state itself, which a polynomial meets but for round-off
                 s.out[i] = s.out[i] if times[k] < reached else s.new[i]
-            _set_state(p, s.out, s.sample_q[k], s.sample_v[k])
+            _set_state(p, times[k], s.out, s.sample_q[k], s.sample_v[k])
             cursor[0] += 1
-        _set_state(p, s.new, s.q, s.v)
+        _set_state(p, reached, s.new, s.q, s.v)
         clock[0] = reached
         if planned:  # else a breakpoint cut the step short
             clock[1] = h * factor
         keep_largest(s.groups, s.largest, s.new)
         end_step(m, p, s)
-        s.fresh[0] = 0.0
+        s.fresh[0] = 1.0 if s.settles else 0.0
     return n_steps
 
 
 @inner
-def _set_state(p: Any, both: Array, q: Array, v: Array) -> None:
-    """Set positions, whose quaternions become unit ones, and rates."""
+def _set_state(p: Any, t: float, both: Array, q: Array, v: Array) -> None:
+    """Set positions, whose quaternions become unit ones, and rates; loops close."""
     for i in range(q.size):
         q[i] = both[i]
     for i in range(v.size):
         v[i] = both[q.size + i]
     advance(p, q, v, 0.0, 0, v.size)
+    project(p, t, q, v)
 
 
 def march_adaptive_steps(
@@ -272,13 +277,14 @@ def march_adaptive_steps(
     clock, end, seconds = np.array([state.time, state.next_step]), float(times[-1]), 0.0
     begin, new, out, trial = aligned(*3 * [groups.size], state.memory.size)
     present = (state.q, state.v, state.a, clock, groups, state.memory)
+    settles = bool(getattr(system, "settles", system.n_positions != system.n))
     output = (np.ascontiguousarray(times, dtype=float), q, v, cursor, evaluations, fresh)
-    march = AdaptiveMarch(tolerance, order, *present, trial, begin, new, out, *output)
+    march = AdaptiveMarch(tolerance, order, settles, *present, trial, begin, new, out, *output)
     p, chunk = system.parameters, _FIRST_CHUNK
     _march(m, p, march, math.inf, 0)  # compiles, or reads the kernel: not part of the run time
     while cursor[0] < times.size:
         stop = next((point for point in system.breakpoints if point > clock[0]), math.inf)
-        fresh[0] = clock[0] == 0.0 or clock[0] in system.breakpoints
+        fresh[0] = settles or clock[0] == 0.0 or clock[0] in system.breakpoints
         tick = time.perf_counter()
         done = int(_march(m, p, march, stop, chunk))
         spent = time.perf_counter() - tick

@@ -41,8 +41,8 @@ class CentralDifference:
         return 2
 
     def largest_step(self, system: System) -> float:
-        """Return ``2/ω_max`` of the coupled system [s]."""
-        return 2.0 / system.highest_frequency
+        """Return ``2/ω_max`` of the coupled system, less what its dampers take [s]."""
+        return system.largest_step
 
     def march(self, system: System, q0: Array, v0: Array, times: Array, progress: Progress | None = None) -> Trajectory:
         """Integrate from time 0 to the last of ``times``."""

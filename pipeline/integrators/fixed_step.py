@@ -18,6 +18,7 @@ from pipeline.core.arrays import Array, IntArray
 from pipeline.core.errors import StabilityError
 from pipeline.dynamics.jit.compiled import inlined, kernel, meaning
 from pipeline.dynamics.jit.table import Table
+from pipeline.dynamics.system import project
 from pipeline.integrators.protocol import Progress, State, require_times
 
 # Rates that add up to more are taken as divergence: no mechanism in SI units comes near it.
@@ -32,6 +33,8 @@ class Samples(Table):
 
     Attributes
     ----------
+    times : ndarray, shape (n_times,)
+        [s]
     step : ndarray of int, shape (n_times,)
         Number of the step that each time is in.
     offset : ndarray, shape (n_times,)
@@ -42,6 +45,7 @@ class Samples(Table):
         How many are known.
     """
 
+    times: Array
     step: IntArray
     offset: Array
     q: Array
@@ -119,6 +123,8 @@ def _march(m: Any, p: Any, held: Any, samples: Samples, substeps: int, first: in
             done += count
         samples.cursor[0] = cursor
         end_cycle(m, p, held, start, samples, first_sample)
+        for k in range(first_sample, cursor):
+            project(p, samples.times[k], samples.q[k], samples.v[k])
     return n_cycles * substeps
 
 
@@ -166,7 +172,8 @@ def march_fixed_steps(
     sample_step, sample_offset = locate_samples(times, step)
     q, v = np.full((times.size, start.q.size), np.nan), np.full((times.size, start.v.size), np.nan)
     method = make(state)
-    samples = Samples(sample_step, sample_offset, q, v, np.array([np.searchsorted(sample_step, state.step)]))
+    asked = np.ascontiguousarray(times, dtype=float)
+    samples = Samples(asked, sample_step, sample_offset, q, v, np.array([np.searchsorted(sample_step, state.step)]))
     last = -(-(int(sample_step[-1]) + 1 - state.step) // substeps) * substeps + state.step
     seconds, chunk = 0.0, substeps * max(1, _FIRST_CHUNK // substeps)
     _march(method, p, held, samples, substeps, state.step, 0)  # compiles, or reads the kernel: not timed

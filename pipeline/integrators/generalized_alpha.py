@@ -19,7 +19,7 @@ from pipeline.core.arrays import Array
 from pipeline.core.errors import AccuracyError, StabilityError
 from pipeline.dynamics.jit.compiled import aligned, inner, meaning
 from pipeline.dynamics.jit.table import Table
-from pipeline.dynamics.system import System, accelerations, advance
+from pipeline.dynamics.system import System, accelerations, advance, project
 from pipeline.integrators.fixed_step import (
     Samples,
     begin_cycle,
@@ -321,3 +321,4 @@ def _end_cycle(m: NewmarkSteps, p: Any, held: Any, first: int, samples: Samples,
         m.v[i] = m.v_new[i]
     for i in range(m.q.size):
         m.q[i] = m.q_new[i]
+    project(p, (first + 1) * m.h, m.q, m.v)

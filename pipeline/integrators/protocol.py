@@ -9,8 +9,8 @@ from typing import Any, Protocol
 import numpy as np
 
 from pipeline.core.arrays import Array, require_finite, require_shape
-from pipeline.dynamics.jit.compiled import aligned, kernel
-from pipeline.dynamics.system import System, accelerations, velocities
+from pipeline.dynamics.jit.compiled import aligned, kernel, meaning
+from pipeline.dynamics.system import System, accelerations, advance, close_gaps, project, velocities
 
 Progress = Callable[[float], None]
 """Called with the part of the march that is done, 0…1."""
@@ -179,7 +179,29 @@ def evaluate(p: Any, t: float, q: Array, v: Array, a: Array) -> None:
     accelerations(p, t, q, v, a)
 
 
+def move_positions(p: Any, q: Array, change: Array) -> Array:
+    """Return positions moved by a change (n,) in the order of rates; unit quaternions stay unit."""
+    moved = np.array(q, dtype=float)
+    _move(p, moved, np.ascontiguousarray(change))
+    return moved
+
+
+@kernel
+def _move(p: Any, q: Array, change: Array) -> None:
+    advance(p, q, change, 1.0, 0, change.size)
+
+
 @kernel
 def evaluate_velocities(p: Any, q: Array, v: Array, dq: Array) -> None:
     """Evaluate the time derivatives of a mechanism's position coordinates into dq."""
     velocities(p, q, v, dq)
+
+
+@meaning(project, tuple)
+def _project(p: Any, t: float, q: Array, v: Array) -> None:
+    """Leave a state as it is: parameters that are a plain tuple know of no constraints."""
+
+
+@meaning(close_gaps, tuple)
+def _close_gaps(p: Any, t: float, h: float, q: Array, v: Array, a: Array) -> None:
+    """Leave a step as it is, likewise."""

@@ -34,7 +34,7 @@ import numpy as np
 from pipeline.core.arrays import Array
 from pipeline.dynamics.jit.compiled import aligned, inner, kernel, meaning
 from pipeline.dynamics.jit.table import Table
-from pipeline.dynamics.system import System, advance, hold_middle, reacting_steps, slow_response
+from pipeline.dynamics.system import System, advance, hold_middle, project, reacting_steps, slow_response
 from pipeline.integrators.fixed_step import (
     Samples,
     begin_cycle,
@@ -75,8 +75,8 @@ class ReversibleSubcycling:
         return 2
 
     def largest_step(self, system: System) -> float:
-        """Return the step at which slow coordinates, or fast ones with the slow free to react, reach ``2/ω`` [s]."""
-        return min(2.0 / system.highest_reacting_frequency, 2.0 / (self.substeps * system.highest_slow_frequency))
+        """Return the longest step that slow coordinates, and fast ones with the slow free to react, allow [s]."""
+        return min(system.largest_reacting_step, system.largest_slow_step / self.substeps)
 
     def march(self, system: System, q0: Array, v0: Array, times: Array, progress: Progress | None = None) -> Trajectory:
         """Integrate from time 0 until the major cycle that holds the last of ``times`` is complete."""
@@ -160,6 +160,7 @@ def _begin_cycle(m: ReactingSteps, p: Any, middle: Any, first: int, sampled: boo
         for i in range(n_slow):
             m.shift[i] += 0.5 * m.D[j, i] * (H * m.v[j] - m.move[j])
     advance(p, m.q_now, m.shift, 1.0, 0, n_slow)
+    project(p, (first + 0.5 * m.substeps) * m.h, m.q_now, m.v_now)
     hold_middle(p, (first + 0.5 * m.substeps) * m.h, m.q_now, m.v_now, m.D, middle)
     for i in range(n_slow):
         m.before[i] = m.v[i]
@@ -207,6 +208,7 @@ def _end_cycle(m: ReactingSteps, p: Any, middle: Any, first: int, samples: Sampl
             m.shift[i] -= m.D[j, i] * m.move[j]
             m.v[i] -= m.D[j, i] * m.v[j]
     advance(p, m.q, m.shift, 1.0, 0, n_slow)
+    project(p, (first + m.substeps) * m.h, m.q, m.v)
 
 
 @inner

@@ -19,7 +19,7 @@ import numpy as np
 from pipeline.core.arrays import Array
 from pipeline.dynamics.jit.compiled import aligned, meaning
 from pipeline.dynamics.jit.table import Table
-from pipeline.dynamics.system import System, accelerations, advance, fast_steps, hold_slow
+from pipeline.dynamics.system import System, accelerations, advance, close_gaps, fast_steps, hold_slow
 from pipeline.integrators.central_difference import CentralDifference
 from pipeline.integrators.fixed_step import (
     Samples,
@@ -61,10 +61,10 @@ class Subcycling:
         return 1 if self.substeps > 1 and system.coupled else 2
 
     def largest_step(self, system: System) -> float:
-        """Return the step at which fast or slow coordinates reach ``2/ω_max`` by their own steps [s]; all if m = 1."""
+        """Return the step at which fast or slow coordinates reach their own steps' limit [s]; all if m = 1."""
         if self.substeps == 1:
-            return 2.0 / system.highest_frequency
-        return min(2.0 / system.highest_fast_frequency, 2.0 / (self.substeps * system.highest_slow_frequency))
+            return system.largest_step
+        return min(system.largest_fast_step, system.largest_slow_step / self.substeps)
 
     def march(self, system: System, q0: Array, v0: Array, times: Array, progress: Progress | None = None) -> Trajectory:
         """Integrate from time 0 until the major cycle that holds the last of ``times`` is complete."""
@@ -154,4 +154,4 @@ def _sample_within(m: HeldSteps, p: Any, done: int, s: float, q: Array, v: Array
 
 @meaning(end_cycle, HeldSteps)
 def _end_cycle(m: HeldSteps, p: Any, frozen: Any, first: int, samples: Samples, first_sample: int) -> None:
-    pass
+    close_gaps(p, (first + m.substeps) * m.h, m.substeps * m.h, m.q, m.v, m.a)

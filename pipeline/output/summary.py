@@ -13,6 +13,7 @@ from pipeline.accuracy.error_budget import Budget, state_errors
 from pipeline.accuracy.error_estimates import SAFETY
 from pipeline.output.explain import STAGES
 from pipeline.output.frequencies import frequencies_by_body, frequency_table, mode_warnings
+from pipeline.output.loops import loop_figures, loop_warnings
 from pipeline.recovery.motion import Motion
 from pipeline.stages.pipeline import Pipeline
 
@@ -40,9 +41,11 @@ def summarise(run: Pipeline, files: list[str], budget: bool, budget_seconds: flo
         *_stiffness_warnings(run),
         *_motion_warnings(run),
         *deflection_warnings(run),
+        *loop_warnings(run),
     ]
     first = run.motion
-    summary["largest_stable_step_s"] = 2.0 / run.system.highest_frequency if run.system.n else None
+    summary |= loop_figures(run)
+    summary["largest_stable_step_s"] = run.system.largest_step if run.system.n else None
     summary["integrations"] = _integrations(run)
     summary["final"] = first.final() | _former_names(first)
     summary["joint_units"] = {joint: first.joint_unit(joint) for joint in first.joints}

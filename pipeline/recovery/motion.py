@@ -14,6 +14,7 @@ from pipeline.core.html import facts, scaled
 from pipeline.dynamics.kinematics import Kinematics
 from pipeline.dynamics.links import REVOLUTE, Link
 from pipeline.dynamics.mechanism import Mechanism
+from pipeline.dynamics.reactions import closing_reactions, constraint_residual
 from pipeline.integrators.protocol import Trajectory
 
 
@@ -79,6 +80,16 @@ class Motion:
         frame = self.kinematics.frames[self.mechanism.number_of(body)]
         return np.asarray(frame.origin[k] + r @ frame.rotation[k].T)
 
+    @cached_property
+    def closing_reactions(self) -> Mapping[str, Array]:
+        """Force [N] and moment [N m] of each joint that closes a loop on its parent and child, (n_times, 2, 6)."""
+        return closing_reactions(self.mechanism, self.times, self.trajectory.q, self.trajectory.v)
+
+    @property
+    def constraint_residual(self) -> float:
+        """Largest gap of the loops at the output times [m, or rad]; 0 without loops."""
+        return constraint_residual(self.mechanism, self.times, self.trajectory.q, self.trajectory.v)
+
     # The tip -----------------------------------------------------------------------------------------------------
 
     @cached_property
@@ -141,7 +152,7 @@ class Motion:
     def centre_angular_velocity(self) -> Array:
         """Angular velocity of the centre of mass about the first joint's axis, ``e·(r × v)/|e × r|²`` [rad/s]."""
         joint = self.mechanism.links[0]
-        axis = joint.axis / np.linalg.norm(joint.axis)
+        axis = joint.place_axes @ joint.axis / np.linalg.norm(joint.axis)
         arm = np.cross(axis, self.centre_of_mass - joint.place)
         moment, square = (arm * self.centre_velocity).sum(axis=1), (arm**2).sum(axis=1)
         return np.asarray(np.divide(moment, square, out=np.zeros(len(square)), where=square > 0.0))

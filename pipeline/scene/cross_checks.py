@@ -8,8 +8,10 @@ from dataclasses import dataclass
 
 from pipeline.core.units import unit_ratio
 from pipeline.scene.any_body import Body, Flexible
+from pipeline.scene.ground import GroundPlace
 from pipeline.scene.joints import Joint
 from pipeline.scene.loads import Drive, MotionDrive, PointForce, PointTorque
+from pipeline.scene.loops import OF_COORDINATES, closing_joints
 from pipeline.scene.outputs import JOINT_QUANTITIES, Chart, Export, Output
 from pipeline.scene.pictures import BodyPicture
 from pipeline.scene.reading import FaultError, suggest_name
@@ -24,8 +26,8 @@ class CrossCheck:
 
     Parameters
     ----------
-    body, joint, drive : mapping
-        Bodies, joints and drives by name.
+    body, ground, joint, drive : mapping
+        Bodies, places on the ground, joints and drives by name.
     simulation : Simulation, optional
         The integration over time, if the scene has one.
     output : sequence
@@ -33,6 +35,7 @@ class CrossCheck:
     """
 
     body: Mapping[str, Body]
+    ground: Mapping[str, GroundPlace]
     joint: Mapping[str, Joint]
     drive: Mapping[str, Drive]
     simulation: Simulation | None
@@ -49,9 +52,10 @@ class CrossCheck:
 
     def _check_joints(self) -> Iterator[FaultError]:
         for name, joint in self.joint.items():
-            if joint.parent != "ground":
-                yield from self._check_marker(joint.parent, "joint", name, "parent")
-            yield from self._check_marker(joint.child, "joint", name, "child")
+            yield from self._check_place(joint.parent, "joint", name, "parent")
+            yield from self._check_place(joint.child, "joint", name, "child")
+            if joint.parent.partition(".")[0] == (body := joint.child.partition(".")[0]):
+                yield FaultError(f"holds {body} to itself", "joint", name, "child")
 
     def _check_drives(self) -> Iterator[FaultError]:
         for name, drive in self.drive.items():
@@ -146,10 +150,12 @@ class CrossCheck:
     def _check_tree(self) -> Iterator[FaultError]:
         """Every body hangs on one joint, and through it on the ground."""
         parents: dict[str, str] = {}
+        closing = closing_joints(self.joint)
         for name, joint in self.joint.items():
             child = joint.child.partition(".")[0]
-            if child in parents:
-                yield FaultError("is the child of another joint; a body has one", "joint", name, "child")
+            if name in closing:
+                yield from self._check_closing(name, joint)
+                continue
             parents[child] = joint.parent.partition(".")[0]
             if joint.type == "free" and child in self._flexible and self._flexible[child].support:
                 yield FaultError("holds nothing that a support could hold on to; take a fixed joint", "joint", name)
@@ -162,12 +168,32 @@ class CrossCheck:
             elif name in self._flexible and self._flexible[name].modes.boundary == "joint":
                 yield FaultError("hangs on no joint to be held at", "body", name, "modes", "boundary")
 
+    def _check_closing(self, name: str, joint: Joint) -> Iterator[FaultError]:
+        """A joint that closes a loop holds two places together, and has no coordinate of its own."""
+        child = joint.child.partition(".")[0]
+        if joint.type == "free":
+            yield FaultError("holds nothing: the child hangs on another joint already", "joint", name, "type")
+        mend = f"write it before the other joint that carries {child}, which closes the loop then"
+        for key in OF_COORDINATES:
+            if key in joint.model_fields_set:
+                yield FaultError(f"closes a loop, so it has no coordinate for this; {mend}", "joint", name, key)
+
     def _check_joint(self, name: str, fitting: tuple[str, ...], user: str, *path: str | int) -> Iterator[FaultError]:
         if name not in self.joint:
             yield FaultError(f"no such joint; {suggest_name(name, self.joint, 'the joints')}", *path)
+        elif name in closing_joints(self.joint):
+            mend = "write it before the joint that now carries its child"
+            yield FaultError(f"closes a loop, so it has no coordinate that {user} could take; {mend}", *path)
         elif self.joint[name].type not in fitting:
             wanted = " or ".join(fitting)
             yield FaultError(f"is a {self.joint[name].type} joint; {user} needs a {wanted} one", *path)
+
+    def _check_place(self, place: str, *path: str | int) -> Iterator[FaultError]:
+        """Check a marker of a body, or a place on the ground."""
+        if place.partition(".")[0] != "ground":
+            yield from self._check_marker(place, *path)
+        elif place != "ground" and place not in (known := [f"ground.{name}" for name in self.ground]):
+            yield FaultError(f"no such place; {suggest_name(place, known, 'the places on the ground')}", *path)
 
     def _check_marker(self, place: str, *path: str | int) -> Iterator[FaultError]:
         body = place.partition(".")[0]

@@ -18,7 +18,7 @@ from pipeline.core.units import (
     Velocity,
 )
 from pipeline.scene.reading import SceneTable
-from pipeline.scene.values import Axis, MarkerName
+from pipeline.scene.values import Axis, MarkerName, PlaceName
 
 Spin = tuple[AngularRate, AngularRate, AngularRate]
 
@@ -29,11 +29,11 @@ class Revolute(SceneTable):
     Parameters
     ----------
     parent : str
-        Marker that the joint hangs on, or ``"ground"``.
+        Marker or place on the ground, ``"ground.NAME"``, that the joint hangs on; ``"ground"`` is its origin.
     child : str
         Marker of the body that the joint carries.
     axis : tuple of float
-        Direction of the axis in the parent's frame; its length doesn't count.
+        Direction of the axis in the axes of the parent's body or place; its length doesn't count.
     angle : float
         Angle at the start [rad].
     rate : float
@@ -59,7 +59,7 @@ class Revolute(SceneTable):
     """
 
     type: Literal["revolute"]
-    parent: MarkerName
+    parent: PlaceName
     child: MarkerName
     axis: Axis
     angle: Angle = 0.0
@@ -75,11 +75,11 @@ class Prismatic(SceneTable):
     Parameters
     ----------
     parent : str
-        Marker that the joint hangs on, or ``"ground"``.
+        Marker or place on the ground, ``"ground.NAME"``, that the joint hangs on; ``"ground"`` is its origin.
     child : str
         Marker of the body that the joint carries.
     axis : tuple of float
-        Direction of the axis in the parent's frame; its length doesn't count.
+        Direction of the axis in the axes of the parent's body or place; its length doesn't count.
     position : float
         Displacement of the child's marker from the parent's at the start [m].
     rate : float
@@ -105,7 +105,7 @@ class Prismatic(SceneTable):
     """
 
     type: Literal["prismatic"]
-    parent: MarkerName
+    parent: PlaceName
     child: MarkerName
     axis: Axis
     position: Length = 0.0
@@ -121,7 +121,7 @@ class Fixed(SceneTable):
     Parameters
     ----------
     parent : str
-        Marker that the joint hangs on, or ``"ground"``.
+        Marker or place on the ground, ``"ground.NAME"``, that the joint hangs on; ``"ground"`` is its origin.
     child : str
         Marker of the body that the joint carries.
 
@@ -136,7 +136,7 @@ class Fixed(SceneTable):
     """
 
     type: Literal["fixed"]
-    parent: MarkerName
+    parent: PlaceName
     child: MarkerName
 
 
@@ -146,7 +146,7 @@ class Spherical(SceneTable):
     Parameters
     ----------
     parent : str
-        Marker that the joint hangs on, or ``"ground"``.
+        Marker or place on the ground, ``"ground.NAME"``, that the joint hangs on; ``"ground"`` is its origin.
     child : str
         Marker of the body that the joint carries.
     spin : tuple of float
@@ -164,7 +164,7 @@ class Spherical(SceneTable):
     """
 
     type: Literal["spherical"]
-    parent: MarkerName
+    parent: PlaceName
     child: MarkerName
     spin: Spin = (0.0, 0.0, 0.0)
 
@@ -175,7 +175,7 @@ class Free(SceneTable):
     Parameters
     ----------
     parent : str
-        Marker that the joint hangs on, or ``"ground"``.
+        Marker or place on the ground, ``"ground.NAME"``, that the joint hangs on; ``"ground"`` is its origin.
     child : str
         Marker of the body that the joint carries.
     velocity : tuple of float
@@ -195,7 +195,7 @@ class Free(SceneTable):
     """
 
     type: Literal["free"]
-    parent: MarkerName
+    parent: PlaceName
     child: MarkerName
     velocity: tuple[Velocity, Velocity, Velocity] = (0.0, 0.0, 0.0)
     spin: Spin = (0.0, 0.0, 0.0)

@@ -16,8 +16,10 @@ from pipeline.core.html import facts, scaled
 from pipeline.core.units import PositiveFrequency, Share
 from pipeline.scene.any_body import Body, Flexible
 from pipeline.scene.cross_checks import CrossCheck
+from pipeline.scene.ground import GroundPlace
 from pipeline.scene.joints import Joint
 from pipeline.scene.loads import Drive
+from pipeline.scene.loops import closing_joints
 from pipeline.scene.outputs import Output
 from pipeline.scene.reading import SceneTable, read_scene_file
 from pipeline.scene.simulation import Simulation
@@ -61,6 +63,8 @@ class Scene(SceneTable):
         and step itself until the budget states that error or less.
     body : dict
         Bodies by name.
+    ground : dict
+        Places on the ground by name.
     joint : dict
         Joints by name. In a scene with a simulation every body is the child of one joint.
     drive : dict
@@ -115,6 +119,7 @@ class Scene(SceneTable):
     source: str = ""
     accuracy: Share | None = None
     body: Annotated[dict[Name, Body], Field(min_length=1)]
+    ground: dict[Name, GroundPlace] = Field(default_factory=dict)
     joint: dict[Name, Joint] = Field(default_factory=dict)
     drive: dict[Name, Drive] = Field(default_factory=dict)
     simulation_table: Simulation | None = Field(default=None, alias="simulation")
@@ -157,12 +162,25 @@ class Scene(SceneTable):
         """The flexible bodies by name."""
         return {name: body for name, body in self.body.items() if isinstance(body, Flexible)}
 
+    @property
+    def closing(self) -> tuple[str, ...]:
+        """Names of the joints that close loops."""
+        return closing_joints(self.joint)
+
+    @property
+    def carrying(self) -> dict[str, str]:
+        """Name of the joint that carries each body, by the body's name."""
+        closing = self.closing
+        return {joint.child.partition(".")[0]: name for name, joint in self.joint.items() if name not in closing}
+
     def _repr_html_(self) -> str:
         return scene_table(self)
 
     @model_validator(mode="after")
     def _fits_together(self) -> Scene:
-        faults = CrossCheck(self.body, self.joint, self.drive, self.simulation_table, self.output).find_faults()
+        faults = CrossCheck(
+            self.body, self.ground, self.joint, self.drive, self.simulation_table, self.output
+        ).find_faults()
         if faults:
             faults[0].more = len(faults) - 1
             raise faults[0]

@@ -110,8 +110,9 @@ def find_limits(
     """
     limits = tuple(find_limit(system, reference, m, duration, points) for m in ratios)
     step, m = recommend_step(reference.M, reference.K, system.n_slow, error, duration)
+    step = min(step, _BELOW * limits[0].critical_step)
     if points:
-        step, m = _recommend_along(points, min(step, _BELOW * limits[0].critical_step), m, error)
+        step, m = _recommend_along(points, step, m, error)
     coupling = inertial_coupling(reference.M, system.n_slow)
     return MechanismLimits(coupling, limits, points is not None, duration, system.n_slow, (step, m))
 

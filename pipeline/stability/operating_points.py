@@ -178,7 +178,7 @@ def _rigid_motion(rigid: Mechanism, q0: Array, v0: Array, times: Array, longest_
     if not rigid.n:
         return np.zeros((len(times), rigid.n_positions)), np.zeros((len(times), 0))
     system = CompiledSystem(rigid)
-    step = min(longest_step, _RESOLVED * 2.0 / system.highest_frequency)
+    step = min(longest_step, _RESOLVED * system.largest_step)
     start = OperatingPoint(0.0, q0[: rigid.n_positions], v0[: rigid.n])
     start = find_steady_point(system, start, np.arange(rigid.n_slow, rigid.n)) or start
     motion = CentralDifference(step).march(system, start.q, start.v, times)

@@ -82,7 +82,7 @@ def choose_split(
     if not stiff.size:
         return Split(np.inf, 1, step or duration / _STEPS_OVER_MOTION)
     limits = step_limits(omega, float(stiff[0]), error, duration)
-    highest = 2 * _STABLE / system.highest_frequency
+    highest = _STABLE * system.largest_step
     step = step or float(min(highest, limits.min()))
     M, K, _ = system.linear_matrices
     M, K = M[np.ix_(order, order)], K[np.ix_(order, order)]

@@ -7,10 +7,14 @@ from dataclasses import dataclass
 import numpy as np
 
 from pipeline.core.arrays import Array
+from pipeline.scene.joints import Prismatic, Revolute
 from pipeline.scene.loads import Drive
 from pipeline.scene.scene import Scene
+from pipeline.stages.ground import axes_in_space, ground_place
 
 Direction = tuple[float, float, float]
+
+_ROUND_OFF = 1e-12
 
 
 @dataclass(frozen=True)
@@ -64,20 +68,23 @@ class InboardJoint:
 def read_inboard_joint(scene: Scene, body: str) -> InboardJoint:
     """Read from a scene how the joint that carries a flexible body holds it."""
     gravity = scene.moves and any(scene.simulation.gravity)
-    carrying = [(name, joint) for name, joint in scene.joint.items() if joint.child.partition(".")[0] == body]
-    if not carrying:  # a scene of parts alone
+    if body not in scene.carrying:  # a scene of parts alone
         axis = (0.0, 0.0, 1.0)
         loaded = _loaded_markers(scene, body, axis)
         return InboardJoint("", axis, (), floating=True, prescribed=False, planar=False, loaded=loaded)
-    name, joint = carrying[0]
+    name = scene.carrying[body]
+    joint = scene.joint[name]
     prescribed = any(drive.type == "motion" and drive.joint == name for drive in scene.drive.values())
-    hinges = [other.axis for other in scene.joint.values() if other.type == "revolute"]
-    axis = joint.axis if joint.type == "revolute" else (hinges[0] if hinges else (0.0, 0.0, 1.0))
-    in_plane = [not np.any(np.cross(axis, hinge)) for hinge in hinges]
+    hinges = [_axis_in_space(scene, other) for other in scene.joint.values() if other.type == "revolute"]
+    into_body = axes_in_space(scene, body).T
+    axis = joint.axis if joint.type == "revolute" else (_turned(into_body, hinges[0]) if hinges else (0.0, 0.0, 1.0))
+    normal = _turned(into_body.T, axis)
+    in_plane = [_parallel(normal, hinge) for hinge in hinges]
     in_plane += [other.type not in ("spherical", "free") for other in scene.joint.values()]
-    in_plane += [not np.dot(axis, other.axis) for other in scene.joint.values() if other.type == "prismatic"]
-    in_plane += [not gravity or not np.dot(axis, scene.simulation.gravity)]
-    in_plane += [_acts_in_plane(drive, axis) for drive in scene.drive.values()]
+    slides = [_axis_in_space(scene, other) for other in scene.joint.values() if other.type == "prismatic"]
+    in_plane += [_across(normal, slide) for slide in slides]
+    in_plane += [not gravity or _across(normal, scene.simulation.gravity)]
+    in_plane += [_acts_in_plane(scene, drive, normal) for drive in scene.drive.values()]
     free: tuple[Direction, ...] = ()
     if joint.type == "revolute" and not prescribed:
         free = (axis,)
@@ -94,21 +101,45 @@ def read_inboard_joint(scene: Scene, body: str) -> InboardJoint:
         planar=all(in_plane),
         normal=int(np.argmax(np.abs(axis))) if about_an_axis else -1,
         accelerated=gravity or not on_ground or joint.type in ("prismatic", "free"),
-        loaded=_loaded_markers(scene, body, axis),
+        loaded=_loaded_markers(scene, body, normal),
     )
 
 
-def _loaded_markers(scene: Scene, body: str, axis: Direction) -> tuple[tuple[str, bool], ...]:
-    places = dict.fromkeys([joint.parent for joint in scene.joint.values()], True)
+def _loaded_markers(scene: Scene, body: str, normal: Direction) -> tuple[tuple[str, bool], ...]:
+    closed = [scene.joint[name].child for name in scene.closing]
+    places = dict.fromkeys([*(joint.parent for joint in scene.joint.values()), *closed], True)
     for drive in scene.drive.values():
         if drive.type in ("point force", "point torque"):
-            places[drive.marker] = places.get(drive.marker, True) and _acts_in_plane(drive, axis)
+            places[drive.marker] = places.get(drive.marker, True) and _acts_in_plane(scene, drive, normal)
     own = {place.partition(".")[2]: flat for place, flat in places.items() if place.partition(".")[0] == body}
     return tuple(sorted(own.items()))
 
 
-def _acts_in_plane(drive: Drive, axis: Direction) -> bool:
-    """Return False for a force or torque at a point that acts out of the plane across an axis."""
-    if drive.type == "point torque":
-        return not np.any(np.cross(axis, drive.direction))
-    return drive.type != "point force" or not np.dot(axis, drive.direction)
+def _acts_in_plane(scene: Scene, drive: Drive, normal: Direction) -> bool:
+    """Return False for a force or torque at a point that acts out of the plane across a direction in space."""
+    if drive.type not in ("point force", "point torque"):
+        return True
+    turned = axes_in_space(scene, drive.marker.partition(".")[0]) if drive.following else np.eye(3)
+    direction = _turned(turned, drive.direction)
+    return _parallel(normal, direction) if drive.type == "point torque" else _across(normal, direction)
+
+
+def _axis_in_space(scene: Scene, joint: Revolute | Prismatic) -> Direction:
+    place = joint.parent.partition(".")[0]
+    axes = ground_place(scene, joint.parent)[1] if place == "ground" else axes_in_space(scene, place)
+    return _turned(axes, joint.axis)
+
+
+def _turned(R: Array, direction: Direction) -> Direction:
+    if (np.eye(3) == R).all():
+        return direction
+    x, y, z = R @ np.array(direction, dtype=float)
+    return float(x), float(y), float(z)
+
+
+def _parallel(a: Direction, b: Direction) -> bool:
+    return bool(np.linalg.norm(np.cross(a, b)) <= _ROUND_OFF * np.linalg.norm(a) * np.linalg.norm(b))
+
+
+def _across(a: Direction, b: Direction) -> bool:
+    return bool(abs(np.dot(a, b)) <= _ROUND_OFF * np.linalg.norm(a) * np.linalg.norm(b))

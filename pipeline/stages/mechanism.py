@@ -9,6 +9,7 @@ import numpy as np
 
 from pipeline.core.arrays import Array
 from pipeline.core.errors import InputError
+from pipeline.dynamics.closures import Closure, Place, close_joint, fixed_place
 from pipeline.dynamics.compiled_system.steady import find_steady_state
 from pipeline.dynamics.compiled_system.system import CompiledSystem
 from pipeline.dynamics.links import FIXED, FREE, PRISMATIC, REVOLUTE, SPHERICAL, Link, PointLoad, rigid_gram
@@ -16,6 +17,8 @@ from pipeline.dynamics.mechanism import Mechanism
 from pipeline.dynamics.signals.signal import Signal, constant, half_sine, total
 from pipeline.reduction.body import FlexibleBody, MarkerShapes
 from pipeline.reduction.inertia import InertiaGram
+from pipeline.stages.assembly import assemble, close_start, given_joints
+from pipeline.stages.ground import ground_place
 from pipeline.stages.inboard_joint import read_inboard_joint
 from pipeline.stages.signals import require_sound_drives, signal_of
 
@@ -51,10 +54,12 @@ def build_mechanism(
         fast_joints = [scene.joint[name].child.partition(".")[0] for name in scene.simulation.fast]
     links = [_link(scene, places, body) for body in places.order]
     gravity, loads = np.array(scene.simulation.gravity), _point_loads(scene, places)
+    closures = [_closure(scene, places, name) for name in scene.closing]
     try:
-        return Mechanism(links, fast_joints, gravity, loads, slow_modes or {}, scene.simulation.duration)
+        mechanism = Mechanism(links, fast_joints, gravity, loads, slow_modes or {}, scene.simulation.duration, closures)
     except ValueError as error:
         raise InputError(scene.file, "drive", None, str(error)) from error
+    return assemble(scene, mechanism) if closures else mechanism
 
 
 def find_start(scene: Scene, system: CompiledSystem) -> tuple[Array, Array]:
@@ -75,17 +80,12 @@ def find_start(scene: Scene, system: CompiledSystem) -> tuple[Array, Array]:
 
 
 def place_joints(scene: Scene, mechanism: Mechanism) -> tuple[Array, Array]:
-    """Return positions (n_positions,) and rates (n,) of the undeformed mechanism, its joints where the scene starts."""
-    q0, v0 = mechanism.rest_positions, np.zeros(mechanism.n)
-    for k, link in enumerate(mechanism.links):
-        joint, at, first = scene.joint[link.joint_name], mechanism.layout.position[k], mechanism.layout.rate[k]
-        if joint.type in ("revolute", "prismatic") and link.n_rates:
-            q0[at] = joint.angle if joint.type == "revolute" else joint.position
-            v0[first] = joint.rate
-        elif joint.type in ("spherical", "free"):
-            rates = [*getattr(joint, "velocity", ()), *joint.spin]
-            v0[first : first + len(rates)] = rates
-    return q0, v0
+    """Return positions (n_positions,) and rates (n,) of the undeformed mechanism, its joints where the scene starts.
+
+    Loops close: joints whose position or rate the scene leaves open move first.
+    """
+    q0, v0 = given_joints(scene, mechanism)
+    return close_start(scene, CompiledSystem(mechanism), q0, v0) if mechanism.closures else (q0, v0)
 
 
 class _Places:
@@ -93,7 +93,7 @@ class _Places:
 
     def __init__(self, scene: Scene, bodies: Mapping[str, FlexibleBody]) -> None:
         self.scene, self.bodies = scene, bodies
-        self.carried = {joint.child.partition(".")[0]: name for name, joint in scene.joint.items()}
+        self.carried = scene.carrying
         self.order: list[str] = []
         for body in self.carried:
             self._after_parent(body)
@@ -107,6 +107,14 @@ class _Places:
             self._after_parent(parent)
         if body not in self.order:
             self.order.append(body)
+
+    def on_either(self, place: str) -> tuple[Place, Array]:
+        """A marker of a body, or a place on the ground, and its axes in those of the body."""
+        body = place.partition(".")[0]
+        if body == "ground":
+            position, axes = ground_place(self.scene, place)
+            return fixed_place(position), axes
+        return Place(body, self.marker(place)), np.eye(3)
 
     def marker(self, place: str) -> MarkerShapes:
         body, _, name = place.partition(".")
@@ -151,7 +159,17 @@ def _link(scene: Scene, places: _Places, body: str) -> Link:
         at = places.marker(joint.parent)
         settings |= {"parent": places.order.index(parent), "place": at.position}
         settings |= {"place_shapes": at.translation, "place_rotations": at.rotation, "place_bow": at.bow}
+    else:
+        settings["place"], settings["place_axes"] = ground_place(scene, joint.parent)
     return Link(body, gram, _JOINTS[joint.type], **settings)
+
+
+def _closure(scene: Scene, places: _Places, name: str) -> Closure:
+    joint = scene.joint[name]
+    (first, of_first), (second, of_second) = (places.on_either(place) for place in (joint.parent, joint.child))
+    axis = np.array(getattr(joint, "axis", (0.0, 0.0, 1.0)), dtype=float)
+    other = np.array(getattr(joint, "child_axis", None) or axis, dtype=float)
+    return close_joint(joint.type, name, first, second, of_first @ axis, of_second @ other)
 
 
 def _section(scene: Scene, places: _Places, body: str) -> str:

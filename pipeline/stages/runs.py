@@ -18,6 +18,7 @@ from pipeline.dynamics.mechanism import Mechanism
 from pipeline.integrators.protocol import Integrator, Progress, Trajectory
 from pipeline.integrators.subcycling import Subcycling
 from pipeline.stability.safe_step import ALLOWED_GROWTH, longest_safe_step
+from pipeline.stages.limit_words import describe_limit
 from pipeline.stages.mass_check import require_inertia
 from pipeline.stages.mechanism import find_start, place_joints
 
@@ -238,21 +239,12 @@ def _measure_growth(built: BuiltScene, plan: Plan, free: bool, known: list[Opera
     method: Any = plan.integrator  # a method with a limit has a step, and resumes
     limit = method.largest_step(plan.system)
     if not method.step < limit and not free:
-        frequency = f"2/ω of its highest frequency, {1 / (np.pi * limit):.5g} Hz"
-        if method.name == "exponential":
-            frequency = (
-                f"2/ω with {1 / (np.pi * limit):.5g} Hz, the frequency of what couples joints and modes through the "
-                "mass matrix, which this method doesn't solve exactly; exponential-rosenbrock does"
-            )
-        if m := getattr(method, "substeps", 1) - 1:
-            slow, fast = plan.system.highest_slow_frequency, plan.system.highest_fast_frequency
-            if (m + 1) * slow > fast:
-                frequency = f"2/(m ω) of its slow coordinates, {slow / (2 * np.pi):.5g} Hz"
         raise InputError(
             built.scene.file,
             plan.key,
             f"{method.step:.6g} s",
-            f"{method.name} would diverge; the largest stable step of this model is {limit:.4g} s ({frequency})",
+            f"{method.name} would diverge; the largest stable step of this model is {limit:.4g} s "
+            f"({describe_limit(method, plan.system, limit)})",
         )
     couples_later = method.name == "exponential" and plan.system.coupled  # away from the reference state
     if not (np.isfinite(limit) or couples_later):  # implicit, exact for small motions, or steered by its error

@@ -246,7 +246,7 @@ def _march_rigid(rigid: Mechanism, q0: Array, v0: Array, times: Array) -> tuple[
 
 def _method_for(system: CompiledSystem, duration: float) -> Integrator:
     """Return SciPy's method, for which nothing is compiled, or the compiled one where there is much to march."""
-    if system.highest_frequency * duration < _SHORT_MARCH:
+    if system.highest_frequency * duration < _SHORT_MARCH and not system.mechanism.closures:
         from pipeline.integrators.scipy_ivp import ScipyIvp
 
         return ScipyIvp("DOP853", 1e-6)

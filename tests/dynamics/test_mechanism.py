@@ -53,3 +53,9 @@ def test_an_axis_without_direction_is_refused() -> None:
     gram = rigid_gram(1.0, np.zeros(3), np.eye(3))
     with pytest.raises(ValueError, match="the axis of a has no direction"):
         Mechanism([Link("a", gram, REVOLUTE, axis=np.zeros(3))])
+
+
+def test_axes_of_a_place_that_are_no_rotation_are_refused() -> None:
+    gram = rigid_gram(1.0, np.zeros(3), np.eye(3))
+    with pytest.raises(ValueError, match="the axes of the place that carries a are not orthonormal"):
+        Mechanism([Link("a", gram, REVOLUTE, place_axes=2.0 * np.eye(3))])

@@ -3,7 +3,9 @@
 import numpy as np
 import pytest
 
-from pipeline.dynamics.vibration import frequencies, highest_frequency
+from pipeline.core.arrays import Array
+from pipeline.dynamics.vibration import frequencies, highest_frequency, largest_leapfrog_step
+from pipeline.stability.amplification import cycle_growth
 
 
 def test_a_chain_of_equal_masses_has_the_frequencies_of_its_sines() -> None:
@@ -30,3 +32,27 @@ def test_a_system_without_coordinates_or_springs_has_a_limit_that_steps_can_be_d
     assert frequencies(np.zeros((0, 0)), np.zeros((0, 0))).size == 0
     for n in (0, 2):
         assert 0.0 < highest_frequency(np.eye(n), np.zeros((n, n))) < 1e-100
+
+
+def _random_matrices(n: int, seed: int, damped: float) -> tuple[Array, Array, Array]:
+    rng = np.random.default_rng(seed)
+    M, K, C = (A @ A.T for A in rng.normal(size=(3, n, n)))
+    C[:, 0] = C[0] = 0.0  # a coordinate without a damper
+    return M + np.eye(n), K, damped * C
+
+
+@pytest.mark.parametrize("damped", [0.02, 1.0, 50.0])
+@pytest.mark.parametrize("seed", range(4))
+def test_the_leapfrog_step_with_dampers_ends_where_the_spectral_radius_passes_1(seed: int, damped: float) -> None:
+    M, K, C = _random_matrices(4, seed, damped)
+    limit = largest_leapfrog_step(M, K, C)
+    assert cycle_growth(M, K, 0, 0.999 * limit, 1, C) <= 1 + 1e-9
+    assert cycle_growth(M, K, 0, 1.001 * limit, 1, C) > 1.0005
+    assert limit < 2 / highest_frequency(M, K)
+
+
+def test_a_single_damped_oscillator_has_its_closed_limit() -> None:
+    omega, zeta = 3.0, 0.4  # h = 2/(ω (2 ζ + √(1 + 4 ζ²))), from κ + 4 γ = 4
+    step = largest_leapfrog_step(np.eye(1), np.array([[omega**2]]), np.array([[2 * zeta * omega]]))
+    assert step == pytest.approx(2 / (omega * (2 * zeta + np.sqrt(1 + 4 * zeta**2))), rel=1e-14)
+    assert largest_leapfrog_step(np.eye(1), np.zeros((1, 1)), np.array([[5.0]])) == pytest.approx(1 / 5, rel=1e-14)

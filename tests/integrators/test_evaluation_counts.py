@@ -95,6 +95,7 @@ class Oscillators:
     coupled = False
     highest_frequency = 10.0
     highest_fast_frequency = 10.0
+    largest_step = largest_fast_step = 0.2
 
     def frozen(self, cycle: float) -> Array:
         return np.zeros(1)

@@ -8,7 +8,8 @@ import pytest
 
 from pipeline import Pipeline, load_scene
 from pipeline.core.cache import Cache
-from pipeline.core.errors import InputError
+from pipeline.core.errors import InputError, StabilityError
+from pipeline.integrators.central_difference import CentralDifference
 from pipeline.stability.safe_step import ALLOWED_GROWTH
 from pipeline.stages import runs, stiffening_check
 
@@ -92,3 +93,50 @@ def test_a_second_run_knows_loads_and_growth_and_a_changed_scene_or_body_does_no
         again.with_bodies(again.bodies).plans  # noqa: B018
     with pytest.raises(AssertionError, match="measured anew"):
         Pipeline(load_scene("beam", [*overrides, "simulation.duration=21 ms"]), Cache(tmp_path)).plans  # noqa: B018
+
+
+@pytest.mark.parametrize("share", [0.97, 1.03])
+def test_a_strong_damper_of_a_joint_counts_in_the_largest_step(tmp_path: Path, share: float) -> None:
+    # A hinge with spring k and damper c and a rod of inertia J: h = 2/μ with μ² − 2 (c/J) μ − k/J = 0.
+    J, k, c = 2.0 / 3.0, 600.0, 40.0
+    limit = 2.0 / (c / J + np.sqrt((c / J) ** 2 + k / J))
+    scene = DAMPED_HINGE.replace("STEP", f"{1e6 * share * limit:.6f} us")
+    (tmp_path / "hinge.toml").write_text(scene)
+    run = Pipeline(load_scene(tmp_path / "hinge.toml"))
+    assert run.system.largest_step == pytest.approx(limit, rel=1e-12)
+    if share < 1.0:
+        assert np.abs(run.motion.joint_position("hinge")).max() <= 0.5 + 1e-12
+        return
+    with pytest.raises(InputError, match=r"largest stable step .*; without dampers it would be 0\.06"):
+        _ = run.motion
+    with pytest.raises(StabilityError):  # and so it does
+        CentralDifference(share * limit).march(run.system, *run.start, np.array([0.0, 1000.0]))
+
+
+DAMPED_HINGE = """
+title = "Damped hinge"
+
+[body.rod]
+shape = "rod"
+mass = "2 kg"
+length = "1 m"
+marker = { hinge = { at = ["0 m", "0 m", "0 m"] }, end = { at = ["1 m", "0 m", "0 m"] } }
+
+[joint.hinge]
+type = "revolute"
+parent = "ground"
+child = "rod.hinge"
+axis = [0, 0, 1]
+angle = "0.5 rad"
+spring = "600 N m/rad"
+damper = "40 N m s/rad"
+
+[simulation]
+duration = "2 s"
+output_step = "0.1 s"
+step = "STEP"
+tip = "rod.end"
+
+[[simulation.run]]
+integrator = "central-difference"
+"""

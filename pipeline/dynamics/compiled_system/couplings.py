@@ -45,12 +45,16 @@ class Couplings(NamedTuple):
 
 def find_inertial_coupling(compiled: CompiledMechanism) -> bool:
     """Return whether any coordinates couple through the mass matrix in some state."""
+    if compiled.mechanism.closures:
+        return True
     masses = (compiled.mass_matrix(inputs, q) for inputs, q, _, _ in _states(compiled))
     return any(_exceed(M, _NEGLIGIBLE * _scale(M)) for M in masses)
 
 
 def find_couplings(compiled: CompiledMechanism) -> Couplings:
     """Find the structure of the fast coordinates' equations."""
+    if compiled.mechanism.closures:  # multipliers act on all coordinates, and by all inputs
+        return Couplings(True, None, True, True, True, np.arange(3 * len(compiled.signals)))
     n_slow, states = compiled.mechanism.n_slow, _states(compiled)
     masses = [compiled.mass_matrix(inputs, q) for inputs, q, _, _ in states]
     shift, fast = compiled.mechanism.n_positions - compiled.mechanism.n, slice(n_slow, None)

@@ -10,7 +10,7 @@ from __future__ import annotations
 
 from pipeline.core.arrays import Array
 from pipeline.dynamics.compiled_system.kernels import inputs_at, set_inputs
-from pipeline.dynamics.compiled_system.parameters import CompiledParameters, HeldCycle
+from pipeline.dynamics.compiled_system.parameters import CompiledParameters, HeldCycle, TreeParameters
 from pipeline.dynamics.compiler.program import LANES
 from pipeline.dynamics.jit.compiled import contracted, inlined, meaning
 from pipeline.dynamics.jit.native import call_native
@@ -118,8 +118,8 @@ def set_active(p: CompiledParameters, t: float, held: HeldCycle) -> None:
             held.active[0] = 1.0
 
 
-@meaning(hold_slow, CompiledParameters)
-def _hold_slow(p: CompiledParameters, t: float, q: Array, v: Array, a: Array, frozen: HeldCycle) -> None:
+@meaning(hold_slow, TreeParameters)
+def _hold_slow(p: TreeParameters, t: float, q: Array, v: Array, a: Array, frozen: HeldCycle) -> None:
     set_inputs(p, float(t))
     set_active(p, float(t), frozen)
     frozen.time[0] = t
@@ -238,9 +238,9 @@ def _step_looped(held: HeldCycle, q: Array, v: Array, a: Array) -> None:
         q[i + offset] += h * v[i]
 
 
-@meaning(fast_steps, CompiledParameters)
+@meaning(fast_steps, TreeParameters)
 def _fast_steps(
-    p: CompiledParameters, frozen: HeldCycle, first: int, h: float, count: int, q: Array, v: Array, a: Array
+    p: TreeParameters, frozen: HeldCycle, first: int, h: float, count: int, q: Array, v: Array, a: Array
 ) -> None:
     if not frozen.single:
         step_all(p, frozen, first, h, count, q, v, a)

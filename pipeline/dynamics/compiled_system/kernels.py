@@ -5,10 +5,10 @@ from __future__ import annotations
 import math
 
 from pipeline.core.arrays import Array
-from pipeline.dynamics.compiled_system.parameters import CompiledParameters, Leapfrog
+from pipeline.dynamics.compiled_system.parameters import CompiledParameters, Leapfrog, TreeParameters
 from pipeline.dynamics.jit.compiled import inlined, meaning
 from pipeline.dynamics.jit.native import call_native
-from pipeline.dynamics.system import accelerations, advance, leapfrog_step, velocities
+from pipeline.dynamics.system import accelerations, advance, close_gaps, leapfrog_step, project, velocities
 
 
 @inlined
@@ -26,14 +26,24 @@ def inputs_at(p: CompiledParameters, t: float, inputs: Array) -> None:
     call_native(p.signals, (p.clock[1:], inputs))
 
 
-@meaning(accelerations, CompiledParameters)
-def _accelerations(p: CompiledParameters, t: float, q: Array, v: Array, a: Array) -> None:
+@meaning(accelerations, TreeParameters)
+def _accelerations(p: TreeParameters, t: float, q: Array, v: Array, a: Array) -> None:
     set_inputs(p, float(t))
     call_native(p.accelerations, (p.inputs, q, v, a))
 
 
-@meaning(leapfrog_step, CompiledParameters)
-def _leapfrog_step(p: CompiledParameters, leapfrog: Leapfrog, t: float, h: float, q: Array, v: Array, a: Array) -> None:
+@meaning(project, TreeParameters)
+def _project(p: TreeParameters, t: float, q: Array, v: Array) -> None:
+    pass
+
+
+@meaning(close_gaps, TreeParameters)
+def _close_nothing(p: TreeParameters, t: float, h: float, q: Array, v: Array, a: Array) -> None:
+    pass
+
+
+@meaning(leapfrog_step, TreeParameters)
+def _leapfrog_step(p: TreeParameters, leapfrog: Leapfrog, t: float, h: float, q: Array, v: Array, a: Array) -> None:
     if leapfrog.leap:
         set_inputs(p, float(t))
         leapfrog.step[0] = h

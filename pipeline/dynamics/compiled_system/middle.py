@@ -8,6 +8,7 @@ compiled functions solve for eight columns at once.
 from __future__ import annotations
 
 from pipeline.core.arrays import Array
+from pipeline.dynamics.compiled_system.closed import begin_reaction, close_reaction, close_response
 from pipeline.dynamics.compiled_system.held import (
     complete_constant,
     hold_single,
@@ -31,6 +32,7 @@ def _find_reaction(p: CompiledParameters, q: Array, block: int, D: Array, middle
     count = min(LANES, n - first)
     call_native(middle.inertia, (p.inputs, q, held.unit_rates[block], held.f))
     call_native(middle.solve_slow, (p.inputs, q, held.f, held.x))
+    close_reaction(p, held.x, first, count, n_slow)
     for i in range(n_slow):
         for lane in range(LANES):
             along[i, lane] = -held.x[i, lane]
@@ -56,6 +58,7 @@ def _keep_response(
     held = middle.held
     n_fast, n_slow, first, f, x = on_fast.shape[0], held.n_slow, LANES * block, held.f, held.x
     call_native(middle.solve, (p.inputs, q, f, x))
+    close_response(p, f, x)
     keep_columns(x, block, n_slow, on_fast)
     for i in range(n_slow):
         for lane in range(LANES):
@@ -68,9 +71,11 @@ def _keep_response(
 
 
 @inlined
-def _hold_coupled(p: CompiledParameters, q: Array, v: Array, D: Array, middle: MiddleCycle) -> None:
-    held, a, n_slow = middle.held, middle.a, middle.held.n_slow
+def hold_reacting(p: CompiledParameters, q: Array, v: Array, D: Array, middle: MiddleCycle, a: Array) -> None:
+    """Hold the fast equation at a state with accelerations a, the slow coordinates reacting to the fast ones."""
+    held, n_slow = middle.held, middle.held.n_slow
     plain = p.quaternions.shape[0] == 0  # positions follow as rates do
+    begin_reaction(p, middle.inertia, middle.solve_slow, q, n_slow)
     for block in range(middle.along_rates.shape[0]):
         _find_reaction(p, q, block, D, middle)
     for block in range(middle.along_rates.shape[0]):
@@ -105,7 +110,7 @@ def _hold_middle(p: CompiledParameters, t: float, q: Array, v: Array, D: Array, 
         for i in range(middle.held.n_slow, v.size):
             middle.held.slope[i] = 0.0
     else:
-        _hold_coupled(p, q, v, D, middle)
+        hold_reacting(p, q, v, D, middle, middle.a)
 
 
 @meaning(reacting_steps, CompiledParameters)

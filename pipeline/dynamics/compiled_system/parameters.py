@@ -21,6 +21,43 @@ class CompiledParameters(Table):
 
 
 @dataclass(frozen=True)
+class TreeParameters(CompiledParameters):
+    """Those of a mechanism without loops."""
+
+
+@dataclass(frozen=True)
+class Multipliers(Table):
+    """How n_rows constraints push a mechanism of which some coordinates are free: ``X = M̂⁻¹ Jᵀ`` and ``S = J X``."""
+
+    x: Array  # (n_blocks, n, 8): X, eight constraints to a block
+    s: Array  # (n_blocks, n_rows, 8): S
+    S: Array  # (n_rows, n_rows): factors of the same, scaled
+    scale: Array  # (n_rows,): of each constraint in it
+    order: IntArray  # (n_rows,): constraints in the order in which they are factored, redundant ones last
+    rank: IntArray  # (1,): how many are independent
+    fresh: Array  # (1,): 1 if order and rank are to be found at the next state
+    multiplier: Array  # (n_rows,)
+    push: Array  # (n,): change of accelerations, rates or positions by the multipliers
+    room: Array  # (n_rows,)
+
+
+@dataclass(frozen=True)
+class ClosedParameters(CompiledParameters):
+    """Those of a mechanism with loops, which `pipeline.dynamics.compiler.closures` explains, of n_rows constraints."""
+
+    closed: int  # addresses of the compiled functions
+    multipliers: int
+    gaps: int
+    units: Array  # (n_blocks, n_rows, 8): unit multipliers, eight to a block
+    J: Array  # (n_blocks, n, 8): Jᵀ, where sub-cycling needs it
+    whole: Multipliers  # with all coordinates free
+    slow: Multipliers  # with the fast ones held
+    g: Array  # (n_rows,): gaps, their rates and accelerations
+    rates: Array
+    w: Array
+
+
+@dataclass(frozen=True)
 class Leapfrog(Table):
     """A mechanism's leapfrog step, in one function where no rotation in space is a quaternion."""
 
@@ -100,3 +137,15 @@ class MiddleCycle(Table):
     rest: Array  # (n,): zeros
     row: Array  # (n,), room to work in
     fresh: Array  # (1,): 1 before a cycle's first fast step
+
+
+@dataclass(frozen=True)
+class ClosedCycle(Table):
+    """Equation of the fast coordinates of a mechanism with loops, held from a major cycle's begin on."""
+
+    middle: MiddleCycle  # the equation, in which slow coordinates and multipliers react
+    D: Array  # (n, n_slow): how the slow coordinates follow the fast ones
+    ahead: Array  # (1,): how far the slow motion is followed to see what it changes [s]
+    q: Array  # (n_positions,): the state there
+    v: Array  # (n,)
+    a: Array  # (n,)

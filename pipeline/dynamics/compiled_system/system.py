@@ -3,28 +3,37 @@
 from __future__ import annotations
 
 from functools import cached_property
+from typing import Any
 
 import numpy as np
 
+import pipeline.dynamics.compiled_system.closed
+import pipeline.dynamics.compiled_system.closed_cycle
 import pipeline.dynamics.compiled_system.held
 import pipeline.dynamics.compiled_system.kernels
 import pipeline.dynamics.compiled_system.middle  # noqa: F401 - all give the functions of `system` their meaning here
 from pipeline.core.arrays import Array, IntArray
 from pipeline.dynamics.compiled_system.couplings import Couplings, find_couplings, find_inertial_coupling
 from pipeline.dynamics.compiled_system.parameters import (
+    ClosedCycle,
+    ClosedParameters,
     CompiledParameters,
     HeldCycle,
     Leapfrog,
     MiddleCycle,
+    Multipliers,
+    TreeParameters,
 )
+from pipeline.dynamics.compiler.closures import scale_rows
 from pipeline.dynamics.compiler.compiled import CompiledMechanism
 from pipeline.dynamics.compiler.program import LANES
 from pipeline.dynamics.jit.compiled import aligned
 from pipeline.dynamics.links import FREE, SPHERICAL
 from pipeline.dynamics.mechanism import Mechanism
-from pipeline.dynamics.vibration import highest_frequency
+from pipeline.dynamics.vibration import highest_frequency, largest_leapfrog_step
 
 _ROOM = ("v_now", "d", "rising")  # vectors of `HeldCycle` that hold no coefficients
+_SHARE_AHEAD = 1e-2  # of a major cycle, over which the slow motion of a mechanism with loops is followed
 _AHEAD = 16  # steps for which loads are evaluated before coordinates go through them
 _MOST_UNROLLED = 64  # fast coordinates: beyond, code without loops takes longer to compile than it saves
 
@@ -67,6 +76,11 @@ class CompiledSystem:
         return self.mechanism.groups
 
     @property
+    def settles(self) -> bool:
+        """True if the end of a step is changed after it: loops close, or quaternions become unit ones."""
+        return bool(self.compiled.rows) or self.n_positions != self.n
+
+    @property
     def breakpoints(self) -> tuple[float, ...]:
         """Times at which a load or a motion jumps, has a kink or begins to vary much faster [s], ascending."""
         return self.mechanism.breakpoints
@@ -98,14 +112,59 @@ class CompiledSystem:
                 quaternions.append((rate + slides, first + slides))
             modes = mechanism.modes_of(k)
             position[modes] = modes + self.n_positions - self.n
-        return CompiledParameters(
-            accelerations=self.compiled.address("accelerations"),
-            signals=self.compiled.address("signals") if self.compiled.signals else 0,
-            inputs=np.zeros(3 * len(self.compiled.signals)),
-            clock=np.full(2, np.nan),
-            position=position,
-            quaternions=np.array(quaternions, dtype=np.int64).reshape(-1, 2),
+        address, rows = self.compiled.address, self.compiled.rows
+        own: dict[str, Any] = {
+            "accelerations": 0 if rows else address("accelerations"),
+            "signals": address("signals") if self.compiled.signals else 0,
+            "inputs": np.zeros(3 * len(self.compiled.signals)),
+            "clock": np.full(2, np.nan),
+            "position": position,
+            "quaternions": np.array(quaternions, dtype=np.int64).reshape(-1, 2),
+        }
+        if not rows:
+            return TreeParameters(**own)
+        n_rows, n_blocks = len(rows), -(-len(rows) // LANES)
+        units = np.zeros((n_blocks, n_rows, LANES))
+        for k in range(n_rows):
+            units[k // LANES, k, k % LANES] = 1.0
+        g, rates, w = aligned(*3 * [n_rows])
+        return ClosedParameters(
+            **own,
+            closed=address("closed"),
+            multipliers=address("multipliers"),
+            gaps=address("gaps"),
+            units=units,
+            J=np.zeros((n_blocks, self.n, LANES)),
+            whole=self._multipliers(),
+            slow=self._multipliers(),
+            g=g,
+            rates=rates,
+            w=w,
         )
+
+    def _multipliers(self) -> Multipliers:
+        """Room for how the constraints push the mechanism."""
+        n_rows = len(self.compiled.rows)
+        n_blocks = -(-n_rows // LANES)
+        multiplier, room = aligned(n_rows, n_rows)
+        (push,) = aligned(self.n)
+        return Multipliers(
+            x=np.zeros((n_blocks, self.n, LANES)),
+            s=np.zeros((n_blocks, n_rows, LANES)),
+            S=np.zeros((n_rows, n_rows)),
+            scale=1.0 / np.sqrt(self.constraint_scales),
+            order=np.arange(n_rows),
+            rank=np.zeros(1, dtype=np.int64),
+            fresh=np.ones(1),
+            multiplier=multiplier,
+            push=push,
+            room=room,
+        )
+
+    @cached_property
+    def constraint_scales(self) -> Array:
+        """How fast unit multipliers would accelerate the gaps of free rigid bodies, shape (n_rows,)."""
+        return scale_rows(self.mechanism, self.compiled.rows)
 
     @cached_property
     def couplings(self) -> Couplings:
@@ -119,11 +178,15 @@ class CompiledSystem:
     @cached_property
     def _leapfrog(self) -> Leapfrog:
         step, v_now = aligned(1, self.n)
-        plain = not len(self._parameters.quaternions)
+        plain = not (len(self._parameters.quaternions) or self.compiled.rows)
         return Leapfrog(self.compiled.address("leap") if plain else 0, step, v_now)
 
-    def frozen(self, cycle: float) -> HeldCycle:
+    def frozen(self, cycle: float) -> HeldCycle | ClosedCycle:
         """Fresh storage for the fast coordinates' equation over a major cycle of a duration [s]."""
+        if self.compiled.rows:
+            q, v, a = aligned(self.n_positions, self.n, self.n)
+            D = np.zeros((self.n, self.n_slow))
+            return ClosedCycle(self.middle(cycle), D, np.array([_SHARE_AHEAD * cycle]), q, v, a)
         held = self._frozen.renewed()
         held.cycle[0] = cycle
         return held
@@ -254,9 +317,36 @@ class CompiledSystem:
     @cached_property
     def highest_reacting_frequency(self) -> float:
         """Highest angular frequency of the fast coordinates with ``q_L + M_LL⁻¹ M_LS q_S`` held [rad/s]."""
+        M, K, _ = self._reacting
+        return highest_frequency(M, K)
+
+    @property
+    def _reacting(self) -> tuple[Array, Array, Array]:
+        """Mass, stiffness and damping of the fast coordinates with the slow ones free to react."""
         slow, fast, M = slice(0, self.n_slow), slice(self.n_slow, None), self._reference_mass
         T = np.concatenate([-np.linalg.solve(M[slow, slow], M[slow, fast]), np.eye(self.n - self.n_slow)])
-        return highest_frequency(T.T @ M @ T, T.T @ self.mechanism.linear_forces.K @ T)
+        M, K, C = (T.T @ A @ T for A in self.linear_matrices)
+        return M, K, C
+
+    @cached_property
+    def largest_step(self) -> float:
+        """Longest stable leapfrog step in the reference state [s]."""
+        return largest_leapfrog_step(*self.linear_matrices)
+
+    @cached_property
+    def largest_fast_step(self) -> float:
+        """Longest stable leapfrog step of the fast coordinates with the slow ones held [s]."""
+        return largest_leapfrog_step(*(A[self.n_slow :, self.n_slow :] for A in self.linear_matrices))
+
+    @cached_property
+    def largest_reacting_step(self) -> float:
+        """Longest stable leapfrog step of the fast coordinates with ``q_L + M_LL⁻¹ M_LS q_S`` held [s]."""
+        return largest_leapfrog_step(*self._reacting)
+
+    @cached_property
+    def largest_slow_step(self) -> float:
+        """Longest stable leapfrog step of the slow coordinates with the fast ones held [s]."""
+        return largest_leapfrog_step(*(A[: self.n_slow, : self.n_slow] for A in self.linear_matrices))
 
     @cached_property
     def highest_slow_frequency(self) -> float:

@@ -10,6 +10,8 @@ from typing import Any
 import numpy as np
 
 from pipeline.core.arrays import Array
+from pipeline.dynamics.closures import Closure
+from pipeline.dynamics.compiler.closures import ConstraintRow, trace_rows
 from pipeline.dynamics.compiler.coordinates import Coordinates
 from pipeline.dynamics.compiler.digest import digest_mechanism
 from pipeline.dynamics.compiler.frames import MovingFrame, trace_frames
@@ -22,6 +24,8 @@ from pipeline.dynamics.compiler.store import load_object, load_program
 from pipeline.dynamics.compiler.structure import describe_structure
 from pipeline.dynamics.mechanism import Mechanism
 from pipeline.dynamics.signals.signal import Signal
+
+_REDUNDANT = 1e-8  # of the largest singular value: constraints that others imply
 
 
 class CompiledMechanism:
@@ -53,6 +57,11 @@ class CompiledMechanism:
     @cached_property
     def _signal_values(self) -> LoadedObject:
         return load_object("signals", digest_signals(self.signals), lambda: emit_signals(self.signals))
+
+    @cached_property
+    def rows(self) -> list[ConstraintRow]:
+        """Scalar constraints of a mechanism with loops, those that hold in every state left out."""
+        return trace_rows(self._inputs, self._frames) if self.mechanism.closures else []
 
     def program(self, name: str) -> Program:
         """Return a function as a traced program."""
@@ -161,6 +170,48 @@ class CompiledMechanism:
             return x
 
         return _in_blocks(along, f, len(f))
+
+    def gaps(self, t: float, q: Array, v: Array) -> tuple[Array, Array]:
+        """Return the constraints' gaps and their rates, shape (n_rows,) each; lengths [m], angles [rad] or cosines."""
+        g, rates = np.zeros((2, len(self.rows)))
+        if len(g):
+            self.call("gaps", self.signal_values(t), *_contiguous(q, v), g, rates)
+        return g, rates
+
+    def multipliers(self, t: float, q: Array) -> tuple[Array, Array]:
+        """Return ``M̂⁻¹ Jᵀ`` (n, n_rows) and ``J M̂⁻¹ Jᵀ`` (n_rows, n_rows) of the constraints."""
+        n, inputs, (positions,) = self.mechanism.n, self.signal_values(t), _contiguous(q)
+
+        def along(block: Array) -> Array:
+            x, s = np.zeros((n, LANES)), np.zeros(block.shape)
+            self.call("multipliers", inputs, positions, block, x, s)
+            return np.concatenate([x, s])
+
+        both = _in_blocks(along, np.eye(len(self.rows)), n + len(self.rows))
+        return both[:n], both[n:]
+
+    def reactions(self, t: float, q: Array, v: Array) -> dict[str, Array]:
+        """Return force [N] and moment [N m] of each joint that closes a loop on its parent and on its child.
+
+        Where constraints are redundant, of all multipliers that do the same the smallest are taken.
+
+        Returns
+        -------
+        dict of str to ndarray, shape (2, 6)
+            In space, about the joint's places, by the joints' names.
+        """
+        names = [closure.name for closure in self.mechanism.closures if isinstance(closure, Closure)]
+        n_rows, inputs, state = len(self.rows), self.signal_values(t), _contiguous(q, v)
+        wrenches = np.zeros((len(names), 2, 6))
+        if n_rows and names:
+            _, S = self.multipliers(t, q)
+            units, room = np.zeros((n_rows, LANES)), np.zeros((2, n_rows, LANES))
+            a, w, x = np.zeros(self.mechanism.n), np.zeros(n_rows), np.zeros((self.mechanism.n, LANES))
+            self.call("closed", inputs, *state, units, a, w, x, room[0])
+            scale = np.sqrt(np.maximum(S.diagonal(), 1e-300))
+            smallest = -np.linalg.lstsq(S / np.outer(scale, scale), w / scale, rcond=_REDUNDANT)[0] / scale
+            self.call("reactions", inputs, *state, smallest, wrenches)
+        return dict(zip(names, wrenches, strict=True))
 
     def frames(self, t: float, q: Array, v: Array) -> tuple[Array, Array, Array]:
         """Return the bodies' origins (n_bodies, 3), rotations (n_bodies, 3, 3) and angular velocities in space."""

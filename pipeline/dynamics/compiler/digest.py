@@ -10,6 +10,7 @@ from typing import Any
 
 import numpy as np
 
+from pipeline.dynamics.closures import Coupler
 from pipeline.dynamics.compiler.coordinates import Coordinates, constant_value
 from pipeline.dynamics.signals.signal import Signal
 
@@ -24,6 +25,12 @@ def digest_mechanism(inputs: Coordinates) -> str:
     _add(pieces, inputs, [mechanism.links, mechanism.layout, mechanism.gravity])
     for load in mechanism.loads:
         _add(pieces, inputs, [numbers[load.body], load])
+    for closure in mechanism.closures:
+        if isinstance(closure, Coupler):
+            _add(pieces, inputs, [[numbers[body] for body in closure.joints], closure.factors, closure.offset])
+        else:
+            places = [numbers.get(place.body, -1) for place in (closure.first, closure.second)]
+            _add(pieces, inputs, [places, closure])
     return hashlib.blake2b(b"".join(pieces), digest_size=16).hexdigest()
 
 

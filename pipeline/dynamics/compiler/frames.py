@@ -160,8 +160,7 @@ def _trace_frame(inputs: Coordinates, number: int, link: Link, parent: MovingFra
     none = graph.zeros(0)
     q, v, spin = (parent.q, parent.v, parent.spin) if parent else (none, none, zero3)
     marker = trace_marker(graph, clean_marker(link.place_marker, n_parent), q, v)
-    swept = add(cross(spin, marker.arm), marker.moving)
-    beta = add(cross(spin, swept), marker.bending) + add(cross(spin, marker.turned), marker.turning)
+    beta = marker_bias(spin, marker)
     motion = _trace_joint(inputs, number, link, marker)
     w = times(transpose(motion.R), add(spin, marker.turned))  # of the joint's frame on the parent, in the body's axes
     swept = add(cross(w, motion.shift), scale(2.0, motion.sliding))
@@ -188,11 +187,17 @@ def _trace_frame(inputs: Coordinates, number: int, link: Link, parent: MovingFra
     )
 
 
+def marker_bias(spin: Vector3, marker: MarkerMotion) -> Vector6:
+    """Return how velocities alone accelerate a marker and its section on a body that spins."""
+    swept = add(cross(spin, marker.arm), marker.moving)
+    return add(cross(spin, swept), marker.bending) + add(cross(spin, marker.turned), marker.turning)
+
+
 @dataclass
 class _JointMotion:
     """Motion of a joint between its marker and its body, in the body's axes."""
 
-    R: Matrix  # from the body's axes into the parent's: the marker's rotation and the joint's
+    R: Matrix  # from the body's axes into the parent's: rotations of the marker, of the place's axes and of the joint
     shift: Vector3
     sliding: Vector3
     slide_acceleration: Vector3
@@ -204,7 +209,9 @@ class _JointMotion:
 def _trace_joint(inputs: Coordinates, number: int, link: Link, marker: MarkerMotion) -> _JointMotion:
     graph = inputs.graph
     zero3 = constants(graph, [0.0] * 3)
-    motion = _JointMotion(marker.R, zero3, zero3, zero3, zero3, zero3, [])
+    turned = (link.place_axes != np.eye(3)).any()
+    on_place = product(marker.R, [constants(graph, row) for row in link.place_axes]) if turned else marker.R
+    motion = _JointMotion(on_place, zero3, zero3, zero3, zero3, zero3, [])
     s, ds = inputs.joint_positions(number), inputs.joint_rates(number)
     if link.joint in (REVOLUTE, PRISMATIC):
         unit = clean_direction(link.axis)
@@ -214,7 +221,8 @@ def _trace_joint(inputs: Coordinates, number: int, link: Link, marker: MarkerMot
             known = inputs.signal(link.motion, derivatives=2)
         along, rate, acceleration = (scale(value, axis) for value in known)
         if link.joint == REVOLUTE:
-            motion.R = _turn_about(graph, marker, unit, known[0])
+            turn = rotation(graph, unit, known[0])
+            motion.R = product(on_place, turn) if turned else _turn_about(graph, marker, unit, known[0])
             motion.turning, motion.turn_acceleration = rate, acceleration
             motion.directions = [zero3 + axis]
         else:
@@ -224,7 +232,7 @@ def _trace_joint(inputs: Coordinates, number: int, link: Link, marker: MarkerMot
             motion.directions = []
     elif link.joint in (SPHERICAL, FREE):
         turn = _quaternion_rotation(s[-4:])
-        motion.R, motion.turning = product(marker.R, turn), ds[-3:]
+        motion.R, motion.turning = product(on_place, turn), ds[-3:]
         into_body = transpose(turn)
         if link.joint == FREE:
             motion.shift, motion.sliding = times(into_body, s[:3]), times(into_body, ds[:3])

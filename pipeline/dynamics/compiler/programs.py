@@ -11,6 +11,10 @@ are filled:
   the residual's derivatives; ``M̂ da`` by ``inertia``;
 - ``f`` (n, 8): eight generalised forces, and ``x`` (n, 8): ``M̂⁻¹ f``, or ``M̂_SS⁻¹ f_S`` of the fast coordinates and
   zeros for the slow ones, or ``M̂_LL⁻¹ f_L`` and zeros for the fast ones;
+- of a mechanism with loops (see `closures`) ``f`` (n_rows, 8): eight sets of multipliers, ``x`` and ``s`` (n_rows, 8):
+  ``M̂⁻¹ Jᵀ f`` and ``J M̂⁻¹ Jᵀ f``, ``w`` (n_rows,): accelerations of the gaps by the tree's, which are ``a`` then,
+  ``g`` and ``rates`` (n_rows,): gaps and their rates, and
+  ``wrenches`` (n_joints, 2, 6): force and moment in space on both places of each joint by multipliers ``f`` (n_rows,);
 - ``moved`` (n_positions,): how positions change. With the slow ones, and with the slow rates by their accelerations,
   the fast rows of the residual change by ``drift`` (n,), and by ``by_inputs`` (3 n_signals, n), ``by_positions`` and
   ``by_rates`` (n,) along each input, all fast positions and all fast rates;
@@ -30,6 +34,7 @@ from collections.abc import Callable
 from typing import NamedTuple
 
 from pipeline.dynamics.compiler.algebra import times
+from pipeline.dynamics.compiler.closures import MultiplierForces, trace_reactions, trace_rows
 from pipeline.dynamics.compiler.coordinates import Coordinates, RestingCoordinates
 from pipeline.dynamics.compiler.forces import ActingForces, GivenForces
 from pipeline.dynamics.compiler.frames import MovingFrame, trace_frames
@@ -152,6 +157,34 @@ def _solution(inputs: Coordinates, free: range) -> list[Output]:
     return _in_order_of_rates(inputs.mechanism, "x", values)
 
 
+def _closed(inputs: Coordinates, frames: list[MovingFrame]) -> list[Output]:
+    acting, rows = ActingForces(inputs), trace_rows(inputs, frames)
+    motion = trace_accelerations(frames, acting)
+    w = [row.acceleration(inputs, acting.ground, motion) + row.bias for row in rows]
+    return [*_in_order_of_rates(inputs.mechanism, "a", motion), *_in_row("w", 0, w), *_multipliers(inputs, frames)]
+
+
+def _multipliers(inputs: Coordinates, frames: list[MovingFrame]) -> list[Output]:
+    resting = RestingCoordinates(inputs.graph, inputs.mechanism)
+    at_rest = trace_frames(resting)
+    rows = trace_rows(resting, at_rest)
+    forces = MultiplierForces(resting, rows)
+    motion = trace_accelerations(at_rest, forces)
+    s = [row.acceleration(resting, forces.ground, motion) for row in rows]
+    return [*_in_order_of_rates(inputs.mechanism, "x", motion), *_in_row("s", 0, s)]
+
+
+def _gaps(inputs: Coordinates, frames: list[MovingFrame]) -> list[Output]:
+    rows = trace_rows(inputs, frames)
+    rates = [row.rate(inputs) for row in rows]
+    return [*_in_row("g", 0, [row.gap for row in rows]), *_in_row("rates", 0, rates)]
+
+
+def _reactions(inputs: Coordinates, frames: list[MovingFrame]) -> list[Output]:
+    both = [x for sides in trace_reactions(inputs, frames, "f") for wrench in sides for x in wrench]
+    return _in_row("wrenches", 0, both)
+
+
 def _frames(inputs: Coordinates, frames: list[MovingFrame]) -> list[Output]:
     outputs = []
     for frame in frames:
@@ -214,6 +247,10 @@ DEFINITIONS = {
     "solve": Definition(("inputs", "q", "f", "x"), _solve, lanes=("f", "x")),
     "solve_fast": Definition(("inputs", "q", "f", "x"), _solve_fast, lanes=("f", "x")),
     "solve_slow": Definition(("inputs", "q", "f", "x"), _solve_slow, lanes=("f", "x")),
+    "closed": Definition((*_STATE, "f", "a", "w", "x", "s"), _closed, lanes=("f", "x", "s")),
+    "multipliers": Definition(("inputs", "q", "f", "x", "s"), _multipliers, lanes=("f", "x", "s")),
+    "gaps": Definition((*_STATE, "g", "rates"), _gaps),
+    "reactions": Definition((*_STATE, "f", "wrenches"), _reactions),
     "frames": Definition((*_STATE, "origins", "rotations", "spins"), _frames),
     "markers": Definition(("inputs", "q", "positions", "rotations"), _markers),
     "energies": Definition((*_STATE, "energies"), _energies),

@@ -147,10 +147,11 @@ class ArticulatedBody:
 
 @dataclass
 class BodyValues:
-    """A body's share of what has the order of rates: entries of its joint and of its modes."""
+    """A body's share of what has the order of rates: entries of its joint and of its modes; and what its frame has."""
 
     joint: list[Scalar]
     modes: Vector
+    x: Vector6 = field(default_factory=list)
 
 
 def trace_accelerations(frames: list[MovingFrame], forces: Forces) -> list[BodyValues]:
@@ -262,7 +263,7 @@ def _accelerate(forces: Forces, body: ArticulatedBody, bodies: dict[int, Articul
     body.eta = forces.graph.zeros(len(frame.link.omega))
     if body.free.any():
         body.eta = _accelerate_modes(body)
-    return BodyValues(joint, body.eta)
+    return BodyValues(joint, body.eta, body.x)
 
 
 def _marker_motion(parent: ArticulatedBody, child: ArticulatedBody) -> Vector6 | None:

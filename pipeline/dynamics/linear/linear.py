@@ -12,7 +12,7 @@ from pipeline.dynamics.jit.compiled import meaning
 from pipeline.dynamics.linear.middle import middle_of
 from pipeline.dynamics.linear.parameters import FrozenLinear, LinearParameters, MiddleLinear
 from pipeline.dynamics.system import accelerations, advance, fast_steps, hold_slow, leapfrog_step, velocities
-from pipeline.dynamics.vibration import highest_frequency
+from pipeline.dynamics.vibration import highest_frequency, largest_leapfrog_step
 
 
 @dataclass(frozen=True)
@@ -108,9 +108,36 @@ class LinearSystem:
     @property
     def highest_reacting_frequency(self) -> float:
         """Highest angular frequency of the fast coordinates with ``q_L + M_LL⁻¹ M_LS q_S`` held [rad/s]."""
+        M, K, _ = self._reacting
+        return highest_frequency(M, K)
+
+    @property
+    def _reacting(self) -> tuple[Array, Array, Array]:
+        """Mass, stiffness and damping of the fast coordinates with the slow ones free to react."""
         slow, fast = slice(0, self.n_slow), slice(self.n_slow, None)
         T = np.concatenate([-np.linalg.solve(self.M[slow, slow], self.M[slow, fast]), np.eye(self.n - self.n_slow)])
-        return highest_frequency(T.T @ self.M @ T, T.T @ self.K @ T)
+        M, K, C = (T.T @ A @ T for A in self.linear_matrices)
+        return M, K, C
+
+    @property
+    def largest_step(self) -> float:
+        """Longest stable leapfrog step [s]."""
+        return largest_leapfrog_step(*self.linear_matrices)
+
+    @property
+    def largest_fast_step(self) -> float:
+        """Longest stable leapfrog step of the fast coordinates with the slow ones held [s]."""
+        return largest_leapfrog_step(*(A[self.n_slow :, self.n_slow :] for A in self.linear_matrices))
+
+    @property
+    def largest_reacting_step(self) -> float:
+        """Longest stable leapfrog step of the fast coordinates with ``q_L + M_LL⁻¹ M_LS q_S`` held [s]."""
+        return largest_leapfrog_step(*self._reacting)
+
+    @property
+    def largest_slow_step(self) -> float:
+        """Longest stable leapfrog step of the slow coordinates with the fast ones held [s]."""
+        return largest_leapfrog_step(*(A[: self.n_slow, : self.n_slow] for A in self.linear_matrices))
 
     @property
     def highest_slow_frequency(self) -> float:

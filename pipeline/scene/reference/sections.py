@@ -5,6 +5,7 @@ from __future__ import annotations
 from typing import NamedTuple
 
 from pipeline.scene.bodies import Bar, BarMesh, ModeSettings, Solid
+from pipeline.scene.ground import GroundPlace
 from pipeline.scene.imported_bodies import (
     CadFile,
     CadPart,
@@ -67,8 +68,9 @@ are flexible; rods, point masses and rigid bodies are not.
 """
 _JOINTS = """\
 A joint is a table `[joint.NAME]`, and its key `type` says of which kind it is. Bodies form a tree: each is the child of
-one joint, and through its joints hangs on the ground. A joint holds a marker of the child on a marker of the parent. At
-angle and displacement zero the frames of all bodies are parallel.
+one joint, and through its joints hangs on the ground. A joint holds a marker of the child on a marker of the parent, or
+on a place on the ground. At angle and displacement zero a body's frame is parallel to that of the body that carries it,
+or to the axes of its place on the ground.
 """
 _DRIVES = """\
 A drive is a table `[drive.NAME]`, and its key `type` says of which kind it is. Several drives may act on one joint,
@@ -140,6 +142,7 @@ SECTIONS = (
     Section("### Point mass", PointMass),
     Section("### Rigid body", RigidBody),
     Section("### Markers of a rigid body", PointMarker),
+    Section("## Places on the ground", GroundPlace),
     Section("## Joints", None, _JOINTS),
     Section("### Revolute joint", Revolute),
     Section("### Prismatic joint", Prismatic),

@@ -45,7 +45,7 @@ def frames(made: PointMechanism, t: complex, q: Array) -> list[tuple[Array, Arra
         if link.parent >= 0:
             origin, R, inner = out[link.parent]
         bent, turned = marker_motion(link.place_shapes, link.place_rotations, link.place_bow, inner)
-        origin, R = origin + R @ (link.place + bent), R @ expm(tilde(turned))
+        origin, R = origin + R @ (link.place + bent), R @ expm(tilde(turned)) @ link.place_axes
         axis = link.axis / np.linalg.norm(link.axis)
         s = q[mechanism.layout.position[k] : mechanism.layout.position[k] + link.n_positions]
         if link.motion is not None:

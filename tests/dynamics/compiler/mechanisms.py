@@ -6,6 +6,7 @@ from dataclasses import dataclass, replace
 from typing import NamedTuple
 
 import numpy as np
+from scipy.linalg import expm
 
 from pipeline.core.arrays import EPSILON, Array
 from pipeline.core.formula import parse_formula
@@ -112,12 +113,14 @@ def _random_link(
     elif rng.random() < 0.3:
         axis = np.eye(3)[rng.integers(3)]
     along = kind in (REVOLUTE, PRISMATIC)
+    turn = rng.normal(size=3) * ([0, 0, 1] if plane else [1, 1, 1]) * (rng.random() < 0.4)
     link = Link(
         f"body {number}",
         gram,
         kind,
         parent,
         place=rng.normal(size=3) * [1, 1, not plane],
+        place_axes=expm(np.cross(np.eye(3), turn)),
         axis=np.asarray(axis),
         omega=np.sort(rng.uniform(3.0, 9.0, n)),
         damping=rng.uniform(0.02, 0.1, n) if rng.random() < 0.7 else np.zeros(0),

@@ -1,0 +1,21 @@
+"""Joints that close loops: their child hangs on another joint already, or is a place on the ground."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+
+from pipeline.scene.joints import Joint
+
+OF_COORDINATES = ("angle", "position", "rate", "spin", "velocity", "spring", "rest", "damper")
+"""Keys of a joint that speak of its coordinates, of which a joint that closes a loop has none."""
+
+
+def closing_joints(joints: Mapping[str, Joint]) -> tuple[str, ...]:
+    """Return the names of the joints that close loops; of two that carry a body, the first is the tree's."""
+    carried, closing = set[str](), list[str]()
+    for name, joint in joints.items():
+        child = joint.child.partition(".")[0]
+        if child == "ground" or child in carried:
+            closing.append(name)
+        carried.add(child)
+    return tuple(closing)
