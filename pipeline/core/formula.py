@@ -73,8 +73,8 @@ class _Part:
     depth: int
 
 
-def parse_formula(text: str) -> Formula:
-    """Parse a formula of the time t in seconds, e.g. ``"1.5*sin(2*pi*10*t) if t < 0.2 else 0"``.
+def parse_formula(text: str, variable: str = "t") -> Formula:
+    """Parse a formula of the time t in seconds, or of another variable: ``"1.5*sin(2*pi*10*t) if t < 0.2 else 0"``.
 
     The syntax is Python's, but Python only parses and never runs it: any node of the tree that isn't on a list is
     refused.
@@ -84,6 +84,9 @@ def parse_formula(text: str) -> Formula:
     text : str
         Numbers, t, pi, ``+ - * / **``, sin, cos, tan, exp, log, sqrt, tanh, abs, min and max of two, and
         ``a if t < c else b`` with a constant c; 500 characters at most. Angles are in radians.
+
+    variable : str
+        Name of the variable that stands in place of t.
 
     Returns
     -------
@@ -116,6 +119,10 @@ def parse_formula(text: str) -> Formula:
     for node in ast.walk(tree.body):
         if isinstance(node, ast.expr):
             node.col_offset += indent
+        if isinstance(node, ast.Name) and variable != "t":
+            if node.id == "t":
+                raise _refusal(node, f"there is no 't'; the formula's variable is {variable}")
+            node.id = "t" if node.id == variable else node.id
     breakpoints: set[float] = set()
     try:
         part = _read(tree.body, breakpoints)

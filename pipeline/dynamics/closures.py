@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field, replace
+from typing import Self
 
 import numpy as np
 
@@ -29,14 +30,14 @@ class Place:
     body: str
     marker: MarkerShapes
 
-    def with_modes(self, kept: Mapping[str, IntArray]) -> Place:
+    def with_modes(self, kept: Mapping[str, IntArray]) -> Self:
         """Return the same on a body with some of its modes alone, by bodies' names."""
         if self.body not in kept:
             return self
         own, at = kept[self.body], self.marker
         bow = at.bow[:, own[:, None], own] if at.bow.size else at.bow
         moved, turned = (parts[:, own] if parts.size else parts for parts in (at.translation, at.rotation))
-        return Place(self.body, MarkerShapes(at.position, moved, turned, bow))
+        return replace(self, marker=MarkerShapes(at.position, moved, turned, bow))
 
 
 def fixed_place(position: Array) -> Place:

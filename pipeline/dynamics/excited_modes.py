@@ -114,6 +114,11 @@ def _acting(mechanism: Mechanism, b: int) -> tuple[list[Array], list[Array]]:
         if load.body == link.name:
             forces += list((load.rotations * inertia) if load.torque else (load.shapes * size))
             couplings += list(load.bow)
+    for element in mechanism.elements:
+        for end in element.ends:
+            if end.body == link.name:
+                forces += [*(end.marker.translation * size), *(end.marker.rotation * inertia)]
+                couplings += list(end.marker.bow)
     for other in mechanism.links:
         if other.parent == b:
             forces += [*(other.place_shapes * size), *(other.place_rotations * inertia)]
@@ -172,16 +177,18 @@ def _with_modes(mechanism: Mechanism, kept: Sequence[IntArray]) -> Mechanism:
     loads = [
         replace(
             load,
-            shapes=_columns(load.shapes, own),
-            rotations=_columns(load.rotations, own),
-            bow=_pairs(load.bow, own),
+            shapes=_columns(load.shapes, its),
+            rotations=_columns(load.rotations, its),
+            bow=_pairs(load.bow, its),
         )
         for load in mechanism.loads
-        for own in [kept[numbers[load.body]]]
+        for its in [kept[numbers[load.body]]]
     ]
     links = [_link_with(link, kept[b], kept[link.parent]) for b, link in enumerate(mechanism.links)]
-    closures = [closure.with_modes({name: kept[k] for name, k in numbers.items()}) for closure in mechanism.closures]
-    return replace(mechanism, links=links, loads=loads, slow_modes=slow, closures=closures)
+    own = {name: kept[number] for name, number in numbers.items()}
+    closures = [closure.with_modes(own) for closure in mechanism.closures]
+    elements = [element.with_modes(own) for element in mechanism.elements]
+    return replace(mechanism, links=links, loads=loads, slow_modes=slow, closures=closures, elements=elements)
 
 
 def _numbers(mechanism: Mechanism, part: Mechanism, kept: Sequence[IntArray]) -> tuple[IntArray, IntArray]:

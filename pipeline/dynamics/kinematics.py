@@ -21,19 +21,10 @@ from typing import NamedTuple
 import numpy as np
 
 from pipeline.core.arrays import EPSILON, Array
+from pipeline.dynamics.element_motion import States, element_energies
 from pipeline.dynamics.links import FREE, PRISMATIC, REVOLUTE, SPHERICAL, Link
 from pipeline.dynamics.mechanism import Mechanism
-
-_SMALL = 0.05  # angle [rad] below which series replace differences that cancel
-
-
-class BodyFrame(NamedTuple):
-    """A body's frame at each state: origin and rotation in space, velocity of the origin and angular velocity."""
-
-    origin: Array  # (n_times, 3) [m]
-    rotation: Array  # (n_times, 3, 3)
-    velocity: Array  # (n_times, 3) [m/s]
-    spin: Array  # (n_times, 3) [rad/s]
+from pipeline.dynamics.rotations import BodyFrame, matrix_of_quaternion, moved, rotation_matrix, rotation_rate, turned
 
 
 class Momenta(NamedTuple):
@@ -96,8 +87,8 @@ class Kinematics:
         if link.joint == REVOLUTE and len(link.joint_rotation) and link.motion is None:
             q, rates = self.modal_coordinates(body), self.modal_rates(body)
             bow = link.joint_bow[None] if link.joint_bow.size else np.zeros((1, 0, 0))
-            turned, turning = _moved(link.joint_rotation[None], bow, q, rates)
-            position, rate = position + turned[:, 0], rate + turning[:, 0]
+            angle, turning = moved(link.joint_rotation[None], bow, q, rates)
+            position, rate = position + angle[:, 0], rate + turning[:, 0]
         return np.asarray(position), np.asarray(rate)
 
     @cached_property
@@ -116,9 +107,9 @@ class Kinematics:
             return BodyFrame(np.broadcast_to(link.place, (n_times, 3)), axes @ link.place_axes, still, still)
         parent, q, rates = found[link.parent], self.modal_coordinates(link.parent), self.modal_rates(link.parent)
         rotation, spin = parent.rotation, parent.spin
-        bent, moving = _moved(link.place_shapes, link.place_bow[:3], q, rates)
+        bent, moving = moved(link.place_shapes, link.place_bow[:3], q, rates)
         if link.place_rotations.size or link.place_bow.size:
-            angle, turning = _moved(link.place_rotations, link.place_bow[3:], q, rates)
+            angle, turning = moved(link.place_rotations, link.place_bow[3:], q, rates)
             spin = spin + turned(rotation, rotation_rate(angle, turning))
             rotation = rotation @ rotation_matrix(angle)
         arm = turned(parent.rotation, link.place + bent)
@@ -174,17 +165,31 @@ class Kinematics:
         linear = gram.mass * V + np.cross(w, c) + c_rate
         angular = np.cross(c, V) + Jw + h
         energy = 0.5 * ((V * (linear + c_rate)).sum(axis=1) + (w * (angular + h)).sum(axis=1) + (rates**2).sum(axis=1))
+        if gram.second_order is not None:
+            energy = energy + gram.second_order.energy(q, rates)
         return Momenta(c, linear, angular, energy)
 
     @cached_property
+    def states(self) -> States:
+        """States of the bodies' frames and modes, for force elements."""
+        names = [link.name for link in self.mechanism.links]
+        q = {name: self.modal_coordinates(k) for k, name in enumerate(names)}
+        rates = {name: self.modal_rates(k) for k, name in enumerate(names)}
+        return States(dict(zip(names, self.frames, strict=True)), q, rates, len(self.q))
+
+    @cached_property
     def energies(self) -> tuple[Array, Array]:
-        """Kinetic and potential energy (strain, springs, gravity) [J], each of shape (n_times,)."""
+        """Kinetic and potential energy (strain, springs, stops, force elements, weight) [J], (n_times,) each."""
         kinetic = np.sum([momenta.energy for momenta in self.momenta], axis=0)
         potential = np.zeros(len(self.q))
         for body, link in enumerate(self.mechanism.links):
             potential += 0.5 * self.modal_coordinates(body) ** 2 @ link.omega**2
             if link.spring:
                 potential += 0.5 * link.spring * (self.along_joint(body)[0] - link.rest) ** 2
+            if link.law is not None:
+                potential += link.law.energies(self.along_joint(body)[0])
+        for element in self.mechanism.elements:
+            potential += element_energies(self.states, element)
         if np.any(self.mechanism.gravity):
             potential -= self._first_moment @ self.mechanism.gravity
         return np.asarray(kinetic), potential
@@ -227,7 +232,7 @@ class Kinematics:
     def displacement(self, body: int, name: str) -> Array:
         """Displacement of a marker by deformation in its body's frame and axes [m], shape (n_times, 3)."""
         at, q = self.mechanism.links[body].markers[name], self.modal_coordinates(body)
-        return _moved(at.translation, at.bow[:3], q, q)[0]
+        return moved(at.translation, at.bow[:3], q, q)[0]
 
     def deflection(self, body: int, name: str) -> Array:
         """Displacement of a marker by deformation, seen from the section at the body's joint [m], (n_times, 3).
@@ -240,68 +245,3 @@ class Kinematics:
             return own
         section, arm = link.markers[link.section], link.markers[name].position
         return np.asarray(own - q @ section.translation.T - np.cross(q @ section.rotation.T, arm))
-
-
-def _moved(shapes: Array, bow: Array, q: Array, rates: Array) -> tuple[Array, Array]:
-    """Displacements ``Φ q + ½ qᵀ bow q`` for Φ (k, n) and bow (k, n, n), and their rates, (n_times, k) each."""
-    moved, moving = (x @ shapes.T if shapes.size else np.zeros((len(x), len(shapes))) for x in (q, rates))
-    if bow.size:
-        slope = np.einsum("ajk,tk->taj", bow, q)
-        moved = moved + 0.5 * np.einsum("taj,tj->ta", slope, q)
-        moving = moving + np.einsum("taj,tj->ta", slope, rates)
-    return moved, moving
-
-
-def turned(rotation: Array, vectors: Array) -> Array:
-    """Turn one vector by each rotation: (n, 3, 3) and (n, 3) give (n, 3)."""
-    return np.asarray(np.einsum("tij,tj->ti", rotation, vectors))
-
-
-def rotation_matrix(angle: Array) -> Array:
-    """Rotation by each of the vectors ``angle``, (n, 3) [rad]: ``exp(θ̃)``, shape (n, 3, 3)."""
-    square = (angle**2).sum(axis=1)
-    one, two = _coefficients(square)
-    sine = (1.0 - square * two)[:, None, None]
-    skew = _skew(angle)
-    return np.asarray(np.eye(3) + sine * skew + one[:, None, None] * (skew @ skew))
-
-
-def rotation_rate(angle: Array, rate: Array) -> Array:
-    """Angular velocity in the axes before the turn of ``exp(θ̃)``: ``(1 + a θ̃ + b θ̃²) θ̇``, (n, 3) [rad/s]."""
-    one, two = (c[:, None] for c in _coefficients((angle**2).sum(axis=1)))
-    across = np.cross(angle, rate)
-    return np.asarray(rate + one * across + two * np.cross(angle, across))
-
-
-def _coefficients(square: Array) -> tuple[Array, Array]:
-    """``(1 − cos θ)/θ²`` and ``(θ − sin θ)/θ³`` for the squares of angles."""
-    size = np.sqrt(np.maximum(square, _SMALL**2))
-    one, two = (1.0 - np.cos(size)) / size**2, (size - np.sin(size)) / size**3
-    small = square <= _SMALL**2
-    one = np.where(small, 0.5 - square / 24 + square**2 / 720 - square**3 / 40320, one)
-    return one, np.where(small, 1 / 6 - square / 120 + square**2 / 5040 - square**3 / 362880, two)
-
-
-def _skew(a: Array) -> Array:
-    """Matrices of the cross products with each vector: ``skew(a) @ b = a × b``, shape (n, 3, 3)."""
-    return np.asarray(-np.einsum("abc,tc->tab", EPSILON, a))
-
-
-def matrix_of_quaternion(e: Array) -> Array:
-    """Rotations of unit quaternions (n, 4), scalar part last, shape (n, 3, 3)."""
-    skew = _skew(e[:, :3])
-    return np.asarray(np.eye(3) + 2.0 * (e[:, 3, None, None] * skew + skew @ skew))
-
-
-def quaternion_of_matrix(R: Array) -> Array:
-    """Unit quaternions (n, 4), scalar part last, of rotations (n, 3, 3) in a row; their signs go on without a jump."""
-    # The 4 × 4 matrix 4 e eᵀ: its row of the largest diagonal is e itself but for its size (Shepperd 1978).
-    K = np.empty((len(R), 4, 4))
-    trace = np.trace(R, axis1=1, axis2=2)
-    K[:, :3, :3] = R + R.swapaxes(1, 2) + (1.0 - trace)[:, None, None] * np.eye(3)
-    K[:, :3, 3] = K[:, 3, :3] = np.einsum("abc,tcb->ta", EPSILON, R)
-    K[:, 3, 3] = 1.0 + trace
-    e = K[np.arange(len(R)), np.argmax(np.einsum("tii->ti", K), axis=1)]
-    e /= np.linalg.norm(e, axis=1)[:, None]
-    flips = np.where((e[1:] * e[:-1]).sum(axis=1) < 0.0, -1.0, 1.0)
-    return np.asarray(e * np.cumprod(np.r_[1.0, flips])[:, None])

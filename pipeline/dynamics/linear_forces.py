@@ -20,18 +20,29 @@ class LinearForces(NamedTuple):
     own : ndarray, shape (n,)
         Stiffness of each mode and each spring by itself.
     K, C : ndarray, shape (n, n)
-        Stiffness and damping, with springs and dampers that grip a section which turns with its body's modes.
+        Stiffness and damping, with springs and dampers that grip a section which turns with its body's modes, and the
+        slope of friction at rest.
+    stop_K, stop_C : ndarray, shape (n, n)
+        What end stops add where all of them touch.
     """
 
     own: Array
     K: Array
     C: Array
+    stop_K: Array
+    stop_C: Array
+
+    def __add__(self, other: object) -> LinearForces:
+        """Return the sum with the forces of others."""
+        assert isinstance(other, LinearForces)
+        return LinearForces(*(a + b for a, b in zip(self, other, strict=True)))
 
 
 def gather_linear_forces(links: Sequence[Link], layout: Layout) -> LinearForces:
     """Gather the stiffness and the damping of all links."""
     n = layout.n
-    own, K, C = np.zeros(n), np.zeros((n, n)), np.zeros((n, n))
+    own = np.zeros(n)
+    K, C, stop_K, stop_C = np.zeros((4, n, n))
     for k, link in enumerate(links):
         modes = layout.mode[k, : len(link.omega)]
         own[modes] = link.omega**2
@@ -47,4 +58,8 @@ def gather_linear_forces(links: Sequence[Link], layout: Layout) -> LinearForces:
                 grip[modes] = link.joint_rotation
             K += link.spring * np.outer(grip, grip)
             C += link.damper * np.outer(grip, grip)
-    return LinearForces(own, K, C)
+            if link.law is not None:
+                C += link.law.resting_damping * np.outer(grip, grip)
+                stop_K += link.law.stop_stiffness * np.outer(grip, grip)
+                stop_C += link.law.stop_damping * np.outer(grip, grip)
+    return LinearForces(own, K, C, stop_K, stop_C)

@@ -8,6 +8,7 @@ from dataclasses import dataclass, field
 import numpy as np
 
 from pipeline.core.arrays import Array
+from pipeline.dynamics.force_laws import ForceLaw
 from pipeline.dynamics.signals.signal import Signal, constant
 from pipeline.reduction.body import MarkerShapes
 from pipeline.reduction.inertia import InertiaGram
@@ -62,6 +63,8 @@ class Link:
     section : str
         The marker on the section at the joint, from which deflections are seen; empty where they are seen from the
         body's frame itself.
+    law : ForceLaw, optional
+        End stops and friction along a revolute or prismatic joint, beside its spring and damper.
     place_axes : ndarray, shape (3, 3)
         Rotation from the joint's axes, those of the body at angle 0, into the parent's.
     """
@@ -87,6 +90,7 @@ class Link:
     joint_name: str = ""
     markers: Mapping[str, MarkerShapes] = field(default_factory=dict)
     section: str = ""
+    law: ForceLaw | None = None
     place_axes: Array = field(default_factory=lambda: np.eye(3))
 
     @property
@@ -122,9 +126,11 @@ class Link:
         for name in ("place_shapes", "place_rotations", "place_bow"):
             if (found := getattr(self, name).shape[1]) not in (0, parent_modes):
                 raise ValueError(f"{name} of {self.name} has {found} columns, its parent {parent_modes} modes")
-        along = self.spring or self.damper or self.motion or self.load != constant(0.0)
+        along = self.spring or self.damper or self.law or self.motion or self.load != constant(0.0)
         if along and self.joint not in (REVOLUTE, PRISMATIC):
             raise ValueError(f"the joint of {self.name} takes no spring, damper, load or motion: it has no axis")
+        if self.law and self.motion:
+            raise ValueError(f"the joint of {self.name} takes no stop and no friction: its motion is prescribed")
         if self.motion and len(self.joint_rotation) and np.abs(self.joint_rotation).max() > 1e-9:
             raise ValueError(f"the motion of {self.name} needs a basis whose section at the joint is held")
         if self.motion:

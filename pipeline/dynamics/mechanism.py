@@ -14,7 +14,8 @@ from functools import cached_property
 import numpy as np
 
 from pipeline.core.arrays import Array, IntArray
-from pipeline.dynamics.closures import Constraint, Coupler
+from pipeline.dynamics.closures import GROUND, Constraint, Coupler
+from pipeline.dynamics.elements import Element
 from pipeline.dynamics.layout import Layout, layout_of
 from pipeline.dynamics.linear_forces import LinearForces, gather_linear_forces
 from pipeline.dynamics.links import FREE, PRISMATIC, SPHERICAL, Link, PointLoad
@@ -48,6 +49,8 @@ class Mechanism:
         of others are 0.
     horizon : float
         Time [s] up to which loads are searched for short actions that adaptive steps must not miss; 0 searches none.
+    elements : sequence of PointSpring or Bushing
+        Force elements between two places.
 
     Raises
     ------
@@ -64,12 +67,14 @@ class Mechanism:
     horizon: float = 0.0
     closures: Sequence[Constraint] = ()
     assembled: Mapping[str, Sequence[float]] = field(default_factory=dict)
+    elements: Sequence[Element] = ()
 
     def __post_init__(self) -> None:
         links = {link.name: link for link in self.links}
         if not links or len(links) < len(self.links):
             raise ValueError(f"links need names of their own, and one link at least: {list(links)}")
         held = {body for closure in self.closures for body in closure.bodies}
+        held |= {end.body for element in self.elements for end in element.ends if end.body != GROUND}
         named = {*self.fast_joints, *self.slow_modes, *(at.body for at in self.loads), *held}
         if unknown := named - set(links):
             raise ValueError(f"no link is named {', '.join(sorted(unknown))}")
@@ -197,4 +202,7 @@ class Mechanism:
         ]
         loads = [replace(at, shapes=none, rotations=none, bow=np.zeros((6, 0, 0))) for at in self.loads]
         closures = [closure.rigid for closure in self.closures]
-        return Mechanism(links, self.fast_joints, self.gravity, loads, {}, self.horizon, closures, self.assembled)
+        elements = [element.rigid for element in self.elements]
+        return Mechanism(
+            links, self.fast_joints, self.gravity, loads, {}, self.horizon, closures, self.assembled, elements
+        )

@@ -8,18 +8,24 @@ From the leaves to the ground, Newton's and Euler's laws give what each joint tr
 from __future__ import annotations
 
 from dataclasses import dataclass, replace
+from typing import TypeVar
 
 import numpy as np
 
 from pipeline.core.arrays import Array
-from pipeline.dynamics.closures import Closure
-from pipeline.dynamics.kinematics import Kinematics, turned
+from pipeline.dynamics.closures import Closure, Place
+from pipeline.dynamics.element_motion import element_wrenches
+from pipeline.dynamics.kinematics import Kinematics
 from pipeline.dynamics.links import PointLoad
 from pipeline.dynamics.mechanism import Mechanism
 from pipeline.dynamics.reactions import closing_reactions
+from pipeline.dynamics.rotations import turned
 from pipeline.reduction.body import MarkerShapes
 
+AnyPlace = TypeVar("AnyPlace", bound=Place)
+
 _SHARE = 0.1
+_ELEMENT = "element "  # before a force element's name, which may be that of a joint too
 
 
 @dataclass(frozen=True)
@@ -34,7 +40,7 @@ class BodyLoads:
         Acceleration of its frame less that of free fall [m/s²].
     wrenches : ndarray, shape (n_loads, n_times, 6)
         Force [N] and moment [N m] of each body that it carries, then of each point load on it, then of each joint on it
-        that closes a loop.
+        that closes a loop, then of each force element's end on it.
     joint : ndarray, shape (n_times, 6)
         Force and moment of the joint that carries it, at its origin.
     """
@@ -49,7 +55,7 @@ class BodyLoads:
 def transmitted_loads(motion: Kinematics) -> list[BodyLoads]:
     """Compute the loads on each body of a mechanism over a motion that is sampled finely enough for its rates."""
     mechanism, frames = motion.mechanism, motion.frames
-    reactions = closing_reactions(mechanism, motion.times, motion.q, motion.v)
+    reactions = closing_reactions(mechanism, motion.times, motion.q, motion.v) | _element_reactions(motion)
     joints: dict[int, tuple[Array, Array]] = {}  # force and moment on a body at its origin, in space
     found: dict[int, BodyLoads] = {}
     for body in reversed(range(len(mechanism.links))):
@@ -57,13 +63,13 @@ def transmitted_loads(motion: Kinematics) -> list[BodyLoads]:
         into_body = frame.rotation.swapaxes(1, 2)
         spin, velocity = turned(into_body, frame.spin), turned(into_body, frame.velocity)
         acceleration = _rate(motion, velocity) + np.cross(spin, velocity) - into_body @ mechanism.gravity
-        carried, loads, closed = _loaded_places(mechanism, body)
+        carried, loads, held = _loaded_places(mechanism, body)
         pulls = [_on_carrier(motion, k, *joints[k]) for k in carried] + [_of_load(motion, body, at) for at in loads]
-        pulls += [(reactions[joint][:, side, :3], reactions[joint][:, side, 3:]) for joint, side, _ in closed]
+        pulls += [(reactions[name][:, side, :3], reactions[name][:, side, 3:]) for name, side, _ in held]
         wrenches = np.array([np.concatenate([turned(into_body, part) for part in pull], axis=1) for pull in pulls])
         wrenches = wrenches.reshape(len(pulls), len(motion.times), 6)
         places = [mechanism.links[k].place for k in carried] + [at.place for at in loads]
-        places += [at.position for _, _, at in closed]
+        places += [at.position for _, _, at in held]
         force, moment = _joint_load(motion, body, places, wrenches)
         found[body] = BodyLoads(
             spin, _rate(motion, spin), acceleration, wrenches, np.concatenate([force, moment], axis=1)
@@ -76,9 +82,9 @@ def geometric_stiffness_over(mechanism: Mechanism, body: int, loads: BodyLoads) 
     """Return what loads add to the modal stiffness of a body, shape (n_times, n, n) [1/s²]."""
     link = mechanism.links[body]
     gram, n = link.gram, len(link.omega)
-    carried, points, closed = _loaded_places(mechanism, body)
+    carried, points, held = _loaded_places(mechanism, body)
     K = np.zeros((len(loads.spin), n, n))
-    bows = [mechanism.links[k].place_bow for k in carried] + [at.bow for at in points] + [at.bow for *_, at in closed]
+    bows = [mechanism.links[k].place_bow for k in carried] + [at.bow for at in points] + [at.bow for *_, at in held]
     for wrench, bow in zip(loads.wrenches, bows, strict=True):
         if bow.size:
             K = K - np.einsum("tk,kij->tij", wrench, bow)
@@ -118,6 +124,12 @@ def without_negligible_terms(mechanism: Mechanism, body: int, loads: BodyLoads, 
 
     gram, axis = links[body].gram, links[body].axis / np.linalg.norm(links[body].axis)
     gram = replace(gram, bow=counting(gram.bow, loads.acceleration), curl=counting(gram.curl, loads.turning))
+    spin, n = loads.spin, len(omega)
+    products = (spin**2).sum(axis=1)[:, None, None] * np.eye(3) - spin[:, :, None] * spin[:, None, :]
+    if gram.stiffening.size and not counting(gram.stiffening.reshape(9, n, n), products.reshape(-1, 9)).size:
+        G = gram.G.copy()
+        G[:, :, 1:, 1:] += gram.stiffening
+        gram = replace(gram, G=G, stiffening=gram.stiffening[:, :, :0, :0])
     joint_bow = links[body].joint_bow
     if joint_bow.size:
         joint_bow = counting(joint_bow[None], (loads.joint[:, 3:] @ axis)[:, None])[0]
@@ -129,35 +141,46 @@ def without_negligible_terms(mechanism: Mechanism, body: int, loads: BodyLoads, 
     for k, load in enumerate(points):
         if load.body == links[body].name:
             points[k] = replace(load, bow=counting_bow(load.bow, next(wrenches)))
-    closures = list(mechanism.closures)
+
+    def counting_place(place: AnyPlace) -> AnyPlace:
+        if place.body != links[body].name:
+            return place
+        return replace(place, marker=replace(place.marker, bow=counting_bow(place.marker.bow, next(wrenches))))
+
+    closures, elements = list(mechanism.closures), list(mechanism.elements)
     for k, closure in enumerate(closures):
         if isinstance(closure, Closure):
-            sides = [
-                replace(place, marker=replace(place.marker, bow=counting_bow(place.marker.bow, next(wrenches))))
-                if place.body == links[body].name
-                else place
-                for place in (closure.first, closure.second)
-            ]
-            closures[k] = replace(closure, first=sides[0], second=sides[1])
-    return replace(mechanism, links=links, loads=points, closures=closures)
+            first, second = counting_place(closure.first), counting_place(closure.second)
+            closures[k] = replace(closure, first=first, second=second)
+    for k, element in enumerate(elements):
+        elements[k] = replace(element, ends=(counting_place(element.ends[0]), counting_place(element.ends[1])))
+    return replace(mechanism, links=links, loads=points, closures=closures, elements=elements)
 
 
 def _loaded_places(
     mechanism: Mechanism, body: int
 ) -> tuple[list[int], list[PointLoad], list[tuple[str, int, MarkerShapes]]]:
-    """Numbers of the bodies that a body carries, the point loads on it, and the joints on it that close loops.
+    """Numbers of the bodies that a body carries, the point loads on it, and what else holds it.
 
-    Of such a joint there are its name, the number of its place, and the marker there.
+    Of a joint that closes a loop, and of a force element, there are its name, the number of its place, and the marker.
     """
     carried, name = [k for k, other in enumerate(mechanism.links) if other.parent == body], mechanism.links[body].name
     closures = [closure for closure in mechanism.closures if isinstance(closure, Closure)]
-    closed = [
-        (closure.name, side, place.marker)
-        for closure in closures
-        for side, place in enumerate((closure.first, closure.second))
-        if place.body == name
+    pairs = [(closure.name, (closure.first, closure.second)) for closure in closures]
+    pairs += [(f"{_ELEMENT}{element.name}", element.ends) for element in mechanism.elements]
+    held = [
+        (key, side, place.marker) for key, places in pairs for side, place in enumerate(places) if place.body == name
     ]
-    return carried, [load for load in mechanism.loads if load.body == name], closed
+    return carried, [load for load in mechanism.loads if load.body == name], held
+
+
+def _element_reactions(motion: Kinematics) -> dict[str, Array]:
+    """Force and moment of each force element on its first and on its second place, in space, (n_times, 2, 6) each."""
+    found = {}
+    for element in motion.mechanism.elements:
+        sides = [np.concatenate(wrench, axis=1) for wrench in element_wrenches(motion.states, element)]
+        found[f"{_ELEMENT}{element.name}"] = np.stack(sides, axis=1)
+    return found
 
 
 def _rate(motion: Kinematics, values: Array) -> Array:

@@ -17,7 +17,7 @@ import numpy as np
 
 from pipeline.core.arrays import Array
 from pipeline.dynamics.jit.compiled import aligned, inner, kernel, meaning
-from pipeline.dynamics.system import System, accelerations
+from pipeline.dynamics.system import System, accelerations, project
 from pipeline.integrators.fixed_step import SingleSteps, march_fixed_steps, runs_away, sample_within, take_steps
 from pipeline.integrators.protocol import (
     Progress,
@@ -273,6 +273,7 @@ def _take_step(m: ExponentialSteps, p: Any, t: float) -> None:
     for i in range(m.v.size):
         m.q[i], m.v[i] = _flow(m, i, h, 1.0, full[i])
         m.a[i] = N0[i] - stiffness[i] * m.q_now[i]
+    project(p, t + h, m.q, m.v)
 
 
 @inner

@@ -192,6 +192,12 @@ def _move(p: Any, q: Array, change: Array) -> None:
 
 
 @kernel
+def evaluate_projection(p: Any, t: float, q: Array, v: Array) -> None:
+    """Bring a state at a time t [s] back onto the constraints of loops."""
+    project(p, t, q, v)
+
+
+@kernel
 def evaluate_velocities(p: Any, q: Array, v: Array, dq: Array) -> None:
     """Evaluate the time derivatives of a mechanism's position coordinates into dq."""
     velocities(p, q, v, dq)

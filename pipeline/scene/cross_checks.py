@@ -8,6 +8,7 @@ from dataclasses import dataclass
 
 from pipeline.core.units import unit_ratio
 from pipeline.scene.any_body import Body, Flexible
+from pipeline.scene.force_elements import ForceElement
 from pipeline.scene.ground import GroundPlace
 from pipeline.scene.joints import Joint
 from pipeline.scene.loads import Drive, MotionDrive, PointForce, PointTorque
@@ -15,6 +16,7 @@ from pipeline.scene.loops import OF_COORDINATES, closing_joints
 from pipeline.scene.outputs import JOINT_QUANTITIES, Chart, Export, Output
 from pipeline.scene.pictures import BodyPicture
 from pipeline.scene.reading import FaultError, suggest_name
+from pipeline.scene.runs import ScipyRun
 from pipeline.scene.simulation import Simulation
 
 _SINGLE = ("revolute", "prismatic")  # the joints with one coordinate
@@ -28,6 +30,8 @@ class CrossCheck:
     ----------
     body, ground, joint, drive : mapping
         Bodies, places on the ground, joints and drives by name.
+    elements : mapping
+        Force elements by table and name.
     simulation : Simulation, optional
         The integration over time, if the scene has one.
     output : sequence
@@ -38,12 +42,19 @@ class CrossCheck:
     ground: Mapping[str, GroundPlace]
     joint: Mapping[str, Joint]
     drive: Mapping[str, Drive]
+    elements: Mapping[str, Mapping[str, ForceElement]]
     simulation: Simulation | None
     output: Sequence[Output]
 
     def find_faults(self) -> list[FaultError]:
         """List all faults; the tree of bodies is checked once the names in it are right."""
-        names = [*self._check_joints(), *self._check_drives(), *self._check_simulation(), *self._check_outputs()]
+        names = [
+            *self._check_joints(),
+            *self._check_drives(),
+            *self._check_elements(),
+            *self._check_simulation(),
+            *self._check_outputs(),
+        ]
         return names or [*self._check_tree()]
 
     @property
@@ -68,6 +79,15 @@ class CrossCheck:
             if not faults and isinstance(drive, MotionDrive):
                 yield from self._check_motion(name, drive)
 
+    def _check_elements(self) -> Iterator[FaultError]:
+        for table, elements in self.elements.items():
+            for name, element in elements.items():
+                for number, place in enumerate(element.between):
+                    yield from self._check_place(place, table, name, "between", number)
+                first, second = element.between
+                if first == second or first.partition(".")[0] == second.partition(".")[0] == "ground":
+                    yield FaultError("must be two places that can move against each other", table, name, "between")
+
     def _check_motion(self, name: str, drive: MotionDrive) -> Iterator[FaultError]:
         """A prescribed motion leaves its joint no coordinate: nothing else may act along it."""
         joint = self.joint[drive.joint]
@@ -79,7 +99,7 @@ class CrossCheck:
         for other_name, also in self.drive.items():
             if other_name != name and getattr(also, "joint", None) == drive.joint:
                 yield FaultError(f"has no effect: '{name}' prescribes the joint's motion", "drive", other_name, "joint")
-        for key in (wanted, "rate", "spring", "damper"):
+        for key in (wanted, "rate", "spring", "damper", "stop", "friction"):
             if getattr(joint, key):
                 yield FaultError(f"has no effect: '{name}' prescribes the joint's motion", "joint", drive.joint, key)
         if self.simulation is not None and drive.joint in self.simulation.fast:
@@ -90,6 +110,10 @@ class CrossCheck:
         if self.simulation is None:
             return
         yield from self._check_marker(self.simulation.tip, "simulation", "tip")
+        for number, run in enumerate(self.simulation.run):
+            if isinstance(run, ScipyRun) and closing_joints(self.joint):
+                mend = "runge-kutta, exponential-rosenbrock and auto do"
+                yield FaultError(f"doesn't keep loops closed; {mend}", "simulation", "run", number, "integrator")
         for number, name in enumerate(self.simulation.fast):
             yield from self._check_joint(name, _SINGLE, "the fast list", "simulation", "fast", number)
 

@@ -2,11 +2,8 @@
 
 from __future__ import annotations
 
-from pipeline.core.units import Angle
 from pipeline.scene.reading import SceneTable
-from pipeline.scene.values import Point
-
-Turn = tuple[Angle, Angle, Angle]
+from pipeline.scene.values import Point, Turn
 
 
 class GroundPlace(SceneTable):

@@ -9,14 +9,18 @@ from pydantic import Field
 from pipeline.core.units import (
     Angle,
     AngularRate,
+    Force,
     Length,
     NonNegative,
+    Positive,
     RotationalDamping,
     RotationalStiffness,
+    Torque,
     TranslationalDamping,
     TranslationalStiffness,
     Velocity,
 )
+from pipeline.scene.force_elements import AngleStop, LengthStop
 from pipeline.scene.reading import SceneTable
 from pipeline.scene.values import Axis, MarkerName, PlaceName
 
@@ -44,6 +48,12 @@ class Revolute(SceneTable):
         Angle at which the spring is unstretched [rad].
     damper : float
         Coefficient of a damper about the axis [N m s/rad].
+    stop : AngleStop, optional
+        End stops.
+    friction : float
+        Largest friction about the axis [N m].
+    friction_rate : float
+        Angular rate at which friction has reached 71 % of that [rad/s].
 
     Examples
     --------
@@ -67,6 +77,9 @@ class Revolute(SceneTable):
     spring: Annotated[RotationalStiffness, NonNegative] = 0.0
     rest: Angle = 0.0
     damper: Annotated[RotationalDamping, NonNegative] = 0.0
+    stop: AngleStop | None = None
+    friction: Annotated[Torque, NonNegative] = 0.0
+    friction_rate: Annotated[AngularRate, Positive] = 1e-2
 
 
 class Prismatic(SceneTable):
@@ -90,6 +103,12 @@ class Prismatic(SceneTable):
         Displacement at which the spring is unstretched [m].
     damper : float
         Coefficient of a damper along the axis [N s/m].
+    stop : LengthStop, optional
+        End stops.
+    friction : float
+        Largest friction along the axis [N].
+    friction_rate : float
+        Speed at which friction has reached 71 % of that [m/s].
 
     Examples
     --------
@@ -113,6 +132,9 @@ class Prismatic(SceneTable):
     spring: Annotated[TranslationalStiffness, NonNegative] = 0.0
     rest: Length = 0.0
     damper: Annotated[TranslationalDamping, NonNegative] = 0.0
+    stop: LengthStop | None = None
+    friction: Annotated[Force, NonNegative] = 0.0
+    friction_rate: Annotated[Velocity, Positive] = 1e-3
 
 
 class Fixed(SceneTable):

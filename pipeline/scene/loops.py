@@ -6,7 +6,8 @@ from collections.abc import Mapping
 
 from pipeline.scene.joints import Joint
 
-OF_COORDINATES = ("angle", "position", "rate", "spin", "velocity", "spring", "rest", "damper")
+OF_COORDINATES = ("angle", "position", "rate", "spin", "velocity", "spring", "rest", "damper", "stop", "friction")
+
 """Keys of a joint that speak of its coordinates, of which a joint that closes a loop has none."""
 
 

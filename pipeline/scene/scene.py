@@ -16,6 +16,7 @@ from pipeline.core.html import facts, scaled
 from pipeline.core.units import PositiveFrequency, Share
 from pipeline.scene.any_body import Body, Flexible
 from pipeline.scene.cross_checks import CrossCheck
+from pipeline.scene.force_elements import Bearing, Bushing, ForceElement, Spring
 from pipeline.scene.ground import GroundPlace
 from pipeline.scene.joints import Joint
 from pipeline.scene.loads import Drive
@@ -69,6 +70,8 @@ class Scene(SceneTable):
         Joints by name. In a scene with a simulation every body is the child of one joint.
     drive : dict
         Torques, forces and prescribed motions by name.
+    spring, bushing, bearing : dict
+        Force elements between two places, by name.
     simulation_table : Simulation, optional
         The integration over time. Without it the scene has meshes and modes alone, and its bodies need no joint.
     reference : PublishedResults, optional
@@ -122,6 +125,9 @@ class Scene(SceneTable):
     ground: dict[Name, GroundPlace] = Field(default_factory=dict)
     joint: dict[Name, Joint] = Field(default_factory=dict)
     drive: dict[Name, Drive] = Field(default_factory=dict)
+    spring: dict[Name, Spring] = Field(default_factory=dict)
+    bushing: dict[Name, Bushing] = Field(default_factory=dict)
+    bearing: dict[Name, Bearing] = Field(default_factory=dict)
     simulation_table: Simulation | None = Field(default=None, alias="simulation")
     reference: PublishedResults | None = None
     output: tuple[Output, ...] = ()
@@ -158,6 +164,11 @@ class Scene(SceneTable):
         return self.simulation_table
 
     @property
+    def elements(self) -> dict[str, dict[str, ForceElement]]:
+        """The force elements by table and name."""
+        return {"spring": dict(self.spring), "bushing": dict(self.bushing), "bearing": dict(self.bearing)}
+
+    @property
     def flexible(self) -> dict[str, Flexible]:
         """The flexible bodies by name."""
         return {name: body for name, body in self.body.items() if isinstance(body, Flexible)}
@@ -179,7 +190,13 @@ class Scene(SceneTable):
     @model_validator(mode="after")
     def _fits_together(self) -> Scene:
         faults = CrossCheck(
-            self.body, self.ground, self.joint, self.drive, self.simulation_table, self.output
+            self.body,
+            self.ground,
+            self.joint,
+            self.drive,
+            self.elements,
+            self.simulation_table,
+            self.output,
         ).find_faults()
         if faults:
             faults[0].more = len(faults) - 1
@@ -223,6 +240,12 @@ def scene_table(scene: Scene) -> str:
         ("bodies", _list_kinds(scene.body, "shape")),
         ("joints", "; ".join(f"{name}: {j.type}, {j.parent} → {j.child}" for name, j in scene.joint.items())),
         ("drives", _list_kinds(scene.drive, "type")),
+        (
+            "springs",
+            ", ".join(
+                f"{name}: {' – '.join(e.between)}" for name, e in (scene.spring | scene.bushing | scene.bearing).items()
+            ),
+        ),
         ("outputs", ", ".join(output.file for output in scene.output)),
     ]
     if scene.moves:
@@ -234,6 +257,11 @@ def scene_table(scene: Scene) -> str:
         )
         rows[3:3] = [("simulation", spans), ("runs", methods)]
     return facts([(name, text) for name, text in rows if text], f"{scene.title} ({scene.file})")
+
+
+def _list_elements(scene: Scene) -> list[str]:
+    elements = [pair for table in scene.elements.values() for pair in table.items()]
+    return [f"{name}: {' – '.join(element.between)}" for name, element in elements]
 
 
 def _list_kinds(table: Mapping[str, Any], key: str) -> str:

@@ -11,7 +11,7 @@ from typing import Annotated, Literal
 
 from pydantic import AfterValidator, BeforeValidator, Field
 
-from pipeline.core.units import Length, to_si, unit_ratio
+from pipeline.core.units import Angle, Length, to_si, unit_ratio
 
 
 @dataclass(frozen=True, slots=True)
@@ -118,5 +118,6 @@ Count = Annotated[int, Field(strict=True, ge=1, le=1_000_000)]
 Order = Annotated[int, Field(strict=True, ge=1, le=2)]
 Formulation = Literal["enhanced", "plain"]
 Point = tuple[Length, Length, Length]
+Turn = tuple[Angle, Angle, Angle]
 Axis = Annotated[tuple[Number, Number, Number], AfterValidator(_check_direction), Words("list of 3 numbers, not all 0")]
 Plane = Annotated[tuple[int, float], BeforeValidator(_read_plane), Words('plane, e.g. ``"x = 0"`` or ``"z = 12 mm"``')]

@@ -29,11 +29,12 @@ _BELOW = 0.8  # of the critical step: the longest one to recommend
 
 
 class ReferenceMatrices(NamedTuple):
-    """Mass, stiffness and damping of an undeformed mechanism at rest, its slow coordinates first, (n, n) each."""
+    """Mass, stiffness and damping of an undeformed mechanism at rest, its slow coordinates first, and their number."""
 
     M: Array
     K: Array
     C: Array
+    n_slow: int
 
 
 @dataclass(frozen=True)
@@ -109,23 +110,23 @@ def find_limits(
         Wanted error of the recommended step, relative to the largest deformation.
     """
     limits = tuple(find_limit(system, reference, m, duration, points) for m in ratios)
-    step, m = recommend_step(reference.M, reference.K, system.n_slow, error, duration)
+    step, m = recommend_step(reference.M, reference.K, reference.n_slow, error, duration)
     step = min(step, _BELOW * limits[0].critical_step)
     if points:
         step, m = _recommend_along(points, step, m, error)
-    coupling = inertial_coupling(reference.M, system.n_slow)
-    return MechanismLimits(coupling, limits, points is not None, duration, system.n_slow, (step, m))
+    coupling = inertial_coupling(reference.M, reference.n_slow)
+    return MechanismLimits(coupling, limits, points is not None, duration, reference.n_slow, (step, m))
 
 
 def find_limit(
     system: System, reference: ReferenceMatrices, m: int, duration: float, points: OperatingPoints | None = None
 ) -> StepLimit:
     """Find the largest stable fast step of a mechanism with m fast steps to a slow one."""
-    M, K, C = reference
-    sudden, rate = find_sudden_step(M, K, system.n_slow, m)
+    M, K, C, n_slow = reference
+    sudden, rate = find_sudden_step(M, K, n_slow, m)
 
     def e_folds(step: float) -> float:
-        return float(duration / (m * step) * np.log(max(cycle_growth(M, K, system.n_slow, step, m, C), 1.0)))
+        return float(duration / (m * step) * np.log(max(cycle_growth(M, K, n_slow, step, m, C), 1.0)))
 
     critical, worst = longest_safe_step(e_folds, sudden, _BISECTIONS), 0.0
     if points:

@@ -19,7 +19,7 @@ from pipeline.dynamics.compiled_system.system import CompiledSystem
 from pipeline.dynamics.mechanism import Mechanism
 from pipeline.dynamics.system import System
 from pipeline.integrators.central_difference import CentralDifference
-from pipeline.integrators.protocol import ResumableIntegrator, evaluate
+from pipeline.integrators.protocol import ResumableIntegrator, evaluate, evaluate_projection
 from pipeline.stability.tangent import (
     POSITION_NUDGE,
     OperatingPoint,
@@ -122,7 +122,15 @@ def find_operating_points(
     undeformed = [
         OperatingPoint(float(t), *_with_joints(wanted, mechanism.rigid, q[k], v[k])) for k, t in enumerate(times)
     ]
-    return OperatingPoints(system, tuple(settle(system, at, resting) for at in undeformed), duration)
+    at_rest = _close if wanted.closures else settle
+    return OperatingPoints(system, tuple(at_rest(system, at, resting) for at in undeformed), duration)
+
+
+def _close(system: System, at: OperatingPoint, rates: IntArray) -> OperatingPoint:
+    """Bring a state onto the constraints of loops; modes are left undeformed, for joints would have to follow them."""
+    q, v = at.q.copy(), at.v.copy()
+    evaluate_projection(system.parameters, at.time, q, v)
+    return replace(at, q=q, v=v)
 
 
 def settle(system: System, at: OperatingPoint, rates: IntArray) -> OperatingPoint:

@@ -13,6 +13,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from pipeline.core.arrays import Array
+from pipeline.core.errors import StabilityError
 from pipeline.dynamics.system import System
 from pipeline.integrators.protocol import ResumableIntegrator, evaluate, evaluate_velocities
 
@@ -76,6 +77,8 @@ def scheme_growth_rates(method: ResumableIntegrator, system: System, at: Operati
         The march diverges within the span.
     """
     A, duration = scheme_tangent(method, system, at, span)
+    if not np.isfinite(A).all():  # a disturbed march diverged
+        raise StabilityError(f"{method.name} diverges within {duration:.3g} s of t = {at.time:.3g} s")
     moduli = np.maximum(np.abs(np.linalg.eigvals(A)), 1e-300)
     return np.sort(np.log(moduli))[::-1] / duration
 

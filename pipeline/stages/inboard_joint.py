@@ -85,6 +85,7 @@ def read_inboard_joint(scene: Scene, body: str) -> InboardJoint:
     in_plane += [_across(normal, slide) for slide in slides]
     in_plane += [not gravity or _across(normal, scene.simulation.gravity)]
     in_plane += [_acts_in_plane(scene, drive, normal) for drive in scene.drive.values()]
+    in_plane += [not any(scene.elements.values())]  # which may pull across any plane
     free: tuple[Direction, ...] = ()
     if joint.type == "revolute" and not prescribed:
         free = (axis,)
@@ -111,6 +112,7 @@ def _loaded_markers(scene: Scene, body: str, normal: Direction) -> tuple[tuple[s
     for drive in scene.drive.values():
         if drive.type in ("point force", "point torque"):
             places[drive.marker] = places.get(drive.marker, True) and _acts_in_plane(scene, drive, normal)
+    places |= {at: False for table in scene.elements.values() for element in table.values() for at in element.between}
     own = {place.partition(".")[2]: flat for place, flat in places.items() if place.partition(".")[0] == body}
     return tuple(sorted(own.items()))
 

@@ -18,6 +18,7 @@ from pipeline.dynamics.signals.signal import Signal, constant, half_sine, total
 from pipeline.reduction.body import FlexibleBody, MarkerShapes
 from pipeline.reduction.inertia import InertiaGram
 from pipeline.stages.assembly import assemble, close_start, given_joints
+from pipeline.stages.force_elements import add_elements, joint_law
 from pipeline.stages.ground import ground_place
 from pipeline.stages.inboard_joint import read_inboard_joint
 from pipeline.stages.signals import require_sound_drives, signal_of
@@ -59,7 +60,8 @@ def build_mechanism(
         mechanism = Mechanism(links, fast_joints, gravity, loads, slow_modes or {}, scene.simulation.duration, closures)
     except ValueError as error:
         raise InputError(scene.file, "drive", None, str(error)) from error
-    return assemble(scene, mechanism) if closures else mechanism
+    mechanism = assemble(scene, mechanism) if closures else mechanism
+    return add_elements(scene, mechanism, places.on_either, place_joints)
 
 
 def find_start(scene: Scene, system: CompiledSystem) -> tuple[Array, Array]:
@@ -150,7 +152,7 @@ def _link(scene: Scene, places: _Places, body: str) -> Link:
         gram = _gram(scene.body[body], places.origin(body))
     if joint.type in ("revolute", "prismatic"):
         axis = np.array(joint.axis, dtype=float)
-        settings |= {"spring": joint.spring, "rest": joint.rest, "damper": joint.damper}
+        settings |= {"spring": joint.spring, "rest": joint.rest, "damper": joint.damper, "law": joint_law(joint)}
         settings |= {"axis": axis, "motion": _motion(scene, name), "load": _load(scene, name, gram, axis)}
         if joint.type == "revolute" and body in places.bodies and settings["motion"] is None:
             settings |= {"joint_rotation": reduced.joint_rotation, "joint_bow": reduced.joint_bow}

@@ -242,8 +242,8 @@ class Pipeline:
 
     @property
     def reference_matrices(self) -> tuple[Array, Array]:
-        """Mass and stiffness of the undeformed mechanism, (n, n) each, in the order of its rates."""
-        M, K, _ = self.system.linear_matrices
+        """Mass and stiffness of the motions of the undeformed mechanism that are free, (n, n) each, slow ones first."""
+        M, K, _, _ = self.system.free_motion
         return M, K
 
     @cached_property

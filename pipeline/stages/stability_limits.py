@@ -23,13 +23,13 @@ def find_scene_limits(pipeline: Pipeline, ratios: Sequence[int], along: bool) ->
     """
     simulation = pipeline.scene.simulation
     system = _split(pipeline)
-    reference, points = ReferenceMatrices(*system.linear_matrices), None
+    reference, points = ReferenceMatrices(*system.stiffest_motion), None
     if along:
         points = find_operating_points(system, pipeline.mechanism, *pipeline.start, simulation.duration)
     with pipeline.store.monitor("stability") as advance:
         counted = _counted(ratios, advance)
         limits = find_limits(system, reference, counted, simulation.duration, simulation.error, points)
-    if points:
+    if points and not system.mechanism.closures:
         masses = [system.mass_matrix(at.q, at.time) for at in points.points]
         coupling = max(limits.coupling, *(inertial_coupling(mass, system.n_slow) for mass in masses))
         limits = replace(limits, coupling=coupling)

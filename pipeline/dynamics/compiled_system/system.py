@@ -14,6 +14,7 @@ import pipeline.dynamics.compiled_system.kernels
 import pipeline.dynamics.compiled_system.middle  # noqa: F401 - all give the functions of `system` their meaning here
 from pipeline.core.arrays import Array, IntArray
 from pipeline.dynamics.compiled_system.couplings import Couplings, find_couplings, find_inertial_coupling
+from pipeline.dynamics.compiled_system.free_motion import FreeMotion, free_motion
 from pipeline.dynamics.compiled_system.parameters import (
     ClosedCycle,
     ClosedParameters,
@@ -27,7 +28,9 @@ from pipeline.dynamics.compiled_system.parameters import (
 from pipeline.dynamics.compiler.closures import scale_rows
 from pipeline.dynamics.compiler.compiled import CompiledMechanism
 from pipeline.dynamics.compiler.program import LANES
+from pipeline.dynamics.element_linearisation import linearise_forces
 from pipeline.dynamics.jit.compiled import aligned
+from pipeline.dynamics.linear_forces import LinearForces
 from pipeline.dynamics.links import FREE, SPHERICAL
 from pipeline.dynamics.mechanism import Mechanism
 from pipeline.dynamics.vibration import highest_frequency, largest_leapfrog_step
@@ -36,6 +39,8 @@ _ROOM = ("v_now", "d", "rising")  # vectors of `HeldCycle` that hold no coeffici
 _SHARE_AHEAD = 1e-2  # of a major cycle, over which the slow motion of a mechanism with loops is followed
 _AHEAD = 16  # steps for which loads are evaluated before coordinates go through them
 _MOST_UNROLLED = 64  # fast coordinates: beyond, code without loops takes longer to compile than it saves
+
+_BYTES_OF_OPERATION = 6.0  # of machine code, five to eight where it is long
 
 
 class CompiledSystem:
@@ -69,6 +74,11 @@ class CompiledSystem:
     def n_slow(self) -> int:
         """Number of slow rates."""
         return self.mechanism.n_slow
+
+    @property
+    def evaluation_cost(self) -> float:
+        """Operations of an evaluation of the accelerations, by the size of their machine code."""
+        return self.compiled.n_bytes() / _BYTES_OF_OPERATION
 
     @property
     def groups(self) -> tuple[IntArray, IntArray]:
@@ -280,21 +290,50 @@ class CompiledSystem:
     def _reference_mass(self) -> Array:
         return self.mass_matrix(self.mechanism.rest_positions)
 
+    @cached_property
+    def linear_forces(self) -> LinearForces:
+        """Constant stiffness and damping of modes, joints and force elements in the reference state."""
+        return linearise_forces(self.mechanism)
+
+    @property
+    def stiffest_matrices(self) -> tuple[Array, Array, Array]:
+        """Mass, stiffness and damping of the undeformed mechanism with all its end stops touched, (n, n) each."""
+        forces = self.linear_forces
+        return self._reference_mass, forces.K + forces.stop_K, forces.C + forces.stop_C
+
     @property
     def linear_matrices(self) -> tuple[Array, Array, Array]:
-        """Mass, stiffness and damping of the undeformed mechanism, (n, n) each."""
-        return self._reference_mass, self.mechanism.linear_forces.K, self.mechanism.linear_forces.C
+        """Mass, stiffness and damping of the undeformed mechanism, (n, n) each; what loops hold moves, too."""
+        return self._reference_mass, self.linear_forces.K, self.linear_forces.C
+
+    @cached_property
+    def free_motion(self) -> FreeMotion:
+        """Mass, stiffness and damping of the motions of the undeformed mechanism that its loops leave free."""
+        return free_motion(*self.linear_matrices, self.n_slow, self._reference_constraints)
+
+    @cached_property
+    def stiffest_motion(self) -> FreeMotion:
+        """The same with all end stops touched."""
+        return free_motion(*self.stiffest_matrices, self.n_slow, self._reference_constraints)
+
+    @cached_property
+    def _reference_constraints(self) -> Array:
+        """J of the loops' constraints in the reference state, shape (n_rows, n)."""
+        if not self.compiled.rows:
+            return np.zeros((0, self.n))
+        X, _ = self.compiled.multipliers(0.0, self.mechanism.rest_positions)
+        return np.asarray(X.T @ self._reference_mass)
 
     @property
     def stiffness(self) -> Array:
         """Squared modal frequencies, and springs over what they move in the undeformed mechanism [1/s²]."""
-        return self.mechanism.linear_forces.own / self._reference_mass.diagonal()
+        return self.linear_forces.own / self._reference_mass.diagonal()
 
     @property
     def frequencies_hz(self) -> Array:
         """Of each mode and of each joint by itself, undeformed [Hz], shape (n,); 0 where nothing holds it."""
         mechanism = self.mechanism
-        own = np.sqrt(mechanism.linear_forces.K.diagonal() / self._reference_mass.diagonal())
+        own = np.sqrt(self.linear_forces.K.diagonal() / self._reference_mass.diagonal())
         for k, link in enumerate(mechanism.links):
             own[mechanism.modes_of(k)] = link.omega
         return np.asarray(own / (2 * np.pi))
@@ -302,12 +341,12 @@ class CompiledSystem:
     @cached_property
     def highest_frequency(self) -> float:
         """Highest coupled angular frequency in the reference state [rad/s]."""
-        return self._highest(slice(0, None))
+        return highest_frequency(*self.free_motion[:2])
 
     @cached_property
     def highest_fast_frequency(self) -> float:
-        """Highest angular frequency of the fast coordinates with the slow ones held [rad/s]."""
-        return self._highest(slice(self.n_slow, None))
+        """Highest angular frequency of the fast coordinates with the slow ones held, or reacting where loops are."""
+        return self._highest(slice(self.free_motion.n_slow, None))
 
     @cached_property
     def highest_reacting_frequency(self) -> float:
@@ -318,20 +357,21 @@ class CompiledSystem:
     @property
     def _reacting(self) -> tuple[Array, Array, Array]:
         """Mass, stiffness and damping of the fast coordinates with the slow ones free to react."""
-        slow, fast, M = slice(0, self.n_slow), slice(self.n_slow, None), self._reference_mass
-        T = np.concatenate([-np.linalg.solve(M[slow, slow], M[slow, fast]), np.eye(self.n - self.n_slow)])
-        M, K, C = (T.T @ A @ T for A in self.linear_matrices)
-        return M, K, C
+        M, K, C, n_slow = self.stiffest_motion
+        slow, fast = slice(0, n_slow), slice(n_slow, None)
+        T = np.concatenate([-np.linalg.solve(M[slow, slow], M[slow, fast]), np.eye(len(M) - n_slow)])
+        return T.T @ M @ T, T.T @ K @ T, T.T @ C @ T
 
     @cached_property
     def largest_step(self) -> float:
         """Longest stable leapfrog step in the reference state [s]."""
-        return largest_leapfrog_step(*self.linear_matrices)
+        return largest_leapfrog_step(*self.stiffest_motion[:3])
 
     @cached_property
     def largest_fast_step(self) -> float:
         """Longest stable leapfrog step of the fast coordinates with the slow ones held [s]."""
-        return largest_leapfrog_step(*(A[self.n_slow :, self.n_slow :] for A in self.linear_matrices))
+        *matrices, n_slow = self.stiffest_motion
+        return largest_leapfrog_step(*(A[n_slow:, n_slow:] for A in matrices))
 
     @cached_property
     def largest_reacting_step(self) -> float:
@@ -341,15 +381,17 @@ class CompiledSystem:
     @cached_property
     def largest_slow_step(self) -> float:
         """Longest stable leapfrog step of the slow coordinates with the fast ones held [s]."""
-        return largest_leapfrog_step(*(A[: self.n_slow, : self.n_slow] for A in self.linear_matrices))
+        *matrices, n_slow = self.stiffest_motion
+        return largest_leapfrog_step(*(A[:n_slow, :n_slow] for A in matrices))
 
     @cached_property
     def highest_slow_frequency(self) -> float:
         """Highest angular frequency of the slow coordinates with the fast ones held [rad/s]."""
-        return self._highest(slice(0, self.n_slow))
+        return self._highest(slice(0, self.free_motion.n_slow))
 
     def _highest(self, part: slice) -> float:
-        return highest_frequency(self._reference_mass[part, part], self.mechanism.linear_forces.K[part, part])
+        M, K, _, _ = self.free_motion
+        return highest_frequency(M[part, part], K[part, part])
 
 
 def _inverses(mass: Array) -> Array:

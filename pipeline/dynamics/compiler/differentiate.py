@@ -2,12 +2,12 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Callable, Mapping, Sequence
 
 import numpy as np
 
+from pipeline.dynamics.compiler.functions import ARC, FUNCTIONS, STUMPFF
 from pipeline.dynamics.compiler.graph import Graph, Scalar, Vector, combine
-from pipeline.dynamics.compiler.nodes import FUNCTIONS
 from pipeline.dynamics.compiler.stumpff import LAST
 
 
@@ -74,12 +74,30 @@ def _scalar_slope(graph: Graph, number: int, slopes: Mapping[int, Scalar | Vecto
 
 
 def _function_slope(function: str, x: Scalar) -> Scalar:
-    if function == "sin":
-        return x.apply("cos")
-    if function == "cos":
-        return -x.apply("sin")
-    k = int(function.removeprefix("stumpff"))
-    if function not in FUNCTIONS or k + 2 > LAST:
+    """Return the derivative of one of `FUNCTIONS` at a scalar.
+
+    Raises
+    ------
+    ValueError
+        It is the last of a family whose derivatives are functions of their own.
+    """
+    value = x.apply(function)
+    simple: dict[str, Callable[[], Scalar]] = {
+        "sin": lambda: x.apply("cos"),
+        "cos": lambda: -x.apply("sin"),
+        "sqrt": lambda: 0.5 * value.inverse(),
+        "exp": lambda: value,
+        "log": x.inverse,
+        "tanh": lambda: 1.0 - value * value,
+        "positive": lambda: x.apply("step"),
+        "step": lambda: x.graph.number(0.0),
+    }
+    if function in simple:
+        return simple[function]()
+    if function in ARC[:-1]:
+        return x.apply(f"arc{int(function.removeprefix('arc')) + 1}")
+    k = int(function.removeprefix("stumpff")) if function in STUMPFF else LAST
+    if k + 2 > LAST:
         raise ValueError(f"{function} has no derivative among {', '.join(FUNCTIONS)}")
     return (x.apply(f"stumpff{k + 2}") * k - x.apply(f"stumpff{k + 1}")) * 0.5
 

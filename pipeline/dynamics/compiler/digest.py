@@ -24,6 +24,8 @@ def digest_mechanism(inputs: Coordinates) -> str:
     _update(digest, inputs, [mechanism.links, mechanism.layout, mechanism.gravity])
     for load in mechanism.loads:
         _update(digest, inputs, [numbers[load.body], load])
+    for element in mechanism.elements:
+        _update(digest, inputs, [[numbers.get(end.body, -1) for end in element.ends], type(element).__name__, element])
     for closure in mechanism.closures:
         if isinstance(closure, Coupler):
             _update(digest, inputs, [[numbers[body] for body in closure.joints], closure.factors, closure.offset])

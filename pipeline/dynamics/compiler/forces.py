@@ -11,15 +11,14 @@ from pipeline.dynamics.compiler.algebra import Vector6, constants, cross, subtra
 from pipeline.dynamics.compiler.bodies import AXES, Inertia, velocity_forces
 from pipeline.dynamics.compiler.cleaning import clean_direction, clean_marker
 from pipeline.dynamics.compiler.coordinates import Coordinates, RestingCoordinates
+from pipeline.dynamics.compiler.elements import trace_actions
 from pipeline.dynamics.compiler.frames import MovingFrame
-from pipeline.dynamics.compiler.graph import Graph, Scalar, Vector, combine
+from pipeline.dynamics.compiler.graph import Graph, Scalar, Terms, Vector, combine
+from pipeline.dynamics.compiler.laws import trace_law
 from pipeline.dynamics.compiler.marker import trace_marker
 from pipeline.dynamics.links import PRISMATIC, REVOLUTE, PointLoad
 
 JOINT_CONSTANTS = ("spring", "rest", "damper")
-
-Terms = list[tuple[Scalar | float, Vector]]
-"""Scalars and vectors whose products add up to a modal vector."""
 
 
 class Forces(Protocol):
@@ -47,21 +46,25 @@ class Forces(Protocol):
 
 
 class ActingForces:
-    """All that acts on a mechanism: inertia of its velocities, weight, springs, dampers, loads."""
+    """All that acts on a mechanism: inertia of its velocities, weight, springs, dampers, force elements, loads."""
 
-    def __init__(self, inputs: Coordinates) -> None:
+    def __init__(self, inputs: Coordinates, frames: list[MovingFrame]) -> None:
         self._inputs, self.graph = inputs, inputs.graph
+        self._actions = trace_actions(inputs, frames)
         weight = [inputs.number(-1, f"gravity {k}", -float(g)) for k, g in enumerate(inputs.mechanism.gravity)]
         self.ground: Vector6 = [*weight, *constants(inputs.graph, [0.0] * 3)]
 
     def on_body(self, frame: MovingFrame, inertia: Inertia) -> tuple[Vector6, Terms]:
         """Return p of a body, and the terms of −e; see `bodies`."""
-        p, terms = velocity_forces(inertia, frame.spin)
+        p, terms = velocity_forces(inertia, frame.spin, frame.v)
         terms = terms + modal_load(self._inputs, frame)
         for at in self._inputs.mechanism.loads:
             if at.body == frame.link.name:
                 force, on_modes = point_load(self._inputs, frame, at)
                 p, terms = subtract(p, force), terms + on_modes
+        for action in self._actions.get(frame.number, []):
+            force, on_modes = action.on_body()
+            p, terms = subtract(p, force), terms + on_modes
         return p, terms
 
     def on_joint(self, frame: MovingFrame) -> list[Scalar]:
@@ -116,7 +119,7 @@ class GivenForces:
 
 
 def joint_load(inputs: Coordinates, frame: MovingFrame) -> Scalar:
-    """Return the force or torque along a joint: its load, its spring's and its damper's."""
+    """Return the force or torque along a joint: those of its load, spring, damper, stops and friction."""
     link, graph = frame.link, inputs.graph
     if link.joint not in (REVOLUTE, PRISMATIC) or link.motion is not None:
         return graph.number(0.0)
@@ -124,7 +127,8 @@ def joint_load(inputs: Coordinates, frame: MovingFrame) -> Scalar:
     spring, rest, damper = (inputs.number(frame.number, name, getattr(link, name)) for name in JOINT_CONSTANTS)
     stretch = s + section_angle(graph, frame) - rest
     rate = ds + joint_grip(graph, frame).dot(frame.v)
-    return inputs.signal(link.load)[0] - stretch * spring - rate * damper
+    load = inputs.signal(link.load)[0] - stretch * spring - rate * damper
+    return load if link.law is None else load - trace_law(link.law, stretch + rest, rate)
 
 
 def section_angle(graph: Graph, frame: MovingFrame) -> Scalar:

@@ -13,7 +13,8 @@ from collections.abc import Iterable, Sequence
 import numpy as np
 
 from pipeline.core.arrays import Array
-from pipeline.dynamics.compiler.nodes import NodeTable, evaluate_function
+from pipeline.dynamics.compiler.functions import evaluate_function
+from pipeline.dynamics.compiler.nodes import NodeTable
 
 
 class Graph(NodeTable):
@@ -244,6 +245,10 @@ class Vector:
             operation, data = "matrix", matrix
         product = self.graph.add(operation, (vector.node,), self.graph.add_array(data), len(matrix))
         return Vector(self.graph, product, len(matrix)) * factor
+
+
+Terms = list[tuple[Scalar | float, Vector]]
+"""Scalars and vectors whose products add up to a modal vector."""
 
 
 def combine(terms: Sequence[tuple[Scalar | float, Vector]]) -> Vector:

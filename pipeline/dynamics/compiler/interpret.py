@@ -8,8 +8,8 @@ from typing import Any
 import numpy as np
 
 from pipeline.core.arrays import Array
+from pipeline.dynamics.compiler.functions import FUNCTIONS, evaluate_function
 from pipeline.dynamics.compiler.graph import Graph
-from pipeline.dynamics.compiler.nodes import FUNCTIONS, evaluate_function
 
 
 def interpret(graph: Graph, outputs: Sequence[int], arguments: Mapping[str, Array]) -> list[Any]:
@@ -21,7 +21,7 @@ def interpret(graph: Graph, outputs: Sequence[int], arguments: Mapping[str, Arra
         Numbers of the nodes.
     arguments : mapping of str to ndarray
         What inputs read; those of lanes have an axis more. Complex entries are carried through, for derivatives by a
-        complex step, by all but Stumpff functions.
+        complex step, by sine and cosine alone of all functions.
     """
     values: dict[int, Any] = {}
     for number in graph.live(outputs):

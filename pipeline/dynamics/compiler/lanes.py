@@ -11,7 +11,7 @@ import numpy as np
 
 from pipeline.core.arrays import Array
 from pipeline.dynamics.compiler.chunks import Chunk, ChunkWriter
-from pipeline.dynamics.compiler.nodes import FUNCTIONS
+from pipeline.dynamics.compiler.functions import FUNCTIONS
 from pipeline.dynamics.compiler.program import LANES, Program
 from pipeline.dynamics.compiler.writer import literal, type_of
 
@@ -35,8 +35,8 @@ class LaneEmitter:
 
     Attributes
     ----------
-    stumpff : set of int
-        Numbers of the Stumpff functions that its code calls.
+    functions : set of str
+        Names of the functions that its code calls.
     """
 
     def __init__(
@@ -47,7 +47,7 @@ class LaneEmitter:
         self._scalars: dict[int, str] = {}
         self._vectors: dict[int, list[str]] = {}
         self._turns: dict[int, tuple[str, str]] = {}
-        self.stumpff: set[int] = set()
+        self.functions: set[str] = set()
 
     def depends(self, number: int) -> bool:
         """Return whether a node differs from lane to lane; those that it takes have been written."""
@@ -78,7 +78,7 @@ class LaneEmitter:
         elif operation in ("sin", "cos"):
             self._scalars[number] = self._turn(arguments[0])[operation == "cos"]
         elif operation in FUNCTIONS:
-            self._scalars[number] = self._stumpff(int(operation.removeprefix("stumpff")), self._scalars[arguments[0]])
+            self._scalars[number] = self._call(operation, self._scalars[arguments[0]])
         elif operation == "entry":
             self._scalars[number] = self._vectors[arguments[0]][data]  # type: ignore[index]
         elif operation == "dot":
@@ -97,13 +97,13 @@ class LaneEmitter:
             self._turns[argument] = self._out.sine_and_cosine(self._scalars[argument], LANES)
         return self._turns[argument]
 
-    def _stumpff(self, k: int, x: str) -> str:
-        """Write a function with a branch, lane by lane."""
-        self.stumpff.add(k)
+    def _call(self, function: str, x: str) -> str:
+        """Write a call of a function lane by lane."""
+        self.functions.add(function)
         value = "poison"
         for lane in range(LANES):
             one = self._out.value(f"extractelement {_KIND} {x}, i32 {lane}")
-            one = self._out.value(f"call double @stumpff{k}(double {one})")
+            one = self._out.value(f"call double @of_{function}(double {one})")
             value = self._out.value(f"insertelement {_KIND} {value}, double {one}, i32 {lane}")
         return value
 

@@ -3,10 +3,10 @@
 from __future__ import annotations
 
 from pipeline.dynamics.compiler.chunks import Chunk, ChunkWriter
+from pipeline.dynamics.compiler.functions import DECLARATIONS, FUNCTIONS, function_code
 from pipeline.dynamics.compiler.lanes import LaneEmitter
-from pipeline.dynamics.compiler.nodes import FUNCTIONS
 from pipeline.dynamics.compiler.program import Program
-from pipeline.dynamics.compiler.writer import literal, stumpff_function
+from pipeline.dynamics.compiler.writer import literal
 
 
 def emit(program: Program, register: int) -> str:
@@ -16,12 +16,14 @@ def emit(program: Program, register: int) -> str:
     emitter.write_outputs()
     own = "" if program.in_place else "noalias "
     arguments = ", ".join(f"ptr {own}%{name}" for name in program.arguments)
+    functions = sorted(emitter.functions | emitter.lanes.functions)
     lines = [
         "declare double @llvm.fma.f64(double, double, double)",
         "declare <8 x double> @llvm.fma.v8f64(<8 x double>, <8 x double>, <8 x double>)",
         "declare double @llvm.sqrt.f64(double)",
+        *(DECLARATIONS if functions else ()),
         *emitter.out.tables,
-        *(stumpff_function(k) for k in sorted(emitter.stumpff | emitter.lanes.stumpff)),
+        *(function_code(name) for name in functions),
         f"define void @{program.name}({arguments}) nounwind {{",
         "entry:",
         *emitter.out.room,
@@ -38,7 +40,7 @@ class _Emitter:
     def __init__(self, program: Program, register: int) -> None:
         self._program, self._graph = program, program.graph
         self.out = ChunkWriter(register)
-        self.stumpff: set[int] = set()
+        self.functions: set[str] = set()
         self._scalars: dict[int, str] = {}
         self._vectors: dict[int, list[Chunk]] = {}
         self._turns: dict[int, tuple[str, str]] = {}
@@ -93,9 +95,8 @@ class _Emitter:
             if argument not in self._turns:
                 self._turns[argument] = self.out.sine_and_cosine(x)
             return self._turns[argument][operation == "cos"]
-        k = int(operation.removeprefix("stumpff"))
-        self.stumpff.add(k)
-        return self.out.value(f"call double @stumpff{k}(double {x})")
+        self.functions.add(operation)
+        return self.out.value(f"call double @of_{operation}(double {x})")
 
     def _vector(self, number: int) -> list[Chunk]:
         operation, arguments, data, _ = self._graph.nodes[number]

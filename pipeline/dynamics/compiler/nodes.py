@@ -2,17 +2,12 @@
 
 from __future__ import annotations
 
-import math
 from collections.abc import Iterable
 from typing import NamedTuple
 
 import numpy as np
 
 from pipeline.core.arrays import Array, read_only
-from pipeline.dynamics.compiler.stumpff import FIRST, LAST, stumpff
-
-FUNCTIONS = ("sin", "cos", *(f"stumpff{k}" for k in range(FIRST, LAST + 1)))
-"""Functions of one scalar that a node may apply."""
 
 Place = tuple[str, tuple[int, ...]]
 """An argument's name and the places of an input's entries in it."""
@@ -24,9 +19,10 @@ class Node(NamedTuple):
     Attributes
     ----------
     operation : str
-        Scalars: ``number``, ``input``, ``add``, ``subtract``, ``multiply``, ``negate``, ``invert``, one of `FUNCTIONS`,
-        ``dot`` of two vectors, ``entry`` of one. Vectors: ``array``, ``vector input``, ``combine`` (scalar, vector,
-        scalar, vector, …: the sum of the products), ``diagonal`` and ``matrix`` (constant, times a vector).
+        Scalars: ``number``, ``input``, ``add``, ``subtract``, ``multiply``, ``negate``, ``invert``, one of
+        `functions.FUNCTIONS`, ``dot`` of two vectors, ``entry`` of one. Vectors: ``array``, ``vector input``,
+        ``combine`` (scalar, vector, scalar, vector, …: the sum of the products), ``diagonal`` and ``matrix`` (constant,
+        times a vector).
     arguments : tuple of int
         Numbers of the nodes that it takes, all smaller than its own.
     data : float, int or Place
@@ -86,12 +82,3 @@ class NodeTable:
                     stack.append((node, True))
                     stack += [(argument, False) for argument in reversed(self.nodes[node].arguments)]
         return list(order)
-
-
-def evaluate_function(function: str, x: float) -> float:
-    """Return the value of one of `FUNCTIONS`."""
-    if function == "sin":
-        return math.sin(x)
-    if function == "cos":
-        return math.cos(x)
-    return stumpff(int(function.removeprefix("stumpff")), x)

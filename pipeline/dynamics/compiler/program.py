@@ -8,8 +8,9 @@ from typing import NamedTuple
 
 import numpy as np
 
+from pipeline.dynamics.compiler.functions import FUNCTIONS
 from pipeline.dynamics.compiler.graph import Graph, Scalar, Vector
-from pipeline.dynamics.compiler.nodes import FUNCTIONS, Place
+from pipeline.dynamics.compiler.nodes import Place
 
 LANES = 8
 """Directions that a program with lanes takes at once."""

@@ -72,7 +72,7 @@ def trace_program(name: str, inputs: Coordinates, frames: list[MovingFrame]) -> 
 
 
 def _accelerations(inputs: Coordinates, frames: list[MovingFrame]) -> list[Output]:
-    return _in_order_of_rates(inputs.mechanism, "a", trace_accelerations(frames, ActingForces(inputs)))
+    return _in_order_of_rates(inputs.mechanism, "a", trace_accelerations(frames, ActingForces(inputs, frames)))
 
 
 def _leap(inputs: Coordinates, frames: list[MovingFrame]) -> list[Output]:
@@ -82,7 +82,8 @@ def _leap(inputs: Coordinates, frames: list[MovingFrame]) -> list[Output]:
 def trace_leap(inputs: Coordinates) -> list[Output]:
     """Trace accelerations half a step after the rates, and rates and positions a step later."""
     leaping = inputs.leaping
-    new = trace_accelerations(trace_frames(leaping), ActingForces(leaping))
+    frames = trace_frames(leaping)
+    new = trace_accelerations(frames, ActingForces(leaping, frames))
     h, rates, positions = leaping.step, [], []
     for number, a in enumerate(new):
         v = [rate + x * h for rate, x in zip(inputs.joint_rates(number), a.joint, strict=True)]
@@ -158,7 +159,7 @@ def _solution(inputs: Coordinates, free: range) -> list[Output]:
 
 
 def _closed(inputs: Coordinates, frames: list[MovingFrame]) -> list[Output]:
-    acting, rows = ActingForces(inputs), trace_rows(inputs, frames)
+    acting, rows = ActingForces(inputs, frames), trace_rows(inputs, frames)
     motion = trace_accelerations(frames, acting)
     w = [row.acceleration(inputs, acting.ground, motion) + row.bias for row in rows]
     return [*_in_order_of_rates(inputs.mechanism, "a", motion), *_in_row("w", 0, w), *_multipliers(inputs, frames)]

@@ -8,9 +8,11 @@ from pipeline.dynamics.compiler.algebra import Matrix, Vector3, add, constants, 
 from pipeline.dynamics.compiler.bodies import trace_inertia
 from pipeline.dynamics.compiler.cleaning import clean_marker
 from pipeline.dynamics.compiler.coordinates import Coordinates
+from pipeline.dynamics.compiler.elements import trace_element_energy
 from pipeline.dynamics.compiler.forces import section_angle
 from pipeline.dynamics.compiler.frames import MovingFrame
 from pipeline.dynamics.compiler.graph import Scalar, total
+from pipeline.dynamics.compiler.laws import trace_law_energy
 from pipeline.dynamics.compiler.marker import trace_marker
 
 
@@ -50,12 +52,13 @@ def trace_kinetic_energy(inputs: Coordinates, frames: list[MovingFrame]) -> Scal
         inertia = trace_inertia(inputs.graph, frame)
         push, turn = body_momenta(inputs, frame)
         modal = frame.v.dot(frame.v) + dot(frame.velocity, inertia.c_rate) - dot(frame.spin, inertia.h)
+        modal = modal if inertia.more is None else modal + inertia.more.twice_energy(frame.v)
         twice.append(dot(frame.velocity, push) + dot(frame.spin, turn) + modal)
     return total(twice) * 0.5
 
 
 def trace_potential_energy(inputs: Coordinates, frames: list[MovingFrame]) -> Scalar:
-    """Trace the energy of modes and springs and that of the weight, 0 at the origin."""
+    """Trace the energy of modes, springs, stops and force elements, and that of the weight, 0 at the origin."""
     energies = [inputs.graph.number(0.0)]
     gravity = constants(inputs.graph, inputs.mechanism.gravity)
     for frame in frames:
@@ -66,9 +69,13 @@ def trace_potential_energy(inputs: Coordinates, frames: list[MovingFrame]) -> Sc
             stretch = known[0] - link.rest
             stretch = stretch + section_angle(inputs.graph, frame)
             energies.append(stretch * stretch * (0.5 * link.spring))
+        if link.law is not None:
+            (angle,) = inputs.joint_positions(frame.number)
+            energies.append(trace_law_energy(link.law, angle + section_angle(inputs.graph, frame)))
         if any(not g.is_zero for g in gravity):
             origin, R = frame.world
             inertia = trace_inertia(inputs.graph, frame)
             moment = add(scale(inertia.mass, origin), times(R, inertia.c))
             energies.append(-dot(gravity, moment))
+    energies += [trace_element_energy(inputs, frames, element) for element in inputs.mechanism.elements]
     return total(energies)

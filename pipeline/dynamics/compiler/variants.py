@@ -54,6 +54,8 @@ class CompiledVariants:
     def __init__(self, mechanisms: Sequence[Mechanism]) -> None:
         self.mechanisms = tuple(mechanisms)
         first = self.mechanisms[0]
+        if any(mechanism.closures for mechanism in self.mechanisms):
+            raise ValueError("variants with loops can't be marched at once; march each by itself")
         if first.n != first.n_positions:
             raise ValueError("variants with spherical or free joints can't be marched at once; march each by itself")
         tables = [_constants_of(mechanism) for mechanism in self.mechanisms]

@@ -147,7 +147,7 @@ def _integers(value: int, width: int) -> str:
     return str(value) if width == 1 else "<" + ", ".join([f"i64 {value}"] * width) + ">"
 
 
-def stumpff_function(k: int) -> str:
+def stumpff_function(k: int, name: str) -> str:
     """A function of its own, for its branch: by series, or by sine and cosine; see `stumpff`."""
     out = Writer()
     near = out.polynomial("%x", coefficients(k))
@@ -159,7 +159,7 @@ def stumpff_function(k: int) -> str:
         rest = far.value(f"fsub double {literal(1.0 / math.factorial(j))}, {value}")
         value = far.value(f"fdiv double {rest}, %x")
     lines = [
-        f"define internal double @stumpff{k}(double %x) noinline nounwind {{",
+        f"define internal double @{name}(double %x) noinline nounwind {{",
         f"%small = fcmp olt double %x, {literal(LIMIT)}",
         "br i1 %small, label %near, label %far",
         "near:",

@@ -5,6 +5,14 @@ from __future__ import annotations
 from typing import NamedTuple
 
 from pipeline.scene.bodies import Bar, BarMesh, ModeSettings, Solid
+from pipeline.scene.force_elements import (
+    AngleStop,
+    Bearing,
+    Bushing,
+    ForceByElongation,
+    LengthStop,
+    Spring,
+)
 from pipeline.scene.ground import GroundPlace
 from pipeline.scene.imported_bodies import (
     CadFile,
@@ -75,6 +83,13 @@ or to the axes of its place on the ground.
 _DRIVES = """\
 A drive is a table `[drive.NAME]`, and its key `type` says of which kind it is. Several drives may act on one joint,
 unless one of them prescribes its motion.
+"""
+_ELEMENTS = """\
+Springs, bushings and bearings are tables `[spring.NAME]`, `[bushing.NAME]` and `[bearing.NAME]`. Each acts between two
+places, markers of bodies or places on the ground, and takes nothing away from how they move.
+"""
+_ELONGATION = """\
+A formula holds `x`, the elongation in metres, in place of `t`, and else what formulas of the time hold.
 """
 _RUNS = """\
 A run is a table `[[simulation.run]]`, and its key `integrator` says by which method. The others are compared with the
@@ -157,6 +172,13 @@ SECTIONS = (
     Section("### Point force", PointForce),
     Section("### Point torque", PointTorque),
     Section("### Quantities over time", TimeFunction, _FORMULAS),
+    Section("## Force elements", None, _ELEMENTS),
+    Section("### Spring", Spring),
+    Section("### Force by elongation", ForceByElongation, _ELONGATION),
+    Section("### Bushing", Bushing),
+    Section("### Bearing", Bearing),
+    Section("### Stop of a slide or a spring", LengthStop),
+    Section("### Stop of a hinge", AngleStop),
     Section("## Simulation", Simulation),
     Section("## Runs", None, _RUNS),
     Section("### Central differences", CentralDifferenceRun),

@@ -6,8 +6,12 @@ import numpy as np
 import pytest
 from scipy.linalg import expm
 
+from pipeline.core.arrays import Array
+from pipeline.dynamics.compiler import arc as arcs
 from pipeline.dynamics.compiler.algebra import constants, factor_symmetric, times
+from pipeline.dynamics.compiler.arc import arc
 from pipeline.dynamics.compiler.differentiate import differentiate
+from pipeline.dynamics.compiler.functions import evaluate_function
 from pipeline.dynamics.compiler.graph import Graph, Scalar, Vector, combine
 from pipeline.dynamics.compiler.interpret import interpret
 from pipeline.dynamics.compiler.stumpff import LIMIT, stumpff
@@ -124,6 +128,49 @@ def test_stumpff_functions_make_rotations(length: float) -> None:
 def test_stumpff_functions_go_on_smoothly_from_series_to_sines(k: int) -> None:
     below, above = stumpff(k, LIMIT * (1 - 1e-15)), stumpff(k, LIMIT * (1 + 1e-15))
     assert math.isclose(below, above, rel_tol=1e-11)
+
+
+@pytest.mark.parametrize("angle", [0.0, 1e-7, 0.02, 0.9, 0.95, 2.0, 3.1])
+def test_arcs_take_a_rotation_s_vector_from_its_matrix(angle: float) -> None:
+    n = np.array([2.0, -1.0, 2.0]) / 3.0
+    R = expm(angle * tilde(n))
+    y, s = (3.0 - np.trace(R)) / 4.0, 0.5 * np.array([R[2, 1] - R[1, 2], R[0, 2] - R[2, 0], R[1, 0] - R[0, 1]])
+    assert np.allclose(arc(0, y) * s, angle * n, rtol=0, atol=1e-13 / (1.0 - y))
+    h = 0.5 * arc(1, y) - 0.25 * arc(0, y) / (1.0 - y)
+    inverse = np.eye(3) - 0.5 * angle * tilde(n) + h * tilde(s) @ tilde(s)
+    x = angle**2  # A of the rotation vector, by Stumpff functions
+    c2, c3 = 0.5 - x * stumpff(4, x), 1.0 / 6.0 - x * stumpff(5, x)
+    A = np.eye(3) + c2 * angle * tilde(n) + c3 * angle**2 * tilde(n) @ tilde(n)
+    assert np.allclose(inverse @ A, np.eye(3), rtol=0, atol=1e-12 / (1.0 - y))
+
+
+@pytest.mark.parametrize("k", range(4))
+def test_arcs_go_on_smoothly_from_series_to_closed_form(k: int) -> None:
+    below, above = arc(k, arcs.LIMIT * (1 - 1e-15)), arc(k, arcs.LIMIT * (1 + 1e-15))
+    assert math.isclose(below, above, rel_tol=1e-11)
+    assert np.isnan(arc(k, 1.0))
+
+
+@pytest.mark.parametrize(("function", "at"), [
+    ("sqrt", 0.7), ("exp", -0.4), ("log", 1.3), ("tanh", 0.6), ("positive", 0.5), ("positive", -0.5), ("step", 0.5),
+    ("arc0", 0.1), ("arc1", 0.6), ("arc2", 0.3),
+])  # fmt: skip
+def test_functions_have_the_slopes_of_differences(function: str, at: float) -> None:
+    graph = Graph()
+    x = graph.scalar_input("s", 0)
+    (slope,) = differentiate(graph, [x.apply(function)], {x.node: graph.number(1.0)})
+    ahead, behind = (evaluate_function(function, at + h) for h in (1e-6, -1e-6))
+    (value,) = interpret(graph, [slope.node], {"s": np.array([at])})
+    assert value == pytest.approx((ahead - behind) / 2e-6, rel=1e-8, abs=1e-9)
+
+
+def test_functions_have_no_value_where_mathematics_has_none() -> None:
+    assert np.isnan([evaluate_function(name, -1.0) for name in ("sqrt", "log")]).all()
+    assert evaluate_function("exp", 1e3) == np.inf
+
+
+def tilde(a: Array) -> Array:
+    return np.cross(np.eye(3), a)
 
 
 def test_symmetric_factors_solve() -> None:

@@ -16,6 +16,7 @@ from pipeline.dynamics.compiler.chunks import chunk_widths
 from pipeline.dynamics.compiler.compiled import compile_mechanism
 from pipeline.dynamics.compiler.coordinates import Coordinates
 from pipeline.dynamics.compiler.digest import digest_mechanism
+from pipeline.dynamics.compiler.functions import FUNCTIONS
 from pipeline.dynamics.compiler.graph import Graph, combine
 from pipeline.dynamics.compiler.interpret import interpret
 from pipeline.dynamics.compiler.llvm import emit
@@ -60,12 +61,17 @@ def test_sines_of_what_is_no_number_are_none() -> None:
     assert np.isnan(values_of("sin", np.array([np.nan, np.inf]))).all()
 
 
-@pytest.mark.parametrize("k", range(4, 10))
-def test_compiled_stumpff_functions_are_those_of_the_interpreter(k: int) -> None:
-    graph, at = Graph(), np.array([0.0, 1e-3, 0.7, 3.99, 4.01, 9.0, 100.0])
-    node = graph.scalar_input("x", 0).apply(f"stumpff{k}").node
+WITHIN = {"arc": [0.0, 1e-9, 1e-3, 0.19, 0.21, 0.7, 0.999], "log": [1e-9, 0.3, 1.0, 7.0], "sqrt": [0.0, 0.3, 4.0]}
+ANYWHERE = [-3.0, -1e-3, 0.0, 1e-3, 0.7, 3.99, 4.01, 9.0, 100.0]
+
+
+@pytest.mark.parametrize("name", FUNCTIONS[2:])
+def test_compiled_functions_are_those_of_the_interpreter(name: str) -> None:
+    given = WITHIN.get(name.rstrip("0123456789"), ANYWHERE)
+    graph, at = Graph(), np.array(given[2:] if name.startswith("stumpff") else given)
+    node = graph.scalar_input("x", 0).apply(name).node
     expected = [interpret(graph, [node], {"x": np.array([x])})[0] for x in at]
-    assert np.allclose(values_of(f"stumpff{k}", at), expected, rtol=1e-12)
+    assert np.allclose(values_of(name, at), expected, rtol=1e-12)
 
 
 @pytest.mark.parametrize("register", [4, 8])

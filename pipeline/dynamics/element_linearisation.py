@@ -1,0 +1,27 @@
+"""Constant stiffness and damping of all forces of a mechanism in its reference state, force elements included."""
+
+from __future__ import annotations
+
+import numpy as np
+
+from pipeline.dynamics.element_motion import element_matrices
+from pipeline.dynamics.kinematics import Kinematics
+from pipeline.dynamics.linear_forces import LinearForces
+from pipeline.dynamics.mechanism import Mechanism
+
+
+def linearise_forces(mechanism: Mechanism) -> LinearForces:
+    """Gather the stiffness and the damping of modes, joints and force elements in the order of rates.
+
+    An element has ``Jᵀ K J`` and ``Jᵀ C J`` with the rates J of its strain for unit rates; a spring in tension has
+    what that adds across its line, too.
+    """
+    forces = mechanism.linear_forces
+    if not mechanism.elements:
+        return forces
+    n = mechanism.n
+    unit = np.concatenate([np.eye(n), np.zeros((1, n))])
+    states = Kinematics(mechanism, np.zeros(n + 1), np.tile(mechanism.rest_positions, (n + 1, 1)), unit).states
+    for element in mechanism.elements:
+        forces = forces + LinearForces(np.zeros(n), *element_matrices(states, element))
+    return forces

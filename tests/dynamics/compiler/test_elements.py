@@ -1,0 +1,106 @@
+"""Force elements between places of random mechanisms: forces, energies and tangents against NumPy and differences."""
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+
+from pipeline.core.formula import parse_formula
+from pipeline.dynamics.compiler.compiled import compile_mechanism
+from pipeline.dynamics.elements import Attachment, Bushing
+from pipeline.dynamics.force_laws import ForceCurve, ForceLaw, Stop
+from pipeline.reduction.body import MarkerShapes
+from tests.dynamics.compiler import kane
+from tests.dynamics.compiler.comparison import TIME, difference, interpreted
+from tests.dynamics.compiler.random_elements import element_forces, with_elements
+
+SEEDS = [*range(3), *(pytest.param(k, marks=pytest.mark.slow) for k in range(3, 30))]
+SMOOTH = ForceCurve(formula=parse_formula("3*t + 2*t**3 + tanh(t) + exp(-t*t) + tan(t/4) + 2**t"))
+
+
+@pytest.mark.parametrize("second_order", [False, True])
+@pytest.mark.parametrize("seed", SEEDS)
+def test_elements_do_the_work_of_their_strains(seed: int, second_order: bool) -> None:
+    made, _ = with_elements(seed, second_order)
+    q, v = made.state(seed)
+    M, Q = kane.mass_and_force(made, TIME, q, v)
+    expected = np.linalg.solve(M, Q + element_forces(made, TIME, q, v))
+    compiled = compile_mechanism(made.mechanism)
+    a = interpreted(compiled, "accelerations", (made.mechanism.n,), q=q, v=v)
+    assert difference(a, expected) < 1e-7
+    assert difference(compiled.accelerations(TIME, q, v), a) < 1e-12
+    residual = interpreted(compiled, "residual", (made.mechanism.n,), q=q, v=v, a=a)
+    assert np.abs(residual).max() < 1e-9 * np.abs(M @ a).max()
+
+
+@pytest.mark.parametrize("seed", range(4))
+def test_elastic_forces_are_the_slopes_of_the_energy(seed: int) -> None:
+    made, _ = with_elements(seed)
+    links = [replace(link, motion=None, damper=0.0, damping=np.zeros(0)) for link in made.mechanism.links]
+    lawful = [
+        replace(element, law=replace(element.law, damping=0.0, friction=0.0, stops=_undamped(element.law.stops)))
+        if not isinstance(element, Bushing)
+        else replace(element, C=np.zeros((6, 6)))
+        for element in made.mechanism.elements
+    ]
+    lawful[3] = replace(lawful[3], law=replace(lawful[3].law, curve=SMOOTH))  # a quadrature stumbles over kinks
+    bare = replace(made.mechanism, links=links, elements=lawful, loads=())
+    still = replace(bare, elements=())
+    made = replace(made, mechanism=bare)
+    q, _ = made.state(seed)
+    with_, without = compile_mechanism(bare), compile_mechanism(still)
+    rest = np.zeros(bare.n)
+    zero = {"inputs": np.zeros(0), "q": q, "v": rest, "a": rest}
+    forces = interpreted(without, "residual", (bare.n,), **zero) - interpreted(with_, "residual", (bare.n,), **zero)
+
+    def energy(at: np.ndarray) -> float:
+        both = (interpreted(one, "energies", (2,), inputs=np.zeros(0), q=at, v=rest)[1] for one in (with_, without))
+        return float(np.subtract(*both))
+
+    h = 1e-4
+    for j, unit in enumerate(np.eye(bare.n)):
+        slope = sum(
+            side * weight / h * energy(kane.advance(made, q, unit, side * k * h))
+            for k, weight in enumerate(kane.WEIGHTS, start=1)
+            for side in (1, -1)
+        )
+        assert forces[j] == pytest.approx(-slope, rel=1e-7, abs=1e-8 * (1 + np.abs(forces).max()))
+
+
+def _undamped(stops: tuple[Stop, ...]) -> tuple[Stop, ...]:
+    return tuple(replace(stop, damping=0.0) for stop in stops)
+
+
+@pytest.mark.parametrize("seed", range(4))
+def test_tangents_with_elements_are_differences_of_the_residual(seed: int) -> None:
+    made, _ = with_elements(seed)
+    (q, v), n = made.state(seed), made.mechanism.n
+    compiled, a = compile_mechanism(made.mechanism), np.random.default_rng(seed).normal(size=n)
+    inputs = compiled.signal_values(TIME)
+    by_q, by_v, _ = compiled.tangents(inputs, q, v, a)
+
+    def residual(q: np.ndarray, v: np.ndarray) -> np.ndarray:
+        return interpreted(compiled, "residual", (n,), q=q, v=v, a=a)
+
+    h = 1e-6
+    for j, unit in enumerate(np.eye(n)):
+        assert np.allclose(by_v[:, j], (residual(q, v + h * unit) - residual(q, v - h * unit)) / (2 * h), atol=1e-5)
+    for j, unit in enumerate(np.eye(len(q))):
+        found = (residual(q + h * unit, v) - residual(q - h * unit, v)) / (2 * h)
+        assert np.allclose(by_q[:, j], found, rtol=1e-5, atol=1e-4)
+
+
+def test_what_is_no_element_is_refused() -> None:
+    here = Attachment("", MarkerShapes(np.zeros(3), np.zeros((3, 0)), np.zeros((3, 0))))
+    lopsided = np.eye(6)
+    lopsided[0, 1] = 1.0
+    with pytest.raises(ValueError, match="the stiffness of bushing b isn't a symmetric"):
+        Bushing("b", (here, here), lopsided, np.eye(6))
+    with pytest.raises(ValueError, match="the damping of bushing b has a negative eigenvalue"):
+        Bushing("b", (here, here), np.eye(6), -np.eye(6))
+    with pytest.raises(ValueError, match="the axes of a force element's place are not orthonormal"):
+        replace(here, axes=2.0 * np.eye(3))
+    with pytest.raises(ValueError, match="a friction's rate must be greater"):
+        ForceLaw(friction=1.0, friction_rate=0.0)
+    with pytest.raises(ValueError, match="a stop's width must be greater"):
+        ForceLaw(ForceCurve(), stops=(Stop(0.0, 1.0, 1.0, 0.0, 0.0),))
