@@ -205,8 +205,11 @@ def _require_closed(scene: Scene, system: CompiledSystem, q: Array) -> None:
 
 
 def _require_freedom(scene: Scene, system: CompiledSystem, q: Array) -> None:
-    """Raise ``InputError`` if nothing can move."""
-    if constraint_rank(system, q) == system.n:
+    """Raise ``InputError`` if nothing can move: no joint by itself, by a prescribed motion, or by bodies that deform."""
+    links = system.mechanism.links
+    moves = any(link.motion is not None for link in links)
+    deforms = bool(scene.flexible) and not any(len(link.omega) for link in links)  # but these are left out here
+    if not moves and not deforms and constraint_rank(system, q) == system.n:
         names = ", ".join(scene.closing)
         raise InputError(
             scene.file,
