@@ -32,7 +32,7 @@ def groups_of(system: System) -> IntArray:
     """Return the group of each position and then of each rate; each coordinate is one if the system has no groups."""
     groups = getattr(system, "groups", None)
     positions, rates = (np.arange(system.n_positions), np.arange(system.n)) if groups is None else groups
-    return np.concatenate([positions, rates + positions.max(initial=-1) + 1])
+    return np.concatenate((positions, rates + (positions.max() + 1))) if positions.size else rates
 
 
 def adaptive_start(system: System, q0: Array, v0: Array, more: int = 0) -> State:
@@ -133,6 +133,8 @@ class AdaptiveMarch(Table):
         How many output times are passed.
     evaluations : ndarray, shape (1,)
         How often the whole system was solved.
+    fresh : ndarray, shape (1,)
+        1 where the accelerations ``a`` are not those at the present time: loads jump there, or none are known yet.
     """
 
     tolerance: float
@@ -152,6 +154,7 @@ class AdaptiveMarch(Table):
     sample_v: Array
     cursor: IntArray
     evaluations: Array
+    fresh: Array
 
 
 def begin_step(m: Any, p: Any, s: AdaptiveMarch, t: float, h: float) -> None:
@@ -221,6 +224,7 @@ def _march(m: Any, p: Any, s: AdaptiveMarch, stop: float, n_steps: int) -> int:
             clock[1] = h * factor
         keep_largest(s.groups, s.largest, s.new)
         end_step(m, p, s)
+        s.fresh[0] = 0.0
     return n_steps
 
 
@@ -265,17 +269,19 @@ def march_adaptive_steps(
     require_times(times)
     state, groups = start.copy(), groups_of(system)
     q, v = np.full((times.size, start.q.size), np.nan), np.full((times.size, start.v.size), np.nan)
-    cursor, evaluations = np.array([np.searchsorted(times, state.time)]), np.zeros(1)
+    cursor, evaluations, fresh = np.array([np.searchsorted(times, state.time)]), np.zeros(1), np.zeros(1)
     clock, end, seconds = np.array([state.time, state.next_step]), float(times[-1]), 0.0
     begin, new, out, trial = aligned(*3 * [groups.size], state.memory.size)
     present = (state.q, state.v, state.a, clock, groups, state.memory)
-    output = (np.ascontiguousarray(times, dtype=float), q, v, cursor, evaluations)
+    output = (np.ascontiguousarray(times, dtype=float), q, v, cursor, evaluations, fresh)
     march = AdaptiveMarch(tolerance, order, *present, trial, begin, new, out, *output)
-    chunk = _FIRST_CHUNK
+    p, chunk = system.parameters, _FIRST_CHUNK
+    _march(m, p, march, math.inf, 0)  # compiles, or reads the kernel: not part of the run time
     while cursor[0] < times.size:
         stop = next((point for point in system.breakpoints if point > clock[0]), math.inf)
+        fresh[0] = clock[0] == 0.0 or clock[0] in system.breakpoints
         tick = time.perf_counter()
-        done = int(_march(m, system.parameters, march, stop, chunk))
+        done = int(_march(m, p, march, stop, chunk))
         spent = time.perf_counter() - tick
         seconds += spent
         chunk = max(1, min(_CHUNK, 4 * chunk, int(chunk * _CHUNK_SECONDS / max(spent, 1e-9))))
