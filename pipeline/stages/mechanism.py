@@ -22,6 +22,7 @@ from pipeline.stages.force_elements import add_elements, joint_law
 from pipeline.stages.ground import ground_place
 from pipeline.stages.inboard_joint import read_inboard_joint
 from pipeline.stages.signals import require_sound_drives, signal_of
+from pipeline.stages.steady_loops import find_steady_loop
 
 if TYPE_CHECKING:
     from pipeline.scene.scene import Scene
@@ -78,7 +79,9 @@ def find_start(scene: Scene, system: CompiledSystem) -> tuple[Array, Array]:
         There is no steady state.
     """
     q0, v0 = place_joints(scene, system.mechanism)
-    return (find_steady_state(system, q0, v0), v0) if scene.simulation.start == "steady" else (q0, v0)
+    if scene.simulation.start != "steady":
+        return q0, v0
+    return find_steady_loop(system, q0, v0) if system.mechanism.closures else (find_steady_state(system, q0, v0), v0)
 
 
 def place_joints(scene: Scene, mechanism: Mechanism) -> tuple[Array, Array]:
