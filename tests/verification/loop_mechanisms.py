@@ -12,9 +12,11 @@ from pipeline.core.arrays import Array
 from pipeline.core.formula import parse_formula
 from pipeline.dynamics.closures import Place, close_joint, fixed_place
 from pipeline.dynamics.compiled_system.system import CompiledSystem
+from pipeline.dynamics.elements import Attachment, PointSpring
+from pipeline.dynamics.force_laws import ForceCurve, ForceLaw
 from pipeline.dynamics.links import PRISMATIC, REVOLUTE, Link, rigid_gram
 from pipeline.dynamics.mechanism import Mechanism
-from pipeline.dynamics.signals.signal import Signal, formula
+from pipeline.dynamics.signals.signal import Signal, constant, formula
 from pipeline.reduction.body import MarkerShapes
 from pipeline.reduction.inertia import InertiaGram
 
@@ -78,6 +80,55 @@ def bricard() -> Case:
     closure = close_joint("revolute", "end", place_on("rod4", Y), fixed_place(Z), X)
     mechanism = Mechanism(links, gravity=-9.81 * Y, closures=[closure])
     return Case(CompiledSystem(mechanism), np.zeros(5), np.zeros(5))
+
+
+SQUEEZER_START = (
+    -0.0617138900142764496358948458001,
+    0.0,
+    0.455279819163070380255912382449,
+    0.222668390165885884674473185609,
+    0.487364979543842550225598953530,
+    -0.222668390165885884674473185609,
+    1.23054744454982119249735015568,
+)
+
+
+def andrews_squeezer() -> Case:
+    """Andrews' squeezing mechanism: seven bodies in the plane, three loops, a motor of 0.033 N m and a spring.
+
+    Numbers are those of Mazzia & Magherini, Test Set for Initial Value Problem Solvers 2.4 (2008), in its order of
+    coordinates: the angles β, Θ, γ, Φ, δ, Ω and ε.
+    """
+    A, B, C = np.array([[-0.06934, -0.00227, 0.0], [-0.03635, 0.03273, 0.0], [0.014, 0.072, 0.0]])
+    d, e, rr, ss, u, zf, zt = 0.028, 0.02, 0.007, 0.035, 0.04, 0.02, 0.04
+    bodies = [  # parent, place, mass, centre of mass, moment of inertia about it
+        ("K1", -1, 0 * X, 0.04325, [0.00092, 0.0], 2.194e-6),
+        ("K2", 0, rr * X, 0.00365, [-0.0115, 0.0], 4.410e-7),
+        ("K3", -1, B, 0.02373, [0.01043, -0.01874], 5.255e-6),
+        ("K5", -1, A, 0.07050, [0.02308, 0.00916], 1.169e-5),
+        ("K4", 3, zt * X, 0.00706, [0.0, 0.01421 - e], 5.667e-7),
+        ("K7", -1, A, 0.05498, [0.00449, -0.01228], 1.912e-5),
+        ("K6", 5, -u * Y, 0.00706, [zf - 0.01421, 0.0], 5.667e-7),
+    ]
+    links = [
+        Link(
+            name,
+            rigid_gram(mass, np.array([*centre, 0.0]), np.diag([0.0, 0.0, moment])),
+            REVOLUTE,
+            parent,
+            place,
+            load=constant(0.033 if name == "K1" else 0.0),
+        )
+        for name, parent, place, mass, centre, moment in bodies
+    ]
+    ends = [("K3", -ss * Y), ("K4", -e * Y), ("K6", zf * X)]
+    closures = [close_joint("revolute", body, place_on("K2", -d * X), place_on(body, at), Z) for body, at in ends]
+    hook, wall = (
+        Attachment(body, place_on(body, at).marker) for body, at in (("K3", np.array([0.02, -0.018, 0.0])), ("", C))
+    )
+    spring = PointSpring("spring", (wall, hook), ForceLaw(ForceCurve((0.0, 4530.0))), 0.07785)
+    system = CompiledSystem(Mechanism(links, closures=closures, elements=[spring]))
+    return Case(system, np.array(SQUEEZER_START)[[0, 1, 2, 4, 3, 6, 5]], np.zeros(7))
 
 
 def flexible_slider_crank() -> Case:

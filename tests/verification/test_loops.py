@@ -19,6 +19,7 @@ from pipeline.integrators.runge_kutta import RungeKutta
 from tests.verification.loop_mechanisms import (
     Case,
     Z,
+    andrews_squeezer,
     bricard,
     double_four_bar,
     flexible_slider_crank,
@@ -75,6 +76,19 @@ def test_multipliers_of_the_ivp_test_sets_slider_crank_are_met_at_its_state() ->
     q = slider_crank_state(case, IVP_ANGLE - 15.0, IVP_PLACE, IVP_SHAPES)
     v = slider_crank_state(case, IVP_RATES[0] - 150.0, IVP_RATES[1], IVP_SHAPE_RATES)
     assert force_of_pin(case, q, v) == pytest.approx([IVP_MULTIPLIERS[1], -IVP_MULTIPLIERS[0]], rel=1e-8)
+
+
+def test_andrews_squeezer_is_met_to_nine_digits() -> None:
+    """The angles at 0.03 s are those of the IVP test set, from seven runs of other programs."""
+    case = andrews_squeezer()
+    march = RungeKutta(1e-12).march(case.system, case.q, case.v, np.array([0.0, 0.03]))
+    beta, theta, gamma, delta, phi, epsilon, omega = march.q[-1]
+    assert beta == pytest.approx(15.81077119629904, rel=1e-9)
+    assert theta == pytest.approx(-15.75637105984298, rel=1e-9)
+    assert gamma == pytest.approx(0.04082224013073101, rel=1e-9)
+    assert [phi, delta] == pytest.approx([-0.5347301163226948, 0.5244099658805304], rel=1e-9)
+    assert [omega, epsilon] == pytest.approx([0.5347301163226948, 1.048080741042263], rel=1e-9)
+    assert largest_gap(case, march) < 1e-13
 
 
 def test_bricards_redundant_loop_runs_as_written_and_keeps_its_energy() -> None:
