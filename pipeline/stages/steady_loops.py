@@ -12,6 +12,7 @@ from pipeline.integrators.protocol import evaluate, move_positions, project_stat
 from pipeline.stages.assembly import constraint_matrix
 
 _SETTLED = 1e-10
+_NOTHING = 1e-15  # of modal coordinates [m kg^½]
 _CORRECTIONS = 30
 _TRIAL = 1e-6  # modal coordinates by which slopes are tried [m kg^½]
 _DEPENDENT = 1e-8  # of the largest singular value
@@ -43,7 +44,7 @@ def find_steady_loop(system: CompiledSystem, q: Array, v: Array, t: float = 0.0)
             break
         q, _ = project_state(system.parameters, t, move_positions(system.parameters, q, -change), v)
         size = float(np.linalg.norm(change[modes]))
-        settled = size <= _SETTLED * float(np.linalg.norm(q[modes + system.n_positions - system.n]))
+        settled = size <= max(_SETTLED * float(np.linalg.norm(q[modes + system.n_positions - system.n])), _NOTHING)
         if settled or not np.isfinite(q).all():
             break
     if len(modes) and not (settled and np.linalg.eigvals(slopes).real.max(initial=-1.0) < 0):
