@@ -135,6 +135,9 @@ class AdaptiveMarch(Table):
         How often the whole system was solved.
     fresh : ndarray, shape (1,)
         1 where the accelerations ``a`` are not those at the present time: loads jump there, or none are known yet.
+    closed : bool
+        True if loops bring a state back onto their constraints after each step, so that no acceleration is that of a
+        step's end.
     """
 
     tolerance: float
@@ -155,6 +158,7 @@ class AdaptiveMarch(Table):
     cursor: IntArray
     evaluations: Array
     fresh: Array
+    closed: bool
 
 
 def begin_step(m: Any, p: Any, s: AdaptiveMarch, t: float, h: float) -> None:
@@ -224,7 +228,7 @@ def _march(m: Any, p: Any, s: AdaptiveMarch, stop: float, n_steps: int) -> int:
             clock[1] = h * factor
         keep_largest(s.groups, s.largest, s.new)
         end_step(m, p, s)
-        s.fresh[0] = 0.0
+        s.fresh[0] = 1.0 if s.closed else 0.0
     return n_steps
 
 
@@ -273,13 +277,14 @@ def march_adaptive_steps(
     clock, end, seconds = np.array([state.time, state.next_step]), float(times[-1]), 0.0
     begin, new, out, trial = aligned(*3 * [groups.size], state.memory.size)
     present = (state.q, state.v, state.a, clock, groups, state.memory)
+    closed = bool(getattr(system, "closed", False))
     output = (np.ascontiguousarray(times, dtype=float), q, v, cursor, evaluations, fresh)
-    march = AdaptiveMarch(tolerance, order, *present, trial, begin, new, out, *output)
+    march = AdaptiveMarch(tolerance, order, *present, trial, begin, new, out, *output, closed)
     p, chunk = system.parameters, _FIRST_CHUNK
     _march(m, p, march, math.inf, 0)  # compiles, or reads the kernel: not part of the run time
     while cursor[0] < times.size:
         stop = next((point for point in system.breakpoints if point > clock[0]), math.inf)
-        fresh[0] = clock[0] == 0.0 or clock[0] in system.breakpoints
+        fresh[0] = closed or clock[0] == 0.0 or clock[0] in system.breakpoints
         tick = time.perf_counter()
         done = int(_march(m, p, march, stop, chunk))
         spent = time.perf_counter() - tick

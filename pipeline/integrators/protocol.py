@@ -186,16 +186,6 @@ def move_positions(p: Any, q: Array, change: Array) -> Array:
     return moved
 
 
-def project_state(p: Any, t: float, q: Array, v: Array) -> tuple[Array, Array]:
-    """Return positions and rates brought onto the constraints at a time t [s], the shortest way by the mass matrix.
-
-    NaN rates say that the loops can't be closed from there.
-    """
-    closed, rates = np.array(q, dtype=float), np.array(v, dtype=float)
-    evaluate_projection(p, float(t), closed, rates)
-    return closed, rates
-
-
 @kernel
 def _move(p: Any, q: Array, change: Array) -> None:
     advance(p, q, change, 1.0, 0, change.size)

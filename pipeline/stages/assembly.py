@@ -119,6 +119,12 @@ def _loose(scene: Scene, mechanism: Mechanism, what: str) -> IntArray:
     return np.concatenate([np.zeros(0, dtype=np.int64), *parts])
 
 
+def following_joints(scene: Scene, mechanism: Mechanism) -> IntArray:
+    """Rates of the joints whose position the scene leaves open; of all joints if there are none."""
+    loose = _loose(scene, mechanism, "position")
+    return loose if len(loose) else _joint_rates(mechanism)
+
+
 def constraint_matrix(system: CompiledSystem, q: Array, t: float = 0.0) -> Array:
     """Return J of the constraints' rates ``J v + …``, shape (n_rows, n)."""
     X, _ = system.compiled.multipliers(t, q)

@@ -19,7 +19,7 @@ from pipeline.dynamics.jit.compiled import inner, meaning
 from pipeline.dynamics.jit.native import call_native
 from pipeline.dynamics.system import accelerations, advance, close_gaps, leapfrog_step, project
 
-_DEPENDENT = 1e-8  # of the largest pivot, the square of the ratio of lengths
+_DEPENDENT = 1e-9  # of the largest pivot, the square of the ratio of lengths
 _NO_PIVOT = 1e-14  # beside what free bodies would do
 _CLOSED = 1e-14  # gap that is round-off [m or rad]
 _FAILED = 1e-8  # gap after the last correction

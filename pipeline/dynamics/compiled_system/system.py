@@ -95,6 +95,11 @@ class CompiledSystem:
         """Shortest time for which a load acts between two times without it [s]; infinity if none does."""
         return min((activity.shortest_action for activity in self.mechanism.activities), default=np.inf)
 
+    @property
+    def closed(self) -> bool:
+        """True if loops hold coordinates: a state is brought back onto their constraints after each step."""
+        return bool(self.compiled.rows)
+
     @cached_property
     def coupled(self) -> bool:
         """True if coordinates couple through the mass matrix in some state."""
