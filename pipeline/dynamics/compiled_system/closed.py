@@ -159,12 +159,16 @@ def _leapfrog_step(p: ClosedParameters, leapfrog: Leapfrog, t: float, h: float, 
 @meaning(close_gaps, ClosedParameters)
 def _close_gaps(p: ClosedParameters, t: float, h: float, q: Array, v: Array, a: Array) -> None:
     set_inputs(p, float(t))
-    last = math.inf
-    for _ in range(_CORRECTIONS):
+    last, anew = math.inf, False
+    for k in range(2 * _CORRECTIONS):
         call_native(p.gaps, (p.inputs, q, v, p.g, p.rates))
         widest = _widest(p.g)
         if widest <= _CLOSED or (widest <= _FAILED and widest > 0.3 * last):
             return
+        if not anew and (k == _CORRECTIONS or widest > last):  # at a singular position, or in a long step
+            anew, p.whole.fresh[0] = True, 1.0
+            _spread(p, q, 0)
+            _factor(p.whole)
         last = widest
         _push(p.whole, p.g)
         advance(p, q, p.whole.push, 1.0, 0, v.size)
