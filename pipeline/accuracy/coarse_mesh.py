@@ -27,7 +27,9 @@ from pipeline.stages.store import StageStore
 
 KINDS = ("displacement", "stress", "spot stress", "geometry")  # of quantities, by their convergence
 _SAME = 1e-9
-ALIKE = 0.5  # modal assurance criterion above which a shape of the coarse mesh is the run's own
+# Modal assurance criterion above which a shape of the other mesh is the run's own. The frequency of one that is less
+# alike tells of the shapes it is mixed with, as of vectors that round-off alone sets apart, and not of the mesh.
+ALIKE = 0.95
 _MORE = 1.5  # modes of the coarse mesh to find the run's among
 
 

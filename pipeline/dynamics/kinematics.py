@@ -170,6 +170,8 @@ class Kinematics:
         linear = gram.mass * V + np.cross(w, c) + c_rate
         angular = np.cross(c, V) + Jw + h
         energy = 0.5 * ((V * (linear + c_rate)).sum(axis=1) + (w * (angular + h)).sum(axis=1) + (rates**2).sum(axis=1))
+        if gram.second_order is not None:
+            energy = energy + gram.second_order.energy(q, rates)
         return Momenta(c, linear, angular, energy)
 
     @cached_property

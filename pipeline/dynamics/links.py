@@ -222,5 +222,5 @@ def rigid_gram(mass: float, centre: Array, inertia: Array) -> InertiaGram:
     inertia : ndarray, shape (3, 3)
         Inertia tensor about the centre of mass [kg m²].
     """
-    second = 0.5 * np.trace(inertia) * np.eye(3) - inertia + mass * np.outer(centre, centre)
-    return InertiaGram(second[:, :, None, None].copy(), mass * np.reshape(centre, (3, 1)), mass)
+    second = 0.5 * inertia.trace() * np.eye(3) - inertia + mass * (centre[:, None] * centre)
+    return InertiaGram(second[:, :, None, None], mass * centre[:, None], mass)

@@ -124,6 +124,12 @@ def without_negligible_terms(mechanism: Mechanism, body: int, loads: BodyLoads, 
 
     gram, axis = links[body].gram, links[body].axis / np.linalg.norm(links[body].axis)
     gram = replace(gram, bow=counting(gram.bow, loads.acceleration), curl=counting(gram.curl, loads.turning))
+    spin, n = loads.spin, len(omega)
+    products = (spin**2).sum(axis=1)[:, None, None] * np.eye(3) - spin[:, :, None] * spin[:, None, :]
+    if gram.stiffening.size and not counting(gram.stiffening.reshape(9, n, n), products.reshape(-1, 9)).size:
+        G = gram.G.copy()
+        G[:, :, 1:, 1:] += gram.stiffening
+        gram = replace(gram, G=G, stiffening=gram.stiffening[:, :, :0, :0])
     joint_bow = links[body].joint_bow
     if joint_bow.size:
         joint_bow = counting(joint_bow[None], (loads.joint[:, 3:] @ axis)[:, None])[0]

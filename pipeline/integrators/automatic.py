@@ -26,8 +26,8 @@ _SAFETY = 0.1  # tolerance of an adaptive method over the wanted error
 _IMPLICIT_STEPS = 256  # of generalised-α over the duration, at first
 _STEPS_IN_ACTION = 8  # of generalised-α in the shortest load
 _TRIAL = 1 / 16  # of the duration
-_WORTH = 0.5  # of the explicit method's cost: what generalised-α may cost, whose result is less accurate
-_EVALUATION = 60.0  # cost of a body in an evaluation of the accelerations, in operations on a coordinate
+_EVALUATIONS = 4.0  # of generalised-α in a step, until a march has counted them
+_COST = 60.0  # operations of an evaluation for each coordinate, of a system that doesn't tell
 
 
 @dataclass(frozen=True)
@@ -75,7 +75,7 @@ class Automatic:
             The wanted error was not reached; the message has the last difference, or says why every march failed.
         """
         report = _Pairs(self.error, groups_of(system)[: system.n_positions])
-        for method, gain in self._methods(system, q0, v0, report, progress):
+        for method, gain in self._methods(system, q0, v0, times[-1], report, progress):
             try:
                 trajectory = method.march(system, q0, v0, times, progress)
             except AccuracyError as error:  # it diverged, or an implicit step has no solution
@@ -92,7 +92,7 @@ class Automatic:
         )
 
     def _methods(
-        self, system: System, q0: Array, v0: Array, report: _Pairs, progress: Progress | None
+        self, system: System, q0: Array, v0: Array, end: float, report: _Pairs, progress: Progress | None
     ) -> Iterator[tuple[Integrator, float]]:
         """Yield methods, each finer than that before, with the factor by which its error is below their difference."""
         if not system.coupled and len(system.breakpoints) <= _MANY:
@@ -105,7 +105,7 @@ class Automatic:
         adaptive: type[RungeKutta | ExponentialRosenbrock] = RungeKutta
         if stable_steps > _FEW:
             yield from self._implicit_methods(system, stable_steps, report)
-            adaptive = self._choose_adaptive(system, q0, v0, stable_steps, progress)
+            adaptive = self._choose_adaptive(system, q0, v0, min(_TRIAL * self.duration, end), progress)
         report.before = None
         report.failures = 0
         for k in range(_MOST_REFINEMENTS):
@@ -117,10 +117,13 @@ class Automatic:
         self, system: System, stable_steps: float, report: _Pairs
     ) -> Iterator[tuple[GeneralizedAlpha, float]]:
         """Yield generalised-α with halved steps while those still to come cost less than the explicit method."""
-        allowed = _WORTH * stable_steps * _explicit_cost(system) / _implicit_cost(system)
+        explicit, evaluations = stable_steps * _explicit_cost(system), _EVALUATIONS
         steps = float(max(_IMPLICIT_STEPS, np.ceil(_STEPS_IN_ACTION * self.duration / system.shortest_action)))
-        while steps <= allowed:
+        # Marches by halved steps cost twice the last one, and the explicit method takes two marches.
+        while steps <= (allowed := explicit / (evaluations * _implicit_cost(system))):
             yield GeneralizedAlpha(self.duration / steps), 2.0**2 - 1.0
+            if report.before is not None:
+                evaluations = report.before.evaluations * report.before.step / report.before.times[-1]
             if np.isfinite(report.difference):
                 # The error falls with the step's square.
                 needed = steps * np.sqrt(report.difference / self.error)
@@ -129,37 +132,37 @@ class Automatic:
             steps *= 2
 
     def _choose_adaptive(
-        self, system: System, q0: Array, v0: Array, stable_steps: float, progress: Progress | None
+        self, system: System, q0: Array, v0: Array, end: float, progress: Progress | None
     ) -> type[RungeKutta | ExponentialRosenbrock]:
-        """Choose between the stable steps of the explicit method and the steps that the Rosenbrock method takes."""
+        """Choose between the explicit method's stable steps and the Rosenbrock method's own until ``end`` [s]."""
         method = ExponentialRosenbrock(self.error * _SAFETY)
         try:
             # Its progress is that of a march to the end, which may be ended where that would take too long.
-            watch = None if progress is None else lambda done: progress(_TRIAL * done)
-            trial = method.march(system, q0, v0, np.array([_TRIAL * self.duration]), watch)
+            watch = None if progress is None else lambda done: progress(end / self.duration * done)
+            trial = method.march(system, q0, v0, np.array([end]), watch)
         except StabilityError:
             return RungeKutta
         n, step = system.n + system.n_positions, max(trial.step, 1e-300)
         doublings = max(0.0, np.log2(system.highest_frequency * step))
         products = 14 + 15 * doublings  # of matrices in a step
-        cost = n * _EVALUATION * _n_bodies(system) + 2 * products * n**3
-        cheaper = self.duration / step * cost < stable_steps * _explicit_cost(system)
+        cost = n * _evaluation_cost(system) + 2 * products * n**3
+        cheaper = cost / step < system.highest_frequency / _STABLE * _explicit_cost(system)
         return ExponentialRosenbrock if cheaper else RungeKutta
 
 
-def _n_bodies(system: System) -> int:
-    groups = getattr(system, "groups", None)
-    return system.n if groups is None else int(np.ptp(groups[1]) // 3) + 1
+def _evaluation_cost(system: System) -> float:
+    """Operations of an evaluation of the accelerations."""
+    return float(getattr(system, "evaluation_cost", _COST * system.n))
 
 
 def _explicit_cost(system: System) -> float:
     """Cost of a step of the Runge–Kutta method: 12 evaluations, and sums of 12 slopes for each."""
-    return 12 * (_EVALUATION * _n_bodies(system) + 12 * system.n)
+    return 12 * (_evaluation_cost(system) + 12 * system.n)
 
 
 def _implicit_cost(system: System) -> float:
-    """Cost of a step of generalised-α: three iterations, each an evaluation and a solution with a kept factor."""
-    return 3 * (_EVALUATION * _n_bodies(system) + 4 * system.n**2)
+    """Cost of an evaluation of generalised-α, with a solution by a kept factor or its share of a new one."""
+    return _evaluation_cost(system) + 4 * system.n**2
 
 
 @dataclass

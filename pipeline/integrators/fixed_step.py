@@ -16,7 +16,7 @@ import numpy as np
 
 from pipeline.core.arrays import Array, IntArray
 from pipeline.core.errors import StabilityError
-from pipeline.dynamics.jit.compiled import inner, kernel, meaning
+from pipeline.dynamics.jit.compiled import inlined, kernel, meaning
 from pipeline.dynamics.jit.table import Table
 from pipeline.dynamics.system import project
 from pipeline.integrators.protocol import Progress, State, require_times
@@ -90,7 +90,7 @@ def _end_nothing(m: Any, p: Any, held: Any, first: int, samples: Samples, first_
     pass
 
 
-@inner
+@inlined
 def runs_away(v: Array) -> bool:
     """Return true if the rates are beyond bounds or not finite."""
     total = 0.0
@@ -176,6 +176,7 @@ def march_fixed_steps(
     samples = Samples(asked, sample_step, sample_offset, q, v, np.array([np.searchsorted(sample_step, state.step)]))
     last = -(-(int(sample_step[-1]) + 1 - state.step) // substeps) * substeps + state.step
     seconds, chunk = 0.0, substeps * max(1, _FIRST_CHUNK // substeps)
+    _march(method, p, held, samples, substeps, state.step, 0)  # compiles, or reads the kernel: not timed
     while state.step < last:
         wanted = min(chunk, last - state.step)
         cycle = wanted if isinstance(method, SingleSteps) else substeps

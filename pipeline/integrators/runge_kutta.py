@@ -8,13 +8,14 @@ from __future__ import annotations
 
 import math
 from dataclasses import dataclass
-from functools import cache
+from functools import lru_cache
 from typing import Any
 
 import numpy as np
 
 from pipeline.core.arrays import Array, IntArray
-from pipeline.dynamics.jit.compiled import inner, meaning
+from pipeline.dynamics.jit.compiled import inlined, meaning
+from pipeline.dynamics.jit.sums import add_weighted_rows
 from pipeline.dynamics.jit.table import Table
 from pipeline.dynamics.system import System, accelerations, velocities
 from pipeline.integrators import dop853
@@ -25,11 +26,11 @@ from pipeline.integrators.adaptive import (
     end_step,
     just_after,
     just_before,
-    keep_largest,
     march_adaptive_steps,
     prepare_samples,
     sample_step,
     scaled_error,
+    set_trial,
     try_step,
 )
 from pipeline.integrators.protocol import Progress, State, Trajectory, march_from, require_tolerance
@@ -47,35 +48,48 @@ class RungeKuttaSteps(Table):
         Times of the stages in a step.
     slope : ndarray of int, shape (22, 16)
         Numbers of the slopes that are summed for each stage, each of the two errors, and four coefficients of the
-        dense output; filled up with 0.
+        dense output, but for the slope just before in this order; filled up with 0.
     weight : ndarray, shape (22, 16)
         Their weights, and 0.
     length : ndarray of int, shape (22,)
         How many they are, rounded up to four.
+    latest : ndarray, shape (22,)
+        Weight of the slope just before.
     K : ndarray, shape (16, n_positions + n)
         Slopes at the stages.
     dense : ndarray, shape (7, n_positions + n)
         Coefficients of the dense output.
-    error : ndarray, shape (n_positions + n,)
-        Room for an error.
+    error, none : ndarray, shape (n_positions + n,)
+        Room for an error, and zeros.
     """
 
     C: Array
     slope: IntArray
     weight: Array
     length: IntArray
+    latest: Array
     K: Array
     dense: Array
     error: Array
+    none: Array
 
 
-@cache
-def _coefficients() -> tuple[Array, IntArray, Array, IntArray]:
-    """Return the members C, slope, weight and length of `RungeKuttaSteps`."""
+def _coefficients() -> tuple[Array, IntArray, Array, IntArray, Array]:
+    """Return the members C, slope, weight, length and latest of `RungeKuttaSteps`."""
     slope, weight, length = np.zeros((22, 16), dtype=np.int64), np.zeros((22, 16)), np.zeros(22, dtype=np.int64)
+    latest = np.zeros(22)
     for k, row in enumerate(dop853.ROWS):
-        slope[k, : len(row)], weight[k, : len(row)], length[k] = [*row], [*row.values()], -(-len(row) // 4) * 4
-    return np.array(dop853.C), slope, weight, length
+        others = {number: size for number, size in row.items() if number != k - 1}
+        latest[k] = row.get(k - 1, 0.0)
+        slope[k, : len(others)], weight[k, : len(others)] = [*others], [*others.values()]
+        length[k] = max(1, -(-len(others) // 4)) * 4
+    return np.array(dop853.C), slope, weight, length, latest
+
+
+@lru_cache(maxsize=16)
+def _steps(n_all: int) -> RungeKuttaSteps:
+    """Return a table for so many positions and rates, to be renewed for each march."""
+    return RungeKuttaSteps(*_coefficients(), np.zeros((16, n_all)), np.zeros((7, n_all)), *np.zeros((2, n_all)))
 
 
 @dataclass(frozen=True)
@@ -110,43 +124,40 @@ class RungeKutta:
         StabilityError
             The step became too small.
         """
-        n_all = system.n_positions + system.n
-        m = RungeKuttaSteps(*_coefficients(), np.zeros((16, n_all)), np.zeros((7, n_all)), np.zeros(n_all))
+        m = _steps(system.n_positions + system.n).renewed()
         return march_adaptive_steps(self.name, system, m, self.tolerance, 8, start, times, progress)
 
 
-@inner
-def _add_slopes(m: RungeKuttaSteps, row: int, h: float, out: Array) -> None:
-    """Add a row's weighted sum of the slopes times h, four at a time, so that ``out`` is read and written less."""
-    for first in range(0, m.length[row], 4):
-        w0, w1 = h * m.weight[row, first], h * m.weight[row, first + 1]
-        w2, w3 = h * m.weight[row, first + 2], h * m.weight[row, first + 3]
-        K0, K1 = m.K[m.slope[row, first]], m.K[m.slope[row, first + 1]]
-        K2, K3 = m.K[m.slope[row, first + 2]], m.K[m.slope[row, first + 3]]
-        for i in range(out.size):
-            out[i] += (w0 * K0[i] + w1 * K1[i]) + (w2 * K2[i] + w3 * K3[i])
+@inlined
+def _add_slopes(m: RungeKuttaSteps, row: int, h: float, base: Array, out: Array) -> None:
+    """Add a row's weighted sum of the slopes times h to a state, into ``out``."""
+    add_weighted_rows(base, m.K, m.slope[row], m.weight[row], m.length[row], max(row - 1, 0), m.latest[row], h, out)
 
 
-@inner
+@inlined
 def _slope(m: RungeKuttaSteps, p: Any, k: int, t: float, u: Array, n_positions: int) -> None:
     """Evaluate slope number k at a time t and positions and rates u."""
     velocities(p, u[:n_positions], u[n_positions:], m.K[k, :n_positions])
     accelerations(p, t, u[:n_positions], u[n_positions:], m.K[k, n_positions:])
 
 
-@inner
+@inlined
 def _stage(m: RungeKuttaSteps, p: Any, k: int, t: float, h: float, s: AdaptiveMarch, u: Array) -> None:
     """Evaluate slope number k of a step, at ``t + C_k h``; u is the stage's state."""
-    for i in range(u.size):
-        u[i] = s.begin[i]
-    _add_slopes(m, k, h, u)
+    _add_slopes(m, k, h, s.begin, u)
     _slope(m, p, k, just_before(t + h) if m.C[k] == 1.0 else t + m.C[k] * h, u, s.q.size)
 
 
 @meaning(begin_step, RungeKuttaSteps)
 def _begin_step(m: RungeKuttaSteps, p: Any, s: AdaptiveMarch, t: float, h: float) -> None:
-    _slope(m, p, 0, just_after(t), s.begin, s.q.size)
-    s.evaluations[0] += 1
+    """Evaluate the first slope; unless loads jump here, the last one of the step before has its accelerations."""
+    if s.fresh[0] != 0.0:
+        _slope(m, p, 0, just_after(t), s.begin, s.q.size)
+        s.evaluations[0] += 1
+        return
+    velocities(p, s.q, s.v, m.K[0, : s.q.size])
+    for i in range(s.a.size):
+        m.K[0, s.q.size + i] = s.a[i]
 
 
 @meaning(try_step, RungeKuttaSteps)
@@ -155,19 +166,15 @@ def _try_step(m: RungeKuttaSteps, p: Any, s: AdaptiveMarch, t: float, h: float, 
     for k in range(1, 13):
         _stage(m, p, k, t, h, s, s.new)  # the last one is at the step's end, and new with it
     s.evaluations[0] += 12
-    for k in range(s.largest.size):
-        s.trial[k] = s.largest[k]
-    keep_largest(s.groups, s.trial, s.new)
+    set_trial(s)
     third, fifth = _error(m, _E3, h, s), _error(m, _E5, h, s)
     size = math.sqrt(fifth * fifth + 0.01 * third * third)
     return fifth * fifth / size if size > 0.0 else size
 
 
-@inner
+@inlined
 def _error(m: RungeKuttaSteps, row: int, h: float, s: AdaptiveMarch) -> float:
-    for i in range(m.error.size):
-        m.error[i] = 0.0
-    _add_slopes(m, row, h, m.error)
+    _add_slopes(m, row, h, m.none, m.error)
     return scaled_error(s.groups, s.trial, m.error)
 
 
@@ -182,10 +189,8 @@ def _prepare_samples(m: RungeKuttaSteps, p: Any, s: AdaptiveMarch, t: float, h: 
         m.dense[0, i] = rise
         m.dense[1, i] = h * m.K[0, i] - rise
         m.dense[2, i] = 2.0 * rise - h * (m.K[12, i] + m.K[0, i])
-        for row in range(3, 7):
-            m.dense[row, i] = 0.0
     for row in range(4):
-        _add_slopes(m, _D + row, h, m.dense[3 + row])
+        _add_slopes(m, _D + row, h, m.none, m.dense[3 + row])
 
 
 @meaning(sample_step, RungeKuttaSteps)

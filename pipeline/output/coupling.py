@@ -20,8 +20,8 @@ def coupling_warnings(run: Pipeline) -> list[dict[str, str]]:
         if beta > STRONG:
             text = (
                 f"{label}: slow and fast coordinates share almost all of their inertia (β = {beta:.5g}, 1 - β² = "
-                f"{1 - beta**2:.2g}), so this run's error can be far larger than that of central differences with the same "
-                "fast step; compare it with a run by runge-kutta, auto or central-difference, or take one of these"
+                f"{1 - beta**2:.2g}), so this run's error can be far larger than that of central differences with the "
+                "same fast step; compare it with a run by runge-kutta, auto or central-difference, or take one of these"
             )
             found.append({"code": "inertial-coupling", "run": label, "text": text})
     return found

@@ -3,12 +3,14 @@
 from __future__ import annotations
 
 from dataclasses import dataclass, field, replace
+from functools import cached_property
 from typing import Any
 
 import numpy as np
 
 from pipeline.core.arrays import Array, read_only, require_shape
 from pipeline.core.errors import AccuracyError
+from pipeline.reduction.second_order_mass import SecondOrderMass, second_order_mass
 
 # Axes across each axis; the last, number -1, has all three.
 _ACROSS = (slice(1, 3), slice(0, 3, 2), slice(0, 2), slice(0, 3))
@@ -86,7 +88,19 @@ class InertiaGram:
         M[6:, 6:] = np.einsum("aaij->ij", self.G)[1:, 1:]
         if self.stiffening.size:
             M[6:, 6:] += np.einsum("aaij->ij", self.stiffening)
+        if self.second_order is not None:
+            M[6:, 6:] += self.second_order.matrix(p[1:])
         return M
+
+    @cached_property
+    def second_order(self) -> SecondOrderMass | None:
+        """Modal mass of displacements of second order; ``None`` where they have no momenta, or are left out."""
+        if not (self.bow.size or self.curl.size):
+            return None
+        G = self.G
+        H = [G[b, c, 0, 1:] - G[c, b, 0, 1:] for b, c in ((1, 2), (2, 0), (0, 1))]
+        W, J = np.concatenate([self.S[:, 1:], H]), self.inertia(np.eye(G.shape[-1])[0])
+        return second_order_mass(self.mass, self.S[:, 0], J, W, self.bow, self.curl, self.normal)
 
 
 def inertia_gram(x: Array, m: Any, Phi: Array, normal: int = -1) -> InertiaGram:

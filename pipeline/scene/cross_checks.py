@@ -180,6 +180,8 @@ class CrossCheck:
             if name in closing:
                 yield from self._check_closing(name, joint)
                 continue
+            if joint.type in ("revolute", "prismatic") and joint.child_axis is not None:
+                yield FaultError("has no effect: the joint carries its child, along axis", "joint", name, "child_axis")
             parents[child] = joint.parent.partition(".")[0]
             if joint.type == "free" and child in self._flexible and self._flexible[child].support:
                 yield FaultError("holds nothing that a support could hold on to; take a fixed joint", "joint", name)

@@ -39,6 +39,9 @@ class Revolute(SceneTable):
         Marker of the body that the joint carries.
     axis : tuple of float
         Direction of the axis in the axes of the parent's body or place; its length doesn't count.
+    child_axis : tuple of float, optional
+        The same direction in the axes of the child's body or place, of a joint that closes a loop; the numbers of
+        ``axis`` by default, which are right if the child doesn't turn against the parent but about the axis.
     angle : float
         Angle at the start [rad].
     rate : float
@@ -73,6 +76,7 @@ class Revolute(SceneTable):
     parent: PlaceName
     child: MarkerName
     axis: Axis
+    child_axis: Axis | None = None
     angle: Angle = 0.0
     rate: AngularRate = 0.0
     spring: Annotated[RotationalStiffness, NonNegative] = 0.0
@@ -94,6 +98,9 @@ class Prismatic(SceneTable):
         Marker of the body that the joint carries.
     axis : tuple of float
         Direction of the axis in the axes of the parent's body or place; its length doesn't count.
+    child_axis : tuple of float, optional
+        The same direction in the axes of the child's body or place, of a joint that closes a loop; the numbers of
+        ``axis`` by default, which are right if the child doesn't turn against the parent but about the axis.
     position : float
         Displacement of the child's marker from the parent's at the start [m].
     rate : float
@@ -128,6 +135,7 @@ class Prismatic(SceneTable):
     parent: PlaceName
     child: MarkerName
     axis: Axis
+    child_axis: Axis | None = None
     position: Length = 0.0
     rate: Velocity = 0.0
     spring: Annotated[TranslationalStiffness, NonNegative] = 0.0

@@ -28,6 +28,7 @@ _AWAY = 1e-3  # motion by which the rank of the constraints is tried [rad or m]
 _RANK = 1e-8
 _IDLE = 1e-7  # of what free bodies would do
 _TRIED, _SPREAD = 3, 0.2  # positions nearby, and how far off [rad or m]
+_MOMENTS = 5  # at which prescribed motions are tried
 
 
 def assemble(scene: Scene, mechanism: Mechanism) -> Mechanism:
@@ -137,6 +138,12 @@ def _loose(scene: Scene, mechanism: Mechanism, what: str) -> IntArray:
     return np.concatenate([np.zeros(0, dtype=np.int64), *parts])
 
 
+def following_joints(scene: Scene, mechanism: Mechanism) -> IntArray:
+    """Rates of the joints whose position the scene leaves open; of all joints if there are none."""
+    loose = _loose(scene, mechanism, "position")
+    return loose if len(loose) else _joint_rates(mechanism)
+
+
 def constraint_matrix(system: CompiledSystem, q: Array, t: float = 0.0) -> Array:
     """Return J of the constraints' rates ``J v + …``, shape (n_rows, n)."""
     X, _ = system.compiled.multipliers(t, q)
@@ -224,8 +231,11 @@ def _require_closed(scene: Scene, system: CompiledSystem, q: Array) -> None:
 
 
 def _require_freedom(scene: Scene, system: CompiledSystem, q: Array) -> None:
-    """Raise ``InputError`` if nothing can move."""
-    if constraint_rank(system, q) == system.n:
+    """Raise ``InputError`` if nothing can move, neither by itself nor by a prescribed motion."""
+    links = system.mechanism.links
+    moves = any(link.motion is not None for link in links)
+    deforms = bool(scene.flexible) and not any(len(link.omega) for link in links)  # but these are left out here
+    if not moves and not deforms and constraint_rank(system, q) == system.n:
         names = ", ".join(scene.closing)
         raise InputError(
             scene.file,
@@ -254,7 +264,7 @@ def _require_one_way(scene: Scene, rigid: CompiledSystem, q: Array) -> None:
 
 
 def _without_idle_rows(mechanism: Mechanism, rigid: CompiledSystem, q: Array) -> Mechanism:
-    """Leave out scalar constraints that hold by themselves, for nothing that a body has modes for moves them.
+    """Leave out scalar constraints that hold by themselves: neither joints, modes nor prescribed motions move them.
 
     They would take hold of a body as it bends, by motions of second order, and lock it.
     """
@@ -268,7 +278,12 @@ def _without_idle_rows(mechanism: Mechanism, rigid: CompiledSystem, q: Array) ->
     for state in states:
         _, S = system.compiled.multipliers(0.0, _undeformed(mechanism, rigid.mechanism, state))
         largest = np.maximum(largest, S.diagonal() / system.constraint_scales)
-    idle = [row for row, size in zip(system.compiled.rows, largest, strict=True) if size <= _IDLE]
+    driven, at_start = np.zeros(len(largest)), _undeformed(mechanism, rigid.mechanism, q)
+    for t in np.linspace(0.0, mechanism.horizon, _MOMENTS):
+        _, rates = system.compiled.gaps(float(t), at_start, np.zeros(mechanism.n))
+        driven = np.maximum(driven, np.abs(rates))
+    still = (largest <= _IDLE) & (driven <= _IDLE * driven.max(initial=0.0))
+    idle = [row for row, holds in zip(system.compiled.rows, still, strict=True) if holds]
     closures = [
         replace(closure, left_out=tuple(row.number for row in idle if row.name == closure.name))
         if isinstance(closure, Closure)

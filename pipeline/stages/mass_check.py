@@ -22,7 +22,7 @@ def require_inertia(scene: Scene, system: CompiledSystem) -> None:
 
     A rod or a point mass on a ball joint, for one, turns about its own axis without any inertia.
     """
-    M = system.mass_matrix(system.mechanism.rest_positions)
+    M, _, _ = system.linear_matrices
     if not len(M):
         return
     sizes = np.sqrt(np.maximum(M.diagonal(), 0.0))

@@ -30,10 +30,11 @@ from pipeline.dynamics.mechanism import Mechanism
 from pipeline.dynamics.signals.signal import Signal, constant, half_sine, total
 from pipeline.reduction.body import FlexibleBody, MarkerShapes
 from pipeline.reduction.inertia import InertiaGram
-from pipeline.stages.assembly import assemble, close_start, given_joints
+from pipeline.stages.assembly import assemble, close_start, following_joints, given_joints
 from pipeline.stages.force_elements import add_elements, joint_laws
 from pipeline.stages.ground import ground_place
 from pipeline.stages.inboard_joint import read_inboard_joint
+from pipeline.stages.loop_steady import find_closed_steady_state
 from pipeline.stages.signals import require_sound_drives, signal_of
 
 if TYPE_CHECKING:
@@ -101,6 +102,8 @@ def find_start(scene: Scene, system: CompiledSystem) -> tuple[Array, Array]:
         There is no steady state.
     """
     q0, v0 = place_joints(scene, system.mechanism)
+    if scene.simulation.start == "steady" and system.mechanism.closures:
+        return find_closed_steady_state(system, q0, v0, following_joints(scene, system.mechanism))
     return (find_steady_state(system, q0, v0), v0) if scene.simulation.start == "steady" else (q0, v0)
 
 

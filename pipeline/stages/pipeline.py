@@ -45,7 +45,8 @@ def _march(run: Pipeline) -> dict[str, Trajectory]:
     """Integrate the scene's runs, one after the other."""
     times, trajectories = run.output_times, {}
     for label, plan in run.plans.items():
-        plan.march(times[:2])  # compiles, or reads kernels: not part of the run time
+        if run.while_timed is not nullcontext:
+            plan.march(times[:2])  # compiles, or reads kernels, while others may use the processor
         with run.store.monitor(label) as advance, run.while_timed():
             trajectories[label] = plan.march(times, advance)
     return trajectories
@@ -202,6 +203,8 @@ class Pipeline:
         if self._spin is not None:
             return self._spin
         self.scene.simulation  # noqa: B018 - a scene of parts alone is refused before anything is reduced
+        if not self.parts:
+            return {}
         bodies = {name: part.body for name, part in self.parts.items()}
         meshed = [name for name, part in self.parts.items() if part.has_mesh]
         return self.store.read_or_keep(self._key("loads"), lambda: check_spins(self.scene, bodies, meshed))
@@ -236,9 +239,9 @@ class Pipeline:
     @cached_property
     def system(self) -> CompiledSystem:
         """Mechanism as it is marched, by compiled functions."""
-        from pipeline.dynamics.compiled_system.system import CompiledSystem
+        from pipeline.dynamics.compiled_system.shared import share_system
 
-        return CompiledSystem(self.mechanism)
+        return share_system(self.mechanism)
 
     @property
     def reference_matrices(self) -> tuple[Array, Array]:

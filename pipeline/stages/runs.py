@@ -11,6 +11,7 @@ import numpy as np
 from pipeline.core.arrays import Array
 from pipeline.core.errors import InputError, StabilityError
 from pipeline.dynamics.compiled_system.positive_mass import explain_failure, require_positive_over
+from pipeline.dynamics.compiled_system.shared import share_system
 from pipeline.dynamics.compiled_system.system import CompiledSystem
 from pipeline.dynamics.excited_modes import Excited, excited_part
 from pipeline.dynamics.mechanism import Mechanism
@@ -160,7 +161,8 @@ def make_plans(built: BuiltScene, remember: Remember = lambda measure: measure()
     require_inertia(built.scene, built.system)
     runs, given = built.scene.simulation.run, _given_step(built)
     unchecked = [_plan_unchecked(built, k, given) for k in range(len(runs))]
-    growths = remember(lambda: _measure_growths(built, unchecked))
+    steps = any(plan.integrator.step for plan in unchecked)  # else errors choose them, and nothing is measured
+    growths = remember(lambda: _measure_growths(built, unchecked)) if steps else _measure_growths(built, unchecked)
     plans: dict[str, Plan] = {}
     for k, (run, plan, growth) in enumerate(zip(runs, unchecked, growths, strict=True)):
         method: Any = plan.integrator
@@ -226,7 +228,7 @@ def _leave_out_modes(built: BuiltScene, plan: Plan) -> Plan:
         part = excited_part(plan.mechanism, plan.start[0], _NO_FORCE * built.scene.simulation.error)
     if part is None:
         return plan
-    return replace(plan, excited=part, excited_system=CompiledSystem(part.mechanism))
+    return replace(plan, excited=part, excited_system=share_system(part.mechanism))
 
 
 def _measure_growth(built: BuiltScene, plan: Plan, free: bool, known: list[OperatingPoints]) -> Growth:
@@ -358,5 +360,5 @@ def plan_sub_cycled(
     assert substeps != "auto"
     fast_joints, slow_modes = split_at(built.system, frequency)
     mechanism = replace(whole, fast_joints=fast_joints, slow_modes=slow_modes)
-    system = CompiledSystem(mechanism)
+    system = share_system(mechanism)
     return Plan(key, _make_two_rate_integrator(run, step, substeps), mechanism, system, find_start(built.scene, system))

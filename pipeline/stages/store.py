@@ -2,17 +2,25 @@
 
 from __future__ import annotations
 
+import sys
 import time
 from collections.abc import Callable
 from dataclasses import dataclass, field
+from functools import lru_cache
 from typing import TypeVar
 
-from threadpoolctl import threadpool_limits
+from threadpoolctl import ThreadpoolController
 
 from pipeline.core.cache import Cache
 from pipeline.core.progress import Monitor, silent
 
 T = TypeVar("T")
+
+
+@lru_cache(maxsize=1)
+def _thread_pools(n_modules: int) -> ThreadpoolController:
+    """Return the libraries with threads of their own; those of modules loaded later are found by their number."""
+    return ThreadpoolController()
 
 
 @dataclass
@@ -85,7 +93,8 @@ class StageStore:
         """Compute a stage; the time of stages that it needs in turn is not counted as its own."""
         others = sum(self.log.seconds.values())
         tick = time.perf_counter()
-        with self.monitor(stage), threadpool_limits(1):  # the products here are small: two BLAS threads only spin
+        pools = _thread_pools(len(sys.modules))
+        with self.monitor(stage), pools.limit(limits=1):  # the products here are small: two BLAS threads only spin
             value = compute()
         spent = time.perf_counter() - tick
         self.log.add(stage, spent - (sum(self.log.seconds.values()) - others), self.log.run)

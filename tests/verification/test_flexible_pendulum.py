@@ -82,11 +82,16 @@ def by_hand(body: FlexibleBody, angle: float, times: Array) -> tuple[Array, Arra
 
         T = ½ θ̇² pᵀ A p + θ̇ pᵀ B ṗ + ½ q̇ᵀ q̇,   V = ½ qᵀ ω² q + g (sin θ c_x + cos θ c_y)
 
-    for modes of unit mass, c being the first moments; a stiffened body has its geometric stiffness in A and a bow in c.
+    for modes of unit mass, c being the first moments; a stiffened body has its geometric stiffness in A and a bow in c,
+    and the energy ``½ s·N s + s·g q̇`` of ``s = q̇ᵀ bow q`` with the inertia N⁻¹ of the rigid body in its plane and
+    ``g = N W`` with its coupling W of frame and modes.
     """
     gram, n = body.gram, len(body.omega)
     A, B = gram.G[0, 0] + gram.G[1, 1], gram.G[0, 1] - gram.G[1, 0]
     bow = gram.bow[:2] if gram.bow.size else np.zeros((2, n, n))
+    cx, cy = gram.S[:2, 0]
+    N = np.linalg.inv([[gram.mass, 0, -cy], [0, gram.mass, cx], [-cy, cx, A[0, 0]]])
+    g, N = (N @ np.concatenate([gram.S[:2, 1:], B[:1, 1:]]))[:2], N[:2, :2]
 
     def rates(t: float, y: Array) -> Array:
         theta, q, omega, dq = y[0], y[1 : 1 + n], y[1 + n], y[2 + n :]
@@ -94,10 +99,12 @@ def by_hand(body: FlexibleBody, angle: float, times: Array) -> tuple[Array, Arra
         c = gram.S[:2] @ p + 0.5 * bow @ q @ q
         slopes = gram.S[:2, 1:] + bow @ q
         h = (p @ B)[1:]
-        M = np.block([[np.array([[p @ A @ p]]), h[None]], [h[:, None], np.eye(n)]])
+        f = bow @ q
+        M = np.block([[np.array([[p @ A @ p]]), h[None]], [h[:, None], np.eye(n) + g.T @ f + f.T @ g + f.T @ N @ f]])
         turning = -2 * omega * (p @ A @ dp) - G * (np.cos(theta) * c[0] - np.sin(theta) * c[1])
         bending = omega**2 * (A @ p)[1:] + 2 * omega * (B @ dp)[1:] - body.omega**2 * q
         bending -= G * (np.sin(theta) * slopes[0] + np.cos(theta) * slopes[1])
+        bending -= (g + N @ f).T @ (bow @ dq @ dq)
         return np.r_[omega, dq, np.linalg.solve(M, np.r_[turning, bending])]
 
     start = np.r_[angle, np.zeros(1 + 2 * n)]

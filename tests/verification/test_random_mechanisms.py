@@ -145,8 +145,10 @@ def test_a_motion_does_not_depend_on_the_times_asked_for(folder: Path, seed: int
     fine = np.sort(np.r_[coarse, np.random.default_rng(seed).uniform(0.0, 0.05, 40)])
     try:
         one = method.march(run.system, *run.start, coarse)
-    except StabilityError as error:  # flexible bodies on joints couple: then it is told alike
-        with pytest.raises(StabilityError, match=re.escape(str(error))):
+    except StabilityError as error:  # flexible bodies on joints couple: then it is told alike, at the same time;
+        # an output within a major cycle may see the rates earlier on their way to infinity
+        when = str(error).partition(",")[0]
+        with pytest.raises(StabilityError, match=re.escape(when)):
             method.march(run.system, *run.start, fine)
         return
     other = method.march(run.system, *run.start, fine)

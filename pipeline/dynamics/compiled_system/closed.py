@@ -19,7 +19,7 @@ from pipeline.dynamics.jit.compiled import inner, meaning
 from pipeline.dynamics.jit.native import call_native
 from pipeline.dynamics.system import accelerations, advance, close_gaps, leapfrog_step, project
 
-_DEPENDENT = 1e-8  # of the largest pivot, the square of the ratio of lengths
+_DEPENDENT = 1e-9  # of the largest pivot, the square of the ratio of lengths
 _NO_PIVOT = 1e-14  # beside what free bodies would do
 _CLOSED = 1e-14  # gap that is round-off [m or rad]
 _FAILED = 1e-8  # gap after the last correction
@@ -159,12 +159,16 @@ def _leapfrog_step(p: ClosedParameters, leapfrog: Leapfrog, t: float, h: float, 
 @meaning(close_gaps, ClosedParameters)
 def _close_gaps(p: ClosedParameters, t: float, h: float, q: Array, v: Array, a: Array) -> None:
     set_inputs(p, float(t))
-    last = math.inf
-    for _ in range(_CORRECTIONS):
+    last, anew = math.inf, False
+    for k in range(2 * _CORRECTIONS):
         call_native(p.gaps, (p.inputs, q, v, p.g, p.rates))
         widest = _widest(p.g)
         if widest <= _CLOSED or (widest <= _FAILED and widest > 0.3 * last):
             return
+        if not anew and (k == _CORRECTIONS or widest > last):  # at a singular position, or in a long step
+            anew, p.whole.fresh[0] = True, 1.0
+            _spread(p, q, 0)
+            _factor(p.whole)
         last = widest
         _push(p.whole, p.g)
         advance(p, q, p.whole.push, 1.0, 0, v.size)

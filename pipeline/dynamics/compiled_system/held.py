@@ -12,12 +12,13 @@ from pipeline.core.arrays import Array
 from pipeline.dynamics.compiled_system.kernels import inputs_at, set_inputs
 from pipeline.dynamics.compiled_system.parameters import CompiledParameters, HeldCycle, TreeParameters
 from pipeline.dynamics.compiler.program import LANES
-from pipeline.dynamics.jit.compiled import contracted, inner, meaning
+from pipeline.dynamics.jit.compiled import contracted, inlined, meaning
 from pipeline.dynamics.jit.native import call_native
+from pipeline.dynamics.jit.oscillators import step_damped, step_undamped
 from pipeline.dynamics.system import fast_steps, hold_slow, velocities
 
 
-@inner
+@inlined
 def hold_single(p: CompiledParameters, q: Array, v: Array, a: Array, held: HeldCycle) -> None:
     """Hold fast coordinates that don't couple, at accelerations a."""
     n, offset = v.size, q.size - v.size
@@ -40,7 +41,7 @@ def hold_single(p: CompiledParameters, q: Array, v: Array, a: Array, held: HeldC
             held.lever[j, i] = -held.by_inputs[held.driven[j], i] * held.inverse_mass[i]
 
 
-@inner
+@inlined
 def _hold_drift(p: CompiledParameters, q: Array, v: Array, a: Array, held: HeldCycle) -> None:
     """Hold how the slow coordinates' motion and the inputs change the fast accelerations."""
     n, n_slow, n_columns = v.size, held.n_slow, 1 + held.driven.size
@@ -59,7 +60,7 @@ def _hold_drift(p: CompiledParameters, q: Array, v: Array, a: Array, held: HeldC
                 column[i] = -held.x[i, lane]
 
 
-@inner
+@inlined
 def keep_columns(x: Array, block: int, n_slow: int, out: Array) -> None:
     """Keep a block of eight columns, of the fast rows, as rows of a matrix (n_fast, n_fast)."""
     n_fast, first = out.shape[0], LANES * block
@@ -68,7 +69,7 @@ def keep_columns(x: Array, block: int, n_slow: int, out: Array) -> None:
             out[first + lane, i] = x[n_slow + i, lane]
 
 
-@inner
+@inlined
 def complete_constant(held: HeldCycle, q: Array, v: Array, a: Array) -> None:
     """Choose the constant of the held equation so that it gives the fast accelerations at a state."""
     n_slow, offset, n_fast = held.n_slow, q.size - v.size, v.size - held.n_slow
@@ -83,7 +84,7 @@ def complete_constant(held: HeldCycle, q: Array, v: Array, a: Array) -> None:
                 held.constant[n_slow + i] += held.C[j, i] * u
 
 
-@inner
+@inlined
 def _hold_coupled(p: CompiledParameters, q: Array, v: Array, a: Array, held: HeldCycle) -> None:
     _hold_drift(p, q, v, a, held)
     for block in range(held.unit_rates.shape[0]):
@@ -97,7 +98,7 @@ def _hold_coupled(p: CompiledParameters, q: Array, v: Array, a: Array, held: Hel
     complete_constant(held, q, v, a)
 
 
-@inner
+@inlined
 def set_active(p: CompiledParameters, t: float, held: HeldCycle) -> None:
     """Find whether any input changes in the cycle from t [s] on, and keep those of its start in ``before``."""
     held.active[0] = 0.0
@@ -128,7 +129,7 @@ def _hold_slow(p: TreeParameters, t: float, q: Array, v: Array, a: Array, frozen
         _hold_coupled(p, q, v, a, frozen)
 
 
-@inner
+@inlined
 def add_loads(p: CompiledParameters, held: HeldCycle, t: float, a: Array) -> None:
     """Add to a how the loads at a time t [s] accelerate the fast coordinates beyond those at the cycle's start."""
     inputs_at(p, t, held.now)
@@ -138,7 +139,7 @@ def add_loads(p: CompiledParameters, held: HeldCycle, t: float, a: Array) -> Non
             a[i] += change * held.lever[k, i]
 
 
-@inner
+@inlined
 def step_driven(
     p: CompiledParameters, held: HeldCycle, first: int, h: float, count: int, q: Array, v: Array, a: Array
 ) -> None:
@@ -176,43 +177,18 @@ def _step_one(held: HeldCycle, first: int, h: float, count: int, i: int, q: Arra
     q[place], v[i], a[i] = x, rate, acceleration
 
 
-@contracted
+@inlined
 def step_single(held: HeldCycle, first: int, h: float, count: int, begins: bool, q: Array, v: Array, a: Array) -> None:
-    """Take leapfrog steps coordinate by coordinate, from time ``first · h``; ``begins`` tells a cycle's first call.
-
-    Undamped ones go in increments d = h v: the processor works on several at once, and each waits for two operations a
-    step instead of four. A later call goes on with increments as they are, not by way of v.
-    """
-    constant, slope, k, c, offset = held.constant, held.slope, held.k, held.c, q.size - v.size
-    square, over, start = h * h, 1.0 / h, held.time[0]
-    since, until = first * h - start, (first + count - 1) * h - start
-    for i in range(held.n_slow, v.size):
-        x, ki, rise = q[i + offset], square * k[i], h * slope[i]
-        if held.damped:
-            rate, acceleration = v[i], a[i]
-            for step in range(count):
-                middle = rate + 0.5 * h * acceleration
-                tau = (first + step) * h - start
-                acceleration = constant[i] + tau * slope[i] - k[i] * x - c[i] * middle
-                rate += h * acceleration
-                x += h * rate
-            a[i], v[i], q[i + offset] = acceleration, rate, x
-            continue
-        more = square * rise
-        d, load = h * v[i], square * (constant[i] + since * slope[i])
-        if not begins:
-            d, load = held.d[i], held.rising[i]
-        for _ in range(count - 1):
-            d = (d + load) - ki * x
-            x += d
-            load += more
-        a[i] = constant[i] + until * slope[i] - k[i] * x
-        d = (d + load) - ki * x
-        v[i], q[i + offset] = over * d, x + d
-        held.d[i], held.rising[i] = d, load + more
+    """Take leapfrog steps with uncoupled coordinates from time ``first · h``; ``begins`` tells a cycle's first call."""
+    start, constant, slope, k = held.time[0], held.constant, held.slope, held.k
+    if held.damped:
+        step_damped(held.n_slow, constant, slope, k, held.c, q, v, a, first, start, h, count)
+    else:
+        d, rising = held.d, held.rising
+        step_undamped(held.n_slow, constant, slope, k, q, v, a, d, rising, first, start, h, count, begins)
 
 
-@inner
+@inlined
 def step_all(
     p: CompiledParameters, held: HeldCycle, first: int, h: float, count: int, q: Array, v: Array, a: Array
 ) -> None:
@@ -233,7 +209,7 @@ def step_all(
         held.load[i] = 0.0
 
 
-@inner
+@inlined
 def _step_unrolled(held: HeldCycle, q: Array, v: Array, a: Array) -> None:
     if held.damped:
         call_native(held.unrolled, (held.clock, held.constant, held.slope, held.load, held.K, held.C, q, v, a))
@@ -241,7 +217,7 @@ def _step_unrolled(held: HeldCycle, q: Array, v: Array, a: Array) -> None:
         call_native(held.unrolled, (held.clock, held.constant, held.slope, held.load, held.K, q, v, a))
 
 
-@inner
+@inlined
 def _step_looped(held: HeldCycle, q: Array, v: Array, a: Array) -> None:
     K, C, v_now = held.K, held.C, held.v_now
     n, offset, n_slow, tau, h = v.size, q.size - v.size, held.n_slow, held.clock[0], held.clock[1]

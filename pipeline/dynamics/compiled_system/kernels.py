@@ -6,12 +6,12 @@ import math
 
 from pipeline.core.arrays import Array
 from pipeline.dynamics.compiled_system.parameters import CompiledParameters, Leapfrog, TreeParameters
-from pipeline.dynamics.jit.compiled import inner, meaning
+from pipeline.dynamics.jit.compiled import inlined, meaning
 from pipeline.dynamics.jit.native import call_native
 from pipeline.dynamics.system import accelerations, advance, close_gaps, leapfrog_step, project, velocities
 
 
-@inner
+@inlined
 def set_inputs(p: CompiledParameters, t: float) -> None:
     """Evaluate the signals at a time t [s], unless they are there from the last call."""
     if p.inputs.size and p.clock[0] != t:
@@ -19,7 +19,7 @@ def set_inputs(p: CompiledParameters, t: float) -> None:
         p.clock[0] = t
 
 
-@inner
+@inlined
 def inputs_at(p: CompiledParameters, t: float, inputs: Array) -> None:
     """Evaluate the signals at a time t [s]: value, rate and acceleration of each."""
     p.clock[1] = t
@@ -84,7 +84,7 @@ def _velocities(p: CompiledParameters, q: Array, v: Array, dq: Array) -> None:
         _quaternion_rate(q, p.quaternions[k, 1], v, p.quaternions[k, 0], dq)
 
 
-@inner
+@inlined
 def _quaternion_rate(q: Array, at: int, v: Array, turn: int, dq: Array) -> None:
     """``½ e ∘ (ω, 0)`` for rates ω about the body's own axes."""
     wx, wy, wz = 0.5 * v[turn], 0.5 * v[turn + 1], 0.5 * v[turn + 2]
@@ -95,7 +95,7 @@ def _quaternion_rate(q: Array, at: int, v: Array, turn: int, dq: Array) -> None:
     dq[at + 3] = -x * wx - y * wy - z * wz
 
 
-@inner
+@inlined
 def _advance_quaternion(q: Array, at: int, v: Array, turn: int, h: float) -> None:
     """Turn the unit quaternion at ``q[at]`` by h times the body's own rates; the only place where one changes."""
     wx, wy, wz = 0.5 * h * v[turn], 0.5 * h * v[turn + 1], 0.5 * h * v[turn + 2]

@@ -19,12 +19,12 @@ from pipeline.dynamics.compiled_system.held import (
 from pipeline.dynamics.compiled_system.kernels import set_inputs
 from pipeline.dynamics.compiled_system.parameters import CompiledParameters, MiddleCycle
 from pipeline.dynamics.compiler.program import LANES
-from pipeline.dynamics.jit.compiled import inner, meaning
+from pipeline.dynamics.jit.compiled import inlined, meaning
 from pipeline.dynamics.jit.native import call_native
 from pipeline.dynamics.system import accelerations, hold_middle, reacting_steps, slow_response, velocities
 
 
-@inner
+@inlined
 def _find_reaction(p: CompiledParameters, q: Array, block: int, D: Array, middle: MiddleCycle) -> None:
     """Compute D and how all coordinates follow a block of fast ones."""
     held, along = middle.held, middle.along_rates[block]
@@ -47,7 +47,7 @@ def _find_reaction(p: CompiledParameters, q: Array, block: int, D: Array, middle
             middle.along_positions[block, i, lane] = held.moved[i]
 
 
-@inner
+@inlined
 def _keep_response(
     p: CompiledParameters, q: Array, block: int, D: Array, middle: MiddleCycle, on_fast: Array, on_slow: Array
 ) -> None:
@@ -70,7 +70,7 @@ def _keep_response(
             on_slow[first + lane, i] = f[i, lane]
 
 
-@inner
+@inlined
 def hold_reacting(p: CompiledParameters, q: Array, v: Array, D: Array, middle: MiddleCycle, a: Array) -> None:
     """Hold the fast equation at a state with accelerations a, the slow coordinates reacting to the fast ones."""
     held, n_slow = middle.held, middle.held.n_slow

@@ -1,8 +1,9 @@
 """Check that the mass matrix of a stiffened mechanism is positive definite at the deflections of a motion.
 
-Displacements of second order change what a stiffened body's frame has of inertia, but not the modal masses, which stay
-1. A motion in which frame and modes nearly cancel, such as that of a light end, then loses its inertia as the body
-deflects: a kinetic energy can be negative, and a motion has no meaning.
+Displacements of second order change what a stiffened body's frame has of inertia, and by their rigid part the modal
+masses (see `pipeline.reduction.second_order_mass`). What is left out can still take the inertia of a motion in which
+frame and modes nearly cancel, such as that of a light end, where a body deflects by most of its length. A kinetic
+energy can then be negative, and a motion has no meaning.
 """
 
 from __future__ import annotations

@@ -25,21 +25,24 @@ def find_steady_state(system: CompiledSystem, q: Array, v: Array, t: float = 0.0
     mechanism, compiled = system.mechanism, system.compiled
     modes = np.concatenate([mechanism.modes_of(k) for k in range(len(mechanism.links))])
     at, q, inputs = modes + mechanism.n_positions - mechanism.n, q.copy(), compiled.signal_values(t)
-    size = 0.0
+    size, slopes = 0.0, np.zeros((0, 0))
     for _ in range(_CORRECTIONS):
         a = compiled.accelerations(t, q, v)
         by_q, _, M = compiled.tangents(inputs, q, v, a)
-        slopes = -np.linalg.solve(M, by_q[:, at])[modes]
-        change = np.linalg.solve(slopes, a[modes])
+        try:
+            slopes = -np.linalg.solve(M, by_q[:, at])[modes]
+            change = np.linalg.solve(slopes, a[modes])
+        except np.linalg.LinAlgError:  # the corrections have run away
+            size = np.inf
+            break
         q[at] -= change
         size = float(np.linalg.norm(change))
-        if size <= _SETTLED * np.linalg.norm(q[at]):
+        if size <= _SETTLED * np.linalg.norm(q[at]) or not np.isfinite(size):
             break
     settled = size <= _SETTLED * np.linalg.norm(q[at])
     if settled:
         require_positive_mass(system, q, "in the steady state")
-    stable = np.linalg.eigvals(slopes).real.max(initial=-1.0) < 0
-    if not (stable and settled):
+    if not (settled and np.linalg.eigvals(slopes).real.max(initial=-1.0) < 0):
         raise AccuracyError(
             f"no steady state: the modes still change by {size:.1e} after {_CORRECTIONS} corrections, or a "
             "deflection grows by itself; the scene turns too fast for the bodies' stiffness"

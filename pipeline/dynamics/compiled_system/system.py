@@ -40,6 +40,8 @@ _SHARE_AHEAD = 1e-2  # of a major cycle, over which the slow motion of a mechani
 _AHEAD = 16  # steps for which loads are evaluated before coordinates go through them
 _MOST_UNROLLED = 64  # fast coordinates: beyond, code without loops takes longer to compile than it saves
 
+_BYTES_OF_OPERATION = 6.0  # of machine code, five to eight where it is long
+
 
 class CompiledSystem:
     """A mechanism ready to be integrated; its functions are compiled when they are first wanted.
@@ -74,9 +76,19 @@ class CompiledSystem:
         return self.mechanism.n_slow
 
     @property
+    def evaluation_cost(self) -> float:
+        """Operations of an evaluation of the accelerations, by the size of their machine code."""
+        return self.compiled.n_bytes() / _BYTES_OF_OPERATION
+
+    @property
     def groups(self) -> tuple[IntArray, IntArray]:
         """Group of like coordinates that each position and each rate belongs to."""
         return self.mechanism.groups
+
+    @property
+    def settles(self) -> bool:
+        """True if the end of a step is changed after it: loops close, or quaternions become unit ones."""
+        return bool(self.compiled.rows) or self.n_positions != self.n
 
     @property
     def breakpoints(self) -> tuple[float, ...]:

@@ -11,7 +11,8 @@ bring about. With the inertia forms I_ab and A_a, and p = (1, q):
     moments   ω × J ω + 2 N ω − ω × h        modes   −Σ ω_a ω_b y_ab − 2 Σ ω_a A_a q̇
 
 Displacements of second order add ``½ qᵀ bow_a q`` to the first moments and ``qᵀ curl_a q̇`` to the angular momentum. So
-S_a has bow_a q beside it, z_a has −curl_a q, and ``q̇ᵀ bow_a q̇`` and ``q̇ᵀ curl_a q̇`` act on the frame.
+S_a has bow_a q beside it, z_a has −curl_a q, and ``q̇ᵀ bow_a q̇`` and ``q̇ᵀ curl_a q̇`` act on the frame. The modal mass
+is then no longer the identity: see `pipeline.reduction.second_order_mass`.
 """
 
 from __future__ import annotations
@@ -19,6 +20,7 @@ from __future__ import annotations
 from dataclasses import dataclass
 
 from pipeline.core.arrays import Array
+from pipeline.dynamics.compiler.added_mass import AddedMass, trace_added_mass
 from pipeline.dynamics.compiler.algebra import (
     Matrix,
     Vector3,
@@ -35,7 +37,7 @@ from pipeline.dynamics.compiler.algebra import (
 )
 from pipeline.dynamics.compiler.cleaning import inertia_forms
 from pipeline.dynamics.compiler.frames import MovingFrame
-from pipeline.dynamics.compiler.graph import Graph, Scalar, Vector, combine
+from pipeline.dynamics.compiler.graph import Graph, Scalar, Terms, Vector, combine
 
 AXES = range(3)
 
@@ -60,6 +62,8 @@ class Inertia:
         First moments of the modes, modal parts of ``A_a p`` and ``A_a q̇``.
     bending : Vector6
         Force and moment that displacements of second order take at constant modal rates.
+    more : AddedMass, optional
+        What displacements of second order add to the modal mass.
     """
 
     mass: Scalar
@@ -73,6 +77,7 @@ class Inertia:
     z: list[Vector]
     z_rate: list[Vector]
     bending: Vector6
+    more: AddedMass | None
 
     @property
     def M(self) -> Matrix:
@@ -112,7 +117,10 @@ def trace_inertia(graph: Graph, frame: MovingFrame) -> Inertia:
             N[a].append(both.dot(v))
     rates = [row.dot(v) for row in S]
     bending = [_square(graph, form, v) for forms_of in (forms.bow, forms.curl) for form in forms_of]
-    return Inertia(frame.rigid.mass, c, rates, _full(J), _full(N), [row.dot(v) for row in z], y, S, z, z_rate, bending)
+    more = trace_added_mass(graph, forms.second_order, q)
+    return Inertia(
+        frame.rigid.mass, c, rates, _full(J), _full(N), [row.dot(v) for row in z], y, S, z, z_rate, bending, more
+    )
 
 
 def _square(graph: Graph, form: Array, v: Vector) -> Scalar:
@@ -124,12 +132,12 @@ def _full(lower: Matrix) -> Matrix:
     return [[lower[max(a, b)][min(a, b)] for b in AXES] for a in AXES]
 
 
-def velocity_forces(inertia: Inertia, w: Vector3) -> tuple[Vector6, list[tuple[Scalar | float, Vector]]]:
-    """Return p of a body that spins at ω, and the terms of −e, without loads and springs."""
+def velocity_forces(inertia: Inertia, w: Vector3, v: Vector) -> tuple[Vector6, Terms]:
+    """Return p of a body that spins at ω and deforms at v, and the terms of −e, without loads and springs."""
     swept = add(cross(w, inertia.c), scale(2.0, inertia.c_rate))
     moment = add(cross(w, times(inertia.J, w)), scale(2.0, times(inertia.N, w)))
     p = add(cross(w, swept) + subtract(moment, cross(w, inertia.h)), inertia.bending)
-    terms: list[tuple[Scalar | float, Vector]] = []
+    terms: Terms = [] if inertia.more is None else inertia.more.velocity_forces(v)
     for a in AXES:
         terms += [(w[a] * w[a], inertia.y[a][a]), (w[a] * 2.0, inertia.z_rate[a])]
         terms += [(w[a] * w[b] * 2.0, inertia.y[a][b]) for b in range(a)]

@@ -15,6 +15,7 @@ import numpy as np
 from pipeline.core.arrays import Array
 from pipeline.dynamics.links import Link
 from pipeline.reduction.body import MarkerShapes
+from pipeline.reduction.second_order_mass import SecondOrderMass, second_order_mass
 
 THRESHOLD = 1e-9
 """Share of its natural scale below which an entry is round-off: meshes leave up to 2e-10, and nothing up to 1e-8."""
@@ -39,6 +40,8 @@ class InertiaForms:
         Second-order first moments and angular momentum.
     mass : float
         [kg]
+    normal : int
+        Number of the only axis that the body turns about, or -1.
     """
 
     I_ab: Array
@@ -47,6 +50,15 @@ class InertiaForms:
     bow: Array
     curl: Array
     mass: float
+    normal: int
+
+    @property
+    def second_order(self) -> SecondOrderMass | None:
+        """Modal mass of displacements of second order, if they have momenta."""
+        if not (self.bow.size or self.curl.size):
+            return None
+        W, J = np.concatenate([self.S[:, 1:], -self.A_a[:, 1:, 0]]), self.I_ab[:, :, 0, 0]
+        return second_order_mass(self.mass, self.S[:, 0], J, W, self.bow, self.curl, self.normal)
 
 
 def inertia_forms(link: Link) -> InertiaForms:
@@ -65,7 +77,7 @@ def inertia_forms(link: Link) -> InertiaForms:
     forms[np.abs(forms) <= limit], antisymmetric[np.abs(antisymmetric) <= limit] = 0.0, 0.0
     units = np.sqrt(gram.mass) * scale
     S = np.where(np.abs(gram.S) <= THRESHOLD * units, 0.0, gram.S)
-    return InertiaForms(forms, antisymmetric, S, _cut(gram.bow), _cut(gram.curl), gram.mass)
+    return InertiaForms(forms, antisymmetric, S, _cut(gram.bow), _cut(gram.curl), gram.mass, gram.normal)
 
 
 def rigid_constants(link: Link) -> tuple[float, Array, Array]:

@@ -39,9 +39,8 @@ from pipeline.dynamics.compiler.algebra import (
 from pipeline.dynamics.compiler.bodies import AXES, Inertia
 from pipeline.dynamics.compiler.cleaning import clean_direction, clean_marker
 from pipeline.dynamics.compiler.coordinates import Coordinates, RestingCoordinates
-from pipeline.dynamics.compiler.elements import Terms
 from pipeline.dynamics.compiler.frames import MovingFrame, marker_bias
-from pipeline.dynamics.compiler.graph import Scalar, total
+from pipeline.dynamics.compiler.graph import Scalar, Terms, total
 from pipeline.dynamics.compiler.marker import MarkerMotion, trace_marker
 from pipeline.dynamics.compiler.recursion import BodyValues
 from pipeline.dynamics.mechanism import Mechanism

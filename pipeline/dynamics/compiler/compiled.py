@@ -4,7 +4,8 @@ from __future__ import annotations
 
 import ctypes
 from collections.abc import Callable
-from functools import cached_property
+from functools import cache, cached_property
+from typing import Any
 
 import numpy as np
 
@@ -49,7 +50,8 @@ class CompiledMechanism:
         return trace_frames(self._inputs)
 
     @cached_property
-    def _digest(self) -> str:
+    def digest(self) -> str:
+        """Digest of all constants that are part of the code."""
         return digest_mechanism(self._inputs)
 
     @cached_property
@@ -79,13 +81,12 @@ class CompiledMechanism:
         if name == "signals":
             return self._signal_values
         if name not in self._loaded:
-            self._loaded[name] = load_program(name, self._digest, lambda: self.program(name))
+            self._loaded[name] = load_program(name, self.digest, lambda: self.program(name))
         return self._loaded[name]
 
     def call(self, name: str, *arrays: Array) -> None:
         """Call a function with its arrays, which have to be C-contiguous and of doubles."""
-        prototype = ctypes.CFUNCTYPE(None, *[ctypes.c_void_p] * len(arrays))
-        prototype(self.address(name))(*(array.ctypes.data for array in arrays))
+        _prototype(len(arrays))(self.address(name))(*(array.ctypes.data for array in arrays))
 
     @property
     def signals(self) -> tuple[Signal, ...]:
@@ -251,6 +252,11 @@ class CompiledMechanism:
 def compile_mechanism(mechanism: Mechanism) -> CompiledMechanism:
     """Make the compiled functions of a mechanism; each compiles when it is first used, or is read from disk."""
     return CompiledMechanism(mechanism)
+
+
+@cache
+def _prototype(n_arrays: int) -> Any:
+    return ctypes.CFUNCTYPE(None, *[ctypes.c_void_p] * n_arrays)
 
 
 def _contiguous(*arrays: Array) -> list[Array]:

@@ -8,7 +8,7 @@ from pipeline.core.arrays import Array
 from pipeline.dynamics.compiler.algebra import constants
 from pipeline.dynamics.compiler.graph import Graph, Scalar, Vector, combine
 from pipeline.dynamics.mechanism import Mechanism
-from pipeline.dynamics.signals.signal import Signal, constant, total
+from pipeline.dynamics.signals.signal import ALWAYS, CONSTANT, Signal
 
 
 class Coordinates:
@@ -119,5 +119,6 @@ class LeapingCoordinates(Coordinates):
 
 def constant_value(signal: Signal) -> float | None:
     """Return the value of a signal that doesn't change, else ``None``."""
-    numbers = [term.numbers[0] for term in signal.terms if len(term.numbers) == 1]
-    return float(sum(numbers)) if signal == total([constant(number) for number in numbers]) else None
+    if signal.breakpoints or any(term.kind != CONSTANT or term.support != ALWAYS for term in signal.terms):
+        return None
+    return float(sum(term.numbers[0] for term in signal.terms))

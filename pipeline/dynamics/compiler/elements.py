@@ -21,13 +21,10 @@ from pipeline.dynamics.compiler.algebra import (
 from pipeline.dynamics.compiler.cleaning import clean_marker
 from pipeline.dynamics.compiler.coordinates import Coordinates
 from pipeline.dynamics.compiler.frames import MovingFrame
-from pipeline.dynamics.compiler.graph import Scalar, Vector, total
+from pipeline.dynamics.compiler.graph import Scalar, Terms, total
 from pipeline.dynamics.compiler.laws import trace_law, trace_law_energy
 from pipeline.dynamics.compiler.marker import MarkerMotion, trace_marker
 from pipeline.dynamics.elements import SHORTEST, Attachment, Element, PointSpring, SixAxisSpring
-
-Terms = list[tuple[Scalar | float, Vector]]
-"""Scalars and vectors whose products add up to a modal vector."""
 
 _AXES = range(3)
 

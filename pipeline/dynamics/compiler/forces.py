@@ -11,9 +11,9 @@ from pipeline.dynamics.compiler.algebra import Vector6, constants, cross, subtra
 from pipeline.dynamics.compiler.bodies import AXES, Inertia, velocity_forces
 from pipeline.dynamics.compiler.cleaning import clean_direction, clean_marker
 from pipeline.dynamics.compiler.coordinates import Coordinates, RestingCoordinates
-from pipeline.dynamics.compiler.elements import Terms, trace_actions
+from pipeline.dynamics.compiler.elements import trace_actions
 from pipeline.dynamics.compiler.frames import MovingFrame
-from pipeline.dynamics.compiler.graph import Graph, Scalar, Vector, combine
+from pipeline.dynamics.compiler.graph import Graph, Scalar, Terms, Vector, combine
 from pipeline.dynamics.compiler.laws import trace_law
 from pipeline.dynamics.compiler.marker import trace_marker
 from pipeline.dynamics.links import ONE_AXIS, REVOLUTE, PointLoad
@@ -56,7 +56,7 @@ class ActingForces:
 
     def on_body(self, frame: MovingFrame, inertia: Inertia) -> tuple[Vector6, Terms]:
         """Return p of a body, and the terms of −e; see `bodies`."""
-        p, terms = velocity_forces(inertia, frame.spin)
+        p, terms = velocity_forces(inertia, frame.spin, frame.v)
         terms = terms + modal_load(self._inputs, frame)
         for at in self._inputs.mechanism.loads:
             if at.body == frame.link.name:

@@ -247,6 +247,10 @@ class Vector:
         return Vector(self.graph, product, len(matrix)) * factor
 
 
+Terms = list[tuple[Scalar | float, Vector]]
+"""Scalars and vectors whose products add up to a modal vector."""
+
+
 def combine(terms: Sequence[tuple[Scalar | float, Vector]]) -> Vector:
     """Return the sum of scalars times vectors of one size.
 

@@ -52,6 +52,7 @@ def trace_kinetic_energy(inputs: Coordinates, frames: list[MovingFrame]) -> Scal
         inertia = trace_inertia(inputs.graph, frame)
         push, turn = body_momenta(inputs, frame)
         modal = frame.v.dot(frame.v) + dot(frame.velocity, inertia.c_rate) - dot(frame.spin, inertia.h)
+        modal = modal if inertia.more is None else modal + inertia.more.twice_energy(frame.v)
         twice.append(dot(frame.velocity, push) + dot(frame.spin, turn) + modal)
     return total(twice) * 0.5
 

@@ -14,7 +14,8 @@ system
 
     F ζ = −(Y x + f)    F = P⁻¹ + Σ L_cᵀ IA_c L_c    Y = P⁻¹ Q W + Σ L_cᵀ IA_c B_c    f = P⁻¹ Q e + Σ L_cᵀ pA_c
 
-so that n modes cost of the order of n, and a cube only of Q's few rows.
+so that n modes cost of the order of n, and a cube only of Q's few rows. The modal mass of displacements of second order
+has rows in this span too, and is a part of F as what a child carries.
 """
 
 from __future__ import annotations
@@ -24,6 +25,7 @@ from dataclasses import dataclass, field
 import numpy as np
 
 from pipeline.core.arrays import Array
+from pipeline.dynamics.compiler.added_mass import AddedMass
 from pipeline.dynamics.compiler.algebra import (
     Matrix,
     SymmetricFactor,
@@ -50,7 +52,7 @@ from pipeline.dynamics.compiler.bodies import trace_inertia
 from pipeline.dynamics.compiler.forces import Forces
 from pipeline.dynamics.compiler.frames import MovingFrame
 from pipeline.dynamics.compiler.graph import Scalar, Vector, combine
-from pipeline.dynamics.compiler.span import Span, span_markers
+from pipeline.dynamics.compiler.span import ModalRows, Span, rows_of_marker, span_rows
 
 
 @dataclass
@@ -178,14 +180,18 @@ def _articulate(forces: Forces, frame: MovingFrame, children: list[ArticulatedBo
         body.IA = add_matrices(body.IA, congruence(across, carried[child.number].IA))
         body.pA = add(body.pA, times(across, carried[child.number].pA))
     if free.any():
-        _eliminate_modes(body, held, carried)
+        _eliminate_modes(body, held, carried, inertia.more)
     _eliminate_joint(body, forces.on_joint(frame))
     return body
 
 
-def _eliminate_modes(body: ArticulatedBody, held: list[MovingFrame], carried: dict[int, Carried]) -> None:
+def _eliminate_modes(
+    body: ArticulatedBody, held: list[MovingFrame], carried: dict[int, Carried], more: AddedMass | None
+) -> None:
     """Eliminate a body's modes: across the span of its markers as a leaf's, along it by the small system."""
-    span = span_markers(body.e.graph, [child.marker for child in held], body.free)
+    groups = [rows_of_marker(child.marker) for child in held]
+    groups += [] if more is None else [ModalRows(*more.shapes, more.rows)]
+    span = span_rows(body.e.graph, groups, body.free)
     Q, inverses, n_free = span.Q, span.inverse_squares, np.count_nonzero(body.free)
     if len(Q) < n_free:
         body.IA = subtract_matrices(body.IA, [[a.dot(b) for b in body.W] for a in body.W])
@@ -199,7 +205,9 @@ def _eliminate_modes(body: ArticulatedBody, held: list[MovingFrame], carried: di
         body.IA = add_matrices(body.IA, symmetric_product(transpose(PQW), columns))
         body.pA = add(body.pA, times(columns, PQe))
     F, Y, f, T = diagonal(inverses), PQW, PQe, dict[int, Matrix]()
-    for child, by_rows in zip(held, span.L, strict=True):
+    if more is not None:
+        F = add_matrices(F, congruence(transpose(span.L[-1]), more.C))
+    for child, by_rows in zip(held, span.L, strict=False):
         T[child.number] = by_rows[:3] + product(child.marker.A, by_rows[3:])
         across = transpose(T[child.number])
         pushed = product(across, carried[child.number].IA)

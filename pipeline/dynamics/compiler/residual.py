@@ -17,10 +17,9 @@ from pipeline.dynamics.compiler.algebra import (
 )
 from pipeline.dynamics.compiler.bodies import trace_inertia
 from pipeline.dynamics.compiler.coordinates import Coordinates
-from pipeline.dynamics.compiler.elements import Terms
 from pipeline.dynamics.compiler.forces import ActingForces
 from pipeline.dynamics.compiler.frames import MovingFrame
-from pipeline.dynamics.compiler.graph import Vector, combine
+from pipeline.dynamics.compiler.graph import Terms, Vector, combine
 from pipeline.dynamics.compiler.recursion import BodyValues
 
 
@@ -63,6 +62,7 @@ def _forces(
     on_modes: Terms = [(1.0, eta)]
     on_modes += [(-1.0 * factor, vector) for factor, vector in terms]
     on_modes += zip(x, inertia.W, strict=True)
+    on_modes += [] if inertia.more is None else inertia.more.times(eta)
     for child in frame.children:
         at_marker = carried[child.number]
         force = add(force, times(transpose(child.B), at_marker))

@@ -1,9 +1,10 @@
 """Rows that span how a body's modes move its markers, along which the modes of a carrier are eliminated.
 
-Markers move by ``R_c η`` for modal accelerations η. Shapes of the first order are constant: their span has orthonormal
-rows that are known beforehand. A row with a part of second order changes with the deflection, and is made orthogonal to
-the others at each state. It may vanish, or lie among the others; so it isn't brought to unit length: its square comes
-with it, and a number that is nothing beside any modal mass keeps that from being zero.
+Markers move by ``R_c η`` for modal accelerations η, and what displacements of second order add to the modal mass has
+such rows too (see `added_mass`). Shapes of the first order are constant: their span has orthonormal rows that are known
+beforehand. A row with a part of second order changes with the deflection, and is made orthogonal to the others at each
+state. It may vanish, or lie among the others; so it isn't brought to unit length: its square comes with it, and a
+number that is nothing beside any modal mass keeps that from being zero.
 """
 
 from __future__ import annotations
@@ -24,7 +25,7 @@ _NOTHING = 1e-30  # [1/kg]
 
 @dataclass(frozen=True)
 class Span:
-    """Orthogonal rows Q that span the motion of markers by modes, ``R_c = L_c Q``.
+    """Orthogonal rows Q that span groups of rows, ``R_c = L_c Q``.
 
     Attributes
     ----------
@@ -33,7 +34,7 @@ class Span:
     inverse_squares : list of Scalar
         ``1 / (Q_i · Q_i)``.
     L : list of Matrix
-        L_c of each marker, 6 × as many as there are rows.
+        L_c of each group of rows, as many columns as Q has rows.
     """
 
     Q: list[Vector]
@@ -41,30 +42,52 @@ class Span:
     L: list[Matrix]
 
 
-def span_markers(graph: Graph, markers: Sequence[MarkerMotion], free: Array) -> Span:
-    """Span the motion of a body's markers by those modes for which ``free`` (n,) is 1; it is 0 for the others."""
-    shapes = [np.concatenate([at.shapes.translation, at.shapes.rotation]) * free for at in markers]
-    rows = np.concatenate([np.zeros((0, len(free))), *shapes])
-    forms = np.concatenate([np.zeros((0, len(free), len(free))), *(at.shapes.bow for at in markers)])
+@dataclass(frozen=True)
+class ModalRows:
+    """Rows that change linearly with the modal coordinates.
+
+    Attributes
+    ----------
+    shapes, forms : ndarray, shapes (m, n) and (m, n, n)
+        Their constant part, and their derivatives.
+    values : list of Vector
+        The rows at the state.
+    """
+
+    shapes: Array
+    forms: Array
+    values: list[Vector]
+
+
+def rows_of_marker(at: MarkerMotion) -> ModalRows:
+    """Return the rows by which modes move a marker."""
+    return ModalRows(np.concatenate([at.shapes.translation, at.shapes.rotation]), at.shapes.bow, at.slopes + at.turns)
+
+
+def span_rows(graph: Graph, groups: Sequence[ModalRows], free: Array) -> Span:
+    """Span groups of rows by those modes for which ``free`` (n,) is 1; it is 0 for the others."""
+    rows = np.concatenate([np.zeros((0, len(free))), *(group.shapes * free for group in groups)])
+    forms = np.concatenate([np.zeros((0, len(free), len(free))), *(group.forms for group in groups)])
     varies = np.asarray(forms.any(axis=(1, 2)))
     basis, L = orthonormal_rows(np.where(varies[:, None], 0.0, rows))
     moving = (free > 0.0) & (rows.any(axis=0) | forms.any(axis=(0, 1)))
-    slopes = [row for at in markers for row in at.slopes + at.turns]
-    if len(basis) + np.count_nonzero(varies) >= np.count_nonzero(moving):  # the modes keep the markers' zeros
+    values, sizes = [row for group in groups for row in group.values], [len(group.values) for group in groups]
+    if len(basis) + np.count_nonzero(varies) >= np.count_nonzero(moving):  # the modes keep the rows' zeros
         modes = np.flatnonzero(moving)
         Q = [graph.array(row) for row in np.eye(len(free))[modes]]
-        return _split(Q, [graph.number(1.0)] * len(Q), [[row.entry(int(k)) for k in modes] for row in slopes])
+        return _split(Q, [graph.number(1.0)] * len(Q), [[row.entry(int(k)) for k in modes] for row in values], sizes)
     Q, inverses = [graph.array(row) for row in basis], [graph.number(1.0)] * len(basis)
     weights = [constants(graph, row) for row in L]
     for k in np.flatnonzero(varies):
-        row = slopes[k].multiplied_by(np.diag(free))
+        row = values[k].multiplied_by(np.diag(free))
         weights[k] = [row.dot(other) * inverse for other, inverse in zip(Q, inverses, strict=True)]
         row = combine([(1.0, row), *((-1.0 * weight, other) for weight, other in zip(weights[k], Q, strict=True))])
         weights[k] = [*weights[k], graph.number(1.0)]
         Q, inverses = [*Q, row], [*inverses, (row.dot(row) + _NOTHING).inverse()]
     zero = graph.number(0.0)
-    return _split(Q, inverses, [row + [zero] * (len(Q) - len(row)) for row in weights])
+    return _split(Q, inverses, [row + [zero] * (len(Q) - len(row)) for row in weights], sizes)
 
 
-def _split(Q: list[Vector], inverse_squares: list[Scalar], rows: Matrix) -> Span:
-    return Span(Q, inverse_squares, [rows[first : first + 6] for first in range(0, len(rows), 6)])
+def _split(Q: list[Vector], inverse_squares: list[Scalar], rows: Matrix, sizes: Sequence[int]) -> Span:
+    ends = np.cumsum(sizes, dtype=np.int64)
+    return Span(Q, inverse_squares, [rows[end - size : end] for end, size in zip(ends, sizes, strict=True)])

@@ -7,6 +7,7 @@ anew.
 from __future__ import annotations
 
 import hashlib
+from collections import OrderedDict
 from collections.abc import Callable
 from pathlib import Path
 
@@ -17,6 +18,10 @@ from pipeline.dynamics.compiler.machine import LoadedObject, compile_object, pro
 from pipeline.dynamics.compiler.program import Program
 
 _DIGEST_BYTES = 16
+_MOST_LOADED = 256
+
+# Loaded in this process, the last used last: loading takes longer than many a march. What a digest names never changes.
+_loaded: OrderedDict[Path, LoadedObject] = OrderedDict()
 
 
 def load_program(name: str, digest: str, trace: Callable[[], Program]) -> LoadedObject:
@@ -37,11 +42,17 @@ def load_object(name: str, digest: str, write: Callable[[], str]) -> LoadedObjec
         Writes it in LLVM's language, if it has to be compiled.
     """
     path = object_path(name, digest)
-    content = _read(path)
-    if content is None:
-        content = compile_object(write())
-        _write(path, content)
-    return LoadedObject(content)
+    loaded = _loaded.pop(path, None)
+    if loaded is None:
+        content = _read(path)
+        if content is None:
+            content = compile_object(write())
+            _write(path, content)
+        loaded = LoadedObject(content)
+    _loaded[path] = loaded
+    while len(_loaded) > _MOST_LOADED:
+        _loaded.popitem(last=False)
+    return loaded
 
 
 def object_path(name: str, digest: str) -> Path:

@@ -63,6 +63,15 @@ def inner(function: F) -> F:
     return compiled
 
 
+def inlined(function: F) -> F:
+    """Compile a function into each kernel that calls it, for small ones that are called all the time.
+
+    Else a call hands each array on by seven words on the stack, and waits for them longer than a small sum takes.
+    """
+    compiled: F = numba.njit(nogil=True, **_INLINED)(function)
+    return compiled
+
+
 def _kept(compiled: Any) -> Any:
     """Have a function's kernels kept in files of our own."""
     cache = compiled._cache
@@ -75,7 +84,7 @@ def contracted(function: F) -> F:
 
     What waits for a chain of them takes two thirds of the time.
     """
-    compiled: F = numba.njit(**_INNER, fastmath={"contract"})(function)
+    compiled: F = numba.njit(**_INLINED, fastmath={"contract"})(function)
     return compiled
 
 

@@ -8,6 +8,7 @@ compiling those took longer than compiling all arithmetic. A `Table` is one argu
 
 from __future__ import annotations
 
+from ctypes import addressof, c_char
 from dataclasses import fields
 from functools import cache, cached_property
 from typing import Any, NamedTuple, Self
@@ -61,7 +62,7 @@ class Table:
 
     @cached_property
     def _members(self) -> dict[str, Any]:
-        return {member.name: getattr(self, member.name) for member in fields(self)}  # type: ignore[arg-type]
+        return {name: getattr(self, name) for name in _names(type(self))}  # type: ignore[arg-type]
 
     @cached_property
     def _numba_type_(self) -> TableType:
@@ -131,7 +132,10 @@ class Table:
 
 
 def _address_of(x: Array | IntArray) -> int:
-    return int(x.__array_interface__["data"][0])  # x.ctypes.data takes longer
+    try:
+        return addressof(c_char.from_buffer(x))  # type: ignore[arg-type]
+    except (TypeError, ValueError):  # read-only or empty; of any array this takes four times as long
+        return int(x.__array_interface__["data"][0])
 
 
 def _words_of(x: Any) -> list[int]:
@@ -177,8 +181,13 @@ def _kind(x: Any) -> Any:
 
 @cache
 def _table_type(table: Any, kinds: tuple[Any, ...]) -> TableType:
-    names = [member.name for member in fields(table)]
-    return TableType(table, tuple((name, _typed(kind)) for name, kind in zip(names, kinds, strict=True)))
+    return TableType(table, tuple((name, _typed(kind)) for name, kind in zip(_names(table), kinds, strict=True)))
+
+
+@cache
+def _names(table: Any) -> tuple[str, ...]:
+    """Return the names of a table's members in their order."""
+    return tuple(member.name for member in fields(table))
 
 
 def _typed(kind: Any) -> Any:

@@ -20,6 +20,9 @@ from pipeline.dynamics.signals.evaluate import run_program, run_table
 CONSTANT, PROGRAM, TABLE = range(3)
 """Kinds of a term."""
 
+ALWAYS = (-math.inf, math.inf)
+"""Support of a term that never ends."""
+
 
 @dataclass(frozen=True)
 class Term:
@@ -30,7 +33,7 @@ class Term:
     numbers: tuple[float, ...] = ()
     knots: tuple[float, ...] = ()
     cubics: tuple[tuple[float, float, float, float], ...] = ()  # from each knot on, lowest power first
-    support: tuple[float, float] = (-math.inf, math.inf)
+    support: tuple[float, float] = ALWAYS
 
     def values(self, times: Array) -> Array:
         """Value, first and second derivative at times within the support, shape (3, n_times)."""

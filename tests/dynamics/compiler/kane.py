@@ -11,7 +11,7 @@ from scipy.linalg import expm
 
 from pipeline.core.arrays import Array
 from pipeline.dynamics.links import CYLINDRICAL, FREE, PLANAR, PRISMATIC, REVOLUTE, SCREW, SPHERICAL, UNIVERSAL
-from tests.dynamics.compiler.mechanisms import PointMechanism
+from tests.dynamics.compiler.mechanisms import PointMechanism, Points
 
 STEP = 1e-30  # of complex differences
 WEIGHTS = (4 / 5, -1 / 5, 4 / 105, -1 / 280)
@@ -33,7 +33,28 @@ def mass_and_force(made: PointMechanism, t: float, q: Array, v: Array) -> tuple[
     m = np.concatenate([body.m for body in made.points])
     M = np.einsum("i,iaj,iak->jk", m, J, J)
     lack = mechanism.gravity - bias(made, t, q, v)
-    return M, np.einsum("i,iaj,ia->j", m, J, lack) + forces(made, t, q, v)
+    M, force = M.copy(), np.einsum("i,iaj,ia->j", m, J, lack) + forces(made, t, q, v)
+    for k, body in enumerate(made.points):
+        modes = mechanism.modes_of(k)
+        mass, slowed = second_order_mass(body, q[modes + mechanism.n_positions - mechanism.n], v[modes])
+        M[np.ix_(modes, modes)] += mass
+        force[modes] -= slowed
+    return M, force
+
+
+def second_order_mass(body: Points, z: Array, dz: Array) -> tuple[Array, Array]:
+    """Inertia and force at constant rates of points that move by ``Φ z + R w``, less those that move by ``Φ z``.
+
+    R w is the rigid motion of the undeformed body that has the momenta of its points of second order, quadratic in z.
+    """
+    x, m = body.x, body.m
+    R = np.concatenate([np.broadcast_to(np.eye(3), (len(x), 3, 3)), -np.array([tilde(at) for at in x])], axis=2)
+    momenta = np.einsum("i,iak,iajl->kjl", m, R, body.Gamma)
+    moves = np.linalg.solve(np.einsum("i,iak,ial->kl", m, R, R), momenta.reshape(6, -1)).reshape(momenta.shape)
+    moved = np.einsum("iak,kjl->iajl", R, moves)
+    slopes = body.Phi + moved @ z
+    M = np.einsum("i,iaj,iak->jk", m, slopes, slopes) - np.einsum("i,iaj,iak->jk", m, body.Phi, body.Phi)
+    return M, np.einsum("i,iaj,ia->j", m, slopes, moved @ dz @ dz)
 
 
 def frames(made: PointMechanism, t: complex, q: Array) -> list[tuple[Array, Array, Array]]:

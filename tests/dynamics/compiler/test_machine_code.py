@@ -126,10 +126,24 @@ def test_objects_are_read_back_and_damaged_ones_made_anew(monkeypatch: pytest.Mo
             path.write_bytes(damage)
         before = len(compiled)
         for _ in range(2):
+            store._loaded.clear()  # as in another process
             run(function("cos"), load("cos"), np.zeros(1), y)
             assert y[0] == 1.0
         assert len(compiled) == before + 1
     assert list(tmp_path.iterdir()) == [path]
+
+
+def test_a_process_loads_an_object_once_and_keeps_the_last_used(
+    monkeypatch: pytest.MonkeyPatch, tmp_path: Path
+) -> None:
+    monkeypatch.setattr(store, "kernel_folder", lambda: tmp_path)
+    monkeypatch.setattr(store, "_MOST_LOADED", 2)
+    first, second = load("sin"), load("cos")
+    assert load("sin") is first
+    load("stumpff4")
+    assert load("sin") is first
+    assert load("cos") is not second
+    assert len(store._loaded) == 2
 
 
 def test_an_object_that_cannot_be_kept_serves_all_the_same(monkeypatch: pytest.MonkeyPatch, tmp_path: Path) -> None:

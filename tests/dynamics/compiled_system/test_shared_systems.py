@@ -1,0 +1,62 @@
+from dataclasses import replace
+
+import numpy as np
+import pytest
+
+from pipeline import Pipeline, load_scene
+from pipeline.dynamics.compiled_system import shared
+from pipeline.dynamics.compiled_system.shared import share_system
+from pipeline.dynamics.links import REVOLUTE, Link, PointLoad, rigid_gram
+from pipeline.dynamics.mechanism import Mechanism
+from pipeline.dynamics.signals.signal import half_sine
+from pipeline.integrators.central_difference import CentralDifference
+
+TIMES = np.linspace(0.0, 0.1, 11)
+
+
+def swing(**changes: object) -> Mechanism:
+    gram = rigid_gram(2.0, np.array([0.3, 0.0, 0.0]), 0.1 * np.eye(3))
+    link = Link("arm", gram, REVOLUTE, spring=5.0, joint_name="hinge", load=half_sine(0.0, 0.2, 3.0))
+    return Mechanism([link], horizon=1.0, **changes)
+
+
+def test_equal_mechanisms_share_a_system_and_march_alike() -> None:
+    first = share_system(swing())
+    second = share_system(swing())
+    assert second is first
+    marches = [CentralDifference(1e-3).march(first, np.ones(1), np.zeros(1), TIMES) for _ in range(2)]
+    alone = CentralDifference(1e-3).march(shared.CompiledSystem(swing()), np.ones(1), np.zeros(1), TIMES)
+    for march in marches:
+        assert np.array_equal(march.q, alone.q)
+
+
+@pytest.mark.parametrize(
+    "other",
+    [
+        replace(swing(), gravity=np.array([0.0, -9.81, 0.0])),
+        replace(swing(), horizon=2.0),
+        replace(swing(), fast_joints=["arm"]),
+        replace(swing(), links=[replace(swing().links[0], spring=6.0)]),
+        replace(swing(), links=[replace(swing().links[0], joint_name="other")]),
+        replace(swing(), links=[replace(swing().links[0], load=half_sine(0.0, 0.2, 4.0))]),
+        replace(swing(), loads=[PointLoad("arm", np.array([1.0, 0.0, 0.0]), half_sine(0.0, 0.2, 3.0))]),
+    ],
+)
+def test_a_mechanism_that_differs_in_anything_has_a_system_of_its_own(other: Mechanism) -> None:
+    assert share_system(other) is not share_system(swing())
+
+
+def test_the_systems_that_were_used_last_are_shared(monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr(shared, "_MOST_SHARED", 2)
+    first = share_system(swing())
+    for rate in (1.0, 2.0):
+        share_system(swing(gravity=np.array([0.0, rate, 0.0])))
+    assert share_system(swing()) is not first
+    assert len(shared._shared) == 2
+
+
+def test_a_second_pipeline_of_a_scene_marches_bit_for_bit_like_the_first() -> None:
+    first, second = (Pipeline(load_scene("rod-slider")) for _ in range(2))
+    for label, motion in first.motions.items():
+        assert np.array_equal(motion.trajectory.q, second.motions[label].trajectory.q)
+    assert second.system is first.system

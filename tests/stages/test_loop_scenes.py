@@ -1,0 +1,198 @@
+"""Scenes with loops: supports that are redundant, and what can't be closed, told in one message."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pytest
+
+from pipeline import Pipeline, load_scene
+
+DOOR = """
+title = "Door"
+[body.door]
+shape = "rigid"
+mass = "20 kg"
+centre = ["0.4 m", "0 m", "1 m"]
+inertia = ["1.7 kg m^2", "2.8 kg m^2", "1.1 kg m^2"]
+[body.door.marker]
+low = { at = ["0 m", "0 m", "0.2 m"] }
+middle = { at = ["0 m", "0 m", "1 m"] }
+high = { at = ["0 m", "0 m", "1.8 m"] }
+handle = { at = ["0.8 m", "0 m", "1 m"] }
+[ground]
+low = { at = ["0 m", "0 m", "0.2 m"] }
+middle = { at = ["0 m", "0 m", "1 m"] }
+high = { at = ["0 m", "0 m", "1.8 m"] }
+[joint]
+low = { type = "revolute", parent = "ground.low", child = "door.low", axis = [0, 0, 1], rate = "1 rad/s" }
+middle = { type = "revolute", parent = "ground.middle", child = "door.middle", axis = [0, 0, 1] }
+high = { type = "revolute", parent = "ground.high", child = "door.high", axis = [0, 0, 1] }
+[simulation]
+duration = "1 s"
+output_step = "10 ms"
+gravity = ["1 m/s^2", "0 m/s^2", "-9.7 m/s^2"]
+tip = "door.handle"
+run = [{ integrator = "runge-kutta", tolerance = 1e-10 }]
+"""
+
+BAR = """
+title = "Bar on two bearings"
+[body.bar]
+shape = "bar"
+length = "1 m"
+width = "30 mm"
+depth = "20 mm"
+E = "70 GPa"
+nu = 0
+rho = "2700 kg/m^3"
+mesh = { element = "hexahedron", order = 2, divisions = [16, 1, 1] }
+modes = { count = 8, family = "in-plane bending", boundary = "joint" }
+marker = { left = { face = "x-" }, right = { face = "x+" } }
+[ground]
+right = { at = ["1 m", "0 m", "0 m"] }
+[joint.left]
+type = "revolute"
+parent = "ground"
+child = "bar.left"
+axis = [0, 0, 1]
+[joint.right]
+type = "revolute"
+parent = "ground.right"
+child = "bar.right"
+axis = [0, 0, 1]
+[simulation]
+duration = "0.1 s"
+output_step = "0.1 ms"
+gravity = ["0 m/s^2", "-9.81 m/s^2", "0 m/s^2"]
+tip = "bar.right"
+run = [{ integrator = "runge-kutta", tolerance = 1e-9 }]
+"""
+
+LAST = 'C = { type = "revolute", parent = "coupler.C", child = "rocker.C", axis = [0, 0, 1] }'
+FOUR_BAR = """
+title = "Four-bar"
+[body.crank]
+shape = "rod"
+mass = "1 kg"
+length = "1 m"
+marker = { A = { at = ["0 m", "0 m", "0 m"] }, B = { at = ["1 m", "0 m", "0 m"] } }
+[body.coupler]
+shape = "rod"
+mass = "1 kg"
+length = "2 m"
+marker = { B = { at = ["0 m", "0 m", "0 m"] }, C = { at = ["2 m", "0 m", "0 m"] } }
+[body.rocker]
+shape = "rod"
+mass = "1 kg"
+length = "1.5 m"
+marker = { D = { at = ["0 m", "0 m", "0 m"] }, C = { at = ["1.5 m", "0 m", "0 m"] } }
+[ground]
+D = { at = ["2 m", "0 m", "0 m"] }
+[joint]
+A = { type = "revolute", parent = "ground", child = "crank.A", axis = [0, 0, 1], angle = "90 deg" }
+B = { type = "revolute", parent = "crank.B", child = "coupler.B", axis = [0, 0, 1] }
+D = { type = "revolute", parent = "ground.D", child = "rocker.D", axis = [0, 0, 1] }
+LAST
+[simulation]
+duration = "0.5 s"
+output_step = "10 ms"
+gravity = ["0 m/s^2", "-9.81 m/s^2", "0 m/s^2"]
+tip = "coupler.C"
+run = [{ integrator = "runge-kutta", tolerance = 1e-9 }]
+""".replace("LAST", LAST)
+
+
+PARALLELOGRAM = ('body.rocker.length="1 m"', 'body.rocker.marker.C.at=["1 m", "0 m", "0 m"]')
+PRESCRIBED = (
+    FOUR_BAR.replace(', angle = "90 deg"', "").replace("1.5 m", "1 m")
+    + """
+[drive.one]
+type = "motion"
+joint = "A"
+angle = { formula = "pi/2 + t", unit = "rad" }
+[drive.two]
+type = "motion"
+joint = "D"
+angle = { formula = "pi/2 - t", unit = "rad" }
+"""
+)
+
+
+def pipeline(folder: Path, text: str, *overrides: str) -> Pipeline:
+    file = folder / "scene.toml"
+    file.write_text(text)
+    return Pipeline(load_scene(file, overrides))
+
+
+def without(text: str, *joints: str) -> str:
+    """The scene without some of its joints, a line each."""
+    return "\n".join(line for line in text.splitlines() if line.partition(" = ")[0] not in joints or "type" not in line)
+
+
+def test_a_door_on_three_hinges_swings_as_on_one(tmp_path: Path) -> None:
+    three, one = (pipeline(tmp_path, text).motion for text in (DOOR, without(DOOR, "middle", "high")))
+    assert three.tip_position == pytest.approx(one.tip_position, abs=1e-10)
+    assert np.ptp(one.tip_position[:, 1]) > 0.3
+    assert three.constraint_residual < 1e-13
+
+
+def test_a_bar_on_two_bearings_sags_as_by_beam_theory(tmp_path: Path) -> None:
+    """Its ends turn by q l³ / 24 E I, and each bearing takes half its weight; the second one holds nothing along it."""
+    run = pipeline(tmp_path, BAR, "simulation.start=steady")
+    motion: Any = run.motion
+    link, q = run.mechanism.links[0], motion.trajectory.q
+    turned = q[:, 0] + q[:, 1:] @ link.joint_rotation
+    weight, stiffness = 2700 * 9.81 * 0.03 * 0.02, 70e9 * 0.03 * 0.02**3 / 12
+    assert turned == pytest.approx(-weight / (24 * stiffness), rel=2e-3)  # shear adds what beam theory leaves out
+    force = motion.closing_reactions["right"][:, 1, :3]
+    assert force == pytest.approx(np.tile([0.0, weight / 2, 0.0], (len(q), 1)), abs=1e-5 * weight)
+    assert motion.constraint_residual < 1e-13
+
+
+def test_a_loop_that_the_scene_leaves_open_is_closed_by_the_joints_that_it_gives_no_angle(tmp_path: Path) -> None:
+    run = pipeline(tmp_path, FOUR_BAR)
+    q, _ = run.start
+    assert q[run.mechanism.layout.position[0]] == pytest.approx(np.pi / 2, abs=1e-12)
+    assert run.motion.constraint_residual < 1e-13
+    kinetic, potential = run.motion.energies[:2]
+    assert np.ptp(kinetic) > 0.02
+    assert np.ptp(kinetic + potential) < 1e-8
+
+
+@pytest.mark.parametrize(
+    ("text", "overrides", "said"),
+    [
+        (FOUR_BAR, ['ground.D.at=["9 m", "0 m", "0 m"]'], "C"),
+        (
+            PRESCRIBED,
+            [],
+            "against each other",
+        ),
+        (DOOR, ["joint.low.rate=0 rad/s", "joint.high.axis=[1, 0, 0]"], "nothing can move"),
+        (
+            FOUR_BAR,
+            [*PARALLELOGRAM, "joint.A.angle=0 deg"],
+            "singular",
+        ),
+    ],
+)
+def test_a_mechanism_that_cannot_be_is_refused_in_one_message(
+    tmp_path: Path,
+    fmd: Callable[..., int],
+    capsys: pytest.CaptureFixture[str],
+    text: str,
+    overrides: list[str],
+    said: str,
+) -> None:
+    file = tmp_path / "scene.toml"
+    file.write_text(text)
+    settings = [word for override in overrides for word in ("--set", override)]
+    assert fmd("run", file, "--out", tmp_path / "out", *settings) == 2
+    err = capsys.readouterr().err
+    print(err)
+    assert said in err
+    assert "Traceback" not in err
