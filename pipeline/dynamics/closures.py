@@ -173,9 +173,10 @@ def close_joint(kind: str, name: str, first: Place, second: Place, axis: Array, 
     """
     axis = _unit(name, axis)
     other = axis if other is None else _unit(name, other)
-    across, everywhere = _perpendicular(axis), np.eye(3)
+    across, everywhere = perpendicular_axes(axis), np.eye(3)
     aligned = np.array([[u, other] for u in across])
-    locked = np.array([[axis, _perpendicular(other)[0]], [across[0], _perpendicular(other)[1]], [across[1], other]])
+    own = perpendicular_axes(other)
+    locked = np.array([[axis, own[0]], [across[0], own[1]], [across[1], other]])
     match kind:
         case "fixed":
             return Closure(name, first, second, everywhere, locked)
@@ -204,7 +205,7 @@ def _unit(name: str, axis: Array) -> Array:
     return axis / length
 
 
-def _perpendicular(axis: Array) -> Array:
+def perpendicular_axes(axis: Array) -> Array:
     """Return two unit vectors across an axis, a right-handed system with it, along the axes of space where they fit."""
     start = np.eye(3)[int(np.argmin(np.abs(axis)))]
     first = np.cross(axis, np.cross(start, axis))

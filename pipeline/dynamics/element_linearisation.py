@@ -22,6 +22,10 @@ def linearise_forces(mechanism: Mechanism) -> LinearForces:
     n = mechanism.n
     unit = np.concatenate([np.eye(n), np.zeros((1, n))])
     states = Kinematics(mechanism, np.zeros(n + 1), np.tile(mechanism.rest_positions, (n + 1, 1)), unit).states
+    scalar = np.ones(n)
+    for link, first in zip(mechanism.links, mechanism.layout.rate, strict=True):
+        scalar[first : first + link.n_rates] = link.n_rates == 1  # rotations in space are no oscillators by themselves
     for element in mechanism.elements:
-        forces = forces + LinearForces(np.zeros(n), *element_matrices(states, element))
+        K, *others = element_matrices(states, element)
+        forces = forces + LinearForces(scalar * K.diagonal(), K, *others)
     return forces

@@ -7,7 +7,7 @@ from typing import NamedTuple
 import numpy as np
 
 from pipeline.core.arrays import Array
-from pipeline.dynamics.elements import SHORTEST, Attachment, Bushing, Element, PointSpring
+from pipeline.dynamics.elements import SHORTEST, Attachment, Element, PointSpring, SixAxisSpring
 from pipeline.dynamics.rotations import BodyFrame, moved, rotation_matrix, rotation_rate, rotation_vector, turned
 
 _SMALL = 1e-12
@@ -121,7 +121,7 @@ def element_matrices(states: States, element: Element) -> tuple[Array, Array, Ar
     """
     strain = element_strain(states, element)
     J = (strain.rates[:-1] - strain.rates[-1]).T  # (n_strains, n)
-    if isinstance(element, Bushing):
+    if isinstance(element, SixAxisSpring):
         none = np.zeros((J.shape[1], J.shape[1]))
         return J.T @ element.K @ J, J.T @ element.C @ J, none, none
     law, at = element.law, strain.values[-1]

@@ -78,7 +78,7 @@ class PointSpring(_Pair):
 
 
 @dataclass(frozen=True)
-class Bushing(_Pair):
+class SixAxisSpring(_Pair):
     """Six springs and dampers between two places, along the first one's axes and about them.
 
     With the displacement d of the second place from its rest position, seen along the first one's axes, and the
@@ -110,4 +110,4 @@ class Bushing(_Pair):
         return bool(self.K[3:].any() or self.C[3:].any())
 
 
-Element = PointSpring | Bushing
+Element = PointSpring | SixAxisSpring

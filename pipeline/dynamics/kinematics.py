@@ -22,7 +22,7 @@ import numpy as np
 
 from pipeline.core.arrays import EPSILON, Array
 from pipeline.dynamics.element_motion import States, element_energies
-from pipeline.dynamics.links import FREE, PRISMATIC, REVOLUTE, SPHERICAL, Link
+from pipeline.dynamics.links import CYLINDRICAL, FREE, PLANAR, REVOLUTE, SCREW, SPHERICAL, UNIVERSAL, Link
 from pipeline.dynamics.mechanism import Mechanism
 from pipeline.dynamics.rotations import BodyFrame, matrix_of_quaternion, moved, rotation_matrix, rotation_rate, turned
 
@@ -122,16 +122,21 @@ class Kinematics:
         position, rate = self.joint_coordinates(body)
         axis = link.axis / np.linalg.norm(link.axis)
         origin, rotation, velocity, spin = place
-        if link.joint == REVOLUTE:
-            spin = spin + rate * (rotation @ axis)
-            rotation = rotation @ rotation_matrix(position * axis)
-        elif link.joint in (PRISMATIC, FREE):
-            along = (position * axis, rate * axis) if link.joint == PRISMATIC else (position[:, :3], rate[:, :3])
-            arm, moving = (turned(rotation, values) for values in along)
+        if link.n_slides or link.joint == SCREW:
+            along = _slide_directions(link)
+            arm, moving = (turned(rotation, values[:, : len(along)] @ along) for values in (position, rate))
             origin, velocity = origin + arm, velocity + np.cross(spin, arm) + moving
         if link.joint in (SPHERICAL, FREE):
             rotation = rotation @ matrix_of_quaternion(position[:, -4:])
             spin = spin + turned(rotation, rate[:, -3:])  # rates about the body's own axes
+        elif link.joint == UNIVERSAL:
+            other = link.other_axis / np.linalg.norm(link.other_axis)
+            for k, one in enumerate((axis, other)):
+                spin = spin + rate[:, k : k + 1] * (rotation @ one)
+                rotation = rotation @ rotation_matrix(position[:, k : k + 1] * one)
+        elif link.joint in (REVOLUTE, CYLINDRICAL, PLANAR, SCREW):
+            spin = spin + rate[:, -1:] * (rotation @ axis)
+            rotation = rotation @ rotation_matrix(position[:, -1:] * axis)
         return BodyFrame(origin, rotation, velocity, spin)
 
     def body_spin(self, body: int) -> Array:
@@ -186,8 +191,9 @@ class Kinematics:
             potential += 0.5 * self.modal_coordinates(body) ** 2 @ link.omega**2
             if link.spring:
                 potential += 0.5 * link.spring * (self.along_joint(body)[0] - link.rest) ** 2
-            if link.law is not None:
-                potential += link.law.energies(self.along_joint(body)[0])
+            for k, law in enumerate(link.laws):
+                along = self.along_joint(body)[0] if link.n_rates == 1 else self.joint_coordinates(body)[0][:, k]
+                potential += law.energies(along)
         for element in self.mechanism.elements:
             potential += element_energies(self.states, element)
         if np.any(self.mechanism.gravity):
@@ -245,3 +251,13 @@ class Kinematics:
             return own
         section, arm = link.markers[link.section], link.markers[name].position
         return np.asarray(own - q @ section.translation.T - np.cross(q @ section.rotation.T, arm))
+
+
+def _slide_directions(link: Link) -> Array:
+    """Directions in which a joint's first coordinates move the body, in the joint's axes, shape (n, 3)."""
+    if link.joint == FREE:
+        return np.eye(3)
+    axis = link.axis / np.linalg.norm(link.axis)
+    if link.joint == PLANAR:
+        return link.slide_axes
+    return np.asarray(axis[None] * (link.lead if link.joint == SCREW else 1.0))

@@ -58,8 +58,15 @@ def gather_linear_forces(links: Sequence[Link], layout: Layout) -> LinearForces:
                 grip[modes] = link.joint_rotation
             K += link.spring * np.outer(grip, grip)
             C += link.damper * np.outer(grip, grip)
-            if link.law is not None:
-                C += link.law.resting_damping * np.outer(grip, grip)
-                stop_K += link.law.stop_stiffness * np.outer(grip, grip)
-                stop_C += link.law.stop_damping * np.outer(grip, grip)
+        for j, law in enumerate(link.laws):
+            grip = np.zeros(n)
+            grip[layout.rate[k] + j] = 1.0
+            if link.joint == REVOLUTE and len(link.joint_rotation):
+                grip[modes] = link.joint_rotation
+            along, slope = np.outer(grip, grip), max(float(law.curve.slopes(np.zeros(1))[0]), 0.0)
+            own[layout.rate[k] + j] += slope
+            K += slope * along
+            C += law.resting_damping * along
+            stop_K += law.stop_stiffness * along
+            stop_C += law.stop_damping * along
     return LinearForces(own, K, C, stop_K, stop_C)

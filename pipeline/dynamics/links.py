@@ -8,16 +8,21 @@ from dataclasses import dataclass, field
 import numpy as np
 
 from pipeline.core.arrays import Array
+from pipeline.dynamics.closures import perpendicular_axes
 from pipeline.dynamics.force_laws import ForceLaw
 from pipeline.dynamics.signals.signal import Signal, constant
 from pipeline.reduction.body import MarkerShapes
 from pipeline.reduction.inertia import InertiaGram
 
-FIXED, REVOLUTE, PRISMATIC, SPHERICAL, FREE = range(5)
+FIXED, REVOLUTE, PRISMATIC, SPHERICAL, FREE, UNIVERSAL, CYLINDRICAL, PLANAR, SCREW = range(9)
+ONE_AXIS = (REVOLUTE, PRISMATIC, SCREW)
+"""Joints with one coordinate, which may have a spring, a damper, a load or a prescribed motion."""
+
 _JUMP = 1e-6
 _ORTHONORMAL = 1e-12
-_N_RATES = (0, 1, 1, 3, 6)
-_N_POSITIONS = (0, 1, 1, 4, 7)
+_N_RATES = (0, 1, 1, 3, 6, 2, 2, 3, 1)
+_N_POSITIONS = (0, 1, 1, 4, 7, 2, 2, 3, 1)
+_N_SLIDES = (0, 0, 1, 0, 3, 0, 1, 2, 0)
 
 
 @dataclass(frozen=True)
@@ -31,13 +36,14 @@ class Link:
     gram : InertiaGram
         Inertia integrals about the joint, in the body's frame, for unit modal masses.
     joint : int
-        ``FIXED``, ``REVOLUTE``, ``PRISMATIC``, ``SPHERICAL`` or ``FREE``.
+        ``FIXED``, ``REVOLUTE``, ``PRISMATIC``, ``SPHERICAL``, ``FREE``, ``UNIVERSAL``, ``CYLINDRICAL``, ``PLANAR`` or
+        ``SCREW``. Coordinates of several are displacements first, then angles.
     parent : int
         Number of the body that carries it, -1 for the ground; smaller than its own.
     place : ndarray, shape (3,)
         The joint in the parent's frame [m].
     axis : ndarray, shape (3,)
-        Unit vector of a revolute or prismatic joint, in the joint's axes.
+        Unit vector of a joint's axis, in the joint's axes; a planar joint's normal.
     omega : ndarray, shape (n,)
         Modal angular frequencies [rad/s], ascending.
     damping : ndarray, shape (n,)
@@ -63,8 +69,12 @@ class Link:
     section : str
         The marker on the section at the joint, from which deflections are seen; empty where they are seen from the
         body's frame itself.
-    law : ForceLaw, optional
-        End stops and friction along a revolute or prismatic joint, beside its spring and damper.
+    other_axis : ndarray, shape (3,)
+        Second axis of a universal joint, in the body's axes.
+    lead : float
+        Displacement of a screw joint for an angle [m/rad].
+    laws : tuple of ForceLaw
+        Forces along each of a joint's coordinates, beside its spring and damper; none, or one for each.
     place_axes : ndarray, shape (3, 3)
         Rotation from the joint's axes, those of the body at angle 0, into the parent's.
     """
@@ -90,7 +100,9 @@ class Link:
     joint_name: str = ""
     markers: Mapping[str, MarkerShapes] = field(default_factory=dict)
     section: str = ""
-    law: ForceLaw | None = None
+    other_axis: Array = field(default_factory=lambda: np.array([1.0, 0.0, 0.0]))
+    lead: float = 0.0
+    laws: tuple[ForceLaw, ...] = ()
     place_axes: Array = field(default_factory=lambda: np.eye(3))
 
     @property
@@ -101,7 +113,7 @@ class Link:
     @property
     def unit(self) -> str:
         """Unit of the joint's position where that is one number, ``rad`` or ``m``; else empty."""
-        return {REVOLUTE: "rad", PRISMATIC: "m"}.get(self.joint, "")
+        return {REVOLUTE: "rad", PRISMATIC: "m", SCREW: "rad"}.get(self.joint, "")
 
     @property
     def n_rates(self) -> int:
@@ -112,6 +124,16 @@ class Link:
     def n_positions(self) -> int:
         """Number of the joint's position coordinates."""
         return 0 if self.motion else _N_POSITIONS[self.joint]
+
+    @property
+    def n_slides(self) -> int:
+        """Number of the joint's displacements, which come before its angles."""
+        return _N_SLIDES[self.joint]
+
+    @property
+    def slide_axes(self) -> Array:
+        """Directions of a planar joint's two displacements, in the joint's axes, shape (2, 3)."""
+        return perpendicular_axes(self.axis / np.linalg.norm(self.axis))
 
     def require_valid(self, number: int, parent_modes: int) -> None:
         """Raise ``ValueError`` unless the link can be the one of this number on a parent with so many modes."""
@@ -126,11 +148,11 @@ class Link:
         for name in ("place_shapes", "place_rotations", "place_bow"):
             if (found := getattr(self, name).shape[1]) not in (0, parent_modes):
                 raise ValueError(f"{name} of {self.name} has {found} columns, its parent {parent_modes} modes")
-        along = self.spring or self.damper or self.law or self.motion or self.load != constant(0.0)
-        if along and self.joint not in (REVOLUTE, PRISMATIC):
+        along = self.spring or self.damper or self.motion or self.load != constant(0.0)
+        if along and self.joint not in ONE_AXIS:
             raise ValueError(f"the joint of {self.name} takes no spring, damper, load or motion: it has no axis")
-        if self.law and self.motion:
-            raise ValueError(f"the joint of {self.name} takes no stop and no friction: its motion is prescribed")
+        if len(self.laws) not in (0, self.n_rates):
+            raise ValueError(f"the joint of {self.name} has {self.n_rates} rates and {len(self.laws)} force laws")
         if self.motion and len(self.joint_rotation) and np.abs(self.joint_rotation).max() > 1e-9:
             raise ValueError(f"the motion of {self.name} needs a basis whose section at the joint is held")
         if self.motion:

@@ -18,7 +18,7 @@ from pipeline.dynamics.closures import GROUND, Constraint, Coupler
 from pipeline.dynamics.elements import Element
 from pipeline.dynamics.layout import Layout, layout_of
 from pipeline.dynamics.linear_forces import LinearForces, gather_linear_forces
-from pipeline.dynamics.links import FREE, PRISMATIC, SPHERICAL, Link, PointLoad
+from pipeline.dynamics.links import FREE, SPHERICAL, Link, PointLoad
 from pipeline.dynamics.signals.activity import Activity, find_activity
 from pipeline.dynamics.signals.signal import Signal
 from pipeline.reduction.inertia import InertiaGram
@@ -49,7 +49,7 @@ class Mechanism:
         of others are 0.
     horizon : float
         Time [s] up to which loads are searched for short actions that adaptive steps must not miss; 0 searches none.
-    elements : sequence of PointSpring or Bushing
+    elements : sequence of PointSpring or SixAxisSpring
         Force elements between two places.
 
     Raises
@@ -130,7 +130,7 @@ class Mechanism:
         positions, rates = np.zeros(self.n_positions, dtype=np.int64), np.zeros(self.n, dtype=np.int64)
         for k, link in enumerate(self.links):
             at, first = self.layout.rate[k], self.layout.position[k]
-            moves = 3 if link.joint == FREE else int(link.joint == PRISMATIC)  # translations aren't like rotations
+            moves = link.n_slides if link.n_rates else 0  # translations aren't like rotations
             joint = 0 if self.closures else k
             rates[at : at + link.n_rates], positions[first : first + link.n_positions] = 3 * joint, 3 * joint
             rates[at : at + moves], positions[first : first + moves] = 3 * joint + 1, 3 * joint + 1

@@ -98,9 +98,10 @@ class System(Protocol):
 
     It may have ``groups``, two integer arrays of shapes (n_positions,) and (n,): coordinates of like kind, such as all
     modes of a body, have the same number, positions and the rates that move them too. Adaptive methods take an error
-    relative to the largest value in its group; without groups each coordinate is one. And it may have
-    ``evaluation_cost``, the operations of an evaluation of its accelerations, by which methods are weighed,
-    and ``closed``, true if `project` changes states.
+    relative to the largest value in its group; without groups each coordinate is one. A group's number modulo 3 is its
+    kind: rotations, translations, modes. It may have ``settles``, true if the end of a step is changed after it, by
+    loops or by quaternions that become unit ones, and ``evaluation_cost``, the operations of an evaluation of its
+    accelerations, by which methods are weighed.
     """
 
     @property

@@ -22,6 +22,7 @@ from pipeline.dynamics.system import System, advance, project
 from pipeline.integrators.protocol import Progress, State, Trajectory, require_times, start_state
 
 _FLOOR = 1e-12  # a group that has not moved yet
+_LEAST = 1e-6  # of the largest value of its kind: a group that hardly moves
 SMALLEST = 1e-12  # of the duration
 _FIRST_CHUNK, _CHUNK = 4, 256  # steps: few where one takes long, so that progress is told in between
 _CHUNK_SECONDS = 0.1
@@ -33,6 +34,18 @@ def groups_of(system: System) -> IntArray:
     groups = getattr(system, "groups", None)
     positions, rates = (np.arange(system.n_positions), np.arange(system.n)) if groups is None else groups
     return np.concatenate((positions, rates + (positions.max() + 1))) if positions.size else rates
+
+
+def kinds_of(system: System) -> tuple[IntArray, int]:
+    """Return the kind of each group of `groups_of`, (n_groups,), and their number; 0 if none has two groups."""
+    both = getattr(system, "groups", None)
+    if both is None:
+        return np.zeros(0, dtype=np.int64), 0
+    in_positions, in_rates = (set(groups.tolist()) for groups in both)
+    if all(len({group % 3 for group in used}) == len(used) for used in (in_positions, in_rates)):
+        return np.zeros(0, dtype=np.int64), 0
+    numbers = [range(max(used, default=-1) + 1) for used in (in_positions, in_rates)]
+    return np.array([k % 3 for k in numbers[0]] + [3 + k % 3 for k in numbers[1]], dtype=np.int64), 6
 
 
 def adaptive_start(system: System, q0: Array, v0: Array, more: int = 0) -> State:
@@ -97,6 +110,24 @@ def keep_largest(groups: IntArray, largest: Array, new: Array) -> None:
 
 
 @inner
+def set_trial(s: AdaptiveMarch) -> None:
+    """Set ``s.trial`` to the largest values with the trial step's end.
+
+    A group that hardly moves counts for a small part of the largest of its kind: else a far link's first nanometres
+    would have to be as exact, beside themselves, as the motion of those that drive it.
+    """
+    for k in range(s.largest.size):
+        s.trial[k] = s.largest[k]
+    keep_largest(s.groups, s.trial, s.new)
+    for k in range(s.most.size):
+        s.most[k] = 0.0
+    for k in range(s.kinds.size):
+        s.most[s.kinds[k]] = max(s.most[s.kinds[k]], s.trial[k])
+    for k in range(s.kinds.size):
+        s.trial[k] = max(s.trial[k], _LEAST * s.most[s.kinds[k]])
+
+
+@inner
 def step_factor(error: float, tolerance: float, order: int) -> float:
     """Return the factor that takes a step with an error of this order to the tolerance, within 0.2 … 4."""
     if error == 0.0:
@@ -117,12 +148,16 @@ class AdaptiveMarch(Table):
         Of each step, relative to the largest value of a coordinate's group.
     order : int
         Of the step's error.
+    settles : bool
+        True if states settle after each step: loops close, or quaternions become unit ones.
     q, v, a : ndarray
         Positions, rates and accelerations.
     clock : ndarray, shape (2,)
         Present time, and the step to try next [s].
     groups : ndarray of int, shape (n_positions + n,)
         Group of each position and rate.
+    kinds, most : ndarray, shapes (n_groups,) and (n_kinds,)
+        Kind of each group, and room for the largest value of each kind; empty where each kind has one group.
     largest, trial : ndarray
         Largest values of the groups so far, with numbers of the method's own behind, and with the trial step's end.
     begin, new, out : ndarray, shape (n_positions + n,)
@@ -134,19 +169,20 @@ class AdaptiveMarch(Table):
     evaluations : ndarray, shape (1,)
         How often the whole system was solved.
     fresh : ndarray, shape (1,)
-        1 where the accelerations ``a`` are not those at the present time: loads jump there, or none are known yet.
-    closed : bool
-        True if loops bring a state back onto their constraints after each step, so that no acceleration is that of a
-        step's end.
+        1 where the accelerations ``a`` are not those of the present state: loads jump there, none are known yet, or
+        the state has settled since.
     """
 
     tolerance: float
     order: int
+    settles: bool
     q: Array
     v: Array
     a: Array
     clock: Array
     groups: IntArray
+    kinds: IntArray
+    most: Array
     largest: Array
     trial: Array
     begin: Array
@@ -158,7 +194,6 @@ class AdaptiveMarch(Table):
     cursor: IntArray
     evaluations: Array
     fresh: Array
-    closed: bool
 
 
 def begin_step(m: Any, p: Any, s: AdaptiveMarch, t: float, h: float) -> None:
@@ -228,7 +263,7 @@ def _march(m: Any, p: Any, s: AdaptiveMarch, stop: float, n_steps: int) -> int:
             clock[1] = h * factor
         keep_largest(s.groups, s.largest, s.new)
         end_step(m, p, s)
-        s.fresh[0] = 1.0 if s.closed else 0.0
+        s.fresh[0] = 1.0 if s.settles else 0.0
     return n_steps
 
 
@@ -276,15 +311,16 @@ def march_adaptive_steps(
     cursor, evaluations, fresh = np.array([np.searchsorted(times, state.time)]), np.zeros(1), np.zeros(1)
     clock, end, seconds = np.array([state.time, state.next_step]), float(times[-1]), 0.0
     begin, new, out, trial = aligned(*3 * [groups.size], state.memory.size)
-    present = (state.q, state.v, state.a, clock, groups, state.memory)
-    closed = bool(getattr(system, "closed", False))
+    kinds, n_kinds = kinds_of(system)
+    present = (state.q, state.v, state.a, clock, groups, kinds, np.zeros(n_kinds), state.memory)
+    settles = bool(getattr(system, "settles", system.n_positions != system.n))
     output = (np.ascontiguousarray(times, dtype=float), q, v, cursor, evaluations, fresh)
-    march = AdaptiveMarch(tolerance, order, *present, trial, begin, new, out, *output, closed)
+    march = AdaptiveMarch(tolerance, order, settles, *present, trial, begin, new, out, *output)
     p, chunk = system.parameters, _FIRST_CHUNK
     _march(m, p, march, math.inf, 0)  # compiles, or reads the kernel: not part of the run time
     while cursor[0] < times.size:
         stop = next((point for point in system.breakpoints if point > clock[0]), math.inf)
-        fresh[0] = closed or clock[0] == 0.0 or clock[0] in system.breakpoints
+        fresh[0] = settles or clock[0] == 0.0 or clock[0] in system.breakpoints
         tick = time.perf_counter()
         done = int(_march(m, p, march, stop, chunk))
         spent = time.perf_counter() - tick

@@ -30,11 +30,11 @@ from pipeline.integrators.adaptive import (
     end_step,
     just_after,
     just_before,
-    keep_largest,
     march_adaptive_steps,
     prepare_samples,
     sample_step,
     scaled_error,
+    set_trial,
     try_step,
 )
 from pipeline.integrators.phi_functions import fill_phi_functions
@@ -310,9 +310,7 @@ def _try_step(m: RosenbrockSteps, p: Any, s: AdaptiveMarch, t: float, h: float, 
         noise = _ROUND_OFF * h * ((change + h * second) if i < n_positions else second)
         error = abs(m.error[i]) / m.scale[i] - noise
         m.error[i] = max(error, 0.0) if math.isfinite(m.error[i]) else math.nan
-    for k in range(s.largest.size):
-        s.trial[k] = s.largest[k]
-    keep_largest(s.groups, s.trial, s.new)
+    set_trial(s)
     return scaled_error(s.groups, s.trial, m.error)
 
 

@@ -26,11 +26,11 @@ from pipeline.integrators.adaptive import (
     end_step,
     just_after,
     just_before,
-    keep_largest,
     march_adaptive_steps,
     prepare_samples,
     sample_step,
     scaled_error,
+    set_trial,
     try_step,
 )
 from pipeline.integrators.protocol import Progress, State, Trajectory, march_from, require_tolerance
@@ -166,9 +166,7 @@ def _try_step(m: RungeKuttaSteps, p: Any, s: AdaptiveMarch, t: float, h: float, 
     for k in range(1, 13):
         _stage(m, p, k, t, h, s, s.new)  # the last one is at the step's end, and new with it
     s.evaluations[0] += 12
-    for k in range(s.largest.size):
-        s.trial[k] = s.largest[k]
-    keep_largest(s.groups, s.trial, s.new)
+    set_trial(s)
     third, fifth = _error(m, _E3, h, s), _error(m, _E5, h, s)
     size = math.sqrt(fifth * fifth + 0.01 * third * third)
     return fifth * fifth / size if size > 0.0 else size

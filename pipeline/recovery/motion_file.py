@@ -172,6 +172,14 @@ def _joint_variables(motion: Motion) -> Iterator[Variable]:
             yield Variable(f"{joint}.orientation", position[:, -4:], _QUATERNION, "1", text)
             text = f"angular velocity in joint {joint}, about the axes of {link.name}"
             yield Variable(f"{joint}.angular_velocity", rate[:, -3:], _XYZ, "rad/s", text)
+        elif link.n_rates:
+            position, rate = motion.kinematics.joint_coordinates(k)
+            dims = (f"{joint}.coordinate",)
+            units = ", ".join(["m"] * link.n_slides + ["rad"] * (link.n_rates - link.n_slides))
+            text = f"displacements and angles of joint {joint}, in {units}"
+            yield Variable(f"{joint}.coordinates", position, dims, "1", text)
+            text = f"rates of the displacements and angles of joint {joint}, by the second"
+            yield Variable(f"{joint}.rates", rate, dims, "1", text)
         if link.joint == FREE:
             yield Variable(f"{joint}.displacement", position[:, :3], _XYZ, "m", f"displacement in joint {joint}")
             yield Variable(f"{joint}.velocity", rate[:, :3], _XYZ, "m/s", f"velocity in joint {joint}")

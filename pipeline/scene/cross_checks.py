@@ -19,7 +19,7 @@ from pipeline.scene.reading import FaultError, suggest_name
 from pipeline.scene.runs import ScipyRun
 from pipeline.scene.simulation import Simulation
 
-_SINGLE = ("revolute", "prismatic")  # the joints with one coordinate
+_SINGLE = ("revolute", "prismatic", "screw")  # the joints with one coordinate
 
 
 @dataclass(frozen=True, slots=True)
@@ -73,7 +73,7 @@ class CrossCheck:
             if isinstance(drive, PointForce | PointTorque):
                 yield from self._check_marker(drive.marker, "drive", name, "marker")
                 continue
-            fitting = {"force": ("prismatic",), "motion": _SINGLE}.get(drive.type, ("revolute",))
+            fitting = {"force": ("prismatic",), "motion": _SINGLE}.get(drive.type, ("revolute", "screw"))
             faults = [*self._check_joint(drive.joint, fitting, f"a {drive.type}", "drive", name, "joint")]
             yield from faults
             if not faults and isinstance(drive, MotionDrive):
@@ -91,7 +91,7 @@ class CrossCheck:
     def _check_motion(self, name: str, drive: MotionDrive) -> Iterator[FaultError]:
         """A prescribed motion leaves its joint no coordinate: nothing else may act along it."""
         joint = self.joint[drive.joint]
-        wanted, other = ("angle", "position") if joint.type == "revolute" else ("position", "angle")
+        wanted, other = ("position", "angle") if joint.type == "prismatic" else ("angle", "position")
         if getattr(drive, wanted) is None:
             yield FaultError(f"is missing: a {joint.type} joint moves by its {wanted}", "drive", name, wanted)
         if getattr(drive, other) is not None:
@@ -145,7 +145,7 @@ class CrossCheck:
         yield from faults
         if not faults and chart.unit is not None:
             try:
-                unit = "rad" if self.joint[chart.joint].type == "revolute" else "m"
+                unit = "m" if self.joint[chart.joint].type == "prismatic" else "rad"
                 unit_ratio(f"{unit}/s" if chart.quantity == "joint_rate" else unit, chart.unit)
             except ValueError as error:
                 yield FaultError(str(error), *path, "unit")
@@ -199,6 +199,9 @@ class CrossCheck:
         child = joint.child.partition(".")[0]
         if joint.type == "free":
             yield FaultError("holds nothing: the child hangs on another joint already", "joint", name, "type")
+        if joint.type == "screw":
+            mend = "write it before the other joint that carries its child"
+            yield FaultError(f"can't close a loop; {mend}", "joint", name, "type")
         mend = f"write it before the other joint that carries {child}, which closes the loop then"
         for key in OF_COORDINATES:
             if key in joint.model_fields_set:
@@ -211,7 +214,7 @@ class CrossCheck:
             mend = "write it before the joint that now carries its child"
             yield FaultError(f"closes a loop, so it has no coordinate that {user} could take; {mend}", *path)
         elif self.joint[name].type not in fitting:
-            wanted = " or ".join(fitting)
+            wanted = " or ".join([", ".join(fitting[:-1]), fitting[-1]] if len(fitting) > 1 else fitting)
             yield FaultError(f"is a {self.joint[name].type} joint; {user} needs a {wanted} one", *path)
 
     def _check_place(self, place: str, *path: str | int) -> Iterator[FaultError]:

@@ -20,6 +20,7 @@ from pipeline.core.units import (
     TranslationalStiffness,
     Velocity,
 )
+from pipeline.scene.compound_joints import Cylindrical, Planar, Screw, Universal
 from pipeline.scene.force_elements import AngleStop, LengthStop
 from pipeline.scene.reading import SceneTable
 from pipeline.scene.values import Axis, MarkerName, PlaceName
@@ -231,4 +232,7 @@ class Free(SceneTable):
     spin: Spin = (0.0, 0.0, 0.0)
 
 
-Joint = Annotated[Revolute | Prismatic | Fixed | Spherical | Free, Field(discriminator="type")]
+Joint = Annotated[
+    Revolute | Prismatic | Fixed | Spherical | Free | Universal | Cylindrical | Planar | Screw,
+    Field(discriminator="type"),
+]

@@ -6,7 +6,11 @@ from collections.abc import Mapping
 
 from pipeline.scene.joints import Joint
 
-OF_COORDINATES = ("angle", "position", "rate", "spin", "velocity", "spring", "rest", "damper", "stop", "friction")
+OF_COORDINATES = (
+    *("angle", "angles", "position", "rate", "rates", "spin", "velocity"),
+    *("spring", "springs", "rest", "rests", "damper", "dampers", "stop", "friction"),
+    *("turning_spring", "rest_angle", "turning_damper"),
+)
 
 """Keys of a joint that speak of its coordinates, of which a joint that closes a loop has none."""
 

@@ -18,6 +18,7 @@ from pipeline.stages.mass_check import require_inertia
 
 if TYPE_CHECKING:
     from pipeline.dynamics.mechanism import Mechanism
+    from pipeline.scene.joints import Joint
     from pipeline.scene.scene import Scene
 
 _CORRECTIONS = 60
@@ -65,13 +66,31 @@ def given_joints(scene: Scene, mechanism: Mechanism) -> tuple[Array, Array]:
     q0, v0 = mechanism.rest_positions, np.zeros(mechanism.n)
     for k, link in enumerate(mechanism.links):
         joint, at, first = scene.joint[link.joint_name], mechanism.layout.position[k], mechanism.layout.rate[k]
-        if joint.type in ("revolute", "prismatic") and link.n_rates:
-            q0[at] = joint.angle if joint.type == "revolute" else joint.position
-            v0[first] = joint.rate
-        elif joint.type in ("spherical", "free"):
-            rates = [*getattr(joint, "velocity", ()), *joint.spin]
+        if link.motion is None:
+            positions, rates = _given(joint)
+            q0[at : at + len(positions)] = positions
             v0[first : first + len(rates)] = rates
     return q0, v0
+
+
+def _given(joint: Joint) -> tuple[Sequence[float], Sequence[float]]:
+    """Return a joint's coordinates and rates at the start; of a rotation in space the rates alone."""
+    match joint.type:
+        case "revolute" | "screw":
+            return [joint.angle], [joint.rate]
+        case "prismatic":
+            return [joint.position], [joint.rate]
+        case "universal":
+            return joint.angles, joint.rates
+        case "cylindrical":
+            return [joint.position, joint.angle], [joint.velocity, joint.rate]
+        case "planar":
+            return [*joint.position, joint.angle], [*joint.velocity, joint.rate]
+        case "spherical":
+            return [], joint.spin
+        case "free":
+            return [], [*joint.velocity, *joint.spin]
+    return [], []
 
 
 def close_start(scene: Scene, system: CompiledSystem, q: Array, v: Array) -> tuple[Array, Array]:
@@ -113,7 +132,7 @@ def _joint_rates(mechanism: Mechanism) -> IntArray:
 
 def _loose(scene: Scene, mechanism: Mechanism, what: str) -> IntArray:
     """Rates of the joints whose ``position`` or ``rate`` the scene leaves open."""
-    keys = {"position": {"angle", "position"}, "rate": {"rate", "spin", "velocity"}}[what]
+    keys = {"position": {"angle", "angles", "position"}, "rate": {"rate", "rates", "spin", "velocity"}}[what]
     parts = [
         np.arange(at, at + link.n_rates)
         for link, at in zip(mechanism.links, mechanism.layout.rate, strict=True)

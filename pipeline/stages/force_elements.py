@@ -13,13 +13,12 @@ from pipeline.core.errors import InputError
 from pipeline.core.formula import parse_formula
 from pipeline.dynamics.closures import Place
 from pipeline.dynamics.element_motion import element_strain
-from pipeline.dynamics.elements import Attachment, Bushing, Element, PointSpring
+from pipeline.dynamics.elements import Attachment, Element, PointSpring, SixAxisSpring
 from pipeline.dynamics.force_laws import ForceCurve, ForceLaw, Stop, smooth_curve, straight_curve
 from pipeline.dynamics.kinematics import Kinematics
 from pipeline.dynamics.mechanism import Mechanism
 from pipeline.dynamics.rotations import rotation_matrix
-from pipeline.scene.force_elements import AngleStop, Bearing, ForceByElongation, LengthStop, Spring
-from pipeline.scene.force_elements import Bushing as BushingTable
+from pipeline.scene.force_elements import AngleStop, Bearing, Bushing, ForceByElongation, LengthStop, Spring
 from pipeline.scene.joints import Joint
 
 if TYPE_CHECKING:
@@ -29,11 +28,20 @@ Locate = Callable[[str], tuple[Place, Array]]
 """Returns a marker or a place on the ground by its name, and its axes in those of its body."""
 
 
-def joint_law(joint: Joint) -> ForceLaw | None:
-    """Return the force law of a joint's end stops and friction; none for a joint without."""
-    if joint.type not in ("revolute", "prismatic") or not (joint.stop or joint.friction):
-        return None
-    return ForceLaw(stops=_stops(joint.stop), friction=joint.friction, friction_rate=joint.friction_rate)
+def joint_laws(joint: Joint) -> tuple[ForceLaw, ...]:
+    """Return the force laws along a joint's coordinates, beside the spring and damper of one with a single axis."""
+    if joint.type == "universal":
+        return tuple(_linear_law(*at) for at in zip(joint.springs, joint.rests, joint.dampers, strict=True))
+    if joint.type == "cylindrical":
+        along = _linear_law(joint.spring, joint.rest, joint.damper)
+        return along, _linear_law(joint.turning_spring, joint.rest_angle, joint.turning_damper)
+    if joint.type not in ("revolute", "prismatic", "screw") or not (joint.stop or joint.friction):
+        return ()
+    return (ForceLaw(stops=_stops(joint.stop), friction=joint.friction, friction_rate=joint.friction_rate),)
+
+
+def _linear_law(stiffness: float, rest: float, damping: float) -> ForceLaw:
+    return ForceLaw(ForceCurve((-stiffness * rest, stiffness)), damping)
 
 
 def add_elements(
@@ -81,7 +89,7 @@ def _spring(name: str, given: Spring, locate: Locate) -> PointSpring:
     return PointSpring(name, _ends(given.between, locate), law, rest)
 
 
-def _bushing(scene: Scene, name: str, given: BushingTable, locate: Locate) -> Bushing:
+def _bushing(scene: Scene, name: str, given: Bushing, locate: Locate) -> SixAxisSpring:
     first, second = _ends(given.between, locate)
     first = replace(first, axes=first.axes @ _rotation(given.rotation))
     if given.turn != "start":
@@ -89,22 +97,22 @@ def _bushing(scene: Scene, name: str, given: BushingTable, locate: Locate) -> Bu
     K, C = (_matrix(*pair) for pair in ((given.stiffness, given.stiffness_matrix), (given.damper, given.damper_matrix)))
     position = np.zeros(3) if given.position == "start" else np.array(given.position, dtype=float)
     try:
-        return Bushing(name, (first, second), K, C, position)
+        return SixAxisSpring(name, (first, second), K, C, position)
     except ValueError as error:
         raise InputError(scene.file, f"bushing.{name}", None, str(error)) from error
 
 
-def _bearing(name: str, given: Bearing, locate: Locate) -> Bushing:
+def _bearing(name: str, given: Bearing, locate: Locate) -> SixAxisSpring:
     """Make the bushing of a bearing, whose z axis is the shaft's; its rotations are free."""
     first, second = _ends(given.between, locate)
     axis = np.array(given.axis, dtype=float)
     first = replace(first, axes=first.axes @ _turned_to(axis / np.linalg.norm(axis)))
     K = np.diag([given.radial, given.radial, given.axial, 0.0, 0.0, 0.0])
     C = np.diag([given.radial_damper, given.radial_damper, given.axial_damper, 0.0, 0.0, 0.0])
-    return Bushing(name, (first, second), K, C)
+    return SixAxisSpring(name, (first, second), K, C)
 
 
-def _relaxed(bushing: Bushing, strain: Array, position: bool, turn: bool) -> Bushing:
+def _relaxed(bushing: SixAxisSpring, strain: Array, position: bool, turn: bool) -> SixAxisSpring:
     """Move the rest of a bushing to where it is, by its position, by its turn, or by both."""
     first, second = bushing.ends
     if turn:

@@ -7,6 +7,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from pipeline.core.arrays import Array
+from pipeline.scene.compound_joints import Planar
 from pipeline.scene.joints import Prismatic, Revolute
 from pipeline.scene.loads import Drive
 from pipeline.scene.scene import Scene
@@ -75,12 +76,12 @@ def read_inboard_joint(scene: Scene, body: str) -> InboardJoint:
     name = scene.carrying[body]
     joint = scene.joint[name]
     prescribed = any(drive.type == "motion" and drive.joint == name for drive in scene.drive.values())
-    hinges = [_axis_in_space(scene, other) for other in scene.joint.values() if other.type == "revolute"]
+    hinges = [_axis_in_space(scene, other) for other in scene.joint.values() if other.type in ("revolute", "planar")]
     into_body = axes_in_space(scene, body).T
     axis = joint.axis if joint.type == "revolute" else (_turned(into_body, hinges[0]) if hinges else (0.0, 0.0, 1.0))
     normal = _turned(into_body.T, axis)
     in_plane = [_parallel(normal, hinge) for hinge in hinges]
-    in_plane += [other.type not in ("spherical", "free") for other in scene.joint.values()]
+    in_plane += [other.type in ("fixed", "revolute", "prismatic", "planar") for other in scene.joint.values()]
     slides = [_axis_in_space(scene, other) for other in scene.joint.values() if other.type == "prismatic"]
     in_plane += [_across(normal, slide) for slide in slides]
     in_plane += [not gravity or _across(normal, scene.simulation.gravity)]
@@ -101,7 +102,7 @@ def read_inboard_joint(scene: Scene, body: str) -> InboardJoint:
         prescribed=prescribed,
         planar=all(in_plane),
         normal=int(np.argmax(np.abs(axis))) if about_an_axis else -1,
-        accelerated=gravity or not on_ground or joint.type in ("prismatic", "free"),
+        accelerated=gravity or not on_ground or joint.type not in ("fixed", "revolute", "spherical", "universal"),
         loaded=_loaded_markers(scene, body, normal),
     )
 
@@ -126,7 +127,7 @@ def _acts_in_plane(scene: Scene, drive: Drive, normal: Direction) -> bool:
     return _parallel(normal, direction) if drive.type == "point torque" else _across(normal, direction)
 
 
-def _axis_in_space(scene: Scene, joint: Revolute | Prismatic) -> Direction:
+def _axis_in_space(scene: Scene, joint: Revolute | Prismatic | Planar) -> Direction:
     place = joint.parent.partition(".")[0]
     axes = ground_place(scene, joint.parent)[1] if place == "ground" else axes_in_space(scene, place)
     return _turned(axes, joint.axis)

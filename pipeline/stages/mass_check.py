@@ -8,7 +8,6 @@ import numpy as np
 
 from pipeline.core.arrays import Array
 from pipeline.core.errors import InputError
-from pipeline.dynamics.links import FREE, PRISMATIC
 
 if TYPE_CHECKING:
     from pipeline.dynamics.compiled_system.system import CompiledSystem
@@ -46,7 +45,7 @@ def _describe_rate(mechanism: Mechanism, way: Array) -> tuple[str, str]:
     parts = [way[at : at + link.n_rates] for at, link in zip(mechanism.layout.rate, mechanism.links, strict=True)]
     worst = int(np.argmax([np.abs(part).max(initial=0.0) for part in parts]))
     link, part = mechanism.links[worst], parts[worst]
-    slides = 3 if link.joint == FREE else int(link.joint == PRISMATIC)
+    slides = link.n_slides
     turns = int(np.abs(part).argmax()) >= slides
     part = part[slides:] if turns else part[:slides]
     if len(part) == 1:

@@ -12,13 +12,26 @@ from pipeline.core.errors import InputError
 from pipeline.dynamics.closures import Closure, Place, close_joint, fixed_place
 from pipeline.dynamics.compiled_system.steady import find_steady_state
 from pipeline.dynamics.compiled_system.system import CompiledSystem
-from pipeline.dynamics.links import FIXED, FREE, PRISMATIC, REVOLUTE, SPHERICAL, Link, PointLoad, rigid_gram
+from pipeline.dynamics.links import (
+    CYLINDRICAL,
+    FIXED,
+    FREE,
+    PLANAR,
+    PRISMATIC,
+    REVOLUTE,
+    SCREW,
+    SPHERICAL,
+    UNIVERSAL,
+    Link,
+    PointLoad,
+    rigid_gram,
+)
 from pipeline.dynamics.mechanism import Mechanism
 from pipeline.dynamics.signals.signal import Signal, constant, half_sine, total
 from pipeline.reduction.body import FlexibleBody, MarkerShapes
 from pipeline.reduction.inertia import InertiaGram
 from pipeline.stages.assembly import assemble, close_start, following_joints, given_joints
-from pipeline.stages.force_elements import add_elements, joint_law
+from pipeline.stages.force_elements import add_elements, joint_laws
 from pipeline.stages.ground import ground_place
 from pipeline.stages.inboard_joint import read_inboard_joint
 from pipeline.stages.loop_steady import find_closed_steady_state
@@ -27,7 +40,17 @@ from pipeline.stages.signals import require_sound_drives, signal_of
 if TYPE_CHECKING:
     from pipeline.scene.scene import Scene
 
-_JOINTS = {"fixed": FIXED, "revolute": REVOLUTE, "prismatic": PRISMATIC, "spherical": SPHERICAL, "free": FREE}
+_JOINTS = {
+    "fixed": FIXED,
+    "revolute": REVOLUTE,
+    "prismatic": PRISMATIC,
+    "spherical": SPHERICAL,
+    "free": FREE,
+    "universal": UNIVERSAL,
+    "cylindrical": CYLINDRICAL,
+    "planar": PLANAR,
+    "screw": SCREW,
+}
 
 
 def build_mechanism(
@@ -153,10 +176,18 @@ def _link(scene: Scene, places: _Places, body: str) -> Link:
         settings["section"] = _section(scene, places, body)
     else:
         gram = _gram(scene.body[body], places.origin(body))
-    if joint.type in ("revolute", "prismatic"):
+    if joint.type in ("universal", "cylindrical", "planar"):
+        settings |= {"axis": np.array(joint.axis, dtype=float), "laws": joint_laws(joint)}
+    if joint.type == "universal":
+        settings["other_axis"] = np.array(joint.child_axis, dtype=float)
+    if joint.type == "screw":
+        settings["lead"] = joint.lead / (2 * np.pi)
+    if joint.type in ("revolute", "prismatic", "screw"):
         axis = np.array(joint.axis, dtype=float)
-        settings |= {"spring": joint.spring, "rest": joint.rest, "damper": joint.damper, "law": joint_law(joint)}
-        settings |= {"axis": axis, "motion": _motion(scene, name), "load": _load(scene, name, gram, axis)}
+        settings |= {"spring": joint.spring, "rest": joint.rest, "damper": joint.damper}
+        motion = _motion(scene, name)
+        settings["laws"] = joint_laws(joint) if motion is None else ()
+        settings |= {"axis": axis, "motion": motion, "load": _load(scene, name, gram, axis)}
         if joint.type == "revolute" and body in places.bodies and settings["motion"] is None:
             settings |= {"joint_rotation": reduced.joint_rotation, "joint_bow": reduced.joint_bow}
     parent = places.parent(body)

@@ -10,7 +10,7 @@ from pipeline.dynamics.compiled_system.system import CompiledSystem
 from pipeline.dynamics.compiler.compiled import compile_mechanism
 from pipeline.dynamics.element_linearisation import linearise_forces
 from pipeline.dynamics.element_motion import element_strain, element_wrenches, place_motion
-from pipeline.dynamics.elements import Bushing, PointSpring
+from pipeline.dynamics.elements import PointSpring, SixAxisSpring
 from pipeline.dynamics.kinematics import Kinematics
 from pipeline.dynamics.rotations import rotation_vector
 from tests.dynamics.compiler.comparison import TIME, interpreted
@@ -72,7 +72,7 @@ def test_stiffness_and_damping_are_the_tangents_of_the_unstrained_mechanism(seed
     assert system.largest_step < 2.0 / system.highest_frequency  # dampers and stops take their part
 
 
-def _unstrained(element: PointSpring | Bushing, states):
+def _unstrained(element: PointSpring | SixAxisSpring, states):
     values = element_strain(states, element).values[0]
     if isinstance(element, PointSpring):
         law = replace(element.law, curve=element.law.curve if element.name == "linear" else LINEAR)

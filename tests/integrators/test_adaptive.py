@@ -18,7 +18,7 @@ from pipeline.dynamics.jit.compiled import meaning
 from pipeline.dynamics.links import SPHERICAL, Link, rigid_gram
 from pipeline.dynamics.mechanism import Mechanism
 from pipeline.dynamics.system import accelerations, advance, velocities
-from pipeline.integrators.adaptive import groups_of, step_within
+from pipeline.integrators.adaptive import groups_of, kinds_of, step_within
 from pipeline.integrators.rosenbrock import ExponentialRosenbrock
 from pipeline.integrators.runge_kutta import RungeKutta
 from pipeline.integrators.scipy_ivp import ScipyIvp
@@ -352,3 +352,26 @@ def test_they_have_no_largest_step_and_their_formulas_order(rotor):
     assert RungeKutta(1e-3).largest_step(rotor) == np.inf
     assert ExponentialRosenbrock(1e-3).order(rotor) == 4
     assert RungeKutta(1e-3).order(rotor) == 8
+
+
+class OfOneKind(LinearSystem):
+    groups = np.array([0, 3]), np.array([0, 3])
+
+
+@BOTH
+def test_a_group_that_hardly_moves_counts_for_a_small_part_of_its_kind(method):
+    # The second oscillator is 1e-9 of the first and 20 times as fast: alone it would set the step.
+    K, q0, times = np.diag([1.0, 400.0]), np.array([1.0, 1e-9]), np.array([10.0])
+    alone, alike = (kind(K, None, np.array([0.1, 1e-10]), 3.0) for kind in (LinearSystem, OfOneKind))
+    apart, together = (method(1e-4).march(system, q0, np.zeros(2), times) for system in (alone, alike))
+    if method is RungeKutta:  # the other solves both exactly but for the load; here stability sets the step
+        assert together.end.step < 0.7 * apart.end.step
+    assert np.abs(together.q - alike.exact(q0, np.zeros(2), times)).max() < 0.1
+
+
+def test_kinds_are_needed_where_one_has_two_groups():
+    assert kinds_of(two_oscillators())[1] == 0
+    assert kinds_of(Grouped(np.eye(2)))[1] == 0
+    kinds, n_kinds = kinds_of(OfOneKind(np.eye(2)))
+    np.testing.assert_array_equal(kinds, [0, 1, 2, 0, 3, 4, 5, 3])
+    assert n_kinds == 6

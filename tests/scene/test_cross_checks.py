@@ -24,8 +24,8 @@ def test_a_joint_is_driven_only_as_it_moves() -> None:
     assert load_scene("rod-slider", [pulse]).drive["motor"].torque == 1.0
     for drive, message in {
         force.replace("slide", "hinge"): "is a revolute joint; a force needs a prismatic one",
-        pulse.replace("hinge", "slide"): "is a prismatic joint; a torque pulse needs a revolute one",
-        "drive.motor.joint=slide": "drive.motor.joint = 'slide': is a prismatic joint; a torque needs a revolute one",
+        pulse.replace("hinge", "slide"): "is a prismatic joint; a torque pulse needs a revolute or screw one",
+        "drive.motor.joint=slide": "is a prismatic joint; a torque needs a revolute or screw one",
     }.items():
         with refused(message):
             load_scene("rod-slider", [drive])
@@ -67,7 +67,7 @@ FIXED = 'joint.slide={type="fixed", parent="rod.rest", child="slider.centre"}'
         # fast joints
         (["simulation.fast=['slid']"], "simulation.fast.0 = 'slid': no such joint; did you mean 'slide'?"),
         (["simulation.fast=['hinge', 'rod']"], "simulation.fast.1 = 'rod': no such joint"),
-        ([FIXED, "output=[]"], "is a fixed joint; the fast list needs a revolute or prismatic one"),
+        ([FIXED, "output=[]"], "is a fixed joint; the fast list needs a revolute, prismatic or screw one"),
         (["simulation.fast=slide"], "simulation.fast = 'slide': must be a list"),
         # charts
         (["output.0.joint=hing"], "output.0.joint = 'hing': no such joint; did you mean 'hinge'?"),

@@ -7,7 +7,8 @@ import pytest
 
 from pipeline import Pipeline, load_scene
 from pipeline.core.errors import InputError
-from pipeline.dynamics.elements import Bushing, PointSpring
+from pipeline.dynamics.elements import PointSpring, SixAxisSpring
+from pipeline.dynamics.transmitted_loads import transmitted_loads
 from pipeline.recovery.motion import Motion
 
 BLOCK = """
@@ -222,6 +223,60 @@ def test_bearings_let_a_rotor_spin_freely(tmp_path: Path) -> None:
     assert motion.kinematics.body_spin(0)[:, 2] == pytest.approx(300.0, rel=1e-12)
 
 
+def test_the_pull_of_a_spring_passes_through_the_body_to_its_joint(tmp_path: Path) -> None:
+    # A block on a slide along x: across it, the joint carries all of an oblique spring's pull.
+    spring = """
+[ground.above]
+at = ["0 m", "1 m", "0.5 m"]
+[spring.oblique]
+between = ["ground.above", "block.side"]
+stiffness = "100 N/m"
+length = "0.4 m"
+"""
+    motion = slide(tmp_path, 'position = "0.2 m"', spring, "simulation.output_step=0.1 ms")
+    (loads,) = transmitted_loads(motion.kinematics)
+    way = np.array([0.0, 1.0, 0.5]) - motion.tip_position
+    length = np.linalg.norm(way, axis=1)[:, None]
+    pull = 100.0 * (length - 0.4) * way / length
+    assert loads.joint[:, 1:3] == pytest.approx(-pull[:, 1:], rel=1e-9)
+    assert loads.joint[:, 3:] == pytest.approx(-np.cross([0.1, 0.0, 0.0], pull), abs=1e-3)
+
+
+BEAM_RUNS = """
+base = "beam"
+[ground.post]
+at = ["340 mm", "-100 mm", "0 mm"]
+[spring.tip]
+between = ["ground.post", "beam.tip"]
+stiffness = "2 N/m"
+damper = "1e-4 N s/m"
+[bushing.tip]
+between = ["beam.tip", "ground.post"]
+stiffness = ["1 N/m", "1 N/m", "1 N/m", "1e-3 N m/rad", "1e-3 N m/rad", "1e-3 N m/rad"]
+[simulation]
+duration = "40 ms"
+output_step = "1 ms"
+step = "20 us"
+tip = "beam.tip"
+"""
+METHODS = {
+    "runge-kutta": ("tolerance = 1e-10", 0.0),
+    "exponential-rosenbrock": ("tolerance = 1e-9", 1e-7),
+    "central-difference": ("", 3e-3),
+    "sub-cycling": ("substeps = 5", 3e-3),
+    "reversible-sub-cycling": ("substeps = 5", 3e-3),
+    "generalized-alpha": ("", 3e-3),
+}
+
+
+def test_all_methods_integrate_elements_on_a_flexible_body_alike(tmp_path: Path) -> None:
+    runs = "".join(f'[[simulation.run]]\nintegrator = "{name}"\n{more}\n' for name, (more, _) in METHODS.items())
+    exact, *others = run_of(tmp_path, BEAM_RUNS + runs).motions.values()
+    size = np.abs(exact.tip_deflection).max()
+    for motion, (_, error) in zip(others, list(METHODS.values())[1:], strict=True):
+        assert np.abs(motion.tip_deflection - exact.tip_deflection).max() < error * size
+
+
 def test_elements_of_a_scene_have_its_places_and_rates(tmp_path: Path) -> None:
     bushing = """
 [bushing.full]
@@ -232,7 +287,7 @@ stiffness_matrix = [[4,1,0,0,0,0],[1,3,0,0,0,0],[0,0,2,0,0,0],[0,0,0,5,0,0],[0,0
     built = run_of(tmp_path, BLOCK.replace("SLIDE", 'position = "0.2 m"') + WALL_SPRING + bushing).mechanism
     spring, full = built.elements
     assert isinstance(spring, PointSpring)
-    assert isinstance(full, Bushing)
+    assert isinstance(full, SixAxisSpring)
     assert (spring.rest, spring.law.curve.polynomial, spring.law.damping) == (1.05, (0.0, 200.0), 3.0)
     assert [end.body for end in full.ends] == ["block", ""]
     # From the block's side at 0.3 m to the wall at -1 m; x of the bushing is y of space, its y is -x of space.

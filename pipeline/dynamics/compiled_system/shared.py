@@ -24,7 +24,10 @@ def share_system(mechanism: Mechanism) -> CompiledSystem:
     names = [(link.name, link.joint_name, link.section, *link.markers) for link in mechanism.links]
     acting = [(load.body, load.size.breakpoints) for load in mechanism.loads]
     acting += [(link.name, (link.motion or link.load).breakpoints) for link in mechanism.links]
-    key = (system.compiled.digest, system.compiled.signals, (*names,), (*acting,), mechanism.horizon)
+    joined = [(closure.name, *closure.bodies) for closure in mechanism.closures]
+    placed = [(name, *position) for name, position in mechanism.assembled.items()]
+    named = tuple(tuple(part) for part in (names, acting, joined, placed))
+    key = (system.compiled.digest, system.compiled.signals, named, mechanism.horizon)
     system = _shared.pop(key, system)
     _shared[key] = system
     while len(_shared) > _MOST_SHARED:

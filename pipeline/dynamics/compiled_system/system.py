@@ -86,6 +86,11 @@ class CompiledSystem:
         return self.mechanism.groups
 
     @property
+    def settles(self) -> bool:
+        """True if the end of a step is changed after it: loops close, or quaternions become unit ones."""
+        return bool(self.compiled.rows) or self.n_positions != self.n
+
+    @property
     def breakpoints(self) -> tuple[float, ...]:
         """Times at which a load or a motion jumps, has a kink or begins to vary much faster [s], ascending."""
         return self.mechanism.breakpoints
@@ -94,11 +99,6 @@ class CompiledSystem:
     def shortest_action(self) -> float:
         """Shortest time for which a load acts between two times without it [s]; infinity if none does."""
         return min((activity.shortest_action for activity in self.mechanism.activities), default=np.inf)
-
-    @property
-    def closed(self) -> bool:
-        """True if loops hold coordinates: a state is brought back onto their constraints after each step."""
-        return bool(self.compiled.rows)
 
     @cached_property
     def coupled(self) -> bool:

@@ -24,7 +24,7 @@ from pipeline.dynamics.compiler.frames import MovingFrame
 from pipeline.dynamics.compiler.graph import Scalar, Terms, total
 from pipeline.dynamics.compiler.laws import trace_law, trace_law_energy
 from pipeline.dynamics.compiler.marker import MarkerMotion, trace_marker
-from pipeline.dynamics.elements import SHORTEST, Attachment, Bushing, Element, PointSpring
+from pipeline.dynamics.elements import SHORTEST, Attachment, Element, PointSpring, SixAxisSpring
 
 _AXES = range(3)
 
@@ -148,14 +148,14 @@ class _BushingMotion:
         h = self.y.apply("arc1") * 0.5 - self.y.apply("arc0") * (1.0 - self.y).inverse() * 0.25
         return add(x, scale(0.5 * side, cross(self.theta, x)), scale(h, cross(self.s, cross(self.s, x))))
 
-    def strains(self, element: Bushing) -> tuple[list[Scalar], list[Scalar]]:
+    def strains(self, element: SixAxisSpring) -> tuple[list[Scalar], list[Scalar]]:
         """Return e and its rate: three of each if rotations don't count, else six."""
         if not element.twists:
             return self.d, self.d_rate
         return self.d + self.theta, self.d_rate + self.through(-1.0, self.w)
 
 
-def _bushing_motion(element: Bushing, first: EndMotion, second: EndMotion) -> _BushingMotion:
+def _bushing_motion(element: SixAxisSpring, first: EndMotion, second: EndMotion) -> _BushingMotion:
     into = transpose(first.A)
     way = subtract(second.x, first.x)
     swept = subtract(subtract(second.v, first.v), cross(first.w, way))
@@ -167,7 +167,7 @@ def _bushing_motion(element: Bushing, first: EndMotion, second: EndMotion) -> _B
     return _BushingMotion(way, subtract(times(into, way), position), times(into, swept), w, y, s)
 
 
-def _bushing_actions(element: Bushing, first: EndMotion, second: EndMotion) -> list[Action]:
+def _bushing_actions(element: SixAxisSpring, first: EndMotion, second: EndMotion) -> list[Action]:
     motion = _bushing_motion(element, first, second)
     e, rates = motion.strains(element)
     n = range(len(e))

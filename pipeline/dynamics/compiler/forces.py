@@ -16,7 +16,7 @@ from pipeline.dynamics.compiler.frames import MovingFrame
 from pipeline.dynamics.compiler.graph import Graph, Scalar, Terms, Vector, combine
 from pipeline.dynamics.compiler.laws import trace_law
 from pipeline.dynamics.compiler.marker import trace_marker
-from pipeline.dynamics.links import PRISMATIC, REVOLUTE, PointLoad
+from pipeline.dynamics.links import ONE_AXIS, REVOLUTE, PointLoad
 
 JOINT_CONSTANTS = ("spring", "rest", "damper")
 
@@ -68,8 +68,14 @@ class ActingForces:
         return p, terms
 
     def on_joint(self, frame: MovingFrame) -> list[Scalar]:
-        """Return what acts along each of a joint's directions: 0 if there are several."""
-        return [joint_load(self._inputs, frame)] * len(frame.directions)
+        """Return what acts along each of a joint's directions."""
+        if len(frame.directions) == 1:
+            return [joint_load(self._inputs, frame)]
+        laws = frame.link.laws
+        if not laws:
+            return constants(self.graph, [0.0] * len(frame.directions))
+        positions, rates = self._inputs.joint_positions(frame.number), self._inputs.joint_rates(frame.number)
+        return [-trace_law(*at) for at in zip(laws, positions, rates, strict=True)]
 
     def free_directions(self, frame: MovingFrame) -> list[Vector6]:
         """Return all directions of a joint."""
@@ -121,14 +127,16 @@ class GivenForces:
 def joint_load(inputs: Coordinates, frame: MovingFrame) -> Scalar:
     """Return the force or torque along a joint: those of its load, spring, damper, stops and friction."""
     link, graph = frame.link, inputs.graph
-    if link.joint not in (REVOLUTE, PRISMATIC) or link.motion is not None:
+    if link.joint not in ONE_AXIS or link.motion is not None:
         return graph.number(0.0)
     (s,), (ds,) = inputs.joint_positions(frame.number), inputs.joint_rates(frame.number)
     spring, rest, damper = (inputs.number(frame.number, name, getattr(link, name)) for name in JOINT_CONSTANTS)
     stretch = s + section_angle(graph, frame) - rest
     rate = ds + joint_grip(graph, frame).dot(frame.v)
     load = inputs.signal(link.load)[0] - stretch * spring - rate * damper
-    return load if link.law is None else load - trace_law(link.law, stretch + rest, rate)
+    for law in link.laws:
+        load = load - trace_law(law, stretch + rest, rate)
+    return load
 
 
 def section_angle(graph: Graph, frame: MovingFrame) -> Scalar:

@@ -34,7 +34,7 @@ from pipeline.dynamics.compiler.cleaning import clean_direction, clean_marker, r
 from pipeline.dynamics.compiler.coordinates import Coordinates
 from pipeline.dynamics.compiler.graph import Graph, Scalar, Vector
 from pipeline.dynamics.compiler.marker import MarkerMotion, rotation, trace_marker
-from pipeline.dynamics.links import FREE, PRISMATIC, REVOLUTE, SPHERICAL, Link
+from pipeline.dynamics.links import CYLINDRICAL, FREE, ONE_AXIS, PLANAR, REVOLUTE, SCREW, SPHERICAL, UNIVERSAL, Link
 
 _PARALLEL = 1e-14
 
@@ -213,23 +213,45 @@ def _trace_joint(inputs: Coordinates, number: int, link: Link, marker: MarkerMot
     on_place = product(marker.R, [constants(graph, row) for row in link.place_axes]) if turned else marker.R
     motion = _JointMotion(on_place, zero3, zero3, zero3, zero3, zero3, [])
     s, ds = inputs.joint_positions(number), inputs.joint_rates(number)
-    if link.joint in (REVOLUTE, PRISMATIC):
+    if link.joint in ONE_AXIS:
         unit = clean_direction(link.axis)
         axis = constants(graph, unit)
         known = [*s, *ds, graph.number(0.0)]
         if link.motion is not None:
             known = inputs.signal(link.motion, derivatives=2)
         along, rate, acceleration = (scale(value, axis) for value in known)
-        if link.joint == REVOLUTE:
+        if link.joint in (REVOLUTE, SCREW):
             turn = rotation(graph, unit, known[0])
             motion.R = product(on_place, turn) if turned else _turn_about(graph, marker, unit, known[0])
             motion.turning, motion.turn_acceleration = rate, acceleration
-            motion.directions = [zero3 + axis]
+            motion.shift, motion.sliding, motion.slide_acceleration = (
+                scale(link.lead, part) for part in (along, rate, acceleration)
+            )
+            motion.directions = [scale(link.lead, axis) + axis]
         else:
             motion.shift, motion.sliding, motion.slide_acceleration = along, rate, acceleration
             motion.directions = [axis + zero3]
         if link.motion is not None:
             motion.directions = []
+    elif link.joint == UNIVERSAL:
+        first, second = clean_direction(link.axis), clean_direction(link.other_axis)
+        last = rotation(graph, second, s[1])
+        motion.R = product(product(on_place, rotation(graph, first, s[0])), last)
+        about = [times(transpose(last), constants(graph, first)), constants(graph, second)]
+        turns = [scale(rate, axis) for rate, axis in zip(ds, about, strict=True)]
+        motion.turning, motion.turn_acceleration = add(*turns), cross(*turns)
+        motion.directions = [zero3 + axis for axis in about]
+    elif link.joint in (CYLINDRICAL, PLANAR):
+        unit = clean_direction(link.axis)
+        turn = rotation(graph, unit, s[-1])
+        motion.R, motion.turning = product(on_place, turn), scale(ds[-1], constants(graph, unit))
+        slides = [unit] if link.joint == CYLINDRICAL else [clean_direction(axis) for axis in link.slide_axes]
+        in_body = [times(transpose(turn), constants(graph, axis)) for axis in slides]
+        if link.joint == CYLINDRICAL:
+            in_body = [constants(graph, unit)]  # which turning leaves where it is
+        motion.shift = add(*(scale(x, axis) for x, axis in zip(s[:-1], in_body, strict=True)))
+        motion.sliding = add(*(scale(x, axis) for x, axis in zip(ds[:-1], in_body, strict=True)))
+        motion.directions = [*(axis + zero3 for axis in in_body), zero3 + constants(graph, unit)]
     elif link.joint in (SPHERICAL, FREE):
         turn = _quaternion_rotation(s[-4:])
         motion.R, motion.turning = product(on_place, turn), ds[-3:]

@@ -69,9 +69,8 @@ def trace_potential_energy(inputs: Coordinates, frames: list[MovingFrame]) -> Sc
             stretch = known[0] - link.rest
             stretch = stretch + section_angle(inputs.graph, frame)
             energies.append(stretch * stretch * (0.5 * link.spring))
-        if link.law is not None:
-            (angle,) = inputs.joint_positions(frame.number)
-            energies.append(trace_law_energy(link.law, angle + section_angle(inputs.graph, frame)))
+        for law, position in zip(link.laws, inputs.joint_positions(frame.number), strict=bool(link.laws)):
+            energies.append(trace_law_energy(law, position + section_angle(inputs.graph, frame)))
         if any(not g.is_zero for g in gravity):
             origin, R = frame.world
             inertia = trace_inertia(inputs.graph, frame)

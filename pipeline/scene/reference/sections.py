@@ -5,6 +5,7 @@ from __future__ import annotations
 from typing import NamedTuple
 
 from pipeline.scene.bodies import Bar, BarMesh, ModeSettings, Solid
+from pipeline.scene.compound_joints import Cylindrical, Planar, Screw, Universal
 from pipeline.scene.force_elements import (
     AngleStop,
     Bearing,
@@ -164,6 +165,10 @@ SECTIONS = (
     Section("### Fixed joint", Fixed),
     Section("### Spherical joint", Spherical),
     Section("### Free joint", Free),
+    Section("### Universal joint", Universal),
+    Section("### Cylindrical joint", Cylindrical),
+    Section("### Planar joint", Planar),
+    Section("### Screw joint", Screw),
     Section("## Drives", None, _DRIVES),
     Section("### Torque pulse", PulseDrive),
     Section("### Torque", TorqueDrive),

@@ -10,7 +10,7 @@ import numpy as np
 from scipy.linalg import expm
 
 from pipeline.core.arrays import Array
-from pipeline.dynamics.links import FREE, PRISMATIC, REVOLUTE, SPHERICAL
+from pipeline.dynamics.links import CYLINDRICAL, FREE, PLANAR, PRISMATIC, REVOLUTE, SCREW, SPHERICAL, UNIVERSAL
 from tests.dynamics.compiler.mechanisms import PointMechanism, Points
 
 STEP = 1e-30  # of complex differences
@@ -76,6 +76,19 @@ def frames(made: PointMechanism, t: complex, q: Array) -> list[tuple[Array, Arra
             R = R @ expm(s[0] * tilde(axis))
         elif link.joint == PRISMATIC:
             origin = origin + R @ (s[0] * axis)
+        elif link.joint == UNIVERSAL:
+            other = link.other_axis / np.linalg.norm(link.other_axis)
+            R = R @ expm(s[0] * tilde(axis)) @ expm(s[1] * tilde(other))
+        elif link.joint == CYLINDRICAL:
+            origin, R = origin + R @ (s[0] * axis), R @ expm(s[1] * tilde(axis))
+        elif link.joint == SCREW:
+            origin, R = origin + R @ (s[0] * link.lead * axis), R @ expm(s[0] * tilde(axis))
+        elif link.joint == PLANAR:
+            most = np.eye(3)[np.abs(axis).argmin()]
+            u = most - (most @ axis) * axis
+            u = u / np.linalg.norm(u)
+            origin = origin + R @ (s[0] * u + s[1] * np.cross(axis, u))
+            R = R @ expm(s[2] * tilde(axis))
         elif link.joint in (SPHERICAL, FREE):
             origin = origin + R @ s[:3] if link.joint == FREE else origin
             u, w = s[-4:-1], s[-1]
@@ -156,6 +169,9 @@ def forces(made: PointMechanism, t: float, q: Array, v: Array) -> Array:
             along = link.load.value(t)[0] - link.spring * (s - link.rest) - link.damper * ds
             Q[i] += along
             Q[modes] += grip * along
+        for j, law in enumerate(link.laws):
+            x = q[mechanism.layout.position[k] + j]
+            Q[i + j] -= sum(a * x**p for p, a in enumerate(law.curve.polynomial)) + law.damping * v[i + j]
     for load in mechanism.loads:
         for j, unit in enumerate(np.eye(mechanism.n)):
             Q[j] += power(made, load, t, q, unit)

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import dataclass, replace
 from typing import NamedTuple
 
@@ -10,13 +11,28 @@ from scipy.linalg import expm
 
 from pipeline.core.arrays import EPSILON, Array
 from pipeline.core.formula import parse_formula
-from pipeline.dynamics.links import FIXED, FREE, PRISMATIC, REVOLUTE, SPHERICAL, Link, PointLoad, rigid_gram
+from pipeline.dynamics.force_laws import ForceCurve, ForceLaw
+from pipeline.dynamics.links import (
+    CYLINDRICAL,
+    FIXED,
+    FREE,
+    PLANAR,
+    PRISMATIC,
+    REVOLUTE,
+    SCREW,
+    SPHERICAL,
+    UNIVERSAL,
+    Link,
+    PointLoad,
+    rigid_gram,
+)
 from pipeline.dynamics.mechanism import Mechanism
 from pipeline.dynamics.signals.signal import Signal, constant, formula, half_sine
 from pipeline.reduction.body import MarkerShapes
 from pipeline.reduction.inertia import InertiaGram, inertia_gram
 
 JOINTS = (FIXED, REVOLUTE, PRISMATIC, SPHERICAL, FREE)
+MORE_JOINTS = (UNIVERSAL, CYLINDRICAL, PLANAR, SCREW)
 
 
 class Points(NamedTuple):
@@ -52,22 +68,22 @@ class PointMechanism:
         return q, v
 
 
-def random_mechanism(seed: int, second_order: bool = False) -> PointMechanism:
+def random_mechanism(seed: int, second_order: bool = False, joints: Sequence[int] = JOINTS) -> PointMechanism:
     """Make one of one to four bodies, any of them rigid or flexible, on random joints, markers and under random loads.
 
     Every fifth is plane. ``second_order`` adds displacements of second order. One without coordinates is made anew.
     """
-    made = _any_mechanism(seed, np.random.default_rng([seed, 7]), second_order)
-    return made if made.mechanism.n else random_mechanism(seed + 1000, second_order)
+    made = _any_mechanism(seed, np.random.default_rng([seed, 7]), second_order, joints)
+    return made if made.mechanism.n else random_mechanism(seed + 1000, second_order, joints)
 
 
-def _any_mechanism(seed: int, rng: np.random.Generator, second_order: bool) -> PointMechanism:
+def _any_mechanism(seed: int, rng: np.random.Generator, second_order: bool, joints: Sequence[int]) -> PointMechanism:
     plane = seed % 5 == 4
     sizes = [int(n) for n in rng.integers(0, 4, size=rng.integers(1, 5))]
     bodies = [_random_points(n, rng, plane) for n in sizes]
     links: list[Link] = []
     for k, n in enumerate(sizes):
-        kind = int(rng.choice(JOINTS[:3] if plane else JOINTS))
+        kind = int(rng.choice(JOINTS[:3] if plane else joints))
         kind = REVOLUTE if k == 0 and kind == FIXED else kind
         parent = int(rng.integers(-1, k)) if k else -1
         links.append(_random_link(k, kind, parent, n, sizes[parent] if parent >= 0 else 0, bodies[k], rng, plane))
@@ -132,6 +148,11 @@ def _random_link(
         damper=rng.uniform(0.1, 0.3) if along and rng.random() < 0.6 else 0.0,
         load=_random_signal(rng) if along else constant(0.0),
     )
+    if kind in MORE_JOINTS:
+        laws = [
+            ForceLaw(ForceCurve((0.1, *rng.uniform(1.0, 2.0, 2))), rng.uniform(0.1, 0.3)) for _ in range(link.n_rates)
+        ]
+        return replace(link, laws=tuple(laws), other_axis=rng.normal(size=3), lead=rng.uniform(-0.4, 0.4))
     if along and rng.random() < 0.25:  # prescribed
         return replace(link, motion=_smooth_signal(rng), joint_rotation=np.zeros(0))
     return link

@@ -11,7 +11,7 @@ from scipy.spatial.transform import Rotation
 
 from pipeline.core.arrays import Array
 from pipeline.core.formula import parse_formula
-from pipeline.dynamics.elements import Attachment, Bushing, Element, PointSpring
+from pipeline.dynamics.elements import Attachment, Element, PointSpring, SixAxisSpring
 from pipeline.dynamics.force_laws import ForceCurve, ForceLaw, Stop, smooth_curve, straight_curve
 from pipeline.reduction.body import MarkerShapes
 from tests.dynamics.compiler import kane
@@ -81,7 +81,7 @@ def with_elements(seed: int, second_order: bool = False) -> tuple[PointMechanism
         K, C = (A @ A.T for A in rng.normal(size=(2, 6, 6)))
         if not full:
             K, C = np.diag([3.0, 2.0, 1.0, 0, 0, 0]), np.diag([0.3, 0.2, 0.1, 0, 0, 0])
-        elements.append(Bushing(f"bushing {full}", _ends(made, rng), K, 0.1 * C, rng.normal(size=3)))
+        elements.append(SixAxisSpring(f"bushing {full}", _ends(made, rng), K, 0.1 * C, rng.normal(size=3)))
     return replace(made, mechanism=replace(made.mechanism, elements=elements)), list(CURVES)
 
 

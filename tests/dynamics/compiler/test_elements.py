@@ -7,7 +7,7 @@ import pytest
 
 from pipeline.core.formula import parse_formula
 from pipeline.dynamics.compiler.compiled import compile_mechanism
-from pipeline.dynamics.elements import Attachment, Bushing
+from pipeline.dynamics.elements import Attachment, SixAxisSpring
 from pipeline.dynamics.force_laws import ForceCurve, ForceLaw, Stop
 from pipeline.reduction.body import MarkerShapes
 from tests.dynamics.compiler import kane
@@ -39,7 +39,7 @@ def test_elastic_forces_are_the_slopes_of_the_energy(seed: int) -> None:
     links = [replace(link, motion=None, damper=0.0, damping=np.zeros(0)) for link in made.mechanism.links]
     lawful = [
         replace(element, law=replace(element.law, damping=0.0, friction=0.0, stops=_undamped(element.law.stops)))
-        if not isinstance(element, Bushing)
+        if not isinstance(element, SixAxisSpring)
         else replace(element, C=np.zeros((6, 6)))
         for element in made.mechanism.elements
     ]
@@ -95,9 +95,9 @@ def test_what_is_no_element_is_refused() -> None:
     lopsided = np.eye(6)
     lopsided[0, 1] = 1.0
     with pytest.raises(ValueError, match="the stiffness of bushing b isn't a symmetric"):
-        Bushing("b", (here, here), lopsided, np.eye(6))
+        SixAxisSpring("b", (here, here), lopsided, np.eye(6))
     with pytest.raises(ValueError, match="the damping of bushing b has a negative eigenvalue"):
-        Bushing("b", (here, here), np.eye(6), -np.eye(6))
+        SixAxisSpring("b", (here, here), np.eye(6), -np.eye(6))
     with pytest.raises(ValueError, match="the axes of a force element's place are not orthonormal"):
         replace(here, axes=2.0 * np.eye(3))
     with pytest.raises(ValueError, match="a friction's rate must be greater"):
