@@ -12,7 +12,9 @@ from pipeline.core.arrays import Array, IntArray
 from pipeline.core.errors import InputError
 from pipeline.dynamics.closures import Closure
 from pipeline.dynamics.compiled_system.system import CompiledSystem
+from pipeline.dynamics.compiler.closures import ConstraintRow
 from pipeline.integrators.protocol import move_positions
+from pipeline.stages.mass_check import require_inertia
 
 if TYPE_CHECKING:
     from pipeline.dynamics.mechanism import Mechanism
@@ -39,12 +41,13 @@ def assemble(scene: Scene, mechanism: Mechanism) -> Mechanism:
     Raises
     ------
     InputError
-        The loops can't be closed; the message has the joint and its gap.
+        The loops can't be closed; the message has the joint and its gap. Or a joint moves without any inertia.
     """
     rigid = mechanism.rigid
     q, _ = given_joints(scene, rigid)
     try:
         system = CompiledSystem(rigid)
+        require_inertia(scene, system)
         groups = [columns for columns in (_loose(scene, rigid, "position"), np.arange(rigid.n)) if len(columns)]
         q = _close(system, q, groups)
     except ValueError as error:  # a gap that no motion changes
@@ -289,8 +292,32 @@ def _without_idle_rows(mechanism: Mechanism, rigid: CompiledSystem, q: Array) ->
         driven = np.maximum(driven, np.abs(rates))
     still = (largest <= _IDLE) & (driven <= _IDLE * driven.max(initial=0.0))
     idle = [row for row, holds in zip(system.compiled.rows, still, strict=True) if holds]
+    return _leave_out(mechanism, idle)
+
+
+def movable_rigid(mechanism: Mechanism) -> Mechanism:
+    """Return the mechanism with all bodies rigid; of constraints that would let nothing move, only those that suffice.
+
+    Where bodies have to deform for a mechanism to move, as on hinges that aren't parallel, rigid ones follow the
+    constraints that hold the most.
+    """
+    rigid = mechanism.rigid
+    system = CompiledSystem(rigid)
+    if not rigid.closures or not rigid.n or constraint_rank(system, rigid.rest_positions) < rigid.n:
+        return rigid
+    from scipy.linalg import qr
+
+    _, S = system.compiled.multipliers(0.0, rigid.rest_positions)
+    scale = np.sqrt(system.constraint_scales)
+    _, _, order = qr(S / np.outer(scale, scale), pivoting=True)
+    beyond = [system.compiled.rows[k] for k in order[rigid.n :]]
+    return _leave_out(rigid, beyond)
+
+
+def _leave_out(mechanism: Mechanism, rows: Sequence[ConstraintRow]) -> Mechanism:
+    """Leave scalar constraints out of a mechanism's closures, beside those that are left out already."""
     closures = [
-        replace(closure, left_out=tuple(row.number for row in idle if row.name == closure.name))
+        replace(closure, left_out=(*closure.left_out, *(row.number for row in rows if row.name == closure.name)))
         if isinstance(closure, Closure)
         else closure
         for closure in mechanism.closures

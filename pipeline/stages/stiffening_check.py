@@ -22,6 +22,7 @@ from pipeline.dynamics.transmitted_loads import (
     transmitted_loads,
     without_negligible_terms,
 )
+from pipeline.stages.assembly import movable_rigid
 from pipeline.stages.mass_check import require_inertia
 from pipeline.stages.mechanism import build_mechanism, place_joints
 
@@ -120,7 +121,8 @@ def check_spins(
     wanted, error = scene.simulation.stiffening, scene.simulation.error
     mechanism = build_mechanism(scene, bodies)
     require_inertia(scene, CompiledSystem(mechanism.rigid))
-    motion = rigid_motion(mechanism, *place_joints(scene, mechanism.rigid), scene.simulation.duration)
+    rigid = movable_rigid(mechanism)
+    motion = rigid_motion(rigid, *place_joints(scene, rigid), scene.simulation.duration)
     all_loads = transmitted_loads(motion)
     checks = {}
     for name, body in bodies.items():

@@ -15,10 +15,10 @@ from pipeline.core.cache import Cache
 from pipeline.core.errors import AccuracyError, InputError
 from pipeline.core.files import whole_file
 from pipeline.scene.reading import suggest_name
-from pipeline.verification import frequencies, rotation, tops
+from pipeline.verification import frequencies, loops, rotation, tops
 from pipeline.verification.case import Figure, VerificationCase
 
-CASES = {case.name: case for case in (*frequencies.CASES, *rotation.CASES, *tops.CASES)}
+CASES = {case.name: case for case in (*frequencies.CASES, *rotation.CASES, *tops.CASES, *loops.CASES)}
 
 
 @dataclass(frozen=True)

@@ -106,6 +106,8 @@ run = [{ integrator = "runge-kutta", tolerance = 1e-9 }]
 """.replace("LAST", LAST)
 
 
+MODELS = ("slider-crank", "four-bar", "stewart", "suspension")
+TRACK_ENDS = 'body.track_rod.marker={inner={at=["0 m","0 m","0 m"]}, outer={at=["340 mm","0 m","0 m"]}}'
 PARALLELOGRAM = ('body.rocker.length="1 m"', 'body.rocker.marker.C.at=["1 m", "0 m", "0 m"]')
 PRESCRIBED = (
     FOUR_BAR.replace(', angle = "90 deg"', "").replace("1.5 m", "1 m")
@@ -172,6 +174,11 @@ def test_a_loop_that_the_scene_leaves_open_is_closed_by_the_joints_that_it_gives
             [],
             "against each other",
         ),
+        (
+            "suspension",
+            ['body.track_rod={shape="rod", mass="1 kg", length="340 mm"}', TRACK_ENDS],
+            "nothing has inertia",
+        ),
         (DOOR, ["joint.low.rate=0 rad/s", "joint.high.axis=[1, 0, 0]"], "nothing can move"),
         (
             FOUR_BAR,
@@ -188,11 +195,49 @@ def test_a_mechanism_that_cannot_be_is_refused_in_one_message(
     overrides: list[str],
     said: str,
 ) -> None:
-    file = tmp_path / "scene.toml"
-    file.write_text(text)
+    file: str | Path = text if text in MODELS else tmp_path / "scene.toml"
+    if isinstance(file, Path):
+        file.write_text(text)
     settings = [word for override in overrides for word in ("--set", override)]
     assert fmd("run", file, "--out", tmp_path / "out", *settings) == 2
     err = capsys.readouterr().err
     print(err)
     assert said in err
     assert "Traceback" not in err
+
+
+def test_the_slider_crank_of_the_models_turns_as_a_rigid_one_but_for_its_rod(tmp_path: Path) -> None:
+    """The slider's place is l₁ cos φ + √(l₂² − (l₁ sin φ)²), less what the rod shortens as it bends."""
+    run = Pipeline(load_scene("slider-crank"))
+    motion: Any = run.motion
+    angle = 150.0 * motion.times
+    rigid = 0.15 * np.cos(angle) + np.sqrt(0.3**2 - (0.15 * np.sin(angle)) ** 2)
+    assert motion.joint_position("guide") == pytest.approx(rigid, abs=1e-4)
+    assert np.abs(motion.joint_position("guide") - rigid).max() > 1e-6
+    assert np.abs(motion.tip_displacement[:, 1]).max() > 1e-3
+    assert motion.constraint_residual < 1e-12
+    first, implicit, chosen = (one.joint_position("guide") for one in run.motions.values())
+    assert implicit == pytest.approx(first, abs=1e-6)
+    assert chosen == pytest.approx(first, abs=1e-9)
+
+
+def test_the_legs_of_the_stewart_platform_are_as_long_as_they_are_driven(tmp_path: Path) -> None:
+    """From the places of the feet and of the platform's corners, of which no leg's joint knows."""
+    run = Pipeline(load_scene("stewart"))
+    motion: Any = run.motion
+    ground, platform = run.scene.ground, run.scene.body["platform"].marker
+    for k in range(1, 7):
+        at, foot = np.array([platform[f"P{k}"].at]), np.array(ground[f"B{k}"].at)
+        corner = np.concatenate([motion.placed("platform", at, step) for step in range(len(motion.times))])
+        driven = 0.285702 + 0.05 * (1 - np.cos(2 * np.pi * motion.times))
+        driven = 0.4 + driven + 0.03 * np.sin(2 * np.pi * motion.times + np.pi / 3 * (k - 1))
+        assert np.linalg.norm(corner - foot, axis=1) == pytest.approx(driven, abs=1e-10)
+
+
+def test_the_suspension_corner_gives_way_and_comes_back(tmp_path: Path) -> None:
+    motion: Any = Pipeline(load_scene("suspension")).motion
+    travel = motion.tip_position - motion.tip_position[0]
+    assert 0.01 < travel[:, 2].max() < 0.2
+    assert travel[:, 0].min() < -1e-4
+    assert np.abs(travel[-1]).max() < 1e-5
+    assert motion.constraint_residual < 1e-12
