@@ -14,7 +14,8 @@ from collections.abc import Iterable, Mapping
 import numpy as np
 
 from pipeline.core.arrays import Array
-from pipeline.dynamics.compiler.nodes import FUNCTIONS
+from pipeline.dynamics.compiler import arc
+from pipeline.dynamics.compiler.functions import ARC, STUMPFF
 from pipeline.dynamics.compiler.program import LANES, Program
 from pipeline.dynamics.compiler.stumpff import LIMIT, coefficients
 
@@ -35,7 +36,7 @@ def write_c(programs: Mapping[str, Program]) -> str:
             raise ValueError(f"{name!r} is no name of a C function")
         writer = _CWriter(program, name)
         body = writer.write()
-        helpers = [line for k in sorted(writer.stumpff) for line in ("", *_stumpff_function(name, k))]
+        helpers = [line for helper in sorted(writer.helpers) for line in ("", *_helper(name, helper))]
         lines += [*helpers, "", f"/* in: {', '.join(writer.read)}; out: {', '.join(writer.filled)} */", *body]
     return "\n".join(lines) + "\n"
 
@@ -45,7 +46,7 @@ class _CWriter:
 
     def __init__(self, program: Program, name: str) -> None:
         self._program, self._graph, self._name = program, program.graph, name
-        self.stumpff: set[int] = set()
+        self.helpers: set[str] = set()
         nodes = (self._graph.nodes[number] for number in program.nodes)
         places = [node.data for node in nodes if node.operation in ("input", "vector input")]
         reads = {place[0] for place in places}  # type: ignore[index]
@@ -109,13 +110,14 @@ class _CWriter:
                 return f"1.0 / {x[0]}"
             case "entry":
                 return f"{x[0]}[{data}]"
-            case "sin" | "cos":
+            case "sin" | "cos" | "sqrt" | "exp" | "log" | "tanh":
                 return f"{operation}({x[0]})"
-        if operation not in FUNCTIONS:
+            case "positive" | "step":
+                return f"{x[0]} > 0.0 ? {x[0] if operation == 'positive' else '1.0'} : 0.0"
+        if operation not in (*STUMPFF, *ARC):
             raise ValueError(f"no C for {operation}")
-        k = int(operation.removeprefix("stumpff"))
-        self.stumpff.add(k)
-        return f"{self._name}_stumpff{k}({x[0]})"
+        self.helpers.add(operation)
+        return f"{self._name}_{operation}({x[0]})"
 
     def _named(self, number: int) -> str:
         """Return a node's name, or its number."""
@@ -174,11 +176,45 @@ def _braced(entries: Iterable[str] | Array) -> str:
     return "{" + ",\n        ".join(lines) + "}"
 
 
-def _stumpff_function(name: str, k: int) -> list[str]:
-    """Write a Stumpff function: by series, or by sine and cosine; see `stumpff`."""
-    *others, series = (_number(c) for c in coefficients(k))
+def _helper(name: str, function: str) -> list[str]:
+    """Write a function that C's library hasn't."""
+    if function in ARC:
+        return _arc_function(name, int(function.removeprefix("arc")))
+    return _stumpff_function(name, int(function.removeprefix("stumpff")))
+
+
+def _arc_function(name: str, k: int) -> list[str]:
+    """Write a function of a rotation's vector: by series, or by the arc sine and a recurrence; see `arc`."""
+    steps = []
+    for j in range(k):
+        rest = f"{_number(2.0 * j * j)} * a{j - 1}" if j else "1.0"
+        steps.append(
+            f"        const double a{j + 1} = ({rest} - {_number(2.0 * j + 1.0)} * (1.0 - 2.0 * x) * a{j}) / (2.0 * p);"
+        )
+    return [
+        f"static double {name}_arc{k}(double x)",
+        "{",
+        f"    if (!(x < {_number(arc.LIMIT)})) {{",
+        "        const double p = x * (1.0 - x);",
+        "        const double a0 = asin(sqrt(x)) / sqrt(p);",
+        *steps,
+        f"        return a{k};",
+        "    }",
+        f"    return {_horner(arc.coefficients(k))};",
+        "}",
+    ]
+
+
+def _horner(coefficients: Iterable[float]) -> str:
+    """Return a polynomial in x, lowest power first."""
+    *others, series = (_number(c) for c in coefficients)
     for coefficient in reversed(others):
         series = f"{coefficient} + x * ({series})"
+    return series
+
+
+def _stumpff_function(name: str, k: int) -> list[str]:
+    """Write a Stumpff function: by series, or by sine and cosine; see `stumpff`."""
     far = [f"        y = ({_number(1.0 / math.factorial(j))} - y) / x;" for j in range(k % 2, k, 2)]
     return [
         f"static double {name}_stumpff{k}(double x)",
@@ -189,6 +225,6 @@ def _stumpff_function(name: str, k: int) -> list[str]:
         *far,
         "        return y;",
         "    }",
-        f"    return {series};",
+        f"    return {_horner(coefficients(k))};",
         "}",
     ]
