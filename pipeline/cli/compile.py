@@ -2,20 +2,52 @@
 
 from __future__ import annotations
 
+import re
 import time
-from typing import Any
+from pathlib import Path
+from typing import TYPE_CHECKING, Annotated, Any
+
+from cyclopts import Parameter
 
 from pipeline.cli.inputs import open_pipeline
 from pipeline.cli.options import Flag, Json, NoCache, SceneName, Set, print_json
 from pipeline.cli.tables import new_table, open_console
+from pipeline.core.errors import InputError
+from pipeline.core.files import whole_file
+
+if TYPE_CHECKING:
+    from pipeline.dynamics.compiler.compiled import CompiledMechanism
 
 _FUNCTIONS = ("accelerations", "residual", "frames", "energies", "momenta")
+_C = Annotated[Path | None, Parameter(name="--c", help="Write the functions to this file, as C without globals.")]
+
+
+def _write_c(compiled: CompiledMechanism, scene: str, path: Path) -> None:
+    """Write a mechanism's functions as C, each under the scene's name and its own.
+
+    Raises
+    ------
+    InputError
+        The file can't be written, or the mechanism has loops.
+    """
+    from pipeline.dynamics.compiler.c_source import write_c
+
+    if compiled.mechanism.closures:
+        raise InputError("--c", "", str(path), "the mechanism has loops, whose forces no single function computes")
+    first = re.sub(r"\W", "_", scene, flags=re.ASCII)
+    names = {name: f"{first}_{name}" if first.isidentifier() else f"scene_{first}_{name}" for name in _FUNCTIONS}
+    try:
+        with whole_file(path) as part:
+            part.write_text(write_c({own: compiled.program(name) for name, own in names.items()}), encoding="utf-8")
+    except OSError as error:
+        raise InputError("--c", "", str(path), f"can't be written: {error.strerror}") from None
 
 
 def compile(
     scene: SceneName,
     *,
     show: Flag = False,
+    c: _C = None,
     set_: Set = None,
     no_cache: NoCache = False,
     json: Json = False,
@@ -34,6 +66,8 @@ def compile(
     rows: list[dict[str, Any]] = []
     tick = time.perf_counter()
     compiled = compile_mechanism(mechanism)
+    if c is not None:
+        _write_c(compiled, run.scene.name, c)
     for name in _FUNCTIONS if show or json else _FUNCTIONS[:1]:
         size = compiled.n_bytes(name)
         seconds, tick = time.perf_counter() - tick, time.perf_counter()

@@ -11,6 +11,7 @@ from pipeline import __version__
 from pipeline.accuracy.deflection import TOO_LARGE, deflection_warnings
 from pipeline.accuracy.error_budget import Budget, state_errors
 from pipeline.accuracy.error_estimates import SAFETY
+from pipeline.output.coupling import coupling_warnings
 from pipeline.output.explain import STAGES
 from pipeline.output.frequencies import frequencies_by_body, frequency_table, mode_warnings
 from pipeline.output.loops import loop_figures, loop_warnings
@@ -42,6 +43,7 @@ def summarise(run: Pipeline, files: list[str], budget: bool, budget_seconds: flo
         *_motion_warnings(run),
         *deflection_warnings(run),
         *loop_warnings(run),
+        *coupling_warnings(run),
     ]
     first = run.motion
     summary |= loop_figures(run)

@@ -4,7 +4,8 @@ Vectors are in the ground's axes but where it says otherwise; their dimension is
 ``quaternion`` (x, y, z, w: scalar part last). All variables have the dimensions ``run`` and ``time`` first.
 
 ========================== ========= =====================================================================
-``J.position``, ``J.rate``           of a revolute or prismatic joint J; on a revolute one, of the section there
+``J.position``, ``J.rate``           of a revolute, prismatic or screw joint J; on a revolute one, of the section there
+``J.coordinates``, ``J.rates``       of a universal, cylindrical or planar joint: displacements [m], then angles [rad]
 ``J.orientation``                    of a spherical or free joint: the child against its parent
 ``J.angular_velocity``               of such a joint, about the child's axes
 ``J.displacement``                   of a free joint, along the parent's axes; ``J.velocity`` is its rate
@@ -15,7 +16,7 @@ Vectors are in the ground's axes but where it says otherwise; their dimension is
 ``centre_of_mass``                   of all bodies
 ``momentum``, ``angular_momentum``   of all bodies, the latter about the ground's origin
 ``kinetic_energy``                   of all bodies
-``potential_energy``                 of deformation, springs and weight
+``potential_energy``                 of deformation, springs, force elements and weight
 ``tip.position``                     of the scene's tip
 ``tip.deflection``                   of the scene's tip
 ========================== ========= =====================================================================

@@ -6,8 +6,11 @@ import re
 from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass
 
+import numpy as np
+
 from pipeline.core.units import unit_ratio
 from pipeline.scene.any_body import Body, Flexible
+from pipeline.scene.constraints import AnyCoupler
 from pipeline.scene.force_elements import ForceElement
 from pipeline.scene.ground import GroundPlace
 from pipeline.scene.joints import Joint
@@ -32,6 +35,8 @@ class CrossCheck:
         Bodies, places on the ground, joints and drives by name.
     elements : mapping
         Force elements by table and name.
+    coupler : mapping
+        Gears and racks by name.
     simulation : Simulation, optional
         The integration over time, if the scene has one.
     output : sequence
@@ -43,6 +48,7 @@ class CrossCheck:
     joint: Mapping[str, Joint]
     drive: Mapping[str, Drive]
     elements: Mapping[str, Mapping[str, ForceElement]]
+    coupler: Mapping[str, AnyCoupler]
     simulation: Simulation | None
     output: Sequence[Output]
 
@@ -52,6 +58,7 @@ class CrossCheck:
             *self._check_joints(),
             *self._check_drives(),
             *self._check_elements(),
+            *self._check_couplers(),
             *self._check_simulation(),
             *self._check_outputs(),
         ]
@@ -78,6 +85,15 @@ class CrossCheck:
             yield from faults
             if not faults and isinstance(drive, MotionDrive):
                 yield from self._check_motion(name, drive)
+
+    def _check_couplers(self) -> Iterator[FaultError]:
+        for name, coupler in self.coupler.items():
+            ends = ("joint", "driver") if coupler.type == "gear" else ("rack", "pinion")
+            for key in ends:
+                fitting = ("prismatic",) if key == "rack" else ("revolute",)
+                yield from self._check_joint(getattr(coupler, key), fitting, f"a {coupler.type}", "coupler", name, key)
+            if len({getattr(coupler, key) for key in ends}) == 1:
+                yield FaultError("couples a joint with itself", "coupler", name, ends[1])
 
     def _check_elements(self) -> Iterator[FaultError]:
         for table, elements in self.elements.items():
@@ -110,6 +126,13 @@ class CrossCheck:
         if self.simulation is None:
             return
         yield from self._check_marker(self.simulation.tip, "simulation", "tip")
+        if self.simulation.start == "equilibrium":
+            for name, joint in self.joint.items():
+                for key in ("rate", "rates", "spin", "velocity"):
+                    if np.any(getattr(joint, key, 0.0)):
+                        yield FaultError(
+                            "has no effect: simulation.start is 'equilibrium', at rest", "joint", name, key
+                        )
         for number, run in enumerate(self.simulation.run):
             if isinstance(run, ScipyRun) and closing_joints(self.joint):
                 mend = "runge-kutta, exponential-rosenbrock and auto do"
@@ -197,6 +220,8 @@ class CrossCheck:
     def _check_closing(self, name: str, joint: Joint) -> Iterator[FaultError]:
         """A joint that closes a loop holds two places together, and has no coordinate of its own."""
         child = joint.child.partition(".")[0]
+        if joint.type in ("distance", "point-on-line"):
+            return
         if joint.type == "free":
             yield FaultError("holds nothing: the child hangs on another joint already", "joint", name, "type")
         if joint.type == "screw":

@@ -21,6 +21,7 @@ from pipeline.core.units import (
     Velocity,
 )
 from pipeline.scene.compound_joints import Cylindrical, Planar, Screw, Universal
+from pipeline.scene.constraints import Distance, PointOnLine
 from pipeline.scene.force_elements import AngleStop, LengthStop
 from pipeline.scene.reading import SceneTable
 from pipeline.scene.values import Axis, MarkerName, PlaceName
@@ -233,6 +234,6 @@ class Free(SceneTable):
 
 
 Joint = Annotated[
-    Revolute | Prismatic | Fixed | Spherical | Free | Universal | Cylindrical | Planar | Screw,
+    Revolute | Prismatic | Fixed | Spherical | Free | Universal | Cylindrical | Planar | Screw | Distance | PointOnLine,
     Field(discriminator="type"),
 ]

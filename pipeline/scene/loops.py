@@ -1,4 +1,4 @@
-"""Joints that close loops: their child hangs on another joint already, or is a place on the ground."""
+"""Joints that close loops: they carry no body, or one that hangs on another joint already."""
 
 from __future__ import annotations
 
@@ -16,11 +16,12 @@ OF_COORDINATES = (
 
 
 def closing_joints(joints: Mapping[str, Joint]) -> tuple[str, ...]:
-    """Return the names of the joints that close loops; of two that carry a body, the first is the tree's."""
+    """Return the names of the joints that close loops: of two that hold a body, the first carries it."""
     carried, closing = set[str](), list[str]()
     for name, joint in joints.items():
         child = joint.child.partition(".")[0]
-        if child == "ground" or child in carried:
+        if child == "ground" or child in carried or joint.type in ("distance", "point-on-line"):
             closing.append(name)
-        carried.add(child)
+        else:
+            carried.add(child)
     return tuple(closing)

@@ -15,6 +15,7 @@ from pipeline.core.errors import InputError
 from pipeline.core.html import facts, scaled
 from pipeline.core.units import PositiveFrequency, Share
 from pipeline.scene.any_body import Body, Flexible
+from pipeline.scene.constraints import AnyCoupler
 from pipeline.scene.cross_checks import CrossCheck
 from pipeline.scene.force_elements import Bearing, Bushing, ForceElement, Spring
 from pipeline.scene.ground import GroundPlace
@@ -70,6 +71,8 @@ class Scene(SceneTable):
         Joints by name. In a scene with a simulation every body is the child of one joint.
     drive : dict
         Torques, forces and prescribed motions by name.
+    coupler : dict
+        Gears and racks by name.
     spring, bushing, bearing : dict
         Force elements between two places, by name.
     simulation_table : Simulation, optional
@@ -125,6 +128,7 @@ class Scene(SceneTable):
     ground: dict[Name, GroundPlace] = Field(default_factory=dict)
     joint: dict[Name, Joint] = Field(default_factory=dict)
     drive: dict[Name, Drive] = Field(default_factory=dict)
+    coupler: dict[Name, AnyCoupler] = Field(default_factory=dict)
     spring: dict[Name, Spring] = Field(default_factory=dict)
     bushing: dict[Name, Bushing] = Field(default_factory=dict)
     bearing: dict[Name, Bearing] = Field(default_factory=dict)
@@ -195,6 +199,7 @@ class Scene(SceneTable):
             self.joint,
             self.drive,
             self.elements,
+            self.coupler,
             self.simulation_table,
             self.output,
         ).find_faults()

@@ -36,8 +36,8 @@ class Simulation(SceneTable):
         Geometric stiffening by all loads that pass through a body: where they count beside the wanted error
         (``"auto"``), always or never.
     start : str
-        Deformation at the start: none (``"undeformed"``) or that of a steady motion at the rates of the start
-        (``"steady"``).
+        State at the start: bodies undeformed (``"undeformed"``), deformed as in a steady motion at the rates of the
+        start (``"steady"``), or everything at rest where the loads of time 0 hold it (``"equilibrium"``).
     fast : tuple of str
         Revolute and prismatic joints whose coordinates take the fast steps in sub-cycling.
     run : tuple of Run
@@ -66,7 +66,7 @@ class Simulation(SceneTable):
     gravity: tuple[Acceleration, Acceleration, Acceleration] = (0.0, 0.0, 0.0)
     frame: Literal["joint-conforming", "free"] = "joint-conforming"
     stiffening: Literal["auto", "on", "off"] = "auto"
-    start: Literal["undeformed", "steady"] = "undeformed"
+    start: Literal["undeformed", "steady", "equilibrium"] = "undeformed"
     fast: tuple[JointName, ...] = ()
     run: Annotated[tuple[Run, ...], Field(min_length=1)]
 

@@ -153,6 +153,12 @@ def constraint_matrix(system: CompiledSystem, q: Array, t: float = 0.0) -> Array
     return np.asarray(X.T @ system.mass_matrix(q, t))
 
 
+def free_directions(system: CompiledSystem, q: Array) -> Array:
+    """Return an orthonormal basis of the rates that keep all loops closed, shape (n, n_free)."""
+    _, _, ways = np.linalg.svd(constraint_matrix(system, q))
+    return np.asarray(ways[constraint_rank(system, q) :].T)
+
+
 def _close(system: CompiledSystem, q: Array, groups: Sequence[IntArray]) -> Array:
     """Close the gaps by the first group of coordinates that can; else return where the last one leaves them."""
     weights = _flexibility(system)
@@ -239,7 +245,7 @@ def _require_freedom(scene: Scene, system: CompiledSystem, q: Array) -> None:
     moves = any(link.motion is not None for link in links)
     deforms = bool(scene.flexible) and not any(len(link.omega) for link in links)  # but these are left out here
     if not moves and not deforms and constraint_rank(system, q) == system.n:
-        names = ", ".join(scene.closing)
+        names = ", ".join(closure.name for closure in system.mechanism.closures)
         raise InputError(
             scene.file,
             "joint",
@@ -253,8 +259,7 @@ def _require_one_way(scene: Scene, rigid: CompiledSystem, q: Array) -> None:
     rank = constraint_rank(rigid, q)
     if _gap(rigid, q) > _OPEN or rank == rigid.n:
         return
-    _, _, ways = np.linalg.svd(constraint_matrix(rigid, q))
-    for way in ways[rank:]:
+    for way in free_directions(rigid, q).T:
         near = _close_by(rigid, move_positions(rigid.parameters, q, _AWAY * way), np.arange(rigid.n), np.ones(rigid.n))
         if _gap(rigid, near) <= _OPEN and (others := constraint_rank(rigid, near)) > rank:
             raise InputError(

@@ -9,7 +9,7 @@ import numpy as np
 
 from pipeline.core.arrays import Array
 from pipeline.core.errors import InputError
-from pipeline.dynamics.closures import Closure, Place, close_joint, fixed_place
+from pipeline.dynamics.closures import Closure, Constraint, Coupler, Place, close_joint, fixed_place
 from pipeline.dynamics.compiled_system.steady import find_steady_state
 from pipeline.dynamics.compiled_system.system import CompiledSystem
 from pipeline.dynamics.links import (
@@ -31,6 +31,7 @@ from pipeline.dynamics.signals.signal import Signal, constant, half_sine, total
 from pipeline.reduction.body import FlexibleBody, MarkerShapes
 from pipeline.reduction.inertia import InertiaGram
 from pipeline.stages.assembly import assemble, close_start, following_joints, given_joints
+from pipeline.stages.equilibrium import find_equilibrium
 from pipeline.stages.force_elements import add_elements, joint_laws
 from pipeline.stages.ground import ground_place
 from pipeline.stages.inboard_joint import read_inboard_joint
@@ -79,7 +80,7 @@ def build_mechanism(
         fast_joints = [scene.joint[name].child.partition(".")[0] for name in scene.simulation.fast]
     links = [_link(scene, places, body) for body in places.order]
     gravity, loads = np.array(scene.simulation.gravity), _point_loads(scene, places)
-    closures = [_closure(scene, places, name) for name in scene.closing]
+    closures: list[Constraint] = [*(_closure(scene, places, name) for name in scene.closing), *_couplers(scene)]
     try:
         mechanism = Mechanism(links, fast_joints, gravity, loads, slow_modes or {}, scene.simulation.duration, closures)
     except ValueError as error:
@@ -94,14 +95,18 @@ def find_start(scene: Scene, system: CompiledSystem) -> tuple[Array, Array]:
     Returns
     -------
     tuple of ndarray, shapes (n_positions,) and (n,)
-        With the joints where the scene has them, the bodies undeformed or, on a steady start, at rest in their frames.
+        With the joints where the scene has them, the bodies undeformed or, on a steady start, at rest in their frames;
+        or all at rest under the loads of the start.
 
     Raises
     ------
     AccuracyError
-        There is no steady state.
+        There is no steady state, or no equilibrium.
     """
     q0, v0 = place_joints(scene, system.mechanism)
+    if scene.simulation.start == "equilibrium":
+        q0, v0 = find_equilibrium(system, q0), np.zeros(system.n)
+        return (q0, close_start(scene, system, q0, v0)[1]) if system.mechanism.closures else (q0, v0)
     if scene.simulation.start == "steady" and system.mechanism.closures:
         return find_closed_steady_state(system, q0, v0, following_joints(scene, system.mechanism))
     return (find_steady_state(system, q0, v0), v0) if scene.simulation.start == "steady" else (q0, v0)
@@ -203,9 +208,24 @@ def _link(scene: Scene, places: _Places, body: str) -> Link:
 def _closure(scene: Scene, places: _Places, name: str) -> Closure:
     joint = scene.joint[name]
     (first, of_first), (second, of_second) = (places.on_either(place) for place in (joint.parent, joint.child))
+    if joint.type == "distance":
+        return Closure(name, first, second, distance=joint.length)
     axis = np.array(getattr(joint, "axis", (0.0, 0.0, 1.0)), dtype=float)
     other = np.array(getattr(joint, "child_axis", None) or axis, dtype=float)
     return close_joint(joint.type, name, first, second, of_first @ axis, of_second @ other)
+
+
+def _couplers(scene: Scene) -> list[Coupler]:
+    """Gears and racks, as relations of the joints' coordinates."""
+    bodies = {name: joint.child.partition(".")[0] for name, joint in scene.joint.items()}
+    couplers = []
+    for name, coupler in scene.coupler.items():
+        if coupler.type == "gear":
+            first, second, ratio = coupler.joint, coupler.driver, coupler.ratio
+        else:
+            first, second, ratio = coupler.rack, coupler.pinion, coupler.radius
+        couplers.append(Coupler(name, (bodies[first], bodies[second]), (1.0, -ratio), coupler.offset))
+    return couplers
 
 
 def _section(scene: Scene, places: _Places, body: str) -> str:

@@ -28,3 +28,17 @@ def test_the_table_lists_accelerations_alone_unless_all_are_wanted(fmd, capsys):
 def test_an_unknown_scene_is_refused(fmd, scene, capsys):
     assert fmd("compile", scene) == 2
     assert "no such" in capsys.readouterr().err
+
+
+def test_the_functions_are_written_as_c(fmd, capsys, tmp_path):
+    path = tmp_path / "equations.c"
+    assert fmd("compile", "rod-slider", "--c", path) == 0
+    text = path.read_text()
+    assert text.startswith("#include <math.h>\n")
+    assert "void rod_slider_accelerations(const double *const *in, double *const *out)" in text
+    assert "/* in: inputs, q, v; out: energies */" in text
+
+
+def test_a_file_of_c_that_cannot_be_written_is_told(fmd, capsys, tmp_path):
+    assert fmd("compile", "rod-slider", "--c", tmp_path / "missing" / "equations.c") == 2
+    assert "can't be written" in capsys.readouterr().err

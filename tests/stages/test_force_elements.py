@@ -349,3 +349,15 @@ def test_a_formula_without_a_value_at_the_start_is_refused(tmp_path: Path) -> No
     bad = '\n[spring.s]\nbetween = ["ground", "block.side"]\nforce = { formula = "log(x)", unit = "N" }\n'
     with pytest.raises(InputError, match=r"spring\.s\.force\.formula = 'log\(x\)': has no finite value at the start"):
         _ = run_of(tmp_path, BLOCK.replace("SLIDE", "") + bad).mechanism
+
+
+def test_a_spring_out_of_the_plane_of_motion_keeps_the_modes_that_it_excites(tmp_path: Path) -> None:
+    aside = BEAM_RUNS.replace('at = ["340 mm", "-100 mm", "0 mm"]', 'at = ["340 mm", "-100 mm", "80 mm"]')
+    part = run_of(tmp_path, aside + METHOD, "body.beam.modes.family=any")
+    whole = Pipeline(part.scene, keep_all=True)
+    (found,), (expected,) = part.motions.values(), whole.motions.values()
+    assert np.ptp(expected.tip_position[:, 2]) > 1e-5
+    assert found.tip_position == pytest.approx(expected.tip_position, abs=1e-9)
+
+
+METHOD = '[[simulation.run]]\nintegrator = "runge-kutta"\ntolerance = 1e-9\n'

@@ -114,12 +114,7 @@ MECHANISMS: dict[str, Refused] = {
         "drive.move.position.between", "would let the motion's rate jump",
     ),
     "no such joint": (TURN.replace('"hub"', '"hob"'), (), "drive.turn.joint", "did you mean 'hub'?"),
-    "a torque on a slide": (
-        TWIST.replace('"hub"', '"slide"'),
-        (),
-        "drive.twist.joint",
-        "needs a revolute or screw one",
-    ),
+    "a torque on a slide": (TWIST.replace('"hub"', '"slide"'), (), "drive.twist.joint", "needs a revolute or screw"),
     "a force on a hinge": (PUSH.replace('"slide"', '"hub"'), (), "drive.push.joint", "needs a prismatic one"),
     "no such marker": (blow("crank.tip", "[1, 0, 0]"), (), "drive.blow.marker", "no such marker"),
     "no direction": (blow("crank.end", "[0, 0, 0]"), (), "drive.blow.direction", "has no direction"),

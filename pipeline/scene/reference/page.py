@@ -11,6 +11,7 @@ from typing import Any, get_args
 from pydantic.fields import FieldInfo
 
 from pipeline.scene.bodies import Bar
+from pipeline.scene.constraints import Gear
 from pipeline.scene.imported_bodies import CadPart, MatrixPart, MeshedPart
 from pipeline.scene.joints import Revolute
 from pipeline.scene.loads import PulseDrive
@@ -25,6 +26,7 @@ from pipeline.scene.time_functions import TimeFunction
 _KINDS = {
     "Bodies": "Kind of body.",
     "Joints": "Kind of joint.",
+    "Couplers": "Kind of coupler.",
     "Drives": "Kind of drive.",
     "Runs": "Method of integration.",
     "Outputs": "Kind of output.",
@@ -44,7 +46,7 @@ def write_page() -> str:
     anchors: dict[type, str] = {section.table: section.anchor for section in SECTIONS if section.table}
     # Where a table may be of several kinds, a link leads to the part of the page about all of them.
     anchors |= {Bar: "#bodies", Revolute: "#joints", PulseDrive: "#drives", CentralDifferenceRun: "#runs"}
-    anchors |= {Chart: "#outputs"}
+    anchors |= {Chart: "#outputs", Gear: "#couplers"}
     ready = ", ".join(f"`{name}`" for name in list_ready_scenes())
     blocks, kind = [INTRODUCTION.format(ready=ready).strip()], ""
     for section in SECTIONS:

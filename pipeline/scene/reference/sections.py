@@ -6,6 +6,7 @@ from typing import NamedTuple
 
 from pipeline.scene.bodies import Bar, BarMesh, ModeSettings, Solid
 from pipeline.scene.compound_joints import Cylindrical, Planar, Screw, Universal
+from pipeline.scene.constraints import Distance, Gear, PointOnLine, Rack
 from pipeline.scene.force_elements import (
     AngleStop,
     Bearing,
@@ -79,7 +80,12 @@ _JOINTS = """\
 A joint is a table `[joint.NAME]`, and its key `type` says of which kind it is. Bodies form a tree: each is the child of
 one joint, and through its joints hangs on the ground. A joint holds a marker of the child on a marker of the parent, or
 on a place on the ground. At angle and displacement zero a body's frame is parallel to that of the body that carries it,
-or to the axes of its place on the ground.
+or to the axes of its place on the ground. A joint whose child another joint carries already, or whose child is a place
+on the ground, closes a loop: it has no coordinate of its own, and the joints of the loop start where it closes.
+"""
+_COUPLERS = """\
+A coupler is a table `[coupler.NAME]`, and its key `type` says of which kind it is. It ties the coordinates of two
+joints that carry bodies to each other.
 """
 _DRIVES = """\
 A drive is a table `[drive.NAME]`, and its key `type` says of which kind it is. Several drives may act on one joint,
@@ -169,6 +175,11 @@ SECTIONS = (
     Section("### Cylindrical joint", Cylindrical),
     Section("### Planar joint", Planar),
     Section("### Screw joint", Screw),
+    Section("### Distance", Distance),
+    Section("### Point on a line", PointOnLine),
+    Section("## Couplers", None, _COUPLERS),
+    Section("### Gear", Gear),
+    Section("### Rack and pinion", Rack),
     Section("## Drives", None, _DRIVES),
     Section("### Torque pulse", PulseDrive),
     Section("### Torque", TorqueDrive),
