@@ -52,7 +52,18 @@ class Chain:
     keep: list[Any]
 
 
-def flexible(mbs, fe, body, damping, markers, position, rotation, kind="NodeType.RotationRxyz"):
+def flexible(
+    mbs,
+    fe,
+    body,
+    damping,
+    markers,
+    position,
+    rotation,
+    kind="NodeType.RotationRxyz",
+    velocity=(0, 0, 0),
+    spin=(0, 0, 0),
+):
     """Add a flexible body; return its object, nodes, and the virtual nodes of each marker."""
     exu = import_exudyn()
     n, n_modes = len(body.x), body.shapes.shape[-1]
@@ -80,8 +91,8 @@ def flexible(mbs, fe, body, damping, markers, position, rotation, kind="NodeType
     fem.modeBasis = {"matrix": matrix, "type": "NormalModes"}
     reduced = exu.FEM.ObjectFFRFreducedOrderInterface(fem, kind)
     reduced.stiffnessMatrixReduced, reduced.massMatrixReduced = np.diag(body.omega**2), np.eye(n_modes)
-    still = {"initialAngularVelocity": [0, 0, 0], "initialVelocity": [0, 0, 0]}
-    made = reduced.AddObjectFFRFreducedOrder(mbs, positionRef=list(position), rotationMatrixRef=rotation, **still)
+    moving = {"initialAngularVelocity": list(spin), "initialVelocity": list(velocity)}
+    made = reduced.AddObjectFFRFreducedOrder(mbs, positionRef=list(position), rotationMatrixRef=rotation, **moving)
     D = exu.MatrixContainer()
     D.SetWithDenseMatrix(np.diag(2 * damping * body.omega), useDenseMatrix=False)
     mbs.SetObjectParameter(made["oFFRFreducedOrder"], "dampingMatrixReduced", D)

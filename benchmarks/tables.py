@@ -17,6 +17,7 @@ from statistics import median
 
 HERE = Path(__file__).parent
 sys.path.append(str(HERE))
+from loop_tables import loops  # noqa: E402 - beside this file
 from speed_tables import compiling, march_flops, march_speed, variants  # noqa: E402 - beside this file
 from table_format import Row, format_ratio, format_seconds, markdown, read_rows  # noqa: E402
 
@@ -325,6 +326,7 @@ TABLES: dict[str, Callable[[], str]] = {
     "start": partial(as_written, "start"),
     **{f"elements-{part}": partial(as_written, f"elements-{part}") for part in ELEMENTS},
     "truth": truth,
+    "loops": lambda: loops(seconds_at, TIP_ERRORS),
 }
 
 
