@@ -289,6 +289,23 @@ def as_written(name: str) -> str:
     return markdown(rows[0], (row.values() for row in rows))
 
 
+def auto_choice() -> str:
+    """Run time of ``auto`` over the best method's at the same true error."""
+    rows = read_rows("auto_choice")
+    body = [
+        [
+            f"random {row['scene']}" if row["scene"].isdigit() else row["scene"],
+            row["method"],
+            f"{float(row['error']):.1e}",
+            format_seconds(float(row["seconds"])),
+            f"{row['best']}, {format_seconds(float(row['best_seconds']))}",
+            format_ratio(float(row["ratio"])),
+        ]
+        for row in rows
+    ]
+    return markdown(["scene", "chosen", "true error", "`auto`", "best", "ratio"], body)
+
+
 def truth() -> str:
     """Tabulate what random scenes state, truly have and refuse, by their kind."""
     rows = read_rows("truth")
@@ -327,6 +344,7 @@ TABLES: dict[str, Callable[[], str]] = {
     **{f"elements-{part}": partial(as_written, f"elements-{part}") for part in ELEMENTS},
     "truth": truth,
     "loops": lambda: loops(seconds_at, TIP_ERRORS),
+    "auto-choice": auto_choice,
 }
 
 

@@ -82,7 +82,7 @@ class Closure:
 
     @property
     def rigid(self) -> Closure:
-        """The same between bodies that don't deform."""
+        """A joint of equal kind between bodies that don't deform."""
         return self.with_modes({body: np.zeros(0, dtype=np.int64) for body in self.bodies})
 
     def with_modes(self, kept: Mapping[str, IntArray]) -> Closure:

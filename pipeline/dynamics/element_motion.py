@@ -14,7 +14,7 @@ _SMALL = 1e-12
 
 
 class States(NamedTuple):
-    """What places of bodies are found from at each state.
+    """States from which places of bodies are found.
 
     Attributes
     ----------

@@ -57,7 +57,7 @@ class _Pair:
 
     @property
     def rigid(self) -> Self:
-        """The same between bodies that don't deform."""
+        """An equal element between bodies that don't deform."""
         return self.with_modes({end.body: np.zeros(0, dtype=np.int64) for end in self.ends if end.body != GROUND})
 
 

@@ -1,4 +1,4 @@
-"""What a summary says of a mechanism's loops: gaps, reactions, redundant constraints, and a start that was moved."""
+"""Figures and warnings about a mechanism's loops: gaps, reactions, redundant constraints, a start that was moved."""
 
 from __future__ import annotations
 

@@ -44,7 +44,7 @@ def find_closed_steady_state(
         return move_positions(system.parameters, q, change)
 
     def left(by: Array) -> Array:
-        """What accelerates the modes, as the deflection that it would hold, and the gaps."""
+        """Return accelerations of the modes, as deflections that they would hold, and the gaps."""
         positions, a = moved(by), np.zeros(system.n)
         rates = _with_closed_rates(system, positions, v, following, t)
         evaluate(system.parameters, t, positions, rates, a)

@@ -1,6 +1,7 @@
 """Automatic choice of a method: it goes on where a method fails, and says why if all do."""
 
 from collections.abc import Callable
+from pathlib import Path
 from typing import Any
 
 import numpy as np
@@ -9,10 +10,29 @@ import pytest
 from pipeline import Pipeline, load_scene
 from pipeline.core.errors import AccuracyError, StabilityError
 from pipeline.integrators.automatic import Automatic
+from pipeline.integrators.central_difference import CentralDifference
 from pipeline.integrators.generalized_alpha import GeneralizedAlpha
 from pipeline.integrators.rosenbrock import ExponentialRosenbrock
 from pipeline.integrators.runge_kutta import RungeKutta
 
+STILL = """
+title = "A block on the ground"
+[body.block]
+shape = "rigid"
+mass = "1 kg"
+centre = ["0 m", "0 m", "0 m"]
+inertia = ["1 kg m^2", "1 kg m^2", "1 kg m^2"]
+marker = { at = { at = ["0 m", "0 m", "0 m"] } }
+[joint.weld]
+type = "fixed"
+parent = "ground"
+child = "block.at"
+[simulation]
+duration = "1 s"
+output_step = "0.1 s"
+tip = "block.at"
+run = [{ integrator = "auto" }]
+"""
 TIMES = np.linspace(0.0, 0.3, 31)
 
 
@@ -46,8 +66,27 @@ def test_where_every_march_fails_the_reason_is_told_after_two_of_the_last_method
     arm: Pipeline, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     calls: list[str] = []
-    for method in (GeneralizedAlpha, RungeKutta, ExponentialRosenbrock):
+    for method in (GeneralizedAlpha, CentralDifference, RungeKutta, ExponentialRosenbrock):
         monkeypatch.setattr(method, "march", failing("the accelerations are not finite", calls))
     with pytest.raises(AccuracyError, match="the accelerations are not finite"):
         Automatic(1e-3, 5.0).march(arm.system, *arm.start, TIMES)
     assert sum(name == "runge-kutta" for name in calls) == 2
+
+
+def test_where_nothing_is_free_to_move_there_is_nothing_to_compare(tmp_path: Path) -> None:
+    (tmp_path / "still.toml").write_text(STILL)
+    found = Pipeline(load_scene(tmp_path / "still.toml")).motion
+    assert found.trajectory.q.shape == (11, 0)
+
+
+def test_explicit_steps_are_weighed_by_the_mechanisms_own_equations(arm: Pipeline) -> None:
+    """A coarse count of operations chose the Runge-Kutta method where central difference takes a third of its work."""
+    for scene in ("arm", "spin-up", "rod-slider"):
+        system = Pipeline(load_scene(scene)).system
+        assert 0.5 < system.evaluation_cost / system.compiled.flops() < 12  # what doesn't compute is in it, too
+    stiff = Pipeline(load_scene("arm", ["simulation.error=1e-4"]))
+    found = Automatic(1e-4, 1.0).march(stiff.system, *stiff.start, np.linspace(0.0, 1.0, 101))
+    assert found.integrator == "auto (central-difference)"
+    explicit = RungeKutta(1e-6).march(stiff.system, *stiff.start, np.linspace(0.0, 1.0, 101))
+    np.testing.assert_allclose(found.q, explicit.q, atol=3e-4 * np.abs(explicit.q).max())
+    assert found.evaluations < 2 * explicit.evaluations

@@ -22,7 +22,7 @@ class CompiledParameters(Table):
 
 @dataclass(frozen=True)
 class TreeParameters(CompiledParameters):
-    """Those of a mechanism without loops."""
+    """Parameters of a mechanism without loops."""
 
 
 @dataclass(frozen=True)
@@ -43,7 +43,7 @@ class Multipliers(Table):
 
 @dataclass(frozen=True)
 class ClosedParameters(CompiledParameters):
-    """Those of a mechanism with loops, which `pipeline.dynamics.compiler.closures` explains, of n_rows constraints."""
+    """Parameters of a mechanism with n_rows constraints of loops; see `pipeline.dynamics.compiler.closures`."""
 
     closed: int  # addresses of the compiled functions
     multipliers: int

@@ -318,7 +318,7 @@ class CompiledSystem:
 
     @cached_property
     def stiffest_motion(self) -> FreeMotion:
-        """The same with all end stops touched."""
+        """Mass, stiffness and damping of the motions that loops leave free, with all end stops touched."""
         return free_motion(*self.stiffest_matrices, self.n_slow, self._reference_constraints)
 
     @cached_property

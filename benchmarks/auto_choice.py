@@ -1,0 +1,215 @@
+"""Run time of ``auto`` with all its trials over that of the best method at the same true error, in auto_choice.csv.
+
+Run from the project's root: ``python benchmarks/auto_choice.py``; ``--scene arm --scene 21`` takes a ready scene or a
+seed of `truth_scenes`. Ready scenes, a spatial robot and twenty random scenes are marched by ``auto`` and by each
+method from coarse to fine, until its true error is below that of ``auto``; run times are interpolated there. True
+errors are against a march by the Runge–Kutta method with a tolerance of 1e-10, or where that takes too long by ``auto``
+with a thousandth of the wanted error. Kernels are compiled before; what is timed is the whole call of a march.
+"""
+
+from __future__ import annotations
+
+import argparse
+import csv
+import sys
+import tempfile
+import time
+from collections.abc import Callable, Iterator
+from dataclasses import asdict, dataclass, fields, replace
+from pathlib import Path
+
+import numpy as np
+from tables import seconds_at
+from truth_scenes import random_case
+
+from pipeline import Pipeline, load_scene
+from pipeline.core.cache import Cache
+from pipeline.core.errors import AccuracyError, InputError
+from pipeline.dynamics.compiled_system.system import CompiledSystem
+from pipeline.integrators.adaptive import groups_of
+from pipeline.integrators.automatic import Automatic, largest_difference, largest_values
+from pipeline.integrators.central_difference import CentralDifference
+from pipeline.integrators.exponential import Exponential
+from pipeline.integrators.generalized_alpha import GeneralizedAlpha
+from pipeline.integrators.protocol import Integrator, Trajectory
+from pipeline.integrators.rosenbrock import ExponentialRosenbrock
+from pipeline.integrators.runge_kutta import RungeKutta
+
+HERE = Path(__file__).parent
+TABLE = HERE / "auto_choice.csv"
+READY = ("rod-slider", "beam", "arm", "spin-up", "propeller", "propeller-torque", "propeller-gust", "robot")
+RANDOM = 20
+PATIENCE = 12.0  # seconds of a reference
+SHORT = 0.5  # seconds of a march that is timed three times
+
+
+@dataclass
+class Row:
+    """Run times of a scene [s].
+
+    Attributes
+    ----------
+    method : str
+        What ``auto`` chose.
+    error : float
+        Its true error.
+    seconds, evaluations : float and int
+        Its run time, all trials included, and evaluations.
+    best : str
+        The fastest method at that error.
+    best_seconds, ratio : float
+        Its run time, and ``seconds`` over it.
+    """
+
+    scene: str
+    method: str
+    error: float
+    seconds: float
+    evaluations: int
+    best: str
+    best_seconds: float
+    ratio: float
+
+
+class TooLongError(Exception):
+    """A march takes longer than it may."""
+
+
+def limit(seconds: float) -> Callable[[float], None]:
+    """Return a progress that ends a march after a time."""
+    end = time.perf_counter() + seconds
+
+    def watch(done: float) -> None:
+        if time.perf_counter() > end:
+            raise TooLongError
+
+    return watch
+
+
+@dataclass
+class Scene:
+    """A scene's system with its start and output times."""
+
+    name: str
+    system: CompiledSystem
+    start: tuple[np.ndarray, np.ndarray]
+    times: np.ndarray
+    auto: Automatic
+
+    def timed(self, method: Integrator, most: float) -> tuple[float, Trajectory]:
+        """Return the seconds of a march, the least of three if it is short, and what it found."""
+        seconds, found = np.inf, None
+        for _ in range(3):
+            begun = time.perf_counter()
+            found = method.march(self.system, *self.start, self.times, limit(most))
+            seconds = min(seconds, time.perf_counter() - begun)
+            if seconds > SHORT:
+                break
+        assert found is not None
+        return seconds, found
+
+    def error(self, found: Trajectory, exact: Trajectory) -> float:
+        """Return a true error by the measure of ``auto``: of positions, or half of the rates' if that is more."""
+        groups, n = groups_of(self.system), self.system.n_positions
+        positions, rates = groups[:n], groups[n:] - groups[:n].max(initial=-1) - 1
+        least = largest_values(exact.q, positions) / self.times[-1]
+        of_rates = largest_difference(found.v, exact.v, rates, least)
+        return max(largest_difference(found.q, exact.q, positions), 0.5 * of_rates)
+
+    def methods(self) -> Iterator[tuple[str, Iterator[Integrator]]]:
+        """Yield each method's name, and the method from coarse to fine."""
+        duration, stable = float(self.times[-1]), 2.0 / self.system.highest_frequency
+        tolerances = [10.0**-k for k in np.arange(1.0, 10.5, 0.5)]
+        steps = [duration / 2.0**k for k in np.arange(4.0, 22.0)]
+        yield "runge-kutta", (RungeKutta(x) for x in tolerances)
+        yield "exponential-rosenbrock", (ExponentialRosenbrock(x) for x in tolerances)
+        yield "generalized-alpha", (GeneralizedAlpha(h) for h in steps)
+        yield "central-difference", (CentralDifference(0.9 * stable / 2.0**k) for k in range(12))
+        yield "exponential", (Exponential(h) for h in steps)
+
+
+def open_scene(name: str) -> Scene:
+    """Open a ready scene, the robot, or a random one by its seed, for ``auto``."""
+    if name.isdigit():
+        file = Path(tempfile.mkdtemp()) / f"truth-{name}.toml"
+        file.write_text(random_case(int(name)).text)
+        scene = load_scene(file)
+    else:
+        scene = load_scene(
+            HERE / "scenes" / "robot.toml" if name == "robot" else name, ['simulation.run=[{integrator="auto"}]']
+        )
+    run = Pipeline(scene, Cache(None))
+    plan = next(iter(run.plans.values()))
+    (q, v), part, system = plan.start, plan.excited, plan.system
+    if part is not None and plan.excited_system is not None:
+        q, v, system = q[part.positions], v[part.rates], plan.excited_system
+    assert isinstance(plan.integrator, Automatic)
+    return Scene(name, system, (q, v), run.output_times, plan.integrator)
+
+
+def exact_march(scene: Scene) -> Trajectory:
+    """Return the reference."""
+    try:
+        return RungeKutta(1e-10).march(scene.system, *scene.start, scene.times, limit(PATIENCE))
+    except (TooLongError, AccuracyError):
+        auto = replace(scene.auto, error=1e-3 * scene.auto.error)
+        return auto.march(scene.system, *scene.start, scene.times, limit(2 * PATIENCE))
+
+
+def judge(scene: Scene) -> Row:
+    """Compare ``auto`` with each method."""
+    scene.auto.march(scene.system, *scene.start, scene.times[:2])
+    exact = exact_march(scene)
+    seconds, found = scene.timed(scene.auto, 2 * PATIENCE)
+    target = max(scene.error(found, exact), 1e-9)
+    best, best_seconds = "", np.inf
+    for name, finer in scene.methods():
+        points: list[tuple[float, float]] = []
+        for method in finer:
+            try:
+                method.march(scene.system, *scene.start, scene.times[:2], limit(PATIENCE))
+                took, each = scene.timed(method, 3 * min(best_seconds, seconds) + 0.1)
+            except TooLongError:
+                break
+            except (AccuracyError, InputError, ValueError):  # too coarse, or not for this scene
+                continue
+            points.append((took, scene.error(each, exact)))
+            if points[-1][1] <= target or took > 3 * best_seconds:
+                break
+        if points and seconds_at(points, target) < best_seconds:
+            best, best_seconds = name, seconds_at(points, target)
+    chosen = found.integrator.removeprefix("auto (").removesuffix(")")
+    if best_seconds > seconds:  # no other reaches the error sooner
+        best, best_seconds = chosen, seconds
+    return Row(scene.name, chosen, target, seconds, found.evaluations, best, best_seconds, seconds / best_seconds)
+
+
+def main(arguments: list[str]) -> None:
+    """Judge scenes and write the table; a random scene that is refused makes way for the next."""
+    parser = argparse.ArgumentParser(description="Run time of auto over that of the best method.")
+    parser.add_argument("--scene", action="append")
+    options = parser.parse_args(arguments)
+    names, rows = list(options.scene or READY), list[Row]()
+    seeds, wanted = iter([] if options.scene else range(300)), 0 if options.scene else RANDOM
+    while names or wanted > 0:
+        name = names.pop(0) if names else str(next(seeds))
+        try:
+            row = judge(open_scene(name))
+        except (AccuracyError, InputError, TooLongError) as error:
+            print(f"{name}: {type(error).__name__} {str(error)[:100]}", flush=True)
+            continue
+        wanted -= name.isdigit()
+        rows.append(row)
+        print(row, flush=True)
+        if not options.scene:
+            with TABLE.open("w", newline="") as file:
+                table = csv.DictWriter(file, [field.name for field in fields(Row)], lineterminator="\n")
+                table.writeheader()
+                for each in rows:
+                    values = asdict(each).items()
+                    table.writerow({key: f"{x:.3g}" if isinstance(x, float) else x for key, x in values})
+    print("worst ratio:", max(row.ratio for row in rows))
+
+
+if __name__ == "__main__":
+    main(sys.argv[1:])
