@@ -9,13 +9,20 @@ from __future__ import annotations
 
 from collections.abc import Callable
 from dataclasses import dataclass, replace
+from typing import Any
 
 import numpy as np
 
 from pipeline.core.arrays import Array
 from pipeline.core.errors import StabilityError
 from pipeline.dynamics.system import System
-from pipeline.integrators.protocol import ResumableIntegrator, evaluate, evaluate_velocities
+from pipeline.integrators.protocol import (
+    ResumableIntegrator,
+    State,
+    evaluate,
+    evaluate_projection,
+    evaluate_velocities,
+)
 
 POSITION_NUDGE, RATE_NUDGE, ACCELERATION_NUDGE = 1e-6, 1e-4, 1e-2  # of central differences, in SI units
 
@@ -94,12 +101,16 @@ def scheme_tangent(method: ResumableIntegrator, system: System, at: OperatingPoi
         Duration of the cycles [s]: ``span``, rounded to whole ones.
     """
     h = method.step
-    base = method.march(system, at.q, at.v, np.zeros(1)).end
+    driven = _has_driven_loops(system)
+    base = method.march(system, *(_rest(system) if driven else (at.q, at.v)), np.zeros(1)).end
     m = base.step
     cycles = cycles_within(span, m * h)
     first = max(1, round(at.time / (m * h))) * m
     # The first cycle had the loads of time 0; one more has those of the operating point.
-    base = method.resume(system, replace(base, step=first - m), np.array([(first - 1) * h])).end
+    base = replace(base, step=first - m)
+    if driven:
+        base = _moved(system, base, at, (first - m) * h)
+    base = method.resume(system, base, np.array([(first - 1) * h])).end
     parts, end = np.cumsum([base.q.size, base.v.size]), np.array([(first + cycles * m - 1) * h])
 
     def march(values: Array) -> Array:
@@ -110,6 +121,27 @@ def scheme_tangent(method: ResumableIntegrator, system: System, at: OperatingPoi
     sizes = [base.q.size, base.v.size, base.a.size]  # some methods keep two accelerations
     nudges = np.repeat([POSITION_NUDGE, RATE_NUDGE, ACCELERATION_NUDGE], sizes)
     return differentiate(march, np.concatenate([base.q, base.v, base.a]), nudges), cycles * m * h
+
+
+def _has_driven_loops(system: System) -> bool:
+    """Return True if prescribed motions move loops, which close at their own time alone."""
+    mechanism = getattr(system, "mechanism", None)
+    return bool(mechanism and mechanism.closures and any(link.motion is not None for link in mechanism.links))
+
+
+def _rest(system: Any) -> tuple[Array, Array]:
+    """Return positions and rates of the undeformed mechanism at time 0 that its loops allow."""
+    q, v = system.mechanism.rest_positions, np.zeros(system.n)
+    evaluate_projection(system.parameters, 0.0, q, v)
+    return q, v
+
+
+def _moved(system: System, state: State, at: OperatingPoint, time: float) -> State:
+    """Return a state with positions and rates of an operating point as the loops allow them at a time [s]."""
+    q, v, a = at.q.copy(), at.v.copy(), np.zeros(system.n)
+    evaluate_projection(system.parameters, time, q, v)
+    evaluate(system.parameters, time, q, v, a)
+    return replace(state, q=q, v=v, a=np.resize(a, state.a.size))
 
 
 def cycles_within(span: float, cycle: float) -> int:

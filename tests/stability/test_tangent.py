@@ -3,13 +3,14 @@
 import numpy as np
 import pytest
 
+from pipeline import Pipeline, load_scene
 from pipeline.dynamics.compiled_system.system import CompiledSystem
 from pipeline.dynamics.linear.linear import LinearSystem
 from pipeline.integrators.central_difference import CentralDifference
 from pipeline.integrators.generalized_alpha import GeneralizedAlpha
 from pipeline.integrators.subcycling import Subcycling
 from pipeline.stability.amplification import amplification_matrix
-from pipeline.stability.operating_points import settle
+from pipeline.stability.operating_points import find_operating_points, settle
 from pipeline.stability.tangent import (
     OperatingPoint,
     cycles_within,
@@ -80,3 +81,12 @@ def test_a_span_is_rounded_to_whole_cycles(span: float, cycle: float, whole: int
 def test_central_differences_are_exact_for_quadratic_functions() -> None:
     J = differentiate(lambda x: np.array([x[0] * x[1], x[1] ** 2, x[0]]), np.array([2.0, 3.0]), np.array([0.1, 0.2]))
     assert pytest.approx(np.array([[3.0, 2.0], [0.0, 6.0], [1.0, 0.0]])) == J
+
+
+def test_steps_of_a_driven_loop_are_studied_where_it_is() -> None:
+    """The loop closes at its own time alone: at the point's, and not where the crank stands at time 0."""
+    run = Pipeline(load_scene("slider-crank"))
+    points = find_operating_points(run.system, run.mechanism, *run.start, run.scene.simulation.duration)
+    limit = run.system.largest_step
+    assert points.e_folds(CentralDifference(0.5 * limit)) < np.log(10.0)
+    assert points.e_folds(CentralDifference(1.05 * limit)) > np.log(10.0)
