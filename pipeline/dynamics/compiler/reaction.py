@@ -69,7 +69,7 @@ def trace_reaction(inputs: Coordinates, frames: list[MovingFrame], damped: bool)
         joint = zip(inputs.inputs_of_joint(number, "da"), reaction.joint, strict=True)
         modes = combine([(1.0, inputs.inputs_of_modes(number, "da")), (-1.0, reaction.modes)])
         along.append(BodyValues([unit - x for unit, x in joint], modes))
-    found = {"a": trace_accelerations(frames, ActingForces(inputs)), "D": D}
+    found = {"a": trace_accelerations(frames, ActingForces(inputs, frames)), "D": D}
     forces = trace_residual(UnacceleratedCoordinates(graph, mechanism), frames)
     for name, positions in (("K", True), ("C", False)) if damped else (("K", True),):
         response = _differentiate_along(inputs, forces, along, positions)
