@@ -8,7 +8,7 @@ from typing import Any
 
 import numpy as np
 
-from pipeline.accuracy.error_estimates import NO_PART, SAFETY, SOURCES, Row
+from pipeline.accuracy.error_estimates import MORE_OF_MODEL, NO_PART, SAFETY, SOURCES, Row
 from pipeline.accuracy.model_errors import ModelError, summarise_causes
 from pipeline.accuracy.quantities import mesh_quantities, motion_quantities, stress_quantities
 from pipeline.accuracy.time_limit import TimeLimit
@@ -106,6 +106,8 @@ def _estimate(run: Pipeline, seconds: float = math.inf) -> Budget:
     rows = []
     for name, quantity in estimates.quantities.items():
         parts = {source: by_source.get(source, {}).get(name, NO_PART) for source in SOURCES}
+        if name in estimates.model.missing:
+            parts[MORE_OF_MODEL] = estimates.model.missing[name]
         over_time = not (quantity.largest or name in estimates.of_mesh)
         rows.append(Row(name, quantity.unit, quantity.scale, over_time, parts))
     causes, left_out = tuple(estimates.model.causes), tuple(estimates.left_out)

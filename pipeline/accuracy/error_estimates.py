@@ -17,6 +17,8 @@ from pipeline.core.arrays import Array, IntArray
 from pipeline.reduction.body import FlexibleBody
 
 NO_PART = "no part in it"
+MORE_OF_MODEL = "model, left out"
+"""Part of a row for causes of the model's error that were not estimated: what is stated is a lower bound then."""
 NUMERICAL = ("discretisation", "truncation", "time", "recovery")  # sources that finer computations lower
 SOURCES = (*NUMERICAL, "model")
 # An estimate has the size of an error and is no bound: the stated error is this many times all estimates together.

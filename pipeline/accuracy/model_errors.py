@@ -76,6 +76,8 @@ class ModelErrors:
         Each cause with its largest error.
     left_out : list of str
         Causes that weren't estimated, with the reason.
+    missing : dict of str to str
+        The reason for each quantity whose error one of these causes counts in.
     """
 
     def __init__(self, comparison: Comparison) -> None:
@@ -83,6 +85,7 @@ class ModelErrors:
         self.of_quantities: dict[str, float | str] = {}
         self.causes: list[ModelError] = []
         self.left_out: list[str] = []
+        self.missing: dict[str, str] = {}
         if comparison.run.parts:
             text = "deformation is linear within a body's frame; a chain of bodies on fixed joints takes more of it in"
             self._add("large deflection", deflection_errors(self._run, comparison.of_motion), text)
@@ -128,6 +131,8 @@ class ModelErrors:
                 errors = estimate()
             except LeftOutError as why:
                 self.left_out.append(f"{cause}: {why}")
+                if counted:
+                    self.missing |= dict.fromkeys(self._comparison.of_motion, str(why))
             except (AccuracyError, InputError) as why:  # no time would help
                 self.causes.append(ModelError(cause, 0.0, "", f"{cause}: not estimated, {why}", False))
             else:

@@ -8,7 +8,7 @@ from typing import Any
 
 from rich.table import Table
 
-from pipeline.accuracy.error_estimates import NO_PART, SOURCES
+from pipeline.accuracy.error_estimates import MORE_OF_MODEL, NO_PART, SOURCES
 from pipeline.cli.inputs import open_pipeline
 from pipeline.cli.options import Flag, Json, NoCache, Repair, SceneName, Set, print_json
 from pipeline.cli.tables import frequency_tables, new_table, open_console
@@ -199,7 +199,8 @@ def _budget(budget: dict[str, Any]) -> Table:
             for source in SOURCES
         ]
         stated = _percent(row["total"])
-        table.add_row(row["quantity"], *parts, f"> {stated}" if "?" in parts else stated)
+        open_ = "?" in parts or MORE_OF_MODEL in row
+        table.add_row(row["quantity"], *parts, f"> {stated}" if open_ else stated)
     return table
 
 

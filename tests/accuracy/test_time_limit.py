@@ -6,6 +6,7 @@ import pytest
 
 from pipeline import Pipeline, load_scene
 from pipeline.accuracy.error_budget import ERROR_BUDGET, allowed_seconds, state_errors
+from pipeline.accuracy.error_estimates import MORE_OF_MODEL
 from pipeline.accuracy.time_limit import LeftOutError, TimeLimit
 from pipeline.core.cache import Cache
 
@@ -43,6 +44,7 @@ def test_a_budget_without_time_names_what_it_left_out_and_is_not_kept(tmp_path) 
     rows = {row.name: row for row in short.rows}
     assert isinstance(rows["beam, frequency 1"].parts["discretisation"], float)  # from recovered stress, at once
     assert "not estimated: it would take" in str(rows["tip, deflection"].parts["time"])
+    assert "not estimated: it would take" in str(rows["tip, deflection"].parts[MORE_OF_MODEL])
     named = " ".join(short.left_out)
     for source in ("time", "discretisation", "truncation", "stiffening left off"):
         assert f"{source}: not estimated" in named
