@@ -7,8 +7,8 @@ from typing import NamedTuple
 import numpy as np
 
 from pipeline.core.arrays import Array
+from pipeline.core.rotations import BodyFrame, moved, rotation_matrix, rotation_rate, rotation_vector, turned
 from pipeline.dynamics.elements import SHORTEST, Attachment, Element, PointSpring, SixAxisSpring
-from pipeline.dynamics.rotations import BodyFrame, moved, rotation_matrix, rotation_rate, rotation_vector, turned
 
 _SMALL = 1e-12
 

@@ -7,7 +7,6 @@ from dataclasses import dataclass
 from functools import cached_property
 
 import numpy as np
-from scipy.interpolate import CubicSpline
 
 from pipeline.core.arrays import Array
 from pipeline.core.formula import Formula
@@ -90,6 +89,8 @@ def straight_curve(x: Sequence[float], y: Sequence[float]) -> ForceCurve:
 
 def smooth_curve(x: Sequence[float], y: Sequence[float]) -> ForceCurve:
     """Make the natural cubic spline through points, which goes on straight beyond the first and the last."""
+    from scipy.interpolate import CubicSpline
+
     spline = CubicSpline(x, y, bc_type="natural")
     slope, thirds = float(spline(x[0], 1)), spline.c[0]
     jumps = np.diff(np.concatenate([[0.0], thirds, [0.0]]))

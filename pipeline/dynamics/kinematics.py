@@ -21,10 +21,10 @@ from typing import NamedTuple
 import numpy as np
 
 from pipeline.core.arrays import EPSILON, Array
+from pipeline.core.rotations import BodyFrame, matrix_of_quaternion, moved, rotation_matrix, rotation_rate, turned
 from pipeline.dynamics.element_motion import States, element_energies
 from pipeline.dynamics.links import CYLINDRICAL, FREE, PLANAR, REVOLUTE, SCREW, SPHERICAL, UNIVERSAL, Link
 from pipeline.dynamics.mechanism import Mechanism
-from pipeline.dynamics.rotations import BodyFrame, matrix_of_quaternion, moved, rotation_matrix, rotation_rate, turned
 
 
 class Momenta(NamedTuple):

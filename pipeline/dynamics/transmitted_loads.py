@@ -13,13 +13,13 @@ from typing import TypeVar
 import numpy as np
 
 from pipeline.core.arrays import Array
+from pipeline.core.rotations import turned
 from pipeline.dynamics.closures import Closure, Place
 from pipeline.dynamics.element_motion import element_wrenches
 from pipeline.dynamics.kinematics import Kinematics
 from pipeline.dynamics.links import PointLoad
 from pipeline.dynamics.mechanism import Mechanism
 from pipeline.dynamics.reactions import closing_reactions
-from pipeline.dynamics.rotations import turned
 from pipeline.reduction.body import MarkerShapes
 
 AnyPlace = TypeVar("AnyPlace", bound=Place)

@@ -34,8 +34,8 @@ import numpy as np
 
 from pipeline.core.arrays import Array
 from pipeline.core.netcdf import NetcdfVariable, write_netcdf
+from pipeline.core.rotations import quaternion_of_matrix
 from pipeline.dynamics.links import FREE, SPHERICAL
-from pipeline.dynamics.rotations import quaternion_of_matrix
 from pipeline.recovery.motion import Motion
 
 if TYPE_CHECKING:

@@ -11,13 +11,13 @@ import numpy as np
 from pipeline.core.arrays import Array
 from pipeline.core.errors import InputError
 from pipeline.core.formula import parse_formula
+from pipeline.core.rotations import rotation_matrix
 from pipeline.dynamics.closures import Place
 from pipeline.dynamics.element_motion import element_strain
 from pipeline.dynamics.elements import Attachment, Element, PointSpring, SixAxisSpring
 from pipeline.dynamics.force_laws import ForceCurve, ForceLaw, Stop, smooth_curve, straight_curve
 from pipeline.dynamics.kinematics import Kinematics
 from pipeline.dynamics.mechanism import Mechanism
-from pipeline.dynamics.rotations import rotation_matrix
 from pipeline.scene.force_elements import AngleStop, Bearing, Bushing, ForceByElongation, LengthStop, Spring
 from pipeline.scene.joints import Joint
 

@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 
 from pipeline.core.arrays import Array
-from pipeline.dynamics.rotations import rotation_matrix
+from pipeline.core.rotations import rotation_matrix
 from pipeline.scene.scene import Scene
 
 _ROUND_OFF = 1e-15

@@ -10,11 +10,11 @@ from scipy.spatial.transform import Rotation
 
 from pipeline.core.arrays import Array
 from pipeline.core.formula import parse_formula
+from pipeline.core.rotations import quaternion_of_matrix, rotation_matrix, rotation_rate
 from pipeline.dynamics.compiler.compiled import compile_mechanism
 from pipeline.dynamics.kinematics import Kinematics
 from pipeline.dynamics.links import FREE, REVOLUTE, Link, rigid_gram
 from pipeline.dynamics.mechanism import Mechanism
-from pipeline.dynamics.rotations import quaternion_of_matrix, rotation_matrix, rotation_rate
 from pipeline.dynamics.signals.signal import formula
 from pipeline.reduction.body import MarkerShapes
 

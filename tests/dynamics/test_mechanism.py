@@ -5,7 +5,8 @@ import re
 import numpy as np
 import pytest
 
-from pipeline.dynamics.links import FIXED, FREE, PRISMATIC, REVOLUTE, SPHERICAL, Link, rigid_gram
+from pipeline.dynamics.force_laws import ForceLaw
+from pipeline.dynamics.links import FIXED, FREE, PRISMATIC, REVOLUTE, SPHERICAL, UNIVERSAL, Link, rigid_gram
 from pipeline.dynamics.mechanism import Mechanism
 
 POINT = rigid_gram(1.0, np.zeros(3), np.eye(3))
@@ -59,3 +60,9 @@ def test_axes_of_a_place_that_are_no_rotation_are_refused() -> None:
     gram = rigid_gram(1.0, np.zeros(3), np.eye(3))
     with pytest.raises(ValueError, match="the axes of the place that carries a are not orthonormal"):
         Mechanism([Link("a", gram, REVOLUTE, place_axes=2.0 * np.eye(3))])
+
+
+def test_force_laws_that_are_not_one_for_each_rate_are_refused() -> None:
+    gram = rigid_gram(1.0, np.zeros(3), np.eye(3))
+    with pytest.raises(ValueError, match="the joint of a has 2 rates and 1 force laws"):
+        Mechanism([Link("a", gram, UNIVERSAL, laws=(ForceLaw(),))])

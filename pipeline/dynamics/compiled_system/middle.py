@@ -86,20 +86,52 @@ def hold_reacting(p: CompiledParameters, q: Array, v: Array, D: Array, middle: M
         if held.damped:
             call_native(held.damping, (p.inputs, q, v, rates, held.f))
             _keep_response(p, q, block, D, middle, held.C, middle.Cy)
+    _complete(q, v, D, middle, a)
+
+
+@inlined
+def _hold_together(p: CompiledParameters, q: Array, v: Array, D: Array, middle: MiddleCycle) -> None:
+    """Do what `hold_reacting` does, and find the accelerations, by one function for each eight fast coordinates."""
+    held, found, a, n_slow = middle.held, middle.found, middle.a, middle.held.n_slow
+    n_fast = v.size - n_slow
+    for block in range(held.unit_rates.shape[0]):
+        units = held.unit_rates[block]
+        if held.damped:
+            filled = (a, found[0], found[1], found[2], found[3], found[4])
+            call_native(middle.react, (p.inputs, q, v, units, *filled))
+            keep_columns(found[3], block, n_slow, held.C)
+        else:
+            call_native(middle.react, (p.inputs, q, v, units, a, found[0], found[1], found[2]))
+        keep_columns(found[1], block, n_slow, held.K)
+        first = LANES * block
+        for lane in range(min(LANES, n_fast - first)):
+            for i in range(n_slow):
+                D[n_slow + first + lane, i] = found[0, i, lane]
+                middle.Ky[first + lane, i] = found[2, i, lane]
+                if held.damped:
+                    middle.Cy[first + lane, i] = found[4, i, lane]
+    _complete(q, v, D, middle, a)
+
+
+@inlined
+def _complete(q: Array, v: Array, D: Array, middle: MiddleCycle, a: Array) -> None:
+    """Complete the fast equation and the acceleration of y with accelerations a."""
+    n_slow = middle.held.n_slow
     for i in range(n_slow):
         middle.y[i] = a[i]
         for j in range(n_slow, v.size):
             middle.y[i] += D[j, i] * a[j]
     for i in range(n_slow, v.size):
-        held.slope[i] = 0.0
-    complete_constant(held, q, v, a)
+        middle.held.slope[i] = 0.0
+    complete_constant(middle.held, q, v, a)
 
 
 @meaning(hold_middle, CompiledParameters)
 def _hold_middle(p: CompiledParameters, t: float, q: Array, v: Array, D: Array, middle: MiddleCycle) -> None:
     middle.held.time[0] = t
-    accelerations(p, t, q, v, middle.a)
     set_inputs(p, float(t))
+    if not middle.react:
+        accelerations(p, t, q, v, middle.a)
     for i in range(q.size):
         middle.q[i] = q[i]
     for i in range(v.size):
@@ -109,6 +141,8 @@ def _hold_middle(p: CompiledParameters, t: float, q: Array, v: Array, D: Array, 
         hold_single(p, q, v, middle.a, middle.held)
         for i in range(middle.held.n_slow, v.size):
             middle.held.slope[i] = 0.0
+    elif middle.react:
+        _hold_together(p, q, v, D, middle)
     else:
         hold_reacting(p, q, v, D, middle, middle.a)
 

@@ -126,11 +126,13 @@ class MiddleCycle(Table):
     inertia: int  # addresses of the compiled functions
     solve: int
     solve_slow: int
+    react: int  # a function of all that is held, 0 where that is too much for one
     along_positions: Array  # (n_blocks, n_positions, 8): how all coordinates follow each fast one
     along_rates: Array  # (n_blocks, n, 8)
     y: Array  # (n_slow,): acceleration of ``y = q_L + D q_S`` in the middle
     Ky: Array  # (n_fast, n_slow): how it changes with each fast position and rate
     Cy: Array  # (n_fast, n_slow)
+    found: Array  # (5, n, 8): what ``react`` fills
     q: Array  # (n_positions,): the state at the middle
     v: Array  # (n,)
     a: Array  # (n,)

@@ -38,6 +38,7 @@ from pipeline.dynamics.vibration import highest_frequency, largest_leapfrog_step
 _ROOM = ("v_now", "d", "rising")  # vectors of `HeldCycle` that hold no coefficients
 _SHARE_AHEAD = 1e-2  # of a major cycle, over which the slow motion of a mechanism with loops is followed
 _AHEAD = 16  # steps for which loads are evaluated before coordinates go through them
+_MOST_TOGETHER = 16  # fast coordinates: beyond, one function of all that is held compiles for too long
 _MOST_UNROLLED = 64  # fast coordinates: beyond, code without loops takes longer to compile than it saves
 
 _BYTES_OF_OPERATION = 6.0  # of machine code, five to eight where it is long
@@ -267,6 +268,7 @@ class CompiledSystem:
         loose = self._is_single and not self.couplings.inertial
         # Where they couple, the slow ones' reaction to fast rates acts on the fast ones, too.
         damped = self.couplings.damped if loose else self.couplings.dragging
+        together = not loose and not self.settles and n_fast <= _MOST_TOGETHER
         v, a, rest, row = np.zeros((4, n))
         return MiddleCycle(
             held=self._held(loose, damped),
@@ -274,11 +276,13 @@ class CompiledSystem:
             inertia=0 if loose else address("inertia"),
             solve=0 if loose else address("solve"),
             solve_slow=0 if loose else address("solve_slow"),
+            react=address("react" if damped else "undamped_react") if together else 0,
             along_positions=self._units(self.n_positions),
             along_rates=self._units(n),
             y=np.zeros(n_slow),
             Ky=np.zeros((n_fast, n_slow)),
             Cy=np.zeros((n_fast, n_slow)),
+            found=np.zeros((5, n, LANES)),
             q=np.zeros(self.n_positions),
             v=v,
             a=a,

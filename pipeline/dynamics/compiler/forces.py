@@ -105,8 +105,12 @@ class GivenForces:
 
     def on_body(self, frame: MovingFrame, inertia: Inertia) -> tuple[Vector6, Terms]:
         """Return no force on the frame, and the forces on free modes."""
-        given = self._inputs.inputs_of_modes(frame.number, self._argument)
+        given = self.on_modes(frame)
         return constants(self.graph, [0.0] * 6), [(1.0, given.multiplied_by(np.diag(self.free_modes(frame))))]
+
+    def on_modes(self, frame: MovingFrame) -> Vector:
+        """Return the forces on a body's modes."""
+        return self._inputs.inputs_of_modes(frame.number, self._argument)
 
     def on_joint(self, frame: MovingFrame) -> list[Scalar]:
         """Return what acts along each direction that isn't held."""

@@ -18,6 +18,7 @@ are filled:
 - ``moved`` (n_positions,): how positions change. With the slow ones, and with the slow rates by their accelerations,
   the fast rows of the residual change by ``drift`` (n,), and by ``by_inputs`` (3 n_signals, n), ``by_positions`` and
   ``by_rates`` (n,) along each input, all fast positions and all fast rates;
+- ``D``, ``K``, ``Ky``, ``C`` and ``Cy`` (n, 8) of ``react``: see `reaction`; ``da`` are eight fast coordinates' units;
 - ``clock`` (2,), ``constant``, ``slope``, ``load`` (n,), ``K`` and ``C`` (n_fast, n_fast): see `held.trace_fast_step`;
 - ``origins`` (n_bodies, 3), ``rotations`` (n_bodies, 3, 3) and ``spins`` (n_bodies, 3): the bodies' frames and angular
   velocities in space;
@@ -47,6 +48,7 @@ from pipeline.dynamics.compiler.quantities import (
     trace_momenta,
     trace_potential_energy,
 )
+from pipeline.dynamics.compiler.reaction import trace_reaction
 from pipeline.dynamics.compiler.recursion import BodyValues, trace_accelerations
 from pipeline.dynamics.compiler.residual import trace_residual
 from pipeline.dynamics.compiler.tangents import trace_tangents
@@ -137,6 +139,19 @@ def _fast_step(inputs: Coordinates, _frames: list[MovingFrame]) -> list[Output]:
 
 def _undamped_fast_step(inputs: Coordinates, _frames: list[MovingFrame]) -> list[Output]:
     return trace_fast_step(inputs, damped=False)
+
+
+def _react(inputs: Coordinates, frames: list[MovingFrame]) -> list[Output]:
+    return _reaction(inputs, frames, damped=True)
+
+
+def _undamped_react(inputs: Coordinates, frames: list[MovingFrame]) -> list[Output]:
+    return _reaction(inputs, frames, damped=False)
+
+
+def _reaction(inputs: Coordinates, frames: list[MovingFrame], damped: bool) -> list[Output]:
+    found = trace_reaction(inputs, frames, damped)
+    return [x for name, values in found.items() for x in _in_order_of_rates(inputs.mechanism, name, values)]
 
 
 def _solve(inputs: Coordinates, frames: list[MovingFrame]) -> list[Output]:
@@ -230,6 +245,7 @@ def _in_row(argument: str, row: int, values: list[Scalar]) -> list[Output]:
 
 _STATE = ("inputs", "q", "v")
 _MOTION = ("a", "moved", "drift", "by_inputs")
+_REACTION = ("D", "K", "Ky")
 _HELD = ("constant", "slope", "load", "K")
 _DIRECTIONS = ("dinputs", "dq", "dv", "da", "dr")
 
@@ -245,6 +261,8 @@ DEFINITIONS = {
     "hold_single": Definition((*_STATE, *_MOTION, "by_positions", "by_rates"), _hold_single),
     "fast_step": Definition(("clock", *_HELD, "C", "q", "v", "a"), _fast_step, in_place=True),
     "undamped_fast_step": Definition(("clock", *_HELD, "q", "v", "a"), _undamped_fast_step, in_place=True),
+    "react": Definition((*_STATE, "da", "a", *_REACTION, "C", "Cy"), _react, ("da", *_REACTION, "C", "Cy")),
+    "undamped_react": Definition((*_STATE, "da", "a", *_REACTION), _undamped_react, ("da", *_REACTION)),
     "solve": Definition(("inputs", "q", "f", "x"), _solve, lanes=("f", "x")),
     "solve_fast": Definition(("inputs", "q", "f", "x"), _solve_fast, lanes=("f", "x")),
     "solve_slow": Definition(("inputs", "q", "f", "x"), _solve_slow, lanes=("f", "x")),
