@@ -1,8 +1,9 @@
 """Bauchau's misaligned four-bar: our solid meshes beside Exudyn's geometrically exact beams, in one process.
 
-Run from the project's root: ``python benchmarks/exudyn_four_bar.py``; it needs ``pip install exudyn==1.13.6`` and writes
-``four_bar.csv`` beside itself. Both march 3,000 steps of generalised-α over 12 s. Exudyn has 4, 8 and 4 beam elements on
-nodes with Euler parameters, sections as published, Newton's tolerance 1e-8; a flywheel of very large inertia turns A.
+Run from the project's root: ``python benchmarks/exudyn_four_bar.py``; it needs ``pip install exudyn==1.13.6`` and
+writes ``four_bar.csv`` beside itself. Both march 3,000 steps of generalised-α over 12 s. Exudyn has 4, 8 and 4 beam
+elements on nodes with Euler parameters, sections as published, Newton's tolerance 1e-8; a flywheel of very large
+inertia turns A.
 """
 
 from __future__ import annotations
@@ -11,6 +12,7 @@ import contextlib
 import csv
 import io
 import platform
+from itertools import pairwise
 from pathlib import Path
 from typing import Any
 
@@ -47,7 +49,7 @@ def twin() -> tuple[Any, Any, list[Any]]:
             state = {"referenceCoordinates": [*at, *parameters], "initialVelocities": [*velocity, *turning]}
             nodes.append(mbs.AddNode(ii.NodeRigidBodyEP(**state)))
         length = float(np.linalg.norm(np.subtract(end, start))) / n
-        for pair in zip(nodes[:-1], nodes[1:], strict=True):
+        for pair in pairwise(nodes):
             mbs.AddObject(ii.ObjectBeamGeometricallyExact(nodeNumbers=list(pair), length=length, sectionData=data))
         return [mbs.AddMarker(ii.MarkerNodeRigid(nodeNumber=node)) for node in (nodes[0], nodes[-1])], nodes[-1]
 
