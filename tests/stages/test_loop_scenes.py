@@ -179,6 +179,7 @@ def test_a_loop_that_the_scene_leaves_open_is_closed_by_the_joints_that_it_gives
             ['body.track_rod={shape="rod", mass="1 kg", length="340 mm"}', TRACK_ENDS],
             "nothing has inertia",
         ),
+        (DOOR, ["joint.low.child_axis=[0, 0, 1]"], "joint.low.child_axis = [0, 0, 1]: has no effect"),
         (DOOR, ["joint.low.rate=0 rad/s", "joint.high.axis=[1, 0, 0]"], "nothing can move"),
         (
             FOUR_BAR,
