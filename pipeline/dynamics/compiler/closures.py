@@ -20,76 +20,26 @@ from dataclasses import dataclass, field
 import numpy as np
 
 from pipeline.core.arrays import Array
-from pipeline.dynamics.closures import GROUND, Closure, Coupler, Place
+from pipeline.dynamics.closures import Closure, Coupler
 from pipeline.dynamics.compiler.algebra import (
-    Matrix,
     Vector3,
     Vector6,
     add,
     constants,
     cross,
     dot,
-    identity,
-    product,
     scale,
     subtract,
-    times,
-    transpose,
 )
-from pipeline.dynamics.compiler.bodies import AXES, Inertia
-from pipeline.dynamics.compiler.cleaning import clean_direction, clean_marker
+from pipeline.dynamics.compiler.bodies import Inertia
 from pipeline.dynamics.compiler.coordinates import Coordinates, RestingCoordinates
-from pipeline.dynamics.compiler.frames import MovingFrame, marker_bias
+from pipeline.dynamics.compiler.frames import MovingFrame
 from pipeline.dynamics.compiler.graph import Scalar, Terms, total
-from pipeline.dynamics.compiler.marker import MarkerMotion, trace_marker
+from pipeline.dynamics.compiler.places import PlaceMotion, trace_place
 from pipeline.dynamics.compiler.recursion import BodyValues
 from pipeline.dynamics.mechanism import Mechanism
 
 _ROUND_OFF = 1e-9  # of lengths [m] and of cosines: what is constant and below holds in every state
-
-
-@dataclass
-class PlaceMotion:
-    """Motion of a place in space, but for what accelerations bring about.
-
-    Attributes
-    ----------
-    frame : MovingFrame, optional
-        Its body's; none for the ground.
-    marker : MarkerMotion
-        In the body's frame.
-    position, velocity, spin : Vector3
-        Of the place, and angular velocity of its section.
-    R : Matrix
-        Rotation of its section.
-    bias : Vector6
-        Its acceleration for coordinates that don't accelerate, without that of its frame; in the body's axes.
-    """
-
-    frame: MovingFrame | None
-    marker: MarkerMotion
-    position: Vector3
-    velocity: Vector3
-    spin: Vector3
-    R: Matrix
-    bias: Vector6
-
-    def turned(self, direction: Array) -> Vector3:
-        """Return a direction of the section in space."""
-        return times(self.R, constants(self.position[0].graph, clean_direction(direction)))
-
-    def acceleration(self, ground: Vector6, motion: list[BodyValues]) -> tuple[Vector3, Vector3]:
-        """Return accelerations of the place and of its section for those of the bodies."""
-        if self.frame is None:
-            return ground[:3], ground[3:]
-        body = motion[self.frame.number]
-        turns = [row.dot(body.modes) for row in self.marker.turns]
-        of_modes = [row.dot(body.modes) for row in self.marker.slopes] + times(self.marker.A, turns)
-        arm = self.marker.arm
-        carried = add(body.x[:3], cross(body.x[3:], arm)) + body.x[3:]
-        both = add(carried, of_modes, self.bias)
-        R = self.frame.world[1]
-        return times(R, both[:3]), times(R, both[3:])
 
 
 @dataclass
@@ -127,7 +77,7 @@ class ConstraintRow:
         zero = inputs.graph.number(0.0)
         terms = [zero]
         for place, f, m in self.wrenches:
-            terms += [dot(f, place.velocity), dot(m, place.spin)]
+            terms += [dot(f, place.v), dot(m, place.w)]
         for number, factor in self.joints.items():
             link = inputs.mechanism.links[number]
             ds = inputs.signal(link.motion, 2)[1] if link.motion is not None else inputs.joint_rates(number)[0]
@@ -138,7 +88,10 @@ class ConstraintRow:
         """Return g̈ without the bias for accelerations of the bodies."""
         terms = [inputs.graph.number(0.0)]
         for place, f, m in self.wrenches:
-            a, alpha = place.acceleration(ground, motion)
+            a, alpha = ground[:3], ground[3:]
+            if place.frame is not None:
+                body = motion[place.frame.number]
+                a, alpha = place.acceleration(body.x, body.modes)
             terms += [dot(f, a), dot(m, alpha)]
         for number, factor in self.joints.items():
             link = inputs.mechanism.links[number]
@@ -159,16 +112,11 @@ class MultiplierForces:
         """Return p of a body, and the terms of −e; see `bodies`."""
         p: Vector6 = constants(self.graph, [0.0] * 6)
         terms: Terms = []
-        into_body = transpose(frame.world[1])
         for size, row in self._rows:
             for place, f, m in row.wrenches:
-                if place.frame is None or place.frame.number != frame.number:
-                    continue
-                force, moment = (scale(size, times(into_body, part)) for part in (f, m))
-                p = subtract(p, force + add(moment, cross(place.marker.arm, force)))
-                on_turns = times(transpose(place.marker.A), moment)
-                terms += [(force[i], place.marker.slopes[i]) for i in AXES]
-                terms += [(on_turns[i], place.marker.turns[i]) for i in AXES]
+                if place.frame is not None and place.frame.number == frame.number:
+                    force, on_modes = place.on_body(scale(size, f), scale(size, m))
+                    p, terms = subtract(p, force), terms + on_modes
         return p, terms or [(0.0, self.graph.zeros(len(frame.link.omega)))]
 
     def on_joint(self, frame: MovingFrame) -> list[Scalar]:
@@ -214,33 +162,12 @@ def _holds_always(row: ConstraintRow) -> bool:
     raise ValueError(f"joint {row.name} can't close: a gap of {size} stays however the mechanism moves")
 
 
-def _trace_place(inputs: Coordinates, frames: list[MovingFrame], place: Place) -> PlaceMotion:
-    graph = inputs.graph
-    zero3, none = constants(graph, [0.0] * 3), graph.zeros(0)
-    if place.body == GROUND:
-        marker = trace_marker(graph, clean_marker(place.marker, 0), none, none)
-        return PlaceMotion(None, marker, marker.arm, zero3, zero3, identity(graph, 3), zero3 + zero3)
-    frame = frames[inputs.mechanism.number_of(place.body)]
-    marker = trace_marker(graph, clean_marker(place.marker, len(frame.link.omega)), frame.q, frame.v)
-    origin, R = frame.world
-    velocity = add(frame.velocity, cross(frame.spin, marker.arm), scale(0.5, marker.moving))
-    return PlaceMotion(
-        frame,
-        marker,
-        add(origin, times(R, marker.arm)),
-        times(R, velocity),
-        times(R, add(frame.spin, marker.turned)),
-        product(R, marker.R),
-        marker_bias(frame.spin, marker),
-    )
-
-
 def _trace_closure(inputs: Coordinates, frames: list[MovingFrame], closure: Closure) -> list[ConstraintRow]:
     graph = inputs.graph
-    first, second = (_trace_place(inputs, frames, place) for place in (closure.first, closure.second))
+    first, second = (trace_place(inputs, frames, place) for place in (closure.first, closure.second))
     zero, zero3 = graph.number(0.0), constants(graph, [0.0] * 3)
-    apart = subtract(second.position, first.position)
-    drifting = subtract(second.velocity, first.velocity)
+    apart = subtract(second.x, first.x)
+    drifting = subtract(second.v, first.v)
     rows = []
     for k, direction in enumerate(closure.along):
         if len(closure.along) == 3:  # no motion is left in which the axes of space and of a section would differ
@@ -248,16 +175,16 @@ def _trace_closure(inputs: Coordinates, frames: list[MovingFrame], closure: Clos
             rows.append(ConstraintRow(closure.name, dot(d, apart), _opposed(first, second, d, zero3), zero, False))
             continue
         d = first.turned(direction)
-        turning = cross(first.spin, d)
-        bias = dot(turning, drifting) * 2.0 + dot(cross(first.spin, turning), apart)
+        turning = cross(first.w, d)
+        bias = dot(turning, drifting) * 2.0 + dot(cross(first.w, turning), apart)
         rows.append(
             ConstraintRow(closure.name, dot(d, apart), _opposed(first, second, d, cross(d, apart)), bias, False)
         )
     for one, other in closure.square:
         a, b = first.turned(one), second.turned(other)
         c = cross(a, b)
-        changing = add(cross(cross(first.spin, a), b), cross(a, cross(second.spin, b)))
-        bias = dot(subtract(first.spin, second.spin), changing)
+        changing = add(cross(cross(first.w, a), b), cross(a, cross(second.w, b)))
+        bias = dot(subtract(first.w, second.w), changing)
         minus = scale(-1.0, c)
         rows.append(ConstraintRow(closure.name, dot(a, b), [(first, zero3, c), (second, zero3, minus)], bias, True))
     if closure.distance:

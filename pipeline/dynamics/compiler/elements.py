@@ -2,10 +2,9 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 from pipeline.dynamics.compiler.algebra import (
-    Matrix,
     Vector3,
     Vector6,
     add,
@@ -18,59 +17,27 @@ from pipeline.dynamics.compiler.algebra import (
     times,
     transpose,
 )
-from pipeline.dynamics.compiler.cleaning import clean_marker
 from pipeline.dynamics.compiler.coordinates import Coordinates
 from pipeline.dynamics.compiler.frames import MovingFrame
 from pipeline.dynamics.compiler.graph import Scalar, Terms, total
 from pipeline.dynamics.compiler.laws import trace_law, trace_law_energy
-from pipeline.dynamics.compiler.marker import MarkerMotion, trace_marker
+from pipeline.dynamics.compiler.places import PlaceMotion, trace_place
 from pipeline.dynamics.elements import SHORTEST, Attachment, Element, PointSpring, SixAxisSpring
 
 _AXES = range(3)
 
 
 @dataclass
-class EndMotion:
-    """Motion of a place in space.
-
-    Attributes
-    ----------
-    x, v : Vector3
-        Position and velocity.
-    A : Matrix
-        From the place's axes into those of space.
-    w : Vector3
-        Angular velocity.
-    frame, marker : MovingFrame and MarkerMotion, optional
-        Of the body that it is on; none for the ground.
-    """
-
-    x: Vector3
-    v: Vector3
-    A: Matrix
-    w: Vector3
-    frame: MovingFrame | None = None
-    marker: MarkerMotion | None = None
-
-
-@dataclass
 class Action:
     """Force and moment in space that act at a place of a body."""
 
-    end: EndMotion
+    end: PlaceMotion
     force: Vector3
     moment: Vector3
 
     def on_body(self) -> tuple[Vector6, Terms]:
         """Return force and moment on the body's frame, in its axes, and the terms of the forces on its modes."""
-        assert self.end.frame is not None
-        assert self.end.marker is not None
-        marker, into_body = self.end.marker, transpose(self.end.frame.world[1])
-        force, moment = times(into_body, self.force), times(into_body, self.moment)
-        on_section = times(transpose(marker.A), moment)
-        terms: Terms = [(force[i], marker.slopes[i]) for i in _AXES]
-        terms += [(on_section[i], marker.turns[i]) for i in _AXES]
-        return force + add(cross(marker.arm, force), moment), terms
+        return self.end.on_body(self.force, self.moment)
 
 
 def trace_actions(inputs: Coordinates, frames: list[MovingFrame]) -> dict[int, list[Action]]:
@@ -97,29 +64,19 @@ def trace_element_energy(inputs: Coordinates, frames: list[MovingFrame], element
     return total(e[i] * e[j] * float(element.K[i, j]) for i in range(len(e)) for j in range(len(e))) * 0.5
 
 
-def trace_end(inputs: Coordinates, frames: list[MovingFrame], end: Attachment) -> EndMotion:
-    """Trace the motion of a place."""
-    graph = inputs.graph
-    axes = [constants(graph, row) for row in end.axes]
-    if not end.body:
-        still = constants(graph, [0.0] * 3)
-        return EndMotion(constants(graph, end.marker.position), still, axes, still)
-    frame = frames[inputs.mechanism.number_of(end.body)]
-    marker = trace_marker(graph, clean_marker(end.marker, len(frame.link.omega)), frame.q, frame.v)
-    origin, R = frame.world
-    moving = add(frame.velocity, cross(frame.spin, marker.arm), scale(0.5, marker.moving))
-    A = product(product(R, marker.R), axes)
-    spin = times(R, add(frame.spin, marker.turned))
-    return EndMotion(add(origin, times(R, marker.arm)), times(R, moving), A, spin, frame, marker)
+def trace_end(inputs: Coordinates, frames: list[MovingFrame], end: Attachment) -> PlaceMotion:
+    """Trace the motion of an element's place, in its own axes."""
+    place = trace_place(inputs, frames, end)
+    return replace(place, A=product(place.A, [constants(inputs.graph, row) for row in end.axes]))
 
 
-def _length(first: EndMotion, second: EndMotion) -> tuple[Vector3, Scalar]:
+def _length(first: PlaceMotion, second: PlaceMotion) -> tuple[Vector3, Scalar]:
     """Return the way from one place to another, and its length."""
     way = subtract(second.x, first.x)
     return way, (dot(way, way) + SHORTEST**2).apply("sqrt")
 
 
-def _spring_actions(element: PointSpring, first: EndMotion, second: EndMotion) -> list[Action]:
+def _spring_actions(element: PointSpring, first: PlaceMotion, second: PlaceMotion) -> list[Action]:
     way, length = _length(first, second)
     inverse = length.inverse()
     rate = dot(way, subtract(second.v, first.v)) * inverse
@@ -155,7 +112,7 @@ class _BushingMotion:
         return self.d + self.theta, self.d_rate + self.through(-1.0, self.w)
 
 
-def _bushing_motion(element: SixAxisSpring, first: EndMotion, second: EndMotion) -> _BushingMotion:
+def _bushing_motion(element: SixAxisSpring, first: PlaceMotion, second: PlaceMotion) -> _BushingMotion:
     into = transpose(first.A)
     way = subtract(second.x, first.x)
     swept = subtract(subtract(second.v, first.v), cross(first.w, way))
@@ -167,7 +124,7 @@ def _bushing_motion(element: SixAxisSpring, first: EndMotion, second: EndMotion)
     return _BushingMotion(way, subtract(times(into, way), position), times(into, swept), w, y, s)
 
 
-def _bushing_actions(element: SixAxisSpring, first: EndMotion, second: EndMotion) -> list[Action]:
+def _bushing_actions(element: SixAxisSpring, first: PlaceMotion, second: PlaceMotion) -> list[Action]:
     motion = _bushing_motion(element, first, second)
     e, rates = motion.strains(element)
     n = range(len(e))
