@@ -28,7 +28,7 @@ def loop_figures(run: Pipeline) -> dict[str, Any]:
 
 
 def loop_warnings(run: Pipeline) -> list[dict[str, str]]:
-    """Return warnings about redundant constraints, those that nothing moves, and joints that don't start as given."""
+    """Return warnings about redundant constraints, and joints that don't start as given."""
     mechanism, system, (q, v) = run.mechanism, run.system, run.start
     if not mechanism.closures:
         return []
