@@ -140,11 +140,6 @@ class Coupler:
         """Return itself."""
         return self
 
-    @property
-    def n_rows(self) -> int:
-        """Return 1."""
-        return 1
-
     def require_valid(self) -> None:
         """Raise ``ValueError`` unless there is a factor for each joint."""
         if len(self.joints) != len(self.factors) or not any(self.factors):

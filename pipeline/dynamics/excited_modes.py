@@ -15,7 +15,6 @@ import numpy as np
 from numpy.typing import NDArray
 
 from pipeline.core.arrays import EPSILON, Array, IntArray
-from pipeline.dynamics.closures import Closure, Place
 from pipeline.dynamics.links import CYLINDRICAL, FREE, PLANAR, REVOLUTE, SCREW, SPHERICAL, UNIVERSAL, Link
 from pipeline.dynamics.mechanism import Mechanism
 from pipeline.reduction.inertia import InertiaGram
@@ -125,9 +124,9 @@ def _acting(mechanism: Mechanism, b: int) -> tuple[list[Array], list[Array]]:
         if other.parent == b:
             forces += [*(other.place_shapes * size), *(other.place_rotations * inertia)]
             couplings += list(other.place_bow)
-    for place in _closed_places(mechanism, link.name):
-        forces += [*(place.marker.translation * size), *(place.marker.rotation * inertia)]
-        couplings += list(place.marker.bow)
+    for at in mechanism.closed_places(link.name):
+        forces += [*(at.translation * size), *(at.rotation * inertia)]
+        couplings += list(at.bow)
     return [force for force in forces if len(force) == n], [pairs for pairs in couplings if len(pairs) == n]
 
 
@@ -144,12 +143,6 @@ def _inertia_products(gram: InertiaGram, axis: Array | None) -> list[Array]:
     return [*(symmetric[a, b] for a in range(3) for b in range(a, 3)), *antisymmetric]
 
 
-def _closed_places(mechanism: Mechanism, body: str) -> list[Place]:
-    """Places of a body that joints which close loops hold."""
-    closures = [closure for closure in mechanism.closures if isinstance(closure, Closure)]
-    return [place for closure in closures for place in (closure.first, closure.second) if place.body == body]
-
-
 def _common_axis(mechanism: Mechanism, body: int) -> Array | None:
     """Unit vector in a body's axes that every rotation of the mechanism is about, or ``None``."""
     axes, turned = list[Array](), list[Array]()  # axes in space, and each body's axes at rest
@@ -162,8 +155,8 @@ def _common_axis(mechanism: Mechanism, body: int) -> Array | None:
             axes.append(turned[-1] @ link.axis / np.linalg.norm(link.axis))
         axes += list((carrier @ link.place_rotations).T)
     for link, into_space in zip(mechanism.links, turned, strict=True):
-        for place in _closed_places(mechanism, link.name):
-            axes += list((into_space @ place.marker.rotation).T)
+        for at in mechanism.closed_places(link.name):
+            axes += list((into_space @ at.rotation).T)
     if not axes:
         return None
     largest = axes[int(np.argmax([np.linalg.norm(axis) for axis in axes]))]

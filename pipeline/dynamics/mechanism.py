@@ -14,13 +14,14 @@ from functools import cached_property
 import numpy as np
 
 from pipeline.core.arrays import Array, IntArray
-from pipeline.dynamics.closures import GROUND, Constraint, Coupler
+from pipeline.dynamics.closures import GROUND, Closure, Constraint, Coupler
 from pipeline.dynamics.elements import Element
 from pipeline.dynamics.layout import Layout, layout_of
 from pipeline.dynamics.linear_forces import LinearForces, gather_linear_forces
 from pipeline.dynamics.links import FREE, SPHERICAL, Link, PointLoad
 from pipeline.dynamics.signals.activity import Activity, find_activity
 from pipeline.dynamics.signals.signal import Signal
+from pipeline.reduction.body import MarkerShapes
 from pipeline.reduction.inertia import InertiaGram
 
 
@@ -146,6 +147,16 @@ class Mechanism:
     def number_of(self, body: str) -> int:
         """Number of the body of a name."""
         return next(k for k, link in enumerate(self.links) if link.name == body)
+
+    @property
+    def closing_joints(self) -> tuple[Closure, ...]:
+        """Joints that close loops, without couplers."""
+        return tuple(closure for closure in self.closures if isinstance(closure, Closure))
+
+    def closed_places(self, body: str) -> list[MarkerShapes]:
+        """Places of a body that joints which close loops hold."""
+        ends = [place for joint in self.closing_joints for place in (joint.first, joint.second)]
+        return [place.marker for place in ends if place.body == body]
 
     def modes_of(self, body: int) -> IntArray:
         """Rates of a body's modal coordinates, lowest mode first."""

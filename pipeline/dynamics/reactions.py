@@ -5,8 +5,7 @@ from __future__ import annotations
 import numpy as np
 
 from pipeline.core.arrays import Array
-from pipeline.dynamics.closures import Closure
-from pipeline.dynamics.compiler.compiled import CompiledMechanism
+from pipeline.dynamics.compiled_system.shared import share_system
 from pipeline.dynamics.mechanism import Mechanism
 
 
@@ -25,8 +24,8 @@ def closing_reactions(mechanism: Mechanism, times: Array, q: Array, v: Array) ->
     dict of str to ndarray, shape (n_times, 2, 6)
         In space, about the joint's place on the parent and on the child, by the joints' names.
     """
-    names = [closure.name for closure in mechanism.closures if isinstance(closure, Closure)]
-    compiled = CompiledMechanism(mechanism)
+    names = [joint.name for joint in mechanism.closing_joints]
+    compiled = share_system(mechanism).compiled
     found = [compiled.reactions(float(t), q[k], v[k]) for k, t in enumerate(times)] if names else []
     return {name: np.array([at[name] for at in found]) for name in names}
 
@@ -35,5 +34,5 @@ def constraint_residual(mechanism: Mechanism, times: Array, q: Array, v: Array) 
     """Return the largest gap of a mechanism's loops over a motion [m, or rad]; 0 without loops."""
     if not mechanism.closures:
         return 0.0
-    compiled = CompiledMechanism(mechanism)
+    compiled = share_system(mechanism).compiled
     return max(float(np.abs(compiled.gaps(float(t), q[k], v[k])[0]).max(initial=0.0)) for k, t in enumerate(times))

@@ -165,8 +165,7 @@ def _loaded_places(
     Of a joint that closes a loop, and of a force element, there are its name, the number of its place, and the marker.
     """
     carried, name = [k for k, other in enumerate(mechanism.links) if other.parent == body], mechanism.links[body].name
-    closures = [closure for closure in mechanism.closures if isinstance(closure, Closure)]
-    pairs = [(closure.name, (closure.first, closure.second)) for closure in closures]
+    pairs = [(joint.name, (joint.first, joint.second)) for joint in mechanism.closing_joints]
     pairs += [(f"{_ELEMENT}{element.name}", element.ends) for element in mechanism.elements]
     held = [
         (key, side, place.marker) for key, places in pairs for side, place in enumerate(places) if place.body == name

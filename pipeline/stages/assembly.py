@@ -147,15 +147,9 @@ def following_joints(scene: Scene, mechanism: Mechanism) -> IntArray:
     return loose if len(loose) else _joint_rates(mechanism)
 
 
-def constraint_matrix(system: CompiledSystem, q: Array, t: float = 0.0) -> Array:
-    """Return J of the constraints' rates ``J v + …``, shape (n_rows, n)."""
-    X, _ = system.compiled.multipliers(t, q)
-    return np.asarray(X.T @ system.mass_matrix(q, t))
-
-
 def free_directions(system: CompiledSystem, q: Array) -> Array:
     """Return an orthonormal basis of the rates that keep all loops closed, shape (n, n_free)."""
-    _, _, ways = np.linalg.svd(constraint_matrix(system, q))
+    _, _, ways = np.linalg.svd(system.compiled.constraint_matrix(0.0, q))
     return np.asarray(ways[constraint_rank(system, q) :].T)
 
 
@@ -191,7 +185,7 @@ def _close_by(system: CompiledSystem, q: Array, columns: IntArray, weights: Arra
         if gap <= _CLOSED:
             break
         g, _ = system.compiled.gaps(0.0, q, np.zeros(system.n))
-        J = constraint_matrix(system, q)[:, columns] * weights[columns]
+        J = system.compiled.constraint_matrix(0.0, q)[:, columns] * weights[columns]
         step = np.zeros(system.n)
         step[columns] = -weights[columns] * np.linalg.lstsq(J, g, rcond=_DEPENDENT)[0]
         for _ in range(_HALVINGS):
@@ -211,7 +205,7 @@ def _close_by(system: CompiledSystem, q: Array, columns: IntArray, weights: Arra
 
 def _allow(system: CompiledSystem, q: Array, v: Array, groups: Sequence[IntArray]) -> Array:
     """Change the rates of the first group that can let all gaps stay closed."""
-    J, weights = constraint_matrix(system, q), _flexibility(system)
+    J, weights = system.compiled.constraint_matrix(0.0, q), _flexibility(system)
     for columns in groups:
         changed = v.copy()
         for _ in range(2):

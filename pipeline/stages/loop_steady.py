@@ -66,8 +66,7 @@ def find_closed_steady_state(
 
 def _with_closed_rates(system: CompiledSystem, q: Array, v: Array, following: IntArray, t: float) -> Array:
     """Return rates with which the loops stay closed, those of some joints changed."""
-    X, _ = system.compiled.multipliers(t, q)
-    J = (X.T @ system.mass_matrix(q, t))[:, following]
+    J = system.compiled.constraint_matrix(t, q)[:, following]
     _, opening = system.compiled.gaps(t, q, v)
     out = v.copy()
     out[following] -= np.linalg.lstsq(J, opening, rcond=1e-9)[0]

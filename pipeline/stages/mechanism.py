@@ -10,6 +10,7 @@ import numpy as np
 from pipeline.core.arrays import Array
 from pipeline.core.errors import InputError
 from pipeline.dynamics.closures import Closure, Constraint, Coupler, Place, close_joint, fixed_place
+from pipeline.dynamics.compiled_system.shared import share_system
 from pipeline.dynamics.compiled_system.steady import find_steady_state
 from pipeline.dynamics.compiled_system.system import CompiledSystem
 from pipeline.dynamics.links import (
@@ -118,7 +119,7 @@ def place_joints(scene: Scene, mechanism: Mechanism) -> tuple[Array, Array]:
     Loops close: joints whose position or rate the scene leaves open move first.
     """
     q0, v0 = given_joints(scene, mechanism)
-    return close_start(scene, CompiledSystem(mechanism), q0, v0) if mechanism.closures else (q0, v0)
+    return close_start(scene, share_system(mechanism), q0, v0) if mechanism.closures else (q0, v0)
 
 
 class _Places:

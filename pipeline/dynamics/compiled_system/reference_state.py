@@ -77,8 +77,7 @@ class ReferenceState:
         """J of the loops' constraints in the reference state, shape (n_rows, n)."""
         if not self.compiled.rows:
             return np.zeros((0, self.n))
-        X, _ = self.compiled.multipliers(0.0, self.mechanism.rest_positions)
-        return np.asarray(X.T @ self._reference_mass)
+        return self.compiled.constraint_matrix(0.0, self.mechanism.rest_positions)
 
     @property
     def stiffness(self) -> Array:

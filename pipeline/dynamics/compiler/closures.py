@@ -221,7 +221,7 @@ def _trace_coupler(inputs: Coordinates, coupler: Coupler) -> ConstraintRow:
 def trace_reactions(inputs: Coordinates, frames: list[MovingFrame], argument: str) -> list[list[Vector6]]:
     """Trace force and moment in space on the two places of each joint that closes a loop, for given multipliers."""
     zero = constants(inputs.graph, [0.0] * 6)
-    found = {closure.name: [zero, zero] for closure in inputs.mechanism.closures if isinstance(closure, Closure)}
+    found = {joint.name: [zero, zero] for joint in inputs.mechanism.closing_joints}
     for k, row in enumerate(trace_rows(inputs, frames)):
         size = inputs.graph.scalar_input(argument, k)
         for side, (_, f, m) in enumerate(row.wrenches):

@@ -10,7 +10,6 @@ from typing import Any
 import numpy as np
 
 from pipeline.core.arrays import Array
-from pipeline.dynamics.closures import Closure
 from pipeline.dynamics.compiler.closures import ConstraintRow, trace_rows
 from pipeline.dynamics.compiler.coordinates import Coordinates
 from pipeline.dynamics.compiler.digest import digest_mechanism
@@ -190,6 +189,11 @@ class CompiledMechanism:
         both = _in_blocks(along, np.eye(len(self.rows)), n + len(self.rows))
         return both[:n], both[n:]
 
+    def constraint_matrix(self, t: float, q: Array) -> Array:
+        """Return J of the constraints' rates ``J v + …``, shape (n_rows, n)."""
+        X, _ = self.multipliers(t, q)
+        return np.asarray(X.T @ self.mass_matrix(self.signal_values(t), q))
+
     def reactions(self, t: float, q: Array, v: Array) -> dict[str, Array]:
         """Return force [N] and moment [N m] of each joint that closes a loop on its parent and on its child.
 
@@ -200,7 +204,7 @@ class CompiledMechanism:
         dict of str to ndarray, shape (2, 6)
             In space, about the joint's places, by the joints' names.
         """
-        names = [closure.name for closure in self.mechanism.closures if isinstance(closure, Closure)]
+        names = [joint.name for joint in self.mechanism.closing_joints]
         n_rows, inputs, state = len(self.rows), self.signal_values(t), _contiguous(q, v)
         wrenches = np.zeros((len(names), 2, 6))
         if n_rows and names:
