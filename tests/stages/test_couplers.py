@@ -90,6 +90,50 @@ def test_a_gear_and_a_rack_add_their_inertia_by_the_square_of_their_ratios(tmp_p
     assert motion.joint_position("guide") == pytest.approx(0.1 * angle, abs=1e-10)
 
 
+BENDING = """
+[body.bar]
+shape = "bar"
+length = "1 m"
+depth = "10 mm"
+width = "10 mm"
+E = "70 GPa"
+nu = 0.33
+rho = "2700 kg/m^3"
+mesh = { element = "hexahedron", divisions = [12, 1, 1], order = 2 }
+modes = { count = 4, family = "in-plane bending", enrich = "inertia" }
+marker = { root = { face = "x-" }, tip = { face = "x+" } }
+
+[joint.bending]
+type = "revolute"
+parent = "ground"
+child = "bar.root"
+axis = [0, 0, 1]
+
+[coupler.bends]
+type = "gear"
+joint = "bending"
+driver = "driver"
+ratio = -0.5
+"""
+
+
+def test_a_gear_holds_the_section_of_a_flexible_body_and_bends_it(tmp_path: Path) -> None:
+    """Its frame floats about the hinge: a gear on that would turn the body without ever bending it."""
+    scene = (
+        (WHEELS + BENDING)
+        .replace('"slide.eye"\n\n[[', '"bar.tip"\nstiffening = "off"\n\n[[')
+        .replace('"0.1 s"', '"2 ms"')
+    )
+    motion = run_of(tmp_path, scene).motion
+    driver = motion.joint_position("driver")
+    assert motion.joint_position("bending") == pytest.approx(-0.5 * driver, abs=1e-12)
+    assert np.add(*motion.energies) == pytest.approx(0.5 * driver, abs=1e-7)  # the torque's work
+    across = 0.27 * 1.0**4 * 11 / 120  # of the bar's tip, under a load that rises with x
+    rate = motion.joint_rate("bending")[-1] / motion.times[-1]
+    EI = 70e9 * 0.01**4 / 12
+    assert abs(motion.tip_deflection[:, 1].mean()) == pytest.approx(across * abs(rate) / EI, rel=0.05)
+
+
 @pytest.mark.parametrize(
     ("text", "key", "said"),
     [

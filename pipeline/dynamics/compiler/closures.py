@@ -33,6 +33,7 @@ from pipeline.dynamics.compiler.algebra import (
 )
 from pipeline.dynamics.compiler.bodies import Inertia
 from pipeline.dynamics.compiler.coordinates import Coordinates, RestingCoordinates
+from pipeline.dynamics.compiler.forces import joint_grip, section_angle
 from pipeline.dynamics.compiler.frames import MovingFrame
 from pipeline.dynamics.compiler.graph import Scalar, Terms, total
 from pipeline.dynamics.compiler.places import PlaceMotion, trace_place
@@ -55,7 +56,9 @@ class ConstraintRow:
     wrenches : list of tuple
         Place, f and m of each.
     joints : dict of int to float
-        c of each joint, by its body's number.
+        c of each joint, by its body's number; s is that of the body's own section where it has one.
+    frames : list of MovingFrame
+        The bodies', of a constraint on joints.
     bias : Scalar
         Part of g̈ that velocities bring about beside the places' own.
     rotational : bool
@@ -71,6 +74,7 @@ class ConstraintRow:
     rotational: bool
     joints: dict[int, float] = field(default_factory=dict)
     number: int = 0
+    frames: list[MovingFrame] = field(default_factory=list)
 
     def rate(self, inputs: Coordinates) -> Scalar:
         """Return ġ."""
@@ -81,7 +85,8 @@ class ConstraintRow:
         for number, factor in self.joints.items():
             link = inputs.mechanism.links[number]
             ds = inputs.signal(link.motion, 2)[1] if link.motion is not None else inputs.joint_rates(number)[0]
-            terms.append(ds * factor)
+            frame = self.frames[number]
+            terms.append((ds + joint_grip(inputs.graph, frame).dot(frame.v)) * factor)
         return total(terms)
 
     def acceleration(self, inputs: Coordinates, ground: Vector6, motion: list[BodyValues]) -> Scalar:
@@ -96,7 +101,8 @@ class ConstraintRow:
         for number, factor in self.joints.items():
             link = inputs.mechanism.links[number]
             dds = inputs.signal(link.motion, 2)[2] if link.motion is not None else motion[number].joint[0]
-            terms.append(dds * factor)
+            of_section = joint_grip(inputs.graph, self.frames[number]).dot(motion[number].modes)
+            terms.append((dds + of_section) * factor)
         return total(terms)
 
 
@@ -117,6 +123,8 @@ class MultiplierForces:
                 if place.frame is not None and place.frame.number == frame.number:
                     force, on_modes = place.on_body(scale(size, f), scale(size, m))
                     p, terms = subtract(p, force), terms + on_modes
+            if frame.number in row.joints:
+                terms.append((size * row.joints[frame.number], joint_grip(self.graph, frame)))
         return p, terms or [(0.0, self.graph.zeros(len(frame.link.omega)))]
 
     def on_joint(self, frame: MovingFrame) -> list[Scalar]:
@@ -144,7 +152,7 @@ def trace_rows(inputs: Coordinates, frames: list[MovingFrame]) -> list[Constrain
     rows: list[ConstraintRow] = []
     for constraint in inputs.mechanism.closures:
         if isinstance(constraint, Coupler):
-            rows.append(_trace_coupler(inputs, constraint))
+            rows.append(_trace_coupler(inputs, frames, constraint))
         else:
             rows += _trace_closure(inputs, frames, constraint)
     return [row for row in rows if not _holds_always(row)]
@@ -205,17 +213,20 @@ def _opposed(
     return [(first, scale(-1.0, force), moment), (second, force, zero3)]
 
 
-def _trace_coupler(inputs: Coordinates, coupler: Coupler) -> ConstraintRow:
+def _trace_coupler(inputs: Coordinates, frames: list[MovingFrame], coupler: Coupler) -> ConstraintRow:
     graph, mechanism = inputs.graph, inputs.mechanism
-    gap, joints = [graph.number(-coupler.offset)], dict[int, float]()
+    gap, joints, bias = [graph.number(-coupler.offset)], dict[int, float](), [graph.number(0.0)]
     for name, factor in zip(coupler.joints, coupler.factors, strict=True):
         number = mechanism.number_of(name)
         link = mechanism.links[number]
         s = inputs.signal(link.motion, 2)[0] if link.motion is not None else inputs.joint_positions(number)[0]
-        gap.append(s * float(factor))
+        frame = frames[number]
+        gap.append((s + section_angle(graph, frame)) * float(factor))
+        if link.joint_bow.size and not joint_grip(graph, frame).is_zero:
+            bias.append(frame.v.multiplied_by(link.joint_bow).dot(frame.v) * float(factor))
         joints[number] = joints.get(number, 0.0) + float(factor)
     turning = all(mechanism.links[number].unit == "rad" for number in joints)
-    return ConstraintRow(coupler.name, total(gap), [], graph.number(0.0), turning, joints)
+    return ConstraintRow(coupler.name, total(gap), [], total(bias), turning, joints, frames=frames)
 
 
 def trace_reactions(inputs: Coordinates, frames: list[MovingFrame], argument: str) -> list[list[Vector6]]:
