@@ -11,6 +11,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from pipeline.output.histories import write_extremes, write_history
+from pipeline.output.stress_fields import write_envelope, write_fatigue
 from pipeline.recovery.stress import choose_frames, von_mises
 from pipeline.reduction.body_file import save_body
 from pipeline.scene.outputs import Export
@@ -90,5 +91,7 @@ FILES: dict[str, Callable[[Pipeline, Any, Path], list[str]]] = {
     "export": write_export,
     "history": write_history,
     "table": write_extremes,
+    "envelope": write_envelope,
+    "fatigue": write_fatigue,
 }
 """Writers of outputs that aren't drawn, by their types."""

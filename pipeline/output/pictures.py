@@ -5,25 +5,25 @@ from __future__ import annotations
 from collections.abc import Callable, Iterable
 from dataclasses import dataclass
 from pathlib import Path
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING
 
 import numpy as np
 
 from pipeline.core.arrays import Array, IntArray
-from pipeline.core.errors import InputError
 from pipeline.core.units import unit_ratio
 from pipeline.output.curves import curves_of
+from pipeline.output.stress_fields import draw_envelope, draw_fatigue
+from pipeline.output.views import camera_of, surface_of
 from pipeline.recovery.stress import StressHistory, choose_frames, stress_measure
 from pipeline.render.calls import Drawer, draw_here
-from pipeline.render.camera import FILM_PIXELS, PIXELS, SHEET_PIXELS, Camera
+from pipeline.render.camera import FILM_PIXELS, SHEET_PIXELS
 from pipeline.render.chart_data import Band, Curve
 from pipeline.render.colours import stress_limits
 from pipeline.render.film_frames import FilmedMotion
 
 if TYPE_CHECKING:
-    from pipeline.render.surface import Surface
     from pipeline.scene.outputs import Chart
-    from pipeline.scene.pictures import BodyPicture, Film, MeshPicture, ModePictures, ModeSheet, StressPicture
+    from pipeline.scene.pictures import Film, MeshPicture, ModePictures, ModeSheet, StressPicture
     from pipeline.stages.pipeline import Pipeline
 
 
@@ -55,7 +55,7 @@ def draw_mesh(run: Pipeline, output: MeshPicture, folder: Path, draw: Drawer = d
     names = [f"{name} ({len(cells):,} elements)".replace(",", " ") for name, cells in part.mesh.parts.items()]
     title = output.title or f"{run.scene.title}: {len(part.mesh.cells):,} elements".replace(",", " ")
     triangles = part_numbers(part.mesh)[part.surface_elements] - 1
-    surface, camera = _surface(run, output.body), _camera(run, output)
+    surface, camera = surface_of(run, output.body), camera_of(run, output)
     draw("pictures.draw_mesh", surface, triangles, names, folder / output.file, title=title, camera=camera)
     return [output.file]
 
@@ -69,7 +69,7 @@ def draw_modes(
 ) -> list[str]:
     """Draw a picture of each mode, or of those with the given numbers, from 1."""
     part = run.parts[output.body]
-    surface, modes, files = _surface(run, output.body), part.modes, []
+    surface, modes, files = surface_of(run, output.body), part.modes, []
     held = "free" if part.shape.modes.boundary == "free" else "held"
     family = "" if part.shape.modes.family == "any" else f" ({part.shape.modes.family})"
     chosen = (
@@ -85,7 +85,7 @@ def draw_modes(
             folder / name,
             title=f"{output.title or run.scene.title}: {held} mode {k + 1}, {frequency:.1f} Hz{family}",
             scale=output.scale or 1.0,
-            camera=_camera(run, output),
+            camera=camera_of(run, output),
         )
         files.append(name)
     return files
@@ -97,13 +97,13 @@ def draw_mode_sheet(run: Pipeline, output: ModeSheet, folder: Path, draw: Drawer
     hertz = part.modes.frequencies_hz[: output.count]
     draw(
         "mode_sheet.draw_mode_sheet",
-        _surface(run, output.body),
+        surface_of(run, output.body),
         part.modes.shapes[part.surface.nodes][..., : len(hertz)],
         [f"mode {k + 1}, {frequency:.1f} Hz" for k, frequency in enumerate(hertz)],
         folder / output.file,
         title=output.title or f"{run.scene.title}: elastic modes",
         scale=output.scale,
-        camera=_camera(run, output, SHEET_PIXELS),
+        camera=camera_of(run, output, SHEET_PIXELS),
     )
     return [output.file]
 
@@ -115,21 +115,21 @@ def draw_stress(run: Pipeline, output: StressPicture, folder: Path, draw: Drawer
     frame = int(np.searchsorted(stress.times, time))
     draw(
         "pictures.draw_stress",
-        _surface(run, output.body),
+        surface_of(run, output.body),
         run.bodies[output.body].shapes[stress.nodes] @ stress.q[frame],
         stress.measure_at(np.array([frame]), stress_measure(output.component))[0],
         folder / output.file,
         title=f"{output.title or run.scene.title}: worst instant, t = {1e3 * time:.1f} ms",
         scale=output.scale,
         quantity=_quantity(output.component),
-        camera=_camera(run, output),
+        camera=camera_of(run, output),
     )
     return [output.file]
 
 
 def draw_film(run: Pipeline, output: Film, folder: Path, draw: Drawer = draw_here) -> list[str]:
     """Film a body's stress in motion."""
-    surface, history = _surface(run, output.body), run.stress_of(output.body)
+    surface, history = surface_of(run, output.body), run.stress_of(output.body)
     chosen = choose_frames(len(history.times), output.frames)
     values = history.measure_at(chosen, stress_measure(output.component))
     scaled = f", deformation × {output.scale:g}" if output.scale != 1 else ""
@@ -142,7 +142,7 @@ def draw_film(run: Pipeline, output: Film, folder: Path, draw: Drawer = draw_her
         clim_pa=stress_limits(values),
         rate=output.rate,
         quantity=_quantity(output.component),
-        camera=_camera(run, output, FILM_PIXELS),
+        camera=camera_of(run, output, FILM_PIXELS),
         hub=not _is_ring(run, output.body),
     )
     return [output.file]
@@ -173,6 +173,8 @@ DRAWINGS: dict[str, Drawing] = {
     "modes": Drawing(draw_modes, ("modes", "surface", "body"), still=True),
     "mode sheet": Drawing(draw_mode_sheet, ("modes", "surface", "body"), still=True),
     "stress": Drawing(draw_stress, ("surface", "stress", "body")),
+    "envelope": Drawing(draw_envelope, ("surface", "stress", "body")),
+    "fatigue": Drawing(draw_fatigue, ("surface", "stress", "body")),
     "film": Drawing(draw_film, ("mesh", "surface", "stress", "body")),
 }
 
@@ -183,7 +185,7 @@ def _filmed(run: Pipeline, output: Film, history: StressHistory, chosen: IntArra
     frame = motion.kinematics.frames[motion.mechanism.number_of(body)]
     return FilmedMotion(
         times=motion.times[chosen],
-        points=_surface(run, body).points,
+        points=surface_of(run, body).points,
         shapes=run.bodies[body].shapes[history.nodes],
         coordinates=history.q[chosen],
         scale=output.scale,
@@ -194,27 +196,9 @@ def _filmed(run: Pipeline, output: Film, history: StressHistory, chosen: IntArra
     )
 
 
-def _surface(run: Pipeline, body: str) -> Surface:
-    from pipeline.render.surface import Surface
-
-    part = run.parts[body]
-    x = part.space.x if not run.scene.moves else run.bodies[body].x  # a part alone isn't reduced
-    return Surface(x[part.surface.nodes], part.surface.triangles, part.surface.edges)
-
-
 def _is_ring(run: Pipeline, body: str) -> bool:
     """Return True if a body surrounds its joint, so that a dot for the hub would lie upon it."""
     return run.parts[body].mesh.sectors > 1
-
-
-def _camera(run: Pipeline, output: BodyPicture, size: tuple[int, int] | None = None) -> Camera:
-    """Return a picture's camera, of ``size`` unless the scene gives one; by default of a still picture's."""
-    angles = None if output.camera is None else (np.degrees(output.camera[0]), np.degrees(output.camera[1]))
-    settings: dict[str, Any] = {"focus": output.focus, "extent": output.extent, "zoom": output.zoom}
-    try:
-        return Camera(angles=angles, size=output.size or size or PIXELS, colour_map=output.colour_map, **settings)
-    except ValueError as error:
-        raise InputError(run.scene.file, "output", output.colour_map, str(error)) from error
 
 
 def _quantity(component: str) -> str:

@@ -10,6 +10,7 @@ from pipeline.core.units import Stress
 from pipeline.scene.histories import ExtremesTable, History
 from pipeline.scene.pictures import Component, Film, MeshPicture, ModePictures, ModeSheet, StressPicture
 from pipeline.scene.reading import FaultError, SceneTable
+from pipeline.scene.stress_outputs import Envelope, Fatigue
 from pipeline.scene.values import BodyName, ElementName, FileCheck, JointName, MarkerName, Text
 
 # Meanings of the quantities that a chart can draw.
@@ -158,7 +159,17 @@ class Export(SceneTable):
 
 
 Output = Annotated[
-    Chart | MeshPicture | ModePictures | ModeSheet | StressPicture | Film | History | ExtremesTable | Export,
+    Chart
+    | MeshPicture
+    | ModePictures
+    | ModeSheet
+    | StressPicture
+    | Film
+    | Envelope
+    | Fatigue
+    | History
+    | ExtremesTable
+    | Export,
     Field(discriminator="type"),
 ]
 
