@@ -17,7 +17,7 @@ from pipeline.scene.joints import Joint
 from pipeline.scene.loads import Drive, MotionDrive, PointForce, PointTorque
 from pipeline.scene.loops import OF_COORDINATES, closing_joints
 from pipeline.scene.outputs import JOINT_QUANTITIES, Chart, Export, Output
-from pipeline.scene.pictures import BodyPicture
+from pipeline.scene.pictures import BodyPicture, MechanismView, StressPicture
 from pipeline.scene.reading import FaultError, suggest_name
 from pipeline.scene.runs import ScipyRun
 from pipeline.scene.simulation import Simulation
@@ -173,8 +173,12 @@ class CrossCheck:
             except ValueError as error:
                 yield FaultError(str(error), *path, "unit")
 
-    def _check_picture(self, picture: BodyPicture | Export, *path: str | int) -> Iterator[FaultError]:
+    def _check_picture(self, picture: BodyPicture | MechanismView | Export, *path: str | int) -> Iterator[FaultError]:
         flexible = self._flexible
+        if picture.body is None:
+            if isinstance(picture, StressPicture) and all(body.shape == "matrices" for body in flexible.values()):
+                yield FaultError("needs a flexible body with a mesh; this scene has none", *path, "type")
+            return
         of_body_alone = isinstance(picture, Export) and picture.file.endswith(".nc")
         if picture.body not in self.body:
             yield FaultError(f"no such body; {suggest_name(picture.body, self.body, 'the bodies')}", *path, "body")

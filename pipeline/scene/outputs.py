@@ -7,7 +7,15 @@ from typing import Annotated, Literal
 from pydantic import AfterValidator, Field, model_validator
 
 from pipeline.core.units import Stress
-from pipeline.scene.pictures import Component, Film, MeshPicture, ModePictures, ModeSheet, StressPicture
+from pipeline.scene.pictures import (
+    Component,
+    Film,
+    MechanismPicture,
+    MeshPicture,
+    ModePictures,
+    ModeSheet,
+    StressPicture,
+)
 from pipeline.scene.reading import FaultError, SceneTable
 from pipeline.scene.values import BodyName, ElementName, FileCheck, JointName, MarkerName, Text
 
@@ -157,5 +165,6 @@ class Export(SceneTable):
 
 
 Output = Annotated[
-    Chart | MeshPicture | ModePictures | ModeSheet | StressPicture | Film | Export, Field(discriminator="type")
+    Chart | MeshPicture | ModePictures | ModeSheet | StressPicture | MechanismPicture | Film | Export,
+    Field(discriminator="type"),
 ]
