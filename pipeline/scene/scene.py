@@ -232,7 +232,7 @@ def load_scene(name_or_path: str | Path, overrides: Sequence[str] = ()) -> Scene
     """
     source = read_scene_file(name_or_path, overrides)
     try:
-        scene = Scene.model_validate(source.data)
+        scene = Scene.model_validate(source.data, context={"folder": Path(source.file).parent})
     except ValidationError as error:
         raise source.make_error(error) from None
     scene._file = source.file

@@ -7,11 +7,11 @@ from typing import NamedTuple
 from pipeline.scene.bodies import Bar, BarMesh, ModeSettings, Solid
 from pipeline.scene.compound_joints import Cylindrical, Planar, Screw, Universal
 from pipeline.scene.constraints import Distance, Gear, PointOnLine, Rack
+from pipeline.scene.force_curves import ForceByElongation
 from pipeline.scene.force_elements import (
     AngleStop,
     Bearing,
     Bushing,
-    ForceByElongation,
     LengthStop,
     Spring,
 )
@@ -109,6 +109,18 @@ it lies in the folder of results, and no two outputs have the same.
 _FORMULAS = """\
 A formula may hold `t`, `pi`, numbers, `+ - * / **`, the functions `sin`, `cos`, `tan`, `exp`, `log`, `sqrt`, `tanh`,
 `abs`, `min` and `max`, and choices such as `12*t if t < 0.5 else 6`, whose condition compares `t` with a constant.
+
+A table may also lie in a CSV file beside the scene, with a column of times and one for each quantity:
+
+```toml
+[drive.shoulder]
+type = "motion"
+joint = "shoulder"
+angle = { file = "motion.csv", time = "t", column = "q1", unit = "deg" }
+```
+
+A column is named as in the file's first row, or by its number from 1. Lines that begin with `#` are comments, and in a
+file with semicolons or tabs numbers may have a decimal comma.
 """
 
 
