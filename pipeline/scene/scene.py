@@ -23,7 +23,8 @@ from pipeline.scene.joints import Joint
 from pipeline.scene.loads import Drive
 from pipeline.scene.loops import closing_joints
 from pipeline.scene.outputs import Output
-from pipeline.scene.reading import SceneTable, read_scene_file
+from pipeline.scene.reading import SceneTable
+from pipeline.scene.scene_files import read_scene_file
 from pipeline.scene.simulation import Simulation
 from pipeline.scene.values import Name
 

@@ -65,8 +65,9 @@ charts, pictures and files that are wanted. `fmd new my-part.toml` writes a comm
   `-`. A marker is named with its body, `"beam.tip"`. `"ground"` stands still.
 - **On the command line** `--set` replaces values of the file: `--set body.beam.length=300mm`,
   `--set simulation.run.1.substeps=7`. Items of a list count from 0.
-- **Variants** of a ready scene start with `base = "propeller"`; tables that the file doesn't hold come from that scene.
-  The ready scenes are {ready}.
+- **Variants** of another scene start with `base = "./mine.toml"`, its path from this file, or with a ready scene's
+  name, `base = "propeller"`. Tables of the first level that the file doesn't hold, such as `body` or `output`, come
+  from that scene. The ready scenes are {ready}.
 - **Mistakes** are refused, unknown keys too, by one message with the file, the key, the value and what would work.
 
 The tables below give each key's values, its SI unit and its default. A key with a dash may be left out.
@@ -75,6 +76,16 @@ The tables below give each key's values, its SI unit and its default. A key with
 _BODIES = """\
 A body is a table `[body.NAME]`, and its key `shape` says of which kind it is. Bars, propellers and bodies from files
 are flexible; rods, point masses and rigid bodies are not.
+
+With `like = "NAME"` a body has all keys of another body, and those that it gives itself in place of the other's; its
+own tables, such as `mesh` and `marker`, are joined with the other's key by key. Bodies of one part share its mesh, its
+matrices and its modes, which are computed once.
+
+```toml
+[body.blade-2]
+like = "blade-1"
+modes = { damping = 0.01 }
+```
 """
 _JOINTS = """\
 A joint is a table `[joint.NAME]`, and its key `type` says of which kind it is. Bodies form a tree: each is the child of
