@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import asdict, dataclass
+from dataclasses import asdict, dataclass, replace
 from typing import Any, Literal
 
 from pipeline.accuracy.error_budget import ERROR_BUDGET
@@ -146,6 +146,7 @@ class _Planner:
     def __init__(self, run: Pipeline) -> None:
         self._run, self._last = run, _last(run)
         self._steps: dict[tuple[str, str], Step] = {}
+        self._twins: dict[str, str] = {}  # body that has the result under each key first
         self.compiled = self._last["kernels"] == _kernels()
 
     def note(self, stage: str, fate: Fate, why: str, body: str = "") -> None:
@@ -163,8 +164,11 @@ class _Planner:
             anew = [other for other in stage.in_key if self._steps[other, part.name].fate == "run"]
             if anew:
                 self.note(name, "run", f"the {anew[0]} is made anew", part.name)
+            elif (key := stage.key(part)) and (twin := self._twins.setdefault(key, part.name)) != part.name:
+                same = self._steps[name, twin]
+                self._steps[name, part.name] = replace(same, body=part.name, fate="cached", why=f"that of {twin}")
             else:
-                self.note(name, *self._fate(stage.key(part), (name, part.name)), part.name)
+                self.note(name, *self._fate(key, (name, part.name)), part.name)
             if self._steps[name, part.name].fate == "run":
                 self.want(part, stage.reads)
 
