@@ -7,6 +7,7 @@ from typing import Annotated, Literal
 from pydantic import AfterValidator, Field, model_validator
 
 from pipeline.core.units import Stress
+from pipeline.scene.histories import ExtremesTable, History
 from pipeline.scene.pictures import Component, Film, MeshPicture, ModePictures, ModeSheet, StressPicture
 from pipeline.scene.reading import FaultError, SceneTable
 from pipeline.scene.values import BodyName, ElementName, FileCheck, JointName, MarkerName, Text
@@ -181,5 +182,13 @@ class Export(SceneTable):
 
 
 Output = Annotated[
-    Chart | MeshPicture | ModePictures | ModeSheet | StressPicture | Film | Export, Field(discriminator="type")
+    Chart | MeshPicture | ModePictures | ModeSheet | StressPicture | Film | History | ExtremesTable | Export,
+    Field(discriminator="type"),
 ]
+
+_DRAWN = (".png", ".pdf", ".svg", ".mp4", ".gif")
+
+
+def is_drawn(output: Output) -> bool:
+    """Return True if an output is a picture, a chart or a film, and not a file of numbers."""
+    return output.file.endswith(_DRAWN)
