@@ -92,8 +92,10 @@ def forecast_run(run: Pipeline, pictures: bool, budget: bool) -> Forecast:
     for part in run.parts.values():
         planner.want(part, ["element stress"] if part.shape.element else [])
     for export in exports:
+        if export.body is None:
+            continue  # the whole mechanism, which the motion takes anyway
         part, suffix = run.parts[export.body], "." + export.file.rpartition(".")[2]
-        planner.want(part, EXPORTS[suffix].reads)
+        planner.want(part, EXPORTS[suffix].reads if suffix in EXPORTS else ("modes", "body"))
         planner.want(part, ["inertia"] if suffix == ".nc" and part.joint.normal >= 0 else [])
     missing = [output for output in outputs if pictures and not planner.has_drawn(output)]
     for output in missing:

@@ -175,7 +175,9 @@ class CrossCheck:
 
     def _check_picture(self, picture: BodyPicture | Export, *path: str | int) -> Iterator[FaultError]:
         flexible = self._flexible
-        of_body_alone = isinstance(picture, Export) and picture.file.endswith(".nc")
+        if picture.body is None:  # an export of the whole mechanism
+            return
+        of_body_alone = isinstance(picture, Export) and (picture.file.endswith(".nc") or picture.format is not None)
         if picture.body not in self.body:
             yield FaultError(f"no such body; {suggest_name(picture.body, self.body, 'the bodies')}", *path, "body")
         elif picture.body not in flexible:
