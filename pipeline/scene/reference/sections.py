@@ -7,15 +7,16 @@ from typing import NamedTuple
 from pipeline.scene.bodies import Bar, BarMesh, ModeSettings, Solid
 from pipeline.scene.compound_joints import Cylindrical, Planar, Screw, Universal
 from pipeline.scene.constraints import Distance, Gear, PointOnLine, Rack
+from pipeline.scene.force_curves import ForceByElongation
 from pipeline.scene.force_elements import (
     AngleStop,
     Bearing,
     Bushing,
-    ForceByElongation,
     LengthStop,
     Spring,
 )
 from pipeline.scene.ground import GroundPlace
+from pipeline.scene.histories import ExtremesTable, History, Quantities
 from pipeline.scene.imported_bodies import (
     CadFile,
     CadPart,
@@ -76,8 +77,9 @@ charts, pictures and files that are wanted. `fmd new my-part.toml` writes a comm
   `-`. A marker is named with its body, `"beam.tip"`. `"ground"` stands still.
 - **On the command line** `--set` replaces values of the file: `--set body.beam.length=300mm`,
   `--set simulation.run.1.substeps=7`. Items of a list count from 0.
-- **Variants** of a ready scene start with `base = "propeller"`; tables that the file doesn't hold come from that scene.
-  The ready scenes are {ready}.
+- **Variants** of another scene start with `base = "./mine.toml"`, its path from this file, or with a ready scene's
+  name, `base = "propeller"`. Tables of the first level that the file doesn't hold, such as `body` or `output`, come
+  from that scene. The ready scenes are {ready}.
 - **Mistakes** are refused, unknown keys too, by one message with the file, the key, the value and what would work.
 
 The tables below give each key's values, its SI unit and its default. A key with a dash may be left out.
@@ -86,6 +88,16 @@ The tables below give each key's values, its SI unit and its default. A key with
 _BODIES = """\
 A body is a table `[body.NAME]`, and its key `shape` says of which kind it is. Bars, propellers and bodies from files
 are flexible; rods, point masses and rigid bodies are not.
+
+With `like = "NAME"` a body has all keys of another body, and those that it gives itself in place of the other's; its
+own tables, such as `mesh` and `marker`, are joined with the other's key by key. Bodies of one part share its mesh, its
+matrices and its modes, which are computed once.
+
+```toml
+[body.blade-2]
+like = "blade-1"
+modes = { damping = 0.01 }
+```
 """
 _VISUALS = """\
 A shape is a table `[[body.NAME.visual]]`, and its key `type` says of which kind it is. It shows the body in
@@ -124,6 +136,18 @@ it lies in the folder of results, and no two outputs have the same.
 _FORMULAS = """\
 A formula may hold `t`, `pi`, numbers, `+ - * / **`, the functions `sin`, `cos`, `tan`, `exp`, `log`, `sqrt`, `tanh`,
 `abs`, `min` and `max`, and choices such as `12*t if t < 0.5 else 6`, whose condition compares `t` with a constant.
+
+A table may also lie in a CSV file beside the scene, with a column of times and one for each quantity:
+
+```toml
+[drive.shoulder]
+type = "motion"
+joint = "shoulder"
+angle = { file = "motion.csv", time = "t", column = "q1", unit = "deg" }
+```
+
+A column is named as in the file's first row, or by its number from 1. Lines that begin with `#` are comments, and in a
+file with semicolons or tabs numbers may have a decimal comma.
 """
 
 
@@ -238,5 +262,8 @@ SECTIONS = (
     Section("### Picture of the stress", StressPicture),
     Section("### Picture of the mechanism", MechanismPicture),
     Section("### Film", Film),
+    Section("### Every history and table", Quantities),
+    Section("### History", History),
+    Section("### Table of extremes", ExtremesTable),
     Section("### File for other tools", Export),
 )
