@@ -13,6 +13,7 @@ from pipeline.output.exports import EXPORTS
 from pipeline.output.picture_files import picture_key
 from pipeline.output.pictures import DRAWINGS
 from pipeline.scene.outputs import Export, is_drawn
+from pipeline.scene.pictures import MechanismView
 from pipeline.stages.part import PART_STAGES, FlexiblePart
 from pipeline.stages.pipeline import Pipeline
 
@@ -100,8 +101,14 @@ def forecast_run(run: Pipeline, pictures: bool, budget: bool) -> Forecast:
         planner.want(part, ["inertia"] if suffix == ".nc" and part.joint.normal >= 0 else [])
     missing = [output for output in outputs if pictures and not planner.has_drawn(output)]
     for output in missing:
-        body = getattr(output, "body", None)
-        planner.want(run.parts[body], DRAWINGS[output.type].reads) if body else None
+        reads, body = DRAWINGS[output.type].reads, getattr(output, "body", None)
+        for name, part in run.parts.items():
+            if isinstance(output, MechanismView):
+                coloured = body in (None, name)
+                shown = part.has_mesh and (coloured or not output.alone)
+                planner.want(part, [stage for stage in reads if coloured or stage != "stress"] if shown else [])
+            elif name == body:
+                planner.want(part, reads)
     planner.want_budget(budget and all(part.has_mesh for part in run.parts.values()))
     planner.note("files", "run" if wanted else "skipped", f"{len(wanted)} in the scene's output")
     if missing:

@@ -18,7 +18,7 @@ from pipeline.scene.joints import Joint
 from pipeline.scene.loads import Drive, MotionDrive, PointForce, PointTorque
 from pipeline.scene.loops import OF_COORDINATES, closing_joints
 from pipeline.scene.outputs import JOINT_QUANTITIES, Chart, Export, Output
-from pipeline.scene.pictures import BodyPicture
+from pipeline.scene.pictures import BodyPicture, MechanismView, StressPicture
 from pipeline.scene.reading import FaultError, suggest_name
 from pipeline.scene.runs import ScipyRun
 from pipeline.scene.simulation import Simulation
@@ -197,9 +197,11 @@ class CrossCheck:
         if "element_stress" in output.quantities and not any(body.element for body in meshed.values()):
             yield FaultError("element_stress needs a named element, [body.NAME.element]", *path, "quantities")
 
-    def _check_picture(self, picture: BodyPicture | Export, *path: str | int) -> Iterator[FaultError]:
+    def _check_picture(self, picture: BodyPicture | MechanismView | Export, *path: str | int) -> Iterator[FaultError]:
         flexible = self._flexible
-        if picture.body is None:  # an export of the whole mechanism
+        if picture.body is None:  # of the whole mechanism
+            if isinstance(picture, StressPicture) and all(body.shape == "matrices" for body in flexible.values()):
+                yield FaultError("needs a flexible body with a mesh; this scene has none", *path, "type")
             return
         of_body_alone = isinstance(picture, Export) and (picture.file.endswith(".nc") or picture.format is not None)
         if picture.body not in self.body:

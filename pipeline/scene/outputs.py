@@ -8,7 +8,15 @@ from pydantic import AfterValidator, Field, model_validator
 
 from pipeline.core.units import Stress
 from pipeline.scene.histories import ExtremesTable, History
-from pipeline.scene.pictures import Component, Film, MeshPicture, ModePictures, ModeSheet, StressPicture
+from pipeline.scene.pictures import (
+    Component,
+    Film,
+    MechanismPicture,
+    MeshPicture,
+    ModePictures,
+    ModeSheet,
+    StressPicture,
+)
 from pipeline.scene.reading import FaultError, SceneTable
 from pipeline.scene.values import BodyName, ElementName, FileCheck, JointName, MarkerName, Text
 
@@ -182,7 +190,16 @@ class Export(SceneTable):
 
 
 Output = Annotated[
-    Chart | MeshPicture | ModePictures | ModeSheet | StressPicture | Film | History | ExtremesTable | Export,
+    Chart
+    | MeshPicture
+    | ModePictures
+    | ModeSheet
+    | StressPicture
+    | MechanismPicture
+    | Film
+    | History
+    | ExtremesTable
+    | Export,
     Field(discriminator="type"),
 ]
 

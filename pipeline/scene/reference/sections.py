@@ -30,7 +30,17 @@ from pipeline.scene.imported_bodies import (
 from pipeline.scene.joints import Fixed, Free, Prismatic, Revolute, Spherical
 from pipeline.scene.loads import ForceDrive, MotionDrive, PointForce, PointTorque, PulseDrive, TorqueDrive
 from pipeline.scene.outputs import Chart, Export
-from pipeline.scene.pictures import BodyPicture, Film, MeshPicture, ModePictures, ModeSheet, StressPicture
+from pipeline.scene.pictures import (
+    BodyPicture,
+    Film,
+    MechanismPicture,
+    MechanismView,
+    MeshPicture,
+    ModePictures,
+    ModeSheet,
+    PictureSettings,
+    StressPicture,
+)
 from pipeline.scene.places import MarkerPlace, NamedElement, Support
 from pipeline.scene.propeller import Propeller, PropellerMesh
 from pipeline.scene.reading import SceneTable
@@ -49,6 +59,7 @@ from pipeline.scene.runs import (
 from pipeline.scene.scene import PublishedResults, Scene
 from pipeline.scene.simulation import Simulation
 from pipeline.scene.time_functions import TimeFunction
+from pipeline.scene.visuals import BoxVisual, CylinderVisual, FileVisual, RodVisual, VisualSettings
 
 INTRODUCTION = """\
 <!-- Written by `python -m pipeline.scene.reference > docs/scene.md` from the docstrings in pipeline/scene. -->
@@ -87,6 +98,10 @@ matrices and its modes, which are computed once.
 like = "blade-1"
 modes = { damping = 0.01 }
 ```
+"""
+_VISUALS = """\
+A shape is a table `[[body.NAME.visual]]`, and its key `type` says of which kind it is. It shows the body in
+pictures and films, and has no effect on the motion.
 """
 _JOINTS = """\
 A joint is a table `[joint.NAME]`, and its key `type` says of which kind it is. Bodies form a tree: each is the child of
@@ -188,6 +203,11 @@ SECTIONS = (
     Section("### Point mass", PointMass),
     Section("### Rigid body", RigidBody),
     Section("### Markers of a rigid body", PointMarker),
+    Section("### Shapes of rigid bodies in pictures", VisualSettings, _VISUALS),
+    Section("### Box in pictures", BoxVisual),
+    Section("### Cylinder in pictures", CylinderVisual),
+    Section("### Rod in pictures", RodVisual),
+    Section("### Shape from a file in pictures", FileVisual),
     Section("## Places on the ground", GroundPlace),
     Section("## Joints", None, _JOINTS),
     Section("### Revolute joint", Revolute),
@@ -233,11 +253,14 @@ SECTIONS = (
     Section("## Published results", PublishedResults),
     Section("## Outputs", None, _OUTPUTS),
     Section("### Chart", Chart),
-    Section("### Every picture and film", BodyPicture),
+    Section("### Every picture and film", PictureSettings),
+    Section("### Every picture of a body", BodyPicture),
     Section("### Picture of the mesh", MeshPicture),
     Section("### Pictures of modes", ModePictures),
     Section("### Sheet of modes", ModeSheet),
+    Section("### Every picture of the mechanism", MechanismView),
     Section("### Picture of the stress", StressPicture),
+    Section("### Picture of the mechanism", MechanismPicture),
     Section("### Film", Film),
     Section("### Every history and table", Quantities),
     Section("### History", History),
