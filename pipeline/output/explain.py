@@ -12,6 +12,7 @@ from pipeline.core.paths import source_digest
 from pipeline.output.exports import EXPORTS
 from pipeline.output.picture_files import picture_key
 from pipeline.output.pictures import DRAWINGS
+from pipeline.scene.outputs import Export, is_drawn
 from pipeline.stages.part import PART_STAGES, FlexiblePart
 from pipeline.stages.pipeline import Pipeline
 
@@ -78,8 +79,8 @@ class Forecast:
 def forecast_run(run: Pipeline, pictures: bool, budget: bool) -> Forecast:
     """Forecast `write_results`; the only stage that this may compute is a spin that decides on another."""
     planner = _Planner(run)
-    outputs = [output for output in run.scene.output if output.type != "export"]
-    exports = [output for output in run.scene.output if output.type == "export"]
+    outputs = [output for output in run.scene.output if is_drawn(output)]
+    wanted = [output for output in run.scene.output if not is_drawn(output)]
     for part in run.parts.values():
         planner.want(part, ["body"])
     planner.want_stiffening()
@@ -91,16 +92,18 @@ def forecast_run(run: Pipeline, pictures: bool, budget: bool) -> Forecast:
         planner.want(part, ["modes", "surface", "stress"])
     for part in run.parts.values():
         planner.want(part, ["element stress"] if part.shape.element else [])
-    for export in exports:
+    for export in (output for output in wanted if isinstance(output, Export)):
+        if export.body is None:
+            continue  # the whole mechanism, which the motion takes anyway
         part, suffix = run.parts[export.body], "." + export.file.rpartition(".")[2]
-        planner.want(part, EXPORTS[suffix].reads)
+        planner.want(part, EXPORTS[suffix].reads if suffix in EXPORTS else ("modes", "body"))
         planner.want(part, ["inertia"] if suffix == ".nc" and part.joint.normal >= 0 else [])
     missing = [output for output in outputs if pictures and not planner.has_drawn(output)]
     for output in missing:
         body = getattr(output, "body", None)
         planner.want(run.parts[body], DRAWINGS[output.type].reads) if body else None
     planner.want_budget(budget and all(part.has_mesh for part in run.parts.values()))
-    planner.note("files", "run" if exports else "skipped", f"{len(exports)} in the scene's output")
+    planner.note("files", "run" if wanted else "skipped", f"{len(wanted)} in the scene's output")
     if missing:
         planner.note("pictures", "run", f"{len(missing)} of {len(outputs)} in the scene's output are to be drawn")
     elif outputs and pictures:

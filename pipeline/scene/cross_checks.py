@@ -13,6 +13,7 @@ from pipeline.scene.any_body import Body, Flexible
 from pipeline.scene.constraints import AnyCoupler
 from pipeline.scene.force_elements import ForceElement
 from pipeline.scene.ground import GroundPlace
+from pipeline.scene.histories import Quantities
 from pipeline.scene.joints import Joint
 from pipeline.scene.loads import Drive, MotionDrive, PointForce, PointTorque
 from pipeline.scene.loops import OF_COORDINATES, closing_joints
@@ -151,6 +152,8 @@ class CrossCheck:
         for number, output in enumerate(self.output):
             if isinstance(output, Chart):
                 yield from self._check_chart(output, "output", number)
+            elif isinstance(output, Quantities):
+                yield from self._check_quantities(output, "output", number)
             else:
                 yield from self._check_picture(output, "output", number)
         yield from self._check_files()
@@ -180,9 +183,32 @@ class CrossCheck:
             except ValueError as error:
                 yield FaultError(str(error), *path, "unit")
 
+    def _check_quantities(self, output: Quantities, *path: str | int) -> Iterator[FaultError]:
+        """Names of a history or a table exist, and what it takes by default isn't empty."""
+        for number, name in enumerate(output.joints):
+            if name not in self.joint:
+                fault = f"no such joint; {suggest_name(name, self.joint, 'the joints')}"
+                yield FaultError(fault, *path, "joints", number)
+            elif name in closing_joints(self.joint) and "joint_reaction" not in output.quantities:
+                fault = "closes a loop, so it has a reaction, but no coordinate"
+                yield FaultError(fault, *path, "joints", number)
+        for number, name in enumerate(output.markers):
+            yield from self._check_marker(name, *path, "markers", number)
+        for number, name in enumerate(output.elements):
+            yield from self._check_element(name, *path, "elements", number)
+        meshed = {name: body for name, body in self._flexible.items() if body.shape != "matrices"}
+        for number, name in enumerate(output.nodes):
+            if (body := name.partition(".")[0]) not in meshed:
+                names = suggest_name(body, meshed, "the flexible bodies with a mesh")
+                yield FaultError(f"no such body with stress; {names}", *path, "nodes", number)
+        if "element_stress" in output.quantities and not any(body.element for body in meshed.values()):
+            yield FaultError("element_stress needs a named element, [body.NAME.element]", *path, "quantities")
+
     def _check_picture(self, picture: BodyPicture | Export, *path: str | int) -> Iterator[FaultError]:
         flexible = self._flexible
-        of_body_alone = isinstance(picture, Export) and picture.file.endswith(".nc")
+        if picture.body is None:  # an export of the whole mechanism
+            return
+        of_body_alone = isinstance(picture, Export) and (picture.file.endswith(".nc") or picture.format is not None)
         if picture.body not in self.body:
             yield FaultError(f"no such body; {suggest_name(picture.body, self.body, 'the bodies')}", *path, "body")
         elif picture.body not in flexible:

@@ -16,6 +16,7 @@ from pipeline.scene.force_elements import (
     Spring,
 )
 from pipeline.scene.ground import GroundPlace
+from pipeline.scene.histories import ExtremesTable, History, Quantities
 from pipeline.scene.imported_bodies import (
     CadFile,
     CadPart,
@@ -258,5 +259,8 @@ SECTIONS = (
     Section("### Sheet of modes", ModeSheet),
     Section("### Picture of the stress", StressPicture),
     Section("### Film", Film),
+    Section("### Every history and table", Quantities),
+    Section("### History", History),
+    Section("### Table of extremes", ExtremesTable),
     Section("### File for other tools", Export),
 )
