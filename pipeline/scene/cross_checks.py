@@ -75,6 +75,13 @@ class CrossCheck:
             yield from self._check_place(joint.child, "joint", name, "child")
             if joint.parent.partition(".")[0] == (body := joint.child.partition(".")[0]):
                 yield FaultError(f"holds {body} to itself", "joint", name, "child")
+            elif joint.type == "planar" and body in self.body:
+                marker = self.body[body].marker.get(joint.child.partition(".")[2])
+                if marker is not None and marker.is_turned:
+                    mend = "turn the joint instead, by its rotate or axes"
+                    yield FaultError(
+                        f"has axes of its own, which a planar joint can't take; {mend}", "joint", name, "child"
+                    )
 
     def _check_drives(self) -> Iterator[FaultError]:
         for name, drive in self.drive.items():

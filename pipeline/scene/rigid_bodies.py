@@ -7,6 +7,7 @@ from typing import Annotated, Literal
 from pydantic import model_validator
 
 from pipeline.core.units import MomentOfInertia, NonNegative, PositiveLength, PositiveMass
+from pipeline.scene.orientation import Orientation
 from pipeline.scene.reading import FaultError, SceneTable
 from pipeline.scene.values import Name, Point
 from pipeline.scene.visuals import Visuals
@@ -16,8 +17,8 @@ Moment = Annotated[MomentOfInertia, NonNegative]
 _ROUNDING = 1e-9  # a plate's moments, 0.1 and 0.2 and 0.3, are just possible whatever their last digit
 
 
-class PointMarker(SceneTable):
-    """A named point of a rigid body, where joints and loads act and motion is recorded.
+class PointMarker(Orientation):
+    """A named point of a rigid body, where joints and loads act and motion is recorded, with axes of its own.
 
     Parameters
     ----------

@@ -29,6 +29,7 @@ from pipeline.scene.imported_bodies import (
 )
 from pipeline.scene.joints import Fixed, Free, Prismatic, Revolute, Spherical
 from pipeline.scene.loads import ForceDrive, MotionDrive, PointForce, PointTorque, PulseDrive, TorqueDrive
+from pipeline.scene.orientation import AxisDirections, Orientation
 from pipeline.scene.outputs import Chart, Export
 from pipeline.scene.pictures import (
     BodyPicture,
@@ -107,8 +108,25 @@ _JOINTS = """\
 A joint is a table `[joint.NAME]`, and its key `type` says of which kind it is. Bodies form a tree: each is the child of
 one joint, and through its joints hangs on the ground. A joint holds a marker of the child on a marker of the parent, or
 on a place on the ground. At angle and displacement zero a body's frame is parallel to that of the body that carries it,
-or to the axes of its place on the ground. A joint whose child another joint carries already, or whose child is a place
-on the ground, closes a loop: it has no coordinate of its own, and the joints of the loop start where it closes.
+or to the axes of its place on the ground, unless [markers or joints have axes of their own](#axes). A joint whose child
+another joint carries already, or whose child is a place on the ground, closes a loop: it has no coordinate of its own,
+and the joints of the loop start where it closes.
+"""
+_AXES = """\
+A marker's axes are those of its body's frame, a place's those of space, unless `rotate` or `axes` turns them. A joint
+brings the axes of the child's marker onto those of the parent's at angle and displacement zero, turned by the joint's
+own `rotate` or `axes`; its axis is in these axes. A body so gets its first pose where it is joined: by `rotate` at a
+fixed joint, by `angle` at a hinge, by `position` and `rotate` at a free joint. Following loads and bushings are in the
+axes of their markers.
+
+```toml
+[joint.blade-2]
+type = "revolute"
+parent = "hub.centre"
+child = "blade-2.root"
+rotate = ["0 deg", "0 deg", "180 deg"]
+axis = [0, 0, 1]
+```
 """
 _COUPLERS = """\
 A coupler is a table `[coupler.NAME]`, and its key `type` says of which kind it is. It ties the coordinates of two
@@ -209,6 +227,8 @@ SECTIONS = (
     Section("### Rod in pictures", RodVisual),
     Section("### Shape from a file in pictures", FileVisual),
     Section("## Places on the ground", GroundPlace),
+    Section("## Axes", Orientation, _AXES),
+    Section("### Directions of axes", AxisDirections),
     Section("## Joints", None, _JOINTS),
     Section("### Revolute joint", Revolute),
     Section("### Prismatic joint", Prismatic),
