@@ -244,7 +244,7 @@ def _gain(more: float) -> float:
 
     A march of far fewer steps doesn't resolve all vibrations, and says less than the order promises.
     """
-    return min(more**2, max(4.0, more**_OBSERVED_ORDER)) - 1.0
+    return min(math.pow(more, 2.0), max(4.0, math.pow(more, _OBSERVED_ORDER))) - 1.0
 
 
 def _explain_nothing(failure: StabilityError) -> None:
