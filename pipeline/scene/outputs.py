@@ -41,10 +41,10 @@ CHART_QUANTITIES = {
 }
 
 
-EXPORT_FORMATS = {"python": (".nc",)}
+EXPORT_FORMATS = {"fmu": (".fmu",), "python": (".nc",)}
 """Formats of other programs, and the suffixes of their files."""
 
-MECHANISM_FORMATS: tuple[str, ...] = ()
+MECHANISM_FORMATS = ("fmu",)
 """Those of them that hold the whole mechanism; the others hold one flexible body."""
 
 _SUFFIXES = (".msh", ".vtu", ".vtkhdf", ".nc")
@@ -172,7 +172,7 @@ class Export(SceneTable):
 
     type: Literal["export"]
     file: Annotated[str, AfterValidator(FileCheck((*_SUFFIXES, *_FORMAT_SUFFIXES)))]
-    format: Literal["python"] | None = None
+    format: Literal["fmu", "python"] | None = None
     body: BodyName | None = None
     frames: Annotated[int, Field(strict=True, ge=2, le=2000)] = 21
 
