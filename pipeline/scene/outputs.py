@@ -32,7 +32,15 @@ CHART_QUANTITIES = {
 }
 
 
-EXPORT_FORMATS = {"python": (".nc",)}
+EXPORT_FORMATS: dict[str, tuple[str, ...]] = {
+    "python": (".nc",),
+    "sid": (".SID_FEM",),
+    "exudyn": (".npz",),
+    "mbdyn": (".fem",),
+    "simscape": (".mat",),
+    "openfast": (".dat",),
+    "full": (".mtx", ".npz", ".txt"),
+}
 """Formats of other programs, and the suffixes of their files."""
 
 MECHANISM_FORMATS: tuple[str, ...] = ()
@@ -163,7 +171,7 @@ class Export(SceneTable):
 
     type: Literal["export"]
     file: Annotated[str, AfterValidator(FileCheck((*_SUFFIXES, *_FORMAT_SUFFIXES)))]
-    format: Literal["python"] | None = None
+    format: Literal["python", "sid", "exudyn", "mbdyn", "simscape", "openfast", "full"] | None = None
     body: BodyName | None = None
     frames: Annotated[int, Field(strict=True, ge=2, le=2000)] = 21
 
