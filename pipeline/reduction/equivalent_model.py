@@ -1,7 +1,7 @@
 """A small model of nodes and mass that has the inertia integrals of a body from a file, and moves as it does.
 
-All that a multibody file tells of a body's inertia are products ``∫ f g dm`` of the functions 1, x_a and φ_ja. A model of
-as many nodes as there are functions, with a mass matrix for which the functions' values at the nodes have these
+All that a multibody file tells of a body's inertia are products ``∫ f g dm`` of the functions 1, x_a and φ_ja. A model
+of as many nodes as there are functions, with a mass matrix for which the functions' values at the nodes have these
 products, has exactly the same integrals in every frame: what refers a mesh to its joint refers it, too.
 """
 
@@ -49,15 +49,7 @@ class EquivalentModel(MatrixModel):
 
 def equivalent_model(data: ModalData) -> EquivalentModel:
     """Make a model of 4 + 3 n nodes with the inertia integrals of a body, without its geometric stiffening."""
-    gram, n = data.gram, data.n
-    G = gram.G.copy()
-    if gram.stiffening.size:
-        G[:, :, 1:, 1:] += gram.stiffening
-    # Products of 1, x_a and φ_ja with one another: the functions (1 or mode, axis) in one row after the first.
-    products = np.empty((4 + 3 * n, 4 + 3 * n))
-    products[1:, 1:] = G.transpose(2, 0, 3, 1).reshape(3 + 3 * n, 3 + 3 * n)
-    products[0, 0], products[0, 1:] = gram.mass, gram.S.T.ravel()
-    products[1:, 0] = products[0, 1:]
+    gram, products = data.gram, function_products(data)
     scale = np.sqrt(np.maximum(products.diagonal() / gram.mass, 0.0))
     scale[scale == 0.0] = 1.0
     values = np.diag(scale)
@@ -69,6 +61,19 @@ def equivalent_model(data: ModalData) -> EquivalentModel:
     K = sp.csr_array((3 * len(values), 3 * len(values)))
     labels: IntArray = np.arange(len(values))
     return EquivalentModel(None, None, K, m, values[:, 1:4], labels, data, values)  # type: ignore[arg-type]
+
+
+def function_products(data: ModalData) -> Array:
+    """Mass products of 1, x_a and φ_ja with one another, mode by mode, without stiffening; shape (4 + 3 n, 4 + 3 n)."""
+    gram, n = data.gram, data.n
+    G = gram.G.copy()
+    if gram.stiffening.size:
+        G[:, :, 1:, 1:] += gram.stiffening
+    products = np.empty((4 + 3 * n, 4 + 3 * n))
+    products[1:, 1:] = G.transpose(2, 0, 3, 1).reshape(3 + 3 * n, 3 + 3 * n)
+    products[0, 0], products[0, 1:] = gram.mass, gram.S.T.ravel()
+    products[1:, 0] = products[0, 1:]
+    return products
 
 
 def equivalent_marker(model: EquivalentModel, nodes: Sequence[MarkerShapes]) -> Marker:
@@ -172,7 +177,7 @@ def finish_body(model: EquivalentModel, body: FlexibleBody, markers: Mapping[str
         shapes=shapes + rigid[:3] + spins,
         damping=0.5 * D.diagonal() / body.omega,
     )
-    if not data.is_stiffened:
+    if not data.in_own_frame:
         return body
     if np.abs(R @ rigid).max() > _OWN_FRAME * np.abs(body.shapes).max():
         raise ValueError(

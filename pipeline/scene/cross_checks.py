@@ -216,8 +216,9 @@ class CrossCheck:
         elif picture.body not in flexible:
             names = suggest_name(picture.body, flexible, "the flexible bodies")
             yield FaultError(f"is rigid, without modes or stress; {names}", *path, "body")
-        elif flexible[picture.body].shape == "matrices" and not of_body_alone:
-            yield FaultError("is given by its matrices: without elements there is no stress or picture", *path, "body")
+        elif flexible[picture.body].shape in ("matrices", "reduced") and not of_body_alone:
+            given = "by its matrices" if flexible[picture.body].shape == "matrices" else "reduced"
+            yield FaultError(f"is given {given}: without elements there is no stress or picture", *path, "body")
 
     def _check_files(self) -> Iterator[FaultError]:
         """No output may write over another's file; some file systems don't distinguish upper from lower case."""

@@ -41,7 +41,16 @@ CHART_QUANTITIES = {
 }
 
 
-EXPORT_FORMATS = {"fmu": (".fmu",), "python": (".nc",)}
+EXPORT_FORMATS: dict[str, tuple[str, ...]] = {
+    "python": (".nc",),
+    "sid": (".SID_FEM",),
+    "exudyn": (".npz",),
+    "mbdyn": (".fem",),
+    "simscape": (".mat",),
+    "openfast": (".dat",),
+    "full": (".mtx", ".npz", ".txt"),
+    "fmu": (".fmu",),
+}
 """Formats of other programs, and the suffixes of their files."""
 
 MECHANISM_FORMATS = ("fmu",)
@@ -172,7 +181,7 @@ class Export(SceneTable):
 
     type: Literal["export"]
     file: Annotated[str, AfterValidator(FileCheck((*_SUFFIXES, *_FORMAT_SUFFIXES)))]
-    format: Literal["fmu", "python"] | None = None
+    format: Literal["python", "sid", "exudyn", "mbdyn", "simscape", "openfast", "full", "fmu"] | None = None
     body: BodyName | None = None
     frames: Annotated[int, Field(strict=True, ge=2, le=2000)] = 21
 

@@ -268,9 +268,7 @@ def _joint_quantities(inputs: Coordinates, frames: list[MovingFrame]) -> list[Qu
         link = frame.link
         if link.joint not in ONE_AXIS:
             continue
-        (own,) = (
-            inputs.joint_positions(frame.number) if link.motion is None else inputs.signal(link.motion)
-        )
+        (own,) = inputs.joint_positions(frame.number) if link.motion is None else inputs.signal(link.motion)
         found.append(Quantity(frame.number, "", "position", (), own + section_angle(inputs.graph, frame)))
     rates = _rates(inputs, [own.value for own in found])
     return [*found, *(own._replace(kind="rate", value=rate) for own, rate in zip(found, rates, strict=True))]
@@ -291,9 +289,7 @@ def _marker_quantities(inputs: Coordinates, frames: list[MovingFrame]) -> list[Q
     return found
 
 
-def _motion_of_marker(
-    inputs: Coordinates, body: int, name: str, position: Vector3, rotation: Matrix
-) -> list[Quantity]:
+def _motion_of_marker(inputs: Coordinates, body: int, name: str, position: Vector3, rotation: Matrix) -> list[Quantity]:
     entries = [x for row in rotation for x in row]
     rates = _rates(inputs, [*position, *entries])
     velocity, turning = rates[:3], [rates[3 + 3 * k : 6 + 3 * k] for k in range(3)]

@@ -131,9 +131,7 @@ def write_coefficients() -> str:
             f"    {'' if row else 'for (int i = 0; i < N_STATES; ++i) '}    out[i] = base[i] + h * ({terms});",
             "}",
         ]
-    lines.append(
-        f"static const AddSlopes add_slopes[] = {{{', '.join(f'add_slopes{k}' for k in range(len(rows)))}}};"
-    )
+    lines.append(f"static const AddSlopes add_slopes[] = {{{', '.join(f'add_slopes{k}' for k in range(len(rows)))}}};")
     return "\n".join(lines) + "\n"
 
 

@@ -180,7 +180,11 @@ class _Names:
         positions, rates = [_Entry("", "", "")] * mechanism.n_positions, [_Entry("", "", "")] * mechanism.n
         shift = mechanism.n_positions - mechanism.n
         for body, link in enumerate(mechanism.links):
-            joint, first, at = self._joints[body], int(mechanism.layout.position[body]), int(mechanism.layout.rate[body])
+            joint, first, at = (
+                self._joints[body],
+                int(mechanism.layout.position[body]),
+                int(mechanism.layout.rate[body]),
+            )
             turn = link.n_rates if link.joint not in (FREE, SPHERICAL) else link.n_slides
             for k in range(link.n_positions):
                 unit = "m" if k < link.n_slides else "rad" if k < turn else ""
@@ -192,7 +196,10 @@ class _Names:
                 rates[at + k] = _Entry(f"states.{joint}.rate[{k + 1}]", unit, what)
             for k, mode in enumerate(mechanism.modes_of(body)):
                 hertz = link.omega[k] / (2 * np.pi)
-                own, what = f"states.{self._bodies[body]}", f"mode {k + 1} of {link.name}, {hertz:.6g} Hz, unit modal mass"
+                own, what = (
+                    f"states.{self._bodies[body]}",
+                    f"mode {k + 1} of {link.name}, {hertz:.6g} Hz, unit modal mass",
+                )
                 positions[mode + shift] = _Entry(f"{own}.mode[{k + 1}]", "", f"{what} [kg^1/2 m]")
                 rates[mode] = _Entry(f"{own}.mode_rate[{k + 1}]", "", f"rate of {what}")
         return [*positions, *rates]
@@ -207,7 +214,9 @@ class _Names:
                 name, unit = ("torque", "N.m") if link.unit == "rad" else ("force", "N")
                 found.append((_Entry(f"{joint}.{name}", unit, f"{name} along joint {link.joint_name}, {added}"), 3 * k))
                 continue
-            for order, (name, per) in enumerate((("motion", ""), ("motion_rate", "/s"), ("motion_acceleration", "/s2"))):
+            for order, (name, per) in enumerate(
+                (("motion", ""), ("motion_rate", "/s"), ("motion_acceleration", "/s2"))
+            ):
                 what = f"{name.replace('_', ' of ')} prescribed at joint {link.joint_name}, {added}"
                 found.append((_Entry(f"{joint}.{name}", link.unit + per, what), 3 * k + order))
         first = len(self._external.driven_links)

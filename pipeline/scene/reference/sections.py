@@ -45,6 +45,7 @@ from pipeline.scene.pictures import (
 from pipeline.scene.places import MarkerPlace, NamedElement, Support
 from pipeline.scene.propeller import Propeller, PropellerMesh
 from pipeline.scene.reading import SceneTable
+from pipeline.scene.reduced_bodies import BodyFile, FileNode, ReducedModes, ReducedPart
 from pipeline.scene.rigid_bodies import PointMarker, PointMass, RigidBody, Rod
 from pipeline.scene.runs import (
     AutoRun,
@@ -213,6 +214,10 @@ SECTIONS = (
     Section("### CAD file", CadFile),
     Section("### Body from matrices", MatrixPart),
     Section("### Files of matrices", MatrixFiles),
+    Section("### Reduced body from a file", ReducedPart),
+    Section("### File of a reduced body", BodyFile),
+    Section("### Damping of a reduced body", ReducedModes),
+    Section("### Markers of a reduced body", FileNode),
     Section("### Modes", ModeSettings),
     Section("### Markers of a flexible body", MarkerPlace),
     Section("### Supports", Support),
