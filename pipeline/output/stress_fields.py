@@ -12,7 +12,8 @@ from pipeline.core.arrays import Array, IntArray
 from pipeline.core.files import whole_file
 from pipeline.fem.surface import surface_normals
 from pipeline.output.csv_rows import write_rows
-from pipeline.output.views import camera_of, surface_of
+from pipeline.output.mechanism_view import body_surface
+from pipeline.output.views import camera_of
 from pipeline.recovery.fatigue import FatigueLaw, FatigueLife, fatigue_by_critical_plane, fatigue_by_signed_von_mises
 from pipeline.render.calls import Drawer, draw_here
 from pipeline.render.colours import stress_limits
@@ -54,7 +55,7 @@ def draw_envelope(run: Pipeline, output: Envelope, folder: Path, draw: Drawer = 
     quantity = name.get(output.component, "smallest principal stress")
     draw(
         "field_picture.draw_field",
-        surface_of(run, output.body),
+        body_surface(run, output.body),
         values * 1e-6,
         folder / output.file,
         title=output.title or f"{run.scene.title}: {quantity} at any time",
@@ -128,7 +129,7 @@ def draw_fatigue(run: Pipeline, output: Fatigue, folder: Path, draw: Drawer = dr
     label = "no damage anywhere" if endless else f"{_number(found.repeats[worst])} repeats"
     draw(
         "field_picture.draw_field",
-        surface_of(run, output.body),
+        body_surface(run, output.body),
         np.zeros(len(lives)) + _DECADES if endless else lives,
         folder / output.file,
         title=output.title or f"{run.scene.title}: life by {output.stress}",

@@ -1,4 +1,4 @@
-"""A body's surface and a picture's camera, as drawing functions take them."""
+"""A picture's camera, as drawing functions take it."""
 
 from __future__ import annotations
 
@@ -10,21 +10,11 @@ from pipeline.core.errors import InputError
 from pipeline.render.camera import PIXELS, Camera
 
 if TYPE_CHECKING:
-    from pipeline.render.surface import Surface
-    from pipeline.scene.pictures import BodyPicture
+    from pipeline.scene.pictures import PictureSettings
     from pipeline.stages.pipeline import Pipeline
 
 
-def surface_of(run: Pipeline, body: str) -> Surface:
-    """Return a flexible body's undeformed surface; of a part alone in the coordinates of its mesh."""
-    from pipeline.render.surface import Surface
-
-    part = run.parts[body]
-    x = part.space.x if not run.scene.moves else run.bodies[body].x  # a part alone isn't reduced
-    return Surface(x[part.surface.nodes], part.surface.triangles, part.surface.edges)
-
-
-def camera_of(run: Pipeline, output: BodyPicture, size: tuple[int, int] | None = None) -> Camera:
+def camera_of(run: Pipeline, output: PictureSettings, size: tuple[int, int] | None = None) -> Camera:
     """Return a picture's camera, of ``size`` unless the scene gives one; by default of a still picture's."""
     angles = None if output.camera is None else (np.degrees(output.camera[0]), np.degrees(output.camera[1]))
     settings: dict[str, Any] = {"focus": output.focus, "extent": output.extent, "zoom": output.zoom}

@@ -149,7 +149,7 @@ def test_pictures_show_the_worst_of_all_times(run: Pipeline, tmp_path: Path) -> 
     assert envelope.weights.argmax() == envelope.values.argmin()
     assert life.limits[0] <= life.values.min() < life.limits[0] + 1
     assert life.weights.argmax() == life.values.argmin()
-    assert life.camera.colour_map == "turbo_r"
+    assert life.camera.colour_map == "light turbo_r"
     assert life.label.endswith("repeats")
 
 

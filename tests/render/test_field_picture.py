@@ -31,7 +31,7 @@ def test_the_worst_point_has_the_colour_of_its_end_of_the_bar(tmp_path: Path, bl
     turned = tmp_path / "turned.png"
     draw_field(
         block, 40.0 * distance, turned, title="Life", quantity="x", limits=(0.0, 6.0), weights=-distance + 1.0,
-        label="", camera=Camera(size=SIZE, colour_map="turbo_r"),
+        label="", camera=Camera(size=SIZE, colour_map="light turbo_r"),
     )  # fmt: skip
     column, row = np.round(worst).astype(int)
     around = iio.imread(turned)[row - 3 : row + 4, column - 3 : column + 4, :3].astype(float)
