@@ -6,7 +6,6 @@ modal damping, and ``inputs`` holds three places for each load and motion, those
 
 from __future__ import annotations
 
-from collections.abc import Mapping
 from dataclasses import dataclass, replace
 from functools import cached_property
 from typing import NamedTuple
