@@ -12,6 +12,7 @@ import numpy as np
 from pipeline import __version__
 from pipeline.core.html import facts, scaled
 from pipeline.output.notebook import Picture, draw_inline
+from pipeline.output.pictures import chart_title
 from pipeline.output.report.view3d import collect_view
 from pipeline.stages.pipeline import Pipeline
 
@@ -95,7 +96,7 @@ def _draw_charts(run: Pipeline) -> list[dict[str, str]]:
     charts = []
     for chart in (output for output in run.scene.output if output.type == "chart"):
         settings = chart.model_dump(exclude={"type", "file", "band"}, exclude_defaults=True)
-        title = chart.title or chart.quantity.replace("_", " ")
+        title = chart.title or chart_title(chart)
         charts.append(_image(draw_inline(run, "chart", **settings)[0], title))
     return charts
 
