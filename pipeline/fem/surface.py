@@ -8,6 +8,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from pipeline.core.arrays import Array, IntArray
+from pipeline.core.short_repr import short_repr
 
 if TYPE_CHECKING:
     from pipeline.fem.space import Discretisation
@@ -30,6 +31,8 @@ class SurfaceTopology:
     nodes: IntArray
     triangles: IntArray
     edges: IntArray
+
+    __repr__ = short_repr
 
 
 def surface_topology(space: Discretisation) -> SurfaceTopology:

@@ -50,12 +50,19 @@ def draw_chart(run: Pipeline, output: Chart, folder: Path, draw: Drawer = draw_h
         run.motion.times,
         [Curve(name, values) for name, values in curves.items()],
         folder / output.file,
-        title=output.title or output.quantity.replace("_", " "),
+        title=output.title or chart_title(output),
         ylabel=label,
         component_labels=components,
         band=band,
     )
     return [output.file]
+
+
+def chart_title(chart: Chart) -> str:
+    """Return the title of a chart that the scene gives none: its quantity, and what that is of."""
+    of = chart.joint or chart.marker or chart.element or chart.body
+    words = chart.quantity.replace("com_", "centre of mass: ").replace("_", " ")
+    return words[:1].upper() + words[1:] + (f" of {of}" if of else "")
 
 
 def draw_mesh(run: Pipeline, output: MeshPicture, folder: Path, draw: Drawer = draw_here) -> list[str]:
