@@ -182,9 +182,7 @@ def finish_body(model: EquivalentModel, body: FlexibleBody, markers: Mapping[str
     return _stiffened(data, body, turn, markers)
 
 
-def _stiffened(
-    data: ModalData, body: FlexibleBody, turn: Array, markers: Mapping[str, Sequence[str]]
-) -> FlexibleBody:
+def _stiffened(data: ModalData, body: FlexibleBody, turn: Array, markers: Mapping[str, Sequence[str]]) -> FlexibleBody:
     """Add the file's terms of second order, about the body's origin and in its coordinates."""
     gram, n, at = data.gram, data.n, body.origin
 

@@ -76,9 +76,7 @@ def sid_terms(data: ModalData) -> dict[str, Taylor]:
         "Ct": Taylor(S[:, 1:].T, bow.transpose(1, 2, 0)),
         "Cr": Taylor(rate_turns(mixed).T, (turns.transpose(0, 2, 1) + curl).transpose(1, 2, 0)),
         "Me": Taylor(data.M),
-        "Gr": Taylor(
-            -2 * C4.transpose(0, 2, 1).reshape(3, 3 * n), -2 * C6.transpose(0, 2, 3, 1).reshape(3, n, 3 * n)
-        ),
+        "Gr": Taylor(-2 * C4.transpose(0, 2, 1).reshape(3, 3 * n), -2 * C6.transpose(0, 2, 3, 1).reshape(3, n, 3 * n)),
         "Ge": Taylor(2 * turns.transpose(2, 1, 0).reshape(n, 3 * n)),
         "Oe": Taylor(rate_products(mixed).T, rate_products(modal).transpose(1, 2, 0)),
         "ksigma": Taylor(np.zeros((n, 1))),
