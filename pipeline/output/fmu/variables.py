@@ -9,7 +9,8 @@ from typing import NamedTuple
 import numpy as np
 
 from pipeline.core.arrays import Array
-from pipeline.dynamics.compiler.external import ExternalMechanism, Quantity
+from pipeline.dynamics.compiler.external import ExternalMechanism
+from pipeline.dynamics.compiler.external_quantities import Quantity
 from pipeline.dynamics.links import FREE, SPHERICAL, Link
 
 _AXES = ("x", "y", "z")
@@ -180,7 +181,11 @@ class _Names:
         positions, rates = [_Entry("", "", "")] * mechanism.n_positions, [_Entry("", "", "")] * mechanism.n
         shift = mechanism.n_positions - mechanism.n
         for body, link in enumerate(mechanism.links):
-            joint, first, at = self._joints[body], int(mechanism.layout.position[body]), int(mechanism.layout.rate[body])
+            joint, first, at = (
+                self._joints[body],
+                int(mechanism.layout.position[body]),
+                int(mechanism.layout.rate[body]),
+            )
             turn = link.n_rates if link.joint not in (FREE, SPHERICAL) else link.n_slides
             for k in range(link.n_positions):
                 unit = "m" if k < link.n_slides else "rad" if k < turn else ""
@@ -192,7 +197,10 @@ class _Names:
                 rates[at + k] = _Entry(f"states.{joint}.rate[{k + 1}]", unit, what)
             for k, mode in enumerate(mechanism.modes_of(body)):
                 hertz = link.omega[k] / (2 * np.pi)
-                own, what = f"states.{self._bodies[body]}", f"mode {k + 1} of {link.name}, {hertz:.6g} Hz, unit modal mass"
+                own, what = (
+                    f"states.{self._bodies[body]}",
+                    f"mode {k + 1} of {link.name}, {hertz:.6g} Hz, unit modal mass",
+                )
                 positions[mode + shift] = _Entry(f"{own}.mode[{k + 1}]", "", f"{what} [kg^1/2 m]")
                 rates[mode] = _Entry(f"{own}.mode_rate[{k + 1}]", "", f"rate of {what}")
         return [*positions, *rates]
@@ -207,7 +215,9 @@ class _Names:
                 name, unit = ("torque", "N.m") if link.unit == "rad" else ("force", "N")
                 found.append((_Entry(f"{joint}.{name}", unit, f"{name} along joint {link.joint_name}, {added}"), 3 * k))
                 continue
-            for order, (name, per) in enumerate((("motion", ""), ("motion_rate", "/s"), ("motion_acceleration", "/s2"))):
+            for order, (name, per) in enumerate(
+                (("motion", ""), ("motion_rate", "/s"), ("motion_acceleration", "/s2"))
+            ):
                 what = f"{name.replace('_', ' of ')} prescribed at joint {link.joint_name}, {added}"
                 found.append((_Entry(f"{joint}.{name}", link.unit + per, what), 3 * k + order))
         first = len(self._external.driven_links)
@@ -262,7 +272,7 @@ class _Names:
     def quantity(self, own: Quantity) -> _Entry:
         """Name an output."""
         link = self._mechanism.links[own.body]
-        index = f"[{','.join(map(str, own.index))}]" if own.index else ""
+        index = f"[{','.join(map(str, own.indices))}]" if own.indices else ""
         if not own.place:
             unit = link.unit if own.kind == "position" else f"{link.unit}/s"
             return _Entry(f"{self._joints[own.body]}.{own.kind}", unit, f"{own.kind} of joint {link.joint_name}")
@@ -285,11 +295,11 @@ def _describe(link: Link, own: Quantity) -> str:
     if own.kind == "von_mises":
         return f"von Mises stress of element {own.place} of {link.name}"
     if own.kind == "stress":
-        return f"stress {_COMPONENTS[own.index[0] - 1]} of element {own.place} of {link.name}, in its body's axes"
+        return f"stress {_COMPONENTS[own.indices[0] - 1]} of element {own.place} of {link.name}, in its body's axes"
     place = f"marker {own.place} of {link.name}"
     if own.kind == "rotation":
         return f"rotation matrix from the section of {place} into the ground"
-    axis = _AXES[own.index[0] - 1]
+    axis = _AXES[own.indices[0] - 1]
     if own.kind == "displacement":
         return f"displacement {axis} of {place} by deformation, in its body's frame"
     return f"{own.kind.replace('_', ' ')} {axis} of {place} in the ground"
