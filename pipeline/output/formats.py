@@ -16,6 +16,12 @@ from pipeline.stages.pipeline import Pipeline
 _WRITERS = {
     "fmu": "pipeline.output.fmu.write:write_fmu",
     "python": "pipeline.output.formats:write_python",
+    "sid": "pipeline.output.body_formats:write_sid",
+    "exudyn": "pipeline.output.body_formats:write_exudyn",
+    "mbdyn": "pipeline.output.body_formats:write_mbdyn",
+    "simscape": "pipeline.output.body_formats:write_simscape",
+    "openfast": "pipeline.output.body_formats:write_openfast",
+    "full": "pipeline.output.body_formats:write_full",
 }
 
 
