@@ -32,7 +32,7 @@ _ONE_END = (*_TWO_ENDS, 'body.beam.modes={count=24, boundary="interface", interf
 _INTERFACE = (*_TWO_ENDS, 'body.beam.modes={count=24, boundary="interface"}')
 _ROUND_OFF = 1e-9
 
-_MANUAL = """** RECORD GROUP 1, HEADER
+MANUAL_EXAMPLE = """** RECORD GROUP 1, HEADER
 **   REVISION,  NODE,  NORMAL, ATTACHMENT, CONSTRAINT, REJECTED MODES.
  REV0 3 2 0 0 0
 ** RECORD GROUP 2, FINITE ELEMENT NODE LIST
@@ -63,6 +63,7 @@ _MANUAL = """** RECORD GROUP 1, HEADER
  1 1 1 1 1 1
  1 1 1 1 1 1
 """
+"""The dynamic example of MBDyn's input manual, whose inertia the manual states."""
 
 
 def _reduced_beam(to: str, suffix: str, read: Callable[[Path], ModalData], cache: Cache | None) -> list[Figure]:
@@ -131,7 +132,7 @@ def _full(cache: Cache | None) -> list[Figure]:
 def _manual(_: Cache | None) -> list[Figure]:
     with TemporaryDirectory(prefix="fmd-") as folder:
         path = Path(folder) / "manual.fem"
-        path.write_text(_MANUAL, encoding="utf-8")
+        path.write_text(MANUAL_EXAMPLE, encoding="utf-8")
         data = read_mbdyn(path)
     J = data.gram.inertia(np.array([1.0, 0.0, 0.0]))
     figures = make_figures([f"J_{a}{a} [kg m²]" for a in "xyz"], J.diagonal(), (11.0, 3.0, 11.0), 1e-14)
