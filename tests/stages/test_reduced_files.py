@@ -147,3 +147,12 @@ def test_shapes_that_depend_on_one_another_are_refused(tmp_path: Path):
     np.savez(tmp_path / "soft.npz", **(arrays | {"stiffnessMatrixReduced": K}))
     with pytest.raises(AccuracyError, match="has no stiffness"):
         scene_of(read_body("soft.npz", "root", "tip"), "clamp", "off", tmp_path).bodies  # noqa: B018
+
+
+def test_inertia_that_no_body_has_is_refused(tmp_path: Path):
+    """A mode can't have more momentum than mass and modal mass allow (Cauchy and Schwarz)."""
+    write_format(scene_of(BEAM, "clamp", "off", tmp_path), "exudyn", "beam", tmp_path / "beam.npz")
+    arrays = dict(np.load(tmp_path / "beam.npz", allow_pickle=True))
+    np.savez(tmp_path / "heavy.npz", **(arrays | {"mPhitTPsi": 9 * arrays["mPhitTPsi"]}))
+    with pytest.raises(AccuracyError, match="the file's inertia can't be a body's: mode 1"):
+        scene_of(read_body("heavy.npz", "root", "tip"), "clamp", "off", tmp_path).bodies  # noqa: B018
