@@ -5,14 +5,21 @@ from __future__ import annotations
 from collections.abc import Callable, Iterator
 from dataclasses import dataclass
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 
 from pipeline.output.formats import write_body, write_format
+from pipeline.output.histories import write_extremes, write_history
 from pipeline.recovery.stress import choose_frames, von_mises
 from pipeline.scene.outputs import Export
 from pipeline.stages.pipeline import Pipeline
+
+
+def write_file(run: Pipeline, output: Any, folder: Path) -> list[str]:
+    """Write the file of an output that isn't drawn into a folder and return its name."""
+    return FILES[output.type](run, output, folder)
 
 
 def write_export(run: Pipeline, output: Export, folder: Path) -> list[str]:
@@ -78,3 +85,10 @@ EXPORTS: dict[str, FileFormat] = {
     ".vtkhdf": FileFormat(_write_motion, ("mesh", "body", "nodal stress")),
     ".nc": FileFormat(_write_body, ("modes", "body", "surface", "stress")),
 }
+
+FILES: dict[str, Callable[[Pipeline, Any, Path], list[str]]] = {
+    "export": write_export,
+    "history": write_history,
+    "table": write_extremes,
+}
+"""Writers of outputs that aren't drawn, by their types."""

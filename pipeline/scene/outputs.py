@@ -7,7 +7,16 @@ from typing import Annotated, Literal
 from pydantic import AfterValidator, Field, model_validator
 
 from pipeline.core.units import Stress
-from pipeline.scene.pictures import Component, Film, MeshPicture, ModePictures, ModeSheet, StressPicture
+from pipeline.scene.histories import ExtremesTable, History
+from pipeline.scene.pictures import (
+    Component,
+    Film,
+    MechanismPicture,
+    MeshPicture,
+    ModePictures,
+    ModeSheet,
+    StressPicture,
+)
 from pipeline.scene.reading import FaultError, SceneTable
 from pipeline.scene.values import BodyName, ElementName, FileCheck, JointName, MarkerName, Text
 
@@ -40,10 +49,11 @@ EXPORT_FORMATS: dict[str, tuple[str, ...]] = {
     "simscape": (".mat",),
     "openfast": (".dat",),
     "full": (".mtx", ".npz", ".txt"),
+    "fmu": (".fmu",),
 }
 """Formats of other programs, and the suffixes of their files."""
 
-MECHANISM_FORMATS: tuple[str, ...] = ()
+MECHANISM_FORMATS = ("fmu",)
 """Those of them that hold the whole mechanism; the others hold one flexible body."""
 
 _SUFFIXES = (".msh", ".vtu", ".vtkhdf", ".nc")
@@ -171,7 +181,7 @@ class Export(SceneTable):
 
     type: Literal["export"]
     file: Annotated[str, AfterValidator(FileCheck((*_SUFFIXES, *_FORMAT_SUFFIXES)))]
-    format: Literal["python", "sid", "exudyn", "mbdyn", "simscape", "openfast", "full"] | None = None
+    format: Literal["python", "sid", "exudyn", "mbdyn", "simscape", "openfast", "full", "fmu"] | None = None
     body: BodyName | None = None
     frames: Annotated[int, Field(strict=True, ge=2, le=2000)] = 21
 
@@ -189,5 +199,22 @@ class Export(SceneTable):
 
 
 Output = Annotated[
-    Chart | MeshPicture | ModePictures | ModeSheet | StressPicture | Film | Export, Field(discriminator="type")
+    Chart
+    | MeshPicture
+    | ModePictures
+    | ModeSheet
+    | StressPicture
+    | MechanismPicture
+    | Film
+    | History
+    | ExtremesTable
+    | Export,
+    Field(discriminator="type"),
 ]
+
+_DRAWN = (".png", ".pdf", ".svg", ".mp4", ".gif")
+
+
+def is_drawn(output: Output) -> bool:
+    """Return True if an output is a picture, a chart or a film, and not a file of numbers."""
+    return output.file.endswith(_DRAWN)

@@ -103,5 +103,12 @@ def collect_inputs(scene: Scene) -> dict[str, Any]:
     InputError
         A file isn't there or can't be read.
     """
-    inputs: dict[str, Any] = scene.model_dump(mode="json", exclude={"title", "source", "reference", "output"})
+    shown_only: Any = {
+        "title": True,
+        "source": True,
+        "reference": True,
+        "output": True,
+        "body": {"__all__": {"visual"}},
+    }
+    inputs: dict[str, Any] = scene.model_dump(mode="json", exclude=shown_only)
     return inputs | {"files": digest_files(scene)}

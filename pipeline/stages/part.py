@@ -71,18 +71,24 @@ def _mesh_inputs(part: FlexiblePart) -> Any:
     return table if part.source is None else part.source.identity(table)
 
 
+def _assembly_inputs(part: FlexiblePart) -> Any:
+    without: Any = {"modes", "marker", "support", "element"}
+    table = part.shape.model_dump(mode="json", exclude=without)
+    return table if part.source is None else part.source.identity(table)
+
+
 def _modes_inputs(part: FlexiblePart) -> Any:
     shape, markers = part.shape, part.shape.marker
     without: Any = {"marker": True, "element": True, "modes": {"damping", "enrich"}}
     table = shape.model_dump(mode="json", exclude=without)
     held: Any = ""
     if shape.modes.boundary == "joint":
-        held = repr((part.joint, markers[part.joint.marker].where))
+        held = repr((part.joint.floating, part.joint.free, markers[part.joint.marker].where))
     elif shape.modes.boundary == "interface":
         held = repr({name: markers[name] for name in shape.modes.interface or markers})
     return {
         "part": table if part.source is None else part.source.identity(table),
-        "axis": part.joint.axis,
+        "axis": part.joint.axis if shape.modes.family != "any" else "",
         "rigid": {name: marker.where for name, marker in markers.items() if marker.attachment == "rigid"},
         "held": held,
     }
@@ -202,7 +208,8 @@ class FlexiblePart:
     mesh: Stage[SolidMesh] = Stage(
         "mesh", _compute_mesh, (), _mesh_inputs, ("meshes", "pipeline/stages/meshing.py", *_FEM), ("gmsh", "meshio")
     )
-    fe: Stage[FEModel] = Stage("assembly", _assemble, ("mesh",))  # never kept, since what follows is
+    # Never kept, since what follows is.
+    fe: Stage[FEModel] = Stage("assembly", _assemble, ("mesh",), shared_inputs=_assembly_inputs)
     modes: Stage[Modes] = Stage(
         "modes", _compute_modes, ("mesh", "assembly"), _modes_inputs, ("meshes", *_REDUCTION), _PACKAGES
     )
@@ -235,7 +242,7 @@ class FlexiblePart:
         like: FlexiblePart | None = None,
         modes: Modes | None = None,
     ) -> None:
-        self.name, self.file, self.store = name, scene.file, store
+        self.name, self.file, self.store = name, scene.file, store if modes is None else store.alone()
         self.shape: Flexible = scene.flexible[name]
         self.source = SourceFiles.find(self.shape, scene.file, name)
         self.joint = read_inboard_joint(scene, name)
