@@ -67,10 +67,11 @@ def summarise(run: Pipeline, files: list[str], budget: bool, budget_seconds: flo
         ends = {"largest_pa": float(reference.max()), "at_the_end_pa": float(reference[-1])}
         summary.setdefault("element_stress", {})[name] = ends
     meshed = [name for name, part in run.parts.items() if part.has_mesh]
-    if meshed:
-        stress = run.stress_of(meshed[0])
+    stressed = [name for name, part in run.parts.items() if part.has_stress]
+    if stressed:
+        stress = run.stress_of(stressed[0])
         time, node, value = stress.worst()
-        body = run.bodies[meshed[0]]
+        body = run.bodies[stressed[0]]
         place = body.origin + body.x[stress.nodes[node]]
         summary["worst_stress"] = {"time_s": time, "von_mises_pa": value, "position_m": place.tolist()}
     if tables := {o.file: extremes(run, o) for o in run.scene.output if isinstance(o, ExtremesTable)}:
