@@ -125,7 +125,7 @@ def _stiffness_warnings(run: Pipeline) -> list[dict[str, str]]:
             found.append({"code": "buckling", "body": name, "text": text})
     for name, spin in run.spin.items():
         if not spin.stiffened and spin.change > run.scene.simulation.error:
-            why = "simulation.stiffening is off" if run.parts[name].has_mesh else "a body without a mesh has no stress"
+            why = "simulation.stiffening is off" if run.parts[name].has_mesh else "without a mesh it has but its file's"
             text = (
                 f"{name}: the loads through it can change its stiffness by up to {100 * spin.change:.2g} %, which is "
                 f"left out: {why}"
