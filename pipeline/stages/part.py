@@ -49,7 +49,7 @@ if TYPE_CHECKING:
     from pipeline.reduction.modes import Modes
     from pipeline.stages.basis import HeldModel
 
-NO_MESH = "is given by a file without elements: it has no mesh, no stress and no picture"
+NO_MESH = "is given by its {}: without elements it has no mesh, no stress and no picture"
 _FEM = ("pipeline/fem",)
 _BASIS = ("pipeline/stages/basis.py", "pipeline/stages/markers.py", "pipeline/stages/reduced_files.py")
 _REDUCTION = ("pipeline/fem", "pipeline/reduction", *_BASIS)
@@ -120,7 +120,8 @@ def _element_inputs(part: FlexiblePart) -> Any:
 
 def _compute_mesh(part: FlexiblePart) -> SolidMesh:
     if not part.has_mesh:
-        raise InputError(part.file, f"body.{part.name}.{'body' if part.is_reduced else 'matrices'}", None, NO_MESH)
+        key, what = ("body", "file") if part.is_reduced else ("matrices", "matrices")
+        raise InputError(part.file, f"body.{part.name}.{key}", None, NO_MESH.format(what))
     return make_mesh(part.shape, part.source)
 
 
@@ -159,7 +160,9 @@ def _stiffen(part: FlexiblePart) -> SecondOrder:
     if part.is_reduced and part.body.gram.stiffening.size:  # by its file
         return part.body.gram, part.body.markers
     if not part.has_mesh:
-        mend = f"stiffening by inertia loads takes stress, and the body {NO_MESH}; 'off' leaves it out"
+        mend = (
+            f"stiffening by inertia loads takes stress, and the body {NO_MESH.format('matrices')}; 'off' leaves it out"
+        )
         raise InputError(part.file, "simulation.stiffening", None, mend)
     body = stiffen_reduced(part.model, part.body)
     return body.gram, body.markers

@@ -125,4 +125,4 @@ def test_a_reduced_body_has_no_matrices_to_write(fmd, tmp_path, capsys):
     assert again.gram.mass == pytest.approx(first.gram.mass, rel=1e-12)
     assert np.diag(again.K) == pytest.approx(modes_of(equivalent_model(first)).omega ** 2, rel=1e-9)
     assert fmd("mesh", scene) == 2
-    assert "is given by a file without elements" in capsys.readouterr().err
+    assert "is given by its file: without elements" in capsys.readouterr().err
