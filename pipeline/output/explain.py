@@ -12,6 +12,7 @@ from pipeline.core.paths import source_digest
 from pipeline.output.exports import EXPORTS
 from pipeline.output.picture_files import picture_key
 from pipeline.output.pictures import DRAWINGS
+from pipeline.scene.outputs import NOT_DRAWN
 from pipeline.stages.part import PART_STAGES, FlexiblePart
 from pipeline.stages.pipeline import Pipeline
 
@@ -78,7 +79,7 @@ class Forecast:
 def forecast_run(run: Pipeline, pictures: bool, budget: bool) -> Forecast:
     """Forecast `write_results`; the only stage that this may compute is a spin that decides on another."""
     planner = _Planner(run)
-    outputs = [output for output in run.scene.output if output.type != "export"]
+    outputs = [output for output in run.scene.output if output.type not in NOT_DRAWN]
     exports = [output for output in run.scene.output if output.type == "export"]
     for part in run.parts.values():
         planner.want(part, ["body"])

@@ -19,6 +19,7 @@ from pipeline.scene.loops import OF_COORDINATES, closing_joints
 from pipeline.scene.outputs import JOINT_QUANTITIES, Chart, Export, Output
 from pipeline.scene.pictures import BodyPicture
 from pipeline.scene.reading import FaultError, suggest_name
+from pipeline.scene.responses import FrequencyResponseChart
 from pipeline.scene.runs import ScipyRun
 from pipeline.scene.simulation import Simulation
 
@@ -144,7 +145,7 @@ class CrossCheck:
         for number, output in enumerate(self.output):
             if isinstance(output, Chart):
                 yield from self._check_chart(output, "output", number)
-            else:
+            elif not isinstance(output, FrequencyResponseChart):  # whose names are looked up in the mechanism
                 yield from self._check_picture(output, "output", number)
         yield from self._check_files()
 

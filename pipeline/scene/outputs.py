@@ -9,6 +9,7 @@ from pydantic import AfterValidator, Field, model_validator
 from pipeline.core.units import Stress
 from pipeline.scene.pictures import Component, Film, MeshPicture, ModePictures, ModeSheet, StressPicture
 from pipeline.scene.reading import FaultError, SceneTable
+from pipeline.scene.responses import FrequencyResponseChart
 from pipeline.scene.values import BodyName, ElementName, FileCheck, JointName, MarkerName, Text
 
 # Meanings of the quantities that a chart can draw.
@@ -156,6 +157,10 @@ class Export(SceneTable):
     frames: Annotated[int, Field(strict=True, ge=2, le=2000)] = 21
 
 
+NOT_DRAWN = ("export", "frf")
+"""Types of outputs that show no motion as a picture."""
+
 Output = Annotated[
-    Chart | MeshPicture | ModePictures | ModeSheet | StressPicture | Film | Export, Field(discriminator="type")
+    Chart | FrequencyResponseChart | MeshPicture | ModePictures | ModeSheet | StressPicture | Film | Export,
+    Field(discriminator="type"),
 ]

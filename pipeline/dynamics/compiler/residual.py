@@ -23,12 +23,15 @@ from pipeline.dynamics.compiler.graph import Terms, Vector, combine
 from pipeline.dynamics.compiler.recursion import BodyValues
 
 
-def trace_residual(inputs: Coordinates, frames: list[MovingFrame]) -> list[BodyValues]:
-    """Trace the residual of each body's joint and modes; accelerations are the argument ``a``."""
-    acting = ActingForces(inputs, frames)
-    x: list[Vector6] = []
-    for frame in frames:
-        x.append(_accelerate(inputs, acting, frame, x))
+def trace_residual(
+    inputs: Coordinates, frames: list[MovingFrame], acting: ActingForces | None = None
+) -> list[BodyValues]:
+    """Trace the residual of each body's joint and modes; accelerations are the argument ``a``.
+
+    Forces other than those that act on the mechanism by itself may be given.
+    """
+    acting = ActingForces(inputs, frames) if acting is None else acting
+    x = trace_motion(inputs, frames, acting)
     carried: dict[int, Vector6] = {}
     out: list[BodyValues] = []
     for frame in reversed(frames):
@@ -38,6 +41,14 @@ def trace_residual(inputs: Coordinates, frames: list[MovingFrame]) -> list[BodyV
         at_joint = force[:3] + add(force[3:], cross(frame.shift, force[:3]))
         carried[frame.number] = rotate(frame.R, at_joint)
     return out[::-1]
+
+
+def trace_motion(inputs: Coordinates, frames: list[MovingFrame], acting: ActingForces) -> list[Vector6]:
+    """Trace the accelerations of the bodies' frames for accelerations of the coordinates, the argument ``a``."""
+    x: list[Vector6] = []
+    for frame in frames:
+        x.append(_accelerate(inputs, acting, frame, x))
+    return x
 
 
 def _accelerate(inputs: Coordinates, acting: ActingForces, frame: MovingFrame, above: list[Vector6]) -> Vector6:

@@ -7,6 +7,7 @@ from typing import NamedTuple
 from pipeline.scene.bodies import Bar, BarMesh, ModeSettings, Solid
 from pipeline.scene.compound_joints import Cylindrical, Planar, Screw, Universal
 from pipeline.scene.constraints import Distance, Gear, PointOnLine, Rack
+from pipeline.scene.damping import RayleighDamping
 from pipeline.scene.force_elements import (
     AngleStop,
     Bearing,
@@ -33,6 +34,7 @@ from pipeline.scene.pictures import BodyPicture, Film, MeshPicture, ModePictures
 from pipeline.scene.places import MarkerPlace, NamedElement, Support
 from pipeline.scene.propeller import Propeller, PropellerMesh
 from pipeline.scene.reading import SceneTable
+from pipeline.scene.responses import FrequencyResponseChart
 from pipeline.scene.rigid_bodies import PointMarker, PointMass, RigidBody, Rod
 from pipeline.scene.runs import (
     AutoRun,
@@ -157,6 +159,7 @@ SECTIONS = (
     Section("### Body from matrices", MatrixPart),
     Section("### Files of matrices", MatrixFiles),
     Section("### Modes", ModeSettings),
+    Section("### Rayleigh damping", RayleighDamping),
     Section("### Markers of a flexible body", MarkerPlace),
     Section("### Supports", Support),
     Section("### Named elements", NamedElement),
@@ -209,6 +212,7 @@ SECTIONS = (
     Section("## Published results", PublishedResults),
     Section("## Outputs", None, _OUTPUTS),
     Section("### Chart", Chart),
+    Section("### Frequency response", FrequencyResponseChart),
     Section("### Every picture and film", BodyPicture),
     Section("### Picture of the mesh", MeshPicture),
     Section("### Pictures of modes", ModePictures),
