@@ -5,49 +5,56 @@ from __future__ import annotations
 from collections.abc import Callable, Iterator
 from dataclasses import dataclass
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 
+from pipeline.output.formats import write_body, write_format
+from pipeline.output.histories import write_extremes, write_history
 from pipeline.recovery.stress import choose_frames, von_mises
-from pipeline.reduction.body_file import save_body
 from pipeline.scene.outputs import Export
 from pipeline.stages.pipeline import Pipeline
 
 
+def write_file(run: Pipeline, output: Any, folder: Path) -> list[str]:
+    """Write the file of an output that isn't drawn into a folder and return its name."""
+    return FILES[output.type](run, output, folder)
+
+
 def write_export(run: Pipeline, output: Export, folder: Path) -> list[str]:
-    """Write the file of an export into a folder and return its name."""
+    """Write the files of an export into a folder and return their names."""
     path = folder / output.file
-    EXPORTS[path.suffix].write(run, output, path)
+    if output.format is not None:
+        return [file.name for file in write_format(run, output.format, output.body, path)]
+    assert output.body is not None
+    EXPORTS[path.suffix].write(run, output.body, output.frames, path)
     return [output.file]
 
 
-def _write_mesh(run: Pipeline, output: Export, path: Path) -> None:
+def _write_mesh(run: Pipeline, body: str, _frames: int, path: Path) -> None:
     from pipeline.fem.formats.export import write_mesh
 
-    write_mesh(run.parts[output.body].mesh, path)
+    write_mesh(run.parts[body].mesh, path)
 
 
-def _write_body(run: Pipeline, output: Export, path: Path) -> None:
-    part = run.parts[output.body]
-    body = part.for_any_motion(run.bodies[output.body])
-    surface, stress = (part.surface, part.surface_stress) if part.has_mesh else (None, None)
-    save_body(path, body, surface, stress, part.modes.frequencies_hz)
+def _write_body(run: Pipeline, body: str, _frames: int, path: Path) -> None:
+    write_body(run, body, path)
 
 
-def _write_motion(run: Pipeline, output: Export, path: Path) -> None:
+def _write_motion(run: Pipeline, body: str, frames: int, path: Path) -> None:
     """Write displacement from the undeformed body at rest, deformation and stress at all nodes."""
     from pipeline.fem.formats.vtkhdf import write_series
 
-    part, motion, body = run.parts[output.body], run.motion, run.bodies[output.body]
-    chosen = choose_frames(len(motion.times), output.frames)
-    q, stress = motion.modal(output.body), part.nodal_stress
+    part, motion, reduced = run.parts[body], run.motion, run.bodies[body]
+    chosen = choose_frames(len(motion.times), frames)
+    q, stress = motion.modal(body), part.nodal_stress
 
     def fields() -> Iterator[dict[str, NDArray[np.floating]]]:
         for k in chosen:
-            tensor, deformation = stress @ q[k].astype(np.float32), body.shapes @ q[k]
+            tensor, deformation = stress @ q[k].astype(np.float32), reduced.shapes @ q[k]
             yield {
-                "displacement": motion.placed(output.body, body.x + deformation, k) + body.origin - part.space.x,
+                "displacement": motion.placed(body, reduced.x + deformation, k) + reduced.origin - part.space.x,
                 "deformation": deformation,
                 "stress": tensor,
                 "von_mises": von_mises(tensor),
@@ -63,12 +70,12 @@ class FileFormat:
     Attributes
     ----------
     write : callable
-        Writes an export of a run to a path.
+        Writes what a run has of a body, with so many frames, to a path.
     reads : tuple of str
         Stages of the body that it holds.
     """
 
-    write: Callable[[Pipeline, Export, Path], None]
+    write: Callable[[Pipeline, str, int, Path], None]
     reads: tuple[str, ...]
 
 
@@ -78,3 +85,10 @@ EXPORTS: dict[str, FileFormat] = {
     ".vtkhdf": FileFormat(_write_motion, ("mesh", "body", "nodal stress")),
     ".nc": FileFormat(_write_body, ("modes", "body", "surface", "stress")),
 }
+
+FILES: dict[str, Callable[[Pipeline, Any, Path], list[str]]] = {
+    "export": write_export,
+    "history": write_history,
+    "table": write_extremes,
+}
+"""Writers of outputs that aren't drawn, by their types."""

@@ -14,8 +14,10 @@ from pipeline.accuracy.error_estimates import SAFETY
 from pipeline.output.coupling import coupling_warnings
 from pipeline.output.explain import STAGES
 from pipeline.output.frequencies import frequencies_by_body, frequency_table, mode_warnings
+from pipeline.output.histories import extremes
 from pipeline.output.loops import loop_figures, loop_warnings
 from pipeline.recovery.motion import Motion
+from pipeline.scene.histories import ExtremesTable
 from pipeline.stages.pipeline import Pipeline
 
 _MORE_TIME = 5.0  # times that of an error budget that isn't whole
@@ -70,6 +72,8 @@ def summarise(run: Pipeline, files: list[str], budget: bool, budget_seconds: flo
         body = run.bodies[meshed[0]]
         place = body.origin + body.x[stress.nodes[node]]
         summary["worst_stress"] = {"time_s": time, "von_mises_pa": value, "position_m": place.tolist()}
+    if tables := {o.file: extremes(run, o) for o in run.scene.output if isinstance(o, ExtremesTable)}:
+        summary["tables"] = tables
     if budget and len(meshed) == len(run.parts):  # matrices alone tell nothing of their own error
         stated = state_errors(run, budget_seconds)
         summary["error_budget"] = stated.summary()

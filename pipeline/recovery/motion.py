@@ -14,7 +14,7 @@ from pipeline.core.html import facts, scaled
 from pipeline.dynamics.kinematics import Kinematics
 from pipeline.dynamics.links import REVOLUTE, Link
 from pipeline.dynamics.mechanism import Mechanism
-from pipeline.dynamics.reactions import closing_reactions, constraint_residual
+from pipeline.dynamics.reactions import JointLoads, closing_reactions, constraint_residual, joint_loads
 from pipeline.integrators.protocol import Trajectory
 
 
@@ -84,6 +84,11 @@ class Motion:
     def closing_reactions(self) -> Mapping[str, Array]:
         """Force [N] and moment [N m] of each joint that closes a loop on its parent and child, (n_times, 2, 6)."""
         return closing_reactions(self.mechanism, self.times, self.trajectory.q, self.trajectory.v)
+
+    @cached_property
+    def joint_loads(self) -> JointLoads:
+        """Accelerations, and force and moment of every joint, at the output times."""
+        return joint_loads(self.mechanism, self.times, self.trajectory.q, self.trajectory.v)
 
     @property
     def constraint_residual(self) -> float:

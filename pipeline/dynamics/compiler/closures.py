@@ -107,7 +107,7 @@ class ConstraintRow:
 
 
 class MultiplierForces:
-    """Forces of the constraints' multipliers, read from the argument ``f``, on a mechanism at rest without weight."""
+    """Forces of the constraints' multipliers alone, read from the argument ``f``: neither weight nor velocities act."""
 
     def __init__(self, inputs: Coordinates, rows: list[ConstraintRow]) -> None:
         self.graph = inputs.graph
