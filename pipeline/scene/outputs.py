@@ -19,6 +19,7 @@ from pipeline.scene.pictures import (
 )
 from pipeline.scene.reading import FaultError, SceneTable
 from pipeline.scene.responses import FrequencyResponseChart
+from pipeline.scene.stress_outputs import Envelope, Fatigue
 from pipeline.scene.values import BodyName, ElementName, FileCheck, JointName, MarkerName, Text
 
 # Meanings of the quantities that a chart can draw.
@@ -208,6 +209,8 @@ Output = Annotated[
     | StressPicture
     | MechanismPicture
     | Film
+    | Envelope
+    | Fatigue
     | History
     | ExtremesTable
     | Export,
