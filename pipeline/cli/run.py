@@ -247,6 +247,10 @@ def _notes(summary: dict[str, Any]) -> list[str]:
         if "peak_tip_deflection_m" in summary:
             line += f"; largest tip deflection {scaled(summary['peak_tip_deflection_m'], 'm')}"
         lines.append(line)
+    for file, life in summary.get("fatigue", {}).items():
+        repeats, place = life["repeats_to_failure"], f"node {life['node']} of {life['body']}"
+        lasts = "nothing is damaged" if repeats is None else f"{place} lasts {repeats:.3g} repeats of the motion"
+        lines.append(f"{file}: {lasts}")
     for name, modes in summary["left_out_modes"].items():
         numbers = ", ".join(str(k) for k in modes)
         lines.append(f"left out: modal coordinates {numbers} of {name}, which nothing excites (--keep-all)")
