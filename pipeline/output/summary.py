@@ -7,10 +7,10 @@ from typing import Any
 
 import numpy as np
 
-from pipeline import __version__
 from pipeline.accuracy.deflection import TOO_LARGE, deflection_warnings
 from pipeline.accuracy.error_budget import Budget, state_errors
 from pipeline.accuracy.error_estimates import SAFETY
+from pipeline.core.version import VERSION
 from pipeline.output.coupling import coupling_warnings
 from pipeline.output.explain import STAGES
 from pipeline.output.frequencies import frequencies_by_body, frequency_table, mode_warnings
@@ -35,7 +35,7 @@ def summarise(run: Pipeline, files: list[str], budget: bool, budget_seconds: flo
     budget_seconds : float
         Time that this may take [s].
     """
-    summary: dict[str, Any] = {"scene": run.scene.name, "version": __version__}
+    summary: dict[str, Any] = {"scene": run.scene.name, "version": VERSION}
     if run.parts:
         summary |= frequency_table(run)
         summary["bodies"] = {name: own | _body(run, name) for name, own in frequencies_by_body(run).items()}
