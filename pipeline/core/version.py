@@ -1,3 +1,3 @@
-"""Version of the package, for results and files that name what has made them."""
+"""Version of the program."""
 
-VERSION = "0.1.0"
+__version__ = "0.1.0"

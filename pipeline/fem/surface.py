@@ -55,6 +55,23 @@ def surface_topology(space: Discretisation) -> SurfaceTopology:
     return SurfaceTopology(nodes, local.reshape(-1, 3), np.unique(sides, axis=0))
 
 
+def surface_normals(x: Array, surface: SurfaceTopology) -> Array:
+    """Return unit normals at a surface's nodes (n_surface, 3), means of the triangles around by area.
+
+    Parameters
+    ----------
+    x : ndarray, shape (n_nodes, 3)
+        Positions of all nodes.
+    """
+    corners = x[surface.nodes][surface.triangles]
+    across = np.cross(corners[:, 1] - corners[:, 0], corners[:, 2] - corners[:, 0])
+    normals = np.zeros((len(surface.nodes), 3))
+    for k in range(3):
+        np.add.at(normals, surface.triangles[:, k], across)
+    sizes = np.linalg.norm(normals, axis=1, keepdims=True)
+    return np.where(sizes > 0.0, normals / np.where(sizes > 0.0, sizes, 1.0), [0.0, 0.0, 1.0])
+
+
 def surface_elements(space: Discretisation) -> IntArray:
     """Return the element of each triangle of `surface_topology`, shape (n_triangles,)."""
     return np.concatenate(

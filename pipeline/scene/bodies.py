@@ -136,6 +136,7 @@ class Solid(SceneTable):
     def _on_its_faces(self) -> Solid:
         for name, marker in self.marker.items():
             self._check_faces(marker.faces, "marker", name, "face")
+            self._check_faces(marker.edge_faces, "marker", name, "edge")
         for number, support in enumerate(self.support):
             self._check_faces(support.faces, "support", number, "face")
         for number, name in enumerate(self.modes.interface):

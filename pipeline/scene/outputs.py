@@ -18,6 +18,7 @@ from pipeline.scene.pictures import (
     StressPicture,
 )
 from pipeline.scene.reading import FaultError, SceneTable
+from pipeline.scene.stress_outputs import Envelope, Fatigue
 from pipeline.scene.values import BodyName, ElementName, FileCheck, JointName, MarkerName, Text
 
 # Meanings of the quantities that a chart can draw.
@@ -206,6 +207,8 @@ Output = Annotated[
     | StressPicture
     | MechanismPicture
     | Film
+    | Envelope
+    | Fatigue
     | History
     | ExtremesTable
     | Export,

@@ -179,7 +179,11 @@ def _link(scene: Scene, places: _Places, body: str) -> Link:
     if body in places.bodies:
         reduced, damping = places.bodies[body], scene.flexible[body].modes.damping
         gram = reduced.gram
-        settings |= {"omega": reduced.omega, "damping": np.full(len(reduced.omega), damping)}
+        told = reduced.damping.size and not damping  # by the file that holds the body
+        settings |= {
+            "omega": reduced.omega,
+            "damping": reduced.damping if told else np.full(len(reduced.omega), damping),
+        }
         settings["section"] = _section(scene, places, body)
     else:
         gram = _gram(scene.body[body], places.origin(body))

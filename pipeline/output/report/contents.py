@@ -10,7 +10,7 @@ from typing import Any
 import numpy as np
 
 from pipeline.core.html import facts, scaled
-from pipeline.core.version import VERSION
+from pipeline.core.version import __version__
 from pipeline.output.key_figures import key_figures
 from pipeline.output.notebook import Picture, draw_inline
 from pipeline.output.pictures import chart_title
@@ -64,7 +64,7 @@ def versions_table() -> str:
     """Make the table of versions and of the machine, as HTML."""
     from joblib import cpu_count
 
-    versions = [("fmd", VERSION), ("Python", platform.python_version())]
+    versions = [("fmd", __version__), ("Python", platform.python_version())]
     versions += [(package, version(package)) for package in _PACKAGES]
     machine = f"{platform.system()}, {platform.machine()}, {cpu_count()} cores"
     return facts([*versions, ("machine", machine)], "versions")

@@ -60,6 +60,7 @@ from pipeline.scene.runs import (
 )
 from pipeline.scene.scene import PublishedResults, Scene
 from pipeline.scene.simulation import Simulation
+from pipeline.scene.stress_outputs import Envelope, Fatigue, MeanStress, SnCurve, SurfaceField
 from pipeline.scene.time_functions import TimeFunction
 from pipeline.scene.visuals import BoxVisual, CylinderVisual, FileVisual, RodVisual, VisualSettings
 
@@ -287,6 +288,11 @@ SECTIONS = (
     Section("### Picture of the stress", StressPicture),
     Section("### Picture of the mechanism", MechanismPicture),
     Section("### Film", Film),
+    Section("### Every envelope and fatigue", SurfaceField),
+    Section("### Envelope of the stress", Envelope),
+    Section("### Fatigue", Fatigue),
+    Section("### S-N curve", SnCurve),
+    Section("### Mean stress", MeanStress),
     Section("### Every history and table", Quantities),
     Section("### History", History),
     Section("### Table of extremes", ExtremesTable),
