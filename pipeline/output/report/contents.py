@@ -9,8 +9,8 @@ from typing import Any
 
 import numpy as np
 
-from pipeline import __version__
 from pipeline.core.html import facts, scaled
+from pipeline.core.version import __version__
 from pipeline.output.key_figures import key_figures
 from pipeline.output.notebook import Picture, draw_inline
 from pipeline.output.pictures import chart_title
