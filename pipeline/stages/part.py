@@ -160,9 +160,8 @@ def _stiffen(part: FlexiblePart) -> SecondOrder:
     if part.is_reduced and part.body.gram.stiffening.size:  # by its file
         return part.body.gram, part.body.markers
     if not part.has_mesh:
-        mend = (
-            f"stiffening by inertia loads takes stress, and the body {NO_MESH.format('matrices')}; 'off' leaves it out"
-        )
+        given = NO_MESH.format("file" if part.is_reduced else "matrices")
+        mend = f"stiffening by inertia loads takes stress, and the body {given}; 'off' leaves it out"
         raise InputError(part.file, "simulation.stiffening", None, mend)
     body = stiffen_reduced(part.model, part.body)
     return body.gram, body.markers
