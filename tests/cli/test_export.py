@@ -6,6 +6,7 @@ import sys
 
 import numpy as np
 import pytest
+import scipy.sparse as sp
 
 from pipeline.output.formats import _WRITERS
 from pipeline.reduction.body_file import load_body
@@ -126,3 +127,19 @@ def test_a_reduced_body_has_no_matrices_to_write(fmd, tmp_path, capsys):
     assert np.diag(again.K) == pytest.approx(modes_of(equivalent_model(first)).omega ** 2, rel=1e-9)
     assert fmd("mesh", scene) == 2
     assert "is given by its file: without elements" in capsys.readouterr().err
+
+
+@pytest.mark.slow
+@pytest.mark.filterwarnings("ignore")
+def test_exudyn_takes_the_full_matrices(fmd, tmp_path, capsys):
+    FEM = pytest.importorskip("exudyn.FEM")
+    assert fmd("export", "beam", "--to", "full", "--out", tmp_path / "beam.npz", *FEW) == 0
+    fem = FEM.FEMinterface()
+    fem.nodes = {"Position": np.loadtxt(tmp_path / "beam-nodes.csv", delimiter=",", skiprows=1)[:, 1:]}
+    fem.stiffnessMatrix = sp.csr_matrix(sp.load_npz(tmp_path / "beam.npz"))
+    fem.massMatrix = sp.csr_matrix(sp.load_npz(tmp_path / "beam-mass.npz"))
+    fem.ComputeEigenmodes(nModes=6, excludeRigidBodyModes=6, useSparseSolver=True)
+    capsys.readouterr()
+    assert fmd("modes", "beam", "--json", *FEW, "--set", "body.beam.modes={count=6}") == 0
+    ours = json.loads(capsys.readouterr().out)["frequencies_hz"]
+    assert fem.GetEigenFrequenciesHz() == pytest.approx(ours, rel=1e-6)
