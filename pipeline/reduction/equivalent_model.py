@@ -147,7 +147,7 @@ def modes_of(model: EquivalentModel) -> Modes:
         raise AccuracyError(
             f"a combination of the {n} shapes has no stiffness: ω² = {omega2[0]:.1e} rad²/s² beside {omega2[-1]:.1e}"
         )
-    return Modes(np.sqrt(omega2), elastic @ turn, 0, 0.0, tuple(range(1, n + 1)))
+    return Modes(np.sqrt(omega2), elastic @ turn, 6, 0.0, tuple(range(1, n + 1)))
 
 
 def finish_body(model: EquivalentModel, body: FlexibleBody, markers: Mapping[str, Sequence[str]]) -> FlexibleBody:
