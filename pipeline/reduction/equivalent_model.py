@@ -186,7 +186,7 @@ def finish_body(model: EquivalentModel, body: FlexibleBody, markers: Mapping[str
     if np.abs(R @ rigid).max() > _OWN_FRAME * np.abs(body.shapes).max():
         raise ValueError(
             "the file holds geometric stiffening in its own frame, which the joint doesn't keep: hang the body on the "
-            "node that doesn't move in its frame, or write the file without stiffening"
+            "node that rests in its frame, or leave stiffening out by simulation.stiffening = 'off'"
         )
     return _stiffened(data, body, turn, markers)
 

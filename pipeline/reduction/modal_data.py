@@ -29,6 +29,8 @@ class ModalData:
         What a file says that can't be right, and what was taken instead.
     in_own_frame : bool
         True if the integrals hold geometric stiffening, and so in this frame alone.
+    is_separable : bool
+        True if the geometric stiffening can be taken out again; some files tell its sum alone.
     surface : SurfaceTopology, optional
         Outer surface, whose nodes are places among ``nodes``.
     stress : ndarray, shape (n_surface, 6, n), optional
@@ -41,6 +43,7 @@ class ModalData:
     nodes: Mapping[str, MarkerShapes]
     notes: tuple[str, ...] = ()
     in_own_frame: bool = False
+    is_separable: bool = True
     surface: SurfaceTopology | None = None
     stress: Array | None = None
 

@@ -104,6 +104,7 @@ def _body_inputs(part: FlexiblePart) -> Any:
         "markers": part.shape.model_dump(mode="json", include={"marker"}),
         "joint": repr(part.joint),
         "frame": part.frame,
+        "stiffening": part.stiffening if part.is_reduced else "",  # that of a file may be left out
     }
 
 
@@ -150,7 +151,7 @@ def _reduce(part: FlexiblePart) -> FlexibleBody:
     from pipeline.stages.basis import reduce_body
 
     if part.is_reduced:
-        return reduce_file_body(part.model, part.modes, part.shape, part.frame)
+        return reduce_file_body(part.model, part.modes, part.shape, part.frame, part.stiffening)
     return reduce_body(part.model, part.modes, part.shape.modes, part.frame)
 
 
@@ -259,6 +260,7 @@ class FlexiblePart:
         self.source = SourceFiles.find(self.shape, scene.file, name)
         self.joint = read_inboard_joint(scene, name)
         self.frame = scene.simulation.frame if scene.moves else "joint-conforming"
+        self.stiffening = scene.simulation.stiffening if scene.moves else "auto"
         self.results: dict[str, Any] = {}
         if like is not None and like.key("modes") == self.key("modes"):
             self.results |= {stage: like.results[stage] for stage in _OF_THE_MODES if stage in like.results}

@@ -21,6 +21,7 @@ from pipeline.reduction.formats.exudyn_file import read_exudyn
 from pipeline.reduction.formats.mbdyn_file import read_mbdyn
 from pipeline.reduction.formats.netcdf_file import read_netcdf
 from pipeline.reduction.formats.sid_file import read_sid
+from pipeline.reduction.modal_data import without_stiffening
 from pipeline.scene.reading import suggest_name
 
 if TYPE_CHECKING:
@@ -100,13 +101,13 @@ def place_file_markers(fe: FEModel, shape: Flexible, file: str, body: str) -> di
     return markers
 
 
-def reduce_file_body(model: HeldModel, modes: Modes, shape: Flexible, frame: str) -> FlexibleBody:
-    """Refer a file's body to the joint that carries it.
+def reduce_file_body(model: HeldModel, modes: Modes, shape: Flexible, frame: str, stiffening: str) -> FlexibleBody:
+    """Refer a file's body to the joint that carries it, without its geometric stiffening if that is ``"off"``.
 
     Raises
     ------
     InputError
-        Its geometric stiffening belongs to a frame that the joint doesn't keep.
+        Its geometric stiffening belongs to a frame that the joint doesn't keep, or can't be taken out.
     """
     from pipeline.stages.basis import reduce_body
 
@@ -114,8 +115,14 @@ def reduce_file_body(model: HeldModel, modes: Modes, shape: Flexible, frame: str
     in_space = replace(model, joint=replace(model.joint, normal=-1))
     body = reduce_body(in_space, modes, shape.modes, frame)
     labels = {name: marker.labels for name, marker in shape.marker.items()}
+    fe = _equivalent(model.fe)
+    if stiffening == "off" and fe.data.in_own_frame:
+        if not fe.data.is_separable:
+            mend = f"can't be told apart from inertia in {shape.body.file}, whose Gr has no first order; take 'auto'"
+            raise InputError(model.file, "simulation.stiffening", stiffening, mend)
+        fe = replace(fe, data=without_stiffening(fe.data))
     try:
-        return finish_body(_equivalent(model.fe), body, labels)
+        return finish_body(fe, body, labels)
     except ValueError as error:
         raise InputError(model.file, f"body.{model.name}.body.file", shape.body.file, str(error)) from None
 
