@@ -10,6 +10,7 @@ from pathlib import Path
 
 from pipeline.reduction.body_file import save_body
 from pipeline.stages.pipeline import Pipeline
+from pipeline.stages.spatial_body import spatial_body, surface_stress
 
 # Module and function of each format: ``function(run, body or None, path)`` writes the files and returns their paths.
 # A module is loaded when its format is written.
@@ -59,6 +60,11 @@ def write_python(run: Pipeline, body: str | None, path: Path) -> list[Path]:
 def write_body(run: Pipeline, body: str, path: Path) -> None:
     """Write modes, mass, stiffness, inertia integrals and the stress of each mode of a body as NetCDF."""
     part = run.parts[body]
-    reduced = part.for_any_motion(run.bodies[body])
-    surface, stress = (part.surface, part.surface_stress) if part.has_mesh else (None, None)
+    if run.scene.moves:
+        reduced = part.for_any_motion(run.bodies[body])
+        stress = part.surface_stress if part.has_stress else None
+    else:
+        reduced = spatial_body(part, stiffened=False)
+        stress = surface_stress(part, reduced)
+    surface = part.surface if part.has_stress else None
     save_body(path, reduced, surface, stress, part.modes.frequencies_hz)
