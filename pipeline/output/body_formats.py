@@ -10,7 +10,7 @@ import numpy as np
 
 from pipeline.core.errors import InputError
 from pipeline.core.files import whole_file
-from pipeline.reduction.formats import exudyn_file, sid_file
+from pipeline.reduction.formats import exudyn_file, mbdyn_file, sid_file
 from pipeline.reduction.modal_data import ModalData, modal_data, without_stiffening
 from pipeline.scene.damping import damping_ratios
 from pipeline.stages.part import FlexiblePart
@@ -26,9 +26,7 @@ def write_sid(run: Pipeline, body: str | None, path: Path) -> list[Path]:
 
 def write_mbdyn(run: Pipeline, body: str | None, path: Path) -> list[Path]:
     """Write a body for MBDyn's modal joint."""
-    from pipeline.reduction.formats.mbdyn_file import write_mbdyn as write
-
-    write(path, _data(_part(run, body), stiffened=False))
+    mbdyn_file.write_mbdyn(path, _data(_part(run, body), stiffened=False))
     return [path]
 
 

@@ -10,7 +10,6 @@ from pathlib import Path
 
 from pipeline.reduction.body_file import save_body
 from pipeline.stages.pipeline import Pipeline
-from pipeline.stages.spatial_body import spatial_body, surface_stress
 
 # Module and function of each format: ``function(run, body or None, path)`` writes the files and returns their paths.
 # A module is loaded when its format is written.
@@ -64,6 +63,8 @@ def write_body(run: Pipeline, body: str, path: Path) -> None:
         reduced = part.for_any_motion(run.bodies[body])
         stress = part.surface_stress if part.has_stress else None
     else:
+        from pipeline.stages.spatial_body import spatial_body, surface_stress
+
         reduced = spatial_body(part, stiffened=False)
         stress = surface_stress(part, reduced)
     surface = part.surface if part.has_stress else None

@@ -78,6 +78,19 @@ def without_stiffening(data: ModalData) -> ModalData:
     return replace(data, gram=InertiaGram(G, gram.S, gram.mass), nodes=nodes, in_own_frame=False)
 
 
+def function_products(data: ModalData) -> Array:
+    """Mass products of 1, x_a and φ_ja with one another, mode by mode, without stiffening; shape (4 + 3 n, 4 + 3 n)."""
+    gram, n = data.gram, data.n
+    G = gram.G.copy()
+    if gram.stiffening.size:
+        G[:, :, 1:, 1:] += gram.stiffening
+    products = np.empty((4 + 3 * n, 4 + 3 * n))
+    products[1:, 1:] = G.transpose(2, 0, 3, 1).reshape(3 + 3 * n, 3 + 3 * n)
+    products[0, 0], products[0, 1:] = gram.mass, gram.S.T.ravel()
+    products[1:, 0] = products[0, 1:]
+    return products
+
+
 def integrals_of(products: Array, turns: Array) -> Array:
     """Integrals ``G[a, b]`` from what equations of motion take of them, as files hold it.
 

@@ -9,14 +9,6 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from pipeline.core.errors import InputError
-from pipeline.reduction.equivalent_model import (
-    EquivalentModel,
-    combination_of,
-    equivalent_marker,
-    equivalent_model,
-    finish_body,
-    modes_of,
-)
 from pipeline.reduction.formats.exudyn_file import read_exudyn
 from pipeline.reduction.formats.mbdyn_file import read_mbdyn
 from pipeline.reduction.formats.netcdf_file import read_netcdf
@@ -30,6 +22,7 @@ if TYPE_CHECKING:
     from pipeline.fem.model import FEModel
     from pipeline.fem.surface import SurfaceTopology
     from pipeline.reduction.body import FlexibleBody
+    from pipeline.reduction.equivalent_model import EquivalentModel
     from pipeline.reduction.modes import Modes
     from pipeline.scene.any_body import Flexible
     from pipeline.scene.source_files import SourceFiles
@@ -47,6 +40,8 @@ def read_reduced_body(source: SourceFiles | None) -> EquivalentModel:
     InputError
         The file's suffix is none of `READERS`, or it can't be read.
     """
+    from pipeline.reduction.equivalent_model import equivalent_model
+
     assert source is not None
     path = Path(source.path)
     if path.suffix.lower() not in READERS:
@@ -57,6 +52,8 @@ def read_reduced_body(source: SourceFiles | None) -> EquivalentModel:
 
 def modes_of_file(fe: FEModel) -> Modes:
     """Return the modes of the free body in the space of its file's shapes."""
+    from pipeline.reduction.equivalent_model import modes_of
+
     return modes_of(_equivalent(fe))
 
 
@@ -73,6 +70,8 @@ def file_surface(fe: FEModel) -> SurfaceTopology | None:
 
 def file_stress(fe: FEModel, body: FlexibleBody) -> Array:
     """Return the stress at the surface's nodes for each modal coordinate of a body, (n_surface, 6, n) [Pa per unit]."""
+    from pipeline.reduction.equivalent_model import combination_of
+
     model = _equivalent(fe)
     assert model.data.stress is not None
     return np.asarray(model.data.stress @ combination_of(model, body))
@@ -86,6 +85,8 @@ def place_file_markers(fe: FEModel, shape: Flexible, file: str, body: str) -> di
     InputError
         There is no such node, or it doesn't turn.
     """
+    from pipeline.reduction.equivalent_model import equivalent_marker
+
     assert shape.shape == "reduced"
     model, markers = _equivalent(fe), {}
     for name, marker in shape.marker.items():
@@ -109,6 +110,7 @@ def reduce_file_body(model: HeldModel, modes: Modes, shape: Flexible, frame: str
     InputError
         Its geometric stiffening belongs to a frame that the joint doesn't keep, or can't be taken out.
     """
+    from pipeline.reduction.equivalent_model import finish_body
     from pipeline.stages.basis import reduce_body
 
     assert shape.shape == "reduced"
@@ -128,5 +130,7 @@ def reduce_file_body(model: HeldModel, modes: Modes, shape: Flexible, frame: str
 
 
 def _equivalent(fe: FEModel) -> EquivalentModel:
+    from pipeline.reduction.equivalent_model import EquivalentModel
+
     assert isinstance(fe, EquivalentModel)
     return fe
