@@ -49,7 +49,7 @@ if TYPE_CHECKING:
     from pipeline.reduction.modes import Modes
     from pipeline.stages.basis import HeldModel
 
-NO_MESH = "is given by a file without elements: it has no mesh, no stress and no picture"
+NO_MESH = "is given by its {}: without elements it has no mesh, no stress and no picture"
 _FEM = ("pipeline/fem",)
 _BASIS = ("pipeline/stages/basis.py", "pipeline/stages/markers.py", "pipeline/stages/reduced_files.py")
 _REDUCTION = ("pipeline/fem", "pipeline/reduction", *_BASIS)
@@ -104,6 +104,7 @@ def _body_inputs(part: FlexiblePart) -> Any:
         "markers": part.shape.model_dump(mode="json", include={"marker"}),
         "joint": repr(part.joint),
         "frame": part.frame,
+        "stiffening": part.stiffening if part.is_reduced else "",  # that of a file may be left out
     }
 
 
@@ -120,7 +121,8 @@ def _element_inputs(part: FlexiblePart) -> Any:
 
 def _compute_mesh(part: FlexiblePart) -> SolidMesh:
     if not part.has_mesh:
-        raise InputError(part.file, f"body.{part.name}.{'body' if part.is_reduced else 'matrices'}", None, NO_MESH)
+        key, what = ("body", "file") if part.is_reduced else ("matrices", "matrices")
+        raise InputError(part.file, f"body.{part.name}.{key}", None, NO_MESH.format(what))
     return make_mesh(part.shape, part.source)
 
 
@@ -149,7 +151,7 @@ def _reduce(part: FlexiblePart) -> FlexibleBody:
     from pipeline.stages.basis import reduce_body
 
     if part.is_reduced:
-        return reduce_file_body(part.model, part.modes, part.shape, part.frame)
+        return reduce_file_body(part.model, part.modes, part.shape, part.frame, part.stiffening)
     return reduce_body(part.model, part.modes, part.shape.modes, part.frame)
 
 
@@ -159,7 +161,8 @@ def _stiffen(part: FlexiblePart) -> SecondOrder:
     if part.is_reduced and part.body.gram.stiffening.size:  # by its file
         return part.body.gram, part.body.markers
     if not part.has_mesh:
-        mend = f"stiffening by inertia loads takes stress, and the body {NO_MESH}; 'off' leaves it out"
+        given = NO_MESH.format("file" if part.is_reduced else "matrices")
+        mend = f"stiffening by inertia loads takes stress, and the body {given}; 'off' leaves it out"
         raise InputError(part.file, "simulation.stiffening", None, mend)
     body = stiffen_reduced(part.model, part.body)
     return body.gram, body.markers
@@ -257,6 +260,7 @@ class FlexiblePart:
         self.source = SourceFiles.find(self.shape, scene.file, name)
         self.joint = read_inboard_joint(scene, name)
         self.frame = scene.simulation.frame if scene.moves else "joint-conforming"
+        self.stiffening = scene.simulation.stiffening if scene.moves else "auto"
         self.results: dict[str, Any] = {}
         if like is not None and like.key("modes") == self.key("modes"):
             self.results |= {stage: like.results[stage] for stage in _OF_THE_MODES if stage in like.results}
