@@ -73,12 +73,15 @@ def make_model(run: Pipeline) -> tuple[Heading, Interface, dict[str, str]]:
     InputError
         The mechanism has loops.
     """
-    scene, mechanism = run.scene, run.mechanism
-    if mechanism.closures:
-        names = ", ".join(closure.name for closure in mechanism.closures)
+    scene = run.scene
+    if loops := [*scene.closing, *scene.coupler]:
         raise InputError(
-            scene.file, "joint", names, "closes a loop, whose forces an FMU can't compute; export a tree of joints"
+            scene.file,
+            "joint" if scene.closing else "coupler",
+            ", ".join(loops),
+            "closes a loop, whose forces an FMU can't compute yet; export a tree of joints",
         )
+    mechanism = run.mechanism
     external = ExternalMechanism(mechanism, _element_stresses(run))
     point_loads = [name for name, drive in scene.drive.items() if drive.type in ("point force", "point torque")]
     q0, v0 = run.start

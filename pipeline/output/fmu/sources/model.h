@@ -53,8 +53,8 @@ void model_derivatives(const Model *m, double time, const double *x, double *dx)
 /* Derivatives at the present time, on the side of a jump of the loads that the simulation is on. */
 void model_present_derivatives(const Model *m, double *dx);
 
-/* Outputs at the present time. */
-void model_outputs(const Model *m, double *y);
+/* Outputs at the present time, where the derivatives are dx. */
+void model_outputs(const Model *m, const double *dx, double *y);
 
 /* Change of derivatives and outputs with states, inputs and parameters. */
 void model_slopes(const Model *m, const double *x_change, const double *u_change, const double *p_change, double *dx,
