@@ -7,15 +7,16 @@ from typing import Any
 
 import numpy as np
 
-from pipeline import __version__
 from pipeline.accuracy.deflection import TOO_LARGE, deflection_warnings
 from pipeline.accuracy.error_budget import Budget, state_errors
 from pipeline.accuracy.error_estimates import SAFETY
+from pipeline.core.version import __version__
 from pipeline.output.coupling import coupling_warnings
 from pipeline.output.explain import STAGES
 from pipeline.output.frequencies import frequencies_by_body, frequency_table, mode_warnings
 from pipeline.output.histories import extremes
 from pipeline.output.loops import loop_figures, loop_warnings
+from pipeline.output.stress_fields import summarise_fields
 from pipeline.recovery.motion import Motion
 from pipeline.scene.histories import ExtremesTable
 from pipeline.stages.pipeline import Pipeline
@@ -74,6 +75,7 @@ def summarise(run: Pipeline, files: list[str], budget: bool, budget_seconds: flo
         summary["worst_stress"] = {"time_s": time, "von_mises_pa": value, "position_m": place.tolist()}
     if tables := {o.file: extremes(run, o) for o in run.scene.output if isinstance(o, ExtremesTable)}:
         summary["tables"] = tables
+    summary |= summarise_fields(run)
     if budget and len(meshed) == len(run.parts):  # matrices alone tell nothing of their own error
         stated = state_errors(run, budget_seconds)
         summary["error_budget"] = stated.summary()

@@ -118,7 +118,8 @@ def modes_of(model: EquivalentModel) -> Modes:
     Raises
     ------
     AccuracyError
-        Shapes depend on one another once their rigid motions are taken out, or one of them has no stiffness.
+        Shapes depend on one another once their rigid motions are taken out, or one of them has no stiffness; or the
+        coupling of frame and modes is so large that no body has such inertia.
     """
     from scipy.linalg import eigh
 
@@ -128,7 +129,14 @@ def modes_of(model: EquivalentModel) -> Modes:
     coupling = np.linalg.lstsq(np.einsum("iak,ial->kl", R, mR), np.einsum("iak,ian->kn", mR, shapes), rcond=None)[0]
     elastic = shapes - R @ coupling
     M = np.einsum("iaj,iak->jk", elastic, (model.m @ elastic.reshape(len(R), -1)).reshape(elastic.shape))
-    size = np.sqrt(np.maximum(M.diagonal(), np.finfo(float).tiny))
+    if not (M.diagonal() > 0.0).all():
+        worst = int(M.diagonal().argmin())
+        raise AccuracyError(
+            f"the file's inertia can't be a body's: mode {worst + 1} with its frame at rest in space would have the "
+            f"modal mass {M[worst, worst]:.3g} beside {model.data.M[worst, worst]:.3g} in the frame; the coupling of "
+            "frame and modes is too large for the mass and the modal mass"
+        )
+    size = np.sqrt(M.diagonal())
     least = float(np.linalg.eigvalsh(M / np.outer(size, size))[0])
     if not least > _MASSLESS:
         raise AccuracyError(

@@ -49,11 +49,11 @@ class ModalData:
         return np.asarray(M + np.einsum("aaij->ij", self.gram.stiffening)) if self.gram.stiffening.size else M
 
 
-def modal_data(body: FlexibleBody, damping: float = 0.0) -> ModalData:
-    """Gather a reduced body's data, with damping of every mode relative to critical; its markers are the nodes."""
+def modal_data(body: FlexibleBody, damping: float | Array = 0.0) -> ModalData:
+    """Gather a reduced body's data, with the modes' damping relative to critical; its markers are the nodes."""
     gram, markers = body.gram, dict(body.markers)
     second = gram.stiffening, gram.bow, gram.curl, *(marker.bow for marker in markers.values())
-    ratios = body.damping if body.damping.size and not damping else damping
+    ratios = body.damping if body.damping.size and not np.any(damping) else damping
     K, D = np.diag(body.omega**2), np.diag(2 * ratios * body.omega)
     return ModalData(gram, K, D, markers, in_own_frame=any(term.any() for term in second))
 

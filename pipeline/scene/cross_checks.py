@@ -20,6 +20,7 @@ from pipeline.scene.loops import OF_COORDINATES, closing_joints
 from pipeline.scene.outputs import JOINT_QUANTITIES, Chart, Export, Output
 from pipeline.scene.pictures import BodyPicture, MechanismView, StressPicture
 from pipeline.scene.reading import FaultError, suggest_name
+from pipeline.scene.responses import FrequencyResponseChart
 from pipeline.scene.runs import ScipyRun
 from pipeline.scene.simulation import Simulation
 
@@ -154,7 +155,7 @@ class CrossCheck:
                 yield from self._check_chart(output, "output", number)
             elif isinstance(output, Quantities):
                 yield from self._check_quantities(output, "output", number)
-            else:
+            elif not isinstance(output, FrequencyResponseChart):  # whose names are looked up in the mechanism
                 yield from self._check_picture(output, "output", number)
         yield from self._check_files()
 

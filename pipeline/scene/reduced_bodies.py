@@ -7,6 +7,7 @@ from typing import Annotated, Literal
 from pydantic import Field
 
 from pipeline.scene.bodies import ModeSettings
+from pipeline.scene.orientation import Orientation
 from pipeline.scene.places import NamedElement, Support
 from pipeline.scene.reading import SceneTable
 from pipeline.scene.values import Name, Number, SourceFile, Text
@@ -89,8 +90,8 @@ AnyModes = ModeSettings | ReducedModes
 """The shapes that describe a body's deformation, computed or of its file."""
 
 
-class FileNode(SceneTable):
-    """A named place on a reduced body, where joints and loads act and motion is recorded.
+class FileNode(Orientation):
+    """A named place on a reduced body, where joints and loads act and motion is recorded, with axes of its own.
 
     Parameters
     ----------

@@ -49,7 +49,8 @@ if TYPE_CHECKING:
 
 NO_MESH = "is given by a file without elements: it has no mesh, no stress and no picture"
 _FEM = ("pipeline/fem",)
-_REDUCTION = ("pipeline/fem", "pipeline/reduction", "pipeline/stages/basis.py", "pipeline/stages/markers.py")
+_BASIS = ("pipeline/stages/basis.py", "pipeline/stages/markers.py", "pipeline/stages/reduced_files.py")
+_REDUCTION = ("pipeline/fem", "pipeline/reduction", *_BASIS)
 _STRESS = ("pipeline/fem", "pipeline/recovery/stress.py")
 _DEFORMATION = ("pipeline/fem", "pipeline/recovery/deformation.py")
 _PACKAGES = ("numpy", "scipy", "scikit-fem", "gmsh")

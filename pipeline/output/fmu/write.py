@@ -11,10 +11,10 @@ from pathlib import Path
 
 import numpy as np
 
-from pipeline import __version__
 from pipeline.core.arrays import Array
 from pipeline.core.errors import InputError
 from pipeline.core.files import whole_file
+from pipeline.core.version import __version__
 from pipeline.dynamics.compiler.external import ExternalMechanism
 from pipeline.dynamics.compiler.external_quantities import ElementStress
 from pipeline.dynamics.mechanism import Mechanism

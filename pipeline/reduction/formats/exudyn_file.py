@@ -121,7 +121,7 @@ def read_exudyn(path: Path) -> ModalData:
         return InputError(str(path), "", None, mend)
 
     try:
-        with np.load(path, allow_pickle=False) as file:
+        with path.open("rb") as stream, np.load(stream, allow_pickle=False) as file:
             found = {name: file[name] for name in file.files if name not in ("postProcessingModes", "trigList")}
     except OSError as error:
         raise refuse(f"can't be read: {error.strerror or error}") from error
@@ -130,8 +130,10 @@ def read_exudyn(path: Path) -> ModalData:
     n = len(found["stiffnessMatrixReduced"]) if "stiffnessMatrixReduced" in found else 0
     shapes = {
         "massMatrixReduced": (n, n), "stiffnessMatrixReduced": (n, n), "inertiaLocal": (3, 3), "chiU": (3,),
-        "mPsiTildePsiTilde": (3 * n, 3 * n), "mPhitTPsi": (3, n), "mXRefTildePsiTilde": (3, 3 * n),
+        "mPsiTildePsiTilde": (3 * n, 3 * n), "mPhitTPsi": (3, n), "mXRefTildePsiTilde": (3, 3 * n), "totalMass": (),
     }  # fmt: skip
+    shapes["modeBasis"] = (3 * (found["xRef"].size // 3), n) if "xRef" in found else (0, n)
+    shapes["xRef"] = (shapes["modeBasis"][0],)
     for name, shape in shapes.items():
         if name not in found:
             raise refuse(f"has no '{name}'; save the body by ObjectFFRFreducedOrderInterface.SaveToFile(….npz)")
