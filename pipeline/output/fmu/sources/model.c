@@ -109,7 +109,7 @@ static double present_side(const Model *m)
     const double t = m->time;
     if (m->passed > 0 && t <= breakpoints[m->passed - 1] + CLOSE(t))
         return just_after(fmax(t, breakpoints[m->passed - 1]));
-    if (m->passed < N_BREAKPOINTS && fabs(t - breakpoints[m->passed]) <= CLOSE(t))
+    if (fabs(t - breakpoints[m->passed]) <= CLOSE(t))
         return just_before(fmin(t, breakpoints[m->passed]));
     return t;
 }
@@ -200,7 +200,7 @@ int model_set(Model *m, unsigned reference, double value)
 double model_pass_breakpoints(Model *m)
 {
     m->passed = 0;
-    while (m->passed < N_BREAKPOINTS && breakpoints[m->passed] <= m->time + CLOSE(m->time))
+    while (breakpoints[m->passed] <= m->time + CLOSE(m->time)) /* the last one is infinity */
         ++m->passed;
-    return m->passed < N_BREAKPOINTS ? breakpoints[m->passed] : INFINITY;
+    return breakpoints[m->passed];
 }

@@ -26,7 +26,7 @@ typedef struct {
     double x[N_STATES];
     double u[N_INPUTS + 1];
     double p[N_PARAMETERS];
-    int passed;   /* breakpoints of the loads that lie behind */
+    unsigned passed; /* breakpoints of the loads that lie behind */
     int loaded;   /* forces act on markers */
     int wide;     /* this processor has wide vectors */
 
@@ -35,7 +35,7 @@ typedef struct {
     int steady;   /* nothing was set between the last two calls: the last step may lead beyond their end */
     int fresh;    /* the first slope of the next step has to be evaluated */
     int prepared; /* coefficients of the last step's interpolation are there */
-    int done;     /* breakpoints behind `reached` */
+    unsigned done; /* breakpoints behind `reached` */
     double reached, begun, next_step;
     double n_steps, n_evaluations;
     double largest[N_GROUPS];
