@@ -9,6 +9,7 @@ from typing import Any, Protocol
 import numpy as np
 
 from pipeline.core.arrays import Array, require_finite, require_shape
+from pipeline.core.short_repr import short_repr
 from pipeline.dynamics.jit.compiled import aligned, kernel, meaning
 from pipeline.dynamics.system import System, accelerations, advance, close_gaps, project, velocities
 
@@ -74,6 +75,8 @@ class Trajectory:
         Run time of the compiled march.
     end : State
         State after the last step.
+    chosen : Integrator, optional
+        The method that an automatic choice ended with: it alone gives the same motion again.
     """
 
     integrator: str
@@ -86,6 +89,9 @@ class Trajectory:
     fast_evaluations: int
     seconds: float
     end: State
+    chosen: Integrator | None = None
+
+    __repr__ = short_repr
 
 
 class Integrator(Protocol):

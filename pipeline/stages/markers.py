@@ -89,6 +89,7 @@ def fixed_unknowns(shape: Flexible, space: Discretisation, file: str, body: str)
 def _placed(shape: Flexible, place: Callable[[str, MarkerPlace], Marker], file: str, body: str) -> dict[str, Marker]:
     markers = {}
     for name, marker in shape.marker.items():
+        assert isinstance(marker, MarkerPlace)
         try:
             markers[name] = place(name, marker)
         except ValueError as error:
