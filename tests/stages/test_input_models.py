@@ -31,19 +31,14 @@ def test_the_robot_follows_its_file(robot: Pipeline):
 def test_the_robot_starts_at_rest_under_its_weight(robot: Pipeline):
     """The bending stress at the shoulder is that of a beam under the moment of all that it carries."""
     motion, g = robot.motion, 9.81
-    masses = 2700 * 0.03 * np.array([0.4 * 0.02, 0.35 * 0.016])
+    part = robot.parts["upper"]
+    place, _, height = part.mesh.points[part.mesh.cells[part.elements["root"]]].mean(axis=0)
+    masses = 2700 * 0.03 * np.array([(0.4 - place) * 0.02, 0.35 * 0.016])  # of the upper link what lies beyond
     q2, q3 = np.deg2rad([-60.0, 100.0])
-    place = 0.02  # of the element, along the upper link
-    elbow, forearm = 0.4 * np.cos(q2), np.cos(q2 + q3)
-    arms = np.array([(0.2 - place) * np.cos(q2), elbow + 0.175 * forearm, elbow + 0.39 * forearm])
-    arms[1:] -= place * np.cos(q2)
-    # Of the upper link's own weight, what lies beyond the place counts.
-    weights = g * np.array([masses[0] * (0.4 - place) / 0.4, masses[1], 1.0])
-    arms[0] = 0.5 * (0.4 - place) * np.cos(q2)
-    element = robot.parts["upper"].elements["root"]
-    centre = robot.parts["upper"].mesh.points[robot.parts["upper"].mesh.cells[element]].mean(axis=0)
-    arms += (place - centre[0]) * np.cos(q2)
-    bending = weights @ arms * centre[2] / (0.03 * 0.02**3 / 12)
+    elbow, forearm = (0.4 - place) * np.cos(q2), np.cos(q2 + q3)
+    arms = np.array([elbow / 2, elbow + 0.175 * forearm, elbow + 0.39 * forearm])
+    weights = g * np.array([*masses, 1.0])
+    bending = weights @ arms * height / (0.03 * 0.02**3 / 12)
     axial = weights.sum() * np.sin(q2) / (0.03 * 0.02)  # it stands up, so that the weight presses
     (stress,) = robot.element_stress("upper.root", "xx").values()
     assert stress[0] == pytest.approx(bending + axial, rel=0.03)
