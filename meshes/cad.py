@@ -18,7 +18,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from meshes.cad_places import CadOutline, describe_part, name_faces_by_place
-from meshes.gmsh_session import gmsh_model
+from meshes.gmsh_session import gmsh_model, import_cad
 
 SUFFIXES = (".step", ".stp", ".iges", ".igs", ".brep")
 _MOST_ELEMENTS = 3_000_000
@@ -111,10 +111,8 @@ def describe_cad(path: Path) -> CadOutline:
 
 def _open(gmsh: Any, path: Path) -> tuple[dict[tuple[int, int], list[str]], dict[int, int]]:
     """Open a CAD file as the current model, and return the names of its entities and the face of each surface."""
-    gmsh.option.setString("Geometry.OCCTargetUnit", "M")
     gmsh.option.setNumber("Geometry.OCCImportLabels", 1)
-    solids = [entity for entity in gmsh.model.occ.importShapes(str(path)) if entity[0] == 3]
-    gmsh.model.occ.synchronize()
+    solids = [entity for entity in import_cad(gmsh, path) if entity[0] == 3]
     if not solids:
         raise CadError("there is no solid in it; export the part as a solid, not as surfaces")
     names = _names(gmsh, path)

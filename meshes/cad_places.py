@@ -12,6 +12,7 @@ _ALONG = 0.9999  # cosine between a normal and an axis
 _AT_END = 1e-4  # of the part's extent
 _SAMPLES = 24  # points around each cylinder
 _WIDEST_GAP = np.deg2rad(40.0)  # between such points, around a whole cylinder
+_OFF = 1e-4  # of a cylinder: normals along its axis, radii that differ
 _INWARDS = 1e-3  # of the radius
 
 
@@ -82,7 +83,7 @@ def name_faces_by_place(gmsh: Any, whole: Mapping[int, int]) -> dict[int, str]:
         kind = gmsh.model.getType(2, tag)
         if kind == "Plane" and (name := _end(gmsh, tag, low, high)):
             names[tag] = name
-        elif kind == "Cylinder":
+        elif kind in ("Cylinder", "Surface of Revolution"):  # what IGES has for cylinders
             groups.setdefault(whole[tag], []).append(tag)
     found: dict[str, list[tuple[tuple[float, ...], list[int]]]] = {"hole": [], "pin": []}
     extent = float((high - low).max())
@@ -160,6 +161,8 @@ def _look_at_cylinder(gmsh: Any, tags: list[int]) -> tuple[str, NDArray[np.float
         normals.append(np.array(gmsh.model.getNormal(tag, uv)).reshape(-1, 3))
     x, n = np.concatenate(points), np.concatenate(normals)
     frame = np.linalg.svd(n)[2]  # its last row is the axis, across all normals
+    if np.abs(n @ frame[2]).max() > _OFF:
+        return None
     flat = n @ frame[:2].T
     angles = np.sort(np.arctan2(flat[:, 1], flat[:, 0]))
     if np.diff(np.r_[angles, angles[0] + 2 * np.pi]).max() > _WIDEST_GAP:
@@ -167,6 +170,9 @@ def _look_at_cylinder(gmsh: Any, tags: list[int]) -> tuple[str, NDArray[np.float
     across = x @ frame[:2].T
     A = np.concatenate([2 * across, np.ones((len(x), 1))], axis=1)  # |p|² = 2 c·p + r² − |c|²
     centre = np.linalg.lstsq(A, (across**2).sum(axis=1), rcond=None)[0][:2]
+    radii = np.linalg.norm(across - centre, axis=1)
+    if np.ptp(radii) > _OFF * radii.max():
+        return None
     along = x @ frame[2]
     middle = np.array([*centre, (along.min() + along.max()) / 2]) @ frame
     start, end = gmsh.model.getParametrizationBounds(2, tags[0])

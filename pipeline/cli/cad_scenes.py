@@ -44,13 +44,14 @@ def write_cad_scene(cad: Path, target: Path) -> str:
     pulse = _round(length / _SPEED)
     name = _make_name(cad.stem) or "part"
     thin = min(range(3), key=lambda a: extents[a])
+    unitless = " (BREP has no unit: metres)" if cad.suffix.lower() == ".brep" else ""
     values = {
         "cad": cad.name,
         "path": json.dumps(_path_from(target.parent, cad)),
         "title": re.sub(r'["\\]', "", cad.stem),
         "body": name,
         "size": f"{1e3 * choose_element_size(part):g} mm",
-        "extent": " × ".join(f"{1e3 * extent:.4g}" for extent in extents) + " mm along x, y and z",
+        "extent": " × ".join(_write_millimetres(extent) for extent in extents) + f" mm along x, y and z{unitless}",
         "solids": _count(part.solids, "solid"),
         "faces": _count(len(part.faces), "face"),
         "markers": "\n".join(_write_markers(part, markers, root)),
@@ -103,8 +104,14 @@ def _write_markers(part: PartOutline, markers: dict[str, FaceOutline], root: str
 
 
 def _describe(face: FaceOutline) -> str:
-    place = ", ".join(f"{1e3 * x + 0.0:.4g}" for x in face.centre)
+    place = ", ".join(_write_millimetres(x) for x in face.centre)
     return f"{face.kind}, {1e6 * face.area:.4g} mm², about ({place}) mm"
+
+
+def _write_millimetres(length: float) -> str:
+    """Write a length with four digits or to the micrometre, never with an exponent."""
+    size = 1e3 * length
+    return f"{size:.0f}" if abs(size) >= 1e3 else f"{round(float(f'{size:.4g}'), 3) + 0.0:g}"
 
 
 def _make_name(text: str) -> str:

@@ -79,6 +79,15 @@ def test_a_tube_is_a_hole_in_a_pin(step: Callable[..., Path]):
     assert faces["pin-1"].area == pytest.approx(2 * math.pi * 20 * 30 * MM**2)
 
 
+def test_loose_faces_of_iges_are_sewn_and_named(step: Callable[..., Path]):
+    part = describe_cad_file(step(write_ring, "igs"))
+    faces = {face.name: face for face in part.faces}
+    assert set(faces) == {"zmin", "zmax", "hole-1", "pin-1"}
+    assert part.volume == pytest.approx(math.pi * (20**2 - 12**2) * 30 * MM**3, rel=1e-6)
+    mesh = mesh_cad_file(step(write_ring, "igs"), 8 * MM, 2)
+    assert mesh.volume == pytest.approx(part.volume, rel=1e-3)
+
+
 def test_feet_in_one_plane_are_one_face_and_a_fillet_is_none(step: Callable[..., Path]):
     part = describe_cad_file(step(write_rounded_feet))
     faces = {face.name: face for face in part.faces}
