@@ -26,7 +26,7 @@ from pipeline.scene.scene import Scene
 from pipeline.scene.source_files import SourceFiles
 from pipeline.scene.values import Formulation
 from pipeline.stages.inboard_joint import read_inboard_joint
-from pipeline.stages.meshing import find_material, find_name, make_mesh, read_body_matrices
+from pipeline.stages.meshing.bodies import find_material, find_name, make_mesh, read_body_matrices
 from pipeline.stages.reduced_files import (
     file_notes,
     file_stress,
@@ -219,7 +219,12 @@ class FlexiblePart:
 
     # The table of stages, in their order.
     mesh: Stage[SolidMesh] = Stage(
-        "mesh", _compute_mesh, (), _mesh_inputs, ("meshes", "pipeline/stages/meshing.py", *_FEM), ("gmsh", "meshio")
+        "mesh",
+        _compute_mesh,
+        (),
+        _mesh_inputs,
+        ("meshes", "pipeline/stages/meshing", *_FEM),
+        ("gmsh", "meshio"),
     )
     # Never kept, since what follows is.
     fe: Stage[FEModel] = Stage("assembly", _assemble, ("mesh",), shared_inputs=_assembly_inputs)
