@@ -52,6 +52,11 @@ def replace_start(scene: Scene, start: str) -> Scene:
     return _change_simulation(scene, {"start": start})
 
 
+def replace_gravity(scene: Scene, gravity: tuple[float, float, float]) -> Scene:
+    """Return the scene with another acceleration of free fall [m/s²]."""
+    return _change_simulation(scene, {"gravity": gravity})
+
+
 def correct_statically(scene: Scene, drives: Sequence[Drive]) -> Scene:
     """Return the scene with loads added whose static responses, and those to inertia loads, join each body's modes.
 
