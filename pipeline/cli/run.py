@@ -252,6 +252,10 @@ def _notes(summary: dict[str, Any]) -> list[str]:
         poles = ", ".join(f"{pole:.4g}" for pole in response["poles_hz"][:_MOST_POLES])
         lines.append(f"{response['files'][0]}: linear about {response['about']}, poles at {poles} … Hz")
         lines += [f"RMS of {row['output']}: {row['rms']:.4g} {row['unit']}" for row in response.get("random", ())]
+    for file, life in summary.get("fatigue", {}).items():
+        repeats, place = life["repeats_to_failure"], f"node {life['node']} of {life['body']}"
+        lasts = "nothing is damaged" if repeats is None else f"{place} lasts {repeats:.3g} repeats of the motion"
+        lines.append(f"{file}: {lasts}")
     for name, modes in summary["left_out_modes"].items():
         numbers = ", ".join(str(k) for k in modes)
         lines.append(f"left out: modal coordinates {numbers} of {name}, which nothing excites (--keep-all)")

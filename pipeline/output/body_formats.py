@@ -40,7 +40,7 @@ def write_exudyn(run: Pipeline, body: str | None, path: Path) -> list[Path]:
     drawn: dict[str, Any] = {"x": reduced.x, "shapes": reduced.shapes}
     if part.has_mesh:
         nodes = part.surface.nodes
-        drawn = {"x": reduced.x[nodes], "shapes": reduced.shapes[nodes], "triangles": part.surface.triangles}
+        drawn = {"x": reduced.x[nodes], "shapes": reduced.shapes[nodes], "surface": part.surface}
         drawn["stress"] = modal_stress(part.space, part.material, reduced.shapes, nodes)
     exudyn_file.write_exudyn(path, exudyn_file.exudyn_arrays(data, **drawn))
     script = path.with_suffix(".py")

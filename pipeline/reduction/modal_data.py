@@ -8,6 +8,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from pipeline.core.arrays import Array
+from pipeline.fem.surface import SurfaceTopology
 from pipeline.reduction.body import FlexibleBody, MarkerShapes
 from pipeline.reduction.inertia import InertiaGram
 
@@ -28,6 +29,10 @@ class ModalData:
         What a file says that can't be right, and what was taken instead.
     in_own_frame : bool
         True if the integrals hold geometric stiffening, and so in this frame alone.
+    surface : SurfaceTopology, optional
+        Outer surface, whose nodes are places among ``nodes``.
+    stress : ndarray, shape (n_surface, 6, n), optional
+        Stress of each modal coordinate at the surface's nodes: xx, yy, zz, yz, xz, xy [Pa per unit].
     """
 
     gram: InertiaGram
@@ -36,6 +41,8 @@ class ModalData:
     nodes: Mapping[str, MarkerShapes]
     notes: tuple[str, ...] = ()
     in_own_frame: bool = False
+    surface: SurfaceTopology | None = None
+    stress: Array | None = None
 
     @property
     def n(self) -> int:

@@ -36,7 +36,7 @@ def draw_pictures(run: Pipeline) -> dict[str, Any]:
     """Draw the stressed parts, the first modes and the scene's charts."""
     moves = run.scene.moves
     return {
-        "parts": [_stressed_part(run, name) for name, part in run.parts.items() if part.has_mesh] if moves else [],
+        "parts": [_stressed_part(run, name) for name, part in run.parts.items() if part.has_stress] if moves else [],
         "modes": _draw_modes(run) if run.parts and run.part.has_mesh else [],
         "charts": _draw_charts(run) if moves else [],
     }
