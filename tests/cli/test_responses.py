@@ -69,7 +69,9 @@ def test_a_wrong_option_is_refused(
 
 
 def test_a_scene_lists_its_responses(fmd: Any, capsys: pytest.CaptureFixture[str], tmp_path: Path) -> None:
+    listed = '{type="frf", file="frf.png", input="plate.side.z", output=["plate.tip.z", "plate.root.xx"], to="2kHz"}'
     options = ("--no-pictures", "--no-budget", "--out", tmp_path, *SMALL, "--set", "simulation.duration=5ms")
+    options = (*options, "--set", f"output=[{listed}]", "--set", "output.0.psd=0.1")
     assert fmd("run", "plate", *options, "--json") == 0
     summary = json.loads(capsys.readouterr().out)
     (response,) = summary["responses"]
@@ -78,7 +80,7 @@ def test_a_scene_lists_its_responses(fmd: Any, capsys: pytest.CaptureFixture[str
     assert response["outputs"] == ["plate.tip.z", "plate.root.xx"]
     assert len(response["random"]) == 2
     assert json.loads((tmp_path / "summary.json").read_text())["responses"] == summary["responses"]
-    number = 3
+    number = 0
     assert fmd("run", "plate", *options, "--set", f"output.{number}.input=plate.sid.z") == 2
     assert f"output.{number}.input = 'plate.sid.z': no such input" in capsys.readouterr().err
     assert fmd("run", "plate", *options, "--set", f"output.{number}.file=motion.png") == 2
