@@ -156,10 +156,8 @@ def _find_warnings(
     shift = np.abs(a[modes]) / omega**2
     moves = np.abs(a[joints]).max(initial=0.0) > allowed
     if moves or shift.max(initial=0.0) > _SETTLED * max(np.abs(deflections).max(initial=0.0), 1e-8):
-        text = (
-            f"the mechanism accelerates at the state of linearisation ({about}): the answers are those of one "
-            "instant; --about equilibrium or --about steady take a state that lasts"
-        )
+        text = f"the mechanism accelerates at the state of linearisation ({about}): the answers are of one instant"
+        text += "; --about equilibrium or --about steady take a state that lasts" if about == "start" else ""
         found.append({"code": "not-steady", "text": text})
     if model.growth:
         text = f"from the state of linearisation ({about}) a small motion grows by {model.growth:.3g} 1/s"

@@ -12,6 +12,7 @@ from pipeline.core.arrays import Array
 from pipeline.core.errors import InputError
 from pipeline.dynamics.links import FREE
 from pipeline.integrators.protocol import evaluate, evaluate_velocities, move_positions
+from pipeline.output.frequencies import rotating_table
 from pipeline.responses.linearisation import Linearisation, OperatingState
 from pipeline.scene.scene import load_scene
 from pipeline.stages.linear_model import linearise_scene
@@ -261,3 +262,15 @@ def test_a_scene_that_is_linear_is_the_same_about_every_time() -> None:
     np.testing.assert_allclose(late.model.poles_hz, early.model.poles_hz, rtol=1e-3)  # but for its stiffening
     assert (early.about, late.about) == ("start", "t = 0.02 s")
     assert [warning["code"] for warning in late.warnings] == ["not-steady"]
+
+
+def test_a_steady_rotation_has_the_frequencies_of_a_turning_hub() -> None:
+    # The mechanism's equations in steady rotation, deflected and with Coriolis terms, against those of the part alone.
+    name = next(iter(load_scene("spin-up").drive))
+    overrides = [f'drive.{name}.angle={{ formula = "6*t", unit = "rad" }}', 'body.beam.modes.enrich="residual"']
+    run = Pipeline(load_scene("spin-up", overrides))
+    tip = run.scene.simulation.tip
+    linear = linearise_scene(run, [f"{tip}.y"], [f"{tip}.y"], "steady")
+    expected = rotating_table(run, 6.0)["rotating_frequencies_hz"]
+    np.testing.assert_allclose(linear.model.poles_hz[:4], expected[:4], rtol=1e-4)
+    assert [warning["code"] for warning in linear.warnings] == ["undamped"]
