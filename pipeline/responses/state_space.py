@@ -138,11 +138,11 @@ class StateSpace:
         T, Q = schur(balanced.astype(complex), output="complex")
         right, left = Q.conj().T @ (self.B / scale[:, None]), (self.C * scale) @ Q
         x = np.zeros((n, len(omega), self.B.shape[1]), dtype=complex)
-        for k in range(n - 1, -1, -1):
-            known = right[k] + np.tensordot(T[k, k + 1 :], x[k + 1 :], 1)
-            with np.errstate(divide="ignore", invalid="ignore"):  # at an undamped pole itself
+        with np.errstate(divide="ignore", invalid="ignore", over="ignore"):  # at an undamped pole itself
+            for k in range(n - 1, -1, -1):
+                known = right[k] + np.tensordot(T[k, k + 1 :], x[k + 1 :], 1)
                 x[k] = known / (omega - T[k, k])[:, None]
-        return np.asarray(np.einsum("ok,kfi->foi", left, x) + direct)
+            return np.asarray(np.einsum("ok,kfi->foi", left, x) + direct)
 
     def save(self, path: Path) -> None:
         """Write the matrices, names and units as ``.npz`` (NumPy) or ``.mat`` (MATLAB, Octave).

@@ -11,7 +11,7 @@ from math import pi
 from typing import Any
 
 from pipeline.scene.any_body import Flexible
-from pipeline.scene.bodies import Bar
+from pipeline.scene.bodies import Bar, ModeSettings
 from pipeline.scene.imported_bodies import CadPart, MatrixPart, MeshedPart
 from pipeline.scene.loads import Drive
 from pipeline.scene.propeller import Propeller
@@ -65,7 +65,7 @@ def correct_statically(scene: Scene, drives: Sequence[Drive]) -> Scene:
     """
     more = {f"input {k + 1}": drive for k, drive in enumerate(drives)}
     scene = scene.model_copy(update={"drive": {**scene.drive, **more}})
-    return change_modes(scene, lambda body: {"enrich": "residual"})
+    return change_modes(scene, lambda body: {"enrich": "residual"} if isinstance(body.modes, ModeSettings) else {})
 
 
 def damp_bodies(scene: Scene, damping: float) -> Scene | None:

@@ -10,6 +10,7 @@ import numpy as np
 
 from pipeline.core.arrays import Array
 from pipeline.core.errors import InputError
+from pipeline.core.units import to_si
 from pipeline.responses.linearisation import Linearisation, OperatingState
 from pipeline.responses.ports import MotionPort
 from pipeline.responses.state_space import StateSpace
@@ -124,11 +125,14 @@ def read_about(run: Pipeline, about: str) -> float | None:
     if about in STARTS:
         return None
     try:
-        time = float(about.removesuffix("s"))
+        time = float(about)
     except ValueError:
-        time = np.nan
+        try:
+            time = to_si(about, "time")
+        except ValueError:
+            time = np.nan
     if not 0.0 <= time <= duration:
-        mend = f"must be one of {', '.join(STARTS)}, or a time of the scene in seconds, 0 … {duration:g}"
+        mend = f"must be one of {', '.join(STARTS)}, or a time of the scene, 0 … {duration:g} s"
         raise InputError("--about", "", about, mend)
     return time
 

@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 from scipy.linalg import solve_continuous_lyapunov
 
-from pipeline.core.errors import InputError
+from pipeline.core.errors import AccuracyError, InputError
 from pipeline.output.responses import compute_response
 from pipeline.responses.frequencies import choose_frequencies
 from pipeline.responses.random_vibration import random_response
@@ -101,6 +101,21 @@ def test_a_wrong_density_is_refused(tmp_path: Path, text: str, message: str) -> 
 def test_a_negative_density_is_refused(tmp_path: Path) -> None:
     with pytest.raises(InputError, match="a density is 0 or above"):
         read_density("10 - f", tmp_path, AT)(np.array([1.0, 20.0]))
+
+
+@pytest.mark.parametrize(
+    ("overrides", "lowest", "message"),
+    [
+        (["body.plate.modes.damping=0.0"], 10.0, "the mode at 91.* Hz has no damping"),
+        (["joint.clamp.type=free", "body.plate.support=[]"], 0.0, "unbounded at 0 Hz; begin above"),
+    ],
+)
+def test_noise_without_a_stationary_answer_is_refused(
+    tmp_path: Path, overrides: list[str], lowest: float, message: str
+) -> None:
+    run = Pipeline(load_scene("plate", ["body.plate.mesh.divisions=[6, 4, 2]", "output=[]", *overrides]))
+    with pytest.raises(AccuracyError, match=message):
+        compute_response(run, ["plate.side.z"], ["plate.tip.z"], 500.0, lowest, psd=("1", tmp_path, AT))
 
 
 def test_a_density_belongs_to_one_input(tmp_path: Path) -> None:
