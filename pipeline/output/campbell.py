@@ -155,8 +155,9 @@ def _find_crossings(
             for k in np.flatnonzero((apart[:-1] > 0) & (apart[1:] <= 0) | (apart[:-1] < 0) & (apart[1:] >= 0)):
                 rate = float(brentq(gap, rates[k], rates[k + 1], rtol=1e-10))
                 at = vibrations(rate)
-                figures = (float(values[mode]) for values in at)
-                found.append(Crossing(order, mode + 1, rate, *figures))
+                frequency, damping, whirl = (float(values[mode]) for values in at)
+                damping = 0.0 if abs(damping) < _UNDAMPED else damping
+                found.append(Crossing(order, mode + 1, rate, frequency, damping, whirl))
     return tuple(sorted(found, key=lambda at: at.rate))
 
 

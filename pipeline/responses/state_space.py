@@ -13,6 +13,7 @@ import numpy as np
 from pipeline.core.arrays import Array
 from pipeline.core.files import whole_file
 
+_ROUND_OFF = 1e-12  # of damping ratios
 _STILL = 1e-6  # of the fastest pole: one that moves slower is a rigid motion
 _FAR = 0.2  # a zero with a larger real part, over its imaginary one, makes no response small
 _CANCELS = 1e-6  # distance of a zero from the pole that it cancels, over its size
@@ -88,7 +89,8 @@ class StateSpace:
     @property
     def damping(self) -> Array:
         """Damping ratios of the oscillating poles, ``−Re λ/|λ|``; negative for a motion that grows."""
-        return -self.oscillating_poles.real / np.abs(self.oscillating_poles)
+        ratios = -self.oscillating_poles.real / np.abs(self.oscillating_poles)
+        return np.where(np.abs(ratios) < _ROUND_OFF, 0.0, ratios)
 
     @property
     def growth(self) -> float:
