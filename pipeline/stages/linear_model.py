@@ -99,7 +99,20 @@ def linearise_scene(run: Pipeline, inputs: Sequence[str], outputs: Sequence[str]
         name = simulation.start
     accelerations = linearisation.accelerations(state)
     motions = np.array([isinstance(port, MotionPort) for port in ports_in], dtype=bool)
-    return LinearModel(model, name, motions, _find_warnings(model, mechanism, state, accelerations, name))
+    warnings = _find_warnings(model, mechanism, state, accelerations, name)
+    return LinearModel(model, name, motions, [*warnings, *_reduced_bodies(corrected)])
+
+
+def _reduced_bodies(run: Pipeline) -> list[dict[str, str]]:
+    """Warn of bodies whose shapes are those of a file: nothing is known of what these leave out."""
+    return [
+        {
+            "code": "not-corrected",
+            "text": f"{name} has the shapes of its file alone: without static correction, zeros can be off",
+        }
+        for name, part in run.parts.items()
+        if part.is_reduced
+    ]
 
 
 def default_inputs(scene: Scene) -> list[str]:
