@@ -1,20 +1,24 @@
-"""``fmd campbell``: a part's natural frequencies on a turning hub."""
+"""``fmd campbell``: natural frequencies over the rate of rotation, on a turning hub or in bearings."""
 
 from __future__ import annotations
 
 from pathlib import Path
+from typing import TYPE_CHECKING
 
 import numpy as np
 
 from pipeline.cli.inputs import open_pipeline, read_rate
 from pipeline.cli.options import Json, NoCache, SceneName, Set, print_json
 from pipeline.cli.tables import new_table, open_console, print_files
-from pipeline.core.arrays import Array
 from pipeline.core.errors import InputError
-from pipeline.output.frequencies import campbell as compute
+
+if TYPE_CHECKING:
+    from pipeline.output.campbell import CampbellDiagram
 
 _MOST_MODES = 8  # in the terminal's table; the file has all
 _LINES = 10
+_MOST_CROSSINGS = 30
+_MARKS = {"forward": " ↻", "backward": " ↺", "none": ""}
 
 
 def campbell(
@@ -22,47 +26,90 @@ def campbell(
     *,
     to: str,
     points: int = 41,
+    orders: str = "",
     out: Path | None = None,
     set_: Set = None,
     no_cache: NoCache = False,
     json: Json = False,
 ) -> None:
-    """Campbell diagram: frequencies on a turning hub over its rate of rotation, as a table and a chart.
+    """Campbell diagram: frequencies, damping and whirl over the rate of rotation, as a table and a chart.
+
+    A part on a hub is seen from the hub; a rotor whose free body runs in bearings is seen from space.
 
     Parameters
     ----------
     to
-        Highest rate of rotation, e.g. "8000 rpm".
+        Highest rate of rotation, e.g. "8000 rpm"; with rpm, all rates are told in rpm.
     points
         Number of rates, from 0 on.
+    orders
+        Multiples of the rate whose crossings with the frequencies are wanted, e.g. 1,2,6.
     out
         Folder for the results; out/SCENE by default.
     """
-    pipeline = open_pipeline(scene, set_, no_cache)
     highest = read_rate("--to", to)
     if not highest > 0:
         raise InputError("--to", "", to, "must be above zero")
     if not 2 <= points <= 10_000:
         raise InputError("--points", "", points, "must be 2 … 10000")
+    multiples = _read_orders(orders)
+    from pipeline.output.campbell import compute_campbell, write_campbell
+
+    pipeline = open_pipeline(scene, set_, no_cache)
     folder = out or Path("out") / pipeline.scene.name
-    rates = np.linspace(0.0, highest, points)
-    frequencies, files = compute(pipeline, rates, folder)
+    diagram = compute_campbell(pipeline, np.linspace(0.0, highest, points), multiples, "rpm" in to)
+    files = write_campbell(diagram, folder)
     if json:
-        rows = [
-            {"rate_rad_s": rate, "frequencies_hz": row[np.isfinite(row)].tolist()}
-            for rate, row in zip(rates.tolist(), frequencies, strict=True)
-        ]
-        print_json({"rows": rows, "files": files})
-    else:
-        _print_diagram(pipeline.scene.title, rates, frequencies)
-        print_files(folder, files)
+        print_json({"rows": diagram.rows(), "crossings": diagram.crossing_rows(), "files": files})
+        return
+    _print_diagram(diagram)
+    if multiples:
+        _print_crossings(diagram)
+    print_files(folder, files)
 
 
-def _print_diagram(title: str, rates: Array, frequencies: Array) -> None:
-    """Print the frequencies of the first modes at about ten of the rates."""
-    n_modes = min(frequencies.shape[1], _MOST_MODES)
+def _read_orders(text: str) -> list[float]:
+    """Read a list of orders above zero, separated by commas."""
+    try:
+        found = [float(word) for word in text.split(",") if word.strip()]
+    except ValueError:
+        found = [np.nan]
+    if not all(0 < order < 1e6 for order in found):
+        raise InputError("--orders", "", text, "must be numbers above zero with commas between them, e.g. 1,2,6")
+    return found
+
+
+def _print_diagram(diagram: CampbellDiagram) -> None:
+    """Print the frequencies of the first modes at about ten of the rates, with an arrow for their whirl."""
+    from pipeline.output.campbell import whirl_word
+
+    n_modes = min(diagram.frequencies_hz.shape[1], _MOST_MODES)
     columns = [f"mode {k + 1}" for k in range(n_modes)]
-    table = new_table(f"{title}: frequencies on a turning hub [Hz]", "rad/s", *columns)
-    for k in range(0, len(rates), max(1, len(rates) // _LINES)):
-        table.add_row(f"{rates[k]:.4g}", *(f"{value:.3f}" for value in frequencies[k, :n_modes]))
-    open_console().print(table)
+    table = new_table(f"{diagram.title} [Hz]", diagram.unit, *columns)
+    for k in range(0, len(diagram.rates), max(1, len(diagram.rates) // _LINES)):
+        cells = [
+            f"{value:.3f}{_MARKS[whirl_word(whirl)]}"
+            for value, whirl in zip(diagram.frequencies_hz[k, :n_modes], diagram.whirl[k], strict=False)
+        ]
+        table.add_row(f"{diagram.told(diagram.rates[k]):.4g}", *cells)
+    console = open_console()
+    console.print(table)
+    console.print("↻ forward, ↺ backward: points whirl in the sense of the rotation, or against it")
+    least = diagram.damping[np.isfinite(diagram.damping)].min(initial=0.0)
+    if least < -1e-6:
+        first = diagram.rates[np.nanmin(diagram.damping, axis=1) < -1e-6][0]
+        text = f"warning: from {diagram.told(first):.4g} {diagram.unit} on a vibration grows by itself"
+        console.print(f"{text}; its damping ratio falls to {least:.3g}")
+
+
+def _print_crossings(diagram: CampbellDiagram) -> None:
+    """Print where multiples of the rate meet frequencies."""
+    title = "Crossings with multiples of the rate"
+    table = new_table(title, "order", diagram.unit, "Hz", "mode", "whirl", "damping ratio")
+    for row, at in list(zip(diagram.crossing_rows(), diagram.crossings, strict=True))[:_MOST_CROSSINGS]:
+        figures = (f"{diagram.told(at.rate):.2f}", f"{at.frequency_hz:.3f}", str(at.mode))
+        table.add_row(f"{at.order:g}", *figures, row["whirl"], f"{at.damping:.3g}")
+    console = open_console()
+    console.print(table)
+    if len(diagram.crossings) > _MOST_CROSSINGS:
+        console.print(f"and {len(diagram.crossings) - _MOST_CROSSINGS} more at higher rates")

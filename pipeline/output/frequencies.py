@@ -2,15 +2,12 @@
 
 from __future__ import annotations
 
-import csv
 from dataclasses import asdict
-from pathlib import Path
 from typing import Any
 
 import numpy as np
 
 from pipeline.core.arrays import Array
-from pipeline.core.files import whole_file
 from pipeline.reduction.rotating import rotating_frequencies
 from pipeline.stages.pipeline import Pipeline
 
@@ -66,30 +63,3 @@ def _rotating(run: Pipeline, rate: float) -> Array:
     part = run.part
     body = part.body if run.scene.simulation.stiffening == "off" else part.stiffened
     return rotating_frequencies(body, np.array(part.joint.axis), rate, len(part.joint.free) == 1)
-
-
-def campbell(run: Pipeline, rates: Array, folder: Path) -> tuple[Array, list[str]]:
-    """Compute the frequencies at each rate [rad/s], write them as a CSV and a chart into ``folder``.
-
-    Returns
-    -------
-    frequencies_hz : ndarray, shape (n_rates, n_modes)
-        [Hz]; not a number where a rate has fewer.
-    files : list of str
-        The files' names.
-    """
-    from pipeline.render.campbell_chart import draw_campbell
-
-    found = [_rotating(run, rate) / (2 * np.pi) for rate in rates]
-    table = np.full((len(rates), max(len(values) for values in found)), np.nan)
-    for row, values in zip(table, found, strict=True):
-        row[: len(values)] = values
-    folder.mkdir(parents=True, exist_ok=True)
-    with whole_file(folder / "campbell.csv") as part, part.open("w", newline="") as file:
-        rows = csv.writer(file, lineterminator="\n")
-        rows.writerow(["rate_rad_s", *(f"mode_{k + 1}_hz" for k in range(table.shape[1]))])
-        rows.writerows(
-            [f"{rate:.6g}", *(f"{value:.8g}" for value in row)] for rate, row in zip(rates, table, strict=True)
-        )
-    draw_campbell(rates, table, folder / "campbell.png", title=f"{run.scene.title}: frequencies on a turning hub")
-    return table, ["campbell.csv", "campbell.png"]

@@ -11,7 +11,7 @@ from typing import Any
 import numpy as np
 
 from pipeline.core.arrays import Array
-from pipeline.core.errors import InputError
+from pipeline.core.errors import AccuracyError, InputError
 from pipeline.core.files import whole_file
 from pipeline.core.netcdf import NetcdfVariable, write_netcdf
 from pipeline.responses.frequencies import choose_frequencies
@@ -22,6 +22,8 @@ from pipeline.stages.pipeline import Pipeline
 from pipeline.stages.spectral_density import read_density
 
 _FINE = 1.05  # ratio of distances from a pole: integrals over a resonance are then right to 2e-4
+_UNDAMPED = 1e-8  # damping ratio
+_NEAR, _AWAY, _RESONANT = 1e-7, 1e-3, 100.0  # a resonance is so much larger at the first of two distances
 _LARGE = 1e12  # a response beyond is that of an undamped pole itself
 
 
@@ -118,11 +120,30 @@ def compute_response(
     linear = linearise_scene(run, inputs, outputs, about)
     lowest = highest / 1000 if lowest is None else lowest
     frequencies = choose_frequencies(linear.model, lowest, highest, points)
+    values = linear.frequency_response(frequencies)
+    finite = np.isfinite(values).all(axis=(1, 2))  # not so at 0 Hz, where nothing holds what is pushed
     random = None
     if density is not None:
+        _require_stationary(linear, lowest, highest)
         fine = choose_frequencies(linear.model, lowest, highest, points, _FINE)
         random = random_response(fine, linear.frequency_response(fine)[:, :, 0], density)
-    return FrequencyResponse(linear, frequencies, linear.frequency_response(frequencies), random)
+    return FrequencyResponse(linear, frequencies[finite], values[finite], random)
+
+
+def _require_stationary(linear: LinearModel, lowest: float, highest: float) -> None:
+    """Raise ``AccuracyError`` unless the mean squares of all outputs to noise in a range [Hz] are finite."""
+    model = linear.model
+    if model.growth:
+        problem = f"from the state of linearisation ({linear.about}) a small motion grows by {model.growth:.3g} 1/s"
+        raise AccuracyError(f"no root mean square: {problem}, so noise has no stationary answer")
+    if not np.isfinite(linear.frequency_response(np.array([lowest]))).all():
+        raise AccuracyError(f"no root mean square: the response is unbounded at {lowest:g} Hz; begin above, by --from")
+    undamped = model.poles_hz[(np.abs(model.damping) < _UNDAMPED) & (model.poles_hz >= lowest)]
+    for pole in undamped[undamped <= highest]:
+        near, away = np.abs(linear.frequency_response(pole * (1.0 + np.array([_NEAR, _AWAY]))))
+        if (near > _RESONANT * away).any():
+            problem = f"the mode at {pole:.5g} Hz has no damping, so noise makes it grow without bound"
+            raise AccuracyError(f"no root mean square: {problem}; modes.damping, or dampers, bound it")
 
 
 def write_response(found: FrequencyResponse, path: Path, title: str, chart: bool = True) -> list[str]:

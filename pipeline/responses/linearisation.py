@@ -19,16 +19,16 @@ from functools import cached_property
 from typing import Any
 
 import numpy as np
-from scipy.linalg import block_diag, qr
+from scipy.linalg import qr
 
-from pipeline.core.arrays import EPSILON, Array, IntArray
+from pipeline.core.arrays import Array, IntArray
 from pipeline.core.formula import parse_formula
-from pipeline.core.rotations import matrix_of_quaternion
 from pipeline.dynamics.compiler.linearised import LinearisedMechanism, Tangents
 from pipeline.dynamics.kinematics import Kinematics
 from pipeline.dynamics.links import FREE, SPHERICAL, PointLoad
 from pipeline.dynamics.mechanism import Mechanism
 from pipeline.dynamics.signals.signal import Signal, formula
+from pipeline.responses.moving_axes import position_map, turning_axes
 from pipeline.responses.ports import (
     GroundPort,
     JointPort,
@@ -185,8 +185,8 @@ class _Assembly:
     def __init__(self, of: Linearisation, tangents: Tangents, q: Array, v: Array) -> None:
         self.of, self.mechanism, self.tangents = of, of._released, tangents
         self.q, self.v = q, v
-        self.W, self.turning, self.sliding = _turning_axes(self.mechanism, q, v)
-        G = _position_map(self.mechanism, q) @ self.W
+        self.W, self.turning, self.sliding = turning_axes(self.mechanism, q, v)
+        G = position_map(self.mechanism, q) @ self.W
         W, t = self.W, tangents
         self.M, self.C, self.K = W.T @ t.M @ W, W.T @ t.by_v @ W, W.T @ t.by_q @ G
         self.J, self.rates_by = t.J @ W, t.rates_by_q @ G
@@ -300,46 +300,3 @@ class _Assembly:
 def _numbered_signal(number: int) -> Signal:
     """Return a signal that varies, unlike those of other numbers; its own values are never taken."""
     return formula(parse_formula("t"), float(number + 1))
-
-
-def _position_map(mechanism: Mechanism, q: Array) -> Array:
-    """Return how positions change for unit rates, shape (n_positions, n): quaternions by ``½ e ∘ (ω, 0)``."""
-    out = np.zeros((mechanism.n_positions, mechanism.n))
-    for k, link in enumerate(mechanism.links):
-        at, first = int(mechanism.layout.position[k]), int(mechanism.layout.rate[k])
-        scalars = link.n_slides if link.joint in (FREE, SPHERICAL) else link.n_rates
-        out[at + np.arange(scalars), first + np.arange(scalars)] = 1.0
-        if link.joint in (FREE, SPHERICAL) and link.n_rates:
-            e = q[at + scalars : at + scalars + 4]
-            turn = slice(first + scalars, first + scalars + 3)
-            out[at + scalars : at + scalars + 3, turn] = 0.5 * (e[3] * np.eye(3) + _skew(e[:3]))
-            out[at + scalars + 3, turn] = -0.5 * e[:3]
-        modes = mechanism.modes_of(k)
-        out[modes + mechanism.n_positions - mechanism.n, modes] = 1.0
-    return out
-
-
-def _turning_axes(mechanism: Mechanism, q: Array, v: Array) -> tuple[Array, Array, Array]:
-    """Return W of ``δη_space = W δη``, Ω of ``δη̇ = δv − Ω δη``, and the part of Ω that acts on accelerations, too."""
-    parts, turning, sliding = {}, {}, {}
-    for k, link in enumerate(mechanism.links):
-        if link.joint not in (FREE, SPHERICAL) or not link.n_rates:
-            continue
-        at, first, slides = int(mechanism.layout.position[k]), int(mechanism.layout.rate[k]), link.n_slides
-        omega = _skew(v[first + slides : first + slides + 3])
-        R = matrix_of_quaternion(q[None, at + slides : at + slides + 4])[0]
-        parts[first] = block_diag(*([R] if slides else []), np.eye(3))
-        turning[first] = block_diag(*([omega] if slides else []), omega)
-        sliding[first] = block_diag(*([omega] if slides else []), np.zeros((3, 3)))
-    W = np.eye(mechanism.n)
-    of_rates, of_accelerations = np.zeros((2, mechanism.n, mechanism.n))
-    for first, block in parts.items():
-        place = slice(first, first + len(block))
-        W[place, place] = block
-        of_rates[place, place], of_accelerations[place, place] = turning[first], sliding[first]
-    return W, of_rates, of_accelerations
-
-
-def _skew(a: Array) -> Array:
-    """Matrix of the cross product with a vector: ``skew(a) @ b = a × b``."""
-    return np.asarray(-np.einsum("abc,c->ab", EPSILON, a))

@@ -13,6 +13,7 @@ import numpy as np
 from pipeline.core.arrays import Array
 from pipeline.core.files import whole_file
 
+_ROUND_OFF = 1e-12  # of damping ratios
 _STILL = 1e-6  # of the fastest pole: one that moves slower is a rigid motion
 _FAR = 0.2  # a zero with a larger real part, over its imaginary one, makes no response small
 _CANCELS = 1e-6  # distance of a zero from the pole that it cancels, over its size
@@ -88,7 +89,8 @@ class StateSpace:
     @property
     def damping(self) -> Array:
         """Damping ratios of the oscillating poles, ``−Re λ/|λ|``; negative for a motion that grows."""
-        return -self.oscillating_poles.real / np.abs(self.oscillating_poles)
+        ratios = -self.oscillating_poles.real / np.abs(self.oscillating_poles)
+        return np.where(np.abs(ratios) < _ROUND_OFF, 0.0, ratios)
 
     @property
     def growth(self) -> float:
@@ -138,11 +140,11 @@ class StateSpace:
         T, Q = schur(balanced.astype(complex), output="complex")
         right, left = Q.conj().T @ (self.B / scale[:, None]), (self.C * scale) @ Q
         x = np.zeros((n, len(omega), self.B.shape[1]), dtype=complex)
-        for k in range(n - 1, -1, -1):
-            known = right[k] + np.tensordot(T[k, k + 1 :], x[k + 1 :], 1)
-            with np.errstate(divide="ignore", invalid="ignore"):  # at an undamped pole itself
+        with np.errstate(divide="ignore", invalid="ignore", over="ignore"):  # at an undamped pole itself
+            for k in range(n - 1, -1, -1):
+                known = right[k] + np.tensordot(T[k, k + 1 :], x[k + 1 :], 1)
                 x[k] = known / (omega - T[k, k])[:, None]
-        return np.asarray(np.einsum("ok,kfi->foi", left, x) + direct)
+            return np.asarray(np.einsum("ok,kfi->foi", left, x) + direct)
 
     def save(self, path: Path) -> None:
         """Write the matrices, names and units as ``.npz`` (NumPy) or ``.mat`` (MATLAB, Octave).

@@ -2,14 +2,21 @@
 
 from __future__ import annotations
 
-from typing import Annotated, Literal
+from typing import Annotated, Any, Literal
 
-from pydantic import AfterValidator, Field, model_validator
+from pydantic import AfterValidator, BeforeValidator, Field, model_validator
 
 from pipeline.core.units import Frequency, NonNegative, PositiveFrequency
 from pipeline.scene.reading import FaultError, SceneTable
 from pipeline.scene.values import FileCheck, Text, Words
 
+
+def _write_number(value: Any) -> Any:
+    """Return a number as text, which a formula may be, too."""
+    return repr(value) if isinstance(value, int | float) and not isinstance(value, bool) else value
+
+
+Density = Annotated[Text, BeforeValidator(_write_number), Words("number, or text: a formula of f or a ``.csv`` file")]
 PortName = Annotated[Text, Words('text, e.g. ``"plate.tip.z"``')]
 
 
@@ -35,7 +42,7 @@ class FrequencyResponseChart(SceneTable):
     about : str
         State of linearisation: the scene's ``"start"``, its ``"equilibrium"``, a ``"steady"`` motion, or a time of the
         first run in seconds.
-    psd : str, optional
+    psd : float or str, optional
         One-sided power spectral density of a random input, in the input's SI unit squared per Hz: a number, a formula
         of the frequency f in Hz, or a ``.csv`` file of frequencies and densities. With it, root mean squares of the
         outputs are computed.
@@ -52,7 +59,7 @@ class FrequencyResponseChart(SceneTable):
         input = "plate.side.z"
         output = ["plate.tip.z", "plate.root.xx"]
         to = "2 kHz"
-        psd = "0.1"
+        psd = 0.1
     """
 
     type: Literal["frf"]
@@ -63,7 +70,7 @@ class FrequencyResponseChart(SceneTable):
     from_: Annotated[Frequency, NonNegative] | None = Field(default=None, alias="from")
     points: Annotated[int, Field(strict=True, ge=2, le=100_000)] = 1000
     about: Text = "start"
-    psd: Text | None = None
+    psd: Density | None = None
     title: str = ""
 
     @property

@@ -11,7 +11,7 @@ from math import pi
 from typing import Any
 
 from pipeline.scene.any_body import Flexible
-from pipeline.scene.bodies import Bar
+from pipeline.scene.bodies import Bar, ModeSettings
 from pipeline.scene.imported_bodies import CadPart, MatrixPart, MeshedPart
 from pipeline.scene.loads import Drive
 from pipeline.scene.propeller import Propeller
@@ -52,6 +52,11 @@ def replace_start(scene: Scene, start: str) -> Scene:
     return _change_simulation(scene, {"start": start})
 
 
+def replace_gravity(scene: Scene, gravity: tuple[float, float, float]) -> Scene:
+    """Return the scene with another acceleration of free fall [m/s²]."""
+    return _change_simulation(scene, {"gravity": gravity})
+
+
 def correct_statically(scene: Scene, drives: Sequence[Drive]) -> Scene:
     """Return the scene with loads added whose static responses, and those to inertia loads, join each body's modes.
 
@@ -60,7 +65,7 @@ def correct_statically(scene: Scene, drives: Sequence[Drive]) -> Scene:
     """
     more = {f"input {k + 1}": drive for k, drive in enumerate(drives)}
     scene = scene.model_copy(update={"drive": {**scene.drive, **more}})
-    return change_modes(scene, lambda body: {"enrich": "residual"})
+    return change_modes(scene, lambda body: {"enrich": "residual"} if isinstance(body.modes, ModeSettings) else {})
 
 
 def damp_bodies(scene: Scene, damping: float) -> Scene | None:

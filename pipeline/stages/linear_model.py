@@ -10,6 +10,7 @@ import numpy as np
 
 from pipeline.core.arrays import Array
 from pipeline.core.errors import InputError
+from pipeline.core.units import to_si
 from pipeline.responses.linearisation import Linearisation, OperatingState
 from pipeline.responses.ports import MotionPort
 from pipeline.responses.state_space import StateSpace
@@ -98,7 +99,20 @@ def linearise_scene(run: Pipeline, inputs: Sequence[str], outputs: Sequence[str]
         name = simulation.start
     accelerations = linearisation.accelerations(state)
     motions = np.array([isinstance(port, MotionPort) for port in ports_in], dtype=bool)
-    return LinearModel(model, name, motions, _find_warnings(model, mechanism, state, accelerations, name))
+    warnings = _find_warnings(model, mechanism, state, accelerations, name)
+    return LinearModel(model, name, motions, [*warnings, *_reduced_bodies(corrected)])
+
+
+def _reduced_bodies(run: Pipeline) -> list[dict[str, str]]:
+    """Warn of bodies whose shapes are those of a file: nothing is known of what these leave out."""
+    return [
+        {
+            "code": "not-corrected",
+            "text": f"{name} has the shapes of its file alone: without static correction, zeros can be off",
+        }
+        for name, part in run.parts.items()
+        if part.is_reduced
+    ]
 
 
 def default_inputs(scene: Scene) -> list[str]:
@@ -124,11 +138,14 @@ def read_about(run: Pipeline, about: str) -> float | None:
     if about in STARTS:
         return None
     try:
-        time = float(about.removesuffix("s"))
+        time = float(about)
     except ValueError:
-        time = np.nan
+        try:
+            time = to_si(about, "time")
+        except ValueError:
+            time = np.nan
     if not 0.0 <= time <= duration:
-        mend = f"must be one of {', '.join(STARTS)}, or a time of the scene in seconds, 0 … {duration:g}"
+        mend = f"must be one of {', '.join(STARTS)}, or a time of the scene, 0 … {duration:g} s"
         raise InputError("--about", "", about, mend)
     return time
 
@@ -156,10 +173,8 @@ def _find_warnings(
     shift = np.abs(a[modes]) / omega**2
     moves = np.abs(a[joints]).max(initial=0.0) > allowed
     if moves or shift.max(initial=0.0) > _SETTLED * max(np.abs(deflections).max(initial=0.0), 1e-8):
-        text = (
-            f"the mechanism accelerates at the state of linearisation ({about}): the answers are those of one "
-            "instant; --about equilibrium or --about steady take a state that lasts"
-        )
+        text = f"the mechanism accelerates at the state of linearisation ({about}): the answers are of one instant"
+        text += "; --about equilibrium or --about steady take a state that lasts" if about == "start" else ""
         found.append({"code": "not-steady", "text": text})
     if model.growth:
         text = f"from the state of linearisation ({about}) a small motion grows by {model.growth:.3g} 1/s"

@@ -12,6 +12,27 @@ import pytest
 import xarray
 
 SMALL = ("--set", "body.plate.mesh.divisions=[6,4,2]")
+REDUCED = """
+title = "Reduced"
+
+[body.plate]
+body = { file = "plate.nc" }
+modes = { damping = 0.01 }
+marker = { root = { node = "root" }, tip = { node = "tip" } }
+
+[joint.clamp]
+type = "fixed"
+parent = "ground"
+child = "plate.root"
+
+[simulation]
+duration = "1 ms"
+output_step = "0.1 ms"
+tip = "plate.tip"
+
+[[simulation.run]]
+integrator = "auto"
+"""
 
 
 def test_frf_gives_poles_zeros_and_files(fmd: Any, capsys: pytest.CaptureFixture[str], tmp_path: Path) -> None:
@@ -69,7 +90,9 @@ def test_a_wrong_option_is_refused(
 
 
 def test_a_scene_lists_its_responses(fmd: Any, capsys: pytest.CaptureFixture[str], tmp_path: Path) -> None:
+    listed = '{type="frf", file="frf.png", input="plate.side.z", output=["plate.tip.z", "plate.root.xx"], to="2kHz"}'
     options = ("--no-pictures", "--no-budget", "--out", tmp_path, *SMALL, "--set", "simulation.duration=5ms")
+    options = (*options, "--set", f"output=[{listed}]", "--set", "output.0.psd=0.1")
     assert fmd("run", "plate", *options, "--json") == 0
     summary = json.loads(capsys.readouterr().out)
     (response,) = summary["responses"]
@@ -78,10 +101,25 @@ def test_a_scene_lists_its_responses(fmd: Any, capsys: pytest.CaptureFixture[str
     assert response["outputs"] == ["plate.tip.z", "plate.root.xx"]
     assert len(response["random"]) == 2
     assert json.loads((tmp_path / "summary.json").read_text())["responses"] == summary["responses"]
-    number = 3
+    number = 0
     assert fmd("run", "plate", *options, "--set", f"output.{number}.input=plate.sid.z") == 2
     assert f"output.{number}.input = 'plate.sid.z': no such input" in capsys.readouterr().err
     assert fmd("run", "plate", *options, "--set", f"output.{number}.file=motion.png") == 2
     assert "over the motion's file" in capsys.readouterr().err
     assert fmd("run", "plate", *options, "--set", f"output.{number}.from=3kHz") == 2
     assert "must be below the highest frequency" in capsys.readouterr().err
+
+
+def test_a_body_that_comes_reduced_is_not_corrected(
+    fmd: Any, capsys: pytest.CaptureFixture[str], tmp_path: Path
+) -> None:
+    assert fmd("export", "plate", "--to", "python", "--out", tmp_path / "plate.nc", *SMALL) == 0
+    (tmp_path / "scene.toml").write_text(REDUCED, encoding="utf-8")
+    capsys.readouterr()
+    channels = ("--in", "plate.tip.z", "--out", "plate.tip.z", "--to", "500 Hz", "--points", 5)
+    assert fmd("frf", tmp_path / "scene.toml", *channels, "--folder", tmp_path, "--json") == 0
+    found = json.loads(capsys.readouterr().out)
+    assert [warning["code"] for warning in found["warnings"]] == ["not-corrected"]
+    assert fmd("modes", "plate", *SMALL, "--json") == 0
+    modes = json.loads(capsys.readouterr().out)["frequencies_hz"]
+    assert found["poles_hz"][:3] == pytest.approx(modes[:3], rel=1e-6)

@@ -7,7 +7,8 @@ import pytest
 
 from pipeline import Pipeline, load_scene
 from pipeline.core.cache import Cache
-from pipeline.output.frequencies import campbell, frequency_table, rotating_table
+from pipeline.output.campbell import compute_campbell, write_campbell
+from pipeline.output.frequencies import frequency_table, rotating_table
 
 SMALL = ["body.beam.mesh.divisions=[12, 2, 1]"]
 
@@ -37,11 +38,14 @@ def test_at_rest_a_hub_turns_no_frequency_away(run):
 
 def test_a_campbell_diagram_is_written_as_table_and_chart(run, tmp_path):
     rates = np.array([0.0, 100.0, 200.0])
-    table, files = campbell(run, rates, tmp_path)
+    diagram = compute_campbell(run, rates, ())
+    table, files = diagram.frequencies_hz, write_campbell(diagram, tmp_path)
     assert table.shape == (3, len(run.body.omega))
     assert (np.diff(table[:, 0]) > 0).all()  # the hub's own turning stiffens the beam
     with (tmp_path / files[0]).open(newline="") as file:
         rows = list(csv.reader(file))
     assert rows[0][:2] == ["rate_rad_s", "mode_1_hz"]
-    assert np.array(rows[1:], dtype=float) == pytest.approx(np.column_stack([rates, table]), rel=1e-5)
+    assert np.array(rows[1:], dtype=float) == pytest.approx(
+        np.column_stack([rates, table, diagram.damping, diagram.whirl]), rel=1e-4, abs=1e-9
+    )
     assert (tmp_path / files[1]).stat().st_size > 5000

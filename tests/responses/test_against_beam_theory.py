@@ -90,3 +90,22 @@ axis = [0, 0, 1]
     poles = roots_hz(lambda omega: stiffness(omega) * np.linalg.det(expm(theory.system(omega))[2:, 2:]), 900.0)
     np.testing.assert_allclose(linear.model.poles_hz[: len(poles)], poles, rtol=3e-4)
     assert len(poles) >= 3
+
+
+def test_a_beam_that_floats_on_its_hinge_answers_the_torque_there(tmp_path: Path, timoshenko: Any) -> None:
+    # No hub: the torque acts on the beam's own face, and its frame floats about the hinge.
+    hinge = '[joint.shaft]\ntype = "revolute"\nparent = "ground"\nchild = "beam.root"\naxis = [0, 0, 1]\n'
+    run = pipeline_of(tmp_path, beam("beam", LENGTH, "[50, 2, 1]"), hinge)
+    linear = linearise_scene(run, ["shaft.torque"], ["shaft.position", "beam.tip.y"])
+    theory = timoshenko(LENGTH, DEPTH, WIDTH, MATERIAL)
+    frequencies = np.array([1.0, 20.0, 70.0, 200.0, 300.0, 400.0])
+    expected = []
+    for omega in 2 * np.pi * frequencies:
+        end = expm(theory.system(omega))
+        # w = 0 and M = −τ at the hinge; angle and shear so that neither moment nor shear is left at the tip.
+        moment = -LENGTH / theory.bending
+        angle, shear = -np.linalg.solve(end[2:][:, [1, 3]], end[2:, 2] * moment)
+        tip = end[0] @ [0.0, angle, moment, shear]
+        expected.append([angle, LENGTH * tip])
+    found = linear.frequency_response(frequencies)[:, :, 0].real
+    np.testing.assert_allclose(found, expected, rtol=3e-3)

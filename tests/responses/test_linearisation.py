@@ -12,6 +12,7 @@ from pipeline.core.arrays import Array
 from pipeline.core.errors import InputError
 from pipeline.dynamics.links import FREE
 from pipeline.integrators.protocol import evaluate, evaluate_velocities, move_positions
+from pipeline.output.frequencies import rotating_table
 from pipeline.responses.linearisation import Linearisation, OperatingState
 from pipeline.scene.scene import load_scene
 from pipeline.stages.linear_model import linearise_scene
@@ -71,8 +72,28 @@ def free_axes(mechanism: Any, q: Array) -> Array:
     return W
 
 
-def test_loops_are_linearised_as_by_differences_along_their_constraints() -> None:
-    run = Pipeline(load_scene("slider-crank"))
+def four_bar() -> str:
+    """Write a plane loop of three rods, one of which is turned by a spring and a damper and starts with a rate."""
+    tables = []
+    for name, length in (("crank", 0.1), ("coupler", 0.3), ("rocker", 0.25)):
+        ends = f'marker = {{ a = {{ at = ["0 m", "0 m", "0 m"] }}, b = {{ at = ["{length} m", "0 m", "0 m"] }} }}'
+        tables.append(f'[body.{name}]\nshape = "rod"\nmass = "{10 * length} kg"\nlength = "{length} m"\n{ends}\n')
+    tables.append('[ground.far]\nat = ["0.3 m", "0 m", "0 m"]\n')
+    joints = [
+        ("first", "ground", "crank.a", 'angle = "70 deg"\nrate = "20 rad/s"\nspring = "3 N m"\ndamper = "0.1 N m s"')
+    ]
+    joints += [("second", "crank.b", "coupler.a", ""), ("third", "coupler.b", "rocker.b", "")]
+    joints += [("last", "ground.far", "rocker.a", "")]
+    order = [joints[0], joints[1], joints[3], joints[2]]  # the third closes the loop
+    for name, parent, child, more in order:
+        ends = f'parent = "{parent}"\nchild = "{child}"'
+        tables.append(f'[joint.{name}]\ntype = "revolute"\n{ends}\naxis = [0, 0, 1]\n{more}\n')
+    return "\n".join(tables)
+
+
+def test_loops_are_linearised_as_by_differences_along_their_constraints(tmp_path: Path) -> None:
+    gravity = 'simulation.gravity=["0 m/s^2", "-9.81 m/s^2", "0 m/s^2"]'
+    run = pipeline_of(tmp_path, four_bar(), tip="coupler.b", overrides=(gravity,))
     mechanism, (q, v) = run.mechanism, run.start
     system = run.system
     p, n = system.parameters, mechanism.n
@@ -80,10 +101,7 @@ def test_loops_are_linearised_as_by_differences_along_their_constraints() -> Non
     model = linearisation.at(OperatingState(0.0, q, v))
     names = [name for name, _ in linearisation.state_names()]
     own = [name for name, _ in model.states[: len(model.states) // 2]]
-    # The crank's motion is prescribed: the released mechanism has its coordinate, the mechanism has not.
-    driven = [k for k, link in enumerate(mechanism.links) if link.motion is not None]
-    kept = [k for k in range(len(names)) if k not in {int(linearisation._released.layout.rate[j]) for j in driven}]
-    independent = np.array([[names[k] for k in kept].index(name) for name in own])
+    independent = np.array([names.index(name) for name in own])
     dependent = np.setdiff1d(np.arange(n), independent)
 
     def closed(change: Array) -> tuple[Array, Array]:
@@ -222,7 +240,7 @@ def test_transfer_functions_are_reciprocal(tmp_path: Path) -> None:
         (["drive.hammer"], ["plate.top.z"], "start", "no such output"),
         (["drive.hammer"], ["clamp.position"], "start", "a marker's motion works"),
         (["drive.hammer"], ["plate.tip.z"], "later", "must be one of start, equilibrium, steady, or a time"),
-        (["drive.hammer"], ["plate.tip.z"], "3", "0 … 0.06"),
+        (["drive.hammer"], ["plate.tip.z"], "3", "0 … 0.06 s"),
     ],
 )
 def test_a_wrong_name_is_refused(inputs: list[str], outputs: list[str], about: str, message: str) -> None:
@@ -240,7 +258,19 @@ def test_a_joint_that_a_motion_drives_takes_no_torque() -> None:
 
 def test_a_scene_that_is_linear_is_the_same_about_every_time() -> None:
     run = Pipeline(load_scene("plate", ["body.plate.mesh.divisions=[6, 4, 2]"]))
-    early, late = (linearise_scene(run, ["drive.hammer"], ["plate.tip.z"], about) for about in ("start", "0.02"))
+    early, late = (linearise_scene(run, ["drive.hammer"], ["plate.tip.z"], about) for about in ("start", "20 ms"))
     np.testing.assert_allclose(late.model.poles_hz, early.model.poles_hz, rtol=1e-3)  # but for its stiffening
     assert (early.about, late.about) == ("start", "t = 0.02 s")
     assert [warning["code"] for warning in late.warnings] == ["not-steady"]
+
+
+def test_a_steady_rotation_has_the_frequencies_of_a_turning_hub() -> None:
+    # The mechanism's equations in steady rotation, deflected and with Coriolis terms, against those of the part alone.
+    name = next(iter(load_scene("spin-up").drive))
+    overrides = [f'drive.{name}.angle={{ formula = "6*t", unit = "rad" }}', 'body.beam.modes.enrich="residual"']
+    run = Pipeline(load_scene("spin-up", overrides))
+    tip = run.scene.simulation.tip
+    linear = linearise_scene(run, [f"{tip}.y"], [f"{tip}.y"], "steady")
+    expected = rotating_table(run, 6.0)["rotating_frequencies_hz"]
+    np.testing.assert_allclose(linear.model.poles_hz[:4], expected[:4], rtol=1e-4)
+    assert [warning["code"] for warning in linear.warnings] == ["undamped"]
