@@ -11,6 +11,10 @@ clock = time.perf_counter  # a benchmark on a machine that others use may count 
 _JUDGED_AFTER = 0.5  # seconds of a march from which on its progress forecasts the rest
 
 
+def _read_clock() -> float:
+    return clock()
+
+
 class LeftOutError(Exception):
     """An estimate would take more time than is left."""
 
@@ -28,7 +32,7 @@ class TimeLimit:
     """
 
     seconds: float = math.inf
-    started: float = field(default_factory=lambda: clock())
+    started: float = field(default_factory=_read_clock)
 
     @property
     def spent(self) -> float:
