@@ -14,7 +14,14 @@ from pipeline.stages.pipeline import Pipeline
 # Module and function of each format: ``function(run, body or None, path)`` writes the files and returns their paths.
 # A module is loaded when its format is written.
 _WRITERS = {
+    "fmu": "pipeline.output.fmu.write:write_fmu",
     "python": "pipeline.output.formats:write_python",
+    "sid": "pipeline.output.body_formats:write_sid",
+    "exudyn": "pipeline.output.body_formats:write_exudyn",
+    "mbdyn": "pipeline.output.body_formats:write_mbdyn",
+    "simscape": "pipeline.output.body_formats:write_simscape",
+    "openfast": "pipeline.output.body_formats:write_openfast",
+    "full": "pipeline.output.body_formats:write_full",
 }
 
 

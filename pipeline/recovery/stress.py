@@ -15,6 +15,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from pipeline.core.arrays import Array, IntArray, require_shape
+from pipeline.core.short_repr import short_repr
 
 if TYPE_CHECKING:
     from pipeline.fem.material import AnyMaterial
@@ -143,6 +144,8 @@ class StressHistory:
     modal: Array
     times: Array
     q: Array
+
+    __repr__ = short_repr
 
     def tensor(self, t: float) -> Array:
         """Stress tensors (n_nodes, 6) [Pa] at time t [s], linear between output times."""

@@ -1,7 +1,7 @@
 """A small model of nodes and mass that has the inertia integrals of a body from a file, and moves as it does.
 
-All that a multibody file tells of a body's inertia are products ``∫ f g dm`` of the functions 1, x_a and φ_ja. A model of
-as many nodes as there are functions, with a mass matrix for which the functions' values at the nodes have these
+All that a multibody file tells of a body's inertia are products ``∫ f g dm`` of the functions 1, x_a and φ_ja. A model
+of as many nodes as there are functions, with a mass matrix for which the functions' values at the nodes have these
 products, has exactly the same integrals in every frame: what refers a mesh to its joint refers it, too.
 """
 
@@ -49,15 +49,7 @@ class EquivalentModel(MatrixModel):
 
 def equivalent_model(data: ModalData) -> EquivalentModel:
     """Make a model of 4 + 3 n nodes with the inertia integrals of a body, without its geometric stiffening."""
-    gram, n = data.gram, data.n
-    G = gram.G.copy()
-    if gram.stiffening.size:
-        G[:, :, 1:, 1:] += gram.stiffening
-    # Products of 1, x_a and φ_ja with one another: the functions (1 or mode, axis) in one row after the first.
-    products = np.empty((4 + 3 * n, 4 + 3 * n))
-    products[1:, 1:] = G.transpose(2, 0, 3, 1).reshape(3 + 3 * n, 3 + 3 * n)
-    products[0, 0], products[0, 1:] = gram.mass, gram.S.T.ravel()
-    products[1:, 0] = products[0, 1:]
+    gram, products = data.gram, function_products(data)
     scale = np.sqrt(np.maximum(products.diagonal() / gram.mass, 0.0))
     scale[scale == 0.0] = 1.0
     values = np.diag(scale)
@@ -69,6 +61,19 @@ def equivalent_model(data: ModalData) -> EquivalentModel:
     K = sp.csr_array((3 * len(values), 3 * len(values)))
     labels: IntArray = np.arange(len(values))
     return EquivalentModel(None, None, K, m, values[:, 1:4], labels, data, values)  # type: ignore[arg-type]
+
+
+def function_products(data: ModalData) -> Array:
+    """Mass products of 1, x_a and φ_ja with one another, mode by mode, without stiffening; shape (4 + 3 n, 4 + 3 n)."""
+    gram, n = data.gram, data.n
+    G = gram.G.copy()
+    if gram.stiffening.size:
+        G[:, :, 1:, 1:] += gram.stiffening
+    products = np.empty((4 + 3 * n, 4 + 3 * n))
+    products[1:, 1:] = G.transpose(2, 0, 3, 1).reshape(3 + 3 * n, 3 + 3 * n)
+    products[0, 0], products[0, 1:] = gram.mass, gram.S.T.ravel()
+    products[1:, 0] = products[0, 1:]
+    return products
 
 
 def equivalent_marker(model: EquivalentModel, nodes: Sequence[MarkerShapes]) -> Marker:
@@ -113,7 +118,8 @@ def modes_of(model: EquivalentModel) -> Modes:
     Raises
     ------
     AccuracyError
-        Shapes depend on one another once their rigid motions are taken out, or one of them has no stiffness.
+        Shapes depend on one another once their rigid motions are taken out, or one of them has no stiffness; or the
+        coupling of frame and modes is so large that no body has such inertia.
     """
     from scipy.linalg import eigh
 
@@ -123,7 +129,14 @@ def modes_of(model: EquivalentModel) -> Modes:
     coupling = np.linalg.lstsq(np.einsum("iak,ial->kl", R, mR), np.einsum("iak,ian->kn", mR, shapes), rcond=None)[0]
     elastic = shapes - R @ coupling
     M = np.einsum("iaj,iak->jk", elastic, (model.m @ elastic.reshape(len(R), -1)).reshape(elastic.shape))
-    size = np.sqrt(np.maximum(M.diagonal(), np.finfo(float).tiny))
+    if not (M.diagonal() > 0.0).all():
+        worst = int(M.diagonal().argmin())
+        raise AccuracyError(
+            f"the file's inertia can't be a body's: mode {worst + 1} with its frame at rest in space would have the "
+            f"modal mass {M[worst, worst]:.3g} beside {model.data.M[worst, worst]:.3g} in the frame; the coupling of "
+            "frame and modes is too large for the mass and the modal mass"
+        )
+    size = np.sqrt(M.diagonal())
     least = float(np.linalg.eigvalsh(M / np.outer(size, size))[0])
     if not least > _MASSLESS:
         raise AccuracyError(
@@ -155,12 +168,8 @@ def finish_body(model: EquivalentModel, body: FlexibleBody, markers: Mapping[str
         The file's body is stiffened in its own frame, and the joint needs another.
     """
     data, n = model.data, model.data.n
-    # The body's shapes are combinations of the file's, and of rigid motions.
     R = model.rigid_modes.reshape(len(model.x), 3, 6)
-    own = np.concatenate([model.shapes, R], axis=2).reshape(3 * len(model.x), -1)
-    sizes = np.sqrt((own**2).sum(axis=0))
-    found = np.linalg.lstsq(own / sizes, body.shapes.reshape(len(own), -1), rcond=None)[0] / sizes[:, None]
-    turn, rigid = found[:n], found[n:]
+    turn, rigid = _combination(model.shapes, R, body.shapes)
     D = turn.T @ data.D @ turn
     nodes = list(data.nodes.values())
     x = np.array([node.position for node in nodes]).reshape(-1, 3)
@@ -172,7 +181,7 @@ def finish_body(model: EquivalentModel, body: FlexibleBody, markers: Mapping[str
         shapes=shapes + rigid[:3] + spins,
         damping=0.5 * D.diagonal() / body.omega,
     )
-    if not data.is_stiffened:
+    if not data.in_own_frame:
         return body
     if np.abs(R @ rigid).max() > _OWN_FRAME * np.abs(body.shapes).max():
         raise ValueError(
@@ -182,9 +191,26 @@ def finish_body(model: EquivalentModel, body: FlexibleBody, markers: Mapping[str
     return _stiffened(data, body, turn, markers)
 
 
-def _stiffened(
-    data: ModalData, body: FlexibleBody, turn: Array, markers: Mapping[str, Sequence[str]]
-) -> FlexibleBody:
+def combination_of(model: EquivalentModel, body: FlexibleBody) -> Array:
+    """Combinations of the file's shapes that a finished body's are, beside rigid motions; shape (n, n)."""
+    nodes = list(model.data.nodes.values())
+    x = np.array([node.position for node in nodes])
+    own = np.array([node.translation for node in nodes])
+    turns = np.cross(np.eye(3), x[:, None]).transpose(0, 2, 1)
+    R = np.concatenate([np.tile(np.eye(3), (len(x), 1, 1)), turns], axis=2)
+    return _combination(own, R, body.shapes)[0]
+
+
+def _combination(shapes: Array, R: Array, wanted: Array) -> tuple[Array, Array]:
+    """Express displacements (n_nodes, 3, n) by shapes and rigid motions R: coefficients (n, n) and (6, n)."""
+    both = np.concatenate([shapes, R], axis=2).reshape(3 * len(shapes), -1)
+    sizes = np.sqrt((both**2).sum(axis=0))
+    sizes[sizes == 0.0] = 1.0
+    found = np.linalg.lstsq(both / sizes, wanted.reshape(len(both), -1), rcond=None)[0] / sizes[:, None]
+    return found[: shapes.shape[2]], found[shapes.shape[2] :]
+
+
+def _stiffened(data: ModalData, body: FlexibleBody, turn: Array, markers: Mapping[str, Sequence[str]]) -> FlexibleBody:
     """Add the file's terms of second order, about the body's origin and in its coordinates."""
     gram, n, at = data.gram, data.n, body.origin
 

@@ -1,13 +1,14 @@
-"""A flexible body as files of multibody programs hold it: inertia integrals, modal matrices, nodes with their shapes."""
+"""A flexible body as multibody programs' files hold it: inertia integrals, modal matrices, nodes with shapes."""
 
 from __future__ import annotations
 
 from collections.abc import Mapping
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 
 from pipeline.core.arrays import Array
+from pipeline.fem.surface import SurfaceTopology
 from pipeline.reduction.body import FlexibleBody, MarkerShapes
 from pipeline.reduction.inertia import InertiaGram
 
@@ -26,6 +27,12 @@ class ModalData:
         Nodes by label, about the frame's origin. Rotations are NaN where a file doesn't tell them.
     notes : tuple of str
         What a file says that can't be right, and what was taken instead.
+    in_own_frame : bool
+        True if the integrals hold geometric stiffening, and so in this frame alone.
+    surface : SurfaceTopology, optional
+        Outer surface, whose nodes are places among ``nodes``.
+    stress : ndarray, shape (n_surface, 6, n), optional
+        Stress of each modal coordinate at the surface's nodes: xx, yy, zz, yz, xz, xy [Pa per unit].
     """
 
     gram: InertiaGram
@@ -33,6 +40,9 @@ class ModalData:
     D: Array
     nodes: Mapping[str, MarkerShapes]
     notes: tuple[str, ...] = ()
+    in_own_frame: bool = False
+    surface: SurfaceTopology | None = None
+    stress: Array | None = None
 
     @property
     def n(self) -> int:
@@ -42,20 +52,27 @@ class ModalData:
     @property
     def M(self) -> Array:
         """Modal mass in the reference state, shape (n, n)."""
-        M = np.einsum("aaij->ij", self.gram.G)[1:, 1:]
-        return M + np.einsum("aaij->ij", self.gram.stiffening) if self.gram.stiffening.size else M
-
-    @property
-    def is_stiffened(self) -> bool:
-        """True if loads on the body stiffen it: some term of geometric stiffness isn't zero."""
-        gram, bows = self.gram, [node.bow for node in self.nodes.values()]
-        return any(bool(np.any(term)) for term in (gram.stiffening, gram.bow, gram.curl, *bows))
+        M: Array = np.einsum("aaij->ij", self.gram.G)[1:, 1:]
+        return np.asarray(M + np.einsum("aaij->ij", self.gram.stiffening)) if self.gram.stiffening.size else M
 
 
-def modal_data(body: FlexibleBody, damping: float = 0.0) -> ModalData:
-    """Gather a reduced body's data, with damping of every mode relative to critical; its markers are the nodes."""
-    K, D = np.diag(body.omega**2), np.diag(2 * damping * body.omega)
-    return ModalData(body.gram, K, D, dict(body.markers))
+def modal_data(body: FlexibleBody, damping: float | Array = 0.0) -> ModalData:
+    """Gather a reduced body's data, with the modes' damping relative to critical; its markers are the nodes."""
+    gram, markers = body.gram, dict(body.markers)
+    second = gram.stiffening, gram.bow, gram.curl, *(marker.bow for marker in markers.values())
+    ratios = body.damping if body.damping.size and not np.any(damping) else damping
+    K, D = np.diag(body.omega**2), np.diag(2 * ratios * body.omega)
+    return ModalData(gram, K, D, markers, in_own_frame=any(term.any() for term in second))
+
+
+def without_stiffening(data: ModalData) -> ModalData:
+    """Return a body's data without its geometric stiffening, for programs that have no place for it."""
+    gram = data.gram
+    G = gram.G.copy()
+    if gram.stiffening.size:
+        G[:, :, 1:, 1:] += gram.stiffening
+    nodes = {name: MarkerShapes(node.position, node.translation, node.rotation) for name, node in data.nodes.items()}
+    return replace(data, gram=InertiaGram(G, gram.S, gram.mass), nodes=nodes, in_own_frame=False)
 
 
 def integrals_of(products: Array, turns: Array) -> Array:

@@ -18,8 +18,9 @@ from pipeline.scene.joints import Joint
 from pipeline.scene.loads import Drive, MotionDrive, PointForce, PointTorque
 from pipeline.scene.loops import OF_COORDINATES, closing_joints
 from pipeline.scene.outputs import JOINT_QUANTITIES, Chart, Export, Output
-from pipeline.scene.pictures import BodyPicture
+from pipeline.scene.pictures import BodyPicture, Film, MechanismView, StressPicture
 from pipeline.scene.reading import FaultError, suggest_name
+from pipeline.scene.responses import FrequencyResponseChart
 from pipeline.scene.runs import ScipyRun
 from pipeline.scene.simulation import Simulation
 
@@ -75,6 +76,13 @@ class CrossCheck:
             yield from self._check_place(joint.child, "joint", name, "child")
             if joint.parent.partition(".")[0] == (body := joint.child.partition(".")[0]):
                 yield FaultError(f"holds {body} to itself", "joint", name, "child")
+            elif joint.type == "planar" and body in self.body:
+                marker = self.body[body].marker.get(joint.child.partition(".")[2])
+                if marker is not None and marker.is_turned:
+                    mend = "turn the joint instead, by its rotate or axes"
+                    yield FaultError(
+                        f"has axes of its own, which a planar joint can't take; {mend}", "joint", name, "child"
+                    )
 
     def _check_drives(self) -> Iterator[FaultError]:
         for name, drive in self.drive.items():
@@ -147,7 +155,7 @@ class CrossCheck:
                 yield from self._check_chart(output, "output", number)
             elif isinstance(output, Quantities):
                 yield from self._check_quantities(output, "output", number)
-            else:
+            elif not isinstance(output, FrequencyResponseChart):  # whose names are looked up in the mechanism
                 yield from self._check_picture(output, "output", number)
         yield from self._check_files()
 
@@ -197,9 +205,11 @@ class CrossCheck:
         if "element_stress" in output.quantities and not any(body.element for body in meshed.values()):
             yield FaultError("element_stress needs a named element, [body.NAME.element]", *path, "quantities")
 
-    def _check_picture(self, picture: BodyPicture | Export, *path: str | int) -> Iterator[FaultError]:
+    def _check_picture(self, picture: BodyPicture | MechanismView | Export, *path: str | int) -> Iterator[FaultError]:
         flexible = self._flexible
-        if picture.body is None:  # an export of the whole mechanism
+        if picture.body is None:  # of the whole mechanism
+            if isinstance(picture, StressPicture) and all(body.shape == "matrices" for body in flexible.values()):
+                yield FaultError("needs a flexible body with a mesh; this scene has none", *path, "type")
             return
         of_body_alone = isinstance(picture, Export) and (picture.file.endswith(".nc") or picture.format is not None)
         if picture.body not in self.body:
@@ -209,6 +219,10 @@ class CrossCheck:
             yield FaultError(f"is rigid, without modes or stress; {names}", *path, "body")
         elif flexible[picture.body].shape == "matrices" and not of_body_alone:
             yield FaultError("is given by its matrices: without elements there is no stress or picture", *path, "body")
+        elif flexible[picture.body].shape == "reduced" and not of_body_alone:
+            if isinstance(picture, StressPicture | Film):  # which the file may hold
+                return
+            yield FaultError("is reduced: it has no mesh, and no pictures of it or of its modes", *path, "body")
 
     def _check_files(self) -> Iterator[FaultError]:
         """No output may write over another's file; some file systems don't distinguish upper from lower case."""

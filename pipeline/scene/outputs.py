@@ -8,8 +8,18 @@ from pydantic import AfterValidator, Field, model_validator
 
 from pipeline.core.units import Stress
 from pipeline.scene.histories import ExtremesTable, History
-from pipeline.scene.pictures import Component, Film, MeshPicture, ModePictures, ModeSheet, StressPicture
+from pipeline.scene.pictures import (
+    Component,
+    Film,
+    MechanismPicture,
+    MeshPicture,
+    ModePictures,
+    ModeSheet,
+    StressPicture,
+)
 from pipeline.scene.reading import FaultError, SceneTable
+from pipeline.scene.responses import FrequencyResponseChart
+from pipeline.scene.stress_outputs import Envelope, Fatigue
 from pipeline.scene.values import BodyName, ElementName, FileCheck, JointName, MarkerName, Text
 
 # Meanings of the quantities that a chart can draw.
@@ -33,10 +43,19 @@ CHART_QUANTITIES = {
 }
 
 
-EXPORT_FORMATS = {"python": (".nc",)}
+EXPORT_FORMATS: dict[str, tuple[str, ...]] = {
+    "python": (".nc",),
+    "sid": (".SID_FEM",),
+    "exudyn": (".npz",),
+    "mbdyn": (".fem",),
+    "simscape": (".mat",),
+    "openfast": (".dat",),
+    "full": (".mtx", ".npz", ".txt"),
+    "fmu": (".fmu",),
+}
 """Formats of other programs, and the suffixes of their files."""
 
-MECHANISM_FORMATS: tuple[str, ...] = ()
+MECHANISM_FORMATS = ("fmu",)
 """Those of them that hold the whole mechanism; the others hold one flexible body."""
 
 _SUFFIXES = (".msh", ".vtu", ".vtkhdf", ".nc")
@@ -164,7 +183,7 @@ class Export(SceneTable):
 
     type: Literal["export"]
     file: Annotated[str, AfterValidator(FileCheck((*_SUFFIXES, *_FORMAT_SUFFIXES)))]
-    format: Literal["python"] | None = None
+    format: Literal["python", "sid", "exudyn", "mbdyn", "simscape", "openfast", "full", "fmu"] | None = None
     body: BodyName | None = None
     frames: Annotated[int, Field(strict=True, ge=2, le=2000)] = 21
 
@@ -182,7 +201,19 @@ class Export(SceneTable):
 
 
 Output = Annotated[
-    Chart | MeshPicture | ModePictures | ModeSheet | StressPicture | Film | History | ExtremesTable | Export,
+    Chart
+    | FrequencyResponseChart
+    | MeshPicture
+    | ModePictures
+    | ModeSheet
+    | StressPicture
+    | MechanismPicture
+    | Film
+    | Envelope
+    | Fatigue
+    | History
+    | ExtremesTable
+    | Export,
     Field(discriminator="type"),
 ]
 
@@ -190,5 +221,5 @@ _DRAWN = (".png", ".pdf", ".svg", ".mp4", ".gif")
 
 
 def is_drawn(output: Output) -> bool:
-    """Return True if an output is a picture, a chart or a film, and not a file of numbers."""
-    return output.file.endswith(_DRAWN)
+    """Return True if an output shows the motion or a part: a picture, a chart or a film, and not a file of numbers."""
+    return output.file.endswith(_DRAWN) and output.type != "frf"

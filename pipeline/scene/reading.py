@@ -45,7 +45,8 @@ class SceneTable(BaseModel):
     @model_validator(mode="before")
     @classmethod
     def _know_every_key(cls, table: Any) -> Any:
-        known = [field.alias or name for name, field in cls.model_fields.items()]
+        fields = sorted(cls.model_fields.items(), key=lambda item: item[0] not in cls.__annotations__)  # its own first
+        known = [field.alias or name for name, field in fields]
         unknown = [key for key in table if key not in known] if isinstance(table, dict) else []
         if unknown:
             message = f"no such key; {suggest_name(unknown[0], known, 'the keys here')}"

@@ -6,14 +6,16 @@ next. A variant keeps the file of its scene.
 
 from __future__ import annotations
 
-from collections.abc import Callable, Mapping
+from collections.abc import Callable, Mapping, Sequence
 from math import pi
 from typing import Any
 
 from pipeline.scene.any_body import Flexible
 from pipeline.scene.bodies import Bar
 from pipeline.scene.imported_bodies import CadPart, MatrixPart, MeshedPart
+from pipeline.scene.loads import Drive
 from pipeline.scene.propeller import Propeller
+from pipeline.scene.reduced_bodies import ReducedPart
 from pipeline.scene.scene import Scene
 
 # Factors to coarsen a mesh by. The largest shows most of the error, but not every part can be meshed so coarsely.
@@ -45,6 +47,22 @@ def enrich_bases(scene: Scene) -> Scene:
     return change_modes(scene, change)
 
 
+def replace_start(scene: Scene, start: str) -> Scene:
+    """Return the scene with another state at the start."""
+    return _change_simulation(scene, {"start": start})
+
+
+def correct_statically(scene: Scene, drives: Sequence[Drive]) -> Scene:
+    """Return the scene with loads added whose static responses, and those to inertia loads, join each body's modes.
+
+    Without them the modes that a body leaves out would lack in the sum of its flexibility, and zeros of transfer
+    functions would be at the wrong frequencies (MacNeal, Computers & Structures 1, 1971).
+    """
+    more = {f"input {k + 1}": drive for k, drive in enumerate(drives)}
+    scene = scene.model_copy(update={"drive": {**scene.drive, **more}})
+    return change_modes(scene, lambda body: {"enrich": "residual"})
+
+
 def damp_bodies(scene: Scene, damping: float) -> Scene | None:
     """Return the scene with damping for the bodies that have none; ``None`` if all have some."""
     if all(body.modes.damping for body in scene.flexible.values()):
@@ -69,7 +87,7 @@ def replace_order(scene: Scene, order: int) -> Scene:
     """Return the scene with elements of another order, except in bodies whose files say what their elements are."""
 
     def change(body: Flexible) -> dict[str, Any]:
-        if isinstance(body, MeshedPart | MatrixPart):
+        if isinstance(body, MeshedPart | MatrixPart | ReducedPart):
             return {}
         return {"mesh": body.mesh.model_copy(update={"order": order})}
 
@@ -120,7 +138,7 @@ def compare_element_sizes(body: Flexible, elements: int, fewer: int) -> float:
 
 def _change_mesh(body: Flexible, factor: float) -> dict[str, Any]:
     """Return the changes of a body's table for another mesh; none where a file holds the mesh."""
-    if isinstance(body, MeshedPart | MatrixPart):
+    if isinstance(body, MeshedPart | MatrixPart | ReducedPart):
         return {}
     mesh = {"mesh": body.mesh.model_copy(update=_change_divisions(body, factor))}
     if body.shape != "propeller":

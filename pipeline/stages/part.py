@@ -21,11 +21,21 @@ from pipeline.scene.any_body import Flexible
 from pipeline.scene.bodies import Bar
 from pipeline.scene.imported_bodies import CadPart, MatrixPart
 from pipeline.scene.propeller import Propeller
+from pipeline.scene.reduced_bodies import ReducedPart
 from pipeline.scene.scene import Scene
 from pipeline.scene.source_files import SourceFiles
 from pipeline.scene.values import Formulation
 from pipeline.stages.inboard_joint import read_inboard_joint
 from pipeline.stages.meshing import find_material, find_name, make_mesh, read_body_matrices
+from pipeline.stages.reduced_files import (
+    file_notes,
+    file_stress,
+    file_surface,
+    modes_of_file,
+    place_file_markers,
+    read_reduced_body,
+    reduce_file_body,
+)
 from pipeline.stages.stage import Stage, stages_of
 from pipeline.stages.store import StageStore
 
@@ -39,9 +49,10 @@ if TYPE_CHECKING:
     from pipeline.reduction.modes import Modes
     from pipeline.stages.basis import HeldModel
 
-NO_MESH = "is given by its matrices: without elements it has no mesh, no stress and no picture"
+NO_MESH = "is given by a file without elements: it has no mesh, no stress and no picture"
 _FEM = ("pipeline/fem",)
-_REDUCTION = ("pipeline/fem", "pipeline/reduction", "pipeline/stages/basis.py", "pipeline/stages/markers.py")
+_BASIS = ("pipeline/stages/basis.py", "pipeline/stages/markers.py", "pipeline/stages/reduced_files.py")
+_REDUCTION = ("pipeline/fem", "pipeline/reduction", *_BASIS)
 _STRESS = ("pipeline/fem", "pipeline/recovery/stress.py")
 _DEFORMATION = ("pipeline/fem", "pipeline/recovery/deformation.py")
 _PACKAGES = ("numpy", "scipy", "scikit-fem", "gmsh")
@@ -109,13 +120,15 @@ def _element_inputs(part: FlexiblePart) -> Any:
 
 def _compute_mesh(part: FlexiblePart) -> SolidMesh:
     if not part.has_mesh:
-        raise InputError(part.file, f"body.{part.name}.matrices", None, NO_MESH)
+        raise InputError(part.file, f"body.{part.name}.{'body' if part.is_reduced else 'matrices'}", None, NO_MESH)
     return make_mesh(part.shape, part.source)
 
 
 def _assemble(part: FlexiblePart) -> FEModel:
     from pipeline.fem.assembly import assemble
 
+    if part.is_reduced:
+        return read_reduced_body(part.source)
     if not part.has_mesh:
         return read_body_matrices(part.shape, part.source)
     if part.formulation == "plain" and part.space.kind.name != "hex8":
@@ -127,18 +140,24 @@ def _assemble(part: FlexiblePart) -> FEModel:
 def _compute_modes(part: FlexiblePart) -> Modes:
     from pipeline.stages.basis import compute_modes
 
+    if part.is_reduced:
+        return modes_of_file(part.fe)
     return compute_modes(part.model, part.shape.modes)
 
 
 def _reduce(part: FlexiblePart) -> FlexibleBody:
     from pipeline.stages.basis import reduce_body
 
+    if part.is_reduced:
+        return reduce_file_body(part.model, part.modes, part.shape, part.frame)
     return reduce_body(part.model, part.modes, part.shape.modes, part.frame)
 
 
 def _stiffen(part: FlexiblePart) -> SecondOrder:
     from pipeline.stages.basis import stiffen_reduced
 
+    if part.is_reduced and part.body.gram.stiffening.size:  # by its file
+        return part.body.gram, part.body.markers
     if not part.has_mesh:
         mend = f"stiffening by inertia loads takes stress, and the body {NO_MESH}; 'off' leaves it out"
         raise InputError(part.file, "simulation.stiffening", None, mend)
@@ -151,10 +170,17 @@ def _integrate_along_normal(part: FlexiblePart) -> Array:
 
 
 def _find_surface(part: FlexiblePart) -> SurfaceTopology:
+    if part.is_reduced:
+        found = file_surface(part.fe)
+        if found is None:
+            raise InputError(part.file, f"body.{part.name}.body", None, "is of a file without a surface's stress")
+        return found
     return surface_topology(part.space)
 
 
 def _recover_surface_stress(part: FlexiblePart) -> Array:
+    if part.is_reduced:
+        return file_stress(part.fe, part.body)
     return modal_stress(part.space, part.material, part.body.shapes, part.surface.nodes)
 
 
@@ -246,17 +272,28 @@ class FlexiblePart:
     @property
     def has_mesh(self) -> bool:
         """A mesh, and so stress and pictures: bodies that are given by their matrices have none."""
-        return self.shape.shape != "matrices"
+        return self.shape.shape not in ("matrices", "reduced")
+
+    @property
+    def has_stress(self) -> bool:
+        """A surface with its stress: of a mesh, or of a file that tells it for a reduced body."""
+        return self.has_mesh or (self.is_reduced and file_surface(self.fe) is not None)
+
+    @property
+    def is_reduced(self) -> bool:
+        """A file holds the body reduced, by another program or by this one."""
+        return self.shape.shape == "reduced"
 
     @cached_property
     def order(self) -> int:
         """Polynomial order of the displacement in an element."""
-        return self.mesh.order if self.shape.shape == "matrices" else self.shape.mesh.order or self.mesh.order
+        own = None if isinstance(self.shape, MatrixPart | ReducedPart) else self.shape.mesh.order
+        return own or self.mesh.order
 
     @property
     def formulation(self) -> Formulation:
         """Strain of linear hexahedra, ``enhanced`` or ``plain``."""
-        return "enhanced" if isinstance(self.shape, MatrixPart | CadPart) else self.shape.mesh.formulation
+        return "enhanced" if isinstance(self.shape, MatrixPart | ReducedPart | CadPart) else self.shape.mesh.formulation
 
     @property
     def is_supported(self) -> bool:
@@ -265,7 +302,9 @@ class FlexiblePart:
 
     @property
     def mesh_notes(self) -> tuple[str, ...]:
-        """Faults that were mended in the file that the mesh comes from, if it comes from one."""
+        """Faults in the file that the body comes from, if it comes from one, and how they were mended."""
+        if self.is_reduced:
+            return file_notes(self.fe)
         return self.mesh.notes if self.shape.shape in ("mesh", "cad") else ()
 
     @cached_property
@@ -296,6 +335,8 @@ class FlexiblePart:
 
         if self.has_mesh:
             return place_markers(self.shape, self.space, self.file, self.name)
+        if self.is_reduced:
+            return place_file_markers(self.fe, self.shape, self.file, self.name)
         assert isinstance(self.fe, MatrixModel)
         return place_node_markers(self.shape, self.fe, self.file, self.name)
 

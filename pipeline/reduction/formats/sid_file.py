@@ -8,7 +8,7 @@ mode). Numbers have 17 digits, so a body comes back to the last bit.
 from __future__ import annotations
 
 import re
-from collections.abc import Callable, Iterator, Mapping
+from collections.abc import Iterator, Mapping
 from pathlib import Path
 
 import numpy as np
@@ -36,8 +36,6 @@ def write_sid(path: Path, data: ModalData) -> None:
 
 
 def _lines(data: ModalData) -> Iterator[str]:
-    from numpy.linalg import eigvals
-
     labels = ", ".join(f"{k} {name}" for k, name in enumerate(data.nodes, start=1))
     yield f"{len(data.nodes):5d}{data.n:5d}    :No. nodes, No. modes; SI units; nodes: {labels}"
     yield "part"
@@ -45,7 +43,7 @@ def _lines(data: ModalData) -> Iterator[str]:
     yield "    refmod"
     yield f"      mass = {_number(data.gram.mass)}"
     yield f"      nelastq = {data.n}"
-    hertz = np.sqrt(np.sort(np.abs(eigvals(np.linalg.solve(data.M, data.K)).real))) / (2 * np.pi)
+    hertz = np.sqrt(np.sort(np.abs(np.linalg.eigvals(np.linalg.solve(data.M, data.K)).real))) / (2 * np.pi)
     for k, frequency in enumerate(hertz, start=1):
         yield f"      ielastq ({k:4d}) = Eigen Mode {k:4d} : {frequency:12.3f} Hz"
     yield "    end refmod"
@@ -248,25 +246,13 @@ class _Reader:
 
     def require_shape(self, name: str, term: Taylor, n: int) -> None:
         """Raise ``InputError`` unless a term of the body has as many rows and columns as n modes need."""
-        shapes: dict[str, Callable[[int], tuple[tuple[int, int], ...]]] = {
-            "mdCM": lambda n: ((3, 1),),
-            "J": lambda n: ((3, 3), (6, 1)),
-            "Gr": lambda n: ((3, 3 * n),),
-            "Ge": lambda n: ((n, 3 * n),),
-            "Oe": lambda n: ((n, 6),),
-            "Ct": lambda n: ((n, 3),),
-            "Cr": lambda n: ((n, 3),),
-            "ksigma": lambda n: ((n, 1),),
-        }
-        wanted = shapes.get(name, lambda n: ((n, n),))(n)
+        shapes = {"mdCM": [(3, 1)], "J": [(3, 3), (6, 1)], "Gr": [(3, 3 * n)], "Ge": [(n, 3 * n)], "Oe": [(n, 6)]}
+        shapes |= {"Ct": [(n, 3)], "Cr": [(n, 3)], "ksigma": [(n, 1)]}
+        wanted = shapes.get(name, [(n, n)])
         if term.M0.shape not in wanted or (term.order and term.M1.shape[1] != n):
-            raise InputError(
-                self._file,
-                "",
-                None,
-                f"{name} has {term.M0.shape[0]} x {term.M0.shape[1]} entries for {term.M1.shape[1]} modes; "
-                f"{n} modes need {' or '.join(f'{r} x {c}' for r, c in wanted)}",
-            )
+            found = f"{term.M0.shape[0]} x {term.M0.shape[1]} entries for {term.M1.shape[1]} modes"
+            mend = f"{name} has {found}; {n} modes need {' or '.join(f'{r} x {c}' for r, c in wanted)}"
+            raise InputError(self._file, "", None, mend)
 
     def _take(self) -> tuple[str, str]:
         """Take the next line: what stands before '=' and after it."""

@@ -18,6 +18,7 @@ from __future__ import annotations
 
 from collections.abc import Mapping
 from dataclasses import dataclass, field
+from typing import Any
 
 import numpy as np
 
@@ -29,7 +30,8 @@ from pipeline.reduction.modal_data import ModalData, integrals_of, rate_products
 PARTS = ("mdCM", "J", "Ct", "Cr", "Me", "Gr", "Ge", "Oe", "ksigma", "Ke", "De")
 """Terms of a body, in the order of its file."""
 _AGREE = 1e-4  # of the largest entry: terms that hold the same integral, in files of six digits
-_STIFFENS = 1e-9  # of the largest entry of Me: what is left by other terms is round-off
+# Of the largest entry of Me. Less is what a file of few digits, or of seventeen, loses when terms are subtracted.
+_STIFFENS, _ROUND_OFF = 1e-6, 1e-9
 
 
 @dataclass(frozen=True)
@@ -76,9 +78,7 @@ def sid_terms(data: ModalData) -> dict[str, Taylor]:
         "Ct": Taylor(S[:, 1:].T, bow.transpose(1, 2, 0)),
         "Cr": Taylor(rate_turns(mixed).T, (turns.transpose(0, 2, 1) + curl).transpose(1, 2, 0)),
         "Me": Taylor(data.M),
-        "Gr": Taylor(
-            -2 * C4.transpose(0, 2, 1).reshape(3, 3 * n), -2 * C6.transpose(0, 2, 3, 1).reshape(3, n, 3 * n)
-        ),
+        "Gr": Taylor(-2 * C4.transpose(0, 2, 1).reshape(3, 3 * n), -2 * C6.transpose(0, 2, 3, 1).reshape(3, n, 3 * n)),
         "Ge": Taylor(2 * turns.transpose(2, 1, 0).reshape(n, 3 * n)),
         "Oe": Taylor(rate_products(mixed).T, rate_products(modal).transpose(1, 2, 0)),
         "ksigma": Taylor(np.zeros((n, 1))),
@@ -90,8 +90,8 @@ def sid_terms(data: ModalData) -> dict[str, Taylor]:
 def modal_data_of(mass: float, terms: Mapping[str, Taylor], nodes: Mapping[str, MarkerShapes]) -> ModalData:
     """Recover a body's inertia integrals from the terms of its equations of motion.
 
-    They are taken from Oe, Ge, Cr, Ct, J and mdCM. Gr and the first orders of mdCM and J hold nothing more: where a file
-    has something else there, a note of the body says so, since only one of both can be right.
+    They are taken from Oe, Ge, Cr, Ct, J and mdCM. Gr and the first orders of mdCM and J hold nothing more: where a
+    file has something else there, a note of the body says so, since only one of both can be right.
 
     Parameters
     ----------
@@ -136,12 +136,13 @@ def modal_data_of(mass: float, terms: Mapping[str, Taylor], nodes: Mapping[str, 
     stiffening = np.eye(3)[:, :, None, None] * loss / 3  # its trace is all that the equations of motion take
     bow = first["Ct"].transpose(2, 0, 1)
     curl = first["Cr"].transpose(2, 0, 1) - turns.transpose(0, 2, 1) if Cr.order else np.zeros((3, n, n))
-    second: dict[str, Array] = {}
-    for name, term in (("stiffening", stiffening), ("bow", bow), ("curl", curl)):
-        if np.abs(term).max(initial=0.0) > _STIFFENS * scale:
+    second: dict[str, Any] = {}
+    for name, term, least in (("stiffening", stiffening, _STIFFENS), ("bow", bow, 0.0), ("curl", curl, _ROUND_OFF)):
+        if np.abs(term).max(initial=0.0) > least * scale:
             second[name] = 0.5 * (term + term.swapaxes(-1, -2))
     gram = InertiaGram(G, S, mass, **second)
-    return ModalData(gram, terms["Ke"].M0, terms["De"].M0, nodes, tuple(notes))
+    bound = bool(second) or any(node.bow.any() for node in nodes.values())
+    return ModalData(gram, terms["Ke"].M0, terms["De"].M0, nodes, tuple(notes), bound)
 
 
 def _tensor(J: Taylor) -> Taylor:

@@ -18,6 +18,7 @@ from pipeline.scene.joints import Revolute
 from pipeline.scene.loads import PulseDrive
 from pipeline.scene.outputs import CHART_QUANTITIES, Chart
 from pipeline.scene.reading import SceneTable, list_ready_scenes
+from pipeline.scene.reduced_bodies import ReducedPart
 from pipeline.scene.reference.sections import INTRODUCTION, SECTIONS
 from pipeline.scene.reference.values import describe_values, to_markdown
 from pipeline.scene.runs import CentralDifferenceRun
@@ -37,7 +38,7 @@ _LINKED: dict[tuple[type[SceneTable], str], str] = {
     (Chart, "quantity"): "[quantity](#quantities-of-a-chart)",
     (Quantities, "quantities"): "list of [quantities](#quantities-of-a-history)",
 }
-_KNOWN_BY_FILES = {(table, "shape") for table in (MeshedPart, CadPart, MatrixPart)}
+_KNOWN_BY_FILES = {(table, "shape") for table in (MeshedPart, CadPart, MatrixPart, ReducedPart)}
 
 
 def write_page() -> str:

@@ -7,6 +7,7 @@ from typing import NamedTuple
 from pipeline.scene.bodies import Bar, BarMesh, ModeSettings, Solid
 from pipeline.scene.compound_joints import Cylindrical, Planar, Screw, Universal
 from pipeline.scene.constraints import Distance, Gear, PointOnLine, Rack
+from pipeline.scene.damping import RayleighDamping
 from pipeline.scene.force_curves import ForceByElongation
 from pipeline.scene.force_elements import (
     AngleStop,
@@ -29,11 +30,24 @@ from pipeline.scene.imported_bodies import (
 )
 from pipeline.scene.joints import Fixed, Free, Prismatic, Revolute, Spherical
 from pipeline.scene.loads import ForceDrive, MotionDrive, PointForce, PointTorque, PulseDrive, TorqueDrive
+from pipeline.scene.orientation import AxisDirections, Orientation
 from pipeline.scene.outputs import Chart, Export
-from pipeline.scene.pictures import BodyPicture, Film, MeshPicture, ModePictures, ModeSheet, StressPicture
+from pipeline.scene.pictures import (
+    BodyPicture,
+    Film,
+    MechanismPicture,
+    MechanismView,
+    MeshPicture,
+    ModePictures,
+    ModeSheet,
+    PictureSettings,
+    StressPicture,
+)
 from pipeline.scene.places import MarkerPlace, NamedElement, Support
 from pipeline.scene.propeller import Propeller, PropellerMesh
 from pipeline.scene.reading import SceneTable
+from pipeline.scene.reduced_bodies import BodyFile, FileNode, ReducedModes, ReducedPart
+from pipeline.scene.responses import FrequencyResponseChart
 from pipeline.scene.rigid_bodies import PointMarker, PointMass, RigidBody, Rod
 from pipeline.scene.runs import (
     AutoRun,
@@ -48,7 +62,9 @@ from pipeline.scene.runs import (
 )
 from pipeline.scene.scene import PublishedResults, Scene
 from pipeline.scene.simulation import Simulation
+from pipeline.scene.stress_outputs import Envelope, Fatigue, MeanStress, SnCurve, SurfaceField
 from pipeline.scene.time_functions import TimeFunction
+from pipeline.scene.visuals import BoxVisual, CylinderVisual, FileVisual, RodVisual, VisualSettings
 
 INTRODUCTION = """\
 <!-- Written by `python -m pipeline.scene.reference > docs/scene.md` from the docstrings in pipeline/scene. -->
@@ -88,12 +104,33 @@ like = "blade-1"
 modes = { damping = 0.01 }
 ```
 """
+_VISUALS = """\
+A shape is a table `[[body.NAME.visual]]`, and its key `type` says of which kind it is. It shows the body in
+pictures and films, and has no effect on the motion.
+"""
 _JOINTS = """\
 A joint is a table `[joint.NAME]`, and its key `type` says of which kind it is. Bodies form a tree: each is the child of
 one joint, and through its joints hangs on the ground. A joint holds a marker of the child on a marker of the parent, or
 on a place on the ground. At angle and displacement zero a body's frame is parallel to that of the body that carries it,
-or to the axes of its place on the ground. A joint whose child another joint carries already, or whose child is a place
-on the ground, closes a loop: it has no coordinate of its own, and the joints of the loop start where it closes.
+or to the axes of its place on the ground, unless [markers or joints have axes of their own](#axes). A joint whose child
+another joint carries already, or whose child is a place on the ground, closes a loop: it has no coordinate of its own,
+and the joints of the loop start where it closes.
+"""
+_AXES = """\
+A marker's axes are those of its body's frame, a place's those of space, unless `rotate` or `axes` turns them. A joint
+brings the axes of the child's marker onto those of the parent's at angle and displacement zero, turned by the joint's
+own `rotate` or `axes`; its axis is in these axes. A body so gets its first pose where it is joined: by `rotate` at a
+fixed joint, by `angle` at a hinge, by `position` and `rotate` at a free joint. Following loads and bushings are in the
+axes of their markers.
+
+```toml
+[joint.blade-2]
+type = "revolute"
+parent = "hub.centre"
+child = "blade-2.root"
+rotate = ["0 deg", "0 deg", "180 deg"]
+axis = [0, 0, 1]
+```
 """
 _COUPLERS = """\
 A coupler is a table `[coupler.NAME]`, and its key `type` says of which kind it is. It ties the coordinates of two
@@ -180,7 +217,12 @@ SECTIONS = (
     Section("### CAD file", CadFile),
     Section("### Body from matrices", MatrixPart),
     Section("### Files of matrices", MatrixFiles),
+    Section("### Reduced body from a file", ReducedPart),
+    Section("### File of a reduced body", BodyFile),
+    Section("### Damping of a reduced body", ReducedModes),
+    Section("### Markers of a reduced body", FileNode),
     Section("### Modes", ModeSettings),
+    Section("### Rayleigh damping", RayleighDamping),
     Section("### Markers of a flexible body", MarkerPlace),
     Section("### Supports", Support),
     Section("### Named elements", NamedElement),
@@ -188,7 +230,14 @@ SECTIONS = (
     Section("### Point mass", PointMass),
     Section("### Rigid body", RigidBody),
     Section("### Markers of a rigid body", PointMarker),
+    Section("### Shapes of rigid bodies in pictures", VisualSettings, _VISUALS),
+    Section("### Box in pictures", BoxVisual),
+    Section("### Cylinder in pictures", CylinderVisual),
+    Section("### Rod in pictures", RodVisual),
+    Section("### Shape from a file in pictures", FileVisual),
     Section("## Places on the ground", GroundPlace),
+    Section("## Axes", Orientation, _AXES),
+    Section("### Directions of axes", AxisDirections),
     Section("## Joints", None, _JOINTS),
     Section("### Revolute joint", Revolute),
     Section("### Prismatic joint", Prismatic),
@@ -233,12 +282,22 @@ SECTIONS = (
     Section("## Published results", PublishedResults),
     Section("## Outputs", None, _OUTPUTS),
     Section("### Chart", Chart),
+    Section("### Every picture and film", PictureSettings),
+    Section("### Every picture of a body", BodyPicture),
+    Section("### Frequency response", FrequencyResponseChart),
     Section("### Every picture and film", BodyPicture),
     Section("### Picture of the mesh", MeshPicture),
     Section("### Pictures of modes", ModePictures),
     Section("### Sheet of modes", ModeSheet),
+    Section("### Every picture of the mechanism", MechanismView),
     Section("### Picture of the stress", StressPicture),
+    Section("### Picture of the mechanism", MechanismPicture),
     Section("### Film", Film),
+    Section("### Every envelope and fatigue", SurfaceField),
+    Section("### Envelope of the stress", Envelope),
+    Section("### Fatigue", Fatigue),
+    Section("### S-N curve", SnCurve),
+    Section("### Mean stress", MeanStress),
     Section("### Every history and table", Quantities),
     Section("### History", History),
     Section("### Table of extremes", ExtremesTable),

@@ -1,0 +1,191 @@
+"""Functions of a mechanism that another program drives: loads, motions, springs and damping come from outside.
+
+Beside the arguments of `pipeline.dynamics.compiler.programs` they take ``constants``, joints' springs and the bodies'
+modal damping, and ``inputs`` holds three places for each load and motion, those on markers after the mechanism's own.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, replace
+from functools import cached_property
+
+import numpy as np
+
+from pipeline.core.arrays import Array
+from pipeline.dynamics.compiler.coordinates import Coordinates
+from pipeline.dynamics.compiler.differentiate import differentiate
+from pipeline.dynamics.compiler.external_quantities import (
+    ElementStress,
+    Quantity,
+    joint_quantities,
+    marker_quantities,
+    stress_quantities,
+)
+from pipeline.dynamics.compiler.forces import JOINT_CONSTANTS
+from pipeline.dynamics.compiler.frames import MovingFrame, trace_frames
+from pipeline.dynamics.compiler.graph import Graph, Scalar, Vector
+from pipeline.dynamics.compiler.program import Output, Program
+from pipeline.dynamics.compiler.programs import trace_program
+from pipeline.dynamics.compiler.tangents import direction_inputs
+from pipeline.dynamics.compiler.variants import Key, VariantCoordinates
+from pipeline.dynamics.links import ONE_AXIS, PointLoad
+from pipeline.dynamics.mechanism import Mechanism
+from pipeline.dynamics.signals.signal import Signal, constant
+
+_STATE = ("constants", "inputs", "q", "v")
+
+
+@dataclass(frozen=True)
+class ExternalMechanism:
+    """A mechanism without loops whose loads, motions, springs and damping are arguments.
+
+    Parameters
+    ----------
+    mechanism : Mechanism
+        The mechanism.
+    stresses : tuple of ElementStress
+        Stress that it gives.
+
+    Raises
+    ------
+    ValueError
+        It has loops.
+    """
+
+    mechanism: Mechanism
+    stresses: tuple[ElementStress, ...] = ()
+
+    def __post_init__(self) -> None:
+        if self.mechanism.closures:
+            raise ValueError("the mechanism has loops, whose forces no single function computes")
+
+    @property
+    def driven_links(self) -> list[int]:
+        """Numbers of the bodies on joints with one axis, whose loads and motions come first among the inputs."""
+        return [k for k, link in enumerate(self.mechanism.links) if link.joint in ONE_AXIS]
+
+    @property
+    def signals(self) -> list[Signal]:
+        """The mechanism's own loads and motions, in the order of the inputs."""
+        links = [self.mechanism.links[k] for k in self.driven_links]
+        return [link.motion or link.load for link in links] + [load.size for load in self.mechanism.loads]
+
+    @cached_property
+    def markers(self) -> list[tuple[int, str]]:
+        """Body and name of each marker; forces along x, y, z and torques about them follow the own signals."""
+        return [(k, name) for k, link in enumerate(self.mechanism.links) for name in link.markers]
+
+    @cached_property
+    def constants(self) -> dict[Key, float]:
+        """Place and value of each constant that is an argument: what the joints' springs have, and modal damping."""
+        table: dict[Key, float] = {}
+        for body, link in enumerate(self.mechanism.links):
+            acts = link.joint in ONE_AXIS and link.motion is None
+            given = {name: float(getattr(link, name)) for name in JOINT_CONSTANTS}
+            if acts and link.spring:
+                table |= {(body, "spring"): given["spring"], (body, "rest"): given["rest"]}
+            if acts and link.damper:
+                table[body, "damper"] = given["damper"]
+            if len(set(link.damping)) == 1:
+                table[body, "damping"] = float(link.damping[0])
+        return table
+
+    @cached_property
+    def _graph(self) -> Graph:
+        return Graph()
+
+    def _coordinates(self, mechanism: Mechanism) -> _ExternalCoordinates:
+        links = len(mechanism.links)
+        acting = [*self.driven_links, *range(links, links + len(mechanism.loads))]
+        places = {key: place for place, key in enumerate(self.constants)}
+        return _ExternalCoordinates(self._graph, mechanism, places, acting)
+
+    @cached_property
+    def _plain(self) -> tuple[_ExternalCoordinates, list[MovingFrame]]:
+        inputs = self._coordinates(self.mechanism)
+        return inputs, trace_frames(inputs)
+
+    @cached_property
+    def quantities(self) -> list[Quantity]:
+        """Positions and rates of joints, motion of markers and stress of elements."""
+        inputs, frames = self._plain
+        return [
+            *joint_quantities(inputs, frames),
+            *marker_quantities(inputs, frames),
+            *stress_quantities(frames, self.stresses),
+        ]
+
+    @cached_property
+    def programs(self) -> dict[str, Program]:
+        """Functions by their names.
+
+        ``accelerations`` (constants, inputs, q, v; a) without and ``loaded_accelerations`` with forces on markers;
+        ``outputs`` (…; y), the values of `quantities`; and ``slopes``, the derivatives ``da`` and ``dy`` of both along
+        directions ``dconstants``, ``dinputs``, ``dq`` and ``dv``.
+        """
+        plain, frames = self._plain
+        loaded_inputs = self._coordinates(_with_marker_loads(self.mechanism, self.markers))
+        free = self._accelerations("accelerations", plain, frames)
+        loaded = self._accelerations("loaded_accelerations", loaded_inputs, trace_frames(loaded_inputs))
+        values = [Output(own.value, ("y", (k,))) for k, own in enumerate(self.quantities)]
+        both = [*loaded.outputs, *values]
+        seeds = direction_inputs(self._graph, _STATE)
+        slopes = differentiate(self._graph, [output.value for output in both], seeds)
+        along = [
+            Output(slope, (f"d{output.place[0]}", output.place[1])) for slope, output in zip(slopes, both, strict=True)
+        ]
+        directions = tuple(f"d{name}" for name in _STATE)
+        return {
+            "accelerations": free,
+            "loaded_accelerations": loaded,
+            "outputs": Program("outputs", self._graph, (*_STATE, "y"), tuple(values)),
+            "slopes": Program("slopes", self._graph, (*_STATE, *directions, "da", "dy"), tuple(along)),
+        }
+
+    def _accelerations(self, name: str, inputs: Coordinates, frames: list[MovingFrame]) -> Program:
+        traced = trace_program("accelerations", inputs, frames)
+        return replace(traced, name=name, arguments=(*_STATE, "a"))
+
+    def dependencies(self, value: Scalar) -> set[tuple[str, int]]:
+        """Return the arguments that a value depends on, each with its place."""
+        found: set[tuple[str, int]] = set()
+        for number in self._graph.live([value.node]):
+            node = self._graph.nodes[number]
+            if node.operation in ("input", "vector input"):
+                argument, places = node.data  # type: ignore[misc]
+                found |= {(argument, place) for place in places}
+        return found
+
+
+class _ExternalCoordinates(VariantCoordinates):
+    """Inputs of a mechanism, some of whose constants are inputs too; the modal damping ratio is one for a body."""
+
+    def scaled(self, body: int, name: str, values: Array, vector: Vector) -> Vector:
+        """A modal vector, each entry times a constant of a body."""
+        place = self._places.get((body, name))
+        if place is None:
+            return super().scaled(body, name, values, vector)
+        ratio = self.graph.scalar_input("constants", place)
+        return vector.multiplied_by(np.diag(2.0 * self.mechanism.links[body].omega)) * ratio
+
+
+def _with_marker_loads(mechanism: Mechanism, markers: list[tuple[int, str]]) -> Mechanism:
+    """Return a mechanism with forces and torques along the ground's axes at its markers, after its own loads."""
+    loads = list(mechanism.loads)
+    for body, name in markers:
+        link = mechanism.links[body]
+        at = link.markers[name]
+        for torque in (False, True):
+            for axis in np.eye(3):
+                own = PointLoad(
+                    link.name,
+                    axis,
+                    constant(0.0),
+                    torque,
+                    place=at.position,
+                    shapes=at.translation,
+                    rotations=at.rotation,
+                    bow=at.bow,
+                )
+                loads.append(own)
+    return replace(mechanism, loads=loads)
