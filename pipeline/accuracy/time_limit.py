@@ -49,12 +49,18 @@ class TimeLimit:
             )
 
     def watch(self) -> Callable[[float], None]:
-        """Return a march's progress, which raises ``LeftOutError`` as soon as it won't end in time."""
-        begun = clock()
+        """Return a march's progress, which raises ``LeftOutError`` as soon as it won't end in time.
+
+        What comes before its first call, such as compiling, says nothing of the rest.
+        """
+        first: list[tuple[float, float]] = []
 
         def advance(done: float) -> None:
-            taken = clock() - begun
-            if taken > _JUDGED_AFTER and 0 < done < 1:
-                self.require(taken * (1 - done) / done)
+            now = clock()
+            if not first or done < first[0][1]:  # another march of the same method
+                first[:] = [(now, done)]
+            taken, part = now - first[0][0], done - first[0][1]
+            if taken > _JUDGED_AFTER and part > 0 and done < 1:
+                self.require(taken * (1 - done) / part)
 
         return advance
