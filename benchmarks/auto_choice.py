@@ -179,7 +179,7 @@ def judge(scene: Scene) -> Row:
                 break
             except (AccuracyError, InputError, ValueError):  # too coarse, or not for this scene
                 continue
-            own.append((took, scene.error(each, exact)))
+            own.append((took, max(scene.error(each, exact), 1e-15)))
             if own[-1][1] <= min(target, wanted) or took > 3 * slowest:
                 break
         seconds = min(seconds, scene.timed(scene.auto, 2 * PATIENCE)[0])

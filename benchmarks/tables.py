@@ -301,10 +301,15 @@ def auto_choice() -> str:
             format_seconds(float(row["seconds"])),
             f"{row['best']}, {format_seconds(float(row['best_seconds']))}",
             format_ratio(float(row["ratio"])),
+            f"{row['wanted_best']}, {format_seconds(float(row['wanted_seconds']))}",
+            format_ratio(float(row["wanted_ratio"])),
         ]
         for row in rows
     ]
-    return markdown(["scene", "chosen", "true error", "`auto`", "best", "ratio"], body)
+    middle = [f"{median(float(row[key]) for row in rows):.2g}" for key in ("ratio", "wanted_ratio")]
+    body.append(["median", "", "", "", "", middle[0], "", middle[1]])
+    head = ["scene", "chosen", "true error", "`auto`", "best at that error", "ratio", "best at 1e-3", "ratio"]
+    return markdown(head, body)
 
 
 def truth() -> str:

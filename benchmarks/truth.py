@@ -27,6 +27,7 @@ from truth_references import elastica_reference, finer_run
 from truth_scenes import Case, random_case
 
 from pipeline import Pipeline, load_scene
+from pipeline.accuracy import time_limit
 from pipeline.accuracy.error_budget import state_errors, true_errors
 from pipeline.accuracy.error_estimates import Quantity
 from pipeline.accuracy.quantities import motion_quantities
@@ -222,6 +223,7 @@ def main(arguments: list[str]) -> None:
     parser.add_argument("--seed", type=int, action="append")
     parser.add_argument("--again", action="store_true")
     options = parser.parse_args(arguments)
+    time_limit.clock = time.process_time
     rows, seeds = read_table(), options.seed or range(options.scenes)
     for seed in seeds:
         if seed in rows and not options.again:

@@ -244,13 +244,18 @@ class Kinematics:
         """Displacement of a marker by deformation, seen from the section at the body's joint [m], (n_times, 3).
 
         In the axes of the body's frame: ``Φ q − Φ₀ q − (Ψ₀ q) × r`` with the displacement Φ₀ and the rotation Ψ₀ of
-        the section. How the frame floats in the body doesn't matter to it.
+        the section. How the frame floats in the body doesn't matter to it. Where displacements of second order are
+        known, the section's rotation is a finite one, beside which a hinged body's tip comes nearer to its joint.
         """
         link, q, own = self.mechanism.links[body], self.modal_coordinates(body), self.displacement(body, name)
         if not link.section:
             return own
-        section, arm = link.markers[link.section], link.markers[name].position
-        return np.asarray(own - q @ section.translation.T - np.cross(q @ section.rotation.T, arm))
+        section, tip = link.markers[link.section], link.markers[name]
+        if not tip.bow.size:
+            return np.asarray(own - q @ section.translation.T - np.cross(q @ section.rotation.T, tip.position))
+        shift, turn = np.split(moved(np.r_[section.translation, section.rotation], section.bow, q, q)[0], 2, axis=1)
+        arm = tip.position - section.position
+        return np.asarray(turned(rotation_matrix(-turn), arm + own - shift) - arm)
 
 
 def _slide_directions(link: Link) -> Array:

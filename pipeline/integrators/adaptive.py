@@ -313,6 +313,7 @@ def march_adaptive_steps(
     state, groups = start.copy(), groups_of(system)
     q, v = np.full((times.size, start.q.size), np.nan), np.full((times.size, start.v.size), np.nan)
     cursor, evaluations, fresh = np.array([np.searchsorted(times, state.time)]), np.zeros(1), np.zeros(1)
+    first = int(cursor[0])
     clock, end, seconds = np.array([state.time, state.next_step]), float(times[-1]), 0.0
     begin, new, out, trial = aligned(*3 * [groups.size], state.memory.size)
     kinds, n_kinds = kinds_of(system)
@@ -341,6 +342,8 @@ def march_adaptive_steps(
             explain(StabilityError(f"{name} takes steps of {clock[1]:.1e} s", float(clock[0]), state.q))
         if progress:
             progress(min(1.0, clock[0] / end) if end else 1.0)
+    if not (np.isfinite(q[first:]).all() and np.isfinite(v[first:]).all()):
+        raise StabilityError(f"{name}: what it finds between its steps isn't finite")
     n_steps = state.step - start.step
     mean = (state.time - start.time) / n_steps if n_steps else 0.0
     return Trajectory(name, mean, 1, times, q, v, int(evaluations[0]), 0, seconds, state)

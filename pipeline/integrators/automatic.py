@@ -36,6 +36,7 @@ _DOUBLED = 8.0  # by which its error falls where it is worst, with twice as many
 _DOUBLED_OFTEN = 16.0  # and where all is smooth
 _MANY = 256  # breakpoints, as of a table, at each of which the exponential method would have to start anew
 _FEW = 400  # stable steps of the Runge-Kutta method over the duration: not stiff
+_MOST_EXPLICIT = 1e8  # leapfrog steps over the duration: beyond, no explicit method comes to an end
 _FIRST_TOLERANCE = 0.3  # of an adaptive method, over the wanted error
 _FINER: dict[type, float] = {
     RungeKutta: 0.01,
@@ -139,7 +140,9 @@ class Automatic:
             allowed = 0.0
         yield from self._exponential_methods(system, times, allowed, report)
         adaptive: type[RungeKutta | ExponentialRosenbrock] = RungeKutta
-        if stiff:
+        if self.duration > _MOST_EXPLICIT * system.largest_step:  # by dampers
+            adaptive = ExponentialRosenbrock
+        elif stiff:
             leapfrog_steps = max(
                 system.highest_frequency * self.duration / LEAP,
                 _STEPS_IN_ACTION * self.duration / system.shortest_action,

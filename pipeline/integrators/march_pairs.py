@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from dataclasses import dataclass
 
 import numpy as np
@@ -119,7 +120,7 @@ def _largest_difference(q: Array, other: Array, at: IntArray, groups: IntArray, 
 
 @kernel
 def _compare(q: Array, other: Array, at: IntArray, groups: IntArray, least: Array, largest: Array) -> float:
-    """Fill ``largest`` (n_groups,), and return the largest difference; values that aren't known (NaN) don't count."""
+    """Fill ``largest`` (n_groups,), and return the largest difference, infinite if a value is no number."""
     for k in range(other.shape[0]):
         for i in range(groups.size):
             size = abs(other[k, i])
@@ -130,5 +131,5 @@ def _compare(q: Array, other: Array, at: IntArray, groups: IntArray, least: Arra
     for k in range(at.size):
         for i in range(groups.size):
             apart = abs(q[k, i] - other[at[k], i]) / max(largest[groups[i]], 1e-300)
-            worst = max(worst, apart)
+            worst = max(worst, apart) if math.isfinite(apart) else math.inf
     return worst

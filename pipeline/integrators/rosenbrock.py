@@ -188,22 +188,26 @@ def _flow(phi: Array, tau: float, w: Array, c: Array, out: Array) -> None:
 
 @inner
 def _taylor_flow(A: Array, tau: float, w: Array, c: Array, rate: Array, new: Array) -> None:
-    """Advance w by a short time as `_flow` does, but by Taylor's series without matrices; c stays."""
-    n = w.size
+    """Advance w by a short time as `_flow` does, but by Taylor's series without matrices; c stays.
+
+    Its terms ``w⁽ᵏ⁾ tau^k/k!`` are small; the derivatives alone overflow where A is large.
+    """
+    n, weight = w.size, 1.0
     for i in range(n):
         rate[i] = c[0, i]
         for j in range(n):
             rate[i] += A[i, j] * w[j]
-    weight = tau
+    for i in range(n):
+        rate[i] *= tau
     for k in range(1, 30):
+        weight *= tau / k
         for i in range(n):
-            w[i] += weight * rate[i]
-            new[i] = c[k, i] if k < 4 else 0.0
+            w[i] += rate[i]
+            new[i] = weight * c[k, i] if k < 4 else 0.0
             for j in range(n):
                 new[i] += A[i, j] * rate[j]
         for i in range(n):
-            rate[i] = new[i]
-        weight *= tau / (k + 1)
+            rate[i] = new[i] * (tau / (k + 1))
 
 
 @inner

@@ -41,6 +41,7 @@ _RINGING = 0.02
 # Terms that change a stiffness by less than this part of the wanted error are left out.
 _NEGLIGIBLE = 1e-2
 _SHORT_MARCH = 1000.0  # radians of the highest frequency, about a step each of 0.2 ms; compiling takes seconds
+_MOST_EXPLICIT = 1e6  # leapfrog steps of a march of rigid bodies
 # A deflection that grows by more than e³ has left what geometric stiffness describes.
 _GROWTH = 3.0
 
@@ -250,10 +251,15 @@ def _march_rigid(rigid: Mechanism, q0: Array, v0: Array, times: Array) -> tuple[
 
 def _method_for(system: CompiledSystem, duration: float) -> Integrator:
     """Return SciPy's method, for which nothing is compiled, or the compiled one where there is much to march."""
-    if system.highest_frequency * duration < _SHORT_MARCH and not system.mechanism.closures:
+    damped = duration > _MOST_EXPLICIT * system.largest_step  # strongly: explicit steps would take for ever
+    if damped and system.mechanism.closures:
+        from pipeline.integrators.rosenbrock import ExponentialRosenbrock
+
+        return ExponentialRosenbrock(1e-4)
+    if damped or (system.highest_frequency * duration < _SHORT_MARCH and not system.mechanism.closures):
         from pipeline.integrators.scipy_ivp import ScipyIvp
 
-        return ScipyIvp("DOP853", 1e-6)
+        return ScipyIvp("Radau" if damped else "DOP853", 1e-6)
     from pipeline.integrators.runge_kutta import RungeKutta
 
     return RungeKutta(1e-4)

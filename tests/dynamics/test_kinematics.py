@@ -138,6 +138,21 @@ def test_a_free_body_keeps_its_marker_where_rotation_takes_it() -> None:
     assert not found.deflection(0, "nose").any()
 
 
+def test_a_large_turn_of_the_section_is_no_deflection_where_displacements_of_second_order_are_known() -> None:
+    """A shape that is a rotation by q, to the second order: what is left is of the third."""
+    z, r = np.array([0.0, 0.0, 1.0]), np.array([0.3, 0.1, 0.0])
+    inwards = np.r_[np.cross(z, np.cross(z, r)), np.zeros(3)][:, None, None]
+    markers = {
+        "root": MarkerShapes(np.zeros(3), np.zeros((3, 1)), z[:, None], 0 * inwards),
+        "tip": MarkerShapes(r, np.cross(z, r)[:, None], z[:, None], inwards),
+    }
+    gram = rigid_gram(1.0, r / 2, np.eye(3))
+    gram = replace(gram, G=np.pad(gram.G, ((0, 0), (0, 0), (0, 1), (0, 1))), S=np.pad(gram.S, ((0, 0), (0, 1))))
+    body = Link("body", gram, REVOLUTE, omega=np.ones(1), joint_rotation=np.ones(1), markers=markers, section="root")
+    found = at(Mechanism([body]), np.array([0.2, 0.1]), np.zeros(2))
+    assert np.abs(found.deflection(0, "tip")[0]).max() < 0.1**3 / 6 * 0.32 * 1.1
+
+
 def test_a_turn_of_the_section_at_the_joint_is_no_deflection() -> None:
     # One shape, a small rotation about z: it turns the section and carries the tip along.
     z, r = np.array([0.0, 0.0, 1.0]), np.array([0.3, 0.1, 0.0])

@@ -14,8 +14,9 @@ from pipeline.dynamics.compiled_system.system import CompiledSystem
 from pipeline.dynamics.jit.compiled import kernel
 from pipeline.dynamics.links import PRISMATIC, REVOLUTE, SPHERICAL, Link, rigid_gram
 from pipeline.dynamics.mechanism import Mechanism
-from pipeline.dynamics.signals.signal import linear_table
+from pipeline.dynamics.signals.signal import constant, linear_table
 from pipeline.integrators import phi_functions, rosenbrock
+from pipeline.integrators.automatic import Automatic
 from pipeline.integrators.protocol import State, evaluate, evaluate_velocities
 from pipeline.integrators.rosenbrock import ExponentialRosenbrock
 from pipeline.integrators.scipy_ivp import ScipyIvp
@@ -200,6 +201,28 @@ def test_an_oscillator_under_a_load_linear_in_time_is_solved_exactly_in_steps_fa
     np.testing.assert_allclose(march.q[:, 0], exact, atol=2e-7)
     assert march.end.time == 40.0
     assert march.step > 2 * np.pi / omega
+
+
+def strongly_damped() -> CompiledSystem:
+    """A mass of 1 kg on a damper of 1e12 N s/m under 1e12 N: 1 m/s at once."""
+    point = rigid_gram(1.0, np.zeros(3), np.zeros((3, 3)))
+    return CompiledSystem(
+        Mechanism([Link("point", point, PRISMATIC, axis=np.array([1, 0, 0]), damper=1e12, load=constant(1e12))])
+    )
+
+
+def test_between_steps_that_are_long_beside_a_strong_damper_the_motion_is_known():
+    """Derivatives of a high order overflowed: all samples were NaN, without a word."""
+    times = np.linspace(0.0, 1.0, 21)
+    march = ExponentialRosenbrock(1e-3).march(strongly_damped(), np.zeros(1), np.zeros(1), times)
+    np.testing.assert_allclose(march.q[:, 0], times, atol=1e-3)
+
+
+def test_auto_does_not_march_for_ever_against_a_strong_damper():
+    times = np.linspace(0.0, 1.0, 21)
+    march = Automatic(1e-3, 1.0).march(strongly_damped(), np.zeros(1), np.zeros(1), times)
+    np.testing.assert_allclose(march.q[:, 0], times, atol=1e-3)
+    assert march.integrator == "auto (exponential-rosenbrock)"
 
 
 def test_a_mode_too_fast_to_follow_costs_no_steps(rotor):
