@@ -108,7 +108,7 @@ def forecast_run(run: Pipeline, pictures: bool, budget: bool) -> Forecast:
         for name, part in run.parts.items():
             if isinstance(output, MechanismView):
                 coloured = body in (None, name)
-                shown = part.has_mesh and (coloured or not output.alone)
+                shown = part.has_stress and (coloured or not output.alone)
                 planner.want(part, [stage for stage in reads if coloured or stage != "stress"] if shown else [])
             elif name == body:
                 planner.want(part, reads)

@@ -138,7 +138,7 @@ class Marks:
     def _reach(self, place: str, axis: Array) -> float:
         """Return how far a flexible body reaches along an axis around one of its markers [m]."""
         body, _, marker = place.partition(".")
-        if body not in self.run.parts or not self.run.parts[body].has_mesh:
+        if body not in self.run.parts or not self.run.parts[body].has_stress:
             return 0.0
         reduced = self.run.bodies[body]
         away = reduced.x[self.run.parts[body].surface.nodes] - reduced.markers[marker].position

@@ -4,11 +4,11 @@ from __future__ import annotations
 
 import base64
 import tempfile
-from collections.abc import Iterable
+from collections.abc import Iterable, Sequence
 from dataclasses import dataclass
 from functools import cached_property
 from pathlib import Path
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 from pydantic import TypeAdapter, ValidationError
 
@@ -23,6 +23,9 @@ from pipeline.scene.outputs import Output
 from pipeline.scene.reading import suggest_name
 from pipeline.scene.scene import load_scene
 from pipeline.stages.pipeline import Pipeline
+
+if TYPE_CHECKING:
+    from pipeline.stages.linear_model import LinearModel
 
 _PICTURES = ("chart", "mesh", "modes", "mode sheet", "stress", "mechanism")
 _MANY = 5  # bodies, whose names aren't listed
@@ -123,6 +126,18 @@ class NotebookRun(Pipeline):
         """Error budget of the scene's first run."""
         return state_errors(self)
 
+    def linearise(self, inputs: Sequence[str], outputs: Sequence[str], about: str = "start") -> LinearModel:
+        """Linearise the scene about a state, with inputs and outputs by the names that docs/responses.md lists.
+
+        Raises
+        ------
+        InputError, AccuracyError
+            As `pipeline.stages.linear_model.linearise_scene`.
+        """
+        from pipeline.stages.linear_model import linearise_scene
+
+        return linearise_scene(self, inputs, outputs, about)
+
     def picture(self, type: str, mode: int = 1, **settings: Any) -> Picture:
         """Draw the picture of an ``[[output]]`` of this type, to be shown inline: ``picture("stress", scale=10)``.
 
@@ -186,7 +201,7 @@ def draw_inline(run: Pipeline, type: str, numbers: Iterable[int] | None = None, 
     given = {"type": type, "file": "mode-{mode}.png" if type == "modes" else "picture.png", **settings}
     if type in ("mesh", "modes", "mode sheet"):
         given.setdefault("body", run.part.name)
-    if type == "stress" and not any(part.has_mesh for part in run.parts.values()):
+    if type == "stress" and not any(part.has_stress for part in run.parts.values()):
         raise InputError(run.scene.file, "body", sorted(run.scene.body), "no flexible body with a mesh: no stress")
     output = _read_output(given)
     with tempfile.TemporaryDirectory(prefix="fmd-") as name:

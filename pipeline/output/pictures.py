@@ -128,7 +128,7 @@ def draw_mode_sheet(run: Pipeline, output: ModeSheet, folder: Path, draw: Drawer
 
 def draw_stress(run: Pipeline, output: StressPicture, folder: Path, draw: Drawer = draw_here) -> list[str]:
     """Draw the stress at the worst instant: of the whole mechanism, or of a body alone in its own frame."""
-    names = [name for name, part in run.parts.items() if part.has_mesh] if output.body is None else [output.body]
+    names = [name for name, part in run.parts.items() if part.has_stress] if output.body is None else [output.body]
     worst = {name: run.stress_of(name).worst() for name in names}
     body = max(worst, key=lambda name: worst[name][2])
     time, _, _ = worst[body]

@@ -67,10 +67,11 @@ def summarise(run: Pipeline, files: list[str], budget: bool, budget_seconds: flo
         ends = {"largest_pa": float(reference.max()), "at_the_end_pa": float(reference[-1])}
         summary.setdefault("element_stress", {})[name] = ends
     meshed = [name for name, part in run.parts.items() if part.has_mesh]
-    if meshed:
-        stress = run.stress_of(meshed[0])
+    stressed = [name for name, part in run.parts.items() if part.has_stress]
+    if stressed:
+        stress = run.stress_of(stressed[0])
         time, node, value = stress.worst()
-        body = run.bodies[meshed[0]]
+        body = run.bodies[stressed[0]]
         place = body.origin + body.x[stress.nodes[node]]
         summary["worst_stress"] = {"time_s": time, "von_mises_pa": value, "position_m": place.tolist()}
     if tables := {o.file: extremes(run, o) for o in run.scene.output if isinstance(o, ExtremesTable)}:
@@ -124,7 +125,7 @@ def _stiffness_warnings(run: Pipeline) -> list[dict[str, str]]:
             found.append({"code": "buckling", "body": name, "text": text})
     for name, spin in run.spin.items():
         if not spin.stiffened and spin.change > run.scene.simulation.error:
-            why = "simulation.stiffening is off" if run.parts[name].has_mesh else "a body without a mesh has no stress"
+            why = "simulation.stiffening is off" if run.parts[name].has_mesh else "without a mesh it has but its file's"
             text = (
                 f"{name}: the loads through it can change its stiffness by up to {100 * spin.change:.2g} %, which is "
                 f"left out: {why}"

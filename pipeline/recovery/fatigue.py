@@ -1,8 +1,9 @@
 """Fatigue of a body's surface over a motion: rainflow cycles, S–N curve, mean stress, Miner's sum, node by node.
 
 Nodes come in the order of a bound of their damage, which needs no history: with the coordinates ``q = U c`` of a
-singular value decomposition, a norm of the stress is nowhere above ``Σ_j max|c_j| ‖σ_j‖``. Where the bound is below the
-damage of those that are wanted, nodes are skipped; what is stated of the others doesn't depend on it.
+singular value decomposition, a norm of the stress is nowhere in a stretch of time above ``Σ_j max|c_j| ‖σ_j‖``. Where
+the bound is below the damage of those that are wanted, nodes are skipped; what is stated of the others doesn't depend
+on it.
 """
 
 from __future__ import annotations
@@ -19,7 +20,8 @@ from pipeline.core.arrays import Array, IntArray
 from pipeline.recovery.stress import StressHistory, von_mises
 
 _NODES = 8  # at once in a thread
-_ROUND = 32 * _NODES  # nodes between two looks at the bound
+_ROUND = 8 * _NODES  # nodes between two looks at the bound
+_STRETCHES = 256  # of time, each with a bound of its own
 _CORRECTIONS = ("none", "goodman", "fkm")  # by the numbers in `kernels.rainflow`
 
 
@@ -187,9 +189,9 @@ def _assess(
 
     n_nodes, (_, n_times), numbers = len(measure.rows), q.shape, law.numbers
     bounds = np.zeros(n_nodes)
-    most = measure.sizes @ np.abs(q).max(axis=1, initial=0.0)
-    # A range lies between two turning points, and each of these ends one whole cycle or two halves.
-    bound_damage(most * (1.0 + 1e-9), 0.5 * max(n_times - 1, 0), numbers, bounds)
+    starts = np.arange(0, n_times, max(1, n_times // _STRETCHES))
+    peaks = np.maximum.reduceat(np.abs(q), starts, axis=1)  # of each coordinate in each stretch of time
+    bound_damage(measure.sizes @ peaks * (1.0 + 1e-9), np.diff(starts, append=n_times) * 1.0, numbers, bounds)
     order = np.argsort(-bounds, kind="stable")
     damage, planes = np.zeros(n_nodes), np.zeros(n_nodes, dtype=np.int64)
     assessed = np.zeros(n_nodes, dtype=bool)

@@ -18,6 +18,7 @@ from pipeline.scene.pictures import (
     StressPicture,
 )
 from pipeline.scene.reading import FaultError, SceneTable
+from pipeline.scene.responses import FrequencyResponseChart
 from pipeline.scene.stress_outputs import Envelope, Fatigue
 from pipeline.scene.values import BodyName, ElementName, FileCheck, JointName, MarkerName, Text
 
@@ -201,6 +202,7 @@ class Export(SceneTable):
 
 Output = Annotated[
     Chart
+    | FrequencyResponseChart
     | MeshPicture
     | ModePictures
     | ModeSheet
@@ -219,5 +221,5 @@ _DRAWN = (".png", ".pdf", ".svg", ".mp4", ".gif")
 
 
 def is_drawn(output: Output) -> bool:
-    """Return True if an output is a picture, a chart or a film, and not a file of numbers."""
-    return output.file.endswith(_DRAWN)
+    """Return True if an output shows the motion or a part: a picture, a chart or a film, and not a file of numbers."""
+    return output.file.endswith(_DRAWN) and output.type != "frf"

@@ -20,7 +20,7 @@ class BodyFile(SceneTable):
     ----------
     file : str
         Standard input data (``.SID_FEM``), modal data of MBDyn (``.fem``) or of Exudyn's
-        ``ObjectFFRFreducedOrderInterface`` (``.npz``), relative to the scene's file.
+        ``ObjectFFRFreducedOrderInterface`` (``.npz``), or our own NetCDF (``.nc``), relative to the scene's file.
 
     Examples
     --------
@@ -130,7 +130,7 @@ class FileNode(Orientation):
 
 
 class ReducedPart(SceneTable):
-    """A body that another program has reduced: it has motion, but no mesh and no picture.
+    """A body that another program has reduced: it has motion and, if its file has it, stress, but no mesh.
 
     Parameters
     ----------

@@ -29,6 +29,8 @@ from pipeline.stages.inboard_joint import read_inboard_joint
 from pipeline.stages.meshing import find_material, find_name, make_mesh, read_body_matrices
 from pipeline.stages.reduced_files import (
     file_notes,
+    file_stress,
+    file_surface,
     modes_of_file,
     place_file_markers,
     read_reduced_body,
@@ -168,10 +170,17 @@ def _integrate_along_normal(part: FlexiblePart) -> Array:
 
 
 def _find_surface(part: FlexiblePart) -> SurfaceTopology:
+    if part.is_reduced:
+        found = file_surface(part.fe)
+        if found is None:
+            raise InputError(part.file, f"body.{part.name}.body", None, "is of a file without a surface's stress")
+        return found
     return surface_topology(part.space)
 
 
 def _recover_surface_stress(part: FlexiblePart) -> Array:
+    if part.is_reduced:
+        return file_stress(part.fe, part.body)
     return modal_stress(part.space, part.material, part.body.shapes, part.surface.nodes)
 
 
@@ -264,6 +273,11 @@ class FlexiblePart:
     def has_mesh(self) -> bool:
         """A mesh, and so stress and pictures: bodies that are given by their matrices have none."""
         return self.shape.shape not in ("matrices", "reduced")
+
+    @property
+    def has_stress(self) -> bool:
+        """A surface with its stress: of a mesh, or of a file that tells it for a reduced body."""
+        return self.has_mesh or (self.is_reduced and file_surface(self.fe) is not None)
 
     @property
     def is_reduced(self) -> bool:

@@ -214,7 +214,7 @@ class Pipeline:
         if not self.parts:
             return {}
         bodies = {name: part.body for name, part in self.parts.items()}
-        meshed = [name for name, part in self.parts.items() if part.has_mesh]
+        meshed = [name for name, part in self.parts.items() if part.has_mesh or part.body.gram.stiffening.size]
         return self.store.read_or_keep(self._key("loads"), lambda: check_spins(self.scene, bodies, meshed))
 
     def _key(self, name: str) -> str:

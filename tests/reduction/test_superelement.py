@@ -31,7 +31,7 @@ def markers(small_bar: FEModel):
 
 @pytest.fixture(scope="module")
 def element(small_bar: FEModel, solver: FreeBodySolver, markers) -> Superelement:
-    return make_superelement(small_bar, solver, markers, 4, RATIO)
+    return make_superelement(small_bar, solver, markers, 4, lambda omega: np.full(len(omega), RATIO))
 
 
 def test_rigid_motions_cost_nothing_and_have_the_bodys_inertia(small_bar: FEModel, element: Superelement):
@@ -63,7 +63,7 @@ def test_every_elastic_mode_has_the_damping_ratio(element: Superelement):
 
 
 def test_openfast_gets_it_to_the_last_digit(small_bar: FEModel, solver: FreeBodySolver, markers, tmp_path: Path):
-    one = make_superelement(small_bar, solver, {"top": markers["b"]}, 5, RATIO)
+    one = make_superelement(small_bar, solver, {"top": markers["b"]}, 5, lambda omega: np.full(len(omega), RATIO))
     gravity = np.array([0.0, 0.0, -9.81])
     path, main = write_extptfm(tmp_path / "tower.dat", one, gravity)
     found = read_extptfm(path)

@@ -34,16 +34,31 @@ def show_outputs(run: Pipeline) -> list[dict[str, Any]]:
         for output in run.scene.output:
             if output.type in _ELSEWHERE or not output.file.endswith((".png", ".csv")):
                 continue
-            files = (
-                DRAWINGS[output.type].draw(run, output, folder) if is_drawn(output) else write_file(run, output, folder)
-            )
             title = getattr(output, "title", "") or f"{output.type}: {output.file}"
-            pictures = [image_of((folder / file).read_bytes(), title) for file in files if file.endswith(".png")]
-            tables = [_read_table(folder / file) for file in files if file.endswith(".csv")]
+            if output.type == "frf":
+                pictures, tables = _show_response(run, output, folder)
+            else:
+                make = DRAWINGS[output.type].draw if is_drawn(output) else write_file
+                files = [folder / file for file in make(run, output, folder)]
+                pictures = [file for file in files if file.suffix == ".png"]
+                tables = [_read_table(file) for file in files if file.suffix == ".csv"]
+            images = [image_of(picture.read_bytes(), title) for picture in pictures]
             found.append(
-                {"title": title[:1].upper() + title[1:], "pictures": pictures, "table": tables[0] if tables else None}
+                {"title": title[:1].upper() + title[1:], "pictures": images, "table": tables[0] if tables else None}
             )
     return found
+
+
+def _show_response(run: Pipeline, output: Any, folder: Path) -> tuple[list[Path], list[dict[str, Any]]]:
+    """Draw a frequency response, and list its poles."""
+    from pipeline.output.responses import compute_scene_response, write_scene_response
+
+    summary = write_scene_response(run, output, compute_scene_response(run, output), folder, chart=True)
+    pairs = zip(summary["poles_hz"], summary["damping"], strict=True)
+    rows = [(k, f"{hertz:.5g}", f"{damping:.3g}") for k, (hertz, damping) in enumerate(pairs, start=1)]
+    left_out = max(len(rows) - _MOST_ROWS, 0)
+    table = {"header": ("pole", "Hz", "damping ratio"), "rows": rows[:_MOST_ROWS], "left_out": left_out}
+    return [folder / file for file in summary["files"] if file.endswith(".png")], [table]
 
 
 def image_of(png: bytes, text: str) -> dict[str, str]:

@@ -48,7 +48,7 @@ def collect_view(run: Pipeline, scale: float, camera: Camera) -> dict[str, Any]:
         the ``limits`` [MPa]. ``axes`` are the camera's, row by row, to the right, up and towards the viewer.
     """
     times = run.motion.times
-    meshed = [name for name, part in run.parts.items() if part.has_mesh]
+    meshed = [name for name, part in run.parts.items() if part.has_stress]
     worst = {name: run.stress_of(name).worst() for name in meshed}
     first = max(meshed, key=lambda name: worst[name][2]) if meshed else None
     at_worst = 0 if first is None else int(np.searchsorted(times, worst[first][0]))

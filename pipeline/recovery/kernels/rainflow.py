@@ -127,15 +127,29 @@ def cycle_damage(amplitude: float, law: Array) -> float:
 
 
 @kernel
-def bound_damage(stresses: Array, cycles: float, law: Array, damage: Array) -> None:
-    """Fill a bound of the damage (n,) of so many cycles between plus and minus given stresses (n,).
+def bound_damage(stresses: Array, points: Array, law: Array, damage: Array) -> None:
+    """Fill a bound of the damage (n_nodes,) of any history that stays below given stresses.
 
-    Amplitude and mean of each add up to no more than the stress, and then none does more damage than the cycle about
-    zero that reaches it, by any correction, unless the stress reaches Goodman's tensile strength.
+    A turning point ends one whole cycle, or two halves. Amplitude and mean of a cycle add up to the larger of its two
+    points by size; by any correction it does no more damage than the cycle about zero that reaches this, unless it
+    reaches Goodman's tensile strength. So the sum over all points is a bound.
+
+    Parameters
+    ----------
+    stresses : ndarray, shape (n_nodes, n_stretches)
+        Bound of the stress by size in each stretch of time [Pa].
+    points : ndarray, shape (n_stretches,)
+        Number of output times in each.
+    law : ndarray, shape (6,)
+        See `history_damage`.
+    damage : ndarray, shape (n_nodes,)
     """
-    for k in range(stresses.size):
-        broken = law[0] == GOODMAN and stresses[k] >= law[1]
-        damage[k] = cycles * (1.0 if broken else cycle_damage(stresses[k], law))
+    for node in range(stresses.shape[0]):
+        damage[node] = 0.0
+        for k in range(points.size):
+            stress = stresses[node, k]
+            broken = law[0] == GOODMAN and stress >= law[1]
+            damage[node] += points[k] * (1.0 if broken else cycle_damage(stress, law))
 
 
 @inner
