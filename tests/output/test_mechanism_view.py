@@ -20,6 +20,7 @@ from pipeline.output.rigid_shapes import shape_surfaces
 ARM = ["body.forearm.mesh.divisions=[8, 1, 1]", "simulation.duration=60 ms"]
 ARM += ["simulation.run=[{integrator='central-difference'}]"]
 FRAMES = np.array([0, 15, 30])
+POINTS = 'start = ["1 m", "0 m", "0 m"], end = ["1 m", "0 m", "0 m"]'
 PLATE = """
 title = "A plate on a cardan"
 [body.plate]
@@ -84,6 +85,7 @@ def test_flexible_bodies_meet_their_joints_and_carry_the_stress_of_the_history(a
 def test_marks_of_joints_follow_the_bodies_and_the_ground_stays(arm):
     view, kinematics = view_mechanism(arm, FRAMES), arm.motion.kinematics
     pins = [shape for shape in view.shapes if shape.colour == JOINT]
+    assert all(np.argmax(np.ptp(pin.points(0), axis=0)) == 2 for pin in pins)  # along the hinges' axis z
     names = {"shoulder": "upper.shoulder", "elbow": "forearm.elbow", "wrist": "gripper.wrist"}
     assert len(pins) == len(names)
     for pin, place in zip(pins, names.values(), strict=True):
@@ -175,6 +177,8 @@ def test_a_shape_from_an_stl_file_is_drawn_and_part_of_the_pictures_identity(tmp
         ('{ type = "box", size = ["1 m", "1 m"] }', "visual"),
         ('{ type = "ball" }', "visual"),
         ('{ type = "rod", radius = "1 mm", colour = "red" }', "colour"),
+        ('{ type = "rod", radius = "1 mm" }', "needs two markers at different places"),
+        (f'{{ type = "cylinder", {POINTS}, radius = "1 mm" }}', "is the start: a cylinder needs a length"),
     ],
 )
 def test_a_shape_that_there_is_not_is_refused(tmp_path, visual, said):
@@ -188,3 +192,15 @@ def test_a_picture_after_the_end_is_refused(arm, tmp_path):
     (output,) = load_scene("arm", [*ARM, 'output=[{type="mechanism", file="late.png", time="1 s"}]']).output
     with pytest.raises(InputError, match=r"time = 1\.0: is after the end of the motion at 0\.06 s"):
         DRAWINGS["mechanism"].draw(arm, output, tmp_path)
+
+
+def test_the_pin_of_a_turned_joint_lies_along_its_axis(tmp_path):
+    path = tmp_path / "tilted.toml"
+    tilted = '[ground.side]\nat = ["1 m", "0 m", "0 m"]\nrotation = ["90 deg", "0 deg", "0 deg"]\n[joint.pin]'
+    text = PLATE.replace("VISUAL", "").replace("[joint.pin]", tilted)
+    path.write_text(text.replace('parent = "ground"', 'parent = "ground.side"'))
+    view = view_mechanism(Pipeline(load_scene(path), Cache(None)), np.arange(3))
+    (pin,) = [shape for shape in view.shapes if shape.colour == JOINT]
+    for k in range(3):  # z of the place is -y in space
+        assert np.argmax(np.ptp(pin.points(k), axis=0)) == 1
+        assert pin.points(k).mean(axis=0) == pytest.approx((1, 0, 0))
