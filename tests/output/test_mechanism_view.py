@@ -3,7 +3,9 @@
 from __future__ import annotations
 
 import struct
+from functools import cached_property
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 import pytest
@@ -11,14 +13,16 @@ import pytest
 from pipeline import Pipeline, load_scene
 from pipeline.core.cache import Cache
 from pipeline.core.errors import InputError
+from pipeline.integrators.protocol import Trajectory
 from pipeline.output.joint_marks import GROUND, JOINT
 from pipeline.output.mechanism_view import view_mechanism
 from pipeline.output.picture_files import picture_key
 from pipeline.output.pictures import DRAWINGS
 from pipeline.output.rigid_shapes import shape_surfaces
+from pipeline.recovery.motion import Motion
+from pipeline.stages.mechanism import place_joints
 
 ARM = ["body.forearm.mesh.divisions=[8, 1, 1]", "simulation.duration=60 ms"]
-ARM += ["simulation.run=[{integrator='central-difference'}]"]
 FRAMES = np.array([0, 15, 30])
 POINTS = 'start = ["1 m", "0 m", "0 m"], end = ["1 m", "0 m", "0 m"]'
 PLATE = """
@@ -44,15 +48,33 @@ integrator = "runge-kutta"
 """
 
 
+class Posed(Pipeline):
+    """A run whose coordinates go evenly from those of the start by given differences, with nothing to integrate."""
+
+    differences: float | np.ndarray = 0.0
+
+    @cached_property
+    def motions(self) -> dict[str, Motion]:
+        times, (q0, v0) = self.output_times, place_joints(self.scene, self.mechanism)
+        q = q0 + np.linspace(0, 1, len(times))[:, None] * (self.differences * np.ones(len(q0)))
+        end: Any = None
+        v = np.tile(v0, (len(times), 1))
+        return {"posed": Motion(self.mechanism, Trajectory("", 1.0, 1, times, q, v, 0, 0, 0.0, end), "")}
+
+
 @pytest.fixture(scope="module")
 def arm() -> Pipeline:
-    return Pipeline(load_scene("arm", ARM), Cache(None))
+    run = Posed(load_scene("arm", ARM), Cache(None))
+    run.differences = 0.002 * np.random.default_rng(7).normal(size=run.mechanism.n_positions)
+    return run
 
 
 def plate(folder: Path, visual: str) -> Pipeline:
     path = folder / "plate.toml"
     path.write_text(PLATE.replace("VISUAL", f"visual = {visual}" if visual else ""))
-    return Pipeline(load_scene(path), Cache(None))
+    run = Posed(load_scene(path), Cache(None))
+    run.differences = 0.2  # 1 rad/s
+    return run
 
 
 def test_rigid_bodies_are_where_their_markers_move(arm):
@@ -105,9 +127,8 @@ def test_one_body_alone_has_nothing_around_it(arm):
 
 
 def test_every_kind_of_joint_spring_and_bushing_is_drawn():
-    short = ["simulation.duration=20 ms", "simulation.output_step=10 ms", "simulation.run=[{integrator='runge-kutta'}]"]
     for name, lines in (("suspension", 1), ("slider-crank", 1)):
-        run = Pipeline(load_scene(name, short), Cache(None))
+        run = Posed(load_scene(name, ["simulation.duration=20 ms", "simulation.output_step=10 ms"]), Cache(None))
         view = view_mechanism(run, np.arange(2))
         held = [joint for joint in run.scene.joint.values() if joint.type not in ("free", "fixed")]
         assert len([shape for shape in view.shapes if shape.colour == JOINT]) == len(held)
@@ -116,8 +137,8 @@ def test_every_kind_of_joint_spring_and_bushing_is_drawn():
 
 
 def test_a_spring_leads_from_one_place_to_the_other():
-    short = ["simulation.duration=20 ms", "simulation.run=[{integrator='runge-kutta'}]"]
-    run = Pipeline(load_scene("suspension", short), Cache(None))
+    run = Posed(load_scene("suspension", ["simulation.duration=20 ms"]), Cache(None))
+    run.differences = np.linspace(0.0, 0.01, run.mechanism.n_positions)
     (coil,) = view_mechanism(run, np.arange(5)).lines
     assert coil.points[:, 0] == pytest.approx(np.tile((0.0, 0.2, 0.42), (5, 1)))
     seat = run.motion.kinematics.marker_position(run.mechanism.number_of("lower"), "seat")[:5]
@@ -199,7 +220,7 @@ def test_the_pin_of_a_turned_joint_lies_along_its_axis(tmp_path):
     tilted = '[ground.side]\nat = ["1 m", "0 m", "0 m"]\nrotation = ["90 deg", "0 deg", "0 deg"]\n[joint.pin]'
     text = PLATE.replace("VISUAL", "").replace("[joint.pin]", tilted)
     path.write_text(text.replace('parent = "ground"', 'parent = "ground.side"'))
-    view = view_mechanism(Pipeline(load_scene(path), Cache(None)), np.arange(3))
+    view = view_mechanism(Posed(load_scene(path), Cache(None)), np.arange(3))
     (pin,) = [shape for shape in view.shapes if shape.colour == JOINT]
     for k in range(3):  # z of the place is -y in space
         assert np.argmax(np.ptp(pin.points(k), axis=0)) == 1
