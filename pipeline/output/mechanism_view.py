@@ -20,6 +20,7 @@ if TYPE_CHECKING:
 # Pale, so that none is taken for a stress.
 BODY_COLOURS = ("#b3bdc9", "#cbbf9f", "#abc0b0", "#c6adb1", "#aeb2cb", "#c9c6a4", "#a9c1c6", "#c2b3a5")
 _FLAT = 0.05  # least extent of a motion in a plane, over its largest
+_AT_REST = 0.05  # rate of rotation that rounds to nothing in revolutions a minute [rad/s]
 _WEIGHTLESS = 1e-9  # gravity that is none [m/s²]
 
 
@@ -145,6 +146,8 @@ def _upwards(run: Pipeline, places: Array) -> Array | None:
 
 
 def _rates(run: Pipeline, chosen: IntArray) -> tuple[str, ...]:
-    """Return the rate of rotation of the scene's one body as texts."""
+    """Return the rate of rotation of the scene's one body as texts, none of a body that doesn't turn."""
     spin = run.motion.spin(next(iter(run.scene.body)))[chosen]
+    if spin.max() < _AT_REST:
+        return ()
     return tuple(f"{turns * 60 / (2 * np.pi):,.0f} rpm".replace(",", " ") for turns in spin)

@@ -201,7 +201,7 @@ def draw_inline(run: Pipeline, type: str, numbers: Iterable[int] | None = None, 
     given = {"type": type, "file": "mode-{mode}.png" if type == "modes" else "picture.png", **settings}
     if type in ("mesh", "modes", "mode sheet", "envelope", "fatigue"):
         given.setdefault("body", run.part.name)
-    if type == "stress" and not any(part.has_mesh for part in run.parts.values()):
+    if type == "stress" and not any(part.has_stress for part in run.parts.values()):
         raise InputError(run.scene.file, "body", sorted(run.scene.body), "no flexible body with a mesh: no stress")
     output = _read_output(given)
     with tempfile.TemporaryDirectory(prefix="fmd-") as name:

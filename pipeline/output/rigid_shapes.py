@@ -9,6 +9,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from pipeline.core.arrays import Array
+from pipeline.core.errors import InputError
 from pipeline.core.rotations import rotation_matrix
 from pipeline.stages.visual_files import read_visual
 
@@ -52,6 +53,9 @@ def _given_surface(run: Pipeline, body: str, number: int) -> Surface:
             return make_cylinder(np.array(visual.start), np.array(visual.end), visual.radius)
         case "rod":
             places = _distinct([np.array(marker.at) for marker in table.marker.values()], 1e-9)
+            if len(places) < 2:
+                key = f"body.{body}.visual.{number}.type"
+                raise InputError(run.scene.file, key, "rod", "needs two markers at different places; the body has one")
             return join_surfaces([make_cylinder(one, other, visual.radius) for one, other in pairwise(places)])
     points, triangles = read_visual(run.scene, body, number, run.store.cache)
     placed = points @ _turn(visual.rotation).T + np.array(visual.at)

@@ -83,11 +83,11 @@ def add_colour_bar(
     colour_map: str,
     place: Place = BAR,
     *,
-    beyond: bool = False,
+    beyond: tuple[bool, bool] = (False, False),
 ) -> None:
     """Add a colour bar, horizontal or upright as its place is, with its quantity, round numbers and limits.
 
-    With ``beyond``, the upper limit is marked as one that some values exceed.
+    ``beyond`` says which of the limits, the lower and the upper one, are marked as ones that some values exceed.
     """
     left, right, bottom, top = place
     start = np.array([left, bottom, 0.0])
@@ -112,8 +112,8 @@ def add_colour_bar(
         share = (tick - limits[0]) / span
         if tick in limits or near < share < 1 - near:  # numbers side by side need more room
             x, y, _ = start + share * along + offset
-            sign = "≥ " if beyond and tick == limits[1] else ""
-            add_text(canvas, sign + format_number(tick, span), (x, y), TICK_HEIGHT, align)
+            sign = next((s for s, end, b in zip("≤≥", limits, beyond, strict=True) if b and tick == end), "")
+            add_text(canvas, f"{sign} {format_number(tick, span)}".strip(), (x, y), TICK_HEIGHT, align)
 
 
 def format_number(value: float, span: float) -> str:

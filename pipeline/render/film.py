@@ -81,7 +81,8 @@ def draw_film(
         if camera.is_close_up:
             cover_margins(canvas, place)
         if clim_pa is not None:
-            beyond = any(body.stress is not None and body.stress.max() > clim_pa[1] for body in moving.bodies)
+            stresses = [body.stress for body in moving.bodies if body.stress is not None]
+            beyond = any(s.min() < clim_pa[0] for s in stresses), any(s.max() > clim_pa[1] for s in stresses)
             add_colour_bar(canvas, quantity, limits, camera.colour_map, BAR, beyond=beyond)
         add_triad(canvas)
         clock = add_heading(canvas, title, moving.clock(len(moving.times) - 1))

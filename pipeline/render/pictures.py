@@ -16,6 +16,7 @@ from pipeline.render.annotations import (
     add_heading,
     add_label,
     add_legend,
+    add_triad,
     arrange_legend,
     cover_margins,
     format_number,
@@ -201,6 +202,7 @@ def draw_stress(
         if not camera.is_close_up or projection.contains(points[largest], PART):
             value = f"{format_number(stress[largest] * 1e-6, limits[1] - limits[0])} MPa"
             add_label(canvas, points[largest], value if visible else f"{value} (on the far side)", PART)
+        add_triad(canvas)
         _annotate(canvas, camera, title, "" if scale == 1 else f"deformation × {scale:g}", quantity, limits)
         canvas.save(path)
     return projection

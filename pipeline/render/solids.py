@@ -9,7 +9,7 @@ import numpy as np
 from pipeline.core.arrays import Array, IntArray
 from pipeline.render.surface import Surface
 
-_AROUND = 24  # sides of a cylinder
+_AROUND = 40  # sides of a cylinder
 _RINGS = 12  # of a ball, from pole to pole
 _CUBE = np.array([[0, 1, 3, 2], [4, 6, 7, 5], [0, 4, 5, 1], [2, 3, 7, 6], [0, 2, 6, 4], [1, 5, 7, 3]], dtype=np.int64)
 

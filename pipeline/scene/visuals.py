@@ -5,10 +5,10 @@ from __future__ import annotations
 from pathlib import PurePath
 from typing import Annotated, Any, Literal
 
-from pydantic import AfterValidator, BeforeValidator, Field
+from pydantic import AfterValidator, BeforeValidator, Field, model_validator
 
 from pipeline.core.units import PositiveLength
-from pipeline.scene.reading import SceneTable
+from pipeline.scene.reading import FaultError, SceneTable
 from pipeline.scene.values import LengthUnit, Point, SourceFile, Turn, Words
 
 VISUAL_FILES = (".stl", ".step", ".stp", ".iges", ".igs", ".brep")
@@ -98,6 +98,12 @@ class CylinderVisual(VisualSettings):
     start: Point
     end: Point
     radius: PositiveLength
+
+    @model_validator(mode="after")
+    def _has_a_length(self) -> CylinderVisual:
+        if self.start == self.end:
+            raise FaultError("is the start: a cylinder needs a length", "end")
+        return self
 
 
 class RodVisual(VisualSettings):

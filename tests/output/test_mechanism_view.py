@@ -3,7 +3,9 @@
 from __future__ import annotations
 
 import struct
+from functools import cached_property
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 import pytest
@@ -11,15 +13,19 @@ import pytest
 from pipeline import Pipeline, load_scene
 from pipeline.core.cache import Cache
 from pipeline.core.errors import InputError
+from pipeline.integrators.protocol import Trajectory
 from pipeline.output.joint_marks import GROUND, JOINT
 from pipeline.output.mechanism_view import view_mechanism
 from pipeline.output.picture_files import picture_key
 from pipeline.output.pictures import DRAWINGS
 from pipeline.output.rigid_shapes import shape_surfaces
+from pipeline.recovery.motion import Motion
+from pipeline.stages.mechanism import place_joints
 
-ARM = ["body.forearm.mesh.divisions=[8, 1, 1]", "simulation.duration=60 ms"]
-ARM += ["simulation.run=[{integrator='central-difference'}]"]
+# Without stiffening markers move as linearly in the modal coordinates as the mesh that is drawn.
+ARM = ["body.forearm.mesh.divisions=[8, 1, 1]", "simulation.duration=60 ms", "simulation.stiffening='off'"]
 FRAMES = np.array([0, 15, 30])
+POINTS = 'start = ["1 m", "0 m", "0 m"], end = ["1 m", "0 m", "0 m"]'
 PLATE = """
 title = "A plate on a cardan"
 [body.plate]
@@ -43,15 +49,33 @@ integrator = "runge-kutta"
 """
 
 
+class Posed(Pipeline):
+    """A run whose coordinates go evenly from those of the start by given differences, with nothing to integrate."""
+
+    differences: float | np.ndarray = 0.0
+
+    @cached_property
+    def motions(self) -> dict[str, Motion]:
+        times, (q0, v0) = self.output_times, place_joints(self.scene, self.mechanism)
+        q = q0 + np.linspace(0, 1, len(times))[:, None] * (self.differences * np.ones(len(q0)))
+        end: Any = None
+        v = np.tile(v0, (len(times), 1))
+        return {"posed": Motion(self.mechanism, Trajectory("", 1.0, 1, times, q, v, 0, 0, 0.0, end), "")}
+
+
 @pytest.fixture(scope="module")
 def arm() -> Pipeline:
-    return Pipeline(load_scene("arm", ARM), Cache(None))
+    run = Posed(load_scene("arm", ARM), Cache(None))
+    run.differences = 0.002 * np.random.default_rng(7).normal(size=run.mechanism.n_positions)
+    return run
 
 
 def plate(folder: Path, visual: str) -> Pipeline:
     path = folder / "plate.toml"
     path.write_text(PLATE.replace("VISUAL", f"visual = {visual}" if visual else ""))
-    return Pipeline(load_scene(path), Cache(None))
+    run = Posed(load_scene(path), Cache(None))
+    run.differences = 0.2  # 1 rad/s
+    return run
 
 
 def test_rigid_bodies_are_where_their_markers_move(arm):
@@ -72,18 +96,22 @@ def test_rigid_bodies_are_where_their_markers_move(arm):
 def test_flexible_bodies_meet_their_joints_and_carry_the_stress_of_the_history(arm):
     (forearm,) = view_mechanism(arm, FRAMES).bodies
     kinematics = arm.motion.kinematics
-    for name, end in (("elbow", -1), ("wrist", 1)):
+    x = forearm.surface.points
+    for name, end in (("elbow", x[:, 0].min()), ("wrist", x[:, 0].max())):
         place = kinematics.marker_position(arm.mechanism.number_of("forearm"), name)[FRAMES]
-        x = forearm.surface.points[:, 0]
-        face = np.isclose(x, x.min() if end < 0 else x.max())
-        for k in range(len(FRAMES)):  # the mean of a regular face's corners and edges is its middle
-            assert forearm.points(k)[face].mean(axis=0) == pytest.approx(place[k], abs=2e-5)
+        face = np.flatnonzero(np.isclose(x[:, 0], end))
+        corners = np.isclose(np.abs(x[face, 1:] - x[face, 1:].mean(axis=0)), (0.006, 0.02)).all(axis=1)
+        assert (len(face), corners.sum()) == (8, 4)
+        mean = np.where(corners, -1 / 12, 1 / 3)  # integrals of the shape functions over an eight-node face
+        for k in range(len(FRAMES)):
+            assert mean @ forearm.points(k)[face] == pytest.approx(place[k], abs=1e-8)
     assert forearm.stress == pytest.approx(arm.stress_of("forearm").measure_at(FRAMES))
 
 
 def test_marks_of_joints_follow_the_bodies_and_the_ground_stays(arm):
     view, kinematics = view_mechanism(arm, FRAMES), arm.motion.kinematics
     pins = [shape for shape in view.shapes if shape.colour == JOINT]
+    assert all(np.argmax(np.ptp(pin.points(0), axis=0)) == 2 for pin in pins)  # along the hinges' axis z
     names = {"shoulder": "upper.shoulder", "elbow": "forearm.elbow", "wrist": "gripper.wrist"}
     assert len(pins) == len(names)
     for pin, place in zip(pins, names.values(), strict=True):
@@ -103,9 +131,8 @@ def test_one_body_alone_has_nothing_around_it(arm):
 
 
 def test_every_kind_of_joint_spring_and_bushing_is_drawn():
-    short = ["simulation.duration=20 ms", "simulation.output_step=10 ms", "simulation.run=[{integrator='runge-kutta'}]"]
     for name, lines in (("suspension", 1), ("slider-crank", 1)):
-        run = Pipeline(load_scene(name, short), Cache(None))
+        run = Posed(load_scene(name, ["simulation.duration=20 ms", "simulation.output_step=10 ms"]), Cache(None))
         view = view_mechanism(run, np.arange(2))
         held = [joint for joint in run.scene.joint.values() if joint.type not in ("free", "fixed")]
         assert len([shape for shape in view.shapes if shape.colour == JOINT]) == len(held)
@@ -114,8 +141,8 @@ def test_every_kind_of_joint_spring_and_bushing_is_drawn():
 
 
 def test_a_spring_leads_from_one_place_to_the_other():
-    short = ["simulation.duration=20 ms", "simulation.run=[{integrator='runge-kutta'}]"]
-    run = Pipeline(load_scene("suspension", short), Cache(None))
+    run = Posed(load_scene("suspension", ["simulation.duration=20 ms"]), Cache(None))
+    run.differences = np.linspace(0.0, 0.01, run.mechanism.n_positions)
     (coil,) = view_mechanism(run, np.arange(5)).lines
     assert coil.points[:, 0] == pytest.approx(np.tile((0.0, 0.2, 0.42), (5, 1)))
     seat = run.motion.kinematics.marker_position(run.mechanism.number_of("lower"), "seat")[:5]
@@ -175,6 +202,8 @@ def test_a_shape_from_an_stl_file_is_drawn_and_part_of_the_pictures_identity(tmp
         ('{ type = "box", size = ["1 m", "1 m"] }', "visual"),
         ('{ type = "ball" }', "visual"),
         ('{ type = "rod", radius = "1 mm", colour = "red" }', "colour"),
+        ('{ type = "rod", radius = "1 mm" }', "needs two markers at different places"),
+        (f'{{ type = "cylinder", {POINTS}, radius = "1 mm" }}', "is the start: a cylinder needs a length"),
     ],
 )
 def test_a_shape_that_there_is_not_is_refused(tmp_path, visual, said):
@@ -188,3 +217,15 @@ def test_a_picture_after_the_end_is_refused(arm, tmp_path):
     (output,) = load_scene("arm", [*ARM, 'output=[{type="mechanism", file="late.png", time="1 s"}]']).output
     with pytest.raises(InputError, match=r"time = 1\.0: is after the end of the motion at 0\.06 s"):
         DRAWINGS["mechanism"].draw(arm, output, tmp_path)
+
+
+def test_the_pin_of_a_turned_joint_lies_along_its_axis(tmp_path):
+    path = tmp_path / "tilted.toml"
+    tilted = '[ground.side]\nat = ["1 m", "0 m", "0 m"]\nrotation = ["90 deg", "0 deg", "0 deg"]\n[joint.pin]'
+    text = PLATE.replace("VISUAL", "").replace("[joint.pin]", tilted)
+    path.write_text(text.replace('parent = "ground"', 'parent = "ground.side"'))
+    view = view_mechanism(Posed(load_scene(path), Cache(None)), np.arange(3))
+    (pin,) = [shape for shape in view.shapes if shape.colour == JOINT]
+    for k in range(3):  # z of the place is -y in space
+        assert np.argmax(np.ptp(pin.points(k), axis=0)) == 1
+        assert pin.points(k).mean(axis=0) == pytest.approx((1, 0, 0))

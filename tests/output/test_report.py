@@ -7,6 +7,7 @@ import json
 import re
 import shutil
 import subprocess
+from html import unescape
 from html.parser import HTMLParser
 from importlib.metadata import version
 from importlib.resources import files
@@ -18,36 +19,48 @@ from matplotlib.image import imread
 
 from pipeline import load
 from pipeline.output.report.page import make_page
+from pipeline.output.report.shown import show_outputs
 from pipeline.output.report.view3d import collect_view
+from pipeline.render.camera import Camera
 
 QUICK = ["body.beam.mesh.divisions=[24, 2, 1]", "simulation.duration=100 ms"]
 CHROMIUM = shutil.which("chromium") or shutil.which("chromium-browser") or shutil.which("google-chrome")
-# Drags, zooms and goes back as a user would; after each: the canvas's covered share, a sum of its pixels, the reddest.
+# Frames are drawn at once, so that nothing has to be waited for.
+AT_ONCE = "<script>window.requestAnimationFrame = (paint) => (paint(0), 0);</script>"
+# Drags, zooms, goes back, moves the time and plays as a user would; after each: the canvas's covered share, a sum of
+# its pixels, the reddest, the middle of what is covered, and the clock.
 HARNESS = """<script>
 const answer = (value) => document.documentElement.dataset.answer = JSON.stringify(value);
 addEventListener("error", (e) => answer(e.message));
 addEventListener("load", async () => {
-  const canvas = document.querySelector("canvas"), states = [];
-  const look = async (change) => {
-    const before = canvas.dataset.drawn; // without a screen, frames come a minute of virtual time apart
+  const canvas = document.querySelector("canvas"), states = [], time = document.querySelector("[name=time]");
+  const look = (change) => {
     change();
-    for (let tries = 0; tries < 6000 && canvas.dataset.drawn === before; tries++)
-      await new Promise((then) => setTimeout(then, 100));
     const gl = canvas.getContext("webgl2"), pixels = new Uint8Array(canvas.width * canvas.height * 4);
     gl.readPixels(0, 0, canvas.width, canvas.height, gl.RGBA, gl.UNSIGNED_BYTE, pixels);
-    let covered = 0, sum = 0, red = 0;
+    let covered = 0, sum = 0, red = 0, across = 0, up = 0;
     for (let k = 0; k < pixels.length; k += 4) if (pixels[k + 3]) {
       covered++; sum = (31 * sum + pixels[k] + 7 * pixels[k + 1] + 13 * pixels[k + 2] + k) % 1000000007;
       red = Math.max(red, pixels[k] - pixels[k + 2]);
+      across += (k / 4) % canvas.width; up += Math.floor(k / 4 / canvas.width);
     }
-    states.push([covered / (canvas.width * canvas.height), sum, red]);
+    const clock = document.querySelector("[name=clock]").textContent;
+    states.push([covered / (canvas.width * canvas.height), sum, red, across / covered, up / covered, clock]);
   };
   const send = (type, x, y) => canvas.dispatchEvent(new PointerEvent(type, { pointerId: 1, clientX: x, clientY: y }));
+  const set = (value) => { time.value = value; time.dispatchEvent(new Event("input")); };
+  const own = time.value;
   canvas.setPointerCapture = () => {};
-  await look(() => {});
-  await look(() => { send("pointerdown", 300, 300); send("pointermove", 380, 340); send("pointerup", 380, 340); });
-  await look(() => canvas.dispatchEvent(new WheelEvent("wheel", { deltaY: -300 })));
-  await look(() => canvas.dispatchEvent(new MouseEvent("dblclick")));
+  look(() => {});
+  look(() => { send("pointerdown", 300, 300); send("pointermove", 380, 340); send("pointerup", 380, 340); });
+  look(() => canvas.dispatchEvent(new WheelEvent("wheel", { deltaY: -300 })));
+  look(() => canvas.dispatchEvent(new MouseEvent("dblclick")));
+  look(() => set(0));
+  look(() => set(time.max));
+  look(() => set(own));
+  document.querySelector("[name=play]").click();
+  await new Promise((then) => setTimeout(then, 200));
+  look(() => document.querySelector("[name=play]").click());
   answer(states);
 });
 </script></body>"""
@@ -86,7 +99,7 @@ def test_the_page_holds_frequencies_pictures_charts_run_times_errors_and_version
     assert {"central-difference", "sub-cycling 5:1", "sub-cycling 10:1"} <= set(page.cells)
     assert {"beam, largest von Mises stress", "stated", version("gmsh"), version("scikit-fem")} <= set(page.cells)
     pictures = [base64.b64decode(at.partition(",")[2]) for at in page.addresses]
-    assert len(pictures) == 1 + 5 + 3  # the part as a still, its modes, the scene's charts
+    assert len(pictures) == 1 + 5 + 3 + 1  # the worst instant, the modes, the scene's charts and its stress picture
     assert all(picture.startswith(b"\x89PNG") for picture in pictures)
     assert len(text) < 3e6
 
@@ -100,51 +113,91 @@ def test_the_page_needs_no_network(text):
     assert re.findall(r"url\(|@import|https?:|fetch\(|XMLHttp|import\(", re.sub(r"base64,[\w+/=]+", "", text)) == []
 
 
-def test_the_part_in_the_page_is_the_stressed_surface():
+def test_the_mechanism_in_the_page_moves_and_is_stressed_as_the_run_is():
     run = load("beam", *QUICK)
-    data = collect_view(run, "beam", 10.0)
+    data = collect_view(run, 10.0, Camera())
+    beam, *marks = data["bodies"]
 
-    def unpacked(name, kind, width):
-        return np.frombuffer(base64.b64decode(data[name]), dtype=kind).reshape(-1, width)
+    def unpacked(body, name, kind, *shape):
+        return np.frombuffer(base64.b64decode(body[name]), dtype=kind).reshape(*shape)
 
-    positions, triangles = unpacked("positions", "<f4", 3), unpacked("triangles", "<u4", 3)
-    time, _, worst = run.stress.worst()
-    assert (data["time"], unpacked("values", "<f4", 1).max()) == (time, pytest.approx(worst * 1e-6, rel=1e-6))
+    n_frames = len(data["clocks"])
+    positions, triangles = unpacked(beam, "positions", "<f4", -1, 3), unpacked(beam, "triangles", "<u4", -1, 3)
+    n = len(positions)
     # By the divergence theorem the triangles, seen from outside, enclose the bar's volume.
     a, b, c = (positions[triangles[:, k]].astype(float) for k in range(3))
     assert np.einsum("ti,ti->", a, np.cross(b, c)) / 6 == pytest.approx(0.34 * 0.025 * 0.01, rel=1e-5)
     # What a section at the hub sees of the tip: its displacement less what the section's own place and turn make of it.
-    moved, at_hub = unpacked("displacements", "<f4", 3), np.isclose(positions[:, 0], -0.17)
-    hub, tip = (moved[np.isclose(positions[:, 0], x), 1].mean() for x in (-0.17, 0.17))
+    time, _, worst = run.stress.worst()
+    frame = data["frame"]
+    displacements = beam["step"] * unpacked(beam, "displacements", "<i2", n_frames, n, 3)
+    moved, x = displacements[frame], positions[:, 0] - positions[:, 0].min()
+    at_hub = np.isclose(x, 0.0, atol=1e-6)
+    hub, tip = (moved[np.isclose(x, at, atol=1e-6), 1].mean() for at in (0.0, 0.34))
     turn = -np.polyfit(positions[at_hub, 1], moved[at_hub, 0], 1)[0]
     deflection = run.motion.tip_deflection[:, 1][int(np.searchsorted(run.motion.times, time))]
     assert tip - hub - 0.34 * turn == pytest.approx(deflection, rel=0.02)
-    assert unpacked("colours", "u1", 3)[255].tolist() == pytest.approx(
+    # Colours: levels between the limits, which the largest stress exceeds.
+    levels, (low, high) = unpacked(beam, "levels", "u1", n_frames, n), data["limits"]
+    assert (low, levels[frame].max()) == (0.0, 255)
+    assert data["worst"] == {"body": "beam", "time": time, "largest": pytest.approx(worst * 1e-6)}
+    assert high < data["worst"]["largest"]
+    quiet = levels[0].max() / 255 * high * 1e6
+    assert quiet == pytest.approx(run.stress.von_mises(0.0).max(), abs=high * 1e6 / 255)
+    # The tip in space, from place and axes of the frame.
+    origin, rotation = unpacked(beam, "origin", "<f4", n_frames, 3), unpacked(beam, "rotation", "<f4", n_frames, 3, 3)
+    ends = np.isclose(x, 0.34, atol=1e-6)
+    for k in (0, n_frames - 1):
+        place = origin[k] + (positions[ends].mean(axis=0) + displacements[k, ends].mean(axis=0)) @ rotation[k].T
+        assert place == pytest.approx(run.motion.tip_position[-1 if k else 0], abs=2e-4)
+    assert unpacked(data, "colours", "u1", -1, 3)[255].tolist() == pytest.approx(
         255 * np.array(colormaps["turbo"](1.0)[:3]), abs=1
     )
-    assert unpacked("edges", "<u4", 2).max() < len(positions)
+    assert unpacked(beam, "edges", "<u4", -1, 2).max() < n
+    assert len(marks) == 2  # the hinge and its ground
+    assert all(mark["rgb"] is not None and "levels" not in mark for mark in marks)
 
 
 @pytest.mark.slow
 @pytest.mark.skipif(CHROMIUM is None, reason="no Chromium on this machine: apt-get install chromium")
-def test_the_part_turns_in_a_browser(text, tmp_path):
+def test_the_mechanism_turns_and_moves_in_a_browser(text, tmp_path):
     path = tmp_path / "page.html"
-    path.write_text(text.replace("</body>", HARNESS), encoding="utf-8")
+    changed = text.replace("<title>", f"{AT_ONCE}<title>", 1).replace("</body>", HARNESS)
+    path.write_text(changed, encoding="utf-8")
     options = ["--headless=new", "--no-sandbox", "--use-angle=swiftshader", "--enable-unsafe-swiftshader"]
-    options += ["--virtual-time-budget=20000000", "--window-size=1280,1000", "--host-resolver-rules=MAP * ~NOTFOUND"]
+    options += ["--disable-background-networking", "--disable-component-update", "--disable-sync", "--no-first-run"]
+    options += ["--virtual-time-budget=5000", "--window-size=1280,1000", "--host-resolver-rules=MAP * ~NOTFOUND"]
     options += [f"--user-data-dir={tmp_path / 'profile'}", f"--screenshot={tmp_path / 'page.png'}", "--dump-dom"]
     done = subprocess.run(
         [str(CHROMIUM), *options, path.as_uri()], capture_output=True, text=True, check=True, timeout=180
     )
-    answer = re.search(r'data-answer="(.*?)"', done.stdout)
+    answer = re.search(r'data-answer="(.*?)"(?: |>)', done.stdout)
     assert answer is not None, done.stderr
-    start, turned, nearer, home = json.loads(answer[1])
-    assert 0.03 < start[0] < 0.6
+    start, turned, nearer, home, first, last, back, played = json.loads(unescape(answer[1]))
+    assert 0.01 < start[0] < 0.6
     assert start[2] > 100  # the hottest colour is red
     assert turned[1] != start[1]
     assert nearer[0] > 1.3 * turned[0]
     assert home == start
+    assert (first[5], last[5]) == ("0 rpm   t = 0 ms", "191 rpm   t = 100 ms")
+    assert last[4] > first[4] + 5  # it has turned counter-clockwise, from the x axis upwards
+    assert first[2] < 60  # without stress it has none of the hot colours
+    assert back == start
+    assert played[5] != back[5]
     assert imread(tmp_path / "page.png")[..., :3].std() > 0.05
+
+
+def test_pictures_and_tables_of_any_output_are_on_the_page():
+    wanted = """output=[{type="envelope", file="worst.csv", body="beam", count=50},
+      {type="envelope", file="all.png", body="beam", size=[160, 90]},
+      {type="table", file="t.csv", quantities=["marker_position"], markers=["beam.tip"]},
+      {type="film", file="f.mp4", frames=2, rate=1.0}, {type="envelope", file="all.vtu", body="beam"}]"""
+    nodes, picture, table = show_outputs(load("beam", *QUICK, wanted))
+    assert (nodes["title"], nodes["pictures"]) == ("Envelope: worst.csv", [])
+    assert (nodes["table"]["header"][0], len(nodes["table"]["rows"]), nodes["table"]["left_out"]) == ("node", 40, 10)
+    assert base64.b64decode(picture["pictures"][0]["png"]).startswith(b"\x89PNG")
+    assert (picture["table"], table["pictures"]) == (None, [])
+    assert table["table"]["rows"]
 
 
 @pytest.mark.slow
@@ -153,8 +206,9 @@ def test_a_rigid_scene_has_a_page_too(fmd, tmp_path, capsys):
     assert fmd("report", "rod-slider", "--set", "simulation.duration=1 s", "--no-budget", "--out", path, "--json") == 0
     assert json.loads(capsys.readouterr().out)["bytes"] == path.stat().st_size
     page = Page(path.read_text(encoding="utf-8"))
-    assert "canvas" not in page.tags
-    assert len(page.addresses) == 2  # the charts of Figs. 4 to 7
+    assert "canvas" in page.tags
+    assert "element edges" not in page.cells
+    assert len(page.addresses) == 3  # the mechanism, and the charts of Figs. 4 to 7
 
 
 def test_a_part_alone_has_a_page_with_its_modes(fmd, tmp_path):

@@ -8,7 +8,7 @@ from pipeline.render.surface import Surface, build_skin
 
 ALONG = np.array([0.3, -0.2, 0.6])
 SQUARE = np.array([[0.0, 0, 0], [2, 0, 0], [2, 1, 0], [0, 1, 0]])
-SIDES = 24 / 2 * np.sin(2 * np.pi / 24)  # area of a regular polygon of 24 corners on the unit circle
+SIDES = 40 / 2 * np.sin(2 * np.pi / 40)  # area of a regular polygon of 40 corners on the unit circle
 
 
 @pytest.mark.parametrize(

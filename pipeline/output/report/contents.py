@@ -12,9 +12,12 @@ import numpy as np
 from pipeline.core.html import facts, scaled
 from pipeline.core.version import __version__
 from pipeline.output.key_figures import key_figures
-from pipeline.output.notebook import Picture, draw_inline
+from pipeline.output.notebook import draw_inline
 from pipeline.output.pictures import chart_title
+from pipeline.output.report.shown import image_of, show_outputs
 from pipeline.output.report.view3d import collect_view
+from pipeline.output.views import camera_of
+from pipeline.render.camera import Camera
 from pipeline.stages.pipeline import Pipeline
 
 _MOST_MODES = 6
@@ -33,12 +36,13 @@ _SOURCES = {
 
 
 def draw_pictures(run: Pipeline) -> dict[str, Any]:
-    """Draw the stressed parts, the first modes and the scene's charts."""
+    """Draw the mechanism in motion, the first modes, the scene's charts, and all else that its outputs show."""
     moves = run.scene.moves
     return {
-        "parts": [_stressed_part(run, name) for name, part in run.parts.items() if part.has_stress] if moves else [],
+        "motion": _collect_motion(run) if moves else None,
         "modes": _draw_modes(run) if run.parts and run.part.has_mesh else [],
         "charts": _draw_charts(run) if moves else [],
+        "shown": show_outputs(run) if moves else [],
     }
 
 
@@ -70,19 +74,19 @@ def versions_table() -> str:
     return facts([*versions, ("machine", machine)], "versions")
 
 
-def _stressed_part(run: Pipeline, name: str) -> dict[str, Any]:
-    """Draw a part at its worst instant, and gather its data and colour bar for the viewer."""
-    listed = [output for output in run.scene.output if output.type == "stress" and output.body == name]
-    scale = listed[0].scale if listed else 1.0
-    view = collect_view(run, name, scale)
-    still = draw_inline(run, "stress", body=name, scale=scale, size=_LARGE)[0]
+def _collect_motion(run: Pipeline) -> dict[str, Any]:
+    """Collect the data of the viewer, its colour bar, and the picture that stands for it without WebGL."""
+    scale = next((output.scale for output in run.scene.output if output.type in ("film", "stress")), 1.0)
+    films = [output for output in run.scene.output if output.type == "film"]
+    view = collect_view(run, scale, camera_of(run, films[0]) if films else Camera())
+    stressed = view["worst"] is not None
+    still = draw_inline(run, "stress" if stressed else "mechanism", scale=scale, size=_LARGE)[0]
     colours = np.frombuffer(base64.b64decode(view["colours"]), dtype=np.uint8).reshape(-1, 3)[::15]
     low, high = view["limits"]
     return {
-        "name": name,
         "view": view,
-        "still": _image(still, f"von Mises stress of {name}"),
-        "strip": [f"rgb({r} {g} {b})" for r, g, b in colours.tolist()],
+        "still": image_of(still.png, f"{run.scene.title} at its worst instant" if stressed else run.scene.title),
+        "strip": [f"rgb({r} {g} {b})" for r, g, b in colours.tolist()] if stressed else [],
         "ticks": np.linspace(low, high, _TICKS).tolist(),
         "largest_scale": 2 * scale if scale > 1 else 10,
     }
@@ -90,7 +94,9 @@ def _stressed_part(run: Pipeline, name: str) -> dict[str, Any]:
 
 def _draw_modes(run: Pipeline) -> list[dict[str, str]]:
     drawn = draw_inline(run, "modes", range(1, _MOST_MODES + 1), size=_SMALL)
-    return [_image(picture, f"mode {k + 1}, {run.modes.frequencies_hz[k]:.1f} Hz") for k, picture in enumerate(drawn)]
+    return [
+        image_of(picture.png, f"mode {k + 1}, {run.modes.frequencies_hz[k]:.1f} Hz") for k, picture in enumerate(drawn)
+    ]
 
 
 def _draw_charts(run: Pipeline) -> list[dict[str, str]]:
@@ -98,12 +104,8 @@ def _draw_charts(run: Pipeline) -> list[dict[str, str]]:
     for chart in (output for output in run.scene.output if output.type == "chart"):
         settings = chart.model_dump(exclude={"type", "file", "band"}, exclude_defaults=True)
         title = chart.title or chart_title(chart)
-        charts.append(_image(draw_inline(run, "chart", **settings)[0], title))
+        charts.append(image_of(draw_inline(run, "chart", **settings)[0].png, title))
     return charts
-
-
-def _image(picture: Picture, text: str) -> dict[str, str]:
-    return {"text": text, "png": base64.b64encode(picture.png).decode()}
 
 
 def _frequencies(summary: dict[str, Any]) -> dict[str, Any]:

@@ -1,23 +1,24 @@
 "use strict";
-// A part that turns: drag to rotate, wheel or pinch to zoom, with shift to move, arrow keys, double click to go back.
+// A mechanism that turns and moves: drag to rotate, wheel or pinch to zoom, with shift to move, arrow keys, double click
+// to go back; a slider for the time, which a button plays.
 
 const VERTEX = `#version 300 es
-in vec3 position, displacement, normal; in float value;
-uniform mat3 turn; uniform vec2 move, shape; uniform float zoom, scale, depth, lift;
-out float level; out vec3 facing;
+in vec3 position, normal; in float level;
+uniform mat3 turn; uniform vec2 move, shape; uniform vec3 middle; uniform float zoom, depth, lift;
+out float shown; out vec3 facing;
 void main() {
-  vec3 p = turn * (position + scale * displacement);
-  level = value; facing = turn * normal;
+  vec3 p = turn * (position - middle);
+  shown = level; facing = turn * normal;
   gl_Position = vec4((p.xy * zoom + move) * shape, -p.z * depth - lift, 1.0);
 }`;
 const FRAGMENT = `#version 300 es
 precision highp float;
-in float level; in vec3 facing; out vec4 colour;
-uniform sampler2D colours; uniform vec2 limits; uniform vec4 line;
+in float shown; in vec3 facing; out vec4 colour;
+uniform sampler2D colours; uniform vec4 line; uniform vec4 flat_;
 void main() {
-  vec3 light = normalize(vec3(-0.3, 0.4, 1.0));
-  float shade = 0.7 + 0.3 * max(0.0, dot(normalize(facing), light));
-  vec3 hue = texture(colours, vec2((level - limits.x) / (limits.y - limits.x), 0.5)).rgb;
+  vec3 n = normalize(facing), light = normalize(vec3(-0.3, 0.4, 1.0));
+  float shade = 0.7 + 0.3 * max(0.0, dot(gl_FrontFacing ? n : -n, light));
+  vec3 hue = flat_.a > 0.0 ? flat_.rgb : texture(colours, vec2(shown, 0.5)).rgb;
   colour = line.a > 0.0 ? line : vec4(hue * shade, 1.0);
 }`;
 
@@ -29,8 +30,20 @@ function rotation(aboutUp, aboutRight) {
   return product([1, 0, 0, 0, d, -t, 0, t, d], [c, 0, s, 0, 1, 0, -s, 0, c]);
 }
 
-function normals(positions, displacements, scale, triangles) {
-  const p = positions.map((x, k) => x + scale * displacements[k]), sum = new Float32Array(p.length);
+// Positions of a body's points in space, deformed.
+function place(body, frame, scale, target) {
+  const { x, u, step, origin: o, rotation: r } = body, n = x.length, first = frame * n, a = 3 * frame, b = 9 * frame;
+  for (let k = 0; k < n; k += 3) {
+    let [p, q, s] = [x[k], x[k + 1], x[k + 2]];
+    if (u) { p += scale * step * u[first + k]; q += scale * step * u[first + k + 1]; s += scale * step * u[first + k + 2]; }
+    target[k] = o[a] + r[b] * p + r[b + 1] * q + r[b + 2] * s;
+    target[k + 1] = o[a + 1] + r[b + 3] * p + r[b + 4] * q + r[b + 5] * s;
+    target[k + 2] = o[a + 2] + r[b + 6] * p + r[b + 7] * q + r[b + 8] * s;
+  }
+}
+
+function normals(p, triangles) {
+  const sum = new Float32Array(p.length);
   for (let k = 0; k < triangles.length; k += 3) {
     const [a, b, c] = [3 * triangles[k], 3 * triangles[k + 1], 3 * triangles[k + 2]];
     const [ux, uy, uz] = [p[b] - p[a], p[b + 1] - p[a + 1], p[b + 2] - p[a + 2]];
@@ -56,36 +69,64 @@ function show(figure) {
   }
   gl.linkProgram(program); gl.useProgram(program);
   const at = (name) => gl.getUniformLocation(program, name);
-  const fill = (target, values) => { const b = gl.createBuffer(); gl.bindBuffer(target, b); gl.bufferData(target, values, gl.STATIC_DRAW); return b; };
-  const attribute = (name, size, values) => {
-    fill(gl.ARRAY_BUFFER, values);
-    const place = gl.getAttribLocation(program, name);
-    gl.enableVertexAttribArray(place); gl.vertexAttribPointer(place, size, gl.FLOAT, false, 0, 0);
+  const names = ["turn", "move", "shape", "middle", "zoom", "depth", "lift", "line", "flat_"];
+  const uniform = Object.fromEntries(names.map((name) => [name, at(name)]));
+  const buffer = (target, values) => { const made = gl.createBuffer(); gl.bindBuffer(target, made); gl.bufferData(target, values, gl.STATIC_DRAW); return made; };
+  const attribute = (name, size, kind, normalised) => {
+    const place = gl.getAttribLocation(program, name), made = gl.createBuffer();
+    gl.bindBuffer(gl.ARRAY_BUFFER, made);
+    if (place >= 0) { gl.enableVertexAttribArray(place); gl.vertexAttribPointer(place, size, kind, normalised, 0, 0); }
+    return made;
   };
-  const positions = new Float32Array(bytes(data.positions)), displacements = new Float32Array(bytes(data.displacements));
-  const triangles = new Uint32Array(bytes(data.triangles)), edges = new Uint32Array(bytes(data.edges));
-  attribute("position", 3, positions); attribute("displacement", 3, displacements);
-  attribute("value", 1, new Float32Array(bytes(data.values)));
-  const faceBuffer = fill(gl.ELEMENT_ARRAY_BUFFER, triangles), edgeBuffer = fill(gl.ELEMENT_ARRAY_BUFFER, edges);
+  const fill = (made, values) => { gl.bindBuffer(gl.ARRAY_BUFFER, made); gl.bufferData(gl.ARRAY_BUFFER, values, gl.DYNAMIC_DRAW); };
+
+  const bodies = data.bodies.map((given) => {
+    const x = new Float32Array(bytes(given.positions)), corners = new Uint32Array(bytes(given.triangles));
+    const edges = new Uint32Array(bytes(given.edges)), array = gl.createVertexArray();
+    gl.bindVertexArray(array);
+    const position = attribute("position", 3, gl.FLOAT, false), normal = attribute("normal", 3, gl.FLOAT, false);
+    const level = attribute("level", 1, gl.UNSIGNED_BYTE, true);
+    const faces = buffer(gl.ELEMENT_ARRAY_BUFFER, corners), lines = buffer(gl.ELEMENT_ARRAY_BUFFER, edges);
+    return {
+      x, corners, edges, array, position, normal, level, faces, lines, rgb: given.rgb, step: given.step, now: new Float32Array(x.length),
+      u: given.displacements ? new Int16Array(bytes(given.displacements)) : null,
+      levels: given.levels ? new Uint8Array(bytes(given.levels)) : new Uint8Array(0),
+      origin: new Float32Array(bytes(given.origin)), rotation: new Float32Array(bytes(given.rotation)),
+    };
+  });
+  const lines = data.lines.map((given) => {
+    const array = gl.createVertexArray(); gl.bindVertexArray(array);
+    const position = attribute("position", 3, gl.FLOAT, false), points = new Float32Array(bytes(given.points));
+    return { array, position, points, count: points.length / 3 / data.clocks.length, rgb: given.rgb };
+  });
+  gl.bindVertexArray(null);
   gl.bindTexture(gl.TEXTURE_2D, gl.createTexture());
+  gl.pixelStorei(gl.UNPACK_ALIGNMENT, 1);
   gl.texImage2D(gl.TEXTURE_2D, 0, gl.RGB8, 256, 1, 0, gl.RGB, gl.UNSIGNED_BYTE, new Uint8Array(bytes(data.colours)));
   for (const [key, how] of [["MIN_FILTER", "LINEAR"], ["MAG_FILTER", "LINEAR"], ["WRAP_S", "CLAMP_TO_EDGE"], ["WRAP_T", "CLAMP_TO_EDGE"]])
     gl.texParameteri(gl.TEXTURE_2D, gl["TEXTURE_" + key], gl[how]);
-  gl.uniform2fv(at("limits"), data.limits);
   gl.enable(gl.DEPTH_TEST); gl.enable(gl.BLEND); gl.blendFuncSeparate(gl.SRC_ALPHA, gl.ONE_MINUS_SRC_ALPHA, gl.ONE, gl.ONE_MINUS_SRC_ALPHA);
 
-  const slider = figure.querySelector("input[type=range]"), meshed = figure.querySelector("input[type=checkbox]");
-  let turn, zoom, move, waiting = false, drawn = 0;
+  const control = (name) => figure.querySelector(`[name=${name}]`);
+  const [time, stretch, meshed, play] = ["time", "scale", "edges", "play"].map(control);
+  let turn, zoom, move, waiting = false, drawn = 0, playing = null;
   // Lengths in the picture are half of its shorter side.
   const shape = () => { const wide = canvas.clientWidth / canvas.clientHeight; return [Math.min(1, 1 / wide), Math.min(1, wide)]; };
   const home = () => {
-    const reach = [0, 1].map((row) => shape()[row] * positions.reduce((most, _, k) => k % 3 ? most : Math.max(most, Math.abs(
-      [0, 1, 2].reduce((sum, j) => sum + data.axes[3 * row + j] * (positions[k + j] + data.scale * displacements[k + j]), 0))), 0));
-    turn = data.axes; zoom = 0.9 / Math.max(...reach); move = [0, 0]; draw();
+    const [across, up] = shape();
+    turn = data.axes; zoom = 0.95 / Math.max(across * data.reach[0], up * data.reach[1]); move = [0, 0]; draw();
   };
-  const deform = () => {
-    figure.querySelector("output").textContent = `× ${Number(slider.value)}`;
-    attribute("normal", 3, normals(positions, displacements, Number(slider.value), triangles));
+  const pose = () => {
+    const frame = Number(time.value), scale = stretch ? Number(stretch.value) : 1;
+    figure.querySelector("output[name=clock]").textContent = data.clocks[frame];
+    if (stretch) figure.querySelector("output[name=factor]").textContent = `× ${scale}`;
+    for (const body of bodies) {
+      place(body, frame, scale, body.now);
+      fill(body.position, body.now); fill(body.normal, normals(body.now, body.corners));
+      const n = body.x.length / 3;
+      fill(body.level, body.levels.length ? body.levels.subarray(frame * n, (frame + 1) * n) : new Uint8Array(n));
+    }
+    for (const line of lines) fill(line.position, line.points.subarray(3 * line.count * frame, 3 * line.count * (frame + 1)));
     draw();
   };
 
@@ -95,22 +136,40 @@ function show(figure) {
     canvas.width = Math.round(canvas.clientWidth * dense); canvas.height = Math.round(canvas.clientHeight * dense);
     gl.viewport(0, 0, canvas.width, canvas.height);
     gl.clearColor(0, 0, 0, 0); gl.clear(gl.COLOR_BUFFER_BIT | gl.DEPTH_BUFFER_BIT);
-    gl.uniform2fv(at("shape"), shape()); gl.uniform1f(at("depth"), 0.25 / data.radius);
-    gl.uniformMatrix3fv(at("turn"), true, turn); gl.uniform2fv(at("move"), move);
-    gl.uniform1f(at("zoom"), zoom); gl.uniform1f(at("scale"), Number(slider.value));
-    gl.uniform4f(at("line"), 0, 0, 0, 0); gl.uniform1f(at("lift"), 0);
-    gl.bindBuffer(gl.ELEMENT_ARRAY_BUFFER, faceBuffer);
-    gl.drawElements(gl.TRIANGLES, triangles.length, gl.UNSIGNED_INT, 0);
-    if (meshed.checked) {
-      gl.uniform4f(at("line"), 0.1, 0.1, 0.1, 0.35); gl.uniform1f(at("lift"), 0.0005);
-      gl.bindBuffer(gl.ELEMENT_ARRAY_BUFFER, edgeBuffer);
-      gl.drawElements(gl.LINES, edges.length, gl.UNSIGNED_INT, 0);
+    gl.uniform2fv(uniform.shape, shape()); gl.uniform1f(uniform.depth, 0.25 / data.radius);
+    gl.uniformMatrix3fv(uniform.turn, true, turn); gl.uniform2fv(uniform.move, move); gl.uniform3fv(uniform.middle, data.middle);
+    gl.uniform1f(uniform.zoom, zoom);
+    for (const body of bodies) {
+      gl.bindVertexArray(body.array);
+      gl.uniform4f(uniform.line, 0, 0, 0, 0); gl.uniform1f(uniform.lift, 0);
+      gl.uniform4f(uniform.flat_, ...(body.rgb ? [...body.rgb, 1] : [0, 0, 0, 0]));
+      gl.bindBuffer(gl.ELEMENT_ARRAY_BUFFER, body.faces);
+      gl.drawElements(gl.TRIANGLES, body.corners.length, gl.UNSIGNED_INT, 0);
+      if (meshed && meshed.checked && body.edges.length) {
+        gl.uniform4f(uniform.line, 0.1, 0.1, 0.1, 0.35); gl.uniform1f(uniform.lift, 0.0005);
+        gl.bindBuffer(gl.ELEMENT_ARRAY_BUFFER, body.lines);
+        gl.drawElements(gl.LINES, body.edges.length, gl.UNSIGNED_INT, 0);
+      }
+    }
+    gl.uniform1f(uniform.lift, 0);
+    for (const line of lines) {
+      gl.bindVertexArray(line.array);
+      gl.uniform4f(uniform.line, ...line.rgb, 1);
+      gl.drawArrays(gl.LINE_STRIP, 0, line.count);
     }
     canvas.dataset.drawn = ++drawn;
   }
   const draw = () => { if (!waiting) { waiting = true; requestAnimationFrame(paint); } };
   const rotate = (right, down) => { turn = product(rotation(right, down), turn); draw(); };
   const magnify = (factor) => { zoom *= factor; move = move.map((m) => m * factor); draw(); };
+
+  const stop = () => { clearInterval(playing); playing = null; play.textContent = "play"; };
+  const begin = () => {
+    play.textContent = "stop";
+    playing = setInterval(() => { time.value = (Number(time.value) + 1) % data.clocks.length; pose(); }, 60);
+  };
+  play.addEventListener("click", () => (playing ? stop() : begin()));
+  time.addEventListener("input", () => { stop(); pose(); });
 
   const fingers = new Map();
   const apart = () => { const [a, b] = [...fingers.values()]; return Math.hypot(a.x - b.x, a.y - b.y); };
@@ -133,10 +192,11 @@ function show(figure) {
     if (step) rotate(...step); else if (factor) magnify(factor); else return;
     e.preventDefault();
   });
-  slider.addEventListener("input", deform); meshed.addEventListener("change", draw);
-  figure.querySelector("button").addEventListener("click", home);
+  if (stretch) stretch.addEventListener("input", pose);
+  if (meshed) meshed.addEventListener("change", draw);
+  control("reset").addEventListener("click", home);
   new ResizeObserver(draw).observe(canvas);
-  home(); deform();
+  home(); pose();
 }
 
 for (const figure of document.querySelectorAll("figure.part")) show(figure);
