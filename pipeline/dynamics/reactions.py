@@ -32,7 +32,7 @@ class JointLoads:
     reactions: Mapping[str, Array]
 
 
-def joint_loads(mechanism: Mechanism, times: Array, q: Array, v: Array) -> JointLoads:
+def joint_loads(mechanism: Mechanism, whole: Mechanism, times: Array, q: Array, v: Array) -> JointLoads:
     """Compute accelerations, and force and moment of every joint, at states of a mechanism.
 
     They follow from the equations of motion at each state alone (recursive Newton–Euler), not from differences between
@@ -40,15 +40,28 @@ def joint_loads(mechanism: Mechanism, times: Array, q: Array, v: Array) -> Joint
 
     Parameters
     ----------
+    mechanism : Mechanism
+        As it moves.
+    whole : Mechanism
+        The same with the whole inertia of each body. One that turns about a fixed axis moves without that along the
+        axis, but its joint holds the moments of its products of inertia.
     times, q, v : ndarray, shapes (n_times,), (n_times, n_positions) and (n_times, n)
         Times [s] with positions and rates that close the loops.
+
+    Raises
+    ------
+    ValueError
+        A body of ``whole`` lacks its inertia along an axis.
     """
-    compiled, links = share_system(mechanism).compiled, mechanism.links
+    lacking = [link.name for link in whole.links if link.gram.normal >= 0]
+    if lacking:
+        raise ValueError(f"the joint of {lacking[0]} bears moments that take the body's inertia along its axis, too")
+    compiled, bearing, links = share_system(mechanism).compiled, share_system(whole).compiled, mechanism.links
     accelerations = np.zeros((len(times), mechanism.n))
     frames, loads = np.zeros((len(times), len(links), 6)), np.zeros((len(times), len(links), 2, 6))
     for k, t in enumerate(times):
         accelerations[k], multipliers = compiled.constrained_accelerations(float(t), q[k], v[k])
-        frames[k], loads[k] = compiled.joint_loads(float(t), q[k], v[k], accelerations[k], multipliers)
+        frames[k], loads[k] = bearing.joint_loads(float(t), q[k], v[k], accelerations[k], multipliers)
     of_tree = {link.joint_name: loads[:, number] for number, link in enumerate(links)}
     return JointLoads(accelerations, frames, of_tree | closing_reactions(mechanism, times, q, v))
 

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Callable, Mapping
 from dataclasses import dataclass
 from functools import cached_property
 from typing import Any
@@ -31,11 +31,14 @@ class Motion:
         Positions and rates at the output times.
     tip : str
         ``"body.marker"``, the marker whose motion is reported.
+    complete : callable, optional
+        Gives the mechanism with the whole inertia of each body, which forces of joints take.
     """
 
     mechanism: Mechanism
     trajectory: Trajectory
     tip: str
+    complete: Callable[[Mechanism], Mechanism] | None = None
 
     __repr__ = short_repr
 
@@ -91,7 +94,8 @@ class Motion:
     @cached_property
     def joint_loads(self) -> JointLoads:
         """Accelerations, and force and moment of every joint, at the output times."""
-        return joint_loads(self.mechanism, self.times, self.trajectory.q, self.trajectory.v)
+        whole = self.mechanism if self.complete is None else self.complete(self.mechanism)
+        return joint_loads(self.mechanism, whole, self.times, self.trajectory.q, self.trajectory.v)
 
     @property
     def constraint_residual(self) -> float:

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Callable, Mapping
 from contextlib import AbstractContextManager, nullcontext
+from dataclasses import replace
 from functools import cached_property, partial
 from typing import TYPE_CHECKING, Any
 
@@ -312,7 +313,19 @@ class Pipeline:
         """Return the motion that a trajectory of one of the scene's plans describes."""
         from pipeline.recovery.motion import Motion
 
-        return Motion(plan.mechanism, trajectory, self.scene.simulation.tip)
+        return Motion(plan.mechanism, trajectory, self.scene.simulation.tip, self.complete_inertia)
+
+    def complete_inertia(self, mechanism: Mechanism) -> Mechanism:
+        """Add to bodies of a mechanism of this scene the inertia along the one axis that they turn about."""
+        from pipeline.reduction.inertia import add_normal_blocks
+
+        links = [
+            replace(link, gram=add_normal_blocks(link.gram, self.parts[link.name].inertia_along_normal))
+            if link.gram.normal >= 0
+            else link
+            for link in mechanism.links
+        ]
+        return replace(mechanism, links=links)
 
     @property
     def output_times(self) -> Array:

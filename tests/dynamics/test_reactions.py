@@ -27,7 +27,7 @@ Z = np.array([0.0, 0.0, 1.0])
 
 
 def loads_at(mechanism: Mechanism, q: Array, v: Array, t: float = TIME) -> JointLoads:
-    return joint_loads(mechanism, np.array([t]), q[None], v[None])
+    return joint_loads(mechanism, mechanism, np.array([t]), q[None], v[None])
 
 
 def named(made: PointMechanism) -> PointMechanism:

@@ -45,6 +45,8 @@ class ExternalMechanism:
     ----------
     mechanism : Mechanism
         The mechanism.
+    whole : Mechanism
+        The same with the whole inertia of each body, which what joints transmit takes; see `joint_loads`.
     stresses : tuple of ElementStress
         Stress that it gives.
 
@@ -55,6 +57,7 @@ class ExternalMechanism:
     """
 
     mechanism: Mechanism
+    whole: Mechanism
     stresses: tuple[ElementStress, ...] = ()
 
     def __post_init__(self) -> None:
@@ -116,9 +119,10 @@ class ExternalMechanism:
     def quantities(self) -> list[ExternalQuantity]:
         """Positions and rates of joints, what they transmit, motion of markers and stress of elements."""
         inputs, frames = self._loaded
+        bearing = self._coordinates(_with_marker_loads(self.whole, self.markers))
         return [
             *joint_quantities(inputs, frames),
-            *reaction_quantities(inputs, frames),
+            *reaction_quantities(bearing, trace_frames(bearing)),
             *marker_quantities(inputs, frames),
             *stress_quantities(frames, self.stresses),
         ]

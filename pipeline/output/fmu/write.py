@@ -91,7 +91,7 @@ def make_model(run: Pipeline) -> tuple[Heading, Interface, dict[str, str]]:
             "closes a loop, whose forces an FMU can't compute yet; export a tree of joints",
         )
     mechanism = run.mechanism
-    external = ExternalMechanism(mechanism, _element_stresses(run))
+    external = ExternalMechanism(mechanism, run.complete_inertia(mechanism), _element_stresses(run))
     point_loads = [name for name, drive in scene.drive.items() if drive.type in ("point force", "point torque")]
     q0, v0 = run.start
     nominal = _nominal_sizes(mechanism, q0, v0)
