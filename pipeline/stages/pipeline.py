@@ -18,6 +18,7 @@ from pipeline.core.progress import Monitor, silent
 from pipeline.recovery.deformation import Deformation, measure_deformation
 from pipeline.recovery.envelope import StressEnvelope, stress_envelope
 from pipeline.recovery.stress import StressHistory, stress_measure
+from pipeline.reduction.inertia import add_normal_blocks
 from pipeline.scene.scene import Scene
 from pipeline.scene.source_files import collect_inputs
 from pipeline.stages.part import FlexiblePart
@@ -317,8 +318,6 @@ class Pipeline:
 
     def complete_inertia(self, mechanism: Mechanism) -> Mechanism:
         """Add to bodies of a mechanism of this scene the inertia along the one axis that they turn about."""
-        from pipeline.reduction.inertia import add_normal_blocks
-
         links = [
             replace(link, gram=add_normal_blocks(link.gram, self.parts[link.name].inertia_along_normal))
             if link.gram.normal >= 0
