@@ -24,8 +24,12 @@ def deflection_errors(run: Pipeline, quantities: Quantities) -> dict[str, float]
     """
     errors = {name: deformation.second_order_error for name, deformation in run.deformations.items()}
     worst = max(errors.values(), default=0.0)
+    of_parts = {
+        name: max((errors[part.name] for part in run.pieces_of(name) if part.name in errors), default=worst)
+        for name in run.wholes
+    }
     of_bodies = {
-        name: next((errors[body] for body in errors if name.startswith((f"{body},", f"{body}."))), worst)
+        name: next((of_parts[body] for body in of_parts if name.startswith((f"{body},", f"{body}."))), worst)
         for name in quantities
     }
     if "tip, deflection" in of_bodies:
@@ -34,31 +38,49 @@ def deflection_errors(run: Pipeline, quantities: Quantities) -> dict[str, float]
 
 
 def tip_shortening(run: Pipeline) -> float:
-    """Return how far the tip comes nearer to its joint beyond what its motion has, over the largest deflection."""
-    body, _, marker = run.scene.simulation.tip.partition(".")
-    if body not in run.deformations or run.bodies[body].markers[marker].bow.size:
-        return 0.0
+    """Return how far the tip comes nearer to its joint beyond what its motion has, over the largest deflection.
+
+    Of a part in pieces every piece on the way to the tip adds its own.
+    """
     largest = float(run.motion.tip_size.max())
-    shortening = run.deformations[body].shortening.get(marker, np.zeros(1))
-    return float(shortening.max()) / largest if largest else 0.0
+    names = {link.name: k for k, link in enumerate(run.mechanism.links)}
+    body, _, marker = run.divided_scene.simulation.tip.partition(".")
+    total, first = 0.0, run.mechanism.first_piece(names[body])
+    while body in run.deformations and not run.bodies[body].markers[marker].bow.size:
+        total += float(run.deformations[body].shortening.get(marker, np.zeros(1)).max())
+        if names[body] == first:
+            break
+        weld = run.divided_scene.joint[run.divided_scene.carrying[body]].parent
+        body, _, marker = weld.partition(".")
+    return total / largest if largest else 0.0
 
 
 def deflection_warnings(run: Pipeline) -> list[dict[str, str]]:
     """Warn of each body whose deflection makes results wrong by more than `TOO_LARGE`, with the remedy."""
     tip = run.scene.simulation.tip.partition(".")[0]
     warnings = []
-    for body, deformation in run.deformations.items():
-        others = deformation.second_order_error
+    for body in run.wholes:
+        found = [run.deformations[part.name] for part in run.pieces_of(body) if part.name in run.deformations]
+        if not found:
+            continue
+        others = max(deformation.second_order_error for deformation in found)
         of_tip = math.hypot(others, tip_shortening(run)) if body == tip else 0.0
         error = max(others, of_tip)
         if not error > TOO_LARGE:
             continue
-        pieces = max(2, math.ceil(_PIECES * math.sqrt(error / TOO_LARGE)))
+        turned, now = math.degrees(max(deformation.rotation for deformation in found)), len(found)
         tips = f"the tip's deflection is off by about {100 * of_tip:.2g} %, mostly along the body; " if of_tip else ""
+        within = "its frame" if now == 1 else f"the frames of its {now} pieces"
+        pieces = count_pieces(error, TOO_LARGE, now)
+        remedy = f"pieces = {pieces} in place of {now}" if now > 1 else f"pieces = {pieces} of [body.{body}]"
         text = (
-            f"{body} turns by up to {math.degrees(deformation.rotation):.3g}° within its frame, where deformation is "
-            f"linear: {tips}sizes, stress, joints and energies are off by about {100 * others:.2g} %; a chain of "
-            f"{pieces} bodies on fixed joints in place of it lowers this to {100 * TOO_LARGE:g} %"
+            f"{body} turns by up to {turned:.3g}° within {within}, where deformation is linear: {tips}sizes, stress, "
+            f"joints and energies are off by about {100 * others:.2g} %; {remedy} lowers this to {100 * TOO_LARGE:g} %"
         )
         warnings.append({"code": "large-deflection", "body": body, "text": text})
     return warnings
+
+
+def count_pieces(error: float, wanted: float, now: int = 1) -> int:
+    """Return the number of pieces of a part that would lower an error to a wanted one: it falls as 1/n²."""
+    return max(now + 1, math.ceil(now * (_PIECES if now == 1 else 1.0) * math.sqrt(error / wanted)))

@@ -233,23 +233,45 @@ class Kinematics:
     def marker_position(self, body: int, name: str) -> Array:
         """A marker of a body in space [m], shape (n_times, 3)."""
         frame, marker = self.frames[body], self.mechanism.links[body].markers[name]
-        return frame.origin + turned(frame.rotation, marker.position + self.displacement(body, name))
+        return frame.origin + turned(frame.rotation, marker.position + self._displacement_in_body(body, name))
 
     def displacement(self, body: int, name: str) -> Array:
-        """Displacement of a marker by deformation in its body's frame and axes [m], shape (n_times, 3)."""
+        """Displacement of a marker by deformation in its body's frame and axes [m], shape (n_times, 3).
+
+        Of a piece the frame is that of its part, which is the first piece's.
+        """
+        first = self.mechanism.first_piece(body)
+        if first != body:
+            away = self.marker_position(body, name) - self.frames[first].origin
+            return np.asarray(np.einsum("tij,ti->tj", self.frames[first].rotation, away) - self._undeformed(body, name))
+        return self._displacement_in_body(body, name)
+
+    def _displacement_in_body(self, body: int, name: str) -> Array:
+        """Displacement of a marker in the frame of its own body or piece [m], shape (n_times, 3)."""
         at, q = self.mechanism.links[body].markers[name], self.modal_coordinates(body)
         return moved(at.translation, at.bow[:3], q, q)[0]
+
+    def _undeformed(self, body: int, name: str) -> Array:
+        """Position of a marker in the undeformed part, from the joint at its first piece [m], shape (3,)."""
+        position, first = self.mechanism.links[body].markers[name].position, self.mechanism.first_piece(body)
+        while body != first:
+            position, body = position + self.mechanism.links[body].place, self.mechanism.links[body].parent
+        return np.asarray(position)
 
     def deflection(self, body: int, name: str) -> Array:
         """Displacement of a marker by deformation, seen from the section at the body's joint [m], (n_times, 3).
 
         In the axes of the body's frame: ``Φ q − Φ₀ q − (Ψ₀ q) × r`` with the displacement Φ₀ and the rotation Ψ₀ of
-        the section. How the frame floats in the body doesn't matter to it.
+        the section. How the frame floats in the body doesn't matter to it. Of a part in pieces the joint is that of the
+        part, and so is the frame.
         """
-        link, q, own = self.mechanism.links[body], self.modal_coordinates(body), self.displacement(body, name)
+        own, arm, first = self.displacement(body, name), self._undeformed(body, name), self.mechanism.first_piece(body)
+        link, q = self.mechanism.links[first], self.modal_coordinates(first)
         if not link.section:
             return own
-        section, arm = link.markers[link.section], link.markers[name].position
+        if first != body:
+            arm = arm + own
+        section = link.markers[link.section]
         return np.asarray(own - q @ section.translation.T - np.cross(q @ section.rotation.T, arm))
 
 

@@ -96,6 +96,11 @@ class Mechanism:
         """Where each joint's and each body's coordinates are."""
         return layout_of(self.links, self.fast_joints, [self.slow_modes.get(link.name, 0) for link in self.links])
 
+    def first_piece(self, body: int) -> int:
+        """Return the number of the piece at the joint of the part that a body is a piece of; its own if it is whole."""
+        part, parent = self.links[body].part, self.links[body].parent
+        return self.first_piece(parent) if part and parent >= 0 and self.links[parent].part == part else body
+
     @property
     def n_slow(self) -> int:
         """Number of slow rates."""

@@ -92,13 +92,15 @@ def forecast_run(run: Pipeline, pictures: bool, budget: bool) -> Forecast:
     for part in run.parts.values():
         planner.want(part, ["element stress"] if part.shape.element else [])
     for export in exports:
-        part, suffix = run.parts[export.body], "." + export.file.rpartition(".")[2]
-        planner.want(part, EXPORTS[suffix].reads)
-        planner.want(part, ["inertia"] if suffix == ".nc" and part.joint.normal >= 0 else [])
+        suffix = "." + export.file.rpartition(".")[2]
+        for part in run.pieces_of(export.body):
+            planner.want(part, EXPORTS[suffix].reads)
+            planner.want(part, ["inertia"] if suffix == ".nc" and part.joint.normal >= 0 else [])
     missing = [output for output in outputs if pictures and not planner.has_drawn(output)]
     for output in missing:
         body = getattr(output, "body", None)
-        planner.want(run.parts[body], DRAWINGS[output.type].reads) if body else None
+        for part in run.pieces_of(body) if body else ():
+            planner.want(part, DRAWINGS[output.type].reads)
     planner.want_budget(budget and all(part.has_mesh for part in run.parts.values()))
     planner.note("files", "run" if exports else "skipped", f"{len(exports)} in the scene's output")
     if missing:

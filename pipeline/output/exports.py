@@ -9,6 +9,7 @@ from pathlib import Path
 import numpy as np
 from numpy.typing import NDArray
 
+from pipeline.core.errors import InputError
 from pipeline.recovery.stress import choose_frames, von_mises
 from pipeline.reduction.body_file import save_body
 from pipeline.scene.outputs import Export
@@ -25,10 +26,13 @@ def write_export(run: Pipeline, output: Export, folder: Path) -> list[str]:
 def _write_mesh(run: Pipeline, output: Export, path: Path) -> None:
     from pipeline.fem.formats.export import write_mesh
 
-    write_mesh(run.parts[output.body].mesh, path)
+    write_mesh(run.wholes[output.body].mesh, path)
 
 
 def _write_body(run: Pipeline, output: Export, path: Path) -> None:
+    if len(run.pieces_of(output.body)) > 1:
+        problem = f"'{output.body}' is in pieces; a reduced body is in one, so take pieces = 1 for this file"
+        raise InputError(run.scene.file, "output.file", output.file, problem)
     part = run.parts[output.body]
     body = part.for_any_motion(run.bodies[output.body])
     surface, stress = (part.surface, part.surface_stress) if part.has_mesh else (None, None)
@@ -39,18 +43,18 @@ def _write_motion(run: Pipeline, output: Export, path: Path) -> None:
     """Write displacement from the undeformed body at rest, deformation and stress at all nodes."""
     from pipeline.fem.formats.vtkhdf import write_series
 
-    part, motion, body = run.parts[output.body], run.motion, run.bodies[output.body]
-    chosen = choose_frames(len(motion.times), output.frames)
-    q, stress = motion.modal(output.body), part.nodal_stress
+    part, motion = run.wholes[output.body], run.motion
+    chosen, first = choose_frames(len(motion.times), output.frames), run.frame_of(output.body)
+    x, origin, nodes = run.node_positions(output.body), run.bodies[first].origin, np.arange(len(part.space.x))
 
     def fields() -> Iterator[dict[str, NDArray[np.floating]]]:
         for k in chosen:
-            tensor, deformation = stress @ q[k].astype(np.float32), body.shapes @ q[k]
+            tensor, deformation = run.nodal_stress_at(output.body, k), run.deform(output.body, [k], nodes)[0]
             yield {
-                "displacement": motion.placed(output.body, body.x + deformation, k) + body.origin - part.space.x,
+                "displacement": motion.placed(first, x + deformation, k) + origin - part.space.x,
                 "deformation": deformation,
                 "stress": tensor,
-                "von_mises": von_mises(tensor),
+                "von_mises": von_mises(np.asarray(tensor, dtype=float)),
             }
 
     write_series(part.space, motion.times[chosen], fields(), path)

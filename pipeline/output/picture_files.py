@@ -23,7 +23,7 @@ def picture_key(run: Pipeline, output: Any) -> str:
     shown = {"output": output.model_dump(mode="json"), "title": run.scene.title}
     if DRAWINGS[output.type].still:
         sources = ("pipeline/render", "pipeline/output/pictures.py")
-        return stage_key(_STAGE, shown | {"part": run.parts[output.body].key("body")}, sources, _PACKAGES)
+        return stage_key(_STAGE, shown | {"part": run.wholes[output.body].key("body")}, sources, _PACKAGES)
     shown |= {"scene": run.inputs, "all modes": run.keep_all}
     return stage_key(_STAGE, shown, ("pipeline", "meshes"), (*_PACKAGES, "scipy", "scikit-fem", "gmsh"))
 

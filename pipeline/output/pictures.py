@@ -51,7 +51,7 @@ def draw_mesh(run: Pipeline, output: MeshPicture, folder: Path, draw: Drawer = d
     """Draw a body's mesh, its parts in colours."""
     from pipeline.fem.formats.export import part_numbers
 
-    part = run.parts[output.body]
+    part = run.wholes[output.body]
     names = [f"{name} ({len(cells):,} elements)".replace(",", " ") for name, cells in part.mesh.parts.items()]
     title = output.title or f"{run.scene.title}: {len(part.mesh.cells):,} elements".replace(",", " ")
     triangles = part_numbers(part.mesh)[part.surface_elements] - 1
@@ -68,7 +68,7 @@ def draw_modes(
     numbers: Iterable[int] | None = None,
 ) -> list[str]:
     """Draw a picture of each mode, or of those with the given numbers, from 1."""
-    part = run.parts[output.body]
+    part = run.wholes[output.body]
     surface, modes, files = _surface(run, output.body), part.modes, []
     held = "free" if part.shape.modes.boundary == "free" else "held"
     family = "" if part.shape.modes.family == "any" else f" ({part.shape.modes.family})"
@@ -93,7 +93,7 @@ def draw_modes(
 
 def draw_mode_sheet(run: Pipeline, output: ModeSheet, folder: Path, draw: Drawer = draw_here) -> list[str]:
     """Draw the first modes in one picture."""
-    part = run.parts[output.body]
+    part = run.wholes[output.body]
     hertz = part.modes.frequencies_hz[: output.count]
     draw(
         "mode_sheet.draw_mode_sheet",
@@ -116,7 +116,7 @@ def draw_stress(run: Pipeline, output: StressPicture, folder: Path, draw: Drawer
     draw(
         "pictures.draw_stress",
         _surface(run, output.body),
-        run.bodies[output.body].shapes[stress.nodes] @ stress.q[frame],
+        run.deform(output.body, np.array([frame]), stress.nodes)[0],
         stress.measure_at(np.array([frame]), stress_measure(output.component))[0],
         folder / output.file,
         title=f"{output.title or run.scene.title}: worst instant, t = {1e3 * time:.1f} ms",
@@ -180,31 +180,36 @@ DRAWINGS: dict[str, Drawing] = {
 def _filmed(run: Pipeline, output: Film, history: StressHistory, chosen: IntArray, values: Array) -> FilmedMotion:
     """Gather a body's motion at some output times for a film, with its rate of rotation as notes."""
     motion, body = run.motion, output.body
-    frame = motion.kinematics.frames[motion.mechanism.number_of(body)]
+    first = run.frame_of(body)
+    frame = motion.kinematics.frames[motion.mechanism.number_of(first)]
+    if len(run.pieces_of(body)) > 1:  # large rotations: a shape for each frame
+        shapes, coordinates = np.moveaxis(run.deform(body, chosen, history.nodes), 0, 2), np.eye(len(chosen))
+    else:
+        shapes, coordinates = run.bodies[body].shapes[history.nodes], history.q[chosen]
     return FilmedMotion(
         times=motion.times[chosen],
         points=_surface(run, body).points,
-        shapes=run.bodies[body].shapes[history.nodes],
-        coordinates=history.q[chosen],
+        shapes=shapes,
+        coordinates=coordinates,
         scale=output.scale,
         origin=frame.origin[chosen],
         rotation=frame.rotation[chosen],
         stress=values,
-        notes=tuple(f"{turns * 60 / (2 * np.pi):,.0f} rpm".replace(",", " ") for turns in motion.spin(body)[chosen]),
+        notes=tuple(f"{turns * 60 / (2 * np.pi):,.0f} rpm".replace(",", " ") for turns in motion.spin(first)[chosen]),
     )
 
 
 def _surface(run: Pipeline, body: str) -> Surface:
     from pipeline.render.surface import Surface
 
-    part = run.parts[body]
-    x = part.space.x if not run.scene.moves else run.bodies[body].x  # a part alone isn't reduced
+    part = run.wholes[body]
+    x = part.space.x if not run.scene.moves else run.node_positions(body)  # a part alone isn't reduced
     return Surface(x[part.surface.nodes], part.surface.triangles, part.surface.edges)
 
 
 def _is_ring(run: Pipeline, body: str) -> bool:
     """Return True if a body surrounds its joint, so that a dot for the hub would lie upon it."""
-    return run.parts[body].mesh.sectors > 1
+    return run.wholes[body].mesh.sectors > 1
 
 
 def _camera(run: Pipeline, output: BodyPicture, size: tuple[int, int] | None = None) -> Camera:

@@ -80,6 +80,11 @@ class Motion:
         frame = self.kinematics.frames[self.mechanism.number_of(body)]
         return np.asarray(frame.origin[k] + r @ frame.rotation[k].T)
 
+    def seen_from(self, body: str, points: Array, k: int) -> Array:
+        """Points in space (n, 3) [m] at output time k as they are in a body's frame, shape (n, 3)."""
+        frame = self.kinematics.frames[self.mechanism.number_of(body)]
+        return np.asarray((points - frame.origin[k]) @ frame.rotation[k])
+
     @cached_property
     def closing_reactions(self) -> Mapping[str, Array]:
         """Force [N] and moment [N m] of each joint that closes a loop on its parent and child, (n_times, 2, 6)."""

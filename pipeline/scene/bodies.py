@@ -105,6 +105,13 @@ class Solid(SceneTable):
         Nodes that can't move in the body's frame.
     element : dict of str to NamedElement
         Elements whose stress is wanted over time, by name.
+    pieces : int or str
+        Number of pieces that the body is cut into for large deflections. Each has a frame of its own, ``modes.count``
+        modes held at its cuts, and static deflections by these. ``"auto"`` doubles it until deflections within the
+        pieces are small enough for the scene's accuracy, or 1 % without one.
+    sections : str
+        How pieces are welded at a cut: by the section's mean motion (``"averaged"``) or as a rigid section
+        (``"rigid"``), which also holds its contraction and warping.
     """
 
     E: PositiveStress
@@ -114,6 +121,8 @@ class Solid(SceneTable):
     marker: dict[Name, MarkerPlace] = Field(default_factory=dict)
     support: tuple[Support, ...] = ()
     element: dict[Name, NamedElement] = Field(default_factory=dict)
+    pieces: Annotated[int, Field(strict=True, ge=1, le=1000)] | Literal["auto"] = 1
+    sections: Literal["averaged", "rigid"] = "averaged"
 
     @property
     def faces(self) -> tuple[str, ...] | None:
@@ -150,6 +159,18 @@ class Solid(SceneTable):
             if self.parts is not None and element.part not in (None, *self.parts):
                 message = f"no such part; {suggest_name(str(element.part), self.parts, 'the parts')}"
                 raise FaultError(message, "element", name, "part")
+        return self
+
+    @model_validator(mode="after")
+    def _in_pieces(self) -> Solid:
+        if self.pieces == 1:
+            if "sections" in self.model_fields_set:
+                raise FaultError("belongs to a body in pieces, e.g. pieces = 6", "sections")
+            return self
+        if self.modes.boundary == "joint":
+            raise FaultError("is that of a body in one piece; pieces are held at their cuts", "modes", "boundary")
+        if self.modes.family != "any":
+            raise FaultError("can't be chosen: pieces deform in every way at their cuts", "modes", "family")
         return self
 
     def _check_faces(self, given: tuple[str, ...], *path: str | int) -> None:

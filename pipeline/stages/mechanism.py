@@ -32,6 +32,7 @@ from pipeline.dynamics.signals.signal import Signal, constant, half_sine, total
 from pipeline.reduction.body import FlexibleBody, MarkerShapes
 from pipeline.reduction.inertia import InertiaGram
 from pipeline.stages.assembly import assemble, close_start, following_joints, given_joints
+from pipeline.stages.divided_scene import part_of
 from pipeline.stages.equilibrium import find_equilibrium
 from pipeline.stages.force_elements import add_elements, joint_laws
 from pipeline.stages.ground import ground_place
@@ -175,6 +176,7 @@ def _link(scene: Scene, places: _Places, body: str) -> Link:
     name = places.carried[body]
     joint = scene.joint[name]
     settings: dict[str, Any] = {"joint_name": name, "markers": places.markers(body)}
+    settings["part"] = part_of(body)
     if body in places.bodies:
         reduced, damping = places.bodies[body], scene.flexible[body].modes.damping
         gram = reduced.gram

@@ -38,6 +38,7 @@ if TYPE_CHECKING:
     from pipeline.reduction.body import FlexibleBody
     from pipeline.reduction.modes import Modes
     from pipeline.stages.basis import HeldModel
+    from pipeline.stages.piece_mesh import PieceMesh
 
 NO_MESH = "is given by its matrices: without elements it has no mesh, no stress and no picture"
 _FEM = ("pipeline/fem",)
@@ -45,6 +46,7 @@ _REDUCTION = ("pipeline/fem", "pipeline/reduction", "pipeline/stages/basis.py", 
 _STRESS = ("pipeline/fem", "pipeline/recovery/stress.py")
 _DEFORMATION = ("pipeline/fem", "pipeline/recovery/deformation.py")
 _PACKAGES = ("numpy", "scipy", "scikit-fem", "gmsh")
+_OF_A_PIECE = {"E", "nu", "rho", "support"}  # all else of its table is in its mesh
 # Of another scene's part with the same modes: enrichment, damping and the joint's frame leave them alone.
 _OF_THE_MODES = ("mesh", "assembly", "modes", "surface")
 _OF_THE_MODEL = ("space", "markers", "fixed", "model")
@@ -57,6 +59,8 @@ SecondOrder = tuple[InertiaGram, Mapping[str, MarkerShapes]]
 
 
 def _mesh_inputs(part: FlexiblePart) -> Any:
+    if part.piece is not None:
+        return {"piece": part.piece.digest}
     without: Any = dict.fromkeys(("E", "nu", "rho", "material", "modes", "marker", "support", "element"), True)
     without["mesh"] = {"formulation"}
     table = part.shape.model_dump(mode="json", exclude=without)
@@ -72,6 +76,11 @@ def _modes_inputs(part: FlexiblePart) -> Any:
         held = repr((part.joint, markers[part.joint.marker].where))
     elif shape.modes.boundary == "interface":
         held = repr({name: markers[name] for name in shape.modes.interface or markers})
+    if part.piece is not None:
+        table = {"piece": part.piece.digest, **part.shape.model_dump(mode="json", include=_OF_A_PIECE)}
+        table["modes"] = shape.modes.model_dump(mode="json", exclude={"damping", "enrich"})
+        table["material"] = repr(getattr(shape, "material", None)) + repr(part.order)
+        table["formulation"] = part.formulation
     return {
         "part": table if part.source is None else part.source.identity(table),
         "axis": part.joint.axis,
@@ -180,6 +189,8 @@ class FlexiblePart:
         The part of another scene; results that both have in common are taken from it.
     modes : Modes, optional
         Modes to use in place of the scene's; nothing may be kept in a cache then.
+    piece : PieceMesh, optional
+        The piece of another part that this part is.
     """
 
     # The table of stages, in their order.
@@ -218,13 +229,14 @@ class FlexiblePart:
         store: StageStore,
         like: FlexiblePart | None = None,
         modes: Modes | None = None,
+        piece: PieceMesh | None = None,
     ) -> None:
-        self.name, self.file, self.store = name, scene.file, store
+        self.name, self.file, self.store, self.piece = name, scene.file, store, piece
         self.shape: Flexible = scene.flexible[name]
-        self.source = SourceFiles.find(self.shape, scene.file, name)
+        self.source = SourceFiles.find(self.shape, scene.file, name) if piece is None else None
         self.joint = read_inboard_joint(scene, name)
         self.frame = scene.simulation.frame if scene.moves else "joint-conforming"
-        self.results: dict[str, Any] = {}
+        self.results: dict[str, Any] = {} if piece is None else {"mesh": piece.mesh}
         if like is not None and like.key("modes") == self.key("modes"):
             self.results |= {stage: like.results[stage] for stage in _OF_THE_MODES if stage in like.results}
             if (like.shape.marker, like.joint) == (self.shape.marker, self.joint):
@@ -259,7 +271,7 @@ class FlexiblePart:
     @property
     def mesh_notes(self) -> tuple[str, ...]:
         """Faults that were mended in the file that the mesh comes from, if it comes from one."""
-        return self.mesh.notes if self.shape.shape in ("mesh", "cad") else ()
+        return self.mesh.notes if self.shape.shape in ("mesh", "cad") and self.piece is None else ()
 
     @cached_property
     def space(self) -> Discretisation:

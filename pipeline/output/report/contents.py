@@ -34,8 +34,8 @@ def draw_pictures(run: Pipeline) -> dict[str, Any]:
     """Draw the stressed parts, the first modes and the scene's charts."""
     moves = run.scene.moves
     return {
-        "parts": [_stressed_part(run, name) for name, part in run.parts.items() if part.has_mesh] if moves else [],
-        "modes": _draw_modes(run) if run.parts and run.part.has_mesh else [],
+        "parts": [_stressed_part(run, name) for name, part in run.wholes.items() if part.has_mesh] if moves else [],
+        "modes": _draw_modes(run) if run.wholes and run.part.has_mesh else [],
         "charts": _draw_charts(run) if moves else [],
     }
 
@@ -48,7 +48,7 @@ def collect_tables(run: Pipeline, summary: dict[str, Any]) -> dict[str, Any]:
         "source": run.scene.source,
         "scene": run.scene.name,
         "figures": _key_figures(summary),
-        "frequencies": _frequencies(summary) if run.parts else None,
+        "frequencies": _frequencies(summary) if run.wholes else None,
         "integrations": _integrations(summary) if "integrations" in summary else None,
         "budget": _budget(summary["error_budget"]) if "error_budget" in summary else None,
         "stages": [

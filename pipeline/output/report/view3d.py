@@ -37,11 +37,11 @@ def collect_view(run: Pipeline, body: str, scale: float) -> dict[str, Any]:
     from pipeline.render.surface import Surface, build_skin
 
     camera = Camera()
-    topology, history = run.parts[body].surface, run.stress_of(body)
+    topology, history = run.wholes[body].surface, run.stress_of(body)
     time, _, worst = history.worst()
     frame = int(np.searchsorted(history.times, time))
-    surface = Surface(run.bodies[body].x[topology.nodes], topology.triangles, topology.edges)
-    displacement = run.bodies[body].shapes[history.nodes] @ history.q[frame]
+    surface = Surface(run.node_positions(body)[topology.nodes], topology.triangles, topology.edges)
+    displacement = run.deform(body, [frame], history.nodes)[0]
     stress = history.measure_at(np.array([frame]))[0]
     moved = surface.points + scale * displacement
     axes, _, _ = choose_axes(camera.candidate_axes(moved), moved, surface.triangles, stress)
