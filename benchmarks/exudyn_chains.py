@@ -15,19 +15,14 @@ that moves the arm's tip by 4e-7 of its way. The robot stays 1.3e-5 from ours, b
 
 from __future__ import annotations
 
-import contextlib
-import io
 import math
 import sys
-from collections.abc import Callable, Iterator
-from dataclasses import dataclass
+from collections.abc import Iterator
 from pathlib import Path
-from statistics import median
-from typing import Any
 
 import numpy as np
 import scipy.sparse as sp
-from exudyn_peer import INTERVALS, MOST_SECONDS, import_exudyn, sample_times
+from exudyn_march import IMPLICIT, Twin, add_sensor, import_exudyn, print_rows, refine, relative_error, sample_times
 
 from pipeline import Pipeline, load_scene
 from pipeline.bench.work_precision import WorkPrecisionRow
@@ -36,20 +31,8 @@ from pipeline.recovery.motion import Motion
 
 HERE = Path(__file__).parent
 CORNERS = 0.02 * np.array([[1, 0, 0], [0, 1, 0], [0, 0, 1], [-1, -1, -1.0]])  # of a marker's nodes, which average to it
-FINEST = 1e-8
-COARSEST, HALVINGS = 100, 11  # steps of the first march, and how often they are halved
-# What Exudyn's own solver is asked for: trapezoidal steps of index 2 beside generalised-α ones.
-SOLVERS = ("GeneralizedAlpha", "TrapezoidalIndex2")
-
-
-@dataclass
-class Chain:
-    """An assembled chain; ``tip(samples)`` gives the tip in space from the sensors' samples, each (n_times, any)."""
-
-    mbs: Any
-    sensors: list[Any]
-    tip: Callable[[list[Any]], Any]
-    keep: list[Any]
+FINEST, MOST_SECONDS = 1e-8, 2.0
+COUNTS = [100 * 2**k for k in range(11)]
 
 
 def flexible(
@@ -158,7 +141,7 @@ def hold(mbs, node, coordinates):
         mbs.AddObject(ii.CoordinateConstraint(markerNumbers=[ground, marker]))
 
 
-def arm(run) -> Chain:
+def arm(run) -> Twin:
     exu = import_exudyn()
     ii, symbolic, g, turned = (
         exu.itemInterface,
@@ -215,10 +198,10 @@ def arm(run) -> Chain:
         turned = [c * r[:, 0] - s * r[:, 1], s * r[:, 0] + c * r[:, 1], r[:, 2]]
         return np.c_[pose[:, 0], pose[:, 1] - 0.5, pose[:, 2]] + np.transpose(turned)
 
-    return Chain(mbs, sensors, tip, keep)
+    return Twin(mbs, sensors, tip, keep)
 
 
-def robot(run, axis=(0.0, 0.8, 0.6)) -> Chain:
+def robot(run, axis=(0.0, 0.8, 0.6)) -> Twin:
     """Make the robot with the elbow about an axis."""
     exu = import_exudyn()
     ii, symbolic, g, straight = exu.itemInterface, exu.symbolic, run.scene.simulation.gravity, np.eye(3)
@@ -256,62 +239,21 @@ def robot(run, axis=(0.0, 0.8, 0.6)) -> Chain:
         r = marker.position + q @ marker.translation.T
         return origin + np.einsum("tij,tj->ti", rotation.reshape(-1, 3, 3), r)
 
-    return Chain(mbs, sensors, tip, keep)
-
-
-def add_sensor(mbs, node, kind):
-    exu = import_exudyn()
-    kind = getattr(exu.OutputVariableType, kind)
-    return mbs.AddSensor(exu.itemInterface.SensorNode(nodeNumber=node, storeInternal=True, outputVariableType=kind))
+    return Twin(mbs, sensors, tip, keep)
 
 
 CASES = {"arm": ("arm", arm), "robot": (str(HERE / "scenes" / "robot.toml"), robot)}
 
 
-def march(chain: Chain, duration: float, solver: str, n_steps: int, output: bool) -> tuple[float, int]:
-    """Integrate; return seconds and Newton's iterations."""
-    exu = import_exudyn()
-    settings = exu.SimulationSettings()
-    settings.solution.file.write = False
-    settings.solution.sensors.active = output
-    settings.solution.sensors.writePeriod = duration / INTERVALS
-    time = settings.timeIntegration
-    time.endTime, time.numberOfSteps = duration, n_steps
-    time.automaticStepSize = time.adaptiveStep = False
-    time.generalizedAlpha.spectralRadius = 0.95
-    time.newton.useModifiedNewton = True
-    time.newton.relativeTolerance, time.newton.absoluteTolerance = 1e-8, 1e-10
-    settings.parallel.numberOfThreads = 1
-    with contextlib.redirect_stdout(io.StringIO()):  # a failed march says so there, and raises
-        chain.mbs.SolveDynamic(settings, solverType=getattr(exu.DynamicSolverType, solver), showHints=False)
-    done = chain.mbs.sys["dynamicSolver"]
-    return done.timer.total, done.it.newtonStepsCount
-
-
-def measure(name: str, repeats: int = 5) -> Iterator[WorkPrecisionRow]:
+def measure(name: str) -> Iterator[WorkPrecisionRow]:
     """March a chain by Exudyn's solvers, coarse to fine, timed as our own benchmark does it."""
-    exu, (scene, build) = import_exudyn(), CASES[name]
+    scene, build = CASES[name]
     run = Pipeline(load_scene(scene, ["simulation.stiffening=off"]))
-    duration, (q0, v0) = run.scene.simulation.duration, run.start
-    exact = RungeKutta(1e-13).march(run.system, q0, v0, sample_times(duration))
-    wanted = Motion(run.mechanism, exact, run.scene.simulation.tip).tip_position
-    for solver in SOLVERS:
-        chain = build(run)
-        for n_steps in (COARSEST * 2**k for k in range(HALVINGS)):
-            try:
-                _, iterations = march(chain, duration, solver, n_steps, output=True)
-            except exu.ExudynError:  # diverged: nothing to compare at this step
-                continue
-            samples = [np.array(chain.mbs.GetSensorStoredData(sensor))[:, 1:] for sensor in chain.sensors]
-            error = float(np.abs(chain.tip(samples) - wanted).max() / np.abs(wanted).max())
-            if not error < 1.0:
-                continue
-            seconds: list[float] = []
-            while len(seconds) < repeats and sum(seconds) < MOST_SECONDS:
-                seconds.append(march(chain, duration, solver, n_steps, output=False)[0])
-            yield WorkPrecisionRow(f"Exudyn {solver}", duration / n_steps, 1, median(seconds), error, iterations)
-            if median(seconds) > MOST_SECONDS or error < FINEST:
-                break
+    duration = run.scene.simulation.duration
+    exact = RungeKutta(1e-13).march(run.system, *run.start, sample_times(duration))
+    error = relative_error(Motion(run.mechanism, exact, run.scene.simulation.tip).tip_position)
+    for solver in IMPLICIT:
+        yield from refine(build(run), duration, solver, COUNTS, error, FINEST, MOST_SECONDS)
 
 
 def peer_rows(name: str) -> list[WorkPrecisionRow]:
@@ -328,7 +270,4 @@ def peer_rows(name: str) -> list[WorkPrecisionRow]:
 
 if __name__ == "__main__":
     for name in sys.argv[1:] or CASES:
-        print(f"{name}\n{'solver':<26}{'step_s':>12}{'seconds':>11}{'error':>11}{'iterations':>13}")
-        for row in peer_rows(name):
-            figures = f"{row.step_s:>12.4g}{row.seconds:>11.4g}{row.error:>11.3g}{row.evaluations:>13}"
-            print(f"{row.integrator:<26}{figures}", flush=True)
+        print_rows(name, peer_rows(name))

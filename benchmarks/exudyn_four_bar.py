@@ -17,7 +17,7 @@ from pathlib import Path
 from typing import Any
 
 import numpy as np
-from exudyn_peer import import_exudyn
+from exudyn_march import import_exudyn
 
 from pipeline import Pipeline, load_scene
 

@@ -17,9 +17,7 @@ five.
 
 from __future__ import annotations
 
-import contextlib
 import csv
-import io
 import math
 import platform
 from collections.abc import Callable, Iterator
@@ -29,8 +27,17 @@ from pathlib import Path
 from typing import Any
 
 import numpy as np
-from exudyn_chains import SOLVERS, add_sensor, flexible, hold, point
-from exudyn_peer import INTERVALS, import_exudyn, sample_times
+from exudyn_chains import flexible, hold, point
+from exudyn_march import (
+    IMPLICIT,
+    REPEATS,
+    Twin,
+    add_sensor,
+    import_exudyn,
+    refine,
+    relative_error,
+    sample_times,
+)
 from scipy.integrate import solve_ivp
 
 from pipeline import Pipeline, load_scene
@@ -42,22 +49,10 @@ from pipeline.integrators.runge_kutta import RungeKutta
 from pipeline.recovery.motion import Motion
 
 HERE = Path(__file__).parent
-REPEATS, MOST_SECONDS, FINEST = 5, 10.0, 1e-8
+MOST_SECONDS, FINEST = 10.0, 1e-8
 COARSEST, HALVINGS = 100, 14
-NEWTON = (1e-8, 1e-10)
 TOLERANCES = tuple(10.0**-k for k in np.arange(3.0, 12.0, 0.5))
 FIELDS = ("scene", "integrator", "step_s", "seconds", "error", "evaluations")
-
-
-@dataclass
-class Peer:
-    """An assembled mechanism of Exudyn's; ``figures(samples)`` are what is compared, (INTERVALS + 1, any)."""
-
-    mbs: Any
-    sensors: list[Any]
-    figures: Callable[[list[Any]], Any]
-    keep: list[Any]
-    dense: bool = False
 
 
 @dataclass
@@ -68,7 +63,7 @@ class Case:
     overrides: tuple[str, ...]
     figures: Callable[[Motion], Any]
     exact: Callable[[Pipeline], Any]
-    build: Callable[[Pipeline], Peer]
+    build: Callable[[Pipeline], Twin]
 
 
 def parallel_cranks(_: Pipeline) -> Any:
@@ -102,7 +97,7 @@ def rod_modes(motion: Motion) -> Any:
     return motion.modal("rod")
 
 
-def twin_four_bar(_: Pipeline) -> Peer:
+def twin_four_bar(_: Pipeline) -> Twin:
     exu = import_exudyn()
     ii, container = exu.itemInterface, exu.SystemContainer()
     mbs = container.AddSystem()
@@ -128,10 +123,10 @@ def twin_four_bar(_: Pipeline) -> Peer:
         mbs.AddObject(ii.RevoluteJoint2D(markerNumbers=list(pair)))
     sensors = [add_sensor(mbs, cranks[0][2], "Position")]
     mbs.Assemble()
-    return Peer(mbs, sensors, lambda samples: 2.0 * samples[0] * [1.0, 1.0, 0.0], [container])
+    return Twin(mbs, sensors, lambda samples: 2.0 * samples[0] * [1.0, 1.0, 0.0], [container])
 
 
-def twin_bricard(_: Pipeline) -> Peer:
+def twin_bricard(_: Pipeline) -> Twin:
     exu = import_exudyn()
     ii, container, (X, Y, Z) = exu.itemInterface, exu.SystemContainer(), np.eye(3)
     mbs = container.AddSystem()
@@ -163,10 +158,10 @@ def twin_bricard(_: Pipeline) -> Peer:
     tip = {"bodyNumber": bodies[2][0], "localPosition": list(0.5 * bodies[2][1])}
     sensor = mbs.AddSensor(ii.SensorBody(**tip, storeInternal=True, outputVariableType=kind))
     mbs.Assemble()
-    return Peer(mbs, [sensor], lambda samples: samples[0], [container], dense=True)
+    return Twin(mbs, [sensor], lambda samples: samples[0], [container], dense=True)
 
 
-def twin_slider_crank(run: Pipeline) -> Peer:
+def twin_slider_crank(run: Pipeline) -> Twin:
     exu = import_exudyn()
     ii, container = exu.itemInterface, exu.SystemContainer()
     mbs, keep = container.AddSystem(), [container]
@@ -199,30 +194,7 @@ def twin_slider_crank(run: Pipeline) -> Peer:
     mbs.AddObject(ii.CoordinateConstraint(markerNumbers=[still, turning], offsetUserFunction=keep[-1]))
     sensors = [add_sensor(mbs, rod["modes"], "Coordinates")]
     mbs.Assemble()
-    return Peer(mbs, sensors, lambda samples: samples[0], keep)
-
-
-def march_peer(peer: Peer, duration: float, solver: str, n_steps: int, output: bool) -> tuple[float, int]:
-    """Integrate; return seconds and Newton's iterations."""
-    exu = import_exudyn()
-    settings = exu.SimulationSettings()
-    settings.solution.file.write = False
-    settings.solution.sensors.active = output
-    settings.solution.sensors.writePeriod = duration / INTERVALS
-    time = settings.timeIntegration
-    time.endTime, time.numberOfSteps = duration, n_steps
-    time.automaticStepSize = time.adaptiveStep = False
-    time.generalizedAlpha.spectralRadius = 0.95
-    time.newton.useModifiedNewton = True
-    time.newton.relativeTolerance, time.newton.absoluteTolerance = NEWTON
-    if peer.dense:
-        settings.linearSolver.solverType = exu.LinearSolverType.EigenDense
-        settings.linearSolver.ignoreSingularJacobian = True
-    settings.parallel.numberOfThreads = 1
-    with contextlib.redirect_stdout(io.StringIO()):  # a failed march says so there, and raises
-        peer.mbs.SolveDynamic(settings, solverType=getattr(exu.DynamicSolverType, solver), showHints=False)
-    done = peer.mbs.sys["dynamicSolver"]
-    return done.timer.total, done.it.newtonStepsCount
+    return Twin(mbs, sensors, lambda samples: samples[0], keep)
 
 
 def ours(run: Pipeline, case: Case, wanted: Any) -> Iterator[tuple[Any, ...]]:
@@ -238,7 +210,7 @@ def ours(run: Pipeline, case: Case, wanted: Any) -> Iterator[tuple[Any, ...]]:
                 trajectory, motion = march_ours(run, method)
             except AccuracyError:  # diverged, or nothing that converged: nothing to compare at this step
                 continue
-            error = relative(case.figures(motion), wanted)
+            error = relative_error(wanted)(case.figures(motion))
             if not error < 1.0:
                 continue
             seconds = min(march_ours(run, method)[0].seconds for _ in range(REPEATS))
@@ -249,28 +221,14 @@ def ours(run: Pipeline, case: Case, wanted: Any) -> Iterator[tuple[Any, ...]]:
 
 def peers(run: Pipeline, case: Case, wanted: Any) -> Iterator[tuple[Any, ...]]:
     """March by Exudyn's solvers, coarse to fine."""
-    exu, duration = import_exudyn(), run.scene.simulation.duration
-    for solver in SOLVERS:
-        peer = case.build(run)
-        for n_steps in (COARSEST * 2**k for k in range(HALVINGS)):
-            try:
-                seconds, iterations = march_peer(peer, duration, solver, n_steps, output=True)
-            except exu.ExudynError:  # diverged: nothing to compare at this step
-                continue
-            samples = [np.array(peer.mbs.GetSensorStoredData(sensor))[:, 1:] for sensor in peer.sensors]
-            error = relative(peer.figures(samples), wanted)
-            if not error < 1.0:
-                continue
-            repeats = REPEATS if seconds < 1.0 else 1
-            seconds = min(march_peer(peer, duration, solver, n_steps, output=False)[0] for _ in range(repeats))
-            yield f"Exudyn {solver}", duration / n_steps, seconds, error, iterations
-            if seconds > MOST_SECONDS or error < FINEST:
-                break
-
-
-def relative(found: Any, wanted: Any) -> float:
-    """Return the largest difference over the largest value."""
-    return float(np.abs(found - wanted).max() / np.abs(wanted).max())
+    duration, counts, error = (
+        run.scene.simulation.duration,
+        [COARSEST * 2**k for k in range(HALVINGS)],
+        relative_error(wanted),
+    )
+    for solver in IMPLICIT:
+        for row in refine(case.build(run), duration, solver, counts, error, FINEST, MOST_SECONDS, min):
+            yield row.integrator, row.step_s, row.seconds, row.error, row.evaluations
 
 
 CASES = {

@@ -19,16 +19,14 @@ change the motion by less than 1e-9 of itself. Seconds are those of Exudyn's own
 
 from __future__ import annotations
 
-import contextlib
-import io
 import math
 import sys
 from collections.abc import Callable, Iterator
 from dataclasses import dataclass
-from statistics import median
 from typing import Any
 
 import numpy as np
+from exudyn_march import IMPLICIT, INTERVALS, STAGES, Twin, add_sensor, import_exudyn, print_rows, refine, sample_times
 from scipy.integrate import solve_ivp
 from scipy.sparse.linalg import eigsh
 
@@ -38,20 +36,10 @@ from pipeline.fem.markers import face_marker
 from pipeline.integrators.scipy_ivp import ScipyIvp
 from pipeline.reduction.inertia import inertia_gram
 
-STAGES = {"GeneralizedAlpha": 0, "VelocityVerlet": 1, "RK44": 4, "RK67": 7}  # 0: implicit
-INTERVALS = 100  # between output times; every number of steps is a multiple
 MOST_SECONDS = 2.0  # a march longer than this, or of an error below the other, ends its solver's range
 FINEST = 1e-9
+COUNTS = [INTERVALS * 2**k for k in range(14)]
 BEARING = 1e11  # a bearing's mass and a flywheel's inertia over the body's mass
-
-
-@dataclass
-class Peer:
-    """An assembled system of Exudyn's, ready for many marches; ``keep`` is what has to live as long."""
-
-    mbs: Any
-    sensor: Any
-    keep: list[Any]
 
 
 @dataclass
@@ -59,29 +47,11 @@ class Case:
     """What is solved: ``build(explicit)`` gives the peer, ``error`` is that of samples (INTERVALS + 1, n)."""
 
     duration: float
-    build: Callable[[bool], Peer]
+    build: Callable[[bool], Twin]
     error: Callable[[Any], float]
-    one_jacobian: bool = True
 
 
-def sample_times(duration):
-    return np.linspace(0.0, duration, INTERVALS + 1)
-
-
-def import_exudyn() -> Any:
-    sys.exudynFast = True
-    with contextlib.redirect_stdout(io.StringIO()):  # it announces itself
-        try:
-            import exudyn
-            import exudyn.advancedUtilities
-            import exudyn.FEM
-            import exudyn.itemInterface
-        except ModuleNotFoundError as error:
-            raise ModuleNotFoundError("the peer needs Exudyn: pip install exudyn==1.13.6") from error
-    return exudyn
-
-
-def floating_frame(x, K, M, shapes, explicit, loads, angle=None) -> Peer:
+def floating_frame(x, K, M, shapes, explicit, loads, angle=None) -> Twin:
     """Put a body on an axis along z through its origin.
 
     ``loads``, functions of time, are the torque on the frame or flywheel and each mode's generalised force; ``angle``
@@ -128,13 +98,10 @@ def floating_frame(x, K, M, shapes, explicit, loads, angle=None) -> Peer:
     return assembled(mbs, modes, keep)
 
 
-def assembled(mbs, node, keep) -> Peer:
-    exu = import_exudyn()
-    kind = exu.OutputVariableType.Coordinates
-    sensor = exu.itemInterface.SensorNode(nodeNumber=node, storeInternal=True, outputVariableType=kind)
-    sensor = mbs.AddSensor(sensor)
+def assembled(mbs, node, keep, jacobian_each_step=False) -> Twin:
+    sensors = [add_sensor(mbs, node, "Coordinates")]
     mbs.Assemble()
-    return Peer(mbs, sensor, keep)
+    return Twin(mbs, sensors, lambda samples: samples[0], keep, 1e-5, jacobian_each_step)
 
 
 def deflection_error(across, exact):
@@ -241,12 +208,12 @@ def rod_slider() -> Case:
             jointPControlVector=[0.0, slide.spring],
         )
         mbs.AddObject(tree)
-        return assembled(mbs, node, [container])
+        return assembled(mbs, node, [container], jacobian_each_step=True)
 
     def tip(q):
         return (rest + q[:, 1]) * np.exp(1j * q[:, 0])
 
-    return Case(duration, build, lambda q: float(np.abs(tip(q) - tip(exact)).max()), one_jacobian=False)
+    return Case(duration, build, lambda q: float(np.abs(tip(q) - tip(exact)).max()))
 
 
 CASES: dict[str, Callable[[], Case]] = {
@@ -258,44 +225,11 @@ CASES: dict[str, Callable[[], Case]] = {
 }
 
 
-def march(peer: Peer, case: Case, solver: str, n_steps: int, output: bool) -> tuple[float, int]:
-    """Integrate; return seconds and how often the equations were evaluated."""
-    exu = import_exudyn()
-    settings = exu.SimulationSettings()
-    settings.solution.file.write = False
-    settings.solution.sensors.active = output
-    settings.solution.sensors.writePeriod = case.duration / INTERVALS
-    time = settings.timeIntegration
-    time.endTime, time.numberOfSteps = case.duration, n_steps
-    time.automaticStepSize = time.adaptiveStep = False
-    time.generalizedAlpha.spectralRadius = 0.95
-    time.newton.relativeTolerance = 1e-5
-    time.newton.modifiedNewtonJacUpdatePerStep = not case.one_jacobian
-    with contextlib.redirect_stdout(io.StringIO()):  # a failed march says so there, and raises
-        peer.mbs.SolveDynamic(settings, solverType=getattr(exu.DynamicSolverType, solver))
-    done = peer.mbs.sys["dynamicSolver"]
-    return done.timer.total, STAGES[solver] * n_steps or done.it.newtonStepsCount
-
-
-def measure(case: Case, repeats: int = 5) -> Iterator[WorkPrecisionRow]:
+def measure(case: Case) -> Iterator[WorkPrecisionRow]:
     """March a case by each of Exudyn's solvers, coarse to fine, timed as our own benchmark does it."""
-    exu = import_exudyn()
-    for solver, stages in STAGES.items():
-        peer = case.build(stages > 0)
-        for n_steps in (INTERVALS * 2**k for k in range(14)):
-            try:
-                _, evaluations = march(peer, case, solver, n_steps, output=True)
-            except exu.ExudynError:  # diverged: nothing to compare at this step
-                continue
-            error = case.error(np.array(peer.mbs.GetSensorStoredData(peer.sensor))[:, 1:])
-            if not error < 1.0:
-                continue
-            seconds: list[float] = []
-            while len(seconds) < repeats and sum(seconds) < MOST_SECONDS:
-                seconds.append(march(peer, case, solver, n_steps, output=False)[0])
-            yield WorkPrecisionRow(f"Exudyn {solver}", case.duration / n_steps, 1, median(seconds), error, evaluations)
-            if median(seconds) > MOST_SECONDS or error < FINEST:
-                break
+    for solver in (IMPLICIT[0], *STAGES):
+        twin = case.build(solver in STAGES)
+        yield from refine(twin, case.duration, solver, COUNTS, case.error, FINEST, MOST_SECONDS)
 
 
 def peer_rows(scene_name: str) -> list[WorkPrecisionRow]:
@@ -316,7 +250,4 @@ def peer_rows(scene_name: str) -> list[WorkPrecisionRow]:
 
 if __name__ == "__main__":
     for name in sys.argv[1:] or CASES:
-        print(f"{name}\n{'solver':<26}{'step_s':>12}{'seconds':>11}{'error':>11}{'evaluations':>13}")
-        for row in peer_rows(name):
-            figures = f"{row.step_s:>12.4g}{row.seconds:>11.4g}{row.error:>11.3g}{row.evaluations:>13}"
-            print(f"{row.integrator:<26}{figures}")
+        print_rows(name, peer_rows(name))

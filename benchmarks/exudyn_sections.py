@@ -15,8 +15,8 @@ from __future__ import annotations
 from typing import Any
 
 import numpy as np
-from exudyn_chains import CASES, flexible, march, robot
-from exudyn_peer import import_exudyn, sample_times
+from exudyn_chains import CASES, flexible, robot
+from exudyn_march import import_exudyn, march, relative_error, sample_times, samples_of
 
 from pipeline import Pipeline, load_scene
 from pipeline.core.arrays import Array
@@ -79,9 +79,8 @@ def compare_motion(label: str, overrides: list[str], axis: tuple[float, float, f
     chain, tips = robot(run, axis), []
     for n_steps in STEPS:
         march(chain, duration, "GeneralizedAlpha", n_steps, output=True)
-        samples = [np.array(chain.mbs.GetSensorStoredData(sensor))[:, 1:] for sensor in chain.sensors]
-        tips.append(chain.tip(samples))
-    far = np.abs((4 * tips[1] - tips[0]) / 3 - wanted).max() / np.abs(wanted).max()
+        tips.append(chain.figures(samples_of(chain)))
+    far = relative_error(wanted)((4 * tips[1] - tips[0]) / 3)
     print(f"{label:<44}{far:>10.2g}", flush=True)
 
 

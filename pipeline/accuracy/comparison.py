@@ -11,7 +11,10 @@ from pipeline.accuracy.coarse_mesh import Pair
 from pipeline.accuracy.quantities import Quantities, mesh_quantities, motion_quantities, stress_quantities
 from pipeline.accuracy.time_limit import TimeLimit
 from pipeline.core.arrays import Array, IntArray
+from pipeline.core.errors import StabilityError
+from pipeline.integrators.automatic import Automatic
 from pipeline.recovery.stress import choose_frames
+from pipeline.stages.runs import repeat_choice
 
 if TYPE_CHECKING:
     from pipeline.recovery.motion import Motion
@@ -33,7 +36,7 @@ class Comparison:
     limit : TimeLimit
         Time that all comparisons may take.
     plan : Plan
-        The scene's first run.
+        The scene's first run, by the method that an automatic choice ended with.
     of_mesh, of_motion, quantities : dict of str to Quantity
         Quantities that don't depend on the motion, that do, and all.
     pair : Pair or str
@@ -42,8 +45,9 @@ class Comparison:
 
     def __init__(self, run: Pipeline, limit: TimeLimit) -> None:
         self.run, self.limit = run, limit
-        self.plan = next(iter(run.plans.values()))
         self.motion = run.motion
+        self._first = next(iter(run.plans.values()))
+        self.plan = repeat_choice(self._first, self.motion.trajectory)
         self.frames: IntArray = np.arange(0)
         self.of_mesh = mesh_quantities(run)
         self.of_motion = motion_quantities(run, self.motion, run.fine_motion)
@@ -104,5 +108,14 @@ class Comparison:
         LeftOutError
             It would take longer than the time limit leaves.
         """
-        self.limit.require(work * self.motion.trajectory.seconds)
-        return other.motion_by(plan, plan.march(self.run.fine_times[0], self.limit.watch()))
+        self.limit.require(work * self.run.fine_motion.trajectory.seconds)
+        times = self.run.fine_times[0]
+        try:
+            trajectory = plan.march(times, self.limit.watch())
+        except StabilityError:  # the variant is unlike the run: one that chooses anew may find a way
+            same = type(plan.integrator) is type(self.plan.integrator)
+            if not (same and isinstance(self._first.integrator, Automatic)):
+                raise
+            plan = replace(plan, integrator=self._first.integrator)
+            trajectory = plan.march(times, self.limit.watch())
+        return other.motion_by(plan, trajectory)

@@ -10,6 +10,7 @@ from pipeline.accuracy.error_budget import ERROR_BUDGET, Budget
 from pipeline.accuracy.error_estimates import NUMERICAL, SAFETY, Row
 from pipeline.core.errors import AccuracyError, InputError
 from pipeline.scene.imported_bodies import MatrixPart
+from pipeline.scene.reduced_bodies import ReducedPart
 from pipeline.scene.runs import AutoRun
 from pipeline.scene.scene import Scene
 from pipeline.scene.variants import (
@@ -200,9 +201,10 @@ def _refined(scene: Scene, shares: dict[str, float], wanted: float) -> Scene:
 
 
 def _settings(scene: Scene) -> dict[str, Any]:
+    meshless = MatrixPart | ReducedPart
     bodies = {
         name: {
-            "mesh": None if isinstance(body, MatrixPart) else body.mesh.model_dump(mode="json", exclude_none=True),
+            "mesh": None if isinstance(body, meshless) else body.mesh.model_dump(mode="json", exclude_none=True),
             "modes": body.modes.count,
             "enrich": body.modes.enrich,
         }

@@ -30,6 +30,7 @@ _COMMANDS = {
     "campbell:campbell": "Campbell diagram: frequencies on a turning hub over its rate of rotation.",
     "stability:stability": "Largest safe step: of a scene, or as a map for two degrees of freedom.",
     "compile:compile": "Equations of motion as machine code: operations, size, structure.",
+    "export:export": "A flexible body, or the whole mechanism, for another program.",
     "sweep:sweep": "A scene at every combination of values, on all cores or a cluster.",
     "report:report": "One web page of all results, to be opened without a network.",
     "verify:verify": "Published and closed-form results beside ours.",

@@ -149,7 +149,16 @@ class Coupler:
 Constraint = Closure | Coupler
 
 
-def close_joint(kind: str, name: str, first: Place, second: Place, axis: Array, other: Array | None = None) -> Closure:
+def close_joint(
+    kind: str,
+    name: str,
+    first: Place,
+    second: Place,
+    axis: Array,
+    other: Array | None = None,
+    of_first: Array | None = None,
+    of_second: Array | None = None,
+) -> Closure:
     """Make the closure of a joint.
 
     Parameters
@@ -158,8 +167,10 @@ def close_joint(kind: str, name: str, first: Place, second: Place, axis: Array, 
         ``fixed``, ``revolute``, ``prismatic``, ``cylindrical``, ``spherical``, ``universal``, ``planar`` or
         ``point-on-line``.
     axis, other : ndarray, shape (3,)
-        Its axis in the parent's frame and in the child's; the same numbers by default. Of a universal joint they are
-        perpendicular, of a planar joint the plane's normal.
+        Its axis in the axes of the first place and of the second; the same numbers by default. Of a universal joint
+        they are perpendicular, of a planar joint the plane's normal.
+    of_first, of_second : ndarray, shape (3, 3), optional
+        Rotations from the axes of each place into those of its body; none by default.
 
     Raises
     ------
@@ -172,6 +183,12 @@ def close_joint(kind: str, name: str, first: Place, second: Place, axis: Array, 
     aligned = np.array([[u, other] for u in across])
     own = perpendicular_axes(other)
     locked = np.array([[axis, own[0]], [across[0], own[1]], [across[1], other]])
+    if of_first is not None:
+        axis, across = of_first @ axis, across @ of_first.T
+        aligned[:, 0], locked[:, 0] = aligned[:, 0] @ of_first.T, locked[:, 0] @ of_first.T
+    if of_second is not None:
+        other = of_second @ other
+        aligned[:, 1], locked[:, 1] = aligned[:, 1] @ of_second.T, locked[:, 1] @ of_second.T
     match kind:
         case "fixed":
             return Closure(name, first, second, everywhere, locked)

@@ -232,6 +232,7 @@ class Kinematics:
 
     def marker_position(self, body: int, name: str) -> Array:
         """A marker of a body in space [m], shape (n_times, 3)."""
+        body = self.mechanism.find_marker(body, name)
         frame, marker = self.frames[body], self.mechanism.links[body].markers[name]
         return frame.origin + turned(frame.rotation, marker.position + self._displacement_in_body(body, name))
 
@@ -240,6 +241,7 @@ class Kinematics:
 
         Of a piece the frame is that of its part, which is the first piece's.
         """
+        body = self.mechanism.find_marker(body, name)
         first = self.mechanism.first_piece(body)
         if first != body:
             away = self.marker_position(body, name) - self.frames[first].origin
@@ -265,6 +267,7 @@ class Kinematics:
         the section. How the frame floats in the body doesn't matter to it. Of a part in pieces the joint is that of the
         part, and so is the frame.
         """
+        body = self.mechanism.find_marker(body, name)
         own, arm, first = self.displacement(body, name), self._undeformed(body, name), self.mechanism.first_piece(body)
         link, q = self.mechanism.links[first], self.modal_coordinates(first)
         if not link.section:

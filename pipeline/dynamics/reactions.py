@@ -1,12 +1,56 @@
-"""Forces and moments of the joints that close a mechanism's loops, over a motion."""
+"""Accelerations, and forces and moments of all joints, over a motion: those of the tree and those that close loops."""
 
 from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass
 
 import numpy as np
 
 from pipeline.core.arrays import Array
 from pipeline.dynamics.compiled_system.shared import share_system
 from pipeline.dynamics.mechanism import Mechanism
+
+
+@dataclass(frozen=True)
+class JointLoads:
+    """What accelerates a mechanism's bodies over a motion, and what its joints transmit.
+
+    Attributes
+    ----------
+    accelerations : ndarray, shape (n_times, n)
+        Of the coordinates, in the order of rates.
+    frames : ndarray, shape (n_times, n_bodies, 6)
+        Acceleration of each body's origin [m/s²] and angular acceleration of its frame [rad/s²], in space.
+    reactions : mapping of str to ndarray, shape (n_times, 2, 6)
+        Force [N] and moment [N m] of each joint on its parent and on its child, in space, about the joint's place on
+        each, by the joints' names. They hold all that the joint transmits, its spring, damper and drive included.
+    """
+
+    accelerations: Array
+    frames: Array
+    reactions: Mapping[str, Array]
+
+
+def joint_loads(mechanism: Mechanism, times: Array, q: Array, v: Array) -> JointLoads:
+    """Compute accelerations, and force and moment of every joint, at states of a mechanism.
+
+    They follow from the equations of motion at each state alone (recursive Newton–Euler), not from differences between
+    output times.
+
+    Parameters
+    ----------
+    times, q, v : ndarray, shapes (n_times,), (n_times, n_positions) and (n_times, n)
+        Times [s] with positions and rates that close the loops.
+    """
+    compiled, links = share_system(mechanism).compiled, mechanism.links
+    accelerations = np.zeros((len(times), mechanism.n))
+    frames, loads = np.zeros((len(times), len(links), 6)), np.zeros((len(times), len(links), 2, 6))
+    for k, t in enumerate(times):
+        accelerations[k], multipliers = compiled.constrained_accelerations(float(t), q[k], v[k])
+        frames[k], loads[k] = compiled.joint_loads(float(t), q[k], v[k], accelerations[k], multipliers)
+    of_tree = {link.joint_name: loads[:, number] for number, link in enumerate(links)}
+    return JointLoads(accelerations, frames, of_tree | closing_reactions(mechanism, times, q, v))
 
 
 def closing_reactions(mechanism: Mechanism, times: Array, q: Array, v: Array) -> dict[str, Array]:

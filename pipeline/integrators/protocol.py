@@ -74,6 +74,8 @@ class Trajectory:
         Run time of the compiled march.
     end : State
         State after the last step.
+    chosen : Integrator, optional
+        The method that an automatic choice ended with: it alone gives the same motion again.
     """
 
     integrator: str
@@ -86,6 +88,7 @@ class Trajectory:
     fast_evaluations: int
     seconds: float
     end: State
+    chosen: Integrator | None = None
 
 
 class Integrator(Protocol):

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import asdict, dataclass
+from dataclasses import asdict, dataclass, replace
 from typing import Any, Literal
 
 from pipeline.accuracy.error_budget import ERROR_BUDGET
@@ -12,6 +12,9 @@ from pipeline.core.paths import source_digest
 from pipeline.output.exports import EXPORTS
 from pipeline.output.picture_files import picture_key
 from pipeline.output.pictures import DRAWINGS
+from pipeline.scene.outputs import Export, is_drawn
+from pipeline.scene.pictures import MechanismView
+from pipeline.stages.divided_scene import part_of
 from pipeline.stages.part import PART_STAGES, FlexiblePart
 from pipeline.stages.pipeline import Pipeline
 
@@ -78,8 +81,8 @@ class Forecast:
 def forecast_run(run: Pipeline, pictures: bool, budget: bool) -> Forecast:
     """Forecast `write_results`; the only stage that this may compute is a spin that decides on another."""
     planner = _Planner(run)
-    outputs = [output for output in run.scene.output if output.type != "export"]
-    exports = [output for output in run.scene.output if output.type == "export"]
+    outputs = [output for output in run.scene.output if is_drawn(output)]
+    wanted = [output for output in run.scene.output if not is_drawn(output)]
     for part in run.parts.values():
         planner.want(part, ["body"])
     planner.want_stiffening()
@@ -91,18 +94,26 @@ def forecast_run(run: Pipeline, pictures: bool, budget: bool) -> Forecast:
         planner.want(part, ["modes", "surface", "stress"])
     for part in run.parts.values():
         planner.want(part, ["element stress"] if part.shape.element else [])
-    for export in exports:
+    for export in (output for output in wanted if isinstance(output, Export)):
+        if export.body is None:
+            continue  # the whole mechanism, which the motion takes anyway
         suffix = "." + export.file.rpartition(".")[2]
         for part in run.pieces_of(export.body):
-            planner.want(part, EXPORTS[suffix].reads)
+            planner.want(part, EXPORTS[suffix].reads if suffix in EXPORTS else ("modes", "body"))
             planner.want(part, ["inertia"] if suffix == ".nc" and part.joint.normal >= 0 else [])
     missing = [output for output in outputs if pictures and not planner.has_drawn(output)]
     for output in missing:
-        body = getattr(output, "body", None)
-        for part in run.pieces_of(body) if body else ():
-            planner.want(part, DRAWINGS[output.type].reads)
+        reads, body = DRAWINGS[output.type].reads, getattr(output, "body", None)
+        for own, part in run.parts.items():
+            name = part_of(own) or own
+            if isinstance(output, MechanismView):
+                coloured = body in (None, name)
+                shown = part.has_mesh and (coloured or not output.alone)
+                planner.want(part, [stage for stage in reads if coloured or stage != "stress"] if shown else [])
+            elif name == body:
+                planner.want(part, reads)
     planner.want_budget(budget and all(part.has_mesh for part in run.parts.values()))
-    planner.note("files", "run" if exports else "skipped", f"{len(exports)} in the scene's output")
+    planner.note("files", "run" if wanted else "skipped", f"{len(wanted)} in the scene's output")
     if missing:
         planner.note("pictures", "run", f"{len(missing)} of {len(outputs)} in the scene's output are to be drawn")
     elif outputs and pictures:
@@ -148,6 +159,7 @@ class _Planner:
     def __init__(self, run: Pipeline) -> None:
         self._run, self._last = run, _last(run)
         self._steps: dict[tuple[str, str], Step] = {}
+        self._twins: dict[str, str] = {}  # body that has the result under each key first
         self.compiled = self._last["kernels"] == _kernels()
 
     def note(self, stage: str, fate: Fate, why: str, body: str = "") -> None:
@@ -165,8 +177,11 @@ class _Planner:
             anew = [other for other in stage.in_key if self._steps[other, part.name].fate == "run"]
             if anew:
                 self.note(name, "run", f"the {anew[0]} is made anew", part.name)
+            elif (key := stage.key(part)) and (twin := self._twins.setdefault(key, part.name)) != part.name:
+                same = self._steps[name, twin]
+                self._steps[name, part.name] = replace(same, body=part.name, fate="cached", why=f"that of {twin}")
             else:
-                self.note(name, *self._fate(stage.key(part), (name, part.name)), part.name)
+                self.note(name, *self._fate(key, (name, part.name)), part.name)
             if self._steps[name, part.name].fate == "run":
                 self.want(part, stage.reads)
 

@@ -5,53 +5,61 @@ from __future__ import annotations
 from collections.abc import Callable, Iterator
 from dataclasses import dataclass
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 
 from pipeline.core.errors import InputError
+from pipeline.output.formats import write_body, write_format
+from pipeline.output.histories import write_extremes, write_history
 from pipeline.recovery.stress import choose_frames, von_mises
-from pipeline.reduction.body_file import save_body
 from pipeline.scene.outputs import Export
 from pipeline.stages.pipeline import Pipeline
 
 
+def write_file(run: Pipeline, output: Any, folder: Path) -> list[str]:
+    """Write the file of an output that isn't drawn into a folder and return its name."""
+    return FILES[output.type](run, output, folder)
+
+
 def write_export(run: Pipeline, output: Export, folder: Path) -> list[str]:
-    """Write the file of an export into a folder and return its name."""
+    """Write the files of an export into a folder and return their names."""
     path = folder / output.file
-    EXPORTS[path.suffix].write(run, output, path)
+    reduced = output.format is not None or path.suffix == ".nc"
+    if reduced and (output.body in run.division.divided or (output.body is None and run.division.divided)):
+        problem = f"{output.body or 'a body of the mechanism'} is in pieces, which this format doesn't hold; pieces = 1"
+        raise InputError(run.scene.file, "output.file", output.file, problem)
+    if output.format is not None:
+        return [file.name for file in write_format(run, output.format, output.body, path)]
+    assert output.body is not None
+    EXPORTS[path.suffix].write(run, output.body, output.frames, path)
     return [output.file]
 
 
-def _write_mesh(run: Pipeline, output: Export, path: Path) -> None:
+def _write_mesh(run: Pipeline, body: str, _frames: int, path: Path) -> None:
     from pipeline.fem.formats.export import write_mesh
 
-    write_mesh(run.wholes[output.body].mesh, path)
+    write_mesh(run.wholes[body].mesh, path)
 
 
-def _write_body(run: Pipeline, output: Export, path: Path) -> None:
-    if len(run.pieces_of(output.body)) > 1:
-        problem = f"'{output.body}' is in pieces; a reduced body is in one, so take pieces = 1 for this file"
-        raise InputError(run.scene.file, "output.file", output.file, problem)
-    part = run.parts[output.body]
-    body = part.for_any_motion(run.bodies[output.body])
-    surface, stress = (part.surface, part.surface_stress) if part.has_mesh else (None, None)
-    save_body(path, body, surface, stress, part.modes.frequencies_hz)
+def _write_body(run: Pipeline, body: str, _frames: int, path: Path) -> None:
+    write_body(run, body, path)
 
 
-def _write_motion(run: Pipeline, output: Export, path: Path) -> None:
+def _write_motion(run: Pipeline, body: str, frames: int, path: Path) -> None:
     """Write displacement from the undeformed body at rest, deformation and stress at all nodes."""
     from pipeline.fem.formats.vtkhdf import write_series
 
-    part, motion = run.wholes[output.body], run.motion
-    chosen, first = choose_frames(len(motion.times), output.frames), run.frame_of(output.body)
-    x, origin, nodes = run.node_positions(output.body), run.bodies[first].origin, np.arange(len(part.space.x))
+    part, motion = run.wholes[body], run.motion
+    chosen, nodes = choose_frames(len(motion.times), frames), np.arange(len(part.space.x))
+    x, origin = run.node_positions(body), run.bodies[run.frame_of(body)].origin
 
     def fields() -> Iterator[dict[str, NDArray[np.floating]]]:
         for k in chosen:
-            tensor, deformation = run.nodal_stress_at(output.body, k), run.deform(output.body, [k], nodes)[0]
+            tensor, deformation = run.nodal_stress_at(body, k), run.deform(body, [k], nodes)[0]
             yield {
-                "displacement": motion.placed(first, x + deformation, k) + origin - part.space.x,
+                "displacement": motion.placed(body, x + deformation, k) + origin - part.space.x,
                 "deformation": deformation,
                 "stress": tensor,
                 "von_mises": von_mises(np.asarray(tensor, dtype=float)),
@@ -67,12 +75,12 @@ class FileFormat:
     Attributes
     ----------
     write : callable
-        Writes an export of a run to a path.
+        Writes what a run has of a body, with so many frames, to a path.
     reads : tuple of str
         Stages of the body that it holds.
     """
 
-    write: Callable[[Pipeline, Export, Path], None]
+    write: Callable[[Pipeline, str, int, Path], None]
     reads: tuple[str, ...]
 
 
@@ -82,3 +90,10 @@ EXPORTS: dict[str, FileFormat] = {
     ".vtkhdf": FileFormat(_write_motion, ("mesh", "body", "nodal stress")),
     ".nc": FileFormat(_write_body, ("modes", "body", "surface", "stress")),
 }
+
+FILES: dict[str, Callable[[Pipeline, Any, Path], list[str]]] = {
+    "export": write_export,
+    "history": write_history,
+    "table": write_extremes,
+}
+"""Writers of outputs that aren't drawn, by their types."""

@@ -13,6 +13,7 @@ from pipeline.core.files import whole_file
 from pipeline.output.drawing_process import DrawingProcess
 from pipeline.output.pictures import DRAWINGS
 from pipeline.stages.pipeline import Pipeline
+from pipeline.stages.visual_files import find_visual_files
 
 _STAGE = "pictures"
 _PACKAGES = ("numpy", "pyvista", "vtk", "matplotlib", "imageio-ffmpeg")
@@ -24,7 +25,8 @@ def picture_key(run: Pipeline, output: Any) -> str:
     if DRAWINGS[output.type].still:
         sources = ("pipeline/render", "pipeline/output/pictures.py")
         return stage_key(_STAGE, shown | {"part": run.wholes[output.body].key("body")}, sources, _PACKAGES)
-    shown |= {"scene": run.inputs, "all modes": run.keep_all}
+    shapes = {name: body.model_dump(mode="json", include={"visual"}) for name, body in run.scene.body.items()}
+    shown |= {"scene": run.inputs, "all modes": run.keep_all, "shapes": shapes, "files": find_visual_files(run.scene)}
     return stage_key(_STAGE, shown, ("pipeline", "meshes"), (*_PACKAGES, "scipy", "scikit-fem", "gmsh"))
 
 

@@ -9,21 +9,31 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from pipeline.core.arrays import Array, IntArray
+from pipeline.core.arrays import IntArray
 from pipeline.core.errors import InputError
 from pipeline.core.units import unit_ratio
 from pipeline.output.curves import curves_of
-from pipeline.recovery.stress import StressHistory, choose_frames, stress_measure
+from pipeline.output.mechanism_view import body_surface, view_mechanism
+from pipeline.recovery.stress import choose_frames, stress_measure
 from pipeline.render.calls import Drawer, draw_here
 from pipeline.render.camera import FILM_PIXELS, PIXELS, SHEET_PIXELS, Camera
 from pipeline.render.chart_data import Band, Curve
-from pipeline.render.colours import stress_limits
-from pipeline.render.film_frames import FilmedMotion
+from pipeline.render.colours import usual_limits
 
 if TYPE_CHECKING:
-    from pipeline.render.surface import Surface
+    from pipeline.render.moving_bodies import MovingMechanism
     from pipeline.scene.outputs import Chart
-    from pipeline.scene.pictures import BodyPicture, Film, MeshPicture, ModePictures, ModeSheet, StressPicture
+    from pipeline.scene.pictures import (
+        BodyPicture,
+        Film,
+        MechanismPicture,
+        MechanismView,
+        MeshPicture,
+        ModePictures,
+        ModeSheet,
+        PictureSettings,
+        StressPicture,
+    )
     from pipeline.stages.pipeline import Pipeline
 
 
@@ -53,9 +63,9 @@ def draw_mesh(run: Pipeline, output: MeshPicture, folder: Path, draw: Drawer = d
 
     part = run.wholes[output.body]
     names = [f"{name} ({len(cells):,} elements)".replace(",", " ") for name, cells in part.mesh.parts.items()]
-    title = output.title or f"{run.scene.title}: {len(part.mesh.cells):,} elements".replace(",", " ")
+    title = output.title or f"{_name(output)}: {len(part.mesh.cells):,} elements".replace(",", " ")
     triangles = part_numbers(part.mesh)[part.surface_elements] - 1
-    surface, camera = _surface(run, output.body), _camera(run, output)
+    surface, camera = body_surface(run, output.body), _camera(run, output)
     draw("pictures.draw_mesh", surface, triangles, names, folder / output.file, title=title, camera=camera)
     return [output.file]
 
@@ -69,7 +79,7 @@ def draw_modes(
 ) -> list[str]:
     """Draw a picture of each mode, or of those with the given numbers, from 1."""
     part = run.wholes[output.body]
-    surface, modes, files = _surface(run, output.body), part.modes, []
+    surface, modes, files = body_surface(run, output.body), part.modes, []
     held = "free" if part.shape.modes.boundary == "free" else "held"
     family = "" if part.shape.modes.family == "any" else f" ({part.shape.modes.family})"
     chosen = (
@@ -83,7 +93,7 @@ def draw_modes(
             surface,
             modes.shapes[part.surface.nodes, :, k],
             folder / name,
-            title=f"{output.title or run.scene.title}: {held} mode {k + 1}, {frequency:.1f} Hz{family}",
+            title=f"{output.title or _name(output)}: {held} mode {k + 1}, {frequency:.1f} Hz{family}",
             scale=output.scale or 1.0,
             camera=_camera(run, output),
         )
@@ -97,11 +107,11 @@ def draw_mode_sheet(run: Pipeline, output: ModeSheet, folder: Path, draw: Drawer
     hertz = part.modes.frequencies_hz[: output.count]
     draw(
         "mode_sheet.draw_mode_sheet",
-        _surface(run, output.body),
+        body_surface(run, output.body),
         part.modes.shapes[part.surface.nodes][..., : len(hertz)],
         [f"mode {k + 1}, {frequency:.1f} Hz" for k, frequency in enumerate(hertz)],
         folder / output.file,
-        title=output.title or f"{run.scene.title}: elastic modes",
+        title=output.title or f"{_name(output)}: elastic modes",
         scale=output.scale,
         camera=_camera(run, output, SHEET_PIXELS),
     )
@@ -109,43 +119,83 @@ def draw_mode_sheet(run: Pipeline, output: ModeSheet, folder: Path, draw: Drawer
 
 
 def draw_stress(run: Pipeline, output: StressPicture, folder: Path, draw: Drawer = draw_here) -> list[str]:
-    """Draw a body's stress at the worst instant."""
-    stress = run.stress_of(output.body)
-    time, _, _ = stress.worst()
-    frame = int(np.searchsorted(stress.times, time))
+    """Draw the stress at the worst instant: of the whole mechanism, or of a body alone in its own frame."""
+    names = [name for name, part in run.wholes.items() if part.has_mesh] if output.body is None else [output.body]
+    worst = {name: run.stress_of(name).worst() for name in names}
+    body = max(worst, key=lambda name: worst[name][2])
+    time, _, _ = worst[body]
+    stress = run.stress_of(body)
+    frame = np.array([int(np.searchsorted(stress.times, time))])
+    title = f"{output.title or run.scene.title}: worst instant, t = {1e3 * time:.1f} ms"
+    if output.alone or len(run.scene.body) == 1:
+        draw(
+            "pictures.draw_stress",
+            body_surface(run, body),
+            run.deform(body, frame, stress.nodes)[0],
+            stress.measure_at(frame, stress_measure(output.component))[0],
+            folder / output.file,
+            title=title,
+            scale=output.scale,
+            quantity=_quantity(output.component),
+            camera=_camera(run, output),
+        )
+        return [output.file]
+    return _draw_mechanism(run, output, frame, title, folder, draw)
+
+
+def draw_mechanism(run: Pipeline, output: MechanismPicture, folder: Path, draw: Drawer = draw_here) -> list[str]:
+    """Draw the whole mechanism at one time."""
+    times = run.motion.times
+    if output.time > times[-1] * (1 + 1e-9):
+        number = run.scene.output.index(output) if output in run.scene.output else 0
+        message = f"is after the end of the motion at {times[-1]:g} s"
+        raise InputError(run.scene.file, f"output.{number}.time", output.time, message)
+    frame = np.array([int(np.argmin(np.abs(times - output.time)))])
+    title = output.title or f"{run.scene.title}: t = {times[frame[0]]:g} s"
+    return _draw_mechanism(run, output, frame, title, folder, draw)
+
+
+def _draw_mechanism(
+    run: Pipeline, output: StressPicture | MechanismPicture, frame: IntArray, title: str, folder: Path, draw: Drawer
+) -> list[str]:
+    """Draw the mechanism at an output time, with its largest stress labelled."""
     draw(
-        "pictures.draw_stress",
-        _surface(run, output.body),
-        run.deform(output.body, np.array([frame]), stress.nodes)[0],
-        stress.measure_at(np.array([frame]), stress_measure(output.component))[0],
+        "film.draw_mechanism",
+        _view(run, output, frame),
         folder / output.file,
-        title=f"{output.title or run.scene.title}: worst instant, t = {1e3 * time:.1f} ms",
-        scale=output.scale,
+        title=title + _factor(output),
         quantity=_quantity(output.component),
         camera=_camera(run, output),
+        label=True,
     )
     return [output.file]
 
 
 def draw_film(run: Pipeline, output: Film, folder: Path, draw: Drawer = draw_here) -> list[str]:
-    """Film a body's stress in motion."""
-    surface, history = _surface(run, output.body), run.stress_of(output.body)
-    chosen = choose_frames(len(history.times), output.frames)
-    values = history.measure_at(chosen, stress_measure(output.component))
-    scaled = f", deformation × {output.scale:g}" if output.scale != 1 else ""
+    """Film the mechanism in motion, in the colours of its stress."""
+    moving = _view(run, output, choose_frames(len(run.motion.times), output.frames))
+    stresses = [body.stress.ravel() for body in moving.bodies if body.stress is not None]
     draw(
-        "film.film_motion",
-        surface,
-        _filmed(run, output, history, chosen, values),
+        "film.draw_film",
+        moving,
         folder / output.file,
-        title=(output.title or run.scene.title) + scaled,
-        clim_pa=stress_limits(values),
+        title=(output.title or run.scene.title) + _factor(output),
+        clim_pa=usual_limits(np.concatenate(stresses)) if stresses else None,
         rate=output.rate,
         quantity=_quantity(output.component),
         camera=_camera(run, output, FILM_PIXELS),
-        hub=not _is_ring(run, output.body),
     )
     return [output.file]
+
+
+def _view(run: Pipeline, output: MechanismView, chosen: IntArray) -> MovingMechanism:
+    return view_mechanism(
+        run, chosen, coloured=output.body, component=output.component, scale=output.scale, alone=output.alone
+    )
+
+
+def _factor(output: MechanismView) -> str:
+    return f", deformation × {output.scale:g}" if output.scale != 1 else ""
 
 
 @dataclass(frozen=True)
@@ -173,46 +223,12 @@ DRAWINGS: dict[str, Drawing] = {
     "modes": Drawing(draw_modes, ("modes", "surface", "body"), still=True),
     "mode sheet": Drawing(draw_mode_sheet, ("modes", "surface", "body"), still=True),
     "stress": Drawing(draw_stress, ("surface", "stress", "body")),
+    "mechanism": Drawing(draw_mechanism, ("mesh", "surface", "stress", "body")),
     "film": Drawing(draw_film, ("mesh", "surface", "stress", "body")),
 }
 
 
-def _filmed(run: Pipeline, output: Film, history: StressHistory, chosen: IntArray, values: Array) -> FilmedMotion:
-    """Gather a body's motion at some output times for a film, with its rate of rotation as notes."""
-    motion, body = run.motion, output.body
-    first = run.frame_of(body)
-    frame = motion.kinematics.frames[motion.mechanism.number_of(first)]
-    if len(run.pieces_of(body)) > 1:  # large rotations: a shape for each frame
-        shapes, coordinates = np.moveaxis(run.deform(body, chosen, history.nodes), 0, 2), np.eye(len(chosen))
-    else:
-        shapes, coordinates = run.bodies[body].shapes[history.nodes], history.q[chosen]
-    return FilmedMotion(
-        times=motion.times[chosen],
-        points=_surface(run, body).points,
-        shapes=shapes,
-        coordinates=coordinates,
-        scale=output.scale,
-        origin=frame.origin[chosen],
-        rotation=frame.rotation[chosen],
-        stress=values,
-        notes=tuple(f"{turns * 60 / (2 * np.pi):,.0f} rpm".replace(",", " ") for turns in motion.spin(first)[chosen]),
-    )
-
-
-def _surface(run: Pipeline, body: str) -> Surface:
-    from pipeline.render.surface import Surface
-
-    part = run.wholes[body]
-    x = part.space.x if not run.scene.moves else run.node_positions(body)  # a part alone isn't reduced
-    return Surface(x[part.surface.nodes], part.surface.triangles, part.surface.edges)
-
-
-def _is_ring(run: Pipeline, body: str) -> bool:
-    """Return True if a body surrounds its joint, so that a dot for the hub would lie upon it."""
-    return run.wholes[body].mesh.sectors > 1
-
-
-def _camera(run: Pipeline, output: BodyPicture, size: tuple[int, int] | None = None) -> Camera:
+def _camera(run: Pipeline, output: PictureSettings, size: tuple[int, int] | None = None) -> Camera:
     """Return a picture's camera, of ``size`` unless the scene gives one; by default of a still picture's."""
     angles = None if output.camera is None else (np.degrees(output.camera[0]), np.degrees(output.camera[1]))
     settings: dict[str, Any] = {"focus": output.focus, "extent": output.extent, "zoom": output.zoom}
@@ -220,6 +236,11 @@ def _camera(run: Pipeline, output: BodyPicture, size: tuple[int, int] | None = N
         return Camera(angles=angles, size=output.size or size or PIXELS, colour_map=output.colour_map, **settings)
     except ValueError as error:
         raise InputError(run.scene.file, "output", output.colour_map, str(error)) from error
+
+
+def _name(output: BodyPicture) -> str:
+    """Return a body's name for a title, which the scene's, of its motion, wouldn't suit."""
+    return output.body[:1].upper() + output.body[1:]
 
 
 def _quantity(component: str) -> str:

@@ -14,8 +14,10 @@ from pipeline.accuracy.error_estimates import SAFETY
 from pipeline.output.coupling import coupling_warnings
 from pipeline.output.explain import STAGES
 from pipeline.output.frequencies import frequencies_by_body, frequency_table, mode_warnings
+from pipeline.output.histories import extremes
 from pipeline.output.loops import loop_figures, loop_warnings
 from pipeline.recovery.motion import Motion
+from pipeline.scene.histories import ExtremesTable
 from pipeline.stages.divided_scene import part_of
 from pipeline.stages.pipeline import Pipeline
 
@@ -71,6 +73,8 @@ def summarise(run: Pipeline, files: list[str], budget: bool, budget_seconds: flo
         origin = run.bodies[run.frame_of(meshed[0])].origin
         place = origin + run.node_positions(meshed[0])[stress.nodes[node]]
         summary["worst_stress"] = {"time_s": time, "von_mises_pa": value, "position_m": place.tolist()}
+    if tables := {o.file: extremes(run, o) for o in run.scene.output if isinstance(o, ExtremesTable)}:
+        summary["tables"] = tables
     if budget and len(meshed) == len(run.wholes):  # matrices alone tell nothing of their own error
         stated = state_errors(run, budget_seconds)
         summary["error_budget"] = stated.summary()

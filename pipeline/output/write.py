@@ -11,10 +11,11 @@ from pipeline.accuracy.refinement import meet_accuracy
 from pipeline.core.errors import InputError
 from pipeline.core.files import whole_file
 from pipeline.output.explain import remember_times
-from pipeline.output.exports import write_export
+from pipeline.output.exports import write_file
 from pipeline.output.picture_files import Pictures
 from pipeline.output.summary import summarise
 from pipeline.recovery.motion_file import write_motions
+from pipeline.scene.outputs import is_drawn
 from pipeline.stages.pipeline import Pipeline
 
 
@@ -43,7 +44,7 @@ def write_results(
     AccuracyError
         A march diverged, or a result failed its check.
     """
-    drawn = [output for output in run.scene.output if output.type != "export"] if pictures else []
+    drawn = [output for output in run.scene.output if is_drawn(output)] if pictures else []
     with Pictures(drawn, run.scene.file) as drawing:
         drawing.start(run)
         refinement: dict[str, Any] = {}
@@ -77,11 +78,11 @@ def _write(
     refinement: dict[str, Any],
 ) -> dict[str, Any]:
     """Write all files of a run that has been integrated, the summary last, while its pictures are drawn."""
-    exports = [output for output in run.scene.output if output.type == "export"]
+    wanted = [output for output in run.scene.output if not is_drawn(output)]
     folder.mkdir(parents=True, exist_ok=True)
     files = [_write_motion(run, folder)]
-    if exports:
-        files += run.store.compute("files", lambda: [name for o in exports for name in write_export(run, o, folder)])
+    if wanted:
+        files += run.store.compute("files", lambda: [name for o in wanted for name in write_file(run, o, folder)])
     seconds = allowed_seconds(run) if budget_seconds is None else budget_seconds
     if budget and all(part.has_mesh for part in run.parts.values()):
         state_errors(run, seconds)

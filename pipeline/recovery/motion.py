@@ -14,7 +14,7 @@ from pipeline.core.html import facts, scaled
 from pipeline.dynamics.kinematics import Kinematics
 from pipeline.dynamics.links import REVOLUTE, Link
 from pipeline.dynamics.mechanism import Mechanism
-from pipeline.dynamics.reactions import closing_reactions, constraint_residual
+from pipeline.dynamics.reactions import JointLoads, closing_reactions, constraint_residual, joint_loads
 from pipeline.integrators.protocol import Trajectory
 
 
@@ -90,6 +90,11 @@ class Motion:
         """Force [N] and moment [N m] of each joint that closes a loop on its parent and child, (n_times, 2, 6)."""
         return closing_reactions(self.mechanism, self.times, self.trajectory.q, self.trajectory.v)
 
+    @cached_property
+    def joint_loads(self) -> JointLoads:
+        """Accelerations, and force and moment of every joint, at the output times."""
+        return joint_loads(self.mechanism, self.times, self.trajectory.q, self.trajectory.v)
+
     @property
     def constraint_residual(self) -> float:
         """Largest gap of the loops at the output times [m, or rad]; 0 without loops."""
@@ -122,6 +127,8 @@ class Motion:
         """Deflection of the tip across its arm about a revolute joint [m], (n_times,); ``None`` at other joints."""
         number, name = self._tip
         link = self.mechanism.links[number]
+        if link.part:
+            return None
         arm = np.cross(link.axis, link.markers[name].position)
         length = np.linalg.norm(arm)
         return np.asarray(self.tip_deflection @ (arm / length)) if link.joint == REVOLUTE and length else None

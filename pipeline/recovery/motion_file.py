@@ -26,7 +26,7 @@ A joint whose variable would have the name of another one gets ``joint.`` before
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Mapping
+from collections.abc import Iterator, Mapping, Sequence
 from pathlib import Path
 from typing import TYPE_CHECKING, NamedTuple
 
@@ -70,7 +70,7 @@ def motion_dataset(motions: Mapping[str, Motion]) -> xarray.Dataset:
     """Gather several motions of a scene with common output times in one labelled data set, units as attributes."""
     import xarray
 
-    data, coordinates = _gather(motions)
+    data, coordinates = _gather_motions(motions)
     return xarray.Dataset(
         {own.name: (own.dims, own.values, own.attributes) for own in data},
         {own.name: (own.dims, own.values, own.attributes) for own in coordinates},
@@ -79,14 +79,23 @@ def motion_dataset(motions: Mapping[str, Motion]) -> xarray.Dataset:
 
 def write_motions(motions: Mapping[str, Motion], path: Path) -> None:
     """Write the data set of several motions to a NetCDF file, without loading xarray."""
-    data, coordinates = _gather(motions)
+    data, coordinates = _gather_motions(motions)
     write_netcdf(path, [*coordinates, *data])
 
 
-def _gather(motions: Mapping[str, Motion]) -> tuple[list[NetcdfVariable], list[NetcdfVariable]]:
-    """Gather the variables of several motions, stacked over the runs, and the coordinates of their dimensions."""
-    first = next(iter(motions.values()))
-    tables = [{variable.name: variable for variable in motion_variables(motion)} for motion in motions.values()]
+def gather_runs(
+    times: Array, runs: Mapping[str, Sequence[Variable]]
+) -> tuple[list[NetcdfVariable], list[NetcdfVariable]]:
+    """Stack the variables of several runs, and return them and the coordinates of their common dimensions.
+
+    Parameters
+    ----------
+    times : ndarray, shape (n_times,)
+        Output times [s].
+    runs : mapping of str to sequence of Variable
+        The same variables of each run, by the runs' labels.
+    """
+    tables = [{variable.name: variable for variable in variables} for variables in runs.values()]
     data = [
         NetcdfVariable(
             name,
@@ -96,6 +105,18 @@ def _gather(motions: Mapping[str, Motion]) -> tuple[list[NetcdfVariable], list[N
         )
         for name, variable in tables[0].items()
     ]
+    return data, [
+        NetcdfVariable("run", ("run",), np.array(list(runs))),
+        NetcdfVariable("time", ("time",), times, {"units": "s", "long_name": "time"}),
+        NetcdfVariable("axis", ("axis",), np.array(["x", "y", "z"])),
+        NetcdfVariable("quaternion", ("quaternion",), np.array(["x", "y", "z", "w"])),
+    ]
+
+
+def _gather_motions(motions: Mapping[str, Motion]) -> tuple[list[NetcdfVariable], list[NetcdfVariable]]:
+    """Gather the variables of several motions, stacked over the runs, and the coordinates of their dimensions."""
+    first = next(iter(motions.values()))
+    data, coordinates = gather_runs(first.times, {label: motion_variables(motion) for label, motion in motions.items()})
     frequencies = [
         NetcdfVariable(
             f"{link.name}.mode",
@@ -106,20 +127,14 @@ def _gather(motions: Mapping[str, Motion]) -> tuple[list[NetcdfVariable], list[N
         for link in first.mechanism.links
         if len(link.omega)
     ]
-    return data, [
-        NetcdfVariable("run", ("run",), np.array(list(motions))),
-        NetcdfVariable("time", ("time",), first.times, {"units": "s", "long_name": "time"}),
-        NetcdfVariable("axis", ("axis",), np.array(["x", "y", "z"])),
-        NetcdfVariable("quaternion", ("quaternion",), np.array(["x", "y", "z", "w"])),
-        *frequencies,
-    ]
+    return data, [*coordinates, *frequencies]
 
 
 def motion_variables(motion: Motion) -> list[Variable]:
     """Compute all variables of a motion; no name comes twice."""
     variables = [*_whole_variables(motion), *_body_variables(motion)]
     taken = {variable.name for variable in variables}
-    for variable in _joint_variables(motion):
+    for variable in joint_variables(motion):
         variables.append(variable._replace(name=f"joint.{variable.name}") if variable.name in taken else variable)
     return variables
 
@@ -161,7 +176,7 @@ def _body_variables(motion: Motion) -> Iterator[Variable]:
                 yield Variable(f"{name}.deflection", whole.deflection(k, marker), _XYZ, "m", text)
 
 
-def _joint_variables(motion: Motion) -> Iterator[Variable]:
+def joint_variables(motion: Motion) -> Iterator[Variable]:
     """Variables of each joint that moves."""
     for k, link in enumerate(motion.mechanism.links):
         joint = link.joint_name

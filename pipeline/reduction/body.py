@@ -70,6 +70,8 @@ class FlexibleBody:
         ``|M_θq| / √J`` in the reference state: 0 for a joint-conforming basis, below 1 always.
     origin : ndarray, shape (3,)
         Position of the joint in the part's own coordinates, those of its mesh or CAD file [m].
+    damping : ndarray, shape (n,) or (0,)
+        Damping ratio of each modal coordinate, of a body whose file tells it; empty else.
     """
 
     x: Array
@@ -81,6 +83,7 @@ class FlexibleBody:
     gram: InertiaGram
     coupling: float
     origin: Array = field(default_factory=lambda: np.zeros(3), kw_only=True)
+    damping: Array = field(default_factory=lambda: np.zeros(0), kw_only=True)
 
     @property
     def frequencies_hz(self) -> Array:

@@ -26,6 +26,9 @@ TITLE_HEIGHT = 1 / 26  # of letters, over the picture's height
 LABEL_HEIGHT = 1 / 36
 TICK_HEIGHT = 1 / 42
 MARGIN = 0.03
+TRIAD = (0.085, 0.085)  # its middle from the picture's left and bottom, over its height
+TRIAD_LENGTH = 0.045
+TRIAD_COLOURS = ("#c0392b", "#2d8a4a", "#2c5fa8")
 ABOVE_BAR = 0.13  # width of the label of an upright colour bar, over the picture's
 
 
@@ -74,9 +77,18 @@ def fit_height(text: str, height: float, room: float, size: tuple[int, int]) -> 
 
 
 def add_colour_bar(
-    canvas: Canvas, quantity: str, limits: tuple[float, float], colour_map: str, place: Place = BAR
+    canvas: Canvas,
+    quantity: str,
+    limits: tuple[float, float],
+    colour_map: str,
+    place: Place = BAR,
+    *,
+    beyond: bool = False,
 ) -> None:
-    """Add a colour bar, horizontal or upright as its place is, with its quantity, round numbers and limits."""
+    """Add a colour bar, horizontal or upright as its place is, with its quantity, round numbers and limits.
+
+    With ``beyond``, the upper limit is marked as one that some values exceed.
+    """
     left, right, bottom, top = place
     start = np.array([left, bottom, 0.0])
     wide, high, _ = np.diag([right - left, top - bottom, 0.0])
@@ -100,7 +112,8 @@ def add_colour_bar(
         share = (tick - limits[0]) / span
         if tick in limits or near < share < 1 - near:  # numbers side by side need more room
             x, y, _ = start + share * along + offset
-            add_text(canvas, format_number(tick, span), (x, y), TICK_HEIGHT, align)
+            sign = "≥ " if beyond and tick == limits[1] else ""
+            add_text(canvas, sign + format_number(tick, span), (x, y), TICK_HEIGHT, align)
 
 
 def format_number(value: float, span: float) -> str:
@@ -175,6 +188,20 @@ def _add_flat(canvas: Canvas, shape: pv.PolyData, colour: str = INK, width: floa
     actor.GetProperty().SetColor(pv.Color(colour).float_rgb)
     actor.GetProperty().SetLineWidth(width * canvas.fineness)
     canvas.plotter.renderer.AddViewProp(actor)
+
+
+def add_triad(canvas: Canvas) -> None:
+    """Add the directions of x, y and z in space at the lower left."""
+    width, height = canvas.size
+    centre = np.array([TRIAD[0] * height, (1 - TRIAD[1]) * height])
+    flat = canvas.projection.axes[:2].T * (1, -1)  # to the right and down, one row an axis
+    for k in np.argsort(canvas.projection.axes[2]):  # the axis towards the viewer last, over the others
+        end = centre + TRIAD_LENGTH * height * flat[k]
+        points = np.stack([centre, end]) / canvas.size * (1, -1) + (0, 1)
+        _add_flat(canvas, pv.lines_from_points(np.column_stack([points, np.zeros(2)])), TRIAD_COLOURS[k], 2.5)
+        if np.linalg.norm(flat[k]) > 0.2:
+            x, y = centre + (TRIAD_LENGTH * height + 0.6 * TICK_HEIGHT * height / np.linalg.norm(flat[k])) * flat[k]
+            add_text(canvas, "xyz"[k], (x / width, 1 - y / height), TICK_HEIGHT, "centre", TRIAD_COLOURS[k])
 
 
 def cover_margins(canvas: Canvas, place: Place) -> None:

@@ -8,8 +8,17 @@ from dataclasses import dataclass
 import numpy as np
 
 from pipeline.core.arrays import Array
-from pipeline.render.colours import require_colour_map
-from pipeline.render.projection import PART, TILT, Place, Projection, fit_projection, frame_projection, oblique_axes
+from pipeline.render.colours import LIGHT_TURBO, require_colour_map
+from pipeline.render.projection import (
+    PART,
+    TILT,
+    Place,
+    Projection,
+    fit_projection,
+    frame_projection,
+    oblique_axes,
+    upright_axes,
+)
 
 PIXELS = (1600, 900)
 SHEET_PIXELS = (1800, 1200)
@@ -30,7 +39,7 @@ class Camera:
     size : tuple of int
         Width and height [pixels].
     colour_map : str
-        Matplotlib's name of the map for scalar fields.
+        Map for scalar fields: ``light turbo``, or a name in Matplotlib.
     focus : tuple of float, optional
         Point in the middle of a close-up, shape (3,) [m].
     extent : float, optional
@@ -45,7 +54,7 @@ class Camera:
     angles: tuple[float, float] | None = None
     zoom: float = 1.0
     size: tuple[int, int] = PIXELS
-    colour_map: str = "turbo"
+    colour_map: str = LIGHT_TURBO
     focus: tuple[float, float, float] | None = None
     extent: float | None = None
 
@@ -67,10 +76,13 @@ class Camera:
         """True if the part may reach beyond its place in the picture."""
         return self.zoom > 1 or self.focus is not None or self.extent is not None
 
-    def candidate_axes(self, points: Array, tilt: tuple[float, float] = TILT) -> list[Array]:
-        """Return the camera axes (3, 3) to choose from, the best first, for points (n, 3) [m]."""
+    def candidate_axes(self, points: Array, tilt: tuple[float, float] = TILT, up: Array | None = None) -> list[Array]:
+        """Return the camera axes (3, 3) to choose from, the best first, for points (n, 3) [m].
+
+        Without angles, ``up`` (3,) points upwards in the picture.
+        """
         if self.angles is None:
-            return list(oblique_axes(points, tilt))
+            return list(oblique_axes(points, tilt) if up is None else upright_axes(points, up, tilt))
         azimuth, elevation = np.radians(self.angles)
         towards = np.array(
             [np.cos(elevation) * np.cos(azimuth), np.cos(elevation) * np.sin(azimuth), np.sin(elevation)]

@@ -19,6 +19,7 @@ from vtkmodules.vtkCommonCore import vtkLogger, vtkUnsignedCharArray
 
 from pipeline.core.arrays import Array, IntArray
 from pipeline.core.files import whole_file
+from pipeline.render.colours import sample_colours
 from pipeline.render.projection import Projection
 from pipeline.render.surface import Skin, Surface, area_normals
 
@@ -210,18 +211,24 @@ def add_part_by_values(
     """Add a part with its points coloured by ``values`` (n_points,) between two limits."""
     faces = pv.PolyData(surface.points[skin.source], faces=_vtk_cells(skin.triangles))
     faces.point_data["values"] = values[skin.source]
-    colouring = {"scalars": "values", "cmap": colour_map, "clim": limits, "show_scalar_bar": False}
+    colours = ["#{:02x}{:02x}{:02x}".format(*colour) for colour in sample_colours(colour_map, 256).tolist()]
+    colouring = {"scalars": "values", "cmap": colours, "clim": limits, "show_scalar_bar": False}
     outline = choose_outline(surface, canvas.projection)
     return _add_part(canvas, faces, surface, skin, outline, AMBIENT_OF_VALUES, colouring)
 
 
 def add_part_by_colours(
-    canvas: Canvas, surface: Surface, skin: Skin, colours: NDArray[np.uint8], outline: Outline
+    canvas: Canvas,
+    surface: Surface,
+    skin: Skin,
+    colours: NDArray[np.uint8],
+    outline: Outline,
+    ambient: float = AMBIENT_OF_COLOURS,
 ) -> DrawnPart:
     """Add a part with a colour for each of its triangles, shape (n_triangles, 3)."""
     faces = pv.PolyData(surface.points[skin.source], faces=_vtk_cells(skin.triangles))
     faces.cell_data["colours"] = colours
-    return _add_part(canvas, faces, surface, skin, outline, AMBIENT_OF_COLOURS, {"scalars": "colours", "rgb": True})
+    return _add_part(canvas, faces, surface, skin, outline, ambient, {"scalars": "colours", "rgb": True})
 
 
 def _add_part(

@@ -16,6 +16,8 @@ PART = (0.04, 0.96, 0.24, 0.84)
 TILT = (24.0, 22.0)  # of the camera [degrees], about the upright axis and about the horizontal one
 SLENDER = 0.4  # second extent over longest
 MOST_CANDIDATES = 100  # points tried for the largest value: of a uniform field all points are equal
+FLAT = 0.3  # least extent over the largest, below which a motion counts as one in a plane
+IN_SPACE = (33.0, 22.0)  # tilt of the camera at any other motion [degrees]
 SAME_EXTENT = 1.3  # extents that differ by less than this factor count as equal
 
 
@@ -112,6 +114,30 @@ def oblique_axes(points: Array, tilt: tuple[float, float] = TILT) -> Iterator[Ar
         # A slender part lies level, any other stands upright.
         turned = aside @ above if slender else above @ aside
         yield turned @ (front * [[back], [1], [back]])
+
+
+def upright_axes(points: Array, up: Array, tilt: tuple[float, float] = TILT) -> Iterator[Array]:
+    """Yield camera axes (3, 3), the best first, with a direction ``up`` (3,) upwards and the longest extent level.
+
+    Points (n, 3) [m] that fill a space, not a plane, are seen more from the side and from above than by ``tilt``.
+    """
+    up = up / np.linalg.norm(up)
+    level = np.eye(3)[np.argsort(np.abs(up), kind="stable")[:2]]
+    level = level - np.outer(level @ up, up)
+    one = level[0] / np.linalg.norm(level[0])
+    extents = np.array([np.ptp(points @ direction) for direction in (one, np.cross(up, one))])
+    right = one if extents[0] * SAME_EXTENT >= extents[1] else np.cross(up, one)
+    if right[np.argmax(np.abs(right))] < 0:
+        right = -right
+    front = np.array([right, up, np.cross(right, up)])
+    height = float(np.ptp(points @ up))
+    turn, rise = np.radians(tilt if extents.min() < FLAT * max(extents.max(), height) else IN_SPACE)
+    c, s = np.cos(rise), np.sin(rise)
+    above = np.array([[1, 0, 0], [0, c, -s], [0, s, c]])
+    for back, side in product((1, -1), (1, -1)):
+        c, s = np.cos(turn), side * np.sin(turn)
+        aside = np.array([[c, 0, -s], [0, 1, 0], [s, 0, c]])
+        yield above @ aside @ (front * [[back], [1], [back]])
 
 
 def is_visible(axes: Array, points: Array, triangles: IntArray, number: int) -> bool:

@@ -9,6 +9,7 @@ from pydantic import BeforeValidator, Field
 from pipeline.scene.bodies import Bar
 from pipeline.scene.imported_bodies import CadPart, MatrixPart, MeshedPart
 from pipeline.scene.propeller import Propeller
+from pipeline.scene.reduced_bodies import ReducedPart
 from pipeline.scene.rigid_bodies import PointMass, RigidBody, Rod
 
 
@@ -18,15 +19,17 @@ def _with_shape(body: object) -> object:
         mesh = body.get("mesh")
         if "matrices" in body:
             return body | {"shape": "matrices"}
+        if "body" in body:
+            return body | {"shape": "reduced"}
         for key, shape in (("file", "mesh"), ("cad", "cad")):
             if isinstance(mesh, dict) and key in mesh:
                 return body | {"shape": shape}
     return body
 
 
-Flexible = Bar | Propeller | MeshedPart | CadPart | MatrixPart
+Flexible = Bar | Propeller | MeshedPart | CadPart | MatrixPart | ReducedPart
 Body = Annotated[
-    Bar | Propeller | Rod | PointMass | RigidBody | MeshedPart | CadPart | MatrixPart,
+    Bar | Propeller | Rod | PointMass | RigidBody | MeshedPart | CadPart | MatrixPart | ReducedPart,
     Field(discriminator="shape"),
     BeforeValidator(_with_shape),
 ]

@@ -9,13 +9,14 @@ from pydantic import model_validator
 
 from pipeline.core.units import Angle, AngularRate, Length, NonNegative, Positive, Torque, Velocity
 from pipeline.scene.force_elements import AngleStop, Damping, Stiffness, TurningDamping, TurningStiffness
-from pipeline.scene.reading import FaultError, SceneTable
+from pipeline.scene.orientation import Orientation
+from pipeline.scene.reading import FaultError
 from pipeline.scene.values import Axis, MarkerName, PlaceName
 
 _ROUND_OFF = 1e-9
 
 
-class Universal(SceneTable):
+class Universal(Orientation):
     """A universal (Cardan) joint: the child turns about an axis of the parent and about one of its own, across it.
 
     Parameters
@@ -25,9 +26,9 @@ class Universal(SceneTable):
     child : str
         Marker of the body that the joint carries.
     axis : tuple of float
-        Direction of the parent's axis, in the axes of its body or place; its length doesn't count.
+        Direction of the parent's axis, in the axes of its marker or place; its length doesn't count.
     child_axis : tuple of float
-        Direction of the child's axis, in the axes of its body; perpendicular to ``axis`` at angles 0.
+        Direction of the child's axis, in the axes of its marker; perpendicular to ``axis`` at angles 0.
     angles : tuple of float
         Angles about both axes at the start [rad].
     rates : tuple of float
@@ -70,7 +71,7 @@ class Universal(SceneTable):
         return self
 
 
-class Cylindrical(SceneTable):
+class Cylindrical(Orientation):
     """A slide that also lets the child turn about its axis.
 
     Parameters
@@ -80,7 +81,8 @@ class Cylindrical(SceneTable):
     child : str
         Marker of the body that the joint carries.
     axis : tuple of float
-        Direction of the axis in the axes of the parent's body or place; its length doesn't count.
+        Direction of the axis in the axes of the parent's marker or place; its length
+        doesn't count.
     position : float
         Displacement of the child's marker from the parent's at the start [m].
     angle : float
@@ -131,7 +133,7 @@ class Cylindrical(SceneTable):
     turning_damper: TurningDamping = 0.0
 
 
-class Planar(SceneTable):
+class Planar(Orientation):
     """A plane on a plane: the child slides in two directions and turns about their normal.
 
     Parameters
@@ -141,7 +143,8 @@ class Planar(SceneTable):
     child : str
         Marker of the body that the joint carries.
     axis : tuple of float
-        Direction of the normal in the axes of the parent's body or place; its length doesn't count.
+        Direction of the normal in the axes of the parent's marker or place; its length
+        doesn't count.
     position : tuple of float
         Displacements of the child's marker from the parent's at the start [m]: along that of x, y and z that is most
         across the normal, turned into the plane, and along the normal's cross product with it. They are x and y for the
@@ -176,7 +179,7 @@ class Planar(SceneTable):
     rate: AngularRate = 0.0
 
 
-class Screw(SceneTable):
+class Screw(Orientation):
     """A screw: the child turns about an axis and moves along it in proportion.
 
     Parameters
@@ -186,7 +189,8 @@ class Screw(SceneTable):
     child : str
         Marker of the body that the joint carries.
     axis : tuple of float
-        Direction of the axis in the axes of the parent's body or place; its length doesn't count.
+        Direction of the axis in the axes of the parent's marker or place; its length
+        doesn't count.
     lead : float
         Displacement along the axis for a whole turn [m]; below 0 for a left-handed thread.
     angle : float

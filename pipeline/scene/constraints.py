@@ -48,7 +48,7 @@ class PointOnLine(SceneTable):
     child : str
         Marker or place that stays on it.
     axis : tuple of float
-        Direction of the line in the axes of the parent's body or place; its length doesn't count.
+        Direction of the line in the axes of the parent's marker or place; its length doesn't count.
 
     Examples
     --------

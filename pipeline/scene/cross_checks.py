@@ -13,11 +13,12 @@ from pipeline.scene.any_body import Body, Flexible
 from pipeline.scene.constraints import AnyCoupler
 from pipeline.scene.force_elements import ForceElement
 from pipeline.scene.ground import GroundPlace
+from pipeline.scene.histories import Quantities
 from pipeline.scene.joints import Joint
 from pipeline.scene.loads import Drive, MotionDrive, PointForce, PointTorque
 from pipeline.scene.loops import OF_COORDINATES, closing_joints
 from pipeline.scene.outputs import JOINT_QUANTITIES, Chart, Export, Output
-from pipeline.scene.pictures import BodyPicture
+from pipeline.scene.pictures import BodyPicture, MechanismView, StressPicture
 from pipeline.scene.reading import FaultError, suggest_name
 from pipeline.scene.runs import ScipyRun
 from pipeline.scene.simulation import Simulation
@@ -74,6 +75,13 @@ class CrossCheck:
             yield from self._check_place(joint.child, "joint", name, "child")
             if joint.parent.partition(".")[0] == (body := joint.child.partition(".")[0]):
                 yield FaultError(f"holds {body} to itself", "joint", name, "child")
+            elif joint.type == "planar" and body in self.body:
+                marker = self.body[body].marker.get(joint.child.partition(".")[2])
+                if marker is not None and marker.is_turned:
+                    mend = "turn the joint instead, by its rotate or axes"
+                    yield FaultError(
+                        f"has axes of its own, which a planar joint can't take; {mend}", "joint", name, "child"
+                    )
 
     def _check_drives(self) -> Iterator[FaultError]:
         for name, drive in self.drive.items():
@@ -144,6 +152,8 @@ class CrossCheck:
         for number, output in enumerate(self.output):
             if isinstance(output, Chart):
                 yield from self._check_chart(output, "output", number)
+            elif isinstance(output, Quantities):
+                yield from self._check_quantities(output, "output", number)
             else:
                 yield from self._check_picture(output, "output", number)
         yield from self._check_files()
@@ -173,16 +183,42 @@ class CrossCheck:
             except ValueError as error:
                 yield FaultError(str(error), *path, "unit")
 
-    def _check_picture(self, picture: BodyPicture | Export, *path: str | int) -> Iterator[FaultError]:
+    def _check_quantities(self, output: Quantities, *path: str | int) -> Iterator[FaultError]:
+        """Names of a history or a table exist, and what it takes by default isn't empty."""
+        for number, name in enumerate(output.joints):
+            if name not in self.joint:
+                fault = f"no such joint; {suggest_name(name, self.joint, 'the joints')}"
+                yield FaultError(fault, *path, "joints", number)
+            elif name in closing_joints(self.joint) and "joint_reaction" not in output.quantities:
+                fault = "closes a loop, so it has a reaction, but no coordinate"
+                yield FaultError(fault, *path, "joints", number)
+        for number, name in enumerate(output.markers):
+            yield from self._check_marker(name, *path, "markers", number)
+        for number, name in enumerate(output.elements):
+            yield from self._check_element(name, *path, "elements", number)
+        meshed = {name: body for name, body in self._flexible.items() if body.shape != "matrices"}
+        for number, name in enumerate(output.nodes):
+            if (body := name.partition(".")[0]) not in meshed:
+                names = suggest_name(body, meshed, "the flexible bodies with a mesh")
+                yield FaultError(f"no such body with stress; {names}", *path, "nodes", number)
+        if "element_stress" in output.quantities and not any(body.element for body in meshed.values()):
+            yield FaultError("element_stress needs a named element, [body.NAME.element]", *path, "quantities")
+
+    def _check_picture(self, picture: BodyPicture | MechanismView | Export, *path: str | int) -> Iterator[FaultError]:
         flexible = self._flexible
-        of_body_alone = isinstance(picture, Export) and picture.file.endswith(".nc")
+        if picture.body is None:  # of the whole mechanism
+            if isinstance(picture, StressPicture) and all(body.shape == "matrices" for body in flexible.values()):
+                yield FaultError("needs a flexible body with a mesh; this scene has none", *path, "type")
+            return
+        of_body_alone = isinstance(picture, Export) and (picture.file.endswith(".nc") or picture.format is not None)
         if picture.body not in self.body:
             yield FaultError(f"no such body; {suggest_name(picture.body, self.body, 'the bodies')}", *path, "body")
         elif picture.body not in flexible:
             names = suggest_name(picture.body, flexible, "the flexible bodies")
             yield FaultError(f"is rigid, without modes or stress; {names}", *path, "body")
-        elif flexible[picture.body].shape == "matrices" and not of_body_alone:
-            yield FaultError("is given by its matrices: without elements there is no stress or picture", *path, "body")
+        elif flexible[picture.body].shape in ("matrices", "reduced") and not of_body_alone:
+            given = "by its matrices" if flexible[picture.body].shape == "matrices" else "reduced"
+            yield FaultError(f"is given {given}: without elements there is no stress or picture", *path, "body")
 
     def _check_files(self) -> Iterator[FaultError]:
         """No output may write over another's file; some file systems don't distinguish upper from lower case."""

@@ -2,12 +2,10 @@
 
 from __future__ import annotations
 
-from itertools import pairwise
 from typing import Annotated, Literal
 
 from pydantic import Field, model_validator
 
-from pipeline.core.formula import parse_formula
 from pipeline.core.units import (
     Angle,
     Force,
@@ -20,8 +18,8 @@ from pipeline.core.units import (
     TranslationalDamping,
     TranslationalStiffness,
     Velocity,
-    unit_ratio,
 )
+from pipeline.scene.force_curves import ForceByElongation
 from pipeline.scene.reading import FaultError, SceneTable
 from pipeline.scene.values import Axis, Number, PlaceName, Point, Turn, Words
 
@@ -121,66 +119,6 @@ class AngleStop(SceneTable):
     def _somewhere(self) -> AngleStop:
         require_a_side(self.low, self.high)
         return self
-
-
-class ForceByElongation(SceneTable):
-    """Force of a nonlinear spring by its elongation: a formula, or a table.
-
-    Parameters
-    ----------
-    formula : str, optional
-        Formula of the elongation x in metres, e.g. ``"2000*x + 5e5*x**3"``; a formula or a table.
-    elongations : tuple of float, optional
-        Elongations of a table, ascending [m]. Beyond its ends the force goes on straight.
-    values : tuple of float, optional
-        Forces of the table in ``unit``, one for each elongation.
-    between : str
-        Course of a table between its elongations: ``"straight"`` lines or a ``"smooth"`` curve.
-    unit : str
-        Unit of the formula's or the table's forces.
-
-    Examples
-    --------
-    ::
-
-        [spring.bump.force]
-        elongations = ["-30 mm", "-10 mm", "0 mm", "40 mm"]
-        values = [-9, -1.2, 0, 4.1]
-        between = "smooth"
-        unit = "kN"
-    """
-
-    formula: str | None = None
-    elongations: Annotated[tuple[Length, ...], Field(min_length=2, max_length=200)] | None = None
-    values: tuple[Number, ...] | None = None
-    between: Literal["straight", "smooth"] = "straight"
-    unit: str
-
-    @model_validator(mode="after")
-    def _given_one_way(self) -> ForceByElongation:
-        if (self.formula is None) == (self.elongations is None):
-            raise FaultError("is missing: give a formula of x, or a table of elongations and values", "formula")
-        try:
-            unit_ratio(self.unit, "N")
-        except ValueError:
-            raise FaultError("isn't a unit of force; 'N' works", "unit") from None
-        if self.formula is not None:
-            try:
-                parse_formula(self.formula, "x")
-            except ValueError as error:
-                raise FaultError(str(error), "formula") from None
-        elif self.elongations is not None:
-            if self.values is None or len(self.values) != len(self.elongations):
-                raise FaultError(f"must hold {len(self.elongations)} values, one for each elongation", "values")
-            for number, (before, after) in enumerate(pairwise(self.elongations), start=1):
-                if not after > before:
-                    raise FaultError("must be above the elongation before it", "elongations", number)
-        return self
-
-    @property
-    def factor(self) -> float:
-        """Factor from the unit of the forces to newtons."""
-        return unit_ratio(self.unit, "N")
 
 
 class Spring(SceneTable):

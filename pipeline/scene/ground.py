@@ -2,20 +2,26 @@
 
 from __future__ import annotations
 
-from pipeline.scene.reading import SceneTable
+from typing import Self
+
+from pydantic import model_validator
+
+from pipeline.scene.orientation import Orientation
+from pipeline.scene.reading import FaultError
 from pipeline.scene.values import Point, Turn
 
 
-class GroundPlace(SceneTable):
+class GroundPlace(Orientation):
     """A named place on the ground, which stands still; joints hang on it as on a marker, ``"ground.NAME"``.
+
+    Its axes are those of space, or turned against them; a joint's axis, and the body that it carries, are in them.
 
     Parameters
     ----------
     at : tuple of float
         Position in space [m].
-    rotation : tuple of float
-        Rotation vector of the place's axes: they are those of space, turned about this vector by its length [rad]. A
-        joint's axis, and the body that it carries, are in the place's axes.
+    rotation : tuple of float, optional
+        Older name of ``rotate`` [rad].
 
     Examples
     --------
@@ -23,8 +29,16 @@ class GroundPlace(SceneTable):
 
         [ground.bearing]
         at = ["1 m", "0 m", "0 m"]
-        rotation = ["0 deg", "0 deg", "90 deg"]
+        rotate = ["0 deg", "0 deg", "90 deg"]
     """
 
     at: Point
-    rotation: Turn = (0.0, 0.0, 0.0)
+    rotation: Turn | None = None
+
+    @model_validator(mode="after")
+    def _read_the_older_name(self) -> Self:
+        if self.rotation is None:
+            return self
+        if self.is_turned:
+            raise FaultError("can't stand beside rotate or axes: give one of them", "rotation")
+        return self.model_copy(update={"rotate": self.rotation, "rotation": None})

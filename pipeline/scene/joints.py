@@ -23,13 +23,13 @@ from pipeline.core.units import (
 from pipeline.scene.compound_joints import Cylindrical, Planar, Screw, Universal
 from pipeline.scene.constraints import Distance, PointOnLine
 from pipeline.scene.force_elements import AngleStop, LengthStop
-from pipeline.scene.reading import SceneTable
-from pipeline.scene.values import Axis, MarkerName, PlaceName
+from pipeline.scene.orientation import Orientation
+from pipeline.scene.values import Axis, MarkerName, PlaceName, Point
 
 Spin = tuple[AngularRate, AngularRate, AngularRate]
 
 
-class Revolute(SceneTable):
+class Revolute(Orientation):
     """A hinge: the child turns about one axis of the parent.
 
     Parameters
@@ -39,9 +39,10 @@ class Revolute(SceneTable):
     child : str
         Marker of the body that the joint carries.
     axis : tuple of float
-        Direction of the axis in the axes of the parent's body or place; its length doesn't count.
+        Direction of the axis in the axes of the parent's marker or place; its length
+        doesn't count.
     child_axis : tuple of float, optional
-        The same direction in the axes of the child's body or place, of a joint that closes a loop; the numbers of
+        The same direction in the axes of the child's marker or place, of a joint that closes a loop; the numbers of
         ``axis`` by default, which are right if the child doesn't turn against the parent but about the axis.
     angle : float
         Angle at the start [rad].
@@ -88,7 +89,7 @@ class Revolute(SceneTable):
     friction_rate: Annotated[AngularRate, Positive] = 1e-2
 
 
-class Prismatic(SceneTable):
+class Prismatic(Orientation):
     """A slide: the child moves along one axis of the parent, without turning.
 
     Parameters
@@ -98,9 +99,10 @@ class Prismatic(SceneTable):
     child : str
         Marker of the body that the joint carries.
     axis : tuple of float
-        Direction of the axis in the axes of the parent's body or place; its length doesn't count.
+        Direction of the axis in the axes of the parent's marker or place; its length
+        doesn't count.
     child_axis : tuple of float, optional
-        The same direction in the axes of the child's body or place, of a joint that closes a loop; the numbers of
+        The same direction in the axes of the child's marker or place, of a joint that closes a loop; the numbers of
         ``axis`` by default, which are right if the child doesn't turn against the parent but about the axis.
     position : float
         Displacement of the child's marker from the parent's at the start [m].
@@ -147,8 +149,8 @@ class Prismatic(SceneTable):
     friction_rate: Annotated[Velocity, Positive] = 1e-3
 
 
-class Fixed(SceneTable):
-    """A weld: the child's marker stays on the parent's, without turning.
+class Fixed(Orientation):
+    """A weld: the child's marker stays on the parent's, in the joint's axes.
 
     Parameters
     ----------
@@ -172,7 +174,7 @@ class Fixed(SceneTable):
     child: MarkerName
 
 
-class Spherical(SceneTable):
+class Spherical(Orientation):
     """A ball joint: the child's marker stays on the parent's and turns freely.
 
     Parameters
@@ -201,8 +203,8 @@ class Spherical(SceneTable):
     spin: Spin = (0.0, 0.0, 0.0)
 
 
-class Free(SceneTable):
-    """No constraint: the child moves and turns freely against the parent.
+class Free(Orientation):
+    """No constraint: the child moves and turns freely against the parent, from the position and axes of the start.
 
     Parameters
     ----------
@@ -210,8 +212,10 @@ class Free(SceneTable):
         Marker or place on the ground, ``"ground.NAME"``, that the joint hangs on; ``"ground"`` is its origin.
     child : str
         Marker of the body that the joint carries.
+    position : tuple of float
+        Displacement of the child's marker from the parent's at the start, in the axes of the parent's [m].
     velocity : tuple of float
-        Velocity of the child's marker against the parent at the start [m/s].
+        Velocity of the child's marker against the parent at the start, in the same axes [m/s].
     spin : tuple of float
         Angular velocity against the parent at the start, along the child's axes [rad/s].
 
@@ -223,12 +227,15 @@ class Free(SceneTable):
         type = "free"
         parent = "ground"
         child = "box.corner"
+        position = ["0 m", "0 m", "1.5 m"]
+        rotate = ["0 deg", "30 deg", "0 deg"]
         velocity = ["1 m/s", "0 m/s", "2 m/s"]
     """
 
     type: Literal["free"]
     parent: PlaceName
     child: MarkerName
+    position: Point = (0.0, 0.0, 0.0)
     velocity: tuple[Velocity, Velocity, Velocity] = (0.0, 0.0, 0.0)
     spin: Spin = (0.0, 0.0, 0.0)
 

@@ -145,7 +145,7 @@ class PointForce(SceneTable):
     force : ForceOverTime
         Size of the force [N].
     following : bool
-        True if the direction turns with the marker, false if it is fixed in space.
+        True if the direction is in the marker's axes and turns with them, false if it is fixed in space.
 
     Examples
     --------
@@ -177,7 +177,7 @@ class PointTorque(SceneTable):
     torque : TorqueOverTime
         Size of the torque [N m].
     following : bool
-        True if the direction turns with the marker, false if it is fixed in space.
+        True if the direction is in the marker's axes and turns with them, false if it is fixed in space.
 
     Examples
     --------

@@ -7,7 +7,16 @@ from typing import Annotated, Literal
 from pydantic import AfterValidator, Field, model_validator
 
 from pipeline.core.units import Stress
-from pipeline.scene.pictures import Component, Film, MeshPicture, ModePictures, ModeSheet, StressPicture
+from pipeline.scene.histories import ExtremesTable, History
+from pipeline.scene.pictures import (
+    Component,
+    Film,
+    MechanismPicture,
+    MeshPicture,
+    ModePictures,
+    ModeSheet,
+    StressPicture,
+)
 from pipeline.scene.reading import FaultError, SceneTable
 from pipeline.scene.values import BodyName, ElementName, FileCheck, JointName, MarkerName, Text
 
@@ -31,6 +40,24 @@ CHART_QUANTITIES = {
     "joint_angle": "the former name of `joint_position`",
 }
 
+
+EXPORT_FORMATS: dict[str, tuple[str, ...]] = {
+    "python": (".nc",),
+    "sid": (".SID_FEM",),
+    "exudyn": (".npz",),
+    "mbdyn": (".fem",),
+    "simscape": (".mat",),
+    "openfast": (".dat",),
+    "full": (".mtx", ".npz", ".txt"),
+    "fmu": (".fmu",),
+}
+"""Formats of other programs, and the suffixes of their files."""
+
+MECHANISM_FORMATS = ("fmu",)
+"""Those of them that hold the whole mechanism; the others hold one flexible body."""
+
+_SUFFIXES = (".msh", ".vtu", ".vtkhdf", ".nc")
+_FORMAT_SUFFIXES = tuple(suffix for own in EXPORT_FORMATS.values() for suffix in own if suffix not in _SUFFIXES)
 
 JOINT_QUANTITIES = ("joint_position", "joint_rate", "joint_angle")
 
@@ -125,7 +152,7 @@ class Chart(SceneTable):
 
 
 class Export(SceneTable):
-    """A file for other tools; its suffix gives the format and what it holds.
+    """A file for other tools; its suffix gives what it holds, unless ``format`` does.
 
     ``.msh`` and ``.vtu`` hold the mesh with its parts, ``.vtkhdf`` displacement and stress at several times for
     ParaView, ``.nc`` the reduced body: modes, mass, stiffness, inertia integrals and the stress of each mode.
@@ -134,8 +161,10 @@ class Export(SceneTable):
     ----------
     file : str
         File that is written.
-    body : str
-        Flexible body that it holds.
+    format : str, optional
+        Format of another program, as of ``fmd export --to``.
+    body : str, optional
+        Flexible body that it holds; needed by all that hold one.
     frames : int
         Number of output times in a ``.vtkhdf`` file, spread over the duration.
 
@@ -151,11 +180,41 @@ class Export(SceneTable):
     """
 
     type: Literal["export"]
-    file: Annotated[str, AfterValidator(FileCheck((".msh", ".vtu", ".vtkhdf", ".nc")))]
-    body: BodyName
+    file: Annotated[str, AfterValidator(FileCheck((*_SUFFIXES, *_FORMAT_SUFFIXES)))]
+    format: Literal["python", "sid", "exudyn", "mbdyn", "simscape", "openfast", "full", "fmu"] | None = None
+    body: BodyName | None = None
     frames: Annotated[int, Field(strict=True, ge=2, le=2000)] = 21
+
+    @model_validator(mode="after")
+    def _format_and_file_agree(self) -> Export:
+        suffixes = _SUFFIXES if self.format is None else EXPORT_FORMATS[self.format]
+        if not self.file.endswith(suffixes):
+            what = "without a format" if self.format is None else f"of format {self.format!r}"
+            raise FaultError(f"a file {what} ends in {' or '.join(suffixes)}", "file")
+        if self.format in MECHANISM_FORMATS and self.body is not None:
+            raise FaultError(f"belongs to other formats: {self.format!r} holds the whole mechanism", "body")
+        if self.format not in MECHANISM_FORMATS and self.body is None:
+            raise FaultError("is missing: the flexible body that the file holds", "body")
+        return self
 
 
 Output = Annotated[
-    Chart | MeshPicture | ModePictures | ModeSheet | StressPicture | Film | Export, Field(discriminator="type")
+    Chart
+    | MeshPicture
+    | ModePictures
+    | ModeSheet
+    | StressPicture
+    | MechanismPicture
+    | Film
+    | History
+    | ExtremesTable
+    | Export,
+    Field(discriminator="type"),
 ]
+
+_DRAWN = (".png", ".pdf", ".svg", ".mp4", ".gif")
+
+
+def is_drawn(output: Output) -> bool:
+    """Return True if an output is a picture, a chart or a film, and not a file of numbers."""
+    return output.file.endswith(_DRAWN)

@@ -6,12 +6,13 @@ from typing import Annotated, Literal
 
 from pydantic import Field, model_validator
 
+from pipeline.scene.orientation import Orientation
 from pipeline.scene.reading import FaultError, SceneTable
 from pipeline.scene.values import FaceName, PartName, Plane, Point
 
 
-class MarkerPlace(SceneTable):
-    """A named place on a flexible body, where joints and loads act and motion is recorded.
+class MarkerPlace(Orientation):
+    """A named place on a flexible body, where joints and loads act and motion is recorded, with axes of its own.
 
     Exactly one of ``face``, ``near``, ``plane`` and ``nodes`` says where it is.
 

@@ -7,16 +7,18 @@ from typing import Annotated, Literal
 from pydantic import model_validator
 
 from pipeline.core.units import MomentOfInertia, NonNegative, PositiveLength, PositiveMass
+from pipeline.scene.orientation import Orientation
 from pipeline.scene.reading import FaultError, SceneTable
 from pipeline.scene.values import Name, Point
+from pipeline.scene.visuals import Visuals
 
 Moment = Annotated[MomentOfInertia, NonNegative]
 
 _ROUNDING = 1e-9  # a plate's moments, 0.1 and 0.2 and 0.3, are just possible whatever their last digit
 
 
-class PointMarker(SceneTable):
-    """A named point of a rigid body, where joints and loads act and motion is recorded.
+class PointMarker(Orientation):
+    """A named point of a rigid body, where joints and loads act and motion is recorded, with axes of its own.
 
     Parameters
     ----------
@@ -45,6 +47,8 @@ class Rod(SceneTable):
         Extent along x [m].
     marker : dict of str to PointMarker
         Points for joints, loads and results, by name.
+    visual : tuple of Visual
+        Shapes in pictures and films; by default a rod of its length.
 
     Examples
     --------
@@ -61,6 +65,7 @@ class Rod(SceneTable):
     mass: PositiveMass
     length: PositiveLength
     marker: dict[Name, PointMarker]
+    visual: Visuals = ()
 
 
 class PointMass(SceneTable):
@@ -72,6 +77,8 @@ class PointMass(SceneTable):
         Mass of the body [kg].
     marker : dict of str to PointMarker
         Points for joints, loads and results, by name.
+    visual : tuple of Visual
+        Shapes in pictures and films; by default a ball.
 
     Examples
     --------
@@ -86,6 +93,7 @@ class PointMass(SceneTable):
     shape: Literal["point"]
     mass: PositiveMass
     marker: dict[Name, PointMarker]
+    visual: Visuals = ()
 
 
 class RigidBody(SceneTable):
@@ -101,6 +109,8 @@ class RigidBody(SceneTable):
         Principal moments about the centre of mass, along the frame's x, y and z [kg m²].
     marker : dict of str to PointMarker
         Points for joints, loads and results, by name.
+    visual : tuple of Visual
+        Shapes in pictures and films; by default rods or a plate through its markers, or the box that has its inertia.
 
     Examples
     --------
@@ -119,6 +129,7 @@ class RigidBody(SceneTable):
     centre: Point = (0.0, 0.0, 0.0)
     inertia: tuple[Moment, Moment, Moment]
     marker: dict[Name, PointMarker]
+    visual: Visuals = ()
 
     @model_validator(mode="after")
     def _inertia_of_a_body(self) -> RigidBody:

@@ -23,7 +23,8 @@ from pipeline.scene.joints import Joint
 from pipeline.scene.loads import Drive
 from pipeline.scene.loops import closing_joints
 from pipeline.scene.outputs import Output
-from pipeline.scene.reading import SceneTable, read_scene_file
+from pipeline.scene.reading import SceneTable
+from pipeline.scene.scene_files import read_scene_file
 from pipeline.scene.simulation import Simulation
 from pipeline.scene.values import Name
 
@@ -232,7 +233,7 @@ def load_scene(name_or_path: str | Path, overrides: Sequence[str] = ()) -> Scene
     """
     source = read_scene_file(name_or_path, overrides)
     try:
-        scene = Scene.model_validate(source.data)
+        scene = Scene.model_validate(source.data, context={"folder": Path(source.file).parent})
     except ValidationError as error:
         raise source.make_error(error) from None
     scene._file = source.file

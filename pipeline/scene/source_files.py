@@ -51,6 +51,8 @@ class SourceFiles:
             case "matrices":
                 given = shape.matrices
                 table, names = "matrices", {"stiffness": given.stiffness, "mass": given.mass, "nodes": given.nodes}
+            case "reduced":
+                table, names = "body", {"file": shape.body.file}
             case _:
                 return None
         paths = {key: Path(scene_file).parent / name for key, name in names.items()}
@@ -67,7 +69,7 @@ class SourceFiles:
 
     def identity(self, part: dict[str, Any]) -> dict[str, Any]:
         """Return a body's table with the files' contents in place of their names, for hashing."""
-        table = "matrices" if "matrices" in part else "mesh"
+        table = next(key for key in ("matrices", "body", "mesh") if key in part)
         own = {key: value for key, value in part[table].items() if key not in self.paths}
         kinds = [path.suffix.lower() for path in self.paths.values()]
         return part | {table: own, "content": self.digests, "kinds": kinds}
@@ -101,5 +103,12 @@ def collect_inputs(scene: Scene) -> dict[str, Any]:
     InputError
         A file isn't there or can't be read.
     """
-    inputs: dict[str, Any] = scene.model_dump(mode="json", exclude={"title", "source", "reference", "output"})
+    shown_only: Any = {
+        "title": True,
+        "source": True,
+        "reference": True,
+        "output": True,
+        "body": {"__all__": {"visual"}},
+    }
+    inputs: dict[str, Any] = scene.model_dump(mode="json", exclude=shown_only)
     return inputs | {"files": digest_files(scene)}

@@ -3,22 +3,26 @@
 from __future__ import annotations
 
 from itertools import pairwise
-from typing import Annotated, Any, ClassVar, Literal
+from typing import Annotated, Any, ClassVar, Literal, Self
 
-from pydantic import Field, model_validator
+from pydantic import AfterValidator, Field, ValidationInfo, model_validator
 
 from pipeline.core.formula import parse_formula
 from pipeline.core.units import NonNegativeTime, to_si, unit_ratio
 from pipeline.scene.reading import FaultError, SceneTable
+from pipeline.scene.table_files import Column, read_table, scene_folder
+from pipeline.scene.values import SourceFile, UnitCheck
 
-_KEYS = ("formula", "times", "values", "between", "unit")
+_KEYS = ("formula", "times", "values", "file", "time", "column", "time_unit", "between", "unit")
 Sample = Annotated[float, Field(strict=True)]
 
 
 class TimeFunction(SceneTable):
     """A quantity that may change with time: a constant, a formula of t, or a table of times and values.
 
-    A constant is written as the quantity itself, ``"5 N m"``.
+    A constant is written as the quantity itself, ``"5 N m"``. A table stands in the scene, as ``times`` and ``values``,
+    or in a ``file``: text in columns, divided by commas, semicolons, tabs or spaces, with the columns' names in the
+    first row or none.
 
     Parameters
     ----------
@@ -30,6 +34,14 @@ class TimeFunction(SceneTable):
         Times of a table, ascending [s]; its first and last value hold before and after.
     values : tuple of float, optional
         Values of the table in ``unit``, one for each time.
+    file : str, optional
+        CSV file that holds the table, relative to the scene's file; with ``time`` and ``column``.
+    time : str or int, optional
+        Column of the file with the times.
+    column : str or int, optional
+        Column of the file with the values.
+    time_unit : str
+        Unit of the file's times.
     between : str
         Course of a table between its times: ``"straight"`` lines, which a force or torque takes by default, or a
         ``"smooth"`` curve, which a prescribed motion must take, because a jump of its rate would be an impulse.
@@ -54,6 +66,10 @@ class TimeFunction(SceneTable):
     formula: str | None = None
     times: Annotated[tuple[NonNegativeTime, ...], Field(min_length=2, max_length=10_000)] | None = None
     values: tuple[Sample, ...] | None = None
+    file: SourceFile | None = None
+    time: Column | None = None
+    column: Column | None = None
+    time_unit: Annotated[str, AfterValidator(UnitCheck("s"))] = "s"
     between: Literal["straight", "smooth"] | None = None
     unit: str | None = None
 
@@ -69,12 +85,25 @@ class TimeFunction(SceneTable):
         return value
 
     @model_validator(mode="after")
+    def _read_a_file(self, info: ValidationInfo) -> Self:
+        table = read_table(self, "time", ("formula", "times", "values"), scene_folder(info))
+        if table is None:
+            return self
+        if table.arguments[0] < 0:
+            raise FaultError(
+                f"begins at {table.arguments[0]:g} {self.time_unit}; times count from the start, 0", "file"
+            )
+        factor = unit_ratio(self.time_unit, "s")
+        return self.model_copy(update={"times": tuple(factor * t for t in table.arguments), "values": table.values})
+
+    @model_validator(mode="after")
     def _given_one_way(self) -> TimeFunction:
         if self.constant is not None:
             return self
         if (self.formula is None) == (self.times is None):
             raise FaultError(
-                "is missing: give a formula of t, or a table of times and values, one of the two", "formula"
+                "is missing: give a formula of t, or a table, in times and values or in a file, one of the two",
+                "formula",
             )
         if self.unit is None:
             raise FaultError(f"is missing: what the values are in, e.g. '{self.si}'", "unit")

@@ -14,6 +14,7 @@ from pipeline.scene.any_body import Flexible
 from pipeline.scene.bodies import Bar
 from pipeline.scene.imported_bodies import CadPart, MatrixPart, MeshedPart
 from pipeline.scene.propeller import Propeller
+from pipeline.scene.reduced_bodies import ReducedPart
 from pipeline.scene.scene import Scene
 
 # Factors to coarsen a mesh by. The largest shows most of the error, but not every part can be meshed so coarsely.
@@ -69,7 +70,7 @@ def replace_order(scene: Scene, order: int) -> Scene:
     """Return the scene with elements of another order, except in bodies whose files say what their elements are."""
 
     def change(body: Flexible) -> dict[str, Any]:
-        if isinstance(body, MeshedPart | MatrixPart):
+        if isinstance(body, MeshedPart | MatrixPart | ReducedPart):
             return {}
         return {"mesh": body.mesh.model_copy(update={"order": order})}
 
@@ -120,7 +121,7 @@ def compare_element_sizes(body: Flexible, elements: int, fewer: int) -> float:
 
 def _change_mesh(body: Flexible, factor: float) -> dict[str, Any]:
     """Return the changes of a body's table for another mesh; none where a file holds the mesh."""
-    if isinstance(body, MeshedPart | MatrixPart):
+    if isinstance(body, MeshedPart | MatrixPart | ReducedPart):
         return {}
     mesh = {"mesh": body.mesh.model_copy(update=_change_divisions(body, factor))}
     if body.shape != "propeller":

@@ -10,15 +10,17 @@ import numpy as np
 
 from pipeline.core.arrays import Array, IntArray
 from pipeline.core.errors import InputError
+from pipeline.core.rotations import quaternion_of_matrix
 from pipeline.dynamics.closures import Closure
 from pipeline.dynamics.compiled_system.system import CompiledSystem
 from pipeline.dynamics.compiler.closures import ConstraintRow
 from pipeline.integrators.protocol import move_positions
+from pipeline.stages.ground import joint_axes, orientation_matrix
 from pipeline.stages.mass_check import require_inertia
 
 if TYPE_CHECKING:
     from pipeline.dynamics.mechanism import Mechanism
-    from pipeline.scene.joints import Joint
+    from pipeline.scene.joints import Free, Joint
     from pipeline.scene.scene import Scene
 
 _CORRECTIONS = 60
@@ -67,7 +69,7 @@ def given_joints(scene: Scene, mechanism: Mechanism) -> tuple[Array, Array]:
     for k, link in enumerate(mechanism.links):
         joint, at, first = scene.joint[link.joint_name], mechanism.layout.position[k], mechanism.layout.rate[k]
         if link.motion is None:
-            positions, rates = _given(joint)
+            positions, rates = _start_of_free(scene, joint) if joint.type == "free" else _given(joint)
             q0[at : at + len(positions)] = positions
             v0[first : first + len(rates)] = rates
     return q0, v0
@@ -88,9 +90,15 @@ def _given(joint: Joint) -> tuple[Sequence[float], Sequence[float]]:
             return [*joint.position, joint.angle], [*joint.velocity, joint.rate]
         case "spherical":
             return [], joint.spin
-        case "free":
-            return [], [*joint.velocity, *joint.spin]
     return [], []
+
+
+def _start_of_free(scene: Scene, joint: Free) -> tuple[Sequence[float], Sequence[float]]:
+    """Return displacement and quaternion of a free joint at the start, and its rates, in the axes of its place."""
+    into = joint_axes(scene, joint).in_child
+    turn = into @ orientation_matrix(joint) @ into.T
+    position, velocity = into @ np.array(joint.position), into @ np.array(joint.velocity)
+    return [*position, *quaternion_of_matrix(turn[None])[0]], [*velocity, *joint.spin]
 
 
 def close_start(scene: Scene, system: CompiledSystem, q: Array, v: Array) -> tuple[Array, Array]:
@@ -136,9 +144,15 @@ def _loose(scene: Scene, mechanism: Mechanism, what: str) -> IntArray:
     parts = [
         np.arange(at, at + link.n_rates)
         for link, at in zip(mechanism.links, mechanism.layout.rate, strict=True)
-        if not keys & scene.joint[link.joint_name].model_fields_set
+        if not keys & _given_keys(scene.joint[link.joint_name])
     ]
     return np.concatenate([np.zeros(0, dtype=np.int64), *parts])
+
+
+def _given_keys(joint: Joint) -> set[str]:
+    """Return the keys that a joint has in the scene; the turn of a free joint is its position, too."""
+    given = joint.model_fields_set
+    return given | {"position"} if joint.type == "free" and joint.is_turned else given
 
 
 def following_joints(scene: Scene, mechanism: Mechanism) -> IntArray:

@@ -24,7 +24,7 @@ from pipeline.reduction.loads import acceleration_loads, motion_loads
 from pipeline.reduction.mode_families import lowest_modes, modes_of_family
 from pipeline.reduction.modes import Modes, TooManyModesError
 from pipeline.reduction.stiffening import stiffen_body
-from pipeline.scene.bodies import ModeSettings
+from pipeline.scene.reduced_bodies import AnyModes
 from pipeline.stages.inboard_joint import InboardJoint
 
 _RITZ_GENERATIONS = 4
@@ -93,19 +93,19 @@ class HeldModel:
         across = np.linalg.svd(np.eye(3) - free.T @ free)[0][:, : 3 - len(free)].T
         return self.markers[self.joint.marker].columns(len(self.fe.x), across)
 
-    def reaction_if_held(self, settings: ModeSettings) -> Array | None:
+    def reaction_if_held(self, settings: AnyModes) -> Array | None:
         """Return the joint's reaction if the modes are to be those of the body held there; else ``None``."""
         return self.reaction if settings.boundary == "joint" and not self.joint.floating else None
 
 
-def choose_factorisation(settings: ModeSettings) -> Callable[[Any], Factor]:
+def choose_factorisation(settings: AnyModes) -> Callable[[Any], Factor]:
     """Return the function that factorises a matrix by the solver that a scene chooses."""
     if settings.solver == "slepc":
         return partial(factorise_over_ranks, ranks=settings.ranks or 2)
     return partial(factorise, solver=settings.solver)
 
 
-def compute_modes(model: HeldModel, settings: ModeSettings) -> Modes:
+def compute_modes(model: HeldModel, settings: AnyModes) -> Modes:
     """Compute the modes that a scene chooses for a body.
 
     Raises
@@ -126,7 +126,7 @@ def compute_modes(model: HeldModel, settings: ModeSettings) -> Modes:
         raise InputError(model.file, f"body.{model.name}.modes.count", count, str(error)) from error
 
 
-def reduce_body(model: HeldModel, modes: Modes, settings: ModeSettings, frame: str) -> FlexibleBody:
+def reduce_body(model: HeldModel, modes: Modes, settings: AnyModes, frame: str) -> FlexibleBody:
     """Reduce a body to its modes and static responses, with the frame that its joint asks for.
 
     Raises
@@ -161,7 +161,7 @@ def stiffen_reduced(model: HeldModel, body: FlexibleBody) -> FlexibleBody:
     return stiffen_body(*common, moving, joint.free_directions if model.fixed is not None else None)
 
 
-def _enriched_shapes(model: HeldModel, modes: Modes, settings: ModeSettings) -> tuple[Array, Array]:
+def _enriched_shapes(model: HeldModel, modes: Modes, settings: AnyModes) -> tuple[Array, Array]:
     """Frequencies and shapes of the modes with static responses to inertia loads and joint forces beside them."""
     fe, markers, joint = model.fe, model.markers, model.joint
     outboard = [(markers[at], joint.plane if flat else None) for at, flat in joint.loaded if at != joint.marker]

@@ -54,6 +54,11 @@ class DividedPart:
             for part, piece in zip(self.pieces, self.cut.pieces, strict=True)
         )
 
+    def find_node(self, node: int) -> tuple[FlexiblePart, int]:
+        """Return the first piece that holds a node of the whole, and the node's number there."""
+        places = zip(self.pieces, (np.flatnonzero(nodes == node) for nodes in self.nodes), strict=True)
+        return next((part, int(found[0])) for part, found in places if len(found))
+
     @cached_property
     def frequencies_hz(self) -> Array:
         """Frequencies of the whole at rest, put together from its pieces [Hz]: as many as each has modes wanted.
@@ -180,7 +185,7 @@ def divide_parts(scene: Scene, wholes: Mapping[str, FlexiblePart], like: Divisio
     InputError
         The number of pieces is still open, or a part can't be cut; as `cut_part`.
     """
-    wanted = {name: body.pieces for name, body in scene.flexible.items() if body.shape != "matrices"}
+    wanted = {name: getattr(body, "pieces", 1) for name, body in scene.flexible.items()}
     for name, count in wanted.items():
         if count == "auto":
             problem = "is still open here; `fmd run` finds the number, and then names it"

@@ -18,7 +18,8 @@ from pipeline.dynamics.elements import Attachment, Element, PointSpring, SixAxis
 from pipeline.dynamics.force_laws import ForceCurve, ForceLaw, Stop, smooth_curve, straight_curve
 from pipeline.dynamics.kinematics import Kinematics
 from pipeline.dynamics.mechanism import Mechanism
-from pipeline.scene.force_elements import AngleStop, Bearing, Bushing, ForceByElongation, LengthStop, Spring
+from pipeline.scene.force_curves import ForceByElongation
+from pipeline.scene.force_elements import AngleStop, Bearing, Bushing, LengthStop, Spring
 from pipeline.scene.joints import Joint
 
 if TYPE_CHECKING:

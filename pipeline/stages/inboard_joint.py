@@ -11,7 +11,7 @@ from pipeline.scene.compound_joints import Planar
 from pipeline.scene.joints import Prismatic, Revolute
 from pipeline.scene.loads import Drive
 from pipeline.scene.scene import Scene
-from pipeline.stages.ground import axes_in_space, ground_place
+from pipeline.stages.ground import axes_in_space, joint_axes, place_axes
 
 Direction = tuple[float, float, float]
 
@@ -78,7 +78,10 @@ def read_inboard_joint(scene: Scene, body: str) -> InboardJoint:
     prescribed = any(drive.type == "motion" and drive.joint == name for drive in scene.drive.values())
     hinges = [_axis_in_space(scene, other) for other in scene.joint.values() if other.type in ("revolute", "planar")]
     into_body = axes_in_space(scene, body).T
-    axis = joint.axis if joint.type == "revolute" else (_turned(into_body, hinges[0]) if hinges else (0.0, 0.0, 1.0))
+    axis = _turned(into_body, hinges[0]) if hinges else (0.0, 0.0, 1.0)
+    if joint.type == "revolute":
+        x, y, z = joint_axes(scene, joint).axis_in_child(joint.axis)
+        axis = float(x), float(y), float(z)
     normal = _turned(into_body.T, axis)
     in_plane = [_parallel(normal, hinge) for hinge in hinges]
     in_plane += [other.type in ("fixed", "revolute", "prismatic", "planar") for other in scene.joint.values()]
@@ -123,14 +126,15 @@ def _acts_in_plane(scene: Scene, drive: Drive, normal: Direction) -> bool:
     if drive.type not in ("point force", "point torque"):
         return True
     turned = axes_in_space(scene, drive.marker.partition(".")[0]) if drive.following else np.eye(3)
+    turned = turned @ place_axes(scene, drive.marker) if drive.following else turned
     direction = _turned(turned, drive.direction)
     return _parallel(normal, direction) if drive.type == "point torque" else _across(normal, direction)
 
 
 def _axis_in_space(scene: Scene, joint: Revolute | Prismatic | Planar) -> Direction:
-    place = joint.parent.partition(".")[0]
-    axes = ground_place(scene, joint.parent)[1] if place == "ground" else axes_in_space(scene, place)
-    return _turned(axes, joint.axis)
+    return _turned(
+        axes_in_space(scene, joint.parent.partition(".")[0]) @ joint_axes(scene, joint).in_parent, joint.axis
+    )
 
 
 def _turned(R: Array, direction: Direction) -> Direction:

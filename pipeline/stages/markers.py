@@ -99,6 +99,7 @@ def fixed_unknowns(shape: Flexible, space: Discretisation, file: str, body: str)
 def _placed(shape: Flexible, place: Callable[[str, MarkerPlace], T], file: str, body: str) -> dict[str, T]:
     markers = {}
     for name, marker in shape.marker.items():
+        assert isinstance(marker, MarkerPlace)
         try:
             markers[name] = place(name, marker)
         except ValueError as error:

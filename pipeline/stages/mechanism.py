@@ -35,7 +35,7 @@ from pipeline.stages.assembly import assemble, close_start, following_joints, gi
 from pipeline.stages.divided_scene import part_of
 from pipeline.stages.equilibrium import find_equilibrium
 from pipeline.stages.force_elements import add_elements, joint_laws
-from pipeline.stages.ground import ground_place
+from pipeline.stages.ground import ground_place, joint_axes, place_axes
 from pipeline.stages.inboard_joint import read_inboard_joint
 from pipeline.stages.loop_steady import find_closed_steady_state
 from pipeline.stages.signals import require_sound_drives, signal_of
@@ -149,7 +149,7 @@ class _Places:
         if body == "ground":
             position, axes = ground_place(self.scene, place)
             return fixed_place(position), axes
-        return Place(body, self.marker(place)), np.eye(3)
+        return Place(body, self.marker(place)), place_axes(self.scene, place)
 
     def marker(self, place: str) -> MarkerShapes:
         body, _, name = place.partition(".")
@@ -175,7 +175,8 @@ class _Places:
 def _link(scene: Scene, places: _Places, body: str) -> Link:
     name = places.carried[body]
     joint = scene.joint[name]
-    settings: dict[str, Any] = {"joint_name": name, "markers": places.markers(body)}
+    axes = joint_axes(scene, joint)
+    settings: dict[str, Any] = {"joint_name": name, "markers": places.markers(body), "place_axes": axes.of_child}
     settings["part"] = part_of(body)
     if body in places.bodies:
         reduced, damping = places.bodies[body], scene.flexible[body].modes.damping
@@ -185,13 +186,13 @@ def _link(scene: Scene, places: _Places, body: str) -> Link:
     else:
         gram = _gram(scene.body[body], places.origin(body))
     if joint.type in ("universal", "cylindrical", "planar"):
-        settings |= {"axis": np.array(joint.axis, dtype=float), "laws": joint_laws(joint)}
+        settings |= {"axis": axes.axis_in_child(joint.axis), "laws": joint_laws(joint)}
     if joint.type == "universal":
-        settings["other_axis"] = np.array(joint.child_axis, dtype=float)
+        settings["other_axis"] = axes.axis_in_child(joint.child_axis)
     if joint.type == "screw":
         settings["lead"] = joint.lead / (2 * np.pi)
     if joint.type in ("revolute", "prismatic", "screw"):
-        axis = np.array(joint.axis, dtype=float)
+        axis = axes.axis_in_child(joint.axis)
         settings |= {"spring": joint.spring, "rest": joint.rest, "damper": joint.damper}
         motion = _motion(scene, name)
         settings["laws"] = joint_laws(joint) if motion is None else ()
@@ -204,18 +205,19 @@ def _link(scene: Scene, places: _Places, body: str) -> Link:
         settings |= {"parent": places.order.index(parent), "place": at.position}
         settings |= {"place_shapes": at.translation, "place_rotations": at.rotation, "place_bow": at.bow}
     else:
-        settings["place"], settings["place_axes"] = ground_place(scene, joint.parent)
+        settings["place"] = ground_place(scene, joint.parent)[0]
     return Link(body, gram, _JOINTS[joint.type], **settings)
 
 
 def _closure(scene: Scene, places: _Places, name: str) -> Closure:
     joint = scene.joint[name]
-    (first, of_first), (second, of_second) = (places.on_either(place) for place in (joint.parent, joint.child))
+    first, second = (places.on_either(place)[0] for place in (joint.parent, joint.child))
     if joint.type == "distance":
         return Closure(name, first, second, distance=joint.length)
+    axes = joint_axes(scene, joint)
     axis = np.array(getattr(joint, "axis", (0.0, 0.0, 1.0)), dtype=float)
     other = np.array(getattr(joint, "child_axis", None) or axis, dtype=float)
-    return close_joint(joint.type, name, first, second, of_first @ axis, of_second @ other)
+    return close_joint(joint.type, name, first, second, axis, other, axes.in_parent, axes.in_child)
 
 
 def _couplers(scene: Scene) -> list[Coupler]:
@@ -289,6 +291,8 @@ def _point_loads(scene: Scene, places: _Places) -> list[PointLoad]:
             at = places.marker(drive.marker)
             size = signal_of(drive.force if drive.type == "point force" else drive.torque)
             direction = np.array(drive.direction, dtype=float)
+            if drive.following:
+                direction = place_axes(scene, drive.marker) @ direction
             body, turns = drive.marker.partition(".")[0], drive.type == "point torque"
             place = {"place": at.position, "shapes": at.translation, "rotations": at.rotation, "bow": at.bow}
             loads.append(PointLoad(body, direction, size, turns, drive.following, **place))

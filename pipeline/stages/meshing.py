@@ -17,8 +17,9 @@ from pipeline.core.units import unit_ratio
 from pipeline.fem.formats.raw_mesh import MeshFileError, RawMesh
 from pipeline.fem.material import AnyMaterial, Material, MaterialOfElements
 from pipeline.fem.mesh import SolidMesh
-from pipeline.scene.imported_bodies import CadPart, MeshedPart
+from pipeline.scene.imported_bodies import CadPart, MatrixPart, MeshedPart
 from pipeline.scene.reading import suggest_name
+from pipeline.scene.reduced_bodies import ReducedPart
 from pipeline.scene.source_files import SourceFiles
 
 if TYPE_CHECKING:
@@ -41,7 +42,7 @@ def make_mesh(shape: Flexible, source: SourceFiles | None) -> SolidMesh:
     if shape.shape == "cad":
         assert source is not None
         return _from_cad(source.path, shape.mesh.size, shape.mesh.order)
-    assert shape.shape != "matrices"
+    assert not isinstance(shape, MatrixPart | ReducedPart)
     return SolidMesh(*_mesh_arrays(shape))
 
 
@@ -64,7 +65,7 @@ def find_material(shape: Flexible, mesh: SolidMesh, file: str, body: str) -> Any
     InputError
         The mesh has no part of a name that the scene gives a material to.
     """
-    assert shape.shape != "matrices"
+    assert not isinstance(shape, MatrixPart | ReducedPart)
     whole = Material(shape.E, shape.nu, shape.rho)
     if not isinstance(shape, MeshedPart | CadPart) or not shape.material:
         return whole

@@ -21,11 +21,19 @@ from pipeline.scene.any_body import Flexible
 from pipeline.scene.bodies import Bar
 from pipeline.scene.imported_bodies import CadPart, MatrixPart
 from pipeline.scene.propeller import Propeller
+from pipeline.scene.reduced_bodies import ReducedPart
 from pipeline.scene.scene import Scene
 from pipeline.scene.source_files import SourceFiles
 from pipeline.scene.values import Formulation
 from pipeline.stages.inboard_joint import read_inboard_joint
 from pipeline.stages.meshing import find_material, find_name, make_mesh, read_body_matrices
+from pipeline.stages.reduced_files import (
+    file_notes,
+    modes_of_file,
+    place_file_markers,
+    read_reduced_body,
+    reduce_file_body,
+)
 from pipeline.stages.stage import Stage, stages_of
 from pipeline.stages.store import StageStore
 
@@ -40,7 +48,7 @@ if TYPE_CHECKING:
     from pipeline.stages.basis import HeldModel
     from pipeline.stages.piece_mesh import PieceMesh
 
-NO_MESH = "is given by its matrices: without elements it has no mesh, no stress and no picture"
+NO_MESH = "is given by a file without elements: it has no mesh, no stress and no picture"
 _FEM = ("pipeline/fem",)
 _REDUCTION = ("pipeline/fem", "pipeline/reduction", "pipeline/stages/basis.py", "pipeline/stages/markers.py")
 _STRESS = ("pipeline/fem", "pipeline/recovery/stress.py")
@@ -67,13 +75,19 @@ def _mesh_inputs(part: FlexiblePart) -> Any:
     return table if part.source is None else part.source.identity(table)
 
 
+def _assembly_inputs(part: FlexiblePart) -> Any:
+    without: Any = {"modes", "marker", "support", "element"}
+    table = part.shape.model_dump(mode="json", exclude=without)
+    return table if part.source is None else part.source.identity(table)
+
+
 def _modes_inputs(part: FlexiblePart) -> Any:
     shape, markers = part.shape, part.shape.marker
     without: Any = {"marker": True, "element": True, "modes": {"damping", "enrich"}}
     table = shape.model_dump(mode="json", exclude=without)
     held: Any = ""
     if shape.modes.boundary == "joint":
-        held = repr((part.joint, markers[part.joint.marker].where))
+        held = repr((part.joint.floating, part.joint.free, markers[part.joint.marker].where))
     elif shape.modes.boundary == "interface":
         held = repr({name: markers[name] for name in shape.modes.interface or markers})
     if part.piece is not None:
@@ -83,7 +97,7 @@ def _modes_inputs(part: FlexiblePart) -> Any:
         table["formulation"] = part.formulation
     return {
         "part": table if part.source is None else part.source.identity(table),
-        "axis": part.joint.axis,
+        "axis": part.joint.axis if shape.modes.family != "any" else "",
         "rigid": {name: marker.where for name, marker in markers.items() if marker.attachment == "rigid"},
         "held": held,
     }
@@ -112,13 +126,15 @@ def _element_inputs(part: FlexiblePart) -> Any:
 
 def _compute_mesh(part: FlexiblePart) -> SolidMesh:
     if not part.has_mesh:
-        raise InputError(part.file, f"body.{part.name}.matrices", None, NO_MESH)
+        raise InputError(part.file, f"body.{part.name}.{'body' if part.is_reduced else 'matrices'}", None, NO_MESH)
     return make_mesh(part.shape, part.source)
 
 
 def _assemble(part: FlexiblePart) -> FEModel:
     from pipeline.fem.assembly import assemble
 
+    if part.is_reduced:
+        return read_reduced_body(part.source)
     if not part.has_mesh:
         return read_body_matrices(part.shape, part.source)
     if part.formulation == "plain" and part.space.kind.name != "hex8":
@@ -130,18 +146,24 @@ def _assemble(part: FlexiblePart) -> FEModel:
 def _compute_modes(part: FlexiblePart) -> Modes:
     from pipeline.stages.basis import compute_modes
 
+    if part.is_reduced:
+        return modes_of_file(part.fe)
     return compute_modes(part.model, part.shape.modes)
 
 
 def _reduce(part: FlexiblePart) -> FlexibleBody:
     from pipeline.stages.basis import reduce_body
 
+    if part.is_reduced:
+        return reduce_file_body(part.model, part.modes, part.shape, part.frame)
     return reduce_body(part.model, part.modes, part.shape.modes, part.frame)
 
 
 def _stiffen(part: FlexiblePart) -> SecondOrder:
     from pipeline.stages.basis import stiffen_reduced
 
+    if part.is_reduced and part.body.gram.stiffening.size:  # by its file
+        return part.body.gram, part.body.markers
     if not part.has_mesh:
         mend = f"stiffening by inertia loads takes stress, and the body {NO_MESH}; 'off' leaves it out"
         raise InputError(part.file, "simulation.stiffening", None, mend)
@@ -197,7 +219,8 @@ class FlexiblePart:
     mesh: Stage[SolidMesh] = Stage(
         "mesh", _compute_mesh, (), _mesh_inputs, ("meshes", "pipeline/stages/meshing.py", *_FEM), ("gmsh", "meshio")
     )
-    fe: Stage[FEModel] = Stage("assembly", _assemble, ("mesh",))  # never kept, since what follows is
+    # Never kept, since what follows is.
+    fe: Stage[FEModel] = Stage("assembly", _assemble, ("mesh",), shared_inputs=_assembly_inputs)
     modes: Stage[Modes] = Stage(
         "modes", _compute_modes, ("mesh", "assembly"), _modes_inputs, ("meshes", *_REDUCTION), _PACKAGES
     )
@@ -232,6 +255,7 @@ class FlexiblePart:
         piece: PieceMesh | None = None,
     ) -> None:
         self.name, self.file, self.store, self.piece = name, scene.file, store, piece
+        self.name, self.file, self.store = name, scene.file, store if modes is None else store.alone()
         self.shape: Flexible = scene.flexible[name]
         self.source = SourceFiles.find(self.shape, scene.file, name) if piece is None else None
         self.joint = read_inboard_joint(scene, name)
@@ -251,17 +275,23 @@ class FlexiblePart:
     @property
     def has_mesh(self) -> bool:
         """A mesh, and so stress and pictures: bodies that are given by their matrices have none."""
-        return self.shape.shape != "matrices"
+        return self.shape.shape not in ("matrices", "reduced")
+
+    @property
+    def is_reduced(self) -> bool:
+        """A file holds the body reduced, by another program or by this one."""
+        return self.shape.shape == "reduced"
 
     @cached_property
     def order(self) -> int:
         """Polynomial order of the displacement in an element."""
-        return self.mesh.order if self.shape.shape == "matrices" else self.shape.mesh.order or self.mesh.order
+        own = None if isinstance(self.shape, MatrixPart | ReducedPart) else self.shape.mesh.order
+        return own or self.mesh.order
 
     @property
     def formulation(self) -> Formulation:
         """Strain of linear hexahedra, ``enhanced`` or ``plain``."""
-        return "enhanced" if isinstance(self.shape, MatrixPart | CadPart) else self.shape.mesh.formulation
+        return "enhanced" if isinstance(self.shape, MatrixPart | ReducedPart | CadPart) else self.shape.mesh.formulation
 
     @property
     def is_supported(self) -> bool:
@@ -272,6 +302,10 @@ class FlexiblePart:
     def mesh_notes(self) -> tuple[str, ...]:
         """Faults that were mended in the file that the mesh comes from, if it comes from one."""
         return self.mesh.notes if self.shape.shape in ("mesh", "cad") and self.piece is None else ()
+        """Faults in the file that the body comes from, if it comes from one, and how they were mended."""
+        if self.is_reduced:
+            return file_notes(self.fe)
+        return self.mesh.notes if self.shape.shape in ("mesh", "cad") else ()
 
     @cached_property
     def space(self) -> Discretisation:
@@ -301,6 +335,8 @@ class FlexiblePart:
 
         if self.has_mesh:
             return place_markers(self.shape, self.space, self.file, self.name)
+        if self.is_reduced:
+            return place_file_markers(self.fe, self.shape, self.file, self.name)
         assert isinstance(self.fe, MatrixModel)
         return place_node_markers(self.shape, self.fe, self.file, self.name)
 

@@ -387,7 +387,9 @@ class Pipeline:
         """First run's motion at the fine times, since fast vibrations are largest between two output times."""
         if len(self.fine_times[0]) == len(self.output_times):  # nothing flexible is at the tip
             return self.motion
-        plan = next(iter(self.plans.values()))
+        from pipeline.stages.runs import repeat_choice
+
+        plan = repeat_choice(next(iter(self.plans.values())), self.motion.trajectory)
         return self.motion_by(plan, plan.march(self.fine_times[0]))
 
     @property

@@ -10,7 +10,7 @@ import numpy as np
 
 from pipeline.core.arrays import Array
 from pipeline.core.errors import InputError, StabilityError
-from pipeline.dynamics.compiled_system.positive_mass import explain_failure, require_positive_over
+from pipeline.dynamics.compiled_system.positive_mass import require_positive_over
 from pipeline.dynamics.compiled_system.shared import share_system
 from pipeline.dynamics.compiled_system.system import CompiledSystem
 from pipeline.dynamics.excited_modes import Excited, excited_part
@@ -125,8 +125,13 @@ class Plan:
         try:
             return self.integrator.march(system, q0, v0, times, progress)
         except StabilityError as failure:
-            explain_failure(system, failure)
+            system.explain_failure(failure)
             raise
+
+
+def repeat_choice(plan: Plan, trajectory: Trajectory) -> Plan:
+    """Return a run's plan by the method and the step that an automatic choice ended with, which it made by marching."""
+    return replace(plan, integrator=trajectory.chosen or plan.integrator)
 
 
 @dataclass(frozen=True)

@@ -49,6 +49,8 @@ class Stage(Generic[T]):
         Python sources, named from the project's root, and installed packages that make the result.
     in_key : tuple of str
         Stages whose results are among ``inputs``: while they aren't known, neither is the key.
+    shared_inputs : callable, optional
+        As ``inputs``, for a result that is never kept but that bodies of one part have in common.
     """
 
     name: str
@@ -58,6 +60,7 @@ class Stage(Generic[T]):
     sources: tuple[str, ...] = ()
     packages: tuple[str, ...] = ()
     in_key: tuple[str, ...] = ()
+    shared_inputs: Callable[[Any], Any] | None = None
 
     def key(self, owner: Staged) -> str:
         """Return the key that an object's result is kept under; empty if it never is."""
@@ -66,7 +69,10 @@ class Stage(Generic[T]):
     def of(self, owner: Staged) -> T:
         """Return an object's result, computed or read on first use."""
         if self.name not in owner.results:
-            if self.inputs is None:
+            if self.shared_inputs is not None:
+                key = stage_key(self.name, self.shared_inputs(owner), self.sources, self.packages)
+                owner.results[self.name] = owner.store.share_or_compute(self.name, key, lambda: self.compute(owner))
+            elif self.inputs is None:
                 owner.results[self.name] = owner.store.compute(self.name, lambda: self.compute(owner))
             else:
                 owner.results[self.name] = owner.store.read_or_compute(

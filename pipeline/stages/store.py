@@ -5,9 +5,9 @@ from __future__ import annotations
 import sys
 import time
 from collections.abc import Callable
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from functools import lru_cache
-from typing import TypeVar
+from typing import Any, TypeVar
 
 from threadpoolctl import ThreadpoolController
 
@@ -58,16 +58,39 @@ class StageStore:
         Reports each stage's progress.
     log : Log
         Records what was done.
+    shared : dict of str to object
+        Results by their keys, which bodies of one part have in common.
     """
 
     cache: Cache
     monitor: Monitor = silent
     log: Log = field(default_factory=Log)
+    shared: dict[str, Any] = field(default_factory=dict)
+
+    def alone(self) -> StageStore:
+        """Return a store that shares no results by their keys, for results that their keys don't describe."""
+        return replace(self, shared={})
+
+    def share_or_compute(self, stage: str, key: str, compute: Callable[[], T]) -> T:
+        """Return the result that another body has under the same key, or compute it; nothing is kept on disk."""
+        if key not in self.shared:
+            self.shared[key] = self.compute(stage, compute)
+        value: T = self.shared[key]
+        return value
 
     def read_or_compute(
         self, stage: str, key: str, compute: Callable[[], T], keep: Callable[[T], bool] = lambda result: True
     ) -> T:
-        """Read a stage's result, or compute it and ``keep`` it; of several processes that want it, one computes."""
+        """Take a stage's result from another body with the same key, read it, or compute it and ``keep`` it.
+
+        Of several processes that want it, one computes.
+        """
+        if key not in self.shared:
+            self.shared[key] = self._read_or_compute(stage, key, compute, keep)
+        value: T = self.shared[key]
+        return value
+
+    def _read_or_compute(self, stage: str, key: str, compute: Callable[[], T], keep: Callable[[T], bool]) -> T:
         tick = time.perf_counter()
         value: T | None = self.cache.load(key)
         if value is None:

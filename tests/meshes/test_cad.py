@@ -63,3 +63,14 @@ def test_what_can_not_be_meshed_is_refused_with_the_reason(path: Path, tmp_path:
     assert "no solid in it" in str(main([str(tmp_path / "surface.step"), target, "0.1", "1"]))
     (tmp_path / "damaged.step").write_text("ISO-10303-21;")
     assert "can't mesh it" in str(main([str(tmp_path / "damaged.step"), target, "0.1", "1"]))
+
+
+def test_the_faces_of_a_part_become_closed_triangles_for_pictures(path: Path) -> None:
+    from meshes.cad_faces import triangulate_cad
+
+    points, triangles = triangulate_cad(path)
+    assert np.ptp(points, axis=0) == pytest.approx((0.03, 0.01, 0.01))
+    one, other, third = (points[triangles[:, k]] for k in range(3))
+    area = 0.5 * np.linalg.norm(np.cross(other - one, third - one), axis=1).sum()
+    bore = 2 * np.pi * 2 * 10 - 2 * np.pi * 2**2
+    assert area == pytest.approx((2 * (20 * 10 * 2 + 10 * 10) + bore + 6 * 100) * 1e-6, rel=0.01)

@@ -60,7 +60,7 @@ def test_a_close_up_has_its_focus_in_the_middle_and_its_extent_over_the_width(pr
     ("changes", "message"),
     [
         ({"colour_map": "virids"}, "there is no colour map 'virids'; did you mean viridis"),
-        ({"colour_map": "?"}, r"there is no colour map '\?'; e\.g\. turbo"),
+        ({"colour_map": "?"}, r"there is no colour map '\?'; e\.g\. light turbo"),
         ({"angles": (0.0, 91.0)}, "elevation from -90 to 90"),
         ({"angles": (np.nan, 0.0)}, "expected an azimuth"),
         ({"zoom": 0.0}, "zoom = 0.0 must be positive"),

@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 
-from pipeline.render.colours import limits_in_megapascals, sample_colours, stress_limits
+from pipeline.render.colours import limits_in_megapascals, sample_colours, stress_limits, usual_limits
 
 
 def test_limits_are_those_of_the_stress_and_hold_zero_unless_all_is_negative() -> None:
@@ -23,3 +23,19 @@ def test_limits_are_converted_and_have_to_ascend() -> None:
 
 def test_colours_run_from_one_end_of_the_map_to_the_other() -> None:
     assert sample_colours("gray", 3).tolist() == [[0, 0, 0], [128, 128, 128], [255, 255, 255]]
+
+
+def test_a_films_colours_reach_to_the_99th_percentile_of_its_stress() -> None:
+    stress = np.append(np.linspace(0.0, 10.0, 10_001), 500.0)  # one instant's peak
+    assert usual_limits(stress) == (0.0, pytest.approx(9.9, rel=1e-3))
+    assert usual_limits(-stress) == pytest.approx((-9.9, -0.1), rel=1e-2)
+    brief = np.append(np.zeros(10_000), 7.0)
+    assert usual_limits(brief) == stress_limits(brief)
+
+
+def test_the_usual_map_has_no_dark_lower_end_and_ends_as_turbo_does() -> None:
+    colours = sample_colours("light turbo", 256).astype(float)
+    luminance = colours @ (0.2126, 0.7152, 0.0722)
+    assert luminance[:200].min() > 110
+    assert np.abs(colours[100:] - sample_colours("turbo", 256)[100:]).max() <= 1
+    assert np.abs(np.diff(colours, axis=0)).max() < 12  # no jump where the two meet

@@ -4,11 +4,11 @@ from pathlib import Path
 import imageio.v3 as iio
 import numpy as np
 import pytest
-from matplotlib import colormaps
 from matplotlib.colors import to_rgb
 
 from pipeline.render.annotations import BAR
 from pipeline.render.camera import Camera
+from pipeline.render.colours import sample_colours
 from pipeline.render.pictures import PART_COLOURS, draw_mesh, draw_mode, draw_stress
 from pipeline.render.projection import Projection, is_visible
 from pipeline.render.surface import Surface
@@ -118,12 +118,12 @@ def test_colours_of_a_twisted_blade_are_found_on_the_bar_at_its_stress(tmp_path:
     still = np.zeros_like(propeller.points)
     projection = draw_stress(propeller, still, stress, path, title="", camera=Camera(angles=(-60, 40), size=SIZE))
     picture = iio.imread(path)
-    turbo = 255 * colormaps["turbo"](np.linspace(0, 1, 256))[:, :3]
+    scale = sample_colours("light turbo", 256).astype(float)
     faces = propeller.points[propeller.triangles]
     seen = [k for k in range(0, len(faces), 7) if sees(projection, propeller, k)]
     shares = []
     for k in seen:
-        away = distance_to_bar(picture, turbo, projection.pixels(faces[k].mean(axis=0)[None])[0])
+        away = distance_to_bar(picture, scale, projection.pixels(faces[k].mean(axis=0)[None])[0])
         expected = round(255 * stress[propeller.triangles[k]].mean() / limits[1])
         shares.append(away[max(0, expected - 4) : expected + 5].min())
     assert len(seen) > 40

@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 
-from pipeline.render.projection import PART, choose_axes, fit_projection, is_visible, oblique_axes
+from pipeline.render.projection import PART, choose_axes, fit_projection, is_visible, oblique_axes, upright_axes
 from pipeline.render.surface import Surface
 
 SIZE = (960, 540)
@@ -25,6 +25,25 @@ def test_motion_in_the_horizontal_plane_is_looked_at_from_above() -> None:
     for extents in ((1.0, 1.0, 0.1), (1.0, 2.0, 0.1), (2.0, 1.0, 0.0)):
         axes = next(oblique_axes(np.array([[0.0, 0.0, 0.0], extents])))
         assert axes[2, 2] > 0.8
+
+
+@pytest.mark.parametrize("up", [(0.0, 1.0, 0.0), (0.0, 0.0, 1.0), (-1.0, 0.0, 0.0), (0.0, 0.6, 0.8)])
+def test_what_is_up_in_space_is_up_in_the_picture(up: tuple[float, float, float]) -> None:
+    points = np.random.default_rng(1).normal(size=(50, 3)) * (1.0, 3.0, 2.0)
+    for axes in upright_axes(points, np.array(up)):
+        assert np.allclose(axes @ axes.T, np.eye(3), atol=1e-12)
+        assert np.linalg.det(axes) > 0
+        right, upwards, towards = axes @ up
+        assert abs(right) < 1e-12
+        assert upwards > 0.9
+        assert towards > 0  # seen from above
+
+
+def test_planar_motion_under_gravity_is_seen_along_its_normal() -> None:
+    flat = np.array([[0.0, 0.0, 0.0], [1.0, 2.0, 0.1]])
+    axes = next(upright_axes(flat, np.array([0.0, 1.0, 0.0])))
+    assert axes[2, 2] > 0.8
+    assert axes[0, 0] > 0.8
 
 
 def test_a_point_is_visible_unless_a_triangle_lies_before_it() -> None:

@@ -59,7 +59,7 @@ def test_a_key_without_a_meaning_is_an_error():
 
 def test_a_quantity_of_charts_without_a_meaning_is_an_error(monkeypatch: pytest.MonkeyPatch):
     monkeypatch.delitem(CHART_QUANTITIES, "energy")
-    with pytest.raises(ValueError, match="quantities of charts have no meaning: energy"):
+    with pytest.raises(ValueError, match="quantities of a chart have no meaning: energy"):
         write_page()
 
 

@@ -16,14 +16,14 @@ from pipeline.core.arrays import Array
 from pipeline.core.errors import AccuracyError, StabilityError
 
 if TYPE_CHECKING:
-    from pipeline.dynamics.compiled_system.system import CompiledSystem
+    from pipeline.dynamics.compiled_system.reference_state import ReferenceState
     from pipeline.dynamics.mechanism import Mechanism
 
 _LOOKED_AT = 20  # output times with the largest deflections
 _LOST = 0.05  # of an inertia, where a march ends because it vanishes
 
 
-def require_positive_mass(system: CompiledSystem, q: Array, where: str, least: float = 0.0) -> None:
+def require_positive_mass(system: ReferenceState, q: Array, where: str, least: float = 0.0) -> None:
     """Raise ``AccuracyError`` if deflections at positions q (n_positions,) take a part of its inertia from a motion.
 
     Parameters
@@ -52,7 +52,7 @@ def require_positive_mass(system: CompiledSystem, q: Array, where: str, least: f
     )
 
 
-def require_positive_over(system: CompiledSystem, times: Array, q: Array) -> None:
+def require_positive_over(system: ReferenceState, times: Array, q: Array) -> None:
     """Raise ``AccuracyError`` if the mass isn't positive definite at one of a motion's largest deflections.
 
     Parameters
@@ -80,7 +80,7 @@ def _stiffened(mechanism: Mechanism) -> list[int]:
     ]
 
 
-def explain_failure(system: CompiledSystem, failure: StabilityError) -> None:
+def explain_failure(system: ReferenceState, failure: StabilityError) -> None:
     """Raise ``AccuracyError`` if a march failed because a motion of its system lost its inertia."""
-    if isinstance(failure.positions, np.ndarray) and len(failure.positions) == system.n_positions:
+    if isinstance(failure.positions, np.ndarray) and len(failure.positions) == system.mechanism.n_positions:
         require_positive_mass(system, failure.positions, f"at t = {failure.time:.4g} s", _LOST)

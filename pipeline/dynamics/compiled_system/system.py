@@ -13,6 +13,7 @@ import pipeline.dynamics.compiled_system.held
 import pipeline.dynamics.compiled_system.kernels
 import pipeline.dynamics.compiled_system.middle  # noqa: F401 - all give the functions of `system` their meaning here
 from pipeline.core.arrays import Array, IntArray
+from pipeline.core.errors import StabilityError
 from pipeline.dynamics.compiled_system.couplings import Couplings, find_couplings, find_inertial_coupling
 from pipeline.dynamics.compiled_system.parameters import (
     ClosedCycle,
@@ -24,6 +25,7 @@ from pipeline.dynamics.compiled_system.parameters import (
     Multipliers,
     TreeParameters,
 )
+from pipeline.dynamics.compiled_system.positive_mass import explain_failure
 from pipeline.dynamics.compiled_system.reference_state import ReferenceState
 from pipeline.dynamics.compiler.closures import scale_rows
 from pipeline.dynamics.compiler.program import LANES
@@ -62,6 +64,10 @@ class CompiledSystem(ReferenceState):
     def evaluation_cost(self) -> float:
         """Operations of an evaluation of the accelerations, by the size of their machine code."""
         return self.compiled.n_bytes() / _BYTES_OF_OPERATION
+
+    def explain_failure(self, failure: StabilityError) -> None:
+        """Raise ``AccuracyError`` if a march failed because a motion of the system lost its inertia."""
+        explain_failure(self, failure)
 
     @property
     def groups(self) -> tuple[IntArray, IntArray]:

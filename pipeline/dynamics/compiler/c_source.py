@@ -16,6 +16,7 @@ import numpy as np
 from pipeline.core.arrays import Array
 from pipeline.dynamics.compiler import arc
 from pipeline.dynamics.compiler.functions import ARC, STUMPFF
+from pipeline.dynamics.compiler.graph import Graph
 from pipeline.dynamics.compiler.program import LANES, Program
 from pipeline.dynamics.compiler.stumpff import LIMIT, coefficients
 
@@ -31,10 +32,15 @@ def write_c(programs: Mapping[str, Program]) -> str:
         A name is no identifier of C.
     """
     lines = ["#include <math.h>"]
+    shared = len({id(program.graph) for program in programs.values()}) == 1
+    if shared:  # several functions may take a constant: it stands once
+        graph = next(iter(programs.values())).graph
+        taken = set[int]().union(*(_tables(program) for program in programs.values()))
+        lines += ["", *_table_lines(graph, taken)] if taken else []
     for name, program in programs.items():
         if not (name.isascii() and name.isidentifier()):
             raise ValueError(f"{name!r} is no name of a C function")
-        writer = _CWriter(program, name)
+        writer = _CWriter(program, name, not shared)
         body = writer.write()
         helpers = [line for helper in sorted(writer.helpers) for line in ("", *_helper(name, helper))]
         lines += [*helpers, "", f"/* in: {', '.join(writer.read)}; out: {', '.join(writer.filled)} */", *body]
@@ -44,8 +50,8 @@ def write_c(programs: Mapping[str, Program]) -> str:
 class _CWriter:
     """Writes the statements of a program's nodes; node 12 is a number, or the double or the array ``x12``."""
 
-    def __init__(self, program: Program, name: str) -> None:
-        self._program, self._graph, self._name = program, program.graph, name
+    def __init__(self, program: Program, name: str, own_tables: bool = True) -> None:
+        self._program, self._graph, self._name, self._own_tables = program, program.graph, name, own_tables
         self.helpers: set[str] = set()
         nodes = (self._graph.nodes[number] for number in program.nodes)
         places = [node.data for node in nodes if node.operation in ("input", "vector input")]
@@ -60,10 +66,7 @@ class _CWriter:
         body += [line for value, place in self._program.outputs for line in self._store(value.node, *place)]
         if self._program.lanes:
             body = [f"for (int lane = 0; lane < {LANES}; ++lane) {{", *(f"    {line}" for line in body), "}"]
-        tables = [
-            f"static const double m{number}[] = {_braced(self._graph.arrays[number].ravel())};"
-            for number in sorted(self._tables())
-        ]
+        tables = _table_lines(self._graph, _tables(self._program)) if self._own_tables else []
         lines = ["(void)in;", *tables, *body]
         return [
             f"void {self._name}(const double *const *in, double *const *out)",
@@ -71,11 +74,6 @@ class _CWriter:
             *(f"    {line}" for line in lines),
             "}",
         ]
-
-    def _tables(self) -> set[int]:
-        """Numbers of the constants that the program takes."""
-        nodes = (self._graph.nodes[number] for number in self._program.nodes)
-        return {int(node.data) for node in nodes if node.operation in ("array", "diagonal", "matrix")}  # type: ignore[arg-type]
 
     def _node(self, number: int) -> list[str]:
         """Write what computes a node."""
@@ -125,7 +123,7 @@ class _CWriter:
         if operation != "number":
             return f"x{number}"
         value = float(data)  # type: ignore[arg-type]
-        return f"({_number(value)})" if value < 0.0 else _number(value)
+        return f"({write_number(value)})" if value < 0.0 else write_number(value)
 
     def _vector(self, number: int) -> list[str]:
         operation, arguments, data, size = self._graph.nodes[number]
@@ -156,11 +154,21 @@ class _CWriter:
         ]
 
 
+def _tables(program: Program) -> set[int]:
+    """Return the numbers of the constants that a program takes."""
+    nodes = (program.graph.nodes[number] for number in program.nodes)
+    return {int(node.data) for node in nodes if node.operation in ("array", "diagonal", "matrix")}  # type: ignore[arg-type]
+
+
+def _table_lines(graph: Graph, numbers: set[int]) -> list[str]:
+    return [f"static const double m{k}[] = {_braced(graph.arrays[k].ravel())};" for k in sorted(numbers)]
+
+
 def _each(name: str, count: int) -> str:
     return f"for (int {name} = 0; {name} < {count}; ++{name})"
 
 
-def _number(value: float) -> str:
+def write_number(value: float) -> str:
     """Return a double as C reads it, bit for bit."""
     if math.isnan(value):
         return "NAN"
@@ -171,7 +179,7 @@ def _number(value: float) -> str:
 
 def _braced(entries: Iterable[str] | Array) -> str:
     """Return an initialiser, a few entries a line."""
-    texts = [_number(float(x)) for x in entries] if isinstance(entries, np.ndarray) else list(entries)
+    texts = [write_number(float(x)) for x in entries] if isinstance(entries, np.ndarray) else list(entries)
     lines = [", ".join(texts[first : first + _PER_LINE]) for first in range(0, len(texts), _PER_LINE)]
     return "{" + ",\n        ".join(lines) + "}"
 
@@ -187,14 +195,14 @@ def _arc_function(name: str, k: int) -> list[str]:
     """Write a function of a rotation's vector: by series, or by the arc sine and a recurrence; see `arc`."""
     steps = []
     for j in range(k):
-        rest = f"{_number(2.0 * j * j)} * a{j - 1}" if j else "1.0"
+        rest = f"{write_number(2.0 * j * j)} * a{j - 1}" if j else "1.0"
         steps.append(
-            f"        const double a{j + 1} = ({rest} - {_number(2.0 * j + 1.0)} * (1.0 - 2.0 * x) * a{j}) / (2.0 * p);"
+            f"        const double a{j + 1} = ({rest} - {write_number(2.0 * j + 1.0)} * (1.0 - 2.0 * x) * a{j}) / (2.0 * p);"
         )
     return [
         f"static double {name}_arc{k}(double x)",
         "{",
-        f"    if (!(x < {_number(arc.LIMIT)})) {{",
+        f"    if (!(x < {write_number(arc.LIMIT)})) {{",
         "        const double p = x * (1.0 - x);",
         "        const double a0 = asin(sqrt(x)) / sqrt(p);",
         *steps,
@@ -207,7 +215,7 @@ def _arc_function(name: str, k: int) -> list[str]:
 
 def _horner(coefficients: Iterable[float]) -> str:
     """Return a polynomial in x, lowest power first."""
-    *others, series = (_number(c) for c in coefficients)
+    *others, series = (write_number(c) for c in coefficients)
     for coefficient in reversed(others):
         series = f"{coefficient} + x * ({series})"
     return series
@@ -215,11 +223,11 @@ def _horner(coefficients: Iterable[float]) -> str:
 
 def _stumpff_function(name: str, k: int) -> list[str]:
     """Write a Stumpff function: by series, or by sine and cosine; see `stumpff`."""
-    far = [f"        y = ({_number(1.0 / math.factorial(j))} - y) / x;" for j in range(k % 2, k, 2)]
+    far = [f"        y = ({write_number(1.0 / math.factorial(j))} - y) / x;" for j in range(k % 2, k, 2)]
     return [
         f"static double {name}_stumpff{k}(double x)",
         "{",
-        f"    if (!(x < {_number(LIMIT)})) {{",
+        f"    if (!(x < {write_number(LIMIT)})) {{",
         "        const double root = sqrt(x);",
         f"        double y = {'sin(root) / root' if k % 2 else 'cos(root)'};",
         *far,

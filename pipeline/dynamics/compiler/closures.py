@@ -32,7 +32,7 @@ from pipeline.dynamics.compiler.algebra import (
     subtract,
 )
 from pipeline.dynamics.compiler.bodies import Inertia
-from pipeline.dynamics.compiler.coordinates import Coordinates, RestingCoordinates
+from pipeline.dynamics.compiler.coordinates import Coordinates
 from pipeline.dynamics.compiler.forces import joint_grip, section_angle
 from pipeline.dynamics.compiler.frames import MovingFrame
 from pipeline.dynamics.compiler.graph import Scalar, Terms, total
@@ -107,9 +107,9 @@ class ConstraintRow:
 
 
 class MultiplierForces:
-    """Forces of the constraints' multipliers, read from the argument ``f``, on a mechanism at rest without weight."""
+    """Forces of the constraints' multipliers alone, read from the argument ``f``: neither weight nor velocities act."""
 
-    def __init__(self, inputs: RestingCoordinates, rows: list[ConstraintRow]) -> None:
+    def __init__(self, inputs: Coordinates, rows: list[ConstraintRow]) -> None:
         self.graph = inputs.graph
         self.ground: Vector6 = constants(inputs.graph, [0.0] * 6)
         self._rows = [(inputs.graph.scalar_input("f", k), row) for k, row in enumerate(rows)]

@@ -205,17 +205,35 @@ class CompiledMechanism:
             In space, about the joint's places, by the joints' names.
         """
         names = [joint.name for joint in self.mechanism.closing_joints]
-        n_rows, inputs, state = len(self.rows), self.signal_values(t), _contiguous(q, v)
         wrenches = np.zeros((len(names), 2, 6))
-        if n_rows and names:
-            _, S = self.multipliers(t, q)
-            units, room = np.zeros((n_rows, LANES)), np.zeros((2, n_rows, LANES))
-            a, w, x = np.zeros(self.mechanism.n), np.zeros(n_rows), np.zeros((self.mechanism.n, LANES))
-            self.call("closed", inputs, *state, units, a, w, x, room[0])
-            scale = np.sqrt(np.maximum(S.diagonal(), 1e-300))
-            smallest = -np.linalg.lstsq(S / np.outer(scale, scale), w / scale, rcond=_REDUNDANT)[0] / scale
-            self.call("reactions", inputs, *state, smallest, wrenches)
+        if self.rows and names:
+            _, smallest = self.constrained_accelerations(t, q, v)
+            self.call("reactions", self.signal_values(t), *_contiguous(q, v), smallest, wrenches)
         return dict(zip(names, wrenches, strict=True))
+
+    def constrained_accelerations(self, t: float, q: Array, v: Array) -> tuple[Array, Array]:
+        """Return accelerations (n,) that keep loops closed, and the smallest multipliers (n_rows,) that do it."""
+        n_rows = len(self.rows)
+        if not n_rows:
+            return self.accelerations(t, q, v), np.zeros(0)
+        X, S = self.multipliers(t, q)
+        units, room = np.zeros((n_rows, LANES)), np.zeros((n_rows, LANES))
+        a, w, x = np.zeros(self.mechanism.n), np.zeros(n_rows), np.zeros((self.mechanism.n, LANES))
+        self.call("closed", self.signal_values(t), *_contiguous(q, v), units, a, w, x, room)
+        scale = np.sqrt(np.maximum(S.diagonal(), 1e-300))
+        smallest = -np.linalg.lstsq(S / np.outer(scale, scale), w / scale, rcond=_REDUNDANT)[0] / scale
+        return a + X @ smallest, smallest
+
+    def joint_loads(self, t: float, q: Array, v: Array, a: Array, multipliers: Array) -> tuple[Array, Array]:
+        """Return accelerations of the bodies' frames (n_bodies, 6), and loads of their joints (n_bodies, 2, 6).
+
+        The latter are force and moment on the parent, about the joint's place, and on the body, about its origin. All
+        are in space [m/s², rad/s², N, N m].
+        """
+        n = len(self.mechanism.links)
+        motions, loads = np.zeros((n, 6)), np.zeros((n, 2, 6))
+        self.call("joint_loads", self.signal_values(t), *_contiguous(q, v, a, multipliers), motions, loads)
+        return motions, loads
 
     def frames(self, t: float, q: Array, v: Array) -> tuple[Array, Array, Array]:
         """Return the bodies' origins (n_bodies, 3), rotations (n_bodies, 3, 3) and angular velocities in space."""

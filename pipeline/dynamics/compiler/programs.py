@@ -15,6 +15,8 @@ are filled:
   ``M̂⁻¹ Jᵀ f`` and ``J M̂⁻¹ Jᵀ f``, ``w`` (n_rows,): accelerations of the gaps by the tree's, which are ``a`` then,
   ``g`` and ``rates`` (n_rows,): gaps and their rates, and
   ``wrenches`` (n_joints, 2, 6): force and moment in space on both places of each joint by multipliers ``f`` (n_rows,);
+- ``motions`` (n_bodies, 6): accelerations of the bodies' frames in space by ``a`` and multipliers ``f`` (n_rows,), and
+  ``loads`` (n_bodies, 2, 6): force and moment of each body's joint on its parent and on the body, see `joint_loads`;
 - ``moved`` (n_positions,): how positions change. With the slow ones, and with the slow rates by their accelerations,
   the fast rows of the residual change by ``drift`` (n,), and by ``by_inputs`` (3 n_signals, n), ``by_positions`` and
   ``by_rates`` (n,) along each input, all fast positions and all fast rates;
@@ -41,6 +43,7 @@ from pipeline.dynamics.compiler.forces import ActingForces, GivenForces
 from pipeline.dynamics.compiler.frames import MovingFrame, trace_frames
 from pipeline.dynamics.compiler.graph import Scalar, combine
 from pipeline.dynamics.compiler.held import trace_drift, trace_fast_step, trace_single
+from pipeline.dynamics.compiler.joint_loads import trace_joint_loads
 from pipeline.dynamics.compiler.program import Output, Program
 from pipeline.dynamics.compiler.quantities import (
     trace_kinetic_energy,
@@ -201,6 +204,14 @@ def _reactions(inputs: Coordinates, frames: list[MovingFrame]) -> list[Output]:
     return _in_row("wrenches", 0, both)
 
 
+def _joint_loads(inputs: Coordinates, frames: list[MovingFrame]) -> list[Output]:
+    outputs = []
+    for number, (motion, on_parent, on_body) in enumerate(trace_joint_loads(inputs, frames)):
+        outputs += _in_row("motions", number, motion)
+        outputs += _in_row("loads", number, on_parent + on_body)
+    return outputs
+
+
 def _frames(inputs: Coordinates, frames: list[MovingFrame]) -> list[Output]:
     outputs = []
     for frame in frames:
@@ -270,6 +281,7 @@ DEFINITIONS = {
     "multipliers": Definition(("inputs", "q", "f", "x", "s"), _multipliers, lanes=("f", "x", "s")),
     "gaps": Definition((*_STATE, "g", "rates"), _gaps),
     "reactions": Definition((*_STATE, "f", "wrenches"), _reactions),
+    "joint_loads": Definition((*_STATE, "a", "f", "motions", "loads"), _joint_loads),
     "frames": Definition((*_STATE, "origins", "rotations", "spins"), _frames),
     "markers": Definition(("inputs", "q", "positions", "rotations"), _markers),
     "energies": Definition((*_STATE, "energies"), _energies),

@@ -6,6 +6,8 @@ outwards, and the forces that they take inwards. No matrix is formed.
 
 from __future__ import annotations
 
+from dataclasses import dataclass
+
 from pipeline.dynamics.compiler.algebra import (
     Vector6,
     add,
@@ -17,30 +19,59 @@ from pipeline.dynamics.compiler.algebra import (
 )
 from pipeline.dynamics.compiler.bodies import trace_inertia
 from pipeline.dynamics.compiler.coordinates import Coordinates
-from pipeline.dynamics.compiler.forces import ActingForces
+from pipeline.dynamics.compiler.forces import ActingForces, Forces
 from pipeline.dynamics.compiler.frames import MovingFrame
 from pipeline.dynamics.compiler.graph import Terms, Vector, combine
 from pipeline.dynamics.compiler.recursion import BodyValues
 
 
+@dataclass
+class JointForce:
+    """What it takes to move a body and all that it carries, in the body's axes.
+
+    Attributes
+    ----------
+    x : Vector6
+        Acceleration of the body's frame, less that of free fall.
+    force : Vector6
+        Force and moment about the body's origin, by its joint.
+    modes : Vector
+        Residual of the body's modes.
+    """
+
+    x: Vector6
+    force: Vector6
+    modes: Vector
+
+    def at_place(self, frame: MovingFrame) -> Vector6:
+        """Return force and moment about the joint's place on the parent, in the body's axes."""
+        return self.force[:3] + add(self.force[3:], cross(frame.shift, self.force[:3]))
+
+
 def trace_residual(inputs: Coordinates, frames: list[MovingFrame]) -> list[BodyValues]:
     """Trace the residual of each body's joint and modes; accelerations are the argument ``a``."""
     acting = ActingForces(inputs, frames)
+    out = []
+    for frame, found in zip(frames, trace_joint_forces(inputs, frames, acting), strict=True):
+        loads = zip(frame.directions, acting.on_joint(frame), strict=True)
+        out.append(BodyValues([dot(direction, found.force) - load for direction, load in loads], found.modes))
+    return out
+
+
+def trace_joint_forces(inputs: Coordinates, frames: list[MovingFrame], acting: Forces) -> list[JointForce]:
+    """Trace what each joint transmits to its body for forces on all bodies; accelerations are the argument ``a``."""
     x: list[Vector6] = []
     for frame in frames:
         x.append(_accelerate(inputs, acting, frame, x))
     carried: dict[int, Vector6] = {}
-    out: list[BodyValues] = []
+    found: list[JointForce] = []
     for frame in reversed(frames):
-        force, modes = _forces(inputs, acting, frame, x[frame.number], carried)
-        loads = zip(frame.directions, acting.on_joint(frame), strict=True)
-        out.append(BodyValues([dot(direction, force) - load for direction, load in loads], modes))
-        at_joint = force[:3] + add(force[3:], cross(frame.shift, force[:3]))
-        carried[frame.number] = rotate(frame.R, at_joint)
-    return out[::-1]
+        found.append(JointForce(x[frame.number], *_forces(inputs, acting, frame, x[frame.number], carried)))
+        carried[frame.number] = rotate(frame.R, found[-1].at_place(frame))
+    return found[::-1]
 
 
-def _accelerate(inputs: Coordinates, acting: ActingForces, frame: MovingFrame, above: list[Vector6]) -> Vector6:
+def _accelerate(inputs: Coordinates, acting: Forces, frame: MovingFrame, above: list[Vector6]) -> Vector6:
     """Return the acceleration of a body's frame from that of its parent's."""
     if frame.parent is None:
         x = frame.carry(acting.ground)
@@ -51,7 +82,7 @@ def _accelerate(inputs: Coordinates, acting: ActingForces, frame: MovingFrame, a
 
 
 def _forces(
-    inputs: Coordinates, acting: ActingForces, frame: MovingFrame, x: Vector6, carried: dict[int, Vector6]
+    inputs: Coordinates, acting: Forces, frame: MovingFrame, x: Vector6, carried: dict[int, Vector6]
 ) -> tuple[Vector6, Vector]:
     """Return the force that moves a body's frame and what it carries, and the residual of its modes."""
     graph = inputs.graph

@@ -12,11 +12,13 @@ from pydantic.fields import FieldInfo
 
 from pipeline.scene.bodies import Bar
 from pipeline.scene.constraints import Gear
+from pipeline.scene.histories import HISTORY_QUANTITIES, HistoryQuantity, Quantities
 from pipeline.scene.imported_bodies import CadPart, MatrixPart, MeshedPart
 from pipeline.scene.joints import Revolute
 from pipeline.scene.loads import PulseDrive
 from pipeline.scene.outputs import CHART_QUANTITIES, Chart
 from pipeline.scene.reading import SceneTable, list_ready_scenes
+from pipeline.scene.reduced_bodies import ReducedPart
 from pipeline.scene.reference.sections import INTRODUCTION, SECTIONS
 from pipeline.scene.reference.values import describe_values, to_markdown
 from pipeline.scene.runs import CentralDifferenceRun
@@ -32,7 +34,11 @@ _KINDS = {
     "Outputs": "Kind of output.",
 }
 _NO_KEYS = {(TimeFunction, "constant")}  # a constant is written as the quantity itself
-_KNOWN_BY_FILES = {(table, "shape") for table in (MeshedPart, CadPart, MatrixPart)}
+_LINKED: dict[tuple[type[SceneTable], str], str] = {
+    (Chart, "quantity"): "[quantity](#quantities-of-a-chart)",
+    (Quantities, "quantities"): "list of [quantities](#quantities-of-a-history)",
+}
+_KNOWN_BY_FILES = {(table, "shape") for table in (MeshedPart, CadPart, MatrixPart, ReducedPart)}
 
 
 def write_page() -> str:
@@ -58,7 +64,9 @@ def write_page() -> str:
         if section.text:
             blocks.append(section.text.strip())
         if section.table is Chart:
-            blocks += _describe_quantities()
+            blocks += _describe_quantities("chart", Chart.model_fields["quantity"].annotation, CHART_QUANTITIES)
+        if section.table is Quantities:
+            blocks += _describe_quantities("history", HistoryQuantity, HISTORY_QUANTITIES)
     return "\n\n".join(blocks) + "\n"
 
 
@@ -85,7 +93,7 @@ def list_keys(table: type[SceneTable]) -> list[tuple[str, FieldInfo]]:
 
 def _write_row(table: type[SceneTable], name: str, field: FieldInfo, kind: str, anchors: dict[type, str]) -> str:
     words = describe_values(field.annotation, field.metadata, anchors)
-    value = "[quantity](#quantities-of-a-chart)" if (table, name) == (Chart, "quantity") else words.text
+    value = _LINKED.get((table, name), words.text)
     meaning = read_meanings(table).get(name) or (kind if name in ("shape", "type", "integrator") else "")
     if not meaning:
         raise ValueError(f"{table.__name__} doesn't say in its docstring what {name} means")
@@ -114,14 +122,14 @@ def _write_value(value: Any, unit: str) -> str:
     return f'"{value:g} {unit}"' if unit else f"{value:g}" if isinstance(value, float) else str(value)
 
 
-def _describe_quantities() -> Iterator[str]:
-    """Write the quantities of charts with their meanings."""
-    names = get_args(Chart.model_fields["quantity"].annotation)
-    unknown = sorted(set(names) - set(CHART_QUANTITIES))
+def _describe_quantities(output: str, choice: Any, meanings: dict[str, str]) -> Iterator[str]:
+    """Write the quantities of charts or histories with their meanings."""
+    names = get_args(choice)
+    unknown = sorted(set(names) - set(meanings))
     if unknown:
-        raise ValueError(f"quantities of charts have no meaning: {', '.join(unknown)}")
-    yield "### Quantities of a chart"
-    rows = [f"| `{name}` | {meaning} |" for name, meaning in CHART_QUANTITIES.items() if name in names]
+        raise ValueError(f"quantities of a {output} have no meaning: {', '.join(unknown)}")
+    yield f"### Quantities of a {output}"
+    rows = [f"| `{name}` | {meaning} |" for name, meaning in meanings.items() if name in names]
     yield "\n".join(["| quantity | meaning |", "|---|---|", *rows])
 
 

@@ -7,15 +7,16 @@ from typing import NamedTuple
 from pipeline.scene.bodies import Bar, BarMesh, ModeSettings, Solid
 from pipeline.scene.compound_joints import Cylindrical, Planar, Screw, Universal
 from pipeline.scene.constraints import Distance, Gear, PointOnLine, Rack
+from pipeline.scene.force_curves import ForceByElongation
 from pipeline.scene.force_elements import (
     AngleStop,
     Bearing,
     Bushing,
-    ForceByElongation,
     LengthStop,
     Spring,
 )
 from pipeline.scene.ground import GroundPlace
+from pipeline.scene.histories import ExtremesTable, History, Quantities
 from pipeline.scene.imported_bodies import (
     CadFile,
     CadPart,
@@ -28,11 +29,23 @@ from pipeline.scene.imported_bodies import (
 )
 from pipeline.scene.joints import Fixed, Free, Prismatic, Revolute, Spherical
 from pipeline.scene.loads import ForceDrive, MotionDrive, PointForce, PointTorque, PulseDrive, TorqueDrive
+from pipeline.scene.orientation import AxisDirections, Orientation
 from pipeline.scene.outputs import Chart, Export
-from pipeline.scene.pictures import BodyPicture, Film, MeshPicture, ModePictures, ModeSheet, StressPicture
+from pipeline.scene.pictures import (
+    BodyPicture,
+    Film,
+    MechanismPicture,
+    MechanismView,
+    MeshPicture,
+    ModePictures,
+    ModeSheet,
+    PictureSettings,
+    StressPicture,
+)
 from pipeline.scene.places import MarkerPlace, NamedElement, Support
 from pipeline.scene.propeller import Propeller, PropellerMesh
 from pipeline.scene.reading import SceneTable
+from pipeline.scene.reduced_bodies import BodyFile, FileNode, ReducedModes, ReducedPart
 from pipeline.scene.rigid_bodies import PointMarker, PointMass, RigidBody, Rod
 from pipeline.scene.runs import (
     AutoRun,
@@ -48,6 +61,7 @@ from pipeline.scene.runs import (
 from pipeline.scene.scene import PublishedResults, Scene
 from pipeline.scene.simulation import Simulation
 from pipeline.scene.time_functions import TimeFunction
+from pipeline.scene.visuals import BoxVisual, CylinderVisual, FileVisual, RodVisual, VisualSettings
 
 INTRODUCTION = """\
 <!-- Written by `python -m pipeline.scene.reference > docs/scene.md` from the docstrings in pipeline/scene. -->
@@ -65,8 +79,9 @@ charts, pictures and files that are wanted. `fmd new my-part.toml` writes a comm
   `-`. A marker is named with its body, `"beam.tip"`. `"ground"` stands still.
 - **On the command line** `--set` replaces values of the file: `--set body.beam.length=300mm`,
   `--set simulation.run.1.substeps=7`. Items of a list count from 0.
-- **Variants** of a ready scene start with `base = "propeller"`; tables that the file doesn't hold come from that scene.
-  The ready scenes are {ready}.
+- **Variants** of another scene start with `base = "./mine.toml"`, its path from this file, or with a ready scene's
+  name, `base = "propeller"`. Tables of the first level that the file doesn't hold, such as `body` or `output`, come
+  from that scene. The ready scenes are {ready}.
 - **Mistakes** are refused, unknown keys too, by one message with the file, the key, the value and what would work.
 
 The tables below give each key's values, its SI unit and its default. A key with a dash may be left out.
@@ -75,13 +90,44 @@ The tables below give each key's values, its SI unit and its default. A key with
 _BODIES = """\
 A body is a table `[body.NAME]`, and its key `shape` says of which kind it is. Bars, propellers and bodies from files
 are flexible; rods, point masses and rigid bodies are not.
+
+With `like = "NAME"` a body has all keys of another body, and those that it gives itself in place of the other's; its
+own tables, such as `mesh` and `marker`, are joined with the other's key by key. Bodies of one part share its mesh, its
+matrices and its modes, which are computed once.
+
+```toml
+[body.blade-2]
+like = "blade-1"
+modes = { damping = 0.01 }
+```
+"""
+_VISUALS = """\
+A shape is a table `[[body.NAME.visual]]`, and its key `type` says of which kind it is. It shows the body in
+pictures and films, and has no effect on the motion.
 """
 _JOINTS = """\
 A joint is a table `[joint.NAME]`, and its key `type` says of which kind it is. Bodies form a tree: each is the child of
 one joint, and through its joints hangs on the ground. A joint holds a marker of the child on a marker of the parent, or
 on a place on the ground. At angle and displacement zero a body's frame is parallel to that of the body that carries it,
-or to the axes of its place on the ground. A joint whose child another joint carries already, or whose child is a place
-on the ground, closes a loop: it has no coordinate of its own, and the joints of the loop start where it closes.
+or to the axes of its place on the ground, unless [markers or joints have axes of their own](#axes). A joint whose child
+another joint carries already, or whose child is a place on the ground, closes a loop: it has no coordinate of its own,
+and the joints of the loop start where it closes.
+"""
+_AXES = """\
+A marker's axes are those of its body's frame, a place's those of space, unless `rotate` or `axes` turns them. A joint
+brings the axes of the child's marker onto those of the parent's at angle and displacement zero, turned by the joint's
+own `rotate` or `axes`; its axis is in these axes. A body so gets its first pose where it is joined: by `rotate` at a
+fixed joint, by `angle` at a hinge, by `position` and `rotate` at a free joint. Following loads and bushings are in the
+axes of their markers.
+
+```toml
+[joint.blade-2]
+type = "revolute"
+parent = "hub.centre"
+child = "blade-2.root"
+rotate = ["0 deg", "0 deg", "180 deg"]
+axis = [0, 0, 1]
+```
 """
 _COUPLERS = """\
 A coupler is a table `[coupler.NAME]`, and its key `type` says of which kind it is. It ties the coordinates of two
@@ -109,6 +155,18 @@ it lies in the folder of results, and no two outputs have the same.
 _FORMULAS = """\
 A formula may hold `t`, `pi`, numbers, `+ - * / **`, the functions `sin`, `cos`, `tan`, `exp`, `log`, `sqrt`, `tanh`,
 `abs`, `min` and `max`, and choices such as `12*t if t < 0.5 else 6`, whose condition compares `t` with a constant.
+
+A table may also lie in a CSV file beside the scene, with a column of times and one for each quantity:
+
+```toml
+[drive.shoulder]
+type = "motion"
+joint = "shoulder"
+angle = { file = "motion.csv", time = "t", column = "q1", unit = "deg" }
+```
+
+A column is named as in the file's first row, or by its number from 1. Lines that begin with `#` are comments, and in a
+file with semicolons or tabs numbers may have a decimal comma.
 """
 
 
@@ -156,6 +214,10 @@ SECTIONS = (
     Section("### CAD file", CadFile),
     Section("### Body from matrices", MatrixPart),
     Section("### Files of matrices", MatrixFiles),
+    Section("### Reduced body from a file", ReducedPart),
+    Section("### File of a reduced body", BodyFile),
+    Section("### Damping of a reduced body", ReducedModes),
+    Section("### Markers of a reduced body", FileNode),
     Section("### Modes", ModeSettings),
     Section("### Markers of a flexible body", MarkerPlace),
     Section("### Supports", Support),
@@ -164,7 +226,14 @@ SECTIONS = (
     Section("### Point mass", PointMass),
     Section("### Rigid body", RigidBody),
     Section("### Markers of a rigid body", PointMarker),
+    Section("### Shapes of rigid bodies in pictures", VisualSettings, _VISUALS),
+    Section("### Box in pictures", BoxVisual),
+    Section("### Cylinder in pictures", CylinderVisual),
+    Section("### Rod in pictures", RodVisual),
+    Section("### Shape from a file in pictures", FileVisual),
     Section("## Places on the ground", GroundPlace),
+    Section("## Axes", Orientation, _AXES),
+    Section("### Directions of axes", AxisDirections),
     Section("## Joints", None, _JOINTS),
     Section("### Revolute joint", Revolute),
     Section("### Prismatic joint", Prismatic),
@@ -209,11 +278,17 @@ SECTIONS = (
     Section("## Published results", PublishedResults),
     Section("## Outputs", None, _OUTPUTS),
     Section("### Chart", Chart),
-    Section("### Every picture and film", BodyPicture),
+    Section("### Every picture and film", PictureSettings),
+    Section("### Every picture of a body", BodyPicture),
     Section("### Picture of the mesh", MeshPicture),
     Section("### Pictures of modes", ModePictures),
     Section("### Sheet of modes", ModeSheet),
+    Section("### Every picture of the mechanism", MechanismView),
     Section("### Picture of the stress", StressPicture),
+    Section("### Picture of the mechanism", MechanismPicture),
     Section("### Film", Film),
+    Section("### Every history and table", Quantities),
+    Section("### History", History),
+    Section("### Table of extremes", ExtremesTable),
     Section("### File for other tools", Export),
 )

@@ -111,7 +111,8 @@ def test_the_text_depends_on_the_mechanism_alone_and_has_no_state() -> None:
         texts.append(write_c({"a": compiled.program("accelerations"), "r": compiled.program("residual")}))
     assert texts[0] == texts[1]
     outside = [line for line in texts[0].splitlines() if line and line[0] not in " {}/#"]
-    assert all(line.startswith(("void ", "static double ")) and line.endswith(")") for line in outside)
+    functions = [line for line in outside if not line.startswith("static const double m")]
+    assert all(line.startswith(("void ", "static double ")) and line.endswith(")") for line in functions)
 
 
 @pytest.mark.parametrize("name", ["", "2a", "a-b", "ä", "a b"])

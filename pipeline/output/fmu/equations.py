@@ -1,0 +1,145 @@
+"""Generated sources of an FMU: sizes, tables and functions of its mechanism, and its integrator's coefficients."""
+
+from __future__ import annotations
+
+from collections.abc import Iterable, Sequence
+
+import numpy as np
+
+from pipeline.core.arrays import Array
+from pipeline.dynamics.compiled_system.system import CompiledSystem
+from pipeline.dynamics.compiler.c_signals import write_c_signals
+from pipeline.dynamics.compiler.c_source import write_c, write_number
+from pipeline.dynamics.compiler.external import ExternalMechanism
+from pipeline.integrators import dop853
+from pipeline.integrators.adaptive import adaptive_start, groups_of, kinds_of
+from pipeline.output.fmu.variables import Interface
+
+_THIRD, _FIFTH, _DENSE = 16, 17, 18  # rows of `dop853.ROWS` after those of the stages
+_PER_LINE = 6
+
+
+def write_equations(
+    external: ExternalMechanism,
+    interface: Interface,
+    system: CompiledSystem,
+    start: tuple[Array, Array],
+    nominal: Array,
+    token: str,
+) -> dict[str, str]:
+    """Write ``equations.h`` and ``equations.c``, by their names.
+
+    Parameters
+    ----------
+    system : CompiledSystem
+        The mechanism as it is marched here.
+    start : tuple of ndarray, shapes (n_positions,) and (n,)
+        Positions and rates at the start.
+    nominal : ndarray, shape (n_positions + n,)
+        Size of each state.
+    token : str
+        By which the binary and its description know each other.
+    """
+    parameters = system.parameters
+    groups, (kinds, n_kinds) = groups_of(system), kinds_of(system)
+    n_groups = int(groups.max(initial=-1)) + 1
+    breakpoints, quaternions = system.breakpoints, parameters.quaternions
+    sizes = {
+        "N_POSITIONS": system.n_positions,
+        "N_RATES": system.n,
+        "N_STATES": system.n_positions + system.n,
+        "N_OWN": len(external.signals),
+        "N_SIGNALS": len(external.signals) + 6 * len(external.markers),
+        "N_INPUTS": len(interface.input_places),
+        "N_FIRST_MARKER_INPUT": interface.n_own_inputs,
+        "N_CONSTANTS": len(external.constants),
+        "N_PARAMETERS": len(interface.parameters),
+        "N_OUTPUTS": len(external.quantities),
+        "N_BREAKPOINTS": len(breakpoints),
+        "N_QUATERNIONS": len(quaternions),
+        "N_GROUPS": n_groups,
+        "N_KINDS": n_kinds,
+    }
+    first_step = adaptive_start(system, *start).next_step
+    tables = {
+        "start_states": np.concatenate(start),
+        "nominal_states": nominal,
+        "start_parameters": np.array(interface.parameters),
+        "breakpoints": np.array(breakpoints),
+    }
+    numbers = {
+        "input_places": np.array(interface.input_places, dtype=np.int64),
+        "rate_positions": parameters.position,
+        "groups": groups,
+        "kinds": kinds,
+    }
+    header = [
+        "/* Sizes, tables and functions of this mechanism. */",
+        "#ifndef EQUATIONS_H",
+        "#define EQUATIONS_H",
+        "",
+        f'#define MODEL_TOKEN "{token}"',
+        f"#define FIRST_STEP {write_number(first_step)}",
+        *(f"#define {name} {size}" for name, size in sizes.items()),
+        "",
+        *(f"extern const double {name}[{max(1, len(values))}];" for name, values in tables.items()),
+        *(f"extern const int {name}[{max(1, len(values))}];" for name, values in numbers.items()),
+        f"extern const int quaternions[{max(1, len(quaternions))}][2]; /* first rate, first position */",
+        "",
+        "/* Value, rate and acceleration of each of the scene's own loads and motions. */",
+        "void own_signals(double time, double *inputs);",
+        "",
+        *(f"void {name}(const double *const *in, double *const *out);" for name in external.programs),
+        "",
+        "#endif",
+    ]
+    pairs = ", ".join(f"{{{rate}, {position}}}" for rate, position in quaternions) or "{0, 0}"
+    functions = write_c(external.programs).removeprefix("#include <math.h>\n")
+    body = [
+        "#include <math.h>",
+        '#include "equations.h"',
+        '#include "series.h"',
+        "",
+        *(_table("double", name, map(write_number, values.tolist())) for name, values in tables.items()),
+        *(_table("int", name, map(str, values.tolist())) for name, values in numbers.items()),
+        f"const int quaternions[{max(1, len(quaternions))}][2] = {{{pairs}}};",
+        "",
+        write_c_signals("own_signals", external.signals),
+        functions,
+    ]
+    return {"equations.h": "\n".join(header) + "\n", "equations.c": "\n".join(body)}
+
+
+def write_coefficients() -> str:
+    """Write ``coefficients.h``: sums of slopes for the stages, the errors and the dense output of the integrator."""
+    rows = dop853.ROWS
+    lines = [
+        "/* Coefficients of the integrator: sums of slopes for stages 0 ... 15, two errors and the dense output. */",
+        '#include "equations.h"',
+        "",
+        f"enum {{ THIRD = {_THIRD}, FIFTH = {_FIFTH}, DENSE = {_DENSE} }};",
+        "static const double zeros[N_STATES];",
+        f"static const double stage_times[{len(dop853.C)}] = {{{', '.join(map(write_number, dop853.C))}}};",
+        "typedef void (*AddSlopes)(double h, double (*slopes)[N_STATES], const double *base, double *out);",
+    ]
+    for k, row in enumerate(rows):
+        terms = " + ".join(f"{_signed(weight)} * slopes[{slope}][i]" for slope, weight in row.items()) or "0.0"
+        lines += [
+            f"static void add_slopes{k}(double h, double (*slopes)[N_STATES], const double *base, double *out)",
+            "{",
+            "    (void)slopes;" if not row else "    for (int i = 0; i < N_STATES; ++i)",
+            f"    {'' if row else 'for (int i = 0; i < N_STATES; ++i) '}    out[i] = base[i] + h * ({terms});",
+            "}",
+        ]
+    lines.append(f"static const AddSlopes add_slopes[] = {{{', '.join(f'add_slopes{k}' for k in range(len(rows)))}}};")
+    return "\n".join(lines) + "\n"
+
+
+def _signed(value: float) -> str:
+    return f"({write_number(value)})" if value < 0.0 else write_number(value)
+
+
+def _table(kind: str, name: str, entries: Iterable[str]) -> str:
+    texts: Sequence[str] = list(entries) or ["0"]
+    lines = [", ".join(texts[k : k + _PER_LINE]) for k in range(0, len(texts), _PER_LINE)]
+    return f"const {kind} {name}[{len(texts)}] = {{" + ",\n    ".join(lines) + "};"

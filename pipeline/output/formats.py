@@ -1,0 +1,64 @@
+"""Formats of other programs: a flexible body, or the whole mechanism, as files that they read.
+
+`pipeline.scene.outputs` has the formats' names and suffixes; this page has what writes each.
+"""
+
+from __future__ import annotations
+
+import importlib
+from pathlib import Path
+
+from pipeline.reduction.body_file import save_body
+from pipeline.stages.pipeline import Pipeline
+
+# Module and function of each format: ``function(run, body or None, path)`` writes the files and returns their paths.
+# A module is loaded when its format is written.
+_WRITERS = {
+    "fmu": "pipeline.output.fmu.write:write_fmu",
+    "python": "pipeline.output.formats:write_python",
+    "sid": "pipeline.output.body_formats:write_sid",
+    "exudyn": "pipeline.output.body_formats:write_exudyn",
+    "mbdyn": "pipeline.output.body_formats:write_mbdyn",
+    "simscape": "pipeline.output.body_formats:write_simscape",
+    "openfast": "pipeline.output.body_formats:write_openfast",
+    "full": "pipeline.output.body_formats:write_full",
+}
+
+
+def write_format(run: Pipeline, name: str, body: str | None, path: Path) -> list[Path]:
+    """Write a scene's body, or its mechanism, in the format of a name; return the files, the first of them ``path``.
+
+    Parameters
+    ----------
+    run : Pipeline
+        The scene's pipeline.
+    name : str
+        One of `pipeline.scene.outputs.EXPORT_FORMATS`.
+    body : str, optional
+        Flexible body that the file holds; None for formats of the whole mechanism.
+    path : Path
+        Where the file goes; its folder exists.
+
+    Raises
+    ------
+    InputError
+        The format can't hold what the scene has.
+    """
+    module, _, function = _WRITERS[name].partition(":")
+    files: list[Path] = getattr(importlib.import_module(module), function)(run, body, path)
+    return files
+
+
+def write_python(run: Pipeline, body: str | None, path: Path) -> list[Path]:
+    """Write a reduced body as NetCDF, for Python."""
+    assert body is not None
+    write_body(run, body, path)
+    return [path]
+
+
+def write_body(run: Pipeline, body: str, path: Path) -> None:
+    """Write modes, mass, stiffness, inertia integrals and the stress of each mode of a body as NetCDF."""
+    part = run.parts[body]
+    reduced = part.for_any_motion(run.bodies[body])
+    surface, stress = (part.surface, part.surface_stress) if part.has_mesh else (None, None)
+    save_body(path, reduced, surface, stress, part.modes.frequencies_hz)

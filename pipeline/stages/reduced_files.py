@@ -1,0 +1,106 @@
+"""Flexible bodies that are read as reduced bodies from files, of other programs and of this one."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+from pathlib import Path
+from typing import TYPE_CHECKING
+
+from pipeline.core.errors import InputError
+from pipeline.reduction.equivalent_model import (
+    EquivalentModel,
+    equivalent_marker,
+    equivalent_model,
+    finish_body,
+    modes_of,
+)
+from pipeline.reduction.formats.exudyn_file import read_exudyn
+from pipeline.reduction.formats.mbdyn_file import read_mbdyn
+from pipeline.reduction.formats.sid_file import read_sid
+from pipeline.scene.reading import suggest_name
+
+if TYPE_CHECKING:
+    from pipeline.fem.markers import Marker
+    from pipeline.fem.model import FEModel
+    from pipeline.reduction.body import FlexibleBody
+    from pipeline.reduction.modes import Modes
+    from pipeline.scene.any_body import Flexible
+    from pipeline.scene.source_files import SourceFiles
+    from pipeline.stages.basis import HeldModel
+
+READERS = {".sid_fem": read_sid, ".fem": read_mbdyn, ".npz": read_exudyn}
+"""Readers of reduced bodies by the suffix of their files, in lower case."""
+
+
+def read_reduced_body(source: SourceFiles | None) -> EquivalentModel:
+    """Read a reduced body from the file that a scene names.
+
+    Raises
+    ------
+    InputError
+        The file's suffix is none of `READERS`, or it can't be read.
+    """
+    assert source is not None
+    path = Path(source.path)
+    if path.suffix.lower() not in READERS:
+        mend = f"is no file of a reduced body that is read; these are: {' '.join(READERS)}"
+        raise InputError(str(path), "", None, mend)
+    return equivalent_model(READERS[path.suffix.lower()](path))
+
+
+def modes_of_file(fe: FEModel) -> Modes:
+    """Return the modes of the free body in the space of its file's shapes."""
+    return modes_of(_equivalent(fe))
+
+
+def file_notes(fe: FEModel) -> tuple[str, ...]:
+    """Return what a body's file says that can't be right, and what was taken instead."""
+    return _equivalent(fe).data.notes
+
+
+def place_file_markers(fe: FEModel, shape: Flexible, file: str, body: str) -> dict[str, Marker]:
+    """Place a body's markers on the nodes of its file.
+
+    Raises
+    ------
+    InputError
+        There is no such node, or it doesn't turn.
+    """
+    assert shape.shape == "reduced"
+    model, markers = _equivalent(fe), {}
+    for name, marker in shape.marker.items():
+        key = f"body.{body}.marker.{name}.node"
+        for label in marker.labels:
+            if label not in model.data.nodes:
+                mend = f"no such node; {suggest_name(label, model.data.nodes, 'the nodes of the file')}"
+                raise InputError(file, key, label, mend)
+        try:
+            markers[name] = equivalent_marker(model, [model.data.nodes[label] for label in marker.labels])
+        except ValueError as error:
+            raise InputError(file, key, marker.node, str(error)) from None
+    return markers
+
+
+def reduce_file_body(model: HeldModel, modes: Modes, shape: Flexible, frame: str) -> FlexibleBody:
+    """Refer a file's body to the joint that carries it.
+
+    Raises
+    ------
+    InputError
+        Its geometric stiffening belongs to a frame that the joint doesn't keep.
+    """
+    from pipeline.stages.basis import reduce_body
+
+    assert shape.shape == "reduced"
+    in_space = replace(model, joint=replace(model.joint, normal=-1))
+    body = reduce_body(in_space, modes, shape.modes, frame)
+    labels = {name: marker.labels for name, marker in shape.marker.items()}
+    try:
+        return finish_body(_equivalent(model.fe), body, labels)
+    except ValueError as error:
+        raise InputError(model.file, f"body.{model.name}.body.file", shape.body.file, str(error)) from None
+
+
+def _equivalent(fe: FEModel) -> EquivalentModel:
+    assert isinstance(fe, EquivalentModel)
+    return fe

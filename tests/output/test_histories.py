@@ -1,0 +1,185 @@
+"""Histories and tables of extremes: what is in the files, against statics and the forces of springs and masses."""
+
+from __future__ import annotations
+
+import csv
+import json
+from collections.abc import Callable
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pytest
+import xarray
+
+from pipeline import Pipeline, load_scene
+from pipeline.core.arrays import Array
+from pipeline.recovery.stress import von_mises
+
+SCENE = """
+title = "Bar with a mass"
+[body.bar]
+shape = "bar"
+length = "0.4 m"
+width = "20 mm"
+depth = "10 mm"
+E = "70 GPa"
+nu = 0.3
+rho = "2700 kg/m^3"
+mesh = { element = "hexahedron", order = 2, divisions = [8, 1, 1] }
+modes = { count = 3, family = "in-plane bending", boundary = "joint" }
+marker = { hinge = { face = "x-" }, tip = { face = "x+" } }
+element = { root = { at = ["20 mm", "0 mm", "0 mm"] } }
+[body.ball]
+shape = "point"
+mass = "0.5 kg"
+marker = { grip = { at = ["0 m", "0 m", "0 m"] } }
+[joint.hinge]
+type = "revolute"
+parent = "ground"
+child = "bar.hinge"
+axis = [0, 0, 1]
+spring = "40 N m"
+damper = "0.1 N m s"
+[joint.grip]
+type = "fixed"
+parent = "bar.tip"
+child = "ball.grip"
+[simulation]
+duration = "50 ms"
+output_step = "0.5 ms"
+gravity = ["0 m/s^2", "-9.81 m/s^2", "0 m/s^2"]
+tip = "bar.tip"
+run = [{ integrator = "runge-kutta", tolerance = 1e-9 }]
+[[output]]
+type = "history"
+file = "loads.csv"
+quantities = [
+    "joint_reaction", "joint_position", "joint_rate", "marker_acceleration", "marker_velocity", "element_stress",
+]
+markers = ["bar.tip"]
+components = ["von Mises", "xx"]
+[[output]]
+type = "history"
+file = "loads.nc"
+quantities = ["joint_reaction", "marker_displacement", "node_stress", "energy"]
+markers = ["bar.tip"]
+nodes = ["bar.0"]
+axes = "body"
+[[output]]
+type = "table"
+file = "extremes.csv"
+quantities = ["joint_reaction", "marker_position"]
+joints = ["grip"]
+"""
+
+
+@pytest.fixture(scope="module")
+def scene(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    file = tmp_path_factory.mktemp("scene") / "scene.toml"
+    file.write_text(SCENE)
+    return file
+
+
+@pytest.fixture(scope="module")
+def out(scene: Path, fmd: Callable[..., int]) -> Path:
+    assert fmd("run", scene, "--out", scene.parent / "out", "--no-budget") == 0
+    return scene.parent / "out"
+
+
+def read_columns(file: Path) -> dict[str, Array]:
+    rows = list(csv.reader(file.read_text(encoding="utf-8").splitlines()))
+    return dict(zip(rows[0], np.array(rows[1:], dtype=float).T, strict=True))
+
+
+def test_a_hinge_states_the_torque_of_its_spring_and_damper(out: Path) -> None:
+    found = read_columns(out / "loads.csv")
+    torque = -40.0 * found["hinge.position [rad]"] - 0.1 * found["hinge.rate [rad/s]"]
+    assert found["hinge.moment.z [N m]"] == pytest.approx(torque, abs=1e-7)
+    assert np.ptp(torque) > 1.0
+
+
+def test_a_mass_is_pulled_as_it_accelerates(out: Path) -> None:
+    """Of a point mass: F = m (a − g); and its velocity is the acceleration's integral (Simpson's rule)."""
+    found = read_columns(out / "loads.csv")
+    assert found["grip.force.y [N]"] == pytest.approx(
+        0.5 * (found["bar.tip.acceleration.y [m/s^2]"] + 9.81), rel=1e-8, abs=1e-7
+    )
+    times, a, v = (
+        found[f"{name}"] for name in ("time [s]", "bar.tip.acceleration.y [m/s^2]", "bar.tip.velocity.y [m/s]")
+    )
+    h = times[1] - times[0]
+    steps = h / 3 * (a[:-2] + 4 * a[1:-1] + a[2:])
+    assert v[2:] - v[:-2] == pytest.approx(steps, abs=1e-2 * np.abs(steps).max())
+
+
+def test_a_file_in_the_body_s_axes_has_all_runs(out: Path, scene: Path) -> None:
+    run: Any = Pipeline(load_scene(scene))
+    motion = run.motion
+    with xarray.open_dataset(out / "loads.nc") as found:
+        assert found["hinge.force"].dims == ("run", "time", "axis")
+        assert found["hinge.force"].attrs["units"] == "N"
+        in_space = motion.joint_loads.reactions["hinge"][:, 1, :3]
+        turned = np.einsum("tji,tj->ti", motion.kinematics.frames[0].rotation, in_space)
+        assert found["hinge.force"].values[0] == pytest.approx(turned, rel=1e-9, abs=1e-9)
+        assert found["bar.tip.displacement"].values[0] == pytest.approx(motion.tip_displacement)
+        (place,) = np.flatnonzero(run.part.surface.nodes == 0)
+        stress = von_mises((run.part.surface_stress[place] @ motion.modal("bar").T)[None])[0]
+        assert found["bar.0.von Mises"].values[0] == pytest.approx(stress, rel=1e-9)
+        assert found["kinetic_energy"].values[0] == pytest.approx(motion.energies[0])
+
+
+def test_the_table_has_extremes_and_when(out: Path) -> None:
+    rows = {row["quantity"]: row for row in json.loads((out / "summary.json").read_text())["tables"]["extremes.csv"]}
+    lines = (out / "extremes.csv").read_text(encoding="utf-8").splitlines()
+    written = {row["quantity"]: row for row in csv.DictReader(lines)}
+    assert list(rows) == list(written)
+    force = read_columns(out / "loads.csv")["grip.force.y [N]"]
+    row, times = rows["grip.force.y"], 0.5e-3 * np.arange(101)
+    assert (row["largest"], row["smallest"]) == (pytest.approx(force.max()), pytest.approx(force.min()))
+    assert row["largest_at_s"] == pytest.approx(times[force.argmax()])
+    assert row["rms"] == pytest.approx(np.sqrt((force**2).mean()))
+    assert float(written["grip.force.y"]["largest"]) == pytest.approx(force.max())
+    assert rows["grip.force.size"]["largest"] >= np.abs(force).max() * (1 - 1e-9)
+    assert rows["ball.grip.position.x"]["unit"] == "m"
+
+
+def test_a_clamped_bar_in_equilibrium_bears_its_weight_and_the_mass(scene: Path) -> None:
+    """Statics: F = (ρ A l + m) g and M = (ρ A l / 2 + m) g l, about the clamped face."""
+    file = scene.with_name("clamped.toml")
+    text = SCENE.replace('type = "revolute"', 'type = "fixed"')
+    for line in ("axis = [0, 0, 1]", 'spring = "40 N m"', 'damper = "0.1 N m s"'):
+        text = text.replace(f"{line}\n", "")
+    file.write_text(text)
+    reactions = Pipeline(load_scene(file, ["simulation.start=equilibrium"])).motion.joint_loads.reactions["hinge"][:, 1]
+    weight, load = 2700 * 0.4 * 0.02 * 0.01 * 9.81, 0.5 * 9.81
+    expected = [0.0, weight + load, 0.0, 0.0, 0.0, (0.5 * weight + load) * 0.4]
+    # The bent bar is shorter by ½ ∫ w'² dx, some 4e-6 of its length.
+    assert reactions == pytest.approx(np.tile(expected, (101, 1)), rel=1e-5, abs=1e-7)
+
+
+@pytest.mark.parametrize(
+    ("keys", "said"),
+    [
+        ('quantities = ["joint_reaction"]\njoints = ["hing"]', "output.3.joints.0 = 'hing': no such joint"),
+        ('quantities = ["joint_position"]\nmarkers = ["bar.tip"]', "belongs to marker_position"),
+        ('quantities = ["marker_velocity"]\nmarkers = ["bar.top"]', "no such marker"),
+        ('quantities = ["node_stress"]', "nodes: is missing"),
+        ('quantities = ["node_stress"]\nnodes = ["ball.1"]', "no such body with stress"),
+        ('quantities = ["node_stress"]\nnodes = ["bar.99999"]', "bar has the nodes 0 to"),
+        ('quantities = ["node_stress"]\nnodes = ["bar"]', "'beam.112'"),
+        ('quantities = ["element_stress"]\nelements = ["bar.end"]', "no such element"),
+        ('quantities = ["energy", "energy"]', "holds a name twice"),
+        ('quantities = ["energy"]\ncomponents = ["xx"]', "belongs to element_stress"),
+        ("quantities = []", "quantities"),
+    ],
+)
+def test_a_wrong_history_is_refused_in_one_message(
+    scene: Path, fmd: Callable[..., int], capsys: pytest.CaptureFixture[str], keys: str, said: str
+) -> None:
+    file = scene.with_name("wrong.toml")
+    file.write_text(f'{SCENE}\n[[output]]\ntype = "history"\nfile = "more.csv"\n{keys}\n')
+    assert fmd("run", file, "--out", scene.parent / "wrong", "--no-budget") == 2
+    err = capsys.readouterr().err
+    assert said in " ".join(err.split())
+    assert "Traceback" not in err

@@ -1,0 +1,131 @@
+"""Bodies of one part share its mesh, its matrices and its modes: each is computed once."""
+
+from collections import Counter
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pytest
+
+from pipeline import Pipeline, load_scene
+from pipeline.core.cache import Cache
+from pipeline.output.explain import forecast_run
+from pipeline.stages.store import StageStore
+
+BLADES = """
+title = "Two blades and a third of another material, on a hub"
+
+[body.hub]
+shape = "rigid"
+mass = "1 kg"
+inertia = ["1e-3 kg m^2", "1e-3 kg m^2", "1e-3 kg m^2"]
+marker = { centre = { at = ["0 m", "0 m", "0 m"] }, a = { at = ["5 cm", "0 m", "0 m"] } }
+
+[body.one]
+shape = "bar"
+length = "200 mm"
+depth = "10 mm"
+width = "20 mm"
+E = "70 GPa"
+nu = 0.33
+rho = "2700 kg/m^3"
+mesh = { divisions = [6, 1, 1] }
+modes = { count = 3, boundary = "joint" }
+marker = { root = { face = "x-" }, tip = { face = "x+" } }
+
+[body.two]
+like = "one"
+
+[body.steel]
+like = "one"
+E = "210 GPa"
+
+[joint.shaft]
+type = "revolute"
+parent = "ground"
+child = "hub.centre"
+axis = [0, 0, 1]
+rate = "10 rad/s"
+
+[joint.one]
+type = "revolute"
+parent = "hub.a"
+child = "one.root"
+axis = [0, 0, 1]
+
+[joint.two]
+type = "revolute"
+parent = "one.tip"
+child = "two.root"
+axis = [0, 0, 1]
+
+[joint.steel]
+type = "revolute"
+parent = "hub.a"
+child = "steel.root"
+axis = [0, 0, 1]
+
+[simulation]
+duration = "10 ms"
+output_step = "1 ms"
+tip = "one.tip"
+run = [{ integrator = "auto" }]
+"""
+
+
+@pytest.fixture
+def computed(monkeypatch: pytest.MonkeyPatch) -> Counter[str]:
+    """Number of times that each stage is computed."""
+    counts: Counter[str] = Counter()
+    compute = StageStore.compute
+
+    def count(self: StageStore, stage: str, work: Any) -> Any:
+        counts[stage] += 1
+        return compute(self, stage, work)
+
+    monkeypatch.setattr(StageStore, "compute", count)
+    return counts
+
+
+def open_blades(folder: Path, cache: Cache) -> Pipeline:
+    file = folder / "blades.toml"
+    file.write_text(BLADES)
+    return Pipeline(load_scene(file), cache)
+
+
+def test_two_bodies_of_a_part_share_what_they_have_in_common(tmp_path: Path, computed: Counter[str]):
+    run = open_blades(tmp_path, Cache(None))
+    one, two, steel = run.parts.values()
+    for part in (one, two, steel):
+        part.body  # noqa: B018 - computes it
+    # steel has the same mesh, but other matrices and modes; the joints of one and two load other markers
+    assert computed == {"mesh": 1, "assembly": 2, "modes": 2, "body": 3}
+    assert two.mesh is one.mesh
+    assert two.fe is one.fe
+    assert two.modes is one.modes
+    assert steel.modes is not one.modes
+    # ω² is in proportion to Young's modulus.
+    np.testing.assert_allclose(steel.modes.omega**2, 3 * one.modes.omega**2, rtol=1e-9)
+
+
+def test_a_shared_part_has_the_modes_that_it_has_alone(tmp_path: Path):
+    together, alone = (open_blades(tmp_path, Cache(None)) for _ in range(2))
+    for part in together.parts.values():
+        part.body  # noqa: B018 - computes it
+    own = alone.parts["two"]
+    np.testing.assert_allclose(together.parts["two"].modes.omega, own.modes.omega, rtol=1e-12)
+    np.testing.assert_allclose(together.parts["two"].body.omega, own.body.omega, rtol=1e-12)
+
+
+def test_a_shared_result_is_read_once_and_forecast_as_that_of_the_first_body(tmp_path: Path, computed: Counter[str]):
+    run = open_blades(tmp_path, Cache(tmp_path / "cache"))
+    forecast = {(step.stage, step.body): (step.fate, step.why) for step in forecast_run(run, False, False).steps}
+    assert forecast["modes", "one"] == ("run", "not kept yet")
+    assert forecast["modes", "two"] == ("cached", "that of one")
+    assert forecast["modes", "steel"] == ("run", "not kept yet")
+    for part in run.parts.values():
+        part.body  # noqa: B018 - computes it
+    assert computed["modes"] == 2
+    again = open_blades(tmp_path, Cache(tmp_path / "cache"))
+    assert again.parts["two"].modes is again.parts["one"].modes
+    assert computed["modes"] == 2
