@@ -55,19 +55,25 @@ def tip_shortening(run: Pipeline) -> float:
     return total / largest if largest else 0.0
 
 
+def find_deflection_error(run: Pipeline, body: str) -> float:
+    """Return the relative error of results by large deflection of one of a scene's bodies, whole or in pieces."""
+    found = [run.deformations[part.name] for part in run.pieces_of(body) if part.name in run.deformations]
+    others = max((deformation.second_order_error for deformation in found), default=0.0)
+    on_tip = body == run.scene.simulation.tip.partition(".")[0]
+    return math.hypot(others, tip_shortening(run)) if on_tip and found else others
+
+
 def deflection_warnings(run: Pipeline) -> list[dict[str, str]]:
     """Warn of each body whose deflection makes results wrong by more than `TOO_LARGE`, with the remedy."""
     tip = run.scene.simulation.tip.partition(".")[0]
     warnings = []
     for body in run.wholes:
-        found = [run.deformations[part.name] for part in run.pieces_of(body) if part.name in run.deformations]
-        if not found:
-            continue
-        others = max(deformation.second_order_error for deformation in found)
-        of_tip = math.hypot(others, tip_shortening(run)) if body == tip else 0.0
-        error = max(others, of_tip)
+        error = find_deflection_error(run, body)
         if not error > TOO_LARGE:
             continue
+        found = [run.deformations[part.name] for part in run.pieces_of(body)]
+        others = max(deformation.second_order_error for deformation in found)
+        of_tip = error if body == tip else 0.0
         turned, now = math.degrees(max(deformation.rotation for deformation in found)), len(found)
         tips = f"the tip's deflection is off by about {100 * of_tip:.2g} %, mostly along the body; " if of_tip else ""
         within = "its frame" if now == 1 else f"the frames of its {now} pieces"

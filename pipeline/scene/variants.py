@@ -53,6 +53,12 @@ def damp_bodies(scene: Scene, damping: float) -> Scene | None:
     return change_modes(scene, lambda body: {"damping": body.modes.damping or damping})
 
 
+def set_pieces(scene: Scene, counts: Mapping[str, int]) -> Scene:
+    """Return the scene with other numbers of pieces for some flexible bodies, by name."""
+    bodies = {name: scene.flexible[name].model_copy(update={"pieces": count}) for name, count in counts.items()}
+    return scene.model_copy(update={"body": {**scene.body, **bodies}})
+
+
 def attach_roots_rigidly(scene: Scene, roots: Mapping[str, str]) -> Scene | None:
     """Return the scene with rigid attachment of named markers, by body; ``None`` if they all have it or are points."""
     bodies = {}

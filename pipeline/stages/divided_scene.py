@@ -9,6 +9,7 @@ from collections.abc import Iterator, Mapping
 from typing import Any
 
 from pipeline.scene.any_body import Flexible
+from pipeline.scene.bodies import Solid
 from pipeline.scene.joints import Fixed, Joint
 from pipeline.scene.places import MarkerPlace, NamedElement
 from pipeline.scene.scene import Scene
@@ -98,7 +99,7 @@ def _loaded_places(scene: Scene) -> Iterator[str]:
 def _piece(body: Flexible, name: str, k: int, cut: CutPart, elements: Mapping[str, int], loaded: set[str]) -> Flexible:
     """Return the table of one piece: its markers on its own mesh, modes held at its interface."""
     piece = cut.pieces[k]
-    assert body.shape != "matrices"
+    assert isinstance(body, Solid)
     markers = {at: MarkerPlace(face=face_of(at), attachment=body.sections) for at in piece.cut_markers}
     markers |= {at: MarkerPlace(face=face_of(at), attachment=body.marker[at].attachment) for at in piece.own_markers}
     wanted = body.modes.interface

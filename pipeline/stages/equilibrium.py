@@ -2,6 +2,9 @@
 
 from __future__ import annotations
 
+from collections.abc import Callable
+from dataclasses import dataclass
+
 import numpy as np
 from scipy.linalg import eigh
 
@@ -23,55 +26,108 @@ _SINGULAR = 1e-13  # of the highest stiffness over mass: less counts as none
 _STILL = 1e-9  # 1/s²: no stiffness at all
 _OVERSHOT = 0.9  # of the force along a correction that may act against it at its end
 _HALVINGS = 12
+_CORRECTIONS_A_STEP, _SHORTEST = 14, 1 / 64  # of Newton's method; shortest load step
 
 
 def find_equilibrium(system: CompiledSystem, q: Array, t: float = 0.0) -> Array:
     """Find positions (n_positions,) at which nothing accelerates at rest, from positions that close all loops.
 
-    Newton's method for the forces f at rest, with the tangent stiffness ``K = −∂f/∂q``. Where a motion has negative
-    stiffness, K is shifted by the mass matrix of the start until none has, so that every correction leads down from
-    the potential energy (Nocedal & Wright, Numerical Optimization, section 3.4). A correction is as long as turns of
-    0.3 rad allow, and halved where forces beyond its end push back harder than they drove it. So the rest is one that
-    a slowly damped motion would come to.
+    Newton's method for the forces f at rest, with the tangent stiffness ``K = −∂f/∂q``. Where the start is stable, its
+    forces are let go in steps, each as large as Newton's method can take while the stiffness stays positive: load
+    steps. Where that fails, K is shifted by the mass matrix of the start until no motion has negative stiffness, so
+    that every correction leads down from the potential energy (Nocedal & Wright, Numerical Optimization, section 3.4).
+    So the rest is one that a slowly damped motion would come to.
 
     Raises
     ------
     AccuracyError
         There is none: something keeps accelerating, or the state found isn't stable, as of a buckled part.
     """
-    p, none = system.parameters, np.zeros(system.n)
-    turns = _marker_turns(system.mechanism)
-    f = _forces(system, q, t)
-    mass = system.compiled.mass_matrix(system.compiled.signal_values(t), q)
-    size = np.inf
-    for _ in range(_CORRECTIONS):
+    start = _Start(system, t, _marker_turns(system.mechanism), _forces(system, q, t), _mass(system, q, t))
+    found = _follow_loads(start, q)
+    if found is None:
+        found = _settle(start, q, 0.0, _CORRECTIONS, _shift)
+    if found is not None:
+        return found
+    raise AccuracyError(
+        f"no equilibrium after {_CORRECTIONS} corrections; something falls, turns or slides without end under the "
+        "loads of the start, or is about to buckle"
+    )
+
+
+@dataclass(frozen=True)
+class _Start:
+    """A mechanism at the start: what a marker's turns are (k, n), its forces at rest (n,), its mass (n, n)."""
+
+    system: CompiledSystem
+    time: float
+    turns: Array
+    forces: Array
+    mass: Array
+
+
+def _follow_loads(start: _Start, q: Array) -> Array | None:
+    """Let go the forces at the start step by step; ``None`` where even short steps find no stable rest."""
+    done, step = 0.0, 1.0
+    while done < 1.0:
+        target = min(1.0, done + step)
+        found = _settle(start, q, 1.0 - target, _CORRECTIONS_A_STEP, _no_shift)
+        if found is not None:
+            q, done, step = found, target, 2 * step
+        elif step > _SHORTEST:
+            step /= 2
+        else:
+            return None
+    return q
+
+
+def _settle(
+    start: _Start, q: Array, held: float, corrections: int, shift: Callable[[Array, Array], float | None]
+) -> Array | None:
+    """Find the rest where a part of the forces at the start is held; ``None`` if it isn't found.
+
+    A correction is as long as turns of 0.3 rad allow, and halved where forces beyond its end push back harder than
+    they drove it.
+    """
+    system, t, none = start.system, start.time, np.zeros(start.system.n)
+    holding = held * start.forces
+    f = _forces(system, q, t) - holding
+    for _ in range(corrections):
         if not np.isfinite(f).all():
-            break
+            return None
         at = q
         slopes = _slopes(system, at, t)
         free = free_directions(system, q) if system.mechanism.closures else np.eye(system.n)
-        M, K, down = free.T @ mass @ free, -free.T @ slopes @ free, free.T @ f
-        change = free @ np.linalg.solve(K + _shift(K, M) * M, down)
-        farthest = float(np.abs(turns @ change).max(initial=0.0))
+        M, K, down = free.T @ start.mass @ free, -free.T @ slopes @ free, free.T @ f
+        shifted = shift(K, M)
+        if shifted is None:
+            return None
+        change = free @ np.linalg.solve(K + shifted * M, down)
+        farthest = float(np.abs(start.turns @ change).max(initial=0.0))
         size = float(np.abs(change).max(initial=0.0))
         change = change * min(1.0, _FARTHEST / max(farthest, 1e-300))
         drive = float(f @ change)
         for _ in range(_HALVINGS):
-            q, rates = move_positions(p, at, change), none.copy()
-            evaluate_projection(p, t, q, rates)
-            f = _forces(system, q, t)
+            q, rates = move_positions(system.parameters, at, change), none.copy()
+            evaluate_projection(system.parameters, t, q, rates)
+            f = _forces(system, q, t) - holding
             if float(f @ change) >= -_OVERSHOT * drive or size <= _SETTLED:
                 break
             change, drive = 0.5 * change, 0.5 * drive
         if size <= _SETTLED * max(1.0, float(np.abs(q).max(initial=0.0))):
-            _require_stable(np.asarray(-np.linalg.solve(M, K)))
+            if not held:
+                _require_stable(np.asarray(-np.linalg.solve(M, K)))
             return q
-    left = np.zeros(system.n)
-    evaluate(p, t, q, none, left)
-    raise AccuracyError(
-        f"no equilibrium: accelerations of {np.abs(left).max(initial=0.0):.3g} (SI) are left after {_CORRECTIONS} "
-        "corrections; something falls, turns or slides without end under the loads of the start, or is about to buckle"
-    )
+    return None
+
+
+def _mass(system: CompiledSystem, q: Array, t: float) -> Array:
+    return system.compiled.mass_matrix(system.compiled.signal_values(t), q)
+
+
+def _no_shift(K: Array, M: Array) -> float | None:
+    """Return 0 for a stiffness that is positive in every motion, else ``None``."""
+    return 0.0 if _shift(K, M) == 0.0 else None
 
 
 def _forces(system: CompiledSystem, q: Array, t: float) -> Array:
@@ -81,7 +137,7 @@ def _forces(system: CompiledSystem, q: Array, t: float) -> Array:
         return -system.compiled.residual(t, q, still, still)
     a = np.zeros(system.n)
     evaluate(system.parameters, t, q, still, a)
-    return np.asarray(system.compiled.mass_matrix(system.compiled.signal_values(t), q) @ a)
+    return np.asarray(_mass(system, q, t) @ a)
 
 
 def _slopes(system: CompiledSystem, q: Array, t: float) -> Array:

@@ -54,7 +54,7 @@ _REDUCTION = ("pipeline/fem", "pipeline/reduction", "pipeline/stages/basis.py", 
 _STRESS = ("pipeline/fem", "pipeline/recovery/stress.py")
 _DEFORMATION = ("pipeline/fem", "pipeline/recovery/deformation.py")
 _PACKAGES = ("numpy", "scipy", "scikit-fem", "gmsh")
-_OF_A_PIECE = {"E", "nu", "rho", "support"}  # all else of its table is in its mesh
+_OF_PIECES = ("pieces", "sections")  # which a piece's mesh and markers know
 # Of another scene's part with the same modes: enrichment, damping and the joint's frame leave them alone.
 _OF_THE_MODES = ("mesh", "assembly", "modes", "surface")
 _OF_THE_MODEL = ("space", "markers", "fixed", "model")
@@ -69,21 +69,24 @@ SecondOrder = tuple[InertiaGram, Mapping[str, MarkerShapes]]
 def _mesh_inputs(part: FlexiblePart) -> Any:
     if part.piece is not None:
         return {"piece": part.piece.digest}
-    without: Any = dict.fromkeys(("E", "nu", "rho", "material", "modes", "marker", "support", "element"), True)
+    left_out = ("E", "nu", "rho", "material", "modes", "marker", "support", "element", *_OF_PIECES)
+    without: Any = dict.fromkeys(left_out, True)
     without["mesh"] = {"formulation"}
     table = part.shape.model_dump(mode="json", exclude=without)
     return table if part.source is None else part.source.identity(table)
 
 
 def _assembly_inputs(part: FlexiblePart) -> Any:
-    without: Any = {"modes", "marker", "support", "element"}
+    without: Any = {"modes", "marker", "support", "element", *_OF_PIECES}
     table = part.shape.model_dump(mode="json", exclude=without)
+    if part.piece is not None:
+        table["piece"] = part.piece.digest
     return table if part.source is None else part.source.identity(table)
 
 
 def _modes_inputs(part: FlexiblePart) -> Any:
     shape, markers = part.shape, part.shape.marker
-    without: Any = {"marker": True, "element": True, "modes": {"damping", "enrich"}}
+    without: Any = {"modes": {"damping", "enrich"}} | dict.fromkeys(("marker", "element", *_OF_PIECES), True)
     table = shape.model_dump(mode="json", exclude=without)
     held: Any = ""
     if shape.modes.boundary == "joint":
@@ -91,10 +94,7 @@ def _modes_inputs(part: FlexiblePart) -> Any:
     elif shape.modes.boundary == "interface":
         held = repr({name: markers[name] for name in shape.modes.interface or markers})
     if part.piece is not None:
-        table = {"piece": part.piece.digest, **part.shape.model_dump(mode="json", include=_OF_A_PIECE)}
-        table["modes"] = shape.modes.model_dump(mode="json", exclude={"damping", "enrich"})
-        table["material"] = repr(getattr(shape, "material", None)) + repr(part.order)
-        table["formulation"] = part.formulation
+        table["piece"] = part.piece.digest
     return {
         "part": table if part.source is None else part.source.identity(table),
         "axis": part.joint.axis if shape.modes.family != "any" else "",
@@ -254,8 +254,8 @@ class FlexiblePart:
         modes: Modes | None = None,
         piece: PieceMesh | None = None,
     ) -> None:
-        self.name, self.file, self.store, self.piece = name, scene.file, store, piece
-        self.name, self.file, self.store = name, scene.file, store if modes is None else store.alone()
+        self.name, self.file, self.piece = name, scene.file, piece
+        self.store = store if modes is None else store.alone()
         self.shape: Flexible = scene.flexible[name]
         self.source = SourceFiles.find(self.shape, scene.file, name) if piece is None else None
         self.joint = read_inboard_joint(scene, name)
@@ -300,8 +300,6 @@ class FlexiblePart:
 
     @property
     def mesh_notes(self) -> tuple[str, ...]:
-        """Faults that were mended in the file that the mesh comes from, if it comes from one."""
-        return self.mesh.notes if self.shape.shape in ("mesh", "cad") and self.piece is None else ()
         """Faults in the file that the body comes from, if it comes from one, and how they were mended."""
         if self.is_reduced:
             return file_notes(self.fe)
