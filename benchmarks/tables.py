@@ -341,6 +341,7 @@ TABLES: dict[str, Callable[[], str]] = {
     "error-sources": error_sources,
     "deflection": deflection,
     "start": partial(as_written, "start"),
+    "envelope": partial(as_written, "envelope"),
     **{f"elements-{part}": partial(as_written, f"elements-{part}") for part in ELEMENTS},
     "truth": truth,
     "loops": lambda: loops(seconds_at, TIP_ERRORS),

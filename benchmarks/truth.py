@@ -38,7 +38,7 @@ TABLE = Path(__file__).parent / "truth.csv"
 SCENES = 300
 WRONG = 3.0  # times the stated error
 LONG = 60.0  # seconds of a run
-PATIENCE = 100.0  # seconds of a scene with its reference
+PATIENCE = 400.0  # seconds by the clock of a run, and of its reference: others may use the machine
 ROUND_OFF = 1e-9
 
 
@@ -57,6 +57,8 @@ class Row:
         Numbers of quantities compared, of those within the stated error, and of those beyond `WRONG` times it.
     bounded : int
         Number of further quantities whose stated error the budget calls a lower bound, for lack of time or of a way.
+    seconds, march : float
+        Processor seconds of the whole run, kernels compiled in it included, and seconds of its march.
     """
 
     seed: int
@@ -80,7 +82,7 @@ def run_case(case: Case, folder: Path) -> tuple[Row, Pipeline | None]:
     """Run a scene as ``fmd run`` does, without pictures, and return its row as far as it is known."""
     file = folder / f"truth-{case.seed}.toml"
     file.write_text(case.text)
-    row, run, begun = Row(case.seed, case.kind, "compared"), None, time.perf_counter()
+    row, run, begun = Row(case.seed, case.kind, "compared"), None, time.process_time()
     try:
         run = Pipeline(load_scene(file), Cache(None))
         summary = write_results(run, folder / "out", pictures=False)
@@ -89,7 +91,7 @@ def run_case(case: Case, folder: Path) -> tuple[Row, Pipeline | None]:
         row.outcome, row.said = "refused", str(error).replace(f"{folder}/", "")
     except Exception:
         row.outcome, row.said = "traceback", traceback.format_exc(limit=-3)
-    row.seconds = time.perf_counter() - begun
+    row.seconds = time.process_time() - begun
     row.march = run.log.seconds.get("motion", 0.0) if run else 0.0
     return row, run
 

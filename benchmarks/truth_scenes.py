@@ -272,6 +272,19 @@ def rigid_body(rng: np.random.Generator) -> Table:
     }
 
 
+def thick_rod(rod: Table) -> Table:
+    """Return a rod with a tenth of its length for its diameter, which has inertia against turning about its axis."""
+    mass, length = (float(rod[key].split()[0]) for key in ("mass", "length"))
+    across = mass * length**2 / 12
+    return {
+        "shape": "rigid",
+        "mass": rod["mass"],
+        "centre": [quantity(length / 2, "m"), "0 m", "0 m"],
+        "inertia": [quantity(x, "kg m^2") for x in (mass * (length / 20) ** 2 / 2, across, across)],
+        "marker": rod["marker"],
+    }
+
+
 def tree_scene(rng: np.random.Generator, flexible: float) -> Table:
     """Return one to four bodies in space, each a bar with a given probability, at least one if it isn't 0."""
     n = int(rng.integers(1, 5))
@@ -292,6 +305,8 @@ def tree_scene(rng: np.random.Generator, flexible: float) -> Table:
         body[name] = bars[k].table(rng) if k in bars else rigid_body(rng)
         own, moves = tree_joint(rng, rate, duration, ends, f"{name}.{inner}", k == n - 1 == 0 and k not in bars)
         joint[f"joint{k}"] = own
+        if own["type"] in ("spherical", "free") and body[name]["shape"] == "rod":
+            body[name] = thick_rod(body[name])
         drive |= {f"motion{k}": {"joint": f"joint{k}"} | moves} if moves else {}
         ends.append(f"{name}.tip" if k in bars else f"{name}.outer")
         if k in bars:

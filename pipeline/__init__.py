@@ -4,13 +4,14 @@ from __future__ import annotations
 
 from typing import TYPE_CHECKING
 
+from pipeline.core.version import __version__
+
 if TYPE_CHECKING:
     from pipeline.output.notebook import load
     from pipeline.scene.scene import Scene, load_scene
     from pipeline.stages.pipeline import Pipeline
 
-__all__ = ["Pipeline", "Scene", "load", "load_scene"]
-__version__ = "0.1.0"
+__all__ = ["Pipeline", "Scene", "__version__", "load", "load_scene"]
 
 
 def __getattr__(name: str) -> object:

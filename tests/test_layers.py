@@ -19,7 +19,7 @@ import pytest
 ROOT = Path(__file__).parent.parent
 MOST_LINES = 420  # most files have less than 250
 
-_PHYSICS = ["fem", "reduction", "dynamics", "integrators", "recovery", "stability"]
+_PHYSICS = ["fem", "reduction", "dynamics", "integrators", "recovery", "stability", "responses"]
 # The folders of `pipeline` that each may import, beside itself.
 MAY_IMPORT: dict[str, set[str]] = {"core": set(), "scene": {"core"}, "render": {"core"}}
 MAY_IMPORT |= {folder: {"core", *_PHYSICS[:k]} for k, folder in enumerate(_PHYSICS)}
@@ -44,8 +44,8 @@ OWNERS = {
 }
 # Packages that take 50 ms or more to load, so that an import inside a function pays; `meshes` brings Gmsh.
 HEAVY = {
-    *("cvxopt", "dask", "distributed", "filelock", "gmsh", "h5py", "imageio", "jinja2", "joblib", "llvmlite"),
-    "meshes",
+    *("control", "cvxopt", "dask", "distributed", "filelock", "gmsh", "h5py", "imageio", "jinja2", "joblib"),
+    *("llvmlite", "meshes"),
     *("matplotlib", "meshio", "numba", "petsc4py", "pint", "psutil", "pymetis", "pyvista", "rich", "scipy", "skfem"),
     *("slepc4py", "vtk", "vtkmodules", "xarray"),
 }

@@ -28,6 +28,8 @@ _COMMANDS = {
     "mesh:mesh": "Mesh alone: counts, volume, mass and the smallest scaled Jacobian.",
     "modes:modes": "Modes alone: frequencies beside the scene's reference.",
     "campbell:campbell": "Campbell diagram: frequencies on a turning hub over its rate of rotation.",
+    "frf:frf": "Frequency response about a state, and random vibration: chart, table, NetCDF.",
+    "linearise:linearise": "Linear state-space model A, B, C, D about a state, as .npz and .mat.",
     "stability:stability": "Largest safe step: of a scene, or as a map for two degrees of freedom.",
     "compile:compile": "Equations of motion as machine code: operations, size, structure.",
     "export:export": "A flexible body, or the whole mechanism, for another program.",

@@ -50,10 +50,22 @@ def export(
         files = write_format(pipeline, to, chosen, path)
     except OSError as error:
         raise InputError("--out", "", str(path), f"can't be written: {error.strerror or error}") from error
+    platforms = _platforms(files) if to == "fmu" else {}
     if json:
-        print_json({"format": to, "files": [str(file) for file in files]})
-    else:
-        print_files(path.parent, [file.name for file in files])
+        print_json({"format": to, "files": [str(file) for file in files]} | platforms)
+        return
+    print_files(path.parent, [file.name for file in files])
+    if platforms:
+        print(f"binaries: {', '.join(platforms['platforms']) or 'none'}, and C sources for the others")
+        if len(platforms["platforms"]) <= 1:
+            print("pip install 'fmd-pipeline[fmu]' compiles for Linux, Windows and macOS on any of them")
+
+
+def _platforms(files: list[Path]) -> dict[str, list[str]]:
+    """Return for which systems an export has binaries."""
+    from pipeline.output.fmu.write import list_platforms
+
+    return {"platforms": list_platforms(files[-1])}
 
 
 def _choose_body(pipeline: Pipeline, to: str, body: str | None) -> str | None:

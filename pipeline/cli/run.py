@@ -19,6 +19,7 @@ from pipeline.output.explain import Forecast, forecast_run
 from pipeline.output.write import write_results
 
 _COUPLED = 1e-6  # inertial coupling of rotation and modes from which on sub-cycling is said to grow
+_MOST_POLES = 5  # in a line
 _GROWING = 0.01  # growth over the scene by the method itself that is worth a note
 _FATES = {"run": "run", "cached": "be read", "skipped": "be skipped", "open": "run or not"}
 
@@ -248,6 +249,14 @@ def _notes(summary: dict[str, Any]) -> list[str]:
         if "peak_tip_deflection_m" in summary:
             line += f"; largest tip deflection {scaled(summary['peak_tip_deflection_m'], 'm')}"
         lines.append(line)
+    for response in summary.get("responses", ()):
+        poles = ", ".join(f"{pole:.4g}" for pole in response["poles_hz"][:_MOST_POLES])
+        lines.append(f"{response['files'][0]}: linear about {response['about']}, poles at {poles} … Hz")
+        lines += [f"RMS of {row['output']}: {row['rms']:.4g} {row['unit']}" for row in response.get("random", ())]
+    for file, life in summary.get("fatigue", {}).items():
+        repeats, place = life["repeats_to_failure"], f"node {life['node']} of {life['body']}"
+        lasts = "nothing is damaged" if repeats is None else f"{place} lasts {repeats:.3g} repeats of the motion"
+        lines.append(f"{file}: {lasts}")
     for name, modes in summary["left_out_modes"].items():
         numbers = ", ".join(str(k) for k in modes)
         lines.append(f"left out: modal coordinates {numbers} of {name}, which nothing excites (--keep-all)")

@@ -17,6 +17,7 @@ from pipeline.core.html import scaled
 from pipeline.core.progress import bars
 from pipeline.sweep.cluster import compute_on_cluster
 from pipeline.sweep.local import compute_locally
+from pipeline.sweep.plot import draw_sweep
 from pipeline.sweep.points import make_points, parse_variations
 from pipeline.sweep.study import Sweep, run_sweep
 from pipeline.sweep.table import write_tables
@@ -52,7 +53,7 @@ def sweep(
     Parameters
     ----------
     out
-        Folder for the table and the points that are done; out/SCENE-sweep by default.
+        Folder for the table, the plot and the points that are done; out/SCENE-sweep by default.
     workers
         Number of processes, all cores by default.
     scheduler
@@ -75,6 +76,7 @@ def sweep(
     try:
         result = run_sweep(variations, points, folder / "points", compute, bars)
         files, rows = write_tables(result, folder)
+        files += draw_sweep(result, rows, folder, f"{name}: {len(rows)} points")
     except OSError as error:
         raise InputError("--out", "", str(folder), f"can't be written: {error.strerror or error}") from error
     seconds = time.perf_counter() - tick

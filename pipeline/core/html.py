@@ -13,11 +13,16 @@ def scaled(value: float | None, unit: str = "", digits: int = 4) -> str:
     """Write a number with the prefix that fits its size, e.g. ``1.728 MPa`` for ``scaled(1.728e6, "Pa")``."""
     if value is None:
         return "–"
-    factor, prefix = 1.0, ""
-    if value and unit not in _PLAIN:
-        fitting = [(f, p) for f, p in _PREFIXES if abs(value) >= 0.9995 * f and not (unit == "s" and f > 1)]
-        factor, prefix = fitting[0] if fitting else (1.0, "")  # below a nano, powers of ten are easier to read
+    factor, prefix = prefix_for(value, unit)
     return f"{value / factor:.{digits}g} {prefix}{unit}".rstrip()
+
+
+def prefix_for(value: float, unit: str) -> tuple[float, str]:
+    """Return the factor and the prefix of a unit that fit a value's size, e.g. 1e6 and ``M``."""
+    if not value or unit in _PLAIN:
+        return 1.0, ""
+    fitting = [(f, p) for f, p in _PREFIXES if abs(value) >= 0.9995 * f and not (unit == "s" and f > 1)]
+    return fitting[0] if fitting else (1.0, "")  # below a nano, powers of ten are easier to read
 
 
 def table(header: Sequence[str], rows: Iterable[Sequence[object]], caption: str = "") -> str:

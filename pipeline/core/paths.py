@@ -13,6 +13,9 @@ import platformdirs
 
 _ROOT = Path(__file__).parents[2]
 
+KERNEL_SOURCES = ("pipeline/dynamics", "pipeline/integrators", "pipeline/recovery/kernels")
+"""Folders whose sources kernels are compiled from."""
+
 
 def cache_folder() -> Path:
     """Return the user's cache folder, which the environment variable ``FMD_CACHE`` overrides."""
@@ -62,7 +65,7 @@ def source_digest(*names: str) -> str:
 def kernel_folder() -> Path:
     """Make the folder of kernels compiled from this very source; a temporary one if the cache can't be written."""
     for place in (cache_folder, own_temporary_folder):
-        folder = place() / "kernels" / source_digest("pipeline/dynamics", "pipeline/integrators")
+        folder = place() / "kernels" / source_digest(*KERNEL_SOURCES)
         try:
             folder.mkdir(parents=True, exist_ok=True)
             if os.access(folder, os.W_OK):

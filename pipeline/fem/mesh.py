@@ -11,6 +11,7 @@ from numpy.typing import NDArray
 
 from pipeline.core.arrays import Array, IntArray, read_only, require_finite, require_shape
 from pipeline.core.errors import AccuracyError
+from pipeline.core.short_repr import short_repr
 from pipeline.fem.cells import FACES, N_CORNERS, N_NODES, STRAIGHT, scaled_jacobian, vtk_nodes
 
 
@@ -47,6 +48,8 @@ class SolidMesh:
     faces: Mapping[str, IntArray]
     sectors: int = 1
     notes: tuple[str, ...] = ()
+
+    __repr__ = short_repr
 
     def __post_init__(self) -> None:
         if self.cell_type not in STRAIGHT:

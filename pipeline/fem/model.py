@@ -9,6 +9,7 @@ import numpy as np
 import scipy.sparse as sp
 
 from pipeline.core.arrays import Array
+from pipeline.core.short_repr import short_repr
 from pipeline.fem.material import AnyMaterial
 from pipeline.fem.space import Discretisation
 
@@ -29,6 +30,8 @@ class FEModel:
     material: AnyMaterial
     K: sp.csr_array
     m: sp.csr_array
+
+    __repr__ = short_repr
 
     @property
     def x(self) -> Array:

@@ -8,6 +8,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from pipeline.core.arrays import Array, IntArray
+from pipeline.core.short_repr import short_repr
 
 if TYPE_CHECKING:
     from pipeline.fem.space import Discretisation
@@ -31,6 +32,8 @@ class SurfaceTopology:
     triangles: IntArray
     edges: IntArray
 
+    __repr__ = short_repr
+
 
 def surface_topology(space: Discretisation) -> SurfaceTopology:
     """Find the outer surface of a discretisation."""
@@ -50,6 +53,23 @@ def surface_topology(space: Discretisation) -> SurfaceTopology:
     nodes, local = np.unique(np.concatenate(triangles), return_inverse=True)
     sides = np.searchsorted(nodes, np.sort(np.concatenate(edges), axis=1))
     return SurfaceTopology(nodes, local.reshape(-1, 3), np.unique(sides, axis=0))
+
+
+def surface_normals(x: Array, surface: SurfaceTopology) -> Array:
+    """Return unit normals at a surface's nodes (n_surface, 3), means of the triangles around by area.
+
+    Parameters
+    ----------
+    x : ndarray, shape (n_nodes, 3)
+        Positions of all nodes.
+    """
+    corners = x[surface.nodes][surface.triangles]
+    across = np.cross(corners[:, 1] - corners[:, 0], corners[:, 2] - corners[:, 0])
+    normals = np.zeros((len(surface.nodes), 3))
+    for k in range(3):
+        np.add.at(normals, surface.triangles[:, k], across)
+    sizes = np.linalg.norm(normals, axis=1, keepdims=True)
+    return np.where(sizes > 0.0, normals / np.where(sizes > 0.0, sizes, 1.0), [0.0, 0.0, 1.0])
 
 
 def surface_elements(space: Discretisation) -> IntArray:

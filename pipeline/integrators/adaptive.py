@@ -26,6 +26,8 @@ _LEAST = 1e-6  # of the largest value of its kind: a group that hardly moves
 SMALLEST = 1e-12  # of the duration
 _FIRST_CHUNK, _CHUNK = 4, 256  # steps: few where one takes long, so that progress is told in between
 _CHUNK_SECONDS = 0.1
+_LONG = 0.02  # seconds of some steps, beside which a look at what makes them short costs little
+_CRAWL = 0.05  # radians of the highest frequency in a step: of what vibrates faster than the undeformed mechanism
 _SAFETY = 0.9
 
 
@@ -304,6 +306,8 @@ def march_adaptive_steps(
     ------
     StabilityError
         The step became too small, or the state is not finite; the message gives the time.
+    AccuracyError
+        Steps are short because a motion loses its inertia.
     """
     require_times(times)
     state, groups = start.copy(), groups_of(system)
@@ -317,6 +321,7 @@ def march_adaptive_steps(
     output = (np.ascontiguousarray(times, dtype=float), q, v, cursor, evaluations, fresh)
     march = AdaptiveMarch(tolerance, order, settles, *present, trial, begin, new, out, *output)
     p, chunk = system.parameters, _FIRST_CHUNK
+    explain = getattr(system, "explain_failure", None)
     _march(m, p, march, math.inf, 0)  # compiles, or reads the kernel: not part of the run time
     while cursor[0] < times.size:
         stop = next((point for point in system.breakpoints if point > clock[0]), math.inf)
@@ -332,6 +337,8 @@ def march_adaptive_steps(
             reason = f"its step fell to {clock[1]:.1e} s" if finite else "the accelerations are not finite"
             message = f"{name} stopped at t = {clock[0]:.6g} s: {reason}"
             raise StabilityError(message, float(clock[0]), state.q)
+        if spent > _LONG and clock[1] * system.highest_frequency < _CRAWL and explain is not None:
+            explain(StabilityError(f"{name} takes steps of {clock[1]:.1e} s", float(clock[0]), state.q))
         if progress:
             progress(min(1.0, clock[0] / end) if end else 1.0)
     n_steps = state.step - start.step

@@ -9,6 +9,7 @@ from typing import Any, Protocol
 import numpy as np
 
 from pipeline.core.arrays import Array, require_finite, require_shape
+from pipeline.core.short_repr import short_repr
 from pipeline.dynamics.jit.compiled import aligned, kernel, meaning
 from pipeline.dynamics.system import System, accelerations, advance, close_gaps, project, velocities
 
@@ -89,6 +90,8 @@ class Trajectory:
     seconds: float
     end: State
     chosen: Integrator | None = None
+
+    __repr__ = short_repr
 
 
 class Integrator(Protocol):

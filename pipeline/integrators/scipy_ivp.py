@@ -112,7 +112,7 @@ class ScipyIvp:
         """Make SciPy's solver from a state to a breakpoint."""
         settings = {"rtol": self.tolerance, "atol": 1e-6 * self.tolerance}
         if self.name == "LSODA":  # it would take its first step from how far it is to the end
-            settings["first_step"] = DOP853(rates, now, y, stop, **settings).h_abs
+            settings["first_step"] = min(DOP853(rates, now, y, stop, **settings).h_abs, stop - now)
         return _METHODS[self.name](rates, now, y, stop, **settings)
 
 

@@ -13,6 +13,7 @@ from pipeline.core.files import whole_file
 from pipeline.recovery.stress import modal_stress
 from pipeline.reduction.formats import exudyn_file, sid_file
 from pipeline.reduction.modal_data import ModalData, modal_data, without_stiffening
+from pipeline.scene.damping import damping_ratios
 from pipeline.stages.part import FlexiblePart
 from pipeline.stages.pipeline import Pipeline
 from pipeline.stages.spatial_body import spatial_body, superelement
@@ -39,7 +40,7 @@ def write_exudyn(run: Pipeline, body: str | None, path: Path) -> list[Path]:
     drawn: dict[str, Any] = {"x": reduced.x, "shapes": reduced.shapes}
     if part.has_mesh:
         nodes = part.surface.nodes
-        drawn = {"x": reduced.x[nodes], "shapes": reduced.shapes[nodes], "triangles": part.surface.triangles}
+        drawn = {"x": reduced.x[nodes], "shapes": reduced.shapes[nodes], "surface": part.surface}
         drawn["stress"] = modal_stress(part.space, part.material, reduced.shapes, nodes)
     exudyn_file.write_exudyn(path, exudyn_file.exudyn_arrays(data, **drawn))
     script = path.with_suffix(".py")
@@ -92,5 +93,6 @@ def _part(run: Pipeline, body: str | None) -> FlexiblePart:
 
 
 def _data(part: FlexiblePart, stiffened: bool) -> ModalData:
-    data = modal_data(spatial_body(part, stiffened), part.shape.modes.damping)
+    body = spatial_body(part, stiffened)
+    data = modal_data(body, np.array(damping_ratios(part.shape.modes.damping, body.omega.tolist())))
     return data if stiffened else without_stiffening(data)  # a body from a file may bring its own

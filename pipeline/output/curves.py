@@ -40,13 +40,13 @@ class Drawn(NamedTuple):
 
 
 _QUANTITIES: Mapping[str, Drawn] = {
-    "centre_of_mass": Drawn("position [m]", lambda motion: motion.centre_of_mass),
-    "com_velocity": Drawn("velocity [m/s]", lambda motion: motion.centre_velocity),
+    "centre_of_mass": Drawn("position of the centre of mass [m]", lambda motion: motion.centre_of_mass),
+    "com_velocity": Drawn("velocity of the centre of mass [m/s]", lambda motion: motion.centre_velocity),
     "com_angular_velocity": Drawn("angular velocity [rad/s]", lambda motion: motion.centre_angular_velocity, ()),
     "momentum": Drawn("momentum [kg m/s]", lambda motion: motion.kinematics.momentum),
     "angular_momentum": Drawn("angular momentum [kg m²/s]", lambda motion: motion.kinematics.angular_momentum),
-    "tip_position": Drawn("position [m]", lambda motion: motion.tip_position),
-    "tip_deflection": Drawn("deflection [m]", lambda motion: motion.tip_deflection),
+    "tip_position": Drawn("position of the tip [m]", lambda motion: motion.tip_position),
+    "tip_deflection": Drawn("deflection of the tip [m]", lambda motion: motion.tip_deflection),
     "tip_displacement": Drawn("displacement by deformation [m]", lambda motion: motion.tip_displacement),
     "energy": Drawn(
         "energy [J]", lambda motion: np.stack(motion.energies, axis=1), components=("kinetic", "potential")
@@ -112,7 +112,7 @@ def _of_a_marker(run: Pipeline, output: Chart) -> Curves:
     body, _, name = run.division.find_place(str(output.marker)).partition(".")
     number = run.mechanism.number_of(body)
     curves = {label: motion.kinematics.marker_position(number, name) for label, motion in run.motions.items()}
-    return _moving(f"{output.marker} [m]", curves, _XYZ)
+    return _moving(f"position of {output.marker} [m]", curves, _XYZ)
 
 
 def _in_an_element(run: Pipeline, output: Chart) -> Curves:
@@ -120,7 +120,8 @@ def _in_an_element(run: Pipeline, output: Chart) -> Curves:
     unit = output.unit or "MPa"
     stress = run.element_stress(str(output.element), output.component)
     curves = {name: convert_values(values, "Pa", unit) for name, values in stress.items()}
-    return f"{output.component} [{unit}]", curves, ()
+    name = f"σ{output.component}" if len(output.component) == 2 else f"{output.component} stress"
+    return f"{name} in {output.element} [{unit}]", curves, ()
 
 
 def _along_a_joint(run: Pipeline, output: Chart, rate: bool) -> Curves:
@@ -135,4 +136,6 @@ def _along_a_joint(run: Pipeline, output: Chart, rate: bool) -> Curves:
         name: convert_values(motion.joint_rate(joint) if rate else motion.joint_position(joint), unit, wanted)
         for name, motion in run.motions.items()
     }
-    return f"{joint} [{wanted}]", curves, ()
+    slides = run.motion.joint_unit(joint) == "m"
+    name = ("speed of" if slides else "rate of") if rate else ("displacement of" if slides else "angle of")
+    return f"{name} {joint} [{wanted}]", curves, ()

@@ -8,12 +8,13 @@ from typing import Any, Literal
 
 from pipeline.accuracy.error_budget import ERROR_BUDGET
 from pipeline.core.cache import stage_key
-from pipeline.core.paths import source_digest
+from pipeline.core.paths import KERNEL_SOURCES, source_digest
 from pipeline.output.exports import EXPORTS
 from pipeline.output.picture_files import picture_key
 from pipeline.output.pictures import DRAWINGS
 from pipeline.scene.outputs import Export, is_drawn
 from pipeline.scene.pictures import MechanismView
+from pipeline.scene.stress_outputs import Envelope, Fatigue
 from pipeline.stages.divided_scene import part_of
 from pipeline.stages.part import PART_STAGES, FlexiblePart
 from pipeline.stages.pipeline import Pipeline
@@ -101,6 +102,9 @@ def forecast_run(run: Pipeline, pictures: bool, budget: bool) -> Forecast:
         for part in run.pieces_of(export.body):
             planner.want(part, EXPORTS[suffix].reads if suffix in EXPORTS else ("modes", "body"))
             planner.want(part, ["inertia"] if suffix == ".nc" and part.joint.normal >= 0 else [])
+    for field in (output for output in wanted if isinstance(output, Envelope | Fatigue)):
+        for part in run.pieces_of(field.body):
+            planner.want(part, DRAWINGS[field.type].reads)
     missing = [output for output in outputs if pictures and not planner.has_drawn(output)]
     for output in missing:
         reads, body = DRAWINGS[output.type].reads, getattr(output, "body", None)
@@ -108,7 +112,7 @@ def forecast_run(run: Pipeline, pictures: bool, budget: bool) -> Forecast:
             name = part_of(own) or own
             if isinstance(output, MechanismView):
                 coloured = body in (None, name)
-                shown = part.has_mesh and (coloured or not output.alone)
+                shown = part.has_stress and (coloured or not output.alone)
                 planner.want(part, [stage for stage in reads if coloured or stage != "stress"] if shown else [])
             elif name == body:
                 planner.want(part, reads)
@@ -146,7 +150,7 @@ def _name(run: Pipeline) -> str:
 
 
 def _kernels() -> str:
-    return source_digest("pipeline/dynamics", "pipeline/integrators")
+    return source_digest(*KERNEL_SOURCES)
 
 
 def _timed_as(stage: str, compiled: bool) -> str:

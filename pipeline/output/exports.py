@@ -13,6 +13,7 @@ from numpy.typing import NDArray
 from pipeline.core.errors import InputError
 from pipeline.output.formats import write_body, write_format
 from pipeline.output.histories import write_extremes, write_history
+from pipeline.output.stress_fields import write_envelope, write_fatigue
 from pipeline.recovery.stress import choose_frames, von_mises
 from pipeline.scene.outputs import Export
 from pipeline.stages.pipeline import Pipeline
@@ -95,5 +96,7 @@ FILES: dict[str, Callable[[Pipeline, Any, Path], list[str]]] = {
     "export": write_export,
     "history": write_history,
     "table": write_extremes,
+    "envelope": write_envelope,
+    "fatigue": write_fatigue,
 }
 """Writers of outputs that aren't drawn, by their types."""

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import csv
 from collections.abc import Iterable, Iterator, Sequence
 from pathlib import Path
 from typing import Any
@@ -13,6 +12,7 @@ from pipeline.core.arrays import Array
 from pipeline.core.errors import InputError
 from pipeline.core.files import whole_file
 from pipeline.core.netcdf import write_netcdf
+from pipeline.output.csv_rows import write_rows
 from pipeline.recovery.motion import Motion
 from pipeline.recovery.motion_file import Variable, gather_runs
 from pipeline.recovery.quantities import (
@@ -41,7 +41,7 @@ def write_history(run: Pipeline, output: History, folder: Path) -> list[str]:
             columns = list(_columns(history_variables(run, output, run.motion)))
             header = ["time [s]", *(f"{name} [{units}]" for name, units, _ in columns)]
             table = np.column_stack([run.motion.times, *(values for *_, values in columns)])
-            _write_rows(part, header, ([f"{x:.{_DIGITS}g}" for x in row] for row in table))
+            write_rows(part, header, ([f"{x:.{_DIGITS}g}" for x in row] for row in table))
     return [output.file]
 
 
@@ -50,7 +50,7 @@ def write_extremes(run: Pipeline, output: ExtremesTable, folder: Path) -> list[s
     rows = extremes(run, output)
     with whole_file(folder / output.file) as part:
         texts = ([f"{x:.{_DIGITS}g}" if isinstance(x, float) else str(x) for x in row.values()] for row in rows)
-        _write_rows(part, list(rows[0]), texts)
+        write_rows(part, list(rows[0]), texts)
     return [output.file]
 
 
@@ -164,10 +164,3 @@ def _columns(variables: Iterable[Variable], with_sizes: bool = False) -> Iterato
             yield f"{variable.name}.{name}", variable.units, column
         if with_sizes and variable.dims == ("axis",):
             yield f"{variable.name}.size", variable.units, np.linalg.norm(values, axis=1)
-
-
-def _write_rows(path: Path, header: list[str], rows: Iterable[list[str]]) -> None:
-    with path.open("w", newline="", encoding="utf-8") as file:
-        table = csv.writer(file, lineterminator="\n")
-        table.writerow(header)
-        table.writerows(rows)

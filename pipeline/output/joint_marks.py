@@ -7,7 +7,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from pipeline.core.arrays import Array, IntArray
-from pipeline.stages.ground import ground_place
+from pipeline.stages.ground import ground_place, joint_axes, place_axes
 
 if TYPE_CHECKING:
     from pipeline.render.moving_bodies import MovingLine, MovingShape
@@ -50,10 +50,10 @@ class Marks:
         return self.kinematics.marker_position(number, marker)[self.chosen]
 
     def rotation(self, place: str) -> Array:
-        """Return the axes of a place's body, or of its place on the ground, in space, shape (n_frames, 3, 3)."""
+        """Return the axes of a place's body in space, those of space for the ground, shape (n_frames, 3, 3)."""
         body = place.partition(".")[0]
         if body == "ground":
-            return np.tile(ground_place(self.run.scene, place)[1], (len(self.chosen), 1, 1))
+            return np.tile(np.eye(3), (len(self.chosen), 1, 1))
         return self.kinematics.frames[self.run.mechanism.number_of(body)].rotation[self.chosen]
 
     def shapes(self) -> list[MovingShape]:
@@ -67,9 +67,9 @@ class Marks:
         for table, element in self._elements():
             place = element.between[1]
             if table == "bearing":
-                axis = _unit(element.axis)
-                surface = make_cylinder(-0.8 * r * axis, 0.8 * r * axis, 1.7 * r)
                 place = element.between[0]
+                axis = _unit(place_axes(self.run.scene, place) @ np.array(element.axis))
+                surface = make_cylinder(-0.8 * r * axis, 0.8 * r * axis, 1.7 * r)
             else:
                 surface = make_ball(origin, 1.2 * r)
             found.append(MovingShape(surface, BUSHING, self.position(place), self.rotation(place)))
@@ -88,7 +88,7 @@ class Marks:
                 ends = [self.position(place) for place in (joint.parent, joint.child)]
                 found.append(MovingLine(np.stack(ends, axis=1), JOINT, 2.0))
             elif joint.type in ("prismatic", "cylindrical") and joint.parent.startswith("ground"):
-                axis = self.rotation(joint.parent)[0] @ _unit(joint.axis)
+                axis = self._axis_in_parent(joint)
                 start, places = self.position(joint.parent)[0], self.position(joint.child)
                 along = np.append((places - start) @ axis, 0.0)
                 reach = np.array([along.min() - 3 * self.radius, along.max() + 3 * self.radius])
@@ -125,13 +125,20 @@ class Marks:
         return [MovingShape(surface, JOINT, self.position(joint.child), self.rotation(joint.child))]
 
     def _axis_in_child(self, joint: Any) -> Array:
-        """Return a joint's axis in the axes of its child; of one that carries it they are the joint's own."""
-        return _unit(getattr(joint, "child_axis", None) or joint.axis)
+        """Return a joint's axis in the axes of its child's body, z of one without."""
+        given = getattr(joint, "axis", (0.0, 0.0, 1.0))
+        if joint.type in ("revolute", "prismatic"):  # of a universal joint it is the second axis
+            given = joint.child_axis or given
+        return _unit(joint_axes(self.run.scene, joint).axis_in_child(given))
+
+    def _axis_in_parent(self, joint: Any) -> Array:
+        """Return a joint's axis in the axes of its parent's body, z of one without."""
+        return _unit(joint_axes(self.run.scene, joint).in_parent @ np.array(getattr(joint, "axis", (0.0, 0.0, 1.0))))
 
     def _reach(self, place: str, axis: Array) -> float:
         """Return how far a flexible body reaches along an axis around one of its markers [m]."""
         body, _, marker = place.partition(".")
-        if body not in self.run.parts or not self.run.parts[body].has_mesh:
+        if body not in self.run.parts or not self.run.parts[body].has_stress:
             return 0.0
         reduced = self.run.bodies[body]
         away = reduced.x[self.run.parts[body].surface.nodes] - reduced.markers[marker].position
@@ -150,12 +157,11 @@ class Marks:
 
         held: dict[str, tuple[str, Array]] = {}  # what holds on to a place, and its axis in space
         for joint in self.run.scene.joint.values():
-            given: Any = joint
             for place, other in ((joint.parent, joint.child), (joint.child, joint.parent)):
                 holds = place.partition(".")[0] == "ground" and joint.type not in ("free", "planar")
                 if holds and not self._is_around(other):
-                    axis = self.rotation(place)[0] @ _unit(getattr(given, "axis", (0.0, 0.0, 1.0)))
-                    held.setdefault(place, (other, axis))
+                    find = self._axis_in_parent if place == joint.parent else self._axis_in_child
+                    held.setdefault(place, (other, find(joint)))
         scene = self.run.scene
         ties = [spring.between for spring in scene.spring.values()]
         for between in ties + [element.between for _, element in self._elements()]:

@@ -51,7 +51,7 @@ def view_mechanism(
     """
     from pipeline.render.moving_bodies import MovingMechanism
 
-    meshed = [name for name, part in run.wholes.items() if part.has_mesh and (not alone or name == coloured)]
+    meshed = [name for name, part in run.wholes.items() if part.has_stress and (not alone or name == coloured)]
     bodies = tuple(
         _flexible(run, name, chosen, scale, component if coloured in (None, name) else None) for name in meshed
     )
@@ -120,7 +120,7 @@ def _sticks(run: Pipeline, marks: Marks) -> list[MovingLine]:
 
     found = []
     for name, part in run.wholes.items():
-        if not part.has_mesh:
+        if not part.has_stress:
             places = [marks.position(f"{name}.{marker}") for marker in run.bodies[name].markers]
             found.append(MovingLine(np.stack([*places, places[0]], axis=1), BODY_COLOURS[0], 5.0))
     return found

@@ -2,24 +2,33 @@
 
 from __future__ import annotations
 
+import base64
 import tempfile
-from collections.abc import Iterable
+from collections.abc import Iterable, Sequence
 from dataclasses import dataclass
+from functools import cached_property
 from pathlib import Path
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 from pydantic import TypeAdapter, ValidationError
 
 from pipeline.accuracy.error_budget import Budget, state_errors
 from pipeline.core.errors import InputError
+from pipeline.core.html import facts
 from pipeline.core.progress import bars
+from pipeline.output.key_figures import key_figures
 from pipeline.output.pictures import DRAWINGS, draw_modes
+from pipeline.output.summary import summarise
 from pipeline.scene.outputs import Output
 from pipeline.scene.reading import suggest_name
 from pipeline.scene.scene import load_scene
 from pipeline.stages.pipeline import Pipeline
 
-_PICTURES = ("chart", "mesh", "modes", "mode sheet", "stress")
+if TYPE_CHECKING:
+    from pipeline.stages.linear_model import LinearModel
+
+_PICTURES = ("chart", "mesh", "modes", "mode sheet", "stress", "mechanism")
+_MANY = 5  # bodies, whose names aren't listed
 
 
 @dataclass(frozen=True)
@@ -34,6 +43,10 @@ class Picture:
 
     png: bytes
 
+    def __repr__(self) -> str:
+        width, height = (int.from_bytes(self.png[at : at + 4]) for at in (16, 20))  # of the PNG's header
+        return f"Picture({width} × {height} pixels, {len(self.png) / 1e3:.0f} kB)"
+
     def _repr_png_(self) -> bytes:
         return self.png
 
@@ -42,13 +55,88 @@ class Picture:
         Path(path).write_bytes(self.png)
 
 
+@dataclass(frozen=True)
+class Animation:
+    """A film that a notebook plays inline.
+
+    Parameters
+    ----------
+    mp4 : bytes
+        The file's content.
+    """
+
+    mp4: bytes
+
+    def __repr__(self) -> str:
+        return f"Animation({len(self.mp4) / 1e3:.0f} kB)"
+
+    def _repr_html_(self) -> str:
+        content = base64.b64encode(self.mp4).decode()
+        return f'<video controls loop style="max-width:100%" src="data:video/mp4;base64,{content}"></video>'
+
+    def save(self, path: str | Path) -> None:
+        """Write the film to a file; raises ``OSError``."""
+        Path(path).write_bytes(self.mp4)
+
+
+class Summary(dict[str, Any]):
+    """Figures of a run, with the keys of ``summary.json``; a notebook shows the most wanted ones."""
+
+    def __repr__(self) -> str:
+        figures = ", ".join(f"{name} {text}" for name, text in key_figures(self))
+        return f"Summary({figures}; {len(self)} keys)"
+
+    def _repr_html_(self) -> str:
+        return facts(key_figures(self), f"keys: {', '.join(self)}")
+
+
 class NotebookRun(Pipeline):
-    """A pipeline whose pictures and error budget are at hand in a notebook."""
+    """A pipeline whose pictures, films, summary and error budget are at hand in a notebook."""
+
+    def __repr__(self) -> str:
+        scene = self.scene
+        bodies = ", ".join(scene.body) if len(scene.body) < _MANY else f"{len(scene.body)} bodies"
+        return f"NotebookRun({scene.name}: {scene.title}; {bodies})"
+
+    @cached_property
+    def summary(self) -> Summary:
+        """Figures of the run as in ``summary.json``, without the error budget, which is `budget`."""
+        return Summary(summarise(self, [], budget=False))
+
+    def film(self, **settings: Any) -> Animation:
+        """Film the mechanism, to be played inline: ``film(scale=10, frames=40)``.
+
+        Parameters
+        ----------
+        settings
+            Keys of an ``[[output]]`` of type ``"film"``; 60 frames at 20 a second by default.
+
+        Raises
+        ------
+        InputError
+            There is no such key, or the scene lacks what it shows.
+        """
+        output = _read_output({"type": "film", "file": "film.mp4", "frames": 60, "rate": 20.0, **settings})
+        with tempfile.TemporaryDirectory(prefix="fmd-") as name:
+            (file,) = DRAWINGS["film"].draw(self, output, Path(name))
+            return Animation((Path(name) / file).read_bytes())
 
     @property
     def budget(self) -> Budget:
         """Error budget of the scene's first run."""
         return state_errors(self)
+
+    def linearise(self, inputs: Sequence[str], outputs: Sequence[str], about: str = "start") -> LinearModel:
+        """Linearise the scene about a state, with inputs and outputs by the names that docs/responses.md lists.
+
+        Raises
+        ------
+        InputError, AccuracyError
+            As `pipeline.stages.linear_model.linearise_scene`.
+        """
+        from pipeline.stages.linear_model import linearise_scene
+
+        return linearise_scene(self, inputs, outputs, about)
 
     def picture(self, type: str, mode: int = 1, **settings: Any) -> Picture:
         """Draw the picture of an ``[[output]]`` of this type, to be shown inline: ``picture("stress", scale=10)``.
@@ -56,7 +144,7 @@ class NotebookRun(Pipeline):
         Parameters
         ----------
         type : str
-            ``"chart"``, ``"mesh"``, ``"modes"``, ``"mode sheet"`` or ``"stress"``.
+            ``"chart"``, ``"mesh"``, ``"modes"``, ``"mode sheet"``, ``"stress"`` or ``"mechanism"``.
         mode : int
             Number of the mode, from 1.
         settings
@@ -97,7 +185,7 @@ def draw_inline(run: Pipeline, type: str, numbers: Iterable[int] | None = None, 
     Parameters
     ----------
     type : str
-        ``"chart"``, ``"mesh"``, ``"modes"``, ``"mode sheet"`` or ``"stress"``.
+        ``"chart"``, ``"mesh"``, ``"modes"``, ``"mode sheet"``, ``"stress"`` or ``"mechanism"``.
     numbers : iterable of int, optional
         Numbers of the modes, from 1; all by default.
     settings
@@ -111,15 +199,11 @@ def draw_inline(run: Pipeline, type: str, numbers: Iterable[int] | None = None, 
     if type not in _PICTURES:
         raise InputError("picture", "type", type, suggest_name(type, _PICTURES, "the pictures"))
     given = {"type": type, "file": "mode-{mode}.png" if type == "modes" else "picture.png", **settings}
-    if type != "chart":
+    if type in ("mesh", "modes", "mode sheet"):
         given.setdefault("body", run.part.name)
-    try:
-        output = TypeAdapter[Any](Output).validate_python(given)
-    except ValidationError as error:
-        first = error.errors()[0]
-        key = ".".join(str(part) for part in first["loc"] if part != type)
-        mend = first["msg"].removeprefix("Value error, ")
-        raise InputError("picture", key, given.get(key), mend) from None
+    if type == "stress" and not any(part.has_mesh for part in run.parts.values()):
+        raise InputError(run.scene.file, "body", sorted(run.scene.body), "no flexible body with a mesh: no stress")
+    output = _read_output(given)
     with tempfile.TemporaryDirectory(prefix="fmd-") as name:
         folder = Path(name)
         files = (
@@ -128,3 +212,14 @@ def draw_inline(run: Pipeline, type: str, numbers: Iterable[int] | None = None, 
             else DRAWINGS[output.type].draw(run, output, folder)
         )
         return tuple(Picture((folder / file).read_bytes()) for file in files)
+
+
+def _read_output(given: dict[str, Any]) -> Any:
+    """Check the keys of an output; raise ``InputError`` with the first that is wrong."""
+    try:
+        return TypeAdapter[Any](Output).validate_python(given)
+    except ValidationError as error:
+        first = error.errors()[0]
+        key = ".".join(str(part) for part in first["loc"] if part != given["type"])
+        mend = first["msg"].removeprefix("Value error, ")
+        raise InputError("picture", key, given.get(key), mend) from None

@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Callable, Iterable
 from dataclasses import dataclass
 from pathlib import Path
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING
 
 import numpy as np
 
@@ -14,9 +14,11 @@ from pipeline.core.errors import InputError
 from pipeline.core.units import unit_ratio
 from pipeline.output.curves import curves_of
 from pipeline.output.mechanism_view import body_surface, view_mechanism
+from pipeline.output.stress_fields import draw_envelope, draw_fatigue
+from pipeline.output.views import camera_of
 from pipeline.recovery.stress import choose_frames, stress_measure
 from pipeline.render.calls import Drawer, draw_here
-from pipeline.render.camera import FILM_PIXELS, PIXELS, SHEET_PIXELS, Camera
+from pipeline.render.camera import FILM_PIXELS, SHEET_PIXELS
 from pipeline.render.chart_data import Band, Curve
 from pipeline.render.colours import usual_limits
 
@@ -31,7 +33,6 @@ if TYPE_CHECKING:
         MeshPicture,
         ModePictures,
         ModeSheet,
-        PictureSettings,
         StressPicture,
     )
     from pipeline.stages.pipeline import Pipeline
@@ -49,12 +50,19 @@ def draw_chart(run: Pipeline, output: Chart, folder: Path, draw: Drawer = draw_h
         run.motion.times,
         [Curve(name, values) for name, values in curves.items()],
         folder / output.file,
-        title=output.title or output.quantity.replace("_", " "),
+        title=output.title or chart_title(output),
         ylabel=label,
         component_labels=components,
         band=band,
     )
     return [output.file]
+
+
+def chart_title(chart: Chart) -> str:
+    """Return the title of a chart that the scene gives none: its quantity, and what that is of."""
+    of = chart.joint or chart.marker or chart.element or chart.body
+    words = chart.quantity.replace("com_", "centre of mass: ").replace("_", " ")
+    return words[:1].upper() + words[1:] + (f" of {of}" if of else "")
 
 
 def draw_mesh(run: Pipeline, output: MeshPicture, folder: Path, draw: Drawer = draw_here) -> list[str]:
@@ -65,7 +73,7 @@ def draw_mesh(run: Pipeline, output: MeshPicture, folder: Path, draw: Drawer = d
     names = [f"{name} ({len(cells):,} elements)".replace(",", " ") for name, cells in part.mesh.parts.items()]
     title = output.title or f"{_name(output)}: {len(part.mesh.cells):,} elements".replace(",", " ")
     triangles = part_numbers(part.mesh)[part.surface_elements] - 1
-    surface, camera = body_surface(run, output.body), _camera(run, output)
+    surface, camera = body_surface(run, output.body), camera_of(run, output)
     draw("pictures.draw_mesh", surface, triangles, names, folder / output.file, title=title, camera=camera)
     return [output.file]
 
@@ -95,7 +103,7 @@ def draw_modes(
             folder / name,
             title=f"{output.title or _name(output)}: {held} mode {k + 1}, {frequency:.1f} Hz{family}",
             scale=output.scale or 1.0,
-            camera=_camera(run, output),
+            camera=camera_of(run, output),
         )
         files.append(name)
     return files
@@ -113,14 +121,14 @@ def draw_mode_sheet(run: Pipeline, output: ModeSheet, folder: Path, draw: Drawer
         folder / output.file,
         title=output.title or f"{_name(output)}: elastic modes",
         scale=output.scale,
-        camera=_camera(run, output, SHEET_PIXELS),
+        camera=camera_of(run, output, SHEET_PIXELS),
     )
     return [output.file]
 
 
 def draw_stress(run: Pipeline, output: StressPicture, folder: Path, draw: Drawer = draw_here) -> list[str]:
     """Draw the stress at the worst instant: of the whole mechanism, or of a body alone in its own frame."""
-    names = [name for name, part in run.wholes.items() if part.has_mesh] if output.body is None else [output.body]
+    names = [name for name, part in run.wholes.items() if part.has_stress] if output.body is None else [output.body]
     worst = {name: run.stress_of(name).worst() for name in names}
     body = max(worst, key=lambda name: worst[name][2])
     time, _, _ = worst[body]
@@ -137,7 +145,7 @@ def draw_stress(run: Pipeline, output: StressPicture, folder: Path, draw: Drawer
             title=title,
             scale=output.scale,
             quantity=_quantity(output.component),
-            camera=_camera(run, output),
+            camera=camera_of(run, output),
         )
         return [output.file]
     return _draw_mechanism(run, output, frame, title, folder, draw)
@@ -165,7 +173,7 @@ def _draw_mechanism(
         folder / output.file,
         title=title + _factor(output),
         quantity=_quantity(output.component),
-        camera=_camera(run, output),
+        camera=camera_of(run, output),
         label=True,
     )
     return [output.file]
@@ -183,7 +191,7 @@ def draw_film(run: Pipeline, output: Film, folder: Path, draw: Drawer = draw_her
         clim_pa=usual_limits(np.concatenate(stresses)) if stresses else None,
         rate=output.rate,
         quantity=_quantity(output.component),
-        camera=_camera(run, output, FILM_PIXELS),
+        camera=camera_of(run, output, FILM_PIXELS),
     )
     return [output.file]
 
@@ -224,18 +232,10 @@ DRAWINGS: dict[str, Drawing] = {
     "mode sheet": Drawing(draw_mode_sheet, ("modes", "surface", "body"), still=True),
     "stress": Drawing(draw_stress, ("surface", "stress", "body")),
     "mechanism": Drawing(draw_mechanism, ("mesh", "surface", "stress", "body")),
+    "envelope": Drawing(draw_envelope, ("surface", "stress", "body")),
+    "fatigue": Drawing(draw_fatigue, ("surface", "stress", "body")),
     "film": Drawing(draw_film, ("mesh", "surface", "stress", "body")),
 }
-
-
-def _camera(run: Pipeline, output: PictureSettings, size: tuple[int, int] | None = None) -> Camera:
-    """Return a picture's camera, of ``size`` unless the scene gives one; by default of a still picture's."""
-    angles = None if output.camera is None else (np.degrees(output.camera[0]), np.degrees(output.camera[1]))
-    settings: dict[str, Any] = {"focus": output.focus, "extent": output.extent, "zoom": output.zoom}
-    try:
-        return Camera(angles=angles, size=output.size or size or PIXELS, colour_map=output.colour_map, **settings)
-    except ValueError as error:
-        raise InputError(run.scene.file, "output", output.colour_map, str(error)) from error
 
 
 def _name(output: BodyPicture) -> str:

@@ -7,15 +7,16 @@ from typing import Any
 
 import numpy as np
 
-from pipeline import __version__
 from pipeline.accuracy.deflection import TOO_LARGE, deflection_warnings
 from pipeline.accuracy.error_budget import Budget, state_errors
 from pipeline.accuracy.error_estimates import SAFETY
+from pipeline.core.version import __version__
 from pipeline.output.coupling import coupling_warnings
 from pipeline.output.explain import STAGES
 from pipeline.output.frequencies import frequencies_by_body, frequency_table, mode_warnings
 from pipeline.output.histories import extremes
 from pipeline.output.loops import loop_figures, loop_warnings
+from pipeline.output.stress_fields import summarise_fields
 from pipeline.recovery.motion import Motion
 from pipeline.scene.histories import ExtremesTable
 from pipeline.stages.divided_scene import part_of
@@ -67,14 +68,16 @@ def summarise(run: Pipeline, files: list[str], budget: bool, budget_seconds: flo
         ends = {"largest_pa": float(reference.max()), "at_the_end_pa": float(reference[-1])}
         summary.setdefault("element_stress", {})[name] = ends
     meshed = [name for name, part in run.wholes.items() if part.has_mesh]
-    if meshed:
-        stress = run.stress_of(meshed[0])
+    stressed = [name for name, part in run.wholes.items() if part.has_stress]
+    if stressed:
+        stress = run.stress_of(stressed[0])
         time, node, value = stress.worst()
-        origin = run.bodies[run.frame_of(meshed[0])].origin
-        place = origin + run.node_positions(meshed[0])[stress.nodes[node]]
+        origin = run.bodies[run.frame_of(stressed[0])].origin
+        place = origin + run.node_positions(stressed[0])[stress.nodes[node]]
         summary["worst_stress"] = {"time_s": time, "von_mises_pa": value, "position_m": place.tolist()}
     if tables := {o.file: extremes(run, o) for o in run.scene.output if isinstance(o, ExtremesTable)}:
         summary["tables"] = tables
+    summary |= summarise_fields(run)
     if budget and len(meshed) == len(run.wholes):  # matrices alone tell nothing of their own error
         stated = state_errors(run, budget_seconds)
         summary["error_budget"] = stated.summary()
@@ -123,7 +126,7 @@ def _stiffness_warnings(run: Pipeline) -> list[dict[str, str]]:
             found.append({"code": "buckling", "body": name, "text": text})
     for name, spin in run.spin.items():
         if not spin.stiffened and spin.change > run.scene.simulation.error:
-            why = "simulation.stiffening is off" if run.parts[name].has_mesh else "a body without a mesh has no stress"
+            why = "simulation.stiffening is off" if run.parts[name].has_mesh else "without a mesh it has but its file's"
             text = (
                 f"{name}: the loads through it can change its stiffness by up to {100 * spin.change:.2g} %, which is "
                 f"left out: {why}"

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import json
 from pathlib import Path
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 from pipeline.accuracy.error_budget import allowed_seconds, state_errors
 from pipeline.accuracy.piece_counts import choose_piece_counts
@@ -17,7 +17,11 @@ from pipeline.output.picture_files import Pictures
 from pipeline.output.summary import summarise
 from pipeline.recovery.motion_file import write_motions
 from pipeline.scene.outputs import is_drawn
+from pipeline.scene.responses import FrequencyResponseChart
 from pipeline.stages.pipeline import Pipeline
+
+if TYPE_CHECKING:
+    from pipeline.output.responses import FrequencyResponse
 
 
 def write_results(
@@ -59,11 +63,16 @@ def write_results(
         run.bodies  # noqa: B018 - the process that draws gets ready meanwhile
         drawing.require_ready()
         drawing.begin(run, still=True)
+        asked = [output for output in run.scene.output if output.type == "frf"]
+        answers = _compute_responses(run, asked) if asked else []
         run.while_timed = drawing.paused
         run.motions  # noqa: B018 - refuses or diverges before anything is written
         drawing.begin(run, still=False)
         try:
             summary = _write(run, folder, drawing, budget, budget_seconds, refinement)
+            if asked:
+                _add_responses(run, list(zip(asked, answers, strict=True)), folder, pictures, summary)
+            _write_summary(summary, folder)
         except OSError as error:
             raise InputError("--out", "", str(folder), f"can't be written: {error.strerror or error}") from error
     remember_times(run)
@@ -78,8 +87,8 @@ def _write(
     budget_seconds: float | None,
     refinement: dict[str, Any],
 ) -> dict[str, Any]:
-    """Write all files of a run that has been integrated, the summary last, while its pictures are drawn."""
-    wanted = [output for output in run.scene.output if not is_drawn(output)]
+    """Write all files of a run that has been integrated, but the summary, while its pictures are drawn."""
+    wanted = [output for output in run.scene.output if not is_drawn(output) and output.type != "frf"]
     folder.mkdir(parents=True, exist_ok=True)
     files = [_write_motion(run, folder)]
     if wanted:
@@ -91,9 +100,35 @@ def _write(
     summary = summarise(run, files, budget, seconds)
     if refinement:
         summary["accuracy"] = refinement
+    return summary
+
+
+def _write_summary(summary: dict[str, Any], folder: Path) -> None:
     with whole_file(folder / "summary.json") as part:
         part.write_text(json.dumps(summary, indent=1, allow_nan=False) + "\n")
-    return summary
+
+
+def _compute_responses(run: Pipeline, asked: list[FrequencyResponseChart]) -> list[FrequencyResponse]:
+    """Compute the frequency responses that a scene lists, before anything is integrated."""
+    from pipeline.output.responses import compute_scene_response
+
+    return run.store.compute("responses", lambda: [compute_scene_response(run, output) for output in asked])
+
+
+def _add_responses(
+    run: Pipeline,
+    answers: list[tuple[FrequencyResponseChart, FrequencyResponse]],
+    folder: Path,
+    pictures: bool,
+    summary: dict[str, Any],
+) -> None:
+    """Write frequency responses, and add their figures, files and warnings to the summary."""
+    from pipeline.output.responses import write_scene_response
+
+    summary["responses"] = [write_scene_response(run, output, found, folder, pictures) for output, found in answers]
+    for response in summary["responses"]:
+        summary["files"] += response["files"]
+        summary["warnings"] += [warning for warning in response["warnings"] if warning not in summary["warnings"]]
 
 
 def _write_motion(run: Pipeline, folder: Path) -> str:

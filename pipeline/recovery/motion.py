@@ -11,6 +11,7 @@ import numpy as np
 
 from pipeline.core.arrays import Array
 from pipeline.core.html import facts, scaled
+from pipeline.core.short_repr import short_repr
 from pipeline.dynamics.kinematics import Kinematics
 from pipeline.dynamics.links import REVOLUTE, Link
 from pipeline.dynamics.mechanism import Mechanism
@@ -35,6 +36,8 @@ class Motion:
     mechanism: Mechanism
     trajectory: Trajectory
     tip: str
+
+    __repr__ = short_repr
 
     @property
     def times(self) -> Array:

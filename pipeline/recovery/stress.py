@@ -10,11 +10,12 @@ from __future__ import annotations
 
 from collections.abc import Callable
 from dataclasses import dataclass
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING
 
 import numpy as np
 
 from pipeline.core.arrays import Array, IntArray, require_shape
+from pipeline.core.short_repr import short_repr
 
 if TYPE_CHECKING:
     from pipeline.fem.material import AnyMaterial
@@ -131,7 +132,7 @@ class StressHistory:
     ----------
     nodes : ndarray, shape (n_nodes,)
         Node numbers.
-    modal : ndarray, shape (n_nodes, 6, n), or sparse array, shape (6 n_nodes, n)
+    modal : ndarray, shape (n_nodes, 6, n)
         Stress of each modal coordinate [Pa].
     times : ndarray, shape (n_times,)
         Output times of the motion [s].
@@ -140,22 +141,18 @@ class StressHistory:
     """
 
     nodes: IntArray
-    modal: Any
+    modal: Array
     times: Array
     q: Array
 
-    def _rows(self, start: int, stop: int) -> Any:
-        """Return the rows (6 (stop - start), n) of some nodes."""
-        if isinstance(self.modal, np.ndarray):
-            return self.modal[start:stop].reshape(-1, self.modal.shape[2])
-        return self.modal[6 * start : 6 * stop]
+    __repr__ = short_repr
 
     def tensor(self, t: float) -> Array:
         """Stress tensors (n_nodes, 6) [Pa] at time t [s], linear between output times."""
         if not self.times[0] <= t <= self.times[-1]:
             raise ValueError(f"t = {t} s is outside the motion, {self.times[0]} … {self.times[-1]} s")
         q = np.array([np.interp(t, self.times, column) for column in self.q.T])
-        return np.asarray(self._rows(0, len(self.nodes)) @ q).reshape(-1, 6)
+        return np.asarray(self.modal @ q)
 
     def von_mises(self, t: float) -> Array:
         """Von Mises stress (n_nodes,) [Pa] at time t [s]."""
@@ -171,7 +168,8 @@ class StressHistory:
         values = np.empty((len(frames), len(self.nodes)))
         block = max(1, _CACHED // (6 * len(frames)))
         for start in range(0, len(self.nodes), block):
-            tensors = (self._rows(start, start + block) @ q).reshape(-1, 6, q.shape[1])
+            rows = self.modal[start : start + block]
+            tensors = (rows.reshape(-1, rows.shape[2]) @ q).reshape(len(rows), 6, -1)
             values[:, start : start + block] = measure(tensors).T
         return values
 

@@ -10,6 +10,7 @@ import numpy as np
 
 from pipeline.core.arrays import Array
 from pipeline.core.errors import AccuracyError
+from pipeline.core.short_repr import short_repr
 from pipeline.reduction.inertia import InertiaGram, inertia_gram
 
 if TYPE_CHECKING:
@@ -84,6 +85,8 @@ class FlexibleBody:
     coupling: float
     origin: Array = field(default_factory=lambda: np.zeros(3), kw_only=True)
     damping: Array = field(default_factory=lambda: np.zeros(0), kw_only=True)
+
+    __repr__ = short_repr
 
     @property
     def frequencies_hz(self) -> Array:

@@ -19,7 +19,9 @@ if TYPE_CHECKING:
     from pipeline.reduction.eigen import FreeBodySolver
 
 # A static response with less than this part of its norm outside the modes adds nothing but round-off.
-_NEW = 1e-4
+NEW = 1e-4
+# Residual vectors stand for flexibility that is small beside that of the modes: what is above round-off counts.
+RESIDUAL = 1e-8
 # Round-off in motions that no load excites grows from one generation to the next if they are softer than those that
 # are; of what is excited, the first generation holds the softest but for a part of its frequency.
 _SOFTER = 0.5
@@ -32,6 +34,7 @@ def enrich_modes(
     loads: Array,
     held: Array | None = None,
     generations: int = 1,
+    least: float = NEW,
 ) -> tuple[Array, Array]:
     """Add the static responses to loads to a modal basis; orthonormalise and diagonalise again.
 
@@ -49,6 +52,8 @@ def enrich_modes(
         Columns that hold the body in its modes; the responses are moved as rigid bodies until these hold them too.
     generations : int
         1 for the responses to the loads; each further one adds those to the inertia of the one before.
+    least : float
+        Part of a response's norm outside the modes from which on it is added, `NEW` or `RESIDUAL`.
 
     Returns
     -------
@@ -62,7 +67,7 @@ def enrich_modes(
     basis, response = Phi, solver.static_response(loads)
     for generation in range(generations):
         U = (solver.inertia_response(response) if generation else response).reshape(fe.K.shape[0], -1)
-        U = _new_part(basis, U if B is None else _held_fields(U, fe, B), fe)
+        U = _new_part(basis, U if B is None else _held_fields(U, fe, B), fe, least)
         basis, response = np.concatenate([basis, U], axis=1), U.reshape(len(fe.x), 3, -1)
         if not generation:
             softest = eigh(U.T @ (fe.K @ U), eigvals_only=True)[:1].min(initial=np.inf)
@@ -73,14 +78,14 @@ def enrich_modes(
     return np.concatenate([modes.omega, np.sqrt(omega2[excited])]), shapes
 
 
-def _new_part(basis: Array, U: Array, fe: FEModel) -> Array:
+def _new_part(basis: Array, U: Array, fe: FEModel, least: float) -> Array:
     """M-orthonormal columns of U's part outside an M-orthonormal basis."""
     U = U[:, U.any(axis=0)]
     U = U / np.sqrt(np.einsum("ij,ij->j", U, fe.M @ U))
     for _ in range(2):  # twice is enough (Parlett)
         U = U - basis @ (basis.T @ (fe.M @ U))
     weight, turn = eigh(U.T @ (fe.M @ U))
-    new = weight > _NEW**2
+    new = weight > least**2
     return np.asarray(U @ (turn[:, new] / np.sqrt(weight[new])))
 
 

@@ -118,7 +118,8 @@ def modes_of(model: EquivalentModel) -> Modes:
     Raises
     ------
     AccuracyError
-        Shapes depend on one another once their rigid motions are taken out, or one of them has no stiffness.
+        Shapes depend on one another once their rigid motions are taken out, or one of them has no stiffness; or the
+        coupling of frame and modes is so large that no body has such inertia.
     """
     from scipy.linalg import eigh
 
@@ -128,7 +129,14 @@ def modes_of(model: EquivalentModel) -> Modes:
     coupling = np.linalg.lstsq(np.einsum("iak,ial->kl", R, mR), np.einsum("iak,ian->kn", mR, shapes), rcond=None)[0]
     elastic = shapes - R @ coupling
     M = np.einsum("iaj,iak->jk", elastic, (model.m @ elastic.reshape(len(R), -1)).reshape(elastic.shape))
-    size = np.sqrt(np.maximum(M.diagonal(), np.finfo(float).tiny))
+    if not (M.diagonal() > 0.0).all():
+        worst = int(M.diagonal().argmin())
+        raise AccuracyError(
+            f"the file's inertia can't be a body's: mode {worst + 1} with its frame at rest in space would have the "
+            f"modal mass {M[worst, worst]:.3g} beside {model.data.M[worst, worst]:.3g} in the frame; the coupling of "
+            "frame and modes is too large for the mass and the modal mass"
+        )
+    size = np.sqrt(M.diagonal())
     least = float(np.linalg.eigvalsh(M / np.outer(size, size))[0])
     if not least > _MASSLESS:
         raise AccuracyError(
@@ -160,12 +168,8 @@ def finish_body(model: EquivalentModel, body: FlexibleBody, markers: Mapping[str
         The file's body is stiffened in its own frame, and the joint needs another.
     """
     data, n = model.data, model.data.n
-    # The body's shapes are combinations of the file's, and of rigid motions.
     R = model.rigid_modes.reshape(len(model.x), 3, 6)
-    own = np.concatenate([model.shapes, R], axis=2).reshape(3 * len(model.x), -1)
-    sizes = np.sqrt((own**2).sum(axis=0))
-    found = np.linalg.lstsq(own / sizes, body.shapes.reshape(len(own), -1), rcond=None)[0] / sizes[:, None]
-    turn, rigid = found[:n], found[n:]
+    turn, rigid = _combination(model.shapes, R, body.shapes)
     D = turn.T @ data.D @ turn
     nodes = list(data.nodes.values())
     x = np.array([node.position for node in nodes]).reshape(-1, 3)
@@ -185,6 +189,25 @@ def finish_body(model: EquivalentModel, body: FlexibleBody, markers: Mapping[str
             "node that doesn't move in its frame, or write the file without stiffening"
         )
     return _stiffened(data, body, turn, markers)
+
+
+def combination_of(model: EquivalentModel, body: FlexibleBody) -> Array:
+    """Combinations of the file's shapes that a finished body's are, beside rigid motions; shape (n, n)."""
+    nodes = list(model.data.nodes.values())
+    x = np.array([node.position for node in nodes])
+    own = np.array([node.translation for node in nodes])
+    turns = np.cross(np.eye(3), x[:, None]).transpose(0, 2, 1)
+    R = np.concatenate([np.tile(np.eye(3), (len(x), 1, 1)), turns], axis=2)
+    return _combination(own, R, body.shapes)[0]
+
+
+def _combination(shapes: Array, R: Array, wanted: Array) -> tuple[Array, Array]:
+    """Express displacements (n_nodes, 3, n) by shapes and rigid motions R: coefficients (n, n) and (6, n)."""
+    both = np.concatenate([shapes, R], axis=2).reshape(3 * len(shapes), -1)
+    sizes = np.sqrt((both**2).sum(axis=0))
+    sizes[sizes == 0.0] = 1.0
+    found = np.linalg.lstsq(both / sizes, wanted.reshape(len(both), -1), rcond=None)[0] / sizes[:, None]
+    return found[: shapes.shape[2]], found[shapes.shape[2] :]
 
 
 def _stiffened(data: ModalData, body: FlexibleBody, turn: Array, markers: Mapping[str, Sequence[str]]) -> FlexibleBody:

@@ -8,6 +8,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from pipeline.core.arrays import Array
+from pipeline.fem.surface import SurfaceTopology
 from pipeline.reduction.body import FlexibleBody, MarkerShapes
 from pipeline.reduction.inertia import InertiaGram
 
@@ -28,6 +29,10 @@ class ModalData:
         What a file says that can't be right, and what was taken instead.
     in_own_frame : bool
         True if the integrals hold geometric stiffening, and so in this frame alone.
+    surface : SurfaceTopology, optional
+        Outer surface, whose nodes are places among ``nodes``.
+    stress : ndarray, shape (n_surface, 6, n), optional
+        Stress of each modal coordinate at the surface's nodes: xx, yy, zz, yz, xz, xy [Pa per unit].
     """
 
     gram: InertiaGram
@@ -36,6 +41,8 @@ class ModalData:
     nodes: Mapping[str, MarkerShapes]
     notes: tuple[str, ...] = ()
     in_own_frame: bool = False
+    surface: SurfaceTopology | None = None
+    stress: Array | None = None
 
     @property
     def n(self) -> int:
@@ -49,11 +56,11 @@ class ModalData:
         return np.asarray(M + np.einsum("aaij->ij", self.gram.stiffening)) if self.gram.stiffening.size else M
 
 
-def modal_data(body: FlexibleBody, damping: float = 0.0) -> ModalData:
-    """Gather a reduced body's data, with damping of every mode relative to critical; its markers are the nodes."""
+def modal_data(body: FlexibleBody, damping: float | Array = 0.0) -> ModalData:
+    """Gather a reduced body's data, with the modes' damping relative to critical; its markers are the nodes."""
     gram, markers = body.gram, dict(body.markers)
     second = gram.stiffening, gram.bow, gram.curl, *(marker.bow for marker in markers.values())
-    ratios = body.damping if body.damping.size and not damping else damping
+    ratios = body.damping if body.damping.size and not np.any(damping) else damping
     K, D = np.diag(body.omega**2), np.diag(2 * ratios * body.omega)
     return ModalData(gram, K, D, markers, in_own_frame=any(term.any() for term in second))
 

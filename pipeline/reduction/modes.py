@@ -8,6 +8,7 @@ import numpy as np
 
 from pipeline.core.arrays import Array
 from pipeline.core.html import table
+from pipeline.core.short_repr import short_repr
 from pipeline.reduction.factor.figures import FactorFigures
 
 
@@ -39,6 +40,8 @@ class EigenPairs:
     residual: float
     factor: FactorFigures | None = field(default=None, kw_only=True)
 
+    __repr__ = short_repr
+
     def lowest(self, count: int) -> EigenPairs:
         """Return the ``count`` lowest of the pairs."""
         return EigenPairs(
@@ -60,6 +63,8 @@ class Modes(EigenPairs):
 
     numbers: tuple[int, ...]
     n_completing: int = field(default=0, kw_only=True)
+
+    __repr__ = short_repr
 
     @property
     def frequencies_hz(self) -> Array:

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Callable, Mapping
 from dataclasses import dataclass
 from typing import TYPE_CHECKING
 
@@ -54,7 +54,11 @@ class Superelement:
 
 
 def make_superelement(
-    fe: FEModel, solver: FreeBodySolver, markers: Mapping[str, Marker], count: int, damping: float = 0.0
+    fe: FEModel,
+    solver: FreeBodySolver,
+    markers: Mapping[str, Marker],
+    count: int,
+    damping: Callable[[Array], Array] = np.zeros_like,
 ) -> Superelement:
     """Reduce a body to its interface by Hurty, Craig & Bampton's method.
 
@@ -68,8 +72,9 @@ def make_superelement(
         The interface.
     count : int
         Number of fixed-interface modes; what completes the group of equal frequency of the highest comes on top.
-    damping : float
-        Damping ratio of the superelement's elastic modes; none of its rigid motions.
+    damping : callable
+        Damping ratios of the superelement's elastic modes by their angular frequencies [rad/s], ascending; its rigid
+        motions have none.
 
     Raises
     ------
@@ -94,14 +99,12 @@ def make_superelement(
     return Superelement(K, M, modal_damping(K, M, damping), origins, held.omega, weight)
 
 
-def modal_damping(K: Array, M: Array, ratio: float) -> Array:
-    """Damping matrix by which every elastic mode of K and M has a damping ratio, shape (n, n)."""
+def modal_damping(K: Array, M: Array, damping: Callable[[Array], Array]) -> Array:
+    """Damping matrix by which the elastic modes of K and M have damping ratios, shape (n, n)."""
     from scipy.linalg import eigh
 
-    if not ratio:
-        return np.zeros_like(K)
     omega2, V = eigh(K, M)
     omega = np.sqrt(np.maximum(omega2, 0.0))
-    omega[omega < _ELASTIC * omega[-1]] = 0.0
-    MV = M @ V
-    return np.asarray((MV * (2 * ratio * omega)) @ MV.T)
+    elastic = omega >= _ELASTIC * omega[-1]
+    MV = M @ V[:, elastic]
+    return np.asarray((MV * (2 * damping(omega[elastic]) * omega[elastic])) @ MV.T)

@@ -10,6 +10,7 @@ from pipeline.core.arrays import Array
 from pipeline.render.figure import open_figure, style_axes
 
 _MULTIPLES = 4
+_APART = 0.045  # least distance of labels, over the chart's width or height
 
 
 def draw_campbell(rates: Array, frequencies_hz: Array, path: Path, *, title: str) -> None:
@@ -29,11 +30,17 @@ def draw_campbell(rates: Array, frequencies_hz: Array, path: Path, *, title: str
     top = 1.05 * float(np.nanmax(frequencies_hz))
     with open_figure(path, (10, 6), 120) as figure:
         axes = figure.add_subplot()
+        labelled: list[tuple[float, float]] = []
         for multiple in range(1, _MULTIPLES + 1):
             line = multiple * rates / (2 * np.pi)
             axes.plot(rates, line, color="0.65", linewidth=0.9, linestyle=(0, (5, 3)), zorder=1)
             last = np.flatnonzero(line <= top)[-1]
-            axes.annotate(f"{multiple} ×", (rates[last], line[last]), color="0.4", fontsize=10, ha="right", va="bottom")
+            place = (rates[last] / rates[-1], line[last] / top)
+            # Low multiples lie close together; each label that fits is drawn.
+            if all(abs(place[0] - x) > _APART or abs(place[1] - y) > _APART for x, y in labelled):
+                labelled.append(place)
+                at = (rates[last], line[last])
+                axes.annotate(f"{multiple} ×", at, color="0.4", fontsize=10, ha="right", va="bottom")
         for mode, values in enumerate(frequencies_hz.T, start=1):
             axes.plot(rates, values, linewidth=1.8, label=f"mode {mode}")
         axes.set_xlim(rates[0], rates[-1])

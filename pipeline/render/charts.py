@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import itertools
 import math
-from collections.abc import Sequence
+from collections.abc import Iterable, Sequence
 from pathlib import Path
 
 import numpy as np
@@ -26,6 +26,8 @@ COLOURS = ("#1f5fa8", "#c8501e", "#2f8f4e", "#7a4fa3", "#8a6d1a", "#4a4a4a")
 GREY = "#444444"
 SHADE = "#f3e3b3"
 PALENESS = 0.45
+_ROUND_OFF = 1e-14  # of the values: differences up to that are none
+_SHORT = 0.1  # of times: those are in milliseconds [s]
 
 
 def draw_chart(
@@ -38,7 +40,7 @@ def draw_chart(
     component_labels: Sequence[str] = (),
     band: Band | None = None,
 ) -> None:
-    """Draw curves over time and, below, the difference of each further curve from the first.
+    """Draw curves over time and, below, the difference of each further curve from the first if there is any.
 
     Parameters
     ----------
@@ -52,6 +54,7 @@ def draw_chart(
         Heading.
     ylabel : str
         The quantity with its unit in brackets, e.g. ``velocity [m/s]``.
+        Lengths below 1 m are drawn in mm, µm or nm.
     component_labels : sequence of str
         Names of the components; may be empty if there is only one.
     band : Band, optional
@@ -63,19 +66,24 @@ def draw_chart(
         There are no curves, or the shapes of times, curves and component labels disagree.
     """
     _check(time, curves, component_labels)
+    time, time_label = (1e3 * time, "time [ms]") if time[-1] < _SHORT else (time, "time [s]")
+    factor, label = fit_length(ylabel, _largest(curve.columns for curve in curves))
     with open_figure(path, SIZE_INCHES, DOTS_PER_INCH, padding=0.1) as figure:
         figure.suptitle(title, fontsize=15)
-        upper, lower = _add_frames(figure, two=len(curves) > 1)
-        difference = _add_differences(lower, time, curves, ylabel) if lower is not upper else ylabel
+        differences = [curve.columns - curves[0].columns for curve in curves[1:]]
+        upper, lower = _add_frames(
+            figure, two=_largest(differences) > _ROUND_OFF * _largest(curve.columns for curve in curves)
+        )
+        below = _add_differences(lower, time, differences, ylabel) if lower is not upper else label
         for number, curve in enumerate(curves):
-            _add_lines(upper, time, curve.columns, number)
+            _add_lines(upper, time, factor * curve.columns, number, alone=len(curves) == 1)
         if band is not None:
-            upper.axhspan(band.low, band.high, color=SHADE, linewidth=0, zorder=0)
-        for axes, label in ((upper, ylabel), (lower, difference)):
+            upper.axhspan(factor * band.low, factor * band.high, color=SHADE, linewidth=0, zorder=0)
+        for axes, text in ((upper, label), (lower, below)):
             axes.margins(x=0)
             axes.autoscale_view()
             axes.tick_params(labelsize=11)
-            style_axes(axes, "time [s]" if axes is lower else "", label)
+            style_axes(axes, time_label if axes is lower else "", text)
         figure.align_ylabels()
         _add_legends(figure, curves, component_labels, band)
 
@@ -104,8 +112,25 @@ def _check(time: Array, curves: Sequence[Curve], component_labels: Sequence[str]
         raise ValueError(f"{len(component_labels)} component labels for {n_components} components")
 
 
-def _line(x: Array, y: Array, number: int, colour: str, label: str = "") -> Line2D:
-    """Return the line of curve ``number``: broad and pale for the first, thin, dark and dashed for the others."""
+def fit_length(label: str, largest: float) -> tuple[float, str]:
+    """Return a factor on values, and their axis label, so that lengths in m up to ``largest`` are in mm, µm or nm."""
+    if not label.endswith("[m]") or not 0 < largest < 1:
+        return 1.0, label
+    factor, unit = next(
+        ((1 / size, unit) for size, unit in ((1e-3, "mm"), (1e-6, "µm")) if largest >= size), (1e9, "nm")
+    )
+    return factor, f"{label.removesuffix('[m]')}[{unit}]"
+
+
+def _largest(arrays: Iterable[Array]) -> float:
+    """Return the largest finite absolute value, 0 of nothing."""
+    return max((float(np.max(np.abs(a[np.isfinite(a)]), initial=0.0)) for a in arrays), default=0.0)
+
+
+def _line(x: Array, y: Array, number: int, colour: str, label: str = "", *, alone: bool = False) -> Line2D:
+    """Return the line of curve ``number``: broad and pale for the first of several, else thin and dark or dashed."""
+    if alone:
+        return Line2D(x, y, color=colour, linewidth=2.0, label=label)
     if number == 0:
         red, green, blue = PALENESS + (1 - PALENESS) * np.array(to_rgb(colour))
         return Line2D(x, y, color=(red, green, blue), linewidth=3.5, label=label)
@@ -113,18 +138,18 @@ def _line(x: Array, y: Array, number: int, colour: str, label: str = "") -> Line
     return Line2D(x, y, color=colour, linewidth=1.5, linestyle=dashes, label=label)
 
 
-def _add_lines(axes: Axes, time: Array, columns: Array, number: int) -> None:
+def _add_lines(axes: Axes, time: Array, columns: Array, number: int, *, alone: bool = False) -> None:
     """Add a curve's lines, coloured by component, or by curve if there is only one component."""
     for component, values in enumerate(columns.T):
         colour = COLOURS[(component if columns.shape[1] > 1 else number) % len(COLOURS)]
-        axes.add_line(_line(time, values, number, colour))
+        axes.add_line(_line(time, values, number, colour, alone=alone))
 
 
-def _add_differences(axes: Axes, time: Array, curves: Sequence[Curve], ylabel: str) -> str:
+def _add_differences(axes: Axes, time: Array, differences: Sequence[Array], ylabel: str) -> str:
     """Add each further curve's difference from the first, in a power of a thousand of the unit; return the label."""
-    differences = [curve.columns - curves[0].columns for curve in curves[1:]]
-    largest = max(float(np.max(np.abs(difference))) for difference in differences)
-    exponent = 3 * math.floor(math.log10(largest) / 3) if largest > 0 else 0
+    scale, ylabel = fit_length(ylabel, _largest(differences))
+    differences = [scale * difference for difference in differences]
+    exponent = 3 * math.floor(math.log10(_largest(differences)) / 3)
     for number, difference in enumerate(differences, start=1):
         _add_lines(axes, time, difference / 10.0**exponent, number)
     factor = f"$10^{{{exponent}}}$" if exponent else ""
@@ -141,18 +166,20 @@ def _add_legends(
     runs: list[Line2D | Patch] = [
         _line(none, none, number, GREY if len(component_labels) > 1 else COLOURS[number % len(COLOURS)], c.label)
         for number, c in enumerate(curves)
+        if len(curves) > 1
     ]
     if band is not None:
         runs.append(Patch(color=SHADE, linewidth=0, label=band.label))
     n_columns = max(1, 100 // (8 + max(len(curve.label) for curve in curves)))
-    figure.legend(
-        handles=runs,
-        loc="outside lower center",
-        ncols=n_columns,
-        fontsize=12,
-        frameon=False,
-        handlelength=3.5,
-    )
+    if runs:
+        figure.legend(
+            handles=runs,
+            loc="outside lower center",
+            ncols=n_columns,
+            fontsize=12,
+            frameon=False,
+            handlelength=3.5,
+        )
     if len(component_labels) > 1:
         components = [
             Line2D(none, none, color=colour, linewidth=3.5, label=label)

@@ -11,7 +11,10 @@ from pipeline.core.arrays import Array
 
 STRESS = "von Mises [MPa]"
 LIGHT_TURBO = "light turbo"
-COMMON = frozenset({LIGHT_TURBO, "turbo", "viridis", "plasma", "inferno", "magma", "cividis", "coolwarm"})
+_TURNED = "_r"  # ends the name of a map that runs backwards, as in Matplotlib
+COMMON = frozenset(
+    {LIGHT_TURBO, LIGHT_TURBO + _TURNED, "turbo", "viridis", "plasma", "inferno", "magma", "cividis", "coolwarm"}
+)
 _LIGHT = (0.84, 0.88, 0.93)  # lower end of ``light turbo``, in place of turbo's near black
 _JOIN = 0.36  # from here on it is turbo: green, before which turbo passes dark blue
 _USUAL_SHARE = 0.99  # of all values that the colours of a film tell apart
@@ -36,6 +39,8 @@ def sample_colours(colour_map: str, n: int) -> NDArray[np.uint8]:
     """
     from matplotlib import colormaps
 
+    if colour_map == LIGHT_TURBO + _TURNED:
+        return sample_colours(LIGHT_TURBO, n)[::-1].copy()
     x = np.linspace(0, 1, n)
     if colour_map != LIGHT_TURBO:
         return np.asarray(colormaps[colour_map](x, bytes=True)[:, :3])

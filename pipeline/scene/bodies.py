@@ -7,6 +7,7 @@ from typing import Annotated, Literal
 from pydantic import AfterValidator, Field, model_validator
 
 from pipeline.core.units import PositiveDensity, PositiveLength, PositiveStress
+from pipeline.scene.damping import Damping
 from pipeline.scene.places import MarkerPlace, NamedElement, Support
 from pipeline.scene.reading import FaultError, SceneTable, suggest_name
 from pipeline.scene.values import Count, Formulation, Name, Number, Order, Text, Words
@@ -42,9 +43,11 @@ class ModeSettings(SceneTable):
     enrich : str
         Shapes that are added to the modes: none, the static responses to inertia loads and joint forces
         (``"inertia"``), which stress needs, or four generations of load-dependent vectors (``"ritz"``), each the
-        responses to the inertia of the one before.
-    damping : float
-        Damping ratio of every mode; 1 is critical.
+        responses to the inertia of the one before. ``"residual"`` are all static responses, however little of them lies
+        outside the modes, as linear answers take them; so stiff shapes need short steps.
+    damping : float, tuple of float or RayleighDamping
+        Damping ratio of every mode, 1 being critical; or a list of ratios, of the modes of the body on its joint, the
+        lowest first, whose last holds for all further ones; or factors of mass and stiffness.
     solver : str
         Program that factorises the stiffness: the fastest that is installed (``"auto"``), CHOLMOD, SciPy's SuperLU, or
         PETSc and SLEPc over several processes.
@@ -66,8 +69,8 @@ class ModeSettings(SceneTable):
     family: Literal["any", "in-plane bending", "out-of-plane bending", "torsion", "axial"] = "any"
     boundary: Literal["free", "joint", "interface"] = "free"
     interface: tuple[Annotated[Text, Words("name of a marker")], ...] = ()
-    enrich: Literal["none", "inertia", "ritz"] = "none"
-    damping: Annotated[Number, Field(ge=0.0, lt=1.0)] = 0.0
+    enrich: Literal["none", "inertia", "ritz", "residual"] = "none"
+    damping: Damping = 0.0
     solver: Literal["auto", "cholesky", "superlu", "slepc"] = "auto"
     ranks: Annotated[int, Field(strict=True, ge=1, le=100_000)] | None = None
 
@@ -145,6 +148,7 @@ class Solid(SceneTable):
     def _on_its_faces(self) -> Solid:
         for name, marker in self.marker.items():
             self._check_faces(marker.faces, "marker", name, "face")
+            self._check_faces(marker.edge_faces, "marker", name, "edge")
         for number, support in enumerate(self.support):
             self._check_faces(support.faces, "support", number, "face")
         for number, name in enumerate(self.modes.interface):

@@ -265,7 +265,7 @@ class MatrixPart(SceneTable):
     def _on_nodes(self) -> MatrixPart:
         for name, marker in self.marker.items():
             if marker.nodes is None and marker.plane is None:
-                wrong = "face" if marker.face is not None else "near"
+                wrong = next(iter(marker.where))
                 raise FaultError(
                     "needs a mesh; give nodes, their numbers, or plane, e.g. 'x = 0'", "marker", name, wrong
                 )

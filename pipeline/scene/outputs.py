@@ -18,6 +18,8 @@ from pipeline.scene.pictures import (
     StressPicture,
 )
 from pipeline.scene.reading import FaultError, SceneTable
+from pipeline.scene.responses import FrequencyResponseChart
+from pipeline.scene.stress_outputs import Envelope, Fatigue
 from pipeline.scene.values import BodyName, ElementName, FileCheck, JointName, MarkerName, Text
 
 # Meanings of the quantities that a chart can draw.
@@ -200,12 +202,15 @@ class Export(SceneTable):
 
 Output = Annotated[
     Chart
+    | FrequencyResponseChart
     | MeshPicture
     | ModePictures
     | ModeSheet
     | StressPicture
     | MechanismPicture
     | Film
+    | Envelope
+    | Fatigue
     | History
     | ExtremesTable
     | Export,
@@ -216,5 +221,5 @@ _DRAWN = (".png", ".pdf", ".svg", ".mp4", ".gif")
 
 
 def is_drawn(output: Output) -> bool:
-    """Return True if an output is a picture, a chart or a film, and not a file of numbers."""
-    return output.file.endswith(_DRAWN)
+    """Return True if an output shows the motion or a part: a picture, a chart or a film, and not a file of numbers."""
+    return output.file.endswith(_DRAWN) and output.type != "frf"

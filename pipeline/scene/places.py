@@ -2,19 +2,37 @@
 
 from __future__ import annotations
 
-from typing import Annotated, Literal
+from typing import Annotated, Any, Literal
 
-from pydantic import Field, model_validator
+from pydantic import BeforeValidator, Field, model_validator
 
+from pipeline.core.units import to_si
 from pipeline.scene.orientation import Orientation
 from pipeline.scene.reading import FaultError, SceneTable
-from pipeline.scene.values import FaceName, PartName, Plane, Point
+from pipeline.scene.values import FaceName, PartName, Plane, Point, Words
+
+_WAYS = ("face", "near", "plane", "edge", "at", "node", "nodes")
+
+
+def _read_edge(edge: object) -> object:
+    """Read two points, or the names of two faces."""
+    if isinstance(edge, list) and len(edge) == 2 and edge[0] != edge[1]:
+        if all(isinstance(face, str) for face in edge):
+            return tuple(edge)
+        if all(isinstance(end, list) and len(end) == 3 for end in edge):
+            return tuple(tuple(to_si(x, "length") for x in end) for end in edge)
+    raise ValueError("must be two different points, or the names of two faces that meet in it")
+
+
+Edge = Annotated[tuple[Any, Any], BeforeValidator(_read_edge), Words("list of 2 points or of 2 names of faces")]
 
 
 class MarkerPlace(Orientation):
     """A named place on a flexible body, where joints and loads act and motion is recorded, with axes of its own.
 
-    Exactly one of ``face``, ``near``, ``plane`` and ``nodes`` says where it is.
+    Exactly one of ``face``, ``near``, ``plane``, ``edge``, ``at``, ``node`` and ``nodes`` says where it is. A force at
+    a point or on an edge has no finite deflection under it: on finer meshes it grows. Take faces for joints and loads,
+    points for results.
 
     Parameters
     ----------
@@ -25,11 +43,17 @@ class MarkerPlace(Orientation):
         A point [m]; the marker is the smooth face nearest to it, up to edges sharper than 40°.
     plane : tuple, optional
         Plane; all of the surface in it is the marker.
+    edge : tuple, optional
+        Two ends of a straight edge [m], or the names of two faces that meet in an edge.
+    at : tuple of float, optional
+        A point in or on the body [m]; the marker moves and turns as the material there, by interpolation.
+    node : tuple of float, optional
+        A point [m]; the marker is the node nearest to it.
     nodes : tuple of int, optional
         Numbers of the nodes in the file, for a body that is given by its matrices.
     attachment : str
         How the marker follows its nodes: their mean motion (``"averaged"``, RBE3), which leaves the face free to
-        deform, or as a rigid face (``"rigid"``, RBE2).
+        deform, or as a rigid face (``"rigid"``, RBE2). Points and edges have no other than ``"averaged"``.
 
     Examples
     --------
@@ -40,11 +64,16 @@ class MarkerPlace(Orientation):
         lid = { face = ["lid-left", "lid-right"], attachment = "rigid" }
         corner = { near = ["31 mm", "20 mm", "4 mm"] }
         wall = { plane = "x = 0" }
+        rim = { edge = ["lid-left", "bore"] }
+        sensor = { at = ["12 mm", "4 mm", "4 mm"], rotate = ["0 deg", "0 deg", "30 deg"] }
     """
 
     face: FaceName | Annotated[tuple[FaceName, ...], Field(min_length=1, max_length=100)] | None = None
     near: Point | None = None
     plane: Plane | None = None
+    edge: Edge | None = None
+    at: Point | None = None
+    node: Point | None = None
     nodes: tuple[int, ...] | None = None
     attachment: Literal["averaged", "rigid"] = "averaged"
 
@@ -56,16 +85,23 @@ class MarkerPlace(Orientation):
     @property
     def where(self) -> dict[str, object]:
         """The one key that says where the marker is, with its value, for hashing."""
-        return self.model_dump(mode="json", include={"face", "near", "plane", "nodes"}, exclude_none=True)
+        return self.model_dump(mode="json", include=set(_WAYS), exclude_none=True)
 
     @model_validator(mode="after")
     def _given_one_way(self) -> MarkerPlace:
-        ways = [way for way in ("face", "near", "plane", "nodes") if getattr(self, way) is not None]
+        ways = [way for way in _WAYS if getattr(self, way) is not None]
         if not ways:
             raise FaultError("is missing: a face's name; or give near, a point, or plane, e.g. 'x = 0'", "face")
         if len(ways) > 1:
-            raise FaultError(f"can't stand beside {ways[0]}: a marker's face is told in one way", ways[1])
+            raise FaultError(f"can't stand beside {ways[0]}: a marker's place is told in one way", ways[1])
+        if ways[0] in ("edge", "at", "node") and self.attachment == "rigid":
+            raise FaultError("needs a face; a marker at a point or on an edge is averaged", "attachment")
         return self
+
+    @property
+    def edge_faces(self) -> tuple[str, ...]:
+        """Names of the two faces that meet in the marker's edge; empty if it has none, or one given by its ends."""
+        return self.edge if self.edge is not None and isinstance(self.edge[0], str) else ()
 
 
 class Support(SceneTable):

@@ -7,6 +7,7 @@ from typing import Annotated, Literal
 from pydantic import Field
 
 from pipeline.scene.bodies import ModeSettings
+from pipeline.scene.orientation import Orientation
 from pipeline.scene.places import NamedElement, Support
 from pipeline.scene.reading import SceneTable
 from pipeline.scene.values import Name, Number, SourceFile, Text
@@ -19,7 +20,7 @@ class BodyFile(SceneTable):
     ----------
     file : str
         Standard input data (``.SID_FEM``), modal data of MBDyn (``.fem``) or of Exudyn's
-        ``ObjectFFRFreducedOrderInterface`` (``.npz``), relative to the scene's file.
+        ``ObjectFFRFreducedOrderInterface`` (``.npz``), or our own NetCDF (``.nc``), relative to the scene's file.
 
     Examples
     --------
@@ -89,8 +90,8 @@ AnyModes = ModeSettings | ReducedModes
 """The shapes that describe a body's deformation, computed or of its file."""
 
 
-class FileNode(SceneTable):
-    """A named place on a reduced body, where joints and loads act and motion is recorded.
+class FileNode(Orientation):
+    """A named place on a reduced body, where joints and loads act and motion is recorded, with axes of its own.
 
     Parameters
     ----------
@@ -129,7 +130,7 @@ class FileNode(SceneTable):
 
 
 class ReducedPart(SceneTable):
-    """A body that another program has reduced: it has motion, but no mesh and no picture.
+    """A body that another program has reduced: it has motion and, if its file has it, stress, but no mesh.
 
     Parameters
     ----------

@@ -189,6 +189,9 @@ class Scene(SceneTable):
         closing = self.closing
         return {joint.child.partition(".")[0]: name for name, joint in self.joint.items() if name not in closing}
 
+    def __repr__(self) -> str:
+        return f"Scene({self.title!r}, bodies: {', '.join(self.body)})"
+
     def _repr_html_(self) -> str:
         return scene_table(self)
 

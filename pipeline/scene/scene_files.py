@@ -170,6 +170,7 @@ def _remove_tags(location: KeyPath) -> KeyPath:
         location = location[:3] + location[4:]
     elif location[:1] in (("body",), ("joint",), ("drive",), ("output",)):
         location = location[:2] + location[3:]
+    location = tuple(part for part in location if " " not in str(part))  # no key has a blank, but some kinds of values
     while location and _TAG.match(str(location[-1])):
         location = location[:-1]
     return location

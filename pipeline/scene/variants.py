@@ -6,13 +6,14 @@ next. A variant keeps the file of its scene.
 
 from __future__ import annotations
 
-from collections.abc import Callable, Mapping
+from collections.abc import Callable, Mapping, Sequence
 from math import pi
 from typing import Any
 
 from pipeline.scene.any_body import Flexible
 from pipeline.scene.bodies import Bar
 from pipeline.scene.imported_bodies import CadPart, MatrixPart, MeshedPart
+from pipeline.scene.loads import Drive
 from pipeline.scene.propeller import Propeller
 from pipeline.scene.reduced_bodies import ReducedPart
 from pipeline.scene.scene import Scene
@@ -44,6 +45,22 @@ def enrich_bases(scene: Scene) -> Scene:
         return {"enrich": "ritz", "count": body.modes.count + has_them * (body.modes.count // 2 + 1)}
 
     return change_modes(scene, change)
+
+
+def replace_start(scene: Scene, start: str) -> Scene:
+    """Return the scene with another state at the start."""
+    return _change_simulation(scene, {"start": start})
+
+
+def correct_statically(scene: Scene, drives: Sequence[Drive]) -> Scene:
+    """Return the scene with loads added whose static responses, and those to inertia loads, join each body's modes.
+
+    Without them the modes that a body leaves out would lack in the sum of its flexibility, and zeros of transfer
+    functions would be at the wrong frequencies (MacNeal, Computers & Structures 1, 1971).
+    """
+    more = {f"input {k + 1}": drive for k, drive in enumerate(drives)}
+    scene = scene.model_copy(update={"drive": {**scene.drive, **more}})
+    return change_modes(scene, lambda body: {"enrich": "residual"})
 
 
 def damp_bodies(scene: Scene, damping: float) -> Scene | None:

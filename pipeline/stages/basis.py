@@ -17,7 +17,7 @@ from pipeline.reduction.body import FlexibleBody, floating_body, free_frame_body
 from pipeline.reduction.craig_bampton import craig_bampton_modes, rayleigh_ritz
 from pipeline.reduction.cyclic import CyclicSolver
 from pipeline.reduction.eigen import FreeBodySolver
-from pipeline.reduction.enrichment import enrich_modes
+from pipeline.reduction.enrichment import NEW, RESIDUAL, enrich_modes
 from pipeline.reduction.factor.factor import Factor, MissingSolverError, TooLargeError, factorise
 from pipeline.reduction.factor.slepc import factorise_over_ranks
 from pipeline.reduction.loads import acceleration_loads, motion_loads
@@ -171,7 +171,8 @@ def _enriched_shapes(model: HeldModel, modes: Modes, settings: AnyModes) -> tupl
         loads = np.concatenate([loads, own], axis=2)
     generations = _RITZ_GENERATIONS if settings.enrich == "ritz" else 1
     held = model.reaction_if_held(settings)
-    omega, shapes = enrich_modes(modes, fe, model.solver, loads, held, generations)
+    least = RESIDUAL if settings.enrich == "residual" else NEW
+    omega, shapes = enrich_modes(modes, fe, model.solver, loads, held, generations, least)
     if settings.boundary == "interface":  # no eigenvectors: the new shapes mix with them
         omega, shapes = rayleigh_ritz(fe, shapes.reshape(fe.K.shape[0], -1))
     return omega, shapes

@@ -115,26 +115,17 @@ class DividedPart:
 
     def stress(self, motion: Motion) -> StressHistory:
         """Return the stress on the surface of the whole over a motion, nodes on a cut with the mean of both pieces."""
-        import scipy.sparse as sp
-
-        surface = self.whole.surface.nodes
+        surface, ends = self.whole.surface.nodes, np.cumsum([0, *(len(part.body.omega) for part in self.pieces)])
         place = np.full(len(self.whole.space.x), -1)
         place[surface] = np.arange(len(surface))
-        count, blocks = np.zeros(len(surface)), []
-        for part, nodes in zip(self.pieces, self.nodes, strict=True):
-            rows = place[nodes[part.surface.nodes]]
+        modal, count = np.zeros((len(surface), 6, int(ends[-1]))), np.zeros(len(surface))
+        for k, (part, nodes) in enumerate(zip(self.pieces, self.nodes, strict=True)):
+            rows = place[nodes[part.surface.nodes]]  # of a cut's inner nodes there are none
             on_surface = np.flatnonzero(rows >= 0)
             count[rows[on_surface]] += 1
-            blocks.append((rows[on_surface], part.surface_stress[on_surface]))
-        matrices = []
-        for rows, modal in blocks:
-            n = modal.shape[2]
-            values = (modal / count[rows, None, None]).reshape(-1, n)
-            at = (6 * rows[:, None] + np.arange(6)).ravel()
-            entries = (values.ravel(), (np.repeat(at, n), np.tile(np.arange(n), len(at))))
-            matrices.append(sp.csr_array(sp.coo_array(entries, shape=(6 * len(surface), n))))
+            modal[rows[on_surface], :, ends[k] : ends[k + 1]] = part.surface_stress[on_surface]
         q = np.concatenate([motion.modal(part.name) for part in self.pieces], axis=1)
-        return StressHistory(surface, sp.csr_array(sp.hstack(matrices)), motion.times, q)
+        return StressHistory(surface, modal / count[:, None, None], motion.times, q)
 
 
 @dataclass(frozen=True)

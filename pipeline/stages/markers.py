@@ -11,6 +11,7 @@ import numpy as np
 from pipeline.core.arrays import IntArray
 from pipeline.core.errors import InputError
 from pipeline.fem.formats.matrices import MatrixModel, node_marker, nodes_in_plane
+from pipeline.fem.local_markers import edge_marker, point_marker, single_node_marker
 from pipeline.fem.markers import Marker, face_marker, facets_on_face
 from pipeline.fem.selection import facets_in_plane, facets_near, node_at, nodes_on_edge, nodes_on_faces
 from pipeline.fem.space import Discretisation
@@ -31,7 +32,24 @@ def place_markers(shape: Flexible, space: Discretisation, file: str, body: str) 
     """
 
     def place(name: str, marker: MarkerPlace) -> Marker:
-        return face_marker(space, _faces(shape, space, name, marker, file, body), marker.attachment == "rigid")
+        rigid = marker.attachment == "rigid"
+        if marker.plane is not None:
+            return face_marker(space, facets_in_plane(space, *marker.plane), rigid)
+        if marker.near is not None:
+            return face_marker(space, facets_near(space, np.array(marker.near), _cad_faces(shape, space)), rigid)
+        if marker.at is not None:
+            return point_marker(space, np.array(marker.at))
+        if marker.node is not None:
+            return single_node_marker(space, int(node_at(space, np.array(marker.node))[0]))
+        if marker.edge is not None and not marker.edge_faces:
+            return edge_marker(space, nodes_on_edge(space, np.array(marker.edge)))
+        key = f"body.{body}.marker.{name}.face"
+        if marker.edge_faces:
+            key = f"body.{body}.marker.{name}.edge"
+            names = [find_name(space.mesh.faces, face, file, key) for face in marker.edge_faces]
+            return edge_marker(space, nodes_on_faces(space, [space.mesh.faces[face] for face in names]))
+        faces = [space.mesh.faces[find_name(space.mesh.faces, face, file, key)] for face in marker.faces]
+        return face_marker(space, faces, rigid)
 
     return _placed(shape, place, file, body)
 
@@ -57,6 +75,8 @@ def _faces(
         return [facets_in_plane(space, *marker.plane)]
     if marker.near is not None:
         return [facets_near(space, np.array(marker.near), _cad_faces(shape, space))]
+    if not marker.faces:
+        raise ValueError("is no face; in a body with pieces markers have a face, near or plane")
     key = f"body.{body}.marker.{name}.face"
     return [space.mesh.faces[find_name(space.mesh.faces, face, file, key)] for face in marker.faces]
 

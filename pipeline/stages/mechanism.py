@@ -31,6 +31,7 @@ from pipeline.dynamics.mechanism import Mechanism
 from pipeline.dynamics.signals.signal import Signal, constant, half_sine, total
 from pipeline.reduction.body import FlexibleBody, MarkerShapes
 from pipeline.reduction.inertia import InertiaGram
+from pipeline.scene.damping import damping_ratios
 from pipeline.stages.assembly import assemble, close_start, following_joints, given_joints
 from pipeline.stages.divided_scene import part_of
 from pipeline.stages.equilibrium import find_equilibrium
@@ -181,7 +182,11 @@ def _link(scene: Scene, places: _Places, body: str) -> Link:
     if body in places.bodies:
         reduced, damping = places.bodies[body], scene.flexible[body].modes.damping
         gram = reduced.gram
-        settings |= {"omega": reduced.omega, "damping": np.full(len(reduced.omega), damping)}
+        told = reduced.damping.size and not damping  # by the file that holds the body
+        settings |= {
+            "omega": reduced.omega,
+            "damping": reduced.damping if told else np.array(damping_ratios(damping, reduced.omega.tolist())),
+        }
         settings["section"] = _section(scene, places, body)
     else:
         gram = _gram(scene.body[body], places.origin(body))

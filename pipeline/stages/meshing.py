@@ -88,7 +88,7 @@ def find_name(names: Mapping[str, IntArray], given: str, file: str, key: str) ->
     given : str
         The name in the scene.
     file, key : str
-        Where the scene gives it; the key ends with ``face`` or ``part``.
+        Where the scene gives it; the key of a part ends with ``part``.
 
     Raises
     ------
@@ -97,7 +97,7 @@ def find_name(names: Mapping[str, IntArray], given: str, file: str, key: str) ->
     """
     alike = [known for known in names if known.casefold() == given.casefold()]
     if given not in names and len(alike) != 1:
-        what = key.rpartition(".")[2]
+        what = "part" if key.endswith("part") else "face"
         raise InputError(file, key, given, f"no such {what}; {suggest_name(given, names, f'the {what}s')}")
     return given if given in names else alike[0]
 

@@ -29,6 +29,8 @@ from pipeline.stages.inboard_joint import read_inboard_joint
 from pipeline.stages.meshing import find_material, find_name, make_mesh, read_body_matrices
 from pipeline.stages.reduced_files import (
     file_notes,
+    file_stress,
+    file_surface,
     modes_of_file,
     place_file_markers,
     read_reduced_body,
@@ -50,7 +52,8 @@ if TYPE_CHECKING:
 
 NO_MESH = "is given by a file without elements: it has no mesh, no stress and no picture"
 _FEM = ("pipeline/fem",)
-_REDUCTION = ("pipeline/fem", "pipeline/reduction", "pipeline/stages/basis.py", "pipeline/stages/markers.py")
+_BASIS = ("pipeline/stages/basis.py", "pipeline/stages/markers.py", "pipeline/stages/reduced_files.py")
+_REDUCTION = ("pipeline/fem", "pipeline/reduction", *_BASIS)
 _STRESS = ("pipeline/fem", "pipeline/recovery/stress.py")
 _DEFORMATION = ("pipeline/fem", "pipeline/recovery/deformation.py")
 _PACKAGES = ("numpy", "scipy", "scikit-fem", "gmsh")
@@ -67,34 +70,28 @@ SecondOrder = tuple[InertiaGram, Mapping[str, MarkerShapes]]
 
 
 def _mesh_inputs(part: FlexiblePart) -> Any:
-    if part.piece is not None:
-        return {"piece": part.piece.digest}
     left_out = ("E", "nu", "rho", "material", "modes", "marker", "support", "element", *_OF_PIECES)
     without: Any = dict.fromkeys(left_out, True)
     without["mesh"] = {"formulation"}
-    table = part.shape.model_dump(mode="json", exclude=without)
+    table = part.shape.model_dump(mode="json", exclude=without) | part.piece_identity
     return table if part.source is None else part.source.identity(table)
 
 
 def _assembly_inputs(part: FlexiblePart) -> Any:
     without: Any = {"modes", "marker", "support", "element", *_OF_PIECES}
-    table = part.shape.model_dump(mode="json", exclude=without)
-    if part.piece is not None:
-        table["piece"] = part.piece.digest
+    table = part.shape.model_dump(mode="json", exclude=without) | part.piece_identity
     return table if part.source is None else part.source.identity(table)
 
 
 def _modes_inputs(part: FlexiblePart) -> Any:
     shape, markers = part.shape, part.shape.marker
     without: Any = {"modes": {"damping", "enrich"}} | dict.fromkeys(("marker", "element", *_OF_PIECES), True)
-    table = shape.model_dump(mode="json", exclude=without)
+    table = shape.model_dump(mode="json", exclude=without) | part.piece_identity
     held: Any = ""
     if shape.modes.boundary == "joint":
         held = repr((part.joint.floating, part.joint.free, markers[part.joint.marker].where))
     elif shape.modes.boundary == "interface":
         held = repr({name: markers[name] for name in shape.modes.interface or markers})
-    if part.piece is not None:
-        table["piece"] = part.piece.digest
     return {
         "part": table if part.source is None else part.source.identity(table),
         "axis": part.joint.axis if shape.modes.family != "any" else "",
@@ -176,10 +173,17 @@ def _integrate_along_normal(part: FlexiblePart) -> Array:
 
 
 def _find_surface(part: FlexiblePart) -> SurfaceTopology:
+    if part.is_reduced:
+        found = file_surface(part.fe)
+        if found is None:
+            raise InputError(part.file, f"body.{part.name}.body", None, "is of a file without a surface's stress")
+        return found
     return surface_topology(part.space)
 
 
 def _recover_surface_stress(part: FlexiblePart) -> Array:
+    if part.is_reduced:
+        return file_stress(part.fe, part.body)
     return modal_stress(part.space, part.material, part.body.shapes, part.surface.nodes)
 
 
@@ -255,6 +259,7 @@ class FlexiblePart:
         piece: PieceMesh | None = None,
     ) -> None:
         self.name, self.file, self.piece = name, scene.file, piece
+        self.piece_identity = {} if piece is None else {"piece": piece.digest}
         self.store = store if modes is None else store.alone()
         self.shape: Flexible = scene.flexible[name]
         self.source = SourceFiles.find(self.shape, scene.file, name) if piece is None else None
@@ -276,6 +281,11 @@ class FlexiblePart:
     def has_mesh(self) -> bool:
         """A mesh, and so stress and pictures: bodies that are given by their matrices have none."""
         return self.shape.shape not in ("matrices", "reduced")
+
+    @property
+    def has_stress(self) -> bool:
+        """A surface with its stress: of a mesh, or of a file that tells it for a reduced body."""
+        return self.has_mesh or (self.is_reduced and file_surface(self.fe) is not None)
 
     @property
     def is_reduced(self) -> bool:

@@ -16,6 +16,7 @@ from pipeline.core.errors import InputError
 from pipeline.core.paths import cache_folder
 from pipeline.core.progress import Monitor, silent
 from pipeline.recovery.deformation import Deformation, measure_deformation
+from pipeline.recovery.envelope import StressEnvelope, stress_envelope
 from pipeline.recovery.stress import StressHistory, stress_measure
 from pipeline.scene.scene import Scene
 from pipeline.scene.source_files import collect_inputs
@@ -108,6 +109,7 @@ class Pipeline:
             self.wholes = {name: wholes[name] if name in wholes else division.parts[name] for name in self.wholes}
         self._like: Division | None = None
         self._bodies, self._spin = bodies, spin
+        self._envelopes: dict[str, StressEnvelope] = {}
 
     def variant(self, scene: Scene, monitor: Monitor = silent, spin: Mapping[str, SpinCheck] | None = None) -> Pipeline:
         """Return a pipeline for another scene that takes over all results that both have in common."""
@@ -232,6 +234,12 @@ class Pipeline:
         divided = self.division.divided.get(body)
         return (self.parts[body],) if divided is None else divided.pieces
 
+    def envelope_of(self, body: str) -> StressEnvelope:
+        """Envelope of the stress on a flexible body's surface over the first run's motion; found once."""
+        if body not in self._envelopes:
+            self._envelopes[body] = stress_envelope(self.stress_of(body))
+        return self._envelopes[body]
+
     def element_stress(self, element: str, component: str = "von Mises") -> dict[str, Array]:
         """Stress in the middle of a named element, ``"body.element"``, over each run's motion, (n_times,) [Pa]."""
         body, _, name = element.partition(".")
@@ -267,7 +275,7 @@ class Pipeline:
         if not self.parts:
             return {}
         bodies = {name: part.body for name, part in self.parts.items()}
-        meshed = [name for name, part in self.parts.items() if part.has_mesh]
+        meshed = [name for name, part in self.parts.items() if part.has_mesh or part.body.gram.stiffening.size]
         return self.store.read_or_keep(self._key("loads"), lambda: check_spins(self.divided_scene, bodies, meshed))
 
     def _key(self, name: str) -> str:

@@ -6,9 +6,12 @@ from dataclasses import replace
 from pathlib import Path
 from typing import TYPE_CHECKING
 
+import numpy as np
+
 from pipeline.core.errors import InputError
 from pipeline.reduction.equivalent_model import (
     EquivalentModel,
+    combination_of,
     equivalent_marker,
     equivalent_model,
     finish_body,
@@ -16,19 +19,22 @@ from pipeline.reduction.equivalent_model import (
 )
 from pipeline.reduction.formats.exudyn_file import read_exudyn
 from pipeline.reduction.formats.mbdyn_file import read_mbdyn
+from pipeline.reduction.formats.netcdf_file import read_netcdf
 from pipeline.reduction.formats.sid_file import read_sid
 from pipeline.scene.reading import suggest_name
 
 if TYPE_CHECKING:
+    from pipeline.core.arrays import Array
     from pipeline.fem.markers import Marker
     from pipeline.fem.model import FEModel
+    from pipeline.fem.surface import SurfaceTopology
     from pipeline.reduction.body import FlexibleBody
     from pipeline.reduction.modes import Modes
     from pipeline.scene.any_body import Flexible
     from pipeline.scene.source_files import SourceFiles
     from pipeline.stages.basis import HeldModel
 
-READERS = {".sid_fem": read_sid, ".fem": read_mbdyn, ".npz": read_exudyn}
+READERS = {".sid_fem": read_sid, ".fem": read_mbdyn, ".npz": read_exudyn, ".nc": read_netcdf}
 """Readers of reduced bodies by the suffix of their files, in lower case."""
 
 
@@ -56,6 +62,19 @@ def modes_of_file(fe: FEModel) -> Modes:
 def file_notes(fe: FEModel) -> tuple[str, ...]:
     """Return what a body's file says that can't be right, and what was taken instead."""
     return _equivalent(fe).data.notes
+
+
+def file_surface(fe: FEModel) -> SurfaceTopology | None:
+    """Return the surface of a body whose file tells it with its stress; else ``None``."""
+    data = _equivalent(fe).data
+    return data.surface if data.stress is not None else None
+
+
+def file_stress(fe: FEModel, body: FlexibleBody) -> Array:
+    """Return the stress at the surface's nodes for each modal coordinate of a body, (n_surface, 6, n) [Pa per unit]."""
+    model = _equivalent(fe)
+    assert model.data.stress is not None
+    return np.asarray(model.data.stress @ combination_of(model, body))
 
 
 def place_file_markers(fe: FEModel, shape: Flexible, file: str, body: str) -> dict[str, Marker]:

@@ -5,10 +5,14 @@ from __future__ import annotations
 from dataclasses import replace
 from typing import TYPE_CHECKING
 
+import numpy as np
+
+from pipeline.core.arrays import Array
 from pipeline.core.cache import stage_key
 from pipeline.core.errors import InputError
 from pipeline.reduction.modes import TooManyModesError
 from pipeline.reduction.superelement import Superelement, make_superelement
+from pipeline.scene.damping import damping_ratios
 from pipeline.stages.basis import reduce_body
 from pipeline.stages.part import FlexiblePart
 
@@ -75,7 +79,11 @@ def superelement(part: FlexiblePart) -> Superelement:
         raise InputError(part.file, f"body.{part.name}.body", None, mend)
     model, settings = _held_anywhere(part), part.shape.modes
     markers = {name: model.markers[name] for name in settings.interface or model.markers}
+
+    def ratios(omega: Array) -> Array:
+        return np.array(damping_ratios(settings.damping, omega.tolist()))
+
     try:
-        return make_superelement(model.fe, model.solver, markers, settings.count, settings.damping)
+        return make_superelement(model.fe, model.solver, markers, settings.count, ratios)
     except TooManyModesError as error:
         raise InputError(part.file, f"body.{part.name}.modes.count", settings.count, str(error)) from error

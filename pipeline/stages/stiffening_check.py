@@ -22,6 +22,7 @@ from pipeline.dynamics.transmitted_loads import (
     transmitted_loads,
     without_negligible_terms,
 )
+from pipeline.scene.damping import damping_ratios
 from pipeline.stages.assembly import movable_rigid
 from pipeline.stages.divided_scene import part_of
 from pipeline.stages.mass_check import require_inertia
@@ -140,7 +141,8 @@ def check_spins(
                 "the linear floating frame has no stiffness left; 'auto' adds geometric stiffening",
             )
         change = estimate_change(body, loads)
-        lasting = 1.0 / max(scene.flexible[name].modes.damping, 1e-300)  # radians of ringing
+        (ratio,) = damping_ratios(scene.flexible[name].modes.damping, [first])
+        lasting = 1.0 / max(ratio, 1e-300)  # radians of ringing
         matters = change * (1.0 + 0.5 * _RINGING * min(first * scene.simulation.duration, lasting)) > error
         # Displacements of second order in its pieces also make the rotations of a chain converge faster.
         counts = (matters and (meshed is None or name in meshed)) or bool(part_of(name))

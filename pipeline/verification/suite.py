@@ -15,10 +15,11 @@ from pipeline.core.cache import Cache
 from pipeline.core.errors import AccuracyError, InputError
 from pipeline.core.files import whole_file
 from pipeline.scene.reading import suggest_name
-from pipeline.verification import frequencies, loops, rotation, tops
+from pipeline.verification import bodies, frequencies, loops, rotation, tops, wind_turbine
 from pipeline.verification.case import Figure, VerificationCase
 
-CASES = {case.name: case for case in (*frequencies.CASES, *rotation.CASES, *tops.CASES, *loops.CASES)}
+_PARTS = (frequencies, rotation, tops, loops, bodies, wind_turbine)
+CASES = {case.name: case for part in _PARTS for case in part.CASES}
 
 
 @dataclass(frozen=True)

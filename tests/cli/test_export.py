@@ -1,12 +1,20 @@
 """``fmd export``: a body or the mechanism for another program."""
 
 import json
+import subprocess
+import sys
 
+import numpy as np
 import pytest
 
 from pipeline.output.formats import _WRITERS
 from pipeline.reduction.body_file import load_body
+from pipeline.reduction.equivalent_model import equivalent_model, modes_of
+from pipeline.reduction.formats.mbdyn_file import read_mbdyn
+from pipeline.reduction.formats.sid_file import read_sid
 from pipeline.scene.outputs import EXPORT_FORMATS, MECHANISM_FORMATS, Export
+
+FEW = ("--set", "body.beam.mesh.divisions=[8,1,1]")
 
 
 def test_every_format_has_a_name_a_suffix_and_a_writer():
@@ -34,3 +42,87 @@ def test_wrong_options_get_one_message(fmd, options, message, capsys):
     error = capsys.readouterr().err
     assert error.count("\n") == 1
     assert message in error
+
+
+@pytest.mark.parametrize(
+    ("to", "file", "others"),
+    [
+        ("sid", "beam.SID_FEM", []),
+        ("mbdyn", "beam.fem", []),
+        ("exudyn", "beam.npz", ["beam.py"]),
+        ("simscape", "beam.mat", []),
+        ("full", "beam.mtx", ["beam-mass.mtx", "beam-nodes.csv", "beam-modes.npz"]),
+    ],
+)
+def test_a_body_is_written_for_every_program(fmd, tmp_path, capsys, to, file, others):
+    assert fmd("export", "beam", "--to", to, "--out", tmp_path / file, "--json", *FEW) == 0
+    names = [file, *others]
+    assert json.loads(capsys.readouterr().out) == {"format": to, "files": [str(tmp_path / name) for name in names]}
+    assert sorted(path.name for path in tmp_path.iterdir()) == sorted(names)
+    for name in names:
+        assert str(tmp_path).encode() not in (tmp_path / name).read_bytes()
+
+
+def test_openfast_takes_the_marker_that_is_named(fmd, tmp_path, capsys):
+    out = ("--out", tmp_path / "beam.dat", *FEW)
+    assert fmd("export", "beam", "--to", "openfast", *out) == 2
+    assert "OpenFAST's platform has one interface, and the body 2 markers; name one" in capsys.readouterr().err
+    named = 'body.beam.modes={count=3, boundary="interface", interface=["tip"]}'
+    assert fmd("export", "beam", "--to", "openfast", *out, "--set", named) == 0
+    assert sorted(path.name for path in tmp_path.iterdir()) == ["beam.dat", "beam_ExtPtfm.dat"]
+
+
+@pytest.mark.parametrize("suffix", [".mtx", ".npz", ".txt"])
+def test_full_matrices_are_read_by_a_scene_of_matrices(fmd, tmp_path, capsys, suffix):
+    assert fmd("export", "beam", "--to", "full", "--out", tmp_path / f"beam{suffix}", *FEW) == 0
+    (tmp_path / "back.toml").write_text(
+        f"""title = "back"
+[body.beam]
+matrices = {{ stiffness = "beam{suffix}", mass = "beam-mass{suffix}", nodes = "beam-nodes.csv", unit = "m" }}
+modes = {{ count = 4 }}
+marker = {{ root = {{ plane = "x = 0" }} }}
+"""
+    )
+    capsys.readouterr()
+    assert fmd("modes", tmp_path / "back.toml", "--json") == 0
+    found = json.loads(capsys.readouterr().out)["frequencies_hz"]
+    assert fmd("modes", "beam", "--json", *FEW, "--set", "body.beam.modes={count=4}") == 0
+    assert found == pytest.approx(json.loads(capsys.readouterr().out)["frequencies_hz"], rel=1e-8)
+
+
+def test_a_scene_writes_bodies_among_its_outputs(fmd, tmp_path):
+    output = 'output=[{type="export", format="sid", file="beam.SID_FEM", body="beam"}]'
+    quick = ("--set", 'simulation.run=[{integrator="auto"}]', "--set", "simulation.duration=1ms", "--no-budget")
+    assert fmd("run", "beam", "--out", tmp_path, "--set", output, *FEW, *quick, "--no-pictures") == 0
+    assert read_sid(tmp_path / "beam.SID_FEM").n == 5
+
+
+@pytest.mark.slow
+@pytest.mark.filterwarnings("ignore")
+def test_the_script_for_exudyn_runs(fmd, tmp_path, capsys):
+    pytest.importorskip("exudyn")
+    assert fmd("export", "beam", "--to", "exudyn", "--out", tmp_path / "beam.npz", *FEW) == 0
+    done = subprocess.run([sys.executable, "beam.py"], cwd=tmp_path, capture_output=True, text=True, check=True)
+    place = np.array(done.stdout.strip().splitlines()[-1].partition("]:")[2].split(), dtype=float)
+    # A uniform bar of length l on a ball joint: θ̈ = −3 g cos θ / 2 l; the tip's fall by series in t.
+    g, length, t = 9.81, 0.34, 0.1
+    angle = 0.75 * g / length * t**2 * (1 - 0.0125 * (1.5 * g / length) ** 2 * t**4)
+    assert place[:2] == pytest.approx([length * np.cos(angle), -length * np.sin(angle)], abs=5e-3)
+
+
+def test_a_reduced_body_has_no_matrices_to_write(fmd, tmp_path, capsys):
+    assert fmd("export", "beam", "--to", "mbdyn", "--out", tmp_path / "beam.fem", *FEW) == 0
+    scene = tmp_path / "back.toml"
+    scene.write_text('title = "back"\n[body.beam]\nbody = { file = "beam.fem" }\nmarker = { a = { node = "tip" } }\n')
+    capsys.readouterr()
+    for to, what in (("full", "has no full matrices"), ("simscape", "without the matrices that a superelement")):
+        assert fmd("export", scene, "--to", to) == 2
+        error = capsys.readouterr().err
+        assert what in error
+        assert error.count("\n") == 1
+    assert fmd("export", scene, "--to", "sid", "--out", tmp_path / "again.SID_FEM") == 0
+    first, again = read_mbdyn(tmp_path / "beam.fem"), read_sid(tmp_path / "again.SID_FEM")
+    assert again.gram.mass == pytest.approx(first.gram.mass, rel=1e-12)
+    assert np.diag(again.K) == pytest.approx(modes_of(equivalent_model(first)).omega ** 2, rel=1e-9)
+    assert fmd("mesh", scene) == 2
+    assert "is given by a file without elements" in capsys.readouterr().err

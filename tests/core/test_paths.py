@@ -9,7 +9,7 @@ from pathlib import Path
 import pytest
 
 from pipeline.core import paths as folders
-from pipeline.core.paths import cache_folder, kernel_folder, source_digest
+from pipeline.core.paths import KERNEL_SOURCES, cache_folder, kernel_folder, source_digest
 
 
 def test_a_change_in_the_source_changes_its_digest(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
@@ -40,7 +40,7 @@ def test_the_environment_says_where_the_cache_is(tmp_path: Path, monkeypatch: py
 
 def test_kernels_are_kept_in_the_cache_by_their_source(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setenv("FMD_CACHE", str(tmp_path))
-    digest = source_digest("pipeline/dynamics", "pipeline/integrators")
+    digest = source_digest(*KERNEL_SOURCES)
     assert kernel_folder() == tmp_path / "kernels" / digest
     assert kernel_folder().is_dir()
 

@@ -9,6 +9,8 @@ import pytest
 
 from pipeline.core.arrays import Array
 from pipeline.dynamics.closures import Coupler
+from pipeline.dynamics.element_motion import element_wrenches, place_motion
+from pipeline.dynamics.elements import Attachment
 from pipeline.dynamics.kinematics import Kinematics
 from pipeline.dynamics.links import FIXED, PRISMATIC, REVOLUTE, SCREW, Link, PointLoad, rigid_gram
 from pipeline.dynamics.marker_motion import marker_acceleration, marker_velocity
@@ -18,6 +20,7 @@ from pipeline.dynamics.signals.signal import constant
 from tests.dynamics.compiler import kane
 from tests.dynamics.compiler.comparison import TIME
 from tests.dynamics.compiler.mechanisms import PointMechanism, random_mechanism
+from tests.dynamics.compiler.random_elements import with_elements
 from tests.verification.random_loops import random_loop
 
 Z = np.array([0.0, 0.0, 1.0])
@@ -43,13 +46,25 @@ def load_wrench(made: PointMechanism, load: PointLoad, q: Array) -> tuple[Array,
     return (np.zeros(3), value) if load.torque else (value, np.cross(place, value))
 
 
-@pytest.mark.parametrize("seed", [1, 13, 39, *(pytest.param(k, marks=pytest.mark.slow) for k in range(40, 50))])
-@pytest.mark.parametrize("second_order", [False, True])
-def test_each_joint_moves_the_mass_points_that_it_carries(seed: int, second_order: bool) -> None:
+def element_pushes(mechanism: Mechanism, q: Array, v: Array) -> dict[str, list[tuple[Array, Array]]]:
+    """Force and moment about the ground's origin of the springs and bushings on each body."""
+    states = Kinematics(mechanism, np.array([TIME]), q[None], v[None]).states
+    found: dict[str, list[tuple[Array, Array]]] = {}
+    for element in mechanism.elements:
+        for end, (force, moment) in zip(element.ends, element_wrenches(states, element), strict=True):
+            place = place_motion(states, end).origin[0]
+            found.setdefault(end.body, []).append((force[0], moment[0] + np.cross(place, force[0])))
+    return found
+
+
+@pytest.mark.parametrize("seed", [1, 13, 39, *(pytest.param(k, marks=pytest.mark.slow) for k in range(40, 44))])
+@pytest.mark.parametrize("kind", ["plain", "second order", "with springs"])
+def test_each_joint_moves_the_mass_points_that_it_carries(seed: int, kind: str) -> None:
     """Force and moment are Σ m (ẍ − g) and Σ x × m (ẍ − g) of all points beyond the joint, less the loads there."""
-    made = named(random_mechanism(seed, second_order=second_order))
+    made = named(with_elements(seed)[0] if kind == "with springs" else random_mechanism(seed, kind == "second order"))
     mechanism = made.mechanism
     q, v = made.state(seed)
+    pushes = element_pushes(mechanism, q, v)
     found = loads_at(mechanism, q, v)
     a = found.accelerations[0]
     J = np.stack([kane.velocities(made, TIME, q, unit, flow=0.0)[0] for unit in np.eye(mechanism.n)], axis=-1)
@@ -70,6 +85,8 @@ def test_each_joint_moves_the_mass_points_that_it_carries(seed: int, second_orde
                 if load.body == mechanism.links[j].name:
                     own = load_wrench(made, load, q)
                     force, moment = force - own[0], moment - own[1]
+            for own in pushes.get(mechanism.links[j].name, []):
+                force, moment = force - own[0], moment - own[1]
         on_parent, on_child = found.reactions[f"joint {k}"][0]
         scale = 1.0 + np.abs(force).max() + np.abs(moment).max()
         assert on_child[:3] == pytest.approx(force, abs=1e-8 * scale)
@@ -102,6 +119,26 @@ def test_a_marker_moves_as_the_joint_that_sits_on_it(seed: int) -> None:
         at = links[k].parent, f"joint {k}"
         assert marker_velocity(motion, *at)[0] == pytest.approx(motion.frames[k].velocity[0], abs=1e-12)
         assert marker_acceleration(motion, loads, *at)[0] == pytest.approx(loads.frames[0, k, :3], rel=1e-11, abs=1e-11)
+
+
+@pytest.mark.parametrize("seed", [5, 13, 38])
+def test_ideal_joints_do_no_work(seed: int) -> None:
+    """The power of force and moment on the parent's place and on the child's sums up to nothing, while bodies bend."""
+    made = named(random_mechanism(seed, second_order=True))
+    bare = {"spring": 0.0, "damper": 0.0, "load": constant(0.0), "laws": (), "motion": None}
+    mechanism = replace(made.mechanism, links=[replace(link, **bare) for link in made.mechanism.links])
+    q, v = PointMechanism(mechanism, made.points).state(seed)
+    motion, loads = Kinematics(mechanism, np.array([TIME]), q[None], v[None]), loads_at(mechanism, q, v)
+    turns = 0
+    for k, link in enumerate(mechanism.links):
+        on_parent, on_child = loads.reactions[f"joint {k}"][0]
+        name = mechanism.links[link.parent].name if link.parent >= 0 else ""
+        place = place_motion(motion.states, Attachment(name, link.place_marker))
+        power = [on_parent[:3] @ place.velocity[0], on_parent[3:] @ place.spin[0]]
+        power += [on_child[:3] @ motion.frames[k].velocity[0], on_child[3:] @ motion.frames[k].spin[0]]
+        assert sum(power) == pytest.approx(0.0, abs=1e-11 * (1.0 + np.abs(power).max()))
+        turns += np.abs(power).max() > 0.1
+    assert turns
 
 
 @pytest.mark.parametrize("spatial", [False, True])

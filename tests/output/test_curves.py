@@ -99,10 +99,10 @@ def test_former_names_stand_for_the_present_ones(beam: Pipeline) -> None:
 
 def test_a_joint_is_drawn_in_the_unit_asked_for(slider: Pipeline) -> None:
     label, angle, _ = drawn(slider, "joint_position", joint="hinge", unit="deg")
-    assert label == "hinge [deg]"
+    assert label == "angle of hinge [deg]"
     (in_degrees, *_), (first, *_) = angle.values(), slider.motions.values()
     assert in_degrees == pytest.approx(np.degrees(first.joint_position("hinge")))
-    assert drawn(slider, "joint_rate", joint="slide")[0] == "slide [m/s]"
+    assert drawn(slider, "joint_rate", joint="slide")[0] == "speed of slide [m/s]"
 
 
 def test_what_a_scene_lacks_is_refused(slider: Pipeline) -> None:
@@ -115,4 +115,4 @@ def test_what_a_scene_lacks_is_refused(slider: Pipeline) -> None:
 def test_a_rigid_mechanism_has_the_quantities_of_the_whole(slider: Pipeline) -> None:
     assert drawn(slider, "energy")[2] == ("kinetic", "potential")
     assert drawn(slider, "centre_of_mass")[2] == ("x", "y")
-    assert drawn(slider, "marker_position", marker="rod.hinge")[0] == "rod.hinge [m]"
+    assert drawn(slider, "marker_position", marker="rod.hinge")[0] == "position of rod.hinge [m]"

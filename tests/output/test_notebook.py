@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import base64
 import io
 import re
 from pathlib import Path
@@ -64,6 +65,32 @@ def test_pictures_are_shown_inline(run, tmp_path):
         assert image[..., :3].std() > 0.01
     run.picture("chart", quantity="tip_deflection").save(tmp_path / "tip.png")
     assert imread(tmp_path / "tip.png").shape[:2] == (960, 1600)
+
+
+def test_what_a_console_shows_of_any_result_is_short(run):
+    shown = [run, run.scene, run.modes, run.motion, run.stress, run.mesh, run.body, run.fe, run.surface, run.summary]
+    shown += [*run.trajectories.values(), run.picture("mesh", size=[320, 180])]
+    assert max(len(repr(result)) for result in shown) < 400
+    assert repr(run) == "NotebookRun(beam: Rotating flexible beam; beam)"
+    assert repr(shown[-1]).startswith("Picture(320 × 180 pixels, ")
+    assert "shapes=<float64 " in repr(run.modes)
+
+
+def test_the_summary_has_the_figures_of_the_run(run):
+    assert run.summary["frequencies_hz"] == pytest.approx(run.modes.frequencies_hz)
+    shown = dict(cells(run.summary._repr_html_()))
+    assert shown["largest von Mises stress"] == scaled(run.stress.worst()[2], "Pa")
+
+
+def test_a_film_is_played_inline(run, tmp_path):
+    film = run.film(frames=3, size=[160, 90])
+    film.save(tmp_path / "film.mp4")
+    assert b"ftyp" in film.mp4[:12]  # of an MPEG-4 file
+    (video,) = ElementTree.fromstring(f"<p>{film._repr_html_().replace(' controls loop', '')}</p>")
+    assert base64.b64decode(video.get("src", "").partition(",")[2]) == (tmp_path / "film.mp4").read_bytes()
+    assert len(repr(film)) < 40
+    with pytest.raises(InputError, match="did you mean 'scale'"):
+        run.film(scal=2)
 
 
 @pytest.mark.parametrize(

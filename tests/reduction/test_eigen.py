@@ -212,8 +212,23 @@ def test_modes_beyond_a_limit_are_refused_with_the_figure(
     limit: str, message: str, small_bar: FEModel, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     monkeypatch.setattr(eigen, limit, 1e-18)  # below round-off
+    monkeypatch.setattr(eigen, "_OF_ROUND_OFF", 0.0)
     with pytest.raises(AccuracyError, match=message):
         FreeBodySolver(small_bar).modes(4)
+
+
+def test_round_off_of_thin_elements_is_no_wrong_mode(steel: Material) -> None:
+    """K φ of a strip is round-off beside the stiffness of its elements: the frequencies are a beam's all the same."""
+    strip = bar((0.3, 0.5e-3, 0.01), (10, 1, 1), steel)
+    pairs = FreeBodySolver(strip).modes(2)
+    assert pairs.residual > eigen.RESIDUAL_LIMIT
+    exact = np.array([4.730041, 7.853205]) ** 2 * np.sqrt(steel.E * 0.5e-3**2 / (12 * steel.rho)) / 0.3**2
+    np.testing.assert_allclose(pairs.omega[:2], exact, rtol=0.03)
+
+
+def test_elements_too_thin_for_double_precision_are_refused_with_the_reason(steel: Material) -> None:
+    with pytest.raises(AccuracyError, match=r"residual of .*; round-off alone leaves \S+, since elements are so thin"):
+        FreeBodySolver(bar((0.3, 7e-5, 0.01), (10, 1, 1), steel)).modes(2)
 
 
 def test_a_wrong_mode_is_named_with_its_frequency(small_bar: FEModel, monkeypatch: pytest.MonkeyPatch) -> None:

@@ -15,3 +15,9 @@ def test_modes_and_multiples_of_the_rate_are_named(tmp_path: Path) -> None:
     for words in ("mode 1", "mode 2", "1 ×", "4 ×", "Hub", "rate of rotation [rad/s]", "frequency [Hz]"):
         assert f"<!-- {words} -->" in text
     assert "<!-- mode 3 -->" not in text
+
+
+def test_labels_of_multiples_that_lie_together_do_not_overlap(tmp_path: Path) -> None:
+    draw_campbell(np.linspace(0.0, 30.0, 5), np.full((5, 1), 1400.0), tmp_path / "low.svg", title="Slow")
+    text = (tmp_path / "low.svg").read_text()
+    assert [f"<!-- {k} × -->" in text for k in range(1, 5)] == [True, False, False, False]

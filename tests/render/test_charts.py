@@ -1,3 +1,4 @@
+import re
 from pathlib import Path
 
 import imageio.v3 as iio
@@ -7,7 +8,7 @@ from matplotlib.colors import to_rgb
 
 from pipeline.core.arrays import Array
 from pipeline.render.chart_data import Curve
-from pipeline.render.charts import COLOURS, PALENESS, draw_chart
+from pipeline.render.charts import COLOURS, PALENESS, draw_chart, fit_length
 
 TIME = np.linspace(0.0, 0.5, 201)
 WAVE = np.sin(20 * TIME)
@@ -44,10 +45,48 @@ def test_components_differ_in_colour(tmp_path: Path) -> None:
     assert count(picture, RGB[2]) == 0
 
 
-@pytest.mark.parametrize(("size", "factor"), [(4e-5, "$10^{-6}$ m/s"), (2e3, "$10^{3}$ m/s"), (0.0, "[m/s]")])
+@pytest.mark.parametrize(("size", "factor"), [(4e-5, "$10^{-6}$ m/s"), (2e3, "$10^{3}$ m/s"), (0.3, "$10^{-3}$ m/s")])
 def test_differences_are_in_the_same_unit_with_a_power_of_a_thousand(tmp_path: Path, size: float, factor: str) -> None:
     text = draw(tmp_path / "chart.svg", Curve("first", WAVE), Curve("second", WAVE + size)).read_text()
     assert factor in text  # Matplotlib writes each text as a comment beside its outlines
+
+
+def test_runs_that_agree_have_no_empty_strip_of_differences(tmp_path: Path) -> None:
+    text = draw(tmp_path / "chart.svg", Curve("first", WAVE), Curve("second", WAVE)).read_text()
+    assert "difference" not in text
+    assert "second" in text  # in the legend
+
+
+def test_one_run_has_full_colour_and_no_legend(tmp_path: Path) -> None:
+    curve = Curve("central-difference", WAVE)
+    assert "central-difference" not in draw(tmp_path / "chart.svg", curve).read_text()
+    assert count(iio.imread(draw(tmp_path / "chart.png", curve)), RGB[0]) > 1000
+
+
+@pytest.mark.parametrize(
+    ("largest", "unit", "difference"), [(2.0, "m", "µm"), (0.31, "mm", "nm"), (3e-4, "µm", "nm"), (2e-7, "nm", "nm")]
+)
+def test_lengths_are_in_a_unit_that_fits_them(tmp_path: Path, largest: float, unit: str, difference: str) -> None:
+    given = [Curve(name, largest * (1 + more) * WAVE) for name, more in (("one", 0.0), ("two", 1e-6))]
+    path = tmp_path / "chart.svg"
+    draw_chart(TIME, given, path, title="", ylabel="deflection [m]")
+    text = path.read_text()
+    assert f"deflection [{unit}]" in text
+    assert re.search(rf"\[\S*\s?{difference}\]", text)
+
+
+def test_a_length_keeps_its_value_in_another_unit() -> None:
+    for largest in (0.0, 3e-10, 2e-8, 5e-5, 0.02, 7.0):
+        factor, label = fit_length("position [m]", largest)
+        unit = label.partition("[")[2].rstrip("]")
+        assert factor * {"m": 1.0, "mm": 1e-3, "µm": 1e-6, "nm": 1e-9}[unit] == pytest.approx(1.0)
+    assert fit_length("speed [m/s]", 1e-3) == (1.0, "speed [m/s]")
+
+
+def test_short_times_are_in_milliseconds(tmp_path: Path) -> None:
+    path = tmp_path / "chart.svg"
+    draw_chart(TIME / 10, [Curve("one", WAVE)], path, title="", ylabel="force [N]")
+    assert "time [ms]" in path.read_text()
 
 
 def test_shapes_that_disagree_are_refused(tmp_path: Path) -> None:

@@ -38,3 +38,50 @@ def test_supports_hold_the_unknowns_of_their_nodes_along_their_axes():
     assert held.fixed is not None
     assert np.array_equal(held.fixed, np.sort(np.r_[3 * nodes, 3 * nodes + 2]))
     assert beam().fixed is None
+
+
+@pytest.mark.parametrize(
+    ("where", "place"),
+    [
+        ('at=["0.2 m", "3 mm", "-1 mm"]', [0.2, 0.003, -0.001]),
+        ('node=["0.168 m", "1 mm", "4 mm"]', [0.17, 0.0, 0.005]),
+        ('edge=[["340 mm", "-12.5 mm", "5 mm"], ["340 mm", "12.5 mm", "5 mm"]]', [0.34, 0.0, 0.005]),
+        ('edge=["y-", "z+"]', [0.17, -0.0125, 0.005]),
+    ],
+)
+def test_markers_at_points_nodes_and_edges_lie_where_the_scene_says(where: str, place: list[float]):
+    marker = beam(f"body.beam.marker.own={{{where}}}").markers["own"]
+    assert marker.position == pytest.approx(place, abs=1e-9)
+
+
+def test_a_marker_in_the_middle_of_the_tip_moves_as_the_tips_face():
+    part = beam('body.beam.marker.middle={at=["340 mm", "0 m", "0 m"]}', 'body.beam.marker.side={edge=["x+", "z+"]}')
+    tip, middle, side = (part.body.markers[name] for name in ("tip", "middle", "side"))
+    across, about = tip.translation[1], tip.rotation[2]
+    for other in (middle, side):
+        assert other.translation[1] == pytest.approx(across, rel=0.02, abs=0.005 * np.abs(across).max())
+        assert other.rotation[2, :2] == pytest.approx(about[:2], rel=0.02)  # whose waves are long beside an element
+
+
+@pytest.mark.parametrize(
+    ("where", "message"),
+    [
+        (
+            'at=["0.4 m", "0 m", "0 m"]',
+            r"marker.own = .*: lies outside the body; the node nearest to it is at \[0.34 m",
+        ),
+        ('edge=["y-", "y+"]', r"marker.own = .*: the faces have no node in common"),
+        ('edge=["y-", "z"]', r"marker.own.edge = .*: no such face; did you mean 'z-'"),
+        ('edge=["y-"]', r"marker.own.edge = \['y-'\]: must be two different points, or the names of two faces"),
+        ('edge=[["0 m", "0 m", "0 m"], ["1 m", "0 m", 0]]', r"marker.own.edge.*: needs a unit"),
+        ('edge=[["0 m", "9 m", "0 m"], ["1 m", "9 m", "0 m"]]', r"marker.own = .*: no node of the mesh lies there"),
+        ('at=["0.3 m", "0 m", "0 m"], face="x-"', r"marker.own.at = .*: can't stand beside face: a marker's place"),
+        (
+            'node=["0.3 m", "0 m", "0 m"], attachment="rigid"',
+            r"attachment = 'rigid': needs a face; a marker at a point",
+        ),
+    ],
+)
+def test_markers_that_lie_nowhere_are_refused(where: str, message: str):
+    with pytest.raises(InputError, match=message):
+        beam(f"body.beam.marker.own={{{where}}}").markers  # noqa: B018

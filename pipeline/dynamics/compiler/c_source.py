@@ -31,12 +31,25 @@ def write_c(programs: Mapping[str, Program]) -> str:
     ValueError
         A name is no identifier of C.
     """
-    lines = ["#include <math.h>"]
+    tables, functions = write_c_parts(programs)
+    return "\n".join(["#include <math.h>", *(["", *tables] if tables else []), *functions]) + "\n"
+
+
+def write_c_parts(programs: Mapping[str, Program]) -> tuple[list[str], list[str]]:
+    """Write programs as lines of constants that several functions may take, and as lines of the functions.
+
+    Programs of one graph share their constants; those of several have their own within each function.
+
+    Raises
+    ------
+    ValueError
+        A name is no identifier of C.
+    """
+    tables, lines = list[str](), list[str]()
     shared = len({id(program.graph) for program in programs.values()}) == 1
-    if shared:  # several functions may take a constant: it stands once
-        graph = next(iter(programs.values())).graph
+    if shared:
         taken = set[int]().union(*(_tables(program) for program in programs.values()))
-        lines += ["", *_table_lines(graph, taken)] if taken else []
+        tables = _table_lines(next(iter(programs.values())).graph, taken)
     for name, program in programs.items():
         if not (name.isascii() and name.isidentifier()):
             raise ValueError(f"{name!r} is no name of a C function")
@@ -44,7 +57,7 @@ def write_c(programs: Mapping[str, Program]) -> str:
         body = writer.write()
         helpers = [line for helper in sorted(writer.helpers) for line in ("", *_helper(name, helper))]
         lines += [*helpers, "", f"/* in: {', '.join(writer.read)}; out: {', '.join(writer.filled)} */", *body]
-    return "\n".join(lines) + "\n"
+    return tables, lines
 
 
 class _CWriter:
@@ -197,7 +210,8 @@ def _arc_function(name: str, k: int) -> list[str]:
     for j in range(k):
         rest = f"{write_number(2.0 * j * j)} * a{j - 1}" if j else "1.0"
         steps.append(
-            f"        const double a{j + 1} = ({rest} - {write_number(2.0 * j + 1.0)} * (1.0 - 2.0 * x) * a{j}) / (2.0 * p);"
+            f"        const double a{j + 1} = "
+            f"({rest} - {write_number(2.0 * j + 1.0)} * (1.0 - 2.0 * x) * a{j}) / (2.0 * p);"
         )
     return [
         f"static double {name}_arc{k}(double x)",

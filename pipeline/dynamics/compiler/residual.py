@@ -48,9 +48,14 @@ class JointForce:
         return self.force[:3] + add(self.force[3:], cross(frame.shift, self.force[:3]))
 
 
-def trace_residual(inputs: Coordinates, frames: list[MovingFrame]) -> list[BodyValues]:
-    """Trace the residual of each body's joint and modes; accelerations are the argument ``a``."""
-    acting = ActingForces(inputs, frames)
+def trace_residual(
+    inputs: Coordinates, frames: list[MovingFrame], acting: ActingForces | None = None
+) -> list[BodyValues]:
+    """Trace the residual of each body's joint and modes; accelerations are the argument ``a``.
+
+    Forces other than those that act on the mechanism by itself may be given.
+    """
+    acting = ActingForces(inputs, frames) if acting is None else acting
     out = []
     for frame, found in zip(frames, trace_joint_forces(inputs, frames, acting), strict=True):
         loads = zip(frame.directions, acting.on_joint(frame), strict=True)
@@ -60,15 +65,21 @@ def trace_residual(inputs: Coordinates, frames: list[MovingFrame]) -> list[BodyV
 
 def trace_joint_forces(inputs: Coordinates, frames: list[MovingFrame], acting: Forces) -> list[JointForce]:
     """Trace what each joint transmits to its body for forces on all bodies; accelerations are the argument ``a``."""
-    x: list[Vector6] = []
-    for frame in frames:
-        x.append(_accelerate(inputs, acting, frame, x))
+    x = trace_motion(inputs, frames, acting)
     carried: dict[int, Vector6] = {}
     found: list[JointForce] = []
     for frame in reversed(frames):
         found.append(JointForce(x[frame.number], *_forces(inputs, acting, frame, x[frame.number], carried)))
         carried[frame.number] = rotate(frame.R, found[-1].at_place(frame))
     return found[::-1]
+
+
+def trace_motion(inputs: Coordinates, frames: list[MovingFrame], acting: Forces) -> list[Vector6]:
+    """Trace the accelerations of the bodies' frames for accelerations of the coordinates, the argument ``a``."""
+    x: list[Vector6] = []
+    for frame in frames:
+        x.append(_accelerate(inputs, acting, frame, x))
+    return x
 
 
 def _accelerate(inputs: Coordinates, acting: Forces, frame: MovingFrame, above: list[Vector6]) -> Vector6:

@@ -4,7 +4,9 @@ Markers move by ``R_c η`` for modal accelerations η, and what displacements of
 such rows too (see `added_mass`). Shapes of the first order are constant: their span has orthonormal rows that are known
 beforehand. A row with a part of second order changes with the deflection, and is made orthogonal to the others at each
 state. It may vanish, or lie among the others; so it isn't brought to unit length: its square comes with it, and a
-number that is nothing beside any modal mass keeps that from being zero.
+number that is nothing beside any modal mass keeps that from being zero. It is made orthogonal twice, which is enough
+(Parlett, The Symmetric Eigenvalue Problem, 1980, section 6.9): small deflections leave so little of it that one pass
+leaves round-off along the others, and accelerations would have five digits.
 """
 
 from __future__ import annotations
@@ -15,7 +17,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from pipeline.core.arrays import Array
-from pipeline.dynamics.compiler.algebra import Matrix, constants
+from pipeline.dynamics.compiler.algebra import Matrix, add, constants
 from pipeline.dynamics.compiler.cleaning import orthonormal_rows
 from pipeline.dynamics.compiler.graph import Graph, Scalar, Vector, combine
 from pipeline.dynamics.compiler.marker import MarkerMotion
@@ -79,9 +81,11 @@ def span_rows(graph: Graph, groups: Sequence[ModalRows], free: Array) -> Span:
     Q, inverses = [graph.array(row) for row in basis], [graph.number(1.0)] * len(basis)
     weights = [constants(graph, row) for row in L]
     for k in np.flatnonzero(varies):
-        row = values[k].multiplied_by(np.diag(free))
-        weights[k] = [row.dot(other) * inverse for other, inverse in zip(Q, inverses, strict=True)]
-        row = combine([(1.0, row), *((-1.0 * weight, other) for weight, other in zip(weights[k], Q, strict=True))])
+        row, weights[k] = values[k].multiplied_by(np.diag(free)), [graph.number(0.0)] * len(Q)
+        for _ in range(2):  # what is left may be a millionth of the row, and orthogonal to the others but for round-off
+            shares = [row.dot(other) * inverse for other, inverse in zip(Q, inverses, strict=True)]
+            row = combine([(1.0, row), *((-1.0 * share, other) for share, other in zip(shares, Q, strict=True))])
+            weights[k] = add(weights[k], shares)
         weights[k] = [*weights[k], graph.number(1.0)]
         Q, inverses = [*Q, row], [*inverses, (row.dot(row) + _NOTHING).inverse()]
     zero = graph.number(0.0)

@@ -2,13 +2,14 @@
 
 from __future__ import annotations
 
+from collections.abc import Mapping
 from pathlib import Path
 from xml.sax.saxutils import quoteattr
 
 import meshio
 import numpy as np
 
-from pipeline.core.arrays import IntArray
+from pipeline.core.arrays import Array, IntArray
 from pipeline.core.errors import InputError
 from pipeline.core.files import whole_file
 from pipeline.fem.mesh import SolidMesh
@@ -43,6 +44,22 @@ def write_mesh(mesh: SolidMesh, path: Path) -> None:
                     _to_meshio(mesh, {}).write(part)
     except OSError as error:
         raise InputError("--out", "", str(path), f"can't be written: {error.strerror or error}") from error
+
+
+def write_surface(points: Array, triangles: IntArray, fields: Mapping[str, Array], path: Path) -> None:
+    """Write a surface with fields at its points as ``.vtu``.
+
+    Parameters
+    ----------
+    points : ndarray, shape (n_points, 3)
+        [m].
+    triangles : ndarray, shape (n_triangles, 3)
+        Positions in ``points``.
+    fields : mapping of str to ndarray, shape (n_points, …)
+        By their names.
+    """
+    with whole_file(path) as part:
+        meshio.Mesh(points, [("triangle", triangles)], point_data=dict(fields)).write(part)
 
 
 def part_numbers(mesh: SolidMesh) -> IntArray:

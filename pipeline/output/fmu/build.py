@@ -18,10 +18,11 @@ from pipeline.core.errors import InputError
 from pipeline.core.paths import cache_folder
 
 _OPTIONS = (
-    *("-std=c99", "-O3", "-g0", "-fPIC", "-fvisibility=hidden", "-Wall"),
+    *("-std=c99", "-g0", "-fPIC", "-fvisibility=hidden", "-Wall"),
     # Sums may be reordered for vector registers; infinities and what is not a number keep their meaning.
     *("-fno-math-errno", "-fno-trapping-math", "-fassociative-math", "-fno-signed-zeros"),
 )
+_FAST = ("model.c", "motion.c", "runge_kutta.c")  # what steps call; the rest is compiled to be small
 _SECONDS = 600.0  # for one binary
 _FAT_MAGIC, _FAT_ALIGNMENT = 0xCAFEBABE, 14
 _MACH_CPUS = {"x86_64-darwin": (0x01000007, 3), "aarch64-darwin": (0x0100000C, 0)}
@@ -88,12 +89,19 @@ def _compile_with_zig(folder: Path, identifier: str, target: Target) -> bytes:
 
 def _compile(compiler: Sequence[str], folder: Path, identifier: str, target: Target) -> bytes:
     """Compile all sources of a folder, by names relative to it: no path of this machine comes into the library."""
-    sources = sorted(path.name for path in folder.glob("*.c"))
-    library = f"{identifier}{target.suffix}"
-    strip = [] if target.suffix == ".dylib" and compiler[0] != sys.executable else ["-s"]
-    mapped = [f"-ffile-prefix-map={folder}=."]
+    library, mapped = f"{identifier}{target.suffix}", f"-ffile-prefix-map={folder}=."
+    objects = []
+    for source in sorted(path.name for path in folder.glob("*.c")):
+        objects.append(f"{target.name}-{source.removesuffix('.c')}.o")
+        level = "-O3" if source in _FAST else "-Os"
+        _run([*compiler, *_OPTIONS, level, mapped, "-c", source, "-o", objects[-1]], folder, target)
+    strip = [] if platform.system() == "Darwin" and compiler[0] != sys.executable else ["-s"]
     maths = [] if target.suffix == ".dll" else ["-lm"]
-    command = [*compiler, "-shared", *_OPTIONS, *strip, *mapped, "-o", library, *sources, *maths]
+    _run([*compiler, "-shared", *strip, "-o", library, *objects, *maths], folder, target)
+    return (folder / library).read_bytes()
+
+
+def _run(command: Sequence[str], folder: Path, target: Target) -> None:
     cache = cache_folder() / "zig"
     environment = os.environ | {"ZIG_GLOBAL_CACHE_DIR": str(cache), "ZIG_LOCAL_CACHE_DIR": str(cache)}
     try:
@@ -103,8 +111,7 @@ def _compile(compiler: Sequence[str], folder: Path, identifier: str, target: Tar
     except (OSError, subprocess.SubprocessError) as error:
         said = (getattr(error, "stderr", "") or str(error)).strip().splitlines()
         fault = next((line for line in said if "error" in line), said[0] if said else "")
-        raise InputError("export", "fmu", target.name, f"the C compiler {compiler[0]} fails: {fault}") from error
-    return (folder / library).read_bytes()
+        raise InputError("export", "fmu", target.name, f"the C compiler {command[0]} fails: {fault}") from error
 
 
 def join_mach_binaries(binaries: Mapping[str, bytes]) -> bytes:

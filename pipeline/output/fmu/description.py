@@ -52,15 +52,17 @@ def describe_fmi2(heading: Heading, interface: Interface) -> bytes:
     for own in interface.variables:
         causes = {"causality": own.causality, "variability": own.variability}
         causes |= {"initial": own.initial} if own.initial else {}
-        entry = SubElement(variables, "ScalarVariable", name=own.name, valueReference=str(own.reference), **causes)
+        entry = SubElement(
+            variables, "ScalarVariable", {"name": own.name, "valueReference": str(own.reference)} | causes
+        )
         _say(entry, own)
         real = SubElement(entry, "Real", _common(own))
         if own.state is not None:
             real.set("derivative", str(own.state))
     structure = SubElement(root, "ModelStructure")
     outputs = interface.of("output")
-    for kind, members in (("Outputs", outputs), ("Derivatives", interface.derivatives)):
-        _add_unknowns(structure, kind, members)
+    _add_unknowns(structure, "Outputs", outputs)
+    _add_unknowns(structure, "Derivatives", interface.derivatives)
     unknowns = sorted([*outputs, *interface.derivatives], key=lambda own: own.reference)
     _add_unknowns(structure, "InitialUnknowns", [own._replace(depends=None) for own in unknowns])
     return _bytes(root)
@@ -100,11 +102,11 @@ def describe_fmi3(heading: Heading, interface: Interface) -> bytes:
     _add_experiment(root, heading)
     variables = SubElement(root, "ModelVariables")
     clock = {"causality": "independent", "variability": "continuous", "description": "time", "unit": "s"}
-    SubElement(variables, "Float64", name="time", valueReference="0", **clock)
+    SubElement(variables, "Float64", {"name": "time", "valueReference": "0"} | clock)
     for own in interface.variables:
         causes = {"causality": own.causality, "variability": own.variability}
         causes |= {"initial": own.initial} if own.initial else {}
-        entry = SubElement(variables, "Float64", name=own.name, valueReference=str(own.reference), **causes)
+        entry = SubElement(variables, "Float64", {"name": own.name, "valueReference": str(own.reference)} | causes)
         _say(entry, own)
         for key, value in _common(own).items():
             entry.set(key, value)
@@ -167,4 +169,5 @@ def _add_experiment(root: Element, heading: Heading) -> None:
 
 def _bytes(root: Element) -> bytes:
     indent(root)
-    return b'<?xml version="1.0" encoding="UTF-8"?>\n' + tostring(root, encoding="utf-8") + b"\n"
+    body: bytes = tostring(root, encoding="utf-8")
+    return b'<?xml version="1.0" encoding="UTF-8"?>\n' + body + b"\n"

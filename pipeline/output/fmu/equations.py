@@ -3,13 +3,14 @@
 from __future__ import annotations
 
 from collections.abc import Iterable, Sequence
+from itertools import chain
 
 import numpy as np
 
 from pipeline.core.arrays import Array
 from pipeline.dynamics.compiled_system.system import CompiledSystem
 from pipeline.dynamics.compiler.c_signals import write_c_signals
-from pipeline.dynamics.compiler.c_source import write_c, write_number
+from pipeline.dynamics.compiler.c_source import write_c_parts, write_number
 from pipeline.dynamics.compiler.external import ExternalMechanism
 from pipeline.integrators import dop853
 from pipeline.integrators.adaptive import adaptive_start, groups_of, kinds_of
@@ -17,6 +18,10 @@ from pipeline.output.fmu.variables import Interface
 
 _THIRD, _FIFTH, _DENSE = 16, 17, 18  # rows of `dop853.ROWS` after those of the stages
 _PER_LINE = 6
+_FAST, _WIDE = "accelerations", "accelerations_wide"
+_DAMPED = (
+    5.0  # step times angular frequency up to which the method damps vibrations, from 1 on ever more; 5.7 is stable
+)
 
 
 def write_equations(
@@ -27,7 +32,7 @@ def write_equations(
     nominal: Array,
     token: str,
 ) -> dict[str, str]:
-    """Write ``equations.h`` and ``equations.c``, by their names.
+    """Write ``equations.h``, ``equations.c`` and ``motion.c``, by their names; the last has what steps call.
 
     Parameters
     ----------
@@ -61,6 +66,8 @@ def write_equations(
         "N_KINDS": n_kinds,
     }
     first_step = adaptive_start(system, *start).next_step
+    highest = system.highest_frequency if system.n else 0.0
+    longest_step = _DAMPED / highest if highest > 0.0 else np.inf
     tables = {
         "start_states": np.concatenate(start),
         "nominal_states": nominal,
@@ -80,6 +87,7 @@ def write_equations(
         "",
         f'#define MODEL_TOKEN "{token}"',
         f"#define FIRST_STEP {write_number(first_step)}",
+        f"#define LONGEST_STEP {write_number(longest_step)}",
         *(f"#define {name} {size}" for name, size in sizes.items()),
         "",
         *(f"extern const double {name}[{max(1, len(values))}];" for name, values in tables.items()),
@@ -89,50 +97,84 @@ def write_equations(
         "/* Value, rate and acceleration of each of the scene's own loads and motions. */",
         "void own_signals(double time, double *inputs);",
         "",
-        *(f"void {name}(const double *const *in, double *const *out);" for name in external.programs),
+        *(f"void {name}(const double *const *in, double *const *out);" for name in (*external.programs, _WIDE)),
         "",
         "#endif",
     ]
     pairs = ", ".join(f"{{{rate}, {position}}}" for rate, position in quaternions) or "{0, 0}"
-    functions = write_c(external.programs).removeprefix("#include <math.h>\n")
+    rare = {name: program for name, program in external.programs.items() if name != _FAST}
     body = [
         "#include <math.h>",
         '#include "equations.h"',
-        '#include "series.h"',
         "",
         *(_table("double", name, map(write_number, values.tolist())) for name, values in tables.items()),
         *(_table("int", name, map(str, values.tolist())) for name, values in numbers.items()),
         f"const int quaternions[{max(1, len(quaternions))}][2] = {{{pairs}}};",
         "",
-        write_c_signals("own_signals", external.signals),
-        functions,
+        *chain(*write_c_parts(rare)),
     ]
-    return {"equations.h": "\n".join(header) + "\n", "equations.c": "\n".join(body)}
+    return {
+        "equations.h": "\n".join(header) + "\n",
+        "equations.c": "\n".join(body) + "\n",
+        "motion.c": _write_motion(external),
+    }
+
+
+def _write_motion(external: ExternalMechanism) -> str:
+    """Write the loads and the accelerations, these for plain and for wide vector registers."""
+    constants, plain = write_c_parts({_FAST: external.programs[_FAST]})
+    _, wide = write_c_parts({_WIDE: external.programs[_FAST]})
+    lines = [
+        "#include <math.h>",
+        '#include "equations.h"',
+        '#include "series.h"',
+        '#include "wide.h"',
+        "",
+        write_c_signals("own_signals", external.signals),
+        *constants,
+        *plain,
+        "#if HAS_WIDE",
+        *(f"WIDE {line}" if line.startswith(("void ", "static double ")) else line for line in wide),
+        "#endif",
+    ]
+    return "\n".join(lines) + "\n"
 
 
 def write_coefficients() -> str:
     """Write ``coefficients.h``: sums of slopes for the stages, the errors and the dense output of the integrator."""
-    rows = dop853.ROWS
     lines = [
         "/* Coefficients of the integrator: sums of slopes for stages 0 ... 15, two errors and the dense output. */",
         '#include "equations.h"',
+        '#include "wide.h"',
         "",
         f"enum {{ THIRD = {_THIRD}, FIFTH = {_FIFTH}, DENSE = {_DENSE} }};",
         "static const double zeros[N_STATES];",
         f"static const double stage_times[{len(dop853.C)}] = {{{', '.join(map(write_number, dop853.C))}}};",
         "typedef void (*AddSlopes)(double h, double (*slopes)[N_STATES], const double *base, double *out);",
+        *_slope_sums(""),
+        "#if HAS_WIDE",
+        *_slope_sums("_wide"),
+        "#endif",
     ]
-    for k, row in enumerate(rows):
+    return "\n".join(lines) + "\n"
+
+
+def _slope_sums(suffix: str) -> list[str]:
+    """Write a function for each row, and a table of them."""
+    lines = []
+    for k, row in enumerate(dop853.ROWS):
         terms = " + ".join(f"{_signed(weight)} * slopes[{slope}][i]" for slope, weight in row.items()) or "0.0"
         lines += [
-            f"static void add_slopes{k}(double h, double (*slopes)[N_STATES], const double *base, double *out)",
+            f"{'WIDE ' if suffix else ''}static void add_slopes{k}{suffix}"
+            "(double h, double (*slopes)[N_STATES], const double *base, double *out)",
             "{",
-            "    (void)slopes;" if not row else "    for (int i = 0; i < N_STATES; ++i)",
-            f"    {'' if row else 'for (int i = 0; i < N_STATES; ++i) '}    out[i] = base[i] + h * ({terms});",
+            "    (void)slopes;",
+            "    for (int i = 0; i < N_STATES; ++i)",
+            f"        out[i] = base[i] + h * ({terms});",
             "}",
         ]
-    lines.append(f"static const AddSlopes add_slopes[] = {{{', '.join(f'add_slopes{k}' for k in range(len(rows)))}}};")
-    return "\n".join(lines) + "\n"
+    names = ", ".join(f"add_slopes{k}{suffix}" for k in range(len(dop853.ROWS)))
+    return [*lines, f"static const AddSlopes add_slopes{suffix}[] = {{{names}}};"]
 
 
 def _signed(value: float) -> str:

@@ -9,7 +9,8 @@ from typing import NamedTuple
 import numpy as np
 
 from pipeline.core.arrays import Array
-from pipeline.dynamics.compiler.external import ExternalMechanism, Quantity
+from pipeline.dynamics.compiler.external import ExternalMechanism
+from pipeline.dynamics.compiler.external_quantities import Quantity
 from pipeline.dynamics.links import FREE, SPHERICAL, Link
 
 _AXES = ("x", "y", "z")
@@ -271,7 +272,7 @@ class _Names:
     def quantity(self, own: Quantity) -> _Entry:
         """Name an output."""
         link = self._mechanism.links[own.body]
-        index = f"[{','.join(map(str, own.index))}]" if own.index else ""
+        index = f"[{','.join(map(str, own.indices))}]" if own.indices else ""
         if not own.place:
             unit = link.unit if own.kind == "position" else f"{link.unit}/s"
             return _Entry(f"{self._joints[own.body]}.{own.kind}", unit, f"{own.kind} of joint {link.joint_name}")
@@ -294,11 +295,11 @@ def _describe(link: Link, own: Quantity) -> str:
     if own.kind == "von_mises":
         return f"von Mises stress of element {own.place} of {link.name}"
     if own.kind == "stress":
-        return f"stress {_COMPONENTS[own.index[0] - 1]} of element {own.place} of {link.name}, in its body's axes"
+        return f"stress {_COMPONENTS[own.indices[0] - 1]} of element {own.place} of {link.name}, in its body's axes"
     place = f"marker {own.place} of {link.name}"
     if own.kind == "rotation":
         return f"rotation matrix from the section of {place} into the ground"
-    axis = _AXES[own.index[0] - 1]
+    axis = _AXES[own.indices[0] - 1]
     if own.kind == "displacement":
         return f"displacement {axis} of {place} by deformation, in its body's frame"
     return f"{own.kind.replace('_', ' ')} {axis} of {place} in the ground"

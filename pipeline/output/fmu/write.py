@@ -11,11 +11,12 @@ from pathlib import Path
 
 import numpy as np
 
-from pipeline import __version__
 from pipeline.core.arrays import Array
 from pipeline.core.errors import InputError
 from pipeline.core.files import whole_file
-from pipeline.dynamics.compiler.external import ElementStress, ExternalMechanism
+from pipeline.core.version import __version__
+from pipeline.dynamics.compiler.external import ExternalMechanism
+from pipeline.dynamics.compiler.external_quantities import ElementStress
 from pipeline.dynamics.mechanism import Mechanism
 from pipeline.output.fmu.build import FMI2_FOLDERS, build_binaries, join_mach_binaries
 from pipeline.output.fmu.description import Heading, describe_build, describe_fmi2, describe_fmi3
@@ -26,7 +27,18 @@ from pipeline.stages.pipeline import Pipeline
 TOLERANCE = 1e-9
 """Largest relative error of a co-simulation's step where nothing else is asked for."""
 
-_FIXED = ("fmi2.c", "fmi3.c", "instance.c", "instance.h", "model.c", "model.h", "runge_kutta.c", "series.h")
+_FIXED = (
+    "fmi2.c",
+    "fmi3.c",
+    "instance.c",
+    "instance.h",
+    "model.c",
+    "model.h",
+    "runge_kutta.c",
+    "series.h",
+    "wide.c",
+    "wide.h",
+)
 _DATE = (1980, 1, 1, 0, 0, 0)  # the same input makes the same file
 
 
@@ -79,7 +91,7 @@ def make_model(run: Pipeline) -> tuple[Heading, Interface, dict[str, str]]:
     sources |= write_equations(external, interface, run.system, (q0, v0), nominal, token)
     identifier = re.sub(r"\W", "_", scene.name, flags=re.ASCII)
     identifier = identifier if identifier.isidentifier() else f"scene_{identifier}"
-    names = tuple(sorted(name for name in sources if name.endswith(".c")))
+    compiled = tuple(sorted(name for name in sources if name.endswith(".c")))
     simulation = scene.simulation
     heading = Heading(
         scene.name,
@@ -89,7 +101,7 @@ def make_model(run: Pipeline) -> tuple[Heading, Interface, dict[str, str]]:
         __version__,
         float(simulation.duration),
         float(simulation.output_step),
-        names,
+        compiled,
     )
     return heading, interface, sources
 

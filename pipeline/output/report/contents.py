@@ -9,9 +9,11 @@ from typing import Any
 
 import numpy as np
 
-from pipeline import __version__
 from pipeline.core.html import facts, scaled
+from pipeline.core.version import __version__
+from pipeline.output.key_figures import key_figures
 from pipeline.output.notebook import Picture, draw_inline
+from pipeline.output.pictures import chart_title
 from pipeline.output.report.view3d import collect_view
 from pipeline.stages.pipeline import Pipeline
 
@@ -34,7 +36,7 @@ def draw_pictures(run: Pipeline) -> dict[str, Any]:
     """Draw the stressed parts, the first modes and the scene's charts."""
     moves = run.scene.moves
     return {
-        "parts": [_stressed_part(run, name) for name, part in run.wholes.items() if part.has_mesh] if moves else [],
+        "parts": [_stressed_part(run, name) for name, part in run.wholes.items() if part.has_stress] if moves else [],
         "modes": _draw_modes(run) if run.wholes and run.part.has_mesh else [],
         "charts": _draw_charts(run) if moves else [],
     }
@@ -47,7 +49,7 @@ def collect_tables(run: Pipeline, summary: dict[str, Any]) -> dict[str, Any]:
         "title": run.scene.title,
         "source": run.scene.source,
         "scene": run.scene.name,
-        "figures": _key_figures(summary),
+        "figures": key_figures(summary),
         "frequencies": _frequencies(summary) if run.wholes else None,
         "integrations": _integrations(summary) if "integrations" in summary else None,
         "budget": _budget(summary["error_budget"]) if "error_budget" in summary else None,
@@ -95,29 +97,13 @@ def _draw_charts(run: Pipeline) -> list[dict[str, str]]:
     charts = []
     for chart in (output for output in run.scene.output if output.type == "chart"):
         settings = chart.model_dump(exclude={"type", "file", "band"}, exclude_defaults=True)
-        title = chart.title or chart.quantity.replace("_", " ")
+        title = chart.title or chart_title(chart)
         charts.append(_image(draw_inline(run, "chart", **settings)[0], title))
     return charts
 
 
 def _image(picture: Picture, text: str) -> dict[str, str]:
     return {"text": text, "png": base64.b64encode(picture.png).decode()}
-
-
-def _key_figures(summary: dict[str, Any]) -> list[tuple[str, str]]:
-    figures: list[tuple[str, str]] = []
-    if "frequencies_hz" in summary:
-        figures.append(("first frequency", f"{summary['frequencies_hz'][0]:.2f} Hz"))
-    for name, body in summary.get("bodies", {}).items():
-        figures.append((f"mass of {name}", scaled(body["mass_kg"], "kg")))
-    if "worst_stress" in summary:
-        figures.append(("largest von Mises stress", scaled(summary["worst_stress"]["von_mises_pa"], "Pa")))
-    if "peak_tip_deflection_m" in summary:
-        figures.append(("largest tip deflection", scaled(summary["peak_tip_deflection_m"], "m")))
-    if "integrations" in summary:
-        figures.append(("simulated", scaled(summary["final"]["time_s"], "s")))
-        figures.append(("largest stable step", scaled(summary["largest_stable_step_s"], "s", 3)))
-    return figures
 
 
 def _frequencies(summary: dict[str, Any]) -> dict[str, Any]:

@@ -16,9 +16,10 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from pipeline.core.arrays import EPSILON, Array, IntArray
+from pipeline.core.arrays import EPSILON, Array
 from pipeline.core.errors import InputError
 from pipeline.core.files import whole_file
+from pipeline.fem.surface import SurfaceTopology
 from pipeline.reduction.body import MarkerShapes
 from pipeline.reduction.inertia import InertiaGram
 from pipeline.reduction.modal_data import ModalData
@@ -29,7 +30,7 @@ _ARM = 0.01  # of the body's size, from a marker to its nodes
 
 
 def exudyn_arrays(
-    data: ModalData, x: Array, shapes: Array, triangles: IntArray | None = None, stress: Array | None = None
+    data: ModalData, x: Array, shapes: Array, surface: SurfaceTopology | None = None, stress: Array | None = None
 ) -> dict[str, Any]:
     """Arrange a body's data as Exudyn's interface saves itself.
 
@@ -39,8 +40,8 @@ def exudyn_arrays(
         The body; each of its nodes becomes four.
     x, shapes : ndarray, shapes (n_nodes, 3) and (n_nodes, 3, n)
         Nodes to be drawn, in the body's frame, and their shapes.
-    triangles : ndarray, shape (n_triangles, 3), optional
-        Numbers of the nodes at the corners of the surface's triangles.
+    surface : SurfaceTopology, optional
+        The surface that these nodes are.
     stress : ndarray, shape (n_nodes, 6, n), optional
         Stress of each modal coordinate at these nodes: xx, yy, zz, yz, xz, xy [Pa per unit].
 
@@ -80,7 +81,7 @@ def exudyn_arrays(
         "mPhitTPsiTilde": np.einsum("acb,cj->ajb", E, S[:, 1:]).reshape(3, 3 * n),
         "mXRefTildePsi": -np.einsum("abc,bci->ai", E, mixed),
         "mXRefTildePsiTilde": _transposed_products(mixed[:, :, None])[:, :, 0].transpose(0, 2, 1).reshape(3, 3 * n),
-        "trigList": np.zeros((0, 3), dtype=int) if triangles is None else np.asarray(triangles),
+        "trigList": np.zeros((0, 3), dtype=int) if surface is None else surface.triangles,
         "fileVersion": 1,
         "type": "ObjectFFRFreducedOrderInterface",
         "dampingMatrixReduced": data.D,
@@ -92,6 +93,8 @@ def exudyn_arrays(
         none = np.zeros((len(corners), 6 * n))
         matrix = np.concatenate([stress.transpose(0, 2, 1).reshape(len(x), 6 * n), none])
         results = {"matrix": matrix, "outputVariableType": "OutputVariableType.StressLocal"}
+    if surface is not None and stress is not None:  # for `read_exudyn`, which loads nothing pickled
+        arrays |= {"surfaceEdges": surface.edges, "surfaceStress": stress}
     return arrays | {"postProcessingModes": results}
 
 
@@ -121,8 +124,10 @@ def read_exudyn(path: Path) -> ModalData:
         return InputError(str(path), "", None, mend)
 
     try:
-        with np.load(path, allow_pickle=False) as file:
-            found = {name: file[name] for name in file.files if name not in ("postProcessingModes", "trigList")}
+        with path.open("rb") as stream, np.load(stream, allow_pickle=False) as file:
+            found = {name: file[name] for name in file.files if name != "postProcessingModes" and "List" not in name}
+            if "surfaceStress" in found:  # written by `exudyn_arrays`, with triangles that are no pickled list
+                found["trigList"] = file["trigList"]
     except OSError as error:
         raise refuse(f"can't be read: {error.strerror or error}") from error
     except (ValueError, EOFError, KeyError, zipfile.BadZipFile, zipfile.LargeZipFile) as error:
@@ -130,14 +135,19 @@ def read_exudyn(path: Path) -> ModalData:
     n = len(found["stiffnessMatrixReduced"]) if "stiffnessMatrixReduced" in found else 0
     shapes = {
         "massMatrixReduced": (n, n), "stiffnessMatrixReduced": (n, n), "inertiaLocal": (3, 3), "chiU": (3,),
-        "mPsiTildePsiTilde": (3 * n, 3 * n), "mPhitTPsi": (3, n), "mXRefTildePsiTilde": (3, 3 * n),
+        "mPsiTildePsiTilde": (3 * n, 3 * n), "mPhitTPsi": (3, n), "mXRefTildePsiTilde": (3, 3 * n), "totalMass": (),
     }  # fmt: skip
+    shapes["modeBasis"] = (3 * (found["xRef"].size // 3), n) if "xRef" in found else (0, n)
+    shapes["xRef"] = (shapes["modeBasis"][0],)
     for name, shape in shapes.items():
         if name not in found:
             raise refuse(f"has no '{name}'; save the body by ObjectFFRFreducedOrderInterface.SaveToFile(….npz)")
         if found[name].shape != shape or not np.isfinite(found[name]).all():
             raise refuse(f"'{name}' has shape {found[name].shape}, expected {shape}, all of it finite")
-    return _data(found, n)
+    try:
+        return _data(found, n)
+    except (ValueError, IndexError, KeyError) as error:
+        raise refuse(f"a body that contradicts itself: {error}") from error
 
 
 def _data(found: Mapping[str, NDArray[Any]], n: int) -> ModalData:
@@ -163,7 +173,17 @@ def _data(found: Mapping[str, NDArray[Any]], n: int) -> ModalData:
     notes: tuple[str, ...] = ()
     if np.abs(loss).max() > 1e-6 * np.abs(found["massMatrixReduced"]).max():
         notes = ("massMatrixReduced isn't what mPsiTildePsiTilde gives; the latter is taken",)
-    return ModalData(gram, found["stiffnessMatrixReduced"], D, nodes, notes)
+    return ModalData(gram, found["stiffnessMatrixReduced"], D, nodes, notes, **_surface(found, n))
+
+
+def _surface(found: Mapping[str, NDArray[Any]], n: int) -> dict[str, Any]:
+    """Surface and stress, where `exudyn_arrays` has written them; nothing else in the file tells stress unpickled."""
+    if "surfaceStress" not in found:
+        return {}
+    stress, triangles, edges = (found[name] for name in ("surfaceStress", "trigList", "surfaceEdges"))
+    if stress.shape[1:] != (6, n) or triangles.shape[1:] != (3,) or max(triangles.max(), edges.max()) >= len(stress):
+        raise ValueError(f"surfaceStress has shape {stress.shape}, which its triangles don't fit")
+    return {"surface": SurfaceTopology(np.arange(len(stress)), triangles, edges), "stress": stress}
 
 
 def _products(T: Array) -> Array:

@@ -30,7 +30,8 @@ from pipeline.reduction.modal_data import ModalData, integrals_of, rate_products
 PARTS = ("mdCM", "J", "Ct", "Cr", "Me", "Gr", "Ge", "Oe", "ksigma", "Ke", "De")
 """Terms of a body, in the order of its file."""
 _AGREE = 1e-4  # of the largest entry: terms that hold the same integral, in files of six digits
-_STIFFENS = 1e-9  # of the largest entry of Me: what is left by other terms is round-off
+# Of the largest entry of Me. Less is what a file of few digits, or of seventeen, loses when terms are subtracted.
+_STIFFENS, _ROUND_OFF = 1e-6, 1e-9
 
 
 @dataclass(frozen=True)
@@ -136,8 +137,8 @@ def modal_data_of(mass: float, terms: Mapping[str, Taylor], nodes: Mapping[str, 
     bow = first["Ct"].transpose(2, 0, 1)
     curl = first["Cr"].transpose(2, 0, 1) - turns.transpose(0, 2, 1) if Cr.order else np.zeros((3, n, n))
     second: dict[str, Any] = {}
-    for name, term in (("stiffening", stiffening), ("bow", bow), ("curl", curl)):
-        if np.abs(term).max(initial=0.0) > _STIFFENS * scale:
+    for name, term, least in (("stiffening", stiffening, _STIFFENS), ("bow", bow, 0.0), ("curl", curl, _ROUND_OFF)):
+        if np.abs(term).max(initial=0.0) > least * scale:
             second[name] = 0.5 * (term + term.swapaxes(-1, -2))
     gram = InertiaGram(G, S, mass, **second)
     bound = bool(second) or any(node.bow.any() for node in nodes.values())

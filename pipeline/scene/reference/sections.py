@@ -7,6 +7,7 @@ from typing import NamedTuple
 from pipeline.scene.bodies import Bar, BarMesh, ModeSettings, Solid
 from pipeline.scene.compound_joints import Cylindrical, Planar, Screw, Universal
 from pipeline.scene.constraints import Distance, Gear, PointOnLine, Rack
+from pipeline.scene.damping import RayleighDamping
 from pipeline.scene.force_curves import ForceByElongation
 from pipeline.scene.force_elements import (
     AngleStop,
@@ -46,6 +47,7 @@ from pipeline.scene.places import MarkerPlace, NamedElement, Support
 from pipeline.scene.propeller import Propeller, PropellerMesh
 from pipeline.scene.reading import SceneTable
 from pipeline.scene.reduced_bodies import BodyFile, FileNode, ReducedModes, ReducedPart
+from pipeline.scene.responses import FrequencyResponseChart
 from pipeline.scene.rigid_bodies import PointMarker, PointMass, RigidBody, Rod
 from pipeline.scene.runs import (
     AutoRun,
@@ -60,6 +62,7 @@ from pipeline.scene.runs import (
 )
 from pipeline.scene.scene import PublishedResults, Scene
 from pipeline.scene.simulation import Simulation
+from pipeline.scene.stress_outputs import Envelope, Fatigue, MeanStress, SnCurve, SurfaceField
 from pipeline.scene.time_functions import TimeFunction
 from pipeline.scene.visuals import BoxVisual, CylinderVisual, FileVisual, RodVisual, VisualSettings
 
@@ -219,6 +222,7 @@ SECTIONS = (
     Section("### Damping of a reduced body", ReducedModes),
     Section("### Markers of a reduced body", FileNode),
     Section("### Modes", ModeSettings),
+    Section("### Rayleigh damping", RayleighDamping),
     Section("### Markers of a flexible body", MarkerPlace),
     Section("### Supports", Support),
     Section("### Named elements", NamedElement),
@@ -280,6 +284,8 @@ SECTIONS = (
     Section("### Chart", Chart),
     Section("### Every picture and film", PictureSettings),
     Section("### Every picture of a body", BodyPicture),
+    Section("### Frequency response", FrequencyResponseChart),
+    Section("### Every picture and film", BodyPicture),
     Section("### Picture of the mesh", MeshPicture),
     Section("### Pictures of modes", ModePictures),
     Section("### Sheet of modes", ModeSheet),
@@ -287,6 +293,11 @@ SECTIONS = (
     Section("### Picture of the stress", StressPicture),
     Section("### Picture of the mechanism", MechanismPicture),
     Section("### Film", Film),
+    Section("### Every envelope and fatigue", SurfaceField),
+    Section("### Envelope of the stress", Envelope),
+    Section("### Fatigue", Fatigue),
+    Section("### S-N curve", SnCurve),
+    Section("### Mean stress", MeanStress),
     Section("### Every history and table", Quantities),
     Section("### History", History),
     Section("### Table of extremes", ExtremesTable),

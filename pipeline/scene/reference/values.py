@@ -84,13 +84,14 @@ def to_markdown(text: str) -> str:
 
 def _describe_alternatives(kinds: Sequence[Any], anchors: Mapping[type, str]) -> ValueWords:
     """Describe values of several kinds; tables of several kinds are described in one place."""
-    words, unit = [], ""
+    words: list[str] = []
+    unit = ""
     for kind in kinds:
         if kind is NoneType:
             continue
         found = describe_values(kind, (), anchors)
-        if found.noun.startswith("[table]"):
-            return found
+        if found.noun.startswith("[table]") and any(word.startswith("[table]") for word in words):
+            continue
         words += _quote_words(kind) if get_origin(kind) is Literal else [found.text]
         unit = unit or found.unit
     return ValueWords(_join_words(words), unit=unit)

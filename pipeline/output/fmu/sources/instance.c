@@ -145,7 +145,9 @@ void snapshot_free(Snapshot *snapshot)
 void snapshot_restore(Instance *instance, const Snapshot *snapshot)
 {
     instance->mode = (Mode)snapshot->mode;
-    instance->model = snapshot->model;
+    const int wide = instance->model.wide;
+    instance->model = snapshot->model; /* it may come from another machine */
+    instance->model.wide = wide;
     instance_changed(instance);
 }
 

@@ -1,4 +1,5 @@
 #include "model.h"
+#include "wide.h"
 
 #include <math.h>
 #include <string.h>
@@ -23,6 +24,7 @@ void model_reset(Model *m)
     memcpy(m->p, start_parameters, sizeof m->p);
     m->restart = 1;
     m->steady = 1;
+    m->wide = has_wide_vectors();
     m->next_step = FIRST_STEP;
 }
 
@@ -89,6 +91,10 @@ void model_derivatives(const Model *m, double time, const double *x, double *dx)
     position_rates(x, v, dx);
     if (m->loaded)
         loaded_accelerations(in, out);
+#if HAS_WIDE
+    else if (m->wide)
+        accelerations_wide(in, out);
+#endif
     else
         accelerations(in, out);
 }

@@ -28,6 +28,7 @@ typedef struct {
     double p[N_PARAMETERS];
     int passed;   /* breakpoints of the loads that lie behind */
     int loaded;   /* forces act on markers */
+    int wide;     /* this processor has wide vectors */
 
     /* The integrator, which may be ahead of the time: it stands at `reached`, and its last step began at `begun`. */
     int restart;  /* something was set since: go on from time and x */

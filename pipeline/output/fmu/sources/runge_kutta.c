@@ -13,6 +13,12 @@
 #define FLOOR 1e-12 /* a group that has not moved yet */
 #define LEAST 1e-6  /* of the largest value of its kind: a group that hardly moves */
 
+#if HAS_WIDE
+#define SUM(row) (m->wide ? add_slopes_wide : add_slopes)[row]
+#else
+#define SUM(row) add_slopes[row]
+#endif
+
 static void keep_largest(double *largest, const double *x)
 {
     for (int i = 0; i < N_STATES; ++i) {
@@ -62,15 +68,15 @@ static double try_step(Model *m, double h)
     double error[N_STATES], trial[N_GROUPS];
     for (int k = 1; k < 13; ++k) {
         const double t = m->begun + h;
-        add_slopes[k](h, m->slopes, m->begin, m->end);
+        SUM(k)(h, m->slopes, m->begin, m->end);
         model_derivatives(m, stage_times[k] == 1.0 ? just_before(t) : m->begun + stage_times[k] * h, m->end,
                           m->slopes[k]);
     }
     m->n_evaluations += 12.0;
     set_trial(m, trial);
-    add_slopes[THIRD](h, m->slopes, zeros, error);
+    SUM(THIRD)(h, m->slopes, zeros, error);
     const double third = scaled_error(trial, error);
-    add_slopes[FIFTH](h, m->slopes, zeros, error);
+    SUM(FIFTH)(h, m->slopes, zeros, error);
     const double fifth = scaled_error(trial, error);
     const double size = sqrt(fifth * fifth + 0.01 * third * third);
     return size > 0.0 ? fifth * fifth / size : size;
@@ -117,8 +123,10 @@ static int take_step(Model *m, double stop, int stop_is_break)
         }
     }
     m->reached = h == left ? stop : t + h;
+    /* At the limit of stability the highest mode would be excited, and then hold the steps far below it; up to
+       LONGEST_STEP the method damps it. */
     if (planned)
-        m->next_step = h * step_factor(error, m->p[TOLERANCE]);
+        m->next_step = fmin(h * step_factor(error, m->p[TOLERANCE]), LONGEST_STEP);
     keep_largest(m->largest, m->end);
     settle(m->end);
     m->fresh = N_QUATERNIONS > 0;
@@ -138,7 +146,7 @@ static void interpolate(Model *m, double time, double *x)
     if (!m->prepared) {
         double stage[N_STATES];
         for (int k = 13; k < 16; ++k) {
-            add_slopes[k](h, m->slopes, m->begin, stage);
+            SUM(k)(h, m->slopes, m->begin, stage);
             model_derivatives(m, m->begun + stage_times[k] * h, stage, m->slopes[k]);
         }
         m->n_evaluations += 3.0;
@@ -149,7 +157,7 @@ static void interpolate(Model *m, double time, double *x)
             m->dense[2][i] = 2.0 * rise - h * (m->slopes[12][i] + m->slopes[0][i]);
         }
         for (int k = 0; k < 4; ++k)
-            add_slopes[DENSE + k](h, m->slopes, zeros, m->dense[3 + k]);
+            SUM(DENSE + k)(h, m->slopes, zeros, m->dense[3 + k]);
         m->prepared = 1;
     }
     for (int i = 0; i < N_STATES; ++i) {

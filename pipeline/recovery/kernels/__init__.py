@@ -1,0 +1,1 @@
+"""Compiled kernels over stress histories: principal values, extremes over time, rainflow counting."""

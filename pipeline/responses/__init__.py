@@ -1,0 +1,1 @@
+"""Linear answers of a mechanism: state-space models, frequency responses and random vibration."""

@@ -1,0 +1,80 @@
+"""Frequency responses in a scene file."""
+
+from __future__ import annotations
+
+from typing import Annotated, Literal
+
+from pydantic import AfterValidator, Field, model_validator
+
+from pipeline.core.units import Frequency, NonNegative, PositiveFrequency
+from pipeline.scene.reading import FaultError, SceneTable
+from pipeline.scene.values import FileCheck, Text, Words
+
+PortName = Annotated[Text, Words('text, e.g. ``"plate.tip.z"``')]
+
+
+class FrequencyResponseChart(SceneTable):
+    """Frequency response of the scene, linearised about a state: chart, table and NetCDF file.
+
+    Parameters
+    ----------
+    file : str
+        File of the chart; a table (``.csv``) and a NetCDF file (``.nc``) of the same name stand beside it.
+    input : str
+        What acts: ``"body.marker.z"`` (a force), ``".rz"`` (a moment), ``"drive.NAME"``, ``"JOINT.torque"``,
+        ``"JOINT.force"`` or ``"ground.z"`` (an acceleration of the ground).
+    output : str or tuple of str
+        What answers: ``"body.marker.z"``, also ``".velocity"`` or ``".acceleration"`` of it, ``"JOINT.position"``,
+        ``"body.element.xx"``.
+    to : float
+        Highest frequency [Hz].
+    from_ : float, optional
+        Lowest frequency [Hz]; a thousandth of the highest by default. In a scene its name is ``from``.
+    points : int
+        Number of evenly spaced frequencies; more are added about each resonance.
+    about : str
+        State of linearisation: the scene's ``"start"``, its ``"equilibrium"``, a ``"steady"`` motion, or a time of the
+        first run in seconds.
+    psd : str, optional
+        One-sided power spectral density of a random input, in the input's SI unit squared per Hz: a number, a formula
+        of the frequency f in Hz, or a ``.csv`` file of frequencies and densities. With it, root mean squares of the
+        outputs are computed.
+    title : str
+        Text above the chart.
+
+    Examples
+    --------
+    ::
+
+        [[output]]
+        type = "frf"
+        file = "frf.png"
+        input = "plate.side.z"
+        output = ["plate.tip.z", "plate.root.xx"]
+        to = "2 kHz"
+        psd = "0.1"
+    """
+
+    type: Literal["frf"]
+    file: Annotated[str, AfterValidator(FileCheck((".png", ".pdf", ".svg")))]
+    input: PortName
+    output: PortName | Annotated[tuple[PortName, ...], Field(min_length=1, max_length=20)]
+    to: PositiveFrequency
+    from_: Annotated[Frequency, NonNegative] | None = Field(default=None, alias="from")
+    points: Annotated[int, Field(strict=True, ge=2, le=100_000)] = 1000
+    about: Text = "start"
+    psd: Text | None = None
+    title: str = ""
+
+    @property
+    def outputs(self) -> tuple[str, ...]:
+        """Names of the outputs."""
+        return (self.output,) if isinstance(self.output, str) else self.output
+
+    @model_validator(mode="after")
+    def _range(self) -> FrequencyResponseChart:
+        if self.from_ is not None and not self.from_ < self.to:
+            raise FaultError(f"must be below the highest frequency, {self.to:g} Hz", "from")
+        if self.file.startswith("motion."):
+            raise FaultError("would write its table over the motion's file; 'frf.png' works", "file")
+        return self

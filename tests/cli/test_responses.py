@@ -1,0 +1,87 @@
+"""``fmd frf`` and ``fmd linearise``, and frequency responses that a scene lists."""
+
+from __future__ import annotations
+
+import csv
+import json
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pytest
+import xarray
+
+SMALL = ("--set", "body.plate.mesh.divisions=[6,4,2]")
+
+
+def test_frf_gives_poles_zeros_and_files(fmd: Any, capsys: pytest.CaptureFixture[str], tmp_path: Path) -> None:
+    channels = ("--in", "side.z", "--out", "plate.tip.z", "--out", "plate.root.xx")
+    folder = ("--folder", tmp_path, *SMALL)
+    assert fmd("frf", "plate", *channels, "--to", "2kHz", "--points", 50, *folder, "--psd", "0.1", "--json") == 0
+    found = json.loads(capsys.readouterr().out)
+    assert {"frequencies_hz", "real", "imaginary", "poles_hz", "damping"} <= found.keys()
+    assert len(found["frequencies_hz"]) == len(found["real"]) == len(found["imaginary"])
+    assert found["files"] == ["frf.png", "frf.csv", "frf.nc"]
+    assert found["damping"][0] == pytest.approx(0.01)
+    assert [row["unit"] for row in found["random"]] == ["m", "Pa"]
+    with xarray.open_dataset(tmp_path / "frf.nc") as data:
+        np.testing.assert_allclose(data["real"][:, 0, 0], found["real"])
+        assert data["units"].values[:, 0].tolist() == ["m/N", "Pa/N"]
+    with (tmp_path / "frf.csv").open() as file:
+        header, first, *_ = csv.reader(file)
+    assert header[3] == "plate.tip.z by side.z magnitude [m/N]"
+    assert float(first[3]) == pytest.approx(np.hypot(found["real"][0], found["imaginary"][0]))
+    assert fmd("frf", "plate", *channels, "--to", "2kHz", "--points", 50, *folder) == 0
+    assert "zeros of plate.tip.z by side.z" in " ".join(capsys.readouterr().out.split())
+
+
+def test_linearise_names_states_inputs_and_outputs(
+    fmd: Any, capsys: pytest.CaptureFixture[str], tmp_path: Path
+) -> None:
+    assert fmd("linearise", "plate", "--folder", tmp_path, *SMALL, "--json") == 0
+    found = json.loads(capsys.readouterr().out)
+    assert found["inputs"] == [{"name": "drive.hammer", "unit": "N"}]
+    assert [channel["name"] for channel in found["outputs"]] == ["plate.tip.x", "plate.tip.y", "plate.tip.z"]
+    assert found["states"][0] == {"name": "plate.mode 1", "unit": "kg^(1/2) m"}
+    assert found["files"] == ["model.npz", "model.mat"]
+    model = np.load(tmp_path / "model.npz")
+    assert model["A"].shape == (len(found["states"]),) * 2
+    assert fmd("linearise", "plate", "--folder", tmp_path, *SMALL, "--format", "npz") == 0
+    assert "plate.mode 1.rate" in capsys.readouterr().out
+
+
+@pytest.mark.parametrize(
+    ("arguments", "message"),
+    [
+        (("--in", "side.z", "--out", "plate.tip.z", "--to", "2"), "needs a unit"),
+        (("--in", "side.z", "--out", "plate.tip.z", "--to", "0 Hz"), "must be above zero"),
+        (("--in", "side.z", "--out", "plate.tip.z", "--to", "10 Hz", "--from", "20 Hz"), "above the lowest"),
+        (("--in", "side.z", "--out", "plate.tip.z", "--to", "10 Hz", "--points", "1"), "2 … 100000"),
+        (("--in", "side.zz", "--out", "plate.tip.z", "--to", "10 Hz"), "no such input"),
+        (("--in", "side.z", "--out", "plate.tip.z", "--to", "10 Hz", "--psd", "t"), "not of t"),
+    ],
+)
+def test_a_wrong_option_is_refused(
+    fmd: Any, capsys: pytest.CaptureFixture[str], tmp_path: Path, arguments: tuple[str, ...], message: str
+) -> None:
+    assert fmd("frf", "plate", *arguments, "--folder", tmp_path, *SMALL) == 2
+    assert message in capsys.readouterr().err
+
+
+def test_a_scene_lists_its_responses(fmd: Any, capsys: pytest.CaptureFixture[str], tmp_path: Path) -> None:
+    options = ("--no-pictures", "--no-budget", "--out", tmp_path, *SMALL, "--set", "simulation.duration=5ms")
+    assert fmd("run", "plate", *options, "--json") == 0
+    summary = json.loads(capsys.readouterr().out)
+    (response,) = summary["responses"]
+    assert response["files"] == ["frf.csv", "frf.nc"]
+    assert {"frf.csv", "frf.nc"} <= set(summary["files"])
+    assert response["outputs"] == ["plate.tip.z", "plate.root.xx"]
+    assert len(response["random"]) == 2
+    assert json.loads((tmp_path / "summary.json").read_text())["responses"] == summary["responses"]
+    number = 3
+    assert fmd("run", "plate", *options, "--set", f"output.{number}.input=plate.sid.z") == 2
+    assert f"output.{number}.input = 'plate.sid.z': no such input" in capsys.readouterr().err
+    assert fmd("run", "plate", *options, "--set", f"output.{number}.file=motion.png") == 2
+    assert "over the motion's file" in capsys.readouterr().err
+    assert fmd("run", "plate", *options, "--set", f"output.{number}.from=3kHz") == 2
+    assert "must be below the highest frequency" in capsys.readouterr().err

@@ -1,0 +1,233 @@
+"""Standard input data: against sums over points and quadrature over elements, and files in both dialects."""
+
+import re
+from pathlib import Path
+
+import numpy as np
+import pytest
+import skfem
+
+from pipeline.core.errors import InputError
+from pipeline.dynamics.compiled_system.system import CompiledSystem
+from pipeline.dynamics.links import FREE, Link
+from pipeline.dynamics.mechanism import Mechanism
+from pipeline.fem.assembly import assemble
+from pipeline.integrators.protocol import evaluate
+from pipeline.reduction.formats.sid_file import read_sid, write_sid
+from pipeline.reduction.formats.sid_terms import equations_of_motion, modal_data_of, sid_terms
+from pipeline.reduction.inertia import inertia_gram
+from pipeline.reduction.modal_data import ModalData
+from tests.reduction.formats.bodies_of_points import N_MODES, point_body, stiffened
+
+BODY = point_body()
+
+
+def tilde(v):
+    return np.array([[0, -v[2], v[1]], [v[2], 0, -v[0]], [-v[1], v[0], 0]])
+
+
+def test_terms_are_the_integrals_over_a_part_of_tetrahedra(box_mesh, steel):
+    """Each term from its definition, by scikit-fem's quadrature of order 8 over tet10."""
+    fe = assemble(box_mesh("tetra", (2, 2, 2), (1.2, 1.0, 0.8), 0.2), 2, steel)
+    Phi = np.random.default_rng(0).standard_normal((len(fe.x), 3, 2))
+    n, space = 2, fe.discretisation
+    basis = skfem.Basis(space.skfem_mesh, skfem.ElementVector(space.kind.element), intorder=8)
+    phi = [np.asarray(basis.interpolate(Phi[..., k].ravel())).reshape(3, -1).T for k in range(n)]
+    r = np.asarray(basis.global_coordinates()).reshape(3, -1).T
+    dm = steel.rho * basis.dx.ravel()
+    gram = inertia_gram(fe.x, fe.m, Phi)
+    terms = sid_terms(ModalData(gram, np.eye(n), np.zeros((n, n)), {}))
+
+    def integral(values):
+        return np.tensordot(dm, values, axes=1)
+
+    def products(a, b):  # ã b̃ at the points
+        return np.array([tilde(u) @ tilde(w) for u, w in zip(a, b, strict=True)])
+
+    rates = [(0, 0), (1, 1), (2, 2), (0, 1), (1, 2), (0, 2)]
+
+    def centrifugal(a, b):  # a · (ω̃ω̃ b) by products of rates
+        return [(a[:, i] * b[:, j] + (i != j) * a[:, j] * b[:, i]) - (i == j) * (a * b).sum(axis=1) for i, j in rates]
+
+    zero = np.zeros((n, n, 3))
+    want0 = {
+        "mdCM": integral(r)[:, None],
+        "J": -integral(products(r, r)),
+        "Ct": np.array([integral(f) for f in phi]),
+        "Cr": np.array([integral(np.cross(r, f)) for f in phi]),
+        "Me": np.array([[integral((f * g).sum(axis=1)) for g in phi] for f in phi]),
+        "Gr": np.hstack([-2 * integral(products(r, f)) for f in phi]),
+        "Ge": np.hstack([2 * np.array([integral(np.cross(g, f)) for f in phi]) for g in phi]),
+        "Oe": np.array([[integral(c) for c in centrifugal(f, r)] for f in phi]),
+    }
+    want1 = {
+        "mdCM": np.array([integral(f) for f in phi]).T[:, :, None],
+        "J": np.stack([-integral(products(r, f) + products(f, r)) for f in phi], axis=1),
+        "Ct": zero,
+        "Cr": np.array([[integral(np.cross(g, f)) for g in phi] for f in phi]),
+        "Gr": np.stack([np.hstack([-2 * integral(products(g, f)) for f in phi]) for g in phi], axis=1),
+        "Oe": np.array([[[integral(c) for c in centrifugal(f, g)] for g in phi] for f in phi]),
+    }
+    for name, want in want0.items():
+        assert np.abs(terms[name].M0 - want).max() < 1e-12 * np.abs(want).max(), name
+    for name, want in want1.items():
+        found = terms[name].M1
+        assert np.abs(found - want).max() <= 1e-12 * max(np.abs(want).max(), 1e-300), name
+    assert [name for name in want0 if name not in want1] == ["Me", "Ge"]
+    assert not terms["Me"].order + terms["Ge"].order
+
+
+def test_the_equations_are_those_of_the_points_to_first_order():
+    terms, rng = sid_terms(BODY.data), np.random.default_rng(1)
+    spin, q, v = rng.standard_normal(3), rng.standard_normal(N_MODES), rng.standard_normal(N_MODES)
+    errors = []
+    for size in (1e-3, 5e-4):
+        M, forces = equations_of_motion(BODY.gram.mass, terms, size * q, size * v, spin)
+        forces[6:] -= BODY.data.K @ q * size + BODY.data.D @ v * size
+        want = BODY.inertia_forces(size * q, size * v, spin)
+        exact = BODY.gram.mass_matrix(np.r_[1.0, size * q])
+        errors.append([np.abs(forces - want).max(), np.abs(M - exact).max()])
+    assert max(errors[0]) < 1e-3
+    assert np.array(errors[0]) / errors[1] == pytest.approx(4.0, rel=1e-2)
+
+
+def test_a_floating_body_accelerates_as_the_compiled_one_to_first_order():
+    """With geometric stiffening, in mean axes, where the modal mass that SID leaves out is of second order."""
+    turns = np.cross(np.eye(3), BODY.x[:, None]).swapaxes(1, 2)
+    R = np.concatenate([np.tile(np.eye(3), (len(BODY.x), 1, 1)), turns], axis=2)
+    rigid = R.reshape(-1, 6)
+    weighted = np.repeat(BODY.m, 3)[:, None] * rigid
+    elastic = BODY.Phi.reshape(-1, N_MODES)
+    elastic = elastic - rigid @ np.linalg.solve(weighted.T @ rigid, weighted.T @ elastic)
+    values, turn = np.linalg.eigh(elastic.T @ (np.repeat(BODY.m, 3)[:, None] * elastic))
+    Phi = (elastic @ (turn / np.sqrt(values))).reshape(BODY.Phi.shape)
+    omega = np.array([3.0, 5.0, 8.0])
+    plain = ModalData(inertia_gram(BODY.x, np.diag(BODY.m), Phi), np.diag(omega**2), np.zeros((3, 3)), {})
+    data = stiffened(plain)
+    link = Link("body", data.gram, FREE, omega=omega, damping=np.zeros(3), markers={})
+    system = CompiledSystem(Mechanism((link,)))
+    rng = np.random.default_rng(2)
+    spin, q, v = rng.standard_normal(3), rng.standard_normal(3), rng.standard_normal(3)
+    terms, errors = sid_terms(data), []
+    for size in (1e-3, 5e-4):
+        state, rates, found = np.zeros(system.n_positions), np.zeros(system.n), np.zeros(system.n)
+        state[6], state[7:] = 1.0, size * q  # a quaternion, scalar last, before the modes
+        rates[3:6], rates[6:] = spin, size * v
+        evaluate(system.parameters, 0.0, state, rates, found)
+        M, forces = equations_of_motion(data.gram.mass, terms, size * q, size * v, spin)
+        errors.append(np.abs(found - np.linalg.solve(M, -forces)).max())
+    assert errors[0] < 1e-3
+    assert errors[0] / errors[1] == pytest.approx(4.0, rel=0.05)
+
+
+def test_the_integrals_come_back_from_the_terms():
+    data = stiffened(BODY.data)
+    back = modal_data_of(data.gram.mass, sid_terms(data), {})
+    for name in ("G", "S", "bow", "curl"):
+        want = getattr(data.gram, name)
+        assert np.abs(getattr(back.gram, name) - want).max() < 1e-12 * np.abs(want).max(), name
+    assert np.abs(back.M - data.M).max() < 1e-12
+    assert back.notes == ()
+
+
+@pytest.fixture
+def file(tmp_path: Path) -> Path:
+    path = tmp_path / "body.SID_FEM"
+    write_sid(path, stiffened(BODY.data))
+    return path
+
+
+def in_the_other_dialect(text: str) -> str:
+    """Nodes by ``new frame``, no line of counts, first orders as (row, column, mode), the inertia as a matrix."""
+    head, rest = text.split("    J\n")
+    inertia, rest = rest.split("    end J\n")
+    places = {"1": "1,1", "2": "2,2", "3": "3,3", "4": "2,1", "5": "3,1", "6": "3,2"}
+    for old, new in (("nrow = 6", "nrow = 3"), ("ncol = 1", "ncol = 3"), ("structure = 3", "structure = 2")):
+        inertia = inertia.replace(old, new)
+    inertia = re.sub(r"m0\( *(\d+), *\d+\)", lambda m: f"m0({places[m[1]]})", inertia)
+    inertia = re.sub(r"m1\( *(\d+), *(\d+), *\d+\)", lambda m: f"m1({places[m[1]]},{m[2]})", inertia)
+    others = [re.sub(r"m1\(( *\d+),( *\d+),( *\d+)\)", r"m1(\1,\3,\2)", one) for one in (head, rest)]
+    whole = f"{others[0]}    J\n{inertia}    end J\n{others[1]}"
+    return whole.partition("\n")[2].replace("    frame\n", "    new frame\n")
+
+
+@pytest.mark.parametrize("dialect", ["frame", "new frame"])
+def test_a_file_brings_the_body_back(file: Path, dialect: str):
+    data = stiffened(BODY.data)
+    if dialect == "new frame":
+        file.write_text(in_the_other_dialect(file.read_text()))
+    back = read_sid(file)
+    assert np.abs(back.gram.G - data.gram.G).max() < 1e-12 * np.abs(data.gram.G).max()
+    assert np.array_equal(back.K, data.K)
+    assert np.array_equal(back.D, data.D)
+    assert np.array_equal(back.gram.bow, data.gram.bow)
+    for node, want in zip(back.nodes.values(), data.nodes.values(), strict=True):
+        for name in ("position", "translation", "rotation", "bow"):
+            assert np.array_equal(getattr(node, name), getattr(want, name)), name
+    assert list(back.nodes) == ["1", "2"]
+    assert back.in_own_frame
+
+
+def test_a_body_without_stiffening_fits_any_frame(tmp_path: Path):
+    write_sid(tmp_path / "x.SID_FEM", BODY.data)
+    assert not read_sid(tmp_path / "x.SID_FEM").in_own_frame
+
+
+def test_columns_of_ge_may_go_by_axes(file: Path):
+    """As they do in files of some writers of Modelica's library; Ge is antisymmetric in the modes, which tells."""
+    terms = sid_terms(BODY.data)
+    n = N_MODES
+    text = file.read_text()
+    start, end = text.index("    Ge\n"), text.index("    end Ge")
+    by_axes = terms["Ge"].M0.reshape(n, n, 3).transpose(0, 2, 1).reshape(n, 3 * n)
+    entries = "\n".join(f"m0({i + 1},{j + 1}) = {by_axes[i, j]:.17g}" for i, j in np.ndindex(n, 3 * n))
+    head = text[start:end].partition("m0")[0]
+    file.write_text(f"{text[:start]}{head}{entries}\n{text[end:]}")
+    back = read_sid(file)
+    want = stiffened(BODY.data).gram.G
+    assert np.abs(back.gram.G - want).max() < 1e-12 * np.abs(want).max()
+
+
+def test_what_contradicts_is_noted_and_not_taken(file: Path):
+    text = file.read_text()
+    start = text.index("    Gr\n")
+    file.write_text(text[:start] + re.sub(r"m0\( +1, +1\) = .*", "m0(1,1) = 1.0D+06", text[start:], count=1))
+    (note,) = read_sid(file).notes
+    assert note.startswith("Gr is not what Oe and Cr give, by 1.0e+00 of its largest entry")
+
+
+def changed(old: str, new: str):
+    return lambda text: text.replace(old, new, 1)
+
+
+@pytest.mark.parametrize(
+    ("change", "message"),
+    [
+        (lambda text: "\n".join(text.splitlines()[:200]), "the file ends here, before 'end part'; it is cut off"),
+        (lambda text: "", "no standard input data"),
+        (lambda text: "\x00\xff" * 50, "no standard input data"),
+        (changed("mass = ", "mass = x"), "line 5: 'x"),
+        (changed("mass = ", "mess = "), "the body has no mass"),
+        (changed("end phi", "end fi"), "'m0(…) = …' or 'end phi' expected, not 'end fi'"),
+        (changed("nrow = 3", "nrow = three"), "line 16: 'three' is no whole number"),
+        (changed("nrow = 3", "nrow = 2"), "origin has 2 x 1 entries of order 0, none there"),
+        (changed("order = 1", "order = 2"), "origin is of order 2; terms to first order are read"),
+        (changed("    mdCM\n", "    mdcm\n"), "'mdcm' is no term of SID; these are mdCM, J"),
+        (changed("rframe = body ref", "rframe = node 3"), "nodes are read relative to 'body ref', not to 'node 3'"),
+        (changed("new node = 2", "new node = 1"), "there are two nodes 1"),
+        (lambda t: t[: t.index("    Ke\n")] + t[t.index("    De\n") :], "the body has no Ke"),
+        (changed("m0(   1,   1) = ", "m0(   1,   1) = 1e999 "), "is no finite number"),
+    ],
+)
+def test_a_bad_file_is_refused_in_one_line(file: Path, change, message: str):
+    file.write_text(change(file.read_text()))
+    with pytest.raises(InputError) as error:
+        read_sid(file)
+    assert message in str(error.value)
+    assert str(error.value).startswith(str(file))
+    assert "\n" not in str(error.value)
+
+
+def test_a_file_that_is_not_there_is_refused(tmp_path: Path):
+    with pytest.raises(InputError, match="can't be read: No such file"):
+        read_sid(tmp_path / "none.SID_FEM")
