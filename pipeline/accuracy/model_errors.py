@@ -88,7 +88,7 @@ class ModelErrors:
         self.left_out: list[str] = []
         self.missing: dict[str, str] = {}
         if comparison.run.parts:
-            text = "deformation is linear within a body's frame; a chain of bodies on fixed joints takes more of it in"
+            text = "deformation is linear within a body's frame; more pieces of a body take more of it in"
             self._add("large deflection", deflection_errors(self._run, comparison.of_motion), text)
 
     def estimate_left_out(self) -> None:
@@ -103,7 +103,7 @@ class ModelErrors:
             (
                 "shifted vibrations",
                 self._shifted_vibrations,
-                "vibrations of large deflection ring at other frequencies; a chain of bodies takes this in",
+                "vibrations of large deflection ring at other frequencies; pieces take this in",
                 True,
             ),
             (
