@@ -42,7 +42,7 @@ def test_what_pieces_cannot_be_is_refused(tmp_path: Path, pieces: str, override:
 
 
 def test_the_number_of_pieces_is_doubled_until_the_error_is_small(tmp_path: Path) -> None:
-    run = choose_piece_counts(strip(tmp_path, PIECES='"auto"', **SMALL | {"LOAD": "3 N"}))
+    run = choose_piece_counts(strip(tmp_path, PIECES='"auto"', **SMALL | {"LOAD": "2 N"}))
     count = len(run.pieces_of("strip"))
     assert count == 4
     assert find_deflection_error(run, "strip") < TOO_LARGE

@@ -146,3 +146,21 @@ def test_a_part_in_pieces_is_one_part_in_its_results(tmp_path: Path) -> None:
     assert divided.motion.tip_deflection[0] == pytest.approx(one.motion.tip_deflection[0], rel=1e-3, abs=1e-9)
     names = divided.division.divided["strip"].frequencies_hz
     assert names[0] == pytest.approx(22.3733 / (2 * np.pi) * np.sqrt(1 / (2700 * 0.02 * 0.006)), rel=2e-3)  # free–free
+
+
+def test_energy_and_momenta_of_a_thrown_strip_stay(tmp_path: Path) -> None:
+    strip(tmp_path, PIECES=3, ALONG=12, LOAD="0 N", **FORCE)
+    overrides = [
+        'joint.clamp={ type = "free", parent = "ground", child = "strip.root" }',
+        'drive.load.force={ times = ["0 s", "20 ms", "21 ms"], values = [30, 30, 0], unit = "N" }',
+        "simulation.start=undeformed",
+        "simulation.duration=60 ms",
+        'simulation.run=[{ integrator = "runge-kutta", tolerance = 1e-9 }]',
+    ]
+    run = Pipeline(load_scene(tmp_path / "strip.toml", overrides))
+    motion, free = run.motion, run.motion.times > 0.0215
+    energy = sum(motion.energies)[free]
+    assert np.ptp(energy) < 1e-7 * energy[0]
+    for values in (motion.kinematics.momentum[free], motion.kinematics.angular_momentum[free]):
+        assert np.abs(values - values[0]).max() < 1e-7 * np.linalg.norm(values[0])
+    assert max(deformation.rotation for deformation in run.deformations.values()) > 0.1
