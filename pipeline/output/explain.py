@@ -177,6 +177,9 @@ class _Planner:
             if (name, part.name) in self._steps:
                 continue
             stage = PART_STAGES[name]
+            if name == "mesh" and part.piece is not None:
+                self.note(name, "cached", "cut from the whole part's mesh", part.name)
+                continue
             self.want(part, stage.in_key)
             anew = [other for other in stage.in_key if self._steps[other, part.name].fate == "run"]
             if anew:

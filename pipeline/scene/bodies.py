@@ -7,7 +7,7 @@ from typing import Annotated, Literal
 from pydantic import AfterValidator, Field, model_validator
 
 from pipeline.core.units import PositiveDensity, PositiveLength, PositiveStress
-from pipeline.scene.damping import Damping
+from pipeline.scene.damping import Damping, RayleighDamping
 from pipeline.scene.places import MarkerPlace, NamedElement, Support
 from pipeline.scene.reading import FaultError, SceneTable, suggest_name
 from pipeline.scene.values import Count, Formulation, Name, Number, Order, Text, Words
@@ -175,6 +175,13 @@ class Solid(SceneTable):
             raise FaultError("is that of a body in one piece; pieces are held at their cuts", "modes", "boundary")
         if self.modes.family != "any":
             raise FaultError("can't be chosen: pieces deform in every way at their cuts", "modes", "family")
+        damping = self.modes.damping
+        if damping and not (isinstance(damping, RayleighDamping) and not damping.alpha):
+            problem = (
+                "is of the modes of a body in one piece; pieces take a factor of the stiffness, "
+                "{ beta = '1 ms' }, which is 2 ζ/ω for a ratio ζ at a frequency ω in rad/s"
+            )
+            raise FaultError(problem, "modes", "damping")
         return self
 
     def _check_faces(self, given: tuple[str, ...], *path: str | int) -> None:

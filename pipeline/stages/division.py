@@ -12,13 +12,11 @@ from numpy.typing import NDArray
 
 from pipeline.core.arrays import Array, IntArray
 from pipeline.core.errors import InputError
-from pipeline.dynamics.vibration import frequencies
 from pipeline.recovery.stress import StressHistory
 from pipeline.scene.scene import Scene
 from pipeline.stages.divided_scene import divide_scene, find_place, piece_name
 from pipeline.stages.part import FlexiblePart
 from pipeline.stages.piece_mesh import CutPart
-from pipeline.stages.pieces import cut_part
 
 if TYPE_CHECKING:
     from pipeline.recovery.motion import Motion
@@ -65,6 +63,8 @@ class DividedPart:
 
         The whole is free but for its supports, as its own modes are by default.
         """
+        from scipy.linalg import eigh
+
         bodies = [part.for_any_motion(part.body) for part in self.pieces]
         ends = np.cumsum([0, *(len(body.omega) for body in bodies)])
         n_rigid = 0 if self.whole.shape.support else 6
@@ -86,7 +86,8 @@ class DividedPart:
             M += J.T @ body.gram.mass_matrix(np.eye(1, 1 + len(body.omega))[0]) @ J
             K[own, own] = np.diag(body.omega**2)
         count = self.whole.shape.modes.count
-        return np.asarray(frequencies(M, K)[n_rigid : n_rigid + count] / (2 * np.pi))
+        squares = eigh(K, M, eigvals_only=True)[n_rigid : n_rigid + count]
+        return np.asarray(np.sqrt(squares) / (2 * np.pi))
 
     def deform(self, motion: Motion, bodies: Mapping[str, FlexibleBody], frames: Sequence[int] | IntArray) -> Array:
         """Return the displacement of all nodes in the frame of the first piece, shape (n_frames, n_nodes, 3) [m].
@@ -176,6 +177,8 @@ def divide_parts(scene: Scene, wholes: Mapping[str, FlexiblePart], like: Divisio
     InputError
         The number of pieces is still open, or a part can't be cut; as `cut_part`.
     """
+    from pipeline.stages.pieces import cut_part
+
     wanted = {name: getattr(body, "pieces", 1) for name, body in scene.flexible.items()}
     for name, count in wanted.items():
         if count == "auto":

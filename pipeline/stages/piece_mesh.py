@@ -5,11 +5,14 @@ from __future__ import annotations
 import hashlib
 from dataclasses import dataclass
 from functools import cached_property
+from typing import TYPE_CHECKING
 
 import numpy as np
 
 from pipeline.core.arrays import Array, IntArray
-from pipeline.fem.mesh import SolidMesh
+
+if TYPE_CHECKING:
+    from pipeline.fem.mesh import SolidMesh
 
 
 @dataclass(frozen=True)

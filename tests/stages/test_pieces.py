@@ -32,6 +32,7 @@ def refused(folder: Path, pieces: str, *overrides: str) -> str:
         ),
         ("2", "body.strip.modes.boundary='joint'", "pieces are held at their cuts"),
         ("2", "body.strip.modes.family='torsion'", "pieces deform in every way"),
+        ("2", "body.strip.modes.damping=0.01", "pieces take a factor of the stiffness"),
         ("1", "body.strip.sections='rigid'", "belongs to a body in pieces"),
         ('"auto"', "title='x'", "`fmd run` finds the number"),
         ("2", "body.strip.support=[{face='z-'}]", "a support holds nodes of several pieces"),
