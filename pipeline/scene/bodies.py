@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from typing import Annotated, Literal
 
-from pydantic import AfterValidator, Field, model_validator
+from pydantic import AfterValidator, BeforeValidator, Field, model_validator
 
 from pipeline.core.units import PositiveDensity, PositiveLength, PositiveStress
 from pipeline.scene.damping import Damping, RayleighDamping
@@ -22,6 +22,18 @@ def _check_poisson(nu: float) -> float:
 
 
 Poisson = Annotated[Number, AfterValidator(_check_poisson), Words("number above -1 and below 0.5")]
+
+
+def _check_pieces(value: object) -> object:
+    if value == "auto" or (isinstance(value, int) and not isinstance(value, bool) and 1 <= value <= _MOST_PIECES):
+        return value
+    raise ValueError(f"must be a whole number from 1 to {_MOST_PIECES}, or 'auto'")
+
+
+_MOST_PIECES = 1000
+Pieces = Annotated[
+    int | Literal["auto"], BeforeValidator(_check_pieces), Words(f'whole number, 1 to {_MOST_PIECES}, or ``"auto"``')
+]
 
 
 class ModeSettings(SceneTable):
@@ -124,7 +136,7 @@ class Solid(SceneTable):
     marker: dict[Name, MarkerPlace] = Field(default_factory=dict)
     support: tuple[Support, ...] = ()
     element: dict[Name, NamedElement] = Field(default_factory=dict)
-    pieces: Annotated[int, Field(strict=True, ge=1, le=1000)] | Literal["auto"] = 1
+    pieces: Pieces = 1
     sections: Literal["averaged", "rigid"] = "averaged"
 
     @property

@@ -15,9 +15,9 @@ SMALL = FORCE | {"LOAD": "1 N", "ALONG": 8}
 
 def refused(folder: Path, pieces: str, *overrides: str) -> str:
     """Return the message by which a strip in pieces is refused."""
-    strip(folder, PIECES=pieces, **SMALL)
+    strip(folder, PIECES=1, **SMALL)
     with pytest.raises(InputError) as fault:
-        Pipeline(load_scene(folder / "strip.toml", list(overrides))).parts  # noqa: B018
+        Pipeline(load_scene(folder / "strip.toml", [f"body.strip.pieces={pieces}", *overrides])).parts  # noqa: B018
     return str(fault.value)
 
 
@@ -32,6 +32,7 @@ def refused(folder: Path, pieces: str, *overrides: str) -> str:
         ),
         ("2", "body.strip.modes.boundary='joint'", "pieces are held at their cuts"),
         ("2", "body.strip.modes.family='torsion'", "pieces deform in every way"),
+        ("0", "title='x'", "body.strip.pieces = 0: must be a whole number from 1 to 1000, or 'auto'"),
         ("2", "body.strip.modes.damping=0.01", "pieces take a factor of the stiffness"),
         ("1", "body.strip.sections='rigid'", "belongs to a body in pieces"),
         ('"auto"', "title='x'", "`fmd run` finds the number"),
