@@ -7,6 +7,7 @@ squarely, however these are bent.
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from importlib.util import find_spec
 
 import numpy as np
@@ -55,7 +56,7 @@ def facet_areas(space: Discretisation, elements: IntArray, local: IntArray) -> A
     return areas
 
 
-def divide_mesh(space: Discretisation, count: int) -> IntArray:
+def divide_mesh(space: Discretisation, count: int, together: Sequence[IntArray] = ()) -> IntArray:
     """Divide a mesh into connected pieces of about equal volume.
 
     Parameters
@@ -64,6 +65,8 @@ def divide_mesh(space: Discretisation, count: int) -> IntArray:
         Elements of the body.
     count : int
         Number of pieces.
+    together : sequence of ndarray of int
+        Elements of which METIS puts each set into one piece.
 
     Returns
     -------
@@ -84,7 +87,7 @@ def divide_mesh(space: Discretisation, count: int) -> IntArray:
     areas = facet_areas(space, elements[:, 0], local[:, 0])
     labels = _divide_along_path(space, elements, areas, count)
     if labels is None:
-        labels = _divide_by_metis(n, elements, count)
+        labels = _divide_by_metis(space.volumes, elements, count, together)
     return labels
 
 
@@ -180,16 +183,25 @@ def join_fragments(labels: IntArray, elements: IntArray, volumes: Array, count: 
     return None
 
 
-def _divide_by_metis(n: int, elements: IntArray, count: int) -> IntArray:
+def _divide_by_metis(volumes: Array, elements: IntArray, count: int, together: Sequence[IntArray]) -> IntArray:
     if find_spec("pymetis") is None:
         raise PartitionError("the part branches, and pymetis, which would divide it, isn't installed")
     import pymetis
 
-    pairs = np.concatenate([elements, elements[:, ::-1]])
-    graph = sp.csr_array(sp.coo_array((np.ones(len(pairs)), pairs.T), shape=(n, n)))
+    n = len(volumes)
+    tied = [np.stack([group[:-1], group[1:]]) for group in together]
+    ties = np.concatenate([np.zeros((2, 0), dtype=np.int64), *tied], axis=1)
+    m, vertex = connected_components(sp.coo_array((np.ones(ties.shape[1]), ties), shape=(n, n)), directed=False)
+    apart = vertex[elements]
+    apart = apart[apart[:, 0] != apart[:, 1]]
+    pairs = np.concatenate([apart, apart[:, ::-1]])
+    graph = sp.csr_array(sp.coo_array((np.ones(len(pairs)), pairs.T), shape=(m, m)))
     options = pymetis.Options(contig=1, seed=1)
     adjacency = pymetis.CSRAdjacency(graph.indptr, graph.indices)
-    labels = np.asarray(pymetis.part_graph(count, adjacency, options=options)[1], dtype=np.int64)
-    if len(np.unique(labels)) < count:
-        raise PartitionError(f"METIS finds no {count} connected pieces; take fewer, or a finer mesh")
-    return labels
+    weights = np.bincount(vertex).tolist()
+    found = pymetis.part_graph(count, adjacency, vweights=weights, options=options, recursive=False)[1]
+    labels: IntArray = np.asarray(found, dtype=np.int64)[vertex]
+    joined = join_fragments(labels, elements, volumes, count)
+    if joined is None:
+        raise PartitionError(f"METIS finds no {count} connected pieces; take another number, or a finer mesh")
+    return joined

@@ -41,11 +41,11 @@ def cut_part(part: FlexiblePart, count: int) -> CutPart:
     key, space = f"body.{part.name}", part.space
     if not part.joint.marker:
         raise InputError(part.file, f"{key}.pieces", count, "the body hangs on no joint: it has modes, but no motion")
+    markers = find_marker_facets(part.shape, space, part.file, part.name)
     try:
-        labels = divide_mesh(space, count)
+        labels = divide_mesh(space, count, [np.unique(_elements_of(space, facets)) for facets in markers.values()])
     except PartitionError as error:
         raise InputError(part.file, f"{key}.pieces", count, str(error)) from error
-    markers = find_marker_facets(part.shape, space, part.file, part.name)
     labels = _keep_markers_whole(part, labels, markers, count)
     root = int(labels[_elements_of(space, markers[part.joint.marker])[0]])
     elements, local = interior_facets(space)
