@@ -17,6 +17,7 @@ from statistics import median
 
 HERE = Path(__file__).parent
 sys.path.append(str(HERE))
+from fmu_table import fmu  # noqa: E402 - beside this file
 from loop_tables import loops  # noqa: E402 - beside this file
 from speed_tables import compiling, march_flops, march_speed, variants  # noqa: E402 - beside this file
 from table_format import Row, format_ratio, format_seconds, markdown, read_rows  # noqa: E402
@@ -364,6 +365,7 @@ TABLES: dict[str, Callable[[], str]] = {
     "truth": truth,
     "loops": lambda: loops(seconds_at, TIP_ERRORS),
     "auto-choice": auto_choice,
+    "fmu": fmu,
 }
 
 

@@ -1,4 +1,4 @@
-"""Mesher of CAD files in its own process: ``python -m meshes.cad FILE ARRAYS SIZE ORDER``.
+"""Mesher of CAD files in its own process: ``python -m meshes.cad FILE ARRAYS SIZE ORDER``, or ``FILE DESCRIPTION``.
 
 Gmsh's OpenCASCADE may crash on a damaged file or never return; a separate process can be stopped.
 """
@@ -17,7 +17,8 @@ from typing import Any, NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from meshes.gmsh_session import gmsh_model
+from meshes.cad_places import CadOutline, describe_part, name_faces_by_place
+from meshes.gmsh_session import gmsh_model, import_cad
 
 SUFFIXES = (".step", ".stp", ".iges", ".igs", ".brep")
 _MOST_ELEMENTS = 3_000_000
@@ -50,7 +51,8 @@ class CadMesh(NamedTuple):
     parts : mapping of str to ndarray
         Cells of each solid, by its name in the file or ``solid-1`` …
     faces : mapping of str to ndarray, shape (n_facets, 3)
-        Corners of each face's facets, by its number ``face-1`` …, its name in the file, and its colour ``#ff0000``.
+        Corners of each face's facets, by its number ``face-1`` …, its name in the file, its colour ``#ff0000``, and the
+        name by its place, ``xmin`` or ``hole-1``.
     """
 
     points: NDArray[np.float64]
@@ -81,15 +83,7 @@ def mesh_cad(path: Path, size: float, order: int) -> CadMesh:
         The file has no solid, or the size would give too many elements.
     """
     with gmsh_model("cad") as gmsh:
-        gmsh.option.setString("Geometry.OCCTargetUnit", "M")
-        gmsh.option.setNumber("Geometry.OCCImportLabels", 1)
-        solids = [entity for entity in gmsh.model.occ.importShapes(str(path)) if entity[0] == 3]
-        gmsh.model.occ.synchronize()
-        if not solids:
-            raise CadError("there is no solid in it; export the part as a solid, not as surfaces")
-        names = _names(gmsh, path)
-        if len(solids) > 1:
-            names = _fragment(gmsh, solids, names)
+        names, whole = _open(gmsh, path)
         volume = sum(gmsh.model.occ.getMass(3, tag) for _, tag in gmsh.model.getEntities(3))
         expected = volume / (_TETRAHEDRON * size**3)
         if expected > _MOST_ELEMENTS:
@@ -105,7 +99,31 @@ def mesh_cad(path: Path, size: float, order: int) -> CadMesh:
         }.items():
             gmsh.option.setNumber(f"Mesh.{option}", value)
         gmsh.model.mesh.generate(3)
-        return _read_out(gmsh, order, names)
+        return _read_out(gmsh, order, names, whole)
+
+
+def describe_cad(path: Path) -> CadOutline:
+    """Describe the part in a CAD file without meshing it; raises ``CadError`` if the file has no solid."""
+    with gmsh_model("cad") as gmsh:
+        names, whole = _open(gmsh, path)
+        return describe_part(gmsh, whole, names)
+
+
+def _open(gmsh: Any, path: Path) -> tuple[dict[tuple[int, int], list[str]], dict[int, int]]:
+    """Open a CAD file as the current model, and return the names of its entities and the face of each surface."""
+    gmsh.option.setNumber("Geometry.OCCImportLabels", 1)
+    solids = [entity for entity in import_cad(gmsh, path) if entity[0] == 3]
+    if not solids:
+        raise CadError("there is no solid in it; export the part as a solid, not as surfaces")
+    names = _names(gmsh, path)
+    if len(solids) > 1:
+        names = _fragment(gmsh, solids, names)
+    whole = _whole_faces(gmsh)
+    taken = {name for own in names.values() for name in own}
+    for tag, name in name_faces_by_place(gmsh, whole).items():
+        if name not in taken:
+            names.setdefault((2, tag), []).append(name)
+    return names, whole
 
 
 def _names(gmsh: Any, path: Path) -> dict[tuple[int, int], list[str]]:
@@ -167,7 +185,7 @@ def _fragment(
     return kept
 
 
-def _read_out(gmsh: Any, order: int, names: dict[tuple[int, int], list[str]]) -> CadMesh:
+def _read_out(gmsh: Any, order: int, names: dict[tuple[int, int], list[str]], whole: Mapping[int, int]) -> CadMesh:
     """Read the mesh of the current model out of Gmsh."""
     tags, xyz, _ = gmsh.model.mesh.getNodes()
     place = np.full(int(tags.max()) + 1, -1, dtype=np.int64)
@@ -183,7 +201,6 @@ def _read_out(gmsh: Any, order: int, names: dict[tuple[int, int], list[str]]) ->
         parts[name if name not in parts else f"{name}-{k + 1}"] = np.arange(done, done + len(blocks[-1]))
         done += len(blocks[-1])
     faces: dict[str, list[NDArray[np.int64]]] = {}
-    whole = _whole_faces(gmsh)
     for _, tag in gmsh.model.getEntities(2):
         nodes = gmsh.model.mesh.getElementsByType({1: 2, 2: 9}[order], tag)[1]
         corners = np.sort(place[nodes].reshape(-1, {1: 3, 2: 6}[order])[:, :3], axis=1)
@@ -233,12 +250,15 @@ def load(path: Path) -> CadMesh:
 
 
 def main(arguments: list[str]) -> str | None:
-    """Mesh the first argument's file into the second, and return an error message or ``None``."""
-    source, target, size, order = arguments
+    """Mesh the first argument's file into the second, or describe it there; return an error message or ``None``."""
+    source, target, *sizes = arguments
     quiet = io.StringIO()
     try:
         with contextlib.redirect_stdout(quiet):
-            save(mesh_cad(Path(source), float(size), int(order)), Path(target))
+            if sizes:
+                save(mesh_cad(Path(source), float(sizes[0]), int(sizes[1])), Path(target))
+            else:
+                Path(target).write_text(json.dumps(describe_cad(Path(source))), encoding="utf-8")
     except CadError as error:
         return str(error)
     except Exception as error:  # Gmsh's own

@@ -10,7 +10,7 @@ from pathlib import Path
 import numpy as np
 from numpy.typing import NDArray
 
-from meshes.gmsh_session import gmsh_model
+from meshes.gmsh_session import gmsh_model, import_cad
 
 _AROUND = 24  # triangles around a full circle
 _COARSE = 0.1  # longest side over the diagonal of what is in the file
@@ -25,9 +25,7 @@ def triangulate_cad(path: Path) -> tuple[NDArray[np.float64], NDArray[np.int64]]
         The file has no face.
     """
     with gmsh_model("faces") as gmsh:
-        gmsh.option.setString("Geometry.OCCTargetUnit", "M")
-        gmsh.model.occ.importShapes(str(path))
-        gmsh.model.occ.synchronize()
+        import_cad(gmsh, path)
         if not gmsh.model.getEntities(2):
             raise ValueError("there is no face in it; export the part as a solid or as surfaces")
         box = np.array(gmsh.model.getBoundingBox(-1, -1)).reshape(2, 3)

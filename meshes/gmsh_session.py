@@ -3,14 +3,17 @@
 from __future__ import annotations
 
 import signal
+import tempfile
 import threading
 from collections.abc import Iterator, Mapping, Sequence
 from contextlib import contextmanager
+from pathlib import Path
 from typing import Any, NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
 
+_SEWN = 1e-4  # gap between faces over the part's diagonal
 _GMSH_TO_MESHIO = {4: "tetra", 5: "hexahedron"}
 
 
@@ -56,6 +59,32 @@ def gmsh_model(name: str) -> Iterator[Any]:
         yield gmsh
     finally:
         gmsh.finalize()
+
+
+def import_cad(gmsh: Any, path: Path) -> list[tuple[int, int]]:
+    """Import a CAD file into the current model, in metres, and return its entities by dimension and tag.
+
+    IGES holds loose faces; those that meet are sewn to solids.
+    """
+    gmsh.option.setString("Geometry.OCCTargetUnit", "M")
+    iges = path.suffix.lower() in (".iges", ".igs")
+    if iges:  # OpenCASCADE knows the unit's name only once it has dealt with STEP
+        name = gmsh.model.getCurrent()
+        gmsh.model.add("unit")
+        gmsh.model.occ.addBox(0, 0, 0, 1, 1, 1)
+        gmsh.model.occ.synchronize()
+        with tempfile.TemporaryDirectory(prefix="fmd-") as folder:
+            gmsh.write(str(Path(folder) / "unit.step"))
+        gmsh.model.remove()
+        gmsh.model.setCurrent(name)
+    entities = list(gmsh.model.occ.importShapes(str(path)))
+    gmsh.model.occ.synchronize()
+    if iges and not gmsh.model.getEntities(3):
+        box = np.array(gmsh.model.getBoundingBox(-1, -1))
+        gmsh.model.occ.healShapes([], _SEWN * float(np.linalg.norm(box[3:] - box[:3])))
+        gmsh.model.occ.synchronize()
+        entities = list(gmsh.model.getEntities(3)) or entities
+    return entities
 
 
 def read_out(gmsh: Any, faces: Mapping[str, Sequence[int]]) -> MeshArrays:

@@ -45,7 +45,7 @@ OWNERS = {
 # Packages that take 50 ms or more to load, so that an import inside a function pays; `meshes` brings Gmsh.
 HEAVY = {
     *("control", "cvxopt", "dask", "distributed", "filelock", "gmsh", "h5py", "imageio", "jinja2", "joblib"),
-    *("llvmlite", "meshes"),
+    *("fmpy", "llvmlite", "meshes"),
     *("matplotlib", "meshio", "numba", "petsc4py", "pint", "psutil", "pymetis", "pyvista", "rich", "scipy", "skfem"),
     *("slepc4py", "vtk", "vtkmodules", "xarray"),
 }

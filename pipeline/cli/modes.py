@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from typing import Any
 
-from pipeline.cli.inputs import open_pipeline, read_rate
+from pipeline.cli.inputs import open_as_far_as_sound, read_rate
 from pipeline.cli.options import Json, NoCache, Repair, SceneName, Set, print_json
 from pipeline.cli.tables import frequency_tables, new_table, open_console
 from pipeline.output.frequencies import frequencies_by_body, frequency_table, mode_warnings, rotating_table
@@ -26,7 +26,7 @@ def modes(
     speed
         Rate of rotation about the joint, e.g. "20 rad/s": the frequencies on a hub that turns so, too.
     """
-    pipeline = open_pipeline(scene, set_, no_cache, repair)
+    pipeline = open_as_far_as_sound(scene, set_, no_cache, repair, [("output",)])
     result = frequency_table(pipeline)
     if speed is not None:
         result |= rotating_table(pipeline, read_rate("--speed", speed))

@@ -52,6 +52,9 @@ def _print_outcomes(outcomes: Sequence[Outcome]) -> None:
         if outcome.error:
             console.print(f"{case.name} FAILED: {outcome.error}")
             continue
+        if outcome.skipped:
+            console.print(f"{case.name} skipped: {outcome.skipped}")
+            continue
         columns = ("quantity", "ours", "published", "difference", "allowed")
         table = new_table(f"{case.name}: {case.title} ({case.source})", *columns)
         for figure in outcome.figures:
@@ -59,8 +62,10 @@ def _print_outcomes(outcomes: Sequence[Outcome]) -> None:
             numbers = (f"{figure.ours:.6g}", f"{figure.published:.6g}", difference, f"{100 * figure.tolerance:.2g} %")
             table.add_row(escape(figure.quantity), *numbers)  # [m] is no markup
         console.print(table)
+    n_skipped = sum(bool(one.skipped) for one in outcomes)
     n_figures, n_wrong = sum(len(one.figures) for one in outcomes), sum(not one.holds for one in outcomes)
     console.print(
-        f"{n_figures} figures of {len(outcomes)} cases in {sum(one.seconds for one in outcomes):.1f} s"
+        f"{n_figures} figures of {len(outcomes) - n_skipped} cases in {sum(one.seconds for one in outcomes):.1f} s"
         + (f", {n_wrong} cases out of tolerance" if n_wrong else ", all within their tolerances")
+        + (f", {n_skipped} skipped" if n_skipped else "")
     )

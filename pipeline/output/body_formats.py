@@ -10,13 +10,12 @@ import numpy as np
 
 from pipeline.core.errors import InputError
 from pipeline.core.files import whole_file
-from pipeline.recovery.stress import modal_stress
-from pipeline.reduction.formats import exudyn_file, sid_file
+from pipeline.reduction.formats import exudyn_file, mbdyn_file, sid_file
 from pipeline.reduction.modal_data import ModalData, modal_data, without_stiffening
 from pipeline.scene.damping import damping_ratios
 from pipeline.stages.part import FlexiblePart
 from pipeline.stages.pipeline import Pipeline
-from pipeline.stages.spatial_body import spatial_body, superelement
+from pipeline.stages.spatial_body import spatial_body, superelement, surface_stress
 
 
 def write_sid(run: Pipeline, body: str | None, path: Path) -> list[Path]:
@@ -27,9 +26,7 @@ def write_sid(run: Pipeline, body: str | None, path: Path) -> list[Path]:
 
 def write_mbdyn(run: Pipeline, body: str | None, path: Path) -> list[Path]:
     """Write a body for MBDyn's modal joint."""
-    from pipeline.reduction.formats.mbdyn_file import write_mbdyn as write
-
-    write(path, _data(_part(run, body), stiffened=False))
+    mbdyn_file.write_mbdyn(path, _data(_part(run, body), stiffened=False))
     return [path]
 
 
@@ -38,10 +35,10 @@ def write_exudyn(run: Pipeline, body: str | None, path: Path) -> list[Path]:
     part = _part(run, body)
     reduced, data = spatial_body(part, stiffened=False), _data(part, stiffened=False)
     drawn: dict[str, Any] = {"x": reduced.x, "shapes": reduced.shapes}
-    if part.has_mesh:
+    if part.has_stress:
         nodes = part.surface.nodes
         drawn = {"x": reduced.x[nodes], "shapes": reduced.shapes[nodes], "surface": part.surface}
-        drawn["stress"] = modal_stress(part.space, part.material, reduced.shapes, nodes)
+        drawn["stress"] = surface_stress(part, reduced)
     exudyn_file.write_exudyn(path, exudyn_file.exudyn_arrays(data, **drawn))
     script = path.with_suffix(".py")
     template = files("pipeline.output").joinpath("exudyn_body.py.txt").read_text(encoding="utf-8")

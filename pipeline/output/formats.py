@@ -59,6 +59,13 @@ def write_python(run: Pipeline, body: str | None, path: Path) -> list[Path]:
 def write_body(run: Pipeline, body: str, path: Path) -> None:
     """Write modes, mass, stiffness, inertia integrals and the stress of each mode of a body as NetCDF."""
     part = run.parts[body]
-    reduced = part.for_any_motion(run.bodies[body])
-    surface, stress = (part.surface, part.surface_stress) if part.has_mesh else (None, None)
+    if run.scene.moves:
+        reduced = part.for_any_motion(run.bodies[body])
+        stress = part.surface_stress if part.has_stress else None
+    else:
+        from pipeline.stages.spatial_body import spatial_body, surface_stress
+
+        reduced = spatial_body(part, stiffened=False)
+        stress = surface_stress(part, reduced)
+    surface = part.surface if part.has_stress else None
     save_body(path, reduced, surface, stress, part.modes.frequencies_hz)

@@ -27,7 +27,7 @@ from pipeline.stages.pipeline import Pipeline
 if TYPE_CHECKING:
     from pipeline.stages.linear_model import LinearModel
 
-_PICTURES = ("chart", "mesh", "modes", "mode sheet", "stress", "mechanism")
+_PICTURES = ("chart", "mesh", "modes", "mode sheet", "stress", "mechanism", "envelope", "fatigue")
 _MANY = 5  # bodies, whose names aren't listed
 
 
@@ -199,7 +199,7 @@ def draw_inline(run: Pipeline, type: str, numbers: Iterable[int] | None = None, 
     if type not in _PICTURES:
         raise InputError("picture", "type", type, suggest_name(type, _PICTURES, "the pictures"))
     given = {"type": type, "file": "mode-{mode}.png" if type == "modes" else "picture.png", **settings}
-    if type in ("mesh", "modes", "mode sheet"):
+    if type in ("mesh", "modes", "mode sheet", "envelope", "fatigue"):
         given.setdefault("body", run.part.name)
     if type == "stress" and not any(part.has_mesh for part in run.parts.values()):
         raise InputError(run.scene.file, "body", sorted(run.scene.body), "no flexible body with a mesh: no stress")

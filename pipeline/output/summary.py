@@ -16,7 +16,7 @@ from pipeline.output.explain import STAGES
 from pipeline.output.frequencies import frequencies_by_body, frequency_table, mode_warnings
 from pipeline.output.histories import extremes
 from pipeline.output.loops import loop_figures, loop_warnings
-from pipeline.output.stress_fields import summarise_fields
+from pipeline.output.stress_fields import field_warnings, summarise_fields
 from pipeline.recovery.motion import Motion
 from pipeline.scene.histories import ExtremesTable
 from pipeline.stages.divided_scene import part_of
@@ -78,6 +78,7 @@ def summarise(run: Pipeline, files: list[str], budget: bool, budget_seconds: flo
     if tables := {o.file: extremes(run, o) for o in run.scene.output if isinstance(o, ExtremesTable)}:
         summary["tables"] = tables
     summary |= summarise_fields(run)
+    summary["warnings"] += field_warnings(run)
     if budget and len(meshed) == len(run.wholes):  # matrices alone tell nothing of their own error
         stated = state_errors(run, budget_seconds)
         summary["error_budget"] = stated.summary()

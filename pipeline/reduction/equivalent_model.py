@@ -18,7 +18,7 @@ from pipeline.core.errors import AccuracyError
 from pipeline.fem.formats.matrices import MatrixModel
 from pipeline.fem.markers import Marker
 from pipeline.reduction.body import FlexibleBody, MarkerShapes
-from pipeline.reduction.modal_data import ModalData
+from pipeline.reduction.modal_data import ModalData, function_products
 from pipeline.reduction.modes import Modes
 
 _STIFF = 1e-12  # of the largest ω²: a mode below it is a rigid motion, or has no stiffness
@@ -61,19 +61,6 @@ def equivalent_model(data: ModalData) -> EquivalentModel:
     K = sp.csr_array((3 * len(values), 3 * len(values)))
     labels: IntArray = np.arange(len(values))
     return EquivalentModel(None, None, K, m, values[:, 1:4], labels, data, values)  # type: ignore[arg-type]
-
-
-def function_products(data: ModalData) -> Array:
-    """Mass products of 1, x_a and φ_ja with one another, mode by mode, without stiffening; shape (4 + 3 n, 4 + 3 n)."""
-    gram, n = data.gram, data.n
-    G = gram.G.copy()
-    if gram.stiffening.size:
-        G[:, :, 1:, 1:] += gram.stiffening
-    products = np.empty((4 + 3 * n, 4 + 3 * n))
-    products[1:, 1:] = G.transpose(2, 0, 3, 1).reshape(3 + 3 * n, 3 + 3 * n)
-    products[0, 0], products[0, 1:] = gram.mass, gram.S.T.ravel()
-    products[1:, 0] = products[0, 1:]
-    return products
 
 
 def equivalent_marker(model: EquivalentModel, nodes: Sequence[MarkerShapes]) -> Marker:
@@ -147,7 +134,7 @@ def modes_of(model: EquivalentModel) -> Modes:
         raise AccuracyError(
             f"a combination of the {n} shapes has no stiffness: ω² = {omega2[0]:.1e} rad²/s² beside {omega2[-1]:.1e}"
         )
-    return Modes(np.sqrt(omega2), elastic @ turn, 0, 0.0, tuple(range(1, n + 1)))
+    return Modes(np.sqrt(omega2), elastic @ turn, 6, 0.0, tuple(range(1, n + 1)))
 
 
 def finish_body(model: EquivalentModel, body: FlexibleBody, markers: Mapping[str, Sequence[str]]) -> FlexibleBody:
@@ -186,7 +173,7 @@ def finish_body(model: EquivalentModel, body: FlexibleBody, markers: Mapping[str
     if np.abs(R @ rigid).max() > _OWN_FRAME * np.abs(body.shapes).max():
         raise ValueError(
             "the file holds geometric stiffening in its own frame, which the joint doesn't keep: hang the body on the "
-            "node that doesn't move in its frame, or write the file without stiffening"
+            "node that rests in its frame, or leave stiffening out by simulation.stiffening = 'off'"
         )
     return _stiffened(data, body, turn, markers)
 

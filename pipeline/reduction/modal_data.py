@@ -29,6 +29,8 @@ class ModalData:
         What a file says that can't be right, and what was taken instead.
     in_own_frame : bool
         True if the integrals hold geometric stiffening, and so in this frame alone.
+    is_separable : bool
+        True if the geometric stiffening can be taken out again; some files tell its sum alone.
     surface : SurfaceTopology, optional
         Outer surface, whose nodes are places among ``nodes``.
     stress : ndarray, shape (n_surface, 6, n), optional
@@ -41,6 +43,7 @@ class ModalData:
     nodes: Mapping[str, MarkerShapes]
     notes: tuple[str, ...] = ()
     in_own_frame: bool = False
+    is_separable: bool = True
     surface: SurfaceTopology | None = None
     stress: Array | None = None
 
@@ -73,6 +76,19 @@ def without_stiffening(data: ModalData) -> ModalData:
         G[:, :, 1:, 1:] += gram.stiffening
     nodes = {name: MarkerShapes(node.position, node.translation, node.rotation) for name, node in data.nodes.items()}
     return replace(data, gram=InertiaGram(G, gram.S, gram.mass), nodes=nodes, in_own_frame=False)
+
+
+def function_products(data: ModalData) -> Array:
+    """Mass products of 1, x_a and φ_ja with one another, mode by mode, without stiffening; shape (4 + 3 n, 4 + 3 n)."""
+    gram, n = data.gram, data.n
+    G = gram.G.copy()
+    if gram.stiffening.size:
+        G[:, :, 1:, 1:] += gram.stiffening
+    products = np.empty((4 + 3 * n, 4 + 3 * n))
+    products[1:, 1:] = G.transpose(2, 0, 3, 1).reshape(3 + 3 * n, 3 + 3 * n)
+    products[0, 0], products[0, 1:] = gram.mass, gram.S.T.ravel()
+    products[1:, 0] = products[0, 1:]
+    return products
 
 
 def integrals_of(products: Array, turns: Array) -> Array:

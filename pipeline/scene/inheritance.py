@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Callable, Sequence
 from copy import deepcopy
 from os.path import relpath
 from pathlib import Path
@@ -20,21 +21,39 @@ def move_files(tables: Tables, folder: Path, to: Path) -> Tables:
 
     Files are the keys ``file`` and ``cad`` of all tables but the outputs, and the matrices of bodies.
     """
+    if folder.resolve() == to.resolve():
+        return tables
+    return _change_files(tables, lambda name: _rename(name, folder, to))
 
-    def move(value: Any, matrices: bool = False) -> Any:
+
+def list_files(tables: Tables) -> list[str]:
+    """List the files that a scene's tables read, as they name them, each once."""
+    found: list[str] = []
+
+    def note(name: str) -> str:
+        found.append(name)
+        return name
+
+    _change_files(tables, note)
+    return list(dict.fromkeys(found))
+
+
+def _change_files(tables: Tables, change: Callable[[str], str]) -> Tables:
+    """Return tables in which the name of each file that is read is changed."""
+
+    def walk(value: Any, names: Sequence[str] = ("file", "cad")) -> Any:
         if isinstance(value, list):
-            return [move(item) for item in value]
+            return [walk(item) for item in value]
         if not isinstance(value, dict):
             return value
-        names = ("file", "cad", *_MATRICES) if matrices else ("file", "cad")
         return {
-            key: _rename(item, folder, to) if key in names and isinstance(item, str) else move(item, key == "matrices")
+            key: change(item)
+            if key in names and isinstance(item, str)
+            else walk(item, _MATRICES if key == "matrices" else ("file", "cad"))
             for key, item in value.items()
         }
 
-    if folder.resolve() == to.resolve():
-        return tables
-    return {key: value if key == "output" else move(value) for key, value in tables.items()}
+    return {key: value if key == "output" else walk(value) for key, value in tables.items()}
 
 
 def _rename(name: str, folder: Path, to: Path) -> str:

@@ -5,7 +5,7 @@ Quantities are SI floats once read. Every fault in the file is one ``InputError`
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Collection, Mapping, Sequence
 from pathlib import Path
 from typing import Annotated, Any
 
@@ -213,7 +213,7 @@ class Scene(SceneTable):
         return self
 
 
-def load_scene(name_or_path: str | Path, overrides: Sequence[str] = ()) -> Scene:
+def load_scene(name_or_path: str | Path, overrides: Sequence[str] = (), without: Collection[str] = ()) -> Scene:
     """Read a scene file and check it.
 
     Parameters
@@ -223,6 +223,8 @@ def load_scene(name_or_path: str | Path, overrides: Sequence[str] = ()) -> Scene
     overrides : sequence of str
         Values to use instead of the file's: ``"body.beam.length=300mm"``, ``"simulation.run.1.substeps=7"``.
         The items of a list count from 0. What isn't a TOML value is taken as a string.
+    without : collection of str
+        Tables of the first level to leave out unread, e.g. ``["output"]``.
 
     Returns
     -------
@@ -236,7 +238,8 @@ def load_scene(name_or_path: str | Path, overrides: Sequence[str] = ()) -> Scene
     """
     source = read_scene_file(name_or_path, overrides)
     try:
-        scene = Scene.model_validate(source.data, context={"folder": Path(source.file).parent})
+        tables = {key: table for key, table in source.data.items() if key not in without}
+        scene = Scene.model_validate(tables, context={"folder": Path(source.file).parent})
     except ValidationError as error:
         raise source.make_error(error) from None
     scene._file = source.file

@@ -42,15 +42,15 @@ class SceneFile:
         Path that it was read from.
     data : dict
         Its tables, with the overrides in them.
-    overridden : tuple
-        Paths of the keys that were set on the command line.
+    overridden : mapping of tuple to str
+        Where single values were set, the command line or a scene's ``set``, by the path of their keys.
     origins : mapping of str to str
         Path of the base scene that a table of the first level comes from, by the table's name.
     """
 
     file: str
     data: dict[str, Any]
-    overridden: tuple[KeyPath, ...]
+    overridden: Mapping[KeyPath, str]
     origins: Mapping[str, str]
 
     def make_error(self, error: ValidationError) -> InputError:
@@ -67,14 +67,11 @@ class SceneFile:
             more += fault.more
         if first["type"].startswith("union_tag"):
             path += (first["ctx"]["discriminator"].strip("'"),)
-        given = any(path[: len(key)] == key for key in self.overridden)
+        origin = self.origins.get(str(path[0]), self.file) if path else self.file
+        for key, where in self.overridden.items():
+            origin = where if path[: len(key)] == key else origin
         mend = _write_mend(first) + (f" (and {more} more)" if more else "")
-        return InputError(
-            _SET if given else self.origins.get(str(path[0]), self.file) if path else self.file,
-            _join_path(path),
-            self._value(path),
-            mend,
-        )
+        return InputError(origin, _join_path(path), self._value(path), mend)
 
     def _value(self, path: KeyPath) -> object:
         """Return the value at a path; ``None`` if it is missing or too long for a message."""
@@ -91,26 +88,41 @@ def read_scene_file(name_or_path: str | Path, overrides: Sequence[str]) -> Scene
     """Read a scene file and apply overrides; the arguments are those of ``pipeline.scene.scene.load_scene``."""
     source = find_scene(str(name_or_path))
     file = str(source)
-    data, origins = _read_with_base(source, ())
-    overridden = tuple(_set_value(data, text) for text in overrides)
+    data, origins, overridden = _read_with_base(source, ())
+    overridden |= {_set_value(data, text, _SET): _SET for text in overrides}
     return SceneFile(file, complete_bodies(data, file), overridden, origins)
 
 
-def _read_with_base(source: Traversable, heirs: tuple[Path, ...]) -> tuple[dict[str, Any], dict[str, str]]:
-    """Read the tables of a scene and those of its base that it leaves out, and the files that the latter come from."""
+def _read_with_base(
+    source: Traversable, heirs: tuple[Path, ...]
+) -> tuple[dict[str, Any], dict[str, str], dict[KeyPath, str]]:
+    """Read the tables of a scene and those of its base that it leaves out, and set the single values that it gives.
+
+    Returns
+    -------
+    tuple of dict
+        The tables, the files that tables of a base come from, and the files that have set single values.
+    """
     file, place = str(source), Path(str(source))
     data = read_tables(source)
-    if "base" not in data:
-        return data, {}
-    given = data.pop("base")
-    heirs = (*heirs, place.resolve())
-    base = _find_base(file, given)
-    if Path(str(base)).resolve() in heirs:
-        raise InputError(file, "base", given, "leads back to the same scene; one of them must have no base")
-    tables, origins = _read_with_base(base, heirs)
-    added = {key: value for key, value in tables.items() if key not in data}
-    origins = {key: origins.get(key, str(base)) for key in added}
-    return move_files(added, Path(str(base)).parent, place.parent) | data, origins
+    changes = data.pop("set", [])
+    if not isinstance(changes, list) or not all(isinstance(text, str) for text in changes):
+        raise InputError(file, "set", None, "must be a list of texts, e.g. ['body.beam.length=300mm']")
+    origins: dict[str, str] = {}
+    overridden: dict[KeyPath, str] = {}
+    if "base" in data:
+        given = data.pop("base")
+        heirs = (*heirs, place.resolve())
+        base = _find_base(file, given)
+        if Path(str(base)).resolve() in heirs:
+            raise InputError(file, "base", given, "leads back to the same scene; one of them must have no base")
+        tables, origins, overridden = _read_with_base(base, heirs)
+        added = {key: value for key, value in tables.items() if key not in data}
+        origins = {key: origins.get(key, str(base)) for key in added}
+        overridden = {path: where for path, where in overridden.items() if path[0] in added}
+        data = move_files(added, Path(str(base)).parent, place.parent) | data
+    overridden |= {_set_value(data, text, file): file for text in changes}
+    return data, origins, overridden
 
 
 def _find_base(file: str, given: object) -> Traversable:
@@ -126,23 +138,23 @@ def _find_base(file: str, given: object) -> Traversable:
     return files("models") / f"{given}.toml"
 
 
-def _set_value(data: dict[str, Any], text: str) -> KeyPath:
+def _set_value(data: dict[str, Any], text: str, where: str) -> KeyPath:
     """Set a value given as ``body.beam.length=300mm`` in the tables and return the path of its key."""
     dotted, equals, given = (part.strip() for part in text.partition("="))
     *tables, last = dotted.split(".")
     if not equals or not all((*tables, last)):
-        raise InputError(_SET, "", text, "must look like body.beam.length=300mm")
+        raise InputError(where, "" if where == _SET else "set", text, "must look like body.beam.length=300mm")
     node: Any = data
     path: KeyPath = ()
     template: Any = find_template(data, tables[1]) if tables[:1] == ["body"] and len(tables) > 1 else None
     for depth, part in enumerate(tables):
         if depth > 1 and isinstance(node, dict) and part not in node:
             _copy_from(template, node, part)  # a body that is like another has the other's keys
-        path += (_find_key(dotted, node, part),)
+        path += (_find_key(where, dotted, node, part),)
         node = node[path[-1]]
         if depth > 1:
             template = template.get(part) if isinstance(template, dict) else None
-    key = last if isinstance(node, dict) else _find_key(dotted, node, last)
+    key = last if isinstance(node, dict) else _find_key(where, dotted, node, last)
     node[key] = parse_value(given)
     return (*path, key)
 
@@ -153,14 +165,14 @@ def _copy_from(template: object, node: dict[str, Any], part: str) -> None:
         node[part] = {} if isinstance(template[part], dict) else deepcopy(template[part])
 
 
-def _find_key(dotted: str, node: object, part: str) -> str | int:
+def _find_key(where: str, dotted: str, node: object, part: str) -> str | int:
     """Return the key of a table, or the number in a list, that one part of a dotted path names."""
     if isinstance(node, dict):
         names = list(node)
     else:
         names = [str(number) for number in range(len(node))] if isinstance(node, list) else []
     if part not in names:
-        raise InputError(_SET, dotted, None, f"there is no {part!r}; {suggest_name(part, names, 'the keys there')}")
+        raise InputError(where, dotted, None, f"there is no {part!r}; {suggest_name(part, names, 'the keys there')}")
     return part if isinstance(node, dict) else int(part)
 
 

@@ -6,7 +6,6 @@ from collections.abc import Callable
 from dataclasses import dataclass
 
 import numpy as np
-from scipy.linalg import eigh
 
 from pipeline.core.arrays import Array
 from pipeline.core.errors import AccuracyError
@@ -174,6 +173,8 @@ def _marker_turns(mechanism: Mechanism) -> Array:
 
 def _shift(K: Array, M: Array) -> float:
     """Return the factor of the mass matrix that, added to a stiffness, leaves no motion without or against it."""
+    from scipy.linalg import eigh
+
     values = eigh(0.5 * (K + K.T), M, eigvals_only=True) if len(K) else np.ones(1)
     least = max(_SINGULAR * float(np.abs(values).max()), _STILL)
     return 0.0 if values[0] > least else max(-_DOWNHILL * float(values[0]), least)

@@ -17,7 +17,7 @@ from pipeline.fem.selection import facets_in_plane, facets_near, node_at, nodes_
 from pipeline.fem.space import Discretisation
 from pipeline.scene.any_body import Flexible
 from pipeline.scene.places import MarkerPlace
-from pipeline.stages.meshing import find_name
+from pipeline.stages.meshing.bodies import find_name
 
 T = TypeVar("T")
 

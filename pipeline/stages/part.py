@@ -26,7 +26,7 @@ from pipeline.scene.scene import Scene
 from pipeline.scene.source_files import SourceFiles
 from pipeline.scene.values import Formulation
 from pipeline.stages.inboard_joint import read_inboard_joint
-from pipeline.stages.meshing import find_material, find_name, make_mesh, read_body_matrices
+from pipeline.stages.meshing.bodies import find_material, find_name, make_mesh, read_body_matrices
 from pipeline.stages.reduced_files import (
     file_notes,
     file_stress,
@@ -50,50 +50,45 @@ if TYPE_CHECKING:
     from pipeline.stages.basis import HeldModel
     from pipeline.stages.piece_mesh import PieceMesh
 
-NO_MESH = "is given by a file without elements: it has no mesh, no stress and no picture"
+NO_MESH = "is given by its {}: without elements it has no mesh, no stress and no picture"
 _FEM = ("pipeline/fem",)
 _BASIS = ("pipeline/stages/basis.py", "pipeline/stages/markers.py", "pipeline/stages/reduced_files.py")
 _REDUCTION = ("pipeline/fem", "pipeline/reduction", *_BASIS)
 _STRESS = ("pipeline/fem", "pipeline/recovery/stress.py")
 _DEFORMATION = ("pipeline/fem", "pipeline/recovery/deformation.py")
 _PACKAGES = ("numpy", "scipy", "scikit-fem", "gmsh")
-_OF_PIECES = ("pieces", "sections")  # which a piece's mesh and markers know
 # Of another scene's part with the same modes: enrichment, damping and the joint's frame leave them alone.
 _OF_THE_MODES = ("mesh", "assembly", "modes", "surface")
 _OF_THE_MODEL = ("space", "markers", "fixed", "model")
-
-
 SecondOrder = tuple[InertiaGram, Mapping[str, MarkerShapes]]
 """Inertia and markers of a stiffened body."""
 
-# Inputs of the keys: everything in the scene and in the body's files that a stage's result depends on.
-
 
 def _mesh_inputs(part: FlexiblePart) -> Any:
-    left_out = ("E", "nu", "rho", "material", "modes", "marker", "support", "element", *_OF_PIECES)
-    without: Any = dict.fromkeys(left_out, True)
-    without["mesh"] = {"formulation"}
-    table = part.shape.model_dump(mode="json", exclude=without) | part.piece_identity
-    return table if part.source is None else part.source.identity(table)
+    of_no_shape = ("E", "nu", "rho", "material", "modes", "marker", "support", "element")
+    return _identify(part, dict.fromkeys(of_no_shape, True) | {"mesh": {"formulation"}})
 
 
 def _assembly_inputs(part: FlexiblePart) -> Any:
-    without: Any = {"modes", "marker", "support", "element", *_OF_PIECES}
-    table = part.shape.model_dump(mode="json", exclude=without) | part.piece_identity
+    return _identify(part, dict.fromkeys(("modes", "marker", "support", "element"), True))
+
+
+def _identify(part: FlexiblePart, without: dict[str, Any]) -> Any:
+    """Return all that a stage's result depends on: a part's table but for some keys, its files and its piece."""
+    without |= {"pieces": True, "sections": True}  # which a piece's mesh and markers know
+    table = part.shape.model_dump(mode="json", exclude=without) | ({"piece": part.piece.digest} if part.piece else {})
     return table if part.source is None else part.source.identity(table)
 
 
 def _modes_inputs(part: FlexiblePart) -> Any:
-    shape, markers = part.shape, part.shape.marker
-    without: Any = {"modes": {"damping", "enrich"}} | dict.fromkeys(("marker", "element", *_OF_PIECES), True)
-    table = shape.model_dump(mode="json", exclude=without) | part.piece_identity
-    held: Any = ""
+    shape, markers, held = part.shape, part.shape.marker, ""
+    without: Any = {"modes": {"damping", "enrich"}, "marker": True, "element": True}
     if shape.modes.boundary == "joint":
         held = repr((part.joint.floating, part.joint.free, markers[part.joint.marker].where))
     elif shape.modes.boundary == "interface":
         held = repr({name: markers[name] for name in shape.modes.interface or markers})
     return {
-        "part": table if part.source is None else part.source.identity(table),
+        "part": _identify(part, without),
         "axis": part.joint.axis if shape.modes.family != "any" else "",
         "rigid": {name: marker.where for name, marker in markers.items() if marker.attachment == "rigid"},
         "held": held,
@@ -107,6 +102,7 @@ def _body_inputs(part: FlexiblePart) -> Any:
         "markers": part.shape.model_dump(mode="json", include={"marker"}),
         "joint": repr(part.joint),
         "frame": part.frame,
+        "stiffening": part.stiffening if part.is_reduced else "",  # that of a file may be left out
     }
 
 
@@ -123,7 +119,8 @@ def _element_inputs(part: FlexiblePart) -> Any:
 
 def _compute_mesh(part: FlexiblePart) -> SolidMesh:
     if not part.has_mesh:
-        raise InputError(part.file, f"body.{part.name}.{'body' if part.is_reduced else 'matrices'}", None, NO_MESH)
+        key, what = ("body", "file") if part.is_reduced else ("matrices", "matrices")
+        raise InputError(part.file, f"body.{part.name}.{key}", None, NO_MESH.format(what))
     return make_mesh(part.shape, part.source)
 
 
@@ -152,7 +149,7 @@ def _reduce(part: FlexiblePart) -> FlexibleBody:
     from pipeline.stages.basis import reduce_body
 
     if part.is_reduced:
-        return reduce_file_body(part.model, part.modes, part.shape, part.frame)
+        return reduce_file_body(part.model, part.modes, part.shape, part.frame, part.stiffening)
     return reduce_body(part.model, part.modes, part.shape.modes, part.frame)
 
 
@@ -162,7 +159,8 @@ def _stiffen(part: FlexiblePart) -> SecondOrder:
     if part.is_reduced and part.body.gram.stiffening.size:  # by its file
         return part.body.gram, part.body.markers
     if not part.has_mesh:
-        mend = f"stiffening by inertia loads takes stress, and the body {NO_MESH}; 'off' leaves it out"
+        given = NO_MESH.format("file" if part.is_reduced else "matrices")
+        mend = f"stiffening by inertia loads takes stress, and the body {given}; 'off' leaves it out"
         raise InputError(part.file, "simulation.stiffening", None, mend)
     body = stiffen_reduced(part.model, part.body)
     return body.gram, body.markers
@@ -221,7 +219,12 @@ class FlexiblePart:
 
     # The table of stages, in their order.
     mesh: Stage[SolidMesh] = Stage(
-        "mesh", _compute_mesh, (), _mesh_inputs, ("meshes", "pipeline/stages/meshing.py", *_FEM), ("gmsh", "meshio")
+        "mesh",
+        _compute_mesh,
+        (),
+        _mesh_inputs,
+        ("meshes", "pipeline/stages/meshing", *_FEM),
+        ("gmsh", "meshio"),
     )
     # Never kept, since what follows is.
     fe: Stage[FEModel] = Stage("assembly", _assemble, ("mesh",), shared_inputs=_assembly_inputs)
@@ -258,13 +261,13 @@ class FlexiblePart:
         modes: Modes | None = None,
         piece: PieceMesh | None = None,
     ) -> None:
-        self.name, self.file, self.piece = name, scene.file, piece
-        self.piece_identity = {} if piece is None else {"piece": piece.digest}
-        self.store = store if modes is None else store.alone()
+        own = store if modes is None else store.alone()
+        self.name, self.file, self.piece, self.store = name, scene.file, piece, own
         self.shape: Flexible = scene.flexible[name]
         self.source = SourceFiles.find(self.shape, scene.file, name) if piece is None else None
         self.joint = read_inboard_joint(scene, name)
         self.frame = scene.simulation.frame if scene.moves else "joint-conforming"
+        self.stiffening = scene.simulation.stiffening if scene.moves else "auto"
         self.results: dict[str, Any] = {} if piece is None else {"mesh": piece.mesh}
         if like is not None and like.key("modes") == self.key("modes"):
             self.results |= {stage: like.results[stage] for stage in _OF_THE_MODES if stage in like.results}
@@ -295,8 +298,7 @@ class FlexiblePart:
     @cached_property
     def order(self) -> int:
         """Polynomial order of the displacement in an element."""
-        own = None if isinstance(self.shape, MatrixPart | ReducedPart) else self.shape.mesh.order
-        return own or self.mesh.order
+        return (None if isinstance(self.shape, MatrixPart | ReducedPart) else self.shape.mesh.order) or self.mesh.order
 
     @property
     def formulation(self) -> Formulation:
@@ -311,9 +313,9 @@ class FlexiblePart:
     @property
     def mesh_notes(self) -> tuple[str, ...]:
         """Faults in the file that the body comes from, if it comes from one, and how they were mended."""
-        if self.is_reduced:
-            return file_notes(self.fe)
-        return self.mesh.notes if self.shape.shape in ("mesh", "cad") else ()
+        return (
+            file_notes(self.fe) if self.is_reduced else self.mesh.notes if self.shape.shape in ("mesh", "cad") else ()
+        )
 
     @cached_property
     def space(self) -> Discretisation:

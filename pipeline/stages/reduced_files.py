@@ -9,18 +9,11 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from pipeline.core.errors import InputError
-from pipeline.reduction.equivalent_model import (
-    EquivalentModel,
-    combination_of,
-    equivalent_marker,
-    equivalent_model,
-    finish_body,
-    modes_of,
-)
 from pipeline.reduction.formats.exudyn_file import read_exudyn
 from pipeline.reduction.formats.mbdyn_file import read_mbdyn
 from pipeline.reduction.formats.netcdf_file import read_netcdf
 from pipeline.reduction.formats.sid_file import read_sid
+from pipeline.reduction.modal_data import without_stiffening
 from pipeline.scene.reading import suggest_name
 
 if TYPE_CHECKING:
@@ -29,6 +22,7 @@ if TYPE_CHECKING:
     from pipeline.fem.model import FEModel
     from pipeline.fem.surface import SurfaceTopology
     from pipeline.reduction.body import FlexibleBody
+    from pipeline.reduction.equivalent_model import EquivalentModel
     from pipeline.reduction.modes import Modes
     from pipeline.scene.any_body import Flexible
     from pipeline.scene.source_files import SourceFiles
@@ -46,6 +40,8 @@ def read_reduced_body(source: SourceFiles | None) -> EquivalentModel:
     InputError
         The file's suffix is none of `READERS`, or it can't be read.
     """
+    from pipeline.reduction.equivalent_model import equivalent_model
+
     assert source is not None
     path = Path(source.path)
     if path.suffix.lower() not in READERS:
@@ -56,6 +52,8 @@ def read_reduced_body(source: SourceFiles | None) -> EquivalentModel:
 
 def modes_of_file(fe: FEModel) -> Modes:
     """Return the modes of the free body in the space of its file's shapes."""
+    from pipeline.reduction.equivalent_model import modes_of
+
     return modes_of(_equivalent(fe))
 
 
@@ -72,6 +70,8 @@ def file_surface(fe: FEModel) -> SurfaceTopology | None:
 
 def file_stress(fe: FEModel, body: FlexibleBody) -> Array:
     """Return the stress at the surface's nodes for each modal coordinate of a body, (n_surface, 6, n) [Pa per unit]."""
+    from pipeline.reduction.equivalent_model import combination_of
+
     model = _equivalent(fe)
     assert model.data.stress is not None
     return np.asarray(model.data.stress @ combination_of(model, body))
@@ -85,6 +85,8 @@ def place_file_markers(fe: FEModel, shape: Flexible, file: str, body: str) -> di
     InputError
         There is no such node, or it doesn't turn.
     """
+    from pipeline.reduction.equivalent_model import equivalent_marker
+
     assert shape.shape == "reduced"
     model, markers = _equivalent(fe), {}
     for name, marker in shape.marker.items():
@@ -100,26 +102,35 @@ def place_file_markers(fe: FEModel, shape: Flexible, file: str, body: str) -> di
     return markers
 
 
-def reduce_file_body(model: HeldModel, modes: Modes, shape: Flexible, frame: str) -> FlexibleBody:
-    """Refer a file's body to the joint that carries it.
+def reduce_file_body(model: HeldModel, modes: Modes, shape: Flexible, frame: str, stiffening: str) -> FlexibleBody:
+    """Refer a file's body to the joint that carries it, without its geometric stiffening if that is ``"off"``.
 
     Raises
     ------
     InputError
-        Its geometric stiffening belongs to a frame that the joint doesn't keep.
+        Its geometric stiffening belongs to a frame that the joint doesn't keep, or can't be taken out.
     """
+    from pipeline.reduction.equivalent_model import finish_body
     from pipeline.stages.basis import reduce_body
 
     assert shape.shape == "reduced"
     in_space = replace(model, joint=replace(model.joint, normal=-1))
     body = reduce_body(in_space, modes, shape.modes, frame)
     labels = {name: marker.labels for name, marker in shape.marker.items()}
+    fe = _equivalent(model.fe)
+    if stiffening == "off" and fe.data.in_own_frame:
+        if not fe.data.is_separable:
+            mend = f"can't be told apart from inertia in {shape.body.file}, whose Gr has no first order; take 'auto'"
+            raise InputError(model.file, "simulation.stiffening", stiffening, mend)
+        fe = replace(fe, data=without_stiffening(fe.data))
     try:
-        return finish_body(_equivalent(model.fe), body, labels)
+        return finish_body(fe, body, labels)
     except ValueError as error:
         raise InputError(model.file, f"body.{model.name}.body.file", shape.body.file, str(error)) from None
 
 
 def _equivalent(fe: FEModel) -> EquivalentModel:
+    from pipeline.reduction.equivalent_model import EquivalentModel
+
     assert isinstance(fe, EquivalentModel)
     return fe

@@ -10,13 +10,16 @@ import numpy as np
 from pipeline.core.arrays import Array
 from pipeline.core.cache import stage_key
 from pipeline.core.errors import InputError
+from pipeline.recovery.stress import modal_stress
 from pipeline.reduction.modes import TooManyModesError
 from pipeline.reduction.superelement import Superelement, make_superelement
 from pipeline.scene.damping import damping_ratios
 from pipeline.stages.basis import reduce_body
 from pipeline.stages.part import FlexiblePart
+from pipeline.stages.reduced_files import file_stress, reduce_file_body
 
 if TYPE_CHECKING:
+    from pipeline.core.arrays import Array
     from pipeline.reduction.body import FlexibleBody
     from pipeline.stages.basis import HeldModel
 
@@ -41,7 +44,9 @@ def spatial_body(part: FlexiblePart, stiffened: bool) -> FlexibleBody:
 
 def _reduce(part: FlexiblePart, stiffened: bool) -> FlexibleBody:
     model = _held_anywhere(part)
-    if part.joint.marker:
+    if part.is_reduced:
+        body = reduce_file_body(model, part.modes, part.shape, part.frame, "auto" if stiffened else "off")
+    elif part.joint.marker:
         body = part.for_any_motion(part.body)
     else:
         body = reduce_body(model, part.modes, part.shape.modes, part.frame)
@@ -53,6 +58,13 @@ def _reduce(part: FlexiblePart, stiffened: bool) -> FlexibleBody:
     reaction = None if joint.floating or model.fixed is not None else model.reaction
     free = joint.free_directions if model.fixed is not None else None
     return stiffen_body(body, model.fe, model.solver, reaction, None, True, model.markers, free)
+
+
+def surface_stress(part: FlexiblePart, body: FlexibleBody) -> Array | None:
+    """Stress of a body that `spatial_body` has made, at its surface's nodes, (n_surface, 6, n); ``None`` without."""
+    if part.has_mesh:
+        return modal_stress(part.space, part.material, body.shapes, part.surface.nodes)
+    return file_stress(part.fe, body) if part.has_stress else None
 
 
 def _held_anywhere(part: FlexiblePart) -> HeldModel:

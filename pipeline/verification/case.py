@@ -41,6 +41,10 @@ class Figure:
         return abs(self.difference) <= self.tolerance
 
 
+class CaseSkipped(Exception):  # noqa: N818 - no error: what a case needs isn't there
+    """A case needs a program that isn't installed; the message says which, and how it comes there."""
+
+
 @dataclass(frozen=True)
 class VerificationCase:
     """A case: figures of ours beside those of one publication.

@@ -6,7 +6,7 @@ import csv
 import json
 import time
 from collections.abc import Iterator, Sequence
-from dataclasses import asdict, dataclass
+from dataclasses import asdict, dataclass, replace
 from math import isfinite
 from pathlib import Path
 from typing import Any
@@ -15,10 +15,10 @@ from pipeline.core.cache import Cache
 from pipeline.core.errors import AccuracyError, InputError
 from pipeline.core.files import whole_file
 from pipeline.scene.reading import suggest_name
-from pipeline.verification import bodies, frequencies, loops, rotation, tops, wind_turbine
-from pipeline.verification.case import Figure, VerificationCase
+from pipeline.verification import bodies, frequencies, functional_mockup, loops, rotation, tops, wind_turbine
+from pipeline.verification.case import CaseSkipped, Figure, VerificationCase
 
-_PARTS = (frequencies, rotation, tops, loops, bodies, wind_turbine)
+_PARTS = (frequencies, rotation, tops, loops, bodies, wind_turbine, functional_mockup)
 CASES = {case.name: case for part in _PARTS for case in part.CASES}
 
 
@@ -36,12 +36,15 @@ class Outcome:
         Run time [s].
     error : str
         The failed check that ended it; empty if it was carried through.
+    skipped : str
+        What it needs and isn't there; empty if it was run.
     """
 
     case: VerificationCase
     figures: tuple[Figure, ...]
     seconds: float
     error: str = ""
+    skipped: str = ""
 
     @property
     def holds(self) -> bool:
@@ -68,10 +71,12 @@ def run_cases(cases: Sequence[VerificationCase], cache: Cache | None = None) -> 
     for case in cases:
         tick = time.perf_counter()
         try:
-            figures, error = tuple(case.measure(cache)), ""
+            outcome = Outcome(case, tuple(case.measure(cache)), 0.0)
         except AccuracyError as failed:
-            figures, error = (), str(failed)
-        yield Outcome(case, figures, time.perf_counter() - tick, error)
+            outcome = Outcome(case, (), 0.0, error=str(failed))
+        except CaseSkipped as missing:
+            outcome = Outcome(case, (), 0.0, skipped=str(missing))
+        yield replace(outcome, seconds=time.perf_counter() - tick)
 
 
 def tabulate(outcomes: Sequence[Outcome]) -> list[dict[str, Any]]:
@@ -87,6 +92,9 @@ def tabulate(outcomes: Sequence[Outcome]) -> list[dict[str, Any]]:
         if outcome.error:
             nothing = dict.fromkeys(("quantity", "ours", "published", "tolerance", "difference"))
             rows.append(head | nothing | {"holds": False} | tail)
+        if outcome.skipped:
+            nothing = dict.fromkeys(("quantity", "ours", "published", "tolerance", "difference", "holds"))
+            rows.append(head | nothing | tail | {"error": f"skipped: {outcome.skipped}"})
     return rows
 
 

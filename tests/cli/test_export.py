@@ -6,14 +6,30 @@ import sys
 
 import numpy as np
 import pytest
+import scipy.sparse as sp
 
 from pipeline.output.formats import _WRITERS
 from pipeline.reduction.body_file import load_body
 from pipeline.reduction.equivalent_model import equivalent_model, modes_of
+from pipeline.reduction.formats.exudyn_file import read_exudyn
 from pipeline.reduction.formats.mbdyn_file import read_mbdyn
+from pipeline.reduction.formats.netcdf_file import read_netcdf
 from pipeline.reduction.formats.sid_file import read_sid
 from pipeline.scene.outputs import EXPORT_FORMATS, MECHANISM_FORMATS, Export
 
+PART = """title = "part"
+[body.a]
+shape = "bar"
+length = "200 mm"
+depth = "20 mm"
+width = "10 mm"
+E = "210 GPa"
+nu = 0.3
+rho = "7800 kg/m^3"
+mesh = { divisions = [6, 1, 1] }
+modes = { count = 4 }
+marker = { root = { face = "x-" } }
+"""
 FEW = ("--set", "body.beam.mesh.divisions=[8,1,1]")
 
 
@@ -61,6 +77,21 @@ def test_a_body_is_written_for_every_program(fmd, tmp_path, capsys, to, file, ot
     assert sorted(path.name for path in tmp_path.iterdir()) == sorted(names)
     for name in names:
         assert str(tmp_path).encode() not in (tmp_path / name).read_bytes()
+
+
+@pytest.mark.parametrize(("to", "file", "read"), [("python", "a.nc", read_netcdf), ("exudyn", "a.npz", read_exudyn)])
+def test_a_part_without_a_joint_is_written_with_its_stress_and_again(fmd, tmp_path, to, file, read):
+    (tmp_path / "part.toml").write_text(PART)
+    assert fmd("export", tmp_path / "part.toml", "--to", to, "--out", tmp_path / file) == 0
+    first = read(tmp_path / file)
+    (tmp_path / "back.toml").write_text(
+        f'title = "b"\n[body.a]\nbody = {{ file = "{file}" }}\nmarker = {{ root = {{ node = "root" }} }}\n'
+    )
+    assert fmd("export", tmp_path / "back.toml", "--to", to, "--out", tmp_path / f"2{file}") == 0
+    again = read(tmp_path / f"2{file}")
+    assert np.abs(first.gram.S[:, 1:]).max() < 1e-6  # in mean axes
+    assert np.diag(again.K) == pytest.approx(np.diag(first.K), rel=1e-9)
+    assert np.abs(np.abs(again.stress) - np.abs(first.stress)).max() < 1e-8 * np.abs(first.stress).max()
 
 
 def test_openfast_takes_the_marker_that_is_named(fmd, tmp_path, capsys):
@@ -125,4 +156,20 @@ def test_a_reduced_body_has_no_matrices_to_write(fmd, tmp_path, capsys):
     assert again.gram.mass == pytest.approx(first.gram.mass, rel=1e-12)
     assert np.diag(again.K) == pytest.approx(modes_of(equivalent_model(first)).omega ** 2, rel=1e-9)
     assert fmd("mesh", scene) == 2
-    assert "is given by a file without elements" in capsys.readouterr().err
+    assert "is given by its file: without elements" in capsys.readouterr().err
+
+
+@pytest.mark.slow
+@pytest.mark.filterwarnings("ignore")
+def test_exudyn_takes_the_full_matrices(fmd, tmp_path, capsys):
+    FEM = pytest.importorskip("exudyn.FEM")
+    assert fmd("export", "beam", "--to", "full", "--out", tmp_path / "beam.npz", *FEW) == 0
+    fem = FEM.FEMinterface()
+    fem.nodes = {"Position": np.loadtxt(tmp_path / "beam-nodes.csv", delimiter=",", skiprows=1)[:, 1:]}
+    fem.stiffnessMatrix = sp.csr_matrix(sp.load_npz(tmp_path / "beam.npz"))
+    fem.massMatrix = sp.csr_matrix(sp.load_npz(tmp_path / "beam-mass.npz"))
+    fem.ComputeEigenmodes(nModes=6, excludeRigidBodyModes=6, useSparseSolver=True)
+    capsys.readouterr()
+    assert fmd("modes", "beam", "--json", *FEW, "--set", "body.beam.modes={count=6}") == 0
+    ours = json.loads(capsys.readouterr().out)["frequencies_hz"]
+    assert fem.GetEigenFrequenciesHz() == pytest.approx(ours, rel=1e-6)

@@ -3,11 +3,14 @@
 from __future__ import annotations
 
 import json
+import math
 import subprocess
 from pathlib import Path
 
+import numpy as np
 import pytest
 
+from pipeline import Pipeline
 from pipeline.cli.app import app
 from pipeline.scene.reading import list_ready_scenes
 from pipeline.scene.scene import load_scene
@@ -33,6 +36,35 @@ def test_a_ready_scene_can_be_the_start(fmd, tmp_path):
         assert load_scene(path).model_dump() == load_scene(name).model_dump()
 
 
+def test_a_scene_for_a_cad_part_has_its_faces_as_markers_and_runs(fmd, tmp_path, capsys):
+    """The marker of the hole is on the cylinder, and the part is as heavy as its volume says."""
+    from meshes.gmsh_session import gmsh_model
+
+    with gmsh_model("lug") as gmsh:
+        gmsh.option.setString("Geometry.OCCTargetUnit", "MM")  # else that of the model before may be written
+        occ = gmsh.model.occ
+        occ.cut([(3, occ.addBox(0, 0, 0, 60, 20, 10))], [(3, occ.addCylinder(10, 10, -1, 0, 0, 12, 5))])
+        occ.synchronize()
+        gmsh.write(str(tmp_path / "lug 1.step"))
+    path = tmp_path / "scenes" / "lug.toml"
+    assert fmd("new", path, "--from", tmp_path / "lug 1.step") == 0
+    scene = load_scene(path)
+    (body,) = scene.flexible.values()
+    assert {name: marker.face for name, marker in body.marker.items()} == {
+        name: name for name in ("xmin", "xmax", "ymin", "ymax", "zmin", "zmax", "hole-1")
+    }
+    assert (scene.joint["mount"].child, scene.simulation.tip) == ("lug-1.hole-1", "lug-1.xmax")
+    capsys.readouterr()
+    coarse = ["--set", "body.lug-1.mesh.size=6mm", "--set", "simulation.stiffening=off", "--set", "output=[]"]
+    assert fmd("run", path, *coarse, "--no-budget", "--out", tmp_path / "out", "--json") == 0
+    summary = json.loads(capsys.readouterr().out)
+    assert summary["final"]["time_s"] == pytest.approx(scene.simulation.duration)
+    part = Pipeline(load_scene(path, ["body.lug-1.mesh.size=6mm"])).part
+    assert part.mass == pytest.approx(7850 * (60 * 20 - math.pi * 25) * 10e-9, rel=1e-3)
+    radius = np.hypot(*(part.space.x[part.markers["hole-1"].nodes][:, :2] - 0.01).T)
+    assert radius == pytest.approx(0.005, rel=1e-6)
+
+
 def test_a_file_that_exists_is_left_alone(fmd, tmp_path, capsys):
     path = tmp_path / "part.toml"
     path.write_text("mine")
@@ -47,6 +79,8 @@ def test_a_file_that_exists_is_left_alone(fmd, tmp_path, capsys):
         (["part.txt"], "must end in .toml, e.g. part.toml"),
         (["part.toml", "--from", "beem"], "did you mean 'beam'"),
         (["file/part.toml"], "can't be written"),
+        (["part.toml", "--from", "none.step"], "none.step: no such file"),
+        (["part.toml", "--from", "part.docx"], "is no CAD file (.step"),
     ],
 )
 def test_a_wrong_start_is_refused(fmd, arguments, said, tmp_path, capsys, monkeypatch):

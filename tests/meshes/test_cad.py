@@ -38,7 +38,8 @@ def test_a_bore_is_one_face(path: Path) -> None:
     mesh = mesh_cad(path, 0.004, 1)
     radius = {name: np.hypot(*(mesh.points[np.unique(face)][:, :2] - 0.005).T) for name, face in mesh.faces.items()}
     bores = [name for name, r in radius.items() if np.abs(r - 0.002).max() < 1e-8]
-    assert len(bores) == 1
+    assert bores == ["face-7", "hole-1"]  # one by its number, with a name by its place
+    assert np.array_equal(*(mesh.faces[name] for name in bores))
 
 
 def test_a_mesh_comes_back_from_its_file(path: Path, tmp_path: Path) -> None:

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import csv
 import json
+import re
 from collections.abc import Callable
 from pathlib import Path
 from types import SimpleNamespace
@@ -16,7 +17,7 @@ import rainflow
 
 from pipeline import Pipeline, load_scene
 from pipeline.core.cache import Cache
-from pipeline.output.stress_fields import draw_envelope, draw_fatigue
+from pipeline.output.stress_fields import draw_envelope, draw_fatigue, field_warnings
 from pipeline.recovery.stress import stress_measure
 from tests.output.test_histories import SCENE
 
@@ -159,6 +160,24 @@ def test_a_part_that_nothing_damages_lasts(run: Pipeline, scene: Path, tmp_path:
     sn = output.sn.model_copy(update={"amplitude": 1e12, "slope_beyond": "infinite"})  # type: ignore[union-attr]
     draw_fatigue(run, output.model_copy(update={"sn": sn}), tmp_path, lambda *_, **settings: seen.append(settings))  # type: ignore[arg-type]
     assert seen[0]["label"] == "no damage anywhere"
+
+
+def test_output_times_too_far_apart_are_warned_of(scene: Path) -> None:
+    """On a stiff spring the bar swings nine times faster; the step that the warning gives resolves it."""
+    stiff = ["joint.hinge.spring=4000 N m", "joint.hinge.damper=0 N m s", "simulation.duration=64 ms"]
+
+    def run_with(step: str) -> Pipeline:
+        return Pipeline(load_scene(scene, [*stiff, f"simulation.output_step={step}"]), Cache(None))
+
+    coarse = run_with("8 ms")
+    (warning,) = field_warnings(coarse)
+    assert warning["code"] == "coarse-output-times"
+    (step,) = re.findall(r"output_step = '([^']+)'", warning["text"])
+    assert step != "8 ms"
+    assert field_warnings(run_with(step)) == []
+    stated = float(re.findall(r"may be ([\d.]+) %", warning["text"])[0])
+    missed = run_with("0.1 ms").envelope_of("bar").von_mises.max() / coarse.envelope_of("bar").von_mises.max() - 1.0
+    assert 100 * missed < 2.0 * stated
 
 
 @pytest.mark.parametrize(

@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 from pipeline.core.arrays import Array
-from pipeline.recovery.envelope import StressEnvelope, stress_envelope
+from pipeline.recovery.envelope import StressEnvelope, estimate_missed_peak, stress_envelope
 from pipeline.recovery.stress import StressHistory, stress_measure
 
 
@@ -71,3 +71,14 @@ def test_an_extreme_is_dated_by_its_first_occurrence() -> None:
     found = envelope_of(tensors)
     assert found.times[0] == pytest.approx([0.3, 0.3, 0.4])
     assert (found.von_mises[0], found.principal_1[0], found.principal_3[0]) == (2.0, 2.0, -1.0)
+
+
+@pytest.mark.parametrize("samples", [8, 16, 40])
+def test_the_peak_that_is_missed_between_output_times_is_estimated(samples: int) -> None:
+    """Of so many samples to a period, the top of a cosine half-way between two is 1 - cos(π/samples) above them."""
+    t = np.arange(40 * samples)
+    history = StressHistory(np.array([0]), np.eye(6)[None], t / samples, np.zeros((len(t), 6)))
+    history.q[:, 0] = np.cos(2 * np.pi * (t + 0.5) / samples)
+    true = 1.0 / np.cos(np.pi / samples) - 1.0
+    assert estimate_missed_peak(history, 0) == pytest.approx(true, rel=0.25)
+    assert estimate_missed_peak(StressHistory(history.nodes, history.modal, t[:2] * 1.0, history.q[:2]), 0) == 0.0

@@ -104,3 +104,26 @@ def test_values_from_the_command_line_reach_likenesses_and_may_differ_in_them(tm
 def test_faults_of_likenesses_are_told(tmp_path: Path, text: str, overrides: tuple[str, ...], message: str):
     with refused(message):
         scene_of(tmp_path, TWO + text, *overrides)
+
+
+def test_a_scene_sets_single_values_of_its_base(tmp_path: Path):
+    write(tmp_path, "mine.toml", 'title = "Mine"\nset = ["body.arm.nu=0.2"]\n' + ARM)
+    text = 'base = "mine.toml"\nset = ["body.arm.length=2 m", "body.arm.modes.count = 7"]\n'
+    scene = load_scene(write(tmp_path, "long.toml", text), ["body.arm.modes.count=8"])
+    arm = scene.flexible["arm"]
+    assert (arm.length, arm.nu, arm.modes.count, arm.E) == (2.0, 0.2, 8, 210e9)
+
+
+@pytest.mark.parametrize(
+    ("given", "message"),
+    [
+        ('["body.arm.nu=0.9"]', "mine.toml: body.arm.nu = 0.9: must be below 0.5"),
+        ('["body.leg.nu=0.3"]', "mine.toml: body.leg.nu: there is no 'leg'"),
+        ('["body.arm.nu"]', "mine.toml: set = 'body.arm.nu': must look like body.beam.length=300mm"),
+        ('"body.arm.nu=0.3"', "mine.toml: set: must be a list of texts"),
+    ],
+)
+def test_faults_of_single_values_name_the_file_that_sets_them(tmp_path: Path, given: str, message: str):
+    write(tmp_path, "base.toml", 'title = "Base"\n' + ARM)
+    with refused(message):
+        scene_of(tmp_path, f'base = "base.toml"\nset = {given}\n')

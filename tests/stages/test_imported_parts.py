@@ -41,6 +41,7 @@ def folder(tmp_path_factory) -> Path:
     """The strip as STEP, with the names that CAD programs give: of solids, of a face and its colour; and as a mesh."""
     folder = tmp_path_factory.mktemp("strip")
     with gmsh_model("strip") as gmsh:
+        gmsh.option.setString("Geometry.OCCTargetUnit", "MM")  # else that of the model before may be written
         occ = gmsh.model.occ
         first = occ.addBox(0, 0, 0, 10, 10, 10)
         occ.cut([(3, first)], [(3, occ.addCylinder(5, 5, -1, 0, 0, 12, 2))])

@@ -152,6 +152,8 @@ def test_a_bar_on_two_bearings_sags_as_by_beam_theory(tmp_path: Path) -> None:
     assert turned == pytest.approx(-weight / (24 * stiffness), rel=2e-3)  # shear adds what beam theory leaves out
     force = motion.closing_reactions["right"][:, 1, :3]
     assert force == pytest.approx(np.tile([0.0, weight / 2, 0.0], (len(q), 1)), abs=1e-5 * weight)
+    other = motion.joint_loads.reactions["left"][:, 1]
+    assert other == pytest.approx(np.tile([0.0, weight / 2, 0.0, 0.0, 0.0, 0.0], (len(q), 1)), abs=1e-5 * weight)
     assert motion.constraint_residual < 1e-13
 
 

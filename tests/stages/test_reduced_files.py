@@ -138,6 +138,27 @@ def test_stiffening_of_a_file_stays_in_its_frame(tmp_path: Path):
         scene_of(read_body("beam.SID_FEM", "1", "2"), "clamp", "on", tmp_path, "tip").bodies  # noqa: B018
 
 
+def test_stiffening_of_a_file_may_be_left_out(tmp_path: Path):
+    """The body is as the unstiffened one, and so hangs anywhere; a file that tells the sum alone is refused."""
+    write_format(scene_of(BEAM, "clamp", "on", tmp_path), "sid", "beam", tmp_path / "beam.SID_FEM")
+    plain = scene_of(BEAM, "clamp", "off", tmp_path).bodies["beam"]
+    back = scene_of(read_body("beam.SID_FEM", "1", "2"), "clamp", "off", tmp_path).bodies["beam"]
+    assert np.abs(np.abs(back.gram.G) - np.abs(plain.gram.G)).max() < 1e-10 * np.abs(plain.gram.G).max()
+    assert not back.markers["tip"].bow.size
+    elsewhere = scene_of(read_body("beam.SID_FEM", "1", "2"), "clamp", "off", tmp_path, "tip").bodies["beam"]
+    want = scene_of(BEAM, "clamp", "off", tmp_path, "tip").bodies["beam"]
+    assert elsewhere.omega == pytest.approx(want.omega, rel=1e-9)
+    text = (tmp_path / "beam.SID_FEM").read_text()
+    lines, inside = [], False
+    for line in text.splitlines():
+        inside = (inside or line.strip() == "Gr") and line.strip() != "end Gr"
+        if not (inside and "m1(" in line):
+            lines.append(line.replace("order = 1", "order = 0") if inside else line)
+    (tmp_path / "sum.SID_FEM").write_text("\n".join(lines))
+    with pytest.raises(InputError, match="can't be told apart from inertia in sum"):
+        scene_of(read_body("sum.SID_FEM", "1", "2"), "clamp", "off", tmp_path).bodies  # noqa: B018
+
+
 def test_damping_of_the_scene_goes_before_the_files(tmp_path: Path):
     write_format(scene_of(BEAM, "clamp", "off", tmp_path), "sid", "beam", tmp_path / "beam.SID_FEM")
     back = scene_of(read_body("beam.SID_FEM", "1", "2", "modes = { damping = 0.07 }"), "clamp", "off", tmp_path)

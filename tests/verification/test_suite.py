@@ -25,9 +25,22 @@ STEEL = Material(210e9, 0.3, 7800.0)
 @pytest.mark.parametrize("case", CASES)
 def test_each_case_keeps_its_tolerances(case: str) -> None:
     (outcome,) = run_cases([CASES[case]])
+    if outcome.skipped:
+        pytest.skip(outcome.skipped)
     require_tolerances([outcome])
     assert len(outcome.figures) >= 2
     assert all(np.isfinite([figure.ours, figure.published]).all() for figure in outcome.figures)
+
+
+def test_a_case_whose_program_is_missing_is_skipped_with_a_word(fmd, monkeypatch, tmp_path, capsys) -> None:
+    monkeypatch.setattr("pipeline.verification.functional_mockup.find_spec", lambda name: None)
+    assert fmd("verify", "fmu", "--out", tmp_path) == 0
+    printed = capsys.readouterr().out
+    assert "fmu skipped: FMPy, which runs FMUs, isn't installed; pip install fmpy" in printed
+    assert "0 figures of 0 cases" in printed
+    (row,) = json.loads((tmp_path / "verification.json").read_text())
+    assert row["holds"] is None
+    assert row["error"].startswith("skipped: ")
 
 
 def test_the_tolerances_mean_something() -> None:

@@ -6,6 +6,7 @@ modal damping, and ``inputs`` holds three places for each load and motion, those
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import dataclass, replace
 from functools import cached_property
 
@@ -16,9 +17,10 @@ from pipeline.dynamics.compiler.coordinates import Coordinates
 from pipeline.dynamics.compiler.differentiate import differentiate
 from pipeline.dynamics.compiler.external_quantities import (
     ElementStress,
-    Quantity,
+    ExternalQuantity,
     joint_quantities,
     marker_quantities,
+    reaction_quantities,
     stress_quantities,
 )
 from pipeline.dynamics.compiler.forces import JOINT_CONSTANTS
@@ -106,11 +108,17 @@ class ExternalMechanism:
         return inputs, trace_frames(inputs)
 
     @cached_property
-    def quantities(self) -> list[Quantity]:
-        """Positions and rates of joints, motion of markers and stress of elements."""
-        inputs, frames = self._plain
+    def _loaded(self) -> tuple[_ExternalCoordinates, list[MovingFrame]]:
+        inputs = self._coordinates(_with_marker_loads(self.mechanism, self.markers))
+        return inputs, trace_frames(inputs)
+
+    @cached_property
+    def quantities(self) -> list[ExternalQuantity]:
+        """Positions and rates of joints, what they transmit, motion of markers and stress of elements."""
+        inputs, frames = self._loaded
         return [
             *joint_quantities(inputs, frames),
+            *reaction_quantities(inputs, frames),
             *marker_quantities(inputs, frames),
             *stress_quantities(frames, self.stresses),
         ]
@@ -120,36 +128,41 @@ class ExternalMechanism:
         """Functions by their names.
 
         ``accelerations`` (constants, inputs, q, v; a) without and ``loaded_accelerations`` with forces on markers;
-        ``outputs`` (…; y), the values of `quantities`; and ``slopes``, the derivatives ``da`` and ``dy`` of both along
-        directions ``dconstants``, ``dinputs``, ``dq`` and ``dv``.
+        ``outputs`` (constants, inputs, q, v, a; y), the values of `quantities`; ``slopes``, the derivatives ``da`` of
+        the loaded accelerations along directions ``dconstants``, ``dinputs``, ``dq`` and ``dv``, and
+        ``output_slopes``, those ``dy`` of the outputs, ``da`` among the directions.
         """
-        plain, frames = self._plain
-        loaded_inputs = self._coordinates(_with_marker_loads(self.mechanism, self.markers))
-        free = self._accelerations("accelerations", plain, frames)
-        loaded = self._accelerations("loaded_accelerations", loaded_inputs, trace_frames(loaded_inputs))
+        loaded = self._accelerations("loaded_accelerations", *self._loaded)
         values = [Output(own.value, ("y", (k,))) for k, own in enumerate(self.quantities)]
-        both = [*loaded.outputs, *values]
-        seeds = direction_inputs(self._graph, _STATE)
-        slopes = differentiate(self._graph, [output.value for output in both], seeds)
-        along = [
-            Output(slope, (f"d{output.place[0]}", output.place[1])) for slope, output in zip(slopes, both, strict=True)
-        ]
-        directions = tuple(f"d{name}" for name in _STATE)
         return {
-            "accelerations": free,
+            "accelerations": self._accelerations("accelerations", *self._plain),
             "loaded_accelerations": loaded,
-            "outputs": Program("outputs", self._graph, (*_STATE, "y"), tuple(values)),
-            "slopes": Program("slopes", self._graph, (*_STATE, *directions, "da", "dy"), tuple(along)),
+            "outputs": Program("outputs", self._graph, (*_STATE, "a", "y"), tuple(values)),
+            "slopes": self._slopes("slopes", loaded.outputs, _STATE, "da"),
+            "output_slopes": self._slopes("output_slopes", values, (*_STATE, "a"), "dy"),
         }
+
+    def _slopes(self, name: str, outputs: Sequence[Output], state: tuple[str, ...], filled: str) -> Program:
+        seeds = direction_inputs(self._graph, state)
+        slopes = differentiate(self._graph, [output.value for output in outputs], seeds)
+        along = [Output(slope, (filled, output.place[1])) for slope, output in zip(slopes, outputs, strict=True)]
+        directions = tuple(f"d{argument}" for argument in state)
+        return Program(name, self._graph, (*state, *directions, filled), tuple(along))
 
     def _accelerations(self, name: str, inputs: Coordinates, frames: list[MovingFrame]) -> Program:
         traced = trace_program("accelerations", inputs, frames)
         return replace(traced, name=name, arguments=(*_STATE, "a"))
 
     def dependencies(self, value: Scalar) -> set[tuple[str, int]]:
-        """Return the arguments that a value depends on, each with its place."""
+        """Return the arguments that a value depends on, each with its place; ``a`` is what the accelerations take."""
+        found = self._arguments([value])
+        if any(argument == "a" for argument, _ in found):
+            found |= self._arguments([output.value for output in self.programs["loaded_accelerations"].outputs])
+        return {(argument, place) for argument, place in found if argument != "a"}
+
+    def _arguments(self, values: list[Scalar] | list[Scalar | Vector]) -> set[tuple[str, int]]:
         found: set[tuple[str, int]] = set()
-        for number in self._graph.live([value.node]):
+        for number in self._graph.live([value.node for value in values]):
             node = self._graph.nodes[number]
             if node.operation in ("input", "vector input"):
                 argument, places = node.data  # type: ignore[misc]

@@ -12,6 +12,7 @@ from pipeline.dynamics.compiler.differentiate import differentiate
 from pipeline.dynamics.compiler.forces import section_angle
 from pipeline.dynamics.compiler.frames import MovingFrame
 from pipeline.dynamics.compiler.graph import Scalar, Vector, total
+from pipeline.dynamics.compiler.joint_loads import trace_joint_loads
 from pipeline.dynamics.compiler.marker import trace_marker
 from pipeline.dynamics.links import FREE, ONE_AXIS, SPHERICAL
 
@@ -26,7 +27,7 @@ class ElementStress(NamedTuple):
     modal: Array  # (6, n_modes): xx, yy, zz, yz, xz, xy [Pa] for unit modal coordinates
 
 
-class Quantity(NamedTuple):
+class ExternalQuantity(NamedTuple):
     """A quantity that the functions give: of a joint, a marker or an element.
 
     Attributes
@@ -36,8 +37,8 @@ class Quantity(NamedTuple):
     place : str
         Name of the marker or element, empty for a joint.
     kind : str
-        ``position``, ``rate``, ``velocity``, ``rotation``, ``angular_velocity``, ``displacement``, ``stress`` or
-        ``von_mises``.
+        ``position``, ``rate``, ``reaction_force``, ``reaction_moment``, ``velocity``, ``rotation``,
+        ``angular_velocity``, ``displacement``, ``stress`` or ``von_mises``.
     indices : tuple of int
         Which of its numbers, from 1.
     value : Scalar
@@ -90,7 +91,7 @@ def _position_rates(inputs: Coordinates) -> dict[int, Scalar]:
     return rates
 
 
-def joint_quantities(inputs: Coordinates, frames: list[MovingFrame]) -> list[Quantity]:
+def joint_quantities(inputs: Coordinates, frames: list[MovingFrame]) -> list[ExternalQuantity]:
     """Trace positions and rates of the joints with one axis."""
     found = []
     for frame in frames:
@@ -98,12 +99,21 @@ def joint_quantities(inputs: Coordinates, frames: list[MovingFrame]) -> list[Qua
         if link.joint not in ONE_AXIS:
             continue
         (own,) = inputs.joint_positions(frame.number) if link.motion is None else inputs.signal(link.motion)
-        found.append(Quantity(frame.number, "", "position", (), own + section_angle(inputs.graph, frame)))
+        found.append(ExternalQuantity(frame.number, "", "position", (), own + section_angle(inputs.graph, frame)))
     rates = _rates(inputs, [own.value for own in found])
     return [*found, *(own._replace(kind="rate", value=rate) for own, rate in zip(found, rates, strict=True))]
 
 
-def marker_quantities(inputs: Coordinates, frames: list[MovingFrame]) -> list[Quantity]:
+def reaction_quantities(inputs: Coordinates, frames: list[MovingFrame]) -> list[ExternalQuantity]:
+    """Trace force and moment of each joint on its child, in space, about the joint's place on it."""
+    found = []
+    for number, (_, _, on_body) in enumerate(trace_joint_loads(inputs, frames)):
+        found += _vector(number, "", "reaction_force", on_body[:3])
+        found += _vector(number, "", "reaction_moment", on_body[3:])
+    return found
+
+
+def marker_quantities(inputs: Coordinates, frames: list[MovingFrame]) -> list[ExternalQuantity]:
     """Trace place, velocity, rotation, angular velocity and displacement of each marker."""
     found = []
     for frame in frames:
@@ -119,7 +129,9 @@ def marker_quantities(inputs: Coordinates, frames: list[MovingFrame]) -> list[Qu
     return found
 
 
-def _motion_of_marker(inputs: Coordinates, body: int, name: str, position: Vector3, rotation: Matrix) -> list[Quantity]:
+def _motion_of_marker(
+    inputs: Coordinates, body: int, name: str, position: Vector3, rotation: Matrix
+) -> list[ExternalQuantity]:
     entries = [x for row in rotation for x in row]
     rates = _rates(inputs, [*position, *entries])
     velocity, turning = rates[:3], [rates[3 + 3 * k : 6 + 3 * k] for k in range(3)]
@@ -128,12 +140,12 @@ def _motion_of_marker(inputs: Coordinates, body: int, name: str, position: Vecto
     return [
         *_vector(body, name, "position", position),
         *_vector(body, name, "velocity", velocity),
-        *(Quantity(body, name, "rotation", at, x) for at, x in zip(indices, entries, strict=True)),
+        *(ExternalQuantity(body, name, "rotation", at, x) for at, x in zip(indices, entries, strict=True)),
         *_vector(body, name, "angular_velocity", [spin[2][1], spin[0][2], spin[1][0]]),
     ]
 
 
-def stress_quantities(frames: list[MovingFrame], stresses: tuple[ElementStress, ...]) -> list[Quantity]:
+def stress_quantities(frames: list[MovingFrame], stresses: tuple[ElementStress, ...]) -> list[ExternalQuantity]:
     """Trace stress and von Mises stress of named elements."""
     found = []
     for own in stresses:
@@ -144,12 +156,12 @@ def stress_quantities(frames: list[MovingFrame], stresses: tuple[ElementStress, 
         shear = total([yz * yz, xz * xz, xy * xy])
         square = normal * 0.5 + shear * 3.0
         found += _vector(own.body, own.name, "stress", parts)
-        found.append(Quantity(own.body, own.name, "von_mises", (), (square + _TINY).apply("sqrt")))
+        found.append(ExternalQuantity(own.body, own.name, "von_mises", (), (square + _TINY).apply("sqrt")))
     return found
 
 
-def _vector(body: int, place: str, kind: str, values: list[Scalar]) -> list[Quantity]:
-    return [Quantity(body, place, kind, (k + 1,), value) for k, value in enumerate(values)]
+def _vector(body: int, place: str, kind: str, values: list[Scalar]) -> list[ExternalQuantity]:
+    return [ExternalQuantity(body, place, kind, (k + 1,), value) for k, value in enumerate(values)]
 
 
 def _scalar(value: Scalar | Vector) -> Scalar:

@@ -55,25 +55,41 @@ def has_zig() -> bool:
 
 
 def build_binaries(sources: Mapping[str, str], identifier: str) -> dict[str, bytes]:
-    """Compile C sources to shared libraries, by the names of their systems.
+    """Compile C sources to shared libraries for all systems by Zig, or without it for this one.
 
-    Without the ziglang package that is a library for this system, by ``$CC``, cc or gcc; without these, none.
+    Returns
+    -------
+    dict of str to bytes
+        Libraries by the names of their systems; none without any compiler.
 
     Raises
     ------
     InputError
-        The compiler fails; the message has its first line.
+        The compiler fails; the message has the line that says why.
     """
+    if has_zig():
+        return _compile_for(sources, identifier, {target: _zig(target) for target in TARGETS})
+    return build_own_binary(sources, identifier)
+
+
+def build_own_binary(sources: Mapping[str, str], identifier: str) -> dict[str, bytes]:
+    """Compile C sources for this system alone, by ``$CC``, cc, gcc or Zig; as `build_binaries`."""
+    own = own_target()
+    compiler = os.environ.get("CC") or shutil.which("cc") or shutil.which("gcc")
+    if own is None or (compiler is None and not has_zig()):
+        return {}
+    return _compile_for(sources, identifier, {own: [compiler] if compiler else _zig(own)})
+
+
+def _compile_for(
+    sources: Mapping[str, str], identifier: str, compilers: Mapping[Target, Sequence[str]]
+) -> dict[str, bytes]:
     with TemporaryDirectory(prefix="fmd-fmu-") as folder:
         for name, text in sources.items():
             (Path(folder) / name).write_text(text, encoding="utf-8")
-        if has_zig():
-            return {target.name: _compile_with_zig(Path(folder), identifier, target) for target in TARGETS}
-        compiler = os.environ.get("CC") or shutil.which("cc") or shutil.which("gcc")
-        own = own_target()
-        if compiler is None or own is None:
-            return {}
-        return {own.name: _compile([compiler], Path(folder), identifier, own)}
+        return {
+            target.name: _compile(compiler, Path(folder), identifier, target) for target, compiler in compilers.items()
+        }
 
 
 def own_target() -> Target | None:
@@ -83,8 +99,8 @@ def own_target() -> Target | None:
     return next((target for target in TARGETS if target.name == f"{processor}-{system}"), None)
 
 
-def _compile_with_zig(folder: Path, identifier: str, target: Target) -> bytes:
-    return _compile([sys.executable, "-m", "ziglang", "cc", "-target", target.triple], folder, identifier, target)
+def _zig(target: Target) -> list[str]:
+    return [sys.executable, "-m", "ziglang", "cc", "-target", target.triple]
 
 
 def _compile(compiler: Sequence[str], folder: Path, identifier: str, target: Target) -> bytes:

@@ -5,7 +5,7 @@ from __future__ import annotations
 from typing import NamedTuple
 from xml.etree.ElementTree import Element, SubElement, indent, tostring
 
-from pipeline.output.fmu.variables import Interface, Variable, units_of
+from pipeline.output.fmu.variables import FmuVariable, Interface, units_of
 
 
 class Heading(NamedTuple):
@@ -68,7 +68,7 @@ def describe_fmi2(heading: Heading, interface: Interface) -> bytes:
     return _bytes(root)
 
 
-def _add_unknowns(structure: Element, kind: str, members: list[Variable]) -> None:
+def _add_unknowns(structure: Element, kind: str, members: list[FmuVariable]) -> None:
     if not members:
         return
     group = SubElement(structure, kind)
@@ -134,13 +134,13 @@ def describe_build(heading: Heading) -> bytes:
     return _bytes(root)
 
 
-def _common(own: Variable) -> dict[str, str]:
+def _common(own: FmuVariable) -> dict[str, str]:
     found = {"unit": own.unit} if own.unit else {}
     found |= {"start": repr(own.start)} if own.start is not None else {}
     return found | ({"nominal": repr(own.nominal)} if own.nominal != 1.0 else {})
 
 
-def _say(entry: Element, own: Variable) -> None:
+def _say(entry: Element, own: FmuVariable) -> None:
     if own.description:
         entry.set("description", own.description)
 

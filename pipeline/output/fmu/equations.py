@@ -60,7 +60,6 @@ def write_equations(
         "N_CONSTANTS": len(external.constants),
         "N_PARAMETERS": len(interface.parameters),
         "N_OUTPUTS": len(external.quantities),
-        "N_BREAKPOINTS": len(breakpoints),
         "N_QUATERNIONS": len(quaternions),
         "N_GROUPS": n_groups,
         "N_KINDS": n_kinds,
@@ -72,7 +71,7 @@ def write_equations(
         "start_states": np.concatenate(start),
         "nominal_states": nominal,
         "start_parameters": np.array(interface.parameters),
-        "breakpoints": np.array(breakpoints),
+        "breakpoints": np.array([*breakpoints, np.inf]),
     }
     numbers = {
         "input_places": np.array(interface.input_places, dtype=np.int64),

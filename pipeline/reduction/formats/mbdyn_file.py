@@ -20,9 +20,8 @@ from pipeline.core.arrays import EPSILON, Array
 from pipeline.core.errors import InputError
 from pipeline.core.files import whole_file
 from pipeline.reduction.body import MarkerShapes
-from pipeline.reduction.equivalent_model import function_products
 from pipeline.reduction.inertia import InertiaGram
-from pipeline.reduction.modal_data import ModalData
+from pipeline.reduction.modal_data import ModalData, function_products
 
 _GROUP = re.compile(r"\*\*\s*RECORD GROUP\s*(\d+)")
 _NAMES = {

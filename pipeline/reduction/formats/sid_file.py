@@ -21,7 +21,7 @@ from pipeline.reduction.formats.sid_terms import PARTS, Taylor, modal_data_of, s
 from pipeline.reduction.modal_data import ModalData
 
 _ENTRY = re.compile(r"m([01])\s*\(\s*(\d+)\s*,\s*(\d+)\s*(?:,\s*(\d+)\s*)?\)$")
-_MOST_ENTRIES = 10**8
+_MOST_ENTRIES = 10**7
 _OF_NODES = ("origin", "phi", "psi", "AP", "sigma")
 _ZERO, _DIAGONAL, _SYMMETRIC, _FULL, _UNIT = range(5)
 

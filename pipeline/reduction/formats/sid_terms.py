@@ -68,8 +68,9 @@ def sid_terms(data: ModalData) -> dict[str, Taylor]:
     curl = gram.curl if gram.curl.size else np.zeros((3, n, n))
     P = G[:, :, 0, 0]
     # ∫ x̃ φ̃_j dm = ∫ φ_j xᵀ dm − 1 ∫ x·φ_j dm, for the undeformed body and by another mode.
+    pure = modal + gram.stiffening if gram.stiffening.size else modal
     C4 = mixed.transpose(1, 0, 2) - np.eye(3)[:, :, None] * np.einsum("aaj->j", mixed)
-    C6 = modal.transpose(1, 0, 2, 3) - np.eye(3)[:, :, None, None] * np.einsum("aakj->kj", modal)
+    C6 = pure.transpose(1, 0, 2, 3) - np.eye(3)[:, :, None, None] * np.einsum("aakj->kj", pure)
     J1 = -(C4 + C4.transpose(1, 0, 2))
     turns = rate_turns(modal)
     return {
@@ -132,8 +133,7 @@ def modal_data_of(mass: float, terms: Mapping[str, Taylor], nodes: Mapping[str, 
         *_compare("the first order of mdCM", first["mdCM"][:, :, 0], Ct.M0.T, "Ct"),
         *(_compare("the first order of J", J.M1, J1.transpose(0, 2, 1), "Oe") if J.order else ()),
     ]
-    loss = terms["Me"].M0 - np.einsum("aaij->ij", modal)
-    stiffening = np.eye(3)[:, :, None, None] * loss / 3  # its trace is all that the equations of motion take
+    stiffening, exact = _stiffening(terms["Gr"], terms["Me"].M0, modal, scale)
     bow = first["Ct"].transpose(2, 0, 1)
     curl = first["Cr"].transpose(2, 0, 1) - turns.transpose(0, 2, 1) if Cr.order else np.zeros((3, n, n))
     second: dict[str, Any] = {}
@@ -142,7 +142,8 @@ def modal_data_of(mass: float, terms: Mapping[str, Taylor], nodes: Mapping[str, 
             second[name] = 0.5 * (term + term.swapaxes(-1, -2))
     gram = InertiaGram(G, S, mass, **second)
     bound = bool(second) or any(node.bow.any() for node in nodes.values())
-    return ModalData(gram, terms["Ke"].M0, terms["De"].M0, nodes, tuple(notes), bound)
+    separable = exact or "stiffening" not in second
+    return ModalData(gram, terms["Ke"].M0, terms["De"].M0, nodes, tuple(notes), bound, separable)
 
 
 def _tensor(J: Taylor) -> Taylor:
@@ -151,6 +152,24 @@ def _tensor(J: Taylor) -> Taylor:
         return J
     place = np.array([[0, 3, 4], [3, 1, 5], [4, 5, 2]])
     return Taylor(J.M0[place, 0], np.moveaxis(J.M1[place, :, 0], 2, 1) if J.order else J.M1)
+
+
+def _stiffening(Gr: Taylor, Me: Array, modal: Array, scale: float) -> tuple[Array, bool]:
+    """Geometric stiffness that is in the first order of Oe, shape (3, 3, n, n), and if it is known axis by axis.
+
+    The first order of Gr has the same integrals without it, where a file holds it. Else only their sum is known, from
+    Me, which is all that the equations of motion in the file's own frame take.
+    """
+    n = len(Me)
+    loss = Me - np.einsum("aaij->ij", modal)
+    if Gr.order:
+        C6 = -0.5 * Gr.M1.reshape(3, n, n, 3).transpose(0, 3, 1, 2)
+        pure = C6.transpose(1, 0, 2, 3) - 0.5 * np.eye(3)[:, :, None, None] * np.einsum("aakj->kj", C6)
+        found = pure - modal
+        found = 0.25 * (found + found.transpose(1, 0, 2, 3) + found.swapaxes(2, 3) + found.transpose(1, 0, 3, 2))
+        if np.abs(np.einsum("aaij->ij", found) - loss).max(initial=0.0) < _AGREE * scale:
+            return np.asarray(found), True
+    return np.asarray(np.eye(3)[:, :, None, None] * loss / 3), False
 
 
 def _turns(Ge: Array, scale: float) -> Array:

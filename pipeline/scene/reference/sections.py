@@ -84,7 +84,8 @@ charts, pictures and files that are wanted. `fmd new my-part.toml` writes a comm
   `--set simulation.run.1.substeps=7`. Items of a list count from 0.
 - **Variants** of another scene start with `base = "./mine.toml"`, its path from this file, or with a ready scene's
   name, `base = "propeller"`. Tables of the first level that the file doesn't hold, such as `body` or `output`, come
-  from that scene. The ready scenes are {ready}.
+  from that scene. `set = ["body.beam.length=300mm"]` beside `title` replaces single values of it, as `--set` does.
+  The ready scenes are {ready}.
 - **Mistakes** are refused, unknown keys too, by one message with the file, the key, the value and what would work.
 
 The tables below give each key's values, its SI unit and its default. A key with a dash may be left out.

@@ -65,6 +65,10 @@ def test_exudyn_computes_the_same_integrals_and_loads_the_file(file: Path, capsy
         want, found = getattr(theirs, name), getattr(loaded, name)
         want = want.toarray() if sp.issparse(want) else np.asarray(want)
         assert np.abs(found - want).max() < 1e-13 * np.abs(want).max(), name
+    theirs.SaveToFile(str(file.with_name("theirs.npz")))
+    back = read_exudyn(file.with_name("theirs.npz"))
+    assert np.abs(back.gram.G - BODY.gram.G).max() < 1e-12 * np.abs(BODY.gram.G).max()
+    assert len(back.nodes) == len(BODY.x)
     assert loaded.nModes == N_MODES
     assert loaded.nNodes == len(BODY.x) + 8
 

@@ -14,7 +14,7 @@ from pipeline.dynamics.mechanism import Mechanism
 from pipeline.fem.assembly import assemble
 from pipeline.integrators.protocol import evaluate
 from pipeline.reduction.formats.sid_file import read_sid, write_sid
-from pipeline.reduction.formats.sid_terms import equations_of_motion, modal_data_of, sid_terms
+from pipeline.reduction.formats.sid_terms import Taylor, equations_of_motion, modal_data_of, sid_terms
 from pipeline.reduction.inertia import inertia_gram
 from pipeline.reduction.modal_data import ModalData
 from tests.reduction.formats.bodies_of_points import N_MODES, point_body, stiffened
@@ -123,11 +123,21 @@ def test_a_floating_body_accelerates_as_the_compiled_one_to_first_order():
 def test_the_integrals_come_back_from_the_terms():
     data = stiffened(BODY.data)
     back = modal_data_of(data.gram.mass, sid_terms(data), {})
-    for name in ("G", "S", "bow", "curl"):
+    for name in ("G", "S", "stiffening", "bow", "curl"):
         want = getattr(data.gram, name)
-        assert np.abs(getattr(back.gram, name) - want).max() < 1e-12 * np.abs(want).max(), name
+        assert np.abs(getattr(back.gram, name) - want).max() < 1e-12 * np.abs(data.gram.G).max(), name
     assert np.abs(back.M - data.M).max() < 1e-12
     assert back.notes == ()
+
+
+def test_without_the_first_order_of_gr_only_the_sum_of_stiffening_is_known():
+    data = stiffened(BODY.data)
+    terms = sid_terms(data)
+    terms["Gr"] = Taylor(terms["Gr"].M0)
+    back = modal_data_of(data.gram.mass, terms, {})
+    trace, want = (np.einsum("aaij->ij", gram.stiffening) for gram in (back.gram, data.gram))
+    assert np.abs(trace - want).max() < 1e-12 * np.abs(data.gram.G).max()
+    assert np.abs(back.gram.G - data.gram.G).max() < 1e-12 * np.abs(data.gram.G).max()
 
 
 @pytest.fixture
@@ -231,3 +241,30 @@ def test_a_bad_file_is_refused_in_one_line(file: Path, change, message: str):
 def test_a_file_that_is_not_there_is_refused(tmp_path: Path):
     with pytest.raises(InputError, match="can't be read: No such file"):
         read_sid(tmp_path / "none.SID_FEM")
+
+
+@pytest.mark.slow
+@pytest.mark.filterwarnings("ignore")
+def test_what_the_wind_turbine_library_writes_is_read(tmp_path: Path):
+    """A tapered beam on end with two bending shapes each way, by the other dialect's best known writer."""
+    sid = pytest.importorskip("welib.yams.sid")
+    z = np.r_[0.0, (np.arange(20) + 0.5) * 2.5, 50.0]  # middles of equal elements, and both ends
+    s = z / z[-1]
+    U, dU, ddU = (np.zeros((2, 3, len(z))) for _ in range(3))
+    U[0, 0], dU[0, 0], ddU[0, 0] = s**2, 2 * s / 50, np.full_like(s, 2 / 50**2)
+    U[1, 1], dU[1, 1], ddU[1, 1] = s**3, 3 * s**2 / 50, 6 * s / 50**2
+    line = np.zeros((3, len(z)))
+    line[2] = z
+    theirs = sid.BeamShapes2SID(line, z, 4000 - 2000 * s, np.full((3, len(z)), 1e10), U, dU, ddU, "OpenFAST")
+    path = tmp_path / "beam.SID_FEM"
+    path.write_text(str(theirs).replace("-0.000000", " 0.000000"))
+    back = read_sid(path)
+    assert back.notes == ()
+    assert len(back.nodes) == 20
+    found = sid_terms(back)
+    for name in ("mdCM", "J", "Ct", "Cr", "Me", "Gr", "Ge", "Oe", "Ke"):
+        want = getattr(theirs, name)
+        assert np.abs(found[name].M0 - want.M0).max() <= 1e-8 * np.abs(want.M0).max(), name
+        if want.order:
+            first = want.M1.transpose(0, 2, 1)
+            assert np.abs(found[name].M1 - first).max() <= 1e-8 * np.abs(first).max(), name

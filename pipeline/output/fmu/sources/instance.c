@@ -42,6 +42,13 @@ void instance_changed(Instance *instance)
     instance->has_derivatives = instance->has_outputs = 0;
 }
 
+static void compute_derivatives(Instance *instance)
+{
+    if (!instance->has_derivatives)
+        model_present_derivatives(&instance->model, instance->derivatives);
+    instance->has_derivatives = 1;
+}
+
 int instance_get(Instance *instance, unsigned reference, double *value)
 {
     const Model *m = &instance->model;
@@ -50,17 +57,16 @@ int instance_get(Instance *instance, unsigned reference, double *value)
     else if (reference < FIRST_DERIVATIVE)
         *value = m->x[reference - FIRST_STATE];
     else if (reference < FIRST_INPUT) {
-        if (!instance->has_derivatives)
-            model_present_derivatives(m, instance->derivatives);
-        instance->has_derivatives = 1;
+        compute_derivatives(instance);
         *value = instance->derivatives[reference - FIRST_DERIVATIVE];
     } else if (reference < FIRST_PARAMETER)
         *value = m->u[reference - FIRST_INPUT];
     else if (reference < FIRST_OUTPUT)
         *value = m->p[reference - FIRST_PARAMETER];
     else if (reference < END_OF_VALUES) {
+        compute_derivatives(instance);
         if (!instance->has_outputs)
-            model_outputs(m, instance->outputs);
+            model_outputs(m, instance->derivatives, instance->outputs);
         instance->has_outputs = 1;
         *value = instance->outputs[reference - FIRST_OUTPUT];
     } else

@@ -28,7 +28,13 @@ void model_reset(Model *m)
     m->next_step = FIRST_STEP;
 }
 
-/* Value, rate and acceleration of every load and motion. */
+static void set_marker_inputs(const Model *m, double *inputs)
+{
+    for (int k = N_FIRST_MARKER_INPUT; k < N_INPUTS; ++k)
+        inputs[input_places[k]] = m->u[k];
+}
+
+/* Value, rate and acceleration of every load and motion; those on markers only where one acts. */
 static void set_inputs(const Model *m, double time, double *inputs)
 {
     own_signals(time, inputs);
@@ -38,8 +44,7 @@ static void set_inputs(const Model *m, double time, double *inputs)
     for (int k = 0; k < N_FIRST_MARKER_INPUT; ++k)
         inputs[input_places[k]] += m->u[k];
     if (m->loaded)
-        for (int k = N_FIRST_MARKER_INPUT; k < N_INPUTS; ++k)
-            inputs[input_places[k]] = m->u[k];
+        set_marker_inputs(m, inputs);
 }
 
 /* Positions with unit quaternions; they are the given ones where there are none. */
@@ -104,7 +109,7 @@ static double present_side(const Model *m)
     const double t = m->time;
     if (m->passed > 0 && t <= breakpoints[m->passed - 1] + CLOSE(t))
         return just_after(fmax(t, breakpoints[m->passed - 1]));
-    if (m->passed < N_BREAKPOINTS && fabs(t - breakpoints[m->passed]) <= CLOSE(t))
+    if (fabs(t - breakpoints[m->passed]) <= CLOSE(t))
         return just_before(fmin(t, breakpoints[m->passed]));
     return t;
 }
@@ -114,11 +119,12 @@ void model_present_derivatives(const Model *m, double *dx)
     model_derivatives(m, present_side(m), m->x, dx);
 }
 
-void model_outputs(const Model *m, double *y)
+void model_outputs(const Model *m, const double *dx, double *y)
 {
     double inputs[3 * N_SIGNALS + 1], room[N_POSITIONS];
     set_inputs(m, present_side(m), inputs);
-    const double *const in[] = {m->p, inputs, unit_positions(m->x, room), m->x + N_POSITIONS};
+    set_marker_inputs(m, inputs);
+    const double *const in[] = {m->p, inputs, unit_positions(m->x, room), m->x + N_POSITIONS, dx + N_POSITIONS};
     double *const out[] = {y};
     outputs(in, out);
 }
@@ -126,12 +132,10 @@ void model_outputs(const Model *m, double *y)
 void model_slopes(const Model *m, const double *x_change, const double *u_change, const double *p_change, double *dx,
                   double *dy)
 {
-    double inputs[3 * N_SIGNALS + 1], changes[3 * N_SIGNALS + 1], room[N_POSITIONS], moved[N_POSITIONS];
+    double inputs[3 * N_SIGNALS + 1], changes[3 * N_SIGNALS + 1], room[N_POSITIONS], moved[N_POSITIONS], now[N_STATES];
     const double *q = unit_positions(m->x, room), *v = m->x + N_POSITIONS, *dv = x_change + N_POSITIONS;
     set_inputs(m, present_side(m), inputs);
-    if (!m->loaded)
-        for (int k = 3 * N_OWN; k < 3 * N_SIGNALS; ++k)
-            inputs[k] = 0.0;
+    set_marker_inputs(m, inputs);
     memset(changes, 0, sizeof changes);
     own_signals(present_side(m), changes);
     for (int k = 0; k < N_OWN; ++k)
@@ -158,8 +162,12 @@ void model_slopes(const Model *m, const double *x_change, const double *u_change
     }
 #endif
     const double *const in[] = {m->p, inputs, q, v, p_change, changes, moved, dv};
-    double *const out[] = {dx + N_POSITIONS, dy};
+    double *const out[] = {dx + N_POSITIONS};
     slopes(in, out);
+    model_present_derivatives(m, now);
+    const double *const given[] = {m->p, inputs, q, v, now + N_POSITIONS, p_change, changes, moved, dv, dx + N_POSITIONS};
+    double *const changed[] = {dy};
+    output_slopes(given, changed);
 }
 
 int model_set(Model *m, unsigned reference, double value)
@@ -192,7 +200,7 @@ int model_set(Model *m, unsigned reference, double value)
 double model_pass_breakpoints(Model *m)
 {
     m->passed = 0;
-    while (m->passed < N_BREAKPOINTS && breakpoints[m->passed] <= m->time + CLOSE(m->time))
+    while (breakpoints[m->passed] <= m->time + CLOSE(m->time)) /* the last one is infinity */
         ++m->passed;
-    return m->passed < N_BREAKPOINTS ? breakpoints[m->passed] : INFINITY;
+    return breakpoints[m->passed];
 }

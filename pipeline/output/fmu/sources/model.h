@@ -26,7 +26,7 @@ typedef struct {
     double x[N_STATES];
     double u[N_INPUTS + 1];
     double p[N_PARAMETERS];
-    int passed;   /* breakpoints of the loads that lie behind */
+    unsigned passed; /* breakpoints of the loads that lie behind */
     int loaded;   /* forces act on markers */
     int wide;     /* this processor has wide vectors */
 
@@ -35,7 +35,7 @@ typedef struct {
     int steady;   /* nothing was set between the last two calls: the last step may lead beyond their end */
     int fresh;    /* the first slope of the next step has to be evaluated */
     int prepared; /* coefficients of the last step's interpolation are there */
-    int done;     /* breakpoints behind `reached` */
+    unsigned done; /* breakpoints behind `reached` */
     double reached, begun, next_step;
     double n_steps, n_evaluations;
     double largest[N_GROUPS];
@@ -53,8 +53,8 @@ void model_derivatives(const Model *m, double time, const double *x, double *dx)
 /* Derivatives at the present time, on the side of a jump of the loads that the simulation is on. */
 void model_present_derivatives(const Model *m, double *dx);
 
-/* Outputs at the present time. */
-void model_outputs(const Model *m, double *y);
+/* Outputs at the present time, where the derivatives are dx. */
+void model_outputs(const Model *m, const double *dx, double *y);
 
 /* Change of derivatives and outputs with states, inputs and parameters. */
 void model_slopes(const Model *m, const double *x_change, const double *u_change, const double *p_change, double *dx,

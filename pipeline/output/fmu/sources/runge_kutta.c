@@ -183,7 +183,7 @@ int model_advance(Model *m, double target)
         m->restart = 0;
     }
     while (m->reached < target) {
-        double stop = m->done < N_BREAKPOINTS ? breakpoints[m->done] : INFINITY;
+        double stop = breakpoints[m->done];
         int is_break = 1;
         if (restarted && !m->steady && target < stop) { /* something is set at each call: to go beyond would be lost */
             stop = target;

@@ -2,11 +2,7 @@
 
 from __future__ import annotations
 
-import subprocess
-import sys
-import tempfile
 from collections.abc import Mapping
-from pathlib import Path
 from typing import TYPE_CHECKING
 
 import numpy as np
@@ -14,13 +10,13 @@ import numpy as np
 from pipeline.core.arrays import IntArray
 from pipeline.core.errors import InputError
 from pipeline.core.units import unit_ratio
-from pipeline.fem.formats.raw_mesh import MeshFileError, RawMesh
 from pipeline.fem.material import AnyMaterial, Material, MaterialOfElements
 from pipeline.fem.mesh import SolidMesh
 from pipeline.scene.imported_bodies import CadPart, MatrixPart, MeshedPart
 from pipeline.scene.reading import suggest_name
 from pipeline.scene.reduced_bodies import ReducedPart
 from pipeline.scene.source_files import SourceFiles
+from pipeline.stages.meshing.cad_files import mesh_cad_file
 
 if TYPE_CHECKING:
     from meshes.gmsh_session import MeshArrays
@@ -28,8 +24,6 @@ if TYPE_CHECKING:
     from pipeline.scene.any_body import Flexible
     from pipeline.scene.bodies import Bar
     from pipeline.scene.propeller import Propeller
-
-_MOST_SECONDS = 1800
 
 
 def make_mesh(shape: Flexible, source: SourceFiles | None) -> SolidMesh:
@@ -41,7 +35,7 @@ def make_mesh(shape: Flexible, source: SourceFiles | None) -> SolidMesh:
         return read_mesh(source.path, unit_ratio(shape.mesh.unit, "m"), shape.mesh.repair)
     if shape.shape == "cad":
         assert source is not None
-        return _from_cad(source.path, shape.mesh.size, shape.mesh.order)
+        return mesh_cad_file(source.path, shape.mesh.size, shape.mesh.order)
     assert not isinstance(shape, MatrixPart | ReducedPart)
     return SolidMesh(*_mesh_arrays(shape))
 
@@ -131,30 +125,3 @@ def _mesh_arrays(part: Bar | Propeller) -> MeshArrays:
         return hexahedral_bar(*size, part.mesh.divisions)
     assert part.mesh.size is not None
     return tetrahedral_bar(*size, part.mesh.size)
-
-
-def _from_cad(path: Path, size: float, order: int) -> SolidMesh:
-    """Mesh a CAD file by Gmsh in a process of its own, and check what comes as a mesh from a file is checked."""
-    from meshes.cad import SUFFIXES, load
-    from pipeline.fem.formats.import_mesh import solid_mesh
-
-    if path.suffix.lower() not in SUFFIXES:
-        raise InputError(str(path), "", None, f"is no CAD file that is read; these are: {' '.join(SUFFIXES)}")
-    with tempfile.TemporaryDirectory(prefix="fmd-") as folder:
-        arrays = Path(folder) / "arrays.npz"
-        command = [sys.executable, "-P", "-m", "meshes.cad", str(path.resolve()), str(arrays), repr(size), str(order)]
-        try:
-            done = subprocess.run(command, capture_output=True, check=False, timeout=_MOST_SECONDS)
-        except subprocess.TimeoutExpired:
-            raise InputError(str(path), "", None, f"wasn't meshed in {_MOST_SECONDS} s; take a larger size") from None
-        if done.returncode != 0 or not arrays.is_file():
-            said = done.stderr.decode(errors="replace").strip()
-            raise InputError(str(path), "", None, said or "Gmsh's OpenCASCADE stopped on it; is it damaged?")
-        mesh = load(arrays)
-    cell_type = {1: "tetra", 2: "tetra10"}[order]
-    raw = RawMesh(mesh.points, [(cell_type, mesh.cells)], {name: [cells] for name, cells in mesh.parts.items()})
-    raw.facet_sets = {name: [corners] for name, corners in mesh.faces.items()}
-    try:
-        return solid_mesh(raw, 1.0, repair=True)
-    except MeshFileError as error:
-        raise InputError(str(path), "", None, str(error)) from error

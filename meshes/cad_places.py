@@ -1,0 +1,183 @@
+"""Names of a CAD part's faces by their places: flat ends such as ``xmin``, bores ``hole-1``, pins ``pin-1``."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from typing import Any, NamedTuple
+
+import numpy as np
+from numpy.typing import NDArray
+
+_ALONG = 0.9999  # cosine between a normal and an axis
+_AT_END = 1e-4  # of the part's extent
+_SAMPLES = 24  # points around each cylinder
+_WIDEST_GAP = np.deg2rad(40.0)  # between such points, around a whole cylinder
+_OFF = 1e-4  # of a cylinder: normals along its axis, radii that differ
+_INWARDS = 1e-3  # of the radius
+
+
+class CadFace(NamedTuple):
+    """A face of a CAD part.
+
+    Attributes
+    ----------
+    name : str
+        Its name in the file, else that by its place, else its number, ``face-7``.
+    kind : str
+        Kind of surface: ``plane``, ``cylinder``, ``cone``, ``sphere``, ``torus`` or ``free-form``.
+    area : float
+        [m²].
+    centre : tuple of float
+        Its centroid [m].
+    """
+
+    name: str
+    kind: str
+    area: float
+    centre: tuple[float, float, float]
+
+
+class CadOutline(NamedTuple):
+    """A CAD part before it is meshed.
+
+    Attributes
+    ----------
+    solids : int
+        Number of solids.
+    volume : float
+        [m³].
+    low, high : tuple of float
+        Corners of the box around it [m].
+    faces : tuple of CadFace
+        Its faces, in the file's order.
+    """
+
+    solids: int
+    volume: float
+    low: tuple[float, float, float]
+    high: tuple[float, float, float]
+    faces: tuple[CadFace, ...]
+
+
+def name_faces_by_place(gmsh: Any, whole: Mapping[int, int]) -> dict[int, str]:
+    """Return the names of surfaces by their places, as far as they have one.
+
+    Parameters
+    ----------
+    gmsh : module
+        With the part as its current model, in metres.
+    whole : mapping of int to int
+        Face of each surface: the halves of a bore are surfaces of one face.
+
+    Returns
+    -------
+    dict of int to str
+        By the surface's tag. All flat surfaces at an end of the part have one name; bores and pins, whole cylinders
+        without and with material within, are numbered along x, then y, then z.
+    """
+    outer = {tag for tag in whole if len(gmsh.model.getAdjacencies(2, tag)[0]) < 2}
+    low, high = _box(gmsh)
+    names: dict[int, str] = {}
+    groups: dict[int, list[int]] = {}
+    for tag in sorted(outer):
+        kind = gmsh.model.getType(2, tag)
+        if kind == "Plane" and (name := _end(gmsh, tag, low, high)):
+            names[tag] = name
+        elif kind in ("Cylinder", "Surface of Revolution"):  # what IGES has for cylinders
+            groups.setdefault(whole[tag], []).append(tag)
+    found: dict[str, list[tuple[tuple[float, ...], list[int]]]] = {"hole": [], "pin": []}
+    extent = float((high - low).max())
+    for tags in groups.values():
+        if (seen := _look_at_cylinder(gmsh, tags)) is not None:
+            what, centre = seen
+            found[what].append((tuple(np.round(centre / extent, 6)), tags))
+    for what, cylinders in found.items():
+        for number, (_, tags) in enumerate(sorted(cylinders), start=1):
+            names |= dict.fromkeys(tags, f"{what}-{number}")
+    return names
+
+
+def describe_part(gmsh: Any, whole: Mapping[int, int], names: Mapping[tuple[int, int], list[str]]) -> CadOutline:
+    """Describe the current model with its faces, each under the first of its names.
+
+    Parameters
+    ----------
+    gmsh : module
+        With the part as its current model, in metres.
+    whole : mapping of int to int
+        Face of each surface.
+    names : mapping
+        Names of each entity, by its dimension and tag, the best first.
+    """
+    surfaces: dict[str, list[int]] = {}
+    for tag in whole:
+        own = [name for name in names.get((2, tag), []) if not name.startswith("#")]
+        surfaces.setdefault(next(iter(own), f"face-{whole[tag]}"), []).append(tag)
+    faces = []
+    for name, tags in surfaces.items():
+        areas = np.array([gmsh.model.occ.getMass(2, tag) for tag in tags])
+        centres = np.array([gmsh.model.occ.getCenterOfMass(2, tag) for tag in tags])
+        kind = gmsh.model.getType(2, tags[0]).lower()
+        kind = kind if kind in ("plane", "cylinder", "cone", "sphere", "torus") else "free-form"
+        faces.append(CadFace(name, kind, float(areas.sum()), _triple(areas @ centres / areas.sum())))
+    solids = gmsh.model.getEntities(3)
+    volume = float(sum(gmsh.model.occ.getMass(3, tag) for _, tag in solids))
+    low, high = _box(gmsh)
+    return CadOutline(len(solids), volume, _triple(low), _triple(high), tuple(faces))
+
+
+def _triple(x: NDArray[np.float64]) -> tuple[float, float, float]:
+    return float(x[0]), float(x[1]), float(x[2])
+
+
+def _box(gmsh: Any) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
+    """Corners of the box around the part [m]."""
+    box = np.array([gmsh.model.getBoundingBox(3, tag) for _, tag in gmsh.model.getEntities(3)])
+    return box[:, :3].min(axis=0), box[:, 3:].max(axis=0)
+
+
+def _end(gmsh: Any, tag: int, low: NDArray[np.float64], high: NDArray[np.float64]) -> str:
+    """Return the name of a flat surface at an end of the part, else an empty text."""
+    start, end = gmsh.model.getParametrizationBounds(2, tag)
+    normal = np.abs(gmsh.model.getNormal(tag, (np.array(start) + end) / 2))
+    axis = int(normal.argmax())
+    if normal[axis] < _ALONG:
+        return ""
+    place, near = gmsh.model.occ.getCenterOfMass(2, tag)[axis], _AT_END * (high - low).max()
+    for side, at in (("min", low[axis]), ("max", high[axis])):
+        if abs(place - at) < near:
+            return "xyz"[axis] + side
+    return ""
+
+
+def _look_at_cylinder(gmsh: Any, tags: list[int]) -> tuple[str, NDArray[np.float64]] | None:
+    """Return ``hole`` or ``pin`` and the middle of a whole cylinder of some surfaces; ``None`` if it isn't whole."""
+    points, normals = [], []
+    for tag in tags:
+        (u0, v0), (u1, v1) = gmsh.model.getParametrizationBounds(2, tag)
+        u, v = (np.ravel(a) for a in np.meshgrid(np.linspace(u0, u1, _SAMPLES), [v0, v1]))
+        uv = np.stack([u, v], axis=1).ravel()
+        points.append(np.array(gmsh.model.getValue(2, tag, uv)).reshape(-1, 3))
+        normals.append(np.array(gmsh.model.getNormal(tag, uv)).reshape(-1, 3))
+    x, n = np.concatenate(points), np.concatenate(normals)
+    frame = np.linalg.svd(n)[2]  # its last row is the axis, across all normals
+    if np.abs(n @ frame[2]).max() > _OFF:
+        return None
+    flat = n @ frame[:2].T
+    angles = np.sort(np.arctan2(flat[:, 1], flat[:, 0]))
+    if np.diff(np.r_[angles, angles[0] + 2 * np.pi]).max() > _WIDEST_GAP:
+        return None
+    across = x @ frame[:2].T
+    A = np.concatenate([2 * across, np.ones((len(x), 1))], axis=1)  # |p|² = 2 c·p + r² − |c|²
+    centre = np.linalg.lstsq(A, (across**2).sum(axis=1), rcond=None)[0][:2]
+    radii = np.linalg.norm(across - centre, axis=1)
+    if np.ptp(radii) > _OFF * radii.max():
+        return None
+    along = x @ frame[2]
+    middle = np.array([*centre, (along.min() + along.max()) / 2]) @ frame
+    start, end = gmsh.model.getParametrizationBounds(2, tags[0])
+    on = np.array(gmsh.model.getValue(2, tags[0], (np.array(start) + end) / 2))
+    to_axis = centre @ frame[:2] + (on @ frame[2]) * frame[2] - on
+    within = list(on + _INWARDS * to_axis)
+    solid = any(gmsh.model.isInside(3, tag, within) for _, tag in gmsh.model.getEntities(3))
+    return ("pin" if solid else "hole"), middle

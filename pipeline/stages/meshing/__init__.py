@@ -1,0 +1,1 @@
+"""Meshes, matrices and materials of bodies, from shapes, CAD and files; the only user of `meshes`."""

@@ -1,0 +1,35 @@
+"""Compilers of FMUs: one that fails is told; libraries of two processors are one file on macOS."""
+
+import struct
+
+import numpy as np
+import pytest
+
+from pipeline.core.errors import InputError
+from pipeline.output.fmu import build
+from pipeline.output.fmu.build import build_binaries, join_mach_binaries, own_target
+
+SOURCE = {"model.c": "int answer(void)\n{\n    return 42;\n}\n"}
+
+
+@pytest.mark.skipif(own_target() is None, reason="this system has no FMU binaries")
+def test_what_the_compiler_says_is_told(monkeypatch):
+    monkeypatch.setattr(build, "has_zig", lambda: False)
+    with pytest.raises(InputError, match=r"the C compiler .* fails: .*error"):
+        build_binaries({"model.c": "int answer(void) { return }"}, "x")
+    monkeypatch.setenv("CC", "/missing/compiler")
+    with pytest.raises(InputError, match="missing/compiler fails"):
+        build_binaries(SOURCE, "x")
+
+
+def test_libraries_of_two_processors_are_joined_for_macos():
+    rng = np.random.default_rng(1)
+    parts = {"aarch64-darwin": rng.bytes(40_000), "x86_64-darwin": rng.bytes(17)}
+    joined = join_mach_binaries(parts)
+    magic, count = struct.unpack(">II", joined[:8])
+    assert (magic, count) == (0xCAFEBABE, 2)
+    entries = [struct.unpack(">IIIII", joined[8 + 20 * k : 28 + 20 * k]) for k in range(2)]
+    for (cpu, _, place, size, power), name in zip(entries, ("x86_64-darwin", "aarch64-darwin"), strict=True):
+        assert cpu == {"x86_64-darwin": 0x01000007, "aarch64-darwin": 0x0100000C}[name]
+        assert place % (1 << power) == 0
+        assert joined[place : place + size] == parts[name]
