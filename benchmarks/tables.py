@@ -330,7 +330,25 @@ def truth() -> str:
     return markdown(head, lines)
 
 
+def large_deflection() -> str:
+    """Tabulate statics of parts in pieces: errors and times."""
+    rows = [
+        [
+            row["case"],
+            row["pieces"],
+            "no" if row["stiffening"] == "off" else "yes",
+            row["coordinates"],
+            f"{row['error_percent']} %",
+            format_seconds(float(row["seconds"])),
+            row["note"],
+        ]
+        for row in read_rows("large_deflection")
+    ]
+    return markdown(("case", "pieces", "second order", "coordinates", "error", "warm statics", "beside"), rows)
+
+
 TABLES: dict[str, Callable[[], str]] = {
+    "large-deflection": large_deflection,
     "integrators": integrators,
     "beam-subcycling": beam_subcycling,
     "propeller": propeller,

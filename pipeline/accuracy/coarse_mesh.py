@@ -23,7 +23,6 @@ from pipeline.scene.variants import (
 )
 from pipeline.stages.part import FlexiblePart
 from pipeline.stages.pipeline import Pipeline
-from pipeline.stages.store import StageStore
 
 KINDS = ("displacement", "stress", "spot stress", "geometry")  # of quantities, by their convergence
 _SAME = 1e-9
@@ -117,11 +116,12 @@ def _matching_run(run: Pipeline, scene: Scene) -> Pipeline:
     """Return the run of a scene on another mesh, whose modes are those most like a run's, in its order."""
     beyond = max(part.modes.n_completing for part in run.parts.values())
     more = change_modes(scene, lambda body: {"count": int(_MORE * body.modes.count) + 1 + beyond})
-    store, parts = StageStore(Cache(None)), {}
+    base, parts = Pipeline(more, Cache(None)), {}
     for name, own in run.parts.items():
-        other = FlexiblePart(more, name, store)
-        parts[name] = FlexiblePart(more, name, store, like=other, modes=match_modes(own, other))
-    return Pipeline(more, store.cache, parts=parts, spin=run.spin)
+        other = base.parts[name]
+        matched = match_modes(own, other)
+        parts[name] = FlexiblePart(base.divided_scene, name, base.store, other, matched, other.piece)
+    return Pipeline(more, base.store.cache, division=base.division.with_parts(parts), spin=run.spin)
 
 
 def _pair(run: Pipeline, scene: Scene) -> Pair:

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import math
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import Any
 
 import numpy as np
@@ -12,6 +12,7 @@ from pipeline.accuracy.error_estimates import MORE_OF_MODEL, NO_PART, SAFETY, SO
 from pipeline.accuracy.model_errors import ModelError, summarise_causes
 from pipeline.accuracy.quantities import mesh_quantities, motion_quantities, stress_quantities
 from pipeline.accuracy.time_limit import TimeLimit
+from pipeline.stages.divided_scene import part_of
 from pipeline.stages.pipeline import Pipeline
 from pipeline.stages.stage import Stage
 
@@ -111,7 +112,27 @@ def _estimate(run: Pipeline, seconds: float = math.inf) -> Budget:
         over_time = not (quantity.largest or name in estimates.of_mesh)
         rows.append(Row(name, quantity.unit, quantity.scale, over_time, parts))
     causes, left_out = tuple(estimates.model.causes), tuple(estimates.left_out)
-    return Budget(tuple(rows), model=causes, left_out=left_out, seconds=limit.spent)
+    return Budget(tuple(_join_pieces(rows)), model=causes, left_out=left_out, seconds=limit.spent)
+
+
+def _join_pieces(rows: list[Row]) -> list[Row]:
+    """Return the rows with those of a part's pieces as one: of the piece with the largest value, masses added up.
+
+    Frequencies of pieces held at their cuts are no results, and have no rows.
+    """
+    joined: dict[str, Row] = {}
+    for row in rows:
+        body = row.name.replace(".", ",").partition(",")[0]
+        part = part_of(body)
+        if not part:
+            joined[row.name] = row
+        elif ", frequency" not in row.name:
+            name = part + row.name.removeprefix(body)
+            before = joined.get(name, replace(row, value=0.0))
+            largest = row if row.value > before.value else before
+            value = row.value + before.value if name.endswith(", mass") else largest.value
+            joined[name] = replace(largest, name=name, value=value)
+    return list(joined.values())
 
 
 def _inputs(run: Pipeline) -> dict[str, Any]:

@@ -22,6 +22,7 @@ from pipeline.accuracy.time_limit import LeftOutError
 from pipeline.core.arrays import Array
 from pipeline.core.errors import AccuracyError, InputError
 from pipeline.scene.variants import attach_roots_rigidly, damp_bodies
+from pipeline.stages.divided_scene import part_of
 from pipeline.stages.pipeline import Pipeline
 from pipeline.stages.runs import plan_like
 
@@ -87,7 +88,7 @@ class ModelErrors:
         self.left_out: list[str] = []
         self.missing: dict[str, str] = {}
         if comparison.run.parts:
-            text = "deformation is linear within a body's frame; a chain of bodies on fixed joints takes more of it in"
+            text = "deformation is linear within a body's frame; more pieces of a body take more of it in"
             self._add("large deflection", deflection_errors(self._run, comparison.of_motion), text)
 
     def estimate_left_out(self) -> None:
@@ -102,7 +103,7 @@ class ModelErrors:
             (
                 "shifted vibrations",
                 self._shifted_vibrations,
-                "vibrations of large deflection ring at other frequencies; a chain of bodies takes this in",
+                "vibrations of large deflection ring at other frequencies; pieces take this in",
                 True,
             ),
             (
@@ -214,7 +215,8 @@ class ModelErrors:
         run, pair = self._run, self._comparison.pair
         clamped = [name for name, part in run.parts.items() if not (part.joint.free or part.joint.floating)]
         clamped = [name for name in clamped if not run.parts[name].shape.support]  # else the supports clamp it
-        roots = {name: run.parts[name].joint.marker for name in clamped}
+        clamped = [name for name in clamped if name in run.wholes or run.frame_of(part_of(name)) == name]
+        roots = {part_of(name) or name: run.parts[name].joint.marker for name in clamped}
         scene = attach_roots_rigidly(run.scene, roots)
         if scene is None:
             return None

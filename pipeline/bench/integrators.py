@@ -51,7 +51,7 @@ def errors_of(run: Pipeline) -> ErrorsOf:
     from pipeline.bench.work_precision import Errors
     from pipeline.recovery.motion import Motion
 
-    empty, seen_from_joint = Motion(run.mechanism, _EMPTY, run.scene.simulation.tip), _from_joint(run)
+    empty, seen_from_joint = Motion(run.mechanism, _EMPTY, run.divided_scene.simulation.tip), _from_joint(run)
 
     def errors(trajectory: Trajectory, exact: Trajectory) -> Errors:
         one, other = replace(empty, trajectory=trajectory), replace(empty, trajectory=exact)
@@ -65,7 +65,7 @@ def errors_of(run: Pipeline) -> ErrorsOf:
 
 def _from_joint(run: Pipeline) -> bool:
     """Tell whether the tip is on a flexible body that hangs on the ground."""
-    link = run.mechanism.links[run.mechanism.number_of(run.scene.simulation.tip.partition(".")[0])]
+    link = run.mechanism.links[run.mechanism.number_of(run.divided_scene.simulation.tip.partition(".")[0])]
     return link.parent < 0 and len(link.omega) > 0
 
 

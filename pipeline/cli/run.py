@@ -9,6 +9,7 @@ from typing import Any
 from rich.table import Table
 
 from pipeline.accuracy.error_estimates import MORE_OF_MODEL, NO_PART, SOURCES
+from pipeline.accuracy.piece_counts import find_open_pieces
 from pipeline.cli.inputs import open_pipeline
 from pipeline.cli.options import Flag, Json, NoCache, Repair, SceneName, Set, print_json
 from pipeline.cli.tables import frequency_tables, new_table, open_console
@@ -65,7 +66,7 @@ def run(
     folder = out or Path("out") / pipeline.scene.name
     every_step = explain or dry_run
     # At a terminal a forecast is worth the time that looking through the cache takes.
-    wanted = every_step or (not json and sys.stdout.isatty())
+    wanted = every_step or (not json and sys.stdout.isatty() and not find_open_pieces(pipeline.scene))
     forecast = forecast_run(pipeline, not no_pictures, not no_budget) if wanted else None
     if forecast and not json:
         _print_forecast(forecast, every_step)

@@ -232,30 +232,54 @@ class Kinematics:
 
     def marker_position(self, body: int, name: str) -> Array:
         """A marker of a body in space [m], shape (n_times, 3)."""
+        body = self.mechanism.find_marker(body, name)
         frame, marker = self.frames[body], self.mechanism.links[body].markers[name]
-        return frame.origin + turned(frame.rotation, marker.position + self.displacement(body, name))
+        return frame.origin + turned(frame.rotation, marker.position + self._displacement_in_body(body, name))
 
     def displacement(self, body: int, name: str) -> Array:
-        """Displacement of a marker by deformation in its body's frame and axes [m], shape (n_times, 3)."""
+        """Displacement of a marker by deformation in its body's frame and axes [m], shape (n_times, 3).
+
+        Of a piece the frame is that of its part, which is the first piece's.
+        """
+        body = self.mechanism.find_marker(body, name)
+        first = self.mechanism.first_piece(body)
+        if first != body:
+            away = self.marker_position(body, name) - self.frames[first].origin
+            return np.asarray(np.einsum("tij,ti->tj", self.frames[first].rotation, away) - self._undeformed(body, name))
+        return self._displacement_in_body(body, name)
+
+    def _displacement_in_body(self, body: int, name: str) -> Array:
+        """Displacement of a marker in the frame of its own body or piece [m], shape (n_times, 3)."""
         at, q = self.mechanism.links[body].markers[name], self.modal_coordinates(body)
         return moved(at.translation, at.bow[:3], q, q)[0]
+
+    def _undeformed(self, body: int, name: str) -> Array:
+        """Position of a marker in the undeformed part, from the joint at its first piece [m], shape (3,)."""
+        position, first = self.mechanism.links[body].markers[name].position, self.mechanism.first_piece(body)
+        while body != first:
+            position, body = position + self.mechanism.links[body].place, self.mechanism.links[body].parent
+        return np.asarray(position)
 
     def deflection(self, body: int, name: str) -> Array:
         """Displacement of a marker by deformation, seen from the section at the body's joint [m], (n_times, 3).
 
         In the axes of the body's frame: ``Φ q − Φ₀ q − (Ψ₀ q) × r`` with the displacement Φ₀ and the rotation Ψ₀ of
         the section. How the frame floats in the body doesn't matter to it. Where displacements of second order are
-        known, the section's rotation is a finite one, beside which a hinged body's tip comes nearer to its joint.
+        known, the section's rotation is a finite one, beside which a hinged body's tip comes nearer to its joint. Of a
+        part in pieces the joint is that of the part, and so is the frame.
         """
-        link, q, own = self.mechanism.links[body], self.modal_coordinates(body), self.displacement(body, name)
+        body = self.mechanism.find_marker(body, name)
+        own, arm, first = self.displacement(body, name), self._undeformed(body, name), self.mechanism.first_piece(body)
+        link, q = self.mechanism.links[first], self.modal_coordinates(first)
         if not link.section:
             return own
-        section, tip = link.markers[link.section], link.markers[name]
-        if not tip.bow.size:
-            return np.asarray(own - q @ section.translation.T - np.cross(q @ section.rotation.T, tip.position))
-        shift, turn = np.split(moved(np.r_[section.translation, section.rotation], section.bow, q, q)[0], 2, axis=1)
-        arm = tip.position - section.position
-        return np.asarray(turned(rotation_matrix(-turn), arm + own - shift) - arm)
+        section = link.markers[link.section]
+        if first == body and section.bow.size:
+            shift, turn = np.split(moved(np.r_[section.translation, section.rotation], section.bow, q, q)[0], 2, axis=1)
+            arm = arm - section.position
+            return np.asarray(turned(rotation_matrix(-turn), arm + own - shift) - arm)
+        arm = arm if first == body else arm + own
+        return np.asarray(own - q @ section.translation.T - np.cross(q @ section.rotation.T, arm))
 
 
 def _slide_directions(link: Link) -> Array:

@@ -77,6 +77,8 @@ class Link:
         Forces along each of a joint's coordinates, beside its spring and damper; none, or one for each.
     place_axes : ndarray, shape (3, 3)
         Rotation from the joint's axes, those of the body at angle 0, into the parent's.
+    part : str
+        Name of the part that the body is a piece of; empty if it is whole.
     """
 
     name: str
@@ -104,6 +106,7 @@ class Link:
     lead: float = 0.0
     laws: tuple[ForceLaw, ...] = ()
     place_axes: Array = field(default_factory=lambda: np.eye(3))
+    part: str = ""
 
     @property
     def place_marker(self) -> MarkerShapes:

@@ -26,6 +26,7 @@ def marker_acceleration(motion: Kinematics, loads: JointLoads, body: int, name: 
     loads : JointLoads
         Accelerations at the states of the motion.
     """
+    body = motion.mechanism.find_marker(body, name)
     frame, at = motion.frames[body], motion.mechanism.links[body].markers[name]
     arm, moving = _arm(motion, body, name)
     q, rates = motion.modal_coordinates(body), motion.modal_rates(body)
@@ -40,6 +41,7 @@ def marker_acceleration(motion: Kinematics, loads: JointLoads, body: int, name: 
 
 def _arm(motion: Kinematics, body: int, name: str) -> tuple[Array, Array]:
     """Return the way from a body's origin to a marker, and the rate of its displacement in the body, in space."""
+    body = motion.mechanism.find_marker(body, name)
     frame, at = motion.frames[body], motion.mechanism.links[body].markers[name]
     bent, moving = moved(at.translation, at.bow[:3], motion.modal_coordinates(body), motion.modal_rates(body))
     return turned(frame.rotation, at.position + bent), turned(frame.rotation, moving)

@@ -96,6 +96,11 @@ class Mechanism:
         """Where each joint's and each body's coordinates are."""
         return layout_of(self.links, self.fast_joints, [self.slow_modes.get(link.name, 0) for link in self.links])
 
+    def first_piece(self, body: int) -> int:
+        """Return the number of the piece at the joint of the part that a body is a piece of; its own if it is whole."""
+        part, parent = self.links[body].part, self.links[body].parent
+        return self.first_piece(parent) if part and parent >= 0 and self.links[parent].part == part else body
+
     @property
     def n_slow(self) -> int:
         """Number of slow rates."""
@@ -145,8 +150,24 @@ class Mechanism:
         return float(sum(link.gram.mass for link in self.links))
 
     def number_of(self, body: str) -> int:
-        """Number of the body of a name."""
-        return next(k for k, link in enumerate(self.links) if link.name == body)
+        """Number of the body of a name; of the first piece if it is the name of a part in pieces."""
+        found = next((k for k, link in enumerate(self.links) if link.name == body), None)
+        return next(k for k, link in enumerate(self.links) if link.part == body) if found is None else found
+
+    def find_marker(self, body: int, marker: str) -> int:
+        """Return the number of the piece that has a marker of a part, any of whose pieces is given; of a whole its own.
+
+        Raises
+        ------
+        ValueError
+            There is no such marker.
+        """
+        own = self.links[body]
+        pieces = [body, *(k for k, link in enumerate(self.links) if own.part and link.part == own.part)]
+        for k in pieces:
+            if marker in self.links[k].markers:
+                return k
+        raise ValueError(f"{own.part or own.name} has no marker {marker}")
 
     @property
     def closing_joints(self) -> tuple[Closure, ...]:

@@ -33,7 +33,9 @@ from pipeline.integrators.protocol import (
     Progress,
     State,
     Trajectory,
+    evaluate,
     march_from,
+    move_positions,
     require_step,
     start_state,
 )
@@ -42,6 +44,7 @@ _TOLERANCE = 1e-10  # of Newton's corrections, relative to the largest accelerat
 _OF_GUESS = 1e-5  # times the tolerance: the round-off of the acceleration that an iteration starts from
 _ROUND_OFF = 1e-14  # of positions, relative to the largest, or to a radian or metre
 _MOST_ITERATIONS = 12
+_SMALL = 1e-6  # part of the positions by which they are changed
 _VANISHED = 1e-200  # an acceleration below which nothing is left to converge: damped motions underflow in the end
 
 
@@ -85,6 +88,7 @@ class GeneralizedAlpha:
     def march(self, system: System, q0: Array, v0: Array, times: Array, progress: Progress | None = None) -> Trajectory:
         """Integrate from time 0 to the last of ``times``."""
         start = _two_accelerations(start_state(system, q0, v0, np.zeros(system.n)))
+        start.memory[-1] = _balanced_size(system, start)
         return march_from(self, system, start, times, progress)
 
     def resume(self, system: System, start: State, times: Array, progress: Progress | None = None) -> Trajectory:
@@ -120,6 +124,19 @@ def _two_accelerations(start: State) -> State:
     """Complete a state at time 0 by auxiliary and true accelerations, equal at first, and memory for a tangent."""
     n = start.a.size
     return replace(start, a=np.concatenate([start.a, start.a]), memory=np.zeros(n * n + 2))
+
+
+def _balanced_size(system: System, start: State) -> float:
+    """Return the size of the accelerations by deformation that loads balance at the start.
+
+    Where a motion starts at rest under large loads, accelerations are but the round-off of these.
+    """
+    change = -_SMALL * start.q[system.n_positions - system.n :]
+    if not change.any():
+        return 0.0
+    a = np.zeros(system.n)
+    evaluate(system.parameters, 0.0, move_positions(system.parameters, start.q, change), start.v, a)
+    return float(np.abs(a - start.a[: system.n]).max(initial=0.0)) / _SMALL
 
 
 @dataclass(frozen=True)

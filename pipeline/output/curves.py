@@ -98,15 +98,18 @@ def _moving(label: str, curves: dict[str, Array], components: tuple[str, ...]) -
 def _of_modes(run: Pipeline, output: Chart) -> Curves:
     """Modal coordinates of the body that a chart names; by default of the tip's, or of the first flexible one."""
     tip = run.scene.simulation.tip.partition(".")[0]
-    body = output.body or (tip if tip in run.parts else run.part.name)
-    curves = {name: motion.modal(body) for name, motion in run.motions.items()}
+    body = output.body or (tip if tip in run.wholes else run.part.name)
+    names = [part.name for part in run.pieces_of(body)]
+    curves = {
+        label: np.concatenate([motion.modal(name) for name in names], axis=1) for label, motion in run.motions.items()
+    }
     n_modes = next(iter(curves.values())).shape[1]
     return "modal coordinate [kg^½ m]", curves, tuple(f"mode {k + 1}" for k in range(n_modes))
 
 
 def _of_a_marker(run: Pipeline, output: Chart) -> Curves:
     """Position in space of the marker that a chart names as ``"body.marker"``."""
-    body, _, name = str(output.marker).partition(".")
+    body, _, name = run.division.find_place(str(output.marker)).partition(".")
     number = run.mechanism.number_of(body)
     curves = {label: motion.kinematics.marker_position(number, name) for label, motion in run.motions.items()}
     return _moving(f"position of {output.marker} [m]", curves, _XYZ)

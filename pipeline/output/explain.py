@@ -15,6 +15,7 @@ from pipeline.output.pictures import DRAWINGS
 from pipeline.scene.outputs import Export, is_drawn
 from pipeline.scene.pictures import MechanismView
 from pipeline.scene.stress_outputs import Envelope, Fatigue
+from pipeline.stages.divided_scene import part_of
 from pipeline.stages.part import PART_STAGES, FlexiblePart
 from pipeline.stages.pipeline import Pipeline
 
@@ -97,15 +98,18 @@ def forecast_run(run: Pipeline, pictures: bool, budget: bool) -> Forecast:
     for export in (output for output in wanted if isinstance(output, Export)):
         if export.body is None:
             continue  # the whole mechanism, which the motion takes anyway
-        part, suffix = run.parts[export.body], "." + export.file.rpartition(".")[2]
-        planner.want(part, EXPORTS[suffix].reads if suffix in EXPORTS else ("modes", "body"))
-        planner.want(part, ["inertia"] if suffix == ".nc" and part.joint.normal >= 0 else [])
+        suffix = "." + export.file.rpartition(".")[2]
+        for part in run.pieces_of(export.body):
+            planner.want(part, EXPORTS[suffix].reads if suffix in EXPORTS else ("modes", "body"))
+            planner.want(part, ["inertia"] if suffix == ".nc" and part.joint.normal >= 0 else [])
     for field in (output for output in wanted if isinstance(output, Envelope | Fatigue)):
-        planner.want(run.parts[field.body], DRAWINGS[field.type].reads)
+        for part in run.pieces_of(field.body):
+            planner.want(part, DRAWINGS[field.type].reads)
     missing = [output for output in outputs if pictures and not planner.has_drawn(output)]
     for output in missing:
         reads, body = DRAWINGS[output.type].reads, getattr(output, "body", None)
-        for name, part in run.parts.items():
+        for own, part in run.parts.items():
+            name = part_of(own) or own
             if isinstance(output, MechanismView):
                 coloured = body in (None, name)
                 shown = part.has_stress and (coloured or not output.alone)
@@ -173,6 +177,9 @@ class _Planner:
             if (name, part.name) in self._steps:
                 continue
             stage = PART_STAGES[name]
+            if name == "mesh" and part.piece is not None:
+                self.note(name, "cached", "cut from the whole part's mesh", part.name)
+                continue
             self.want(part, stage.in_key)
             anew = [other for other in stage.in_key if self._steps[other, part.name].fate == "run"]
             if anew:

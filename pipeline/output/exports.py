@@ -10,6 +10,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
+from pipeline.core.errors import InputError
 from pipeline.output.formats import write_body, write_format
 from pipeline.output.histories import write_extremes, write_history
 from pipeline.output.stress_fields import write_envelope, write_fatigue
@@ -26,6 +27,10 @@ def write_file(run: Pipeline, output: Any, folder: Path) -> list[str]:
 def write_export(run: Pipeline, output: Export, folder: Path) -> list[str]:
     """Write the files of an export into a folder and return their names."""
     path = folder / output.file
+    reduced = output.format is not None or path.suffix == ".nc"
+    if reduced and (output.body in run.division.divided or (output.body is None and run.division.divided)):
+        problem = f"{output.body or 'a body of the mechanism'} is in pieces, which this format doesn't hold; pieces = 1"
+        raise InputError(run.scene.file, "output.file", output.file, problem)
     if output.format is not None:
         return [file.name for file in write_format(run, output.format, output.body, path)]
     assert output.body is not None
@@ -36,7 +41,7 @@ def write_export(run: Pipeline, output: Export, folder: Path) -> list[str]:
 def _write_mesh(run: Pipeline, body: str, _frames: int, path: Path) -> None:
     from pipeline.fem.formats.export import write_mesh
 
-    write_mesh(run.parts[body].mesh, path)
+    write_mesh(run.wholes[body].mesh, path)
 
 
 def _write_body(run: Pipeline, body: str, _frames: int, path: Path) -> None:
@@ -47,18 +52,18 @@ def _write_motion(run: Pipeline, body: str, frames: int, path: Path) -> None:
     """Write displacement from the undeformed body at rest, deformation and stress at all nodes."""
     from pipeline.fem.formats.vtkhdf import write_series
 
-    part, motion, reduced = run.parts[body], run.motion, run.bodies[body]
-    chosen = choose_frames(len(motion.times), frames)
-    q, stress = motion.modal(body), part.nodal_stress
+    part, motion = run.wholes[body], run.motion
+    chosen, nodes = choose_frames(len(motion.times), frames), np.arange(len(part.space.x))
+    x, origin = run.node_positions(body), run.bodies[run.frame_of(body)].origin
 
     def fields() -> Iterator[dict[str, NDArray[np.floating]]]:
         for k in chosen:
-            tensor, deformation = stress @ q[k].astype(np.float32), reduced.shapes @ q[k]
+            tensor, deformation = run.nodal_stress_at(body, k), run.deform(body, [k], nodes)[0]
             yield {
-                "displacement": motion.placed(body, reduced.x + deformation, k) + reduced.origin - part.space.x,
+                "displacement": motion.placed(body, x + deformation, k) + origin - part.space.x,
                 "deformation": deformation,
                 "stress": tensor,
-                "von_mises": von_mises(tensor),
+                "von_mises": von_mises(np.asarray(tensor, dtype=float)),
             }
 
     write_series(part.space, motion.times[chosen], fields(), path)

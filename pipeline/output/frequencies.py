@@ -13,13 +13,27 @@ from pipeline.stages.pipeline import Pipeline
 
 
 def frequency_table(run: Pipeline) -> dict[str, Any]:
-    """Gather what the modes stage found and how far it is from the scene's reference."""
-    found = run.modes.frequencies_hz
+    """Gather what the modes stage found and how far it is from the scene's reference.
+
+    Of a part in pieces the frequencies are those of the pieces put together.
+    """
+    divided = run.division.divided.get(run.part.name)
+    found = run.modes.frequencies_hz if divided is None else divided.frequencies_hz
     wanted = np.array(run.scene.reference.frequencies if run.scene.reference else ())[: len(found)]
-    return {
+    known = {
         "frequencies_hz": found.tolist(),
         "reference_hz": wanted.tolist(),
         "relative_error": (found[: len(wanted)] / wanted - 1).tolist(),
+    }
+    if divided is not None:
+        return known | {
+            "rigid_modes": 0 if divided.whole.shape.support else 6,
+            "mode_numbers": list(range(1, len(found) + 1)),
+            "dofs": 3 * len(divided.whole.space.x),
+            "residual": max(part.modes.residual for part in divided.pieces),
+            "factor": None,
+        }
+    return known | {
         "rigid_modes": run.modes.n_rigid,
         "mode_numbers": list(run.modes.numbers),
         "dofs": run.modes.dofs,
@@ -30,7 +44,13 @@ def frequency_table(run: Pipeline) -> dict[str, Any]:
 
 def frequencies_by_body(run: Pipeline) -> dict[str, dict[str, list[float]]]:
     """Gather the frequencies of each flexible body's modes [Hz], ``frequencies_hz`` under the body's name."""
-    return {name: {"frequencies_hz": part.modes.frequencies_hz.tolist()} for name, part in run.parts.items()}
+    divided = run.division.divided
+    return {
+        name: {
+            "frequencies_hz": (divided[name].frequencies_hz if name in divided else part.modes.frequencies_hz).tolist()
+        }
+        for name, part in run.wholes.items()
+    }
 
 
 def mode_warnings(run: Pipeline) -> list[dict[str, str]]:
@@ -42,7 +62,9 @@ def mode_warnings(run: Pipeline) -> list[dict[str, str]]:
         ``code``, ``body`` and ``text`` of each warning.
     """
     found = []
-    for name, part in run.parts.items():
+    for name, part in run.wholes.items():
+        if len(run.pieces_of(name)) > 1:  # whose modes are those of its pieces
+            continue
         count, more = part.shape.modes.count, part.modes.n_completing
         if more:
             text = (

@@ -108,38 +108,47 @@ def history_variables(run: Pipeline, output: Quantities, motion: Motion) -> list
 
 
 def _all_markers(run: Pipeline) -> tuple[str, ...]:
-    return tuple(f"{link.name}.{marker}" for link in run.motion.mechanism.links for marker in link.markers)
+    return tuple(
+        f"{link.part or link.name}.{marker}"
+        for link in run.motion.mechanism.links
+        for marker in link.markers
+        if not marker.startswith("cut:")
+    )
 
 
-def _stresses(output: Quantities, modal: dict[str, Array], motion: Motion) -> Iterator[Variable]:
-    """Components of stress over a motion, for the stress of each mode (6, n_modes) at named places."""
-    for name, stress in modal.items():
-        tensors = (stress @ motion.modal(name.partition(".")[0]).T)[None]
+def _stresses(output: Quantities, modal: dict[str, tuple[str, Array]], motion: Motion) -> Iterator[Variable]:
+    """Components of stress over a motion, for bodies and the stress of each mode (6, n_modes) at named places."""
+    for name, (body, stress) in modal.items():
+        tensors = (stress @ motion.modal(body).T)[None]
         for component in output.components:
             text = f"{component} stress in {name}"
             yield Variable(f"{name}.{component}", stress_measure(component)(tensors)[0], (), "Pa", text)
 
 
-def _modal_stress_of_elements(run: Pipeline, names: Sequence[str]) -> dict[str, Array]:
+def _modal_stress_of_elements(run: Pipeline, names: Sequence[str]) -> dict[str, tuple[str, Array]]:
     known = {
         f"{body}.{element}": (part, number)
-        for body, part in run.parts.items()
+        for body in run.wholes
+        for part in run.pieces_of(body)
         if part.has_mesh
         for number, element in enumerate(part.elements)
     }
-    return {name: known[name][0].element_stress[known[name][1]] for name in names or known}
+    chosen = {name: known[name] for name in names or known}
+    return {name: (part.name, part.element_stress[number]) for name, (part, number) in chosen.items()}
 
 
-def _modal_stress_of_nodes(run: Pipeline, names: Sequence[str]) -> dict[str, Array]:
+def _modal_stress_of_nodes(run: Pipeline, names: Sequence[str]) -> dict[str, tuple[str, Array]]:
     found = {}
     for name in names:
         body, _, number = name.partition(".")
-        part, node = run.parts[body], int(number)
+        part, node = run.wholes[body], int(number)
         if node >= (n_nodes := len(part.space.x)):
             problem = f"{body} has the nodes 0 to {n_nodes - 1}"
             raise InputError(run.scene.file, "output.nodes", name, problem)
-        shapes = run.bodies[body].shapes
-        found[name] = modal_stress(part.space, part.material, shapes, np.array([node]))[0]
+        if body in run.division.divided:
+            part, node = run.division.divided[body].find_node(node)
+        shapes = run.bodies[part.name].shapes
+        found[name] = part.name, modal_stress(part.space, part.material, shapes, np.array([node]))[0]
     return found
 
 

@@ -148,7 +148,7 @@ class Marks:
     def _is_around(self, place: str) -> bool:
         """Return true if a body surrounds its joint, so that a mark would lie in its bore."""
         body = place.partition(".")[0]
-        return body in self.run.parts and self.run.parts[body].has_mesh and self.run.parts[body].mesh.sectors > 1
+        return body in self.run.wholes and self.run.wholes[body].has_mesh and self.run.wholes[body].mesh.sectors > 1
 
     def _ground(self) -> list[MovingShape]:
         """Return a small pyramid at each place of the ground that holds something."""

@@ -36,15 +36,15 @@ def loop_warnings(run: Pipeline) -> list[dict[str, str]]:
     rows, rank = len(system.compiled.rows), constraint_rank(system, q)
     if rank < rows:
         text = (
-            f"{rows - rank} of the {rows} constraints of {', '.join(run.scene.closing)} are redundant: the motion is "
-            "right, but how these joints share their load is not known; the smallest reactions are stated"
+            f"{rows - rank} of the {rows} constraints of {', '.join(run.divided_scene.closing)} are redundant: the "
+            "motion is right, but how these joints share their load is not known; the smallest reactions are stated"
         )
         found.append({"code": "redundant-constraints", "text": text})
-    given_q, given_v = given_joints(run.scene, mechanism)
+    given_q, given_v = given_joints(run.divided_scene, mechanism)
     positions = ("angle", "position", given_q, q, mechanism.layout.position)
     keys = (positions, ("rate", "rate", given_v, v, mechanism.layout.rate))
     for k, link in enumerate(mechanism.links):
-        joint = run.scene.joint[link.joint_name]
+        joint = run.divided_scene.joint[link.joint_name]
         for turning, sliding, given, taken, places in keys:
             key, at = turning if link.unit == "rad" else sliding, int(places[k])
             if link.unit and link.n_rates and key in joint.model_fields_set and abs(given[at] - taken[at]) > _MOVED:

@@ -52,7 +52,7 @@ def view_mechanism(
     """
     from pipeline.render.moving_bodies import MovingMechanism
 
-    meshed = [name for name, part in run.parts.items() if part.has_stress and (not alone or name == coloured)]
+    meshed = [name for name, part in run.wholes.items() if part.has_stress and (not alone or name == coloured)]
     bodies = tuple(
         _flexible(run, name, chosen, scale, component if coloured in (None, name) else None) for name in meshed
     )
@@ -72,8 +72,8 @@ def body_surface(run: Pipeline, body: str) -> Surface:
     """Return the surface of a flexible body in its frame, or, of a scene without motion, in its mesh's."""
     from pipeline.render.surface import Surface
 
-    part = run.parts[body]
-    x = part.space.x if not run.scene.moves else run.bodies[body].x  # a part alone isn't reduced
+    part = run.wholes[body]
+    x = part.space.x if not run.scene.moves else run.node_positions(body)  # a part alone isn't reduced
     return Surface(x[part.surface.nodes], part.surface.triangles, part.surface.edges)
 
 
@@ -82,11 +82,15 @@ def _flexible(run: Pipeline, body: str, chosen: IntArray, scale: float, componen
     from pipeline.render.moving_bodies import MovingBody
 
     frame = run.motion.kinematics.frames[run.motion.mechanism.number_of(body)]
-    history = run.stress_of(body) if component is not None else None
+    history, nodes = run.stress_of(body) if component is not None else None, run.wholes[body].surface.nodes
+    if len(run.pieces_of(body)) > 1:  # not linear in its coordinates: a shape for each time
+        shapes, coordinates = np.moveaxis(run.deform(body, chosen, nodes), 0, 2), np.eye(len(chosen))
+    else:
+        shapes, coordinates = run.bodies[body].shapes[nodes], run.motion.modal(body)[chosen]
     return MovingBody(
         surface=body_surface(run, body),
-        shapes=run.bodies[body].shapes[run.parts[body].surface.nodes],
-        coordinates=run.motion.modal(body)[chosen],
+        shapes=shapes,
+        coordinates=coordinates,
         origin=frame.origin[chosen],
         rotation=frame.rotation[chosen],
         scale=scale,
@@ -99,7 +103,7 @@ def _rigid(run: Pipeline, chosen: IntArray, size: float) -> list[MovingShape]:
     from pipeline.render.moving_bodies import MovingShape
 
     found, colours = [], cycle(BODY_COLOURS)
-    for body in (name for name in run.scene.body if name not in run.parts):
+    for body in (name for name in run.scene.body if name not in run.wholes):
         number, colour = run.mechanism.number_of(body), next(colours)
         frame, link = run.motion.kinematics.frames[number], run.mechanism.links[number]
         table: Any = run.scene.body[body]
@@ -116,7 +120,7 @@ def _sticks(run: Pipeline, marks: Marks) -> list[MovingLine]:
     from pipeline.render.moving_bodies import MovingLine
 
     found = []
-    for name, part in run.parts.items():
+    for name, part in run.wholes.items():
         if not part.has_stress:
             places = [marks.position(f"{name}.{marker}") for marker in run.bodies[name].markers]
             found.append(MovingLine(np.stack([*places, places[0]], axis=1), BODY_COLOURS[0], 5.0))
@@ -128,7 +132,7 @@ def _around(run: Pipeline, chosen: IntArray, bodies: tuple[MovingBody, ...]) -> 
     kinematics, places = run.motion.kinematics, [body.around() for body in bodies]
     for number, link in enumerate(run.mechanism.links):
         places += [kinematics.marker_position(number, name)[chosen] for name in link.markers]
-        table: Any = run.scene.body[link.name]
+        table: Any = run.divided_scene.body[link.name]
         if getattr(table, "shape", "") == "rod":  # may have a marker at one end alone
             frame = kinematics.frames[number]
             places.append(frame.origin[chosen] + table.length * frame.rotation[chosen][:, :, 0])

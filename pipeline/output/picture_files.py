@@ -24,7 +24,7 @@ def picture_key(run: Pipeline, output: Any) -> str:
     shown = {"output": output.model_dump(mode="json"), "title": run.scene.title}
     if DRAWINGS[output.type].still:
         sources = ("pipeline/render", "pipeline/output/pictures.py")
-        return stage_key(_STAGE, shown | {"part": run.parts[output.body].key("body")}, sources, _PACKAGES)
+        return stage_key(_STAGE, shown | {"part": run.wholes[output.body].key("body")}, sources, _PACKAGES)
     shapes = {name: body.model_dump(mode="json", include={"visual"}) for name, body in run.scene.body.items()}
     shown |= {"scene": run.inputs, "all modes": run.keep_all, "shapes": shapes, "files": find_visual_files(run.scene)}
     return stage_key(_STAGE, shown, ("pipeline", "meshes"), (*_PACKAGES, "scipy", "scikit-fem", "gmsh"))

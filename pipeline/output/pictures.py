@@ -69,7 +69,7 @@ def draw_mesh(run: Pipeline, output: MeshPicture, folder: Path, draw: Drawer = d
     """Draw a body's mesh, its parts in colours."""
     from pipeline.fem.formats.export import part_numbers
 
-    part = run.parts[output.body]
+    part = run.wholes[output.body]
     names = [f"{name} ({len(cells):,} elements)".replace(",", " ") for name, cells in part.mesh.parts.items()]
     title = output.title or f"{_name(output)}: {len(part.mesh.cells):,} elements".replace(",", " ")
     triangles = part_numbers(part.mesh)[part.surface_elements] - 1
@@ -86,7 +86,7 @@ def draw_modes(
     numbers: Iterable[int] | None = None,
 ) -> list[str]:
     """Draw a picture of each mode, or of those with the given numbers, from 1."""
-    part = run.parts[output.body]
+    part = run.wholes[output.body]
     surface, modes, files = body_surface(run, output.body), part.modes, []
     held = "free" if part.shape.modes.boundary == "free" else "held"
     family = "" if part.shape.modes.family == "any" else f" ({part.shape.modes.family})"
@@ -111,7 +111,7 @@ def draw_modes(
 
 def draw_mode_sheet(run: Pipeline, output: ModeSheet, folder: Path, draw: Drawer = draw_here) -> list[str]:
     """Draw the first modes in one picture."""
-    part = run.parts[output.body]
+    part = run.wholes[output.body]
     hertz = part.modes.frequencies_hz[: output.count]
     draw(
         "mode_sheet.draw_mode_sheet",
@@ -128,7 +128,7 @@ def draw_mode_sheet(run: Pipeline, output: ModeSheet, folder: Path, draw: Drawer
 
 def draw_stress(run: Pipeline, output: StressPicture, folder: Path, draw: Drawer = draw_here) -> list[str]:
     """Draw the stress at the worst instant: of the whole mechanism, or of a body alone in its own frame."""
-    names = [name for name, part in run.parts.items() if part.has_stress] if output.body is None else [output.body]
+    names = [name for name, part in run.wholes.items() if part.has_stress] if output.body is None else [output.body]
     worst = {name: run.stress_of(name).worst() for name in names}
     body = max(worst, key=lambda name: worst[name][2])
     time, _, _ = worst[body]
@@ -139,7 +139,7 @@ def draw_stress(run: Pipeline, output: StressPicture, folder: Path, draw: Drawer
         draw(
             "pictures.draw_stress",
             body_surface(run, body),
-            run.bodies[body].shapes[stress.nodes] @ stress.q[frame[0]],
+            run.deform(body, frame, stress.nodes)[0],
             stress.measure_at(frame, stress_measure(output.component))[0],
             folder / output.file,
             title=title,

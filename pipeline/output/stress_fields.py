@@ -86,7 +86,7 @@ def find_fatigue(run: Pipeline, output: Fatigue) -> FatigueLife:
 def _assess(run: Pipeline, output: Fatigue) -> FatigueLife:
     stress, law = run.stress_of(output.body), fatigue_law(output)
     if output.stress == "critical plane":
-        normals = surface_normals(run.bodies[output.body].x, run.parts[output.body].surface)
+        normals = surface_normals(run.node_positions(output.body), run.wholes[output.body].surface)
         return fatigue_by_critical_plane(stress, normals, law, output.count, _share(output), output.planes)
     return fatigue_by_signed_von_mises(stress, law, output.count, _share(output))
 
@@ -204,16 +204,21 @@ def _one_digit_below(value: float) -> str:
 
 def _place(run: Pipeline, body: str, k: int) -> dict[str, Any]:
     """Return number and place of a surface's node, in the part's own coordinates."""
-    reduced, node = run.bodies[body], int(run.parts[body].surface.nodes[k])
-    return {"node": node, "position_m": (reduced.origin + reduced.x[node]).tolist()}
+    node = int(run.wholes[body].surface.nodes[k])
+    return {"node": node, "position_m": (_origin(run, body) + run.node_positions(body)[node]).tolist()}
+
+
+def _origin(run: Pipeline, body: str) -> Array:
+    """Return the place of a body's joint in the part's own coordinates, shape (3,) [m]."""
+    return run.bodies[run.frame_of(body)].origin
 
 
 def _write_field(
     run: Pipeline, output: Envelope | Fatigue, folder: Path, columns: dict[str, Array], worst: IntArray
 ) -> list[str]:
     """Write columns of values at a surface's nodes: all as a mesh, or some as a table."""
-    body, surface, file = run.bodies[output.body], run.parts[output.body].surface, output.file
-    points = (body.origin + body.x)[surface.nodes]
+    surface, file = run.wholes[output.body].surface, output.file
+    points = (_origin(run, output.body) + run.node_positions(output.body))[surface.nodes]
     if file.endswith(".vtu"):
         from pipeline.fem.formats.export import write_surface
 

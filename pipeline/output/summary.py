@@ -19,6 +19,7 @@ from pipeline.output.loops import loop_figures, loop_warnings
 from pipeline.output.stress_fields import field_warnings, summarise_fields
 from pipeline.recovery.motion import Motion
 from pipeline.scene.histories import ExtremesTable
+from pipeline.stages.divided_scene import part_of
 from pipeline.stages.pipeline import Pipeline
 
 _MORE_TIME = 5.0  # times that of an error budget that isn't whole
@@ -37,7 +38,7 @@ def summarise(run: Pipeline, files: list[str], budget: bool, budget_seconds: flo
         Time that this may take [s].
     """
     summary: dict[str, Any] = {"scene": run.scene.name, "version": __version__}
-    if run.parts:
+    if run.wholes:
         summary |= frequency_table(run)
         summary["bodies"] = {name: own | _body(run, name) for name, own in frequencies_by_body(run).items()}
     summary["warnings"] = [
@@ -66,19 +67,19 @@ def summarise(run: Pipeline, files: list[str], budget: bool, budget_seconds: flo
             row.setdefault("element_stress_difference", {})[name] = apart
         ends = {"largest_pa": float(reference.max()), "at_the_end_pa": float(reference[-1])}
         summary.setdefault("element_stress", {})[name] = ends
-    meshed = [name for name, part in run.parts.items() if part.has_mesh]
-    stressed = [name for name, part in run.parts.items() if part.has_stress]
+    meshed = [name for name, part in run.wholes.items() if part.has_mesh]
+    stressed = [name for name, part in run.wholes.items() if part.has_stress]
     if stressed:
         stress = run.stress_of(stressed[0])
         time, node, value = stress.worst()
-        body = run.bodies[stressed[0]]
-        place = body.origin + body.x[stress.nodes[node]]
+        origin = run.bodies[run.frame_of(stressed[0])].origin
+        place = origin + run.node_positions(stressed[0])[stress.nodes[node]]
         summary["worst_stress"] = {"time_s": time, "von_mises_pa": value, "position_m": place.tolist()}
     if tables := {o.file: extremes(run, o) for o in run.scene.output if isinstance(o, ExtremesTable)}:
         summary["tables"] = tables
     summary |= summarise_fields(run)
     summary["warnings"] += field_warnings(run)
-    if budget and len(meshed) == len(run.parts):  # matrices alone tell nothing of their own error
+    if budget and len(meshed) == len(run.wholes):  # matrices alone tell nothing of their own error
         stated = state_errors(run, budget_seconds)
         summary["error_budget"] = stated.summary()
         summary["warnings"] += _budget_warnings(run, stated)
@@ -118,7 +119,7 @@ def _stiffness_warnings(run: Pipeline) -> list[dict[str, str]]:
     """Warnings about bodies that the loads through them bring to buckling, or that should be stiffened and aren't."""
     found = []
     for name, change in run.stiffness_changes.items():
-        if change.growth > 0.0:
+        if change.growth > 0.0 and not part_of(name):
             text = (
                 f"{name}: the loads through it pass {change.buckling:.3g} times its buckling load at "
                 f"t = {change.buckles_at:.4g} s; what grows from there is right only while it is small"
@@ -193,25 +194,33 @@ def _former_names(motion: Motion) -> dict[str, float]:
 
 def _element_histories(run: Pipeline) -> dict[str, dict[str, Any]]:
     """Von Mises stress of each named element over each run."""
-    names = [f"{body}.{element}" for body, part in run.parts.items() for element in part.elements]
+    names = [f"{body}.{element}" for body, part in run.wholes.items() for element in part.elements]
     return {name: run.element_stress(name) for name in names}
 
 
 def _body(run: Pipeline, name: str) -> dict[str, Any]:
-    """Figures of a flexible body: mass, frequencies in its frame, coupling, and the effect of its spin."""
-    body, spin, change = run.bodies[name], run.spin[name], run.stiffness_changes.get(name)
-    deformation = run.deformations.get(name)
-    return {
-        "frequencies_in_frame_hz": body.frequencies_hz.tolist(),
-        "coupling": body.coupling,
-        "prescribed": run.parts[name].joint.prescribed,
-        "mass_kg": body.gram.mass,
-        "mesh_notes": list(run.parts[name].mesh_notes),
-        "largest_spin_rad_s": spin.largest_rate,
-        "critical_spin_rad_s": spin.critical_rate if np.isfinite(spin.critical_rate) else None,
-        "stiffened": spin.stiffened,
-        "largest_rotation_rad": None if deformation is None else deformation.rotation,
-        "largest_strain": None if deformation is None else deformation.strain,
-        "stiffness_change": change.largest if change else None,
-        "buckling_load_factor": change.buckling if change else None,
+    """Figures of a flexible body: mass, frequencies in its frame, coupling, and the effect of its spin.
+
+    Of a body in pieces they are the sum of the pieces' masses, the lowest or largest value of any piece, and the
+    frequencies of the first.
+    """
+    pieces = [part.name for part in run.pieces_of(name)]
+    bodies, spins = [run.bodies[own] for own in pieces], [run.spin[own] for own in pieces]
+    deformations = [run.deformations[own] for own in pieces if own in run.deformations]
+    changes = [run.stiffness_changes[own] for own in pieces if own in run.stiffness_changes]
+    critical = min(spin.critical_rate for spin in spins)
+    figures: dict[str, Any] = {} if len(pieces) == 1 else {"pieces": len(pieces)}
+    return figures | {
+        "frequencies_in_frame_hz": bodies[0].frequencies_hz.tolist(),
+        "coupling": max(body.coupling for body in bodies),
+        "prescribed": run.parts[pieces[0]].joint.prescribed,
+        "mass_kg": sum(body.gram.mass for body in bodies),
+        "mesh_notes": list(run.wholes[name].mesh_notes),
+        "largest_spin_rad_s": max(spin.largest_rate for spin in spins),
+        "critical_spin_rad_s": critical if np.isfinite(critical) else None,
+        "stiffened": any(spin.stiffened for spin in spins),
+        "largest_rotation_rad": max((own.rotation for own in deformations), default=None),
+        "largest_strain": max((own.strain for own in deformations), default=None),
+        "stiffness_change": max((change.largest for change in changes), default=None),
+        "buckling_load_factor": max((change.buckling for change in changes), default=None),
     }

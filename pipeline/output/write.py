@@ -7,6 +7,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 from pipeline.accuracy.error_budget import allowed_seconds, state_errors
+from pipeline.accuracy.piece_counts import choose_piece_counts
 from pipeline.accuracy.refinement import meet_accuracy
 from pipeline.core.errors import InputError
 from pipeline.core.files import whole_file
@@ -51,7 +52,7 @@ def write_results(
     drawn = [output for output in run.scene.output if is_drawn(output)] if pictures else []
     with Pictures(drawn, run.scene.file) as drawing:
         drawing.start(run)
-        refinement: dict[str, Any] = {}
+        run, refinement = choose_piece_counts(run), dict[str, Any]()
         if run.scene.accuracy is not None:
             if not budget:
                 mend = "can't be: the scene wants an accuracy, which the budget proves"

@@ -86,6 +86,11 @@ class Motion:
         frame = self.kinematics.frames[self.mechanism.number_of(body)]
         return np.asarray(frame.origin[k] + r @ frame.rotation[k].T)
 
+    def seen_from(self, body: str, points: Array, k: int) -> Array:
+        """Points in space (n, 3) [m] at output time k as they are in a body's frame, shape (n, 3)."""
+        frame = self.kinematics.frames[self.mechanism.number_of(body)]
+        return np.asarray((points - frame.origin[k]) @ frame.rotation[k])
+
     @cached_property
     def closing_reactions(self) -> Mapping[str, Array]:
         """Force [N] and moment [N m] of each joint that closes a loop on its parent and child, (n_times, 2, 6)."""
@@ -129,6 +134,8 @@ class Motion:
         """Deflection of the tip across its arm about a revolute joint [m], (n_times,); ``None`` at other joints."""
         number, name = self._tip
         link = self.mechanism.links[number]
+        if link.part:
+            return None
         arm = np.cross(link.axis, link.markers[name].position)
         length = np.linalg.norm(arm)
         return np.asarray(self.tip_deflection @ (arm / length)) if link.joint == REVOLUTE and length else None

@@ -11,7 +11,7 @@ Vectors are in the ground's axes but where it says otherwise; their dimension is
 ``J.displacement``                   of a free joint, along the parent's axes; ``J.velocity`` is its rate
 ``B.modal_coordinates``              of a flexible body B; its dimension ``B.mode`` has the frequencies [Hz]
 ``B.origin``, ``B.orientation``      of the body's frame
-``B.M.position``                     of each named marker M of the body
+``B.M.position``                     of each named marker M of the body; of a part in pieces under the part's name
 ``B.M.deflection``                   of each marker of a flexible body, in its axes, seen from the section at its joint
 ``centre_of_mass``                   of all bodies
 ``momentum``, ``angular_momentum``   of all bodies, the latter about the ground's origin
@@ -167,10 +167,12 @@ def _body_variables(motion: Motion) -> Iterator[Variable]:
         text = f"quaternion of the frame of {body} in space"
         yield Variable(f"{body}.orientation", quaternion_of_matrix(frame.rotation), _QUATERNION, "1", text)
         for marker in link.markers:
-            name = f"{body}.{marker}"
+            if marker.startswith("cut:"):
+                continue
+            name = f"{link.part or body}.{marker}"
             yield Variable(f"{name}.position", whole.marker_position(k, marker), _XYZ, "m", f"{name} in space")
             if len(link.omega):
-                text = f"deflection of {name}, seen from the section at the joint of {body}, in its axes"
+                text = f"deflection of {name}, seen from the section at the joint of {link.part or body}, in its axes"
                 yield Variable(f"{name}.deflection", whole.deflection(k, marker), _XYZ, "m", text)
 
 

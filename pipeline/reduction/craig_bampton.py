@@ -24,6 +24,7 @@ if TYPE_CHECKING:
 
 INTERFACE_LIMIT = 1e-7
 RIGID_LIMIT = 1e-6
+_RIGID = 1e-7  # of a shape's size: less that is left without its rigid motion is none
 _NEW = 1e-6  # a shape with less than this part outside the others depends on them
 _ZERO = 1e-6  # of the shift, which is about the lowest elastic eigenvalue of the free body
 
@@ -149,9 +150,11 @@ def _count_rigid_motions(fe: FEModel, R: Array, V: Array, zero: float) -> int:
 def _elastic(fe: FEModel, R: Array, V: Array, n: int) -> Array:
     """Take the rigid motions R out of a space V; n M-orthonormal columns are left."""
     if R.shape[1]:
-        MR = fe.M @ R
+        MR, sizes = fe.M @ R, np.sqrt(np.einsum("ij,ij->j", V, fe.M @ V))
         for _ in range(2):
             V = V - R @ np.linalg.solve(R.T @ MR, MR.T @ V)
+        # What is left of a rigid motion, as of each static shape of a body with one marker, is round-off.
+        V = V[:, np.sqrt(np.einsum("ij,ij->j", V, fe.M @ V)) > _RIGID * sizes]
     return _independent(fe, V, n)
 
 

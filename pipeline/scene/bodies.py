@@ -4,10 +4,10 @@ from __future__ import annotations
 
 from typing import Annotated, Literal
 
-from pydantic import AfterValidator, Field, model_validator
+from pydantic import AfterValidator, BeforeValidator, Field, model_validator
 
 from pipeline.core.units import PositiveDensity, PositiveLength, PositiveStress
-from pipeline.scene.damping import Damping
+from pipeline.scene.damping import Damping, RayleighDamping
 from pipeline.scene.places import MarkerPlace, NamedElement, Support
 from pipeline.scene.reading import FaultError, SceneTable, suggest_name
 from pipeline.scene.values import Count, Formulation, Name, Number, Order, Text, Words
@@ -22,6 +22,18 @@ def _check_poisson(nu: float) -> float:
 
 
 Poisson = Annotated[Number, AfterValidator(_check_poisson), Words("number above -1 and below 0.5")]
+
+
+def _check_pieces(value: object) -> object:
+    if value == "auto" or (isinstance(value, int) and not isinstance(value, bool) and 1 <= value <= _MOST_PIECES):
+        return value
+    raise ValueError(f"must be a whole number from 1 to {_MOST_PIECES}, or 'auto'")
+
+
+_MOST_PIECES = 1000
+Pieces = Annotated[
+    int | Literal["auto"], BeforeValidator(_check_pieces), Words(f'whole number, 1 to {_MOST_PIECES}, or ``"auto"``')
+]
 
 
 class ModeSettings(SceneTable):
@@ -108,6 +120,13 @@ class Solid(SceneTable):
         Nodes that can't move in the body's frame.
     element : dict of str to NamedElement
         Elements whose stress is wanted over time, by name.
+    pieces : int or str
+        Number of pieces that the body is cut into for large deflections. Each has a frame of its own, ``modes.count``
+        modes held at its cuts, and static deflections by these. ``"auto"`` doubles it until deflections within the
+        pieces are small enough for the scene's accuracy, or 1 % without one.
+    sections : str
+        How pieces are welded at a cut: by the section's mean motion (``"averaged"``) or as a rigid section
+        (``"rigid"``), which also holds its contraction and warping.
     """
 
     E: PositiveStress
@@ -117,6 +136,8 @@ class Solid(SceneTable):
     marker: dict[Name, MarkerPlace] = Field(default_factory=dict)
     support: tuple[Support, ...] = ()
     element: dict[Name, NamedElement] = Field(default_factory=dict)
+    pieces: Pieces = 1
+    sections: Literal["averaged", "rigid"] = "averaged"
 
     @property
     def faces(self) -> tuple[str, ...] | None:
@@ -154,6 +175,25 @@ class Solid(SceneTable):
             if self.parts is not None and element.part not in (None, *self.parts):
                 message = f"no such part; {suggest_name(str(element.part), self.parts, 'the parts')}"
                 raise FaultError(message, "element", name, "part")
+        return self
+
+    @model_validator(mode="after")
+    def _in_pieces(self) -> Solid:
+        if self.pieces == 1:
+            if "sections" in self.model_fields_set:
+                raise FaultError("belongs to a body in pieces, e.g. pieces = 6", "sections")
+            return self
+        if self.modes.boundary == "joint":
+            raise FaultError("is that of a body in one piece; pieces are held at their cuts", "modes", "boundary")
+        if self.modes.family != "any":
+            raise FaultError("can't be chosen: pieces deform in every way at their cuts", "modes", "family")
+        damping = self.modes.damping
+        if damping and not (isinstance(damping, RayleighDamping) and not damping.alpha):
+            problem = (
+                "is of the modes of a body in one piece; pieces take a factor of the stiffness, "
+                "{ beta = '1 ms' }, which is 2 ζ/ω for a ratio ζ at a frequency ω in rad/s"
+            )
+            raise FaultError(problem, "modes", "damping")
         return self
 
     def _check_faces(self, given: tuple[str, ...], *path: str | int) -> None:

@@ -69,10 +69,18 @@ def correct_statically(scene: Scene, drives: Sequence[Drive]) -> Scene:
 
 
 def damp_bodies(scene: Scene, damping: float) -> Scene | None:
-    """Return the scene with damping for the bodies that have none; ``None`` if all have some."""
+    """Return the scene with damping for the bodies that have none; ``None`` if all have some, or one is in pieces."""
     if all(body.modes.damping for body in scene.flexible.values()):
         return None
+    if any(getattr(body, "pieces", 1) != 1 for body in scene.flexible.values()):
+        return None  # a ratio of a piece's modes is none of the part's
     return change_modes(scene, lambda body: {"damping": body.modes.damping or damping})
+
+
+def set_pieces(scene: Scene, counts: Mapping[str, int]) -> Scene:
+    """Return the scene with other numbers of pieces for some flexible bodies, by name."""
+    bodies = {name: scene.flexible[name].model_copy(update={"pieces": count}) for name, count in counts.items()}
+    return scene.model_copy(update={"body": {**scene.body, **bodies}})
 
 
 def attach_roots_rigidly(scene: Scene, roots: Mapping[str, str]) -> Scene | None:

@@ -169,7 +169,7 @@ def free_directions(system: CompiledSystem, q: Array) -> Array:
 
 def _close(system: CompiledSystem, q: Array, groups: Sequence[IntArray]) -> Array:
     """Close the gaps by the first group of coordinates that can; else return where the last one leaves them."""
-    weights = _flexibility(system)
+    closed, weights = q, _flexibility(system)
     for columns in groups:
         closed = _close_by(system, q, columns, weights)
         if _gap(system, closed) <= _OPEN:

@@ -2,67 +2,182 @@
 
 from __future__ import annotations
 
-from typing import Any
+from collections.abc import Callable
+from dataclasses import dataclass
 
 import numpy as np
 
 from pipeline.core.arrays import Array
 from pipeline.core.errors import AccuracyError
 from pipeline.dynamics.compiled_system.system import CompiledSystem
+from pipeline.dynamics.mechanism import Mechanism
 from pipeline.integrators.protocol import evaluate, evaluate_projection, move_positions
 from pipeline.stability.tangent import differentiate
 from pipeline.stages.assembly import free_directions
 
 _CORRECTIONS = 200
 _SETTLED = 1e-11  # last correction [rad or m, or modal coordinate], beside the largest position
-_FIRST, _FARTHEST = 0.05, 0.3  # motion of the first correction, and of any [rad or m]
+_FARTHEST = 0.3  # motion of a joint, and turn of a marker within its body, in one correction [rad or m]
 _NUDGE = 1e-6
 _UNSTABLE = 1e-6  # of the fastest motion: an eigenvalue above is a motion that grows
+_DOWNHILL = 2.0  # times the most negative stiffness over mass is added where there is one
+_SINGULAR = 1e-13  # of the highest stiffness over mass: less counts as none
+_STILL = 1e-9  # 1/s²: no stiffness at all
+_OVERSHOT = 0.9  # of the force along a correction that may act against it at its end
+_HALVINGS = 12
+_CORRECTIONS_A_STEP, _SHORTEST = 14, 1 / 64  # of Newton's method; shortest load step
 
 
 def find_equilibrium(system: CompiledSystem, q: Array, t: float = 0.0) -> Array:
     """Find positions (n_positions,) at which nothing accelerates at rest, from positions that close all loops.
 
-    The accelerations at rest are the way down from the potential energy, steepest by the mass matrix. It is followed by
-    implicit steps that lengthen as accelerations fall, and end as Newton's (pseudo-transient continuation: Kelley &
-    Keyes, SIAM J Numer Anal 35, 1998). So the rest is one that a slowly damped motion would come to.
+    Newton's method for the forces f at rest, with the tangent stiffness ``K = −∂f/∂q``. Where the start is stable, its
+    forces are let go in steps, each as large as Newton's method can take while the stiffness stays positive: load
+    steps. Where that fails, K is shifted by the mass matrix of the start until no motion has negative stiffness, so
+    that every correction leads down from the potential energy (Nocedal & Wright, Numerical Optimization, section 3.4).
+    So the rest is one that a slowly damped motion would come to.
 
     Raises
     ------
     AccuracyError
         There is none: something keeps accelerating, or the state found isn't stable, as of a buckled part.
     """
-    p, still = system.parameters, np.zeros(system.n)
-
-    def accelerations(change: Any) -> Array:
-        a = np.zeros(system.n)
-        evaluate(p, t, move_positions(p, q, change), still, a)
-        return a
-
-    none = np.zeros(system.n)
-    a = accelerations(none)
-    size = float(np.abs(a).max(initial=0.0))
-    pace = size / _FIRST  # 1 over the step in pseudo-time, which is one squared
-    for _ in range(_CORRECTIONS):
-        if not np.isfinite(size):
-            break
-        slopes = differentiate(accelerations, none, np.full(system.n, _NUDGE))
-        free = free_directions(system, q)
-        change = free @ np.linalg.lstsq((pace * np.eye(system.n) - slopes) @ free, a, rcond=1e-12)[0]
-        farthest = float(np.abs(change).max(initial=0.0))
-        change = change * min(1.0, _FARTHEST / max(farthest, 1e-300))
-        q, rates = move_positions(p, q, change), still.copy()
-        evaluate_projection(p, t, q, rates)
-        a, before = accelerations(none), size
-        size = float(np.abs(a).max(initial=0.0))
-        pace *= min(10.0, max(size / max(before, 1e-300), 1e-3))
-        if farthest <= _SETTLED * max(1.0, float(np.abs(q).max(initial=0.0))):
-            _require_stable(free.T @ slopes @ free)
-            return q
+    start = _Start(system, t, _marker_turns(system.mechanism), _forces(system, q, t), _mass(system, q, t))
+    found = _follow_loads(start, q)
+    if found is None:
+        found = _settle(start, q, 0.0, _CORRECTIONS, _shift)
+    if found is not None:
+        return found
     raise AccuracyError(
-        f"no equilibrium: accelerations of {size:.3g} (SI) are left after {_CORRECTIONS} "
-        "corrections; something falls, turns or slides without end under the loads of the start, or is about to buckle"
+        f"no equilibrium after {_CORRECTIONS} corrections; something falls, turns or slides without end under the "
+        "loads of the start, or is about to buckle"
     )
+
+
+@dataclass(frozen=True)
+class _Start:
+    """A mechanism at the start: what a marker's turns are (k, n), its forces at rest (n,), its mass (n, n)."""
+
+    system: CompiledSystem
+    time: float
+    turns: Array
+    forces: Array
+    mass: Array
+
+
+def _follow_loads(start: _Start, q: Array) -> Array | None:
+    """Let go the forces at the start step by step; ``None`` where even short steps find no stable rest."""
+    done, step = 0.0, 1.0
+    while done < 1.0:
+        target = min(1.0, done + step)
+        found = _settle(start, q, 1.0 - target, _CORRECTIONS_A_STEP, _no_shift)
+        if found is not None:
+            q, done, step = found, target, 2 * step
+        elif step > _SHORTEST:
+            step /= 2
+        else:
+            return None
+    return q
+
+
+def _settle(
+    start: _Start, q: Array, held: float, corrections: int, shift: Callable[[Array, Array], float | None]
+) -> Array | None:
+    """Find the rest where a part of the forces at the start is held; ``None`` if it isn't found.
+
+    A correction is as long as turns of 0.3 rad allow, and halved where forces beyond its end push back harder than
+    they drove it.
+    """
+    system, t, none = start.system, start.time, np.zeros(start.system.n)
+    holding = held * start.forces
+    f = _forces(system, q, t) - holding
+    for _ in range(corrections):
+        if not np.isfinite(f).all():
+            return None
+        at = q
+        slopes = _slopes(system, at, t)
+        free = free_directions(system, q) if system.mechanism.closures else np.eye(system.n)
+        M, K, down = free.T @ start.mass @ free, -free.T @ slopes @ free, free.T @ f
+        shifted = shift(K, M)
+        if shifted is None:
+            return None
+        change = free @ np.linalg.solve(K + shifted * M, down)
+        farthest = float(np.abs(start.turns @ change).max(initial=0.0))
+        size = float(np.abs(change).max(initial=0.0))
+        change = change * min(1.0, _FARTHEST / max(farthest, 1e-300))
+        drive = float(f @ change)
+        for _ in range(_HALVINGS):
+            q, rates = move_positions(system.parameters, at, change), none.copy()
+            evaluate_projection(system.parameters, t, q, rates)
+            f = _forces(system, q, t) - holding
+            if float(f @ change) >= -_OVERSHOT * drive or size <= _SETTLED:
+                break
+            change, drive = 0.5 * change, 0.5 * drive
+        if size <= _SETTLED * max(1.0, float(np.abs(q).max(initial=0.0))):
+            if not held:
+                _require_stable(np.asarray(-np.linalg.solve(M, K)))
+            return q
+    return None
+
+
+def _mass(system: CompiledSystem, q: Array, t: float) -> Array:
+    return system.compiled.mass_matrix(system.compiled.signal_values(t), q)
+
+
+def _no_shift(K: Array, M: Array) -> float | None:
+    """Return 0 for a stiffness that is positive in every motion, else ``None``."""
+    return 0.0 if _shift(K, M) == 0.0 else None
+
+
+def _forces(system: CompiledSystem, q: Array, t: float) -> Array:
+    """Return the generalised forces at rest, those that keep loops closed among them, shape (n,)."""
+    still = np.zeros(system.n)
+    if not system.mechanism.closures:
+        return -system.compiled.residual(t, q, still, still)
+    a = np.zeros(system.n)
+    evaluate(system.parameters, t, q, still, a)
+    return np.asarray(_mass(system, q, t) @ a)
+
+
+def _slopes(system: CompiledSystem, q: Array, t: float) -> Array:
+    """Return the derivatives of the forces at rest by changes of the positions, shape (n, n)."""
+
+    def forces(change: Array) -> Array:
+        return _forces(system, move_positions(system.parameters, q, change), t)
+
+    return differentiate(forces, np.zeros(system.n), _nudges(system))
+
+
+def _nudges(system: CompiledSystem) -> Array:
+    """Return the changes by which forces are differentiated: small beside what turns a section by 1 rad."""
+    nudges = np.full(system.n, _NUDGE)
+    for k, link in enumerate(system.mechanism.links):
+        turn = max((float(np.abs(at.rotation).max(initial=0.0)) for at in link.markers.values()), default=0.0)
+        nudges[system.mechanism.modes_of(k)] = _NUDGE / max(turn, 1.0)
+    return nudges
+
+
+def _marker_turns(mechanism: Mechanism) -> Array:
+    """Return the rows that take a change of positions to joints' motions and markers' turns in their bodies."""
+    rows = np.eye(mechanism.n)
+    found = []
+    for k, link in enumerate(mechanism.links):
+        modes = mechanism.modes_of(k)
+        rows[modes] = 0.0
+        for marker in link.markers.values():
+            turns = np.zeros((3, mechanism.n))
+            turns[:, modes] = marker.rotation
+            found.append(turns)
+    return np.concatenate([rows, *found])
+
+
+def _shift(K: Array, M: Array) -> float:
+    """Return the factor of the mass matrix that, added to a stiffness, leaves no motion without or against it."""
+    from scipy.linalg import eigh
+
+    values = eigh(0.5 * (K + K.T), M, eigvals_only=True) if len(K) else np.ones(1)
+    least = max(_SINGULAR * float(np.abs(values).max()), _STILL)
+    return 0.0 if values[0] > least else max(-_DOWNHILL * float(values[0]), least)
 
 
 def _require_stable(slopes: Array) -> None:

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import re
 from collections.abc import Callable
+from typing import TypeVar
 
 import numpy as np
 
@@ -11,12 +12,14 @@ from pipeline.core.arrays import IntArray
 from pipeline.core.errors import InputError
 from pipeline.fem.formats.matrices import MatrixModel, node_marker, nodes_in_plane
 from pipeline.fem.local_markers import edge_marker, point_marker, single_node_marker
-from pipeline.fem.markers import Marker, face_marker
+from pipeline.fem.markers import Marker, face_marker, facets_on_face
 from pipeline.fem.selection import facets_in_plane, facets_near, node_at, nodes_on_edge, nodes_on_faces
 from pipeline.fem.space import Discretisation
 from pipeline.scene.any_body import Flexible
 from pipeline.scene.places import MarkerPlace
 from pipeline.stages.meshing.bodies import find_name
+
+T = TypeVar("T")
 
 
 def place_markers(shape: Flexible, space: Discretisation, file: str, body: str) -> dict[str, Marker]:
@@ -49,6 +52,33 @@ def place_markers(shape: Flexible, space: Discretisation, file: str, body: str) 
         return face_marker(space, faces, rigid)
 
     return _placed(shape, place, file, body)
+
+
+def find_marker_facets(shape: Flexible, space: Discretisation, file: str, body: str) -> dict[str, IntArray]:
+    """Find the boundary facets of each marker of a body; raises as `place_markers`."""
+
+    def find(name: str, marker: MarkerPlace) -> IntArray:
+        faces = _faces(shape, space, name, marker, file, body)
+        facets = np.unique(np.concatenate([facets_on_face(space, face) for face in faces]))
+        if not facets.size:
+            raise ValueError("no boundary facet of the mesh lies on the face")
+        return facets
+
+    return _placed(shape, find, file, body)
+
+
+def _faces(
+    shape: Flexible, space: Discretisation, name: str, marker: MarkerPlace, file: str, body: str
+) -> list[IntArray]:
+    """Return the faces that a marker is on, as `face_marker` takes them."""
+    if marker.plane is not None:
+        return [facets_in_plane(space, *marker.plane)]
+    if marker.near is not None:
+        return [facets_near(space, np.array(marker.near), _cad_faces(shape, space))]
+    if not marker.faces:
+        raise ValueError("is no face; in a body with pieces markers have a face, near or plane")
+    key = f"body.{body}.marker.{name}.face"
+    return [space.mesh.faces[find_name(space.mesh.faces, face, file, key)] for face in marker.faces]
 
 
 def place_node_markers(shape: Flexible, model: MatrixModel, file: str, body: str) -> dict[str, Marker]:
@@ -86,7 +116,7 @@ def fixed_unknowns(shape: Flexible, space: Discretisation, file: str, body: str)
     return np.unique(np.concatenate(fixed))
 
 
-def _placed(shape: Flexible, place: Callable[[str, MarkerPlace], Marker], file: str, body: str) -> dict[str, Marker]:
+def _placed(shape: Flexible, place: Callable[[str, MarkerPlace], T], file: str, body: str) -> dict[str, T]:
     markers = {}
     for name, marker in shape.marker.items():
         assert isinstance(marker, MarkerPlace)

@@ -33,6 +33,7 @@ from pipeline.reduction.body import FlexibleBody, MarkerShapes
 from pipeline.reduction.inertia import InertiaGram
 from pipeline.scene.damping import damping_ratios
 from pipeline.stages.assembly import assemble, close_start, following_joints, given_joints
+from pipeline.stages.divided_scene import part_of
 from pipeline.stages.equilibrium import find_equilibrium
 from pipeline.stages.force_elements import add_elements, joint_laws
 from pipeline.stages.ground import ground_place, joint_axes, place_axes
@@ -177,6 +178,7 @@ def _link(scene: Scene, places: _Places, body: str) -> Link:
     joint = scene.joint[name]
     axes = joint_axes(scene, joint)
     settings: dict[str, Any] = {"joint_name": name, "markers": places.markers(body), "place_axes": axes.of_child}
+    settings["part"] = part_of(body)
     if body in places.bodies:
         reduced, damping = places.bodies[body], scene.flexible[body].modes.damping
         gram = reduced.gram

@@ -48,6 +48,7 @@ if TYPE_CHECKING:
     from pipeline.reduction.body import FlexibleBody
     from pipeline.reduction.modes import Modes
     from pipeline.stages.basis import HeldModel
+    from pipeline.stages.piece_mesh import PieceMesh
 
 NO_MESH = "is given by its {}: without elements it has no mesh, no stress and no picture"
 _FEM = ("pipeline/fem",)
@@ -59,38 +60,35 @@ _PACKAGES = ("numpy", "scipy", "scikit-fem", "gmsh")
 # Of another scene's part with the same modes: enrichment, damping and the joint's frame leave them alone.
 _OF_THE_MODES = ("mesh", "assembly", "modes", "surface")
 _OF_THE_MODEL = ("space", "markers", "fixed", "model")
-
-
 SecondOrder = tuple[InertiaGram, Mapping[str, MarkerShapes]]
 """Inertia and markers of a stiffened body."""
 
-# Inputs of the keys: everything in the scene and in the body's files that a stage's result depends on.
-
 
 def _mesh_inputs(part: FlexiblePart) -> Any:
-    without: Any = dict.fromkeys(("E", "nu", "rho", "material", "modes", "marker", "support", "element"), True)
-    without["mesh"] = {"formulation"}
-    table = part.shape.model_dump(mode="json", exclude=without)
-    return table if part.source is None else part.source.identity(table)
+    of_no_shape = ("E", "nu", "rho", "material", "modes", "marker", "support", "element")
+    return _identify(part, dict.fromkeys(of_no_shape, True) | {"mesh": {"formulation"}})
 
 
 def _assembly_inputs(part: FlexiblePart) -> Any:
-    without: Any = {"modes", "marker", "support", "element"}
-    table = part.shape.model_dump(mode="json", exclude=without)
+    return _identify(part, dict.fromkeys(("modes", "marker", "support", "element"), True))
+
+
+def _identify(part: FlexiblePart, without: dict[str, Any]) -> Any:
+    """Return all that a stage's result depends on: a part's table but for some keys, its files and its piece."""
+    without |= {"pieces": True, "sections": True}  # which a piece's mesh and markers know
+    table = part.shape.model_dump(mode="json", exclude=without) | ({"piece": part.piece.digest} if part.piece else {})
     return table if part.source is None else part.source.identity(table)
 
 
 def _modes_inputs(part: FlexiblePart) -> Any:
-    shape, markers = part.shape, part.shape.marker
-    without: Any = {"marker": True, "element": True, "modes": {"damping", "enrich"}}
-    table = shape.model_dump(mode="json", exclude=without)
-    held: Any = ""
+    shape, markers, held = part.shape, part.shape.marker, ""
+    without: Any = {"modes": {"damping", "enrich"}, "marker": True, "element": True}
     if shape.modes.boundary == "joint":
         held = repr((part.joint.floating, part.joint.free, markers[part.joint.marker].where))
     elif shape.modes.boundary == "interface":
         held = repr({name: markers[name] for name in shape.modes.interface or markers})
     return {
-        "part": table if part.source is None else part.source.identity(table),
+        "part": _identify(part, without),
         "axis": part.joint.axis if shape.modes.family != "any" else "",
         "rigid": {name: marker.where for name, marker in markers.items() if marker.attachment == "rigid"},
         "held": held,
@@ -215,6 +213,8 @@ class FlexiblePart:
         The part of another scene; results that both have in common are taken from it.
     modes : Modes, optional
         Modes to use in place of the scene's; nothing may be kept in a cache then.
+    piece : PieceMesh, optional
+        The piece of another part that this part is.
     """
 
     # The table of stages, in their order.
@@ -259,14 +259,16 @@ class FlexiblePart:
         store: StageStore,
         like: FlexiblePart | None = None,
         modes: Modes | None = None,
+        piece: PieceMesh | None = None,
     ) -> None:
-        self.name, self.file, self.store = name, scene.file, store if modes is None else store.alone()
+        own = store if modes is None else store.alone()
+        self.name, self.file, self.piece, self.store = name, scene.file, piece, own
         self.shape: Flexible = scene.flexible[name]
-        self.source = SourceFiles.find(self.shape, scene.file, name)
+        self.source = SourceFiles.find(self.shape, scene.file, name) if piece is None else None
         self.joint = read_inboard_joint(scene, name)
         self.frame = scene.simulation.frame if scene.moves else "joint-conforming"
         self.stiffening = scene.simulation.stiffening if scene.moves else "auto"
-        self.results: dict[str, Any] = {}
+        self.results: dict[str, Any] = {} if piece is None else {"mesh": piece.mesh}
         if like is not None and like.key("modes") == self.key("modes"):
             self.results |= {stage: like.results[stage] for stage in _OF_THE_MODES if stage in like.results}
             if (like.shape.marker, like.joint) == (self.shape.marker, self.joint):
@@ -296,8 +298,7 @@ class FlexiblePart:
     @cached_property
     def order(self) -> int:
         """Polynomial order of the displacement in an element."""
-        own = None if isinstance(self.shape, MatrixPart | ReducedPart) else self.shape.mesh.order
-        return own or self.mesh.order
+        return (None if isinstance(self.shape, MatrixPart | ReducedPart) else self.shape.mesh.order) or self.mesh.order
 
     @property
     def formulation(self) -> Formulation:
@@ -312,9 +313,9 @@ class FlexiblePart:
     @property
     def mesh_notes(self) -> tuple[str, ...]:
         """Faults in the file that the body comes from, if it comes from one, and how they were mended."""
-        if self.is_reduced:
-            return file_notes(self.fe)
-        return self.mesh.notes if self.shape.shape in ("mesh", "cad") else ()
+        return (
+            file_notes(self.fe) if self.is_reduced else self.mesh.notes if self.shape.shape in ("mesh", "cad") else ()
+        )
 
     @cached_property
     def space(self) -> Discretisation:

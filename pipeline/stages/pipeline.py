@@ -2,13 +2,14 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Mapping
+from collections.abc import Callable, Mapping, Sequence
 from contextlib import AbstractContextManager, nullcontext
 from dataclasses import replace
 from functools import cached_property, partial
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
+from numpy.typing import NDArray
 
 from pipeline.core.arrays import Array, IntArray
 from pipeline.core.cache import Cache, stage_key
@@ -21,6 +22,8 @@ from pipeline.recovery.stress import StressHistory, stress_measure
 from pipeline.reduction.inertia import add_normal_blocks
 from pipeline.scene.scene import Scene
 from pipeline.scene.source_files import collect_inputs
+from pipeline.stages.divided_scene import part_of
+from pipeline.stages.division import Division, divide_parts
 from pipeline.stages.part import FlexiblePart
 from pipeline.stages.result_size import require_room
 from pipeline.stages.stage import Stage
@@ -68,8 +71,8 @@ class Pipeline:
         Reports each stage's progress.
     keep_all : bool
         Integrate modes that nothing can excite, too.
-    parts : mapping of str to FlexiblePart, optional
-        Flexible bodies to use in place of the scene's own.
+    division : Division, optional
+        Parts and pieces to use in place of the scene's own.
     bodies : mapping of str to FlexibleBody, optional
         Reduced bodies to use in place of those of the parts.
     spin : mapping of str to SpinCheck, optional
@@ -77,8 +80,8 @@ class Pipeline:
 
     Attributes
     ----------
-    parts : dict of str to FlexiblePart
-        The flexible bodies.
+    wholes : dict of str to FlexiblePart
+        The flexible bodies as the scene has them.
     while_timed : callable
         Makes a context in which each run is timed; it may hold up whatever else uses the processor.
     store : StageStore
@@ -94,7 +97,7 @@ class Pipeline:
         monitor: Monitor = silent,
         keep_all: bool = False,
         *,
-        parts: Mapping[str, FlexiblePart] | None = None,
+        division: Division | None = None,
         bodies: Mapping[str, FlexibleBody] | None = None,
         spin: Mapping[str, SpinCheck] | None = None,
     ) -> None:
@@ -102,22 +105,49 @@ class Pipeline:
         self.while_timed: Callable[[], AbstractContextManager[None]] = nullcontext
         self.store = StageStore(Cache(cache_folder() / "stages") if cache is None else cache, monitor)
         self.results: dict[str, Any] = {}
-        self.parts = (
-            {name: FlexiblePart(scene, name, self.store) for name in scene.flexible} if parts is None else dict(parts)
-        )
+        self.wholes = {name: FlexiblePart(scene, name, self.store) for name in scene.flexible}
+        if division is not None:
+            self.division = division
+            wholes = {name: divided.whole for name, divided in division.divided.items()}
+            self.wholes = {name: wholes[name] if name in wholes else division.parts[name] for name in self.wholes}
+        self._like: Division | None = None
         self._bodies, self._spin = bodies, spin
         self._envelopes: dict[str, StressEnvelope] = {}
 
     def variant(self, scene: Scene, monitor: Monitor = silent, spin: Mapping[str, SpinCheck] | None = None) -> Pipeline:
         """Return a pipeline for another scene that takes over all results that both have in common."""
         other = Pipeline(scene, self.store.cache, monitor, self.keep_all, spin=spin)
-        for name, part in self.parts.items():
-            other.parts[name] = FlexiblePart(scene, name, other.store, like=part)
+        for name, part in self.wholes.items():
+            other.wholes[name] = FlexiblePart(scene, name, other.store, like=part)
+        other._like = vars(self).get("division")
         return other
 
     def with_bodies(self, bodies: Mapping[str, FlexibleBody]) -> Pipeline:
         """Return a pipeline for this scene with other reduced bodies on the same meshes."""
-        return Pipeline(self.scene, self.store.cache, keep_all=self.keep_all, parts=self.parts, bodies=bodies)
+        return Pipeline(self.scene, self.store.cache, keep_all=self.keep_all, division=self.division, bodies=bodies)
+
+    @cached_property
+    def division(self) -> Division:
+        """Parts as they are reduced, those with pieces divided, and the scene with pieces as bodies of their own.
+
+        Raises
+        ------
+        InputError
+            A part can't be divided as the scene wants it.
+        """
+        if not self.scene.moves or all(getattr(body, "pieces", 1) == 1 for body in self.scene.flexible.values()):
+            return Division(self.scene, self.wholes)
+        return divide_parts(self.scene, self.wholes, self._like)
+
+    @property
+    def parts(self) -> Mapping[str, FlexiblePart]:
+        """Flexible parts and pieces, each with a reduced body of its own."""
+        return self.division.parts
+
+    @property
+    def divided_scene(self) -> Scene:
+        """The scene with pieces as bodies of their own; the scene itself where nothing has pieces."""
+        return self.division.scene
 
     def _repr_html_(self) -> str:
         return self.scene._repr_html_()
@@ -136,7 +166,7 @@ class Pipeline:
         InputError
             There is none.
         """
-        for part in self.parts.values():
+        for part in self.wholes.values():
             return part
         raise InputError(self.scene.file, "body", sorted(self.scene.body), "no flexible body: nothing to mesh")
 
@@ -158,7 +188,7 @@ class Pipeline:
     @property
     def body(self) -> FlexibleBody:
         """First flexible body, reduced and, where it matters, stiffened."""
-        return self.bodies[self.part.name]
+        return self.bodies[self.frame_of(self.part.name)]
 
     @property
     def surface(self) -> SurfaceTopology:
@@ -172,8 +202,40 @@ class Pipeline:
 
     def stress_of(self, body: str) -> StressHistory:
         """Stress on a flexible body's surface over the first run's motion."""
+        if body in self.division.divided:
+            return self.division.divided[body].stress(self.motion)
         part, first = self.parts[body], self.motion
         return StressHistory(part.surface.nodes, part.surface_stress, first.times, first.modal(body))
+
+    def deform(self, body: str, frames: Sequence[int] | IntArray, nodes: IntArray) -> Array:
+        """Return the displacement of nodes in the frame at a body's joint at output times, (n_frames, n_nodes, 3) [m].
+
+        The body is one of the scene's, whole or in pieces.
+        """
+        if body in self.division.divided:
+            return self.division.divided[body].deform(self.motion, self.bodies, frames)[:, nodes]
+        return np.moveaxis(self.bodies[body].shapes[nodes] @ self.motion.modal(body)[frames].T, 2, 0)
+
+    def nodal_stress_at(self, body: str, frame: int) -> NDArray[np.float32]:
+        """Return the stress at all nodes of one of the scene's bodies at an output time, shape (n_nodes, 6) [Pa]."""
+        if body in self.division.divided:
+            return self.division.divided[body].nodal_stress_at(self.motion, frame)
+        return np.asarray(self.parts[body].nodal_stress @ self.motion.modal(body)[frame].astype(np.float32))
+
+    def node_positions(self, body: str) -> Array:
+        """Return the undeformed positions of a body's nodes from its joint, shape (n_nodes, 3) [m]."""
+        if body in self.division.divided:
+            return np.asarray(self.wholes[body].space.x - self.bodies[self.frame_of(body)].origin)
+        return self.bodies[body].x
+
+    def frame_of(self, body: str) -> str:
+        """Return the name of the body whose frame is that of one of the scene's bodies: its first piece, or itself."""
+        return self.pieces_of(body)[0].name if body in self.parts or body in self.division.divided else body
+
+    def pieces_of(self, body: str) -> tuple[FlexiblePart, ...]:
+        """Return the pieces of one of the scene's flexible bodies; the body itself if it is whole."""
+        divided = self.division.divided.get(body)
+        return (self.parts[body],) if divided is None else divided.pieces
 
     def envelope_of(self, body: str) -> StressEnvelope:
         """Envelope of the stress on a flexible body's surface over the first run's motion; found once."""
@@ -184,10 +246,10 @@ class Pipeline:
     def element_stress(self, element: str, component: str = "von Mises") -> dict[str, Array]:
         """Stress in the middle of a named element, ``"body.element"``, over each run's motion, (n_times,) [Pa]."""
         body, _, name = element.partition(".")
-        part = self.parts[body]
+        part = next(part for part in self.pieces_of(body) if name in part.elements)
         modal = part.element_stress[list(part.elements).index(name)]
         return {
-            label: stress_measure(component)((modal @ motion.modal(body).T)[None])[0]
+            label: stress_measure(component)((modal @ motion.modal(part.name).T)[None])[0]
             for label, motion in self.motions.items()
         }
 
@@ -217,7 +279,7 @@ class Pipeline:
             return {}
         bodies = {name: part.body for name, part in self.parts.items()}
         meshed = [name for name, part in self.parts.items() if part.has_mesh or part.body.gram.stiffening.size]
-        return self.store.read_or_keep(self._key("loads"), lambda: check_spins(self.scene, bodies, meshed))
+        return self.store.read_or_keep(self._key("loads"), lambda: check_spins(self.divided_scene, bodies, meshed))
 
     def _key(self, name: str) -> str:
         """Return the key of a result that depends on the whole scene."""
@@ -235,7 +297,11 @@ class Pipeline:
         """Reduced flexible bodies, stiffened by the loads through them where these count."""
         if self._bodies is not None:
             return self._bodies
-        return {name: part.stiffened if self.spin[name].stiffened else part.body for name, part in self.parts.items()}
+        always = self.scene.simulation.stiffening == "on"
+        stiff = {name: part.stiffened for name, part in self.parts.items() if self.spin[name].stiffened}
+        # Pieces turn far: their inertia of second order would need terms of third, lest mass be lost.
+        light = {name: replace(body, gram=self.parts[name].body.gram) for name, body in stiff.items() if part_of(name)}
+        return {name: part.body for name, part in self.parts.items()} | stiff | ({} if always else light)
 
     @cached_property
     def mechanism(self) -> Mechanism:
@@ -243,7 +309,7 @@ class Pipeline:
         from pipeline.stages.mechanism import build_mechanism
         from pipeline.stages.stiffening_check import keep_what_counts
 
-        mechanism, error = build_mechanism(self.scene, self.bodies), self.scene.simulation.error
+        mechanism, error = build_mechanism(self.divided_scene, self.bodies), self.scene.simulation.error
         return mechanism if self._bodies is not None else keep_what_counts(mechanism, self.spin, error)
 
     @cached_property
@@ -264,7 +330,7 @@ class Pipeline:
         """Positions and rates at the start."""
         from pipeline.stages.mechanism import find_start
 
-        return find_start(self.scene, self.system)
+        return find_start(self.divided_scene, self.system)
 
     @cached_property
     def plans(self) -> dict[str, Plan]:
@@ -314,7 +380,7 @@ class Pipeline:
         """Return the motion that a trajectory of one of the scene's plans describes."""
         from pipeline.recovery.motion import Motion
 
-        return Motion(plan.mechanism, trajectory, self.scene.simulation.tip, self.complete_inertia)
+        return Motion(plan.mechanism, trajectory, self.divided_scene.simulation.tip, self.complete_inertia)
 
     def complete_inertia(self, mechanism: Mechanism) -> Mechanism:
         """Add to bodies of a mechanism of this scene the inertia along the one axis that they turn about."""

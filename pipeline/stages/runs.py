@@ -49,6 +49,10 @@ class BuiltScene(Protocol):
     keep_all: bool
 
     @property
+    def divided_scene(self) -> Scene:
+        """The scene with pieces as bodies of their own."""
+
+    @property
     def bodies(self) -> Mapping[str, FlexibleBody]:
         """Reduced flexible bodies."""
 
@@ -356,7 +360,7 @@ def plan_sub_cycled(
 
     whole, substeps = built.mechanism, run.substeps
     if run.split == "auto":
-        spins = rigid_spins(whole, *place_joints(built.scene, whole.rigid), simulation.duration)
+        spins = rigid_spins(whole, *place_joints(built.divided_scene, whole.rigid), simulation.duration)
         spin = max(float(np.sqrt(np.mean(np.sum(rates**2, axis=1)))) for rates in spins.values())
         choice = choose_split(built.system, simulation.error, simulation.duration, spin, step or None)
         frequency, substeps, step = choice.frequency_hz, choice.substeps, choice.step
@@ -366,4 +370,6 @@ def plan_sub_cycled(
     fast_joints, slow_modes = split_at(built.system, frequency)
     mechanism = replace(whole, fast_joints=fast_joints, slow_modes=slow_modes)
     system = share_system(mechanism)
-    return Plan(key, _make_two_rate_integrator(run, step, substeps), mechanism, system, find_start(built.scene, system))
+    return Plan(
+        key, _make_two_rate_integrator(run, step, substeps), mechanism, system, find_start(built.divided_scene, system)
+    )

@@ -24,6 +24,7 @@ from pipeline.dynamics.transmitted_loads import (
 )
 from pipeline.scene.damping import damping_ratios
 from pipeline.stages.assembly import movable_rigid
+from pipeline.stages.divided_scene import part_of
 from pipeline.stages.mass_check import require_inertia
 from pipeline.stages.mechanism import build_mechanism, place_joints
 
@@ -144,7 +145,9 @@ def check_spins(
         (ratio,) = damping_ratios(scene.flexible[name].modes.damping, [first])
         lasting = 1.0 / max(ratio, 1e-300)  # radians of ringing
         matters = change * (1.0 + 0.5 * _RINGING * min(first * scene.simulation.duration, lasting)) > error
-        stiffened = wanted == "on" or (wanted == "auto" and matters and (meshed is None or name in meshed))
+        # Displacements of second order in its pieces also make the rotations of a chain converge faster.
+        counts = (matters and (meshed is None or name in meshed)) or bool(part_of(name))
+        stiffened = wanted == "on" or (wanted == "auto" and counts)
         checks[name] = SpinCheck(largest, first, critical, stiffened, change, loads, motion.times)
     return checks
 
@@ -162,9 +165,12 @@ def estimate_change(body: FlexibleBody, loads: BodyLoads) -> float:
 
 
 def keep_what_counts(mechanism: Mechanism, checks: Mapping[str, SpinCheck], error: float) -> Mechanism:
-    """Leave out of a mechanism those terms of stiffening that don't count beside a wanted error."""
+    """Leave out of a mechanism those terms of stiffening that don't count beside a wanted error.
+
+    Pieces keep all: they count by their own deflection, not by the loads alone.
+    """
     for name, check in checks.items():
-        if check.stiffened:
+        if check.stiffened and not part_of(name):
             mechanism = without_negligible_terms(mechanism, mechanism.number_of(name), check.loads, _NEGLIGIBLE * error)
     return mechanism
 
@@ -188,9 +194,12 @@ def find_changes(mechanism: Mechanism, checks: Mapping[str, SpinCheck]) -> dict[
 
 
 def require_unbuckled(scene: Scene, changes: Mapping[str, StiffnessChange]) -> None:
-    """Raise ``InputError`` if a body would buckle for so long that its deflection grows beyond what is described."""
+    """Raise ``InputError`` if a body would buckle for so long that its deflection grows beyond what is described.
+
+    Pieces of a part describe what follows buckling.
+    """
     for name, change in changes.items():
-        if change.growth > _GROWTH:
+        if change.growth > _GROWTH and not part_of(name):
             raise InputError(
                 scene.file,
                 f"body.{name}",

@@ -14,7 +14,7 @@ from pipeline.dynamics.closures import Coupler
 from pipeline.dynamics.compiler.coordinates import Coordinates, constant_value
 from pipeline.dynamics.signals.signal import Signal
 
-_NAMES = {"name", "joint_name", "section", "body"}
+_NAMES = {"name", "joint_name", "section", "body", "part"}
 """Fields that are in no equation, or in it by a number."""
 
 

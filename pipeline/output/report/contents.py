@@ -40,7 +40,7 @@ def draw_pictures(run: Pipeline) -> dict[str, Any]:
     moves = run.scene.moves
     return {
         "motion": _collect_motion(run) if moves else None,
-        "modes": _draw_modes(run) if run.parts and run.part.has_mesh else [],
+        "modes": _draw_modes(run) if run.wholes and run.part.has_mesh else [],
         "charts": _draw_charts(run) if moves else [],
         "shown": show_outputs(run) if moves else [],
     }
@@ -54,7 +54,7 @@ def collect_tables(run: Pipeline, summary: dict[str, Any]) -> dict[str, Any]:
         "source": run.scene.source,
         "scene": run.scene.name,
         "figures": key_figures(summary),
-        "frequencies": _frequencies(summary) if run.parts else None,
+        "frequencies": _frequencies(summary) if run.wholes else None,
         "integrations": _integrations(summary) if "integrations" in summary else None,
         "budget": _budget(summary["error_budget"]) if "error_budget" in summary else None,
         "stages": [

@@ -48,11 +48,11 @@ def collect_view(run: Pipeline, scale: float, camera: Camera) -> dict[str, Any]:
         the ``limits`` [MPa]. ``axes`` are the camera's, row by row, to the right, up and towards the viewer.
     """
     times = run.motion.times
-    meshed = [name for name, part in run.parts.items() if part.has_stress]
+    meshed = [name for name, part in run.wholes.items() if part.has_stress]
     worst = {name: run.stress_of(name).worst() for name in meshed}
     first = max(meshed, key=lambda name: worst[name][2]) if meshed else None
     at_worst = 0 if first is None else int(np.searchsorted(times, worst[first][0]))
-    n_points = sum(len(run.parts[name].surface.nodes) for name in meshed)
+    n_points = sum(len(run.wholes[name].surface.nodes) for name in meshed)
     n_frames = _MOST_BYTES // max(_BYTES_A_POINT * n_points, 1)
     chosen = choose_frames(len(times), int(np.clip(n_frames, _LEAST_FRAMES, _MOST_FRAMES)))
     chosen = np.union1d(chosen, [at_worst])

@@ -1,0 +1,207 @@
+"""Flexible parts of a scene as they are reduced: whole, or as pieces of a whole that is shown as one."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, field, replace
+from functools import cached_property
+from typing import TYPE_CHECKING
+
+import numpy as np
+from numpy.typing import NDArray
+
+from pipeline.core.arrays import Array, IntArray
+from pipeline.core.errors import InputError
+from pipeline.recovery.stress import StressHistory
+from pipeline.scene.scene import Scene
+from pipeline.stages.divided_scene import divide_scene, find_place, piece_name
+from pipeline.stages.part import FlexiblePart
+from pipeline.stages.piece_mesh import CutPart
+
+if TYPE_CHECKING:
+    from pipeline.recovery.motion import Motion
+    from pipeline.reduction.body import FlexibleBody
+
+
+@dataclass(frozen=True)
+class DividedPart:
+    """A part in pieces, shown as one.
+
+    Attributes
+    ----------
+    whole : FlexiblePart
+        The part as the scene has it.
+    cut : CutPart
+        Its cuts.
+    pieces : tuple of FlexiblePart
+        The pieces, the first at the part's joint.
+    """
+
+    whole: FlexiblePart
+    cut: CutPart
+    pieces: tuple[FlexiblePart, ...]
+
+    @cached_property
+    def nodes(self) -> tuple[IntArray, ...]:
+        """For each piece the numbers of its nodes in the whole, shape (n_nodes_of_piece,) each."""
+        from scipy.spatial import cKDTree
+
+        tree = cKDTree(self.whole.space.x)
+        return tuple(
+            np.asarray(tree.query(part.space.x + piece.offset)[1])
+            for part, piece in zip(self.pieces, self.cut.pieces, strict=True)
+        )
+
+    def find_node(self, node: int) -> tuple[FlexiblePart, int]:
+        """Return the first piece that holds a node of the whole, and the node's number there."""
+        places = zip(self.pieces, (np.flatnonzero(nodes == node) for nodes in self.nodes), strict=True)
+        return next((part, int(found[0])) for part, found in places if len(found))
+
+    @cached_property
+    def frequencies_hz(self) -> Array:
+        """Frequencies of the whole at rest, put together from its pieces [Hz]: as many as each has modes wanted.
+
+        The whole is free but for its supports, as its own modes are by default.
+        """
+        from scipy.linalg import eigh
+
+        bodies = [part.for_any_motion(part.body) for part in self.pieces]
+        ends = np.cumsum([0, *(len(body.omega) for body in bodies)])
+        n_rigid = 0 if self.whole.shape.support else 6
+        n = int(ends[-1]) + n_rigid
+        frames = [np.eye(6, n, int(ends[-1])) * (n_rigid > 0)]  # velocity and spin of each piece's frame
+        M, K = np.zeros((n, n)), np.zeros((n, n))
+        for k, body in enumerate(bodies):
+            own = slice(int(ends[k]), int(ends[k + 1]))
+            if k:
+                cut = next(cut for cut in self.cut.cuts if cut.second == k and not cut.closes)
+                at, over = bodies[cut.first].markers[cut.of_first], frames[cut.first]
+                frame = over.copy()
+                frame[:3] -= np.cross(at.position[:, None], over[3:], axis=0)
+                parent = slice(int(ends[cut.first]), int(ends[cut.first + 1]))
+                frame[:3, parent] += at.translation
+                frame[3:, parent] += at.rotation
+                frames.append(frame)
+            J = np.concatenate([frames[k], np.eye(n)[own]])
+            M += J.T @ body.gram.mass_matrix(np.eye(1, 1 + len(body.omega))[0]) @ J
+            K[own, own] = np.diag(body.omega**2)
+        count = self.whole.shape.modes.count
+        squares = eigh(K, M, eigvals_only=True)[n_rigid : n_rigid + count]
+        return np.asarray(np.sqrt(squares) / (2 * np.pi))
+
+    def deform(self, motion: Motion, bodies: Mapping[str, FlexibleBody], frames: Sequence[int] | IntArray) -> Array:
+        """Return the displacement of all nodes in the frame of the first piece, shape (n_frames, n_nodes, 3) [m].
+
+        Nodes on a cut, which two pieces move, have the mean of both.
+        """
+        first, x = self.pieces[0].name, self.whole.space.x
+        origin = bodies[first].origin + self.cut.pieces[0].offset
+        total, count = np.zeros((len(frames), len(x), 3)), np.zeros(len(x))
+        for part, nodes in zip(self.pieces, self.nodes, strict=True):
+            body, q = bodies[part.name], motion.modal(part.name)
+            count[nodes] += 1
+            for row, k in enumerate(frames):
+                placed = motion.placed(part.name, body.x + body.shapes @ q[k], int(k))
+                total[row, nodes] += motion.seen_from(first, placed, int(k)) + origin - x[nodes]
+        return np.asarray(total / count[:, None])
+
+    def nodal_stress_at(self, motion: Motion, frame: int) -> NDArray[np.float32]:
+        """Return the stress at all nodes at an output time, (n_nodes, 6) [Pa]; on a cut the mean of both sides."""
+        total = np.zeros((len(self.whole.space.x), 6), dtype=np.float32)
+        count = np.zeros(len(total), dtype=np.float32)
+        for part, nodes in zip(self.pieces, self.nodes, strict=True):
+            count[nodes] += 1
+            total[nodes] += part.nodal_stress @ motion.modal(part.name)[frame].astype(np.float32)
+        return np.asarray(total / count[:, None])
+
+    def stress(self, motion: Motion) -> StressHistory:
+        """Return the stress on the surface of the whole over a motion, nodes on a cut with the mean of both pieces."""
+        surface, ends = self.whole.surface.nodes, np.cumsum([0, *(len(part.body.omega) for part in self.pieces)])
+        place = np.full(len(self.whole.space.x), -1)
+        place[surface] = np.arange(len(surface))
+        modal, count = np.zeros((len(surface), 6, int(ends[-1]))), np.zeros(len(surface))
+        for k, (part, nodes) in enumerate(zip(self.pieces, self.nodes, strict=True)):
+            rows = place[nodes[part.surface.nodes]]  # of a cut's inner nodes there are none
+            on_surface = np.flatnonzero(rows >= 0)
+            count[rows[on_surface]] += 1
+            modal[rows[on_surface], :, ends[k] : ends[k + 1]] = part.surface_stress[on_surface]
+        q = np.concatenate([motion.modal(part.name) for part in self.pieces], axis=1)
+        return StressHistory(surface, modal / count[:, None, None], motion.times, q)
+
+
+@dataclass(frozen=True)
+class Division:
+    """The parts of a scene as they are reduced.
+
+    Attributes
+    ----------
+    scene : Scene
+        The scene with pieces as bodies of their own.
+    parts : mapping of str to FlexiblePart
+        Parts and pieces by name.
+    divided : mapping of str to DividedPart
+        The parts in pieces by name; empty in most scenes.
+    """
+
+    scene: Scene
+    parts: Mapping[str, FlexiblePart]
+    divided: Mapping[str, DividedPart] = field(default_factory=dict)
+
+    def with_parts(self, parts: Mapping[str, FlexiblePart]) -> Division:
+        """Return the division with other parts and pieces of the same names."""
+        divided = {
+            name: replace(each, pieces=tuple(parts[piece.name] for piece in each.pieces))
+            for name, each in self.divided.items()
+        }
+        return Division(self.scene, parts, divided)
+
+    def find_place(self, place: str) -> str:
+        """Return ``"body.marker"`` with the name of the piece that holds the marker."""
+        return find_place(place, {name: part.cut for name, part in self.divided.items()})
+
+
+def divide_parts(scene: Scene, wholes: Mapping[str, FlexiblePart], like: Division | None = None) -> Division:
+    """Divide the parts of a scene that are to be in pieces.
+
+    Parameters
+    ----------
+    scene : Scene
+        With a simulation.
+    wholes : mapping of str to FlexiblePart
+        The parts as the scene has them.
+    like : Division, optional
+        That of another scene, from which results are taken that both have in common.
+
+    Raises
+    ------
+    InputError
+        The number of pieces is still open, or a part can't be cut; as `cut_part`.
+    """
+    from pipeline.stages.pieces import cut_part
+
+    wanted = {name: getattr(body, "pieces", 1) for name, body in scene.flexible.items()}
+    for name, count in wanted.items():
+        if count == "auto":
+            problem = "is still open here; `fmd run` finds the number, and then names it"
+            raise InputError(scene.file, f"body.{name}.pieces", count, problem)
+    cuts = {name: cut_part(wholes[name], int(count)) for name, count in wanted.items() if count != 1}
+    if not cuts:
+        return Division(scene, wholes)
+    found = divide_scene(scene, cuts, {name: wholes[name].elements for name in cuts})
+    parts: dict[str, FlexiblePart] = {}
+    divided = {}
+    for name, whole in wholes.items():
+        if name not in cuts:
+            parts[name] = FlexiblePart(found, name, whole.store, like=whole)
+            continue
+        shared: dict[str, FlexiblePart] = {}
+        for k, piece in enumerate(cuts[name].pieces):
+            own = piece_name(name, k)
+            before = None if like is None else like.parts.get(own)
+            part = FlexiblePart(found, own, whole.store, like=before, piece=piece)
+            if not part.shape.element:
+                part.results = shared.setdefault(part.key("body"), part).results  # equal pieces are reduced once
+            parts[own] = part
+        names = [piece_name(name, k) for k in range(len(cuts[name].pieces))]
+        divided[name] = DividedPart(whole, cuts[name], tuple(parts[own] for own in names))
+    return Division(found, parts, divided)

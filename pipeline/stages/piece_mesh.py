@@ -1,0 +1,96 @@
+"""Pieces of a part's mesh, and the cuts between them."""
+
+from __future__ import annotations
+
+import hashlib
+from dataclasses import dataclass
+from functools import cached_property
+from typing import TYPE_CHECKING
+
+import numpy as np
+
+from pipeline.core.arrays import Array, IntArray
+
+if TYPE_CHECKING:
+    from pipeline.fem.mesh import SolidMesh
+
+
+@dataclass(frozen=True)
+class Cut:
+    """A cut between two pieces: their numbers, and the names of the markers that each has there.
+
+    Attributes
+    ----------
+    first, second : int
+        Numbers of the pieces, from 0; in the tree the first is nearer to the joint that carries the part.
+    of_first, of_second : str
+        Names of the markers on both sides.
+    closes : bool
+        The cut closes a ring of pieces; else it is a branch of the tree.
+    """
+
+    first: int
+    second: int
+    of_first: str
+    of_second: str
+    closes: bool
+
+
+@dataclass(frozen=True)
+class PieceMesh:
+    """Elements of one piece of a part.
+
+    Attributes
+    ----------
+    cells : ndarray of int
+        Their numbers in the mesh of the whole.
+    mesh : SolidMesh
+        The piece's mesh, its origin moved by ``offset``; its faces are those of its markers.
+    offset : ndarray, shape (3,)
+        Origin of the piece's coordinates in those of the whole [m].
+    cut_markers, own_markers : tuple of str
+        Names of the markers at its cuts, and of the whole part's markers that are on it.
+    """
+
+    cells: IntArray
+    mesh: SolidMesh
+    offset: Array
+    cut_markers: tuple[str, ...]
+    own_markers: tuple[str, ...]
+
+    @cached_property
+    def digest(self) -> str:
+        """Digest of the mesh and its faces, equal for equal pieces."""
+        h = hashlib.sha256()
+        for array in (self.mesh.points, self.mesh.cells):
+            h.update(np.ascontiguousarray(array).tobytes())
+        for table in (self.mesh.faces, self.mesh.parts):
+            for name, array in table.items():
+                h.update(f"{name}:{array.shape}".encode())
+                h.update(np.ascontiguousarray(array).tobytes())
+        return h.hexdigest()
+
+
+@dataclass(frozen=True)
+class CutPart:
+    """A part's mesh cut into pieces.
+
+    Attributes
+    ----------
+    pieces : tuple of PieceMesh
+        The first carries the marker of the part's joint, each other comes after one that it is welded to.
+    cuts : tuple of Cut
+        Cuts between them, those that close rings last.
+    """
+
+    pieces: tuple[PieceMesh, ...]
+    cuts: tuple[Cut, ...]
+
+    def holds(self, marker: str) -> int:
+        """Return the number of the piece that a marker of the whole is on."""
+        return next(k for k, piece in enumerate(self.pieces) if marker in piece.own_markers)
+
+
+def face_of(marker: str) -> str:
+    """Return the name of the face that a piece's mesh has for a marker."""
+    return f"at-{marker}"
