@@ -76,7 +76,7 @@ def _choose_body(pipeline: Pipeline, to: str, body: str | None) -> str | None:
     InputError
         There is no such flexible body, or it isn't clear which is meant.
     """
-    names, scene = list(pipeline.parts), pipeline.scene
+    names, scene = list(pipeline.scene.flexible), pipeline.scene
     if to in MECHANISM_FORMATS:
         if body is not None:
             raise InputError("--body", "", body, f"format {to} holds the whole mechanism; leave it out")

@@ -10,7 +10,6 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from pipeline.core.errors import InputError
 from pipeline.output.formats import write_body, write_format
 from pipeline.output.histories import write_extremes, write_history
 from pipeline.output.stress_fields import write_envelope, write_fatigue
@@ -27,10 +26,6 @@ def write_file(run: Pipeline, output: Any, folder: Path) -> list[str]:
 def write_export(run: Pipeline, output: Export, folder: Path) -> list[str]:
     """Write the files of an export into a folder and return their names."""
     path = folder / output.file
-    reduced = output.format is not None or path.suffix == ".nc"
-    if reduced and (output.body in run.division.divided or (output.body is None and run.division.divided)):
-        problem = f"{output.body or 'a body of the mechanism'} is in pieces, which this format doesn't hold; pieces = 1"
-        raise InputError(run.scene.file, "output.file", output.file, problem)
     if output.format is not None:
         return [file.name for file in write_format(run, output.format, output.body, path)]
     assert output.body is not None

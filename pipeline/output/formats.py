@@ -8,6 +8,7 @@ from __future__ import annotations
 import importlib
 from pathlib import Path
 
+from pipeline.core.errors import InputError
 from pipeline.reduction.body_file import save_body
 from pipeline.stages.pipeline import Pipeline
 
@@ -44,6 +45,10 @@ def write_format(run: Pipeline, name: str, body: str | None, path: Path) -> list
     InputError
         The format can't hold what the scene has.
     """
+    for own, shape in run.scene.flexible.items():
+        if body in (None, own) and getattr(shape, "pieces", 1) != 1:
+            mend = f"format {name} holds a body in one piece; --set body.{own}.pieces=1 exports it"
+            raise InputError(run.scene.file, f"body.{own}.pieces", getattr(shape, "pieces", 1), mend)
     module, _, function = _WRITERS[name].partition(":")
     files: list[Path] = getattr(importlib.import_module(module), function)(run, body, path)
     return files

@@ -25,6 +25,7 @@ if TYPE_CHECKING:
 
 RESIDUAL_LIMIT = 1e-6
 ORTHONORMALITY_LIMIT = 1e-8
+_THIN = "since elements are so thin: shorter elements, or a thicker part, have less of it"
 _OF_ROUND_OFF, _MOST_ROUNDED = 10.0, 1e-3  # residuals beyond the limit, if round-off explains them: λ is good to 1e-6
 # Lanczos stops at this residual: an eigenvalue is then good to its square, a shape to itself over the gap. It must stay
 # below 1e-8, where single vectors have been seen to lose one of a pair.
@@ -264,6 +265,7 @@ class FreeBodySolver:
             raise AccuracyError(
                 f"found {n_rigid} rigid-body modes, {whole} has {expected}; the lowest eigenvalues are {lowest} "
                 f"rad²/s², of which those below {_ZERO * -self.shift:.1e} count as zero"
+                + (f"; round-off alone leaves {rounded:.0e} rad²/s², {_THIN}" if rounded > _ZERO * -self.shift else "")
             )
         residual = self._largest_residual(eigenvalues, Phi, n_rigid, inverse)
         shapes = self._nodal(Phi[:, n_rigid:])
@@ -293,12 +295,7 @@ class FreeBodySolver:
                 raise AccuracyError(
                     f"mode {worst + 1} at {np.sqrt(elastic[worst]) / 2 / np.pi:.6g} Hz has a residual of "
                     f"{residuals[worst]:.1e}, above {RESIDUAL_LIMIT:.0e}"
-                    + (
-                        f"; round-off alone leaves {rounded:.0e}, since elements are so thin: shorter elements, or a "
-                        "thicker part, have less of it"
-                        if thin
-                        else ""
-                    )
+                    + (f"; round-off alone leaves {rounded:.0e}, {_THIN}" if thin else "")
                 )
         return float(residuals[worst])
 

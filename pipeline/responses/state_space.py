@@ -14,7 +14,8 @@ from pipeline.core.arrays import Array
 from pipeline.core.files import whole_file
 
 _ROUND_OFF = 1e-12  # of damping ratios
-_STILL = 1e-6  # of the fastest pole: one that moves slower is a rigid motion
+_STILL = 1e-6  # of the fastest oscillation: one that moves slower is a rigid motion
+_ROUNDED = 10.0  # round-off of the fastest pole that slow ones may have
 _FAR = 0.2  # a zero with a larger real part, over its imaginary one, makes no response small
 _CANCELS = 1e-6  # distance of a zero from the pole that it cancels, over its size
 _INFINITE = 1e4  # zeros so many times beyond the fastest pole are at infinity
@@ -76,10 +77,19 @@ class StateSpace:
     def _fastest(self) -> float:
         return float(np.abs(self.poles).max(initial=0.0))
 
+    @cached_property
+    def _still(self) -> float:
+        """Size of a pole that is a rigid motion's, of 0 but for round-off [1/s].
+
+        It is measured by the fastest oscillation: what strong dampers hold decays faster by many orders.
+        """
+        oscillation = float(self.poles.imag.max(initial=0.0))
+        return max(_STILL * (oscillation or self._fastest), _ROUNDED * np.finfo(float).eps * self._fastest)
+
     @property
     def oscillating_poles(self) -> Array:
         """Poles with a positive imaginary part [1/s], by their size."""
-        return self.poles[self.poles.imag > _STILL * self._fastest]
+        return self.poles[self.poles.imag > self._still]
 
     @property
     def poles_hz(self) -> Array:
@@ -96,7 +106,7 @@ class StateSpace:
     def growth(self) -> float:
         """Largest rate at which a small motion grows [1/s]; 0 if none does."""
         fastest = float(self.poles.real.max(initial=0.0))
-        return fastest if fastest > _STILL * self._fastest else 0.0
+        return fastest if fastest > self._still else 0.0
 
     def zeros_hz(self, number_in: int = 0, number_out: int = 0) -> Array:
         """Frequencies of the oscillating zeros of one output by one input ``|z|/2π`` [Hz], ascending.
@@ -110,8 +120,8 @@ class StateSpace:
         n = len(self.A)
         if not n:
             return np.zeros(0)
-        # Time is scaled by the fastest pole and the row and column by their sizes, so that infinity is told apart.
-        speed = self._fastest or 1.0
+        # Time is scaled by the fastest oscillation and the row and column by their sizes, so that infinity is told apart.
+        speed = float(self.poles.imag.max(initial=0.0)) or self._fastest or 1.0
         b, c, d = self.B[:, number_in], self.C[number_out], self.D[number_out, number_in]
         size_b, size_c = np.linalg.norm(b) or 1.0, np.linalg.norm(c) or 1.0
         pencil = np.block([[self.A / speed, b[:, None] / size_b], [c[None] / size_c, np.array([[d * speed]])]])
@@ -119,7 +129,7 @@ class StateSpace:
         pair = eigvals(pencil, np.diag(np.r_[np.ones(n), 0.0]), homogeneous_eigvals=True)
         finite = np.abs(pair[0]) < _INFINITE * np.abs(pair[1])
         zeros = pair[0][finite] / pair[1][finite]
-        zeros = zeros[(zeros.imag > _STILL) & (np.abs(zeros.real) < _FAR * zeros.imag)]
+        zeros = zeros[(zeros.imag > self._still / speed) & (np.abs(zeros.real) < _FAR * zeros.imag)]
         apart = np.abs(zeros[:, None] * speed - self.oscillating_poles).min(axis=1, initial=np.inf)
         zeros = zeros[apart > _CANCELS * np.abs(zeros) * speed]
         return np.sort(np.abs(zeros)) * speed / (2 * np.pi)

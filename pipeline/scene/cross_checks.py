@@ -207,11 +207,17 @@ class CrossCheck:
 
     def _check_picture(self, picture: BodyPicture | MechanismView | Export, *path: str | int) -> Iterator[FaultError]:
         flexible = self._flexible
+        of_body_alone = isinstance(picture, Export) and (picture.file.endswith(".nc") or picture.format is not None)
+        divided = [name for name, body in flexible.items() if getattr(body, "pieces", 1) != 1]
+        if of_body_alone and (divided if picture.body is None else picture.body in divided):
+            name = picture.body or divided[0]
+            yield FaultError(
+                f"holds bodies in one piece, and {name} is in several; pieces = 1 exports it", *path, "file"
+            )
         if picture.body is None:  # of the whole mechanism
             if isinstance(picture, StressPicture) and all(body.shape == "matrices" for body in flexible.values()):
                 yield FaultError("needs a flexible body with a mesh; this scene has none", *path, "type")
             return
-        of_body_alone = isinstance(picture, Export) and (picture.file.endswith(".nc") or picture.format is not None)
         if picture.body not in self.body:
             yield FaultError(f"no such body; {suggest_name(picture.body, self.body, 'the bodies')}", *path, "body")
         elif picture.body not in flexible:

@@ -139,7 +139,7 @@ def _marker_input(name: str, place: str, way: str) -> NamedInput:
 
 def _marker_port(mechanism: Mechanism, name: str, place: str, way: str, unit: str, order: int) -> MarkerPort:
     body, _, marker = place.partition(".")
-    number = mechanism.number_of(body)
+    number = mechanism.find_marker(mechanism.number_of(body), marker)
     shapes = mechanism.links[number].markers[marker]
     return MarkerPort(name, unit, number, shapes, *_DIRECTIONS[way], order=order)
 

@@ -19,7 +19,6 @@ from pipeline.core.progress import Monitor, silent
 from pipeline.recovery.deformation import Deformation, measure_deformation
 from pipeline.recovery.envelope import StressEnvelope, stress_envelope
 from pipeline.recovery.stress import StressHistory, stress_measure
-from pipeline.reduction.inertia import add_normal_blocks
 from pipeline.scene.scene import Scene
 from pipeline.scene.source_files import collect_inputs
 from pipeline.stages.divided_scene import part_of
@@ -28,6 +27,7 @@ from pipeline.stages.part import FlexiblePart
 from pipeline.stages.result_size import require_room
 from pipeline.stages.stage import Stage
 from pipeline.stages.store import Log, StageStore
+from pipeline.stages.whole_inertia import complete_inertia
 
 if TYPE_CHECKING:
     from pipeline.dynamics.compiled_system.system import CompiledSystem
@@ -380,17 +380,9 @@ class Pipeline:
         """Return the motion that a trajectory of one of the scene's plans describes."""
         from pipeline.recovery.motion import Motion
 
-        return Motion(plan.mechanism, trajectory, self.divided_scene.simulation.tip, self.complete_inertia)
-
-    def complete_inertia(self, mechanism: Mechanism) -> Mechanism:
-        """Add to bodies of a mechanism of this scene the inertia along the one axis that they turn about."""
-        links = [
-            replace(link, gram=add_normal_blocks(link.gram, self.parts[link.name].inertia_along_normal))
-            if link.gram.normal >= 0
-            else link
-            for link in mechanism.links
-        ]
-        return replace(mechanism, links=links)
+        return Motion(
+            plan.mechanism, trajectory, self.divided_scene.simulation.tip, partial(complete_inertia, self.parts)
+        )
 
     @property
     def output_times(self) -> Array:

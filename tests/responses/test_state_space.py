@@ -39,6 +39,16 @@ def test_poles_and_zeros_are_those_of_two_masses() -> None:
     assert model.growth == 0.0
 
 
+def test_an_overdamped_motion_hides_no_slow_one() -> None:
+    """One of 10 rad/s beside one that damping proportional to a very large stiffness holds."""
+    K = np.diag([1e2, 1e12])
+    model = model_of(K, 1e-3 * K, 0, 0)
+    assert model.poles_hz == pytest.approx([10.0 / 2 / np.pi], rel=1e-4)
+    assert model.damping == pytest.approx([0.005], rel=1e-2)
+    falling = model_of(np.diag([1e2, -1e2, 1e12]), np.diag([0.0, 0.0, 1e9]), 0, 0)
+    assert falling.growth == pytest.approx(10.0, rel=1e-4)
+
+
 def test_zeros_that_cancel_poles_are_left_out() -> None:
     model = model_of(np.diag([1e4, 4e4, 9e4]), np.zeros((3, 3)), 1, 1)
     assert model.zeros_hz().size == 0

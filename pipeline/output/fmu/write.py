@@ -23,6 +23,7 @@ from pipeline.output.fmu.description import Heading, describe_build, describe_fm
 from pipeline.output.fmu.equations import write_coefficients, write_equations
 from pipeline.output.fmu.variables import Interface, make_interface
 from pipeline.stages.pipeline import Pipeline
+from pipeline.stages.whole_inertia import complete_inertia
 
 TOLERANCE = 1e-9
 """Largest relative error of a co-simulation's step where nothing else is asked for."""
@@ -91,7 +92,7 @@ def make_model(run: Pipeline) -> tuple[Heading, Interface, dict[str, str]]:
             "closes a loop, whose forces an FMU can't compute yet; export a tree of joints",
         )
     mechanism = run.mechanism
-    external = ExternalMechanism(mechanism, run.complete_inertia(mechanism), _element_stresses(run))
+    external = ExternalMechanism(mechanism, complete_inertia(run.parts, mechanism), _element_stresses(run))
     point_loads = [name for name, drive in scene.drive.items() if drive.type in ("point force", "point torque")]
     q0, v0 = run.start
     nominal = _nominal_sizes(mechanism, q0, v0)

@@ -1,0 +1,21 @@
+"""Inertia of bodies along the one axis that they turn about, which forces of their joints take."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import replace
+
+from pipeline.dynamics.mechanism import Mechanism
+from pipeline.reduction.inertia import add_normal_blocks
+from pipeline.stages.part import FlexiblePart
+
+
+def complete_inertia(parts: Mapping[str, FlexiblePart], mechanism: Mechanism) -> Mechanism:
+    """Add to bodies of a mechanism the inertia along the one axis that they turn about, from their parts by name."""
+    links = [
+        replace(link, gram=add_normal_blocks(link.gram, parts[link.name].inertia_along_normal))
+        if link.gram.normal >= 0
+        else link
+        for link in mechanism.links
+    ]
+    return replace(mechanism, links=links)
