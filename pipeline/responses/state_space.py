@@ -120,7 +120,7 @@ class StateSpace:
         n = len(self.A)
         if not n:
             return np.zeros(0)
-        # Time is scaled by the fastest oscillation and the row and column by their sizes, so that infinity is told apart.
+        # Time is scaled by the fastest oscillation, the row and column by their sizes, so that infinity is told apart.
         speed = float(self.poles.imag.max(initial=0.0)) or self._fastest or 1.0
         b, c, d = self.B[:, number_in], self.C[number_out], self.D[number_out, number_in]
         size_b, size_c = np.linalg.norm(b) or 1.0, np.linalg.norm(c) or 1.0
