@@ -14,7 +14,7 @@ from pipeline.dynamics.mechanism import Mechanism
 
 @dataclass(frozen=True)
 class JointLoads:
-    """What accelerates a mechanism's bodies over a motion, and what its joints transmit.
+    """Accelerations of a mechanism's bodies over a motion, and the forces and moments of its joints.
 
     Attributes
     ----------

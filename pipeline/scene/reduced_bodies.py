@@ -116,7 +116,7 @@ class FileNode(Orientation):
 
     @property
     def where(self) -> dict[str, object]:
-        """What says where the marker is, for hashing."""
+        """Place of the marker as plain data, for hashing."""
         return {"node": self.labels}
 
     @property

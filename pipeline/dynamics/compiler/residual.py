@@ -27,7 +27,7 @@ from pipeline.dynamics.compiler.recursion import BodyValues
 
 @dataclass
 class JointForce:
-    """What it takes to move a body and all that it carries, in the body's axes.
+    """Force that moves a body and all that it carries, in the body's axes.
 
     Attributes
     ----------

@@ -9,7 +9,7 @@ from pipeline.output.fmu.variables import FmuVariable, Interface, units_of
 
 
 class Heading(NamedTuple):
-    """What a description says of the model as a whole."""
+    """Names, version and times of a model, which head its description."""
 
     name: str
     identifier: str

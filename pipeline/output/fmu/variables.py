@@ -51,7 +51,7 @@ class FmuVariable(NamedTuple):
 
 @dataclass(frozen=True)
 class Interface:
-    """What an FMU shows of a mechanism, and where the mechanism's functions have it.
+    """Variables that an FMU shows of a mechanism, and where the mechanism's functions have them.
 
     Attributes
     ----------
