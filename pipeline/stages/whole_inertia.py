@@ -4,10 +4,13 @@ from __future__ import annotations
 
 from collections.abc import Mapping
 from dataclasses import replace
+from typing import TYPE_CHECKING
 
-from pipeline.dynamics.mechanism import Mechanism
 from pipeline.reduction.inertia import add_normal_blocks
 from pipeline.stages.part import FlexiblePart
+
+if TYPE_CHECKING:
+    from pipeline.dynamics.mechanism import Mechanism
 
 
 def complete_inertia(parts: Mapping[str, FlexiblePart], mechanism: Mechanism) -> Mechanism:
