@@ -245,7 +245,9 @@ def _notes(summary: dict[str, Any]) -> list[str]:
         lines += _notes_on_body(name, body, sub_cycled)
     if "worst_stress" in summary:
         stress = summary["worst_stress"]
-        line = f"largest von Mises stress {scaled(stress['von_mises_pa'], 'Pa')} at t = {scaled(stress['time_s'], 's')}"
+        where = f" in {stress['body']}" if len(summary.get("bodies", ())) > 1 else ""
+        when = f"at t = {scaled(stress['time_s'], 's')}"
+        line = f"largest von Mises stress {scaled(stress['von_mises_pa'], 'Pa')}{where} {when}"
         if "peak_tip_deflection_m" in summary:
             line += f"; largest tip deflection {scaled(summary['peak_tip_deflection_m'], 'm')}"
         lines.append(line)

@@ -91,7 +91,7 @@ def forecast_run(run: Pipeline, pictures: bool, budget: bool) -> Forecast:
     planner.note(Pipeline.trajectories.name, "run", f"never kept{compiling}")
     for part in run.parts.values():
         planner.want(part, ["deformation"] if part.has_mesh else [])
-    for part in [part for part in run.parts.values() if part.has_mesh][:1]:
+    for part in [part for part in run.parts.values() if part.has_mesh]:
         planner.want(part, ["modes", "surface", "stress"])
     for part in run.parts.values():
         planner.want(part, ["element stress"] if part.shape.element else [])

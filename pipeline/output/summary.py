@@ -70,11 +70,10 @@ def summarise(run: Pipeline, files: list[str], budget: bool, budget_seconds: flo
     meshed = [name for name, part in run.wholes.items() if part.has_mesh]
     stressed = [name for name, part in run.wholes.items() if part.has_stress]
     if stressed:
-        stress = run.stress_of(stressed[0])
-        time, node, value = stress.worst()
-        origin = run.bodies[run.frame_of(stressed[0])].origin
-        place = origin + run.node_positions(stressed[0])[stress.nodes[node]]
-        summary["worst_stress"] = {"time_s": time, "von_mises_pa": value, "position_m": place.tolist()}
+        worst = {name: _worst_stress(run, name) for name in stressed}
+        where = max(worst, key=lambda name: worst[name]["value_pa"])
+        largest = {"body": where, "von_mises_pa": worst[where]["value_pa"]}
+        summary["worst_stress"] = largest | {key: worst[where][key] for key in ("time_s", "position_m")} | worst
     if tables := {o.file: extremes(run, o) for o in run.scene.output if isinstance(o, ExtremesTable)}:
         summary["tables"] = tables
     summary |= summarise_fields(run)
@@ -90,6 +89,14 @@ def summarise(run: Pipeline, files: list[str], budget: bool, budget_seconds: flo
         "stages_cached": list(run.log.cached),
         "stages_skipped": [stage for stage in STAGES if stage not in run.log.seconds],
     }
+
+
+def _worst_stress(run: Pipeline, body: str) -> dict[str, Any]:
+    """Largest von Mises stress of a body, its time, and its place in the part's own coordinates."""
+    stress = run.stress_of(body)
+    time, node, value = stress.worst()
+    place = run.bodies[run.frame_of(body)].origin + run.node_positions(body)[stress.nodes[node]]
+    return {"value_pa": value, "time_s": time, "position_m": place.tolist()}
 
 
 def _integrations(run: Pipeline) -> list[dict[str, Any]]:

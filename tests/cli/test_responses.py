@@ -11,6 +11,8 @@ import numpy as np
 import pytest
 import xarray
 
+from pipeline import load_scene
+
 SMALL = ("--set", "body.plate.mesh.divisions=[6,4,2]")
 REDUCED = """
 title = "Reduced"
@@ -123,3 +125,15 @@ def test_a_body_that_comes_reduced_is_not_corrected(
     assert fmd("modes", "plate", *SMALL, "--json") == 0
     modes = json.loads(capsys.readouterr().out)["frequencies_hz"]
     assert found["poles_hz"][:3] == pytest.approx(modes[:3], rel=1e-6)
+
+
+def test_the_plate_has_all_its_outputs(fmd: Any, capsys: pytest.CaptureFixture[str], tmp_path: Path) -> None:
+    """Responses, envelope, fatigue, histories and extremes of one scene, pictures and tables alike."""
+    options = ("--no-budget", "--out", tmp_path, *SMALL, "--set", "simulation.duration=5ms")
+    assert fmd("run", "plate", *options, "--json") == 0
+    summary = json.loads(capsys.readouterr().out)
+    wanted = {output.file for output in load_scene("plate").output} | {"frf.csv", "frf.nc"}
+    assert wanted <= set(summary["files"])
+    assert all((tmp_path / file).stat().st_size > 200 for file in summary["files"])
+    assert summary["fatigue"]["life.png"]["repeats_to_failure"] > 1e6
+    assert {row["quantity"] for row in summary["tables"]["extremes.csv"]} >= {"clamp.force.size", "clamp.moment.z"}

@@ -5,6 +5,7 @@ import pytest
 from scipy.spatial.transform import Rotation
 
 from pipeline import Pipeline, load_scene
+from pipeline.output.summary import summarise
 
 
 @pytest.fixture(scope="module")
@@ -51,6 +52,13 @@ def test_the_tool_points_along_the_forearm(robot: Pipeline):
     tip, flange = (motion.kinematics.marker_position(numbers["tool"], name) for name in ("tip", "flange"))
     forearm = motion.kinematics.frames[numbers["forearm"]].rotation[:, :, 0]
     assert (tip - flange) / 0.12 == pytest.approx(forearm, abs=5e-3)  # but for the forearm's bending
+
+
+def test_the_worst_stress_is_the_largest_of_all_bodies(robot: Pipeline):
+    worst = summarise(robot, [], budget=False)["worst_stress"]
+    each = {name: robot.stress_of(name).worst()[2] for name in ("upper", "forearm")}
+    assert {name: worst[name]["value_pa"] for name in each} == each
+    assert worst["von_mises_pa"] == max(each.values()) == each[worst["body"]]
 
 
 def test_links_and_blades_share_what_they_can(robot: Pipeline):
