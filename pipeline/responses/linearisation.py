@@ -14,7 +14,7 @@ coefficients. A frozen state that isn't at rest or in steady rotation is one ins
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass, replace
+from dataclasses import replace
 from functools import cached_property
 from typing import Any
 
@@ -39,25 +39,9 @@ from pipeline.responses.ports import (
     Port,
 )
 from pipeline.responses.state_space import Channel, StateSpace
+from pipeline.stability.tangent import OperatingPoint
 
 _DEPENDENT = 1e-8  # of the largest: constraints that others imply
-
-
-@dataclass(frozen=True)
-class OperatingState:
-    """State of a mechanism at which it is linearised.
-
-    Attributes
-    ----------
-    time : float
-        [s]
-    q, v : ndarray, shapes (n_positions,) and (n,)
-        Positions and rates.
-    """
-
-    time: float
-    q: Array
-    v: Array
 
 
 class Linearisation:
@@ -109,13 +93,13 @@ class Linearisation:
                 loads.append(PointLoad(body, np.array(port.direction), probe, port.turns, **place))
         return replace(self.mechanism, links=links, loads=loads, horizon=0.0)
 
-    def at(self, state: OperatingState) -> StateSpace:
+    def at(self, state: OperatingPoint) -> StateSpace:
         """Linearise at a state."""
         q, v, given = self._released_state(state)
         tangents = self._equations.tangents(q, v, self._signals(state.time), given)
         return _Assembly(self, tangents, q, v).model()
 
-    def accelerations(self, state: OperatingState) -> Array:
+    def accelerations(self, state: OperatingPoint) -> Array:
         """Return the accelerations of the coordinates at a state, shape (n,), in the mechanism's order."""
         q, v, given = self._released_state(state)
         a = self._equations.tangents(q, v, self._signals(state.time), given).a
@@ -134,7 +118,7 @@ class Linearisation:
             q[mine + own.n_positions - own.n] = theirs + other.n_positions - other.n
         return q, v
 
-    def _released_state(self, state: OperatingState) -> tuple[Array, Array, Array]:
+    def _released_state(self, state: OperatingPoint) -> tuple[Array, Array, Array]:
         """Return positions and rates of the released mechanism, and the accelerations that are given."""
         to_q, to_v = self._places()
         q, v, given = self._released.rest_positions, np.zeros(self._released.n), []

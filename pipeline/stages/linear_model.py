@@ -11,10 +11,11 @@ import numpy as np
 from pipeline.core.arrays import Array
 from pipeline.core.errors import InputError
 from pipeline.core.units import to_si
-from pipeline.responses.linearisation import Linearisation, OperatingState
+from pipeline.responses.linearisation import Linearisation
 from pipeline.responses.ports import MotionPort
 from pipeline.responses.state_space import StateSpace
 from pipeline.scene.variants import correct_statically, replace_start
+from pipeline.stability.tangent import OperatingPoint
 from pipeline.stages.linear_ports import SINGLE, find_input, find_output
 
 if TYPE_CHECKING:
@@ -150,18 +151,18 @@ def read_about(run: Pipeline, about: str) -> float | None:
     return time
 
 
-def _operating_state(run: Pipeline, time: float | None) -> tuple[Mechanism, OperatingState]:
+def _operating_state(run: Pipeline, time: float | None) -> tuple[Mechanism, OperatingPoint]:
     """Return a scene's mechanism with the state at its start, or at a time of its first run."""
     if not time:
         q, v = run.start
-        return run.mechanism, OperatingState(0.0, q, v)
+        return run.mechanism, OperatingPoint(0.0, q, v)
     plan = replace(next(iter(run.plans.values())), excited=None, excited_system=None)
     trajectory = plan.march(np.array([0.0, time]))
-    return plan.mechanism, OperatingState(time, trajectory.q[-1], trajectory.v[-1])
+    return plan.mechanism, OperatingPoint(time, trajectory.q[-1], trajectory.v[-1])
 
 
 def _find_warnings(
-    model: StateSpace, mechanism: Mechanism, state: OperatingState, a: Array, about: str
+    model: StateSpace, mechanism: Mechanism, state: OperatingPoint, a: Array, about: str
 ) -> list[dict[str, str]]:
     """Warn of a state that doesn't last, and of one from which a motion grows by itself."""
     found = []

@@ -11,12 +11,13 @@ from pipeline.core.arrays import Array
 from pipeline.core.errors import InputError
 from pipeline.core.rotations import matrix_of_quaternion, quaternion_of_matrix, rotation_matrix
 from pipeline.reduction.rotating import rotating_modes
-from pipeline.responses.linearisation import Linearisation, OperatingState
+from pipeline.responses.linearisation import Linearisation
 from pipeline.responses.ports import Direction, MarkerPort
 from pipeline.responses.state_space import StateSpace
 from pipeline.responses.whirl import WhirlingModes, whirling_modes
 from pipeline.scene.damping import damping_ratios
 from pipeline.scene.variants import correct_statically, replace_gravity
+from pipeline.stability.tangent import OperatingPoint
 from pipeline.stages.ground import ground_place
 
 if TYPE_CHECKING:
@@ -90,7 +91,7 @@ class _RotorInBearings:
         R = rotation_matrix(angle * self.axis[None])[0] @ matrix_of_quaternion(q[None, at + 3 : at + 7])[0]
         q[at + 3 : at + 7] = quaternion_of_matrix(R[None])[0]
         v[first + 3 : first + 6] = rate * (R.T @ self.axis)
-        return self.linearisation.at(OperatingState(0.0, q, v))
+        return self.linearisation.at(OperatingPoint(0.0, q, v))
 
     def _require_round(self) -> None:
         here, turned = self._model(0.0).A, self._model(0.0, _TURN).A

@@ -13,8 +13,9 @@ from pipeline.core.errors import InputError
 from pipeline.dynamics.links import FREE
 from pipeline.integrators.protocol import evaluate, evaluate_velocities, move_positions
 from pipeline.output.frequencies import rotating_table
-from pipeline.responses.linearisation import Linearisation, OperatingState
+from pipeline.responses.linearisation import Linearisation
 from pipeline.scene.scene import load_scene
+from pipeline.stability.tangent import OperatingPoint
 from pipeline.stages.linear_model import linearise_scene
 from pipeline.stages.pipeline import Pipeline
 from tests.dynamics.compiler.comparison import TIME
@@ -52,7 +53,7 @@ def test_a_tree_is_linearised_as_by_differences_of_its_accelerations(seed: int) 
         return a
 
     by_both = slopes(accelerations, 2 * n)
-    model = Linearisation(mechanism, (), ()).at(OperatingState(TIME, q, v))
+    model = Linearisation(mechanism, (), ()).at(OperatingPoint(TIME, q, v))
     W = free_axes(mechanism, q)
     expected = np.concatenate([W.T @ by_both[:, :n] @ W, W.T @ by_both[:, n:] @ W], axis=1)
     # Signals' own values are part of both; a given acceleration moves the bodies, but not their slopes by states.
@@ -98,7 +99,7 @@ def test_loops_are_linearised_as_by_differences_along_their_constraints(tmp_path
     system = run.system
     p, n = system.parameters, mechanism.n
     linearisation = Linearisation(mechanism, (), ())
-    model = linearisation.at(OperatingState(0.0, q, v))
+    model = linearisation.at(OperatingPoint(0.0, q, v))
     names = [name for name, _ in linearisation.state_names()]
     own = [name for name, _ in model.states[: len(model.states) // 2]]
     independent = np.array([names.index(name) for name in own])
@@ -128,7 +129,7 @@ def test_loops_are_linearised_as_by_differences_along_their_constraints(tmp_path
         evaluate(p, 0.0, *closed(change), a)
         return a[independent]
 
-    assert linearisation.accelerations(OperatingState(0.0, q, v)) == pytest.approx(
+    assert linearisation.accelerations(OperatingPoint(0.0, q, v)) == pytest.approx(
         _accelerations(system, q, v), rel=1e-7, abs=1e-6
     )
     expected = slopes(accelerations, 2 * len(independent))
