@@ -1,5 +1,6 @@
 """Compilers of FMUs: one that fails is told; libraries of two processors are one file on macOS."""
 
+import shutil
 import struct
 
 import numpy as np
@@ -13,6 +14,7 @@ SOURCE = {"model.c": "int answer(void)\n{\n    return 42;\n}\n"}
 
 
 @pytest.mark.skipif(own_target() is None, reason="this system has no FMU binaries")
+@pytest.mark.skipif(not (shutil.which("cc") or shutil.which("gcc")), reason="no C compiler")
 def test_what_the_compiler_says_is_told(monkeypatch):
     monkeypatch.setattr(build, "has_zig", lambda: False)
     with pytest.raises(InputError, match=r"the C compiler .* fails: .*error"):
