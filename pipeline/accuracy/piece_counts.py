@@ -52,4 +52,4 @@ def choose_piece_counts(run: Pipeline) -> Pipeline:
 
 def find_open_pieces(scene: Scene) -> tuple[str, ...]:
     """Return the names of the bodies whose number of pieces the scene leaves open."""
-    return tuple(name for name, body in scene.flexible.items() if getattr(body, "pieces", 1) == "auto")
+    return tuple(name for name, count in scene.pieces.items() if count == "auto")

@@ -45,10 +45,10 @@ def write_format(run: Pipeline, name: str, body: str | None, path: Path) -> list
     InputError
         The format can't hold what the scene has.
     """
-    for own, shape in run.scene.flexible.items():
-        if body in (None, own) and getattr(shape, "pieces", 1) != 1:
+    for own, count in run.scene.pieces.items():
+        if body in (None, own):
             mend = f"format {name} holds a body in one piece; --set body.{own}.pieces=1 exports it"
-            raise InputError(run.scene.file, f"body.{own}.pieces", getattr(shape, "pieces", 1), mend)
+            raise InputError(run.scene.file, f"body.{own}.pieces", count, mend)
     module, _, function = _WRITERS[name].partition(":")
     files: list[Path] = getattr(importlib.import_module(module), function)(run, body, path)
     return files

@@ -2,7 +2,8 @@
 
 from __future__ import annotations
 
-from typing import Annotated
+from collections.abc import Mapping
+from typing import Annotated, Literal
 
 from pydantic import BeforeValidator, Field
 
@@ -33,3 +34,9 @@ Body = Annotated[
     Field(discriminator="shape"),
     BeforeValidator(_with_shape),
 ]
+
+
+def wanted_pieces(bodies: Mapping[str, Flexible]) -> dict[str, int | Literal["auto"]]:
+    """Return the numbers of pieces of those flexible bodies that are to be cut, by name; some kinds never are."""
+    counts = {name: getattr(body, "pieces", 1) for name, body in bodies.items()}
+    return {name: count for name, count in counts.items() if count != 1}

@@ -9,7 +9,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from pipeline.core.units import unit_ratio
-from pipeline.scene.any_body import Body, Flexible
+from pipeline.scene.any_body import Body, Flexible, wanted_pieces
 from pipeline.scene.constraints import AnyCoupler
 from pipeline.scene.force_elements import ForceElement
 from pipeline.scene.ground import GroundPlace
@@ -208,7 +208,7 @@ class CrossCheck:
     def _check_picture(self, picture: BodyPicture | MechanismView | Export, *path: str | int) -> Iterator[FaultError]:
         flexible = self._flexible
         of_body_alone = isinstance(picture, Export) and (picture.file.endswith(".nc") or picture.format is not None)
-        divided = [name for name, body in flexible.items() if getattr(body, "pieces", 1) != 1]
+        divided = [*wanted_pieces(flexible)]
         if of_body_alone and (divided if picture.body is None else picture.body in divided):
             name = picture.body or divided[0]
             yield FaultError(

@@ -7,14 +7,14 @@ from __future__ import annotations
 
 from collections.abc import Collection, Mapping, Sequence
 from pathlib import Path
-from typing import Annotated, Any
+from typing import Annotated, Any, Literal
 
 from pydantic import Field, PrivateAttr, ValidationError, model_validator
 
 from pipeline.core.errors import InputError
 from pipeline.core.html import facts, scaled
 from pipeline.core.units import PositiveFrequency, Share
-from pipeline.scene.any_body import Body, Flexible
+from pipeline.scene.any_body import Body, Flexible, wanted_pieces
 from pipeline.scene.constraints import AnyCoupler
 from pipeline.scene.cross_checks import CrossCheck
 from pipeline.scene.force_elements import Bearing, Bushing, ForceElement, Spring
@@ -177,6 +177,11 @@ class Scene(SceneTable):
     def flexible(self) -> dict[str, Flexible]:
         """The flexible bodies by name."""
         return {name: body for name, body in self.body.items() if isinstance(body, Flexible)}
+
+    @property
+    def pieces(self) -> dict[str, int | Literal["auto"]]:
+        """Numbers of pieces of the flexible bodies that are to be cut, by name."""
+        return wanted_pieces(self.flexible)
 
     @property
     def closing(self) -> tuple[str, ...]:

@@ -72,7 +72,7 @@ def damp_bodies(scene: Scene, damping: float) -> Scene | None:
     """Return the scene with damping for the bodies that have none; ``None`` if all have some, or one is in pieces."""
     if all(body.modes.damping for body in scene.flexible.values()):
         return None
-    if any(getattr(body, "pieces", 1) != 1 for body in scene.flexible.values()):
+    if scene.pieces:
         return None  # a ratio of a piece's modes is none of the part's
     return change_modes(scene, lambda body: {"damping": body.modes.damping or damping})
 

@@ -179,12 +179,11 @@ def divide_parts(scene: Scene, wholes: Mapping[str, FlexiblePart], like: Divisio
     """
     from pipeline.stages.pieces import cut_part
 
-    wanted = {name: getattr(body, "pieces", 1) for name, body in scene.flexible.items()}
-    for name, count in wanted.items():
+    for name, count in scene.pieces.items():
         if count == "auto":
             problem = "is still open here; `fmd run` finds the number, and then names it"
             raise InputError(scene.file, f"body.{name}.pieces", count, problem)
-    cuts = {name: cut_part(wholes[name], int(count)) for name, count in wanted.items() if count != 1}
+    cuts = {name: cut_part(wholes[name], int(count)) for name, count in scene.pieces.items()}
     if not cuts:
         return Division(scene, wholes)
     found = divide_scene(scene, cuts, {name: wholes[name].elements for name in cuts})

@@ -135,7 +135,7 @@ class Pipeline:
         InputError
             A part can't be divided as the scene wants it.
         """
-        if not self.scene.moves or all(getattr(body, "pieces", 1) == 1 for body in self.scene.flexible.values()):
+        if not self.scene.moves or not self.scene.pieces:
             return Division(self.scene, self.wholes)
         return divide_parts(self.scene, self.wholes, self._like)
 
