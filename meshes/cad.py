@@ -17,7 +17,7 @@ from typing import Any, NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from meshes.cad_places import CadOutline, describe_part, name_faces_by_place
+from meshes.cad_places import describe_part, name_faces_by_place
 from meshes.gmsh_session import gmsh_model, import_cad
 
 SUFFIXES = (".step", ".stp", ".iges", ".igs", ".brep")
@@ -102,8 +102,8 @@ def mesh_cad(path: Path, size: float, order: int) -> CadMesh:
         return _read_out(gmsh, order, names, whole)
 
 
-def describe_cad(path: Path) -> CadOutline:
-    """Describe the part in a CAD file without meshing it; raises ``CadError`` if the file has no solid."""
+def describe_cad(path: Path) -> dict[str, Any]:
+    """Describe the part in a CAD file as `describe_part`; raises ``CadError`` if the file has no solid."""
     with gmsh_model("cad") as gmsh:
         names, whole = _open(gmsh, path)
         return describe_part(gmsh, whole, names)

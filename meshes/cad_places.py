@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Mapping
-from typing import Any, NamedTuple
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
@@ -14,49 +14,6 @@ _SAMPLES = 24  # points around each cylinder
 _WIDEST_GAP = np.deg2rad(40.0)  # between such points, around a whole cylinder
 _OFF = 1e-4  # of a cylinder: normals along its axis, radii that differ
 _INWARDS = 1e-3  # of the radius
-
-
-class CadFace(NamedTuple):
-    """A face of a CAD part.
-
-    Attributes
-    ----------
-    name : str
-        Its name in the file, else that by its place, else its number, ``face-7``.
-    kind : str
-        Kind of surface: ``plane``, ``cylinder``, ``cone``, ``sphere``, ``torus`` or ``free-form``.
-    area : float
-        [m²].
-    centre : tuple of float
-        Its centroid [m].
-    """
-
-    name: str
-    kind: str
-    area: float
-    centre: tuple[float, float, float]
-
-
-class CadOutline(NamedTuple):
-    """A CAD part before it is meshed.
-
-    Attributes
-    ----------
-    solids : int
-        Number of solids.
-    volume : float
-        [m³].
-    low, high : tuple of float
-        Corners of the box around it [m].
-    faces : tuple of CadFace
-        Its faces, in the file's order.
-    """
-
-    solids: int
-    volume: float
-    low: tuple[float, float, float]
-    high: tuple[float, float, float]
-    faces: tuple[CadFace, ...]
 
 
 def name_faces_by_place(gmsh: Any, whole: Mapping[int, int]) -> dict[int, str]:
@@ -97,7 +54,7 @@ def name_faces_by_place(gmsh: Any, whole: Mapping[int, int]) -> dict[int, str]:
     return names
 
 
-def describe_part(gmsh: Any, whole: Mapping[int, int], names: Mapping[tuple[int, int], list[str]]) -> CadOutline:
+def describe_part(gmsh: Any, whole: Mapping[int, int], names: Mapping[tuple[int, int], list[str]]) -> dict[str, Any]:
     """Describe the current model with its faces, each under the first of its names.
 
     Parameters
@@ -108,6 +65,12 @@ def describe_part(gmsh: Any, whole: Mapping[int, int], names: Mapping[tuple[int,
         Face of each surface.
     names : mapping
         Names of each entity, by its dimension and tag, the best first.
+
+    Returns
+    -------
+    dict
+        Number of ``solids``, ``volume`` [m³], corners ``low`` and ``high`` of the box around them [m], and ``faces``
+        in the file's order, each with ``name``, ``kind`` of surface, ``area`` [m²] and ``centre`` [m].
     """
     surfaces: dict[str, list[int]] = {}
     for tag in whole:
@@ -119,11 +82,12 @@ def describe_part(gmsh: Any, whole: Mapping[int, int], names: Mapping[tuple[int,
         centres = np.array([gmsh.model.occ.getCenterOfMass(2, tag) for tag in tags])
         kind = gmsh.model.getType(2, tags[0]).lower()
         kind = kind if kind in ("plane", "cylinder", "cone", "sphere", "torus") else "free-form"
-        faces.append(CadFace(name, kind, float(areas.sum()), _triple(areas @ centres / areas.sum())))
+        centre = _triple(areas @ centres / areas.sum())
+        faces.append({"name": name, "kind": kind, "area": float(areas.sum()), "centre": centre})
     solids = gmsh.model.getEntities(3)
     volume = float(sum(gmsh.model.occ.getMass(3, tag) for _, tag in solids))
     low, high = _box(gmsh)
-    return CadOutline(len(solids), volume, _triple(low), _triple(high), tuple(faces))
+    return {"solids": len(solids), "volume": volume, "low": _triple(low), "high": _triple(high), "faces": faces}
 
 
 def _triple(x: NDArray[np.float64]) -> tuple[float, float, float]:

@@ -115,9 +115,9 @@ def describe_cad_file(path: Path) -> PartOutline:
     with tempfile.TemporaryDirectory(prefix="fmd-") as folder:
         description = Path(folder) / "part.json"
         _run_gmsh(path, description)
-        solids, volume, low, high, faces = json.loads(description.read_text(encoding="utf-8"))
-    found = tuple(FaceOutline(name, kind, area, tuple(centre)) for name, kind, area, centre in faces)
-    return PartOutline(solids, volume, tuple(low), tuple(high), found)
+        found = json.loads(description.read_text(encoding="utf-8"))
+    faces = tuple(FaceOutline(**face | {"centre": tuple(face["centre"])}) for face in found["faces"])
+    return PartOutline(found["solids"], found["volume"], tuple(found["low"]), tuple(found["high"]), faces)
 
 
 def choose_element_size(part: PartOutline) -> float:

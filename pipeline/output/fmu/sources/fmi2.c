@@ -4,6 +4,7 @@
 
 #include "instance.h"
 
+typedef int Flag;
 typedef int Status; /* OK 0, warning 1, discard 2, error 3, fatal 4, pending 5 */
 typedef void (*Logger)(void *environment, const char *name, Status status, const char *category, const char *text, ...);
 
@@ -27,10 +28,9 @@ static Status fail(Instance *c, const char *text)
     return 3;
 }
 
-static Status need(Instance *c, int right)
-{
-    return right ? 0 : fail(c, "this function can't be called now");
-}
+#define FMI(NAME) fmi2##NAME
+#define FMI_STATE(VERB) fmi2##VERB##FMUstate
+#include "calls.h"
 
 EXPORT const char *fmi2GetTypesPlatform(void)
 {
@@ -40,13 +40,6 @@ EXPORT const char *fmi2GetTypesPlatform(void)
 EXPORT const char *fmi2GetVersion(void)
 {
     return "2.0";
-}
-
-EXPORT Status fmi2SetDebugLogging(void *c, int on, size_t n, const char *const categories[])
-{
-    (void)n, (void)categories;
-    ((Instance *)c)->logs = on;
-    return 0;
 }
 
 EXPORT void *fmi2Instantiate(const char *name, int type, const char *guid, const char *resources,
@@ -97,26 +90,6 @@ EXPORT Status fmi2EnterInitializationMode(void *instance)
     return status;
 }
 
-EXPORT Status fmi2ExitInitializationMode(void *instance)
-{
-    Instance *c = instance;
-    const Status status = need(c, c->mode == INITIALIZING);
-    c->mode = c->co_simulation ? STEPPING : EVENT;
-    return status;
-}
-
-EXPORT Status fmi2Terminate(void *instance)
-{
-    ((Instance *)instance)->mode = ENDED;
-    return 0;
-}
-
-EXPORT Status fmi2Reset(void *instance)
-{
-    instance_reset(instance);
-    return 0;
-}
-
 EXPORT Status fmi2GetReal(void *instance, const unsigned refs[], size_t n, double values[])
 {
     for (size_t k = 0; k < n; ++k)
@@ -153,28 +126,6 @@ NO_VALUES(Integer, int)
 NO_VALUES(Boolean, int)
 NO_VALUES(String, Text)
 
-EXPORT Status fmi2GetFMUstate(void *instance, void **state)
-{
-    *state = snapshot_take(instance, *state);
-    return *state ? 0 : fail(instance, "no memory is left");
-}
-
-EXPORT Status fmi2SetFMUstate(void *instance, void *state)
-{
-    if (!state)
-        return fail(instance, "no state is given");
-    snapshot_restore(instance, state);
-    return 0;
-}
-
-EXPORT Status fmi2FreeFMUstate(void *instance, void **state)
-{
-    (void)instance;
-    snapshot_free(*state);
-    *state = NULL;
-    return 0;
-}
-
 EXPORT Status fmi2SerializedFMUstateSize(void *instance, void *state, size_t *size)
 {
     (void)instance, (void)state;
@@ -206,14 +157,6 @@ EXPORT Status fmi2GetDirectionalDerivative(void *instance, const unsigned unknow
 
 /* Model exchange. */
 
-EXPORT Status fmi2EnterEventMode(void *instance)
-{
-    Instance *c = instance;
-    const Status status = need(c, c->mode == CONTINUOUS || c->mode == EVENT);
-    c->mode = EVENT;
-    return status;
-}
-
 EXPORT Status fmi2NewDiscreteStates(void *instance, EventInfo *info)
 {
     Instance *c = instance;
@@ -224,74 +167,9 @@ EXPORT Status fmi2NewDiscreteStates(void *instance, EventInfo *info)
     return need(c, c->mode == EVENT);
 }
 
-EXPORT Status fmi2EnterContinuousTimeMode(void *instance)
-{
-    Instance *c = instance;
-    const Status status = need(c, c->mode == EVENT);
-    c->mode = CONTINUOUS;
-    return status;
-}
-
-EXPORT Status fmi2CompletedIntegratorStep(void *instance, int no_return, int *enter_event, int *terminate)
-{
-    (void)no_return;
-    *enter_event = *terminate = 0;
-    return need(instance, ((Instance *)instance)->mode == CONTINUOUS);
-}
-
-EXPORT Status fmi2SetTime(void *instance, double time)
-{
-    Instance *c = instance;
-    if (!isfinite(time))
-        return fail(c, "the time isn't finite");
-    c->model.time = time;
-    instance_changed(c);
-    return 0;
-}
-
-EXPORT Status fmi2SetContinuousStates(void *instance, const double x[], size_t n)
-{
-    Instance *c = instance;
-    if (n != N_STATES)
-        return fail(c, "this isn't the number of states");
-    memcpy(c->model.x, x, sizeof c->model.x);
-    instance_changed(c);
-    return 0;
-}
-
-EXPORT Status fmi2GetContinuousStates(void *instance, double x[], size_t n)
-{
-    Instance *c = instance;
-    if (n != N_STATES)
-        return fail(c, "this isn't the number of states");
-    memcpy(x, c->model.x, sizeof c->model.x);
-    return 0;
-}
-
 EXPORT Status fmi2GetDerivatives(void *instance, double dx[], size_t n)
 {
-    Instance *c = instance;
-    if (n != N_STATES)
-        return fail(c, "this isn't the number of states");
-    model_present_derivatives(&c->model, dx);
-    for (size_t k = 0; k < n; ++k)
-        if (!isfinite(dx[k]))
-            return 2; /* a step that the importer may take again, shorter */
-    return 0;
-}
-
-EXPORT Status fmi2GetEventIndicators(void *instance, double z[], size_t n)
-{
-    (void)z;
-    return n ? fail(instance, "there are no event indicators") : 0;
-}
-
-EXPORT Status fmi2GetNominalsOfContinuousStates(void *instance, double x[], size_t n)
-{
-    if (n != N_STATES)
-        return fail(instance, "this isn't the number of states");
-    memcpy(x, nominal_states, sizeof nominal_states);
-    return 0;
+    return get_derivatives(instance, dx, n);
 }
 
 /* Co-simulation. */

@@ -6,6 +6,7 @@
 
 #include "instance.h"
 
+typedef bool Flag;
 typedef int Status; /* OK 0, warning 1, discard 2, error 3, fatal 4 */
 typedef uint32_t Ref;
 typedef void (*Logger)(void *environment, Status status, const char *category, const char *text);
@@ -17,10 +18,9 @@ static Status fail(Instance *c, const char *text)
     return 3;
 }
 
-static Status need(Instance *c, int right)
-{
-    return right ? 0 : fail(c, "this function can't be called now");
-}
+#define FMI(NAME) fmi3##NAME
+#define FMI_STATE(VERB) fmi3##VERB##FMUState
+#include "calls.h"
 
 static void *create(const char *name, const char *token, bool logs, void *environment, Logger log, int co_simulation)
 {
@@ -41,13 +41,6 @@ static void *create(const char *name, const char *token, bool logs, void *enviro
 EXPORT const char *fmi3GetVersion(void)
 {
     return "3.0";
-}
-
-EXPORT Status fmi3SetDebugLogging(void *c, bool on, size_t n, const char *const categories[])
-{
-    (void)n, (void)categories;
-    ((Instance *)c)->logs = on;
-    return 0;
 }
 
 EXPORT void *fmi3InstantiateModelExchange(const char *name, const char *token, const char *resources, bool visible,
@@ -100,26 +93,6 @@ EXPORT Status fmi3EnterInitializationMode(void *instance, bool has_tolerance, do
     model_pass_breakpoints(&c->model);
     instance_changed(c);
     return status;
-}
-
-EXPORT Status fmi3ExitInitializationMode(void *instance)
-{
-    Instance *c = instance;
-    const Status status = need(c, c->mode == INITIALIZING);
-    c->mode = c->co_simulation ? STEPPING : EVENT;
-    return status;
-}
-
-EXPORT Status fmi3Terminate(void *instance)
-{
-    ((Instance *)instance)->mode = ENDED;
-    return 0;
-}
-
-EXPORT Status fmi3Reset(void *instance)
-{
-    instance_reset(instance);
-    return 0;
 }
 
 EXPORT Status fmi3GetFloat64(void *instance, const Ref refs[], size_t n, double values[], size_t n_values)
@@ -221,28 +194,6 @@ EXPORT Status fmi3GetVariableDependencies(void *c, Ref ref, size_t of[], Ref on[
     return fail(c, "dependencies are those of the model description");
 }
 
-EXPORT Status fmi3GetFMUState(void *instance, void **state)
-{
-    *state = snapshot_take(instance, *state);
-    return *state ? 0 : fail(instance, "no memory is left");
-}
-
-EXPORT Status fmi3SetFMUState(void *instance, void *state)
-{
-    if (!state)
-        return fail(instance, "no state is given");
-    snapshot_restore(instance, state);
-    return 0;
-}
-
-EXPORT Status fmi3FreeFMUState(void *instance, void **state)
-{
-    (void)instance;
-    snapshot_free(*state);
-    *state = NULL;
-    return 0;
-}
-
 EXPORT Status fmi3SerializedFMUStateSize(void *instance, void *state, size_t *size)
 {
     (void)instance, (void)state;
@@ -295,14 +246,6 @@ EXPORT Status fmi3ExitConfigurationMode(void *c)
 
 /* Model exchange. */
 
-EXPORT Status fmi3EnterEventMode(void *instance)
-{
-    Instance *c = instance;
-    const Status status = need(c, c->mode == CONTINUOUS || c->mode == EVENT);
-    c->mode = EVENT;
-    return status;
-}
-
 EXPORT Status fmi3EvaluateDiscreteStates(void *instance)
 {
     return need(instance, ((Instance *)instance)->mode == EVENT || ((Instance *)instance)->mode == INITIALIZING);
@@ -319,76 +262,6 @@ EXPORT Status fmi3UpdateDiscreteStates(void *instance, bool *again, bool *termin
     return need(c, c->mode == EVENT);
 }
 
-EXPORT Status fmi3EnterContinuousTimeMode(void *instance)
-{
-    Instance *c = instance;
-    const Status status = need(c, c->mode == EVENT);
-    c->mode = CONTINUOUS;
-    return status;
-}
-
-EXPORT Status fmi3CompletedIntegratorStep(void *instance, bool no_return, bool *enter_event, bool *terminate)
-{
-    (void)no_return;
-    *enter_event = *terminate = false;
-    return need(instance, ((Instance *)instance)->mode == CONTINUOUS);
-}
-
-EXPORT Status fmi3SetTime(void *instance, double time)
-{
-    Instance *c = instance;
-    if (!isfinite(time))
-        return fail(c, "the time isn't finite");
-    c->model.time = time;
-    instance_changed(c);
-    return 0;
-}
-
-EXPORT Status fmi3SetContinuousStates(void *instance, const double x[], size_t n)
-{
-    Instance *c = instance;
-    if (n != N_STATES)
-        return fail(c, "this isn't the number of states");
-    memcpy(c->model.x, x, sizeof c->model.x);
-    instance_changed(c);
-    return 0;
-}
-
-EXPORT Status fmi3GetContinuousStates(void *instance, double x[], size_t n)
-{
-    Instance *c = instance;
-    if (n != N_STATES)
-        return fail(c, "this isn't the number of states");
-    memcpy(x, c->model.x, sizeof c->model.x);
-    return 0;
-}
-
-EXPORT Status fmi3GetContinuousStateDerivatives(void *instance, double dx[], size_t n)
-{
-    Instance *c = instance;
-    if (n != N_STATES)
-        return fail(c, "this isn't the number of states");
-    model_present_derivatives(&c->model, dx);
-    for (size_t k = 0; k < n; ++k)
-        if (!isfinite(dx[k]))
-            return 2; /* a step that the importer may take again, shorter */
-    return 0;
-}
-
-EXPORT Status fmi3GetEventIndicators(void *instance, double z[], size_t n)
-{
-    (void)z;
-    return n ? fail(instance, "there are no event indicators") : 0;
-}
-
-EXPORT Status fmi3GetNominalsOfContinuousStates(void *instance, double x[], size_t n)
-{
-    if (n != N_STATES)
-        return fail(instance, "this isn't the number of states");
-    memcpy(x, nominal_states, sizeof nominal_states);
-    return 0;
-}
-
 EXPORT Status fmi3GetNumberOfEventIndicators(void *instance, size_t *n)
 {
     (void)instance;
@@ -401,6 +274,11 @@ EXPORT Status fmi3GetNumberOfContinuousStates(void *instance, size_t *n)
     (void)instance;
     *n = N_STATES;
     return 0;
+}
+
+EXPORT Status fmi3GetContinuousStateDerivatives(void *instance, double dx[], size_t n)
+{
+    return get_derivatives(instance, dx, n);
 }
 
 /* Co-simulation. */
