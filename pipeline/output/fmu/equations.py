@@ -3,11 +3,12 @@
 from __future__ import annotations
 
 from collections.abc import Iterable, Sequence
+from dataclasses import dataclass
 from itertools import chain
 
 import numpy as np
 
-from pipeline.core.arrays import Array
+from pipeline.core.arrays import Array, IntArray
 from pipeline.dynamics.compiled_system.system import CompiledSystem
 from pipeline.dynamics.compiler.c_signals import write_c_signals
 from pipeline.dynamics.compiler.c_source import write_c_parts, write_number
@@ -19,9 +20,7 @@ from pipeline.output.fmu.variables import Interface
 _THIRD, _FIFTH, _DENSE = 16, 17, 18  # rows of `dop853.ROWS` after those of the stages
 _PER_LINE = 6
 _FAST, _WIDE = "accelerations", "accelerations_wide"
-_DAMPED = (
-    5.0  # step times angular frequency up to which the method damps vibrations, from 1 on ever more; 5.7 is stable
-)
+_DAMPED = 5.0  # step times angular frequency up to which vibrations are damped, from 1 on ever more; 5.7 is stable
 
 
 def write_equations(
@@ -45,10 +44,34 @@ def write_equations(
     token : str
         By which the binary and its description know each other.
     """
+    contents = _collect(external, interface, system, start, nominal)
+    return {
+        "equations.h": _write_header(external, contents, token),
+        "equations.c": _write_tables(external, contents),
+        "motion.c": _write_motion(external),
+    }
+
+
+@dataclass(frozen=True)
+class _Contents:
+    """Constants by their names in C: of the preprocessor, tables of floating-point and whole numbers, and pairs."""
+
+    constants: dict[str, str]
+    tables: dict[str, Array]
+    numbers: dict[str, IntArray]
+    quaternions: list[str]
+
+
+def _collect(
+    external: ExternalMechanism,
+    interface: Interface,
+    system: CompiledSystem,
+    start: tuple[Array, Array],
+    nominal: Array,
+) -> _Contents:
+    """Collect what is fixed for a mechanism."""
     parameters = system.parameters
     groups, (kinds, n_kinds) = groups_of(system), kinds_of(system)
-    n_groups = int(groups.max(initial=-1)) + 1
-    breakpoints, quaternions = system.breakpoints, parameters.quaternions
     sizes = {
         "N_POSITIONS": system.n_positions,
         "N_RATES": system.n,
@@ -60,38 +83,47 @@ def write_equations(
         "N_CONSTANTS": len(external.constants),
         "N_PARAMETERS": len(interface.parameters),
         "N_OUTPUTS": len(external.quantities),
-        "N_QUATERNIONS": len(quaternions),
-        "N_GROUPS": n_groups,
+        "N_QUATERNIONS": len(parameters.quaternions),
+        "N_GROUPS": int(groups.max(initial=-1)) + 1,
         "N_KINDS": n_kinds,
     }
-    first_step = adaptive_start(system, *start).next_step
     highest = system.highest_frequency if system.n else 0.0
-    longest_step = _DAMPED / highest if highest > 0.0 else np.inf
-    tables = {
-        "start_states": np.concatenate(start),
-        "nominal_states": nominal,
-        "start_parameters": np.array(interface.parameters),
-        "breakpoints": np.array([*breakpoints, np.inf]),
+    steps = {
+        "FIRST_STEP": adaptive_start(system, *start).next_step,
+        "LONGEST_STEP": _DAMPED / highest if highest > 0.0 else np.inf,
     }
-    numbers = {
-        "input_places": np.array(interface.input_places, dtype=np.int64),
-        "rate_positions": parameters.position,
-        "groups": groups,
-        "kinds": kinds,
-    }
-    header = [
+    return _Contents(
+        constants={name: write_number(step) for name, step in steps.items()}
+        | {name: str(size) for name, size in sizes.items()},
+        tables={
+            "start_states": np.concatenate(start),
+            "nominal_states": nominal,
+            "start_parameters": np.array(interface.parameters),
+            "breakpoints": np.array([*system.breakpoints, np.inf]),
+        },
+        numbers={
+            "input_places": np.array(interface.input_places, dtype=np.int64),
+            "rate_positions": parameters.position,
+            "groups": groups,
+            "kinds": kinds,
+        },
+        quaternions=[f"{{{rate}, {position}}}" for rate, position in parameters.quaternions] or ["{0, 0}"],
+    )
+
+
+def _write_header(external: ExternalMechanism, contents: _Contents, token: str) -> str:
+    """Write the declarations."""
+    lines = [
         "/* Sizes, tables and functions of this mechanism. */",
         "#ifndef EQUATIONS_H",
         "#define EQUATIONS_H",
         "",
         f'#define MODEL_TOKEN "{token}"',
-        f"#define FIRST_STEP {write_number(first_step)}",
-        f"#define LONGEST_STEP {write_number(longest_step)}",
-        *(f"#define {name} {size}" for name, size in sizes.items()),
+        *(f"#define {name} {value}" for name, value in contents.constants.items()),
         "",
-        *(f"extern const double {name}[{max(1, len(values))}];" for name, values in tables.items()),
-        *(f"extern const int {name}[{max(1, len(values))}];" for name, values in numbers.items()),
-        f"extern const int quaternions[{max(1, len(quaternions))}][2]; /* first rate, first position */",
+        *(f"extern const double {name}[{max(1, len(values))}];" for name, values in contents.tables.items()),
+        *(f"extern const int {name}[{max(1, len(values))}];" for name, values in contents.numbers.items()),
+        f"extern const int quaternions[{len(contents.quaternions)}][2]; /* first rate, first position */",
         "",
         "/* Value, rate and acceleration of each of the scene's own loads and motions. */",
         "void own_signals(double time, double *inputs);",
@@ -100,23 +132,23 @@ def write_equations(
         "",
         "#endif",
     ]
-    pairs = ", ".join(f"{{{rate}, {position}}}" for rate, position in quaternions) or "{0, 0}"
+    return "\n".join(lines) + "\n"
+
+
+def _write_tables(external: ExternalMechanism, contents: _Contents) -> str:
+    """Write the tables, and all functions but those that steps call."""
     rare = {name: program for name, program in external.programs.items() if name != _FAST}
-    body = [
+    lines = [
         "#include <math.h>",
         '#include "equations.h"',
         "",
-        *(_table("double", name, map(write_number, values.tolist())) for name, values in tables.items()),
-        *(_table("int", name, map(str, values.tolist())) for name, values in numbers.items()),
-        f"const int quaternions[{max(1, len(quaternions))}][2] = {{{pairs}}};",
+        *(_table("double", name, map(write_number, values.tolist())) for name, values in contents.tables.items()),
+        *(_table("int", name, map(str, values.tolist())) for name, values in contents.numbers.items()),
+        f"const int quaternions[{len(contents.quaternions)}][2] = {{{', '.join(contents.quaternions)}}};",
         "",
         *chain(*write_c_parts(rare)),
     ]
-    return {
-        "equations.h": "\n".join(header) + "\n",
-        "equations.c": "\n".join(body) + "\n",
-        "motion.c": _write_motion(external),
-    }
+    return "\n".join(lines) + "\n"
 
 
 def _write_motion(external: ExternalMechanism) -> str:

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator
+from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass
 from typing import NamedTuple
 
@@ -97,60 +97,82 @@ def make_interface(
         Of a step of the co-simulation.
     """
     names = Names(external)
-    states = names.states()
-    n = len(states)
-    inputs = [*names.own_inputs(point_loads), *names.marker_inputs()]
-    parameters = [*names.constants(), *names.factors(point_loads)]
-    values = [*external.constants.values(), *(1.0 for _ in external.signals), tolerance]
-    parameters.append(Entry("solver.tolerance", "", "co-simulation: largest error of a step, relative"))
-    places = tuple(place for _, place in inputs)
-    first_input, first_parameter = 1 + 2 * n, 1 + 2 * n + len(inputs)
-    first_output = first_parameter + len(parameters)
-    starts = np.concatenate([q0, v0])
-    local = [
-        FmuVariable(own.name, 1 + k, "local", "continuous", "exact", float(starts[k]), own.unit, own.description)
-        for k, own in enumerate(states)
-    ]
-    local = [variable._replace(nominal=float(size)) for variable, size in zip(local, nominal, strict=True)]
-    rates = [
-        FmuVariable(
-            f"der({own.name})", 1 + n + k, "local", "continuous", "calculated", None, _per_second(own.unit), "", 1 + k
-        )
-        for k, own in enumerate(states)
-    ]
+    own = names.own_inputs(point_loads)
+    inputs = [*own, *names.marker_inputs()]
+    solver = Entry("solver.tolerance", "", "co-simulation: largest error of a step, relative")
+    values = (*external.constants.values(), *(1.0 for _ in external.signals), tolerance)
+    states = _name_states(names.states(), np.concatenate([q0, v0]), nominal)
+    first_input = 1 + 2 * len(states)
     entered = [
-        FmuVariable(own.name, first_input + k, "input", "continuous", "", 0.0, own.unit, own.description)
-        for k, (own, _) in enumerate(inputs)
+        FmuVariable(entry.name, first_input + k, "input", "continuous", "", 0.0, entry.unit, entry.description)
+        for k, (entry, _) in enumerate(inputs)
     ]
+    first_parameter = first_input + len(inputs)
+    parameters = [*names.constants(), *names.factors(point_loads), solver]
     fixed = [
-        FmuVariable(own.name, first_parameter + k, "parameter", "tunable", "exact", value, own.unit, own.description)
-        for k, (own, value) in enumerate(zip(parameters, values, strict=True))
+        FmuVariable(entry.name, k, "parameter", "tunable", "exact", value, entry.unit, entry.description)
+        for k, (entry, value) in enumerate(zip(parameters, values, strict=True), start=first_parameter)
     ]
     fixed[-1] = fixed[-1]._replace(variability="fixed")
-    by_place = {place: first_input + k for k, place in enumerate(places)}
-    given = []
+    places = tuple(place for _, place in inputs)
+    references = {("q", k): 1 + k for k in range(len(q0))} | {("v", k): 1 + len(q0) + k for k in range(len(v0))}
+    references |= {("inputs", place): first_input + k for k, place in enumerate(places)}
+    given = _name_outputs(external, names, references, first_parameter + len(fixed))
+    return Interface((*states, *_name_derivatives(states), *entered, *fixed, *given), places, len(own), values)
+
+
+def _name_states(entries: Sequence[Entry], starts: Array, nominal: Array) -> list[FmuVariable]:
+    return [
+        FmuVariable(
+            entry.name,
+            k,
+            "local",
+            "continuous",
+            "exact",
+            float(start),
+            entry.unit,
+            entry.description,
+            nominal=float(size),
+        )
+        for k, (entry, start, size) in enumerate(zip(entries, starts, nominal, strict=True), start=1)
+    ]
+
+
+def _name_derivatives(states: Sequence[FmuVariable]) -> list[FmuVariable]:
+    return [
+        FmuVariable(
+            name=f"der({state.name})",
+            reference=len(states) + state.reference,
+            causality="local",
+            variability="continuous",
+            initial="calculated",
+            start=None,
+            unit=_per_second(state.unit),
+            description="",
+            state=state.reference,
+        )
+        for state in states
+    ]
+
+
+def _name_outputs(
+    external: ExternalMechanism, names: Names, references: Mapping[tuple[str, int], int], first: int
+) -> Iterator[FmuVariable]:
+    """Name the outputs, each with the states and inputs that it depends on."""
     for k, quantity in enumerate(external.quantities):
         entry = names.quantity(quantity)
-        used = external.dependencies(quantity.value)
-        found = {1 + place for argument, place in used if argument == "q"}
-        found |= {1 + len(q0) + place for argument, place in used if argument == "v"}
-        found |= {by_place[place] for argument, place in used if argument == "inputs" and place in by_place}
-        depends = tuple(sorted(found))
-        given.append(
-            FmuVariable(
-                entry.name,
-                first_output + k,
-                "output",
-                "continuous",
-                "calculated",
-                None,
-                entry.unit,
-                entry.description,
-                depends=depends,
-            )
+        used = sorted(references[place] for place in external.dependencies(quantity.value) if place in references)
+        yield FmuVariable(
+            name=entry.name,
+            reference=first + k,
+            causality="output",
+            variability="continuous",
+            initial="calculated",
+            start=None,
+            unit=entry.unit,
+            description=entry.description,
+            depends=tuple(used),
         )
-    n_own = len(names.own_inputs(point_loads))
-    return Interface((*local, *rates, *entered, *fixed, *given), places, n_own, tuple(values))
 
 
 def _per_second(unit: str) -> str:
