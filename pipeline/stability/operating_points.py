@@ -77,6 +77,11 @@ class OperatingPoints:
             row[:] = by_scheme[: row.size] - np.maximum(rates, 0.0)
         return excess
 
+    def worst(self, method: ResumableIntegrator) -> OperatingPoints:
+        """Return the point alone at which vibrations grow the most by a scheme, as if it lasted all the time."""
+        worst = int(self.excess_growth(method).max(axis=1).argmax())
+        return replace(self, points=(self.points[worst],))
+
     def e_folds(self, method: ResumableIntegrator) -> float:
         """Return the e-folds by which a scheme alone makes vibrations grow over the duration; infinite if it diverges.
 
