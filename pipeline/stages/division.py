@@ -14,7 +14,7 @@ from pipeline.core.arrays import Array, IntArray
 from pipeline.core.errors import InputError
 from pipeline.recovery.stress import StressHistory
 from pipeline.scene.scene import Scene
-from pipeline.stages.divided_scene import divide_scene, find_place, piece_name
+from pipeline.stages.divided_scene import divide_scene, find_place, loaded_places, piece_name
 from pipeline.stages.part import FlexiblePart
 from pipeline.stages.piece_mesh import CutPart
 
@@ -177,13 +177,19 @@ def divide_parts(scene: Scene, wholes: Mapping[str, FlexiblePart], like: Divisio
     InputError
         The number of pieces is still open, or a part can't be cut; as `cut_part`.
     """
+    from pipeline.stages.piece_markers import mark_pieces
     from pipeline.stages.pieces import cut_part
 
     for name, count in scene.pieces.items():
         if count == "auto":
             problem = "is still open here; `fmd run` finds the number, and then names it"
             raise InputError(scene.file, f"body.{name}.pieces", count, problem)
-    cuts = {name: cut_part(wholes[name], int(count)) for name, count in scene.pieces.items()}
+    loaded = loaded_places(scene)
+    cuts = {}
+    for name, count in scene.pieces.items():
+        whole = wholes[name]
+        ports = whole.shape.modes.interface or [at for at in whole.shape.marker if f"{name}.{at}" in loaded]
+        cuts[name] = mark_pieces(whole, cut_part(whole, int(count)), ports)
     if not cuts:
         return Division(scene, wholes)
     found = divide_scene(scene, cuts, {name: wholes[name].elements for name in cuts})

@@ -18,12 +18,11 @@ from pipeline.fem.mesh import SolidMesh
 from pipeline.fem.partition import PartitionError, divide_mesh, facet_areas, interior_facets, join_fragments
 from pipeline.fem.space import Discretisation
 from pipeline.stages.markers import find_marker_facets, fixed_unknowns
-from pipeline.stages.piece_mesh import Cut, CutPart, PieceMesh, face_of
+from pipeline.stages.piece_mesh import Cut, CutPart, PieceMesh, face_of, round_to_grid
 
 if TYPE_CHECKING:
     from pipeline.stages.part import FlexiblePart
 
-_GRID = 0.7312e-12  # of the extent: places of nodes are rounded to this, so that equal pieces are equal to the bit
 _CONTACT = 0.01  # of the largest cut's area: pieces that touch in less aren't welded
 _INBOARD = "cut:inboard"  # no marker of a scene has a colon in its name
 _MOST_OF_PIECE = 0.5  # of a piece's volume: a marker's face whose elements fill more isn't moved into one piece
@@ -41,13 +40,17 @@ def cut_part(part: FlexiblePart, count: int) -> CutPart:
     key, space = f"body.{part.name}", part.space
     if not part.joint.marker:
         raise InputError(part.file, f"{key}.pieces", count, "the body hangs on no joint: it has modes, but no motion")
-    markers = find_marker_facets(part.shape, space, part.file, part.name)
+    faces = find_marker_facets(part.shape, space, part.file, part.name)
+    markers = {name: np.unique(_elements_of(space, facets)) for name, facets in faces.items()}
+    markers |= {
+        name: _elements_among(space, part.markers[name].nodes) for name in part.shape.marker if name not in faces
+    }
     try:
-        labels = divide_mesh(space, count, [np.unique(_elements_of(space, facets)) for facets in markers.values()])
+        labels = divide_mesh(space, count, list(markers.values()))
     except PartitionError as error:
         raise InputError(part.file, f"{key}.pieces", count, str(error)) from error
     labels = _keep_markers_whole(part, labels, markers, count)
-    root = int(labels[_elements_of(space, markers[part.joint.marker])[0]])
+    root = int(labels[markers[part.joint.marker][0]])
     elements, local = interior_facets(space)
     order, contacts = _order_pieces(space, labels, elements, local, root)
     number = np.empty(count, dtype=np.int64)
@@ -55,19 +58,25 @@ def cut_part(part: FlexiblePart, count: int) -> CutPart:
     labels = number[labels]
     _require_supports_on_first(part, labels)
     cuts = _name_cuts(contacts, number)
-    return CutPart(tuple(_piece(part, k, labels, markers, cuts, elements, local) for k in range(count)), tuple(cuts))
+    places = {name: int(labels[of[0]]) for name, of in markers.items()}
+    pieces = (_piece(part, k, labels, places, faces, cuts, elements, local) for k in range(count))
+    return CutPart(tuple(pieces), tuple(cuts))
 
 
 def _elements_of(space: Discretisation, facets: IntArray) -> IntArray:
     return np.asarray(space.boundary_facets[0][facets])
 
 
+def _elements_among(space: Discretisation, nodes: IntArray) -> IntArray:
+    """Return the elements all of whose nodes are among the given ones: those that a point or an edge moves with."""
+    return np.flatnonzero(np.isin(space.element_nodes, nodes).all(axis=1))
+
+
 def _keep_markers_whole(part: FlexiblePart, labels: IntArray, markers: Mapping[str, IntArray], count: int) -> IntArray:
-    """Move the elements behind each marker's face into the piece that most of them are in."""
+    """Move the elements of each marker into the piece that most of them are in."""
     space, moved = part.space, False
     volumes = space.volumes
-    for name, facets in markers.items():
-        elements = np.unique(_elements_of(space, facets))
+    for name, elements in markers.items():
         found = np.bincount(labels[elements], volumes[elements], minlength=count)
         if np.count_nonzero(found) == 1:
             continue
@@ -146,7 +155,8 @@ def _piece(
     part: FlexiblePart,
     k: int,
     labels: IntArray,
-    markers: Mapping[str, IntArray],
+    places: Mapping[str, int],
+    faces: Mapping[str, IntArray],
     cuts: Sequence[Cut],
     elements: IntArray,
     local: IntArray,
@@ -157,10 +167,12 @@ def _piece(
     corners = space.kind.facet_corners
     own, found = [], dict[str, tuple[IntArray, IntArray]]()
     of_boundary, number = space.boundary_facets
-    for name, facets in markers.items():
-        if labels[of_boundary[facets[0]]] == k:
-            own.append(name)
-            found[face_of(name)] = of_boundary[facets], number[facets]
+    for name, at in places.items():
+        if at != k:
+            continue
+        own.append(name)
+        if name in faces:
+            found[face_of(name)] = of_boundary[faces[name]], number[faces[name]]
     at_cuts = []
     for cut in cuts:
         if k not in (cut.first, cut.second):
@@ -176,19 +188,17 @@ def _piece(
         found |= _faces_for_supports(space, mesh, labels)
     offset = np.zeros(3)
     if _INBOARD in at_cuts:
-        at, facet = found[face_of(_INBOARD)]
-        offset = np.mean(
-            [space.x[space.element_nodes[e, corners[f]]].mean(axis=0) for e, f in zip(at, facet, strict=True)], axis=0
-        )
+        facets = zip(*found[face_of(_INBOARD)], strict=True)
+        offset = np.mean([space.x[space.element_nodes[e, corners[f]]].mean(axis=0) for e, f in facets], axis=0)
     # Numbered by place, so that equal pieces have equal meshes.
     used = np.unique(mesh.cells[mine])
-    grid = _GRID * float(np.ptp(mesh.points, axis=0).max())
-    points = np.round((mesh.points[used] - offset) / grid) * grid
+    extent = float(np.ptp(mesh.points, axis=0).max())
+    points = round_to_grid(mesh.points[used] - offset, extent)
     order = np.lexsort(points.T)
     new = np.full(len(mesh.points), -1)
     new[used[order]] = np.arange(len(used))
     cells, points = new[mesh.cells[mine]], points[order]
-    cell_order = np.lexsort(np.round(points[cells].mean(axis=1) / (1e3 * grid)).T)
+    cell_order = np.lexsort(round_to_grid(points[cells].mean(axis=1), 1e3 * extent).T)
     numbers = np.full(len(mesh.cells), -1)
     numbers[mine[cell_order]] = np.arange(len(mine))
     parts = {name: np.sort(numbers[of[labels[of] == k]]) for name, of in mesh.parts.items()}
