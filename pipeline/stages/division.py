@@ -5,6 +5,7 @@ from __future__ import annotations
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from functools import cached_property
+from itertools import pairwise
 from typing import TYPE_CHECKING
 
 import numpy as np
@@ -63,31 +64,44 @@ class DividedPart:
 
         The whole is free but for its supports, as its own modes are by default.
         """
-        from scipy.linalg import eigh
+        from scipy.linalg import eigh, null_space
 
+        M, K, closing = self._put_together()
+        n_rigid = 0 if self.whole.shape.support else 6
+        free = null_space(closing) if len(closing) else np.eye(len(M))
+        squares = eigh(free.T @ K @ free, free.T @ M @ free, eigvals_only=True)
+        found = squares[n_rigid : n_rigid + self.whole.shape.modes.count]
+        return np.asarray(np.sqrt(found) / (2 * np.pi))
+
+    def _put_together(self) -> tuple[Array, Array, Array]:
+        """Return M and K of the whole at rest, and the rows of coordinates that cuts which close rings hold at 0.
+
+        Coordinates are velocity and spin of the first piece's frame, unless supports hold it, and those of the pieces.
+        """
         bodies = [part.for_any_motion(part.body) for part in self.pieces]
         ends = np.cumsum([0, *(len(body.omega) for body in bodies)])
         n_rigid = 0 if self.whole.shape.support else 6
         n = int(ends[-1]) + n_rigid
+        own = [slice(int(first), int(last)) for first, last in pairwise(ends)]
         frames = [np.eye(6, n, int(ends[-1])) * (n_rigid > 0)]  # velocity and spin of each piece's frame
+
+        def move(piece: int, marker: str) -> Array:
+            at, motion = bodies[piece].markers[marker], frames[piece].copy()
+            motion[:3] -= np.cross(at.position[:, None], motion[3:], axis=0)
+            motion[:3, own[piece]] += at.translation
+            motion[3:, own[piece]] += at.rotation
+            return motion
+
         M, K = np.zeros((n, n)), np.zeros((n, n))
         for k, body in enumerate(bodies):
-            own = slice(int(ends[k]), int(ends[k + 1]))
             if k:
                 cut = next(cut for cut in self.cut.cuts if cut.second == k and not cut.closes)
-                at, over = bodies[cut.first].markers[cut.of_first], frames[cut.first]
-                frame = over.copy()
-                frame[:3] -= np.cross(at.position[:, None], over[3:], axis=0)
-                parent = slice(int(ends[cut.first]), int(ends[cut.first + 1]))
-                frame[:3, parent] += at.translation
-                frame[3:, parent] += at.rotation
-                frames.append(frame)
-            J = np.concatenate([frames[k], np.eye(n)[own]])
+                frames.append(move(cut.first, cut.of_first))
+            J = np.concatenate([frames[k], np.eye(n)[own[k]]])
             M += J.T @ body.gram.mass_matrix(np.eye(1, 1 + len(body.omega))[0]) @ J
-            K[own, own] = np.diag(body.omega**2)
-        count = self.whole.shape.modes.count
-        squares = eigh(K, M, eigvals_only=True)[n_rigid : n_rigid + count]
-        return np.asarray(np.sqrt(squares) / (2 * np.pi))
+            K[own[k], own[k]] = np.diag(body.omega**2)
+        closing = [move(cut.first, cut.of_first) - move(cut.second, cut.of_second) for cut in self.cut.cuts if cut.closes]
+        return M, K, np.concatenate([np.zeros((0, n)), *closing])
 
     def deform(self, motion: Motion, bodies: Mapping[str, FlexibleBody], frames: Sequence[int] | IntArray) -> Array:
         """Return the displacement of all nodes in the frame of the first piece, shape (n_frames, n_nodes, 3) [m].
