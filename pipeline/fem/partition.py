@@ -21,6 +21,9 @@ from pipeline.fem.space import Discretisation
 _SHIFT = 1e-3  # of the second eigenvalue's size: diffusion itself is singular
 _WINDOW = 0.4  # of a piece's volume: how far a cut may be from an even division to find a gap between two elements
 _WIDE = 0.2  # of the widest gap: less is no gap between layers
+_SEEDS = 8  # divisions that METIS tries; that with the smallest cuts is taken
+_UNBALANCED = 200  # thousandths by which a piece of METIS may exceed the mean
+_FINEST = 10_000  # weights of METIS are whole multiples of the largest over this
 _FRAGMENT = 0.02  # of a piece's volume: loose elements up to this much move to the piece beside them
 
 
@@ -87,7 +90,7 @@ def divide_mesh(space: Discretisation, count: int, together: Sequence[IntArray] 
     areas = facet_areas(space, elements[:, 0], local[:, 0])
     labels = _divide_along_path(space, elements, areas, count)
     if labels is None:
-        labels = _divide_by_metis(space.volumes, elements, count, together)
+        labels = _divide_by_metis(space.volumes, elements, areas, count, together)
     return labels
 
 
@@ -183,7 +186,10 @@ def join_fragments(labels: IntArray, elements: IntArray, volumes: Array, count: 
     return None
 
 
-def _divide_by_metis(volumes: Array, elements: IntArray, count: int, together: Sequence[IntArray]) -> IntArray:
+def _divide_by_metis(
+    volumes: Array, elements: IntArray, areas: Array, count: int, together: Sequence[IntArray]
+) -> IntArray:
+    """Divide a mesh by METIS so that the area of all cuts is small: across thin sections, not through thick joints."""
     if find_spec("pymetis") is None:
         raise PartitionError("the part branches, and pymetis, which would divide it, isn't installed")
     import pymetis
@@ -193,15 +199,29 @@ def _divide_by_metis(volumes: Array, elements: IntArray, count: int, together: S
     ties = np.concatenate([np.zeros((2, 0), dtype=np.int64), *tied], axis=1)
     m, vertex = connected_components(sp.coo_array((np.ones(ties.shape[1]), ties), shape=(n, n)), directed=False)
     apart = vertex[elements]
-    apart = apart[apart[:, 0] != apart[:, 1]]
-    pairs = np.concatenate([apart, apart[:, ::-1]])
-    graph = sp.csr_array(sp.coo_array((np.ones(len(pairs)), pairs.T), shape=(m, m)))
-    options = pymetis.Options(contig=1, seed=1)
+    between = apart[:, 0] != apart[:, 1]
+    pairs = np.concatenate([apart[between], apart[between, ::-1]])
+    graph = sp.csr_array(sp.coo_array((np.tile(areas[between], 2), pairs.T), shape=(m, m)))
     adjacency = pymetis.CSRAdjacency(graph.indptr, graph.indices)
-    weights = np.bincount(vertex).tolist()
-    found = pymetis.part_graph(count, adjacency, vweights=weights, options=options, recursive=False)[1]
-    labels: IntArray = np.asarray(found, dtype=np.int64)[vertex]
-    joined = join_fragments(labels, elements, volumes, count)
-    if joined is None:
+    sizes, strengths = _whole_numbers(np.asarray(np.bincount(vertex, volumes), dtype=float)), _whole_numbers(graph.data)
+    found: list[tuple[int, float, IntArray]] = []
+    for seed in range(1, 1 + _SEEDS):
+        options = pymetis.Options(contig=1, seed=seed, ufactor=_UNBALANCED)
+        parts = pymetis.part_graph(
+            count, adjacency, vweights=sizes, eweights=strengths, options=options, recursive=False
+        )[1]
+        labels = np.asarray(parts, dtype=np.int64)
+        joined = join_fragments(labels[vertex], elements, volumes, count)
+        if joined is not None:
+            torn = sum(len(np.unique(joined[group])) > 1 for group in together)
+            across = joined[elements[:, 0]] != joined[elements[:, 1]]
+            found.append((torn, float(areas[across].sum()), joined))
+    if not found:
         raise PartitionError(f"METIS finds no {count} connected pieces; take another number, or a finer mesh")
-    return joined
+    return min(found, key=lambda each: each[:2])[2]
+
+
+def _whole_numbers(sizes: Array) -> list[int]:
+    """Return sizes in whole multiples of a small part of the largest, at least 1: the weights that METIS takes."""
+    whole: list[int] = np.maximum(np.rint(_FINEST * sizes / sizes.max()), 1).astype(int).tolist()
+    return whole

@@ -49,8 +49,7 @@ def weigh_cuts(part: FlexiblePart, cut: CutPart, loaded: Collection[str]) -> tup
     Returns
     -------
     tuple of Marker, optional
-        ``None`` for a cut whose edge a third piece touches or on which a rigid face lies: forces there don't belong to
-        the cut alone.
+        ``None`` for a cut whose nodes are also on a rigid face, or whose forces have dependent resultants.
     """
     inputs = {
         "part": part.key("body"),
@@ -91,17 +90,17 @@ class _Responses:
         self._solved: dict[tuple[tuple[str, ...], ...], tuple[Array, Array]] = {}
 
     def section(self, cut: Cut) -> Marker | None:
-        """Return the marker of a cut; ``None`` where forces can't be told apart."""
+        """Return the marker of a cut; ``None`` where there is none."""
         space, labels = self._part.space, self._labels
-        of_first, of_second = (np.unique(space.element_nodes[labels == number]) for number in (cut.first, cut.second))
-        nodes = np.intersect1d(of_first, of_second)
+        at = np.unique(self._facets[0][cut.facets])
+        first, second = (space.element_nodes[at[labels[at] == number]] for number in (cut.first, cut.second))
+        nodes = np.intersect1d(first, second)
         touching = np.isin(space.element_nodes, nodes).any(axis=1)
-        if not np.isin(labels[touching], (cut.first, cut.second)).all():
-            return None
         if any(marker.rigid and np.isin(marker.nodes, nodes).any() for marker in self._part.markers.values()):
             return None
         u, f = self._deflect(cut, nodes)
         forces = self._nodal_forces(np.flatnonzero(touching & (labels == cut.second)), nodes, u) - f[nodes]
+        forces *= self._share(cut, nodes)[:, None, None]
         centre = self._middle(cut)
         forces = forces.transpose(2, 0, 1)
         # A force at the origin has a moment about the middle of the section; without it resultants differ less in size.
@@ -111,16 +110,28 @@ class _Responses:
         except ValueError:
             return None
 
+    def _share(self, cut: Cut, nodes: IntArray) -> Array:
+        """Share of a cut in the forces on its second piece at nodes (n,): less than 1 where that has cuts to others."""
+        areas = {each: self._areas_at_nodes(each)[nodes] for each in self._cut.cuts if cut.second in each.pieces}
+        return np.asarray(areas[cut] / np.sum(list(areas.values()), axis=0))
+
+    def _areas_at_nodes(self, cut: Cut) -> Array:
+        """Sum of the areas of a cut's facets around each node of the part [m²], shape (n_nodes,)."""
+        space, (elements, local) = self._part.space, self._facets
+        pairs = space.element_nodes[elements[cut.facets]]
+        shared = (pairs[:, 0, :, None] == pairs[:, 1, None]).any(axis=2)
+        areas = facet_areas(space, elements[cut.facets, 0], local[cut.facets, 0])
+        found = np.bincount(pairs[:, 0][shared], (areas[:, None] * shared)[shared], minlength=len(space.x))
+        return np.asarray(found, dtype=float)
+
     def _middle(self, cut: Cut) -> Array:
         """Middle of a cut's facets [m], shape (3,)."""
         space, (elements, local) = self._part.space, self._facets
-        pairs = np.sort(self._labels[elements], axis=1)
-        mine = (pairs == sorted((cut.first, cut.second))).all(axis=1)
-        areas = facet_areas(space, elements[mine, 0], local[mine, 0])
+        elements, local = elements[cut.facets, 0], local[cut.facets, 0]
+        areas = facet_areas(space, elements, local)
         corners = space.kind.facet_corners
         middles = [
-            space.x[space.element_nodes[e, corners[k]]].mean(axis=0)
-            for e, k in zip(elements[mine, 0], local[mine, 0], strict=True)
+            space.x[space.element_nodes[e, corners[k]]].mean(axis=0) for e, k in zip(elements, local, strict=True)
         ]
         return np.asarray(areas @ np.array(middles) / areas.sum())
 

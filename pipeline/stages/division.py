@@ -100,8 +100,9 @@ class DividedPart:
             J = np.concatenate([frames[k], np.eye(n)[own[k]]])
             M += J.T @ body.gram.mass_matrix(np.eye(1, 1 + len(body.omega))[0]) @ J
             K[own[k], own[k]] = np.diag(body.omega**2)
-        closing = [move(cut.first, cut.of_first) - move(cut.second, cut.of_second) for cut in self.cut.cuts if cut.closes]
-        return M, K, np.concatenate([np.zeros((0, n)), *closing])
+        closing = (cut for cut in self.cut.cuts if cut.closes)
+        gaps = (move(cut.first, cut.of_first) - move(cut.second, cut.of_second) for cut in closing)
+        return M, K, np.concatenate([np.zeros((0, n)), *gaps])
 
     def deform(self, motion: Motion, bodies: Mapping[str, FlexibleBody], frames: Sequence[int] | IntArray) -> Array:
         """Return the displacement of all nodes in the frame of the first piece, shape (n_frames, n_nodes, 3) [m].

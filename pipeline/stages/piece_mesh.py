@@ -31,6 +31,8 @@ class Cut:
         Names of the markers on both sides.
     closes : bool
         The cut closes a ring of pieces; else it is a branch of the tree.
+    facets : ndarray of int
+        Its facets, by their numbers among all between elements.
     """
 
     first: int
@@ -38,6 +40,12 @@ class Cut:
     of_first: str
     of_second: str
     closes: bool
+    facets: IntArray = field(repr=False, compare=False)
+
+    @property
+    def pieces(self) -> tuple[int, int]:
+        """Numbers of both pieces."""
+        return self.first, self.second
 
 
 @dataclass(frozen=True)
