@@ -17,6 +17,7 @@ from pipeline.fem.space import Discretisation
 
 # Integrals over a face of the shape functions of nodes off it are round-off.
 _ON_FACE = 1e-12
+_INDEPENDENT = 1e6  # condition of resultants of loads that a section transmits
 _FACET_ORDER = {False: 2, True: 3}  # degree of N_i N_j over the displacement's; one more for a curved facet's area
 
 
@@ -33,8 +34,9 @@ class Marker:
         The face's centroid [m].
     nodes : ndarray, shape (n,)
         The face's nodes.
-    translation_weights : ndarray, shape (n,)
-        Weights of the mean displacement; they sum to 1.
+    translation_weights : ndarray, shape (n,) or (3, n, 3)
+        Weights of the mean displacement, one for each node; they sum to 1. Of a section that tractions weight
+        (`traction_marker`) one for each direction of each node: ``d_a = Σ_ib translation_weights[a, i, b] u_ib``.
     rotation_weights : ndarray, shape (3, n, 3)
         Weights [1/m] of the mean rotation: ``ψ_a = Σ_ib rotation_weights[a, i, b] u_ib``.
     rigid : bool
@@ -49,7 +51,8 @@ class Marker:
 
     def translation(self, u: Array) -> Array:
         """Return the mean displacement (3, …) [m] of a nodal field u, shape (n_nodes, 3, …)."""
-        return np.asarray(np.tensordot(self.translation_weights, u[self.nodes], axes=1))
+        w = self.translation_weights
+        return np.asarray(np.tensordot(w, u[self.nodes], axes=1 if w.ndim == 1 else 2))
 
     def rotation(self, u: Array) -> Array:
         """Return the mean rotation vector (3, …) [rad] of a nodal field u, shape (n_nodes, 3, …)."""
@@ -62,8 +65,11 @@ class Marker:
         too: ``Bᵀ u = 0`` allows no mean displacement, and no mean rotation about these directions.
         """
         B = np.zeros((n_nodes, 3, 3 + len(rotations)))
-        for a in range(3):
-            B[self.nodes, a, a] = self.translation_weights
+        if self.translation_weights.ndim == 3:
+            B[self.nodes, :, :3] = self.translation_weights.transpose(1, 2, 0)
+        else:
+            for a in range(3):
+                B[self.nodes, a, a] = self.translation_weights
         B[self.nodes, :, 3:] = np.einsum("ka,aib->ibk", rotations, self.rotation_weights)
         return B
 
@@ -102,6 +108,41 @@ def face_marker(space: Discretisation, face: IntArray | Sequence[IntArray], rigi
     inertia = np.trace(second) * np.eye(3) - second
     moment = np.einsum("acb,ic->aib", EPSILON, Ar)
     return Marker(centre, nodes, w / area, np.einsum("ad,dib->aib", np.linalg.inv(inertia), moment), rigid)
+
+
+def traction_marker(position: Array, nodes: IntArray, x: Array, forces: Array) -> Marker:
+    """Attach a marker to a section of a body by the nodal forces that the section transmits.
+
+    A load at the marker acts with these forces, and so its motion is the one on which they do the load's work. Unlike a
+    uniform traction, the tractions of the body's own static deflections take the section's warping in torsion and in
+    shear into account.
+
+    Parameters
+    ----------
+    position : ndarray, shape (3,)
+        Place of the marker [m].
+    nodes : ndarray, shape (n,)
+        The section's nodes.
+    x : ndarray, shape (n, 3)
+        Their positions [m].
+    forces : ndarray, shape (6, n, 3)
+        Nodal forces of six independent loads.
+
+    Raises
+    ------
+    ValueError
+        The resultants of the forces depend on one another.
+    """
+    r = x - position
+    moments = np.cross(r, forces)
+    resultants = np.concatenate([forces.sum(axis=1), moments.sum(axis=1)], axis=1)
+    extent = np.linalg.norm(r, axis=1).max()
+    scaled = resultants / np.repeat([1.0, extent], 3)
+    scaled = scaled / np.linalg.norm(scaled, axis=1, keepdims=True)
+    if not np.linalg.cond(scaled) < _INDEPENDENT:
+        raise ValueError("the resultants of the section's forces depend on one another")
+    unit = np.einsum("kl,lib->kib", np.linalg.inv(resultants), forces)
+    return Marker(position, nodes, unit[:3], unit[3:])
 
 
 def facets_on_face(space: Discretisation, face: IntArray) -> IntArray:

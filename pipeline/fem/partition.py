@@ -21,6 +21,9 @@ from pipeline.fem.space import Discretisation
 _SHIFT = 1e-3  # of the second eigenvalue's size: diffusion itself is singular
 _WINDOW = 0.4  # of a piece's volume: how far a cut may be from an even division to find a gap between two elements
 _WIDE = 0.2  # of the widest gap: less is no gap between layers
+_SEEDS = 8  # divisions that METIS tries; that with the smallest cuts is taken
+_UNBALANCED = 400  # thousandths by which a piece of METIS may exceed the mean
+_FINEST = 10_000  # weights of METIS are whole multiples of the largest over this
 _FRAGMENT = 0.02  # of a piece's volume: loose elements up to this much move to the piece beside them
 
 
@@ -86,9 +89,40 @@ def divide_mesh(space: Discretisation, count: int, together: Sequence[IntArray] 
     elements, local = interior_facets(space)
     areas = facet_areas(space, elements[:, 0], local[:, 0])
     labels = _divide_along_path(space, elements, areas, count)
+    if labels is not None and not count_bare_nodes(space.element_nodes, labels, elements):
+        return labels
+    try:
+        found = _divide_by_metis(space, elements, areas, count, together)
+    except PartitionError:
+        if labels is None:
+            raise
+        return labels
     if labels is None:
-        labels = _divide_by_metis(space.volumes, elements, count, together)
-    return labels
+        return found
+    bare = [count_bare_nodes(space.element_nodes, each, elements) for each in (labels, found)]
+    return found if bare[1] < bare[0] else labels
+
+
+def count_bare_nodes(element_nodes: IntArray, labels: IntArray, elements: IntArray) -> int:
+    """Count nodes common to pieces that have no facet in common; forces across these nodes are lost in a cut part.
+
+    Parameters
+    ----------
+    element_nodes : ndarray, shape (n_elements, n_local)
+        Nodes of each element.
+    labels : ndarray of int, shape (n_elements,)
+        Number of each element's piece.
+    elements : ndarray, shape (n_facets, 2)
+        Elements on both sides of each interior facet.
+    """
+    n, count = int(element_nodes.max()) + 1, int(labels.max()) + 1
+    pairs = np.unique(np.stack([element_nodes.ravel(), np.repeat(labels, element_nodes.shape[1])]), axis=1)
+    touches = sp.csr_array((np.ones(pairs.shape[1]), pairs), shape=(n, count))
+    shared = (touches.T @ touches).toarray()
+    shared[labels[elements[:, 0]], labels[elements[:, 1]]] = 0.0
+    shared[labels[elements[:, 1]], labels[elements[:, 0]]] = 0.0
+    np.fill_diagonal(shared, 0.0)
+    return int(shared.sum()) // 2
 
 
 def _sides(x: Array) -> tuple[Array, Array]:
@@ -183,25 +217,44 @@ def join_fragments(labels: IntArray, elements: IntArray, volumes: Array, count: 
     return None
 
 
-def _divide_by_metis(volumes: Array, elements: IntArray, count: int, together: Sequence[IntArray]) -> IntArray:
+def _divide_by_metis(
+    space: Discretisation, elements: IntArray, areas: Array, count: int, together: Sequence[IntArray]
+) -> IntArray:
+    """Divide a mesh by METIS so that the area of all cuts is small: across thin sections, not through thick joints."""
     if find_spec("pymetis") is None:
         raise PartitionError("the part branches, and pymetis, which would divide it, isn't installed")
     import pymetis
 
+    volumes = space.volumes
     n = len(volumes)
     tied = [np.stack([group[:-1], group[1:]]) for group in together]
     ties = np.concatenate([np.zeros((2, 0), dtype=np.int64), *tied], axis=1)
     m, vertex = connected_components(sp.coo_array((np.ones(ties.shape[1]), ties), shape=(n, n)), directed=False)
     apart = vertex[elements]
-    apart = apart[apart[:, 0] != apart[:, 1]]
-    pairs = np.concatenate([apart, apart[:, ::-1]])
-    graph = sp.csr_array(sp.coo_array((np.ones(len(pairs)), pairs.T), shape=(m, m)))
-    options = pymetis.Options(contig=1, seed=1)
+    between = apart[:, 0] != apart[:, 1]
+    pairs = np.concatenate([apart[between], apart[between, ::-1]])
+    graph = sp.csr_array(sp.coo_array((np.tile(areas[between], 2), pairs.T), shape=(m, m)))
     adjacency = pymetis.CSRAdjacency(graph.indptr, graph.indices)
-    weights = np.bincount(vertex).tolist()
-    found = pymetis.part_graph(count, adjacency, vweights=weights, options=options, recursive=False)[1]
-    labels: IntArray = np.asarray(found, dtype=np.int64)[vertex]
-    joined = join_fragments(labels, elements, volumes, count)
-    if joined is None:
+    sizes, strengths = _whole_numbers(np.asarray(np.bincount(vertex, volumes), dtype=float)), _whole_numbers(graph.data)
+    found: list[tuple[int, int, float, IntArray]] = []
+    for seed in range(1, 1 + _SEEDS):
+        options = pymetis.Options(contig=1, seed=seed, ufactor=_UNBALANCED)
+        parts = pymetis.part_graph(
+            count, adjacency, vweights=sizes, eweights=strengths, options=options, recursive=False
+        )[1]
+        labels = np.asarray(parts, dtype=np.int64)
+        joined = join_fragments(labels[vertex], elements, volumes, count)
+        if joined is not None:
+            torn = sum(len(np.unique(joined[group])) > 1 for group in together)
+            across = joined[elements[:, 0]] != joined[elements[:, 1]]
+            bare = count_bare_nodes(space.element_nodes, joined, elements)
+            found.append((torn, bare, float(areas[across].sum()), joined))
+    if not found:
         raise PartitionError(f"METIS finds no {count} connected pieces; take another number, or a finer mesh")
-    return joined
+    return min(found, key=lambda each: each[:3])[3]
+
+
+def _whole_numbers(sizes: Array) -> list[int]:
+    """Return sizes in whole multiples of a small part of the largest, at least 1: the weights that METIS takes."""
+    whole: list[int] = np.maximum(np.rint(_FINEST * sizes / sizes.max()), 1).astype(int).tolist()
+    return whole

@@ -135,9 +135,13 @@ def _bowed(x: Array, shapes: MarkerShapes, marker: Marker, K_G: Array) -> Marker
     if not K_G.any():  # held by the joint
         return shapes
     bow, r = -K_G, x[marker.nodes] - shapes.position
-    for k, A in enumerate(np.einsum("ia,kib->kab", r, marker.rotation_weights)):
+    weights = [marker.rotation_weights]  # those of one number for each node have no moment about the middle
+    if marker.translation_weights.ndim == 3:
+        weights.insert(0, marker.translation_weights)
+    first = 6 - 3 * len(weights)
+    for k, A in enumerate(np.einsum("ia,kib->kab", r, np.concatenate(weights))):
         own = 0.5 * (A + A.T) - np.trace(A) * np.eye(3)
-        bow[3 + k] -= shapes.rotation.T @ own @ shapes.rotation
+        bow[first + k] -= shapes.rotation.T @ own @ shapes.rotation
     return replace(shapes, bow=read_only(bow))
 
 

@@ -125,8 +125,10 @@ class Solid(SceneTable):
         modes held at its cuts, and static deflections by these. ``"auto"`` doubles it until deflections within the
         pieces are small enough for the scene's accuracy, or 1 % without one.
     sections : str
-        How pieces are welded at a cut: by the section's mean motion (``"averaged"``) or as a rigid section
-        (``"rigid"``), which also holds its contraction and warping.
+        How pieces are welded at a cut: by the motion on which the tractions of the part's own static deflections do
+        work (``"tractions"``), which leaves its flexibility as it is, by the section's mean motion (``"averaged"``),
+        too soft in torsion and shear, or as a rigid section (``"rigid"``), which also holds its contraction and
+        warping.
     """
 
     E: PositiveStress
@@ -137,7 +139,7 @@ class Solid(SceneTable):
     support: tuple[Support, ...] = ()
     element: dict[Name, NamedElement] = Field(default_factory=dict)
     pieces: Pieces = 1
-    sections: Literal["averaged", "rigid"] = "averaged"
+    sections: Literal["tractions", "averaged", "rigid"] = "tractions"
 
     @property
     def faces(self) -> tuple[str, ...] | None:

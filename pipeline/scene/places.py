@@ -11,7 +11,7 @@ from pipeline.scene.orientation import Orientation
 from pipeline.scene.reading import FaultError, SceneTable
 from pipeline.scene.values import FaceName, PartName, Plane, Point, Words
 
-_WAYS = ("face", "near", "plane", "edge", "at", "node", "nodes")
+MARKER_WAYS = ("face", "near", "plane", "edge", "at", "node", "nodes")
 
 
 def _read_edge(edge: object) -> object:
@@ -83,13 +83,18 @@ class MarkerPlace(Orientation):
         return (self.face,) if isinstance(self.face, str) else self.face or ()
 
     @property
+    def is_face(self) -> bool:
+        """True if the marker is on faces; else it is at a point, a node or an edge."""
+        return self.face is not None or self.near is not None or self.plane is not None
+
+    @property
     def where(self) -> dict[str, object]:
         """The one key that says where the marker is, with its value, for hashing."""
-        return self.model_dump(mode="json", include=set(_WAYS), exclude_none=True)
+        return self.model_dump(mode="json", include=set(MARKER_WAYS), exclude_none=True)
 
     @model_validator(mode="after")
     def _given_one_way(self) -> MarkerPlace:
-        ways = [way for way in _WAYS if getattr(self, way) is not None]
+        ways = [way for way in MARKER_WAYS if getattr(self, way) is not None]
         if not ways:
             raise FaultError("is missing: a face's name; or give near, a point, or plane, e.g. 'x = 0'", "face")
         if len(ways) > 1:

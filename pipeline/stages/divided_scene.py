@@ -6,12 +6,12 @@ The names of the user's scene stay: its joints, drives and force elements act on
 from __future__ import annotations
 
 from collections.abc import Iterator, Mapping
-from typing import Any
+from typing import Any, Literal
 
 from pipeline.scene.any_body import Flexible
 from pipeline.scene.bodies import Solid
 from pipeline.scene.joints import Fixed, Joint
-from pipeline.scene.places import MarkerPlace, NamedElement
+from pipeline.scene.places import MARKER_WAYS, MarkerPlace, NamedElement
 from pipeline.scene.scene import Scene
 from pipeline.stages.piece_mesh import CutPart, face_of
 
@@ -44,7 +44,7 @@ def divide_scene(scene: Scene, cuts: Mapping[str, CutPart], elements: Mapping[st
     elements : mapping of str to mapping
         Numbers of the named elements in the mesh of each of them.
     """
-    loaded = set(_loaded_places(scene))
+    loaded = loaded_places(scene)
     bodies: dict[str, Any] = {}
     for name, body in scene.body.items():
         if name not in cuts:
@@ -60,7 +60,7 @@ def divide_scene(scene: Scene, cuts: Mapping[str, CutPart], elements: Mapping[st
                     continue
                 first, second = piece_name(name, cut.first), piece_name(name, cut.second)
                 weld = Fixed(type="fixed", parent=f"{first}.{cut.of_first}", child=f"{second}.{cut.of_second}")
-                joints[f"{first}-{second}" if closes else second] = weld
+                joints[f"{first}-{second}:{cut.of_first[-1]}" if closes else second] = weld
         if not closes:  # welds of the tree come before the user's joints, which close loops if they hold a piece too
             joints |= {name: _moved(joint, cuts, "parent", "child") for name, joint in scene.joint.items()}
     changes: dict[str, Any] = {"body": bodies, "joint": joints}
@@ -83,8 +83,12 @@ def _moved(table: Any, cuts: Mapping[str, CutPart], *keys: str) -> Any:
     return table.model_copy(update={key: find_place(getattr(table, key), cuts) for key in keys})
 
 
-def _loaded_places(scene: Scene) -> Iterator[str]:
-    """Iterate over the markers at which joints, loads and force elements act."""
+def loaded_places(scene: Scene) -> set[str]:
+    """Return the places, ``"body.marker"``, at which joints, loads and force elements act."""
+    return set(_iterate_loaded(scene))
+
+
+def _iterate_loaded(scene: Scene) -> Iterator[str]:
     for joint in scene.joint.values():
         yield joint.parent
         yield joint.child
@@ -100,8 +104,16 @@ def _piece(body: Flexible, name: str, k: int, cut: CutPart, elements: Mapping[st
     """Return the table of one piece: its markers on its own mesh, modes held at its interface."""
     piece = cut.pieces[k]
     assert isinstance(body, Solid)
-    markers = {at: MarkerPlace(face=face_of(at), attachment=body.sections) for at in piece.cut_markers}
-    markers |= {at: MarkerPlace(face=face_of(at), attachment=body.marker[at].attachment) for at in piece.own_markers}
+    attachment: Literal["averaged", "rigid"] = "rigid" if body.sections == "rigid" else "averaged"
+    markers = {at: MarkerPlace(face=face_of(at), attachment=attachment) for at in piece.cut_markers}
+    for at in piece.own_markers:
+        given = body.marker[at]
+        place: dict[str, Any] = dict.fromkeys(MARKER_WAYS)
+        if given.is_face:
+            place["face"] = face_of(at)
+        else:
+            place["at"] = tuple(piece.given[at].position.tolist())
+        markers[at] = given.model_copy(update=place)
     wanted = body.modes.interface
     interface = [*piece.cut_markers]
     interface += [at for at in piece.own_markers if (at in wanted if wanted else f"{name}.{at}" in loaded)]

@@ -5,6 +5,7 @@ from __future__ import annotations
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from functools import cached_property
+from itertools import pairwise
 from typing import TYPE_CHECKING
 
 import numpy as np
@@ -14,7 +15,7 @@ from pipeline.core.arrays import Array, IntArray
 from pipeline.core.errors import InputError
 from pipeline.recovery.stress import StressHistory
 from pipeline.scene.scene import Scene
-from pipeline.stages.divided_scene import divide_scene, find_place, piece_name
+from pipeline.stages.divided_scene import divide_scene, find_place, loaded_places, piece_name
 from pipeline.stages.part import FlexiblePart
 from pipeline.stages.piece_mesh import CutPart
 
@@ -63,31 +64,45 @@ class DividedPart:
 
         The whole is free but for its supports, as its own modes are by default.
         """
-        from scipy.linalg import eigh
+        from scipy.linalg import eigh, null_space
 
+        M, K, closing = self._put_together()
+        n_rigid = 0 if self.whole.shape.support else 6
+        free = null_space(closing) if len(closing) else np.eye(len(M))
+        squares = eigh(free.T @ K @ free, free.T @ M @ free, eigvals_only=True)
+        found = squares[n_rigid : n_rigid + self.whole.shape.modes.count]
+        return np.asarray(np.sqrt(found) / (2 * np.pi))
+
+    def _put_together(self) -> tuple[Array, Array, Array]:
+        """Return M and K of the whole at rest, and the rows of coordinates that cuts which close rings hold at 0.
+
+        Coordinates are velocity and spin of the first piece's frame, unless supports hold it, and those of the pieces.
+        """
         bodies = [part.for_any_motion(part.body) for part in self.pieces]
         ends = np.cumsum([0, *(len(body.omega) for body in bodies)])
         n_rigid = 0 if self.whole.shape.support else 6
         n = int(ends[-1]) + n_rigid
+        own = [slice(int(first), int(last)) for first, last in pairwise(ends)]
         frames = [np.eye(6, n, int(ends[-1])) * (n_rigid > 0)]  # velocity and spin of each piece's frame
+
+        def move(piece: int, marker: str) -> Array:
+            at, motion = bodies[piece].markers[marker], frames[piece].copy()
+            motion[:3] -= np.cross(at.position[:, None], motion[3:], axis=0)
+            motion[:3, own[piece]] += at.translation
+            motion[3:, own[piece]] += at.rotation
+            return motion
+
         M, K = np.zeros((n, n)), np.zeros((n, n))
         for k, body in enumerate(bodies):
-            own = slice(int(ends[k]), int(ends[k + 1]))
             if k:
                 cut = next(cut for cut in self.cut.cuts if cut.second == k and not cut.closes)
-                at, over = bodies[cut.first].markers[cut.of_first], frames[cut.first]
-                frame = over.copy()
-                frame[:3] -= np.cross(at.position[:, None], over[3:], axis=0)
-                parent = slice(int(ends[cut.first]), int(ends[cut.first + 1]))
-                frame[:3, parent] += at.translation
-                frame[3:, parent] += at.rotation
-                frames.append(frame)
-            J = np.concatenate([frames[k], np.eye(n)[own]])
+                frames.append(move(cut.first, cut.of_first))
+            J = np.concatenate([frames[k], np.eye(n)[own[k]]])
             M += J.T @ body.gram.mass_matrix(np.eye(1, 1 + len(body.omega))[0]) @ J
-            K[own, own] = np.diag(body.omega**2)
-        count = self.whole.shape.modes.count
-        squares = eigh(K, M, eigvals_only=True)[n_rigid : n_rigid + count]
-        return np.asarray(np.sqrt(squares) / (2 * np.pi))
+            K[own[k], own[k]] = np.diag(body.omega**2)
+        closing = (cut for cut in self.cut.cuts if cut.closes)
+        gaps = (move(cut.first, cut.of_first) - move(cut.second, cut.of_second) for cut in closing)
+        return M, K, np.concatenate([np.zeros((0, n)), *gaps])
 
     def deform(self, motion: Motion, bodies: Mapping[str, FlexibleBody], frames: Sequence[int] | IntArray) -> Array:
         """Return the displacement of all nodes in the frame of the first piece, shape (n_frames, n_nodes, 3) [m].
@@ -177,13 +192,19 @@ def divide_parts(scene: Scene, wholes: Mapping[str, FlexiblePart], like: Divisio
     InputError
         The number of pieces is still open, or a part can't be cut; as `cut_part`.
     """
+    from pipeline.stages.piece_markers import mark_pieces
     from pipeline.stages.pieces import cut_part
 
     for name, count in scene.pieces.items():
         if count == "auto":
             problem = "is still open here; `fmd run` finds the number, and then names it"
             raise InputError(scene.file, f"body.{name}.pieces", count, problem)
-    cuts = {name: cut_part(wholes[name], int(count)) for name, count in scene.pieces.items()}
+    loaded = loaded_places(scene)
+    cuts = {}
+    for name, count in scene.pieces.items():
+        whole = wholes[name]
+        ports = whole.shape.modes.interface or [at for at in whole.shape.marker if f"{name}.{at}" in loaded]
+        cuts[name] = mark_pieces(whole, cut_part(whole, int(count)), ports)
     if not cuts:
         return Division(scene, wholes)
     found = divide_scene(scene, cuts, {name: wholes[name].elements for name in cuts})

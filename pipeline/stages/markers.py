@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import re
-from collections.abc import Callable
+from collections.abc import Callable, Mapping
 from typing import TypeVar
 
 import numpy as np
@@ -22,8 +22,10 @@ from pipeline.stages.meshing.bodies import find_name
 T = TypeVar("T")
 
 
-def place_markers(shape: Flexible, space: Discretisation, file: str, body: str) -> dict[str, Marker]:
-    """Place a body's markers on the surface of its mesh.
+def place_markers(
+    shape: Flexible, space: Discretisation, file: str, body: str, given: Mapping[str, Marker] | None = None
+) -> dict[str, Marker]:
+    """Place a body's markers on the surface of its mesh, but for those that are given.
 
     Raises
     ------
@@ -32,6 +34,8 @@ def place_markers(shape: Flexible, space: Discretisation, file: str, body: str) 
     """
 
     def place(name: str, marker: MarkerPlace) -> Marker:
+        if given is not None and name in given:
+            return given[name]
         rigid = marker.attachment == "rigid"
         if marker.plane is not None:
             return face_marker(space, facets_in_plane(space, *marker.plane), rigid)
@@ -55,7 +59,7 @@ def place_markers(shape: Flexible, space: Discretisation, file: str, body: str) 
 
 
 def find_marker_facets(shape: Flexible, space: Discretisation, file: str, body: str) -> dict[str, IntArray]:
-    """Find the boundary facets of each marker of a body; raises as `place_markers`."""
+    """Find the boundary facets of each marker of a body that is on a face; raises as `place_markers`."""
 
     def find(name: str, marker: MarkerPlace) -> IntArray:
         faces = _faces(shape, space, name, marker, file, body)
@@ -64,7 +68,8 @@ def find_marker_facets(shape: Flexible, space: Discretisation, file: str, body: 
             raise ValueError("no boundary facet of the mesh lies on the face")
         return facets
 
-    return _placed(shape, find, file, body)
+    on_faces = {name: at for name, at in shape.marker.items() if isinstance(at, MarkerPlace) and at.is_face}
+    return _placed(shape.model_copy(update={"marker": on_faces}), find, file, body)
 
 
 def _faces(
@@ -75,8 +80,6 @@ def _faces(
         return [facets_in_plane(space, *marker.plane)]
     if marker.near is not None:
         return [facets_near(space, np.array(marker.near), _cad_faces(shape, space))]
-    if not marker.faces:
-        raise ValueError("is no face; in a body with pieces markers have a face, near or plane")
     key = f"body.{body}.marker.{name}.face"
     return [space.mesh.faces[find_name(space.mesh.faces, face, file, key)] for face in marker.faces]
 

@@ -344,7 +344,7 @@ class FlexiblePart:
         from pipeline.stages.markers import place_markers, place_node_markers
 
         if self.has_mesh:
-            return place_markers(self.shape, self.space, self.file, self.name)
+            return place_markers(self.shape, self.space, self.file, self.name, self.piece.given if self.piece else None)
         if self.is_reduced:
             return place_file_markers(self.fe, self.shape, self.file, self.name)
         assert isinstance(self.fe, MatrixModel)

@@ -3,7 +3,8 @@
 from __future__ import annotations
 
 import hashlib
-from dataclasses import dataclass
+from collections.abc import Mapping
+from dataclasses import dataclass, field
 from functools import cached_property
 from typing import TYPE_CHECKING
 
@@ -12,7 +13,10 @@ import numpy as np
 from pipeline.core.arrays import Array, IntArray
 
 if TYPE_CHECKING:
+    from pipeline.fem.markers import Marker
     from pipeline.fem.mesh import SolidMesh
+
+_GRID = 0.7312e-12  # of the extent: places of nodes are rounded to this, so that equal pieces are equal to the bit
 
 
 @dataclass(frozen=True)
@@ -27,6 +31,8 @@ class Cut:
         Names of the markers on both sides.
     closes : bool
         The cut closes a ring of pieces; else it is a branch of the tree.
+    facets : ndarray of int
+        Its facets, by their numbers among all between elements.
     """
 
     first: int
@@ -34,6 +40,12 @@ class Cut:
     of_first: str
     of_second: str
     closes: bool
+    facets: IntArray = field(repr=False, compare=False)
+
+    @property
+    def pieces(self) -> tuple[int, int]:
+        """Numbers of both pieces."""
+        return self.first, self.second
 
 
 @dataclass(frozen=True)
@@ -50,6 +62,8 @@ class PieceMesh:
         Origin of the piece's coordinates in those of the whole [m].
     cut_markers, own_markers : tuple of str
         Names of the markers at its cuts, and of the whole part's markers that are on it.
+    given : mapping of str to Marker
+        Those of them, by name, that aren't made from a face of the piece's mesh.
     """
 
     cells: IntArray
@@ -57,16 +71,21 @@ class PieceMesh:
     offset: Array
     cut_markers: tuple[str, ...]
     own_markers: tuple[str, ...]
+    given: Mapping[str, Marker] = field(default_factory=dict)
 
     @cached_property
     def digest(self) -> str:
-        """Digest of the mesh and its faces, equal for equal pieces."""
+        """Digest of the mesh, its faces and its markers, equal for equal pieces."""
         h = hashlib.sha256()
         for array in (self.mesh.points, self.mesh.cells):
             h.update(np.ascontiguousarray(array).tobytes())
         for table in (self.mesh.faces, self.mesh.parts):
             for name, array in table.items():
                 h.update(f"{name}:{array.shape}".encode())
+                h.update(np.ascontiguousarray(array).tobytes())
+        for name, marker in self.given.items():
+            h.update(f"{name}:{len(marker.nodes)}".encode())
+            for array in (marker.position, marker.nodes, marker.translation_weights, marker.rotation_weights):
                 h.update(np.ascontiguousarray(array).tobytes())
         return h.hexdigest()
 
@@ -94,3 +113,8 @@ class CutPart:
 def face_of(marker: str) -> str:
     """Return the name of the face that a piece's mesh has for a marker."""
     return f"at-{marker}"
+
+
+def round_to_grid(x: Array, extent: float) -> Array:
+    """Round positions [m] in a part of an extent [m] to a grid finer than any node's place matters."""
+    return np.asarray(np.round(x / (_GRID * extent)) * (_GRID * extent))

@@ -15,17 +15,16 @@ from pipeline.core.arrays import IntArray
 from pipeline.core.errors import InputError
 from pipeline.fem.markers import facets_on_face
 from pipeline.fem.mesh import SolidMesh
-from pipeline.fem.partition import PartitionError, divide_mesh, facet_areas, interior_facets, join_fragments
+from pipeline.fem.partition import PartitionError, divide_mesh, interior_facets, join_fragments
 from pipeline.fem.space import Discretisation
 from pipeline.stages.markers import find_marker_facets, fixed_unknowns
-from pipeline.stages.piece_mesh import Cut, CutPart, PieceMesh, face_of
+from pipeline.stages.piece_cuts import INBOARD, join_pieces
+from pipeline.stages.piece_mesh import Cut, CutPart, PieceMesh, face_of, round_to_grid
 
 if TYPE_CHECKING:
     from pipeline.stages.part import FlexiblePart
 
-_GRID = 0.7312e-12  # of the extent: places of nodes are rounded to this, so that equal pieces are equal to the bit
-_CONTACT = 0.01  # of the largest cut's area: pieces that touch in less aren't welded
-_INBOARD = "cut:inboard"  # no marker of a scene has a colon in its name
+_MOVES = 5  # of a marker's elements and of those that come loose
 _MOST_OF_PIECE = 0.5  # of a piece's volume: a marker's face whose elements fill more isn't moved into one piece
 
 
@@ -41,91 +40,58 @@ def cut_part(part: FlexiblePart, count: int) -> CutPart:
     key, space = f"body.{part.name}", part.space
     if not part.joint.marker:
         raise InputError(part.file, f"{key}.pieces", count, "the body hangs on no joint: it has modes, but no motion")
-    markers = find_marker_facets(part.shape, space, part.file, part.name)
+    faces = find_marker_facets(part.shape, space, part.file, part.name)
+    markers = {name: np.unique(_elements_of(space, facets)) for name, facets in faces.items()}
+    markers |= {
+        name: _elements_among(space, part.markers[name].nodes) for name in part.shape.marker if name not in faces
+    }
     try:
-        labels = divide_mesh(space, count, [np.unique(_elements_of(space, facets)) for facets in markers.values()])
+        labels = divide_mesh(space, count, list(markers.values()))
     except PartitionError as error:
         raise InputError(part.file, f"{key}.pieces", count, str(error)) from error
     labels = _keep_markers_whole(part, labels, markers, count)
-    root = int(labels[_elements_of(space, markers[part.joint.marker])[0]])
+    root = int(labels[markers[part.joint.marker][0]])
     elements, local = interior_facets(space)
-    order, contacts = _order_pieces(space, labels, elements, local, root)
-    number = np.empty(count, dtype=np.int64)
-    number[order] = np.arange(count)
+    try:
+        number, cuts = join_pieces(space, labels, elements, local, root)
+    except PartitionError as error:
+        raise InputError(part.file, f"{key}.pieces", count, str(error)) from error
     labels = number[labels]
     _require_supports_on_first(part, labels)
-    cuts = _name_cuts(contacts, number)
-    return CutPart(tuple(_piece(part, k, labels, markers, cuts, elements, local) for k in range(count)), tuple(cuts))
+    places = {name: int(labels[of[0]]) for name, of in markers.items()}
+    pieces = (_piece(part, k, labels, places, faces, cuts, elements, local) for k in range(count))
+    return CutPart(tuple(pieces), tuple(cuts))
 
 
 def _elements_of(space: Discretisation, facets: IntArray) -> IntArray:
     return np.asarray(space.boundary_facets[0][facets])
 
 
+def _elements_among(space: Discretisation, nodes: IntArray) -> IntArray:
+    """Return the elements all of whose nodes are among the given ones: those that a point or an edge moves with."""
+    return np.flatnonzero(np.isin(space.element_nodes, nodes).all(axis=1))
+
+
 def _keep_markers_whole(part: FlexiblePart, labels: IntArray, markers: Mapping[str, IntArray], count: int) -> IntArray:
-    """Move the elements behind each marker's face into the piece that most of them are in."""
-    space, moved = part.space, False
-    volumes = space.volumes
-    for name, facets in markers.items():
-        elements = np.unique(_elements_of(space, facets))
-        found = np.bincount(labels[elements], volumes[elements], minlength=count)
-        if np.count_nonzero(found) == 1:
-            continue
-        key = f"body.{part.name}.marker.{name}"
-        problem = f"its face extends over {np.count_nonzero(found)} of the body's {count} pieces; take fewer pieces"
-        if found.sum() > _MOST_OF_PIECE * volumes.sum() / count:
-            raise InputError(part.file, key, None, f"{problem} or a smaller face")
-        labels = labels.copy()
-        labels[elements], moved = found.argmax(), True
-    if not moved:
-        return labels
-    joined = join_fragments(labels, interior_facets(space)[0], volumes, count)
-    if joined is None:
-        problem = "faces of markers lie across the cuts; another number of pieces has its cuts elsewhere"
-        raise InputError(part.file, f"body.{part.name}.pieces", count, problem)
-    return joined
-
-
-def _order_pieces(
-    space: Discretisation, labels: IntArray, elements: IntArray, local: IntArray, root: int
-) -> tuple[list[int], list[tuple[int, int, bool]]]:
-    """Order pieces from the root outwards; contacts are (nearer, farther, closes a ring), by the old numbers."""
-    pairs = labels[elements]
-    across = pairs[:, 0] != pairs[:, 1]
-    areas: dict[tuple[int, int], float] = {}
-    sizes = facet_areas(space, elements[across, 0], local[across, 0])
-    for (a, b), area in zip(np.sort(pairs[across], axis=1).tolist(), sizes, strict=True):
-        areas[a, b] = areas.get((a, b), 0.0) + float(area)
-    largest = max(areas.values())
-    ranked = sorted((pair for pair, area in areas.items() if area > _CONTACT * largest), key=lambda pair: -areas[pair])
-    order, contacts, left = [root], [], list(ranked)
-    for piece in order:  # grows meanwhile: breadth first
-        for pair in ranked:
-            other = pair[0] + pair[1] - piece
-            if piece in pair and other not in order:
-                order.append(other)
-                contacts.append((piece, other, False))
-                left.remove(pair)
-    return order, [*contacts, *((a, b, True) for a, b in left)]
-
-
-def _name_cuts(contacts: Sequence[tuple[int, int, bool]], number: IntArray) -> list[Cut]:
-    """Name the markers on both sides of each cut: equal pieces have equal names."""
-    outboard: dict[int, int] = {}
-    closing: dict[int, int] = {}
-    cuts = []
-    for a, b, closes in contacts:
-        first, second = int(number[a]), int(number[b])
-        if closes:
-            names = []
-            for piece in (first, second):
-                closing[piece] = closing.get(piece, 0) + 1
-                names.append(f"cut:closing-{closing[piece]}")
-            cuts.append(Cut(first, second, names[0], names[1], True))
-            continue
-        outboard[first] = outboard.get(first, 0) + 1
-        cuts.append(Cut(first, second, f"cut:outboard-{outboard[first]}", _INBOARD, False))
-    return cuts
+    """Move the elements of each marker into the piece that most of them are in, and loose ones after them."""
+    pairs, volumes = interior_facets(part.space)[0], part.space.volumes
+    for _ in range(_MOVES):
+        moved = labels.copy()
+        for name, elements in markers.items():
+            found = np.bincount(labels[elements], volumes[elements], minlength=count)
+            if np.count_nonzero(found) > 1 and found.sum() > _MOST_OF_PIECE * volumes.sum() / count:
+                key = f"body.{part.name}.marker.{name}"
+                over = f"its face extends over {np.count_nonzero(found)} of the body's {count} pieces"
+                raise InputError(part.file, key, None, f"{over}; take fewer pieces or a smaller face")
+            moved[elements] = found.argmax()
+        joined = join_fragments(moved, pairs, volumes, count)
+        if joined is None:
+            break
+        if all((joined[elements] == joined[elements[0]]).all() for elements in markers.values()):
+            return joined
+        labels = joined
+    problem = "faces of markers lie across the cuts; another number of pieces has its cuts elsewhere"
+    raise InputError(part.file, f"body.{part.name}.pieces", count, problem)
 
 
 def _require_supports_on_first(part: FlexiblePart, labels: IntArray) -> None:
@@ -146,7 +112,8 @@ def _piece(
     part: FlexiblePart,
     k: int,
     labels: IntArray,
-    markers: Mapping[str, IntArray],
+    places: Mapping[str, int],
+    faces: Mapping[str, IntArray],
     cuts: Sequence[Cut],
     elements: IntArray,
     local: IntArray,
@@ -157,38 +124,35 @@ def _piece(
     corners = space.kind.facet_corners
     own, found = [], dict[str, tuple[IntArray, IntArray]]()
     of_boundary, number = space.boundary_facets
-    for name, facets in markers.items():
-        if labels[of_boundary[facets[0]]] == k:
-            own.append(name)
-            found[face_of(name)] = of_boundary[facets], number[facets]
+    for name, at in places.items():
+        if at != k:
+            continue
+        own.append(name)
+        if name in faces:
+            found[face_of(name)] = of_boundary[faces[name]], number[faces[name]]
     at_cuts = []
     for cut in cuts:
         if k not in (cut.first, cut.second):
             continue
-        name, other = (cut.of_first, cut.second) if k == cut.first else (cut.of_second, cut.first)
-        sides = labels[elements]
-        here = ((sides[:, 0] == k) & (sides[:, 1] == other)) | ((sides[:, 0] == other) & (sides[:, 1] == k))
-        column = np.where(sides[here, 0] == k, 0, 1)
-        rows = np.arange(len(column))
+        name = cut.of_first if k == cut.first else cut.of_second
+        column = np.where(labels[elements[cut.facets, 0]] == k, 0, 1)
         at_cuts.append(name)
-        found[face_of(name)] = elements[here][rows, column], local[here][rows, column]
+        found[face_of(name)] = elements[cut.facets, column], local[cut.facets, column]
     if k == 0 and part.shape.support:
         found |= _faces_for_supports(space, mesh, labels)
     offset = np.zeros(3)
-    if _INBOARD in at_cuts:
-        at, facet = found[face_of(_INBOARD)]
-        offset = np.mean(
-            [space.x[space.element_nodes[e, corners[f]]].mean(axis=0) for e, f in zip(at, facet, strict=True)], axis=0
-        )
+    if INBOARD in at_cuts:
+        facets = zip(*found[face_of(INBOARD)], strict=True)
+        offset = np.mean([space.x[space.element_nodes[e, corners[f]]].mean(axis=0) for e, f in facets], axis=0)
     # Numbered by place, so that equal pieces have equal meshes.
     used = np.unique(mesh.cells[mine])
-    grid = _GRID * float(np.ptp(mesh.points, axis=0).max())
-    points = np.round((mesh.points[used] - offset) / grid) * grid
+    extent = float(np.ptp(mesh.points, axis=0).max())
+    points = round_to_grid(mesh.points[used] - offset, extent)
     order = np.lexsort(points.T)
     new = np.full(len(mesh.points), -1)
     new[used[order]] = np.arange(len(used))
     cells, points = new[mesh.cells[mine]], points[order]
-    cell_order = np.lexsort(np.round(points[cells].mean(axis=1) / (1e3 * grid)).T)
+    cell_order = np.lexsort(round_to_grid(points[cells].mean(axis=1), 1e3 * extent).T)
     numbers = np.full(len(mesh.cells), -1)
     numbers[mine[cell_order]] = np.arange(len(mine))
     parts = {name: np.sort(numbers[of[labels[of] == k]]) for name, of in mesh.parts.items()}
