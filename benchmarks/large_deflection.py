@@ -1,4 +1,4 @@
-"""Measure parts in pieces: statics against the elastica, a closed circle, rods and CalculiX; costs by pieces.
+"""Measure parts in pieces: statics against the elastica, a circle, rods, Bathe's bend and CalculiX; costs by pieces.
 
 Run from the project's root: ``python benchmarks/large_deflection.py``. CalculiX (``ccx``) is timed if it is installed.
 Writes ``large_deflection.csv``: case, pieces, stiffening, coordinates, seconds of a warm statics, error [%], note.
@@ -23,6 +23,7 @@ sys.path.append(str(HERE.parent))
 from pipeline import Pipeline  # noqa: E402
 from pipeline.integrators.protocol import evaluate  # noqa: E402
 from pipeline.stages.mechanism import find_start  # noqa: E402
+from tests.verification.bathe_bend import END, OTHER_BEAMS, SONNEVILLE, bend  # noqa: E402
 from tests.verification.rods import bend_rod, torsion_of_rectangle  # noqa: E402
 from tests.verification.test_large_deflection import FORCE, MOMENT, elastica, end_of, strip  # noqa: E402
 
@@ -61,17 +62,17 @@ def measure(folder: Path) -> list[dict[str, Any]]:
     for pieces in (8, 16):
         run = strip(folder, PIECES=pieces, ALONG=48, LOAD=f"{2 * np.pi!r} N m", **MOMENT)
         add("closed circle", run, pieces, "auto", float(np.linalg.norm(end_of(run))))
-    G, area = MODULUS / (2 * (1 + POISSON)), DEPTH * WIDTH
-    bending = (
-        G * torsion_of_rectangle(DEPTH, WIDTH),
-        MODULUS * DEPTH * WIDTH**3 / 12,
-        MODULUS * WIDTH * DEPTH**3 / 12,
-    )
+    for pieces, along in ((4, 32), (8, 32), (16, 64)):
+        run = bend(folder, pieces, along)
+        moved = end_of(run) - END
+        apart = np.abs(moved / SONNEVILLE - 1)
+        other = 100 * np.abs(moved / OTHER_BEAMS - 1).max()
+        note = f"({', '.join(f'{x:.3f}' for x in moved)}) in; {other:.2g} % from the other published beams"
+        add("Bathe's 45° bend, largest of three components", run, pieces, "auto", float(apart.max()), note)
     for degrees, published in PUBLISHED.items():
         force = LOAD * np.array([0.0, np.cos(np.radians(degrees)), np.sin(np.radians(degrees))])
-        rod = bend_rod(LENGTH, bending, (MODULUS * area, G * area * 5 / 6, G * area * 5 / 6), force)
         run = strip(folder, PIECES=8, LOAD=f"{LOAD} N", ALONG=64, **PRINCETON, **FORCE | {"DIRECTION": force.tolist()})
-        moved, of_rod = end_of(run) - [LENGTH, 0, 0], rod - [LENGTH, 0, 0]
+        moved, of_rod = end_of(run) - [LENGTH, 0, 0], bend_princeton_rod(degrees)
         size = float(np.linalg.norm(of_rod))
         beside = np.linalg.norm(1e3 * moved[1:] - published) / np.linalg.norm(published)
         note = f"{100 * beside:.2g} % from the published solids"
@@ -89,6 +90,21 @@ def measure(folder: Path) -> list[dict[str, Any]]:
             note = f"CalculiX with NLGEOM on the same mesh: {seconds:.2g} s, {ratio:.0f} times as long"
             add(f"CalculiX, {degrees}°", run, 8, "auto", apart, note)
     return rows
+
+
+def bend_princeton_rod(degrees: float, raised: float = 1.0) -> Any:
+    """Return the displacement (3,) [m] of the end of a rod; its stiffness about the weak axis may be raised."""
+    bending, stretching = princeton_stiffness(raised)
+    force = LOAD * np.array([0.0, np.cos(np.radians(degrees)), np.sin(np.radians(degrees))])
+    return bend_rod(LENGTH, bending, stretching, force) - [LENGTH, 0, 0]
+
+
+def princeton_stiffness(raised: float = 1.0) -> tuple[Any, Any]:
+    """Return G J, E I about both axes [N m²], and E A and twice G A with shear factors [N] of the Princeton beam."""
+    G, area = MODULUS / (2 * (1 + POISSON)), DEPTH * WIDTH
+    weak, strong = MODULUS * DEPTH * WIDTH**3 / 12, MODULUS * WIDTH * DEPTH**3 / 12
+    bending = (G * torsion_of_rectangle(DEPTH, WIDTH), raised * weak, strong)
+    return bending, (MODULUS * area, G * area * 5 / 6, G * area * 5 / 6)
 
 
 def static_seconds(run: Pipeline) -> float:

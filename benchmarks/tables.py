@@ -347,8 +347,24 @@ def large_deflection() -> str:
     return markdown(("case", "pieces", "second order", "coordinates", "error", "warm statics", "beside"), rows)
 
 
+def pendulum() -> str:
+    """Tabulate a slender pendulum in pieces beside Exudyn's beams: errors and times."""
+    rows = [
+        [
+            row["what"],
+            row["number"],
+            f"{row['step_ms']} ms",
+            format_seconds(float(row["seconds"])),
+            f"{row['apart_mm']} mm",
+        ]
+        for row in read_rows("pendulum")
+    ]
+    return markdown(("model", "pieces or elements", "step", "time", "largest distance of the end"), rows)
+
+
 TABLES: dict[str, Callable[[], str]] = {
     "large-deflection": large_deflection,
+    "pendulum": pendulum,
     "integrators": integrators,
     "beam-subcycling": beam_subcycling,
     "propeller": propeller,

@@ -110,7 +110,12 @@ def longest_step(M: Array, K: Array, error: float, duration: float) -> float:
 
 
 def recommend_step(M: Array, K: Array, n_slow: int, error: float, duration: float) -> tuple[float, int]:
-    """Return the longest fast step [s] and the largest ratio whose phase errors and growth stay below an error."""
+    """Return the longest fast step [s] and the largest ratio whose phase errors and growth stay below an error.
+
+    The ratio is 1 where all coordinates are slow, or all are fast: it would change nothing.
+    """
+    if not 0 < n_slow < len(M):
+        return longest_step(M, K, error, duration), 1
     fast, slow = (frequencies(M[part, part], K[part, part]) for part in (slice(n_slow, None), slice(0, n_slow)))
     both = frequencies(M, K)
     longest_fast, longest_slow = (_longest_of(omega, _lowest(both), error, duration) for omega in (fast, slow))

@@ -103,3 +103,9 @@ def test_the_recommended_step_and_ratio_keep_phase_and_growth_below_the_error() 
     if ratio > 1:
         assert 4.0 / (ratio * step) * np.log(cycle_growth(coupled, K, 1, step, ratio)) < 1e-2
     assert longest_step(M, K, 1e-2, 4.0) == pytest.approx(min(low, high, 4.0 / 200))
+
+
+@pytest.mark.parametrize("n_slow", [0, 2])
+def test_no_ratio_is_recommended_where_all_coordinates_are_on_one_side(n_slow: int) -> None:
+    M, K = np.eye(2), np.diag([SLOW**2, FAST**2])
+    assert recommend_step(M, K, n_slow, 1e-2, 4.0) == (longest_step(M, K, 1e-2, 4.0), 1)

@@ -10,6 +10,7 @@ from scipy.integrate import simpson, solve_bvp
 from pipeline import Pipeline, load_scene
 from pipeline.core.arrays import Array
 from pipeline.dynamics.kinematics import Kinematics
+from tests.verification.bathe_bend import END, SONNEVILLE, bend
 from tests.verification.rods import bend_rod, torsion_of_rectangle
 
 STRIP = """
@@ -119,6 +120,11 @@ def test_the_princeton_beam_bends_and_twists_as_a_rod(tmp_path: Path) -> None:
     A = depth * width
     exact = bend_rod(length, bending, (E * A, G * A * 5 / 6, G * A * 5 / 6), load)
     assert np.linalg.norm(end_of(run) - exact) < 5e-3 * np.linalg.norm(exact - [length, 0, 0])
+
+
+def test_bathes_bend_moves_as_published_in_all_three_directions(tmp_path: Path) -> None:
+    moved = end_of(bend(tmp_path, pieces=6, along=24)) - END
+    assert moved == pytest.approx(SONNEVILLE, rel=0.01)
 
 
 def test_equal_pieces_are_reduced_once(tmp_path: Path) -> None:
