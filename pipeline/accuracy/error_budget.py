@@ -18,6 +18,7 @@ from pipeline.stages.stage import Stage
 
 _TIMES_RUN = 3.0  # time limit over the time of the run
 _LEAST_SECONDS = 10.0  # of a time limit
+_WHOLE_SECONDS = 50.0  # of a run and its budget, if the run leaves as much as it took itself
 
 
 @dataclass(frozen=True)
@@ -94,8 +95,12 @@ def state_errors(run: Pipeline, seconds: float = math.inf) -> Budget:
 
 
 def allowed_seconds(run: Pipeline) -> float:
-    """Return the time that a budget may take by default [s]: three times that of the run."""
-    return max(_TIMES_RUN * sum(run.log.seconds.values()), _LEAST_SECONDS)
+    """Return the time that a budget may take by default [s]: three times that of the run.
+
+    Where both would take more than 50 s it is what the run leaves of these, but as much as it took itself at least.
+    """
+    taken = sum(run.log.seconds.values())
+    return max(min(_TIMES_RUN * taken, _WHOLE_SECONDS - taken), taken, _LEAST_SECONDS)
 
 
 def _estimate(run: Pipeline, seconds: float = math.inf) -> Budget:

@@ -50,7 +50,7 @@ def run(
     no_budget
         Don't estimate the errors of the results.
     budget_seconds
-        Time that their estimates may take [s]; three times that of the run by default.
+        Time that their estimates may take [s]; three times that of the run by default, less for long runs.
     explain
         Print first which stages will run, come from the cache or are skipped, why, and what each took last.
     dry_run

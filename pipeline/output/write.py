@@ -40,7 +40,7 @@ def write_results(
     budget : bool
         Estimate the errors of the results.
     budget_seconds : float, optional
-        Time that this may take [s]; three times that of the run by default.
+        Time that this may take [s]; three times that of the run by default, less for long runs.
 
     Raises
     ------

@@ -61,9 +61,12 @@ def test_a_budget_without_time_names_what_it_left_out_and_is_not_kept(tmp_path) 
     assert ERROR_BUDGET.name in kept.log.cached
 
 
-def test_the_time_limit_is_three_times_that_of_the_run() -> None:
+@pytest.mark.parametrize(
+    ("run_seconds", "budget_seconds"), [(0.1, 10.0), (5.0, 15.0), (20.0, 30.0), (40.0, 40.0), (600.0, 600.0)]
+)
+def test_the_time_limit_is_three_times_that_of_the_run_and_less_for_long_ones(
+    run_seconds: float, budget_seconds: float
+) -> None:
     run = Pipeline(load_scene("beam", BEAM), Cache(None))
-    run.log.seconds["modes"] = 20.0
-    assert allowed_seconds(run) == pytest.approx(60.0)
-    run.log.seconds["modes"] = 0.1
-    assert allowed_seconds(run) == 10.0
+    run.log.seconds["modes"] = run_seconds
+    assert allowed_seconds(run) == pytest.approx(budget_seconds)

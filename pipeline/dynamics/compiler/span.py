@@ -3,10 +3,11 @@
 Markers move by ``R_c η`` for modal accelerations η, and what displacements of second order add to the modal mass has
 such rows too (see `added_mass`). Shapes of the first order are constant: their span has orthonormal rows that are known
 beforehand. A row with a part of second order changes with the deflection, and is made orthogonal to the others at each
-state. It may vanish, or lie among the others; so it isn't brought to unit length: its square comes with it, and a
-number that is nothing beside any modal mass keeps that from being zero. It is made orthogonal twice, which is enough
-(Parlett, The Symmetric Eigenvalue Problem, 1980, section 6.9): small deflections leave so little of it that one pass
-leaves round-off along the others, and accelerations would have five digits.
+state. It may vanish, or lie among the others, as that of a second body at the same marker does; so it isn't brought to
+unit length: its square comes with it, and a part of the given row's square that is more than round-off and nothing
+beside any modal mass is added to that, lest the inverse magnify round-off until accelerations have two digits. It is
+made orthogonal twice, which is enough (Parlett, The Symmetric Eigenvalue Problem, 1980, section 6.9): small deflections
+leave so little of it that one pass leaves round-off along the others, and accelerations would have five digits.
 """
 
 from __future__ import annotations
@@ -23,6 +24,7 @@ from pipeline.dynamics.compiler.graph import Graph, Scalar, Vector, combine
 from pipeline.dynamics.compiler.marker import MarkerMotion
 
 _NOTHING = 1e-30  # [1/kg]
+_ROUND_OFF = 1e-18  # of a row's square: what is left of a row that lies among the others
 
 
 @dataclass(frozen=True)
@@ -81,13 +83,15 @@ def span_rows(graph: Graph, groups: Sequence[ModalRows], free: Array) -> Span:
     Q, inverses = [graph.array(row) for row in basis], [graph.number(1.0)] * len(basis)
     weights = [constants(graph, row) for row in L]
     for k in np.flatnonzero(varies):
-        row, weights[k] = values[k].multiplied_by(np.diag(free)), [graph.number(0.0)] * len(Q)
+        given = row = values[k].multiplied_by(np.diag(free))
+        weights[k] = [graph.number(0.0)] * len(Q)
         for _ in range(2):  # what is left may be a millionth of the row, and orthogonal to the others but for round-off
             shares = [row.dot(other) * inverse for other, inverse in zip(Q, inverses, strict=True)]
             row = combine([(1.0, row), *((-1.0 * share, other) for share, other in zip(shares, Q, strict=True))])
             weights[k] = add(weights[k], shares)
         weights[k] = [*weights[k], graph.number(1.0)]
-        Q, inverses = [*Q, row], [*inverses, (row.dot(row) + _NOTHING).inverse()]
+        square = row.dot(row) + _ROUND_OFF * given.dot(given) + _NOTHING
+        Q, inverses = [*Q, row], [*inverses, square.inverse()]
     zero = graph.number(0.0)
     return _split(Q, inverses, [row + [zero] * (len(Q) - len(row)) for row in weights], sizes)
 
