@@ -50,7 +50,9 @@ OF_LIMIT = 0.8  # explicit steps: stretched shapes are stiffer than the undeform
 NEAR = 1.25  # times the least error: the fastest march as good as that is taken
 REPEATS = 5
 Row = dict[str, Any]
-March = Callable[[Any], tuple[Any, float]]
+Loads = dict[float, tuple[Any, Any]]
+Bases = dict[int, tuple[int, int, int]]
+Marches = list[tuple[Any, float, str]]
 
 
 def best_of(solve: Callable[[], Any]) -> tuple[Any, float]:
@@ -77,7 +79,7 @@ def solid_of(run: Pipeline) -> NonlinearSolid:
     return NonlinearSolid(run.part.fe, run.part.markers["root"], run.part.markers["tip"])
 
 
-def reduce_bases(solid: NonlinearSolid, bases: dict[int, tuple[int, int, int]]) -> dict[int, ReducedSolid]:
+def reduce_bases(solid: NonlinearSolid, bases: Bases) -> dict[int, ReducedSolid]:
     """Reduce a solid to each basis."""
     reduced = {}
     for count, (along_z, along_y, twists) in bases.items():
@@ -99,9 +101,9 @@ def measure_statics(
     folder: Path,
     case: str,
     values: dict[str, Any],
-    loads: dict[float, tuple[Any, Any]],
+    loads: Loads,
     pieces: tuple[int, ...],
-    bases: Any,
+    bases: Bases,
 ) -> list[Row]:
     """Measure rests under forces; ``loads`` gives each one's force (3,) [N] and the true displacement (3,) [m]."""
     rows: list[Row] = []
@@ -149,9 +151,7 @@ def row_of(
     )
 
 
-def march_all(
-    system: Any, q0: Any, tip: Callable[[Any], Any], steps: tuple[float, ...] = STEPS
-) -> list[tuple[Any, float, str]]:
+def march_all(system: Any, q0: Any, tip: Callable[[Any], Any], steps: tuple[float, ...] = STEPS) -> Marches:
     """March from rest by several methods and steps; return the tip's path, the time and the method of each."""
     methods = [GeneralizedAlpha(step) for step in steps]
     methods += [CentralDifference(OF_LIMIT * 2.0 / system.highest_frequency)]
@@ -172,7 +172,7 @@ def measure_release(folder: Path) -> list[Row]:
     solid = solid_of(cantilever(folder, PLANE, 1, "off", 1.0))
     reduced = reduce_bases(solid, BASES_IN_PLANE)
     for load in RELEASED:
-        paths: dict[str, tuple[int, list[tuple[Any, float, str]]]] = {}
+        paths: dict[str, tuple[int, Marches]] = {}
         for count, stiffening in ((1, "off"), (1, "auto"), *((count, "auto") for count in (2, 4, 8, 16))):
             loaded, free = (cantilever(folder, PLANE, count, stiffening, force) for force in (load, 0.0))
 
