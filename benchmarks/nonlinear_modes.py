@@ -98,12 +98,7 @@ def tip_of(solid: NonlinearSolid, reduced: ReducedSolid, q: Any) -> Any:
 
 
 def measure_statics(
-    folder: Path,
-    case: str,
-    values: dict[str, Any],
-    loads: Loads,
-    pieces: tuple[int, ...],
-    bases: Bases,
+    folder: Path, case: str, values: dict[str, Any], loads: Loads, pieces: tuple[int, ...], bases: Bases
 ) -> list[Row]:
     """Measure rests under forces; ``loads`` gives each one's force (3,) [N] and the true displacement (3,) [m]."""
     rows: list[Row] = []
@@ -112,11 +107,12 @@ def measure_statics(
     solid, length = solid_of(whole), float(np.ptp(whole.part.fe.x[:, 0]))
     reduced = reduce_bases(solid, bases)
     for load, (force, exact) in loads.items():
-        size = float(np.linalg.norm(exact))
 
         def add(model: str, n: int, moved: Any, seconds: float, load: float = load, exact: Any = exact) -> None:
-            error = float(np.linalg.norm(moved - exact)) / float(np.linalg.norm(exact))
-            rows.append(row_of(case, load, float(np.linalg.norm(exact)) / length, model, n, error, seconds, "Newton"))
+            size = float(np.linalg.norm(exact))
+            error = float(np.linalg.norm(moved - exact)) / size
+            rows.append(row_of(case, load, size / length, model, n, error, seconds, "Newton"))
+            print(rows[-1], flush=True)
 
         values = values | {"DIRECTION": (force / np.linalg.norm(force)).tolist()}
         for count, stiffening in [(1, "off"), (1, "auto"), *((count, "auto") for count in pieces)]:
@@ -128,7 +124,6 @@ def measure_statics(
             load_q = model.basis.reshape(-1, model.n).T @ solid.load(force).ravel()
             q, seconds = best_of(partial(rest_of_reduced, model, load_q))
             add(f"derivatives of {count} modes", model.n, tip_of(solid, model, q), seconds)
-        print(case, load, f"{size / length:.3g} of the length", flush=True)
     return rows
 
 

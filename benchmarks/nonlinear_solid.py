@@ -1,7 +1,8 @@
 """A solid of St. Venant–Kirchhoff's material on the project's own mesh: strain energy, forces and tangent stiffness.
 
 Strain is Green's, ``E = ½ (H + Hᵀ + Hᵀ H)`` of the displacement gradient H, stress is ``S = C E``; so the energy
-``½ ∫ E·C E dV`` is a quartic polynomial of the displacements. Integrals are taken at the points of the linear stiffness.
+``½ ∫ E·C E dV`` is a quartic polynomial of the displacements. Integrals are taken at the points of the linear
+stiffness.
 """
 
 from __future__ import annotations
@@ -40,7 +41,7 @@ class NonlinearSolid:
 
     @cached_property
     def _points(self) -> tuple[Any, Any]:
-        """Gradients of the shape functions (n_elements, n_q, n_local, 3) and volumes (n_elements, n_q) of the points."""
+        """Gradients of the shape functions (n_elements, n_q, n_local, 3) and the points' volumes (n_elements, n_q)."""
         space = self.fe.discretisation
         X, w = space.kind.quadrature(space.kind.stiffness_order)
         g, det = gradients(space, X, slice(None))
