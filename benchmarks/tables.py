@@ -19,6 +19,7 @@ HERE = Path(__file__).parent
 sys.path.append(str(HERE))
 from fmu_table import fmu  # noqa: E402 - beside this file
 from loop_tables import loops  # noqa: E402 - beside this file
+from nonlinear_table import nonlinear_modes  # noqa: E402 - beside this file
 from speed_tables import compiling, march_flops, march_speed, variants  # noqa: E402 - beside this file
 from table_format import Row, format_ratio, format_seconds, markdown, read_rows  # noqa: E402
 
@@ -365,6 +366,7 @@ def pendulum() -> str:
 TABLES: dict[str, Callable[[], str]] = {
     "large-deflection": large_deflection,
     "pendulum": pendulum,
+    **{f"nonlinear-{case}": partial(nonlinear_modes, case) for case in ("plane", "space", "release")},
     "integrators": integrators,
     "beam-subcycling": beam_subcycling,
     "propeller": propeller,
