@@ -23,8 +23,8 @@ CASES = {
 }
 PATH = HERE.parent / "docs" / "charts" / "nonlinear-modes.svg"
 FAMILIES = {"linear": COLOURS[5], "pieces": COLOURS[0], "derivatives": COLOURS[1]}
-STYLES = ("-", "--", ":", "-.")
-SIGNS = "os^D"
+STYLES = ("-", "--", ":", "-.", (0, (6, 1, 1, 1, 1, 1)))
+SIGNS = "os^Dv"
 
 
 def draw() -> None:
@@ -47,6 +47,10 @@ def draw() -> None:
                     axes.loglog(
                         x, [float(row[key]) for row in points], **look, linewidth=1.4, markersize=4, label=model
                     )
+            ticks = [float(row["load"]) for row in next(iter(models.values()))]
+            for axes in (left, right):
+                axes.set_xticks(ticks, [f"{tick:g}" for tick in ticks])
+                axes.set_xticks([], minor=True)
             style_axes(left, load, "error [%]", title)
             style_axes(right, load, time, title)
             right.legend(loc="center left", bbox_to_anchor=(1.02, 0.5), fontsize=9, frameon=False, handlelength=3)

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from table_format import Row, format_seconds, markdown, read_rows
+from table_format import Row, format_ratio, format_seconds, markdown, read_rows
 
 
 def nonlinear_modes(case: str) -> str:
@@ -13,11 +13,9 @@ def nonlinear_modes(case: str) -> str:
         if row["case"] == case:
             models.setdefault((row["model"], row["coordinates"]), {})[row["load"]] = row
             loads.setdefault(row["load"], f"{row['load']}: {100 * float(row['deflection']):.2g} %")
-    rows = (
-        [
-            *model,
-            *(f"{float(row['error_percent']):.2g} %, {format_seconds(float(row['seconds']))}" for row in at.values()),
-        ]
-        for model, at in models.items()
-    )
+    rows = ([*model, *map(_cell, at.values())] for model, at in models.items())
     return markdown(("model", "coordinates", *loads.values()), rows)
+
+
+def _cell(row: Row) -> str:
+    return f"{format_ratio(float(row['error_percent']))} %, {format_seconds(float(row['seconds']))}"

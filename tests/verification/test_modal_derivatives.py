@@ -77,3 +77,21 @@ def test_three_modes_with_derivatives_follow_the_elastica_and_two_modes_alone_do
         errors.append(float(np.linalg.norm(moved[[0, 2]] - exact) / np.linalg.norm(exact)))
     assert errors[0] < 3e-3
     assert errors[1] > 0.5  # without the derivatives membrane strain holds the strip straight
+
+
+def test_the_solid_let_go_from_a_small_deflection_swings_as_its_lowest_mode(solid: Any) -> None:
+    mode = importlib.import_module("modal_derivatives").bending_modes(solid, 1, ACROSS)[:, :, 0]
+    u = mode * (1e-6 / np.abs(mode).max())
+    omega = np.sqrt(u.ravel() @ solid.fe.K @ u.ravel() / (u.ravel() @ solid.fe.M @ u.ravel()))
+    times = np.arange(11) * 0.02
+    tips = solid.march(u, times, 0.01)  # to 1.3 rad; the step's own error is (ω h)²/12 of the angle
+    expected = np.outer(np.cos(omega * times), solid.tip.translation(u))
+    assert tips == pytest.approx(expected, abs=2e-3 * np.abs(expected).max())
+
+
+def test_a_solid_under_a_load_without_a_rest_nearby_says_so(solid: Any, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr("nonlinear_solid.CORRECTIONS", 2)
+    with pytest.raises(RuntimeError, match=r"the solid's rest under .* N was not found"):
+        solid.rest(10 * ACROSS)
+    with pytest.raises(ValueError, match=r"found \d modes along"):
+        importlib.import_module("modal_derivatives").bending_modes(solid, 1, 0 * ACROSS)
