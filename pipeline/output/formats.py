@@ -10,6 +10,7 @@ from pathlib import Path
 
 from pipeline.core.errors import InputError
 from pipeline.reduction.body_file import save_body
+from pipeline.scene.outputs import MECHANISM_FORMATS
 from pipeline.stages.pipeline import Pipeline
 
 # Module and function of each format: ``function(run, body or None, path)`` writes the files and returns their paths.
@@ -46,7 +47,7 @@ def write_format(run: Pipeline, name: str, body: str | None, path: Path) -> list
         The format can't hold what the scene has.
     """
     for own, count in run.scene.pieces.items():
-        if body in (None, own):
+        if name not in MECHANISM_FORMATS and body in (None, own):
             mend = f"format {name} holds a body in one piece; --set body.{own}.pieces=1 exports it"
             raise InputError(run.scene.file, f"body.{own}.pieces", count, mend)
     module, _, function = _WRITERS[name].partition(":")

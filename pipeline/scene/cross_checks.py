@@ -17,7 +17,7 @@ from pipeline.scene.histories import Quantities
 from pipeline.scene.joints import Joint
 from pipeline.scene.loads import Drive, MotionDrive, PointForce, PointTorque
 from pipeline.scene.loops import OF_COORDINATES, closing_joints
-from pipeline.scene.outputs import JOINT_QUANTITIES, Chart, Export, Output
+from pipeline.scene.outputs import JOINT_QUANTITIES, MECHANISM_FORMATS, Chart, Export, Output
 from pipeline.scene.pictures import BodyPicture, Film, MechanismView, StressPicture
 from pipeline.scene.reading import FaultError, suggest_name
 from pipeline.scene.responses import FrequencyResponseChart
@@ -207,7 +207,9 @@ class CrossCheck:
 
     def _check_picture(self, picture: BodyPicture | MechanismView | Export, *path: str | int) -> Iterator[FaultError]:
         flexible = self._flexible
-        of_body_alone = isinstance(picture, Export) and (picture.file.endswith(".nc") or picture.format is not None)
+        of_body_alone = isinstance(picture, Export) and (
+            picture.file.endswith(".nc") or picture.format not in (None, *MECHANISM_FORMATS)
+        )
         divided = [*wanted_pieces(flexible)]
         if of_body_alone and (divided if picture.body is None else picture.body in divided):
             name = picture.body or divided[0]

@@ -34,6 +34,11 @@ class Names:
         ]
         self._bodies = [_quote(link.name) for link in self._mechanism.links]
 
+    def _place(self, body: int, name: str) -> str:
+        """Return the name of a marker or element: of the part whose piece has it, but for markers at cuts."""
+        part = self._mechanism.links[body].part
+        return f"{self._bodies[body] if not part or ':' in name else _quote(part)}.{_quote(name)}"
+
     def states(self) -> list[Entry]:
         """Positions, then rates."""
         mechanism = self._mechanism
@@ -93,7 +98,7 @@ class Names:
             for kind, unit in (("force", "N"), ("torque", "N.m")):
                 for k, axis in enumerate(_AXES):
                     what = f"{kind} on marker {name} of {self._mechanism.links[body].name} along {axis} of the ground"
-                    found.append((Entry(f"{self._bodies[body]}.{_quote(name)}.{kind}[{k + 1}]", unit, what), place))
+                    found.append((Entry(f"{self._place(body, name)}.{kind}[{k + 1}]", unit, what), place))
                     place += 3
         return found
 
@@ -139,7 +144,7 @@ class Names:
                 kind, axis = own.kind.removeprefix("reaction_"), _AXES[own.indices[0] - 1]
                 what = f"{kind} of joint {link.joint_name} on {link.name} along {axis} of the ground"
             return Entry(f"{self._joints[own.body]}.{own.kind}{index}", unit, what)
-        name = f"{self._bodies[own.body]}.{_quote(own.place)}.{own.kind}{index}"
+        name = f"{self._place(own.body, own.place)}.{own.kind}{index}"
         return Entry(name, _UNITS[own.kind], _describe(link, own))
 
 

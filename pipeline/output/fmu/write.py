@@ -84,7 +84,7 @@ def make_model(run: Pipeline) -> tuple[Heading, Interface, dict[str, str]]:
     InputError
         The mechanism has loops.
     """
-    scene = run.scene
+    scene = run.divided_scene
     if loops := [*scene.closing, *scene.coupler]:
         raise InputError(
             scene.file,
