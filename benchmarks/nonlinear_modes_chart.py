@@ -1,6 +1,6 @@
 """Draw error and run time over the load of linear modes, pieces and modes with derivatives, from the measured table.
 
-Run from the project's root: ``python benchmarks/nonlinear_modes_chart.py``. Writes ``nonlinear-modes.svg`` into
+Run from the project's root: ``python benchmarks/nonlinear_modes_chart.py``. Writes ``nonlinear-modes.png`` into
 ``docs/charts``.
 """
 
@@ -21,7 +21,7 @@ CASES = {
     "space": ("pulled at 45°, bends and twists", "force / 8.896 N", "statics [s]"),
     "release": ("let go in a plane", "P L²/EI before", "march of 1 s [s]"),
 }
-PATH = HERE.parent / "docs" / "charts" / "nonlinear-modes.svg"
+PATH = HERE.parent / "docs" / "charts" / "nonlinear-modes.png"
 FAMILIES = {"linear": COLOURS[5], "pieces": COLOURS[0], "derivatives": COLOURS[1]}
 STYLES = ("-", "--", ":", "-.", (0, (6, 1, 1, 1, 1, 1)))
 SIGNS = "os^Dv"
@@ -30,7 +30,7 @@ SIGNS = "os^Dv"
 def draw() -> None:
     """Draw a row of two frames for each case."""
     rows = read_rows("nonlinear_modes")
-    with open_figure(PATH, (11, 11), 100, padding=0.1) as figure:
+    with open_figure(PATH, (10, 10.5), 70, padding=0.1) as figure:
         frames = figure.subplots(len(CASES), 2)
         for (left, right), (case, (title, load, time)) in zip(frames, CASES.items(), strict=True):
             models: dict[str, list[Row]] = {}
