@@ -363,10 +363,28 @@ def pendulum() -> str:
     return markdown(("model", "pieces or elements", "step", "time", "largest distance of the end"), rows)
 
 
+def spin_up_pieces() -> str:
+    """Tabulate Kane's spin-up in pieces against the stiffened beam in one."""
+    rows = [
+        [
+            row["pieces"],
+            "no" if row["stiffening"] == "off" else "yes",
+            row["coordinates"],
+            f"{row['lag_m']} m",
+            f"{row['apart_percent']} %",
+            format_seconds(float(row["seconds"])),
+        ]
+        for row in read_rows("spin_up_pieces")
+    ]
+    heads = ("pieces", "second order", "coordinates", "largest lag", "largest difference from one piece", "time")
+    return markdown(heads, rows)
+
+
 TABLES: dict[str, Callable[[], str]] = {
     "large-deflection": large_deflection,
     "pendulum": pendulum,
     **{f"nonlinear-{case}": partial(nonlinear_modes, case) for case in ("plane", "space", "release")},
+    "spin-up-pieces": spin_up_pieces,
     "integrators": integrators,
     "beam-subcycling": beam_subcycling,
     "propeller": propeller,
