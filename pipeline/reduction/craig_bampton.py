@@ -14,7 +14,7 @@ from scipy.linalg import eigh
 
 from pipeline.core.arrays import Array
 from pipeline.core.errors import AccuracyError
-from pipeline.reduction.mode_families import complete_pairs
+from pipeline.reduction.mode_families import classify_by_parity, complete_pairs, modes_of_family
 from pipeline.reduction.modes import Modes
 
 if TYPE_CHECKING:
@@ -68,11 +68,51 @@ def craig_bampton_modes(fe: FEModel, solver: FreeBodySolver, markers: Sequence[M
     B = interface_columns(fe, markers)
     Psi = constraint_modes(fe, solver, B)
     held = complete_pairs(solver, count, B)
-    V = np.concatenate([held.shapes.reshape(len(Psi), -1), Psi], axis=1)
-    n_rigid = _count_rigid_motions(fe, solver.rigid_modes, V, _ZERO * -solver.shift)
-    omega, shapes = rayleigh_ritz(fe, _elastic(fe, solver.rigid_modes, V, V.shape[1] - n_rigid))
+    n_rigid, omega, shapes = _modes_between(fe, solver, held.shapes, Psi)
     numbers, n_completing = tuple(range(1, len(omega) + 1)), len(held.omega) - count
     return Modes(omega, shapes, n_rigid, held.residual, numbers, n_completing=n_completing)
+
+
+def craig_bampton_modes_of_family(
+    fe: FEModel, solver: FreeBodySolver, markers: Sequence[Marker], count: int, family: str, normal: Array
+) -> Modes:
+    """Modes of one family in the space of fixed-interface modes and constraint modes, by their symmetry.
+
+    Parameters
+    ----------
+    fe, solver, markers, count
+        As in `craig_bampton_modes`; the fixed-interface modes are of the family.
+    family : str
+        As in `modes_of_family`.
+    normal : ndarray, shape (3,)
+        Normal of the plane of motion, a plane of symmetry of the body and its interface.
+
+    Raises
+    ------
+    AccuracyError
+        The body or its interface isn't symmetric; or as `craig_bampton_modes`.
+    TooManyModesError
+        The mesh has fewer fixed-interface modes of the family.
+    """
+    B = interface_columns(fe, markers)
+    Psi = constraint_modes(fe, solver, B)
+    held = modes_of_family(solver, fe, count, family, normal, B)
+    n_rigid, omega, shapes = _modes_between(fe, solver, held.shapes, Psi)
+    found, shapes = classify_by_parity(fe, omega, shapes, normal)
+    kept = [k for k, name in enumerate(found) if name == family]
+    if "other" in found:
+        raise AccuracyError(
+            f"{found.count('other')} of the deflections by the interface have no symmetry, so they are of no family: "
+            'its markers lie askew; use family = "any"'
+        )
+    return Modes(omega[kept], shapes[:, :, kept], n_rigid, held.residual, tuple(k + 1 for k in kept))
+
+
+def _modes_between(fe: FEModel, solver: FreeBodySolver, held: Array, Psi: Array) -> tuple[int, Array, Array]:
+    """Return the number of rigid motions, and omega and shapes of the rest, of held modes and constraint modes."""
+    V = np.concatenate([held.reshape(len(Psi), -1), Psi], axis=1)
+    n_rigid = _count_rigid_motions(fe, solver.rigid_modes, V, _ZERO * -solver.shift)
+    return n_rigid, *rayleigh_ritz(fe, _elastic(fe, solver.rigid_modes, V, V.shape[1] - n_rigid))
 
 
 def constraint_modes(fe: FEModel, solver: FreeBodySolver, B: Array) -> Array:

@@ -25,6 +25,7 @@ _FAMILY_OF_PARITY = {
 # Direction of most of the kinetic energy: along the bar, across it in the plane, normal to the plane.
 _MAIN_DIRECTION = {"axial": 0, "in-plane bending": 1, "out-of-plane bending": 2}
 _SAME_FREQUENCY = 1e-6
+_CLEAR = 0.9  # parity of a static deflection: those of an interface askew have any
 # Relative difference up to which the highest of a basis and its successor count as a pair: symmetric bodies on meshes
 # that aren't quite symmetric have pairs that differ by the error of discretisation.
 _PAIR = 1e-3
@@ -148,23 +149,42 @@ def classify_modes(fe: FEModel, pairs: EigenPairs, normal: Array) -> tuple[list[
     AccuracyError
         The body is not symmetric.
     """
+    parities, shapes, axes = _find_parities(fe, pairs.omega, pairs.shapes, normal)
+    energies = np.array([_energy_along(fe, shapes, axis) for axis in axes])
+    return [_family(parity, energy) for parity, energy in zip(parities.T, energies.T, strict=True)], shapes
+
+
+def classify_by_parity(fe: FEModel, omega: Array, shapes: Array, normal: Array) -> tuple[list[str], Array]:
+    """Name the family of shapes by their two parities alone, as of static deflections of a short piece.
+
+    Arguments, results and errors are those of `classify_modes`; ``omega`` (n,) [rad/s] tells which shapes are equal.
+    """
+    parities, shapes, _ = _find_parities(fe, omega, shapes, normal)
+    names = (_FAMILY_OF_PARITY[int(a), int(b)] for a, b in np.sign(parities).T)
+    clear = np.abs(parities).min(axis=0) > _CLEAR
+    return [name if sure else "other" for name, sure in zip(names, clear.tolist(), strict=True)], shapes
+
+
+def _find_parities(
+    fe: FEModel, omega: Array, shapes: Array, normal: Array
+) -> tuple[Array, Array, tuple[Array, Array, Array]]:
+    """Return both parities (2, n) of shapes, these turned where frequencies are equal, and the body's three axes."""
     n = normal / np.linalg.norm(normal)
     centre = fe.m.sum(axis=0) @ fe.x / fe.mass
     x = fe.x - centre
     along = _long_axis(fe, x, n)
     across = np.cross(n, along)
     reflections = [_Reflection(x, axis) for axis in (n, across)]
-    shapes = pairs.shapes.copy()
+    shapes = shapes.copy()
     Mshapes = _times_mass(fe, shapes)
-    for group in _equal_frequencies(pairs.omega):
+    for group in _equal_frequencies(omega):
         if len(group) > 1:
             parity = [np.tensordot(Mshapes[..., group], r(shapes[..., group]), ((0, 1), (0, 1))) for r in reflections]
             mixed = parity[0] + 2 * parity[1]  # the four families have the values ±1 ± 2
             turn = np.linalg.eigh(mixed + mixed.T)[1]
             shapes[..., group], Mshapes[..., group] = shapes[..., group] @ turn, Mshapes[..., group] @ turn
     parities = np.array([np.einsum("iak,iak->k", Mshapes, reflect(shapes)) for reflect in reflections])
-    energies = np.array([_energy_along(fe, shapes, axis) for axis in (along, across, n)])
-    return [_family(parity, energy) for parity, energy in zip(parities.T, energies.T, strict=True)], shapes
+    return parities, shapes, (along, across, n)
 
 
 def _family(parity: Array, energy: Array) -> str:

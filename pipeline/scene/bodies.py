@@ -187,8 +187,6 @@ class Solid(SceneTable):
             return self
         if self.modes.boundary == "joint":
             raise FaultError("is that of a body in one piece; pieces are held at their cuts", "modes", "boundary")
-        if self.modes.family != "any":
-            raise FaultError("can't be chosen: pieces deform in every way at their cuts", "modes", "family")
         damping = self.modes.damping
         if damping and not (isinstance(damping, RayleighDamping) and not damping.alpha):
             problem = (

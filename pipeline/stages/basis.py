@@ -14,7 +14,7 @@ from pipeline.core.errors import InputError
 from pipeline.fem.markers import Marker
 from pipeline.fem.model import FEModel
 from pipeline.reduction.body import FlexibleBody, floating_body, free_frame_body, reduced_body, supported_body
-from pipeline.reduction.craig_bampton import craig_bampton_modes, rayleigh_ritz
+from pipeline.reduction.craig_bampton import craig_bampton_modes, craig_bampton_modes_of_family, rayleigh_ritz
 from pipeline.reduction.cyclic import CyclicSolver
 from pipeline.reduction.eigen import FreeBodySolver
 from pipeline.reduction.enrichment import NEW, RESIDUAL, enrich_modes
@@ -117,7 +117,10 @@ def compute_modes(model: HeldModel, settings: AnyModes) -> Modes:
     try:
         if settings.boundary == "interface":
             interface = [model.markers[name] for name in settings.interface or tuple(model.markers)]
-            return craig_bampton_modes(model.fe, solver, interface, count)
+            if settings.family == "any":
+                return craig_bampton_modes(model.fe, solver, interface, count)
+            normal = np.array(model.joint.axis)
+            return craig_bampton_modes_of_family(model.fe, solver, interface, count, settings.family, normal)
         held = model.reaction_if_held(settings)
         if settings.family == "any":
             return lowest_modes(solver, count, held)

@@ -8,7 +8,7 @@ import pytest
 import skfem
 
 from pipeline.core.arrays import Array
-from pipeline.fem.markers import Marker, face_marker
+from pipeline.fem.markers import Marker, face_marker, traction_marker
 from pipeline.fem.mesh import SolidMesh
 from pipeline.fem.model import FEModel
 from pipeline.fem.space import Discretisation
@@ -129,3 +129,17 @@ def test_points_that_span_no_boundary_facet_are_refused(distorted: FEModel) -> N
     edge = np.intersect1d(faces["x-"], faces["y-"])
     with pytest.raises(ValueError, match="no boundary facet of the mesh lies on the face"):
         face_marker(distorted.discretisation, edge)
+
+
+def test_a_section_weighted_by_forces_moves_and_turns_with_a_rigid_motion() -> None:
+    rng = np.random.default_rng(5)
+    x, forces, centre = rng.normal(size=(9, 3)), rng.normal(size=(6, 9, 3)), rng.normal(size=3)
+    marker = traction_marker(centre, np.arange(9), x, forces)
+    moved, turned = rng.normal(size=(2, 3))
+    u = (moved + np.cross(turned, x - centre))[..., None]
+    assert marker.translation(u)[:, 0] == pytest.approx(moved, abs=1e-12)
+    assert marker.rotation(u)[:, 0] == pytest.approx(turned, abs=1e-12)
+    loads = marker.columns(9, np.eye(3))
+    assert np.linalg.matrix_rank(np.concatenate([loads.reshape(27, 6), forces.reshape(6, 27).T], axis=1)) == 6
+    with pytest.raises(ValueError, match="resultants of the section's forces depend on one another"):
+        traction_marker(centre, np.arange(9), x, np.concatenate([forces[:5], forces[:1]]))

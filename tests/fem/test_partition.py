@@ -8,7 +8,7 @@ from scipy.sparse.csgraph import connected_components
 from meshes.bar import hexahedral_bar, tetrahedral_bar
 from pipeline.core.arrays import IntArray
 from pipeline.fem.mesh import SolidMesh
-from pipeline.fem.partition import PartitionError, divide_mesh, interior_facets
+from pipeline.fem.partition import PartitionError, count_bare_nodes, divide_mesh, interior_facets
 from pipeline.fem.space import Discretisation
 
 
@@ -60,3 +60,12 @@ def test_more_pieces_than_elements_are_refused() -> None:
     space = Discretisation(SolidMesh(*hexahedral_bar(1.0, 0.05, 0.03, (3, 1, 1))), 1)
     with pytest.raises(PartitionError, match="has 3 elements; it can't be divided into 4 pieces"):
         divide_mesh(space, 4)
+
+
+def test_nodes_of_pieces_without_a_common_facet_are_counted() -> None:
+    space = Discretisation(SolidMesh(*hexahedral_bar(1.0, 0.1, 0.1, (2, 2, 1))), 1)
+    centres = space.x[space.element_nodes].mean(axis=1)
+    quarter = (2 * (centres[:, 0] > 0.5) + (centres[:, 1] > 0)).astype(int)
+    pairs = interior_facets(space)[0]
+    assert count_bare_nodes(space.element_nodes, quarter, pairs) == 2 * 2  # two nodes in the middle, two diagonals
+    assert count_bare_nodes(space.element_nodes, quarter // 2, pairs) == 0

@@ -4,6 +4,7 @@ import numpy as np
 import pytest
 
 from pipeline.core.errors import AccuracyError
+from pipeline.fem.local_markers import point_marker
 from pipeline.fem.markers import Marker, face_marker
 from pipeline.fem.model import FEModel
 from pipeline.fem.selection import nodes_on_faces
@@ -11,6 +12,7 @@ from pipeline.reduction.craig_bampton import (
     _count_rigid_motions,
     constraint_modes,
     craig_bampton_modes,
+    craig_bampton_modes_of_family,
     interface_columns,
 )
 from pipeline.reduction.eigen import FreeBodySolver
@@ -128,3 +130,24 @@ def test_more_modes_than_the_mesh_has_are_refused(small_bar: FEModel) -> None:
         TooManyModesError, match=r"at most \d+ modes can be computed of this mesh; take fewer, or refine it"
     ):
         craig_bampton_modes(small_bar, FreeBodySolver(small_bar), markers, 5000)
+
+
+def test_a_family_holds_what_deflects_alike_on_both_sides_of_its_planes(small_bar: FEModel) -> None:
+    """Two ends have two displacements and two rotations in the plane of bending, of which two are rigid motions."""
+    markers, normal = ends(small_bar), np.array([0.0, 0.0, 1.0])
+    solver = solver_of(small_bar, markers)
+    every = craig_bampton_modes(small_bar, solver, markers, 8)
+    modes = craig_bampton_modes_of_family(small_bar, solver, markers, 1, "in-plane bending", normal)
+    assert modes.shapes.shape[2] == 2 + 1
+    assert np.abs(every.omega - modes.omega[0]).min() < 1e-3 * modes.omega[0]
+    across = markers[1].translation(modes.shapes)
+    assert np.abs(across[[0, 2]]).max() < 1e-6 * np.abs(across[1]).max()
+
+
+def test_an_interface_askew_has_no_families(small_bar: FEModel) -> None:
+    corner = small_bar.x[(small_bar.x @ [1.0, 1.0, 1.0]).argmax()]
+    markers = [ends(small_bar)[0], point_marker(small_bar.discretisation, corner)]
+    with pytest.raises(AccuracyError, match="have no symmetry, so they are of no family"):
+        craig_bampton_modes_of_family(
+            small_bar, solver_of(small_bar, markers), markers, 1, "in-plane bending", np.array([0.0, 0.0, 1.0])
+        )

@@ -2,12 +2,16 @@
 
 from pathlib import Path
 
+import meshio
+import numpy as np
 import pytest
 
 from pipeline import Pipeline, load_scene
 from pipeline.accuracy.deflection import TOO_LARGE, find_deflection_error
 from pipeline.accuracy.piece_counts import choose_piece_counts
+from pipeline.core.arrays import Array
 from pipeline.core.errors import InputError
+from pipeline.dynamics.kinematics import Kinematics
 from tests.verification.test_large_deflection import FORCE, strip
 
 SMALL = FORCE | {"LOAD": "1 N", "ALONG": 8}
@@ -31,7 +35,6 @@ def refused(folder: Path, pieces: str, *overrides: str) -> str:
             "body.strip.marker.tip: its face extends over 2 of the body's 2 pieces",
         ),
         ("2", "body.strip.modes.boundary='joint'", "pieces are held at their cuts"),
-        ("2", "body.strip.modes.family='torsion'", "pieces deform in every way"),
         ("0", "title='x'", "body.strip.pieces = 0: must be a whole number from 1 to 1000, or 'auto'"),
         ("2", "body.strip.modes.damping=0.01", "pieces take a factor of the stiffness"),
         ("1", "body.strip.sections='rigid'", "belongs to a body in pieces"),
@@ -48,3 +51,71 @@ def test_the_number_of_pieces_is_doubled_until_the_error_is_small(tmp_path: Path
     count = len(run.pieces_of("strip"))
     assert count == 4
     assert find_deflection_error(run, "strip") < TOO_LARGE
+
+
+FRAME = """
+title = "Frame"
+[body.frame]
+shape = "mesh"
+E = "70 GPa"
+nu = 0.33
+rho = "2700 kg/m^3"
+mesh = { file = "frame.vtu", unit = "m", order = 2 }
+modes = { count = 4 }
+pieces = 2
+marker.root = { plane = "x = 0" }
+marker.tip = { plane = "x = 0.1 m" }
+marker.eye = { node = ["0.1 m", "0.06 m", "0.01 m"], rotate = ["0 deg", "0 deg", "90 deg"] }
+marker.rim = { edge = [["0.1 m", "0 m", "0 m"], ["0.1 m", "0 m", "0.01 m"]] }
+
+[joint.clamp]
+type = "fixed"
+parent = "ground"
+child = "frame.root"
+
+[drive.pull]
+type = "point force"
+marker = "frame.tip"
+direction = [0.6, 0.8, 0.3]
+force = "0.01 N"
+
+[simulation]
+duration = "1 ms"
+output_step = "1 ms"
+start = "equilibrium"
+stiffening = "off"
+tip = "frame.tip"
+run = [{ integrator = "auto" }]
+"""
+
+
+def frame(folder: Path) -> Pipeline:
+    """Make a rectangular frame of hexahedra around a window, in two pieces that touch on both sides of it."""
+    columns = [(i, j) for i in range(10) for j in range(6) if i in (0, 9) or j in (0, 5)]
+    corners = [(0, 0, 0), (1, 0, 0), (1, 1, 0), (0, 1, 0), (0, 0, 1), (1, 0, 1), (1, 1, 1), (0, 1, 1)]
+    places = np.array([[(i + a, j + b, c) for a, b, c in corners] for i, j in columns])
+    points, cells = np.unique(places.reshape(-1, 3), axis=0, return_inverse=True)
+    meshio.Mesh(0.01 * points, [("hexahedron", cells.reshape(-1, 8))]).write(folder / "frame.vtu")
+    (folder / "frame.toml").write_text(FRAME)
+    return Pipeline(load_scene(folder / "frame.toml"))
+
+
+def test_pieces_that_touch_in_two_places_are_welded_in_both(tmp_path: Path) -> None:
+    """Frequencies, and places of markers of all kinds, are those of the frame in one piece."""
+    run = frame(tmp_path)
+    divided = run.division.divided["frame"]
+    assert [cut.closes for cut in divided.cut.cuts] == [False, True]
+    whole = run.variant(load_scene(tmp_path / "frame.toml", ["body.frame.pieces=1"]))
+    assert divided.frequencies_hz == pytest.approx(whole.part.modes.omega[:4] / (2 * np.pi), rel=3e-3)
+    interface = ["body.frame.pieces=1", "body.frame.modes.boundary=interface"]
+    one = run.variant(load_scene(tmp_path / "frame.toml", interface))
+    moved = [find_displacements(each, ("tip", "eye", "rim")) for each in (run, one)]
+    assert np.abs(moved[0] - moved[1]).max() < 4e-3 * np.abs(moved[1]).max()  # averaged cuts are off by more
+
+
+def find_displacements(run: Pipeline, markers: tuple[str, ...]) -> Array:
+    """Return the displacements of markers at rest under the loads of the start, shape (n_markers, 3)."""
+    rest = Kinematics(run.mechanism, np.zeros(1), run.start[0][None], run.start[1][None])
+    number, placed = run.mechanism.number_of("frame"), run.wholes["frame"].markers
+    root = placed["root"].position
+    return np.array([rest.marker_position(number, name)[0] - placed[name].position + root for name in markers])

@@ -186,3 +186,14 @@ def test_pieces_of_half_a_width_are_as_flexible_as_the_bar_in_one_piece(tmp_path
         rest = Kinematics(run.mechanism, np.zeros(1), run.start[0][None], run.start[1][None])
         moved.append(rest.marker_position(run.mechanism.number_of("strip"), "corner")[0] - [0.08, 0.01, 0.01])
     assert np.linalg.norm(moved[1] - moved[0]) < 1e-4 * np.linalg.norm(moved[0])
+
+
+def test_a_family_of_modes_bends_a_strip_in_pieces_as_all_modes_do(tmp_path: Path) -> None:
+    ends, sizes = [], []
+    for family in ("any", "out-of-plane bending"):
+        chosen = FORCE | {"count = 1": f'count = 1, family = "{family}"'}
+        run = strip(tmp_path, PIECES=3, ALONG=12, LOAD="1 N", **chosen)
+        ends.append(end_of(run))
+        sizes.append(run.system.n)
+    assert ends[1] == pytest.approx(ends[0], abs=1e-5)
+    assert sizes[1] < sizes[0] / 2
