@@ -87,7 +87,7 @@ class Quantity:
         return float(replace(self, values=self.values - other.values).sizes.max())
 
 
-class Orientation(Quantity):
+class OrientationQuantity(Quantity):
     """Orientation over time by unit quaternions (n_times, 4); its size is the angle turned since the start [rad].
 
     That is half a turn at most. The error is the angle between two orientations.

@@ -7,7 +7,7 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from pipeline.accuracy.error_estimates import Orientation, Quantity
+from pipeline.accuracy.error_estimates import OrientationQuantity, Quantity
 from pipeline.accuracy.matching import match_shapes
 from pipeline.core.arrays import Array, IntArray
 from pipeline.core.rotations import quaternion_of_matrix
@@ -78,7 +78,7 @@ def _lies_in_space(motion: Motion) -> list[Quantity]:
         if link.joint not in (SPHERICAL, FREE, UNIVERSAL, CYLINDRICAL, PLANAR) or link.motion is not None:
             continue
         frame = motion.kinematics.frames[number]
-        turned = Orientation(f"{link.joint_name}, orientation", "rad", quaternion_of_matrix(frame.rotation))
+        turned = OrientationQuantity(f"{link.joint_name}, orientation", "rad", quaternion_of_matrix(frame.rotation))
         if turned.scale > _STILL:
             found.append(turned)
         if link.joint not in (SPHERICAL, UNIVERSAL):

@@ -8,7 +8,7 @@ from scipy.integrate import solve_ivp
 
 from pipeline import Pipeline, load_scene
 from pipeline.accuracy.error_budget import state_errors
-from pipeline.accuracy.error_estimates import Orientation, Quantity
+from pipeline.accuracy.error_estimates import OrientationQuantity, Quantity
 from pipeline.accuracy.quantities import motion_quantities
 from pipeline.core.cache import Cache
 from pipeline.core.rotations import quaternion_of_matrix, rotation_matrix
@@ -52,7 +52,10 @@ def test_the_error_of_an_orientation_is_the_angle_between_two_whatever_their_qua
     axis = np.array([2.0, -1.0, 2.0]) / 3
     angles = np.linspace(0.0, 5.0, 11)
     e, f = (quaternion_of_matrix(rotation_matrix((angles * factor)[:, None] * axis)) for factor in (1.0, 1.01))
-    ours, theirs = Orientation("joint, orientation", "rad", e), Orientation("joint, orientation", "rad", -f)
+    ours, theirs = (
+        OrientationQuantity("joint, orientation", "rad", e),
+        OrientationQuantity("joint, orientation", "rad", -f),
+    )
     assert ours.sizes == pytest.approx(np.minimum(angles, 2 * np.pi - angles))
     assert ours.error(theirs) == pytest.approx(0.05 / theirs.scale)
     assert ours.error(ours) == 0.0
@@ -63,8 +66,8 @@ def test_a_body_that_tumbles_about_its_middle_axis_states_how_far_its_orientatio
     file.write_text(TUMBLE)
     run = Pipeline(load_scene(file), Cache(None))
     found = motion_quantities(run, run.motion, run.fine_motion)
-    assert isinstance(found["flight, orientation"], Orientation)
-    exact = Orientation("flight, orientation", "rad", tumbled(run.output_times))
+    assert isinstance(found["flight, orientation"], OrientationQuantity)
+    exact = OrientationQuantity("flight, orientation", "rad", tumbled(run.output_times))
     assert exact.scale > 3.0  # it turns over
     true = found["flight, orientation"].error(exact)
     rows = {row.name: row for row in state_errors(run).rows}
