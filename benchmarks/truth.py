@@ -2,8 +2,8 @@
 
 Run from the project's root: ``python benchmarks/truth.py``. Scenes are those of `truth_scenes`, by their seeds; each is
 loaded from its file, integrated by ``auto`` with all defaults and an error budget within its time limit, and compared
-with a reference of `truth_references`. Rows that the table holds already aren't made again, so that a run can be
-interrupted; ``--again`` makes them anew. ``--scenes 40`` takes the first forty seeds, ``--seed 7`` one.
+with a reference of `truth_references` or `truth_finer`. Rows that the table holds already aren't made again, so that a
+run can be interrupted; ``--again`` makes them anew. ``--scenes 40`` takes the first forty seeds, ``--seed 7`` one.
 
 A quantity is *covered* if its true error is below the stated one, and *wrong* if it is more than three times as large;
 what is known of the reference's own error is taken off first. A scene's row has the quantity that is worst.
@@ -23,7 +23,8 @@ from dataclasses import asdict, dataclass, fields
 from multiprocessing.connection import Connection
 from pathlib import Path
 
-from truth_references import elastica_reference, finer_run
+from truth_finer import finer_run
+from truth_references import elastica_reference
 from truth_scenes import Case, random_case
 
 from pipeline import Pipeline, load_scene

@@ -1,4 +1,4 @@
-"""References of random scenes by paths of their own: bars as elasticae, or a much finer run of the same scene.
+"""References of random scenes by a path of their own: planar bars as elasticae.
 
 A planar bar is Euler's elastica in motion: a line that doesn't stretch and bends by any angle, ``θ(s)`` being a
 polynomial of Legendre's on each bar. Positions are the integrals of ``(cos θ, sin θ)`` by Gauss's quadrature, so that
@@ -11,7 +11,6 @@ from __future__ import annotations
 import math
 import re
 from collections.abc import Callable
-from pathlib import Path
 from typing import Any
 
 import numpy as np
@@ -20,10 +19,8 @@ from numpy.polynomial import legendre
 from scipy.linalg import eigh
 from truth_scenes import Case, Table
 
-from pipeline import Pipeline, load_scene
 from pipeline.accuracy.error_estimates import Quantity
 from pipeline.core.arrays import Array
-from pipeline.core.errors import AccuracyError
 
 SAMPLES = 8  # of the elastica in an output step: where the largest deflection is looked for
 DEGREES = ((12, 9), (9, 7))  # of one bar, and of each of two: of the reference, and of what measures its error
@@ -32,8 +29,6 @@ INPUTS = 9  # angle, rate, acceleration; torque at the root, couple at the tip, 
 SHEAR = 0.8  # part of the deflection by shear over (depth / length)²
 OF_MATH: Table = {name: getattr(math, name) for name in ("sin", "cos", "tan", "exp", "log", "sqrt", "tanh", "pi")}
 OF_MATH |= {"abs": abs, "min": min, "max": max}
-MOST_RADIANS = 2e5  # of the highest frequency over a finer run that an explicit method marches
-IMPLICIT_STEPS = 20_000  # of a finer run that is too stiff for it
 SMALL = 1e-4  # of the duration: the step of differences of a prescribed motion
 
 
@@ -308,35 +303,3 @@ def elastica_reference(case: Case) -> tuple[dict[str, Quantity], dict[str, float
 def shear_shift(case: Case, thick: float) -> float:
     """Return how much shear changes a vibration by the end: its share of the deflection, and of the phase."""
     return SHEAR * thick**2 * (1 + math.pi * case.periods)
-
-
-def finer_run(file: Path, case: Case, run: Pipeline) -> Pipeline:
-    """Return a scene with everything finer and stiffened, marched with a small tolerance or step."""
-    overrides = []
-    for name in case.bars:
-        body = case.table["body"][name]
-        along = body["mesh"]["divisions"][0]
-        along = 2 * along if body["mesh"]["order"] == 2 else along
-        overrides += [
-            f"body.{name}.mesh={{order=2, divisions=[{along}, 2, 2]}}",
-            f"body.{name}.modes.count={2 * body['modes']['count'] + 8}",
-            f"body.{name}.modes.enrich=inertia",
-        ]
-    overrides += ["simulation.stiffening=on"] if case.bars else []
-    finer = Pipeline(load_scene(file, overrides), run.store.cache)
-    duration = number(case.table["simulation"]["duration"])
-    if not case.bars:
-        method = 'integrator="LSODA", tolerance=1e-11'
-    elif finer.system.highest_frequency * duration < MOST_RADIANS:
-        method = 'integrator="runge-kutta", tolerance=1e-9'
-    else:
-        method = f'integrator="generalized-alpha", rho=0.9, step="{duration / IMPLICIT_STEPS} s"'
-    variant = finer.variant(load_scene(file, [*overrides, f"simulation.run=[{{{method}}}]"]))
-    try:
-        variant.motion  # noqa: B018
-    except AccuracyError:  # an implicit step without a solution
-        if "alpha" not in method:
-            raise
-        method = 'integrator="runge-kutta", tolerance=1e-8'
-        variant = finer.variant(load_scene(file, [*overrides, f"simulation.run=[{{{method}}}]"]))
-    return variant

@@ -87,6 +87,27 @@ class Quantity:
         return float(replace(self, values=self.values - other.values).sizes.max())
 
 
+class OrientationQuantity(Quantity):
+    """Orientation over time by unit quaternions (n_times, 4); its size is the angle turned since the start [rad].
+
+    That is half a turn at most. The error is the angle between two orientations.
+    """
+
+    @property
+    def sizes(self) -> Array:
+        """Angles turned since the start [rad], (n_times,)."""
+        return _angles_between(self.values[:1], self.values)
+
+    def _apart(self, other: Quantity) -> float:
+        return float(_angles_between(self.values, other.values).max())
+
+
+def _angles_between(e: Array, f: Array) -> Array:
+    """Return the angles between orientations by unit quaternions (n, 4) of either sign [rad], (n,)."""
+    chord = np.minimum(np.linalg.norm(e - f, axis=1), np.linalg.norm(e + f, axis=1))
+    return np.asarray(4 * np.arcsin(np.minimum(chord / 2, 1.0)))
+
+
 @dataclass(frozen=True)
 class Row:
     """Error budget of one quantity.

@@ -32,9 +32,9 @@ if TYPE_CHECKING:
 # Shift of a vibration's eigenvalue over the square of the largest rotation: 0.02 for a cantilever's first mode, whose
 # phase against a geometrically exact beam was measured over 25 periods.
 _OF_EIGENVALUE = 0.03
-# With displacements of second order a mass at the end comes nearer as it swings, which makes the vibration slower.
-# What makes up for it in truth, the bending energy of θ' = w'' / (1 − w'²)½, ¾ of 0.46 θ² of the eigenvalue at most,
-# isn't in the model: five bars with and without such masses were off by 0.19 to 0.34 θ² against the elastica in motion.
+# With displacements of second order a mass at the end comes nearer as it swings, which makes the vibration slower. What
+# makes up for it in truth, the bending energy of θ' = w'' / (1 − w'²)½, ¾ of 0.46 θ² of the eigenvalue at most, isn't
+# in the model: five bars with and without such masses were off by 0.19 to 0.34 θ² against the elastica in motion.
 _OF_EIGENVALUE_BOWED = 0.25
 # Of what two meshes extrapolate to: the change by a rigid root falls more slowly on elements as small as the root.
 _OF_LIMIT = 1.5

@@ -7,9 +7,11 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from pipeline.accuracy.error_estimates import Quantity
+from pipeline.accuracy.error_estimates import OrientationQuantity, Quantity
 from pipeline.accuracy.matching import match_shapes
 from pipeline.core.arrays import Array, IntArray
+from pipeline.core.rotations import quaternion_of_matrix
+from pipeline.dynamics.links import CYLINDRICAL, FREE, PLANAR, SPHERICAL, UNIVERSAL
 from pipeline.recovery.stress import StressHistory, von_mises
 
 if TYPE_CHECKING:
@@ -21,6 +23,7 @@ if TYPE_CHECKING:
 Quantities = dict[str, Quantity]
 
 _ROUND_OFF = 1e-14
+_STILL = 1e-12  # radians by which round-off turns a body
 
 
 def mesh_quantities(run: Pipeline, like: Pipeline | None = None) -> Quantities:
@@ -45,6 +48,8 @@ def match_modes(part: FlexiblePart, other: FlexiblePart) -> Modes:
 def motion_quantities(run: Pipeline, motion: Motion, fine: Motion) -> Quantities:
     """Compute joints, tip and energies over time; a joint whose motion is given has no result.
 
+    Of joints with several coordinates it is how the body that they carry lies in space.
+
     Parameters
     ----------
     motion, fine : Motion
@@ -59,10 +64,26 @@ def motion_quantities(run: Pipeline, motion: Motion, fine: Motion) -> Quantities
         what = "angle" if unit == "rad" else "position"
         found.append(Quantity(f"{name}, {what}", unit, motion.joint_position(name)))
         found.append(Quantity(f"{name}, rate", f"{unit}/s", motion.joint_rate(name)))
+    found += _lies_in_space(motion)
     if len(motion.tip_link.omega):
         found.append(Quantity("tip, deflection", "m", motion.tip_deflection))
         found.append(Quantity("tip, largest deflection", "m", fine.tip_size, largest=True))
     return _by_name(sorted(found, key=lambda quantity: quantity.name))
+
+
+def _lies_in_space(motion: Motion) -> list[Quantity]:
+    """Return orientation and position of the bodies on joints that have several coordinates."""
+    found: list[Quantity] = []
+    for number, link in enumerate(motion.mechanism.links):
+        if link.joint not in (SPHERICAL, FREE, UNIVERSAL, CYLINDRICAL, PLANAR) or link.motion is not None:
+            continue
+        frame = motion.kinematics.frames[number]
+        turned = OrientationQuantity(f"{link.joint_name}, orientation", "rad", quaternion_of_matrix(frame.rotation))
+        if turned.scale > _STILL:
+            found.append(turned)
+        if link.joint not in (SPHERICAL, UNIVERSAL):
+            found.append(Quantity(f"{link.joint_name}, position", "m", frame.origin))
+    return found
 
 
 def _above_round_off(energy: Array, energies: tuple[Array, Array]) -> Array:

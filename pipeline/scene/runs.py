@@ -226,11 +226,12 @@ class ScipyRun(SceneTable):
 
 
 class AutoRun(SceneTable):
-    """The integrator that measurements show to be fastest for the mechanism, with a step for the wanted error.
+    """The integrator that is cheapest for the mechanism, with a step for the wanted error.
 
-    It takes ``exponential`` where joints and modes don't couple through the mass matrix, else
-    ``exponential-rosenbrock`` if the mechanism is stiff over the duration and ``runge-kutta`` if it isn't, and refines
-    the step until two integrations agree to ``simulation.error``.
+    It marches with shorter and shorter steps until two integrations agree to ``simulation.error``: by ``exponential``
+    where joints and modes don't couple through the mass matrix, by ``runge-kutta`` where few stable steps cover the
+    duration, else by ``generalized-alpha``, ``central-difference``, ``exponential-rosenbrock`` or ``runge-kutta``, by
+    what the steps that each of them needs would cost. The summary names the one that was taken.
 
     Examples
     --------
