@@ -12,6 +12,7 @@ from importlib.util import find_spec
 
 import numpy as np
 import scipy.sparse as sp
+from scipy.linalg import eigh
 from scipy.sparse.csgraph import connected_components
 from scipy.sparse.linalg import eigsh
 
@@ -171,7 +172,10 @@ def path_coordinates(space: Discretisation, elements: IntArray, areas: Array) ->
     V = sp.diags_array(space.volumes)
     extent = float(np.ptp(centres, axis=0).max())
     start = centres @ np.ptp(centres, axis=0)  # a fixed vector that isn't constant
-    _, vectors = eigsh(sp.csc_array(D - A), k=2, M=sp.csc_array(V), sigma=-_SHIFT / extent**2, v0=start)
+    if n < 3:  # too few for the iteration
+        _, vectors = eigh((D - A).toarray(), V.toarray())
+    else:
+        _, vectors = eigsh(sp.csc_array(D - A), k=2, M=sp.csc_array(V), sigma=-_SHIFT / extent**2, v0=start)
     field = vectors[:, np.ptp(vectors, axis=0).argmax()]
     field = field if field[centres[:, np.ptp(centres, axis=0).argmax()].argmin()] < 0 else -field
     # the lowest eigenvector of a straight bar is a cosine: its inverse grows evenly along the bar

@@ -22,6 +22,7 @@ from pipeline.scene.histories import ExtremesTable
 from pipeline.stages.divided_scene import part_of
 from pipeline.stages.pipeline import Pipeline
 
+_FREQUENCY_ERROR = 0.05  # of the lowest of a part in pieces, beyond which it is told
 _MORE_TIME = 5.0  # times that of an error budget that isn't whole
 
 
@@ -44,6 +45,7 @@ def summarise(run: Pipeline, files: list[str], budget: bool, budget_seconds: flo
     summary["warnings"] = [
         *mode_warnings(run),
         *_stiffness_warnings(run),
+        *_division_warnings(run),
         *_motion_warnings(run),
         *deflection_warnings(run),
         *loop_warnings(run),
@@ -141,6 +143,22 @@ def _stiffness_warnings(run: Pipeline) -> list[dict[str, str]]:
             )
             found.append({"code": "stiffening-left-out", "body": name, "text": text})
     return found
+
+
+def _division_warnings(run: Pipeline) -> list[dict[str, str]]:
+    """Warnings about parts whose pieces vibrate otherwise than the part in one piece."""
+    return [
+        {
+            "code": "pieces",
+            "body": name,
+            "text": f"{name}: the lowest frequencies of its {len(divided.pieces)} pieces together differ by up to "
+            f"{100 * divided.frequency_error:.2g} % from those of the part in one piece; a larger modes.count than "
+            f"{run.scene.flexible[name].modes.count} helps where fast motions matter, another number of pieces where a "
+            "cut runs through a thick joint or a thin-walled open section",
+        }
+        for name, divided in run.division.divided.items()
+        if divided.frequency_error > _FREQUENCY_ERROR
+    ]
 
 
 def _motion_warnings(run: Pipeline) -> list[dict[str, str]]:

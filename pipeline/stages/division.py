@@ -12,6 +12,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from pipeline.core.arrays import Array, IntArray
+from pipeline.core.cache import stage_key
 from pipeline.core.errors import InputError
 from pipeline.recovery.stress import StressHistory
 from pipeline.scene.scene import Scene
@@ -22,6 +23,10 @@ from pipeline.stages.piece_mesh import CutPart
 if TYPE_CHECKING:
     from pipeline.recovery.motion import Motion
     from pipeline.reduction.body import FlexibleBody
+
+_SOURCES = ("pipeline/fem", "pipeline/reduction")
+_COMPARED = 3  # lowest frequencies of a part, with those of its pieces together
+_FAMILIES = 4  # times as many, of which one family has some
 
 
 @dataclass(frozen=True)
@@ -64,14 +69,45 @@ class DividedPart:
 
         The whole is free but for its supports, as its own modes are by default.
         """
+        return self._all_frequencies_hz[: self.whole.shape.modes.count]
+
+    @cached_property
+    def frequency_error(self) -> float:
+        """Largest relative error of the lowest frequencies put together, against those of the part in one piece.
+
+        Modes of one family have fewer frequencies than the part; each of these counts against the nearest one.
+        """
+        ours, true = self._all_frequencies_hz[:_COMPARED], self._whole_frequencies_hz
+        if self.whole.shape.modes.family == "any":
+            n = min(len(ours), len(true), _COMPARED)
+            return float(np.abs(ours[:n] / true[:n] - 1.0).max(initial=0.0))
+        ours = ours[ours < true.max(initial=0.0)]
+        return float(np.abs(ours[:, None] / true - 1.0).min(axis=1).max(initial=0.0))
+
+    @cached_property
+    def _whole_frequencies_hz(self) -> Array:
+        """Lowest frequencies of the part in one piece, free but for its supports [Hz]."""
+        part, count = self.whole, _COMPARED * (1 if self.whole.shape.modes.family == "any" else _FAMILIES)
+
+        def compute() -> Array:
+            from pipeline.reduction.mode_families import lowest_modes
+
+            solver = replace(part.model).solver  # a copy: its factor is let go with it
+            return lowest_modes(solver, min(count, solver.most_modes())).frequencies_hz
+
+        key = stage_key("frequencies", {"part": part.key("body"), "count": count}, _SOURCES, ("numpy", "scipy"))
+        return part.store.read_or_compute("frequencies", key, compute)
+
+    @cached_property
+    def _all_frequencies_hz(self) -> Array:
+        """All elastic frequencies of the whole that its pieces have together [Hz]."""
         from scipy.linalg import eigh, null_space
 
         M, K, closing = self._put_together()
         n_rigid = 0 if self.whole.shape.support else 6
         free = null_space(closing) if len(closing) else np.eye(len(M))
         squares = eigh(free.T @ K @ free, free.T @ M @ free, eigvals_only=True)
-        found = squares[n_rigid : n_rigid + self.whole.shape.modes.count]
-        return np.asarray(np.sqrt(found) / (2 * np.pi))
+        return np.asarray(np.sqrt(squares[n_rigid:]) / (2 * np.pi))
 
     def _put_together(self) -> tuple[Array, Array, Array]:
         """Return M and K of the whole at rest, and the rows of coordinates that cuts which close rings hold at 0.

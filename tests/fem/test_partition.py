@@ -56,6 +56,11 @@ def test_a_ring_is_divided_into_arcs() -> None:
     assert np.count_nonzero(labels[pairs[:, 0]] != labels[pairs[:, 1]]) == 4  # four cuts: one closes the ring
 
 
+def test_two_elements_are_two_pieces() -> None:
+    space = Discretisation(SolidMesh(*hexahedral_bar(1.0, 0.05, 0.03, (2, 1, 1))), 1)
+    assert divide_mesh(space, 2).tolist() == [0, 1]
+
+
 def test_more_pieces_than_elements_are_refused() -> None:
     space = Discretisation(SolidMesh(*hexahedral_bar(1.0, 0.05, 0.03, (3, 1, 1))), 1)
     with pytest.raises(PartitionError, match="has 3 elements; it can't be divided into 4 pieces"):

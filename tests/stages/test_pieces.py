@@ -12,6 +12,7 @@ from pipeline.accuracy.piece_counts import choose_piece_counts
 from pipeline.core.arrays import Array
 from pipeline.core.errors import InputError
 from pipeline.dynamics.kinematics import Kinematics
+from pipeline.output.summary import summarise
 from tests.verification.test_large_deflection import FORCE, strip
 
 SMALL = FORCE | {"LOAD": "1 N", "ALONG": 8}
@@ -51,6 +52,20 @@ def test_the_number_of_pieces_is_doubled_until_the_error_is_small(tmp_path: Path
     count = len(run.pieces_of("strip"))
     assert count == 4
     assert find_deflection_error(run, "strip") < TOO_LARGE
+
+
+def test_a_run_tells_that_pieces_vibrate_otherwise_than_the_part(tmp_path: Path) -> None:
+    strip(tmp_path, PIECES=4, LENGTH=0.1, POISSON=0.33, **SMALL)
+    whole, rigid = (
+        Pipeline(load_scene(tmp_path / "strip.toml", [f"body.strip.sections={sections}"]))
+        for sections in ("tractions", "rigid")
+    )
+    assert whole.division.divided["strip"].frequency_error < 0.01
+    told = {each["code"]: each["text"] for each in summarise(rigid, [], budget=False)["warnings"]}
+    error = rigid.division.divided["strip"].frequency_error
+    assert error > 0.05
+    assert f"differ by up to {100 * error:.2g} %" in told["pieces"]
+    assert "pieces" not in {each["code"] for each in summarise(whole, [], budget=False)["warnings"]}
 
 
 FRAME = """
