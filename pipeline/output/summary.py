@@ -22,7 +22,8 @@ from pipeline.scene.histories import ExtremesTable
 from pipeline.stages.divided_scene import part_of
 from pipeline.stages.pipeline import Pipeline
 
-_FREQUENCY_ERROR = 0.05  # of the lowest of a part in pieces, beyond which it is told
+# Errors of a part in pieces, beyond which they are told.
+_OF_PIECES = {"lowest frequencies": 0.05, "deflections": 0.01}
 _MORE_TIME = 5.0  # times that of an error budget that isn't whole
 
 
@@ -146,18 +147,19 @@ def _stiffness_warnings(run: Pipeline) -> list[dict[str, str]]:
 
 
 def _division_warnings(run: Pipeline) -> list[dict[str, str]]:
-    """Warnings about parts whose pieces vibrate otherwise than the part in one piece."""
+    """Warnings about parts whose pieces vibrate or deflect otherwise than the part in one piece."""
     return [
         {
             "code": "pieces",
             "body": name,
-            "text": f"{name}: the lowest frequencies of its {len(divided.pieces)} pieces together differ by up to "
-            f"{100 * divided.frequency_error:.2g} % from those of the part in one piece; a larger modes.count than "
+            "text": f"{name}: the {what} of its {len(divided.pieces)} pieces together differ by up to "
+            f"{100 * error:.2g} % from those of the part in one piece; a larger modes.count than "
             f"{run.scene.flexible[name].modes.count} helps where fast motions matter, another number of pieces where a "
             "cut runs through a thick joint or a thin-walled open section",
         }
         for name, divided in run.division.divided.items()
-        if divided.frequency_error > _FREQUENCY_ERROR
+        for what, error in divided.errors.items()
+        if error > _OF_PIECES[what]
     ]
 
 

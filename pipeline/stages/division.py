@@ -5,28 +5,29 @@ from __future__ import annotations
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from functools import cached_property
-from itertools import pairwise
 from typing import TYPE_CHECKING
 
 import numpy as np
 from numpy.typing import NDArray
 
 from pipeline.core.arrays import Array, IntArray
-from pipeline.core.cache import stage_key
 from pipeline.core.errors import InputError
 from pipeline.recovery.stress import StressHistory
 from pipeline.scene.scene import Scene
 from pipeline.stages.divided_scene import divide_scene, find_place, loaded_places, piece_name
 from pipeline.stages.part import FlexiblePart
 from pipeline.stages.piece_mesh import CutPart
+from pipeline.stages.pieces_at_rest import (
+    PiecesAtRest,
+    deflection_error,
+    frequency_error,
+    measure_part,
+    put_together,
+)
 
 if TYPE_CHECKING:
     from pipeline.recovery.motion import Motion
     from pipeline.reduction.body import FlexibleBody
-
-_SOURCES = ("pipeline/fem", "pipeline/reduction")
-_COMPARED = 3  # lowest frequencies of a part, with those of its pieces together
-_FAMILIES = 4  # times as many, of which one family has some
 
 
 @dataclass(frozen=True)
@@ -41,11 +42,14 @@ class DividedPart:
         Its cuts.
     pieces : tuple of FlexiblePart
         The pieces, the first at the part's joint.
+    ports : tuple of str
+        Names of the markers at which joints and loads act.
     """
 
     whole: FlexiblePart
     cut: CutPart
     pieces: tuple[FlexiblePart, ...]
+    ports: tuple[str, ...]
 
     @cached_property
     def nodes(self) -> tuple[IntArray, ...]:
@@ -64,81 +68,24 @@ class DividedPart:
         return next((part, int(found[0])) for part, found in places if len(found))
 
     @cached_property
-    def frequencies_hz(self) -> Array:
-        """Frequencies of the whole at rest, put together from its pieces [Hz]: as many as each has modes wanted.
-
-        The whole is free but for its supports, as its own modes are by default.
-        """
-        return self._all_frequencies_hz[: self.whole.shape.modes.count]
-
-    @cached_property
-    def frequency_error(self) -> float:
-        """Largest relative error of the lowest frequencies put together, against those of the part in one piece.
-
-        Modes of one family have fewer frequencies than the part; each of these counts against the nearest one.
-        """
-        ours, true = self._all_frequencies_hz[:_COMPARED], self._whole_frequencies_hz
-        if self.whole.shape.modes.family == "any":
-            n = min(len(ours), len(true), _COMPARED)
-            return float(np.abs(ours[:n] / true[:n] - 1.0).max(initial=0.0))
-        ours = ours[ours < true.max(initial=0.0)]
-        return float(np.abs(ours[:, None] / true - 1.0).min(axis=1).max(initial=0.0))
-
-    @cached_property
-    def _whole_frequencies_hz(self) -> Array:
-        """Lowest frequencies of the part in one piece, free but for its supports [Hz]."""
-        part, count = self.whole, _COMPARED * (1 if self.whole.shape.modes.family == "any" else _FAMILIES)
-
-        def compute() -> Array:
-            from pipeline.reduction.mode_families import lowest_modes
-
-            solver = replace(part.model).solver  # a copy: its factor is let go with it
-            return lowest_modes(solver, min(count, solver.most_modes())).frequencies_hz
-
-        key = stage_key("frequencies", {"part": part.key("body"), "count": count}, _SOURCES, ("numpy", "scipy"))
-        return part.store.read_or_compute("frequencies", key, compute)
-
-    @cached_property
-    def _all_frequencies_hz(self) -> Array:
-        """All elastic frequencies of the whole that its pieces have together [Hz]."""
-        from scipy.linalg import eigh, null_space
-
-        M, K, closing = self._put_together()
-        n_rigid = 0 if self.whole.shape.support else 6
-        free = null_space(closing) if len(closing) else np.eye(len(M))
-        squares = eigh(free.T @ K @ free, free.T @ M @ free, eigvals_only=True)
-        return np.asarray(np.sqrt(squares[n_rigid:]) / (2 * np.pi))
-
-    def _put_together(self) -> tuple[Array, Array, Array]:
-        """Return M and K of the whole at rest, and the rows of coordinates that cuts which close rings hold at 0.
-
-        Coordinates are velocity and spin of the first piece's frame, unless supports hold it, and those of the pieces.
-        """
+    def at_rest(self) -> PiecesAtRest:
+        """The pieces together at rest, free but for the supports, as the part's own modes are by default."""
         bodies = [part.for_any_motion(part.body) for part in self.pieces]
-        ends = np.cumsum([0, *(len(body.omega) for body in bodies)])
-        n_rigid = 0 if self.whole.shape.support else 6
-        n = int(ends[-1]) + n_rigid
-        own = [slice(int(first), int(last)) for first, last in pairwise(ends)]
-        frames = [np.eye(6, n, int(ends[-1])) * (n_rigid > 0)]  # velocity and spin of each piece's frame
+        return put_together(bodies, self.cut, bool(self.whole.shape.support))
 
-        def move(piece: int, marker: str) -> Array:
-            at, motion = bodies[piece].markers[marker], frames[piece].copy()
-            motion[:3] -= np.cross(at.position[:, None], motion[3:], axis=0)
-            motion[:3, own[piece]] += at.translation
-            motion[3:, own[piece]] += at.rotation
-            return motion
+    @property
+    def frequencies_hz(self) -> Array:
+        """Frequencies of the pieces together at rest [Hz]: as many as each has modes wanted."""
+        return self.at_rest.frequencies_hz[: self.whole.shape.modes.count]
 
-        M, K = np.zeros((n, n)), np.zeros((n, n))
-        for k, body in enumerate(bodies):
-            if k:
-                cut = next(cut for cut in self.cut.cuts if cut.second == k and not cut.closes)
-                frames.append(move(cut.first, cut.of_first))
-            J = np.concatenate([frames[k], np.eye(n)[own[k]]])
-            M += J.T @ body.gram.mass_matrix(np.eye(1, 1 + len(body.omega))[0]) @ J
-            K[own[k], own[k]] = np.diag(body.omega**2)
-        closing = (cut for cut in self.cut.cuts if cut.closes)
-        gaps = (move(cut.first, cut.of_first) - move(cut.second, cut.of_second) for cut in closing)
-        return M, K, np.concatenate([np.zeros((0, n)), *gaps])
+    @cached_property
+    def errors(self) -> dict[str, float]:
+        """Relative errors of the lowest frequencies and of deflections under loads against the part in one piece."""
+        whole = measure_part(self.whole, self.ports)
+        return {
+            "lowest frequencies": frequency_error(self.at_rest, self.whole, whole),
+            "deflections": deflection_error(self.at_rest, self.whole, whole, self.ports),
+        }
 
     def deform(self, motion: Motion, bodies: Mapping[str, FlexibleBody], frames: Sequence[int] | IntArray) -> Array:
         """Return the displacement of all nodes in the frame of the first piece, shape (n_frames, n_nodes, 3) [m].
@@ -236,11 +183,13 @@ def divide_parts(scene: Scene, wholes: Mapping[str, FlexiblePart], like: Divisio
             problem = "is still open here; `fmd run` finds the number, and then names it"
             raise InputError(scene.file, f"body.{name}.pieces", count, problem)
     loaded = loaded_places(scene)
-    cuts = {}
+    cuts, ports = {}, {}
     for name, count in scene.pieces.items():
         whole = wholes[name]
-        ports = whole.shape.modes.interface or [at for at in whole.shape.marker if f"{name}.{at}" in loaded]
-        cuts[name] = mark_pieces(whole, cut_part(whole, int(count)), ports)
+        ports[name] = tuple(
+            whole.shape.modes.interface or (at for at in whole.shape.marker if f"{name}.{at}" in loaded)
+        )
+        cuts[name] = mark_pieces(whole, cut_part(whole, int(count)), ports[name])
     if not cuts:
         return Division(scene, wholes)
     found = divide_scene(scene, cuts, {name: wholes[name].elements for name in cuts})
@@ -259,5 +208,5 @@ def divide_parts(scene: Scene, wholes: Mapping[str, FlexiblePart], like: Divisio
                 part.results = shared.setdefault(part.key("body"), part).results  # equal pieces are reduced once
             parts[own] = part
         names = [piece_name(name, k) for k in range(len(cuts[name].pieces))]
-        divided[name] = DividedPart(whole, cuts[name], tuple(parts[own] for own in names))
+        divided[name] = DividedPart(whole, cuts[name], tuple(parts[own] for own in names), ports[name])
     return Division(found, parts, divided)

@@ -60,11 +60,12 @@ def test_a_run_tells_that_pieces_vibrate_otherwise_than_the_part(tmp_path: Path)
         Pipeline(load_scene(tmp_path / "strip.toml", [f"body.strip.sections={sections}"]))
         for sections in ("tractions", "rigid")
     )
-    assert whole.division.divided["strip"].frequency_error < 0.01
-    told = {each["code"]: each["text"] for each in summarise(rigid, [], budget=False)["warnings"]}
-    error = rigid.division.divided["strip"].frequency_error
-    assert error > 0.05
-    assert f"differ by up to {100 * error:.2g} %" in told["pieces"]
+    errors = whole.division.divided["strip"].errors
+    assert (errors["lowest frequencies"] < 0.01, errors["deflections"] < 1e-5) == (True, True), errors
+    told = [each["text"] for each in summarise(rigid, [], budget=False)["warnings"] if each["code"] == "pieces"]
+    for (what, error), text in zip(rigid.division.divided["strip"].errors.items(), told, strict=True):
+        assert error > 0.05
+        assert f"the {what} of its 4 pieces together differ by up to {100 * error:.2g} %" in text
     assert "pieces" not in {each["code"] for each in summarise(whole, [], budget=False)["warnings"]}
 
 
