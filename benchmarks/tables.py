@@ -19,7 +19,13 @@ HERE = Path(__file__).parent
 sys.path.append(str(HERE))
 from fmu_table import fmu  # noqa: E402 - beside this file
 from loop_tables import loops  # noqa: E402 - beside this file
-from nonlinear_table import nonlinear_modes  # noqa: E402 - beside this file
+from pieces_tables import (  # noqa: E402 - beside this file
+    large_deflection,
+    nonlinear_modes,
+    pendulum,
+    piece_sections,
+    spin_up_pieces,
+)
 from speed_tables import compiling, march_flops, march_speed, variants  # noqa: E402 - beside this file
 from table_format import Row, format_ratio, format_seconds, markdown, read_rows  # noqa: E402
 
@@ -331,58 +337,10 @@ def truth() -> str:
     return markdown(head, lines)
 
 
-def large_deflection() -> str:
-    """Tabulate statics of parts in pieces: errors and times."""
-    rows = [
-        [
-            row["case"],
-            row["pieces"],
-            "no" if row["stiffening"] == "off" else "yes",
-            row["coordinates"],
-            f"{row['error_percent']} %",
-            format_seconds(float(row["seconds"])),
-            row["note"],
-        ]
-        for row in read_rows("large_deflection")
-    ]
-    return markdown(("case", "pieces", "second order", "coordinates", "error", "warm statics", "beside"), rows)
-
-
-def pendulum() -> str:
-    """Tabulate a slender pendulum in pieces beside Exudyn's beams: errors and times."""
-    rows = [
-        [
-            row["what"],
-            row["number"],
-            f"{row['step_ms']} ms",
-            format_seconds(float(row["seconds"])),
-            f"{row['apart_mm']} mm",
-        ]
-        for row in read_rows("pendulum")
-    ]
-    return markdown(("model", "pieces or elements", "step", "time", "largest distance of the end"), rows)
-
-
-def spin_up_pieces() -> str:
-    """Tabulate Kane's spin-up in pieces against the stiffened beam in one."""
-    rows = [
-        [
-            row["pieces"],
-            "no" if row["stiffening"] == "off" else "yes",
-            row["coordinates"],
-            f"{row['lag_m']} m",
-            f"{row['apart_percent']} %",
-            format_seconds(float(row["seconds"])),
-        ]
-        for row in read_rows("spin_up_pieces")
-    ]
-    heads = ("pieces", "second order", "coordinates", "largest lag", "largest difference from one piece", "time")
-    return markdown(heads, rows)
-
-
 TABLES: dict[str, Callable[[], str]] = {
     "large-deflection": large_deflection,
     "pendulum": pendulum,
+    "piece-sections": piece_sections,
     **{f"nonlinear-{case}": partial(nonlinear_modes, case) for case in ("plane", "space", "release")},
     "spin-up-pieces": spin_up_pieces,
     "integrators": integrators,

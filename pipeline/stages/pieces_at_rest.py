@@ -127,13 +127,13 @@ def _measure(part: FlexiblePart, ports: Sequence[str]) -> PartAtRest:
     count = _COMPARED * (1 if part.shape.modes.family == "any" else _FAMILIES)
     found = {}
     columns = {name: part.markers[name].columns(len(part.space.x), np.eye(3)) for name in ports}
-    for name, f in _balanced(part, ports, columns).items():
+    for name, f in balance(part, ports, columns).items():
         u = solver.static_response(f)
         found[name] = np.asarray(np.tensordot(f, u, axes=([0, 1], [0, 1])))
     return PartAtRest(lowest_modes(solver, min(count, solver.most_modes())).frequencies_hz, found)
 
 
-def _balanced(part: FlexiblePart, ports: Sequence[str], loads: Mapping[str, Array]) -> dict[str, Array]:
+def balance(part: FlexiblePart, ports: Sequence[str], loads: Mapping[str, Array]) -> dict[str, Array]:
     """Balance unit loads (…, 6) at each marker by those at the first one, unless supports hold the part."""
     if part.shape.support:
         return dict(loads)
@@ -166,7 +166,7 @@ def deflection_error(together: PiecesAtRest, part: FlexiblePart, whole: PartAtRe
     """
     if part.shape.modes.family != "any":
         return 0.0
-    loads = _balanced(part, ports, {name: together.motions[name].T for name in ports})
+    loads = balance(part, ports, {name: together.motions[name].T for name in ports})
     return max((_relative(together.compliance(f), whole.compliances[name]) for name, f in loads.items()), default=0.0)
 
 
