@@ -17,14 +17,8 @@ sys.path += [str(HERE), str(HERE.parent)]
 from pipeline.stages.pieces_at_rest import balance, measure_part  # noqa: E402
 from tests.verification.test_large_deflection import FORCE, strip  # noqa: E402
 
-SQUARE = FORCE | {
-    "DEPTH": 0.02,
-    "WIDTH": 0.02,
-    "POISSON": 0.33,
-    "LOAD": "1 N",
-    "1, 1]": "4, 4]",
-    "count = 1": "count = 4",
-}
+SQUARE = {"DEPTH": 0.02, "WIDTH": 0.02, "POISSON": 0.33, "1, 1]": "4, 4]"}
+VALUES = FORCE | SQUARE | {"LOAD": "1 N", "count = 1": "count = 4"}
 BARS = {0.08: 16, 0.16: 32}  # length [m]: elements along it
 LOADS = {"tension": 0, "shear force": 2, "torsion": 3, "bending": 4}
 
