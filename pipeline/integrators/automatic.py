@@ -31,7 +31,7 @@ from pipeline.integrators.rosenbrock import ExponentialRosenbrock
 from pipeline.integrators.runge_kutta import RungeKutta
 
 _FIRST_STEPS = 128  # of the exponential method over the duration
-_MOST_REFINEMENTS, _MOST_DOUBLINGS = 16, 13
+_MOST_DOUBLINGS = 13
 _DOUBLED = 8.0  # by which its error falls where it is worst, with twice as many steps
 _DOUBLED_OFTEN = 16.0  # and where all is smooth
 _MANY = 256  # breakpoints, as of a table, at each of which the exponential method would have to start anew
@@ -42,6 +42,7 @@ _FINER: dict[type, float] = {
     RungeKutta: 0.01,
     ExponentialRosenbrock: 0.1,
 }  # tolerance over the one before
+_FINEST = 3e-14  # tolerance; the same one twice would agree with itself
 _FALLS = 0.75  # power of the tolerance with which the error falls at least
 _IMPLICIT_STEPS = 256  # of generalised-α over the duration, at first
 _STEPS_IN_ACTION = 8  # of generalised-α in the shortest load
@@ -157,11 +158,13 @@ class Automatic:
                     system, leapfrog_steps, 2 * stable_steps * explicit_cost(system), report
                 )
         report.start_anew()
-        finer = _FINER[adaptive]
-        for k in range(_MOST_REFINEMENTS):
-            if report.failures > 1:  # it isn't the tolerance
+        tolerance, gain = max(self.error * _FIRST_TOLERANCE, _FINEST), 1.0
+        while report.failures < 2:  # else it isn't the tolerance
+            yield adaptive(tolerance), gain
+            if tolerance == _FINEST:
                 return
-            yield adaptive(max(self.error * _FIRST_TOLERANCE * finer**k, 3e-14)), math.pow(finer, -_FALLS)
+            before, tolerance = tolerance, max(_FINER[adaptive] * tolerance, _FINEST)
+            gain = math.pow(before / tolerance, _FALLS)
 
     def _exponential_methods(
         self, system: System, times: Array, allowed: float, report: Pairs

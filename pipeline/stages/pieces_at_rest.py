@@ -9,7 +9,6 @@ from itertools import pairwise
 from typing import TYPE_CHECKING
 
 import numpy as np
-from scipy.linalg import eigh, null_space
 
 from pipeline.core.arrays import Array
 from pipeline.core.cache import stage_key
@@ -52,11 +51,15 @@ class PiecesAtRest:
     @cached_property
     def _free(self) -> Array:
         """Motions that keep rings closed, shape (n, n - k)."""
+        from scipy.linalg import null_space
+
         return null_space(self.closing) if len(self.closing) else np.eye(len(self.M))
 
     @cached_property
     def frequencies_hz(self) -> Array:
         """Elastic frequencies, ascending [Hz]."""
+        from scipy.linalg import eigh
+
         free = self._free
         squares = eigh(free.T @ self.K @ free, free.T @ self.M @ free, eigvals_only=True)
         return np.asarray(np.sqrt(squares[self.n_rigid :]) / (2 * np.pi))
