@@ -161,7 +161,7 @@ class Automatic:
         tolerance, gain = max(self.error * _FIRST_TOLERANCE, _FINEST), 1.0
         while report.failures < 2:  # else it isn't the tolerance
             yield adaptive(tolerance), gain
-            if tolerance == _FINEST:
+            if tolerance < 2 * _FINEST:
                 return
             before, tolerance = tolerance, max(_FINER[adaptive] * tolerance, _FINEST)
             gain = math.pow(before / tolerance, _FALLS)

@@ -1,6 +1,8 @@
 """Automatic choice of a method: it goes on where a method fails, and says why if all do."""
 
 from collections.abc import Callable
+from dataclasses import replace
+from itertools import pairwise
 from pathlib import Path
 from typing import Any
 
@@ -90,3 +92,19 @@ def test_explicit_steps_are_weighed_by_the_mechanisms_own_equations(arm: Pipelin
     explicit = RungeKutta(1e-6).march(stiff.system, *stiff.start, np.linspace(0.0, 1.0, 101))
     np.testing.assert_allclose(found.q, explicit.q, atol=3e-4 * np.abs(explicit.q).max())
     assert found.evaluations < 2 * explicit.evaluations
+
+
+def test_two_marches_with_the_finest_tolerance_are_no_agreement(monkeypatch: pytest.MonkeyPatch) -> None:
+    """A chaotic motion differs with every tolerance, and is the same again with the same one."""
+    march, run, tolerances = RungeKutta.march, Pipeline(load_scene("rod-slider")), list[float]()
+
+    def depend_on_tolerance(self: RungeKutta, *arguments: Any) -> Any:
+        found = march(self, *arguments)
+        tolerances.append(self.tolerance)
+        return replace(found, q=-np.log(self.tolerance) * found.q)
+
+    monkeypatch.setattr(RungeKutta, "march", depend_on_tolerance)
+    with pytest.raises(AccuracyError, match="auto: the last two marches differ by"):
+        Automatic(1e-3, run.scene.simulation.duration).march(run.system, *run.start, run.output_times)
+    assert len(tolerances) > 2
+    assert min(a / b for a, b in pairwise(tolerances)) > 2
