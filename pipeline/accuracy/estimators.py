@@ -236,10 +236,7 @@ class Estimates(Comparison):
 
         Of stress the coarser mesh and its recovery tell.
         """
-        ringing, stressed = pair.at_the_same_frequencies()
-        places = {name: part.element_places for name, part in self.run.parts.items() if part.elements}
-        motion = self.march(ringing, plan_like(self.plan, ringing))
-        for name, error in self.changes(self.quantities_of(ringing, motion, places=places, as_if=stressed)).items():
+        for name, error in self._changes_by_shapes(pair).items():
             if (kind := self.quantities[name].kind) == "displacement":
                 self._shapes[name] = error / abs(pair.gains[kind])
         return {}
@@ -249,16 +246,20 @@ class Estimates(Comparison):
 
         The difference between the stress of two meshes holds the error of its recovery; that is not counted twice.
         """
-        ringing, stressed = pair.at_the_same_frequencies()
-        places = {name: part.element_places for name, part in self.run.parts.items() if part.elements}
-        motion = self.march(ringing, plan_like(self.plan, ringing))
-        for name, error in self.changes(self.quantities_of(ringing, motion, places=places, as_if=stressed)).items():
+        for name, error in self._changes_by_shapes(pair).items():
             shape = error / pair.gains[self.quantities[name].kind]
             if isinstance(again := recovery.get(name), float):
                 recovery[name] = again = min(again, _MOST_OF_CHANGE * shape)
                 shape = max(shape - again, 0.0)
             self._shapes[name] = math.hypot(self._shapes.get(name, 0.0), shape)
         return {}
+
+    def _changes_by_shapes(self, pair: Pair) -> dict[str, float]:
+        """Return what changes on the other mesh of a pair that rings at the run's frequencies."""
+        ringing, stressed = pair.at_the_same_frequencies()
+        places = {name: part.element_places for name, part in self.run.parts.items() if part.elements}
+        motion = self.march(ringing, plan_like(self.plan, ringing))
+        return self.changes(self.quantities_of(ringing, motion, places=places, as_if=stressed))
 
     def _shifts_and_shapes(self) -> dict[str, float]:
         """Return the mesh's errors of the motion by shifted frequencies and by shapes together."""

@@ -94,3 +94,16 @@ def rotation_vector(R: Array) -> Array:
     angle = 2.0 * np.arctan2(sine, e[:, 3])
     factor = np.divide(angle, sine, out=np.full(len(e), 2.0), where=sine > _NO_TURN)
     return np.asarray(factor[:, None] * e[:, :3])
+
+
+def rigid_motions(x: Array) -> Array:
+    """Three translations and three linearised rotations about the origin of points at x (n, 3), shape (n, 3, 6)."""
+    turns = np.cross(np.eye(3), x[:, None]).swapaxes(1, 2)
+    return np.concatenate([np.tile(np.eye(3), (len(x), 1, 1)), turns], axis=2)
+
+
+def move_loads(arm: Array) -> Array:
+    """Return the forces and torques, (6, 6), of unit ones that act at an arm (3,) [m] from there."""
+    moved = np.eye(6)
+    moved[3:, :3] = np.cross(arm, np.eye(3)).T
+    return moved

@@ -9,6 +9,7 @@ import numpy as np
 import scipy.sparse as sp
 
 from pipeline.core.arrays import Array
+from pipeline.core.rotations import rigid_motions
 from pipeline.core.short_repr import short_repr
 from pipeline.fem.material import AnyMaterial
 from pipeline.fem.space import Discretisation
@@ -54,9 +55,4 @@ class FEModel:
     @cached_property
     def rigid_modes(self) -> Array:
         """Three translations and three linearised rotations about the origin, shape (3 n_nodes, 6)."""
-        R = np.zeros((len(self.x), 3, 6))
-        for a in range(3):
-            R[:, a, a] = 1.0
-            R[:, (a + 1) % 3, 3 + a] = -self.x[:, (a + 2) % 3]
-            R[:, (a + 2) % 3, 3 + a] = self.x[:, (a + 1) % 3]
-        return R.reshape(-1, 6)
+        return rigid_motions(self.x).reshape(-1, 6)

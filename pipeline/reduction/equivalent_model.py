@@ -15,6 +15,7 @@ import scipy.sparse as sp
 
 from pipeline.core.arrays import EPSILON, Array, IntArray
 from pipeline.core.errors import AccuracyError
+from pipeline.core.rotations import rigid_motions
 from pipeline.fem.formats.matrices import MatrixModel
 from pipeline.fem.markers import Marker
 from pipeline.reduction.body import FlexibleBody, MarkerShapes
@@ -183,9 +184,7 @@ def combination_of(model: EquivalentModel, body: FlexibleBody) -> Array:
     nodes = list(model.data.nodes.values())
     x = np.array([node.position for node in nodes])
     own = np.array([node.translation for node in nodes])
-    turns = np.cross(np.eye(3), x[:, None]).transpose(0, 2, 1)
-    R = np.concatenate([np.tile(np.eye(3), (len(x), 1, 1)), turns], axis=2)
-    return _combination(own, R, body.shapes)[0]
+    return _combination(own, rigid_motions(x), body.shapes)[0]
 
 
 def _combination(shapes: Array, R: Array, wanted: Array) -> tuple[Array, Array]:

@@ -10,6 +10,7 @@ import scipy.sparse as sp
 from scipy.linalg import null_space
 
 from pipeline.core.arrays import Array, IntArray
+from pipeline.core.rotations import rigid_motions
 
 if TYPE_CHECKING:
     from pipeline.fem.markers import Marker
@@ -36,8 +37,8 @@ def remaining_rigid_motions(fe: FEModel, fixed: IntArray) -> Array:
         Zero at the held unknowns.
     """
     x = fe.x - fe.x.mean(axis=0)
-    turns = np.cross(np.eye(3), x[:, None]).swapaxes(1, 2) / np.ptp(x, axis=0).max()  # displacements of like size
-    R = np.concatenate([np.tile(np.eye(3), (len(x), 1, 1)), turns], axis=2).reshape(-1, 6)
+    R = rigid_motions(x).reshape(-1, 6)
+    R[:, 3:] /= np.ptp(x, axis=0).max()  # displacements of like size
     left = np.asarray(R @ null_space(R[fixed], rcond=_HELD))
     left[fixed] = 0.0
     return left
@@ -70,7 +71,7 @@ def tie_rigid_faces(fe: FEModel, markers: Sequence[Marker]) -> sp.csr_array:
     blocks = [kept]
     for marker in markers:
         r = fe.x[marker.nodes] - marker.position
-        moves = np.concatenate([np.tile(np.eye(3), (len(r), 1, 1)), np.cross(np.eye(3), r[:, None]).swapaxes(1, 2)], 2)
+        moves = rigid_motions(r)
         rows = np.repeat((3 * marker.nodes[:, None] + np.arange(3)).ravel(), 6)
         columns = np.tile(np.arange(6), 3 * len(r))
         blocks.append(sp.csr_array((moves.ravel(), (rows, columns)), (fe.K.shape[0], 6)))

@@ -18,6 +18,7 @@ from scipy.spatial import cKDTree
 
 from pipeline.core.arrays import Array, IntArray
 from pipeline.core.cache import stage_key
+from pipeline.core.rotations import move_loads, rigid_motions
 from pipeline.fem.assembly import assemble
 from pipeline.fem.markers import Marker, traction_marker
 from pipeline.fem.material import Material, MaterialOfElements
@@ -161,15 +162,13 @@ class _Responses:
             inside = np.zeros(len(fe.x))
             inside[self._part.space.element_nodes[np.isin(self._labels, list(side))]] = 1.0
             inside[nodes] = 0.0
-            R = _rigid_motions(fe.x - self._origin)
+            R = rigid_motions(fe.x - self._origin)
             f = inside[:, None, None] * (fe.m @ (R * inside[:, None, None]).reshape(len(R), -1)).reshape(R.shape)
             return np.asarray(f @ np.linalg.inv(np.einsum("iak,ial->kl", R, f)))
         f = np.zeros((len(fe.x), 3, 6))
         for name in ports:
             marker = self._part.markers[name]
-            moved = np.eye(6)
-            moved[3:, :3] = np.cross(self._origin - marker.position, np.eye(3)).T
-            f += marker.columns(len(fe.x), np.eye(3)) @ moved / len(ports)
+            f += marker.columns(len(fe.x), np.eye(3)) @ move_loads(self._origin - marker.position) / len(ports)
         return f
 
     def _nodal_forces(self, elements: IntArray, nodes: IntArray, u: Array) -> Array:
@@ -199,12 +198,6 @@ def _reached(cut: Cut, cuts: Sequence[Cut], count: int) -> set[int]:
                     found.add(beside)
                     new.append(beside)
     return found
-
-
-def _rigid_motions(x: Array) -> Array:
-    """Three translations and three rotations about the origin of nodes at x (n, 3), shape (n, 3, 6)."""
-    turns = np.cross(np.eye(3), x[:, None]).swapaxes(1, 2)
-    return np.concatenate([np.tile(np.eye(3), (len(x), 1, 1)), turns], axis=2)
 
 
 def _like_a_known(marker: Marker, known: Sequence[Marker], x: Array) -> Marker:

@@ -12,6 +12,7 @@ import numpy as np
 
 from pipeline.core.arrays import Array
 from pipeline.core.cache import stage_key
+from pipeline.core.rotations import move_loads
 from pipeline.stages.part import FlexiblePart
 from pipeline.stages.piece_mesh import CutPart
 
@@ -101,7 +102,7 @@ def put_together(bodies: Sequence[FlexibleBody], cut: CutPart, supported: bool) 
 
 @dataclass(frozen=True)
 class PartAtRest:
-    """What a part in one piece does at rest, for comparison with its pieces together.
+    """Frequencies and compliances of a part in one piece at rest.
 
     Attributes
     ----------
@@ -143,9 +144,7 @@ def balance(part: FlexiblePart, ports: Sequence[str], loads: Mapping[str, Array]
     found = {}
     for name in ports[1:]:
         arm = part.markers[name].position - part.markers[ports[0]].position
-        moved = np.eye(6)
-        moved[3:, :3] = np.cross(arm, np.eye(3)).T
-        found[name] = loads[name] - loads[ports[0]] @ moved
+        found[name] = loads[name] - loads[ports[0]] @ move_loads(arm)
     return found
 
 

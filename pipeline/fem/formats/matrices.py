@@ -13,6 +13,7 @@ import scipy.sparse as sp
 
 from pipeline.core.arrays import EPSILON, Array, IntArray
 from pipeline.core.errors import AccuracyError, InputError
+from pipeline.core.rotations import rigid_motions
 from pipeline.fem.markers import Marker
 from pipeline.fem.model import FEModel
 
@@ -86,11 +87,10 @@ def read_matrices(stiffness: Path, mass: Path, nodes: Path, units: tuple[float, 
 
 def _require_free(path: Path, model: MatrixModel) -> None:
     """Raise ``AccuracyError`` unless rigid motions of the body cause no forces."""
-    R = model.rigid_modes.copy()
     size = float(np.ptp(model.x, axis=0).max())
     centre = model.m.sum(axis=0) @ model.x / model.mass
-    for a in range(3):  # rotations about the centre of mass, by lengths of the body's size
-        R[:, 3 + a] = np.cross(np.eye(3)[a], model.x - centre).ravel() / size
+    R = rigid_motions(model.x - centre).reshape(-1, 6)
+    R[:, 3:] /= size  # rotations about the centre of mass, by lengths of the body's size
     defect = np.abs(model.K @ R).max(axis=0) / (abs(model.K) @ np.abs(R)).max(axis=0)
     if not defect.max() < _RIGID:
         what = ("moved along x", "moved along y", "moved along z", "turned about x", "turned about y", "turned about z")
