@@ -24,7 +24,7 @@ from pipeline.integrators.protocol import Progress, State, Trajectory, require_t
 _FLOOR = 1e-12  # a group that has not moved yet
 _LEAST = 1e-6  # of the largest value of its kind: a group that hardly moves
 SMALLEST = 1e-12  # of the duration
-_FIRST_CHUNK, _CHUNK = 4, 256  # steps: few where one takes long, so that progress is told in between
+_FIRST_CHUNK, _CHUNK = 4, 256  # steps: few at first, lest each takes long and nothing is told in between
 _CHUNK_SECONDS = 0.1
 _LONG = 0.02  # seconds of some steps, beside which a look at what makes them short costs little
 _CRAWL = 0.05  # radians of the highest frequency in a step: of what vibrates faster than the undeformed mechanism
@@ -331,7 +331,7 @@ def march_adaptive_steps(
         done = int(_march(m, p, march, stop, chunk))
         spent = time.perf_counter() - tick
         seconds += spent
-        chunk = max(1, min(_CHUNK, 4 * chunk, int(chunk * _CHUNK_SECONDS / max(spent, 1e-9))))
+        chunk = max(1, min(_CHUNK, int(chunk * _CHUNK_SECONDS / max(spent, 1e-9))))
         state = replace(state, step=state.step + abs(done), time=float(clock[0]), next_step=float(clock[1]))
         if done <= 0 or not (np.isfinite(state.q).all() and np.isfinite(state.v).all()):
             finite = all(np.isfinite(x).all() for x in (state.q, state.v, state.a))

@@ -5,6 +5,8 @@ from __future__ import annotations
 import math
 from collections.abc import Iterator
 from dataclasses import dataclass, replace
+from functools import partial
+from typing import cast
 
 import numpy as np
 
@@ -15,7 +17,7 @@ from pipeline.integrators.adaptive import groups_of
 from pipeline.integrators.central_difference import CentralDifference
 from pipeline.integrators.exponential import PiecewiseExponential
 from pipeline.integrators.generalized_alpha import GeneralizedAlpha
-from pipeline.integrators.march_pairs import Pairs, compared_times
+from pipeline.integrators.march_pairs import Gain, Pairs, compared_times
 from pipeline.integrators.method_costs import (
     LEAP,
     STABLE,
@@ -26,14 +28,14 @@ from pipeline.integrators.method_costs import (
     leapfrog_cost,
     rosenbrock_cost,
 )
-from pipeline.integrators.protocol import Integrator, Progress, Trajectory
+from pipeline.integrators.protocol import Integrator, Progress, ResumableIntegrator, State, Trajectory
 from pipeline.integrators.rosenbrock import ExponentialRosenbrock
 from pipeline.integrators.runge_kutta import RungeKutta
+from pipeline.integrators.side_by_side import March, march_at_once, march_in_turn
 
 _FIRST_STEPS = 128  # of the exponential method over the duration
 _MOST_DOUBLINGS = 13
-_DOUBLED = 8.0  # by which its error falls where it is worst, with twice as many steps
-_DOUBLED_OFTEN = 16.0  # and where all is smooth
+_DOUBLED_OFTEN = 16.0  # by which its error falls with twice as many steps, where all is smooth
 _MANY = 256  # breakpoints, as of a table, at each of which the exponential method would have to start anew
 _FEW = 400  # stable steps of the Runge-Kutta method over the duration: not stiff
 _MOST_EXPLICIT = 1e8  # leapfrog steps over the duration: beyond, no explicit method comes to an end
@@ -43,7 +45,6 @@ _FINER: dict[type, float] = {
     ExponentialRosenbrock: 0.1,
 }  # tolerance over the one before
 _FINEST = 3e-14  # tolerance; the same one twice would agree with itself
-_FALLS = 0.75  # power of the tolerance with which the error falls at least
 _IMPLICIT_STEPS = 256  # of generalised-α over the duration, at first
 _STEPS_IN_ACTION = 8  # of generalised-α in the shortest load
 _TRIAL = 1 / 16  # of the duration
@@ -51,10 +52,53 @@ _WORTH_A_TRIAL = 1000.0  # steps of the Rosenbrock method
 _FEWEST_EVALUATIONS = 3.0  # of generalised-α in a step
 _PIECE = 16  # steps of it, over which they are counted
 _SHARE = 1 / 6  # of the cost of two marches by central difference: what generalised-α may cost
-_NEARLY = 1.25  # times as many steps, of a method that is exact enough where it is stable
+_NEARLY = 1.25  # times as many steps: of the finer of two marches of second order
 _SHORTER = 1.5  # times as many steps, where stable ones of the reference state weren't
-_OBSERVED_ORDER = 1.5  # of a method of second order with steps that are many times shorter than before
+_STAYS = 0.7  # of the difference that coarser marches had
 _COMPARED = 100  # output times at which two marches are compared, at least
+_WORTH_A_CORE = 1.5e7  # operations of a march, beside which another thread's start is short
+_GAINS = {
+    "exponential": Gain(3.0, 0.0, math.inf),
+    "runge-kutta": Gain(5.0, 3.0, 30.0),
+    "exponential-rosenbrock": Gain(3.0, 1.0, 6.0),
+    "central-difference": Gain(1.5, 0.0, 1.0),
+    "generalized-alpha": Gain(1.5, 0.0, 1.0),
+}
+"""What is believed of each method where not all vibrations are resolved.
+
+A method of second order whose fastest vibrations are out of step has the same error with half the step.
+"""
+_RESOLVED = 1.2  # radians of the highest frequency in a step of the Runge-Kutta method
+_UNRESOLVED = Gain(4.0, 3.0, 12.0)  # of longer steps: what they leave of the fastest vibrations is a matter of chance
+
+
+@dataclass(frozen=True)
+class _Marches:
+    """One or two marches, the last of which is the finest.
+
+    Attributes
+    ----------
+    methods : tuple of Integrator
+        Methods to march by.
+    cost : float
+        Operations of the last one.
+    start : State, optional
+        Where an adaptive method starts from.
+    """
+
+    methods: tuple[Integrator, ...]
+    cost: float
+    start: State | None = None
+
+    def functions(self, system: System, q0: Array, v0: Array, some: Array, times: Array) -> list[March]:
+        """Return the marches; all but the last one give some of the output times, at which they are compared."""
+        asked = [*[some] * (len(self.methods) - 1), times]
+        if self.start is None:
+            return [
+                partial(method.march, system, q0, v0, each) for method, each in zip(self.methods, asked, strict=True)
+            ]
+        resumable = cast("tuple[ResumableIntegrator, ...]", self.methods)
+        return [partial(method.resume, system, self.start, each) for method, each in zip(resumable, asked, strict=True)]
 
 
 @dataclass(frozen=True)
@@ -106,21 +150,27 @@ class Automatic:
         """
         groups, n = groups_of(system), system.n_positions
         report = Pairs(self.error, groups[:n], groups[n:] - groups[:n].max(initial=-1) - 1)
-        some = compared_times(times, _COMPARED)
-        for method, gain in self._methods(system, q0, v0, times, report, progress):
-            # The first march of a method is never the last: what it is compared at is enough.
-            asked = some if report.before is None else times
-            try:
-                trajectory = method.march(system, q0, v0, asked, progress)
-            except AccuracyError as error:  # it diverged, or an implicit step has no solution
-                if isinstance(error, StabilityError):
-                    getattr(system, "explain_failure", _explain_nothing)(error)
-                report.add_failure(error)
-                continue
-            if report.agrees(trajectory, gain):
-                name = f"{self.name} ({trajectory.integrator})"
+        # Vibrations have short peaks.
+        some = times if self._stiff(system) else compared_times(times, _COMPARED)
+        for marches in self._methods(system, q0, v0, times, report, progress):
+            march = march_at_once if marches.cost > _WORTH_A_CORE else march_in_turn
+            found, seconds = march(marches.functions(system, q0, v0, some, times), progress)
+            report.seconds += seconds
+            agreed = False
+            for outcome in found:
+                if isinstance(outcome, StabilityError):
+                    getattr(system, "explain_failure", _explain_nothing)(outcome)
+                if isinstance(outcome, Trajectory):
+                    agreed = report.agrees(outcome, _gain(outcome, system))
+                else:
+                    agreed = report.add_failure(outcome)
+            last = found[-1]
+            if agreed and isinstance(last, Trajectory):
+                name = f"{self.name} ({last.integrator})"
                 seconds, evaluations = report.seconds, report.evaluations
-                return replace(trajectory, integrator=name, seconds=seconds, evaluations=evaluations, chosen=method)
+                return replace(
+                    last, integrator=name, seconds=seconds, evaluations=evaluations, chosen=marches.methods[-1]
+                )
         if report.failure and (report.failures > 1 or np.isinf(report.difference)):
             raise report.failure
         raise AccuracyError(
@@ -129,10 +179,9 @@ class Automatic:
 
     def _methods(
         self, system: System, q0: Array, v0: Array, times: Array, report: Pairs, progress: Progress | None
-    ) -> Iterator[tuple[Integrator, float]]:
-        """Yield methods, each finer than that before, with the factor by which its error is below their difference."""
-        stable_steps = system.highest_frequency * self.duration / STABLE
-        stiff, allowed = stable_steps > _FEW, np.inf
+    ) -> Iterator[_Marches]:
+        """Yield one or two methods, each finer than that before, with the operations of the last one."""
+        stiff, allowed = self._stiff(system), np.inf
         if system.n_positions != system.n or len(system.breakpoints) > _MANY:
             allowed = 0.0  # the exponential method has no quaternions
         elif not stiff:
@@ -154,45 +203,62 @@ class Automatic:
                 end = min(_TRIAL * self.duration, float(times[-1]))
                 adaptive = self._choose_adaptive(system, q0, v0, cost, end, progress)
             if adaptive is RungeKutta:
-                yield from self._leapfrog_methods(
-                    system, leapfrog_steps, 2 * stable_steps * explicit_cost(system), report
-                )
+                allowed = 2 * self._stable_steps(system) * explicit_cost(system)
+                yield from self._leapfrog_methods(system, leapfrog_steps, allowed, report)
         report.start_anew()
-        tolerance, gain = max(self.error * _FIRST_TOLERANCE, _FINEST), 1.0
-        while report.failures < 2:  # else it isn't the tolerance
-            yield adaptive(tolerance), gain
-            if tolerance < 2 * _FINEST:
+        cost = explicit_pair_cost(system, self.duration) / 2 if adaptive is RungeKutta else np.inf
+        start = adaptive.start(system, q0, v0)
+        methods = tuple(adaptive(tolerance) for tolerance in self._tolerances(_FINER[adaptive]))
+        yield _Marches(methods[:2], cost, start)
+        for method in methods[2:]:
+            if report.failures > 1:  # it isn't the tolerance
                 return
-            before, tolerance = tolerance, max(_FINER[adaptive] * tolerance, _FINEST)
-            gain = math.pow(before / tolerance, _FALLS)
+            yield _Marches((method,), cost, start)
 
-    def _exponential_methods(
-        self, system: System, times: Array, allowed: float, report: Pairs
-    ) -> Iterator[tuple[PiecewiseExponential, float]]:
+    def _stable_steps(self, system: System) -> float:
+        """Return how many steps of the Runge–Kutta method at least are stable over the duration."""
+        return system.highest_frequency * self.duration / STABLE
+
+    def _stiff(self, system: System) -> bool:
+        return self._stable_steps(system) > _FEW
+
+    def _tolerances(self, finer: float) -> list[float]:
+        """Return tolerances from coarse to the finest one, which comes once: twice it would agree with itself."""
+        found = [max(self.error * _FIRST_TOLERANCE, _FINEST)]
+        while found[-1] > 2 * _FINEST:
+            found.append(max(finer * found[-1], _FINEST))
+        return found
+
+    def _exponential_methods(self, system: System, times: Array, allowed: float, report: Pairs) -> Iterator[_Marches]:
         """Yield the exponential method with twice as many steps or more each time, while they cost what is allowed."""
-        k, doublings = 0, 1
-        cost = exponential_cost(system, _FIRST_STEPS, min(times.size, _COMPARED))  # of a march that is compared alone
-        while k <= _MOST_DOUBLINGS and not report.failures:
-            steps = _FIRST_STEPS * 2**k
-            if not exponential_cost(system, max(steps, 2 * _FIRST_STEPS), times.size) + cost < allowed:
-                return
+
+        def march(k: int) -> PiecewiseExponential:
             # What happens between two breakpoints takes finer steps too, lest two marches agree that miss it alike.
-            yield PiecewiseExponential(self.duration / steps, 2 ** (k + 2)), _DOUBLED**doublings
-            doublings = 1
-            if np.isfinite(report.difference):
-                doublings, cost = max(1, math.ceil(math.log(report.difference / self.error, _DOUBLED_OFTEN))), 0.0
-            k += doublings
+            return PiecewiseExponential(self.duration / (_FIRST_STEPS * 2**k), 2 ** (k + 2))
+
+        first = exponential_cost(system, _FIRST_STEPS, min(times.size, _COMPARED))  # compared alone
+        cost, k = exponential_cost(system, 2 * _FIRST_STEPS, times.size), 1
+        if not first + cost < allowed:
+            return
+        yield _Marches((march(0), march(1)), cost)
+        while not report.failures:
+            more = report.difference / self.error if np.isfinite(report.difference) else 1.0
+            k += max(1, math.ceil(math.log(more, _DOUBLED_OFTEN)))
+            cost = exponential_cost(system, _FIRST_STEPS * 2**k, times.size)
+            if k > _MOST_DOUBLINGS or not cost < allowed:
+                return
+            yield _Marches((march(k),), cost)
 
     def _implicit_methods(
         self, system: System, q0: Array, v0: Array, allowed: float, report: Pairs
-    ) -> Iterator[tuple[GeneralizedAlpha, float]]:
+    ) -> Iterator[_Marches]:
         """Yield generalised-α with more and more steps, as long as these cost less than what is allowed.
 
         A piece of the motion tells how many evaluations a step takes, two marches how many steps the error asks for.
         """
         report.start_anew()
         steps = float(max(_IMPLICIT_STEPS, np.ceil(_STEPS_IN_ACTION * self.duration / system.shortest_action)))
-        gain, cost = 3.0, implicit_cost(system)
+        cost = implicit_cost(system)
         if 3 * steps * _FEWEST_EVALUATIONS * cost > allowed:
             return
         try:
@@ -202,32 +268,34 @@ class Automatic:
             per_step = float(system.n)
         if 3 * steps * per_step * cost > allowed:
             return
+        steps *= _NEARLY
         while steps * per_step * cost <= allowed:
-            yield GeneralizedAlpha(self.duration / steps), gain
+            yield self._nearly_alike(GeneralizedAlpha, steps, steps * per_step * cost)
             if report.before is not None:
                 per_step = report.before.evaluations * report.before.step / report.before.times[-1]
-            more = report.more_steps()
-            steps, gain = steps * more, _gain(more)
+            steps *= report.more_steps()
 
-    def _leapfrog_methods(
-        self, system: System, steps: float, allowed: float, report: Pairs
-    ) -> Iterator[tuple[CentralDifference, float]]:
+    def _leapfrog_methods(self, system: System, steps: float, allowed: float, report: Pairs) -> Iterator[_Marches]:
         """Yield central difference with more and more steps, as long as these cost less than what is allowed.
 
-        Where it diverges, away from the reference state, shorter steps are tried once.
+        Where it diverges, away from the reference state, shorter steps are tried once. Where vibrations are out of
+        step, the difference hardly falls, and other methods take over.
         """
         report.start_anew()
-        gain, more = 1.0, _NEARLY
+        steps, before = _NEARLY * steps, math.inf
         while steps * leapfrog_cost(system) <= allowed:
-            yield CentralDifference(self.duration / steps), gain
-            if report.failures > 1:
+            yield self._nearly_alike(CentralDifference, steps, steps * leapfrog_cost(system))
+            if report.failures > 2 or report.difference > _STAYS * before:
                 return
-            if report.before is None:
-                steps *= _SHORTER
-                continue
-            if np.isfinite(report.difference):
-                more = report.more_steps()
-            steps, gain = steps * more, _gain(more)
+            before = report.difference
+            steps *= report.more_steps() if np.isfinite(report.difference) else _SHORTER
+
+    def _nearly_alike(self, method: type[CentralDifference | GeneralizedAlpha], steps: float, cost: float) -> _Marches:
+        """Return marches by a method of second order, the last one with so many steps.
+
+        Far fewer steps in the first don't resolve all vibrations, and tell less than the order promises.
+        """
+        return _Marches((method(_NEARLY * self.duration / steps), method(self.duration / steps)), cost)
 
     def _choose_adaptive(
         self, system: System, q0: Array, v0: Array, explicit: float, end: float, progress: Progress | None
@@ -245,12 +313,10 @@ class Automatic:
         return ExponentialRosenbrock if cheaper else RungeKutta
 
 
-def _gain(more: float) -> float:
-    """Return how far the error of a method of second order is below its difference to a march of fewer steps.
-
-    A march of far fewer steps doesn't resolve all vibrations, and says less than the order promises.
-    """
-    return min(math.pow(more, 2.0), max(4.0, math.pow(more, _OBSERVED_ORDER))) - 1.0
+def _gain(trajectory: Trajectory, system: System) -> Gain:
+    if trajectory.integrator == RungeKutta.name and system.highest_frequency * trajectory.step > _RESOLVED:
+        return _UNRESOLVED
+    return _GAINS[trajectory.integrator]
 
 
 def _explain_nothing(failure: StabilityError) -> None:

@@ -16,6 +16,27 @@ _OF_RATES = 0.5  # of their error counts: they hold more of the fastest vibratio
 _MARGIN, _FEWEST, _MOST = 1.2, 1.5, 8.0  # on the steps that a difference asks for; times as many steps as before
 
 
+@dataclass(frozen=True)
+class Gain:
+    """Factor by which the error of a march is below its difference to a coarser one.
+
+    Attributes
+    ----------
+    order : float
+        Power of the steps' length with which the error falls.
+    least, most : float
+        Bounds of what is believed.
+    """
+
+    order: float
+    least: float
+    most: float
+
+    def of(self, coarse: Trajectory, fine: Trajectory) -> float:
+        """Return the factor for two marches, by their mean steps."""
+        return min(max(math.pow(coarse.step / fine.step, self.order) - 1.0, self.least), self.most)
+
+
 @dataclass
 class Pairs:
     """Marches so far, each compared with the one before.
@@ -35,7 +56,7 @@ class Pairs:
     failures : int
         Number of marches of the present method that failed.
     seconds, evaluations : float, int
-        Of all marches together.
+        Run time by the clock [s], and evaluations of all marches together.
     """
 
     error: float
@@ -52,10 +73,11 @@ class Pairs:
         """Begin with another method, whose marches aren't compared with those before."""
         self.before, self.failures, self.difference = None, 0, np.inf
 
-    def add_failure(self, failure: AccuracyError) -> None:
-        """Count a march that failed."""
+    def add_failure(self, failure: AccuracyError) -> bool:
+        """Count a march that failed, which agrees with none: return false."""
         self.before, self.failure, self.difference = None, failure, np.inf
         self.failures += 1
+        return False
 
     def more_steps(self) -> float:
         """Return how many times as many steps a method of second order should take next; 2 if nothing is known."""
@@ -63,21 +85,16 @@ class Pairs:
             return 2.0
         return float(np.clip(_MARGIN * np.sqrt(self.difference / self.error), _FEWEST, _MOST))
 
-    def agrees(self, trajectory: Trajectory, gain: float) -> bool:
+    def agrees(self, trajectory: Trajectory, gain: Gain) -> bool:
         """Count a march, and return true if it differs from the one before by less than the error allows.
 
-        Parameters
-        ----------
-        gain : float
-            Factor by which the error of this march is below the difference. The one before may have a part of the
-            output times only, every second, say.
+        The march before may have a part of the output times only, every second, say.
         """
-        self.seconds += trajectory.seconds
         self.evaluations += trajectory.evaluations
         before, self.before = self.before, trajectory
         if before is None:
             return False
-        self.difference = self._apart(before, trajectory) / gain
+        self.difference = self._apart(before, trajectory) / gain.of(before, trajectory)
         return self.difference < self.error
 
     def _apart(self, before: Trajectory, after: Trajectory) -> float:

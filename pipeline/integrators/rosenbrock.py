@@ -67,8 +67,12 @@ class ExponentialRosenbrock:
 
     def march(self, system: System, q0: Array, v0: Array, times: Array, progress: Progress | None = None) -> Trajectory:
         """Integrate from time 0 until the last of ``times`` is passed."""
-        start = adaptive_start(system, q0, v0, more=2)  # the largest of all rates and accelerations, for round-off
-        return march_from(self, system, start, times, progress)
+        return march_from(self, system, self.start(system, q0, v0), times, progress)
+
+    @staticmethod
+    def start(system: System, q0: Array, v0: Array) -> State:
+        """Return the state at time 0, the same for each tolerance."""
+        return adaptive_start(system, q0, v0, more=2)  # the largest of all rates and accelerations, for round-off
 
     def resume(self, system: System, start: State, times: Array, progress: Progress | None = None) -> Trajectory:
         """Continue from a state that a march of this method has ended in; earlier output times stay NaN.

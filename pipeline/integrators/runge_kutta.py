@@ -114,7 +114,12 @@ class RungeKutta:
 
     def march(self, system: System, q0: Array, v0: Array, times: Array, progress: Progress | None = None) -> Trajectory:
         """Integrate from time 0 until the last of ``times`` is passed."""
-        return march_from(self, system, adaptive_start(system, q0, v0), times, progress)
+        return march_from(self, system, self.start(system, q0, v0), times, progress)
+
+    @staticmethod
+    def start(system: System, q0: Array, v0: Array) -> State:
+        """Return the state at time 0, the same for each tolerance."""
+        return adaptive_start(system, q0, v0)
 
     def resume(self, system: System, start: State, times: Array, progress: Progress | None = None) -> Trajectory:
         """Continue from a state that a march of this method has ended in; earlier output times stay NaN.

@@ -1,0 +1,53 @@
+"""What two marches that differ tell of the error of the finer one."""
+
+import math
+
+import numpy as np
+import pytest
+
+from pipeline.core.arrays import Array
+from pipeline.integrators.automatic import _GAINS
+from pipeline.integrators.march_pairs import Gain, Pairs
+from pipeline.integrators.protocol import State, Trajectory
+
+TIMES = np.linspace(0.0, 1.0, 301)
+
+
+def trajectory(step: float, q: Array, v: Array) -> Trajectory:
+    end = State(0, q[-1], v[-1], v[-1])
+    return Trajectory("central-difference", step, 1, TIMES, q, v, 0, 0, 0.0, end)
+
+
+def vibration(step: float, frequencies: Array, amplitudes: Array) -> Trajectory:
+    """March of central difference, whose frequencies are too high by (ω h)²/24, in closed form."""
+    exact = np.where(step > 0, 2 / max(step, 1e-300) * np.arcsin(frequencies * step / 2), frequencies)
+    angle = TIMES[:, None] * exact
+    return trajectory(step, amplitudes * np.cos(angle), -amplitudes * exact * np.sin(angle))
+
+
+@pytest.mark.parametrize("seed", range(40))
+def test_steps_that_are_nearly_alike_tell_an_error_above_the_true_one(seed: int) -> None:
+    """In step, out of step, and all between."""
+    rng = np.random.default_rng(seed)
+    n = int(rng.integers(1, 12))
+    frequencies = np.sort(10 ** rng.uniform(1.0, 4.0, n))
+    amplitudes = 10 ** rng.uniform(-2.0, 0.0, n) / frequencies
+    step = 1.8 / frequencies[-1] / rng.integers(1, 40)
+    groups = np.zeros(n, dtype=np.int64)
+    report, exact = Pairs(1e-3, groups, groups), Pairs(1e-3, groups, groups)
+    gain = _GAINS["central-difference"]
+    fine = vibration(step / 1.25, frequencies, amplitudes)
+    report.agrees(vibration(step, frequencies, amplitudes), gain)
+    report.agrees(fine, gain)
+    exact.agrees(vibration(0.0, frequencies, amplitudes), gain)
+    true = exact._apart(vibration(0.0, frequencies, amplitudes), fine)
+    assert true < report.difference
+    assert report.difference < 10 * true
+
+
+def test_the_gain_follows_how_much_shorter_steps_have_become() -> None:
+    q = np.zeros((301, 1))
+    coarse, fine = trajectory(2.0, q, q), trajectory(1.0, q, q)
+    assert Gain(3.0, 0.0, math.inf).of(coarse, fine) == pytest.approx(7.0)
+    assert Gain(3.0, 0.0, 5.0).of(coarse, fine) == 5.0
+    assert Gain(3.0, 0.1, 5.0).of(fine, coarse) == 0.1

@@ -1,0 +1,76 @@
+"""Marches at the same time find what they find in turn, and end together."""
+
+import time
+from dataclasses import replace
+from typing import Any
+
+import numba
+import numpy as np
+import pytest
+
+from pipeline import Pipeline, load_scene
+from pipeline.core.errors import AccuracyError
+from pipeline.integrators.automatic import Automatic
+from pipeline.integrators.protocol import Progress, State, Trajectory
+from pipeline.integrators.side_by_side import March, march_at_once, march_in_turn
+
+NOTHING = np.zeros((1, 0))
+FOUND = Trajectory("", 1.0, 1, np.zeros(1), NOTHING, NOTHING, 0, 0, 2.0, State(0, *NOTHING, *NOTHING, *NOTHING))
+
+
+@pytest.fixture(autouse=True)
+def two_threads(monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr(numba.config, "NUMBA_NUM_THREADS", 2)
+
+
+def endless(progress: Progress | None) -> Trajectory:
+    """March until it is told to end."""
+    while progress is not None:
+        progress(0.5)
+        time.sleep(1e-3)
+    return FOUND
+
+
+def failing(error: Exception) -> March:
+    def march(progress: Progress | None) -> Trajectory:
+        raise error
+
+    return march
+
+
+@pytest.mark.parametrize("scene", ["arm", "rod-slider"])
+def test_the_motion_is_the_same_with_one_thread_and_with_two(scene: str, monkeypatch: pytest.MonkeyPatch) -> None:
+    run = Pipeline(load_scene(scene))
+    monkeypatch.setattr("pipeline.integrators.automatic._WORTH_A_CORE", 0.0)
+    motions = []
+    for threads in (1, 2):
+        monkeypatch.setattr(numba.config, "NUMBA_NUM_THREADS", threads)
+        motions.append(Automatic(1e-3, 0.2).march(run.system, *run.start, np.linspace(0.0, 0.2, 41)))
+    np.testing.assert_array_equal(motions[0].q, motions[1].q)
+    np.testing.assert_array_equal(motions[0].v, motions[1].v)
+    assert motions[0].evaluations == motions[1].evaluations
+
+
+def test_a_march_that_fails_leaves_the_other_alone() -> None:
+    reason = AccuracyError("no step")
+    for march in (march_in_turn, march_at_once):
+        assert march([failing(reason), lambda progress: FOUND])[0] == [reason, FOUND]
+        assert march([lambda progress: FOUND, failing(reason)])[0] == [FOUND, reason]
+
+
+def test_run_time_is_by_the_clock() -> None:
+    slower = replace(FOUND, seconds=3.0)
+    marches: list[March] = [lambda progress: FOUND, lambda progress: slower]
+    assert march_in_turn(marches)[1] == 5.0
+    assert march_at_once(marches)[1] == 3.0
+
+
+@pytest.mark.parametrize("error", [KeyboardInterrupt(), TimeoutError("no time left")])
+def test_what_ends_the_last_march_ends_the_other_too(error: Any) -> None:
+    with pytest.raises(type(error)):
+        march_at_once([endless, failing(error)])
+
+
+def test_a_fault_of_the_march_aside_is_raised() -> None:
+    with pytest.raises(ZeroDivisionError):
+        march_at_once([failing(ZeroDivisionError()), lambda progress: FOUND])
