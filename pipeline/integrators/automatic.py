@@ -103,7 +103,7 @@ class _Marches:
 
 @dataclass(frozen=True)
 class Automatic:
-    """Method that marches with finer and finer steps until the last two marches differ by less than ``error``.
+    """Method that marches with finer and finer steps until two marches tell an error below ``error``.
 
     Where modes and joints don't couple through the mass matrix, that is the exponential method. Where few of the
     longest stable steps cover the duration, it is this or the Runge–Kutta method, by what two marches cost. Else

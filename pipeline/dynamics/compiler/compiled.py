@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import ctypes
+import threading
 from collections.abc import Callable
 from functools import cache, cached_property
 from typing import Any
@@ -43,6 +44,7 @@ class CompiledMechanism:
         self._inputs = Coordinates(Graph(), mechanism)
         self._programs: dict[str, Program] = {}
         self._loaded: dict[str, LoadedObject] = {}
+        self._loading = threading.RLock()  # two marches at once want the same functions
 
     @cached_property
     def _frames(self) -> list[MovingFrame]:
@@ -77,11 +79,12 @@ class CompiledMechanism:
         return self._object(name).n_bytes
 
     def _object(self, name: str) -> LoadedObject:
-        if name == "signals":
-            return self._signal_values
-        if name not in self._loaded:
-            self._loaded[name] = load_program(name, self.digest, lambda: self.program(name))
-        return self._loaded[name]
+        with self._loading:
+            if name == "signals":
+                return self._signal_values
+            if name not in self._loaded:
+                self._loaded[name] = load_program(name, self.digest, lambda: self.program(name))
+            return self._loaded[name]
 
     def call(self, name: str, *arrays: Array) -> None:
         """Call a function with its arrays, which have to be C-contiguous and of doubles."""
