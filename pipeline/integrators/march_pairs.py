@@ -13,6 +13,7 @@ from pipeline.dynamics.jit.compiled import kernel
 from pipeline.integrators.protocol import Trajectory
 
 _OF_RATES = 0.5  # of their error counts: they hold more of the fastest vibrations, which matter less
+_STAYS = 0.7  # of the difference of coarser marches
 _MARGIN, _FEWEST, _MOST = 1.2, 1.5, 8.0  # on the steps that a difference asks for; times as many steps as before
 
 
@@ -26,11 +27,14 @@ class Gain:
         Power of the steps' length with which the error falls.
     least, most : float
         Bounds of what is believed.
+    out_of_step : float
+        What is believed at least where the difference is hardly below that of coarser marches.
     """
 
     order: float
     least: float
     most: float
+    out_of_step: float = 0.0
 
     def of(self, coarse: Trajectory, fine: Trajectory) -> float:
         """Return the factor for two marches, by their mean steps."""
@@ -49,8 +53,12 @@ class Pairs:
         Group of each position and rate.
     before : Trajectory, optional
         The last march, None if the next one has nothing to be compared with.
+    apart : float
+        Difference of the last march to the one before.
+    stays : bool
+        True if that is hardly below the difference of coarser marches.
     difference : float
-        Error of the last march, from its difference to that before.
+        Error of the last march that follows.
     failure : AccuracyError, optional
         Why the last march that failed did so.
     failures : int
@@ -63,6 +71,8 @@ class Pairs:
     groups: IntArray
     rate_groups: IntArray
     before: Trajectory | None = None
+    apart: float = np.inf
+    stays: bool = False
     difference: float = np.inf
     failure: AccuracyError | None = None
     failures: int = 0
@@ -71,11 +81,11 @@ class Pairs:
 
     def start_anew(self) -> None:
         """Begin with another method, whose marches aren't compared with those before."""
-        self.before, self.failures, self.difference = None, 0, np.inf
+        self.before, self.failures, self.difference, self.apart, self.stays = None, 0, np.inf, np.inf, False
 
     def add_failure(self, failure: AccuracyError) -> bool:
         """Count a march that failed, which agrees with none: return false."""
-        self.before, self.failure, self.difference = None, failure, np.inf
+        self.before, self.failure, self.difference, self.apart = None, failure, np.inf, np.inf
         self.failures += 1
         return False
 
@@ -94,7 +104,9 @@ class Pairs:
         before, self.before = self.before, trajectory
         if before is None:
             return False
-        self.difference = self._apart(before, trajectory) / gain.of(before, trajectory)
+        apart_before, self.apart = self.apart, self._apart(before, trajectory)
+        self.stays = self.apart > _STAYS * apart_before
+        self.difference = self.apart / max(gain.of(before, trajectory), gain.out_of_step if self.stays else 0.0)
         return self.difference < self.error
 
     def _apart(self, before: Trajectory, after: Trajectory) -> float:
