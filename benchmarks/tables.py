@@ -17,6 +17,7 @@ from statistics import median
 
 HERE = Path(__file__).parent
 sys.path.append(str(HERE))
+from auto_tables import auto_choice, auto_error, truth  # noqa: E402 - beside this file
 from fmu_table import fmu  # noqa: E402 - beside this file
 from loop_tables import loops  # noqa: E402 - beside this file
 from pieces_tables import (  # noqa: E402 - beside this file
@@ -55,7 +56,6 @@ METHODS = (
 FACTOR = 5.0  # an error budget within this factor of the true error counts as near
 LATER = ("further", "propeller, quadratic")  # cases that were added when the estimates had been made
 ELEMENTS = ("cantilevers", "propeller", "hexahedra", "tetrahedra")
-LONG = 60.0  # seconds
 ENERGY_KEEPING = ("central-difference", "reversible-sub-cycling")
 
 
@@ -297,46 +297,6 @@ def as_written(name: str) -> str:
     return markdown(rows[0], (row.values() for row in rows))
 
 
-def auto_choice() -> str:
-    """Run time of ``auto`` over the best method's at the same true error."""
-    rows = read_rows("auto_choice")
-    body = [
-        [
-            f"random {row['scene']}" if row["scene"].isdigit() else row["scene"],
-            row["method"],
-            f"{float(row['error']):.1e}",
-            format_seconds(float(row["seconds"])),
-            f"{row['best']}, {format_seconds(float(row['best_seconds']))}",
-            format_ratio(float(row["ratio"])),
-            f"{row['wanted_best']}, {format_seconds(float(row['wanted_seconds']))}",
-            format_ratio(float(row["wanted_ratio"])),
-        ]
-        for row in rows
-    ]
-    middle = [f"{median(float(row[key]) for row in rows):.2g}" for key in ("ratio", "wanted_ratio")]
-    body.append(["median", "", "", "", "", middle[0], "", middle[1]])
-    head = ["scene", "chosen", "true error", "`auto`", "best at that error", "ratio", "best at 1e-3", "ratio"]
-    return markdown(head, body)
-
-
-def truth() -> str:
-    """Tabulate what random scenes state, truly have and refuse, by their kind."""
-    rows = read_rows("truth")
-    lines = []
-    for kind in (*sorted({row["kind"] for row in rows}), "all"):
-        own = [row for row in rows if kind in (row["kind"], "all")]
-        compared = [row for row in own if row["outcome"] == "compared"]
-        quantities, covered, wrong = (
-            sum(int(row[key]) for row in compared) for key in ("quantities", "covered", "wrong")
-        )
-        outcomes = [str(sum(row["outcome"] == outcome for row in own)) for outcome in ("refused", "traceback")]
-        long = sum(float(row["seconds"]) > LONG for row in own)
-        share = f"{100 * covered / quantities:.1f} % of {quantities}"
-        lines.append([kind, str(len(own)), str(len(compared)), *outcomes, share, str(wrong), str(long)])
-    head = ("kind", "scenes", "compared", "refused", "tracebacks", "true below stated", "wrong", "over 60 s")
-    return markdown(head, lines)
-
-
 TABLES: dict[str, Callable[[], str]] = {
     "large-deflection": large_deflection,
     "pendulum": pendulum,
@@ -364,6 +324,7 @@ TABLES: dict[str, Callable[[], str]] = {
     "truth": truth,
     "loops": lambda: loops(seconds_at, TIP_ERRORS),
     "auto-choice": auto_choice,
+    "auto-error": auto_error,
     "fmu": fmu,
 }
 

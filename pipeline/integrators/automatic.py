@@ -167,10 +167,13 @@ class Automatic:
                     agreed = report.add_failure(outcome)
             last = found[-1]
             if agreed and isinstance(last, Trajectory):
-                name = f"{self.name} ({last.integrator})"
-                seconds, evaluations = report.seconds, report.evaluations
                 return replace(
-                    last, integrator=name, seconds=seconds, evaluations=evaluations, chosen=marches.methods[-1]
+                    last,
+                    integrator=f"{self.name} ({last.integrator})",
+                    seconds=report.seconds,
+                    evaluations=report.evaluations,
+                    chosen=marches.methods[-1],
+                    error=report.difference,
                 )
         if report.failure and (report.failures > 1 or np.isinf(report.difference)):
             raise report.failure

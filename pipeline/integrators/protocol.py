@@ -77,6 +77,9 @@ class Trajectory:
         State after the last step.
     chosen : Integrator, optional
         The method that an automatic choice ended with: it alone gives the same motion again.
+    error : float, optional
+        Error that an automatic choice's last two marches tell, relative to the largest value of each kind of
+        coordinate.
     """
 
     integrator: str
@@ -90,6 +93,7 @@ class Trajectory:
     seconds: float
     end: State
     chosen: Integrator | None = None
+    error: float | None = None
 
     __repr__ = short_repr
 

@@ -115,6 +115,7 @@ def _integrations(run: Pipeline) -> list[dict[str, Any]]:
             "ratio_to_plain": motion.trajectory.seconds / first.trajectory.seconds,
             "evaluations": motion.trajectory.evaluations,
             "fast_evaluations": motion.trajectory.fast_evaluations,
+            "error": motion.trajectory.error,
             "growth": run.plans[label].growth,
             "largest_stable_step_s": limit if np.isfinite(limit) else None,
             "stability_margin": limit / motion.trajectory.step if np.isfinite(limit) else None,
