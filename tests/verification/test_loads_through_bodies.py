@@ -164,7 +164,7 @@ def test_a_load_that_passes_the_buckling_load_for_a_moment_is_warned_of(tmp_path
     assert "1.3 times its buckling load at t = 0 s" in warning["text"]
 
 
-# A free bar that is compressed between its ends ------------------------------------------------------------------------
+# A free bar that is compressed between its ends -----------------------------------------------------------------------
 
 ENDS = """
 [drive.at-root]
