@@ -52,6 +52,21 @@ def open_loads(rigid: Mechanism, times: Array, q: Array) -> list[Array]:
     return found
 
 
+def largest_gap(rigid: Mechanism, times: Array, q: Array) -> float:
+    """Return the largest gap by which a motion of rigid bodies opens joints that close loops [m, or rad]."""
+    largest = 0.0
+    for k in np.unique(np.linspace(0, len(times) - 1, _MOMENTS).astype(int)):
+        motion = Kinematics(rigid, times[k : k + 1], q[k : k + 1], np.zeros((1, rigid.n)))
+        for closure in rigid.closing_joints:
+            first, second, apart = _places_of(motion, closure)
+            axes = closure.along if len(closure.along) == 3 else closure.along @ first.T
+            gaps = [*(axes @ apart), *(first @ a @ (second @ b) for a, b in closure.square)]
+            gaps += [np.linalg.norm(apart) - closure.distance] if closure.distance else []
+            kept = [abs(gap) for number, gap in enumerate(gaps) if number not in closure.left_out]
+            largest = max([largest, *kept])
+    return float(largest)
+
+
 def _self_stress(motion: Kinematics) -> Iterator[State]:
     """Yield states of self-stress of the joints that close loops, at a moment of the motion."""
     rows = [row for closure in motion.mechanism.closing_joints for row in _row_wrenches(motion, closure)]
@@ -70,10 +85,7 @@ def _self_stress(motion: Kinematics) -> Iterator[State]:
 
 def _row_wrenches(motion: Kinematics, closure: Closure) -> list[State]:
     """Return force and moment in space of a unit multiplier of each constraint of a joint, on its two places."""
-    one, other = (_frame_of(motion, place) for place in (closure.first, closure.second))
-    first, second = one.rotation[0], other.rotation[0]
-    apart = other.origin[0] + second @ closure.second.marker.position
-    apart = apart - one.origin[0] - first @ closure.first.marker.position
+    first, second, apart = _places_of(motion, closure)
     pairs: list[tuple[Array, Array]] = []  # force on the second place, moment on the first
     for direction in closure.along:
         d = direction if len(closure.along) == 3 else first @ direction
@@ -84,6 +96,14 @@ def _row_wrenches(motion: Kinematics, closure: Closure) -> list[State]:
     if closure.distance:
         rows.append(_on_both(closure, -apart, np.zeros(3), apart, np.zeros(3)))
     return [row for number, row in enumerate(rows) if number not in closure.left_out]
+
+
+def _places_of(motion: Kinematics, closure: Closure) -> tuple[Array, Array, Array]:
+    """Return the rotations of a joint's two bodies at a moment, and the vector from its first place to its second."""
+    one, other = (_frame_of(motion, place) for place in (closure.first, closure.second))
+    first, second = one.rotation[0], other.rotation[0]
+    apart = other.origin[0] + second @ closure.second.marker.position
+    return first, second, np.asarray(apart - one.origin[0] - first @ closure.first.marker.position)
 
 
 def _on_both(closure: Closure, force: Array, moment: Array, other_force: Array, other_moment: Array) -> State:

@@ -311,7 +311,9 @@ def movable_rigid(mechanism: Mechanism) -> Mechanism:
     """
     rigid = mechanism.rigid
     system = CompiledSystem(rigid)
-    if not rigid.closures or not rigid.n or constraint_rank(system, rigid.rest_positions) < rigid.n:
+    if rigid.closures and not rigid.n:  # the prescribed motions alone move it, whatever they open
+        return _leave_out(rigid, system.compiled.rows)
+    if not rigid.closures or constraint_rank(system, rigid.rest_positions) < rigid.n:
         return rigid
     from scipy.linalg import qr
 

@@ -16,7 +16,7 @@ from pipeline.core.arrays import Array
 from pipeline.core.errors import AccuracyError, InputError
 from pipeline.dynamics.compiled_system.system import CompiledSystem
 from pipeline.dynamics.kinematics import Kinematics
-from pipeline.dynamics.open_loads import open_loads
+from pipeline.dynamics.open_loads import largest_gap, open_loads
 from pipeline.dynamics.transmitted_loads import (
     BodyLoads,
     geometric_stiffness_over,
@@ -46,6 +46,7 @@ _SHORT_MARCH = 1000.0  # radians of the highest frequency, about a step each of 
 _MOST_EXPLICIT = 1e6  # leapfrog steps of a march of rigid bodies
 # A deflection that grows by more than e³ has left what geometric stiffness describes.
 _GROWTH = 3.0
+_CLOSED = 1e-6  # m or rad: a gap that bodies close by deforming, not one of round-off
 _SUSPECT = 0.5  # of its buckling load on a body alone: what loops or elements hold is looked at as a whole
 _MOMENTS = 41  # at which the stiffness of what loops or elements hold is looked at
 
@@ -158,8 +159,9 @@ def check_spins(
         counts = (matters and (meshed is None or name in meshed)) or bool(part_of(name))
         stiffened = wanted == "on" or (wanted == "auto" and counts)
         checks[name] = SpinCheck(largest, first, critical, stiffened, change, loads, motion.times, motion.q)
-    if wanted == "auto" and any(check.stiffened for check in checks.values()):
-        for name, check in checks.items():  # by the stretch of a body that deflects, of another that holds it
+    opened = largest_gap(mechanism.rigid, motion.times, motion.q) > _CLOSED
+    if wanted == "auto" and (opened or any(check.stiffened for check in checks.values())):
+        for name, check in checks.items():  # stretched by a body that deflects, or by a motion that is prescribed
             held = bool(check.loads.open.any()) and (meshed is None or name in meshed)
             checks[name] = replace(check, stiffened=check.stiffened or held)
     return checks

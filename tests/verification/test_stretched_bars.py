@@ -9,6 +9,7 @@ from scipy.optimize import brentq
 from pipeline import Pipeline, load_scene
 from pipeline.core.errors import InputError
 from pipeline.dynamics.kinematics import Kinematics
+from pipeline.stages.linear_model import linearise_scene
 
 LENGTH, WIDTH, HEIGHT, E = 1.0, 0.02, 0.006, 70e9
 EI, EA, LOAD = E * WIDTH * HEIGHT**3 / 12, E * WIDTH * HEIGHT, 20.0
@@ -143,3 +144,52 @@ def test_a_guided_column_buckles_at_the_load_of_its_own_ends(
         assert (change.growth > 0.0) == (part > 1.0)
     with pytest.raises(InputError, match=r"would buckle: .* up to 1\.[01][0-9]* times what it bears"):
         _ = run.motions
+
+
+# A wall that moves ---------------------------------------------------------------------------------------------------
+
+MOVING = """
+[body.car]
+shape = "point"
+mass = "1 kg"
+marker = { at = { at = ["0 m", "0 m", "0 m"] } }
+[joint.slide]
+type = "prismatic"
+parent = "ground.wall"
+child = "car.at"
+axis = [1, 0, 0]
+[drive.pull]
+type = "motion"
+joint = "slide"
+position = { formula = "0.05*t", unit = "m" }
+[joint.grip]
+type = "fixed"
+parent = "car.at"
+child = "left.tip"
+"""
+
+
+def first_frequency(tension: float) -> float:
+    """First root ω of the characteristic equation of a clamped bar under tension [rad/s].
+
+    With ``(a² − b²) EI = N`` and ``a² b² EI = μ ω²``, L = 1:
+    ``2ab (1 − cosh a cos b) + (a² − b²) sinh a sin b = 0``.
+    """
+    mu, half = 2700.0 * WIDTH * HEIGHT, tension / (2 * EI)
+
+    def lack(omega: float) -> float:
+        whole = np.sqrt(half**2 + mu * omega**2 / EI)
+        a, b = np.sqrt(whole + half), np.sqrt(whole - half)
+        return float(2 * a * b * (1 / np.cosh(a) - np.cos(b)) + 2 * half * np.tanh(a) * np.sin(b))
+
+    lowest = np.pi * np.sqrt(tension / mu)  # of a string without stiffness, twice which is its second one
+    return float(brentq(lack, lowest, 1.7 * lowest))
+
+
+def test_a_bar_that_its_wall_stretches_sounds_as_one_under_that_tension(tmp_path: Path) -> None:
+    file, t = tmp_path / "bar.toml", 0.01
+    text = WHOLE + REST.replace('start = "equilibrium"', "").replace("20 N", "1 mN") + MOVING
+    file.write_text('title = "Between walls"\n' + text)
+    model = linearise_scene(Pipeline(load_scene(file)), [], [], str(t)).model
+    poles = model.poles.imag
+    assert poles[poles > 1.0].min() == pytest.approx(first_frequency(EA * 0.05 * t / LENGTH), rel=0.01)
