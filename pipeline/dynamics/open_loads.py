@@ -62,8 +62,7 @@ def largest_gap(rigid: Mechanism, times: Array, q: Array) -> float:
             axes = closure.along if len(closure.along) == 3 else closure.along @ first.T
             gaps = [*(axes @ apart), *(first @ a @ (second @ b) for a, b in closure.square)]
             gaps += [np.linalg.norm(apart) - closure.distance] if closure.distance else []
-            kept = [abs(gap) for number, gap in enumerate(gaps) if number not in closure.left_out]
-            largest = max([largest, *kept])
+            largest = max([largest, *(abs(gap) for gap in gaps)])
     return float(largest)
 
 
