@@ -7,7 +7,7 @@ import numpy as np
 import pytest
 
 from meshes.bar import hexahedral_bar
-from pipeline.accuracy.stretching import excess_deflection
+from pipeline.accuracy.stretching import OF_BENDING, excess_deflection
 from pipeline.fem.assembly import assemble
 from pipeline.fem.markers import Marker
 from pipeline.fem.material import Material
@@ -48,6 +48,20 @@ def test_a_cantilever_is_free_to_shorten_and_hardly_stiffens() -> None:
     stiffer, deflection = ratio(strip(), (0.0,), 30.0)
     assert deflection > 10 * DEPTH
     assert stiffer < 2 * (deflection / LENGTH) ** 2
+
+
+def test_a_strip_that_bends_evenly_answers_to_its_largest_rotation_alone() -> None:
+    """So much is taken for large rotation, and no more is left for stretch."""
+    fe = strip()
+    root, end = (np.flatnonzero(np.abs(fe.x[:, 0] - x) < 1e-9) for x in (fe.x[:, 0].min(), fe.x[:, 0].max()))
+    solver = FreeBodySolver(fe, [], (3 * root[:, None] + np.arange(3)).ravel(), factorise)
+    moment = np.zeros((len(fe.x), 3, 1))
+    moment[end, 0, 0] = 1e3 * fe.x[end, 2]
+    u = solver.static_response(moment)[:, :, 0]
+    f, energy = quadratic_strain_load(fe, u)
+    ratio = membrane_ratio(fe, u, solver.static_response(-f[:, :, None])[:, :, 0], f, energy)
+    turn = np.polyfit(fe.x[end, 2], u[end, 0], 1)[0]
+    assert 0.6 * turn**2 < ratio < OF_BENDING * turn**2
 
 
 def test_the_load_is_quadratic_and_its_energy_quartic_and_no_translation_works() -> None:
