@@ -1,6 +1,6 @@
 """Errors of a run's model: what it leaves out, each estimated by a run that has it.
 
-Large deflection, whose squares are left out; stretching between supports; geometric stiffening, where it is off; the
+Large deflection, whose squares are left out; stretching; geometric stiffening, where it is off; the
 attachment of a clamped root, averaged or rigid. Damping that a scene doesn't give is reported beside them, and isn't
 counted: the scene's own.
 """
@@ -18,6 +18,13 @@ from pipeline.accuracy.coarse_mesh import ALIKE, Pair
 from pipeline.accuracy.deflection import deflection_errors
 from pipeline.accuracy.error_estimates import soften_body
 from pipeline.accuracy.matching import find_counterparts
+from pipeline.accuracy.stretching import (
+    OF_VIBRATION,
+    TEXT,
+    excess_deflection,
+    stiffening_by_stretch,
+    stretching_bodies,
+)
 from pipeline.accuracy.time_limit import LeftOutError
 from pipeline.core.arrays import Array
 from pipeline.core.errors import AccuracyError, InputError
@@ -113,8 +120,7 @@ class ModelErrors:
             (
                 "stretching",
                 self._stretching,
-                "supports keep a body from shortening, so that it stretches and is stiffer than linear bending has it; "
-                "smaller deflections are right",
+                TEXT,
                 True,
             ),
             (
@@ -186,27 +192,18 @@ class ModelErrors:
         return share * self._run.deformations[name].rotation ** 2
 
     def _stretching(self) -> dict[str, float] | None:
-        """Return how much too far supported bodies deflect, where that stretches them, relative to the deflection.
-
-        With a cubic force of relative size r at the linear deflection, the deflection s times as large has
-        ``s + r s³ = 1``.
-        """
-        errors = {}
-        for name, part in self._run.parts.items():
-            if part.fixed is None:
-                continue
-            from pipeline.fem.membrane import membrane_ratio, quadratic_strain_load
-
-            self._comparison.require_modes(0.5)  # a factor
-            body, q = self._run.bodies[name], self._run.motion.modal(name)
-            worst = q[((q * body.omega) ** 2).sum(axis=1).argmax()]
-            u = body.shapes @ worst
-            f, energy = quadratic_strain_load(part.fe, u)
-            v = part.model.solver.static_response(-f[:, :, None])[:, :, 0]
-            r = membrane_ratio(part.fe, u, v, f, energy)
-            size = np.roots([r, 0.0, 1.0, -1.0]) if r else np.ones(1)
-            errors[name] = 1 / float(size.real[np.abs(size.imag).argmin()]) - 1
-        return dict.fromkeys(self._comparison.of_motion, max(errors.values())) if errors else None
+        """Return how much too far bodies deflect where that stretches them, and what they ring at changes."""
+        names = stretching_bodies(self._run)
+        if not names:
+            return None
+        self._comparison.require_modes(0.5)  # a factor
+        ratios = {name: stiffening_by_stretch(self._run, name) for name in names}
+        too_far = max(excess_deflection(ratio) for ratio in ratios.values())
+        errors = dict.fromkeys(self._comparison.of_motion, too_far)
+        if too_far > _WORTH_NAMING:
+            sizes = {name: -OF_VIBRATION * r * np.eye(len(self._run.bodies[name].omega)) for name, r in ratios.items()}
+            errors |= {name: max(too_far, change) for name, change in self._softened(sizes).items()}
+        return errors
 
     def _stiffening(self) -> dict[str, float] | None:
         """Return the change of the motion with every body stiffened, if one isn't."""

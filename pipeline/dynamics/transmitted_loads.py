@@ -25,7 +25,9 @@ from pipeline.reduction.body import MarkerShapes
 AnyPlace = TypeVar("AnyPlace", bound=Place)
 
 _SHARE = 0.1
-_ELEMENT = "element "  # before a force element's name, which may be that of a joint too
+_ROUND_OFF = 1e-9  # of the largest form
+ELEMENT = "element "
+"""What is before a force element's name, which may be that of a joint too."""
 
 
 @dataclass(frozen=True)
@@ -43,6 +45,8 @@ class BodyLoads:
         that closes a loop, then of each force element's end on it.
     joint : ndarray, shape (n_times, 6)
         Force and moment of the joint that carries it, at its origin.
+    open : ndarray of bool, shape (n_loads, 6)
+        Components of ``wrenches`` that the motion of rigid bodies leaves open, as `open_loads` finds them.
     """
 
     spin: Array
@@ -50,6 +54,7 @@ class BodyLoads:
     acceleration: Array
     wrenches: Array
     joint: Array
+    open: Array
 
 
 def transmitted_loads(motion: Kinematics) -> list[BodyLoads]:
@@ -63,7 +68,7 @@ def transmitted_loads(motion: Kinematics) -> list[BodyLoads]:
         into_body = frame.rotation.swapaxes(1, 2)
         spin, velocity = turned(into_body, frame.spin), turned(into_body, frame.velocity)
         acceleration = _rate(motion, velocity) + np.cross(spin, velocity) - into_body @ mechanism.gravity
-        carried, loads, held = _loaded_places(mechanism, body)
+        carried, loads, held = loaded_places(mechanism, body)
         pulls = [_on_carrier(motion, k, *joints[k]) for k in carried] + [_of_load(motion, body, at) for at in loads]
         pulls += [(reactions[name][:, side, :3], reactions[name][:, side, 3:]) for name, side, _ in held]
         wrenches = np.array([np.concatenate([turned(into_body, part) for part in pull], axis=1) for pull in pulls])
@@ -72,7 +77,12 @@ def transmitted_loads(motion: Kinematics) -> list[BodyLoads]:
         places += [at.position for _, _, at in held]
         force, moment = _joint_load(motion, body, places, wrenches)
         found[body] = BodyLoads(
-            spin, _rate(motion, spin), acceleration, wrenches, np.concatenate([force, moment], axis=1)
+            spin,
+            _rate(motion, spin),
+            acceleration,
+            wrenches,
+            np.concatenate([force, moment], axis=1),
+            np.zeros((len(pulls), 6), dtype=bool),
         )
         joints[body] = turned(frame.rotation, force), turned(frame.rotation, moment)
     return [found[body] for body in range(len(mechanism.links))]
@@ -82,7 +92,7 @@ def geometric_stiffness_over(mechanism: Mechanism, body: int, loads: BodyLoads) 
     """Return what loads add to the modal stiffness of a body, shape (n_times, n, n) [1/s²]."""
     link = mechanism.links[body]
     gram, n = link.gram, len(link.omega)
-    carried, points, held = _loaded_places(mechanism, body)
+    carried, points, held = loaded_places(mechanism, body)
     K = np.zeros((len(loads.spin), n, n))
     bows = [mechanism.links[k].place_bow for k in carried] + [at.bow for at in points] + [at.bow for *_, at in held]
     for wrench, bow in zip(loads.wrenches, bows, strict=True):
@@ -103,22 +113,25 @@ def geometric_stiffness_over(mechanism: Mechanism, body: int, loads: BodyLoads) 
 def without_negligible_terms(mechanism: Mechanism, body: int, loads: BodyLoads, tolerance: float) -> Mechanism:
     """Leave out terms of second order that change a body's stiffness by less than a part of it under its loads.
 
-    A component of a load counts as a tenth of the whole at least, since vibration adds to it.
+    A component of a load counts as a tenth of the whole at least, since vibration adds to it. Those that are open stay.
     """
     links, points = list(mechanism.links), list(mechanism.loads)
     omega = links[body].omega
 
-    def counting(forms: Array, values: Array) -> Array:
+    def sizes_of(forms: Array) -> Array:
+        return np.asarray(np.abs(np.linalg.eigvalsh(forms / np.outer(omega, omega))).max(axis=1))
+
+    def counting(forms: Array, values: Array, stays: Array | bool = False) -> Array:
         """Quadratic forms (k, n, n) of loads (n_times, k), zero where they don't count; empty if none does."""
         if not forms.size:
             return forms
         peaks = np.abs(values).max(axis=0)
-        sizes = np.abs(np.linalg.eigvalsh(forms / np.outer(omega, omega))).max(axis=1)
-        counts = sizes * np.maximum(peaks, _SHARE * peaks.max()) > tolerance
+        counts = (sizes_of(forms) * np.maximum(peaks, _SHARE * peaks.max()) > tolerance) | stays
         return np.where(counts[:, None, None], forms, 0.0) if counts.any() else forms[:, :0, :0]
 
-    def counting_bow(bow: Array, wrench: Array) -> Array:
-        parts = [counting(bow[:3], wrench[:, :3]), counting(bow[3:], wrench[:, 3:])]
+    def counting_bow(bow: Array, wrench: Array, unknown: Array) -> Array:
+        stays = unknown & (sizes_of(bow) > _ROUND_OFF * sizes_of(bow).max()) if bow.size else unknown
+        parts = [counting(bow[k : k + 3], wrench[:, k : k + 3], stays[k : k + 3]) for k in (0, 3)]
         n = max(part.shape[1] for part in parts)
         return np.concatenate([part if part.size else np.zeros((3, n, n)) for part in parts])
 
@@ -134,18 +147,18 @@ def without_negligible_terms(mechanism: Mechanism, body: int, loads: BodyLoads, 
     if joint_bow.size:
         joint_bow = counting(joint_bow[None], (loads.joint[:, 3:] @ axis)[:, None])[0]
     links[body] = replace(links[body], gram=gram, joint_bow=joint_bow)
-    wrenches = iter(loads.wrenches)
+    wrenches = zip(loads.wrenches, loads.open, strict=True)
     for k, link in enumerate(links):
         if link.parent == body:
-            links[k] = replace(link, place_bow=counting_bow(link.place_bow, next(wrenches)))
+            links[k] = replace(link, place_bow=counting_bow(link.place_bow, *next(wrenches)))
     for k, load in enumerate(points):
         if load.body == links[body].name:
-            points[k] = replace(load, bow=counting_bow(load.bow, next(wrenches)))
+            points[k] = replace(load, bow=counting_bow(load.bow, *next(wrenches)))
 
     def counting_place(place: AnyPlace) -> AnyPlace:
         if place.body != links[body].name:
             return place
-        return replace(place, marker=replace(place.marker, bow=counting_bow(place.marker.bow, next(wrenches))))
+        return replace(place, marker=replace(place.marker, bow=counting_bow(place.marker.bow, *next(wrenches))))
 
     closures, elements = list(mechanism.closures), list(mechanism.elements)
     for k, closure in enumerate(closures):
@@ -157,16 +170,16 @@ def without_negligible_terms(mechanism: Mechanism, body: int, loads: BodyLoads, 
     return replace(mechanism, links=links, loads=points, closures=closures, elements=elements)
 
 
-def _loaded_places(
+def loaded_places(
     mechanism: Mechanism, body: int
 ) -> tuple[list[int], list[PointLoad], list[tuple[str, int, MarkerShapes]]]:
-    """Numbers of the bodies that a body carries, the point loads on it, and what else holds it.
+    """Return the numbers of the bodies that a body carries, the point loads on it, and what else holds it.
 
     Of a joint that closes a loop, and of a force element, there are its name, the number of its place, and the marker.
     """
     carried, name = [k for k, other in enumerate(mechanism.links) if other.parent == body], mechanism.links[body].name
     pairs = [(joint.name, (joint.first, joint.second)) for joint in mechanism.closing_joints]
-    pairs += [(f"{_ELEMENT}{element.name}", element.ends) for element in mechanism.elements]
+    pairs += [(f"{ELEMENT}{element.name}", element.ends) for element in mechanism.elements]
     held = [
         (key, side, place.marker) for key, places in pairs for side, place in enumerate(places) if place.body == name
     ]
@@ -178,7 +191,7 @@ def _element_reactions(motion: Kinematics) -> dict[str, Array]:
     found = {}
     for element in motion.mechanism.elements:
         sides = [np.concatenate(wrench, axis=1) for wrench in element_wrenches(motion.states, element)]
-        found[f"{_ELEMENT}{element.name}"] = np.stack(sides, axis=1)
+        found[f"{ELEMENT}{element.name}"] = np.stack(sides, axis=1)
     return found
 
 

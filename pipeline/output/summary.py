@@ -10,6 +10,7 @@ import numpy as np
 from pipeline.accuracy.deflection import TOO_LARGE, deflection_warnings
 from pipeline.accuracy.error_budget import Budget, state_errors
 from pipeline.accuracy.error_estimates import SAFETY
+from pipeline.accuracy.stretching import stretching_warnings
 from pipeline.core.version import __version__
 from pipeline.output.coupling import coupling_warnings
 from pipeline.output.explain import STAGES
@@ -49,6 +50,7 @@ def summarise(run: Pipeline, files: list[str], budget: bool, budget_seconds: flo
         *_division_warnings(run),
         *_motion_warnings(run),
         *deflection_warnings(run),
+        *stretching_warnings(run, TOO_LARGE),
         *loop_warnings(run),
         *coupling_warnings(run),
     ]
@@ -187,14 +189,6 @@ def _budget_warnings(run: Pipeline, budget: Budget) -> list[dict[str, str]]:
             f"{math.ceil(_MORE_TIME * max(budget.seconds, 1.0))} more of it is estimated"
         )
         warnings.append({"code": "budget-incomplete", "text": text})
-    warnings += [
-        {
-            "code": "large-deflection",
-            "text": f"{each.text}; results are off by about {100 * each.error:.2g} %",
-        }
-        for each in budget.model
-        if each.cause == "stretching" and each.error > TOO_LARGE
-    ]
     wanted = run.scene.accuracy
     causes = [each for each in budget.model if each.counted and wanted is not None and SAFETY * each.error > wanted]
     for each in causes:

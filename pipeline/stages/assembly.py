@@ -292,9 +292,9 @@ def _without_idle_rows(mechanism: Mechanism, rigid: CompiledSystem, q: Array) ->
     system = CompiledSystem(mechanism)
     largest = np.zeros(len(system.compiled.rows))
     for state in states:
-        _, S = system.compiled.multipliers(0.0, _undeformed(mechanism, rigid.mechanism, state))
+        _, S = system.compiled.multipliers(0.0, undeformed_positions(mechanism, rigid.mechanism, state))
         largest = np.maximum(largest, S.diagonal() / system.constraint_scales)
-    driven, at_start = np.zeros(len(largest)), _undeformed(mechanism, rigid.mechanism, q)
+    driven, at_start = np.zeros(len(largest)), undeformed_positions(mechanism, rigid.mechanism, q)
     for t in np.linspace(0.0, mechanism.horizon, _MOMENTS):
         _, rates = system.compiled.gaps(float(t), at_start, np.zeros(mechanism.n))
         driven = np.maximum(driven, np.abs(rates))
@@ -311,7 +311,9 @@ def movable_rigid(mechanism: Mechanism) -> Mechanism:
     """
     rigid = mechanism.rigid
     system = CompiledSystem(rigid)
-    if not rigid.closures or not rigid.n or constraint_rank(system, rigid.rest_positions) < rigid.n:
+    if rigid.closures and not rigid.n:  # the prescribed motions alone move it, whatever they open
+        return _leave_out(rigid, system.compiled.rows)
+    if not rigid.closures or constraint_rank(system, rigid.rest_positions) < rigid.n:
         return rigid
     from scipy.linalg import qr
 
@@ -333,8 +335,8 @@ def _leave_out(mechanism: Mechanism, rows: Sequence[ConstraintRow]) -> Mechanism
     return replace(mechanism, closures=closures)
 
 
-def _undeformed(mechanism: Mechanism, rigid: Mechanism, q: Array) -> Array:
-    """Positions of a mechanism without deformation, its joints as those of the rigid one."""
+def undeformed_positions(mechanism: Mechanism, rigid: Mechanism, q: Array) -> Array:
+    """Return positions of a mechanism without deformation, its joints as those of the rigid one."""
     out = mechanism.rest_positions
     for link, to, of in zip(mechanism.links, mechanism.layout.position, rigid.layout.position, strict=True):
         out[to : to + link.n_positions] = q[of : of + link.n_positions]

@@ -158,10 +158,8 @@ def stiffen_reduced(model: HeldModel, body: FlexibleBody) -> FlexibleBody:
     """Stiffen a reduced body by the loads that a scene can put on it."""
     joint = model.joint
     reaction = None if joint.floating or model.fixed is not None else model.reaction
-    # The joint's own marker moves in the body's frame where the body turns freely about an axis.
-    moving = {name: at for name, at in model.markers.items() if name != joint.marker or len(joint.free) == 1}
     common = (body, model.fe, model.solver, reaction, joint.plane, joint.accelerated)
-    return stiffen_body(*common, moving, joint.free_directions if model.fixed is not None else None)
+    return stiffen_body(*common, model.markers, joint.free_directions if model.fixed is not None else None)
 
 
 def _enriched_shapes(model: HeldModel, modes: Modes, settings: AnyModes) -> tuple[Array, Array]:

@@ -7,8 +7,8 @@ a body's second moments, and has no stiffness left at a critical rate.
 from __future__ import annotations
 
 from collections.abc import Collection, Mapping
-from dataclasses import dataclass, field
-from typing import TYPE_CHECKING
+from dataclasses import dataclass, field, replace
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
@@ -16,6 +16,7 @@ from pipeline.core.arrays import Array
 from pipeline.core.errors import AccuracyError, InputError
 from pipeline.dynamics.compiled_system.system import CompiledSystem
 from pipeline.dynamics.kinematics import Kinematics
+from pipeline.dynamics.open_loads import largest_gap, open_loads
 from pipeline.dynamics.transmitted_loads import (
     BodyLoads,
     geometric_stiffness_over,
@@ -45,6 +46,9 @@ _SHORT_MARCH = 1000.0  # radians of the highest frequency, about a step each of 
 _MOST_EXPLICIT = 1e6  # leapfrog steps of a march of rigid bodies
 # A deflection that grows by more than e³ has left what geometric stiffness describes.
 _GROWTH = 3.0
+_CLOSED = 1e-6  # m or rad: a gap that bodies close by deforming, not one of round-off
+_SUSPECT = 0.5  # of its buckling load on a body alone: what loops or elements hold is looked at as a whole
+_MOMENTS = 41  # at which the stiffness of what loops or elements hold is looked at
 
 
 @dataclass(frozen=True)
@@ -67,6 +71,8 @@ class SpinCheck:
         Loads through the body with all bodies rigid.
     times : ndarray, shape (n_times,)
         At which they are known [s].
+    positions : ndarray, shape (n_times, n_positions)
+        Of the mechanism with all bodies rigid.
     """
 
     largest_rate: float
@@ -76,6 +82,7 @@ class SpinCheck:
     change: float
     loads: BodyLoads = field(repr=False)
     times: Array = field(repr=False)
+    positions: Array = field(repr=False)
 
 
 @dataclass(frozen=True)
@@ -127,6 +134,9 @@ def check_spins(
     rigid = movable_rigid(mechanism)
     motion = rigid_motion(rigid, *place_joints(scene, rigid), scene.simulation.duration)
     all_loads = transmitted_loads(motion)
+    if mechanism.closures or mechanism.elements:
+        unknown = open_loads(mechanism.rigid, motion.times, motion.q)
+        all_loads = [replace(loads, open=own) for loads, own in zip(all_loads, unknown, strict=True)]
     checks = {}
     for name, body in bodies.items():
         loads = all_loads[mechanism.number_of(name)]
@@ -148,7 +158,12 @@ def check_spins(
         # Displacements of second order in its pieces also make the rotations of a chain converge faster.
         counts = (matters and (meshed is None or name in meshed)) or bool(part_of(name))
         stiffened = wanted == "on" or (wanted == "auto" and counts)
-        checks[name] = SpinCheck(largest, first, critical, stiffened, change, loads, motion.times)
+        checks[name] = SpinCheck(largest, first, critical, stiffened, change, loads, motion.times, motion.q)
+    opened = not rigid.n and largest_gap(rigid, motion.times, motion.q) > _CLOSED
+    if wanted == "auto" and (opened or any(check.stiffened for check in checks.values())):
+        for name, check in checks.items():  # stretched by a body that deflects, or by a motion that is prescribed
+            held = bool(check.loads.open.any()) and (meshed is None or name in meshed)
+            checks[name] = replace(check, stiffened=check.stiffened or held)
     return checks
 
 
@@ -185,12 +200,34 @@ def find_changes(mechanism: Mechanism, checks: Mapping[str, SpinCheck]) -> dict[
             K = geometric_stiffness_over(mechanism, body, check.loads) / np.outer(omega, omega)
             parts = np.linalg.eigvalsh(K)
             lowest = np.linalg.eigvalsh(K * np.outer(omega, omega) + np.diag(omega**2))[:, 0]
-            beyond = np.flatnonzero(lowest < 0.0)
-            growth = float(np.trapezoid(np.sqrt(np.maximum(-lowest, 0.0)), check.times))
-            buckles_at = float(check.times[beyond[0]]) if beyond.size else np.inf
-            buckling = float(max(-parts[:, 0].min(), 0.0))
-            changes[name] = StiffnessChange(float(np.abs(parts).max()), buckling, buckles_at, growth)
+            largest, buckling = float(np.abs(parts).max()), float(max(-parts[:, 0].min(), 0.0))
+            changes[name] = StiffnessChange(largest, buckling, *_instability(check.times, lowest))
+    suspects = [name for name, change in changes.items() if change.buckling > _SUSPECT and not part_of(name)]
+    if suspects and (mechanism.closures or mechanism.elements):
+        loads = {mechanism.number_of(name): checks[name].loads for name in changes}
+        held = _find_held_change(mechanism, loads, checks[suspects[0]])
+        changes |= {name: replace(held, largest=changes[name].largest) for name in suspects}
     return changes
+
+
+def _instability(times: Array, stiffness: Any) -> tuple[float, float]:
+    """Return when the lowest stiffness over mass is first below 0 [s], and the logarithm of what grows by that."""
+    lowest = np.asarray(stiffness, dtype=float)
+    beyond = np.flatnonzero(lowest < 0.0)
+    growth = float(np.trapezoid(np.sqrt(np.maximum(-lowest, 0.0)), times))
+    return float(times[beyond[0]]) if beyond.size else np.inf, growth
+
+
+def _find_held_change(mechanism: Mechanism, loads: Mapping[int, BodyLoads], at: SpinCheck) -> StiffnessChange:
+    """Find how far bodies are from buckling that wouldn't bear their loads alone, but loops or elements hold them."""
+    from pipeline.dynamics.compiled_system.shared import share_system
+    from pipeline.stages.buckling import held_stiffness
+
+    system = share_system(mechanism)
+    moments = np.unique(np.linspace(0, len(at.times) - 1, _MOMENTS).astype(int))
+    held = [held_stiffness(system, loads, k, float(at.times[k]), at.positions[k]) for k in moments]
+    buckling = max(each.buckling for each in held)
+    return StiffnessChange(buckling, buckling, *_instability(at.times[moments], [each.lowest for each in held]))
 
 
 def require_unbuckled(scene: Scene, changes: Mapping[str, StiffnessChange]) -> None:

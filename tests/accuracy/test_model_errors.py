@@ -1,5 +1,6 @@
 """Errors of the model itself: what a run leaves out, against runs that have it."""
 
+from pathlib import Path
 from typing import Any
 
 import numpy as np
@@ -8,6 +9,7 @@ import pytest
 from pipeline import Pipeline, load_scene
 from pipeline.accuracy.error_budget import state_errors
 from pipeline.accuracy.error_estimates import SAFETY, Row
+from pipeline.accuracy.stretching import stiffening_by_stretch
 from pipeline.core.cache import Cache
 from pipeline.output.summary import summarise
 
@@ -105,3 +107,24 @@ def test_a_wanted_accuracy_beyond_the_models_is_warned_of(tmp_path: Any) -> None
     codes = [warning["code"] for warning in summary["warnings"]]
     assert "model-error" in codes
     assert {each["cause"] for each in summary["error_budget"]["model"]} >= {"attachment"}
+
+
+PLATE = [
+    "body.bar.length=600 mm",
+    "body.bar.depth=200 mm",
+    "body.bar.width=1 mm",
+    "body.bar.mesh.divisions=[18, 6, 1]",
+    'drive={twist={type="point torque", marker="bar.tip", direction=[1, 0, 0], torque="0.1 N m"}}',
+    "simulation.start=equilibrium",
+]
+
+
+def test_a_strip_that_twists_is_warned_of_without_a_budget_too(tmp_path: Path) -> None:
+    """A twist by t for each length stretches a strip's edges, which takes a torque ``E h b⁵ t³ / 360`` (Weber)."""
+    run = bar(tmp_path, *PLATE)
+    E, h, b = 70e9, 0.001, 0.2
+    linear = E / (2 * 1.33) * b * h**3 / 3
+    twist = 0.1 / linear
+    assert stiffening_by_stretch(run, "bar") == pytest.approx(E * h * b**5 * twist**2 / (360 * linear), rel=0.25)
+    (warning,) = (each for each in summarise(run, [], budget=False)["warnings"] if each["code"] == "large-deflection")
+    assert "as a plate that twists" in warning["text"]

@@ -1,10 +1,15 @@
 """Stretching by large deflection, against the energies of a beam."""
 
+import importlib
+from pathlib import Path
+
 import numpy as np
 import pytest
 
 from meshes.bar import hexahedral_bar
+from pipeline.accuracy.stretching import OF_BENDING, excess_deflection
 from pipeline.fem.assembly import assemble
+from pipeline.fem.markers import Marker
 from pipeline.fem.material import Material
 from pipeline.fem.membrane import membrane_ratio, quadratic_strain_load
 from pipeline.fem.mesh import SolidMesh
@@ -45,6 +50,20 @@ def test_a_cantilever_is_free_to_shorten_and_hardly_stiffens() -> None:
     assert stiffer < 2 * (deflection / LENGTH) ** 2
 
 
+def test_a_strip_that_bends_evenly_answers_to_its_largest_rotation_alone() -> None:
+    """So much is taken for large rotation, and no more is left for stretch."""
+    fe = strip()
+    root, end = (np.flatnonzero(np.abs(fe.x[:, 0] - x) < 1e-9) for x in (fe.x[:, 0].min(), fe.x[:, 0].max()))
+    solver = FreeBodySolver(fe, [], (3 * root[:, None] + np.arange(3)).ravel(), factorise)
+    moment = np.zeros((len(fe.x), 3, 1))
+    moment[end, 0, 0] = 1e3 * fe.x[end, 2]
+    u = solver.static_response(moment)[:, :, 0]
+    f, energy = quadratic_strain_load(fe, u)
+    ratio = membrane_ratio(fe, u, solver.static_response(-f[:, :, None])[:, :, 0], f, energy)
+    turn = np.polyfit(fe.x[end, 2], u[end, 0], 1)[0]
+    assert 0.6 * turn**2 < ratio < OF_BENDING * turn**2
+
+
 def test_the_load_is_quadratic_and_its_energy_quartic_and_no_translation_works() -> None:
     fe = strip()
     u = 1e-4 * np.sin(fe.x @ np.random.default_rng(0).normal(size=(3, 3)))
@@ -53,3 +72,26 @@ def test_the_load_is_quadratic_and_its_energy_quartic_and_no_translation_works()
     assert twice == pytest.approx(4 * f, rel=1e-9, abs=1e-9 * np.abs(f).max())
     assert of_twice == pytest.approx(16 * energy, rel=1e-12)
     assert np.abs(f.sum(axis=0)).max() < 1e-9 * np.abs(f).sum()
+
+
+def test_a_twisted_plate_stiffens_as_a_nonlinear_solid_does(monkeypatch: pytest.MonkeyPatch) -> None:
+    """Corners of a cantilever two thicknesses up and down: a seventh of the linear deflection isn't there."""
+    monkeypatch.syspath_prepend(str(Path(__file__).parents[2] / "benchmarks"))
+    plate = SolidMesh(*hexahedral_bar(0.3, 0.3, 0.002, (6, 6, 1)))
+    fe = assemble(plate, 2, Material(E=70e9, nu=0.3, rho=2700.0))
+    x, root = fe.x, np.flatnonzero(fe.x[:, 0] < fe.x[:, 0].min() + 1e-9)
+    ends = [np.linalg.norm(x - [x[:, 0].max(), y, 0.0], axis=1).argmin() for y in (x[:, 1].max(), x[:, 1].min())]
+    root_marker, corners = (
+        Marker(x[nodes].mean(axis=0), nodes, weights, np.zeros((3, len(nodes), 3)))
+        for nodes, weights in ((root, np.ones(len(root))), (np.array(ends), np.array([1.0, -1.0])))
+    )
+    solid = importlib.import_module("nonlinear_solid").NonlinearSolid(fe, root_marker, corners)
+    force = np.array([0.0, 0.0, 10.0])
+    load = solid.load(force)
+    solver = FreeBodySolver(fe, [], (3 * root[:, None] + np.arange(3)).ravel(), factorise)
+    u = solver.static_response(load[:, :, None])[:, :, 0]
+    f, energy = quadratic_strain_load(fe, u)
+    ratio = membrane_ratio(fe, u, solver.static_response(-f[:, :, None])[:, :, 0], f, energy)
+    true = float((load * u).sum() / (load * solid.rest(force)).sum()) - 1
+    assert true > 0.1
+    assert true < excess_deflection(ratio) < 1.2 * true

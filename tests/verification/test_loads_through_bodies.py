@@ -164,6 +164,38 @@ def test_a_load_that_passes_the_buckling_load_for_a_moment_is_warned_of(tmp_path
     assert "1.3 times its buckling load at t = 0 s" in warning["text"]
 
 
+# A free bar that is compressed between its ends -----------------------------------------------------------------------
+
+ENDS = """
+[drive.at-root]
+type = "point force"
+marker = "bar.root"
+direction = [1, 0, 0]
+force = "{load} N"
+[drive.at-tip]
+type = "point force"
+marker = "bar.tip"
+direction = [-1, 0, 0]
+force = "{load} N"
+"""
+STRUT = """
+[spring.strut]
+between = ["bar.root", "bar.tip"]
+length = "{shorter} m"
+stiffness = "1000 N/m"
+"""
+
+
+@pytest.mark.parametrize("between", [ENDS, STRUT])
+def test_a_free_bar_that_is_compressed_between_its_ends_buckles_at_the_load_of_euler(
+    tmp_path: Path, between: str
+) -> None:
+    load = 0.5 * 4 * EULER  # w = cos(πx/L) bends neither end, and takes π² EI/L²
+    parts = hub("free") + between.format(load=load, shorter=LENGTH - load / 1000)
+    run = bar(tmp_path, [*FLAT, "simulation.duration=1 s"], parts)
+    assert run.stiffness_changes["bar"].buckling == pytest.approx(0.5, rel=5e-3)
+
+
 # A heavy pendulum against a chain of rigid links ---------------------------------------------------------------------
 
 
