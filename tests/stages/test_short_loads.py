@@ -104,6 +104,34 @@ def test_a_fixed_step_that_would_step_over_a_blow_is_refused_with_one_that_works
     assert np.abs(run.motion.modal("plate") - exact).max() < 0.05 * np.abs(exact).max()
 
 
+def test_a_fixed_step_that_would_step_over_a_blow_on_a_lasting_load_is_refused(tmp_path: Any) -> None:
+    only = "simulation.run=[{integrator='exponential'}]"
+    force = "100 + 500*exp(-((t-0.15)/0.0003)**2)"
+    with pytest.raises(InputError, match=r"a load acts for 0\.0009\d* s only.* a step of 0\.00022 s or less works"):
+        _ = plate(tmp_path, force, only, "simulation.step=1 ms").plans
+    run = plate(tmp_path, force, only, "simulation.step=0.22 ms")
+    exact = closed_form(run)
+    assert np.abs(run.motion.modal("plate") - exact).max() < 0.01 * np.abs(exact).max()
+
+
+@pytest.mark.parametrize("method", ["sub-cycling", "reversible-sub-cycling"])
+def test_a_cycle_that_would_step_over_a_pulse_is_refused(method: str) -> None:
+    """The torque lasts for 15 fast steps, but a cycle of ten of them holds it; its impulse turns rod and slider."""
+    torque = "drive.motor.torque={formula='0 if t < 0.1 else 20*sin(pi*(t-0.1)/0.015) if t < 0.115 else 0', unit='N m'}"
+    only = f"simulation.run=[{{integrator='{method}', substeps=10}}]"
+    given = [torque, only, "simulation.duration=0.3 s", "simulation.output_step=0.1 s", "joint.slide.position=0 m"]
+    message = r"acts for 0\.015 s only, which .* holds loads over 10 steps, .* a step of 0\.00037 s or less works"
+    with pytest.raises(InputError, match=message):
+        _ = Pipeline(load_scene("rod-slider", given)).plans
+
+
+def test_a_step_that_is_chosen_is_short_enough_for_loads() -> None:
+    torque = "drive.motor.torque={formula='5 + 20*exp(-((t - 0.1)/0.0003)**2)', unit='N m'}"
+    given = [torque, "simulation.duration=0.3 s", "simulation.output_step=0.1 s", "simulation.step=auto"]
+    plans = Pipeline(load_scene("rod-slider", given)).plans.values()
+    assert max(plan.integrator.step * getattr(plan.integrator, "substeps", 1) for plan in plans) < 3e-4
+
+
 def test_a_load_that_moves_nothing_is_warned_of(tmp_path: Any) -> None:
     run = plate(tmp_path, BLOWS[0], "simulation.run=[{integrator='auto'}]")
     assert summarise(run, [], budget=False)["warnings"] == []

@@ -32,6 +32,7 @@ from pipeline.dynamics.compiler.program import LANES
 from pipeline.dynamics.jit.compiled import aligned
 from pipeline.dynamics.links import FREE, SPHERICAL
 from pipeline.dynamics.mechanism import Mechanism
+from pipeline.dynamics.signals.resolution import shortest_missed
 
 _ROOM = ("v_now", "d", "rising")  # vectors of `HeldCycle` that hold no coefficients
 _SHARE_AHEAD = 1e-2  # of a major cycle, over which the slow motion of a mechanism with loops is followed
@@ -88,6 +89,11 @@ class CompiledSystem(ReferenceState):
     def shortest_action(self) -> float:
         """Shortest time for which a load acts between two times without it [s]; infinity if none does."""
         return min((activity.shortest_action for activity in self.mechanism.activities), default=np.inf)
+
+    def shortest_missed(self, step: float) -> float:
+        """Return the width of the narrowest peak of a load whose impulse steps don't carry [s]; infinity if none."""
+        acting, end = self.mechanism.acting, self.mechanism.horizon
+        return min((shortest_missed(signal, end, step, derivative) for signal, derivative in acting), default=np.inf)
 
     @cached_property
     def coupled(self) -> bool:
