@@ -60,6 +60,10 @@ def test_sharp_but_finite_loads_pass(formula: str) -> None:
     [
         ("0 if t < 0.5 else 90", r"jumps at t = 0.5 s, from 0 deg at 0 deg/s to 90 deg at 0 deg/s; .* smooth formula"),
         ("t if t < 0.5 else 0.5", r"jumps at t = 0.5 s, from 0.5 deg at 1 deg/s to 0.5 deg at 0 deg/s"),
+        ("abs(t - 0.5)", r"jumps at t = 0.5 s, from \S+ deg at -1 deg/s to \S+ deg at 1 deg/s"),
+        ("2*max(0, t - 0.5)", r"jumps at t = 0.5 s, from 0 deg at 0 deg/s to \S+ deg at 2 deg/s"),
+        ("abs(sin(5000*t))", r"jumps at t = 0.000628319 s, .* at 5000 deg/s"),
+        ("1e-9*min(t, 0.5)", r"jumps at t = 0.5 s, .* at 1e-09 deg/s to .* at 0 deg/s"),
         ("1/t", "its value grows without bound .* at t = 0 s"),
         ("sqrt(t)", "its rate grows without bound .* at t = 0 s"),
         ("t**1.5", "its acceleration grows without bound .* at t = 0 s"),
@@ -68,3 +72,18 @@ def test_sharp_but_finite_loads_pass(formula: str) -> None:
 def test_a_motion_that_jumps_or_has_no_finite_acceleration_is_refused(formula: str, said: str) -> None:
     with pytest.raises(InputError, match=rf"drive\.spin_up\.angle = .*: {said}"):
         require_sound_drives(with_motion(formula))
+
+
+@pytest.mark.parametrize(
+    "formula",
+    [
+        "max(0, t - 0.5)**2",
+        "abs(t - 0.3)*(t - 0.3)",
+        "max(0, 1e4*(t - 0.5))**2",
+        "abs(sin(50*t))**3",
+        "tanh((t - 0.5)/1e-6)",
+        "t if t < 5 else 90",  # after the end
+    ],
+)
+def test_a_motion_with_a_kink_of_its_acceleration_passes(formula: str) -> None:
+    require_sound_drives(with_motion(formula))
