@@ -241,8 +241,9 @@ def _measure_growth(built: BuiltScene, plan: Plan, free: bool, known: list[Opera
             f"{method.name} would diverge; the largest stable step of this model is {limit:.4g} s "
             f"({describe_limit(method, plan.system, limit)})",
         )
-    couples_later = method.name == "exponential" and plan.system.coupled  # away from the reference state
-    if not (np.isfinite(limit) or couples_later):  # implicit, exact for small motions, or steered by its error
+    # Of what its stages take explicitly, it may couple away from the reference state, and dampers have no limit above.
+    grows = method.name == "exponential" and (plan.system.coupled or _damps_within(plan.system, method.step))
+    if not (np.isfinite(limit) or grows):  # implicit, exact for small motions, or steered by its error
         return Growth()
     from pipeline.stability.operating_points import find_operating_points
 
@@ -265,6 +266,12 @@ def _measure_growth(built: BuiltScene, plan: Plan, free: bool, known: list[Opera
             )
         return Growth(longest, float(np.exp(points.e_folds(replace(method, step=longest)))))
     return Growth(None, float(np.exp(folds)))
+
+
+def _damps_within(system: CompiledSystem, step: float) -> bool:
+    """Tell whether dampers stop a motion within a step [s]."""
+    M, _, C = system.stiffest_matrices
+    return bool(step * np.abs(np.linalg.eigvals(np.linalg.solve(M, C))).max(initial=0.0) > 1.0)
 
 
 def _describe_growth(method: Integrator, folds: float, longest: float) -> str:
