@@ -24,7 +24,9 @@ from pipeline.integrators.protocol import Progress, State, Trajectory, require_t
 _FLOOR = 1e-12  # a group that has not moved yet
 _LEAST = 1e-6  # of the largest value of its kind: a group that hardly moves
 SMALLEST = 1e-12  # of the duration
-_SPARE, _FORGIVEN = 256.0, 0.1  # such steps after a breakpoint, as from rest under sqrt(t), and their largest error
+_SPARE, _FORGIVEN = 256.0, 2.0  # such steps after a breakpoint, as from rest under sqrt(t), and their largest error
+_SHORT = 1e-6  # of the duration: steps from rest, whose error is beside what they move themselves,
+_JITTER = 8.0 * np.finfo(float).eps  # can't be below that of the time's own round-off: this times the time over a step
 _FIRST_CHUNK, _CHUNK = 4, 256  # steps: few where one takes long, so that progress is told in between
 _CHUNK_SECONDS = 0.1
 _LONG = 0.02  # seconds of some steps, beside which a look at what makes them short costs little
@@ -232,7 +234,7 @@ def end_step(m: Any, p: Any, s: AdaptiveMarch) -> None:
 def _march(m: Any, p: Any, s: AdaptiveMarch, stop: float, n_steps: int) -> int:
     """Take steps until a breakpoint ``stop`` [s] or the last output time; return how many, less than 0 if one fails."""
     n_positions, n, clock, times, cursor = s.q.size, s.v.size, s.clock, s.times, s.cursor
-    smallest = SMALLEST * times[times.size - 1]
+    smallest, short = SMALLEST * times[times.size - 1], _SHORT * times[times.size - 1]
     for done in range(n_steps):
         if cursor[0] >= times.size or clock[0] >= stop:
             return done
@@ -248,7 +250,7 @@ def _march(m: Any, p: Any, s: AdaptiveMarch, stop: float, n_steps: int) -> int:
             reached = stop if h == stop - t else t + h
             size = try_step(m, p, s, t, h, reached)
             factor = step_factor(size, s.tolerance, s.order)
-            if size <= s.tolerance:
+            if size <= s.tolerance or (h < short and size * h <= _JITTER * t):
                 break
             planned = True
             if h <= smallest:

@@ -1,4 +1,4 @@
-"""Fixed steps beside the scene's loads: refused where they would step over one, with a step that works."""
+"""Fixed steps beside the scene's loads and duration: refused with a step that works."""
 
 from __future__ import annotations
 
@@ -13,6 +13,7 @@ if TYPE_CHECKING:
 
 _STEPS_IN_ACTION = 4.0  # at least, while a load acts between two times without it, and in each peak
 _MOST_TRIALS = 40
+_MOST_STEPS = 1e12  # a day or more
 
 
 def require_resolved_loads(file: str, key: str, method: Integrator, system: CompiledSystem) -> None:
@@ -38,6 +39,24 @@ def require_resolved_loads(file: str, key: str, method: Integrator, system: Comp
         f"a step of {_rounded_down(longest / cycle):g} s or less works, and auto, runge-kutta and "
         "exponential-rosenbrock find theirs",
     )
+
+
+def require_countable_steps(file: str, key: str, step: float, duration: float) -> None:
+    """Check that a march by a fixed step [s] can come to an end.
+
+    Raises
+    ------
+    InputError
+        It takes more steps than a machine does in days.
+    """
+    if 0.0 < step * _MOST_STEPS < duration:
+        shortest = duration / _MOST_STEPS
+        raise InputError(
+            file,
+            key,
+            f"{step:.6g} s",
+            f"makes {duration / step:.3g} steps, which never come to an end; {1.1 * shortest:.2g} s or longer does",
+        )
 
 
 def cycle_of(method: Integrator, system: CompiledSystem) -> int:

@@ -19,7 +19,7 @@ from pipeline.integrators.protocol import Integrator, Progress, Trajectory
 from pipeline.integrators.subcycling import Subcycling
 from pipeline.stability.safe_step import ALLOWED_GROWTH, longest_safe_step
 from pipeline.stages.limit_words import describe_limit
-from pipeline.stages.load_steps import longest_resolving, require_resolved_loads
+from pipeline.stages.load_steps import longest_resolving, require_countable_steps, require_resolved_loads
 from pipeline.stages.mass_check import require_inertia
 from pipeline.stages.mechanism import find_start, place_joints
 
@@ -188,6 +188,7 @@ def _measure_growths(built: BuiltScene, plans: Sequence[Plan]) -> tuple[Growth, 
     simulation, growths = built.scene.simulation, []
     known: list[OperatingPoints] = []
     for run, plan in zip(simulation.run, plans, strict=True):
+        require_countable_steps(built.scene.file, plan.key, plan.integrator.step, simulation.duration)
         require_resolved_loads(built.scene.file, plan.key, plan.integrator, plan.system)
         growths.append(_measure_growth(built, plan, simulation.step == "auto" and not run.step, known))
     return tuple(growths)

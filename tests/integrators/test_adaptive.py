@@ -318,13 +318,17 @@ def test_a_mechanism_that_rests_stays_at_rest_with_ever_longer_steps(method):
 
 
 @BOTH
-@pytest.mark.parametrize("power", [0.5, 0.3])
-def test_a_load_whose_rate_is_infinite_moves_what_rests(method, power):
-    """From rest its error is the same part of what has moved in every step, however short."""
-    system = LinearSystem(np.zeros((1, 1)), push=np.array([3.0]), jump=0.0, power=power, breakpoints=(0.0,))
+@pytest.mark.parametrize(("power", "jump"), [(0.5, 0.0), (0.3, 0.0), (1.0, 50.0), (2.0, 50.0)])
+def test_a_load_that_begins_steeply_or_late_moves_what_rests(method, power, jump):
+    """From rest its error is beside what has moved in a step: where its rate is infinite always the same part of it.
+
+    And late in the march the time's own round-off is a large part of a short step.
+    """
+    push = np.array([3.0]) / (1.0 if jump == 0.0 else 1e-5**power)
+    system = LinearSystem(np.zeros((1, 1)), push=push, jump=jump, power=power, breakpoints=(jump,))
     times = np.array([0.1, 1.0])
-    march = method(1e-8).march(system, np.zeros(1), np.zeros(1), times)
-    exact = 3.0 * times ** (power + 2) / ((power + 1) * (power + 2))
+    march = method(1e-8).march(system, np.zeros(1), np.zeros(1), jump + times)
+    exact = push * times ** (power + 2) / ((power + 1) * (power + 2))
     np.testing.assert_allclose(march.q[:, 0], exact, rtol=1e-5)
 
 

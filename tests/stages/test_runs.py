@@ -82,6 +82,11 @@ def test_an_end_stop_limits_the_exponential_method() -> None:
     assert Pipeline(load_scene("rod-slider", [*SLIDER, stop, "simulation.step=3 ms"])).plans
 
 
+def test_a_step_that_makes_steps_without_end_is_refused() -> None:
+    with pytest.raises(InputError, match=r"makes 1e\+17 steps, .*; 1\.1e-13 s or longer does"):
+        Pipeline(load_scene("rod-slider", [*SLIDER, "simulation.step=1 as"])).plans  # noqa: B018
+
+
 def test_a_damper_limits_the_exponential_method() -> None:
     """Its stages are those of the Runge-Kutta method of order 4, which is stable up to 2.785 m/c."""
     damper = "joint.slide.damper=50000 N s/m"

@@ -118,8 +118,8 @@ def _find_peaks(times: Array, values: Array, height: float, around: float) -> li
     for k, turn in enumerate(turns[:-1]):
         sign = 1.0 if values[turn] > values[turns[k + 1]] else -1.0
         first, last = np.searchsorted(times, [times[turn] - around, times[turn] + around])
-        last = min(turns[k + 1], last - 1)
-        first = max(turns[k - 1], first) if k else turn
+        last = min(turns[k + 1], max(last - 1, turn + 1))
+        first = max(turns[k - 1], min(first, turn - 1)) if k else turn
         depth = float(np.ptp(values[turn : last + 1]))
         if k:
             depth = min(depth, float(np.ptp(values[first : turn + 1])))
