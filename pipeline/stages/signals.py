@@ -12,6 +12,7 @@ from pipeline.core.errors import InputError
 from pipeline.core.formula import parse_formula
 from pipeline.dynamics.signals.activity import find_activity
 from pipeline.dynamics.signals.signal import Signal, constant, formula, linear_table, smooth_table
+from pipeline.scene.loads import PulseDrive
 from pipeline.scene.time_functions import TimeFunction
 
 if TYPE_CHECKING:
@@ -55,6 +56,21 @@ def require_sound_drives(scene: Scene) -> None:
             raise InputError(scene.file, path, given.formula, _describe_fault(signal, time, moves))
         if moves:
             _require_continuous(scene, path, given, signal)
+
+
+def find_idle_drives(scene: Scene) -> list[str]:
+    """List the forces and torques over time that are 0 up to the scene's end, by their drives' names."""
+    assert scene.simulation is not None
+    end, idle = scene.simulation.duration, []
+    for name, drive in scene.drive.items():
+        given = getattr(drive, "force", None) or getattr(drive, "torque", None)
+        if isinstance(given, TimeFunction) and given.constant is None:
+            rests = bool(find_activity(signal_of(given), end).quiet.all())
+        else:
+            rests = isinstance(drive, PulseDrive) and drive.start >= end
+        if rests:
+            idle.append(name)
+    return idle
 
 
 def _formulas(scene: Scene) -> Iterator[tuple[str, TimeFunction]]:

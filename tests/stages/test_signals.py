@@ -6,7 +6,7 @@ import pytest
 from pipeline import load_scene
 from pipeline.core.errors import InputError
 from pipeline.scene.scene import Scene
-from pipeline.stages.signals import require_sound_drives, signal_of
+from pipeline.stages.signals import find_idle_drives, require_sound_drives, signal_of
 
 
 def with_torque(formula: str) -> Scene:
@@ -89,3 +89,11 @@ def test_a_motion_with_a_kink_of_its_acceleration_passes(formula: str) -> None:
     scene = with_motion(formula)
     require_sound_drives(scene)
     assert np.isfinite(signal_of(scene.drive["spin_up"].angle).values(np.linspace(0.0, 1.0, 1001))).all()
+
+
+@pytest.mark.parametrize(
+    ("formula", "idle"),
+    [("0 if t < 5 else 10", True), ("10 if t >= 1 else 0", True), ("0*t", True), ("10", False), ("1e-30*t", False)],
+)
+def test_a_load_that_is_0_up_to_the_end_is_found(formula: str, idle: bool) -> None:
+    assert find_idle_drives(with_torque(formula)) == (["motor"] if idle else [])
