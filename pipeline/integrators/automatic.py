@@ -31,6 +31,7 @@ from pipeline.integrators.rosenbrock import ExponentialRosenbrock
 from pipeline.integrators.runge_kutta import RungeKutta
 
 _FIRST_STEPS = 128  # of the exponential method over the duration
+_ODD = 13  # by which numbers of steps are more than doubled
 _MOST_DOUBLINGS = 13
 _DOUBLED = 8.0  # by which its error falls where it is worst, with twice as many steps
 _DOUBLED_OFTEN = 16.0  # and where all is smooth
@@ -148,6 +149,7 @@ class Automatic:
                 system.highest_frequency * self.duration / LEAP,
                 _STEPS_IN_ACTION * self.duration / system.shortest_action,
             )
+            leapfrog_steps = self.duration / system.resolving_step(self.duration / leapfrog_steps)[0]
             cost = 3 * leapfrog_steps * leapfrog_cost(system)  # of two marches, of so many steps and twice as many
             yield from self._implicit_methods(system, q0, v0, _SHARE * cost, report)
             if cost > _WORTH_A_TRIAL * rosenbrock_cost(system, 1.0):
@@ -173,7 +175,8 @@ class Automatic:
         k, doublings = 0, 1
         cost = exponential_cost(system, _FIRST_STEPS, min(times.size, _COMPARED))  # of a march that is compared alone
         while k <= _MOST_DOUBLINGS and not report.failures:
-            steps = _FIRST_STEPS * 2**k
+            # Odd numbers, lest two marches agree that see a vibration at the same points of its periods.
+            steps = _FIRST_STEPS * 2**k + (_ODD * (2 * k - 1) if k else 0)
             if not exponential_cost(system, max(steps, 2 * _FIRST_STEPS), times.size) + cost < allowed:
                 return
             # What happens between two breakpoints takes finer steps too, lest two marches agree that miss it alike.
@@ -192,6 +195,7 @@ class Automatic:
         """
         report.start_anew()
         steps = float(max(_IMPLICIT_STEPS, np.ceil(_STEPS_IN_ACTION * self.duration / system.shortest_action)))
+        steps = self.duration / system.resolving_step(self.duration / steps)[0]
         gain, cost = 3.0, implicit_cost(system)
         if 3 * steps * _FEWEST_EVALUATIONS * cost > allowed:
             return

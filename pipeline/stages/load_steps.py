@@ -11,8 +11,6 @@ if TYPE_CHECKING:
     from pipeline.dynamics.compiled_system.system import CompiledSystem
     from pipeline.integrators.protocol import Integrator
 
-_STEPS_IN_ACTION = 4.0  # at least, while a load acts between two times without it, and in each peak
-_MOST_TRIALS = 40
 _MOST_STEPS = 1e12  # a day or more
 
 
@@ -27,7 +25,7 @@ def require_resolved_loads(file: str, key: str, method: Integrator, system: Comp
     if not method.step:
         return
     cycle = cycle_of(method, system)
-    longest, lasts = longest_resolving(system, cycle * method.step)
+    longest, lasts = system.resolving_step(cycle * method.step)
     if longest >= cycle * method.step:
         return
     held = f", which holds loads over {cycle} steps," if cycle > 1 else ""
@@ -64,19 +62,6 @@ def cycle_of(method: Integrator, system: CompiledSystem) -> int:
     two_rate: Any = method
     held = method.name == "reversible-sub-cycling" or system.n_slow
     return int(getattr(two_rate, "substeps", 1)) if held else 1
-
-
-def longest_resolving(system: CompiledSystem, step: float) -> tuple[float, float]:
-    """Return the longest time between two samples, up to a step, that resolves all loads; and the load's own [s]."""
-    lasts = math.inf
-    for _ in range(_MOST_TRIALS):
-        missed = system.shortest_action
-        if step * _STEPS_IN_ACTION <= missed:
-            missed = system.shortest_missed(step)
-        if missed == math.inf:
-            break
-        lasts, step = missed, missed / _STEPS_IN_ACTION
-    return step, lasts
 
 
 def _rounded_down(step: float) -> float:

@@ -19,7 +19,7 @@ from pipeline.integrators.protocol import Integrator, Progress, Trajectory
 from pipeline.integrators.subcycling import Subcycling
 from pipeline.stability.safe_step import ALLOWED_GROWTH, longest_safe_step
 from pipeline.stages.limit_words import describe_limit
-from pipeline.stages.load_steps import longest_resolving, require_countable_steps, require_resolved_loads
+from pipeline.stages.load_steps import require_countable_steps, require_resolved_loads
 from pipeline.stages.mass_check import require_inertia
 from pipeline.stages.mechanism import find_start, place_joints
 
@@ -344,7 +344,7 @@ def _given_step(built: BuiltScene) -> float | None:
     longest = longest_step(*built.reference_matrices, simulation.error, simulation.duration)
     counts = [getattr(run, "substeps", 1) for run in simulation.run]
     most = max((count for count in counts if isinstance(count, int)), default=1)
-    return longest_resolving(built.system, longest * most)[0] / most
+    return built.system.resolving_step(longest * most)[0] / most
 
 
 def plan_sub_cycled(
@@ -366,7 +366,7 @@ def plan_sub_cycled(
         spin = max(float(np.sqrt(np.mean(np.sum(rates**2, axis=1)))) for rates in spins.values())
         choice = choose_split(built.system, simulation.error, simulation.duration, spin, step or None)
         frequency, substeps, step = choice.frequency_hz, choice.substeps, choice.step
-        longest, _ = longest_resolving(built.system, substeps * step)  # loads are held over a cycle
+        longest, _ = built.system.resolving_step(substeps * step)  # loads are held over a cycle
         substeps = max(1, int(longest / step * (1 + 1e-12)))
     else:
         frequency = run.split
