@@ -142,7 +142,7 @@ class Estimates(Comparison):
         """Return generalised-α with a step that follows the motion and the loads, not the fastest vibration."""
         duration, system = float(self.run.output_times[-1]), self.plan.system
         steps = max(_IMPLICIT_STEPS, math.ceil(_STEPS_IN_ACTION * duration / system.shortest_action))
-        return GeneralizedAlpha(duration / steps)
+        return GeneralizedAlpha(system.resolving_step(duration / steps)[0])
 
     def _discretisation(self, recovery: dict[str, float | str]) -> dict[str, float | str]:
         """Estimate the mesh's error: the shift of the frequencies, and everything else that a coarser mesh changes."""

@@ -198,14 +198,17 @@ class Mechanism:
     @cached_property
     def activities(self) -> tuple[Activity, ...]:
         """When each load and each motion that isn't constant acts, up to the horizon."""
+        return tuple(find_activity(signal, self.horizon, derivative) for signal, derivative in self.acting)
+
+    @cached_property
+    def acting(self) -> tuple[tuple[Signal, int], ...]:
+        """Each load and each motion that isn't constant, with the derivative by which it acts; none without horizon."""
         if not self.horizon > 0.0:
             return ()
         loads = [*(link.load for link in self.links), *(load.size for load in self.loads)]
         motions = [link.motion for link in self.links if link.motion is not None]
-        varying = [(signal, 0) for signal in loads] + [(signal, 2) for signal in motions]
-        return tuple(
-            find_activity(signal, self.horizon, derivative) for signal, derivative in varying if not signal.is_constant
-        )
+        both = [(signal, 0) for signal in loads] + [(signal, 2) for signal in motions]
+        return tuple((signal, derivative) for signal, derivative in both if not signal.is_constant)
 
     @cached_property
     def linear_forces(self) -> LinearForces:

@@ -136,6 +136,9 @@ class System(Protocol):
     def shortest_action(self) -> float:
         """Shortest time for which a load acts between two times without it [s]; infinity if none does."""
 
+    def resolving_step(self, step: float) -> tuple[float, float]:
+        """Return the longest step up to a given one that steps over no load, and how long the shortest one acts [s]."""
+
     @property
     def coupled(self) -> bool:
         """True if coordinates couple through the mass matrix in some state."""

@@ -24,6 +24,9 @@ from pipeline.integrators.protocol import Progress, State, Trajectory, require_t
 _FLOOR = 1e-12  # a group that has not moved yet
 _LEAST = 1e-6  # of the largest value of its kind: a group that hardly moves
 SMALLEST = 1e-12  # of the duration
+_SPARE, _FORGIVEN = 256.0, 2.0  # such steps after a breakpoint, as from rest under sqrt(t), and their largest error
+_SHORT = 1e-6  # of the duration: steps from rest, whose error is beside what they move themselves,
+_JITTER = 8.0 * np.finfo(float).eps  # can't be below that of the time's own round-off: this times the time over a step
 _FIRST_CHUNK, _CHUNK = 4, 256  # steps: few at first, lest each takes long and nothing is told in between
 _CHUNK_SECONDS = 0.1
 _LONG = 0.02  # seconds of some steps, beside which a look at what makes them short costs little
@@ -173,6 +176,9 @@ class AdaptiveMarch(Table):
     fresh : ndarray, shape (1,)
         1 where the accelerations ``a`` are not those of the present state: loads jump there, none are known yet, or
         the state has settled since.
+    spare : ndarray, shape (1,)
+        How many more of the smallest steps may be taken before the next breakpoint although their error is too large:
+        where a load's rate is infinite, it is always the same part of what has moved since rest.
     """
 
     tolerance: float
@@ -196,6 +202,7 @@ class AdaptiveMarch(Table):
     cursor: IntArray
     evaluations: Array
     fresh: Array
+    spare: Array
 
 
 def begin_step(m: Any, p: Any, s: AdaptiveMarch, t: float, h: float) -> None:
@@ -227,6 +234,7 @@ def end_step(m: Any, p: Any, s: AdaptiveMarch) -> None:
 def _march(m: Any, p: Any, s: AdaptiveMarch, stop: float, n_steps: int) -> int:
     """Take steps until a breakpoint ``stop`` [s] or the last output time; return how many, less than 0 if one fails."""
     n_positions, n, clock, times, cursor = s.q.size, s.v.size, s.clock, s.times, s.cursor
+    smallest, short = SMALLEST * times[times.size - 1], _SHORT * times[times.size - 1]
     for done in range(n_steps):
         if cursor[0] >= times.size or clock[0] >= stop:
             return done
@@ -242,13 +250,16 @@ def _march(m: Any, p: Any, s: AdaptiveMarch, stop: float, n_steps: int) -> int:
             reached = stop if h == stop - t else t + h
             size = try_step(m, p, s, t, h, reached)
             factor = step_factor(size, s.tolerance, s.order)
-            if size <= s.tolerance:
+            if size <= s.tolerance or (h < short and size * h <= _JITTER * t):
                 break
-            h *= min(factor, 0.9)
             planned = True
-            if not h > SMALLEST * times[times.size - 1]:
-                clock[1] = h
-                return -done - 1
+            if h <= smallest:
+                if not (s.spare[0] > 0.0 and size < _FORGIVEN):
+                    clock[1] = h
+                    return -done - 1
+                s.spare[0], factor = s.spare[0] - 1.0, 1.0
+                break
+            h = max(h * min(factor, 0.9), smallest)
         if cursor[0] < times.size and times[cursor[0]] <= reached:
             prepare_samples(m, p, s, t, h)
         while cursor[0] < times.size and times[cursor[0]] <= reached:
@@ -319,13 +330,15 @@ def march_adaptive_steps(
     kinds, n_kinds = kinds_of(system)
     present = (state.q, state.v, state.a, clock, groups, kinds, np.zeros(n_kinds), state.memory)
     settles = bool(getattr(system, "settles", system.n_positions != system.n))
-    output = (np.ascontiguousarray(times, dtype=float), q, v, cursor, evaluations, fresh)
+    output = (np.ascontiguousarray(times, dtype=float), q, v, cursor, evaluations, fresh, np.full(1, _SPARE))
     march = AdaptiveMarch(tolerance, order, settles, *present, trial, begin, new, out, *output)
     p, chunk = system.parameters, _FIRST_CHUNK
     explain = getattr(system, "explain_failure", None)
     _march(m, p, march, math.inf, 0)  # compiles, or reads the kernel: not part of the run time
     while cursor[0] < times.size:
         stop = next((point for point in system.breakpoints if point > clock[0]), math.inf)
+        if clock[0] in system.breakpoints:
+            march.spare[0] = _SPARE
         fresh[0] = settles or clock[0] == 0.0 or clock[0] in system.breakpoints
         tick = time.perf_counter()
         done = int(_march(m, p, march, stop, chunk))

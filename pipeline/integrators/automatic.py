@@ -34,6 +34,7 @@ from pipeline.integrators.runge_kutta import RungeKutta
 from pipeline.integrators.side_by_side import March, march_at_once, march_in_turn
 
 _FIRST_STEPS = 128  # of the exponential method over the duration
+_ODD = 13  # by which numbers of steps are more than doubled
 _MOST_DOUBLINGS = 13
 _DOUBLED_OFTEN = 16.0  # by which its error falls with twice as many steps, where all is smooth
 _MANY = 256  # breakpoints, as of a table, at each of which the exponential method would have to start anew
@@ -201,6 +202,7 @@ class Automatic:
                 system.highest_frequency * self.duration / LEAP,
                 _STEPS_IN_ACTION * self.duration / system.shortest_action,
             )
+            leapfrog_steps = self.duration / system.resolving_step(self.duration / leapfrog_steps)[0]
             cost = 3 * leapfrog_steps * leapfrog_cost(system)  # of two marches, of so many steps and twice as many
             yield from self._implicit_methods(system, q0, v0, _SHARE * cost, report)
             if cost > _WORTH_A_TRIAL * rosenbrock_cost(system, 1.0):
@@ -237,8 +239,10 @@ class Automatic:
         """Yield the exponential method with twice as many steps or more each time, while they cost what is allowed."""
 
         def march(k: int) -> PiecewiseExponential:
+            # Odd numbers, lest two marches agree that see a vibration at the same points of its periods.
+            steps = _FIRST_STEPS * 2**k + (_ODD * (2 * k - 1) if k else 0)
             # What happens between two breakpoints takes finer steps too, lest two marches agree that miss it alike.
-            return PiecewiseExponential(self.duration / (_FIRST_STEPS * 2**k), 2 ** (k + 2))
+            return PiecewiseExponential(self.duration / steps, 2 ** (k + 2))
 
         first = exponential_cost(system, _FIRST_STEPS, min(times.size, _COMPARED))  # compared alone
         cost, k = exponential_cost(system, 2 * _FIRST_STEPS, times.size), 1
@@ -262,6 +266,7 @@ class Automatic:
         """
         report.start_anew()
         steps = float(max(_IMPLICIT_STEPS, np.ceil(_STEPS_IN_ACTION * self.duration / system.shortest_action)))
+        steps = self.duration / system.resolving_step(self.duration / steps)[0]
         cost = implicit_cost(system)
         if 3 * steps * _FEWEST_EVALUATIONS * cost > allowed:
             return

@@ -52,10 +52,12 @@ class Exponential:
         """Return 2 over the frequency of what couples the oscillators in the reference state, or infinity [s].
 
         Coupling is part of the rest N, which the stages take explicitly: ``ρ(M⁻¹ K − diag(K)/diag(M))`` is the square
-        of its frequency. Strong coupling leaves an explicit method's limit, weak coupling a far longer step.
+        of its frequency, where the first K has end stops that are touched. Strong coupling leaves an explicit method's
+        limit, weak coupling a far longer step.
         """
         M, K, _ = system.linear_matrices
-        coupling = np.linalg.solve(M, K) - np.diag(K.diagonal() / M.diagonal())
+        stiffest = getattr(system, "stiffest_matrices", (M, K))[1]
+        coupling = np.linalg.solve(M, stiffest) - np.diag(K.diagonal() / M.diagonal())
         squared = float(np.abs(np.linalg.eigvals(coupling)).max(initial=0.0))
         return 2.0 / math.sqrt(squared) if squared > _ROUND_OFF * system.highest_frequency**2 else np.inf
 

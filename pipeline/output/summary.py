@@ -22,6 +22,7 @@ from pipeline.recovery.motion import Motion
 from pipeline.scene.histories import ExtremesTable
 from pipeline.stages.divided_scene import part_of
 from pipeline.stages.pipeline import Pipeline
+from pipeline.stages.signals import find_idle_drives
 
 # Errors of a part in pieces, beyond which they are told.
 _OF_PIECES = {"lowest frequencies": 0.05, "deflections": 0.01}
@@ -169,7 +170,16 @@ def _division_warnings(run: Pipeline) -> list[dict[str, str]]:
 def _motion_warnings(run: Pipeline) -> list[dict[str, str]]:
     """Warnings about results that can't be right, each a text and a code."""
     acts = any(not activity.quiet.all() for activity in run.mechanism.activities)
-    return [
+    duration = run.scene.simulation.duration
+    idle = [
+        {
+            "code": "load-without-effect",
+            "text": f"drive.{name} is 0 until the end of the simulation, t = {duration:g} s; check its times (the t of "
+            "a formula is in seconds) and simulation.duration",
+        }
+        for name in find_idle_drives(run.scene)
+    ]
+    return idle + [
         {
             "code": "load-without-motion",
             "text": f"{motion.trajectory.integrator}: a load acts, but nothing moves; check its place and direction, "

@@ -15,9 +15,10 @@ _ROUND_OFF = 1e-12
 def describe_limit(method: Any, system: CompiledSystem, limit: float) -> str:
     """Say which frequency limits a method's step [s], and what its dampers take of that."""
     if method.name == "exponential":
+        stops = ", and of end stops" if np.any(system.linear_forces.stop_K) else ""
         return (
             f"2/ω with {1 / (np.pi * limit):.5g} Hz, the frequency of what couples joints and modes through the "
-            "mass matrix, which this method doesn't solve exactly; exponential-rosenbrock does"
+            f"mass matrix{stops}, which this method doesn't solve exactly; exponential-rosenbrock does"
         )
     m, omega, which = getattr(method, "substeps", 1), system.highest_frequency, "2/ω of its highest frequency"
     if m > 1:

@@ -19,6 +19,7 @@ from pipeline.integrators.protocol import Integrator, Progress, Trajectory
 from pipeline.integrators.subcycling import Subcycling
 from pipeline.stability.safe_step import ALLOWED_GROWTH, longest_safe_step
 from pipeline.stages.limit_words import describe_limit
+from pipeline.stages.load_steps import require_countable_steps, require_resolved_loads
 from pipeline.stages.mass_check import require_inertia
 from pipeline.stages.mechanism import find_start, place_joints
 
@@ -30,7 +31,6 @@ if TYPE_CHECKING:
     from pipeline.stability.operating_points import OperatingPoints
 
 STABLE = 0.4  # of the largest stable step: for a variant that is unstable at the run's own
-_STEPS_IN_ACTION = 4.0  # at least, while a load acts between two times without it
 _NO_FORCE = 1e-3  # largest response of a mode that is left out, over the wanted error
 
 
@@ -188,7 +188,8 @@ def _measure_growths(built: BuiltScene, plans: Sequence[Plan]) -> tuple[Growth, 
     simulation, growths = built.scene.simulation, []
     known: list[OperatingPoints] = []
     for run, plan in zip(simulation.run, plans, strict=True):
-        _require_resolved_loads(built, plan)
+        require_countable_steps(built.scene.file, plan.key, plan.integrator.step, simulation.duration)
+        require_resolved_loads(built.scene.file, plan.key, plan.integrator, plan.system)
         growths.append(_measure_growth(built, plan, simulation.step == "auto" and not run.step, known))
     return tuple(growths)
 
@@ -204,20 +205,6 @@ def plan_like(plan: Plan, variant: BuiltScene) -> Plan:
     if method.step >= limit:
         method = replace(method, step=STABLE * limit)
     return _leave_out_modes(variant, replace(first, integrator=method))
-
-
-def _require_resolved_loads(built: BuiltScene, plan: Plan) -> None:
-    """Raise ``InputError`` if a fixed step is too long for a load that acts between two times without it."""
-    shortest = plan.system.shortest_action
-    if plan.integrator.step * _STEPS_IN_ACTION > shortest:
-        raise InputError(
-            built.scene.file,
-            plan.key,
-            f"{plan.integrator.step:.6g} s",
-            f"a load acts for {shortest:.4g} s only, which {plan.integrator.name} would step over; "
-            f"a step of {shortest / _STEPS_IN_ACTION:.2g} s or less works, and auto, runge-kutta and "
-            "exponential-rosenbrock find theirs",
-        )
 
 
 def _plan_unchecked(built: BuiltScene, k: int, given: float | None) -> Plan:
@@ -255,8 +242,9 @@ def _measure_growth(built: BuiltScene, plan: Plan, free: bool, known: list[Opera
             f"{method.name} would diverge; the largest stable step of this model is {limit:.4g} s "
             f"({describe_limit(method, plan.system, limit)})",
         )
-    couples_later = method.name == "exponential" and plan.system.coupled  # away from the reference state
-    if not (np.isfinite(limit) or couples_later):  # implicit, exact for small motions, or steered by its error
+    # Of what its stages take explicitly, it may couple away from the reference state, and dampers have no limit above.
+    grows = method.name == "exponential" and (plan.system.coupled or _damps_within(plan.system, method.step))
+    if not (np.isfinite(limit) or grows):  # implicit, exact for small motions, or steered by its error
         return Growth()
     from pipeline.stability.operating_points import find_operating_points
 
@@ -279,6 +267,12 @@ def _measure_growth(built: BuiltScene, plan: Plan, free: bool, known: list[Opera
             )
         return Growth(longest, float(np.exp(points.e_folds(replace(method, step=longest)))))
     return Growth(None, float(np.exp(folds)))
+
+
+def _damps_within(system: CompiledSystem, step: float) -> bool:
+    """Tell whether dampers stop a motion within a step [s]."""
+    M, _, C = system.stiffest_matrices
+    return bool(step * np.abs(np.linalg.eigvals(np.linalg.solve(M, C))).max(initial=0.0) > 1.0)
 
 
 def _describe_growth(method: Integrator, folds: float, longest: float) -> str:
@@ -338,13 +332,19 @@ def _make_two_rate_integrator(run: SubCyclingRun | ReversibleSubCyclingRun, step
 
 
 def _given_step(built: BuiltScene) -> float | None:
-    """Return the scene's step; "auto" is plain central difference's for the wanted error, about the reference state."""
+    """Return the scene's step; "auto" is plain central difference's for the wanted error, about the reference state.
+
+    It is short enough for the loads, too, also where runs hold them over a cycle of steps.
+    """
     simulation = built.scene.simulation
     if simulation.step != "auto":
         return simulation.step
     from pipeline.stability.splitting import longest_step
 
-    return longest_step(*built.reference_matrices, simulation.error, simulation.duration)
+    longest = longest_step(*built.reference_matrices, simulation.error, simulation.duration)
+    counts = [getattr(run, "substeps", 1) for run in simulation.run]
+    most = max((count for count in counts if isinstance(count, int)), default=1)
+    return built.system.resolving_step(longest * most)[0] / most
 
 
 def plan_sub_cycled(
@@ -366,6 +366,8 @@ def plan_sub_cycled(
         spin = max(float(np.sqrt(np.mean(np.sum(rates**2, axis=1)))) for rates in spins.values())
         choice = choose_split(built.system, simulation.error, simulation.duration, spin, step or None)
         frequency, substeps, step = choice.frequency_hz, choice.substeps, choice.step
+        longest, _ = built.system.resolving_step(substeps * step)  # loads are held over a cycle
+        substeps = max(1, int(longest / step * (1 + 1e-12)))
     else:
         frequency = run.split
     assert substeps != "auto"

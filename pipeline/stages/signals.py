@@ -10,7 +10,9 @@ import numpy as np
 
 from pipeline.core.errors import InputError
 from pipeline.core.formula import parse_formula
+from pipeline.dynamics.signals.activity import find_activity
 from pipeline.dynamics.signals.signal import Signal, constant, formula, linear_table, smooth_table
+from pipeline.scene.loads import PulseDrive
 from pipeline.scene.time_functions import TimeFunction
 
 if TYPE_CHECKING:
@@ -22,7 +24,9 @@ _PEAKS = 4  # local maxima that are looked into: a pole is the largest of all
 _HALVINGS = 40  # of the interval around one
 _FLAT = 0.9
 _GROWS = 4.0  # a pole does by more over the last ten halvings, a step by none
-_JUMP = 1e-6  # relative to the values on both sides, or absolute
+_JUMP, _ROUND_OFF = 1e-6, 1e-11  # relative to how much a motion and its rate change in all, and to their sizes
+_KINK_WIDTH = 1e-10  # of the time in which kinks are looked for: they lie within this about their times
+_SPANS, _SHORTER = 4, 1 / 64  # parts of the duration: kinks that are too many in the whole are followed in the first
 
 
 def signal_of(given: TimeFunction) -> Signal:
@@ -52,6 +56,21 @@ def require_sound_drives(scene: Scene) -> None:
             raise InputError(scene.file, path, given.formula, _describe_fault(signal, time, moves))
         if moves:
             _require_continuous(scene, path, given, signal)
+
+
+def find_idle_drives(scene: Scene) -> list[str]:
+    """List the forces and torques over time that are 0 up to the scene's end, by their drives' names."""
+    assert scene.simulation is not None
+    end, idle = scene.simulation.duration, []
+    for name, drive in scene.drive.items():
+        given = getattr(drive, "force", None) or getattr(drive, "torque", None)
+        if isinstance(given, TimeFunction) and given.constant is None:
+            rests = bool(find_activity(signal_of(given), end).quiet.all())
+        else:
+            rests = isinstance(drive, PulseDrive) and drive.start >= end
+        if rests:
+            idle.append(name)
+    return idle
 
 
 def _formulas(scene: Scene) -> Iterator[tuple[str, TimeFunction]]:
@@ -113,11 +132,17 @@ def _describe_fault(signal: Signal, time: float, moves: bool) -> str:
 
 def _require_continuous(scene: Scene, path: str, given: TimeFunction, signal: Signal) -> None:
     """Raise ``InputError`` if a motion's position or rate jumps: no impulse would pass to the other coordinates."""
-    for time in signal.breakpoints:
-        before, after = (np.array(signal.value(np.nextafter(time, way))[:2]) for way in (-np.inf, np.inf))
-        if np.allclose(before, after, rtol=_JUMP, atol=_JUMP):
+    assert scene.simulation is not None
+    course = signal.values(np.linspace(0.0, scene.simulation.duration, _SAMPLES))[:, :2]
+    little = _JUMP * np.ptp(course, axis=0) + _ROUND_OFF * np.abs(course).max(axis=0)
+    switches = [(time, 0.0) for time in signal.breakpoints if 0.0 < time <= scene.simulation.duration]
+    for time, aside in [*switches, *_kinks(signal, scene.simulation.duration)]:
+        sides = (min(time - aside, np.nextafter(time, -np.inf)), max(time + aside, np.nextafter(time, np.inf)))
+        before, after = (np.array(signal.value(side)) for side in sides)
+        passing = (sides[1] - sides[0]) * np.maximum(np.abs(before[1:]), np.abs(after[1:]))  # without any jump
+        if (np.abs(after - before)[:2] <= passing + np.maximum(little, _ROUND_OFF * np.abs(after[:2]))).all():
             continue
-        (x, rate), (other_x, other_rate) = before / given.factor, after / given.factor
+        (x, rate), (other_x, other_rate) = before[:2] / given.factor, after[:2] / given.factor
         raise InputError(
             scene.file,
             path,
@@ -126,3 +151,13 @@ def _require_continuous(scene: Scene, path: str, given: TimeFunction, signal: Si
             f"{given.unit} at {other_rate:.6g} {given.unit}/s; a prescribed motion must keep its position and its rate "
             "there: use a smooth formula, or a table of times and values",
         )
+
+
+def _kinks(signal: Signal, duration: float) -> list[tuple[float, float]]:
+    """Find kinks of abs, min and max in a formula, the first of them if they are very many; each with its width [s]."""
+    span = duration
+    for _ in range(_SPANS):
+        if kinks := find_activity(signal, span).kinks:
+            return [(time, _KINK_WIDTH * span) for time in kinks]
+        span *= _SHORTER
+    return []

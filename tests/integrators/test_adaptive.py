@@ -27,7 +27,7 @@ BOTH = pytest.mark.parametrize("method", [ExponentialRosenbrock, RungeKutta])
 
 
 class Linear(NamedTuple):
-    """``q̈ = −K q − C v + f sin(Ω t) + (push after the jump) + round-off``; not a number after some time."""
+    """``q̈ = −K q − C v + f sin(Ω t) + push·(time since the jump)^power + round-off``; not a number after some time."""
 
     calls: Array  # (1,)
     K: Array  # (n, n)
@@ -38,13 +38,14 @@ class Linear(NamedTuple):
     jump: float
     until: float
     noise: Array  # (n,)
+    power: float
 
 
 @meaning(accelerations, Linear)
 def _accelerations(p: Linear, t: float, q: Array, v: Array, a: Array) -> None:
     p.calls[0] += 1
     for i in range(v.size):
-        a[i] = p.f[i] * np.sin(p.rate * t) + (p.push[i] if t >= p.jump else 0.0)
+        a[i] = p.f[i] * np.sin(p.rate * t) + (p.push[i] * (t - p.jump) ** p.power if t >= p.jump else 0.0)
         for j in range(v.size):
             a[i] -= p.K[i, j] * q[j] + p.C[i, j] * v[j]
         a[i] += p.noise[i] * (((q[0] + 1.0) - 1.0) - q[0])
@@ -74,6 +75,7 @@ class LinearSystem:
     jump: float = np.inf
     until: float = np.inf
     noise: Array | None = None
+    power: float = 0.0
     breakpoints: tuple[float, ...] = ()
     parameters: Linear = field(init=False)
 
@@ -82,7 +84,7 @@ class LinearSystem:
         none = np.zeros(self.n)
         C = np.zeros_like(self.K) if self.C is None else self.C
         f, push, noise = (none if x is None else x for x in (self.f, self.push, self.noise))
-        self.parameters = Linear(np.zeros(1), self.K, C, f, self.rate, push, self.jump, self.until, noise)
+        self.parameters = Linear(np.zeros(1), self.K, C, f, self.rate, push, self.jump, self.until, noise, self.power)
 
     @property
     def highest_frequency(self) -> float:
@@ -313,6 +315,21 @@ def test_a_mechanism_that_rests_stays_at_rest_with_ever_longer_steps(method):
     march = method(1e-9).march(LinearSystem(np.eye(2)), np.zeros(2), np.zeros(2), np.array([100.0]))
     np.testing.assert_array_equal(march.q, np.zeros((1, 2)))
     assert march.end.step < 20
+
+
+@BOTH
+@pytest.mark.parametrize(("power", "jump"), [(0.5, 0.0), (0.3, 0.0), (1.0, 50.0), (2.0, 50.0)])
+def test_a_load_that_begins_steeply_or_late_moves_what_rests(method, power, jump):
+    """From rest its error is beside what has moved in a step: where its rate is infinite always the same part of it.
+
+    And late in the march the time's own round-off is a large part of a short step.
+    """
+    push = np.array([3.0]) / (1.0 if jump == 0.0 else 1e-5**power)
+    system = LinearSystem(np.zeros((1, 1)), push=push, jump=jump, power=power, breakpoints=(jump,))
+    times = np.array([0.1, 1.0])
+    march = method(1e-8).march(system, np.zeros(1), np.zeros(1), jump + times)
+    exact = push * times ** (power + 2) / ((power + 1) * (power + 2))
+    np.testing.assert_allclose(march.q[:, 0], exact, rtol=1e-5)
 
 
 # Failure ---------------------------------------------------------------------------------------------------------

@@ -71,6 +71,30 @@ def test_a_step_beyond_the_coupling_s_limit_is_refused_with_its_frequency() -> N
         Pipeline(load_scene("beam", quick)).plans  # noqa: B018
 
 
+SLIDER = ["simulation.run=[{integrator='exponential'}]", "simulation.duration=0.1 s", "drive.motor.torque=0 N m"]
+
+
+def test_an_end_stop_limits_the_exponential_method() -> None:
+    """Its stages take the stop's force explicitly: 2/ω with ω² = k/m of the mass of 5 kg on 2 MN/m."""
+    stop = "joint.slide.stop={ high='0.4 m', stiffness='2e6 N/m' }"
+    with pytest.raises(InputError, match=r"exponential would diverge; .* is 0\.00316\d* s \(2/ω .* and of end stops"):
+        Pipeline(load_scene("rod-slider", [*SLIDER, stop, "simulation.step=4 ms"])).plans  # noqa: B018
+    assert Pipeline(load_scene("rod-slider", [*SLIDER, stop, "simulation.step=3 ms"])).plans
+
+
+def test_a_step_that_makes_steps_without_end_is_refused() -> None:
+    with pytest.raises(InputError, match=r"makes 1e\+17 steps, .*; 1\.1e-13 s or longer does"):
+        Pipeline(load_scene("rod-slider", [*SLIDER, "simulation.step=1 as"])).plans  # noqa: B018
+
+
+def test_a_damper_limits_the_exponential_method() -> None:
+    """Its stages are those of the Runge-Kutta method of order 4, which is stable up to 2.785 m/c."""
+    damper = "joint.slide.damper=50000 N s/m"
+    with pytest.raises(InputError, match=r"exponential is unstable here: .* a step of 0\.00027\d* s") as caught:
+        Pipeline(load_scene("rod-slider", [*SLIDER, damper, "simulation.step=1 ms"])).plans  # noqa: B018
+    assert "grow at once" in str(caught.value)
+
+
 def test_a_second_run_knows_loads_and_growth_and_a_changed_scene_or_body_does_not(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:

@@ -8,6 +8,7 @@ import pytest
 from pipeline import Pipeline, load_scene
 from pipeline.core.errors import InputError
 from pipeline.output.summary import summarise
+from pipeline.stages.runs import _given_step
 
 pytestmark = pytest.mark.slow
 
@@ -94,6 +95,30 @@ def test_random_blows_are_felt_by_the_automatic_choice(tmp_path: Any) -> None:
         assert np.abs(run.motion.modal("plate") - exact).max() < 1e-3 * np.abs(exact).max()
 
 
+def test_a_vibration_whose_periods_fit_the_steps_is_felt_by_the_automatic_choice(tmp_path: Any) -> None:
+    """128 and 256 steps over 0.3 s see this force at its zeros alone."""
+    only = "simulation.run=[{integrator='auto'}]"
+    run = plate(tmp_path, "sin(30*t) + 100*sin(2*pi*256/0.3*t)", only)
+    exact = closed_form(run)
+    assert np.abs(run.motion.modal("plate") - exact).max() < 2e-3 * np.abs(exact).max()
+
+
+def test_a_blow_on_a_lasting_load_is_felt_by_the_automatic_choice_where_modes_couple() -> None:
+    """Steps of generalised-α and of central difference, of a tenth of a millisecond, saw nothing of it.
+
+    The impulse on the wrist of the arm, beside a march that is steered by its own error.
+    """
+    blow = "drive.blow={type='point force', marker='forearm.wrist', direction=[1,0,0], force={formula="
+    blow += "'5 if t < 0.30003 else 5 + 2e5*sin(pi*(t - 0.30003)/5e-6) if t < 0.300035 else 5', unit='N'}}"
+    stiff = ["joint.elbow.spring=600 N m", "joint.wrist.spring=2000 N m", "drive.swing.torque=0 N m"]
+    given = [blow, *stiff, "simulation.duration=3 s", "simulation.error=1e-2", "output=[]"]
+    auto, exact = (
+        Pipeline(load_scene("arm", [*given, f"simulation.run=[{{integrator={method}}}]"])).motion.trajectory
+        for method in ("'auto'", "'runge-kutta', tolerance=1e-9")
+    )
+    assert np.abs(auto.q - exact.q).max() < 0.02 * np.abs(exact.q).max()
+
+
 @pytest.mark.parametrize("method", ["exponential", "generalized-alpha"])
 def test_a_fixed_step_that_would_step_over_a_blow_is_refused_with_one_that_works(tmp_path: Any, method: str) -> None:
     only = f"simulation.run=[{{integrator='{method}'}}]"
@@ -102,6 +127,35 @@ def test_a_fixed_step_that_would_step_over_a_blow_is_refused_with_one_that_works
     run = plate(tmp_path, BLOWS[0], only, "simulation.step=0.05 ms")
     exact = closed_form(run)
     assert np.abs(run.motion.modal("plate") - exact).max() < 0.05 * np.abs(exact).max()
+
+
+def test_a_fixed_step_that_would_step_over_a_blow_on_a_lasting_load_is_refused(tmp_path: Any) -> None:
+    only = "simulation.run=[{integrator='exponential'}]"
+    force = "100 + 500*exp(-((t-0.15)/0.0003)**2)"
+    with pytest.raises(InputError, match=r"a load acts for 0\.0009\d* s only.* a step of 0\.00022 s or less works"):
+        _ = plate(tmp_path, force, only, "simulation.step=1 ms").plans
+    run = plate(tmp_path, force, only, "simulation.step=0.22 ms")
+    exact = closed_form(run)
+    assert np.abs(run.motion.modal("plate") - exact).max() < 0.01 * np.abs(exact).max()
+
+
+@pytest.mark.parametrize("method", ["sub-cycling", "reversible-sub-cycling"])
+def test_a_cycle_that_would_step_over_a_pulse_is_refused(method: str) -> None:
+    """The torque lasts for 15 fast steps, but a cycle of ten of them holds it; its impulse turns rod and slider."""
+    torque = "drive.motor.torque={formula='0 if t < 0.1 else 20*sin(pi*(t-0.1)/0.015) if t < 0.115 else 0', unit='N m'}"
+    only = f"simulation.run=[{{integrator='{method}', substeps=10}}]"
+    given = [torque, only, "simulation.duration=0.3 s", "simulation.output_step=0.1 s", "joint.slide.position=0 m"]
+    message = r"acts for 0\.015 s only, which .* holds loads over 10 steps, .* a step of 0\.00037 s or less works"
+    with pytest.raises(InputError, match=message):
+        _ = Pipeline(load_scene("rod-slider", given)).plans
+
+
+def test_a_step_that_is_chosen_is_short_enough_for_loads() -> None:
+    torque = "drive.motor.torque={formula='5 + 20*exp(-((t - 0.1)/0.0003)**2)', unit='N m'}"
+    given = [torque, "simulation.duration=0.3 s", "simulation.output_step=0.1 s", "simulation.step=auto"]
+    step = _given_step(Pipeline(load_scene("rod-slider", given)))
+    assert step is not None
+    assert 10 * step < 3e-4  # its longest cycle is of ten steps
 
 
 def test_a_load_that_moves_nothing_is_warned_of(tmp_path: Any) -> None:

@@ -32,9 +32,12 @@ from pipeline.dynamics.compiler.program import LANES
 from pipeline.dynamics.jit.compiled import aligned
 from pipeline.dynamics.links import FREE, SPHERICAL
 from pipeline.dynamics.mechanism import Mechanism
+from pipeline.dynamics.signals.resolution import shortest_missed
 
 _ROOM = ("v_now", "d", "rising")  # vectors of `HeldCycle` that hold no coefficients
 _SHARE_AHEAD = 1e-2  # of a major cycle, over which the slow motion of a mechanism with loops is followed
+_STEPS_IN_ACTION = 4.0  # at least, while a load acts between two times without it, and in each peak
+_MOST_TRIALS = 40  # of a step that resolves all loads
 _AHEAD = 16  # steps for which loads are evaluated before coordinates go through them
 _MOST_TOGETHER = 16  # fast coordinates: beyond, one function of all that is held compiles for too long
 _MOST_UNROLLED = 64  # fast coordinates: beyond, code without loops takes longer to compile than it saves
@@ -88,6 +91,21 @@ class CompiledSystem(ReferenceState):
     def shortest_action(self) -> float:
         """Shortest time for which a load acts between two times without it [s]; infinity if none does."""
         return min((activity.shortest_action for activity in self.mechanism.activities), default=np.inf)
+
+    def resolving_step(self, step: float) -> tuple[float, float]:
+        """Return the longest step up to a given one that steps over no load, and how long the shortest one acts [s].
+
+        That is infinity if the given step resolves all loads.
+        """
+        acting, end, lasts = self.mechanism.acting, self.mechanism.horizon, np.inf
+        for _ in range(_MOST_TRIALS):
+            missed = self.shortest_action
+            if step * _STEPS_IN_ACTION <= missed:
+                missed = min((shortest_missed(signal, end, step, order) for signal, order in acting), default=np.inf)
+            if missed == np.inf:
+                break
+            lasts, step = missed, missed / _STEPS_IN_ACTION
+        return step, lasts
 
     @cached_property
     def coupled(self) -> bool:

@@ -53,6 +53,10 @@ class LinearSystem:
         """Number of position coordinates, here one for each rate."""
         return self.n
 
+    def resolving_step(self, step: float) -> tuple[float, float]:
+        """Return the step itself, for there is no load to step over."""
+        return step, np.inf
+
     @property
     def coupled(self) -> bool:
         """True if slow and fast coordinates couple through the mass matrix."""

@@ -1,0 +1,70 @@
+"""Fixed steps beside the scene's loads and duration: refused with a step that works."""
+
+from __future__ import annotations
+
+import math
+from typing import TYPE_CHECKING, Any
+
+from pipeline.core.errors import InputError
+
+if TYPE_CHECKING:
+    from pipeline.dynamics.compiled_system.system import CompiledSystem
+    from pipeline.integrators.protocol import Integrator
+
+_MOST_STEPS = 1e12  # a day or more
+
+
+def require_resolved_loads(file: str, key: str, method: Integrator, system: CompiledSystem) -> None:
+    """Check that a method with a fixed step doesn't step over a load.
+
+    Raises
+    ------
+    InputError
+        A load acts, rises and falls, or vibrates within too few steps; the message has a step that works.
+    """
+    if not method.step:
+        return
+    cycle = cycle_of(method, system)
+    longest, lasts = system.resolving_step(cycle * method.step)
+    if longest >= cycle * method.step:
+        return
+    held = f", which holds loads over {cycle} steps," if cycle > 1 else ""
+    raise InputError(
+        file,
+        key,
+        f"{method.step:.6g} s",
+        f"a load acts for {lasts:.4g} s only, which {method.name}{held} would step over; "
+        f"a step of {_rounded_down(longest / cycle):g} s or less works, and auto, runge-kutta and "
+        "exponential-rosenbrock find theirs",
+    )
+
+
+def require_countable_steps(file: str, key: str, step: float, duration: float) -> None:
+    """Check that a march by a fixed step [s] can come to an end.
+
+    Raises
+    ------
+    InputError
+        It takes more steps than a machine does in days.
+    """
+    if 0.0 < step * _MOST_STEPS < duration:
+        shortest = duration / _MOST_STEPS
+        raise InputError(
+            file,
+            key,
+            f"{step:.6g} s",
+            f"makes {duration / step:.3g} steps, which never come to an end; {1.1 * shortest:.2g} s or longer does",
+        )
+
+
+def cycle_of(method: Integrator, system: CompiledSystem) -> int:
+    """Return the number of a method's steps between two samples of the loads."""
+    two_rate: Any = method
+    held = method.name == "reversible-sub-cycling" or system.n_slow
+    return int(getattr(two_rate, "substeps", 1)) if held else 1
+
+
+def _rounded_down(step: float) -> float:
+    """Return a step with two digits, no longer than the step itself [s]."""
+    unit = 10.0 ** (math.floor(math.log10(step)) - 1)
+    return math.floor(step / unit * (1 + 1e-9)) * unit
