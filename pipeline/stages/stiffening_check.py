@@ -7,7 +7,7 @@ a body's second moments, and has no stiffness left at a critical rate.
 from __future__ import annotations
 
 from collections.abc import Collection, Mapping
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from typing import TYPE_CHECKING
 
 import numpy as np
@@ -173,6 +173,12 @@ def keep_what_counts(mechanism: Mechanism, checks: Mapping[str, SpinCheck], erro
         if check.stiffened and not part_of(name):
             mechanism = without_negligible_terms(mechanism, mechanism.number_of(name), check.loads, _NEGLIGIBLE * error)
     return mechanism
+
+
+def with_whole_energy(mechanism: Mechanism) -> Mechanism:
+    """Return a mechanism in which displacements of second order count with their whole kinetic energy."""
+    links = [replace(link, gram=replace(link.gram, whole=True)) for link in mechanism.links]
+    return replace(mechanism, links=links)
 
 
 def find_changes(mechanism: Mechanism, checks: Mapping[str, SpinCheck]) -> dict[str, StiffnessChange]:
