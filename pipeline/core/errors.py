@@ -29,6 +29,10 @@ class AccuracyError(Exception):
     """A computed number failed its check and can't be trusted; the command line ends with exit status 3."""
 
 
+class InertiaError(AccuracyError):
+    """A motion has lost its inertia, so that the mass matrix isn't positive definite."""
+
+
 class StabilityError(AccuracyError):
     """A time step is beyond the stability limit, or a march diverged.
 

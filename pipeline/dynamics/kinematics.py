@@ -25,6 +25,7 @@ from pipeline.core.rotations import BodyFrame, matrix_of_quaternion, moved, rota
 from pipeline.dynamics.element_motion import States, element_energies
 from pipeline.dynamics.links import CYLINDRICAL, FREE, PLANAR, REVOLUTE, SCREW, SPHERICAL, UNIVERSAL, Link
 from pipeline.dynamics.mechanism import Mechanism
+from pipeline.reduction.inertia import InertiaGram
 
 
 class Momenta(NamedTuple):
@@ -152,6 +153,12 @@ class Kinematics:
     def _momenta(self, body: int) -> Momenta:
         gram, frame = self.mechanism.links[body].gram, self.frames[body]
         q, rates, w = self.modal_coordinates(body), self.modal_rates(body), self.body_spin(body)
+        modal = (rates**2).sum(axis=1)
+        if gram.fields is not None:
+            n, W = q.shape[1], gram.fields.W
+            q, rates = gram.fields.extend(q, rates)
+            gram = InertiaGram(gram.fields.G, gram.fields.S, gram.mass)
+            modal += (rates[:, n:] * (rates[:, n:] + 2.0 * rates[:, :n] @ W.T)).sum(axis=1)
         V = np.einsum("tij,ti->tj", frame.rotation, frame.velocity)
         p = np.concatenate([np.ones((len(q), 1)), q], axis=1)
         Gp = np.tensordot(p, gram.G, (1, 3))  # (n_times, 3, 3, 1 + n)
@@ -169,7 +176,7 @@ class Kinematics:
         c_rate = np.einsum("taj,tj->ta", S, rates)
         linear = gram.mass * V + np.cross(w, c) + c_rate
         angular = np.cross(c, V) + Jw + h
-        energy = 0.5 * ((V * (linear + c_rate)).sum(axis=1) + (w * (angular + h)).sum(axis=1) + (rates**2).sum(axis=1))
+        energy = 0.5 * ((V * (linear + c_rate)).sum(axis=1) + (w * (angular + h)).sum(axis=1) + modal)
         if gram.second_order is not None:
             energy = energy + gram.second_order.energy(q, rates)
         return Momenta(c, linear, angular, energy)

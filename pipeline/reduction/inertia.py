@@ -10,6 +10,7 @@ import numpy as np
 
 from pipeline.core.arrays import Array, read_only, require_shape
 from pipeline.core.errors import AccuracyError
+from pipeline.reduction.second_order_fields import SecondOrderFields, second_order_fields
 from pipeline.reduction.second_order_mass import SecondOrderMass, second_order_mass
 
 # Axes across each axis; the last, number -1, has all three.
@@ -37,6 +38,8 @@ class InertiaGram:
     normal : int
         Number of the only axis that the body turns about: that motion needs only the blocks of G across it, those along
         it are left out (zero). -1 if G is whole.
+    whole : bool
+        True if displacements of second order count with all of their kinetic energy, as `second_order_fields` has it.
     """
 
     G: Array
@@ -46,6 +49,7 @@ class InertiaGram:
     bow: Array = field(default_factory=lambda: np.zeros((3, 0, 0)))
     curl: Array = field(default_factory=lambda: np.zeros((3, 0, 0)))
     normal: int = -1
+    whole: bool = False
 
     def second_moment(self, p: Array) -> Array:
         """``P_ab = ∫ρ r_a r_b`` about the frame's origin, shape (3, 3) [kg m²], at ``p = (1, q)``."""
@@ -68,6 +72,11 @@ class InertiaGram:
             mend = "FlexiblePart.for_any_motion adds the rest"
             raise ValueError(f"there is no more of the inertia than turning about {'xyz'[self.normal]} takes; {mend}")
         n = len(p) - 1
+        if self.fields is not None:
+            f = self.fields.F @ p[1:]
+            D = np.concatenate([np.eye(6 + n), np.concatenate([np.zeros((len(f), 6)), f], axis=1)])
+            extended = InertiaGram(self.fields.G, self.fields.S, self.mass)
+            return np.asarray(D.T @ extended.mass_matrix(np.concatenate([p, 0.5 * f @ p[1:]])) @ D)
         S = self.S.copy()
         c = S @ p
         if self.bow.size:
@@ -91,6 +100,13 @@ class InertiaGram:
         if self.second_order is not None:
             M[6:, 6:] += self.second_order.matrix(p[1:])
         return M
+
+    @cached_property
+    def fields(self) -> SecondOrderFields | None:
+        """Displacement of second order as fields, whose kinetic energy counts as a whole; ``None`` if it doesn't."""
+        if not self.whole:
+            return None
+        return second_order_fields(self.G, self.S, self.mass, self.stiffening, self.bow, self.curl, self.normal)
 
     @cached_property
     def second_order(self) -> SecondOrderMass | None:

@@ -23,8 +23,8 @@ from pipeline.scene.scene import Scene
 from pipeline.scene.source_files import collect_inputs
 from pipeline.stages.divided_scene import part_of
 from pipeline.stages.division import Division, divide_parts
+from pipeline.stages.marching import find_motions, march_runs
 from pipeline.stages.part import FlexiblePart
-from pipeline.stages.result_size import require_room
 from pipeline.stages.stage import Stage
 from pipeline.stages.store import Log, StageStore
 from pipeline.stages.whole_inertia import complete_inertia
@@ -45,17 +45,6 @@ if TYPE_CHECKING:
 _PACKAGES = ("numpy", "scipy", "scikit-fem", "gmsh")
 _NEAR_LARGEST = 0.8  # of the tip's largest deflection
 _FINER = 32  # times as many times there tell what is largest between two output times
-
-
-def _march(run: Pipeline) -> dict[str, Trajectory]:
-    """Integrate the scene's runs, one after the other."""
-    times, trajectories = run.output_times, {}
-    for label, plan in run.plans.items():
-        if run.while_timed is not nullcontext:
-            plan.march(times[:2])  # compiles, or reads kernels, while others may use the processor
-        with run.store.monitor(label) as advance, run.while_timed():
-            trajectories[label] = plan.march(times, advance)
-    return trajectories
 
 
 class Pipeline:
@@ -86,9 +75,11 @@ class Pipeline:
         Makes a context in which each run is timed; it may hold up whatever else uses the processor.
     store : StageStore
         Runs the stages and keeps their results.
+    whole_energy : bool
+        Displacements of second order count with their whole kinetic energy: without, a motion would lose its inertia.
     """
 
-    trajectories: Stage[dict[str, Trajectory]] = Stage("motion", _march)
+    trajectories: Stage[dict[str, Trajectory]] = Stage("motion", march_runs)
 
     def __init__(
         self,
@@ -101,7 +92,7 @@ class Pipeline:
         bodies: Mapping[str, FlexibleBody] | None = None,
         spin: Mapping[str, SpinCheck] | None = None,
     ) -> None:
-        self.scene, self.keep_all = scene, keep_all
+        self.scene, self.keep_all, self.whole_energy = scene, keep_all, False
         self.while_timed: Callable[[], AbstractContextManager[None]] = nullcontext
         self.store = StageStore(Cache(cache_folder() / "stages") if cache is None else cache, monitor)
         self.results: dict[str, Any] = {}
@@ -117,6 +108,7 @@ class Pipeline:
     def variant(self, scene: Scene, monitor: Monitor = silent, spin: Mapping[str, SpinCheck] | None = None) -> Pipeline:
         """Return a pipeline for another scene that takes over all results that both have in common."""
         other = Pipeline(scene, self.store.cache, monitor, self.keep_all, spin=spin)
+        other.whole_energy = self.whole_energy
         for name, part in self.wholes.items():
             other.wholes[name] = FlexiblePart(scene, name, other.store, like=part)
         other._like = vars(self).get("division")
@@ -124,7 +116,9 @@ class Pipeline:
 
     def with_bodies(self, bodies: Mapping[str, FlexibleBody]) -> Pipeline:
         """Return a pipeline for this scene with other reduced bodies on the same meshes."""
-        return Pipeline(self.scene, self.store.cache, keep_all=self.keep_all, division=self.division, bodies=bodies)
+        other = Pipeline(self.scene, self.store.cache, keep_all=self.keep_all, division=self.division, bodies=bodies)
+        other.whole_energy = self.whole_energy
+        return other
 
     @cached_property
     def division(self) -> Division:
@@ -307,10 +301,12 @@ class Pipeline:
     def mechanism(self) -> Mechanism:
         """Bodies, joints and loads of the scene, its joints slow and its modes fast if it doesn't say otherwise."""
         from pipeline.stages.mechanism import build_mechanism
-        from pipeline.stages.stiffening_check import keep_what_counts
+        from pipeline.stages.stiffening_check import keep_what_counts, with_whole_energy
 
         mechanism, error = build_mechanism(self.divided_scene, self.bodies), self.scene.simulation.error
-        return mechanism if self._bodies is not None else keep_what_counts(mechanism, self.spin, error)
+        if self._bodies is None:
+            mechanism = keep_what_counts(mechanism, self.spin, error)
+        return with_whole_energy(mechanism) if self.whole_energy else mechanism
 
     @cached_property
     def system(self) -> CompiledSystem:
@@ -339,7 +335,8 @@ class Pipeline:
 
         if self._bodies is not None or self._spin is not None:  # not the scene's own
             return make_plans(self)
-        return make_plans(self, partial(self.store.read_or_keep, self._key("growth")))
+        key = self._key("growth with whole energy" if self.whole_energy else "growth")
+        return make_plans(self, partial(self.store.read_or_keep, key))
 
     @cached_property
     def motions(self) -> dict[str, Motion]:
@@ -353,19 +350,7 @@ class Pipeline:
         AccuracyError
             A march diverged, or deflections are beyond what a stiffened body describes.
         """
-        self.bodies  # noqa: B018 - stages of their own; what the plans add is kernels, compiled or read
-        require_room(self.scene, self.mechanism)
-        self._require_unbuckled()
-        self.plans  # noqa: B018 - refuses a step before anything is timed
-        trajectories = self.trajectories
-        for label, plan in self.plans.items():
-            plan.require_positive_mass(trajectories[label])
-        return {label: self.motion_by(plan, trajectories[label]) for label, plan in self.plans.items()}
-
-    def _require_unbuckled(self) -> None:
-        from pipeline.stages.stiffening_check import require_unbuckled
-
-        require_unbuckled(self.scene, self.stiffness_changes)
+        return find_motions(self)
 
     @property
     def left_out(self) -> dict[str, list[int]]:

@@ -190,6 +190,12 @@ def keep_what_counts(mechanism: Mechanism, checks: Mapping[str, SpinCheck], erro
     return mechanism
 
 
+def with_whole_energy(mechanism: Mechanism) -> Mechanism:
+    """Return a mechanism in which displacements of second order count with their whole kinetic energy."""
+    links = [replace(link, gram=replace(link.gram, whole=True)) for link in mechanism.links]
+    return replace(mechanism, links=links)
+
+
 def find_changes(mechanism: Mechanism, checks: Mapping[str, SpinCheck]) -> dict[str, StiffnessChange]:
     """Find the change of stiffness of each stiffened body of a mechanism by the loads through it."""
     changes = {}

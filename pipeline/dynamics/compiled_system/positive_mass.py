@@ -2,8 +2,9 @@
 
 Displacements of second order change what a stiffened body's frame has of inertia, and by their rigid part the modal
 masses (see `pipeline.reduction.second_order_mass`). What is left out can still take the inertia of a motion in which
-frame and modes nearly cancel, such as that of a light end, where a body deflects by most of its length. A kinetic
-energy can then be negative, and a motion has no meaning.
+frame and modes nearly cancel, such as that of a light end. A kinetic energy can then be negative, and a motion has no
+meaning. With the whole kinetic energy of second order (see `pipeline.reduction.second_order_fields`) it never is; this
+takes up to twice the time and is for motions that need it.
 """
 
 from __future__ import annotations
@@ -13,7 +14,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from pipeline.core.arrays import Array
-from pipeline.core.errors import AccuracyError, StabilityError
+from pipeline.core.errors import InertiaError, StabilityError
 
 if TYPE_CHECKING:
     from pipeline.dynamics.compiled_system.reference_state import ReferenceState
@@ -24,7 +25,7 @@ _LOST = 0.05  # of an inertia, where a march ends because it vanishes
 
 
 def require_positive_mass(system: ReferenceState, q: Array, where: str, least: float = 0.0) -> None:
-    """Raise ``AccuracyError`` if deflections at positions q (n_positions,) take a part of its inertia from a motion.
+    """Raise ``InertiaError`` if deflections at positions q (n_positions,) take a part of its inertia from a motion.
 
     Parameters
     ----------
@@ -45,7 +46,7 @@ def require_positive_mass(system: ReferenceState, q: Array, where: str, least: f
     kept = float(eigh(M, M0, eigvals_only=True)[0]) if np.isfinite(M).all() else -np.inf
     if kept > least:
         return
-    raise AccuracyError(
+    raise InertiaError(
         f"{where} the mass matrix isn't positive definite: a motion has {kept:.2g} times its inertia in the undeformed "
         "mechanism, because of displacements of second order, which stiffening takes in; fewer modes with "
         'modes.enrich = "none" make them smaller for light motions, and simulation.stiffening = "off" leaves them out'
@@ -53,7 +54,7 @@ def require_positive_mass(system: ReferenceState, q: Array, where: str, least: f
 
 
 def require_positive_over(system: ReferenceState, times: Array, q: Array) -> None:
-    """Raise ``AccuracyError`` if the mass isn't positive definite at one of a motion's largest deflections.
+    """Raise ``InertiaError`` if the mass isn't positive definite at one of a motion's largest deflections.
 
     Parameters
     ----------
@@ -81,6 +82,9 @@ def _stiffened(mechanism: Mechanism) -> list[int]:
 
 
 def explain_failure(system: ReferenceState, failure: StabilityError) -> None:
-    """Raise ``AccuracyError`` if a march failed because a motion of its system lost its inertia."""
-    if isinstance(failure.positions, np.ndarray) and len(failure.positions) == system.mechanism.n_positions:
+    """Raise ``InertiaError`` if a march failed because a motion of its system lost its inertia."""
+    mechanism = system.mechanism
+    if all(mechanism.links[k].gram.whole for k in _stiffened(mechanism)):  # for another reason
+        return
+    if isinstance(failure.positions, np.ndarray) and len(failure.positions) == mechanism.n_positions:
         require_positive_mass(system, failure.positions, f"at t = {failure.time:.4g} s", _LOST)

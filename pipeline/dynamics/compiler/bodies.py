@@ -12,7 +12,9 @@ bring about. With the inertia forms I_ab and A_a, and p = (1, q):
 
 Displacements of second order add ``½ qᵀ bow_a q`` to the first moments and ``qᵀ curl_a q̇`` to the angular momentum. So
 S_a has bow_a q beside it, z_a has −curl_a q, and ``q̇ᵀ bow_a q̇`` and ``q̇ᵀ curl_a q̇`` act on the frame. The modal mass
-is then no longer the identity: see `pipeline.reduction.second_order_mass`.
+is then no longer the identity: see `pipeline.reduction.second_order_mass`. Where their whole energy counts, they are
+further modal coordinates s that follow from q, ``ṡ = f q̇``: all of the above holds for (q, s), and its terms of s act
+on the modes by fᵀ (see `pipeline.reduction.second_order_fields`).
 """
 
 from __future__ import annotations
@@ -26,7 +28,9 @@ from pipeline.dynamics.compiler.algebra import (
     Vector3,
     Vector6,
     add,
+    constants,
     cross,
+    dot,
     identity,
     scale,
     spatial,
@@ -35,7 +39,7 @@ from pipeline.dynamics.compiler.algebra import (
     times,
     transpose,
 )
-from pipeline.dynamics.compiler.cleaning import inertia_forms
+from pipeline.dynamics.compiler.cleaning import WholeForms, inertia_forms
 from pipeline.dynamics.compiler.frames import MovingFrame
 from pipeline.dynamics.compiler.graph import Graph, Scalar, Terms, Vector, combine
 
@@ -95,6 +99,8 @@ class Inertia:
 def trace_inertia(graph: Graph, frame: MovingFrame) -> Inertia:
     """Trace a body's inertia for its modal coordinates and rates."""
     forms, q, v = inertia_forms(frame.link), frame.q, frame.v
+    if isinstance(forms, WholeForms):
+        return _trace_whole(graph, frame, forms)
     S, c, z, z_rate = list[Vector](), list[Scalar](), list[Vector](), list[Vector]()
     for a in AXES:
         row = graph.array(forms.S[a, 1:])
@@ -121,6 +127,59 @@ def trace_inertia(graph: Graph, frame: MovingFrame) -> Inertia:
     return Inertia(
         frame.rigid.mass, c, rates, _full(J), _full(N), [row.dot(v) for row in z], y, S, z, z_rate, bending, more
     )
+
+
+def _trace_whole(graph: Graph, frame: MovingFrame, forms: WholeForms) -> Inertia:
+    """Trace the inertia of a body whose displacements of second order have coordinates s beside its modes."""
+    q, v, n = frame.q, frame.v, frame.q.size
+    slopes = [q.multiplied_by(form) for form in forms.F]
+    s, ds = [0.5 * row.dot(q) for row in slopes], [row.dot(v) for row in slopes]
+    bend = [v.multiplied_by(form).dot(v) for form in forms.F]  # of s̈, at constant modal rates
+
+    def on_modes(own: Vector, of_fields: list[Scalar]) -> Vector:
+        """Entries of the modes, with what the fields' entries bring along them."""
+        return combine([(1.0, own), *zip(of_fields, slopes, strict=True)])
+
+    S, z, z_rate = list[Vector](), list[Vector](), list[Vector]()
+    c, bending, turning = list[Scalar](), list[Scalar](), list[Scalar]()
+    for a in AXES:
+        linear, of_fields = graph.array(forms.S[a, 1 : 1 + n]), constants(graph, forms.S[a, 1 + n :])
+        S.append(on_modes(linear, of_fields))
+        c.append(combine([(0.5, linear), (0.5, S[a])]).dot(q) + frame.rigid.S[a])
+        bending.append(dot(of_fields, bend))
+        own, of_fields = _multiply(forms.A_a[a], 1.0, q, s)
+        z.append(on_modes(own, of_fields))
+        turning.append(-dot(of_fields, bend))
+        z_rate.append(on_modes(*_multiply(forms.A_a[a], 0.0, v, ds)))
+    y: list[list[Vector]] = [[], [], []]
+    J: Matrix = [[], [], []]
+    N: Matrix = [[], [], []]
+    for a in AXES:
+        for b in range(a + 1):
+            form = forms.I_ab[a, b]
+            own, of_fields = _multiply(form, 1.0, q, s)
+            along = (graph.array(form[1 : 1 + n, 0]) + own).dot(q) + dot(constants(graph, form[1 + n :, 0]), s)
+            y[a].append(on_modes(own, of_fields))
+            J[a].append(along + dot(of_fields, s) + frame.rigid.J[a][b])
+            N[a].append(y[a][-1].dot(v))
+    rates, h = [row.dot(v) for row in S], [row.dot(v) for row in z]
+    more = trace_added_mass(graph, forms.second_order, q)
+    return Inertia(frame.rigid.mass, c, rates, _full(J), _full(N), h, y, S, z, z_rate, bending + turning, more)
+
+
+def _multiply(form: Array, first: float, x: Vector, s: list[Scalar]) -> tuple[Vector, list[Scalar]]:
+    """Return a form of (1, modes, fields) times (first, x, s): its entries of the modes, and those of the fields."""
+    graph, n = x.graph, x.size
+    constant, by_modes, by_fields = form[1:, 0], form[1:, 1 : 1 + n], form[1:, 1 + n :]
+    terms: Terms = [(first, graph.array(constant[:n])), (1.0, x.multiplied_by(by_modes[:n]))]
+    own = combine([*terms, *((at, graph.array(by_fields[:n, k])) for k, at in enumerate(s))])
+    of_fields = [
+        graph.number(first * constant[row])
+        + graph.array(by_modes[row]).dot(x)
+        + dot(s, constants(graph, by_fields[row]))
+        for row in range(n, n + len(s))
+    ]
+    return own, of_fields
 
 
 def _square(graph: Graph, form: Array, v: Vector) -> Scalar:

@@ -61,10 +61,31 @@ class InertiaForms:
         return second_order_mass(self.mass, self.S[:, 0], J, W, self.bow, self.curl, self.normal)
 
 
+@dataclass(frozen=True)
+class WholeForms(InertiaForms):
+    """Constant inertia integrals of a body whose displacements of second order count with their whole energy.
+
+    Attributes
+    ----------
+    F, W : ndarray, shapes (k, n, n) and (k, n)
+        As in `SecondOrderFields`, whose fields are behind the modes in all forms.
+    """
+
+    F: Array
+    W: Array
+
+    @property
+    def second_order(self) -> SecondOrderMass:
+        """Modal mass of displacements of second order."""
+        return SecondOrderMass(self.F, self.W, np.eye(len(self.F)))
+
+
 def inertia_forms(link: Link) -> InertiaForms:
     """Form a body's inertia integrals without their round-off."""
     gram = link.gram
-    G, n = gram.G, gram.G.shape[-1]
+    fields = gram.fields
+    G, S = (gram.G, gram.S) if fields is None else (fields.G, fields.S)
+    n = G.shape[-1]
     scale = np.ones(n)  # a mode's is its unit mass
     scale[0] = np.sqrt(max(np.trace(G[:, :, 0, 0]), 1e-300))
     limit = THRESHOLD * np.outer(scale, scale)
@@ -76,7 +97,11 @@ def inertia_forms(link: Link) -> InertiaForms:
         antisymmetric[a] = G[b, c] - G[c, b]
     forms[np.abs(forms) <= limit], antisymmetric[np.abs(antisymmetric) <= limit] = 0.0, 0.0
     units = np.sqrt(gram.mass) * scale
-    S = np.where(np.abs(gram.S) <= THRESHOLD * units, 0.0, gram.S)
+    S = np.where(np.abs(S) <= THRESHOLD * units, 0.0, S)
+    if fields is not None:
+        empty = np.zeros((3, 0, 0))
+        F, W = _cut(fields.F), _cut(fields.W)
+        return WholeForms(forms, antisymmetric, S, empty, empty, gram.mass, gram.normal, F, W)
     return InertiaForms(forms, antisymmetric, S, _cut(gram.bow), _cut(gram.curl), gram.mass, gram.normal)
 
 

@@ -12,6 +12,8 @@ from pipeline.dynamics.compiled_system.positive_mass import (
     require_positive_mass,
     require_positive_over,
 )
+from pipeline.dynamics.compiled_system.system import CompiledSystem
+from pipeline.stages.stiffening_check import with_whole_energy
 
 PIECE = """
 [body.strip{k}]
@@ -100,6 +102,9 @@ def test_a_motion_and_a_march_that_ended_are_checked_alike(tmp_path: Path) -> No
         require_positive_over(system, np.array([0.0, 1.0]), np.stack([still, bent]))
     with pytest.raises(AccuracyError, match=r"in the steady state .*: a motion has -\S+ times its inertia"):
         require_positive_mass(system, bent, "in the steady state")
+    whole = CompiledSystem(with_whole_energy(system.mechanism))
+    require_positive_mass(whole, bent, "with the whole energy", 1e-4)
+    explain_failure(whole, StabilityError("it stopped", 0.5, bent))  # for another reason
 
 
 @pytest.mark.parametrize("enrich", ["none", "inertia"])

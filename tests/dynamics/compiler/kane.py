@@ -34,7 +34,9 @@ def mass_and_force(made: PointMechanism, t: float, q: Array, v: Array) -> tuple[
     M = np.einsum("i,iaj,iak->jk", m, J, J)
     lack = mechanism.gravity - bias(made, t, q, v)
     M, force = M.copy(), np.einsum("i,iaj,ia->j", m, J, lack) + forces(made, t, q, v)
-    for k, body in enumerate(made.points):
+    for k, (body, link) in enumerate(zip(made.points, mechanism.links, strict=True)):
+        if link.gram.whole:
+            continue
         modes = mechanism.modes_of(k)
         mass, slowed = second_order_mass(body, q[modes + mechanism.n_positions - mechanism.n], v[modes])
         M[np.ix_(modes, modes)] += mass

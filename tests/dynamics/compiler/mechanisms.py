@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
 from typing import NamedTuple
 
@@ -48,6 +48,9 @@ class Points(NamedTuple):
         return np.asarray(self.x + self.Phi @ z + 0.5 * (self.Gamma @ z) @ z)
 
 
+WithFields = Callable[[Points, InertiaGram, np.random.Generator, bool], tuple[Points, InertiaGram]]
+
+
 @dataclass(frozen=True)
 class PointMechanism:
     """A mechanism, and the mass points that each body is made of."""
@@ -68,16 +71,21 @@ class PointMechanism:
         return q, v
 
 
-def random_mechanism(seed: int, second_order: bool = False, joints: Sequence[int] = JOINTS) -> PointMechanism:
+def random_mechanism(
+    seed: int, second_order: bool = False, joints: Sequence[int] = JOINTS, whole: bool = False
+) -> PointMechanism:
     """Make one of one to four bodies, any of them rigid or flexible, on random joints, markers and under random loads.
 
-    Every fifth is plane. ``second_order`` adds displacements of second order. One without coordinates is made anew.
+    Every fifth is plane. ``second_order`` adds displacements of second order, of which the ``whole`` kinetic energy may
+    count. One without coordinates is made anew.
     """
-    made = _any_mechanism(seed, np.random.default_rng([seed, 7]), second_order, joints)
-    return made if made.mechanism.n else random_mechanism(seed + 1000, second_order, joints)
+    made = _any_mechanism(seed, np.random.default_rng([seed, 7]), second_order, joints, whole)
+    return made if made.mechanism.n else random_mechanism(seed + 1000, second_order, joints, whole)
 
 
-def _any_mechanism(seed: int, rng: np.random.Generator, second_order: bool, joints: Sequence[int]) -> PointMechanism:
+def _any_mechanism(
+    seed: int, rng: np.random.Generator, second_order: bool, joints: Sequence[int], whole: bool
+) -> PointMechanism:
     plane = seed % 5 == 4
     sizes = [int(n) for n in rng.integers(0, 4, size=rng.integers(1, 5))]
     bodies = [_random_points(n, rng, plane) for n in sizes]
@@ -92,7 +100,7 @@ def _any_mechanism(seed: int, rng: np.random.Generator, second_order: bool, join
     gravity = np.array([1.0, -9.8, 0.0 if plane else 2.0]) * (rng.random() < 0.7)
     loads = [_random_load(link, rng, plane) for link in links for _ in range(rng.integers(0, 3))]
     made = PointMechanism(Mechanism(links, fast, gravity, loads, slow), tuple(bodies))
-    return _with_second_order(made, rng, plane) if second_order else made
+    return _with_second_order(made, rng, plane, _with_affine if whole else _with_pairs) if second_order else made
 
 
 def _random_points(n_modes: int, rng: np.random.Generator, plane: bool) -> Points:
@@ -197,16 +205,15 @@ def _random_load(link: Link, rng: np.random.Generator, plane: bool) -> PointLoad
     )
 
 
-def _with_second_order(made: PointMechanism, rng: np.random.Generator, plane: bool) -> PointMechanism:
-    """Give flexible bodies displacements of second order, and pairs of points with masses ±m that they move by ±Γ.
-
-    A pair has the inertia of what is linear in Γ alone: all that the equations keep of it.
-    """
+def _with_second_order(
+    made: PointMechanism, rng: np.random.Generator, plane: bool, with_fields: WithFields
+) -> PointMechanism:
+    """Give flexible bodies and their markers displacements of second order."""
     mechanism, bodies, links = made.mechanism, list(made.points), list(made.mechanism.links)
     for k, link in enumerate(links):
         n = len(link.omega)
         if n and rng.random() < 0.7:
-            bodies[k], gram = _with_pairs(bodies[k], link.gram, rng, plane)
+            bodies[k], gram = with_fields(bodies[k], link.gram, rng, plane)
             bow = _random_bow(1, n, rng)[0] if len(link.joint_rotation) and rng.random() < 0.5 else np.zeros((0, 0))
             markers = {"tip": MarkerShapes(rng.normal(size=3), *rng.normal(size=(2, 3, n)), _random_bow(6, n, rng))}
             links[k] = replace(link, gram=gram, joint_bow=bow, markers=markers)
@@ -225,6 +232,10 @@ def _with_second_order(made: PointMechanism, rng: np.random.Generator, plane: bo
 
 
 def _with_pairs(points: Points, gram: InertiaGram, rng: np.random.Generator, plane: bool) -> tuple[Points, InertiaGram]:
+    """Add pairs of points with masses ±m that displacements of second order move by ±Γ.
+
+    A pair has the inertia of what is linear in Γ alone: all that the equations keep of it.
+    """
     n = points.Phi.shape[2]
     x, m, Gamma = rng.normal(size=(4, 3)), rng.uniform(0.1, 0.5, 4), _random_bow(12, n, rng).reshape(4, 3, n, n)
     if plane:
@@ -238,6 +249,22 @@ def _with_pairs(points: Points, gram: InertiaGram, rng: np.random.Generator, pla
     still = np.zeros((8, 3, n))
     pairs = Points(np.r_[x, x], np.r_[m, -m], still, np.r_[Gamma, -Gamma])
     return Points(*(np.concatenate(both) for both in zip(points, pairs, strict=True))), gram
+
+
+def _with_affine(
+    points: Points, gram: InertiaGram, rng: np.random.Generator, plane: bool
+) -> tuple[Points, InertiaGram]:
+    """Move points by affine fields of second order, of which the whole kinetic energy counts."""
+    n = points.Phi.shape[2]
+    A = _random_bow(12, n, rng).reshape(3, 4, n, n)
+    if plane:
+        A[2] = A[:, 3] = 0.0
+    Gamma = np.einsum("ic,acjk->iajk", np.c_[np.ones(len(points.x)), points.x], A)
+    first = np.einsum("i,ia,ibjk->abjk", points.m, points.x, Gamma)
+    stiffening, G = -0.5 * (first + first.swapaxes(0, 1)), gram.G.copy()
+    G[:, :, 1:, 1:] -= stiffening
+    curl, bow = np.einsum("abc,bcjk->ajk", EPSILON, first), np.einsum("i,iajk->ajk", points.m, Gamma)
+    return points._replace(Gamma=Gamma), replace(gram, G=G, stiffening=stiffening, bow=bow, curl=curl, whole=True)
 
 
 def _random_bow(count: int, n: int, rng: np.random.Generator) -> Array:

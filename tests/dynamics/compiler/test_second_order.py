@@ -28,6 +28,26 @@ def test_mass_points_accelerate_alike_by_dalemberts_principle(seed: int) -> None
     assert difference(a, kane.accelerations(made, TIME, q, v)) < 1e-8
 
 
+@FEW
+def test_with_their_whole_energy_they_accelerate_mass_points_by_dalemberts_principle_alone(seed: int) -> None:
+    """Points are moved by affine fields of second order, and nothing is added to their inertia."""
+    made = random_mechanism(seed, second_order=True, whole=True)
+    compiled, n = compile_mechanism(made.mechanism), made.mechanism.n
+    q, v = made.state(seed)
+    a = interpreted(compiled, "accelerations", (n,), q=q, v=v)
+    assert difference(a, kane.accelerations(made, TIME, q, v)) < 1e-8
+    r = interpreted(compiled, "residual", (n,), q=q, v=v, a=a)
+    assert np.abs(r).max() < 1e-11 * max(np.abs(interpreted(compiled, "residual", (n,), q=q, v=v, a=0 * v)).max(), 1.0)
+    plain = Kinematics(made.mechanism, np.array([TIME]), q[None], v[None])
+    u, _ = kane.velocities(made, TIME, q, v)
+    m = np.concatenate([body.m for body in made.points])
+    assert np.isclose(plain.energies[0][0], 0.5 * m @ (u**2).sum(axis=1), rtol=1e-11)
+    assert np.allclose(plain.momentum[0], m @ u, rtol=0, atol=1e-11 * np.abs(u).max() * m.sum())
+    assert np.allclose(compiled.energies(TIME, q, v), np.ravel(plain.energies), rtol=1e-11, atol=1e-12)
+    for found, expected in zip(compiled.momenta(TIME, q, v), (plain.momentum, plain.angular_momentum), strict=True):
+        assert np.allclose(found, expected[0], rtol=1e-10, atol=1e-11)
+
+
 @SEEDS
 def test_accelerations_leave_no_residual(seed: int) -> None:
     made = random_mechanism(seed, second_order=True)
