@@ -53,7 +53,7 @@ class MarchedScene(Protocol):
 
     @property
     def trajectories(self) -> Mapping[str, Trajectory]:
-        """What the integrators give, a stage."""
+        """Motions in coordinates, by the names of the runs."""
 
     def motion_by(self, plan: Plan, trajectory: Trajectory) -> Motion:
         """Return the motion that a trajectory describes."""
