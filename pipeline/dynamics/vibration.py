@@ -5,6 +5,7 @@ from __future__ import annotations
 import numpy as np
 
 from pipeline.core.arrays import Array
+from pipeline.core.errors import InertiaError
 
 
 def frequencies(M: Array, K: Array) -> Array:
@@ -19,12 +20,26 @@ def frequencies(M: Array, K: Array) -> Array:
     -------
     ndarray, shape (n,)
         [rad/s]; 0 where a vibration has no stiffness, or a negative one.
+
+    Raises
+    ------
+    InertiaError
+        The mass isn't positive definite.
     """
     if not len(M):
         return np.zeros(0)
-    L = np.linalg.cholesky(M)
+    L = _cholesky(M)
     scaled = np.linalg.solve(L, np.linalg.solve(L, K).T)  # L⁻¹ K L⁻ᵀ
     return np.asarray(np.sqrt(np.maximum(np.linalg.eigvalsh(0.5 * (scaled + scaled.T)), 0.0)))
+
+
+def _cholesky(M: Array) -> Array:
+    try:
+        return np.asarray(np.linalg.cholesky(M))
+    except np.linalg.LinAlgError:
+        least, largest = np.linalg.eigvalsh(M)[[0, -1]]
+        message = f"the mass matrix isn't positive definite: it is {least:.2g} at least, and {largest:.2g} at most"
+        raise InertiaError(message) from None
 
 
 def highest_frequency(M: Array, K: Array) -> float:
@@ -53,7 +68,7 @@ def largest_leapfrog_step(M: Array, K: Array, C: Array) -> float:
     """
     if not np.any(C):
         return 2.0 / highest_frequency(M, K)
-    L = np.linalg.cholesky(M)
+    L = _cholesky(M)
     scaled_K, scaled_C = (np.linalg.solve(L, np.linalg.solve(L, A).T) for A in (K, C))
     squares, shapes = np.linalg.eigh(0.5 * (scaled_K + scaled_K.T))
     root = shapes * np.sqrt(np.maximum(squares, 0.0))  # root rootᵀ = L⁻¹ K L⁻ᵀ

@@ -4,6 +4,7 @@ import numpy as np
 import pytest
 
 from pipeline.core.arrays import Array
+from pipeline.core.errors import InertiaError
 from pipeline.dynamics.vibration import frequencies, highest_frequency, largest_leapfrog_step
 from pipeline.stability.amplification import cycle_growth
 
@@ -56,3 +57,9 @@ def test_a_single_damped_oscillator_has_its_closed_limit() -> None:
     step = largest_leapfrog_step(np.eye(1), np.array([[omega**2]]), np.array([[2 * zeta * omega]]))
     assert step == pytest.approx(2 / (omega * (2 * zeta + np.sqrt(1 + 4 * zeta**2))), rel=1e-14)
     assert largest_leapfrog_step(np.eye(1), np.zeros((1, 1)), np.array([[5.0]])) == pytest.approx(1 / 5, rel=1e-14)
+
+
+@pytest.mark.parametrize("damping", [0.0, 1.0])
+def test_a_mass_that_is_not_positive_definite_is_told_with_its_least_value(damping: float) -> None:
+    with pytest.raises(InertiaError, match=r"is -1 at least, and 2 at most"):
+        largest_leapfrog_step(np.diag([2.0, -1.0]), np.eye(2), damping * np.eye(2))
