@@ -11,16 +11,16 @@ whole call of a march.
 from __future__ import annotations
 
 import argparse
-import csv
 import sys
 import tempfile
 import time
 from collections.abc import Callable, Iterator
-from dataclasses import asdict, dataclass, fields, replace
+from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Any
 
 import numpy as np
+from table_format import write_rows
 from tables import seconds_at
 from truth_scenes import random_case
 
@@ -211,12 +211,7 @@ def main(arguments: list[str]) -> None:
         rows.append(row)
         print(row, flush=True)
         if not options.scene:
-            with TABLE.open("w", newline="") as file:
-                table = csv.DictWriter(file, [field.name for field in fields(Row)], lineterminator="\n")
-                table.writeheader()
-                for each in rows:
-                    values = asdict(each).items()
-                    table.writerow({key: f"{x:.3g}" if isinstance(x, float) else x for key, x in values})
+            write_rows(TABLE, rows)
     for kind in ("ratio", "wanted_ratio"):
         ratios = sorted(getattr(row, kind) for row in rows)
         print(f"{kind}: median {ratios[len(ratios) // 2]:.2f}, worst {ratios[-1]:.2f}")

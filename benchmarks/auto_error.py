@@ -8,11 +8,11 @@ are refused, and those whose reference takes too long or is made by ``auto`` its
 from __future__ import annotations
 
 import argparse
-import csv
 import sys
-from dataclasses import asdict, dataclass, fields
+from dataclasses import dataclass
 
 from auto_choice import HERE, TooLongError, exact_march, limit, open_scene
+from table_format import write_rows
 
 from pipeline.core.errors import AccuracyError, InputError
 
@@ -67,13 +67,8 @@ def main(arguments: list[str]) -> None:
             continue
         print(row or f"{seed}: no reference", flush=True)
         rows += [row] if row else []
-    if not seeds:
-        with TABLE.open("w", newline="") as file:
-            table = csv.DictWriter(file, [field.name for field in fields(Row)], lineterminator="\n")
-            table.writeheader()
-            for each in rows:
-                values = asdict(each).items()
-                table.writerow({key: f"{x:.3g}" if isinstance(x, float) else x for key, x in values})
+    if rows and not seeds:
+        write_rows(TABLE, rows)
     above = sum(row.true > row.wanted for row in rows)
     print(f"{len(rows)} scenes, true error above the wanted one in {above}, above the told one in", end=" ")
     print(f"{sum(row.true > row.told for row in rows)}, above three times that in", end=" ")

@@ -3,9 +3,11 @@
 from __future__ import annotations
 
 import csv
-from collections.abc import Iterable
+from collections.abc import Iterable, Sequence
+from dataclasses import asdict, fields
 from math import isfinite
 from pathlib import Path
+from typing import Any
 
 HERE = Path(__file__).parent
 Row = dict[str, str]
@@ -36,3 +38,13 @@ def format_seconds(seconds: float) -> str:
 def format_ratio(ratio: float) -> str:
     """Format a ratio with two figures, or three from 100 on."""
     return f"{ratio:.0f}" if ratio >= 100 else f"{ratio:.2g}"
+
+
+def write_rows(path: Path, rows: Sequence[Any]) -> None:
+    """Write dataclasses of one type as a CSV file, real numbers to three digits."""
+    with path.open("w", newline="") as file:
+        table = csv.DictWriter(file, [field.name for field in fields(rows[0])], lineterminator="\n")
+        table.writeheader()
+        for row in rows:
+            values = asdict(row).items()
+            table.writerow({name: f"{x:.3g}" if isinstance(x, float) else x for name, x in values})

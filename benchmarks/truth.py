@@ -19,10 +19,11 @@ import tempfile
 import time
 import traceback
 from collections.abc import Callable
-from dataclasses import asdict, dataclass, fields
+from dataclasses import dataclass, fields
 from multiprocessing.connection import Connection
 from pathlib import Path
 
+from table_format import write_rows
 from truth_finer import finer_run
 from truth_references import elastica_reference
 from truth_scenes import Case, random_case
@@ -191,12 +192,7 @@ def read_table() -> dict[int, Row]:
 
 def write_table(rows: dict[int, Row]) -> None:
     """Write rows, in the order of their seeds."""
-    with TABLE.open("w", newline="") as file:
-        table = csv.DictWriter(file, [field.name for field in fields(Row)], lineterminator="\n")
-        table.writeheader()
-        for _, row in sorted(rows.items()):
-            values = asdict(row)
-            table.writerow({name: f"{x:.3g}" if isinstance(x, float) else x for name, x in values.items()})
+    write_rows(TABLE, [row for _, row in sorted(rows.items())])
 
 
 def summarise(rows: list[Row]) -> str:

@@ -160,12 +160,12 @@ class Automatic:
             if len(found) > 1:  # a pair is compared with itself
                 report.before = None
             for outcome in found:
-                if isinstance(outcome, StabilityError):
-                    getattr(system, "explain_failure", _explain_nothing)(outcome)
                 if isinstance(outcome, Trajectory):
                     agreed = report.agrees(outcome, _gain(outcome, system))
-                else:
-                    agreed = report.add_failure(outcome)
+                    continue
+                if isinstance(outcome, StabilityError):
+                    getattr(system, "explain_failure", _explain_nothing)(outcome)
+                report.add_failure(outcome)
             last = found[-1]
             if agreed and isinstance(last, Trajectory):
                 return replace(

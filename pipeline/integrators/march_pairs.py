@@ -83,11 +83,10 @@ class Pairs:
         """Begin with another method, whose marches aren't compared with those before."""
         self.before, self.failures, self.difference, self.apart, self.stays = None, 0, np.inf, np.inf, False
 
-    def add_failure(self, failure: AccuracyError) -> bool:
-        """Count a march that failed, which agrees with none: return false."""
+    def add_failure(self, failure: AccuracyError) -> None:
+        """Count a march that failed."""
         self.before, self.failure, self.difference, self.apart = None, failure, np.inf, np.inf
         self.failures += 1
-        return False
 
     def more_steps(self) -> float:
         """Return how many times as many steps a method of second order should take next; 2 if nothing is known."""
