@@ -153,6 +153,8 @@ class AdaptiveMarch(Table):
         Of each step, relative to the largest value of a coordinate's group.
     order : int
         Of the step's error.
+    longest : float
+        Step [s] beyond which none grows, unless nothing moves.
     settles : bool
         True if states settle after each step: loops close, or quaternions become unit ones.
     q, v, a : ndarray
@@ -183,6 +185,7 @@ class AdaptiveMarch(Table):
 
     tolerance: float
     order: int
+    longest: float
     settles: bool
     q: Array
     v: Array
@@ -273,7 +276,7 @@ def _march(m: Any, p: Any, s: AdaptiveMarch, stop: float, n_steps: int) -> int:
         _set_state(p, reached, s.new, s.q, s.v)
         clock[0] = reached
         if planned:  # else a breakpoint cut the step short
-            clock[1] = h * factor
+            clock[1] = min(h * factor, s.longest) if size > 0.0 else h * factor
         keep_largest(s.groups, s.largest, s.new)
         end_step(m, p, s)
         s.fresh[0] = 1.0 if s.settles else 0.0
@@ -297,6 +300,7 @@ def march_adaptive_steps(
     m: Table,
     tolerance: float,
     order: int,
+    longest: float,
     start: State,
     times: Array,
     progress: Progress | None,
@@ -310,7 +314,7 @@ def march_adaptive_steps(
     m : Table
         The method: its numbers and room to work in, with meanings of `begin_step`, `try_step`, `prepare_samples`,
         `sample_step` and `end_step`.
-    tolerance, order : float, int
+    tolerance, order, longest : float, int, float
         As in `AdaptiveMarch`.
 
     Raises
@@ -331,7 +335,7 @@ def march_adaptive_steps(
     present = (state.q, state.v, state.a, clock, groups, kinds, np.zeros(n_kinds), state.memory)
     settles = bool(getattr(system, "settles", system.n_positions != system.n))
     output = (np.ascontiguousarray(times, dtype=float), q, v, cursor, evaluations, fresh, np.full(1, _SPARE))
-    march = AdaptiveMarch(tolerance, order, settles, *present, trial, begin, new, out, *output)
+    march = AdaptiveMarch(tolerance, order, longest, settles, *present, trial, begin, new, out, *output)
     p, chunk = system.parameters, _FIRST_CHUNK
     explain = getattr(system, "explain_failure", None)
     _march(m, p, march, math.inf, 0)  # compiles, or reads the kernel: not part of the run time

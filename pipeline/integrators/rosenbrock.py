@@ -83,7 +83,7 @@ class ExponentialRosenbrock:
             The step became too small.
         """
         m = make_room(system.n_positions + system.n)
-        return march_adaptive_steps(self.name, system, m, self.tolerance, 4, start, times, progress)
+        return march_adaptive_steps(self.name, system, m, self.tolerance, 4, math.inf, start, times, progress)
 
 
 @dataclass(frozen=True)

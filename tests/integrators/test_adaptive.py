@@ -20,7 +20,7 @@ from pipeline.dynamics.mechanism import Mechanism
 from pipeline.dynamics.system import accelerations, advance, velocities
 from pipeline.integrators.adaptive import groups_of, kinds_of, step_within
 from pipeline.integrators.rosenbrock import ExponentialRosenbrock
-from pipeline.integrators.runge_kutta import RungeKutta
+from pipeline.integrators.runge_kutta import DAMPED, RungeKutta
 from pipeline.integrators.scipy_ivp import ScipyIvp
 
 BOTH = pytest.mark.parametrize("method", [ExponentialRosenbrock, RungeKutta])
@@ -187,6 +187,19 @@ def test_the_error_of_the_runge_kutta_method_follows_the_tolerance(case):
     steps = [march.end.step for march in marches]
     assert np.polyfit(np.log(tolerances[3:]), np.log(steps[3:]), 1)[0] == pytest.approx(-1 / 8, abs=0.04)
     assert marches[0].step == pytest.approx(marches[0].end.time / marches[0].end.step)
+
+
+def test_steps_at_the_stability_limit_leave_nothing_of_the_fastest_vibrations():
+    """Steps that grow until the error stops them keep these alive: 1e-5 to 1e-3 of what moves, and more evaluations."""
+    ways, _ = np.linalg.qr(np.random.default_rng(3).normal(size=(4, 4)))
+    system = LinearSystem(ways @ np.diag([1.0, 9.0, 80.0**2, 300.0**2]) @ ways.T)
+    start, times = ways @ [1.0, 0.5, 0.0, 0.0], np.linspace(0.0, 20.0, 101)
+    exact = system.exact(start, np.zeros(4), times)
+    bounded, free = (RungeKutta(1e-3, reach).march(system, start, np.zeros(4), times) for reach in (DAMPED, np.inf))
+    assert np.abs(bounded.q - exact).max() < 1e-10
+    assert np.abs(free.q - exact).max() > 1e-6
+    assert bounded.evaluations < free.evaluations
+    assert bounded.step <= DAMPED / 300.0
 
 
 # Output ----------------------------------------------------------------------------------------------------------
