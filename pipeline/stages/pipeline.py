@@ -249,11 +249,10 @@ class Pipeline:
 
     @cached_property
     def deformations(self) -> Mapping[str, Deformation]:
-        """Largest rotation and strain of each meshed body's elastic field over the first run's motion."""
+        """Largest rotation and strain of each flexible body's elastic field over the first run's motion."""
         return {
             name: measure_deformation(part.deformation_shapes, self.bodies[name], self.motion.modal(name))
             for name, part in self.parts.items()
-            if part.has_mesh
         }
 
     @cached_property
