@@ -34,7 +34,7 @@ class InertiaError(AccuracyError):
 
 
 class StabilityError(AccuracyError):
-    """A time step is beyond the stability limit, or a march diverged.
+    """A time step is beyond the stability limit or passes a force unseen, or a march diverged.
 
     Parameters
     ----------

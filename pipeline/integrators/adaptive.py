@@ -1,6 +1,7 @@
 """Loop and step control of the methods whose step follows the error.
 
 A coordinate's error counts relative to the largest value that its group, coordinates of like kind, has had so far.
+No step passes a force's narrow feature over the elongation unseen.
 The steps depend neither on the output times nor on how the march is cut into pieces; the last one may pass the last
 output time, so that a march which starts from the end state continues bit for bit.
 """
@@ -19,6 +20,7 @@ from pipeline.core.errors import StabilityError
 from pipeline.dynamics.jit.compiled import aligned, inner, kernel
 from pipeline.dynamics.jit.table import Table
 from pipeline.dynamics.system import System, advance, project
+from pipeline.dynamics.watch import Watch, begin_watch, foreseen_part, passed_part, watch_of
 from pipeline.integrators.protocol import Progress, State, Trajectory, require_times, start_state
 
 _FLOOR = 1e-12  # a group that has not moved yet
@@ -178,6 +180,8 @@ class AdaptiveMarch(Table):
     fresh : ndarray, shape (1,)
         1 where the accelerations ``a`` are not those of the present state: loads jump there, none are known yet, or
         the state has settled since.
+    watch : Watch
+        Over force laws that a step may pass unseen.
     spare : ndarray, shape (1,)
         How many more of the smallest steps may be taken before the next breakpoint although their error is too large:
         where a load's rate is infinite, it is always the same part of what has moved since rest.
@@ -206,6 +210,7 @@ class AdaptiveMarch(Table):
     evaluations: Array
     fresh: Array
     spare: Array
+    watch: Watch
 
 
 def begin_step(m: Any, p: Any, s: AdaptiveMarch, t: float, h: float) -> None:
@@ -246,7 +251,8 @@ def _march(m: Any, p: Any, s: AdaptiveMarch, stop: float, n_steps: int) -> int:
             s.begin[i] = s.q[i]
         for i in range(n):
             s.begin[n_positions + i] = s.v[i]
-        h = step_within(clock[1], stop - t)
+        begin_watch(s.watch, just_after(t), s.q, s.v)
+        h = step_within(max(clock[1] * foreseen_part(s.watch, clock[1]), smallest), stop - t)
         planned, reached = h == clock[1], t
         begin_step(m, p, s, t, h)
         while True:
@@ -254,7 +260,11 @@ def _march(m: Any, p: Any, s: AdaptiveMarch, stop: float, n_steps: int) -> int:
             size = try_step(m, p, s, t, h, reached)
             factor = step_factor(size, s.tolerance, s.order)
             if size <= s.tolerance or (h < short and size * h <= _JITTER * t):
-                break
+                part = passed_part(s.watch, just_before(reached), h, s.new[:n_positions], s.new[n_positions:])
+                if part == 1.0 or h <= smallest:
+                    break
+                h = max(h * part, smallest)
+                continue
             planned = True
             if h <= smallest:
                 if not (s.spare[0] > 0.0 and size < _FORGIVEN):
@@ -334,7 +344,16 @@ def march_adaptive_steps(
     kinds, n_kinds = kinds_of(system)
     present = (state.q, state.v, state.a, clock, groups, kinds, np.zeros(n_kinds), state.memory)
     settles = bool(getattr(system, "settles", system.n_positions != system.n))
-    output = (np.ascontiguousarray(times, dtype=float), q, v, cursor, evaluations, fresh, np.full(1, _SPARE))
+    output = (
+        np.ascontiguousarray(times, dtype=float),
+        q,
+        v,
+        cursor,
+        evaluations,
+        fresh,
+        np.full(1, _SPARE),
+        watch_of(system),
+    )
     march = AdaptiveMarch(tolerance, order, longest, settles, *present, trial, begin, new, out, *output)
     p, chunk = system.parameters, _FIRST_CHUNK
     explain = getattr(system, "explain_failure", None)

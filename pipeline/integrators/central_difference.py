@@ -56,7 +56,7 @@ class CentralDifference:
         def make(state: State) -> LeapfrogSteps:
             return LeapfrogSteps(h, state.q, state.v, state.a, *aligned(system.n_positions, system.n))
 
-        march = (make, system.parameters, system.leapfrog(), start, h, 1, times, progress)
+        march = (self.name, make, system, system.leapfrog(), start, h, 1, times, progress)
         end, q, v, seconds = march_fixed_steps(*march)
         return Trajectory(self.name, h, 1, times, q, v, end.step - start.step, 0, seconds, end)
 

@@ -91,7 +91,8 @@ class Exponential:
             oscillators = (np.ascontiguousarray(stiffness), full, half)
             return ExponentialSteps(origin, h, *oscillators, *begin, np.empty(8), *aligned(*10 * [n]))
 
-        end, q, v, seconds = march_fixed_steps(make, system.parameters, 0, start, h, 1, times, progress)
+        march = (self.name, make, system, 0, start, h, 1, times, progress, origin)
+        end, q, v, seconds = march_fixed_steps(*march)
         return Trajectory(self.name, h, 1, times, q, v, 4 * (end.step - start.step), 0, seconds, end)
 
 

@@ -18,7 +18,8 @@ from pipeline.core.arrays import Array, IntArray
 from pipeline.core.errors import StabilityError
 from pipeline.dynamics.jit.compiled import inlined, kernel, meaning
 from pipeline.dynamics.jit.table import Table
-from pipeline.dynamics.system import project
+from pipeline.dynamics.system import System, project
+from pipeline.integrators.missed_work import ElongationLog, WorkCheck, note_elongations
 from pipeline.integrators.protocol import Progress, State, require_times
 
 # Rates that add up to more are taken as divergence: no mechanism in SI units comes near it.
@@ -100,7 +101,9 @@ def runs_away(v: Array) -> bool:
 
 
 @kernel
-def _march(m: Any, p: Any, held: Any, samples: Samples, substeps: int, first: int, n_cycles: int) -> int:
+def _march(
+    m: Any, p: Any, held: Any, samples: Samples, log: ElongationLog, substeps: int, first: int, n_cycles: int
+) -> int:
     """March some cycles from step number ``first`` on, and return how many steps are done before rates run away."""
     n_samples, cursor = samples.step.size, samples.cursor[0]
     next_sample = samples.step[cursor] if cursor < n_samples else -1
@@ -123,6 +126,7 @@ def _march(m: Any, p: Any, held: Any, samples: Samples, substeps: int, first: in
             done += count
         samples.cursor[0] = cursor
         end_cycle(m, p, held, start, samples, first_sample)
+        note_elongations(log, start + substeps, m.q, m.v)
         for k in range(first_sample, cursor):
             project(p, samples.times[k], samples.q[k], samples.v[k])
     return n_cycles * substeps
@@ -137,14 +141,16 @@ def locate_samples(times: Array, step: float) -> tuple[IntArray, Array]:
 
 
 def march_fixed_steps(
+    name: str,
     make: Callable[[State], Table],
-    p: Any,
+    system: System,
     held: Any,
     start: State,
     step: float,
     substeps: int,
     times: Array,
     progress: Progress | None,
+    origin: float = 0.0,
 ) -> tuple[State, Array, Array, float]:
     """March with a fixed step until the last output time is passed.
 
@@ -153,19 +159,26 @@ def march_fixed_steps(
 
     Parameters
     ----------
+    name : str
+        The method's.
     make : callable
         Make the method's table for a state, into whose arrays it writes.
-    p, held : Any
-        The system's parameters, and its storage for the method.
+    system : System
+        What is marched.
+    held : Any
+        Its storage for the method.
     step : float
         Fast step [s].
     substeps : int
         Fast steps to a major cycle, which is never divided.
+    origin : float
+        Time of step number 0 [s].
 
     Raises
     ------
     StabilityError
-        A rate is beyond bounds; the message gives the time and the coordinate that moves fastest then.
+        A rate is beyond bounds; the message gives the time and the coordinate that moves fastest then. Or steps missed
+        much of what a force does over the elongation; the message has a step that works.
     """
     require_times(times)
     state = start.copy()
@@ -175,13 +188,15 @@ def march_fixed_steps(
     asked = np.ascontiguousarray(times, dtype=float)
     samples = Samples(asked, sample_step, sample_offset, q, v, np.array([np.searchsorted(sample_step, state.step)]))
     last = -(-(int(sample_step[-1]) + 1 - state.step) // substeps) * substeps + state.step
+    p, check = system.parameters, WorkCheck(system, origin, step, substeps)
+    check.begin(state.step, state.q, state.v)
     seconds, chunk = 0.0, substeps * max(1, _FIRST_CHUNK // substeps)
-    _march(method, p, held, samples, substeps, state.step, 0)  # compiles, or reads the kernel: not timed
+    _march(method, p, held, samples, check.log, substeps, state.step, 0)  # compiles, or reads the kernel: not timed
     while state.step < last:
-        wanted = min(chunk, last - state.step)
-        cycle = wanted if isinstance(method, SingleSteps) else substeps
+        wanted = min(chunk, last - state.step, check.most_steps)
+        cycle = wanted if isinstance(method, SingleSteps) and not check.watches else substeps
         tick = time.perf_counter()
-        done = int(_march(method, p, held, samples, cycle, state.step, wanted // cycle))
+        done = int(_march(method, p, held, samples, check.log, cycle, state.step, wanted // cycle))
         spent = time.perf_counter() - tick
         seconds += spent
         state = replace(state, step=state.step + done, time=(state.step + done) * step)
@@ -191,9 +206,11 @@ def march_fixed_steps(
                 f"the march diverged at t = {state.step * step:.6g} s, most in coordinate {culprit} "
                 f"(rate {state.v[culprit]:.3g}); take a smaller step"
             )
+        check.add()
         chunk = substeps * max(
             64, min(4 * chunk // substeps, int(chunk // substeps * _CHUNK_SECONDS / max(spent, 1e-9)))
         )
         if progress:
             progress(state.step / last)
+    check.require_little_missed(name)
     return state, q, v, seconds

@@ -110,7 +110,7 @@ class GeneralizedAlpha:
             return NewmarkSteps(h, alpha_m, alpha_f, beta, gamma, *begin, *room)
 
         try:
-            end, q, v, seconds = march_fixed_steps(make, system.parameters, 0, start, h, 1, times, progress)
+            end, q, v, seconds = march_fixed_steps(self.name, make, system, 0, start, h, 1, times, progress)
         except StabilityError:
             if np.isnan(counts[1]):
                 raise

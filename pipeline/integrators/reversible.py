@@ -98,7 +98,7 @@ class ReversibleSubcycling:
             room = aligned(system.n_positions, n, n, n)
             return ReactingSteps(h, m, n_slow, state.q, state.v, state.a, move, D, *room)
 
-        march = (make, system.parameters, system.middle(m * h), start, h, m, times, progress)
+        march = (self.name, make, system, system.middle(m * h), start, h, m, times, progress)
         end, q, v, seconds = march_fixed_steps(*march)
         n_steps = end.step - start.step
         return Trajectory(self.name, h, m, times, q, v, n_steps // m, n_steps, seconds, end)

@@ -13,6 +13,8 @@ from scipy.integrate import DOP853, LSODA, Radau
 from pipeline.core.arrays import Array
 from pipeline.core.errors import StabilityError
 from pipeline.dynamics.system import System
+from pipeline.dynamics.watch import Watch, begin_watch_of, passed_part_of, watch_of
+from pipeline.integrators.adaptive import SMALLEST
 from pipeline.integrators.protocol import (
     Progress,
     State,
@@ -84,6 +86,7 @@ class ScipyIvp:
         samples = np.full((len(times), n_positions + n), np.nan)
         y, now, end, n_steps = np.concatenate([q0, v0]).astype(float), 0.0, float(times[-1]), 0
         samples[times == now] = y
+        watch = watch_of(system)
         stops = [point for point in system.breakpoints if point > now]
         slope = rates(now, y)  # compiles, or reads kernels: not part of the run time
         tick = time.perf_counter()
@@ -93,9 +96,13 @@ class ScipyIvp:
                 raise StabilityError(f"{self.name} stopped at t = {now:.6g} s: the accelerations are not finite")
             solver = self._solver(rates, now, y, stop)
             while solver.status == "running" and solver.t < end:
+                before = solver.t, solver.y.copy()
                 message = solver.step()
                 if solver.status == "failed" or not np.isfinite(solver.y).all():
                     raise StabilityError(f"{self.name} stopped at t = {solver.t:.6g} s: {message or 'not finite'}")
+                if (part := self._passed_part(watch, n_positions, before, solver)) < 1.0:
+                    solver = self._solver(rates, *before, stop, part * (solver.t - before[0]))
+                    continue
                 n_steps += 1
                 _sample(solver, times, samples)
                 if progress:
@@ -108,12 +115,23 @@ class ScipyIvp:
         mean_step = now / n_steps if n_steps else 0.0
         return Trajectory(self.name, mean_step, 1, times, q, v, evaluations, 0, seconds, state)
 
-    def _solver(self, rates: Callable[[float, Array], Array], now: float, y: Array, stop: float) -> Any:
-        """Make SciPy's solver from a state to a breakpoint."""
+    def _solver(
+        self, rates: Callable[[float, Array], Array], now: float, y: Array, stop: float, first_step: float | None = None
+    ) -> Any:
+        """Make SciPy's solver from a state to a breakpoint; it finds its first step [s] unless that is given."""
         settings = {"rtol": self.tolerance, "atol": 1e-6 * self.tolerance}
-        if self.name == "LSODA":  # it would take its first step from how far it is to the end
-            settings["first_step"] = min(DOP853(rates, now, y, stop, **settings).h_abs, stop - now)
-        return _METHODS[self.name](rates, now, y, stop, **settings)
+        if first_step is None and self.name == "LSODA":  # it would take its first step from how far it is to the end
+            first_step = min(DOP853(rates, now, y, stop, **settings).h_abs, stop - now)
+        return _METHODS[self.name](rates, now, y, stop, first_step=first_step, **settings)
+
+    @staticmethod
+    def _passed_part(watch: Watch, n_positions: int, before: tuple[float, Array], solver: Any) -> float:
+        """Return the part of the solver's last step to be tried instead, 1 if it passed no force unseen."""
+        (begin, old), new, h = before, solver.y, solver.t - before[0]
+        if not watch.n_laws or h <= SMALLEST * solver.t:
+            return 1.0
+        begin_watch_of(watch, begin, old[:n_positions].copy(), old[n_positions:].copy())
+        return passed_part_of(watch, solver.t, h, new[:n_positions].copy(), new[n_positions:].copy())
 
 
 def _sample(solver: Any, times: Array, samples: Array) -> None:

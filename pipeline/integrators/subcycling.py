@@ -81,7 +81,7 @@ class Subcycling:
         def make(state: State) -> HeldSteps:
             return HeldSteps(h, m, n_slow, state.q, state.v, state.a, *aligned(system.n_positions, system.n))
 
-        march = (make, system.parameters, system.frozen(m * h), start, h, m, times, progress)
+        march = (self.name, make, system, system.frozen(m * h), start, h, m, times, progress)
         end, q, v, seconds = march_fixed_steps(*march)
         n_steps = end.step - start.step
         return Trajectory(self.name, h, m, times, q, v, n_steps // m, n_steps - n_steps // m, seconds, end)

@@ -34,6 +34,7 @@ _RIGID_STEPS = 20_000  # of the rigid motion, at least
 _RESOLVED = 0.1  # step of the rigid motion over its largest stable one, at most
 _SPAN = 1e-3  # of the duration: over so long a span the round-off of a tangent map is harmless
 _CORRECTIONS = 20
+_TOLERANCE = 1e-6  # of the rigid motion where fixed steps pass a force unseen
 _SETTLED = 1e-8  # relative change of positions
 
 
@@ -194,7 +195,14 @@ def _rigid_motion(rigid: Mechanism, q0: Array, v0: Array, times: Array, longest_
     step = min(longest_step, _RESOLVED * system.largest_step)
     start = OperatingPoint(0.0, q0[: rigid.n_positions], v0[: rigid.n])
     start = find_steady_point(system, start, np.arange(rigid.n_slow, rigid.n)) or start
-    motion = CentralDifference(step).march(system, start.q, start.v, times)
+    try:
+        motion = CentralDifference(step).march(system, start.q, start.v, times)
+    except StabilityError:
+        if not system.watched_laws:
+            raise
+        from pipeline.integrators.runge_kutta import RungeKutta
+
+        motion = RungeKutta(_TOLERANCE).march(system, start.q, start.v, times)  # its steps pass no force unseen
     return motion.q, motion.v
 
 

@@ -2,10 +2,10 @@
 
 from __future__ import annotations
 
-import math
 from typing import TYPE_CHECKING, Any
 
 from pipeline.core.errors import InputError
+from pipeline.integrators.missed_work import round_down
 
 if TYPE_CHECKING:
     from pipeline.dynamics.compiled_system.system import CompiledSystem
@@ -34,7 +34,7 @@ def require_resolved_loads(file: str, key: str, method: Integrator, system: Comp
         key,
         f"{method.step:.6g} s",
         f"a load acts for {lasts:.4g} s only, which {method.name}{held} would step over; "
-        f"a step of {_rounded_down(longest / cycle):g} s or less works, and auto, runge-kutta and "
+        f"a step of {round_down(longest / cycle):g} s or less works, and auto, runge-kutta and "
         "exponential-rosenbrock find theirs",
     )
 
@@ -62,9 +62,3 @@ def cycle_of(method: Integrator, system: CompiledSystem) -> int:
     two_rate: Any = method
     held = method.name == "reversible-sub-cycling" or system.n_slow
     return int(getattr(two_rate, "substeps", 1)) if held else 1
-
-
-def _rounded_down(step: float) -> float:
-    """Return a step with two digits, no longer than the step itself [s]."""
-    unit = 10.0 ** (math.floor(math.log10(step)) - 1)
-    return math.floor(step / unit * (1 + 1e-9)) * unit

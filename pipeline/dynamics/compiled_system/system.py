@@ -29,10 +29,13 @@ from pipeline.dynamics.compiled_system.positive_mass import explain_failure
 from pipeline.dynamics.compiled_system.reference_state import ReferenceState
 from pipeline.dynamics.compiler.closures import scale_rows
 from pipeline.dynamics.compiler.program import LANES
+from pipeline.dynamics.elements import PointSpring
 from pipeline.dynamics.jit.compiled import aligned
 from pipeline.dynamics.links import FREE, SPHERICAL
 from pipeline.dynamics.mechanism import Mechanism
 from pipeline.dynamics.signals.resolution import shortest_missed
+from pipeline.dynamics.watch import Watch, make_watch
+from pipeline.dynamics.watched_laws import WatchedLaw, find_watched
 
 _ROOM = ("v_now", "d", "rising")  # vectors of `HeldCycle` that hold no coefficients
 _SHARE_AHEAD = 1e-2  # of a major cycle, over which the slow motion of a mechanism with loops is followed
@@ -182,6 +185,27 @@ class CompiledSystem(ReferenceState):
     def constraint_scales(self) -> Array:
         """How fast unit multipliers would accelerate the gaps of free rigid bodies, shape (n_rows,)."""
         return scale_rows(self.mechanism, self.compiled.rows)
+
+    @property
+    def watch(self) -> Watch | None:
+        """Watch over force laws that a step may pass unseen, with room of its own; none if there are no such laws."""
+        laws, n_signals = self.watched_laws, len(self.compiled.signals)
+        if not laws:
+            return None
+        rests = [law.holder.rest if isinstance(law.holder, PointSpring) else np.nan for law in laws]
+        return make_watch(
+            self.compiled.address("elongations"),
+            self.compiled.address("signals") if n_signals else 0,
+            n_signals,
+            [law.pieces.edges for law in laws],
+            np.array([law.pieces.beyond for law in laws]),
+            np.array(rests),
+        )
+
+    @cached_property
+    def watched_laws(self) -> tuple[WatchedLaw, ...]:
+        """Force laws that a step may pass unseen."""
+        return find_watched(self.mechanism)
 
     @cached_property
     def couplings(self) -> Couplings:

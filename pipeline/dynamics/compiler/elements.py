@@ -76,11 +76,24 @@ def _length(first: PlaceMotion, second: PlaceMotion) -> tuple[Vector3, Scalar]:
     return way, (dot(way, way) + SHORTEST**2).apply("sqrt")
 
 
-def _spring_actions(element: PointSpring, first: PlaceMotion, second: PlaceMotion) -> list[Action]:
+def trace_elongation(
+    inputs: Coordinates, frames: list[MovingFrame], element: PointSpring
+) -> tuple[Scalar, Scalar, Vector3]:
+    """Trace the elongation of a spring, its rate, and the way from its first place to its second one in space."""
+    first, second = (trace_end(inputs, frames, end) for end in element.ends)
+    way, length, rate = _stretching(first, second)
+    return length - element.rest, rate, way
+
+
+def _stretching(first: PlaceMotion, second: PlaceMotion) -> tuple[Vector3, Scalar, Scalar]:
+    """Return the way from one place to another, its length and the rate of that."""
     way, length = _length(first, second)
-    inverse = length.inverse()
-    rate = dot(way, subtract(second.v, first.v)) * inverse
-    pull = scale(trace_law(element.law, length - element.rest, rate) * inverse, way)
+    return way, length, dot(way, subtract(second.v, first.v)) * length.inverse()
+
+
+def _spring_actions(element: PointSpring, first: PlaceMotion, second: PlaceMotion) -> list[Action]:
+    way, length, rate = _stretching(first, second)
+    pull = scale(trace_law(element.law, length - element.rest, rate) * length.inverse(), way)
     none = scale(0.0, pull)
     return [Action(first, pull, none), Action(second, scale(-1.0, pull), none)]
 

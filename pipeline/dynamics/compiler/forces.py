@@ -133,14 +133,18 @@ def joint_load(inputs: Coordinates, frame: MovingFrame) -> Scalar:
     link, graph = frame.link, inputs.graph
     if link.joint not in ONE_AXIS or link.motion is not None:
         return graph.number(0.0)
-    (s,), (ds,) = inputs.joint_positions(frame.number), inputs.joint_rates(frame.number)
+    x, rate = joint_elongation(inputs, frame)
     spring, rest, damper = (inputs.number(frame.number, name, getattr(link, name)) for name in JOINT_CONSTANTS)
-    stretch = s + section_angle(graph, frame) - rest
-    rate = ds + joint_grip(graph, frame).dot(frame.v)
-    load = inputs.signal(link.load)[0] - stretch * spring - rate * damper
+    load = inputs.signal(link.load)[0] - (x - rest) * spring - rate * damper
     for law in link.laws:
-        load = load - trace_law(law, stretch + rest, rate)
+        load = load - trace_law(law, x, rate)
     return load
+
+
+def joint_elongation(inputs: Coordinates, frame: MovingFrame) -> tuple[Scalar, Scalar]:
+    """Return position and rate of a joint with one axis, a revolute one's of the section that it grips."""
+    (s,), (ds,) = inputs.joint_positions(frame.number), inputs.joint_rates(frame.number)
+    return s + section_angle(inputs.graph, frame), ds + joint_grip(inputs.graph, frame).dot(frame.v)
 
 
 def section_angle(graph: Graph, frame: MovingFrame) -> Scalar:

@@ -26,7 +26,9 @@ are filled:
   velocities in space;
 - ``positions`` (n_markers, 3) and ``rotations`` (n_markers, 3, 3): the bodies' named markers, body by body;
 - ``energies`` (2,): kinetic and potential (strain, springs, weight) [J];
-- ``momenta`` (6,): linear [N s], and angular about the origin [N m s].
+- ``momenta`` (6,): linear [N s], and angular about the origin [N m s];
+- ``x`` and ``rates`` (n_laws,), ``ways`` (n_laws, 3): elongations that force laws with short pieces depend on, their
+  rates, and for springs the ways from place to place in space.
 
 Arrays must not overlap. Functions keep no state, so threads may call them at once.
 """
@@ -39,6 +41,7 @@ from typing import NamedTuple
 from pipeline.dynamics.compiler.algebra import times
 from pipeline.dynamics.compiler.closures import MultiplierForces, trace_reactions, trace_rows
 from pipeline.dynamics.compiler.coordinates import Coordinates, RestingCoordinates
+from pipeline.dynamics.compiler.elongations import trace_elongations
 from pipeline.dynamics.compiler.forces import ActingForces, GivenForces
 from pipeline.dynamics.compiler.frames import MovingFrame, trace_frames
 from pipeline.dynamics.compiler.graph import Scalar, combine
@@ -239,6 +242,12 @@ def _momenta(inputs: Coordinates, frames: list[MovingFrame]) -> list[Output]:
     return _in_row("momenta", 0, linear + angular)
 
 
+def _elongations(inputs: Coordinates, frames: list[MovingFrame]) -> list[Output]:
+    names = ("x", "rates", "ways")
+    both = zip(names, trace_elongations(inputs, frames), strict=True)
+    return [output for name, values in both for output in _in_row(name, 0, values)]
+
+
 def _in_order_of_rates(mechanism: Mechanism, argument: str, values: list[BodyValues]) -> list[Output]:
     outputs = []
     for number, body in enumerate(values):
@@ -286,5 +295,6 @@ DEFINITIONS = {
     "markers": Definition(("inputs", "q", "positions", "rotations"), _markers),
     "energies": Definition((*_STATE, "energies"), _energies),
     "momenta": Definition((*_STATE, "momenta"), _momenta),
+    "elongations": Definition((*_STATE, "x", "rates", "ways"), _elongations),
 }
 """Functions of a mechanism by their names."""
