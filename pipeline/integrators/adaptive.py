@@ -21,6 +21,7 @@ from pipeline.dynamics.jit.compiled import aligned, inner, kernel
 from pipeline.dynamics.jit.table import Table
 from pipeline.dynamics.system import System, advance, project
 from pipeline.dynamics.watch import Watch, begin_watch, foreseen_part, passed_part, watch_of
+from pipeline.integrators.endless import StepsLeft
 from pipeline.integrators.protocol import Progress, State, Trajectory, require_times, start_state
 
 _FLOOR = 1e-12  # a group that has not moved yet
@@ -34,6 +35,7 @@ _CHUNK_SECONDS = 0.1
 _LONG = 0.02  # seconds of some steps, beside which a look at what makes them short costs little
 _CRAWL = 0.05  # radians of the highest frequency in a step: of what vibrates faster than the undeformed mechanism
 _SAFETY = 0.9
+_MOST_STEPS, _OVER = 1e10, 20_000  # steps that never come to an end, by the mean of so many
 
 
 def groups_of(system: System) -> IntArray:
@@ -262,6 +264,7 @@ def _march(m: Any, p: Any, s: AdaptiveMarch, stop: float, n_steps: int) -> int:
             if size <= s.tolerance or (h < short and size * h <= _JITTER * t):
                 part = passed_part(s.watch, just_before(reached), h, s.new[:n_positions], s.new[n_positions:])
                 if part == 1.0 or h <= smallest:
+                    factor = factor if size <= s.tolerance else max(factor, 1.0)  # shorter ones would be no better
                     break
                 h = max(h * part, smallest)
                 continue
@@ -330,7 +333,7 @@ def march_adaptive_steps(
     Raises
     ------
     StabilityError
-        The step became too small, or the state is not finite; the message gives the time.
+        The step became too small, steps never come to an end, or the state is not finite; the message gives the time.
     AccuracyError
         Steps are short because a motion loses its inertia.
     """
@@ -357,6 +360,7 @@ def march_adaptive_steps(
     march = AdaptiveMarch(tolerance, order, longest, settles, *present, trial, begin, new, out, *output)
     p, chunk = system.parameters, _FIRST_CHUNK
     explain = getattr(system, "explain_failure", None)
+    left = StepsLeft(name, end, _MOST_STEPS, _OVER, state.step, state.time)
     _march(m, p, march, math.inf, 0)  # compiles, or reads the kernel: not part of the run time
     while cursor[0] < times.size:
         stop = next((point for point in system.breakpoints if point > clock[0]), math.inf)
@@ -376,6 +380,7 @@ def march_adaptive_steps(
             raise StabilityError(message, float(clock[0]), state.q)
         if spent > _LONG and clock[1] * system.highest_frequency < _CRAWL and explain is not None:
             explain(StabilityError(f"{name} takes steps of {clock[1]:.1e} s", float(clock[0]), state.q))
+        left.require_end(state.step, state.time)
         if progress:
             progress(min(1.0, clock[0] / end) if end else 1.0)
     if not (np.isfinite(q[first:]).all() and np.isfinite(v[first:]).all()):

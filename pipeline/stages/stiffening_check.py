@@ -44,6 +44,8 @@ _RINGING = 0.02
 _NEGLIGIBLE = 1e-2
 _SHORT_MARCH = 1000.0  # radians of the highest frequency, about a step each of 0.2 ms; compiling takes seconds
 _MOST_EXPLICIT = 1e6  # leapfrog steps of a march of rigid bodies
+_MOST_RADIANS = 1e6  # of its highest frequency that are followed
+_IMPLICIT_STEPS = 4000  # beyond
 # A deflection that grows by more than e³ has left what geometric stiffness describes.
 _GROWTH = 3.0
 _CLOSED = 1e-6  # m or rad: a gap that bodies close by deforming, not one of round-off
@@ -302,7 +304,14 @@ def _march_rigid(rigid: Mechanism, q0: Array, v0: Array, times: Array) -> tuple[
 
 
 def _method_for(system: CompiledSystem, duration: float) -> Integrator:
-    """Return SciPy's method, for which nothing is compiled, or the compiled one where there is much to march."""
+    """Return SciPy's method, for which nothing is compiled, or a compiled one where there is much to march.
+
+    Vibrations that are too many to be followed keep their size by the trapezoidal rule, though not their frequency.
+    """
+    if system.highest_frequency * duration > _MOST_RADIANS:
+        from pipeline.integrators.generalized_alpha import GeneralizedAlpha
+
+        return GeneralizedAlpha(duration / _IMPLICIT_STEPS, rho=1.0)
     damped = duration > _MOST_EXPLICIT * system.largest_step  # strongly: explicit steps would take for ever
     if damped and system.mechanism.closures:
         from pipeline.integrators.rosenbrock import ExponentialRosenbrock

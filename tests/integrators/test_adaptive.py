@@ -345,6 +345,16 @@ def test_a_load_that_begins_steeply_or_late_moves_what_rests(method, power, jump
     np.testing.assert_allclose(march.q[:, 0], exact, rtol=1e-5)
 
 
+@BOTH
+def test_a_load_with_an_infinite_rate_in_the_middle_of_a_march_takes_few_steps(method):
+    """Where steps are so short that the time's round-off makes their error, shorter ones still would never grow."""
+    system = LinearSystem(np.zeros((1, 1)), push=np.array([3.0]), jump=0.3, power=0.3, breakpoints=(0.3,))
+    march = method(1e-10).march(system, np.zeros(1), np.zeros(1), np.array([1.0]))
+    exact = 3.0 * 0.7**2.3 / (1.3 * 2.3)
+    assert march.q[0, 0] == pytest.approx(exact, rel=1e-8)
+    assert march.end.step < 10_000
+
+
 # Failure ---------------------------------------------------------------------------------------------------------
 
 
