@@ -255,7 +255,7 @@ def _march(m: Any, p: Any, s: AdaptiveMarch, stop: float, n_steps: int) -> int:
             s.begin[n_positions + i] = s.v[i]
         begin_watch(s.watch, just_after(t), s.q, s.v)
         h = step_within(max(clock[1] * foreseen_part(s.watch, clock[1]), smallest), stop - t)
-        planned, reached = h == clock[1], t
+        planned, reached = h >= clock[1], t
         begin_step(m, p, s, t, h)
         while True:
             reached = stop if h == stop - t else t + h

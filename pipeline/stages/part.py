@@ -162,8 +162,7 @@ def _stiffen(part: FlexiblePart) -> SecondOrder:
         given = NO_MESH.format("file" if part.is_reduced else "matrices")
         mend = f"stiffening by inertia loads takes stress, and the body {given}; 'off' leaves it out"
         raise InputError(part.file, "simulation.stiffening", None, mend)
-    body = stiffen_reduced(part.model, part.body)
-    return body.gram, body.markers
+    return (body := stiffen_reduced(part.model, part.body)).gram, body.markers
 
 
 def _integrate_along_normal(part: FlexiblePart) -> Array:
@@ -196,8 +195,7 @@ def _evaluate_deformation(part: FlexiblePart) -> DeformationShapes:
 
 
 def _recover_nodal_stress(part: FlexiblePart) -> NDArray[np.float32]:
-    nodes = np.arange(len(part.space.x))
-    return modal_stress(part.space, part.material, part.body.shapes, nodes).astype(np.float32)
+    return modal_stress(part.space, part.material, part.body.shapes, np.arange(len(part.space.x))).astype(np.float32)
 
 
 class FlexiblePart:
