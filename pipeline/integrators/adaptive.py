@@ -22,7 +22,6 @@ from pipeline.dynamics.jit.table import Table
 from pipeline.dynamics.system import System, advance, project
 from pipeline.dynamics.watch import Watch, begin_watch, foreseen_part, passed_part, watch_of
 from pipeline.integrators.protocol import Progress, State, Trajectory, require_times, start_state
-from pipeline.integrators.step_forecast import require_an_end
 
 _FLOOR = 1e-12  # a group that has not moved yet
 _LEAST = 1e-6  # of the largest value of its kind: a group that hardly moves
@@ -371,7 +370,6 @@ def march_adaptive_steps(
             reason = f"its step fell to {clock[1]:.1e} s" if finite else "the accelerations are not finite"
             message = f"{name} stopped at t = {clock[0]:.6g} s: {reason}"
             raise StabilityError(message, float(clock[0]), state.q)
-        require_an_end(name, system, state.step - start.step, float(clock[0]) - start.time, end - start.time)
         if spent > _LONG and clock[1] * system.highest_frequency < _CRAWL and explain is not None:
             explain(StabilityError(f"{name} takes steps of {clock[1]:.1e} s", float(clock[0]), state.q))
         if progress:

@@ -25,11 +25,9 @@ from pipeline.integrators.protocol import (
     require_times,
     require_tolerance,
 )
-from pipeline.integrators.step_forecast import require_an_end
 
 _METHODS = {"DOP853": DOP853, "Radau": Radau, "LSODA": LSODA}
 _ORDERS = {"DOP853": 8, "Radau": 5, "LSODA": 12}
-_MOST, _TELLING = 1e9, 2_000  # steps: a day at least, and what tells so
 _FAR = 1e9  # [s]: neither an output time nor the end shortens a step, or sets the first one
 
 
@@ -106,7 +104,6 @@ class ScipyIvp:
                     solver = self._solver(rates, *before, stop, part * (solver.t - before[0]))
                     continue
                 n_steps += 1
-                require_an_end(self.name, system, n_steps, solver.t, end, _MOST, _TELLING)
                 _sample(solver, times, samples)
                 if progress:
                     progress(min(1.0, solver.t / end))

@@ -15,7 +15,6 @@ import pipeline.dynamics.compiled_system.middle  # noqa: F401 - all give the fun
 from pipeline.core.arrays import Array, IntArray
 from pipeline.core.errors import StabilityError
 from pipeline.dynamics.compiled_system.couplings import Couplings, find_couplings, find_inertial_coupling
-from pipeline.dynamics.compiled_system.fastest import describe_fastest
 from pipeline.dynamics.compiled_system.parameters import (
     ClosedCycle,
     ClosedParameters,
@@ -75,10 +74,6 @@ class CompiledSystem(ReferenceState):
     def explain_failure(self, failure: StabilityError) -> None:
         """Raise ``AccuracyError`` if a march failed because a motion of the system lost its inertia."""
         explain_failure(self, failure)
-
-    def describe_fastest(self) -> str:
-        """Name the force that acts fastest: what makes steps short."""
-        return describe_fastest(self)
 
     @property
     def groups(self) -> tuple[IntArray, IntArray]:
