@@ -85,6 +85,8 @@ def deflection_warnings(run: Pipeline) -> list[dict[str, str]]:
         within = "its frame" if now == 1 else f"the frames of its {now} pieces"
         pieces = count_pieces(error, now, 4 if now > 1 and is_of_second_order(run, body) else 2)
         remedy = f"pieces = {pieces} in place of {now}" if now > 1 else f"pieces = {pieces} of [body.{body}]"
+        if not run.wholes[body].has_mesh:
+            remedy = f"a body with a mesh, cut into {pieces} pieces,"
         text = (
             f"{body} turns by up to {turned:.3g}° within {within}, where deformation is linear: {tips}sizes, stress, "
             f"joints and energies are off by about {100 * others:.2g} %; {remedy} lowers this to {100 * TOO_LARGE:g} %"

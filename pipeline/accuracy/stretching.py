@@ -37,7 +37,7 @@ def stretching_bodies(run: Pipeline) -> list[str]:
     return [
         name
         for name, deformation in run.deformations.items()
-        if run.parts[name].shape.support or deformation.rotation > _HARDLY_TURNED
+        if run.parts[name].has_mesh and (run.parts[name].shape.support or deformation.rotation > _HARDLY_TURNED)
     ]
 
 

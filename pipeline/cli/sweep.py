@@ -85,7 +85,7 @@ def sweep(
         print_json({"scene": name, **counts, "seconds": seconds, "rows": rows, "files": files})
     else:
         _print_points(result, rows)
-        _print_messages(result)
+        print_messages(result)
         statuses = ", ".join(f"{number} {status}" for status, number in result.counts.items() if number)
         open_console().print(f"{len(rows)} points: {statuses}; {result.computed} computed now, in {seconds:.1f} s")
         print_files(folder, files)
@@ -103,8 +103,12 @@ def _print_points(result: Sweep, rows: Sequence[dict[str, Any]]) -> None:
     open_console().print(table)
 
 
-def _print_messages(result: Sweep) -> None:
-    """Print each message once, after the numbers of its points."""
-    for message in dict.fromkeys(record.message for record in result.records if record.message):
-        where = [str(number) for number, record in enumerate(result.records, start=1) if record.message == message]
-        open_console().print(f"{', '.join(where)}: {message}", markup=False)
+def print_messages(result: Sweep) -> None:
+    """Print each message and each warning once, after the numbers of its points."""
+    points: dict[str, list[str]] = {}
+    for number, record in enumerate(result.records, start=1):
+        told = [record.message, *(f"warning: {each['text']}" for each in record.summary.get("warnings", []))]
+        for text in filter(None, told):
+            points.setdefault(text, []).append(str(number))
+    for text, where in points.items():
+        open_console().print(f"{', '.join(where)}: {text}", markup=False)

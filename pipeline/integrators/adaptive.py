@@ -21,6 +21,7 @@ from pipeline.dynamics.jit.compiled import aligned, inner, kernel
 from pipeline.dynamics.jit.table import Table
 from pipeline.dynamics.system import System, advance, project
 from pipeline.dynamics.watch import Watch, begin_watch, foreseen_part, passed_part, watch_of
+from pipeline.integrators.endless import StepsLeft
 from pipeline.integrators.protocol import Progress, State, Trajectory, require_times, start_state
 
 _FLOOR = 1e-12  # a group that has not moved yet
@@ -34,6 +35,7 @@ _CHUNK_SECONDS = 0.1
 _LONG = 0.02  # seconds of some steps, beside which a look at what makes them short costs little
 _CRAWL = 0.05  # radians of the highest frequency in a step: of what vibrates faster than the undeformed mechanism
 _SAFETY = 0.9
+_MOST_STEPS, _OVER = 1e10, 20_000  # steps that never come to an end, by the mean of so many
 
 
 def groups_of(system: System) -> IntArray:
@@ -155,6 +157,8 @@ class AdaptiveMarch(Table):
         Of each step, relative to the largest value of a coordinate's group.
     order : int
         Of the step's error.
+    longest : float
+        Step [s] beyond which none grows, unless nothing moves.
     settles : bool
         True if states settle after each step: loops close, or quaternions become unit ones.
     q, v, a : ndarray
@@ -187,6 +191,7 @@ class AdaptiveMarch(Table):
 
     tolerance: float
     order: int
+    longest: float
     settles: bool
     q: Array
     v: Array
@@ -259,6 +264,7 @@ def _march(m: Any, p: Any, s: AdaptiveMarch, stop: float, n_steps: int) -> int:
             if size <= s.tolerance or (h < short and size * h <= _JITTER * t):
                 part = passed_part(s.watch, just_before(reached), h, s.new[:n_positions], s.new[n_positions:])
                 if part == 1.0 or h <= smallest:
+                    factor = factor if size <= s.tolerance else max(factor, 1.0)  # shorter ones would be no better
                     break
                 h = max(h * part, smallest)
                 continue
@@ -283,7 +289,7 @@ def _march(m: Any, p: Any, s: AdaptiveMarch, stop: float, n_steps: int) -> int:
         _set_state(p, reached, s.new, s.q, s.v)
         clock[0] = reached
         if planned:  # else a breakpoint cut the step short
-            clock[1] = h * factor
+            clock[1] = min(h * factor, s.longest) if size > 0.0 else h * factor
         keep_largest(s.groups, s.largest, s.new)
         end_step(m, p, s)
         s.fresh[0] = 1.0 if s.settles else 0.0
@@ -307,6 +313,7 @@ def march_adaptive_steps(
     m: Table,
     tolerance: float,
     order: int,
+    longest: float,
     start: State,
     times: Array,
     progress: Progress | None,
@@ -320,13 +327,13 @@ def march_adaptive_steps(
     m : Table
         The method: its numbers and room to work in, with meanings of `begin_step`, `try_step`, `prepare_samples`,
         `sample_step` and `end_step`.
-    tolerance, order : float, int
+    tolerance, order, longest : float, int, float
         As in `AdaptiveMarch`.
 
     Raises
     ------
     StabilityError
-        The step became too small, or the state is not finite; the message gives the time.
+        The step became too small, steps never come to an end, or the state is not finite; the message gives the time.
     AccuracyError
         Steps are short because a motion loses its inertia.
     """
@@ -350,9 +357,10 @@ def march_adaptive_steps(
         np.full(1, _SPARE),
         watch_of(system),
     )
-    march = AdaptiveMarch(tolerance, order, settles, *present, trial, begin, new, out, *output)
+    march = AdaptiveMarch(tolerance, order, longest, settles, *present, trial, begin, new, out, *output)
     p, chunk = system.parameters, _FIRST_CHUNK
     explain = getattr(system, "explain_failure", None)
+    left = StepsLeft(name, end, _MOST_STEPS, _OVER, state.step, state.time)
     _march(m, p, march, math.inf, 0)  # compiles, or reads the kernel: not part of the run time
     while cursor[0] < times.size:
         stop = next((point for point in system.breakpoints if point > clock[0]), math.inf)
@@ -372,6 +380,7 @@ def march_adaptive_steps(
             raise StabilityError(message, float(clock[0]), state.q)
         if spent > _LONG and clock[1] * system.highest_frequency < _CRAWL and explain is not None:
             explain(StabilityError(f"{name} takes steps of {clock[1]:.1e} s", float(clock[0]), state.q))
+        left.require_end(state.step, state.time)
         if progress:
             progress(min(1.0, clock[0] / end) if end else 1.0)
     if not (np.isfinite(q[first:]).all() and np.isfinite(v[first:]).all()):

@@ -30,7 +30,7 @@ from pipeline.integrators.method_costs import (
 )
 from pipeline.integrators.protocol import Integrator, Progress, ResumableIntegrator, State, Trajectory
 from pipeline.integrators.rosenbrock import ExponentialRosenbrock
-from pipeline.integrators.runge_kutta import RungeKutta
+from pipeline.integrators.runge_kutta import DAMPED, RungeKutta
 from pipeline.integrators.side_by_side import March, march_at_once, march_in_turn
 
 _FIRST_STEPS = 128  # of the exponential method over the duration
@@ -53,6 +53,7 @@ _WORTH_A_TRIAL = 1000.0  # steps of the Rosenbrock method
 _FEWEST_EVALUATIONS = 3.0  # of generalised-α in a step
 _PIECE = 16  # steps of it, over which they are counted
 _SHARE = 1 / 6  # of the cost of two marches by central difference: what generalised-α may cost
+_WORTHWHILE = 0.8  # of a march by the Runge-Kutta method: what finer marches by central difference may cost
 _NEARLY = 1.25  # times as many steps: of the finer of two marches of second order
 _SHORTER = 1.5  # times as many steps, where stable ones of the reference state weren't
 _COMPARED = 100  # output times at which two marches are compared, at least
@@ -68,8 +69,8 @@ _GAINS = {
 
 A method of second order whose fastest vibrations are out of step has the same error with half the step.
 """
-_RESOLVED = 1.2  # radians of the highest frequency in a step of the Runge-Kutta method
-_UNRESOLVED = Gain(4.0, 3.0, 12.0)  # of longer steps: what they leave of the fastest vibrations is a matter of chance
+_RESOLVED = 4.0  # radians of the highest frequency in a step of the Runge-Kutta method
+_UNRESOLVED = Gain(1.2, 0.7, 4.0)  # of longer ones, in which the fastest vibrations die away
 
 
 @dataclass(frozen=True)
@@ -161,7 +162,7 @@ class Automatic:
                 report.before = None
             for outcome in found:
                 if isinstance(outcome, Trajectory):
-                    agreed = report.agrees(outcome, _gain(outcome, system))
+                    agreed = report.agrees(outcome, _gain(report.before or outcome, system))
                     continue
                 if isinstance(outcome, StabilityError):
                     getattr(system, "explain_failure", _explain_nothing)(outcome)
@@ -209,12 +210,12 @@ class Automatic:
                 end = min(_TRIAL * self.duration, float(times[-1]))
                 adaptive = self._choose_adaptive(system, q0, v0, cost, end, progress)
             if adaptive is RungeKutta:
-                allowed = 2 * self._stable_steps(system) * explicit_cost(system)
+                allowed = _WORTHWHILE * self._stable_steps(system) * explicit_cost(system)
                 yield from self._leapfrog_methods(system, leapfrog_steps, allowed, report)
         report.start_anew()
         cost = explicit_pair_cost(system, self.duration) / 2 if adaptive is RungeKutta else np.inf
         start = adaptive.start(system, q0, v0)
-        methods = tuple(adaptive(tolerance) for tolerance in self._tolerances(_FINER[adaptive]))
+        methods = tuple(self._adaptive_methods(adaptive))
         yield _Marches(methods[:2], cost, start)
         for method in methods[2:]:
             if report.failures > 1:  # it isn't the tolerance
@@ -227,6 +228,16 @@ class Automatic:
 
     def _stiff(self, system: System) -> bool:
         return self._stable_steps(system) > _FEW
+
+    def _adaptive_methods(
+        self, method: type[RungeKutta | ExponentialRosenbrock]
+    ) -> Iterator[RungeKutta | ExponentialRosenbrock]:
+        """Yield a method by finer and finer tolerances; where these don't bound its steps, the highest frequency does.
+
+        Else two marches by the longest stable steps would agree that both lose the fastest vibrations.
+        """
+        for k, tolerance in enumerate(self._tolerances(_FINER[method])):
+            yield RungeKutta(tolerance, DAMPED / _NEARLY**k) if method is RungeKutta else method(tolerance)
 
     def _tolerances(self, finer: float) -> list[float]:
         """Return tolerances from coarse to the finest one, which comes once: twice it would agree with itself."""
@@ -321,10 +332,10 @@ class Automatic:
         return ExponentialRosenbrock if cheaper else RungeKutta
 
 
-def _gain(trajectory: Trajectory, system: System) -> Gain:
-    if trajectory.integrator == RungeKutta.name and system.highest_frequency * trajectory.step > _RESOLVED:
+def _gain(coarse: Trajectory, system: System) -> Gain:
+    if coarse.integrator == RungeKutta.name and system.highest_frequency * coarse.step > _RESOLVED:
         return _UNRESOLVED
-    return _GAINS[trajectory.integrator]
+    return _GAINS[coarse.integrator]
 
 
 def _explain_nothing(failure: StabilityError) -> None:

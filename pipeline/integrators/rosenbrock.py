@@ -42,6 +42,7 @@ from pipeline.integrators.protocol import Progress, State, Trajectory, march_fro
 
 _LEVELS = 28  # of doublings at most
 _NUDGE = 1.5e-8  # of a coordinate, or of 1
+_TICKS = 16.0  # of the time's round-off, over which a load is differentiated at least
 _ROUND_OFF = 1e-15  # of the largest rate and acceleration so far, and of what they change in a step
 
 
@@ -83,7 +84,7 @@ class ExponentialRosenbrock:
             The step became too small.
         """
         m = make_room(system.n_positions + system.n)
-        return march_adaptive_steps(self.name, system, m, self.tolerance, 4, start, times, progress)
+        return march_adaptive_steps(self.name, system, m, self.tolerance, 4, math.inf, start, times, progress)
 
 
 @dataclass(frozen=True)
@@ -163,10 +164,11 @@ def _linearise(m: RosenbrockSteps, p: Any, t: float, dt: float, u: Array, n_posi
             change = nudged[i] - m.F[i]
             noise = _ROUND_OFF * second if i >= n_positions else 0.0
             m.J[i, j] = change / nudge if abs(change) > noise else 0.0
-    _slope(p, t + dt, u, n_positions, nudged)
+    later = t + dt
+    _slope(p, later, u, n_positions, nudged)
     for i in range(n):
         change = nudged[i] - m.F[i]
-        m.dt[i] = change / dt if abs(change) > _ROUND_OFF * second else 0.0
+        m.dt[i] = change / (later - t) if abs(change) > _ROUND_OFF * second else 0.0
 
 
 @inner
@@ -285,7 +287,8 @@ def _begin_step(m: RosenbrockSteps, p: Any, s: AdaptiveMarch, t: float, h: float
     for i in range(n):
         k = 0 if i < n_positions else 1
         m.marks[k] = max(m.marks[k], abs(m.F[i]))
-    _linearise(m, p, start, 1e-4 * h, s.begin, n_positions)
+    dt = max(1e-4 * h, _TICKS * (np.nextafter(start, math.inf) - start))
+    _linearise(m, p, start, dt, s.begin, n_positions)
     _balance(m, n_positions, 0.1 / h)
     s.evaluations[0] += n + 2
 

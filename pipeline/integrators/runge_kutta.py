@@ -35,6 +35,7 @@ from pipeline.integrators.adaptive import (
 )
 from pipeline.integrators.protocol import Progress, State, Trajectory, march_from, require_tolerance
 
+DAMPED = 5.5  # radians in a step at which an undamped vibration shrinks most, by 0.70
 _E3, _E5, _D = 16, 17, 18  # rows of the weights after those of the stages
 
 
@@ -94,9 +95,16 @@ def _steps(n_all: int) -> RungeKuttaSteps:
 
 @dataclass(frozen=True)
 class RungeKutta:
-    """Runge–Kutta method of order 8 that chooses its steps by a relative ``tolerance`` of each."""
+    """Runge–Kutta method of order 8 that chooses its steps by a relative ``tolerance`` of each.
+
+    A step has at most so many radians of the highest frequency of the reference state as ``reach`` says. It can't have
+    more than 5.9 in the long run, where the fastest vibration begins to grow; at 5.5 it loses three tenths in a step.
+    Without this bound steps grow until the error of that vibration stops them, again and again, and what it leaves is
+    a thousand times the error of the rest.
+    """
 
     tolerance: float = 1e-9
+    reach: float = DAMPED
 
     name = "runge-kutta"
     step = 0.0
@@ -130,7 +138,8 @@ class RungeKutta:
             The step became too small.
         """
         m = _steps(system.n_positions + system.n).renewed()
-        return march_adaptive_steps(self.name, system, m, self.tolerance, 8, start, times, progress)
+        longest = self.reach / max(system.highest_frequency, 1e-150) if system.n else math.inf
+        return march_adaptive_steps(self.name, system, m, self.tolerance, 8, longest, start, times, progress)
 
 
 @inlined

@@ -15,6 +15,7 @@ from pipeline.core.errors import StabilityError
 from pipeline.dynamics.system import System
 from pipeline.dynamics.watch import Watch, begin_watch_of, passed_part_of, watch_of
 from pipeline.integrators.adaptive import SMALLEST
+from pipeline.integrators.endless import StepsLeft
 from pipeline.integrators.protocol import (
     Progress,
     State,
@@ -28,6 +29,7 @@ from pipeline.integrators.protocol import (
 
 _METHODS = {"DOP853": DOP853, "Radau": Radau, "LSODA": LSODA}
 _ORDERS = {"DOP853": 8, "Radau": 5, "LSODA": 12}
+_MOST_STEPS, _OVER = 1e8, 2000  # steps that never come to an end, by the mean of so many
 _FAR = 1e9  # [s]: neither an output time nor the end shortens a step, or sets the first one
 
 
@@ -67,7 +69,7 @@ class ScipyIvp:
         Raises
         ------
         StabilityError
-            The method gave up; the message has the time and its own reason.
+            The method gave up, or its steps never come to an end; the message has the time and the reason.
         """
         require_start(system, q0, v0)
         require_times(times)
@@ -88,6 +90,7 @@ class ScipyIvp:
         samples[times == now] = y
         watch = watch_of(system)
         stops = [point for point in system.breakpoints if point > now]
+        left = StepsLeft(self.name, end, _MOST_STEPS, _OVER)
         slope = rates(now, y)  # compiles, or reads kernels: not part of the run time
         tick = time.perf_counter()
         while now < end:
@@ -105,6 +108,7 @@ class ScipyIvp:
                     continue
                 n_steps += 1
                 _sample(solver, times, samples)
+                left.require_end(n_steps, float(solver.t))
                 if progress:
                     progress(min(1.0, solver.t / end))
             now, y = solver.t, solver.y

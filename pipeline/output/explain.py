@@ -90,7 +90,7 @@ def forecast_run(run: Pipeline, pictures: bool, budget: bool) -> Forecast:
     compiling = "" if planner.compiled else "; new kernels are compiled first"
     planner.note(Pipeline.trajectories.name, "run", f"never kept{compiling}")
     for part in run.parts.values():
-        planner.want(part, ["deformation"] if part.has_mesh else [])
+        planner.want(part, ["deformation"])
     for part in [part for part in run.parts.values() if part.has_mesh]:
         planner.want(part, ["modes", "surface", "stress"])
     for part in run.parts.values():

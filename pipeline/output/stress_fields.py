@@ -14,7 +14,6 @@ from pipeline.fem.surface import surface_normals
 from pipeline.output.csv_rows import write_rows
 from pipeline.output.mechanism_view import body_surface
 from pipeline.output.views import camera_of
-from pipeline.recovery.envelope import estimate_missed_peak
 from pipeline.recovery.fatigue import FatigueLaw, FatigueLife, fatigue_by_critical_plane, fatigue_by_signed_von_mises
 from pipeline.render.calls import Drawer, draw_here
 from pipeline.render.colours import stress_limits
@@ -25,7 +24,6 @@ if TYPE_CHECKING:
 
 AnyField = TypeVar("AnyField", bound="SurfaceField")
 
-_MISSED = 0.02  # of the largest stress, between output times
 _DECADES = 6  # of lives that a picture or a mesh tells apart
 _DIGITS = 10
 _RAISED = str.maketrans("-0123456789", "⁻⁰¹²³⁴⁵⁶⁷⁸⁹")
@@ -176,30 +174,6 @@ def summarise_fields(run: Pipeline) -> dict[str, Any]:
                 **_place(run, output.body, k),
             }
     return summary
-
-
-def field_warnings(run: Pipeline) -> list[dict[str, str]]:
-    """Return warnings about output times that are too far apart for an envelope or for fatigue."""
-    found = []
-    bodies = [output.body for output in run.scene.output if output.type in ("envelope", "fatigue")]
-    for body in dict.fromkeys(bodies):
-        step = run.scene.simulation.output_step
-        missed = estimate_missed_peak(run.stress_of(body), int(run.envelope_of(body).von_mises.argmax()))
-        if missed > _MISSED:
-            finer = _one_digit_below(1e3 * step * math.sqrt(_MISSED / missed))
-            text = (
-                f"{body}: its largest stress may be {100 * missed:.2g} % larger between output times; "
-                f"simulation.output_step = '{finer} ms' resolves it to "
-                f"{100 * _MISSED:g} %"
-            )
-            found.append({"code": "coarse-output-times", "body": body, "text": text})
-    return found
-
-
-def _one_digit_below(value: float) -> str:
-    """Write the largest number of one digit that isn't above a value."""
-    unit = 10.0 ** math.floor(math.log10(value))
-    return f"{math.floor(value / unit) * unit:.1g}"
 
 
 def _place(run: Pipeline, body: str, k: int) -> dict[str, Any]:

@@ -17,7 +17,8 @@ from pipeline.output.explain import STAGES
 from pipeline.output.frequencies import frequencies_by_body, frequency_table, mode_warnings
 from pipeline.output.histories import extremes
 from pipeline.output.loops import loop_figures, loop_warnings
-from pipeline.output.stress_fields import field_warnings, summarise_fields
+from pipeline.output.output_times import output_time_warnings
+from pipeline.output.stress_fields import summarise_fields
 from pipeline.recovery.motion import Motion
 from pipeline.scene.histories import ExtremesTable
 from pipeline.stages.divided_scene import part_of
@@ -76,14 +77,15 @@ def summarise(run: Pipeline, files: list[str], budget: bool, budget_seconds: flo
     meshed = [name for name, part in run.wholes.items() if part.has_mesh]
     stressed = [name for name, part in run.wholes.items() if part.has_stress]
     if stressed:
-        worst = {name: _worst_stress(run, name) for name in stressed}
+        found = {name: run.stress_of(name).worst() for name in stressed}
+        worst = {name: _worst_stress(run, name, *found[name]) for name in stressed}
         where = max(worst, key=lambda name: worst[name]["value_pa"])
         largest = {"body": where, "von_mises_pa": worst[where]["value_pa"]}
         summary["worst_stress"] = largest | {key: worst[where][key] for key in ("time_s", "position_m")} | worst
+        summary["warnings"] += output_time_warnings(run, {name: node for name, (_, node, _) in found.items()})
     if tables := {o.file: extremes(run, o) for o in run.scene.output if isinstance(o, ExtremesTable)}:
         summary["tables"] = tables
     summary |= summarise_fields(run)
-    summary["warnings"] += field_warnings(run)
     if budget and len(meshed) == len(run.wholes):  # matrices alone tell nothing of their own error
         stated = state_errors(run, budget_seconds)
         summary["error_budget"] = stated.summary()
@@ -97,11 +99,9 @@ def summarise(run: Pipeline, files: list[str], budget: bool, budget_seconds: flo
     }
 
 
-def _worst_stress(run: Pipeline, body: str) -> dict[str, Any]:
-    """Largest von Mises stress of a body, its time, and its place in the part's own coordinates."""
-    stress = run.stress_of(body)
-    time, node, value = stress.worst()
-    place = run.bodies[run.frame_of(body)].origin + run.node_positions(body)[stress.nodes[node]]
+def _worst_stress(run: Pipeline, body: str, time: float, node: int, value: float) -> dict[str, Any]:
+    """Return the largest von Mises stress of a body, its time, and its place in the part's own coordinates."""
+    place = run.bodies[run.frame_of(body)].origin + run.node_positions(body)[run.stress_of(body).nodes[node]]
     return {"value_pa": value, "time_s": time, "position_m": place.tolist()}
 
 

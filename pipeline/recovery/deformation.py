@@ -28,7 +28,9 @@ _OF_STRAIN = 0.25
 _ON_LINE = 33  # points between a joint and a marker at which rotations are sampled
 _TOP = 4  # points with the largest values of each mode at which rotation and strain are looked for
 _EVEN = 200  # points beside these, spread over the body
-_MOST = 2000  # elements that are looked at, spread over the body
+_MOST = 2000  # elements, or nodes without elements, that are looked at, spread over the body
+_NEAR = 5  # nodes that count as a node's nearest, with itself
+_COINCIDENT = 1e-9  # of the body's size: nodes in one place have no way between them
 _CHUNK = 512  # elements at a time
 _FRAMES = 64  # output times at a time
 
@@ -104,6 +106,59 @@ def deformation_shapes(space: Discretisation, body: FlexibleBody, supported: boo
     chosen = np.unique(np.concatenate([*largest, even]))
     rotation, strain = rotation[chosen], strain[chosen]
     return DeformationShapes(rotation, strain, _rotation_on_lines(space, body, supported))
+
+
+def node_deformation_shapes(body: FlexibleBody, supported: bool, of_matter: bool) -> DeformationShapes:
+    """Estimate rotation and strain of a body's shapes from its nodes and markers alone, for bodies without elements.
+
+    The straight line from a node to one of its nearest turns and stretches with the material between them. Along the
+    line from the joint to a marker a cubic curve has the displacement and the rotation of both ends, as a beam has that
+    is loaded at its ends.
+
+    Parameters
+    ----------
+    body : FlexibleBody
+        The reduced body.
+    supported : bool
+        True if supports hold the body in its frame, so that no section at the joint turns against it.
+    of_matter : bool
+        True if the nodes move as matter does, false if they may be masses that carry inertia alone: then markers are
+        taken in their place.
+    """
+    of_markers = list(body.markers.values())
+    points = body.x if of_matter else np.array([marker.position for marker in of_markers])
+    shapes = body.shapes if of_matter else np.array([marker.translation for marker in of_markers])
+    between, moved = _near_pairs(points, shapes)
+    square = (between**2).sum(axis=1)[:, None, None]
+    turned = np.cross(between[:, None], moved.transpose(0, 2, 1)).transpose(0, 2, 1) / square
+    stretched = np.zeros((len(between), 6, moved.shape[2]))
+    stretched[:, :1] = np.einsum("pa,pan->pn", between, moved)[:, None] / square
+    rotation = np.concatenate([turned, *(marker.rotation[None] for marker in of_markers)])
+    joint, lines = body.markers[body.joint], {}
+    for name, marker in body.markers.items():
+        way = marker.position - joint.position
+        if not (length := float(np.linalg.norm(way))) or name == body.joint:
+            continue
+        carried = np.zeros_like(joint.rotation) if supported else joint.rotation
+        across = np.eye(3) - np.outer(way, way) / length**2
+        bent = marker.translation - joint.translation - np.cross(carried, way, axisa=0).T
+        chord = np.cross(way, bent, axisb=0).T / length**2
+        s = ((np.arange(_ON_LINE) + 0.5) / _ON_LINE)[:, None, None]
+        lines[name] = np.asarray(6 * (s - s**2) * chord + (3 * s**2 - 2 * s) * (across @ (marker.rotation - carried)))
+    return DeformationShapes(rotation, stretched, lines)
+
+
+def _near_pairs(x: Array, shapes: Array) -> tuple[Array, Array]:
+    """Return the ways between near points x (n_pairs, 3) and how much each shape changes them (n_pairs, 3, n)."""
+    from scipy.spatial import cKDTree
+
+    chosen = np.linspace(0, len(x) - 1, min(_MOST, len(x))).astype(int)
+    near = cKDTree(x).query(x[chosen], min(_NEAR, len(x)))[1].reshape(len(chosen), -1)
+    first, second = np.repeat(chosen, near.shape[1]), near.ravel()
+    apart = np.linalg.norm(x[second] - x[first], axis=1)
+    used = apart > _COINCIDENT * float(np.ptp(x, axis=0).max())
+    first, second = first[used], second[used]
+    return x[second] - x[first], shapes[second] - shapes[first]
 
 
 def measure_deformation(shapes: DeformationShapes, body: FlexibleBody, q: Array) -> Deformation:

@@ -98,3 +98,30 @@ def estimate_missed_peak(stress: StressHistory, node: int) -> float:
     bent = von_mises(np.diff(tensors, 2, axis=1)[None])[0] / 8.0
     near = np.maximum(np.maximum(sizes[:-2], sizes[1:-1]), sizes[2:]) >= _NEAR_LARGEST * sizes.max()
     return float(bent[near].max() / sizes.max())
+
+
+def estimate_missed_vibration(stress: StressHistory, node: int, rates: Array, omega: Array) -> float:
+    """Estimate what vibrations hide between output times, as a part of the largest von Mises stress at a node.
+
+    A rate that differs from the coordinate's central difference belongs to a vibration that the output times don't
+    resolve; over the angular frequency it is what this vibration's amplitude has beside its displacement at that time.
+    So a vibration whose period the output times hit exactly is seen, too, although all its outputs are alike.
+
+    Parameters
+    ----------
+    node : int
+        Place in ``stress.nodes``.
+    rates : ndarray, shape (n_times, n)
+        Rates of the modal coordinates.
+    omega : ndarray, shape (n,)
+        Their angular frequencies [rad/s].
+    """
+    tensors = stress.modal[node] @ stress.q.T
+    sizes = von_mises(tensors[None])[0]
+    if len(sizes) < 3 or not sizes.max() > 0.0:
+        return 0.0
+    unresolved = rates[1:-1] - (stress.q[2:] - stress.q[:-2]) / (stress.times[2:] - stress.times[:-2])[:, None]
+    aside = np.abs(stress.q[1:-1] - (stress.q[:-2] + stress.q[1:-1] + stress.q[2:]) / 3.0)  # of the vibration's middle
+    further = np.hypot(aside, unresolved / omega) - aside
+    hidden = np.sqrt(((von_mises(stress.modal[node].T) * further) ** 2).sum(axis=1))
+    return max(float((sizes[1:-1] + hidden).max() / sizes.max()) - 1.0, 0.0)

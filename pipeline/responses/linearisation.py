@@ -41,6 +41,9 @@ from pipeline.responses.ports import (
 from pipeline.responses.state_space import Channel, StateSpace
 from pipeline.stability.tangent import OperatingPoint
 
+Motions = Mapping[int, tuple[float, float, float]]
+"""Position, rate and acceleration of each prescribed joint, by the number of the body that it carries."""
+
 _DEPENDENT = 1e-8  # of the largest: constraints that others imply
 
 
@@ -93,15 +96,29 @@ class Linearisation:
                 loads.append(PointLoad(body, np.array(port.direction), probe, port.turns, **place))
         return replace(self.mechanism, links=links, loads=loads, horizon=0.0)
 
-    def at(self, state: OperatingPoint) -> StateSpace:
-        """Linearise at a state."""
-        q, v, given = self._released_state(state)
-        tangents = self._equations.tangents(q, v, self._signals(state.time), given)
+    def at(self, state: OperatingPoint, motions: Motions | None = None) -> StateSpace:
+        """Linearise at a state; with motions of the prescribed joints, at one of steady rotation.
+
+        There forces that don't vary hold what isn't in balance, as the unbalance of a rotor, unless there are loops.
+        """
+        q, v, given = self._released_state(state, motions)
+        held = None
+        if motions is not None:
+            W, _, sliding = turning_axes(self._released, q, v)
+            held = W @ sliding @ W.T @ v
+            held[self._given] = given
+        tangents = self._equations.tangents(q, v, self._signals(state.time), given, held)
         return _Assembly(self, tangents, q, v).model()
 
-    def accelerations(self, state: OperatingPoint) -> Array:
+    def mass_matrix(self, state: OperatingPoint, motions: Motions | None = None) -> Array:
+        """Return the mass matrix of a model's independent coordinates at a state, without motions as inputs, (k, k)."""
+        q, v, given = self._released_state(state, motions)
+        tangents = self._equations.tangents(q, v, self._signals(state.time), given)
+        return _Assembly(self, tangents, q, v).own_mass()
+
+    def accelerations(self, state: OperatingPoint, motions: Motions | None = None) -> Array:
         """Return the accelerations of the coordinates at a state, shape (n,), in the mechanism's order."""
-        q, v, given = self._released_state(state)
+        q, v, given = self._released_state(state, motions)
         a = self._equations.tangents(q, v, self._signals(state.time), given).a
         _, rates = self._places()
         return np.asarray(a[rates])
@@ -118,14 +135,14 @@ class Linearisation:
             q[mine + own.n_positions - own.n] = theirs + other.n_positions - other.n
         return q, v
 
-    def _released_state(self, state: OperatingPoint) -> tuple[Array, Array, Array]:
+    def _released_state(self, state: OperatingPoint, motions: Motions | None) -> tuple[Array, Array, Array]:
         """Return positions and rates of the released mechanism, and the accelerations that are given."""
         to_q, to_v = self._places()
         q, v, given = self._released.rest_positions, np.zeros(self._released.n), []
         q[to_q], v[to_v] = state.q, state.v
         for k, link in enumerate(self.mechanism.links):
             if link.motion is not None:
-                position, rate, acceleration = link.motion.value(state.time)
+                position, rate, acceleration = link.motion.value(state.time) if motions is None else motions[k]
                 q[self._released.layout.position[k]] = position
                 v[self._released.layout.rate[k]] = rate
                 given.append(acceleration)
@@ -145,6 +162,11 @@ class Linearisation:
             else:
                 values[signal] = 0.0
         return values
+
+    def rate_names(self) -> list[str]:
+        """Return the names of the mechanism's own coordinates, by their rates' order."""
+        names = self.state_names()
+        return [names[k].name for k in self._places()[1]]
 
     def state_names(self) -> list[Channel]:
         """Return the coordinates of the released mechanism, by their rates' order."""
@@ -195,6 +217,14 @@ class _Assembly:
         rates = np.concatenate([np.eye(n), np.zeros((1, n))])
         momentum = Kinematics(self.mechanism, np.zeros(n + 1), q, rates).momentum @ direction
         return np.asarray(-self.W.T @ (momentum[:-1] - momentum[-1]))
+
+    def own_mass(self) -> Array:
+        """Return the mass matrix of the independent coordinates."""
+        n = self.mechanism.n
+        independent, P = self._partition(np.setdiff1d(np.arange(n), self.of._given))
+        S = np.eye(n)[independent]
+        T = S.T - P @ (self.J @ S.T)
+        return np.asarray(T.T @ self.M @ T)
 
     def model(self) -> StateSpace:
         n, given = self.mechanism.n, self.of._given

@@ -28,6 +28,16 @@ def position_map(mechanism: Mechanism, q: Array) -> Array:
     return out
 
 
+def with_unit_quaternions(mechanism: Mechanism, q: Array) -> Array:
+    """Return positions whose quaternions have the length 1."""
+    out = q.copy()
+    for k, link in enumerate(mechanism.links):
+        if link.joint in (FREE, SPHERICAL) and link.n_rates:
+            at = int(mechanism.layout.position[k]) + link.n_slides
+            out[at : at + 4] /= np.linalg.norm(out[at : at + 4])
+    return out
+
+
 def turning_axes(mechanism: Mechanism, q: Array, v: Array) -> tuple[Array, Array, Array]:
     """Return W of ``δη_space = W δη``, Ω of ``δη̇ = δv − Ω δη``, and the part of Ω that acts on accelerations, too."""
     parts, turning, sliding = {}, {}, {}

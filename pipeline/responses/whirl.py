@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from typing import NamedTuple
 
 import numpy as np
@@ -10,7 +11,9 @@ from pipeline.core.arrays import Array
 
 _POLARISED = 0.5  # circulation from which on a motion is a whirl
 _ACROSS = 1e-3  # of the markers' motion: a vibration with less of it across the axis doesn't whirl
-_ZERO = 1e-6  # of the fastest: a pole that moves slower is a rigid motion
+_STILL = 1e-9  # of the largest displacement: points that move less don't
+_NOTHING = 1e-18  # of a matrix's largest entry
+_ZERO = 1e-7  # of the fastest: a pole that moves slower is a rigid motion
 
 
 class WhirlingModes(NamedTuple):
@@ -67,7 +70,7 @@ def whirling_modes(A: Array, across: tuple[Array, Array], along: Array, rate: fl
     rate : float
         Ω [rad/s].
     """
-    poles, vectors = np.linalg.eig(A)
+    poles, vectors = _eigen(A)
     kept = poles.imag > _ZERO * np.abs(poles).max(initial=0.0)
     poles, vectors = poles[kept], vectors[:, kept]
     first, second, third = (C @ vectors for C in (*across, along))
@@ -80,3 +83,41 @@ def whirling_modes(A: Array, across: tuple[Array, Array], along: Array, rate: fl
     damping = np.divide(-poles.real, size, out=np.zeros(len(size)), where=size > 0.0)
     order = np.argsort(np.abs(omega))
     return WhirlingModes(np.abs(omega[order]) / (2 * np.pi), damping[order], whirl[order])
+
+
+def hub_modes(A: Array, across: tuple[Array, Array], hub: Sequence[int]) -> WhirlingModes:
+    """Return the vibrations of what turns on a hub, as the hub sees them.
+
+    Parameters
+    ----------
+    A : ndarray, shape (n, n)
+        State matrix of small motions.
+    across : tuple of ndarray, shape (n_points, n) each
+        Displacements of points along two axes across that of rotation, for unit states.
+    hub : sequence of int
+        States that turn the hub itself.
+    """
+    poles, vectors = _eigen(A)
+    kept = np.flatnonzero(poles.imag > _ZERO * np.abs(poles).max(initial=0.0))
+    kept = kept[np.argsort(poles.imag[kept])]
+    poles, seen = poles[kept], vectors[:, kept].copy()
+    seen[list(hub)] = 0.0
+    first, second = (C @ seen for C in across)
+    size = np.abs(vectors[:, kept]).max(axis=0, initial=0.0) * max(float(np.abs(C).max(initial=0.0)) for C in across)
+    moves = np.sqrt((np.abs(first) ** 2 + np.abs(second) ** 2).sum(axis=0)) > _STILL * size
+    whirl = np.where(moves, find_circulation(first, second), 0.0)
+    return WhirlingModes(poles.imag / (2 * np.pi), -poles.real / np.abs(poles), whirl)
+
+
+def _eigen(A: Array) -> tuple[Array, Array]:
+    """Return eigenvalues and vectors of a state matrix, positions before rates, each position times its frequency.
+
+    Round-off is taken out: by what has no stiffness, LAPACK would scale the rest to nothing.
+    """
+    n = len(A) // 2
+    scale = np.ones(len(A))
+    scale[:n] = np.sqrt(np.maximum(np.abs(A[n:, :n].diagonal()), 1.0))
+    scaled = scale[:, None] * A / scale
+    scaled[np.abs(scaled) < _NOTHING * np.abs(scaled).max(initial=0.0)] = 0.0
+    poles, vectors = np.linalg.eig(scaled)
+    return poles, vectors / scale[:, None]

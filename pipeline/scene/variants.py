@@ -13,13 +13,15 @@ from typing import Any
 from pipeline.scene.any_body import Flexible
 from pipeline.scene.bodies import Bar, ModeSettings
 from pipeline.scene.imported_bodies import CadPart, MatrixPart, MeshedPart
-from pipeline.scene.loads import Drive
+from pipeline.scene.loads import Drive, PointForce
 from pipeline.scene.propeller import Propeller
 from pipeline.scene.reduced_bodies import ReducedPart
 from pipeline.scene.scene import Scene
 
 # Factors to coarsen a mesh by. The largest shows most of the error, but not every part can be meshed so coarsely.
 COARSENING_FACTORS = (2.0, 1.5, 1.25)
+
+_AXES = ((1.0, 0.0, 0.0), (0.0, 1.0, 0.0), (0.0, 0.0, 1.0))
 
 
 def replace_runs(scene: Scene, *runs: Any) -> Scene:
@@ -66,6 +68,25 @@ def correct_statically(scene: Scene, drives: Sequence[Drive]) -> Scene:
     more = {f"input {k + 1}": drive for k, drive in enumerate(drives)}
     scene = scene.model_copy(update={"drive": {**scene.drive, **more}})
     return change_modes(scene, lambda body: {"enrich": "residual"} if isinstance(body.modes, ModeSettings) else {})
+
+
+def open_to_space(scene: Scene) -> Scene:
+    """Return the scene with forces of no size in all directions where flexible bodies hang or carry others.
+
+    So their shapes answer to motions across a plane, too, to which the scene's own joints and loads keep; but not those
+    of a body whose modes are of a family that the scene chooses.
+    """
+    chosen = {name for name, body in scene.flexible.items() if getattr(body.modes, "family", "any") != "any"}
+    held = {joint.child for joint in scene.joint.values()} | {joint.parent for joint in scene.joint.values()}
+    places = sorted(place for place in held if place.partition(".")[0] in scene.flexible.keys() - chosen)
+    drives: dict[str, Drive] = {
+        f"space {k} {way}": PointForce.model_validate(
+            {"type": "point force", "marker": place, "force": "0 N", "direction": direction}
+        )
+        for k, place in enumerate(places, 1)
+        for way, direction in zip("xyz", _AXES, strict=True)
+    }
+    return scene.model_copy(update={"drive": {**scene.drive, **drives}})
 
 
 def damp_bodies(scene: Scene, damping: float) -> Scene | None:

@@ -11,13 +11,15 @@ from pipeline.core.arrays import Array
 from pipeline.core.errors import AccuracyError
 from pipeline.dynamics.compiled_system.system import CompiledSystem
 from pipeline.dynamics.mechanism import Mechanism
+from pipeline.dynamics.signals.bounds import Bools
 from pipeline.integrators.protocol import evaluate, evaluate_projection, move_positions
 from pipeline.stability.tangent import differentiate
 from pipeline.stages.assembly import free_directions
 
 _CORRECTIONS = 200
 _SETTLED = 1e-11  # last correction [rad or m, or modal coordinate], beside the largest position
-_FARTHEST = 0.3  # motion of a joint, and turn of a marker within its body, in one correction [rad or m]
+_FARTHEST = 0.3  # turn of a joint, and of a marker within its body, in one correction [rad]; of slides at first [m]
+_LONGEST = 1e6  # m: of a slide in one correction
 _NUDGE = 1e-6
 _UNSTABLE = 1e-6  # of the fastest motion: an eigenvalue above is a motion that grows
 _DOWNHILL = 2.0  # times the most negative stiffness over mass is added where there is one
@@ -42,7 +44,8 @@ def find_equilibrium(system: CompiledSystem, q: Array, t: float = 0.0) -> Array:
     AccuracyError
         There is none: something keeps accelerating, or the state found isn't stable, as of a buckled part.
     """
-    start = _Start(system, t, _marker_turns(system.mechanism), _forces(system, q, t), _mass(system, q, t))
+    turns, slides = _marker_turns(system.mechanism)
+    start = _Start(system, t, turns, slides, _forces(system, q, t), _mass(system, q, t))
     found = _follow_loads(start, q)
     if found is None:
         found = _settle(start, q, 0.0, _CORRECTIONS, _shift)
@@ -56,11 +59,12 @@ def find_equilibrium(system: CompiledSystem, q: Array, t: float = 0.0) -> Array:
 
 @dataclass(frozen=True)
 class _Start:
-    """A mechanism at the start: what a marker's turns are (k, n), its forces at rest (n,), its mass (n, n)."""
+    """A mechanism at the start: turns and slides (k, n), which of them slide (k,), forces at rest (n,), mass (n, n)."""
 
     system: CompiledSystem
     time: float
     turns: Array
+    slides: Bools
     forces: Array
     mass: Array
 
@@ -86,11 +90,11 @@ def _settle(
     """Find the rest where a part of the forces at the start is held; ``None`` if it isn't found.
 
     A correction is as long as turns of 0.3 rad allow, and halved where forces beyond its end push back harder than
-    they drove it.
+    they drove it. What slides may go twice as far each time that none is halved.
     """
     system, t, none = start.system, start.time, np.zeros(start.system.n)
     holding = held * start.forces
-    f = _forces(system, q, t) - holding
+    f, reach = _forces(system, q, t) - holding, _FARTHEST
     for _ in range(corrections):
         if not np.isfinite(f).all():
             return None
@@ -102,17 +106,18 @@ def _settle(
         if shifted is None:
             return None
         change = free @ np.linalg.solve(K + shifted * M, down)
-        farthest = float(np.abs(start.turns @ change).max(initial=0.0))
+        moves = np.abs(start.turns @ change)
+        farthest = float(np.where(start.slides, moves * (_FARTHEST / reach), moves).max(initial=0.0))
         size = float(np.abs(change).max(initial=0.0))
         change = change * min(1.0, _FARTHEST / max(farthest, 1e-300))
-        drive = float(f @ change)
+        drive, reach = float(f @ change), min(2.0 * reach, _LONGEST)
         for _ in range(_HALVINGS):
             q, rates = move_positions(system.parameters, at, change), none.copy()
             evaluate_projection(system.parameters, t, q, rates)
             f = _forces(system, q, t) - holding
             if float(f @ change) >= -_OVERSHOT * drive or size <= _SETTLED:
                 break
-            change, drive = 0.5 * change, 0.5 * drive
+            change, drive, reach = 0.5 * change, 0.5 * drive, _FARTHEST
         if size <= _SETTLED * max(1.0, float(np.abs(q).max(initial=0.0))):
             if not held:
                 _require_stable(np.asarray(-np.linalg.solve(M, K)))
@@ -157,8 +162,8 @@ def _nudges(system: CompiledSystem) -> Array:
     return nudges
 
 
-def _marker_turns(mechanism: Mechanism) -> Array:
-    """Return the rows that take a change of positions to joints' motions and markers' turns in their bodies."""
+def _marker_turns(mechanism: Mechanism) -> tuple[Array, Bools]:
+    """Return the rows that take a change of positions to joints' motions and markers' turns, and which are slides."""
     rows = np.eye(mechanism.n)
     found = []
     for k, link in enumerate(mechanism.links):
@@ -168,7 +173,9 @@ def _marker_turns(mechanism: Mechanism) -> Array:
             turns = np.zeros((3, mechanism.n))
             turns[:, modes] = marker.rotation
             found.append(turns)
-    return np.concatenate([rows, *found])
+    slides = np.zeros(mechanism.n + 3 * len(found), dtype=bool)
+    slides[: mechanism.n] = mechanism.groups[1] % 3 == 1
+    return np.concatenate([rows, *found]), slides
 
 
 def _shift(K: Array, M: Array) -> float:

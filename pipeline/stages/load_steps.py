@@ -1,15 +1,19 @@
-"""Fixed steps beside the scene's loads and duration: refused with a step that works."""
+"""Fixed steps beside the scene's loads, vibrations and duration: refused with what works."""
 
 from __future__ import annotations
 
 from typing import TYPE_CHECKING, Any
 
+import numpy as np
+
 from pipeline.core.errors import InputError
 from pipeline.integrators.missed_work import round_down
+from pipeline.stages.limit_words import describe_fastest
 
 if TYPE_CHECKING:
     from pipeline.dynamics.compiled_system.system import CompiledSystem
     from pipeline.integrators.protocol import Integrator
+    from pipeline.scene.simulation import Simulation
 
 _MOST_STEPS = 1e12  # a day or more
 
@@ -54,6 +58,29 @@ def require_countable_steps(file: str, key: str, step: float, duration: float) -
             key,
             f"{step:.6g} s",
             f"makes {duration / step:.3g} steps, which never come to an end; {1.1 * shortest:.2g} s or longer does",
+        )
+
+
+def require_known_phases(file: str, key: str, method: Integrator, system: CompiledSystem, run: Simulation) -> None:
+    """Check that double precision knows the phase of the fastest vibration to the wanted error up to the end.
+
+    Only the exponential method gives it for any step; others refuse such a step, or damp such vibrations.
+
+    Raises
+    ------
+    InputError
+        Vibrations are too many; the message names the part that makes them.
+    """
+    if method.name != "exponential":
+        return
+    lost = float(np.sqrt(system.stiffness.max(initial=0.0))) * run.duration * np.finfo(float).eps
+    if lost > run.error:
+        raise InputError(
+            file,
+            key,
+            f"{method.step:.6g} s",
+            f"round-off leaves the phase of the fastest vibration unknown by {lost:.1g} rad at the end"
+            f"{describe_fastest(system, run.duration)}",
         )
 
 

@@ -13,7 +13,7 @@ from numpy.typing import NDArray
 from pipeline.core.arrays import Array, IntArray
 from pipeline.core.errors import InputError
 from pipeline.fem.surface import SurfaceTopology, surface_elements, surface_topology
-from pipeline.recovery.deformation import DeformationShapes, deformation_shapes
+from pipeline.recovery.deformation import DeformationShapes, deformation_shapes, node_deformation_shapes
 from pipeline.recovery.stress import element_stress, modal_stress, point_stress
 from pipeline.reduction.body import MarkerShapes
 from pipeline.reduction.inertia import InertiaGram, add_normal_blocks, normal_blocks
@@ -190,6 +190,8 @@ def _recover_element_stress(part: FlexiblePart) -> Array:
 
 
 def _evaluate_deformation(part: FlexiblePart) -> DeformationShapes:
+    if not part.has_mesh:
+        return node_deformation_shapes(part.body, part.is_supported, of_matter=not part.is_reduced)
     return deformation_shapes(part.space, part.body, part.is_supported)
 
 

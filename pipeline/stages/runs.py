@@ -18,8 +18,8 @@ from pipeline.dynamics.mechanism import Mechanism
 from pipeline.integrators.protocol import Integrator, Progress, Trajectory
 from pipeline.integrators.subcycling import Subcycling
 from pipeline.stability.safe_step import ALLOWED_GROWTH, longest_safe_step
-from pipeline.stages.limit_words import describe_limit
-from pipeline.stages.load_steps import require_countable_steps, require_resolved_loads
+from pipeline.stages.limit_words import describe_fastest, describe_limit
+from pipeline.stages.load_steps import require_countable_steps, require_known_phases, require_resolved_loads
 from pipeline.stages.mass_check import require_inertia
 from pipeline.stages.mechanism import find_start, place_joints
 
@@ -121,12 +121,15 @@ class Plan:
     def _march(
         self, system: CompiledSystem, q0: Array, v0: Array, times: Array, progress: Progress | None
     ) -> Trajectory:
-        """Integrate a system; if that fails because a motion has lost its inertia, the error says so."""
+        """Integrate a system; an error says if a motion has lost its inertia, or which part is too fast to follow."""
         try:
             return self.integrator.march(system, q0, v0, times, progress)
         except StabilityError as failure:
             system.explain_failure(failure)
-            raise
+            duration = max(float(times[-1]), self.mechanism.horizon)
+            raise StabilityError(
+                f"{failure}{describe_fastest(system, duration)}", failure.time, failure.positions
+            ) from failure
 
 
 def repeat_choice(plan: Plan, trajectory: Trajectory) -> Plan:
@@ -189,6 +192,7 @@ def _measure_growths(built: BuiltScene, plans: Sequence[Plan]) -> tuple[Growth, 
     known: list[OperatingPoints] = []
     for run, plan in zip(simulation.run, plans, strict=True):
         require_countable_steps(built.scene.file, plan.key, plan.integrator.step, simulation.duration)
+        require_known_phases(built.scene.file, plan.key, plan.integrator, plan.system, simulation)
         require_resolved_loads(built.scene.file, plan.key, plan.integrator, plan.system)
         growths.append(_measure_growth(built, plan, simulation.step == "auto" and not run.step, known))
     return tuple(growths)

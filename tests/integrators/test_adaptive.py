@@ -20,7 +20,7 @@ from pipeline.dynamics.mechanism import Mechanism
 from pipeline.dynamics.system import accelerations, advance, velocities
 from pipeline.integrators.adaptive import groups_of, kinds_of, step_within
 from pipeline.integrators.rosenbrock import ExponentialRosenbrock
-from pipeline.integrators.runge_kutta import RungeKutta
+from pipeline.integrators.runge_kutta import DAMPED, RungeKutta
 from pipeline.integrators.scipy_ivp import ScipyIvp
 
 BOTH = pytest.mark.parametrize("method", [ExponentialRosenbrock, RungeKutta])
@@ -189,6 +189,19 @@ def test_the_error_of_the_runge_kutta_method_follows_the_tolerance(case):
     assert marches[0].step == pytest.approx(marches[0].end.time / marches[0].end.step)
 
 
+def test_steps_at_the_stability_limit_leave_nothing_of_the_fastest_vibrations():
+    """Steps that grow until the error stops them keep these alive: 1e-5 to 1e-3 of what moves, and more evaluations."""
+    ways, _ = np.linalg.qr(np.random.default_rng(3).normal(size=(4, 4)))
+    system = LinearSystem(ways @ np.diag([1.0, 9.0, 80.0**2, 300.0**2]) @ ways.T)
+    start, times = ways @ [1.0, 0.5, 0.0, 0.0], np.linspace(0.0, 20.0, 101)
+    exact = system.exact(start, np.zeros(4), times)
+    bounded, free = (RungeKutta(1e-3, reach).march(system, start, np.zeros(4), times) for reach in (DAMPED, np.inf))
+    assert np.abs(bounded.q - exact).max() < 1e-10
+    assert np.abs(free.q - exact).max() > 1e-6
+    assert bounded.evaluations < free.evaluations
+    assert bounded.step <= DAMPED / 300.0
+
+
 # Output ----------------------------------------------------------------------------------------------------------
 
 
@@ -330,6 +343,16 @@ def test_a_load_that_begins_steeply_or_late_moves_what_rests(method, power, jump
     march = method(1e-8).march(system, np.zeros(1), np.zeros(1), jump + times)
     exact = push * times ** (power + 2) / ((power + 1) * (power + 2))
     np.testing.assert_allclose(march.q[:, 0], exact, rtol=1e-5)
+
+
+@BOTH
+def test_a_load_with_an_infinite_rate_in_the_middle_of_a_march_takes_few_steps(method):
+    """Where steps are so short that the time's round-off makes their error, shorter ones still would never grow."""
+    system = LinearSystem(np.zeros((1, 1)), push=np.array([3.0]), jump=0.3, power=0.3, breakpoints=(0.3,))
+    march = method(1e-10).march(system, np.zeros(1), np.zeros(1), np.array([1.0]))
+    exact = 3.0 * 0.7**2.3 / (1.3 * 2.3)
+    assert march.q[0, 0] == pytest.approx(exact, rel=1e-8)
+    assert march.end.step < 10_000
 
 
 # Failure ---------------------------------------------------------------------------------------------------------

@@ -40,7 +40,8 @@ def test_a_campbell_diagram_is_written_as_table_and_chart(run, tmp_path):
     rates = np.array([0.0, 100.0, 200.0])
     diagram = compute_campbell(run, rates, ())
     table, files = diagram.frequencies_hz, write_campbell(diagram, tmp_path)
-    assert table.shape == (3, len(run.body.omega))
+    assert table.shape[0] == 3
+    assert table.shape[1] >= len(run.body.omega)  # and what static responses add
     assert (np.diff(table[:, 0]) > 0).all()  # the hub's own turning stiffens the beam
     with (tmp_path / files[0]).open(newline="") as file:
         rows = list(csv.reader(file))

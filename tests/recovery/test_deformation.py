@@ -12,6 +12,7 @@ from pipeline.accuracy.deflection import TOO_LARGE, deflection_errors, deflectio
 from pipeline.accuracy.error_estimates import SAFETY
 from pipeline.accuracy.quantities import motion_quantities
 from pipeline.dynamics.kinematics import Kinematics
+from pipeline.recovery.deformation import measure_deformation, node_deformation_shapes
 
 LENGTH, DEPTH, WIDTH, MODULUS = 1.0, 0.005, 0.02, 210e9
 BENDING = MODULUS * WIDTH * DEPTH**3 / 12
@@ -98,6 +99,20 @@ def test_largest_rotation_and_strain_are_those_of_beam_theory(tmp_path: Any) -> 
     assert measured.rotation == pytest.approx(1.5 * 0.1, rel=2e-3)
     assert measured.strain == pytest.approx(3 * 0.1 * DEPTH / 2 / LENGTH, rel=0.03)  # of the element at the root
     assert measured.shortening["tip"] == pytest.approx(0.6 * 0.1**2, rel=5e-3)  # ½ ∫ w'² ds
+
+
+@pytest.mark.parametrize("of_matter", [True, False])
+@pytest.mark.parametrize("stiffening", ["off", "on"])
+def test_without_elements_nodes_and_markers_tell_rotation_and_shortening(
+    tmp_path: Any, stiffening: str, of_matter: bool
+) -> None:
+    run = strip(tmp_path, 0.1, stiffening)
+    body = run.bodies["strip"]
+    measured = measure_deformation(node_deformation_shapes(body, False, of_matter), body, run.motion.modal("strip"))
+    assert measured.rotation == pytest.approx(1.5 * 0.1, rel=3e-3)
+    assert measured.shortening["tip"] == pytest.approx(0.6 * 0.1**2, rel=5e-3)
+    if of_matter:  # between nodes an element apart along the strip, and half of one
+        assert measured.strain == pytest.approx(3 * 0.1 * DEPTH / 2 / LENGTH, rel=0.05)
 
 
 def test_pieces_lower_the_error_as_the_warning_says(tmp_path: Any) -> None:

@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 from pipeline.core.arrays import Array
-from pipeline.recovery.envelope import StressEnvelope, estimate_missed_peak, stress_envelope
+from pipeline.recovery.envelope import StressEnvelope, estimate_missed_peak, estimate_missed_vibration, stress_envelope
 from pipeline.recovery.stress import StressHistory, stress_measure
 
 
@@ -82,3 +82,17 @@ def test_the_peak_that_is_missed_between_output_times_is_estimated(samples: int)
     true = 1.0 / np.cos(np.pi / samples) - 1.0
     assert estimate_missed_peak(history, 0) == pytest.approx(true, rel=0.25)
     assert estimate_missed_peak(StressHistory(history.nodes, history.modal, t[:2] * 1.0, history.q[:2]), 0) == 0.0
+
+
+@pytest.mark.parametrize(("samples", "phase"), [(1.0, 0.4), (1.7, 0.0), (2.3, 0.1), (3.1, 0.3)])
+def test_vibrations_that_output_times_skip_are_seen_in_their_rates(samples: float, phase: float) -> None:
+    """A vibration of amplitude 1 about 2 reaches 3, be it sampled always at the same phase or at others."""
+    t, omega = np.arange(60.0), 2 * np.pi / samples
+    history = StressHistory(np.array([0]), np.eye(6)[None], t, np.zeros((60, 6)))
+    history.q[:, 0] = 2.0 + np.sin(omega * t + phase)
+    rates = np.zeros((60, 6))
+    rates[:, 0] = omega * np.cos(omega * t + phase)
+    true = 3.0 / history.q.max() - 1.0
+    hidden = estimate_missed_vibration(history, 0, rates, np.full(6, omega))
+    assert 0.4 * true - 0.01 < hidden < 2.0 * true + 0.2
+    assert estimate_missed_vibration(history, 0, np.zeros((60, 6)), np.full(6, 1e9)) == pytest.approx(0.0, abs=1e-9)

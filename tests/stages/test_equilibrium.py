@@ -135,3 +135,13 @@ def test_what_falls_has_no_equilibrium(tmp_path: Path) -> None:
 def test_a_rate_at_the_start_is_refused(tmp_path: Path) -> None:
     with pytest.raises(InputError, match=r"joint\.hinge\.rate = '1 rad/s': has no effect"):
         run_of(tmp_path, PENDULUM.replace('angle = "80 deg"', 'rate = "1 rad/s"'))
+
+
+@pytest.mark.parametrize("far", [1.0, 250.0, 2000.0])
+def test_a_slide_comes_to_rest_however_far_its_spring_pulls_it(tmp_path: Path, far: float) -> None:
+    # Where the spring has its length and the weight: x = far + m g/k.
+    scene = PENDULUM.replace('type = "revolute"', 'type = "prismatic"').replace("axis = [0, 0, 1]", "axis = [0, -1, 0]")
+    scene = scene.replace('angle = "80 deg"', f'spring = "50 N/m"\nrest = "{far} m"')
+    (tmp_path / "slide.toml").write_text(scene)
+    run = Pipeline(load_scene(tmp_path / "slide.toml"))
+    assert run.start[0][0] == pytest.approx(far + 2.0 * 9.81 / 50.0, rel=1e-9)

@@ -5,6 +5,7 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
+from pipeline.cli.sweep import print_messages
 from pipeline.sweep.points import Point, Variation
 from pipeline.sweep.record import Record
 from pipeline.sweep.study import Sweep
@@ -39,3 +40,14 @@ def test_a_list_becomes_a_dimension_and_what_a_point_lacks_is_nan():
     np.testing.assert_array_equal(data["run.seconds"], [[1.0, 2.0], [np.nan, np.nan]])
     assert data["run.integrator"].values.tolist() == [["a", "b"], ["", ""]]
     assert data["run.seconds"].units == data["step"].units == "s"
+
+
+def test_messages_and_warnings_are_printed_once_with_the_numbers_of_their_points(capsys):
+    records = (
+        Record("ok", summary={"warnings": [{"code": "large-deflection", "text": "arm turns far"}]}),
+        Record("refused", "no such key"),
+        Record("ok", summary={"warnings": [{"code": "large-deflection", "text": "arm turns far"}]}),
+        Record("ok", summary={"warnings": []}),
+    )
+    print_messages(Sweep((), (), records, 4))
+    assert capsys.readouterr().out.splitlines() == ["1, 3: warning: arm turns far", "2: no such key"]

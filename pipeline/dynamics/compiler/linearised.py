@@ -84,7 +84,9 @@ class LinearisedMechanism:
         self._values, self._places = _trace(inputs, frames, acting, rows)
         self._slopes = differentiate(inputs.graph, self._values, direction_inputs(inputs.graph, _ARGUMENTS))
 
-    def tangents(self, q: Array, v: Array, signals: Mapping[Signal, float], given: Array) -> Tangents:
+    def tangents(
+        self, q: Array, v: Array, signals: Mapping[Signal, float], given: Array, held: Array | None = None
+    ) -> Tangents:
         """Return accelerations and derivatives at a state.
 
         Parameters
@@ -95,6 +97,8 @@ class LinearisedMechanism:
             Values of the varying signals; their rates and accelerations act on nothing here.
         given : ndarray
             Accelerations of the rates that are given.
+        held : ndarray, optional
+            Accelerations of all rates (n,), if forces that don't vary hold a mechanism without loops so.
         """
         n, m = self.mechanism.n, self.n_rows
         inputs = np.zeros(3 * len(self.signals))
@@ -103,7 +107,10 @@ class LinearisedMechanism:
         a[self.given] = given
         left = self._evaluate(self._values, {"inputs": inputs, "q": q, "v": v, "a": a, "f": f}, ())
         by = self._derivatives(inputs, q, v, a, f)
-        a, f = self._solve(by["a"][:n], by["a"][n + m :], left[:n], left[n + m :], a)
+        if held is None or m:
+            a, f = self._solve(by["a"][:n], by["a"][n + m :], left[:n], left[n + m :], a)
+        else:
+            a = held
         by = self._derivatives(inputs, q, v, a, f)
         r, rates, second = slice(0, n), slice(n, n + m), slice(n + m, n + 2 * m)
         return Tangents(

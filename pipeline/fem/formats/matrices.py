@@ -13,12 +13,11 @@ import scipy.sparse as sp
 
 from pipeline.core.arrays import EPSILON, Array, IntArray
 from pipeline.core.errors import AccuracyError, InputError
-from pipeline.core.rotations import rigid_motions
+from pipeline.fem.formats.free_body import require_free_body
 from pipeline.fem.markers import Marker
 from pipeline.fem.model import FEModel
 
 _SYMMETRIC = 1e-7
-_RIGID = 1e-5  # force of a rigid motion over the sum of its terms: files have six digits at least
 _ISOTROPIC = 1e-6  # difference of masses along x, y and z
 _IN_LINE = 1e-6
 _IN_PLANE = 1e-5
@@ -67,7 +66,8 @@ def read_matrices(stiffness: Path, mass: Path, nodes: Path, units: tuple[float, 
     InputError
         A file can't be read, or they don't fit together.
     AccuracyError
-        A matrix isn't symmetric, a rigid motion isn't free, or masses depend on the direction; with the figure.
+        A matrix isn't symmetric, a rigid motion isn't free, masses depend on the direction, or no matter is so dense
+        or so stiff; with the figure.
     """
     labels, x = _read_nodes(nodes)
     x = x * units[0]
@@ -79,25 +79,19 @@ def read_matrices(stiffness: Path, mass: Path, nodes: Path, units: tuple[float, 
     K, M = (sp.csr_array(0.5 * (A + A.T)) for A in (K, M))
     K.eliminate_zeros()  # its pattern tells what is connected
     model = MatrixModel(None, None, K, _scalar(mass, M), x, labels)  # type: ignore[arg-type]
-    _require_free(stiffness, model)
-    if not (model.mass > 0 and (model.m.diagonal() >= 0).all()):
-        raise AccuracyError(f"{mass}: no mass matrix: its sum is {model.mass:.3g} kg")
+    _require_mass(mass, model)
+    require_free_body(stiffness, model)
     return model
 
 
-def _require_free(path: Path, model: MatrixModel) -> None:
-    """Raise ``AccuracyError`` unless rigid motions of the body cause no forces."""
-    size = float(np.ptp(model.x, axis=0).max())
-    centre = model.m.sum(axis=0) @ model.x / model.mass
-    R = rigid_motions(model.x - centre).reshape(-1, 6)
-    R[:, 3:] /= size  # rotations about the centre of mass, by lengths of the body's size
-    defect = np.abs(model.K @ R).max(axis=0) / (abs(model.K) @ np.abs(R)).max(axis=0)
-    if not defect.max() < _RIGID:
-        what = ("moved along x", "moved along y", "moved along z", "turned about x", "turned about y", "turned about z")
-        raise AccuracyError(
-            f"{path}: the body isn't free: {what[int(defect.argmax())]} as a whole it answers with {defect.max():.1e} "
-            f"of its elements' forces (at most {_RIGID:.0e}); write the matrices without supports, and check units"
-        )
+def _require_mass(path: Path, model: MatrixModel) -> None:
+    """Raise ``AccuracyError`` if a matrix is no mass matrix by its sum or its diagonal."""
+    diagonal = model.m.diagonal()
+    if not (diagonal >= 0).all():
+        number, least = model.labels[diagonal.argmin()], diagonal.min()
+        raise AccuracyError(f"{path}: no mass matrix: node {number} has {least:.3g} kg on the diagonal")
+    if not model.mass > 0:
+        raise AccuracyError(f"{path}: no mass matrix: its sum is {model.mass:.3g} kg")
 
 
 def _scalar(path: Path, M: sp.csr_array) -> sp.csr_array:
@@ -184,10 +178,9 @@ def _read_text(path: Path, labels: IntArray) -> sp.csr_array:
             lines.append((number, items))
     by_numbers = bool(lines) and len(lines[0][1]) == 3
     row, column, values = (_coordinate_entries if by_numbers else _label_entries)(lines, labels)
-    # Abaqus writes symmetric matrices whole or one half of them.
-    if len(row) and ((row >= column).all() or (row <= column).all()):
-        row, column, values = _both_halves(row, column, values)
     n = 3 * len(labels)
+    if _is_half(row, column, n):
+        row, column, values = _both_halves(row, column, values)
     return _real_matrix((n, n), row, column, values)
 
 
@@ -254,6 +247,15 @@ def _read_matrix_market(text: str) -> sp.csr_array:
     if symmetry == "symmetric":
         row, column, values = _both_halves(row, column, values)
     return _real_matrix((n_rows, n_columns), row, column, values)
+
+
+def _is_half(row: IntArray, column: IntArray, n: int) -> bool:
+    """Tell whether none of a matrix's entries off the diagonal has its mirror image.
+
+    Abaqus writes symmetric matrices whole or one half of them. That is a triangle in its own order of the nodes.
+    """
+    off = row != column
+    return bool(off.any()) and not np.isin(row[off] * n + column[off], column[off] * n + row[off]).any()
 
 
 def _both_halves(row: IntArray, column: IntArray, values: Array) -> tuple[IntArray, IntArray, Array]:

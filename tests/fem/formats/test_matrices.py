@@ -85,9 +85,66 @@ def test_lines_that_do_not_fit_their_format_are_named(files: tuple[Path, Path, P
 
 
 def test_units_are_those_of_the_files(files: tuple[Path, Path, Path], small_bar: FEModel) -> None:
-    model = read_matrices(*files, (1e-3, 1e3, 1e3))
-    assert model.mass == pytest.approx(1e3 * small_bar.mass, rel=1e-12)
-    assert model.x == pytest.approx(1e-3 * small_bar.x)
+    model = read_matrices(*files, (1e3, 1e3, 1e9))  # a bar of a kilometre for each metre, of the same material
+    assert model.mass == pytest.approx(1e9 * small_bar.mass, rel=1e-12)
+    assert abs(model.K - 1e3 * small_bar.K).max() < 1e-12 * abs(model.K).max()
+    assert model.x == pytest.approx(1e3 * small_bar.x)
+
+
+@pytest.mark.parametrize(
+    ("units", "message"),
+    [
+        ((1e-3, 1.0, 1.0), r"in a cube of 0\.3 mm would be .* kg/m³, and no matter is so dense"),
+        ((1.0, 1e3, 1.0), r"sound would run through the body at about \S+ km/s, and in no matter it is so fast"),
+        ((1.0, 1.0, 1e-3), r"sound would run through the body at about \S+ km/s, and in no matter it is so fast"),
+    ],
+)
+def test_units_that_no_matter_has_are_refused(
+    files: tuple[Path, Path, Path], units: tuple[float, float, float], message: str
+) -> None:
+    with pytest.raises(AccuracyError, match=message):
+        read_matrices(*files, units)
+
+
+def test_half_a_matrix_in_another_order_of_the_nodes_is_a_half(
+    files: tuple[Path, Path, Path], small_bar: FEModel, tmp_path: Path
+) -> None:
+    n = len(small_bar.x)
+    order = np.random.default_rng(1).permutation(n)  # of the nodes in the other program's triangle
+    place = np.argsort(order)
+    entries = sp.coo_array(small_bar.K)
+    lines = [
+        f"{10 + 2 * (i // 3)},{i % 3 + 1},{10 + 2 * (j // 3)},{j % 3 + 1},{value!r}\n"
+        for i, j, value in zip(*entries.coords, entries.data.tolist(), strict=True)
+        if (place[i // 3], i % 3) >= (place[j // 3], j % 3)
+    ]
+    (tmp_path / "K.inp").write_text("".join(lines))
+    read = read_matrices(tmp_path / "K.inp", *files[1:], UNITS)
+    assert abs(read.K - small_bar.K).max() < 1e-12 * abs(small_bar.K).max()
+
+
+def test_a_weak_spring_to_the_ground_and_too_few_digits_are_refused(
+    files: tuple[Path, Path, Path], small_bar: FEModel
+) -> None:
+    """Both are far below the elements' own forces, and shift the lowest frequencies all the same."""
+    n, K = len(small_bar.x), sp.csr_array(small_bar.K)
+    spring = sp.dia_array((np.r_[np.zeros(3 * n - 1), 1e-6 * K.diagonal().max()][None], [0]), shape=K.shape)
+    sp.save_npz(files[0], sp.csr_array(K + 30 * spring))
+    with pytest.raises(
+        AccuracyError, match=r"the body isn't free: \w+ \w+ \w as a whole it has \S+ % of the stiffness"
+    ):
+        read_matrices(*files, UNITS)
+    rounded = sp.csr_array(sp.tril(K))
+    rounded.data = np.array([float(f"{value:.3e}") for value in rounded.data])
+    sp.save_npz(files[0], sp.csr_array(rounded + sp.tril(rounded, -1).T))
+    with pytest.raises(AccuracyError, match="the body isn't free"):
+        read_matrices(*files, UNITS)
+
+
+def test_a_negative_mass_is_named(files: tuple[Path, Path, Path], small_bar: FEModel) -> None:
+    sp.save_npz(files[1], sp.csr_array(-small_bar.M))
+    with pytest.raises(AccuracyError, match=r"no mass matrix: node \d+ has -\S+ kg on the diagonal"):
+        read_matrices(*files, UNITS)
 
 
 def test_what_is_no_free_body_is_refused_with_the_figure(files: tuple[Path, Path, Path], small_bar: FEModel) -> None:
