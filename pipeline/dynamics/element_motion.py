@@ -9,7 +9,6 @@ import numpy as np
 from pipeline.core.arrays import Array
 from pipeline.core.rotations import BodyFrame, moved, rotation_matrix, rotation_rate, rotation_vector, turned
 from pipeline.dynamics.elements import SHORTEST, Attachment, Element, PointSpring, SixAxisSpring
-from pipeline.dynamics.law_pieces import law_energies
 
 _SMALL = 1e-12
 
@@ -103,7 +102,7 @@ def element_energies(states: States, element: Element) -> Array:
     """Return the elastic energy of a force element at each state [J], shape (n_times,)."""
     values = element_strain(states, element).values
     if isinstance(element, PointSpring):
-        return law_energies(element.law, values[:, 0])
+        return element.law.energies(values[:, 0])
     return np.asarray(0.5 * np.einsum("ti,ij,tj->t", values, element.K, values))
 
 

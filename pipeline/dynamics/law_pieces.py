@@ -209,11 +209,3 @@ class LawWork:
         points, weights = np.polynomial.legendre.leggauss(_GAUSS_POINTS)
         inside = begin[:, None] + (end - begin)[:, None] * 0.5 * (points + 1.0)
         return np.asarray(0.5 * (end - begin) * (self.forces(inside.ravel()).reshape(inside.shape) @ weights))
-
-
-def law_energies(law: ForceLaw, x: Array) -> Array:
-    """Return the elastic energies of a law at elongations x (n,), however narrow its formula's features are [J]."""
-    if law.curve.formula is None or not find_pieces(law).are_short:
-        return law.energies(x)
-    work = LawWork(law)
-    return np.asarray(work.energies(x) - work.energies(np.zeros(1)))
