@@ -111,8 +111,9 @@ class _FormulaPieces:
     def _weigh(self, begin: Array, end: Array) -> tuple[Bools, Bools]:
         """Return on which pieces the formula is close to a polynomial, and on which that makes no difference."""
         middle, half = 0.5 * (begin + end), 0.5 * (end - begin)
-        bounds, rough = self._series(begin, end)
-        at_middle, _ = self._series(middle, middle)
+        n = len(begin)
+        both, rough = self._series(np.concatenate([begin, middle]), np.concatenate([end, middle]))
+        bounds, at_middle, rough = [x[:, :n] for x in both], [x[:, n:] for x in both], rough[:n]
         sizes = [np.abs(x[0]) * half**k for k, x in enumerate(at_middle[:-1])]
         rest = np.where(rough, math.inf, np.abs(bounds[-1]).max(axis=0) * half ** (_TERMS - 1))
         spread = np.minimum(np.nan_to_num(rest, nan=math.inf), bounds[0][1] - bounds[0][0])
@@ -196,10 +197,13 @@ class LawWork:
 
     @cached_property
     def _sums(self) -> Array:
-        """Energy at each edge from the first one on."""
+        """Energy at each edge from the one next to 0 on, lest a pole far away takes all digits."""
         if not len(self._edges):
             return np.zeros(1)
-        return np.concatenate([[0.0], np.cumsum(self._between(self._edges[:-1], self._edges[1:]))])
+        middle = int(np.argmin(np.abs(self._edges)))
+        works = self._between(self._edges[:-1], self._edges[1:])
+        below = -np.cumsum(works[:middle][::-1])[::-1]
+        return np.concatenate([below, [0.0], np.cumsum(works[middle:])])
 
     def _between(self, begin: Array, end: Array) -> Array:
         points, weights = np.polynomial.legendre.leggauss(_GAUSS_POINTS)
