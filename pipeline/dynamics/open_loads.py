@@ -8,6 +8,7 @@ on to all that carries them.
 from __future__ import annotations
 
 from collections.abc import Iterator, Mapping, Sequence
+from dataclasses import dataclass
 
 import numpy as np
 
@@ -23,6 +24,26 @@ _MOMENTS = 5  # of a motion, at which components are looked for
 _FREE = 1e-8  # of the largest singular value of J: less is a state of self-stress
 _PART = 1e-6  # of a state's largest component: less is round-off
 _KNOWN = ("", 0)  # key of a point load
+
+
+@dataclass(frozen=True)
+class SelfStress:
+    """A state of self-stress, over its largest component.
+
+    Attributes
+    ----------
+    wrenches : tuple of ndarray, shapes (n_loads, 6)
+        On each body in its own axes, in the order of `BodyLoads.wrenches`.
+    joints : tuple of ndarray, shape (6,)
+        Force and moment of the joint that carries each body, in its axes.
+    compliance : float
+        Twice the elastic energy of its force element [J].
+    """
+
+    wrenches: tuple[Array, ...]
+    joints: tuple[Array, ...]
+    compliance: float
+
 
 State = Mapping[tuple[str, int], Array]
 """Force and moment (6,) in space on places of joints that close loops and of elements, by name and number of place."""
@@ -47,9 +68,16 @@ def open_loads(rigid: Mechanism, times: Array, q: Array) -> list[Array]:
     found = [np.zeros((count, 6), dtype=bool) for count in counts]
     for k in np.unique(np.linspace(0, len(times) - 1, _MOMENTS).astype(int)):
         motion = Kinematics(rigid, times[k : k + 1], q[k : k + 1], np.zeros((1, rigid.n)))
-        for state in (*_self_stress(motion), *_of_elements(motion)):
-            found = [own | (np.abs(new) > _PART) for own, new in zip(found, _hand_on(motion, state), strict=True)]
+        for state, _ in (*_self_stress(motion), *_of_elements(motion)):
+            parts = _hand_on(motion, state, 0.0).wrenches
+            found = [own | (np.abs(new) > _PART) for own, new in zip(found, parts, strict=True)]
     return found
+
+
+def self_stresses(motion: Kinematics) -> list[SelfStress]:
+    """Return the states of self-stress of a mechanism of rigid bodies at a moment, and units of its bushings' loads."""
+    states = [*_self_stress(motion), *_of_elements(motion)]
+    return [_hand_on(motion, state, compliance) for state, compliance in states if np.isfinite(compliance)]
 
 
 def largest_gap(rigid: Mechanism, times: Array, q: Array) -> float:
@@ -66,7 +94,7 @@ def largest_gap(rigid: Mechanism, times: Array, q: Array) -> float:
     return float(largest)
 
 
-def _self_stress(motion: Kinematics) -> Iterator[State]:
+def _self_stress(motion: Kinematics) -> Iterator[tuple[State, float]]:
     """Yield states of self-stress of the joints that close loops, at a moment of the motion."""
     rows = [row for closure in motion.mechanism.closing_joints for row in _row_wrenches(motion, closure)]
     if not rows:
@@ -79,7 +107,7 @@ def _self_stress(motion: Kinematics) -> Iterator[State]:
         for size, row in zip(state, rows, strict=True):
             for key, wrench in row.items():
                 total[key] = total.get(key, np.zeros(6)) + size * wrench
-        yield total
+        yield total, 0.0
 
 
 def _row_wrenches(motion: Kinematics, closure: Closure) -> list[State]:
@@ -150,8 +178,8 @@ def _loose(rigid: Mechanism) -> IntArray:
     return np.concatenate([np.zeros(0, dtype=np.int64), *parts])
 
 
-def _of_elements(motion: Kinematics) -> Iterator[State]:
-    """Yield unit forces and moments of each force element."""
+def _of_elements(motion: Kinematics) -> Iterator[tuple[State, float]]:
+    """Yield unit forces and moments of each force element, with its compliance; infinite if it isn't constant."""
     for element in motion.mechanism.elements:
         frames = [_frame_of(motion, end) for end in element.ends]
         first, second = (frame.origin[0] + frame.rotation[0] @ end.marker.position
@@ -159,17 +187,18 @@ def _of_elements(motion: Kinematics) -> Iterator[State]:
         if isinstance(element, PointSpring):
             apart = second - first
             directions = [apart] if apart.any() else list(np.eye(3))
-            units = [np.concatenate([direction, np.zeros(3)]) for direction in directions]
+            units = [(np.concatenate([direction, np.zeros(3)]), np.inf) for direction in directions]
         elif isinstance(element, SixAxisSpring):
             axes = frames[0].rotation[0] @ element.ends[0].axes
             stiff = np.linalg.norm(element.K, axis=1) > 0.0
-            units = [np.kron(np.eye(2)[k // 3], axes[:, k % 3]) for k in np.flatnonzero(stiff)]
-        for unit in units:
-            yield {(f"{ELEMENT}{element.name}", 0): -unit, (f"{ELEMENT}{element.name}", 1): unit}
+            sizes = element.K.diagonal()
+            units = [(np.kron(np.eye(2)[k // 3], axes[:, k % 3]), 1 / sizes[k]) for k in np.flatnonzero(stiff)]
+        for unit, compliance in units:
+            yield {(f"{ELEMENT}{element.name}", 0): -unit, (f"{ELEMENT}{element.name}", 1): unit}, compliance
 
 
-def _hand_on(motion: Kinematics, state: State) -> list[Array]:
-    """Return the loads (n_loads, 6) on each body in its own axes, from the leaves to the ground, over the largest."""
+def _hand_on(motion: Kinematics, state: State, compliance: float) -> SelfStress:
+    """Return the loads on each body, from the leaves to the ground, over the largest."""
     mechanism, frames = motion.mechanism, motion.frames
     joints: dict[int, Array] = {}  # force and moment on a body at its origin, in space
     loads: dict[int, Array] = {}
@@ -186,8 +215,12 @@ def _hand_on(motion: Kinematics, state: State) -> list[Array]:
             held -= pull
             held[3:] -= np.cross(frame.rotation[0] @ place, pull[:3])
         joints[body], loads[body] = held, np.concatenate(pulls)
-    largest = max((np.abs(own).max(initial=0.0) for own in loads.values()), default=0.0)
-    return [loads[body] / max(largest, 1e-300) for body in range(len(mechanism.links))]
+    largest = max(max((np.abs(own).max(initial=0.0) for own in loads.values()), default=0.0), 1e-300)
+    bodies = range(len(mechanism.links))
+    held_by = [np.ravel(joints[k].reshape(2, 3) @ frames[k].rotation[0]) for k in bodies]
+    return SelfStress(
+        tuple(loads[k] / largest for k in bodies), tuple(each / largest for each in held_by), compliance / largest**2
+    )
 
 
 def _places_on(mechanism: Mechanism, body: int) -> list[tuple[int | tuple[str, int], Array]]:

@@ -25,7 +25,6 @@ from pipeline.reduction.body import FlexibleBody, MarkerShapes
 AnyPlace = TypeVar("AnyPlace", bound=Place)
 
 _SHARE = 0.1
-_ONE_WAY = 0.5  # of the sum of what a component has of either sign
 _ROUND_OFF = 1e-9  # of the largest form
 ELEMENT = "element "
 """What is before a force element's name, which may be that of a joint too."""
@@ -149,7 +148,7 @@ def without_negligible_terms(mechanism: Mechanism, body: int, loads: BodyLoads, 
         return np.where(counts[:, None, None], forms, 0.0) if counts.any() else forms[:, :0, :0]
 
     def counting_bow(bow: Array, wrench: Array, unknown: Array) -> Array:
-        stays = np.logical_and(unknown, _shortens(bow, omega) if bow.size else False)
+        stays = unknown & (sizes_of(bow) > _ROUND_OFF * sizes_of(bow).max()) if bow.size else unknown
         parts = [counting(bow[k : k + 3], wrench[:, k : k + 3], stays[k : k + 3]) for k in (0, 3)]
         n = max(part.shape[1] for part in parts)
         return np.concatenate([part if part.size else np.zeros((3, n, n)) for part in parts])
@@ -186,13 +185,6 @@ def without_negligible_terms(mechanism: Mechanism, body: int, loads: BodyLoads, 
     for k, element in enumerate(elements):
         elements[k] = replace(element, ends=(counting_place(element.ends[0]), counting_place(element.ends[1])))
     return replace(mechanism, links=links, loads=points, closures=closures, elements=elements)
-
-
-def _shortens(bow: Array, omega: Array) -> Array:
-    """Return which components of a place move one way whatever the deflection, as the end of a bar that bends does."""
-    sizes = np.linalg.eigvalsh(bow / np.outer(omega, omega))
-    one_way = np.abs(sizes.sum(axis=1)) > _ONE_WAY * np.abs(sizes).sum(axis=1)
-    return np.asarray(one_way & (np.arange(6) < 3) & (np.abs(sizes).max(axis=1) > _ROUND_OFF * np.abs(sizes).max()))
 
 
 def loaded_places(

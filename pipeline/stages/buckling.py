@@ -19,7 +19,7 @@ from pipeline.core.arrays import Array
 from pipeline.dynamics.compiled_system.system import CompiledSystem
 from pipeline.dynamics.kinematics import Kinematics
 from pipeline.dynamics.mechanism import Mechanism
-from pipeline.dynamics.transmitted_loads import BodyLoads, geometric_stiffness_over, loaded_places
+from pipeline.dynamics.transmitted_loads import ELEMENT, BodyLoads, geometric_stiffness_over, loaded_places
 from pipeline.stages.assembly import undeformed_positions
 
 _DEPENDENT = 1e-8  # of the largest singular value
@@ -102,7 +102,8 @@ def _work_of_turning(mechanism: Mechanism, body: int, loads: BodyLoads, turns: A
     carried, points, held = loaded_places(mechanism, body)
     places = [(mechanism.links[k].place, mechanism.links[k].place_shapes, False) for k in carried]
     places += [(at.place, at.shapes, at.following) for at in points]
-    places += [(at.position, at.translation, True) for *_, at in held]  # what holds it turns with it
+    # A joint pulls on in its direction as the body turns; a force element turns with it.
+    places += [(at.position, at.translation, key.startswith(ELEMENT)) for key, _, at in held]
     forces = [(wrench[0, :3], *at) for wrench, at in zip(loads.wrenches, places, strict=True)]
     forces.append((-loads.acceleration[0], link.gram.S[:, 0], link.gram.S[:, 1:], False))
     K = np.zeros((mechanism.n, mechanism.n))

@@ -111,8 +111,14 @@ def read_inboard_joint(scene: Scene, body: str) -> InboardJoint:
 
 
 def _loaded_markers(scene: Scene, body: str, normal: Direction) -> tuple[tuple[str, bool], ...]:
-    closed = [scene.joint[name].child for name in scene.closing]
-    places = dict.fromkeys([*(joint.parent for joint in scene.joint.values()), *closed], True)
+    closing = [scene.joint[name] for name in scene.closing]
+    ends = [*(joint.parent for joint in scene.joint.values()), *(joint.child for joint in closing)]
+    places = dict.fromkeys(ends, True)
+    if any(
+        joint.type == "fixed" for joint in closing
+    ):  # what walls clamp at both ends may buckle across the plane, too
+        clamps = [joint for joint in scene.joint.values() if joint.type == "fixed"]
+        places |= {at: False for joint in clamps for at in (joint.parent, joint.child)}
     for drive in scene.drive.values():
         if drive.type in ("point force", "point torque"):
             places[drive.marker] = places.get(drive.marker, True) and _acts_in_plane(scene, drive, normal)

@@ -14,7 +14,7 @@ from pipeline.core.units import to_si
 from pipeline.responses.linearisation import Linearisation
 from pipeline.responses.ports import MotionPort
 from pipeline.responses.state_space import StateSpace
-from pipeline.scene.variants import correct_statically, replace_start
+from pipeline.scene.variants import correct_statically, open_to_space, replace_start
 from pipeline.stability.tangent import OperatingPoint
 from pipeline.stages.linear_ports import SINGLE, find_input, find_output
 
@@ -86,7 +86,7 @@ def linearise_scene(run: Pipeline, inputs: Sequence[str], outputs: Sequence[str]
     time = read_about(run, about)
     simulation = run.scene.simulation
     wanted = [find_input(run.scene, name) for name in inputs]
-    scene = correct_statically(run.scene, [at.drive for at in wanted if at.drive is not None])
+    scene = correct_statically(open_to_space(run.scene), [at.drive for at in wanted if at.drive is not None])
     if about in ("equilibrium", "steady"):
         scene = replace_start(scene, about)
     corrected = run.variant(scene, run.store.monitor)

@@ -16,6 +16,7 @@ from pipeline.core.arrays import Array
 from pipeline.core.errors import AccuracyError, InputError
 from pipeline.dynamics.compiled_system.system import CompiledSystem
 from pipeline.dynamics.kinematics import Kinematics
+from pipeline.dynamics.least_work import share_open_loads
 from pipeline.dynamics.open_loads import largest_gap, open_loads
 from pipeline.dynamics.transmitted_loads import (
     BodyLoads,
@@ -142,6 +143,8 @@ def check_spins(
     if mechanism.closures or mechanism.elements:
         unknown = open_loads(mechanism.rigid, motion.times, motion.q)
         all_loads = [replace(loads, open=own) for loads, own in zip(all_loads, unknown, strict=True)]
+        constrained = Kinematics(mechanism.rigid, motion.times, motion.q, motion.v)
+        all_loads = share_open_loads(mechanism, constrained, all_loads)
     checks = {}
     for name, body in bodies.items():
         loads = all_loads[mechanism.number_of(name)]

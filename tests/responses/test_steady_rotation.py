@@ -14,6 +14,7 @@ from pipeline.scene.scene import load_scene
 from pipeline.stages.pipeline import Pipeline
 from pipeline.stages.rotor import find_vibrations
 from pipeline.stages.turning import TurningRotor
+from tests.verification.tension_beams import beam_matrices
 
 LENGTH, DEPTH, WIDTH, E, RHO, TIP = 1.0, 20e-3, 6e-3, 70e9, 2700.0, 0.5
 ARM = f"""
@@ -62,20 +63,6 @@ N_BEAMS = 40
 def run_of(folder: Path, text: str, *changes: str) -> Pipeline:
     (folder / "rotor.toml").write_text(text, encoding="utf-8")
     return Pipeline(load_scene(folder / "rotor.toml", list(changes)))
-
-
-def beam_matrices(n: int, h: float, EI: float, mass: float, tension: Array) -> tuple[Array, Array]:
-    """K and M of Euler's beam under tension, by cubic elements: deflection and slope at n + 1 points."""
-    K, M = np.zeros((2, 2 * n + 2, 2 * n + 2))
-    bend = np.array([[12, 6, -12, 6], [6, 4, -6, 2], [-12, -6, 12, -6], [6, 2, -6, 4]]) * EI / h**3
-    pull = np.array([[36, 3, -36, 3], [3, 4, -3, -1], [-36, -3, 36, -3], [3, -1, -3, 4]]) / (30 * h)
-    own = np.array([[156, 22, 54, -13], [22, 4, 13, -3], [54, 13, 156, -22], [-13, -3, -22, 4]]) * mass * h / 420
-    turns = np.outer([1, h, 1, h], [1, h, 1, h])
-    for k in range(n):
-        at = slice(2 * k, 2 * k + 4)
-        K[at, at] += (bend + tension[k] * pull) * turns
-        M[at, at] += own * turns
-    return K, M
 
 
 def bending(rate: float, depth: float, width: float) -> Array:

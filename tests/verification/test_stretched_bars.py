@@ -4,12 +4,14 @@ from pathlib import Path
 
 import numpy as np
 import pytest
+from scipy.linalg import eigh
 from scipy.optimize import brentq
 
 from pipeline import Pipeline, load_scene
 from pipeline.core.errors import InputError
 from pipeline.dynamics.kinematics import Kinematics
 from pipeline.stages.linear_model import linearise_scene
+from tests.verification.tension_beams import beam_matrices
 
 LENGTH, WIDTH, HEIGHT, E = 1.0, 0.02, 0.006, 70e9
 EI, EA, LOAD = E * WIDTH * HEIGHT**3 / 12, E * WIDTH * HEIGHT, 20.0
@@ -87,6 +89,43 @@ def test_a_bar_between_two_walls_is_stretched_by_its_own_deflection(tmp_path: Pa
     linear, exact = LOAD * LENGTH**3 / (192 * EI), stretched_deflection()
     assert linear > 1.2 * exact
     assert found == pytest.approx(exact, rel=0.015)
+
+
+# Loads along a bar between two walls ---------------------------------------------------------------------------------
+
+UPRIGHT = ('depth = "20 mm"\nwidth = "6 mm"', 'depth = "6 mm"\nwidth = "20 mm"')
+"""Sections that bend across the plane to which the scene's joints and loads keep, and in it."""
+
+
+def half_loaded(load: float) -> tuple[float, float]:
+    """First frequency [Hz] of a clamped bar under a load along it in its middle, and its part of the buckling load.
+
+    By forty cubic elements: one half is pulled, one pushed, by half of the load each.
+    """
+    n = 40
+    tension = np.where(np.arange(n) < n // 2, 0.5 * load, -0.5 * load)
+    K, M = beam_matrices(n, LENGTH / n, EI, 2700.0 * WIDTH * HEIGHT, tension)
+    bend, _ = beam_matrices(n, LENGTH / n, EI, 0.0, np.zeros(n))
+    free = slice(2, -2)
+    lowest = eigh(K[free, free], M[free, free], eigvals_only=True)[0]
+    softest = eigh((K - bend)[free, free], bend[free, free], eigvals_only=True)[0]
+    return float(np.sqrt(lowest) / (2 * np.pi)), -float(softest)
+
+
+@pytest.mark.parametrize(("section", "load"), [(UPRIGHT[0], 4000.0), (UPRIGHT[1], -4000.0)], ids=["across", "in plane"])
+def test_a_load_along_a_bar_goes_to_both_walls(tmp_path: Path, section: str, load: float) -> None:
+    # Rigid bodies leave it open; all of it on one wall, half the bar would be pushed twice as much, or not at all.
+    text = SCENES["two bars in a row"].replace('depth = "20 mm"\nwidth = "6 mm"', section)
+    text = text.replace("direction = [0, 0, 1]", "direction = [1, 0, 0]").replace("20 N", f"{load} N")
+    text = text.replace("left.middle", "left.tip")
+    (tmp_path / "bar.toml").write_text('title = "Between walls"\n' + text)
+    run = Pipeline(load_scene(tmp_path / "bar.toml"))
+    frequency, part = half_loaded(load)
+    changes = run.stiffness_changes
+    assert changes["right" if load > 0 else "left"].buckling == pytest.approx(part, rel=0.01)
+    assert changes["left" if load > 0 else "right"].buckling < 1e-3
+    poles = linearise_scene(run, [], [], "equilibrium").model.poles.imag
+    assert poles[poles > 1.0].min() / (2 * np.pi) == pytest.approx(frequency, rel=0.005)
 
 
 # Columns whose ends are guided ---------------------------------------------------------------------------------------
