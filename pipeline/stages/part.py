@@ -196,8 +196,7 @@ def _evaluate_deformation(part: FlexiblePart) -> DeformationShapes:
 
 
 def _recover_nodal_stress(part: FlexiblePart) -> NDArray[np.float32]:
-    nodes = np.arange(len(part.space.x))
-    return modal_stress(part.space, part.material, part.body.shapes, nodes).astype(np.float32)
+    return modal_stress(part.space, part.material, part.body.shapes, np.arange(len(part.space.x))).astype(np.float32)
 
 
 class FlexiblePart:
@@ -406,8 +405,7 @@ class FlexiblePart:
     @cached_property
     def element_places(self) -> Array:
         """Middles of the named elements, shape (n_elements, 3) [m]."""
-        numbers = list(self.elements.values())
-        return np.asarray(self.mesh.points[self.mesh.cells[numbers]].mean(axis=1)).reshape(-1, 3)
+        return np.asarray(self.mesh.points[self.mesh.cells[list(self.elements.values())]].mean(axis=1)).reshape(-1, 3)
 
     def stress_at(self, points: Array) -> Array:
         """Return the stress of each modal coordinate at points (n, 3) [m] of the mesh, shape (n, 6, n_modes) [Pa]."""

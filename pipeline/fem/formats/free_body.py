@@ -19,7 +19,7 @@ from pipeline.core.errors import AccuracyError
 from pipeline.core.rotations import rigid_motions
 
 if TYPE_CHECKING:
-    from pipeline.fem.formats.matrices import MatrixModel
+    from pipeline.fem.model import FEModel
 
 _RIGID = 1e-5  # force of a rigid motion over the sum of its terms
 _HELD = 2e-3  # stiffness of a rigid motion over that of the smoothest deformation: a frequency is off by half of it
@@ -29,7 +29,7 @@ _DEPENDENT = 1e-6  # of the largest of some shapes, each of length 1
 _MOTIONS = ("moved along x", "moved along y", "moved along z", "turned about x", "turned about y", "turned about z")
 
 
-def require_free_body(path: Path, model: MatrixModel) -> None:
+def require_free_body(path: Path, model: FEModel) -> None:
     """Check that rigid motions of a body cause no forces, and that its mass and its speed of sound are some matter's.
 
     Parameters
@@ -68,7 +68,7 @@ def require_free_body(path: Path, model: MatrixModel) -> None:
     _require_matter(path, model, size)
 
 
-def _require_matter(path: Path, model: MatrixModel, size: float) -> None:
+def _require_matter(path: Path, model: FEModel, size: float) -> None:
     """Raise ``AccuracyError`` if no matter is so dense, or so stiff for its mass.
 
     A node's stiffness and mass make about the speed of sound over the distance to the nearest node. The median node's
@@ -90,7 +90,7 @@ def _require_matter(path: Path, model: MatrixModel, size: float) -> None:
         )
 
 
-def _smooth_deformations(model: MatrixModel, x: Array, R: Array) -> Array:
+def _smooth_deformations(model: FEModel, x: Array, R: Array) -> Array:
     """Return independent motions linear and quadratic in the coordinates without rigid ones, shape (3 n_nodes, n)."""
     products = [x[:, a] * x[:, b] for a in range(3) for b in range(a, 3)]
     functions = np.column_stack([np.ones(len(x)), x, *products])
