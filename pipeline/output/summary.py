@@ -18,6 +18,7 @@ from pipeline.output.frequencies import frequencies_by_body, frequency_table, mo
 from pipeline.output.histories import extremes
 from pipeline.output.loops import loop_figures, loop_warnings
 from pipeline.output.output_times import output_time_warnings
+from pipeline.output.spot_stress import spot_stress_warnings
 from pipeline.output.stress_fields import summarise_fields
 from pipeline.recovery.motion import Motion
 from pipeline.scene.histories import ExtremesTable
@@ -74,6 +75,7 @@ def summarise(run: Pipeline, files: list[str], budget: bool, budget_seconds: flo
             row.setdefault("element_stress_difference", {})[name] = apart
         ends = {"largest_pa": float(reference.max()), "at_the_end_pa": float(reference[-1])}
         summary.setdefault("element_stress", {})[name] = ends
+    summary["warnings"] += spot_stress_warnings(run)
     meshed = [name for name, part in run.wholes.items() if part.has_mesh]
     stressed = [name for name, part in run.wholes.items() if part.has_stress]
     if stressed:

@@ -6,7 +6,7 @@ from typing import Annotated, Literal
 
 from pydantic import AfterValidator, Field, model_validator
 
-from pipeline.core.units import Stress
+from pipeline.core.units import Stress, unit_ratio
 from pipeline.scene.histories import ExtremesTable, History
 from pipeline.scene.pictures import (
     Component,
@@ -148,6 +148,11 @@ class Chart(SceneTable):
         if (self.element is None) == (self.quantity == "element_stress"):
             wrong = "is missing: 'body.element', the element" if self.element is None else "belongs to 'element_stress'"
             raise FaultError(wrong, "element")
+        if self.unit is not None and self.element is not None:
+            try:
+                unit_ratio("Pa", self.unit)
+            except ValueError as error:
+                raise FaultError(str(error), "unit") from None
         if self.band is not None and (self.element is None or not self.band[0] < self.band[1]):
             raise FaultError("must be two stresses, the smaller first, on a chart of 'element_stress'", "band")
         return self

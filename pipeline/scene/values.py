@@ -13,6 +13,8 @@ from pydantic import AfterValidator, BeforeValidator, Field
 
 from pipeline.core.units import Angle, Length, to_si, unit_ratio
 
+_SHORTEST = 1e-100  # largest component of a direction
+
 
 @dataclass(frozen=True, slots=True)
 class Words:
@@ -34,7 +36,7 @@ def _check_name(name: str) -> str:
 
 
 def _check_direction(axis: tuple[float, float, float]) -> tuple[float, float, float]:
-    if not any(axis):
+    if not _SHORTEST < max(map(abs, axis)) < 1 / _SHORTEST:  # the squares of others don't fit into numbers
         raise ValueError("has no direction; [0, 0, 1] is the z axis")
     return axis
 

@@ -404,8 +404,7 @@ class FlexiblePart:
     @cached_property
     def element_places(self) -> Array:
         """Middles of the named elements, shape (n_elements, 3) [m]."""
-        numbers = list(self.elements.values())
-        return np.asarray(self.mesh.points[self.mesh.cells[numbers]].mean(axis=1)).reshape(-1, 3)
+        return np.asarray(self.mesh.points[self.mesh.cells[list(self.elements.values())]].mean(axis=1)).reshape(-1, 3)
 
     def stress_at(self, points: Array) -> Array:
         """Return the stress of each modal coordinate at points (n, 3) [m] of the mesh, shape (n, 6, n_modes) [Pa]."""

@@ -129,3 +129,10 @@ def test_a_body_hangs_on_one_joint(tmp_path: Path) -> None:
     assert scene_of(tmp_path, BEAM + ARM + twice).closing == ("other",)
     with refused("body.beam: its joints lead round in a circle; one must lead to ground (and 1 more)"):
         scene_of(tmp_path, BEAM + ARM + ELBOW.format("beam.tip"), "joint.hub.parent=arm.b")
+
+
+def test_a_chart_of_stress_takes_units_of_stress() -> None:
+    chart = 'output=[{type="chart", file="a.png", quantity="element_stress", element="propeller.joint", unit="UNIT"}]'
+    assert load_scene("propeller-gust", [chart.replace("UNIT", "kPa")]).output[0].unit == "kPa"  # type: ignore[union-attr]
+    with refused("output.0.unit = 'mm': isn't a unit that Pa converts to; 'Pa' works"):
+        load_scene("propeller-gust", [chart.replace("UNIT", "mm")])

@@ -118,6 +118,7 @@ MECHANISMS: dict[str, Refused] = {
     "a force on a hinge": (PUSH.replace('"slide"', '"hub"'), (), "drive.push.joint", "needs a prismatic one"),
     "no such marker": (blow("crank.tip", "[1, 0, 0]"), (), "drive.blow.marker", "no such marker"),
     "no direction": (blow("crank.end", "[0, 0, 0]"), (), "drive.blow.direction", "has no direction"),
+    "hardly a direction": (blow("crank.end", "[0, 0, 1e-300]"), (), "drive.blow.direction", "has no direction"),
     "weight without a unit": ("", ("simulation.gravity=[0, 0, -9.81]",), "simulation.gravity.0", "m/s"),
     "a split without its ratio": (
         "", ("simulation.run=[{ integrator = 'sub-cycling', substeps = 'auto' }]",),

@@ -33,7 +33,7 @@ direction = [0, 1, 0]
 force = "10 N"
 [simulation]
 duration = "20 ms"
-output_step = "1 ms"
+output_step = "0.1 ms"
 tip = "bar.tip"
 [[simulation.run]]
 integrator = "auto"

@@ -8,6 +8,7 @@ is in its smoothest deformations, and what else its stiffness holds.
 from __future__ import annotations
 
 from pathlib import Path
+from typing import TYPE_CHECKING
 
 import numpy as np
 import scipy.linalg as la
@@ -16,7 +17,9 @@ from scipy.spatial import cKDTree
 from pipeline.core.arrays import Array
 from pipeline.core.errors import AccuracyError
 from pipeline.core.rotations import rigid_motions
-from pipeline.fem.model import FEModel
+
+if TYPE_CHECKING:
+    from pipeline.fem.model import FEModel
 
 _RIGID = 1e-5  # force of a rigid motion over the sum of its terms
 _HELD = 2e-3  # stiffness of a rigid motion over that of the smoothest deformation: a frequency is off by half of it

@@ -26,6 +26,9 @@ if TYPE_CHECKING:
     from pipeline.scene.propeller import Propeller
 
 
+_SMALLEST, _LARGEST = 1e-5, 1e4  # m, of bars that are meshed as they are
+
+
 def make_mesh(shape: Flexible, source: SourceFiles | None) -> SolidMesh:
     """Mesh a body, or read its mesh from the file that it comes from."""
     if shape.shape == "mesh":
@@ -117,11 +120,20 @@ def _mesh_arrays(part: Bar | Propeller) -> MeshArrays:
         )
         counts = PropellerCounts(*mesh.sleeve, *mesh.joint[1:], mesh.blade[2], mesh.growth)
         return propeller(shape, counts, mesh.element, mesh.order)
+    return _bar_arrays(part)
+
+
+def _bar_arrays(part: Bar) -> MeshArrays:
+    """Mesh a bar; a tiny or huge one as one of 1 m, since Gmsh takes lengths near its fixed tolerances for none."""
     from meshes.bar import hexahedral_bar, tetrahedral_bar
 
-    size = (part.length, part.depth, part.width)
+    size = np.array([part.length, part.depth, part.width])
+    unit = 1.0 if size.min() > _SMALLEST and size.max() < _LARGEST else part.length
+    length, depth, width = (size / unit).tolist()
     if part.mesh.element == "hexahedron":
         assert part.mesh.divisions is not None  # the scene's own check
-        return hexahedral_bar(*size, part.mesh.divisions)
-    assert part.mesh.size is not None
-    return tetrahedral_bar(*size, part.mesh.size)
+        arrays = hexahedral_bar(length, depth, width, part.mesh.divisions)
+    else:
+        assert part.mesh.size is not None
+        arrays = tetrahedral_bar(length, depth, width, part.mesh.size / unit)
+    return arrays if unit == 1.0 else arrays._replace(points=unit * arrays.points)
