@@ -20,7 +20,7 @@ from pipeline.dynamics.kinematics import Kinematics
 from pipeline.dynamics.links import PointLoad
 from pipeline.dynamics.mechanism import Mechanism
 from pipeline.dynamics.reactions import closing_reactions
-from pipeline.reduction.body import MarkerShapes
+from pipeline.reduction.body import FlexibleBody, MarkerShapes
 
 AnyPlace = TypeVar("AnyPlace", bound=Place)
 
@@ -101,13 +101,34 @@ def geometric_stiffness_over(mechanism: Mechanism, body: int, loads: BodyLoads) 
     if link.joint_bow.size:
         K = K - np.einsum("t,ij->tij", loads.joint[:, 3:] @ link.axis / np.linalg.norm(link.axis), link.joint_bow)
     if gram.stiffening.size:
-        squares = (loads.spin**2).sum(axis=1)[:, None, None] * np.eye(3)
-        squares = squares - loads.spin[:, :, None] * loads.spin[:, None, :]
-        K = K + np.einsum("tab,abij->tij", squares, gram.stiffening)
+        K = K + np.einsum("tab,abij->tij", _spin_products(loads.spin), gram.stiffening)
     for motion, forms in ((loads.acceleration, gram.bow), (loads.turning, gram.curl)):
         if forms.size:
             K = K + np.einsum("ta,aij->tij", motion, forms)
     return np.asarray(0.5 * (K + K.swapaxes(1, 2)))
+
+
+def change_by_inertia(body: FlexibleBody, loads: BodyLoads) -> float:
+    """Estimate from above the part by which a stiffened body's own inertia changes its stiffness under its loads."""
+    gram, n = body.gram, len(body.omega)
+    terms = (
+        (gram.bow, loads.acceleration),
+        (gram.curl, loads.turning),
+        (gram.stiffening.reshape(9, *gram.stiffening.shape[2:]), _spin_products(loads.spin).reshape(-1, 9)),
+    )
+    return float(
+        sum(_sizes(forms, body.omega) @ np.abs(values).max(axis=0) for forms, values in terms if forms.size and n)
+    )
+
+
+def _sizes(forms: Array, omega: Array) -> Array:
+    """Return the largest part of the modal stiffness that each of some quadratic forms (k, n, n) is, shape (k,)."""
+    return np.asarray(np.abs(np.linalg.eigvalsh(forms / np.outer(omega, omega))).max(axis=1))
+
+
+def _spin_products(spin: Array) -> Array:
+    """Return ``ω² 1 − ω ωᵀ`` of angular velocities (n_times, 3), shape (n_times, 3, 3)."""
+    return np.asarray((spin**2).sum(axis=1)[:, None, None] * np.eye(3) - spin[:, :, None] * spin[:, None, :])
 
 
 def without_negligible_terms(mechanism: Mechanism, body: int, loads: BodyLoads, tolerance: float) -> Mechanism:
@@ -118,15 +139,12 @@ def without_negligible_terms(mechanism: Mechanism, body: int, loads: BodyLoads, 
     links, points = list(mechanism.links), list(mechanism.loads)
     omega = links[body].omega
 
-    def sizes_of(forms: Array) -> Array:
-        return np.asarray(np.abs(np.linalg.eigvalsh(forms / np.outer(omega, omega))).max(axis=1))
-
     def counting(forms: Array, values: Array, stays: Array | bool = False) -> Array:
         """Quadratic forms (k, n, n) of loads (n_times, k), zero where they don't count; empty if none does."""
         if not forms.size:
             return forms
         peaks = np.abs(values).max(axis=0)
-        counts = (sizes_of(forms) * np.maximum(peaks, _SHARE * peaks.max()) > tolerance) | stays
+        counts = (_sizes(forms, omega) * np.maximum(peaks, _SHARE * peaks.max()) > tolerance) | stays
         return np.where(counts[:, None, None], forms, 0.0) if counts.any() else forms[:, :0, :0]
 
     def counting_bow(bow: Array, wrench: Array, unknown: Array) -> Array:
@@ -137,8 +155,7 @@ def without_negligible_terms(mechanism: Mechanism, body: int, loads: BodyLoads, 
 
     gram, axis = links[body].gram, links[body].axis / np.linalg.norm(links[body].axis)
     gram = replace(gram, bow=counting(gram.bow, loads.acceleration), curl=counting(gram.curl, loads.turning))
-    spin, n = loads.spin, len(omega)
-    products = (spin**2).sum(axis=1)[:, None, None] * np.eye(3) - spin[:, :, None] * spin[:, None, :]
+    n, products = len(omega), _spin_products(loads.spin)
     if gram.stiffening.size and not counting(gram.stiffening.reshape(9, n, n), products.reshape(-1, 9)).size:
         G = gram.G.copy()
         G[:, :, 1:, 1:] += gram.stiffening

@@ -4,7 +4,6 @@ from __future__ import annotations
 
 from collections.abc import Callable, Mapping, Sequence
 from contextlib import AbstractContextManager, nullcontext
-from dataclasses import replace
 from functools import cached_property, partial
 from typing import TYPE_CHECKING, Any
 
@@ -21,7 +20,6 @@ from pipeline.recovery.envelope import StressEnvelope, stress_envelope
 from pipeline.recovery.stress import StressHistory, stress_measure
 from pipeline.scene.scene import Scene
 from pipeline.scene.source_files import collect_inputs
-from pipeline.stages.divided_scene import part_of
 from pipeline.stages.division import Division, divide_parts
 from pipeline.stages.marching import find_motions, march_runs
 from pipeline.stages.part import FlexiblePart
@@ -291,11 +289,13 @@ class Pipeline:
         """Reduced flexible bodies, stiffened by the loads through them where these count."""
         if self._bodies is not None:
             return self._bodies
-        always = self.scene.simulation.stiffening == "on"
+        from pipeline.stages.stiffening_check import keep_inertia_of_pieces
+
+        simulation = self.scene.simulation
+        linear = {name: part.body for name, part in self.parts.items()}
         stiff = {name: part.stiffened for name, part in self.parts.items() if self.spin[name].stiffened}
-        # Pieces turn far: their inertia of second order would need terms of third, lest mass be lost.
-        light = {name: replace(body, gram=self.parts[name].body.gram) for name, body in stiff.items() if part_of(name)}
-        return {name: part.body for name, part in self.parts.items()} | stiff | ({} if always else light)
+        error = 0.0 if simulation.stiffening == "on" else simulation.error
+        return linear | stiff | keep_inertia_of_pieces(linear, stiff, self.spin, error)
 
     @cached_property
     def mechanism(self) -> Mechanism:
