@@ -232,3 +232,23 @@ def test_a_bar_that_its_wall_stretches_sounds_as_one_under_that_tension(tmp_path
     model = linearise_scene(Pipeline(load_scene(file)), [], [], str(t)).model
     poles = model.poles.imag
     assert poles[poles > 1.0].min() == pytest.approx(first_frequency(EA * 0.05 * t / LENGTH), rel=0.01)
+
+
+ROOT = 'type = "fixed"\nparent = "ground"'
+GRIP = 'type = "fixed"\nparent = "car.at"'
+
+
+def hinged(joint: str) -> str:
+    return joint.replace('type = "fixed"', 'type = "revolute"\naxis = [0, 1, 0]')
+
+
+def test_a_bar_on_two_hinges_sounds_as_one_under_the_tension_of_its_moving_wall(tmp_path: Path) -> None:
+    # Its hinges turn, yet no turn of rigid bodies closes the gap that the wall opens. ω² μ = (π/L)² N + (π/L)⁴ EI
+    file, t = tmp_path / "bar.toml", 0.01
+    text = WHOLE + REST.replace('start = "equilibrium"', "").replace("20 N", "1 mN") + MOVING
+    text = text.replace(ROOT, hinged(ROOT)).replace(GRIP, hinged(GRIP))
+    file.write_text('title = "Between hinges"\n' + text)
+    model = linearise_scene(Pipeline(load_scene(file)), [], [], str(t)).model
+    poles, mu = model.poles.imag, 2700.0 * WIDTH * HEIGHT
+    exact = np.sqrt(((np.pi / LENGTH) ** 2 * EA * 0.05 * t / LENGTH + (np.pi / LENGTH) ** 4 * EI) / mu)
+    assert poles[poles > 1.0].min() == pytest.approx(exact, rel=2e-3)
