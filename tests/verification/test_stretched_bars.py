@@ -8,6 +8,7 @@ from scipy.linalg import eigh
 from scipy.optimize import brentq
 
 from pipeline import Pipeline, load_scene
+from pipeline.accuracy.stretching import stretching_warnings
 from pipeline.core.errors import InputError
 from pipeline.dynamics.kinematics import Kinematics
 from pipeline.stages.linear_model import linearise_scene
@@ -126,6 +127,21 @@ def test_a_load_along_a_bar_goes_to_both_walls(tmp_path: Path, section: str, loa
     assert changes["left" if load > 0 else "right"].buckling < 1e-3
     poles = linearise_scene(run, [], [], "equilibrium").model.poles.imag
     assert poles[poles > 1.0].min() / (2 * np.pi) == pytest.approx(frequency, rel=0.005)
+
+
+def test_a_bar_between_two_supports_is_told_how_far_off_it_is_and_what_would_be_right(tmp_path: Path) -> None:
+    # Supports hold it in its own frame, where nothing takes up the stretch.
+    supports = 'support = [{ face = "x-" }, { face = "x+" }]\nmesh ='
+    text = WHOLE.replace("mesh =", supports).replace('boundary = "joint", ', "") + REST.replace(
+        "left.root", "left.middle"
+    )
+    file = tmp_path / "bar.toml"
+    file.write_text('title = "Between supports"\n' + text)
+    (warning,) = stretching_warnings(Pipeline(load_scene(file)), 0.01)
+    linear = LOAD * LENGTH**3 / (192 * EI)
+    stated = float(warning["text"].split()[-2]) / 100
+    assert stated == pytest.approx(linear / stretched_deflection() - 1, rel=0.1)
+    assert "a fixed joint on the ground holds instead of a support" in warning["text"]
 
 
 # Columns whose ends are guided ---------------------------------------------------------------------------------------
