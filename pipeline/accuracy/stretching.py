@@ -28,7 +28,8 @@ _HARDLY_TURNED = 0.003
 OF_VIBRATION = 0.75
 TEXT = (
     "a body that can't shorten as it deflects, between supports or as a plate that twists, stretches, and is stiffer "
-    "than linear bending has it; smaller deflections are right, and so is a bar whose far end a joint holds"
+    "than linear bending has it; smaller deflections are right, and so is a bar whose far end a fixed joint on the "
+    "ground holds instead of a support"
 )
 
 

@@ -148,7 +148,7 @@ def without_negligible_terms(mechanism: Mechanism, body: int, loads: BodyLoads, 
         return np.where(counts[:, None, None], forms, 0.0) if counts.any() else forms[:, :0, :0]
 
     def counting_bow(bow: Array, wrench: Array, unknown: Array) -> Array:
-        stays = unknown & (sizes_of(bow) > _ROUND_OFF * sizes_of(bow).max()) if bow.size else unknown
+        stays = unknown & (_sizes(bow, omega) > _ROUND_OFF * _sizes(bow, omega).max()) if bow.size else unknown
         parts = [counting(bow[k : k + 3], wrench[:, k : k + 3], stays[k : k + 3]) for k in (0, 3)]
         n = max(part.shape[1] for part in parts)
         return np.concatenate([part if part.size else np.zeros((3, n, n)) for part in parts])

@@ -167,7 +167,7 @@ def check_spins(
         counts = (matters and (meshed is None or name in meshed)) or bool(part_of(name))
         stiffened = wanted == "on" or (wanted == "auto" and counts)
         checks[name] = SpinCheck(largest, first, critical, stiffened, change, loads, motion.times, motion.q)
-    opened = not rigid.n and largest_gap(rigid, motion.times, motion.q) > _CLOSED
+    opened = largest_gap(rigid, motion.times, motion.q) > _CLOSED
     if wanted == "auto" and (opened or any(check.stiffened for check in checks.values())):
         for name, check in checks.items():  # stretched by a body that deflects, or by a motion that is prescribed
             held = bool(check.loads.open.any()) and (meshed is None or name in meshed)

@@ -19,7 +19,6 @@ from pipeline.responses.state_space import StateSpace
 from pipeline.responses.steady_rotation import Rotation, SteadyRotation
 from pipeline.scene.variants import correct_statically, open_to_space, replace_gravity
 from pipeline.stability.tangent import OperatingPoint
-from pipeline.stages.divided_scene import part_of
 from pipeline.stages.ground import ground_place
 from pipeline.stages.mechanism import place_joints
 
@@ -267,7 +266,7 @@ def _stiffened(pipeline: Pipeline, name: str) -> FlexibleBody:
     part = pipeline.parts[name]
     if pipeline.scene.simulation.stiffening == "off":
         return part.body
-    return replace(part.stiffened, gram=part.body.gram) if part_of(name) else part.stiffened
+    return part.stiffened
 
 
 def _resting(mechanism: Mechanism) -> dict[int, tuple[float, float, float]]:

@@ -8,6 +8,7 @@ from scipy.linalg import eigh
 from scipy.optimize import brentq
 
 from pipeline import Pipeline, load_scene
+from pipeline.accuracy.stretching import stretching_warnings
 from pipeline.core.errors import InputError
 from pipeline.dynamics.kinematics import Kinematics
 from pipeline.stages.linear_model import linearise_scene
@@ -128,6 +129,21 @@ def test_a_load_along_a_bar_goes_to_both_walls(tmp_path: Path, section: str, loa
     assert poles[poles > 1.0].min() / (2 * np.pi) == pytest.approx(frequency, rel=0.005)
 
 
+def test_a_bar_between_two_supports_is_told_how_far_off_it_is_and_what_would_be_right(tmp_path: Path) -> None:
+    # Supports hold it in its own frame, where nothing takes up the stretch.
+    supports = 'support = [{ face = "x-" }, { face = "x+" }]\nmesh ='
+    text = WHOLE.replace("mesh =", supports).replace('boundary = "joint", ', "") + REST.replace(
+        "left.root", "left.middle"
+    )
+    file = tmp_path / "bar.toml"
+    file.write_text('title = "Between supports"\n' + text)
+    (warning,) = stretching_warnings(Pipeline(load_scene(file)), 0.01)
+    linear = LOAD * LENGTH**3 / (192 * EI)
+    stated = float(warning["text"].split()[-2]) / 100
+    assert stated == pytest.approx(linear / stretched_deflection() - 1, rel=0.1)
+    assert "a fixed joint on the ground holds instead of a support" in warning["text"]
+
+
 # Columns whose ends are guided ---------------------------------------------------------------------------------------
 
 COLUMN = """
@@ -232,3 +248,23 @@ def test_a_bar_that_its_wall_stretches_sounds_as_one_under_that_tension(tmp_path
     model = linearise_scene(Pipeline(load_scene(file)), [], [], str(t)).model
     poles = model.poles.imag
     assert poles[poles > 1.0].min() == pytest.approx(first_frequency(EA * 0.05 * t / LENGTH), rel=0.01)
+
+
+ROOT = 'type = "fixed"\nparent = "ground"'
+GRIP = 'type = "fixed"\nparent = "car.at"'
+
+
+def hinged(joint: str) -> str:
+    return joint.replace('type = "fixed"', 'type = "revolute"\naxis = [0, 1, 0]')
+
+
+def test_a_bar_on_two_hinges_sounds_as_one_under_the_tension_of_its_moving_wall(tmp_path: Path) -> None:
+    # Its hinges turn, yet no turn of rigid bodies closes the gap that the wall opens. ω² μ = (π/L)² N + (π/L)⁴ EI
+    file, t = tmp_path / "bar.toml", 0.01
+    text = WHOLE + REST.replace('start = "equilibrium"', "").replace("20 N", "1 mN") + MOVING
+    text = text.replace(ROOT, hinged(ROOT)).replace(GRIP, hinged(GRIP))
+    file.write_text('title = "Between hinges"\n' + text)
+    model = linearise_scene(Pipeline(load_scene(file)), [], [], str(t)).model
+    poles, mu = model.poles.imag, 2700.0 * WIDTH * HEIGHT
+    exact = np.sqrt(((np.pi / LENGTH) ** 2 * EA * 0.05 * t / LENGTH + (np.pi / LENGTH) ** 4 * EI) / mu)
+    assert poles[poles > 1.0].min() == pytest.approx(exact, rel=2e-3)
