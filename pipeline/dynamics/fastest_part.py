@@ -20,7 +20,7 @@ if TYPE_CHECKING:
 
 @dataclass(frozen=True)
 class FastestPart:
-    """What sets the shortest time in a mechanism's reference state.
+    """Stiffness or damper that sets the shortest time in a mechanism's reference state.
 
     Attributes
     ----------
