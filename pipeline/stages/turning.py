@@ -32,6 +32,7 @@ _ALIKE = 1e-4  # of stiffness: equations of a rotor that are the same at every a
 _TURN = 1.0  # angle at which they are compared [rad]
 _SHORTEST = 1 / 256  # of the rate: shortest step to it
 _ON_AXIS = 1e-6  # of the farthest marker: one nearer to the axis is on it
+_ECCENTRIC = 2.5e-4  # of the rotor's size: unbalance that changes frequencies by less than 1 %
 _STEADY = 1e-3  # of the squared rate, or of 1 rad/s²: less is no acceleration of the whole
 
 
@@ -133,8 +134,10 @@ class TurningRotor:
         self.steady = SteadyRotation(linearisation, way.rotation, way.still, self._close)
         self._found: dict[float, Array] = {}
         self._require_round(linearisation)
+        places = _marker_places(self.mechanism, self.rest)
+        self._size = float(np.linalg.norm(places, axis=1).max())
         if in_bearings:
-            self.steady.leave_out_bending(self.rest, self._on_axis())
+            self.steady.leave_out_bending(self.rest, self._on_axis(places))
 
     def model(self, rate: float) -> StateSpace:
         """Linearise the rotor where it turns steadily at a rate [rad/s].
@@ -144,11 +147,14 @@ class TurningRotor:
         Raises
         ------
         InputError
-            A load turns or pushes the whole rotor ever faster.
+            A load turns or pushes the whole rotor ever faster, or it is out of balance.
         AccuracyError
             There is no steady rotation at this rate.
         """
-        return self.steady.model(rate, self.find(rate))
+        model = self.steady.model(rate, self.find(rate))
+        if isinstance(self.way, InBearings) and rate:
+            self._require_balance(rate, model)
+        return model
 
     def find(self, rate: float) -> Array:
         """Return the positions in which the rotor turns steadily at a rate [rad/s]; raises as `model`.
@@ -181,18 +187,10 @@ class TurningRotor:
             for name, at in link.markers.items()
         ]
 
-    def _on_axis(self) -> IntArray:
+    def _on_axis(self, places: Array) -> IntArray:
         """Return the numbers of the outputs that are displacements across the axis, of markers on it."""
-        motion = _at_rest(self.mechanism, self.rest)
-        places = [
-            frame.origin[0] + frame.rotation[0] @ at.position
-            for frame, link in zip(motion.frames, self.mechanism.links, strict=True)
-            for at in link.markers.values()
-        ]
-        origin = motion.frames[0].origin[0]
-        apart = np.linalg.norm(np.cross(np.array(places) - origin, self.way.axis), axis=1)
-        size = float(np.linalg.norm(np.array(places) - origin, axis=1).max())
-        near = np.flatnonzero(apart <= _ON_AXIS * max(size, 1e-300))
+        apart = np.linalg.norm(np.cross(places, self.way.axis), axis=1)
+        near = np.flatnonzero(apart <= _ON_AXIS * max(self._size, 1e-300))
         return np.concatenate([near, near + len(places)])
 
     def _close(self, q: Array) -> Array:
@@ -219,6 +217,21 @@ class TurningRotor:
             "the angle, and have no frequencies of their own"
         )
         raise InputError(self.scene.file, f"joint.{self.mechanism.links[self.way.root].joint_name}", None, mend)
+
+    def _require_balance(self, rate: float, model: StateSpace) -> None:
+        """Raise ``InputError`` if the straight rotor's points are accelerated as by a large eccentricity."""
+        numbers = {name: k for k, name in enumerate(self.steady.linearisation.rate_names())}
+        k = len(model.states) // 2
+        a = self.steady.accelerations(rate, self._found[rate])[[numbers[name] for name, _ in model.states[:k]]]
+        first, second, _ = np.split(model.C[:, :k] @ a, 3)
+        off = float(np.hypot(first, second).max()) / rate**2
+        if off > _ECCENTRIC * self._size:
+            mend = (
+                f"the rotor is out of balance: at {rate:.4g} rad/s its points are accelerated as by a centre of mass "
+                f"{1e3 * off:.2g} mm off the axis. Its vibrations are computed about a straight axis, and are right up "
+                f"to {1e3 * _ECCENTRIC * self._size:.2g} mm; balance it"
+            )
+            raise InputError(self.scene.file, "body", sorted(self.scene.body), mend)
 
     def _require_steady(self, rate: float) -> None:
         """Raise ``InputError`` if a load of the start turns the rotor faster, or pushes it along its axis."""
@@ -278,6 +291,17 @@ def _resting(mechanism: Mechanism) -> dict[int, tuple[float, float, float]]:
 
 def _at_rest(mechanism: Mechanism, q: Array) -> Kinematics:
     return Kinematics(mechanism, np.zeros(1), q[None], np.zeros((1, mechanism.n)))
+
+
+def _marker_places(mechanism: Mechanism, q: Array) -> Array:
+    """Return the places of all markers from the first body's origin, in the order of the outputs, (n_markers, 3)."""
+    motion = _at_rest(mechanism, q)
+    places = [
+        frame.origin[0] + frame.rotation[0] @ at.position
+        for frame, link in zip(motion.frames, mechanism.links, strict=True)
+        for at in link.markers.values()
+    ]
+    return np.asarray(np.array(places) - motion.frames[0].origin[0])
 
 
 def _bearing_axis(scene: Scene) -> Array:

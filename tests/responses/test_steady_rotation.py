@@ -224,6 +224,15 @@ def test_the_whole_rotor_is_at_rest_in_its_own_axes(tmp_path: Path) -> None:
     assert after < 1e-9 * before
 
 
+def test_a_rotor_out_of_balance_is_refused_with_its_eccentricity(tmp_path: Path) -> None:
+    # About a straight axis, 1 mm would shift whirls by 6 % at 1500 rad/s. The shaft weighs little beside the disc.
+    centre = 'centre = { at = ["0 m", "0 m", "0 m"] }'
+    assert centre in overhung()
+    text = overhung().replace(centre, 'centre = { at = ["0 m", "-1 mm", "0 m"] }')
+    with pytest.raises(InputError, match=r"a centre of mass 0\.99 mm off the axis"):
+        find_vibrations(run_of(tmp_path, text))(300.0)
+
+
 def test_a_rotor_that_a_load_turns_ever_faster_is_refused(tmp_path: Path) -> None:
     torque = PUSH.replace("force", "torque").replace("-2000 N", "10 N m")
     with pytest.raises(InputError, match="no steady rotation"):
