@@ -24,7 +24,8 @@ def modes(
     Parameters
     ----------
     speed
-        Rate of rotation about the joint, e.g. "20 rad/s": the frequencies on a hub that turns so, too.
+        Rate of rotation about the joint, e.g. "20 rad/s": the frequencies of the first flexible body alone on a hub that
+        turns so, too; those of a whole rotor are `fmd campbell`'s.
     """
     pipeline = open_as_far_as_sound(scene, set_, no_cache, repair, [("output",)])
     result = frequency_table(pipeline)
@@ -44,7 +45,7 @@ def _print_frequencies(result: dict[str, Any]) -> None:
     for body_table in frequency_tables(result):
         console.print(body_table)
     if "speed_rad_s" in result:
-        title = f"Frequencies of {first} on a hub that turns at {result['speed_rad_s']:.6g} rad/s"
+        title = f"Frequencies of {first} alone on a hub that turns at {result['speed_rad_s']:.6g} rad/s"
         table = new_table(title, "mode", "Hz")
         for k, frequency in enumerate(result["rotating_frequencies_hz"]):
             table.add_row(str(k + 1), f"{frequency:.4f}")
