@@ -24,8 +24,8 @@ def modes(
     Parameters
     ----------
     speed
-        Rate of rotation about the joint, e.g. "20 rad/s": the frequencies of the first flexible body alone on a hub that
-        turns so, too; those of a whole rotor are `fmd campbell`'s.
+        Rate of rotation about the joint, e.g. "20 rad/s": the frequencies of the first flexible body alone on a hub
+        that turns so, too; those of a whole rotor are `fmd campbell`'s.
     """
     pipeline = open_as_far_as_sound(scene, set_, no_cache, repair, [("output",)])
     result = frequency_table(pipeline)
