@@ -67,7 +67,7 @@ def _least_work(mechanism: Mechanism, loads: Sequence[BodyLoads], states: Sequen
         f = _of_inertia(mechanism, body, loads[body], k) + _modal(mechanism, body, loads[body].wrenches[:, k])
         known.append(f / link.omega)
         parts = [_modal(mechanism, body, state.wrenches[body]) / link.omega for state in states]
-        by_states.append(np.array(parts).reshape(len(states), -1).T)
+        by_states.append(np.array(parts).reshape(len(states), len(link.omega)).T)
     by_states.append(np.diag([np.sqrt(state.compliance) for state in states]))
     known.append(np.zeros(len(states)))
     G = np.concatenate(by_states)
