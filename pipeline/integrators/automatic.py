@@ -20,7 +20,6 @@ from pipeline.integrators.generalized_alpha import GeneralizedAlpha
 from pipeline.integrators.march_pairs import Gain, Pairs, compared_times
 from pipeline.integrators.method_costs import (
     LEAP,
-    STABLE,
     explicit_cost,
     explicit_pair_cost,
     exponential_cost,
@@ -224,7 +223,7 @@ class Automatic:
 
     def _stable_steps(self, system: System) -> float:
         """Return how many steps of the Runge–Kutta method at least are stable over the duration."""
-        return system.highest_frequency * self.duration / STABLE
+        return system.highest_frequency * self.duration / DAMPED
 
     def _stiff(self, system: System) -> bool:
         return self._stable_steps(system) > _FEW

@@ -5,8 +5,8 @@ from __future__ import annotations
 import numpy as np
 
 from pipeline.dynamics.system import System
+from pipeline.integrators.runge_kutta import DAMPED
 
-STABLE = 5.5  # radians of the highest frequency in a step of the Runge-Kutta method
 LEAP = 1.8  # radians of the highest frequency in a step of central difference, of the 2 that are stable
 _COST = 60.0  # operations of an evaluation for each coordinate, of a system that doesn't tell
 _OVERHEAD = 3000.0  # operations of an iteration of generalised-α beside its evaluation
@@ -50,5 +50,5 @@ def exponential_cost(system: System, steps: int, n_outputs: int) -> float:
 
 def explicit_pair_cost(system: System, duration: float) -> float:
     """Cost of two marches of the Runge–Kutta method over a duration [s], of which the second mostly does."""
-    stable_steps = system.highest_frequency * duration / STABLE
+    stable_steps = system.highest_frequency * duration / DAMPED
     return (_ACCURATE + _ACCURATE_STABLE * stable_steps) * explicit_cost(system) / 12

@@ -68,6 +68,6 @@ def test_damaged_cache_entries_are_rebuilt(fmd, tmp_path, capsys, monkeypatch):
 def test_frequencies_on_a_turning_hub_are_printed_as_a_second_table(fmd, capsys):
     assert fmd("modes", "beam", "--set", "body.beam.mesh.divisions=[24, 2, 1]", "--speed", "20 rad/s") == 0
     printed = " ".join(capsys.readouterr().out.split())
-    assert "Frequencies of beam on a hub that turns at 20 rad/s" in printed
+    assert "Frequencies of beam alone on a hub that turns at 20 rad/s" in printed
     assert "131.2" in printed  # Table 1's first
     assert "6 rigid-body modes, 1407 unknowns" in printed
