@@ -8,6 +8,7 @@ from __future__ import annotations
 
 import math
 from dataclasses import dataclass
+from functools import cache
 from typing import Any
 
 import numpy as np
@@ -68,8 +69,9 @@ class Watch(Table):
         return len(self.beyond)
 
 
+@cache
 def no_watch() -> Watch:
-    """Return a watch over nothing."""
+    """Return the watch over nothing, in which no march writes."""
     return make_watch(0, 0, 0, [], np.zeros(0), np.zeros(0))
 
 
@@ -190,5 +192,5 @@ def passed_part_of(w: Watch, t: float, h: float, q: Array, v: Array) -> float:
 
 
 def watch_of(system: Any) -> Watch:
-    """Return a watch over the force laws of a system, with room of its own; one over nothing if it has none."""
+    """Return a watch over the force laws of a system, with room of its own; that over nothing if it has none."""
     return getattr(system, "watch", None) or no_watch()

@@ -9,6 +9,7 @@ from __future__ import annotations
 
 import math
 from dataclasses import dataclass
+from functools import cache
 from typing import Any
 
 import numpy as np
@@ -18,7 +19,7 @@ from pipeline.core.errors import StabilityError
 from pipeline.dynamics.jit.compiled import inlined
 from pipeline.dynamics.jit.table import Table
 from pipeline.dynamics.law_pieces import LawWork
-from pipeline.dynamics.watch import Watch, begin_watch, begin_watch_of, watch_of
+from pipeline.dynamics.watch import Watch, begin_watch, begin_watch_of, no_watch, watch_of
 from pipeline.dynamics.watched_laws import WatchedLaw
 
 _ALLOWED = 0.05  # of a law's energies over the march: work that may be missed in a pass
@@ -62,6 +63,16 @@ def note_elongations(log: ElongationLog, step: int, q: Array, v: Array) -> None:
         log.cursor[0] += 1
 
 
+def _log(watch: Watch, origin: float, step: float, cycles: int) -> ElongationLog:
+    return ElongationLog(watch, origin, step, np.zeros((cycles, watch.n_laws)), np.zeros(1, dtype=np.int64))
+
+
+@cache
+def _no_log() -> ElongationLog:
+    """Return the log of nothing, in which no march writes."""
+    return _log(no_watch(), 0.0, 1.0, 0)
+
+
 class WorkCheck:
     """Sums up the work that a march's fixed steps miss.
 
@@ -79,8 +90,7 @@ class WorkCheck:
         watch = watch_of(system)
         self._step, self._cycle = step, cycle
         self.most_steps = _MOST_CYCLES * cycle if watch.n_laws else np.iinfo(np.int64).max
-        rows = _MOST_CYCLES if watch.n_laws else 0
-        self.log = ElongationLog(watch, origin, step, np.zeros((rows, watch.n_laws)), np.zeros(1, dtype=np.int64))
+        self.log = _log(watch, origin, step, _MOST_CYCLES) if watch.n_laws else _no_log()
         self._passes = [_Passes(law) for law in getattr(system, "watched_laws", ())]
 
     @property
