@@ -62,11 +62,14 @@ class Estimates(Comparison):
         Estimates that the time limit left out, with the reason.
     model : ModelErrors
         Errors of what the model leaves out.
+    mesh_left_out : str
+        Why another mesh that tells a part of the mesh's error was left out; empty if none was.
     """
 
     def __init__(self, run: Pipeline, limit: TimeLimit | None = None) -> None:
         super().__init__(run, limit or TimeLimit())
         self.left_out: list[str] = []
+        self.mesh_left_out = ""
         self.model = ModelErrors(self)
         self._excess: dict[str, Array] = {}  # of each body's stiffness
         self._shifts: dict[str, float] = {}  # changes of the motion by shifted frequencies
@@ -81,6 +84,7 @@ class Estimates(Comparison):
         found: dict[str, dict[str, float | str]] = {}
         if self.run.parts:
             found["recovery"] = self._recovery()
+            self.pair, self._across = self._coarse_pair(), self._pair_across()
         found["time"] = self._within_limit("time", self._time)
         if not self.run.parts:
             return found
@@ -146,8 +150,7 @@ class Estimates(Comparison):
 
     def _discretisation(self, recovery: dict[str, float | str]) -> dict[str, float | str]:
         """Estimate the mesh's error: the shift of the frequencies, and everything else that a coarser mesh changes."""
-        pair = self.pair = self._coarse_pair()
-        self._across = self._pair_across()
+        pair = self.pair
         errors: dict[str, float | str] = dict.fromkeys(self.quantities, pair if isinstance(pair, str) else NO_PART)
         for name in self.run.parts:
             of_modes, self._excess[name] = self._excess_of(name)
@@ -196,7 +199,7 @@ class Estimates(Comparison):
         try:
             self.require_modes(_COARSE_SHARE)
         except LeftOutError as why:
-            self.left_out.append(f"discretisation, a coarser mesh: {why}")
+            self._leave_out_mesh("a coarser mesh", why)
             return str(why)
         with self.run.store.monitor("error budget: a coarser mesh"):
             return make_coarse_pair(self.run)
@@ -207,8 +210,12 @@ class Estimates(Comparison):
             self.require_modes(_ACROSS_SHARE)
             return make_pair_across(self.run)
         except (LeftOutError, AccuracyError, InputError) as why:
-            self.left_out.append(f"discretisation, few elements from side to side: {why}")
+            self._leave_out_mesh("few elements from side to side", why)
             return None
+
+    def _leave_out_mesh(self, what: str, why: Exception) -> None:
+        self.left_out.append(f"discretisation, {what}: {why}")
+        self.mesh_left_out = f"{why}" if isinstance(why, LeftOutError) else f"not estimated: {why}"
 
     def _march_shifts(self) -> dict[str, float | str]:
         """March all shifts but the first, which has been; each that is done counts."""

@@ -8,6 +8,8 @@ from collections.abc import Callable
 from dataclasses import dataclass, field
 
 clock = time.perf_counter  # a benchmark on a machine that others use may count processor seconds instead
+TIME_IS_SHORT = "it would take about"
+"""Words of an estimate that the time limit left out."""
 _JUDGED_AFTER = 0.5  # seconds of a march from which on its progress forecasts the rest
 
 
@@ -44,7 +46,7 @@ class TimeLimit:
         left = self.seconds - self.spent
         if seconds > left or left <= 0:
             raise LeftOutError(
-                f"not estimated: it would take about {max(seconds, 0.1):.2g} s, and {max(left, 0.0):.2g} s of "
+                f"not estimated: {TIME_IS_SHORT} {max(seconds, 0.1):.2g} s, and {max(left, 0.0):.2g} s of "
                 f"{self.seconds:.2g} s are left"
             )
 

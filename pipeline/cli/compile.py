@@ -83,4 +83,4 @@ def compile(
     console = open_console()
     console.print(table)
     for line in compiled.structure or ["no structure that saves arithmetic"]:
-        console.print(line, markup=False)
+        console.print(line)

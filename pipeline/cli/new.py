@@ -7,8 +7,8 @@ from pathlib import Path
 from typing import Annotated
 
 from cyclopts import Parameter
-from rich.console import Console
 
+from pipeline.cli.tables import open_console
 from pipeline.core.errors import InputError
 from pipeline.scene.inheritance import list_files
 from pipeline.scene.reading import list_ready_scenes, read_tables, suggest_name
@@ -30,7 +30,7 @@ def new(path: Path, *, from_: Annotated[str | None, Parameter(name="--from")] = 
         _copy_ready_scene(path, from_)
     else:
         _write_scene(path, _make_scene(from_, path))
-    Console(soft_wrap=True).print(f"{path} is written; fmd run {path} computes it", markup=False)
+    open_console().print(f"{path} is written; fmd run {path} computes it", soft_wrap=True)
 
 
 def _make_scene(part: str, path: Path) -> str:

@@ -4,10 +4,9 @@ from __future__ import annotations
 
 from pathlib import Path
 
-from rich.console import Console
-
 from pipeline.cli.inputs import open_pipeline
 from pipeline.cli.options import Flag, Json, NoCache, SceneName, Set, print_json
+from pipeline.cli.tables import open_console
 from pipeline.output.report.page import write_report
 
 
@@ -36,4 +35,4 @@ def report(
     if json:
         print_json({"scene": run.scene.name, "file": str(path), "bytes": size})
     else:
-        Console(soft_wrap=True).print(f"{path}: {size / 1e6:.2f} MB; open it in a browser", markup=False)
+        open_console().print(f"{path}: {size / 1e6:.2f} MB; open it in a browser", soft_wrap=True)

@@ -8,7 +8,6 @@ from typing import Any
 
 from rich.table import Table
 
-from pipeline.accuracy.error_estimates import MORE_OF_MODEL, NO_PART, SOURCES
 from pipeline.accuracy.piece_counts import find_open_pieces
 from pipeline.cli.inputs import open_pipeline
 from pipeline.cli.options import Flag, Json, NoCache, Repair, SceneName, Set, print_json
@@ -16,6 +15,8 @@ from pipeline.cli.tables import frequency_tables, new_table, open_console
 from pipeline.core.errors import AccuracyError, InputError
 from pipeline.core.html import scaled
 from pipeline.output.explain import Forecast, forecast_run
+from pipeline.output.key_figures import largest_deflection, largest_stress
+from pipeline.output.stated_errors import error_cells, percent
 from pipeline.output.write import write_results
 
 _COUPLED = 1e-6  # inertial coupling of rotation and modes from which on sub-cycling is said to grow
@@ -93,13 +94,13 @@ def _require_accuracy(summary: dict[str, Any], folder: Path) -> None:
     if accuracy["ended_by"]:
         worst = chosen["worst"]
         reasons.append(
-            f"{_percent(accuracy['wanted'])} % was not met: refining ended at {accuracy['ended_by']}; the best, round "
-            f"{accuracy['chosen_round']}, states {_percent(worst['stated'])} % for '{worst['quantity']}', most of it "
+            f"{percent(accuracy['wanted'])} % was not met: refining ended at {accuracy['ended_by']}; the best, round "
+            f"{accuracy['chosen_round']}, states {percent(worst['stated'])} % for '{worst['quantity']}', most of it "
             f"from {worst['dominant']}"
         )
     if chosen["given_up"]:
         named = "; ".join(
-            f"'{row['quantity']}', stated {_percent(row['stated'])} %, most from {row['dominant']}"
+            f"'{row['quantity']}', stated {percent(row['stated'])} %, most from {row['dominant']}"
             for row in chosen["given_up"]
         )
         rest = "" if accuracy["ended_by"] else "; all else is met"
@@ -196,13 +197,7 @@ def _budget(budget: dict[str, Any]) -> Table:
         if group not in worst or row["total"] > worst[group]["total"]:
             worst[group] = row
     for row in worst.values():
-        parts = [
-            _percent(part) if isinstance(part := row[source], float) else "–" if part == NO_PART else "?"
-            for source in SOURCES
-        ]
-        stated = _percent(row["total"])
-        open_ = "?" in parts or MORE_OF_MODEL in row
-        table.add_row(row["quantity"], *parts, f"> {stated}" if open_ else stated)
+        table.add_row(row["quantity"], *error_cells(row))
     return table
 
 
@@ -211,7 +206,7 @@ def _rounds(accuracy: dict[str, Any]) -> Table:
     met = "met" if accuracy["met"] else "met but for the quantities named below"
     if accuracy["ended_by"]:
         met = f"not met; the results are those of round {accuracy['chosen_round']}"
-    title = f"Accuracy: {_percent(accuracy['wanted'])} % wanted, {met}"
+    title = f"Accuracy: {percent(accuracy['wanted'])} % wanted, {met}"
     table = new_table(title, "round", "chosen", "stated [%]", "worst in", "most from", wide=1)
     for k, settings in enumerate(accuracy["rounds"]):
         chosen = [
@@ -221,7 +216,7 @@ def _rounds(accuracy: dict[str, Any]) -> Table:
         ]
         worst = settings["worst"]
         text = "; ".join([*chosen, f"time {settings['integration_error']:.1g}"])
-        table.add_row(str(k + 1), text, _percent(worst["stated"]), worst["quantity"], worst["dominant"])
+        table.add_row(str(k + 1), text, percent(worst["stated"]), worst["quantity"], worst["dominant"])
     return table
 
 
@@ -236,7 +231,7 @@ def _notes(summary: dict[str, Any]) -> list[str]:
     ]
     lines += [
         f"model: {each['text']}"
-        + f" ({_percent(each['error'])} % of '{each['quantity']}'{'' if each['counted'] else ', not counted'})"
+        + f" ({percent(each['error'])} % of '{each['quantity']}'{'' if each['counted'] else ', not counted'})"
         * bool(each["quantity"])
         for each in summary.get("error_budget", {}).get("model", ())
     ]
@@ -247,9 +242,9 @@ def _notes(summary: dict[str, Any]) -> list[str]:
         stress = summary["worst_stress"]
         where = f" in {stress['body']}" if len(summary.get("bodies", ())) > 1 else ""
         when = f"at t = {scaled(stress['time_s'], 's')}"
-        line = f"largest von Mises stress {scaled(stress['von_mises_pa'], 'Pa')}{where} {when}"
+        line = f"largest von Mises stress {largest_stress(summary)}{where} {when}"
         if "peak_tip_deflection_m" in summary:
-            line += f"; largest tip deflection {scaled(summary['peak_tip_deflection_m'], 'm')}"
+            line += f"; largest tip deflection {largest_deflection(summary)}"
         lines.append(line)
     for response in summary.get("responses", ()):
         poles = ", ".join(f"{pole:.4g}" for pole in response["poles_hz"][:_MOST_POLES])
@@ -284,11 +279,6 @@ def _notes_on_body(name: str, body: dict[str, Any], sub_cycled: bool) -> list[st
         spins = critical and body["largest_spin_rad_s"] >= critical
         softens = f"; without, it would lose its stiffness at {critical:.4g} rad/s" if spins else ""
         change = body["stiffness_change"]
-        by = "" if change is None else f", which change its stiffness by up to {_percent(change)} %"
+        by = "" if change is None else f", which change its stiffness by up to {percent(change)} %"
         lines.append(f"{name} is stiffened by the loads through it{by}{softens}")
     return lines
-
-
-def _percent(part: float) -> str:
-    """Write a relative error in percent, to two digits."""
-    return f"{100 * part:.2g}" if part >= 1e-5 else "<.001"

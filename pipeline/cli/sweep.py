@@ -111,4 +111,4 @@ def print_messages(result: Sweep) -> None:
         for text in filter(None, told):
             points.setdefault(text, []).append(str(number))
     for text, where in points.items():
-        open_console().print(f"{', '.join(where)}: {text}", markup=False)
+        open_console().print(f"{', '.join(where)}: {text}")

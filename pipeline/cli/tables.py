@@ -39,7 +39,7 @@ def frequency_tables(summary: dict[str, Any]) -> list[Table]:
 
 def open_console() -> Console:
     """Open standard output for text and tables; a file or a pipe gets lines as long as they are, none cut."""
-    console = Console()
+    console = Console(markup=False, emoji=False)  # [body.arm] is a name
     if not console.is_terminal and "COLUMNS" not in os.environ:
         console.width = _UNCUT
     return console

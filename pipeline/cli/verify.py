@@ -6,8 +6,6 @@ from collections.abc import Sequence
 from pathlib import Path
 from typing import TYPE_CHECKING
 
-from rich.markup import escape
-
 from pipeline.cli.options import Json, NoCache, print_json
 from pipeline.cli.tables import new_table, open_console
 from pipeline.core.cache import Cache
@@ -60,7 +58,7 @@ def _print_outcomes(outcomes: Sequence[Outcome]) -> None:
         for figure in outcome.figures:
             difference = f"{100 * figure.difference:+.2g} %" + ("" if figure.holds else " OUT")
             numbers = (f"{figure.ours:.6g}", f"{figure.published:.6g}", difference, f"{100 * figure.tolerance:.2g} %")
-            table.add_row(escape(figure.quantity), *numbers)  # [m] is no markup
+            table.add_row(figure.quantity, *numbers)
         console.print(table)
     n_skipped = sum(bool(one.skipped) for one in outcomes)
     n_figures, n_wrong = sum(len(one.figures) for one in outcomes), sum(not one.holds for one in outcomes)

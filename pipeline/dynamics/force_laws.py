@@ -10,10 +10,8 @@ import numpy as np
 
 from pipeline.core.arrays import Array
 from pipeline.core.formula import Formula
+from pipeline.dynamics.formula_pieces import integrate_formula
 from pipeline.dynamics.signals.signal import Signal, formula
-
-GAUSS_POINTS = 32
-"""Points of the quadrature by which the energy of a formula is integrated."""
 
 
 @dataclass(frozen=True)
@@ -68,11 +66,9 @@ class ForceCurve:
         return np.asarray(np.polynomial.polynomial.polyval(x, own) + sum(bent))
 
     def integrals(self, x: Array) -> Array:
-        """Integrals up to x (n,), from the same place for all of them."""
+        """Integrals up to x (n,), from the same place for all of them; of a formula from 0."""
         if self.formula is not None:
-            points, weights = np.polynomial.legendre.leggauss(GAUSS_POINTS)
-            inside = np.outer(x, 0.5 * (points + 1.0))
-            return 0.5 * x * (self.values(inside.ravel()).reshape(inside.shape) @ weights)
+            return np.asarray(self.factor * integrate_formula(self.formula).values(x))
         bent = (
             bend.weight * np.maximum(x - bend.at, 0.0) ** (bend.power + 1) / (bend.power + 1) for bend in self.bends
         )

@@ -6,7 +6,8 @@ from dataclasses import dataclass
 
 from pipeline.dynamics.elements import PointSpring
 from pipeline.dynamics.force_laws import ForceLaw
-from pipeline.dynamics.law_pieces import LawPieces, find_pieces
+from pipeline.dynamics.formula_pieces import LawPieces
+from pipeline.dynamics.law_pieces import find_pieces
 from pipeline.dynamics.links import ONE_AXIS, PRISMATIC
 from pipeline.dynamics.mechanism import Mechanism
 

@@ -264,7 +264,8 @@ def _march(m: Any, p: Any, s: AdaptiveMarch, stop: float, n_steps: int) -> int:
             if size <= s.tolerance or (h < short and size * h <= _JITTER * t):
                 part = passed_part(s.watch, just_before(reached), h, s.new[:n_positions], s.new[n_positions:])
                 if part == 1.0 or h <= smallest:
-                    factor = factor if size <= s.tolerance else max(factor, 1.0)  # shorter ones would be no better
+                    if size > s.tolerance:
+                        factor = max(factor, 1.0)  # shorter ones would be no better
                     break
                 h = max(h * part, smallest)
                 continue

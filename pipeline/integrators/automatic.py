@@ -26,6 +26,7 @@ from pipeline.integrators.method_costs import (
     implicit_cost,
     leapfrog_cost,
     rosenbrock_cost,
+    stable_steps,
 )
 from pipeline.integrators.protocol import Integrator, Progress, ResumableIntegrator, State, Trajectory
 from pipeline.integrators.rosenbrock import ExponentialRosenbrock
@@ -209,7 +210,7 @@ class Automatic:
                 end = min(_TRIAL * self.duration, float(times[-1]))
                 adaptive = self._choose_adaptive(system, q0, v0, cost, end, progress)
             if adaptive is RungeKutta:
-                allowed = _WORTHWHILE * self._stable_steps(system) * explicit_cost(system)
+                allowed = _WORTHWHILE * stable_steps(system, self.duration) * explicit_cost(system)
                 yield from self._leapfrog_methods(system, leapfrog_steps, allowed, report)
         report.start_anew()
         cost = explicit_pair_cost(system, self.duration) / 2 if adaptive is RungeKutta else np.inf
@@ -221,12 +222,8 @@ class Automatic:
                 return
             yield _Marches((method,), cost, start)
 
-    def _stable_steps(self, system: System) -> float:
-        """Return how many steps of the Runge–Kutta method at least are stable over the duration."""
-        return system.highest_frequency * self.duration / DAMPED
-
     def _stiff(self, system: System) -> bool:
-        return self._stable_steps(system) > _FEW
+        return stable_steps(system, self.duration) > _FEW
 
     def _adaptive_methods(
         self, method: type[RungeKutta | ExponentialRosenbrock]

@@ -48,7 +48,11 @@ def exponential_cost(system: System, steps: int, n_outputs: int) -> float:
     return of_steps + _A_SAMPLE * n_outputs * system.n + _A_PIECE * len(system.breakpoints)
 
 
+def stable_steps(system: System, duration: float) -> float:
+    """Return how many steps of the Runge–Kutta method at least are stable over a duration [s]."""
+    return system.highest_frequency * duration / DAMPED
+
+
 def explicit_pair_cost(system: System, duration: float) -> float:
     """Cost of two marches of the Runge–Kutta method over a duration [s], of which the second mostly does."""
-    stable_steps = system.highest_frequency * duration / DAMPED
-    return (_ACCURATE + _ACCURATE_STABLE * stable_steps) * explicit_cost(system) / 12
+    return (_ACCURATE + _ACCURATE_STABLE * stable_steps(system, duration)) * explicit_cost(system) / 12

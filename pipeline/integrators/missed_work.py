@@ -18,7 +18,6 @@ from pipeline.core.arrays import Array, IntArray
 from pipeline.core.errors import StabilityError
 from pipeline.dynamics.jit.compiled import inlined
 from pipeline.dynamics.jit.table import Table
-from pipeline.dynamics.law_pieces import LawWork
 from pipeline.dynamics.watch import Watch, begin_watch, begin_watch_of, no_watch, watch_of
 from pipeline.dynamics.watched_laws import WatchedLaw
 
@@ -147,7 +146,7 @@ class _Passes:
 
     def __init__(self, watched: WatchedLaw) -> None:
         self.name, self.unit = watched.name, watched.unit
-        self._work, self._edges = LawWork(watched.law), watched.pieces.edges
+        self._law, self._edges = watched.law, watched.pieces.edges
         self._low, self._high, self._worst, self._about = math.inf, -math.inf, 0.0, np.zeros(0)
 
     def add(self, x: Array) -> None:
@@ -163,8 +162,8 @@ class _Passes:
         moves = np.diff(x)
         if not moves.any():
             return np.zeros(len(moves)), 0.0
-        forces = self._work.forces(x)
-        missed = np.diff(self._work.energies(x)) - 0.5 * (forces[1:] + forces[:-1]) * moves
+        forces = self._law.forces(x, np.zeros_like(x))
+        missed = np.diff(self._law.energies(x)) - 0.5 * (forces[1:] + forces[:-1]) * moves
         way = np.sign(moves)
         starts = np.r_[0, np.flatnonzero(way[1:] * way[:-1] < 0.0) + 1]
         total = np.cumsum(missed)
@@ -178,7 +177,7 @@ class _Passes:
         """How much the law's energy differs over the elongations of the march [J]."""
         inside = self._edges[(self._edges > self._low) & (self._edges < self._high)]
         places = np.concatenate([np.linspace(self._low, self._high, _SAMPLES), inside])
-        return float(np.ptp(self._work.energies(places)))
+        return float(np.ptp(self._law.energies(places)))
 
     @property
     def share(self) -> float:

@@ -11,6 +11,8 @@ from pipeline.accuracy.deflection import TOO_LARGE, deflection_warnings
 from pipeline.accuracy.error_budget import Budget, state_errors
 from pipeline.accuracy.error_estimates import SAFETY
 from pipeline.accuracy.stretching import stretching_warnings
+from pipeline.accuracy.time_limit import TIME_IS_SHORT
+from pipeline.accuracy.uncertain_results import uncertain_warnings
 from pipeline.core.version import __version__
 from pipeline.output.coupling import coupling_warnings
 from pipeline.output.explain import STAGES
@@ -28,7 +30,7 @@ from pipeline.stages.signals import find_idle_drives
 
 # Errors of a part in pieces, beyond which they are told.
 _OF_PIECES = {"lowest frequencies": 0.05, "deflections": 0.01}
-_MORE_TIME = 5.0  # times that of an error budget that isn't whole
+_MORE_TIME = 5.0  # times the limit of an error budget that isn't whole
 
 
 def summarise(run: Pipeline, files: list[str], budget: bool, budget_seconds: float = math.inf) -> dict[str, Any]:
@@ -91,7 +93,7 @@ def summarise(run: Pipeline, files: list[str], budget: bool, budget_seconds: flo
     if budget and len(meshed) == len(run.wholes):  # matrices alone tell nothing of their own error
         stated = state_errors(run, budget_seconds)
         summary["error_budget"] = stated.summary()
-        summary["warnings"] += _budget_warnings(run, stated)
+        summary["warnings"] += [*uncertain_warnings(run.scene, stated), *_budget_warnings(run, stated, budget_seconds)]
     return summary | {
         "files": files,
         "seconds": dict(run.log.seconds),
@@ -192,14 +194,14 @@ def _motion_warnings(run: Pipeline) -> list[dict[str, str]]:
     ]
 
 
-def _budget_warnings(run: Pipeline, budget: Budget) -> list[dict[str, str]]:
+def _budget_warnings(run: Pipeline, budget: Budget, seconds: float) -> list[dict[str, str]]:
     """Warnings about estimates that were left out, and about a wanted accuracy that the model itself doesn't reach."""
     warnings = []
     if budget.left_out:
-        text = (
-            f"the error budget isn't whole: {'; '.join(budget.left_out)}; with --budget-seconds "
-            f"{math.ceil(_MORE_TIME * max(budget.seconds, 1.0))} more of it is estimated"
-        )
+        text = f"the error budget isn't whole: {'; '.join(budget.left_out)}"
+        if any(TIME_IS_SHORT in why for why in budget.left_out):
+            allowed = seconds if math.isfinite(seconds) else budget.seconds
+            text += f"; with --budget-seconds {math.ceil(_MORE_TIME * max(allowed, 1.0))} more of it is estimated"
         warnings.append({"code": "budget-incomplete", "text": text})
     wanted = run.scene.accuracy
     causes = [each for each in budget.model if each.counted and wanted is not None and SAFETY * each.error > wanted]

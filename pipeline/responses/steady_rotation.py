@@ -139,9 +139,13 @@ class SteadyRotation:
     def _model(self, rate: float, q: Array) -> tuple[StateSpace, IntArray]:
         """Return the linear model, and the numbers of its independent coordinates."""
         model = self.model(rate, q)
+        return model, self.independent(model)
+
+    def independent(self, model: StateSpace) -> IntArray:
+        """Return the numbers of a model's independent coordinates, in the order of its positions."""
         numbers = {name: k for k, name in enumerate(self._names)}
         names = model.states[: len(model.states) // 2]
-        return model, np.array([numbers[name] for name, _ in names], dtype=np.int64)
+        return np.array([numbers[name] for name, _ in names], dtype=np.int64)
 
     def _correction(self, model: StateSpace, free: IntArray, rate: float, q: Array) -> Array:
         """Return Newton's correction of the independent coordinates, in axes that turn with free bodies."""

@@ -20,6 +20,7 @@ from pipeline.dynamics.mechanism import Mechanism
 from pipeline.dynamics.system import System
 from pipeline.integrators.central_difference import CentralDifference
 from pipeline.integrators.protocol import ResumableIntegrator, evaluate, evaluate_projection
+from pipeline.integrators.runge_kutta import RungeKutta
 from pipeline.stability.tangent import (
     POSITION_NUDGE,
     OperatingPoint,
@@ -200,8 +201,6 @@ def _rigid_motion(rigid: Mechanism, q0: Array, v0: Array, times: Array, longest_
     except StabilityError:
         if not system.watched_laws:
             raise
-        from pipeline.integrators.runge_kutta import RungeKutta
-
         motion = RungeKutta(_TOLERANCE).march(system, start.q, start.v, times)  # its steps pass no force unseen
     return motion.q, motion.v
 

@@ -114,9 +114,8 @@ def _loaded_markers(scene: Scene, body: str, normal: Direction) -> tuple[tuple[s
     closing = [scene.joint[name] for name in scene.closing]
     ends = [*(joint.parent for joint in scene.joint.values()), *(joint.child for joint in closing)]
     places = dict.fromkeys(ends, True)
-    if any(
-        joint.type == "fixed" for joint in closing
-    ):  # what walls clamp at both ends may buckle across the plane, too
+    if any(joint.type == "fixed" for joint in closing):
+        # What walls clamp at both ends may buckle across the plane, too.
         clamps = [joint for joint in scene.joint.values() if joint.type == "fixed"]
         places |= {at: False for joint in clamps for at in (joint.parent, joint.child)}
     for drive in scene.drive.values():

@@ -27,6 +27,14 @@ from pipeline.scene.source_files import SourceFiles
 from pipeline.scene.values import Formulation
 from pipeline.stages.inboard_joint import read_inboard_joint
 from pipeline.stages.meshing.bodies import find_material, find_name, make_mesh, read_body_matrices
+from pipeline.stages.part_inputs import (
+    assembly_inputs,
+    body_inputs,
+    digest_of_body,
+    element_inputs,
+    mesh_inputs,
+    modes_inputs,
+)
 from pipeline.stages.reduced_files import (
     file_notes,
     file_stress,
@@ -62,56 +70,6 @@ _OF_THE_MODES = ("mesh", "assembly", "modes", "surface")
 _OF_THE_MODEL = ("space", "markers", "fixed", "model")
 SecondOrder = tuple[InertiaGram, Mapping[str, MarkerShapes]]
 """Inertia and markers of a stiffened body."""
-
-
-def _mesh_inputs(part: FlexiblePart) -> Any:
-    of_no_shape = ("E", "nu", "rho", "material", "modes", "marker", "support", "element")
-    return _identify(part, dict.fromkeys(of_no_shape, True) | {"mesh": {"formulation"}})
-
-
-def _assembly_inputs(part: FlexiblePart) -> Any:
-    return _identify(part, dict.fromkeys(("modes", "marker", "support", "element"), True))
-
-
-def _identify(part: FlexiblePart, without: dict[str, Any]) -> Any:
-    """Return all that a stage's result depends on: a part's table but for some keys, its files and its piece."""
-    without |= {"pieces": True, "sections": True}  # which a piece's mesh and markers know
-    table = part.shape.model_dump(mode="json", exclude=without) | ({"piece": part.piece.digest} if part.piece else {})
-    return table if part.source is None else part.source.identity(table)
-
-
-def _modes_inputs(part: FlexiblePart) -> Any:
-    shape, markers, held = part.shape, part.shape.marker, ""
-    without: Any = {"modes": {"damping", "enrich"}, "marker": True, "element": True}
-    if shape.modes.boundary == "joint":
-        held = repr((part.joint.floating, part.joint.free, markers[part.joint.marker].where))
-    elif shape.modes.boundary == "interface":
-        held = repr({name: markers[name] for name in shape.modes.interface or markers})
-    return {
-        "part": _identify(part, without),
-        "axis": part.joint.axis if shape.modes.family != "any" else "",
-        "rigid": {name: marker.where for name, marker in markers.items() if marker.attachment == "rigid"},
-        "held": held,
-    }
-
-
-def _body_inputs(part: FlexiblePart) -> Any:
-    return {
-        "modes": part.key("modes"),
-        "enrich": part.shape.modes.enrich,
-        "markers": part.shape.model_dump(mode="json", include={"marker"}),
-        "joint": repr(part.joint),
-        "frame": part.frame,
-        "stiffening": part.stiffening if part.is_reduced else "",  # that of a file may be left out
-    }
-
-
-def _of_the_body(part: FlexiblePart) -> Any:
-    return part.key("body")
-
-
-def _element_inputs(part: FlexiblePart) -> Any:
-    return {"body": part.key("body"), "elements": part.elements}
 
 
 # Computations of the stages; what they need of heavy packages is loaded here.
@@ -162,7 +120,8 @@ def _stiffen(part: FlexiblePart) -> SecondOrder:
         given = NO_MESH.format("file" if part.is_reduced else "matrices")
         mend = f"stiffening by inertia loads takes stress, and the body {given}; 'off' leaves it out"
         raise InputError(part.file, "simulation.stiffening", None, mend)
-    return (body := stiffen_reduced(part.model, part.body)).gram, body.markers
+    body = stiffen_reduced(part.model, part.body)
+    return body.gram, body.markers
 
 
 def _integrate_along_normal(part: FlexiblePart) -> Array:
@@ -185,7 +144,8 @@ def _recover_surface_stress(part: FlexiblePart) -> Array:
 
 
 def _recover_element_stress(part: FlexiblePart) -> Array:
-    return element_stress(part.space, part.material, part.body.shapes, np.array(list(part.elements.values())))
+    numbers = np.array(list(part.elements.values()))
+    return element_stress(part.space, part.material, part.body.shapes, numbers)
 
 
 def _evaluate_deformation(part: FlexiblePart) -> DeformationShapes:
@@ -195,7 +155,8 @@ def _evaluate_deformation(part: FlexiblePart) -> DeformationShapes:
 
 
 def _recover_nodal_stress(part: FlexiblePart) -> NDArray[np.float32]:
-    return modal_stress(part.space, part.material, part.body.shapes, np.arange(len(part.space.x))).astype(np.float32)
+    nodes = np.arange(len(part.space.x))
+    return modal_stress(part.space, part.material, part.body.shapes, nodes).astype(np.float32)
 
 
 class FlexiblePart:
@@ -222,34 +183,34 @@ class FlexiblePart:
         "mesh",
         _compute_mesh,
         (),
-        _mesh_inputs,
+        mesh_inputs,
         ("meshes", "pipeline/stages/meshing", *_FEM),
         ("gmsh", "meshio"),
     )
     # Never kept, since what follows is.
-    fe: Stage[FEModel] = Stage("assembly", _assemble, ("mesh",), shared_inputs=_assembly_inputs)
+    fe: Stage[FEModel] = Stage("assembly", _assemble, ("mesh",), shared_inputs=assembly_inputs)
     modes: Stage[Modes] = Stage(
-        "modes", _compute_modes, ("mesh", "assembly"), _modes_inputs, ("meshes", *_REDUCTION), _PACKAGES
+        "modes", _compute_modes, ("mesh", "assembly"), modes_inputs, ("meshes", *_REDUCTION), _PACKAGES
     )
-    body: Stage[FlexibleBody] = Stage("body", _reduce, ("mesh", "assembly", "modes"), _body_inputs, _REDUCTION)
+    body: Stage[FlexibleBody] = Stage("body", _reduce, ("mesh", "assembly", "modes"), body_inputs, _REDUCTION)
     second_order: Stage[SecondOrder] = Stage(
-        "stiffening", _stiffen, ("mesh", "assembly", "body"), _of_the_body, _REDUCTION, _PACKAGES
+        "stiffening", _stiffen, ("mesh", "assembly", "body"), digest_of_body, _REDUCTION, _PACKAGES
     )
-    surface: Stage[SurfaceTopology] = Stage("surface", _find_surface, ("mesh",), _mesh_inputs, ("meshes", *_FEM))
+    surface: Stage[SurfaceTopology] = Stage("surface", _find_surface, ("mesh",), mesh_inputs, ("meshes", *_FEM))
     surface_stress: Stage[Array] = Stage(
-        "stress", _recover_surface_stress, ("mesh", "surface", "body"), _of_the_body, _STRESS
+        "stress", _recover_surface_stress, ("mesh", "surface", "body"), digest_of_body, _STRESS
     )
     element_stress: Stage[Array] = Stage(
-        "element stress", _recover_element_stress, ("mesh", "body"), _element_inputs, _STRESS, in_key=("mesh",)
+        "element stress", _recover_element_stress, ("mesh", "body"), element_inputs, _STRESS, in_key=("mesh",)
     )
     deformation_shapes: Stage[DeformationShapes] = Stage(
-        "deformation", _evaluate_deformation, ("mesh", "body"), _of_the_body, _DEFORMATION
+        "deformation", _evaluate_deformation, ("mesh", "body"), digest_of_body, _DEFORMATION
     )
     nodal_stress: Stage[NDArray[np.float32]] = Stage(
-        "nodal stress", _recover_nodal_stress, ("mesh", "body"), _of_the_body, _STRESS
+        "nodal stress", _recover_nodal_stress, ("mesh", "body"), digest_of_body, _STRESS
     )
     inertia_along_normal: Stage[Array] = Stage(
-        "inertia", _integrate_along_normal, ("mesh", "assembly", "body"), _of_the_body, _REDUCTION
+        "inertia", _integrate_along_normal, ("mesh", "assembly", "body"), digest_of_body, _REDUCTION
     )
 
     def __init__(
@@ -298,7 +259,8 @@ class FlexiblePart:
     @cached_property
     def order(self) -> int:
         """Polynomial order of the displacement in an element."""
-        return (None if isinstance(self.shape, MatrixPart | ReducedPart) else self.shape.mesh.order) or self.mesh.order
+        chosen = None if isinstance(self.shape, MatrixPart | ReducedPart) else self.shape.mesh.order
+        return chosen or self.mesh.order
 
     @property
     def formulation(self) -> Formulation:
@@ -313,9 +275,9 @@ class FlexiblePart:
     @property
     def mesh_notes(self) -> tuple[str, ...]:
         """Faults in the file that the body comes from, if it comes from one, and how they were mended."""
-        return (
-            file_notes(self.fe) if self.is_reduced else self.mesh.notes if self.shape.shape in ("mesh", "cad") else ()
-        )
+        if self.is_reduced:
+            return file_notes(self.fe)
+        return self.mesh.notes if self.shape.shape in ("mesh", "cad") else ()
 
     @cached_property
     def space(self) -> Discretisation:
@@ -344,7 +306,8 @@ class FlexiblePart:
         from pipeline.stages.markers import place_markers, place_node_markers
 
         if self.has_mesh:
-            return place_markers(self.shape, self.space, self.file, self.name, self.piece.given if self.piece else None)
+            given = self.piece.given if self.piece else None
+            return place_markers(self.shape, self.space, self.file, self.name, given)
         if self.is_reduced:
             return place_file_markers(self.fe, self.shape, self.file, self.name)
         assert isinstance(self.fe, MatrixModel)
@@ -390,7 +353,7 @@ class FlexiblePart:
     def elements(self) -> dict[str, int]:
         """Numbers of the named elements."""
         if not self.shape.element:
-            return {}
+            return {}  # without a mesh
         x = self.mesh.points[self.mesh.cells].mean(axis=1)
         numbers = {}
         for name, element in self.shape.element.items():
@@ -404,7 +367,8 @@ class FlexiblePart:
     @cached_property
     def element_places(self) -> Array:
         """Middles of the named elements, shape (n_elements, 3) [m]."""
-        return np.asarray(self.mesh.points[self.mesh.cells[list(self.elements.values())]].mean(axis=1)).reshape(-1, 3)
+        cells = self.mesh.cells[list(self.elements.values())]
+        return np.asarray(self.mesh.points[cells].mean(axis=1)).reshape(-1, 3)
 
     def stress_at(self, points: Array) -> Array:
         """Return the stress of each modal coordinate at points (n, 3) [m] of the mesh, shape (n, 6, n_modes) [Pa]."""

@@ -112,9 +112,14 @@ class Pipeline:
         other._like = vars(self).get("division")
         return other
 
-    def with_bodies(self, bodies: Mapping[str, FlexibleBody]) -> Pipeline:
-        """Return a pipeline for this scene with other reduced bodies on the same meshes."""
-        other = Pipeline(self.scene, self.store.cache, keep_all=self.keep_all, division=self.division, bodies=bodies)
+    def with_bodies(self, bodies: Mapping[str, FlexibleBody], spin: Mapping[str, SpinCheck] | None = None) -> Pipeline:
+        """Return a pipeline for this scene with other reduced bodies on the same meshes.
+
+        Of their terms of stiffening those stay that count by ``spin``, the run's own by default.
+        """
+        spin = self.spin if spin is None else spin
+        keep_all, division = self.keep_all, self.division
+        other = Pipeline(self.scene, self.store.cache, keep_all=keep_all, division=division, bodies=bodies, spin=spin)
         other.whole_energy = self.whole_energy
         return other
 
@@ -302,9 +307,8 @@ class Pipeline:
         from pipeline.stages.mechanism import build_mechanism
         from pipeline.stages.stiffening_check import keep_what_counts, with_whole_energy
 
-        mechanism, error = build_mechanism(self.divided_scene, self.bodies), self.scene.simulation.error
-        if self._bodies is None:
-            mechanism = keep_what_counts(mechanism, self.spin, error)
+        mechanism = build_mechanism(self.divided_scene, self.bodies)
+        mechanism = keep_what_counts(mechanism, self.spin, self.scene.simulation.error)
         return with_whole_energy(mechanism) if self.whole_energy else mechanism
 
     @cached_property

@@ -113,12 +113,13 @@ class StageStore:
         return value
 
     def compute(self, stage: str, compute: Callable[[], T]) -> T:
-        """Compute a stage; the time of stages that it needs in turn is not counted as its own."""
+        """Compute a stage, and log its time, also if it fails: that of stages that it needs in turn isn't its own."""
         others = sum(self.log.seconds.values())
         tick = time.perf_counter()
         pools = _thread_pools(len(sys.modules))
-        with self.monitor(stage), pools.limit(limits=1):  # the products here are small: two BLAS threads only spin
-            value = compute()
-        spent = time.perf_counter() - tick
-        self.log.add(stage, spent - (sum(self.log.seconds.values()) - others), self.log.run)
-        return value
+        try:
+            with self.monitor(stage), pools.limit(limits=1):  # the products here are small: two BLAS threads only spin
+                return compute()
+        finally:
+            spent = time.perf_counter() - tick
+            self.log.add(stage, spent - (sum(self.log.seconds.values()) - others), self.log.run)

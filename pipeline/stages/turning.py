@@ -125,7 +125,7 @@ class TurningRotor:
         self.scene = scene_in_space(run.scene)
         pipeline = run.variant(self.scene, run.store.monitor)
         # All terms of stiffening stay: they count by the rates of the diagram, not by those of the scene.
-        pipeline = pipeline.with_bodies({name: _stiffened(pipeline, name) for name in pipeline.parts})
+        pipeline = pipeline.with_bodies({name: _stiffened(pipeline, name) for name in pipeline.parts}, spin={})
         self.pipeline, self.mechanism = pipeline, pipeline.mechanism
         self.rest, _ = place_joints(pipeline.divided_scene, self.mechanism)
         way = InBearings(self.scene, self.mechanism) if in_bearings else _find_hub(pipeline, self.mechanism, self.rest)
@@ -220,10 +220,8 @@ class TurningRotor:
 
     def _require_balance(self, rate: float, model: StateSpace) -> None:
         """Raise ``InputError`` if the straight rotor's points are accelerated as by a large eccentricity."""
-        numbers = {name: k for k, name in enumerate(self.steady.linearisation.rate_names())}
-        k = len(model.states) // 2
-        a = self.steady.accelerations(rate, self._found[rate])[[numbers[name] for name, _ in model.states[:k]]]
-        first, second, _ = np.split(model.C[:, :k] @ a, 3)
+        a = self.steady.accelerations(rate, self._found[rate])[self.steady.independent(model)]
+        first, second, _ = np.split(model.C[:, : len(a)] @ a, 3)
         off = float(np.hypot(first, second).max()) / rate**2
         if off > _ECCENTRIC * self._size:
             mend = (

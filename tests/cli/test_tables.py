@@ -25,6 +25,17 @@ def test_a_long_line_of_text_stays_one_line_in_a_file(capsys: pytest.CaptureFixt
     assert capsys.readouterr().out == " ".join(WORDS) + "\n"
 
 
+def test_names_in_brackets_are_no_markup(capsys: pytest.CaptureFixture[str]) -> None:
+    table = new_table("budget of [body.arm]", "quantity", "value")
+    table.add_row("mass [kg]", "[b]")
+    console = open_console()
+    console.print(table)
+    console.print("pieces = 3 of [body.arm] lowers this :+1:")
+    printed = capsys.readouterr().out
+    for text in ("budget of [body.arm]", "mass [kg]", "[b]", "pieces = 3 of [body.arm] lowers this :+1:"):
+        assert text in printed
+
+
 def test_a_width_that_is_given_is_kept(capsys: pytest.CaptureFixture[str], monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setenv("COLUMNS", "100")
     open_console().print(" ".join(WORDS))

@@ -6,7 +6,7 @@ from scipy.integrate import quad
 
 from pipeline.core.formula import parse_formula
 from pipeline.dynamics.force_laws import ForceCurve, ForceLaw, Stop, straight_curve
-from pipeline.dynamics.law_pieces import LawWork, find_pieces
+from pipeline.dynamics.law_pieces import find_pieces
 
 
 def law_of(formula: str) -> ForceLaw:
@@ -56,8 +56,18 @@ def test_waves_without_end_are_pieces_beyond_those_that_are_listed() -> None:
 )
 def test_the_work_over_a_way_is_its_integral(formula: str) -> None:
     law = law_of(formula)
-    found = np.diff(LawWork(law).energies(np.array([-0.2, 0.7])))[0]
+    found = np.diff(law.energies(np.array([-0.2, 0.7])))[0]
     force = lambda x: float(law.forces(np.array([x]), np.zeros(1))[0])  # noqa: E731
     ways = [(-0.2, 0.299), (0.299, 0.3), (0.3, 0.3002), (0.3002, 0.302), (0.302, 0.7)]
     exact = sum(quad(force, *way, epsabs=1e-12, epsrel=1e-10)[0] for way in ways)
     assert found == pytest.approx(exact, rel=1e-6)
+
+
+def test_energies_are_zero_at_rest_and_pass_ranges_without_values() -> None:
+    for text, at, exact in (
+        ("exp(9*x)", 0.5, np.expm1(4.5) / 9),
+        ("sqrt(x)", 0.49, 0.343 * 2 / 3),
+        ("1/(1+x)**2", -0.9, -9.0),
+        ("100*exp(-((x+0.4)/0.001)**2)", -2.0, -0.1 * np.sqrt(np.pi)),
+    ):
+        assert law_of(text).energies(np.array([0.0, at])) == pytest.approx([0.0, exact], rel=1e-7, abs=1e-12), text

@@ -10,35 +10,9 @@ from pipeline.core.errors import InputError
 from pipeline.dynamics.elements import PointSpring, SixAxisSpring
 from pipeline.dynamics.transmitted_loads import transmitted_loads
 from pipeline.recovery.motion import Motion
+from tests.stages.sliding_block import sliding_block
 
-BLOCK = """
-title = "Block"
-
-[body.block]
-shape = "rigid"
-mass = "2 kg"
-inertia = ["0.02 kg m^2", "0.03 kg m^2", "0.04 kg m^2"]
-marker = { centre = { at = ["0 m", "0 m", "0 m"] }, side = { at = ["0.1 m", "0 m", "0 m"] } }
-
-[ground.wall]
-at = ["-1 m", "0 m", "0 m"]
-
-[joint.slide]
-type = "prismatic"
-parent = "ground"
-child = "block.centre"
-axis = [1, 0, 0]
-SLIDE
-
-[simulation]
-duration = "1 s"
-output_step = "10 ms"
-tip = "block.side"
-
-[[simulation.run]]
-integrator = "runge-kutta"
-tolerance = 1e-11
-"""
+BLOCK = sliding_block('{ integrator = "runge-kutta", tolerance = 1e-11 }', "SLIDE")
 
 
 def run_of(folder: Path, text: str, *overrides: str) -> Pipeline:

@@ -9,35 +9,16 @@ from scipy.integrate import solve_ivp
 
 from pipeline import Pipeline, load_scene
 from pipeline.core.errors import StabilityError
+from pipeline.dynamics.compiler.compiled import compile_mechanism
+from tests.stages.sliding_block import sliding_block
 
-SCENE = """
-title = "Block"
-[body.block]
-shape = "rigid"
-mass = "2 kg"
-inertia = ["0.02 kg m^2", "0.03 kg m^2", "0.04 kg m^2"]
-marker = { centre = { at = ["0 m", "0 m", "0 m"] } }
-[ground.wall]
-at = ["-1 m", "0 m", "0 m"]
-[joint.slide]
-type = "prismatic"
-parent = "ground"
-child = "block.centre"
-axis = [1, 0, 0]
-rate = "1 m/s"
-[spring.coil]
+COIL = """[spring.coil]
 between = ["ground.wall", "block.centre"]
 length = "1 m"
-LAW
-[simulation]
-duration = "1 s"
-output_step = "10 ms"
-tip = "block.centre"
-RUN
 """
-ADAPTIVE = """run = [{ integrator = "auto" }, { integrator = "runge-kutta", tolerance = 1e-6 },
+ADAPTIVE = """{ integrator = "auto" }, { integrator = "runge-kutta", tolerance = 1e-6 },
     { integrator = "exponential-rosenbrock", tolerance = 1e-6 }, { integrator = "Radau", tolerance = 1e-6 },
-    { integrator = "LSODA", tolerance = 1e-8 }]"""
+    { integrator = "LSODA", tolerance = 1e-8 }"""
 TOP = 0.25 / 2e-4 / np.sqrt(np.pi)
 # Each takes a quarter of the block's energy of 1 J.
 HUMPS = {
@@ -51,7 +32,7 @@ HUMPS = {
 def block(folder: Path, law: str, run: str, *settings: str) -> Pipeline:
     """Return a block of 2 kg that slides at 1 m/s, pulled by a spring."""
     file = folder / "block.toml"
-    file.write_text(SCENE.replace("LAW", law).replace("RUN", run))
+    file.write_text(sliding_block(run, 'rate = "1 m/s"', COIL + law))
     return Pipeline(load_scene(file, list(settings)))
 
 
@@ -61,6 +42,18 @@ def test_a_narrow_hump_takes_its_work_by_every_adaptive_method(tmp_path: Path, h
         assert motion.joint_rate("slide")[-1] == pytest.approx(np.sqrt(0.75), rel=2e-4), label
 
 
+@pytest.mark.parametrize("hump", HUMPS)
+def test_the_potential_energy_of_a_narrow_hump_is_its_work(tmp_path: Path, hump: str) -> None:
+    run = block(tmp_path, HUMPS[hump], '{ integrator = "runge-kutta", tolerance = 1e-9 }')
+    kinetic, potential = run.motion.energies
+    assert potential[-1] - potential[0] == pytest.approx(0.25, rel=1e-3)
+    assert kinetic + potential == pytest.approx(kinetic[0] + potential[0], rel=1e-5)
+    compiled = compile_mechanism(run.mechanism)
+    for k in (0, 20, 34, 50, -1):
+        q, v = run.motion.trajectory.q[k], run.motion.trajectory.v[k]
+        assert compiled.energies(0.0, q, v) == pytest.approx((kinetic[k], potential[k]), rel=1e-8)
+
+
 @pytest.mark.parametrize(
     ("method", "hump"),
     [("central-difference", "a smooth one"), ("generalized-alpha", "two jumps"), ("exponential", "a smooth one")],
@@ -68,7 +61,7 @@ def test_a_narrow_hump_takes_its_work_by_every_adaptive_method(tmp_path: Path, h
 def test_a_fixed_step_that_would_pass_a_hump_is_refused_with_one_that_works(
     tmp_path: Path, method: str, hump: str
 ) -> None:
-    run = f"run = [{{ integrator = '{method}' }}]"
+    run = f"{{ integrator = '{method}' }}"
     with pytest.raises(StabilityError, match=r"miss \d+% of the work of spring coil.* changes too fast at") as refused:
         _ = block(tmp_path, HUMPS[hump], run, "simulation.step=2 ms").motion
     step = re.search(r"a step of (\S+) s works", str(refused.value))
@@ -78,21 +71,19 @@ def test_a_fixed_step_that_would_pass_a_hump_is_refused_with_one_that_works(
 
 
 def test_a_cycle_that_would_pass_a_hump_is_refused(tmp_path: Path) -> None:
-    run = "run = [{ integrator = 'sub-cycling', substeps = 4 }]"
+    run = "{ integrator = 'sub-cycling', substeps = 4 }"
     with pytest.raises(StabilityError, match=r"steps of 0\.0005 s, which hold forces over 4 steps, miss"):
         _ = block(tmp_path, HUMPS["a smooth one"], run, "simulation.step=0.5 ms").motion
 
 
 def test_a_block_that_flies_past_a_small_hard_ball_is_thrown_aside(tmp_path: Path) -> None:
     """Steps of some decimetres saw nothing of a contact that begins 2 mm from the ball's centre."""
-    flight = SCENE.replace('type = "prismatic"', 'type = "planar"').replace("axis = [1, 0, 0]", "axis = [0, 0, 1]")
-    flight = flight.replace('rate = "1 m/s"', 'position = ["-0.5137 m", "0.5 mm"]\nvelocity = ["1 m/s", "0 m/s"]')
-    flight = flight.replace('at = ["-1 m", "0 m", "0 m"]', 'at = ["0 m", "0 m", "0 m"]').replace(
-        '1 m"\nLAW', '0 m"\nLAW'
-    )
+    start = 'position = ["-0.5137 m", "0.5 mm"]\nvelocity = ["1 m/s", "0 m/s"]'
+    ball = '[spring.ball]\nbetween = ["ground", "block.centre"]\nlength = "0 m"\n'
     law = 'stop = { low = "2 mm", stiffness = "5 MN/m", width = "0.5 mm" }'
+    flight = sliding_block(ADAPTIVE, start, ball + law).replace("prismatic", "planar")
     file = tmp_path / "flight.toml"
-    file.write_text(flight.replace("LAW", law).replace("RUN", ADAPTIVE))
+    file.write_text(flight.replace("axis = [1, 0, 0]", "axis = [0, 0, 1]").replace("block.side", "block.centre"))
     motions = Pipeline(load_scene(file)).motions
 
     def rates(t: float, y: np.ndarray) -> np.ndarray:

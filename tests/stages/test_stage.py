@@ -1,5 +1,6 @@
 """The stage graph: results are computed once, kept under keys of everything they depend on, and logged."""
 
+import time
 from pathlib import Path
 from typing import Any
 
@@ -8,6 +9,7 @@ import pytest
 from pipeline import Pipeline, load_scene
 from pipeline.accuracy.error_budget import ERROR_BUDGET
 from pipeline.core.cache import Cache
+from pipeline.core.errors import InertiaError
 from pipeline.output.explain import STAGES
 from pipeline.stages.part import PART_STAGES, FlexiblePart
 from pipeline.stages.stage import Stage, stages_of
@@ -118,3 +120,16 @@ def test_given_modes_replace_the_scenes_own_in_all_that_follows():
     given = FlexiblePart(scene, "beam", part.store, like=part, modes=fewer.modes)
     assert len(given.body.omega) == 2
     assert len(part.body.omega) == 5
+
+
+def test_the_time_of_a_stage_that_fails_counts() -> None:
+    def fail() -> float:
+        time.sleep(0.02)
+        raise InertiaError("lost")
+
+    store = StageStore(Cache(None))
+    with pytest.raises(InertiaError):
+        store.compute("motion", fail)
+    store.compute("motion", lambda: 1.0)
+    assert store.log.seconds["motion"] > 0.02
+    assert store.log.run == ["motion"]

@@ -11,44 +11,15 @@ from pipeline.dynamics.fastest_part import find_fastest_part
 from pipeline.integrators.endless import StepsLeft
 from pipeline.stages.mechanism import place_joints
 from pipeline.stages.stiffening_check import rigid_motion
+from tests.stages.sliding_block import MASS, sliding_block
 
-MASS = 2.0
-BLOCK = """
-title = "Block"
-
-[body.block]
-shape = "rigid"
-mass = "2 kg"
-inertia = ["0.02 kg m^2", "0.03 kg m^2", "0.04 kg m^2"]
-marker = { centre = { at = ["0 m", "0 m", "0 m"] } }
-
-[ground.wall]
-at = ["-1 m", "0 m", "0 m"]
-
-[joint.slide]
-type = "prismatic"
-parent = "ground"
-child = "block.centre"
-axis = [1, 0, 0]
-rate = "1 m/s"
-JOINT
-
-PART
-
-[simulation]
-duration = "1 s"
-output_step = "10 ms"
-tip = "block.centre"
-run = [{ RUN }]
-"""
 BETWEEN = 'between = ["ground.wall", "block.centre"]'
 COIL = f"[spring.coil]\n{BETWEEN}\n"
 BUSHING = f'[bushing.pad]\n{BETWEEN}\nstiffness = ["1e12 N/m", "0 N/m", "0 N/m", "0 N m/rad", "0 N m/rad", "0 N m/rad"]'
 
 
 def block(folder: Path, part: str, run: str = 'integrator = "runge-kutta"', joint: str = "") -> Pipeline:
-    text = BLOCK.replace("PART", part).replace("RUN", run).replace("JOINT", joint)
-    (folder / "block.toml").write_text(text)
+    (folder / "block.toml").write_text(sliding_block(f"{{ {run} }}", f'rate = "1 m/s"\n{joint}', part))
     return Pipeline(load_scene(folder / "block.toml"))
 
 

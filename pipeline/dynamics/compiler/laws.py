@@ -9,7 +9,8 @@ import numpy as np
 from pipeline.core import formula as codes
 from pipeline.core.formula import Formula
 from pipeline.dynamics.compiler.graph import Scalar, total
-from pipeline.dynamics.force_laws import GAUSS_POINTS, ForceCurve, ForceLaw
+from pipeline.dynamics.force_laws import ForceCurve, ForceLaw
+from pipeline.dynamics.formula_pieces import GAUSS_POINTS, integrate_formula
 
 _FUNCTIONS = {codes.SIN: "sin", codes.COS: "cos", codes.EXP: "exp", codes.LOG: "log", codes.SQRT: "sqrt"}
 _MOST_FACTORS = 16
@@ -49,14 +50,29 @@ def trace_curve(curve: ForceCurve, x: Scalar) -> Scalar:
 
 def _trace_integral(curve: ForceCurve, x: Scalar) -> Scalar:
     if curve.formula is not None:
-        points, weights = np.polynomial.legendre.leggauss(GAUSS_POINTS)
-        inside = (trace_curve(curve, x * float(0.5 * (point + 1.0))) for point in points)
-        return total(value * float(w) for value, w in zip(inside, weights, strict=True)) * x * 0.5
+        return _trace_formula_integral(curve.formula, x) * curve.factor
     value = _polynomial(np.polynomial.polynomial.polyint(curve.polynomial), x)
     for bend in curve.bends:
         raised = _power((x - bend.at).apply("positive"), bend.power + 1)
         value = value + raised * (bend.weight / (bend.power + 1))
     return value
+
+
+def _trace_formula_integral(formula: Formula, x: Scalar) -> Scalar:
+    """Trace a formula's integral from 0: up to the last edge of a piece before x, and by quadrature from there."""
+    integral = integrate_formula(formula)
+    edges, sums, middle = integral.edges, integral.sums, integral.middle
+    begin, value = x.graph.number(float(edges[middle])), x.graph.number(float(sums[middle]))
+    for k in range(len(edges)):
+        if k != middle:
+            before = k - 1 if k > middle else k + 1
+            passed = ((x - float(edges[k])) * (k - before)).apply("step")
+            begin = begin + passed * float(edges[k] - edges[before])
+            value = value + passed * float(sums[k] - sums[before])
+    points, weights = np.polynomial.legendre.leggauss(GAUSS_POINTS)
+    way = x - begin
+    inside = (trace_formula(formula, begin + way * float(0.5 * (point + 1.0))) for point in points)
+    return value + total(f * float(w) for f, w in zip(inside, weights, strict=True)) * way * 0.5
 
 
 def _contact(x: Scalar, at: float, side: float, width: float) -> tuple[Scalar, Scalar]:

@@ -1,0 +1,82 @@
+"""Results that the error budget states as uncertain, and what is said of them."""
+
+from pathlib import Path
+from typing import Any
+
+import pytest
+
+from pipeline import Pipeline, load_scene
+from pipeline.accuracy.error_budget import Budget
+from pipeline.accuracy.time_limit import TIME_IS_SHORT
+from pipeline.core.cache import Cache
+from pipeline.output.key_figures import largest_stress
+from pipeline.output.summary import _budget_warnings, summarise
+
+LENGTH, RATE, DENSITY = 1.0, 20.0, 2700.0
+TURNING = f"""
+title = "Bar that turns steadily"
+[body.arm]
+shape = "bar"
+length = "{LENGTH} m"
+depth = "6 mm"
+width = "20 mm"
+E = "70 GPa"
+nu = 0.0
+rho = "{DENSITY} kg/m^3"
+mesh = {{ divisions = [12, 1, 1] }}
+modes = {{ count = 2 }}
+marker = {{ root = {{ face = "x-" }}, tip = {{ face = "x+" }} }}
+[joint.hub]
+type = "revolute"
+parent = "ground"
+child = "arm.root"
+axis = [0, 0, 1]
+rate = "{RATE} rad/s"
+[simulation]
+duration = "10 ms"
+output_step = "1 ms"
+tip = "arm.tip"
+start = "steady"
+run = [{{ integrator = "auto" }}]
+"""
+
+
+def summary_of(folder: Path, *changes: str) -> dict[str, Any]:
+    (folder / "turning.toml").write_text(TURNING)
+    return summarise(Pipeline(load_scene(folder / "turning.toml", changes), Cache(None)), [], budget=True)
+
+
+def test_stress_that_the_modes_leave_out_is_told_with_a_remedy_that_works(tmp_path: Path) -> None:
+    exact = 0.5 * DENSITY * (RATE * LENGTH) ** 2  # at the root
+    summary = summary_of(tmp_path)
+    assert summary["worst_stress"]["von_mises_pa"] < 0.5 * exact
+    (warning,) = [each["text"] for each in summary["warnings"] if each["code"] == "uncertain-results"]
+    assert "'potential energy' may be off by up to 200 %" in warning
+    assert 'the modes leave too much out for that; enrich = "inertia" of [body.arm.modes] helps' in warning
+    assert 'accuracy = "20 %" refines by itself' in warning
+    enriched = summary_of(tmp_path, "body.arm.modes.enrich=inertia")
+    assert enriched["worst_stress"]["von_mises_pa"] == pytest.approx(exact, rel=0.02)
+    assert "uncertain-results" not in [each["code"] for each in enriched["warnings"]]
+
+
+def test_more_time_is_no_remedy_for_an_estimate_that_failed(tmp_path: Path) -> None:
+    (tmp_path / "turning.toml").write_text(TURNING)
+    run = Pipeline(load_scene(tmp_path / "turning.toml"), Cache(None))
+    for why, remedy in (
+        ("not estimated: Newton's iteration did not converge", False),
+        (f"not estimated: {TIME_IS_SHORT} 500 s, and 0 s of 100 s are left", True),
+    ):
+        (warning,) = _budget_warnings(run, Budget((), left_out=(f"truncation: {why}",), seconds=0.2), 100.0)
+        assert warning["text"].endswith("with --budget-seconds 500 more of it is estimated") == remedy
+        assert warning["text"].startswith(f"the error budget isn't whole: truncation: {why}")
+
+
+def test_figures_carry_what_is_stated_of_them() -> None:
+    row = {"quantity": "arm, largest von Mises stress", "total": 0.123} | dict.fromkeys(
+        ("discretisation", "truncation", "time", "recovery", "model"), 0.05
+    )
+    summary: dict[str, Any] = {"worst_stress": {"body": "arm", "von_mises_pa": 2e6}}
+    assert largest_stress(summary) == "2 MPa"
+    assert largest_stress(summary | {"error_budget": {"rows": [row]}}) == "2 MPa (± 12 %)"
+    row["time"] = "not estimated: it would take about 20 s"
+    assert largest_stress(summary | {"error_budget": {"rows": [row]}}) == "2 MPa (± 12 % or more)"
