@@ -17,6 +17,7 @@ from pipeline.reduction.factor.factor import Factor, factorise
 from pipeline.reduction.inertia_relief import solve_balanced
 from pipeline.reduction.missed_modes import missed_eigenvalue
 from pipeline.reduction.modes import EigenPairs
+from pipeline.reduction.round_off import OF_ROUND_OFF, THIN, rounded_defect
 from pipeline.reduction.supports import remaining_rigid_motions, remove_held_unknowns, tie_rigid_faces
 
 if TYPE_CHECKING:
@@ -25,8 +26,7 @@ if TYPE_CHECKING:
 
 RESIDUAL_LIMIT = 1e-6
 ORTHONORMALITY_LIMIT = 1e-8
-_THIN = "since elements are so thin: shorter elements, or a thicker part, have less of it"
-_OF_ROUND_OFF, _MOST_ROUNDED = 10.0, 1e-3  # residuals beyond the limit, if round-off explains them: λ is good to 1e-6
+_MOST_ROUNDED = 1e-3  # residuals beyond the limit, if round-off explains them: λ is good to 1e-6
 # Lanczos stops at this residual: an eigenvalue is then good to its square, a shape to itself over the gap. It must stay
 # below 1e-8, where single vectors have been seen to lose one of a pair.
 _TOLERANCE = 1e-9
@@ -258,14 +258,14 @@ class FreeBodySolver:
         if n_rigid != expected:  # round-off of stiff, thin elements leaves more of a rigid mode's eigenvalue
             sizes = np.abs(Phi)
             rounded = float(np.finfo(float).eps * (sizes * (abs(self._K) @ sizes)).sum(axis=0).max())
-            n_rigid = int(np.count_nonzero(eigenvalues < min(_OF_ROUND_OFF * rounded, _MOST_ROUNDED * -self.shift)))
+            n_rigid = int(np.count_nonzero(eigenvalues < min(OF_ROUND_OFF * rounded, _MOST_ROUNDED * -self.shift)))
         if n_rigid != expected:
             lowest = ", ".join(f"{value:.1e}" for value in eigenvalues[:8])
             whole = "a free body" if expected == 6 else "the body as it is held"
             raise AccuracyError(
                 f"found {n_rigid} rigid-body modes, {whole} has {expected}; the lowest eigenvalues are {lowest} "
                 f"rad²/s², of which those below {_ZERO * -self.shift:.1e} count as zero"
-                + (f"; round-off alone leaves {rounded:.0e} rad²/s², {_THIN}" if rounded > _ZERO * -self.shift else "")
+                + (f"; round-off alone leaves {rounded:.0e} rad²/s², {THIN}" if rounded > _ZERO * -self.shift else "")
             )
         residual = self._largest_residual(eigenvalues, Phi, n_rigid, inverse)
         shapes = self._nodal(Phi[:, n_rigid:])
@@ -290,19 +290,18 @@ class FreeBodySolver:
         worst = int(residuals.argmax())
         if not residuals[worst] < RESIDUAL_LIMIT:
             rounded = self._rounded_residual(elastic[worst], Phi[:, n_rigid + worst], inverse)
-            if not residuals[worst] < min(_OF_ROUND_OFF * rounded, _MOST_ROUNDED):
+            if not residuals[worst] < min(OF_ROUND_OFF * rounded, _MOST_ROUNDED):
                 thin = rounded > 0.1 * _MOST_ROUNDED
                 raise AccuracyError(
                     f"mode {worst + 1} at {np.sqrt(elastic[worst]) / 2 / np.pi:.6g} Hz has a residual of "
                     f"{residuals[worst]:.1e}, above {RESIDUAL_LIMIT:.0e}"
-                    + (f"; round-off alone leaves {rounded:.0e}, {_THIN}" if thin else "")
+                    + (f"; round-off alone leaves {rounded:.0e}, {THIN}" if thin else "")
                 )
         return float(residuals[worst])
 
     def _rounded_residual(self, eigenvalue: float, shape: Array, inverse: Inverse) -> float:
-        """Residual that round-off of ``K φ`` leaves by itself: large where elements are far stiffer than the part."""
-        signs = np.random.default_rng(0).choice([-1.0, 1.0], len(shape))
-        defect = np.finfo(float).eps * signs * (abs(self._K) @ np.abs(shape))
+        """Residual that round-off of ``K φ`` leaves by itself."""
+        defect = rounded_defect(self._K, shape)
         return float(np.sqrt(defect @ inverse(defect) / (eigenvalue - self.shift)))
 
 

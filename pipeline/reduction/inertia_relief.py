@@ -9,8 +9,10 @@ import numpy as np
 
 from pipeline.core.arrays import Array
 from pipeline.core.errors import AccuracyError
+from pipeline.reduction.round_off import OF_ROUND_OFF, THIN, rounded_defect
 
 STATIC_RESIDUAL_LIMIT = 1e-6  # in the energy norm, as that of modes
+_MOST_ROUNDED = 1e-4  # the same, if round-off explains it
 _BALANCED = 1e-12  # what is left below this part of a load is round-off: the body balances it by itself
 _CONVERGED = 1e-12
 _MAX_RESTARTS = 6
@@ -43,7 +45,7 @@ def solve_balanced(K: Any, M: Any, R: Array, inverse: Callable[[Array], Array], 
     Raises
     ------
     AccuracyError
-        The residual stayed above `STATIC_RESIDUAL_LIMIT`; the message names the load.
+        The residual stayed above `STATIC_RESIDUAL_LIMIT` and what round-off explains; the message names the load.
     """
     MR = M @ R
     rigid_mass = R.T @ MR
@@ -56,6 +58,8 @@ def solve_balanced(K: Any, M: Any, R: Array, inverse: Callable[[Array], Array], 
     loads[:, zero] = 0.0
     defect, answer = loads, inverse(loads)
     size = np.where(zero, 1.0, _energy_norm(defect, answer))
+    if not size.all():
+        raise AccuracyError(f"static response {size.argmin()}: round-off is larger than the response, {THIN}")
     u, before = np.zeros_like(loads), np.inf
     for _ in range(_MAX_RESTARTS):
         u += _conjugate_gradients(K, defect, answer, inverse)
@@ -67,10 +71,15 @@ def solve_balanced(K: Any, M: Any, R: Array, inverse: Callable[[Array], Array], 
         if largest < _CONVERGED or 0.1 * before < largest < STATIC_RESIDUAL_LIMIT:
             break
         before = largest
-    if not residual.max() < STATIC_RESIDUAL_LIMIT:
-        raise AccuracyError(
-            f"static response {residual.argmax()}: residual {residual.max():.1e} exceeds {STATIC_RESIDUAL_LIMIT:.0e}"
-        )
+    worst = int(residual.argmax())
+    if not residual[worst] < STATIC_RESIDUAL_LIMIT:
+        defect = balance(rounded_defect(K, u[:, [worst]]))
+        rounded = (_energy_norm(defect, inverse(defect)) / size[worst]).item()
+        if not residual[worst] < min(OF_ROUND_OFF * rounded, _MOST_ROUNDED):
+            raise AccuracyError(
+                f"static response {worst}: residual {residual[worst]:.1e} exceeds {STATIC_RESIDUAL_LIMIT:.0e}"
+                + (f"; round-off alone leaves {rounded:.0e}, {THIN}" if rounded > 0.1 * _MOST_ROUNDED else "")
+            )
     return u
 
 

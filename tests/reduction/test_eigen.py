@@ -212,7 +212,7 @@ def test_modes_beyond_a_limit_are_refused_with_the_figure(
     limit: str, message: str, small_bar: FEModel, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     monkeypatch.setattr(eigen, limit, 1e-18)  # below round-off
-    monkeypatch.setattr(eigen, "_OF_ROUND_OFF", 0.0)
+    monkeypatch.setattr(eigen, "OF_ROUND_OFF", 0.0)
     with pytest.raises(AccuracyError, match=message):
         FreeBodySolver(small_bar).modes(4)
 
@@ -335,9 +335,41 @@ def test_a_static_response_beyond_its_limit_is_refused_with_the_figure(
     small_bar: FEModel, pulled: Array, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     monkeypatch.setattr(inertia_relief, "STATIC_RESIDUAL_LIMIT", 1e-18)
+    monkeypatch.setattr(inertia_relief, "OF_ROUND_OFF", 0.0)
     loads = np.concatenate([pulled, 2 * pulled], axis=2)
     with pytest.raises(AccuracyError, match=r"static response \d: residual \d\.\de-\d\d exceeds 1e-18"):
         FreeBodySolver(small_bar).static_response(loads)
+
+
+def bent_at_three_points(thickness: float, steel: Material) -> tuple[float, float]:
+    """How far a strip's middle is pushed from the line of its ends, and what a beam's would be [m]."""
+    strip = bar((0.3, thickness, 0.01), (10, 1, 1), steel)
+    of_end = [np.isclose(strip.x[:, 0], x) for x in (strip.x[:, 0].min(), strip.x[:, 0].max())]
+    middle = np.isclose(strip.x[:, 0], strip.x[:, 0].mean())
+    f = np.zeros((len(strip.x), 3, 1))
+    for nodes, force in ((of_end[0], 0.5), (of_end[1], 0.5), (middle, -1.0)):
+        f[nodes, 1] = force / nodes.sum()
+    u = FreeBodySolver(strip).static_response(f)[:, 1, 0]
+    beam = 0.3**3 / (48 * steel.E * 0.01 * thickness**3 / 12)
+    return float(0.5 * (u[of_end[0]].mean() + u[of_end[1]].mean()) - u[middle].mean()), beam
+
+
+def test_round_off_of_thin_elements_is_no_wrong_static_response(
+    steel: Material, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    found, beam = bent_at_three_points(0.3e-3, steel)
+    assert found == pytest.approx(beam, rel=0.02)
+    monkeypatch.setattr(inertia_relief, "OF_ROUND_OFF", 0.0)
+    with pytest.raises(AccuracyError, match=r"residual .* exceeds 1e-06"):
+        bent_at_three_points(0.3e-3, steel)
+
+
+@pytest.mark.parametrize(("thickness", "said"), [(1e-4, "alone leaves"), (2e-5, "is larger than the response")])
+def test_static_responses_beyond_double_precision_are_refused_with_the_reason(
+    thickness: float, said: str, steel: Material
+) -> None:
+    with pytest.raises(AccuracyError, match=rf"static response 0: .*round-off {said}.*, since elements are so thin"):
+        bent_at_three_points(thickness, steel)
 
 
 def test_a_long_bar_bends_as_euler_and_bernoulli_say(slender_bar: FEModel, steel: Material) -> None:
