@@ -10,18 +10,21 @@ from pipeline.scene.variants import replace_order
 TOO_UNCERTAIN = 0.2
 """Stated relative error beyond which a run warns of a result."""
 _SHOWN = 3  # results of a source that are named
+_OWN_WARNING = ("large deflection", "stretching", "stiffening left off")  # causes that every run warns of
 
 
 def uncertain_warnings(scene: Scene, budget: Budget) -> list[dict[str, str]]:
-    """Warn of results that mesh, modes or steps leave uncertain by more than `TOO_UNCERTAIN`, source by source."""
+    """Warn of results that are uncertain by more than `TOO_UNCERTAIN`, by source, and by cause if that is the model."""
     by_source: dict[str, list[Row]] = {}
     for row in sorted(budget.rows, key=lambda row: -row.numerical):
         if row.numerical > TOO_UNCERTAIN:
             by_source.setdefault(row.dominant, []).append(row)
-    return [
-        {"code": "uncertain-results", "text": f"{_name(rows)}: {_source(source, scene)}"}
-        for source, rows in by_source.items()
-    ]
+    texts = [f"{_name(rows)}: {_source(source, scene)}" for source, rows in by_source.items()]
+    for cause in budget.model:
+        error = budget.safety * cause.error
+        if cause.counted and cause.cause not in _OWN_WARNING and error > TOO_UNCERTAIN:
+            texts.append(f"'{cause.quantity}' may be off by up to {100 * error:.0f} %: {cause.text}")
+    return [{"code": "uncertain-results", "text": text} for text in texts]
 
 
 def _name(rows: list[Row]) -> str:

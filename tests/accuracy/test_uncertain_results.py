@@ -40,6 +40,35 @@ start = "steady"
 run = [{{ integrator = "auto" }}]
 """
 
+PLATE = """
+title = "Wide plate that is clamped at one side"
+[body.plate]
+shape = "bar"
+length = "150 mm"
+depth = "100 mm"
+width = "4 mm"
+E = "70 GPa"
+nu = 0.33
+rho = "2700 kg/m^3"
+mesh = { order = 2, divisions = [4, 3, 1] }
+modes = { count = 3, boundary = "joint", enrich = "inertia", damping = 0.005 }
+marker = { root = { face = "x-" }, tip = { face = "x+" } }
+[joint.hub]
+type = "fixed"
+parent = "ground"
+child = "plate.root"
+[drive.push]
+type = "point force"
+marker = "plate.tip"
+direction = [0, 0, 1]
+force = "1 N"
+[simulation]
+duration = "0.2 s"
+output_step = "0.5 ms"
+tip = "plate.tip"
+run = [{ integrator = "auto" }]
+"""
+
 
 def summary_of(folder: Path, *changes: str) -> dict[str, Any]:
     (folder / "turning.toml").write_text(TURNING)
@@ -57,6 +86,16 @@ def test_stress_that_the_modes_leave_out_is_told_with_a_remedy_that_works(tmp_pa
     enriched = summary_of(tmp_path, "body.arm.modes.enrich=inertia")
     assert enriched["worst_stress"]["von_mises_pa"] == pytest.approx(exact, rel=0.02)
     assert "uncertain-results" not in [each["code"] for each in enriched["warnings"]]
+
+
+def test_a_clamp_that_is_held_on_average_is_told_where_that_matters(tmp_path: Path) -> None:
+    file = tmp_path / "plate.toml"
+    file.write_text(PLATE)
+    told = 'attachment = "rigid" of its marker holds every point of it'.replace('"', "'")
+    for changes, warned in (((), 1), (("body.plate.marker.root.attachment=rigid",), 0)):
+        summary = summarise(Pipeline(load_scene(file, changes), Cache(None)), [], budget=True)
+        texts = [each["text"] for each in summary["warnings"] if each["code"] == "uncertain-results"]
+        assert len([text for text in texts if told in text]) == warned
 
 
 def test_more_time_is_no_remedy_for_an_estimate_that_failed(tmp_path: Path) -> None:
