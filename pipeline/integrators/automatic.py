@@ -153,7 +153,7 @@ class Automatic:
         report = Pairs(self.error, groups[:n], groups[n:] - groups[:n].max(initial=-1) - 1)
         # Vibrations have short peaks.
         some = times if self._stiff(system) else compared_times(times, _COMPARED)
-        for marches in self._methods(system, q0, v0, times, report, progress):
+        for marches in self._methods(system, q0, v0, some, times, report, progress):
             march = march_at_once if marches.cost > _WORTH_A_CORE else march_in_turn
             found, seconds = march(marches.functions(system, q0, v0, some, times), progress)
             report.seconds += seconds
@@ -184,17 +184,20 @@ class Automatic:
         )
 
     def _methods(
-        self, system: System, q0: Array, v0: Array, times: Array, report: Pairs, progress: Progress | None
+        self,
+        system: System,
+        q0: Array,
+        v0: Array,
+        some: Array,
+        times: Array,
+        report: Pairs,
+        progress: Progress | None,
     ) -> Iterator[_Marches]:
         """Yield one or two methods, each finer than that before, with the operations of the last one."""
-        stiff, allowed = self._stiff(system), np.inf
-        if system.n_positions != system.n or len(system.breakpoints) > _MANY:
-            allowed = 0.0  # the exponential method has no quaternions
-        elif not stiff:
-            allowed = explicit_pair_cost(system, self.duration)
-        elif system.coupled:
-            allowed = 0.0
-        yield from self._exponential_methods(system, times, allowed, report)
+        stiff = self._stiff(system)
+        # The exponential method has no quaternions, and steps that couplings of stiff systems bound.
+        if system.n_positions == system.n and len(system.breakpoints) <= _MANY and not (stiff and system.coupled):
+            yield from self._exponential_methods(system, some.size, times.size, report)
         adaptive: type[RungeKutta | ExponentialRosenbrock] = RungeKutta
         if self.duration > _MOST_EXPLICIT * system.largest_step:  # by dampers
             adaptive = ExponentialRosenbrock
@@ -242,8 +245,11 @@ class Automatic:
             found.append(max(finer * found[-1], _FINEST))
         return found
 
-    def _exponential_methods(self, system: System, times: Array, allowed: float, report: Pairs) -> Iterator[_Marches]:
-        """Yield the exponential method with twice as many steps or more each time, while they cost what is allowed."""
+    def _exponential_methods(
+        self, system: System, n_compared: int, n_outputs: int, report: Pairs
+    ) -> Iterator[_Marches]:
+        """Yield the exponential method with more and more steps, while two marches by Runge–Kutta would cost more."""
+        allowed = explicit_pair_cost(system, self.duration)
 
         def march(k: int) -> PiecewiseExponential:
             # Odd numbers, lest two marches agree that see a vibration at the same points of its periods.
@@ -251,15 +257,15 @@ class Automatic:
             # What happens between two breakpoints takes finer steps too, lest two marches agree that miss it alike.
             return PiecewiseExponential(self.duration / steps, 2 ** (k + 2))
 
-        first = exponential_cost(system, _FIRST_STEPS, min(times.size, _COMPARED))  # compared alone
-        cost, k = exponential_cost(system, 2 * _FIRST_STEPS, times.size), 1
+        first = exponential_cost(system, _FIRST_STEPS, n_compared)
+        cost, k = exponential_cost(system, 2 * _FIRST_STEPS, n_outputs), 1
         if not first + cost < allowed:
             return
         yield _Marches((march(0), march(1)), cost)
         while not report.failures:
             more = report.difference / self.error if np.isfinite(report.difference) else 1.0
             k += max(1, math.ceil(math.log(more, _DOUBLED_OFTEN)))
-            cost = exponential_cost(system, _FIRST_STEPS * 2**k, times.size)
+            cost = exponential_cost(system, _FIRST_STEPS * 2**k, n_outputs)
             if k > _MOST_DOUBLINGS or not cost < allowed:
                 return
             yield _Marches((march(k),), cost)
@@ -273,8 +279,9 @@ class Automatic:
         """
         report.start_anew()
         steps = float(max(_IMPLICIT_STEPS, np.ceil(_STEPS_IN_ACTION * self.duration / system.shortest_action)))
-        steps = self.duration / system.resolving_step(self.duration / steps)[0]
         cost = implicit_cost(system)
+        if 3 * steps * _FEWEST_EVALUATIONS * cost <= allowed:
+            steps = self.duration / system.resolving_step(self.duration / steps)[0]
         if 3 * steps * _FEWEST_EVALUATIONS * cost > allowed:
             return
         try:

@@ -88,6 +88,9 @@ def _missed_in(
     signal: Signal, times: Array, values: Array, height: float, step: float, end: float, derivative: int
 ) -> float:
     """Return the width of the narrowest peak or dip of a stretch that steps miss [s]."""
+    steepest = float(np.abs(np.diff(values) / np.diff(times)).max(initial=0.0))
+    if steepest * _NARROW * step < _DEPTH * _LEAST * height:
+        return math.inf  # no peak that counts is narrow
     narrow = sorted(peak for peak in _find_peaks(times, values, height, _AROUND * step) if peak[0] < _NARROW * step)
     impulse = np.concatenate([[0.0], np.cumsum(0.5 * (values[1:] + values[:-1]) * np.diff(times))])
     for width, left, right, level in narrow[:: max(1, len(narrow) // _MOST_PEAKS)]:
