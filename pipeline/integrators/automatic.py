@@ -106,8 +106,8 @@ class _Marches:
 class Automatic:
     """Method that marches with finer and finer steps until two marches tell an error below ``error``.
 
-    Where modes and joints don't couple through the mass matrix, that is the exponential method. Where few of the
-    longest stable steps cover the duration, it is this or the Runge–Kutta method, by what two marches cost. Else
+    Where modes and joints don't couple through the mass matrix, or few of the longest stable steps cover the duration,
+    that is the exponential method, unless two marches by the Runge–Kutta method cost less. Else, but for few steps,
     generalised-α marches by shorter and shorter steps, as long as those that the error still asks for cost less than
     stable ones of central difference; then that method, as long as its steps cost less than the Runge–Kutta method's;
     then this one. Where stable steps are many, a trial over the first part of the motion may find the exponential
