@@ -226,6 +226,14 @@ def test_round_off_of_thin_elements_is_no_wrong_mode(steel: Material) -> None:
     np.testing.assert_allclose(pairs.omega[:2], exact, rtol=0.03)
 
 
+def test_round_off_of_a_thin_bar_that_is_held_at_a_face_is_no_wrong_mode(steel: Material) -> None:
+    strip = bar((1.0, 0.06, 2e-3), (40, 4, 1), steel)
+    face = face_marker(strip.discretisation, strip.discretisation.mesh.faces["x-"])
+    pairs = FreeBodySolver(strip).modes(4, face.columns(len(strip.x), np.eye(3)))
+    assert pairs.residual > eigen.RESIDUAL_LIMIT
+    assert pairs.omega[0] == pytest.approx(3.516 * np.sqrt(steel.E * 2e-3**2 / (12 * steel.rho)), rel=0.03)
+
+
 @pytest.mark.parametrize("thickness", [1e-4, 5e-5])
 def test_elements_too_thin_for_double_precision_are_refused_with_the_reason(steel: Material, thickness: float) -> None:
     with pytest.raises(AccuracyError, match=r"; round-off alone leaves .*, since elements are so thin"):
