@@ -159,17 +159,17 @@ class Link:
         if self.motion and len(self.joint_rotation) and np.abs(self.joint_rotation).max() > 1e-9:
             raise ValueError(f"the motion of {self.name} needs a basis whose section at the joint is held")
         if self.motion:
-            _require_smooth(self.name, self.motion)
+            _require_smooth(self.name, self.motion, "m" if self.joint == PRISMATIC else "rad")
 
 
-def _require_smooth(name: str, motion: Signal) -> None:
+def _require_smooth(name: str, motion: Signal, unit: str) -> None:
     """Raise ``ValueError`` if a motion's position or rate jumps: no impulse would pass to the other coordinates."""
     for time in motion.breakpoints:
         before, after = (motion.value(np.nextafter(time, way)) for way in (-np.inf, np.inf))
         if not np.allclose(before[:2], after[:2], rtol=_JUMP, atol=_JUMP):
             raise ValueError(
-                f"the motion of {name} jumps at {time:g} s, from {before[0]:.6g} at a rate of {before[1]:.6g} to "
-                f"{after[0]:.6g} at {after[1]:.6g} (SI); position and rate must go on as they are"
+                f"the motion of {name} jumps at {time:g} s, from {before[0]:.6g} {unit} at {before[1]:.6g} {unit}/s to "
+                f"{after[0]:.6g} {unit} at {after[1]:.6g} {unit}/s; position and rate must go on as they are"
             )
 
 
