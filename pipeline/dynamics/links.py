@@ -159,7 +159,7 @@ class Link:
         if self.motion and len(self.joint_rotation) and np.abs(self.joint_rotation).max() > 1e-9:
             raise ValueError(f"the motion of {self.name} needs a basis whose section at the joint is held")
         if self.motion:
-            _require_smooth(self.name, self.motion, "m" if self.joint == PRISMATIC else "rad")
+            _require_smooth(self.name, self.motion, self.unit)
 
 
 def _require_smooth(name: str, motion: Signal, unit: str) -> None:
