@@ -17,6 +17,7 @@ _MOST_MARKERS = 40
 _LONGEST = 40
 _WEIGHTS = 20.0  # force of the push over the part's weight as steel
 _STEEL = 7850.0  # [kg/m³]
+_MOST_HELD = 0.2  # of the part's surface
 _SPEED = 60.0  # length of the part over the duration of the push [m/s]
 
 
@@ -83,11 +84,25 @@ def _name_markers(part: PartOutline) -> dict[str, FaceOutline]:
 
 
 def _choose_ends(part: PartOutline, markers: dict[str, FaceOutline]) -> tuple[str, str]:
-    """Choose where the part is held, its first hole or its largest face, and the marker that is farthest from there."""
-    holes = sorted(name for name in markers if re.fullmatch(r"hole-\d+", name))
-    root = holes[0] if holes else max(markers, key=lambda name: markers[name].area)
-    others = [name for name in markers if name != root] or [root]
-    return root, max(others, key=lambda name: math.dist(markers[name].centre, markers[root].centre))
+    """Choose where the part is held, and the marker that is farthest from there.
+
+    That is its first hole, else the face with the farthest other one; a face that is most of the part would leave
+    little of it to vibrate.
+    """
+    most = _MOST_HELD * sum(face.area for face in part.faces)
+    small = sorted((name for name, face in markers.items() if face.area <= most), reverse=True)  # xmin, then xmax
+    small = small or list(markers)
+
+    def farthest(root: str) -> str:
+        others = [name for name in markers if name != root] or [root]
+        return max(others, key=lambda name: apart(name, root))
+
+    def apart(one: str, other: str) -> float:
+        return round(math.dist(markers[one].centre, markers[other].centre), 9)
+
+    holes = [name for name in small if re.fullmatch(r"hole-\d+", name)]
+    root = min(holes) if holes else max(small, key=lambda name: apart(name, farthest(name)))
+    return root, farthest(root)
 
 
 def _write_markers(part: PartOutline, markers: dict[str, FaceOutline], root: str) -> list[str]:

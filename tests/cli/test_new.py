@@ -36,6 +36,21 @@ def test_a_ready_scene_can_be_the_start(fmd, tmp_path):
         assert load_scene(path).model_dump() == load_scene(name).model_dump()
 
 
+def test_a_tube_from_cad_is_held_at_its_end_not_at_its_whole_bore(fmd, tmp_path):
+    from meshes.gmsh_session import gmsh_model
+
+    with gmsh_model("tube") as gmsh:
+        gmsh.option.setString("Geometry.OCCTargetUnit", "MM")
+        occ = gmsh.model.occ
+        bore, rod = (occ.addCylinder(0, 0, 0, 300, 0, 0, radius) for radius in (8, 10))
+        occ.cut([(3, rod)], [(3, bore)])
+        occ.synchronize()
+        gmsh.write(str(tmp_path / "tube.step"))
+    assert fmd("new", tmp_path / "tube.toml", "--from", tmp_path / "tube.step") == 0
+    scene = load_scene(tmp_path / "tube.toml")
+    assert (scene.joint["mount"].child, scene.simulation.tip) == ("tube.xmin", "tube.xmax")
+
+
 def test_a_scene_for_a_cad_part_has_its_faces_as_markers_and_runs(fmd, tmp_path, capsys):
     """The marker of the hole is on the cylinder, and the part is as heavy as its volume says."""
     from meshes.gmsh_session import gmsh_model
