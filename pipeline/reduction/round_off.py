@@ -1,4 +1,4 @@
-"""What round-off alone leaves of equilibrium: much where elements are far stiffer than the part that they make up."""
+"""Round-off that is left of equilibrium: much where elements are far stiffer than the part that they make up."""
 
 from __future__ import annotations
 
