@@ -47,8 +47,8 @@ def require_positive_mass(system: ReferenceState, q: Array, where: str, least: f
         kept = float(eigh(M, M0, eigvals_only=True)[0]) if np.isfinite(M).all() else -np.inf
     except np.linalg.LinAlgError:
         raise InertiaError(
-            f"{where} the mass matrix isn't positive definite, nor is that of the undeformed mechanism: combinations of "
-            "modes are so light that round-off hides their inertia; fewer modes help"
+            f"{where} the mass matrix isn't positive definite, nor is that of the undeformed mechanism: combinations "
+            "of modes are so light that round-off hides their inertia; fewer modes help"
         ) from None
     if kept > least:
         return
