@@ -10,9 +10,9 @@ from numpy.typing import NDArray
 from pipeline.accuracy.error_estimates import refinement_gain, retune_body
 from pipeline.accuracy.matching import find_counterparts
 from pipeline.accuracy.quantities import match_modes
+from pipeline.accuracy.time_limit import FAULTS
 from pipeline.core.arrays import Array, IntArray
 from pipeline.core.cache import Cache
-from pipeline.core.errors import AccuracyError, InputError
 from pipeline.scene.scene import Scene
 from pipeline.scene.variants import (
     COARSENING_FACTORS,
@@ -93,7 +93,7 @@ def make_coarse_pair(run: Pipeline) -> Pair | str:
             break
         try:
             return _pair(run, scene)
-        except (AccuracyError, InputError) as fault:  # the latter where it has fewer modes than wanted
+        except FAULTS as fault:  # the latter where it has fewer modes than wanted
             why = f"not estimated: on a coarser mesh, {fault}"
     return why
 

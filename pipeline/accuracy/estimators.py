@@ -20,9 +20,9 @@ from pipeline.accuracy.comparison import Comparison
 from pipeline.accuracy.error_estimates import NO_PART, SAFETY, shifted_frequencies, soften_body
 from pipeline.accuracy.model_errors import ModelErrors
 from pipeline.accuracy.quantities import mesh_quantities
-from pipeline.accuracy.time_limit import LeftOutError, TimeLimit
+from pipeline.accuracy.time_limit import FAULTS, LeftOutError, TimeLimit
 from pipeline.core.arrays import Array
-from pipeline.core.errors import AccuracyError, InputError
+from pipeline.core.errors import InputError
 from pipeline.integrators.exponential import PiecewiseExponential
 from pipeline.integrators.generalized_alpha import GeneralizedAlpha
 from pipeline.recovery.stress import von_mises
@@ -104,7 +104,7 @@ class Estimates(Comparison):
                 return estimate()
         except LeftOutError as left_out:
             why = str(left_out)
-        except (AccuracyError, InputError) as fault:  # of a variant: the run itself has its results
+        except FAULTS as fault:  # of a variant: the run itself has its results
             why = f"not estimated: {fault}"
         self.left_out.append(f"{source}: {why}")
         return dict.fromkeys(self.of_motion, why)
@@ -209,7 +209,7 @@ class Estimates(Comparison):
         try:
             self.require_modes(_ACROSS_SHARE)
             return make_pair_across(self.run)
-        except (LeftOutError, AccuracyError, InputError) as why:
+        except (LeftOutError, *FAULTS) as why:
             self._leave_out_mesh("few elements from side to side", why)
             return None
 

@@ -25,9 +25,8 @@ from pipeline.accuracy.stretching import (
     stiffening_by_stretch,
     stretching_bodies,
 )
-from pipeline.accuracy.time_limit import LeftOutError
+from pipeline.accuracy.time_limit import FAULTS, LeftOutError
 from pipeline.core.arrays import Array
-from pipeline.core.errors import AccuracyError, InputError
 from pipeline.scene.variants import attach_roots_rigidly, damp_bodies
 from pipeline.stages.divided_scene import part_of
 from pipeline.stages.pipeline import Pipeline
@@ -144,7 +143,7 @@ class ModelErrors:
                 self.left_out.append(f"{cause}: {why}")
                 if counted:
                     self.missing |= dict.fromkeys(self._comparison.of_motion, str(why))
-            except (AccuracyError, InputError) as why:  # no time would help
+            except FAULTS as why:  # no time would help
                 self.causes.append(ModelError(cause, 0.0, "", f"{cause}: not estimated, {why}", False))
             else:
                 self._add(cause, errors or {}, text, counted)

@@ -7,6 +7,12 @@ import time
 from collections.abc import Callable
 from dataclasses import dataclass, field
 
+import numpy as np
+
+from pipeline.core.errors import AccuracyError, InputError
+
+FAULTS = (AccuracyError, InputError, np.linalg.LinAlgError)
+"""Errors of a variant of a run that leave an estimate out; the run itself has its results."""
 clock = time.perf_counter  # a benchmark on a machine that others use may count processor seconds instead
 TIME_IS_SHORT = "it would take about"
 """Words of an estimate that the time limit left out."""

@@ -155,10 +155,10 @@ def _given_keys(joint: Joint) -> set[str]:
     return given | {"position"} if joint.type == "free" and joint.is_turned else given
 
 
-def following_joints(scene: Scene, mechanism: Mechanism) -> IntArray:
-    """Rates of the joints whose position the scene leaves open; of all joints if there are none."""
-    loose = _loose(scene, mechanism, "position")
-    return loose if len(loose) else _joint_rates(mechanism)
+def following_joints(scene: Scene, mechanism: Mechanism) -> list[IntArray]:
+    """Rates of the joints whose position the scene leaves open, if there are such, and those of all joints."""
+    loose, every = _loose(scene, mechanism, "position"), _joint_rates(mechanism)
+    return [loose, every] if 0 < len(loose) < len(every) else [every]
 
 
 def free_directions(system: CompiledSystem, q: Array) -> Array:

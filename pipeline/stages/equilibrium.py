@@ -8,7 +8,8 @@ from dataclasses import dataclass
 import numpy as np
 
 from pipeline.core.arrays import Array
-from pipeline.core.errors import AccuracyError
+from pipeline.core.errors import AccuracyError, InertiaError
+from pipeline.dynamics.compiled_system.positive_mass import TOO_LIGHT
 from pipeline.dynamics.compiled_system.system import CompiledSystem
 from pipeline.dynamics.mechanism import Mechanism
 from pipeline.dynamics.signals.bounds import Bools
@@ -42,10 +43,11 @@ def find_equilibrium(system: CompiledSystem, q: Array, t: float = 0.0) -> Array:
     Raises
     ------
     AccuracyError
-        There is none: something keeps accelerating, or the state found isn't stable, as of a buckled part.
+        There is none: something keeps accelerating, the state found isn't stable, as of a buckled part, or round-off
+        hides the inertia of light combinations of modes.
     """
     turns, slides = _marker_turns(system.mechanism)
-    start = _Start(system, t, turns, slides, _forces(system, q, t), _mass(system, q, t))
+    start = _Start(system, t, turns, slides, _forces(system, q, t), _positive_mass(system, q, t))
     found = _follow_loads(start, q)
     if found is None:
         found = _settle(start, q, 0.0, _CORRECTIONS, _shift)
@@ -127,6 +129,16 @@ def _settle(
 
 def _mass(system: CompiledSystem, q: Array, t: float) -> Array:
     return system.compiled.mass_matrix(system.compiled.signal_values(t), q)
+
+
+def _positive_mass(system: CompiledSystem, q: Array, t: float) -> Array:
+    """Return the mass matrix, which is positive definite."""
+    mass = _mass(system, q, t)
+    try:
+        np.linalg.cholesky(mass)
+    except np.linalg.LinAlgError:
+        raise InertiaError(f"the mass matrix of the start isn't positive definite: {TOO_LIGHT}") from None
+    return mass
 
 
 def _no_shift(K: Array, M: Array) -> float | None:

@@ -2,6 +2,9 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
+from contextlib import suppress
+
 import numpy as np
 
 from pipeline.core.arrays import Array, IntArray
@@ -18,7 +21,7 @@ _ROUND_OFF, _NOTHING = 1e-14, 1e-12
 
 
 def find_closed_steady_state(
-    system: CompiledSystem, q: Array, v: Array, following: IntArray, t: float = 0.0
+    system: CompiledSystem, q: Array, v: Array, groups: Sequence[IntArray], t: float = 0.0
 ) -> tuple[Array, Array]:
     """Find where loads and rotation leave the modes at rest, with rates at which the loops stay closed.
 
@@ -29,14 +32,22 @@ def find_closed_steady_state(
     ----------
     q, v : ndarray, shapes (n_positions,) and (n,)
         Positions and rates that close the loops.
-    following : ndarray of int
-        Rates of the joints that move to close the loops as bodies deform.
+    groups : sequence of ndarray of int
+        Rates of the joints that move to close the loops as bodies deform; each is tried in turn.
 
     Raises
     ------
     AccuracyError
         There is no such state: something turns too fast for its stiffness.
     """
+    for following in groups[:-1]:
+        with suppress(AccuracyError, np.linalg.LinAlgError):
+            return _find(system, q, v, following, t)
+    return _find(system, q, v, groups[-1], t)
+
+
+def _find(system: CompiledSystem, q: Array, v: Array, following: IntArray, t: float) -> tuple[Array, Array]:
+    """Find the state with some joints that move."""
     mechanism, n = system.mechanism, system.n
     modes = np.concatenate([mechanism.modes_of(k) for k in range(len(mechanism.links))])
     if not len(modes):
@@ -73,11 +84,13 @@ def find_closed_steady_state(
         x[k:] += change[k:]
         reached = float(np.abs(q[modes + mechanism.n_positions - n]).max())
         rest = float(np.abs(left(x)).max())
-        if size <= max(_SETTLED * reached, _ROUND_OFF) and rest <= _AT_REST * reached + _NOTHING:
-            return q, _close_rates(system, q, v, following, t)
+        if size <= max(_SETTLED * reached, _ROUND_OFF):
+            if rest <= _AT_REST * reached + _NOTHING:
+                return q, _close_rates(system, q, v, following, t)
+            break  # no further correction would help
     raise AccuracyError(
-        f"no steady state: after {_CORRECTIONS} corrections modes and joints still change by {size:.1e}, and forces of "
-        f"{rest:.1e} of what would deflect a mode by 1 are left; the scene turns too fast for the bodies' stiffness"
+        f"no steady state: modes and joints still change by {size:.1e}, and forces of {rest:.1e} of what would deflect "
+        "a mode by 1 are left; the scene turns too fast for the bodies' stiffness"
     )
 
 

@@ -132,6 +132,12 @@ def test_what_falls_has_no_equilibrium(tmp_path: Path) -> None:
         run_of(tmp_path, slide).start  # noqa: B018
 
 
+def test_a_start_whose_inertia_round_off_spoils_is_refused(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr("pipeline.stages.equilibrium._mass", lambda system, q, t: -np.eye(system.n))
+    with pytest.raises(AccuracyError, match="the mass matrix of the start isn't positive definite: combinations of"):
+        _ = run_of(tmp_path, PENDULUM).motion
+
+
 def test_a_rate_at_the_start_is_refused(tmp_path: Path) -> None:
     with pytest.raises(InputError, match=r"joint\.hinge\.rate = '1 rad/s': has no effect"):
         run_of(tmp_path, PENDULUM.replace('angle = "80 deg"', 'rate = "1 rad/s"'))

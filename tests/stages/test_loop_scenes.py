@@ -10,6 +10,7 @@ import numpy as np
 import pytest
 
 from pipeline import Pipeline, load_scene
+from pipeline.integrators.protocol import evaluate
 
 DOOR = """
 title = "Door"
@@ -155,6 +156,17 @@ def test_a_bar_on_two_bearings_sags_as_by_beam_theory(tmp_path: Path) -> None:
     other = motion.joint_loads.reactions["left"][:, 1]
     assert other == pytest.approx(np.tile([0.0, weight / 2, 0.0, 0.0, 0.0, 0.0], (len(q), 1)), abs=1e-5 * weight)
     assert motion.constraint_residual < 1e-13
+
+
+def test_a_loop_starts_steadily_also_where_only_a_joint_that_is_given_can_follow() -> None:
+    """The rod of the slider-crank is stretched at the start: the slider, which the scene places, has to give way."""
+    run = Pipeline(load_scene("slider-crank", ["body.rod.modes.enrich=residual"]))
+    (q, v), system, a = run.start, run.system, np.zeros(run.system.n)
+    evaluate(system.parameters, 0.0, q, v, a)
+    omega, modes = system.mechanism.links[1].omega, system.mechanism.modes_of(1)
+    deflected = np.abs(q[modes + system.n_positions - system.n]).max()
+    assert deflected > 1e-7
+    assert np.abs(a[modes] / omega**2).max() < 1e-7 * deflected
 
 
 def test_a_loop_that_the_scene_leaves_open_is_closed_by_the_joints_that_it_gives_no_angle(tmp_path: Path) -> None:

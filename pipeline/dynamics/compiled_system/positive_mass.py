@@ -21,6 +21,7 @@ if TYPE_CHECKING:
     from pipeline.dynamics.mechanism import Mechanism
 
 _LOOKED_AT = 20  # output times with the largest deflections
+TOO_LIGHT = "combinations of modes are so light that round-off hides their inertia; fewer modes help"
 _LOST = 0.05  # of an inertia, where a march ends because it vanishes
 
 
@@ -47,8 +48,7 @@ def require_positive_mass(system: ReferenceState, q: Array, where: str, least: f
         kept = float(eigh(M, M0, eigvals_only=True)[0]) if np.isfinite(M).all() else -np.inf
     except np.linalg.LinAlgError:
         raise InertiaError(
-            f"{where} the mass matrix isn't positive definite, nor is that of the undeformed mechanism: combinations "
-            "of modes are so light that round-off hides their inertia; fewer modes help"
+            f"{where} the mass matrix isn't positive definite, nor is that of the undeformed mechanism: {TOO_LIGHT}"
         ) from None
     if kept > least:
         return
