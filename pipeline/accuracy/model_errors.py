@@ -141,12 +141,15 @@ class ModelErrors:
                 errors = estimate()
             except LeftOutError as why:
                 self.left_out.append(f"{cause}: {why}")
-                if counted:
-                    self.missing |= dict.fromkeys(self._comparison.of_motion, str(why))
+                missing = str(why)
             except FAULTS as why:  # no time would help
-                self.causes.append(ModelError(cause, 0.0, "", f"{cause}: not estimated, {why}", False))
+                missing = f"not estimated: {why}"
+                self.causes.append(ModelError(cause, 0.0, "", f"{cause}: {missing}", False))
             else:
                 self._add(cause, errors or {}, text, counted)
+                continue
+            if counted:
+                self.missing |= dict.fromkeys(self._comparison.of_motion, missing)
 
     def _add(self, cause: str, errors: dict[str, float], text: str, counted: bool = True) -> None:
         quantity = max(errors, key=lambda name: errors[name], default="")

@@ -8,7 +8,8 @@ import pytest
 
 from pipeline import Pipeline, load_scene
 from pipeline.accuracy.error_budget import state_errors
-from pipeline.accuracy.error_estimates import SAFETY, Row
+from pipeline.accuracy.error_estimates import MORE_OF_MODEL, SAFETY, Row
+from pipeline.accuracy.model_errors import ModelErrors
 from pipeline.accuracy.stretching import stiffening_by_stretch
 from pipeline.core.cache import Cache
 from pipeline.output.summary import summarise
@@ -100,6 +101,17 @@ def test_missing_damping_is_named_and_not_counted(tmp_path: Any) -> None:
     (cause,) = (each for each in state_errors(without).model if each.cause == "no damping")
     assert not cause.counted
     assert cause.error > 1e-3
+
+
+def test_a_cause_whose_variant_fails_leaves_lower_bounds(tmp_path: Any, monkeypatch: pytest.MonkeyPatch) -> None:
+    def fail(self: ModelErrors) -> None:
+        raise np.linalg.LinAlgError("singular")
+
+    monkeypatch.setattr(ModelErrors, "_attachment", fail)
+    budget = state_errors(bar(tmp_path))
+    assert "attachment: not estimated: singular" in [each.text for each in budget.model]
+    (row,) = (row for row in budget.rows if row.name == "tip, deflection")
+    assert row.parts[MORE_OF_MODEL] == "not estimated: singular"
 
 
 def test_a_wanted_accuracy_beyond_the_models_is_warned_of(tmp_path: Any) -> None:
