@@ -51,7 +51,7 @@ def _find(system: CompiledSystem, q: Array, v: Array, following: IntArray, t: fl
     mechanism, n = system.mechanism, system.n
     modes = np.concatenate([mechanism.modes_of(k) for k in range(len(mechanism.links))])
     if not len(modes):
-        return q, _close_rates(system, q, v, following, t)
+        return q, _close_rates(_constraints(system, q, t), v, following)
     joints = np.setdiff1d(np.arange(n), modes)
     moving, k = np.concatenate([modes, following]), len(modes) + len(following)
     stiffness = np.concatenate([link.omega for link in mechanism.links]) ** 2
@@ -69,9 +69,9 @@ def _find(system: CompiledSystem, q: Array, v: Array, following: IntArray, t: fl
     def left(x: Array) -> Array:
         """Return the forces, accelerations of gaps and gaps left: by positions, joint accelerations and multipliers."""
         positions, a = moved(x[:k]), np.zeros(n)
-        rates = _close_rates(system, positions, v, following, t)
+        J, rest_of_rates = _constraints(system, positions, t)
+        rates = _close_rates((J, rest_of_rates), v, following)
         a[joints] = softest * x[k : k + len(joints)]
-        J, _ = _constraints(system, positions, t)
         forces = system.compiled.residual(t, positions, rates, a) - J.T @ (pull * x[k + len(joints) :])
         parting = J @ a + _gap_accelerations(system, positions, rates, t)
         return np.concatenate([forces / forces_of, parting / softest, system.compiled.gaps(t, positions, rates)[0]])
@@ -86,7 +86,7 @@ def _find(system: CompiledSystem, q: Array, v: Array, following: IntArray, t: fl
         rest = float(np.abs(left(x)).max())
         if size <= max(_SETTLED * reached, _ROUND_OFF):
             if rest <= _AT_REST * reached + _NOTHING:
-                return q, _close_rates(system, q, v, following, t)
+                return q, _close_rates(_constraints(system, q, t), v, following)
             break  # no further correction would help
     raise AccuracyError(
         f"no steady state: modes and joints still change by {size:.1e}, and forces of {rest:.1e} of what would deflect "
@@ -95,15 +95,18 @@ def _find(system: CompiledSystem, q: Array, v: Array, following: IntArray, t: fl
 
 
 def _constraints(system: CompiledSystem, q: Array, t: float) -> tuple[Array, Array]:
-    """Return J (n_rows, n) and the rest of the gaps' rates ``J v + …`` (n_rows,), by one rate after the other."""
+    """Return J (n_rows, n) and the rest of the gaps' rates ``J v + …`` (n_rows,).
+
+    It is found by one rate after the other: by way of the inverse mass matrix, light combinations of modes spoil it.
+    """
     none = np.zeros(system.n)
     _, rest = system.compiled.gaps(t, q, none)
     return np.stack([system.compiled.gaps(t, q, one)[1] - rest for one in np.eye(system.n)], axis=1), rest
 
 
-def _close_rates(system: CompiledSystem, q: Array, v: Array, following: IntArray, t: float) -> Array:
+def _close_rates(constraints: tuple[Array, Array], v: Array, following: IntArray) -> Array:
     """Return rates with which the loops stay closed, those of some joints changed."""
-    J, rest = _constraints(system, q, t)
+    J, rest = constraints
     out = v.copy()
     out[following] -= np.linalg.lstsq(J[:, following], J @ v + rest, rcond=1e-9)[0]
     return out

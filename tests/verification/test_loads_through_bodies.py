@@ -74,6 +74,8 @@ def payload(mass: float) -> str:
 # A turning arm with a mass at its tip --------------------------------------------------------------------------------
 
 RATE, PULL = 20.0, 1.0  # rad/s, m/s²
+TURN = f'[drive.turn]\ntype = "motion"\njoint = "hub"\nangle = {{ formula = "{RATE}*t", unit = "rad" }}\n'
+WEIGHT = f'simulation.gravity=["0 m/s^2", "0 m/s^2", "{-PULL} m/s^2"]'
 
 
 def drooping_tip(mass: float) -> float:
@@ -92,10 +94,8 @@ def drooping_tip(mass: float) -> float:
 
 @pytest.mark.parametrize("mass", [0.0, 0.05, 0.5, 5.0])
 def test_a_turning_arm_with_a_tip_mass_droops_as_a_beam_under_tension(tmp_path: Path, mass: float) -> None:
-    turn = '[drive.turn]\ntype = "motion"\njoint = "hub"\nangle = { formula = "20*t", unit = "rad" }\n'
     settings = ('body.bar.modes.boundary="joint"', "simulation.duration=1 s", "simulation.start=steady")
-    weight = f'simulation.gravity=["0 m/s^2", "0 m/s^2", "{-PULL} m/s^2"]'
-    run = bar(tmp_path, [*FLAT, *settings, weight], hub("revolute") + turn + payload(mass))
+    run = bar(tmp_path, [*FLAT, *settings, WEIGHT], hub("revolute") + TURN + payload(mass))
     assert run.spin["bar"].stiffened
     mechanism = run.mechanism
     q, still = find_start(run.scene, share_system(mechanism))
@@ -107,16 +107,14 @@ def test_a_turning_arm_with_a_tip_mass_droops_as_a_beam_under_tension(tmp_path: 
 def test_an_arm_whose_tip_mass_closes_a_loop_starts_as_steadily_as_one_that_carries_it(
     tmp_path: Path, mass: float
 ) -> None:
-    turn = '[drive.turn]\ntype = "motion"\njoint = "hub"\nangle = { formula = "20*t", unit = "rad" }\n'
     free = (
         f'[body.load]\nshape = "rigid"\nmass = "{mass} kg"\ncentre = ["0 m", "0 m", "0 m"]\n'
         'inertia = ["1e-3 kg m^2", "1e-3 kg m^2", "1e-3 kg m^2"]\nmarker = { at = { at = ["0 m", "0 m", "0 m"] } }\n'
         '[joint.air]\ntype = "free"\nparent = "ground"\nchild = "load.at"\n'
         '[joint.ball]\ntype = "spherical"\nparent = "bar.tip"\nchild = "load.at"\n'
     )
-    weight = f'simulation.gravity=["0 m/s^2", "0 m/s^2", "{-PULL} m/s^2"]'
-    settings = ('body.bar.modes.boundary="joint"', "simulation.duration=0.2 s", "simulation.start=steady", weight)
-    deflection = bar(tmp_path, [*FLAT, *settings], hub("revolute") + turn + free).motion.tip_deflection[:, 2]
+    settings = ('body.bar.modes.boundary="joint"', "simulation.duration=0.2 s", "simulation.start=steady", WEIGHT)
+    deflection = bar(tmp_path, [*FLAT, *settings], hub("revolute") + TURN + free).motion.tip_deflection[:, 2]
     assert deflection[0] == pytest.approx(drooping_tip(mass), rel=3e-3)
     assert deflection == pytest.approx(deflection[0], rel=1e-5)  # it stays
 
