@@ -16,7 +16,7 @@ from pipeline.core.errors import AccuracyError, InputError
 from pipeline.core.html import scaled
 from pipeline.output.explain import Forecast, forecast_run
 from pipeline.output.key_figures import largest_deflection, largest_stress
-from pipeline.output.stated_errors import error_cells, percent
+from pipeline.output.stated_errors import ERROR_COLUMNS, error_cells, percent
 from pipeline.output.write import write_results
 
 _COUPLED = 1e-6  # inertial coupling of rotation and modes from which on sub-cycling is said to grow
@@ -190,7 +190,7 @@ def _integrations(summary: dict[str, Any]) -> Table:
 def _budget(budget: dict[str, Any]) -> Table:
     """Make the table of relative errors by source; of a body's frequencies it holds only the worst."""
     title = f"Error budget [%]: what is stated is {budget['safety']:g} times the root of their squares"
-    table = new_table(title, "quantity", "mesh", "modes", "time", "stress", "model", "stated")
+    table = new_table(title, "quantity", *ERROR_COLUMNS)
     worst: dict[str, dict[str, Any]] = {}
     for row in budget["rows"]:
         group = row["quantity"].partition(", frequency")[0] if ", frequency" in row["quantity"] else row["quantity"]

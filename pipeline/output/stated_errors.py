@@ -7,6 +7,8 @@ from typing import Any
 
 from pipeline.accuracy.error_estimates import MORE_OF_MESH, MORE_OF_MODEL, NO_PART, SOURCES
 
+ERROR_COLUMNS = ("mesh", "modes", "time", "stress", "model", "stated")
+"""Headings of `error_cells`."""
 _LEAST = 1e-5
 
 

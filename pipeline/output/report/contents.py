@@ -16,7 +16,7 @@ from pipeline.output.notebook import draw_inline
 from pipeline.output.pictures import chart_title
 from pipeline.output.report.shown import image_of, show_outputs
 from pipeline.output.report.view3d import collect_view
-from pipeline.output.stated_errors import error_cells
+from pipeline.output.stated_errors import ERROR_COLUMNS, error_cells
 from pipeline.output.views import camera_of
 from pipeline.render.camera import Camera
 from pipeline.stages.pipeline import Pipeline
@@ -26,7 +26,6 @@ _SMALL = [800, 450]  # pixels
 _LARGE = [1280, 720]
 _TICKS = 5
 _PACKAGES = ("numpy", "scipy", "gmsh", "scikit-fem", "numba", "pyvista", "vtk", "matplotlib")
-_ERRORS = ("mesh", "modes", "time", "stress", "model", "stated")
 
 
 def draw_pictures(run: Pipeline) -> dict[str, Any]:
@@ -145,7 +144,7 @@ def _integrations(summary: dict[str, Any]) -> dict[str, Any]:
 
 def _budget(budget: dict[str, Any]) -> dict[str, Any]:
     return {
-        "header": ("quantity", "value", *_ERRORS),
+        "header": ("quantity", "value", *ERROR_COLUMNS),
         "rows": [(row["quantity"], scaled(row["value"], row["unit"]), *error_cells(row)) for row in budget["rows"]],
         "note": f"Error of each result by its source [%]; stated is {budget['safety']:g} times the root of their "
         "squares. What is stated is a lower bound (>) where an estimate is missing (?).",
