@@ -22,9 +22,9 @@ from pathlib import Path
 
 import numpy as np
 
-from meshes.bar import hexahedral_bar, tetrahedral_bar
-from pipeline.fem.mesh import SolidMesh
-from pipeline.fem.space import Discretisation
+from fmd.fem.mesh import SolidMesh
+from fmd.fem.space import Discretisation
+from fmd.meshes.bar import hexahedral_bar, tetrahedral_bar
 
 PEERS = Path(__file__).with_name("assembly_peers.py")
 BLOCK = (0.12, 0.1, 0.08)

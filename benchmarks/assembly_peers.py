@@ -38,16 +38,16 @@ def nodal(found, factors):
 
 
 def space_of(points, cells, name):
-    from pipeline.fem.mesh import SolidMesh
-    from pipeline.fem.space import Discretisation
+    from fmd.fem.mesh import SolidMesh
+    from fmd.fem.space import Discretisation
 
     return Discretisation(SolidMesh(points, cells, ELEMENTS[name][0], {}, {}), ELEMENTS[name][1])
 
 
 def fmd(points, cells, name):
     """Ours, with M = m ⊗ 1₃ written out."""
-    from pipeline.fem.assembly import assemble
-    from pipeline.fem.material import Material
+    from fmd.fem.assembly import assemble
+    from fmd.fem.material import Material
 
     mesh = space_of(points, cells, name).mesh
 
@@ -91,7 +91,7 @@ def felupe(points, cells, name):
     """Its solid body, each matrix at the quadrature it needs."""
     import felupe as fem
 
-    from pipeline.fem.formats.vtkhdf import vtk_cells
+    from fmd.fem.formats.vtkhdf import vtk_cells
 
     space = space_of(points, cells, name)
     region, finer = {

@@ -24,19 +24,19 @@ from table_format import write_rows
 from tables import seconds_at
 from truth_scenes import random_case
 
-from pipeline import Pipeline, load_scene
-from pipeline.core.cache import Cache
-from pipeline.core.errors import AccuracyError, InputError
-from pipeline.dynamics.compiled_system.system import CompiledSystem
-from pipeline.integrators.adaptive import groups_of
-from pipeline.integrators.automatic import Automatic
-from pipeline.integrators.central_difference import CentralDifference
-from pipeline.integrators.exponential import Exponential
-from pipeline.integrators.generalized_alpha import GeneralizedAlpha
-from pipeline.integrators.march_pairs import motion_difference
-from pipeline.integrators.protocol import Integrator, Trajectory
-from pipeline.integrators.rosenbrock import ExponentialRosenbrock
-from pipeline.integrators.runge_kutta import RungeKutta
+from fmd import Pipeline, load_scene
+from fmd.core.cache import Cache
+from fmd.core.errors import AccuracyError, InputError
+from fmd.dynamics.compiled_system.system import CompiledSystem
+from fmd.integrators.adaptive import groups_of
+from fmd.integrators.automatic import Automatic
+from fmd.integrators.central_difference import CentralDifference
+from fmd.integrators.exponential import Exponential
+from fmd.integrators.generalized_alpha import GeneralizedAlpha
+from fmd.integrators.march_pairs import motion_difference
+from fmd.integrators.protocol import Integrator, Trajectory
+from fmd.integrators.rosenbrock import ExponentialRosenbrock
+from fmd.integrators.runge_kutta import RungeKutta
 
 HERE = Path(__file__).parent
 TABLE = HERE / "auto_choice.csv"

@@ -14,7 +14,7 @@ from dataclasses import dataclass
 from auto_choice import HERE, TooLongError, exact_march, limit, open_scene
 from table_format import write_rows
 
-from pipeline.core.errors import AccuracyError, InputError
+from fmd.core.errors import AccuracyError, InputError
 
 TABLE = HERE / "auto_error.csv"
 SCENES = 300

@@ -15,10 +15,10 @@ from pathlib import Path
 import numpy as np
 from scipy.integrate import solve_ivp
 
-from pipeline import Pipeline, load_scene
-from pipeline.integrators.central_difference import CentralDifference
-from pipeline.integrators.protocol import evaluate
-from pipeline.integrators.subcycling import Subcycling
+from fmd import Pipeline, load_scene
+from fmd.integrators.central_difference import CentralDifference
+from fmd.integrators.protocol import evaluate
+from fmd.integrators.subcycling import Subcycling
 
 STEP = 1e-5
 REPEATS = 101

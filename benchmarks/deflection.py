@@ -17,11 +17,11 @@ import numpy as np
 from scipy.optimize import brentq
 from scipy.special import ellipeinc, ellipkinc
 
-from pipeline import Pipeline, load_scene
-from pipeline.accuracy.deflection import deflection_errors
-from pipeline.accuracy.error_estimates import SAFETY
-from pipeline.accuracy.quantities import motion_quantities
-from pipeline.core.arrays import Array
+from fmd import Pipeline, load_scene
+from fmd.accuracy.deflection import deflection_errors
+from fmd.accuracy.error_estimates import SAFETY
+from fmd.accuracy.quantities import motion_quantities
+from fmd.core.arrays import Array
 
 _TABLE = Path(__file__).parent / "deflection.csv"
 _DEFLECTIONS = (0.02, 0.05, 0.1, 0.2, 0.4)  # of the length

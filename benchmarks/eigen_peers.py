@@ -50,16 +50,16 @@ class Clock:
 
 def assembled(mesh):
     """K and M as this project assembles them."""
-    from pipeline.fem.assembly import assemble
-    from pipeline.fem.material import Material
-    from pipeline.fem.mesh import SolidMesh
+    from fmd.fem.assembly import assemble
+    from fmd.fem.material import Material
+    from fmd.fem.mesh import SolidMesh
 
     return assemble(SolidMesh(mesh["points"], mesh["cells"], "tetra", {}, {}), 2, Material(E, NU, RHO))
 
 
 def ours(mesh, factorise):
     """Assemble, factorise and iterate as `fmd modes` does."""
-    from pipeline.reduction.eigen import FreeBodySolver
+    from fmd.reduction.eigen import FreeBodySolver
 
     clock = Clock()
     fe = assembled(mesh)
@@ -75,14 +75,14 @@ def ours(mesh, factorise):
 
 def fmd(mesh):
     """What is installed."""
-    from pipeline.reduction.factor.factor import factorise
+    from fmd.reduction.factor.factor import factorise
 
     return ours(mesh, factorise)
 
 
 def fmd_superlu(mesh):
     """The same without cvxopt."""
-    from pipeline.reduction.factor.factor import factorise
+    from fmd.reduction.factor.factor import factorise
 
     return ours(mesh, partial(factorise, solver="superlu"))
 
@@ -183,8 +183,8 @@ def sfepy(mesh):
 
 def calculix(mesh):
     """CalculiX, the whole run of ``ccx``; its C3D10 has scikit-fem's order of nodes."""
-    from pipeline.fem.mesh import SolidMesh
-    from pipeline.fem.space import Discretisation
+    from fmd.fem.mesh import SolidMesh
+    from fmd.fem.space import Discretisation
 
     space = Discretisation(SolidMesh(mesh["points"], mesh["cells"], "tetra", {}, {}), 2)
     rows = ["*NODE"]
@@ -266,7 +266,7 @@ def main():
     path = Path(__file__).with_suffix(".csv")
     rows = list(csv.DictReader(path.open())) if path.exists() else []
     for size in sizes:
-        from meshes.bar import tetrahedral_bar
+        from fmd.meshes.bar import tetrahedral_bar
 
         points, cells = tetrahedral_bar(*SIZE, EDGES[size])[:2]
         with tempfile.TemporaryDirectory() as folder:

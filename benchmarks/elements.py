@@ -24,21 +24,21 @@ import scipy.linalg
 from scipy.spatial import cKDTree
 from threadpoolctl import threadpool_limits
 
-from meshes.bar import hexahedral_bar
-from pipeline import Pipeline, load_scene
-from pipeline.accuracy.error_budget import ERROR_BUDGET
-from pipeline.accuracy.matching import match_shapes
-from pipeline.bench.mode_study import STUDIES
-from pipeline.core.cache import Cache
-from pipeline.fem.assembly import _mass, _stiffness, assemble
-from pipeline.fem.elements import ElementKind
-from pipeline.fem.markers import face_marker
-from pipeline.fem.material import Material
-from pipeline.fem.mesh import SolidMesh
-from pipeline.fem.model import FEModel
-from pipeline.fem.space import Discretisation
-from pipeline.reduction.eigen import FreeBodySolver
-from pipeline.reduction.factor.factor import factorise
+from fmd import Pipeline, load_scene
+from fmd.accuracy.error_budget import ERROR_BUDGET
+from fmd.accuracy.matching import match_shapes
+from fmd.bench.mode_study import STUDIES
+from fmd.core.cache import Cache
+from fmd.fem.assembly import _mass, _stiffness, assemble
+from fmd.fem.elements import ElementKind
+from fmd.fem.markers import face_marker
+from fmd.fem.material import Material
+from fmd.fem.mesh import SolidMesh
+from fmd.fem.model import FEModel
+from fmd.fem.space import Discretisation
+from fmd.meshes.bar import hexahedral_bar
+from fmd.reduction.eigen import FreeBodySolver
+from fmd.reduction.factor.factor import factorise
 
 HERE = Path(__file__).parent
 METAL = Material(1.0, 0.3, 1.0)

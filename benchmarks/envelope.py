@@ -21,20 +21,20 @@ from pathlib import Path
 import numpy as np
 from threadpoolctl import threadpool_limits
 
-from pipeline.recovery.envelope import stress_envelope
-from pipeline.recovery.fatigue import FatigueLaw, fatigue_by_signed_von_mises
-from pipeline.recovery.stress import StressHistory
+from fmd.recovery.envelope import stress_envelope
+from fmd.recovery.fatigue import FatigueLaw, fatigue_by_signed_von_mises
+from fmd.recovery.stress import StressHistory
 
 HERE = Path(__file__).parent
 N_TIMES, REPETITIONS = 100_000, 3
-NODES, FRAMES = 64, 256  # of a product, as in `pipeline.recovery.envelope`
+NODES, FRAMES = 64, 256  # of a product, as in `fmd.recovery.envelope`
 LAW = FatigueLaw(90e6, 1e6, 6.0, 11.0, "fkm", 0.3)
 HEADER = ("work", "nodes", "modes", "output times", "threads", "wall s", "processor s", "peak MB")
 
 
 def prepare(path: Path) -> None:
     """Write modal stress, times and coordinates."""
-    from pipeline import Pipeline, load_scene
+    from fmd import Pipeline, load_scene
 
     run = Pipeline(load_scene("propeller"))
     rng, largest = np.random.default_rng(0), np.abs(run.motion.modal("propeller")).max(axis=0)

@@ -15,8 +15,8 @@ import sys
 from dataclasses import dataclass
 from pathlib import Path
 
-from pipeline import Pipeline, load_scene
-from pipeline.accuracy.error_budget import ERROR_BUDGET, true_errors
+from fmd import Pipeline, load_scene
+from fmd.accuracy.error_budget import ERROR_BUDGET, true_errors
 
 _TABLE = Path(__file__).parent / "error_budget.csv"
 _AUTO = ('simulation.run=[{integrator="auto"}]', "simulation.error=1e-6")

@@ -14,10 +14,10 @@ from collections.abc import Iterator
 from dataclasses import dataclass
 from pathlib import Path
 
-from pipeline import Pipeline, load_scene
-from pipeline.accuracy.error_budget import state_errors, true_errors
-from pipeline.accuracy.error_estimates import SAFETY, Row
-from pipeline.core.cache import Cache
+from fmd import Pipeline, load_scene
+from fmd.accuracy.error_budget import state_errors, true_errors
+from fmd.accuracy.error_estimates import SAFETY, Row
+from fmd.core.cache import Cache
 
 _TABLE = Path(__file__).parent / "error_sources.csv"
 _ROUND_OFF = 1e-7

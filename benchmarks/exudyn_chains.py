@@ -24,10 +24,10 @@ import numpy as np
 import scipy.sparse as sp
 from exudyn_march import IMPLICIT, Twin, add_sensor, import_exudyn, print_rows, refine, relative_error, sample_times
 
-from pipeline import Pipeline, load_scene
-from pipeline.bench.work_precision import WorkPrecisionRow
-from pipeline.integrators.runge_kutta import RungeKutta
-from pipeline.recovery.motion import Motion
+from fmd import Pipeline, load_scene
+from fmd.bench.work_precision import WorkPrecisionRow
+from fmd.integrators.runge_kutta import RungeKutta
+from fmd.recovery.motion import Motion
 
 HERE = Path(__file__).parent
 CORNERS = 0.02 * np.array([[1, 0, 0], [0, 1, 0], [0, 0, 1], [-1, -1, -1.0]])  # of a marker's nodes, which average to it

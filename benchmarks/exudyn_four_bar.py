@@ -19,7 +19,7 @@ from typing import Any
 import numpy as np
 from exudyn_march import import_exudyn
 
-from pipeline import Pipeline, load_scene
+from fmd import Pipeline, load_scene
 
 HERE = Path(__file__).parent
 DURATION, STEPS, REPEATS, RATE = 12.0, 3000, 3, -0.6

@@ -40,13 +40,13 @@ from exudyn_march import (
 )
 from scipy.integrate import solve_ivp
 
-from pipeline import Pipeline, load_scene
-from pipeline.core.errors import AccuracyError
-from pipeline.integrators.central_difference import CentralDifference
-from pipeline.integrators.generalized_alpha import GeneralizedAlpha
-from pipeline.integrators.rosenbrock import ExponentialRosenbrock
-from pipeline.integrators.runge_kutta import RungeKutta
-from pipeline.recovery.motion import Motion
+from fmd import Pipeline, load_scene
+from fmd.core.errors import AccuracyError
+from fmd.integrators.central_difference import CentralDifference
+from fmd.integrators.generalized_alpha import GeneralizedAlpha
+from fmd.integrators.rosenbrock import ExponentialRosenbrock
+from fmd.integrators.runge_kutta import RungeKutta
+from fmd.recovery.motion import Motion
 
 HERE = Path(__file__).parent
 MOST_SECONDS, FINEST = 10.0, 1e-8

@@ -30,11 +30,11 @@ from exudyn_march import IMPLICIT, INTERVALS, STAGES, Twin, add_sensor, import_e
 from scipy.integrate import solve_ivp
 from scipy.sparse.linalg import eigsh
 
-from pipeline import Pipeline, load_scene
-from pipeline.bench.work_precision import WorkPrecisionRow
-from pipeline.fem.markers import face_marker
-from pipeline.integrators.scipy_ivp import ScipyIvp
-from pipeline.reduction.inertia import inertia_gram
+from fmd import Pipeline, load_scene
+from fmd.bench.work_precision import WorkPrecisionRow
+from fmd.fem.markers import face_marker
+from fmd.integrators.scipy_ivp import ScipyIvp
+from fmd.reduction.inertia import inertia_gram
 
 MOST_SECONDS = 2.0  # a march longer than this, or of an error below the other, ends its solver's range
 FINEST = 1e-9

@@ -21,7 +21,7 @@ from typing import Any
 import numpy as np
 from exudyn_march import import_exudyn
 
-from pipeline import Pipeline, load_scene
+from fmd import Pipeline, load_scene
 
 HERE = Path(__file__).parent
 LENGTH, THICK, WIDE, E, NU, RHO, G = 1.0, 2e-3, 20e-3, 206e9, 0.3, 7850.0, 9.81

@@ -18,10 +18,10 @@ import numpy as np
 from exudyn_chains import CASES, flexible, robot
 from exudyn_march import import_exudyn, march, relative_error, sample_times, samples_of
 
-from pipeline import Pipeline, load_scene
-from pipeline.core.arrays import Array
-from pipeline.integrators.runge_kutta import RungeKutta
-from pipeline.recovery.motion import Motion
+from fmd import Pipeline, load_scene
+from fmd.core.arrays import Array
+from fmd.integrators.runge_kutta import RungeKutta
+from fmd.recovery.motion import Motion
 
 TURN = np.array([-0.017, -0.010, -0.001])  # of the section [rad]
 STEPS = (6400, 12800)  # whose errors of second order are extrapolated away

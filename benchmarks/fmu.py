@@ -27,11 +27,11 @@ import numpy as np
 from fmpy.fmi2 import FMU2Slave
 from fmpy.validation import validate_fmu
 
-from pipeline import load
-from pipeline.integrators.runge_kutta import RungeKutta
-from pipeline.output.fmu.build import TARGETS
-from pipeline.output.fmu.write import TOLERANCE, list_platforms, write_fmu
-from pipeline.recovery.motion import Motion
+from fmd import load
+from fmd.integrators.runge_kutta import RungeKutta
+from fmd.output.fmu.build import TARGETS
+from fmd.output.fmu.write import TOLERANCE, list_platforms, write_fmu
+from fmd.recovery.motion import Motion
 
 SCENES = ("rod-slider", "beam", "arm", "spin-up", "propeller")
 TOLERANCES = (1e-6, 1e-9, 1e-12)

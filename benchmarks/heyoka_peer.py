@@ -17,14 +17,14 @@ from typing import Any
 
 import numpy as np
 
-from pipeline import Pipeline, load_scene
-from pipeline.bench.integrators import errors_of
-from pipeline.bench.work_precision import WorkPrecisionRow
-from pipeline.core import formula as codes
-from pipeline.dynamics.compiler.stumpff import coefficients
-from pipeline.dynamics.signals.signal import CONSTANT, PROGRAM, Signal
-from pipeline.integrators.protocol import State, Trajectory
-from pipeline.integrators.runge_kutta import RungeKutta
+from fmd import Pipeline, load_scene
+from fmd.bench.integrators import errors_of
+from fmd.bench.work_precision import WorkPrecisionRow
+from fmd.core import formula as codes
+from fmd.dynamics.compiler.stumpff import coefficients
+from fmd.dynamics.signals.signal import CONSTANT, PROGRAM, Signal
+from fmd.integrators.protocol import State, Trajectory
+from fmd.integrators.runge_kutta import RungeKutta
 
 HERE = Path(__file__).parent
 CASES = {"rod-slider": "rod-slider", "arm": "arm", "robot": str(HERE / "scenes" / "robot.toml")}

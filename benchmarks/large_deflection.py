@@ -20,9 +20,9 @@ import numpy as np
 
 HERE = Path(__file__).parent
 sys.path.append(str(HERE.parent))
-from pipeline import Pipeline  # noqa: E402
-from pipeline.integrators.protocol import evaluate  # noqa: E402
-from pipeline.stages.mechanism import find_start  # noqa: E402
+from fmd import Pipeline  # noqa: E402
+from fmd.integrators.protocol import evaluate  # noqa: E402
+from fmd.stages.mechanism import find_start  # noqa: E402
 from tests.verification.bathe_bend import END, OTHER_BEAMS, SONNEVILLE, bend  # noqa: E402
 from tests.verification.rods import bend_rod, torsion_of_rectangle  # noqa: E402
 from tests.verification.test_large_deflection import FORCE, MOMENT, elastica, end_of, strip  # noqa: E402

@@ -108,7 +108,7 @@ integrator = "central-difference"
 
 def open_scene(scene: str, overrides: list[str]) -> tuple[Any, Any]:
     """Return a scene's pipeline and the system that its integrators march, of whichever version this process has."""
-    from pipeline import Pipeline, load_scene
+    from fmd import Pipeline, load_scene
 
     if scene == "chain":
         path = Path(tempfile.mkdtemp()) / "chain.toml"
@@ -123,37 +123,37 @@ def make_method(name: str, step: float) -> Any:
     label, _, ratio = name.partition(" ")
     substeps = int(ratio.partition(":")[0] or 1)
     if label == "central-difference":
-        from pipeline.integrators.central_difference import CentralDifference
+        from fmd.integrators.central_difference import CentralDifference
 
         return CentralDifference(step)
     if label == "sub-cycling":
-        from pipeline.integrators.subcycling import Subcycling
+        from fmd.integrators.subcycling import Subcycling
 
         return Subcycling(step, substeps)
     if label == "reversible":
-        from pipeline.integrators.reversible import ReversibleSubcycling
+        from fmd.integrators.reversible import ReversibleSubcycling
 
         return ReversibleSubcycling(step, substeps)
     if label == "generalized-alpha":
-        from pipeline.integrators.generalized_alpha import GeneralizedAlpha
+        from fmd.integrators.generalized_alpha import GeneralizedAlpha
 
         return GeneralizedAlpha(10 * step)
     if label == "exponential":
-        from pipeline.integrators.exponential import Exponential
+        from fmd.integrators.exponential import Exponential
 
         return Exponential(10 * step)
     if label == "exponential-rosenbrock":
-        from pipeline.integrators.rosenbrock import ExponentialRosenbrock
+        from fmd.integrators.rosenbrock import ExponentialRosenbrock
 
         return ExponentialRosenbrock(1e-6)
-    from pipeline.integrators.runge_kutta import RungeKutta
+    from fmd.integrators.runge_kutta import RungeKutta
 
     return RungeKutta(1e-6)
 
 
 def step_of(scene: str, overrides: list[str]) -> dict[str, float]:
     """Return a fifth of the largest stable step of central differences and the scene's duration [s], and operations."""
-    from pipeline.integrators.central_difference import CentralDifference
+    from fmd.integrators.central_difference import CentralDifference
 
     run, system = open_scene(scene, overrides)
     found = {"step": CentralDifference(1.0).largest_step(system) / 5, "duration": run.scene.simulation.duration}
@@ -182,7 +182,7 @@ def serve() -> None:
 
 def compile_all(scene: str) -> dict[str, float]:
     """Return the processor seconds for tracing and compiling all of a scene's motions, and their number."""
-    from pipeline.dynamics.compiler import compiled, store
+    from fmd.dynamics.compiler import compiled, store
 
     spent, count = 0.0, 0
 

@@ -29,14 +29,14 @@ from nonlinear_modes_chart import draw  # noqa: E402
 from nonlinear_solid import NonlinearSolid  # noqa: E402
 from reduced_solid import ReducedSolid, reduce_solid, rest_of_reduced  # noqa: E402
 
-from pipeline import Pipeline, load_scene  # noqa: E402
-from pipeline.core.errors import AccuracyError, StabilityError  # noqa: E402
-from pipeline.dynamics.compiled_system.shared import share_system  # noqa: E402
-from pipeline.dynamics.kinematics import Kinematics  # noqa: E402
-from pipeline.dynamics.mechanism import Mechanism  # noqa: E402
-from pipeline.integrators.central_difference import CentralDifference  # noqa: E402
-from pipeline.integrators.generalized_alpha import GeneralizedAlpha  # noqa: E402
-from pipeline.stages.mechanism import find_start  # noqa: E402
+from fmd import Pipeline, load_scene  # noqa: E402
+from fmd.core.errors import AccuracyError, StabilityError  # noqa: E402
+from fmd.dynamics.compiled_system.shared import share_system  # noqa: E402
+from fmd.dynamics.kinematics import Kinematics  # noqa: E402
+from fmd.dynamics.mechanism import Mechanism  # noqa: E402
+from fmd.integrators.central_difference import CentralDifference  # noqa: E402
+from fmd.integrators.generalized_alpha import GeneralizedAlpha  # noqa: E402
+from fmd.stages.mechanism import find_start  # noqa: E402
 from tests.verification.rods import bend_rod, torsion_of_rectangle  # noqa: E402
 from tests.verification.test_large_deflection import FORCE, elastica, end_of, strip  # noqa: E402
 

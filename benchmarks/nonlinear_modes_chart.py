@@ -13,8 +13,8 @@ HERE = Path(__file__).parent
 sys.path += [str(HERE), str(HERE.parent)]
 from table_format import Row, read_rows  # noqa: E402
 
-from pipeline.render.charts import COLOURS  # noqa: E402
-from pipeline.render.figure import open_figure, style_axes  # noqa: E402
+from fmd.render.charts import COLOURS  # noqa: E402
+from fmd.render.figure import open_figure, style_axes  # noqa: E402
 
 CASES = {
     "plane": ("pulled in a plane", "P L²/EI", "statics [s]"),

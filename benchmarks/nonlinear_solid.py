@@ -15,9 +15,9 @@ import numpy as np
 import scipy.sparse as sp
 from scipy.sparse.linalg import splu, spsolve
 
-from pipeline.fem.gradients import gradients
-from pipeline.fem.markers import Marker
-from pipeline.fem.model import FEModel
+from fmd.fem.gradients import gradients
+from fmd.fem.markers import Marker
+from fmd.fem.model import FEModel
 
 PAIRS = ((0, 0), (1, 1), (2, 2), (1, 2), (0, 2), (0, 1))  # components of strain and stress, shears doubled
 STEPS, CORRECTIONS, SETTLED = 4, 30, 1e-10
@@ -132,7 +132,7 @@ class NonlinearSolid:
     def march(self, u: Any, times: Any, step: float) -> Any:
         """Return the displacement (n_times, 3) of the tip after the solid is let go at displacements u (n_nodes, 3).
 
-        The generalised-α method of `pipeline.integrators.generalized_alpha`, on all unknowns, without loads.
+        The generalised-α method of `fmd.integrators.generalized_alpha`, on all unknowns, without loads.
 
         Raises
         ------

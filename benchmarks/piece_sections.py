@@ -14,7 +14,7 @@ import numpy as np
 
 HERE = Path(__file__).parent
 sys.path += [str(HERE), str(HERE.parent)]
-from pipeline.stages.pieces_at_rest import balance, measure_part  # noqa: E402
+from fmd.stages.pieces_at_rest import balance, measure_part  # noqa: E402
 from tests.verification.test_large_deflection import FORCE, strip  # noqa: E402
 
 SQUARE = {"DEPTH": 0.02, "WIDTH": 0.02, "POISSON": 0.33, "1, 1]": "4, 4]"}

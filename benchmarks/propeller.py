@@ -17,8 +17,8 @@ from pathlib import Path
 import numpy as np
 from threadpoolctl import threadpool_limits
 
-from pipeline import Pipeline, load_scene
-from pipeline.recovery.stress import StressHistory
+from fmd import Pipeline, load_scene
+from fmd.recovery.stress import StressHistory
 
 REPEATS = 11
 SPLITS = (5, 10, 20)
@@ -32,7 +32,7 @@ def sub_cycling():
     listed = f"simulation.run=[{{integrator='central-difference'}},{','.join(runs)}]"
     for scene in ("propeller", "propeller-torque", "propeller-gust"):
         run = Pipeline(load_scene(scene, [listed]))
-        from pipeline.stages.runs import make_plans
+        from fmd.stages.runs import make_plans
 
         stress = run.element_stress("propeller.joint")
         plain, *others = stress
@@ -69,8 +69,8 @@ def recovery():
 
 def eigenproblem(whole):
     """Seconds and memory [MB] of the free modes, beyond what the matrices take."""
-    from pipeline.reduction.cyclic import CyclicSolver
-    from pipeline.reduction.eigen import FreeBodySolver
+    from fmd.reduction.cyclic import CyclicSolver
+    from fmd.reduction.eigen import FreeBodySolver
 
     fe = Pipeline(load_scene("propeller")).fe
     fe.M  # noqa: B018

@@ -16,9 +16,9 @@ import numpy as np
 from modal_derivatives import orthonormalise, static_derivatives
 from nonlinear_solid import PAIRS, NonlinearSolid
 
-from pipeline.core.arrays import Array
-from pipeline.dynamics.jit.compiled import contracted, meaning
-from pipeline.dynamics.system import accelerations, advance, leapfrog_step, velocities
+from fmd.core.arrays import Array
+from fmd.dynamics.jit.compiled import contracted, meaning
+from fmd.dynamics.system import accelerations, advance, leapfrog_step, velocities
 
 
 class PolynomialParameters(NamedTuple):

@@ -14,7 +14,7 @@ from typing import Any
 
 import numpy as np
 
-from pipeline import Pipeline, load_scene
+from fmd import Pipeline, load_scene
 
 HERE = Path(__file__).parent
 MARCH = 'simulation.run=[{ integrator = "generalized-alpha", step = "2 ms" }]'

@@ -28,14 +28,14 @@ from truth_finer import finer_run
 from truth_references import elastica_reference
 from truth_scenes import Case, random_case
 
-from pipeline import Pipeline, load_scene
-from pipeline.accuracy import time_limit
-from pipeline.accuracy.error_budget import state_errors, true_errors
-from pipeline.accuracy.error_estimates import Quantity
-from pipeline.accuracy.quantities import motion_quantities
-from pipeline.core.cache import Cache
-from pipeline.core.errors import AccuracyError, InputError
-from pipeline.output.write import write_results
+from fmd import Pipeline, load_scene
+from fmd.accuracy import time_limit
+from fmd.accuracy.error_budget import state_errors, true_errors
+from fmd.accuracy.error_estimates import Quantity
+from fmd.accuracy.quantities import motion_quantities
+from fmd.core.cache import Cache
+from fmd.core.errors import AccuracyError, InputError
+from fmd.output.write import write_results
 
 TABLE = Path(__file__).parent / "truth.csv"
 SCENES = 300

@@ -7,8 +7,8 @@ from pathlib import Path
 from truth_references import number
 from truth_scenes import Case
 
-from pipeline import Pipeline, load_scene
-from pipeline.core.errors import AccuracyError
+from fmd import Pipeline, load_scene
+from fmd.core.errors import AccuracyError
 
 MOST_RADIANS = 2e5  # of the highest frequency over a finer run that an explicit method marches
 IMPLICIT_STEPS = 20_000  # of a finer run that is too stiff for it

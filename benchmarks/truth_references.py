@@ -19,8 +19,8 @@ from numpy.polynomial import legendre
 from scipy.linalg import eigh
 from truth_scenes import Case, Table
 
-from pipeline.accuracy.error_estimates import Quantity
-from pipeline.core.arrays import Array
+from fmd.accuracy.error_estimates import Quantity
+from fmd.core.arrays import Array
 
 SAMPLES = 8  # of the elastica in an output step: where the largest deflection is looked for
 DEGREES = ((12, 9), (9, 7))  # of one bar, and of each of two: of the reference, and of what measures its error

@@ -36,7 +36,7 @@ def overrides(scene: str) -> list[str]:
 
 def time_one(scene: str) -> None:
     """Print the seconds of one scene's march; runs in the version that is first on the path."""
-    from pipeline.integrators.central_difference import CentralDifference
+    from fmd.integrators.central_difference import CentralDifference
 
     _, step, duration = CASES[scene]
     run, system = open_scene(scene, overrides(scene)[:1])
@@ -46,8 +46,8 @@ def time_one(scene: str) -> None:
 
 def time_variants(scene: str) -> float:
     """Return the seconds a scene takes where all are marched at once."""
-    from pipeline import Pipeline, load_scene
-    from pipeline.integrators.variants import march_variants
+    from fmd import Pipeline, load_scene
+    from fmd.integrators.variants import march_variants
 
     _, step, duration = CASES[scene]
     runs = [Pipeline(load_scene(scene, [change])) for change in overrides(scene)]

@@ -1,1 +1,1 @@
-"""Gmsh meshes of shapes and CAD files; the only package that loads Gmsh (GPL), without imports of ``pipeline``."""
+"""Gmsh meshes of shapes and CAD files; the only package that loads Gmsh (GPL), without imports of other rooms."""

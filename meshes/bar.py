@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from typing import Any
 
-from meshes.gmsh_session import MeshArrays, gmsh_model, read_out
+from fmd.meshes.gmsh_session import MeshArrays, gmsh_model, read_out
 
 
 def hexahedral_bar(length: float, depth: float, width: float, divisions: tuple[int, int, int]) -> MeshArrays:

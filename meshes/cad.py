@@ -17,8 +17,8 @@ from typing import Any, NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from meshes.cad_places import describe_part, name_faces_by_place
-from meshes.gmsh_session import gmsh_model, import_cad
+from fmd.meshes.cad_places import describe_part, name_faces_by_place
+from fmd.meshes.gmsh_session import gmsh_model, import_cad
 
 SUFFIXES = (".step", ".stp", ".iges", ".igs", ".brep")
 _MOST_ELEMENTS = 3_000_000

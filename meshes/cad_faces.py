@@ -10,7 +10,7 @@ from pathlib import Path
 import numpy as np
 from numpy.typing import NDArray
 
-from meshes.gmsh_session import gmsh_model, import_cad
+from fmd.meshes.gmsh_session import gmsh_model, import_cad
 
 _AROUND = 24  # triangles around a full circle
 _COARSE = 0.1  # longest side over the diagonal of what is in the file

@@ -22,8 +22,8 @@ from numpy.typing import NDArray
 from scipy.interpolate import PchipInterpolator
 from scipy.spatial import cKDTree
 
-from meshes.gmsh_session import MeshArrays, gmsh_model, read_out
-from meshes.ring import add_mid_edge_nodes, split_into_tetrahedra
+from fmd.meshes.gmsh_session import MeshArrays, gmsh_model, read_out
+from fmd.meshes.ring import add_mid_edge_nodes, split_into_tetrahedra
 
 Floats = NDArray[np.float64]
 

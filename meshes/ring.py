@@ -7,7 +7,7 @@ from itertools import permutations
 import numpy as np
 from numpy.typing import NDArray
 
-from meshes.gmsh_session import MeshArrays
+from fmd.meshes.gmsh_session import MeshArrays
 
 Floats = NDArray[np.float64]
 

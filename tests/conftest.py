@@ -9,7 +9,7 @@ from pathlib import Path
 from typing import NamedTuple
 
 _CACHE = Path(tempfile.mkdtemp(prefix="fmd-tests-"))
-# The cache folder is read as soon as pipeline.dynamics is imported, so it has to be set before that.
+# The cache folder is read as soon as fmd.dynamics is imported, so it has to be set before that.
 os.environ["FMD_CACHE"] = str(_CACHE)
 # Two processes share the cores: more threads in each would wait for each other.
 if "PYTEST_XDIST_WORKER" in os.environ:
@@ -29,12 +29,12 @@ from scipy.integrate import simpson
 from scipy.linalg import expm
 from scipy.optimize import brentq
 
-from meshes.bar import hexahedral_bar
-from pipeline.core.arrays import Array
-from pipeline.fem.assembly import assemble
-from pipeline.fem.material import Material
-from pipeline.fem.mesh import SolidMesh
-from pipeline.fem.model import FEModel
+from fmd.core.arrays import Array
+from fmd.fem.assembly import assemble
+from fmd.fem.material import Material
+from fmd.fem.mesh import SolidMesh
+from fmd.fem.model import FEModel
+from fmd.meshes.bar import hexahedral_bar
 
 settings.register_profile("repeatable", derandomize=True, deadline=None)
 settings.load_profile("repeatable")
@@ -63,7 +63,7 @@ ELEMENTS = (
 @pytest.fixture(scope="session")
 def fmd() -> Callable[..., int]:
     """Run the command line in this process; it answers with its exit status."""
-    from pipeline.cli.app import main
+    from fmd.cli.app import main
 
     def call(*arguments: object) -> int:
         try:

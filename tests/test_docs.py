@@ -12,7 +12,7 @@ import pytest
 
 ROOT = Path(__file__).parent.parent
 DOCS = ROOT / "docs"
-ROOMS = sorted(path.parent.name for path in (ROOT / "pipeline").glob("*/__init__.py"))
+ROOMS = sorted({path.parent.name for path in (ROOT / "pipeline" / "fmd").glob("*/__init__.py")} - {"models"})
 PAGES = sorted(chain(ROOT.glob("*.md"), DOCS.glob("*.md")))
 
 
@@ -48,23 +48,25 @@ def test_files_that_a_page_names_exist(path: Path) -> None:
     linked = [target.partition("#")[0] for target in re.findall(r"\]\(([^)\s]+)\)", page) if "://" not in target]
     missing = [target for target in linked if target and not (path.parent / target).exists()]
     for name in re.findall(r"`((?:[\w-]+/)+[\w*-]+\.(?:py|csv|md|toml))`", page):
-        places = (ROOT, ROOT / "pipeline", DOCS)
+        places = (ROOT, ROOT / "pipeline" / "fmd", DOCS)
         if not name.startswith("out/") and not any(list(place.glob(name)) for place in places):
             missing.append(name)
-    for name in re.findall(r"`(pipeline(?:\.\w+)+)`", page):
+    for name in re.findall(r"`(fmd(?:\.\w+)+)`", page):
         module, _, last = name.replace(".", "/").rpartition("/")
-        source = ROOT / f"{module}.py"
-        if not (ROOT / module / f"{last}.py").exists() and not (source.exists() and last in source.read_text()):
+        source = ROOT / "pipeline" / f"{module}.py"
+        if not source.with_suffix("").joinpath(f"{last}.py").exists() and not (
+            source.exists() and last in source.read_text()
+        ):
             missing.append(name)
     assert not missing
 
 
 def test_every_room_has_its_page_of_reference() -> None:
     stubs = {path.stem: path.read_text(encoding="utf-8") for path in (DOCS / "api").glob("*.md")}
-    assert sorted(stubs) == sorted([*ROOMS, "meshes"])
+    assert sorted(stubs) == ROOMS
     menu = (ROOT / "mkdocs.yml").read_text(encoding="utf-8")
     for room, stub in stubs.items():
-        assert stub.endswith(f"::: {'' if room == 'meshes' else 'pipeline.'}{room}\n")
+        assert stub.endswith(f"::: fmd.{room}\n")
         assert f"{room}: api/{room}.md\n" in menu
 
 

@@ -6,8 +6,8 @@ import re
 import tomllib
 from pathlib import Path
 
-from pipeline import __version__
-from pipeline.cli.doctor_checks import DEBIAN_PACKAGES
+from fmd import __version__
+from fmd.cli.doctor_checks import DEBIAN_PACKAGES
 
 ROOT = Path(__file__).parent.parent
 

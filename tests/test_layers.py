@@ -17,13 +17,15 @@ from typing import NamedTuple
 import pytest
 
 ROOT = Path(__file__).parent.parent
+PACKAGES = ("fmd", "fmd/meshes", "fmd/models")  # the last two are links to folders at the root
 MOST_LINES = 420  # most files have less than 250
 
 _PHYSICS = ["fem", "reduction", "dynamics", "integrators", "recovery", "stability", "responses"]
-# The folders of `pipeline` that each may import, beside itself.
+# The rooms of `fmd` that each may import, beside itself.
 MAY_IMPORT: dict[str, set[str]] = {"core": set(), "scene": {"core"}, "render": {"core"}}
 MAY_IMPORT |= {folder: {"core", *_PHYSICS[:k]} for k, folder in enumerate(_PHYSICS)}
-MAY_IMPORT["stages"] = {"core", "scene", *_PHYSICS}
+MAY_IMPORT["meshes"] = set()
+MAY_IMPORT["stages"] = {"core", "scene", "meshes", *_PHYSICS}
 MAY_IMPORT["accuracy"] = {"stages", *MAY_IMPORT["stages"]}
 MAY_IMPORT["output"] = {"accuracy", "render", *MAY_IMPORT["accuracy"]}
 MAY_IMPORT |= {folder: {"output", *MAY_IMPORT["output"]} for folder in ("bench", "verification", "sweep")}
@@ -31,26 +33,25 @@ MAY_IMPORT["cli"] = {"bench", "verification", "sweep", *MAY_IMPORT["bench"]}
 
 # Packages that only one place may load.
 OWNERS = {
-    "gmsh": "meshes",
-    "skfem": "pipeline.fem",
-    "meshio": "pipeline.fem",
-    "pyvista": "pipeline.render",
-    "vtk": "pipeline.render",
-    "vtkmodules": "pipeline.render",
-    "matplotlib": "pipeline.render",
-    "petsc4py": "pipeline.reduction.factor",
-    "slepc4py": "pipeline.reduction.factor",
-    "meshes": "pipeline.stages.meshing",
+    "gmsh": "fmd.meshes",
+    "skfem": "fmd.fem",
+    "meshio": "fmd.fem",
+    "pyvista": "fmd.render",
+    "vtk": "fmd.render",
+    "vtkmodules": "fmd.render",
+    "matplotlib": "fmd.render",
+    "petsc4py": "fmd.reduction.factor",
+    "slepc4py": "fmd.reduction.factor",
 }
-# Packages that take 50 ms or more to load, so that an import inside a function pays; `meshes` brings Gmsh.
+# Packages that take 50 ms or more to load, so that an import inside a function pays.
 HEAVY = {
     *("control", "cvxopt", "dask", "distributed", "filelock", "gmsh", "h5py", "imageio", "jinja2", "joblib"),
-    *("fmpy", "llvmlite", "meshes"),
+    *("fmpy", "llvmlite"),
     *("matplotlib", "meshio", "numba", "petsc4py", "pint", "psutil", "pymetis", "pyvista", "rich", "scipy", "skfem"),
     *("slepc4py", "vtk", "vtkmodules", "xarray"),
 }
 MISSING_ON_SOME_SYSTEMS = {"resource"}
-# `fmd --help` and `import pipeline` load nothing but the standard library and the command line's own package.
+# `fmd --help` and `import fmd` load nothing but the standard library and the command line's own package.
 HEAVY_FOR_COMMANDS = HEAVY | {"numpy", "pydantic"}
 
 Sources = Mapping[str, str]
@@ -64,11 +65,11 @@ class Import(NamedTuple):
     where: str
 
 
-def read_sources(*folders: str) -> dict[str, str]:
-    """Return the sources of all modules in some folders, by dotted name."""
+def read_sources(base: Path, *folders: str) -> dict[str, str]:
+    """Return the sources of all modules in some folders below a base, by dotted name."""
     sources = {}
-    for path in sorted(path for folder in folders for path in (ROOT / folder).rglob("*.py")):
-        parts = path.relative_to(ROOT).with_suffix("").parts
+    for path in sorted(path for folder in folders for path in (base / folder).rglob("*.py")):
+        parts = path.relative_to(base).with_suffix("").parts
         sources[".".join(parts[:-1] if parts[-1] == "__init__" else parts)] = path.read_text(encoding="utf-8")
     return sources
 
@@ -104,9 +105,9 @@ def inside(module: str, package: str) -> bool:
 
 
 def folder_of(module: str) -> str:
-    """The folder of `pipeline` that a module is in; empty for the package itself and what isn't of it."""
+    """The room of `fmd` that a module is in; empty for the package itself and what isn't of it."""
     parts = module.split(".")
-    return parts[1] if parts[0] == "pipeline" and len(parts) > 1 else ""
+    return parts[1] if parts[0] == "fmd" and len(parts) > 1 else ""
 
 
 def breaches_of_layers(sources: Sources) -> Iterator[str]:
@@ -116,8 +117,6 @@ def breaches_of_layers(sources: Sources) -> Iterator[str]:
             other = folder_of(name)
             if name.startswith("."):
                 yield f"{module}:{line} has a relative import; write it out"
-            elif inside(name, "pipeline") and not inside(module, "pipeline"):
-                yield f"{module}:{line} imports {name}, which stands above it"
             elif folder in MAY_IMPORT and other in MAY_IMPORT and other not in {folder, *MAY_IMPORT[folder]}:
                 yield f"{module}:{line} imports {name}, which doesn't stand below it"
 
@@ -148,7 +147,7 @@ def needless_late_imports(sources: Sources) -> Iterator[str]:
     """An import stands inside a function only if it loads, or leads to loading, a heavy package."""
     loads = {module: {i.name for i in imports_of(sources, module) if i.where == "top"} for module in sources}
     for module in sources:
-        heavy = HEAVY_FOR_COMMANDS if module == "pipeline" or folder_of(module) == "cli" else HEAVY
+        heavy = HEAVY_FOR_COMMANDS if module == "fmd" or folder_of(module) == "cli" else HEAVY
         for name, line, where in imports_of(sources, module):
             if where == "function" and not _leads_to(name, heavy | MISSING_ON_SOME_SYSTEMS, loads):
                 yield f"{module}:{line} imports {name} inside a function, which loads nothing heavy"
@@ -177,9 +176,9 @@ def classes_of_one_name(sources: Sources) -> Iterator[str]:
 def misplaced_modules(sources: Sources) -> Iterator[str]:
     for module in sources:
         folder = folder_of(module)
-        if folder and folder not in (*MAY_IMPORT, "__main__"):
+        if folder and folder not in (*MAY_IMPORT, "models", "__main__"):
             yield f"{module} is in no layer"
-        elif folder in MAY_IMPORT and module == f"pipeline.{folder}" and _statements(sources[module]) > 1:
+        elif folder in MAY_IMPORT and module == f"fmd.{folder}" and _statements(sources[module]) > 1:
             yield f"{module} holds more than its docstring"
 
 
@@ -252,42 +251,41 @@ RULES: list[Callable[[Sources], Iterator[str]]] = [
 
 @pytest.mark.parametrize("rule", RULES, ids=lambda rule: rule.__name__)
 def test_the_project_keeps_the_rule(rule: Callable[[Sources], Iterator[str]]) -> None:
-    assert not (faults := [*rule(read_sources("meshes", "pipeline"))]), "\n".join(["", *faults])
+    assert not (faults := [*rule(read_sources(ROOT / "pipeline", *PACKAGES))]), "\n".join(["", *faults])
 
 
 def test_every_test_asserts() -> None:
-    assert not (faults := [*assertionless_tests(read_sources("tests"))]), "\n".join(["", *faults])
+    assert not (faults := [*assertionless_tests(read_sources(ROOT, "tests"))]), "\n".join(["", *faults])
 
 
 @pytest.mark.parametrize(
     ("rule", "sources", "fault"),
     [
-        (breaches_of_layers, {"pipeline.fem.mesh": "import pipeline.scene.scene"}, "doesn't stand below it"),
-        (breaches_of_layers, {"pipeline.core.a": "def f():\n    import pipeline.fem.b"}, "pipeline.core.a:2 imports"),
-        (breaches_of_layers, {"pipeline.render.a": "if TYPE_CHECKING:\n    import pipeline.fem.b"}, "pipeline.fem.b"),
-        (breaches_of_layers, {"pipeline.stages.a": "import pipeline.render.b"}, "pipeline.render.b"),
-        (breaches_of_layers, {"meshes.bar": "import pipeline.core.errors"}, "which stands above it"),
-        (breaches_of_layers, {"pipeline.fem.a": "from . import b"}, "relative import"),
-        (breaches_of_ownership, {"pipeline.stages.meshing": "import gmsh"}, "gmsh, which belongs to meshes"),
-        (breaches_of_ownership, {"pipeline.stages.part": "from meshes.bar import b"}, "pipeline.stages.meshing"),
-        (breaches_of_ownership, {"pipeline.output.a": "from matplotlib.figure import F"}, "belongs to pipeline.render"),
-        (circles, {"pipeline.fem.a": "import pipeline.fem.b", "pipeline.fem.b": "import pipeline.fem.a"}, " <- "),
+        (breaches_of_layers, {"fmd.fem.mesh": "import fmd.scene.scene"}, "doesn't stand below it"),
+        (breaches_of_layers, {"fmd.core.a": "def f():\n    import fmd.fem.b"}, "fmd.core.a:2 imports"),
+        (breaches_of_layers, {"fmd.render.a": "if TYPE_CHECKING:\n    import fmd.fem.b"}, "fmd.fem.b"),
+        (breaches_of_layers, {"fmd.stages.a": "import fmd.render.b"}, "fmd.render.b"),
+        (breaches_of_layers, {"fmd.meshes.bar": "import fmd.core.errors"}, "doesn't stand below it"),
+        (breaches_of_layers, {"fmd.fem.a": "from . import b"}, "relative import"),
+        (breaches_of_ownership, {"fmd.stages.meshing": "import gmsh"}, "gmsh, which belongs to fmd.meshes"),
+        (breaches_of_ownership, {"fmd.output.a": "from matplotlib.figure import F"}, "belongs to fmd.render"),
+        (circles, {"fmd.fem.a": "import fmd.fem.b", "fmd.fem.b": "import fmd.fem.a"}, " <- "),
         (
             circles,
             {"p.a": "import p.b", "p.b": "def f():\n    import p.c", "p.c": "if TYPE_CHECKING:\n    import p.a"},
             "p.a <- p.c <- p.b <- p.a",
         ),
-        (needless_late_imports, {"pipeline.fem.a": "def f():\n    import json"}, "json inside a function"),
+        (needless_late_imports, {"fmd.fem.a": "def f():\n    import json"}, "json inside a function"),
         (
             needless_late_imports,
-            {"pipeline.fem.a": "def f():\n    from pipeline.fem import b", "pipeline.fem.b": "import numpy"},
-            "pipeline.fem.b inside a function",
+            {"fmd.fem.a": "def f():\n    from fmd.fem import b", "fmd.fem.b": "import numpy"},
+            "fmd.fem.b inside a function",
         ),
         (classes_of_one_name, {"a": "class Row: ...", "b": "class Row: ..."}, "Row is a class of a and of b"),
-        (misplaced_modules, {"pipeline.tools": ""}, "pipeline.tools is in no layer"),
-        (misplaced_modules, {"pipeline.fem": "'''Doc.'''\nimport pipeline.fem.mesh"}, "more than its docstring"),
-        (long_files, {"pipeline.fem.a": "\n" * (MOST_LINES + 1)}, f"{MOST_LINES + 1} lines"),
-        (prints, {"pipeline.fem.a": "print(1)"}, "calls print"),
+        (misplaced_modules, {"fmd.tools": ""}, "fmd.tools is in no layer"),
+        (misplaced_modules, {"fmd.fem": "'''Doc.'''\nimport fmd.fem.mesh"}, "more than its docstring"),
+        (long_files, {"fmd.fem.a": "\n" * (MOST_LINES + 1)}, f"{MOST_LINES + 1} lines"),
+        (prints, {"fmd.fem.a": "print(1)"}, "calls print"),
         (assertionless_tests, {"tests.test_a": "def test_f(): g()\ndef g(): pass"}, "test_f asserts nothing"),
     ],
 )
@@ -299,13 +297,13 @@ def test_a_rule_finds_its_fault(rule: Callable[[Sources], Iterator[str]], source
 @pytest.mark.parametrize(
     "sources",
     [
-        {"meshes.bar": "import gmsh\nfrom meshes.ring import cells"},
-        {"pipeline.stages.meshing": "def f():\n    import meshes.bar", "meshes.bar": "import gmsh"},
-        {"pipeline.render.film": "import pyvista\nfrom pipeline.core.files import whole_file"},
-        {"pipeline.cli.a": "def f():\n    import pipeline.stages.b", "pipeline.stages.b": "import numpy"},
-        {"pipeline.output.a": "def f():\n    import pipeline.recovery.b", "pipeline.recovery.b": "import scipy.linalg"},
-        {"pipeline.cli.a": "print(1)"},
-        {"meshes.cad": "if __name__ == '__main__':\n    print(1)"},
+        {"fmd.meshes.bar": "import gmsh\nfrom fmd.meshes.ring import cells"},
+        {"fmd.stages.meshing": "def f():\n    import fmd.meshes.bar", "fmd.meshes.bar": "import gmsh"},
+        {"fmd.render.film": "import pyvista\nfrom fmd.core.files import whole_file"},
+        {"fmd.cli.a": "def f():\n    import fmd.stages.b", "fmd.stages.b": "import numpy"},
+        {"fmd.output.a": "def f():\n    import fmd.recovery.b", "fmd.recovery.b": "import scipy.linalg"},
+        {"fmd.cli.a": "print(1)"},
+        {"fmd.meshes.cad": "if __name__ == '__main__':\n    print(1)"},
         {"tests.test_a": "def test_f(): g()\ndef g(): h()\ndef h(): assert True"},
     ],
 )

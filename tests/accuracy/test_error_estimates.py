@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 
-from pipeline.accuracy.error_estimates import (
+from fmd.accuracy.error_estimates import (
     NO_PART,
     Quantity,
     Row,
@@ -12,9 +12,9 @@ from pipeline.accuracy.error_estimates import (
     shifted_frequencies,
     soften_body,
 )
-from pipeline.accuracy.matching import find_counterparts, match_shapes
-from pipeline.reduction.body import FlexibleBody, MarkerShapes
-from pipeline.reduction.inertia import inertia_gram
+from fmd.accuracy.matching import find_counterparts, match_shapes
+from fmd.reduction.body import FlexibleBody, MarkerShapes
+from fmd.reduction.inertia import inertia_gram
 
 T = np.linspace(0.0, 1.0, 101)
 

@@ -5,11 +5,11 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from pipeline import Pipeline, load_scene
-from pipeline.accuracy.error_budget import ERROR_BUDGET
-from pipeline.accuracy.error_estimates import NO_PART
-from pipeline.accuracy.estimators import Estimates, _change_fineness, _root_mean_square, _with_diagonal
-from pipeline.core.cache import Cache
+from fmd import Pipeline, load_scene
+from fmd.accuracy.error_budget import ERROR_BUDGET
+from fmd.accuracy.error_estimates import NO_PART
+from fmd.accuracy.estimators import Estimates, _change_fineness, _root_mean_square, _with_diagonal
+from fmd.core.cache import Cache
 
 ROD = ["simulation.duration=1 s", 'simulation.run=[{integrator="central-difference", step="4 ms"}]']
 

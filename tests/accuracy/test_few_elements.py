@@ -5,9 +5,9 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from pipeline import Pipeline, load_scene
-from pipeline.accuracy.coarse_mesh import make_pair_across
-from pipeline.accuracy.error_budget import ERROR_BUDGET
+from fmd import Pipeline, load_scene
+from fmd.accuracy.coarse_mesh import make_pair_across
+from fmd.accuracy.error_budget import ERROR_BUDGET
 
 LENGTH, DEPTH, WIDTH, E, RHO = 1.2, 0.02, 0.06, 70e9, 2700.0
 BAR = f"""

@@ -6,13 +6,13 @@ from typing import Any
 import numpy as np
 import pytest
 
-from pipeline import Pipeline, load_scene
-from pipeline.accuracy.error_budget import state_errors
-from pipeline.accuracy.error_estimates import MORE_OF_MODEL, SAFETY, Row
-from pipeline.accuracy.model_errors import ModelErrors
-from pipeline.accuracy.stretching import stiffening_by_stretch
-from pipeline.core.cache import Cache
-from pipeline.output.summary import summarise
+from fmd import Pipeline, load_scene
+from fmd.accuracy.error_budget import state_errors
+from fmd.accuracy.error_estimates import MORE_OF_MODEL, SAFETY, Row
+from fmd.accuracy.model_errors import ModelErrors
+from fmd.accuracy.stretching import stiffening_by_stretch
+from fmd.core.cache import Cache
+from fmd.output.summary import summarise
 
 pytestmark = pytest.mark.slow
 

@@ -6,12 +6,12 @@ import numpy as np
 import pytest
 from scipy.integrate import solve_ivp
 
-from pipeline import Pipeline, load_scene
-from pipeline.accuracy.error_budget import state_errors
-from pipeline.accuracy.error_estimates import OrientationQuantity, Quantity
-from pipeline.accuracy.quantities import motion_quantities
-from pipeline.core.cache import Cache
-from pipeline.core.rotations import quaternion_of_matrix, rotation_matrix
+from fmd import Pipeline, load_scene
+from fmd.accuracy.error_budget import state_errors
+from fmd.accuracy.error_estimates import OrientationQuantity, Quantity
+from fmd.accuracy.quantities import motion_quantities
+from fmd.core.cache import Cache
+from fmd.core.rotations import quaternion_of_matrix, rotation_matrix
 
 INERTIA, SPIN, DURATION = np.array([1e-3, 2e-3, 2.5e-3]), np.array([1e-4, 12.0, 1e-4]), 6.0
 TUMBLE = f"""

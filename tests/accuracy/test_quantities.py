@@ -3,8 +3,8 @@
 import numpy as np
 import pytest
 
-from pipeline import Pipeline, load_scene
-from pipeline.accuracy.quantities import mesh_quantities, motion_quantities, stress_quantities
+from fmd import Pipeline, load_scene
+from fmd.accuracy.quantities import mesh_quantities, motion_quantities, stress_quantities
 
 QUICK = ["body.beam.mesh.divisions=[12, 2, 1]", "simulation.duration=20 ms"]
 

@@ -7,15 +7,15 @@ from typing import ClassVar
 import numpy as np
 import pytest
 
-from pipeline import Pipeline, load_scene
-from pipeline.accuracy import refinement as accuracy
-from pipeline.accuracy.error_budget import ERROR_BUDGET, Budget, true_errors
-from pipeline.accuracy.error_estimates import NO_PART, SOURCES, Row
-from pipeline.accuracy.refinement import meet_accuracy
-from pipeline.cli.app import main
-from pipeline.core.cache import Cache
-from pipeline.core.errors import InputError
-from pipeline.scene.variants import refine_meshes
+from fmd import Pipeline, load_scene
+from fmd.accuracy import refinement as accuracy
+from fmd.accuracy.error_budget import ERROR_BUDGET, Budget, true_errors
+from fmd.accuracy.error_estimates import NO_PART, SOURCES, Row
+from fmd.accuracy.refinement import meet_accuracy
+from fmd.cli.app import main
+from fmd.core.cache import Cache
+from fmd.core.errors import InputError
+from fmd.scene.variants import refine_meshes
 
 QUICK = ("simulation.duration=0.1 s", "simulation.output_step=1 ms", "body.beam.mesh.divisions=[24, 2, 1]")
 
@@ -98,7 +98,7 @@ def test_what_is_given_up_is_named_and_the_status_is_3(tmp_path, capsys, monkeyp
         only = accuracy.Round({"bodies": {}, "integration_error": 0.1}, rows[0], {}, (rate,))
         return accuracy.Refinement(run, (only,), 0)
 
-    monkeypatch.setattr("pipeline.output.write.meet_accuracy", meets)
+    monkeypatch.setattr("fmd.output.write.meet_accuracy", meets)
     overrides = ["--set", "accuracy=0.1 %", "--set", "simulation.duration=1 s"]
     with pytest.raises(SystemExit) as stop:
         main(["run", "rod-slider", *overrides, "--no-pictures", "--out", str(tmp_path)])

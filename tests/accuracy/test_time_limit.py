@@ -2,12 +2,12 @@
 
 import pytest
 
-from pipeline import Pipeline, load_scene
-from pipeline.accuracy import time_limit
-from pipeline.accuracy.error_budget import ERROR_BUDGET, allowed_seconds, state_errors
-from pipeline.accuracy.error_estimates import MORE_OF_MESH, MORE_OF_MODEL
-from pipeline.accuracy.time_limit import LeftOutError, TimeLimit
-from pipeline.core.cache import Cache
+from fmd import Pipeline, load_scene
+from fmd.accuracy import time_limit
+from fmd.accuracy.error_budget import ERROR_BUDGET, allowed_seconds, state_errors
+from fmd.accuracy.error_estimates import MORE_OF_MESH, MORE_OF_MODEL
+from fmd.accuracy.time_limit import LeftOutError, TimeLimit
+from fmd.core.cache import Cache
 
 BEAM = [
     "body.beam.mesh.divisions=[8, 1, 1]",

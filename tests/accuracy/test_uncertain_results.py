@@ -5,12 +5,12 @@ from typing import Any
 
 import pytest
 
-from pipeline import Pipeline, load_scene
-from pipeline.accuracy.error_budget import Budget
-from pipeline.accuracy.time_limit import TIME_IS_SHORT
-from pipeline.core.cache import Cache
-from pipeline.output.key_figures import largest_stress
-from pipeline.output.summary import _budget_warnings, summarise
+from fmd import Pipeline, load_scene
+from fmd.accuracy.error_budget import Budget
+from fmd.accuracy.time_limit import TIME_IS_SHORT
+from fmd.core.cache import Cache
+from fmd.output.key_figures import largest_stress
+from fmd.output.summary import _budget_warnings, summarise
 
 LENGTH, RATE, DENSITY = 1.0, 20.0, 2700.0
 TURNING = f"""

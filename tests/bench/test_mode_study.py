@@ -6,10 +6,10 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from pipeline import Pipeline, load_scene
-from pipeline.bench.mode_study import STUDIES, ConvergedFrequencies, ModeStudyRow, extrapolate, fastest, write_study
-from pipeline.cli.app import main
-from pipeline.core.cache import Cache
+from fmd import Pipeline, load_scene
+from fmd.bench.mode_study import STUDIES, ConvergedFrequencies, ModeStudyRow, extrapolate, fastest, write_study
+from fmd.cli.app import main
+from fmd.core.cache import Cache
 
 pytestmark = pytest.mark.slow
 

@@ -4,8 +4,8 @@ from pathlib import Path
 
 import pytest
 
-from pipeline.bench.stress_test import march_all, march_case, write_rows
-from pipeline.core.cache import Cache
+from fmd.bench.stress_test import march_all, march_case, write_rows
+from fmd.core.cache import Cache
 
 pytestmark = pytest.mark.slow
 

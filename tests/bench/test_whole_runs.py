@@ -7,8 +7,8 @@ from pathlib import Path
 
 import pytest
 
-from pipeline.bench.whole_runs import StageRow, _run, write_stages
-from pipeline.core.errors import AccuracyError
+from fmd.bench.whole_runs import StageRow, _run, write_stages
+from fmd.core.errors import AccuracyError
 
 
 def test_a_run_that_fails_is_reported_with_its_last_line() -> None:
@@ -20,7 +20,7 @@ def test_a_run_that_fails_is_reported_with_its_last_line() -> None:
 def test_a_runs_size_is_that_of_its_own_process() -> None:
     """Asked by a small process: a child counts as large as its parent was when it began."""
     measure = (
-        "import sys; from pipeline.bench.whole_runs import _run; "
+        "import sys; from fmd.bench.whole_runs import _run; "
         "print(_run('beam', [sys.executable, '-c', \"kept = bytearray(200_000_000); print('{}')\"], {})[2])"
     )
     done = subprocess.run([sys.executable, "-c", measure], capture_output=True, text=True, check=True)

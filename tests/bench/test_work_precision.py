@@ -8,10 +8,10 @@ import json
 import numpy as np
 import pytest
 
-from pipeline import Pipeline, load_scene
-from pipeline.bench.integrators import compare_on_scene
-from pipeline.cli.app import main
-from pipeline.core.errors import AccuracyError
+from fmd import Pipeline, load_scene
+from fmd.bench.integrators import compare_on_scene
+from fmd.cli.app import main
+from fmd.core.errors import AccuracyError
 
 SHORT = ["simulation.duration=25 ms"]
 
@@ -48,7 +48,7 @@ def test_errors_fall_at_least_at_the_declared_order(result, name, order):
 
 def test_a_reference_that_cannot_be_confirmed_stops_the_comparison():
     run = Pipeline(load_scene("beam", SHORT))
-    from pipeline.bench.work_precision import Errors, compare
+    from fmd.bench.work_precision import Errors, compare
 
     times = np.linspace(0, 0.01, 3)
     with pytest.raises(AccuracyError, match=r"two references differ by 1\.0e\+00, above 1e-08"):

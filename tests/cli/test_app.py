@@ -6,7 +6,7 @@ from importlib import import_module
 
 import pytest
 
-from pipeline.cli import app
+from fmd.cli import app
 
 
 def test_a_missing_scene_names_the_ready_ones(fmd, capsys):
@@ -15,7 +15,7 @@ def test_a_missing_scene_names_the_ready_ones(fmd, capsys):
 
 
 def test_a_failed_check_ends_with_status_3_and_its_figure(fmd, capsys, monkeypatch):
-    monkeypatch.setattr("pipeline.reduction.eigen.RESIDUAL_LIMIT", 0.0)
+    monkeypatch.setattr("fmd.reduction.eigen.RESIDUAL_LIMIT", 0.0)
     assert fmd("modes", "beam", "--no-cache") == 3
     assert "residual" in capsys.readouterr().err
 
@@ -23,7 +23,7 @@ def test_a_failed_check_ends_with_status_3_and_its_figure(fmd, capsys, monkeypat
 def test_every_command_has_a_module_of_its_name():
     for place in app._COMMANDS:
         module, _, function = place.partition(":")
-        assert callable(getattr(import_module(f"pipeline.cli.{module}"), function))
+        assert callable(getattr(import_module(f"fmd.cli.{module}"), function))
         assert module == function
 
 
@@ -38,7 +38,7 @@ def test_an_interrupt_and_a_full_disk_are_one_message(fmd, capsys, monkeypatch, 
     def fail(*_):
         raise error
 
-    monkeypatch.setattr("pipeline.cli.inputs.load_scene", fail)
+    monkeypatch.setattr("fmd.cli.inputs.load_scene", fail)
     assert fmd("modes", "beam") == status
     assert capsys.readouterr().err == message
 
@@ -47,6 +47,6 @@ def test_a_fault_of_the_program_is_not_hidden(fmd, monkeypatch):
     def fail(*_):
         raise ZeroDivisionError
 
-    monkeypatch.setattr("pipeline.cli.inputs.load_scene", fail)
+    monkeypatch.setattr("fmd.cli.inputs.load_scene", fail)
     with pytest.raises(ZeroDivisionError):
         fmd("modes", "beam")

@@ -9,9 +9,9 @@ from pathlib import Path
 
 import pytest
 
-from pipeline.cli import doctor_checks as doctor
-from pipeline.cli import start_times
-from pipeline.render import rendering_check as probe
+from fmd.cli import doctor_checks as doctor
+from fmd.cli import start_times
+from fmd.render import rendering_check as probe
 
 pytestmark = pytest.mark.slow
 
@@ -100,7 +100,7 @@ def test_cores_and_threads_are_reported(monkeypatch: pytest.MonkeyPatch) -> None
 
 def test_the_doctor_loads_neither_gmsh_nor_pyvista(tmp_path: Path) -> None:
     code = (
-        "import sys, pathlib; from pipeline.cli import doctor_checks; "
+        "import sys, pathlib; from fmd.cli import doctor_checks; "
         "doctor_checks.find_problems(pathlib.Path(sys.argv[1])); "
         "sys.exit(str({'gmsh', 'pyvista', 'vtkmodules', 'matplotlib'} & set(sys.modules) or ''))"
     )

@@ -8,14 +8,14 @@ import numpy as np
 import pytest
 import scipy.sparse as sp
 
-from pipeline.output.formats import _WRITERS
-from pipeline.reduction.body_file import load_body
-from pipeline.reduction.equivalent_model import equivalent_model, modes_of
-from pipeline.reduction.formats.exudyn_file import read_exudyn
-from pipeline.reduction.formats.mbdyn_file import read_mbdyn
-from pipeline.reduction.formats.netcdf_file import read_netcdf
-from pipeline.reduction.formats.sid_file import read_sid
-from pipeline.scene.outputs import EXPORT_FORMATS, MECHANISM_FORMATS, Export
+from fmd.output.formats import _WRITERS
+from fmd.reduction.body_file import load_body
+from fmd.reduction.equivalent_model import equivalent_model, modes_of
+from fmd.reduction.formats.exudyn_file import read_exudyn
+from fmd.reduction.formats.mbdyn_file import read_mbdyn
+from fmd.reduction.formats.netcdf_file import read_netcdf
+from fmd.reduction.formats.sid_file import read_sid
+from fmd.scene.outputs import EXPORT_FORMATS, MECHANISM_FORMATS, Export
 
 PART = """title = "part"
 [body.a]

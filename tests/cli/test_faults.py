@@ -45,13 +45,13 @@ STAGES = ("mesh", "assembly", "modes", "body", "motion", "surface", "stress")
 KEPT = ("mesh", "modes", "body", "surface", "stress")  # those that the cache keeps
 FILES = len(KEPT) + 2  # at least: and the motion and the summary
 
-FMD = (sys.executable, "-c", "from pipeline.cli.app import main; main()")
+FMD = (sys.executable, "-c", "from fmd.cli.app import main; main()")
 
 # Forks a child for each line: it runs the command line with a cache of its own, and dies where the order says.
 SERVER = """
 import json, os, signal, sys
-from pipeline.cli.app import main
-from pipeline.stages.store import StageStore
+from fmd.cli.app import main
+from fmd.stages.store import StageStore
 
 def die(*_):
     os.kill(os.getpid(), signal.SIGKILL)

@@ -14,13 +14,13 @@ pytestmark = pytest.mark.slow
 
 LISTING = """
 import json, sys
-from pipeline.cli.app import main
+from fmd.cli.app import main
 try:
     main()
 except SystemExit as stop:
     assert not stop.code
 print("\\n" + json.dumps(sorted({name.partition(".")[0] for name in sys.modules} | {
-    ".".join(name.split(".")[:2]) for name in sys.modules if name.startswith(("pipeline.", "scipy."))})))
+    ".".join(name.split(".")[:2]) for name in sys.modules if name.startswith(("fmd.", "scipy."))})))
 """
 QUICK = ["--set", "body.beam.mesh.divisions=[24, 2, 1]", "--set", "simulation.duration=50 ms"]
 
@@ -70,7 +70,7 @@ def test_help_loads_nothing_heavy(modules):
 def test_modes_load_neither_pictures_nor_integrators(modules):
     loaded = modules("modes", "beam", "--no-cache")
     assert "skfem" in loaded
-    assert not loaded & {"pyvista", "matplotlib", "numba", "xarray", "pipeline.integrators", "pipeline.dynamics"}
+    assert not loaded & {"pyvista", "matplotlib", "numba", "xarray", "fmd.integrators", "fmd.dynamics"}
 
 
 def test_a_run_without_pictures_loads_neither_pyvista_nor_matplotlib(cold_run):
@@ -90,8 +90,8 @@ def test_a_run_draws_in_another_process(modules, tmp_path):
 def test_modes_of_a_scene_that_was_run_load_little_more_than_numpy(modules):
     loaded = modules("modes", "beam", *QUICK)
     assert "numpy" in loaded
-    meshing = {"gmsh", "meshes", "skfem", "meshio", "pipeline.fem.model", "pipeline.fem.assembly"}
-    assert not loaded & {*meshing, "pint", "dask", "numba", "pyvista", "matplotlib", "xarray", "pipeline.integrators"}
+    meshing = {"gmsh", "fmd.meshes", "skfem", "meshio", "fmd.fem.model", "fmd.fem.assembly"}
+    assert not loaded & {*meshing, "pint", "dask", "numba", "pyvista", "matplotlib", "xarray", "fmd.integrators"}
     assert not loaded & {"scipy", "joblib"}
 
 
@@ -99,7 +99,7 @@ def test_modes_of_a_scene_that_was_run_load_little_more_than_numpy(modules):
 def test_a_second_run_loads_little_but_numpy_and_the_kernels(modules, tmp_path):
     warm = modules("run", "beam", *QUICK, "--no-pictures", "--out", str(tmp_path))
     assert (tmp_path / "motion.nc").exists()
-    assert not warm & {"gmsh", "meshes", "skfem", "meshio", "pyvista", "matplotlib"}
+    assert not warm & {"gmsh", "fmd.meshes", "skfem", "meshio", "pyvista", "matplotlib"}
     assert not warm & {"xarray", "pandas", "dask", "distributed", "joblib", "pint"}
     # Numba itself loads the package scipy, which is empty but for its version.
     assert not warm & {f"scipy.{name}" for name in ("linalg", "sparse", "optimize", "spatial", "io", "interpolate")}
@@ -114,4 +114,4 @@ def test_the_package_itself_loads_nothing_heavy():
 def test_a_rigid_scene_loads_neither_gmsh_nor_scikit_fem(modules, tmp_path):
     loaded = modules("run", "rod-slider", "--no-pictures", "--set", "simulation.duration=1 s", "--out", str(tmp_path))
     assert "numba" in loaded
-    assert not loaded & {"gmsh", "meshes", "skfem", "meshio", "pipeline.fem.model", "pyvista", "matplotlib"}
+    assert not loaded & {"gmsh", "fmd.meshes", "skfem", "meshio", "fmd.fem.model", "pyvista", "matplotlib"}

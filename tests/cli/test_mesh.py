@@ -37,7 +37,7 @@ def test_mesh_refuses_an_unknown_format(fmd, tmp_path, capsys):
 @pytest.fixture
 def tube(tmp_path):
     """A STEP file of a tube of 20 and 12 mm radius and 30 mm length."""
-    from meshes.gmsh_session import gmsh_model
+    from fmd.meshes.gmsh_session import gmsh_model
 
     with gmsh_model("tube") as gmsh:
         gmsh.option.setString("Geometry.OCCTargetUnit", "MM")  # else that of the model before may be written

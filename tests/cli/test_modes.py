@@ -32,7 +32,7 @@ def test_rigid_scenes_have_nothing_to_mesh(fmd, capsys):
 
 
 def test_each_flexible_body_has_a_table_of_its_frequencies(fmd, tmp_path, capsys):
-    scene = (files("models") / "beam.toml").read_text()
+    scene = (files("fmd.models") / "beam.toml").read_text()
     second = scene[scene.index("[body.beam]") : scene.index("[joint.hub]")].replace("body.beam", "body.other")
     joint = scene[scene.index("[joint.hub]") : scene.index("[drive")].replace("hub", "other").replace("beam.", "other.")
     path = tmp_path / "two.toml"

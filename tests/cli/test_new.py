@@ -10,10 +10,10 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from pipeline import Pipeline
-from pipeline.cli.app import app
-from pipeline.scene.reading import list_ready_scenes
-from pipeline.scene.scene import load_scene
+from fmd import Pipeline
+from fmd.cli.app import app
+from fmd.scene.reading import list_ready_scenes
+from fmd.scene.scene import load_scene
 
 
 @pytest.mark.slow
@@ -37,7 +37,7 @@ def test_a_ready_scene_can_be_the_start(fmd, tmp_path):
 
 
 def test_a_tube_from_cad_is_held_at_its_end_not_at_its_whole_bore(fmd, tmp_path):
-    from meshes.gmsh_session import gmsh_model
+    from fmd.meshes.gmsh_session import gmsh_model
 
     with gmsh_model("tube") as gmsh:
         gmsh.option.setString("Geometry.OCCTargetUnit", "MM")
@@ -53,7 +53,7 @@ def test_a_tube_from_cad_is_held_at_its_end_not_at_its_whole_bore(fmd, tmp_path)
 
 def test_a_scene_for_a_cad_part_has_its_faces_as_markers_and_runs(fmd, tmp_path, capsys):
     """The marker of the hole is on the cylinder, and the part is as heavy as its volume says."""
-    from meshes.gmsh_session import gmsh_model
+    from fmd.meshes.gmsh_session import gmsh_model
 
     with gmsh_model("lug") as gmsh:
         gmsh.option.setString("Geometry.OCCTargetUnit", "MM")  # else that of the model before may be written

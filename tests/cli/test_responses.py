@@ -11,7 +11,7 @@ import numpy as np
 import pytest
 import xarray
 
-from pipeline import load_scene
+from fmd import load_scene
 
 SMALL = ("--set", "body.plate.mesh.divisions=[6,4,2]")
 REDUCED = """

@@ -143,7 +143,7 @@ def test_a_machine_that_cannot_draw_is_refused_before_anything_is_integrated(fmd
     program.write_text("#!/bin/sh\nkill -SEGV $$\n")
     program.chmod(0o755)
     monkeypatch.setattr(sys, "executable", str(program))
-    monkeypatch.setattr("pipeline.stages.pipeline.Pipeline.motions", property(lambda run: pytest.fail("integrated")))
+    monkeypatch.setattr("fmd.stages.pipeline.Pipeline.motions", property(lambda run: pytest.fail("integrated")))
     assert fmd("run", "beam", *QUICK, "--out", str(tmp_path / "out")) == 2
     said = capsys.readouterr().err
     assert "drawing off-screen died of SIGSEGV" in said

@@ -7,7 +7,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from pipeline.cli.app import main
+from fmd.cli.app import main
 
 Answer = Callable[..., dict]
 

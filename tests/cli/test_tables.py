@@ -2,7 +2,7 @@
 
 import pytest
 
-from pipeline.cli.tables import new_table, open_console
+from fmd.cli.tables import new_table, open_console
 
 WORDS = ["a quantity with a rather long name", "another one that goes on for quite a while", "x" * 60, "y" * 60]
 

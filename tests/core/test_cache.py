@@ -9,8 +9,8 @@ from typing import Any
 import numpy as np
 import pytest
 
-from pipeline.core.cache import Cache, stage_key
-from pipeline.core.files import whole_file
+from fmd.core.cache import Cache, stage_key
+from fmd.core.files import whole_file
 
 VALUE = {"numbers": np.arange(10.0), "names": ("a", "b"), "nothing": None}
 
@@ -139,20 +139,20 @@ def test_no_folder_keeps_nothing(tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 def test_a_key_names_its_stage_and_comes_out_the_same_each_time() -> None:
     inputs = {"length": 0.34, "mesh": {"order": 2, "divisions": [48, 4, 2]}}
     again = {"mesh": {"divisions": [48, 4, 2], "order": 2}, "length": 0.34}  # the order of keys means nothing
-    key = stage_key("mesh", inputs, ("meshes",), ("numpy",))
+    key = stage_key("mesh", inputs, ("fmd/meshes",), ("numpy",))
     assert key.startswith("mesh-")
-    assert key == stage_key("mesh", again, ("meshes",), ("numpy",))
+    assert key == stage_key("mesh", again, ("fmd/meshes",), ("numpy",))
 
 
 def test_keys_differ_with_everything_that_a_result_depends_on(monkeypatch: pytest.MonkeyPatch) -> None:
     def key(
-        stage: str = "mesh", length: float = 0.34, sources: tuple[str, ...] = ("meshes",), package: str = "numpy"
+        stage: str = "mesh", length: float = 0.34, sources: tuple[str, ...] = ("fmd/meshes",), package: str = "numpy"
     ) -> str:
         return stage_key(stage, {"length": length, "divisions": [48, 4, 2]}, sources, (package,))
 
-    keys = {key(), key(stage="body"), key(length=np.nextafter(0.34, 1)), key(sources=("pipeline/fem",))}
+    keys = {key(), key(stage="body"), key(length=np.nextafter(0.34, 1)), key(sources=("fmd/fem",))}
     keys.add(key(package="scipy"))
-    monkeypatch.setattr("pipeline.core.cache.package_version", lambda package: f"another {package}")
+    monkeypatch.setattr("fmd.core.cache.package_version", lambda package: f"another {package}")
     keys.add(key())
     assert len(keys) == 6
 

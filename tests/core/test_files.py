@@ -12,13 +12,13 @@ from pathlib import Path
 
 import pytest
 
-from pipeline.core.files import one_at_a_time, whole_file
+from fmd.core.files import one_at_a_time, whole_file
 
 # Adds one to a number in a file, many times, each in two steps that another process must not come between.
 COUNTS = """
 import sys, time
 from pathlib import Path
-from pipeline.core.files import one_at_a_time
+from fmd.core.files import one_at_a_time
 lock, number = Path(sys.argv[1]), Path(sys.argv[2])
 for _ in range(20):
     with one_at_a_time(lock):
@@ -30,7 +30,7 @@ for _ in range(20):
 STAYS = """
 import sys, time
 from pathlib import Path
-from pipeline.core.files import one_at_a_time
+from fmd.core.files import one_at_a_time
 with one_at_a_time(Path(sys.argv[1])):
     print("in", flush=True)
     time.sleep(60)

@@ -11,8 +11,8 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from pipeline.core import formula as code
-from pipeline.core.formula import MOST_DEPTH, Formula, parse_formula
+from fmd.core import formula as code
+from fmd.core.formula import MOST_DEPTH, Formula, parse_formula
 
 NAMES = {name: getattr(math, name) for name in ("sin", "cos", "tan", "exp", "log", "sqrt", "tanh", "pi")}
 NAMES |= {"abs": abs, "min": min, "max": max}
@@ -368,7 +368,7 @@ def test_a_parser_that_gives_up_is_a_fault(error: type[Exception], monkeypatch: 
 
 
 def test_reading_a_formula_loads_nothing_heavy() -> None:
-    script = "import sys; from pipeline.core.formula import parse_formula; parse_formula('2*t'); print(*sys.modules)"
+    script = "import sys; from fmd.core.formula import parse_formula; parse_formula('2*t'); print(*sys.modules)"
     done = subprocess.run([sys.executable, "-c", script], check=True, capture_output=True, text=True)
-    assert "pipeline.core.formula" in done.stdout.split()
+    assert "fmd.core.formula" in done.stdout.split()
     assert not {"numba", "numpy", "scipy", "pydantic", "pint"} & set(done.stdout.split())

@@ -6,7 +6,7 @@ import xml.etree.ElementTree as ET
 
 import pytest
 
-from pipeline.core.html import facts, scaled, table
+from fmd.core.html import facts, scaled, table
 
 
 @pytest.mark.parametrize(

@@ -7,7 +7,7 @@ import pytest
 import xarray
 from scipy.io import netcdf_file
 
-from pipeline.core.netcdf import NetcdfVariable, write_netcdf
+from fmd.core.netcdf import NetcdfVariable, write_netcdf
 
 
 @pytest.fixture

@@ -8,8 +8,8 @@ from pathlib import Path
 
 import pytest
 
-from pipeline.core import paths as folders
-from pipeline.core.paths import KERNEL_SOURCES, cache_folder, kernel_folder, source_digest
+from fmd.core import paths as folders
+from fmd.core.paths import KERNEL_SOURCES, cache_folder, kernel_folder, source_digest
 
 
 def test_a_change_in_the_source_changes_its_digest(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
@@ -86,10 +86,10 @@ def test_a_user_without_a_home_has_a_folder_that_nobody_else_can_write_to(
     assert found.stat().st_mode & 0o777 == 0o700
 
 
-@pytest.mark.parametrize("name", ["pipeline/no_such_folder", "pipeline/core/no_such_file.py"])
+@pytest.mark.parametrize("name", ["fmd/no_such_folder", "fmd/core/no_such_file.py"])
 def test_a_source_that_does_not_exist_is_refused(name: str) -> None:
     with pytest.raises(FileNotFoundError, match=f"{name}: no such source in .*; a stage's key names it"):
-        source_digest("pipeline/core", name)
+        source_digest("fmd/core", name)
 
 
 def test_a_digest_of_a_file_is_that_of_its_content_alone(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:

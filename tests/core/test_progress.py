@@ -8,8 +8,8 @@ import time
 
 import pytest
 
-from pipeline.core import progress
-from pipeline.core.progress import bars, silent
+from fmd.core import progress
+from fmd.core.progress import bars, silent
 
 
 class Terminal(io.StringIO):

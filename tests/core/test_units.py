@@ -11,7 +11,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 from pydantic import TypeAdapter, ValidationError
 
-from pipeline.core.units import NonNegativeTime, PositiveLength, convert_values, to_si, unit_ratio
+from fmd.core.units import NonNegativeTime, PositiveLength, convert_values, to_si, unit_ratio
 
 
 @pytest.mark.parametrize(
@@ -154,7 +154,7 @@ def test_values_change_to_no_other_dimension(wanted: str) -> None:
 
 
 def test_pint_is_loaded_only_for_a_quantity() -> None:
-    code = "import sys, pipeline.core.units; assert 'pint' not in sys.modules"
+    code = "import sys, fmd.core.units; assert 'pint' not in sys.modules"
     subprocess.run([sys.executable, "-c", code], check=True)
 
 
@@ -164,7 +164,7 @@ def test_a_damaged_units_cache_is_rebuilt(tmp_path, monkeypatch):
     command = [
         sys.executable,
         "-c",
-        "from pipeline.core.units import to_si; print(to_si('3 furlong/fortnight', 'speed'))",
+        "from fmd.core.units import to_si; print(to_si('3 furlong/fortnight', 'speed'))",
     ]
 
     def speed():

@@ -12,12 +12,12 @@ import numpy as np
 import pytest
 from scipy.linalg import expm
 
-from pipeline.core.arrays import Array
-from pipeline.dynamics.compiled_system.system import CompiledSystem
-from pipeline.dynamics.links import FIXED, FREE, PRISMATIC, REVOLUTE, SPHERICAL, Link, rigid_gram
-from pipeline.dynamics.mechanism import Mechanism
-from pipeline.dynamics.signals.signal import constant
-from pipeline.reduction.inertia import inertia_gram
+from fmd.core.arrays import Array
+from fmd.dynamics.compiled_system.system import CompiledSystem
+from fmd.dynamics.links import FIXED, FREE, PRISMATIC, REVOLUTE, SPHERICAL, Link, rigid_gram
+from fmd.dynamics.mechanism import Mechanism
+from fmd.dynamics.signals.signal import constant
+from fmd.reduction.inertia import inertia_gram
 
 Orders = tuple[tuple[int, ...], tuple[int, ...], tuple[int, ...]]
 

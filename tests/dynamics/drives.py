@@ -6,9 +6,9 @@ from dataclasses import replace
 
 import numpy as np
 
-from pipeline.core.arrays import Array
-from pipeline.dynamics.compiler.compiled import CompiledMechanism
-from pipeline.dynamics.mechanism import Mechanism
+from fmd.core.arrays import Array
+from fmd.dynamics.compiler.compiled import CompiledMechanism
+from fmd.dynamics.mechanism import Mechanism
 
 
 class Drives:

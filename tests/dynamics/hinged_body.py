@@ -6,14 +6,14 @@ from dataclasses import replace
 
 import numpy as np
 
-from pipeline.core.arrays import Array
-from pipeline.dynamics.compiled_system.system import CompiledSystem
-from pipeline.dynamics.kinematics import Kinematics
-from pipeline.dynamics.links import REVOLUTE, Link
-from pipeline.dynamics.mechanism import Mechanism
-from pipeline.dynamics.signals.signal import Signal, constant
-from pipeline.integrators.protocol import Trajectory
-from pipeline.reduction.body import FlexibleBody
+from fmd.core.arrays import Array
+from fmd.dynamics.compiled_system.system import CompiledSystem
+from fmd.dynamics.kinematics import Kinematics
+from fmd.dynamics.links import REVOLUTE, Link
+from fmd.dynamics.mechanism import Mechanism
+from fmd.dynamics.signals.signal import Signal, constant
+from fmd.integrators.protocol import Trajectory
+from fmd.reduction.body import FlexibleBody
 
 
 def hinged(body: FlexibleBody | Link, load: Signal | None = None) -> CompiledSystem:

@@ -14,18 +14,18 @@ from scipy.integrate import simpson
 from scipy.linalg import expm
 from scipy.spatial.transform import Rotation
 
-from pipeline.core.arrays import Array
-from pipeline.core.formula import parse_formula
-from pipeline.dynamics.compiled_system.system import CompiledSystem
-from pipeline.dynamics.kinematics import Kinematics
-from pipeline.dynamics.links import PRISMATIC, REVOLUTE, Link, PointLoad
-from pipeline.dynamics.mechanism import Mechanism
-from pipeline.dynamics.signals.signal import Signal, constant, formula, half_sine, linear_table
-from pipeline.integrators.central_difference import CentralDifference
-from pipeline.integrators.protocol import evaluate
-from pipeline.integrators.scipy_ivp import ScipyIvp
-from pipeline.integrators.subcycling import Subcycling
-from pipeline.reduction.inertia import inertia_gram
+from fmd.core.arrays import Array
+from fmd.core.formula import parse_formula
+from fmd.dynamics.compiled_system.system import CompiledSystem
+from fmd.dynamics.kinematics import Kinematics
+from fmd.dynamics.links import PRISMATIC, REVOLUTE, Link, PointLoad
+from fmd.dynamics.mechanism import Mechanism
+from fmd.dynamics.signals.signal import Signal, constant, formula, half_sine, linear_table
+from fmd.integrators.central_difference import CentralDifference
+from fmd.integrators.protocol import evaluate
+from fmd.integrators.scipy_ivp import ScipyIvp
+from fmd.integrators.subcycling import Subcycling
+from fmd.reduction.inertia import inertia_gram
 from tests.dynamics.drives import Drives
 
 CLOSELY = ScipyIvp("DOP853", 1e-11)

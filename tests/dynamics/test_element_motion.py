@@ -6,13 +6,13 @@ import numpy as np
 import pytest
 from scipy.spatial.transform import Rotation
 
-from pipeline.core.rotations import rotation_vector
-from pipeline.dynamics.compiled_system.system import CompiledSystem
-from pipeline.dynamics.compiler.compiled import compile_mechanism
-from pipeline.dynamics.element_linearisation import linearise_forces
-from pipeline.dynamics.element_motion import element_strain, element_wrenches, place_motion
-from pipeline.dynamics.elements import PointSpring, SixAxisSpring
-from pipeline.dynamics.kinematics import Kinematics
+from fmd.core.rotations import rotation_vector
+from fmd.dynamics.compiled_system.system import CompiledSystem
+from fmd.dynamics.compiler.compiled import compile_mechanism
+from fmd.dynamics.element_linearisation import linearise_forces
+from fmd.dynamics.element_motion import element_strain, element_wrenches, place_motion
+from fmd.dynamics.elements import PointSpring, SixAxisSpring
+from fmd.dynamics.kinematics import Kinematics
 from tests.dynamics.compiler.comparison import TIME, interpreted
 from tests.dynamics.compiler.random_elements import strain as strain_of
 from tests.dynamics.compiler.random_elements import with_elements

@@ -5,9 +5,9 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from pipeline import Pipeline, load_scene
-from pipeline.dynamics.excited_modes import excited_part, reached
-from pipeline.stages.runs import make_plans
+from fmd import Pipeline, load_scene
+from fmd.dynamics.excited_modes import excited_part, reached
+from fmd.stages.runs import make_plans
 
 FLAT = ["body.beam.mesh.divisions=[12, 2, 1]", "simulation.duration=20 ms", "body.beam.modes.family='any'"]
 TILTED = """
@@ -42,7 +42,7 @@ def test_a_beam_turned_in_its_plane_leaves_its_other_modes_at_rest() -> None:
 def test_a_force_across_the_plane_excites_them_too(tmp_path) -> None:
     from importlib.resources import files
 
-    ready = files("models").joinpath("beam.toml").read_text(encoding="utf-8")
+    ready = files("fmd.models").joinpath("beam.toml").read_text(encoding="utf-8")
     (tmp_path / "tilted.toml").write_text(ready + TILTED, encoding="utf-8")
     plan, part, whole = both_ways(FLAT, str(tmp_path / "tilted.toml"))
     bending = [] if plan.excited is None else list(plan.excited.left_out["beam"])

@@ -8,15 +8,15 @@ import numpy as np
 import pytest
 from scipy.spatial.transform import Rotation
 
-from pipeline.core.arrays import Array
-from pipeline.core.formula import parse_formula
-from pipeline.core.rotations import quaternion_of_matrix, rotation_matrix, rotation_rate
-from pipeline.dynamics.compiler.compiled import compile_mechanism
-from pipeline.dynamics.kinematics import Kinematics
-from pipeline.dynamics.links import FREE, REVOLUTE, Link, rigid_gram
-from pipeline.dynamics.mechanism import Mechanism
-from pipeline.dynamics.signals.signal import formula
-from pipeline.reduction.body import MarkerShapes
+from fmd.core.arrays import Array
+from fmd.core.formula import parse_formula
+from fmd.core.rotations import quaternion_of_matrix, rotation_matrix, rotation_rate
+from fmd.dynamics.compiler.compiled import compile_mechanism
+from fmd.dynamics.kinematics import Kinematics
+from fmd.dynamics.links import FREE, REVOLUTE, Link, rigid_gram
+from fmd.dynamics.mechanism import Mechanism
+from fmd.dynamics.signals.signal import formula
+from fmd.reduction.body import MarkerShapes
 
 Make = Callable[..., Any]
 

@@ -4,9 +4,9 @@ import numpy as np
 import pytest
 from scipy.integrate import quad
 
-from pipeline.core.formula import parse_formula
-from pipeline.dynamics.force_laws import ForceCurve, ForceLaw, Stop, straight_curve
-from pipeline.dynamics.law_pieces import find_pieces
+from fmd.core.formula import parse_formula
+from fmd.dynamics.force_laws import ForceCurve, ForceLaw, Stop, straight_curve
+from fmd.dynamics.law_pieces import find_pieces
 
 
 def law_of(formula: str) -> ForceLaw:

@@ -5,9 +5,9 @@ import re
 import numpy as np
 import pytest
 
-from pipeline.dynamics.force_laws import ForceLaw
-from pipeline.dynamics.links import FIXED, FREE, PRISMATIC, REVOLUTE, SPHERICAL, UNIVERSAL, Link, rigid_gram
-from pipeline.dynamics.mechanism import Mechanism
+from fmd.dynamics.force_laws import ForceLaw
+from fmd.dynamics.links import FIXED, FREE, PRISMATIC, REVOLUTE, SPHERICAL, UNIVERSAL, Link, rigid_gram
+from fmd.dynamics.mechanism import Mechanism
 
 POINT = rigid_gram(1.0, np.zeros(3), np.eye(3))
 

@@ -7,16 +7,16 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from pipeline.core.arrays import Array
-from pipeline.dynamics.closures import Coupler
-from pipeline.dynamics.element_motion import element_wrenches, place_motion
-from pipeline.dynamics.elements import Attachment
-from pipeline.dynamics.kinematics import Kinematics
-from pipeline.dynamics.links import FIXED, PRISMATIC, REVOLUTE, SCREW, Link, PointLoad, rigid_gram
-from pipeline.dynamics.marker_motion import marker_acceleration, marker_velocity
-from pipeline.dynamics.mechanism import Mechanism
-from pipeline.dynamics.reactions import JointLoads, joint_loads
-from pipeline.dynamics.signals.signal import constant
+from fmd.core.arrays import Array
+from fmd.dynamics.closures import Coupler
+from fmd.dynamics.element_motion import element_wrenches, place_motion
+from fmd.dynamics.elements import Attachment
+from fmd.dynamics.kinematics import Kinematics
+from fmd.dynamics.links import FIXED, PRISMATIC, REVOLUTE, SCREW, Link, PointLoad, rigid_gram
+from fmd.dynamics.marker_motion import marker_acceleration, marker_velocity
+from fmd.dynamics.mechanism import Mechanism
+from fmd.dynamics.reactions import JointLoads, joint_loads
+from fmd.dynamics.signals.signal import constant
 from tests.dynamics.compiler import kane
 from tests.dynamics.compiler.comparison import TIME
 from tests.dynamics.compiler.mechanisms import PointMechanism, random_mechanism
@@ -205,8 +205,8 @@ def test_gears_load_the_joints_that_they_couple() -> None:
 
 
 def test_a_prescribed_joint_states_the_torque_that_its_motion_takes() -> None:
-    from pipeline.core.formula import parse_formula
-    from pipeline.dynamics.signals.signal import formula
+    from fmd.core.formula import parse_formula
+    from fmd.dynamics.signals.signal import formula
 
     rod = rigid_gram(2.0, np.array([0.5, 0.0, 0.0]), np.diag([0.0, 0.2, 0.2]))
     link = Link("rod", rod, REVOLUTE, axis=Z, joint_name="hinge", motion=formula(parse_formula("2*t*t")))

@@ -4,7 +4,7 @@ from typing import Any
 
 import pytest
 
-from pipeline.dynamics.system import accelerations, advance, fast_steps, hold_middle, hold_slow, velocities
+from fmd.dynamics.system import accelerations, advance, fast_steps, hold_middle, hold_slow, velocities
 
 NAMES = (accelerations, hold_slow, hold_middle, fast_steps, advance, velocities)
 

@@ -6,12 +6,12 @@ import numpy as np
 import pytest
 from scipy.integrate import solve_ivp
 
-from pipeline.dynamics.compiler.compiled import compile_mechanism
-from pipeline.dynamics.kinematics import Kinematics
-from pipeline.dynamics.links import FIXED, FREE, REVOLUTE, Link, PointLoad, rigid_gram
-from pipeline.dynamics.mechanism import Mechanism
-from pipeline.dynamics.signals.signal import constant
-from pipeline.dynamics.transmitted_loads import geometric_stiffness_over, transmitted_loads, without_negligible_terms
+from fmd.dynamics.compiler.compiled import compile_mechanism
+from fmd.dynamics.kinematics import Kinematics
+from fmd.dynamics.links import FIXED, FREE, REVOLUTE, Link, PointLoad, rigid_gram
+from fmd.dynamics.mechanism import Mechanism
+from fmd.dynamics.signals.signal import constant
+from fmd.dynamics.transmitted_loads import geometric_stiffness_over, transmitted_loads, without_negligible_terms
 
 ROD = rigid_gram(2.0, np.array([0.5, 0.0, 0.0]), np.diag([0.0, 0.2, 0.2]))
 AT_END = np.array([1.0, 0.0, 0.0])

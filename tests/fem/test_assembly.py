@@ -11,14 +11,14 @@ from scipy.sparse.linalg import spsolve
 from skfem.helpers import dot
 from skfem.models.elasticity import lame_parameters, linear_elasticity
 
-from pipeline.core.arrays import Array
-from pipeline.core.errors import AccuracyError
-from pipeline.fem.assembly import assemble
-from pipeline.fem.material import Material
-from pipeline.fem.mesh import SolidMesh
-from pipeline.fem.model import FEModel
-from pipeline.fem.surface import surface_topology
-from pipeline.recovery.stress import modal_stress
+from fmd.core.arrays import Array
+from fmd.core.errors import AccuracyError
+from fmd.fem.assembly import assemble
+from fmd.fem.material import Material
+from fmd.fem.mesh import SolidMesh
+from fmd.fem.model import FEModel
+from fmd.fem.surface import surface_topology
+from fmd.recovery.stress import modal_stress
 
 
 @skfem.BilinearForm

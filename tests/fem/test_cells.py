@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 from vtkmodules import vtkCommonDataModel
 
-from pipeline.fem.cells import EDGES, FACES, N_CORNERS, N_NODES, scaled_jacobian, vtk_nodes
+from fmd.fem.cells import EDGES, FACES, N_CORNERS, N_NODES, scaled_jacobian, vtk_nodes
 
 VTK_CELLS = {
     "tetra": "Tetra",

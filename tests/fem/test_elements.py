@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 
-from pipeline.fem.elements import element_kind, jacobians, match_nodes, shape_functions
+from fmd.fem.elements import element_kind, jacobians, match_nodes, shape_functions
 
 # Nodes of each element: corners, and mid-edges for order 2.
 NODES = {"hex8": 8, "hex20": 8 + 12, "tet4": 4, "tet10": 4 + 6}

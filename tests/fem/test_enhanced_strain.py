@@ -8,16 +8,16 @@ import pytest
 import scipy.sparse as sp
 from scipy.sparse.linalg import spsolve
 
-from meshes.bar import hexahedral_bar
-from pipeline.core.arrays import Array
-from pipeline.fem.assembly import assemble
-from pipeline.fem.cells import scaled_jacobian
-from pipeline.fem.enhanced_strain import condensed_stiffness
-from pipeline.fem.markers import face_marker
-from pipeline.fem.material import Material, MaterialOfElements
-from pipeline.fem.mesh import SolidMesh
-from pipeline.fem.space import Discretisation
-from pipeline.fem.strain import strains, stresses
+from fmd.core.arrays import Array
+from fmd.fem.assembly import assemble
+from fmd.fem.cells import scaled_jacobian
+from fmd.fem.enhanced_strain import condensed_stiffness
+from fmd.fem.markers import face_marker
+from fmd.fem.material import Material, MaterialOfElements
+from fmd.fem.mesh import SolidMesh
+from fmd.fem.space import Discretisation
+from fmd.fem.strain import strains, stresses
+from fmd.meshes.bar import hexahedral_bar
 
 METAL = Material(1.0, 0.3, 1.0)
 RUBBER = Material(1.0, 0.4995, 1.0)

@@ -3,14 +3,14 @@
 import numpy as np
 import pytest
 
-import pipeline.fem.model
-from pipeline.core.arrays import Array
-from pipeline.fem.assembly import assemble
-from pipeline.fem.geometric_stiffness import geometric_stiffness
-from pipeline.fem.gradients import gradients
-from pipeline.fem.material import Material, MaterialOfElements
-from pipeline.fem.model import FEModel
-from pipeline.fem.sparsity import BlockStructure
+import fmd.fem.model
+from fmd.core.arrays import Array
+from fmd.fem.assembly import assemble
+from fmd.fem.geometric_stiffness import geometric_stiffness
+from fmd.fem.gradients import gradients
+from fmd.fem.material import Material, MaterialOfElements
+from fmd.fem.model import FEModel
+from fmd.fem.sparsity import BlockStructure
 
 
 def integral(fe: FEModel, u: Array, shapes: Array) -> Array:
@@ -72,7 +72,7 @@ def test_stiffness_mass_and_every_geometric_stiffness_are_in_one_structure_built
             built.append(self)
             super().__init__(*arguments)  # type: ignore[arg-type]
 
-    monkeypatch.setattr(pipeline.fem.space, "BlockStructure", Counted)
+    monkeypatch.setattr(fmd.fem.space, "BlockStructure", Counted)
     space = distorted.discretisation
     fe = assemble(space.mesh, space.order, distorted.material)
     u = np.random.default_rng(1).standard_normal((len(fe.x), 3, 2))

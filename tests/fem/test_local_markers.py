@@ -5,15 +5,15 @@ from collections.abc import Callable
 import numpy as np
 import pytest
 
-from meshes.gmsh_session import MeshArrays
-from meshes.ring import add_mid_edge_nodes
-from pipeline.core.arrays import Array
-from pipeline.fem.local_markers import edge_marker, point_marker, single_node_marker
-from pipeline.fem.markers import Marker
-from pipeline.fem.mesh import SolidMesh
-from pipeline.fem.model import FEModel
-from pipeline.fem.selection import node_at, nodes_on_edge, nodes_on_faces
-from pipeline.fem.space import Discretisation
+from fmd.core.arrays import Array
+from fmd.fem.local_markers import edge_marker, point_marker, single_node_marker
+from fmd.fem.markers import Marker
+from fmd.fem.mesh import SolidMesh
+from fmd.fem.model import FEModel
+from fmd.fem.selection import node_at, nodes_on_edge, nodes_on_faces
+from fmd.fem.space import Discretisation
+from fmd.meshes.gmsh_session import MeshArrays
+from fmd.meshes.ring import add_mid_edge_nodes
 
 SIZES = np.array([1.2, 1.0, 0.8])
 SLOPE = np.random.default_rng(3).normal(size=(3, 3))

@@ -7,11 +7,11 @@ import numpy as np
 import pytest
 import skfem
 
-from pipeline.core.arrays import Array
-from pipeline.fem.markers import Marker, face_marker, traction_marker
-from pipeline.fem.mesh import SolidMesh
-from pipeline.fem.model import FEModel
-from pipeline.fem.space import Discretisation
+from fmd.core.arrays import Array
+from fmd.fem.markers import Marker, face_marker, traction_marker
+from fmd.fem.mesh import SolidMesh
+from fmd.fem.model import FEModel
+from fmd.fem.space import Discretisation
 
 FACES = ("x-", "x+", "y-", "z+")
 

@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 
-from pipeline.fem.material import Material, MaterialOfElements
+from fmd.fem.material import Material, MaterialOfElements
 
 
 @pytest.mark.parametrize(

@@ -6,16 +6,16 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from meshes.bar import hexahedral_bar
-from pipeline.accuracy.stretching import OF_BENDING, excess_deflection
-from pipeline.fem.assembly import assemble
-from pipeline.fem.markers import Marker
-from pipeline.fem.material import Material
-from pipeline.fem.membrane import membrane_ratio, quadratic_strain_load
-from pipeline.fem.mesh import SolidMesh
-from pipeline.fem.model import FEModel
-from pipeline.reduction.eigen import FreeBodySolver
-from pipeline.reduction.factor.factor import factorise
+from fmd.accuracy.stretching import OF_BENDING, excess_deflection
+from fmd.fem.assembly import assemble
+from fmd.fem.markers import Marker
+from fmd.fem.material import Material
+from fmd.fem.membrane import membrane_ratio, quadratic_strain_load
+from fmd.fem.mesh import SolidMesh
+from fmd.fem.model import FEModel
+from fmd.meshes.bar import hexahedral_bar
+from fmd.reduction.eigen import FreeBodySolver
+from fmd.reduction.factor.factor import factorise
 
 LENGTH, WIDTH, DEPTH = 1.0, 0.02, 0.005
 SOFT = Material(E=70e9, nu=0.0, rho=2700.0)

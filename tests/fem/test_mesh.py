@@ -5,10 +5,10 @@ from collections.abc import Callable
 import numpy as np
 import pytest
 
-from pipeline.core.errors import AccuracyError
-from pipeline.fem.cells import vtk_nodes
-from pipeline.fem.mesh import SolidMesh, rows_among
-from pipeline.fem.model import FEModel
+from fmd.core.errors import AccuracyError
+from fmd.fem.cells import vtk_nodes
+from fmd.fem.mesh import SolidMesh, rows_among
+from fmd.fem.model import FEModel
 
 # One regular tetrahedron and one cube, corners in VTK's order.
 TETRAHEDRON = np.array([(0, 0, 0), (1, 1, 0), (0, 1, 1), (1, 0, 1)], dtype=float)

@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 import scipy.sparse as sp
 
-from pipeline.fem.model import FEModel
+from fmd.fem.model import FEModel
 
 
 def test_the_full_mass_matrix_has_the_scalar_one_for_each_axis(distorted: FEModel) -> None:

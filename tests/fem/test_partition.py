@@ -5,11 +5,11 @@ import pytest
 import scipy.sparse as sp
 from scipy.sparse.csgraph import connected_components
 
-from meshes.bar import hexahedral_bar, tetrahedral_bar
-from pipeline.core.arrays import IntArray
-from pipeline.fem.mesh import SolidMesh
-from pipeline.fem.partition import PartitionError, count_bare_nodes, divide_mesh, interior_facets
-from pipeline.fem.space import Discretisation
+from fmd.core.arrays import IntArray
+from fmd.fem.mesh import SolidMesh
+from fmd.fem.partition import PartitionError, count_bare_nodes, divide_mesh, interior_facets
+from fmd.fem.space import Discretisation
+from fmd.meshes.bar import hexahedral_bar, tetrahedral_bar
 
 
 def parts_of(space: Discretisation, labels: IntArray) -> int:

@@ -5,10 +5,10 @@ from collections.abc import Callable
 import numpy as np
 import pytest
 
-from pipeline.fem.elements import shape_functions
-from pipeline.fem.mesh import SolidMesh
-from pipeline.fem.model import FEModel
-from pipeline.fem.selection import (
+from fmd.fem.elements import shape_functions
+from fmd.fem.mesh import SolidMesh
+from fmd.fem.model import FEModel
+from fmd.fem.selection import (
     facets_in_plane,
     facets_near,
     locate_points,
@@ -16,7 +16,7 @@ from pipeline.fem.selection import (
     nodes_on_edge,
     nodes_on_faces,
 )
-from pipeline.fem.space import Discretisation
+from fmd.fem.space import Discretisation
 
 
 def test_a_point_inside_is_found_where_it_is(distorted: FEModel) -> None:

@@ -7,9 +7,9 @@ import numpy as np
 import pytest
 import skfem
 
-from pipeline.fem.elements import shape_functions
-from pipeline.fem.mesh import SolidMesh
-from pipeline.fem.space import Discretisation
+from fmd.fem.elements import shape_functions
+from fmd.fem.mesh import SolidMesh
+from fmd.fem.space import Discretisation
 
 Make = Callable[..., SolidMesh]
 

@@ -4,8 +4,8 @@ import numpy as np
 import pytest
 import scipy.sparse as sp
 
-from pipeline.core.arrays import Array, IntArray
-from pipeline.fem.sparsity import BlockStructure
+from fmd.core.arrays import Array, IntArray
+from fmd.fem.sparsity import BlockStructure
 
 N_NODES, N_LOCAL = 30, 4
 

@@ -7,11 +7,11 @@ from typing import Any
 import numpy as np
 import pytest
 
-from pipeline.core.arrays import Array
-from pipeline.fem.mesh import SolidMesh
-from pipeline.fem.model import FEModel
-from pipeline.fem.space import Discretisation
-from pipeline.fem.surface import boundary_polygons, surface_topology
+from fmd.core.arrays import Array
+from fmd.fem.mesh import SolidMesh
+from fmd.fem.model import FEModel
+from fmd.fem.space import Discretisation
+from fmd.fem.surface import boundary_polygons, surface_topology
 
 SIZES = np.array([1.2, 1.0, 0.8])
 AREA = 2 * (1.2 * 1.0 + 1.0 * 0.8 + 0.8 * 1.2)

@@ -4,7 +4,7 @@ from math import factorial
 
 import pytest
 
-from pipeline.fem.wedge import wedge_quadrature
+from fmd.fem.wedge import wedge_quadrature
 
 
 @pytest.mark.parametrize("degree", [2, 4, 6])

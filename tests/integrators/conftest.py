@@ -7,17 +7,17 @@ import numpy as np
 import pytest
 from scipy.integrate import solve_ivp
 
-from pipeline import Pipeline, load_scene
-from pipeline.core.arrays import Array
-from pipeline.dynamics.compiled_system.system import CompiledSystem
-from pipeline.dynamics.mechanism import Mechanism
-from pipeline.integrators.central_difference import CentralDifference
-from pipeline.integrators.protocol import evaluate
-from pipeline.integrators.reversible import ReversibleSubcycling
-from pipeline.integrators.subcycling import Subcycling
-from pipeline.recovery.motion import Motion
-from pipeline.reduction.body import FlexibleBody, MarkerShapes
-from pipeline.reduction.inertia import inertia_gram
+from fmd import Pipeline, load_scene
+from fmd.core.arrays import Array
+from fmd.dynamics.compiled_system.system import CompiledSystem
+from fmd.dynamics.mechanism import Mechanism
+from fmd.integrators.central_difference import CentralDifference
+from fmd.integrators.protocol import evaluate
+from fmd.integrators.reversible import ReversibleSubcycling
+from fmd.integrators.subcycling import Subcycling
+from fmd.recovery.motion import Motion
+from fmd.reduction.body import FlexibleBody, MarkerShapes
+from fmd.reduction.inertia import inertia_gram
 from tests.dynamics.hinged_body import body_of, hinged
 
 Method = Callable[[float], CentralDifference | Subcycling | ReversibleSubcycling]

@@ -10,18 +10,18 @@ import numpy as np
 import pytest
 from scipy.linalg import expm
 
-from pipeline import Pipeline, load_scene
-from pipeline.core.arrays import Array
-from pipeline.core.errors import StabilityError
-from pipeline.dynamics.compiled_system.system import CompiledSystem
-from pipeline.dynamics.jit.compiled import meaning
-from pipeline.dynamics.links import SPHERICAL, Link, rigid_gram
-from pipeline.dynamics.mechanism import Mechanism
-from pipeline.dynamics.system import accelerations, advance, velocities
-from pipeline.integrators.adaptive import groups_of, kinds_of, step_within
-from pipeline.integrators.rosenbrock import ExponentialRosenbrock
-from pipeline.integrators.runge_kutta import DAMPED, RungeKutta
-from pipeline.integrators.scipy_ivp import ScipyIvp
+from fmd import Pipeline, load_scene
+from fmd.core.arrays import Array
+from fmd.core.errors import StabilityError
+from fmd.dynamics.compiled_system.system import CompiledSystem
+from fmd.dynamics.jit.compiled import meaning
+from fmd.dynamics.links import SPHERICAL, Link, rigid_gram
+from fmd.dynamics.mechanism import Mechanism
+from fmd.dynamics.system import accelerations, advance, velocities
+from fmd.integrators.adaptive import groups_of, kinds_of, step_within
+from fmd.integrators.rosenbrock import ExponentialRosenbrock
+from fmd.integrators.runge_kutta import DAMPED, RungeKutta
+from fmd.integrators.scipy_ivp import ScipyIvp
 
 BOTH = pytest.mark.parametrize("method", [ExponentialRosenbrock, RungeKutta])
 

@@ -9,13 +9,13 @@ from typing import Any
 import numpy as np
 import pytest
 
-from pipeline import Pipeline, load_scene
-from pipeline.core.errors import AccuracyError, StabilityError
-from pipeline.integrators.automatic import Automatic
-from pipeline.integrators.central_difference import CentralDifference
-from pipeline.integrators.generalized_alpha import GeneralizedAlpha
-from pipeline.integrators.rosenbrock import ExponentialRosenbrock
-from pipeline.integrators.runge_kutta import RungeKutta
+from fmd import Pipeline, load_scene
+from fmd.core.errors import AccuracyError, StabilityError
+from fmd.integrators.automatic import Automatic
+from fmd.integrators.central_difference import CentralDifference
+from fmd.integrators.generalized_alpha import GeneralizedAlpha
+from fmd.integrators.rosenbrock import ExponentialRosenbrock
+from fmd.integrators.runge_kutta import RungeKutta
 
 STILL = """
 title = "A block on the ground"

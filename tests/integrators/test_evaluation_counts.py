@@ -7,9 +7,9 @@ from typing import Any, NamedTuple
 import numpy as np
 import pytest
 
-from pipeline.core.arrays import Array
-from pipeline.dynamics.jit.compiled import meaning
-from pipeline.dynamics.system import (
+from fmd.core.arrays import Array
+from fmd.dynamics.jit.compiled import meaning
+from fmd.dynamics.system import (
     accelerations,
     advance,
     fast_steps,
@@ -19,9 +19,9 @@ from pipeline.dynamics.system import (
     reacting_steps,
     slow_response,
 )
-from pipeline.integrators.central_difference import CentralDifference
-from pipeline.integrators.reversible import ReversibleSubcycling
-from pipeline.integrators.subcycling import Subcycling
+from fmd.integrators.central_difference import CentralDifference
+from fmd.integrators.reversible import ReversibleSubcycling
+from fmd.integrators.subcycling import Subcycling
 
 Method = Callable[[float], CentralDifference | Subcycling | ReversibleSubcycling]
 

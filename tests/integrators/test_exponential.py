@@ -13,20 +13,20 @@ import numpy as np
 import pytest
 from scipy.linalg import expm
 
-from pipeline import Pipeline, load_scene
-from pipeline.core.arrays import Array
-from pipeline.core.errors import AccuracyError, StabilityError
-from pipeline.dynamics.compiled_system.system import CompiledSystem
-from pipeline.dynamics.jit.compiled import meaning
-from pipeline.dynamics.linear.linear import LinearSystem
-from pipeline.dynamics.mechanism import Mechanism
-from pipeline.dynamics.signals.signal import half_sine
-from pipeline.dynamics.system import accelerations
-from pipeline.integrators.exponential import Exponential, _functions
-from pipeline.integrators.protocol import State
-from pipeline.integrators.scipy_ivp import ScipyIvp
-from pipeline.recovery.motion import Motion
-from pipeline.reduction.body import FlexibleBody
+from fmd import Pipeline, load_scene
+from fmd.core.arrays import Array
+from fmd.core.errors import AccuracyError, StabilityError
+from fmd.dynamics.compiled_system.system import CompiledSystem
+from fmd.dynamics.jit.compiled import meaning
+from fmd.dynamics.linear.linear import LinearSystem
+from fmd.dynamics.mechanism import Mechanism
+from fmd.dynamics.signals.signal import half_sine
+from fmd.dynamics.system import accelerations
+from fmd.integrators.exponential import Exponential, _functions
+from fmd.integrators.protocol import State
+from fmd.integrators.scipy_ivp import ScipyIvp
+from fmd.recovery.motion import Motion
+from fmd.reduction.body import FlexibleBody
 from tests.dynamics.hinged_body import body_of, energies, hinged
 
 Body = Callable[..., FlexibleBody]

@@ -6,14 +6,14 @@ import numpy as np
 import pytest
 import scipy.linalg
 
-from pipeline import Pipeline, load_scene
-from pipeline.bench.stress_cases import case_builders
-from pipeline.core.errors import AccuracyError
-from pipeline.dynamics.compiled_system.system import CompiledSystem
-from pipeline.dynamics.links import REVOLUTE, SPHERICAL, Link, rigid_gram
-from pipeline.dynamics.mechanism import Mechanism
-from pipeline.integrators.generalized_alpha import GeneralizedAlpha
-from pipeline.integrators.scipy_ivp import ScipyIvp
+from fmd import Pipeline, load_scene
+from fmd.bench.stress_cases import case_builders
+from fmd.core.errors import AccuracyError
+from fmd.dynamics.compiled_system.system import CompiledSystem
+from fmd.dynamics.links import REVOLUTE, SPHERICAL, Link, rigid_gram
+from fmd.dynamics.mechanism import Mechanism
+from fmd.integrators.generalized_alpha import GeneralizedAlpha
+from fmd.integrators.scipy_ivp import ScipyIvp
 from tests.dynamics.hinged_body import body_of, energies, hinged
 
 

@@ -7,20 +7,20 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from pipeline import Pipeline, load_scene
-from pipeline.core.arrays import Array
-from pipeline.core.errors import AccuracyError, InputError, StabilityError
-from pipeline.dynamics.compiled_system.system import CompiledSystem
-from pipeline.dynamics.linear.linear import LinearSystem
-from pipeline.dynamics.links import REVOLUTE, Link, rigid_gram
-from pipeline.dynamics.mechanism import Mechanism
-from pipeline.dynamics.signals.signal import half_sine
-from pipeline.integrators.central_difference import CentralDifference
-from pipeline.integrators.protocol import State, evaluate
-from pipeline.integrators.reversible import ReversibleSubcycling
-from pipeline.integrators.subcycling import Subcycling
-from pipeline.reduction.body import FlexibleBody
-from pipeline.reduction.inertia import inertia_gram
+from fmd import Pipeline, load_scene
+from fmd.core.arrays import Array
+from fmd.core.errors import AccuracyError, InputError, StabilityError
+from fmd.dynamics.compiled_system.system import CompiledSystem
+from fmd.dynamics.linear.linear import LinearSystem
+from fmd.dynamics.links import REVOLUTE, Link, rigid_gram
+from fmd.dynamics.mechanism import Mechanism
+from fmd.dynamics.signals.signal import half_sine
+from fmd.integrators.central_difference import CentralDifference
+from fmd.integrators.protocol import State, evaluate
+from fmd.integrators.reversible import ReversibleSubcycling
+from fmd.integrators.subcycling import Subcycling
+from fmd.reduction.body import FlexibleBody
+from fmd.reduction.inertia import inertia_gram
 from tests.dynamics.hinged_body import body_of, energies, hinged
 
 Body = Callable[..., FlexibleBody]

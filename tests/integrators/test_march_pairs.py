@@ -5,10 +5,10 @@ import math
 import numpy as np
 import pytest
 
-from pipeline.core.arrays import Array
-from pipeline.integrators.automatic import _GAINS
-from pipeline.integrators.march_pairs import Gain, Pairs
-from pipeline.integrators.protocol import State, Trajectory
+from fmd.core.arrays import Array
+from fmd.integrators.automatic import _GAINS
+from fmd.integrators.march_pairs import Gain, Pairs
+from fmd.integrators.protocol import State, Trajectory
 
 TIMES = np.linspace(0.0, 1.0, 301)
 

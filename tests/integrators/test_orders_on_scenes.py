@@ -8,15 +8,15 @@ from typing import Any, NamedTuple
 import numpy as np
 import pytest
 
-from pipeline import Pipeline, load_scene
-from pipeline.core.arrays import Array
-from pipeline.integrators.adaptive import groups_of
-from pipeline.integrators.central_difference import CentralDifference
-from pipeline.integrators.exponential import Exponential
-from pipeline.integrators.generalized_alpha import GeneralizedAlpha
-from pipeline.integrators.reversible import ReversibleSubcycling
-from pipeline.integrators.runge_kutta import RungeKutta
-from pipeline.integrators.subcycling import Subcycling
+from fmd import Pipeline, load_scene
+from fmd.core.arrays import Array
+from fmd.integrators.adaptive import groups_of
+from fmd.integrators.central_difference import CentralDifference
+from fmd.integrators.exponential import Exponential
+from fmd.integrators.generalized_alpha import GeneralizedAlpha
+from fmd.integrators.reversible import ReversibleSubcycling
+from fmd.integrators.runge_kutta import RungeKutta
+from fmd.integrators.subcycling import Subcycling
 
 pytestmark = pytest.mark.slow
 

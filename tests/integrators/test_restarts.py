@@ -8,16 +8,16 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from pipeline import Pipeline, load_scene
-from pipeline.dynamics.signals.signal import half_sine
-from pipeline.integrators.central_difference import CentralDifference
-from pipeline.integrators.exponential import Exponential
-from pipeline.integrators.generalized_alpha import GeneralizedAlpha
-from pipeline.integrators.protocol import ResumableIntegrator
-from pipeline.integrators.reversible import ReversibleSubcycling
-from pipeline.integrators.rosenbrock import ExponentialRosenbrock
-from pipeline.integrators.runge_kutta import RungeKutta
-from pipeline.integrators.subcycling import Subcycling
+from fmd import Pipeline, load_scene
+from fmd.dynamics.signals.signal import half_sine
+from fmd.integrators.central_difference import CentralDifference
+from fmd.integrators.exponential import Exponential
+from fmd.integrators.generalized_alpha import GeneralizedAlpha
+from fmd.integrators.protocol import ResumableIntegrator
+from fmd.integrators.reversible import ReversibleSubcycling
+from fmd.integrators.rosenbrock import ExponentialRosenbrock
+from fmd.integrators.runge_kutta import RungeKutta
+from fmd.integrators.subcycling import Subcycling
 from tests.dynamics.hinged_body import body_of, hinged
 
 METHODS: dict[str, ResumableIntegrator] = {

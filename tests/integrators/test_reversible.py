@@ -9,19 +9,19 @@ from typing import Any
 import numpy as np
 import pytest
 
-from pipeline import Pipeline, load_scene
-from pipeline.core.arrays import Array
-from pipeline.core.errors import InputError, StabilityError
-from pipeline.dynamics.compiled_system.system import CompiledSystem
-from pipeline.dynamics.links import PRISMATIC, REVOLUTE, Link, rigid_gram
-from pipeline.dynamics.mechanism import Mechanism
-from pipeline.dynamics.signals.signal import constant, half_sine
-from pipeline.integrators.central_difference import CentralDifference
-from pipeline.integrators.reversible import ReversibleSubcycling
-from pipeline.integrators.runge_kutta import RungeKutta
-from pipeline.integrators.subcycling import Subcycling
-from pipeline.reduction.body import FlexibleBody
-from pipeline.stages.runs import make_plans
+from fmd import Pipeline, load_scene
+from fmd.core.arrays import Array
+from fmd.core.errors import InputError, StabilityError
+from fmd.dynamics.compiled_system.system import CompiledSystem
+from fmd.dynamics.links import PRISMATIC, REVOLUTE, Link, rigid_gram
+from fmd.dynamics.mechanism import Mechanism
+from fmd.dynamics.signals.signal import constant, half_sine
+from fmd.integrators.central_difference import CentralDifference
+from fmd.integrators.reversible import ReversibleSubcycling
+from fmd.integrators.runge_kutta import RungeKutta
+from fmd.integrators.subcycling import Subcycling
+from fmd.reduction.body import FlexibleBody
+from fmd.stages.runs import make_plans
 from tests.dynamics.hinged_body import body_of, energies, hinged
 
 Body = Callable[..., FlexibleBody]

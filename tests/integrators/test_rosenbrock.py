@@ -8,18 +8,18 @@ import numpy as np
 import pytest
 from scipy.linalg import expm
 
-from pipeline import Pipeline, load_scene
-from pipeline.core.errors import AccuracyError
-from pipeline.dynamics.compiled_system.system import CompiledSystem
-from pipeline.dynamics.jit.compiled import kernel
-from pipeline.dynamics.links import PRISMATIC, REVOLUTE, SPHERICAL, Link, rigid_gram
-from pipeline.dynamics.mechanism import Mechanism
-from pipeline.dynamics.signals.signal import constant, linear_table
-from pipeline.integrators import phi_functions, rosenbrock
-from pipeline.integrators.automatic import Automatic
-from pipeline.integrators.protocol import State, evaluate, evaluate_velocities
-from pipeline.integrators.rosenbrock import ExponentialRosenbrock
-from pipeline.integrators.scipy_ivp import ScipyIvp
+from fmd import Pipeline, load_scene
+from fmd.core.errors import AccuracyError
+from fmd.dynamics.compiled_system.system import CompiledSystem
+from fmd.dynamics.jit.compiled import kernel
+from fmd.dynamics.links import PRISMATIC, REVOLUTE, SPHERICAL, Link, rigid_gram
+from fmd.dynamics.mechanism import Mechanism
+from fmd.dynamics.signals.signal import constant, linear_table
+from fmd.integrators import phi_functions, rosenbrock
+from fmd.integrators.automatic import Automatic
+from fmd.integrators.protocol import State, evaluate, evaluate_velocities
+from fmd.integrators.rosenbrock import ExponentialRosenbrock
+from fmd.integrators.scipy_ivp import ScipyIvp
 from tests.dynamics.hinged_body import body_of, energies, hinged
 
 

@@ -3,8 +3,8 @@
 import numpy as np
 from scipy.integrate import DOP853
 
-from pipeline.core.arrays import Array
-from pipeline.integrators import dop853
+from fmd.core.arrays import Array
+from fmd.integrators import dop853
 
 
 def rows(first: int, last: int) -> Array:

@@ -11,17 +11,17 @@ import numpy as np
 import pytest
 from scipy.integrate import DOP853
 
-from pipeline import Pipeline, load_scene
-from pipeline.core.arrays import Array
-from pipeline.core.errors import AccuracyError, StabilityError
-from pipeline.dynamics.compiled_system.system import CompiledSystem
-from pipeline.dynamics.jit.compiled import meaning
-from pipeline.dynamics.signals.signal import half_sine
-from pipeline.dynamics.system import accelerations, velocities
-from pipeline.integrators import scipy_ivp
-from pipeline.integrators.exponential import Exponential
-from pipeline.integrators.protocol import Trajectory
-from pipeline.integrators.scipy_ivp import ScipyIvp
+from fmd import Pipeline, load_scene
+from fmd.core.arrays import Array
+from fmd.core.errors import AccuracyError, StabilityError
+from fmd.dynamics.compiled_system.system import CompiledSystem
+from fmd.dynamics.jit.compiled import meaning
+from fmd.dynamics.signals.signal import half_sine
+from fmd.dynamics.system import accelerations, velocities
+from fmd.integrators import scipy_ivp
+from fmd.integrators.exponential import Exponential
+from fmd.integrators.protocol import Trajectory
+from fmd.integrators.scipy_ivp import ScipyIvp
 from tests.dynamics.hinged_body import body_of, hinged
 
 NAMES = ("DOP853", "Radau", "LSODA")

@@ -8,11 +8,11 @@ import numba
 import numpy as np
 import pytest
 
-from pipeline import Pipeline, load_scene
-from pipeline.core.errors import AccuracyError
-from pipeline.integrators.automatic import Automatic
-from pipeline.integrators.protocol import Progress, State, Trajectory
-from pipeline.integrators.side_by_side import March, march_at_once, march_in_turn
+from fmd import Pipeline, load_scene
+from fmd.core.errors import AccuracyError
+from fmd.integrators.automatic import Automatic
+from fmd.integrators.protocol import Progress, State, Trajectory
+from fmd.integrators.side_by_side import March, march_at_once, march_in_turn
 
 NOTHING = np.zeros((1, 0))
 FOUND = Trajectory("", 1.0, 1, np.zeros(1), NOTHING, NOTHING, 0, 0, 2.0, State(0, *NOTHING, *NOTHING, *NOTHING))
@@ -41,7 +41,7 @@ def failing(error: Exception) -> March:
 @pytest.mark.parametrize("scene", ["arm", "rod-slider"])
 def test_the_motion_is_the_same_with_one_thread_and_with_two(scene: str, monkeypatch: pytest.MonkeyPatch) -> None:
     run = Pipeline(load_scene(scene))
-    monkeypatch.setattr("pipeline.integrators.automatic._WORTH_A_CORE", 0.0)
+    monkeypatch.setattr("fmd.integrators.automatic._WORTH_A_CORE", 0.0)
     motions = []
     for threads in (1, 2):
         monkeypatch.setattr(numba.config, "NUMBA_NUM_THREADS", threads)

@@ -5,13 +5,13 @@ from collections.abc import Callable
 import numpy as np
 import pytest
 
-from pipeline.core.arrays import Array
-from pipeline.core.errors import StabilityError
-from pipeline.dynamics.compiled_system.system import CompiledSystem
-from pipeline.integrators.central_difference import CentralDifference
-from pipeline.integrators.protocol import Integrator, Trajectory
-from pipeline.integrators.subcycling import Subcycling
-from pipeline.recovery.motion import Motion
+from fmd.core.arrays import Array
+from fmd.core.errors import StabilityError
+from fmd.dynamics.compiled_system.system import CompiledSystem
+from fmd.integrators.central_difference import CentralDifference
+from fmd.integrators.protocol import Integrator, Trajectory
+from fmd.integrators.subcycling import Subcycling
+from fmd.recovery.motion import Motion
 from tests.dynamics.hinged_body import angular_momentum, body_of, energies
 
 Method = Callable[[float], CentralDifference | Subcycling]

@@ -7,14 +7,14 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from pipeline.core.errors import StabilityError
-from pipeline.dynamics.compiled_system.system import CompiledSystem
-from pipeline.dynamics.compiler.variants import CompiledVariants
-from pipeline.dynamics.links import PRISMATIC, REVOLUTE, Link
-from pipeline.dynamics.mechanism import Mechanism
-from pipeline.dynamics.signals.signal import half_sine
-from pipeline.integrators.central_difference import CentralDifference
-from pipeline.integrators.variants import march_variants
+from fmd.core.errors import StabilityError
+from fmd.dynamics.compiled_system.system import CompiledSystem
+from fmd.dynamics.compiler.variants import CompiledVariants
+from fmd.dynamics.links import PRISMATIC, REVOLUTE, Link
+from fmd.dynamics.mechanism import Mechanism
+from fmd.dynamics.signals.signal import half_sine
+from fmd.integrators.central_difference import CentralDifference
+from fmd.integrators.variants import march_variants
 from tests.dynamics.compiler.mechanisms import PointMechanism, random_mechanism
 
 STEP, TIMES = 0.002, np.linspace(0.0, 0.1, 8)

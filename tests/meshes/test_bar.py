@@ -6,9 +6,9 @@ import gmsh
 import numpy as np
 import pytest
 
-from meshes.bar import hexahedral_bar, tetrahedral_bar
-from meshes.gmsh_session import MeshArrays, gmsh_model
-from pipeline.fem.mesh import SolidMesh
+from fmd.fem.mesh import SolidMesh
+from fmd.meshes.bar import hexahedral_bar, tetrahedral_bar
+from fmd.meshes.gmsh_session import MeshArrays, gmsh_model
 
 SIZES = (0.34, 0.025, 0.01)
 CORNER = np.array([0.0, -0.0125, -0.005])

@@ -5,9 +5,9 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from meshes.cad import CadError, load, main, mesh_cad, save
-from meshes.gmsh_session import gmsh_model
-from pipeline.fem.mesh import SolidMesh
+from fmd.fem.mesh import SolidMesh
+from fmd.meshes.cad import CadError, load, main, mesh_cad, save
+from fmd.meshes.gmsh_session import gmsh_model
 
 
 @pytest.fixture(scope="module")
@@ -67,7 +67,7 @@ def test_what_can_not_be_meshed_is_refused_with_the_reason(path: Path, tmp_path:
 
 
 def test_the_faces_of_a_part_become_closed_triangles_for_pictures(path: Path) -> None:
-    from meshes.cad_faces import triangulate_cad
+    from fmd.meshes.cad_faces import triangulate_cad
 
     points, triangles = triangulate_cad(path)
     assert np.ptp(points, axis=0) == pytest.approx((0.03, 0.01, 0.01))

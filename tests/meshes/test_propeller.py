@@ -7,8 +7,8 @@ import numpy as np
 import pytest
 from scipy.spatial import cKDTree
 
-from meshes.propeller import PropellerCounts, PropellerShape, propeller
-from pipeline.fem.mesh import SolidMesh
+from fmd.fem.mesh import SolidMesh
+from fmd.meshes.propeller import PropellerCounts, PropellerShape, propeller
 
 SHAPE = PropellerShape(
     blades=6,

@@ -7,9 +7,9 @@ import numpy as np
 import pytest
 from scipy.spatial import cKDTree
 
-from meshes.propeller import propeller
-from pipeline.fem.mesh import SolidMesh
-from pipeline.fem.space import Discretisation
+from fmd.fem.mesh import SolidMesh
+from fmd.fem.space import Discretisation
+from fmd.meshes.propeller import propeller
 from tests.meshes.test_propeller import COARSE, SHAPE, turn
 
 KINDS = [("hexahedron", 2, "hexahedron20"), ("tetrahedron", 1, "tetra"), ("tetrahedron", 2, "tetra10")]

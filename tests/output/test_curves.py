@@ -6,13 +6,13 @@ from typing import get_args
 import numpy as np
 import pytest
 
-from pipeline import Pipeline, load_scene
-from pipeline.core.errors import InputError
-from pipeline.output.curves import Curves, _moving, curves_of
-from pipeline.output.summary import summarise
-from pipeline.render.chart_data import Curve
-from pipeline.render.charts import draw_chart
-from pipeline.scene.outputs import CHART_QUANTITIES, JOINT_QUANTITIES, Chart
+from fmd import Pipeline, load_scene
+from fmd.core.errors import InputError
+from fmd.output.curves import Curves, _moving, curves_of
+from fmd.output.summary import summarise
+from fmd.render.chart_data import Curve
+from fmd.render.charts import draw_chart
+from fmd.scene.outputs import CHART_QUANTITIES, JOINT_QUANTITIES, Chart
 
 QUICK = ["body.beam.mesh.divisions=[12, 2, 1]", "simulation.duration=20 ms"]
 

@@ -10,11 +10,11 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from meshes.gmsh_session import gmsh_model
-from pipeline.core.errors import InputError
-from pipeline.output.drawing_process import DrawingProcess
-from pipeline.render.calls import draw_here
-from pipeline.render.chart_data import Curve
+from fmd.core.errors import InputError
+from fmd.meshes.gmsh_session import gmsh_model
+from fmd.output.drawing_process import DrawingProcess
+from fmd.render.calls import draw_here
+from fmd.render.chart_data import Curve
 
 pytestmark = pytest.mark.slow
 

@@ -5,11 +5,11 @@ from importlib.resources import files
 
 import pytest
 
-from pipeline import Pipeline, load_scene
-from pipeline.cli.app import main
-from pipeline.core.cache import Cache
-from pipeline.output.explain import Forecast, forecast_run
-from pipeline.output.write import write_results
+from fmd import Pipeline, load_scene
+from fmd.cli.app import main
+from fmd.core.cache import Cache
+from fmd.output.explain import Forecast, forecast_run
+from fmd.output.write import write_results
 
 QUICK = ["body.beam.mesh.divisions=[12, 2, 1]", "simulation.duration=20 ms"]
 MORE = """
@@ -57,7 +57,7 @@ def test_the_plan_of_a_first_a_second_and_a_damaged_run_is_what_happens(tmp_path
     overrides, scene = QUICK, "beam"
     if more:
         scene, overrides = str(tmp_path / "more.toml"), [*QUICK, 'simulation.stiffening="on"']
-        ready = files("models").joinpath("beam.toml").read_text(encoding="utf-8")
+        ready = files("fmd.models").joinpath("beam.toml").read_text(encoding="utf-8")
         (tmp_path / "more.toml").write_text(ready + MORE, encoding="utf-8")
     first = plan_and_run(tmp_path, overrides, scene)
     require_foretold(*first)

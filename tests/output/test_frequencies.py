@@ -5,10 +5,10 @@ import csv
 import numpy as np
 import pytest
 
-from pipeline import Pipeline, load_scene
-from pipeline.core.cache import Cache
-from pipeline.output.campbell import compute_campbell, write_campbell
-from pipeline.output.frequencies import frequency_table, rotating_table
+from fmd import Pipeline, load_scene
+from fmd.core.cache import Cache
+from fmd.output.campbell import compute_campbell, write_campbell
+from fmd.output.frequencies import frequency_table, rotating_table
 
 SMALL = ["body.beam.mesh.divisions=[12, 2, 1]"]
 

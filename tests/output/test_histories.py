@@ -12,9 +12,9 @@ import numpy as np
 import pytest
 import xarray
 
-from pipeline import Pipeline, load_scene
-from pipeline.core.arrays import Array
-from pipeline.recovery.stress import von_mises
+from fmd import Pipeline, load_scene
+from fmd.core.arrays import Array
+from fmd.recovery.stress import von_mises
 
 SCENE = """
 title = "Bar with a mass"

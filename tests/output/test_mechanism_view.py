@@ -10,17 +10,17 @@ from typing import Any
 import numpy as np
 import pytest
 
-from pipeline import Pipeline, load_scene
-from pipeline.core.cache import Cache
-from pipeline.core.errors import InputError
-from pipeline.integrators.protocol import Trajectory
-from pipeline.output.joint_marks import GROUND, JOINT
-from pipeline.output.mechanism_view import view_mechanism
-from pipeline.output.picture_files import picture_key
-from pipeline.output.pictures import DRAWINGS
-from pipeline.output.rigid_shapes import shape_surfaces
-from pipeline.recovery.motion import Motion
-from pipeline.stages.mechanism import place_joints
+from fmd import Pipeline, load_scene
+from fmd.core.cache import Cache
+from fmd.core.errors import InputError
+from fmd.integrators.protocol import Trajectory
+from fmd.output.joint_marks import GROUND, JOINT
+from fmd.output.mechanism_view import view_mechanism
+from fmd.output.picture_files import picture_key
+from fmd.output.pictures import DRAWINGS
+from fmd.output.rigid_shapes import shape_surfaces
+from fmd.recovery.motion import Motion
+from fmd.stages.mechanism import place_joints
 
 # Without stiffening markers move as linearly in the modal coordinates as the mesh that is drawn.
 ARM = ["body.forearm.mesh.divisions=[8, 1, 1]", "simulation.duration=60 ms", "simulation.stiffening='off'"]

@@ -11,9 +11,9 @@ from xml.etree import ElementTree
 import pytest
 from matplotlib.image import imread
 
-from pipeline import load
-from pipeline.core.errors import InputError
-from pipeline.core.html import facts, scaled, table
+from fmd import load
+from fmd.core.errors import InputError
+from fmd.core.html import facts, scaled, table
 
 README = Path(__file__).parents[2] / "README.md"
 

@@ -6,10 +6,10 @@ from pathlib import Path
 
 import pytest
 
-from pipeline import Pipeline, load_scene
-from pipeline.core.cache import Cache
-from pipeline.output.write import write_results
-from pipeline.reduction.body_file import load_body
+from fmd import Pipeline, load_scene
+from fmd.core.cache import Cache
+from fmd.output.write import write_results
+from fmd.reduction.body_file import load_body
 
 # Clamped at its far end, so that the frame's origin isn't the part's.
 SCENE = """

@@ -5,11 +5,11 @@ from dataclasses import replace
 
 import pytest
 
-from pipeline import Pipeline, load_scene
-from pipeline.core.cache import Cache
-from pipeline.output.explain import forecast_run
-from pipeline.output.pictures import DRAWINGS
-from pipeline.output.write import write_results
+from fmd import Pipeline, load_scene
+from fmd.core.cache import Cache
+from fmd.output.explain import forecast_run
+from fmd.output.pictures import DRAWINGS
+from fmd.output.write import write_results
 
 pytestmark = pytest.mark.slow
 
@@ -59,7 +59,7 @@ def test_a_second_run_draws_nothing_and_leaves_the_same_files(first, monkeypatch
         raise AssertionError("drawn again")
 
     drawings = {type: replace(drawing, draw=draw_again) for type, drawing in DRAWINGS.items()}
-    monkeypatch.setattr("pipeline.output.picture_files.DRAWINGS", drawings)
+    monkeypatch.setattr("fmd.output.picture_files.DRAWINGS", drawings)
     plan, run = draw(folder, [])
     assert fate_of(plan) == "cached"
     assert "pictures" not in run.log.run
@@ -87,7 +87,7 @@ def test_what_has_changed_is_drawn_anew(first, override, drawn, monkeypatch):
         return [name]
 
     drawings = {type: replace(drawing, draw=note) for type, drawing in DRAWINGS.items()}
-    monkeypatch.setattr("pipeline.output.picture_files.DRAWINGS", drawings)
+    monkeypatch.setattr("fmd.output.picture_files.DRAWINGS", drawings)
     plan, run = draw(folder, [override])
     assert ALL & again == drawn
     assert fate_of(plan) == "run"

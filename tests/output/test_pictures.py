@@ -6,13 +6,13 @@ import numpy as np
 import pytest
 from matplotlib.image import imread
 
-from pipeline import Pipeline, load_scene
-from pipeline.core.cache import Cache
-from pipeline.core.errors import InputError
-from pipeline.output.exports import EXPORTS
-from pipeline.output.pictures import DRAWINGS
-from pipeline.scene.outputs import Export
-from pipeline.stages.part import PART_STAGES
+from fmd import Pipeline, load_scene
+from fmd.core.cache import Cache
+from fmd.core.errors import InputError
+from fmd.output.exports import EXPORTS
+from fmd.output.pictures import DRAWINGS
+from fmd.scene.outputs import Export
+from fmd.stages.part import PART_STAGES
 
 SMALL = ["body.beam.mesh.divisions=[12, 2, 1]", "simulation.duration=20 ms"]
 
@@ -43,7 +43,7 @@ def test_still_pictures_need_no_motion(run, tmp_path):
 
 
 def test_chosen_modes_alone_are_drawn(run, tmp_path):
-    from pipeline.output.pictures import draw_modes
+    from fmd.output.pictures import draw_modes
 
     output = next(output for output in run.scene.output if output.type == "modes").model_copy(update={"size": (64, 36)})
     assert draw_modes(run, output, tmp_path, numbers=[2, 99]) == ["mode-2.png"]
@@ -61,7 +61,7 @@ def test_the_stress_picture_is_of_the_worst_instant(run, tmp_path, monkeypatch):
     def note(surface, deformation, values, path, **settings):
         seen.values, seen.title = values, settings["title"]
 
-    monkeypatch.setattr("pipeline.render.pictures.draw_stress", note)
+    monkeypatch.setattr("fmd.render.pictures.draw_stress", note)
     output = next(output for output in run.scene.output if output.type == "stress")
     DRAWINGS["stress"].draw(run, output, tmp_path)
     time, _, worst = run.stress_of("beam").worst()

@@ -17,11 +17,11 @@ import pytest
 from matplotlib import colormaps
 from matplotlib.image import imread
 
-from pipeline import load
-from pipeline.output.report.page import make_page
-from pipeline.output.report.shown import show_outputs
-from pipeline.output.report.view3d import collect_view
-from pipeline.render.camera import Camera
+from fmd import load
+from fmd.output.report.page import make_page
+from fmd.output.report.shown import show_outputs
+from fmd.output.report.view3d import collect_view
+from fmd.render.camera import Camera
 
 QUICK = ["body.beam.mesh.divisions=[24, 2, 1]", "simulation.duration=100 ms"]
 CHROMIUM = shutil.which("chromium") or shutil.which("chromium-browser") or shutil.which("google-chrome")
@@ -212,7 +212,7 @@ def test_a_rigid_scene_has_a_page_too(fmd, tmp_path, capsys):
 
 
 def test_a_part_alone_has_a_page_with_its_modes(fmd, tmp_path):
-    scene = (files("models") / "beam.toml").read_text()
+    scene = (files("fmd.models") / "beam.toml").read_text()
     path = tmp_path / "part.toml"
     path.write_text(scene[: scene.index("[joint.hub]")])
     coarse = [QUICK[0], "body.beam.modes.count=1"]
@@ -237,6 +237,6 @@ def test_titles_and_overrides_are_text_even_where_they_look_like_html(tmp_path):
 
 def test_a_page_that_cannot_be_written_is_refused_before_anything_is_computed(fmd, tmp_path, capsys, monkeypatch):
     (tmp_path / "file").touch()
-    monkeypatch.setattr("pipeline.output.report.page.make_page", lambda *_: pytest.fail("computed"))
+    monkeypatch.setattr("fmd.output.report.page.make_page", lambda *_: pytest.fail("computed"))
     assert fmd("report", "beam", "--out", tmp_path / "file" / "page.html") == 2
     assert "can't be written" in capsys.readouterr().err

@@ -4,9 +4,9 @@ from pathlib import Path
 
 import pytest
 
-from pipeline import Pipeline, load_scene
-from pipeline.core.cache import Cache
-from pipeline.output.spot_stress import spot_stress_warnings
+from fmd import Pipeline, load_scene
+from fmd.core.cache import Cache
+from fmd.output.spot_stress import spot_stress_warnings
 
 FORCE, LENGTH, DEPTH, WIDTH = 10.0, 0.2, 0.008, 0.02
 SCENE = f"""

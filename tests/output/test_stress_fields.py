@@ -15,12 +15,12 @@ import numpy as np
 import pytest
 import rainflow
 
-from pipeline import Pipeline, load_scene
-from pipeline.core.cache import Cache
-from pipeline.output.output_times import output_time_warnings
-from pipeline.output.stress_fields import draw_envelope, draw_fatigue
-from pipeline.output.summary import summarise
-from pipeline.recovery.stress import stress_measure
+from fmd import Pipeline, load_scene
+from fmd.core.cache import Cache
+from fmd.output.output_times import output_time_warnings
+from fmd.output.stress_fields import draw_envelope, draw_fatigue
+from fmd.output.summary import summarise
+from fmd.recovery.stress import stress_measure
 from tests.output.test_histories import SCENE
 
 SN = 'sn = { amplitude = "5 MPa", cycles = 1e6, slope = 5, slope_beyond = 9 }'

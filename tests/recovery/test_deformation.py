@@ -7,12 +7,12 @@ import pytest
 from scipy.optimize import brentq
 from scipy.special import ellipeinc, ellipkinc
 
-from pipeline import Pipeline, load_scene
-from pipeline.accuracy.deflection import TOO_LARGE, deflection_errors, deflection_warnings
-from pipeline.accuracy.error_estimates import SAFETY
-from pipeline.accuracy.quantities import motion_quantities
-from pipeline.dynamics.kinematics import Kinematics
-from pipeline.recovery.deformation import measure_deformation, node_deformation_shapes
+from fmd import Pipeline, load_scene
+from fmd.accuracy.deflection import TOO_LARGE, deflection_errors, deflection_warnings
+from fmd.accuracy.error_estimates import SAFETY
+from fmd.accuracy.quantities import motion_quantities
+from fmd.dynamics.kinematics import Kinematics
+from fmd.recovery.deformation import measure_deformation, node_deformation_shapes
 
 LENGTH, DEPTH, WIDTH, MODULUS = 1.0, 0.005, 0.02, 210e9
 BENDING = MODULUS * WIDTH * DEPTH**3 / 12

@@ -3,11 +3,11 @@
 import numpy as np
 import pytest
 
-from pipeline.fem.assembly import assemble
-from pipeline.fem.model import FEModel
-from pipeline.recovery.energy_error import energy_errors
-from pipeline.reduction.eigen import FreeBodySolver
-from pipeline.reduction.modes import EigenPairs
+from fmd.fem.assembly import assemble
+from fmd.fem.model import FEModel
+from fmd.recovery.energy_error import energy_errors
+from fmd.reduction.eigen import FreeBodySolver
+from fmd.reduction.modes import EigenPairs
 
 SIZES = (0.3, 0.04, 0.02)
 

@@ -5,9 +5,9 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from pipeline.core.arrays import Array
-from pipeline.recovery.envelope import StressEnvelope, estimate_missed_peak, estimate_missed_vibration, stress_envelope
-from pipeline.recovery.stress import StressHistory, stress_measure
+from fmd.core.arrays import Array
+from fmd.recovery.envelope import StressEnvelope, estimate_missed_peak, estimate_missed_vibration, stress_envelope
+from fmd.recovery.stress import StressHistory, stress_measure
 
 
 def envelope_of(tensors: Array) -> StressEnvelope:

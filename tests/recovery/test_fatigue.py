@@ -8,16 +8,16 @@ import numpy as np
 import pytest
 import rainflow
 
-from pipeline.core.arrays import Array
-from pipeline.recovery.fatigue import (
+from fmd.core.arrays import Array
+from fmd.recovery.fatigue import (
     FatigueLaw,
     FatigueLife,
     fatigue_by_critical_plane,
     fatigue_by_signed_von_mises,
 )
-from pipeline.recovery.kernels.node_damage import sign_von_mises
-from pipeline.recovery.kernels.rainflow import count_rainflow
-from pipeline.recovery.stress import StressHistory
+from fmd.recovery.kernels.node_damage import sign_von_mises
+from fmd.recovery.kernels.rainflow import count_rainflow
+from fmd.recovery.stress import StressHistory
 
 LAW = FatigueLaw(amplitude=100e6, cycles=1e6, slope=5.0, slope_beyond=9.0)
 UNIAXIAL = np.array([[[1.0], [0.0], [0.0], [0.0], [0.0], [0.0]]])

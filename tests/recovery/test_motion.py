@@ -7,23 +7,23 @@ import pytest
 from scipy.integrate import simpson
 from scipy.spatial.transform import Rotation
 
-from meshes.bar import hexahedral_bar
-from pipeline import Pipeline, load_scene
-from pipeline.core.arrays import Array
-from pipeline.dynamics.links import REVOLUTE, Link
-from pipeline.dynamics.mechanism import Mechanism
-from pipeline.fem.assembly import assemble
-from pipeline.fem.markers import face_marker
-from pipeline.fem.material import Material
-from pipeline.fem.mesh import SolidMesh
-from pipeline.fem.model import FEModel
-from pipeline.integrators.central_difference import CentralDifference
-from pipeline.integrators.protocol import Integrator, State, Trajectory
-from pipeline.integrators.subcycling import Subcycling
-from pipeline.recovery.motion import Motion
-from pipeline.reduction.body import FlexibleBody, free_frame_body, reduced_body
-from pipeline.reduction.eigen import FreeBodySolver
-from pipeline.reduction.mode_families import lowest_modes
+from fmd import Pipeline, load_scene
+from fmd.core.arrays import Array
+from fmd.dynamics.links import REVOLUTE, Link
+from fmd.dynamics.mechanism import Mechanism
+from fmd.fem.assembly import assemble
+from fmd.fem.markers import face_marker
+from fmd.fem.material import Material
+from fmd.fem.mesh import SolidMesh
+from fmd.fem.model import FEModel
+from fmd.integrators.central_difference import CentralDifference
+from fmd.integrators.protocol import Integrator, State, Trajectory
+from fmd.integrators.subcycling import Subcycling
+from fmd.meshes.bar import hexahedral_bar
+from fmd.recovery.motion import Motion
+from fmd.reduction.body import FlexibleBody, free_frame_body, reduced_body
+from fmd.reduction.eigen import FreeBodySolver
+from fmd.reduction.mode_families import lowest_modes
 
 N_TIMES = 7
 

@@ -8,14 +8,14 @@ import pytest
 import xarray
 from scipy.spatial.transform import Rotation
 
-from pipeline import Pipeline, load_scene
-from pipeline.core.arrays import Array
-from pipeline.dynamics.links import FREE, REVOLUTE, SPHERICAL, Link, rigid_gram
-from pipeline.dynamics.mechanism import Mechanism
-from pipeline.integrators.protocol import State, Trajectory
-from pipeline.recovery.motion import Motion
-from pipeline.recovery.motion_file import motion_dataset, write_motions
-from pipeline.reduction.body import MarkerShapes
+from fmd import Pipeline, load_scene
+from fmd.core.arrays import Array
+from fmd.dynamics.links import FREE, REVOLUTE, SPHERICAL, Link, rigid_gram
+from fmd.dynamics.mechanism import Mechanism
+from fmd.integrators.protocol import State, Trajectory
+from fmd.recovery.motion import Motion
+from fmd.recovery.motion_file import motion_dataset, write_motions
+from fmd.reduction.body import MarkerShapes
 
 QUICK = ["body.beam.mesh.divisions=[12, 2, 1]", "simulation.duration=20 ms"]
 NEVER_STILL = "joint.hub.damper=1e-12 N m s"

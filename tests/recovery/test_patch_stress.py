@@ -3,9 +3,9 @@
 import numpy as np
 import pytest
 
-from pipeline.fem.model import FEModel
-from pipeline.recovery.patch_stress import patch_stress
-from pipeline.recovery.stress import point_stress
+from fmd.fem.model import FEModel
+from fmd.recovery.patch_stress import patch_stress
+from fmd.recovery.stress import point_stress
 
 
 def bent(x: np.ndarray) -> np.ndarray:
@@ -18,7 +18,7 @@ def bent(x: np.ndarray) -> np.ndarray:
     "element", [("hex20", "hexahedron", 2), ("tet10", "tetra", 2)], indirect=True, ids=lambda e: e[0]
 )
 def test_linear_stress_comes_back_at_corners_and_inside(box_mesh, steel, element) -> None:
-    from pipeline.fem.assembly import assemble
+    from fmd.fem.assembly import assemble
 
     fe = assemble(box_mesh(element.cell_type, (3, 2, 1)), 2, steel)
     u = bent(fe.x)[:, :, None]

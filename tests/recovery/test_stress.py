@@ -10,17 +10,17 @@ from hypothesis import strategies as st
 from hypothesis.extra.numpy import arrays
 from scipy.spatial.transform import Rotation
 
-from meshes.bar import hexahedral_bar, tetrahedral_bar
-from pipeline.core.arrays import Array
-from pipeline.fem.assembly import assemble
-from pipeline.fem.markers import face_marker
-from pipeline.fem.material import Material
-from pipeline.fem.mesh import SolidMesh
-from pipeline.fem.model import FEModel
-from pipeline.fem.space import Discretisation
-from pipeline.fem.strain import stresses
-from pipeline.recovery.stress import StressHistory, modal_stress, von_mises
-from pipeline.reduction.eigen import FreeBodySolver
+from fmd.core.arrays import Array
+from fmd.fem.assembly import assemble
+from fmd.fem.markers import face_marker
+from fmd.fem.material import Material
+from fmd.fem.mesh import SolidMesh
+from fmd.fem.model import FEModel
+from fmd.fem.space import Discretisation
+from fmd.fem.strain import stresses
+from fmd.meshes.bar import hexahedral_bar, tetrahedral_bar
+from fmd.recovery.stress import StressHistory, modal_stress, von_mises
+from fmd.reduction.eigen import FreeBodySolver
 
 SIZES = (0.3, 0.04, 0.02)
 HEX8, HEX20, TET10 = ("hex8", "hexahedron", 1), ("hex20", "hexahedron", 2), ("tet10", "tetra", 2)
@@ -133,7 +133,7 @@ def test_only_the_chosen_nodes_are_evaluated_and_come_out_the_same(
         evaluated.extend(arguments[-1])
         return stresses(*arguments)
 
-    monkeypatch.setattr("pipeline.fem.strain.stresses", noted)
+    monkeypatch.setattr("fmd.fem.strain.stresses", noted)
     found = modal_stress(space, distorted.material, shapes, some)
     assert np.abs(found - whole[some]).max() < 1e-14 * np.abs(whole).max()
     touching = [k for k, nodes in enumerate(space.element_nodes) if {*nodes} & {*some}]

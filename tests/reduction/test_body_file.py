@@ -9,22 +9,22 @@ import numpy as np
 import pytest
 import xarray
 
-from pipeline.core.errors import InputError
-from pipeline.dynamics.compiled_system.system import CompiledSystem
-from pipeline.dynamics.links import REVOLUTE, SPHERICAL, Link
-from pipeline.dynamics.mechanism import Mechanism
-from pipeline.dynamics.signals.signal import half_sine
-from pipeline.fem.markers import Marker, face_marker
-from pipeline.fem.model import FEModel
-from pipeline.fem.surface import SurfaceTopology, surface_topology
-from pipeline.integrators.central_difference import CentralDifference
-from pipeline.recovery.stress import modal_stress
-from pipeline.reduction.body import FlexibleBody, MarkerShapes, reduced_body
-from pipeline.reduction.body_file import FORMAT, VERSION, SavedBody, load_body, save_body
-from pipeline.reduction.eigen import FreeBodySolver
-from pipeline.reduction.inertia import InertiaGram
-from pipeline.reduction.mode_families import lowest_modes
-from pipeline.reduction.stiffening import stiffen_body
+from fmd.core.errors import InputError
+from fmd.dynamics.compiled_system.system import CompiledSystem
+from fmd.dynamics.links import REVOLUTE, SPHERICAL, Link
+from fmd.dynamics.mechanism import Mechanism
+from fmd.dynamics.signals.signal import half_sine
+from fmd.fem.markers import Marker, face_marker
+from fmd.fem.model import FEModel
+from fmd.fem.surface import SurfaceTopology, surface_topology
+from fmd.integrators.central_difference import CentralDifference
+from fmd.recovery.stress import modal_stress
+from fmd.reduction.body import FlexibleBody, MarkerShapes, reduced_body
+from fmd.reduction.body_file import FORMAT, VERSION, SavedBody, load_body, save_body
+from fmd.reduction.eigen import FreeBodySolver
+from fmd.reduction.inertia import InertiaGram
+from fmd.reduction.mode_families import lowest_modes
+from fmd.reduction.stiffening import stiffen_body
 from tests.dynamics.hinged_body import hinged as on_hinge
 
 Z = np.array([0.0, 0.0, 1.0])
@@ -251,8 +251,8 @@ def test_loading_needs_neither_mesh_nor_finite_elements(path: Path) -> None:
     import sys
 
     listing = (
-        "import sys; from pathlib import Path; from pipeline.reduction.body_file import load_body;"
+        "import sys; from pathlib import Path; from fmd.reduction.body_file import load_body;"
         "load_body(Path(sys.argv[1])); print(*sys.modules)"
     )
     done = subprocess.run([sys.executable, "-c", listing, str(path)], capture_output=True, text=True, check=True)
-    assert not set(done.stdout.split()) & {"skfem", "meshio", "gmsh", "numba", "pipeline.fem.mesh", "pipeline.recovery"}
+    assert not set(done.stdout.split()) & {"skfem", "meshio", "gmsh", "numba", "fmd.fem.mesh", "fmd.recovery"}

@@ -3,20 +3,20 @@
 import numpy as np
 import pytest
 
-from pipeline.core.errors import AccuracyError
-from pipeline.fem.local_markers import point_marker
-from pipeline.fem.markers import Marker, face_marker
-from pipeline.fem.model import FEModel
-from pipeline.fem.selection import nodes_on_faces
-from pipeline.reduction.craig_bampton import (
+from fmd.core.errors import AccuracyError
+from fmd.fem.local_markers import point_marker
+from fmd.fem.markers import Marker, face_marker
+from fmd.fem.model import FEModel
+from fmd.fem.selection import nodes_on_faces
+from fmd.reduction.craig_bampton import (
     _count_rigid_motions,
     constraint_modes,
     craig_bampton_modes,
     craig_bampton_modes_of_family,
     interface_columns,
 )
-from pipeline.reduction.eigen import FreeBodySolver
-from pipeline.reduction.modes import TooManyModesError
+from fmd.reduction.eigen import FreeBodySolver
+from fmd.reduction.modes import TooManyModesError
 
 BOTH = pytest.mark.parametrize("rigid", [False, True], ids=["averaged", "rigid"])
 

@@ -10,19 +10,19 @@ import pytest
 from scipy.linalg import eigh
 from scipy.sparse.linalg import LinearOperator, lobpcg
 
-from meshes.propeller import PropellerCounts, PropellerShape, propeller
-from pipeline import Pipeline, load_scene
-from pipeline.core.cache import Cache
-from pipeline.core.errors import AccuracyError
-from pipeline.fem.assembly import assemble
-from pipeline.fem.markers import face_marker
-from pipeline.fem.material import Material
-from pipeline.fem.mesh import SolidMesh
-from pipeline.fem.model import FEModel
-from pipeline.reduction.cyclic import CyclicSolver
-from pipeline.reduction.eigen import FreeBodySolver
-from pipeline.reduction.factor.factor import Solver, factorise
-from pipeline.reduction.sector import cut_first_sector
+from fmd import Pipeline, load_scene
+from fmd.core.cache import Cache
+from fmd.core.errors import AccuracyError
+from fmd.fem.assembly import assemble
+from fmd.fem.markers import face_marker
+from fmd.fem.material import Material
+from fmd.fem.mesh import SolidMesh
+from fmd.fem.model import FEModel
+from fmd.meshes.propeller import PropellerCounts, PropellerShape, propeller
+from fmd.reduction.cyclic import CyclicSolver
+from fmd.reduction.eigen import FreeBodySolver
+from fmd.reduction.factor.factor import Solver, factorise
+from fmd.reduction.sector import cut_first_sector
 
 ALUMINIUM = Material(E=70e9, nu=0.3, rho=2780.0)
 SHAPE = PropellerShape(

@@ -10,19 +10,19 @@ import scipy.sparse as sp
 from scipy.linalg import eigh
 from scipy.sparse.linalg import splu
 
-from meshes.bar import hexahedral_bar
-from pipeline.core.arrays import Array
-from pipeline.core.errors import AccuracyError
-from pipeline.fem.assembly import assemble
-from pipeline.fem.markers import face_marker
-from pipeline.fem.material import Material
-from pipeline.fem.mesh import SolidMesh
-from pipeline.fem.model import FEModel
-from pipeline.reduction import eigen, inertia_relief
-from pipeline.reduction.eigen import FreeBodySolver
-from pipeline.reduction.loads import motion_loads
-from pipeline.reduction.mode_families import classify_modes, lowest_modes
-from pipeline.reduction.modes import TooManyModesError
+from fmd.core.arrays import Array
+from fmd.core.errors import AccuracyError
+from fmd.fem.assembly import assemble
+from fmd.fem.markers import face_marker
+from fmd.fem.material import Material
+from fmd.fem.mesh import SolidMesh
+from fmd.fem.model import FEModel
+from fmd.meshes.bar import hexahedral_bar
+from fmd.reduction import eigen, inertia_relief
+from fmd.reduction.eigen import FreeBodySolver
+from fmd.reduction.loads import motion_loads
+from fmd.reduction.mode_families import classify_modes, lowest_modes
+from fmd.reduction.modes import TooManyModesError
 
 Z = np.array([0.0, 0.0, 1.0])
 

@@ -6,20 +6,20 @@ import numpy as np
 import pytest
 from scipy.linalg import null_space
 
-from meshes.bar import hexahedral_bar
-from pipeline.core.arrays import Array
-from pipeline.fem.assembly import assemble
-from pipeline.fem.markers import Marker, face_marker
-from pipeline.fem.material import Material
-from pipeline.fem.mesh import SolidMesh
-from pipeline.fem.model import FEModel
-from pipeline.recovery.stress import modal_stress
-from pipeline.reduction.body import FlexibleBody, reduced_body
-from pipeline.reduction.eigen import FreeBodySolver
-from pipeline.reduction.enrichment import enrich_modes
-from pipeline.reduction.loads import motion_loads
-from pipeline.reduction.mode_families import lowest_modes, modes_of_family
-from pipeline.reduction.modes import Modes
+from fmd.core.arrays import Array
+from fmd.fem.assembly import assemble
+from fmd.fem.markers import Marker, face_marker
+from fmd.fem.material import Material
+from fmd.fem.mesh import SolidMesh
+from fmd.fem.model import FEModel
+from fmd.meshes.bar import hexahedral_bar
+from fmd.recovery.stress import modal_stress
+from fmd.reduction.body import FlexibleBody, reduced_body
+from fmd.reduction.eigen import FreeBodySolver
+from fmd.reduction.enrichment import enrich_modes
+from fmd.reduction.loads import motion_loads
+from fmd.reduction.mode_families import lowest_modes, modes_of_family
+from fmd.reduction.modes import Modes
 
 Z = np.array([0.0, 0.0, 1.0])
 LENGTH = 0.5

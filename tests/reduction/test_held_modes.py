@@ -8,19 +8,19 @@ import pytest
 from scipy.linalg import eigh, expm, null_space
 from scipy.optimize import brentq
 
-from meshes.bar import hexahedral_bar
-from pipeline.core.arrays import Array
-from pipeline.core.errors import AccuracyError
-from pipeline.fem.assembly import assemble
-from pipeline.fem.markers import Marker, face_marker
-from pipeline.fem.material import Material
-from pipeline.fem.mesh import SolidMesh
-from pipeline.fem.model import FEModel
-from pipeline.reduction.body import reduced_body
-from pipeline.reduction.eigen import FreeBodySolver
-from pipeline.reduction.enrichment import enrich_modes
-from pipeline.reduction.loads import motion_loads
-from pipeline.reduction.mode_families import classify_modes, lowest_modes, modes_of_family
+from fmd.core.arrays import Array
+from fmd.core.errors import AccuracyError
+from fmd.fem.assembly import assemble
+from fmd.fem.markers import Marker, face_marker
+from fmd.fem.material import Material
+from fmd.fem.mesh import SolidMesh
+from fmd.fem.model import FEModel
+from fmd.meshes.bar import hexahedral_bar
+from fmd.reduction.body import reduced_body
+from fmd.reduction.eigen import FreeBodySolver
+from fmd.reduction.enrichment import enrich_modes
+from fmd.reduction.loads import motion_loads
+from fmd.reduction.mode_families import classify_modes, lowest_modes, modes_of_family
 
 X, Y, Z = np.eye(3)
 # Directions about which a joint holds a body's rotation, and the rigid motions that it leaves.

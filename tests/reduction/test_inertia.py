@@ -9,13 +9,13 @@ import pytest
 import scipy.sparse as sp
 import skfem
 
-from pipeline.core.arrays import Array
-from pipeline.core.errors import AccuracyError
-from pipeline.fem.assembly import assemble
-from pipeline.fem.material import Material
-from pipeline.fem.mesh import SolidMesh
-from pipeline.fem.model import FEModel
-from pipeline.reduction.inertia import InertiaGram, add_normal_blocks, inertia_gram, normal_blocks
+from fmd.core.arrays import Array
+from fmd.core.errors import AccuracyError
+from fmd.fem.assembly import assemble
+from fmd.fem.material import Material
+from fmd.fem.mesh import SolidMesh
+from fmd.fem.model import FEModel
+from fmd.reduction.inertia import InertiaGram, add_normal_blocks, inertia_gram, normal_blocks
 
 N_SHAPES = 4
 SIZES = (1.2, 1.0, 0.8)

@@ -6,16 +6,16 @@ from typing import Any
 import numpy as np
 import pytest
 
-from meshes.bar import hexahedral_bar, tetrahedral_bar
-from pipeline.core.arrays import Array
-from pipeline.core.errors import AccuracyError
-from pipeline.fem.assembly import assemble
-from pipeline.fem.material import Material
-from pipeline.fem.mesh import SolidMesh
-from pipeline.fem.model import FEModel
-from pipeline.reduction.eigen import FreeBodySolver
-from pipeline.reduction.mode_families import classify_modes, lowest_modes, modes_of_family
-from pipeline.reduction.modes import EigenPairs, TooManyModesError
+from fmd.core.arrays import Array
+from fmd.core.errors import AccuracyError
+from fmd.fem.assembly import assemble
+from fmd.fem.material import Material
+from fmd.fem.mesh import SolidMesh
+from fmd.fem.model import FEModel
+from fmd.meshes.bar import hexahedral_bar, tetrahedral_bar
+from fmd.reduction.eigen import FreeBodySolver
+from fmd.reduction.mode_families import classify_modes, lowest_modes, modes_of_family
+from fmd.reduction.modes import EigenPairs, TooManyModesError
 
 Z = np.array([0.0, 0.0, 1.0])
 SIZES = (0.3, 0.04, 0.02)

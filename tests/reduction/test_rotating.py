@@ -3,10 +3,10 @@
 import numpy as np
 import pytest
 
-from pipeline.core.arrays import Array
-from pipeline.reduction.body import FlexibleBody, MarkerShapes
-from pipeline.reduction.inertia import InertiaGram, inertia_gram
-from pipeline.reduction.rotating import rotating_frequencies
+from fmd.core.arrays import Array
+from fmd.reduction.body import FlexibleBody, MarkerShapes
+from fmd.reduction.inertia import InertiaGram, inertia_gram
+from fmd.reduction.rotating import rotating_frequencies
 
 MASS, ARM = 2.0, 0.5
 

@@ -4,8 +4,8 @@ from dataclasses import replace
 
 import numpy as np
 
-from pipeline.core.arrays import EPSILON, Array
-from pipeline.reduction.inertia import InertiaGram, inertia_gram
+from fmd.core.arrays import EPSILON, Array
+from fmd.reduction.inertia import InertiaGram, inertia_gram
 
 N_MODES = 4
 

@@ -2,9 +2,9 @@
 
 import numpy as np
 
-from pipeline.core.arrays import EPSILON, Array
-from pipeline.reduction.inertia import inertia_gram
-from pipeline.reduction.second_order_mass import second_order_mass
+from fmd.core.arrays import EPSILON, Array
+from fmd.reduction.inertia import inertia_gram
+from fmd.reduction.second_order_mass import second_order_mass
 
 N_MODES = 4
 

@@ -7,18 +7,18 @@ import numpy as np
 import pytest
 from scipy.linalg import eigvalsh
 
-from meshes.bar import hexahedral_bar
-from pipeline.core.arrays import EPSILON, Array
-from pipeline.fem.assembly import assemble
-from pipeline.fem.markers import Marker, face_marker
-from pipeline.fem.material import Material
-from pipeline.fem.mesh import SolidMesh
-from pipeline.fem.model import FEModel
-from pipeline.reduction.body import FlexibleBody, MarkerShapes, _pinned, floating_body, reduced_body
-from pipeline.reduction.eigen import FreeBodySolver
-from pipeline.reduction.inertia import inertia_gram
-from pipeline.reduction.mode_families import modes_of_family
-from pipeline.reduction.stiffening import reduced_geometric_stiffness, stiffen_body
+from fmd.core.arrays import EPSILON, Array
+from fmd.fem.assembly import assemble
+from fmd.fem.markers import Marker, face_marker
+from fmd.fem.material import Material
+from fmd.fem.mesh import SolidMesh
+from fmd.fem.model import FEModel
+from fmd.meshes.bar import hexahedral_bar
+from fmd.reduction.body import FlexibleBody, MarkerShapes, _pinned, floating_body, reduced_body
+from fmd.reduction.eigen import FreeBodySolver
+from fmd.reduction.inertia import inertia_gram
+from fmd.reduction.mode_families import modes_of_family
+from fmd.reduction.stiffening import reduced_geometric_stiffness, stiffen_body
 
 X, Y, Z = np.eye(3)
 LENGTH, DEPTH = 1.0, 0.01

@@ -7,13 +7,13 @@ import pytest
 from scipy.io import loadmat
 from scipy.linalg import eigh
 
-from pipeline.core.errors import InputError
-from pipeline.fem.markers import face_marker
-from pipeline.fem.model import FEModel
-from pipeline.reduction.craig_bampton import craig_bampton_modes
-from pipeline.reduction.eigen import FreeBodySolver
-from pipeline.reduction.formats.superelement_files import read_extptfm, write_extptfm, write_simscape
-from pipeline.reduction.superelement import Superelement, make_superelement
+from fmd.core.errors import InputError
+from fmd.fem.markers import face_marker
+from fmd.fem.model import FEModel
+from fmd.reduction.craig_bampton import craig_bampton_modes
+from fmd.reduction.eigen import FreeBodySolver
+from fmd.reduction.formats.superelement_files import read_extptfm, write_extptfm, write_simscape
+from fmd.reduction.superelement import Superelement, make_superelement
 
 RATIO = 0.03
 

@@ -6,16 +6,16 @@ import numpy as np
 import pytest
 from scipy.linalg import eigh, null_space
 
-from pipeline.core.arrays import Array, IntArray
-from pipeline.core.errors import AccuracyError
-from pipeline.fem.assembly import assemble
-from pipeline.fem.markers import face_marker
-from pipeline.fem.material import Material
-from pipeline.fem.mesh import SolidMesh
-from pipeline.fem.model import FEModel
-from pipeline.fem.selection import node_at, nodes_on_edge, nodes_on_faces
-from pipeline.reduction.eigen import FreeBodySolver
-from pipeline.reduction.loads import acceleration_loads
+from fmd.core.arrays import Array, IntArray
+from fmd.core.errors import AccuracyError
+from fmd.fem.assembly import assemble
+from fmd.fem.markers import face_marker
+from fmd.fem.material import Material
+from fmd.fem.mesh import SolidMesh
+from fmd.fem.model import FEModel
+from fmd.fem.selection import node_at, nodes_on_edge, nodes_on_faces
+from fmd.reduction.eigen import FreeBodySolver
+from fmd.reduction.loads import acceleration_loads
 
 LENGTH, DEPTH, WIDTH = 0.3, 0.04, 0.02  # small_bar
 

@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 
-from pipeline.render.surface import Surface
+from fmd.render.surface import Surface
 
 
 def box(*extents: float, divisions: tuple[int, int, int] = (6, 4, 3)) -> Surface:

@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 
-from pipeline.render.annotations import arrange_legend, find_free_place, format_number, text_width
+from fmd.render.annotations import arrange_legend, find_free_place, format_number, text_width
 
 SIZE = (960, 540)
 

@@ -3,9 +3,9 @@
 import numpy as np
 import pytest
 
-from pipeline.render.camera import Camera
-from pipeline.render.projection import PART, fit_projection, oblique_axes
-from pipeline.render.surface import Surface
+from fmd.render.camera import Camera
+from fmd.render.projection import PART, fit_projection, oblique_axes
+from fmd.render.surface import Surface
 
 SIZE = (960, 540)
 

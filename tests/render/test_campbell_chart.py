@@ -4,7 +4,7 @@ from pathlib import Path
 
 import numpy as np
 
-from pipeline.render.campbell_chart import draw_campbell
+from fmd.render.campbell_chart import draw_campbell
 
 
 def test_modes_and_multiples_of_the_rate_are_named(tmp_path: Path) -> None:

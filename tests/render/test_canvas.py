@@ -4,9 +4,9 @@ import numpy as np
 import pytest
 from numpy.typing import NDArray
 
-from pipeline.render.canvas import add_part_by_values, choose_outline, keep_windows, open_canvas
-from pipeline.render.projection import fit_projection, oblique_axes
-from pipeline.render.surface import Surface, build_skin
+from fmd.render.canvas import add_part_by_values, choose_outline, keep_windows, open_canvas
+from fmd.render.projection import fit_projection, oblique_axes
+from fmd.render.surface import Surface, build_skin
 
 
 def test_lines_that_would_smear_a_picture_are_left_out(block: Surface) -> None:

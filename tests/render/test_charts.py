@@ -6,9 +6,9 @@ import numpy as np
 import pytest
 from matplotlib.colors import to_rgb
 
-from pipeline.core.arrays import Array
-from pipeline.render.chart_data import Curve
-from pipeline.render.charts import COLOURS, PALENESS, draw_chart, fit_length
+from fmd.core.arrays import Array
+from fmd.render.chart_data import Curve
+from fmd.render.charts import COLOURS, PALENESS, draw_chart, fit_length
 
 TIME = np.linspace(0.0, 0.5, 201)
 WAVE = np.sin(20 * TIME)

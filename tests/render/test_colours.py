@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 
-from pipeline.render.colours import limits_in_megapascals, sample_colours, stress_limits, usual_limits
+from fmd.render.colours import limits_in_megapascals, sample_colours, stress_limits, usual_limits
 
 
 def test_limits_are_those_of_the_stress_and_hold_zero_unless_all_is_negative() -> None:

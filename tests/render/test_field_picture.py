@@ -6,9 +6,9 @@ import imageio.v3 as iio
 import numpy as np
 import pytest
 
-from pipeline.render.camera import Camera
-from pipeline.render.field_picture import draw_field
-from pipeline.render.surface import Surface
+from fmd.render.camera import Camera
+from fmd.render.field_picture import draw_field
+from fmd.render.surface import Surface
 from tests.render.test_pictures import SIZE, distance_to_top_colour
 
 

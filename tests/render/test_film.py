@@ -9,13 +9,13 @@ import imageio_ffmpeg  # type: ignore[import-untyped]
 import numpy as np
 import pytest
 
-from pipeline.render import drawn_mechanism
-from pipeline.render import film as film_module
-from pipeline.render.camera import Camera
-from pipeline.render.film import draw_film, draw_mechanism
-from pipeline.render.moving_bodies import MovingBody, MovingLine, MovingMechanism, MovingShape
-from pipeline.render.solids import make_ball
-from pipeline.render.surface import Surface
+from fmd.render import drawn_mechanism
+from fmd.render import film as film_module
+from fmd.render.camera import Camera
+from fmd.render.film import draw_film, draw_mechanism
+from fmd.render.moving_bodies import MovingBody, MovingLine, MovingMechanism, MovingShape
+from fmd.render.solids import make_ball
+from fmd.render.surface import Surface
 
 
 def turning(part: Surface, n_frames: int, **changes: object) -> MovingMechanism:

@@ -7,9 +7,9 @@ import numpy as np
 import pytest
 from scipy.ndimage import binary_dilation, label
 
-from pipeline.render.camera import Camera
-from pipeline.render.mode_sheet import draw_mode_sheet
-from pipeline.render.surface import Surface
+from fmd.render.camera import Camera
+from fmd.render.mode_sheet import draw_mode_sheet
+from fmd.render.surface import Surface
 
 
 @pytest.mark.parametrize("n_modes", [1, 5, 6])

@@ -6,12 +6,12 @@ import numpy as np
 import pytest
 from matplotlib.colors import to_rgb
 
-from pipeline.render.annotations import BAR
-from pipeline.render.camera import Camera
-from pipeline.render.colours import sample_colours
-from pipeline.render.pictures import PART_COLOURS, draw_mesh, draw_mode, draw_stress
-from pipeline.render.projection import Projection, is_visible
-from pipeline.render.surface import Surface
+from fmd.render.annotations import BAR
+from fmd.render.camera import Camera
+from fmd.render.colours import sample_colours
+from fmd.render.pictures import PART_COLOURS, draw_mesh, draw_mode, draw_stress
+from fmd.render.projection import Projection, is_visible
+from fmd.render.surface import Surface
 
 SIZE = (960, 540)
 

@@ -3,8 +3,8 @@
 import numpy as np
 import pytest
 
-from pipeline.render.projection import PART, choose_axes, fit_projection, is_visible, oblique_axes, upright_axes
-from pipeline.render.surface import Surface
+from fmd.render.projection import PART, choose_axes, fit_projection, is_visible, oblique_axes, upright_axes
+from fmd.render.surface import Surface
 
 SIZE = (960, 540)
 

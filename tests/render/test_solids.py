@@ -3,8 +3,8 @@
 import numpy as np
 import pytest
 
-from pipeline.render.solids import make_ball, make_box, make_cylinder, make_plate, make_pyramid
-from pipeline.render.surface import Surface, build_skin
+from fmd.render.solids import make_ball, make_box, make_cylinder, make_plate, make_pyramid
+from fmd.render.surface import Surface, build_skin
 
 ALONG = np.array([0.3, -0.2, 0.6])
 SQUARE = np.array([[0.0, 0, 0], [2, 0, 0], [2, 1, 0], [0, 1, 0]])

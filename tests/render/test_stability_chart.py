@@ -6,8 +6,8 @@ import imageio.v3 as iio
 import numpy as np
 import pytest
 
-from pipeline.core.arrays import Array
-from pipeline.render.stability_chart import Panel, draw_stability
+from fmd.core.arrays import Array
+from fmd.render.stability_chart import Panel, draw_stability
 
 pytestmark = pytest.mark.slow
 

@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 
-from pipeline.render.surface import Surface, area_normals, build_skin
+from fmd.render.surface import Surface, area_normals, build_skin
 
 
 def test_light_breaks_at_the_edges_of_a_block_and_nowhere_else(block: Surface) -> None:

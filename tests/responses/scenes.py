@@ -4,8 +4,8 @@ from __future__ import annotations
 
 from pathlib import Path
 
-from pipeline.scene.scene import load_scene
-from pipeline.stages.pipeline import Pipeline
+from fmd.scene.scene import load_scene
+from fmd.stages.pipeline import Pipeline
 
 LENGTH, DEPTH, WIDTH = 0.5, 0.01, 0.02
 SIMULATION = """

@@ -11,9 +11,9 @@ import pytest
 from scipy.linalg import expm
 from scipy.optimize import brentq
 
-from pipeline.core.arrays import Array
-from pipeline.fem.material import Material
-from pipeline.stages.linear_model import linearise_scene
+from fmd.core.arrays import Array
+from fmd.fem.material import Material
+from fmd.stages.linear_model import linearise_scene
 from tests.responses.scenes import DEPTH, LENGTH, WIDTH, beam, fixed, pipeline_of, supported
 
 MATERIAL = Material(E=210e9, nu=0.0, rho=7800.0)

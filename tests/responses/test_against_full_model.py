@@ -8,12 +8,12 @@ import numpy as np
 import pytest
 from scipy.sparse.linalg import splu
 
-from pipeline.core.arrays import Array
-from pipeline.recovery.stress import element_stress
-from pipeline.scene.scene import load_scene
-from pipeline.stages.linear_model import linearise_scene
-from pipeline.stages.part import FlexiblePart
-from pipeline.stages.pipeline import Pipeline
+from fmd.core.arrays import Array
+from fmd.recovery.stress import element_stress
+from fmd.scene.scene import load_scene
+from fmd.stages.linear_model import linearise_scene
+from fmd.stages.part import FlexiblePart
+from fmd.stages.pipeline import Pipeline
 
 ALPHA, BETA = 40.0, 2e-6
 RAYLEIGH = f'body.plate.modes.damping={{ alpha = "{ALPHA} 1/s", beta = "{BETA} s" }}'

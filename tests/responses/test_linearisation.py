@@ -8,16 +8,16 @@ from typing import Any
 import numpy as np
 import pytest
 
-from pipeline.core.arrays import Array
-from pipeline.core.errors import InputError
-from pipeline.dynamics.links import FREE
-from pipeline.integrators.protocol import evaluate, evaluate_velocities, move_positions
-from pipeline.output.frequencies import rotating_table
-from pipeline.responses.linearisation import Linearisation
-from pipeline.scene.scene import load_scene
-from pipeline.stability.tangent import OperatingPoint
-from pipeline.stages.linear_model import linearise_scene
-from pipeline.stages.pipeline import Pipeline
+from fmd.core.arrays import Array
+from fmd.core.errors import InputError
+from fmd.dynamics.links import FREE
+from fmd.integrators.protocol import evaluate, evaluate_velocities, move_positions
+from fmd.output.frequencies import rotating_table
+from fmd.responses.linearisation import Linearisation
+from fmd.scene.scene import load_scene
+from fmd.stability.tangent import OperatingPoint
+from fmd.stages.linear_model import linearise_scene
+from fmd.stages.pipeline import Pipeline
 from tests.dynamics.compiler.comparison import TIME
 from tests.dynamics.compiler.mechanisms import random_mechanism
 from tests.responses.scenes import beam, fixed, pipeline_of, supported
@@ -42,7 +42,7 @@ def test_a_tree_is_linearised_as_by_differences_of_its_accelerations(seed: int) 
     for k, link in enumerate(mechanism.links):
         if link.joint == FREE:  # whose positions are taken in the body's axes, which turn
             v[mechanism.layout.rate[k] + 3 : mechanism.layout.rate[k] + 6] = 0.0
-    from pipeline.dynamics.compiled_system.system import CompiledSystem
+    from fmd.dynamics.compiled_system.system import CompiledSystem
 
     system = CompiledSystem(mechanism)
     p, n = system.parameters, mechanism.n
@@ -63,7 +63,7 @@ def test_a_tree_is_linearised_as_by_differences_of_its_accelerations(seed: int) 
 
 def free_axes(mechanism: Any, q: Array) -> Array:
     """Return the rotation of each free joint's displacements from the body's axes into those of its place."""
-    from pipeline.core.rotations import matrix_of_quaternion
+    from fmd.core.rotations import matrix_of_quaternion
 
     W = np.eye(mechanism.n)
     for k, link in enumerate(mechanism.links):

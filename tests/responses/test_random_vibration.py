@@ -8,14 +8,14 @@ import numpy as np
 import pytest
 from scipy.linalg import solve_continuous_lyapunov
 
-from pipeline.core.errors import AccuracyError, InputError
-from pipeline.output.responses import compute_response
-from pipeline.responses.frequencies import choose_frequencies
-from pipeline.responses.random_vibration import random_response
-from pipeline.responses.state_space import Channel, StateSpace
-from pipeline.scene.scene import load_scene
-from pipeline.stages.pipeline import Pipeline
-from pipeline.stages.spectral_density import read_density
+from fmd.core.errors import AccuracyError, InputError
+from fmd.output.responses import compute_response
+from fmd.responses.frequencies import choose_frequencies
+from fmd.responses.random_vibration import random_response
+from fmd.responses.state_space import Channel, StateSpace
+from fmd.scene.scene import load_scene
+from fmd.stages.pipeline import Pipeline
+from fmd.stages.spectral_density import read_density
 
 AT = ("--psd", "")
 

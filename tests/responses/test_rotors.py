@@ -10,12 +10,12 @@ from typing import Any
 import numpy as np
 import pytest
 
-from pipeline.core.errors import InputError
-from pipeline.output.campbell import compute_campbell, whirl_word, write_campbell
-from pipeline.responses.whirl import find_circulation
-from pipeline.scene.scene import load_scene
-from pipeline.stages.pipeline import Pipeline
-from pipeline.stages.rotor import find_vibrations
+from fmd.core.errors import InputError
+from fmd.output.campbell import compute_campbell, whirl_word, write_campbell
+from fmd.responses.whirl import find_circulation
+from fmd.scene.scene import load_scene
+from fmd.stages.pipeline import Pipeline
+from fmd.stages.rotor import find_vibrations
 
 MASS, POLAR, ACROSS, ARM, RADIAL, DAMPER = 12.0, 0.09, 0.06, 0.2, 4e5, 150.0
 SIMULATION = """

@@ -10,9 +10,9 @@ from typing import Any
 import numpy as np
 import pytest
 
-from pipeline.core.arrays import Array
-from pipeline.responses.frequencies import choose_frequencies
-from pipeline.responses.state_space import Channel, StateSpace
+from fmd.core.arrays import Array
+from fmd.responses.frequencies import choose_frequencies
+from fmd.responses.state_space import Channel, StateSpace
 
 
 def model_of(K: Array, C: Array, forced: int, seen: int) -> StateSpace:

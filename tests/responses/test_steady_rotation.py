@@ -8,12 +8,12 @@ import numpy as np
 import pytest
 from scipy.linalg import eigh
 
-from pipeline.core.arrays import Array
-from pipeline.core.errors import InputError
-from pipeline.scene.scene import load_scene
-from pipeline.stages.pipeline import Pipeline
-from pipeline.stages.rotor import find_vibrations
-from pipeline.stages.turning import TurningRotor
+from fmd.core.arrays import Array
+from fmd.core.errors import InputError
+from fmd.scene.scene import load_scene
+from fmd.stages.pipeline import Pipeline
+from fmd.stages.rotor import find_vibrations
+from fmd.stages.turning import TurningRotor
 from tests.verification.tension_beams import beam_matrices
 
 LENGTH, DEPTH, WIDTH, E, RHO, TIP = 1.0, 20e-3, 6e-3, 70e9, 2700.0, 0.5

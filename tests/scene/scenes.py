@@ -7,11 +7,11 @@ from typing import Any
 
 import pytest
 
-from pipeline.core.errors import InputError
-from pipeline.scene.scene import Scene, load_scene
+from fmd.core.errors import InputError
+from fmd.scene.scene import Scene, load_scene
 
-BEAM = (files("models") / "beam.toml").read_text()
-SLIDER = (files("models") / "rod-slider.toml").read_text()
+BEAM = (files("fmd.models") / "beam.toml").read_text()
+SLIDER = (files("fmd.models") / "rod-slider.toml").read_text()
 PLATE = """
 [body.plate]
 shape = "rigid"

@@ -4,7 +4,7 @@ from pathlib import Path
 
 import pytest
 
-from pipeline.scene.scene import load_scene
+from fmd.scene.scene import load_scene
 from tests.scene.scenes import ARM, BEAM, ELBOW, PLATE, SLIDER, refused, scene_of
 
 

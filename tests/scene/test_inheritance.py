@@ -4,7 +4,7 @@ from pathlib import Path
 
 import pytest
 
-from pipeline.scene.scene import Scene, load_scene
+from fmd.scene.scene import Scene, load_scene
 from tests.scene.scenes import ARM, refused, scene_of
 
 TWO = 'title = "Two"\n' + ARM + '[body.other]\nlike = "arm"\n'

@@ -10,9 +10,9 @@ import pytest
 from hypothesis import HealthCheck, given, settings
 from hypothesis import strategies as st
 
-from pipeline.core.errors import InputError
-from pipeline.scene.reading import list_ready_scenes
-from pipeline.scene.scene import Scene, load_scene
+from fmd.core.errors import InputError
+from fmd.scene.reading import list_ready_scenes
+from fmd.scene.scene import Scene, load_scene
 from tests.scene.scenes import BEAM, SLIDER, refused, scene_of
 
 

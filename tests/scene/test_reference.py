@@ -7,18 +7,18 @@ from typing import Any
 import pytest
 from pydantic import TypeAdapter
 
-from pipeline.core.units import Length, PositiveTime
-from pipeline.scene.any_body import Body
-from pipeline.scene.joints import Joint, Revolute
-from pipeline.scene.loads import Drive
-from pipeline.scene.outputs import CHART_QUANTITIES, Output
-from pipeline.scene.reading import SceneTable
-from pipeline.scene.reference.page import describe_table, list_keys, read_docstring, write_page
-from pipeline.scene.reference.sections import SECTIONS
-from pipeline.scene.reference.values import describe_values
-from pipeline.scene.runs import Run
-from pipeline.scene.scene import Scene
-from pipeline.scene.time_functions import TimeFunction, TorqueOverTime
+from fmd.core.units import Length, PositiveTime
+from fmd.scene.any_body import Body
+from fmd.scene.joints import Joint, Revolute
+from fmd.scene.loads import Drive
+from fmd.scene.outputs import CHART_QUANTITIES, Output
+from fmd.scene.reading import SceneTable
+from fmd.scene.reference.page import describe_table, list_keys, read_docstring, write_page
+from fmd.scene.reference.sections import SECTIONS
+from fmd.scene.reference.values import describe_values
+from fmd.scene.runs import Run
+from fmd.scene.scene import Scene
+from fmd.scene.time_functions import TimeFunction, TorqueOverTime
 
 PAGE = Path(__file__).parents[2] / "docs" / "scene.md"
 TABLES = [section.table for section in SECTIONS if section.table is not None]
@@ -29,12 +29,12 @@ def subclasses_of(table: type) -> set[type]:
 
 
 def test_the_page_is_up_to_date():
-    assert PAGE.read_text(encoding="utf-8") == write_page(), "python -m pipeline.scene.reference > docs/scene.md"
+    assert PAGE.read_text(encoding="utf-8") == write_page(), "python -m fmd.scene.reference > docs/scene.md"
 
 
 def test_the_page_describes_every_table_of_a_scene():
     over_time = subclasses_of(TimeFunction) - {TimeFunction}  # they have its keys
-    ours = {table for table in subclasses_of(SceneTable) if table.__module__.startswith("pipeline.")}
+    ours = {table for table in subclasses_of(SceneTable) if table.__module__.startswith("fmd.")}
     assert ours - over_time - {SceneTable} == set(TABLES)
 
 

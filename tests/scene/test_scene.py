@@ -10,8 +10,8 @@ from pathlib import Path
 import pytest
 from pydantic import ValidationError
 
-from pipeline.scene.reading import list_ready_scenes
-from pipeline.scene.scene import load_scene
+from fmd.scene.reading import list_ready_scenes
+from fmd.scene.scene import load_scene
 from tests.scene.scenes import ARM, BEAM, ELBOW, PLATE, SLIDER, refused, scene_of
 
 
@@ -133,6 +133,6 @@ def test_a_body_cannot_be_called_ground(tmp_path: Path) -> None:
 
 def test_reading_a_scene_loads_no_heavy_module() -> None:
     heavy = {"pint", "gmsh", "skfem", "pyvista", "scipy", "matplotlib", "numba", "xarray"}
-    code = f"import sys, pipeline.scene.scene; print(*({heavy!r} & sys.modules.keys()))"
+    code = f"import sys, fmd.scene.scene; print(*({heavy!r} & sys.modules.keys()))"
     done = subprocess.run([sys.executable, "-c", code], check=True, capture_output=True, text=True)
     assert done.stdout.split() == []

@@ -4,9 +4,9 @@ from pathlib import Path
 
 import pytest
 
-from pipeline.core.errors import InputError
-from pipeline.scene.scene import load_scene
-from pipeline.scene.source_files import SourceFiles, collect_inputs, digest_files, load_repaired
+from fmd.core.errors import InputError
+from fmd.scene.scene import load_scene
+from fmd.scene.source_files import SourceFiles, collect_inputs, digest_files, load_repaired
 from tests.scene.scenes import refused
 
 BRACKET = """

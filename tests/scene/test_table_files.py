@@ -4,9 +4,9 @@ from pathlib import Path
 
 import pytest
 
-from pipeline.core.errors import InputError
-from pipeline.scene.scene import Scene, load_scene
-from pipeline.scene.source_files import collect_inputs
+from fmd.core.errors import InputError
+from fmd.scene.scene import Scene, load_scene
+from fmd.scene.source_files import collect_inputs
 from tests.scene.scenes import refused
 
 ROD = """

@@ -2,9 +2,9 @@
 
 import pytest
 
-from pipeline.scene.runs import AutoRun
-from pipeline.scene.scene import Scene, load_scene
-from pipeline.scene.variants import (
+from fmd.scene.runs import AutoRun
+from fmd.scene.scene import Scene, load_scene
+from fmd.scene.variants import (
     change_modes,
     coarsen_meshes,
     compare_element_sizes,

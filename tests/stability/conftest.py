@@ -2,8 +2,8 @@
 
 import pytest
 
-from pipeline import Pipeline, load_scene
-from pipeline.dynamics.compiled_system.system import CompiledSystem
+from fmd import Pipeline, load_scene
+from fmd.dynamics.compiled_system.system import CompiledSystem
 
 
 @pytest.fixture(scope="session")

@@ -8,17 +8,17 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 from scipy.linalg import expm
 
-from pipeline.core.arrays import Array
-from pipeline.core.errors import StabilityError
-from pipeline.dynamics.linear.linear import LinearSystem
-from pipeline.integrators.central_difference import CentralDifference
-from pipeline.integrators.exponential import Exponential
-from pipeline.integrators.generalized_alpha import GeneralizedAlpha
-from pipeline.integrators.protocol import Integrator, State
-from pipeline.integrators.reversible import ReversibleSubcycling
-from pipeline.integrators.subcycling import Subcycling
-from pipeline.stability.amplification import amplification_matrix, cycle_growth, spectral_radius
-from pipeline.stability.two_dof import reversible_growth
+from fmd.core.arrays import Array
+from fmd.core.errors import StabilityError
+from fmd.dynamics.linear.linear import LinearSystem
+from fmd.integrators.central_difference import CentralDifference
+from fmd.integrators.exponential import Exponential
+from fmd.integrators.generalized_alpha import GeneralizedAlpha
+from fmd.integrators.protocol import Integrator, State
+from fmd.integrators.reversible import ReversibleSubcycling
+from fmd.integrators.subcycling import Subcycling
+from fmd.stability.amplification import amplification_matrix, cycle_growth, spectral_radius
+from fmd.stability.two_dof import reversible_growth
 
 
 def random_system(n: int, n_slow: int, seed: int, with_rates: bool) -> LinearSystem:

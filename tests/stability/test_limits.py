@@ -3,20 +3,20 @@
 import numpy as np
 import pytest
 
-from pipeline.core.errors import StabilityError
-from pipeline.dynamics.linear.linear import LinearSystem
-from pipeline.integrators.central_difference import CentralDifference
-from pipeline.integrators.subcycling import Subcycling
-from pipeline.stability.amplification import cycle_growth
-from pipeline.stability.limits import (
+from fmd.core.errors import StabilityError
+from fmd.dynamics.linear.linear import LinearSystem
+from fmd.integrators.central_difference import CentralDifference
+from fmd.integrators.subcycling import Subcycling
+from fmd.stability.amplification import cycle_growth
+from fmd.stability.limits import (
     ReferenceMatrices,
     explicit_method,
     find_limits,
     find_sudden_step,
     inertial_coupling,
 )
-from pipeline.stability.operating_points import OperatingPoints
-from pipeline.stability.tangent import OperatingPoint
+from fmd.stability.operating_points import OperatingPoints
+from fmd.stability.tangent import OperatingPoint
 
 
 @pytest.mark.parametrize("m", [2, 3, 7])

@@ -3,15 +3,15 @@
 import numpy as np
 import pytest
 
-from pipeline import Pipeline, load_scene
-from pipeline.dynamics.compiled_system.system import CompiledSystem
-from pipeline.dynamics.kinematics import Kinematics
-from pipeline.dynamics.linear.linear import LinearSystem
-from pipeline.integrators.central_difference import CentralDifference
-from pipeline.integrators.subcycling import Subcycling
-from pipeline.stability.amplification import cycle_growth
-from pipeline.stability.operating_points import OperatingPoints, find_operating_points, find_steady_point, settle
-from pipeline.stability.tangent import OperatingPoint
+from fmd import Pipeline, load_scene
+from fmd.dynamics.compiled_system.system import CompiledSystem
+from fmd.dynamics.kinematics import Kinematics
+from fmd.dynamics.linear.linear import LinearSystem
+from fmd.integrators.central_difference import CentralDifference
+from fmd.integrators.subcycling import Subcycling
+from fmd.stability.amplification import cycle_growth
+from fmd.stability.operating_points import OperatingPoints, find_operating_points, find_steady_point, settle
+from fmd.stability.tangent import OperatingPoint
 
 REST = OperatingPoint(0.0, np.zeros(2), np.zeros(2))
 SLIDER = np.array([1])

@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 
-from pipeline.stability.safe_step import ALLOWED_GROWTH, longest_safe_step
+from fmd.stability.safe_step import ALLOWED_GROWTH, longest_safe_step
 
 
 @pytest.mark.parametrize("power", [1, 3])

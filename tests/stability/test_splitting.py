@@ -3,11 +3,11 @@
 import numpy as np
 import pytest
 
-from pipeline.dynamics.compiled_system.system import CompiledSystem
-from pipeline.dynamics.links import PRISMATIC, Link, rigid_gram
-from pipeline.dynamics.mechanism import Mechanism
-from pipeline.stability.amplification import cycle_growth
-from pipeline.stability.splitting import choose_split, longest_step, recommend_step, split_at, step_limits
+from fmd.dynamics.compiled_system.system import CompiledSystem
+from fmd.dynamics.links import PRISMATIC, Link, rigid_gram
+from fmd.dynamics.mechanism import Mechanism
+from fmd.stability.amplification import cycle_growth
+from fmd.stability.splitting import choose_split, longest_step, recommend_step, split_at, step_limits
 
 SLOW, FAST = 2 * np.pi * 1.0, 2 * np.pi * 100.0  # rad/s
 

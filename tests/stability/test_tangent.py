@@ -3,15 +3,15 @@
 import numpy as np
 import pytest
 
-from pipeline import Pipeline, load_scene
-from pipeline.dynamics.compiled_system.system import CompiledSystem
-from pipeline.dynamics.linear.linear import LinearSystem
-from pipeline.integrators.central_difference import CentralDifference
-from pipeline.integrators.generalized_alpha import GeneralizedAlpha
-from pipeline.integrators.subcycling import Subcycling
-from pipeline.stability.amplification import amplification_matrix
-from pipeline.stability.operating_points import find_operating_points, settle
-from pipeline.stability.tangent import (
+from fmd import Pipeline, load_scene
+from fmd.dynamics.compiled_system.system import CompiledSystem
+from fmd.dynamics.linear.linear import LinearSystem
+from fmd.integrators.central_difference import CentralDifference
+from fmd.integrators.generalized_alpha import GeneralizedAlpha
+from fmd.integrators.subcycling import Subcycling
+from fmd.stability.amplification import amplification_matrix
+from fmd.stability.operating_points import find_operating_points, settle
+from fmd.stability.tangent import (
     OperatingPoint,
     cycles_within,
     differentiate,

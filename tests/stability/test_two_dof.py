@@ -5,8 +5,8 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from pipeline.stability.amplification import cycle_growth
-from pipeline.stability.two_dof import (
+from fmd.stability.amplification import cycle_growth
+from fmd.stability.two_dof import (
     fit_growth_law,
     reversible_growth,
     stability_map,

@@ -7,9 +7,9 @@ from typing import Any
 
 import pytest
 
-from meshes.gmsh_session import gmsh_model
-from pipeline.core.errors import InputError
-from pipeline.stages.meshing.cad_files import choose_element_size, describe_cad_file, mesh_cad_file
+from fmd.core.errors import InputError
+from fmd.meshes.gmsh_session import gmsh_model
+from fmd.stages.meshing.cad_files import choose_element_size, describe_cad_file, mesh_cad_file
 
 MM = 1e-3
 

@@ -5,9 +5,9 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from pipeline.core.errors import InputError
-from pipeline.scene.scene import load_scene
-from pipeline.stages.pipeline import Pipeline
+from fmd.core.errors import InputError
+from fmd.scene.scene import load_scene
+from fmd.stages.pipeline import Pipeline
 
 WHEELS = """
 title = "Wheels"

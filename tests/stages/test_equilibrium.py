@@ -5,9 +5,9 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from pipeline.core.errors import AccuracyError, InputError
-from pipeline.scene.scene import load_scene
-from pipeline.stages.pipeline import Pipeline
+from fmd.core.errors import AccuracyError, InputError
+from fmd.scene.scene import load_scene
+from fmd.stages.pipeline import Pipeline
 
 PENDULUM = """
 title = "Pendulum with a spring"
@@ -133,7 +133,7 @@ def test_what_falls_has_no_equilibrium(tmp_path: Path) -> None:
 
 
 def test_a_start_whose_inertia_round_off_spoils_is_refused(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr("pipeline.stages.equilibrium._mass", lambda system, q, t: -np.eye(system.n))
+    monkeypatch.setattr("fmd.stages.equilibrium._mass", lambda system, q, t: -np.eye(system.n))
     with pytest.raises(AccuracyError, match="the mass matrix of the start isn't positive definite: combinations of"):
         _ = run_of(tmp_path, PENDULUM).motion
 

@@ -5,11 +5,11 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from pipeline import Pipeline, load_scene
-from pipeline.core.errors import InputError
-from pipeline.dynamics.elements import PointSpring, SixAxisSpring
-from pipeline.dynamics.transmitted_loads import transmitted_loads
-from pipeline.recovery.motion import Motion
+from fmd import Pipeline, load_scene
+from fmd.core.errors import InputError
+from fmd.dynamics.elements import PointSpring, SixAxisSpring
+from fmd.dynamics.transmitted_loads import transmitted_loads
+from fmd.recovery.motion import Motion
 from tests.stages.sliding_block import sliding_block
 
 BLOCK = sliding_block('{ integrator = "runge-kutta", tolerance = 1e-11 }', "SLIDE")

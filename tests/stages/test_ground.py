@@ -6,12 +6,12 @@ import numpy as np
 import pytest
 from scipy.spatial.transform import Rotation
 
-from pipeline import Pipeline, load_scene
-from pipeline.core.arrays import Array
-from pipeline.core.errors import InputError
-from pipeline.recovery.motion import Motion
-from pipeline.stages.ground import axes_in_space, ground_place
-from pipeline.stages.inboard_joint import read_inboard_joint
+from fmd import Pipeline, load_scene
+from fmd.core.arrays import Array
+from fmd.core.errors import InputError
+from fmd.recovery.motion import Motion
+from fmd.stages.ground import axes_in_space, ground_place
+from fmd.stages.inboard_joint import read_inboard_joint
 from tests.stages.test_mechanism import CRANK
 
 PLACE = '\n[ground.B0]\nat = ["1 m", "-2 m", "0.5 m"]\nrotation = ["20 deg", "-35 deg", "50 deg"]\n'

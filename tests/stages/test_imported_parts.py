@@ -10,12 +10,12 @@ import pytest
 import scipy.io
 import scipy.sparse as sp
 
-from meshes.gmsh_session import gmsh_model
-from pipeline import load_scene
-from pipeline.cli.app import main
-from pipeline.core.cache import Cache
-from pipeline.core.errors import AccuracyError, InputError
-from pipeline.stages.pipeline import Pipeline
+from fmd import load_scene
+from fmd.cli.app import main
+from fmd.core.cache import Cache
+from fmd.core.errors import AccuracyError, InputError
+from fmd.meshes.gmsh_session import gmsh_model
+from fmd.stages.pipeline import Pipeline
 
 pytestmark = pytest.mark.slow
 
@@ -140,7 +140,7 @@ def test_results_are_kept_for_a_files_content_wherever_it_lies(folder: Path, tmp
 def from_files(folder: Path) -> Pipeline:
     """The strip; its mesh as an Abaqus file, its matrices in three formats, in tonnes and millimetres."""
     run = pipeline(folder)
-    from pipeline.fem.formats.export import write_mesh
+    from fmd.fem.formats.export import write_mesh
 
     write_mesh(run.mesh, folder / "strip.inp")
     K, M, x = run.fe.K / 1e3, run.fe.M / 1e3, run.fe.x * 1e3

@@ -3,8 +3,8 @@
 import numpy as np
 import pytest
 
-from pipeline import load_scene
-from pipeline.stages.inboard_joint import read_inboard_joint
+from fmd import load_scene
+from fmd.stages.inboard_joint import read_inboard_joint
 
 
 def joint(*overrides: str, scene: str = "beam", body: str = "beam"):

@@ -5,13 +5,13 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-import pipeline.reduction.inertia
-import pipeline.reduction.stiffening
-from pipeline import Pipeline, load_scene
-from pipeline.core.cache import Cache
-from pipeline.output.exports import write_export
-from pipeline.reduction.body_file import load_body
-from pipeline.reduction.inertia import inertia_gram
+import fmd.reduction.inertia
+import fmd.reduction.stiffening
+from fmd import Pipeline, load_scene
+from fmd.core.cache import Cache
+from fmd.output.exports import write_export
+from fmd.reduction.body_file import load_body
+from fmd.reduction.inertia import inertia_gram
 
 QUICK = ["body.beam.mesh.divisions=[12,1,1]", "simulation.duration=0.01s", 'simulation.stiffening="on"']
 EXPORT = [*QUICK, 'output=[{type="export",body="beam",file="body.nc"}]']
@@ -21,7 +21,7 @@ EXPORT = [*QUICK, 'output=[{type="export",body="beam",file="body.nc"}]']
 def asked(monkeypatch: pytest.MonkeyPatch) -> list[tuple[int, ...]]:
     """Shapes of the two factors of each product of inertia, and of the displacements that stiffen."""
     found: list[tuple[int, ...]] = []
-    products, stiffness = pipeline.reduction.inertia._products, pipeline.fem.geometric_stiffness.geometric_stiffness
+    products, stiffness = fmd.reduction.inertia._products, fmd.fem.geometric_stiffness.geometric_stiffness
 
     def counted_products(some, m, others):
         found.append((some.shape[1], others.shape[1]))
@@ -31,8 +31,8 @@ def asked(monkeypatch: pytest.MonkeyPatch) -> list[tuple[int, ...]]:
         found.append(u.shape[1:])
         return stiffness(fe, u)
 
-    monkeypatch.setattr(pipeline.reduction.inertia, "_products", counted_products)
-    monkeypatch.setattr(pipeline.reduction.stiffening, "geometric_stiffness", counted_stiffness)
+    monkeypatch.setattr(fmd.reduction.inertia, "_products", counted_products)
+    monkeypatch.setattr(fmd.reduction.stiffening, "geometric_stiffness", counted_stiffness)
     return found
 
 

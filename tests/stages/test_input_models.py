@@ -4,8 +4,8 @@ import numpy as np
 import pytest
 from scipy.spatial.transform import Rotation
 
-from pipeline import Pipeline, load_scene
-from pipeline.output.summary import summarise
+from fmd import Pipeline, load_scene
+from fmd.output.summary import summarise
 
 
 @pytest.fixture(scope="module")

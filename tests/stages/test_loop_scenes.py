@@ -9,8 +9,8 @@ from typing import Any
 import numpy as np
 import pytest
 
-from pipeline import Pipeline, load_scene
-from pipeline.integrators.protocol import evaluate
+from fmd import Pipeline, load_scene
+from fmd.integrators.protocol import evaluate
 
 DOOR = """
 title = "Door"

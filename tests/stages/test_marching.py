@@ -5,8 +5,8 @@ from typing import Any
 
 import pytest
 
-from pipeline.core.errors import AccuracyError, InertiaError
-from pipeline.stages import marching
+from fmd.core.errors import AccuracyError, InertiaError
+from fmd.stages import marching
 
 
 def lossy_run(lossy: int) -> Any:

@@ -3,11 +3,11 @@
 import numpy as np
 import pytest
 
-from pipeline import load_scene
-from pipeline.core.cache import Cache
-from pipeline.core.errors import InputError
-from pipeline.stages.part import FlexiblePart
-from pipeline.stages.store import StageStore
+from fmd import load_scene
+from fmd.core.cache import Cache
+from fmd.core.errors import InputError
+from fmd.stages.part import FlexiblePart
+from fmd.stages.store import StageStore
 
 SMALL = "body.beam.mesh.divisions=[6, 2, 1]"
 

@@ -5,8 +5,8 @@ from typing import Any
 
 import pytest
 
-from pipeline import Pipeline, load_scene
-from pipeline.core.errors import InputError
+from fmd import Pipeline, load_scene
+from fmd.core.errors import InputError
 
 SCENE = """
 title = "A body without extent"

@@ -8,17 +8,17 @@ import numpy as np
 import pytest
 from scipy.interpolate import CubicSpline
 
-from pipeline import Pipeline, load_scene
-from pipeline.cli.app import main
-from pipeline.core.errors import InputError
-from pipeline.integrators.scipy_ivp import ScipyIvp
-from pipeline.integrators.subcycling import Subcycling
-from pipeline.recovery.motion import Motion
-from pipeline.scene.scene import Scene
-from pipeline.scene.time_functions import TorqueOverTime
-from pipeline.stages.mechanism import build_mechanism
-from pipeline.stages.runs import make_plans
-from pipeline.stages.signals import signal_of
+from fmd import Pipeline, load_scene
+from fmd.cli.app import main
+from fmd.core.errors import InputError
+from fmd.integrators.scipy_ivp import ScipyIvp
+from fmd.integrators.subcycling import Subcycling
+from fmd.recovery.motion import Motion
+from fmd.scene.scene import Scene
+from fmd.scene.time_functions import TorqueOverTime
+from fmd.stages.mechanism import build_mechanism
+from fmd.stages.runs import make_plans
+from fmd.stages.signals import signal_of
 from tests.dynamics.drives import Drives
 
 # A crank on a hinge with a slider on it: rigid, so quick.

@@ -2,8 +2,8 @@
 
 import pytest
 
-from pipeline import Pipeline, load_scene
-from pipeline.core.cache import Cache
+from fmd import Pipeline, load_scene
+from fmd.core.cache import Cache
 
 
 @pytest.mark.parametrize("scale", [1e-9, 1e9])

@@ -7,9 +7,9 @@ import numpy as np
 import pytest
 from scipy.integrate import solve_ivp
 
-from pipeline import Pipeline, load_scene
-from pipeline.core.errors import StabilityError
-from pipeline.dynamics.compiler.compiled import compile_mechanism
+from fmd import Pipeline, load_scene
+from fmd.core.errors import StabilityError
+from fmd.dynamics.compiler.compiled import compile_mechanism
 from tests.stages.sliding_block import sliding_block
 
 COIL = """[spring.coil]

@@ -7,12 +7,12 @@ import numpy as np
 import pytest
 from scipy.spatial.transform import Rotation
 
-from pipeline import Pipeline, load_scene
-from pipeline.core.arrays import Array
-from pipeline.dynamics.kinematics import Kinematics
-from pipeline.scene.orientation import AxisDirections, Orientation
-from pipeline.stages.ground import axes_in_space, orientation_matrix
-from pipeline.stages.mechanism import place_joints
+from fmd import Pipeline, load_scene
+from fmd.core.arrays import Array
+from fmd.dynamics.kinematics import Kinematics
+from fmd.scene.orientation import AxisDirections, Orientation
+from fmd.stages.ground import axes_in_space, orientation_matrix
+from fmd.stages.mechanism import place_joints
 from tests.scene.scenes import refused, scene_of
 
 SIMULATION = """

@@ -6,13 +6,13 @@ import meshio
 import numpy as np
 import pytest
 
-from pipeline import Pipeline, load_scene
-from pipeline.accuracy.deflection import TOO_LARGE, find_deflection_error
-from pipeline.accuracy.piece_counts import choose_piece_counts
-from pipeline.core.arrays import Array
-from pipeline.core.errors import InputError
-from pipeline.dynamics.kinematics import Kinematics
-from pipeline.output.summary import summarise
+from fmd import Pipeline, load_scene
+from fmd.accuracy.deflection import TOO_LARGE, find_deflection_error
+from fmd.accuracy.piece_counts import choose_piece_counts
+from fmd.core.arrays import Array
+from fmd.core.errors import InputError
+from fmd.dynamics.kinematics import Kinematics
+from fmd.output.summary import summarise
 from tests.verification.test_large_deflection import FORCE, strip
 
 SMALL = FORCE | {"LOAD": "1 N", "ALONG": 8}

@@ -5,10 +5,10 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from pipeline import Pipeline, load_scene
-from pipeline.core.cache import Cache
-from pipeline.core.errors import AccuracyError, InputError
-from pipeline.output.formats import write_format
+from fmd import Pipeline, load_scene
+from fmd.core.cache import Cache
+from fmd.core.errors import AccuracyError, InputError
+from fmd.output.formats import write_format
 
 BEAM = """
 [body.beam]

@@ -6,12 +6,12 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from pipeline import Pipeline, load_scene
-from pipeline.core.cache import Cache
-from pipeline.core.errors import InputError, StabilityError
-from pipeline.integrators.central_difference import CentralDifference
-from pipeline.stability.safe_step import ALLOWED_GROWTH
-from pipeline.stages import runs, stiffening_check
+from fmd import Pipeline, load_scene
+from fmd.core.cache import Cache
+from fmd.core.errors import InputError, StabilityError
+from fmd.integrators.central_difference import CentralDifference
+from fmd.stability.safe_step import ALLOWED_GROWTH
+from fmd.stages import runs, stiffening_check
 
 
 @pytest.mark.slow

@@ -7,10 +7,10 @@ from typing import Any
 import numpy as np
 import pytest
 
-from pipeline import Pipeline, load_scene
-from pipeline.core.cache import Cache
-from pipeline.output.explain import forecast_run
-from pipeline.stages.store import StageStore
+from fmd import Pipeline, load_scene
+from fmd.core.cache import Cache
+from fmd.output.explain import forecast_run
+from fmd.stages.store import StageStore
 
 BLADES = """
 title = "Two blades and a third of another material, on a hub"

@@ -5,10 +5,10 @@ from typing import Any
 import numpy as np
 import pytest
 
-from pipeline import Pipeline, load_scene
-from pipeline.core.errors import InputError
-from pipeline.output.summary import summarise
-from pipeline.stages.runs import _given_step
+from fmd import Pipeline, load_scene
+from fmd.core.errors import InputError
+from fmd.output.summary import summarise
+from fmd.stages.runs import _given_step
 
 pytestmark = pytest.mark.slow
 

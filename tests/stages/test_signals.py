@@ -3,10 +3,10 @@
 import numpy as np
 import pytest
 
-from pipeline import load_scene
-from pipeline.core.errors import InputError
-from pipeline.scene.scene import Scene
-from pipeline.stages.signals import find_idle_drives, require_sound_drives, signal_of
+from fmd import load_scene
+from fmd.core.errors import InputError
+from fmd.scene.scene import Scene
+from fmd.stages.signals import find_idle_drives, require_sound_drives, signal_of
 
 
 def with_torque(formula: str) -> Scene:

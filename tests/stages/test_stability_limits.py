@@ -3,16 +3,16 @@
 import numpy as np
 import pytest
 
-from pipeline import Pipeline, load_scene
-from pipeline.core.errors import StabilityError
-from pipeline.integrators.central_difference import CentralDifference
-from pipeline.integrators.protocol import Integrator
-from pipeline.integrators.subcycling import Subcycling
-from pipeline.stability.limits import explicit_method
-from pipeline.stability.operating_points import settle
-from pipeline.stability.safe_step import ALLOWED_GROWTH
-from pipeline.stability.tangent import OperatingPoint
-from pipeline.stages.stability_limits import find_scene_limits
+from fmd import Pipeline, load_scene
+from fmd.core.errors import StabilityError
+from fmd.integrators.central_difference import CentralDifference
+from fmd.integrators.protocol import Integrator
+from fmd.integrators.subcycling import Subcycling
+from fmd.stability.limits import explicit_method
+from fmd.stability.operating_points import settle
+from fmd.stability.safe_step import ALLOWED_GROWTH
+from fmd.stability.tangent import OperatingPoint
+from fmd.stages.stability_limits import find_scene_limits
 
 pytestmark = pytest.mark.slow
 

@@ -6,14 +6,14 @@ from typing import Any
 
 import pytest
 
-from pipeline import Pipeline, load_scene
-from pipeline.accuracy.error_budget import ERROR_BUDGET
-from pipeline.core.cache import Cache
-from pipeline.core.errors import InertiaError
-from pipeline.output.explain import STAGES
-from pipeline.stages.part import PART_STAGES, FlexiblePart
-from pipeline.stages.stage import Stage, stages_of
-from pipeline.stages.store import StageStore
+from fmd import Pipeline, load_scene
+from fmd.accuracy.error_budget import ERROR_BUDGET
+from fmd.core.cache import Cache
+from fmd.core.errors import InertiaError
+from fmd.output.explain import STAGES
+from fmd.stages.part import PART_STAGES, FlexiblePart
+from fmd.stages.stage import Stage, stages_of
+from fmd.stages.store import StageStore
 
 ROOT = Path(__file__).parents[2]
 
@@ -29,7 +29,7 @@ class Sum:
         self.computed += 1
         return sum(self.numbers)
 
-    total: Stage[int] = Stage("total", add, (), lambda owner: owner.numbers, ("pipeline/stages",))
+    total: Stage[int] = Stage("total", add, (), lambda owner: owner.numbers, ("fmd/stages",))
     double: Stage[int] = Stage("double", lambda owner: 2 * owner.total, ("total",))
 
 

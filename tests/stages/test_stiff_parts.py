@@ -5,12 +5,12 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from pipeline import Pipeline, load_scene
-from pipeline.core.errors import InputError, StabilityError
-from pipeline.dynamics.fastest_part import find_fastest_part
-from pipeline.integrators.endless import StepsLeft
-from pipeline.stages.mechanism import place_joints
-from pipeline.stages.stiffening_check import rigid_motion
+from fmd import Pipeline, load_scene
+from fmd.core.errors import InputError, StabilityError
+from fmd.dynamics.fastest_part import find_fastest_part
+from fmd.integrators.endless import StepsLeft
+from fmd.stages.mechanism import place_joints
+from fmd.stages.stiffening_check import rigid_motion
 from tests.stages.sliding_block import MASS, sliding_block
 
 BETWEEN = 'between = ["ground.wall", "block.centre"]'

@@ -3,10 +3,10 @@
 import numpy as np
 import pytest
 
-from pipeline import Pipeline, load_scene
-from pipeline.core.errors import InputError
-from pipeline.stages.mechanism import build_mechanism, place_joints
-from pipeline.stages.stiffening_check import check_spins, critical_rate, rigid_spins
+from fmd import Pipeline, load_scene
+from fmd.core.errors import InputError
+from fmd.stages.mechanism import build_mechanism, place_joints
+from fmd.stages.stiffening_check import check_spins, critical_rate, rigid_spins
 
 QUICK = ["body.beam.mesh.divisions=[12, 2, 1]"]
 

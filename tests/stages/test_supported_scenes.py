@@ -9,8 +9,8 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from pipeline import Pipeline, load_scene
-from pipeline.core.errors import InputError
+from fmd import Pipeline, load_scene
+from fmd.core.errors import InputError
 
 PLATE = """
 title = "Plate"

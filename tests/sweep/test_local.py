@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import os
 
-from pipeline.sweep.local import compute_locally
+from fmd.sweep.local import compute_locally
 
 
 class Deadly:

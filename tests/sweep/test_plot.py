@@ -9,12 +9,12 @@ import numpy as np
 import pytest
 from matplotlib.image import imread
 
-from pipeline.render.sweep_chart import SweepAxis, SweepPanel, draw_sweep_lines, draw_sweep_maps
-from pipeline.sweep import plot
-from pipeline.sweep.points import Point, Variation
-from pipeline.sweep.record import Record
-from pipeline.sweep.study import Sweep
-from pipeline.sweep.table import SweepTable
+from fmd.render.sweep_chart import SweepAxis, SweepPanel, draw_sweep_lines, draw_sweep_maps
+from fmd.sweep import plot
+from fmd.sweep.points import Point, Variation
+from fmd.sweep.record import Record
+from fmd.sweep.study import Sweep
+from fmd.sweep.table import SweepTable
 
 
 def sweep(*variations: Variation) -> Sweep:
@@ -42,9 +42,7 @@ METHOD = Variation("simulation.run.0.integrator", ("auto", "runge-kutta"))
 def drawn(monkeypatch: pytest.MonkeyPatch) -> dict[str, tuple[object, ...]]:
     seen: dict[str, tuple[object, ...]] = {}
     for name in ("draw_sweep_lines", "draw_sweep_maps"):
-        monkeypatch.setattr(
-            f"pipeline.render.sweep_chart.{name}", lambda *given, name=name, **_: seen.update({name: given})
-        )
+        monkeypatch.setattr(f"fmd.render.sweep_chart.{name}", lambda *given, name=name, **_: seen.update({name: given}))
     return seen
 
 

@@ -4,8 +4,8 @@ from __future__ import annotations
 
 import pytest
 
-from pipeline.core.errors import InputError
-from pipeline.sweep.points import Variation, make_points, parse_variations
+from fmd.core.errors import InputError
+from fmd.sweep.points import Variation, make_points, parse_variations
 
 
 def test_a_comma_within_brackets_or_quotes_belongs_to_its_value():

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from pipeline.sweep.record import Record, read_record, write_record
+from fmd.sweep.record import Record, read_record, write_record
 
 
 def test_a_damaged_record_counts_as_none(tmp_path):

@@ -5,11 +5,11 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from pipeline.cli.sweep import print_messages
-from pipeline.sweep.points import Point, Variation
-from pipeline.sweep.record import Record
-from pipeline.sweep.study import Sweep
-from pipeline.sweep.table import SweepTable, axis_values
+from fmd.cli.sweep import print_messages
+from fmd.sweep.points import Point, Variation
+from fmd.sweep.record import Record
+from fmd.sweep.study import Sweep
+from fmd.sweep.table import SweepTable, axis_values
 
 
 @pytest.mark.parametrize(

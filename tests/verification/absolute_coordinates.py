@@ -14,7 +14,7 @@ from dataclasses import dataclass
 import numpy as np
 from scipy.integrate import solve_ivp
 
-from pipeline.core.arrays import Array
+from fmd.core.arrays import Array
 
 Gap = Callable[[Array, Array], list[complex]]
 """Constraints of positions (n_bodies, 3) and rotations (n_bodies, 3, 3), which may be complex."""

@@ -8,8 +8,8 @@ from pathlib import Path
 
 import numpy as np
 
-from pipeline import Pipeline, load_scene
-from pipeline.verification.frequencies import write_abaqus_box
+from fmd import Pipeline, load_scene
+from fmd.verification.frequencies import write_abaqus_box
 
 RADIUS, SIDE, ANGLE, MODULUS, LOAD = 100.0, 1.0, np.pi / 4, 1e7, 600.0
 END = RADIUS * np.array([np.sin(ANGLE), 1 - np.cos(ANGLE), 0.0])

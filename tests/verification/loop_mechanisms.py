@@ -8,17 +8,17 @@ from typing import NamedTuple
 import numpy as np
 from scipy.linalg import eigh
 
-from pipeline.core.arrays import Array
-from pipeline.core.formula import parse_formula
-from pipeline.dynamics.closures import Place, close_joint, fixed_place
-from pipeline.dynamics.compiled_system.system import CompiledSystem
-from pipeline.dynamics.elements import Attachment, PointSpring
-from pipeline.dynamics.force_laws import ForceCurve, ForceLaw
-from pipeline.dynamics.links import PRISMATIC, REVOLUTE, Link, rigid_gram
-from pipeline.dynamics.mechanism import Mechanism
-from pipeline.dynamics.signals.signal import Signal, constant, formula
-from pipeline.reduction.body import MarkerShapes
-from pipeline.reduction.inertia import InertiaGram
+from fmd.core.arrays import Array
+from fmd.core.formula import parse_formula
+from fmd.dynamics.closures import Place, close_joint, fixed_place
+from fmd.dynamics.compiled_system.system import CompiledSystem
+from fmd.dynamics.elements import Attachment, PointSpring
+from fmd.dynamics.force_laws import ForceCurve, ForceLaw
+from fmd.dynamics.links import PRISMATIC, REVOLUTE, Link, rigid_gram
+from fmd.dynamics.mechanism import Mechanism
+from fmd.dynamics.signals.signal import Signal, constant, formula
+from fmd.reduction.body import MarkerShapes
+from fmd.reduction.inertia import InertiaGram
 
 X, Y, Z = np.eye(3)
 

@@ -6,10 +6,10 @@ from typing import NamedTuple
 
 import numpy as np
 
-from pipeline.core.arrays import Array
-from pipeline.dynamics.closures import close_joint, fixed_place
-from pipeline.dynamics.links import REVOLUTE, SPHERICAL, Link, rigid_gram
-from pipeline.dynamics.mechanism import Mechanism
+from fmd.core.arrays import Array
+from fmd.dynamics.closures import close_joint, fixed_place
+from fmd.dynamics.links import REVOLUTE, SPHERICAL, Link, rigid_gram
+from fmd.dynamics.mechanism import Mechanism
 from tests.verification.absolute_coordinates import AbsoluteBodies, Gap
 from tests.verification.loop_mechanisms import place_on
 

@@ -5,7 +5,7 @@ from typing import Any
 import numpy as np
 from scipy.integrate import solve_bvp
 
-from pipeline.core.arrays import Array
+from fmd.core.arrays import Array
 
 
 def bend_rod(length: float, bending: Any, stretching: Any, force: Any, curvature: float = 0.0) -> Array:

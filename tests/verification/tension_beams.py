@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 
-from pipeline.core.arrays import Array
+from fmd.core.arrays import Array
 
 
 def beam_matrices(n: int, h: float, EI: float, mass: float, tension: Array) -> tuple[Array, Array]:

@@ -6,7 +6,7 @@ from typing import Any
 import numpy as np
 import pytest
 
-from pipeline import Pipeline, load_scene
+from fmd import Pipeline, load_scene
 
 # Miao, Zhu, Shi, Chen, Comput Mech 41 (2008), Table 1: the first five in-plane bending frequencies [Hz]. They belong to
 # a free beam of 340 mm, although the paper prints 300 mm.

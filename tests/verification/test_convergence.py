@@ -15,13 +15,13 @@ from typing import Any
 import numpy as np
 import pytest
 
-from meshes.bar import hexahedral_bar, tetrahedral_bar
-from pipeline.core.arrays import Array
-from pipeline.fem.assembly import assemble
-from pipeline.fem.material import Material
-from pipeline.fem.mesh import SolidMesh
-from pipeline.reduction.eigen import FreeBodySolver
-from pipeline.reduction.mode_families import modes_of_family
+from fmd.core.arrays import Array
+from fmd.fem.assembly import assemble
+from fmd.fem.material import Material
+from fmd.fem.mesh import SolidMesh
+from fmd.meshes.bar import hexahedral_bar, tetrahedral_bar
+from fmd.reduction.eigen import FreeBodySolver
+from fmd.reduction.mode_families import modes_of_family
 
 pytestmark = pytest.mark.slow
 

@@ -3,11 +3,11 @@
 import numpy as np
 import pytest
 
-from pipeline import Pipeline, load_scene
-from pipeline.accuracy.coarse_mesh import Pair, make_coarse_pair
-from pipeline.accuracy.error_budget import ERROR_BUDGET, true_errors
-from pipeline.core.cache import Cache
-from pipeline.output.summary import summarise
+from fmd import Pipeline, load_scene
+from fmd.accuracy.coarse_mesh import Pair, make_coarse_pair
+from fmd.accuracy.error_budget import ERROR_BUDGET, true_errors
+from fmd.core.cache import Cache
+from fmd.output.summary import summarise
 
 ROUND_OFF = 1e-9
 AUTO = 'simulation.run=[{integrator="auto"}]'

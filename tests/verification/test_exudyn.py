@@ -11,9 +11,9 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from pipeline import Pipeline, load_scene
-from pipeline.core.cache import Cache
-from pipeline.output.formats import write_format
+from fmd import Pipeline, load_scene
+from fmd.core.cache import Cache
+from fmd.output.formats import write_format
 
 pytestmark = [pytest.mark.slow, pytest.mark.filterwarnings("ignore")]
 TIME, OUTPUTS = 0.05, 50

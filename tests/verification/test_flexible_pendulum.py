@@ -11,10 +11,10 @@ from scipy.integrate import solve_ivp
 from scipy.spatial.transform import Rotation
 from scipy.special import ellipk
 
-from pipeline import Pipeline, load_scene
-from pipeline.core.arrays import Array
-from pipeline.recovery.motion import Motion
-from pipeline.reduction.body import FlexibleBody
+from fmd import Pipeline, load_scene
+from fmd.core.arrays import Array
+from fmd.recovery.motion import Motion
+from fmd.reduction.body import FlexibleBody
 
 pytestmark = pytest.mark.slow
 

@@ -7,9 +7,9 @@ import numpy as np
 import pytest
 from scipy.integrate import simpson, solve_bvp
 
-from pipeline import Pipeline, load_scene
-from pipeline.core.arrays import Array
-from pipeline.dynamics.kinematics import Kinematics
+from fmd import Pipeline, load_scene
+from fmd.core.arrays import Array
+from fmd.dynamics.kinematics import Kinematics
 from tests.verification.bathe_bend import END, SONNEVILLE, bend
 from tests.verification.rods import bend_rod, torsion_of_rectangle
 

@@ -9,15 +9,15 @@ from scipy.integrate import solve_bvp, solve_ivp
 from scipy.linalg import eigh
 from scipy.optimize import brentq
 
-from pipeline import Pipeline, load_scene
-from pipeline.core.arrays import Array
-from pipeline.core.errors import InputError
-from pipeline.dynamics.compiled_system.shared import share_system
-from pipeline.dynamics.compiler.compiled import compile_mechanism
-from pipeline.dynamics.kinematics import Kinematics
-from pipeline.dynamics.links import FIXED, REVOLUTE, Link, rigid_gram
-from pipeline.dynamics.mechanism import Mechanism
-from pipeline.stages.mechanism import find_start
+from fmd import Pipeline, load_scene
+from fmd.core.arrays import Array
+from fmd.core.errors import InputError
+from fmd.dynamics.compiled_system.shared import share_system
+from fmd.dynamics.compiler.compiled import compile_mechanism
+from fmd.dynamics.kinematics import Kinematics
+from fmd.dynamics.links import FIXED, REVOLUTE, Link, rigid_gram
+from fmd.dynamics.mechanism import Mechanism
+from fmd.stages.mechanism import find_start
 
 LENGTH, WIDTH, HEIGHT, E, RHO = 1.0, 0.02, 0.006, 70e9, 2700.0
 EI, MU = E * WIDTH * HEIGHT**3 / 12, RHO * WIDTH * HEIGHT
@@ -171,7 +171,7 @@ def test_a_column_that_would_buckle_is_refused_before_anything_is_integrated(tmp
 
 
 def test_a_load_that_passes_the_buckling_load_for_a_moment_is_warned_of(tmp_path: Path) -> None:
-    from pipeline.output.summary import _stiffness_warnings
+    from fmd.output.summary import _stiffness_warnings
 
     run = column(tmp_path, f'{{ formula = "{-1.3 * EULER} if t < 0.02 else 0", unit = "N" }}')
     (warning,) = _stiffness_warnings(run)

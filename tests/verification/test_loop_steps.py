@@ -7,20 +7,20 @@ from typing import Any
 import numpy as np
 import pytest
 
-from pipeline.core.arrays import Array
-from pipeline.core.errors import StabilityError
-from pipeline.dynamics.closures import Place, close_joint
-from pipeline.dynamics.compiled_system.system import CompiledSystem
-from pipeline.dynamics.links import PRISMATIC, REVOLUTE, Link, rigid_gram
-from pipeline.dynamics.mechanism import Mechanism
-from pipeline.integrators.central_difference import CentralDifference
-from pipeline.integrators.protocol import evaluate_projection
-from pipeline.integrators.reversible import ReversibleSubcycling
-from pipeline.integrators.runge_kutta import RungeKutta
-from pipeline.integrators.subcycling import Subcycling
-from pipeline.reduction.body import MarkerShapes
-from pipeline.reduction.inertia import inertia_gram
-from pipeline.stability.operating_points import find_operating_points
+from fmd.core.arrays import Array
+from fmd.core.errors import StabilityError
+from fmd.dynamics.closures import Place, close_joint
+from fmd.dynamics.compiled_system.system import CompiledSystem
+from fmd.dynamics.links import PRISMATIC, REVOLUTE, Link, rigid_gram
+from fmd.dynamics.mechanism import Mechanism
+from fmd.integrators.central_difference import CentralDifference
+from fmd.integrators.protocol import evaluate_projection
+from fmd.integrators.reversible import ReversibleSubcycling
+from fmd.integrators.runge_kutta import RungeKutta
+from fmd.integrators.subcycling import Subcycling
+from fmd.reduction.body import MarkerShapes
+from fmd.reduction.inertia import inertia_gram
+from fmd.stability.operating_points import find_operating_points
 
 pytestmark = pytest.mark.slow
 X, Y, Z = np.eye(3)

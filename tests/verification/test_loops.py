@@ -9,13 +9,13 @@ import numpy as np
 import pytest
 from scipy.integrate import solve_ivp
 
-from pipeline.core.arrays import Array
-from pipeline.dynamics.compiled_system.system import CompiledSystem
-from pipeline.integrators.central_difference import CentralDifference
-from pipeline.integrators.generalized_alpha import GeneralizedAlpha
-from pipeline.integrators.protocol import Trajectory
-from pipeline.integrators.rosenbrock import ExponentialRosenbrock
-from pipeline.integrators.runge_kutta import RungeKutta
+from fmd.core.arrays import Array
+from fmd.dynamics.compiled_system.system import CompiledSystem
+from fmd.integrators.central_difference import CentralDifference
+from fmd.integrators.generalized_alpha import GeneralizedAlpha
+from fmd.integrators.protocol import Trajectory
+from fmd.integrators.rosenbrock import ExponentialRosenbrock
+from fmd.integrators.runge_kutta import RungeKutta
 from tests.verification.loop_mechanisms import (
     Case,
     Z,

@@ -7,8 +7,8 @@ from typing import Any
 import numpy as np
 import pytest
 
-from pipeline.core.arrays import Array
-from pipeline.integrators.protocol import evaluate
+from fmd.core.arrays import Array
+from fmd.integrators.protocol import evaluate
 from tests.verification.test_large_deflection import FORCE, elastica, strip
 
 BENCHMARKS = Path(__file__).parents[2] / "benchmarks"

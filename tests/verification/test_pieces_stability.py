@@ -3,11 +3,11 @@
 import numpy as np
 import pytest
 
-from pipeline import Pipeline, load_scene
-from pipeline.core.arrays import Array
-from pipeline.core.errors import StabilityError
-from pipeline.integrators.subcycling import Subcycling
-from pipeline.stages.stability_limits import find_scene_limits
+from fmd import Pipeline, load_scene
+from fmd.core.arrays import Array
+from fmd.core.errors import StabilityError
+from fmd.integrators.subcycling import Subcycling
+from fmd.stages.stability_limits import find_scene_limits
 from tests.verification.test_large_deflection import FORCE, strip
 
 DURATION, OFF = 0.2, 1e-9  # s; of the modal coordinates at the start

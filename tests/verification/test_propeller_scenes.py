@@ -9,14 +9,14 @@ import numpy as np
 import pytest
 from scipy.linalg import solve
 
-from pipeline import Pipeline, load_scene
-from pipeline.cli.app import main
-from pipeline.core.cache import Cache
-from pipeline.core.errors import AccuracyError, InputError
-from pipeline.dynamics.compiled_system.system import CompiledSystem
-from pipeline.recovery.stress import von_mises
-from pipeline.reduction.body_file import load_body
-from pipeline.stages.mechanism import build_mechanism, find_start
+from fmd import Pipeline, load_scene
+from fmd.cli.app import main
+from fmd.core.cache import Cache
+from fmd.core.errors import AccuracyError, InputError
+from fmd.dynamics.compiled_system.system import CompiledSystem
+from fmd.recovery.stress import von_mises
+from fmd.reduction.body_file import load_body
+from fmd.stages.mechanism import build_mechanism, find_start
 
 pytestmark = pytest.mark.slow
 
@@ -40,7 +40,7 @@ def test_the_scene_asks_for_the_papers_mesh_and_speed() -> None:
     assert (part.diameter, part.rho, part.mesh.order) == (0.9, 2780.0, 1)
     assert drive.type == "motion"
     assert drive.angle is not None
-    from pipeline.stages.signals import signal_of
+    from fmd.stages.signals import signal_of
 
     angle, rate, acceleration = signal_of(drive.angle).value(0.02)
     # 8000 rpm from rest in 0.02 s: half of 837.758 rad/s times 0.02 s

@@ -8,12 +8,12 @@ import pytest
 import scipy.sparse as sp
 from scipy.sparse.linalg import splu
 
-from pipeline import Pipeline, load_scene
-from pipeline.core.arrays import Array
-from pipeline.core.cache import Cache
-from pipeline.fem.model import FEModel
-from pipeline.recovery.stress import modal_stress, von_mises
-from pipeline.reduction.body import FlexibleBody
+from fmd import Pipeline, load_scene
+from fmd.core.arrays import Array
+from fmd.core.cache import Cache
+from fmd.fem.model import FEModel
+from fmd.recovery.stress import modal_stress, von_mises
+from fmd.reduction.body import FlexibleBody
 
 RATE = 8000 * 2 * pi / 60
 

@@ -11,12 +11,12 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 from threadpoolctl import threadpool_limits
 
-from pipeline import Pipeline, load_scene
-from pipeline.core.arrays import Array
-from pipeline.core.cache import Cache
-from pipeline.core.errors import StabilityError
-from pipeline.integrators.central_difference import CentralDifference
-from pipeline.integrators.subcycling import Subcycling
+from fmd import Pipeline, load_scene
+from fmd.core.arrays import Array
+from fmd.core.cache import Cache
+from fmd.core.errors import StabilityError
+from fmd.integrators.central_difference import CentralDifference
+from fmd.integrators.subcycling import Subcycling
 
 SI = {"kg": 1.0, "m": 1.0, "s": 1.0}
 MILLIMETRES = {"t": 1e3, "mm": 1e-3, "ms": 1e-3}

@@ -13,16 +13,16 @@ from scipy.integrate import solve_ivp
 from scipy.spatial.transform import Rotation
 from scipy.special import ellipj, ellipk
 
-from pipeline.core.arrays import Array
-from pipeline.dynamics.compiled_system.system import CompiledSystem
-from pipeline.dynamics.kinematics import Kinematics
-from pipeline.dynamics.links import FIXED, FREE, PRISMATIC, REVOLUTE, SPHERICAL, Link, rigid_gram
-from pipeline.dynamics.mechanism import Mechanism
-from pipeline.dynamics.signals.signal import constant
-from pipeline.integrators.central_difference import CentralDifference
-from pipeline.integrators.protocol import evaluate
-from pipeline.integrators.scipy_ivp import ScipyIvp
-from pipeline.integrators.subcycling import Subcycling
+from fmd.core.arrays import Array
+from fmd.dynamics.compiled_system.system import CompiledSystem
+from fmd.dynamics.kinematics import Kinematics
+from fmd.dynamics.links import FIXED, FREE, PRISMATIC, REVOLUTE, SPHERICAL, Link, rigid_gram
+from fmd.dynamics.mechanism import Mechanism
+from fmd.dynamics.signals.signal import constant
+from fmd.integrators.central_difference import CentralDifference
+from fmd.integrators.protocol import evaluate
+from fmd.integrators.scipy_ivp import ScipyIvp
+from fmd.integrators.subcycling import Subcycling
 
 X, Y, Z = np.eye(3)
 NOWHERE = np.zeros(3)

@@ -12,13 +12,13 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from pipeline import Pipeline, load_scene
-from pipeline.core.arrays import Array
-from pipeline.core.errors import InputError
-from pipeline.dynamics.compiled_system.system import CompiledSystem
-from pipeline.integrators.scipy_ivp import ScipyIvp
-from pipeline.recovery.motion import Motion
-from pipeline.stages.mechanism import build_mechanism, find_start
+from fmd import Pipeline, load_scene
+from fmd.core.arrays import Array
+from fmd.core.errors import InputError
+from fmd.dynamics.compiled_system.system import CompiledSystem
+from fmd.integrators.scipy_ivp import ScipyIvp
+from fmd.recovery.motion import Motion
+from fmd.stages.mechanism import build_mechanism, find_start
 
 pytestmark = pytest.mark.slow
 
@@ -65,7 +65,7 @@ def test_without_stiffening_the_scene_is_refused_before_anything_is_integrated(
     monkeypatch: pytest.MonkeyPatch,
 ) -> None:
     # From Ω² = k/m on, the first mode, 3.516 √(EI/μL⁴) = 3.798 rad/s, has no stiffness left in the plane of rotation.
-    import pipeline.integrators.generalized_alpha as method
+    import fmd.integrators.generalized_alpha as method
 
     def march(*_: object) -> None:
         raise AssertionError("integrated")

@@ -7,11 +7,11 @@ import pytest
 from scipy.linalg import eigh
 from scipy.optimize import brentq
 
-from pipeline import Pipeline, load_scene
-from pipeline.accuracy.stretching import stretching_warnings
-from pipeline.core.errors import InputError
-from pipeline.dynamics.kinematics import Kinematics
-from pipeline.stages.linear_model import linearise_scene
+from fmd import Pipeline, load_scene
+from fmd.accuracy.stretching import stretching_warnings
+from fmd.core.errors import InputError
+from fmd.dynamics.kinematics import Kinematics
+from fmd.stages.linear_model import linearise_scene
 from tests.verification.tension_beams import beam_matrices
 
 LENGTH, WIDTH, HEIGHT, E = 1.0, 0.02, 0.006, 70e9

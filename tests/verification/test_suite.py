@@ -13,11 +13,11 @@ import numpy as np
 import pytest
 from scipy.integrate import solve_ivp
 
-from pipeline.core.errors import AccuracyError
-from pipeline.fem.material import Material
-from pipeline.verification import closed_forms, suite
-from pipeline.verification.case import Figure, VerificationCase
-from pipeline.verification.suite import CASES, Outcome, require_tolerances, run_cases
+from fmd.core.errors import AccuracyError
+from fmd.fem.material import Material
+from fmd.verification import closed_forms, suite
+from fmd.verification.case import Figure, VerificationCase
+from fmd.verification.suite import CASES, Outcome, require_tolerances, run_cases
 
 STEEL = Material(210e9, 0.3, 7800.0)
 
@@ -33,7 +33,7 @@ def test_each_case_keeps_its_tolerances(case: str) -> None:
 
 
 def test_a_case_whose_program_is_missing_is_skipped_with_a_word(fmd, monkeypatch, tmp_path, capsys) -> None:
-    monkeypatch.setattr("pipeline.verification.functional_mockup.find_spec", lambda name: None)
+    monkeypatch.setattr("fmd.verification.functional_mockup.find_spec", lambda name: None)
     assert fmd("verify", "fmu", "--out", tmp_path) == 0
     printed = capsys.readouterr().out
     assert "fmu skipped: FMPy, which runs FMUs, isn't installed; pip install fmpy" in printed

@@ -8,10 +8,10 @@ import numpy as np
 import pytest
 from scipy.linalg import eigh
 
-from pipeline import Pipeline, load_scene
-from pipeline.integrators.adaptive import groups_of
-from pipeline.integrators.march_pairs import motion_difference
-from pipeline.integrators.runge_kutta import RungeKutta
+from fmd import Pipeline, load_scene
+from fmd.integrators.adaptive import groups_of
+from fmd.integrators.march_pairs import motion_difference
+from fmd.integrators.runge_kutta import RungeKutta
 
 pytestmark = pytest.mark.slow
 

@@ -9,10 +9,10 @@ import pytest
 from scipy.integrate import solve_bvp
 from scipy.linalg import eigh
 
-from pipeline.dynamics.kinematics import Kinematics
-from pipeline.scene.scene import load_scene
-from pipeline.stages.pipeline import Pipeline
-from pipeline.stages.rotor import find_vibrations
+from fmd.dynamics.kinematics import Kinematics
+from fmd.scene.scene import load_scene
+from fmd.stages.pipeline import Pipeline
+from fmd.stages.rotor import find_vibrations
 from tests.verification.tension_beams import beam_matrices
 
 L, B, H, E, RHO, GRAVITY = 1.0, 20e-3, 6e-3, 70e9, 2700.0, 1.0

@@ -6,8 +6,8 @@ from collections.abc import Callable
 
 import numpy as np
 
-from pipeline.core.arrays import Array
-from pipeline.dynamics.compiler.compiled import CompiledMechanism
+from fmd.core.arrays import Array
+from fmd.dynamics.compiler.compiled import CompiledMechanism
 from tests.dynamics.compiler import kane
 from tests.dynamics.compiler.mechanisms import PointMechanism
 

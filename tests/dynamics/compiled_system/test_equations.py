@@ -8,10 +8,10 @@ import numpy as np
 import pytest
 from scipy.linalg import eigh
 
-from pipeline.core.arrays import Array
-from pipeline.dynamics.compiled_system.system import CompiledSystem
-from pipeline.dynamics.kinematics import Kinematics
-from pipeline.integrators.protocol import evaluate, evaluate_velocities
+from fmd.core.arrays import Array
+from fmd.dynamics.compiled_system.system import CompiledSystem
+from fmd.dynamics.kinematics import Kinematics
+from fmd.integrators.protocol import evaluate, evaluate_velocities
 
 Make = Callable[..., Any]
 

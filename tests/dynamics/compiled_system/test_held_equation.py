@@ -3,10 +3,10 @@
 import numpy as np
 import pytest
 
-from pipeline.core.arrays import Array
-from pipeline.dynamics.compiled_system import system
-from pipeline.dynamics.compiled_system.system import CompiledSystem
-from pipeline.integrators.subcycling import Subcycling
+from fmd.core.arrays import Array
+from fmd.dynamics.compiled_system import system
+from fmd.dynamics.compiled_system.system import CompiledSystem
+from fmd.integrators.subcycling import Subcycling
 from tests.dynamics.compiled_system.held_by_differences import sub_cycle
 from tests.dynamics.compiler.mechanisms import PointMechanism, random_mechanism
 

@@ -6,13 +6,13 @@ import numpy as np
 import pytest
 from scipy.spatial.transform import Rotation
 
-from pipeline.core.arrays import Array
-from pipeline.dynamics.compiled_system.system import CompiledSystem
-from pipeline.dynamics.links import REVOLUTE, Link
-from pipeline.dynamics.mechanism import Mechanism
-from pipeline.dynamics.signals.signal import half_sine
-from pipeline.integrators.protocol import evaluate
-from pipeline.reduction.inertia import inertia_gram
+from fmd.core.arrays import Array
+from fmd.dynamics.compiled_system.system import CompiledSystem
+from fmd.dynamics.links import REVOLUTE, Link
+from fmd.dynamics.mechanism import Mechanism
+from fmd.dynamics.signals.signal import half_sine
+from fmd.integrators.protocol import evaluate
+from fmd.reduction.inertia import inertia_gram
 
 START, DURATION, PEAK = 0.2, 1.5, 20.0  # of half a sine of torque
 SIZES = pytest.mark.parametrize("n", [1, 3, 4, 6])

@@ -9,13 +9,13 @@ import pytest
 from scipy.integrate import simpson
 from scipy.spatial.transform import Rotation
 
-from pipeline.core.arrays import Array
-from pipeline.dynamics.kinematics import Kinematics
-from pipeline.dynamics.links import PRISMATIC, REVOLUTE
-from pipeline.dynamics.signals.signal import constant
-from pipeline.integrators.central_difference import CentralDifference
-from pipeline.integrators.scipy_ivp import ScipyIvp
-from pipeline.integrators.subcycling import Subcycling
+from fmd.core.arrays import Array
+from fmd.dynamics.kinematics import Kinematics
+from fmd.dynamics.links import PRISMATIC, REVOLUTE
+from fmd.dynamics.signals.signal import constant
+from fmd.integrators.central_difference import CentralDifference
+from fmd.integrators.scipy_ivp import ScipyIvp
+from fmd.integrators.subcycling import Subcycling
 
 Make = Callable[..., Any]
 

@@ -5,15 +5,15 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from pipeline import Pipeline, load_scene
-from pipeline.core.errors import AccuracyError, StabilityError
-from pipeline.dynamics.compiled_system.positive_mass import (
+from fmd import Pipeline, load_scene
+from fmd.core.errors import AccuracyError, StabilityError
+from fmd.dynamics.compiled_system.positive_mass import (
     explain_failure,
     require_positive_mass,
     require_positive_over,
 )
-from pipeline.dynamics.compiled_system.system import CompiledSystem
-from pipeline.stages.stiffening_check import with_whole_energy
+from fmd.dynamics.compiled_system.system import CompiledSystem
+from fmd.stages.stiffening_check import with_whole_energy
 
 PIECE = """
 [body.strip{k}]

@@ -3,13 +3,13 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from pipeline import Pipeline, load_scene
-from pipeline.dynamics.compiled_system import shared
-from pipeline.dynamics.compiled_system.shared import share_system
-from pipeline.dynamics.links import REVOLUTE, Link, PointLoad, rigid_gram
-from pipeline.dynamics.mechanism import Mechanism
-from pipeline.dynamics.signals.signal import half_sine
-from pipeline.integrators.central_difference import CentralDifference
+from fmd import Pipeline, load_scene
+from fmd.dynamics.compiled_system import shared
+from fmd.dynamics.compiled_system.shared import share_system
+from fmd.dynamics.links import REVOLUTE, Link, PointLoad, rigid_gram
+from fmd.dynamics.mechanism import Mechanism
+from fmd.dynamics.signals.signal import half_sine
+from fmd.integrators.central_difference import CentralDifference
 
 TIMES = np.linspace(0.0, 0.1, 11)
 

@@ -7,16 +7,16 @@ from typing import Any
 import numpy as np
 import pytest
 
-from pipeline.core.arrays import Array
-from pipeline.dynamics.compiled_system.system import CompiledSystem
-from pipeline.dynamics.links import FIXED, PRISMATIC, REVOLUTE, Link, rigid_gram
-from pipeline.dynamics.mechanism import Mechanism
-from pipeline.dynamics.signals.signal import constant
-from pipeline.integrators.central_difference import CentralDifference
-from pipeline.integrators.protocol import State
-from pipeline.integrators.reversible import ReversibleSubcycling
-from pipeline.integrators.scipy_ivp import ScipyIvp
-from pipeline.integrators.subcycling import Subcycling
+from fmd.core.arrays import Array
+from fmd.dynamics.compiled_system.system import CompiledSystem
+from fmd.dynamics.links import FIXED, PRISMATIC, REVOLUTE, Link, rigid_gram
+from fmd.dynamics.mechanism import Mechanism
+from fmd.dynamics.signals.signal import constant
+from fmd.integrators.central_difference import CentralDifference
+from fmd.integrators.protocol import State
+from fmd.integrators.reversible import ReversibleSubcycling
+from fmd.integrators.scipy_ivp import ScipyIvp
+from fmd.integrators.subcycling import Subcycling
 
 Make = Callable[..., Any]
 

@@ -4,9 +4,9 @@ from __future__ import annotations
 
 import numpy as np
 
-from pipeline.core.arrays import Array
-from pipeline.dynamics.compiler.compiled import CompiledMechanism
-from pipeline.dynamics.compiler.interpret import interpret
+from fmd.core.arrays import Array
+from fmd.dynamics.compiler.compiled import CompiledMechanism
+from fmd.dynamics.compiler.interpret import interpret
 
 TIME = 0.37
 

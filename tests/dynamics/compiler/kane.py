@@ -9,8 +9,8 @@ from __future__ import annotations
 import numpy as np
 from scipy.linalg import expm
 
-from pipeline.core.arrays import Array
-from pipeline.dynamics.links import CYLINDRICAL, FREE, PLANAR, PRISMATIC, REVOLUTE, SCREW, SPHERICAL, UNIVERSAL
+from fmd.core.arrays import Array
+from fmd.dynamics.links import CYLINDRICAL, FREE, PLANAR, PRISMATIC, REVOLUTE, SCREW, SPHERICAL, UNIVERSAL
 from tests.dynamics.compiler.mechanisms import PointMechanism, Points
 
 STEP = 1e-30  # of complex differences

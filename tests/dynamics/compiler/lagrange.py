@@ -7,10 +7,10 @@ from dataclasses import replace
 
 import numpy as np
 
-from pipeline.core.arrays import Array
-from pipeline.dynamics.kinematics import Kinematics
-from pipeline.dynamics.mechanism import Mechanism
-from pipeline.dynamics.signals.signal import constant
+from fmd.core.arrays import Array
+from fmd.dynamics.kinematics import Kinematics
+from fmd.dynamics.mechanism import Mechanism
+from fmd.dynamics.signals.signal import constant
 
 STEP = 5e-3  # of differences of order 4
 

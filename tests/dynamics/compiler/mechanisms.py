@@ -9,10 +9,10 @@ from typing import NamedTuple
 import numpy as np
 from scipy.linalg import expm
 
-from pipeline.core.arrays import EPSILON, Array
-from pipeline.core.formula import parse_formula
-from pipeline.dynamics.force_laws import ForceCurve, ForceLaw
-from pipeline.dynamics.links import (
+from fmd.core.arrays import EPSILON, Array
+from fmd.core.formula import parse_formula
+from fmd.dynamics.force_laws import ForceCurve, ForceLaw
+from fmd.dynamics.links import (
     CYLINDRICAL,
     FIXED,
     FREE,
@@ -26,10 +26,10 @@ from pipeline.dynamics.links import (
     PointLoad,
     rigid_gram,
 )
-from pipeline.dynamics.mechanism import Mechanism
-from pipeline.dynamics.signals.signal import Signal, constant, formula, half_sine
-from pipeline.reduction.body import MarkerShapes
-from pipeline.reduction.inertia import InertiaGram, inertia_gram
+from fmd.dynamics.mechanism import Mechanism
+from fmd.dynamics.signals.signal import Signal, constant, formula, half_sine
+from fmd.reduction.body import MarkerShapes
+from fmd.reduction.inertia import InertiaGram, inertia_gram
 
 JOINTS = (FIXED, REVOLUTE, PRISMATIC, SPHERICAL, FREE)
 MORE_JOINTS = (UNIVERSAL, CYLINDRICAL, PLANAR, SCREW)

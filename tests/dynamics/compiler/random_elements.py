@@ -9,11 +9,11 @@ import numpy as np
 from scipy.linalg import expm
 from scipy.spatial.transform import Rotation
 
-from pipeline.core.arrays import Array
-from pipeline.core.formula import parse_formula
-from pipeline.dynamics.elements import Attachment, Element, PointSpring, SixAxisSpring
-from pipeline.dynamics.force_laws import ForceCurve, ForceLaw, Stop, smooth_curve, straight_curve
-from pipeline.reduction.body import MarkerShapes
+from fmd.core.arrays import Array
+from fmd.core.formula import parse_formula
+from fmd.dynamics.elements import Attachment, Element, PointSpring, SixAxisSpring
+from fmd.dynamics.force_laws import ForceCurve, ForceLaw, Stop, smooth_curve, straight_curve
+from fmd.reduction.body import MarkerShapes
 from tests.dynamics.compiler import kane
 from tests.dynamics.compiler.mechanisms import PointMechanism, random_mechanism
 

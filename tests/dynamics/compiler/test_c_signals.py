@@ -8,9 +8,9 @@ from importlib.resources import files
 import numpy as np
 import pytest
 
-from pipeline.core.formula import parse_formula
-from pipeline.dynamics.compiler.c_signals import write_c_signals
-from pipeline.dynamics.signals.signal import constant, formula, half_sine, linear_table, smooth_table, total
+from fmd.core.formula import parse_formula
+from fmd.dynamics.compiler.c_signals import write_c_signals
+from fmd.dynamics.signals.signal import constant, formula, half_sine, linear_table, smooth_table, total
 
 COMPILER = shutil.which("cc") or shutil.which("gcc")
 TEXTS = (
@@ -30,7 +30,7 @@ def test_signals_have_the_same_values_rates_and_accelerations_in_c(tmp_path):
     signals = [formula(parse_formula(text), 2.5) for text in TEXTS]
     signals += [constant(3.0), linear_table(*SAMPLES), smooth_table(*SAMPLES)]
     signals.append(total([half_sine(0.2, 0.3, 4.0), constant(-1.0), signals[0]]))
-    source = (files("pipeline.output.fmu") / "sources" / "series.h").read_text() + write_c_signals("own", signals)
+    source = (files("fmd.output.fmu") / "sources" / "series.h").read_text() + write_c_signals("own", signals)
     (tmp_path / "own.c").write_text(source)
     subprocess.run([COMPILER, "-shared", "-fPIC", "-o", "own.so", "own.c", "-lm"], cwd=tmp_path, check=True)
     function = ctypes.CDLL(str(tmp_path / "own.so")).own

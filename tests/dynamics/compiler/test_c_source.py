@@ -11,13 +11,13 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from pipeline import Pipeline, load_scene
-from pipeline.core.arrays import Array
-from pipeline.dynamics.compiler.c_source import write_c
-from pipeline.dynamics.compiler.compiled import CompiledMechanism, compile_mechanism
-from pipeline.dynamics.compiler.functions import FUNCTIONS, evaluate_function
-from pipeline.dynamics.compiler.graph import Graph
-from pipeline.dynamics.compiler.program import LANES, Output, Program
+from fmd import Pipeline, load_scene
+from fmd.core.arrays import Array
+from fmd.dynamics.compiler.c_source import write_c
+from fmd.dynamics.compiler.compiled import CompiledMechanism, compile_mechanism
+from fmd.dynamics.compiler.functions import FUNCTIONS, evaluate_function
+from fmd.dynamics.compiler.graph import Graph
+from fmd.dynamics.compiler.program import LANES, Output, Program
 from tests.dynamics.compiler.comparison import TIME, difference
 from tests.dynamics.compiler.mechanisms import random_mechanism
 

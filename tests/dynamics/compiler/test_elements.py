@@ -5,11 +5,11 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from pipeline.core.formula import parse_formula
-from pipeline.dynamics.compiler.compiled import compile_mechanism
-from pipeline.dynamics.elements import Attachment, SixAxisSpring
-from pipeline.dynamics.force_laws import ForceCurve, ForceLaw, Stop
-from pipeline.reduction.body import MarkerShapes
+from fmd.core.formula import parse_formula
+from fmd.dynamics.compiler.compiled import compile_mechanism
+from fmd.dynamics.elements import Attachment, SixAxisSpring
+from fmd.dynamics.force_laws import ForceCurve, ForceLaw, Stop
+from fmd.reduction.body import MarkerShapes
 from tests.dynamics.compiler import kane
 from tests.dynamics.compiler.comparison import TIME, difference, interpreted
 from tests.dynamics.compiler.random_elements import element_forces, with_elements

@@ -6,15 +6,15 @@ import numpy as np
 import pytest
 from scipy.linalg import expm
 
-from pipeline.core.arrays import Array
-from pipeline.dynamics.compiler import arc as arcs
-from pipeline.dynamics.compiler.algebra import constants, factor_symmetric, times
-from pipeline.dynamics.compiler.arc import arc
-from pipeline.dynamics.compiler.differentiate import differentiate
-from pipeline.dynamics.compiler.functions import evaluate_function
-from pipeline.dynamics.compiler.graph import Graph, Scalar, Vector, combine
-from pipeline.dynamics.compiler.interpret import interpret
-from pipeline.dynamics.compiler.stumpff import LIMIT, stumpff
+from fmd.core.arrays import Array
+from fmd.dynamics.compiler import arc as arcs
+from fmd.dynamics.compiler.algebra import constants, factor_symmetric, times
+from fmd.dynamics.compiler.arc import arc
+from fmd.dynamics.compiler.differentiate import differentiate
+from fmd.dynamics.compiler.functions import evaluate_function
+from fmd.dynamics.compiler.graph import Graph, Scalar, Vector, combine
+from fmd.dynamics.compiler.interpret import interpret
+from fmd.dynamics.compiler.stumpff import LIMIT, stumpff
 
 RNG = np.random.default_rng(3)
 MATRIX = RNG.normal(size=(3, 3))

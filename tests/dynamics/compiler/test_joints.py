@@ -3,9 +3,9 @@
 import numpy as np
 import pytest
 
-from pipeline.dynamics.compiler.compiled import compile_mechanism
-from pipeline.dynamics.element_linearisation import linearise_forces
-from pipeline.dynamics.kinematics import Kinematics
+from fmd.dynamics.compiler.compiled import compile_mechanism
+from fmd.dynamics.element_linearisation import linearise_forces
+from fmd.dynamics.kinematics import Kinematics
 from tests.dynamics.compiler import kane
 from tests.dynamics.compiler.comparison import TIME, difference, interpreted
 from tests.dynamics.compiler.mechanisms import JOINTS, MORE_JOINTS, random_mechanism

@@ -9,23 +9,23 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from pipeline.core.arrays import Array
-from pipeline.core.formula import parse_formula
-from pipeline.dynamics.compiler import machine, store
-from pipeline.dynamics.compiler.chunks import chunk_widths
-from pipeline.dynamics.compiler.compiled import compile_mechanism
-from pipeline.dynamics.compiler.coordinates import Coordinates
-from pipeline.dynamics.compiler.digest import digest_mechanism
-from pipeline.dynamics.compiler.functions import FUNCTIONS
-from pipeline.dynamics.compiler.graph import Graph, combine
-from pipeline.dynamics.compiler.interpret import interpret
-from pipeline.dynamics.compiler.llvm import emit
-from pipeline.dynamics.compiler.machine import LoadedObject, compile_object
-from pipeline.dynamics.compiler.program import Output, Program
-from pipeline.dynamics.compiler.store import load_program, object_path
-from pipeline.dynamics.links import PRISMATIC, REVOLUTE, PointLoad
-from pipeline.dynamics.mechanism import Mechanism
-from pipeline.dynamics.signals.signal import constant, formula
+from fmd.core.arrays import Array
+from fmd.core.formula import parse_formula
+from fmd.dynamics.compiler import machine, store
+from fmd.dynamics.compiler.chunks import chunk_widths
+from fmd.dynamics.compiler.compiled import compile_mechanism
+from fmd.dynamics.compiler.coordinates import Coordinates
+from fmd.dynamics.compiler.digest import digest_mechanism
+from fmd.dynamics.compiler.functions import FUNCTIONS
+from fmd.dynamics.compiler.graph import Graph, combine
+from fmd.dynamics.compiler.interpret import interpret
+from fmd.dynamics.compiler.llvm import emit
+from fmd.dynamics.compiler.machine import LoadedObject, compile_object
+from fmd.dynamics.compiler.program import Output, Program
+from fmd.dynamics.compiler.store import load_program, object_path
+from fmd.dynamics.links import PRISMATIC, REVOLUTE, PointLoad
+from fmd.dynamics.mechanism import Mechanism
+from fmd.dynamics.signals.signal import constant, formula
 from tests.dynamics.compiler.comparison import TIME
 from tests.dynamics.compiler.mechanisms import random_mechanism
 

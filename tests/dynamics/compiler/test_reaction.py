@@ -5,10 +5,10 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from pipeline import Pipeline, load_scene
-from pipeline.core.arrays import Array
-from pipeline.dynamics.compiler.compiled import CompiledMechanism, compile_mechanism
-from pipeline.dynamics.compiler.program import LANES
+from fmd import Pipeline, load_scene
+from fmd.core.arrays import Array
+from fmd.dynamics.compiler.compiled import CompiledMechanism, compile_mechanism
+from fmd.dynamics.compiler.program import LANES
 from tests.dynamics.compiler.comparison import TIME, difference
 
 

@@ -6,9 +6,9 @@ import numpy as np
 import pytest
 from scipy.linalg import expm
 
-from pipeline.dynamics.compiler.compiled import compile_mechanism
-from pipeline.dynamics.kinematics import Kinematics
-from pipeline.reduction.body import MarkerShapes
+from fmd.dynamics.compiler.compiled import compile_mechanism
+from fmd.dynamics.kinematics import Kinematics
+from fmd.reduction.body import MarkerShapes
 from tests.dynamics.compiler import kane
 from tests.dynamics.compiler.comparison import TIME, difference, interpreted
 from tests.dynamics.compiler.mechanisms import random_mechanism

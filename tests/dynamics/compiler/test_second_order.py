@@ -6,11 +6,11 @@ import numpy as np
 import pytest
 from scipy.linalg import expm
 
-from pipeline.core.arrays import Array
-from pipeline.dynamics.compiler.compiled import compile_mechanism
-from pipeline.dynamics.kinematics import Kinematics
-from pipeline.dynamics.mechanism import Mechanism
-from pipeline.dynamics.signals.signal import constant
+from fmd.core.arrays import Array
+from fmd.dynamics.compiler.compiled import compile_mechanism
+from fmd.dynamics.kinematics import Kinematics
+from fmd.dynamics.mechanism import Mechanism
+from fmd.dynamics.signals.signal import constant
 from tests.dynamics.compiler import kane
 from tests.dynamics.compiler.comparison import TIME, difference, interpreted
 from tests.dynamics.compiler.mechanisms import PointMechanism, random_mechanism

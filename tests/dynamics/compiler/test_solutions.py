@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 
-from pipeline.dynamics.compiler.compiled import compile_mechanism
+from fmd.dynamics.compiler.compiled import compile_mechanism
 from tests.dynamics.compiler.comparison import TIME, difference
 from tests.dynamics.compiler.mechanisms import random_mechanism
 

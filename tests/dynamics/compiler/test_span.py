@@ -4,10 +4,10 @@ import numpy as np
 import pytest
 from scipy.linalg import cho_factor, cho_solve
 
-from pipeline.core.arrays import Array
-from pipeline.dynamics.compiler.graph import Graph, combine
-from pipeline.dynamics.compiler.interpret import interpret
-from pipeline.dynamics.compiler.span import ModalRows, span_rows
+from fmd.core.arrays import Array
+from fmd.dynamics.compiler.graph import Graph, combine
+from fmd.dynamics.compiler.interpret import interpret
+from fmd.dynamics.compiler.span import ModalRows, span_rows
 
 N = 12
 

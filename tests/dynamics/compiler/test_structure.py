@@ -5,12 +5,12 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from pipeline.core.arrays import Array
-from pipeline.dynamics.compiler.cleaning import THRESHOLD, orthonormal_rows
-from pipeline.dynamics.compiler.compiled import CompiledMechanism, compile_mechanism
-from pipeline.dynamics.links import REVOLUTE, Link
-from pipeline.dynamics.mechanism import Mechanism
-from pipeline.reduction.inertia import inertia_gram
+from fmd.core.arrays import Array
+from fmd.dynamics.compiler.cleaning import THRESHOLD, orthonormal_rows
+from fmd.dynamics.compiler.compiled import CompiledMechanism, compile_mechanism
+from fmd.dynamics.links import REVOLUTE, Link
+from fmd.dynamics.mechanism import Mechanism
+from fmd.reduction.inertia import inertia_gram
 from tests.dynamics.compiler import lagrange
 from tests.dynamics.compiler.comparison import TIME, difference
 from tests.dynamics.compiler.mechanisms import random_mechanism

@@ -11,8 +11,8 @@ import numpy as np
 import pytest
 from numba import float64, int64, types
 
-from pipeline.dynamics.jit.compiled import kernel
-from pipeline.dynamics.jit.kernel_files import KernelFiles
+from fmd.dynamics.jit.compiled import kernel
+from fmd.dynamics.jit.kernel_files import KernelFiles
 
 KEY = ((types.Array(float64, 1, "C"), int64), ("x86_64", "cpu", "features"), ("code", "closure"))
 OTHER = ((types.Array(float64, 2, "C"), int64), *KEY[1:])
@@ -74,7 +74,7 @@ def test_a_full_disk_costs_only_the_next_compilation(
 
 MODULE = """
 import numpy as np
-from pipeline.dynamics.jit.compiled import kernel
+from fmd.dynamics.jit.compiled import kernel
 
 @kernel
 def double(x):

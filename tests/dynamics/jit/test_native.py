@@ -4,10 +4,10 @@ import numba
 import numpy as np
 import pytest
 
-from pipeline.core.arrays import Array
-from pipeline.dynamics.compiler.machine import LoadedObject, compile_object
-from pipeline.dynamics.jit.compiled import kernel
-from pipeline.dynamics.jit.native import call_native
+from fmd.core.arrays import Array
+from fmd.dynamics.compiler.machine import LoadedObject, compile_object
+from fmd.dynamics.jit.compiled import kernel
+from fmd.dynamics.jit.native import call_native
 
 SOURCE = """
 define void @scale(ptr %factor, ptr %x) {

@@ -7,9 +7,9 @@ from collections.abc import Sequence
 import numpy as np
 import pytest
 
-from pipeline.core.arrays import Array
-from pipeline.dynamics.jit.compiled import kernel
-from pipeline.dynamics.jit.oscillators import step_damped, step_undamped
+from fmd.core.arrays import Array
+from fmd.dynamics.jit.compiled import kernel
+from fmd.dynamics.jit.oscillators import step_damped, step_undamped
 
 H, START = 0.01, 0.3
 

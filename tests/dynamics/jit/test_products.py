@@ -5,9 +5,9 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from pipeline.core.arrays import Array
-from pipeline.dynamics.jit.compiled import kernel
-from pipeline.dynamics.jit.products import multiply_square
+from fmd.core.arrays import Array
+from fmd.dynamics.jit.compiled import kernel
+from fmd.dynamics.jit.products import multiply_square
 
 
 @kernel

@@ -5,9 +5,9 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from pipeline.core.arrays import Array, IntArray
-from pipeline.dynamics.jit.compiled import kernel
-from pipeline.dynamics.jit.sums import add_weighted_rows
+from fmd.core.arrays import Array, IntArray
+from fmd.dynamics.jit.compiled import kernel
+from fmd.dynamics.jit.sums import add_weighted_rows
 
 
 @kernel

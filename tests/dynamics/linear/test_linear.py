@@ -3,8 +3,8 @@
 import numpy as np
 import pytest
 
-from pipeline.dynamics.linear.linear import LinearSystem
-from pipeline.integrators.protocol import evaluate
+from fmd.dynamics.linear.linear import LinearSystem
+from fmd.integrators.protocol import evaluate
 
 
 def test_accelerations_are_those_of_the_matrices() -> None:

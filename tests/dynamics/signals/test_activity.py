@@ -5,10 +5,10 @@ import math
 import numpy as np
 import pytest
 
-from pipeline.core.formula import parse_formula
-from pipeline.dynamics.signals.activity import find_activity
-from pipeline.dynamics.signals.bounds import PieceBounds
-from pipeline.dynamics.signals.signal import constant, formula, half_sine, linear_table, smooth_table
+from fmd.core.formula import parse_formula
+from fmd.dynamics.signals.activity import find_activity
+from fmd.dynamics.signals.bounds import PieceBounds
+from fmd.dynamics.signals.signal import constant, formula, half_sine, linear_table, smooth_table
 
 FORMULAS = (
     "500*exp(-((t-0.15)/0.0003)**2)",

@@ -5,9 +5,9 @@ import math
 import numpy as np
 import pytest
 
-from pipeline.core.formula import parse_formula
-from pipeline.dynamics.signals.resolution import shortest_missed
-from pipeline.dynamics.signals.signal import Signal, constant, formula, linear_table, smooth_table
+from fmd.core.formula import parse_formula
+from fmd.dynamics.signals.resolution import shortest_missed
+from fmd.dynamics.signals.signal import Signal, constant, formula, linear_table, smooth_table
 
 PULSES = (  # on a load that never rests, with their impulses and the time for which they act
     ("10*cos(3*t) + 100*exp(-((t - 0.31234)/0.0003)**2)", 100 * math.sqrt(math.pi) * 3e-4, 9e-4),

@@ -12,10 +12,10 @@ from hypothesis import strategies as st
 from scipy.integrate import quad
 from scipy.interpolate import CubicSpline
 
-from pipeline.core.formula import MOST_DEPTH, parse_formula
-from pipeline.dynamics.compiler.machine import LoadedObject, compile_object
-from pipeline.dynamics.compiler.signal_code import emit_signals
-from pipeline.dynamics.signals.signal import (
+from fmd.core.formula import MOST_DEPTH, parse_formula
+from fmd.dynamics.compiler.machine import LoadedObject, compile_object
+from fmd.dynamics.compiler.signal_code import emit_signals
+from fmd.dynamics.signals.signal import (
     Signal,
     constant,
     formula,

@@ -4,9 +4,9 @@ from pathlib import Path
 
 import pytest
 
-from pipeline.fem.formats.abaqus import read_abaqus
-from pipeline.fem.formats.import_mesh import read_mesh
-from pipeline.fem.formats.raw_mesh import MeshFileError
+from fmd.fem.formats.abaqus import read_abaqus
+from fmd.fem.formats.import_mesh import read_mesh
+from fmd.fem.formats.raw_mesh import MeshFileError
 
 ABAQUS = """*Heading
  two bricks, sets in pieces, upper and lower case

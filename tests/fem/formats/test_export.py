@@ -11,9 +11,9 @@ import pytest
 from vtkmodules.util.numpy_support import vtk_to_numpy
 from vtkmodules.vtkIOXML import vtkXMLUnstructuredGridReader
 
-from pipeline.core.errors import InputError
-from pipeline.fem.formats.export import part_numbers, write_mesh
-from pipeline.fem.mesh import SolidMesh
+from fmd.core.errors import InputError
+from fmd.fem.formats.export import part_numbers, write_mesh
+from fmd.fem.mesh import SolidMesh
 
 Make = Callable[..., SolidMesh]
 NAMES = ("inner hub & co", "blade", "Flügel <2>")

@@ -10,23 +10,23 @@ import pytest
 import scipy.sparse as sp
 from scipy.sparse.linalg import spsolve
 
-from meshes.gmsh_session import gmsh_model
-from pipeline.core.arrays import Array
-from pipeline.core.errors import InputError
-from pipeline.fem.assembly import assemble
-from pipeline.fem.elements import shape_functions
-from pipeline.fem.formats import import_mesh as mesh_file
-from pipeline.fem.formats.import_mesh import read_mesh
-from pipeline.fem.formats.meshio_reader import _read
-from pipeline.fem.formats.vtkhdf import vtk_cells
-from pipeline.fem.markers import face_marker
-from pipeline.fem.material import Material
-from pipeline.fem.mesh import SolidMesh
-from pipeline.fem.model import FEModel
-from pipeline.fem.selection import locate_points
-from pipeline.fem.space import Discretisation
-from pipeline.fem.surface import surface_topology
-from pipeline.recovery.stress import element_stress, modal_stress, point_stress
+from fmd.core.arrays import Array
+from fmd.core.errors import InputError
+from fmd.fem.assembly import assemble
+from fmd.fem.elements import shape_functions
+from fmd.fem.formats import import_mesh as mesh_file
+from fmd.fem.formats.import_mesh import read_mesh
+from fmd.fem.formats.meshio_reader import _read
+from fmd.fem.formats.vtkhdf import vtk_cells
+from fmd.fem.markers import face_marker
+from fmd.fem.material import Material
+from fmd.fem.mesh import SolidMesh
+from fmd.fem.model import FEModel
+from fmd.fem.selection import locate_points
+from fmd.fem.space import Discretisation
+from fmd.fem.surface import surface_topology
+from fmd.meshes.gmsh_session import gmsh_model
+from fmd.recovery.stress import element_stress, modal_stress, point_stress
 
 FORMATS = ("inp", "bdf", "v2.msh", "v4.msh", "vtk", "med", "vtu")
 KINDS = {  # cells and how Gmsh is asked for them: order, recombined, with inner nodes

@@ -9,10 +9,10 @@ import pytest
 import scipy.io
 import scipy.sparse as sp
 
-from pipeline.core.errors import AccuracyError, InputError
-from pipeline.fem.formats.matrices import MatrixModel, node_marker, nodes_in_plane, read_matrices
-from pipeline.fem.markers import face_marker
-from pipeline.fem.model import FEModel
+from fmd.core.errors import AccuracyError, InputError
+from fmd.fem.formats.matrices import MatrixModel, node_marker, nodes_in_plane, read_matrices
+from fmd.fem.markers import face_marker
+from fmd.fem.model import FEModel
 
 UNITS = (1.0, 1.0, 1.0)
 

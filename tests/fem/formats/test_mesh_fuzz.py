@@ -17,18 +17,18 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from meshes.bar import hexahedral_bar
-from meshes.gmsh_session import gmsh_model
-from pipeline.core.errors import AccuracyError, InputError
-from pipeline.fem.assembly import assemble
-from pipeline.fem.formats import meshio_reader
-from pipeline.fem.formats.abaqus import read_abaqus
-from pipeline.fem.formats.import_mesh import solid_mesh
-from pipeline.fem.formats.matrices import read_matrices
-from pipeline.fem.formats.nastran import read_nastran
-from pipeline.fem.formats.raw_mesh import MeshFileError, RawMesh
-from pipeline.fem.material import Material
-from pipeline.fem.mesh import SolidMesh
+from fmd.core.errors import AccuracyError, InputError
+from fmd.fem.assembly import assemble
+from fmd.fem.formats import meshio_reader
+from fmd.fem.formats.abaqus import read_abaqus
+from fmd.fem.formats.import_mesh import solid_mesh
+from fmd.fem.formats.matrices import read_matrices
+from fmd.fem.formats.nastran import read_nastran
+from fmd.fem.formats.raw_mesh import MeshFileError, RawMesh
+from fmd.fem.material import Material
+from fmd.fem.mesh import SolidMesh
+from fmd.meshes.bar import hexahedral_bar
+from fmd.meshes.gmsh_session import gmsh_model
 
 TEXT = {"inp": read_abaqus, "bdf": read_nastran}
 OTHER = ("v2.msh", "v4.msh", "v2b.msh", "v4b.msh", "vtk", "med", "vtu")
@@ -185,7 +185,7 @@ def test_a_header_of_a_million_million_nodes_takes_no_memory(tmp_path: Path) -> 
 @pytest.mark.slow
 @pytest.mark.parametrize("seed", range(2))
 def test_damaged_cad_files_end_in_a_mesh_or_a_message(originals: Path, seed: int, tmp_path: Path) -> None:
-    from meshes.cad import main
+    from fmd.meshes.cad import main
 
     content = (originals / "box.step").read_bytes()
     rng = np.random.default_rng(seed)

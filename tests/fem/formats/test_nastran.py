@@ -2,9 +2,9 @@
 
 import pytest
 
-from pipeline.fem.formats.import_mesh import solid_mesh
-from pipeline.fem.formats.nastran import read_nastran
-from pipeline.fem.formats.raw_mesh import MeshFileError
+from fmd.fem.formats.import_mesh import solid_mesh
+from fmd.fem.formats.nastran import read_nastran
+from fmd.fem.formats.raw_mesh import MeshFileError
 
 NASTRAN = """SOL 103
 BEGIN BULK

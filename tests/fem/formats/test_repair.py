@@ -7,12 +7,12 @@ from collections.abc import Callable
 import numpy as np
 import pytest
 
-from pipeline.core.arrays import Array, IntArray
-from pipeline.fem.cells import EDGES
-from pipeline.fem.formats.import_mesh import solid_mesh
-from pipeline.fem.formats.raw_mesh import MeshFileError, RawMesh
-from pipeline.fem.formats.repair import mirrored_order
-from pipeline.fem.mesh import SolidMesh
+from fmd.core.arrays import Array, IntArray
+from fmd.fem.cells import EDGES
+from fmd.fem.formats.import_mesh import solid_mesh
+from fmd.fem.formats.raw_mesh import MeshFileError, RawMesh
+from fmd.fem.formats.repair import mirrored_order
+from fmd.fem.mesh import SolidMesh
 
 Make = Callable[..., SolidMesh]
 VOLUME = 1.2 * 1.0 * 0.8

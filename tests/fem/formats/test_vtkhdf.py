@@ -13,11 +13,11 @@ from vtkmodules.vtkCommonExecutionModel import vtkStreamingDemandDrivenPipeline
 from vtkmodules.vtkFiltersVerdict import vtkCellSizeFilter
 from vtkmodules.vtkIOHDF import vtkHDFReader
 
-from pipeline.core.arrays import Array
-from pipeline.fem.formats.export import part_numbers
-from pipeline.fem.formats.vtkhdf import vtk_cells, write_series
-from pipeline.fem.mesh import SolidMesh
-from pipeline.fem.space import Discretisation
+from fmd.core.arrays import Array
+from fmd.fem.formats.export import part_numbers
+from fmd.fem.formats.vtkhdf import vtk_cells, write_series
+from fmd.fem.mesh import SolidMesh
+from fmd.fem.space import Discretisation
 
 Make = Callable[..., SolidMesh]
 TIMES = np.array([0.0, 0.1, 0.35, 2.0])

@@ -6,10 +6,10 @@ from typing import NamedTuple
 
 import pytest
 
-from pipeline.output.fmu import build
-from pipeline.output.fmu.write import write_own_fmu
-from pipeline.scene.scene import load_scene
-from pipeline.stages.pipeline import Pipeline
+from fmd.output.fmu import build
+from fmd.output.fmu.write import write_own_fmu
+from fmd.scene.scene import load_scene
+from fmd.stages.pipeline import Pipeline
 
 SCENE = """
 title = "Small mechanism"

@@ -6,9 +6,9 @@ import struct
 import numpy as np
 import pytest
 
-from pipeline.core.errors import InputError
-from pipeline.output.fmu import build
-from pipeline.output.fmu.build import build_binaries, join_mach_binaries, own_target
+from fmd.core.errors import InputError
+from fmd.output.fmu import build
+from fmd.output.fmu.build import build_binaries, join_mach_binaries, own_target
 
 SOURCE = {"model.c": "int answer(void)\n{\n    return 42;\n}\n"}
 

@@ -9,10 +9,10 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from pipeline.output.fmu import build
-from pipeline.output.fmu.write import list_platforms, write_fmu
-from pipeline.scene.scene import load_scene
-from pipeline.stages.pipeline import Pipeline
+from fmd.output.fmu import build
+from fmd.output.fmu.write import list_platforms, write_fmu
+from fmd.scene.scene import load_scene
+from fmd.stages.pipeline import Pipeline
 
 fmpy = pytest.importorskip("fmpy", reason="FMPy isn't installed")
 validate_fmu = pytest.importorskip("fmpy.validation").validate_fmu
@@ -228,7 +228,7 @@ assert f.fmi2ExitInitializationMode(m) == 0
 assert f.fmi2DoStep(m, zero, c.c_double(0.05), 0) == 0
 assert not f.fmi2Instantiate(b"x", 1, b"another", None, None, 0, 0)
 f.fmi2FreeInstance(m)
-assert not any(name.split(".")[0] in ("pipeline", "numpy") for name in sys.modules)
+assert not any(name.split(".")[0] in ("fmd", "numpy") for name in sys.modules)
 print("done")
 """
     ended = subprocess.run([sys.executable, "-I", "-S", "-c", script], capture_output=True, text=True, check=True)

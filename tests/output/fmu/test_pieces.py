@@ -3,10 +3,10 @@
 import numpy as np
 import pytest
 
-from pipeline.output.fmu import build
-from pipeline.output.formats import write_format
-from pipeline.scene.scene import load_scene
-from pipeline.stages.pipeline import Pipeline
+from fmd.output.fmu import build
+from fmd.output.formats import write_format
+from fmd.scene.scene import load_scene
+from fmd.stages.pipeline import Pipeline
 from tests.verification.test_large_deflection import FORCE, strip
 
 fmpy = pytest.importorskip("fmpy", reason="FMPy isn't installed")
@@ -25,7 +25,7 @@ def test_an_fmu_of_pieces_moves_as_the_scenes_own_run(tmp_path, monkeypatch):
         pytest.skip("this system has no FMU binaries")
     strip(tmp_path, PIECES=2, ALONG=4, LOAD="5 N", **FORCE | {"STIFFENING": "off"})
     run = Pipeline(load_scene(tmp_path / "strip.toml", OVERRIDES))
-    monkeypatch.setattr("pipeline.output.fmu.write.build_binaries", build.build_own_binary)
+    monkeypatch.setattr("fmd.output.fmu.write.build_binaries", build.build_own_binary)
     monkeypatch.setattr(build, "_FAST", ())  # compiled sooner
     file, _ = write_format(run, "fmu", None, tmp_path / "strip.fmu")
     assert "strip.tip.force[3]" in {own.name for own in fmpy.read_model_description(str(file)).modelVariables}

@@ -10,18 +10,18 @@ import numpy as np
 import pytest
 import scipy.sparse as sp
 
-from meshes.bar import hexahedral_bar, tetrahedral_bar
-from pipeline.core.errors import AccuracyError, InputError
-from pipeline.fem.assembly import assemble
-from pipeline.fem.markers import face_marker
-from pipeline.fem.material import Material
-from pipeline.fem.mesh import SolidMesh
-from pipeline.fem.model import FEModel
-from pipeline.reduction.eigen import FreeBodySolver
-from pipeline.reduction.factor import factor
-from pipeline.reduction.factor.factor import MissingSolverError, TooLargeError, factorise
-from pipeline.reduction.factor.factor_size import factor_nonzeros
-from pipeline.reduction.factor.memory import available_memory
+from fmd.core.errors import AccuracyError, InputError
+from fmd.fem.assembly import assemble
+from fmd.fem.markers import face_marker
+from fmd.fem.material import Material
+from fmd.fem.mesh import SolidMesh
+from fmd.fem.model import FEModel
+from fmd.meshes.bar import hexahedral_bar, tetrahedral_bar
+from fmd.reduction.eigen import FreeBodySolver
+from fmd.reduction.factor import factor
+from fmd.reduction.factor.factor import MissingSolverError, TooLargeError, factorise
+from fmd.reduction.factor.factor_size import factor_nonzeros
+from fmd.reduction.factor.memory import available_memory
 
 pytestmark = pytest.mark.slow
 
@@ -194,8 +194,8 @@ def test_this_machine_has_memory_to_spare() -> None:
 
 
 def test_a_scene_whose_factor_does_not_fit_ends_in_a_message(monkeypatch: pytest.MonkeyPatch, tmp_path: Path) -> None:
-    from pipeline import Pipeline, load_scene
-    from pipeline.core.cache import Cache
+    from fmd import Pipeline, load_scene
+    from fmd.core.cache import Cache
 
     monkeypatch.setattr(factor, "available_memory", lambda: 1e6)
     scene = load_scene("beam", ["body.beam.modes.solver='cholesky'", "body.beam.mesh.divisions=[12,2,1]"])

@@ -10,14 +10,14 @@ from importlib.util import find_spec
 import numpy as np
 import pytest
 
-from pipeline import Pipeline, load_scene
-from pipeline.core.cache import Cache
-from pipeline.core.errors import AccuracyError, InputError
-from pipeline.fem.markers import face_marker
-from pipeline.fem.model import FEModel
-from pipeline.reduction.eigen import FreeBodySolver
-from pipeline.reduction.factor import slepc
-from pipeline.reduction.factor.slepc import factorise_over_ranks
+from fmd import Pipeline, load_scene
+from fmd.core.cache import Cache
+from fmd.core.errors import AccuracyError, InputError
+from fmd.fem.markers import face_marker
+from fmd.fem.model import FEModel
+from fmd.reduction.eigen import FreeBodySolver
+from fmd.reduction.factor import slepc
+from fmd.reduction.factor.slepc import factorise_over_ranks
 
 installed = pytest.mark.skipif(
     find_spec("slepc4py") is None and slepc.PYTHON not in os.environ, reason="slepc4py is not installed"

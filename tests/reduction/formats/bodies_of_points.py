@@ -4,10 +4,10 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from pipeline.core.arrays import Array
-from pipeline.reduction.body import MarkerShapes
-from pipeline.reduction.inertia import InertiaGram, inertia_gram
-from pipeline.reduction.modal_data import ModalData
+from fmd.core.arrays import Array
+from fmd.reduction.body import MarkerShapes
+from fmd.reduction.inertia import InertiaGram, inertia_gram
+from fmd.reduction.modal_data import ModalData
 
 N_MODES = 3
 

@@ -6,8 +6,8 @@ import numpy as np
 import pytest
 import scipy.sparse as sp
 
-from pipeline.core.errors import InputError
-from pipeline.reduction.formats.exudyn_file import exudyn_arrays, read_exudyn, write_exudyn
+from fmd.core.errors import InputError
+from fmd.reduction.formats.exudyn_file import exudyn_arrays, read_exudyn, write_exudyn
 from tests.reduction.formats.bodies_of_points import N_MODES, point_body
 
 BODY = point_body()

@@ -5,10 +5,10 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from pipeline.core.errors import InputError
-from pipeline.reduction.formats.mbdyn_file import inertia_points, read_mbdyn, write_mbdyn
-from pipeline.reduction.inertia import inertia_gram
-from pipeline.verification.bodies import MANUAL_EXAMPLE
+from fmd.core.errors import InputError
+from fmd.reduction.formats.mbdyn_file import inertia_points, read_mbdyn, write_mbdyn
+from fmd.reduction.inertia import inertia_gram
+from fmd.verification.bodies import MANUAL_EXAMPLE
 from tests.reduction.formats.bodies_of_points import point_body
 
 BODY = point_body()

@@ -7,16 +7,16 @@ import numpy as np
 import pytest
 import skfem
 
-from pipeline.core.errors import InputError
-from pipeline.dynamics.compiled_system.system import CompiledSystem
-from pipeline.dynamics.links import FREE, Link
-from pipeline.dynamics.mechanism import Mechanism
-from pipeline.fem.assembly import assemble
-from pipeline.integrators.protocol import evaluate
-from pipeline.reduction.formats.sid_file import read_sid, write_sid
-from pipeline.reduction.formats.sid_terms import Taylor, equations_of_motion, modal_data_of, sid_terms
-from pipeline.reduction.inertia import inertia_gram
-from pipeline.reduction.modal_data import ModalData
+from fmd.core.errors import InputError
+from fmd.dynamics.compiled_system.system import CompiledSystem
+from fmd.dynamics.links import FREE, Link
+from fmd.dynamics.mechanism import Mechanism
+from fmd.fem.assembly import assemble
+from fmd.integrators.protocol import evaluate
+from fmd.reduction.formats.sid_file import read_sid, write_sid
+from fmd.reduction.formats.sid_terms import Taylor, equations_of_motion, modal_data_of, sid_terms
+from fmd.reduction.inertia import inertia_gram
+from fmd.reduction.modal_data import ModalData
 from tests.reduction.formats.bodies_of_points import N_MODES, point_body, stiffened
 
 BODY = point_body()

@@ -1,0 +1,135 @@
+"""A run and its scene on a coarser mesh: the gain in accuracy from one to the other, and the shapes that match."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from fmd.accuracy.error_estimates import refinement_gain, retune_body
+from fmd.accuracy.matching import find_counterparts
+from fmd.accuracy.quantities import match_modes
+from fmd.accuracy.time_limit import FAULTS
+from fmd.core.arrays import Array, IntArray
+from fmd.core.cache import Cache
+from fmd.scene.scene import Scene
+from fmd.scene.variants import (
+    COARSENING_FACTORS,
+    change_modes,
+    coarsen_meshes,
+    compare_element_sizes,
+    divide_few_elements,
+)
+from fmd.stages.part import FlexiblePart
+from fmd.stages.pipeline import Pipeline
+
+KINDS = ("displacement", "stress", "spot stress", "geometry")  # of quantities, by their convergence
+_SAME = 1e-9
+# Modal assurance criterion above which a shape of the other mesh is the run's own. The frequency of one that is less
+# alike tells of the shapes it is mixed with, as of vectors that round-off alone sets apart, and not of the mesh.
+ALIKE = 0.95
+_MORE = 1.5  # modes of the coarse mesh to find the run's among
+
+
+@dataclass(frozen=True)
+class Pair:
+    """A run and the same scene on a coarser mesh.
+
+    Attributes
+    ----------
+    run, coarse : Pipeline
+        The coarse run's modes are those most like the run's, in its order.
+    gains : dict of str to float
+        Factor by which the error falls from the coarse mesh to the run's, less one, by kind of quantity.
+    """
+
+    run: Pipeline
+    coarse: Pipeline
+    gains: dict[str, float]
+
+    def divides(self, name: str) -> bool:
+        """Return true if a body's meshes differ."""
+        return len(self.coarse.parts[name].mesh.cells) != len(self.run.parts[name].mesh.cells)
+
+    def excess_of_modes(self, name: str) -> Array:
+        """Return the relative excess of the squares of a part's frequencies, shape (n,)."""
+        theirs, own = self.coarse.parts[name].modes.omega, self.run.parts[name].modes.omega
+        return np.asarray(((theirs / own) ** 2 - 1) / self.gains["displacement"])
+
+    def excess_of_shapes(self, name: str) -> tuple[Array, NDArray[np.bool_]]:
+        """Return the relative excess of a body's squared frequencies, and which shapes have a match, (n,) each."""
+        numbers, alike = self.counterparts(name)
+        theirs, own = self.coarse.bodies[name].omega[numbers], self.run.bodies[name].omega
+        return np.asarray(((theirs / own) ** 2 - 1) / self.gains["displacement"]), alike
+
+    def at_the_same_frequencies(self) -> tuple[Pipeline, dict[str, Array]]:
+        """Return the coarse run at the run's frequencies, and each body's factors from coordinates to stress."""
+        retuned_bodies = {}
+        for name, body in self.run.bodies.items():
+            other, (numbers, alike) = self.coarse.bodies[name], self.counterparts(name)
+            omega = other.omega.copy()
+            omega[numbers[alike]] = body.omega[alike]
+            retuned_bodies[name] = retune_body(other, omega)
+        ringing = self.coarse.with_bodies({name: body for name, (body, _) in retuned_bodies.items()})
+        return ringing, {name: scale for name, (_, scale) in retuned_bodies.items()}
+
+    def counterparts(self, name: str) -> tuple[IntArray, NDArray[np.bool_]]:
+        """Return the numbers of the shapes on the coarse mesh that are most like a body's, and which of them match."""
+        own, other, m = self.run.bodies[name], self.coarse.bodies[name], self.coarse.parts[name].fe.m
+        numbers, alike = find_counterparts(own.x, own.shapes, other.x, m, other.shapes, other.omega)
+        return numbers, alike > ALIKE
+
+
+def make_coarse_pair(run: Pipeline) -> Pair | str:
+    """Return a run and its scene on a coarser mesh; or the reason why there is none.
+
+    Few curved elements may be inverted: then a mesh that is less coarse is tried.
+    """
+    why = "not estimated: there is no coarser mesh"
+    for times in COARSENING_FACTORS:
+        scene = coarsen_meshes(run.scene, times)
+        if scene is None:
+            break
+        try:
+            return _pair(run, scene)
+        except FAULTS as fault:  # the latter where it has fewer modes than wanted
+            why = f"not estimated: on a coarser mesh, {fault}"
+    return why
+
+
+def make_pair_across(run: Pipeline) -> Pair | None:
+    """Return a run and its scene with more elements where it has few from side to side; ``None`` if it has enough.
+
+    A coarser mesh tells nothing there, and stress that is recovered from these elements lacks what they lack: the
+    warping of a section in torsion, for one. The gains are negative, since the other mesh is the finer one.
+    """
+    scene = divide_few_elements(run.scene)
+    if scene is None:
+        return None
+    order = min(part.order for part in run.parts.values())
+    gains = {kind: -1.0 / (1.0 + 1.0 / refinement_gain(2.0, order, order, kind)) for kind in KINDS}
+    return Pair(run, _matching_run(run, scene), gains)
+
+
+def _matching_run(run: Pipeline, scene: Scene) -> Pipeline:
+    """Return the run of a scene on another mesh, whose modes are those most like a run's, in its order."""
+    beyond = max(part.modes.n_completing for part in run.parts.values())
+    more = change_modes(scene, lambda body: {"count": int(_MORE * body.modes.count) + 1 + beyond})
+    base, parts = Pipeline(more, Cache(None)), {}
+    for name, own in run.parts.items():
+        other = base.parts[name]
+        matched = match_modes(own, other)
+        parts[name] = FlexiblePart(base.divided_scene, name, base.store, other, matched, other.piece)
+    return Pipeline(more, base.store.cache, division=base.division.with_parts(parts), spin=run.spin)
+
+
+def _pair(run: Pipeline, scene: Scene) -> Pair:
+    coarse = _matching_run(run, scene)
+    pairs = [(own, coarse.parts[name]) for name, own in run.parts.items()]
+    ratio = min(compare_element_sizes(own.shape, len(own.mesh.cells), len(other.mesh.cells)) for own, other in pairs)
+    order, edges = min(own.order for own in run.parts.values()), min(own.mesh.order for own in run.parts.values())
+    gains = {kind: refinement_gain(ratio, order, edges, kind) for kind in KINDS}
+    # Where the volume changes with the mesh so does the shape, and nothing converges faster than that does.
+    exact = all(abs(coarse.bodies[name].gram.mass / body.gram.mass - 1) < _SAME for name, body in run.bodies.items())
+    return Pair(run, coarse, gains if exact else {kind: min(gain, gains["geometry"]) for kind, gain in gains.items()})

@@ -1,0 +1,121 @@
+"""Comparison of a run with variants of it: their marches, within a time limit, and the changes of its quantities."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+from typing import TYPE_CHECKING
+
+import numpy as np
+
+from fmd.accuracy.coarse_mesh import Pair
+from fmd.accuracy.quantities import Quantities, mesh_quantities, motion_quantities, stress_quantities
+from fmd.accuracy.time_limit import TimeLimit
+from fmd.core.arrays import Array, IntArray
+from fmd.core.errors import StabilityError
+from fmd.integrators.automatic import Automatic
+from fmd.recovery.stress import choose_frames
+from fmd.stages.runs import repeat_choice
+
+if TYPE_CHECKING:
+    from fmd.recovery.motion import Motion
+    from fmd.stages.pipeline import Pipeline
+    from fmd.stages.runs import Plan
+
+_FRAMES = 60  # at which stress is compared
+_HOTTEST = 20  # of them around the largest stress
+_HOT = 0.5  # of the largest stress: what other nodes have doesn't matter
+
+
+class Comparison:
+    """Comparison of a run's quantities with those of its variants.
+
+    Attributes
+    ----------
+    run : Pipeline
+        The run.
+    limit : TimeLimit
+        Time that all comparisons may take.
+    plan : Plan
+        The scene's first run, by the method that an automatic choice ended with.
+    of_mesh, of_motion, quantities : dict of str to Quantity
+        Quantities that don't depend on the motion, that do, and all.
+    pair : Pair or str
+        The run and its scene on a coarser mesh, or the reason why there is none.
+    """
+
+    def __init__(self, run: Pipeline, limit: TimeLimit) -> None:
+        self.run, self.limit = run, limit
+        self.motion = run.motion
+        self._first = next(iter(run.plans.values()))
+        self.plan = repeat_choice(self._first, self.motion.trajectory)
+        self.frames: IntArray = np.arange(0)
+        self.of_mesh = mesh_quantities(run)
+        self.of_motion = motion_quantities(run, self.motion, run.fine_motion)
+        self.pair: Pair | str = "not made"
+        self.hot: dict[str, IntArray] = {}
+        if run.parts:
+            self._choose_stress_samples()
+            self.of_motion |= stress_quantities(run, self.motion, self.frames)
+        self.quantities = self.of_mesh | self.of_motion
+
+    def require_modes(self, share: float) -> None:
+        """Raise ``LeftOutError`` if a part of the time that the run's mesh and modes took isn't left."""
+        stages = ("mesh", "assembly", "modes", "body")
+        self.limit.require(share * sum(self.run.log.seconds.get(stage, 0.0) for stage in stages))
+
+    def changes(self, theirs: Quantities, ours: Quantities | None = None) -> dict[str, float]:
+        """Return the difference of each quantity of the motion from a variant's."""
+        ours = ours or self.quantities
+        return {name: ours[name].change(quantity) for name, quantity in theirs.items()}
+
+    def quantities_of(
+        self,
+        run: Pipeline,
+        fine: Motion,
+        nodes: dict[str, IntArray] | None = None,
+        places: dict[str, Array] | None = None,
+        as_if: dict[str, Array] | None = None,
+    ) -> Quantities:
+        """Return the quantities of a motion at the run's fine times; stress only at the chosen output times."""
+        given, chosen = fine.trajectory, self.run.fine_times[1]
+        motion = replace(
+            fine, trajectory=replace(given, times=given.times[chosen], q=given.q[chosen], v=given.v[chosen])
+        )
+        quantities = motion_quantities(run, motion, fine)
+        if run.parts:
+            quantities |= stress_quantities(run, motion, self.frames, nodes, places, as_if)
+        return quantities
+
+    def _choose_stress_samples(self) -> None:
+        """Choose the output times at which stress is compared, and the nodes that matter."""
+        frames = [choose_frames(len(self.motion.times), _FRAMES)]
+        for name in self.run.parts:
+            values = self.run.stress_of(name).measure_at(np.arange(len(self.motion.times)))
+            frames.append(np.argsort(values.max(axis=1))[-_HOTTEST:])
+            self.hot[name] = np.flatnonzero(values.max(axis=0) >= _HOT * values.max())
+        self.frames = np.unique(np.concatenate(frames))
+
+    def march(self, other: Pipeline, plan: Plan, work: float = 1.0) -> Motion:
+        """Integrate a plan of a variant at the run's fine times.
+
+        Parameters
+        ----------
+        work : float
+            Expected run time over that of the run's own march.
+
+        Raises
+        ------
+        LeftOutError
+            It would take longer than the time limit leaves.
+        """
+        self.limit.require(work * self.run.fine_motion.trajectory.seconds)
+        times = self.run.fine_times[0]
+        try:
+            trajectory = plan.march(times, self.limit.watch())
+        except StabilityError:  # the variant is unlike the run: one that chooses anew may find a way
+            same = type(plan.integrator) is type(self.plan.integrator)
+            if not (same and isinstance(self._first.integrator, Automatic)):
+                raise
+            plan = replace(plan, integrator=self._first.integrator)
+            trajectory = plan.march(times, self.limit.watch())
+        return other.motion_by(plan, trajectory)

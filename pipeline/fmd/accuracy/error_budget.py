@@ -1,0 +1,159 @@
+"""The error budget of a run: the relative error of each of its results, source by source."""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass, replace
+from typing import Any
+
+import numpy as np
+
+from fmd.accuracy.error_estimates import MORE_OF_MESH, MORE_OF_MODEL, NO_PART, SAFETY, SOURCES, Row
+from fmd.accuracy.model_errors import ModelError, summarise_causes
+from fmd.accuracy.quantities import mesh_quantities, motion_quantities, stress_quantities
+from fmd.accuracy.time_limit import TimeLimit
+from fmd.stages.divided_scene import part_of
+from fmd.stages.pipeline import Pipeline
+from fmd.stages.stage import Stage
+
+_TIMES_RUN = 3.0  # time limit over the time of the run
+_LEAST_SECONDS = 10.0  # of a time limit
+_WHOLE_SECONDS = 40.0  # of a run and its budget, if the run leaves a part of what it took itself
+_LEAST_PART = 0.3
+
+
+@dataclass(frozen=True)
+class Budget:
+    """Error budget of all of a run's quantities.
+
+    Attributes
+    ----------
+    rows : tuple of Row
+    safety : float
+        Factor on the root of the sum of the squares of a row's estimates.
+    model : tuple of ModelError
+        What the model leaves out, cause by cause.
+    left_out : tuple of str
+        Estimates that the time limit left out, with the reason.
+    seconds : float
+        Time that the estimates took [s].
+    """
+
+    rows: tuple[Row, ...]
+    safety: float = SAFETY
+    model: tuple[ModelError, ...] = ()
+    left_out: tuple[str, ...] = ()
+    seconds: float = 0.0
+
+    @property
+    def worst(self) -> Row:
+        """Row with the largest total."""
+        return max(self.rows, key=lambda row: row.total)
+
+    def summary(self) -> dict[str, Any]:
+        """Return the budget as plain numbers and texts."""
+        rows = [
+            {"quantity": row.name, "value": row.value, "unit": row.unit, "over_time": row.over_time}
+            | {**row.parts, "total": row.total}
+            for row in self.rows
+        ]
+        return {
+            "safety": self.safety,
+            "rows": rows,
+            "model": summarise_causes(self.model),
+            "left_out": list(self.left_out),
+            "seconds": self.seconds,
+        }
+
+
+def true_errors(run: Pipeline, finer: Pipeline) -> dict[str, float]:
+    """Return the relative errors of a run's quantities against those of a much finer run of the same scene.
+
+    Frequencies are matched by their modes' shapes, element stress by place.
+    """
+    from fmd.accuracy.estimators import Estimates
+
+    quantities, motion = Estimates(run).quantities, finer.motion
+    places = {name: part.element_places for name, part in run.parts.items() if part.elements}
+    exact = mesh_quantities(finer, run) | motion_quantities(finer, motion, finer.fine_motion)
+    if run.parts:
+        exact |= stress_quantities(finer, motion, np.arange(len(motion.times)), places=places)
+    return {name: quantity.error(exact[name]) for name, quantity in quantities.items()}
+
+
+def state_errors(run: Pipeline, seconds: float = math.inf) -> Budget:
+    """State the errors of a scene's first run, within a time limit [s]; a budget that is whole is kept.
+
+    Of one that isn't, the next call makes all estimates anew.
+    """
+    name = ERROR_BUDGET.name
+    if name not in run.results:
+        run.results[name] = run.store.read_or_compute(
+            name, ERROR_BUDGET.key(run), lambda: _estimate(run, seconds), keep=lambda budget: not budget.left_out
+        )
+    budget: Budget = run.results[name]
+    return budget
+
+
+def allowed_seconds(run: Pipeline) -> float:
+    """Return the time that a budget may take by default [s]: three times that of the run.
+
+    Where both would take more than 40 s it is what the run leaves of these, but 0.3 times what it took at least.
+    """
+    taken = sum(run.log.seconds.values())
+    return max(min(_TIMES_RUN * taken, _WHOLE_SECONDS - taken), _LEAST_PART * taken, _LEAST_SECONDS)
+
+
+def _estimate(run: Pipeline, seconds: float = math.inf) -> Budget:
+    from fmd.accuracy.estimators import Estimates
+
+    run.fine_motion  # noqa: B018 - no estimate, and reported in any case: the clock starts behind it
+    limit = TimeLimit(seconds)
+    estimates = Estimates(run, limit)
+    by_source = estimates.by_source()
+    rows = []
+    for name, quantity in estimates.quantities.items():
+        parts = {source: by_source.get(source, {}).get(name, NO_PART) for source in SOURCES}
+        if name in estimates.model.missing:
+            parts[MORE_OF_MODEL] = estimates.model.missing[name]
+        if estimates.mesh_left_out and quantity.kind != "geometry":
+            parts[MORE_OF_MESH] = estimates.mesh_left_out
+        over_time = not (quantity.largest or name in estimates.of_mesh)
+        rows.append(Row(name, quantity.unit, quantity.scale, over_time, parts))
+    causes, left_out = tuple(estimates.model.causes), tuple(estimates.left_out)
+    return Budget(tuple(_join_pieces(rows)), model=causes, left_out=left_out, seconds=limit.spent)
+
+
+def _join_pieces(rows: list[Row]) -> list[Row]:
+    """Return the rows with those of a part's pieces as one: of the piece with the largest value, masses added up.
+
+    Frequencies of pieces held at their cuts are no results, and have no rows.
+    """
+    joined: dict[str, Row] = {}
+    for row in rows:
+        body = row.name.replace(".", ",").partition(",")[0]
+        part = part_of(body)
+        if not part:
+            joined[row.name] = row
+        elif ", frequency" not in row.name:
+            name = part + row.name.removeprefix(body)
+            before = joined.get(name, replace(row, value=0.0))
+            largest = row if row.value > before.value else before
+            value = row.value + before.value if name.endswith(", mass") else largest.value
+            joined[name] = replace(largest, name=name, value=value)
+    return list(joined.values())
+
+
+def _inputs(run: Pipeline) -> dict[str, Any]:
+    return run.inputs
+
+
+ERROR_BUDGET: Stage[Budget] = Stage(
+    "error budget",
+    _estimate,
+    ("mesh", "assembly", "modes", "body", "surface", "stress"),  # of each part; the rest is in stages of its own
+    _inputs,
+    ("fmd", "fmd/meshes"),
+    ("numpy", "scipy", "scikit-fem", "gmsh"),
+)
+"""Stage of a run: ``ERROR_BUDGET.of(run)`` is the budget of the scene's first run."""

@@ -1,0 +1,263 @@
+"""Errors estimated from two computations of different fineness.
+
+Richardson's extrapolation (Phil Trans R Soc A 210, 1911): if the error falls by ``R`` from the coarser to the finer
+computation, the error of the finer one is their difference over ``R − 1``.
+"""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass, replace
+from typing import Literal
+
+import numpy as np
+from numpy.typing import NDArray
+
+from fmd.core.arrays import Array, IntArray
+from fmd.reduction.body import FlexibleBody
+
+NO_PART = "no part in it"
+MORE_OF_MODEL = "model, left out"
+"""Part of a row for causes of the model's error that were not estimated: what is stated is a lower bound then."""
+MORE_OF_MESH = "discretisation, left out"
+"""The same for the mesh's error, where another mesh that tells a part of it was left out."""
+NUMERICAL = ("discretisation", "truncation", "time", "recovery")  # sources that finer computations lower
+SOURCES = (*NUMERICAL, "model")
+# An estimate has the size of an error and is no bound: the stated error is this many times all estimates together.
+SAFETY = 2.0
+_NEAR_PEAK = 0.8  # of the largest value
+_MOST = 0.75
+
+
+@dataclass(frozen=True)
+class Quantity:
+    """A result of a run, over time or once, with its unit and its order of convergence.
+
+    Parameters
+    ----------
+    name, unit : str
+        Name and unit.
+    values : ndarray, shape (n_times,) or (n_times, 3)
+        Values at the output times; one if it doesn't depend on time.
+    largest : bool
+        The largest size over time is reported, and not the whole history.
+    kind : str
+        Convergence as the mesh is refined: that of ``"displacement"``, ``"stress"``, ``"spot stress"`` in the middle
+        of an element, or ``"geometry"``.
+    """
+
+    name: str
+    unit: str
+    values: Array
+    largest: bool = False
+    kind: Literal["displacement", "stress", "spot stress", "geometry"] = "displacement"
+
+    @property
+    def sizes(self) -> Array:
+        """Absolute values over time, (n_times,)."""
+        return np.abs(self.values) if self.values.ndim == 1 else np.asarray(np.linalg.norm(self.values, axis=1))
+
+    @property
+    def scale(self) -> float:
+        """Largest absolute value, to which errors are relative."""
+        return float(self.sizes.max())
+
+    def error(self, other: Quantity) -> float:
+        """Return the error relative to another computation: of the largest value, or the largest over time."""
+        return _over(self._apart(other), other.scale)
+
+    def change(self, other: Quantity) -> float:
+        """Return the size of a difference from ``other``, relative to the larger of the two.
+
+        A largest value may by chance be the same in both: half of the difference of any peak near it counts at
+        least. Peaks are compared, not values, since a peak that comes a little later is as large.
+        """
+        apart = self._apart(other)
+        if self.largest:
+            near = self.sizes >= _NEAR_PEAK * self.scale
+            starts = np.flatnonzero(near & ~np.r_[False, near[:-1]])
+            apart = max(apart, 0.5 * float(np.abs(self._peaks(near, starts) - other._peaks(near, starts)).max()))
+        return _over(apart, max(self.scale, other.scale))
+
+    def _peaks(self, near: NDArray[np.bool_], starts: IntArray) -> Array:
+        """Return the largest size in each stretch of times that are ``near`` a peak, by where these start."""
+        return np.asarray(np.maximum.reduceat(np.where(near, self.sizes, 0.0), starts))
+
+    def _apart(self, other: Quantity) -> float:
+        if self.largest:
+            return abs(self.scale - other.scale)
+        return float(replace(self, values=self.values - other.values).sizes.max())
+
+
+class OrientationQuantity(Quantity):
+    """Orientation over time by unit quaternions (n_times, 4); its size is the angle turned since the start [rad].
+
+    That is half a turn at most. The error is the angle between two orientations.
+    """
+
+    @property
+    def sizes(self) -> Array:
+        """Angles turned since the start [rad], (n_times,)."""
+        return _angles_between(self.values[:1], self.values)
+
+    def _apart(self, other: Quantity) -> float:
+        return float(_angles_between(self.values, other.values).max())
+
+
+def _angles_between(e: Array, f: Array) -> Array:
+    """Return the angles between orientations by unit quaternions (n, 4) of either sign [rad], (n,)."""
+    chord = np.minimum(np.linalg.norm(e - f, axis=1), np.linalg.norm(e + f, axis=1))
+    return np.asarray(4 * np.arcsin(np.minimum(chord / 2, 1.0)))
+
+
+@dataclass(frozen=True)
+class Row:
+    """Error budget of one quantity.
+
+    Attributes
+    ----------
+    value : float
+        Largest value of the quantity, or the only one.
+    over_time : bool
+        The error is the largest of a history's.
+    parts : dict of str to float or str
+        Relative error by each source, or in words why there is no estimate: `NO_PART`, or what it would take.
+    """
+
+    name: str
+    unit: str
+    value: float
+    over_time: bool
+    parts: dict[str, float | str]
+
+    @property
+    def total(self) -> float:
+        """Stated relative error: `SAFETY` times the root of the sum of the estimates' squares.
+
+        Sources are independent of one another, so that they rarely add up at the same instant (JCGM 100, Guide to the
+        expression of uncertainty in measurement, 2008, section 5.1).
+        """
+        return self._stated(SOURCES)
+
+    @property
+    def numerical(self) -> float:
+        """Stated relative error without the model's: the distance to the exact solution of the model as it is."""
+        return self._stated(NUMERICAL)
+
+    @property
+    def dominant(self) -> str:
+        """Source with the largest estimate, of those that finer computations lower."""
+        return max(NUMERICAL, key=self._estimate)
+
+    def _stated(self, sources: tuple[str, ...]) -> float:
+        return SAFETY * math.hypot(*(self._estimate(source) for source in sources))
+
+    def _estimate(self, source: str) -> float:
+        part = self.parts.get(source, NO_PART)
+        return part if isinstance(part, float) else 0.0
+
+
+def refinement_gain(ratio: float, order: int, edges: int, kind: str) -> float:
+    """Return the factor by which the error falls with elements ``ratio`` times smaller, less one.
+
+    Displacements, energies and eigenvalues converge as ``h^2p`` with elements of order p, stress at least as ``h^p``,
+    and in the middle of an element, where it is most accurate, as ``h^(p+1)`` (Barlow, Int J Num Meth Eng 10, 1976).
+    The volume in facets whose ``edges`` are of order k converges as ``h^2k``: as ``h²`` in plane ones, and as ``h⁴`` in
+    curved ones with nodes on the surface, since Simpson's rule is exact for cubics (Strang & Fix, An Analysis of the
+    Finite Element Method, 1973).
+    """
+    power = {"displacement": 2 * order, "stress": order, "spot stress": order + 1, "geometry": 2 * edges}[kind]
+    return float(ratio**power) - 1
+
+
+def shifted_frequencies(omega: Array, excess: Array, part: float) -> Array:
+    """Return frequencies with ``part`` of the excess of their eigenvalues taken off.
+
+    Parameters
+    ----------
+    omega : ndarray, shape (n,)
+        Frequencies, angular or not.
+    excess : ndarray, shape (n,)
+        Relative excess of their squares; at most three quarters of a square are taken off.
+    """
+    return np.asarray(omega * np.sqrt(1 - np.clip(part * excess, -_MOST, _MOST)))
+
+
+def soften_body(body: FlexibleBody, excess: Array) -> tuple[FlexibleBody, Array]:
+    """Return a body whose stiffness has lost its excess, and the coordinates that its stress is made of.
+
+    Stress balances forces: a stiffness that is too large makes displacements too small but leaves it right. So the
+    stress of the softened body is that of the given one under the same modal forces.
+
+    Parameters
+    ----------
+    excess : ndarray, shape (n, n)
+        Excess of the products of two shapes' stiffness, over both frequencies; at most three quarters of the stiffness
+        of a combination are taken off.
+
+    Returns
+    -------
+    FlexibleBody
+        Body of other frequencies, in its own coordinates.
+    ndarray, shape (n, n)
+        Matrix from these coordinates to the given body's that have the same forces.
+    """
+    parts, directions = np.linalg.eigh(np.eye(len(excess)) - 0.5 * (excess + excess.T))
+    kept = (directions * np.clip(parts, 1 - _MOST, 1 + _MOST)) @ directions.T
+    omega2, turn = np.linalg.eigh(body.omega[:, None] * kept * body.omega)
+    return _combined(body, turn, np.sqrt(omega2)), turn * omega2 / body.omega[:, None] ** 2
+
+
+def retune_body(body: FlexibleBody, omega: Array) -> tuple[FlexibleBody, Array]:
+    """Return a body of other frequencies and the same stiffness, whose modal masses are changed.
+
+    It rings at these frequencies and still yields to static loads as before.
+
+    Parameters
+    ----------
+    omega : ndarray, shape (n,)
+        Angular frequencies [rad/s].
+
+    Returns
+    -------
+    FlexibleBody
+        Body in coordinates of unit modal mass.
+    ndarray, shape (n, n)
+        Matrix from these coordinates to the given body's.
+    """
+    scale = np.diag(omega / body.omega)
+    return _combined(body, scale, omega), scale
+
+
+def _combined(body: FlexibleBody, weights: Array, omega: Array) -> FlexibleBody:
+    """Return a body whose shapes are combinations (n, n) of another's, of unit modal mass, with these frequencies."""
+    full = np.eye(len(omega) + 1)
+    full[1:, 1:] = weights
+    gram = body.gram
+    stiffening, bow, curl = (_in_new(forms, weights) for forms in (gram.stiffening, gram.bow, gram.curl))
+    gram = replace(gram, G=full.T @ gram.G @ full, S=gram.S @ full, stiffening=stiffening, bow=bow, curl=curl)
+    markers = {
+        name: replace(
+            marker,
+            translation=marker.translation @ weights,
+            rotation=marker.rotation @ weights,
+            bow=_in_new(marker.bow, weights),
+        )
+        for name, marker in body.markers.items()
+    }
+    return replace(
+        body,
+        omega=omega,
+        shapes=body.shapes @ weights,
+        markers=markers,
+        gram=gram,
+    )
+
+
+def _in_new(forms: Array, weights: Array) -> Array:
+    """Quadratic forms (…, n, n) in other coordinates; empty forms stay empty."""
+    return np.asarray(weights.T @ forms @ weights) if forms.size else forms
+
+
+def _over(size: float, scale: float) -> float:
+    return size / scale if scale else 0.0

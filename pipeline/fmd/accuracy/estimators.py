@@ -1,0 +1,343 @@
+"""Estimates of the errors of a run's results, from variants that differ from it in one source of error each.
+
+Time integration is measured by another step or tolerance, modal truncation by a basis with four generations of
+load-dependent vectors, discretisation by recovered stress and by a mesh of half as many elements each way, stress
+recovery by patches of elements. Where a motion rings, an error of its frequencies adds up over time and can't be
+extrapolated from two motions; so the frequencies are, and the motion is computed with them.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Callable
+from dataclasses import replace
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+
+from fmd.accuracy.coarse_mesh import Pair, make_coarse_pair, make_pair_across
+from fmd.accuracy.comparison import Comparison
+from fmd.accuracy.error_estimates import NO_PART, SAFETY, shifted_frequencies, soften_body
+from fmd.accuracy.model_errors import ModelErrors
+from fmd.accuracy.quantities import mesh_quantities
+from fmd.accuracy.time_limit import FAULTS, LeftOutError, TimeLimit
+from fmd.core.arrays import Array
+from fmd.core.errors import InputError
+from fmd.integrators.exponential import PiecewiseExponential
+from fmd.integrators.generalized_alpha import GeneralizedAlpha
+from fmd.recovery.stress import von_mises
+from fmd.scene.variants import enrich_bases
+from fmd.stages.runs import STABLE, plan_like
+
+if TYPE_CHECKING:
+    from fmd.integrators.protocol import Integrator
+    from fmd.recovery.motion import Motion
+    from fmd.reduction.body import FlexibleBody
+    from fmd.stages.part import FlexiblePart
+    from fmd.stages.pipeline import Pipeline
+    from fmd.stages.runs import Plan
+
+_SHORT = 0.5  # seconds of a march that may be taken again with half of its step
+# Multiples of the extrapolated change of frequencies; the first, SAFETY, tells most.
+_SHIFTS = (SAFETY, 1.0, 0.5, 1.5)
+_COARSE_SHARE = 0.25  # of the time that mesh and modes took, for those of half as many elements each way
+_ACROSS_SHARE = 2.0  # of that time, for more elements from side to side
+_OF_TOLERANCE = 0.01  # less of an adaptive method's tolerance isn't believed
+_FINER_WORK = 2.0  # work of a march that is finer in time, over the run's
+_FINER = 0.1
+_IMPLICIT_STEPS = 4000  # of two marches that are compared, whose errors in time are alike
+_STEPS_IN_ACTION = 8  # in the shortest load
+_MOST_REFINEMENTS = 4  # until a finer march differs from the run's
+# Recovered stress overstates the error of static responses to forces on a face, where stress jumps, 25 times on the
+# beam, and patches of elements that at edges: both count up to this many times of what the coarse mesh tells.
+_MOST_OF_CHANGE = 3.0
+
+
+class Estimates(Comparison):
+    """Relative errors of a run's quantities by source; each method compares the run with one variant.
+
+    Attributes
+    ----------
+    left_out : list of str
+        Estimates that the time limit left out, with the reason.
+    model : ModelErrors
+        Errors of what the model leaves out.
+    mesh_left_out : str
+        Why another mesh that tells a part of the mesh's error was left out; empty if none was.
+    """
+
+    def __init__(self, run: Pipeline, limit: TimeLimit | None = None) -> None:
+        super().__init__(run, limit or TimeLimit())
+        self.left_out: list[str] = []
+        self.mesh_left_out = ""
+        self.model = ModelErrors(self)
+        self._excess: dict[str, Array] = {}  # of each body's stiffness
+        self._shifts: dict[str, float] = {}  # changes of the motion by shifted frequencies
+        self._across: Pair | None = None  # the run and its scene with more elements from side to side
+        self._shapes: dict[str, float] = {}  # errors by shapes of the mesh
+
+    def by_source(self) -> dict[str, dict[str, float | str]]:
+        """Return the relative errors of the quantities by source, or the reason why there is no estimate.
+
+        What is cheap and says most comes first, for a time limit may end the row.
+        """
+        found: dict[str, dict[str, float | str]] = {}
+        if self.run.parts:
+            found["recovery"] = self._recovery()
+            self.pair, self._across = self._coarse_pair(), self._pair_across()
+        found["time"] = self._within_limit("time", self._time)
+        if not self.run.parts:
+            return found
+        found["discretisation"] = self._discretisation(found["recovery"])
+        found["truncation"] = self._within_limit("truncation", self._truncation)
+        with self.run.store.monitor("error budget: model"):
+            self.model.estimate_left_out()
+        self.left_out += self.model.left_out
+        self._within_limit("discretisation, more shifts of frequencies", self._march_shifts)
+        found["discretisation"] |= self._shifts_and_shapes()
+        return found | {"model": self.model.of_quantities}
+
+    def _within_limit(self, source: str, estimate: Callable[[], dict[str, float | str]]) -> dict[str, float | str]:
+        """Return a source's estimates; if the time limit or a march leaves them out, the reason for each quantity."""
+        try:
+            with self.run.store.monitor(f"error budget: {source}"):
+                return estimate()
+        except LeftOutError as left_out:
+            why = str(left_out)
+        except FAULTS as fault:  # of a variant: the run itself has its results
+            why = f"not estimated: {fault}"
+        self.left_out.append(f"{source}: {why}")
+        return dict.fromkeys(self.of_motion, why)
+
+    def _time(self) -> dict[str, float | str]:
+        """Estimate the error of time integration by another step or a finer tolerance."""
+        plan, gain = self.plan, 0.0
+        for _ in range(_MOST_REFINEMENTS):
+            integrator, gain = _change_fineness(plan, self.motion.trajectory.seconds)
+            plan = replace(plan, integrator=integrator)
+            other = self.march(self.run, plan, _FINER_WORK)
+            chosen = self.run.fine_times[1]
+            if not np.array_equal(other.trajectory.q[chosen], self.motion.trajectory.q):
+                break  # else a method that chooses its step had met the finer tolerance already, and took the same one
+        theirs = self.quantities_of(self.run, other, self.hot)
+        # Two tolerances may take the same steps as far as a slow body is concerned, whose error then doesn't change.
+        least = _OF_TOLERANCE * getattr(self.plan.integrator, "tolerance", 0.0)
+        changes = self.changes(theirs).items()
+        return {name: max(error / gain, least) if error else 0.0 for name, error in changes}
+
+    def _truncation(self) -> dict[str, float | str]:
+        """Estimate modal truncation by a richer basis, both marched with a step that is stable for the richer one."""
+        self.require_modes(1.0)
+        rich = self.run.variant(enrich_bases(self.run.scene), spin=self.run.spin)  # what is stiffened stays so
+        try:
+            plan, base = self._comparable(rich)
+        except InputError as fault:  # the mesh has no more modes than the run's
+            return dict.fromkeys(self.quantities, f"not estimated: with more modes, {fault}")
+        try:
+            theirs = self.march(rich, plan)
+        except LeftOutError:  # static responses vibrate so fast that an explicit method follows them for ever
+            method = self._implicit_method()
+            base = self.march(self.run, replace(self.plan, integrator=method))
+            theirs = self.march(rich, plan_like(replace(self.plan, integrator=method), rich))
+        ours = self.quantities if base is None else self.quantities_of(self.run, base)
+        return dict(self.changes(self.quantities_of(rich, theirs), ours))
+
+    def _implicit_method(self) -> GeneralizedAlpha:
+        """Return generalised-α with a step that follows the motion and the loads, not the fastest vibration."""
+        duration, system = float(self.run.output_times[-1]), self.plan.system
+        steps = max(_IMPLICIT_STEPS, math.ceil(_STEPS_IN_ACTION * duration / system.shortest_action))
+        return GeneralizedAlpha(system.resolving_step(duration / steps)[0])
+
+    def _discretisation(self, recovery: dict[str, float | str]) -> dict[str, float | str]:
+        """Estimate the mesh's error: the shift of the frequencies, and everything else that a coarser mesh changes."""
+        pair = self.pair
+        errors: dict[str, float | str] = dict.fromkeys(self.quantities, pair if isinstance(pair, str) else NO_PART)
+        for name in self.run.parts:
+            of_modes, self._excess[name] = self._excess_of(name)
+            for k, share in enumerate(1 - shifted_frequencies(np.ones(len(of_modes)), of_modes, 1.0)):
+                errors[f"{name}, frequency {k + 1}"] = abs(float(share))
+        errors |= self._within_limit("discretisation", lambda: self._march_shift(self._excess, _SHIFTS[0]))
+        if self._across is not None:
+            across = self._across
+            self._within_limit("discretisation, shapes across", lambda: self._otherwise_across(across))
+        if isinstance(pair, str):
+            return errors
+        masses = mesh_quantities(pair.coarse)
+        for name, quantity in self.of_mesh.items():
+            if quantity.kind == "geometry":
+                errors[name] = quantity.change(masses[name]) / pair.gains["geometry"]
+        self._within_limit("discretisation, shapes", lambda: self._otherwise_coarse(pair, recovery))
+        return errors
+
+    def _excess_of(self, name: str) -> tuple[Array, Array]:
+        """Return the excess of a body's squared frequencies (n,) and of products of its shapes' stiffness (n', n')."""
+        of_modes, excess = self._excess_along(name)
+        if self._across is None or not self._across.divides(name):
+            return of_modes, excess
+        changed, alike = self._across.excess_of_shapes(name)
+        wanted = np.diag(excess) + np.where(alike, changed, 0.0)
+        return of_modes + self._across.excess_of_modes(name), _with_diagonal(excess, wanted)
+
+    def _excess_along(self, name: str) -> tuple[Array, Array]:
+        """Return the excess of a body by stress that is recovered, and by a coarser mesh, which tell it along the body.
+
+        Of what few elements from side to side lack both know nothing.
+        """
+        part, body, pair = self.run.parts[name], self.run.bodies[name], self.pair
+        of_modes, excess = _energy_excess(part, body)
+        if isinstance(pair, str):
+            return of_modes, excess
+        changed, alike = pair.excess_of_shapes(name)
+        recovered = np.diag(excess)
+        static = body.omega > part.modes.omega.max()
+        most = np.where(static, _MOST_OF_CHANGE * np.abs(changed), np.inf)
+        wanted = np.where(alike, _root_mean_square(np.minimum(recovered, most), changed), recovered)
+        return _root_mean_square(of_modes, pair.excess_of_modes(name)), _with_diagonal(excess, wanted)
+
+    def _coarse_pair(self) -> Pair | str:
+        """Return the run and its scene on a coarser mesh, or the reason why there is none."""
+        try:
+            self.require_modes(_COARSE_SHARE)
+        except LeftOutError as why:
+            self._leave_out_mesh("a coarser mesh", why)
+            return str(why)
+        with self.run.store.monitor("error budget: a coarser mesh"):
+            return make_coarse_pair(self.run)
+
+    def _pair_across(self) -> Pair | None:
+        """Return the run and its scene with more elements from side to side, if it has few and time is left."""
+        try:
+            self.require_modes(_ACROSS_SHARE)
+            return make_pair_across(self.run)
+        except (LeftOutError, *FAULTS) as why:
+            self._leave_out_mesh("few elements from side to side", why)
+            return None
+
+    def _leave_out_mesh(self, what: str, why: Exception) -> None:
+        self.left_out.append(f"discretisation, {what}: {why}")
+        self.mesh_left_out = f"{why}" if isinstance(why, LeftOutError) else f"not estimated: {why}"
+
+    def _march_shifts(self) -> dict[str, float | str]:
+        """March all shifts but the first, which has been; each that is done counts."""
+        for shift in _SHIFTS[1:]:
+            self._march_shift(self._excess, shift)
+        return {}
+
+    def _march_shift(self, excess: dict[str, Array], shift: float) -> dict[str, float | str]:
+        """Return the change of the motion where the bodies' eigenvalues lose a multiple of their excess.
+
+        Over time a shift turns phases, so that twice of it need not change the motion twice as much: the largest change
+        on the way up to `SAFETY` counts.
+        """
+        bodies = {name: soften_body(body, shift * excess[name]) for name, body in self.run.bodies.items()}
+        moved = self.run.with_bodies({name: body for name, (body, _) in bodies.items()})
+        forces = {name: as_if for name, (_, as_if) in bodies.items()}
+        motion = self.march(moved, plan_like(self.plan, moved))
+        for name, quantity in self.quantities_of(moved, motion, self.hot, as_if=forces).items():
+            change = self.quantities[name].error(quantity) / SAFETY
+            self._shifts[name] = max(self._shifts.get(name, 0.0), change)
+        return dict(self._shifts)
+
+    def _otherwise_across(self, pair: Pair) -> dict[str, float | str]:
+        """Estimate what else changes with more elements from side to side: shapes without a match, and their inertia.
+
+        Of stress the coarser mesh and its recovery tell.
+        """
+        for name, error in self._changes_by_shapes(pair).items():
+            if (kind := self.quantities[name].kind) == "displacement":
+                self._shapes[name] = error / abs(pair.gains[kind])
+        return {}
+
+    def _otherwise_coarse(self, pair: Pair, recovery: dict[str, float | str]) -> dict[str, float | str]:
+        """Estimate what else changes on a coarser mesh that rings at the run's frequencies, the shapes' part.
+
+        The difference between the stress of two meshes holds the error of its recovery; that is not counted twice.
+        """
+        for name, error in self._changes_by_shapes(pair).items():
+            shape = error / pair.gains[self.quantities[name].kind]
+            if isinstance(again := recovery.get(name), float):
+                recovery[name] = again = min(again, _MOST_OF_CHANGE * shape)
+                shape = max(shape - again, 0.0)
+            self._shapes[name] = math.hypot(self._shapes.get(name, 0.0), shape)
+        return {}
+
+    def _changes_by_shapes(self, pair: Pair) -> dict[str, float]:
+        """Return what changes on the other mesh of a pair that rings at the run's frequencies."""
+        ringing, stressed = pair.at_the_same_frequencies()
+        places = {name: part.element_places for name, part in self.run.parts.items() if part.elements}
+        motion = self.march(ringing, plan_like(self.plan, ringing))
+        return self.changes(self.quantities_of(ringing, motion, places=places, as_if=stressed))
+
+    def _shifts_and_shapes(self) -> dict[str, float]:
+        """Return the mesh's errors of the motion by shifted frequencies and by shapes together."""
+        return {name: math.hypot(shift, self._shapes.get(name, 0.0)) for name, shift in self._shifts.items()}
+
+    def _recovery(self) -> dict[str, float | str]:
+        """Estimate the error of stress recovery by a patch of elements at the worst node."""
+        from fmd.recovery.patch_stress import patch_stress
+
+        errors: dict[str, float | str] = {}
+        for name, part in self.run.parts.items():
+            time, place, worst = self.run.stress_of(name).worst()
+            if not worst:  # nothing moved
+                continue
+            k = int(np.abs(self.motion.times - time).argmin())
+            q, node = self.motion.modal(name)[k], int(part.surface.nodes[place])
+            field = (part.body.shapes @ q)[:, :, None]
+            again = float(von_mises(patch_stress(part.space, part.material, field, node).T)[0])
+            errors[f"{name}, largest von Mises stress"] = abs(again - worst) / worst
+        return errors
+
+    def _comparable(self, rich: Pipeline) -> tuple[Plan, Motion | None]:
+        """Return a plan for the richer model, and the run's own motion by its step if that is a shorter one."""
+        method: Any = self.plan.integrator
+        limit = STABLE * method.largest_step(rich.system)
+        if not method.step > limit:
+            return plan_like(self.plan, rich), None
+        shorter = replace(self.plan, integrator=replace(method, step=limit))
+        return plan_like(shorter, rich), self.march(self.run, shorter)
+
+
+def _energy_excess(part: FlexiblePart, body: FlexibleBody) -> tuple[Array, Array]:
+    """Return the excess of a part's squared mode frequencies and of its body's eigenvalues by recovered stress."""
+    from fmd.recovery.energy_error import energy_errors
+
+    errors = energy_errors(part.space, part.material, body.shapes)
+    # The modes are combinations of the body's shapes and rigid motions.
+    flat, modes = body.shapes.reshape(part.fe.K.shape[0], -1), part.modes
+    weights = (flat.T @ (part.fe.K @ modes.shapes.reshape(len(flat), -1))) / body.omega[:, None] ** 2
+    of_modes = np.einsum("jk,jl,lk->k", weights, errors, weights) / modes.omega**2
+    return np.asarray(of_modes), np.asarray(errors / np.outer(body.omega, body.omega))
+
+
+def _with_diagonal(excess: Array, wanted: Array) -> Array:
+    """Scale products of shapes to another diagonal; entries that aren't positive there stand alone."""
+    given = np.diag(excess)
+    both = (given > 0.0) & (wanted > 0.0)
+    scale = np.sqrt(np.where(both, wanted, 0.0) / np.where(both, given, 1.0))
+    scaled = excess * np.outer(scale, scale)
+    np.fill_diagonal(scaled, wanted)
+    return np.asarray(scaled)
+
+
+def _root_mean_square(recovered: Array, changed: Array) -> Array:
+    """Return the root mean square of the estimates by recovered stress and by a coarser mesh, signed as the larger.
+
+    Neither is a bound: recovered stress states too much where stress jumps, a coarser mesh too little where corners
+    slow convergence, or where it has as few elements as the run's.
+    """
+    larger = np.where(np.abs(recovered) > np.abs(changed), recovered, changed)
+    return np.asarray(np.copysign(np.sqrt((recovered**2 + changed**2) / 2), larger))
+
+
+def _change_fineness(plan: Plan, seconds: float) -> tuple[Integrator, float]:
+    """Return the method with another step or tolerance, and the difference of the results over the plan's error."""
+    method: Any = plan.integrator
+    if isinstance(method, PiecewiseExponential):  # its errors fall by the third power where they are worst
+        return replace(method, step=method.step / 2, least=2 * method.least), 1 - 0.5**3
+    if not method.step:
+        return replace(method, tolerance=max(_FINER * method.tolerance, 3e-14)), 1 - _FINER
+    order = method.order(plan.system)
+    if seconds < _SHORT or not 8 * method.step < method.largest_step(plan.system):
+        return replace(method, step=method.step / 2), 1 - 0.5**order
+    return replace(method, step=2 * method.step), 2.0**order - 1

@@ -1,0 +1,283 @@
+"""Errors of a run's model: what it leaves out, each estimated by a run that has it.
+
+Large deflection, whose squares are left out; stretching; geometric stiffening, where it is off; the
+attachment of a clamped root, averaged or rigid. Damping that a scene doesn't give is reported beside them, and isn't
+counted: the scene's own.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Callable
+from dataclasses import dataclass, replace
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+
+from fmd.accuracy.coarse_mesh import ALIKE, Pair
+from fmd.accuracy.deflection import deflection_errors
+from fmd.accuracy.error_estimates import soften_body
+from fmd.accuracy.matching import find_counterparts
+from fmd.accuracy.stretching import (
+    OF_VIBRATION,
+    TEXT,
+    excess_deflection,
+    stiffening_by_stretch,
+    stretching_bodies,
+)
+from fmd.accuracy.time_limit import FAULTS, LeftOutError
+from fmd.core.arrays import Array
+from fmd.scene.variants import attach_roots_rigidly, damp_bodies
+from fmd.stages.divided_scene import part_of
+from fmd.stages.pipeline import Pipeline
+from fmd.stages.runs import plan_like
+
+if TYPE_CHECKING:
+    from fmd.accuracy.comparison import Comparison
+
+# Shift of a vibration's eigenvalue over the square of the largest rotation: 0.02 for a cantilever's first mode, whose
+# phase against a geometrically exact beam was measured over 25 periods.
+_OF_EIGENVALUE = 0.03
+# With displacements of second order a mass at the end comes nearer as it swings, which makes the vibration slower. What
+# makes up for it in truth, the bending energy of θ' = w'' / (1 − w'²)½, ¾ of 0.46 θ² of the eigenvalue at most, isn't
+# in the model: five bars with and without such masses were off by 0.19 to 0.34 θ² against the elastica in motion.
+_OF_EIGENVALUE_BOWED = 0.25
+# Of what two meshes extrapolate to: the change by a rigid root falls more slowly on elements as small as the root.
+_OF_LIMIT = 1.5
+_LARGE = 30_000  # unknowns of a mesh that isn't solved anew with rigid roots
+_HARDLY = 1e-6  # relative shift that isn't worth a march
+_BARE_METAL = 0.001  # damping of a part that is given none, over its critical damping
+_WORTH_NAMING = 1e-4  # relative error
+
+
+@dataclass(frozen=True)
+class ModelError:
+    """Error of a run's results by one thing that its model leaves out.
+
+    Attributes
+    ----------
+    cause : str
+        ``large deflection``, ``shifted vibrations``, ``stiffening left off``, ``stretching``, ``attachment`` or
+        ``no damping``.
+    error : float
+        Largest relative error of any quantity of the motion.
+    quantity : str
+        The quantity; empty if there is no estimate.
+    text : str
+        What is left out, and what would take it in.
+    counted : bool
+        Part of the stated errors.
+    """
+
+    cause: str
+    error: float
+    quantity: str
+    text: str
+    counted: bool = True
+
+
+class ModelErrors:
+    """Errors of a run's model, quantity by quantity, gathered cause by cause.
+
+    Attributes
+    ----------
+    of_quantities : dict of str to float or str
+        Relative errors, or the reason why there is no estimate.
+    causes : list of ModelError
+        Each cause with its largest error.
+    left_out : list of str
+        Causes that weren't estimated, with the reason.
+    missing : dict of str to str
+        The reason for each quantity whose error one of these causes counts in.
+    """
+
+    def __init__(self, comparison: Comparison) -> None:
+        self._comparison, self._run = comparison, comparison.run
+        self.of_quantities: dict[str, float | str] = {}
+        self.causes: list[ModelError] = []
+        self.left_out: list[str] = []
+        self.missing: dict[str, str] = {}
+        if comparison.run.parts:
+            text = "deformation is linear within a body's frame; more pieces of a body take more of it in"
+            self._add("large deflection", deflection_errors(self._run, comparison.of_motion), text)
+
+    def estimate_left_out(self) -> None:
+        """Estimate the causes that take a march each: shifted vibrations, stiffening, attachment and damping."""
+        causes: tuple[tuple[str, Callable[[], dict[str, float] | None], str, bool], ...] = (
+            (
+                "stiffening left off",
+                self._stiffening,
+                "geometric stiffening is off; simulation.stiffening = 'on' takes it in",
+                True,
+            ),
+            (
+                "shifted vibrations",
+                self._shifted_vibrations,
+                "vibrations of large deflection ring at other frequencies; pieces take this in",
+                True,
+            ),
+            (
+                "stretching",
+                self._stretching,
+                TEXT,
+                True,
+            ),
+            (
+                "attachment",
+                self._attachment,
+                "a clamped root is held on average; attachment = 'rigid' of its marker holds every point of it",
+                True,
+            ),
+            (
+                "no damping",
+                self._damping,
+                f"a body has no damping, and its vibrations never die; with {100 * _BARE_METAL:g} % of critical, as "
+                "of bare metal, results would change so much; modes.damping of the body takes it in",
+                False,
+            ),
+        )
+        for cause, estimate, text, counted in causes:
+            try:
+                errors = estimate()
+            except LeftOutError as why:
+                self.left_out.append(f"{cause}: {why}")
+                missing = str(why)
+            except FAULTS as why:  # no time would help
+                missing = f"not estimated: {why}"
+                self.causes.append(ModelError(cause, 0.0, "", f"{cause}: {missing}", False))
+            else:
+                self._add(cause, errors or {}, text, counted)
+                continue
+            if counted:
+                self.missing |= dict.fromkeys(self._comparison.of_motion, missing)
+
+    def _add(self, cause: str, errors: dict[str, float], text: str, counted: bool = True) -> None:
+        quantity = max(errors, key=lambda name: errors[name], default="")
+        if errors.get(quantity, 0.0) > _WORTH_NAMING:
+            self.causes.append(ModelError(cause, errors[quantity], quantity, text, counted))
+        for name, error in errors.items() if counted else ():
+            before = self.of_quantities.get(name, 0.0)
+            self.of_quantities[name] = math.hypot(before, error) if isinstance(before, float) else error
+
+    def _changes(self, other: Pipeline, forces: dict[str, Array] | None = None) -> dict[str, float]:
+        """Return the relative change of the motion's quantities in another run of the same meshes.
+
+        ``forces`` takes each body's coordinates to those that have the same forces, and so its stress.
+        """
+        comparison = self._comparison
+        motion = comparison.march(other, plan_like(comparison.plan, other))
+        return comparison.changes(comparison.quantities_of(other, motion, as_if=forces))
+
+    def _softened(self, excess: dict[str, Array]) -> dict[str, float]:
+        """Return the change of the motion with parts of some bodies' stiffness (n, n) taken off."""
+        bodies, forces = (
+            dict(self._run.bodies),
+            {name: np.eye(len(own.omega)) for name, own in self._run.bodies.items()},
+        )
+        for name, part in excess.items():
+            bodies[name], forces[name] = soften_body(bodies[name], part)
+        return self._changes(self._run.with_bodies(bodies), forces)
+
+    def _shifted_vibrations(self) -> dict[str, float] | None:
+        """Return the change of the motion where each body rings as deflections of its size make it ring."""
+        shifts = {name: self._shift_of_eigenvalues(name) for name in self._run.deformations}
+        if not max(shifts.values(), default=0.0) > _HARDLY:
+            return None
+        return self._softened(
+            {name: shift * np.eye(len(self._run.bodies[name].omega)) for name, shift in shifts.items()}
+        )
+
+    def _shift_of_eigenvalues(self, name: str) -> float:
+        """Return the relative shift of a body's eigenvalues by its largest rotation."""
+        bowed = any(marker.bow.size for marker in self._run.bodies[name].markers.values())
+        share = _OF_EIGENVALUE_BOWED if bowed else _OF_EIGENVALUE
+        return share * self._run.deformations[name].rotation ** 2
+
+    def _stretching(self) -> dict[str, float] | None:
+        """Return how much too far bodies deflect where that stretches them, and what they ring at changes."""
+        names = stretching_bodies(self._run)
+        if not names:
+            return None
+        self._comparison.require_modes(0.5)  # a factor
+        ratios = {name: stiffening_by_stretch(self._run, name) for name in names}
+        too_far = max(excess_deflection(ratio) for ratio in ratios.values())
+        errors = dict.fromkeys(self._comparison.of_motion, too_far)
+        if too_far > _WORTH_NAMING:
+            sizes = {name: -OF_VIBRATION * r * np.eye(len(self._run.bodies[name].omega)) for name, r in ratios.items()}
+            errors |= {name: max(too_far, change) for name, change in self._softened(sizes).items()}
+        return errors
+
+    def _stiffening(self) -> dict[str, float] | None:
+        """Return the change of the motion with every body stiffened, if one isn't."""
+        if all(check.stiffened for check in self._run.spin.values()):
+            return None
+        stiff = {name: replace(check, stiffened=True) for name, check in self._run.spin.items()}
+        return self._changes(self._run.variant(self._run.scene, spin=stiff))
+
+    def _attachment(self) -> dict[str, float] | None:
+        """Return the change of the motion and the frequencies with rigidly held roots.
+
+        A rigid face also holds the contraction of the elements behind it, far more than of the body behind a real
+        clamp if they are long. That part falls with the elements' size, and two meshes tell it from the rest. Of a
+        large mesh it would cost more than all else: there the coarser mesh alone says what rigid roots change.
+        """
+        run, pair = self._run, self._comparison.pair
+        clamped = [name for name, part in run.parts.items() if not (part.joint.free or part.joint.floating)]
+        clamped = [name for name in clamped if not run.parts[name].shape.support]  # else the supports clamp it
+        clamped = [name for name in clamped if name in run.wholes or run.frame_of(part_of(name)) == name]
+        roots = {part_of(name) or name: run.parts[name].joint.marker for name in clamped}
+        scene = attach_roots_rigidly(run.scene, roots)
+        if scene is None:
+            return None
+        self._comparison.require_modes(1.0)
+        rigid, errors, excess = run.variant(scene, spin=run.spin), dict[str, float](), dict[str, Array]()
+        coarse = None if not isinstance(pair, Pair) else attach_roots_rigidly(pair.coarse.scene, roots)
+        on_coarse = None if coarse is None else Pipeline(coarse, run.store.cache, spin=run.spin)
+        for name in clamped:
+            if not isinstance(pair, Pair) or on_coarse is None:
+                of_modes, of_shapes = _gain_by_rigid_root(run, rigid, name)
+            else:
+                of_modes, of_shapes = _gain_by_rigid_root(pair.coarse, on_coarse, name)
+                of_shapes = of_shapes[pair.counterparts(name)[0]]
+                if run.parts[name].modes.dofs <= _LARGE:
+                    own_modes, own_shapes = _gain_by_rigid_root(run, rigid, name)
+                    of_modes, of_shapes = (
+                        _OF_LIMIT * (2 * own_modes - of_modes),
+                        _OF_LIMIT * (2 * own_shapes - of_shapes),
+                    )
+            excess[name] = -np.diag(of_shapes)
+            held = run.parts[name].modes.n_rigid == 0  # a free part's own frequencies know of no root
+            for k, gain in enumerate(of_modes if held else ()):
+                errors[f"{name}, frequency {k + 1}"] = abs(float(np.sqrt(max(1 + gain, 0.0)) - 1))
+        return errors | self._softened(excess)
+
+    def _damping(self) -> dict[str, float] | None:
+        """Return the change of the motion with a little damping, if a body has none."""
+        scene = damp_bodies(self._run.scene, _BARE_METAL)
+        return None if scene is None else self._changes(self._run.variant(scene, spin=self._run.spin))
+
+
+def _gain_by_rigid_root(run: Pipeline, rigid: Pipeline, name: str) -> tuple[Array, Array]:
+    """Return what the squares of a part's frequencies, and of its body's, gain on the same mesh with a rigid root."""
+    part, m = run.parts[name], run.parts[name].fe.m
+    gains = []
+    other_part = rigid.parts[name]  # stiffening would change neither shapes nor frequencies
+    for own, other in ((part.modes, other_part.modes), (part.body, other_part.body)):
+        x = part.space.x
+        numbers, alike = find_counterparts(x, own.shapes, x, m, other.shapes, other.omega)
+        gains.append(np.where(alike > ALIKE, (other.omega[numbers] / own.omega) ** 2 - 1, 0.0))
+    return gains[0], gains[1]
+
+
+def summarise_causes(causes: tuple[ModelError, ...]) -> list[dict[str, Any]]:
+    """Return causes as plain numbers and texts."""
+    return [
+        {
+            "cause": each.cause,
+            "error": each.error,
+            "quantity": each.quantity,
+            "counted": each.counted,
+            "text": each.text,
+        }
+        for each in causes
+    ]

@@ -1,0 +1,135 @@
+"""Quantities that a run reports, of its own motion and of those of variants of its scene."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+from typing import TYPE_CHECKING
+
+import numpy as np
+
+from fmd.accuracy.error_estimates import OrientationQuantity, Quantity
+from fmd.accuracy.matching import match_shapes
+from fmd.core.arrays import Array, IntArray
+from fmd.core.rotations import quaternion_of_matrix
+from fmd.dynamics.links import CYLINDRICAL, FREE, PLANAR, SPHERICAL, UNIVERSAL
+from fmd.recovery.stress import StressHistory, von_mises
+
+if TYPE_CHECKING:
+    from fmd.recovery.motion import Motion
+    from fmd.reduction.modes import Modes
+    from fmd.stages.part import FlexiblePart
+    from fmd.stages.pipeline import Pipeline
+
+Quantities = dict[str, Quantity]
+
+_ROUND_OFF = 1e-14
+_STILL = 1e-12  # radians by which round-off turns a body
+
+
+def mesh_quantities(run: Pipeline, like: Pipeline | None = None) -> Quantities:
+    """Frequencies and masses of the flexible bodies; those of the modes that look ``like`` another run's, if given."""
+    found = []
+    for name, part in run.parts.items():
+        modes = part.modes if like is None else match_modes(like.parts[name], part)
+        for k, frequency in enumerate(modes.frequencies_hz):
+            found.append(Quantity(f"{name}, frequency {k + 1}", "Hz", np.array([frequency])))
+        found.append(Quantity(f"{name}, mass", "kg", np.array([run.bodies[name].gram.mass]), kind="geometry"))
+    return _by_name(found)
+
+
+def match_modes(part: FlexiblePart, other: FlexiblePart) -> Modes:
+    """Return the modes of another mesh's part that are most like a part's, in its order."""
+    modes = other.modes
+    numbers = match_shapes(part.space.x, part.modes.shapes, other.fe.x, other.fe.m, modes.shapes)
+    places = tuple(modes.numbers[k] for k in numbers)
+    return replace(modes, omega=modes.omega[numbers], shapes=modes.shapes[:, :, numbers], numbers=places)
+
+
+def motion_quantities(run: Pipeline, motion: Motion, fine: Motion) -> Quantities:
+    """Compute joints, tip and energies over time; a joint whose motion is given has no result.
+
+    Of joints with several coordinates it is how the body that they carry lies in space.
+
+    Parameters
+    ----------
+    motion, fine : Motion
+        At the output times, and at many more, among which the tip's largest deflection is looked for.
+    """
+    kinetic, potential = (_above_round_off(energy, motion.energies) for energy in motion.energies)
+    found = [Quantity("kinetic energy", "J", kinetic), Quantity("potential energy", "J", potential)]
+    for name, number in motion.joints.items():
+        if motion.mechanism.links[number].motion is not None:
+            continue
+        unit = motion.joint_unit(name)
+        what = "angle" if unit == "rad" else "position"
+        found.append(Quantity(f"{name}, {what}", unit, motion.joint_position(name)))
+        found.append(Quantity(f"{name}, rate", f"{unit}/s", motion.joint_rate(name)))
+    found += _lies_in_space(motion)
+    if len(motion.tip_link.omega):
+        found.append(Quantity("tip, deflection", "m", motion.tip_deflection))
+        found.append(Quantity("tip, largest deflection", "m", fine.tip_size, largest=True))
+    return _by_name(sorted(found, key=lambda quantity: quantity.name))
+
+
+def _lies_in_space(motion: Motion) -> list[Quantity]:
+    """Return orientation and position of the bodies on joints that have several coordinates."""
+    found: list[Quantity] = []
+    for number, link in enumerate(motion.mechanism.links):
+        if link.joint not in (SPHERICAL, FREE, UNIVERSAL, CYLINDRICAL, PLANAR) or link.motion is not None:
+            continue
+        frame = motion.kinematics.frames[number]
+        turned = OrientationQuantity(f"{link.joint_name}, orientation", "rad", quaternion_of_matrix(frame.rotation))
+        if turned.scale > _STILL:
+            found.append(turned)
+        if link.joint not in (SPHERICAL, UNIVERSAL):
+            found.append(Quantity(f"{link.joint_name}, position", "m", frame.origin))
+    return found
+
+
+def _above_round_off(energy: Array, energies: tuple[Array, Array]) -> Array:
+    """Return an energy, or zeros if it is round-off beside the larger one: of a body at rest, or without weight."""
+    largest = max(float(np.abs(each).max()) for each in energies)
+    return energy if np.abs(energy).max() > _ROUND_OFF * largest else np.zeros_like(energy)
+
+
+def stress_quantities(
+    run: Pipeline,
+    motion: Motion,
+    frames: IntArray,
+    nodes: dict[str, IntArray] | None = None,
+    places: dict[str, Array] | None = None,
+    as_if: dict[str, Array] | None = None,
+) -> Quantities:
+    """Von Mises stress: the largest on each body at some output times, and in each named element.
+
+    Parameters
+    ----------
+    frames : ndarray, shape (n_frames,)
+        Numbers of the output times.
+    nodes : dict of str to ndarray, optional
+        For each body the places among its surface nodes to look at; all of them by default.
+    places : dict of str to ndarray, optional
+        Where each body's named elements have their middles (n_elements, 3) [m], if not in this run's mesh.
+    as_if : dict of str to ndarray, optional
+        From each body's modal coordinates to those that its stress is made of, (n, n).
+    """
+    found = []
+    for name, part in run.parts.items():
+        chosen = slice(None) if nodes is None else nodes[name]
+        q = motion.modal(name) if as_if is None else motion.modal(name) @ as_if[name].T
+        history = StressHistory(part.surface.nodes[chosen], part.surface_stress[chosen], motion.times, q)
+        worst = history.measure_at(frames).max(axis=1)
+        found.append(Quantity(f"{name}, largest von Mises stress", "Pa", worst, largest=True, kind="stress"))
+        if not part.elements:
+            continue
+        modal = part.element_stress if places is None else part.stress_at(places[name])
+        for element, stress in zip(part.elements, modal, strict=True):
+            values = von_mises((stress @ q.T)[None])[0]
+            label = f"{name}.{element}, von Mises stress"
+            found.append(Quantity(label, "Pa", values, kind="spot stress"))
+            found.append(Quantity(f"{label}, largest", "Pa", values, largest=True, kind="spot stress"))
+    return _by_name(found)
+
+
+def _by_name(found: list[Quantity]) -> Quantities:
+    return {quantity.name: quantity for quantity in found}

@@ -1,0 +1,213 @@
+"""A wanted accuracy, met by looking at the error budget and refining what it is made of."""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass, field
+from typing import Any
+
+from fmd.accuracy.error_budget import ERROR_BUDGET, Budget
+from fmd.accuracy.error_estimates import NUMERICAL, SAFETY, Row
+from fmd.core.errors import AccuracyError, InputError
+from fmd.scene.imported_bodies import MatrixPart
+from fmd.scene.reduced_bodies import ReducedPart
+from fmd.scene.runs import AutoRun
+from fmd.scene.scene import Scene
+from fmd.scene.variants import (
+    change_modes,
+    coarsen_meshes,
+    refine_meshes,
+    replace_error,
+    replace_order,
+    replace_runs,
+)
+from fmd.stages.pipeline import Pipeline
+
+_MOST_ROUNDS = 6
+_MOST_ELEMENTS = 20_000
+_SHARE = 0.5  # of the wanted accuracy that a source may take
+_STALLED = 0.75  # of what is stated is left after each of two rounds, or more: refining doesn't help
+_GENTLEST, _BOLDEST = 1.25, 1.7  # refinement of a mesh in one round, each way
+_MESH_POWER = 1 / 3  # between the orders of stress and of all else on quadratic elements
+_MORE_MODES = 1.6
+_TIME_SHARE = 0.05  # of the wanted accuracy, for time integration at the start: it costs the least
+_LEAST_ERROR = 1e-10
+
+
+@dataclass(frozen=True)
+class Round:
+    """Settings and error budget of one round of refinement.
+
+    Attributes
+    ----------
+    settings : dict
+        Mesh and modes of each flexible body, and the wanted error of the time integration.
+    worst : Row
+        Quantity with the largest stated error.
+    shares : dict of str to float
+        Largest share of each source in the stated error of any quantity.
+    given_up : tuple of Row
+        Quantities that refining hardly improves, and that the others are not refined for.
+    """
+
+    settings: dict[str, Any]
+    worst: Row
+    shares: dict[str, float] = field(default_factory=dict)
+    given_up: tuple[Row, ...] = ()
+
+    def summary(self) -> dict[str, Any]:
+        """Return the round as plain numbers and texts."""
+        found = {"quantity": self.worst.name, "stated": self.worst.numerical, "dominant": self.worst.dominant}
+        given_up = [{"quantity": row.name, "stated": row.numerical, "dominant": row.dominant} for row in self.given_up]
+        return self.settings | {"worst": found, "refined_for": self.shares, "given_up": given_up}
+
+
+@dataclass(frozen=True)
+class Refinement:
+    """Rounds of refinement for a wanted accuracy, and the run that states the smallest errors.
+
+    Attributes
+    ----------
+    run : Pipeline
+        The run of the last round if the accuracy is met, else that of the best one.
+    rounds : tuple of Round
+        All rounds, in their order.
+    chosen : int
+        Number of the run's round, from 0.
+    ended_by : str
+        Cap that ended the rounds before the accuracy was met; empty if it is met.
+    """
+
+    run: Pipeline
+    rounds: tuple[Round, ...]
+    chosen: int
+    ended_by: str = ""
+
+    @property
+    def met(self) -> bool:
+        """True if every quantity is stated within the wanted accuracy."""
+        return not (self.ended_by or self.rounds[self.chosen].given_up)
+
+    def summary(self) -> dict[str, Any]:
+        """Return the refinement as plain numbers and texts."""
+        rounds = [each.summary() for each in self.rounds]
+        wanted = {"wanted": self.run.scene.accuracy, "met": self.met}
+        return wanted | {"ended_by": self.ended_by, "chosen_round": self.chosen + 1, "rounds": rounds}
+
+
+def meet_accuracy(run: Pipeline) -> Refinement:
+    """Find the first of a row of ever finer runs whose budget states the scene's wanted accuracy or better.
+
+    The first has half of the scene's elements each way, quadratic ones, its modes with the static responses to inertia
+    loads, and the automatic integrator. The scene's number of modes is where that of the basis starts; of the
+    frequencies only as many count. A quantity whose error two rounds hardly lower is given up: stress at an edge that
+    is held has no limit, what a load acts on rings in vibrations beyond any basis. It is reported, not refined for.
+    The model's own errors don't count, for no refinement lowers them: the run warns of them.
+    If the accuracy isn't met within some rounds, or on a mesh that can be afforded, the best run counts.
+
+    Raises
+    ------
+    AccuracyError, InputError
+        The first round can't be computed.
+    """
+    wanted = run.scene.accuracy
+    assert wanted is not None
+    scene = _start(run.scene, wanted)
+    rounds: list[Round] = []
+    stated: list[dict[str, float]] = []
+    best, chosen = run, 0
+    here = run
+    ended_by = f"{_MOST_ROUNDS} rounds"
+    for left in reversed(range(_MOST_ROUNDS)):
+        here = here.variant(scene, here.store.monitor)
+        try:
+            budget = ERROR_BUDGET.of(here)
+        except (AccuracyError, InputError) as error:
+            if not rounds:
+                raise
+            ended_by = f"a round that failed: {error}"
+            break
+        rows = _counting(budget, run.scene)
+        stated.append({row.name: row.numerical for row in rows})
+        stalled = {name for name in stated[-1] if _is_stalled([past[name] for past in stated], wanted, left)}
+        stalled |= {row.name for row in rounds[-1].given_up if row.numerical > wanted} if rounds else set()
+        hopeful = [row for row in rows if row.name not in stalled] or rows
+        worst = max(hopeful, key=lambda row: row.numerical)
+        given_up = tuple(row for row in rows if row.name in stalled and row.numerical > wanted)
+        this = Round(_settings(scene), worst, _shares(hopeful), given_up)
+        if worst.numerical <= min((each.worst.numerical for each in rounds), default=math.inf):
+            best, chosen = here, len(rounds)
+        rounds.append(this)
+        if worst.numerical <= wanted:
+            return Refinement(here, tuple(rounds), len(rounds) - 1)
+        scene = _refined(scene, this.shares, wanted)
+        if any(part.has_mesh and len(part.mesh.cells) > _MOST_ELEMENTS for part in here.parts.values()):
+            ended_by = f"{_MOST_ELEMENTS} elements"
+            break
+    return Refinement(best, tuple(rounds), chosen, ended_by)
+
+
+def _start(scene: Scene, wanted: float) -> Scene:
+    scene = replace_error(replace_runs(scene, AutoRun(integrator="auto")), max(_TIME_SHARE * wanted, _LEAST_ERROR))
+    scene = change_modes(scene, lambda body: {"enrich": "ritz" if body.modes.enrich == "ritz" else "inertia"})
+    return replace_order(coarsen_meshes(scene) or scene, 2)
+
+
+def _counting(budget: Budget, scene: Scene) -> list[Row]:
+    """Return the rows that count: not those of modes that only serve the basis."""
+    asked = {f"{name}, frequency": body.modes.count for name, body in scene.flexible.items()}
+
+    def counts(name: str) -> bool:
+        label, _, number = name.rpartition(" ")
+        return label not in asked or int(number) <= asked[label]
+
+    return [row for row in budget.rows if counts(row.name)]
+
+
+def _is_stalled(stated: list[float], wanted: float, left: int) -> bool:
+    """True if the stated error, round by round, stays above the wanted one through the rounds left."""
+    if len(stated) < 3 or stated[-1] <= wanted:
+        return False
+    rate: float = (stated[-1] / stated[-3]) ** 0.5
+    return rate > _STALLED and stated[-1] * rate**left > wanted
+
+
+def _shares(rows: list[Row]) -> dict[str, float]:
+    """Return the largest share of each source in the stated errors."""
+    return {
+        source: SAFETY * max(part if isinstance(part := row.parts[source], float) else 0.0 for row in rows)
+        for source in NUMERICAL
+    }
+
+
+def _refined(scene: Scene, shares: dict[str, float], wanted: float) -> Scene:
+    """Return the next scene, refined in each source that takes more than its share."""
+    too_much = {source: share / (_SHARE * wanted) for source, share in shares.items()}
+    mesh = max(too_much["discretisation"], too_much["recovery"]) ** _MESH_POWER
+    if mesh > 1:
+        scene = refine_meshes(scene, min(max(mesh, _GENTLEST), _BOLDEST)) or scene
+    if too_much["truncation"] > 1:
+        scene = change_modes(
+            scene,
+            lambda body: (
+                {"enrich": "ritz"}
+                if body.modes.enrich == "inertia"
+                else {"count": int(_MORE_MODES * body.modes.count) + 1}
+            ),
+        )
+    if too_much["time"] > 1:
+        scene = replace_error(scene, max(scene.simulation.error / (2 * too_much["time"]), _LEAST_ERROR))
+    return scene
+
+
+def _settings(scene: Scene) -> dict[str, Any]:
+    meshless = MatrixPart | ReducedPart
+    bodies = {
+        name: {
+            "mesh": None if isinstance(body, meshless) else body.mesh.model_dump(mode="json", exclude_none=True),
+            "modes": body.modes.count,
+            "enrich": body.modes.enrich,
+        }
+        for name, body in scene.flexible.items()
+    }
+    return {"bodies": bodies, "integrator": "auto", "integration_error": scene.simulation.error}

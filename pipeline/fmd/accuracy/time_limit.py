@@ -1,0 +1,74 @@
+"""Time limit of an error budget: estimates that would go beyond it are left out and named."""
+
+from __future__ import annotations
+
+import math
+import time
+from collections.abc import Callable
+from dataclasses import dataclass, field
+
+import numpy as np
+
+from fmd.core.errors import AccuracyError, InputError
+
+FAULTS = (AccuracyError, InputError, np.linalg.LinAlgError)
+"""Errors of a variant of a run that leave an estimate out; the run itself has its results."""
+clock = time.perf_counter  # a benchmark on a machine that others use may count processor seconds instead
+TIME_IS_SHORT = "it would take about"
+"""Words of an estimate that the time limit left out."""
+_JUDGED_AFTER = 0.5  # seconds of a march from which on its progress forecasts the rest
+
+
+def _read_clock() -> float:
+    return clock()
+
+
+class LeftOutError(Exception):
+    """An estimate would take more time than is left."""
+
+
+@dataclass
+class TimeLimit:
+    """Clock of an error budget, which knows how much time is left.
+
+    Attributes
+    ----------
+    seconds : float
+        Time for all estimates together [s]; infinite by default.
+    started : float
+        When the clock was started [s].
+    """
+
+    seconds: float = math.inf
+    started: float = field(default_factory=_read_clock)
+
+    @property
+    def spent(self) -> float:
+        """Time since the start [s]."""
+        return clock() - self.started
+
+    def require(self, seconds: float) -> None:
+        """Raise ``LeftOutError`` if a computation would take more seconds than are left."""
+        left = self.seconds - self.spent
+        if seconds > left or left <= 0:
+            raise LeftOutError(
+                f"not estimated: {TIME_IS_SHORT} {max(seconds, 0.1):.2g} s, and {max(left, 0.0):.2g} s of "
+                f"{self.seconds:.2g} s are left"
+            )
+
+    def watch(self) -> Callable[[float], None]:
+        """Return a march's progress, which raises ``LeftOutError`` as soon as it won't end in time.
+
+        What comes before its first call, such as compiling, says nothing of the rest.
+        """
+        first: list[tuple[float, float]] = []
+
+        def advance(done: float) -> None:
+            now = clock()
+            if not first or done < first[0][1]:  # another march of the same method
+                first[:] = [(now, done)]
+            taken, part = now - first[0][0], done - first[0][1]
+            if taken > _JUDGED_AFTER and part > 0 and done < 1:
+                self.require(taken * (1 - done) / part)
+
+        return advance

@@ -1,0 +1,151 @@
+"""Text of a scene for a part from CAD, with a marker for each face that has a name."""
+
+from __future__ import annotations
+
+import json
+import math
+import os
+import re
+from importlib.resources import files
+from pathlib import Path
+from string import Template
+
+from fmd.stages.meshing.cad_files import FaceOutline, PartOutline, choose_element_size, describe_cad_file
+
+_NUMBERED = re.compile(r"face-\d+")
+_MOST_MARKERS = 40
+_LONGEST = 40
+_WEIGHTS = 20.0  # force of the push over the part's weight as steel
+_STEEL = 7850.0  # [kg/m³]
+_MOST_HELD = 0.2  # of the part's surface
+_SPEED = 60.0  # length of the part over the duration of the push [m/s]
+
+
+def write_cad_scene(cad: Path, target: Path) -> str:
+    """Return the text of a scene for the part in a CAD file.
+
+    Parameters
+    ----------
+    cad : Path
+        STEP, IGES or BREP.
+    target : Path
+        Where the scene will lie, which its files are relative to.
+
+    Raises
+    ------
+    InputError
+        The CAD file can't be read.
+    """
+    part = describe_cad_file(cad)
+    markers = _name_markers(part)
+    root, tip = _choose_ends(part, markers)
+    extents = [high - low for low, high in zip(part.low, part.high, strict=True)]
+    length = max(extents)
+    weight = part.volume * _STEEL * 9.81
+    pulse = _round(length / _SPEED)
+    name = _make_name(cad.stem) or "part"
+    thin = min(range(3), key=lambda a: extents[a])
+    unitless = " (BREP has no unit: metres)" if cad.suffix.lower() == ".brep" else ""
+    values = {
+        "cad": cad.name,
+        "path": json.dumps(_path_from(target.parent, cad)),
+        "title": re.sub(r'["\\]', "", cad.stem),
+        "body": name,
+        "size": f"{1e3 * choose_element_size(part):g} mm",
+        "extent": " × ".join(_write_millimetres(extent) for extent in extents) + f" mm along x, y and z{unitless}",
+        "solids": _count(part.solids, "solid"),
+        "faces": _count(len(part.faces), "face"),
+        "markers": "\n".join(_write_markers(part, markers, root)),
+        "root": root,
+        "tip": tip,
+        "direction": str([int(a == thin) for a in range(3)]),
+        "force": f"{_round(_WEIGHTS * weight):g}",
+        "pulse": f"{pulse:g}",
+        "duration": f"{1e3 * 20 * pulse:g} ms",
+        "step": f"{1e3 * pulse / 20:g} ms",
+    }
+    template = (files("fmd.cli.templates") / "cad.toml").read_text(encoding="utf-8")
+    return Template(template).substitute(values)
+
+
+def _name_markers(part: PartOutline) -> dict[str, FaceOutline]:
+    """Return the faces that get a marker, by its name: those with names, or the largest if fewer than two have one."""
+    named = [face for face in part.faces if not _NUMBERED.fullmatch(face.name)]
+    if len(named) < 2:
+        named = sorted(part.faces, key=lambda face: -face.area)[:_MOST_MARKERS]
+    markers: dict[str, FaceOutline] = {}
+    for face in named[:_MOST_MARKERS]:
+        name = base = _make_name(face.name) or "face"
+        number = 2
+        while name in markers:
+            name, number = f"{base[: _LONGEST - 4]}-{number}", number + 1
+        markers[name] = face
+    return markers
+
+
+def _choose_ends(part: PartOutline, markers: dict[str, FaceOutline]) -> tuple[str, str]:
+    """Choose where the part is held, and the marker that is farthest from there.
+
+    That is its first hole, else the face with the farthest other one; a face that is most of the part would leave
+    little of it to vibrate.
+    """
+    most = _MOST_HELD * sum(face.area for face in part.faces)
+    small = sorted((name for name, face in markers.items() if face.area <= most), reverse=True)  # xmin, then xmax
+    small = small or list(markers)
+
+    def farthest(root: str) -> str:
+        others = [name for name in markers if name != root] or [root]
+        return max(others, key=lambda name: apart(name, root))
+
+    def apart(one: str, other: str) -> float:
+        return round(math.dist(markers[one].centre, markers[other].centre), 9)
+
+    holes = [name for name in small if re.fullmatch(r"hole-\d+", name)]
+    root = min(holes) if holes else max(small, key=lambda name: apart(name, farthest(name)))
+    return root, farthest(root)
+
+
+def _write_markers(part: PartOutline, markers: dict[str, FaceOutline], root: str) -> list[str]:
+    """Write a line for each marker, the root's a rigid face, and comments for the faces that have none."""
+    lines = []
+    for name, face in markers.items():
+        rigid = ', attachment = "rigid"' if name == root else ""
+        lines.append(f"{name} = {{ face = {json.dumps(face.name, ensure_ascii=False)}{rigid} }} # {_describe(face)}")
+    taken = {face.name for face in markers.values()}
+    rest = [face for face in part.faces if face.name not in taken]
+    lines += [f"# {face.name}: {_describe(face)}" for face in rest[:_MOST_MARKERS]]
+    more = len(rest) - _MOST_MARKERS
+    return lines + ([f"# and {more} more, which fmd mesh lists"] if more > 0 else [])
+
+
+def _describe(face: FaceOutline) -> str:
+    place = ", ".join(_write_millimetres(x) for x in face.centre)
+    return f"{face.kind}, {1e6 * face.area:.4g} mm², about ({place}) mm"
+
+
+def _write_millimetres(length: float) -> str:
+    """Write a length with four digits or to the micrometre, never with an exponent."""
+    size = 1e3 * length
+    return f"{size:.0f}" if abs(size) >= 1e3 else f"{round(float(f'{size:.4g}'), 3) + 0.0:g}"
+
+
+def _make_name(text: str) -> str:
+    """Return a text as a name of a scene: a letter, then letters, digits, ``_`` and ``-``; empty if nothing is left."""
+    name = re.sub(r"[^A-Za-z0-9_]+", "-", text).strip("-_")
+    name = re.sub(r"^[^A-Za-z]+", "", name)[:_LONGEST]
+    return "" if name == "ground" else name
+
+
+def _path_from(folder: Path, file: Path) -> str:
+    try:
+        return Path(os.path.relpath(file, folder)).as_posix()
+    except ValueError:  # on another drive
+        return file.resolve().as_posix()
+
+
+def _round(value: float) -> float:
+    return float(f"{value:.0e}")
+
+
+def _count(number: int, what: str) -> str:
+    return f"{number} {what}" if number == 1 else f"{number} {what}s"

@@ -1,0 +1,86 @@
+"""``fmd compile``: the equations of a scene's mechanism as machine code."""
+
+from __future__ import annotations
+
+import re
+import time
+from pathlib import Path
+from typing import TYPE_CHECKING, Annotated, Any
+
+from cyclopts import Parameter
+
+from fmd.cli.inputs import open_pipeline
+from fmd.cli.options import Flag, Json, NoCache, SceneName, Set, print_json
+from fmd.cli.tables import new_table, open_console
+from fmd.core.errors import InputError
+from fmd.core.files import whole_file
+
+if TYPE_CHECKING:
+    from fmd.dynamics.compiler.compiled import CompiledMechanism
+
+_FUNCTIONS = ("accelerations", "residual", "frames", "energies", "momenta")
+_C = Annotated[Path | None, Parameter(name="--c", help="Write the functions to this file, as C without globals.")]
+
+
+def _write_c(compiled: CompiledMechanism, scene: str, path: Path) -> None:
+    """Write a mechanism's functions as C, each under the scene's name and its own.
+
+    Raises
+    ------
+    InputError
+        The file can't be written, or the mechanism has loops.
+    """
+    from fmd.dynamics.compiler.c_source import write_c
+
+    if compiled.mechanism.closures:
+        raise InputError("--c", "", str(path), "the mechanism has loops, whose forces no single function computes")
+    first = re.sub(r"\W", "_", scene, flags=re.ASCII)
+    names = {name: f"{first}_{name}" if first.isidentifier() else f"scene_{first}_{name}" for name in _FUNCTIONS}
+    try:
+        with whole_file(path) as part:
+            part.write_text(write_c({own: compiled.program(name) for name, own in names.items()}), encoding="utf-8")
+    except OSError as error:
+        raise InputError("--c", "", str(path), f"can't be written: {error.strerror}") from None
+
+
+def compile(
+    scene: SceneName,
+    *,
+    show: Flag = False,
+    c: _C = None,
+    set_: Set = None,
+    no_cache: NoCache = False,
+    json: Json = False,
+) -> None:
+    """Equations of motion as machine code: operations, size, and the structure that saves arithmetic.
+
+    Parameters
+    ----------
+    show
+        List every function, not the accelerations alone.
+    """
+    from fmd.dynamics.compiler.compiled import compile_mechanism
+
+    run = open_pipeline(scene, set_, no_cache)
+    mechanism = run.mechanism
+    rows: list[dict[str, Any]] = []
+    tick = time.perf_counter()
+    compiled = compile_mechanism(mechanism)
+    if c is not None:
+        _write_c(compiled, run.scene.name, c)
+    for name in _FUNCTIONS if show or json else _FUNCTIONS[:1]:
+        size = compiled.n_bytes(name)
+        seconds, tick = time.perf_counter() - tick, time.perf_counter()
+        rows.append({"function": name, "flops": compiled.flops(name), "bytes": size, "seconds": seconds})
+    if json:
+        first = {key: rows[0][key] for key in ("flops", "bytes", "seconds")}
+        structure = compiled.structure
+        print_json({"scene": run.scene.name, **first, "structure": structure, "functions": rows})
+        return
+    table = new_table(f"{run.scene.title}: {mechanism.n} coordinates", "function", "operations", "bytes", "ready after")
+    for row in rows:
+        table.add_row(row["function"], str(row["flops"]), str(row["bytes"]), f"{1e3 * row['seconds']:.0f} ms")
+    console = open_console()
+    console.print(table)
+    for line in compiled.structure or ["no structure that saves arithmetic"]:
+        console.print(line)

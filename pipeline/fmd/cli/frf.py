@@ -1,0 +1,123 @@
+"""``fmd frf``: frequency responses of a scene, linearised about a state, and random vibration."""
+
+from __future__ import annotations
+
+from pathlib import Path
+from typing import TYPE_CHECKING, Annotated, Any
+
+from cyclopts import Parameter
+
+from fmd.cli.inputs import open_pipeline
+from fmd.cli.options import Json, NoCache, SceneName, Set, print_json
+from fmd.cli.tables import new_table, open_console, print_files
+from fmd.core.errors import InputError
+from fmd.core.units import to_si
+
+if TYPE_CHECKING:
+    from fmd.output.responses import FrequencyResponse
+
+_MOST_POLES = 20  # in the terminal's table; the files have all
+
+
+def frf(
+    scene: SceneName,
+    *,
+    in_: Annotated[list[str], Parameter(name="--in", negative=())],
+    out: Annotated[list[str], Parameter(name="--out", negative=())],
+    to: str,
+    from_: Annotated[str | None, Parameter(name="--from")] = None,
+    points: int = 1000,
+    about: str = "start",
+    psd: str | None = None,
+    folder: Path | None = None,
+    set_: Set = None,
+    no_cache: NoCache = False,
+    json: Json = False,
+) -> None:
+    """Frequency response of outputs to inputs: a chart, a table, a NetCDF file; poles, damping and zeros.
+
+    Parameters
+    ----------
+    in_
+        What acts, e.g. plate.side.z (a force), plate.side.rz (a moment), drive.NAME, JOINT.torque, JOINT.force, or
+        ground.z (an acceleration of the ground); give it several times for several.
+    out
+        What answers, e.g. plate.tip.z, plate.tip.z.acceleration, JOINT.position, or a component of stress,
+        plate.root.xx; give it several times for several.
+    to
+        Highest frequency, e.g. "2 kHz".
+    from_
+        Lowest frequency; a thousandth of the highest by default.
+    points
+        Number of evenly spaced frequencies; more are added about each resonance.
+    about
+        State of linearisation: start, equilibrium, steady, or a time of the first run in seconds.
+    psd
+        Spectral density of a random input, in its SI unit squared per Hz: a number, a formula of f in Hz, or a .csv
+        file of frequencies and densities. Root mean squares of the outputs are printed.
+    folder
+        Folder for the files; out/SCENE by default.
+    """
+    highest = _read_frequency("--to", to)
+    lowest = None if from_ is None else _read_frequency("--from", from_)
+    if not highest > 0 or not (lowest is None or 0 <= lowest < highest):
+        raise InputError("--to", "", to, "must be above zero and above the lowest frequency")
+    if not 2 <= points <= 100_000:
+        raise InputError("--points", "", points, "must be 2 … 100000")
+    from fmd.output.responses import compute_response, write_response
+
+    run = open_pipeline(scene, set_, no_cache)
+    density = None if psd is None else (psd, Path(), ("--psd", ""))
+    found = compute_response(run, in_, out, highest, lowest, points, about, density)
+    where = folder or Path("out") / run.scene.name
+    files = write_response(found, where / "frf.png", f"{run.scene.title}: frequency response")
+    if json:
+        print_json(_as_data(found, files))
+    else:
+        _print(found)
+        print_files(where, files)
+
+
+def _read_frequency(option: str, text: str) -> float:
+    try:
+        return to_si(text, "frequency")
+    except ValueError as error:
+        raise InputError(option, "", text, str(error)) from None
+
+
+def _as_data(found: FrequencyResponse, files: list[str]) -> dict[str, Any]:
+    """Return the response of the first output to the first input, and those of all pairs if there are more."""
+    first = found.values[:, 0, 0]
+    data = {
+        "frequencies_hz": found.frequencies_hz.tolist(),
+        "real": first.real.tolist(),
+        "imaginary": first.imag.tolist(),
+        **found.summary(),
+        "files": files,
+    }
+    if found.values[0].size > 1:
+        data["responses"] = [
+            {"input": name, "output": output, "real": values.real.tolist(), "imaginary": values.imag.tolist()}
+            for k, (name, _) in enumerate(found.inputs)
+            for j, (output, _) in enumerate(found.outputs)
+            for values in (found.values[:, j, k],)
+        ]
+    return data
+
+
+def _print(found: FrequencyResponse) -> None:
+    console, summary = open_console(), found.summary()
+    table = new_table(f"Poles about {summary['about']}", "pole", "Hz", "damping ratio")
+    pairs = list(zip(summary["poles_hz"], summary["damping"], strict=True))
+    for k, (frequency, damping) in enumerate(pairs[:_MOST_POLES]):
+        table.add_row(str(k + 1), f"{frequency:.4f}", f"{damping:.4g}")
+    console.print(table)
+    if len(pairs) > _MOST_POLES:
+        console.print(f"and {len(pairs) - _MOST_POLES} more, up to {pairs[-1][0]:.4g} Hz")
+    for pair, zeros in summary["zeros_hz"].items():
+        console.print(f"zeros of {pair}: {', '.join(f'{zero:.4f}' for zero in zeros) or 'none'} Hz", soft_wrap=True)
+    for row in summary.get("random", ()):
+        rate = f"{row['crossings_hz']:.4g} upward crossings of zero a second"
+        console.print(f"RMS of {row['output']}: {row['rms']:.4g} {row['unit']}, {rate}")
+    for warning in summary["warnings"]:
+        console.print(f"warning: {warning['text']}")

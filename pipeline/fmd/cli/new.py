@@ -1,0 +1,79 @@
+"""``fmd new``: a scene file to start from, written where the user wants it, also for a part from CAD."""
+
+from __future__ import annotations
+
+from importlib.resources import files
+from pathlib import Path
+from typing import Annotated
+
+from cyclopts import Parameter
+
+from fmd.cli.tables import open_console
+from fmd.core.errors import InputError
+from fmd.scene.inheritance import list_files
+from fmd.scene.reading import list_ready_scenes, read_tables, suggest_name
+
+
+def new(path: Path, *, from_: Annotated[str | None, Parameter(name="--from")] = None) -> None:
+    """Write a commented scene to start from; a file that exists is left alone.
+
+    Parameters
+    ----------
+    path
+        The file to write, e.g. part.toml.
+    from_
+        Make it of this part, e.g. bracket.step, with its faces as markers; or copy this ready scene, e.g. beam.
+    """
+    if from_ is None:
+        _write_scene(path, (files("fmd.cli.templates") / "part.toml").read_text(encoding="utf-8"))
+    elif from_ in list_ready_scenes():
+        _copy_ready_scene(path, from_)
+    else:
+        _write_scene(path, _make_scene(from_, path))
+    open_console().print(f"{path} is written; fmd run {path} computes it", soft_wrap=True)
+
+
+def _make_scene(part: str, path: Path) -> str:
+    """Return the text of a scene for a part's file."""
+    from fmd.cli.cad_scenes import write_cad_scene
+    from fmd.stages.meshing.cad_files import cad_suffixes, is_cad_file
+
+    _require_free(path)  # before the CAD file is read
+    if is_cad_file(Path(part)):
+        return write_cad_scene(Path(part), path)
+    mend = suggest_name(part, list_ready_scenes(), "the ready scenes")
+    raise InputError("--from", "", part, f"is no CAD file ({' '.join(cad_suffixes())}) and no ready scene; {mend}")
+
+
+def _copy_ready_scene(path: Path, name: str) -> None:
+    """Write a ready scene, with the files that it reads beside it."""
+    source = files("fmd.models") / f"{name}.toml"
+    _write_scene(path, source.read_text(encoding="utf-8"))
+    for file in list_files(read_tables(source)):
+        copy = path.parent / file
+        if not copy.exists():
+            copy.write_bytes((files("fmd.models") / file).read_bytes())
+
+
+def _write_scene(path: Path, text: str) -> None:
+    """Write a scene's text to a new file.
+
+    Raises
+    ------
+    InputError
+        The file exists, isn't a ``.toml`` or can't be written.
+    """
+    _require_free(path)
+    try:
+        path.parent.mkdir(parents=True, exist_ok=True)
+        with path.open("x", encoding="utf-8") as file:
+            file.write(text)
+    except OSError as error:
+        raise InputError(str(path), "", None, f"can't be written: {error.strerror or error}") from None
+
+
+def _require_free(path: Path) -> None:
+    if path.suffix != ".toml":
+        raise InputError(str(path), "", None, f"must end in .toml, e.g. {path.stem or 'part'}.toml")
+    if path.exists():
+        raise InputError(str(path), "", None, "exists already and is left as it is; take another name")

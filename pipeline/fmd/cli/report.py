@@ -1,0 +1,38 @@
+"""``fmd report``: one web page of all results."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+from fmd.cli.inputs import open_pipeline
+from fmd.cli.options import Flag, Json, NoCache, SceneName, Set, print_json
+from fmd.cli.tables import open_console
+from fmd.output.report.page import write_report
+
+
+def report(
+    scene: SceneName,
+    *,
+    out: Path | None = None,
+    set_: Set = None,
+    no_budget: Flag = False,
+    no_cache: NoCache = False,
+    json: Json = False,
+) -> None:
+    """One web page of all results: frequencies, modes, a part that turns, charts, run times and errors, versions.
+
+    Parameters
+    ----------
+    out
+        The page; out/SCENE/report.html by default.
+    no_budget
+        Don't estimate the errors of the results.
+    """
+    run = open_pipeline(scene, set_, no_cache)
+    path = out or Path("out") / run.scene.name / "report.html"
+    write_report(run, path, set_ or (), budget=not no_budget)
+    size = path.stat().st_size
+    if json:
+        print_json({"scene": run.scene.name, "file": str(path), "bytes": size})
+    else:
+        open_console().print(f"{path}: {size / 1e6:.2f} MB; open it in a browser", soft_wrap=True)

@@ -1,0 +1,284 @@
+"""``fmd run``: a whole scene, and its results in the terminal."""
+
+from __future__ import annotations
+
+import sys
+from pathlib import Path
+from typing import Any
+
+from rich.table import Table
+
+from fmd.accuracy.piece_counts import find_open_pieces
+from fmd.cli.inputs import open_pipeline
+from fmd.cli.options import Flag, Json, NoCache, Repair, SceneName, Set, print_json
+from fmd.cli.tables import frequency_tables, new_table, open_console
+from fmd.core.errors import AccuracyError, InputError
+from fmd.core.html import scaled
+from fmd.output.explain import Forecast, forecast_run
+from fmd.output.key_figures import largest_deflection, largest_stress
+from fmd.output.stated_errors import ERROR_COLUMNS, error_cells, percent
+from fmd.output.write import write_results
+
+_COUPLED = 1e-6  # inertial coupling of rotation and modes from which on sub-cycling is said to grow
+_MOST_POLES = 5  # in a line
+_GROWING = 0.01  # growth over the scene by the method itself that is worth a note
+_FATES = {"run": "run", "cached": "be read", "skipped": "be skipped", "open": "run or not"}
+
+
+def run(
+    scene: SceneName,
+    *,
+    out: Path | None = None,
+    set_: Set = None,
+    no_pictures: Flag = False,
+    no_budget: Flag = False,
+    budget_seconds: float | None = None,
+    explain: Flag = False,
+    dry_run: Flag = False,
+    keep_all: Flag = False,
+    repair: Repair = False,
+    no_cache: NoCache = False,
+    json: Json = False,
+) -> None:
+    """Do everything that a scene lists: mesh, modes, motion, stress, pictures, an error budget.
+
+    Parameters
+    ----------
+    out
+        Folder for the results; out/SCENE by default.
+    no_pictures
+        Draw nothing.
+    no_budget
+        Don't estimate the errors of the results.
+    budget_seconds
+        Time that their estimates may take [s]; three times that of the run by default, less for long runs.
+    explain
+        Print first which stages will run, come from the cache or are skipped, why, and what each took last.
+    dry_run
+        Print that and do nothing else.
+    keep_all
+        Integrate modes that neither loads nor motion can excite, too.
+    """
+    if budget_seconds is not None and not budget_seconds > 0:
+        raise InputError(
+            "--budget-seconds", "", budget_seconds, "must be a time above 0; --no-budget estimates nothing"
+        )
+    pipeline = open_pipeline(scene, set_, no_cache, repair, keep_all)
+    folder = out or Path("out") / pipeline.scene.name
+    every_step = explain or dry_run
+    # At a terminal a forecast is worth the time that looking through the cache takes.
+    wanted = every_step or (not json and sys.stdout.isatty() and not find_open_pieces(pipeline.scene))
+    forecast = forecast_run(pipeline, not no_pictures, not no_budget) if wanted else None
+    if forecast and not json:
+        _print_forecast(forecast, every_step)
+    if dry_run:
+        if forecast and json:
+            print_json({"plan": forecast.summary()})
+        return
+    summary = write_results(pipeline, folder, not no_pictures, not no_budget, budget_seconds)
+    if json:
+        print_json({"plan": forecast.summary(), **summary} if forecast else summary)
+    else:
+        _print_run(summary, folder)
+    _require_accuracy(summary, folder)
+    _require_motion(summary, folder)
+
+
+def _require_accuracy(summary: dict[str, Any], folder: Path) -> None:
+    """Raise ``AccuracyError`` unless the wanted accuracy is met; the message names what is off, and what ended it."""
+    accuracy = summary.get("accuracy", {"met": True})
+    if accuracy["met"]:
+        return
+    chosen = accuracy["rounds"][accuracy["chosen_round"] - 1]
+    reasons = []
+    if accuracy["ended_by"]:
+        worst = chosen["worst"]
+        reasons.append(
+            f"{percent(accuracy['wanted'])} % was not met: refining ended at {accuracy['ended_by']}; the best, round "
+            f"{accuracy['chosen_round']}, states {percent(worst['stated'])} % for '{worst['quantity']}', most of it "
+            f"from {worst['dominant']}"
+        )
+    if chosen["given_up"]:
+        named = "; ".join(
+            f"'{row['quantity']}', stated {percent(row['stated'])} %, most from {row['dominant']}"
+            for row in chosen["given_up"]
+        )
+        rest = "" if accuracy["ended_by"] else "; all else is met"
+        reasons.append(f"finer meshes and more modes hardly lower the error of {named}{rest}")
+    raise AccuracyError(f"accuracy: {'; '.join(reasons)}; what was computed is in {folder}/")
+
+
+def _require_motion(summary: dict[str, Any], folder: Path) -> None:
+    """Raise ``AccuracyError`` if a load acted in a run and nothing moved."""
+    for warning in summary["warnings"]:
+        if warning["code"] == "load-without-motion":
+            raise AccuracyError(f"{warning['text']}; what was computed is in {folder}/")
+
+
+def _print_forecast(forecast: Forecast, every_step: bool) -> None:
+    """Print how long a run will take, and stage by stage what it will do if every step is wanted."""
+    console = open_console()
+    if every_step:
+        table = new_table("Plan", "stage", "body", "will", "last time", "why", wide=4)
+        for step in forecast.steps:
+            last = "" if step.seconds is None else f"{step.seconds:.3g} s"
+            table.add_row(step.stage, step.body, _FATES[step.fate], last, step.why)
+        console.print(table)
+    console.print(f"forecast: {forecast.line}")
+
+
+def _print_run(summary: dict[str, Any], folder: Path) -> None:
+    """Print the tables and notes of a run."""
+    console = open_console()
+    console.print(_stages(summary))
+    if "frequencies_hz" in summary:
+        for table in frequency_tables(summary):
+            console.print(table)
+    console.print(_integrations(summary))
+    if "error_budget" in summary:
+        console.print(_budget(summary["error_budget"]))
+    if "accuracy" in summary:
+        console.print(_rounds(summary["accuracy"]))
+    for line in _notes(summary):
+        console.print(line)
+    console.print(f"{len(summary['files']) + 1} files in {folder}/: summary.json, {', '.join(summary['files'])}")
+
+
+def _stages(summary: dict[str, Any]) -> Table:
+    table = new_table("Stages", "stage", "seconds", "result", wide=2)
+    results = {
+        "motion": f"{len(summary['integrations'])} runs to t = {summary['final']['time_s']:g} s",
+        "pictures": f"{len(summary['files']) - 1} files",
+    }
+    if "frequencies_hz" in summary:
+        results |= {
+            "assembly": f"{summary['dofs']} unknowns",
+            "modes": f"{len(summary['frequencies_hz'])} modes of {summary['dofs']} unknowns, "
+            f"{summary['rigid_modes']} rigid-body modes, residual {summary['residual']:.0e}",
+            "body": "; ".join(
+                f"{name}: {body['mass_kg']:.4g} kg, {body['frequencies_in_frame_hz'][0]:.4g} Hz on its joint, "
+                f"coupling {body['coupling']:.0e}"
+                for name, body in summary["bodies"].items()
+            ),
+        }
+    if "worst_stress" in summary:
+        results["stress"] = f"{summary['worst_stress']['von_mises_pa'] / 1e6:.4g} MPa at worst"
+    for stage, seconds in summary["seconds"].items():
+        partly = "partly " if stage in summary["stages_run"] else ""
+        cached = f"{partly}from the cache; " if stage in summary["stages_cached"] else ""
+        table.add_row(stage, f"{seconds:.3f}", (cached + results.get(stage, "")).rstrip("; "))
+    for stage in summary["stages_skipped"]:
+        table.add_row(stage, "", "not needed")
+    return table
+
+
+def _integrations(summary: dict[str, Any]) -> Table:
+    title = "Integration: run times are of time integration alone"
+    table = new_table(title, "method", "step", "run time", "ratio", "solutions + fast", "tip differs by")
+    for row in summary["integrations"]:
+        table.add_row(
+            row["integrator"] + (f" {row['substeps']}:1" if row["substeps"] > 1 else ""),
+            scaled(row["step_s"], "s", 3),
+            scaled(row["seconds"], "s", 3),
+            f"{row['ratio_to_plain']:.2f}",
+            f"{row['evaluations']} + {row['fast_evaluations']}",
+            scaled(row["tip_difference_m"], "m", 3),
+        )
+    return table
+
+
+def _budget(budget: dict[str, Any]) -> Table:
+    """Make the table of relative errors by source; of a body's frequencies it holds only the worst."""
+    title = f"Error budget [%]: what is stated is {budget['safety']:g} times the root of their squares"
+    table = new_table(title, "quantity", *ERROR_COLUMNS)
+    worst: dict[str, dict[str, Any]] = {}
+    for row in budget["rows"]:
+        group = row["quantity"].partition(", frequency")[0] if ", frequency" in row["quantity"] else row["quantity"]
+        if group not in worst or row["total"] > worst[group]["total"]:
+            worst[group] = row
+    for row in worst.values():
+        table.add_row(row["quantity"], *error_cells(row))
+    return table
+
+
+def _rounds(accuracy: dict[str, Any]) -> Table:
+    """Make the table of refinements for a wanted accuracy: settings and worst quantity of each round."""
+    met = "met" if accuracy["met"] else "met but for the quantities named below"
+    if accuracy["ended_by"]:
+        met = f"not met; the results are those of round {accuracy['chosen_round']}"
+    title = f"Accuracy: {percent(accuracy['wanted'])} % wanted, {met}"
+    table = new_table(title, "round", "chosen", "stated [%]", "worst in", "most from", wide=1)
+    for k, settings in enumerate(accuracy["rounds"]):
+        chosen = [
+            f"{name}: {body['mesh'].get('divisions') or body['mesh'].get('size') or body['mesh'].get('blade')}, "
+            f"{body['modes']} modes, {body['enrich']}"
+            for name, body in settings["bodies"].items()
+        ]
+        worst = settings["worst"]
+        text = "; ".join([*chosen, f"time {settings['integration_error']:.1g}"])
+        table.add_row(str(k + 1), text, percent(worst["stated"]), worst["quantity"], worst["dominant"])
+    return table
+
+
+def _notes(summary: dict[str, Any]) -> list[str]:
+    """Collect what a user should know beside the tables, a line each."""
+    lines = [f"warning: {warning['text']}" for warning in summary["warnings"]]
+    lines += [
+        f"note: {row['integrator']} {row['substeps']}:1 by itself makes small vibrations grow by "
+        f"{100 * (row['growth'] - 1):.2g} % over the scene"
+        for row in summary["integrations"]
+        if row["growth"] > 1 + _GROWING
+    ]
+    lines += [
+        f"model: {each['text']}"
+        + f" ({percent(each['error'])} % of '{each['quantity']}'{'' if each['counted'] else ', not counted'})"
+        * bool(each["quantity"])
+        for each in summary.get("error_budget", {}).get("model", ())
+    ]
+    sub_cycled = any(row["substeps"] > 1 and row["integrator"] == "sub-cycling" for row in summary["integrations"])
+    for name, body in summary.get("bodies", {}).items():
+        lines += _notes_on_body(name, body, sub_cycled)
+    if "worst_stress" in summary:
+        stress = summary["worst_stress"]
+        where = f" in {stress['body']}" if len(summary.get("bodies", ())) > 1 else ""
+        when = f"at t = {scaled(stress['time_s'], 's')}"
+        line = f"largest von Mises stress {largest_stress(summary)}{where} {when}"
+        if "peak_tip_deflection_m" in summary:
+            line += f"; largest tip deflection {largest_deflection(summary)}"
+        lines.append(line)
+    for response in summary.get("responses", ()):
+        poles = ", ".join(f"{pole:.4g}" for pole in response["poles_hz"][:_MOST_POLES])
+        lines.append(f"{response['files'][0]}: linear about {response['about']}, poles at {poles} … Hz")
+        lines += [f"RMS of {row['output']}: {row['rms']:.4g} {row['unit']}" for row in response.get("random", ())]
+    for file, life in summary.get("fatigue", {}).items():
+        repeats, place = life["repeats_to_failure"], f"node {life['node']} of {life['body']}"
+        lasts = "nothing is damaged" if repeats is None else f"{place} lasts {repeats:.3g} repeats of the motion"
+        lines.append(f"{file}: {lasts}")
+    for name, modes in summary["left_out_modes"].items():
+        numbers = ", ".join(str(k) for k in modes)
+        lines.append(f"left out: modal coordinates {numbers} of {name}, which nothing excites (--keep-all)")
+    for joint, position in summary["final"].get("joint_positions", {}).items():
+        unit = summary["joint_units"][joint]
+        differences = [f"{row['joint_differences'][joint]:.3g}" for row in summary["integrations"][1:]]
+        apart = f"; the runs differ by {', '.join(differences)} {unit}" if differences else ""
+        lines.append(f"{joint}: {position:.6g} {unit} at the end{apart}")
+    return lines
+
+
+def _notes_on_body(name: str, body: dict[str, Any], sub_cycled: bool) -> list[str]:
+    """Collect the notes on a body: repairs of its mesh, inertial coupling with its joint, stiffening."""
+    lines = [f"mesh of {name}: {note}" for note in body["mesh_notes"]]
+    if sub_cycled and body["coupling"] > _COUPLED and not body["prescribed"]:
+        lines.append(
+            f"note: rotation and modes of {name} couple through the mass matrix ({body['coupling']:.2f}), so "
+            'sub-cycling is weakly unstable at every step; simulation.frame = "joint-conforming" removes that, and '
+            "reversible-sub-cycling stays stable"
+        )
+    if body["stiffened"]:
+        critical = body["critical_spin_rad_s"]
+        spins = critical and body["largest_spin_rad_s"] >= critical
+        softens = f"; without, it would lose its stiffness at {critical:.4g} rad/s" if spins else ""
+        change = body["stiffness_change"]
+        by = "" if change is None else f", which change its stiffness by up to {percent(change)} %"
+        lines.append(f"{name} is stiffened by the loads through it{by}{softens}")
+    return lines

@@ -1,0 +1,114 @@
+"""``fmd sweep``: one scene at every combination of values."""
+
+from __future__ import annotations
+
+import time
+from collections.abc import Sequence
+from functools import partial
+from pathlib import Path
+from typing import Annotated, Any
+
+from cyclopts import Parameter
+
+from fmd.cli.options import Json, SceneName, Set, print_json
+from fmd.cli.tables import new_table, open_console, print_files
+from fmd.core.errors import InputError
+from fmd.core.html import scaled
+from fmd.core.progress import bars
+from fmd.sweep.cluster import compute_on_cluster
+from fmd.sweep.local import compute_locally
+from fmd.sweep.plot import draw_sweep
+from fmd.sweep.points import make_points, parse_variations
+from fmd.sweep.study import Sweep, run_sweep
+from fmd.sweep.table import write_tables
+
+Vary = Annotated[
+    list[str],
+    Parameter(name="--vary", negative=(), help="A key and its values: key=a,b,c, e.g. simulation.step=1us,2us."),
+]
+# Figures that fit a terminal, with their column and unit; the files have all.
+_FIGURES = {
+    "frequencies_hz.0": ("mode 1 Hz", ""),
+    "worst_stress.von_mises_pa": ("stress", "Pa"),
+    "peak_tip_deflection_m": ("tip", "m"),
+    "run.0.stability_margin": ("limit/step", ""),
+    "run.0.seconds": ("time of integration", "s"),
+}
+_JOINT = "run.0.final.joint_positions."
+_MOST_JOINTS = 2
+
+
+def sweep(
+    scene: SceneName,
+    *,
+    vary: Vary,
+    set_: Set = None,
+    out: Path | None = None,
+    workers: int | None = None,
+    scheduler: str | None = None,
+    json: Json = False,
+) -> None:
+    """Run a scene at every combination of values, on all cores or a cluster; a sweep that was stopped goes on.
+
+    Parameters
+    ----------
+    out
+        Folder for the table, the plot and the points that are done; out/SCENE-sweep by default.
+    workers
+        Number of processes, all cores by default.
+    scheduler
+        Address of a Dask scheduler, e.g. tcp://host:8786, to send the points to; needs the extra 'cluster'.
+    """
+    from joblib import cpu_count
+
+    if workers is not None and (workers < 1 or scheduler is not None):
+        raise InputError("--workers", "", workers, "must be 1 or more, and can't stand beside --scheduler")
+    tick = time.perf_counter()
+    variations = parse_variations(vary)
+    points = make_points(scene, variations, set_ or ())
+    name = Path(scene).stem
+    folder = out or Path("out") / f"{name}-sweep"
+    compute = (
+        partial(compute_locally, workers=workers or cpu_count())
+        if scheduler is None
+        else partial(compute_on_cluster, address=scheduler)
+    )
+    try:
+        result = run_sweep(variations, points, folder / "points", compute, bars)
+        files, rows = write_tables(result, folder)
+        files += draw_sweep(result, rows, folder, f"{name}: {len(rows)} points")
+    except OSError as error:
+        raise InputError("--out", "", str(folder), f"can't be written: {error.strerror or error}") from error
+    seconds = time.perf_counter() - tick
+    if json:
+        counts = {"points": len(rows), "computed": result.computed, **result.counts}
+        print_json({"scene": name, **counts, "seconds": seconds, "rows": rows, "files": files})
+    else:
+        _print_points(result, rows)
+        print_messages(result)
+        statuses = ", ".join(f"{number} {status}" for status, number in result.counts.items() if number)
+        open_console().print(f"{len(rows)} points: {statuses}; {result.computed} computed now, in {seconds:.1f} s")
+        print_files(folder, files)
+
+
+def _print_points(result: Sweep, rows: Sequence[dict[str, Any]]) -> None:
+    joints = [name for name in rows[0] if name.startswith(_JOINT)][:_MOST_JOINTS]
+    figures = _FIGURES | {name: (name.removeprefix(_JOINT), "") for name in joints}
+    figures = {name: words for name, words in figures.items() if any(row.get(name) is not None for row in rows)}
+    keys = [variation.key.rpartition(".")[2] for variation in result.variations]
+    table = new_table("Points", "", *keys, "status", *(column for column, _ in figures.values()))
+    for number, (point, row) in enumerate(zip(result.points, rows, strict=True), start=1):
+        cells = ["" if row[name] is None else scaled(row[name], unit) for name, (_, unit) in figures.items()]
+        table.add_row(str(number), *point.values, str(row["status"]), *cells)
+    open_console().print(table)
+
+
+def print_messages(result: Sweep) -> None:
+    """Print each message and each warning once, after the numbers of its points."""
+    points: dict[str, list[str]] = {}
+    for number, record in enumerate(result.records, start=1):
+        told = [record.message, *(f"warning: {each['text']}" for each in record.summary.get("warnings", []))]
+        for text in filter(None, told):
+            points.setdefault(text, []).append(str(number))
+    for text, where in points.items():
+        open_console().print(f"{', '.join(where)}: {text}")

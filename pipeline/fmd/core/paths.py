@@ -1,0 +1,75 @@
+"""Folders of the user's cache and its kernels, and digests of the source code that name their content."""
+
+from __future__ import annotations
+
+import hashlib
+import os
+import tempfile
+from functools import cache
+from pathlib import Path
+from stat import S_ISDIR
+
+import platformdirs
+
+_ROOT = Path(__file__).parents[2]
+
+KERNEL_SOURCES = ("fmd/dynamics", "fmd/integrators", "fmd/recovery/kernels")
+"""Folders whose sources kernels are compiled from."""
+
+
+def cache_folder() -> Path:
+    """Return the user's cache folder, which the environment variable ``FMD_CACHE`` overrides."""
+    if given := os.environ.get("FMD_CACHE"):
+        return Path(given)
+    try:
+        return platformdirs.user_cache_path("fmd")
+    except RuntimeError:  # a user without a home
+        return own_temporary_folder()
+
+
+@cache
+def own_temporary_folder() -> Path:
+    """Return a temporary folder that belongs to this user and that nobody else can write to."""
+    user = os.getuid() if hasattr(os, "getuid") else 0
+    folder = Path(tempfile.gettempdir()) / f"fmd-{user}"
+    try:
+        folder.mkdir(mode=0o700, exist_ok=True)
+        status = folder.lstat()
+        if S_ISDIR(status.st_mode) and status.st_uid == user and not status.st_mode & 0o022:
+            return folder
+    except OSError:
+        pass
+    return Path(tempfile.mkdtemp(prefix="fmd-"))
+
+
+@cache
+def source_digest(*names: str) -> str:
+    """Digest the Python sources in folders and files named from the project's root, e.g. ``fmd/fem``.
+
+    Raises
+    ------
+    FileNotFoundError
+        A name is no folder and no file: a source that has moved must not silently leave a result's key.
+    """
+    digest = hashlib.blake2b(digest_size=8)
+    for name in names:
+        place = _ROOT / name
+        if not place.exists():
+            raise FileNotFoundError(f"{name}: no such source in {_ROOT}; a stage's key names it")
+        for path in [place] if place.is_file() else sorted(place.rglob("*.py")):
+            if "__pycache__" not in path.parts:
+                digest.update(path.read_bytes())
+    return digest.hexdigest()
+
+
+def kernel_folder() -> Path:
+    """Make the folder of kernels compiled from this very source; a temporary one if the cache can't be written."""
+    for place in (cache_folder, own_temporary_folder):
+        folder = place() / "kernels" / source_digest(*KERNEL_SOURCES)
+        try:
+            folder.mkdir(parents=True, exist_ok=True)
+            if os.access(folder, os.W_OK):
+                return folder
+        except OSError:
+            pass
+    return Path(tempfile.mkdtemp(prefix="fmd-kernels-"))

@@ -1,0 +1,109 @@
+"""Rotations and frames of bodies at many states: matrices, rotation vectors and quaternions by NumPy."""
+
+from __future__ import annotations
+
+from typing import NamedTuple
+
+import numpy as np
+
+from fmd.core.arrays import EPSILON, Array
+
+_SMALL = 0.05  # angle [rad] below which series replace differences that cancel
+_NO_TURN = 1e-12
+
+
+class BodyFrame(NamedTuple):
+    """A body's frame at each state: origin and rotation in space, velocity of the origin and angular velocity."""
+
+    origin: Array  # (n_times, 3) [m]
+    rotation: Array  # (n_times, 3, 3)
+    velocity: Array  # (n_times, 3) [m/s]
+    spin: Array  # (n_times, 3) [rad/s]
+
+
+def moved(shapes: Array, bow: Array, q: Array, rates: Array) -> tuple[Array, Array]:
+    """Return displacements ``Φ q + ½ qᵀ bow q`` for Φ (k, n) and bow (k, n, n), and their rates, (n_times, k) each."""
+    place, moving = (x @ shapes.T if shapes.size else np.zeros((len(x), len(shapes))) for x in (q, rates))
+    if bow.size:
+        slope = np.einsum("ajk,tk->taj", bow, q)
+        place = place + 0.5 * np.einsum("taj,tj->ta", slope, q)
+        moving = moving + np.einsum("taj,tj->ta", slope, rates)
+    return place, moving
+
+
+def turned(rotation: Array, vectors: Array) -> Array:
+    """Turn one vector by each rotation: (n, 3, 3) and (n, 3) give (n, 3)."""
+    return np.asarray(np.einsum("tij,tj->ti", rotation, vectors))
+
+
+def rotation_matrix(angle: Array) -> Array:
+    """Rotation by each of the vectors ``angle``, (n, 3) [rad]: ``exp(θ̃)``, shape (n, 3, 3)."""
+    square = (angle**2).sum(axis=1)
+    one, two = _coefficients(square)
+    sine = (1.0 - square * two)[:, None, None]
+    skew = _skew(angle)
+    return np.asarray(np.eye(3) + sine * skew + one[:, None, None] * (skew @ skew))
+
+
+def rotation_rate(angle: Array, rate: Array) -> Array:
+    """Angular velocity in the axes before the turn of ``exp(θ̃)``: ``(1 + a θ̃ + b θ̃²) θ̇``, (n, 3) [rad/s]."""
+    one, two = (c[:, None] for c in _coefficients((angle**2).sum(axis=1)))
+    across = np.cross(angle, rate)
+    return np.asarray(rate + one * across + two * np.cross(angle, across))
+
+
+def _coefficients(square: Array) -> tuple[Array, Array]:
+    """``(1 − cos θ)/θ²`` and ``(θ − sin θ)/θ³`` for the squares of angles."""
+    size = np.sqrt(np.maximum(square, _SMALL**2))
+    one, two = (1.0 - np.cos(size)) / size**2, (size - np.sin(size)) / size**3
+    small = square <= _SMALL**2
+    one = np.where(small, 0.5 - square / 24 + square**2 / 720 - square**3 / 40320, one)
+    return one, np.where(small, 1 / 6 - square / 120 + square**2 / 5040 - square**3 / 362880, two)
+
+
+def _skew(a: Array) -> Array:
+    """Matrices of the cross products with each vector: ``skew(a) @ b = a × b``, shape (n, 3, 3)."""
+    return np.asarray(-np.einsum("abc,tc->tab", EPSILON, a))
+
+
+def matrix_of_quaternion(e: Array) -> Array:
+    """Rotations of unit quaternions (n, 4), scalar part last, shape (n, 3, 3)."""
+    skew = _skew(e[:, :3])
+    return np.asarray(np.eye(3) + 2.0 * (e[:, 3, None, None] * skew + skew @ skew))
+
+
+def quaternion_of_matrix(R: Array) -> Array:
+    """Unit quaternions (n, 4), scalar part last, of rotations (n, 3, 3) in a row; their signs go on without a jump."""
+    # The 4 × 4 matrix 4 e eᵀ: its row of the largest diagonal is e itself but for its size (Shepperd 1978).
+    K = np.empty((len(R), 4, 4))
+    trace = np.trace(R, axis1=1, axis2=2)
+    K[:, :3, :3] = R + R.swapaxes(1, 2) + (1.0 - trace)[:, None, None] * np.eye(3)
+    K[:, :3, 3] = K[:, 3, :3] = np.einsum("abc,tcb->ta", EPSILON, R)
+    K[:, 3, 3] = 1.0 + trace
+    e = K[np.arange(len(R)), np.argmax(np.einsum("tii->ti", K), axis=1)]
+    e /= np.linalg.norm(e, axis=1)[:, None]
+    flips = np.where((e[1:] * e[:-1]).sum(axis=1) < 0.0, -1.0, 1.0)
+    return np.asarray(e * np.cumprod(np.r_[1.0, flips])[:, None])
+
+
+def rotation_vector(R: Array) -> Array:
+    """Rotation vectors (n, 3) of rotations (n, 3, 3) [rad], none longer than half a turn."""
+    e = np.array([quaternion_of_matrix(one[None])[0] for one in R]).reshape(-1, 4)
+    e = np.where(e[:, 3:] < 0.0, -e, e)
+    sine = np.linalg.norm(e[:, :3], axis=1)
+    angle = 2.0 * np.arctan2(sine, e[:, 3])
+    factor = np.divide(angle, sine, out=np.full(len(e), 2.0), where=sine > _NO_TURN)
+    return np.asarray(factor[:, None] * e[:, :3])
+
+
+def rigid_motions(x: Array) -> Array:
+    """Three translations and three linearised rotations about the origin of points at x (n, 3), shape (n, 3, 6)."""
+    turns = np.cross(np.eye(3), x[:, None]).swapaxes(1, 2)
+    return np.concatenate([np.tile(np.eye(3), (len(x), 1, 1)), turns], axis=2)
+
+
+def move_loads(arm: Array) -> Array:
+    """Return the forces and torques, (6, 6), of unit ones that act at an arm (3,) [m] from there."""
+    moved = np.eye(6)
+    moved[3:, :3] = np.cross(arm, np.eye(3)).T
+    return moved

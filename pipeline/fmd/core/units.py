@@ -1,0 +1,266 @@
+"""Quantities with units, read from text into SI floats.
+
+A scene gives every quantity as text with its unit, ``"340 mm"``. The types below are floats that read this
+text, convert it to SI units and refuse a bare number, a wrong dimension, an unknown unit and a value that
+isn't finite. Radians count as a dimension here: ``"131.2 Hz"`` is no angular rate and ``"8000 rpm"`` no
+frequency, so no factor 2π is lost on the way. A rotational spring or damper may leave out its radian, as is
+usual: ``"5 N m"`` is ``"5 N m/rad"``.
+"""
+
+from __future__ import annotations
+
+import json
+import math
+import re
+import shutil
+from contextlib import suppress
+from decimal import Decimal
+from functools import cache, partial
+from importlib.metadata import version
+from pathlib import Path
+from typing import TYPE_CHECKING, Annotated
+
+from pydantic import AfterValidator, BeforeValidator
+
+from fmd.core.files import whole_file
+from fmd.core.paths import cache_folder
+
+if TYPE_CHECKING:
+    import pint
+
+    from fmd.core.arrays import Array
+
+# Kinds of quantities with SI unit and example. The last rows only give wrong quantities their name.
+_KINDS = {
+    "length": ("m", "340 mm"),
+    "stress": ("Pa", "722 MPa"),
+    "density": ("kg/m^3", "2780 kg/m^3"),
+    "time": ("s", "0.5 ms"),
+    "frequency": ("Hz", "131.2 Hz"),
+    "angle": ("rad", "90 deg"),
+    "angular rate": ("rad/s", "20 rad/s"),
+    "torque": ("N m", "1.5 N m"),
+    "force": ("N", "10 N"),
+    "mass": ("kg", "2 kg"),
+    "speed": ("m/s", "3 m/s"),
+    "moment of inertia": ("kg m^2", "0.5 kg m^2"),
+    "translational stiffness": ("N/m", "1000 N/m"),
+    "rotational stiffness": ("N m/rad", "10 N m/rad"),
+    "translational damping": ("N s/m", "2 N s/m"),
+    "rotational damping": ("N m s/rad", "0.1 N m s/rad"),
+    "acceleration": ("m/s^2", "9.81 m/s^2"),
+    "area": ("m^2", "1 m^2"),
+    "volume": ("m^3", "1 m^3"),
+    "temperature": ("K", "293 K"),
+}
+
+# Other units that count as the SI unit.
+_ALSO = {"rotational stiffness": "N m", "rotational damping": "N m s"}
+
+# Only units with exponents of one digit reach pint's parser: an expression such as 9**9**9 can't.
+_NUMBER = r"[+-]?(?:[0-9]+\.?[0-9]*|\.[0-9]+)(?:[eE][+-]?[0-9]+)?|[+-]?(?:nan|inf)\b"
+_UNIT = r"[A-Za-zµμ°]+(?:(?:\^|\*\*)-?[1-9]|[²³])?"
+_PRODUCT = rf"{_UNIT}(?:(?:\s*[*/·]\s*|\s+){_UNIT})*"
+_UNITS = re.compile(_PRODUCT)
+_QUANTITY = re.compile(rf"\s*({_NUMBER})\s*({_PRODUCT})?\s*")
+_LONGEST = 60
+
+
+@cache
+def _known_units() -> dict[str, list[str]]:
+    """Units that have been read before, with factor and base units: known ones need no registry of pint's."""
+    try:
+        known = json.loads(_known_file().read_text(encoding="utf-8"))
+        return {str(unit): [str(Decimal(factor)), str(base)] for unit, (factor, base) in known.items()}
+    except (OSError, ValueError, TypeError, AttributeError, ArithmeticError):  # none yet, or a damaged file
+        return {}
+
+
+def _known_file() -> Path:
+    return cache_folder() / "units" / f"known-{version('pint')}.json"
+
+
+@cache
+def _registry() -> pint.UnitRegistry[Decimal]:
+    """Load pint's registry of units when an unknown unit is first read; decimals make 10 us exactly 1e-05 s."""
+    import pint
+
+    folder = cache_folder() / "units"
+    try:
+        return pint.UnitRegistry(non_int_type=Decimal, cache_folder=folder)
+    except Exception:  # it can't be written; or pint, which doesn't write files whole, was killed while it wrote one
+        shutil.rmtree(folder, ignore_errors=True)
+        return pint.UnitRegistry(non_int_type=Decimal)
+
+
+def to_si(value: object, kind: str) -> float:
+    """Convert a quantity given as text to SI units.
+
+    Parameters
+    ----------
+    value : object
+        The quantity, e.g. ``"340 mm"``.
+    kind : str
+        Kind that it must have, e.g. ``"length"``.
+
+    Returns
+    -------
+    float
+        The value in the SI unit of its kind, e.g. [m], [Pa], [rad] or [N m].
+
+    Raises
+    ------
+    ValueError
+        The text is no quantity of this kind; the message gives one that works.
+    """
+    si, example = _KINDS[kind]
+    wanted = f"{_article(kind)} is wanted, e.g. '{example}'"
+    if isinstance(value, int | float):
+        raise ValueError(f"needs a unit, e.g. '{example}'")
+    if not isinstance(value, str) or len(value) > _LONGEST or not (match := _QUANTITY.fullmatch(value)):
+        raise ValueError(f"isn't a number with a unit: {wanted}")
+    number, unit = match.groups()
+    if unit is None:
+        raise ValueError(f"needs a unit, e.g. '{example}'")
+    factor, base = _base_units(unit)
+    if not base:
+        raise ValueError(f"'{unit}' isn't a known unit: {wanted}")
+    if base not in (_base_units(si)[1], _base_units(_ALSO.get(kind, si))[1]):
+        raise ValueError(f"{value!r} is {_dimension(base)}, {wanted}")
+    try:
+        result = float(Decimal(number) * factor)
+    except ArithmeticError:
+        result = math.inf
+    if not math.isfinite(result):
+        raise ValueError(f"{value!r} isn't finite: {wanted}")
+    return result
+
+
+def parse_quantity(text: str) -> tuple[float, str]:
+    """Convert a quantity of any kind to SI units: ``parse_quantity("2 us")`` is ``(2e-06, "s")``.
+
+    Raises
+    ------
+    ValueError
+        The text is no number with a known unit.
+    """
+    match = _QUANTITY.fullmatch(text) if len(text) <= _LONGEST else None
+    factor, base = _base_units(match[2]) if match and match[2] else (Decimal(0), "")
+    if match is None or not base:
+        raise ValueError(f"{text!r} isn't a number with a unit")
+    unit = next((si for si, _ in _KINDS.values() if _base_units(si)[1] == base), base)
+    return float(Decimal(match[1]) * factor), unit
+
+
+def si_unit(kind: str) -> str:
+    """Return the SI unit of a kind of quantity: ``si_unit("angular rate")`` is ``"rad/s"``."""
+    return _KINDS[kind][0]
+
+
+def parse_percentage(value: object) -> float:
+    """Parse a percentage given as text: ``"1 %"`` is 0.01.
+
+    Raises
+    ------
+    ValueError
+        The value isn't a percentage as text, or not between 0.0001 % and 50 %.
+    """
+    match = re.fullmatch(rf"\s*({_NUMBER})\s*%\s*", value) if isinstance(value, str) else None
+    if match is None:
+        raise ValueError("must be a percentage as text, e.g. '1 %'")
+    share = float(match[1]) / 100
+    if not 1e-6 <= share <= 0.5:
+        raise ValueError("must be between 0.0001 % and 50 %")
+    return share
+
+
+def unit_ratio(unit: str, wanted: str) -> float:
+    """Return the number of wanted units in one unit: ``unit_ratio("m", "mm")`` is 1000.
+
+    Raises
+    ------
+    ValueError
+        The wanted unit is unknown, or has another dimension.
+    """
+    factor, base = _base_units(unit)
+    known = len(wanted) <= _LONGEST and _UNITS.fullmatch(wanted)
+    wanted_factor, wanted_base = _base_units(wanted) if known else (Decimal(0), "")
+    if wanted_base != base:
+        raise ValueError(f"isn't a unit that {unit} converts to; '{unit}' works")
+    return float(factor / wanted_factor)
+
+
+def convert_values(values: Array, unit: str, wanted: str) -> Array:
+    """Convert values from one unit to another; raises as `unit_ratio` does."""
+    return values * unit_ratio(unit, wanted)
+
+
+def _base_units(unit: str) -> tuple[Decimal, str]:
+    """Return the factor to base units (kg, m, s, rad, …) and these as text, empty for an unknown unit."""
+    known = _known_units()
+    if unit not in known:
+        registry = _registry()
+        try:
+            found = registry.get_base_units(registry.parse_units(unit))
+        except (AttributeError, ValueError, TypeError):  # what pint's errors derive from
+            return Decimal(0), ""
+        known[unit] = [str(x) for x in found]
+        with suppress(OSError), whole_file(_known_file()) as part:
+            part.write_text(json.dumps(known), encoding="utf-8")
+    factor, base = known[unit]
+    return Decimal(factor), base
+
+
+def _dimension(base: str) -> str:
+    """Name the dimension of base units, "a mass"; one without a name is given by the units themselves."""
+    for kind, (si, _) in _KINDS.items():
+        if _base_units(si)[1] == base:
+            return _article(kind)
+    return f"in '{base}'"
+
+
+def _article(kind: str) -> str:
+    return f"an {kind}" if kind[0] in "aeiou" else f"a {kind}"
+
+
+def _positive(value: float) -> float:
+    if not value > 0:
+        raise ValueError("must be greater than zero")
+    return value
+
+
+def _not_negative(value: float) -> float:
+    if not value >= 0:
+        raise ValueError("must not be negative")
+    return value
+
+
+Positive = AfterValidator(_positive)
+NonNegative = AfterValidator(_not_negative)
+
+Share = Annotated[float, BeforeValidator(parse_percentage)]
+Length = Annotated[float, BeforeValidator(partial(to_si, kind="length"))]
+Stress = Annotated[float, BeforeValidator(partial(to_si, kind="stress"))]
+Density = Annotated[float, BeforeValidator(partial(to_si, kind="density"))]
+Time = Annotated[float, BeforeValidator(partial(to_si, kind="time"))]
+Frequency = Annotated[float, BeforeValidator(partial(to_si, kind="frequency"))]
+Angle = Annotated[float, BeforeValidator(partial(to_si, kind="angle"))]
+AngularRate = Annotated[float, BeforeValidator(partial(to_si, kind="angular rate"))]
+Torque = Annotated[float, BeforeValidator(partial(to_si, kind="torque"))]
+MomentOfInertia = Annotated[float, BeforeValidator(partial(to_si, kind="moment of inertia"))]
+Mass = Annotated[float, BeforeValidator(partial(to_si, kind="mass"))]
+Velocity = Annotated[float, BeforeValidator(partial(to_si, kind="speed"))]
+TranslationalStiffness = Annotated[float, BeforeValidator(partial(to_si, kind="translational stiffness"))]
+RotationalStiffness = Annotated[float, BeforeValidator(partial(to_si, kind="rotational stiffness"))]
+TranslationalDamping = Annotated[float, BeforeValidator(partial(to_si, kind="translational damping"))]
+RotationalDamping = Annotated[float, BeforeValidator(partial(to_si, kind="rotational damping"))]
+Force = Annotated[float, BeforeValidator(partial(to_si, kind="force"))]
+Acceleration = Annotated[float, BeforeValidator(partial(to_si, kind="acceleration"))]
+
+PositiveLength = Annotated[Length, Positive]
+PositiveStress = Annotated[Stress, Positive]
+PositiveDensity = Annotated[Density, Positive]
+PositiveMass = Annotated[Mass, Positive]
+PositiveTime = Annotated[Time, Positive]
+PositiveFrequency = Annotated[Frequency, Positive]
+NonNegativeTime = Annotated[Time, NonNegative]

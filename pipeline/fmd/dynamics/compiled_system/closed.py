@@ -1,0 +1,253 @@
+"""Accelerations, steps and projection of a compiled mechanism with loops.
+
+The constraints are kept at the level of accelerations (index 1), and positions and rates are projected onto them after
+each step, the shortest way by the mass matrix (Eich, SIAM J Numer Anal 30, 1993). ``S = J M̂⁻¹ Jᵀ`` is factored with
+pivots, which leaves redundant constraints out: that is QR with column pivoting of ``L⁻¹ Jᵀ``, M̂ = L Lᵀ. Which ones they
+are is decided at a step's begin, on the constraints, and kept for its stages.
+"""
+
+from __future__ import annotations
+
+import math
+from typing import Any
+
+from fmd.core.arrays import Array
+from fmd.dynamics.compiled_system.kernels import set_inputs
+from fmd.dynamics.compiled_system.parameters import ClosedParameters, Leapfrog, Multipliers, TreeParameters
+from fmd.dynamics.compiler.program import LANES
+from fmd.dynamics.jit.compiled import inner, meaning
+from fmd.dynamics.jit.native import call_native
+from fmd.dynamics.system import accelerations, advance, close_gaps, leapfrog_step, project
+
+_DEPENDENT = 1e-9  # of the largest pivot, the square of the ratio of lengths
+_NO_PIVOT = 1e-14  # beside what free bodies would do
+_CLOSED = 1e-14  # gap that is round-off [m or rad]
+_FAILED = 1e-8  # gap after the last correction
+_CORRECTIONS = 8
+_FAR = 1e-7  # gap from which on the constraints are linearised anew
+
+
+@inner
+def _spread(p: ClosedParameters, q: Array, first: int) -> None:
+    """Compute X and S, from a block of unit multipliers on."""
+    for block in range(first, p.units.shape[0]):
+        call_native(p.multipliers, (p.inputs, q, p.units[block], p.whole.x[block], p.whole.s[block]))
+
+
+@inner
+def _factor(m: Multipliers) -> None:
+    """Factor the scaled S in the order of its pivots: row i of the factor has entry k at ``S[i, order[k]]``."""
+    n, S, order, fresh = m.S.shape[0], m.S, m.order, m.fresh[0] != 0.0
+    for i in range(n):
+        for j in range(n):
+            S[i, j] = m.s[j // LANES, i, j % LANES] * m.scale[i] * m.scale[j]
+    if fresh:
+        m.rank[0] = n
+        for k in range(n):
+            order[k] = k
+    top, m.fresh[0] = 0.0, 0.0
+    for k in range(n):
+        if fresh:
+            best = k
+            for i in range(k + 1, n):
+                if S[order[i], order[i]] > S[order[best], order[best]]:
+                    best = i
+            order[k], order[best] = order[best], order[k]
+            pivot = S[order[k], order[k]]
+            top = max(top, pivot)
+            if not pivot > max(_DEPENDENT * top, _NO_PIVOT):
+                m.rank[0] = k
+        if k >= m.rank[0]:
+            return
+        row = order[k]
+        S[row, row] = math.sqrt(S[row, row])
+        for i in range(k + 1, n):
+            S[order[i], row] /= S[row, row]
+        for i in range(k + 1, n):
+            for j in range(k + 1, n):
+                S[order[i], order[j]] -= S[order[i], row] * S[order[j], row]
+
+
+@inner
+def _push(m: Multipliers, w: Array) -> None:
+    """Solve ``S λ = −w`` for the independent constraints, the others' λ being 0, and ``push = X λ``."""
+    rank, S, order, y = m.rank[0], m.S, m.order, m.room
+    for k in range(w.size):
+        m.multiplier[k] = 0.0
+    for k in range(rank):
+        row = order[k]
+        y[k] = -w[row] * m.scale[row]
+        for j in range(k):
+            y[k] -= S[row, order[j]] * y[j]
+        y[k] /= S[row, row]
+    for k in range(rank - 1, -1, -1):
+        row = order[k]
+        for i in range(k + 1, rank):
+            y[k] -= S[order[i], row] * y[i]
+        y[k] /= S[row, row]
+    for k in range(rank):
+        m.multiplier[order[k]] = y[k] * m.scale[order[k]]
+    for i in range(m.push.size):
+        m.push[i] = 0.0
+    for k in range(rank):
+        row = order[k]
+        block, lane, size = row // LANES, row % LANES, m.multiplier[row]
+        for i in range(m.push.size):
+            m.push[i] += m.x[block, i, lane] * size
+
+
+@meaning(accelerations, ClosedParameters)
+def _accelerations(p: ClosedParameters, t: float, q: Array, v: Array, a: Array) -> None:
+    set_inputs(p, float(t))
+    call_native(p.closed, (p.inputs, q, v, p.units[0], a, p.w, p.whole.x[0], p.whole.s[0]))
+    _spread(p, q, 1)
+    _factor(p.whole)
+    _push(p.whole, p.w)
+    for i in range(a.size):
+        a[i] += p.whole.push[i]
+
+
+@inner
+def _widest(values: Array) -> float:
+    """Return the largest value, NaN if one is."""
+    widest = 0.0
+    for k in range(values.size):
+        if not abs(values[k]) <= widest:
+            widest = abs(values[k])
+    return widest
+
+
+@meaning(project, ClosedParameters)
+def _project(p: ClosedParameters, t: float, q: Array, v: Array) -> None:
+    set_inputs(p, float(t))
+    last = math.inf
+    for k in range(_CORRECTIONS + 1):
+        call_native(p.gaps, (p.inputs, q, v, p.g, p.rates))
+        widest = _widest(p.g)
+        if k == 0 or widest > _FAR:
+            p.whole.fresh[0] = 1.0
+            _spread(p, q, 0)
+            _factor(p.whole)
+        if widest <= _CLOSED or (widest <= _FAILED and widest > 0.3 * last):
+            break
+        if k == _CORRECTIONS or not widest < math.inf:
+            v[0] = math.nan  # which ends the march
+            break
+        last = widest
+        _push(p.whole, p.g)
+        advance(p, q, p.whole.push, 1.0, 0, v.size)
+    for _ in range(2):  # the second takes the first one's round-off away
+        call_native(p.gaps, (p.inputs, q, v, p.g, p.rates))
+        _push(p.whole, p.rates)
+        for i in range(v.size):
+            v[i] += p.whole.push[i]
+    p.whole.fresh[0] = 1.0
+
+
+@meaning(leapfrog_step, ClosedParameters)
+def _leapfrog_step(p: ClosedParameters, leapfrog: Leapfrog, t: float, h: float, q: Array, v: Array, a: Array) -> None:
+    for i in range(v.size):
+        leapfrog.v_now[i] = v[i] + 0.5 * h * a[i]
+    p.whole.fresh[0] = 1.0
+    accelerations(p, t, q, leapfrog.v_now, a)
+    for i in range(v.size):
+        v[i] += h * a[i]
+    advance(p, q, v, h, 0, v.size)
+    close_gaps(p, t + h, h, q, v, a)
+
+
+@meaning(close_gaps, ClosedParameters)
+def _close_gaps(p: ClosedParameters, t: float, h: float, q: Array, v: Array, a: Array) -> None:
+    set_inputs(p, float(t))
+    last, anew = math.inf, False
+    for k in range(2 * _CORRECTIONS):
+        call_native(p.gaps, (p.inputs, q, v, p.g, p.rates))
+        widest = _widest(p.g)
+        if widest <= _CLOSED or (widest <= _FAILED and widest > 0.3 * last):
+            return
+        if not anew and (k == _CORRECTIONS or widest > last):  # at a singular position, or in a long step
+            anew, p.whole.fresh[0] = True, 1.0
+            _spread(p, q, 0)
+            _factor(p.whole)
+        last = widest
+        _push(p.whole, p.g)
+        advance(p, q, p.whole.push, 1.0, 0, v.size)
+        for i in range(v.size):
+            v[i] += p.whole.push[i] / h
+            a[i] += p.whole.push[i] / (h * h)
+    v[0] = math.nan  # which ends the march
+
+
+def begin_reaction(p: Any, inertia: int, solve_slow: int, q: Array, n_slow: int) -> None:
+    """Prepare `close_reaction` at positions of the last accelerations, with addresses of functions."""
+    raise NotImplementedError
+
+
+def close_reaction(p: Any, x: Array, first: int, count: int, n_slow: int) -> None:
+    """Let the slow coordinates' answers x (n, 8) to ``count`` fast ones from ``first`` on keep the constraints, too.
+
+    x is ``M_LL⁻¹ M_LS``, and D with ``M_LL D + J_Lᵀ μ = M_LS``, ``J_L D = J_S`` after.
+    """
+    raise NotImplementedError
+
+
+def close_response(p: Any, f: Array, x: Array) -> None:
+    """Let accelerations x = M̂⁻¹ f, (n, 8), answer forces as the constraints allow."""
+    raise NotImplementedError
+
+
+@meaning(begin_reaction, TreeParameters)
+def _begin_nothing(p: TreeParameters, inertia: int, solve_slow: int, q: Array, n_slow: int) -> None:
+    pass
+
+
+@meaning(close_reaction, TreeParameters)
+def _react_freely(p: TreeParameters, x: Array, first: int, count: int, n_slow: int) -> None:
+    pass
+
+
+@meaning(close_response, TreeParameters)
+def _respond_freely(p: TreeParameters, f: Array, x: Array) -> None:
+    pass
+
+
+@meaning(begin_reaction, ClosedParameters)
+def _begin_reaction(p: ClosedParameters, inertia: int, solve_slow: int, q: Array, n_slow: int) -> None:
+    J, slow, n_rows = p.J, p.slow, p.w.size
+    for block in range(J.shape[0]):
+        call_native(inertia, (p.inputs, q, p.whole.x[block], J[block]))
+        call_native(solve_slow, (p.inputs, q, J[block], slow.x[block]))
+    for k in range(n_rows):
+        for j in range(n_rows):
+            total = 0.0
+            for i in range(n_slow):
+                total += J[k // LANES, i, k % LANES] * slow.x[j // LANES, i, j % LANES]
+            slow.s[j // LANES, k, j % LANES] = total
+    slow.fresh[0] = 1.0
+    _factor(slow)
+
+
+@meaning(close_reaction, ClosedParameters)
+def _close_reaction(p: ClosedParameters, x: Array, first: int, count: int, n_slow: int) -> None:
+    J, n_rows = p.J, p.w.size
+    for lane in range(count):
+        for k in range(n_rows):
+            p.w[k] = -J[k // LANES, first + lane, k % LANES]
+            for i in range(n_slow):
+                p.w[k] += J[k // LANES, i, k % LANES] * x[i, lane]
+        _push(p.slow, p.w)
+        for i in range(n_slow):
+            x[i, lane] += p.slow.push[i]
+
+
+@meaning(close_response, ClosedParameters)
+def _close_response(p: ClosedParameters, f: Array, x: Array) -> None:
+    X, n_rows = p.whole.x, p.w.size
+    for lane in range(LANES):
+        for k in range(n_rows):
+            p.w[k] = 0.0
+            for i in range(f.shape[0]):
+                p.w[k] += X[k // LANES, i, k % LANES] * f[i, lane]
+        _push(p.whole, p.w)
+        for i in range(f.shape[0]):
+            x[i, lane] += p.whole.push[i]

@@ -1,0 +1,96 @@
+"""Check that the mass matrix of a stiffened mechanism is positive definite at the deflections of a motion.
+
+Displacements of second order change what a stiffened body's frame has of inertia, and by their rigid part the modal
+masses (see `fmd.reduction.second_order_mass`). What is left out can still take the inertia of a motion in which
+frame and modes nearly cancel, such as that of a light end. A kinetic energy can then be negative, and a motion has no
+meaning. With the whole kinetic energy of second order (see `fmd.reduction.second_order_fields`) it never is; this
+takes up to twice the time and is for motions that need it.
+"""
+
+from __future__ import annotations
+
+from typing import TYPE_CHECKING
+
+import numpy as np
+
+from fmd.core.arrays import Array
+from fmd.core.errors import InertiaError, StabilityError
+
+if TYPE_CHECKING:
+    from fmd.dynamics.compiled_system.reference_state import ReferenceState
+    from fmd.dynamics.mechanism import Mechanism
+
+_LOOKED_AT = 20  # output times with the largest deflections
+TOO_LIGHT = "combinations of modes are so light that round-off hides their inertia; fewer modes help"
+_LOST = 0.05  # of an inertia, where a march ends because it vanishes
+
+
+def require_positive_mass(system: ReferenceState, q: Array, where: str, least: float = 0.0) -> None:
+    """Raise ``InertiaError`` if deflections at positions q (n_positions,) take a part of its inertia from a motion.
+
+    Parameters
+    ----------
+    where : str
+        Instant that the message names.
+    least : float
+        Part of its inertia in the undeformed mechanism that every motion must keep.
+    """
+    from scipy.linalg import eigh
+
+    mechanism = system.mechanism
+    if not _stiffened(mechanism):
+        return
+    modes = np.concatenate([mechanism.modes_of(k) for k in range(len(mechanism.links))])
+    undeformed = q.copy()
+    undeformed[modes + mechanism.n_positions - mechanism.n] = 0.0
+    M, M0 = system.mass_matrix(q), system.mass_matrix(undeformed)
+    try:
+        kept = float(eigh(M, M0, eigvals_only=True)[0]) if np.isfinite(M).all() else -np.inf
+    except np.linalg.LinAlgError:
+        raise InertiaError(
+            f"{where} the mass matrix isn't positive definite, nor is that of the undeformed mechanism: {TOO_LIGHT}"
+        ) from None
+    if kept > least:
+        return
+    raise InertiaError(
+        f"{where} the mass matrix isn't positive definite: a motion has {kept:.2g} times its inertia in the undeformed "
+        "mechanism, because of displacements of second order, which stiffening takes in; fewer modes with "
+        'modes.enrich = "none" make them smaller for light motions, and simulation.stiffening = "off" leaves them out'
+    )
+
+
+def require_positive_over(system: ReferenceState, times: Array, q: Array) -> None:
+    """Raise ``InertiaError`` if the mass isn't positive definite at one of a motion's largest deflections.
+
+    Parameters
+    ----------
+    times, q : ndarray, shapes (n_times,) and (n_times, n_positions)
+        Times [s] and positions.
+    """
+    mechanism = system.mechanism
+    stiffened = _stiffened(mechanism)
+    if not stiffened:
+        return
+    modes = np.concatenate([mechanism.modes_of(k) for k in stiffened]) + mechanism.n_positions - mechanism.n
+    omega = np.concatenate([mechanism.links[k].omega for k in stiffened])
+    energies = ((q[:, modes] * omega) ** 2).sum(axis=1)
+    for k in np.argsort(energies)[-_LOOKED_AT:]:
+        require_positive_mass(system, q[k], f"at t = {times[k]:.4g} s")
+
+
+def _stiffened(mechanism: Mechanism) -> list[int]:
+    """Return the numbers of the bodies whose inertia holds displacements of second order."""
+    return [
+        k
+        for k, link in enumerate(mechanism.links)
+        if link.gram.stiffening.size or link.gram.bow.size or link.gram.curl.size or link.place_bow.size
+    ]
+
+
+def explain_failure(system: ReferenceState, failure: StabilityError) -> None:
+    """Raise ``InertiaError`` if a march failed because a motion of its system lost its inertia."""
+    mechanism = system.mechanism
+    if all(mechanism.links[k].gram.whole for k in _stiffened(mechanism)):  # for another reason
+        return
+    if isinstance(failure.positions, np.ndarray) and len(failure.positions) == mechanism.n_positions:
+        require_positive_mass(system, failure.positions, f"at t = {failure.time:.4g} s", _LOST)

@@ -1,0 +1,149 @@
+"""Reference state of a compiled mechanism, undeformed: its matrices, frequencies and longest stable steps."""
+
+from __future__ import annotations
+
+from functools import cached_property
+
+import numpy as np
+
+from fmd.core.arrays import Array
+from fmd.dynamics.compiled_system.free_motion import FreeMotion, free_motion
+from fmd.dynamics.compiler.compiled import CompiledMechanism
+from fmd.dynamics.element_linearisation import linearise_forces
+from fmd.dynamics.linear_forces import LinearForces
+from fmd.dynamics.mechanism import Mechanism
+from fmd.dynamics.vibration import highest_frequency, largest_leapfrog_step
+
+
+class ReferenceState:
+    """A mechanism's small motions about its undeformed state at rest.
+
+    Parameters
+    ----------
+    mechanism : Mechanism
+        Its own stiffness and damping count, and its mass with all joints at 0 or where the loops close.
+    """
+
+    def __init__(self, mechanism: Mechanism) -> None:
+        self.mechanism = mechanism
+        self.compiled = CompiledMechanism(mechanism)
+
+    @property
+    def n(self) -> int:
+        """Number of rates."""
+        return self.mechanism.n
+
+    @property
+    def n_slow(self) -> int:
+        """Number of slow rates."""
+        return self.mechanism.n_slow
+
+    def mass_matrix(self, q: Array, t: float = 0.0) -> Array:
+        """M̂ at positions q, shape (n, n)."""
+        return self.compiled.mass_matrix(self.compiled.signal_values(t), q)
+
+    @cached_property
+    def _reference_mass(self) -> Array:
+        return self.mass_matrix(self.mechanism.rest_positions)
+
+    @cached_property
+    def linear_forces(self) -> LinearForces:
+        """Constant stiffness and damping of modes, joints and force elements in the reference state."""
+        return linearise_forces(self.mechanism)
+
+    @property
+    def stiffest_matrices(self) -> tuple[Array, Array, Array]:
+        """Mass, stiffness and damping of the undeformed mechanism with all its end stops touched, (n, n) each."""
+        forces = self.linear_forces
+        return self._reference_mass, forces.K + forces.stop_K, forces.C + forces.stop_C
+
+    @property
+    def linear_matrices(self) -> tuple[Array, Array, Array]:
+        """Mass, stiffness and damping of the undeformed mechanism, (n, n) each; what loops hold moves, too."""
+        return self._reference_mass, self.linear_forces.K, self.linear_forces.C
+
+    @cached_property
+    def free_motion(self) -> FreeMotion:
+        """Mass, stiffness and damping of the motions of the undeformed mechanism that its loops leave free."""
+        return free_motion(*self.linear_matrices, self.n_slow, self._reference_constraints)
+
+    @cached_property
+    def stiffest_motion(self) -> FreeMotion:
+        """Mass, stiffness and damping of the motions that loops leave free, with all end stops touched."""
+        return free_motion(*self.stiffest_matrices, self.n_slow, self._reference_constraints)
+
+    @cached_property
+    def _reference_constraints(self) -> Array:
+        """J of the loops' constraints in the reference state, shape (n_rows, n)."""
+        if not self.compiled.rows:
+            return np.zeros((0, self.n))
+        return self.compiled.constraint_matrix(0.0, self.mechanism.rest_positions)
+
+    @property
+    def stiffness(self) -> Array:
+        """Squared modal frequencies, and springs over what they move in the undeformed mechanism [1/s²]."""
+        return self.linear_forces.own / self._reference_mass.diagonal()
+
+    @property
+    def frequencies_hz(self) -> Array:
+        """Of each mode and of each joint by itself, undeformed [Hz], shape (n,); 0 where nothing holds it."""
+        mechanism = self.mechanism
+        own = np.sqrt(self.linear_forces.K.diagonal() / self._reference_mass.diagonal())
+        for k, link in enumerate(mechanism.links):
+            own[mechanism.modes_of(k)] = link.omega
+        return np.asarray(own / (2 * np.pi))
+
+    @cached_property
+    def highest_frequency(self) -> float:
+        """Highest coupled angular frequency in the reference state [rad/s]."""
+        return highest_frequency(*self.free_motion[:2])
+
+    @cached_property
+    def highest_fast_frequency(self) -> float:
+        """Highest angular frequency of the fast coordinates with the slow ones held, or reacting where loops are."""
+        return self._highest(slice(self.free_motion.n_slow, None))
+
+    @cached_property
+    def highest_reacting_frequency(self) -> float:
+        """Highest angular frequency of the fast coordinates with ``q_L + M_LL⁻¹ M_LS q_S`` held [rad/s]."""
+        M, K, _ = self._reacting
+        return highest_frequency(M, K)
+
+    @property
+    def _reacting(self) -> tuple[Array, Array, Array]:
+        """Mass, stiffness and damping of the fast coordinates with the slow ones free to react."""
+        M, K, C, n_slow = self.stiffest_motion
+        slow, fast = slice(0, n_slow), slice(n_slow, None)
+        T = np.concatenate([-np.linalg.solve(M[slow, slow], M[slow, fast]), np.eye(len(M) - n_slow)])
+        return T.T @ M @ T, T.T @ K @ T, T.T @ C @ T
+
+    @cached_property
+    def largest_step(self) -> float:
+        """Longest stable leapfrog step in the reference state [s]."""
+        return largest_leapfrog_step(*self.stiffest_motion[:3])
+
+    @cached_property
+    def largest_fast_step(self) -> float:
+        """Longest stable leapfrog step of the fast coordinates with the slow ones held [s]."""
+        *matrices, n_slow = self.stiffest_motion
+        return largest_leapfrog_step(*(A[n_slow:, n_slow:] for A in matrices))
+
+    @cached_property
+    def largest_reacting_step(self) -> float:
+        """Longest stable leapfrog step of the fast coordinates with ``q_L + M_LL⁻¹ M_LS q_S`` held [s]."""
+        return largest_leapfrog_step(*self._reacting)
+
+    @cached_property
+    def largest_slow_step(self) -> float:
+        """Longest stable leapfrog step of the slow coordinates with the fast ones held [s]."""
+        *matrices, n_slow = self.stiffest_motion
+        return largest_leapfrog_step(*(A[:n_slow, :n_slow] for A in matrices))
+
+    @cached_property
+    def highest_slow_frequency(self) -> float:
+        """Highest angular frequency of the slow coordinates with the fast ones held [rad/s]."""
+        return self._highest(slice(0, self.free_motion.n_slow))
+
+    def _highest(self, part: slice) -> float:
+        M, K, _, _ = self.free_motion
+        return highest_frequency(M[part, part], K[part, part])

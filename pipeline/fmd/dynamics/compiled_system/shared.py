@@ -1,0 +1,35 @@
+"""Systems of equal mechanisms in one process: what has been found of one serves the others."""
+
+from __future__ import annotations
+
+from collections import OrderedDict
+from collections.abc import Hashable
+
+from fmd.dynamics.compiled_system.system import CompiledSystem
+from fmd.dynamics.mechanism import Mechanism
+
+_MOST_SHARED = 16
+
+# The last used last. A key is all that a mechanism consists of, so what it names never changes.
+_shared: OrderedDict[Hashable, CompiledSystem] = OrderedDict()
+
+
+def share_system(mechanism: Mechanism) -> CompiledSystem:
+    """Return the system of a mechanism, which it shares with an equal one that was among the last to be marched.
+
+    A system's addresses, couplings and frequencies follow from its mechanism alone, and each march has storage of its
+    own, so sharing changes no number.
+    """
+    system = CompiledSystem(mechanism)
+    names = [(link.name, link.joint_name, link.section, *link.markers) for link in mechanism.links]
+    acting = [(load.body, load.size.breakpoints) for load in mechanism.loads]
+    acting += [(link.name, (link.motion or link.load).breakpoints) for link in mechanism.links]
+    joined = [(closure.name, *closure.bodies) for closure in mechanism.closures]
+    placed = [(name, *position) for name, position in mechanism.assembled.items()]
+    named = tuple(tuple(part) for part in (names, acting, joined, placed))
+    key = (system.compiled.digest, system.compiled.signals, named, mechanism.horizon)
+    system = _shared.pop(key, system)
+    _shared[key] = system
+    while len(_shared) > _MOST_SHARED:
+        _shared.popitem(last=False)
+    return system

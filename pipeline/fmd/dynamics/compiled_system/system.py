@@ -1,0 +1,327 @@
+"""A mechanism as a system that integrators march, by its compiled functions."""
+
+from __future__ import annotations
+
+from functools import cached_property
+from typing import Any
+
+import numpy as np
+
+import fmd.dynamics.compiled_system.closed
+import fmd.dynamics.compiled_system.closed_cycle
+import fmd.dynamics.compiled_system.held
+import fmd.dynamics.compiled_system.kernels
+import fmd.dynamics.compiled_system.middle  # noqa: F401 - all give the functions of `system` their meaning here
+from fmd.core.arrays import Array, IntArray
+from fmd.core.errors import StabilityError
+from fmd.dynamics.compiled_system.couplings import Couplings, find_couplings, find_inertial_coupling
+from fmd.dynamics.compiled_system.parameters import (
+    ClosedCycle,
+    ClosedParameters,
+    CompiledParameters,
+    HeldCycle,
+    Leapfrog,
+    MiddleCycle,
+    Multipliers,
+    TreeParameters,
+)
+from fmd.dynamics.compiled_system.positive_mass import explain_failure
+from fmd.dynamics.compiled_system.reference_state import ReferenceState
+from fmd.dynamics.compiler.closures import scale_rows
+from fmd.dynamics.compiler.program import LANES
+from fmd.dynamics.elements import PointSpring
+from fmd.dynamics.jit.compiled import aligned
+from fmd.dynamics.links import FREE, SPHERICAL
+from fmd.dynamics.mechanism import Mechanism
+from fmd.dynamics.signals.resolution import shortest_missed
+from fmd.dynamics.watch import Watch, make_watch
+from fmd.dynamics.watched_laws import WatchedLaw, find_watched
+
+_ROOM = ("v_now", "d", "rising")  # vectors of `HeldCycle` that hold no coefficients
+_SHARE_AHEAD = 1e-2  # of a major cycle, over which the slow motion of a mechanism with loops is followed
+_STEPS_IN_ACTION = 4.0  # at least, while a load acts between two times without it, and in each peak
+_MOST_TRIALS = 40  # of a step that resolves all loads
+_AHEAD = 16  # steps for which loads are evaluated before coordinates go through them
+_MOST_TOGETHER = 16  # fast coordinates: beyond, one function of all that is held compiles for too long
+_MOST_UNROLLED = 64  # fast coordinates: beyond, code without loops takes longer to compile than it saves
+
+_BYTES_OF_OPERATION = 6.0  # of machine code, five to eight where it is long
+
+
+class CompiledSystem(ReferenceState):
+    """A mechanism ready to be integrated; its functions are compiled when they are first wanted.
+
+    Parameters
+    ----------
+    mechanism : Mechanism
+        Its coordinates are the system's.
+    """
+
+    def __reduce__(self) -> tuple[type[CompiledSystem], tuple[Mechanism]]:
+        """Make copies anew: addresses are this process's own."""
+        return type(self), (self.mechanism,)
+
+    @property
+    def n_positions(self) -> int:
+        """Number of position coordinates."""
+        return self.mechanism.n_positions
+
+    @property
+    def evaluation_cost(self) -> float:
+        """Operations of an evaluation of the accelerations, by the size of their machine code."""
+        return self.compiled.n_bytes() / _BYTES_OF_OPERATION
+
+    def explain_failure(self, failure: StabilityError) -> None:
+        """Raise ``AccuracyError`` if a march failed because a motion of the system lost its inertia."""
+        explain_failure(self, failure)
+
+    @property
+    def groups(self) -> tuple[IntArray, IntArray]:
+        """Group of like coordinates that each position and each rate belongs to."""
+        return self.mechanism.groups
+
+    @property
+    def settles(self) -> bool:
+        """True if the end of a step is changed after it: loops close, or quaternions become unit ones."""
+        return bool(self.compiled.rows) or self.n_positions != self.n
+
+    @property
+    def breakpoints(self) -> tuple[float, ...]:
+        """Times at which a load or a motion jumps, has a kink or begins to vary much faster [s], ascending."""
+        return self.mechanism.breakpoints
+
+    @property
+    def shortest_action(self) -> float:
+        """Shortest time for which a load acts between two times without it [s]; infinity if none does."""
+        return min((activity.shortest_action for activity in self.mechanism.activities), default=np.inf)
+
+    def resolving_step(self, step: float) -> tuple[float, float]:
+        """Return the longest step up to a given one that steps over no load, and how long the shortest one acts [s].
+
+        That is infinity if the given step resolves all loads.
+        """
+        acting, end, lasts = self.mechanism.acting, self.mechanism.horizon, np.inf
+        for _ in range(_MOST_TRIALS):
+            missed = self.shortest_action
+            if step * _STEPS_IN_ACTION <= missed:
+                missed = min((shortest_missed(signal, end, step, order) for signal, order in acting), default=np.inf)
+            if missed == np.inf:
+                break
+            lasts, step = missed, missed / _STEPS_IN_ACTION
+        return step, lasts
+
+    @cached_property
+    def coupled(self) -> bool:
+        """True if coordinates couple through the mass matrix in some state."""
+        return find_inertial_coupling(self.compiled)
+
+    @property
+    def parameters(self) -> CompiledParameters:
+        """Addresses and arrays for the kernels, with room to work in that is the caller's own."""
+        return self._parameters.renewed()
+
+    @cached_property
+    def _parameters(self) -> CompiledParameters:
+        mechanism, quaternions = self.mechanism, []
+        position = np.full(self.n, -1, dtype=np.int64)
+        for k, link in enumerate(mechanism.links):
+            rate, first = int(mechanism.layout.rate[k]), int(mechanism.layout.position[k])
+            slides = 3 if link.joint == FREE else 0 if link.joint == SPHERICAL else link.n_rates
+            position[rate : rate + slides] = np.arange(first, first + slides)
+            if link.joint in (FREE, SPHERICAL):
+                quaternions.append((rate + slides, first + slides))
+            modes = mechanism.modes_of(k)
+            position[modes] = modes + self.n_positions - self.n
+        address, rows = self.compiled.address, self.compiled.rows
+        own: dict[str, Any] = {
+            "accelerations": 0 if rows else address("accelerations"),
+            "signals": address("signals") if self.compiled.signals else 0,
+            "inputs": np.zeros(3 * len(self.compiled.signals)),
+            "clock": np.full(2, np.nan),
+            "position": position,
+            "quaternions": np.array(quaternions, dtype=np.int64).reshape(-1, 2),
+        }
+        if not rows:
+            return TreeParameters(**own)
+        n_rows, n_blocks = len(rows), -(-len(rows) // LANES)
+        units = np.zeros((n_blocks, n_rows, LANES))
+        for k in range(n_rows):
+            units[k // LANES, k, k % LANES] = 1.0
+        g, rates, w = aligned(*3 * [n_rows])
+        return ClosedParameters(
+            **own,
+            closed=address("closed"),
+            multipliers=address("multipliers"),
+            gaps=address("gaps"),
+            units=units,
+            J=np.zeros((n_blocks, self.n, LANES)),
+            whole=self._multipliers(),
+            slow=self._multipliers(),
+            g=g,
+            rates=rates,
+            w=w,
+        )
+
+    def _multipliers(self) -> Multipliers:
+        """Room for how the constraints push the mechanism."""
+        n_rows = len(self.compiled.rows)
+        n_blocks = -(-n_rows // LANES)
+        multiplier, room = aligned(n_rows, n_rows)
+        (push,) = aligned(self.n)
+        return Multipliers(
+            x=np.zeros((n_blocks, self.n, LANES)),
+            s=np.zeros((n_blocks, n_rows, LANES)),
+            S=np.zeros((n_rows, n_rows)),
+            scale=1.0 / np.sqrt(self.constraint_scales),
+            order=np.arange(n_rows),
+            rank=np.zeros(1, dtype=np.int64),
+            fresh=np.ones(1),
+            multiplier=multiplier,
+            push=push,
+            room=room,
+        )
+
+    @cached_property
+    def constraint_scales(self) -> Array:
+        """How fast unit multipliers would accelerate the gaps of free rigid bodies, shape (n_rows,)."""
+        return scale_rows(self.mechanism, self.compiled.rows)
+
+    @property
+    def watch(self) -> Watch | None:
+        """Watch over force laws that a step may pass unseen, with room of its own; none if there are no such laws."""
+        laws, n_signals = self.watched_laws, len(self.compiled.signals)
+        if not laws:
+            return None
+        rests = [law.holder.rest if isinstance(law.holder, PointSpring) else np.nan for law in laws]
+        return make_watch(
+            self.compiled.address("elongations"),
+            self.compiled.address("signals") if n_signals else 0,
+            n_signals,
+            [law.pieces.edges for law in laws],
+            np.array([law.pieces.beyond for law in laws]),
+            np.array(rests),
+        )
+
+    @cached_property
+    def watched_laws(self) -> tuple[WatchedLaw, ...]:
+        """Force laws that a step may pass unseen."""
+        return find_watched(self.mechanism)
+
+    @cached_property
+    def couplings(self) -> Couplings:
+        """Structure of the fast coordinates' equations."""
+        return find_couplings(self.compiled)
+
+    def leapfrog(self) -> Leapfrog:
+        """Fresh storage for leapfrog steps."""
+        return self._leapfrog.renewed()
+
+    @cached_property
+    def _leapfrog(self) -> Leapfrog:
+        step, v_now = aligned(1, self.n)
+        plain = not (len(self._parameters.quaternions) or self.compiled.rows)
+        return Leapfrog(self.compiled.address("leap") if plain else 0, step, v_now)
+
+    def frozen(self, cycle: float) -> HeldCycle | ClosedCycle:
+        """Fresh storage for the fast coordinates' equation over a major cycle of a duration [s]."""
+        if self.compiled.rows:
+            q, v, a = aligned(self.n_positions, self.n, self.n)
+            D = np.zeros((self.n, self.n_slow))
+            return ClosedCycle(self.middle(cycle), D, np.array([_SHARE_AHEAD * cycle]), q, v, a)
+        held = self._frozen.renewed()
+        held.cycle[0] = cycle
+        return held
+
+    @cached_property
+    def _frozen(self) -> HeldCycle:
+        return self._held(self._is_single, self.couplings.damped)
+
+    @property
+    def _is_single(self) -> bool:
+        """True if the fast coordinates couple neither by their constant mass nor by their forces."""
+        return self.couplings.mass is not None and not self.couplings.elastic
+
+    def _held(self, single: bool, damped: bool) -> HeldCycle:
+        couplings, n, n_fast = self.couplings, self.n, self.n - self.n_slow
+        vectors = ("constant", "slope", "load", "k", "c", "drift", "by_positions", "by_rates", *_ROOM)
+        n_inputs, address = 3 * len(self.compiled.signals), self.compiled.address
+        step = "fast_step" if damped else "undamped_fast_step"
+        return HeldCycle(
+            hold_single=address("hold_single") if single else 0,
+            find_drift=0 if single else address("drift"),
+            stiffness=0 if single else address("stiffness"),
+            damping=address("damping") if damped and not single else 0,
+            solve_fast=0 if single else address("solve_fast"),
+            unrolled=0 if single or n_fast > _MOST_UNROLLED else address(step),
+            n_slow=self.n_slow,
+            single=single,
+            damped=damped,
+            cycle=np.zeros(1),
+            driven=couplings.driven,
+            inverse_mass=np.zeros(n) if couplings.mass is None else _inverses(couplings.mass),
+            time=np.zeros(1),
+            active=np.zeros(1),
+            breakpoints=np.array(self.breakpoints, dtype=float),
+            before=np.zeros(n_inputs),
+            now=np.zeros(n_inputs),
+            changes=np.zeros((_AHEAD, len(couplings.driven))),
+            lever=np.zeros((len(couplings.driven), n)),
+            K=np.zeros((n_fast, n_fast)),
+            C=np.zeros((n_fast, n_fast)),
+            clock=np.zeros(2),
+            unit_positions=self._units(self.n_positions),
+            unit_rates=self._units(n),
+            moved=np.zeros(self.n_positions),
+            by_inputs=np.zeros((n_inputs, n)),
+            f=np.zeros((n, LANES)),
+            x=np.zeros((n, LANES)),
+            **dict(zip(vectors, aligned(*[n] * len(vectors)), strict=True)),
+        )
+
+    def _units(self, size: int) -> Array:
+        """Directions of the fast coordinates, the last ones of so many, in blocks of eight (n_blocks, size, 8)."""
+        n_fast = self.n - self.n_slow
+        units = np.zeros((-(-n_fast // LANES), size, LANES))
+        for j in range(n_fast):
+            units[j // LANES, size - n_fast + j, j % LANES] = 1.0
+        return units
+
+    def middle(self, cycle: float) -> MiddleCycle:
+        """Fresh storage for the equations at the middle of a major cycle of a duration [s]."""
+        middle = self._middle.renewed()
+        middle.held.cycle[0] = cycle
+        return middle
+
+    @cached_property
+    def _middle(self) -> MiddleCycle:
+        n, n_slow, n_fast, address = self.n, self.n_slow, self.n - self.n_slow, self.compiled.address
+        loose = self._is_single and not self.couplings.inertial
+        # Where they couple, the slow ones' reaction to fast rates acts on the fast ones, too.
+        damped = self.couplings.damped if loose else self.couplings.dragging
+        together = not loose and not self.settles and n_fast <= _MOST_TOGETHER
+        v, a, rest, row = np.zeros((4, n))
+        return MiddleCycle(
+            held=self._held(loose, damped),
+            loose=loose,
+            inertia=0 if loose else address("inertia"),
+            solve=0 if loose else address("solve"),
+            solve_slow=0 if loose else address("solve_slow"),
+            react=address("react" if damped else "undamped_react") if together else 0,
+            along_positions=self._units(self.n_positions),
+            along_rates=self._units(n),
+            y=np.zeros(n_slow),
+            Ky=np.zeros((n_fast, n_slow)),
+            Cy=np.zeros((n_fast, n_slow)),
+            found=np.zeros((5, n, LANES)),
+            q=np.zeros(self.n_positions),
+            v=v,
+            a=a,
+            rest=rest,
+            row=row,
+            fresh=np.zeros(1),
+        )
+
+
+def _inverses(mass: Array) -> Array:
+    """Return 1 over each mass, and 0 for none."""
+    return np.divide(1.0, mass, out=np.zeros(len(mass)), where=mass != 0.0)

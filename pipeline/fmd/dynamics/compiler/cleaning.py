@@ -1,0 +1,147 @@
+"""Round-off taken out of a mechanism's constants, so that what is zero in theory is zero in its graph.
+
+A plane part's finite element mesh leaves integrals and shapes of 1e-10 where theory has 0. They cost as much arithmetic
+as all others. An entry is taken for round-off if it is below `THRESHOLD` of its natural scale: for inertia integrals
+that of the modes' unit mass and the body's size, for markers the largest entry of its kind. So cleaning changes forces
+by that share at most, and an entry above it is kept: a part that is nearly plane stays spatial.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+
+from fmd.core.arrays import Array
+from fmd.dynamics.links import Link
+from fmd.reduction.body import MarkerShapes
+from fmd.reduction.second_order_mass import SecondOrderMass, second_order_mass
+
+THRESHOLD = 1e-9
+"""Share of its natural scale below which an entry is round-off: meshes leave up to 2e-10, and nothing up to 1e-8."""
+
+_DEPENDENT = 1e-12
+
+
+@dataclass(frozen=True)
+class InertiaForms:
+    """Constant inertia integrals of a body, in the combinations that its equations take.
+
+    Attributes
+    ----------
+    I_ab : ndarray, shape (3, 3, 1 + n, 1 + n)
+        ``I_aa = G_bb + G_cc`` and ``I_ab = −½ (G_ab + G_ba)``, symmetric each: with p = (1, q), the inertia tensor is
+        ``J_ab = pᵀ I_ab p``.
+    A_a : ndarray, shape (3, 1 + n, 1 + n)
+        ``A_a = G_bc − G_cb`` by the axis a across b and c, antisymmetric each.
+    S : ndarray, shape (3, 1 + n)
+        First moments.
+    bow, curl : ndarray, shape (3, n, n) or (3, 0, 0)
+        Second-order first moments and angular momentum.
+    mass : float
+        [kg]
+    normal : int
+        Number of the only axis that the body turns about, or -1.
+    """
+
+    I_ab: Array
+    A_a: Array
+    S: Array
+    bow: Array
+    curl: Array
+    mass: float
+    normal: int
+
+    @property
+    def second_order(self) -> SecondOrderMass | None:
+        """Modal mass of displacements of second order, if they have momenta."""
+        if not (self.bow.size or self.curl.size):
+            return None
+        W, J = np.concatenate([self.S[:, 1:], -self.A_a[:, 1:, 0]]), self.I_ab[:, :, 0, 0]
+        return second_order_mass(self.mass, self.S[:, 0], J, W, self.bow, self.curl, self.normal)
+
+
+@dataclass(frozen=True)
+class WholeForms(InertiaForms):
+    """Constant inertia integrals of a body whose displacements of second order count with their whole energy.
+
+    Attributes
+    ----------
+    F, W : ndarray, shapes (k, n, n) and (k, n)
+        As in `SecondOrderFields`, whose fields are behind the modes in all forms.
+    """
+
+    F: Array
+    W: Array
+
+    @property
+    def second_order(self) -> SecondOrderMass:
+        """Modal mass of displacements of second order."""
+        return SecondOrderMass(self.F, self.W, np.eye(len(self.F)))
+
+
+def inertia_forms(link: Link) -> InertiaForms:
+    """Form a body's inertia integrals without their round-off."""
+    gram = link.gram
+    fields = gram.fields
+    G, S = (gram.G, gram.S) if fields is None else (fields.G, fields.S)
+    n = G.shape[-1]
+    scale = np.ones(n)  # a mode's is its unit mass
+    scale[0] = np.sqrt(max(np.trace(G[:, :, 0, 0]), 1e-300))
+    limit = THRESHOLD * np.outer(scale, scale)
+    forms, antisymmetric = np.zeros((3, 3, n, n)), np.zeros((3, n, n))
+    for a in range(3):
+        b, c = (a + 1) % 3, (a + 2) % 3
+        forms[a, a] = G[b, b] + G[c, c]
+        forms[a, b] = forms[b, a] = -0.5 * (G[a, b] + G[b, a])
+        antisymmetric[a] = G[b, c] - G[c, b]
+    forms[np.abs(forms) <= limit], antisymmetric[np.abs(antisymmetric) <= limit] = 0.0, 0.0
+    units = np.sqrt(gram.mass) * scale
+    S = np.where(np.abs(S) <= THRESHOLD * units, 0.0, S)
+    if fields is not None:
+        empty = np.zeros((3, 0, 0))
+        F, W = _cut(fields.F), _cut(fields.W)
+        return WholeForms(forms, antisymmetric, S, empty, empty, gram.mass, gram.normal, F, W)
+    return InertiaForms(forms, antisymmetric, S, _cut(gram.bow), _cut(gram.curl), gram.mass, gram.normal)
+
+
+def rigid_constants(link: Link) -> tuple[float, Array, Array]:
+    """Return mass, first moment (3,) and inertia tensor (3, 3) of an undeformed body without round-off."""
+    forms = inertia_forms(link)
+    return forms.mass, forms.S[:, 0], forms.I_ab[:, :, 0, 0]
+
+
+def clean_marker(at: MarkerShapes, n: int) -> MarkerShapes:
+    """Return a marker of a body of n modes without round-off; shapes that are absent are zero."""
+    shapes, rotations = (_cut(values) if values.size else np.zeros((3, n)) for values in (at.translation, at.rotation))
+    bow = np.concatenate([_cut(at.bow[:3]), _cut(at.bow[3:])]) if at.bow.size else np.zeros((6, n, n))
+    return MarkerShapes(_cut(at.position), shapes, rotations, bow)
+
+
+def clean_direction(direction: Array) -> Array:
+    """Return the unit vector along a direction, shape (3,), without round-off."""
+    unit = _cut(direction / np.linalg.norm(direction))
+    return np.asarray(unit / np.linalg.norm(unit))
+
+
+def _cut(values: Array) -> Array:
+    values = np.asarray(values, dtype=float)
+    return np.where(np.abs(values) <= THRESHOLD * np.abs(values).max(initial=0.0), 0.0, values)
+
+
+def orthonormal_rows(rows: Array) -> tuple[Array, Array]:
+    """Return an orthonormal basis Q, shape (rank, n), of rows (m, n), and the factor L (m, rank) with ``rows = L Q``.
+
+    Row by row (Gram–Schmidt, twice), which keeps the zeros of the rows: the rows' own number of them spans Q.
+    """
+    basis: list[Array] = []
+    for row in rows:
+        rest = row.copy()
+        for _ in range(2):
+            for known in basis:
+                rest = rest - (known @ rest) * known
+        if float(np.linalg.norm(rest)) > _DEPENDENT * float(np.linalg.norm(row)):
+            basis.append(rest / np.linalg.norm(rest))
+    Q = np.reshape(basis, (-1, rows.shape[1]))
+    L = rows @ Q.T
+    return Q, np.where(np.abs(L) <= 1e-14 * np.linalg.norm(rows, axis=1)[:, None], 0.0, L)

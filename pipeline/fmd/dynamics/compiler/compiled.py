@@ -1,0 +1,297 @@
+"""A mechanism's equations as machine code: traced once, simplified, compiled when first wanted, kept on disk."""
+
+from __future__ import annotations
+
+import ctypes
+import threading
+from collections.abc import Callable
+from functools import cache, cached_property
+from typing import Any
+
+import numpy as np
+
+from fmd.core.arrays import Array
+from fmd.dynamics.compiler.closures import ConstraintRow, trace_rows
+from fmd.dynamics.compiler.coordinates import Coordinates
+from fmd.dynamics.compiler.digest import digest_mechanism
+from fmd.dynamics.compiler.frames import MovingFrame, trace_frames
+from fmd.dynamics.compiler.graph import Graph
+from fmd.dynamics.compiler.machine import LoadedObject
+from fmd.dynamics.compiler.program import LANES, Program
+from fmd.dynamics.compiler.programs import trace_program
+from fmd.dynamics.compiler.signal_code import digest_signals, emit_signals
+from fmd.dynamics.compiler.store import load_object, load_program
+from fmd.dynamics.compiler.structure import describe_structure
+from fmd.dynamics.mechanism import Mechanism
+from fmd.dynamics.signals.signal import Signal
+
+_REDUNDANT = 1e-8  # of the largest singular value: constraints that others imply
+
+
+class CompiledMechanism:
+    """Functions of a mechanism's state, each traced and compiled when it is first used.
+
+    `fmd.dynamics.compiler.programs` lists them with their arguments, which `address` and `call` take as they are.
+
+    Parameters
+    ----------
+    mechanism : Mechanism
+        Its constants are part of the code.
+    """
+
+    def __init__(self, mechanism: Mechanism) -> None:
+        self.mechanism = mechanism
+        self._inputs = Coordinates(Graph(), mechanism)
+        self._programs: dict[str, Program] = {}
+        self._loaded: dict[str, LoadedObject] = {}
+        self._loading = threading.RLock()  # two marches at once want the same functions
+
+    @cached_property
+    def _frames(self) -> list[MovingFrame]:
+        return trace_frames(self._inputs)
+
+    @cached_property
+    def digest(self) -> str:
+        """Digest of all constants that are part of the code."""
+        return digest_mechanism(self._inputs)
+
+    @cached_property
+    def _signal_values(self) -> LoadedObject:
+        return load_object("signals", digest_signals(self.signals), lambda: emit_signals(self.signals))
+
+    @cached_property
+    def rows(self) -> list[ConstraintRow]:
+        """Scalar constraints of a mechanism with loops, those that hold in every state left out."""
+        return trace_rows(self._inputs, self._frames) if self.mechanism.closures else []
+
+    def program(self, name: str) -> Program:
+        """Return a function as a traced program."""
+        if name not in self._programs:
+            self._programs[name] = trace_program(name, self._inputs, self._frames)
+        return self._programs[name]
+
+    def address(self, name: str) -> int:
+        """Return the address of a function, valid while this object lives; compiles it, or reads it from disk."""
+        return self._object(name).address(name)
+
+    def n_bytes(self, name: str = "accelerations") -> int:
+        """Return the size of a function's object file."""
+        return self._object(name).n_bytes
+
+    def _object(self, name: str) -> LoadedObject:
+        with self._loading:
+            if name == "signals":
+                return self._signal_values
+            if name not in self._loaded:
+                self._loaded[name] = load_program(name, self.digest, lambda: self.program(name))
+            return self._loaded[name]
+
+    def call(self, name: str, *arrays: Array) -> None:
+        """Call a function with its arrays, which have to be C-contiguous and of doubles."""
+        _prototype(len(arrays))(self.address(name))(*(array.ctypes.data for array in arrays))
+
+    @property
+    def signals(self) -> tuple[Signal, ...]:
+        """Loads and motions that vary with time, in the order of the argument ``inputs``."""
+        return self._inputs.signals
+
+    def signal_values(self, t: float) -> Array:
+        """Return the argument ``inputs`` at a time t [s], shape (3 n_signals,)."""
+        out = np.zeros(3 * len(self.signals))
+        if out.size:
+            self.call("signals", np.array([float(t)]), out)
+        return out
+
+    def accelerations(self, t: float, q: Array, v: Array) -> Array:
+        """Return the accelerations, shape (n,), at a time t [s]."""
+        a = np.zeros(self.mechanism.n)
+        self.call("accelerations", self.signal_values(t), *_contiguous(q, v), a)
+        return a
+
+    def residual(self, t: float, q: Array, v: Array, a: Array) -> Array:
+        """Return ``M̂ a − Q̂``, shape (n,), at a time t [s]."""
+        r = np.zeros(self.mechanism.n)
+        self.call("residual", self.signal_values(t), *_contiguous(q, v, a), r)
+        return r
+
+    def tangents(self, inputs: Array, q: Array, v: Array, a: Array) -> tuple[Array, Array, Array]:
+        """Return the residual's derivatives by q (n, n_positions), v (n, n) and a, which is ``M̂`` (n, n)."""
+        sizes = (len(q), len(v), len(a))
+        state = _contiguous(q, v, a)
+        fixed = np.zeros((len(inputs), LANES))
+
+        def along(block: Array) -> Array:
+            dr = np.zeros((len(v), LANES))
+            self.call("tangents", inputs, *state, fixed, *np.split(block, np.cumsum(sizes)[:2]), dr)
+            return dr
+
+        by_q, by_v, by_a = np.split(_in_blocks(along, np.eye(sum(sizes)), len(v)), np.cumsum(sizes)[:2], axis=1)
+        return by_q, by_v, by_a
+
+    def input_tangents(self, inputs: Array, q: Array, v: Array, a: Array) -> Array:
+        """Return the residual's derivatives by the argument ``inputs``, shape (n, 3 n_signals)."""
+        state = _contiguous(q, v, a)
+        fixed = [np.zeros((len(x), LANES)) for x in state]
+
+        def along(block: Array) -> Array:
+            dr = np.zeros((len(v), LANES))
+            self.call("tangents", inputs, *state, block, *fixed, dr)
+            return dr
+
+        return _in_blocks(along, np.eye(len(inputs)), len(v))
+
+    def mass_matrix(self, inputs: Array, q: Array) -> Array:
+        """Return ``M̂``, shape (n, n)."""
+        (positions,) = _contiguous(q)
+
+        def along(block: Array) -> Array:
+            dr = np.zeros(block.shape)
+            self.call("inertia", inputs, positions, block, dr)
+            return dr
+
+        return _in_blocks(along, np.eye(self.mechanism.n), self.mechanism.n)
+
+    def solve(self, t: float, q: Array, f: Array) -> Array:
+        """Return ``M̂⁻¹ f`` for columns f (n, any)."""
+        return self._solve("solve", t, q, f)
+
+    def solve_fast(self, t: float, q: Array, f: Array) -> Array:
+        """Return ``M̂_SS⁻¹ f_S`` in the fast rows, and zeros in the slow ones, for columns f (n, any)."""
+        return self._solve("solve_fast", t, q, f)
+
+    def solve_slow(self, t: float, q: Array, f: Array) -> Array:
+        """Return ``M̂_LL⁻¹ f_L`` in the slow rows, and zeros in the fast ones, for columns f (n, any)."""
+        return self._solve("solve_slow", t, q, f)
+
+    def _solve(self, name: str, t: float, q: Array, f: Array) -> Array:
+        inputs, (positions,) = self.signal_values(t), _contiguous(q)
+
+        def along(block: Array) -> Array:
+            x = np.zeros(block.shape)
+            self.call(name, inputs, positions, block, x)
+            return x
+
+        return _in_blocks(along, f, len(f))
+
+    def gaps(self, t: float, q: Array, v: Array) -> tuple[Array, Array]:
+        """Return the constraints' gaps and their rates, shape (n_rows,) each; lengths [m], angles [rad] or cosines."""
+        g, rates = np.zeros((2, len(self.rows)))
+        if len(g):
+            self.call("gaps", self.signal_values(t), *_contiguous(q, v), g, rates)
+        return g, rates
+
+    def multipliers(self, t: float, q: Array) -> tuple[Array, Array]:
+        """Return ``M̂⁻¹ Jᵀ`` (n, n_rows) and ``J M̂⁻¹ Jᵀ`` (n_rows, n_rows) of the constraints."""
+        n, inputs, (positions,) = self.mechanism.n, self.signal_values(t), _contiguous(q)
+
+        def along(block: Array) -> Array:
+            x, s = np.zeros((n, LANES)), np.zeros(block.shape)
+            self.call("multipliers", inputs, positions, block, x, s)
+            return np.concatenate([x, s])
+
+        both = _in_blocks(along, np.eye(len(self.rows)), n + len(self.rows))
+        return both[:n], both[n:]
+
+    def constraint_matrix(self, t: float, q: Array) -> Array:
+        """Return J of the constraints' rates ``J v + …``, shape (n_rows, n)."""
+        X, _ = self.multipliers(t, q)
+        return np.asarray(X.T @ self.mass_matrix(self.signal_values(t), q))
+
+    def reactions(self, t: float, q: Array, v: Array) -> dict[str, Array]:
+        """Return force [N] and moment [N m] of each joint that closes a loop on its parent and on its child.
+
+        Where constraints are redundant, of all multipliers that do the same the smallest are taken.
+
+        Returns
+        -------
+        dict of str to ndarray, shape (2, 6)
+            In space, about the joint's places, by the joints' names.
+        """
+        names = [joint.name for joint in self.mechanism.closing_joints]
+        wrenches = np.zeros((len(names), 2, 6))
+        if self.rows and names:
+            _, smallest = self.constrained_accelerations(t, q, v)
+            self.call("reactions", self.signal_values(t), *_contiguous(q, v), smallest, wrenches)
+        return dict(zip(names, wrenches, strict=True))
+
+    def constrained_accelerations(self, t: float, q: Array, v: Array) -> tuple[Array, Array]:
+        """Return accelerations (n,) that keep loops closed, and the smallest multipliers (n_rows,) that do it."""
+        n_rows = len(self.rows)
+        if not n_rows:
+            return self.accelerations(t, q, v), np.zeros(0)
+        X, S = self.multipliers(t, q)
+        units, room = np.zeros((n_rows, LANES)), np.zeros((n_rows, LANES))
+        a, w, x = np.zeros(self.mechanism.n), np.zeros(n_rows), np.zeros((self.mechanism.n, LANES))
+        self.call("closed", self.signal_values(t), *_contiguous(q, v), units, a, w, x, room)
+        scale = np.sqrt(np.maximum(S.diagonal(), 1e-300))
+        smallest = -np.linalg.lstsq(S / np.outer(scale, scale), w / scale, rcond=_REDUNDANT)[0] / scale
+        return a + X @ smallest, smallest
+
+    def joint_loads(self, t: float, q: Array, v: Array, a: Array, multipliers: Array) -> tuple[Array, Array]:
+        """Return accelerations of the bodies' frames (n_bodies, 6), and loads of their joints (n_bodies, 2, 6).
+
+        The latter are force and moment on the parent, about the joint's place, and on the body, about its origin. All
+        are in space [m/s², rad/s², N, N m].
+        """
+        n = len(self.mechanism.links)
+        motions, loads = np.zeros((n, 6)), np.zeros((n, 2, 6))
+        self.call("joint_loads", self.signal_values(t), *_contiguous(q, v, a, multipliers), motions, loads)
+        return motions, loads
+
+    def frames(self, t: float, q: Array, v: Array) -> tuple[Array, Array, Array]:
+        """Return the bodies' origins (n_bodies, 3), rotations (n_bodies, 3, 3) and angular velocities in space."""
+        n = len(self.mechanism.links)
+        origins, rotations, spins = np.zeros((n, 3)), np.zeros((n, 3, 3)), np.zeros((n, 3))
+        self.call("frames", self.signal_values(t), *_contiguous(q, v), origins, rotations, spins)
+        return origins, rotations, spins
+
+    def markers(self, t: float, q: Array) -> tuple[Array, Array]:
+        """Return positions (n_markers, 3) and rotations (n_markers, 3, 3) of all named markers in space."""
+        n = sum(len(link.markers) for link in self.mechanism.links)
+        positions, rotations = np.zeros((n, 3)), np.zeros((n, 3, 3))
+        self.call("markers", self.signal_values(t), *_contiguous(q), positions, rotations)
+        return positions, rotations
+
+    def energies(self, t: float, q: Array, v: Array) -> tuple[float, float]:
+        """Return the kinetic and the potential energy [J]."""
+        out = np.zeros(2)
+        self.call("energies", self.signal_values(t), *_contiguous(q, v), out)
+        return float(out[0]), float(out[1])
+
+    def momenta(self, t: float, q: Array, v: Array) -> tuple[Array, Array]:
+        """Return the linear momentum and the angular momentum about the origin, in space."""
+        out = np.zeros(6)
+        self.call("momenta", self.signal_values(t), *_contiguous(q, v), out)
+        return out[:3], out[3:]
+
+    def flops(self, name: str = "accelerations") -> int:
+        """Return the number of additions and multiplications of one call."""
+        return self.program(name).flops
+
+    @property
+    def structure(self) -> list[str]:
+        """Structure that simplification makes use of, a line each."""
+        return describe_structure(self._inputs, self._frames, self.program("accelerations"))
+
+
+def compile_mechanism(mechanism: Mechanism) -> CompiledMechanism:
+    """Make the compiled functions of a mechanism; each compiles when it is first used, or is read from disk."""
+    return CompiledMechanism(mechanism)
+
+
+@cache
+def _prototype(n_arrays: int) -> Any:
+    return ctypes.CFUNCTYPE(None, *[ctypes.c_void_p] * n_arrays)
+
+
+def _contiguous(*arrays: Array) -> list[Array]:
+    return [np.ascontiguousarray(array, dtype=float) for array in arrays]
+
+
+def _in_blocks(along: Callable[[Array], Array], columns: Array, n_rows: int) -> Array:
+    """Apply a function that takes eight columns, and returns them with so many rows, to any number of them."""
+    n, n_columns = columns.shape
+    filled = np.zeros((n, -(-n_columns // LANES) * LANES))
+    filled[:, :n_columns] = columns
+    blocks = [along(filled[:, first : first + LANES].copy()) for first in range(0, n_columns, LANES)]
+    return np.concatenate([np.zeros((n_rows, 0)), *blocks], axis=1)[:, :n_columns]

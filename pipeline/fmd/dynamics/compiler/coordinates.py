@@ -1,0 +1,124 @@
+"""A mechanism's coordinates, rates and signals as inputs of a graph."""
+
+from __future__ import annotations
+
+import numpy as np
+
+from fmd.core.arrays import Array
+from fmd.dynamics.compiler.algebra import constants
+from fmd.dynamics.compiler.graph import Graph, Scalar, Vector, combine
+from fmd.dynamics.mechanism import Mechanism
+from fmd.dynamics.signals.signal import ALWAYS, CONSTANT, Signal
+
+
+class Coordinates:
+    """Inputs of a mechanism's graph: positions, rates and the values of its signals.
+
+    Parameters
+    ----------
+    graph : Graph
+        Where the inputs become nodes.
+    mechanism : Mechanism
+        Its layout says where each coordinate is.
+
+    Attributes
+    ----------
+    signals : tuple of Signal
+        Those that vary, each once: signal k has its value, rate and acceleration at 3 k, 3 k + 1 and 3 k + 2 of the
+        argument ``inputs``.
+    """
+
+    def __init__(self, graph: Graph, mechanism: Mechanism) -> None:
+        self.graph, self.mechanism = graph, mechanism
+        signals = [link.motion or link.load for link in mechanism.links] + [load.size for load in mechanism.loads]
+        self.signals = tuple(dict.fromkeys(signal for signal in signals if constant_value(signal) is None))
+
+    def joint_positions(self, body: int) -> list[Scalar]:
+        """Position coordinates of the joint that carries a body."""
+        first = int(self.mechanism.layout.position[body])
+        count = self.mechanism.links[body].n_positions
+        return [self.graph.scalar_input("q", first + k) for k in range(count)]
+
+    def modal_positions(self, body: int) -> Vector:
+        """Modal coordinates of a body."""
+        shift = self.mechanism.n_positions - self.mechanism.n
+        return self.graph.vector_input("q", self.mechanism.modes_of(body) + shift)
+
+    def joint_rates(self, body: int) -> list[Scalar]:
+        """Rates of the joint that carries a body."""
+        return self.inputs_of_joint(body, "v")
+
+    def modal_rates(self, body: int) -> Vector:
+        """Modal rates of a body."""
+        return self.inputs_of_modes(body, "v")
+
+    def inputs_of_joint(self, body: int, argument: str) -> list[Scalar]:
+        """A joint's entries of an argument in the order of rates."""
+        first = int(self.mechanism.layout.rate[body])
+        return [self.graph.scalar_input(argument, first + k) for k in range(self.mechanism.links[body].n_rates)]
+
+    def inputs_of_modes(self, body: int, argument: str) -> Vector:
+        """Entries of a body's modes of an argument in the order of rates."""
+        return self.graph.vector_input(argument, self.mechanism.modes_of(body))
+
+    @property
+    def leaping(self) -> Coordinates:
+        """Inputs of this mechanism in the leapfrog method."""
+        return LeapingCoordinates(self.graph, self.mechanism)
+
+    @property
+    def step(self) -> Scalar:
+        """Length of a leapfrog step."""
+        return self.graph.scalar_input("step", 0)
+
+    def number(self, body: int, name: str, value: float) -> Scalar:
+        """A constant of a body or of its joint, or of the mechanism for body -1."""
+        return self.graph.number(value)
+
+    def scaled(self, body: int, name: str, values: Array, vector: Vector) -> Vector:
+        """A modal vector, each entry times a constant of a body."""
+        return vector.multiplied_by(np.diag(values))
+
+    def signal(self, signal: Signal, derivatives: int = 0) -> list[Scalar]:
+        """A signal's value and its first derivatives, as inputs if it varies."""
+        value = constant_value(signal)
+        if value is not None:
+            return constants(self.graph, [value, 0.0, 0.0][: 1 + derivatives])
+        first = 3 * self.signals.index(signal)
+        return [self.graph.scalar_input("inputs", first + k) for k in range(1 + derivatives)]
+
+
+class RestingCoordinates(Coordinates):
+    """Inputs of a mechanism at rest: its positions; all rates, and the derivatives of signals, are zero."""
+
+    def joint_rates(self, body: int) -> list[Scalar]:
+        """Return zeros."""
+        return constants(self.graph, [0.0] * self.mechanism.links[body].n_rates)
+
+    def modal_rates(self, body: int) -> Vector:
+        """Return zeros."""
+        return self.graph.zeros(len(self.mechanism.links[body].omega))
+
+    def signal(self, signal: Signal, derivatives: int = 0) -> list[Scalar]:
+        """A signal's value, and zeros."""
+        return [*super().signal(signal), *constants(self.graph, [0.0] * derivatives)]
+
+
+class LeapingCoordinates(Coordinates):
+    """Inputs of a mechanism in the leapfrog method: rates are half a step behind, ``v + ½ h a`` with the last a."""
+
+    def joint_rates(self, body: int) -> list[Scalar]:
+        """Return a joint's rates half a step later."""
+        pairs = zip(super().joint_rates(body), self.inputs_of_joint(body, "a"), strict=True)
+        return [v + a * (self.step * 0.5) for v, a in pairs]
+
+    def modal_rates(self, body: int) -> Vector:
+        """Return a body's modal rates half a step later."""
+        return combine([(1.0, super().modal_rates(body)), (self.step * 0.5, self.inputs_of_modes(body, "a"))])
+
+
+def constant_value(signal: Signal) -> float | None:
+    """Return the value of a signal that doesn't change, else ``None``."""
+    if signal.breakpoints or any(term.kind != CONSTANT or term.support != ALWAYS for term in signal.terms):
+        return None
+    return float(sum(term.numbers[0] for term in signal.terms))

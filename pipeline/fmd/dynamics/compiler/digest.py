@@ -1,0 +1,70 @@
+"""Digest of a mechanism's constants, by which its machine code is kept: reading it back needs no tracing."""
+
+from __future__ import annotations
+
+import hashlib
+from collections.abc import Mapping, Sequence
+from dataclasses import fields, is_dataclass
+from functools import cache
+from typing import Any
+
+import numpy as np
+
+from fmd.dynamics.closures import Coupler
+from fmd.dynamics.compiler.coordinates import Coordinates, constant_value
+from fmd.dynamics.signals.signal import Signal
+
+_NAMES = {"name", "joint_name", "section", "body", "part"}
+"""Fields that are in no equation, or in it by a number."""
+
+
+def digest_mechanism(inputs: Coordinates) -> str:
+    """Return the digest of all that a mechanism's functions are traced from; varying signals are inputs of these."""
+    mechanism, pieces = inputs.mechanism, list[bytes]()
+    numbers = {link.name: number for number, link in enumerate(mechanism.links)}
+    _add(pieces, inputs, [mechanism.links, mechanism.layout, mechanism.gravity])
+    for load in mechanism.loads:
+        _add(pieces, inputs, [numbers[load.body], load])
+    for element in mechanism.elements:
+        _add(pieces, inputs, [[numbers.get(end.body, -1) for end in element.ends], type(element).__name__, element])
+    for closure in mechanism.closures:
+        if isinstance(closure, Coupler):
+            _add(pieces, inputs, [[numbers[body] for body in closure.joints], closure.factors, closure.offset])
+        else:
+            places = [numbers.get(place.body, -1) for place in (closure.first, closure.second)]
+            _add(pieces, inputs, [places, closure])
+    return hashlib.blake2b(b"".join(pieces), digest_size=16).hexdigest()
+
+
+@cache
+def _fields_of(kind: Any) -> tuple[tuple[str, bytes], ...] | None:
+    """Return the names of a dataclass's fields that count; None for another type."""
+    if not is_dataclass(kind):
+        return None
+    return tuple((field.name, field.name.encode()) for field in fields(kind) if field.name not in _NAMES)
+
+
+@cache
+def _describe_array(shape: tuple[int, ...], dtype: Any) -> bytes:
+    return f"{shape}{dtype}".encode()
+
+
+def _add(pieces: list[bytes], inputs: Coordinates, value: Any) -> None:
+    """Add a value's bytes, with its type and shape where another could have the same ones."""
+    if isinstance(value, np.ndarray):
+        pieces += (_describe_array(value.shape, value.dtype), value.tobytes())
+    elif isinstance(value, Signal):  # an input's number, or a constant; None for the load of a prescribed joint
+        number = inputs.signals.index(value) if value in inputs.signals else constant_value(value)
+        pieces.append(f"signal {number!r};".encode())
+    elif (names := _fields_of(value.__class__)) is not None:
+        for name, piece in names:
+            pieces.append(piece)
+            _add(pieces, inputs, getattr(value, name))
+    elif isinstance(value, Mapping):
+        _add(pieces, inputs, list(value.values()))
+    elif isinstance(value, Sequence) and not isinstance(value, str):
+        pieces.append(f"[{len(value)}".encode())
+        for item in value:
+            _add(pieces, inputs, item)
+    else:
+        pieces.append(f"{value!r};".encode())

@@ -1,0 +1,189 @@
+"""Forces that accelerate a mechanism: its own at a state, or any that are given, with some coordinates held or none."""
+
+from __future__ import annotations
+
+from typing import Protocol
+
+import numpy as np
+
+from fmd.core.arrays import Array
+from fmd.dynamics.compiler.algebra import Vector6, constants, cross, subtract, times, transpose
+from fmd.dynamics.compiler.bodies import AXES, Inertia, velocity_forces
+from fmd.dynamics.compiler.cleaning import clean_direction, clean_marker
+from fmd.dynamics.compiler.coordinates import Coordinates, RestingCoordinates
+from fmd.dynamics.compiler.elements import trace_actions
+from fmd.dynamics.compiler.frames import MovingFrame
+from fmd.dynamics.compiler.graph import Graph, Scalar, Terms, Vector, combine
+from fmd.dynamics.compiler.laws import trace_law
+from fmd.dynamics.compiler.marker import trace_marker
+from fmd.dynamics.links import ONE_AXIS, REVOLUTE, PointLoad
+
+JOINT_CONSTANTS = ("spring", "rest", "damper")
+
+
+class Forces(Protocol):
+    """Forces on a mechanism's bodies and joints, and which of its coordinates they accelerate."""
+
+    @property
+    def graph(self) -> Graph:
+        """Where they are nodes."""
+
+    @property
+    def ground(self) -> Vector6:
+        """Acceleration of the ground; upwards it is the weight."""
+
+    def on_body(self, frame: MovingFrame, inertia: Inertia) -> tuple[Vector6, Terms]:
+        """Return p of a body, and the terms of −e; see `bodies`."""
+
+    def on_joint(self, frame: MovingFrame) -> list[Scalar]:
+        """Return what acts along each of a joint's directions."""
+
+    def free_directions(self, frame: MovingFrame) -> list[Vector6]:
+        """Return the directions in which a joint isn't held."""
+
+    def free_modes(self, frame: MovingFrame) -> Array:
+        """Return 1 for each mode that isn't held, else 0."""
+
+
+class ActingForces:
+    """All that acts on a mechanism: inertia of its velocities, weight, springs, dampers, force elements, loads."""
+
+    def __init__(self, inputs: Coordinates, frames: list[MovingFrame]) -> None:
+        self._inputs, self.graph = inputs, inputs.graph
+        self._actions = trace_actions(inputs, frames)
+        weight = [inputs.number(-1, f"gravity {k}", -float(g)) for k, g in enumerate(inputs.mechanism.gravity)]
+        self.ground: Vector6 = [*weight, *constants(inputs.graph, [0.0] * 3)]
+
+    def on_body(self, frame: MovingFrame, inertia: Inertia) -> tuple[Vector6, Terms]:
+        """Return p of a body, and the terms of −e; see `bodies`."""
+        p, terms = velocity_forces(inertia, frame.spin, frame.v)
+        terms = terms + modal_load(self._inputs, frame)
+        for at in self._inputs.mechanism.loads:
+            if at.body == frame.link.name:
+                force, on_modes = point_load(self._inputs, frame, at)
+                p, terms = subtract(p, force), terms + on_modes
+        for action in self._actions.get(frame.number, []):
+            force, on_modes = action.on_body()
+            p, terms = subtract(p, force), terms + on_modes
+        return p, terms
+
+    def on_joint(self, frame: MovingFrame) -> list[Scalar]:
+        """Return what acts along each of a joint's directions."""
+        if len(frame.directions) == 1:
+            return [joint_load(self._inputs, frame)]
+        laws = frame.link.laws
+        if not laws:
+            return constants(self.graph, [0.0] * len(frame.directions))
+        positions, rates = self._inputs.joint_positions(frame.number), self._inputs.joint_rates(frame.number)
+        return [-trace_law(*at) for at in zip(laws, positions, rates, strict=True)]
+
+    def free_directions(self, frame: MovingFrame) -> list[Vector6]:
+        """Return all directions of a joint."""
+        return frame.directions
+
+    def free_modes(self, frame: MovingFrame) -> Array:
+        """Return 1 for each mode."""
+        return np.ones(len(frame.link.omega))
+
+
+class GivenForces:
+    """Generalised forces that are read from an argument, on a mechanism at rest without weight.
+
+    Parameters
+    ----------
+    inputs : RestingCoordinates
+        Positions alone.
+    argument : str
+        The forces, in the order of rates.
+    free : range
+        The rates that accelerate; all others are held.
+    """
+
+    def __init__(self, inputs: RestingCoordinates, argument: str, free: range) -> None:
+        self._inputs, self._argument, self._free, self.graph = inputs, argument, free, inputs.graph
+        self.ground: Vector6 = constants(inputs.graph, [0.0] * 6)
+
+    def on_body(self, frame: MovingFrame, inertia: Inertia) -> tuple[Vector6, Terms]:
+        """Return no force on the frame, and the forces on free modes."""
+        given = self.on_modes(frame)
+        return constants(self.graph, [0.0] * 6), [(1.0, given.multiplied_by(np.diag(self.free_modes(frame))))]
+
+    def on_modes(self, frame: MovingFrame) -> Vector:
+        """Return the forces on a body's modes."""
+        return self._inputs.inputs_of_modes(frame.number, self._argument)
+
+    def on_joint(self, frame: MovingFrame) -> list[Scalar]:
+        """Return what acts along each direction that isn't held."""
+        given = self._inputs.inputs_of_joint(frame.number, self._argument)
+        return given[: len(self.free_directions(frame))]
+
+    def free_directions(self, frame: MovingFrame) -> list[Vector6]:
+        """Return the directions of a joint that isn't held."""
+        free = int(self._inputs.mechanism.layout.rate[frame.number]) in self._free
+        return frame.directions if free else []
+
+    def free_modes(self, frame: MovingFrame) -> Array:
+        """Return 1 for each mode that isn't held, else 0."""
+        modes = self._inputs.mechanism.modes_of(frame.number)
+        return np.array([float(int(mode) in self._free) for mode in modes])
+
+
+def joint_load(inputs: Coordinates, frame: MovingFrame) -> Scalar:
+    """Return the force or torque along a joint: those of its load, spring, damper, stops and friction."""
+    link, graph = frame.link, inputs.graph
+    if link.joint not in ONE_AXIS or link.motion is not None:
+        return graph.number(0.0)
+    x, rate = joint_elongation(inputs, frame)
+    spring, rest, damper = (inputs.number(frame.number, name, getattr(link, name)) for name in JOINT_CONSTANTS)
+    load = inputs.signal(link.load)[0] - (x - rest) * spring - rate * damper
+    for law in link.laws:
+        load = load - trace_law(law, x, rate)
+    return load
+
+
+def joint_elongation(inputs: Coordinates, frame: MovingFrame) -> tuple[Scalar, Scalar]:
+    """Return position and rate of a joint with one axis, a revolute one's of the section that it grips."""
+    (s,), (ds,) = inputs.joint_positions(frame.number), inputs.joint_rates(frame.number)
+    return s + section_angle(inputs.graph, frame), ds + joint_grip(inputs.graph, frame).dot(frame.v)
+
+
+def section_angle(graph: Graph, frame: MovingFrame) -> Scalar:
+    """Return the angle by which a body's own section has turned in its joint."""
+    link = frame.link
+    if not (link.joint == REVOLUTE and len(link.joint_rotation) and link.motion is None):
+        return graph.number(0.0)
+    return combine([(0.5, graph.array(link.joint_rotation)), (0.5, joint_grip(graph, frame))]).dot(frame.q)
+
+
+def joint_grip(graph: Graph, frame: MovingFrame) -> Vector:
+    """Return how much a body's own section turns in its joint for unit modal coordinates, at its deflection."""
+    link = frame.link
+    if not (link.joint == REVOLUTE and len(link.joint_rotation) and link.motion is None):
+        return graph.zeros(len(link.omega))
+    grip = graph.array(link.joint_rotation)
+    return grip + frame.q.multiplied_by(link.joint_bow) if link.joint_bow.size else grip
+
+
+def modal_load(inputs: Coordinates, frame: MovingFrame) -> Terms:
+    """Return the terms of the forces of a body's modal springs and dampers, and of its joint's load, on its modes."""
+    link, graph = frame.link, inputs.graph
+    if not len(link.omega):
+        return []
+    terms: Terms = [(-1.0, frame.q.multiplied_by(np.diag(link.omega**2)))]
+    if len(link.damping):
+        terms.append((-1.0, inputs.scaled(frame.number, "damping", 2.0 * link.damping * link.omega, frame.v)))
+    return [*terms, (joint_load(inputs, frame), joint_grip(graph, frame))]
+
+
+def point_load(inputs: Coordinates, frame: MovingFrame, at: PointLoad) -> tuple[Vector6, Terms]:
+    """Return the force and moment of a load on the body's frame, and the terms of its forces on the modes."""
+    graph = inputs.graph
+    marker = trace_marker(graph, clean_marker(at.marker, len(frame.link.omega)), frame.q, frame.v)
+    size = inputs.signal(at.size)[0]
+    direction = [size * float(x) for x in clean_direction(at.direction)]
+    direction = times(marker.R if at.following else transpose(frame.world[1]), direction)
+    if at.torque:
+        zero = graph.number(0.0)
+        moments = times(transpose(marker.A), direction)
+        return [zero] * 3 + direction, [(moments[i], marker.turns[i]) for i in AXES]
+    return direction + cross(marker.arm, direction), [(direction[i], marker.slopes[i]) for i in AXES]

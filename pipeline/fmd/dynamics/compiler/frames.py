@@ -1,0 +1,283 @@
+"""Kinematics of a mechanism's frames: how joints and the markers that they sit on place, turn and move bodies.
+
+Every frame's quantities are in its body's own axes. Accelerations come in pairs (a, α) of a frame's origin and of its
+rotation. The marker that carries body b, on its parent p, and the frame of b itself accelerate by
+
+    x_marker = B x_p + T η_p + β        x_b = shift(Rᵀ x_marker, d) + S q̈ + γ
+
+with B the shift along the arm, T = (Φ, A(θ) Ψ) the marker's motion for unit modal accelerations η of p, R the rotation
+from the axes of b into the parent's, S the joint's free directions, and β, γ what velocities alone bring about.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, field
+
+import numpy as np
+
+from fmd.core.arrays import Array
+from fmd.dynamics.compiler.algebra import (
+    Matrix,
+    Vector3,
+    Vector6,
+    add,
+    constants,
+    cross,
+    identity,
+    product,
+    scale,
+    shift_matrix,
+    times,
+    transpose,
+)
+from fmd.dynamics.compiler.cleaning import clean_direction, clean_marker, rigid_constants
+from fmd.dynamics.compiler.coordinates import Coordinates
+from fmd.dynamics.compiler.graph import Graph, Scalar, Vector
+from fmd.dynamics.compiler.marker import MarkerMotion, rotation, trace_marker
+from fmd.dynamics.links import CYLINDRICAL, FREE, ONE_AXIS, PLANAR, REVOLUTE, SCREW, SPHERICAL, UNIVERSAL, Link
+
+_PARALLEL = 1e-14
+
+
+@dataclass
+class MovingFrame:
+    """A body's frame and the joint that carries it; see this module's equations.
+
+    Attributes
+    ----------
+    number : int
+        The body's.
+    q, v : Vector
+        Modal coordinates and rates.
+    spin : Vector3
+        Angular velocity.
+    R : Matrix
+        From the body's axes into its parent's.
+    beta, gamma : Vector6
+        Bias accelerations of the marker, in the parent's axes, and of the joint.
+    B : Matrix
+        Shift of accelerations from the parent's origin to the marker.
+    marker : MarkerMotion
+        Where the joint sits.
+    shift : Vector3
+        From the joint to the body's origin, in the body's axes.
+    directions : list of Vector6
+        Columns of S.
+    velocity : Vector3
+        Of the origin.
+    rigid : RigidInertia
+        Of the undeformed body.
+    children : list of MovingFrame
+        Bodies that this one carries.
+    """
+
+    number: int
+    link: Link
+    parent: MovingFrame | None
+    q: Vector
+    v: Vector
+    spin: Vector3
+    R: Matrix
+    beta: Vector6
+    gamma: Vector6
+    B: Matrix
+    marker: MarkerMotion
+    shift: Vector3
+    directions: list[Vector6]
+    velocity: Vector3
+    rigid: RigidInertia
+    children: list[MovingFrame] = field(default_factory=list)
+    _world: tuple[Vector3, Matrix] | None = None
+
+    @property
+    def world(self) -> tuple[Vector3, Matrix]:
+        """Origin and rotation in space; computed where something needs it."""
+        if self._world is None:
+            if self.parent is None:
+                R = self.R
+                origin = add(self.marker.arm, times(R, self.shift))
+            else:
+                above, R_above = self.parent.world
+                R = product(R_above, self.R)
+                origin = add(above, times(R_above, self.marker.arm), times(R, self.shift))
+            self._world = origin, R
+        return self._world
+
+    def carry(self, above: Vector6, of_modes: Vector6 | None = None) -> Vector6:
+        """Carry an acceleration of the parent's frame, and of its modes at the marker, on to this frame, for q̈ = 0."""
+        at_marker = add(times(self.B, above), self.beta)
+        if of_modes is not None:
+            at_marker = add(at_marker, of_modes)
+        a, alpha = (times(transpose(self.R), part) for part in (at_marker[:3], at_marker[3:]))
+        return add(add(a, cross(alpha, self.shift)) + alpha, self.gamma)
+
+    def marker_motion(self, eta: Vector) -> Vector6:
+        """Return ``T η``: how the modes of the parent accelerate the marker."""
+        turns = [row.dot(eta) for row in self.marker.turns]
+        return [row.dot(eta) for row in self.marker.slopes] + times(self.marker.A, turns)
+
+    def move(self, accelerations: list[Scalar]) -> Vector6:
+        """Return ``S q̈``."""
+        out = [self.spin[0].graph.number(0.0)] * 6
+        for direction, value in zip(self.directions, accelerations, strict=True):
+            out = add(out, scale(value, direction))
+        return out
+
+
+@dataclass(frozen=True)
+class RigidInertia:
+    """Mass, first moment and inertia tensor of an undeformed body, of which the lower triangle by rows."""
+
+    mass: Scalar
+    S: Vector3
+    J: Matrix
+
+
+def trace_rigid_inertia(inputs: Coordinates, body: int) -> RigidInertia:
+    """Trace a body's rigid inertia from its constants."""
+    mass, S, J = rigid_constants(inputs.mechanism.links[body])
+    first = [inputs.number(body, f"S {a}", S[a]) for a in range(3)]
+    tensor = [[inputs.number(body, f"J {a} {b}", J[a, b]) for b in range(a + 1)] for a in range(3)]
+    return RigidInertia(inputs.number(body, "mass", mass), first, tensor)
+
+
+def trace_frames(inputs: Coordinates) -> list[MovingFrame]:
+    """Trace the frames of a mechanism's bodies, each after its parent's."""
+    frames: list[MovingFrame] = []
+    for number, link in enumerate(inputs.mechanism.links):
+        parent = frames[link.parent] if link.parent >= 0 else None
+        frame = _trace_frame(inputs, number, link, parent)
+        if parent is not None:
+            parent.children.append(frame)
+        frames.append(frame)
+    return frames
+
+
+def _trace_frame(inputs: Coordinates, number: int, link: Link, parent: MovingFrame | None) -> MovingFrame:
+    graph = inputs.graph
+    zero3 = constants(graph, [0.0] * 3)
+    n_parent = len(parent.link.omega) if parent else 0
+    none = graph.zeros(0)
+    q, v, spin = (parent.q, parent.v, parent.spin) if parent else (none, none, zero3)
+    marker = trace_marker(graph, clean_marker(link.place_marker, n_parent), q, v)
+    beta = marker_bias(spin, marker)
+    motion = _trace_joint(inputs, number, link, marker)
+    w = times(transpose(motion.R), add(spin, marker.turned))  # of the joint's frame on the parent, in the body's axes
+    swept = add(cross(w, motion.shift), scale(2.0, motion.sliding))
+    gamma = add(cross(w, swept), motion.slide_acceleration) + add(cross(w, motion.turning), motion.turn_acceleration)
+    above = parent.velocity if parent else zero3
+    at_marker = add(above, cross(spin, marker.arm), scale(0.5, marker.moving))
+    velocity = add(times(transpose(motion.R), at_marker), cross(w, motion.shift), motion.sliding)
+    return MovingFrame(
+        number,
+        link,
+        parent,
+        inputs.modal_positions(number),
+        inputs.modal_rates(number),
+        add(w, motion.turning),
+        motion.R,
+        beta,
+        gamma,
+        shift_matrix(marker.arm),
+        marker,
+        motion.shift,
+        motion.directions,
+        velocity,
+        trace_rigid_inertia(inputs, number),
+    )
+
+
+def marker_bias(spin: Vector3, marker: MarkerMotion) -> Vector6:
+    """Return how velocities alone accelerate a marker and its section on a body that spins."""
+    swept = add(cross(spin, marker.arm), marker.moving)
+    return add(cross(spin, swept), marker.bending) + add(cross(spin, marker.turned), marker.turning)
+
+
+@dataclass
+class _JointMotion:
+    """Motion of a joint between its marker and its body, in the body's axes."""
+
+    R: Matrix  # from the body's axes into the parent's: rotations of the marker, of the place's axes and of the joint
+    shift: Vector3
+    sliding: Vector3
+    slide_acceleration: Vector3
+    turning: Vector3
+    turn_acceleration: Vector3
+    directions: list[Vector6]
+
+
+def _trace_joint(inputs: Coordinates, number: int, link: Link, marker: MarkerMotion) -> _JointMotion:
+    graph = inputs.graph
+    zero3 = constants(graph, [0.0] * 3)
+    turned = (link.place_axes != np.eye(3)).any()
+    on_place = product(marker.R, [constants(graph, row) for row in link.place_axes]) if turned else marker.R
+    motion = _JointMotion(on_place, zero3, zero3, zero3, zero3, zero3, [])
+    s, ds = inputs.joint_positions(number), inputs.joint_rates(number)
+    if link.joint in ONE_AXIS:
+        unit = clean_direction(link.axis)
+        axis = constants(graph, unit)
+        known = [*s, *ds, graph.number(0.0)]
+        if link.motion is not None:
+            known = inputs.signal(link.motion, derivatives=2)
+        along, rate, acceleration = (scale(value, axis) for value in known)
+        if link.joint in (REVOLUTE, SCREW):
+            turn = rotation(graph, unit, known[0])
+            motion.R = product(on_place, turn) if turned else _turn_about(graph, marker, unit, known[0])
+            motion.turning, motion.turn_acceleration = rate, acceleration
+            motion.shift, motion.sliding, motion.slide_acceleration = (
+                scale(link.lead, part) for part in (along, rate, acceleration)
+            )
+            motion.directions = [scale(link.lead, axis) + axis]
+        else:
+            motion.shift, motion.sliding, motion.slide_acceleration = along, rate, acceleration
+            motion.directions = [axis + zero3]
+        if link.motion is not None:
+            motion.directions = []
+    elif link.joint == UNIVERSAL:
+        first, second = clean_direction(link.axis), clean_direction(link.other_axis)
+        last = rotation(graph, second, s[1])
+        motion.R = product(product(on_place, rotation(graph, first, s[0])), last)
+        about = [times(transpose(last), constants(graph, first)), constants(graph, second)]
+        turns = [scale(rate, axis) for rate, axis in zip(ds, about, strict=True)]
+        motion.turning, motion.turn_acceleration = add(*turns), cross(*turns)
+        motion.directions = [zero3 + axis for axis in about]
+    elif link.joint in (CYLINDRICAL, PLANAR):
+        unit = clean_direction(link.axis)
+        turn = rotation(graph, unit, s[-1])
+        motion.R, motion.turning = product(on_place, turn), scale(ds[-1], constants(graph, unit))
+        slides = [unit] if link.joint == CYLINDRICAL else [clean_direction(axis) for axis in link.slide_axes]
+        in_body = [times(transpose(turn), constants(graph, axis)) for axis in slides]
+        if link.joint == CYLINDRICAL:
+            in_body = [constants(graph, unit)]  # which turning leaves where it is
+        motion.shift = add(*(scale(x, axis) for x, axis in zip(s[:-1], in_body, strict=True)))
+        motion.sliding = add(*(scale(x, axis) for x, axis in zip(ds[:-1], in_body, strict=True)))
+        motion.directions = [*(axis + zero3 for axis in in_body), zero3 + constants(graph, unit)]
+    elif link.joint in (SPHERICAL, FREE):
+        turn = _quaternion_rotation(s[-4:])
+        motion.R, motion.turning = product(on_place, turn), ds[-3:]
+        into_body = transpose(turn)
+        if link.joint == FREE:
+            motion.shift, motion.sliding = times(into_body, s[:3]), times(into_body, ds[:3])
+            motion.directions = [list(row) + zero3 for row in turn]
+        motion.directions = motion.directions + [zero3 + row for row in identity(graph, 3)]
+    return motion
+
+
+def _turn_about(graph: Graph, marker: MarkerMotion, axis: Array, angle: Scalar) -> Matrix:
+    """Rotation of the marker and of a hinge on it: one rotation if both have the same axis."""
+    if marker.angle is not None:
+        marker_axis, marker_angle = marker.angle
+        along = float(marker_axis @ axis)
+        if abs(abs(along) - 1.0) < _PARALLEL:
+            return rotation(graph, axis, angle + marker_angle * float(np.sign(along)))
+    return product(marker.R, rotation(graph, axis, angle))
+
+
+def _quaternion_rotation(e: list[Scalar]) -> Matrix:
+    """Rotation of a unit quaternion, scalar part last."""
+    x, y, z, w = e
+    return [
+        [1.0 - 2.0 * (y * y + z * z), 2.0 * (x * y - w * z), 2.0 * (x * z + w * y)],
+        [2.0 * (x * y + w * z), 1.0 - 2.0 * (x * x + z * z), 2.0 * (y * z - w * x)],
+        [2.0 * (x * z - w * y), 2.0 * (y * z + w * x), 1.0 - 2.0 * (x * x + y * y)],
+    ]

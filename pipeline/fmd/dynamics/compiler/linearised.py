@@ -1,0 +1,185 @@
+"""Equations of motion and constraints at a state, differentiated exactly and evaluated without compiling them.
+
+With multipliers λ the equations are ``r = M̂ a − Q̂ − Jᵀ λ = 0``, ``ġ = 0`` and ``g̈ = J a + … = 0``. Their derivatives
+are those of the same graph that is compiled for a march; one state is evaluated faster than code is made of it.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from typing import NamedTuple
+
+import numpy as np
+
+from fmd.core.arrays import Array, IntArray
+from fmd.dynamics.compiler.bodies import Inertia
+from fmd.dynamics.compiler.closures import ConstraintRow, MultiplierForces, trace_rows
+from fmd.dynamics.compiler.coordinates import Coordinates
+from fmd.dynamics.compiler.differentiate import differentiate
+from fmd.dynamics.compiler.forces import ActingForces
+from fmd.dynamics.compiler.frames import MovingFrame, trace_frames
+from fmd.dynamics.compiler.graph import Graph, Scalar, Terms, Vector
+from fmd.dynamics.compiler.interpret import interpret
+from fmd.dynamics.compiler.recursion import BodyValues
+from fmd.dynamics.compiler.residual import trace_motion, trace_residual
+from fmd.dynamics.compiler.tangents import direction_inputs
+from fmd.dynamics.mechanism import Mechanism
+from fmd.dynamics.signals.signal import Signal
+
+_ARGUMENTS = ("inputs", "q", "v", "a", "f")
+_REDUNDANT = 1e-10  # of the largest singular value of the scaled equations
+
+
+class Tangents(NamedTuple):
+    """Accelerations at a state, and the derivatives of the equations and of the constraints there."""
+
+    a: Array  # (n,): accelerations
+    M: Array  # (n, n): ∂r/∂a
+    by_v: Array  # (n, n): ∂r/∂v
+    by_q: Array  # (n, n_positions): ∂r/∂q
+    by_signals: Array  # (n, n_signals): ∂r by the values of the varying signals, in their order
+    J: Array  # (n_rows, n): ∂g̈/∂a
+    rates_by_q: Array  # (n_rows, n_positions): ∂ġ/∂q
+    accelerations_by_q: Array  # (n_rows, n_positions): ∂g̈/∂q
+    accelerations_by_v: Array  # (n_rows, n): ∂g̈/∂v
+
+
+class ConstrainedForces(ActingForces):
+    """All that acts on a mechanism, and the forces of its constraints, whose multipliers are the argument ``f``."""
+
+    def __init__(self, inputs: Coordinates, frames: list[MovingFrame], rows: list[ConstraintRow]) -> None:
+        super().__init__(inputs, frames)
+        self._multipliers = MultiplierForces(inputs, rows)
+
+    def on_body(self, frame: MovingFrame, inertia: Inertia) -> tuple[list[Scalar], Terms]:
+        """Return p of a body, and the terms of −e; see `bodies`."""
+        p, terms = super().on_body(frame, inertia)
+        more, more_terms = self._multipliers.on_body(frame, inertia)
+        return [x + y for x, y in zip(p, more, strict=True)], terms + more_terms
+
+    def on_joint(self, frame: MovingFrame) -> list[Scalar]:
+        """Return what acts along each of a joint's directions."""
+        pairs = zip(super().on_joint(frame), self._multipliers.on_joint(frame), strict=True)
+        return [x + y for x, y in pairs]
+
+
+class LinearisedMechanism:
+    """A mechanism whose equations can be differentiated at any state.
+
+    Parameters
+    ----------
+    mechanism : Mechanism
+        Without prescribed motions: their joints are coordinates whose accelerations are given.
+    given : ndarray of int
+        Rates whose accelerations are given.
+    """
+
+    def __init__(self, mechanism: Mechanism, given: IntArray) -> None:
+        self.mechanism, self.given = mechanism, given
+        inputs = Coordinates(Graph(), mechanism)
+        frames = trace_frames(inputs)
+        rows = trace_rows(inputs, frames) if mechanism.closures else []
+        acting = ConstrainedForces(inputs, frames, rows) if rows else ActingForces(inputs, frames)
+        self.n_rows, self.signals, self._graph = len(rows), inputs.signals, inputs.graph
+        self._values, self._places = _trace(inputs, frames, acting, rows)
+        self._slopes = differentiate(inputs.graph, self._values, direction_inputs(inputs.graph, _ARGUMENTS))
+
+    def tangents(
+        self, q: Array, v: Array, signals: Mapping[Signal, float], given: Array, held: Array | None = None
+    ) -> Tangents:
+        """Return accelerations and derivatives at a state.
+
+        Parameters
+        ----------
+        q, v : ndarray, shapes (n_positions,) and (n,)
+            Positions and rates.
+        signals : mapping of Signal to float
+            Values of the varying signals; their rates and accelerations act on nothing here.
+        given : ndarray
+            Accelerations of the rates that are given.
+        held : ndarray, optional
+            Accelerations of all rates (n,), if forces that don't vary hold a mechanism without loops so.
+        """
+        n, m = self.mechanism.n, self.n_rows
+        inputs = np.zeros(3 * len(self.signals))
+        inputs[::3] = [signals[signal] for signal in self.signals]
+        a, f = np.zeros(n), np.zeros(m)
+        a[self.given] = given
+        left = self._evaluate(self._values, {"inputs": inputs, "q": q, "v": v, "a": a, "f": f}, ())
+        by = self._derivatives(inputs, q, v, a, f)
+        if held is None or m:
+            a, f = self._solve(by["a"][:n], by["a"][n + m :], left[:n], left[n + m :], a)
+        else:
+            a = held
+        by = self._derivatives(inputs, q, v, a, f)
+        r, rates, second = slice(0, n), slice(n, n + m), slice(n + m, n + 2 * m)
+        return Tangents(
+            a,
+            by["a"][r],
+            by["v"][r],
+            by["q"][r],
+            by["inputs"][r, ::3],
+            by["a"][second],
+            by["q"][rates],
+            by["q"][second],
+            by["v"][second],
+        )
+
+    def _solve(self, M: Array, J: Array, r: Array, w: Array, a: Array) -> tuple[Array, Array]:
+        """Solve for the accelerations that aren't given and the smallest multipliers."""
+        free = np.setdiff1d(np.arange(self.mechanism.n), self.given)
+        if not free.size:
+            return a, np.zeros(len(w))
+        scale = 1.0 / np.sqrt(M.diagonal()[free])
+        own, rows = M[np.ix_(free, free)] * np.outer(scale, scale), J[:, free] * scale
+        sizes = np.maximum(np.linalg.norm(rows, axis=1), 1e-300)
+        rows = rows / sizes[:, None]
+        whole = np.block([[own, -rows.T], [rows, np.zeros((len(w), len(w)))]])
+        x = np.linalg.lstsq(whole, -np.concatenate([r[free] * scale, w / sizes]), rcond=_REDUNDANT)[0]
+        out = a.copy()
+        out[free] = x[: len(free)] * scale
+        return out, x[len(free) :] / sizes
+
+    def _derivatives(self, *state: Array) -> dict[str, Array]:
+        """Return the derivatives of all values by each argument."""
+        sizes = [len(x) for x in state]
+        arguments = dict(zip(_ARGUMENTS, state, strict=True))
+        blocks = np.split(np.eye(sum(sizes)), np.cumsum(sizes)[:-1])
+        arguments |= {f"d{name}": block for name, block in zip(_ARGUMENTS, blocks, strict=True)}
+        by_all = self._evaluate(self._slopes, arguments, (sum(sizes),))
+        return dict(zip(_ARGUMENTS, np.split(by_all, np.cumsum(sizes)[:-1], axis=1), strict=True))
+
+    def _evaluate(self, values: list[Scalar | Vector], arguments: Mapping[str, Array], lanes: tuple[int, ...]) -> Array:
+        """Return values in the order of rates, rates of gaps, accelerations of gaps."""
+        out = np.zeros((self.mechanism.n + 2 * self.n_rows, *lanes))
+        found = interpret(self._graph, [value.node for value in values], arguments)
+        for place, value, of in zip(self._places, found, values, strict=True):
+            x = np.asarray(value, dtype=float)
+            if lanes and x.ndim == (0 if isinstance(of, Scalar) else 1):
+                x = x[..., None]  # a constant along all directions
+            out[place] = x
+        return out
+
+
+def _trace(
+    inputs: Coordinates, frames: list[MovingFrame], acting: ActingForces, rows: list[ConstraintRow]
+) -> tuple[list[Scalar | Vector], list[int | IntArray]]:
+    """Trace residual, rates and accelerations of gaps, with the place of each value among all."""
+    mechanism = inputs.mechanism
+    values: list[Scalar | Vector] = []
+    places: list[int | IntArray] = []
+    for number, body in enumerate(trace_residual(inputs, frames, acting)):
+        first = int(mechanism.layout.rate[number])
+        values += body.joint
+        places += [first + k for k in range(len(body.joint))]
+        if body.modes.size:
+            values.append(body.modes)
+            places.append(mechanism.modes_of(number))
+    x = trace_motion(inputs, frames, acting) if rows else []
+    motion = [
+        BodyValues(inputs.inputs_of_joint(k, "a"), inputs.inputs_of_modes(k, "a"), body) for k, body in enumerate(x)
+    ]
+    values += [row.rate(inputs) for row in rows]
+    values += [row.acceleration(inputs, acting.ground, motion) + row.bias for row in rows]
+    places += [mechanism.n + k for k in range(2 * len(rows))]
+    return values, places

@@ -1,0 +1,113 @@
+"""LLVM's intermediate language for a program's graph: straight-line code, but for products with large matrices."""
+
+from __future__ import annotations
+
+from fmd.dynamics.compiler.chunks import Chunk, ChunkWriter
+from fmd.dynamics.compiler.functions import DECLARATIONS, FUNCTIONS, function_code
+from fmd.dynamics.compiler.lanes import LaneEmitter
+from fmd.dynamics.compiler.program import Program
+from fmd.dynamics.compiler.writer import literal
+
+
+def emit(program: Program, register: int) -> str:
+    """Write a program as a module of LLVM's language, for vector registers of so many doubles."""
+    emitter = _Emitter(program, register)
+    emitter.write_nodes()
+    emitter.write_outputs()
+    own = "" if program.in_place else "noalias "
+    arguments = ", ".join(f"ptr {own}%{name}" for name in program.arguments)
+    functions = sorted(emitter.functions | emitter.lanes.functions)
+    lines = [
+        "declare double @llvm.fma.f64(double, double, double)",
+        "declare <8 x double> @llvm.fma.v8f64(<8 x double>, <8 x double>, <8 x double>)",
+        "declare double @llvm.sqrt.f64(double)",
+        *(DECLARATIONS if functions else ()),
+        *emitter.out.tables,
+        *(function_code(name) for name in functions),
+        f"define void @{program.name}({arguments}) nounwind {{",
+        "entry:",
+        *emitter.out.room,
+        *emitter.out.lines,
+        "ret void",
+        "}",
+    ]
+    return "\n".join(lines) + "\n"
+
+
+class _Emitter:
+    """Writes a program's nodes in their order, and keeps the values of scalars and vectors by node."""
+
+    def __init__(self, program: Program, register: int) -> None:
+        self._program, self._graph = program, program.graph
+        self.out = ChunkWriter(register)
+        self.functions: set[str] = set()
+        self._scalars: dict[int, str] = {}
+        self._vectors: dict[int, list[Chunk]] = {}
+        self._turns: dict[int, tuple[str, str]] = {}
+        self.lanes = LaneEmitter(program, self.out, self._scalars, self._vectors)
+
+    def write_nodes(self) -> None:
+        """Write all nodes."""
+        for number in self._program.nodes:
+            node = self._graph.nodes[number]
+            if self.lanes.depends(number):
+                self.lanes.write(number)
+            elif node.size or node.operation == "array":
+                self._vectors[number] = self._vector(number)
+            else:
+                self._scalars[number] = self._scalar(number)
+
+    def write_outputs(self) -> None:
+        """Write the stores of all outputs."""
+        for value, (argument, places) in self._program.outputs:
+            if argument in self._program.lanes:
+                self.lanes.store(value.node, argument, places)
+            elif value.node in self._vectors:
+                self.out.store(self._vectors[value.node], argument, places)
+            else:
+                self.out.store([(self._scalars[value.node], 1)], argument, places)
+
+    def _scalar(self, number: int) -> str:
+        operation, arguments, data, _ = self._graph.nodes[number]
+        out, scalars = self.out, self._scalars
+        if operation == "number":
+            return literal(float(data))  # type: ignore[arg-type]
+        if operation == "input":
+            return out.load(*data)[0][0]  # type: ignore[misc]
+        if operation in ("add", "subtract", "multiply"):
+            instruction = {"add": "fadd", "subtract": "fsub", "multiply": "fmul"}[operation]
+            return out.binary(instruction, scalars[arguments[0]], scalars[arguments[1]])
+        if operation == "negate":
+            return out.value(f"fneg double {scalars[arguments[0]]}")
+        if operation == "invert":
+            return out.value(f"fdiv double {literal(1.0)}, {scalars[arguments[0]]}")
+        if operation == "entry":
+            return out.entry(self._vectors[arguments[0]], data, 1)  # type: ignore[arg-type]
+        if operation == "dot":
+            return out.dot(*(self._vectors[k] for k in arguments))
+        if operation not in FUNCTIONS:
+            raise ValueError(f"no code for {operation}")
+        return self._function(operation, arguments[0])
+
+    def _function(self, operation: str, argument: int) -> str:
+        x = self._scalars[argument]
+        if operation in ("sin", "cos"):
+            if argument not in self._turns:
+                self._turns[argument] = self.out.sine_and_cosine(x)
+            return self._turns[argument][operation == "cos"]
+        self.functions.add(operation)
+        return self.out.value(f"call double @of_{operation}(double {x})")
+
+    def _vector(self, number: int) -> list[Chunk]:
+        operation, arguments, data, _ = self._graph.nodes[number]
+        if operation == "vector input":
+            return self.out.load(*data)  # type: ignore[misc]
+        if operation == "combine":
+            pairs = zip(arguments[::2], arguments[1::2], strict=True)
+            return self.out.combine([(self._scalars[s], self._vectors[v]) for s, v in pairs])
+        constant = self._graph.arrays[data]  # type: ignore[index]
+        if operation == "array":
+            return self.out.constant(constant)
+        if operation == "diagonal":
+            return self.out.multiply_diagonal(constant, self._vectors[arguments[0]])
+        return self.out.multiply_matrix(constant, self._vectors[arguments[0]])

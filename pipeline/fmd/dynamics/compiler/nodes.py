@@ -1,0 +1,84 @@
+"""Nodes of an expression graph, each operation once, and the constant arrays that they name."""
+
+from __future__ import annotations
+
+from collections.abc import Iterable
+from typing import NamedTuple
+
+import numpy as np
+
+from fmd.core.arrays import Array, read_only
+
+Place = tuple[str, tuple[int, ...]]
+"""An argument's name and the places of an input's entries in it."""
+
+
+class Node(NamedTuple):
+    """One operation of a graph.
+
+    Attributes
+    ----------
+    operation : str
+        Scalars: ``number``, ``input``, ``add``, ``subtract``, ``multiply``, ``negate``, ``invert``, one of
+        `functions.FUNCTIONS`, ``dot`` of two vectors, ``entry`` of one. Vectors: ``array``, ``vector input``,
+        ``combine`` (scalar, vector, scalar, vector, …: the sum of the products), ``diagonal`` and ``matrix`` (constant,
+        times a vector).
+    arguments : tuple of int
+        Numbers of the nodes that it takes, all smaller than its own.
+    data : float, int or Place
+        The number; which entry; the number of the constant in `Graph.arrays`; where an input is.
+    size : int
+        Entries of a vector, 0 for a scalar.
+    """
+
+    operation: str
+    arguments: tuple[int, ...]
+    data: float | int | Place | None
+    size: int
+
+
+class NodeTable:
+    """Nodes in an order in which they can be evaluated, and the constant arrays that they name."""
+
+    def __init__(self) -> None:
+        self.nodes: list[Node] = []
+        self.arrays: list[Array] = []
+        self._numbers: dict[Node, int] = {}
+        self._array_numbers: dict[tuple[tuple[int, ...], bytes], int] = {}
+
+    def add(
+        self, operation: str, arguments: tuple[int, ...] = (), data: float | int | Place | None = None, size: int = 0
+    ) -> int:
+        """Return the number of a node, which is new if no equal one exists."""
+        node = Node(operation, arguments, data, size)
+        number = self._numbers.setdefault(node, len(self.nodes))
+        if number == len(self.nodes):
+            self.nodes.append(node)
+        return number
+
+    def add_array(self, values: Array) -> int:
+        """Return the number of a constant array in `arrays`."""
+        values = np.ascontiguousarray(values, dtype=float) + 0.0  # no negative zeros
+        number = self._array_numbers.setdefault((values.shape, values.tobytes()), len(self.arrays))
+        if number == len(self.arrays):
+            self.arrays.append(read_only(values))
+        return number
+
+    def live(self, outputs: Iterable[int]) -> list[int]:
+        """Return the nodes that the outputs depend on, in an order in which they can be evaluated.
+
+        The order is depth first: what a node takes stands shortly before it, so that values live in registers.
+        """
+        order: dict[int, None] = {}
+        visited: set[int] = set()
+        for output in outputs:
+            stack = [(output, False)]
+            while stack:
+                node, taken = stack.pop()
+                if taken:
+                    order[node] = None
+                elif node not in visited:
+                    visited.add(node)
+                    stack.append((node, True))
+                    stack += [(argument, False) for argument in reversed(self.nodes[node].arguments)]
+        return list(order)

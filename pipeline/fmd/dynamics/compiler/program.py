@@ -1,0 +1,77 @@
+"""Programs: what of a graph a compiled function computes, and where its arguments hold it."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, field
+from functools import cached_property
+from typing import NamedTuple
+
+import numpy as np
+
+from fmd.dynamics.compiler.functions import FUNCTIONS
+from fmd.dynamics.compiler.graph import Graph, Scalar, Vector
+from fmd.dynamics.compiler.nodes import Place
+
+LANES = 8
+"""Directions that a program with lanes takes at once."""
+
+
+class Output(NamedTuple):
+    """A value that a program computes, and where it goes."""
+
+    value: Scalar | Vector
+    place: Place
+
+
+@dataclass(frozen=True)
+class Program:
+    """A function of arrays of doubles, as part of a graph.
+
+    Attributes
+    ----------
+    name : str
+        The function's.
+    graph : Graph
+        What it computes.
+    arguments : tuple of str
+        Names of its arrays in their order, those that it fills last.
+    outputs : tuple of Output
+        What it fills them with; places that none names are left as they are.
+    lanes : tuple of str
+        Arguments that have `LANES` entries in each place: the directions of derivatives, and these.
+    in_place : bool
+        Outputs replace inputs.
+    """
+
+    name: str
+    graph: Graph
+    arguments: tuple[str, ...]
+    outputs: tuple[Output, ...] = field(repr=False)
+    lanes: tuple[str, ...] = ()
+    in_place: bool = False
+
+    @cached_property
+    def nodes(self) -> list[int]:
+        """Numbers of the nodes that it evaluates, in order."""
+        return self.graph.live(output.value.node for output in self.outputs)
+
+    @property
+    def flops(self) -> int:
+        """Number of additions and multiplications; a division, a sine or a cosine counts as one."""
+        return sum(_flops(self.graph, number) for number in self.nodes)
+
+
+def _flops(graph: Graph, number: int) -> int:
+    operation, arguments, data, size = graph.nodes[number]
+    if operation in ("add", "subtract", "multiply", "invert") or operation in FUNCTIONS:
+        return 1
+    if operation == "dot":
+        return 2 * graph.nodes[arguments[0]].size - 1
+    if operation == "combine":
+        ones = sum(graph.nodes[k].data == 1.0 for k in arguments[::2])
+        return size * (len(arguments) - 1 - ones)
+    if operation == "diagonal":
+        return size
+    if operation == "matrix":
+        return 2 * int(np.count_nonzero(graph.arrays[data])) - size  # type: ignore[index]
+    return 0

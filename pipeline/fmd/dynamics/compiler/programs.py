@@ -1,0 +1,300 @@
+"""Functions of a mechanism that can be compiled: their arguments, and how their outputs are traced.
+
+All have the C signature ``void name(const double *…, double *…)`` with these arguments; the last, which are no state,
+are filled:
+
+- ``inputs`` (3 n_signals,): value, rate and acceleration of each varying signal at the state's time;
+- ``q`` (n_positions,) and ``v`` (n,): positions and rates in the mechanism's order;
+- ``step`` (1,): length of a leapfrog step, which takes ``q``, ``v`` and ``a`` on in their places;
+- ``a`` (n,): accelerations, and ``r`` (n,): the residual ``M̂ a − Q̂``;
+- ``dinputs`` (3 n_signals, 8), ``dq`` (n_positions, 8), ``dv`` and ``da`` (n, 8): eight directions, and ``dr`` (n, 8):
+  the residual's derivatives; ``M̂ da`` by ``inertia``;
+- ``f`` (n, 8): eight generalised forces, and ``x`` (n, 8): ``M̂⁻¹ f``, or ``M̂_SS⁻¹ f_S`` of the fast coordinates and
+  zeros for the slow ones, or ``M̂_LL⁻¹ f_L`` and zeros for the fast ones;
+- of a mechanism with loops (see `closures`) ``f`` (n_rows, 8): eight sets of multipliers, ``x`` and ``s`` (n_rows, 8):
+  ``M̂⁻¹ Jᵀ f`` and ``J M̂⁻¹ Jᵀ f``, ``w`` (n_rows,): accelerations of the gaps by the tree's, which are ``a`` then,
+  ``g`` and ``rates`` (n_rows,): gaps and their rates, and
+  ``wrenches`` (n_joints, 2, 6): force and moment in space on both places of each joint by multipliers ``f`` (n_rows,);
+- ``motions`` (n_bodies, 6): accelerations of the bodies' frames in space by ``a`` and multipliers ``f`` (n_rows,), and
+  ``loads`` (n_bodies, 2, 6): force and moment of each body's joint on its parent and on the body, see `joint_loads`;
+- ``moved`` (n_positions,): how positions change. With the slow ones, and with the slow rates by their accelerations,
+  the fast rows of the residual change by ``drift`` (n,), and by ``by_inputs`` (3 n_signals, n), ``by_positions`` and
+  ``by_rates`` (n,) along each input, all fast positions and all fast rates;
+- ``D``, ``K``, ``Ky``, ``C`` and ``Cy`` (n, 8) of ``react``: see `reaction`; ``da`` are eight fast coordinates' units;
+- ``clock`` (2,), ``constant``, ``slope``, ``load`` (n,), ``K`` and ``C`` (n_fast, n_fast): see `held.trace_fast_step`;
+- ``origins`` (n_bodies, 3), ``rotations`` (n_bodies, 3, 3) and ``spins`` (n_bodies, 3): the bodies' frames and angular
+  velocities in space;
+- ``positions`` (n_markers, 3) and ``rotations`` (n_markers, 3, 3): the bodies' named markers, body by body;
+- ``energies`` (2,): kinetic and potential (strain, springs, weight) [J];
+- ``momenta`` (6,): linear [N s], and angular about the origin [N m s];
+- ``x`` and ``rates`` (n_laws,), ``ways`` (n_laws, 3): elongations that force laws with short pieces depend on, their
+  rates, and for springs the ways from place to place in space.
+
+Arrays must not overlap. Functions keep no state, so threads may call them at once.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from typing import NamedTuple
+
+from fmd.dynamics.compiler.algebra import times
+from fmd.dynamics.compiler.closures import MultiplierForces, trace_reactions, trace_rows
+from fmd.dynamics.compiler.coordinates import Coordinates, RestingCoordinates
+from fmd.dynamics.compiler.elongations import trace_elongations
+from fmd.dynamics.compiler.forces import ActingForces, GivenForces
+from fmd.dynamics.compiler.frames import MovingFrame, trace_frames
+from fmd.dynamics.compiler.graph import Scalar, combine
+from fmd.dynamics.compiler.held import trace_drift, trace_fast_step, trace_single
+from fmd.dynamics.compiler.joint_loads import trace_joint_loads
+from fmd.dynamics.compiler.program import Output, Program
+from fmd.dynamics.compiler.quantities import (
+    trace_kinetic_energy,
+    trace_markers,
+    trace_momenta,
+    trace_potential_energy,
+)
+from fmd.dynamics.compiler.reaction import trace_reaction
+from fmd.dynamics.compiler.recursion import BodyValues, trace_accelerations
+from fmd.dynamics.compiler.residual import trace_residual
+from fmd.dynamics.compiler.tangents import trace_tangents
+from fmd.dynamics.mechanism import Mechanism
+
+Trace = Callable[[Coordinates, list[MovingFrame]], list[Output]]
+"""Traces a function's outputs for the frames of a mechanism."""
+
+
+class Definition(NamedTuple):
+    """Arguments of a function, and the trace of what it fills."""
+
+    arguments: tuple[str, ...]
+    trace: Trace
+    lanes: tuple[str, ...] = ()
+    in_place: bool = False
+
+
+def trace_program(name: str, inputs: Coordinates, frames: list[MovingFrame]) -> Program:
+    """Trace one of `DEFINITIONS`."""
+    arguments, trace, lanes, in_place = DEFINITIONS[name]
+    return Program(name, inputs.graph, arguments, tuple(trace(inputs, frames)), lanes, in_place)
+
+
+def _accelerations(inputs: Coordinates, frames: list[MovingFrame]) -> list[Output]:
+    return _in_order_of_rates(inputs.mechanism, "a", trace_accelerations(frames, ActingForces(inputs, frames)))
+
+
+def _leap(inputs: Coordinates, frames: list[MovingFrame]) -> list[Output]:
+    return trace_leap(inputs)
+
+
+def trace_leap(inputs: Coordinates) -> list[Output]:
+    """Trace accelerations half a step after the rates, and rates and positions a step later."""
+    leaping = inputs.leaping
+    frames = trace_frames(leaping)
+    new = trace_accelerations(frames, ActingForces(leaping, frames))
+    h, rates, positions = leaping.step, [], []
+    for number, a in enumerate(new):
+        v = [rate + x * h for rate, x in zip(inputs.joint_rates(number), a.joint, strict=True)]
+        rates.append(BodyValues(v, combine([(1.0, inputs.modal_rates(number)), (h, a.modes)])))
+        joint = zip(inputs.joint_positions(number), v, strict=True)
+        modes = combine([(1.0, inputs.modal_positions(number)), (h, rates[-1].modes)])
+        positions.append(BodyValues([q + rate * h for q, rate in joint], modes))
+    return [
+        output
+        for argument, values in (("a", new), ("v", rates), ("q", positions))
+        for output in _in_order_of_rates(inputs.mechanism, argument, values)
+    ]
+
+
+def _residual(inputs: Coordinates, frames: list[MovingFrame]) -> list[Output]:
+    return _in_order_of_rates(inputs.mechanism, "r", trace_residual(inputs, frames))
+
+
+def _tangents(inputs: Coordinates, frames: list[MovingFrame]) -> list[Output]:
+    return _slopes(inputs, frames, ("inputs", "q", "v", "a"))
+
+
+def _inertia(inputs: Coordinates, frames: list[MovingFrame]) -> list[Output]:
+    return _slopes(inputs, frames, ("a",))
+
+
+def _slopes(inputs: Coordinates, frames: list[MovingFrame], arguments: tuple[str, ...]) -> list[Output]:
+    slopes = trace_tangents(inputs, trace_residual(inputs, frames), arguments)
+    return _in_order_of_rates(inputs.mechanism, "dr", slopes)
+
+
+def _stiffness(inputs: Coordinates, frames: list[MovingFrame]) -> list[Output]:
+    return _slopes(inputs, frames, ("q",))
+
+
+def _damping(inputs: Coordinates, frames: list[MovingFrame]) -> list[Output]:
+    return _slopes(inputs, frames, ("v",))
+
+
+def _drift(inputs: Coordinates, frames: list[MovingFrame]) -> list[Output]:
+    return trace_drift(inputs, trace_residual(inputs, frames))
+
+
+def _hold_single(inputs: Coordinates, frames: list[MovingFrame]) -> list[Output]:
+    return trace_single(inputs, trace_residual(inputs, frames))
+
+
+def _fast_step(inputs: Coordinates, _frames: list[MovingFrame]) -> list[Output]:
+    return trace_fast_step(inputs, damped=True)
+
+
+def _undamped_fast_step(inputs: Coordinates, _frames: list[MovingFrame]) -> list[Output]:
+    return trace_fast_step(inputs, damped=False)
+
+
+def _react(inputs: Coordinates, frames: list[MovingFrame]) -> list[Output]:
+    return _reaction(inputs, frames, damped=True)
+
+
+def _undamped_react(inputs: Coordinates, frames: list[MovingFrame]) -> list[Output]:
+    return _reaction(inputs, frames, damped=False)
+
+
+def _reaction(inputs: Coordinates, frames: list[MovingFrame], damped: bool) -> list[Output]:
+    found = trace_reaction(inputs, frames, damped)
+    return [x for name, values in found.items() for x in _in_order_of_rates(inputs.mechanism, name, values)]
+
+
+def _solve(inputs: Coordinates, frames: list[MovingFrame]) -> list[Output]:
+    return _solution(inputs, range(inputs.mechanism.n))
+
+
+def _solve_fast(inputs: Coordinates, frames: list[MovingFrame]) -> list[Output]:
+    return _solution(inputs, range(inputs.mechanism.n_slow, inputs.mechanism.n))
+
+
+def _solve_slow(inputs: Coordinates, frames: list[MovingFrame]) -> list[Output]:
+    return _solution(inputs, range(inputs.mechanism.n_slow))
+
+
+def _solution(inputs: Coordinates, free: range) -> list[Output]:
+    """Accelerations at rest by given forces, with all rates held but some."""
+    resting = RestingCoordinates(inputs.graph, inputs.mechanism)
+    values = trace_accelerations(trace_frames(resting), GivenForces(resting, "f", free))
+    return _in_order_of_rates(inputs.mechanism, "x", values)
+
+
+def _closed(inputs: Coordinates, frames: list[MovingFrame]) -> list[Output]:
+    acting, rows = ActingForces(inputs, frames), trace_rows(inputs, frames)
+    motion = trace_accelerations(frames, acting)
+    w = [row.acceleration(inputs, acting.ground, motion) + row.bias for row in rows]
+    return [*_in_order_of_rates(inputs.mechanism, "a", motion), *_in_row("w", 0, w), *_multipliers(inputs, frames)]
+
+
+def _multipliers(inputs: Coordinates, frames: list[MovingFrame]) -> list[Output]:
+    resting = RestingCoordinates(inputs.graph, inputs.mechanism)
+    at_rest = trace_frames(resting)
+    rows = trace_rows(resting, at_rest)
+    forces = MultiplierForces(resting, rows)
+    motion = trace_accelerations(at_rest, forces)
+    s = [row.acceleration(resting, forces.ground, motion) for row in rows]
+    return [*_in_order_of_rates(inputs.mechanism, "x", motion), *_in_row("s", 0, s)]
+
+
+def _gaps(inputs: Coordinates, frames: list[MovingFrame]) -> list[Output]:
+    rows = trace_rows(inputs, frames)
+    rates = [row.rate(inputs) for row in rows]
+    return [*_in_row("g", 0, [row.gap for row in rows]), *_in_row("rates", 0, rates)]
+
+
+def _reactions(inputs: Coordinates, frames: list[MovingFrame]) -> list[Output]:
+    both = [x for sides in trace_reactions(inputs, frames, "f") for wrench in sides for x in wrench]
+    return _in_row("wrenches", 0, both)
+
+
+def _joint_loads(inputs: Coordinates, frames: list[MovingFrame]) -> list[Output]:
+    outputs = []
+    for number, (motion, on_parent, on_body) in enumerate(trace_joint_loads(inputs, frames)):
+        outputs += _in_row("motions", number, motion)
+        outputs += _in_row("loads", number, on_parent + on_body)
+    return outputs
+
+
+def _frames(inputs: Coordinates, frames: list[MovingFrame]) -> list[Output]:
+    outputs = []
+    for frame in frames:
+        origin, R = frame.world
+        outputs += _in_row("origins", frame.number, origin)
+        outputs += _in_row("rotations", frame.number, [x for row in R for x in row])
+        outputs += _in_row("spins", frame.number, times(R, frame.spin))
+    return outputs
+
+
+def _markers(inputs: Coordinates, frames: list[MovingFrame]) -> list[Output]:
+    outputs = []
+    for number, (position, R) in enumerate(trace_markers(inputs, frames)):
+        outputs += _in_row("positions", number, position)
+        outputs += _in_row("rotations", number, [x for row in R for x in row])
+    return outputs
+
+
+def _energies(inputs: Coordinates, frames: list[MovingFrame]) -> list[Output]:
+    return _in_row("energies", 0, [trace_kinetic_energy(inputs, frames), trace_potential_energy(inputs, frames)])
+
+
+def _momenta(inputs: Coordinates, frames: list[MovingFrame]) -> list[Output]:
+    linear, angular = trace_momenta(inputs, frames)
+    return _in_row("momenta", 0, linear + angular)
+
+
+def _elongations(inputs: Coordinates, frames: list[MovingFrame]) -> list[Output]:
+    names = ("x", "rates", "ways")
+    both = zip(names, trace_elongations(inputs, frames), strict=True)
+    return [output for name, values in both for output in _in_row(name, 0, values)]
+
+
+def _in_order_of_rates(mechanism: Mechanism, argument: str, values: list[BodyValues]) -> list[Output]:
+    outputs = []
+    for number, body in enumerate(values):
+        first = int(mechanism.layout.rate[number])
+        outputs += [Output(value, (argument, (first + k,))) for k, value in enumerate(body.joint)]
+        if body.modes.size:
+            modes = tuple(int(k) for k in mechanism.modes_of(number))
+            outputs.append(Output(body.modes, (argument, modes)))
+    return outputs
+
+
+def _in_row(argument: str, row: int, values: list[Scalar]) -> list[Output]:
+    return [Output(value, (argument, (len(values) * row + k,))) for k, value in enumerate(values)]
+
+
+_STATE = ("inputs", "q", "v")
+_MOTION = ("a", "moved", "drift", "by_inputs")
+_REACTION = ("D", "K", "Ky")
+_HELD = ("constant", "slope", "load", "K")
+_DIRECTIONS = ("dinputs", "dq", "dv", "da", "dr")
+
+DEFINITIONS = {
+    "accelerations": Definition((*_STATE, "a"), _accelerations),
+    "leap": Definition(("inputs", "step", *_STATE[1:], "a"), _leap, in_place=True),
+    "residual": Definition((*_STATE, "a", "r"), _residual),
+    "tangents": Definition((*_STATE, "a", *_DIRECTIONS), _tangents, lanes=_DIRECTIONS),
+    "inertia": Definition(("inputs", "q", "da", "dr"), _inertia, lanes=("da", "dr")),
+    "stiffness": Definition((*_STATE, "a", "dq", "dr"), _stiffness, lanes=("dq", "dr")),
+    "damping": Definition((*_STATE, "dv", "dr"), _damping, lanes=("dv", "dr")),
+    "drift": Definition((*_STATE, *_MOTION), _drift),
+    "hold_single": Definition((*_STATE, *_MOTION, "by_positions", "by_rates"), _hold_single),
+    "fast_step": Definition(("clock", *_HELD, "C", "q", "v", "a"), _fast_step, in_place=True),
+    "undamped_fast_step": Definition(("clock", *_HELD, "q", "v", "a"), _undamped_fast_step, in_place=True),
+    "react": Definition((*_STATE, "da", "a", *_REACTION, "C", "Cy"), _react, ("da", *_REACTION, "C", "Cy")),
+    "undamped_react": Definition((*_STATE, "da", "a", *_REACTION), _undamped_react, ("da", *_REACTION)),
+    "solve": Definition(("inputs", "q", "f", "x"), _solve, lanes=("f", "x")),
+    "solve_fast": Definition(("inputs", "q", "f", "x"), _solve_fast, lanes=("f", "x")),
+    "solve_slow": Definition(("inputs", "q", "f", "x"), _solve_slow, lanes=("f", "x")),
+    "closed": Definition((*_STATE, "f", "a", "w", "x", "s"), _closed, lanes=("f", "x", "s")),
+    "multipliers": Definition(("inputs", "q", "f", "x", "s"), _multipliers, lanes=("f", "x", "s")),
+    "gaps": Definition((*_STATE, "g", "rates"), _gaps),
+    "reactions": Definition((*_STATE, "f", "wrenches"), _reactions),
+    "joint_loads": Definition((*_STATE, "a", "f", "motions", "loads"), _joint_loads),
+    "frames": Definition((*_STATE, "origins", "rotations", "spins"), _frames),
+    "markers": Definition(("inputs", "q", "positions", "rotations"), _markers),
+    "energies": Definition((*_STATE, "energies"), _energies),
+    "momenta": Definition((*_STATE, "momenta"), _momenta),
+    "elongations": Definition((*_STATE, "x", "rates", "ways"), _elongations),
+}
+"""Functions of a mechanism by their names."""

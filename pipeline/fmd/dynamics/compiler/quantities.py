@@ -1,0 +1,80 @@
+"""Energies and momenta of a mechanism, and the frames of its bodies in space."""
+
+from __future__ import annotations
+
+import numpy as np
+
+from fmd.dynamics.compiler.algebra import Matrix, Vector3, add, constants, cross, dot, product, scale, times
+from fmd.dynamics.compiler.bodies import trace_inertia
+from fmd.dynamics.compiler.cleaning import clean_marker
+from fmd.dynamics.compiler.coordinates import Coordinates
+from fmd.dynamics.compiler.elements import trace_element_energy
+from fmd.dynamics.compiler.forces import section_angle
+from fmd.dynamics.compiler.frames import MovingFrame
+from fmd.dynamics.compiler.graph import Scalar, total
+from fmd.dynamics.compiler.laws import trace_law_energy
+from fmd.dynamics.compiler.marker import trace_marker
+
+
+def trace_markers(inputs: Coordinates, frames: list[MovingFrame]) -> list[tuple[Vector3, Matrix]]:
+    """Trace position and rotation in space of the bodies' named markers, body by body."""
+    out = []
+    for frame in frames:
+        origin, R = frame.world
+        for at in frame.link.markers.values():
+            marker = trace_marker(inputs.graph, clean_marker(at, len(frame.link.omega)), frame.q, frame.v)
+            out.append((add(origin, times(R, marker.arm)), product(R, marker.R)))
+    return out
+
+
+def trace_momenta(inputs: Coordinates, frames: list[MovingFrame]) -> tuple[Vector3, Vector3]:
+    """Trace the linear momentum and the angular momentum about the origin, in space."""
+    linear, angular = (constants(inputs.graph, [0.0] * 3) for _ in range(2))
+    for frame in frames:
+        origin, R = frame.world
+        push, turn = (times(R, part) for part in body_momenta(inputs, frame))
+        linear, angular = add(linear, push), add(angular, turn, cross(origin, push))
+    return linear, angular
+
+
+def body_momenta(inputs: Coordinates, frame: MovingFrame) -> tuple[Vector3, Vector3]:
+    """Return a body's momentum and its angular momentum about its origin, in its axes."""
+    inertia, w, u = trace_inertia(inputs.graph, frame), frame.spin, frame.velocity
+    push = add(scale(inertia.mass, u), cross(w, inertia.c), inertia.c_rate)
+    turn = add(cross(inertia.c, u), times(inertia.J, w), scale(-1.0, inertia.h))
+    return push, turn
+
+
+def trace_kinetic_energy(inputs: Coordinates, frames: list[MovingFrame]) -> Scalar:
+    """Trace ``½ Σ (v · momentum + ω · angular momentum + q̇ · modal momentum)``."""
+    twice: list[Scalar] = []
+    for frame in frames:
+        inertia = trace_inertia(inputs.graph, frame)
+        push, turn = body_momenta(inputs, frame)
+        modal = frame.v.dot(frame.v) + dot(frame.velocity, inertia.c_rate) - dot(frame.spin, inertia.h)
+        modal = modal if inertia.more is None else modal + inertia.more.twice_energy(frame.v)
+        twice.append(dot(frame.velocity, push) + dot(frame.spin, turn) + modal)
+    return total(twice) * 0.5
+
+
+def trace_potential_energy(inputs: Coordinates, frames: list[MovingFrame]) -> Scalar:
+    """Trace the energy of modes, springs, stops and force elements, and that of the weight, 0 at the origin."""
+    energies = [inputs.graph.number(0.0)]
+    gravity = constants(inputs.graph, inputs.mechanism.gravity)
+    for frame in frames:
+        link = frame.link
+        energies.append(frame.q.dot(frame.q.multiplied_by(np.diag(link.omega**2))) * 0.5)
+        if link.spring:
+            known = inputs.signal(link.motion) if link.motion is not None else inputs.joint_positions(frame.number)
+            stretch = known[0] - link.rest
+            stretch = stretch + section_angle(inputs.graph, frame)
+            energies.append(stretch * stretch * (0.5 * link.spring))
+        for law, position in zip(link.laws, inputs.joint_positions(frame.number), strict=bool(link.laws)):
+            energies.append(trace_law_energy(law, position + section_angle(inputs.graph, frame)))
+        if any(not g.is_zero for g in gravity):
+            origin, R = frame.world
+            inertia = trace_inertia(inputs.graph, frame)
+            moment = add(scale(inertia.mass, origin), times(R, inertia.c))
+            energies.append(-dot(gravity, moment))
+    energies += [trace_element_energy(inputs, frames, element) for element in inputs.mechanism.elements]
+    return total(energies)

@@ -1,0 +1,138 @@
+"""Rows that span how a body's modes move its markers, along which the modes of a carrier are eliminated.
+
+Markers move by ``R_c η`` for modal accelerations η, and what displacements of second order add to the modal mass has
+such rows too (see `added_mass`). Shapes of the first order are constant: their span has orthonormal rows that are known
+beforehand. A row with a part of second order changes with the deflection, and is made orthogonal to the others at each
+state. It may vanish, or lie among the others, as that of a second body at the same marker does, or the slope of a bar's
+end, which without deflection is a multiple of its displacement in some mode. So
+
+- it isn't brought to unit length: its square comes with it;
+- rows that differ without deflection come first, and those that only deflections tell apart after them: what is left of
+  these is small, and nothing else has a large part of it;
+- what is left is made orthogonal twice, which is enough (Parlett, The Symmetric Eigenvalue Problem, 1980, section 6.9):
+  one pass leaves round-off along the others, and accelerations would have five digits;
+- if it is round-off of the given row, it counts as none at all. Between all and nothing it would be a row that others
+  aren't orthogonal to, and accelerations would have no digit; so the crossing is as narrow as a power of eight can be.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from fmd.core.arrays import Array
+from fmd.dynamics.compiler.algebra import Matrix, add, constants
+from fmd.dynamics.compiler.cleaning import orthonormal_rows
+from fmd.dynamics.compiler.graph import Graph, Scalar, Vector, combine
+from fmd.dynamics.compiler.marker import MarkerMotion
+
+_NOTHING = 1e-60  # [1/kg], beside any square
+_ROUND_OFF = 1e-25  # of a row's square, below which what is left of it counts as none
+_EARLIER = 1e2  # times smaller squares still count for later rows, so that these are orthogonal to all that count
+
+
+@dataclass(frozen=True)
+class Span:
+    """Orthogonal rows Q that span groups of rows, ``R_c = L_c Q``.
+
+    Attributes
+    ----------
+    Q : list of Vector
+        The rows.
+    inverse_squares : list of Scalar
+        ``1 / (Q_i · Q_i)``.
+    L : list of Matrix
+        L_c of each group of rows, as many columns as Q has rows.
+    """
+
+    Q: list[Vector]
+    inverse_squares: list[Scalar]
+    L: list[Matrix]
+
+
+@dataclass(frozen=True)
+class ModalRows:
+    """Rows that change linearly with the modal coordinates.
+
+    Attributes
+    ----------
+    shapes, forms : ndarray, shapes (m, n) and (m, n, n)
+        Their constant part, and their derivatives.
+    values : list of Vector
+        The rows at the state.
+    """
+
+    shapes: Array
+    forms: Array
+    values: list[Vector]
+
+
+def rows_of_marker(at: MarkerMotion) -> ModalRows:
+    """Return the rows by which modes move a marker."""
+    return ModalRows(np.concatenate([at.shapes.translation, at.shapes.rotation]), at.shapes.bow, at.slopes + at.turns)
+
+
+def span_rows(graph: Graph, groups: Sequence[ModalRows], free: Array) -> Span:
+    """Span groups of rows by those modes for which ``free`` (n,) is 1; it is 0 for the others."""
+    rows = np.concatenate([np.zeros((0, len(free))), *(group.shapes * free for group in groups)])
+    forms = np.concatenate([np.zeros((0, len(free), len(free))), *(group.forms for group in groups)])
+    varies = np.asarray(forms.any(axis=(1, 2)))
+    basis, L = orthonormal_rows(np.where(varies[:, None], 0.0, rows))
+    moving = (free > 0.0) & (rows.any(axis=0) | forms.any(axis=(0, 1)))
+    values, sizes = [row for group in groups for row in group.values], [len(group.values) for group in groups]
+    if len(basis) + np.count_nonzero(varies) >= np.count_nonzero(moving):  # the modes keep the rows' zeros
+        modes = np.flatnonzero(moving)
+        Q = [graph.array(row) for row in np.eye(len(free))[modes]]
+        return _split(Q, [graph.number(1.0)] * len(Q), [[row.entry(int(k)) for k in modes] for row in values], sizes)
+    Q, inverses = [graph.array(row) for row in basis], [graph.number(1.0)] * len(basis)
+    shared = list(inverses)
+    weights = [constants(graph, row) for row in L]
+    for k in _in_order(rows, basis, varies, sizes):
+        given = row = values[k].multiplied_by(np.diag(free))
+        weights[k] = [graph.number(0.0)] * len(Q)
+        for _ in range(2):  # what is left may be a millionth of the row, and orthogonal to the others but for round-off
+            shares = [row.dot(other) * inverse for other, inverse in zip(Q, shared, strict=True)]
+            row = combine([(1.0, row), *((-1.0 * share, other) for share, other in zip(shares, Q, strict=True))])
+            weights[k] = add(weights[k], shares)
+        square, least = row.dot(row), _ROUND_OFF * given.dot(given) + _NOTHING
+        inverse, part = _inverse(square, least)
+        Q, weights[k] = [*Q, row], [*weights[k], part]
+        inverses, shared = [*inverses, inverse + _NOTHING], [*shared, _inverse(square, least * (1 / _EARLIER))[0]]
+    zero = graph.number(0.0)
+    return _split(Q, inverses, [row + [zero] * (len(Q) - len(row)) for row in weights], sizes)
+
+
+def _inverse(square: Scalar, least: Scalar) -> tuple[Scalar, Scalar]:
+    """Return 1 over a square and 1; 0 and 0 for a square that is small beside the least one, with a narrow crossing."""
+    both = (square + least).inverse()
+    x, y = square * both, least * both
+    x4, y4 = x * x * (x * x), y * y * (y * y)
+    seventh = x4 * (x * x) * x * (x4 * x4 + y4 * y4).inverse()
+    return seventh * both, seventh * x
+
+
+def _in_order(rows: Array, basis: Array, varies: NDArray[np.bool_], sizes: Sequence[int]) -> list[int]:
+    """Return the numbers of rows that vary, first those of which most is left beside the others without deflection."""
+    scales = np.concatenate([np.zeros(0), *(_scales(group) for group in np.split(rows, np.cumsum(sizes)[:-1]))])
+    rest = (rows - (rows @ basis.T) @ basis) / scales[:, None]
+    order, left = list[int](), [int(k) for k in np.flatnonzero(varies)]
+    while left:
+        squares = [float(rest[k] @ rest[k]) for k in left]
+        order.append(left.pop(int(np.argmax(squares))))
+        unit = rest[order[-1]] / max(np.sqrt(max(squares)), _NOTHING)
+        rest = rest - np.outer(rest @ unit, unit)
+    return order
+
+
+def _scales(rows: Array) -> Array:
+    """Return the size of the largest row of each half of a group, of displacements and of rotations."""
+    halves = np.array_split(np.linalg.norm(rows, axis=1), 2)
+    return np.concatenate([np.full(len(half), max(half.max(initial=0.0), _NOTHING)) for half in halves])
+
+
+def _split(Q: list[Vector], inverse_squares: list[Scalar], rows: Matrix, sizes: Sequence[int]) -> Span:
+    ends = np.cumsum(sizes, dtype=np.int64)
+    return Span(Q, inverse_squares, [rows[end - size : end] for end, size in zip(ends, sizes, strict=True)])

@@ -1,0 +1,173 @@
+"""Lines of LLVM's intermediate language: names, literals, and the functions of one scalar.
+
+A product and a sum may contract to one rounding (``fma``); nothing else about floating-point arithmetic is relaxed, so
+sums have the order that they are written in and what is not a number stays so.
+"""
+
+from __future__ import annotations
+
+import math
+import struct
+from collections.abc import Sequence
+
+from fmd.core.arrays import Array
+from fmd.dynamics.compiler.stumpff import LIMIT, coefficients
+
+# Sine and cosine on −π/4 … π/4 (Moshier, Methods and Programs for Mathematical Functions, 1989: Cephes), lowest first.
+_SINE = (
+    -1.66666666666666307295e-1, 8.33333333332211858878e-3, -1.98412698295895385996e-4,
+    2.75573136213857245213e-6, -2.50507477628578072866e-8, 1.58962301576546568060e-10,
+)  # fmt: skip
+_COSINE = (
+    4.16666666666665929218e-2, -1.38888888888730564116e-3, 2.48015872888517045348e-5,
+    -2.75573141792967388112e-7, 2.08757008419747316778e-9, -1.13585365213876817300e-11,
+)  # fmt: skip
+_HALF_PI = (1.57079632679489655800e00, 6.12323399573676603587e-17)
+_SUFFIX = {1: "f64", 8: "v8f64"}
+_ROUNDING = 1.5 * 2.0**52  # adding it leaves the nearest integer in the lowest bits
+
+
+def literal(value: float) -> str:
+    """Return a double as LLVM reads it, bit for bit."""
+    return f"0x{struct.unpack('<Q', struct.pack('<d', value))[0]:016X}"
+
+
+def type_of(width: int, of: str = "double") -> str:
+    """Return the type of a chunk."""
+    return of if width == 1 else f"<{width} x {of}>"
+
+
+class Writer:
+    """Writes the lines of one function and names its values.
+
+    Parameters
+    ----------
+    prefix : str
+        Of the names, so that two writers can share a function.
+
+    Attributes
+    ----------
+    lines : list of str
+        The function's body.
+    room : list of str
+        Memory of its own, which is named on entry.
+    tables : list of str
+        Constant arrays of its module.
+    """
+
+    def __init__(self, prefix: str = "t") -> None:
+        self.lines: list[str] = []
+        self.room: list[str] = []
+        self.tables: list[str] = []
+        self._prefix, self._count, self._block, self._n_loops = prefix, 0, "entry", 0
+
+    def name(self) -> str:
+        """Return a name that no other value has."""
+        self._count += 1
+        return f"%{self._prefix}{self._count}"
+
+    def value(self, instruction: str) -> str:
+        """Write an instruction that gives a value, and return its name."""
+        name = self.name()
+        self.lines.append(f"{name} = {instruction}")
+        return name
+
+    def binary(self, operation: str, a: str, b: str, width: int = 1) -> str:
+        """Write ``a operation b``; products and sums may contract."""
+        return self.value(f"{operation} contract {type_of(width)} {a}, {b}")
+
+    def table(self, values: Array) -> str:
+        """Name a constant array, row by row."""
+        name = f"@table{len(self.tables)}"
+        entries = ", ".join(f"double {literal(float(x))}" for x in values.ravel())
+        self.tables.append(f"{name} = private unnamed_addr constant [{values.size} x double] [{entries}], align 64")
+        return name
+
+    def new_loop(self) -> tuple[str, str, str]:
+        """Begin a loop; its label, that of what comes after it and that of what comes before."""
+        label, before = f"loop{self._n_loops}", self._block
+        self._n_loops += 1
+        self.lines += [f"br label %{label}", f"{label}:"]
+        return label, f"after_{label}", before
+
+    def end_loop(self, going_on: str, label: str, after: str) -> None:
+        """End a loop that runs again while a comparison holds."""
+        self.lines += [f"br i1 {self.value(going_on)}, label %{label}, label %{after}", f"{after}:"]
+        self._block = after
+
+    def fma(self, a: str, b: str, c: str, width: int = 1) -> str:
+        """Write ``a b + c``, rounded once."""
+        kind = type_of(width)
+        return self.value(f"call {kind} @llvm.fma.{_SUFFIX[width]}({kind} {a}, {kind} {b}, {kind} {c})")
+
+    def polynomial(self, x: str, lowest_first: Sequence[float], width: int = 1) -> str:
+        """Write a polynomial by Horner's rule."""
+        *others, value = (literals(c, width) for c in lowest_first)
+        for coefficient in reversed(others):
+            value = self.fma(x, value, coefficient, width)
+        return value
+
+    def sine_and_cosine(self, x: str, width: int = 1) -> tuple[str, str]:
+        """Write sine and cosine, each to the last bit or the one before, for |x| up to 1e9."""
+        kind, whole, bit = type_of(width), type_of(width, "i64"), type_of(width, "i1")
+        quarters = self.value(f"fmul {kind} {x}, {literals(2.0 / math.pi, width)}")
+        shifted = self.value(f"fadd {kind} {quarters}, {literals(_ROUNDING, width)}")
+        bits = self.value(f"bitcast {kind} {shifted} to {whole}")
+        turns = self.value(f"fsub {kind} {literals(_ROUNDING, width)}, {shifted}")  # minus the quarter turns
+        for part in _HALF_PI:
+            x = self.fma(turns, literals(part, width), x, width)
+        square = self.value(f"fmul {kind} {x}, {x}")
+        cube = self.value(f"fmul {kind} {x}, {square}")
+        sine = self.fma(cube, self.polynomial(square, _SINE, width), x, width)
+        halved = self.fma(square, literals(-0.5, width), literals(1.0, width), width)
+        fourth = self.value(f"fmul {kind} {square}, {square}")
+        cosine = self.fma(fourth, self.polynomial(square, _COSINE, width), halved, width)
+        odd = self.value(f"trunc {whole} {bits} to {bit}")
+        first = self.value(f"select {bit} {odd}, {kind} {cosine}, {kind} {sine}")
+        second = self.value(f"select {bit} {odd}, {kind} {sine}, {kind} {cosine}")
+        after = self.value(f"add {whole} {bits}, {_integers(1, width)}")
+        return self._signed(first, bits, width), self._signed(second, after, width)
+
+    def _signed(self, value: str, quarter: str, width: int) -> str:
+        """Turn a value's sign if bit 1 of the quarter is set."""
+        kind, whole = type_of(width), type_of(width, "i64")
+        masked = self.value(f"and {whole} {quarter}, {_integers(2, width)}")
+        sign = self.value(f"shl {whole} {masked}, {_integers(62, width)}")
+        as_bits = self.value(f"bitcast {kind} {value} to {whole}")
+        turned = self.value(f"xor {whole} {as_bits}, {sign}")
+        return self.value(f"bitcast {whole} {turned} to {kind}")
+
+
+def literals(value: float, width: int) -> str:
+    """Return a double in all entries of a chunk."""
+    return literal(value) if width == 1 else "<" + ", ".join([f"double {literal(value)}"] * width) + ">"
+
+
+def _integers(value: int, width: int) -> str:
+    return str(value) if width == 1 else "<" + ", ".join([f"i64 {value}"] * width) + ">"
+
+
+def stumpff_function(k: int, name: str) -> str:
+    """A function of its own, for its branch: by series, or by sine and cosine; see `stumpff`."""
+    out = Writer()
+    near = out.polynomial("%x", coefficients(k))
+    far = Writer("far")
+    root = far.value("call double @llvm.sqrt.f64(double %x)")
+    sine, cosine = far.sine_and_cosine(root)
+    value = far.value(f"fdiv double {sine}, {root}") if k % 2 else cosine
+    for j in range(k % 2, k, 2):
+        rest = far.value(f"fsub double {literal(1.0 / math.factorial(j))}, {value}")
+        value = far.value(f"fdiv double {rest}, %x")
+    lines = [
+        f"define internal double @{name}(double %x) noinline nounwind {{",
+        f"%small = fcmp olt double %x, {literal(LIMIT)}",
+        "br i1 %small, label %near, label %far",
+        "near:",
+        *out.lines,
+        f"ret double {near}",
+        "far:",
+        *far.lines,
+        f"ret double {value}",
+        "}",
+    ]
+    return "\n".join(lines)

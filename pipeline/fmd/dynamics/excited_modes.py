@@ -1,0 +1,240 @@
+"""Modes that neither the loads nor the motion can excite: left out of the integration, they stay at rest exactly.
+
+Modes and their couplings are a graph. A mode is excited where a force reaches it in the undeformed state (by its part
+in the Gram tensor's products with the rigid body, by a load or another body at a place that it moves, by its own start)
+or where a mode that is excited acts on it; all others have nothing to move them. A blade's out-of-plane modes under an
+in-plane motion stay at rest, and all but the evenly turned ones of a cyclic body in a steady drive.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, replace
+
+import numpy as np
+from numpy.typing import NDArray
+
+from fmd.core.arrays import EPSILON, Array, IntArray
+from fmd.dynamics.links import CYLINDRICAL, FREE, PLANAR, REVOLUTE, SCREW, SPHERICAL, UNIVERSAL, Link
+from fmd.dynamics.mechanism import Mechanism
+from fmd.reduction.inertia import InertiaGram
+
+_ROUND_OFF = 1e-10  # of the largest force or coupling possible
+_PLANE = 1e-9
+
+
+@dataclass(frozen=True)
+class Excited:
+    """A mechanism without the modes that stay at rest.
+
+    Attributes
+    ----------
+    mechanism : Mechanism
+        With the other modes alone.
+    positions, rates : ndarray
+        Numbers of its positions and rates in the whole mechanism.
+    left_out : mapping of str to tuple of int
+        Numbers of the modes of each body that are left out, from 0.
+    """
+
+    mechanism: Mechanism
+    positions: IntArray
+    rates: IntArray
+    left_out: Mapping[str, tuple[int, ...]]
+
+
+def excited_part(mechanism: Mechanism, q0: Array, tolerance: float) -> Excited | None:
+    """Leave out the modes that stay at rest; ``None`` if there are none, or if nothing else would move.
+
+    Parameters
+    ----------
+    q0 : ndarray, shape (n_positions,)
+        Positions at the start.
+    tolerance : float
+        What counts as no force and no coupling: a part of the largest static response to a force of its kind, and of
+        the modal mass.
+    """
+    if not any(len(link.omega) for link in mechanism.links):
+        return None
+    kept = []
+    for b, link in enumerate(mechanism.links):
+        forces, couplings = _acting(mechanism, b)
+        start = q0[mechanism.modes_of(b) + mechanism.n_positions - mechanism.n]
+        kept.append(np.flatnonzero(reached(link.omega, [*forces, start], couplings, tolerance)))
+    left_out = {link.name: _others(k, len(link.omega)) for link, k in zip(mechanism.links, kept, strict=True)}
+    if not any(left_out.values()):
+        return None
+    part = _with_modes(mechanism, kept)
+    if not part.n:  # nothing moves but what is prescribed: there would be no march
+        return None
+    positions, rates = _numbers(mechanism, part, kept)
+    return Excited(part, positions, rates, {name: numbers for name, numbers in left_out.items() if numbers})
+
+
+def reached(omega: Array, forces: Sequence[Array], couplings: Sequence[Array], tolerance: float) -> NDArray[np.bool_]:
+    """Mark the modes that a force acts on, and those that a marked mode acts on in turn.
+
+    Parameters
+    ----------
+    omega : ndarray, shape (n,)
+        Angular frequencies [rad/s].
+    forces : sequence of ndarray, shapes (n,)
+        On each mode, one array for each kind of force; 1 is a large force.
+    couplings : sequence of ndarray, shapes (n, n)
+        Between modes; 1 is the modal mass.
+    """
+    marked = np.zeros(len(omega), dtype=bool)
+    linked = np.zeros((len(omega), len(omega)), dtype=bool)
+    for force in forces:
+        if np.abs(force).max(initial=0.0) > _ROUND_OFF:
+            response = np.abs(force) * (omega.min() / omega) ** 2
+            marked |= response > tolerance * response.max()
+    for coupling in couplings:
+        linked |= (np.abs(coupling) > tolerance) | (np.abs(coupling.T) > tolerance)
+    for _ in omega:
+        marked |= linked[:, marked].any(axis=1)
+    return marked
+
+
+def _acting(mechanism: Mechanism, b: int) -> tuple[list[Array], list[Array]]:
+    """Forces on body b's modes by the rigid motion, its joint, its loads and its children; couplings of modes."""
+    link, n, gram = mechanism.links[b], len(mechanism.links[b].omega), mechanism.links[b].gram
+    products = _inertia_products(gram, _common_axis(mechanism, b))
+    inertia = float(np.sqrt(max(np.einsum("aa", gram.G[:, :, 0, 0]), 1e-300)))
+    size = float(np.sqrt(gram.mass))
+    forces = [product[0, 1:] / inertia for product in products]
+    couplings = [product[1:, 1:] for product in products]
+    accelerated = link.parent >= 0 or link.n_slides > 0 or link.joint == SCREW or bool(np.any(mechanism.gravity))
+    if accelerated:
+        forces += list(gram.S[:, 1:] / size)
+        couplings += list(gram.bow)
+    couplings += [*gram.curl, link.joint_bow]
+    if link.motion is None and len(link.joint_rotation):
+        forces.append(link.joint_rotation * inertia)
+    for load in mechanism.loads:
+        if load.body == link.name:
+            forces += list((load.rotations * inertia) if load.torque else (load.shapes * size))
+            couplings += list(load.bow)
+    for element in mechanism.elements:
+        for end in element.ends:
+            if end.body == link.name:
+                forces += [*(end.marker.translation * size), *(end.marker.rotation * inertia)]
+                couplings += list(end.marker.bow)
+    for other in mechanism.links:
+        if other.parent == b:
+            forces += [*(other.place_shapes * size), *(other.place_rotations * inertia)]
+            couplings += list(other.place_bow)
+    for at in mechanism.closed_places(link.name):
+        forces += [*(at.translation * size), *(at.rotation * inertia)]
+        couplings += list(at.bow)
+    return [force for force in forces if len(force) == n], [pairs for pairs in couplings if len(pairs) == n]
+
+
+def _inertia_products(gram: InertiaGram, axis: Array | None) -> list[Array]:
+    """Combinations of the Gram tensor that the rigid motion can excite, (1 + n, 1 + n) each.
+
+    Turning about one axis alone has one product of rates with both squares across it, and one antisymmetric product.
+    """
+    symmetric = 0.5 * (gram.G + gram.G.swapaxes(0, 1))
+    antisymmetric = np.einsum("abc,bcij->aij", EPSILON, gram.G)
+    if axis is not None:
+        across = np.eye(3) - np.outer(axis, axis)
+        return [np.einsum("ab,abij->ij", across, symmetric), np.einsum("a,aij->ij", axis, antisymmetric)]
+    return [*(symmetric[a, b] for a in range(3) for b in range(a, 3)), *antisymmetric]
+
+
+def _common_axis(mechanism: Mechanism, body: int) -> Array | None:
+    """Unit vector in a body's axes that every rotation of the mechanism is about, or ``None``."""
+    axes, turned = list[Array](), list[Array]()  # axes in space, and each body's axes at rest
+    for link in mechanism.links:
+        if link.joint in (SPHERICAL, FREE, UNIVERSAL):
+            return None
+        carrier = turned[link.parent] if link.parent >= 0 else np.eye(3)
+        turned.append(carrier @ link.place_axes)
+        if link.joint in (REVOLUTE, CYLINDRICAL, PLANAR, SCREW):
+            axes.append(turned[-1] @ link.axis / np.linalg.norm(link.axis))
+        axes += list((carrier @ link.place_rotations).T)
+    for link, into_space in zip(mechanism.links, turned, strict=True):
+        for at in mechanism.closed_places(link.name):
+            axes += list((into_space @ at.rotation).T)
+    if not axes:
+        return None
+    largest = axes[int(np.argmax([np.linalg.norm(axis) for axis in axes]))]
+    axis = largest / np.linalg.norm(largest)
+    across = max(np.linalg.norm(other - axis * (axis @ other)) for other in axes)
+    return turned[body].T @ axis if across <= _PLANE * np.linalg.norm(largest) else None
+
+
+def _with_modes(mechanism: Mechanism, kept: Sequence[IntArray]) -> Mechanism:
+    """Mechanism with some of each body's modes alone."""
+    numbers = {link.name: k for k, link in enumerate(mechanism.links)}
+    slow = {name: int((kept[numbers[name]] < count).sum()) for name, count in mechanism.slow_modes.items()}
+    loads = [
+        replace(
+            load,
+            shapes=_columns(load.shapes, its),
+            rotations=_columns(load.rotations, its),
+            bow=_pairs(load.bow, its),
+        )
+        for load in mechanism.loads
+        for its in [kept[numbers[load.body]]]
+    ]
+    links = [_link_with(link, kept[b], kept[link.parent]) for b, link in enumerate(mechanism.links)]
+    own = {name: kept[number] for name, number in numbers.items()}
+    closures = [closure.with_modes(own) for closure in mechanism.closures]
+    elements = [element.with_modes(own) for element in mechanism.elements]
+    return replace(mechanism, links=links, loads=loads, slow_modes=slow, closures=closures, elements=elements)
+
+
+def _numbers(mechanism: Mechanism, part: Mechanism, kept: Sequence[IntArray]) -> tuple[IntArray, IntArray]:
+    """Numbers of a part's positions and of its rates in the whole mechanism."""
+    positions, rates = np.zeros(part.n_positions, dtype=np.int64), np.zeros(part.n, dtype=np.int64)
+    for b, link in enumerate(part.links):
+        at, first = part.layout.rate[b], part.layout.position[b]
+        rates[at : at + link.n_rates] = mechanism.layout.rate[b] + np.arange(link.n_rates)
+        positions[first : first + link.n_positions] = mechanism.layout.position[b] + np.arange(link.n_positions)
+        modes, whole = part.modes_of(b), mechanism.modes_of(b)[kept[b]]
+        rates[modes] = whole
+        positions[modes + part.n_positions - part.n] = whole + mechanism.n_positions - mechanism.n
+    return positions, rates
+
+
+def _others(kept: IntArray, n: int) -> tuple[int, ...]:
+    return tuple(int(k) for k in np.setdiff1d(np.arange(n), kept))
+
+
+def _columns(shapes: Array, kept: IntArray) -> Array:
+    return shapes[:, kept] if shapes.size else shapes
+
+
+def _pairs(forms: Array, kept: IntArray) -> Array:
+    """Rows and columns of quadratic forms (…, n, n); empty forms stay empty."""
+    return forms[..., kept[:, None], kept] if forms.size else forms
+
+
+def _link_with(link: Link, kept: IntArray, of_parent: IntArray) -> Link:
+    return replace(
+        link,
+        gram=_gram_with(link.gram, kept),
+        omega=link.omega[kept],
+        damping=link.damping[kept] if len(link.damping) else link.damping,
+        joint_rotation=link.joint_rotation[kept] if len(link.joint_rotation) else link.joint_rotation,
+        joint_bow=_pairs(link.joint_bow, kept),
+        place_shapes=_columns(link.place_shapes, of_parent),
+        place_rotations=_columns(link.place_rotations, of_parent),
+        place_bow=_pairs(link.place_bow, of_parent),
+        markers={},
+        section="",
+    )
+
+
+def _gram_with(gram: InertiaGram, kept: IntArray) -> InertiaGram:
+    at = np.r_[0, 1 + kept]
+    return replace(
+        gram,
+        G=gram.G[:, :, at[:, None], at],
+        S=gram.S[:, at],
+        stiffening=_pairs(gram.stiffening, kept),
+        bow=_pairs(gram.bow, kept),
+        curl=_pairs(gram.curl, kept),
+    )

@@ -1,0 +1,229 @@
+"""The parts of a mechanism: bodies with the joints that carry them, and loads at points."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass, field
+
+import numpy as np
+
+from fmd.core.arrays import Array
+from fmd.dynamics.closures import perpendicular_axes
+from fmd.dynamics.force_laws import ForceLaw
+from fmd.dynamics.signals.signal import Signal, constant
+from fmd.reduction.body import MarkerShapes
+from fmd.reduction.inertia import InertiaGram
+
+FIXED, REVOLUTE, PRISMATIC, SPHERICAL, FREE, UNIVERSAL, CYLINDRICAL, PLANAR, SCREW = range(9)
+ONE_AXIS = (REVOLUTE, PRISMATIC, SCREW)
+"""Joints with one coordinate, which may have a spring, a damper, a load or a prescribed motion."""
+
+_JUMP = 1e-6
+_ORTHONORMAL = 1e-12
+_N_RATES = (0, 1, 1, 3, 6, 2, 2, 3, 1)
+_N_POSITIONS = (0, 1, 1, 4, 7, 2, 2, 3, 1)
+_N_SLIDES = (0, 0, 1, 0, 3, 0, 1, 2, 0)
+
+
+@dataclass(frozen=True)
+class Link:
+    """A body with the joint that carries it on another body or on the ground; rigid if it has no modes.
+
+    Parameters
+    ----------
+    name : str
+        The body's name.
+    gram : InertiaGram
+        Inertia integrals about the joint, in the body's frame, for unit modal masses.
+    joint : int
+        ``FIXED``, ``REVOLUTE``, ``PRISMATIC``, ``SPHERICAL``, ``FREE``, ``UNIVERSAL``, ``CYLINDRICAL``, ``PLANAR`` or
+        ``SCREW``. Coordinates of several are displacements first, then angles.
+    parent : int
+        Number of the body that carries it, -1 for the ground; smaller than its own.
+    place : ndarray, shape (3,)
+        The joint in the parent's frame [m].
+    axis : ndarray, shape (3,)
+        Unit vector of a joint's axis, in the joint's axes; a planar joint's normal.
+    omega : ndarray, shape (n,)
+        Modal angular frequencies [rad/s], ascending.
+    damping : ndarray, shape (n,)
+        Modal damping ratios.
+    place_shapes, place_rotations : ndarray, shape (3, n_parent)
+        Displacement and rotation of the joint's place for unit modal coordinates of the parent.
+    place_bow : ndarray, shape (6, n_parent, n_parent)
+        Their second order, as in `MarkerShapes.bow`; empty if it is left out.
+    joint_rotation : ndarray, shape (n,)
+        Rotation of the body's own section at a revolute joint about its axis, for unit modal coordinates.
+    joint_bow : ndarray, shape (n, n)
+        Its second order, ``½ qᵀ joint_bow q``; empty if it is left out.
+    spring, rest, damper : float
+        Of a revolute or prismatic joint [N m/rad or N/m; rad or m; N m s/rad or N s/m].
+    load : Signal
+        Torque or force along a revolute or prismatic joint [N m or N].
+    motion : Signal, optional
+        Prescribed angle or displacement of a revolute or prismatic joint [rad or m]; the joint has no coordinate then.
+    joint_name : str
+        The joint's name.
+    markers : mapping of str to MarkerShapes
+        Named places of the body, in its frame.
+    section : str
+        The marker on the section at the joint, from which deflections are seen; empty where they are seen from the
+        body's frame itself.
+    other_axis : ndarray, shape (3,)
+        Second axis of a universal joint, in the body's axes.
+    lead : float
+        Displacement of a screw joint for an angle [m/rad].
+    laws : tuple of ForceLaw
+        Forces along each of a joint's coordinates, beside its spring and damper; none, or one for each.
+    place_axes : ndarray, shape (3, 3)
+        Rotation from the joint's axes, those of the body at angle 0, into the parent's.
+    part : str
+        Name of the part that the body is a piece of; empty if it is whole.
+    """
+
+    name: str
+    gram: InertiaGram
+    joint: int
+    parent: int = -1
+    place: Array = field(default_factory=lambda: np.zeros(3))
+    axis: Array = field(default_factory=lambda: np.array([0.0, 0.0, 1.0]))
+    omega: Array = field(default_factory=lambda: np.zeros(0))
+    damping: Array = field(default_factory=lambda: np.zeros(0))
+    place_shapes: Array = field(default_factory=lambda: np.zeros((3, 0)))
+    place_rotations: Array = field(default_factory=lambda: np.zeros((3, 0)))
+    place_bow: Array = field(default_factory=lambda: np.zeros((6, 0, 0)))
+    joint_rotation: Array = field(default_factory=lambda: np.zeros(0))
+    joint_bow: Array = field(default_factory=lambda: np.zeros((0, 0)))
+    spring: float = 0.0
+    rest: float = 0.0
+    damper: float = 0.0
+    load: Signal = field(default_factory=lambda: constant(0.0))
+    motion: Signal | None = None
+    joint_name: str = ""
+    markers: Mapping[str, MarkerShapes] = field(default_factory=dict)
+    section: str = ""
+    other_axis: Array = field(default_factory=lambda: np.array([1.0, 0.0, 0.0]))
+    lead: float = 0.0
+    laws: tuple[ForceLaw, ...] = ()
+    place_axes: Array = field(default_factory=lambda: np.eye(3))
+    part: str = ""
+
+    @property
+    def place_marker(self) -> MarkerShapes:
+        """Motion of the joint's place on the parent."""
+        return MarkerShapes(self.place, self.place_shapes, self.place_rotations, self.place_bow)
+
+    @property
+    def unit(self) -> str:
+        """Unit of the joint's position where that is one number, ``rad`` or ``m``; else empty."""
+        return {REVOLUTE: "rad", PRISMATIC: "m", SCREW: "rad"}.get(self.joint, "")
+
+    @property
+    def n_rates(self) -> int:
+        """Number of the joint's rates."""
+        return 0 if self.motion else _N_RATES[self.joint]
+
+    @property
+    def n_positions(self) -> int:
+        """Number of the joint's position coordinates."""
+        return 0 if self.motion else _N_POSITIONS[self.joint]
+
+    @property
+    def n_slides(self) -> int:
+        """Number of the joint's displacements, which come before its angles."""
+        return _N_SLIDES[self.joint]
+
+    @property
+    def slide_axes(self) -> Array:
+        """Directions of a planar joint's two displacements, in the joint's axes, shape (2, 3)."""
+        return perpendicular_axes(self.axis / np.linalg.norm(self.axis))
+
+    def require_valid(self, number: int, parent_modes: int) -> None:
+        """Raise ``ValueError`` unless the link can be the one of this number on a parent with so many modes."""
+        if not -1 <= self.parent < number:
+            raise ValueError(f"link {self.name} comes before its parent")
+        if not np.linalg.norm(self.axis) > 0.0:
+            raise ValueError(f"the axis of {self.name} has no direction")
+        if not np.allclose(self.place_axes.T @ self.place_axes, np.eye(3), atol=_ORTHONORMAL):
+            raise ValueError(f"the axes of the place that carries {self.name} are not orthonormal")
+        if self.gram.G.shape[-1] != 1 + len(self.omega):
+            raise ValueError(f"{self.name} has {len(self.omega)} frequencies and {self.gram.G.shape[-1] - 1} shapes")
+        for name in ("place_shapes", "place_rotations", "place_bow"):
+            if (found := getattr(self, name).shape[1]) not in (0, parent_modes):
+                raise ValueError(f"{name} of {self.name} has {found} columns, its parent {parent_modes} modes")
+        along = self.spring or self.damper or self.motion or self.load != constant(0.0)
+        if along and self.joint not in ONE_AXIS:
+            raise ValueError(f"the joint of {self.name} takes no spring, damper, load or motion: it has no axis")
+        if len(self.laws) not in (0, self.n_rates):
+            raise ValueError(f"the joint of {self.name} has {self.n_rates} rates and {len(self.laws)} force laws")
+        if self.motion and len(self.joint_rotation) and np.abs(self.joint_rotation).max() > 1e-9:
+            raise ValueError(f"the motion of {self.name} needs a basis whose section at the joint is held")
+        if self.motion:
+            _require_smooth(self.name, self.motion, self.unit)
+
+
+def _require_smooth(name: str, motion: Signal, unit: str) -> None:
+    """Raise ``ValueError`` if a motion's position or rate jumps: no impulse would pass to the other coordinates."""
+    for time in motion.breakpoints:
+        before, after = (motion.value(np.nextafter(time, way)) for way in (-np.inf, np.inf))
+        if not np.allclose(before[:2], after[:2], rtol=_JUMP, atol=_JUMP):
+            raise ValueError(
+                f"the motion of {name} jumps at {time:g} s, from {before[0]:.6g} {unit} at {before[1]:.6g} {unit}/s to "
+                f"{after[0]:.6g} {unit} at {after[1]:.6g} {unit}/s; position and rate must go on as they are"
+            )
+
+
+@dataclass(frozen=True)
+class PointLoad:
+    """A force or a torque at a point of a body, fixed in space or turning with the body.
+
+    Parameters
+    ----------
+    body : str
+        The link that it acts on.
+    direction : ndarray, shape (3,)
+        Unit vector: in space, or in the axes of the point's section if the load follows it.
+    size : Signal
+        Along the direction [N or N m].
+    torque : bool
+        Whether it is a torque.
+    following : bool
+        Whether its direction turns with the section.
+    place : ndarray, shape (3,)
+        The point in the body's frame [m].
+    shapes, rotations : ndarray, shape (3, n)
+        Displacement and rotation of the point for unit modal coordinates of the body.
+    bow : ndarray, shape (6, n, n)
+        Their second order, as in `MarkerShapes.bow`; empty if it is left out.
+    """
+
+    body: str
+    direction: Array
+    size: Signal
+    torque: bool = False
+    following: bool = False
+    place: Array = field(default_factory=lambda: np.zeros(3))
+    shapes: Array = field(default_factory=lambda: np.zeros((3, 0)))
+    rotations: Array = field(default_factory=lambda: np.zeros((3, 0)))
+    bow: Array = field(default_factory=lambda: np.zeros((6, 0, 0)))
+
+    @property
+    def marker(self) -> MarkerShapes:
+        """Motion of the point on its body."""
+        return MarkerShapes(self.place, self.shapes, self.rotations, self.bow)
+
+
+def rigid_gram(mass: float, centre: Array, inertia: Array) -> InertiaGram:
+    """Form the inertia integrals of a rigid body about the origin of its frame.
+
+    Parameters
+    ----------
+    mass : float
+        [kg]
+    centre : ndarray, shape (3,)
+        Centre of mass in the body's frame [m].
+    inertia : ndarray, shape (3, 3)
+        Inertia tensor about the centre of mass [kg m²].
+    """
+    second = 0.5 * inertia.trace() * np.eye(3) - inertia + mass * (centre[:, None] * centre)
+    return InertiaGram(second[:, :, None, None], mass * centre[:, None], mass)

@@ -1,0 +1,243 @@
+"""A mechanism of rigid and flexible bodies: the one description from which its equations and results are made.
+
+Bodies form a tree of joints. The coordinates are those of the joints and of the modes alone, the independent
+coordinates of eq. (4) of Miao et al. (2008): nothing else appears, so no constraint of the tree can drift. Joints
+between bodies that both hang on others close loops: constraints between these coordinates.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, field, replace
+from functools import cached_property
+
+import numpy as np
+
+from fmd.core.arrays import Array, IntArray
+from fmd.dynamics.closures import GROUND, Closure, Constraint, Coupler
+from fmd.dynamics.elements import Element
+from fmd.dynamics.layout import Layout, layout_of
+from fmd.dynamics.linear_forces import LinearForces, gather_linear_forces
+from fmd.dynamics.links import FREE, SPHERICAL, Link, PointLoad
+from fmd.dynamics.signals.activity import Activity, find_activity
+from fmd.dynamics.signals.signal import Signal
+from fmd.reduction.body import MarkerShapes
+from fmd.reduction.inertia import InertiaGram
+
+
+@dataclass(frozen=True)
+class Mechanism:
+    """Bodies with the joints that carry them, and what acts on them.
+
+    Rates are ordered by what is slow: slow joints, slow modes, fast joints, fast modes.
+
+    Parameters
+    ----------
+    links : sequence of Link
+        Each after its parent.
+    fast_joints : sequence of str
+        Bodies whose scalar joint coordinate is fast.
+    gravity : ndarray, shape (3,)
+        [m/s²]
+    loads : sequence of PointLoad
+        Forces and torques at points.
+    slow_modes : mapping of str to int
+        How many modes of a body, the lowest, are slow; none by default.
+    closures : sequence of Closure or Coupler
+        Joints that close loops, and relations between joint coordinates.
+    assembled : mapping of str to sequence of float
+        Positions of links' joints, by the links' names, with which the loops of the undeformed mechanism close; those
+        of others are 0.
+    horizon : float
+        Time [s] up to which loads are searched for short actions that adaptive steps must not miss; 0 searches none.
+    elements : sequence of PointSpring or SixAxisSpring
+        Force elements between two places.
+
+    Raises
+    ------
+    ValueError
+        Names are missing or not unique, a link doesn't fit its parent, or a fast joint is not a revolute or prismatic
+        one with a coordinate.
+    """
+
+    links: Sequence[Link]
+    fast_joints: Sequence[str] = ()
+    gravity: Array = field(default_factory=lambda: np.zeros(3))
+    loads: Sequence[PointLoad] = ()
+    slow_modes: Mapping[str, int] = field(default_factory=dict)
+    horizon: float = 0.0
+    closures: Sequence[Constraint] = ()
+    assembled: Mapping[str, Sequence[float]] = field(default_factory=dict)
+    elements: Sequence[Element] = ()
+
+    def __post_init__(self) -> None:
+        links = {link.name: link for link in self.links}
+        if not links or len(links) < len(self.links):
+            raise ValueError(f"links need names of their own, and one link at least: {list(links)}")
+        held = {body for closure in self.closures for body in closure.bodies}
+        held |= {end.body for element in self.elements for end in element.ends if end.body != GROUND}
+        named = {*self.fast_joints, *self.slow_modes, *(at.body for at in self.loads), *held}
+        if unknown := named - set(links):
+            raise ValueError(f"no link is named {', '.join(sorted(unknown))}")
+        for k, link in enumerate(self.links):
+            link.require_valid(k, len(self.links[link.parent].omega) if 0 <= link.parent < k else 0)
+            if link.name in self.fast_joints and link.n_rates != 1:
+                raise ValueError(f"the joint of {link.name} can't be fast: it has no one coordinate")
+            if not 0 <= self.slow_modes.get(link.name, 0) <= len(link.omega):
+                raise ValueError(f"{link.name} has {len(link.omega)} modes, fewer than are to be slow")
+        for closure in self.closures:
+            closure.require_valid()
+            for body in closure.bodies if isinstance(closure, Coupler) else ():
+                if not links[body].unit:
+                    raise ValueError(f"coupler {closure.name} takes revolute and prismatic joints, not that of {body}")
+
+    @cached_property
+    def layout(self) -> Layout:
+        """Where each joint's and each body's coordinates are."""
+        return layout_of(self.links, self.fast_joints, [self.slow_modes.get(link.name, 0) for link in self.links])
+
+    def first_piece(self, body: int) -> int:
+        """Return the number of the piece at the joint of the part that a body is a piece of; its own if it is whole."""
+        part, parent = self.links[body].part, self.links[body].parent
+        return self.first_piece(parent) if part and parent >= 0 and self.links[parent].part == part else body
+
+    @property
+    def n_slow(self) -> int:
+        """Number of slow rates."""
+        return self.layout.n_slow
+
+    @property
+    def n(self) -> int:
+        """Number of rates."""
+        return self.layout.n
+
+    @property
+    def n_positions(self) -> int:
+        """Number of position coordinates."""
+        return self.layout.n_positions
+
+    @property
+    def rest_positions(self) -> Array:
+        """Positions of the undeformed mechanism with all joints at 0, or where loops close, shape (n_positions,)."""
+        q = np.zeros(self.n_positions)
+        for link, first in zip(self.links, self.layout.position, strict=True):
+            if link.joint in (SPHERICAL, FREE):
+                q[first + link.n_positions - 1] = 1.0  # a unit quaternion, its scalar part last
+            if link.name in self.assembled:
+                q[first : first + link.n_positions] = self.assembled[link.name]
+        return q
+
+    @cached_property
+    def groups(self) -> tuple[IntArray, IntArray]:
+        """Group of like coordinates that each position and each rate belongs to: one for each joint and each body.
+
+        Joints of a mechanism with loops move each other: all angles are one group, and all displacements.
+        """
+        positions, rates = np.zeros(self.n_positions, dtype=np.int64), np.zeros(self.n, dtype=np.int64)
+        for k, link in enumerate(self.links):
+            at, first = self.layout.rate[k], self.layout.position[k]
+            moves = link.n_slides if link.n_rates else 0  # translations aren't like rotations
+            joint = 0 if self.closures else k
+            rates[at : at + link.n_rates], positions[first : first + link.n_positions] = 3 * joint, 3 * joint
+            rates[at : at + moves], positions[first : first + moves] = 3 * joint + 1, 3 * joint + 1
+            modes = self.modes_of(k)
+            rates[modes], positions[modes + self.n_positions - self.n] = 3 * k + 2, 3 * k + 2
+        return positions, rates
+
+    @property
+    def mass(self) -> float:
+        """Mass of all bodies [kg]."""
+        return float(sum(link.gram.mass for link in self.links))
+
+    def number_of(self, body: str) -> int:
+        """Number of the body of a name; of the first piece if it is the name of a part in pieces."""
+        found = next((k for k, link in enumerate(self.links) if link.name == body), None)
+        return next(k for k, link in enumerate(self.links) if link.part == body) if found is None else found
+
+    def find_marker(self, body: int, marker: str) -> int:
+        """Return the number of the piece that has a marker of a part, any of whose pieces is given; of a whole its own.
+
+        Raises
+        ------
+        ValueError
+            There is no such marker.
+        """
+        own = self.links[body]
+        pieces = [body, *(k for k, link in enumerate(self.links) if own.part and link.part == own.part)]
+        for k in pieces:
+            if marker in self.links[k].markers:
+                return k
+        raise ValueError(f"{own.part or own.name} has no marker {marker}")
+
+    @property
+    def closing_joints(self) -> tuple[Closure, ...]:
+        """Joints that close loops, without couplers."""
+        return tuple(closure for closure in self.closures if isinstance(closure, Closure))
+
+    def closed_places(self, body: str) -> list[MarkerShapes]:
+        """Places of a body that joints which close loops hold."""
+        ends = [place for joint in self.closing_joints for place in (joint.first, joint.second)]
+        return [place.marker for place in ends if place.body == body]
+
+    def modes_of(self, body: int) -> IntArray:
+        """Rates of a body's modal coordinates, lowest mode first."""
+        return np.asarray(self.layout.mode[body, : len(self.links[body].omega)])
+
+    @property
+    def signals(self) -> tuple[Signal, ...]:
+        """All loads and motions."""
+        motions = [link.motion for link in self.links if link.motion is not None]
+        return (*motions, *(link.load for link in self.links), *(load.size for load in self.loads))
+
+    @cached_property
+    def breakpoints(self) -> tuple[float, ...]:
+        """Times at which a load or a motion jumps, has a kink or begins to vary much faster [s], ascending."""
+        known = {time for signal in self.signals for time in signal.breakpoints}
+        return tuple(sorted(known.union(*(activity.events for activity in self.activities))))
+
+    @cached_property
+    def activities(self) -> tuple[Activity, ...]:
+        """When each load and each motion that isn't constant acts, up to the horizon."""
+        return tuple(find_activity(signal, self.horizon, derivative) for signal, derivative in self.acting)
+
+    @cached_property
+    def acting(self) -> tuple[tuple[Signal, int], ...]:
+        """Each load and each motion that isn't constant, with the derivative by which it acts; none without horizon."""
+        if not self.horizon > 0.0:
+            return ()
+        loads = [*(link.load for link in self.links), *(load.size for load in self.loads)]
+        motions = [link.motion for link in self.links if link.motion is not None]
+        both = [(signal, 0) for signal in loads] + [(signal, 2) for signal in motions]
+        return tuple((signal, derivative) for signal, derivative in both if not signal.is_constant)
+
+    @cached_property
+    def linear_forces(self) -> LinearForces:
+        """Constant stiffness and damping of modes, springs and dampers."""
+        return gather_linear_forces(self.links, self.layout)
+
+    @cached_property
+    def rigid(self) -> Mechanism:
+        """Mechanism in which no body deforms; its coordinates are those of the joints alone."""
+        nothing, none = np.zeros(0), np.zeros((3, 0))
+        links = [
+            replace(
+                link,
+                gram=InertiaGram(link.gram.G[:, :, :1, :1], link.gram.S[:, :1], link.gram.mass),
+                omega=nothing,
+                damping=nothing,
+                joint_rotation=nothing,
+                joint_bow=np.zeros((0, 0)),
+                place_shapes=none,
+                place_rotations=none,
+                place_bow=np.zeros((6, 0, 0)),
+                markers={},
+                section="",
+            )
+            for link in self.links
+        ]
+        loads = [replace(at, shapes=none, rotations=none, bow=np.zeros((6, 0, 0))) for at in self.loads]
+        closures = [closure.rigid for closure in self.closures]
+        elements = [element.rigid for element in self.elements]
+        return Mechanism(
+            links, self.fast_joints, self.gravity, loads, {}, self.horizon, closures, self.assembled, elements
+        )

@@ -1,0 +1,95 @@
+"""Accelerations, and forces and moments of all joints, over a motion: those of the tree and those that close loops."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass
+
+import numpy as np
+
+from fmd.core.arrays import Array
+from fmd.dynamics.compiled_system.shared import share_system
+from fmd.dynamics.mechanism import Mechanism
+
+
+@dataclass(frozen=True)
+class JointLoads:
+    """Accelerations of a mechanism's bodies over a motion, and the forces and moments of its joints.
+
+    Attributes
+    ----------
+    accelerations : ndarray, shape (n_times, n)
+        Of the coordinates, in the order of rates.
+    frames : ndarray, shape (n_times, n_bodies, 6)
+        Acceleration of each body's origin [m/s²] and angular acceleration of its frame [rad/s²], in space.
+    reactions : mapping of str to ndarray, shape (n_times, 2, 6)
+        Force [N] and moment [N m] of each joint on its parent and on its child, in space, about the joint's place on
+        each, by the joints' names. They hold all that the joint transmits, its spring, damper and drive included.
+    """
+
+    accelerations: Array
+    frames: Array
+    reactions: Mapping[str, Array]
+
+
+def joint_loads(mechanism: Mechanism, whole: Mechanism, times: Array, q: Array, v: Array) -> JointLoads:
+    """Compute accelerations, and force and moment of every joint, at states of a mechanism.
+
+    They follow from the equations of motion at each state alone (recursive Newton–Euler), not from differences between
+    output times.
+
+    Parameters
+    ----------
+    mechanism : Mechanism
+        As it moves.
+    whole : Mechanism
+        The same with the whole inertia of each body. One that turns about a fixed axis moves without that along the
+        axis, but its joint holds the moments of its products of inertia.
+    times, q, v : ndarray, shapes (n_times,), (n_times, n_positions) and (n_times, n)
+        Times [s] with positions and rates that close the loops.
+
+    Raises
+    ------
+    ValueError
+        A body of ``whole`` lacks its inertia along an axis.
+    """
+    lacking = [link.name for link in whole.links if link.gram.normal >= 0]
+    if lacking:
+        raise ValueError(f"the joint of {lacking[0]} bears moments that take the body's inertia along its axis, too")
+    compiled, bearing, links = share_system(mechanism).compiled, share_system(whole).compiled, mechanism.links
+    accelerations = np.zeros((len(times), mechanism.n))
+    frames, loads = np.zeros((len(times), len(links), 6)), np.zeros((len(times), len(links), 2, 6))
+    for k, t in enumerate(times):
+        accelerations[k], multipliers = compiled.constrained_accelerations(float(t), q[k], v[k])
+        frames[k], loads[k] = bearing.joint_loads(float(t), q[k], v[k], accelerations[k], multipliers)
+    of_tree = {link.joint_name: loads[:, number] for number, link in enumerate(links)}
+    return JointLoads(accelerations, frames, of_tree | closing_reactions(mechanism, times, q, v))
+
+
+def closing_reactions(mechanism: Mechanism, times: Array, q: Array, v: Array) -> dict[str, Array]:
+    """Compute force [N] and moment [N m] of each joint that closes a loop on its parent and on its child.
+
+    Where constraints are redundant, no motion tells how joints share their load; the smallest multipliers are taken.
+
+    Parameters
+    ----------
+    times, q, v : ndarray, shapes (n_times,), (n_times, n_positions) and (n_times, n)
+        Times [s] with positions and rates that close the loops.
+
+    Returns
+    -------
+    dict of str to ndarray, shape (n_times, 2, 6)
+        In space, about the joint's place on the parent and on the child, by the joints' names.
+    """
+    names = [joint.name for joint in mechanism.closing_joints]
+    compiled = share_system(mechanism).compiled
+    found = [compiled.reactions(float(t), q[k], v[k]) for k, t in enumerate(times)] if names else []
+    return {name: np.array([at[name] for at in found]) for name in names}
+
+
+def constraint_residual(mechanism: Mechanism, times: Array, q: Array, v: Array) -> float:
+    """Return the largest gap of a mechanism's loops over a motion [m, or rad]; 0 without loops."""
+    if not mechanism.closures:
+        return 0.0
+    compiled = share_system(mechanism).compiled
+    return max(float(np.abs(compiled.gaps(float(t), q[k], v[k])[0]).max(initial=0.0)) for k, t in enumerate(times))

@@ -1,0 +1,224 @@
+"""Functions of time: loads and prescribed motions, with their first two derivatives.
+
+A formula is run on truncated Taylor series (f, f', f''), so that position, rate and acceleration of a prescribed motion
+belong together by construction (Griewank & Walther, Evaluating Derivatives, 2nd ed., SIAM, 2008, ch. 13).
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+import numpy as np
+
+from fmd.core import formula as operation
+from fmd.core.arrays import Array, require_shape
+from fmd.core.formula import Formula
+from fmd.dynamics.signals.evaluate import run_program, run_table
+
+CONSTANT, PROGRAM, TABLE = range(3)
+"""Kinds of a term."""
+
+ALWAYS = (-math.inf, math.inf)
+"""Support of a term that never ends."""
+
+
+@dataclass(frozen=True)
+class Term:
+    """One of the terms whose sum is a signal; zero outside of its support."""
+
+    kind: int
+    codes: tuple[int, ...] = ()
+    numbers: tuple[float, ...] = ()
+    knots: tuple[float, ...] = ()
+    cubics: tuple[tuple[float, float, float, float], ...] = ()  # from each knot on, lowest power first
+    support: tuple[float, float] = ALWAYS
+
+    def values(self, times: Array) -> Array:
+        """Value, first and second derivative at times within the support, shape (3, n_times)."""
+        if self.kind == PROGRAM:
+            return run_program(self.codes, self.numbers, times)
+        if self.kind == TABLE:
+            return run_table(np.array(self.knots), np.array(self.cubics), times)
+        return np.stack([np.full(times.shape, self.numbers[0]), *np.zeros((2, times.size))])
+
+
+@dataclass(frozen=True)
+class Signal:
+    """A function of time, made by the functions of this module.
+
+    Attributes
+    ----------
+    terms : tuple
+        Its sum.
+    breakpoints : tuple of float
+        Times at which it or its first derivative may jump, and the ends of a smooth table, at which its second one
+        does [s], ascending. Kinks of abs, min and max in a formula are not among them.
+    """
+
+    terms: tuple[Term, ...]
+    breakpoints: tuple[float, ...] = ()
+
+    @property
+    def is_constant(self) -> bool:
+        """True if it never changes."""
+        return all(term.kind == CONSTANT for term in self.terms)
+
+    def value(self, t: float) -> tuple[float, float, float]:
+        """Value, first and second time derivative at time t [s]."""
+        value, rate, acceleration = self.values(np.array([t]))[0]
+        return float(value), float(rate), float(acceleration)
+
+    def values(self, times: Array) -> Array:
+        """Value, first and second time derivative at each time [s], shape (n_times, 3)."""
+        out = np.zeros((3, times.size))
+        with np.errstate(all="ignore"):  # what has no value is not a number, and told where it is used
+            for term in self.terms:
+                first, last = term.support
+                acts = (times >= first) & (times <= last)
+                out[:, acts] += term.values(times[acts])
+        return out.T.copy()
+
+
+def constant(value: float) -> Signal:
+    """Make a signal that doesn't change.
+
+    Raises
+    ------
+    ValueError
+        It isn't finite.
+    """
+    return Signal((Term(CONSTANT, numbers=(_finite("the constant", value),)),))
+
+
+def formula(expression: Formula, factor: float = 1.0) -> Signal:
+    """Make a signal of a formula times a factor.
+
+    Where a formula has no real value (a root or a logarithm of a negative number, a varying power of one) the signal
+    is not a number, which stops a march; so it does where a derivative that is wanted doesn't exist, as of ``sqrt(t)``
+    at 0. On a kink, the derivatives of abs are those after it for a rising argument, and min and max have those of
+    their first argument.
+
+    Parameters
+    ----------
+    expression : Formula
+        What `fmd.core.formula.parse_formula` makes of the text.
+    factor : float
+        SI units in one unit of the formula's values.
+
+    Raises
+    ------
+    ValueError
+        The factor isn't finite.
+    """
+    factor = _finite("the factor", factor)
+    if expression.codes == (operation.CONSTANT,):
+        return constant(factor * expression.constants[0])
+    codes, numbers = expression.codes, expression.constants
+    if factor != 1.0:
+        codes, numbers = (*codes, operation.CONSTANT, operation.MULTIPLY), (*numbers, factor)
+    return Signal((Term(PROGRAM, codes, numbers),), expression.breakpoints)
+
+
+def half_sine(start: float, duration: float, peak: float) -> Signal:
+    """Make ``peak sin(π (t − start)/duration)`` while that lasts, else 0: an impulse of ``2/π peak duration``.
+
+    Parameters
+    ----------
+    start, duration : float
+        When it begins and how long it lasts [s].
+    peak : float
+        Its largest value.
+
+    Raises
+    ------
+    ValueError
+        The duration isn't above 0, or a number isn't finite.
+    """
+    start, peak = _finite("the start", start), _finite("the peak", peak)
+    end = start + _finite("the duration", duration)
+    if not end > start:
+        raise ValueError(f"a half sine that begins at {start:g} s can't last {duration:g} s; give more than 0")
+    codes = (
+        operation.TIME,
+        operation.CONSTANT,
+        operation.SUBTRACT,
+        operation.CONSTANT,
+        operation.MULTIPLY,
+        operation.SIN,
+        operation.CONSTANT,
+        operation.MULTIPLY,
+    )
+    numbers = (start, math.pi / duration, peak)
+    term = Term(PROGRAM, codes, numbers, support=(start, end))
+    return Signal((term,), (start, end))
+
+
+def linear_table(times: Array, values: Array) -> Signal:
+    """Make straight lines between samples; the first and the last value hold before and after.
+
+    Parameters
+    ----------
+    times : ndarray, shape (n,)
+        Of the samples [s], ascending, 2 at least.
+    values : ndarray, shape (n,)
+        One for each.
+
+    Raises
+    ------
+    ValueError
+        Shapes disagree, times don't ascend, a number isn't finite.
+    """
+    times, values = _samples(times, values)
+    slopes = [0.0, *np.diff(values) / np.diff(times), 0.0]
+    cubics = [(float(value), float(slope), 0.0, 0.0) for value, slope in zip(values, slopes[1:], strict=True)]
+    bends = np.diff(slopes) != 0.0
+    return Signal((_table(times, cubics),), tuple(times[bends].tolist()))
+
+
+def smooth_table(times: Array, values: Array) -> Signal:
+    """Make the cubic spline through samples, at rest at both ends, where the first and the last value hold on.
+
+    It has a continuous first derivative everywhere and a continuous second one between its ends: fit for a prescribed
+    motion, whose acceleration acts as a load. Parameters and errors are those of `linear_table`.
+    """
+    from scipy.interpolate import CubicSpline
+
+    times, values = _samples(times, values)
+    pieces = CubicSpline(times, values, bc_type="clamped").c[::-1].T
+    cubics = [*pieces.tolist(), (float(values[-1]), 0.0, 0.0, 0.0)]
+    return Signal((_table(times, cubics),), (float(times[0]), float(times[-1])))
+
+
+def total(signals: Sequence[Signal]) -> Signal:
+    """Add signals up; none at all make zero."""
+    if len(signals) == 1:
+        return signals[0]
+    breakpoints = {time for signal in signals for time in signal.breakpoints}
+    return Signal(tuple(term for signal in signals for term in signal.terms), tuple(sorted(breakpoints)))
+
+
+def _finite(name: str, value: float) -> float:
+    if not math.isfinite(value):
+        raise ValueError(f"{name} of a signal is {value}, which isn't finite")
+    return float(value)
+
+
+def _samples(times: Array, values: Array) -> tuple[Array, Array]:
+    times, values = np.asarray(times, dtype=float), np.asarray(values, dtype=float)
+    require_shape("times", times, (None,))
+    require_shape("values", values, times.shape)
+    if len(times) < 2:
+        raise ValueError(f"a table of {len(times)} times is none; give 2 at least, or a constant")
+    if not (np.isfinite(times).all() and np.isfinite(values).all()):
+        raise ValueError("a table holds a number that isn't finite")
+    if (late := np.flatnonzero(np.diff(times) <= 0.0)).size:
+        before, after = times[late[0]], times[late[0] + 1]
+        raise ValueError(f"the times of a table must ascend, but {after:g} s comes after {before:g} s")
+    return times, values
+
+
+def _table(times: Array, cubics: Sequence[Sequence[float]]) -> Term:
+    pieces = tuple((a, b, c, d) for a, b, c, d in cubics)
+    return Term(TABLE, knots=tuple(times.tolist()), cubics=pieces)

@@ -1,0 +1,185 @@
+"""Interface between integrators and the systems that they march.
+
+A system is its parameters, a `Table` or a ``NamedTuple`` of flat arrays, and compiled functions of them. The functions
+here are names only: `meaning` gives each what it does for a type of parameters, so that one integrator kernel serves
+every mechanism.
+"""
+
+from __future__ import annotations
+
+from typing import Any, Protocol
+
+from fmd.core.arrays import Array
+
+
+def accelerations(p: Any, t: float, q: Array, v: Array, a: Array) -> None:
+    """Solve ``M̂ a = Q̂`` (eq. 4 of Miao et al. 2008) at time t [s] for coordinates q and rates v, into a."""
+    raise NotImplementedError
+
+
+def project(p: Any, t: float, q: Array, v: Array) -> None:
+    """Bring positions and rates at time t [s] back onto the constraints of loops, the shortest way by the mass matrix.
+
+    Which constraints are independent is found at the next state whose accelerations are asked for, and then kept until
+    the next projection: stages of one step take the same ones. Nothing happens without loops.
+    """
+    raise NotImplementedError
+
+
+def close_gaps(p: Any, t: float, h: float, q: Array, v: Array, a: Array) -> None:
+    """Close the gaps of loops at the end of a leapfrog step h, at time t [s], by forces along Jᵀ at its begin.
+
+    That is SHAKE (Ryckaert, Ciccotti & Berendsen, J Comput Phys 23, 1977): positions move as the rates over the step
+    change, and so do these and the accelerations. Nothing happens without loops.
+    """
+    raise NotImplementedError
+
+
+def leapfrog_step(p: Any, leapfrog: Any, t: float, h: float, q: Array, v: Array, a: Array) -> None:
+    """Take a step h of the leapfrog method: ``a = M̂⁻¹ Q̂(t, q, v + ½ h a)``, ``v += h a``, ``q += h v``."""
+    raise NotImplementedError
+
+
+def hold_slow(p: Any, t: float, q: Array, v: Array, a: Array, frozen: Any) -> None:
+    """Hold M̂, the slow accelerations and the coefficients of the velocity-dependent terms over a major cycle."""
+    raise NotImplementedError
+
+
+def fast_steps(p: Any, frozen: Any, first: int, h: float, count: int, q: Array, v: Array, a: Array) -> None:
+    """Take ``count`` leapfrog steps h with the fast coordinates alone, from time ``first · h``.
+
+    Each solves ``M_SS a_S = Q_S − K_S q_S − M_SL a_L`` (eq. 11) with what `hold_slow` holds, into a; then
+    ``v += h a``, ``q += h v``. The first call after `hold_slow` is for a time h after its own, the next goes on where
+    that ends: into how many calls a cycle's steps are divided changes no bit.
+    """
+    raise NotImplementedError
+
+
+def hold_middle(p: Any, t: float, q: Array, v: Array, D: Array, middle: Any) -> None:
+    """Hold M̂, Q̂ and its tangents at a major cycle's middle; ``D = M_LL⁻¹ M_LS``, (n, n_slow), a row for each fast rate.
+
+    With ``T = (−D, 1)``, how all rates follow the fast ones while ``y = q_L + D q_S`` does not move, they are
+    ``S̄ = Tᵀ M T``, ``−∂Q̂/∂q T`` and ``−∂Q̂/∂v T``.
+    """
+    raise NotImplementedError
+
+
+def reacting_steps(p: Any, middle: Any, first: int, h: float, count: int, q: Array, v: Array, a: Array) -> None:
+    """Take ``count`` leapfrog steps h with the fast coordinates while the slow ones react, from time ``first · h``.
+
+    Each solves ``S̄ a_S = Tᵀ Q̂`` with what `hold_middle` holds, known loads half a step later, into a; then
+    ``v += h a``, ``q += h v``. The fast positions are half a step ahead of the rates. Into how many calls a
+    cycle's steps are divided changes no bit.
+    """
+    raise NotImplementedError
+
+
+def slow_response(p: Any, middle: Any, first: int, h: float, count: int, q: Array, v: Array, a: Array) -> None:
+    """Solve ``M_LL a_y = Q̂_L`` for ``y = q_L + D q_S`` over the cycle of ``count`` steps h from time ``first · h``.
+
+    ``q`` and ``v``, (n,), are the fast coordinates' means over the cycle, in their rates' places; the result goes into
+    the slow places of a.
+    """
+    raise NotImplementedError
+
+
+def advance(p: Any, q: Array, v: Array, h: float, first: int, last: int) -> None:
+    """Move the coordinates that the rates ``first … last - 1`` belong to by ``h v``; unit quaternions stay unit."""
+    raise NotImplementedError
+
+
+def velocities(p: Any, q: Array, v: Array, dq: Array) -> None:
+    """Time derivatives of the position coordinates, into dq: the rates, but for quaternions."""
+    raise NotImplementedError
+
+
+class System(Protocol):
+    """A mechanism ready to be integrated; its first ``n_slow`` rates are the slow ones.
+
+    It may have ``groups``, two integer arrays of shapes (n_positions,) and (n,): coordinates of like kind, such as all
+    modes of a body, have the same number, positions and the rates that move them too. Adaptive methods take an error
+    relative to the largest value in its group; without groups each coordinate is one. A group's number modulo 3 is its
+    kind: rotations, translations, modes. It may have ``settles``, true if the end of a step is changed after it, by
+    loops or by quaternions that become unit ones, and ``evaluation_cost``, the operations of an evaluation of its
+    accelerations, by which methods are weighed.
+    """
+
+    @property
+    def n(self) -> int:
+        """Number of rates, and of accelerations."""
+
+    @property
+    def n_positions(self) -> int:
+        """Number of position coordinates: more than rates where a rotation in space is a quaternion."""
+
+    @property
+    def stiffness(self) -> Array:
+        """Linear part of each acceleration, ``a_j = −stiffness_j q_j + …`` [1/s²], shape (n,); 0 for most joints."""
+
+    @property
+    def n_slow(self) -> int:
+        """Number of slow coordinates."""
+
+    @property
+    def parameters(self) -> Any:
+        """Flat arrays for the compiled functions."""
+
+    @property
+    def linear_matrices(self) -> tuple[Array, Array, Array]:
+        """Mass, stiffness and damping in the reference state, (n, n) each."""
+
+    @property
+    def breakpoints(self) -> tuple[float, ...]:
+        """Times at which a load or its rate jumps [s], ascending."""
+
+    @property
+    def shortest_action(self) -> float:
+        """Shortest time for which a load acts between two times without it [s]; infinity if none does."""
+
+    def resolving_step(self, step: float) -> tuple[float, float]:
+        """Return the longest step up to a given one that steps over no load, and how long the shortest one acts [s]."""
+
+    @property
+    def coupled(self) -> bool:
+        """True if coordinates couple through the mass matrix in some state."""
+
+    @property
+    def highest_frequency(self) -> float:
+        """Highest coupled angular frequency [rad/s]."""
+
+    @property
+    def highest_fast_frequency(self) -> float:
+        """Highest angular frequency of the fast coordinates with the slow ones held [rad/s]."""
+
+    @property
+    def highest_reacting_frequency(self) -> float:
+        """Highest angular frequency of the fast coordinates with ``q_L + D q_S`` held [rad/s]."""
+
+    @property
+    def highest_slow_frequency(self) -> float:
+        """Highest angular frequency of the slow coordinates with the fast ones held [rad/s]."""
+
+    @property
+    def largest_step(self) -> float:
+        """Longest stable step of the leapfrog method with its dampers [s]."""
+
+    @property
+    def largest_fast_step(self) -> float:
+        """Longest stable step of the fast coordinates with the slow ones held [s]."""
+
+    @property
+    def largest_reacting_step(self) -> float:
+        """Longest stable step of the fast coordinates with ``q_L + D q_S`` held [s]."""
+
+    @property
+    def largest_slow_step(self) -> float:
+        """Longest stable step of the slow coordinates with the fast ones held [s]."""
+
+    def leapfrog(self) -> Any:
+        """Fresh storage for `leapfrog_step`."""
+
+    def frozen(self, cycle: float) -> Any:
+        """Fresh storage for the coefficients that `hold_slow` holds over a major cycle of a duration [s]."""
+
+    def middle(self, cycle: float) -> Any:
+        """Fresh storage for what `hold_middle` holds over a major cycle of a duration [s]."""

@@ -1,0 +1,247 @@
+"""Loads that pass through the bodies of a mechanism in motion, and the geometric stiffness that they cause.
+
+From the leaves to the ground, Newton's and Euler's laws give what each joint transmits, by the rates of the momenta::
+
+    F = Ṗ + ω × P − m g − (loads and what children pull with)        M = L̇ + ω × L + V × P − …
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, replace
+from typing import TypeVar
+
+import numpy as np
+
+from fmd.core.arrays import Array
+from fmd.core.rotations import turned
+from fmd.dynamics.closures import Closure, Place
+from fmd.dynamics.element_motion import element_wrenches
+from fmd.dynamics.kinematics import Kinematics
+from fmd.dynamics.links import PointLoad
+from fmd.dynamics.mechanism import Mechanism
+from fmd.dynamics.reactions import closing_reactions
+from fmd.reduction.body import FlexibleBody, MarkerShapes
+
+AnyPlace = TypeVar("AnyPlace", bound=Place)
+
+_SHARE = 0.1
+_ROUND_OFF = 1e-9  # of the largest form
+ELEMENT = "element "
+"""What is before a force element's name, which may be that of a joint too."""
+
+
+@dataclass(frozen=True)
+class BodyLoads:
+    """Loads on one body over a motion, in its own axes.
+
+    Attributes
+    ----------
+    spin, turning : ndarray, shape (n_times, 3)
+        Angular velocity [rad/s] and acceleration [rad/s²].
+    acceleration : ndarray, shape (n_times, 3)
+        Acceleration of its frame less that of free fall [m/s²].
+    wrenches : ndarray, shape (n_loads, n_times, 6)
+        Force [N] and moment [N m] of each body that it carries, then of each point load on it, then of each joint on it
+        that closes a loop, then of each force element's end on it.
+    joint : ndarray, shape (n_times, 6)
+        Force and moment of the joint that carries it, at its origin.
+    open : ndarray of bool, shape (n_loads, 6)
+        Components of ``wrenches`` that the motion of rigid bodies leaves open, as `open_loads` finds them.
+    """
+
+    spin: Array
+    turning: Array
+    acceleration: Array
+    wrenches: Array
+    joint: Array
+    open: Array
+
+
+def transmitted_loads(motion: Kinematics) -> list[BodyLoads]:
+    """Compute the loads on each body of a mechanism over a motion that is sampled finely enough for its rates."""
+    mechanism, frames = motion.mechanism, motion.frames
+    reactions = closing_reactions(mechanism, motion.times, motion.q, motion.v) | _element_reactions(motion)
+    joints: dict[int, tuple[Array, Array]] = {}  # force and moment on a body at its origin, in space
+    found: dict[int, BodyLoads] = {}
+    for body in reversed(range(len(mechanism.links))):
+        frame = frames[body]
+        into_body = frame.rotation.swapaxes(1, 2)
+        spin, velocity = turned(into_body, frame.spin), turned(into_body, frame.velocity)
+        acceleration = _rate(motion, velocity) + np.cross(spin, velocity) - into_body @ mechanism.gravity
+        carried, loads, held = loaded_places(mechanism, body)
+        pulls = [_on_carrier(motion, k, *joints[k]) for k in carried] + [_of_load(motion, body, at) for at in loads]
+        pulls += [(reactions[name][:, side, :3], reactions[name][:, side, 3:]) for name, side, _ in held]
+        wrenches = np.array([np.concatenate([turned(into_body, part) for part in pull], axis=1) for pull in pulls])
+        wrenches = wrenches.reshape(len(pulls), len(motion.times), 6)
+        places = [mechanism.links[k].place for k in carried] + [at.place for at in loads]
+        places += [at.position for _, _, at in held]
+        force, moment = _joint_load(motion, body, places, wrenches)
+        found[body] = BodyLoads(
+            spin,
+            _rate(motion, spin),
+            acceleration,
+            wrenches,
+            np.concatenate([force, moment], axis=1),
+            np.zeros((len(pulls), 6), dtype=bool),
+        )
+        joints[body] = turned(frame.rotation, force), turned(frame.rotation, moment)
+    return [found[body] for body in range(len(mechanism.links))]
+
+
+def geometric_stiffness_over(mechanism: Mechanism, body: int, loads: BodyLoads) -> Array:
+    """Return what loads add to the modal stiffness of a body, shape (n_times, n, n) [1/s²]."""
+    link = mechanism.links[body]
+    gram, n = link.gram, len(link.omega)
+    carried, points, held = loaded_places(mechanism, body)
+    K = np.zeros((len(loads.spin), n, n))
+    bows = [mechanism.links[k].place_bow for k in carried] + [at.bow for at in points] + [at.bow for *_, at in held]
+    for wrench, bow in zip(loads.wrenches, bows, strict=True):
+        if bow.size:
+            K = K - np.einsum("tk,kij->tij", wrench, bow)
+    if link.joint_bow.size:
+        K = K - np.einsum("t,ij->tij", loads.joint[:, 3:] @ link.axis / np.linalg.norm(link.axis), link.joint_bow)
+    if gram.stiffening.size:
+        K = K + np.einsum("tab,abij->tij", _spin_products(loads.spin), gram.stiffening)
+    for motion, forms in ((loads.acceleration, gram.bow), (loads.turning, gram.curl)):
+        if forms.size:
+            K = K + np.einsum("ta,aij->tij", motion, forms)
+    return np.asarray(0.5 * (K + K.swapaxes(1, 2)))
+
+
+def change_by_inertia(body: FlexibleBody, loads: BodyLoads) -> float:
+    """Estimate from above the part by which a stiffened body's own inertia changes its stiffness under its loads."""
+    gram, n = body.gram, len(body.omega)
+    terms = (
+        (gram.bow, loads.acceleration),
+        (gram.curl, loads.turning),
+        (gram.stiffening.reshape(9, *gram.stiffening.shape[2:]), _spin_products(loads.spin).reshape(-1, 9)),
+    )
+    return float(
+        sum(_sizes(forms, body.omega) @ np.abs(values).max(axis=0) for forms, values in terms if forms.size and n)
+    )
+
+
+def _sizes(forms: Array, omega: Array) -> Array:
+    """Return the largest part of the modal stiffness that each of some quadratic forms (k, n, n) is, shape (k,)."""
+    return np.asarray(np.abs(np.linalg.eigvalsh(forms / np.outer(omega, omega))).max(axis=1))
+
+
+def _spin_products(spin: Array) -> Array:
+    """Return ``ω² 1 − ω ωᵀ`` of angular velocities (n_times, 3), shape (n_times, 3, 3)."""
+    return np.asarray((spin**2).sum(axis=1)[:, None, None] * np.eye(3) - spin[:, :, None] * spin[:, None, :])
+
+
+def without_negligible_terms(mechanism: Mechanism, body: int, loads: BodyLoads, tolerance: float) -> Mechanism:
+    """Leave out terms of second order that change a body's stiffness by less than a part of it under its loads.
+
+    A component of a load counts as a tenth of the whole at least, since vibration adds to it. Those that are open stay.
+    """
+    links, points = list(mechanism.links), list(mechanism.loads)
+    omega = links[body].omega
+
+    def counting(forms: Array, values: Array, stays: Array | bool = False) -> Array:
+        """Quadratic forms (k, n, n) of loads (n_times, k), zero where they don't count; empty if none does."""
+        if not forms.size:
+            return forms
+        peaks = np.abs(values).max(axis=0)
+        counts = (_sizes(forms, omega) * np.maximum(peaks, _SHARE * peaks.max()) > tolerance) | stays
+        return np.where(counts[:, None, None], forms, 0.0) if counts.any() else forms[:, :0, :0]
+
+    def counting_bow(bow: Array, wrench: Array, unknown: Array) -> Array:
+        stays = unknown & (_sizes(bow, omega) > _ROUND_OFF * _sizes(bow, omega).max()) if bow.size else unknown
+        parts = [counting(bow[k : k + 3], wrench[:, k : k + 3], stays[k : k + 3]) for k in (0, 3)]
+        n = max(part.shape[1] for part in parts)
+        return np.concatenate([part if part.size else np.zeros((3, n, n)) for part in parts])
+
+    gram, axis = links[body].gram, links[body].axis / np.linalg.norm(links[body].axis)
+    gram = replace(gram, bow=counting(gram.bow, loads.acceleration), curl=counting(gram.curl, loads.turning))
+    n, products = len(omega), _spin_products(loads.spin)
+    if gram.stiffening.size and not counting(gram.stiffening.reshape(9, n, n), products.reshape(-1, 9)).size:
+        G = gram.G.copy()
+        G[:, :, 1:, 1:] += gram.stiffening
+        gram = replace(gram, G=G, stiffening=gram.stiffening[:, :, :0, :0])
+    joint_bow = links[body].joint_bow
+    if joint_bow.size:
+        joint_bow = counting(joint_bow[None], (loads.joint[:, 3:] @ axis)[:, None])[0]
+    links[body] = replace(links[body], gram=gram, joint_bow=joint_bow)
+    wrenches = zip(loads.wrenches, loads.open, strict=True)
+    for k, link in enumerate(links):
+        if link.parent == body:
+            links[k] = replace(link, place_bow=counting_bow(link.place_bow, *next(wrenches)))
+    for k, load in enumerate(points):
+        if load.body == links[body].name:
+            points[k] = replace(load, bow=counting_bow(load.bow, *next(wrenches)))
+
+    def counting_place(place: AnyPlace) -> AnyPlace:
+        if place.body != links[body].name:
+            return place
+        return replace(place, marker=replace(place.marker, bow=counting_bow(place.marker.bow, *next(wrenches))))
+
+    closures, elements = list(mechanism.closures), list(mechanism.elements)
+    for k, closure in enumerate(closures):
+        if isinstance(closure, Closure):
+            first, second = counting_place(closure.first), counting_place(closure.second)
+            closures[k] = replace(closure, first=first, second=second)
+    for k, element in enumerate(elements):
+        elements[k] = replace(element, ends=(counting_place(element.ends[0]), counting_place(element.ends[1])))
+    return replace(mechanism, links=links, loads=points, closures=closures, elements=elements)
+
+
+def loaded_places(
+    mechanism: Mechanism, body: int
+) -> tuple[list[int], list[PointLoad], list[tuple[str, int, MarkerShapes]]]:
+    """Return the numbers of the bodies that a body carries, the point loads on it, and what else holds it.
+
+    Of a joint that closes a loop, and of a force element, there are its name, the number of its place, and the marker.
+    """
+    carried, name = [k for k, other in enumerate(mechanism.links) if other.parent == body], mechanism.links[body].name
+    pairs = [(joint.name, (joint.first, joint.second)) for joint in mechanism.closing_joints]
+    pairs += [(f"{ELEMENT}{element.name}", element.ends) for element in mechanism.elements]
+    held = [
+        (key, side, place.marker) for key, places in pairs for side, place in enumerate(places) if place.body == name
+    ]
+    return carried, [load for load in mechanism.loads if load.body == name], held
+
+
+def _element_reactions(motion: Kinematics) -> dict[str, Array]:
+    """Force and moment of each force element on its first and on its second place, in space, (n_times, 2, 6) each."""
+    found = {}
+    for element in motion.mechanism.elements:
+        sides = [np.concatenate(wrench, axis=1) for wrench in element_wrenches(motion.states, element)]
+        found[f"{ELEMENT}{element.name}"] = np.stack(sides, axis=1)
+    return found
+
+
+def _rate(motion: Kinematics, values: Array) -> Array:
+    return np.gradient(values, motion.times, axis=0, edge_order=2)
+
+
+def _joint_load(motion: Kinematics, body: int, places: list[Array], wrenches: Array) -> tuple[Array, Array]:
+    """Force and moment about a body's origin by which its joint moves it and what it carries, in its axes."""
+    link, frame, momenta = motion.mechanism.links[body], motion.frames[body], motion.momenta[body]
+    into_body = frame.rotation.swapaxes(1, 2)
+    spin, velocity = turned(into_body, frame.spin), turned(into_body, frame.velocity)
+    weight = into_body @ motion.mechanism.gravity
+    force = _rate(motion, momenta.linear) + np.cross(spin, momenta.linear) - link.gram.mass * weight
+    moment = _rate(motion, momenta.angular) + np.cross(spin, momenta.angular) + np.cross(velocity, momenta.linear)
+    moment = moment - np.cross(momenta.moment, weight)
+    for place, wrench in zip(places, wrenches, strict=True):
+        force = force - wrench[:, :3]
+        moment = moment - wrench[:, 3:] - np.cross(place, wrench[:, :3])
+    return force, moment
+
+
+def _on_carrier(motion: Kinematics, body: int, force: Array, moment: Array) -> tuple[Array, Array]:
+    """Force and moment by which a body pulls at the place of its joint on the one that carries it, in space."""
+    link = motion.mechanism.links[body]
+    carrier = motion.frames[link.parent]
+    place = carrier.origin + carrier.rotation @ link.place
+    return -force, -moment - np.cross(motion.frames[body].origin - place, force)
+
+
+def _of_load(motion: Kinematics, body: int, load: PointLoad) -> tuple[Array, Array]:
+    """Force and moment of a point load at its place, in space."""
+    frame, size = motion.frames[body], load.size.values(motion.times)[:, :1]
+    direction = load.direction / np.linalg.norm(load.direction)
+    values = size * (frame.rotation @ direction if load.following else direction)
+    return (np.zeros_like(values), values) if load.torque else (values, np.zeros_like(values))

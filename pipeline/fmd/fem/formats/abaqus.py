@@ -1,0 +1,315 @@
+"""Reader of Abaqus and CalculiX input files: nodes, elements, sets and surfaces.
+
+meshio's own reader loses sets that are given in several pieces, knows few of the elements, follows includes, and
+confuses the numbers of a second part with the first's.
+"""
+
+from __future__ import annotations
+
+import re
+from collections import defaultdict
+from collections.abc import Iterator
+from dataclasses import dataclass, field
+from typing import Any
+
+import numpy as np
+
+from fmd.core.arrays import IntArray
+from fmd.fem.formats.raw_mesh import MeshFileError, RawMesh
+
+_SOLID = re.compile(r"(?:AC|DC|DCC|EC|Q|C)3D(\d+)")
+_PLANE = re.compile(r"(?:S|STRI|DS|SFM3D|M3D|R3D|F3D|CPS|CPE|CPEG|CAX|SAX|CGAX)(\d+)")
+_LINE = re.compile(r"B[23]\d|PIPE|T[23]D|R2D|RB[23]D")
+_DEEPEST = 50  # levels of sets that name sets
+_CELLS = {
+    4: "tetra", 5: "pyramid", 6: "wedge", 8: "hexahedron", 10: "tetra10", 13: "pyramid13", 15: "wedge15", 18: "wedge18",
+    20: "hexahedron20", 27: "hexahedron27",
+}  # fmt: skip
+_PLANE_CELLS = {3: "triangle", 4: "quad", 6: "triangle6", 8: "quad8", 9: "quad9"}
+# From Abaqus' 27 nodes, whose inner one comes before those in the faces, to meshio's.
+_HEX27 = [*range(20), 26, 24, 23, 25, 21, 22, 20]
+# Corners of the faces S1, S2 … of a solid element.
+_FACES = {
+    "tetra": ((0, 1, 2), (0, 3, 1), (1, 3, 2), (2, 3, 0)),
+    "hexahedron": ((0, 1, 2, 3), (4, 7, 6, 5), (0, 4, 5, 1), (1, 5, 6, 2), (2, 6, 7, 3), (3, 7, 4, 0)),
+    "wedge": ((0, 1, 2), (3, 5, 4), (0, 3, 4, 1), (1, 4, 5, 2), (2, 5, 3, 0)),
+}
+_GENERATED = ("NGEN", "NFILL", "NCOPY", "NMAP", "ELGEN", "ELCOPY", "SYSTEM", "INCLUDE")
+_WRITE_FLAT = "write the mesh out flat, all nodes and elements in one file without parts and assemblies"
+
+
+_Item = int | str | range  # of a set: a number, another set's name, a range
+
+
+@dataclass
+class _Block:
+    """Elements of one section: their numbers, and the nodes of all one after the other."""
+
+    kind: str
+    numbers: list[int] = field(default_factory=list)
+    nodes: list[int] = field(default_factory=list)
+
+
+def read_abaqus(text: str) -> RawMesh:
+    """Read the mesh in the text of an input file.
+
+    Raises
+    ------
+    MeshFileError
+        The text is damaged, or its mesh is in a form that isn't read; the message gives the line.
+    """
+    deck = _Deck()
+    for line, keyword, options, data in _sections(text):
+        try:
+            deck.take(keyword, options, data)
+        except MeshFileError as error:
+            raise MeshFileError(f"line {line}: {error}") from None
+        except (ValueError, OverflowError):
+            raise MeshFileError(
+                f"line {line}: the lines after *{keyword} aren't all numbers as they should be"
+            ) from None
+    return deck.mesh()
+
+
+def _sections(text: str) -> Iterator[tuple[int, str, dict[str, str], list[list[str]]]]:
+    """Yield line number, keyword, options and data of each section."""
+    start, keyword, options, data = 0, "", dict[str, str](), list[list[str]]()
+    header = ""
+    for number, raw in enumerate(text.splitlines(), start=1):
+        line = raw.strip()
+        if not line or line.startswith("**"):
+            continue
+        if line.startswith("*") or header:
+            if not header and keyword:
+                yield start, keyword, options, data
+            if not header:
+                start, data = number, []
+            header += line
+            if line.endswith(","):  # a keyword goes on in the next line
+                keyword = ""
+                continue
+            keyword, options = _keyword(header)
+            header = ""
+        elif keyword:
+            data.append([item.strip() for item in line.split(",")])
+    if keyword:
+        yield start, keyword, options, data
+
+
+def _keyword(line: str) -> tuple[str, dict[str, str]]:
+    """Split a keyword line into the keyword and its options, in capitals."""
+    name, *options = line.split(",")
+    pairs = (option.partition("=") for option in options)
+    return " ".join(name[1:].split()).upper(), {
+        key.strip().upper(): value.strip().strip('"') for key, _, value in pairs if key.strip()
+    }
+
+
+class _Deck:
+    """Nodes, elements and sets by their numbers in the file, gathered section by section."""
+
+    def __init__(self) -> None:
+        self.nodes: dict[int, tuple[float, float, float]] = {}
+        self.blocks: list[_Block] = []
+        self.node_sets: dict[str, list[_Item]] = defaultdict(list)
+        self.element_sets: dict[str, list[_Item]] = defaultdict(list)
+        self.surfaces: dict[str, list[tuple[str, str]]] = defaultdict(list)
+        self.others: dict[str, int] = defaultdict(int)
+        self.names: dict[str, str] = {}
+        self.parts = self.instances = 0
+
+    def take(self, keyword: str, options: dict[str, str], data: list[list[str]]) -> None:
+        """Add a section."""
+        match keyword:
+            case "NODE":
+                self._take_nodes(options, data)
+            case "ELEMENT":
+                self._take_elements(options, data)
+            case "NSET" | "ELSET":
+                self._take_set(keyword, options, data)
+            case "SURFACE" if options.get("TYPE", "ELEMENT").upper() == "ELEMENT":
+                name = self._named(options.get("NAME", ""))
+                self.surfaces[name] += [(row[0], row[1].upper()) for row in data if len(row) > 1]
+            case "SURFACE" if options.get("TYPE", "").upper() == "NODE":
+                self.node_sets[self._named(options.get("NAME", ""))] += [_number_or_name(row[0]) for row in data]
+            case "INSTANCE":
+                self.instances += 1
+                if any(float(item or 0) for row in data for item in row):
+                    raise MeshFileError(f"an instance is moved; {_WRITE_FLAT}")
+            case _ if keyword in _GENERATED:
+                raise MeshFileError(f"*{keyword} isn't read; {_WRITE_FLAT}")
+            case "PART":
+                self.parts += 1
+        if self.instances > 1:
+            raise MeshFileError(f"there is more than one instance; {_WRITE_FLAT}")
+
+    def _take_nodes(self, options: dict[str, str], data: list[list[str]]) -> None:
+        """Add nodes and, if it is named, their set."""
+        if self.parts > 1:
+            raise MeshFileError(f"there is more than one part; {_WRITE_FLAT}")
+        if options.get("SYSTEM", "R").upper() != "R":
+            raise MeshFileError("the nodes are in cylindrical or spherical coordinates; Cartesian ones are read")
+        for row in data:
+            x = [float(item.upper().replace("D", "E")) if item else 0.0 for item in row[1:4]]
+            number = int(row[0])
+            if number in self.nodes and self.nodes[number] != (*x, *[0.0] * (3 - len(x))):
+                raise MeshFileError(f"node {number} is given twice, at two places")
+            self.nodes[number] = (*x, *[0.0] * (3 - len(x)))  # type: ignore[assignment]
+        if "NSET" in options:
+            self.node_sets[self._named(options["NSET"])] += [int(row[0]) for row in data]
+
+    def _take_elements(self, options: dict[str, str], data: list[list[str]]) -> None:
+        """Add elements of one type and, if it is named, their set."""
+        name = options.get("TYPE", "").upper()
+        kind, n_local = _cell_kind(name)
+        if not kind:
+            self.others[name] += len(data)
+            return
+        block = _Block(kind)
+        entries: list[int] = []
+        for row in data:
+            entries += [int(item) for item in row if item]
+            if len(entries) > n_local:  # an element may take several lines
+                if len(entries) > n_local + 1:
+                    raise MeshFileError(f"element {entries[0]} has more than the {n_local} nodes of a {name}")
+                block.numbers.append(entries[0])
+                block.nodes += entries[1:]
+                entries = []
+        if entries:
+            raise MeshFileError(f"element {entries[0]} has fewer than the {n_local} nodes of a {name}")
+        self.blocks.append(block)
+        if "ELSET" in options:
+            self.element_sets[self._named(options["ELSET"])] += block.numbers
+
+    def _take_set(self, keyword: str, options: dict[str, str], data: list[list[str]]) -> None:
+        """Add members to a set of nodes or elements."""
+        sets = self.node_sets if keyword == "NSET" else self.element_sets
+        name = self._named(options.get(keyword, ""))
+        if "GENERATE" in options:
+            for row in data:
+                first, last, step = (*map(int, row[:2]), int(row[2]) if len(row) > 2 and row[2] else 1)
+                if step < 1:
+                    raise MeshFileError(f"{keyword.lower()} {name}: {first} to {last} by {step} is no range")
+                sets[name].append(range(first, last + 1, step))
+            return
+        if keyword == "NSET" and "ELSET" in options:
+            sets[name].append("elset " + self._named(options["ELSET"]))
+        sets[name] += [_number_or_name(item) for row in data for item in row if item]
+
+    def _named(self, name: str) -> str:
+        """Return a name in its first spelling; upper and lower case are equal."""
+        if not name:
+            raise MeshFileError("a set or surface without a name")
+        return self.names.setdefault(name.casefold(), name)
+
+    def mesh(self) -> RawMesh:
+        """Return the mesh, numbered in the file's order in place of the file's numbers."""
+        if not self.nodes:
+            raise MeshFileError("there are no nodes: no *NODE section with lines of number, x, y, z")
+        place = {number: k for k, number in enumerate(self.nodes)}
+        blocks, where = [], dict[int, tuple[int, int]]()
+        for b, block in enumerate(block for block in self.blocks if block.numbers):
+            try:
+                cells = np.array([place[node] for node in block.nodes], dtype=np.int64)
+            except KeyError as error:
+                raise MeshFileError(f"an element names node {error}, which isn't there") from None
+            for k, number in enumerate(block.numbers):
+                if number in where:
+                    raise MeshFileError(f"element {number} is given twice")
+                where[number] = b, k
+            cells = cells.reshape(len(block.numbers), -1)
+            blocks.append((block.kind, cells[:, _HEX27] if block.kind == "hexahedron27" else cells))
+        cell_sets = {
+            name: _by_block([where[n] for n in self._members(name, self.element_sets, where)], len(blocks))
+            for name in self.element_sets
+        }
+        point_sets = {
+            name: np.array(sorted(place[n] for n in self._members(name, self.node_sets, place)), dtype=np.int64)
+            for name in self.node_sets
+        }
+        for name, items in self.node_sets.items():
+            for item in items:
+                if isinstance(item, str) and item.startswith("elset "):
+                    chosen = cell_sets.get(self.names.get(item[6:].casefold(), ""), [])
+                    found = [blocks[b][1][cells].ravel() for b, cells in enumerate(chosen)]
+                    point_sets[name] = np.unique(np.concatenate([point_sets[name], *found]))
+        raw = RawMesh(np.array(list(self.nodes.values())), blocks, cell_sets, point_sets, {}, dict(self.others))
+        for name, rows in self.surfaces.items():
+            raw.facet_sets[name] = self._facets(name, rows, raw, where)
+        return raw
+
+    def _members(
+        self, name: str, sets: dict[str, list[_Item]], known: dict[int, Any], above: tuple[str, ...] = ()
+    ) -> set[int]:
+        """Return the known numbers in a set and in the sets that it names."""
+        if name in above or len(above) > _DEEPEST:
+            raise MeshFileError(f"set {name} holds itself")
+        numbers: set[int] = set()
+        for item in sets[name]:
+            if isinstance(item, range):
+                few, many = (item, known) if len(item) < len(known) else (known, item)
+                numbers.update(n for n in few if n in many)
+            elif isinstance(item, int):
+                numbers.update([item] if item in known else [])
+            elif not item.startswith("elset "):
+                inner = self.names.get(item.rpartition(".")[2].casefold(), "")
+                if inner not in sets:
+                    raise MeshFileError(f"set {name} names {item}, which isn't there")
+                numbers |= self._members(inner, sets, known, (*above, name))
+        sets[name] = [*numbers, *(item for item in sets[name] if isinstance(item, str) and item.startswith("elset "))]
+        return numbers
+
+    def _facets(
+        self, name: str, rows: list[tuple[str, str]], raw: RawMesh, where: dict[int, tuple[int, int]]
+    ) -> list[IntArray]:
+        """Return the corners of a surface's facets, an array for each block and face."""
+        cells_of: dict[tuple[int, int], list[int]] = defaultdict(list)
+        for of, side in rows:
+            if not re.fullmatch(r"S[1-6]", side):
+                continue  # of shells: SPOS, SNEG
+            inner = self.names.get(of.rpartition(".")[2].casefold(), "")
+            if of.isdigit():
+                numbers = {int(of)} & where.keys()
+            elif inner in self.element_sets:
+                numbers = self._members(inner, self.element_sets, where)
+            else:
+                raise MeshFileError(f"surface {name} names the element set {of}, which isn't there")
+            for number in sorted(numbers):
+                b, k = where[number]
+                cells_of[b, int(side[1]) - 1].append(k)
+        facets = []
+        for (b, face), chosen in cells_of.items():
+            kind, cells = raw.blocks[b]
+            corners = _FACES.get(re.sub(r"\d+", "", kind), ())
+            if face >= len(corners):
+                raise MeshFileError(f"surface {name}: elements of {cells.shape[1]} nodes have no face S{face + 1}")
+            facets.append(cells[chosen][:, list(corners[face])])
+        return facets
+
+
+def _cell_kind(name: str) -> tuple[str, int]:
+    """Return the cell type and number of nodes of an element's name; empty if it is no cell."""
+    if match := _SOLID.match(name):
+        n_local = int(match[1])
+        if n_local not in _CELLS:
+            raise MeshFileError(f"elements {name} of {n_local} nodes aren't read")
+        return _CELLS[n_local], n_local
+    if match := _PLANE.match(name):
+        n_local = int(match[1][0])  # STRI65 has 6, S4R5 4
+        return (_PLANE_CELLS[n_local], n_local) if n_local in _PLANE_CELLS else ("", 0)
+    if _LINE.match(name):
+        n_local = 3 if re.match(r"B[23]2|PIPE[23]2|T[23]D3", name) else 2
+        return ("line3", 3) if n_local == 3 else ("line", 2)
+    return "", 0
+
+
+def _number_or_name(item: str) -> int | str:
+    return int(item) if item.lstrip("+-").isdigit() else item.strip('"')
+
+
+def _by_block(places: list[tuple[int, int]], n_blocks: int) -> list[IntArray]:
+    """Return the cells of each block from pairs of block and cell."""
+    sets: list[list[int]] = [[] for _ in range(n_blocks)]
+    for block, cell in places:
+        sets[block].append(cell)
+    return [np.unique(np.array(cells, dtype=np.int64)) for cells in sets]

@@ -1,0 +1,109 @@
+"""Writer of meshes in the formats of other programs, with the names of parts if the format allows."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from pathlib import Path
+from xml.sax.saxutils import quoteattr
+
+import meshio
+import numpy as np
+
+from fmd.core.arrays import Array, IntArray
+from fmd.core.errors import InputError
+from fmd.core.files import whole_file
+from fmd.fem.mesh import SolidMesh
+
+_UNNAMED = "unnamed"
+
+
+def write_mesh(mesh: SolidMesh, path: Path) -> None:
+    """Write a mesh in the format of the file's suffix; points keep their order, cells theirs within a part.
+
+    In ``.msh`` (Gmsh 4.1) each part is a physical group, in ``.vtu`` its number is the cell data ``part`` and its name
+    a field datum with that number; other formats get points and cells alone.
+
+    Raises
+    ------
+    InputError
+        meshio doesn't write that format, or the place can't be written.
+    """
+    if path.suffix not in meshio.extension_to_filetypes:
+        known = " ".join(sorted(meshio.extension_to_filetypes))
+        raise InputError("--out", "", str(path), f"no known mesh format; these are: {known}")
+    try:
+        path.parent.mkdir(parents=True, exist_ok=True)
+        with whole_file(path) as part:
+            match path.suffix:
+                case ".msh" if mesh.parts:
+                    _to_gmsh(mesh).write(part, file_format="gmsh")
+                case ".vtu" if mesh.parts:
+                    _to_meshio(mesh, {"part": [part_numbers(mesh)]}).write(part)
+                    _add_part_names(mesh, part)
+                case _:
+                    _to_meshio(mesh, {}).write(part)
+    except OSError as error:
+        raise InputError("--out", "", str(path), f"can't be written: {error.strerror or error}") from error
+
+
+def write_surface(points: Array, triangles: IntArray, fields: Mapping[str, Array], path: Path) -> None:
+    """Write a surface with fields at its points as ``.vtu``.
+
+    Parameters
+    ----------
+    points : ndarray, shape (n_points, 3)
+        [m].
+    triangles : ndarray, shape (n_triangles, 3)
+        Positions in ``points``.
+    fields : mapping of str to ndarray, shape (n_points, …)
+        By their names.
+    """
+    with whole_file(path) as part:
+        meshio.Mesh(points, [("triangle", triangles)], point_data=dict(fields)).write(part)
+
+
+def part_numbers(mesh: SolidMesh) -> IntArray:
+    """Return the number of each cell's part in ``mesh.parts``, from 1, shape (n_cells,); 0 without a part.
+
+    A cell of several parts, which sets in files may overlap to, belongs to the smallest.
+    """
+    numbers = np.zeros(len(mesh.cells), dtype=np.int64)
+    for number, cells in sorted(enumerate(mesh.parts.values(), start=1), key=lambda part: -len(part[1])):
+        numbers[cells] = number
+    return numbers
+
+
+def _to_meshio(mesh: SolidMesh, cell_data: dict[str, list[IntArray]]) -> meshio.Mesh:
+    """Convert a mesh with cell data, an array for its one block of cells each."""
+    return meshio.Mesh(mesh.points, [(mesh.cell_type, mesh.cells)], cell_data=cell_data)
+
+
+def _to_gmsh(mesh: SolidMesh) -> meshio.Mesh:
+    """Convert a mesh with a volume and a physical group for each part; cells of no part form the last one."""
+    numbers = part_numbers(mesh)
+    names = dict(enumerate(mesh.parts, start=1))
+    if not numbers.all():
+        names[len(names) + 1] = _UNNAMED
+        numbers[numbers == 0] = len(names)
+    used = np.unique(numbers)
+    tags = [numbers[numbers == number] for number in used]
+    # meshio writes the points volume by volume and reads them in the file's order, so the volumes of consecutive points
+    # must ascend. Gmsh gets a group's points from its cells: a volume needs no more than one point.
+    volume = used[np.minimum(np.arange(len(mesh.points)), len(used) - 1)]
+    return meshio.Mesh(
+        mesh.points,
+        [(mesh.cell_type, mesh.cells[numbers == number]) for number in used],
+        point_data={"gmsh:dim_tags": np.column_stack([np.full_like(volume, 3), volume])},
+        cell_data={"gmsh:physical": tags, "gmsh:geometrical": tags},
+        field_data={names[number]: np.array([number, 3]) for number in used.tolist()},
+    )
+
+
+def _add_part_names(mesh: SolidMesh, path: Path) -> None:
+    """Insert the parts' numbers by name into a ``.vtu`` file as field data, which meshio reads but doesn't write."""
+    arrays = "".join(
+        f'<DataArray type="Int64" Name={quoteattr(name)} NumberOfTuples="1" format="ascii">{number}</DataArray>'
+        for number, name in enumerate(mesh.parts, start=1)
+    )
+    grid = b"<UnstructuredGrid>"
+    path.write_bytes(path.read_bytes().replace(grid, grid + f"<FieldData>{arrays}</FieldData>".encode(), 1))

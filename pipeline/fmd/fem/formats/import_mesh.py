@@ -1,0 +1,294 @@
+"""Import of a solid mesh from a file of another program: reading, checks and mends."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, field
+from pathlib import Path
+
+import numpy as np
+
+from fmd.core.arrays import Array, IntArray
+from fmd.core.errors import InputError
+from fmd.fem.cells import FACES, STRAIGHT
+from fmd.fem.formats import repair as repairs
+from fmd.fem.formats.abaqus import read_abaqus
+from fmd.fem.formats.meshio_reader import read_by_meshio
+from fmd.fem.formats.nastran import read_nastran
+from fmd.fem.formats.raw_mesh import MeshFileError, RawMesh
+from fmd.fem.mesh import SolidMesh, rows_among
+
+_TEXT_READERS = {".inp": read_abaqus, ".bdf": read_nastran, ".nas": read_nastran, ".fem": read_nastran}
+_CAD = (".step", ".stp", ".iges", ".igs", ".brep")
+_LARGEST = 1e30  # of the coordinates: a volume is still finite
+_MOST_BYTES = 2_000_000_000
+_SOLID = ("tetra", "hexahedron", "wedge", "pyramid", "penta_prism", "hexa_prism", "polyhedron")
+_PLANE = ("triangle", "quad", "polygon")
+_NONE = np.empty(0, dtype=np.int64)
+
+
+@dataclass
+class _Findings:
+    """Faults of a mesh: those corrected without asking, those that repair mends, and those beyond mending."""
+
+    notes: list[str] = field(default_factory=list)
+    mendable: list[str] = field(default_factory=list)
+    fatal: list[str] = field(default_factory=list)
+
+
+def read_mesh(path: Path, scale: float, repair: bool = False) -> SolidMesh:
+    """Read a solid mesh from a file, check it, and repair it if that is allowed.
+
+    Parameters
+    ----------
+    path : Path
+        The file, its format given by the suffix. Element sets become parts; surfaces, sets of surface elements and node
+        sets become faces.
+    scale : float
+        The file's unit of length [m].
+    repair : bool
+        Merge coincident nodes, turn inverted elements, straighten edges that turn an element inside out, and leave out
+        elements that aren't solid. The mesh's notes list the mends.
+
+    Raises
+    ------
+    InputError
+        The file can't be read, or its mesh can't be used; the message counts what is wrong.
+    """
+    try:
+        return solid_mesh(_read_raw(path), scale, repair)
+    except MeshFileError as error:
+        raise InputError(str(path), "", None, str(error)) from error
+
+
+def _read_raw(path: Path) -> RawMesh:
+    """Read a file by the reader of its suffix."""
+    reader = _TEXT_READERS.get(path.suffix.lower())
+    try:
+        if not path.is_file():
+            raise MeshFileError("is a folder; give the mesh file in it" if path.is_dir() else "no such file")
+        if path.stat().st_size > _MOST_BYTES:
+            raise MeshFileError(f"is over {_MOST_BYTES / 1e9:g} GB")
+        if path.suffix.lower() in _CAD:
+            raise MeshFileError("is CAD, no mesh; give it as mesh = { cad = …, size = … }")
+        if reader is None:
+            return read_by_meshio(path)
+        return reader(path.read_text(encoding="utf-8", errors="replace"))
+    except OSError as error:
+        raise MeshFileError(f"can't be read: {error.strerror or error}") from error
+
+
+def solid_mesh(raw: RawMesh, scale: float, repair: bool = False) -> SolidMesh:
+    """Check and convert a raw mesh to a solid one, with the arguments of `read_mesh`.
+
+    Raises
+    ------
+    MeshFileError
+        The mesh can't be used; the message counts its faults.
+    """
+    _require_sound(raw)
+    findings = _Findings()
+    cell_type, cells = _solid_cells(raw)
+    points = raw.points * scale
+    cells, first = _merge_coincident(points, cells, cell_type, findings)
+    kept = _find_sound_cells(cells, findings)
+    cells = cells[kept]
+    if not findings.fatal:
+        points, cells = _turn_right_side_out(points, cells, cell_type, findings)
+    _note_loose_elements(raw, cells, cell_type, first, findings)
+    if findings.fatal or (findings.mendable and not repair):
+        raise MeshFileError(_complaint(findings))
+    used = np.unique(cells)
+    lone = len(points) - len(np.unique(np.concatenate([block.ravel() for _, block in raw.blocks])))
+    if lone:
+        findings.notes.append(f"{lone} nodes that belong to no element are left out")
+    place = np.full(len(points), -1)
+    place[used] = np.arange(len(used))
+    return SolidMesh(
+        points[used],
+        place[cells],
+        cell_type,
+        _parts(raw, kept),
+        _faces(raw, place[first]),
+        notes=(*findings.notes, *(f"mended: {what}" for what in findings.mendable)),
+    )
+
+
+def _require_sound(raw: RawMesh) -> None:
+    """Raise ``MeshFileError`` for coordinates, cells or sets that are no mesh at all."""
+    bad = int(np.count_nonzero(~(np.abs(raw.points) < _LARGEST).all(axis=1)))
+    if bad:
+        raise MeshFileError(f"{bad} nodes have coordinates that aren't numbers below {_LARGEST:g}")
+    for kind, cells in raw.blocks:
+        if cells.size and (cells.min() < 0 or cells.max() >= len(raw.points)):
+            raise MeshFileError(f"elements ({kind}) name nodes that aren't there")
+    sets = [*raw.point_sets.values(), *(s for sets in raw.cell_sets.values() for s in sets)]
+    if any(chosen.size and chosen.min() < 0 for chosen in sets):
+        raise MeshFileError("a set names what isn't there")
+
+
+def _solid_cells(raw: RawMesh) -> tuple[str, IntArray]:
+    """Return the one type of solid cells in the file, and their points, block after block."""
+    count: dict[str, int] = {}
+    for kind, cells in raw.blocks:
+        if len(cells):
+            count[kind] = count.get(kind, 0) + len(cells)
+    solids = [kind for kind in count if _is_solid(kind)]
+    listed = ", ".join(f"{n} {kind}" for kind, n in count.items()) or "none"
+    if not solids:
+        raise MeshFileError(f"there are no solid elements; the elements: {listed}")
+    for kind in solids:
+        if kind not in STRAIGHT:
+            raise MeshFileError(
+                f"solid elements of kind {kind} aren't read, {', '.join(STRAIGHT)} are; it has {listed}"
+            )
+    if len(solids) > 1:
+        raise MeshFileError(
+            f"a body takes one kind of solid element; it has {listed}. Mesh it with tetrahedra alone or hexahedra alone"
+        )
+    return solids[0], np.concatenate([cells for kind, cells in raw.blocks if kind == solids[0]])
+
+
+def _merge_coincident(points: Array, cells: IntArray, cell_type: str, findings: _Findings) -> tuple[IntArray, IntArray]:
+    """Merge nodes at one position; return the cells and for each node the one that replaces it."""
+    apart = np.arange(len(points))
+    first = repairs.find_coincident(points, cells, cell_type)
+    n_merged = len(np.unique(cells)) - len(np.unique(first[cells]))
+    n_pieces = int(repairs.label_pieces(cells, len(points)).max()) + 1
+    n_joined = int(repairs.label_pieces(first[cells], len(points)).max()) + 1 if n_merged else n_pieces
+    if n_joined > 1:
+        sizes = np.bincount(repairs.label_pieces(first[cells], len(points)))
+        listed = ", ".join(str(size) for size in sizes[:5]) + (" …" if len(sizes) > 5 else "")
+        findings.fatal.append(f"it is in {n_joined} unconnected pieces, of {listed} elements; join them, or leave one")
+    if not n_merged:
+        return cells, apart
+    collapsed = (np.diff(np.sort(first[cells], axis=1), axis=1) == 0).any(axis=1)
+    what = f"{n_merged} nodes lie on others, which leaves it in {n_pieces} pieces: merged"
+    if n_pieces == n_joined or collapsed.any():
+        findings.notes.append(f"{n_merged} nodes lie on others, as along a crack, and are left apart")
+        return cells, apart
+    findings.mendable.append(what)
+    return first[cells], first
+
+
+def _find_sound_cells(cells: IntArray, findings: _Findings) -> IntArray:
+    """Return the numbers of the cells to keep, each once; cells with a node twice are beyond mending."""
+    rows = np.sort(cells, axis=1)
+    collapsed = int((np.diff(rows, axis=1) == 0).any(axis=1).sum())
+    if collapsed:
+        findings.fatal.append(f"{collapsed} elements have a node more than once, as collapsed ones do")
+    _, kept = np.unique(rows, axis=0, return_index=True)
+    again = len(cells) - len(kept)
+    if again and not collapsed:
+        findings.mendable.append(f"{again} elements lie on others with the same nodes: left out")
+        return np.sort(kept)
+    return np.arange(len(cells))
+
+
+def _turn_right_side_out(points: Array, cells: IntArray, cell_type: str, findings: _Findings) -> tuple[Array, IntArray]:
+    """Correct the order of nodes, and straighten the cells that are inside out even so."""
+    hand = repairs.handedness(points, cells, cell_type)
+    spoilt, turned = int((hand == 0).sum()), int((hand < 0).sum())
+    if spoilt:
+        worst = int(np.flatnonzero(hand == 0)[0])
+        x = ", ".join(f"{value:.4g}" for value in points[cells[worst]].mean(axis=0))
+        findings.fatal.append(f"{spoilt} of {len(cells)} elements are flat, twisted or concave, the first at ({x}) m")
+        return points, cells
+    if turned == len(cells):
+        findings.notes.append(f"all {turned} elements have their nodes in left-handed order and were turned")
+    elif turned:
+        findings.mendable.append(f"{turned} of {len(cells)} elements are inverted: turned")
+    cells = cells.copy()
+    cells[hand < 0] = cells[hand < 0][:, repairs.mirrored_order(cell_type)]
+    if STRAIGHT[cell_type] == cell_type:
+        return points, cells
+    order = repairs.find_node_order(points, cells, cell_type)
+    if order is not None:
+        findings.notes.append("the mid-edge nodes come in another order than the format's and were put into it")
+        cells = cells[:, order]
+    wrong = repairs.find_inside_out(points, cells, cell_type)
+    if len(wrong):
+        straight, n_cells, moved = repairs.straighten_cells(points, cells, cell_type, wrong)
+        findings.mendable.append(
+            f"{len(wrong)} elements are inside out by their curved edges: {n_cells} straightened by up to {moved:.3g} m"
+        )
+        if len(repairs.find_inside_out(straight, cells, cell_type)):
+            findings.fatal.append("elements that are inside out by their curved edges stay so with straight ones")
+        points = straight
+    return points, cells
+
+
+def _note_loose_elements(raw: RawMesh, cells: IntArray, cell_type: str, first: IntArray, findings: _Findings) -> None:
+    """Note the elements that are neither solid nor on a solid's faces or edges: they would be lost."""
+    straight = STRAIGHT[cell_type]
+    facets = np.concatenate([_three(cells[:, list(face)]) for face in FACES[straight]])
+    sides = np.sort(repairs.edges(cells, cell_type).reshape(-1, 2), axis=1)
+    loose: dict[str, int] = dict(raw.others)
+    on_solid = 0
+    for kind, block in raw.blocks:
+        if kind.startswith(_PLANE):
+            on = int(rows_among(_three(first[block[:, : _corners_of(kind)]]), facets).sum())
+            on_solid += on
+            lost = len(block) - on
+        elif kind.startswith("line"):
+            lost = len(block) - int(rows_among(np.sort(first[block[:, :2]], axis=1), sides).sum())
+        else:
+            continue
+        if lost:
+            loose[kind] = loose.get(kind, 0) + lost
+    if on_solid:
+        findings.notes.append(f"{on_solid} surface elements on the solid's facets count as its faces, not as shells")
+    if loose:
+        listed = ", ".join(f"{n} {kind}" for kind, n in loose.items())
+        findings.mendable.append(f"elements that aren't solid ({listed}): left out")
+
+
+def _complaint(findings: _Findings) -> str:
+    """Return the error message for a mesh with faults."""
+    wrong = "; ".join([*findings.fatal, *findings.mendable])
+    if findings.fatal:
+        return f"its mesh can't be used: {wrong}"
+    return f"its mesh needs mending, which mesh.repair = true (or --repair) does: {wrong}"
+
+
+def _parts(raw: RawMesh, kept: IntArray) -> dict[str, IntArray]:
+    """Return the cells of each element set of solids; those of no set are the part ``rest``."""
+    solid = [_is_solid(kind) for kind, _ in raw.blocks]
+    offsets = np.cumsum([0, *(len(cells) if s else 0 for s, (_, cells) in zip(solid, raw.blocks, strict=True))])
+    place = np.full(offsets[-1], -1)
+    place[kept] = np.arange(len(kept))
+    parts = {}
+    for name, sets in raw.cell_sets.items():
+        chosen = [offsets[b] + cells for b, cells in enumerate(sets) if solid[b]]
+        numbers = place[np.concatenate([_NONE, *chosen])]
+        if (numbers >= 0).any():
+            parts[name] = np.unique(numbers[numbers >= 0])
+    rest = np.setdiff1d(np.arange(len(kept)), np.concatenate([_NONE, *parts.values()]))
+    return parts | ({"rest" if parts else "all": rest} if len(rest) else {})
+
+
+def _faces(raw: RawMesh, place: IntArray) -> dict[str, IntArray]:
+    """Return node sets as points, and sets of surface elements and surfaces as corners of facets."""
+    faces = {name: np.unique(place[points][place[points] >= 0]) for name, points in raw.point_sets.items()}
+    facets: dict[str, list[IntArray]] = {name: list(corners) for name, corners in raw.facet_sets.items()}
+    for name, sets in raw.cell_sets.items():
+        for (kind, block), chosen in zip(raw.blocks, sets, strict=True):
+            if kind.startswith(_PLANE) and len(chosen):
+                facets.setdefault(name, []).append(block[chosen][:, : _corners_of(kind)])
+    for name, corners in facets.items():
+        rows = [_three(place[block]) for block in corners]
+        joined = np.concatenate(rows) if rows else np.empty((0, 3), dtype=np.int64)
+        faces[name] = joined[(joined >= 0).all(axis=1)]
+    return {name: face for name, face in faces.items() if face.size}
+
+
+def _three(corners: IntArray) -> IntArray:
+    """Return three corners of each facet, which identify one of four corners too."""
+    return np.sort(corners, axis=1)[:, :3]
+
+
+def _corners_of(kind: str) -> int:
+    return 3 if kind.startswith("triangle") else 4
+
+
+def _is_solid(kind: str) -> bool:
+    return kind in STRAIGHT or kind.startswith(_SOLID) or "HEXA" in kind or "TETRA" in kind or "WEDGE" in kind

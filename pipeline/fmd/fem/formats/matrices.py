@@ -1,0 +1,317 @@
+"""Bodies given by another program's stiffness and mass matrices and its nodes' positions."""
+
+from __future__ import annotations
+
+import re
+import zipfile
+from collections.abc import Sequence
+from dataclasses import dataclass
+from pathlib import Path
+
+import numpy as np
+import scipy.sparse as sp
+
+from fmd.core.arrays import EPSILON, Array, IntArray
+from fmd.core.errors import AccuracyError, InputError
+from fmd.fem.formats.free_body import require_free_body
+from fmd.fem.markers import Marker
+from fmd.fem.model import FEModel
+
+_SYMMETRIC = 1e-7
+_ISOTROPIC = 1e-6  # difference of masses along x, y and z
+_IN_LINE = 1e-6
+_IN_PLANE = 1e-5
+_MOST_BYTES = 4_000_000_000
+
+_Line = tuple[int, list[str]]  # number and items of a line of text
+
+
+@dataclass(frozen=True)
+class MatrixModel(FEModel):
+    """A finite element model without elements: discretisation and material are ``None``.
+
+    Attributes
+    ----------
+    positions : ndarray, shape (n_nodes, 3)
+        Node positions [m].
+    labels : ndarray, shape (n_nodes,)
+        Node numbers in the other program.
+    """
+
+    positions: Array
+    labels: IntArray
+
+    @property
+    def x(self) -> Array:
+        """Node positions, shape (n_nodes, 3) [m]."""
+        return self.positions
+
+
+def read_matrices(stiffness: Path, mass: Path, nodes: Path, units: tuple[float, float, float]) -> MatrixModel:
+    """Read a body's matrices, three unknowns a node, and check that they are those of a free body.
+
+    Parameters
+    ----------
+    stiffness, mass : Path
+        Matrix Market (``.mtx``), SciPy's ``.npz``, or what Abaqus writes: rows of node, direction, node, direction,
+        value (``FORMAT=MATRIX INPUT`` or ``LABELS``) or of row, column, value (``FORMAT=COORDINATE``). Rows and columns
+        without node numbers are x, y, z of the first node in ``nodes``, then of the second.
+    nodes : Path
+        Rows of number, x, y, z.
+    units : tuple of float
+        The files' units of length [m], stiffness [N/m] and mass [kg].
+
+    Raises
+    ------
+    InputError
+        A file can't be read, or they don't fit together.
+    AccuracyError
+        A matrix isn't symmetric, a rigid motion isn't free, masses depend on the direction, or no matter is so dense
+        or so stiff; with the figure.
+    """
+    labels, x = _read_nodes(nodes)
+    x = x * units[0]
+    K, M = (_read(path, labels) * unit for path, unit in ((stiffness, units[1]), (mass, units[2])))
+    for path, A in ((stiffness, K), (mass, M)):
+        apart = abs(A - A.T).max() / abs(A).max() if A.nnz else np.inf
+        if not apart < _SYMMETRIC:
+            raise AccuracyError(f"{path}: the matrix isn't symmetric, entries differ by {apart:.1e} of the largest")
+    K, M = (sp.csr_array(0.5 * (A + A.T)) for A in (K, M))
+    K.eliminate_zeros()  # its pattern tells what is connected
+    model = MatrixModel(None, None, K, _scalar(mass, M), x, labels)  # type: ignore[arg-type]
+    _require_mass(mass, model)
+    require_free_body(stiffness, model)
+    return model
+
+
+def _require_mass(path: Path, model: MatrixModel) -> None:
+    """Raise ``AccuracyError`` if a matrix is no mass matrix by its sum or its diagonal."""
+    diagonal = model.m.diagonal()
+    if not (diagonal >= 0).all():
+        number, least = model.labels[diagonal.argmin()], diagonal.min()
+        raise AccuracyError(f"{path}: no mass matrix: node {number} has {least:.3g} kg on the diagonal")
+    if not model.mass > 0:
+        raise AccuracyError(f"{path}: no mass matrix: its sum is {model.mass:.3g} kg")
+
+
+def _scalar(path: Path, M: sp.csr_array) -> sp.csr_array:
+    """Return ``m`` of ``M = m ⊗ 1₃``; raise ``AccuracyError`` if masses depend on the direction."""
+    m = sp.csr_array(M[::3][:, ::3])
+    apart = abs(M - sp.kron(m, sp.eye_array(3), format="csr")).max() / abs(M).max()
+    if not apart < _ISOTROPIC:
+        raise AccuracyError(
+            f"{path}: masses depend on the direction, by {apart:.1e} of the largest (at most {_ISOTROPIC:.0e}); "
+            "matrices of solid elements are wanted, of displacements alone and not reduced"
+        )
+    return m
+
+
+def _read_nodes(path: Path) -> tuple[IntArray, Array]:
+    """Read node numbers (n_nodes,) and positions (n_nodes, 3) in the file's unit."""
+    rows: list[list[float]] = []
+    for number, line in enumerate(_text(path).splitlines(), start=1):
+        items = [item for item in re.split(r"[,;\s]+", line.strip()) if item]
+        if not items or items[0].startswith(("#", "*")) or (not rows and not _is_number(items[0])):
+            continue  # a comment or the header
+        if len(items) != 4 or not all(map(_is_number, items)):
+            raise InputError(str(path), f"line {number}", None, "must be a node's number, x, y and z")
+        rows.append([float(item) for item in items])
+    table = np.array(rows).reshape(-1, 4)
+    if len(table) < 3 or not np.isfinite(table).all():
+        raise InputError(str(path), "", None, "needs three nodes at least, with finite coordinates")
+    if np.abs(table[:, 0]).max() > 2**53 or len(np.unique(table[:, 0])) < len(table):
+        raise InputError(str(path), "", None, "gives a node twice, or one without a number")
+    return table[:, 0].astype(np.int64), table[:, 1:]
+
+
+def _read(path: Path, labels: IntArray) -> sp.csr_array:
+    """Read a matrix of three unknowns a node, shape (3 n_nodes, 3 n_nodes)."""
+    n = 3 * len(labels)
+    try:
+        A = _read_npz(path) if path.suffix == ".npz" else _read_text(path, labels)
+    except InputError:
+        raise
+    except Exception as error:  # what NumPy, SciPy and zipfile raise on damaged bytes is of many kinds
+        raise InputError(str(path), "", None, f"can't be read as a matrix: {' '.join(str(error).split())}") from error
+    if A.shape != (n, n):
+        mend = f"has {A.shape[0]} rows and {A.shape[1]} columns; {len(labels)} nodes have {n} displacements"
+        raise InputError(str(path), "", None, mend)
+    if not np.isfinite(A.data).all():
+        bad = np.count_nonzero(~np.isfinite(A.data))
+        raise AccuracyError(f"{path}: {bad} entries aren't finite numbers")
+    return A
+
+
+def _read_npz(path: Path) -> sp.csr_array:
+    """Read a matrix that SciPy has saved."""
+    with zipfile.ZipFile(path) as archive:
+        if sum(item.file_size for item in archive.infolist()) > _MOST_BYTES:
+            raise ValueError(f"unpacked it is over {_MOST_BYTES / 1e9:g} GB")
+    A = sp.load_npz(path)
+    if A.format not in ("csr", "csc", "coo"):
+        raise ValueError(f"it is in SciPy's format {A.format}; csr, csc and coo are read")
+    if A.format != "coo":
+        A.check_format(full_check=True)  # SciPy trusts the indices in the file
+    A = sp.coo_array(A)
+    row, column = A.coords
+    return _real_matrix(A.shape, row, column, A.data)
+
+
+def _real_matrix(shape: tuple[int, ...], row: IntArray, column: IntArray, values: Array) -> sp.csr_array:
+    """Sum entries into a matrix; check indices first, since SciPy writes out of range otherwise."""
+    if np.iscomplexobj(values):
+        raise ValueError("its entries are complex")
+    if len(row) and not (row.min() >= 0 and row.max() < shape[0] and column.min() >= 0 and column.max() < shape[1]):
+        raise ValueError(f"it has entries outside of its {shape[0]} rows and {shape[1]} columns")
+    return sp.csr_array((np.asarray(values, dtype=float), (row, column)), shape=shape)
+
+
+def _read_text(path: Path, labels: IntArray) -> sp.csr_array:
+    """Read a matrix in Matrix Market form or in Abaqus' rows, of five items by node labels or of three by numbers."""
+    text = _text(path)
+    if text.startswith("%%MatrixMarket"):
+        return _read_matrix_market(text)
+    lines = []
+    for number, line in enumerate(text.splitlines(), start=1):
+        items = [item for item in re.split(r"[,\s]+", line.strip()) if item]
+        if items and not items[0].startswith(("*", "#", "%")):
+            lines.append((number, items))
+    by_numbers = bool(lines) and len(lines[0][1]) == 3
+    row, column, values = (_coordinate_entries if by_numbers else _label_entries)(lines, labels)
+    n = 3 * len(labels)
+    if _is_half(row, column, n):
+        row, column, values = _both_halves(row, column, values)
+    return _real_matrix((n, n), row, column, values)
+
+
+def _label_entries(lines: Sequence[_Line], labels: IntArray) -> tuple[IntArray, IntArray, Array]:
+    """Return rows, columns and values of lines of node, direction, node, direction, value."""
+    place = {int(label): k for k, label in enumerate(labels)}
+    rows, columns, values = [], [], []
+    for number, items in lines:
+        try:
+            node, direction, other, along = map(int, items[:4])
+            value = _real(items[4])
+        except (IndexError, ValueError):
+            raise ValueError(f"line {number} isn't node, direction, node, direction, value") from None
+        if not (1 <= direction <= 3 and 1 <= along <= 3):
+            raise ValueError(f"directions are 1, 2, 3; line {number} has {direction} and {along}")
+        try:
+            rows.append(3 * place[node] + direction - 1)
+            columns.append(3 * place[other] + along - 1)
+        except KeyError as error:
+            raise ValueError(f"line {number} names node {error}, which isn't among the nodes") from None
+        values.append(value)
+    return np.array(rows, dtype=int), np.array(columns, dtype=int), np.array(values)
+
+
+def _coordinate_entries(lines: Sequence[_Line], labels: IntArray) -> tuple[IntArray, IntArray, Array]:
+    """Return rows, columns and values of lines of row, column, value, counted from 1 through the nodes' unknowns."""
+    n = 3 * len(labels)
+    rows, columns, values = [], [], []
+    for number, items in lines:
+        try:
+            row, column = map(int, items[:2])
+            value = _real(items[2])
+            if len(items) > 3:
+                raise ValueError
+        except (IndexError, ValueError):
+            raise ValueError(f"line {number} isn't row, column, value") from None
+        if not (1 <= row <= n and 1 <= column <= n):
+            raise ValueError(
+                f"line {number} has row {row} and column {column}, and {len(labels)} nodes have {n} displacements"
+            )
+        rows.append(row - 1)
+        columns.append(column - 1)
+        values.append(value)
+    return np.array(rows, dtype=int), np.array(columns, dtype=int), np.array(values)
+
+
+def _real(item: str) -> float:
+    """Return a number that may have Fortran's exponent, ``1.0D+05``."""
+    return float(item.upper().replace("D", "E"))
+
+
+def _read_matrix_market(text: str) -> sp.csr_array:
+    """Read Matrix Market's coordinate form; SciPy's own reader crashes on some damaged files."""
+    head, *lines = (line for line in text.splitlines() if line.strip() and (line[:2] == "%%" or line[0] != "%"))
+    kind, field, symmetry = [*head.lower().split(), "", "", "", "", ""][2:5]
+    if kind != "coordinate" or field not in ("real", "integer") or symmetry not in ("general", "symmetric"):
+        raise ValueError(f"'{head}': coordinates of real numbers are read, general or symmetric")
+    n_rows, n_columns, n_entries = map(int, lines[0].split())
+    table = np.array(" ".join(lines[1:]).split(), dtype=float)
+    if table.size != 3 * n_entries:
+        raise ValueError(f"its head speaks of {n_entries} entries, and {table.size / 3:g} are there")
+    row, column, values = table.reshape(-1, 3).T
+    row, column = (np.nan_to_num(index, nan=0.0).astype(np.int64) - 1 for index in (row, column))
+    if symmetry == "symmetric":
+        row, column, values = _both_halves(row, column, values)
+    return _real_matrix((n_rows, n_columns), row, column, values)
+
+
+def _is_half(row: IntArray, column: IntArray, n: int) -> bool:
+    """Tell whether none of a matrix's entries off the diagonal has its mirror image.
+
+    Abaqus writes symmetric matrices whole or one half of them. That is a triangle in its own order of the nodes.
+    """
+    off = row != column
+    return bool(off.any()) and not np.isin(row[off] * n + column[off], column[off] * n + row[off]).any()
+
+
+def _both_halves(row: IntArray, column: IntArray, values: Array) -> tuple[IntArray, IntArray, Array]:
+    """Add the mirror images of a symmetric matrix's entries off the diagonal."""
+    off = row != column
+    return np.r_[row, column[off]], np.r_[column, row[off]], np.r_[values, values[off]]
+
+
+def _text(path: Path) -> str:
+    """Read a text file, or raise ``InputError``."""
+    try:
+        if path.stat().st_size > _MOST_BYTES:
+            raise InputError(str(path), "", None, f"is over {_MOST_BYTES / 1e9:g} GB")
+        return path.read_text(encoding="utf-8", errors="replace")
+    except OSError as error:
+        raise InputError(str(path), "", None, f"can't be read: {error.strerror or error}") from error
+
+
+def _is_number(item: str) -> bool:
+    try:
+        float(item)
+    except ValueError:
+        return False
+    return True
+
+
+def node_marker(model: MatrixModel, nodes: IntArray, rigid: bool = False) -> Marker:
+    """Attach a marker to nodes of equal weight, since there are no areas without elements.
+
+    Parameters
+    ----------
+    nodes : ndarray, shape (n,)
+        Node numbers in the other program.
+
+    Raises
+    ------
+    ValueError
+        A node is missing, or all lie in a line, about which they have no rotation.
+    """
+    place = {int(label): k for k, label in enumerate(model.labels)}
+    missing = [int(node) for node in nodes if int(node) not in place]
+    if missing:
+        raise ValueError(f"there is no node {missing[0]} (of {len(missing)} that aren't there)")
+    own = np.array(sorted({place[int(node)] for node in nodes}), dtype=np.int64)
+    r = model.x[own] - model.x[own].sum(axis=0) / max(len(own), 1)
+    second = r.T @ r
+    if len(own) < 3 or np.linalg.eigvalsh(second)[1] <= _IN_LINE * np.trace(second):
+        raise ValueError("a marker takes three nodes at least that don't lie in a line")
+    inertia = np.trace(second) * np.eye(3) - second
+    moment = np.einsum("acb,ic->aib", EPSILON, r)
+    weights = np.full(len(own), 1 / len(own))
+    rotation = np.einsum("ad,dib->aib", np.linalg.inv(inertia), moment)
+    return Marker(model.x[own].mean(axis=0), own, weights, rotation, rigid)
+
+
+def nodes_in_plane(model: MatrixModel, axis: int, place: float) -> IntArray:
+    """Return the numbers of the nodes in the plane across an axis at ``place`` [m]."""
+    near = _IN_PLANE * float(np.ptp(model.x, axis=0).max())
+    return np.asarray(model.labels[np.abs(model.x[:, axis] - place) <= near])

@@ -1,0 +1,162 @@
+"""Reader of Nastran bulk data files: grid points and elements, with a set for each property.
+
+meshio's own reader mistakes a grid point's coordinate system for a label and a cell with missing nodes for a shorter
+one, and never returns from a file that is cut off.
+"""
+
+from __future__ import annotations
+
+import re
+from collections import defaultdict
+from collections.abc import Iterator
+
+import numpy as np
+
+from fmd.fem.formats.raw_mesh import MeshFileError, RawMesh
+
+_SOLIDS = {
+    "CTETRA": {4: "tetra", 10: "tetra10"},
+    "CHEXA": {8: "hexahedron", 20: "hexahedron20"},
+    "CPENTA": {6: "wedge", 15: "wedge15"},
+    "CPYRAM": {5: "pyramid", 13: "pyramid13"},
+    "CPYRA": {5: "pyramid", 13: "pyramid13"},
+}
+_PLANES = {
+    "CTRIA3": {3: "triangle"},
+    "CTRIAR": {3: "triangle"},
+    "CTRIA6": {6: "triangle6"},
+    "CQUAD4": {4: "quad"},
+    "CQUADR": {4: "quad"},
+    "CSHEAR": {4: "quad"},
+    "CQUAD8": {8: "quad8"},
+}
+_LINES = ("CBAR", "CBEAM", "CROD", "CTUBE", "CBEND")
+_OTHERS = ("CONM1", "CONM2", "CONROD", "CBUSH", "CBUSH1D", "CGAP", "RBE1", "RBE2", "RBE3", "RBAR", "RROD")
+_OTHER = re.compile(r"CELAS\d|CDAMP\d|CMASS\d|CVISC|CWELD|CFAST")
+# From Nastran's nodes, where those of the upright edges come before the upper ones, to meshio's.
+_ORDER = {
+    "hexahedron20": [*range(12), *range(16, 20), *range(12, 16)],
+    "wedge15": [*range(9), *range(12, 15), *range(9, 12)],
+}
+
+
+def read_nastran(text: str) -> RawMesh:
+    """Read the mesh in the text of a bulk data file, in small, large or free fields.
+
+    Raises
+    ------
+    MeshFileError
+        The text is damaged, or has a form that isn't read; the message gives the line.
+    """
+    points: dict[int, list[float]] = {}
+    cells: dict[str, list[list[int]]] = defaultdict(list)
+    properties: dict[str, list[str]] = defaultdict(list)
+    others: dict[str, int] = defaultdict(int)
+    seen: set[int] = set()
+    for line, name, fields in _cards(text):
+        try:
+            if name == "GRID":
+                _take_point(fields, points)
+            elif name in _SOLIDS or name in _PLANES or name in _LINES:
+                kind, nodes = _cell(name, fields)
+                number = int(fields[0])
+                if number in seen:
+                    raise MeshFileError(f"element {number} is given twice")
+                seen.add(number)
+                cells[kind].append(nodes)
+                properties[kind].append(fields[1])
+            elif name in _OTHERS or _OTHER.fullmatch(name):
+                others[name] += 1
+            elif name == "GRDSET" and fields[1:2] not in ([], [""], ["0"]):
+                raise MeshFileError("GRDSET sets a coordinate system; write the grid points in the basic one")
+            elif name == "INCLUDE":
+                raise MeshFileError("INCLUDE isn't followed; put all into one file")
+        except MeshFileError as error:
+            raise MeshFileError(f"line {line}: {error}") from None
+        except (ValueError, IndexError, OverflowError):
+            raise MeshFileError(f"line {line}: {name} has fields that aren't the numbers they should be") from None
+    if not points:
+        raise MeshFileError("there are no grid points: no GRID lines")
+    place = {number: k for k, number in enumerate(points)}
+    raw = RawMesh(np.array(list(points.values())), others=dict(others))
+    for kind, rows in cells.items():
+        try:
+            numbers = np.array([[place[node] for node in row] for row in rows], dtype=np.int64)
+        except KeyError as error:
+            raise MeshFileError(f"an element names grid point {error}, which isn't there") from None
+        raw.blocks.append((kind, numbers[:, _ORDER.get(kind, list(range(numbers.shape[1])))]))
+    for b, kind in enumerate(cells):
+        own = np.array(properties[kind])
+        for label in np.unique(own):
+            sets = raw.cell_sets.setdefault(f"property-{label or 'none'}", [np.empty(0, int) for _ in cells])
+            sets[b] = np.flatnonzero(own == label)
+    return raw
+
+
+def _take_point(fields: list[str], points: dict[int, list[float]]) -> None:
+    """Add a grid point."""
+    number, system = int(fields[0]), fields[1] if len(fields) > 1 else ""
+    if system not in ("", "0"):
+        raise MeshFileError(f"grid point {number} is in coordinate system {system}; write all in the basic one, 0")
+    x = [_real(field) for field in fields[2:5]]
+    x += [0.0] * (3 - len(x))
+    if points.setdefault(number, x) != x:
+        raise MeshFileError(f"grid point {number} is given twice, at two places")
+
+
+def _cell(name: str, fields: list[str]) -> tuple[str, list[int]]:
+    """Return the cell type and the grid points of an element."""
+    if name in _LINES:
+        return "line", [int(field) for field in fields[2:4]]
+    kinds = _SOLIDS.get(name) or _PLANES[name]
+    n_full = max(kinds)
+    given = [*fields[2 : 2 + n_full], *[""] * n_full][:n_full]
+    nodes = [int(field) if field else 0 for field in given]
+    n_local = n_full if name in _PLANES else next(n for n in sorted(kinds) if not any(nodes[n:]))
+    if not all(nodes[:n_local]):
+        missing = sum(node == 0 for node in nodes[:n_local])
+        raise MeshFileError(
+            f"{name} {fields[0]} lacks {missing} of {n_local} nodes; give it all its mid-edge nodes or none"
+        )
+    return kinds[n_local], nodes[:n_local]
+
+
+def _cards(text: str) -> Iterator[tuple[int, str, list[str]]]:
+    """Yield line number, name and fields, without the continuation marks, of each card of the bulk data."""
+    lines = text.splitlines()
+    begin = next((k + 1 for k, line in enumerate(lines) if re.match(r"\s*BEGIN(\s+|,)BULK", line, re.I)), 0)
+    start, name, fields = 0, "", list[str]()
+    for number, raw in enumerate(lines[begin:], start=begin + 1):
+        line = raw.partition("$")[0].rstrip().expandtabs(8)
+        if not line:
+            continue
+        head, body = _fields(line)
+        if head == "" or head[0] in "+*":
+            fields += body
+            continue
+        if name:
+            yield start, name, fields
+        start, name, fields = number, head.rstrip("*"), body
+        if name == "ENDDATA":
+            return
+    if name:
+        yield start, name, fields
+
+
+def _fields(line: str) -> tuple[str, list[str]]:
+    """Return the first field of a line, and its eight data fields, or four large ones."""
+    if "," in line:
+        head, *rest = (field.strip() for field in line.split(","))
+        large = head.endswith("*")
+    else:
+        head, large = line[:8].strip(), line[:8].strip().endswith("*") or line.startswith("*")
+        width = 16 if large else 8
+        rest = [line[k : k + width].strip() for k in range(8, 72, width)]
+    n = 4 if large else 8
+    return head.upper(), [*rest, *[""] * n][:n]
+
+
+def _real(field: str) -> float:
+    """Read a number that may leave out the E of its exponent: 7.0-1 is 0.7."""
+    text = re.sub(r"(?<=[\d.])([+-])", r"E\1", field.upper().replace("D", "E"))
+    return float(text) if text else 0.0

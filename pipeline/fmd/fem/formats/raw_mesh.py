@@ -1,0 +1,39 @@
+"""A mesh as its file gives it: blocks of cells of any type and named sets, not yet checked."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, field
+
+from fmd.core.arrays import Array, IntArray
+
+
+class MeshFileError(ValueError):
+    """A mesh file can't be used; the message names the fault and a mend."""
+
+
+@dataclass
+class RawMesh:
+    """Contents of a mesh file before any check.
+
+    Attributes
+    ----------
+    points : ndarray, shape (n_points, 3)
+        Positions in the file's unit.
+    blocks : list of (str, ndarray)
+        Cell type by meshio's name, and the points of each cell in meshio's order, shape (n, n_local).
+    cell_sets : dict of str to list of ndarray
+        Cells of each named set, an array for each block.
+    point_sets : dict of str to ndarray
+        Points of each named set.
+    facet_sets : dict of str to list of ndarray
+        Corners of the facets of each named surface, arrays (n, 3) or (n, 4).
+    others : dict of str to int
+        Number of elements that aren't cells, by type: springs, masses, rigid links.
+    """
+
+    points: Array
+    blocks: list[tuple[str, IntArray]] = field(default_factory=list)
+    cell_sets: dict[str, list[IntArray]] = field(default_factory=dict)
+    point_sets: dict[str, IntArray] = field(default_factory=dict)
+    facet_sets: dict[str, list[IntArray]] = field(default_factory=dict)
+    others: dict[str, int] = field(default_factory=dict)

@@ -1,0 +1,155 @@
+"""Common faults of mesh files: functions that detect them and functions that mend them.
+
+Each function takes plain arrays and returns new ones; `import_mesh` decides which mends to make and reports them.
+"""
+
+from __future__ import annotations
+
+import numpy as np
+import scipy.sparse as sp
+from scipy.sparse.csgraph import connected_components
+from scipy.spatial import cKDTree
+
+from fmd.core.arrays import Array, IntArray
+from fmd.fem.cells import EDGES, N_CORNERS, STRAIGHT, scaled_jacobian, vtk_nodes
+from fmd.fem.elements import element_kind, jacobians, match_nodes, shape_functions
+
+_COINCIDENT = 1e-5  # distance over the shortest edge
+_BENT = 0.3  # distance of a mid-edge node from its edge's middle over the edge's length
+_MAJORITY = 0.9  # share of the elements that have to agree on another order of nodes
+_CHUNK = 4096  # cells at a time
+_ROUNDS = 5  # of straightening
+
+
+def edges(cells: IntArray, cell_type: str) -> IntArray:
+    """Return the corners at the ends of each cell's edges, shape (n_cells, n_edges, 2)."""
+    return np.asarray(cells[:, np.array(EDGES[STRAIGHT[cell_type]])])
+
+
+def find_coincident(points: Array, cells: IntArray, cell_type: str) -> IntArray:
+    """Return for each point the first of the points at its position, shape (n_points,), among those of cells."""
+    first = np.arange(len(points))
+    ends = points[edges(cells, cell_type)]
+    lengths = np.linalg.norm(ends[:, :, 1] - ends[:, :, 0], axis=2)
+    if not (lengths > 0).any():
+        return first
+    near = _COINCIDENT * float(lengths[lengths > 0].min())
+    used = np.unique(cells)
+    while True:  # each point finds one other at a time: all pairs of a crowd would be too many
+        kept = np.unique(first[used])
+        distance, partner = cKDTree(points[kept]).query(points[kept], k=2, distance_upper_bound=near)
+        own = np.arange(len(kept))
+        other = np.where(partner[:, 0] == own, partner[:, 1], partner[:, 0])
+        found = np.isfinite(distance[:, 1]) & (other < len(kept))
+        if not found.any():
+            return first
+        pairs = sp.coo_array((np.ones(found.sum()), (own[found], other[found])), shape=(len(kept), len(kept)))
+        n, group = connected_components(pairs, directed=False)
+        lowest = np.full(n, len(points))
+        np.minimum.at(lowest, group, kept)
+        first[kept] = lowest[group]
+        first = first[first]
+
+
+def label_pieces(cells: IntArray, n_points: int) -> IntArray:
+    """Return the number of each cell's connected piece, the largest being 0, shape (n_cells,)."""
+    n_cells = len(cells)
+    rows = np.repeat(np.arange(n_cells), cells.shape[1])
+    graph = sp.coo_array(
+        (np.ones(cells.size, dtype=np.int8), (rows, n_cells + cells.ravel())), 2 * [n_cells + n_points]
+    )
+    _, label = connected_components(graph, directed=False)
+    _, piece, sizes = np.unique(label[:n_cells], return_inverse=True, return_counts=True)
+    rank = np.empty(len(sizes), dtype=np.int64)
+    rank[np.argsort(-sizes, kind="stable")] = np.arange(len(sizes))
+    return rank[piece]
+
+
+def mirrored_order(cell_type: str) -> IntArray:
+    """Return the order of nodes that turns an inverted cell right side out."""
+    nodes = vtk_nodes(cell_type, 1 if cell_type in N_CORNERS else 2)
+    return match_nodes(nodes[:, [1, 0, 2]], nodes)
+
+
+def handedness(points: Array, cells: IntArray, cell_type: str) -> IntArray:
+    """Return 1 for each right-handed cell, -1 for a left-handed one and 0 for a flat or twisted one."""
+    straight = STRAIGHT[cell_type]
+    n_corners = N_CORNERS[straight]
+    corners = cells[:, :n_corners]
+    good = scaled_jacobian(points[corners], straight) > 0
+    turned = scaled_jacobian(points[corners[:, mirrored_order(straight)]], straight) > 0
+    return np.where(good, 1, np.where(turned, -1, 0))
+
+
+def mid_edge_offsets(points: Array, cells: IntArray, cell_type: str) -> Array:
+    """Return the largest distance of a mid-edge node from its edge's middle over its length, shape (n_cells,)."""
+    ends = points[edges(cells, cell_type)]
+    n_corners, n_edges = N_CORNERS[STRAIGHT[cell_type]], ends.shape[1]
+    with np.errstate(invalid="ignore", divide="ignore"):
+        off = points[cells[:, n_corners : n_corners + n_edges]] - ends.mean(axis=2)
+        length = np.linalg.norm(ends[:, :, 1] - ends[:, :, 0], axis=2)
+        return np.asarray(np.nan_to_num(np.linalg.norm(off, axis=2) / length, nan=np.inf).max(axis=1))
+
+
+def find_node_order(points: Array, cells: IntArray, cell_type: str) -> IntArray | None:
+    """Return the order that puts mid-edge nodes near their edges, or ``None`` if the given one does or none."""
+    if not len(cells) or (mid_edge_offsets(points, cells, cell_type) > _BENT).mean() < _MAJORITY:
+        return None
+    sample = cells[np.linspace(0, len(cells) - 1, min(len(cells), 200)).astype(int)]
+    nodes = vtk_nodes(cell_type, 2)
+    n_corners = N_CORNERS[STRAIGHT[cell_type]]
+    # Compare the nodes with those of cells with straight edges.
+    N, _ = shape_functions(element_kind(STRAIGHT[cell_type], 1).geometry, nodes.T)
+    local = match_nodes(element_kind(STRAIGHT[cell_type], 1).geometry.doflocs, vtk_nodes(STRAIGHT[cell_type], 1))
+    wanted = N.T @ points[sample[:, local]]
+    distance = np.linalg.norm(wanted[:, :, None] - points[sample][:, None], axis=3)
+    nearest = distance.argmin(axis=2)
+    orders, count = np.unique(nearest, axis=0, return_counts=True)
+    order = orders[count.argmax()]
+    whole = np.array_equal(np.sort(order), np.arange(len(nodes))) and (order[:n_corners] == np.arange(n_corners)).all()
+    return order if whole and count.max() >= _MAJORITY * len(sample) else None
+
+
+def find_inside_out(points: Array, cells: IntArray, cell_type: str) -> IntArray:
+    """Return the cells of second order with a Jacobian that isn't positive at a quadrature point or a node."""
+    kind = element_kind(cell_type, 2)
+    local = match_nodes(kind.element.doflocs, vtk_nodes(cell_type, 2))
+    X = np.concatenate(
+        [kind.quadrature(kind.stiffness_order)[0], kind.quadrature(kind.mass_order)[0], kind.element.doflocs.T], axis=1
+    )
+    n_inside = X.shape[1] - len(kind.element.doflocs)
+    found = []
+    for start in range(0, len(cells), _CHUNK):
+        det = np.linalg.det(jacobians(kind.geometry, points[cells[start : start + _CHUNK][:, local]], X))
+        size = np.abs(det[:, :n_inside]).max(axis=1, keepdims=True)
+        # At a node a cell may be flat, as at the end of a fillet that meets a face.
+        bad = (det[:, :n_inside] <= 0).any(axis=1) | (det[:, n_inside:] < -1e-6 * size).any(axis=1)
+        found.append(start + np.flatnonzero(bad))
+    return np.concatenate(found)
+
+
+def straighten_cells(points: Array, cells: IntArray, cell_type: str, chosen: IntArray) -> tuple[Array, int, float]:
+    """Straighten the edges of chosen cells, and of cells that this turns inside out.
+
+    Returns
+    -------
+    points : ndarray
+    n_cells : int
+        Number of cells straightened.
+    moved : float
+        Largest displacement of a node.
+    """
+    points, done = points.copy(), np.zeros(len(cells), dtype=bool)
+    before = points.copy()
+    straight = STRAIGHT[cell_type]
+    linear = element_kind(straight, 1).geometry
+    N, _ = shape_functions(linear, vtk_nodes(cell_type, 2).T)
+    local = match_nodes(linear.doflocs, vtk_nodes(straight, 1))
+    n_corners = N_CORNERS[straight]
+    for _ in range(_ROUNDS):
+        done[chosen] = True
+        points[cells[chosen, n_corners:]] = (N.T @ points[cells[chosen][:, local]])[:, n_corners:]
+        chosen = find_inside_out(points, cells, cell_type)
+        if not len(chosen):
+            break
+    return points, int(done.sum()), float(np.linalg.norm(points - before, axis=1).max())

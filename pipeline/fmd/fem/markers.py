@@ -1,0 +1,193 @@
+"""Markers: mean displacement and rotation of a face as weights on its nodes, or a face held rigid."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+import numpy as np
+import scipy.sparse as sp
+from skfem.quadrature import get_quadrature
+from skfem.refdom import RefQuad, RefTri
+
+from fmd.core.arrays import EPSILON, Array, IntArray
+from fmd.fem.elements import shape_functions
+from fmd.fem.mesh import rows_among
+from fmd.fem.space import Discretisation
+
+# Integrals over a face of the shape functions of nodes off it are round-off.
+_ON_FACE = 1e-12
+_INDEPENDENT = 1e6  # condition of resultants of loads that a section transmits
+_FACET_ORDER = {False: 2, True: 3}  # degree of N_i N_j over the displacement's; one more for a curved facet's area
+
+
+@dataclass(frozen=True)
+class Marker:
+    """A point that follows a face in the mean (RBE3) or holds it rigid (RBE2).
+
+    The weights come from integrals over the face, so a force at the marker acts as a uniform traction. On a rigid face
+    its mean displacement and rotation are its displacement and rotation.
+
+    Parameters
+    ----------
+    position : ndarray, shape (3,)
+        The face's centroid [m].
+    nodes : ndarray, shape (n,)
+        The face's nodes.
+    translation_weights : ndarray, shape (n,) or (3, n, 3)
+        Weights of the mean displacement, one for each node; they sum to 1. Of a section that tractions weight
+        (`traction_marker`) one for each direction of each node: ``d_a = Σ_ib translation_weights[a, i, b] u_ib``.
+    rotation_weights : ndarray, shape (3, n, 3)
+        Weights [1/m] of the mean rotation: ``ψ_a = Σ_ib rotation_weights[a, i, b] u_ib``.
+    rigid : bool
+        True if the face's nodes move as a rigid body.
+    """
+
+    position: Array
+    nodes: IntArray
+    translation_weights: Array
+    rotation_weights: Array
+    rigid: bool = False
+
+    def translation(self, u: Array) -> Array:
+        """Return the mean displacement (3, …) [m] of a nodal field u, shape (n_nodes, 3, …)."""
+        w = self.translation_weights
+        return np.asarray(np.tensordot(w, u[self.nodes], axes=1 if w.ndim == 1 else 2))
+
+    def rotation(self, u: Array) -> Array:
+        """Return the mean rotation vector (3, …) [rad] of a nodal field u, shape (n_nodes, 3, …)."""
+        return np.asarray(np.tensordot(self.rotation_weights, u[self.nodes], axes=2))
+
+    def columns(self, n_nodes: int, rotations: Array) -> Array:
+        """Return nodal loads of unit forces and torques at the marker, shape (n_nodes, 3, 3 + k).
+
+        The forces act along x, y, z, the torques about the directions ``rotations`` (k, 3). The columns are constraints
+        too: ``Bᵀ u = 0`` allows no mean displacement, and no mean rotation about these directions.
+        """
+        B = np.zeros((n_nodes, 3, 3 + len(rotations)))
+        if self.translation_weights.ndim == 3:
+            B[self.nodes, :, :3] = self.translation_weights.transpose(1, 2, 0)
+        else:
+            for a in range(3):
+                B[self.nodes, a, a] = self.translation_weights
+        B[self.nodes, :, 3:] = np.einsum("ka,aib->ibk", rotations, self.rotation_weights)
+        return B
+
+
+def face_marker(space: Discretisation, face: IntArray | Sequence[IntArray], rigid: bool = False) -> Marker:
+    """Attach a marker to a face of the body, or to several together.
+
+    Parameters
+    ----------
+    space : Discretisation
+        The body's nodes and elements.
+    face : ndarray, shape (n,) or (n_facets, 3 or 4), or a sequence of such
+        Mesh points of a face, which consists of the boundary facets with all corners among them; or the corners of each
+        of its facets.
+    rigid : bool
+        True if the face's nodes move as a rigid body.
+
+    Raises
+    ------
+    ValueError
+        No boundary facet lies on the face.
+    """
+    faces = [face] if isinstance(face, np.ndarray) else face
+    chosen = np.unique(np.concatenate([facets_on_face(space, one) for one in faces]))
+    elements, local = (numbers[chosen] for numbers in space.boundary_facets)
+    if elements.size == 0:
+        raise ValueError("no boundary facet of the mesh lies on the face")
+    nodes, A = _integrate_products(space, elements, local)
+    x = space.x[nodes]
+    w = A @ np.ones(len(nodes))
+    area = w.sum()
+    centre = w @ x / area
+    r = x - centre
+    Ar = A @ r
+    second = r.T @ Ar
+    inertia = np.trace(second) * np.eye(3) - second
+    moment = np.einsum("acb,ic->aib", EPSILON, Ar)
+    return Marker(centre, nodes, w / area, np.einsum("ad,dib->aib", np.linalg.inv(inertia), moment), rigid)
+
+
+def traction_marker(position: Array, nodes: IntArray, x: Array, forces: Array) -> Marker:
+    """Attach a marker to a section of a body by the nodal forces that the section transmits.
+
+    A load at the marker acts with these forces, and so its motion is the one on which they do the load's work. Unlike a
+    uniform traction, the tractions of the body's own static deflections take the section's warping in torsion and in
+    shear into account.
+
+    Parameters
+    ----------
+    position : ndarray, shape (3,)
+        Place of the marker [m].
+    nodes : ndarray, shape (n,)
+        The section's nodes.
+    x : ndarray, shape (n, 3)
+        Their positions [m].
+    forces : ndarray, shape (6, n, 3)
+        Nodal forces of six independent loads.
+
+    Raises
+    ------
+    ValueError
+        The resultants of the forces depend on one another.
+    """
+    r = x - position
+    moments = np.cross(r, forces)
+    resultants = np.concatenate([forces.sum(axis=1), moments.sum(axis=1)], axis=1)
+    extent = np.linalg.norm(r, axis=1).max()
+    scaled = resultants / np.repeat([1.0, extent], 3)
+    scaled = scaled / np.linalg.norm(scaled, axis=1, keepdims=True)
+    if not np.linalg.cond(scaled) < _INDEPENDENT:
+        raise ValueError("the resultants of the section's forces depend on one another")
+    unit = np.einsum("kl,lib->kib", np.linalg.inv(resultants), forces)
+    return Marker(position, nodes, unit[:3], unit[3:])
+
+
+def facets_on_face(space: Discretisation, face: IntArray) -> IntArray:
+    """Return the numbers of the boundary facets on a face, given as in `face_marker`."""
+    elements, local = space.boundary_facets
+    on_face = np.zeros(len(elements), dtype=bool)
+    points = np.zeros(len(space.x), dtype=bool)
+    points[face.ravel()] = True
+    facets = np.sort(face, axis=1)[:, :3] if face.ndim == 2 else None
+    for k, facet in enumerate(space.kind.facet_corners):
+        mine = local == k
+        corners = space.element_nodes[elements[mine][:, None], facet]
+        if facets is None:
+            on_face[mine] = points[corners].all(axis=1)
+        else:
+            on_face[mine] = rows_among(np.sort(corners, axis=1)[:, :3], facets)
+    return np.flatnonzero(on_face)
+
+
+def _integrate_products(space: Discretisation, elements: IntArray, local: IntArray) -> tuple[IntArray, sp.csr_array]:
+    """Return the nodes of facets and ``∫ N_i N_j dA`` over them, shape (n_nodes, n_nodes) [m²]."""
+    rows, values = [], []
+    for k in np.unique(local):
+        on = elements[local == k]
+        X, w, tangents = _facet_quadrature(space, int(k))
+        N, _ = shape_functions(space.kind.element, X)
+        t = np.einsum("eqab,bc->eqac", space.jacobians(X, on), tangents)
+        area = np.linalg.norm(np.cross(t[..., 0], t[..., 1]), axis=-1) * w
+        values.append(np.einsum("eq,iq,jq->eij", area, N, N, optimize=True))
+        rows.append(space.element_nodes[on])
+    shared, entries = np.concatenate(rows), np.concatenate(values)
+    n_local = shared.shape[1]
+    nodes, place = np.unique(shared, return_inverse=True)
+    place = place.reshape(shared.shape)
+    pairs = np.repeat(place, n_local, axis=1).ravel(), np.tile(place, (1, n_local)).ravel()
+    A = sp.csr_array(sp.coo_array((entries.ravel(), pairs), shape=(len(nodes), len(nodes))))
+    share = A.diagonal()
+    on_face = np.flatnonzero(share > _ON_FACE * share.max())
+    return nodes[on_face], A[on_face][:, on_face]
+
+
+def _facet_quadrature(space: Discretisation, facet: int) -> tuple[Array, Array, Array]:
+    """Return points (3, n_q) and weights (n_q,) on a facet of the reference cell, and two of its sides (3, 2)."""
+    corners = space.kind.facet_corners[facet]
+    start, after, *_, before = space.kind.element.doflocs[corners]
+    sides = np.stack([after - start, before - start], axis=1)
+    X, w = get_quadrature(RefTri if len(corners) == 3 else RefQuad, _FACET_ORDER[space.kind.curved] * space.order)
+    return start[:, None] + sides @ X, w, sides

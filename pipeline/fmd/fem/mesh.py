@@ -1,0 +1,110 @@
+"""The solid mesh: points, cells, named parts and faces, checked when it is made."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass
+from functools import cached_property
+
+import numpy as np
+from numpy.typing import NDArray
+
+from fmd.core.arrays import Array, IntArray, read_only, require_finite, require_shape
+from fmd.core.errors import AccuracyError
+from fmd.core.short_repr import short_repr
+from fmd.fem.cells import FACES, N_CORNERS, N_NODES, STRAIGHT, scaled_jacobian, vtk_nodes
+
+
+@dataclass(frozen=True)
+class SolidMesh:
+    """A mesh of one type of solid cell.
+
+    Parameters
+    ----------
+    points : ndarray, shape (n_points, 3)
+        Positions [m].
+    cells : ndarray, shape (n_cells, n_local)
+        Point numbers in meshio's order, those of mid-edge nodes too if the cells are of second order.
+    cell_type : str
+        ``tetra``, ``hexahedron``, ``wedge``; with curved edges ``tetra10``, ``hexahedron20``, ``hexahedron27``,
+        ``wedge15``.
+    parts, faces : mapping of str to ndarray
+        Cell numbers of each part; of each face its point numbers (n,), or the corners (n_facets, 3 or 4) of its facets.
+    sectors : int
+        Number of equal sectors around the z axis; 1 if the mesh is not cyclic.
+    notes : tuple of str
+        Faults of the file that the mesh was read from, and how they were mended, with counts.
+
+    Raises
+    ------
+    AccuracyError
+        A cell is inverted or flat; the message counts them.
+    """
+
+    points: Array
+    cells: IntArray
+    cell_type: str
+    parts: Mapping[str, IntArray]
+    faces: Mapping[str, IntArray]
+    sectors: int = 1
+    notes: tuple[str, ...] = ()
+
+    __repr__ = short_repr
+
+    def __post_init__(self) -> None:
+        if self.cell_type not in STRAIGHT:
+            raise ValueError(f"cell_type is {self.cell_type!r}, expected one of {', '.join(STRAIGHT)}")
+        require_shape("points", self.points, (None, 3))
+        require_shape("cells", self.cells, (None, N_NODES[self.cell_type]))
+        require_finite("points", self.points)
+        if self.cells.min() < 0 or self.cells.max() >= len(self.points):
+            raise ValueError(f"cells name points outside 0…{len(self.points) - 1}")
+        read_only(self.points)
+        read_only(self.cells)
+        bad = np.count_nonzero(self.quality <= 0)
+        if bad:
+            raise AccuracyError(f"{bad} of {len(self.cells)} cells are inverted or flat (scaled Jacobian ≤ 0)")
+
+    @property
+    def corners(self) -> IntArray:
+        """Point numbers of the cells' corners, shape (n_cells, 4, 6 or 8)."""
+        return self.cells[:, : N_CORNERS[STRAIGHT[self.cell_type]]]
+
+    @property
+    def order(self) -> int:
+        """Order of the cells' own nodes: 2 if they have mid-edge nodes."""
+        return 1 if self.cell_type in N_CORNERS else 2
+
+    @cached_property
+    def quality(self) -> Array:
+        """Smallest scaled Jacobian over the corners of each cell, shape (n_cells,): 1 is the ideal cell."""
+        return scaled_jacobian(self.points[self.corners], STRAIGHT[self.cell_type])
+
+    @cached_property
+    def volume(self) -> float:
+        """Enclosed volume [m³], exact for cells with straight edges."""
+        if self.order == 2:
+            return self._curved_volume()
+        x = self.points[self.cells]
+        volume = 0.0
+        for face in FACES[self.cell_type]:  # tetrahedra from the origin to the faces, these split about their centres
+            corners = x[:, face]  # (n_cells, n_around, 3)
+            following = np.roll(corners, -1, axis=1)
+            volume += float(np.einsum("eci,ei->", np.cross(corners, following), corners.mean(axis=1)))
+        return abs(volume) / 6
+
+    def _curved_volume(self) -> float:
+        """Integrate the Jacobian determinants of cells with curved edges [m³]."""
+        from fmd.fem.elements import element_kind, jacobians, match_nodes
+
+        kind = element_kind(self.cell_type, 2)
+        local = match_nodes(kind.element.doflocs, vtk_nodes(self.cell_type, 2))
+        X, w = kind.quadrature(kind.mass_order)
+        determinants = np.linalg.det(jacobians(kind.geometry, self.points[self.cells[:, local]], X))
+        return float(np.abs(determinants @ w).sum())
+
+
+def rows_among(rows: IntArray, table: IntArray) -> NDArray[np.bool_]:
+    """Return for each of the rows (n, k) whether it is a row of the table (m, k), shape (n,)."""
+    _, number = np.unique(np.concatenate([table, rows]), axis=0, return_inverse=True)
+    return np.isin(number[len(table) :], number[: len(table)])

@@ -1,0 +1,58 @@
+"""The finite element model: nodes, stiffness and mass of one body."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from functools import cached_property
+
+import numpy as np
+import scipy.sparse as sp
+
+from fmd.core.arrays import Array
+from fmd.core.rotations import rigid_motions
+from fmd.core.short_repr import short_repr
+from fmd.fem.material import AnyMaterial
+from fmd.fem.space import Discretisation
+
+
+@dataclass(frozen=True)
+class FEModel:
+    """Stiffness and mass matrices of a body on its discretisation.
+
+    Attributes
+    ----------
+    K : sparse array, shape (3 n_nodes, 3 n_nodes)
+        Stiffness [N/m]; unknown ``3 i + a`` is node i along axis a.
+    m : sparse array, shape (n_nodes, n_nodes)
+        Consistent scalar mass matrix [kg]; the full mass matrix is ``m ⊗ 1₃``.
+    """
+
+    discretisation: Discretisation
+    material: AnyMaterial
+    K: sp.csr_array
+    m: sp.csr_array
+
+    __repr__ = short_repr
+
+    @property
+    def x(self) -> Array:
+        """Node positions, shape (n_nodes, 3) [m]."""
+        return self.discretisation.x
+
+    @cached_property
+    def M(self) -> sp.csr_array:
+        """Consistent mass matrix of all unknowns, shape (3 n_nodes, 3 n_nodes) [kg]."""
+        n = self.m.shape[0]
+        each = self.m[np.repeat(np.arange(n), 3)]  # every row three times, once an axis
+        axis = np.repeat(np.tile(np.arange(3, dtype=each.indices.dtype), n), np.diff(each.indptr))
+        return sp.csr_array((each.data, 3 * each.indices + axis, each.indptr), shape=(3 * n, 3 * n))
+
+    @property
+    def mass(self) -> float:
+        """Total mass [kg]."""
+        return float(self.m.sum())
+
+    @cached_property
+    def rigid_modes(self) -> Array:
+        """Three translations and three linearised rotations about the origin, shape (3 n_nodes, 6)."""
+        return rigid_motions(self.x).reshape(-1, 6)

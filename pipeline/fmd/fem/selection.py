@@ -1,0 +1,211 @@
+"""Facets, nodes and elements of a body, selected by their position in space."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from functools import reduce
+
+import numpy as np
+import scipy.sparse as sp
+from scipy.sparse.csgraph import connected_components
+from scipy.spatial import cKDTree
+
+from fmd.core.arrays import Array, IntArray
+from fmd.fem.cells import STRAIGHT
+from fmd.fem.elements import shape_functions
+from fmd.fem.markers import face_marker
+from fmd.fem.mesh import rows_among
+from fmd.fem.space import Discretisation
+
+_IN_PLANE = 1e-5  # of the body's extent
+_ON_EDGE = 1e-6  # of the body's extent
+_SHARP = np.cos(np.deg2rad(40.0))
+_NEAREST = 24  # elements to search for a point
+_STEPS = 20  # of Newton's method in each
+
+
+def facets_in_plane(space: Discretisation, axis: int, place: float) -> IntArray:
+    """Return the corners (n_facets, 3) of the boundary facets in the plane across an axis at ``place`` [m].
+
+    A facet of four corners is identified by three of them.
+    """
+    near = _IN_PLANE * float(np.ptp(space.x, axis=0).max())
+    corners = _corners(space)
+    off = np.abs(space.x[corners][..., axis] - place).max(axis=1)
+    return _keys(corners[off <= near])
+
+
+def facets_near(space: Discretisation, point: Array, faces: Sequence[IntArray] = ()) -> IntArray:
+    """Return the corners (n_facets, 3), as `facets_in_plane` does, of the face nearest to a point (3,) [m].
+
+    Parameters
+    ----------
+    faces : sequence of ndarray, shape (n, 3)
+        Known faces of the body. If none of them holds the nearest facet, the face ends at edges sharper than 40°, which
+        takes a mesh fine enough, or curved elements.
+    """
+    corners = _corners(space)
+    x = space.x[corners]
+    nearest = int(np.minimum(*(_distance(x[:, half], point) for half in ((0, 1, 2), (0, 2, 3)))).argmin())
+    keys = _keys(corners)
+    for face in faces:
+        if rows_among(keys[nearest : nearest + 1], face)[0]:
+            return face
+    smooth = _label_smooth_faces(space, corners)
+    return np.asarray(keys[smooth == smooth[nearest]])
+
+
+def nodes_on_faces(space: Discretisation, faces: Sequence[IntArray]) -> IntArray:
+    """Return the nodes that all faces share: of one face, of the edge of two, of the corner of three.
+
+    Parameters
+    ----------
+    faces : sequence of ndarray
+        Mesh points of each face; a facet of the boundary lies on it if all of its corners do.
+
+    Raises
+    ------
+    ValueError
+        The faces have no node in common.
+    """
+    nodes = reduce(np.intersect1d, [face_marker(space, points).nodes for points in faces])
+    if not len(nodes):
+        raise ValueError("the faces have no node in common")
+    return nodes
+
+
+def nodes_on_edge(space: Discretisation, ends: Array) -> IntArray:
+    """Return the nodes on the straight line between two points, ``ends`` (2, 3) [m].
+
+    Raises
+    ------
+    ValueError
+        No node lies there; the message gives the distance of the nearest.
+    """
+    along = ends[1] - ends[0]
+    r = space.x - ends[0]
+    share = np.clip(r @ along / (along @ along), 0.0, 1.0)
+    away = np.linalg.norm(r - share[:, None] * along, axis=1)
+    extent = float(np.ptp(space.x, axis=0).max())
+    nodes = np.flatnonzero(away < _ON_EDGE * extent)
+    if not len(nodes):
+        raise ValueError(f"no node of the mesh lies there; the nearest is {away.min():.4g} m away")
+    return nodes
+
+
+def node_at(space: Discretisation, point: Array) -> IntArray:
+    """Return the node nearest to a point (3,) [m], shape (1,)."""
+    return np.array([np.linalg.norm(space.x - point, axis=1).argmin()])
+
+
+def locate_points(space: Discretisation, points: Array) -> tuple[IntArray, Array]:
+    """Find the element that holds each point, or comes nearest to it, by Newton's method.
+
+    Parameters
+    ----------
+    points : ndarray, shape (n, 3)
+        [m].
+
+    Returns
+    -------
+    elements : ndarray, shape (n,)
+    X : ndarray, shape (n, 3)
+        Reference coordinates, within the reference cell.
+    """
+    corners, geometry = space.corner_coordinates, space.kind.geometry
+    straight = STRAIGHT[space.mesh.cell_type]
+    count = min(_NEAREST, len(corners))
+    near = np.asarray(cKDTree(corners.mean(axis=1)).query(points, k=count)[1]).reshape(len(points), count)
+    middle = space.kind.element.refdom.init_refdom()[0].mean(axis=1)
+    elements, X = np.zeros(len(points), dtype=np.int64), np.zeros((len(points), 3))
+    for k, (point, candidates) in enumerate(zip(points, near, strict=True)):
+        best = np.inf
+        for element in candidates:
+            x = middle
+            for _ in range(_STEPS):
+                N, dN = shape_functions(geometry, x[:, None])
+                step = np.linalg.solve(corners[element].T @ dN[:, :, 0], point - N[:, 0] @ corners[element])
+                x = np.clip(x + step, -1.0, 2.0)
+                if np.abs(step).max() < 1e-12:
+                    break
+            outside = max(-x.min(), _reach(straight, x) - 1.0)
+            if outside < best:
+                best, elements[k], X[k] = outside, element, np.clip(x, 0.0, 1.0)
+            if best <= 1e-9:
+                break
+    return elements, X
+
+
+def _keys(corners: IntArray) -> IntArray:
+    """Return three corners of each facet, ascending: of a quadrilateral the lowest three."""
+    triangle = corners[:, 2] == corners[:, 3]
+    keys = np.sort(corners, axis=1)[:, :3]
+    keys[triangle] = np.sort(corners[triangle, :3], axis=1)
+    return keys
+
+
+def _corners(space: Discretisation) -> IntArray:
+    """Return the corners around each boundary facet, shape (n_facets, 4); a triangle's last one twice."""
+    elements, local = space.boundary_facets
+    table = np.array([[*facet, facet[-1]][:4] for facet in space.kind.facet_corners])
+    return np.asarray(space.element_nodes[elements[:, None], table[local]])
+
+
+def _label_smooth_faces(space: Discretisation, corners: IntArray) -> IntArray:
+    """Return the number of each facet's smooth face, which ends at sharp edges, shape (n_facets,)."""
+    normal = _normals_at_edges(space)
+    facet = np.repeat(np.arange(len(corners)), 4)
+    ends = np.stack([corners, np.roll(corners, -1, axis=1)], axis=2).reshape(-1, 2)
+    real = ends[:, 0] != ends[:, 1]
+    turned = np.where(ends[:, 0] < ends[:, 1], 1, -1)[real]
+    ends, facet, normal = np.sort(ends[real], axis=1), facet[real], normal.reshape(-1, 3)[real]
+    order = np.lexsort(ends.T)
+    same = (np.diff(ends[order], axis=0) == 0).all(axis=1)
+    a, b = order[:-1][same], order[1:][same]
+    # Facets that run along their common edge in the same direction have normals to opposite sides.
+    cosine = -turned[a] * turned[b] * np.einsum("ei,ei->e", normal[a], normal[b])
+    joined = cosine > _SHARP
+    pairs = facet[a][joined], facet[b][joined]
+    graph = sp.coo_array((np.ones(len(pairs[0]), dtype=np.int8), pairs), shape=2 * [len(corners)])
+    return np.asarray(connected_components(graph, directed=False)[1])
+
+
+def _normals_at_edges(space: Discretisation) -> Array:
+    """Return unit normals of the boundary facets in the middle of their sides, shape (n_facets, 4, 3)."""
+    elements, local = space.boundary_facets
+    normals = np.zeros((len(elements), 4, 3))
+    for k, facet in enumerate(space.kind.facet_corners):
+        mine = np.flatnonzero(local == k)
+        around = space.kind.element.doflocs[facet]
+        tangents = np.stack([around[1] - around[0], around[-1] - around[0]], axis=1)
+        sides = (around + np.roll(around, -1, axis=0)) / 2
+        place = [0, 1, 2, 3] if len(around) == 4 else [0, 1, 3]  # of a triangle the third side has no length
+        t = space.jacobians(sides.T, elements[mine]) @ tangents
+        normals[mine[:, None], place] = np.cross(t[..., 0], t[..., 1])
+    size = np.linalg.norm(normals, axis=2, keepdims=True)
+    return np.asarray(normals / np.where(size > 0, size, 1.0))
+
+
+def _distance(x: Array, point: Array) -> Array:
+    """Return the distance of a point (3,) from each triangle x (n, 3, 3), shape (n,)."""
+    normal = np.cross(x[:, 1] - x[:, 0], x[:, 2] - x[:, 0])
+    size = np.linalg.norm(normal, axis=1)
+    size[size == 0] = 1.0
+    r = point - x
+    sides = np.roll(x, -1, axis=1) - x
+    inside = (np.einsum("tci,ti->tc", np.cross(sides, r), normal) >= 0).all(axis=1) & normal.any(axis=1)
+    length2 = np.einsum("tci,tci->tc", sides, sides)
+    length2[length2 == 0] = 1.0
+    along = np.clip(np.einsum("tci,tci->tc", r, sides) / length2, 0.0, 1.0)
+    to_sides = np.linalg.norm(r - along[..., None] * sides, axis=2).min(axis=1)
+    return np.asarray(np.where(inside, np.abs(np.einsum("ti,ti->t", r[:, 0], normal)) / size, to_sides))
+
+
+def _reach(cell_type: str, x: Array) -> float:
+    """Return the largest of the expressions of x (3,) that are at most 1 inside the reference cell."""
+    match cell_type:
+        case "tetra":
+            return float(x.sum())
+        case "wedge":
+            return float(max(x[0] + x[1], x[2]))
+    return float(x.max())

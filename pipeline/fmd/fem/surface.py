@@ -1,0 +1,119 @@
+"""The outer surface of a mesh as triangles and element outlines through all nodes on it."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import TYPE_CHECKING
+
+import numpy as np
+
+from fmd.core.arrays import Array, IntArray
+from fmd.core.short_repr import short_repr
+
+if TYPE_CHECKING:
+    from fmd.fem.space import Discretisation
+
+
+@dataclass(frozen=True, slots=True)
+class SurfaceTopology:
+    """Nodes, triangles and element outlines of a surface.
+
+    Attributes
+    ----------
+    nodes : ndarray, shape (n_surface,)
+        Node numbers of the discretisation, ascending.
+    triangles : ndarray, shape (n_triangles, 3)
+        Positions in ``nodes``, counter-clockwise seen from outside.
+    edges : ndarray, shape (n_edges, 2)
+        Positions in ``nodes``: outlines of the elements' faces.
+    """
+
+    nodes: IntArray
+    triangles: IntArray
+    edges: IntArray
+
+    __repr__ = short_repr
+
+
+def surface_topology(space: Discretisation) -> SurfaceTopology:
+    """Find the outer surface of a discretisation."""
+    triangles, edges = [], []
+    for _, around in boundary_polygons(space):
+        n_around = around.shape[1]
+        polygons = _split_along_length(space.x, around) if n_around == 8 else around
+        rim = np.arange(n_around)
+        if space.order == 1:
+            fan = np.array([(0, k, k + 1) for k in range(1, n_around - 1)])
+        else:  # a triangle at each corner, and the polygon of the mid-edge nodes within
+            corners = np.array([(k - 1, k, k + 1) for k in range(0, n_around, 2)]) % n_around
+            middle = np.array([(1, k, k + 2) for k in range(3, n_around - 2, 2)])
+            fan = np.concatenate([corners, middle])
+        triangles.append(polygons[:, fan].reshape(-1, 3))
+        edges.append(polygons[:, np.stack([rim, (rim + 1) % n_around], axis=1)].reshape(-1, 2))
+    nodes, local = np.unique(np.concatenate(triangles), return_inverse=True)
+    sides = np.searchsorted(nodes, np.sort(np.concatenate(edges), axis=1))
+    return SurfaceTopology(nodes, local.reshape(-1, 3), np.unique(sides, axis=0))
+
+
+def surface_normals(x: Array, surface: SurfaceTopology) -> Array:
+    """Return unit normals at a surface's nodes (n_surface, 3), means of the triangles around by area.
+
+    Parameters
+    ----------
+    x : ndarray, shape (n_nodes, 3)
+        Positions of all nodes.
+    """
+    corners = x[surface.nodes][surface.triangles]
+    across = np.cross(corners[:, 1] - corners[:, 0], corners[:, 2] - corners[:, 0])
+    normals = np.zeros((len(surface.nodes), 3))
+    for k in range(3):
+        np.add.at(normals, surface.triangles[:, k], across)
+    sizes = np.linalg.norm(normals, axis=1, keepdims=True)
+    return np.where(sizes > 0.0, normals / np.where(sizes > 0.0, sizes, 1.0), [0.0, 0.0, 1.0])
+
+
+def surface_elements(space: Discretisation) -> IntArray:
+    """Return the element of each triangle of `surface_topology`, shape (n_triangles,)."""
+    return np.concatenate(
+        [np.repeat(elements, polygons.shape[1] - 2) for elements, polygons in boundary_polygons(space)]
+    )
+
+
+def boundary_polygons(space: Discretisation) -> list[tuple[IntArray, IntArray]]:
+    """Return the elements (n_facets,) of the boundary facets and the nodes (n_facets, n_around) around each.
+
+    Counter-clockwise seen from outside; triangles and quadrilaterals are separate items.
+    """
+    elements, local = space.boundary_facets
+    polygons = space.kind.facet_polygons
+    result = []
+    for n_around in sorted({len(polygon) for polygon in polygons}):
+        numbers = [k for k, polygon in enumerate(polygons) if len(polygon) == n_around]
+        of_kind = np.isin(local, numbers)
+        if of_kind.any():
+            table = np.zeros((len(polygons), n_around), dtype=np.int64)
+            table[numbers] = [polygons[k] for k in numbers]
+            result.append((elements[of_kind], _turn_outwards(space, elements[of_kind], table[local[of_kind]])))
+    return result
+
+
+def _split_along_length(x: Array, polygons: IntArray) -> IntArray:
+    """Rotate quadrilaterals of eight nodes so that they are split between the mid-edge nodes further apart.
+
+    Elements are longest in the direction of the smallest change, where interpolation errs least.
+    """
+    one, other = (np.linalg.norm(x[polygons[:, k]] - x[polygons[:, k + 4]], axis=1) for k in (1, 3))
+    return np.where((other > one)[:, None], np.roll(polygons, -2, axis=1), polygons)
+
+
+def _turn_outwards(space: Discretisation, elements: IntArray, around: IntArray) -> IntArray:
+    """Return the nodes around facets, local nodes ``around`` (n_facets, n_around), counter-clockwise from outside."""
+    polygons = space.element_nodes[elements[:, None], around]
+    corners = space.x[polygons[:, :: space.order]]
+    normal = np.cross(corners[:, 1] - corners[:, 0], corners[:, 2] - corners[:, 0])
+    outward = corners.mean(axis=1) - space.corner_coordinates[elements].mean(axis=1)
+    inward = np.einsum("fi,fi->f", normal, outward) < 0
+    polygons[inward] = polygons[inward, ::-1]
+    if space.order == 2:  # keep a corner in front: the reversal has put a mid-edge node there
+        polygons[inward] = np.roll(polygons[inward], 1, axis=1)
+    return np.asarray(polygons)

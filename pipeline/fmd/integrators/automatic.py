@@ -1,0 +1,345 @@
+"""Automatic choice of a method for a wanted error, with steps refined until two marches agree."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Iterator
+from dataclasses import dataclass, replace
+from functools import partial
+from typing import cast
+
+import numpy as np
+
+from fmd.core.arrays import Array
+from fmd.core.errors import AccuracyError, StabilityError
+from fmd.dynamics.system import System
+from fmd.integrators.adaptive import groups_of
+from fmd.integrators.central_difference import CentralDifference
+from fmd.integrators.exponential import PiecewiseExponential
+from fmd.integrators.generalized_alpha import GeneralizedAlpha
+from fmd.integrators.march_pairs import Gain, Pairs, compared_times
+from fmd.integrators.method_costs import (
+    LEAP,
+    explicit_cost,
+    explicit_pair_cost,
+    exponential_cost,
+    implicit_cost,
+    leapfrog_cost,
+    rosenbrock_cost,
+    stable_steps,
+)
+from fmd.integrators.protocol import Integrator, Progress, ResumableIntegrator, State, Trajectory
+from fmd.integrators.rosenbrock import ExponentialRosenbrock
+from fmd.integrators.runge_kutta import DAMPED, RungeKutta
+from fmd.integrators.side_by_side import March, march_at_once, march_in_turn
+
+_FIRST_STEPS = 128  # of the exponential method over the duration
+_ODD = 13  # by which numbers of steps are more than doubled
+_MOST_DOUBLINGS = 13
+_DOUBLED_OFTEN = 16.0  # by which its error falls with twice as many steps, where all is smooth
+_MANY = 256  # breakpoints, as of a table, at each of which the exponential method would have to start anew
+_FEW = 400  # stable steps of the Runge-Kutta method over the duration: not stiff
+_MOST_EXPLICIT = 1e8  # leapfrog steps over the duration: beyond, no explicit method comes to an end
+_FIRST_TOLERANCE = 0.3  # of an adaptive method, over the wanted error
+_FINER: dict[type, float] = {
+    RungeKutta: 0.01,
+    ExponentialRosenbrock: 0.1,
+}  # tolerance over the one before
+_FINEST = 3e-14  # tolerance; the same one twice would agree with itself
+_IMPLICIT_STEPS = 256  # of generalised-α over the duration, at first
+_STEPS_IN_ACTION = 8  # of generalised-α in the shortest load
+_TRIAL = 1 / 16  # of the duration
+_WORTH_A_TRIAL = 1000.0  # steps of the Rosenbrock method
+_FEWEST_EVALUATIONS = 3.0  # of generalised-α in a step
+_PIECE = 16  # steps of it, over which they are counted
+_SHARE = 1 / 6  # of the cost of two marches by central difference: what generalised-α may cost
+_WORTHWHILE = 0.8  # of a march by the Runge-Kutta method: what finer marches by central difference may cost
+_NEARLY = 1.25  # times as many steps: of the finer of two marches of second order
+_SHORTER = 1.5  # times as many steps, where stable ones of the reference state weren't
+_COMPARED = 100  # output times at which two marches are compared, at least
+_WORTH_A_CORE = 1.5e7  # operations of a march, beside which another thread's start is short
+_GAINS = {
+    "exponential": Gain(3.0, 0.0, math.inf),
+    "runge-kutta": Gain(5.0, 3.0, 30.0),
+    "exponential-rosenbrock": Gain(3.0, 1.0, 6.0),
+    "central-difference": Gain(1.8, 0.0, 1.0, 0.7),
+    "generalized-alpha": Gain(1.8, 0.0, 1.0, 0.7),
+}
+"""What is believed of each method where not all vibrations are resolved.
+
+A method of second order whose fastest vibrations are out of step has the same error with half the step.
+"""
+_RESOLVED = 4.0  # radians of the highest frequency in a step of the Runge-Kutta method
+_UNRESOLVED = Gain(1.2, 0.7, 4.0)  # of longer ones, in which the fastest vibrations die away
+
+
+@dataclass(frozen=True)
+class _Marches:
+    """One or two marches, the last of which is the finest.
+
+    Attributes
+    ----------
+    methods : tuple of Integrator
+        Methods to march by.
+    cost : float
+        Operations of the last one.
+    start : State, optional
+        Where an adaptive method starts from.
+    """
+
+    methods: tuple[Integrator, ...]
+    cost: float
+    start: State | None = None
+
+    def functions(self, system: System, q0: Array, v0: Array, some: Array, times: Array) -> list[March]:
+        """Return the marches; all but the last one give some of the output times, at which they are compared."""
+        asked = [*[some] * (len(self.methods) - 1), times]
+        if self.start is None:
+            return [
+                partial(method.march, system, q0, v0, each) for method, each in zip(self.methods, asked, strict=True)
+            ]
+        resumable = cast("tuple[ResumableIntegrator, ...]", self.methods)
+        return [partial(method.resume, system, self.start, each) for method, each in zip(resumable, asked, strict=True)]
+
+
+@dataclass(frozen=True)
+class Automatic:
+    """Method that marches with finer and finer steps until two marches tell an error below ``error``.
+
+    Where modes and joints don't couple through the mass matrix, or few of the longest stable steps cover the duration,
+    that is the exponential method, unless two marches by the Runge–Kutta method cost less. Else, but for few steps,
+    generalised-α marches by shorter and shorter steps, as long as those that the error still asks for cost less than
+    stable ones of central difference; then that method, as long as its steps cost less than the Runge–Kutta method's;
+    then this one. Where stable steps are many, a trial over the first part of the motion may find the exponential
+    Rosenbrock method cheaper than all of these. Costs are counted, not timed, so that the choice hardly depends on the
+    machine.
+
+    Parameters
+    ----------
+    error : float
+        Wanted error, relative to the largest value of each kind of coordinate over the march; rates may have twice
+        as much.
+    duration : float
+        Of the motion that the method is chosen for [s].
+    """
+
+    error: float
+    duration: float
+
+    name = "auto"
+    step = 0.0
+
+    def __post_init__(self) -> None:
+        if not 0.0 < self.error < 1.0:
+            raise ValueError(f"error is {self.error}, expected 0 … 1")
+
+    def order(self, system: System) -> int:
+        """Return the order of the chosen method where it counts."""
+        return 4
+
+    def largest_step(self, system: System) -> float:
+        """Return infinity: a march that diverges is refined."""
+        return np.inf
+
+    def march(self, system: System, q0: Array, v0: Array, times: Array, progress: Progress | None = None) -> Trajectory:
+        """Integrate from time 0 to the last of ``times``; run time and evaluations are those of all marches together.
+
+        Raises
+        ------
+        AccuracyError
+            The wanted error was not reached; the message has the last difference, or says why every march failed.
+        """
+        groups, n = groups_of(system), system.n_positions
+        report = Pairs(self.error, groups[:n], groups[n:] - groups[:n].max(initial=-1) - 1)
+        # Vibrations have short peaks.
+        some = times if self._stiff(system) else compared_times(times, _COMPARED)
+        for marches in self._methods(system, q0, v0, some, times, report, progress):
+            march = march_at_once if marches.cost > _WORTH_A_CORE else march_in_turn
+            found, seconds = march(marches.functions(system, q0, v0, some, times), progress)
+            report.seconds += seconds
+            agreed = False
+            if len(found) > 1:  # a pair is compared with itself
+                report.before = None
+            for outcome in found:
+                if isinstance(outcome, Trajectory):
+                    agreed = report.agrees(outcome, _gain(report.before or outcome, system))
+                    continue
+                if isinstance(outcome, StabilityError):
+                    getattr(system, "explain_failure", _explain_nothing)(outcome)
+                report.add_failure(outcome)
+            last = found[-1]
+            if agreed and isinstance(last, Trajectory):
+                return replace(
+                    last,
+                    integrator=f"{self.name} ({last.integrator})",
+                    seconds=report.seconds,
+                    evaluations=report.evaluations,
+                    chosen=marches.methods[-1],
+                    error=report.difference,
+                )
+        if report.failure and (report.failures > 1 or np.isinf(report.difference)):
+            raise report.failure
+        raise AccuracyError(
+            f"{self.name}: the last two marches differ by {report.difference:.1e}, above {self.error:.0e}"
+        )
+
+    def _methods(
+        self,
+        system: System,
+        q0: Array,
+        v0: Array,
+        some: Array,
+        times: Array,
+        report: Pairs,
+        progress: Progress | None,
+    ) -> Iterator[_Marches]:
+        """Yield one or two methods, each finer than that before, with the operations of the last one."""
+        stiff = self._stiff(system)
+        # The exponential method has no quaternions, and steps that couplings of stiff systems bound.
+        if system.n_positions == system.n and len(system.breakpoints) <= _MANY and not (stiff and system.coupled):
+            yield from self._exponential_methods(system, some.size, times.size, report)
+        adaptive: type[RungeKutta | ExponentialRosenbrock] = RungeKutta
+        if self.duration > _MOST_EXPLICIT * system.largest_step:  # by dampers
+            adaptive = ExponentialRosenbrock
+        elif stiff:
+            leapfrog_steps = max(
+                system.highest_frequency * self.duration / LEAP,
+                _STEPS_IN_ACTION * self.duration / system.shortest_action,
+            )
+            leapfrog_steps = self.duration / system.resolving_step(self.duration / leapfrog_steps)[0]
+            cost = 3 * leapfrog_steps * leapfrog_cost(system)  # of two marches, of so many steps and twice as many
+            yield from self._implicit_methods(system, q0, v0, _SHARE * cost, report)
+            if cost > _WORTH_A_TRIAL * rosenbrock_cost(system, 1.0):
+                end = min(_TRIAL * self.duration, float(times[-1]))
+                adaptive = self._choose_adaptive(system, q0, v0, cost, end, progress)
+            if adaptive is RungeKutta:
+                allowed = _WORTHWHILE * stable_steps(system, self.duration) * explicit_cost(system)
+                yield from self._leapfrog_methods(system, leapfrog_steps, allowed, report)
+        report.start_anew()
+        cost = explicit_pair_cost(system, self.duration) / 2 if adaptive is RungeKutta else np.inf
+        start = adaptive.start(system, q0, v0)
+        methods = tuple(self._adaptive_methods(adaptive))
+        yield _Marches(methods[:2], cost, start)
+        for method in methods[2:]:
+            if report.failures > 1:  # it isn't the tolerance
+                return
+            yield _Marches((method,), cost, start)
+
+    def _stiff(self, system: System) -> bool:
+        return stable_steps(system, self.duration) > _FEW
+
+    def _adaptive_methods(
+        self, method: type[RungeKutta | ExponentialRosenbrock]
+    ) -> Iterator[RungeKutta | ExponentialRosenbrock]:
+        """Yield a method by finer and finer tolerances; where these don't bound its steps, the highest frequency does.
+
+        Else two marches by the longest stable steps would agree that both lose the fastest vibrations.
+        """
+        for k, tolerance in enumerate(self._tolerances(_FINER[method])):
+            yield RungeKutta(tolerance, DAMPED / _NEARLY**k) if method is RungeKutta else method(tolerance)
+
+    def _tolerances(self, finer: float) -> list[float]:
+        """Return tolerances from coarse to the finest one, which comes once: twice it would agree with itself."""
+        found = [max(self.error * _FIRST_TOLERANCE, _FINEST)]
+        while found[-1] > 2 * _FINEST:
+            found.append(max(finer * found[-1], _FINEST))
+        return found
+
+    def _exponential_methods(
+        self, system: System, n_compared: int, n_outputs: int, report: Pairs
+    ) -> Iterator[_Marches]:
+        """Yield the exponential method with more and more steps, while two marches by Runge–Kutta would cost more."""
+        allowed = explicit_pair_cost(system, self.duration)
+
+        def march(k: int) -> PiecewiseExponential:
+            # Odd numbers, lest two marches agree that see a vibration at the same points of its periods.
+            steps = _FIRST_STEPS * 2**k + (_ODD * (2 * k - 1) if k else 0)
+            # What happens between two breakpoints takes finer steps too, lest two marches agree that miss it alike.
+            return PiecewiseExponential(self.duration / steps, 2 ** (k + 2))
+
+        first = exponential_cost(system, _FIRST_STEPS, n_compared)
+        cost, k = exponential_cost(system, 2 * _FIRST_STEPS, n_outputs), 1
+        if not first + cost < allowed:
+            return
+        yield _Marches((march(0), march(1)), cost)
+        while not report.failures:
+            more = report.difference / self.error if np.isfinite(report.difference) else 1.0
+            k += max(1, math.ceil(math.log(more, _DOUBLED_OFTEN)))
+            cost = exponential_cost(system, _FIRST_STEPS * 2**k, n_outputs)
+            if k > _MOST_DOUBLINGS or not cost < allowed:
+                return
+            yield _Marches((march(k),), cost)
+
+    def _implicit_methods(
+        self, system: System, q0: Array, v0: Array, allowed: float, report: Pairs
+    ) -> Iterator[_Marches]:
+        """Yield generalised-α with more and more steps, as long as these cost less than what is allowed.
+
+        A piece of the motion tells how many evaluations a step takes, two marches how many steps the error asks for.
+        """
+        report.start_anew()
+        steps = float(max(_IMPLICIT_STEPS, np.ceil(_STEPS_IN_ACTION * self.duration / system.shortest_action)))
+        cost = implicit_cost(system)
+        if 3 * steps * _FEWEST_EVALUATIONS * cost <= allowed:
+            steps = self.duration / system.resolving_step(self.duration / steps)[0]
+        if 3 * steps * _FEWEST_EVALUATIONS * cost > allowed:
+            return
+        try:
+            piece = np.array([_PIECE * self.duration / steps])
+            per_step = GeneralizedAlpha(self.duration / steps).march(system, q0, v0, piece).evaluations / _PIECE
+        except AccuracyError:  # a step has no solution
+            per_step = float(system.n)
+        if 3 * steps * per_step * cost > allowed:
+            return
+        steps *= _NEARLY
+        while steps * per_step * cost <= allowed:
+            yield self._nearly_alike(GeneralizedAlpha, steps, steps * per_step * cost)
+            if report.before is not None:
+                per_step = report.before.evaluations * report.before.step / report.before.times[-1]
+            steps *= report.more_steps()
+
+    def _leapfrog_methods(self, system: System, steps: float, allowed: float, report: Pairs) -> Iterator[_Marches]:
+        """Yield central difference with more and more steps, as long as these cost less than what is allowed.
+
+        Where it diverges, away from the reference state, shorter steps are tried once. Where vibrations are out of
+        step, the difference hardly falls, and other methods take over.
+        """
+        report.start_anew()
+        steps *= _NEARLY
+        while steps * leapfrog_cost(system) <= allowed:
+            yield self._nearly_alike(CentralDifference, steps, steps * leapfrog_cost(system))
+            if report.failures > 2 or report.stays:
+                return
+            steps *= report.more_steps() if np.isfinite(report.difference) else _SHORTER
+
+    def _nearly_alike(self, method: type[CentralDifference | GeneralizedAlpha], steps: float, cost: float) -> _Marches:
+        """Return marches by a method of second order, the last one with so many steps.
+
+        Far fewer steps in the first don't resolve all vibrations, and tell less than the order promises.
+        """
+        return _Marches((method(_NEARLY * self.duration / steps), method(self.duration / steps)), cost)
+
+    def _choose_adaptive(
+        self, system: System, q0: Array, v0: Array, explicit: float, end: float, progress: Progress | None
+    ) -> type[RungeKutta | ExponentialRosenbrock]:
+        """Choose between explicit methods by their cost and the Rosenbrock method by the steps it takes to ``end``."""
+        method = ExponentialRosenbrock(self.error * _FIRST_TOLERANCE)
+        try:
+            # Its progress is that of a march to the end, which may be ended where that would take too long.
+            watch = None if progress is None else lambda done: progress(end / self.duration * done)
+            trial = method.march(system, q0, v0, np.array([end]), watch)
+        except StabilityError:
+            return RungeKutta
+        step = max(trial.step, 1e-300)
+        cheaper = 2 * self.duration / step * rosenbrock_cost(system, step) < explicit
+        return ExponentialRosenbrock if cheaper else RungeKutta
+
+
+def _gain(coarse: Trajectory, system: System) -> Gain:
+    if coarse.integrator == RungeKutta.name and system.highest_frequency * coarse.step > _RESOLVED:
+        return _UNRESOLVED
+    return _GAINS[coarse.integrator]
+
+
+def _explain_nothing(failure: StabilityError) -> None:
+    """Have nothing to say of why a march failed."""

@@ -1,0 +1,53 @@
+"""Count of the steps that a march by an adaptive method has before it, so that one without end is refused soon."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+from fmd.core.errors import StabilityError
+
+
+@dataclass
+class StepsLeft:
+    """Number of steps that a march still has before it, by the mean of its last ones.
+
+    Parameters
+    ----------
+    name : str
+        Name of the method.
+    end : float
+        Time at which the march ends [s].
+    most : float
+        Steps that are taken for an end that never comes.
+    over : int
+        Steps over which the mean is taken: steps that are short for a while, as after a start, are fewer.
+    steps, time : float
+        Steps done and time reached where the present mean begins [s].
+    """
+
+    name: str
+    end: float
+    most: float
+    over: int
+    steps: int = 0
+    time: float = 0.0
+
+    def require_end(self, steps: int, time: float) -> None:
+        """Count the steps done up to a time [s].
+
+        Raises
+        ------
+        StabilityError
+            The steps that are left are more than a machine takes in a day.
+        """
+        if steps - self.steps < self.over:
+            return
+        mean = (time - self.time) / (steps - self.steps)
+        if self.end - time > self.most * mean:
+            left = f"{(self.end - time) / mean:.1e}" if mean > 0.0 else "any number"
+            raise StabilityError(
+                f"{self.name} takes steps of {mean:.1e} s at t = {time:.4g} s, and so {left} more of them, which never "
+                "come to an end",
+                time,
+            )
+        self.steps, self.time = steps, time

@@ -1,0 +1,216 @@
+"""Loop of the methods with a fixed step, and its test for divergence.
+
+A method is a `Table` of its numbers and arrays, among them the state's ``q``, ``v`` and ``a``, and the meanings that
+it gives to `begin_cycle`, `take_steps`, `sample_within` and `end_cycle`. A cycle is as many steps as belong together.
+Into how many calls of `take_steps` output times divide it changes no bit.
+"""
+
+from __future__ import annotations
+
+import time
+from collections.abc import Callable
+from dataclasses import dataclass, replace
+from typing import Any
+
+import numpy as np
+
+from fmd.core.arrays import Array, IntArray
+from fmd.core.errors import StabilityError
+from fmd.dynamics.jit.compiled import inlined, kernel, meaning
+from fmd.dynamics.jit.table import Table
+from fmd.dynamics.system import System, project
+from fmd.integrators.missed_work import ElongationLog, WorkCheck, note_elongations
+from fmd.integrators.protocol import Progress, State, require_times
+
+# Rates that add up to more are taken as divergence: no mechanism in SI units comes near it.
+RUNAWAY = 1e30
+_FIRST_CHUNK = 1024  # steps: short marches are one call
+_CHUNK_SECONDS = 0.2
+
+
+@dataclass(frozen=True)
+class Samples(Table):
+    """Output times of a march, and the states there.
+
+    Attributes
+    ----------
+    times : ndarray, shape (n_times,)
+        [s]
+    step : ndarray of int, shape (n_times,)
+        Number of the step that each time is in.
+    offset : ndarray, shape (n_times,)
+        Time since that step's begin [s].
+    q, v : ndarray, shapes (n_times, n_positions) and (n_times, n)
+        Positions and rates, NaN as long as they aren't known.
+    cursor : ndarray of int, shape (1,)
+        How many are known.
+    """
+
+    times: Array
+    step: IntArray
+    offset: Array
+    q: Array
+    v: Array
+    cursor: IntArray
+
+
+class SingleSteps(Table):
+    """Base of methods without sub-cycling, of which any number of steps is a cycle."""
+
+
+def begin_cycle(m: Any, p: Any, held: Any, first: int, sampled: bool) -> None:
+    """Prepare the cycle that begins with step number ``first``; ``sampled`` tells if an output time is in it."""
+    raise NotImplementedError
+
+
+def take_steps(m: Any, p: Any, held: Any, first: int, done: int, count: int, sampled: bool) -> int:
+    """Take ``count`` steps of a cycle after ``done`` ones, and return how many before `runs_away`.
+
+    ``sampled`` tells if output times are in the first.
+    """
+    raise NotImplementedError
+
+
+def sample_within(m: Any, p: Any, done: int, s: float, q: Array, v: Array) -> None:
+    """Evaluate the state a time s [s] after the begin of the last step, with ``done`` steps of its cycle before it."""
+    raise NotImplementedError
+
+
+def end_cycle(m: Any, p: Any, held: Any, first: int, samples: Samples, first_sample: int) -> None:
+    """Complete a cycle, and its samples from number ``first_sample`` to the cursor."""
+    raise NotImplementedError
+
+
+@meaning(begin_cycle, SingleSteps)
+def _begin_nothing(m: Any, p: Any, held: Any, first: int, sampled: bool) -> None:
+    pass
+
+
+@meaning(end_cycle, SingleSteps)
+def _end_nothing(m: Any, p: Any, held: Any, first: int, samples: Samples, first_sample: int) -> None:
+    pass
+
+
+@inlined
+def runs_away(v: Array) -> bool:
+    """Return true if the rates are beyond bounds or not finite."""
+    total = 0.0
+    for i in range(v.size):
+        total += abs(v[i])
+    return not total < RUNAWAY
+
+
+@kernel
+def _march(
+    m: Any, p: Any, held: Any, samples: Samples, log: ElongationLog, substeps: int, first: int, n_cycles: int
+) -> int:
+    """March some cycles from step number ``first`` on, and return how many steps are done before rates run away."""
+    n_samples, cursor = samples.step.size, samples.cursor[0]
+    next_sample = samples.step[cursor] if cursor < n_samples else -1
+    for cycle in range(n_cycles):
+        start, done, first_sample = first + cycle * substeps, 0, cursor
+        begin_cycle(m, p, held, start, start <= next_sample < start + substeps)
+        while done < substeps:
+            count, until_sample = substeps - done, next_sample - start - done
+            if until_sample == 0:
+                count = 1
+            elif 0 < until_sample < count:
+                count = until_sample
+            taken = take_steps(m, p, held, start, done, count, until_sample == 0)
+            if taken < count:
+                return cycle * substeps + done + taken
+            while start + done == next_sample:
+                sample_within(m, p, done, samples.offset[cursor], samples.q[cursor], samples.v[cursor])
+                cursor += 1
+                next_sample = samples.step[cursor] if cursor < n_samples else -1
+            done += count
+        samples.cursor[0] = cursor
+        end_cycle(m, p, held, start, samples, first_sample)
+        note_elongations(log, start + substeps, m.q, m.v)
+        for k in range(first_sample, cursor):
+            project(p, samples.times[k], samples.q[k], samples.v[k])
+    return n_cycles * substeps
+
+
+def locate_samples(times: Array, step: float) -> tuple[IntArray, Array]:
+    """Return the number of the step that each output time is in, and the time since that step's begin [s]."""
+    number = np.floor(times / step * (1 + 1e-14) + 1e-9).astype(np.int64)
+    offset = np.maximum(times - number * step, 0.0)
+    offset[offset < 1e-9 * step] = 0.0
+    return number, offset
+
+
+def march_fixed_steps(
+    name: str,
+    make: Callable[[State], Table],
+    system: System,
+    held: Any,
+    start: State,
+    step: float,
+    substeps: int,
+    times: Array,
+    progress: Progress | None,
+    origin: float = 0.0,
+) -> tuple[State, Array, Array, float]:
+    """March with a fixed step until the last output time is passed.
+
+    The kernel is called for some steps at a time, so that progress shows and divergence is noticed early; neither that
+    nor ``times`` changes the steps.
+
+    Parameters
+    ----------
+    name : str
+        The method's.
+    make : callable
+        Make the method's table for a state, into whose arrays it writes.
+    system : System
+        What is marched.
+    held : Any
+        Its storage for the method.
+    step : float
+        Fast step [s].
+    substeps : int
+        Fast steps to a major cycle, which is never divided.
+    origin : float
+        Time of step number 0 [s].
+
+    Raises
+    ------
+    StabilityError
+        A rate is beyond bounds; the message gives the time and the coordinate that moves fastest then. Or steps missed
+        much of what a force does over the elongation; the message has a step that works.
+    """
+    require_times(times)
+    state = start.copy()
+    sample_step, sample_offset = locate_samples(times, step)
+    q, v = np.full((times.size, start.q.size), np.nan), np.full((times.size, start.v.size), np.nan)
+    method = make(state)
+    asked = np.ascontiguousarray(times, dtype=float)
+    samples = Samples(asked, sample_step, sample_offset, q, v, np.array([np.searchsorted(sample_step, state.step)]))
+    last = -(-(int(sample_step[-1]) + 1 - state.step) // substeps) * substeps + state.step
+    p, check = system.parameters, WorkCheck(system, origin, step, substeps)
+    check.begin(state.step, state.q, state.v)
+    seconds, chunk = 0.0, substeps * max(1, _FIRST_CHUNK // substeps)
+    _march(method, p, held, samples, check.log, substeps, state.step, 0)  # compiles, or reads the kernel: not timed
+    while state.step < last:
+        wanted = min(chunk, last - state.step, check.most_steps)
+        cycle = wanted if isinstance(method, SingleSteps) and not check.watches else substeps
+        tick = time.perf_counter()
+        done = int(_march(method, p, held, samples, check.log, cycle, state.step, wanted // cycle))
+        spent = time.perf_counter() - tick
+        seconds += spent
+        state = replace(state, step=state.step + done, time=(state.step + done) * step)
+        if done < wanted or not np.isfinite(state.q).all():
+            culprit = int(np.argmax(np.where(np.isfinite(state.v), np.abs(state.v), np.inf)))
+            raise StabilityError(
+                f"the march diverged at t = {state.step * step:.6g} s, most in coordinate {culprit} "
+                f"(rate {state.v[culprit]:.3g}); take a smaller step"
+            )
+        check.add()
+        chunk = substeps * max(
+            64, min(4 * chunk // substeps, int(chunk // substeps * _CHUNK_SECONDS / max(spent, 1e-9)))
+        )
+        if progress:
+            progress(state.step / last)
+    check.require_little_missed(name)
+    return state, q, v, seconds

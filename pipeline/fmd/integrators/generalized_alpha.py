@@ -1,0 +1,341 @@
+"""Generalised-α method of Chung & Hulbert, J Appl Mech 60 (1993), as by Arnold & Brüls, Multibody Syst Dyn 18 (2007).
+
+The equations of motion hold at the end of each step; the auxiliary accelerations a follow
+``(1 − α_m) a_{n+1} + α_m a_n = (1 − α_f) q̈_{n+1} + α_f q̈_n``. Positions move by
+``h (v + h ((½ − β) a_n + β a_{n+1}))``, on a rotation in space along its own group (Brüls & Cardona, J Comput Nonlinear
+Dyn 5, 2010). Newton's unknown is q̈_{n+1}; its tangent comes from differences of the accelerations and is kept while it
+converges fast.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, replace
+from functools import cached_property
+from typing import Any
+
+import numpy as np
+
+from fmd.core.arrays import Array
+from fmd.core.errors import AccuracyError, StabilityError
+from fmd.dynamics.jit.compiled import aligned, inner, meaning
+from fmd.dynamics.jit.table import Table
+from fmd.dynamics.system import System, accelerations, advance, project
+from fmd.integrators.fixed_step import (
+    Samples,
+    begin_cycle,
+    end_cycle,
+    march_fixed_steps,
+    runs_away,
+    sample_within,
+    take_steps,
+)
+from fmd.integrators.protocol import (
+    Progress,
+    State,
+    Trajectory,
+    evaluate,
+    march_from,
+    move_positions,
+    require_step,
+    start_state,
+)
+
+_TOLERANCE = 1e-10  # of Newton's corrections, relative to the largest acceleration
+_OF_GUESS = 1e-5  # times the tolerance: the round-off of the acceleration that an iteration starts from
+_ROUND_OFF = 1e-14  # of positions, relative to the largest, or to a radian or metre
+_MOST_ITERATIONS = 12
+_SMALL = 1e-6  # part of the positions by which they are changed
+_VANISHED = 1e-200  # an acceleration below which nothing is left to converge: damped motions underflow in the end
+
+
+@dataclass(frozen=True)
+class GeneralizedAlpha:
+    """Generalised-α method with a constant step: implicit, of order 2.
+
+    Parameters
+    ----------
+    step : float
+        Time step [s].
+    rho : float
+        Spectral radius at infinite frequency, 0 (strongest damping of what the step can't resolve) … 1 (none).
+    """
+
+    step: float
+    rho: float = 0.8
+
+    name = "generalized-alpha"
+
+    def __post_init__(self) -> None:
+        require_step(self.step)
+        if not 0.0 <= self.rho <= 1.0:
+            raise ValueError(f"rho is {self.rho}, expected 0 … 1")
+
+    @cached_property
+    def weights(self) -> Array:
+        """Weights α_m, α_f, β and γ that make the method of second order for this ρ∞, shape (4,)."""
+        alpha_m = (2 * self.rho - 1) / (self.rho + 1)
+        alpha_f = self.rho / (self.rho + 1)
+        return np.array([alpha_m, alpha_f, 0.25 * (1 - alpha_m + alpha_f) ** 2, 0.5 - alpha_m + alpha_f])
+
+    def order(self, system: System) -> int:
+        """Return 2."""
+        return 2
+
+    def largest_step(self, system: System) -> float:
+        """Return infinity: the method is stable for linear systems at any step."""
+        return np.inf
+
+    def march(self, system: System, q0: Array, v0: Array, times: Array, progress: Progress | None = None) -> Trajectory:
+        """Integrate from time 0 to the last of ``times``."""
+        start = _two_accelerations(start_state(system, q0, v0, np.zeros(system.n)))
+        start.memory[-1] = _balanced_size(system, start)
+        return march_from(self, system, start, times, progress)
+
+    def resume(self, system: System, start: State, times: Array, progress: Progress | None = None) -> Trajectory:
+        """Continue from a state that a march of this method has ended in; earlier output times stay NaN.
+
+        Raises
+        ------
+        AccuracyError
+            Newton's iteration did not converge; the message has the time.
+        """
+        h, n = self.step, system.n
+        counts = np.array([0.0, np.nan])
+
+        def make(state: State) -> NewmarkSteps:
+            tangent, marks = state.memory[: n * n].reshape(n, n), state.memory[n * n :]
+            alpha_m, alpha_f, beta, gamma = self.weights.tolist()
+            room = aligned(n, n, n, n, n, n, system.n_positions)
+            begin = (state.q, state.v, state.a, tangent, marks, counts)
+            return NewmarkSteps(h, alpha_m, alpha_f, beta, gamma, *begin, *room)
+
+        try:
+            end, q, v, seconds = march_fixed_steps(self.name, make, system, 0, start, h, 1, times, progress)
+        except StabilityError:
+            if np.isnan(counts[1]):
+                raise
+            raise AccuracyError(
+                f"{self.name}: Newton's iteration did not converge at t = {counts[1]:.6g} s; take a smaller step"
+            ) from None
+        return Trajectory(self.name, h, 1, times, q, v, int(counts[0]), 0, seconds, end)
+
+
+def _two_accelerations(start: State) -> State:
+    """Complete a state at time 0 by auxiliary and true accelerations, equal at first, and memory for a tangent."""
+    n = start.a.size
+    return replace(start, a=np.concatenate([start.a, start.a]), memory=np.zeros(n * n + 2))
+
+
+def _balanced_size(system: System, start: State) -> float:
+    """Return the size of the accelerations by deformation that loads balance at the start.
+
+    Where a motion starts at rest under large loads, accelerations are but the round-off of these.
+    """
+    change = -_SMALL * start.q[system.n_positions - system.n :]
+    if not change.any():
+        return 0.0
+    a = np.zeros(system.n)
+    evaluate(system.parameters, 0.0, move_positions(system.parameters, start.q, change), start.v, a)
+    return float(np.abs(a - start.a[: system.n]).max(initial=0.0)) / _SMALL
+
+
+@dataclass(frozen=True)
+class NewmarkSteps(Table):
+    """State of a march by the generalised-α method, and room for Newton's iteration.
+
+    Attributes
+    ----------
+    h : float
+        Step [s].
+    alpha_m, alpha_f, beta, gamma : float
+        The method's weights.
+    q, v : ndarray
+        Positions and rates.
+    a : ndarray, shape (2 n,)
+        Auxiliary and true accelerations.
+    tangent : ndarray, shape (n, n)
+        Factors of Newton's tangent.
+    marks : ndarray, shape (2,)
+        1 while the tangent is valid, and the largest acceleration so far.
+    counts : ndarray, shape (2,)
+        Evaluations, and the time at which Newton's iteration failed, or NaN [s].
+    new, found, shifted, base : ndarray, shape (n,)
+        Trial accelerations, those that the equations of motion give for them, and room for the tangent.
+    v_new, mean : ndarray, shape (n,)
+        Rates at the step's end, and those that move the positions there.
+    q_new : ndarray
+        Positions at the step's end.
+    """
+
+    h: float
+    alpha_m: float
+    alpha_f: float
+    beta: float
+    gamma: float
+    q: Array
+    v: Array
+    a: Array
+    tangent: Array
+    marks: Array
+    counts: Array
+    new: Array
+    found: Array
+    shifted: Array
+    base: Array
+    v_new: Array
+    mean: Array
+    q_new: Array
+
+
+@inner
+def _factor(A: Array) -> None:
+    """Factor a matrix into L and U in place, without pivoting: a tangent is the unit matrix and a step's change."""
+    n = A.shape[0]
+    for k in range(n):
+        for i in range(k + 1, n):
+            A[i, k] /= A[k, k]
+            for j in range(k + 1, n):
+                A[i, j] -= A[i, k] * A[k, j]
+
+
+@inner
+def _solve(A: Array, x: Array) -> None:
+    n = A.shape[0]
+    for i in range(n):
+        for j in range(i):
+            x[i] -= A[i, j] * x[j]
+    for i in range(n - 1, -1, -1):
+        for j in range(i + 1, n):
+            x[i] -= A[i, j] * x[j]
+        x[i] /= A[i, i]
+
+
+@inner
+def _evaluate_end(m: NewmarkSteps, p: Any, end: float, found: Array) -> None:
+    """Evaluate the accelerations at a step's ``end`` [s] for the trial ones."""
+    n = m.v.size
+    for i in range(n):
+        ahead = ((1.0 - m.alpha_f) * m.new[i] + m.alpha_f * m.a[n + i] - m.alpha_m * m.a[i]) / (1.0 - m.alpha_m)
+        m.mean[i] = m.v[i] + m.h * ((0.5 - m.beta) * m.a[i] + m.beta * ahead)
+        m.v_new[i] = m.v[i] + m.h * ((1.0 - m.gamma) * m.a[i] + m.gamma * ahead)
+    for i in range(m.q.size):
+        m.q_new[i] = m.q[i]
+    advance(p, m.q_new, m.mean, m.h, 0, n)
+    accelerations(p, end, m.q_new, m.v_new, found)
+    m.counts[0] += 1
+
+
+@inner
+def _find_end(m: NewmarkSteps, p: Any, end: float) -> bool:
+    """Find the accelerations at a step's ``end`` [s] by Newton's method; false if it does not converge."""
+    n = m.v.size
+    for i in range(n):
+        m.new[i] = m.a[n + i]
+    for trial in range(2):  # a loop, since a call with True and one with False would be compiled each
+        if _converges(m, p, end, trial == 0):
+            return True
+        # The last accelerations, held over a long step, carry a stiff coordinate far out to where no tangent is of use.
+        for i in range(n):
+            ahead = -(m.v[i] / m.h + (0.5 - m.beta) * m.a[i]) / m.beta  # so that positions stay
+            m.new[i] = ((1.0 - m.alpha_m) * ahead + m.alpha_m * m.a[i] - m.alpha_f * m.a[n + i]) / (1.0 - m.alpha_f)
+        m.marks[0] = 0.0
+    return False
+
+
+@inner
+def _renew_tangent(m: NewmarkSteps, p: Any, end: float) -> None:
+    """Factor the tangent at the trial accelerations, by differences; ``found`` are the accelerations there."""
+    n, size = m.v.size, _VANISHED
+    for i in range(n):
+        m.base[i] = m.found[i]
+        size = max(size, abs(m.found[i]), abs(m.new[i]), abs(m.a[i]), _OF_GUESS * abs(m.a[n + i]))
+    for j in range(n):
+        keep = m.new[j]
+        nudge = 1e-6 * (abs(keep) + 1e-3 * max(size, m.marks[1]))
+        m.new[j] = keep + nudge
+        _evaluate_end(m, p, end, m.shifted)
+        m.new[j] = keep
+        for i in range(n):
+            m.tangent[i, j] = (1.0 if i == j else 0.0) - (m.shifted[i] - m.base[i]) / nudge
+    _factor(m.tangent)
+    m.marks[0] = 1.0
+    for i in range(n):
+        m.found[i] = m.base[i]
+
+
+@inner
+def _converges(m: NewmarkSteps, p: Any, end: float, wary: bool) -> bool:
+    """Iterate from the trial accelerations until they converge; if ``wary``, only while corrections shrink.
+
+    Forces that balance leave an acceleration with their own round-off: a correction that no longer shrinks, or shrinks
+    to the last, is good enough if it is small beside the largest one so far, or moves positions by their round-off.
+    """
+    n, largest_before, peak = m.v.size, 0.0, m.marks[1]
+    to_position = m.h * m.h * m.beta * (1.0 - m.alpha_f) / (1.0 - m.alpha_m)
+    for iteration in range(_MOST_ITERATIONS):
+        _evaluate_end(m, p, end, m.found)
+        size, largest, reached = _VANISHED, 0.0, 1.0
+        if m.marks[0] == 0.0 or (iteration > 0 and iteration % 4 == 0):
+            _renew_tangent(m, p, end)
+        for i in range(n):
+            m.found[i] -= m.new[i]
+        _solve(m.tangent, m.found)
+        for i in range(n):
+            m.new[i] += m.found[i]
+            largest += abs(m.found[i])  # a sum: it keeps a NaN, which max would lose
+            # Auxiliary ones too: their round-off is in what is found, and the guess's in new.
+            size = max(size, abs(m.new[i]), abs(m.a[i]), _OF_GUESS * abs(m.a[n + i]))
+        for i in range(m.q.size):
+            reached = max(reached, abs(m.q_new[i]))
+        slow = iteration > 0 and largest > 0.3 * largest_before
+        good_enough = max(_TOLERANCE * peak, _ROUND_OFF * reached / to_position)
+        last = iteration == _MOST_ITERATIONS - 1  # beneath round-off it may shrink by a steady factor for long
+        if largest <= _TOLERANCE * size or ((slow or last) and largest <= good_enough):
+            m.marks[1] = max(peak, size)
+            _evaluate_end(m, p, end, m.found)
+            return True
+        if wary and iteration > 0 and largest > largest_before:
+            return False
+        if slow:
+            m.marks[0] = 0.0  # too slow: a fresh tangent
+        largest_before = largest
+    return False
+
+
+@meaning(begin_cycle, NewmarkSteps)
+def _begin_cycle(m: NewmarkSteps, p: Any, held: Any, first: int, sampled: bool) -> None:
+    pass
+
+
+@meaning(take_steps, NewmarkSteps)
+def _take_steps(m: NewmarkSteps, p: Any, held: Any, first: int, done: int, count: int, sampled: bool) -> int:
+    """Find the step's end; the state moves there when the samples are taken."""
+    if _find_end(m, p, first * m.h + m.h):
+        return 0 if runs_away(m.v_new) else 1
+    m.counts[1] = first * m.h
+    return 0
+
+
+@meaning(sample_within, NewmarkSteps)
+def _sample_within(m: NewmarkSteps, p: Any, done: int, s: float, q: Array, v: Array) -> None:
+    """Interpolate the state: cubic in time, along the mean rates."""
+    n, x = v.size, s / m.h
+    for i in range(n):
+        v[i] = m.v[i] + s * (m.a[n + i] + 0.5 * x * (m.new[i] - m.a[n + i]))
+        m.mean[i] = m.v[i] + s * (0.5 * m.a[n + i] + x * (m.new[i] - m.a[n + i]) / 6.0)
+    for i in range(q.size):
+        q[i] = m.q[i]
+    advance(p, q, m.mean, s, 0, n)
+
+
+@meaning(end_cycle, NewmarkSteps)
+def _end_cycle(m: NewmarkSteps, p: Any, held: Any, first: int, samples: Samples, first_sample: int) -> None:
+    """Move the state to the step's end."""
+    n = m.v.size
+    for i in range(n):
+        m.a[i] = ((1.0 - m.alpha_f) * m.new[i] + m.alpha_f * m.a[n + i] - m.alpha_m * m.a[i]) / (1.0 - m.alpha_m)
+        m.a[n + i] = m.new[i]
+        m.v[i] = m.v_new[i]
+    for i in range(m.q.size):
+        m.q[i] = m.q_new[i]
+    project(p, (first + 1) * m.h, m.q, m.v)

@@ -1,0 +1,163 @@
+"""Marches of growing fineness, each compared with the one before."""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass
+
+import numpy as np
+
+from fmd.core.arrays import Array, IntArray
+from fmd.core.errors import AccuracyError
+from fmd.dynamics.jit.compiled import kernel
+from fmd.integrators.protocol import Trajectory
+
+_OF_RATES = 0.5  # of their error counts: they hold more of the fastest vibrations, which matter less
+_STAYS = 0.7  # of the difference of coarser marches
+_MARGIN, _FEWEST, _MOST = 1.2, 1.5, 8.0  # on the steps that a difference asks for; times as many steps as before
+
+
+@dataclass(frozen=True)
+class Gain:
+    """Factor by which the error of a march is below its difference to a coarser one.
+
+    Attributes
+    ----------
+    order : float
+        Power of the steps' length with which the error falls.
+    least, most : float
+        Bounds of what is believed.
+    out_of_step : float
+        What is believed at least where the difference is hardly below that of coarser marches.
+    """
+
+    order: float
+    least: float
+    most: float
+    out_of_step: float = 0.0
+
+    def of(self, coarse: Trajectory, fine: Trajectory) -> float:
+        """Return the factor for two marches, by their mean steps."""
+        return min(max(math.pow(coarse.step / fine.step, self.order) - 1.0, self.least), self.most)
+
+
+@dataclass
+class Pairs:
+    """Marches so far, each compared with the one before.
+
+    Attributes
+    ----------
+    error : float
+        Wanted error, relative to the largest value of each group of coordinates; rates may have twice as much.
+    groups, rate_groups : ndarray of int, shapes (n_positions,) and (n,)
+        Group of each position and rate.
+    before : Trajectory, optional
+        The last march, None if the next one has nothing to be compared with.
+    apart : float
+        Difference of the last march to the one before.
+    stays : bool
+        True if that is hardly below the difference of coarser marches.
+    difference : float
+        Error of the last march that follows.
+    failure : AccuracyError, optional
+        Why the last march that failed did so.
+    failures : int
+        Number of marches of the present method that failed.
+    seconds, evaluations : float, int
+        Run time by the clock [s], and evaluations of all marches together.
+    """
+
+    error: float
+    groups: IntArray
+    rate_groups: IntArray
+    before: Trajectory | None = None
+    apart: float = np.inf
+    stays: bool = False
+    difference: float = np.inf
+    failure: AccuracyError | None = None
+    failures: int = 0
+    seconds: float = 0.0
+    evaluations: int = 0
+
+    def start_anew(self) -> None:
+        """Begin with another method, whose marches aren't compared with those before."""
+        self.before, self.failures, self.difference, self.apart, self.stays = None, 0, np.inf, np.inf, False
+
+    def add_failure(self, failure: AccuracyError) -> None:
+        """Count a march that failed."""
+        self.before, self.failure, self.difference, self.apart = None, failure, np.inf, np.inf
+        self.failures += 1
+
+    def more_steps(self) -> float:
+        """Return how many times as many steps a method of second order should take next; 2 if nothing is known."""
+        if not np.isfinite(self.difference):
+            return 2.0
+        return float(np.clip(_MARGIN * np.sqrt(self.difference / self.error), _FEWEST, _MOST))
+
+    def agrees(self, trajectory: Trajectory, gain: Gain) -> bool:
+        """Count a march, and return true if it differs from the one before by less than the error allows.
+
+        The march before may have a part of the output times only, every second, say.
+        """
+        self.evaluations += trajectory.evaluations
+        before, self.before = self.before, trajectory
+        if before is None:
+            return False
+        apart_before, self.apart = self.apart, self._apart(before, trajectory)
+        self.stays = self.apart > _STAYS * apart_before
+        self.difference = self.apart / max(gain.of(before, trajectory), gain.out_of_step if self.stays else 0.0)
+        return self.difference < self.error
+
+    def _apart(self, before: Trajectory, after: Trajectory) -> float:
+        end = max(float(after.times[-1]), 1e-300)
+        at = np.searchsorted(after.times, before.times)
+        of_positions, moved = _largest_difference(before.q, after.q, at, self.groups, np.zeros(0))
+        # Where nothing moves, rates are round-off: what the positions are in the whole time counts at least.
+        of_rates, _ = _largest_difference(before.v, after.v, at, self.rate_groups, moved / end)
+        return max(of_positions, _OF_RATES * of_rates)
+
+
+def motion_difference(q: Array, v: Array, exact: Trajectory, groups: IntArray, rate_groups: IntArray) -> float:
+    """Return the difference of positions and rates (n_times, n) to a motion, by the measure of `Pairs`."""
+    motion = Trajectory("", 0.0, 1, exact.times, q, v, 0, 0, 0.0, exact.end)
+    return Pairs(1.0, groups, rate_groups)._apart(motion, exact)
+
+
+def compared_times(times: Array, least: int) -> Array:
+    """Return every k-th of the output times from the last one backwards, at least so many of them."""
+    return times[:: -max(1, times.size // least)][::-1]
+
+
+def _largest_difference(q: Array, other: Array, at: IntArray, groups: IntArray, least: Array) -> tuple[float, Array]:
+    """Return the largest difference of two motions, each coordinate's over its group's largest value, and these.
+
+    Parameters
+    ----------
+    q, other : ndarray, shapes (n_some, n) and (n_times, n)
+        Values at some of the times, and at all of them.
+    at : ndarray of int, shape (n_some,)
+        Numbers of these times.
+    least : ndarray, shape (n_groups,) or (0,)
+        What counts at least as a group's largest value.
+    """
+    largest = np.zeros(int(groups.max(initial=-1)) + 1)
+    if not groups.size:  # all motions are prescribed
+        return 0.0, largest
+    return float(_compare(q, other, at, groups, least, largest)), largest
+
+
+@kernel
+def _compare(q: Array, other: Array, at: IntArray, groups: IntArray, least: Array, largest: Array) -> float:
+    """Fill ``largest`` (n_groups,), and return the largest difference, infinite if a value is no number."""
+    for k in range(other.shape[0]):
+        for i in range(groups.size):
+            size = abs(other[k, i])
+            largest[groups[i]] = max(largest[groups[i]], size)
+    for g in range(min(largest.size, least.size)):
+        largest[g] = max(largest[g], least[g])
+    worst = 0.0
+    for k in range(at.size):
+        for i in range(groups.size):
+            apart = abs(q[k, i] - other[at[k], i]) / max(largest[groups[i]], 1e-300)
+            worst = max(worst, apart) if math.isfinite(apart) else math.inf
+    return worst

@@ -1,0 +1,206 @@
+"""Check of marches by fixed steps: the work of force laws that sampling at the steps' ends misses.
+
+An elongation that goes from a to b takes the energy ``U(b) − U(a)`` of a law, whatever lies between; a method that
+knows the force at the ends of its steps alone takes the trapezoids between them. What differs over one pass, from one
+turn of the elongation to the next, is missed.
+"""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass
+from functools import cache
+from typing import Any
+
+import numpy as np
+
+from fmd.core.arrays import Array, IntArray
+from fmd.core.errors import StabilityError
+from fmd.dynamics.jit.compiled import inlined
+from fmd.dynamics.jit.table import Table
+from fmd.dynamics.watch import Watch, begin_watch, begin_watch_of, no_watch, watch_of
+from fmd.dynamics.watched_laws import WatchedLaw
+
+_ALLOWED = 0.05  # of a law's energies over the march: work that may be missed in a pass
+_SURE = 0.5  # times that: what the recommended step misses
+_MOST_CYCLES = 4096  # between two checks
+_WINDOW = 64  # steps about the worst one, by which a shorter step is found
+_MOST_DOUBLINGS = 16
+_SAMPLES = 257  # of the elongations that were passed
+
+
+@dataclass(frozen=True)
+class ElongationLog(Table):
+    """Elongations at the ends of some cycles of a march.
+
+    Attributes
+    ----------
+    watch : Watch
+        Over the laws.
+    origin, h : float
+        Time of step number 0, and the step [s].
+    x : ndarray, shape (n_cycles, n_laws)
+        Elongations [m or rad].
+    cursor : ndarray of int, shape (1,)
+        How many cycles are known.
+    """
+
+    watch: Watch
+    origin: float
+    h: float
+    x: Array
+    cursor: IntArray
+
+
+@inlined
+def note_elongations(log: ElongationLog, step: int, q: Array, v: Array) -> None:
+    """Note the elongations where a cycle ends, before a step of a number."""
+    if log.watch.elongations != 0:
+        begin_watch(log.watch, log.origin + step * log.h, q, v)
+        for k in range(log.x.shape[1]):
+            log.x[log.cursor[0], k] = log.watch.x[k]
+        log.cursor[0] += 1
+
+
+def _log(watch: Watch, origin: float, step: float, cycles: int) -> ElongationLog:
+    return ElongationLog(watch, origin, step, np.zeros((cycles, watch.n_laws)), np.zeros(1, dtype=np.int64))
+
+
+@cache
+def _no_log() -> ElongationLog:
+    """Return the log of nothing, in which no march writes."""
+    return _log(no_watch(), 0.0, 1.0, 0)
+
+
+class WorkCheck:
+    """Sums up the work that a march's fixed steps miss.
+
+    Parameters
+    ----------
+    system : System
+        Its force laws with short pieces are watched; without any, nothing is done.
+    origin, step : float
+        Time of step number 0, and the step [s].
+    cycle : int
+        Number of steps that belong together.
+    """
+
+    def __init__(self, system: Any, origin: float, step: float, cycle: int) -> None:
+        watch = watch_of(system)
+        self._step, self._cycle = step, cycle
+        self.most_steps = _MOST_CYCLES * cycle if watch.n_laws else np.iinfo(np.int64).max
+        self.log = _log(watch, origin, step, _MOST_CYCLES) if watch.n_laws else _no_log()
+        self._passes = [_Passes(law) for law in getattr(system, "watched_laws", ())]
+
+    @property
+    def watches(self) -> bool:
+        """True if there is anything to check."""
+        return bool(self._passes)
+
+    def begin(self, number: int, q: Array, v: Array) -> None:
+        """Note the elongations where a march begins, before a step of a number."""
+        if self._passes:
+            begin_watch_of(self.log.watch, self.log.origin + number * self._step, q, v)
+            self._last = self.log.watch.x.copy()
+
+    def add(self) -> None:
+        """Take in the cycles that have been noted."""
+        if self._passes:
+            path = np.concatenate([self._last[None], self.log.x[: self.log.cursor[0]]])
+            self._last, self.log.cursor[0] = path[-1].copy(), 0
+            for passes, x in zip(self._passes, path.T, strict=True):
+                passes.add(np.ascontiguousarray(x))
+
+    def require_little_missed(self, name: str) -> None:
+        """Check that the march missed little of each law's work.
+
+        Parameters
+        ----------
+        name : str
+            The method's.
+
+        Raises
+        ------
+        StabilityError
+            It missed too much; the message has a step that works.
+        """
+        for passes in self._passes:
+            if (shorter := passes.times_as_many()) > 1:
+                held = f", which hold forces over {self._cycle} steps," if self._cycle > 1 else ""
+                raise StabilityError(
+                    f"{name}: steps of {self._step:.4g} s{held} miss {passes.share:.0%} of the work of {passes.name}, "
+                    f"whose force changes too fast at {passes.place:.4g} {passes.unit}; a step of "
+                    f"{round_down(self._step / shorter):g} s works, and auto, runge-kutta and exponential-rosenbrock "
+                    "find theirs"
+                )
+
+
+def round_down(step: float) -> float:
+    """Return a step with two digits, no longer than the step itself [s]."""
+    unit = 10.0 ** (math.floor(math.log10(step)) - 1)
+    return math.floor(step / unit * (1 + 1e-9)) * unit
+
+
+class _Passes:
+    """Passes of one elongation, and the worst of them."""
+
+    def __init__(self, watched: WatchedLaw) -> None:
+        self.name, self.unit = watched.name, watched.unit
+        self._law, self._edges = watched.law, watched.pieces.edges
+        self._low, self._high, self._worst, self._about = math.inf, -math.inf, 0.0, np.zeros(0)
+
+    def add(self, x: Array) -> None:
+        """Take in elongations at the ends of successive steps."""
+        self._low, self._high = min(self._low, float(x.min())), max(self._high, float(x.max()))
+        missed, worst = self._missed(x)
+        if worst > self._worst:
+            at = int(np.argmax(np.abs(missed)))
+            self._worst, self._about = worst, x[max(at - _WINDOW, 0) : at + _WINDOW].copy()
+
+    def _missed(self, x: Array) -> tuple[Array, float]:
+        """Return the work that each step misses, and the most in a pass [J]."""
+        moves = np.diff(x)
+        if not moves.any():
+            return np.zeros(len(moves)), 0.0
+        forces = self._law.forces(x, np.zeros_like(x))
+        missed = np.diff(self._law.energies(x)) - 0.5 * (forces[1:] + forces[:-1]) * moves
+        way = np.sign(moves)
+        starts = np.r_[0, np.flatnonzero(way[1:] * way[:-1] < 0.0) + 1]
+        total = np.cumsum(missed)
+        before = np.r_[0.0, total][starts]
+        most = np.maximum(np.maximum.reduceat(total, starts), before)
+        least = np.minimum(np.minimum.reduceat(total, starts), before)
+        return missed, float((most - least).max())
+
+    @property
+    def _energy(self) -> float:
+        """How much the law's energy differs over the elongations of the march [J]."""
+        inside = self._edges[(self._edges > self._low) & (self._edges < self._high)]
+        places = np.concatenate([np.linspace(self._low, self._high, _SAMPLES), inside])
+        return float(np.ptp(self._law.energies(places)))
+
+    @property
+    def share(self) -> float:
+        """Part of the law's work that was missed."""
+        return self._worst / max(self._energy, 1e-300)
+
+    @property
+    def place(self) -> float:
+        """Elongation about which most was missed [m or rad]."""
+        missed, _ = self._missed(self._about)
+        at = int(np.argmax(np.abs(missed)))
+        return float(0.5 * (self._about[at] + self._about[at + 1]))
+
+    def times_as_many(self) -> int:
+        """Return how many times as many steps miss little; 1 if these do."""
+        allowed, doublings = _ALLOWED * self._energy, 0
+        if not self._worst > allowed:
+            return 1
+        numbers = np.arange(len(self._about))
+        for doublings in range(1, _MOST_DOUBLINGS + 1):
+            finer = np.interp(
+                np.linspace(0.0, numbers[-1], (len(numbers) - 1) * 2**doublings + 1), numbers, self._about
+            )
+            if self._missed(finer)[1] <= _SURE * allowed:
+                break
+        return int(2**doublings)

@@ -1,0 +1,223 @@
+"""Protocol of the integrators: they march a mechanism from a start and give its states at requested times."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from dataclasses import dataclass, field, replace
+from typing import Any, Protocol
+
+import numpy as np
+
+from fmd.core.arrays import Array, require_finite, require_shape
+from fmd.core.short_repr import short_repr
+from fmd.dynamics.jit.compiled import aligned, kernel, meaning
+from fmd.dynamics.system import System, accelerations, advance, close_gaps, project, velocities
+
+Progress = Callable[[float], None]
+"""Called with the part of the march that is done, 0…1."""
+
+
+@dataclass(frozen=True)
+class State:
+    """State of a march, from which it continues bit for bit, from a pickled copy too.
+
+    Attributes
+    ----------
+    step : int
+        Number of fast steps done.
+    q : ndarray, shape (n,)
+        Coordinates at the present time.
+    v : ndarray, shape (n,)
+        Rates; explicit methods keep them half a step behind ``q``.
+    a : ndarray, shape (n,)
+        Accelerations of the last step.
+    time, next_step : float
+        Present time, and the step that a method which chooses its steps would try next [s].
+    memory : ndarray
+        All else that a method needs to continue: generalised-α Newton's tangent, reversible sub-cycling the last change
+        of the fast coordinates, adaptive methods the largest value so far of each group of coordinates.
+    """
+
+    step: int
+    q: Array
+    v: Array
+    a: Array
+    time: float = 0.0
+    next_step: float = 0.0
+    memory: Array = field(default_factory=lambda: np.zeros(0))
+
+    def copy(self) -> State:
+        """Return the same state in new arrays, for a march to write into."""
+        q, v, a = aligned(self.q.size, self.v.size, self.a.size)
+        q[:], v[:], a[:] = self.q, self.v, self.a
+        return replace(self, q=q, v=v, a=a, memory=self.memory.copy())
+
+
+@dataclass(frozen=True)
+class Trajectory:
+    """States of a mechanism at output times, and the work and run time that they took.
+
+    Attributes
+    ----------
+    integrator : str
+        The method's name.
+    step : float
+        Fast step [s].
+    substeps : int
+        Fast steps to one slow step.
+    times : ndarray, shape (n_times,)
+        Output times [s].
+    q, v : ndarray, shape (n_times, n)
+        Coordinates and rates at the output times.
+    evaluations, fast_evaluations : int
+        Solutions of the whole system and of the fast part alone.
+    seconds : float
+        Run time of the compiled march.
+    end : State
+        State after the last step.
+    chosen : Integrator, optional
+        The method that an automatic choice ended with: it alone gives the same motion again.
+    error : float, optional
+        Error that an automatic choice's last two marches tell, relative to the largest value of each kind of
+        coordinate.
+    """
+
+    integrator: str
+    step: float
+    substeps: int
+    times: Array
+    q: Array
+    v: Array
+    evaluations: int
+    fast_evaluations: int
+    seconds: float
+    end: State
+    chosen: Integrator | None = None
+    error: float | None = None
+
+    __repr__ = short_repr
+
+
+class Integrator(Protocol):
+    """Method of time integration with its settings."""
+
+    @property
+    def name(self) -> str:
+        """Name of the method in a scene."""
+
+    @property
+    def step(self) -> float:
+        """Fast step [s]; 0 if the method chooses its steps."""
+
+    def order(self, system: System) -> int:
+        """Declared order of convergence for a system."""
+
+    def largest_step(self, system: System) -> float:
+        """Largest stable fast step for a system [s]; infinity if there is none."""
+
+    def march(self, system: System, q0: Array, v0: Array, times: Array, progress: Progress | None = None) -> Trajectory:
+        """Integrate from ``q0``, ``v0`` at time 0 to the last of ``times``, with output at each of them."""
+
+
+class ResumableIntegrator(Integrator, Protocol):
+    """Integrator that continues from the end of a march: all of ours but the automatic choice and SciPy's."""
+
+    def resume(self, system: System, start: State, times: Array, progress: Progress | None = None) -> Trajectory:
+        """Continue from a state that a march of this method has ended in; earlier output times stay NaN.
+
+        The numbers are bit for bit those of one march without a break.
+        """
+
+
+def march_from(
+    method: ResumableIntegrator,
+    system: System,
+    start: State,
+    times: Array,
+    progress: Progress | None,
+    evaluations: int = 1,
+) -> Trajectory:
+    """March from a start state, and count the evaluations that were needed to make it, too."""
+    trajectory = method.resume(system, start, times, progress)
+    return replace(trajectory, evaluations=trajectory.evaluations + evaluations)
+
+
+def require_step(step: float) -> None:
+    """Raise ``ValueError`` unless a step is a finite time above 0."""
+    if not 0.0 < step < np.inf:
+        raise ValueError(f"step is {step}, expected a time above 0")
+
+
+def require_ratio(step: float, substeps: int) -> None:
+    """Raise ``ValueError`` unless a fast step is a finite time above 0 and a slow step has at least one."""
+    require_step(step)
+    if substeps < 1:
+        raise ValueError(f"substeps is {substeps}, expected at least 1")
+
+
+def require_tolerance(tolerance: float) -> None:
+    """Raise ``ValueError`` unless a relative tolerance is within the reach of double precision."""
+    if not 3e-14 <= tolerance < 1.0:
+        raise ValueError(f"tolerance is {tolerance}, expected 3e-14 … 1")
+
+
+def require_times(times: Array) -> None:
+    """Raise ``ValueError`` unless output times are finite, from 0 on and ascending."""
+    if not (times.size and times[0] >= 0.0 and (np.diff(times) >= 0.0).all() and np.isfinite(times[-1])):
+        raise ValueError("times must be finite, from 0 on, in ascending order, and one at least")
+
+
+def require_start(system: System, q0: Array, v0: Array) -> None:
+    """Raise unless positions and rates at the start fit the system and are finite."""
+    require_shape("q0", q0, (system.n_positions,))
+    require_shape("v0", v0, (system.n,))
+    require_finite("q0", q0)
+    require_finite("v0", v0)
+
+
+def start_state(system: System, q0: Array, v0: Array, lag: Array) -> State:
+    """Return the state at time 0 with its rates a time ``lag`` (n,) [s] before it, by the accelerations."""
+    require_start(system, q0, v0)
+    a = np.zeros(system.n)
+    evaluate(system.parameters, 0.0, q0, v0, a)
+    return State(0, q0.astype(float), v0 - lag * a, a)
+
+
+@kernel
+def evaluate(p: Any, t: float, q: Array, v: Array, a: Array) -> None:
+    """Evaluate the accelerations of a mechanism into a."""
+    accelerations(p, t, q, v, a)
+
+
+def move_positions(p: Any, q: Array, change: Array) -> Array:
+    """Return positions moved by a change (n,) in the order of rates; unit quaternions stay unit."""
+    moved = np.array(q, dtype=float)
+    _move(p, moved, np.ascontiguousarray(change))
+    return moved
+
+
+@kernel
+def _move(p: Any, q: Array, change: Array) -> None:
+    advance(p, q, change, 1.0, 0, change.size)
+
+
+@kernel
+def evaluate_projection(p: Any, t: float, q: Array, v: Array) -> None:
+    """Bring a state at a time t [s] back onto the constraints of loops."""
+    project(p, t, q, v)
+
+
+@kernel
+def evaluate_velocities(p: Any, q: Array, v: Array, dq: Array) -> None:
+    """Evaluate the time derivatives of a mechanism's position coordinates into dq."""
+    velocities(p, q, v, dq)
+
+
+@meaning(project, tuple)
+def _project(p: Any, t: float, q: Array, v: Array) -> None:
+    """Leave a state as it is: parameters that are a plain tuple know of no constraints."""
+
+
+@meaning(close_gaps, tuple)
+def _close_gaps(p: Any, t: float, h: float, q: Array, v: Array, a: Array) -> None:
+    """Leave a step as it is, likewise."""

@@ -1,0 +1,224 @@
+"""Explicit Runge–Kutta method of order 8 by Dormand and Prince, compiled.
+
+The tableau, the error estimate (of orders 5 and 3 together) and the dense output of order 7 are those of Hairer,
+Nørsett & Wanner, Solving Ordinary Differential Equations I (1993), section II.10.
+"""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass
+from functools import lru_cache
+from typing import Any
+
+import numpy as np
+
+from fmd.core.arrays import Array, IntArray
+from fmd.dynamics.jit.compiled import inlined, meaning
+from fmd.dynamics.jit.sums import add_weighted_rows
+from fmd.dynamics.jit.table import Table
+from fmd.dynamics.system import System, accelerations, velocities
+from fmd.integrators import dop853
+from fmd.integrators.adaptive import (
+    AdaptiveMarch,
+    adaptive_start,
+    begin_step,
+    end_step,
+    just_after,
+    just_before,
+    march_adaptive_steps,
+    prepare_samples,
+    sample_step,
+    scaled_error,
+    set_trial,
+    try_step,
+)
+from fmd.integrators.protocol import Progress, State, Trajectory, march_from, require_tolerance
+
+DAMPED = 5.5  # radians in a step at which an undamped vibration shrinks most, by 0.70
+_E3, _E5, _D = 16, 17, 18  # rows of the weights after those of the stages
+
+
+@dataclass(frozen=True)
+class RungeKuttaSteps(Table):
+    """Coefficients of the method, and room for a step.
+
+    Attributes
+    ----------
+    C : ndarray, shape (16,)
+        Times of the stages in a step.
+    slope : ndarray of int, shape (22, 16)
+        Numbers of the slopes that are summed for each stage, each of the two errors, and four coefficients of the
+        dense output, but for the slope just before in this order; filled up with 0.
+    weight : ndarray, shape (22, 16)
+        Their weights, and 0.
+    length : ndarray of int, shape (22,)
+        How many they are, rounded up to four.
+    latest : ndarray, shape (22,)
+        Weight of the slope just before.
+    K : ndarray, shape (16, n_positions + n)
+        Slopes at the stages.
+    dense : ndarray, shape (7, n_positions + n)
+        Coefficients of the dense output.
+    error, none : ndarray, shape (n_positions + n,)
+        Room for an error, and zeros.
+    """
+
+    C: Array
+    slope: IntArray
+    weight: Array
+    length: IntArray
+    latest: Array
+    K: Array
+    dense: Array
+    error: Array
+    none: Array
+
+
+def _coefficients() -> tuple[Array, IntArray, Array, IntArray, Array]:
+    """Return the members C, slope, weight, length and latest of `RungeKuttaSteps`."""
+    slope, weight, length = np.zeros((22, 16), dtype=np.int64), np.zeros((22, 16)), np.zeros(22, dtype=np.int64)
+    latest = np.zeros(22)
+    for k, row in enumerate(dop853.ROWS):
+        others = {number: size for number, size in row.items() if number != k - 1}
+        latest[k] = row.get(k - 1, 0.0)
+        slope[k, : len(others)], weight[k, : len(others)] = [*others], [*others.values()]
+        length[k] = max(1, -(-len(others) // 4)) * 4
+    return np.array(dop853.C), slope, weight, length, latest
+
+
+@lru_cache(maxsize=16)
+def _steps(n_all: int) -> RungeKuttaSteps:
+    """Return a table for so many positions and rates, to be renewed for each march."""
+    return RungeKuttaSteps(*_coefficients(), np.zeros((16, n_all)), np.zeros((7, n_all)), *np.zeros((2, n_all)))
+
+
+@dataclass(frozen=True)
+class RungeKutta:
+    """Runge–Kutta method of order 8 that chooses its steps by a relative ``tolerance`` of each.
+
+    A step has at most so many radians of the highest frequency of the reference state as ``reach`` says. It can't have
+    more than 5.9 in the long run, where the fastest vibration begins to grow; at 5.5 it loses three tenths in a step.
+    Without this bound steps grow until the error of that vibration stops them, again and again, and what it leaves is
+    a thousand times the error of the rest.
+    """
+
+    tolerance: float = 1e-9
+    reach: float = DAMPED
+
+    name = "runge-kutta"
+    step = 0.0
+
+    def __post_init__(self) -> None:
+        require_tolerance(self.tolerance)
+
+    def order(self, system: System) -> int:
+        """Return 8."""
+        return 8
+
+    def largest_step(self, system: System) -> float:
+        """Return infinity: the error keeps the step to stable ones."""
+        return math.inf
+
+    def march(self, system: System, q0: Array, v0: Array, times: Array, progress: Progress | None = None) -> Trajectory:
+        """Integrate from time 0 until the last of ``times`` is passed."""
+        return march_from(self, system, self.start(system, q0, v0), times, progress)
+
+    @staticmethod
+    def start(system: System, q0: Array, v0: Array) -> State:
+        """Return the state at time 0, the same for each tolerance."""
+        return adaptive_start(system, q0, v0)
+
+    def resume(self, system: System, start: State, times: Array, progress: Progress | None = None) -> Trajectory:
+        """Continue from a state that a march of this method has ended in; earlier output times stay NaN.
+
+        Raises
+        ------
+        StabilityError
+            The step became too small.
+        """
+        m = _steps(system.n_positions + system.n).renewed()
+        longest = self.reach / max(system.highest_frequency, 1e-150) if system.n else math.inf
+        return march_adaptive_steps(self.name, system, m, self.tolerance, 8, longest, start, times, progress)
+
+
+@inlined
+def _add_slopes(m: RungeKuttaSteps, row: int, h: float, base: Array, out: Array) -> None:
+    """Add a row's weighted sum of the slopes times h to a state, into ``out``."""
+    add_weighted_rows(base, m.K, m.slope[row], m.weight[row], m.length[row], max(row - 1, 0), m.latest[row], h, out)
+
+
+@inlined
+def _slope(m: RungeKuttaSteps, p: Any, k: int, t: float, u: Array, n_positions: int) -> None:
+    """Evaluate slope number k at a time t and positions and rates u."""
+    velocities(p, u[:n_positions], u[n_positions:], m.K[k, :n_positions])
+    accelerations(p, t, u[:n_positions], u[n_positions:], m.K[k, n_positions:])
+
+
+@inlined
+def _stage(m: RungeKuttaSteps, p: Any, k: int, t: float, h: float, s: AdaptiveMarch, u: Array) -> None:
+    """Evaluate slope number k of a step, at ``t + C_k h``; u is the stage's state."""
+    _add_slopes(m, k, h, s.begin, u)
+    _slope(m, p, k, just_before(t + h) if m.C[k] == 1.0 else t + m.C[k] * h, u, s.q.size)
+
+
+@meaning(begin_step, RungeKuttaSteps)
+def _begin_step(m: RungeKuttaSteps, p: Any, s: AdaptiveMarch, t: float, h: float) -> None:
+    """Evaluate the first slope; unless loads jump here, the last one of the step before has its accelerations."""
+    if s.fresh[0] != 0.0:
+        _slope(m, p, 0, just_after(t), s.begin, s.q.size)
+        s.evaluations[0] += 1
+        return
+    velocities(p, s.q, s.v, m.K[0, : s.q.size])
+    for i in range(s.a.size):
+        m.K[0, s.q.size + i] = s.a[i]
+
+
+@meaning(try_step, RungeKuttaSteps)
+def _try_step(m: RungeKuttaSteps, p: Any, s: AdaptiveMarch, t: float, h: float, reached: float) -> float:
+    """Take all stages; their error is that of orders 5 and 3 together: ``|e₅|² / √(|e₅|² + 0.01 |e₃|²)``."""
+    for k in range(1, 13):
+        _stage(m, p, k, t, h, s, s.new)  # the last one is at the step's end, and new with it
+    s.evaluations[0] += 12
+    set_trial(s)
+    third, fifth = _error(m, _E3, h, s), _error(m, _E5, h, s)
+    size = math.sqrt(fifth * fifth + 0.01 * third * third)
+    return fifth * fifth / size if size > 0.0 else size
+
+
+@inlined
+def _error(m: RungeKuttaSteps, row: int, h: float, s: AdaptiveMarch) -> float:
+    _add_slopes(m, row, h, m.none, m.error)
+    return scaled_error(s.groups, s.trial, m.error)
+
+
+@meaning(prepare_samples, RungeKuttaSteps)
+def _prepare_samples(m: RungeKuttaSteps, p: Any, s: AdaptiveMarch, t: float, h: float) -> None:
+    """Compute the coefficients of the dense output, with three more stages."""
+    for k in range(13, 16):
+        _stage(m, p, k, t, h, s, s.out)
+    s.evaluations[0] += 3
+    for i in range(s.new.size):
+        rise = s.new[i] - s.begin[i]
+        m.dense[0, i] = rise
+        m.dense[1, i] = h * m.K[0, i] - rise
+        m.dense[2, i] = 2.0 * rise - h * (m.K[12, i] + m.K[0, i])
+    for row in range(4):
+        _add_slopes(m, _D + row, h, m.none, m.dense[3 + row])
+
+
+@meaning(sample_step, RungeKuttaSteps)
+def _sample_step(m: RungeKuttaSteps, p: Any, s: AdaptiveMarch, ahead: float, h: float) -> None:
+    """Evaluate ``u + x (f₁ + (1 − x)(f₂ + x (f₃ + …)))`` with seven coefficients at a part x of the step."""
+    x = ahead / h
+    for i in range(s.out.size):
+        total = m.dense[6, i] * x
+        for row in range(5, -1, -1):
+            total = (total + m.dense[row, i]) * (1.0 - x if row % 2 else x)
+        s.out[i] = s.begin[i] + total
+
+
+@meaning(end_step, RungeKuttaSteps)
+def _end_step(m: RungeKuttaSteps, p: Any, s: AdaptiveMarch) -> None:
+    for i in range(s.a.size):
+        s.a[i] = m.K[12, s.q.size + i]

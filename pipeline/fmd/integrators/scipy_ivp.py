@@ -1,0 +1,148 @@
+"""SciPy's adaptive methods on a mechanism, as references and as a fall-back where no other method fits."""
+
+from __future__ import annotations
+
+import time
+from collections.abc import Callable
+from dataclasses import dataclass
+from typing import Any, Literal
+
+import numpy as np
+from scipy.integrate import DOP853, LSODA, Radau
+
+from fmd.core.arrays import Array
+from fmd.core.errors import StabilityError
+from fmd.dynamics.system import System
+from fmd.dynamics.watch import Watch, begin_watch_of, passed_part_of, watch_of
+from fmd.integrators.adaptive import SMALLEST
+from fmd.integrators.endless import StepsLeft
+from fmd.integrators.protocol import (
+    Progress,
+    State,
+    Trajectory,
+    evaluate,
+    evaluate_velocities,
+    require_start,
+    require_times,
+    require_tolerance,
+)
+
+_METHODS = {"DOP853": DOP853, "Radau": Radau, "LSODA": LSODA}
+_ORDERS = {"DOP853": 8, "Radau": 5, "LSODA": 12}
+_MOST_STEPS, _OVER = 1e8, 2000  # steps that never come to an end, by the mean of so many
+_FAR = 1e9  # [s]: neither an output time nor the end shortens a step, or sets the first one
+
+
+@dataclass(frozen=True)
+class ScipyIvp:
+    """One of SciPy's methods; it chooses its steps by a relative tolerance, and starts anew where a load jumps.
+
+    Parameters
+    ----------
+    name : str
+        ``DOP853``, ``Radau`` or ``LSODA``.
+    tolerance : float
+        Relative local error; the absolute one is a millionth of it.
+    """
+
+    name: Literal["DOP853", "Radau", "LSODA"]
+    tolerance: float = 1e-9
+
+    step = 0.0
+
+    def __post_init__(self) -> None:
+        if self.name not in _METHODS:
+            raise ValueError(f"name is {self.name!r}, expected one of {', '.join(_METHODS)}")
+        require_tolerance(self.tolerance)
+
+    def order(self, system: System) -> int:
+        """Return the order of the formula, for LSODA the largest."""
+        return _ORDERS[self.name]
+
+    def largest_step(self, system: System) -> float:
+        """Return infinity: the method keeps to stable steps by itself."""
+        return np.inf
+
+    def march(self, system: System, q0: Array, v0: Array, times: Array, progress: Progress | None = None) -> Trajectory:
+        """Integrate from time 0 until the last of ``times`` is passed.
+
+        Raises
+        ------
+        StabilityError
+            The method gave up, or its steps never come to an end; the message has the time and the reason.
+        """
+        require_start(system, q0, v0)
+        require_times(times)
+        p, n, n_positions = system.parameters, system.n, system.n_positions
+        a, dq = np.zeros(n), np.zeros(n_positions)
+        evaluations = 0  # SciPy's own count leaves out Jacobians
+
+        def rates(t: float, y: Array) -> Array:
+            nonlocal evaluations
+            evaluations += 1
+            q, v = y[:n_positions].copy(), y[n_positions:].copy()
+            evaluate(p, t, q, v, a)
+            evaluate_velocities(p, q, v, dq)
+            return np.concatenate([dq, a])
+
+        samples = np.full((len(times), n_positions + n), np.nan)
+        y, now, end, n_steps = np.concatenate([q0, v0]).astype(float), 0.0, float(times[-1]), 0
+        samples[times == now] = y
+        watch = watch_of(system)
+        stops = [point for point in system.breakpoints if point > now]
+        left = StepsLeft(self.name, end, _MOST_STEPS, _OVER)
+        slope = rates(now, y)  # compiles, or reads kernels: not part of the run time
+        tick = time.perf_counter()
+        while now < end:
+            stop = stops.pop(0) if stops else _FAR
+            if not np.isfinite(slope).all():  # SciPy would search for a first step for ever
+                raise StabilityError(f"{self.name} stopped at t = {now:.6g} s: the accelerations are not finite")
+            solver = self._solver(rates, now, y, stop)
+            while solver.status == "running" and solver.t < end:
+                before = solver.t, solver.y.copy()
+                message = solver.step()
+                if solver.status == "failed" or not np.isfinite(solver.y).all():
+                    raise StabilityError(f"{self.name} stopped at t = {solver.t:.6g} s: {message or 'not finite'}")
+                if (part := self._passed_part(watch, n_positions, before, solver)) < 1.0:
+                    solver = self._solver(rates, *before, stop, part * (solver.t - before[0]))
+                    continue
+                n_steps += 1
+                _sample(solver, times, samples)
+                left.require_end(n_steps, float(solver.t))
+                if progress:
+                    progress(min(1.0, solver.t / end))
+            now, y = solver.t, solver.y
+            slope = rates(now, y)  # the last time for the accelerations of the end state
+        seconds = time.perf_counter() - tick
+        state = State(n_steps, y[:n_positions].copy(), y[n_positions:].copy(), a, float(now))
+        q, v = samples[:, :n_positions], samples[:, n_positions:]
+        mean_step = now / n_steps if n_steps else 0.0
+        return Trajectory(self.name, mean_step, 1, times, q, v, evaluations, 0, seconds, state)
+
+    def _solver(
+        self, rates: Callable[[float, Array], Array], now: float, y: Array, stop: float, first_step: float | None = None
+    ) -> Any:
+        """Make SciPy's solver from a state to a breakpoint; it finds its first step [s] unless that is given."""
+        settings = {"rtol": self.tolerance, "atol": 1e-6 * self.tolerance}
+        if first_step is None and self.name == "LSODA":  # it would take its first step from how far it is to the end
+            first_step = min(DOP853(rates, now, y, stop, **settings).h_abs, stop - now)
+        return _METHODS[self.name](rates, now, y, stop, first_step=first_step, **settings)
+
+    @staticmethod
+    def _passed_part(watch: Watch, n_positions: int, before: tuple[float, Array], solver: Any) -> float:
+        """Return the part of the solver's last step to be tried instead, 1 if it passed no force unseen."""
+        (begin, old), new, h = before, solver.y, solver.t - before[0]
+        if not watch.n_laws or h <= SMALLEST * solver.t:
+            return 1.0
+        begin_watch_of(watch, begin, old[:n_positions].copy(), old[n_positions:].copy())
+        return passed_part_of(watch, solver.t, h, new[:n_positions].copy(), new[n_positions:].copy())
+
+
+def _sample(solver: Any, times: Array, samples: Array) -> None:
+    """Fill in the states at the output times that the solver's last step has passed."""
+    inside = (times > solver.t_old) & (times <= solver.t)
+    if inside.any():
+        polynomial = solver.dense_output()
+        for k in np.flatnonzero(inside):  # one by one: a product's round-off depends on its shape
+            samples[k] = polynomial(times[k])
+        samples[times == solver.t] = solver.y  # which the polynomial meets but for round-off

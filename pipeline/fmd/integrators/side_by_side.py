@@ -1,0 +1,69 @@
+"""Several marches of one motion, in turn or at the same time."""
+
+from __future__ import annotations
+
+import threading
+from collections.abc import Callable, Sequence
+from concurrent.futures import ThreadPoolExecutor
+
+import numba
+
+from fmd.core.errors import AccuracyError
+from fmd.integrators.protocol import Progress, Trajectory
+
+March = Callable[[Progress | None], Trajectory]
+"""Marches, and tells how far it is."""
+Outcome = Trajectory | AccuracyError
+"""What a march found, or why it failed."""
+
+
+class _GivenUpError(Exception):
+    """The march beside this one has been ended."""
+
+
+def march_in_turn(marches: Sequence[March], progress: Progress | None = None) -> tuple[list[Outcome], float]:
+    """March one after the other, and return what each found and their run time together [s]."""
+    found = [_outcome(march, progress) for march in marches]
+    return found, sum(_seconds(each) for each in found)
+
+
+def march_at_once(marches: Sequence[March], progress: Progress | None = None) -> tuple[list[Outcome], float]:
+    """March at the same time, the last of which should take longest, and return what `march_in_turn` does.
+
+    Kernels hold no lock of Python's, so that each march runs on a core of its own. Where Numba may take fewer threads,
+    they run in turn, and find the same.
+
+    Parameters
+    ----------
+    progress : callable, optional
+        Told how far the last march is; what it raises ends all.
+    """
+    if len(marches) < 2 or len(marches) > numba.config.NUMBA_NUM_THREADS:  # type: ignore[attr-defined]
+        return march_in_turn(marches, progress)
+    given_up = threading.Event()
+
+    def watch(done: float) -> None:
+        if given_up.is_set():
+            raise _GivenUpError
+
+    *others, last = marches
+    with ThreadPoolExecutor(len(others)) as pool:
+        aside = [pool.submit(_outcome, march, watch) for march in others]
+        try:
+            slowest = _outcome(last, progress)
+        except BaseException:
+            given_up.set()
+            raise
+    found = [*(each.result() for each in aside), slowest]
+    return found, max(_seconds(each) for each in found)
+
+
+def _outcome(march: March, progress: Progress | None) -> Outcome:
+    try:
+        return march(progress)
+    except AccuracyError as error:  # it diverged, or an implicit step has no solution
+        return error
+
+
+def _seconds(outcome: Outcome) -> float:
+    return outcome.seconds if isinstance(outcome, Trajectory) else 0.0

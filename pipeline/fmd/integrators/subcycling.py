@@ -1,0 +1,157 @@
+"""Sub-cycled central difference method of Miao, Zhu, Shi & Chen, Comput Mech 41 (2008), eqs. (8)–(11).
+
+At the start of a major cycle of length ``H = m h`` both sets are solved together, ``M̂ a = Q̂``. The slow coordinates
+then take one step H; the fast ones take m steps h, the first with that acceleration, the others with
+``a_S = M_SS⁻¹ (Q_S − K_S q_S − M_SL a_L)``. Over the cycle M̂ and a_L are held (the "instantaneous structure"). A
+mechanism holds the tangents of Q̂ by the fast coordinates and rates, and lets Q̂ change with its loads and with the slow
+motion: a force held for a cycle would lag behind the mode that makes it and damp it at first order in H.
+
+m = 1 is central difference, bit for bit.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, replace
+from typing import Any
+
+import numpy as np
+
+from fmd.core.arrays import Array
+from fmd.dynamics.jit.compiled import aligned, meaning
+from fmd.dynamics.jit.table import Table
+from fmd.dynamics.system import System, accelerations, advance, close_gaps, fast_steps, hold_slow
+from fmd.integrators.central_difference import CentralDifference
+from fmd.integrators.fixed_step import (
+    Samples,
+    begin_cycle,
+    end_cycle,
+    march_fixed_steps,
+    runs_away,
+    sample_within,
+    take_steps,
+)
+from fmd.integrators.protocol import (
+    Progress,
+    State,
+    Trajectory,
+    march_from,
+    require_ratio,
+    start_state,
+)
+
+
+@dataclass(frozen=True)
+class Subcycling:
+    """Sub-cycling by a fast step [s] and a number of fast steps to a major cycle.
+
+    Where slow and fast coordinates couple through the mass matrix, the slow acceleration held over the cycle makes
+    the method weakly unstable; joint-conforming modes remove the coupling in the reference state.
+    """
+
+    step: float
+    substeps: int
+
+    name = "sub-cycling"
+
+    def __post_init__(self) -> None:
+        require_ratio(self.step, self.substeps)
+
+    def order(self, system: System) -> int:
+        """Return 2, or 1 if a cycle holds slow accelerations that couple with the fast coordinates."""
+        return 1 if self.substeps > 1 and system.coupled else 2
+
+    def largest_step(self, system: System) -> float:
+        """Return the step at which fast or slow coordinates reach their own steps' limit [s]; all if m = 1."""
+        if self.substeps == 1:
+            return system.largest_step
+        return min(system.largest_fast_step, system.largest_slow_step / self.substeps)
+
+    def march(self, system: System, q0: Array, v0: Array, times: Array, progress: Progress | None = None) -> Trajectory:
+        """Integrate from time 0 until the major cycle that holds the last of ``times`` is complete."""
+        lag = np.full(system.n, 0.5 * self.step)
+        lag[: system.n_slow] *= self.substeps
+        return march_from(self, system, start_state(system, q0, v0, lag), times, progress)
+
+    def resume(self, system: System, start: State, times: Array, progress: Progress | None = None) -> Trajectory:
+        """Continue from a state that a march of this method has ended in; earlier output times stay NaN."""
+        if self.substeps == 1:
+            return replace(CentralDifference(self.step).resume(system, start, times, progress), integrator=self.name)
+        h, m, n_slow = self.step, self.substeps, system.n_slow
+
+        def make(state: State) -> HeldSteps:
+            return HeldSteps(h, m, n_slow, state.q, state.v, state.a, *aligned(system.n_positions, system.n))
+
+        march = (self.name, make, system, system.frozen(m * h), start, h, m, times, progress)
+        end, q, v, seconds = march_fixed_steps(*march)
+        n_steps = end.step - start.step
+        return Trajectory(self.name, h, m, times, q, v, n_steps // m, n_steps - n_steps // m, seconds, end)
+
+
+@dataclass(frozen=True)
+class HeldSteps(Table):
+    """State of a sub-cycled march, and room for what its samples begin with.
+
+    Fast coordinates are scalars: number i is position ``i + q.size - v.size``.
+    """
+
+    h: float
+    substeps: int
+    n_slow: int
+    q: Array
+    v: Array
+    a: Array
+    q_now: Array
+    v_now: Array
+
+
+@meaning(begin_cycle, HeldSteps)
+def _begin_cycle(m: HeldSteps, p: Any, frozen: Any, first: int, sampled: bool) -> None:
+    """Evaluate all accelerations, hold the fast equation, and take the slow step."""
+    t, H = first * m.h, m.substeps * m.h
+    for i in range(m.n_slow):
+        m.v_now[i] = m.v[i] + 0.5 * H * m.a[i]
+    for i in range(m.n_slow, m.v.size):
+        m.v_now[i] = m.v[i] + 0.5 * m.h * m.a[i]
+    if sampled:
+        for i in range(m.n_slow + m.q.size - m.v.size):
+            m.q_now[i] = m.q[i]
+    accelerations(p, t, m.q, m.v_now, m.a)
+    hold_slow(p, t, m.q, m.v_now, m.a, frozen)
+    for i in range(m.n_slow):
+        m.v[i] += H * m.a[i]
+    advance(p, m.q, m.v, H, 0, m.n_slow)
+
+
+@meaning(take_steps, HeldSteps)
+def _take_steps(m: HeldSteps, p: Any, frozen: Any, first: int, done: int, count: int, sampled: bool) -> int:
+    offset = m.q.size - m.v.size
+    if sampled:
+        for i in range(m.n_slow + offset, m.q.size):
+            m.q_now[i] = m.q[i]
+    taken = 0
+    if done == 0:  # with the accelerations of the cycle's begin
+        for i in range(m.n_slow, m.v.size):
+            m.v[i] += m.h * m.a[i]
+            m.q[i + offset] += m.h * m.v[i]
+        taken = 1
+    if count > taken:
+        fast_steps(p, frozen, first + done + taken, m.h, count - taken, m.q, m.v, m.a)
+    return 0 if runs_away(m.v) else count
+
+
+@meaning(sample_within, HeldSteps)
+def _sample_within(m: HeldSteps, p: Any, done: int, s: float, q: Array, v: Array) -> None:
+    s_slow, H = s + done * m.h, m.substeps * m.h
+    for i in range(q.size):
+        q[i] = m.q_now[i]
+    for i in range(v.size):  # Taylor's polynomial, which the next step continues
+        step, ahead = (H, s_slow) if i < m.n_slow else (m.h, s)
+        m.v_now[i] = m.v[i] - 0.5 * step * m.a[i] + 0.5 * ahead * m.a[i]
+        v[i] = m.v_now[i] + 0.5 * ahead * m.a[i]
+    advance(p, q, m.v_now, s_slow, 0, m.n_slow)
+    advance(p, q, m.v_now, s, m.n_slow, v.size)
+
+
+@meaning(end_cycle, HeldSteps)
+def _end_cycle(m: HeldSteps, p: Any, frozen: Any, first: int, samples: Samples, first_sample: int) -> None:
+    close_gaps(p, (first + m.substeps) * m.h, m.substeps * m.h, m.q, m.v, m.a)

@@ -1,0 +1,141 @@
+"""Curves of a chart: one quantity of each run's motion, with the axis label and the names of its components."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Mapping
+from typing import TYPE_CHECKING, NamedTuple
+
+import numpy as np
+
+from fmd.core.arrays import Array
+from fmd.core.errors import InputError
+from fmd.core.units import convert_values
+from fmd.recovery.motion import Motion
+from fmd.scene.outputs import Chart
+
+if TYPE_CHECKING:
+    from fmd.stages.pipeline import Pipeline
+
+Curves = tuple[str, dict[str, Array], tuple[str, ...]]
+_XYZ = ("x", "y", "z")
+_AT_REST = 1e-3  # of the largest movement of a component: what moves less isn't drawn
+
+
+class Drawn(NamedTuple):
+    """A quantity that any motion has, as a chart draws it.
+
+    Attributes
+    ----------
+    label : str
+        Of the axis.
+    values : callable
+        Of a motion, shape (n_times,) or (n_times, n_components).
+    components : tuple of str
+        Their names; empty for a single curve.
+    """
+
+    label: str
+    values: Callable[[Motion], Array]
+    components: tuple[str, ...] = _XYZ
+
+
+_QUANTITIES: Mapping[str, Drawn] = {
+    "centre_of_mass": Drawn("position of the centre of mass [m]", lambda motion: motion.centre_of_mass),
+    "com_velocity": Drawn("velocity of the centre of mass [m/s]", lambda motion: motion.centre_velocity),
+    "com_angular_velocity": Drawn("angular velocity [rad/s]", lambda motion: motion.centre_angular_velocity, ()),
+    "momentum": Drawn("momentum [kg m/s]", lambda motion: motion.kinematics.momentum),
+    "angular_momentum": Drawn("angular momentum [kg m²/s]", lambda motion: motion.kinematics.angular_momentum),
+    "tip_position": Drawn("position of the tip [m]", lambda motion: motion.tip_position),
+    "tip_deflection": Drawn("deflection of the tip [m]", lambda motion: motion.tip_deflection),
+    "tip_displacement": Drawn("displacement by deformation [m]", lambda motion: motion.tip_displacement),
+    "energy": Drawn(
+        "energy [J]", lambda motion: np.stack(motion.energies, axis=1), components=("kinetic", "potential")
+    ),
+}
+_FORMER = {"com_position": "centre_of_mass", "joint_angle": "joint_position"}
+
+
+def curves_of(run: Pipeline, output: Chart) -> Curves:
+    """Compute the curves of a chart, one for each run.
+
+    Returns
+    -------
+    tuple of str, dict and tuple
+        Axis label, values by the run's label, names of the components.
+
+    Raises
+    ------
+    InputError
+        The scene has no modes, or not one joint where the chart names none.
+    """
+    quantity = _FORMER.get(output.quantity, output.quantity)
+    if quantity == "element_stress":
+        return _in_an_element(run, output)
+    if quantity in ("joint_position", "joint_rate"):
+        return _along_a_joint(run, output, rate=quantity == "joint_rate")
+    if quantity == "modal_coordinates":
+        return _of_modes(run, output)
+    if quantity == "marker_position":
+        return _of_a_marker(run, output)
+    drawn = _QUANTITIES[quantity]
+    curves = {name: drawn.values(motion) for name, motion in run.motions.items()}
+    return _moving(drawn.label, curves, drawn.components) if drawn.components == _XYZ else (drawn[0], curves, drawn[2])
+
+
+def _moving(label: str, curves: dict[str, Array], components: tuple[str, ...]) -> Curves:
+    """Leave out the components that hardly move; a planar motion has nothing to show across its plane."""
+    with np.errstate(invalid="ignore"):
+        sizes = np.max([np.ptp(values, axis=0) for values in curves.values()], axis=0)
+    sizes = np.nan_to_num(sizes)
+    moving = sizes > _AT_REST * sizes.max()
+    if not moving.any():  # all is at rest: lines of what is known, or of all
+        known = np.isfinite(next(iter(curves.values()))).all(axis=0)
+        moving = known if known.any() else ~known
+    kept = tuple(name for name, moves in zip(components, moving, strict=True) if moves)
+    return label, {name: values[:, moving] for name, values in curves.items()}, kept
+
+
+def _of_modes(run: Pipeline, output: Chart) -> Curves:
+    """Modal coordinates of the body that a chart names; by default of the tip's, or of the first flexible one."""
+    tip = run.scene.simulation.tip.partition(".")[0]
+    body = output.body or (tip if tip in run.wholes else run.part.name)
+    names = [part.name for part in run.pieces_of(body)]
+    curves = {
+        label: np.concatenate([motion.modal(name) for name in names], axis=1) for label, motion in run.motions.items()
+    }
+    n_modes = next(iter(curves.values())).shape[1]
+    return "modal coordinate [kg^½ m]", curves, tuple(f"mode {k + 1}" for k in range(n_modes))
+
+
+def _of_a_marker(run: Pipeline, output: Chart) -> Curves:
+    """Position in space of the marker that a chart names as ``"body.marker"``."""
+    body, _, name = run.division.find_place(str(output.marker)).partition(".")
+    number = run.mechanism.number_of(body)
+    curves = {label: motion.kinematics.marker_position(number, name) for label, motion in run.motions.items()}
+    return _moving(f"position of {output.marker} [m]", curves, _XYZ)
+
+
+def _in_an_element(run: Pipeline, output: Chart) -> Curves:
+    """Stress in a named element, in the unit that the chart asks for."""
+    unit = output.unit or "MPa"
+    stress = run.element_stress(str(output.element), output.component)
+    curves = {name: convert_values(values, "Pa", unit) for name, values in stress.items()}
+    name = f"σ{output.component}" if len(output.component) == 2 else f"{output.component} stress"
+    return f"{name} in {output.element} [{unit}]", curves, ()
+
+
+def _along_a_joint(run: Pipeline, output: Chart, rate: bool) -> Curves:
+    """Position or rate of the joint that a chart names, in its unit; without a name, of the only one there is."""
+    joints = list(run.motion.joints)
+    if output.joint is None and len(joints) != 1:
+        raise InputError(run.scene.file, "output.joint", None, f"must be one of {', '.join(joints) or 'no joints'}")
+    joint = output.joint or joints[0]
+    unit = run.motion.joint_unit(joint) + ("/s" if rate else "")
+    wanted = output.unit or unit
+    curves = {
+        name: convert_values(motion.joint_rate(joint) if rate else motion.joint_position(joint), unit, wanted)
+        for name, motion in run.motions.items()
+    }
+    slides = run.motion.joint_unit(joint) == "m"
+    name = ("speed of" if slides else "rate of") if rate else ("displacement of" if slides else "angle of")
+    return f"{name} {joint} [{wanted}]", curves, ()

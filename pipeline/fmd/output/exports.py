@@ -1,0 +1,97 @@
+"""Files of a scene for other tools: the mesh, the motion with stress, the reduced body."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Iterator
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from fmd.output.formats import write_body, write_format
+from fmd.output.histories import write_extremes, write_history
+from fmd.output.stress_fields import write_envelope, write_fatigue
+from fmd.recovery.stress import choose_frames, von_mises
+from fmd.scene.outputs import Export
+from fmd.stages.pipeline import Pipeline
+
+
+def write_file(run: Pipeline, output: Any, folder: Path) -> list[str]:
+    """Write the file of an output that isn't drawn into a folder and return its name."""
+    return FILES[output.type](run, output, folder)
+
+
+def write_export(run: Pipeline, output: Export, folder: Path) -> list[str]:
+    """Write the files of an export into a folder and return their names."""
+    path = folder / output.file
+    if output.format is not None:
+        return [file.name for file in write_format(run, output.format, output.body, path)]
+    assert output.body is not None
+    EXPORTS[path.suffix].write(run, output.body, output.frames, path)
+    return [output.file]
+
+
+def _write_mesh(run: Pipeline, body: str, _frames: int, path: Path) -> None:
+    from fmd.fem.formats.export import write_mesh
+
+    write_mesh(run.wholes[body].mesh, path)
+
+
+def _write_body(run: Pipeline, body: str, _frames: int, path: Path) -> None:
+    write_body(run, body, path)
+
+
+def _write_motion(run: Pipeline, body: str, frames: int, path: Path) -> None:
+    """Write displacement from the undeformed body at rest, deformation and stress at all nodes."""
+    from fmd.fem.formats.vtkhdf import write_series
+
+    part, motion = run.wholes[body], run.motion
+    chosen, nodes = choose_frames(len(motion.times), frames), np.arange(len(part.space.x))
+    x, origin = run.node_positions(body), run.bodies[run.frame_of(body)].origin
+
+    def fields() -> Iterator[dict[str, NDArray[np.floating]]]:
+        for k in chosen:
+            tensor, deformation = run.nodal_stress_at(body, k), run.deform(body, [k], nodes)[0]
+            yield {
+                "displacement": motion.placed(body, x + deformation, k) + origin - part.space.x,
+                "deformation": deformation,
+                "stress": tensor,
+                "von_mises": von_mises(np.asarray(tensor, dtype=float)),
+            }
+
+    write_series(part.space, motion.times[chosen], fields(), path)
+
+
+@dataclass(frozen=True)
+class FileFormat:
+    """How an export of one suffix is written.
+
+    Attributes
+    ----------
+    write : callable
+        Writes what a run has of a body, with so many frames, to a path.
+    reads : tuple of str
+        Stages of the body that it holds.
+    """
+
+    write: Callable[[Pipeline, str, int, Path], None]
+    reads: tuple[str, ...]
+
+
+EXPORTS: dict[str, FileFormat] = {
+    ".msh": FileFormat(_write_mesh, ("mesh",)),
+    ".vtu": FileFormat(_write_mesh, ("mesh",)),
+    ".vtkhdf": FileFormat(_write_motion, ("mesh", "body", "nodal stress")),
+    ".nc": FileFormat(_write_body, ("modes", "body", "surface", "stress")),
+}
+
+FILES: dict[str, Callable[[Pipeline, Any, Path], list[str]]] = {
+    "export": write_export,
+    "history": write_history,
+    "table": write_extremes,
+    "envelope": write_envelope,
+    "fatigue": write_fatigue,
+}
+"""Writers of outputs that aren't drawn, by their types."""

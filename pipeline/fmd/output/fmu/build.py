@@ -1,0 +1,145 @@
+"""Binaries of an FMU: for all systems by the cross-compiler of the ziglang package, or for this one by its own."""
+
+from __future__ import annotations
+
+import importlib.util
+import os
+import platform
+import shutil
+import struct
+import subprocess
+import sys
+from collections.abc import Mapping, Sequence
+from pathlib import Path
+from tempfile import TemporaryDirectory
+from typing import NamedTuple
+
+from fmd.core.errors import InputError
+from fmd.core.paths import cache_folder
+
+_OPTIONS = (
+    *("-std=c99", "-g0", "-fPIC", "-fvisibility=hidden", "-Wall"),
+    # Sums may be reordered for vector registers; infinities and what is not a number keep their meaning.
+    *("-fno-math-errno", "-fno-trapping-math", "-fassociative-math", "-fno-signed-zeros"),
+)
+_FAST = ("model.c", "motion.c", "runge_kutta.c")  # what steps call; the rest is compiled to be small
+_SECONDS = 600.0  # for one binary
+_FAT_MAGIC, _FAT_ALIGNMENT = 0xCAFEBABE, 14
+_MACH_CPUS = {"x86_64-darwin": (0x01000007, 3), "aarch64-darwin": (0x0100000C, 0)}
+
+
+class Target(NamedTuple):
+    """A system that binaries are for: its name in FMI 3.0, the suffix of a library, and what Zig calls it."""
+
+    name: str
+    suffix: str
+    triple: str
+
+
+TARGETS = (
+    Target("x86_64-linux", ".so", "x86_64-linux-gnu.2.17"),
+    Target("aarch64-linux", ".so", "aarch64-linux-gnu.2.17"),
+    Target("x86_64-windows", ".dll", "x86_64-windows-gnu"),
+    Target("x86_64-darwin", ".dylib", "x86_64-macos.11.0"),
+    Target("aarch64-darwin", ".dylib", "aarch64-macos.11.0"),
+)
+"""Systems for which Zig compiles."""
+
+FMI2_FOLDERS = {"x86_64-linux": "linux64", "x86_64-windows": "win64", "x86_64-darwin": "darwin64"}
+"""Folders of FMI 2.0; its ``darwin64`` has both kinds of processor in one file."""
+
+
+def has_zig() -> bool:
+    """Return whether the ziglang package is installed."""
+    return importlib.util.find_spec("ziglang") is not None
+
+
+def build_binaries(sources: Mapping[str, str], identifier: str) -> dict[str, bytes]:
+    """Compile C sources to shared libraries for all systems by Zig, or without it for this one.
+
+    Returns
+    -------
+    dict of str to bytes
+        Libraries by the names of their systems; none without any compiler.
+
+    Raises
+    ------
+    InputError
+        The compiler fails; the message has the line that says why.
+    """
+    if has_zig():
+        return _compile_for(sources, identifier, {target: _zig(target) for target in TARGETS})
+    return build_own_binary(sources, identifier)
+
+
+def build_own_binary(sources: Mapping[str, str], identifier: str) -> dict[str, bytes]:
+    """Compile C sources for this system alone, by ``$CC``, cc, gcc or Zig; as `build_binaries`."""
+    own = own_target()
+    compiler = os.environ.get("CC") or shutil.which("cc") or shutil.which("gcc")
+    if own is None or (compiler is None and not has_zig()):
+        return {}
+    return _compile_for(sources, identifier, {own: [compiler] if compiler else _zig(own)})
+
+
+def _compile_for(
+    sources: Mapping[str, str], identifier: str, compilers: Mapping[Target, Sequence[str]]
+) -> dict[str, bytes]:
+    with TemporaryDirectory(prefix="fmd-fmu-") as folder:
+        for name, text in sources.items():
+            (Path(folder) / name).write_text(text, encoding="utf-8")
+        return {
+            target.name: _compile(compiler, Path(folder), identifier, target) for target, compiler in compilers.items()
+        }
+
+
+def own_target() -> Target | None:
+    """Return the system that this is, if there are binaries for it."""
+    processor = {"amd64": "x86_64", "arm64": "aarch64"}.get(platform.machine().lower(), platform.machine().lower())
+    system = platform.system().lower()
+    return next((target for target in TARGETS if target.name == f"{processor}-{system}"), None)
+
+
+def _zig(target: Target) -> list[str]:
+    return [sys.executable, "-m", "ziglang", "cc", "-target", target.triple]
+
+
+def _compile(compiler: Sequence[str], folder: Path, identifier: str, target: Target) -> bytes:
+    """Compile all sources of a folder, by names relative to it: no path of this machine comes into the library."""
+    library, mapped = f"{identifier}{target.suffix}", f"-ffile-prefix-map={folder}=."
+    objects = []
+    for source in sorted(path.name for path in folder.glob("*.c")):
+        objects.append(f"{target.name}-{source.removesuffix('.c')}.o")
+        level = "-O3" if source in _FAST else "-Os"
+        _run([*compiler, *_OPTIONS, level, mapped, "-c", source, "-o", objects[-1]], folder, target)
+    strip = [] if platform.system() == "Darwin" and compiler[0] != sys.executable else ["-s"]
+    maths = [] if target.suffix == ".dll" else ["-lm"]
+    _run([*compiler, "-shared", *strip, "-o", library, *objects, *maths], folder, target)
+    return (folder / library).read_bytes()
+
+
+def _run(command: Sequence[str], folder: Path, target: Target) -> None:
+    cache = cache_folder() / "zig"
+    environment = os.environ | {"ZIG_GLOBAL_CACHE_DIR": str(cache), "ZIG_LOCAL_CACHE_DIR": str(cache)}
+    try:
+        subprocess.run(
+            command, cwd=folder, env=environment, capture_output=True, text=True, check=True, timeout=_SECONDS
+        )
+    except (OSError, subprocess.SubprocessError) as error:
+        said = (getattr(error, "stderr", "") or str(error)).strip().splitlines()
+        fault = next((line for line in said if "error" in line), said[0] if said else "")
+        raise InputError("export", "fmu", target.name, f"the C compiler {command[0]} fails: {fault}") from error
+
+
+def join_mach_binaries(binaries: Mapping[str, bytes]) -> bytes:
+    """Join macOS libraries for several processors in one file, by the names of their systems.
+
+    The file begins with a table, in big-endian order, of each library's processor, place, length and alignment.
+    """
+    chosen = [(cpu, binaries[name]) for name, cpu in _MACH_CPUS.items() if name in binaries]
+    block = 1 << _FAT_ALIGNMENT
+    table, body, place = struct.pack(">II", _FAT_MAGIC, len(chosen)), b"", block
+    for (cpu, kind), data in chosen:
+        table += struct.pack(">IIIII", cpu, kind, place, len(data), _FAT_ALIGNMENT)
+        padded = data + bytes(-len(data) % block)
+        body, place = body + padded, place + len(padded)
+    return table.ljust(block, b"\0") + body

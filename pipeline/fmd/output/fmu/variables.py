@@ -1,0 +1,203 @@
+"""Variables of an FMU: names, units and references of states, inputs, parameters and outputs."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator, Mapping, Sequence
+from dataclasses import dataclass
+from typing import NamedTuple
+
+import numpy as np
+
+from fmd.core.arrays import Array
+from fmd.dynamics.compiler.external import ExternalMechanism
+from fmd.output.fmu.names import Entry, Names
+
+
+class FmuVariable(NamedTuple):
+    """A variable of an FMU.
+
+    Attributes
+    ----------
+    name : str
+        With dots between its parts.
+    reference : int
+        Number by which it is read and set.
+    causality, variability, initial : str
+        As FMI has them; ``initial`` may be empty.
+    start : float, optional
+        Value at the start.
+    unit, description : str
+        The unit may be empty.
+    state : int, optional
+        Reference of the state whose derivative it is.
+    depends : tuple of int, optional
+        References of the states and inputs that it depends on; None for those that nothing else determines.
+    nominal : float
+        Size of a state.
+    """
+
+    name: str
+    reference: int
+    causality: str
+    variability: str
+    initial: str
+    start: float | None
+    unit: str
+    description: str
+    state: int | None = None
+    depends: tuple[int, ...] | None = None
+    nominal: float = 1.0
+
+
+@dataclass(frozen=True)
+class Interface:
+    """Variables that an FMU shows of a mechanism, and where the mechanism's functions have them.
+
+    Attributes
+    ----------
+    variables : tuple of FmuVariable
+        In the order of their references, which are 1, 2, …
+    input_places : tuple of int
+        Place of each input among the functions' ``inputs``.
+    n_own_inputs : int
+        How many inputs come before those of markers.
+    parameters : tuple of float
+        Values of the constants, of the factors of own loads and motions, and the tolerance.
+    """
+
+    variables: tuple[FmuVariable, ...]
+    input_places: tuple[int, ...]
+    n_own_inputs: int
+    parameters: tuple[float, ...]
+
+    def of(self, causality: str) -> list[FmuVariable]:
+        """Return the variables of a causality."""
+        return [variable for variable in self.variables if variable.causality == causality]
+
+    @property
+    def derivatives(self) -> list[FmuVariable]:
+        """Derivatives of the states."""
+        return [variable for variable in self.variables if variable.state is not None]
+
+
+def make_interface(
+    external: ExternalMechanism, point_loads: list[str], q0: Array, v0: Array, nominal: Array, tolerance: float
+) -> Interface:
+    """Name all variables of a mechanism.
+
+    Parameters
+    ----------
+    point_loads : list of str
+        Names of the drives that make the mechanism's loads at points.
+    q0, v0 : ndarray, shapes (n_positions,) and (n,)
+        Start.
+    nominal : ndarray, shape (n_positions + n,)
+        Size of each state.
+    tolerance : float
+        Of a step of the co-simulation.
+    """
+    names = Names(external)
+    own = names.own_inputs(point_loads)
+    inputs = [*own, *names.marker_inputs()]
+    solver = Entry("solver.tolerance", "", "co-simulation: largest error of a step, relative")
+    values = (*external.constants.values(), *(1.0 for _ in external.signals), tolerance)
+    states = _name_states(names.states(), np.concatenate([q0, v0]), nominal)
+    first_input = 1 + 2 * len(states)
+    entered = [
+        FmuVariable(entry.name, first_input + k, "input", "continuous", "", 0.0, entry.unit, entry.description)
+        for k, (entry, _) in enumerate(inputs)
+    ]
+    first_parameter = first_input + len(inputs)
+    parameters = [*names.constants(), *names.factors(point_loads), solver]
+    fixed = [
+        FmuVariable(entry.name, k, "parameter", "tunable", "exact", value, entry.unit, entry.description)
+        for k, (entry, value) in enumerate(zip(parameters, values, strict=True), start=first_parameter)
+    ]
+    fixed[-1] = fixed[-1]._replace(variability="fixed")
+    places = tuple(place for _, place in inputs)
+    references = {("q", k): 1 + k for k in range(len(q0))} | {("v", k): 1 + len(q0) + k for k in range(len(v0))}
+    references |= {("inputs", place): first_input + k for k, place in enumerate(places)}
+    given = _name_outputs(external, names, references, first_parameter + len(fixed))
+    return Interface((*states, *_name_derivatives(states), *entered, *fixed, *given), places, len(own), values)
+
+
+def _name_states(entries: Sequence[Entry], starts: Array, nominal: Array) -> list[FmuVariable]:
+    return [
+        FmuVariable(
+            entry.name,
+            k,
+            "local",
+            "continuous",
+            "exact",
+            float(start),
+            entry.unit,
+            entry.description,
+            nominal=float(size),
+        )
+        for k, (entry, start, size) in enumerate(zip(entries, starts, nominal, strict=True), start=1)
+    ]
+
+
+def _name_derivatives(states: Sequence[FmuVariable]) -> list[FmuVariable]:
+    return [
+        FmuVariable(
+            name=f"der({state.name})",
+            reference=len(states) + state.reference,
+            causality="local",
+            variability="continuous",
+            initial="calculated",
+            start=None,
+            unit=_per_second(state.unit),
+            description="",
+            state=state.reference,
+        )
+        for state in states
+    ]
+
+
+def _name_outputs(
+    external: ExternalMechanism, names: Names, references: Mapping[tuple[str, int], int], first: int
+) -> Iterator[FmuVariable]:
+    """Name the outputs, each with the states and inputs that it depends on."""
+    for k, quantity in enumerate(external.quantities):
+        entry = names.quantity(quantity)
+        used = sorted(references[place] for place in external.dependencies(quantity.value) if place in references)
+        yield FmuVariable(
+            name=entry.name,
+            reference=first + k,
+            causality="output",
+            variability="continuous",
+            initial="calculated",
+            start=None,
+            unit=entry.unit,
+            description=entry.description,
+            depends=tuple(used),
+        )
+
+
+def _per_second(unit: str) -> str:
+    return {"m": "m/s", "rad": "rad/s", "m/s": "m/s2", "rad/s": "rad/s2"}.get(unit, "")
+
+
+def units_of(variables: tuple[FmuVariable, ...]) -> Iterator[tuple[str, dict[str, int]]]:
+    """Return the units that occur, each with its exponents of SI base units."""
+    for unit in sorted({variable.unit for variable in variables if variable.unit} | {"s"}):
+        yield unit, _EXPONENTS[unit]
+
+
+_EXPONENTS: dict[str, dict[str, int]] = {
+    "s": {"s": 1},
+    "m": {"m": 1},
+    "rad": {"rad": 1},
+    "m/s": {"m": 1, "s": -1},
+    "rad/s": {"rad": 1, "s": -1},
+    "m/s2": {"m": 1, "s": -2},
+    "rad/s2": {"rad": 1, "s": -2},
+    "N": {"kg": 1, "m": 1, "s": -2},
+    "N.m": {"kg": 1, "m": 2, "s": -2},
+    "N/m": {"kg": 1, "s": -2},
+    "N.s/m": {"kg": 1, "s": -1},
+    "N.m/rad": {"kg": 1, "m": 2, "s": -2, "rad": -1},
+    "N.m.s/rad": {"kg": 1, "m": 2, "s": -1, "rad": -1},
+    "Pa": {"kg": 1, "m": -1, "s": -2},
+}

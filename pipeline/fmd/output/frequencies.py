@@ -1,0 +1,87 @@
+"""A scene's frequencies: at rest beside its reference, and on a hub that turns."""
+
+from __future__ import annotations
+
+from dataclasses import asdict
+from typing import Any
+
+import numpy as np
+
+from fmd.core.arrays import Array
+from fmd.reduction.rotating import rotating_frequencies
+from fmd.stages.pipeline import Pipeline
+
+
+def frequency_table(run: Pipeline) -> dict[str, Any]:
+    """Gather what the modes stage found and how far it is from the scene's reference.
+
+    Of a part in pieces the frequencies are those of the pieces put together.
+    """
+    divided = run.division.divided.get(run.part.name)
+    found = run.modes.frequencies_hz if divided is None else divided.frequencies_hz
+    wanted = np.array(run.scene.reference.frequencies if run.scene.reference else ())[: len(found)]
+    known = {
+        "frequencies_hz": found.tolist(),
+        "reference_hz": wanted.tolist(),
+        "relative_error": (found[: len(wanted)] / wanted - 1).tolist(),
+    }
+    if divided is not None:
+        return known | {
+            "rigid_modes": 0 if divided.whole.shape.support else 6,
+            "mode_numbers": list(range(1, len(found) + 1)),
+            "dofs": 3 * len(divided.whole.space.x),
+            "residual": max(part.modes.residual for part in divided.pieces),
+            "factor": None,
+        }
+    return known | {
+        "rigid_modes": run.modes.n_rigid,
+        "mode_numbers": list(run.modes.numbers),
+        "dofs": run.modes.dofs,
+        "residual": run.modes.residual,
+        "factor": None if run.modes.factor is None else asdict(run.modes.factor),
+    }
+
+
+def frequencies_by_body(run: Pipeline) -> dict[str, dict[str, list[float]]]:
+    """Gather the frequencies of each flexible body's modes [Hz], ``frequencies_hz`` under the body's name."""
+    divided = run.division.divided
+    return {
+        name: {
+            "frequencies_hz": (divided[name].frequencies_hz if name in divided else part.modes.frequencies_hz).tolist()
+        }
+        for name, part in run.wholes.items()
+    }
+
+
+def mode_warnings(run: Pipeline) -> list[dict[str, str]]:
+    """Warn of each body whose basis holds more modes than wanted, to complete a group of equal frequency.
+
+    Returns
+    -------
+    list of dict
+        ``code``, ``body`` and ``text`` of each warning.
+    """
+    found = []
+    for name, part in run.wholes.items():
+        if len(run.pieces_of(name)) > 1:  # whose modes are those of its pieces
+            continue
+        count, more = part.shape.modes.count, part.modes.n_completing
+        if more:
+            text = (
+                f"{name}: mode {count} is one of {'a pair' if more == 1 else 'several'} of equal frequency; alone it "
+                f"would bend the body in an arbitrary direction, so {count + more} modes are taken instead of {count}"
+            )
+            found.append({"code": "mode-pair-completed", "body": name, "text": text})
+    return found
+
+
+def rotating_table(run: Pipeline, rate: float) -> dict[str, Any]:
+    """Gather the frequencies of the first flexible body on its joint at a constant rate [rad/s]."""
+    return {"speed_rad_s": rate, "rotating_frequencies_hz": (_rotating(run, rate) / (2 * np.pi)).tolist()}
+
+
+def _rotating(run: Pipeline, rate: float) -> Array:
+    """Angular frequencies at a rate; geometric stiffening is left out only if the scene says so."""
+    part = run.part
+    body = part.body if run.scene.simulation.stiffening == "off" else part.stiffened
+    return rotating_frequencies(body, np.array(part.joint.axis), rate, len(part.joint.free) == 1)

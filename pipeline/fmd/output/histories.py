@@ -1,0 +1,166 @@
+"""Histories of chosen quantities as NetCDF or CSV, and tables of their extremes."""
+
+from __future__ import annotations
+
+from collections.abc import Iterable, Iterator, Sequence
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from fmd.core.arrays import Array
+from fmd.core.errors import InputError
+from fmd.core.files import whole_file
+from fmd.core.netcdf import write_netcdf
+from fmd.output.csv_rows import write_rows
+from fmd.recovery.motion import Motion
+from fmd.recovery.motion_file import Variable, gather_runs
+from fmd.recovery.quantities import (
+    coordinate_variables,
+    energy_variables,
+    marker_variables,
+    reaction_variables,
+)
+from fmd.recovery.stress import modal_stress, stress_measure
+from fmd.scene.histories import ExtremesTable, History, Quantities
+from fmd.stages.pipeline import Pipeline
+
+_DIGITS = 10
+_COMPONENTS = {"axis": "xyz", "quaternion": "xyzw"}
+
+
+def write_history(run: Pipeline, output: History, folder: Path) -> list[str]:
+    """Write the file of a history into a folder and return its name."""
+    with whole_file(folder / output.file) as part:
+        if output.file.endswith(".nc"):
+            runs = {label: history_variables(run, output, motion) for label, motion in run.motions.items()}
+            data, coordinates = gather_runs(run.motion.times, runs)
+            used = {dim for variable in data for dim in variable.dims}
+            write_netcdf(part, [*(axis for axis in coordinates if axis.name in used), *data])
+        else:
+            columns = list(_columns(history_variables(run, output, run.motion)))
+            header = ["time [s]", *(f"{name} [{units}]" for name, units, _ in columns)]
+            table = np.column_stack([run.motion.times, *(values for *_, values in columns)])
+            write_rows(part, header, ([f"{x:.{_DIGITS}g}" for x in row] for row in table))
+    return [output.file]
+
+
+def write_extremes(run: Pipeline, output: ExtremesTable, folder: Path) -> list[str]:
+    """Write a table of extremes into a folder and return its name."""
+    rows = extremes(run, output)
+    with whole_file(folder / output.file) as part:
+        texts = ([f"{x:.{_DIGITS}g}" if isinstance(x, float) else str(x) for x in row.values()] for row in rows)
+        write_rows(part, list(rows[0]), texts)
+    return [output.file]
+
+
+def extremes(run: Pipeline, output: Quantities) -> list[dict[str, Any]]:
+    """Return the smallest and the largest value of each number over the first run's output times, and when, in SI.
+
+    A vector has a row for its size, too.
+    """
+    rows, times = [], run.motion.times
+    for name, units, values in _columns(history_variables(run, output, run.motion), with_sizes=True):
+        low, high = int(values.argmin()), int(values.argmax())
+        rows.append(
+            {
+                "quantity": name,
+                "unit": units,
+                "smallest": float(values[low]),
+                "smallest_at_s": float(times[low]),
+                "largest": float(values[high]),
+                "largest_at_s": float(times[high]),
+                "mean": float(values.mean()),
+                "rms": float(np.sqrt((values**2).mean())),
+            }
+        )
+    return rows
+
+
+def history_variables(run: Pipeline, output: Quantities, motion: Motion) -> list[Variable]:
+    """Return the variables of a history over one motion, in the order of its quantities.
+
+    Raises
+    ------
+    InputError
+        A node's number is beyond those of its body, or no joint has what is wanted.
+    """
+    found: list[Variable] = []
+    in_body = output.axes == "body"
+    for quantity in output.quantities:
+        if quantity in ("joint_position", "joint_rate"):
+            joints = output.joints or tuple(run.scene.joint)
+            found += coordinate_variables(motion, joints, rates=quantity == "joint_rate")
+        elif quantity == "joint_reaction":
+            found += reaction_variables(motion, output.joints or tuple(run.scene.joint), in_body)
+        elif quantity == "energy":
+            found += energy_variables(motion)
+        elif quantity == "element_stress":
+            found += _stresses(output, _modal_stress_of_elements(run, output.elements), motion)
+        elif quantity == "node_stress":
+            found += _stresses(output, _modal_stress_of_nodes(run, output.nodes), motion)
+        else:
+            found += marker_variables(motion, quantity, output.markers or _all_markers(run), in_body)
+    if not found:
+        problem = "holds nothing: no joint of the scene has a coordinate; 'joint_reaction' works"
+        raise InputError(run.scene.file, "output.quantities", list(output.quantities), problem)
+    return found
+
+
+def _all_markers(run: Pipeline) -> tuple[str, ...]:
+    return tuple(
+        f"{link.part or link.name}.{marker}"
+        for link in run.motion.mechanism.links
+        for marker in link.markers
+        if not marker.startswith("cut:")
+    )
+
+
+def _stresses(output: Quantities, modal: dict[str, tuple[str, Array]], motion: Motion) -> Iterator[Variable]:
+    """Components of stress over a motion, for bodies and the stress of each mode (6, n_modes) at named places."""
+    for name, (body, stress) in modal.items():
+        tensors = (stress @ motion.modal(body).T)[None]
+        for component in output.components:
+            text = f"{component} stress in {name}"
+            yield Variable(f"{name}.{component}", stress_measure(component)(tensors)[0], (), "Pa", text)
+
+
+def _modal_stress_of_elements(run: Pipeline, names: Sequence[str]) -> dict[str, tuple[str, Array]]:
+    known = {
+        f"{body}.{element}": (part, number)
+        for body in run.wholes
+        for part in run.pieces_of(body)
+        if part.has_mesh
+        for number, element in enumerate(part.elements)
+    }
+    chosen = {name: known[name] for name in names or known}
+    return {name: (part.name, part.element_stress[number]) for name, (part, number) in chosen.items()}
+
+
+def _modal_stress_of_nodes(run: Pipeline, names: Sequence[str]) -> dict[str, tuple[str, Array]]:
+    found = {}
+    for name in names:
+        body, _, number = name.partition(".")
+        part, node = run.wholes[body], int(number)
+        if node >= (n_nodes := len(part.space.x)):
+            problem = f"{body} has the nodes 0 to {n_nodes - 1}"
+            raise InputError(run.scene.file, "output.nodes", name, problem)
+        if body in run.division.divided:
+            part, node = run.division.divided[body].find_node(node)
+        shapes = run.bodies[part.name].shapes
+        found[name] = part.name, modal_stress(part.space, part.material, shapes, np.array([node]))[0]
+    return found
+
+
+def _columns(variables: Iterable[Variable], with_sizes: bool = False) -> Iterator[tuple[str, str, Array]]:
+    """Name, unit and values (n_times,) of each number, and with them the sizes of vectors."""
+    for variable in variables:
+        values = variable.values.reshape(len(variable.values), -1)
+        if not variable.dims:
+            yield variable.name, variable.units, values[:, 0]
+            continue
+        names = _COMPONENTS.get(variable.dims[0], [str(k + 1) for k in range(values.shape[1])])
+        for name, column in zip(names, values.T, strict=True):
+            yield f"{variable.name}.{name}", variable.units, column
+        if with_sizes and variable.dims == ("axis",):
+            yield f"{variable.name}.size", variable.units, np.linalg.norm(values, axis=1)

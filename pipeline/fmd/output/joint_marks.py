@@ -1,0 +1,210 @@
+"""Discreet marks of joints, springs and the ground in pictures of a mechanism."""
+
+from __future__ import annotations
+
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+
+from fmd.core.arrays import Array, IntArray
+from fmd.stages.ground import ground_place, joint_axes, place_axes
+
+if TYPE_CHECKING:
+    from fmd.render.moving_bodies import MovingLine, MovingShape
+    from fmd.stages.pipeline import Pipeline
+
+JOINT, GROUND, SPRING, BUSHING = "#4b5563", "#9aa2ad", "#5b7f6b", "#b08a3e"
+_RADIUS = 0.011  # of a mark over the mechanism's size
+_NEAR = 5.0  # radii of a mark: a body's points so near tell how far a pin reaches
+_COILS, _PER_COIL = 9, 12
+_WIRE = 1.3  # radius of a coil over that of a mark
+_ABOUT_AN_AXIS = ("revolute", "cylindrical", "screw")
+_BALLS = ("spherical", "universal", "point-on-line")
+
+
+class Marks:
+    """Marks of a run's joints, springs and ground at chosen output times.
+
+    Parameters
+    ----------
+    run : Pipeline
+    chosen : ndarray, shape (n_frames,)
+        Numbers of the output times.
+    size : float
+        Extent of the mechanism [m].
+    up : ndarray, shape (3,), optional
+        Upwards in space.
+    """
+
+    def __init__(self, run: Pipeline, chosen: IntArray, size: float, up: Array | None) -> None:
+        self.run, self.chosen, self.up = run, chosen, up
+        self.radius = _RADIUS * size
+        self.kinematics = run.motion.kinematics
+
+    def position(self, place: str) -> Array:
+        """Return a marker or a place on the ground in space at the chosen times, shape (n_frames, 3) [m]."""
+        body, _, marker = place.partition(".")
+        if body == "ground":
+            return np.tile(ground_place(self.run.scene, place)[0], (len(self.chosen), 1))
+        number = self.run.mechanism.number_of(body)
+        return self.kinematics.marker_position(number, marker)[self.chosen]
+
+    def rotation(self, place: str) -> Array:
+        """Return the axes of a place's body in space, those of space for the ground, shape (n_frames, 3, 3)."""
+        body = place.partition(".")[0]
+        if body == "ground":
+            return np.tile(np.eye(3), (len(self.chosen), 1, 1))
+        return self.kinematics.frames[self.run.mechanism.number_of(body)].rotation[self.chosen]
+
+    def shapes(self) -> list[MovingShape]:
+        """Return the marks of joints, bushings and bearings, and the ground under those that it holds."""
+        from fmd.render.moving_bodies import MovingShape
+        from fmd.render.solids import make_ball, make_cylinder
+
+        r, origin, found = self.radius, np.zeros(3), []
+        for name in self.run.scene.joint:
+            found += self._of_a_joint(name)
+        for table, element in self._elements():
+            place = element.between[1]
+            if table == "bearing":
+                place = element.between[0]
+                axis = _unit(place_axes(self.run.scene, place) @ np.array(element.axis))
+                surface = make_cylinder(-0.8 * r * axis, 0.8 * r * axis, 1.7 * r)
+            else:
+                surface = make_ball(origin, 1.2 * r)
+            found.append(MovingShape(surface, BUSHING, self.position(place), self.rotation(place)))
+        return found + self._ground()
+
+    def lines(self) -> list[MovingLine]:
+        """Return springs as coils, kept distances as lines, and the rails of slides on the ground."""
+        from fmd.render.moving_bodies import MovingLine
+
+        found = []
+        for spring in self.run.scene.spring.values():
+            one, other = (self.position(place) for place in spring.between)
+            found.append(MovingLine(_coil(one, other, _WIRE * self.radius), SPRING, 1.8))
+        for joint in self.run.scene.joint.values():
+            if joint.type == "distance":
+                ends = [self.position(place) for place in (joint.parent, joint.child)]
+                found.append(MovingLine(np.stack(ends, axis=1), JOINT, 2.0))
+            elif joint.type in ("prismatic", "cylindrical") and joint.parent.startswith("ground"):
+                axis = self._axis_in_parent(joint)
+                start, places = self.position(joint.parent)[0], self.position(joint.child)
+                along = np.append((places - start) @ axis, 0.0)
+                reach = np.array([along.min() - 3 * self.radius, along.max() + 3 * self.radius])
+                rail = start + reach[:, None] * axis
+                found.append(MovingLine(np.tile(rail, (len(self.chosen), 1, 1)), GROUND, 2.5))
+        return found
+
+    def _elements(self) -> list[tuple[str, Any]]:
+        scene = self.run.scene
+        given: list[tuple[str, Any]] = [("bushing", element) for element in scene.bushing.values()]
+        return given + [("bearing", element) for element in scene.bearing.values()]
+
+    def _of_a_joint(self, name: str) -> list[MovingShape]:
+        """Return the mark of a joint, which moves with its child: a pin, a ball or a slide."""
+        from fmd.render.moving_bodies import MovingShape
+        from fmd.render.solids import axes_along, make_ball, make_box, make_cylinder
+
+        joint: Any = self.run.scene.joint[name]
+        r, origin = self.radius, np.zeros(3)
+        if joint.type in _BALLS:
+            surface = make_ball(origin, 1.25 * r)
+        elif joint.type in _ABOUT_AN_AXIS:
+            axis = self._axis_in_child(joint)
+            half = max(1.5 * r, *(self._reach(place, axis) + 0.4 * r for place in (joint.parent, joint.child)))
+            if self._is_around(joint.child):
+                return []
+            surface = make_cylinder(-half * axis, half * axis, 0.8 * r)
+        elif joint.type in ("prismatic", "planar"):
+            axis = self._axis_in_child(joint)
+            edges = np.array([2.2, 2.2, 3.2] if joint.type == "prismatic" else [3.2, 3.2, 1.0]) * r
+            surface = make_box(edges, origin, axes_along(axis))
+        else:  # fixed, free and distance
+            return []
+        return [MovingShape(surface, JOINT, self.position(joint.child), self.rotation(joint.child))]
+
+    def _axis_in_child(self, joint: Any) -> Array:
+        """Return a joint's axis in the axes of its child's body, z of one without."""
+        given = getattr(joint, "axis", (0.0, 0.0, 1.0))
+        if joint.type in ("revolute", "prismatic"):  # of a universal joint it is the second axis
+            given = joint.child_axis or given
+        return _unit(joint_axes(self.run.scene, joint).axis_in_child(given))
+
+    def _axis_in_parent(self, joint: Any) -> Array:
+        """Return a joint's axis in the axes of its parent's body, z of one without."""
+        return _unit(joint_axes(self.run.scene, joint).in_parent @ np.array(getattr(joint, "axis", (0.0, 0.0, 1.0))))
+
+    def _reach(self, place: str, axis: Array) -> float:
+        """Return how far a flexible body reaches along an axis around one of its markers [m]."""
+        body, _, marker = place.partition(".")
+        if body not in self.run.parts or not self.run.parts[body].has_stress:
+            return 0.0
+        reduced = self.run.bodies[body]
+        away = reduced.x[self.run.parts[body].surface.nodes] - reduced.markers[marker].position
+        near = away[np.linalg.norm(away, axis=1) < _NEAR * self.radius]
+        return float(np.abs(near @ axis).max(initial=0.0))
+
+    def _is_around(self, place: str) -> bool:
+        """Return true if a body surrounds its joint, so that a mark would lie in its bore."""
+        body = place.partition(".")[0]
+        return body in self.run.wholes and self.run.wholes[body].has_mesh and self.run.wholes[body].mesh.sectors > 1
+
+    def _ground(self) -> list[MovingShape]:
+        """Return a small pyramid at each place of the ground that holds something."""
+        from fmd.render.moving_bodies import MovingShape
+        from fmd.render.solids import make_pyramid
+
+        held: dict[str, tuple[str, Array]] = {}  # what holds on to a place, and its axis in space
+        for joint in self.run.scene.joint.values():
+            for place, other in ((joint.parent, joint.child), (joint.child, joint.parent)):
+                holds = place.partition(".")[0] == "ground" and joint.type not in ("free", "planar")
+                if holds and not self._is_around(other):
+                    find = self._axis_in_parent if place == joint.parent else self._axis_in_child
+                    held.setdefault(place, (other, find(joint)))
+        scene = self.run.scene
+        ties = [spring.between for spring in scene.spring.values()]
+        for between in ties + [element.between for _, element in self._elements()]:
+            for place, other in (between, between[::-1]):
+                if place.partition(".")[0] == "ground":
+                    held.setdefault(place, (other, np.array([0.0, 0.0, 1.0])))
+        still = np.tile(np.eye(3), (len(self.chosen), 1, 1))
+        shapes = []
+        for place, (other, axis) in held.items():
+            along = self._away(place, other, axis)
+            pyramid = make_pyramid(np.zeros(3), along, 3.2 * self.radius, 3.4 * self.radius)
+            shapes.append(MovingShape(pyramid, GROUND, self.position(place), still))
+        return shapes
+
+    def _away(self, place: str, other: str, axis: Array) -> Array:
+        """Return the side of the ground: below what stands on it, above what hangs from it, behind what turns."""
+        if self.up is None:
+            return -axis
+        body = self.run.mechanism.number_of(other.partition(".")[0])
+        frame, momenta = self.kinematics.frames[body], self.kinematics.momenta[body]
+        mass = self.run.mechanism.links[body].gram.mass
+        centre = frame.origin + np.einsum("tij,tj->ti", frame.rotation, momenta.moment / mass)
+        above = float(np.mean((centre[self.chosen] - self.position(place)) @ self.up))
+        return -self.up if above >= -2 * self.radius else self.up
+
+
+def _unit(direction: Any) -> Array:
+    along = np.array(direction, dtype=float)
+    return np.asarray(along / np.linalg.norm(along))
+
+
+def _coil(start: Array, end: Array, radius: float) -> Array:
+    """Return a coil between two places that move, (n_frames, 3) each, shape (n_frames, n_points, 3) [m]."""
+    share = np.linspace(0.12, 0.88, _COILS * _PER_COIL + 1)
+    angle = 2 * np.pi * np.arange(len(share)) / _PER_COIL
+    points = np.empty((len(start), len(share) + 4, 3))
+    for k, (one, other) in enumerate(zip(start, end, strict=True)):
+        along = other - one
+        aside = np.eye(3)[int(np.argmin(np.abs(end[0] - start[0])))]  # of one frame, so that the coil doesn't jump
+        across = np.cross(along, aside)
+        across /= max(float(np.linalg.norm(across)), 1e-30)
+        third = np.cross(along, across) / max(float(np.linalg.norm(along)), 1e-30)
+        wound = radius * (np.cos(angle)[:, None] * across + np.sin(angle)[:, None] * third)
+        inner = one + share[:, None] * along + wound
+        points[k] = np.concatenate([[one, one + share[0] * along], inner, [one + share[-1] * along, other]])
+    return points

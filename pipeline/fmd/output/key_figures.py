@@ -1,0 +1,38 @@
+"""The most wanted figures of a run's summary, as texts for pages and notebooks."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from typing import Any
+
+from fmd.core.html import scaled
+from fmd.output.stated_errors import error_beside
+
+
+def key_figures(summary: Mapping[str, Any]) -> list[tuple[str, str]]:
+    """List a summary's most wanted figures with their names and units."""
+    figures: list[tuple[str, str]] = []
+    if "frequencies_hz" in summary:
+        figures.append(("first frequency", f"{summary['frequencies_hz'][0]:.2f} Hz"))
+    for name, body in summary.get("bodies", {}).items():
+        figures.append((f"mass of {name}", scaled(body["mass_kg"], "kg")))
+    if "worst_stress" in summary:
+        figures.append(("largest von Mises stress", largest_stress(summary)))
+    if "peak_tip_deflection_m" in summary:
+        figures.append(("largest tip deflection", largest_deflection(summary)))
+    if "integrations" in summary:
+        figures.append(("simulated", scaled(summary["final"]["time_s"], "s")))
+        figures.append(("largest stable step", scaled(summary["largest_stable_step_s"], "s", 3)))
+    return figures
+
+
+def largest_stress(summary: Mapping[str, Any]) -> str:
+    """Write a summary's largest von Mises stress with what the error budget states of it."""
+    stress = summary["worst_stress"]
+    stated = error_beside(summary, f"{stress['body']}, largest von Mises stress")
+    return scaled(stress["von_mises_pa"], "Pa") + stated
+
+
+def largest_deflection(summary: Mapping[str, Any]) -> str:
+    """Write a summary's largest deflection of the tip with what the error budget states of it."""
+    return scaled(summary["peak_tip_deflection_m"], "m") + error_beside(summary, "tip, largest deflection")

@@ -1,0 +1,248 @@
+"""Pictures, charts and films of a run, drawn as the scene's outputs ask for."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Iterable
+from dataclasses import dataclass
+from pathlib import Path
+from typing import TYPE_CHECKING
+
+import numpy as np
+
+from fmd.core.arrays import IntArray
+from fmd.core.errors import InputError
+from fmd.core.units import unit_ratio
+from fmd.output.curves import curves_of
+from fmd.output.mechanism_view import body_surface, view_mechanism
+from fmd.output.stress_fields import draw_envelope, draw_fatigue
+from fmd.output.views import camera_of
+from fmd.recovery.stress import choose_frames, stress_measure
+from fmd.render.calls import Drawer, draw_here
+from fmd.render.camera import FILM_PIXELS, SHEET_PIXELS
+from fmd.render.chart_data import Band, Curve
+from fmd.render.colours import usual_limits
+
+if TYPE_CHECKING:
+    from fmd.render.moving_bodies import MovingMechanism
+    from fmd.scene.outputs import Chart
+    from fmd.scene.pictures import (
+        BodyPicture,
+        Film,
+        MechanismPicture,
+        MechanismView,
+        MeshPicture,
+        ModePictures,
+        ModeSheet,
+        StressPicture,
+    )
+    from fmd.stages.pipeline import Pipeline
+
+
+def draw_chart(run: Pipeline, output: Chart, folder: Path, draw: Drawer = draw_here) -> list[str]:
+    """Draw a quantity over time."""
+    label, curves, components = curves_of(run, output)
+    band = None
+    if output.band is not None:
+        low, high = (unit_ratio("Pa", output.unit or "MPa") * value for value in output.band)
+        band = Band(low, high, output.band_title)
+    draw(
+        "charts.draw_chart",
+        run.motion.times,
+        [Curve(name, values) for name, values in curves.items()],
+        folder / output.file,
+        title=output.title or chart_title(output),
+        ylabel=label,
+        component_labels=components,
+        band=band,
+    )
+    return [output.file]
+
+
+def chart_title(chart: Chart) -> str:
+    """Return the title of a chart that the scene gives none: its quantity, and what that is of."""
+    of = chart.joint or chart.marker or chart.element or chart.body
+    words = chart.quantity.replace("com_", "centre of mass: ").replace("_", " ")
+    return words[:1].upper() + words[1:] + (f" of {of}" if of else "")
+
+
+def draw_mesh(run: Pipeline, output: MeshPicture, folder: Path, draw: Drawer = draw_here) -> list[str]:
+    """Draw a body's mesh, its parts in colours."""
+    from fmd.fem.formats.export import part_numbers
+
+    part = run.wholes[output.body]
+    names = [f"{name} ({len(cells):,} elements)".replace(",", " ") for name, cells in part.mesh.parts.items()]
+    title = output.title or f"{_name(output)}: {len(part.mesh.cells):,} elements".replace(",", " ")
+    triangles = part_numbers(part.mesh)[part.surface_elements] - 1
+    surface, camera = body_surface(run, output.body), camera_of(run, output)
+    draw("pictures.draw_mesh", surface, triangles, names, folder / output.file, title=title, camera=camera)
+    return [output.file]
+
+
+def draw_modes(
+    run: Pipeline,
+    output: ModePictures,
+    folder: Path,
+    draw: Drawer = draw_here,
+    numbers: Iterable[int] | None = None,
+) -> list[str]:
+    """Draw a picture of each mode, or of those with the given numbers, from 1."""
+    part = run.wholes[output.body]
+    surface, modes, files = body_surface(run, output.body), part.modes, []
+    held = "free" if part.shape.modes.boundary == "free" else "held"
+    family = "" if part.shape.modes.family == "any" else f" ({part.shape.modes.family})"
+    chosen = (
+        range(len(modes.omega)) if numbers is None else sorted({n - 1 for n in numbers} & {*range(len(modes.omega))})
+    )
+    for k in chosen:
+        frequency = modes.frequencies_hz[k]
+        name = output.file.format(mode=k + 1)
+        draw(
+            "pictures.draw_mode",
+            surface,
+            modes.shapes[part.surface.nodes, :, k],
+            folder / name,
+            title=f"{output.title or _name(output)}: {held} mode {k + 1}, {frequency:.1f} Hz{family}",
+            scale=output.scale or 1.0,
+            camera=camera_of(run, output),
+        )
+        files.append(name)
+    return files
+
+
+def draw_mode_sheet(run: Pipeline, output: ModeSheet, folder: Path, draw: Drawer = draw_here) -> list[str]:
+    """Draw the first modes in one picture."""
+    part = run.wholes[output.body]
+    hertz = part.modes.frequencies_hz[: output.count]
+    draw(
+        "mode_sheet.draw_mode_sheet",
+        body_surface(run, output.body),
+        part.modes.shapes[part.surface.nodes][..., : len(hertz)],
+        [f"mode {k + 1}, {frequency:.1f} Hz" for k, frequency in enumerate(hertz)],
+        folder / output.file,
+        title=output.title or f"{_name(output)}: elastic modes",
+        scale=output.scale,
+        camera=camera_of(run, output, SHEET_PIXELS),
+    )
+    return [output.file]
+
+
+def draw_stress(run: Pipeline, output: StressPicture, folder: Path, draw: Drawer = draw_here) -> list[str]:
+    """Draw the stress at the worst instant: of the whole mechanism, or of a body alone in its own frame."""
+    names = [name for name, part in run.wholes.items() if part.has_stress] if output.body is None else [output.body]
+    worst = {name: run.stress_of(name).worst() for name in names}
+    body = max(worst, key=lambda name: worst[name][2])
+    time, _, _ = worst[body]
+    stress = run.stress_of(body)
+    frame = np.array([int(np.searchsorted(stress.times, time))])
+    title = f"{output.title or run.scene.title}: worst instant, t = {1e3 * time:.1f} ms"
+    if output.alone or len(run.scene.body) == 1:
+        draw(
+            "pictures.draw_stress",
+            body_surface(run, body),
+            run.deform(body, frame, stress.nodes)[0],
+            stress.measure_at(frame, stress_measure(output.component))[0],
+            folder / output.file,
+            title=title,
+            scale=output.scale,
+            quantity=_quantity(output.component),
+            camera=camera_of(run, output),
+        )
+        return [output.file]
+    return _draw_mechanism(run, output, frame, title, folder, draw)
+
+
+def draw_mechanism(run: Pipeline, output: MechanismPicture, folder: Path, draw: Drawer = draw_here) -> list[str]:
+    """Draw the whole mechanism at one time."""
+    times = run.motion.times
+    if output.time > times[-1] * (1 + 1e-9):
+        number = run.scene.output.index(output) if output in run.scene.output else 0
+        message = f"is after the end of the motion at {times[-1]:g} s"
+        raise InputError(run.scene.file, f"output.{number}.time", output.time, message)
+    frame = np.array([int(np.argmin(np.abs(times - output.time)))])
+    title = output.title or f"{run.scene.title}: t = {times[frame[0]]:g} s"
+    return _draw_mechanism(run, output, frame, title, folder, draw)
+
+
+def _draw_mechanism(
+    run: Pipeline, output: StressPicture | MechanismPicture, frame: IntArray, title: str, folder: Path, draw: Drawer
+) -> list[str]:
+    """Draw the mechanism at an output time, with its largest stress labelled."""
+    draw(
+        "film.draw_mechanism",
+        _view(run, output, frame),
+        folder / output.file,
+        title=title + _factor(output),
+        quantity=_quantity(output.component),
+        camera=camera_of(run, output),
+        label=True,
+    )
+    return [output.file]
+
+
+def draw_film(run: Pipeline, output: Film, folder: Path, draw: Drawer = draw_here) -> list[str]:
+    """Film the mechanism in motion, in the colours of its stress."""
+    moving = _view(run, output, choose_frames(len(run.motion.times), output.frames))
+    stresses = [body.stress.ravel() for body in moving.bodies if body.stress is not None]
+    draw(
+        "film.draw_film",
+        moving,
+        folder / output.file,
+        title=(output.title or run.scene.title) + _factor(output),
+        clim_pa=usual_limits(np.concatenate(stresses)) if stresses else None,
+        rate=output.rate,
+        quantity=_quantity(output.component),
+        camera=camera_of(run, output, FILM_PIXELS),
+    )
+    return [output.file]
+
+
+def _view(run: Pipeline, output: MechanismView, chosen: IntArray) -> MovingMechanism:
+    return view_mechanism(
+        run, chosen, coloured=output.body, component=output.component, scale=output.scale, alone=output.alone
+    )
+
+
+def _factor(output: MechanismView) -> str:
+    return f", deformation × {output.scale:g}" if output.scale != 1 else ""
+
+
+@dataclass(frozen=True)
+class Drawing:
+    """How one type of output is drawn.
+
+    Attributes
+    ----------
+    draw : callable
+        Has an output of a run drawn into a folder by a `Drawer` and returns the names of its files.
+    reads : tuple of str
+        Stages of the body that it shows.
+    still : bool
+        It shows a part, and nothing of its motion.
+    """
+
+    draw: Callable[..., list[str]]
+    reads: tuple[str, ...] = ()
+    still: bool = False
+
+
+DRAWINGS: dict[str, Drawing] = {
+    "chart": Drawing(draw_chart),
+    "mesh": Drawing(draw_mesh, ("mesh", "surface", "body"), still=True),
+    "modes": Drawing(draw_modes, ("modes", "surface", "body"), still=True),
+    "mode sheet": Drawing(draw_mode_sheet, ("modes", "surface", "body"), still=True),
+    "stress": Drawing(draw_stress, ("surface", "stress", "body")),
+    "mechanism": Drawing(draw_mechanism, ("mesh", "surface", "stress", "body")),
+    "envelope": Drawing(draw_envelope, ("surface", "stress", "body")),
+    "fatigue": Drawing(draw_fatigue, ("surface", "stress", "body")),
+    "film": Drawing(draw_film, ("mesh", "surface", "stress", "body")),
+}
+
+
+def _name(output: BodyPicture) -> str:
+    """Return a body's name for a title, which the scene's, of its motion, wouldn't suit."""
+    return output.body[:1].upper() + output.body[1:]
+
+
+def _quantity(component: str) -> str:
+    name = {"von Mises": component}.get(component, component if component.startswith("principal") else f"σ{component}")
+    return f"{name} [MPa]"

@@ -1,0 +1,151 @@
+"""Contents of the page of all results: figures, pictures and tables as its template takes them."""
+
+from __future__ import annotations
+
+import base64
+import platform
+from importlib.metadata import version
+from typing import Any
+
+import numpy as np
+
+from fmd.core.html import facts, scaled
+from fmd.core.version import __version__
+from fmd.output.key_figures import key_figures
+from fmd.output.notebook import draw_inline
+from fmd.output.pictures import chart_title
+from fmd.output.report.shown import image_of, show_outputs
+from fmd.output.report.view3d import collect_view
+from fmd.output.stated_errors import ERROR_COLUMNS, error_cells
+from fmd.output.views import camera_of
+from fmd.render.camera import Camera
+from fmd.stages.pipeline import Pipeline
+
+_MOST_MODES = 6
+_SMALL = [800, 450]  # pixels
+_LARGE = [1280, 720]
+_TICKS = 5
+_PACKAGES = ("numpy", "scipy", "gmsh", "scikit-fem", "numba", "pyvista", "vtk", "matplotlib")
+
+
+def draw_pictures(run: Pipeline) -> dict[str, Any]:
+    """Draw the mechanism in motion, the first modes, the scene's charts, and all else that its outputs show."""
+    moves = run.scene.moves
+    return {
+        "motion": _collect_motion(run) if moves else None,
+        "modes": _draw_modes(run) if run.wholes and run.part.has_mesh else [],
+        "charts": _draw_charts(run) if moves else [],
+        "shown": show_outputs(run) if moves else [],
+    }
+
+
+def collect_tables(run: Pipeline, summary: dict[str, Any]) -> dict[str, Any]:
+    """Collect the key figures and the rows of all tables from a run's summary."""
+    cached = summary.get("stages_cached", ())
+    return {
+        "title": run.scene.title,
+        "source": run.scene.source,
+        "scene": run.scene.name,
+        "figures": key_figures(summary),
+        "frequencies": _frequencies(summary) if run.wholes else None,
+        "integrations": _integrations(summary) if "integrations" in summary else None,
+        "budget": _budget(summary["error_budget"]) if "error_budget" in summary else None,
+        "stages": [
+            (name, f"{seconds:.3f}", "from the cache" if name in cached else "")
+            for name, seconds in summary["seconds"].items()
+        ],
+    }
+
+
+def versions_table() -> str:
+    """Make the table of versions and of the machine, as HTML."""
+    from joblib import cpu_count
+
+    versions = [("fmd", __version__), ("Python", platform.python_version())]
+    versions += [(package, version(package)) for package in _PACKAGES]
+    machine = f"{platform.system()}, {platform.machine()}, {cpu_count()} cores"
+    return facts([*versions, ("machine", machine)], "versions")
+
+
+def _collect_motion(run: Pipeline) -> dict[str, Any]:
+    """Collect the data of the viewer, its colour bar, and the picture that stands for it without WebGL."""
+    scale = next((output.scale for output in run.scene.output if output.type in ("film", "stress")), 1.0)
+    films = [output for output in run.scene.output if output.type == "film"]
+    view = collect_view(run, scale, camera_of(run, films[0]) if films else Camera())
+    stressed = view["worst"] is not None
+    still = draw_inline(run, "stress" if stressed else "mechanism", scale=scale, size=_LARGE)[0]
+    colours = np.frombuffer(base64.b64decode(view["colours"]), dtype=np.uint8).reshape(-1, 3)[::15]
+    low, high = view["limits"]
+    return {
+        "view": view,
+        "still": image_of(still.png, f"{run.scene.title} at its worst instant" if stressed else run.scene.title),
+        "strip": [f"rgb({r} {g} {b})" for r, g, b in colours.tolist()] if stressed else [],
+        "ticks": np.linspace(low, high, _TICKS).tolist(),
+        "largest_scale": 2 * scale if scale > 1 else 10,
+    }
+
+
+def _draw_modes(run: Pipeline) -> list[dict[str, str]]:
+    drawn = draw_inline(run, "modes", range(1, _MOST_MODES + 1), size=_SMALL)
+    return [
+        image_of(picture.png, f"mode {k + 1}, {run.modes.frequencies_hz[k]:.1f} Hz") for k, picture in enumerate(drawn)
+    ]
+
+
+def _draw_charts(run: Pipeline) -> list[dict[str, str]]:
+    charts = []
+    for chart in (output for output in run.scene.output if output.type == "chart"):
+        settings = chart.model_dump(exclude={"type", "file", "band"}, exclude_defaults=True)
+        title = chart.title or chart_title(chart)
+        charts.append(image_of(draw_inline(run, "chart", **settings)[0].png, title))
+    return charts
+
+
+def _frequencies(summary: dict[str, Any]) -> dict[str, Any]:
+    """Frequencies, beside those of the scene's reference if it has one."""
+    known = zip(summary["reference_hz"], summary["relative_error"], strict=True)
+    beside = [(f"{hertz:.1f}", f"{100 * error:+.2f} %") for hertz, error in known]
+    return {
+        "header": ("mode", "Hz", "reference Hz", "difference") if beside else ("mode", "Hz"),
+        "rows": [
+            (k + 1, f"{hertz:.2f}", *(beside[k] if k < len(beside) else ("", "") if beside else ()))
+            for k, hertz in enumerate(summary["frequencies_hz"])
+        ],
+        "note": f"{summary['dofs']} unknowns, {summary['rigid_modes']} rigid-body modes, "
+        f"residual {summary['residual']:.0e}",
+    }
+
+
+def _integrations(summary: dict[str, Any]) -> dict[str, Any]:
+    return {
+        "header": (
+            "method",
+            "step",
+            "time of integration alone",
+            "ratio",
+            "solutions + fast",
+            "limit / step",
+            "tip differs by",
+        ),
+        "rows": [
+            (
+                row["integrator"] + (f" {row['substeps']}:1" if row["substeps"] > 1 else ""),
+                scaled(row["step_s"], "s", 3),
+                scaled(row["seconds"], "s", 3),
+                f"{row['ratio_to_plain']:.2f}",
+                f"{row['evaluations']} + {row['fast_evaluations']}",
+                scaled(row["stability_margin"], digits=3),
+                scaled(row["tip_difference_m"], "m", 3),
+            )
+            for row in summary["integrations"]
+        ],
+    }
+
+
+def _budget(budget: dict[str, Any]) -> dict[str, Any]:
+    return {
+        "header": ("quantity", "value", *ERROR_COLUMNS),
+        "rows": [(row["quantity"], scaled(row["value"], row["unit"]), *error_cells(row)) for row in budget["rows"]],
+        "note": f"Error of each result by its source [%]; stated is {budget['safety']:g} times the root of their "
+        "squares. What is stated is a lower bound (>) where an estimate is missing (?).",
+    }

@@ -1,0 +1,135 @@
+"""Data of a moving mechanism for the viewer of the page, which turns it and plays its motion in the browser."""
+
+from __future__ import annotations
+
+import base64
+from collections.abc import Mapping
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from fmd.core.arrays import Array, IntArray
+from fmd.output.mechanism_view import view_mechanism
+from fmd.recovery.stress import choose_frames
+from fmd.render.camera import Camera
+from fmd.render.colours import sample_colours, usual_limits
+
+if TYPE_CHECKING:
+    from fmd.render.moving_bodies import MovingBody, MovingShape
+    from fmd.stages.pipeline import Pipeline
+
+_COLOURS = 256
+_LARGEST = 32767  # of a 16-bit number
+_MOST_EDGES = 12_000  # with more, element edges are hidden at first
+_MOST_FRAMES, _LEAST_FRAMES = 81, 2
+_MOST_BYTES = 4_000_000  # of deformation and stress in all frames
+_BYTES_A_POINT = 7  # three 16-bit displacements and a colour
+_REACHED = 1.05  # of the mechanism's reach from its middle is shown at first
+
+
+def collect_view(run: Pipeline, scale: float, camera: Camera) -> dict[str, Any]:
+    """Collect the bodies of a run, their places and deformation over its motion, and their stress as colours.
+
+    Parameters
+    ----------
+    scale : float
+        Factor on the deformation when the page is opened.
+    camera : Camera
+        Gives the direction at first, and the colours.
+
+    Returns
+    -------
+    dict
+        ``bodies`` and ``lines``; arrays are little-endian in base64. Of each body: float32 ``positions`` (n, 3) of its
+        drawn points in its frame [m], float32 ``origin`` (n_frames, 3) [m] and ``rotation`` (n_frames, 3, 3) of the
+        frame, uint32 ``triangles`` and ``edges``, ``rgb`` if it has one colour. Of a flexible one also int16
+        ``displacements`` (n_frames, n, 3), a unit of which is ``step`` [m], and uint8 ``levels`` (n_frames, n) between
+        the ``limits`` [MPa]. ``axes`` are the camera's, row by row, to the right, up and towards the viewer.
+    """
+    times = run.motion.times
+    meshed = [name for name, part in run.wholes.items() if part.has_stress]
+    worst = {name: run.stress_of(name).worst() for name in meshed}
+    first = max(meshed, key=lambda name: worst[name][2]) if meshed else None
+    at_worst = 0 if first is None else int(np.searchsorted(times, worst[first][0]))
+    n_points = sum(len(run.wholes[name].surface.nodes) for name in meshed)
+    n_frames = _MOST_BYTES // max(_BYTES_A_POINT * n_points, 1)
+    chosen = choose_frames(len(times), int(np.clip(n_frames, _LEAST_FRAMES, _MOST_FRAMES)))
+    chosen = np.union1d(chosen, [at_worst])
+    moving = view_mechanism(run, chosen, scale=scale)
+    stresses = [body.stress.ravel() for body in moving.bodies if body.stress is not None]
+    limits = usual_limits(np.concatenate(stresses)) if stresses else (0.0, 1e6)
+    around = moving.around()
+    middle = (around.min(axis=0) + around.max(axis=0)) / 2
+    axes = camera.candidate_axes(around, up=moving.up)[0]
+    reach = np.abs((around - middle) @ axes[:2].T).max(axis=0)
+    bodies = [_flexible(body, limits) for body in moving.bodies]
+    n_edges = sum(len(body.surface.edges) for body in moving.bodies)
+    return {
+        "bodies": bodies + [_rigid(shape) for shape in moving.shapes],
+        "lines": [{"points": _encode(line.points, "<f4"), "rgb": _rgb(line.colour)} for line in moving.lines],
+        "clocks": [moving.clock(frame) for frame in range(len(chosen))],
+        "colours": _encode(sample_colours(camera.colour_map, _COLOURS), "u1"),
+        "limits": [limits[0] * 1e-6, limits[1] * 1e-6],
+        "axes": axes.ravel().tolist(),
+        "middle": middle.tolist(),
+        "reach": (_REACHED * np.maximum(reach, 1e-9)).tolist(),
+        "radius": float(np.linalg.norm(around - middle, axis=1).max()) or 1.0,
+        "scale": scale,
+        "showEdges": n_edges <= _MOST_EDGES,
+        "frame": int(np.searchsorted(chosen, at_worst)),
+        "worst": _describe_worst(first, worst),
+    }
+
+
+def _describe_worst(body: str | None, worst: Mapping[str, tuple[float, int, float]]) -> dict[str, Any] | None:
+    if body is None:
+        return None
+    time, _, largest = worst[body]
+    return {"body": body, "time": time, "largest": largest * 1e-6}
+
+
+def _flexible(body: MovingBody, limits: tuple[float, float]) -> dict[str, Any]:
+    """Collect a flexible body: displacements of its drawn points as 16-bit numbers, its stress as 8-bit levels."""
+    from fmd.render.surface import build_skin
+
+    skin = build_skin(body.surface)
+    displacements = np.stack([body.shapes @ q for q in body.coordinates])
+    step = float(np.abs(displacements).max(initial=0.0)) / _LARGEST or 1.0
+    drawn = np.zeros(len(body.surface.points), dtype=np.int64)
+    drawn[skin.source] = np.arange(len(skin.source))
+    assert body.stress is not None
+    levels = np.clip((body.stress - limits[0]) / (limits[1] - limits[0]), 0, 1) * (_COLOURS - 1)
+    return _placed(body.surface.points[skin.source], skin.triangles, body) | {
+        "edges": _encode(drawn[body.surface.edges], "<u4"),
+        "step": step,
+        "displacements": _encode(np.rint(displacements[:, skin.source] / step), "<i2"),
+        "levels": _encode(np.rint(levels[:, skin.source]), "u1"),
+        "rgb": None,
+    }
+
+
+def _rigid(shape: MovingShape) -> dict[str, Any]:
+    """Collect a rigid shape."""
+    from fmd.render.surface import build_skin
+
+    skin = build_skin(shape.surface)
+    return _placed(shape.surface.points[skin.source], skin.triangles, shape) | {"edges": "", "rgb": _rgb(shape.colour)}
+
+
+def _placed(points: Array, triangles: IntArray, frame: MovingBody | MovingShape) -> dict[str, Any]:
+    return {
+        "positions": _encode(points, "<f4"),
+        "triangles": _encode(triangles, "<u4"),
+        "origin": _encode(frame.origin, "<f4"),
+        "rotation": _encode(frame.rotation, "<f4"),
+    }
+
+
+def _rgb(colour: str) -> list[float]:
+    return [int(colour[k : k + 2], 16) / 255 for k in (1, 3, 5)]
+
+
+def _encode(values: NDArray[Any], kind: str) -> str:
+    """Encode an array's bytes in base64."""
+    return base64.b64encode(values.astype(kind).tobytes()).decode()

@@ -1,0 +1,259 @@
+"""Linear answers of a scene as files: frequency responses, random vibration and state-space models."""
+
+from __future__ import annotations
+
+import csv
+from collections.abc import Sequence
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from fmd.core.arrays import Array
+from fmd.core.errors import AccuracyError, InputError
+from fmd.core.files import whole_file
+from fmd.core.netcdf import NetcdfVariable, write_netcdf
+from fmd.responses.frequencies import choose_frequencies
+from fmd.responses.random_vibration import RandomResponse, random_response
+from fmd.scene.responses import FrequencyResponseChart
+from fmd.stages.linear_model import LinearModel, linearise_scene
+from fmd.stages.pipeline import Pipeline
+from fmd.stages.spectral_density import read_density
+
+_FINE = 1.05  # ratio of distances from a pole: integrals over a resonance are then right to 2e-4
+_UNDAMPED = 1e-8  # damping ratio
+_NEAR, _AWAY, _RESONANT = 1e-7, 1e-3, 100.0  # a resonance is so much larger at the first of two distances
+_LARGE = 1e12  # a response beyond is that of an undamped pole itself
+
+
+@dataclass(frozen=True)
+class FrequencyResponse:
+    """Frequency response of a scene, and what a random input makes of it.
+
+    Attributes
+    ----------
+    linear : LinearModel
+        The linear model.
+    frequencies_hz : ndarray, shape (n_frequencies,)
+        [Hz]
+    values : ndarray, shape (n_frequencies, n_outputs, n_inputs)
+        Complex.
+    random : RandomResponse, optional
+        Answer of the outputs to a random input, the first.
+    """
+
+    linear: LinearModel
+    frequencies_hz: Array
+    values: Array
+    random: RandomResponse | None = None
+
+    @property
+    def inputs(self) -> list[tuple[str, str]]:
+        """Names and units of the inputs."""
+        return self.linear.input_names(as_positions=True)
+
+    @property
+    def outputs(self) -> list[tuple[str, str]]:
+        """Names and units of the outputs."""
+        return [(channel.name, channel.unit) for channel in self.linear.model.outputs]
+
+    def summary(self) -> dict[str, Any]:
+        """Return poles, zeros and, of a random input, root mean squares, as plain data."""
+        model = self.linear.model
+        found: dict[str, Any] = {
+            "about": self.linear.about,
+            "inputs": [name for name, _ in self.inputs],
+            "outputs": [name for name, _ in self.outputs],
+            "poles_hz": model.poles_hz.tolist(),
+            "damping": model.damping.tolist(),
+            "warnings": self.linear.warnings,
+        }
+        top = self.frequencies_hz[-1]
+        found["zeros_hz"] = {
+            f"{output} by {name}": [float(f) for f in model.zeros_hz(k, j) if f <= top]
+            for k, (name, _) in enumerate(self.inputs)
+            for j, (output, _) in enumerate(self.outputs)
+        }
+        if self.random is not None:
+            rows = zip(self.outputs, self.random.rms, self.random.rates_hz, strict=True)
+            found["random"] = [
+                {"output": name, "unit": unit, "rms": float(rms), "crossings_hz": float(rate)}
+                for (name, unit), rms, rate in rows
+            ]
+        return found
+
+
+def compute_response(
+    run: Pipeline,
+    inputs: Sequence[str],
+    outputs: Sequence[str],
+    highest: float,
+    lowest: float | None = None,
+    points: int = 1000,
+    about: str = "start",
+    psd: tuple[str, Path, tuple[str, str]] | None = None,
+) -> FrequencyResponse:
+    """Compute the frequency response of a scene.
+
+    Parameters
+    ----------
+    inputs, outputs : sequence of str
+        Names, as docs/responses.md lists them.
+    highest, lowest : float
+        Range [Hz]; from a thousandth of the highest by default.
+    points : int
+        Number of evenly spaced frequencies, beside those about resonances.
+    about : str
+        State of linearisation, as in `fmd.stages.linear_model.linearise_scene`.
+    psd : tuple, optional
+        Spectral density of the only input, as `fmd.stages.spectral_density.read_density` takes it.
+
+    Raises
+    ------
+    InputError, AccuracyError
+        As `linearise_scene` and `read_density`; or a random input isn't the only one.
+    """
+    density = None if psd is None else read_density(*psd)
+    if psd is not None and len(inputs) != 1:
+        raise InputError(*psd[2], psd[0], f"belongs to one input; {len(inputs)} are given")
+    linear = linearise_scene(run, inputs, outputs, about)
+    lowest = highest / 1000 if lowest is None else lowest
+    frequencies = choose_frequencies(linear.model, lowest, highest, points)
+    values = linear.frequency_response(frequencies)
+    finite = np.isfinite(values).all(axis=(1, 2))  # not so at 0 Hz, where nothing holds what is pushed
+    random = None
+    if density is not None:
+        _require_stationary(linear, lowest, highest)
+        fine = choose_frequencies(linear.model, lowest, highest, points, _FINE)
+        random = random_response(fine, linear.frequency_response(fine)[:, :, 0], density)
+    return FrequencyResponse(linear, frequencies[finite], values[finite], random)
+
+
+def _require_stationary(linear: LinearModel, lowest: float, highest: float) -> None:
+    """Raise ``AccuracyError`` unless the mean squares of all outputs to noise in a range [Hz] are finite."""
+    model = linear.model
+    if model.growth:
+        problem = f"from the state of linearisation ({linear.about}) a small motion grows by {model.growth:.3g} 1/s"
+        raise AccuracyError(f"no root mean square: {problem}, so noise has no stationary answer")
+    if not np.isfinite(linear.frequency_response(np.array([lowest]))).all():
+        raise AccuracyError(f"no root mean square: the response is unbounded at {lowest:g} Hz; begin above, by --from")
+    undamped = model.poles_hz[(np.abs(model.damping) < _UNDAMPED) & (model.poles_hz >= lowest)]
+    for pole in undamped[undamped <= highest]:
+        near, away = np.abs(linear.frequency_response(pole * (1.0 + np.array([_NEAR, _AWAY]))))
+        if (near > _RESONANT * away).any():
+            problem = f"the mode at {pole:.5g} Hz has no damping, so noise makes it grow without bound"
+            raise AccuracyError(f"no root mean square: {problem}; modes.damping, or dampers, bound it")
+
+
+def write_response(found: FrequencyResponse, path: Path, title: str, chart: bool = True) -> list[str]:
+    """Write a frequency response as a chart, as a table and as NetCDF files of its name; return the files' names."""
+    path.parent.mkdir(parents=True, exist_ok=True)
+    files = []
+    if chart:
+        _draw(found, path, title)
+        files.append(path.name)
+    _write_table(found, path.with_suffix(".csv"))
+    _write_netcdf(found, path.with_suffix(".nc"))
+    return [*files, path.with_suffix(".csv").name, path.with_suffix(".nc").name]
+
+
+def write_scene_response(
+    run: Pipeline, output: FrequencyResponseChart, found: FrequencyResponse, folder: Path, chart: bool
+) -> dict[str, Any]:
+    """Write a frequency response that a scene lists; return its summary with its files."""
+    title = output.title or f"{run.scene.title}: response to {output.input}"
+    return {**found.summary(), "files": write_response(found, folder / output.file, title, chart)}
+
+
+def compute_scene_response(run: Pipeline, output: FrequencyResponseChart) -> FrequencyResponse:
+    """Compute a frequency response that a scene lists.
+
+    Raises
+    ------
+    InputError, AccuracyError
+        As `compute_response`; the message names the key of the scene.
+    """
+    scene = run.scene
+    key = f"output.{scene.output.index(output)}"
+    psd = None if output.psd is None else (output.psd, Path(scene.file).parent, (scene.file, f"{key}.psd"))
+    try:
+        return compute_response(
+            run, [output.input], output.outputs, output.to, output.from_, output.points, output.about, psd
+        )
+    except InputError as error:
+        keys = {"--in": "input", "--out": "output", "--about": "about"}
+        if error.file not in keys:
+            raise
+        raise InputError(scene.file, f"{key}.{keys[error.file]}", error.value, error.mend) from None
+
+
+def write_model(linear: LinearModel, folder: Path, formats: Sequence[str]) -> list[str]:
+    """Write a linear model as ``model.npz`` and ``model.mat``, those whose suffixes are given; return their names."""
+    folder.mkdir(parents=True, exist_ok=True)
+    for suffix in formats:
+        linear.model.save(folder / f"model{suffix}")
+    return [f"model{suffix}" for suffix in formats]
+
+
+def response_unit(output: str, unit: str) -> str:
+    """Return the unit of an output over that of an input: ``m/N``, or ``m/(m/s^2)``."""
+    if output == unit:
+        return "1"
+    return f"{output}/({unit})" if any(sign in unit for sign in "/ ") else f"{output}/{unit}"
+
+
+def _draw(found: FrequencyResponse, path: Path, title: str) -> None:
+    from fmd.render.response_chart import ResponseCurve, draw_response
+
+    curves = []
+    for k, (name, unit) in enumerate(found.inputs):
+        for j, (output, of_output) in enumerate(found.outputs):
+            label = f"{output} by {name}" if len(found.inputs) > 1 else output
+            values = np.where(np.abs(found.values[:, j, k]) < _LARGE, found.values[:, j, k], np.nan)
+            curves.append(ResponseCurve(label, response_unit(of_output, unit), values))
+    if found.random is not None:
+        for j, (output, unit) in enumerate(found.outputs):
+            at = found.frequencies_hz
+            density = np.interp(at, found.random.frequencies_hz, found.random.density[:, j])
+            label = f"{output}, RMS {found.random.rms[j]:.3g} {unit}"
+            squared = f"({unit})^2" if "/" in unit else f"{unit}^2"
+            curves.append(ResponseCurve(label, f"{squared}/Hz", density))
+    draw_response(found.frequencies_hz, curves, path, title=title)
+
+
+def _write_table(found: FrequencyResponse, path: Path) -> None:
+    header, columns = ["frequency_hz"], [found.frequencies_hz]
+    for k, (name, unit) in enumerate(found.inputs):
+        for j, (output, of_output) in enumerate(found.outputs):
+            values, unit_of = found.values[:, j, k], response_unit(of_output, unit)
+            pair = f"{output} by {name}"
+            header += [f"{pair} {part} [{unit_of}]" for part in ("real", "imaginary", "magnitude")]
+            header.append(f"{pair} phase [deg]")
+            columns += [values.real, values.imag, np.abs(values), np.degrees(np.angle(values))]
+    if found.random is not None:
+        for j, (output, unit) in enumerate(found.outputs):
+            header.append(f"{output} spectral density [({unit})^2/Hz]")
+            columns.append(np.interp(found.frequencies_hz, found.random.frequencies_hz, found.random.density[:, j]))
+    with whole_file(path) as part, part.open("w", newline="") as file:
+        rows = csv.writer(file, lineterminator="\n")
+        rows.writerow(header)
+        rows.writerows([f"{x:.9g}" for x in row] for row in np.stack(columns, axis=1))
+
+
+def _write_netcdf(found: FrequencyResponse, path: Path) -> None:
+    dims = ("frequency", "output", "input")
+    units = [[response_unit(of, by) for _, by in found.inputs] for _, of in found.outputs]
+    model = found.linear.model
+    variables = [
+        NetcdfVariable("frequency", dims[:1], found.frequencies_hz, {"units": "Hz", "long_name": "frequency"}),
+        NetcdfVariable("output", dims[1:2], np.array([name for name, _ in found.outputs])),
+        NetcdfVariable("input", dims[2:], np.array([name for name, _ in found.inputs])),
+        NetcdfVariable("units", dims[1:], np.array(units)),
+        NetcdfVariable("real", dims, found.values.real, {"long_name": "real part, in units"}),
+        NetcdfVariable("imaginary", dims, found.values.imag, {"long_name": "imaginary part, in units"}),
+        NetcdfVariable("pole", ("pole",), model.poles_hz, {"units": "Hz", "long_name": "natural frequencies"}),
+        NetcdfVariable("damping", ("pole",), model.damping, {"units": "1", "long_name": "damping ratios"}),
+    ]
+    with whole_file(path) as part:
+        write_netcdf(part, variables)

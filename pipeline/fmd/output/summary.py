@@ -1,0 +1,262 @@
+"""Figures of a run in plain numbers, as ``summary.json`` holds them."""
+
+from __future__ import annotations
+
+import math
+from typing import Any
+
+import numpy as np
+
+from fmd.accuracy.deflection import TOO_LARGE, deflection_warnings
+from fmd.accuracy.error_budget import Budget, state_errors
+from fmd.accuracy.error_estimates import SAFETY
+from fmd.accuracy.stretching import stretching_warnings
+from fmd.accuracy.time_limit import TIME_IS_SHORT
+from fmd.accuracy.uncertain_results import uncertain_warnings
+from fmd.core.version import __version__
+from fmd.output.coupling import coupling_warnings
+from fmd.output.explain import STAGES
+from fmd.output.frequencies import frequencies_by_body, frequency_table, mode_warnings
+from fmd.output.histories import extremes
+from fmd.output.loops import loop_figures, loop_warnings
+from fmd.output.output_times import output_time_warnings
+from fmd.output.spot_stress import spot_stress_warnings
+from fmd.output.stress_fields import summarise_fields
+from fmd.recovery.motion import Motion
+from fmd.scene.histories import ExtremesTable
+from fmd.stages.divided_scene import part_of
+from fmd.stages.pipeline import Pipeline
+from fmd.stages.signals import find_idle_drives
+
+# Errors of a part in pieces, beyond which they are told.
+_OF_PIECES = {"lowest frequencies": 0.05, "deflections": 0.01}
+_MORE_TIME = 5.0  # times the limit of an error budget that isn't whole
+
+
+def summarise(run: Pipeline, files: list[str], budget: bool, budget_seconds: float = math.inf) -> dict[str, Any]:
+    """Gather a run's figures; the keys about modes and stress are there if the scene has a flexible body.
+
+    Parameters
+    ----------
+    files : list of str
+        Files that were written.
+    budget : bool
+        Estimate the errors of the results.
+    budget_seconds : float
+        Time that this may take [s].
+    """
+    summary: dict[str, Any] = {"scene": run.scene.name, "version": __version__}
+    if run.wholes:
+        summary |= frequency_table(run)
+        summary["bodies"] = {name: own | _body(run, name) for name, own in frequencies_by_body(run).items()}
+    summary["warnings"] = [
+        *mode_warnings(run),
+        *_stiffness_warnings(run),
+        *_division_warnings(run),
+        *_motion_warnings(run),
+        *deflection_warnings(run),
+        *stretching_warnings(run, TOO_LARGE),
+        *loop_warnings(run),
+        *coupling_warnings(run),
+    ]
+    first = run.motion
+    summary |= loop_figures(run)
+    summary["largest_stable_step_s"] = run.system.largest_step if run.system.n else None
+    summary["integrations"] = _integrations(run)
+    summary["final"] = first.final() | _former_names(first)
+    summary["joint_units"] = {joint: first.joint_unit(joint) for joint in first.joints}
+    summary["tip"] = summary["final"]["tip"]
+    summary["left_out_modes"] = run.left_out
+    if len(first.tip_link.omega):
+        summary["peak_tip_deflection_m"] = float(run.fine_motion.tip_size.max())
+    histories = _element_histories(run)
+    for name, values in histories.items():
+        reference = values[next(iter(values))]
+        for row, history in zip(summary["integrations"], values.values(), strict=True):
+            apart = float(np.abs(history - reference).max() / reference.max()) if reference.any() else 0.0
+            row.setdefault("element_stress_difference", {})[name] = apart
+        ends = {"largest_pa": float(reference.max()), "at_the_end_pa": float(reference[-1])}
+        summary.setdefault("element_stress", {})[name] = ends
+    summary["warnings"] += spot_stress_warnings(run)
+    meshed = [name for name, part in run.wholes.items() if part.has_mesh]
+    stressed = [name for name, part in run.wholes.items() if part.has_stress]
+    if stressed:
+        found = {name: run.stress_of(name).worst() for name in stressed}
+        worst = {name: _worst_stress(run, name, *found[name]) for name in stressed}
+        where = max(worst, key=lambda name: worst[name]["value_pa"])
+        largest = {"body": where, "von_mises_pa": worst[where]["value_pa"]}
+        summary["worst_stress"] = largest | {key: worst[where][key] for key in ("time_s", "position_m")} | worst
+        summary["warnings"] += output_time_warnings(run, {name: node for name, (_, node, _) in found.items()})
+    if tables := {o.file: extremes(run, o) for o in run.scene.output if isinstance(o, ExtremesTable)}:
+        summary["tables"] = tables
+    summary |= summarise_fields(run)
+    if budget and len(meshed) == len(run.wholes):  # matrices alone tell nothing of their own error
+        stated = state_errors(run, budget_seconds)
+        summary["error_budget"] = stated.summary()
+        summary["warnings"] += [*uncertain_warnings(run.scene, stated), *_budget_warnings(run, stated, budget_seconds)]
+    return summary | {
+        "files": files,
+        "seconds": dict(run.log.seconds),
+        "stages_run": list(run.log.run),
+        "stages_cached": list(run.log.cached),
+        "stages_skipped": [stage for stage in STAGES if stage not in run.log.seconds],
+    }
+
+
+def _worst_stress(run: Pipeline, body: str, time: float, node: int, value: float) -> dict[str, Any]:
+    """Return the largest von Mises stress of a body, its time, and its place in the part's own coordinates."""
+    place = run.bodies[run.frame_of(body)].origin + run.node_positions(body)[run.stress_of(body).nodes[node]]
+    return {"value_pa": value, "time_s": time, "position_m": place.tolist()}
+
+
+def _integrations(run: Pipeline) -> list[dict[str, Any]]:
+    """Figures of each of the scene's runs: method, step, work, stability, differences from the first, and its end."""
+    first = run.motion
+    limits = [plan.integrator.largest_step(plan.system) for plan in run.plans.values()]
+    return [
+        {
+            "integrator": motion.trajectory.integrator,
+            "step_s": motion.trajectory.step,
+            "substeps": motion.trajectory.substeps,
+            "seconds": motion.trajectory.seconds,
+            "ratio_to_plain": motion.trajectory.seconds / first.trajectory.seconds,
+            "evaluations": motion.trajectory.evaluations,
+            "fast_evaluations": motion.trajectory.fast_evaluations,
+            "error": motion.trajectory.error,
+            "growth": run.plans[label].growth,
+            "largest_stable_step_s": limit if np.isfinite(limit) else None,
+            "stability_margin": limit / motion.trajectory.step if np.isfinite(limit) else None,
+            **motion.differences(first),
+            "final": motion.final() | _former_names(motion),
+        }
+        for (label, motion), limit in zip(run.motions.items(), limits, strict=True)
+    ]
+
+
+def _stiffness_warnings(run: Pipeline) -> list[dict[str, str]]:
+    """Warnings about bodies that the loads through them bring to buckling, or that should be stiffened and aren't."""
+    found = []
+    for name, change in run.stiffness_changes.items():
+        if change.growth > 0.0 and not part_of(name):
+            text = (
+                f"{name}: the loads through it pass {change.buckling:.3g} times its buckling load at "
+                f"t = {change.buckles_at:.4g} s; what grows from there is right only while it is small"
+            )
+            found.append({"code": "buckling", "body": name, "text": text})
+    for name, spin in run.spin.items():
+        if not spin.stiffened and spin.change > run.scene.simulation.error:
+            why = "simulation.stiffening is off" if run.parts[name].has_mesh else "without a mesh it has but its file's"
+            text = (
+                f"{name}: the loads through it can change its stiffness by up to {100 * spin.change:.2g} %, which is "
+                f"left out: {why}"
+            )
+            found.append({"code": "stiffening-left-out", "body": name, "text": text})
+    return found
+
+
+def _division_warnings(run: Pipeline) -> list[dict[str, str]]:
+    """Warnings about parts whose pieces vibrate or deflect otherwise than the part in one piece."""
+    return [
+        {
+            "code": "pieces",
+            "body": name,
+            "text": f"{name}: the {what} of its {len(divided.pieces)} pieces together differ by up to "
+            f"{100 * error:.2g} % from those of the part in one piece; a larger modes.count than "
+            f"{run.scene.flexible[name].modes.count} helps where fast motions matter, another number of pieces where a "
+            "cut runs through a thick joint or a thin-walled open section",
+        }
+        for name, divided in run.division.divided.items()
+        for what, error in divided.errors.items()
+        if error > _OF_PIECES[what]
+    ]
+
+
+def _motion_warnings(run: Pipeline) -> list[dict[str, str]]:
+    """Warnings about results that can't be right, each a text and a code."""
+    acts = any(not activity.quiet.all() for activity in run.mechanism.activities)
+    duration = run.scene.simulation.duration
+    idle = [
+        {
+            "code": "load-without-effect",
+            "text": f"drive.{name} is 0 until the end of the simulation, t = {duration:g} s; check its times (the t of "
+            "a formula is in seconds) and simulation.duration",
+        }
+        for name in find_idle_drives(run.scene)
+    ]
+    return idle + [
+        {
+            "code": "load-without-motion",
+            "text": f"{motion.trajectory.integrator}: a load acts, but nothing moves; check its place and direction, "
+            "and what the joints leave free",
+        }
+        for motion in run.motions.values()
+        if acts and motion.trajectory.q.size and not np.ptp(motion.trajectory.q, axis=0).any()
+    ]
+
+
+def _budget_warnings(run: Pipeline, budget: Budget, seconds: float) -> list[dict[str, str]]:
+    """Warnings about estimates that were left out, and about a wanted accuracy that the model itself doesn't reach."""
+    warnings = []
+    if budget.left_out:
+        text = f"the error budget isn't whole: {'; '.join(budget.left_out)}"
+        if any(TIME_IS_SHORT in why for why in budget.left_out):
+            allowed = seconds if math.isfinite(seconds) else budget.seconds
+            text += f"; with --budget-seconds {math.ceil(_MORE_TIME * max(allowed, 1.0))} more of it is estimated"
+        warnings.append({"code": "budget-incomplete", "text": text})
+    wanted = run.scene.accuracy
+    causes = [each for each in budget.model if each.counted and wanted is not None and SAFETY * each.error > wanted]
+    for each in causes:
+        text = (
+            f"the wanted accuracy is that of the equations as they are solved; the model itself is off by about "
+            f"{100 * each.error:.2g} % in '{each.quantity}': {each.text}"
+        )
+        warnings.append({"code": "model-error", "text": text})
+    return warnings
+
+
+def _former_names(motion: Motion) -> dict[str, float]:
+    """Names that a single flexible body on a hinge had in ``final`` until 0.1; they go with the next release."""
+    final, across = motion.final(), motion.deflection_across_arm
+    if len(motion.mechanism.links) > 1 or across is None or not len(motion.tip_link.omega):
+        return {}
+    (angle,), (rate,) = final["joint_positions"].values(), final["joint_rates"].values()
+    return {
+        "joint_angle_rad": angle,
+        "joint_rate_rad_s": rate,
+        "tip_deflection_m": float(across[-1]),
+        "strain_energy_j": final["potential_energy_j"],
+    }
+
+
+def _element_histories(run: Pipeline) -> dict[str, dict[str, Any]]:
+    """Von Mises stress of each named element over each run."""
+    names = [f"{body}.{element}" for body, part in run.wholes.items() for element in part.elements]
+    return {name: run.element_stress(name) for name in names}
+
+
+def _body(run: Pipeline, name: str) -> dict[str, Any]:
+    """Figures of a flexible body: mass, frequencies in its frame, coupling, and the effect of its spin.
+
+    Of a body in pieces they are the sum of the pieces' masses, the lowest or largest value of any piece, and the
+    frequencies of the first.
+    """
+    pieces = [part.name for part in run.pieces_of(name)]
+    bodies, spins = [run.bodies[own] for own in pieces], [run.spin[own] for own in pieces]
+    deformations = [run.deformations[own] for own in pieces if own in run.deformations]
+    changes = [run.stiffness_changes[own] for own in pieces if own in run.stiffness_changes]
+    critical = min(spin.critical_rate for spin in spins)
+    figures: dict[str, Any] = {} if len(pieces) == 1 else {"pieces": len(pieces)}
+    return figures | {
+        "frequencies_in_frame_hz": bodies[0].frequencies_hz.tolist(),
+        "coupling": max(body.coupling for body in bodies),
+        "prescribed": run.parts[pieces[0]].joint.prescribed,
+        "mass_kg": sum(body.gram.mass for body in bodies),
+        "mesh_notes": list(run.wholes[name].mesh_notes),
+        "largest_spin_rad_s": max(spin.largest_rate for spin in spins),
+        "critical_spin_rad_s": critical if np.isfinite(critical) else None,
+        "stiffened": any(spin.stiffened for spin in spins),
+        "largest_rotation_rad": max((own.rotation for own in deformations), default=None),
+        "largest_strain": max((own.strain for own in deformations), default=None),
+        "stiffness_change": max((change.largest for change in changes), default=None),
+        "buckling_load_factor": max((change.buckling for change in changes), default=None),
+    }

@@ -1,0 +1,137 @@
+"""Files of a run: the motion, the summary, and the pictures, films and exports that the scene lists."""
+
+from __future__ import annotations
+
+import json
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
+
+from fmd.accuracy.error_budget import allowed_seconds, state_errors
+from fmd.accuracy.piece_counts import choose_piece_counts
+from fmd.accuracy.refinement import meet_accuracy
+from fmd.core.errors import InputError
+from fmd.core.files import whole_file
+from fmd.output.explain import remember_times
+from fmd.output.exports import write_file
+from fmd.output.picture_files import Pictures
+from fmd.output.summary import summarise
+from fmd.recovery.motion_file import write_motions
+from fmd.scene.outputs import is_drawn
+from fmd.scene.responses import FrequencyResponseChart
+from fmd.stages.pipeline import Pipeline
+
+if TYPE_CHECKING:
+    from fmd.output.responses import FrequencyResponse
+
+
+def write_results(
+    run: Pipeline, folder: Path, pictures: bool, budget: bool = True, budget_seconds: float | None = None
+) -> dict[str, Any]:
+    """Compute the results that a scene asks for, write them into a folder and return the summary.
+
+    Parameters
+    ----------
+    run : Pipeline
+        The scene's pipeline.
+    folder : Path
+        Made if it is missing; each file appears whole or not at all.
+    pictures : bool
+        Draw pictures; without, neither PyVista nor Matplotlib is loaded.
+    budget : bool
+        Estimate the errors of the results.
+    budget_seconds : float, optional
+        Time that this may take [s]; three times that of the run by default, less for long runs.
+
+    Raises
+    ------
+    InputError
+        The folder can't be written, or this machine can't draw.
+    AccuracyError
+        A march diverged, or a result failed its check.
+    """
+    drawn = [output for output in run.scene.output if is_drawn(output)] if pictures else []
+    with Pictures(drawn, run.scene.file) as drawing:
+        drawing.start(run)
+        run, refinement = choose_piece_counts(run), dict[str, Any]()
+        if run.scene.accuracy is not None:
+            if not budget:
+                mend = "can't be: the scene wants an accuracy, which the budget proves"
+                raise InputError("--no-budget", "", None, mend)
+            drawing.require_ready()
+            found = meet_accuracy(run)
+            run, refinement = found.run, found.summary()
+        run.bodies  # noqa: B018 - the process that draws gets ready meanwhile
+        drawing.require_ready()
+        drawing.begin(run, still=True)
+        asked = [output for output in run.scene.output if output.type == "frf"]
+        answers = _compute_responses(run, asked) if asked else []
+        run.while_timed = drawing.paused
+        run.motions  # noqa: B018 - refuses or diverges before anything is written
+        drawing.begin(run, still=False)
+        try:
+            summary = _write(run, folder, drawing, budget, budget_seconds, refinement)
+            if asked:
+                _add_responses(run, list(zip(asked, answers, strict=True)), folder, pictures, summary)
+            _write_summary(summary, folder)
+        except OSError as error:
+            raise InputError("--out", "", str(folder), f"can't be written: {error.strerror or error}") from error
+    remember_times(run)
+    return summary
+
+
+def _write(
+    run: Pipeline,
+    folder: Path,
+    drawing: Pictures,
+    budget: bool,
+    budget_seconds: float | None,
+    refinement: dict[str, Any],
+) -> dict[str, Any]:
+    """Write all files of a run that has been integrated, but the summary, while its pictures are drawn."""
+    wanted = [output for output in run.scene.output if not is_drawn(output) and output.type != "frf"]
+    folder.mkdir(parents=True, exist_ok=True)
+    files = [_write_motion(run, folder)]
+    if wanted:
+        files += run.store.compute("files", lambda: [name for o in wanted for name in write_file(run, o, folder)])
+    seconds = allowed_seconds(run) if budget_seconds is None else budget_seconds
+    if budget and all(part.has_mesh for part in run.parts.values()):
+        state_errors(run, seconds)
+    files += drawing.write(run, folder)
+    summary = summarise(run, files, budget, seconds)
+    if refinement:
+        summary["accuracy"] = refinement
+    return summary
+
+
+def _write_summary(summary: dict[str, Any], folder: Path) -> None:
+    with whole_file(folder / "summary.json") as part:
+        part.write_text(json.dumps(summary, indent=1, allow_nan=False) + "\n")
+
+
+def _compute_responses(run: Pipeline, asked: list[FrequencyResponseChart]) -> list[FrequencyResponse]:
+    """Compute the frequency responses that a scene lists, before anything is integrated."""
+    from fmd.output.responses import compute_scene_response
+
+    return run.store.compute("responses", lambda: [compute_scene_response(run, output) for output in asked])
+
+
+def _add_responses(
+    run: Pipeline,
+    answers: list[tuple[FrequencyResponseChart, FrequencyResponse]],
+    folder: Path,
+    pictures: bool,
+    summary: dict[str, Any],
+) -> None:
+    """Write frequency responses, and add their figures, files and warnings to the summary."""
+    from fmd.output.responses import write_scene_response
+
+    summary["responses"] = [write_scene_response(run, output, found, folder, pictures) for output, found in answers]
+    for response in summary["responses"]:
+        summary["files"] += response["files"]
+        summary["warnings"] += [warning for warning in response["warnings"] if warning not in summary["warnings"]]
+
+
+def _write_motion(run: Pipeline, folder: Path) -> str:
+    with whole_file(folder / "motion.nc") as part:
+        write_motions(run.motions, part)
+    return "motion.nc"

@@ -1,0 +1,67 @@
+"""Damage of nodes by histories of their stress: signed von Mises, or normal stress on planes across the surface."""
+
+from __future__ import annotations
+
+import math
+
+from fmd.core.arrays import Array, IntArray
+from fmd.dynamics.jit.compiled import inner, kernel
+from fmd.recovery.kernels.principal import principal_stresses
+from fmd.recovery.kernels.rainflow import history_damage
+
+
+@inner
+def signed_von_mises(xx: float, yy: float, zz: float, yz: float, xz: float, xy: float) -> float:
+    """Return the von Mises stress with the sign of the principal stress that is the largest by size."""
+    a, b, c = xx - yy, yy - zz, zz - xx
+    square = 0.5 * (a * a + b * b + c * c) + 3.0 * (yz * yz + xz * xz + xy * xy)
+    trace = xx + yy + zz
+    # σ₁ + σ₃ is the trace less σ₂, which is within a third of the von Mises stress of the mean stress.
+    if 4.0 * trace * trace <= square:
+        largest, _, smallest = principal_stresses(xx, yy, zz, yz, xz, xy)
+        trace = largest + smallest
+    return math.copysign(math.sqrt(square), trace)
+
+
+@kernel
+def sign_von_mises(tensors: Array, histories: Array) -> None:
+    """Fill histories (n_nodes, n_frames) with the signed von Mises stress of tensors (n_nodes, 6, n_frames)."""
+    for node in range(tensors.shape[0]):
+        s = tensors[node]
+        for k in range(tensors.shape[2]):
+            histories[node, k] = signed_von_mises(s[0, k], s[1, k], s[2, k], s[3, k], s[4, k], s[5, k])
+
+
+@kernel
+def damage_of_histories(histories: Array, law: Array, room: Array, damage: Array) -> None:
+    """Fill the damage (n_nodes,) of histories (n_nodes, n); law and room are those of `history_damage`."""
+    for node in range(histories.shape[0]):
+        damage[node] = history_damage(histories[node], law, room)
+
+
+@kernel
+def damage_of_planes(
+    tensors: Array, directions: Array, law: Array, history: Array, room: Array, damage: Array, planes: IntArray
+) -> None:
+    """Fill the largest damage (n_nodes,) by the normal stress on any plane, and the plane's number (n_nodes,).
+
+    Parameters
+    ----------
+    tensors : ndarray, shape (n_nodes, 3, n)
+        Stress in the surface [Pa]: along its two axes, and the shear stress between them.
+    directions : ndarray, shape (n_planes, 3)
+        What gives a plane's normal stress from these: ``cos² α, sin² α, 2 sin α cos α``.
+    history, room : ndarray, shapes (n,) and (5, n)
+        To work in.
+    """
+    n = tensors.shape[2]
+    for node in range(tensors.shape[0]):
+        damage[node], planes[node] = -1.0, 0
+        xx, yy, xy = tensors[node, 0], tensors[node, 1], tensors[node, 2]
+        for plane in range(directions.shape[0]):
+            a, b, c = directions[plane, 0], directions[plane, 1], directions[plane, 2]
+            for k in range(n):
+                history[k] = a * xx[k] + b * yy[k] + c * xy[k]
+            own = history_damage(history, law, room)
+            if own > damage[node]:
+                damage[node], planes[node] = own, plane

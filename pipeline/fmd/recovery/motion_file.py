@@ -1,0 +1,203 @@
+"""Motions as one labelled data set, which ``motion.nc`` holds: the same variables for every scene, with units.
+
+Vectors are in the ground's axes but where it says otherwise; their dimension is ``axis`` (x, y, z), that of quaternions
+``quaternion`` (x, y, z, w: scalar part last). All variables have the dimensions ``run`` and ``time`` first.
+
+========================== ========= =====================================================================
+``J.position``, ``J.rate``           of a revolute, prismatic or screw joint J; on a revolute one, of the section there
+``J.coordinates``, ``J.rates``       of a universal, cylindrical or planar joint: displacements [m], then angles [rad]
+``J.orientation``                    of a spherical or free joint: the child against its parent
+``J.angular_velocity``               of such a joint, about the child's axes
+``J.displacement``                   of a free joint, along the parent's axes; ``J.velocity`` is its rate
+``B.modal_coordinates``              of a flexible body B; its dimension ``B.mode`` has the frequencies [Hz]
+``B.origin``, ``B.orientation``      of the body's frame
+``B.M.position``                     of each named marker M of the body; of a part in pieces under the part's name
+``B.M.deflection``                   of each marker of a flexible body, in its axes, seen from the section at its joint
+``centre_of_mass``                   of all bodies
+``momentum``, ``angular_momentum``   of all bodies, the latter about the ground's origin
+``kinetic_energy``                   of all bodies
+``potential_energy``                 of deformation, springs, force elements and weight
+``tip.position``                     of the scene's tip
+``tip.deflection``                   of the scene's tip
+========================== ========= =====================================================================
+
+A joint whose variable would have the name of another one gets ``joint.`` before its name.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterator, Mapping, Sequence
+from pathlib import Path
+from typing import TYPE_CHECKING, NamedTuple
+
+import numpy as np
+
+from fmd.core.arrays import Array
+from fmd.core.netcdf import NetcdfVariable, write_netcdf
+from fmd.core.rotations import quaternion_of_matrix
+from fmd.dynamics.links import FREE, SPHERICAL
+from fmd.recovery.motion import Motion
+
+if TYPE_CHECKING:
+    import xarray
+
+_XYZ, _QUATERNION = ("axis",), ("quaternion",)
+
+
+class Variable(NamedTuple):
+    """A variable of the data set over one motion.
+
+    Attributes
+    ----------
+    name : str
+        In the file.
+    values : ndarray, shape (n_times, …)
+        Over the output times.
+    dims : tuple of str
+        Names of the dimensions after time.
+    units, long_name : str
+        Its attributes.
+    """
+
+    name: str
+    values: Array
+    dims: tuple[str, ...]
+    units: str
+    long_name: str
+
+
+def motion_dataset(motions: Mapping[str, Motion]) -> xarray.Dataset:
+    """Gather several motions of a scene with common output times in one labelled data set, units as attributes."""
+    import xarray
+
+    data, coordinates = _gather_motions(motions)
+    return xarray.Dataset(
+        {own.name: (own.dims, own.values, own.attributes) for own in data},
+        {own.name: (own.dims, own.values, own.attributes) for own in coordinates},
+    )
+
+
+def write_motions(motions: Mapping[str, Motion], path: Path) -> None:
+    """Write the data set of several motions to a NetCDF file, without loading xarray."""
+    data, coordinates = _gather_motions(motions)
+    write_netcdf(path, [*coordinates, *data])
+
+
+def gather_runs(
+    times: Array, runs: Mapping[str, Sequence[Variable]]
+) -> tuple[list[NetcdfVariable], list[NetcdfVariable]]:
+    """Stack the variables of several runs, and return them and the coordinates of their common dimensions.
+
+    Parameters
+    ----------
+    times : ndarray, shape (n_times,)
+        Output times [s].
+    runs : mapping of str to sequence of Variable
+        The same variables of each run, by the runs' labels.
+    """
+    tables = [{variable.name: variable for variable in variables} for variables in runs.values()]
+    data = [
+        NetcdfVariable(
+            name,
+            ("run", "time", *variable.dims),
+            np.stack([table[name].values for table in tables]),
+            {"units": variable.units, "long_name": variable.long_name},
+        )
+        for name, variable in tables[0].items()
+    ]
+    return data, [
+        NetcdfVariable("run", ("run",), np.array(list(runs))),
+        NetcdfVariable("time", ("time",), times, {"units": "s", "long_name": "time"}),
+        NetcdfVariable("axis", ("axis",), np.array(["x", "y", "z"])),
+        NetcdfVariable("quaternion", ("quaternion",), np.array(["x", "y", "z", "w"])),
+    ]
+
+
+def _gather_motions(motions: Mapping[str, Motion]) -> tuple[list[NetcdfVariable], list[NetcdfVariable]]:
+    """Gather the variables of several motions, stacked over the runs, and the coordinates of their dimensions."""
+    first = next(iter(motions.values()))
+    data, coordinates = gather_runs(first.times, {label: motion_variables(motion) for label, motion in motions.items()})
+    frequencies = [
+        NetcdfVariable(
+            f"{link.name}.mode",
+            (f"{link.name}.mode",),
+            link.omega / (2 * np.pi),
+            {"units": "Hz", "long_name": f"frequencies of the modes of {link.name}"},
+        )
+        for link in first.mechanism.links
+        if len(link.omega)
+    ]
+    return data, [*coordinates, *frequencies]
+
+
+def motion_variables(motion: Motion) -> list[Variable]:
+    """Compute all variables of a motion; no name comes twice."""
+    variables = [*_whole_variables(motion), *_body_variables(motion)]
+    taken = {variable.name for variable in variables}
+    for variable in joint_variables(motion):
+        variables.append(variable._replace(name=f"joint.{variable.name}") if variable.name in taken else variable)
+    return variables
+
+
+def _whole_variables(motion: Motion) -> Iterator[Variable]:
+    """Variables of the tip and of all bodies together."""
+    kinetic, potential = motion.energies
+    whole = motion.kinematics
+    yield Variable("tip.position", motion.tip_position, _XYZ, "m", f"position of {motion.tip} in space")
+    if len(motion.tip_link.omega):
+        text = f"deflection of {motion.tip}, seen from the section at its body's joint, in the body's axes"
+        yield Variable("tip.deflection", motion.tip_deflection, _XYZ, "m", text)
+    yield Variable("kinetic_energy", kinetic, (), "J", "kinetic energy")
+    yield Variable("potential_energy", potential, (), "J", "energy of deformation, springs and weight")
+    yield Variable("centre_of_mass", whole.centre_of_mass, _XYZ, "m", "centre of mass of all bodies")
+    yield Variable("momentum", whole.momentum, _XYZ, "kg m/s", "momentum of all bodies")
+    text = "angular momentum of all bodies about the ground's origin"
+    yield Variable("angular_momentum", whole.angular_momentum, _XYZ, "kg m^2/s", text)
+
+
+def _body_variables(motion: Motion) -> Iterator[Variable]:
+    """Variables of each body: modal coordinates, frame and markers."""
+    whole = motion.kinematics
+    for k, (link, frame) in enumerate(zip(motion.mechanism.links, whole.frames, strict=True)):
+        body = link.name
+        if len(link.omega):
+            dims, text = (f"{body}.mode",), f"modal coordinates of {body}"
+            yield Variable(f"{body}.modal_coordinates", whole.modal_coordinates(k), dims, "kg^0.5 m", text)
+        yield Variable(f"{body}.origin", frame.origin, _XYZ, "m", f"origin of the frame of {body} in space")
+        text = f"quaternion of the frame of {body} in space"
+        yield Variable(f"{body}.orientation", quaternion_of_matrix(frame.rotation), _QUATERNION, "1", text)
+        for marker in link.markers:
+            if marker.startswith("cut:"):
+                continue
+            name = f"{link.part or body}.{marker}"
+            yield Variable(f"{name}.position", whole.marker_position(k, marker), _XYZ, "m", f"{name} in space")
+            if len(link.omega):
+                text = f"deflection of {name}, seen from the section at the joint of {link.part or body}, in its axes"
+                yield Variable(f"{name}.deflection", whole.deflection(k, marker), _XYZ, "m", text)
+
+
+def joint_variables(motion: Motion) -> Iterator[Variable]:
+    """Variables of each joint that moves."""
+    for k, link in enumerate(motion.mechanism.links):
+        joint = link.joint_name
+        if link.unit:
+            position, rate = motion.kinematics.along_joint(k)
+            yield Variable(f"{joint}.position", position, (), link.unit, f"position of joint {joint}")
+            yield Variable(f"{joint}.rate", rate, (), f"{link.unit}/s", f"rate of joint {joint}")
+        elif link.joint in (SPHERICAL, FREE):
+            position, rate = motion.kinematics.joint_coordinates(k)
+            text = f"quaternion of {link.name} against what joint {joint} hangs it on"
+            yield Variable(f"{joint}.orientation", position[:, -4:], _QUATERNION, "1", text)
+            text = f"angular velocity in joint {joint}, about the axes of {link.name}"
+            yield Variable(f"{joint}.angular_velocity", rate[:, -3:], _XYZ, "rad/s", text)
+        elif link.n_rates:
+            position, rate = motion.kinematics.joint_coordinates(k)
+            dims = (f"{joint}.coordinate",)
+            units = ", ".join(["m"] * link.n_slides + ["rad"] * (link.n_rates - link.n_slides))
+            text = f"displacements and angles of joint {joint}, in {units}"
+            yield Variable(f"{joint}.coordinates", position, dims, "1", text)
+            text = f"rates of the displacements and angles of joint {joint}, by the second"
+            yield Variable(f"{joint}.rates", rate, dims, "1", text)
+        if link.joint == FREE:
+            yield Variable(f"{joint}.displacement", position[:, :3], _XYZ, "m", f"displacement in joint {joint}")
+            yield Variable(f"{joint}.velocity", rate[:, :3], _XYZ, "m/s", f"velocity in joint {joint}")

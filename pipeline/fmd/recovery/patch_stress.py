@@ -1,0 +1,73 @@
+"""Recovery of stress from patches of elements; its difference from averaged stress estimates the error of both.
+
+Polynomials are fitted to the stress at the elements' most accurate points around a node (superconvergent patch
+recovery; Zienkiewicz & Zhu, Int J Num Meth Eng 33, 1992).
+"""
+
+from __future__ import annotations
+
+from typing import TYPE_CHECKING
+
+import numpy as np
+
+from fmd.core.arrays import Array
+from fmd.fem.elements import shape_functions
+from fmd.fem.strain import stresses
+
+if TYPE_CHECKING:
+    from fmd.fem.material import AnyMaterial
+    from fmd.fem.space import Discretisation
+
+_SAMPLES_PER_TERM = 3
+_INDEPENDENT = 0.02
+
+
+def patch_stress(space: Discretisation, material: AnyMaterial, shapes: Array, node: int) -> Array:
+    """Stress of each shape at a node by a fit to the elements around it.
+
+    Parameters
+    ----------
+    space : Discretisation
+        The body's finite element space.
+    material : AnyMaterial
+        Material of each element.
+    shapes : ndarray, shape (n_nodes, 3, n)
+        Displacement fields.
+    node : int
+        Node number.
+
+    Returns
+    -------
+    ndarray, shape (6, n)
+        xx, yy, zz, yz, xz, xy [Pa per unit of the shape].
+    """
+    X, _ = space.kind.quadrature(space.kind.stress_order)
+    patch = np.flatnonzero((space.element_nodes == node).any(axis=1))
+    n_terms = 4 if space.order == 1 else 10
+    while len(patch) * X.shape[1] < _SAMPLES_PER_TERM * n_terms:
+        wider = np.flatnonzero(np.isin(space.element_nodes, space.element_nodes[patch]).any(axis=1))
+        if len(wider) == len(patch):
+            break
+        patch = wider
+    N, _ = shape_functions(space.kind.geometry, X)
+    places = (N.T @ space.corner_coordinates[patch] - space.x[node]).reshape(-1, 3)
+    size = np.ptp(places, axis=0)
+    stress = stresses(space, material, shapes, X, patch).reshape(len(places), 6, -1)
+    fitted = np.linalg.lstsq(_terms(space.order, places / size), stress.reshape(len(places), -1), rcond=None)[0]
+    return np.asarray(fitted[0].reshape(6, -1))  # the other terms vanish at the node
+
+
+def _terms(order: int, x: Array) -> Array:
+    """Monomials up to an order at places (n, 3), the constant first, shape (n, n_terms).
+
+    Monomials that depend on the others at these places are left out, as squares across a single layer of elements are.
+    """
+    terms = [np.ones(len(x)), *x.T]
+    if order == 2:
+        for a in range(3):
+            for b in range(a, 3):
+                term, others = x[:, a] * x[:, b], np.stack(terms, axis=1)
+                rest = term - others @ np.linalg.lstsq(others, term, rcond=None)[0]
+                if np.linalg.norm(rest) > _INDEPENDENT * np.linalg.norm(term):
+                    terms.append(term)
+    return np.stack(terms, axis=1)

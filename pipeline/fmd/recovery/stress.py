@@ -1,0 +1,196 @@
+"""Stress of modal bases, and of motions as combinations of them.
+
+Stress is linear in the modal coordinates: ``σ(t) = Σ_j q_j(t) σ_j``. Each mode's stress is evaluated at the points
+where the element's strains are most accurate (Barlow, Int J Num Meth Eng 10, 1976), extrapolated to the element's
+nodes and averaged over the elements that share a node. Von Mises and principal values are formed from the summed
+tensor, never summed themselves.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from dataclasses import dataclass
+from typing import TYPE_CHECKING
+
+import numpy as np
+
+from fmd.core.arrays import Array, IntArray, require_shape
+from fmd.core.short_repr import short_repr
+
+if TYPE_CHECKING:
+    from fmd.fem.material import AnyMaterial
+    from fmd.fem.space import Discretisation
+
+_ORDER = ("xx", "yy", "zz", "yz", "xz", "xy")
+_CHUNK = 512  # elements at a time
+_FRAMES = 256  # output times at a time
+_CACHED = 2**17  # numbers that fit into a core's cache
+
+
+def modal_stress(space: Discretisation, material: AnyMaterial, shapes: Array, nodes: IntArray) -> Array:
+    """Stress of each shape at chosen nodes, averaged over the elements around them.
+
+    Parameters
+    ----------
+    space : Discretisation
+        The body's finite element space.
+    material : AnyMaterial
+        Material of each element.
+    shapes : ndarray, shape (n_nodes, 3, n)
+        Displacement fields.
+    nodes : ndarray, shape (n_chosen,)
+        Node numbers; only the elements that touch them are evaluated.
+
+    Returns
+    -------
+    ndarray, shape (n_chosen, 6, n)
+        xx, yy, zz, yz, xz, xy [Pa per unit of the shape].
+
+    Raises
+    ------
+    ValueError
+        Shapes don't belong to the space, or a node is named twice.
+    """
+    from fmd.fem.strain import stresses
+
+    require_shape("shapes", shapes, (len(space.x), 3, None))
+    if len(np.unique(nodes)) < len(nodes):
+        raise ValueError("nodes names a node twice")
+    X, _ = space.kind.quadrature(space.kind.stress_order)
+    to_nodes = _extrapolation(X, space.kind.element.doflocs.T)
+    chosen = np.full(len(space.x), -1)
+    chosen[nodes] = np.arange(len(nodes))
+    elements = np.flatnonzero((chosen[space.element_nodes] >= 0).any(axis=1))
+    total = np.zeros((len(nodes) + 1, 6, shapes.shape[2]))  # the last row gathers all other nodes
+    count = np.zeros(len(nodes) + 1)
+    for start in range(0, len(elements), _CHUNK):
+        part = elements[start : start + _CHUNK]
+        at_points = stresses(space, material, shapes, X, part)
+        stress = np.einsum("aq,eqsn->easn", to_nodes, at_points, optimize=True)
+        local = chosen[space.element_nodes[part]]
+        np.add.at(total, local, stress)
+        np.add.at(count, local, 1.0)
+    return np.asarray(total[:-1] / count[:-1, None, None])
+
+
+def element_stress(space: Discretisation, material: AnyMaterial, shapes: Array, elements: IntArray) -> Array:
+    """Stress of each shape in the middle of chosen elements, shape (n_chosen, 6, n) [Pa per unit of the shape]."""
+    from fmd.fem.strain import stresses
+
+    middle = space.kind.element.refdom.init_refdom()[0].mean(axis=1, keepdims=True)
+    return stresses(space, material, shapes, middle, elements)[:, 0]
+
+
+def point_stress(space: Discretisation, material: AnyMaterial, shapes: Array, points: Array) -> Array:
+    """Stress of each shape in the elements at points (n, 3) [m], shape (n, 6, n_shapes) [Pa per unit of the shape]."""
+    from fmd.fem.selection import locate_points
+    from fmd.fem.strain import stresses
+
+    elements, X = locate_points(space, points)
+    each = zip(elements, X, strict=True)
+    return np.stack([stresses(space, material, shapes, x[:, None], np.array([element]))[0, 0] for element, x in each])
+
+
+def von_mises(stress: Array) -> Array:
+    """Von Mises stress (n, …) of tensors (n, 6, …) in the order xx, yy, zz, yz, xz, xy."""
+    xx, yy, zz, yz, xz, xy = np.moveaxis(stress, 1, 0)
+    return np.asarray(np.sqrt(0.5 * ((xx - yy) ** 2 + (yy - zz) ** 2 + (zz - xx) ** 2) + 3.0 * (yz**2 + xz**2 + xy**2)))
+
+
+def choose_frames(n_times: int, count: int) -> IntArray:
+    """Choose at most ``count`` of ``n_times`` output times, evenly, with the first and the last; their numbers."""
+    return np.unique(np.linspace(0, n_times - 1, count).round().astype(int))
+
+
+def stress_measure(component: str) -> Callable[[Array], Array]:
+    """Return the function that takes stress tensors (n, 6, …) to one measure (n, …).
+
+    Parameters
+    ----------
+    component : str
+        ``von Mises``, a component, e.g. ``xx``, or ``principal 1`` to ``principal 3``, the first being the largest.
+    """
+    if component == "von Mises":
+        return von_mises
+    if component in _ORDER:
+        row = _ORDER.index(component)
+        return lambda stress: stress[:, row]
+    place = int(component.removeprefix("principal "))
+
+    def principal(stress: Array) -> Array:
+        full = np.moveaxis(stress[:, [[0, 5, 4], [5, 1, 3], [4, 3, 2]]], (1, 2), (-2, -1))
+        return np.asarray(np.linalg.eigvalsh(full)[..., 3 - place])
+
+    return principal
+
+
+@dataclass(frozen=True)
+class StressHistory:
+    """Stress at some nodes of a body over a motion, combined from its modes when it is read.
+
+    Attributes
+    ----------
+    nodes : ndarray, shape (n_nodes,)
+        Node numbers.
+    modal : ndarray, shape (n_nodes, 6, n)
+        Stress of each modal coordinate [Pa].
+    times : ndarray, shape (n_times,)
+        Output times of the motion [s].
+    q : ndarray, shape (n_times, n)
+        Modal coordinates.
+    """
+
+    nodes: IntArray
+    modal: Array
+    times: Array
+    q: Array
+
+    __repr__ = short_repr
+
+    def tensor(self, t: float) -> Array:
+        """Stress tensors (n_nodes, 6) [Pa] at time t [s], linear between output times."""
+        if not self.times[0] <= t <= self.times[-1]:
+            raise ValueError(f"t = {t} s is outside the motion, {self.times[0]} … {self.times[-1]} s")
+        q = np.array([np.interp(t, self.times, column) for column in self.q.T])
+        return np.asarray(self.modal @ q)
+
+    def von_mises(self, t: float) -> Array:
+        """Von Mises stress (n_nodes,) [Pa] at time t [s]."""
+        return von_mises(self.tensor(t))
+
+    def measure_at(self, frames: IntArray, measure: Callable[[Array], Array] | None = None) -> Array:
+        """Von Mises stress, or another measure, at chosen output times, shape (n_frames, n_nodes) [Pa].
+
+        Tensors are formed for a few nodes at a time, so that they stay in the processor's cache.
+        """
+        measure = measure or von_mises
+        q = np.ascontiguousarray(self.q[frames].T)
+        values = np.empty((len(frames), len(self.nodes)))
+        block = max(1, _CACHED // (6 * len(frames)))
+        for start in range(0, len(self.nodes), block):
+            rows = self.modal[start : start + block]
+            tensors = (rows.reshape(-1, rows.shape[2]) @ q).reshape(len(rows), 6, -1)
+            values[:, start : start + block] = measure(tensors).T
+        return values
+
+    def worst(self) -> tuple[float, int, float]:
+        """Time [s], place in ``nodes`` and value [Pa] of the largest von Mises stress at any output time."""
+        peak = (0.0, 0, -1.0)
+        for start in range(0, len(self.times), _FRAMES):
+            value = self.measure_at(np.arange(start, min(start + _FRAMES, len(self.times))))
+            k, node = np.unravel_index(value.argmax(), value.shape)
+            if value[k, node] > peak[2]:
+                peak = float(self.times[start + k]), int(node), float(value[k, node])
+        return peak
+
+
+def _extrapolation(X: Array, nodes: Array) -> Array:
+    """Weights (n_local, n_q) that carry values at the points X (3, n_q) to reference nodes (3, n_local)."""
+
+    def monomials(x: Array) -> Array:
+        one, xy = np.ones(x.shape[1]), x[0] * x[1]
+        if X.shape[1] == 6:  # of a wedge: linear in the triangle and along it
+            return np.stack((one, *x, x[1] * x[2], x[2] * x[0]))
+        return np.stack((one, *x, xy, x[1] * x[2], x[2] * x[0], xy * x[2])[: X.shape[1]])
+
+    return np.asarray(np.linalg.solve(monomials(X), monomials(nodes)).T)

@@ -1,0 +1,208 @@
+"""Craig–Bampton basis: modes of a body held at its interface, and static responses to the interface's motion.
+
+Bampton & Craig, AIAA Journal 6 (1968) 1313–1319. An interface is a set of markers; each has six coordinates, its mean
+displacement and its mean rotation, or those of its rigid face.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from typing import TYPE_CHECKING
+
+import numpy as np
+from scipy.linalg import eigh
+
+from fmd.core.arrays import Array
+from fmd.core.errors import AccuracyError
+from fmd.reduction.mode_families import classify_by_parity, complete_pairs, modes_of_family
+from fmd.reduction.modes import Modes
+
+if TYPE_CHECKING:
+    from fmd.fem.markers import Marker
+    from fmd.fem.model import FEModel
+    from fmd.reduction.eigen import FreeBodySolver
+
+INTERFACE_LIMIT = 1e-7
+RIGID_LIMIT = 1e-6
+_RIGID = 1e-7  # of a shape's size: less that is left without its rigid motion is none
+_NEW = 1e-6  # a shape with less than this part outside the others depends on them
+_ZERO = 1e-6  # of the shift, which is about the lowest elastic eigenvalue of the free body
+
+
+def interface_columns(fe: FEModel, markers: Sequence[Marker]) -> Array:
+    """Columns B of an interface: ``Bᵀ u`` are its coordinates, ``B f`` are nodal loads; (n_nodes, 3, 6 n_markers)."""
+    return np.concatenate([marker.columns(len(fe.x), np.eye(3)) for marker in markers], axis=2)
+
+
+def craig_bampton_modes(fe: FEModel, solver: FreeBodySolver, markers: Sequence[Marker], count: int) -> Modes:
+    """Modes of a body in the space of its fixed-interface modes and constraint modes.
+
+    The space holds every rigid motion that the supports leave, and every deformation by loads at the interface,
+    exactly. Its rigid motions are counted and left out; the rest is orthonormalised, ``Φᵀ M Φ = 1``, ``Φᵀ K Φ = ω²``.
+
+    Parameters
+    ----------
+    fe : FEModel
+        The finite element model.
+    solver : FreeBodySolver
+        Solves for the body ``fe``, which may be supported.
+    markers : sequence of Marker
+        The interface.
+    count : int
+        Number of fixed-interface modes; what completes the group of equal frequency of the highest comes on top.
+
+    Returns
+    -------
+    Modes
+        The fixed-interface modes and six for each marker, less the rigid motions. Frequencies are upper bounds
+        (Rayleigh); the residual is that of the fixed-interface modes.
+
+    Raises
+    ------
+    TooManyModesError
+        The mesh has fewer fixed-interface modes.
+    AccuracyError
+        The constraint modes don't move the interface as they should, or the space holds another number of rigid motions
+        than the supports leave; the message gives the figure.
+    """
+    B = interface_columns(fe, markers)
+    Psi = constraint_modes(fe, solver, B)
+    held = complete_pairs(solver, count, B)
+    n_rigid, omega, shapes = _modes_between(fe, solver, held.shapes, Psi)
+    numbers, n_completing = tuple(range(1, len(omega) + 1)), len(held.omega) - count
+    return Modes(omega, shapes, n_rigid, held.residual, numbers, n_completing=n_completing)
+
+
+def craig_bampton_modes_of_family(
+    fe: FEModel, solver: FreeBodySolver, markers: Sequence[Marker], count: int, family: str, normal: Array
+) -> Modes:
+    """Modes of one family in the space of fixed-interface modes and constraint modes, by their symmetry.
+
+    Parameters
+    ----------
+    fe, solver, markers, count
+        As in `craig_bampton_modes`; the fixed-interface modes are of the family.
+    family : str
+        As in `modes_of_family`.
+    normal : ndarray, shape (3,)
+        Normal of the plane of motion, a plane of symmetry of the body and its interface.
+
+    Raises
+    ------
+    AccuracyError
+        The body or its interface isn't symmetric; or as `craig_bampton_modes`.
+    TooManyModesError
+        The mesh has fewer fixed-interface modes of the family.
+    """
+    B = interface_columns(fe, markers)
+    Psi = constraint_modes(fe, solver, B)
+    held = modes_of_family(solver, fe, count, family, normal, B)
+    n_rigid, omega, shapes = _modes_between(fe, solver, held.shapes, Psi)
+    found, shapes = classify_by_parity(fe, omega, shapes, normal)
+    kept = [k for k, name in enumerate(found) if name == family]
+    if "other" in found:
+        raise AccuracyError(
+            f"{found.count('other')} of the deflections by the interface have no symmetry, so they are of no family: "
+            'its markers lie askew; use family = "any"'
+        )
+    return Modes(omega[kept], shapes[:, :, kept], n_rigid, held.residual, tuple(k + 1 for k in kept))
+
+
+def _modes_between(fe: FEModel, solver: FreeBodySolver, held: Array, Psi: Array) -> tuple[int, Array, Array]:
+    """Return the number of rigid motions, and omega and shapes of the rest, of held modes and constraint modes."""
+    V = np.concatenate([held.reshape(len(Psi), -1), Psi], axis=1)
+    n_rigid = _count_rigid_motions(fe, solver.rigid_modes, V, _ZERO * -solver.shift)
+    return n_rigid, *rayleigh_ritz(fe, _elastic(fe, solver.rigid_modes, V, V.shape[1] - n_rigid))
+
+
+def constraint_modes(fe: FEModel, solver: FreeBodySolver, B: Array) -> Array:
+    """Static deflections Ψ by a unit of each interface coordinate while the others are held, ``Bᵀ Ψ = 1``.
+
+    ``K Ψ = B F``, with forces that are in equilibrium in all rigid motions R: ``Rᵀ B F = 0``. So Ψ consists of the
+    responses G to unit forces (inertia relief takes nothing off forces in equilibrium) and of rigid motions.
+
+    Parameters
+    ----------
+    fe : FEModel
+        The finite element model.
+    solver : FreeBodySolver
+        Solves for the body ``fe``.
+    B : ndarray, shape (n_nodes, 3, k)
+        Columns as `interface_columns` gives them.
+
+    Returns
+    -------
+    ndarray, shape (3 n_nodes, k)
+        Constraint modes.
+
+    Raises
+    ------
+    AccuracyError
+        ``Bᵀ Ψ`` is off by more than `INTERFACE_LIMIT`: markers that can't move apart from one another.
+    """
+    G = solver.static_response(B).reshape(len(fe.x) * 3, -1)
+    flat, R = B.reshape(len(G), -1), solver.rigid_modes
+    k, n = flat.shape[1], R.shape[1]
+    # Forces and torques, displacements and rotations differ in size by the body's extent.
+    scale = 1.0 / np.sqrt(np.maximum(np.einsum("ij,ij->j", flat, G), np.finfo(float).tiny))
+    flat, G = flat * scale, G * scale
+    BR = flat.T @ R
+    system = np.block([[flat.T @ G, BR], [BR.T, np.zeros((n, n))]])
+    solution = np.linalg.lstsq(system, np.concatenate([np.eye(k), np.zeros((n, k))]), rcond=None)[0]
+    Psi = G @ solution[:k] + R @ solution[k:]
+    off = float(np.abs(flat.T @ Psi - np.eye(k)).max())
+    if not off < INTERFACE_LIMIT:
+        raise AccuracyError(
+            f"constraint modes move the interface by {off:.1e} of a unit where they should not: its markers can't move "
+            "apart from one another; leave out one of them, or a support that holds it"
+        )
+    return np.asarray(Psi * scale)
+
+
+def rayleigh_ritz(fe: FEModel, V: Array) -> tuple[Array, Array]:
+    """Diagonalise K and M in the space of columns V (3 n_nodes, n) by Rayleigh and Ritz.
+
+    Returns angular frequencies (n,) [rad/s] and shapes (n_nodes, 3, n) of unit modal mass.
+    """
+    omega2, turn = eigh(V.T @ (fe.K @ V), V.T @ (fe.M @ V))
+    return np.sqrt(omega2), (V @ turn).reshape(len(fe.x), 3, -1)
+
+
+def _count_rigid_motions(fe: FEModel, R: Array, V: Array, zero: float) -> int:
+    """Count the motions of a space with an eigenvalue below ``zero``; they must be the body's rigid motions R."""
+    V = _independent(fe, V)
+    omega2, turn = eigh(V.T @ (fe.K @ V), V.T @ (fe.M @ V))
+    expected = R.shape[1]
+    found = int(np.count_nonzero(omega2 < zero))
+    if found != expected:
+        raise AccuracyError(
+            f"the Craig–Bampton space holds {found} rigid motions, the supports leave {expected}; its lowest "
+            f"eigenvalues are {', '.join(f'{value:.1e}' for value in omega2[: expected + 2])} rad²/s²"
+        )
+    rest = R - V @ (turn[:, :found] @ (turn[:, :found].T @ (V.T @ (fe.M @ R))))
+    size = np.einsum("ij,ij->j", R, fe.M @ R)
+    off = float(np.sqrt(np.max(np.einsum("ij,ij->j", rest, fe.M @ rest) / size, initial=0.0)))
+    if not off < RIGID_LIMIT:
+        raise AccuracyError(f"the Craig–Bampton space misses {off:.1e} of a rigid motion, above {RIGID_LIMIT:.0e}")
+    return found
+
+
+def _elastic(fe: FEModel, R: Array, V: Array, n: int) -> Array:
+    """Take the rigid motions R out of a space V; n M-orthonormal columns are left."""
+    if R.shape[1]:
+        MR, sizes = fe.M @ R, np.sqrt(np.einsum("ij,ij->j", V, fe.M @ V))
+        for _ in range(2):
+            V = V - R @ np.linalg.solve(R.T @ MR, MR.T @ V)
+        # What is left of a rigid motion, as of each static shape of a body with one marker, is round-off.
+        V = V[:, np.sqrt(np.einsum("ij,ij->j", V, fe.M @ V)) > _RIGID * sizes]
+    return _independent(fe, V, n)
+
+
+def _independent(fe: FEModel, V: Array, n: int | None = None) -> Array:
+    """M-orthonormal columns that span V: n of them, or all that are independent."""
+    V = V / np.sqrt(np.einsum("ij,ij->j", V, fe.M @ V))
+    weight, turn = eigh(V.T @ (fe.M @ V))
+    keep = np.flatnonzero(weight > _NEW**2) if n is None else np.arange(len(weight) - n, len(weight))
+    if n is not None and not weight[keep[0]] > _NEW**2:
+        raise AccuracyError(f"the Craig–Bampton shapes depend on one another: {weight[keep[0]]:.1e} of 1 is left")
+    return np.asarray(V @ (turn[:, keep] / np.sqrt(weight[keep])))

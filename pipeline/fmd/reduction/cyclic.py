@@ -1,0 +1,186 @@
+"""Modes and static responses of a cyclic body from one of its sectors.
+
+A body that a turn by 2π/N carries into itself has modes of harmonic index h: from one sector to the next a field turns
+with the body and gains the phase ``μ = 2π h/N`` (Thomas, Int J Num Meth Eng 14, 1979). With z the complex field of the
+first sector, ``z_high = e^{iμ} R z_low`` on its two cuts; each 0 < h < N/2 has its modes in pairs, Re and Im of the
+same z. One real factorisation of the sector's inside serves all harmonics: it is condensed to its cuts, and only
+their few unknowns know of the phase.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from typing import Any
+
+import numpy as np
+import scipy.sparse as sp
+from scipy.linalg import cho_factor, cho_solve
+from scipy.sparse.linalg import LinearOperator, eigs, eigsh
+
+from fmd.core.arrays import Array
+from fmd.fem.model import FEModel
+from fmd.reduction.eigen import FreeBodySolver
+from fmd.reduction.factor.factor import Factor, factorise
+from fmd.reduction.modes import EigenPairs
+from fmd.reduction.sector import Sector, cut_first_sector, rotation_about_z
+
+_SPARE = 3  # modes of each harmonic beyond its share
+
+
+class CyclicSolver(FreeBodySolver):
+    """Solver for a cyclic body that factorises one sector only and finds free modes harmonic by harmonic.
+
+    Parameters
+    ----------
+    fe : FEModel
+        The whole body.
+    sectors : int
+        Number of sectors, of which each turn carries one into the next.
+    factorise : callable
+        Makes a `Factor` of a symmetric positive definite matrix, here of the sector's inside.
+    """
+
+    def __init__(self, fe: FEModel, sectors: int, factorise: Callable[[Any], Factor] = factorise) -> None:
+        self._sector = cut_first_sector(fe, sectors)
+        super().__init__(fe, factorise=factorise)
+
+    def _shifted_factor(self) -> tuple[float, Factor]:
+        """Choose the shift σ and condense the sector.
+
+        The shift lies far below the lowest eigenvalue, whose bound may be ten times too high: held cuts keep A stiff.
+        """
+        shift = -0.002 * self._lowest_bound()
+        self._harmonics = _CyclicInverse(self._sector, shift, self._factorise)
+        return shift, Factor(self._harmonics, self._harmonics.figures)
+
+    def modes(self, count: int, held: Array | None = None) -> EigenPairs:
+        """Return the ``count`` lowest elastic modes as `FreeBodySolver.modes` does; those of a held body as a whole."""
+        n, n_sectors = self._sector.fe.K.shape[0], self._sector.count
+        if held is not None or 4 * (count + 6) > n:
+            return super().modes(count, held)
+        modes: list[tuple[float, int, Array]] = []
+        highest = np.inf  # below it, no harmonic has a mode that is missing
+        for harmonic in range(n_sectors // 2 + 1):
+            paired = self._sector.is_paired(harmonic)
+            values, z = self._harmonics.modes(harmonic, (count + 6) // n_sectors + _SPARE)
+            highest = min(highest, float(values[-1]))
+            for value, field in zip(values, z.T / np.sqrt(n_sectors / (1 + paired)), strict=True):
+                modes += [(value, harmonic, field), (value, harmonic, -1j * field)][: 1 + paired]
+        modes = sorted(modes, key=lambda mode: mode[0])[: count + 6]
+        eigenvalues = np.array([value for value, _, _ in modes])
+        if len(modes) < count + 6 or not eigenvalues[-1] <= highest:
+            return super().modes(count)
+        shapes = [self._sector.expand(z.reshape(-1, 3), harmonic).ravel() for _, harmonic, z in modes]
+        return self._verified_pairs(eigenvalues, np.stack(shapes, axis=1), 6, self._inverse)
+
+
+class _CyclicInverse:
+    """Inverse of ``A = K − σ M`` for the whole body by static condensation of one sector to its cuts.
+
+    The sector's inside is factorised once, with its cuts held; only the few unknowns of a cut differ between harmonics.
+    """
+
+    def __init__(self, sector: Sector, shift: float, factorise: Callable[[Any], Factor]) -> None:
+        self._sector, self._shift = sector, shift
+        self._K, self._M = sector.fe.K, sector.fe.M
+        cut = (3 * np.concatenate([sector.low, sector.high])[:, None] + np.arange(3)).ravel()
+        inside = np.setdiff1d(np.arange(self._K.shape[0]), cut)
+        A = sp.csr_array(self._K - shift * self._M)
+        self._cut, self._inside = cut, inside
+        factor = factorise(A[inside][:, inside])
+        self._inverse, self.figures = factor.solve, factor.figures
+        self._from_inside = A[cut][:, inside]
+        self._following = self._inverse(self._from_inside.T.toarray())  # the inside follows the cuts by −Z
+        S = A[cut][:, cut].toarray() - self._from_inside @ self._following
+        self._cut_motions = [self._cut_motion(harmonic) for harmonic in range(sector.count // 2 + 1)]
+        self._condensed = [cho_factor(T.conj().T @ S @ T) for T in self._cut_motions]
+
+    def _cut_motion(self, harmonic: int) -> Array:
+        """Motion of both cuts for unit motion of the lower one in a harmonic, shape (6 n_cut, 3 n_cut)."""
+        n = len(self._sector.low)
+        phase = self._sector.phases(harmonic)[1]
+        return np.concatenate(
+            [np.eye(3 * n), phase * np.kron(np.eye(n), rotation_about_z(2 * np.pi / self._sector.count))]
+        )
+
+    def solve_harmonic(self, harmonic: int, f: Array) -> Array:
+        """Solve for sector loads f (3 n_nodes, k) of one harmonic, complex ones unless it is without pairs."""
+        T, z = self._cut_motions[harmonic], np.empty_like(f)
+        alone = _by_parts(self._inverse, f[self._inside])
+        load = T.conj().T @ (f[self._cut] - _times(self._from_inside, alone))
+        z[self._cut] = T @ cho_solve(self._condensed[harmonic], load)
+        z[self._inside] = alone - _times(self._following, z[self._cut])
+        return z
+
+    def __call__(self, f: Array) -> Array:
+        """Solve for loads f on the whole body, (3 n_all,) or (3 n_all, k)."""
+        sector = self._sector
+        loads = f.reshape(-1, 3, f[0].size)
+        u = np.zeros(loads.shape)
+        for harmonic in range(len(self._cut_motions)):
+            part = sector.harmonic_part(loads, harmonic)
+            z = self.solve_harmonic(harmonic, part.reshape(-1, f[0].size))
+            u += (1 + sector.is_paired(harmonic)) * sector.expand(z.reshape(part.shape), harmonic)
+        return u.reshape(f.shape)
+
+    def modes(self, harmonic: int, count: int) -> tuple[Array, Array]:
+        """Lowest eigenpairs of one harmonic.
+
+        Returns
+        -------
+        values : ndarray, shape (count,)
+            Eigenvalues, ascending [rad²/s²].
+        Z : ndarray, shape (3 n_nodes, count)
+            Fields of the sector, ``Zᴴ M Z = 1``.
+        """
+        return (self._paired_modes if self._sector.is_paired(harmonic) else self._real_modes)(harmonic, count)
+
+    def _real_modes(self, harmonic: int, count: int) -> tuple[Array, Array]:
+        """Eigenpairs of a harmonic whose fields are real."""
+        n = self._K.shape[0]
+        inverse = LinearOperator((n, n), lambda f: self.solve_harmonic(harmonic, f.reshape(n, 1)), dtype=float)
+        values, Z = eigsh(
+            self._K, count, self._M, self._shift, OPinv=inverse, v0=_start(n), ncv=_lanczos_vectors(count)
+        )
+        order = np.argsort(values)
+        return values[order], Z[:, order]
+
+    def _paired_modes(self, harmonic: int, count: int) -> tuple[Array, Array]:
+        """Eigenpairs of a harmonic whose fields are complex."""
+        n = self._K.shape[0]
+
+        def operator(apply: Callable[[Array], Array]) -> LinearOperator:
+            return LinearOperator((n, n), lambda u: apply(u.reshape(n, 1)), dtype=complex)
+
+        K, M = (operator(lambda u, A=A: _times(A, u)) for A in (self._K, self._M))  # type: ignore[misc]
+        inverse = operator(lambda f: self.solve_harmonic(harmonic, f))
+        start = _start(n).astype(complex)
+        values, Z = eigs(K, count, M, self._shift, OPinv=inverse, v0=start, ncv=_lanczos_vectors(count))
+        order = np.argsort(values.real)
+        Z = Z[:, order]
+        # Orthonormal where eigenvalues are equal too, as those of rigid-body modes are.
+        weights = np.linalg.cholesky(Z.conj().T @ _times(self._M, Z))
+        return values.real[order], np.linalg.solve(weights, Z.conj().T).conj().T
+
+
+def _start(n: int) -> Array:
+    """Fixed start vector of a search, so that each run gives one result."""
+    return np.random.default_rng(0).standard_normal(n)
+
+
+def _lanczos_vectors(count: int) -> int:
+    """Number of vectors in a search for ``count`` eigenpairs."""
+    return max(2 * count + 1, 20)
+
+
+def _by_parts(operation: Callable[[Array], Array], z: Array) -> Array:
+    """Apply a real operation to columns (n, k), to real and imaginary parts side by side if they are complex."""
+    if not np.iscomplexobj(z):
+        return operation(z)
+    both = operation(np.concatenate([z.real, z.imag], axis=1))
+    return np.asarray(both[:, : z.shape[1]] + 1j * both[:, z.shape[1] :])
+
+
+def _times(A: Any, z: Array) -> Array:
+    """Product of a real matrix with columns (n, k), real or complex."""
+    return _by_parts(lambda columns: A @ columns, z)

@@ -1,0 +1,337 @@
+"""The lowest modes of a body by shift-invert Lanczos, each result verified before it is handed on."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Sequence
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+import scipy.sparse as sp
+from scipy.linalg import eigh, null_space
+from scipy.sparse.csgraph import connected_components
+from scipy.sparse.linalg import LinearOperator, eigsh, splu
+
+from fmd.core.arrays import Array, IntArray
+from fmd.core.errors import AccuracyError
+from fmd.reduction.factor.factor import Factor, factorise
+from fmd.reduction.inertia_relief import solve_balanced
+from fmd.reduction.missed_modes import missed_eigenvalue
+from fmd.reduction.modes import EigenPairs
+from fmd.reduction.round_off import OF_ROUND_OFF, THIN, rounded_defect
+from fmd.reduction.supports import remaining_rigid_motions, remove_held_unknowns, tie_rigid_faces
+
+if TYPE_CHECKING:
+    from fmd.fem.markers import Marker
+    from fmd.fem.model import FEModel
+
+RESIDUAL_LIMIT = 1e-6
+ORTHONORMALITY_LIMIT = 1e-8
+_MOST_ROUNDED = 1e-3  # residuals beyond the limit, if round-off explains them: λ is good to 1e-6
+# Lanczos stops at this residual: an eigenvalue is then good to its square, a shape to itself over the gap. It must stay
+# below 1e-8, where single vectors have been seen to lose one of a pair.
+_TOLERANCE = 1e-9
+_TRIES = 3
+_MOST_DENSE = 4000  # unknowns up to which all modes are computed in half a minute
+# An eigenvalue below this part of the shift is zero: Lanczos leaves about 1e-12, an elastic mode about 1.
+_ZERO = 1e-6
+
+Inverse = Callable[[Array], Array]
+
+
+class FreeBodySolver:
+    """Modes and static responses of a body from one factorisation of ``K − σ M``, σ < 0.
+
+    K alone is singular for a free body, so a shift of zero would return garbage; a negative shift makes the
+    matrix positive definite. It is scaled to the problem: a third of an upper bound of the lowest elastic
+    eigenvalue.
+
+    Parameters
+    ----------
+    fe : FEModel
+        A body in one piece.
+    rigid : sequence of Marker
+        Markers whose faces are held rigid; they have no node in common.
+    fixed : ndarray of int, optional
+        Unknowns that supports hold; ``3 i + a`` is node i along axis a.
+    factorise : callable
+        Makes a `Factor` of a symmetric positive definite matrix.
+
+    Attributes
+    ----------
+    rigid_modes : ndarray, shape (3 n_nodes, 6 or less)
+        Rigid motions that the supports leave.
+    shift : float
+        σ [rad²/s²].
+
+    Raises
+    ------
+    AccuracyError
+        The mesh is in several unconnected pieces.
+    TooLargeError
+        The factor wouldn't fit into memory.
+    ValueError
+        Rigid faces share nodes, with one another or with a support.
+    """
+
+    def __init__(
+        self,
+        fe: FEModel,
+        rigid: Sequence[Marker] = (),
+        fixed: IntArray | None = None,
+        factorise: Callable[[Any], Factor] = factorise,
+    ) -> None:
+        n_pieces = count_pieces(fe.K)
+        if n_pieces > 1:
+            raise AccuracyError(
+                f"the mesh is in {n_pieces} unconnected pieces, so it has {6 * n_pieces} rigid-body modes "
+                "instead of 6; join the pieces"
+            )
+        self._fe, self._factorise = fe, factorise
+        self._T = tie_rigid_faces(fe, rigid) if rigid else None
+        self.rigid_modes, self._supported = fe.rigid_modes, fixed is not None
+        if fixed is not None:
+            T = sp.eye_array(fe.K.shape[0], format="csr") if self._T is None else self._T
+            self._T = remove_held_unknowns(T, fixed, len(rigid))
+            self.rigid_modes = remaining_rigid_motions(fe, fixed)
+        self._K, self._M, self._R = fe.K, fe.M, self.rigid_modes
+        if self._T is not None:
+            self._K, self._M = (sp.csr_array(self._T.T @ A @ self._T) for A in (fe.K, fe.M))
+            self._R = self._reduced(self._R)
+        self.shift, self._factor = self._shifted_factor()
+        self._inverse = self._factor.solve
+
+    def modes(self, count: int, held: Array | None = None) -> EigenPairs:
+        """Return the ``count`` lowest elastic modes, or all that a small mesh has.
+
+        Parameters
+        ----------
+        held : ndarray, shape (n_nodes, 3, k), optional
+            Columns B that hold the body, ``Bᵀ φ = 0``: ``K φ = ω² M φ + B μ``; without, the body is free.
+
+        Raises
+        ------
+        AccuracyError
+            Residual or M-orthonormality exceed their limits, or there are not as many rigid-body modes as the holding
+            leaves, six of a free body; the message gives the figure.
+        """
+        n, B = self._K.shape[0], self._holding(held)
+        inverse = constrained_inverse(self._inverse, B) if B.shape[1] else self._inverse
+        Z = self._rigid_modes_left(B)
+        count = min(count, n - B.shape[1] - Z.shape[1])
+        n_vectors = max(2 * count, count + 20)
+        if n_vectors + Z.shape[1] < n - B.shape[1]:
+            eigenvalues, Phi = self._elastic_pairs(count, n_vectors, Z, inverse)
+            eigenvalues = np.concatenate([np.einsum("ij,ij->j", Z, self._K @ Z), eigenvalues])
+            Phi = np.concatenate([Z, Phi], axis=1)
+        else:  # a mesh of a few elements
+            N = null_space(B.T) if B.shape[1] else np.eye(n)
+            last = count + Z.shape[1] - 1
+            eigenvalues, Phi = eigh(N.T @ (self._K @ N), N.T @ (self._M @ N), subset_by_index=(0, last))
+            Phi = N @ Phi
+        order = np.argsort(eigenvalues)
+        return self._verified_pairs(eigenvalues[order], Phi[:, order], Z.shape[1], inverse)
+
+    def most_modes(self, held: Array | None = None) -> int:
+        """Return how many elastic modes `modes` can compute: all of a small mesh, not quite half of a large one's.
+
+        More than that takes a dense solver, whose time grows with the third power of the number of unknowns.
+
+        Parameters
+        ----------
+        held : ndarray, shape (n_nodes, 3, k), optional
+            Columns that hold the body.
+        """
+        n, B = self._K.shape[0], self._holding(held)
+        n_elastic: int = n - B.shape[1] - self._rigid_modes_left(B).shape[1]
+        return n_elastic if n <= _MOST_DENSE else (n_elastic - 1) // 2
+
+    def static_response(self, f: Array) -> Array:
+        """Solve ``K u = f`` for loads in equilibrium with the rigid acceleration they cause (inertia relief).
+
+        Parameters
+        ----------
+        f : ndarray, shape (n_nodes, 3, n_loads)
+            Nodal loads [N]; what accelerates the body as a whole is balanced by its inertia.
+
+        Returns
+        -------
+        ndarray, shape (n_nodes, 3, n_loads)
+            Displacements [m], M-orthogonal to the rigid-body modes.
+
+        Raises
+        ------
+        AccuracyError
+            The residual stayed above its limit.
+        """
+        return self._nodal(solve_balanced(self._K, self._M, self._R, self._inverse, self._loads(f)))
+
+    def inertia_response(self, u: Array) -> Array:
+        """Deflections ``(K − σ M)⁻¹ M u`` by the inertia of fields u (n_nodes, 3, k), without any rigid motion."""
+        R, flat = self.rigid_modes, u.reshape(self._fe.K.shape[0], -1)
+        MR = self._fe.M @ R
+        rigid_mass = R.T @ MR
+        load = self._fe.M @ flat - MR @ np.linalg.solve(rigid_mass, MR.T @ flat)
+        bent = self._nodal(self._inverse(load if self._T is None else self._T.T @ load)).reshape(flat.shape)
+        return np.asarray(bent - R @ np.linalg.solve(rigid_mass, MR.T @ bent)).reshape(u.shape)
+
+    def _shifted_factor(self) -> tuple[float, Factor]:
+        """Choose the shift σ and factorise ``K − σ M``."""
+        shift = -0.3 * self._lowest_bound()
+        return shift, self._factorise(self._K - shift * self._M)
+
+    def _reduced(self, u: Array) -> Array:
+        """Unknowns of fields u (3 n_nodes, k), in the mean where a face would have to bend."""
+        return u if self._T is None else np.asarray(splu(sp.csc_array(self._T.T @ self._T)).solve(self._T.T @ u))
+
+    def _loads(self, f: Array) -> Array:
+        """Loads on the unknowns (n, k) of nodal loads f (n_nodes, 3, k)."""
+        flat = f.reshape(-1, f.shape[-1])
+        return flat if self._T is None or not flat.shape[1] else np.asarray(self._T.T @ flat)
+
+    def _holding(self, held: Array | None) -> Array:
+        """Columns B (n, k) on the unknowns that hold the body; none if it is free."""
+        return np.zeros((self._K.shape[0], 0)) if held is None else self._loads(held)
+
+    def _nodal(self, u: Array) -> Array:
+        """Nodal fields (n_nodes, 3, k) of unknowns u (n, k)."""
+        return np.asarray(u if self._T is None else self._T @ u).reshape(len(self._fe.x), 3, -1)
+
+    def _lowest_bound(self) -> float:
+        """Upper bound of the lowest elastic eigenvalue [rad²/s²]: Rayleigh–Ritz on all quadratic displacements."""
+        x = self._fe.x - self._fe.x.mean(axis=0)
+        x = x / np.ptp(x, axis=0).max()
+        terms = [np.ones(len(x)), *x.T, *(x[:, a] * x[:, b] for a in range(3) for b in range(a, 3))]
+        V, K, M = np.kron(np.stack(terms, axis=1), np.eye(3)), self._K, self._M
+        if self._supported:  # polynomials would break at the supports; the free body is softer in any case
+            K, M = self._fe.K, self._fe.M
+        else:
+            V = self._reduced(V)
+        V = np.linalg.qr(V)[0]
+        return float(eigh(V.T @ (K @ V), V.T @ (M @ V), eigvals_only=True)[6])
+
+    def _rigid_modes_left(self, B: Array) -> Array:
+        """Rigid-body modes that a holding B leaves, ``Zᵀ M Z = 1``."""
+        R = self._R @ null_space(B.T @ self._R) if B.shape[1] and self._R.shape[1] else self._R
+        Z = np.linalg.qr(R)[0]
+        return np.linalg.solve(np.linalg.cholesky(Z.T @ (self._M @ Z)), Z.T).T
+
+    def _elastic_pairs(self, count: int, n_vectors: int, Z: Array, inverse: Inverse) -> tuple[Array, Array]:
+        """Lowest eigenpairs among the fields that are M-orthogonal to the rigid-body modes Z.
+
+        Those are known from geometry; left in, they would be the first that Lanczos finds, and cost solves.
+        """
+        for attempt in range(_TRIES):
+            size = min(n_vectors << attempt, len(Z))
+            if self._factor.lowest is not None and inverse is self._inverse:
+                theta, Phi = self._factor.lowest(self._M, count, size, Z)
+                values = theta + self.shift
+            else:
+                values, Phi = self._lanczos(count, size, Z, inverse, attempt)
+            known = np.concatenate([Z, Phi], axis=1)
+            missed = missed_eigenvalue(self._M, known, inverse, self.shift, values.max())
+            if missed is None:
+                return values, Phi
+            hertz = np.sqrt(max(missed, 0.0)) / 2 / np.pi
+        raise AccuracyError(
+            f"Lanczos missed a mode at {hertz:.6g} Hz, below its highest, {_TRIES} times; ask for a few modes more or "
+            "less"
+        )
+
+    def _lanczos(self, count: int, n_vectors: int, Z: Array, inverse: Inverse, seed: int) -> tuple[Array, Array]:
+        MZ = self._M @ Z
+
+        def solve(f: Array) -> Array:
+            x = inverse(f)
+            return np.asarray(x - Z @ (MZ.T @ x))
+
+        start = np.random.default_rng(seed).standard_normal(len(Z))
+        start -= Z @ (MZ.T @ start)
+        operator = LinearOperator(self._K.shape, matvec=solve, dtype=float)
+        values, Phi = eigsh(
+            self._K, count, self._M, self.shift, OPinv=operator, v0=start, ncv=n_vectors, tol=_TOLERANCE
+        )
+        return values, Phi
+
+    def _verified_pairs(self, eigenvalues: Array, Phi: Array, expected: int, inverse: Inverse) -> EigenPairs:
+        """Count the rigid-body modes, verify the others and give each its sign."""
+        n_rigid = int(np.count_nonzero(eigenvalues < _ZERO * -self.shift))
+        if n_rigid != expected:  # round-off of stiff, thin elements leaves more of a rigid mode's eigenvalue
+            sizes = np.abs(Phi)
+            rounded = float(np.finfo(float).eps * (sizes * (abs(self._K) @ sizes)).sum(axis=0).max())
+            n_rigid = int(np.count_nonzero(eigenvalues < min(OF_ROUND_OFF * rounded, _MOST_ROUNDED * -self.shift)))
+        if n_rigid != expected:
+            lowest = ", ".join(f"{value:.1e}" for value in eigenvalues[:8])
+            whole = "a free body" if expected == 6 else "the body as it is held"
+            raise AccuracyError(
+                f"found {n_rigid} rigid-body modes, {whole} has {expected}; the lowest eigenvalues are {lowest} "
+                f"rad²/s², of which those below {_ZERO * -self.shift:.1e} count as zero"
+                + (f"; round-off alone leaves {rounded:.0e} rad²/s², {THIN}" if rounded > _ZERO * -self.shift else "")
+            )
+        residual = self._largest_residual(eigenvalues, Phi, n_rigid, inverse)
+        shapes = self._nodal(Phi[:, n_rigid:])
+        flat = shapes.reshape(-1, shapes.shape[2])
+        shapes = shapes * np.sign(flat[np.abs(flat).argmax(axis=0), np.arange(flat.shape[1])])
+        return EigenPairs(np.sqrt(eigenvalues[n_rigid:]), shapes, n_rigid, residual, factor=self._factor.figures)
+
+    def _largest_residual(self, eigenvalues: Array, Phi: Array, n_rigid: int, inverse: Inverse) -> float:
+        """Largest residual of the elastic pairs, in the energy norm: that of the eigenvalue is about its square.
+
+        ``r = K φ − λ M φ`` is weighed by the inverse of ``K − σ M``, in which round-off of the stiffest element motions
+        counts little and what holds the body may answer with any force.
+        """
+        MPhi = self._M @ Phi
+        error = float(np.abs(Phi.T @ MPhi - np.eye(len(eigenvalues))).max())
+        if not error < ORTHONORMALITY_LIMIT:
+            raise AccuracyError(f"modes are not M-orthonormal: error {error:.1e} exceeds {ORTHONORMALITY_LIMIT:.0e}")
+        elastic = eigenvalues[n_rigid:]
+        defects = self._K @ Phi[:, n_rigid:] - elastic * MPhi[:, n_rigid:]
+        energies = np.einsum("ij,ij->j", defects, inverse(defects))
+        residuals = np.sqrt(np.maximum(energies, 0.0) / (elastic - self.shift))
+        worst = int(residuals.argmax())
+        if not residuals[worst] < RESIDUAL_LIMIT:
+            rounded = self._rounded_residual(elastic[worst], Phi[:, n_rigid + worst], inverse)
+            if not residuals[worst] < min(OF_ROUND_OFF * rounded, _MOST_ROUNDED):
+                thin = rounded > 0.1 * _MOST_ROUNDED
+                raise AccuracyError(
+                    f"mode {worst + 1} at {np.sqrt(elastic[worst]) / 2 / np.pi:.6g} Hz has a residual of "
+                    f"{residuals[worst]:.1e}, above {RESIDUAL_LIMIT:.0e}"
+                    + (f"; round-off alone leaves {rounded:.0e}, {THIN}" if thin else "")
+                )
+        return float(residuals[worst])
+
+    def _rounded_residual(self, eigenvalue: float, shape: Array, inverse: Inverse) -> float:
+        """Residual that round-off of ``K φ`` leaves by itself."""
+        defect = rounded_defect(self._K, shape)
+        return float(np.sqrt(defect @ inverse(defect) / (eigenvalue - self.shift)))
+
+
+def count_pieces(K: sp.csr_array) -> int:
+    """Count the pieces of a body that its stiffness matrix leaves unconnected.
+
+    Masses say nothing of it: lumped ones connect no node with another.
+
+    Parameters
+    ----------
+    K : sparse array, shape (3 n_nodes, 3 n_nodes)
+        Stiffness matrix, three unknowns a node; its pattern is symmetric.
+    """
+    # Strongly connected parts are connected ones where the pattern is symmetric, and take no transpose.
+    _, piece = connected_components(K, directed=True, connection="strong")
+    x, y, z = piece.reshape(-1, 3).T
+    n = int(piece.max()) + 1
+    within = sp.coo_array((np.ones(2 * len(x)), (np.r_[x, x], np.r_[y, z])), shape=(n, n))
+    return int(connected_components(within, directed=False, return_labels=False))
+
+
+def constrained_inverse(inverse: Inverse, B: Array) -> Inverse:
+    """Inverse of A among the fields with ``Bᵀu = 0``: ``f → A⁻¹f − A⁻¹B (BᵀA⁻¹B)⁻¹ BᵀA⁻¹f``."""
+    Z = inverse(B)
+    weights = np.linalg.solve(B.T @ Z, Z.T)
+
+    def solve(f: Array) -> Array:
+        # The reaction is taken off the load first, and off the result again: A⁻¹ alone is large in rigid motions,
+        # which would have to cancel.
+        x = inverse(f - B @ (weights @ f))
+        return np.asarray(x - weights.T @ (B.T @ x))
+
+    return solve

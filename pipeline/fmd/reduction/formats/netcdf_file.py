@@ -1,0 +1,39 @@
+"""Reduced bodies from our own NetCDF files, as a body that a scene names by its file."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+import numpy as np
+
+from fmd.core.errors import InputError
+from fmd.reduction.body import MarkerShapes
+from fmd.reduction.body_file import load_body
+from fmd.reduction.modal_data import ModalData
+
+
+def read_netcdf(path: Path) -> ModalData:
+    """Read a body from the NetCDF file of ``fmd export --to python``: nodes numbered from 0, and its markers by name.
+
+    Raises
+    ------
+    InputError
+        The file can't be read, holds no reduced body, or one for motion about an axis alone.
+    """
+    saved = load_body(path)
+    body, n = saved.body, len(saved.body.omega)
+    if body.gram.normal >= 0:
+        raise InputError(str(path), "", None, "has the inertia of motion about one axis alone; write it anew")
+    unknown = np.full((3, n), np.nan)
+    places = enumerate(zip(body.x, body.shapes, strict=True))
+    nodes = {str(k): MarkerShapes(x, shapes, unknown) for k, (x, shapes) in places}
+    second = body.gram.stiffening, body.gram.bow, body.gram.curl
+    return ModalData(
+        body.gram,
+        np.diag(body.omega**2),
+        np.zeros((n, n)),
+        nodes | dict(body.markers),
+        in_own_frame=any(term.any() for term in second),
+        surface=saved.surface,
+        stress=saved.stress,
+    )

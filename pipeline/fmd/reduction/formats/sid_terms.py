@@ -1,0 +1,235 @@
+"""Standard input data (SID) of a flexible body: the terms of its equations of motion, to first order in its modes.
+
+In the frame of the body, with its origin's acceleration a, its angular velocity ω and acceleration α::
+
+    [ m 1    −c̃    Ctᵀ ] [ a ]   [ ω̃ω̃ c + 2 ω̃ Ctᵀ q̇       ]   [ f ]
+    [ c̃      J     Crᵀ ] [ α ] + [ ω̃ J ω + Σ_j Gr_j q̇_j ω  ] = [ l ]
+    [ Ct     Cr    Me  ] [ q̈ ]   [ Oe Ω + Σ_j Ge_j q̇_j ω   ]   [ h − Ke q − De q̇ ]
+
+with ``c = mdCM``, ``Ω = (ω₁², ω₂², ω₃², ω₁ω₂, ω₂ω₃, ω₁ω₃)``; mdCM, J, Ct, Cr, Gr and Oe are linear in q. Geometric
+stiffening is in the first orders of Ct, Cr and Oe, which linear acceleration, angular acceleration and rotation take,
+and in those of a node's phi and psi, which forces and torques there take.
+
+Wallrapp, Standardization of flexible body modeling in multibody system codes, Mechanics of Structures and Machines 22
+(1994) 283–304; Schwertassek & Wallrapp, Dynamik flexibler Mehrkörpersysteme, Vieweg (1999), section 6.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass, field
+from typing import Any
+
+import numpy as np
+
+from fmd.core.arrays import EPSILON, Array
+from fmd.reduction.body import MarkerShapes
+from fmd.reduction.inertia import InertiaGram
+from fmd.reduction.modal_data import ModalData, integrals_of, rate_products, rate_turns
+
+PARTS = ("mdCM", "J", "Ct", "Cr", "Me", "Gr", "Ge", "Oe", "ksigma", "Ke", "De")
+"""Terms of a body, in the order of its file."""
+_AGREE = 1e-4  # of the largest entry: terms that hold the same integral, in files of six digits
+# Of the largest entry of Me. Less is what a file of few digits, or of seventeen, loses when terms are subtracted.
+_STIFFENS, _ROUND_OFF = 1e-6, 1e-9
+
+
+@dataclass(frozen=True)
+class Taylor:
+    """A term of SID: ``M0 + Σ_k M1[:, k] q_k``.
+
+    Attributes
+    ----------
+    M0 : ndarray, shape (n_rows, n_columns)
+        Order zero.
+    M1 : ndarray, shape (n_rows, n, n_columns) or (n_rows, 0, n_columns)
+        First order; no entries if it is left out.
+    """
+
+    M0: Array
+    M1: Array = field(default_factory=lambda: np.zeros((0, 0, 0)))
+
+    @property
+    def order(self) -> int:
+        """Highest order of the term, 0 or 1."""
+        return int(self.M1.size > 0)
+
+    def at(self, q: Array) -> Array:
+        """Return the term at modal coordinates q (n,), shape (n_rows, n_columns)."""
+        return self.M0 + np.einsum("rkc,k->rc", self.M1, q) if self.order else self.M0
+
+
+def sid_terms(data: ModalData) -> dict[str, Taylor]:
+    """Compute the terms of a body's equations of motion from its inertia integrals; keys are `PARTS`."""
+    gram, n = data.gram, data.n
+    G, S = gram.G, gram.S
+    modal, mixed = G[:, :, 1:, 1:], G[:, :, 0, 1:]
+    bow = gram.bow if gram.bow.size else np.zeros((3, n, n))
+    curl = gram.curl if gram.curl.size else np.zeros((3, n, n))
+    P = G[:, :, 0, 0]
+    # ∫ x̃ φ̃_j dm = ∫ φ_j xᵀ dm − 1 ∫ x·φ_j dm, for the undeformed body and by another mode.
+    pure = modal + gram.stiffening if gram.stiffening.size else modal
+    C4 = mixed.transpose(1, 0, 2) - np.eye(3)[:, :, None] * np.einsum("aaj->j", mixed)
+    C6 = pure.transpose(1, 0, 2, 3) - np.eye(3)[:, :, None, None] * np.einsum("aakj->kj", pure)
+    J1 = -(C4 + C4.transpose(1, 0, 2))
+    turns = rate_turns(modal)
+    return {
+        "mdCM": Taylor(S[:, :1], S[:, 1:, None]),
+        "J": Taylor(np.trace(P) * np.eye(3) - P, J1.transpose(0, 2, 1)),
+        "Ct": Taylor(S[:, 1:].T, bow.transpose(1, 2, 0)),
+        "Cr": Taylor(rate_turns(mixed).T, (turns.transpose(0, 2, 1) + curl).transpose(1, 2, 0)),
+        "Me": Taylor(data.M),
+        "Gr": Taylor(-2 * C4.transpose(0, 2, 1).reshape(3, 3 * n), -2 * C6.transpose(0, 2, 3, 1).reshape(3, n, 3 * n)),
+        "Ge": Taylor(2 * turns.transpose(2, 1, 0).reshape(n, 3 * n)),
+        "Oe": Taylor(rate_products(mixed).T, rate_products(modal).transpose(1, 2, 0)),
+        "ksigma": Taylor(np.zeros((n, 1))),
+        "Ke": Taylor(data.K),
+        "De": Taylor(data.D),
+    }
+
+
+def modal_data_of(mass: float, terms: Mapping[str, Taylor], nodes: Mapping[str, MarkerShapes]) -> ModalData:
+    """Recover a body's inertia integrals from the terms of its equations of motion.
+
+    They are taken from Oe, Ge, Cr, Ct, J and mdCM. Gr and the first orders of mdCM and J hold nothing more: where a
+    file has something else there, a note of the body says so, since only one of both can be right.
+
+    Parameters
+    ----------
+    mass : float
+        Mass [kg].
+    terms : mapping of str to Taylor
+        The terms `PARTS`; J may be a matrix or the vector xx, yy, zz, xy, xz, yz.
+    nodes : mapping of str to MarkerShapes
+        Nodes by label.
+
+    Raises
+    ------
+    ValueError
+        Ge isn't antisymmetric in the modes.
+    """
+    n = terms["Ke"].M0.shape[0]
+    J = _tensor(terms["J"])
+    Ct, Cr, Ge, Oe = (terms[name] for name in ("Ct", "Cr", "Ge", "Oe"))
+    first = {
+        name: term.M1 if term.order else np.zeros((term.M0.shape[0], n, term.M0.shape[1]))
+        for name, term in terms.items()
+    }
+    G = np.zeros((3, 3, 1 + n, 1 + n))
+    G[:, :, 0, 0] = 0.5 * np.trace(J.M0) * np.eye(3) - J.M0
+    mixed = integrals_of(Oe.M0.T, Cr.M0.T)
+    G[:, :, 0, 1:], G[:, :, 1:, 0] = mixed, mixed.transpose(1, 0, 2)
+    scale = float(np.abs(terms["Me"].M0).max())
+    turns = _turns(Ge.M0, scale)
+    products = first["Oe"].transpose(2, 0, 1)
+    products = 0.5 * (products + products.transpose(0, 2, 1))  # some programs write one half of it, doubled
+    modal = integrals_of(products, turns)
+    G[:, :, 1:, 1:] = modal
+    S = np.column_stack([terms["mdCM"].M0, Ct.M0.T])
+    C4 = mixed.transpose(1, 0, 2) - np.eye(3)[:, :, None] * np.einsum("aaj->j", mixed)
+    J1 = -(C4 + C4.transpose(1, 0, 2))
+    notes = [
+        *_compare("Gr", terms["Gr"].M0.reshape(3, n, 3), -2 * C4.transpose(0, 2, 1), "Oe and Cr"),
+        *_compare("the first order of mdCM", first["mdCM"][:, :, 0], Ct.M0.T, "Ct"),
+        *(_compare("the first order of J", J.M1, J1.transpose(0, 2, 1), "Oe") if J.order else ()),
+    ]
+    stiffening, exact = _stiffening(terms["Gr"], terms["Me"].M0, modal, scale)
+    bow = first["Ct"].transpose(2, 0, 1)
+    curl = first["Cr"].transpose(2, 0, 1) - turns.transpose(0, 2, 1) if Cr.order else np.zeros((3, n, n))
+    second: dict[str, Any] = {}
+    for name, term, least in (("stiffening", stiffening, _STIFFENS), ("bow", bow, 0.0), ("curl", curl, _ROUND_OFF)):
+        if np.abs(term).max(initial=0.0) > least * scale:
+            second[name] = 0.5 * (term + term.swapaxes(-1, -2))
+    gram = InertiaGram(G, S, mass, **second)
+    bound = bool(second) or any(node.bow.any() for node in nodes.values())
+    separable = exact or "stiffening" not in second
+    return ModalData(gram, terms["Ke"].M0, terms["De"].M0, nodes, tuple(notes), bound, separable)
+
+
+def _tensor(J: Taylor) -> Taylor:
+    """Return the inertia as a matrix, which files may hold as a vector xx, yy, zz, xy, xz, yz."""
+    if J.M0.shape != (6, 1):
+        return J
+    place = np.array([[0, 3, 4], [3, 1, 5], [4, 5, 2]])
+    return Taylor(J.M0[place, 0], np.moveaxis(J.M1[place, :, 0], 2, 1) if J.order else J.M1)
+
+
+def _stiffening(Gr: Taylor, Me: Array, modal: Array, scale: float) -> tuple[Array, bool]:
+    """Geometric stiffness that is in the first order of Oe, shape (3, 3, n, n), and if it is known axis by axis.
+
+    The first order of Gr has the same integrals without it, where a file holds it. Else only their sum is known, from
+    Me, which is all that the equations of motion in the file's own frame take.
+    """
+    n = len(Me)
+    loss = Me - np.einsum("aaij->ij", modal)
+    if Gr.order:
+        C6 = -0.5 * Gr.M1.reshape(3, n, n, 3).transpose(0, 3, 1, 2)
+        pure = C6.transpose(1, 0, 2, 3) - 0.5 * np.eye(3)[:, :, None, None] * np.einsum("aakj->kj", C6)
+        found = pure - modal
+        found = 0.25 * (found + found.transpose(1, 0, 2, 3) + found.swapaxes(2, 3) + found.transpose(1, 0, 3, 2))
+        if np.abs(np.einsum("aaij->ij", found) - loss).max(initial=0.0) < _AGREE * scale:
+            return np.asarray(found), True
+    return np.asarray(np.eye(3)[:, :, None, None] * loss / 3), False
+
+
+def _turns(Ge: Array, scale: float) -> Array:
+    """Integrals ``ε_abc ∫ φ_b φ_c dm``, shape (3, n, n), of Ge, whose columns go by modes, in some files by axes."""
+    n = len(Ge)
+    by_modes, by_axes = 0.5 * Ge.reshape(n, n, 3).transpose(2, 1, 0), 0.5 * Ge.reshape(n, 3, n).transpose(1, 2, 0)
+    defects = [float(np.abs(turns + turns.transpose(0, 2, 1)).max(initial=0.0)) for turns in (by_modes, by_axes)]
+    if min(defects) > _AGREE * max(scale, float(np.abs(Ge).max(initial=0.0))):
+        raise ValueError(f"Ge isn't antisymmetric in the modes: its halves differ by {min(defects):.1e}")
+    turns = by_modes if defects[0] <= defects[1] else by_axes
+    return np.asarray(0.5 * (turns - turns.transpose(0, 2, 1)))
+
+
+def _compare(name: str, term: Array, expected: Array, others: str) -> list[str]:
+    """Say how far a term is from what others give, unless they agree."""
+    size = max(float(np.abs(term).max(initial=0.0)), float(np.abs(expected).max(initial=0.0)))
+    apart = float(np.abs(term - expected).max(initial=0.0))
+    if apart <= _AGREE * size:
+        return []
+    return [f"{name} is not what {others} give, by {apart / size:.1e} of its largest entry; the latter are taken"]
+
+
+def equations_of_motion(
+    mass: float, terms: Mapping[str, Taylor], q: Array, rates: Array, spin: Array
+) -> tuple[Array, Array]:
+    """Evaluate a body's mass matrix and the terms of its velocities from SID.
+
+    Parameters
+    ----------
+    mass : float
+        Mass [kg].
+    terms : mapping of str to Taylor
+        The terms `PARTS`.
+    q, rates : ndarray, shape (n,)
+        Modal coordinates and their rates.
+    spin : ndarray, shape (3,)
+        Angular velocity along the frame's axes [rad/s].
+
+    Returns
+    -------
+    (ndarray, ndarray), shapes (6 + n, 6 + n) and (6 + n,)
+        Mass matrix of translation, rotation and modes, and what stands beside it on the left: inertia forces of
+        velocities, elastic and damping forces.
+    """
+    at = {name: (_tensor(term) if name == "J" else term).at(q) for name, term in terms.items()}
+    n, c, W = len(q), at["mdCM"][:, 0], _tilde(spin)
+    M = np.zeros((6 + n, 6 + n))
+    M[:3, :3], M[3:6, 3:6], M[6:, 6:] = mass * np.eye(3), at["J"], at["Me"]
+    M[3:6, :3], M[:3, 3:6] = _tilde(c), -_tilde(c)
+    M[6:, :3], M[6:, 3:6] = at["Ct"], at["Cr"]
+    M[:3, 6:], M[3:6, 6:] = at["Ct"].T, at["Cr"].T
+    rotation = np.einsum("ajb,j,b->a", at["Gr"].reshape(3, n, 3), rates, spin)
+    modal = np.einsum("ijb,j,b->i", at["Ge"].reshape(n, n, 3), rates, spin)
+    x, y, z = spin
+    modal += at["Oe"] @ np.array([x * x, y * y, z * z, x * y, y * z, x * z])
+    modal += at["Ke"] @ q + at["De"] @ rates
+    translation = W @ W @ c + 2 * W @ at["Ct"].T @ rates
+    return M, np.concatenate([translation, W @ at["J"] @ spin + rotation, modal])
+
+
+def _tilde(v: Array) -> Array:
+    """Matrix of the cross product ``v ×``."""
+    return np.asarray(-EPSILON @ v)

@@ -1,0 +1,107 @@
+"""Static responses of bodies that may move freely: their own inertia balances the loads (inertia relief)."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from typing import Any
+
+import numpy as np
+
+from fmd.core.arrays import Array
+from fmd.core.errors import AccuracyError
+from fmd.reduction.round_off import OF_ROUND_OFF, THIN, rounded_defect
+
+STATIC_RESIDUAL_LIMIT = 1e-6  # in the energy norm, as that of modes
+_MOST_ROUNDED = 1e-4  # the same, if round-off explains it
+_BALANCED = 1e-12  # what is left below this part of a load is round-off: the body balances it by itself
+_CONVERGED = 1e-12
+_MAX_RESTARTS = 6
+_STEP_GAIN = 1e-4
+_MOST_STEPS = 100
+
+
+def solve_balanced(K: Any, M: Any, R: Array, inverse: Callable[[Array], Array], f: Array) -> Array:
+    """Solve ``K u = f − M R a``, the rigid acceleration a being the one that the loads cause.
+
+    Conjugate gradients with the inverse of ``K − σ M`` take a few steps. They start anew on what is left of the load,
+    balanced again: K doesn't see rigid-body round-off, which would spoil a long run.
+
+    Parameters
+    ----------
+    K, M : sparse array, shape (n, n)
+        Stiffness and mass matrix.
+    R : ndarray, shape (n, n_rigid)
+        Rigid-body modes.
+    inverse : callable
+        ``(K − σ M)⁻¹``, σ < 0.
+    f : ndarray, shape (n, n_loads)
+        Loads [N].
+
+    Returns
+    -------
+    ndarray, shape (n, n_loads)
+        Displacements [m], M-orthogonal to the rigid-body modes.
+
+    Raises
+    ------
+    AccuracyError
+        The residual stayed above `STATIC_RESIDUAL_LIMIT` and what round-off explains; the message names the load.
+    """
+    MR = M @ R
+    rigid_mass = R.T @ MR
+
+    def balance(load: Array) -> Array:
+        return np.asarray(load - MR @ np.linalg.solve(rigid_mass, R.T @ load))
+
+    loads = balance(f)
+    zero = np.linalg.norm(loads, axis=0) <= _BALANCED * np.linalg.norm(f, axis=0)
+    loads[:, zero] = 0.0
+    defect, answer = loads, inverse(loads)
+    size = np.where(zero, 1.0, _energy_norm(defect, answer))
+    if not size.all():
+        raise AccuracyError(f"static response {size.argmin()}: round-off is larger than the response, {THIN}")
+    u, before = np.zeros_like(loads), np.inf
+    for _ in range(_MAX_RESTARTS):
+        u += _conjugate_gradients(K, defect, answer, inverse)
+        u -= R @ np.linalg.solve(rigid_mass, MR.T @ u)
+        defect = balance(loads - K @ u)
+        answer = inverse(defect)
+        residual = _energy_norm(defect, answer) / size  # in which round-off of stiff elements counts little
+        largest = residual.max()
+        if largest < _CONVERGED or 0.1 * before < largest < STATIC_RESIDUAL_LIMIT:
+            break
+        before = largest
+    worst = int(residual.argmax())
+    if not residual[worst] < STATIC_RESIDUAL_LIMIT:
+        defect = balance(rounded_defect(K, u[:, [worst]]))
+        rounded = (_energy_norm(defect, inverse(defect)) / size[worst]).item()
+        if not residual[worst] < min(OF_ROUND_OFF * rounded, _MOST_ROUNDED):
+            raise AccuracyError(
+                f"static response {worst}: residual {residual[worst]:.1e} exceeds {STATIC_RESIDUAL_LIMIT:.0e}"
+                + (f"; round-off alone leaves {rounded:.0e}, {THIN}" if rounded > 0.1 * _MOST_ROUNDED else "")
+            )
+    return u
+
+
+def _energy_norm(load: Array, answer: Array) -> Array:
+    """Return the roots of the products of loads and answers to them, (n,); round-off may make a product negative."""
+    return np.asarray(np.sqrt(np.maximum(np.einsum("ij,ij->j", load, answer), 0.0)))
+
+
+def _conjugate_gradients(K: Any, f: Array, z: Array, inverse: Callable[[Array], Array]) -> Array:
+    """Solve ``K u = f``, all columns side by side, to about four digits, preconditioned by ``inverse``, from its z."""
+    u, r = np.zeros_like(f), f.copy()
+    p, product = z.copy(), np.einsum("ij,ij->j", r, z)
+    enough = _STEP_GAIN**2 * product
+    for _ in range(_MOST_STEPS):
+        going = product > enough
+        if not going.any():
+            break
+        Kp = K @ p
+        step = np.where(going, product, 0.0) / np.where(going, np.einsum("ij,ij->j", p, Kp), 1.0)
+        u += step * p
+        r -= step * Kp
+        z = inverse(r)
+        before, product = product, np.where(going, np.einsum("ij,ij->j", r, z), 0.0)
+        p = z + product / np.where(going, before, 1.0) * p
+    return u

@@ -1,0 +1,81 @@
+"""Modes of a body as data: eigenpairs, and those chosen among them for its basis."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, field
+
+import numpy as np
+
+from fmd.core.arrays import Array
+from fmd.core.html import table
+from fmd.core.short_repr import short_repr
+from fmd.reduction.factor.figures import FactorFigures
+
+
+class TooManyModesError(ValueError):
+    """More modes are wanted than a mesh has, or than can be computed of it; the message gives their number."""
+
+
+@dataclass(frozen=True)
+class EigenPairs:
+    """Eigenpairs of ``K φ = ω² M φ``, ascending, ``Φᵀ M Φ = 1``; the rigid-body modes are counted and left out.
+
+    Attributes
+    ----------
+    omega : ndarray, shape (n,)
+        Angular frequencies [rad/s].
+    shapes : ndarray, shape (n_nodes, 3, n)
+        Mode shapes [kg^-1/2].
+    n_rigid : int
+        Number of rigid-body modes.
+    residual : float
+        Largest defect of ``K φ = ω² M φ`` in the energy norm, relative to the mode's own.
+    factor : FactorFigures, optional
+        Solver, size and memory of the factorisation behind them.
+    """
+
+    omega: Array
+    shapes: Array
+    n_rigid: int
+    residual: float
+    factor: FactorFigures | None = field(default=None, kw_only=True)
+
+    __repr__ = short_repr
+
+    def lowest(self, count: int) -> EigenPairs:
+        """Return the ``count`` lowest of the pairs."""
+        return EigenPairs(
+            self.omega[:count], self.shapes[:, :, :count], self.n_rigid, self.residual, factor=self.factor
+        )
+
+
+@dataclass(frozen=True)
+class Modes(EigenPairs):
+    """Modes that are chosen among the elastic ones of a body, with their places among them.
+
+    Attributes
+    ----------
+    numbers : tuple of int
+        Place of each among all elastic modes of the body, from 1.
+    n_completing : int
+        Modes beyond the wanted number that complete the group of equal frequency of the highest.
+    """
+
+    numbers: tuple[int, ...]
+    n_completing: int = field(default=0, kw_only=True)
+
+    __repr__ = short_repr
+
+    @property
+    def frequencies_hz(self) -> Array:
+        """Frequencies [Hz], shape (n,)."""
+        return np.asarray(self.omega / (2 * np.pi))
+
+    @property
+    def dofs(self) -> int:
+        """Number of unknowns of the finite element model."""
+        return 3 * len(self.shapes)
+
+    def _repr_html_(self) -> str:
+        rows = [(number, f"{hertz:.2f}") for number, hertz in zip(self.numbers, self.frequencies_hz, strict=True)]
+        return table(("mode", "Hz"), rows, f"{self.dofs} unknowns, {self.n_rigid} rigid-body modes")

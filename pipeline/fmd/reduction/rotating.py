@@ -1,0 +1,94 @@
+"""Vibrations of a body on a hub that turns at a constant rate."""
+
+from __future__ import annotations
+
+from typing import NamedTuple
+
+import numpy as np
+
+from fmd.core.arrays import EPSILON, Array
+from fmd.reduction.body import FlexibleBody
+
+
+class RotatingModes(NamedTuple):
+    """Vibrations on a turning hub, by ascending frequency.
+
+    Attributes
+    ----------
+    omega : ndarray, shape (n,)
+        Angular frequencies above zero [rad/s], the imaginary parts of eigenvalues.
+    damping : ndarray, shape (n,)
+        Damping ratios; negative for a vibration that grows.
+    whirl : ndarray, shape (n,)
+        Circulation about the axis, as the hub sees it, between -1 and 1: positive if points go round in the sense of
+        the rotation.
+    """
+
+    omega: Array
+    damping: Array
+    whirl: Array
+
+
+def rotating_frequencies(body: FlexibleBody, axis: Array, rate: float, hub_is_free: bool = False) -> Array:
+    """Angular frequencies of small vibrations of a body that turns at a constant rate about its joint [rad/s].
+
+    The arguments are those of `rotating_modes`, without damping.
+    """
+    return rotating_modes(body, axis, rate, hub_is_free).omega
+
+
+def rotating_modes(
+    body: FlexibleBody, axis: Array, rate: float, hub_is_free: bool = False, ratios: Array | None = None
+) -> RotatingModes:
+    """Return the small vibrations of a body that turns at a constant rate about its joint.
+
+    The equations are linearised about the undeformed state: with ``D = Σ (δ_ab − e_a e_b) G[a, b]`` and
+    ``A = ε_abc e_a G[b, c]``, ``M̂ ẍ + (diag(2 ζ ω) − 2 Ω A) ẋ + (diag(ω²) − Ω² D) x = 0``. A stiffened body has its
+    geometric stiffness in D. With the same matrices a complex vibration x has the circulation
+    ``−Im(xᴴ A x) / xᴴ D' x``, D' without geometric stiffness.
+
+    Parameters
+    ----------
+    body : FlexibleBody
+        Reduced body; its joint lies on the axis.
+    axis : ndarray, shape (3,)
+        Axis of rotation in the body's frame.
+    rate : float
+        Ω [rad/s].
+    hub_is_free : bool
+        Whether the hub may vibrate about the axis too; its rotation then is one more coordinate.
+    ratios : ndarray, shape (n,), optional
+        Damping ratio of each mode.
+    """
+    e, G = axis / np.linalg.norm(axis), body.gram.G
+    D = np.einsum("ab,abij->ij", np.eye(3) - np.outer(e, e), G)
+    A = np.einsum("a,abc,bcij->ij", e, EPSILON, G)
+    M, K, C = np.eye(len(D)), -(rate**2) * D, -2.0 * rate * A
+    M[0, 0], M[0, 1:], M[1:, 0] = D[0, 0], A[0, 1:], A[0, 1:]
+    K[1:, 1:] += np.diag(body.omega**2)
+    if ratios is not None:
+        C[1:, 1:] += np.diag(2.0 * ratios * body.omega)
+    K[0], K[:, 0] = 0.0, 0.0  # turning the hub stores nothing …
+    C[0], C[:, 0] = 2.0 * rate * D[0], -2.0 * rate * D[0]  # … but shifts the centrifugal load
+    C[0, 0] = 0.0
+    first = 0 if hub_is_free else 1
+    M, K, C = M[first:, first:], K[first:, first:], C[first:, first:]
+    n = len(M)
+    system = np.block([[np.zeros((n, n)), np.eye(n)], [-np.linalg.solve(M, K), -np.linalg.solve(M, C)]])
+    poles, vectors = np.linalg.eig(system)
+    kept = np.flatnonzero(poles.imag > 1e-7 * float(body.omega.max()))
+    kept = kept[np.argsort(poles.imag[kept])]
+    poles, x = poles[kept], vectors[n - len(body.omega) : n, kept]
+    turning = -np.einsum("im,ij,jm->m", x.conj(), A[1:, 1:], x).imag
+    size = np.einsum("im,ij,jm->m", x.conj(), _moments_across(body, e)[1:, 1:], x).real
+    whirl = np.divide(turning, size, out=np.zeros(len(size)), where=size > 1e-12 * np.abs(x).max(initial=0.0) ** 2)
+    return RotatingModes(poles.imag, -poles.real / np.abs(poles), whirl)
+
+
+def _moments_across(body: FlexibleBody, e: Array) -> Array:
+    """Second moments across an axis without the geometric stiffness that a stiffened body has in them."""
+    G = body.gram.G
+    D = np.einsum("ab,abij->ij", np.eye(3) - np.outer(e, e), G)
+    if body.gram.stiffening.size:
+        D[1:, 1:] += np.einsum("ab,abij->ij", np.eye(3) - np.outer(e, e), body.gram.stiffening)
+    return np.asarray(D)

@@ -1,0 +1,165 @@
+"""Geometric stiffening of a reduced body by the stress of all loads that pass through it.
+
+Under a static stress σ a deflection costs ``½ ∫ σ_ab ∂_a u·∂_b u`` more. By the principle of virtual work that energy
+is what a displacement of second order, Γ, gives up in the load f that causes the stress: ``f·Γ = −½ qᵀ K_G[f] q``. Γ is
+how far a bent body is drawn in. So stiffening is kinematics: every load works on Γ where it acts, no stress needs to be
+known while the body moves, and energy keeps its balance. The geometric stiffness of a unit load each gives
+
+- the inertia integrals of Γ, from loads ``ρ ẍ`` of the frame's own motion: products of two angular rates, taken off
+  the Gram tensor wherever position counts, and linear and angular accelerations (``bow`` and ``curl``);
+- displacement and rotation of a marker by Γ, from forces and torques there (`MarkerShapes.bow`).
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import replace
+from typing import TYPE_CHECKING
+
+import numpy as np
+
+from fmd.core.arrays import Array, read_only
+from fmd.fem.geometric_stiffness import geometric_stiffness
+from fmd.reduction.body import FlexibleBody, MarkerShapes
+from fmd.reduction.loads import PRODUCTS, centrifugal_fields, inertia_of
+
+if TYPE_CHECKING:
+    from fmd.fem.markers import Marker
+    from fmd.fem.model import FEModel
+    from fmd.reduction.eigen import FreeBodySolver
+
+_ENTRIES = 1200  # of an element's matrices under all loads at a time, for the sake of memory
+_BALANCED = 1e-9  # of a load: less that is left beside the inertia of free motion is round-off
+
+
+def stiffen_body(
+    body: FlexibleBody,
+    fe: FEModel,
+    solver: FreeBodySolver,
+    held: Array | None,
+    axis: Array | None = None,
+    linear: bool = True,
+    moving: Mapping[str, Marker] | None = None,
+    free: Array | None = None,
+) -> FlexibleBody:
+    """Add the displacement of second order to a reduced body: to its inertia, and to its markers.
+
+    Parameters
+    ----------
+    body : FlexibleBody
+        Reduced from the model ``fe``.
+    fe : FEModel
+        The finite element model.
+    solver : FreeBodySolver
+        Solves with the stiffness of ``fe``.
+    held : ndarray, shape (n_nodes, 3, k), optional
+        Columns of the reactions of its joint, as `Marker.columns` gives them; without, the body moves freely.
+    axis : ndarray, shape (3,), optional
+        Axis of a planar motion, with one product of rates and one angular acceleration; without, six and three.
+    linear : bool
+        True if the joint is accelerated, or gravity acts.
+    moving : mapping of str to Marker, optional
+        Markers whose displacement of second order is wanted: those that bodies or loads act on, and any to look at.
+    free : ndarray, shape (k, 3), optional
+        Directions about which the joint lets a body turn that stands on supports.
+
+    Returns
+    -------
+    FlexibleBody
+        With other inertia integrals and markers; shapes and frequencies stay.
+    """
+    x, n = body.x, len(body.omega)
+    moving, turns = moving or {}, np.eye(3) if axis is None else axis[None] / np.linalg.norm(axis)
+    pushes = [np.tile(e, (len(x), 1)) for e in np.eye(3)] if linear else []
+    fields = centrifugal_fields(x, axis), pushes, [np.cross(e, x) for e in turns]
+    inertia = inertia_of(fe, [field for group in fields for field in group])
+    columns = [marker.columns(len(x), np.eye(3)) for marker in moving.values()]
+    support = _Support(body, fe, solver, held, np.zeros((0, 3)) if free is None else free)
+    K_G = support.geometric_stiffness(np.concatenate([inertia, *columns], axis=2))  # one solution for all loads
+    ends = np.cumsum([*(len(group) for group in fields), *(6 for _ in moving)])
+    spin, push, turn, *unit = np.split(K_G, ends[:-1])
+    KG = np.zeros((3, 3, n, n))
+    if axis is not None:  # Σ (δ_ab − e_a e_b) K_G[a, b] is the one that was computed
+        across = np.eye(3) - np.outer(axis, axis) / (axis @ axis)
+        KG += 0.5 * across[:, :, None, None] * spin[0]
+    else:
+        for (a, b), K in zip(PRODUCTS, spin, strict=True):
+            KG[a, b] = KG[b, a] = K
+    G = body.gram.G.copy()
+    G[:, :, 1:, 1:] -= KG
+    bow = -push if linear else np.zeros((3, 0, 0))
+    curl = -np.einsum("ka,kij->aij", turns, turn) if turn.any() else np.zeros((3, 0, 0))
+    gram = replace(body.gram, G=read_only(G), stiffening=read_only(KG), bow=read_only(bow), curl=read_only(curl))
+    bowed = {
+        name: _bowed(x, body.markers[name], marker, K) for (name, marker), K in zip(moving.items(), unit, strict=True)
+    }
+    return replace(body, gram=gram, markers={**body.markers, **bowed})
+
+
+class _Support:
+    """Forces that balance loads on a body: the reactions of its joint, and its inertia where the joint lets it move."""
+
+    def __init__(
+        self, body: FlexibleBody, fe: FEModel, solver: FreeBodySolver, held: Array | None, free: Array
+    ) -> None:
+        self._fe, self._solver, self._shapes = fe, solver, body.shapes
+        R = solver.rigid_modes
+        if R.size:
+            B = np.zeros((len(R), 0)) if held is None else held.reshape(len(R), -1)
+            moves = R @ np.linalg.svd(B.T @ R)[2][np.linalg.matrix_rank(B.T @ R) if B.shape[1] else 0 :].T
+            self._tests, self._balance = R, np.concatenate([B, fe.M @ moves], axis=1)
+        else:  # supports answer to any load, and the frame floats about the joint
+            self._tests = np.cross(free, body.x[:, None]).swapaxes(1, 2).reshape(fe.M.shape[0], -1)
+            self._balance = fe.M @ self._tests
+
+    def geometric_stiffness(self, loads: Array) -> Array:
+        """Return the geometric stiffness of the body's shapes under nodal loads (n_nodes, 3, k), shape (k, n, n)."""
+        flat = loads.reshape(-1, loads.shape[-1])
+        T, P = self._tests, self._balance
+        rest = flat - P @ np.linalg.lstsq(T.T @ P, T.T @ flat, rcond=None)[0] if P.size else flat
+        felt = np.flatnonzero(np.abs(rest).max(axis=0) > _BALANCED * np.abs(flat).max(axis=0))
+        u = self._solver.static_response(rest[:, felt].reshape(*loads.shape[:2], -1))
+        out = np.zeros((flat.shape[1], self._shapes.shape[2], self._shapes.shape[2]))
+        at_a_time = max(1, _ENTRIES // self._fe.discretisation.element_nodes.shape[1] ** 2)
+        for first in range(0, len(felt), at_a_time):
+            part = slice(first, first + at_a_time)
+            out[felt[part]] = reduced_geometric_stiffness(self._fe, u[:, :, part], self._shapes)
+        return out
+
+
+def _bowed(x: Array, shapes: MarkerShapes, marker: Marker, K_G: Array) -> MarkerShapes:
+    """Add its displacement and rotation of second order to a marker, from K_G of unit forces and torques there.
+
+    Forces f at places r of a face that turns by θ do the work ``½ f·θ̃²r`` beside that of its rotation of second order.
+    """
+    if not K_G.any():  # held by the joint
+        return shapes
+    bow, r = -K_G, x[marker.nodes] - shapes.position
+    weights = [marker.rotation_weights]  # those of one number for each node have no moment about the middle
+    if marker.translation_weights.ndim == 3:
+        weights.insert(0, marker.translation_weights)
+    first = 6 - 3 * len(weights)
+    for k, A in enumerate(np.einsum("ia,kib->kab", r, np.concatenate(weights))):
+        own = 0.5 * (A + A.T) - np.trace(A) * np.eye(3)
+        bow[first + k] -= shapes.rotation.T @ own @ shapes.rotation
+    return replace(shapes, bow=read_only(bow))
+
+
+def reduced_geometric_stiffness(fe: FEModel, u: Array, shapes: Array) -> Array:
+    """Geometric stiffness of shapes, ``K_G[j, l] = ∫ σ_ab ∂_a φ_j·∂_b φ_l dV``, for the stress of each field u.
+
+    Parameters
+    ----------
+    u : ndarray, shape (n_nodes, 3, k)
+        Displacements that cause the stress [m].
+    shapes : ndarray, shape (n_nodes, 3, n)
+        Displacements that it stiffens [kg^-1/2].
+
+    Returns
+    -------
+    ndarray, shape (k, n, n)
+        Symmetric [N/m per unit of the shapes squared].
+    """
+    flat, n = shapes.reshape(len(shapes), -1), shapes.shape[2]
+    K = np.array([flat.reshape(-1, n).T @ (k_G @ flat).reshape(-1, n) for k_G in geometric_stiffness(fe, u)])
+    return np.asarray(0.5 * (K + K.swapaxes(1, 2)))

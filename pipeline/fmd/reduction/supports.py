@@ -1,0 +1,101 @@
+"""Constraints on a body's unknowns: supports that hold some of them, and faces that move as rigid pieces."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+import scipy.sparse as sp
+from scipy.linalg import null_space
+
+from fmd.core.arrays import Array, IntArray
+from fmd.core.rotations import rigid_motions
+
+if TYPE_CHECKING:
+    from fmd.fem.markers import Marker
+    from fmd.fem.model import FEModel
+
+# Rows of the rigid motions below this part of the largest are round-off of the nodes' positions.
+_HELD = 1e-9
+
+
+def remaining_rigid_motions(fe: FEModel, fixed: IntArray) -> Array:
+    """Rigid motions of a supported body, to first order, in which none of the held unknowns moves.
+
+    There are six less the rank of the rigid motions' rows at the held unknowns: by statics alone the number of modes
+    that must come out with zero frequency.
+
+    Parameters
+    ----------
+    fixed : ndarray of int
+        Held unknowns; ``3 i + a`` is node i along axis a.
+
+    Returns
+    -------
+    ndarray, shape (3 n_nodes, k)
+        Zero at the held unknowns.
+    """
+    x = fe.x - fe.x.mean(axis=0)
+    R = rigid_motions(x).reshape(-1, 6)
+    R[:, 3:] /= np.ptp(x, axis=0).max()  # displacements of like size
+    left = np.asarray(R @ null_space(R[fixed], rcond=_HELD))
+    left[fixed] = 0.0
+    return left
+
+
+def tie_rigid_faces(fe: FEModel, markers: Sequence[Marker]) -> sp.csr_array:
+    """Make the transformation ``u = T u_r`` that lets each marker's face move as one rigid piece.
+
+    Parameters
+    ----------
+    markers : sequence of Marker
+        Their faces have no node in common.
+
+    Returns
+    -------
+    sparse array, shape (3 n_nodes, n)
+        Columns: the unknowns of all other nodes, then displacement and rotation of each marker.
+
+    Raises
+    ------
+    ValueError
+        Two faces share nodes.
+    """
+    tied = np.concatenate([marker.nodes for marker in markers])
+    if len(np.unique(tied)) < len(tied):
+        raise ValueError("two rigid faces share nodes; make one of the attachments 'averaged'")
+    others = np.setdiff1d(np.arange(len(fe.x)), tied)
+    unknowns = (3 * others[:, None] + np.arange(3)).ravel()
+    kept = sp.csr_array((np.ones(len(unknowns)), (unknowns, np.arange(len(unknowns)))), (fe.K.shape[0], len(unknowns)))
+    blocks = [kept]
+    for marker in markers:
+        r = fe.x[marker.nodes] - marker.position
+        moves = rigid_motions(r)
+        rows = np.repeat((3 * marker.nodes[:, None] + np.arange(3)).ravel(), 6)
+        columns = np.tile(np.arange(6), 3 * len(r))
+        blocks.append(sp.csr_array((moves.ravel(), (rows, columns)), (fe.K.shape[0], 6)))
+    return sp.csr_array(sp.hstack(blocks))
+
+
+def remove_held_unknowns(T: Any, fixed: IntArray, n_rigid_faces: int) -> sp.csr_array:
+    """Take the held unknowns out of a transformation ``u = T u_r``, whose last columns move rigid faces.
+
+    Parameters
+    ----------
+    T : sparse array, shape (3 n_nodes, n)
+        Transformation as `tie_rigid_faces` makes it, or the identity.
+    fixed : ndarray of int
+        Held unknowns; ``3 i + a`` is node i along axis a.
+    n_rigid_faces : int
+        Number of faces that move as rigid pieces.
+
+    Raises
+    ------
+    ValueError
+        A rigid face is held at a node: its other nodes would be held too.
+    """
+    columns = np.unique(T[fixed].indices)
+    if columns.size and columns[-1] >= T.shape[1] - 6 * n_rigid_faces:
+        raise ValueError("a support and a rigid face share nodes; make the attachment 'averaged'")
+    return sp.csr_array(T[:, np.setdiff1d(np.arange(T.shape[1]), columns)])

@@ -1,0 +1,191 @@
+"""Charts over time, with the differences of further curves from the first."""
+
+from __future__ import annotations
+
+import itertools
+import math
+from collections.abc import Iterable, Sequence
+from pathlib import Path
+
+import numpy as np
+from matplotlib.axes import Axes
+from matplotlib.colors import to_rgb
+from matplotlib.figure import Figure
+from matplotlib.lines import Line2D
+from matplotlib.patches import Patch
+
+from fmd.core.arrays import Array
+from fmd.render.chart_data import Band, Curve
+from fmd.render.figure import open_figure, style_axes
+
+SIZE_INCHES = (10.0, 6.0)
+DOTS_PER_INCH = 160
+# The first curve is broad and pale, the others are thin, dark and dashed: all stay visible where they coincide.
+DASHES = ((0, (6, 3)), (0, (1.2, 2)), (0, (8, 2, 1.5, 2)), (0, (3, 1.5)))
+COLOURS = ("#1f5fa8", "#c8501e", "#2f8f4e", "#7a4fa3", "#8a6d1a", "#4a4a4a")
+GREY = "#444444"
+SHADE = "#f3e3b3"
+PALENESS = 0.45
+_ROUND_OFF = 1e-14  # of the values: differences up to that are none
+_LONG = 32  # letters of an axis label, from which on they are smaller
+_SHORT = 0.1  # of times: those are in milliseconds [s]
+
+
+def draw_chart(
+    time: Array,
+    curves: Sequence[Curve],
+    path: Path,
+    *,
+    title: str,
+    ylabel: str,
+    component_labels: Sequence[str] = (),
+    band: Band | None = None,
+) -> None:
+    """Draw curves over time and, below, the difference of each further curve from the first if there is any.
+
+    Parameters
+    ----------
+    time : ndarray, shape (n_times,)
+        Times [s].
+    curves : sequence of Curve
+        All of one shape; the others are compared with the first.
+    path : Path
+        PNG of 1600 × 960 pixels, PDF or SVG.
+    title : str
+        Heading.
+    ylabel : str
+        The quantity with its unit in brackets, e.g. ``velocity [m/s]``.
+        Lengths below 1 m are drawn in mm, µm or nm.
+    component_labels : sequence of str
+        Names of the components; may be empty if there is only one.
+    band : Band, optional
+        A range to shade.
+
+    Raises
+    ------
+    ValueError
+        There are no curves, or the shapes of times, curves and component labels disagree.
+    """
+    _check(time, curves, component_labels)
+    time, time_label = (1e3 * time, "time [ms]") if time[-1] < _SHORT else (time, "time [s]")
+    factor, label = fit_length(ylabel, _largest(curve.columns for curve in curves))
+    with open_figure(path, SIZE_INCHES, DOTS_PER_INCH, padding=0.1) as figure:
+        figure.suptitle(title, fontsize=15)
+        differences = [curve.columns - curves[0].columns for curve in curves[1:]]
+        upper, lower = _add_frames(
+            figure, two=_largest(differences) > _ROUND_OFF * _largest(curve.columns for curve in curves)
+        )
+        below = _add_differences(lower, time, differences, ylabel) if lower is not upper else label
+        for number, curve in enumerate(curves):
+            _add_lines(upper, time, factor * curve.columns, number, alone=len(curves) == 1)
+        if band is not None:
+            upper.axhspan(factor * band.low, factor * band.high, color=SHADE, linewidth=0, zorder=0)
+        for axes, text in ((upper, label), (lower, below)):
+            axes.margins(x=0)
+            axes.autoscale_view()
+            axes.tick_params(labelsize=11)
+            style_axes(axes, time_label if axes is lower else "", text)
+            if len(text) > _LONG and axes is upper:
+                axes.yaxis.label.set_fontsize(10)
+        figure.align_ylabels()
+        _add_legends(figure, curves, component_labels, band)
+
+
+def _add_frames(figure: Figure, *, two: bool) -> tuple[Axes, Axes]:
+    """Add an upper frame, and a lower one a third as high unless both are one."""
+    if two:
+        upper, lower = figure.subplots(2, 1, sharex=True, height_ratios=(3, 1))
+        return upper, lower
+    axes = figure.add_subplot()
+    return axes, axes
+
+
+def _check(time: Array, curves: Sequence[Curve], component_labels: Sequence[str]) -> None:
+    """Raise ``ValueError`` unless times, curves and component labels fit together."""
+    if not curves:
+        raise ValueError("a chart needs at least one curve")
+    n_components = curves[0].columns.shape[1]
+    for curve in curves:
+        if curve.columns.shape != (len(time), n_components):
+            raise ValueError(
+                f"curve {curve.label!r} has shape {curve.values.shape}, "
+                f"expected {len(time)} times and {n_components} components"
+            )
+    if len(component_labels) != n_components and (component_labels or n_components > 1):
+        raise ValueError(f"{len(component_labels)} component labels for {n_components} components")
+
+
+def fit_length(label: str, largest: float) -> tuple[float, str]:
+    """Return a factor on values, and their axis label, so that lengths in m up to ``largest`` are in mm, µm or nm."""
+    if not label.endswith("[m]") or not 0 < largest < 1:
+        return 1.0, label
+    factor, unit = next(
+        ((1 / size, unit) for size, unit in ((1e-3, "mm"), (1e-6, "µm")) if largest >= size), (1e9, "nm")
+    )
+    return factor, f"{label.removesuffix('[m]')}[{unit}]"
+
+
+def _largest(arrays: Iterable[Array]) -> float:
+    """Return the largest finite absolute value, 0 of nothing."""
+    return max((float(np.max(np.abs(a[np.isfinite(a)]), initial=0.0)) for a in arrays), default=0.0)
+
+
+def _line(x: Array, y: Array, number: int, colour: str, label: str = "", *, alone: bool = False) -> Line2D:
+    """Return the line of curve ``number``: broad and pale for the first of several, else thin and dark or dashed."""
+    if alone:
+        return Line2D(x, y, color=colour, linewidth=2.0, label=label)
+    if number == 0:
+        red, green, blue = PALENESS + (1 - PALENESS) * np.array(to_rgb(colour))
+        return Line2D(x, y, color=(red, green, blue), linewidth=3.5, label=label)
+    dashes = DASHES[(number - 1) % len(DASHES)]
+    return Line2D(x, y, color=colour, linewidth=1.5, linestyle=dashes, label=label)
+
+
+def _add_lines(axes: Axes, time: Array, columns: Array, number: int, *, alone: bool = False) -> None:
+    """Add a curve's lines, coloured by component, or by curve if there is only one component."""
+    for component, values in enumerate(columns.T):
+        colour = COLOURS[(component if columns.shape[1] > 1 else number) % len(COLOURS)]
+        axes.add_line(_line(time, values, number, colour, alone=alone))
+
+
+def _add_differences(axes: Axes, time: Array, differences: Sequence[Array], ylabel: str) -> str:
+    """Add each further curve's difference from the first, in a power of a thousand of the unit; return the label."""
+    scale, ylabel = fit_length(ylabel, _largest(differences))
+    differences = [scale * difference for difference in differences]
+    exponent = 3 * math.floor(math.log10(_largest(differences)) / 3)
+    for number, difference in enumerate(differences, start=1):
+        _add_lines(axes, time, difference / 10.0**exponent, number)
+    factor = f"$10^{{{exponent}}}$" if exponent else ""
+    unit = ylabel.partition("[")[2].partition("]")[0]
+    inside = f"{factor} {unit}".strip()
+    return f"difference\n[{inside}]" if inside else "difference"
+
+
+def _add_legends(
+    figure: Figure, curves: Sequence[Curve], component_labels: Sequence[str], band: Band | None = None
+) -> None:
+    """Add the curves' names below the frames and the components' names beside them."""
+    none = np.empty(0)
+    runs: list[Line2D | Patch] = [
+        _line(none, none, number, GREY if len(component_labels) > 1 else COLOURS[number % len(COLOURS)], c.label)
+        for number, c in enumerate(curves)
+        if len(curves) > 1
+    ]
+    if band is not None:
+        runs.append(Patch(color=SHADE, linewidth=0, label=band.label))
+    n_columns = max(1, 100 // (8 + max(len(curve.label) for curve in curves)))
+    if runs:
+        figure.legend(
+            handles=runs,
+            loc="outside lower center",
+            ncols=n_columns,
+            fontsize=12,
+            frameon=False,
+            handlelength=3.5,
+        )
+    if len(component_labels) > 1:
+        components = [
+            Line2D(none, none, color=colour, linewidth=3.5, label=label)
+            for colour, label in zip(itertools.cycle(COLOURS), component_labels, strict=False)
+        ]
+        figure.legend(handles=components, loc="outside right center", fontsize=12, frameon=False, handlelength=1.2)

@@ -1,0 +1,204 @@
+"""Films and stills of a whole mechanism, its flexible bodies coloured by their stress."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from pathlib import Path
+from typing import Any, NamedTuple
+
+import imageio.v2 as iio
+import numpy as np
+from numpy.typing import NDArray
+from vtkmodules.vtkRenderingCore import vtkTextActor
+
+from fmd.core.arrays import Array
+from fmd.core.files import whole_file
+from fmd.render.annotations import (
+    add_colour_bar,
+    add_heading,
+    add_label,
+    add_triad,
+    cover_margins,
+    format_number,
+)
+from fmd.render.camera import FILM_PIXELS, Camera
+from fmd.render.canvas import Canvas, open_canvas
+from fmd.render.colours import STRESS, limits_in_megapascals, stress_limits
+from fmd.render.drawn_mechanism import DrawnMechanism, add_mechanism, fit_mechanism
+from fmd.render.moving_bodies import MovingMechanism
+from fmd.render.projection import PART as STILL
+from fmd.render.projection import TILT as STILL_TILT
+from fmd.render.projection import Projection, choose_axes
+
+# Motion sweeps a region about as high as wide: the bodies get the whole height, and the colour bar stands beside them.
+PART = (0.16, 0.98, 0.03, 0.88)
+BAR = (0.03, 0.05, 0.22, 0.72)
+WITHOUT_BAR = (0.09, 0.98, 0.03, 0.88)
+TILT = (20.0, 17.0)
+_NO_LIMITS = (0.0, 1.0)
+
+
+def draw_film(
+    moving: MovingMechanism,
+    path: Path,
+    *,
+    title: str,
+    rate: float,
+    clim_pa: tuple[float, float] | None = None,
+    quantity: str = STRESS,
+    camera: Camera | None = None,
+) -> None:
+    """Film a mechanism with a camera at rest that sees the whole motion.
+
+    Parameters
+    ----------
+    moving : MovingMechanism
+        At the instants of the frames.
+    path : Path
+        The film, ``.mp4`` (H.264) or ``.gif``; no file is left if a frame fails.
+    title : str
+        Heading.
+    rate : float
+        Frames per second.
+    clim_pa : tuple of float, optional
+        Stress of the lowest and of the highest colour [Pa]; without, there is no colour bar.
+    quantity : str
+        Label of the colour bar, which is in MPa.
+    camera : Camera, optional
+
+    Raises
+    ------
+    ValueError
+        Suffix or limits can't be used, or a side of the picture is odd.
+    """
+    camera = camera or Camera(size=FILM_PIXELS)
+    _require_encodable(path, camera.size)
+    limits = _NO_LIMITS if clim_pa is None else limits_in_megapascals(clim_pa)
+    place = WITHOUT_BAR if clim_pa is None else PART
+    projection = fit_mechanism(camera, moving, TILT, place)
+    with open_canvas(projection, fineness=2) as canvas:
+        drawn = add_mechanism(canvas, moving, limits, camera.colour_map)
+        if camera.is_close_up:
+            cover_margins(canvas, place)
+        if clim_pa is not None:
+            stresses = [body.stress for body in moving.bodies if body.stress is not None]
+            beyond = any(s.min() < clim_pa[0] for s in stresses), any(s.max() > clim_pa[1] for s in stresses)
+            add_colour_bar(canvas, quantity, limits, camera.colour_map, BAR, beyond=beyond)
+        add_triad(canvas)
+        clock = add_heading(canvas, title, moving.clock(len(moving.times) - 1))
+        with whole_file(path) as file, _open_writer(file, rate) as writer:
+            for picture in _draw_frames(canvas, drawn, clock):
+                writer.append_data(picture)
+
+
+def draw_mechanism(
+    moving: MovingMechanism,
+    path: Path,
+    *,
+    title: str,
+    clim_pa: tuple[float, float] | None = None,
+    quantity: str = STRESS,
+    camera: Camera | None = None,
+    label: bool = False,
+) -> Projection:
+    """Draw a mechanism as it is in its only frame.
+
+    Parameters
+    ----------
+    moving : MovingMechanism
+        At one instant.
+    path : Path
+        The picture to write.
+    title : str
+        Heading.
+    clim_pa : tuple of float, optional
+        Stress of the lowest and of the highest colour [Pa]; by default from 0 to the largest.
+    quantity : str
+        Label of the colour bar, which is in MPa.
+    camera : Camera, optional
+    label : bool
+        Label the largest stress.
+
+    Returns
+    -------
+    Projection
+        From points in space to pixels.
+
+    Raises
+    ------
+    ValueError
+        The limits don't ascend.
+    """
+    camera = camera or Camera()
+    stresses = [body.stress[0] for body in moving.bodies if body.stress is not None]
+    limits = _NO_LIMITS
+    if stresses:
+        limits = limits_in_megapascals(stress_limits(np.concatenate(stresses)) if clim_pa is None else clim_pa)
+    place = STILL if stresses else (STILL[0], STILL[1], 0.06, STILL[3])
+    largest = _find_largest(camera, moving) if stresses and label else None
+    projection = fit_mechanism(camera, moving, STILL_TILT, place, None if largest is None else largest.axes)
+    with open_canvas(projection, fineness=2) as canvas:
+        add_mechanism(canvas, moving, limits, camera.colour_map)
+        if largest is not None and projection.contains(largest.point, place):
+            value = f"{format_number(largest.stress * 1e-6, limits[1] - limits[0])} MPa"
+            add_label(canvas, largest.point, value if largest.visible else f"{value} (on the far side)", place)
+        if camera.is_close_up:
+            cover_margins(canvas, place)
+        if stresses:
+            add_colour_bar(canvas, quantity, limits, camera.colour_map)
+        add_triad(canvas)
+        add_heading(canvas, title)
+        canvas.save(path)
+    return projection
+
+
+class Largest(NamedTuple):
+    """Where a mechanism's stress is largest, and the camera axes (3, 3) that show the place if any do."""
+
+    point: Array
+    stress: float
+    axes: Array
+    visible: bool
+
+
+def _find_largest(camera: Camera, moving: MovingMechanism) -> Largest:
+    """Find the largest stress of the first frame; the body that it is on may hide it, others aren't looked at."""
+    bodies = [(body, body.stress[0]) for body in moving.bodies if body.stress is not None]
+    body, stress = max(bodies, key=lambda pair: float(np.abs(pair[1]).max()))
+    points = body.points(0)
+    candidates = camera.candidate_axes(moving.around(), STILL_TILT, moving.up)
+    axes, number, visible = choose_axes(candidates, points, body.surface.triangles, np.abs(stress))
+    return Largest(points[number], float(stress[number]), axes, visible)
+
+
+def _require_encodable(path: Path, size: tuple[int, int]) -> None:
+    """Raise ``ValueError`` unless there is an encoder for the path's suffix and the picture's size."""
+    if path.suffix not in (".mp4", ".gif"):
+        raise ValueError(f"film {path.name}: a film's name ends in .mp4 or .gif")
+    if size[0] % 2 or size[1] % 2:
+        raise ValueError(f"a film of {size[0]} × {size[1]} pixels can't be encoded, both must be even")
+
+
+def _draw_frames(canvas: Canvas, drawn: DrawnMechanism, clock: vtkTextActor) -> Iterator[NDArray[np.uint8]]:
+    """Move the mechanism and set the clock frame by frame, and yield the pictures."""
+    for frame in range(len(drawn.moving.times)):
+        drawn.move(frame)
+        clock.SetInput(drawn.moving.clock(frame))
+        yield canvas.picture()
+
+
+def _open_writer(path: Path, rate: float) -> Any:
+    """Open an encoder of ``rate`` frames per second for the path's suffix."""
+    if path.suffix == ".gif":
+        return iio.get_writer(path, mode="I", duration=1000 / rate, loop=0)
+    return iio.get_writer(
+        path,
+        format="FFMPEG",
+        mode="I",
+        fps=rate,
+        codec="libx264",
+        pixelformat="yuv420p",
+        quality=None,
+        output_params=["-preset", "veryfast", "-crf", "17"],
+        macro_block_size=2,
+    )

@@ -1,0 +1,161 @@
+"""A mechanism as pictures and films show it: bodies, marks of joints and lines, at the instants of the frames."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, field
+
+import numpy as np
+
+from fmd.core.arrays import Array, IntArray, require_shape
+from fmd.render.surface import Surface
+
+_EVERY = 50  # of the points inside count for the bounds of a motion, beside the outermost ones
+_FLAT = 1e-6  # of a body's extent: what is thinner has no hull
+
+
+@dataclass(frozen=True, slots=True)
+class MovingBody:
+    """A flexible body's motion at the instants of the frames, from which each is computed when it is drawn.
+
+    Attributes
+    ----------
+    surface : Surface
+        The undeformed body, in its frame.
+    shapes : ndarray, shape (n_points, 3, n_modes)
+        Displacement of the points for a unit of each modal coordinate [kg^-1/2].
+    coordinates : ndarray, shape (n_frames, n_modes)
+        Modal coordinates [kg^1/2 m].
+    origin, rotation : ndarray, shapes (n_frames, 3) and (n_frames, 3, 3)
+        Place [m] and axes of the body's frame in space.
+    scale : float
+        Factor on the deformation.
+    stress : ndarray, shape (n_frames, n_points), optional
+        What colours it [Pa]; without, it has one colour.
+    """
+
+    surface: Surface
+    shapes: Array
+    coordinates: Array
+    origin: Array
+    rotation: Array
+    scale: float = 1.0
+    stress: Array | None = None
+
+    def __post_init__(self) -> None:
+        n_points, n_frames = len(self.surface.points), len(self.origin)
+        require_shape("shapes", self.shapes, (n_points, 3, None))
+        require_shape("coordinates", self.coordinates, (n_frames, self.shapes.shape[2]))
+        require_shape("rotation", self.rotation, (n_frames, 3, 3))
+        if self.stress is not None:
+            require_shape("stress", self.stress, (n_frames, n_points))
+
+    def points(self, frame: int) -> Array:
+        """Return the surface's points in space, deformed, shape (n_points, 3) [m]."""
+        return self._place(self.surface.points, self.shapes, frame)
+
+    def around(self) -> Array:
+        """Return points around the body in all frames, shape (n, 3) [m]."""
+        chosen = _outer_points(self.surface.points)
+        points, shapes = self.surface.points[chosen], self.shapes[chosen]
+        return np.concatenate([self._place(points, shapes, k) for k in range(len(self.origin))])
+
+    def _place(self, points: Array, shapes: Array, frame: int) -> Array:
+        deformed = points + self.scale * (shapes @ self.coordinates[frame])
+        return np.asarray(self.origin[frame] + deformed @ self.rotation[frame].T)
+
+
+@dataclass(frozen=True, slots=True)
+class MovingShape:
+    """A rigid shape in one colour: a rigid body, the mark of a joint, a piece of the ground.
+
+    Attributes
+    ----------
+    surface : Surface
+        The shape, in its frame.
+    colour : str
+    origin, rotation : ndarray, shapes (n_frames, 3) and (n_frames, 3, 3)
+        Place [m] and axes of the frame in space.
+    """
+
+    surface: Surface
+    colour: str
+    origin: Array
+    rotation: Array
+
+    def points(self, frame: int) -> Array:
+        """Return the surface's points in space, shape (n_points, 3) [m]."""
+        return np.asarray(self.origin[frame] + self.surface.points @ self.rotation[frame].T)
+
+    def around(self) -> Array:
+        """Return points around the shape in all frames, shape (n, 3) [m]."""
+        points = self.surface.points[_outer_points(self.surface.points)]
+        return np.asarray((self.origin[:, None] + points @ self.rotation.swapaxes(1, 2)).reshape(-1, 3))
+
+
+@dataclass(frozen=True, slots=True)
+class MovingLine:
+    """A line through points that move: a spring, a rail, a distance that is kept.
+
+    Attributes
+    ----------
+    points : ndarray, shape (n_frames, n_points, 3)
+        [m].
+    colour : str
+    width : float
+        [pixels].
+    """
+
+    points: Array
+    colour: str
+    width: float = 1.6
+
+
+@dataclass(frozen=True, slots=True)
+class MovingMechanism:
+    """All that a picture or a film of a mechanism shows.
+
+    Attributes
+    ----------
+    times : ndarray, shape (n_frames,)
+        [s].
+    bodies : tuple of MovingBody
+        Flexible bodies.
+    shapes : tuple of MovingShape
+        Rigid bodies, marks and ground.
+    lines : tuple of MovingLine
+    notes : tuple of str
+        Text beside the time of each frame, e.g. ``4000 rpm``; none, or one for each.
+    up : ndarray, shape (3,), optional
+        Direction that is up in the picture; by default that follows from the extents.
+    """
+
+    times: Array
+    bodies: tuple[MovingBody, ...] = ()
+    shapes: tuple[MovingShape, ...] = ()
+    lines: tuple[MovingLine, ...] = ()
+    notes: tuple[str, ...] = ()
+    up: Array | None = field(default=None)
+
+    def around(self) -> Array:
+        """Return points around everything in all frames, shape (n, 3) [m]."""
+        parts = [body.around() for body in self.bodies] + [shape.around() for shape in self.shapes]
+        return np.concatenate(parts + [line.points.reshape(-1, 3) for line in self.lines])
+
+    def clock(self, frame: int) -> str:
+        """Return a frame's note and time, in a unit and with digits that tell the frames apart."""
+        span, steps = float(np.ptp(self.times)), max(len(self.times) - 1, 1)
+        factor, unit = (1e3, "ms") if max(span, float(self.times[-1])) < 1.0 else (1.0, "s")
+        step = factor * span / steps
+        digits = int(np.clip(np.ceil(-np.log10(step)), 0, 6)) if step > 0 else 1
+        note = self.notes[frame] if self.notes else ""
+        return f"{note}   t = {factor * self.times[frame]:.{digits}f} {unit}".strip()
+
+
+def _outer_points(points: Array) -> IntArray:
+    """Return the numbers of the points on the convex hull, and of a few inside; of all, if the hull is flat."""
+    from scipy.spatial import ConvexHull
+
+    extents = np.ptp(points, axis=0)
+    if len(points) < 4 * _EVERY or extents.min() < _FLAT * extents.max():
+        return np.arange(len(points))
+    return np.asarray(np.union1d(ConvexHull(points).vertices, np.arange(0, len(points), _EVERY)))

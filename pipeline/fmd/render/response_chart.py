@@ -1,0 +1,77 @@
+"""Frequency responses: magnitude by units, and phase."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from pathlib import Path
+from typing import NamedTuple
+
+import numpy as np
+
+from fmd.core.arrays import Array
+from fmd.render.charts import COLOURS
+from fmd.render.figure import open_figure, style_axes
+
+_WIDE = 1e4  # ratio of frequencies from which their axis is logarithmic
+
+
+class ResponseCurve(NamedTuple):
+    """Response of one output to the input.
+
+    Attributes
+    ----------
+    label : str
+        Name of the output.
+    unit : str
+        Of the response, e.g. ``m/N``.
+    values : ndarray
+        Complex, shape (n_frequencies,); real values have no phase, such as spectral densities.
+    """
+
+    label: str
+    unit: str
+    values: Array
+
+
+def draw_response(frequencies_hz: Array, curves: Sequence[ResponseCurve], path: Path, *, title: str) -> None:
+    """Draw magnitudes, a frame for each unit, and below them the phases; a unit without phase has a frame, too.
+
+    Parameters
+    ----------
+    frequencies_hz : ndarray, shape (n_frequencies,)
+        [Hz], ascending.
+    curves : sequence of ResponseCurve
+        What is drawn.
+    path : Path
+        PNG, PDF or SVG.
+    title : str
+        Heading.
+    """
+    units = list(dict.fromkeys(curve.unit for curve in curves))
+    rows = len(units) + 1
+    with open_figure(path, (10, 2.2 + 2.2 * rows), 120) as figure:
+        figure.suptitle(title, fontsize=15)
+        frames = figure.subplots(rows, 1, sharex=True, squeeze=False, height_ratios=[*[3] * len(units), 2])[:, 0]
+        for number, curve in enumerate(curves):
+            colour = COLOURS[number % len(COLOURS)]
+            magnitude = np.abs(curve.values)
+            frame = frames[units.index(curve.unit)]
+            frame.plot(frequencies_hz, np.where(magnitude > 0, magnitude, np.nan), color=colour, label=curve.label)
+            if not np.iscomplexobj(curve.values):
+                continue
+            phase = np.degrees(np.angle(curve.values))
+            jump = np.abs(np.diff(phase, prepend=phase[0])) > 270.0
+            frames[-1].plot(frequencies_hz, np.where(jump, np.nan, phase), color=colour, linewidth=1.2)
+        for frame, unit in zip(frames, units, strict=False):
+            frame.set_yscale("log")
+            real = any(curve.unit == unit and not np.iscomplexobj(curve.values) for curve in curves)
+            style_axes(frame, "", f"{'spectral density' if real else 'magnitude'}\n[{unit}]")
+        frames[-1].set_ylim(-190, 190)
+        frames[-1].set_yticks([-180, -90, 0, 90, 180])
+        style_axes(frames[-1], "frequency [Hz]", "phase [°]")
+        if frequencies_hz[0] > 0 and frequencies_hz[-1] > _WIDE * frequencies_hz[0]:
+            frames[-1].set_xscale("log")
+        frames[-1].set_xlim(frequencies_hz[0], frequencies_hz[-1])
+        figure.align_ylabels()
+        handles = [line for frame in frames[:-1] for line in frame.get_lines()]
+        figure.legend(handles=handles, loc="outside lower center", ncols=2, fontsize=12, frameon=False)

@@ -1,0 +1,150 @@
+"""Charts of parameter studies: lines over one varied value, maps over two."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Iterator, Sequence
+from contextlib import contextmanager
+from dataclasses import dataclass
+from pathlib import Path
+
+import numpy as np
+from matplotlib.axes import Axes
+from matplotlib.figure import Figure
+
+from fmd.core.arrays import Array
+from fmd.render.charts import COLOURS
+from fmd.render.figure import open_figure, style_axes
+
+_PANEL_INCHES = (6.4, 4.4)
+_DOTS_PER_INCH = 120
+_WIDE = 30.0  # largest value over the smallest, from which on an axis is logarithmic
+_MOST_NUMBERS = 120  # cells of a map that hold their numbers
+_MOST_TICKS = 12  # values that all stand at their axis
+
+
+@dataclass(frozen=True, slots=True)
+class SweepAxis:
+    """A varied key with its values.
+
+    Attributes
+    ----------
+    label : str
+        The key, with the unit of its values in brackets.
+    texts : tuple of str
+        The values as they were given.
+    numbers : tuple of float, optional
+        The values as numbers, if they all are.
+    """
+
+    label: str
+    texts: tuple[str, ...]
+    numbers: tuple[float, ...] | None = None
+
+
+@dataclass(frozen=True, slots=True)
+class SweepPanel:
+    """One figure of merit at all points.
+
+    Attributes
+    ----------
+    label : str
+        The figure with its unit in brackets.
+    values : ndarray, shape (n_lines, n_points) or (n_first, n_second)
+        Lines over the one key, or a map over the two; not a number where a point has none.
+    names : tuple of str
+        Names of the lines, if there are several.
+    """
+
+    label: str
+    values: Array
+    names: tuple[str, ...] = ()
+
+
+def draw_sweep_lines(axis: SweepAxis, panels: Sequence[SweepPanel], path: Path, *, title: str) -> None:
+    """Draw figures over one varied key, each in a frame of its own.
+
+    Parameters
+    ----------
+    axis : SweepAxis
+    panels : sequence of SweepPanel
+        At least one.
+    path : Path
+        PNG, PDF or SVG.
+    title : str
+        Heading.
+    """
+    with _open_panels(len(panels), path, title) as (figure, frames):
+        x = np.arange(len(axis.texts), dtype=float) if axis.numbers is None else np.array(axis.numbers)
+        order = np.argsort(x, kind="stable")
+        for panel, axes in zip(panels, frames, strict=True):
+            for number, line in enumerate(panel.values):
+                colour = COLOURS[number % len(COLOURS)]
+                name = panel.names[number] if panel.names else ""
+                axes.plot(x[order], line[order], marker="o", markersize=4.5, linewidth=1.8, color=colour, label=name)
+            style_axes(axes, axis.label, panel.label)
+            _set_ticks(axes, axis, x)
+            if len(panel.names) > 1:
+                axes.legend(fontsize=10, frameon=False)
+        figure.align_ylabels()
+
+
+def draw_sweep_maps(
+    first: SweepAxis, second: SweepAxis, panels: Sequence[SweepPanel], path: Path, *, title: str
+) -> None:
+    """Draw figures over two varied keys as maps, the first key to the right, the second upwards.
+
+    Parameters
+    ----------
+    first, second : SweepAxis
+    panels : sequence of SweepPanel
+        At least one.
+    path : Path
+        PNG, PDF or SVG.
+    title : str
+        Heading.
+    """
+    with _open_panels(len(panels), path, title) as (figure, frames):
+        for panel, axes in zip(panels, frames, strict=True):
+            values = np.ma.masked_invalid(panel.values.T)
+            image = axes.imshow(values, origin="lower", aspect="auto", cmap="viridis")
+            figure.colorbar(image, ax=axes, label=panel.label)
+            style_axes(axes, first.label, second.label)
+            axes.grid(visible=False)
+            for axis, place in ((first, axes.xaxis), (second, axes.yaxis)):
+                steps = range(0, len(axis.texts), -(-len(axis.texts) // _MOST_TICKS))
+                place.set_ticks([*steps], [axis.texts[k] for k in steps])
+            if values.size <= _MOST_NUMBERS:
+                _write_numbers(axes, values)
+
+
+def _write_numbers(axes: Axes, values: np.ma.MaskedArray) -> None:
+    """Write each cell's number into it, dark on light and light on dark; a cross where there is none."""
+    low, span = (float(values.min()), float(np.ptp(values))) if values.count() else (0.0, 0.0)
+    for row, column in np.ndindex(values.shape):
+        value = values[row, column]
+        if value is np.ma.masked:
+            axes.text(column, row, "×", ha="center", va="center", color="0.4")
+        else:
+            light = span == 0 or (float(value) - low) / span < 0.6
+            colour = "white" if light else "black"
+            axes.text(column, row, f"{float(value):.3g}", ha="center", va="center", color=colour, fontsize=9)
+
+
+@contextmanager
+def _open_panels(count: int, path: Path, title: str) -> Iterator[tuple[Figure, list[Axes]]]:
+    """Open a figure with frames side by side, two in a row, that is saved at the end."""
+    columns = min(count, 2)
+    rows = math.ceil(count / columns)
+    size = (columns * _PANEL_INCHES[0], rows * _PANEL_INCHES[1] + 0.4)
+    with open_figure(path, size, _DOTS_PER_INCH, padding=0.1) as figure:
+        figure.suptitle(title, fontsize=14)
+        yield figure, [figure.add_subplot(rows, columns, number + 1) for number in range(count)]
+
+
+def _set_ticks(axes: Axes, axis: SweepAxis, x: Array) -> None:
+    """Set the ticks of the axis along which the points lie: at the values where there are few."""
+    if axis.numbers is None:
+        axes.set_xticks(x, axis.texts, rotation=20 if max(map(len, axis.texts)) > 12 else 0)
+    elif x.min() > 0 and x.max() > _WIDE * x.min():
+        axes.set_xscale("log")

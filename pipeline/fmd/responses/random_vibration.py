@@ -1,0 +1,56 @@
+"""Random vibration: root mean squares of outputs by the spectral density of one input."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from dataclasses import dataclass
+
+import numpy as np
+
+from fmd.core.arrays import Array
+
+
+@dataclass(frozen=True)
+class RandomResponse:
+    """Answer to a stationary random input.
+
+    Attributes
+    ----------
+    frequencies_hz : ndarray, shape (n_frequencies,)
+        [Hz]
+    density : ndarray, shape (n_frequencies, n_outputs)
+        One-sided power spectral density of the outputs [unit²/Hz].
+    rms : ndarray, shape (n_outputs,)
+        Root of the integral of the density over the frequencies [unit].
+    """
+
+    frequencies_hz: Array
+    density: Array
+    rms: Array
+
+    @property
+    def rates_hz(self) -> Array:
+        """Mean number of upward crossings of zero in a second (Rice 1945) [Hz], shape (n_outputs,)."""
+        square = self.frequencies_hz[:, None] ** 2 * self.density
+        moments = np.trapezoid(square, self.frequencies_hz, axis=0)
+        return np.asarray(np.sqrt(np.divide(moments, self.rms**2, out=np.zeros_like(moments), where=self.rms > 0)))
+
+
+def random_response(frequencies_hz: Array, response: Array, input_density: Callable[[Array], Array]) -> RandomResponse:
+    """Return the densities ``|H|² S`` of outputs by one input, and their root mean squares.
+
+    Parameters
+    ----------
+    frequencies_hz : ndarray, shape (n_frequencies,)
+        Ascending, closer about the resonances [Hz].
+    response : ndarray, shape (n_frequencies, n_outputs)
+        Complex frequency response of the outputs to the input.
+    input_density : callable
+        One-sided power spectral density of the input at frequencies [unit²/Hz].
+
+    References
+    ----------
+    Newland, An Introduction to Random Vibrations, Spectral and Wavelet Analysis, 3rd ed., 1993, chapter 7.
+    """
+    density = np.abs(response) ** 2 * input_density(frequencies_hz)[:, None]
+    return RandomResponse(frequencies_hz, density, np.sqrt(np.trapezoid(density, frequencies_hz, axis=0)))

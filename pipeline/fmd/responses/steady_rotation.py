@@ -1,0 +1,173 @@
+"""Steady rotation of a mechanism: where a rotor that turns as a whole is at rest in the axes that turn with it.
+
+Its parts are stretched by their inertia and by what acts on them. Linearised anywhere else, the accelerations that are
+left would count as stiffness, through all that depends on the deflection.
+
+An unbalanced rotor in bearings whirls, without bound at its critical rates. Its vibrations are those about its straight
+axis, so the motions in which the axis bends or tilts are left out of the search.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from dataclasses import dataclass
+
+import numpy as np
+from scipy.linalg import eigh
+
+from fmd.core.arrays import Array, IntArray
+from fmd.core.errors import AccuracyError
+from fmd.responses.linearisation import Linearisation, Motions
+from fmd.responses.moving_axes import position_map, turning_axes, with_unit_quaternions
+from fmd.responses.state_space import StateSpace
+from fmd.stability.tangent import OperatingPoint
+
+_CORRECTIONS = 30
+_SETTLED = 1e-9  # last correction, beside what modes and joints have moved
+_ROUND_OFF = 1e-12  # of a correction, in SI units
+_FARTHEST = 0.3  # of a joint in one correction [rad or m]
+_SOFT = 1.0  # 1/s²: stiffness over mass by which a coordinate counts at least
+_DEPENDENT = 1e-10  # of the largest singular value: nothing holds such a motion
+_RIGID = 1e-12  # of the highest squared frequency: a motion without stiffness
+# Squared displacement of points on the axis across it, times the whole mass, for a unit modal mass: more is bending.
+_BENDS = 1e-2
+
+
+@dataclass(frozen=True)
+class Rotation:
+    """A rotation of a mechanism as a whole.
+
+    Attributes
+    ----------
+    rates : ndarray, shape (n,)
+        Rates of all coordinates.
+    motions : mapping of int to tuple of float
+        Position, rate and acceleration of each prescribed joint.
+    """
+
+    rates: Array
+    motions: Motions
+
+
+class SteadyRotation:
+    """The search for steady rotations of a mechanism.
+
+    Parameters
+    ----------
+    linearisation : Linearisation
+        Of the mechanism, without prescribed motions among its inputs.
+    turning : callable
+        Return the `Rotation` at a rate [rad/s] and positions (n_positions,).
+    still : sequence of str
+        Names of coordinates in which the mechanism turns as a whole: they stay.
+    close : callable
+        Return positions in which loops are closed, near to given ones.
+    """
+
+    def __init__(
+        self,
+        linearisation: Linearisation,
+        turning: Callable[[float, Array], Rotation],
+        still: tuple[str, ...],
+        close: Callable[[Array], Array],
+    ) -> None:
+        self.linearisation, self.turning, self.close = linearisation, turning, close
+        self._names = linearisation.rate_names()
+        self._still = still
+        links = linearisation.mechanism.links
+        self._modes = np.concatenate([linearisation.mechanism.modes_of(k) for k in range(len(links))])
+        self._basis: tuple[Array, Array] | None = None
+
+    def leave_out_bending(self, q: Array, across: IntArray) -> None:
+        """Leave motions out of the search that move the axis at rest.
+
+        Parameters
+        ----------
+        q : ndarray, shape (n_positions,)
+            Positions at rest.
+        across : ndarray of int
+            Outputs of the linearisation that are displacements of points on the axis, across it.
+        """
+        rotation = self.turning(0.0, q)
+        model, free = self._model(0.0, q)
+        k = len(free)
+        M = self.linearisation.mass_matrix(OperatingPoint(0.0, q, rotation.rates), rotation.motions)
+        K = -M @ model.A[k:, :k]
+        stiffness, ways = eigh(0.5 * (K + K.T), M)
+        moved = ((model.C[across][:, :k] @ ways) ** 2).sum(axis=0) * self.linearisation.mechanism.mass
+        kept = (np.abs(stiffness) > _RIGID * np.abs(stiffness).max(initial=0.0)) & (moved < _BENDS)
+        self._basis = ways[:, kept], ways[:, kept].T @ M
+
+    def find(self, rate: float, q: Array) -> Array:
+        """Return positions (n_positions,) at which a mechanism turns steadily, from others near by.
+
+        Raises
+        ------
+        AccuracyError
+            There are none: something gives way, or turns ever faster.
+        """
+        size, moved = np.inf, 0.0
+        for _ in range(_CORRECTIONS):
+            model, free = self._model(rate, q)
+            change = self._correction(model, free, rate, q)
+            joints = change[~np.isin(free, self._modes)]
+            shrink = min(1.0, _FARTHEST / max(float(np.abs(joints).max(initial=0.0)), 1e-300))
+            whole = np.zeros(len(self._names))
+            whole[free] = shrink * change
+            q = self._move(rate, q, whole)
+            size = float(np.abs(change).max(initial=0.0))
+            moved = max(moved, size)
+            if size <= _SETTLED * moved or size <= _ROUND_OFF:
+                return q
+        raise AccuracyError(
+            f"no steady rotation at {rate:.4g} rad/s: modes and joints still change by {size:.1e} after {_CORRECTIONS} "
+            "corrections; something gives way to its inertia or to a load of the start"
+        )
+
+    def accelerations(self, rate: float, q: Array) -> Array:
+        """Return the accelerations of all coordinates, as the turning axes see them, (n,)."""
+        rotation = self.turning(rate, q)
+        W, _, sliding = turning_axes(self.linearisation.mechanism, q, rotation.rates)
+        a = self.linearisation.accelerations(OperatingPoint(0.0, q, rotation.rates), rotation.motions)
+        return np.asarray(W.T @ a - sliding @ W.T @ rotation.rates)
+
+    def model(self, rate: float, q: Array) -> StateSpace:
+        """Linearise at positions in which the mechanism turns at a rate [rad/s]."""
+        rotation = self.turning(rate, q)
+        return self.linearisation.at(OperatingPoint(0.0, q, rotation.rates), rotation.motions)
+
+    def _model(self, rate: float, q: Array) -> tuple[StateSpace, IntArray]:
+        """Return the linear model, and the numbers of its independent coordinates."""
+        model = self.model(rate, q)
+        return model, self.independent(model)
+
+    def independent(self, model: StateSpace) -> IntArray:
+        """Return the numbers of a model's independent coordinates, in the order of its positions."""
+        numbers = {name: k for k, name in enumerate(self._names)}
+        names = model.states[: len(model.states) // 2]
+        return np.array([numbers[name] for name, _ in names], dtype=np.int64)
+
+    def _correction(self, model: StateSpace, free: IntArray, rate: float, q: Array) -> Array:
+        """Return Newton's correction of the independent coordinates, in axes that turn with free bodies."""
+        k = len(free)
+        slopes = model.A[k:, :k] - model.A[k:, k:] @ model.A[:k, :k]
+        left = self.accelerations(rate, q)[free]
+        basis, dual = self._basis if self._basis else self._turning_with(free)
+        own = dual @ slopes @ basis
+        if not (np.isfinite(own).all() and np.isfinite(left).all()):
+            raise AccuracyError(f"no steady rotation at {rate:.4g} rad/s: the search for it has run away")
+        scale = 1.0 / np.sqrt(np.maximum(np.abs(own.diagonal()), _SOFT))
+        found = np.linalg.lstsq(scale[:, None] * own * scale, -scale * (dual @ left), rcond=_DEPENDENT)[0]
+        return np.asarray(basis @ (scale * found))
+
+    def _turning_with(self, free: IntArray) -> tuple[Array, Array]:
+        """Return a basis of all coordinates that don't turn the mechanism as a whole, and its dual one."""
+        loose = [j for j, number in enumerate(free) if self._names[number] not in self._still]
+        basis = np.eye(len(free))[:, loose]
+        return basis, basis.T
+
+    def _move(self, rate: float, q: Array, change: Array) -> Array:
+        """Return positions moved by a change (n,) in axes that turn with free bodies, with loops closed."""
+        mechanism = self.linearisation.mechanism
+        W, _, _ = turning_axes(mechanism, q, self.turning(rate, q).rates)
+        return self.close(with_unit_quaternions(mechanism, q + position_map(mechanism, q) @ (W @ change)))

@@ -1,0 +1,132 @@
+"""Constraints without coordinates of their own in a scene file: distances, points on lines, gears and racks."""
+
+from __future__ import annotations
+
+from typing import Annotated, Literal
+
+from pydantic import Field
+
+from fmd.core.units import Angle, Length, PositiveLength
+from fmd.scene.reading import SceneTable
+from fmd.scene.values import Axis, JointName, Number, PlaceName
+
+
+class Distance(SceneTable):
+    """A massless rod: two places of bodies that hang on other joints keep their distance.
+
+    Parameters
+    ----------
+    parent, child : str
+        Markers or places on the ground.
+    length : float
+        Their distance [m].
+
+    Examples
+    --------
+    ::
+
+        [joint.tie]
+        type = "distance"
+        parent = "ground.eye"
+        child = "arm.tip"
+        length = "0.4 m"
+    """
+
+    type: Literal["distance"]
+    parent: PlaceName
+    child: PlaceName
+    length: PositiveLength
+
+
+class PointOnLine(SceneTable):
+    """A pin in a slot: the child's place stays on a line of the parent, free to turn.
+
+    Parameters
+    ----------
+    parent : str
+        Marker or place on the ground that the line goes through.
+    child : str
+        Marker or place that stays on it.
+    axis : tuple of float
+        Direction of the line in the axes of the parent's marker or place; its length doesn't count.
+
+    Examples
+    --------
+    ::
+
+        [joint.slot]
+        type = "point-on-line"
+        parent = "ground"
+        child = "rod.end"
+        axis = [1, 0, 0]
+    """
+
+    type: Literal["point-on-line"]
+    parent: PlaceName
+    child: PlaceName
+    axis: Axis
+
+
+class Gear(SceneTable):
+    """A gear pair: one hinge's angle is a multiple of another's, ``angle = ratio · angle of driver + offset``.
+
+    Parameters
+    ----------
+    joint, driver : str
+        Revolute joints that carry bodies.
+    ratio : float
+        Angle of the first for an angle of 1 rad of the driver; below 0 for wheels that mesh outside.
+    offset : float
+        Angle of the first where the driver's is 0 [rad].
+
+    Examples
+    --------
+    ::
+
+        [coupler.gears]
+        type = "gear"
+        joint = "wheel"
+        driver = "pinion"
+        ratio = -0.5
+    """
+
+    type: Literal["gear"]
+    joint: JointName
+    driver: JointName
+    ratio: Number
+    offset: Angle = 0.0
+
+
+class Rack(SceneTable):
+    """A rack and pinion: a slide's displacement follows a hinge's angle, ``position = radius · angle + offset``.
+
+    Parameters
+    ----------
+    rack : str
+        Prismatic joint that carries a body.
+    pinion : str
+        Revolute joint that carries a body.
+    radius : float
+        Displacement for an angle of 1 rad; below 0 against the slide's axis [m].
+    offset : float
+        Displacement where the angle is 0 [m].
+
+    Examples
+    --------
+    ::
+
+        [coupler.steering]
+        type = "rack"
+        rack = "slide"
+        pinion = "column"
+        radius = "8 mm"
+    """
+
+    type: Literal["rack"]
+    rack: JointName
+    pinion: JointName
+    radius: Length
+    offset: Length = 0.0
+
+
+AnyCoupler = Annotated[Gear | Rack, Field(discriminator="type")]

@@ -1,0 +1,321 @@
+"""Checks between the tables of a scene: names exist, joints fit their use, bodies form a tree on the ground."""
+
+from __future__ import annotations
+
+import re
+from collections.abc import Iterator, Mapping, Sequence
+from dataclasses import dataclass
+
+import numpy as np
+
+from fmd.core.units import unit_ratio
+from fmd.scene.any_body import Body, Flexible, wanted_pieces
+from fmd.scene.constraints import AnyCoupler
+from fmd.scene.force_elements import ForceElement
+from fmd.scene.ground import GroundPlace
+from fmd.scene.histories import Quantities
+from fmd.scene.joints import Joint
+from fmd.scene.loads import Drive, MotionDrive, PointForce, PointTorque
+from fmd.scene.loops import OF_COORDINATES, closing_joints
+from fmd.scene.outputs import JOINT_QUANTITIES, MECHANISM_FORMATS, Chart, Export, Output
+from fmd.scene.pictures import BodyPicture, Film, MechanismView, StressPicture
+from fmd.scene.reading import FaultError, suggest_name
+from fmd.scene.responses import FrequencyResponseChart
+from fmd.scene.runs import ScipyRun
+from fmd.scene.simulation import Simulation
+
+_SINGLE = ("revolute", "prismatic", "screw")  # the joints with one coordinate
+
+
+@dataclass(frozen=True, slots=True)
+class CrossCheck:
+    """The tables of a scene that name one another, each already checked by itself.
+
+    Parameters
+    ----------
+    body, ground, joint, drive : mapping
+        Bodies, places on the ground, joints and drives by name.
+    elements : mapping
+        Force elements by table and name.
+    coupler : mapping
+        Gears and racks by name.
+    simulation : Simulation, optional
+        The integration over time, if the scene has one.
+    output : sequence
+        Charts, pictures, films and exports.
+    """
+
+    body: Mapping[str, Body]
+    ground: Mapping[str, GroundPlace]
+    joint: Mapping[str, Joint]
+    drive: Mapping[str, Drive]
+    elements: Mapping[str, Mapping[str, ForceElement]]
+    coupler: Mapping[str, AnyCoupler]
+    simulation: Simulation | None
+    output: Sequence[Output]
+
+    def find_faults(self) -> list[FaultError]:
+        """List all faults; the tree of bodies is checked once the names in it are right."""
+        names = [
+            *self._check_joints(),
+            *self._check_drives(),
+            *self._check_elements(),
+            *self._check_couplers(),
+            *self._check_simulation(),
+            *self._check_outputs(),
+        ]
+        return names or [*self._check_tree()]
+
+    @property
+    def _flexible(self) -> dict[str, Flexible]:
+        return {name: body for name, body in self.body.items() if isinstance(body, Flexible)}
+
+    def _check_joints(self) -> Iterator[FaultError]:
+        for name, joint in self.joint.items():
+            yield from self._check_place(joint.parent, "joint", name, "parent")
+            yield from self._check_place(joint.child, "joint", name, "child")
+            if joint.parent.partition(".")[0] == (body := joint.child.partition(".")[0]):
+                yield FaultError(f"holds {body} to itself", "joint", name, "child")
+            elif joint.type == "planar" and body in self.body:
+                marker = self.body[body].marker.get(joint.child.partition(".")[2])
+                if marker is not None and marker.is_turned:
+                    mend = "turn the joint instead, by its rotate or axes"
+                    yield FaultError(
+                        f"has axes of its own, which a planar joint can't take; {mend}", "joint", name, "child"
+                    )
+
+    def _check_drives(self) -> Iterator[FaultError]:
+        for name, drive in self.drive.items():
+            if isinstance(drive, PointForce | PointTorque):
+                yield from self._check_marker(drive.marker, "drive", name, "marker")
+                continue
+            fitting = {"force": ("prismatic",), "motion": _SINGLE}.get(drive.type, ("revolute", "screw"))
+            faults = [*self._check_joint(drive.joint, fitting, f"a {drive.type}", "drive", name, "joint")]
+            yield from faults
+            if not faults and isinstance(drive, MotionDrive):
+                yield from self._check_motion(name, drive)
+
+    def _check_couplers(self) -> Iterator[FaultError]:
+        for name, coupler in self.coupler.items():
+            ends = ("joint", "driver") if coupler.type == "gear" else ("rack", "pinion")
+            for key in ends:
+                fitting = ("prismatic",) if key == "rack" else ("revolute",)
+                yield from self._check_joint(getattr(coupler, key), fitting, f"a {coupler.type}", "coupler", name, key)
+            if len({getattr(coupler, key) for key in ends}) == 1:
+                yield FaultError("couples a joint with itself", "coupler", name, ends[1])
+
+    def _check_elements(self) -> Iterator[FaultError]:
+        for table, elements in self.elements.items():
+            for name, element in elements.items():
+                for number, place in enumerate(element.between):
+                    yield from self._check_place(place, table, name, "between", number)
+                first, second = element.between
+                if first == second or first.partition(".")[0] == second.partition(".")[0] == "ground":
+                    yield FaultError("must be two places that can move against each other", table, name, "between")
+
+    def _check_motion(self, name: str, drive: MotionDrive) -> Iterator[FaultError]:
+        """A prescribed motion leaves its joint no coordinate: nothing else may act along it."""
+        joint = self.joint[drive.joint]
+        wanted, other = ("position", "angle") if joint.type == "prismatic" else ("angle", "position")
+        if getattr(drive, wanted) is None:
+            yield FaultError(f"is missing: a {joint.type} joint moves by its {wanted}", "drive", name, wanted)
+        if getattr(drive, other) is not None:
+            yield FaultError(f"belongs to another joint; this one moves by its {wanted}", "drive", name, other)
+        for other_name, also in self.drive.items():
+            if other_name != name and getattr(also, "joint", None) == drive.joint:
+                yield FaultError(f"has no effect: '{name}' prescribes the joint's motion", "drive", other_name, "joint")
+        for key in (wanted, "rate", "spring", "damper", "stop", "friction"):
+            if getattr(joint, key):
+                yield FaultError(f"has no effect: '{name}' prescribes the joint's motion", "joint", drive.joint, key)
+        if self.simulation is not None and drive.joint in self.simulation.fast:
+            number = self.simulation.fast.index(drive.joint)
+            yield FaultError(f"has no coordinate: '{name}' prescribes its motion", "simulation", "fast", number)
+
+    def _check_simulation(self) -> Iterator[FaultError]:
+        if self.simulation is None:
+            return
+        yield from self._check_marker(self.simulation.tip, "simulation", "tip")
+        if self.simulation.start == "equilibrium":
+            for name, joint in self.joint.items():
+                for key in ("rate", "rates", "spin", "velocity"):
+                    if np.any(getattr(joint, key, 0.0)):
+                        yield FaultError(
+                            "has no effect: simulation.start is 'equilibrium', at rest", "joint", name, key
+                        )
+        for number, run in enumerate(self.simulation.run):
+            if isinstance(run, ScipyRun) and closing_joints(self.joint):
+                mend = "runge-kutta, exponential-rosenbrock and auto do"
+                yield FaultError(f"doesn't keep loops closed; {mend}", "simulation", "run", number, "integrator")
+        for number, name in enumerate(self.simulation.fast):
+            yield from self._check_joint(name, _SINGLE, "the fast list", "simulation", "fast", number)
+
+    def _check_outputs(self) -> Iterator[FaultError]:
+        for number, output in enumerate(self.output):
+            if isinstance(output, Chart):
+                yield from self._check_chart(output, "output", number)
+            elif isinstance(output, Quantities):
+                yield from self._check_quantities(output, "output", number)
+            elif not isinstance(output, FrequencyResponseChart):  # whose names are looked up in the mechanism
+                yield from self._check_picture(output, "output", number)
+        yield from self._check_files()
+
+    def _check_chart(self, chart: Chart, *path: str | int) -> Iterator[FaultError]:
+        if chart.element is not None:
+            yield from self._check_element(chart.element, *path, "element")
+        if chart.marker is not None:
+            yield from self._check_marker(chart.marker, *path, "marker")
+        if chart.body is not None and chart.body not in self._flexible:
+            names = suggest_name(chart.body, self._flexible, "the flexible bodies")
+            yield FaultError(f"no such flexible body; {names}", *path, "body")
+        if chart.quantity == "modal_coordinates" and not self._flexible:
+            yield FaultError("needs a flexible body; this scene has none", *path, "quantity")
+        if chart.joint is None:
+            single = [name for name, joint in self.joint.items() if joint.type in _SINGLE]
+            if chart.quantity in JOINT_QUANTITIES and len(single) != 1:
+                known = f"; the revolute and prismatic joints: {', '.join(single) or 'none'}"
+                yield FaultError(f"is missing: the name of the joint whose motion is drawn{known}", *path, "joint")
+            return
+        faults = [*self._check_joint(chart.joint, _SINGLE, "joint_position", *path, "joint")]
+        yield from faults
+        if not faults and chart.unit is not None:
+            try:
+                unit = "m" if self.joint[chart.joint].type == "prismatic" else "rad"
+                unit_ratio(f"{unit}/s" if chart.quantity == "joint_rate" else unit, chart.unit)
+            except ValueError as error:
+                yield FaultError(str(error), *path, "unit")
+
+    def _check_quantities(self, output: Quantities, *path: str | int) -> Iterator[FaultError]:
+        """Names of a history or a table exist, and what it takes by default isn't empty."""
+        for number, name in enumerate(output.joints):
+            if name not in self.joint:
+                fault = f"no such joint; {suggest_name(name, self.joint, 'the joints')}"
+                yield FaultError(fault, *path, "joints", number)
+            elif name in closing_joints(self.joint) and "joint_reaction" not in output.quantities:
+                fault = "closes a loop, so it has a reaction, but no coordinate"
+                yield FaultError(fault, *path, "joints", number)
+        for number, name in enumerate(output.markers):
+            yield from self._check_marker(name, *path, "markers", number)
+        for number, name in enumerate(output.elements):
+            yield from self._check_element(name, *path, "elements", number)
+        meshed = {name: body for name, body in self._flexible.items() if body.shape != "matrices"}
+        for number, name in enumerate(output.nodes):
+            if (body := name.partition(".")[0]) not in meshed:
+                names = suggest_name(body, meshed, "the flexible bodies with a mesh")
+                yield FaultError(f"no such body with stress; {names}", *path, "nodes", number)
+        if "element_stress" in output.quantities and not any(body.element for body in meshed.values()):
+            yield FaultError("element_stress needs a named element, [body.NAME.element]", *path, "quantities")
+
+    def _check_picture(self, picture: BodyPicture | MechanismView | Export, *path: str | int) -> Iterator[FaultError]:
+        flexible = self._flexible
+        of_body_alone = isinstance(picture, Export) and (
+            picture.file.endswith(".nc") or picture.format not in (None, *MECHANISM_FORMATS)
+        )
+        divided = [*wanted_pieces(flexible)]
+        if of_body_alone and (divided if picture.body is None else picture.body in divided):
+            name = picture.body or divided[0]
+            yield FaultError(
+                f"holds bodies in one piece, and {name} is in several; pieces = 1 exports it", *path, "file"
+            )
+        if picture.body is None:  # of the whole mechanism
+            if isinstance(picture, StressPicture) and all(body.shape == "matrices" for body in flexible.values()):
+                yield FaultError("needs a flexible body with a mesh; this scene has none", *path, "type")
+            return
+        if picture.body not in self.body:
+            yield FaultError(f"no such body; {suggest_name(picture.body, self.body, 'the bodies')}", *path, "body")
+        elif picture.body not in flexible:
+            names = suggest_name(picture.body, flexible, "the flexible bodies")
+            yield FaultError(f"is rigid, without modes or stress; {names}", *path, "body")
+        elif flexible[picture.body].shape == "matrices" and not of_body_alone:
+            yield FaultError("is given by its matrices: without elements there is no stress or picture", *path, "body")
+        elif flexible[picture.body].shape == "reduced" and not of_body_alone:
+            if isinstance(picture, StressPicture | Film):  # which the file may hold
+                return
+            yield FaultError("is reduced: it has no mesh, and no pictures of it or of its modes", *path, "body")
+
+    def _check_files(self) -> Iterator[FaultError]:
+        """No output may write over another's file; some file systems don't distinguish upper from lower case."""
+        taken: list[tuple[str, str]] = []
+        for number, output in enumerate(self.output):
+            file = output.file.casefold()
+            pattern = re.escape(file).replace(r"\{mode\}", r"(\d+|\{mode\})")
+            if any(re.fullmatch(pattern, other) or re.fullmatch(its, file) for other, its in taken):
+                yield FaultError("another output has this file; rename it", "output", number, "file")
+            taken.append((file, pattern))
+
+    def _check_tree(self) -> Iterator[FaultError]:
+        """Every body hangs on one joint, and through it on the ground."""
+        parents: dict[str, str] = {}
+        closing = closing_joints(self.joint)
+        for name, joint in self.joint.items():
+            child = joint.child.partition(".")[0]
+            if name in closing:
+                yield from self._check_closing(name, joint)
+                continue
+            if joint.type in ("revolute", "prismatic") and joint.child_axis is not None:
+                yield FaultError("has no effect: the joint carries its child, along axis", "joint", name, "child_axis")
+            parents[child] = joint.parent.partition(".")[0]
+            if joint.type == "free" and child in self._flexible and self._flexible[child].support:
+                yield FaultError("holds nothing that a support could hold on to; take a fixed joint", "joint", name)
+        for name in self.body:
+            if name in parents:
+                if _leads_round(name, parents):
+                    yield FaultError("its joints lead round in a circle; one must lead to ground", "body", name)
+            elif self.simulation is not None:
+                yield FaultError(f"hangs on no joint; give it one with child = '{name}.…'", "body", name)
+            elif name in self._flexible and self._flexible[name].modes.boundary == "joint":
+                yield FaultError("hangs on no joint to be held at", "body", name, "modes", "boundary")
+
+    def _check_closing(self, name: str, joint: Joint) -> Iterator[FaultError]:
+        """A joint that closes a loop holds two places together, and has no coordinate of its own."""
+        child = joint.child.partition(".")[0]
+        if joint.type in ("distance", "point-on-line"):
+            return
+        if joint.type == "free":
+            yield FaultError("holds nothing: the child hangs on another joint already", "joint", name, "type")
+        if joint.type == "screw":
+            mend = "write it before the other joint that carries its child"
+            yield FaultError(f"can't close a loop; {mend}", "joint", name, "type")
+        mend = f"write it before the other joint that carries {child}, which closes the loop then"
+        for key in OF_COORDINATES:
+            if key in joint.model_fields_set:
+                yield FaultError(f"closes a loop, so it has no coordinate for this; {mend}", "joint", name, key)
+
+    def _check_joint(self, name: str, fitting: tuple[str, ...], user: str, *path: str | int) -> Iterator[FaultError]:
+        if name not in self.joint:
+            yield FaultError(f"no such joint; {suggest_name(name, self.joint, 'the joints')}", *path)
+        elif name in closing_joints(self.joint):
+            mend = "write it before the joint that now carries its child"
+            yield FaultError(f"closes a loop, so it has no coordinate that {user} could take; {mend}", *path)
+        elif self.joint[name].type not in fitting:
+            wanted = " or ".join([", ".join(fitting[:-1]), fitting[-1]] if len(fitting) > 1 else fitting)
+            yield FaultError(f"is a {self.joint[name].type} joint; {user} needs a {wanted} one", *path)
+
+    def _check_place(self, place: str, *path: str | int) -> Iterator[FaultError]:
+        """Check a marker of a body, or a place on the ground."""
+        if place.partition(".")[0] != "ground":
+            yield from self._check_marker(place, *path)
+        elif place != "ground" and place not in (known := [f"ground.{name}" for name in self.ground]):
+            yield FaultError(f"no such place; {suggest_name(place, known, 'the places on the ground')}", *path)
+
+    def _check_marker(self, place: str, *path: str | int) -> Iterator[FaultError]:
+        body = place.partition(".")[0]
+        if body not in self.body:
+            yield FaultError(f"no such body; {suggest_name(body, self.body, 'the bodies')}", *path)
+            return
+        markers = [f"{body}.{marker}" for marker in self.body[body].marker]
+        if place not in markers:
+            yield FaultError(f"no such marker; {suggest_name(place, markers, 'the markers')}", *path)
+
+    def _check_element(self, place: str, *path: str | int) -> Iterator[FaultError]:
+        elements = [f"{name}.{element}" for name, body in self._flexible.items() for element in body.element]
+        if place not in elements:
+            yield FaultError(f"no such element; {suggest_name(place, elements, 'the named elements')}", *path)
+
+
+def _leads_round(body: str, parents: Mapping[str, str]) -> bool:
+    """Return true if the parents of a body come back to one of themselves."""
+    seen: set[str] = set()
+    while body in parents and body not in seen:
+        seen.add(body)
+        body = parents[body]
+    return body in seen

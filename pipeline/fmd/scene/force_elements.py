@@ -1,0 +1,263 @@
+"""Force elements in a scene file: springs, bushings and bearings between any two places, and end stops."""
+
+from __future__ import annotations
+
+from typing import Annotated, Literal
+
+from pydantic import Field, model_validator
+
+from fmd.core.units import (
+    Angle,
+    Force,
+    Length,
+    NonNegative,
+    Positive,
+    PositiveLength,
+    RotationalDamping,
+    RotationalStiffness,
+    TranslationalDamping,
+    TranslationalStiffness,
+    Velocity,
+)
+from fmd.scene.force_curves import ForceByElongation
+from fmd.scene.reading import FaultError, SceneTable
+from fmd.scene.values import Axis, Number, PlaceName, Point, Turn, Words
+
+Stiffness = Annotated[TranslationalStiffness, NonNegative]
+Damping = Annotated[TranslationalDamping, NonNegative]
+TurningStiffness = Annotated[RotationalStiffness, NonNegative]
+TurningDamping = Annotated[RotationalDamping, NonNegative]
+Places = tuple[PlaceName, PlaceName]
+SixRates = Annotated[
+    tuple[Stiffness, Stiffness, Stiffness, TurningStiffness, TurningStiffness, TurningStiffness],
+    Words("list of 3 translational and 3 rotational stiffnesses"),
+]
+SixDampings = Annotated[
+    tuple[Damping, Damping, Damping, TurningDamping, TurningDamping, TurningDamping],
+    Words("list of 3 translational and 3 rotational dampings"),
+]
+_Six = Annotated[tuple[Number, ...], Field(min_length=6, max_length=6)]
+SixBySix = Annotated[tuple[_Six, _Six, _Six, _Six, _Six, _Six], Words("list of 6 lists of 6 numbers, in SI units")]
+
+
+def require_a_side(low: float | None, high: float | None) -> None:
+    """Raise ``FaultError`` unless an end stop has a place, and two in their order."""
+    if low is None and high is None:
+        raise FaultError("is missing: where the stop begins; or give low, or both", "high")
+    if low is not None and high is not None and not low < high:
+        raise FaultError("must be above low", "high")
+
+
+class LengthStop(SceneTable):
+    """End stops of a slide, or of the length of a spring: a spring and a damper beyond a place.
+
+    Parameters
+    ----------
+    low, high : float, optional
+        Places below and above which the stops push back [m]; one of them or both.
+    stiffness : float
+        Stiffness of full contact [N/m].
+    damper : float
+        Damper of full contact [N s/m].
+    width : float
+        Way over which contact grows from none to full [m].
+
+    Examples
+    --------
+    ::
+
+        [joint.slide.stop]
+        low = "-20 mm"
+        high = "150 mm"
+        stiffness = "500 kN/m"
+        damper = "200 N s/m"
+    """
+
+    low: Length | None = None
+    high: Length | None = None
+    stiffness: Annotated[TranslationalStiffness, Positive]
+    damper: Damping = 0.0
+    width: PositiveLength = 1e-4
+
+    @model_validator(mode="after")
+    def _somewhere(self) -> LengthStop:
+        require_a_side(self.low, self.high)
+        return self
+
+
+class AngleStop(SceneTable):
+    """End stops of a hinge: a spring and a damper beyond an angle.
+
+    Parameters
+    ----------
+    low, high : float, optional
+        Angles below and above which the stops push back [rad]; one of them or both.
+    stiffness : float
+        Stiffness of full contact [N m/rad].
+    damper : float
+        Damper of full contact [N m s/rad].
+    width : float
+        Angle over which contact grows from none to full [rad].
+
+    Examples
+    --------
+    ::
+
+        [joint.elbow.stop]
+        low = "-10 deg"
+        high = "140 deg"
+        stiffness = "2 kN m/rad"
+    """
+
+    low: Angle | None = None
+    high: Angle | None = None
+    stiffness: Annotated[RotationalStiffness, Positive]
+    damper: TurningDamping = 0.0
+    width: Annotated[Angle, Positive] = 1e-3
+
+    @model_validator(mode="after")
+    def _somewhere(self) -> AngleStop:
+        require_a_side(self.low, self.high)
+        return self
+
+
+class Spring(SceneTable):
+    """A spring and damper along the line between two places, each a marker of a body or a place on the ground.
+
+    Parameters
+    ----------
+    between : tuple of str
+        The two places.
+    stiffness : float
+        Stiffness [N/m].
+    length : float or str
+        Length at which the spring pulls and pushes nothing [m]; ``"start"`` takes that at the start.
+    damper : float
+        Coefficient of a damper along the line [N s/m].
+    force : ForceByElongation, optional
+        Force of a nonlinear spring by its elongation, in place of ``stiffness``.
+    stop : LengthStop, optional
+        End stops of the distance between the places; clearance, if they coincide at the start.
+    friction : float
+        Largest friction along the line [N].
+    friction_rate : float
+        Speed at which friction has reached 71 % of that [m/s].
+
+    Examples
+    --------
+    ::
+
+        [spring.strut]
+        between = ["ground.tower", "arm.seat"]
+        stiffness = "18 N/mm"
+        length = "310 mm"
+        damper = "1200 N s/m"
+        stop = { low = "240 mm", stiffness = "400 N/mm" }
+    """
+
+    between: Places
+    stiffness: Stiffness = 0.0
+    length: Annotated[Length, NonNegative] | Literal["start"] = "start"
+    damper: Damping = 0.0
+    force: ForceByElongation | None = None
+    stop: LengthStop | None = None
+    friction: Annotated[Force, NonNegative] = 0.0
+    friction_rate: Annotated[Velocity, Positive] = 1e-3
+
+    @model_validator(mode="after")
+    def _does_something(self) -> Spring:
+        if self.force is not None and self.stiffness:
+            raise FaultError("can't stand beside stiffness: give one of the two", "force")
+        if not (self.force or self.stiffness or self.damper or self.stop or self.friction):
+            raise FaultError("is missing: a spring needs this, or a force, damper, stop or friction", "stiffness")
+        return self
+
+
+class Bushing(SceneTable):
+    """Springs and dampers in six directions between two places: along axes of the first one, and about them.
+
+    Parameters
+    ----------
+    between : tuple of str
+        The two places.
+    rotation : tuple of float
+        Rotation vector of the bushing's axes against those of the first place [rad].
+    stiffness : tuple of float, optional
+        Stiffnesses along x, y and z [N/m] and about them [N m/rad].
+    stiffness_matrix : tuple, optional
+        All 6 × 6 stiffnesses, symmetric, in place of ``stiffness`` [N/m, N, N m/rad].
+    damper : tuple of float, optional
+        Coefficients of dampers along x, y and z [N s/m] and about them [N m s/rad].
+    damper_matrix : tuple, optional
+        All 6 × 6 coefficients, symmetric, in place of ``damper`` [N s/m, N s, N m s/rad].
+    position : tuple of float or str
+        Position of the second place against the first at rest, along the bushing's axes [m]; ``"start"`` takes that at
+        the start.
+    turn : tuple of float or str
+        Rotation vector of the second place's axes against the bushing's at rest [rad]; ``"start"`` takes that at the
+        start. Twists stay below half a turn.
+
+    Examples
+    --------
+    ::
+
+        [bushing.front]
+        between = ["ground.front", "arm.front"]
+        stiffness = ["4 kN/mm", "4 kN/mm", "0.3 kN/mm", "300 N m/rad", "300 N m/rad", "5 N m/rad"]
+        damper = ["500 N s/m", "500 N s/m", "80 N s/m", "0.2 N m s/rad", "0.2 N m s/rad", "0.1 N m s/rad"]
+    """
+
+    between: Places
+    rotation: Turn = (0.0, 0.0, 0.0)
+    stiffness: SixRates | None = None
+    stiffness_matrix: SixBySix | None = None
+    damper: SixDampings | None = None
+    damper_matrix: SixBySix | None = None
+    position: Point | Literal["start"] = "start"
+    turn: Turn | Literal["start"] = "start"
+
+    @model_validator(mode="after")
+    def _given_one_way(self) -> Bushing:
+        for plain, full in (("stiffness", "stiffness_matrix"), ("damper", "damper_matrix")):
+            if getattr(self, plain) is not None and getattr(self, full) is not None:
+                raise FaultError(f"can't stand beside {plain}: give one of the two", full)
+        if all(getattr(self, key) is None for key in ("stiffness", "stiffness_matrix", "damper", "damper_matrix")):
+            raise FaultError("is missing: a bushing needs this, a damper, or the matrix of either", "stiffness")
+        return self
+
+
+class Bearing(SceneTable):
+    """A bearing that holds a shaft along and across its axis by springs, and lets it turn and tilt.
+
+    Parameters
+    ----------
+    between : tuple of str
+        The two places, that of the housing first.
+    axis : tuple of float
+        Direction of the axis in the axes of the first place; its length doesn't count.
+    radial, axial : float
+        Stiffness across the axis and along it [N/m].
+    radial_damper, axial_damper : float
+        Coefficients of dampers across the axis and along it [N s/m].
+
+    Examples
+    --------
+    ::
+
+        [bearing.drive_end]
+        between = ["ground.pedestal", "rotor.drive_end"]
+        axis = [1, 0, 0]
+        radial = "40 N/um"
+        axial = "5 N/um"
+        radial_damper = "300 N s/m"
+    """
+
+    between: Places
+    axis: Axis
+    radial: Annotated[TranslationalStiffness, Positive]
+    axial: Stiffness = 0.0
+    radial_damper: Damping = 0.0
+    axial_damper: Damping = 0.0
+
+
+ForceElement = Spring | Bushing | Bearing

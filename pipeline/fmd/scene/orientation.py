@@ -1,0 +1,82 @@
+"""Axes of markers, places and joints in a scene file: turned by a rotation vector, or given by their directions."""
+
+from __future__ import annotations
+
+import math
+from typing import Self
+
+from pydantic import model_validator
+
+from fmd.scene.reading import FaultError, SceneTable
+from fmd.scene.values import Axis, Turn
+
+_SQUARE = 1e-3  # cosine between two axes that are written with few digits
+
+
+class AxisDirections(SceneTable):
+    """Directions of two of three axes; the third completes a right-handed system.
+
+    Parameters
+    ----------
+    x, y, z : tuple of float, optional
+        Directions of two axes, perpendicular to each other; their lengths don't count.
+
+    Examples
+    --------
+    ::
+
+        [body.arm.marker.wrist.axes]
+        x = [0.6, 0.8, 0]
+        z = [0, 0, 1]
+    """
+
+    x: Axis | None = None
+    y: Axis | None = None
+    z: Axis | None = None
+
+    @property
+    def given(self) -> dict[str, tuple[float, float, float]]:
+        """Directions of the two axes by their names, as unit vectors; the first is exact, the second nearly across."""
+        found = {name: axis for name in "xyz" if (axis := getattr(self, name)) is not None}
+        return {
+            name: (x / size, y / size, z / size) for name, (x, y, z) in found.items() for size in [math.hypot(x, y, z)]
+        }
+
+    @model_validator(mode="after")
+    def _two_across(self) -> AxisDirections:
+        given = self.given
+        if len(given) != 2:
+            missing = next((name for name in "xyz" if name not in given), "z")
+            message = "is missing: directions of two axes are wanted, the third follows from them"
+            raise FaultError(message if len(given) < 2 else "is one too many: two axes tell the third", missing)
+        (_, first), (name, second) = given.items()
+        if abs(cosine := sum(a * b for a, b in zip(first, second, strict=True))) > _SQUARE:
+            angle = math.degrees(math.acos(max(-1.0, min(1.0, cosine))))
+            raise FaultError(f"must be perpendicular to the other axis; the angle is {angle:.4g}°", name)
+        return self
+
+
+class Orientation(SceneTable):
+    """Axes of a marker, of a place or of a joint, against those that it would have else.
+
+    Parameters
+    ----------
+    rotate : tuple of float
+        Rotation vector: the axes are turned about this vector by its length [rad].
+    axes : AxisDirections, optional
+        Directions of the axes, in place of ``rotate``.
+    """
+
+    rotate: Turn = (0.0, 0.0, 0.0)
+    axes: AxisDirections | None = None
+
+    @model_validator(mode="after")
+    def _turned_one_way(self) -> Self:
+        if self.axes is not None and any(self.rotate):
+            raise FaultError("can't stand beside rotate: give one of the two", "axes")
+        return self
+
+    @property
+    def is_turned(self) -> bool:
+        """True if there are axes other than those without these keys."""
+        return self.axes is not None or any(self.rotate)

@@ -1,0 +1,230 @@
+"""Outputs in a scene file: charts, pictures and films, and files for other tools."""
+
+from __future__ import annotations
+
+from typing import Annotated, Literal
+
+from pydantic import AfterValidator, Field, model_validator
+
+from fmd.core.units import Stress, unit_ratio
+from fmd.scene.histories import ExtremesTable, History
+from fmd.scene.pictures import (
+    Component,
+    Film,
+    MechanismPicture,
+    MeshPicture,
+    ModePictures,
+    ModeSheet,
+    StressPicture,
+)
+from fmd.scene.reading import FaultError, SceneTable
+from fmd.scene.responses import FrequencyResponseChart
+from fmd.scene.stress_outputs import Envelope, Fatigue
+from fmd.scene.values import BodyName, ElementName, FileCheck, JointName, MarkerName, Text
+
+# Meanings of the quantities that a chart can draw.
+CHART_QUANTITIES = {
+    "joint_position": "angle of a revolute or displacement of a prismatic joint, named by `joint` if there are several",
+    "joint_rate": "angular rate or speed of such a joint",
+    "tip_position": "position of the tip in space",
+    "tip_deflection": "displacement of the tip by deformation, seen from the section at its body's joint, in its axes",
+    "tip_displacement": "displacement of the tip by deformation, in the floating frame of its body",
+    "marker_position": "position of any marker in space, named by `marker`",
+    "modal_coordinates": "modal coordinates of the body named by `body`, or of that with the tip",
+    "energy": "kinetic and potential energy",
+    "centre_of_mass": "position of the centre of all bodies' mass in space",
+    "momentum": "momentum of all bodies",
+    "angular_momentum": "angular momentum of all bodies about the ground's origin",
+    "com_velocity": "velocity of the centre of mass",
+    "com_angular_velocity": "angular velocity of the centre of mass about the axis of the first joint",
+    "element_stress": "stress in a named element, given by `element` and `component`",
+    "com_position": "the former name of `centre_of_mass`",
+    "joint_angle": "the former name of `joint_position`",
+}
+
+
+EXPORT_FORMATS: dict[str, tuple[str, ...]] = {
+    "python": (".nc",),
+    "sid": (".SID_FEM",),
+    "exudyn": (".npz",),
+    "mbdyn": (".fem",),
+    "simscape": (".mat",),
+    "openfast": (".dat",),
+    "full": (".mtx", ".npz", ".txt"),
+    "fmu": (".fmu",),
+}
+"""Formats of other programs, and the suffixes of their files."""
+
+MECHANISM_FORMATS = ("fmu",)
+"""Those of them that hold the whole mechanism; the others hold one flexible body."""
+
+_SUFFIXES = (".msh", ".vtu", ".vtkhdf", ".nc")
+_FORMAT_SUFFIXES = tuple(suffix for own in EXPORT_FORMATS.values() for suffix in own if suffix not in _SUFFIXES)
+
+JOINT_QUANTITIES = ("joint_position", "joint_rate", "joint_angle")
+
+
+class Chart(SceneTable):
+    """A chart of one quantity over time with the curves of all runs.
+
+    Parameters
+    ----------
+    file : str
+        File of the chart.
+    quantity : str
+        Quantity that is drawn; the table of quantities below explains each.
+    joint : str, optional
+        Revolute or prismatic joint whose position or rate is drawn; needed if there are several.
+    body : str, optional
+        Flexible body whose modal coordinates are drawn; that of the tip by default.
+    marker : str, optional
+        Marker whose position in space is drawn.
+    element : str, optional
+        Named element whose stress is drawn.
+    component : str
+        Component of that stress; principal stresses are numbered from the largest.
+    unit : str, optional
+        Unit of the axis, e.g. ``"deg"`` or ``"mm/s"``; rad, m, s and MPa by default.
+    title : str
+        Text above the chart; the quantity's name by default.
+    band : tuple of float, optional
+        Range of stress that is marked [Pa].
+    band_title : str
+        Text for the band in the legend.
+
+    Examples
+    --------
+    ::
+
+        [[output]]
+        type = "chart"
+        file = "shoulder.png"
+        quantity = "joint_position"
+        joint = "shoulder"
+        unit = "deg"
+    """
+
+    type: Literal["chart"]
+    file: Annotated[str, AfterValidator(FileCheck((".png", ".pdf", ".svg")))]
+    quantity: Literal[
+        "joint_position",
+        "joint_rate",
+        "tip_position",
+        "tip_deflection",
+        "tip_displacement",
+        "marker_position",
+        "modal_coordinates",
+        "energy",
+        "centre_of_mass",
+        "momentum",
+        "angular_momentum",
+        "com_velocity",
+        "com_angular_velocity",
+        "element_stress",
+        "com_position",
+        "joint_angle",
+    ]
+    joint: JointName | None = None
+    body: BodyName | None = None
+    marker: MarkerName | None = None
+    element: ElementName | None = None
+    component: Component = "von Mises"
+    unit: Text | None = None
+    title: str = ""
+    band: tuple[Stress, Stress] | None = None
+    band_title: str = ""
+
+    @model_validator(mode="after")
+    def _joint_where_needed(self) -> Chart:
+        if self.quantity != "modal_coordinates" and self.body is not None:
+            raise FaultError("belongs to the quantity 'modal_coordinates'", "body")
+        if (self.marker is None) == (self.quantity == "marker_position"):
+            wrong = "is missing: 'body.marker', the marker" if self.marker is None else "belongs to 'marker_position'"
+            raise FaultError(wrong, "marker")
+        if self.quantity not in JOINT_QUANTITIES and self.joint is not None:
+            raise FaultError(f"belongs to the quantities {', '.join(JOINT_QUANTITIES[:2])}", "joint")
+        if self.unit is not None and self.quantity not in (*JOINT_QUANTITIES, "element_stress"):
+            raise FaultError("belongs to a joint's position or rate, or to a stress", "unit")
+        if (self.element is None) == (self.quantity == "element_stress"):
+            wrong = "is missing: 'body.element', the element" if self.element is None else "belongs to 'element_stress'"
+            raise FaultError(wrong, "element")
+        if self.unit is not None and self.element is not None:
+            try:
+                unit_ratio("Pa", self.unit)
+            except ValueError as error:
+                raise FaultError(str(error), "unit") from None
+        if self.band is not None and (self.element is None or not self.band[0] < self.band[1]):
+            raise FaultError("must be two stresses, the smaller first, on a chart of 'element_stress'", "band")
+        return self
+
+
+class Export(SceneTable):
+    """A file for other tools; its suffix gives what it holds, unless ``format`` does.
+
+    ``.msh`` and ``.vtu`` hold the mesh with its parts, ``.vtkhdf`` displacement and stress at several times for
+    ParaView, ``.nc`` the reduced body: modes, mass, stiffness, inertia integrals and the stress of each mode.
+
+    Parameters
+    ----------
+    file : str
+        File that is written.
+    format : str, optional
+        Format of another program, as of ``fmd export --to``.
+    body : str, optional
+        Flexible body that it holds; needed by all that hold one.
+    frames : int
+        Number of output times in a ``.vtkhdf`` file, spread over the duration.
+
+    Examples
+    --------
+    ::
+
+        [[output]]
+        type = "export"
+        file = "motion.vtkhdf"
+        body = "propeller"
+        frames = 41
+    """
+
+    type: Literal["export"]
+    file: Annotated[str, AfterValidator(FileCheck((*_SUFFIXES, *_FORMAT_SUFFIXES)))]
+    format: Literal["python", "sid", "exudyn", "mbdyn", "simscape", "openfast", "full", "fmu"] | None = None
+    body: BodyName | None = None
+    frames: Annotated[int, Field(strict=True, ge=2, le=2000)] = 21
+
+    @model_validator(mode="after")
+    def _format_and_file_agree(self) -> Export:
+        suffixes = _SUFFIXES if self.format is None else EXPORT_FORMATS[self.format]
+        if not self.file.endswith(suffixes):
+            what = "without a format" if self.format is None else f"of format {self.format!r}"
+            raise FaultError(f"a file {what} ends in {' or '.join(suffixes)}", "file")
+        if self.format in MECHANISM_FORMATS and self.body is not None:
+            raise FaultError(f"belongs to other formats: {self.format!r} holds the whole mechanism", "body")
+        if self.format not in MECHANISM_FORMATS and self.body is None:
+            raise FaultError("is missing: the flexible body that the file holds", "body")
+        return self
+
+
+Output = Annotated[
+    Chart
+    | FrequencyResponseChart
+    | MeshPicture
+    | ModePictures
+    | ModeSheet
+    | StressPicture
+    | MechanismPicture
+    | Film
+    | Envelope
+    | Fatigue
+    | History
+    | ExtremesTable
+    | Export,
+    Field(discriminator="type"),
+]
+
+_DRAWN = (".png", ".pdf", ".svg", ".mp4", ".gif")
+
+
+def is_drawn(output: Output) -> bool:
+    """Return True if an output shows the motion or a part: a picture, a chart or a film, and not a file of numbers."""
+    return output.file.endswith(_DRAWN) and output.type != "frf"

@@ -1,0 +1,255 @@
+"""Pictures and films in a scene file: of meshes, modes and stress."""
+
+from __future__ import annotations
+
+from typing import Annotated, Literal
+
+from pydantic import AfterValidator, Field, model_validator
+
+from fmd.core.units import Angle, NonNegative, NonNegativeTime, Positive, PositiveLength
+from fmd.scene.reading import FaultError, SceneTable
+from fmd.scene.values import BodyName, FileCheck, Number, Point, Text, Words, check_file_name
+
+
+def _check_mode_file(file: str) -> str:
+    check_file_name(file, ".png")
+    if file.count("{mode}") != 1:
+        raise ValueError("must hold '{mode}' once, for the mode's number, e.g. 'mode-{mode}.png'")
+    return file
+
+
+Pixels = Annotated[int, Field(strict=True, ge=64, le=8192)]
+Scale = Annotated[Number, NonNegative]
+PictureFile = Annotated[str, AfterValidator(FileCheck((".png",)))]
+ModeFile = Annotated[str, AfterValidator(_check_mode_file), Words("name of a ``.png`` file with ``{mode}`` in it")]
+Component = Literal["von Mises", "xx", "yy", "zz", "yz", "xz", "xy", "principal 1", "principal 2", "principal 3"]
+
+
+class PictureSettings(SceneTable):
+    """Keys that pictures and films have in common.
+
+    Parameters
+    ----------
+    size : tuple of int, optional
+        Width and height in pixels.
+    camera : tuple of float, optional
+        Direction of the viewer from what is drawn: azimuth about z, counted from x, and elevation [rad].
+    zoom : float
+        Factor on the size in the picture.
+    focus : tuple of float, optional
+        Point in the middle of a close-up [m].
+    extent : float, optional
+        Length that the picture's width covers [m].
+    colour_map : str
+        Colour map: ``light turbo``, whose lower end is light, or a name in Matplotlib.
+    title : str
+        Text above; by default it is made from the scene's title.
+    """
+
+    size: tuple[Pixels, Pixels] | None = None
+    camera: tuple[Angle, Annotated[Angle, Field(ge=-1.58, le=1.58)]] | None = None
+    zoom: Annotated[Number, Field(ge=0.01, le=1000.0)] = 1.0
+    focus: Point | None = None
+    extent: PositiveLength | None = None
+    colour_map: Text = "light turbo"
+    title: str = ""
+
+
+class BodyPicture(PictureSettings):
+    """Keys that pictures of one flexible body have in common.
+
+    Parameters
+    ----------
+    body : str
+        Flexible body that is drawn.
+    """
+
+    body: BodyName
+
+
+class MeshPicture(BodyPicture):
+    """A picture of a body's mesh with its parts in different colours.
+
+    Parameters
+    ----------
+    file : str
+        File of the picture.
+
+    Examples
+    --------
+    ::
+
+        [[output]]
+        type = "mesh"
+        file = "mesh.png"
+        body = "beam"
+        camera = ["-60 deg", "32 deg"]
+    """
+
+    type: Literal["mesh"]
+    file: PictureFile
+
+
+class ModePictures(BodyPicture):
+    """A picture of each mode shape, one file a mode.
+
+    Parameters
+    ----------
+    file : str
+        Files of the pictures; the mode's number replaces ``{mode}``.
+    scale : float, optional
+        Factor on the shapes; 1 by default, which draws them at 8 % of the body's largest extent.
+
+    Examples
+    --------
+    ::
+
+        [[output]]
+        type = "modes"
+        file = "mode-{mode}.png"
+        body = "beam"
+    """
+
+    type: Literal["modes"]
+    file: ModeFile
+    scale: Annotated[Number, Positive] | None = None
+
+
+class ModeSheet(BodyPicture):
+    """One picture of the first elastic modes side by side.
+
+    Parameters
+    ----------
+    file : str
+        File of the picture.
+    count : int
+        Number of modes.
+    scale : float
+        Factor on the shapes; 1 draws them at 8 % of the body's largest extent.
+
+    Examples
+    --------
+    ::
+
+        [[output]]
+        type = "mode sheet"
+        file = "modes.png"
+        body = "beam"
+        count = 6
+    """
+
+    type: Literal["mode sheet"]
+    file: PictureFile
+    count: Annotated[int, Field(strict=True, ge=1, le=30)] = 6
+    scale: Annotated[Number, Positive] = 1.0
+
+
+class MechanismView(PictureSettings):
+    """Keys that pictures and films of the whole mechanism have in common.
+
+    They show all bodies, flexible ones with their mesh, rigid ones as shapes, marks of the joints, springs, and where
+    the ground holds them.
+
+    Parameters
+    ----------
+    body : str, optional
+        Flexible body whose stress is coloured; all of them by default.
+    component : str
+        Component of the stress; principal stresses are numbered from the largest.
+    scale : float
+        Factor on the deformation in the picture.
+    alone : bool
+        True to leave out everything but ``body``.
+    """
+
+    body: BodyName | None = None
+    component: Component = "von Mises"
+    scale: Scale = 1.0
+    alone: bool = False
+
+    @model_validator(mode="after")
+    def _one_body_alone(self) -> MechanismView:
+        if self.alone and self.body is None:
+            raise FaultError("is missing: the body that is drawn alone", "body")
+        return self
+
+
+class StressPicture(MechanismView):
+    """A picture of the stress on the surface at the instant of the largest von Mises stress.
+
+    In a scene with a single body, or with ``alone``, it is drawn in its own frame over its undeformed shape.
+
+    Parameters
+    ----------
+    file : str
+        File of the picture.
+
+    Examples
+    --------
+    ::
+
+        [[output]]
+        type = "stress"
+        file = "von-mises.png"
+        body = "beam"
+        scale = 10.0
+    """
+
+    type: Literal["stress"]
+    file: PictureFile
+
+
+class MechanismPicture(MechanismView):
+    """A picture of the whole mechanism at one time.
+
+    Parameters
+    ----------
+    file : str
+        File of the picture.
+    time : float
+        Time, of which the nearest output time is shown [s].
+
+    Examples
+    --------
+    ::
+
+        [[output]]
+        type = "mechanism"
+        file = "arm.png"
+        time = "0.4 s"
+    """
+
+    type: Literal["mechanism"]
+    file: PictureFile
+    time: NonNegativeTime = 0.0
+
+
+class Film(MechanismView):
+    """A film of the mechanism in motion, its flexible bodies coloured by the stress on their surface.
+
+    The camera sees the whole motion. Colours reach to the 99th percentile of the film's stress.
+
+    Parameters
+    ----------
+    file : str
+        File of the film.
+    frames : int
+        Number of pictures, spread over the duration.
+    rate : float
+        Pictures a second when the film is played.
+
+    Examples
+    --------
+    ::
+
+        [[output]]
+        type = "film"
+        file = "motion.mp4"
+        frames = 80
+        rate = 20.0
+    """
+
+    type: Literal["film"]
+    file: Annotated[str, AfterValidator(FileCheck((".mp4", ".gif")))]
+    frames: Annotated[int, Field(strict=True, ge=2, le=2000)]
+    rate: Annotated[Number, Positive]

@@ -1,0 +1,181 @@
+"""Places on a flexible body: its markers, its supports and the elements that are named for their stress."""
+
+from __future__ import annotations
+
+from typing import Annotated, Any, Literal
+
+from pydantic import BeforeValidator, Field, model_validator
+
+from fmd.core.units import to_si
+from fmd.scene.orientation import Orientation
+from fmd.scene.reading import FaultError, SceneTable
+from fmd.scene.values import FaceName, PartName, Plane, Point, Words
+
+MARKER_WAYS = ("face", "near", "plane", "edge", "at", "node", "nodes")
+
+
+def _read_edge(edge: object) -> object:
+    """Read two points, or the names of two faces."""
+    if isinstance(edge, list) and len(edge) == 2 and edge[0] != edge[1]:
+        if all(isinstance(face, str) for face in edge):
+            return tuple(edge)
+        if all(isinstance(end, list) and len(end) == 3 for end in edge):
+            return tuple(tuple(to_si(x, "length") for x in end) for end in edge)
+    raise ValueError("must be two different points, or the names of two faces that meet in it")
+
+
+Edge = Annotated[tuple[Any, Any], BeforeValidator(_read_edge), Words("list of 2 points or of 2 names of faces")]
+
+
+class MarkerPlace(Orientation):
+    """A named place on a flexible body, where joints and loads act and motion is recorded, with axes of its own.
+
+    Exactly one of ``face``, ``near``, ``plane``, ``edge``, ``at``, ``node`` and ``nodes`` says where it is. A force at
+    a point or on an edge has no finite deflection under it: on finer meshes it grows. Take faces for joints and loads,
+    points for results.
+
+    Parameters
+    ----------
+    face : str or tuple of str, optional
+        One face of the shape, or several that make one marker. The faces of each shape are listed with it; those of a
+        mesh or CAD file are printed by ``fmd mesh``.
+    near : tuple of float, optional
+        A point [m]; the marker is the smooth face nearest to it, up to edges sharper than 40°.
+    plane : tuple, optional
+        Plane; all of the surface in it is the marker.
+    edge : tuple, optional
+        Two ends of a straight edge [m], or the names of two faces that meet in an edge.
+    at : tuple of float, optional
+        A point in or on the body [m]; the marker moves and turns as the material there, by interpolation.
+    node : tuple of float, optional
+        A point [m]; the marker is the node nearest to it.
+    nodes : tuple of int, optional
+        Numbers of the nodes in the file, for a body that is given by its matrices.
+    attachment : str
+        How the marker follows its nodes: their mean motion (``"averaged"``, RBE3), which leaves the face free to
+        deform, or as a rigid face (``"rigid"``, RBE2). Points and edges have no other than ``"averaged"``.
+
+    Examples
+    --------
+    ::
+
+        [body.bracket.marker]
+        bore = { face = "bore" }
+        lid = { face = ["lid-left", "lid-right"], attachment = "rigid" }
+        corner = { near = ["31 mm", "20 mm", "4 mm"] }
+        wall = { plane = "x = 0" }
+        rim = { edge = ["lid-left", "bore"] }
+        sensor = { at = ["12 mm", "4 mm", "4 mm"], rotate = ["0 deg", "0 deg", "30 deg"] }
+    """
+
+    face: FaceName | Annotated[tuple[FaceName, ...], Field(min_length=1, max_length=100)] | None = None
+    near: Point | None = None
+    plane: Plane | None = None
+    edge: Edge | None = None
+    at: Point | None = None
+    node: Point | None = None
+    nodes: tuple[int, ...] | None = None
+    attachment: Literal["averaged", "rigid"] = "averaged"
+
+    @property
+    def faces(self) -> tuple[str, ...]:
+        """Names of its faces; empty if another key says where it is."""
+        return (self.face,) if isinstance(self.face, str) else self.face or ()
+
+    @property
+    def is_face(self) -> bool:
+        """True if the marker is on faces; else it is at a point, a node or an edge."""
+        return self.face is not None or self.near is not None or self.plane is not None
+
+    @property
+    def where(self) -> dict[str, object]:
+        """The one key that says where the marker is, with its value, for hashing."""
+        return self.model_dump(mode="json", include=set(MARKER_WAYS), exclude_none=True)
+
+    @model_validator(mode="after")
+    def _given_one_way(self) -> MarkerPlace:
+        ways = [way for way in MARKER_WAYS if getattr(self, way) is not None]
+        if not ways:
+            raise FaultError("is missing: a face's name; or give near, a point, or plane, e.g. 'x = 0'", "face")
+        if len(ways) > 1:
+            raise FaultError(f"can't stand beside {ways[0]}: a marker's place is told in one way", ways[1])
+        if ways[0] in ("edge", "at", "node") and self.attachment == "rigid":
+            raise FaultError("needs a face; a marker at a point or on an edge is averaged", "attachment")
+        return self
+
+    @property
+    def edge_faces(self) -> tuple[str, ...]:
+        """Names of the two faces that meet in the marker's edge; empty if it has none, or one given by its ends."""
+        return self.edge if self.edge is not None and isinstance(self.edge[0], str) else ()
+
+
+class Support(SceneTable):
+    """Nodes of a flexible body that can't move in the body's frame.
+
+    Exactly one of ``face``, ``edge`` and ``point`` says which nodes.
+
+    Parameters
+    ----------
+    face : str or tuple of str
+        One face, or the nodes that several faces have in common: two meet in an edge, three in a corner.
+    edge : tuple, optional
+        Two ends of a straight line of nodes [m].
+    point : tuple of float, optional
+        A point [m]; the node nearest to it is held.
+    fixed : tuple of str
+        Directions in which the nodes are held.
+
+    Examples
+    --------
+    ::
+
+        [[body.plate.support]]
+        face = ["x-", "z-"]
+        fixed = ["y", "z"]
+
+        [[body.plate.support]]
+        point = ["0 m", "0 m", "0 m"]
+    """
+
+    face: FaceName | Annotated[tuple[FaceName, ...], Field(min_length=1, max_length=10)] = ()
+    edge: tuple[Point, Point] | None = None
+    point: Point | None = None
+    fixed: Annotated[tuple[Literal["x", "y", "z"], ...], Field(min_length=1)] = ("x", "y", "z")
+
+    @property
+    def faces(self) -> tuple[str, ...]:
+        """Names of its faces, one or several; empty if another key says where it is."""
+        return (self.face,) if isinstance(self.face, str) else self.face
+
+    @model_validator(mode="after")
+    def _somewhere(self) -> Support:
+        given = [key for key in ("face", "edge", "point") if getattr(self, key)]
+        if not given:
+            raise FaultError("is missing: a face, e.g. 'x-', or an edge or a point", "face")
+        if len(given) > 1:
+            raise FaultError(f"can't stand beside {given[0]}: give one of them", given[1])
+        if self.edge is not None and self.edge[0] == self.edge[1]:
+            raise FaultError("has no length; a single place is a point", "edge")
+        return self
+
+
+class NamedElement(SceneTable):
+    """A finite element of a flexible body, named so that a chart can draw its stress over time.
+
+    Parameters
+    ----------
+    at : tuple of float
+        A point of the body's frame [m]; the element whose middle is nearest to it is meant.
+    part : str, optional
+        Part of the mesh that the element is looked for in, e.g. ``"joints"``.
+
+    Examples
+    --------
+    ::
+
+        [body.propeller.element]
+        joint = { part = "joints", at = ["86 mm", "4 mm", "5 mm"] }
+    """
+
+    at: Point
+    part: PartName | None = None

@@ -1,0 +1,156 @@
+"""Writer of the page about the scene file: keys, values, defaults and meanings, table by table."""
+
+from __future__ import annotations
+
+import inspect
+import re
+from collections.abc import Iterator
+from textwrap import fill
+from typing import Any, get_args
+
+from pydantic.fields import FieldInfo
+
+from fmd.scene.bodies import Bar
+from fmd.scene.constraints import Gear
+from fmd.scene.histories import HISTORY_QUANTITIES, HistoryQuantity, Quantities
+from fmd.scene.imported_bodies import CadPart, MatrixPart, MeshedPart
+from fmd.scene.joints import Revolute
+from fmd.scene.loads import PulseDrive
+from fmd.scene.outputs import CHART_QUANTITIES, Chart
+from fmd.scene.reading import SceneTable, list_ready_scenes
+from fmd.scene.reduced_bodies import ReducedPart
+from fmd.scene.reference.sections import INTRODUCTION, SECTIONS
+from fmd.scene.reference.values import describe_values, to_markdown
+from fmd.scene.runs import CentralDifferenceRun
+from fmd.scene.time_functions import TimeFunction
+
+# Meanings of the key that says a table's kind, by the part of the page.
+_KINDS = {
+    "Bodies": "Kind of body.",
+    "Joints": "Kind of joint.",
+    "Couplers": "Kind of coupler.",
+    "Drives": "Kind of drive.",
+    "Runs": "Method of integration.",
+    "Outputs": "Kind of output.",
+}
+_NO_KEYS = {(TimeFunction, "constant")}  # a constant is written as the quantity itself
+_LINKED: dict[tuple[type[SceneTable], str], str] = {
+    (Chart, "quantity"): "[quantity](#quantities-of-a-chart)",
+    (Quantities, "quantities"): "list of [quantities](#quantities-of-a-history)",
+}
+_KNOWN_BY_FILES = {(table, "shape") for table in (MeshedPart, CadPart, MatrixPart, ReducedPart)}
+
+
+def write_page() -> str:
+    """Return the page as Markdown.
+
+    Raises
+    ------
+    ValueError
+        A key or a chart's quantity has no meaning.
+    """
+    anchors: dict[type, str] = {section.table: section.anchor for section in SECTIONS if section.table}
+    # Where a table may be of several kinds, a link leads to the part of the page about all of them.
+    anchors |= {Bar: "#bodies", Revolute: "#joints", PulseDrive: "#drives", CentralDifferenceRun: "#runs"}
+    anchors |= {Chart: "#outputs", Gear: "#couplers"}
+    ready = ", ".join(f"`{name}`" for name in list_ready_scenes())
+    blocks, kind = [INTRODUCTION.format(ready=ready).strip()], ""
+    for section in SECTIONS:
+        blocks.append(section.heading)
+        if section.heading.startswith("## "):
+            kind = _KINDS.get(section.title, "")
+        if section.table is not None:
+            blocks += describe_table(section.table, kind, anchors)
+        if section.text:
+            blocks.append(section.text.strip())
+        if section.table is Chart:
+            blocks += _describe_quantities("chart", Chart.model_fields["quantity"].annotation, CHART_QUANTITIES)
+        if section.table is Quantities:
+            blocks += _describe_quantities("history", HistoryQuantity, HISTORY_QUANTITIES)
+    return "\n\n".join(blocks) + "\n"
+
+
+def describe_table(table: type[SceneTable], kind: str, anchors: dict[type, str]) -> Iterator[str]:
+    """Write a table's description, its keys, links to keys that it shares with others, and an example."""
+    paragraphs, example = read_docstring(table)
+    yield from (fill(paragraph, 120, break_long_words=False, break_on_hyphens=False) for paragraph in paragraphs)
+    rows = [_write_row(table, name, field, kind, anchors) for name, field in list_keys(table)]
+    yield "\n".join(["| key | value | unit | default | meaning |", "|---|---|---|---|---|", *rows])
+    shared = [section for base in table.__mro__[1:] for section in SECTIONS if section.table is base]
+    if shared:
+        links = " and ".join(f"[{section.title.lower()}]({section.anchor})" for section in shared)
+        yield f"Further keys are those of {links}."
+    if example:
+        yield f"```toml\n{example}\n```"
+
+
+def list_keys(table: type[SceneTable]) -> list[tuple[str, FieldInfo]]:
+    """List the fields that a table adds to those of its base class, except those that aren't keys of a scene."""
+    inherited = {name for base in table.__mro__[1:] for name in getattr(base, "model_fields", {})}
+    own = [(name, field) for name, field in table.model_fields.items() if name not in inherited]
+    return [(name, field) for name, field in own if (table, name) not in _NO_KEYS]
+
+
+def _write_row(table: type[SceneTable], name: str, field: FieldInfo, kind: str, anchors: dict[type, str]) -> str:
+    words = describe_values(field.annotation, field.metadata, anchors)
+    value = _LINKED.get((table, name), words.text)
+    meaning = read_meanings(table).get(name) or (kind if name in ("shape", "type", "integrator") else "")
+    if not meaning:
+        raise ValueError(f"{table.__name__} doesn't say in its docstring what {name} means")
+    meaning = meaning.replace(f" [{words.unit.replace('^2', '²').replace('^3', '³')}]", "")
+    default = "–" if (table, name) in _KNOWN_BY_FILES else _write_default(field, words.unit)
+    cells = [f"`{field.alias or name}`", value, words.unit, default, meaning]
+    return "| " + " | ".join(cell.replace("|", "\\|") for cell in cells) + " |"
+
+
+def _write_default(field: FieldInfo, unit: str) -> str:
+    if field.is_required():
+        return "required"
+    if field.default_factory is not None or field.default in (None, (), ""):
+        return "–"
+    return f"`{_write_value(field.default, unit)}`"
+
+
+def _write_value(value: Any, unit: str) -> str:
+    """Write a value as TOML."""
+    if isinstance(value, tuple):
+        return f"[{', '.join(_write_value(item, unit) for item in value)}]"
+    if isinstance(value, bool):
+        return str(value).lower()
+    if isinstance(value, str):
+        return f'"{value}"'
+    return f'"{value:g} {unit}"' if unit else f"{value:g}" if isinstance(value, float) else str(value)
+
+
+def _describe_quantities(output: str, choice: Any, meanings: dict[str, str]) -> Iterator[str]:
+    """Write the quantities of charts or histories with their meanings."""
+    names = get_args(choice)
+    unknown = sorted(set(names) - set(meanings))
+    if unknown:
+        raise ValueError(f"quantities of a {output} have no meaning: {', '.join(unknown)}")
+    yield f"### Quantities of a {output}"
+    rows = [f"| `{name}` | {meaning} |" for name, meaning in meanings.items() if name in names]
+    yield "\n".join(["| quantity | meaning |", "|---|---|", *rows])
+
+
+def read_meanings(table: type[SceneTable]) -> dict[str, str]:
+    """Read the meaning of each key off the section on parameters in a table's docstring, as Markdown."""
+    parameters = _split_docstring(table).get("Parameters", "")
+    meanings: dict[str, str] = {}
+    for names, text in re.findall(r"^(\S[^\n]*?) : [^\n]*\n((?:[ ]+[^\n]*\n?|\n)+)", parameters, re.MULTILINE):
+        meanings |= dict.fromkeys(names.split(", "), to_markdown(text))
+    return meanings
+
+
+def read_docstring(table: type[SceneTable]) -> tuple[list[str], str]:
+    """Return the paragraphs at a docstring's beginning and the TOML of its example, empty if it has none."""
+    sections = _split_docstring(table)
+    paragraphs = [to_markdown(paragraph) for paragraph in sections[""].strip().split("\n\n")]
+    example = inspect.cleandoc(sections.get("Examples", "").strip().removeprefix("::").lstrip("\n"))
+    return paragraphs, example
+
+
+def _split_docstring(table: type[SceneTable]) -> dict[str, str]:
+    """Return the sections of a numpydoc docstring by heading; the beginning has none."""
+    parts = re.split(r"^(\w+)\n-+\n", inspect.getdoc(table) or "", flags=re.MULTILINE)
+    return {"": parts[0]} | dict(zip(parts[1::2], parts[2::2], strict=True))

@@ -1,0 +1,139 @@
+"""Rigid bodies in a scene file: rods, point masses and bodies given by their inertia."""
+
+from __future__ import annotations
+
+from typing import Annotated, Literal
+
+from pydantic import model_validator
+
+from fmd.core.units import MomentOfInertia, NonNegative, PositiveLength, PositiveMass
+from fmd.scene.orientation import Orientation
+from fmd.scene.reading import FaultError, SceneTable
+from fmd.scene.values import Name, Point
+from fmd.scene.visuals import Visuals
+
+Moment = Annotated[MomentOfInertia, NonNegative]
+
+_ROUNDING = 1e-9  # a plate's moments, 0.1 and 0.2 and 0.3, are just possible whatever their last digit
+
+
+class PointMarker(Orientation):
+    """A named point of a rigid body, where joints and loads act and motion is recorded, with axes of its own.
+
+    Parameters
+    ----------
+    at : tuple of float
+        Position in the body's frame [m].
+
+    Examples
+    --------
+    ::
+
+        [body.upper.marker]
+        elbow = { at = ["0.5 m", "0 m", "0 m"] }
+    """
+
+    at: Point
+
+
+class Rod(SceneTable):
+    """A uniform slender rigid rod along x, from the origin of its frame.
+
+    Parameters
+    ----------
+    mass : float
+        Mass of the body [kg].
+    length : float
+        Extent along x [m].
+    marker : dict of str to PointMarker
+        Points for joints, loads and results, by name.
+    visual : tuple of Visual
+        Shapes in pictures and films; by default a rod of its length.
+
+    Examples
+    --------
+    ::
+
+        [body.rod]
+        shape = "rod"
+        mass = "2 kg"
+        length = "2 m"
+        marker = { hinge = { at = ["0 m", "0 m", "0 m"] } }
+    """
+
+    shape: Literal["rod"]
+    mass: PositiveMass
+    length: PositiveLength
+    marker: dict[Name, PointMarker]
+    visual: Visuals = ()
+
+
+class PointMass(SceneTable):
+    """A rigid body without extent: a mass in the origin of its frame.
+
+    Parameters
+    ----------
+    mass : float
+        Mass of the body [kg].
+    marker : dict of str to PointMarker
+        Points for joints, loads and results, by name.
+    visual : tuple of Visual
+        Shapes in pictures and films; by default a ball.
+
+    Examples
+    --------
+    ::
+
+        [body.slider]
+        shape = "point"
+        mass = "5 kg"
+        marker = { centre = { at = ["0 m", "0 m", "0 m"] } }
+    """
+
+    shape: Literal["point"]
+    mass: PositiveMass
+    marker: dict[Name, PointMarker]
+    visual: Visuals = ()
+
+
+class RigidBody(SceneTable):
+    """A rigid body of any shape, given by its mass, centre of mass and moments of inertia.
+
+    Parameters
+    ----------
+    mass : float
+        Mass of the body [kg].
+    centre : tuple of float
+        Centre of mass in the body's frame [m].
+    inertia : tuple of float
+        Principal moments about the centre of mass, along the frame's x, y and z [kg m²].
+    marker : dict of str to PointMarker
+        Points for joints, loads and results, by name.
+    visual : tuple of Visual
+        Shapes in pictures and films; by default rods or a plate through its markers, or the box that has its inertia.
+
+    Examples
+    --------
+    ::
+
+        [body.gripper]
+        shape = "rigid"
+        mass = "0.4 kg"
+        centre = ["60 mm", "0 mm", "0 mm"]
+        inertia = ["1e-4 kg m^2", "6e-4 kg m^2", "6e-4 kg m^2"]
+        marker = { wrist = { at = ["0 m", "0 m", "0 m"] } }
+    """
+
+    shape: Literal["rigid"]
+    mass: PositiveMass
+    centre: Point = (0.0, 0.0, 0.0)
+    inertia: tuple[Moment, Moment, Moment]
+    marker: dict[Name, PointMarker]
+    visual: Visuals = ()
+
+    @model_validator(mode="after")
+    def _inertia_of_a_body(self) -> RigidBody:
+        largest = max(self.inertia)
+        if largest > (sum(self.inertia) - largest) * (1 + _ROUNDING):
+            raise FaultError("isn't any body's: no moment is greater than the sum of the other two", "inertia")
+        return self

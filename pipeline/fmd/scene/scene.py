@@ -1,0 +1,285 @@
+"""The scene: a TOML file's tables, read and checked as a whole.
+
+Quantities are SI floats once read. Every fault in the file is one ``InputError``.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Collection, Mapping, Sequence
+from pathlib import Path
+from typing import Annotated, Any, Literal
+
+from pydantic import Field, PrivateAttr, ValidationError, model_validator
+
+from fmd.core.errors import InputError
+from fmd.core.html import facts, scaled
+from fmd.core.units import PositiveFrequency, Share
+from fmd.scene.any_body import Body, Flexible, wanted_pieces
+from fmd.scene.constraints import AnyCoupler
+from fmd.scene.cross_checks import CrossCheck
+from fmd.scene.force_elements import Bearing, Bushing, ForceElement, Spring
+from fmd.scene.ground import GroundPlace
+from fmd.scene.joints import Joint
+from fmd.scene.loads import Drive
+from fmd.scene.loops import closing_joints
+from fmd.scene.outputs import Output
+from fmd.scene.reading import SceneTable
+from fmd.scene.scene_files import read_scene_file
+from fmd.scene.simulation import Simulation
+from fmd.scene.values import Name
+
+
+class PublishedResults(SceneTable):
+    """Published results to compare with.
+
+    Parameters
+    ----------
+    source : str
+        Publication, and where in it they stand.
+    frequencies : tuple of float
+        Natural frequencies of the first flexible body, the lowest first [Hz].
+
+    Examples
+    --------
+    ::
+
+        [reference]
+        source = "Table 1"
+        frequencies = ["131.2 Hz", "349.3 Hz", "653.9 Hz"]
+    """
+
+    source: str
+    frequencies: tuple[PositiveFrequency, ...]
+
+
+class Scene(SceneTable):
+    """Bodies and joints, what drives them, how they are integrated over time, and the results that are written.
+
+    Parameters
+    ----------
+    title : str
+        Title of charts and reports.
+    source : str
+        Publication that the scene is taken from.
+    accuracy : float, optional
+        Largest relative error of every quantity in the error budget. With it, a run chooses meshes, modes, integrator
+        and step itself until the budget states that error or less.
+    body : dict
+        Bodies by name.
+    ground : dict
+        Places on the ground by name.
+    joint : dict
+        Joints by name. In a scene with a simulation every body is the child of one joint.
+    drive : dict
+        Torques, forces and prescribed motions by name.
+    coupler : dict
+        Gears and racks by name.
+    spring, bushing, bearing : dict
+        Force elements between two places, by name.
+    simulation_table : Simulation, optional
+        The integration over time. Without it the scene has meshes and modes alone, and its bodies need no joint.
+    reference : PublishedResults, optional
+        Published results to compare with.
+    output : tuple
+        Charts, pictures, films and files that a run writes.
+
+    Notes
+    -----
+    ``model_dump(mode="json")`` is a scene's content, for hashing.
+
+    Examples
+    --------
+    ::
+
+        title = "Pendulum"
+
+        [body.rod]
+        shape = "rod"
+        mass = "2 kg"
+        length = "1 m"
+        marker = { hinge = { at = ["0 m", "0 m", "0 m"] }, end = { at = ["1 m", "0 m", "0 m"] } }
+
+        [joint.hinge]
+        type = "revolute"
+        parent = "ground"
+        child = "rod.hinge"
+        axis = [0, 0, 1]
+
+        [simulation]
+        duration = "2 s"
+        output_step = "10 ms"
+        tip = "rod.end"
+        gravity = ["0 m/s^2", "-9.81 m/s^2", "0 m/s^2"]
+
+        [[simulation.run]]
+        integrator = "auto"
+
+        [[output]]
+        type = "chart"
+        file = "angle.png"
+        quantity = "joint_position"
+        joint = "hinge"
+        unit = "deg"
+    """
+
+    title: str
+    source: str = ""
+    accuracy: Share | None = None
+    body: Annotated[dict[Name, Body], Field(min_length=1)]
+    ground: dict[Name, GroundPlace] = Field(default_factory=dict)
+    joint: dict[Name, Joint] = Field(default_factory=dict)
+    drive: dict[Name, Drive] = Field(default_factory=dict)
+    coupler: dict[Name, AnyCoupler] = Field(default_factory=dict)
+    spring: dict[Name, Spring] = Field(default_factory=dict)
+    bushing: dict[Name, Bushing] = Field(default_factory=dict)
+    bearing: dict[Name, Bearing] = Field(default_factory=dict)
+    simulation_table: Simulation | None = Field(default=None, alias="simulation")
+    reference: PublishedResults | None = None
+    output: tuple[Output, ...] = ()
+    _file: str = PrivateAttr("")
+
+    @property
+    def file(self) -> str:
+        """Path of the file that the scene was read from."""
+        return self._file
+
+    @property
+    def name(self) -> str:
+        """Name of the scene's file without folder and suffix."""
+        return Path(self._file).stem
+
+    @property
+    def moves(self) -> bool:
+        """True if the scene has a simulation, false if it has meshes and modes alone."""
+        return self.simulation_table is not None
+
+    @property
+    def simulation(self) -> Simulation:
+        """The integration over time, of a scene that has one.
+
+        Raises
+        ------
+        InputError
+            The scene has no simulation.
+        """
+        if self.simulation_table is None:
+            raise InputError(
+                self.file, "simulation", None, "is missing: without it a scene has mesh and modes alone, no motion"
+            )
+        return self.simulation_table
+
+    @property
+    def elements(self) -> dict[str, dict[str, ForceElement]]:
+        """The force elements by table and name."""
+        return {"spring": dict(self.spring), "bushing": dict(self.bushing), "bearing": dict(self.bearing)}
+
+    @property
+    def flexible(self) -> dict[str, Flexible]:
+        """The flexible bodies by name."""
+        return {name: body for name, body in self.body.items() if isinstance(body, Flexible)}
+
+    @property
+    def pieces(self) -> dict[str, int | Literal["auto"]]:
+        """Numbers of pieces of the flexible bodies that are to be cut, by name."""
+        return wanted_pieces(self.flexible)
+
+    @property
+    def closing(self) -> tuple[str, ...]:
+        """Names of the joints that close loops."""
+        return closing_joints(self.joint)
+
+    @property
+    def carrying(self) -> dict[str, str]:
+        """Name of the joint that carries each body, by the body's name."""
+        closing = self.closing
+        return {joint.child.partition(".")[0]: name for name, joint in self.joint.items() if name not in closing}
+
+    def __repr__(self) -> str:
+        return f"Scene({self.title!r}, bodies: {', '.join(self.body)})"
+
+    def _repr_html_(self) -> str:
+        return scene_table(self)
+
+    @model_validator(mode="after")
+    def _fits_together(self) -> Scene:
+        faults = CrossCheck(
+            self.body,
+            self.ground,
+            self.joint,
+            self.drive,
+            self.elements,
+            self.coupler,
+            self.simulation_table,
+            self.output,
+        ).find_faults()
+        if faults:
+            faults[0].more = len(faults) - 1
+            raise faults[0]
+        return self
+
+
+def load_scene(name_or_path: str | Path, overrides: Sequence[str] = (), without: Collection[str] = ()) -> Scene:
+    """Read a scene file and check it.
+
+    Parameters
+    ----------
+    name_or_path : str or Path
+        A ready scene's name, e.g. ``"beam"``, or the path of a TOML file.
+    overrides : sequence of str
+        Values to use instead of the file's: ``"body.beam.length=300mm"``, ``"simulation.run.1.substeps=7"``.
+        The items of a list count from 0. What isn't a TOML value is taken as a string.
+    without : collection of str
+        Tables of the first level to leave out unread, e.g. ``["output"]``.
+
+    Returns
+    -------
+    Scene
+        The scene, checked; quantities in SI units.
+
+    Raises
+    ------
+    InputError
+        The file can't be read, or something in it is wrong; the message names the key and what would work.
+    """
+    source = read_scene_file(name_or_path, overrides)
+    try:
+        tables = {key: table for key, table in source.data.items() if key not in without}
+        scene = Scene.model_validate(tables, context={"folder": Path(source.file).parent})
+    except ValidationError as error:
+        raise source.make_error(error) from None
+    scene._file = source.file
+    return scene
+
+
+def scene_table(scene: Scene) -> str:
+    """Write a scene's bodies, joints, drives, runs and outputs as a table of HTML."""
+    rows = [
+        ("bodies", _list_kinds(scene.body, "shape")),
+        ("joints", "; ".join(f"{name}: {j.type}, {j.parent} → {j.child}" for name, j in scene.joint.items())),
+        ("drives", _list_kinds(scene.drive, "type")),
+        (
+            "springs",
+            ", ".join(
+                f"{name}: {' – '.join(e.between)}" for name, e in (scene.spring | scene.bushing | scene.bearing).items()
+            ),
+        ),
+        ("outputs", ", ".join(output.file for output in scene.output)),
+    ]
+    if scene.moves:
+        simulation = scene.simulation
+        spans = f"{scaled(simulation.duration, 's')}, output every {scaled(simulation.output_step, 's')}"
+        methods = ", ".join(
+            f"{run.integrator} {run.substeps}:1" if hasattr(run, "substeps") else run.integrator
+            for run in simulation.run
+        )
+        rows[3:3] = [("simulation", spans), ("runs", methods)]
+    return facts([(name, text) for name, text in rows if text], f"{scene.title} ({scene.file})")
+
+
+def _list_elements(scene: Scene) -> list[str]:
+    elements = [pair for table in scene.elements.values() for pair in table.items()]
+    return [f"{name}: {' – '.join(element.between)}" for name, element in elements]
+
+
+def _list_kinds(table: Mapping[str, Any], key: str) -> str:
+    return ", ".join(f"{name}: {getattr(value, key)}" for name, value in table.items())

@@ -1,0 +1,86 @@
+"""The simulation in a scene file: its duration, its settings and its runs."""
+
+from __future__ import annotations
+
+from typing import Annotated, Literal
+
+from pydantic import Field, model_validator
+
+from fmd.core.units import Acceleration, PositiveTime
+from fmd.scene.reading import FaultError, KeyPath, SceneTable
+from fmd.scene.runs import AutoRun, RosenbrockRun, Run, RungeKuttaRun, ScipyRun
+from fmd.scene.values import JointName, MarkerName, Number
+
+
+class Simulation(SceneTable):
+    """The integration over time: its duration, its settings, and the runs by one or several integrators.
+
+    Parameters
+    ----------
+    duration : float
+        Time that is integrated [s].
+    output_step : float
+        Time between two results [s]; it doesn't change the integrators' steps.
+    step : float or str, optional
+        Time step of the integrators that don't choose it [s]; ``"auto"`` takes the longest with the wanted error.
+    error : float
+        Wanted error of what is chosen automatically, relative to the largest value of each kind of coordinate.
+    tip : str
+        Marker whose motion is recorded and compared between runs.
+    gravity : tuple of float
+        Acceleration of free fall [m/s²].
+    frame : str
+        Frame of a body with free modes on a torque-driven hinge: modes without inertial coupling to the hinge
+        (``"joint-conforming"``) or the free modes themselves (``"free"``), for comparison.
+    stiffening : str
+        Geometric stiffening by all loads that pass through a body: where they count beside the wanted error
+        (``"auto"``), always or never.
+    start : str
+        State at the start: bodies undeformed (``"undeformed"``), deformed as in a steady motion at the rates of the
+        start (``"steady"``), or everything at rest where the loads of time 0 hold it (``"equilibrium"``).
+    fast : tuple of str
+        Revolute and prismatic joints whose coordinates take the fast steps in sub-cycling.
+    run : tuple of Run
+        Runs by one or several integrators; the others are compared with the first.
+
+    Examples
+    --------
+    ::
+
+        [simulation]
+        duration = "0.5 s"
+        output_step = "0.5 ms"
+        step = "10 us"
+        tip = "beam.tip"
+        gravity = ["0 m/s^2", "-9.81 m/s^2", "0 m/s^2"]
+
+        [[simulation.run]]
+        integrator = "central-difference"
+    """
+
+    duration: PositiveTime
+    output_step: PositiveTime
+    step: PositiveTime | Literal["auto"] | None = None
+    error: Annotated[Number, Field(ge=1e-10, le=0.1)] = 1e-3
+    tip: MarkerName
+    gravity: tuple[Acceleration, Acceleration, Acceleration] = (0.0, 0.0, 0.0)
+    frame: Literal["joint-conforming", "free"] = "joint-conforming"
+    stiffening: Literal["auto", "on", "off"] = "auto"
+    start: Literal["undeformed", "steady", "equilibrium"] = "undeformed"
+    fast: tuple[JointName, ...] = ()
+    run: Annotated[tuple[Run, ...], Field(min_length=1)]
+
+    @model_validator(mode="after")
+    def _steps_fit(self) -> Simulation:
+        steps: dict[KeyPath, float | str | None] = {("step",): self.step, ("output_step",): self.output_step}
+        steps |= {("run", number, "step"): run.step for number, run in enumerate(self.run)}
+        for path, step in steps.items():
+            if isinstance(step, float) and step > self.duration:
+                raise FaultError(f"must not be longer than the duration, {self.duration:g} s", *path)
+        if self.step is None:
+            for run in self.run:
+                chooses = isinstance(run, RosenbrockRun | RungeKuttaRun | ScipyRun | AutoRun)
+                if not chooses and run.step is None:
+                    message = f"is missing: {run.integrator} needs a step, here or in the run, e.g. '10 us'"
+                    raise FaultError(message, "step")
+        return self

@@ -1,0 +1,114 @@
+"""Files that flexible bodies come from, and their contents as part of a result's identity."""
+
+from __future__ import annotations
+
+import hashlib
+from collections.abc import Sequence
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any
+
+from fmd.core.errors import InputError
+from fmd.scene.any_body import Flexible
+from fmd.scene.scene import Scene, load_scene
+
+
+@dataclass(frozen=True)
+class SourceFiles:
+    """The files that one flexible body comes from.
+
+    Attributes
+    ----------
+    paths : dict of str to Path
+        Path of each file by its key in the scene.
+    digests : dict of str to str
+        Digest of each file's content; results are kept by content, wherever the file lies.
+    """
+
+    paths: dict[str, Path]
+    digests: dict[str, str]
+
+    @property
+    def path(self) -> Path:
+        """Path of the file, for a body that has only one."""
+        (path,) = self.paths.values()
+        return path
+
+    @staticmethod
+    def find(shape: Flexible, scene_file: str, body: str) -> SourceFiles | None:
+        """Find the files of a body, relative to the scene's file; ``None`` if the body comes from no file.
+
+        Raises
+        ------
+        InputError
+            A file isn't there or can't be read.
+        """
+        match shape.shape:
+            case "mesh":
+                table, names = "mesh", {"file": shape.mesh.file}
+            case "cad":
+                table, names = "mesh", {"cad": shape.mesh.cad}
+            case "matrices":
+                given = shape.matrices
+                table, names = "matrices", {"stiffness": given.stiffness, "mass": given.mass, "nodes": given.nodes}
+            case "reduced":
+                table, names = "body", {"file": shape.body.file}
+            case _:
+                return None
+        paths = {key: Path(scene_file).parent / name for key, name in names.items()}
+        digests = {}
+        for key, path in paths.items():
+            try:
+                with path.open("rb") as stream:
+                    digests[key] = hashlib.file_digest(stream, "blake2b").hexdigest()
+            except (OSError, ValueError) as error:
+                what = getattr(error, "strerror", None) or error
+                mend = f"can't be read: {what}; it is looked for at {path}"
+                raise InputError(scene_file, f"body.{body}.{table}.{key}", names[key], mend) from None
+        return SourceFiles(paths, digests)
+
+    def identity(self, part: dict[str, Any]) -> dict[str, Any]:
+        """Return a body's table with the files' contents in place of their names, for hashing."""
+        table = next(key for key in ("matrices", "body", "mesh") if key in part)
+        own = {key: value for key, value in part[table].items() if key not in self.paths}
+        kinds = [path.suffix.lower() for path in self.paths.values()]
+        return part | {table: own, "content": self.digests, "kinds": kinds}
+
+
+def load_repaired(name_or_path: str, overrides: Sequence[str]) -> Scene:
+    """Read a scene as `load_scene` does, with repair of the meshes that come from files.
+
+    Raises
+    ------
+    InputError
+        As `load_scene`, or no body has its mesh from a file.
+    """
+    read = [name for name, body in load_scene(name_or_path, overrides).flexible.items() if body.shape == "mesh"]
+    if not read:
+        raise InputError("--repair", "", None, "no body of the scene has its mesh from a file")
+    return load_scene(name_or_path, [*overrides, *(f"body.{name}.mesh.repair=true" for name in read)])
+
+
+def digest_files(scene: Scene) -> dict[str, dict[str, str]]:
+    """Return the digests of the files that bodies come from, by body; raises `SourceFiles.find`'s errors."""
+    found = {name: SourceFiles.find(shape, scene.file, name) for name, shape in scene.flexible.items()}
+    return {name: source.digests for name, source in found.items() if source is not None}
+
+
+def collect_inputs(scene: Scene) -> dict[str, Any]:
+    """Return all values of a scene that its results depend on, with its files' digests, for hashing.
+
+    Raises
+    ------
+    InputError
+        A file isn't there or can't be read.
+    """
+    shown_only: Any = {
+        "title": True,
+        "source": True,
+        "reference": True,
+        "output": True,
+        "body": {"__all__": {"visual"}},
+    }
+    inputs: dict[str, Any] = scene.model_dump(mode="json", exclude=shown_only)
+    return inputs | {"files": digest_files(scene)}

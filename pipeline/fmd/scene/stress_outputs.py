@@ -1,0 +1,169 @@
+"""Outputs of a surface's stress over a whole motion in a scene file: its envelope and its fatigue."""
+
+from __future__ import annotations
+
+from typing import Annotated, Literal
+
+from pydantic import AfterValidator, Field, model_validator
+
+from fmd.core.units import Positive, PositiveStress
+from fmd.scene.pictures import BodyPicture
+from fmd.scene.reading import FaultError, SceneTable
+from fmd.scene.values import Count, FileCheck, Number
+
+FieldFile = Annotated[str, AfterValidator(FileCheck((".png", ".vtu", ".csv")))]
+Slope = Annotated[Number, Field(ge=1.0, le=100.0)]
+
+
+class SurfaceField(BodyPicture):
+    """A field on a body's surface that the file's suffix makes a picture, a mesh or a table.
+
+    ``.png`` is a picture on the undeformed body, ``.vtu`` the surface with all fields for ParaView, ``.csv`` the worst
+    nodes with their numbers and places. The keys of pictures belong to the first alone.
+
+    Parameters
+    ----------
+    count : int
+        Number of nodes in the table.
+    """
+
+    count: Count = 20
+
+    @model_validator(mode="after")
+    def _drawn_where_needed(self) -> SurfaceField:
+        file = str(getattr(self, "file", ""))
+        for key in BodyPicture.model_fields:
+            if key != "body" and key in self.model_fields_set and not file.endswith(".png"):
+                raise FaultError("has no effect: it belongs to a .png file", key)
+        if "count" in self.model_fields_set and not file.endswith(".csv"):
+            raise FaultError("has no effect: it belongs to a .csv file", "count")
+        return self
+
+
+class Envelope(SurfaceField):
+    """Largest von Mises, largest and smallest principal stress of each node on the surface over all output times.
+
+    Parameters
+    ----------
+    file : str
+        File that is written.
+    component : str
+        Extreme that a picture shows and that a table is sorted by: of ``principal 3`` the smallest, of the others the
+        largest.
+
+    Examples
+    --------
+    ::
+
+        [[output]]
+        type = "envelope"
+        file = "envelope.png"
+        body = "beam"
+    """
+
+    type: Literal["envelope"]
+    file: FieldFile
+    component: Literal["von Mises", "principal 1", "principal 3"] = "von Mises"
+
+
+class SnCurve(SceneTable):
+    """Stress amplitude against cycles to failure: two straight lines in logarithms that meet at a knee.
+
+    Parameters
+    ----------
+    amplitude : float
+        Stress amplitude about zero at the knee [Pa].
+    cycles : float
+        Cycles to failure at the knee.
+    slope : float
+        Exponent k above the knee, ``N = cycles (amplitude/σ)^k``.
+    slope_beyond : float or str, optional
+        Exponent below the knee, ``"infinite"`` for an endurance limit; that above by default, so that all cycles count.
+
+    Examples
+    --------
+    ::
+
+        [output.sn]
+        amplitude = "180 MPa"
+        cycles = 2e6
+        slope = 5
+        slope_beyond = 9
+    """
+
+    amplitude: PositiveStress
+    cycles: Annotated[Number, Positive]
+    slope: Slope
+    slope_beyond: Slope | Literal["infinite"] | None = None
+
+
+class MeanStress(SceneTable):
+    """Correction of each cycle for its mean stress; one of the keys is given.
+
+    Parameters
+    ----------
+    goodman : float, optional
+        Tensile strength of Goodman's line; pressure is taken to do no good [Pa].
+    fkm : float, optional
+        Sensitivity to mean stress M of the FKM guideline.
+
+    Examples
+    --------
+    ::
+
+        [output.mean_stress]
+        goodman = "520 MPa"
+    """
+
+    goodman: PositiveStress | None = None
+    fkm: Annotated[Number, Field(ge=0.0, le=1.0)] | None = None
+
+    @model_validator(mode="after")
+    def _one_of_both(self) -> MeanStress:
+        if (self.goodman is None) == (self.fkm is None):
+            raise FaultError("needs one of goodman = '520 MPa' and fkm = 0.3")
+        return self
+
+
+class Fatigue(SurfaceField):
+    """Repeats of the motion until a crack starts, node by node on the surface, by rainflow counting and Miner's sum.
+
+    Parameters
+    ----------
+    file : str
+        File that is written.
+    sn : SnCurve
+        The material's S–N curve.
+    stress : str
+        Stress whose cycles are counted: von Mises stress with the sign of the principal stress that is the largest by
+        size, or normal stress on the worst of several planes across the surface.
+    planes : int
+        Number of these planes.
+    mean_stress : MeanStress, optional
+        Correction for mean stress; none by default.
+
+    Examples
+    --------
+    ::
+
+        [[output]]
+        type = "fatigue"
+        file = "life.png"
+        body = "beam"
+        stress = "critical plane"
+        sn = { amplitude = "90 MPa", cycles = 1e6, slope = 6, slope_beyond = 11 }
+        mean_stress = { goodman = "310 MPa" }
+    """
+
+    type: Literal["fatigue"]
+    file: FieldFile
+    sn: SnCurve
+    stress: Literal["signed von Mises", "critical plane"] = "signed von Mises"
+    planes: Annotated[int, Field(strict=True, ge=2, le=180)] = 18
+    mean_stress: MeanStress | None = None
+
+    @model_validator(mode="after")
+    def _planes_where_needed(self) -> Fatigue:
+        if "planes" in self.model_fields_set and self.stress != "critical plane":
+            raise FaultError("has no effect: it belongs to stress = 'critical plane'", "planes")
+        return self

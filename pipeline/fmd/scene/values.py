@@ -1,0 +1,125 @@
+"""Values that several tables of a scene share: names, counts, points, directions, units and files.
+
+What stands beside a type as `Words` describes its values on the page about the scene file.
+"""
+
+from __future__ import annotations
+
+import re
+from dataclasses import dataclass
+from typing import Annotated, Literal
+
+from pydantic import AfterValidator, BeforeValidator, Field
+
+from fmd.core.units import Angle, Length, to_si, unit_ratio
+
+_SHORTEST = 1e-100  # largest component of a direction
+
+
+@dataclass(frozen=True, slots=True)
+class Words:
+    """Words for the values of a type, for people; they check nothing.
+
+    Parameters
+    ----------
+    description : str
+        The words, e.g. ``"name of a joint"``.
+    """
+
+    description: str
+
+
+def _check_name(name: str) -> str:
+    if not re.fullmatch(r"[A-Za-z][A-Za-z0-9_-]{0,39}", name) or name == "ground":
+        raise ValueError("a name is a letter and up to 39 letters, digits, '_' or '-'; 'ground' is taken")
+    return name
+
+
+def _check_direction(axis: tuple[float, float, float]) -> tuple[float, float, float]:
+    if not _SHORTEST < max(map(abs, axis)) < 1 / _SHORTEST:  # the squares of others don't fit into numbers
+        raise ValueError("has no direction; [0, 0, 1] is the z axis")
+    return axis
+
+
+def _read_plane(text: object) -> tuple[int, float]:
+    match = re.fullmatch(r"\s*([xyz])\s*=\s*(.+?)\s*", text) if isinstance(text, str) and len(text) < 100 else None
+    if match is None:
+        raise ValueError("must look like 'x = 0' or 'z = 12 mm'")
+    return "xyz".index(match[1]), 0.0 if re.fullmatch(r"[+-]?0+(\.0*)?", match[2]) else to_si(match[2], "length")
+
+
+@dataclass(frozen=True, slots=True)
+class UnitCheck:
+    """Check for the name of a unit that converts to a given one.
+
+    Parameters
+    ----------
+    si : str
+        The unit that it must convert to, e.g. ``"m"``.
+    """
+
+    si: str
+
+    def __call__(self, unit: str) -> str:
+        """Return the unit, or raise ``ValueError`` if it is unknown or of another dimension."""
+        unit_ratio(self.si, unit)
+        return unit
+
+    @property
+    def description(self) -> str:
+        """Words for the values that pass the check."""
+        return f"text: a unit that converts to {self.si}"
+
+
+def check_file_name(file: str, *suffixes: str) -> str:
+    """Return a file name, or raise ``ValueError`` if it holds a folder or has none of the suffixes."""
+    plain = re.fullmatch(r"\w[\w .-]{0,99}", file.replace("{mode}", "1"))
+    if not plain or ".." in file or not file.endswith(suffixes):
+        raise ValueError(f"must be a plain file name without a folder, ending in {' or '.join(suffixes)}")
+    return file
+
+
+@dataclass(frozen=True, slots=True)
+class FileCheck:
+    """Check for the plain name of one file with one of the given suffixes.
+
+    Parameters
+    ----------
+    suffixes : tuple of str
+        Suffixes that are allowed, e.g. ``(".png", ".pdf")``.
+    """
+
+    suffixes: tuple[str, ...]
+
+    def __call__(self, file: str) -> str:
+        """Return the name, or raise ``ValueError`` if it isn't a plain one or stands for several files."""
+        check_file_name(file, *self.suffixes)
+        if "{mode}" in file:
+            raise ValueError("'{mode}' belongs to an output of type 'modes'")
+        return file
+
+    @property
+    def description(self) -> str:
+        """Words for the values that pass the check."""
+        return f"name of a {' or '.join(f'``{suffix}``' for suffix in self.suffixes)} file"
+
+
+Name = Annotated[str, AfterValidator(_check_name)]
+Text = Annotated[str, Field(max_length=100)]
+BodyName = Annotated[Text, Words("name of a body")]
+JointName = Annotated[Text, Words("name of a joint")]
+MarkerName = Annotated[Text, Words('``"body.marker"``')]
+PlaceName = Annotated[Text, Words('``"body.marker"``, ``"ground"`` or ``"ground.place"``')]
+ElementName = Annotated[Text, Words('``"body.element"``')]
+FaceName = Annotated[Text, Words("name of a face")]
+PartName = Annotated[Text, Words("name of a part")]
+SourceFile = Annotated[str, Field(min_length=1, max_length=1000), Words("path of a file")]
+LengthUnit = Annotated[str, AfterValidator(UnitCheck("m"))]
+Number = Annotated[float, Field(strict=True)]
+Count = Annotated[int, Field(strict=True, ge=1, le=1_000_000)]
+Order = Annotated[int, Field(strict=True, ge=1, le=2)]
+Formulation = Literal["enhanced", "plain"]
+Point = tuple[Length, Length, Length]
+Turn = tuple[Angle, Angle, Angle]
+Axis = Annotated[tuple[Number, Number, Number], AfterValidator(_check_direction), Words("list of 3 numbers, not all 0")]
+Plane = Annotated[tuple[int, float], BeforeValidator(_read_plane), Words('plane, e.g. ``"x = 0"`` or ``"z = 12 mm"``')]

@@ -1,0 +1,215 @@
+"""Variants of a scene: the same scene on coarser or finer meshes, with more shapes or with other runs.
+
+The error budget compares a run with those of variants, and a wanted accuracy is met by going from one variant to the
+next. A variant keeps the file of its scene.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Mapping, Sequence
+from math import pi
+from typing import Any
+
+from fmd.scene.any_body import Flexible
+from fmd.scene.bodies import Bar, ModeSettings
+from fmd.scene.imported_bodies import CadPart, MatrixPart, MeshedPart
+from fmd.scene.loads import Drive, PointForce
+from fmd.scene.propeller import Propeller
+from fmd.scene.reduced_bodies import ReducedPart
+from fmd.scene.scene import Scene
+
+# Factors to coarsen a mesh by. The largest shows most of the error, but not every part can be meshed so coarsely.
+COARSENING_FACTORS = (2.0, 1.5, 1.25)
+
+_AXES = ((1.0, 0.0, 0.0), (0.0, 1.0, 0.0), (0.0, 0.0, 1.0))
+
+
+def replace_runs(scene: Scene, *runs: Any) -> Scene:
+    """Return the scene with other runs in its simulation."""
+    return _change_simulation(scene, {"run": runs})
+
+
+def replace_error(scene: Scene, error: float) -> Scene:
+    """Return the scene with another wanted error of automatic integration."""
+    return _change_simulation(scene, {"error": error})
+
+
+def change_modes(scene: Scene, change: Callable[[Flexible], dict[str, Any]]) -> Scene:
+    """Return the scene with the mode settings of each flexible body changed by what ``change`` returns for it."""
+    return _change_bodies(scene, lambda body: {"modes": body.modes.model_copy(update=change(body))})
+
+
+def enrich_bases(scene: Scene) -> Scene:
+    """Return the scene with load-dependent vectors added to each body's modes; a body that has them gets more modes."""
+
+    def change(body: Flexible) -> dict[str, Any]:
+        has_them = body.modes.enrich == "ritz"
+        return {"enrich": "ritz", "count": body.modes.count + has_them * (body.modes.count // 2 + 1)}
+
+    return change_modes(scene, change)
+
+
+def replace_start(scene: Scene, start: str) -> Scene:
+    """Return the scene with another state at the start."""
+    return _change_simulation(scene, {"start": start})
+
+
+def replace_gravity(scene: Scene, gravity: tuple[float, float, float]) -> Scene:
+    """Return the scene with another acceleration of free fall [m/s²]."""
+    return _change_simulation(scene, {"gravity": gravity})
+
+
+def correct_statically(scene: Scene, drives: Sequence[Drive]) -> Scene:
+    """Return the scene with loads added whose static responses, and those to inertia loads, join each body's modes.
+
+    Without them the modes that a body leaves out would lack in the sum of its flexibility, and zeros of transfer
+    functions would be at the wrong frequencies (MacNeal, Computers & Structures 1, 1971).
+    """
+    more = {f"input {k + 1}": drive for k, drive in enumerate(drives)}
+    scene = scene.model_copy(update={"drive": {**scene.drive, **more}})
+    return change_modes(scene, lambda body: {"enrich": "residual"} if isinstance(body.modes, ModeSettings) else {})
+
+
+def open_to_space(scene: Scene) -> Scene:
+    """Return the scene with forces of no size in all directions where flexible bodies hang or carry others.
+
+    So their shapes answer to motions across a plane, too, to which the scene's own joints and loads keep; but not those
+    of a body whose modes are of a family that the scene chooses.
+    """
+    chosen = {name for name, body in scene.flexible.items() if getattr(body.modes, "family", "any") != "any"}
+    held = {joint.child for joint in scene.joint.values()} | {joint.parent for joint in scene.joint.values()}
+    places = sorted(place for place in held if place.partition(".")[0] in scene.flexible.keys() - chosen)
+    drives: dict[str, Drive] = {
+        f"space {k} {way}": PointForce.model_validate(
+            {"type": "point force", "marker": place, "force": "0 N", "direction": direction}
+        )
+        for k, place in enumerate(places, 1)
+        for way, direction in zip("xyz", _AXES, strict=True)
+    }
+    return scene.model_copy(update={"drive": {**scene.drive, **drives}})
+
+
+def damp_bodies(scene: Scene, damping: float) -> Scene | None:
+    """Return the scene with damping for the bodies that have none; ``None`` if all have some, or one is in pieces."""
+    if all(body.modes.damping for body in scene.flexible.values()):
+        return None
+    if scene.pieces:
+        return None  # a ratio of a piece's modes is none of the part's
+    return change_modes(scene, lambda body: {"damping": body.modes.damping or damping})
+
+
+def set_pieces(scene: Scene, counts: Mapping[str, int]) -> Scene:
+    """Return the scene with other numbers of pieces for some flexible bodies, by name."""
+    bodies = {name: scene.flexible[name].model_copy(update={"pieces": count}) for name, count in counts.items()}
+    return scene.model_copy(update={"body": {**scene.body, **bodies}})
+
+
+def attach_roots_rigidly(scene: Scene, roots: Mapping[str, str]) -> Scene | None:
+    """Return the scene with rigid attachment of named markers, by body; ``None`` if they all have it or are points."""
+    bodies = {}
+    for name, root in roots.items():
+        body = scene.flexible[name]
+        marker = body.marker[root]
+        if marker.attachment != "averaged" or getattr(marker, "face", None) is None:
+            continue
+        markers = {**body.marker, root: marker.model_copy(update={"attachment": "rigid"})}
+        bodies[name] = body.model_copy(update={"marker": markers})
+    return scene.model_copy(update={"body": {**scene.body, **bodies}}) if bodies else None
+
+
+def replace_order(scene: Scene, order: int) -> Scene:
+    """Return the scene with elements of another order, except in bodies whose files say what their elements are."""
+
+    def change(body: Flexible) -> dict[str, Any]:
+        if isinstance(body, MeshedPart | MatrixPart | ReducedPart):
+            return {}
+        return {"mesh": body.mesh.model_copy(update={"order": order})}
+
+    return _change_bodies(scene, change)
+
+
+def refine_meshes(scene: Scene, factor: float) -> Scene | None:
+    """Return the scene on meshes with about ``factor`` times the elements each way; ``None`` if no mesh changes.
+
+    Numbers of elements on finer meshes are even, so that a coarser mesh can have exactly half of them.
+    """
+    found = _change_bodies(scene, lambda body: _change_mesh(body, factor))
+    return None if found.body == scene.body else found
+
+
+def coarsen_meshes(scene: Scene, times: float = COARSENING_FACTORS[0]) -> Scene | None:
+    """Return the scene on meshes with ``times`` fewer elements each way; ``None`` if one can't be coarser."""
+    found = refine_meshes(scene, 1 / times)
+    return None if found is None or any(found.body[name] == body for name, body in scene.flexible.items()) else found
+
+
+def divide_few_elements(scene: Scene) -> Scene | None:
+    """Return the scene with more hexahedra wherever a bar has so few from side to side that fewer tell nothing.
+
+    These are one quadratic or two linear elements, which bend a section alike; ``None`` if no bar has them.
+    """
+
+    def change(body: Flexible) -> dict[str, Any]:
+        if body.shape != "bar" or body.mesh.divisions is None:
+            return {}
+        order = body.mesh.order
+        divisions = (4 // order if count * order <= 2 else count for count in body.mesh.divisions)
+        return {"mesh": body.mesh.model_copy(update={"divisions": tuple(divisions)})}
+
+    found = _change_bodies(scene, change)
+    return None if all(found.body[name] == body for name, body in scene.flexible.items()) else found
+
+
+def compare_element_sizes(body: Flexible, elements: int, fewer: int) -> float:
+    """Return the ratio of element sizes of a coarser mesh and a body's own, from both numbers of elements.
+
+    A direction with one element has no fewer and doesn't count.
+    """
+    divisions = body.mesh.divisions if body.shape == "bar" else None
+    directions = 3 if divisions is None else max(1, sum(count > 1 for count in divisions))
+    return float((elements / fewer) ** (1 / directions))
+
+
+def _change_mesh(body: Flexible, factor: float) -> dict[str, Any]:
+    """Return the changes of a body's table for another mesh; none where a file holds the mesh."""
+    if isinstance(body, MeshedPart | MatrixPart | ReducedPart):
+        return {}
+    mesh = {"mesh": body.mesh.model_copy(update=_change_divisions(body, factor))}
+    if body.shape != "propeller":
+        return mesh
+    # The joints stay as wide, whatever the numbers of elements.
+    return mesh | {"seat": body.seat or 2 * pi * body.mesh.joint[1] / body.mesh.sleeve[0]}
+
+
+def _change_divisions(body: Bar | Propeller | CadPart, factor: float) -> dict[str, Any]:
+    """Return the changes of a body's table of the mesh."""
+
+    def times(count: int) -> int:
+        return max(1, int(count * factor)) if factor < 1 else 2 * round(count * factor / 2)
+
+    if body.shape == "bar":
+        if body.mesh.size is not None:
+            return {"size": body.mesh.size / factor}
+        assert body.mesh.divisions is not None
+        return {"divisions": tuple(times(count) for count in body.mesh.divisions)}
+    if body.shape == "cad":
+        return {"size": body.mesh.size / factor}
+    (around, axial, radial), (chordwise, across, outwards) = body.mesh.sleeve, body.mesh.joint
+    # Between two joints the sleeve has elements of its own; with too few of them they would become thin.
+    between = around // body.blades - across
+    across = times(across)
+    per_blade = across + times(between)
+    return {
+        "sleeve": (per_blade * body.blades, times(axial), times(radial)),
+        "joint": (times(chordwise), across, times(outwards)),
+        "blade": (times(chordwise), across, times(body.mesh.blade[2])),
+    }
+
+
+def _change_simulation(scene: Scene, values: dict[str, Any]) -> Scene:
+    return scene.model_copy(update={"simulation_table": scene.simulation.model_copy(update=values)})
+
+
+def _change_bodies(scene: Scene, change: Callable[[Flexible], dict[str, Any]]) -> Scene:
+    bodies = {name: body.model_copy(update=change(body)) for name, body in scene.flexible.items()}
+    return scene.model_copy(update={"body": {**scene.body, **bodies}})

@@ -1,0 +1,166 @@
+"""How rigid bodies look in pictures and films; nothing here has an effect on the motion."""
+
+from __future__ import annotations
+
+from pathlib import PurePath
+from typing import Annotated, Any, Literal
+
+from pydantic import AfterValidator, BeforeValidator, Field, model_validator
+
+from fmd.core.units import PositiveLength
+from fmd.scene.reading import FaultError, SceneTable
+from fmd.scene.values import LengthUnit, Point, SourceFile, Turn, Words
+
+VISUAL_FILES = (".stl", ".step", ".stp", ".iges", ".igs", ".brep")
+
+
+def _check_visual_file(file: str) -> str:
+    if PurePath(file).suffix.lower() not in VISUAL_FILES:
+        raise ValueError(f"must end in {', '.join(VISUAL_FILES[:-1])} or {VISUAL_FILES[-1]}")
+    return file
+
+
+def _as_list(given: Any) -> Any:
+    return [given] if isinstance(given, dict) else given
+
+
+Colour = Annotated[str, Field(pattern="^#[0-9a-fA-F]{6}$"), Words('colour, e.g. ``"#c9bb62"``')]
+
+
+class VisualSettings(SceneTable):
+    """Keys that all shapes in pictures have in common.
+
+    Parameters
+    ----------
+    colour : str, optional
+        Colour; by default bodies have pale ones in turn.
+    """
+
+    colour: Colour | None = None
+
+
+class BoxVisual(VisualSettings):
+    """A box in a body's frame.
+
+    Parameters
+    ----------
+    type : str
+        Kind of shape.
+    size : tuple of float
+        Extents along x, y and z [m].
+    at : tuple of float
+        Middle in the body's frame [m].
+    rotation : tuple of float
+        Rotation vector that turns the box in the body's frame [rad].
+
+    Examples
+    --------
+    ::
+
+        [[body.gripper.visual]]
+        type = "box"
+        size = ["120 mm", "40 mm", "40 mm"]
+        at = ["60 mm", "0 mm", "0 mm"]
+    """
+
+    type: Literal["box"]
+    size: tuple[PositiveLength, PositiveLength, PositiveLength]
+    at: Point = (0.0, 0.0, 0.0)
+    rotation: Turn = (0.0, 0.0, 0.0)
+
+
+class CylinderVisual(VisualSettings):
+    """A cylinder between two points of a body.
+
+    Parameters
+    ----------
+    type : str
+        Kind of shape.
+    start : tuple of float
+        Middle of one end in the body's frame [m].
+    end : tuple of float
+        Middle of the other end [m].
+    radius : float
+        Radius [m].
+
+    Examples
+    --------
+    ::
+
+        [[body.wheel.visual]]
+        type = "cylinder"
+        start = ["0 mm", "-40 mm", "0 mm"]
+        end = ["0 mm", "40 mm", "0 mm"]
+        radius = "150 mm"
+    """
+
+    type: Literal["cylinder"]
+    start: Point
+    end: Point
+    radius: PositiveLength
+
+    @model_validator(mode="after")
+    def _has_a_length(self) -> CylinderVisual:
+        if self.start == self.end:
+            raise FaultError("is the start: a cylinder needs a length", "end")
+        return self
+
+
+class RodVisual(VisualSettings):
+    """A round rod from each of a body's markers to the next, in their order.
+
+    Parameters
+    ----------
+    type : str
+        Kind of shape.
+    radius : float
+        Radius [m].
+
+    Examples
+    --------
+    ::
+
+        [[body.upper.visual]]
+        type = "rod"
+        radius = "12 mm"
+    """
+
+    type: Literal["rod"]
+    radius: PositiveLength
+
+
+class FileVisual(VisualSettings):
+    """A shape from an STL file or from CAD.
+
+    Parameters
+    ----------
+    type : str
+        Kind of shape.
+    file : str
+        The file, relative to the scene's.
+    unit : str
+        Unit of length of an STL file; CAD files hold their own.
+    at : tuple of float
+        Origin of the file in the body's frame [m].
+    rotation : tuple of float
+        Rotation vector that turns the file's axes in the body's frame [rad].
+
+    Examples
+    --------
+    ::
+
+        [[body.knuckle.visual]]
+        type = "file"
+        file = "knuckle.stl"
+        unit = "mm"
+    """
+
+    type: Literal["file"]
+    file: Annotated[SourceFile, AfterValidator(_check_visual_file)]
+    unit: LengthUnit = "mm"
+    at: Point = (0.0, 0.0, 0.0)
+    rotation: Turn = (0.0, 0.0, 0.0)
+
+
+Visual = Annotated[BoxVisual | CylinderVisual | RodVisual | FileVisual, Field(discriminator="type")]
+Visuals = Annotated[tuple[Visual, ...], BeforeValidator(_as_list), Field(max_length=100)]

@@ -1,0 +1,192 @@
+"""Largest stable steps of plain central difference and of sub-cycling for a mechanism, ratio by ratio.
+
+A step is called stable if the scheme by itself makes small vibrations grow less than tenfold over the duration: about
+the reference state by the amplification matrix, and at operating points of the motion by the scheme's tangent map.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterable
+from dataclasses import dataclass
+from typing import NamedTuple
+
+import numpy as np
+
+from fmd.core.arrays import Array
+from fmd.dynamics.system import System
+from fmd.dynamics.vibration import highest_frequency
+from fmd.integrators.central_difference import CentralDifference
+from fmd.integrators.protocol import ResumableIntegrator
+from fmd.integrators.subcycling import Subcycling
+from fmd.stability.amplification import STABLE, cycle_growth
+from fmd.stability.operating_points import OperatingPoints
+from fmd.stability.safe_step import longest_safe_step
+from fmd.stability.splitting import recommend_step
+
+_BISECTIONS = 30
+_BEYOND = 1.02  # times the limit, where the worst operating point shows
+_BELOW = 0.8  # of the critical step: the longest one to recommend
+
+
+class ReferenceMatrices(NamedTuple):
+    """Mass, stiffness and damping of an undeformed mechanism at rest, its slow coordinates first, and their number."""
+
+    M: Array
+    K: Array
+    C: Array
+    n_slow: int
+
+
+@dataclass(frozen=True)
+class StepLimit:
+    """Largest fast steps that one ratio allows.
+
+    Attributes
+    ----------
+    substeps : int
+        Fast steps to a slow one; 1 is plain central difference.
+    critical_step : float
+        Fast step up to which the scheme by itself makes small vibrations grow less than tenfold over the duration [s].
+    worst_time : float
+        Time at which they grow fastest just beyond it [s]: 0 for the reference state.
+    sudden_step : float
+        Fast step up to which they grow weakly if at all, undamped in the reference state [s].
+    growth_rate : float
+        Fastest growth at half of that step [1/s]: 0 unless slow and fast coordinates couple through the mass matrix.
+    """
+
+    substeps: int
+    critical_step: float
+    worst_time: float
+    sudden_step: float
+    growth_rate: float
+
+
+@dataclass(frozen=True)
+class MechanismLimits:
+    """Largest stable steps of a mechanism, and the step and ratio that fit a wanted error.
+
+    Attributes
+    ----------
+    coupling : float
+        Largest canonical correlation of slow and fast coordinates in the mass matrix, β of the two-dof system.
+    limits : tuple of StepLimit
+        One for each ratio.
+    along : bool
+        True if operating points of the motion count, and not the reference state alone.
+    duration : float
+        Of the motion [s].
+    n_slow : int
+        Number of slow coordinates.
+    recommended : tuple of float and int
+        Fast step [s] and ratio for the wanted error; the ratio is 1 if any other would let a vibration grow.
+    """
+
+    coupling: float
+    limits: tuple[StepLimit, ...]
+    along: bool
+    duration: float
+    n_slow: int
+    recommended: tuple[float, int]
+
+
+def find_limits(
+    system: System,
+    reference: ReferenceMatrices,
+    ratios: Iterable[int],
+    duration: float,
+    error: float,
+    points: OperatingPoints | None = None,
+) -> MechanismLimits:
+    """Find the largest stable steps of a mechanism about its reference state and, if given, at operating points.
+
+    Parameters
+    ----------
+    ratios : iterable of int
+        Numbers of fast steps to a slow one, plain central difference first.
+    duration : float
+        Of the motion [s].
+    error : float
+        Wanted error of the recommended step, relative to the largest deformation.
+    """
+    limits = tuple(find_limit(system, reference, m, duration, points) for m in ratios)
+    step, m = recommend_step(reference.M, reference.K, reference.n_slow, error, duration)
+    step = min(step, _BELOW * limits[0].critical_step)
+    if points:
+        step, m = _recommend_along(points, step, m, error)
+    coupling = inertial_coupling(reference.M, reference.n_slow)
+    return MechanismLimits(coupling, limits, points is not None, duration, reference.n_slow, (step, m))
+
+
+def find_limit(
+    system: System, reference: ReferenceMatrices, m: int, duration: float, points: OperatingPoints | None = None
+) -> StepLimit:
+    """Find the largest stable fast step of a mechanism with m fast steps to a slow one."""
+    M, K, C, n_slow = reference
+    sudden, rate = find_sudden_step(M, K, n_slow, m)
+
+    def e_folds(step: float) -> float:
+        return float(duration / (m * step) * np.log(max(cycle_growth(M, K, n_slow, step, m, C), 1.0)))
+
+    critical, worst = longest_safe_step(e_folds, sudden, _BISECTIONS), 0.0
+    if points:
+        along = longest_safe_step(lambda step: points.e_folds(explicit_method(step, m)), critical)
+        if along < critical:
+            rates = points.excess_growth(explicit_method(min(_BEYOND * along, critical), m)).max(axis=1)
+            critical, worst = along, points.points[int(np.argmax(rates))].time
+    return StepLimit(m, critical, worst, sudden, rate)
+
+
+def explicit_method(step: float, m: int) -> ResumableIntegrator:
+    """Return central difference with a fast step [s], sub-cycled if there are m > 1 fast steps to a slow one."""
+    return CentralDifference(step) if m == 1 else Subcycling(step, m)
+
+
+def _recommend_along(points: OperatingPoints, step: float, most: int, error: float) -> tuple[float, int]:
+    """Reduce a ratio until growth along the motion stays below the wanted error."""
+    low, high = 1, most + 1
+    while high - low > 1:
+        middle = (low + high) // 2
+        low, high = (middle, high) if points.e_folds(explicit_method(step, middle)) < error else (low, middle)
+    return step, low
+
+
+def find_sudden_step(M: Array, K: Array, n_slow: int, substeps: int) -> tuple[float, float]:
+    """Bisect for the fast step beyond which undamped vibrations grow suddenly, within a few major cycles.
+
+    A weakly unstable cycle multiplies a vibration by ``1 + c β² Ω²/(1 − β²)``, a suddenly unstable one by Ω² − 2 or so:
+    between them lies a jump, whose place is the limit.
+
+    Returns
+    -------
+    sudden_step, growth_rate : float
+        As in `StepLimit`.
+    """
+    L, S = slice(0, n_slow), slice(n_slow, None)
+    upper = min(2.02 / highest_frequency(M[S, S], K[S, S]), 2.02 / (substeps * highest_frequency(M[L, L], K[L, L])))
+    if substeps == 1:
+        upper = 2.02 / highest_frequency(M, K)
+    small = 0.05 * upper
+    weak = max(cycle_growth(M, K, n_slow, small, substeps) - 1, 0.0) * (upper / small) ** 2  # by its square
+    low, high = 0.0, upper
+    for _ in range(_BISECTIONS):
+        middle = 0.5 * (low + high)
+        allowed = 1 + STABLE + 4 * weak * (middle / upper) ** 2
+        if cycle_growth(M, K, n_slow, middle, substeps) <= allowed:
+            low = middle
+        else:
+            high = middle
+    radius = cycle_growth(M, K, n_slow, 0.5 * low, substeps) if low else 1.0
+    rate = np.log(radius) / (substeps * 0.5 * low) if radius > 1 + STABLE else 0.0
+    return low, float(rate)
+
+
+def inertial_coupling(M: Array, n_slow: int) -> float:
+    """Return the largest canonical correlation of slow and fast coordinates in a mass matrix: 0 if they don't couple.
+
+    It is the largest ``x_Lᵀ M_LS x_S`` for ``x_Lᵀ M_LL x_L = x_Sᵀ M_SS x_S = 1``, and always below 1.
+    """
+    if not 0 < n_slow < len(M):
+        return 0.0
+    L, S = (np.linalg.cholesky(M[part, part]) for part in (slice(0, n_slow), slice(n_slow, None)))
+    return float(np.linalg.norm(np.linalg.solve(L, np.linalg.solve(S, M[n_slow:, :n_slow]).T), 2))

@@ -1,0 +1,216 @@
+"""Operating points of a motion, and the growth of small vibrations that a scheme adds along them.
+
+Before anything is integrated, the motion is known by that of the mechanism with all bodies rigid. At some of its times
+modes and fast joints rest where the loads leave them. About each of these states a scheme's k-th growth rate exceeds
+the k-th one of the equations of motion, or zero if that one decays, by what is the scheme's own; over the duration
+this excess adds up to e-folds.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, replace
+from functools import cached_property
+
+import numpy as np
+
+from fmd.core.arrays import Array, IntArray
+from fmd.core.errors import StabilityError
+from fmd.dynamics.compiled_system.system import CompiledSystem
+from fmd.dynamics.mechanism import Mechanism
+from fmd.dynamics.system import System
+from fmd.integrators.central_difference import CentralDifference
+from fmd.integrators.protocol import ResumableIntegrator, evaluate, evaluate_projection
+from fmd.integrators.runge_kutta import RungeKutta
+from fmd.stability.tangent import (
+    POSITION_NUDGE,
+    OperatingPoint,
+    cycles_within,
+    differentiate,
+    scheme_growth_rates,
+    system_growth_rates,
+)
+
+_POINTS = 8
+_RIGID_STEPS = 20_000  # of the rigid motion, at least
+_RESOLVED = 0.1  # step of the rigid motion over its largest stable one, at most
+_SPAN = 1e-3  # of the duration: over so long a span the round-off of a tangent map is harmless
+_CORRECTIONS = 20
+_TOLERANCE = 1e-6  # of the rigid motion where fixed steps pass a force unseen
+_SETTLED = 1e-8  # relative change of positions
+
+
+@dataclass(frozen=True)
+class OperatingPoints:
+    """States of a mechanism that stand for its motion over a duration.
+
+    Attributes
+    ----------
+    system : System
+        The mechanism.
+    points : tuple of OperatingPoint
+        In the middles of equal parts of the duration.
+    duration : float
+        [s]
+    """
+
+    system: System
+    points: tuple[OperatingPoint, ...]
+    duration: float
+
+    @cached_property
+    def growth_rates(self) -> Array:
+        """Growth rates by the equations of motion [1/s], descending, shape (n_points, n_positions + n)."""
+        return np.stack([system_growth_rates(self.system, at) for at in self.points])
+
+    def excess_growth(self, method: ResumableIntegrator) -> Array:
+        """Return the growth rates that are a scheme's own, beyond those of the equations of motion.
+
+        Returns
+        -------
+        ndarray, shape (n_points, n_positions + n)
+            [1/s]; infinite if a march from one of the points diverges at once.
+        """
+        excess = np.full(self.growth_rates.shape, np.inf)
+        for row, rates, at in zip(excess, self.growth_rates, self.points, strict=True):
+            try:
+                by_scheme = scheme_growth_rates(method, self.system, at, _SPAN * self.duration)
+            except StabilityError:
+                return excess
+            row[:] = by_scheme[: row.size] - np.maximum(rates, 0.0)
+        return excess
+
+    def worst(self, method: ResumableIntegrator) -> OperatingPoints:
+        """Return the point alone at which vibrations grow the most by a scheme, as if it lasted all the time."""
+        worst = int(self.excess_growth(method).max(axis=1).argmax())
+        return replace(self, points=(self.points[worst],))
+
+    def e_folds(self, method: ResumableIntegrator) -> float:
+        """Return the e-folds by which a scheme alone makes vibrations grow over the duration; infinite if it diverges.
+
+        Each point counts for the time that its major cycles were taken at: two cycles after the point.
+        """
+        excess = self.excess_growth(method)
+        if not np.isfinite(excess).all():
+            return np.inf
+        cycle, part = getattr(method, "substeps", 1) * method.step, self.duration / len(self.points)
+        late = min((1.5 + 0.5 * cycles_within(_SPAN * self.duration, cycle)) * cycle, part)
+        weights = np.full(len(self.points), part)
+        weights[0] += late
+        weights[-1] -= late
+        return float((weights @ excess).max(initial=0.0))
+
+
+def find_operating_points(
+    system: CompiledSystem, mechanism: Mechanism, q0: Array, v0: Array, duration: float
+) -> OperatingPoints:
+    """Find operating points of a mechanism's motion from its start, by the motion with all bodies rigid.
+
+    Parameters
+    ----------
+    system : CompiledSystem
+        The mechanism as it is marched, whose states are wanted; it may have another choice of slow coordinates.
+    mechanism : Mechanism
+        The mechanism that starts.
+    q0, v0 : ndarray, shapes (n_positions,) and (n,)
+        Positions and rates at the mechanism's start.
+    duration : float
+        [s]
+
+    Raises
+    ------
+    StabilityError
+        The mechanism with all bodies rigid can't be integrated.
+    """
+    times = (np.arange(_POINTS) + 0.5) * duration / _POINTS
+    wanted = system.mechanism
+    q, v = _rigid_motion(mechanism.rigid, q0, v0, times, duration / _RIGID_STEPS)
+    modes = (wanted.modes_of(k).tolist() for k in range(len(wanted.links)))
+    resting = np.array(sorted({*range(wanted.n_slow, wanted.n)}.union(*modes)), dtype=np.int64)
+    undeformed = [
+        OperatingPoint(float(t), *_with_joints(wanted, mechanism.rigid, q[k], v[k])) for k, t in enumerate(times)
+    ]
+    at_rest = _close if wanted.closures else settle
+    return OperatingPoints(system, tuple(at_rest(system, at, resting) for at in undeformed), duration)
+
+
+def _close(system: System, at: OperatingPoint, rates: IntArray) -> OperatingPoint:
+    """Bring a state onto the constraints of loops; modes are left undeformed, for joints would have to follow them."""
+    q, v = at.q.copy(), at.v.copy()
+    evaluate_projection(system.parameters, at.time, q, v)
+    return replace(at, q=q, v=v)
+
+
+def settle(system: System, at: OperatingPoint, rates: IntArray) -> OperatingPoint:
+    """Bring the scalar coordinates of some ``rates`` to rest where nothing accelerates them.
+
+    If that has no solution near by, they rest where they are.
+    """
+    steady = find_steady_point(system, at, rates)
+    if steady is None:
+        steady = replace(at, v=at.v.copy())
+        steady.v[rates] = 0.0
+    return steady
+
+
+def find_steady_point(system: System, at: OperatingPoint, rates: IntArray) -> OperatingPoint | None:
+    """Find the state near by in which some ``rates`` are at rest and nothing accelerates them, by Newton's method.
+
+    Returns
+    -------
+    OperatingPoint or None
+        None if the corrections do not converge.
+    """
+    if not rates.size:
+        return at
+    parameters = system.parameters
+    places = getattr(parameters, "position", np.arange(system.n))[rates]
+    q, v = at.q.copy(), at.v.copy()
+    v[rates] = 0.0
+
+    def accelerations_at(values: Array) -> Array:
+        a = np.zeros(system.n)
+        q[places] = values
+        evaluate(parameters, at.time, q, v, a)
+        return a[rates]
+
+    values = q[places]
+    for _ in range(_CORRECTIONS):
+        left = accelerations_at(values)
+        slopes = differentiate(accelerations_at, values, np.full(len(values), POSITION_NUDGE))
+        change, *_ = np.linalg.lstsq(slopes, left, rcond=None)
+        values = values - change
+        if np.linalg.norm(change) <= _SETTLED * (1.0 + np.linalg.norm(values)):
+            q[places] = values
+            return replace(at, q=q, v=v)
+    return None
+
+
+def _rigid_motion(rigid: Mechanism, q0: Array, v0: Array, times: Array, longest_step: float) -> tuple[Array, Array]:
+    """Integrate a mechanism of rigid bodies from the joints' part of a start, (n_times, …) each.
+
+    Fast joints start from rest: their own vibration would make the points depend on when they are taken.
+    """
+    if not rigid.n:
+        return np.zeros((len(times), rigid.n_positions)), np.zeros((len(times), 0))
+    system = CompiledSystem(rigid)
+    step = min(longest_step, _RESOLVED * system.largest_step)
+    start = OperatingPoint(0.0, q0[: rigid.n_positions], v0[: rigid.n])
+    start = find_steady_point(system, start, np.arange(rigid.n_slow, rigid.n)) or start
+    try:
+        motion = CentralDifference(step).march(system, start.q, start.v, times)
+    except StabilityError:
+        if not system.watched_laws:
+            raise
+        motion = RungeKutta(_TOLERANCE).march(system, start.q, start.v, times)  # its steps pass no force unseen
+    return motion.q, motion.v
+
+
+def _with_joints(mechanism: Mechanism, rigid: Mechanism, q: Array, v: Array) -> tuple[Array, Array]:
+    """Positions and rates of an undeformed mechanism whose joints are those of a state of the rigid one."""
+    positions, rates = mechanism.rest_positions, np.zeros(mechanism.n)
+    for k, link in enumerate(mechanism.links):
+        to, of = mechanism.layout.position[k], rigid.layout.position[k]
+        positions[to : to + link.n_positions] = q[of : of + link.n_positions]
+        to, of = mechanism.layout.rate[k], rigid.layout.rate[k]
+        rates[to : to + link.n_rates] = v[of : of + link.n_rates]
+    return positions, rates

@@ -1,0 +1,162 @@
+"""Stability of the two-degree-of-freedom system of Miao et al. (2008), Figs. 2 and 3, with inertial coupling.
+
+Two unit masses, one slow and one fast, coupled through the mass matrix by β and each on a spring:
+``M = [[1, β], [β, 1]]``, ``K = diag(ω_L², ω_S²)``. The spectral radius of a major cycle depends on the Courant numbers
+``Ω_S = ω_S h`` and ``Ω_L = ω_L m h``, on m and on β alone.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+
+from fmd.core.arrays import Array
+from fmd.stability.amplification import STABLE
+
+HIGHEST = 2.5  # Courant number up to which maps go
+_ROUND_OFF = 4e-15
+# What the law of the weak instability is fitted to: values of β and of Ω_S in all pairs, and ω_L over ω_S.
+_COUPLINGS = np.array([0.01, 0.03, 0.1, 0.3, 0.77])
+_COURANT = np.array([1e-3, 2e-3, 5e-3])
+_SLOWNESS = 1e-3
+
+
+@dataclass(frozen=True)
+class StabilityMap:
+    """Spectral radii of a major cycle over the Courant numbers of both coordinates.
+
+    Attributes
+    ----------
+    substeps : int
+        Fast steps to a major cycle.
+    coupling : float
+        β.
+    omega_s, omega_l : ndarray, shape (n,)
+        Courant numbers of the fast and of the slow coordinate.
+    rho : ndarray, shape (n, n)
+        Spectral radius; rows go with ``omega_l``.
+    """
+
+    substeps: int
+    coupling: float
+    omega_s: Array
+    omega_l: Array
+    rho: Array
+
+    @property
+    def unstable(self) -> Array:
+        """Map of 1 where the spectral radius exceeds 1 and 0 elsewhere, shape (n, n)."""
+        return (self.rho > 1 + STABLE).astype(float)
+
+
+def stability_map(substeps: int, coupling: float, resolution: int, scheme: str = "sub-cycling") -> StabilityMap:
+    """Compute the spectral radius on a grid of both Courant numbers, with ``resolution`` points each way.
+
+    Parameters
+    ----------
+    scheme : str
+        One of `SCHEMES`: the paper's eqs. (8)–(11), or reversible sub-cycling.
+    """
+    omega = HIGHEST * np.arange(1, resolution + 1) / resolution
+    return StabilityMap(
+        substeps, coupling, omega, omega, SCHEMES[scheme](omega[None], omega[:, None], coupling, substeps)
+    )
+
+
+def two_dof_growth(omega_s: Array, omega_l: Array, coupling: float, substeps: int) -> Array:
+    """Compute the spectral radius of a major cycle at Courant numbers that broadcast against each other.
+
+    Without coupling the amplification matrix falls into two of size 2.
+    """
+    A = two_dof_map(omega_s, omega_l, coupling, substeps)
+    if coupling == 0.0:
+        return np.maximum(_radius(A[..., ::2, ::2]), _radius(A[..., 1::2, 1::2]))
+    return np.asarray(np.abs(np.linalg.eigvals(A)).max(axis=-1))
+
+
+def two_dof_map(omega_s: Array, omega_l: Array, coupling: float, substeps: int) -> Array:
+    """Return the amplification matrices of the state (q_L, q_S, v_L, v_S), shape (…, 4, 4), for a fast step of 1."""
+    omega_s, omega_l = np.broadcast_arrays(np.asarray(omega_s, dtype=float), np.asarray(omega_l, dtype=float))
+    k_s, k_l = omega_s[..., None] ** 2, (omega_l[..., None] / substeps) ** 2
+    q_l, q_s, v_l, v_s = (np.broadcast_to(row, (*omega_s.shape, 4)) for row in np.eye(4))
+    # M a = −K q, solved for both at the common update
+    over = 1.0 / (1.0 - coupling**2)
+    a_l = over * (coupling * k_s * q_s - k_l * q_l)
+    a_s = over * (coupling * k_l * q_l - k_s * q_s)
+    v_l = v_l + substeps * a_l
+    q_l = q_l + substeps * v_l
+    for step in range(substeps):
+        if step:
+            a_s = -k_s * q_s - coupling * a_l
+        v_s = v_s + a_s
+        q_s = q_s + v_s
+    return np.stack([q_l, q_s, v_l, v_s], axis=-2)
+
+
+def _radius(A: Array) -> Array:
+    """Return the spectral radii of matrices of shape (…, 2, 2)."""
+    half, det = 0.5 * np.trace(A, axis1=-2, axis2=-1), np.linalg.det(A)
+    root = np.sqrt(half**2 - det + 0j)
+    return np.asarray(np.maximum(np.abs(half + root), np.abs(half - root)))
+
+
+def reversible_growth(omega_s: Array, omega_l: Array, coupling: float, substeps: int) -> Array:
+    """Compute the spectral radius of a major cycle of reversible sub-cycling from its closed form.
+
+    With ``y = q_L + β q_S`` held at the middle of the cycle the fast coordinate turns by m ϑ,
+    ``4 sin²(ϑ/2) = Ω₁² = (Ω_S² + β² Ω_L²/m²)/(1 − β²)``, about a place that y sets. Of the eigenvalues λ only
+    ``z = λ + 1/λ`` matters, ``(z − 2 + Ω_L²)(z − 2c) = κ (z + 2)`` with ``c = cos mϑ`` and
+    ``κ = ½ Ω_L² (1 − c) · (βΩ_L/m)²/(Ω_S² + (βΩ_L/m)²)``: both z lie in [−2, 2] while Ω_L and Ω₁ are below 2.
+    """
+    omega_s, omega_l = np.broadcast_arrays(np.asarray(omega_s, dtype=float), np.asarray(omega_l, dtype=float))
+    soft = (coupling * omega_l / substeps) ** 2
+    total = omega_s**2 + soft
+    half = 0.25 * total / (1 - coupling**2)  # sin²(ϑ/2)
+    inside, beyond = np.arcsin(np.sqrt(np.minimum(half, 1.0))), np.arccosh(np.sqrt(np.maximum(half, 1.0)))
+    c = np.where(half <= 1, np.cos(2 * substeps * inside), (-1.0) ** substeps * np.cosh(2 * substeps * beyond))
+    slow = omega_l**2
+    kappa = 0.5 * slow * (1 - c) * np.divide(soft, total, out=np.zeros_like(total), where=total > 0)
+    B, E = slow - 2 - 2 * c - kappa, 2 * c * (2 - slow) - 2 * kappa  # z² + B z + E = 0
+    root = np.sqrt(B**2 - 4 * E + 0j)
+    radius = np.ones(total.shape)
+    for z in (0.5 * (root - B), -0.5 * (root + B)):
+        oscillates = (z.imag == 0) & (np.abs(z.real) <= 2 + _ROUND_OFF * (1 + np.abs(B)))  # |λ| = 1 exactly
+        s = np.sqrt(z**2 - 4)
+        radius = np.maximum(radius, np.where(oscillates, 1.0, np.maximum(np.abs(z + s), np.abs(z - s)) / 2))
+    return radius
+
+
+@dataclass(frozen=True)
+class GrowthLaw:
+    """Law ``ρ − 1 = c β^b Ω_S^s / (1 − β²)`` of the weak instability, fitted to computed radii.
+
+    Attributes
+    ----------
+    substeps : int
+        m.
+    factor, coupling_power, courant_power : float
+        c, b and s.
+    misfit : float
+        Largest relative difference of a radius's excess from the law.
+    """
+
+    substeps: int
+    factor: float
+    coupling_power: float
+    courant_power: float
+    misfit: float
+
+
+def fit_growth_law(substeps: int) -> GrowthLaw:
+    """Fit the law of the weak instability to the spectral radii at small steps for one ratio."""
+    beta, omega = np.meshgrid(_COUPLINGS, _COURANT, indexing="ij")
+    excess = np.array([two_dof_growth(_COURANT, _SLOWNESS * substeps * _COURANT, b, substeps) - 1 for b in _COUPLINGS])
+    left = np.log(excess * (1 - beta**2)).ravel()
+    terms = np.stack([np.ones(left.size), np.log(beta).ravel(), np.log(omega).ravel()], axis=1)
+    (constant, b, s), *_ = np.linalg.lstsq(terms, left, rcond=None)
+    misfit = float(np.abs(np.exp(terms @ (constant, b, s) - left) - 1).max())
+    return GrowthLaw(substeps, float(np.exp(constant)), float(b), float(s), misfit)
+
+
+SCHEMES = {"sub-cycling": two_dof_growth, "reversible": reversible_growth}

@@ -1,0 +1,353 @@
+"""Assembly of mechanisms with loops: positions and rates at the start that every joint allows."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import replace
+from typing import TYPE_CHECKING
+
+import numpy as np
+
+from fmd.core.arrays import Array, IntArray
+from fmd.core.errors import InputError
+from fmd.core.rotations import quaternion_of_matrix
+from fmd.dynamics.closures import Closure
+from fmd.dynamics.compiled_system.system import CompiledSystem
+from fmd.dynamics.compiler.closures import ConstraintRow
+from fmd.integrators.protocol import move_positions
+from fmd.stages.ground import joint_axes, orientation_matrix
+from fmd.stages.mass_check import require_inertia
+
+if TYPE_CHECKING:
+    from fmd.dynamics.mechanism import Mechanism
+    from fmd.scene.joints import Free, Joint
+    from fmd.scene.scene import Scene
+
+_CORRECTIONS = 60
+_HALVINGS = 12
+_CLOSED = 1e-12  # gap that counts as none [m or rad], and rate of one beside the largest rate
+_OPEN = 1e-9
+_DEPENDENT = 1e-9  # of the largest singular value: directions in which nothing closes
+_AWAY = 1e-3  # motion by which the rank of the constraints is tried [rad or m]
+_RANK = 1e-8
+_IDLE = 1e-7  # of what free bodies would do
+_TRIED, _SPREAD = 3, 0.2  # positions nearby, and how far off [rad or m]
+_MOMENTS = 5  # at which prescribed motions are tried
+
+
+def assemble(scene: Scene, mechanism: Mechanism) -> Mechanism:
+    """Find joint positions with which all loops of the undeformed mechanism close, from those of the scene.
+
+    Joints that the scene gives no position move first; those that it does only if the others can't close the loops.
+
+    Raises
+    ------
+    InputError
+        The loops can't be closed; the message has the joint and its gap. Or a joint moves without any inertia.
+    """
+    rigid = mechanism.rigid
+    q, _ = given_joints(scene, rigid)
+    try:
+        system = CompiledSystem(rigid)
+        require_inertia(scene, system)
+        groups = [columns for columns in (_loose(scene, rigid, "position"), np.arange(rigid.n)) if len(columns)]
+        q = _close(system, q, groups)
+    except ValueError as error:  # a gap that no motion changes
+        raise InputError(scene.file, "joint", None, str(error)) from error
+    positions = {
+        link.name: tuple(q[at : at + link.n_positions])
+        for link, at in zip(rigid.links, rigid.layout.position, strict=True)
+        if link.n_positions
+    }
+    _require_one_way(scene, system, q)
+    return _without_idle_rows(replace(mechanism, assembled=positions), system, q)
+
+
+def given_joints(scene: Scene, mechanism: Mechanism) -> tuple[Array, Array]:
+    """Return positions (n_positions,) and rates (n,) of the undeformed mechanism, its joints as the scene has them."""
+    q0, v0 = mechanism.rest_positions, np.zeros(mechanism.n)
+    for k, link in enumerate(mechanism.links):
+        joint, at, first = scene.joint[link.joint_name], mechanism.layout.position[k], mechanism.layout.rate[k]
+        if link.motion is None:
+            positions, rates = _start_of_free(scene, joint) if joint.type == "free" else _given(joint)
+            q0[at : at + len(positions)] = positions
+            v0[first : first + len(rates)] = rates
+    return q0, v0
+
+
+def _given(joint: Joint) -> tuple[Sequence[float], Sequence[float]]:
+    """Return a joint's coordinates and rates at the start; of a rotation in space the rates alone."""
+    match joint.type:
+        case "revolute" | "screw":
+            return [joint.angle], [joint.rate]
+        case "prismatic":
+            return [joint.position], [joint.rate]
+        case "universal":
+            return joint.angles, joint.rates
+        case "cylindrical":
+            return [joint.position, joint.angle], [joint.velocity, joint.rate]
+        case "planar":
+            return [*joint.position, joint.angle], [*joint.velocity, joint.rate]
+        case "spherical":
+            return [], joint.spin
+    return [], []
+
+
+def _start_of_free(scene: Scene, joint: Free) -> tuple[Sequence[float], Sequence[float]]:
+    """Return displacement and quaternion of a free joint at the start, and its rates, in the axes of its place."""
+    into = joint_axes(scene, joint).in_child
+    turn = into @ orientation_matrix(joint) @ into.T
+    position, velocity = into @ np.array(joint.position), into @ np.array(joint.velocity)
+    return [*position, *quaternion_of_matrix(turn[None])[0]], [*velocity, *joint.spin]
+
+
+def close_start(scene: Scene, system: CompiledSystem, q: Array, v: Array) -> tuple[Array, Array]:
+    """Bring positions and rates at the start onto the constraints; bodies deform only where joints alone can't do it.
+
+    Raises
+    ------
+    InputError
+        The loops can't be closed, prescribed motions work against each other, or nothing can move.
+    """
+    mechanism, q = system.mechanism, q.copy()
+    for link, at in zip(mechanism.links, mechanism.layout.position, strict=True):
+        if link.name in mechanism.assembled:
+            q[at : at + link.n_positions] = mechanism.assembled[link.name]
+    joints = _joint_rates(mechanism)
+    q = _close(system, q, [_loose(scene, mechanism, "position"), joints, np.arange(mechanism.n)])
+    _require_closed(scene, system, q)
+    v = _allow(system, q, v, [_loose(scene, mechanism, "rate"), joints, np.arange(mechanism.n)])
+    _, rates = system.compiled.gaps(0.0, q, v)
+    worst = int(np.abs(rates).argmax()) if len(rates) else 0
+    if len(rates) and np.abs(rates[worst]) > _OPEN * max(1.0, float(np.abs(v).max(initial=0.0))):
+        row = system.compiled.rows[worst]
+        unit = "rad/s" if row.rotational else "m/s"
+        raise InputError(
+            scene.file,
+            f"joint.{row.name}",
+            None,
+            f"opens at {abs(rates[worst]):.3g} {unit} at the start: the prescribed motions work against each other",
+        )
+    _require_freedom(scene, system, q)
+    return q, v
+
+
+def _joint_rates(mechanism: Mechanism) -> IntArray:
+    """Rates of all joints."""
+    parts = [np.arange(at, at + link.n_rates) for link, at in zip(mechanism.links, mechanism.layout.rate, strict=True)]
+    return np.concatenate([np.zeros(0, dtype=np.int64), *parts])
+
+
+def _loose(scene: Scene, mechanism: Mechanism, what: str) -> IntArray:
+    """Rates of the joints whose ``position`` or ``rate`` the scene leaves open."""
+    keys = {"position": {"angle", "angles", "position"}, "rate": {"rate", "rates", "spin", "velocity"}}[what]
+    parts = [
+        np.arange(at, at + link.n_rates)
+        for link, at in zip(mechanism.links, mechanism.layout.rate, strict=True)
+        if not keys & _given_keys(scene.joint[link.joint_name])
+    ]
+    return np.concatenate([np.zeros(0, dtype=np.int64), *parts])
+
+
+def _given_keys(joint: Joint) -> set[str]:
+    """Return the keys that a joint has in the scene; the turn of a free joint is its position, too."""
+    given = joint.model_fields_set
+    return given | {"position"} if joint.type == "free" and joint.is_turned else given
+
+
+def following_joints(scene: Scene, mechanism: Mechanism) -> list[IntArray]:
+    """Rates of the joints whose position the scene leaves open, if there are such, and those of all joints."""
+    loose, every = _loose(scene, mechanism, "position"), _joint_rates(mechanism)
+    return [loose, every] if 0 < len(loose) < len(every) else [every]
+
+
+def free_directions(system: CompiledSystem, q: Array) -> Array:
+    """Return an orthonormal basis of the rates that keep all loops closed, shape (n, n_free)."""
+    _, _, ways = np.linalg.svd(system.compiled.constraint_matrix(0.0, q))
+    return np.asarray(ways[constraint_rank(system, q) :].T)
+
+
+def _close(system: CompiledSystem, q: Array, groups: Sequence[IntArray]) -> Array:
+    """Close the gaps by the first group of coordinates that can; else return where the last one leaves them."""
+    closed, weights = q, _flexibility(system)
+    for columns in groups:
+        closed = _close_by(system, q, columns, weights)
+        if _gap(system, closed) <= _OPEN:
+            return closed
+    return closed
+
+
+def _flexibility(system: CompiledSystem) -> Array:
+    """Return how readily coordinates move to close gaps: joints at once, modes by their static compliance."""
+    stiffness = np.maximum(system.mechanism.linear_forces.own, 0.0)
+    weights = np.ones(system.n)
+    for k, link in enumerate(system.mechanism.links):
+        modes = system.mechanism.modes_of(k)
+        weights[modes] = link.omega.min(initial=np.inf) / np.sqrt(np.maximum(stiffness[modes], 1e-300))
+    return weights
+
+
+def _gap(system: CompiledSystem, q: Array) -> float:
+    g, _ = system.compiled.gaps(0.0, q, np.zeros(system.n))
+    return float(np.abs(g).max(initial=0.0))
+
+
+def _close_by(system: CompiledSystem, q: Array, columns: IntArray, weights: Array) -> Array:
+    """Move some coordinates by Newton's method, the least motion first, in halved steps where a gap would widen."""
+    parameters, gap = system.parameters, _gap(system, q)
+    for _ in range(_CORRECTIONS):
+        if gap <= _CLOSED:
+            break
+        g, _ = system.compiled.gaps(0.0, q, np.zeros(system.n))
+        J = system.compiled.constraint_matrix(0.0, q)[:, columns] * weights[columns]
+        step = np.zeros(system.n)
+        step[columns] = -weights[columns] * np.linalg.lstsq(J, g, rcond=_DEPENDENT)[0]
+        for _ in range(_HALVINGS):
+            trial = move_positions(parameters, q, step)
+            narrower = _gap(system, trial)
+            if narrower < gap:
+                break
+            step *= 0.5
+        else:
+            break
+        stalled = narrower > 0.5 * gap and narrower <= _OPEN
+        q, gap = trial, narrower
+        if stalled:
+            break
+    return q
+
+
+def _allow(system: CompiledSystem, q: Array, v: Array, groups: Sequence[IntArray]) -> Array:
+    """Change the rates of the first group that can let all gaps stay closed."""
+    J, weights = system.compiled.constraint_matrix(0.0, q), _flexibility(system)
+    for columns in groups:
+        changed = v.copy()
+        for _ in range(2):
+            _, rates = system.compiled.gaps(0.0, q, changed)
+            part = J[:, columns] * weights[columns]
+            changed[columns] -= weights[columns] * np.linalg.lstsq(part, rates, rcond=_DEPENDENT)[0]
+        _, rates = system.compiled.gaps(0.0, q, changed)
+        if np.abs(rates).max(initial=0.0) <= _OPEN * max(1.0, float(np.abs(changed).max(initial=0.0))):
+            return changed
+    return changed
+
+
+def _require_closed(scene: Scene, system: CompiledSystem, q: Array) -> None:
+    g, _ = system.compiled.gaps(0.0, q, np.zeros(system.n))
+    worst = int(np.abs(g).argmax()) if len(g) else 0
+    if len(g) and abs(g[worst]) > _OPEN:
+        row = system.compiled.rows[worst]
+        size = f"{np.degrees(abs(g[worst])):.4g} degrees" if row.rotational else f"{abs(g[worst]):.4g} m"
+        raise InputError(
+            scene.file,
+            f"joint.{row.name}",
+            None,
+            f"can't close its loop: a gap of {size} is left; check lengths, places and axes of the loop, "
+            "or give joints a position nearer to the closed one",
+        )
+
+
+def _require_freedom(scene: Scene, system: CompiledSystem, q: Array) -> None:
+    """Raise ``InputError`` if nothing can move, neither by itself nor by a prescribed motion."""
+    links = system.mechanism.links
+    moves = any(link.motion is not None for link in links)
+    deforms = bool(scene.flexible) and not any(len(link.omega) for link in links)  # but these are left out here
+    if not moves and not deforms and constraint_rank(system, q) == system.n:
+        names = ", ".join(closure.name for closure in system.mechanism.closures)
+        raise InputError(
+            scene.file,
+            "joint",
+            None,
+            f"nothing can move: {names} leave no freedom to the {system.n} coordinates of the other joints and modes",
+        )
+
+
+def _require_one_way(scene: Scene, rigid: CompiledSystem, q: Array) -> None:
+    """Raise ``InputError`` if more constraints are independent close by than at the positions of the start."""
+    rank = constraint_rank(rigid, q)
+    if _gap(rigid, q) > _OPEN or rank == rigid.n:
+        return
+    for way in free_directions(rigid, q).T:
+        near = _close_by(rigid, move_positions(rigid.parameters, q, _AWAY * way), np.arange(rigid.n), np.ones(rigid.n))
+        if _gap(rigid, near) <= _OPEN and (others := constraint_rank(rigid, near)) > rank:
+            raise InputError(
+                scene.file,
+                "joint",
+                None,
+                f"the start is a singular position: {rank} constraints are independent there and {others} close by, so "
+                "that it isn't known which way the mechanism goes; start it a little off",
+            )
+
+
+def _without_idle_rows(mechanism: Mechanism, rigid: CompiledSystem, q: Array) -> Mechanism:
+    """Leave out scalar constraints that hold by themselves: neither joints, modes nor prescribed motions move them.
+
+    They would take hold of a body as it bends, by motions of second order, and lock it.
+    """
+    random, states = np.random.default_rng(0), [q]
+    for _ in range(_TRIED):
+        moved = move_positions(rigid.parameters, q, random.uniform(-_SPREAD, _SPREAD, rigid.n))
+        moved = _close_by(rigid, moved, np.arange(rigid.n), np.ones(rigid.n))
+        states += [moved] if _gap(rigid, moved) <= _OPEN else []
+    system = CompiledSystem(mechanism)
+    largest = np.zeros(len(system.compiled.rows))
+    for state in states:
+        _, S = system.compiled.multipliers(0.0, undeformed_positions(mechanism, rigid.mechanism, state))
+        largest = np.maximum(largest, S.diagonal() / system.constraint_scales)
+    driven, at_start = np.zeros(len(largest)), undeformed_positions(mechanism, rigid.mechanism, q)
+    for t in np.linspace(0.0, mechanism.horizon, _MOMENTS):
+        _, rates = system.compiled.gaps(float(t), at_start, np.zeros(mechanism.n))
+        driven = np.maximum(driven, np.abs(rates))
+    still = (largest <= _IDLE) & (driven <= _IDLE * driven.max(initial=0.0))
+    idle = [row for row, holds in zip(system.compiled.rows, still, strict=True) if holds]
+    return _leave_out(mechanism, idle)
+
+
+def movable_rigid(mechanism: Mechanism) -> Mechanism:
+    """Return the mechanism with all bodies rigid; of constraints that would let nothing move, only those that suffice.
+
+    Where bodies have to deform for a mechanism to move, as on hinges that aren't parallel, rigid ones follow the
+    constraints that hold the most.
+    """
+    rigid = mechanism.rigid
+    system = CompiledSystem(rigid)
+    if rigid.closures and not rigid.n:  # the prescribed motions alone move it, whatever they open
+        return _leave_out(rigid, system.compiled.rows)
+    if not rigid.closures or constraint_rank(system, rigid.rest_positions) < rigid.n:
+        return rigid
+    from scipy.linalg import qr
+
+    _, S = system.compiled.multipliers(0.0, rigid.rest_positions)
+    scale = np.sqrt(system.constraint_scales)
+    _, _, order = qr(S / np.outer(scale, scale), pivoting=True)
+    beyond = [system.compiled.rows[k] for k in order[rigid.n :]]
+    return _leave_out(rigid, beyond)
+
+
+def _leave_out(mechanism: Mechanism, rows: Sequence[ConstraintRow]) -> Mechanism:
+    """Leave scalar constraints out of a mechanism's closures, beside those that are left out already."""
+    closures = [
+        replace(closure, left_out=(*closure.left_out, *(row.number for row in rows if row.name == closure.name)))
+        if isinstance(closure, Closure)
+        else closure
+        for closure in mechanism.closures
+    ]
+    return replace(mechanism, closures=closures)
+
+
+def undeformed_positions(mechanism: Mechanism, rigid: Mechanism, q: Array) -> Array:
+    """Return positions of a mechanism without deformation, its joints as those of the rigid one."""
+    out = mechanism.rest_positions
+    for link, to, of in zip(mechanism.links, mechanism.layout.position, rigid.layout.position, strict=True):
+        out[to : to + link.n_positions] = q[of : of + link.n_positions]
+    return out
+
+
+def constraint_rank(system: CompiledSystem, q: Array) -> int:
+    """Return how many constraints are independent at positions q."""
+    _, S = system.compiled.multipliers(0.0, q)
+    if not len(S):
+        return 0
+    scale = np.sqrt(system.constraint_scales)
+    sizes = np.linalg.eigvalsh(S / np.outer(scale, scale))
+    return int((sizes > _RANK * sizes.max()).sum())

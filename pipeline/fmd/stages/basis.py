@@ -1,0 +1,190 @@
+"""The basis of a flexible body: its modes, the reduced body on its joint, and geometric stiffening."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Mapping
+from dataclasses import dataclass
+from functools import cached_property, partial
+from typing import Any
+
+import numpy as np
+
+from fmd.core.arrays import Array, IntArray
+from fmd.core.errors import InputError
+from fmd.fem.markers import Marker
+from fmd.fem.model import FEModel
+from fmd.reduction.body import FlexibleBody, floating_body, free_frame_body, reduced_body, supported_body
+from fmd.reduction.craig_bampton import craig_bampton_modes, craig_bampton_modes_of_family, rayleigh_ritz
+from fmd.reduction.cyclic import CyclicSolver
+from fmd.reduction.eigen import FreeBodySolver
+from fmd.reduction.enrichment import NEW, RESIDUAL, enrich_modes
+from fmd.reduction.factor.factor import Factor, MissingSolverError, TooLargeError, factorise
+from fmd.reduction.factor.slepc import factorise_over_ranks
+from fmd.reduction.loads import acceleration_loads, motion_loads
+from fmd.reduction.mode_families import lowest_modes, modes_of_family
+from fmd.reduction.modes import Modes, TooManyModesError
+from fmd.reduction.stiffening import stiffen_body
+from fmd.scene.reduced_bodies import AnyModes
+from fmd.stages.inboard_joint import InboardJoint
+
+_RITZ_GENERATIONS = 4
+
+
+@dataclass(frozen=True)
+class HeldModel:
+    """A body's finite element model with its markers, its supports and the joint that carries it.
+
+    Attributes
+    ----------
+    file, name : str
+        The scene's file and the body's name in it, for messages.
+    solver_name : str
+        Solver that the scene chooses.
+    factorise : callable
+        Factorises a matrix by that solver.
+    fe : FEModel
+        Stiffness and mass.
+    sectors : int
+        How many equal sectors a cyclic mesh has; 1 if it isn't cyclic.
+    markers : mapping of str to Marker
+        Markers by name.
+    fixed : ndarray of int, optional
+        Unknowns that the supports hold.
+    joint : InboardJoint
+        The joint.
+    """
+
+    file: str
+    name: str
+    solver_name: str
+    factorise: Callable[[Any], Factor]
+    fe: FEModel
+    sectors: int
+    markers: Mapping[str, Marker]
+    fixed: IntArray | None
+    joint: InboardJoint
+
+    @cached_property
+    def solver(self) -> FreeBodySolver:
+        """Solver of the model's eigenvalue problem and of static responses.
+
+        Raises
+        ------
+        InputError
+            Rigid faces share nodes, the factor doesn't fit into memory, or the wanted solver isn't installed.
+        """
+        rigid = [marker for marker in self.markers.values() if marker.rigid]
+        key = f"body.{self.name}"
+        try:
+            if self.sectors > 2 and not rigid and self.fixed is None:
+                return CyclicSolver(self.fe, self.sectors, self.factorise)
+            return FreeBodySolver(self.fe, rigid, self.fixed, self.factorise)
+        except ValueError as error:  # rigid faces that share nodes, with one another or with a support
+            raise InputError(self.file, f"{key}.marker", None, str(error)) from error
+        except TooLargeError as error:
+            raise InputError(self.file, f"{key}.mesh", None, str(error)) from error
+        except MissingSolverError as error:
+            raise InputError(self.file, f"{key}.modes.solver", self.solver_name, str(error)) from error
+
+    @property
+    def reaction(self) -> Array:
+        """Forces and torques by which the joint holds the body, shape (n_nodes, 3, 3 + k)."""
+        free = self.joint.free_directions
+        across = np.linalg.svd(np.eye(3) - free.T @ free)[0][:, : 3 - len(free)].T
+        return self.markers[self.joint.marker].columns(len(self.fe.x), across)
+
+    def reaction_if_held(self, settings: AnyModes) -> Array | None:
+        """Return the joint's reaction if the modes are to be those of the body held there; else ``None``."""
+        return self.reaction if settings.boundary == "joint" and not self.joint.floating else None
+
+
+def choose_factorisation(settings: AnyModes) -> Callable[[Any], Factor]:
+    """Return the function that factorises a matrix by the solver that a scene chooses."""
+    if settings.solver == "slepc":
+        return partial(factorise_over_ranks, ranks=settings.ranks or 2)
+    return partial(factorise, solver=settings.solver)
+
+
+def compute_modes(model: HeldModel, settings: AnyModes) -> Modes:
+    """Compute the modes that a scene chooses for a body.
+
+    Raises
+    ------
+    InputError
+        The mesh has fewer modes; the message says how many.
+    """
+    solver, count = model.solver, settings.count
+    try:
+        if settings.boundary == "interface":
+            interface = [model.markers[name] for name in settings.interface or tuple(model.markers)]
+            if settings.family == "any":
+                return craig_bampton_modes(model.fe, solver, interface, count)
+            normal = np.array(model.joint.axis)
+            return craig_bampton_modes_of_family(model.fe, solver, interface, count, settings.family, normal)
+        held = model.reaction_if_held(settings)
+        if settings.family == "any":
+            return lowest_modes(solver, count, held)
+        return modes_of_family(solver, model.fe, count, settings.family, np.array(model.joint.axis), held)
+    except TooManyModesError as error:
+        raise InputError(model.file, f"body.{model.name}.modes.count", count, str(error)) from error
+
+
+def reduce_body(model: HeldModel, modes: Modes, settings: AnyModes, frame: str) -> FlexibleBody:
+    """Reduce a body to its modes and static responses, with the frame that its joint asks for.
+
+    Raises
+    ------
+    InputError
+        The body hangs on no joint, or its supports don't hold it.
+    """
+    fe, markers, joint, fixed = model.fe, model.markers, model.joint, model.fixed
+    if not joint.marker:
+        raise InputError(model.file, f"body.{model.name}", None, "hangs on no joint: it has modes, but no motion")
+    omega, shapes = modes.omega, modes.shapes
+    if settings.enrich != "none":
+        omega, shapes = _enriched_shapes(model, modes, settings)
+    common = (fe, omega, shapes, markers, joint.marker)
+    if fixed is not None:
+        _require_held(model, modes, fixed)
+        return supported_body(*common, joint.free_directions, joint.normal)
+    if joint.floating:
+        return floating_body(*common)
+    if frame == "free" and len(joint.free) == 1:
+        return free_frame_body(*common, np.array(joint.axis), joint.normal)
+    return reduced_body(*common, joint.free_directions, joint.normal)
+
+
+def stiffen_reduced(model: HeldModel, body: FlexibleBody) -> FlexibleBody:
+    """Stiffen a reduced body by the loads that a scene can put on it."""
+    joint = model.joint
+    reaction = None if joint.floating or model.fixed is not None else model.reaction
+    common = (body, model.fe, model.solver, reaction, joint.plane, joint.accelerated)
+    return stiffen_body(*common, model.markers, joint.free_directions if model.fixed is not None else None)
+
+
+def _enriched_shapes(model: HeldModel, modes: Modes, settings: AnyModes) -> tuple[Array, Array]:
+    """Frequencies and shapes of the modes with static responses to inertia loads and joint forces beside them."""
+    fe, markers, joint = model.fe, model.markers, model.joint
+    outboard = [(markers[at], joint.plane if flat else None) for at, flat in joint.loaded if at != joint.marker]
+    loads = motion_loads(fe, markers[joint.marker], joint.plane, outboard)
+    if model.fixed is not None:
+        own = acceleration_loads(fe, markers[joint.marker].position, joint.plane)
+        loads = np.concatenate([loads, own], axis=2)
+    generations = _RITZ_GENERATIONS if settings.enrich == "ritz" else 1
+    held = model.reaction_if_held(settings)
+    least = RESIDUAL if settings.enrich == "residual" else NEW
+    omega, shapes = enrich_modes(modes, fe, model.solver, loads, held, generations, least)
+    if settings.boundary == "interface":  # no eigenvectors: the new shapes mix with them
+        omega, shapes = rayleigh_ritz(fe, shapes.reshape(fe.K.shape[0], -1))
+    return omega, shapes
+
+
+def _require_held(model: HeldModel, modes: Modes, fixed: IntArray) -> None:
+    """A supported body moves with the frame of its supports, on which its joint acts."""
+    if modes.n_rigid:
+        message = f"leave {modes.n_rigid} rigid-body modes; to move on a joint, a body must be held whole"
+        raise InputError(model.file, f"body.{model.name}.support", None, message)
+    nodes = model.markers[model.joint.marker].nodes
+    if model.joint.free and not np.isin(3 * nodes[:, None] + np.arange(3), fixed).all():
+        message = "must hold the whole face of the joint's marker, on which the joint turns freely"
+        raise InputError(model.file, f"body.{model.name}.support", None, message)

@@ -1,0 +1,221 @@
+"""Cuts of a part in pieces, weighted by the tractions of the part's own static deflections.
+
+A piece that is loaded at a cut by the nodal forces that the whole transmits there deforms as it does in the whole, and
+the motion on which these forces do work is common to both sides of the cut. So a chain of pieces with six coordinates a
+cut has the flexibility of the whole under loads at its ends: the section warps in torsion and shear as it wants to,
+which uniform tractions (RBE3) allow only in part. Between, tractions differ from these by what dies away from the loads
+(Saint-Venant), and enter the energy with the square of the difference.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Collection, Sequence
+from dataclasses import replace
+from typing import TYPE_CHECKING
+
+import numpy as np
+from scipy.spatial import cKDTree
+
+from fmd.core.arrays import Array, IntArray
+from fmd.core.cache import stage_key
+from fmd.core.rotations import move_loads, rigid_motions
+from fmd.fem.assembly import assemble
+from fmd.fem.markers import Marker, traction_marker
+from fmd.fem.material import Material, MaterialOfElements
+from fmd.fem.mesh import SolidMesh
+from fmd.fem.partition import facet_areas, interior_facets
+
+if TYPE_CHECKING:
+    from fmd.reduction.eigen import FreeBodySolver
+    from fmd.stages.part import FlexiblePart
+    from fmd.stages.piece_mesh import Cut, CutPart
+
+_SOURCES = ("fmd/fem", "fmd/reduction", "fmd/stages/cut_sections.py", "fmd/stages/pieces.py")
+_SAME_PLACE = 1e-9  # of the part's extent
+_SAME_WEIGHT = 1e-2  # of the largest: sections whose weights differ by less, by distant loads, have equal ones
+
+
+def weigh_cuts(part: FlexiblePart, cut: CutPart, loaded: Collection[str]) -> tuple[Marker | None, ...]:
+    """Return for each cut a marker on the whole part's nodes, weighted by the tractions there.
+
+    Parameters
+    ----------
+    part : FlexiblePart
+        The part in one piece.
+    cut : CutPart
+        Its cuts.
+    loaded : collection of str
+        Names of the markers at which joints and loads act.
+
+    Returns
+    -------
+    tuple of Marker, optional
+        ``None`` for a cut whose nodes are also on a rigid face, or whose forces have dependent resultants.
+    """
+    inputs = {
+        "part": part.key("body"),
+        "pieces": [(piece.digest, piece.offset.tolist()) for piece in cut.pieces],
+        "cuts": repr(cut.cuts),
+        "loaded": sorted(loaded),
+    }
+    key = stage_key("sections", inputs, _SOURCES, ("numpy", "scipy", "scikit-fem"))
+    return part.store.read_or_compute("sections", key, lambda: _compute(part, cut, sorted(loaded)))
+
+
+def _compute(part: FlexiblePart, cut: CutPart, loaded: Sequence[str]) -> tuple[Marker | None, ...]:
+    responses = _Responses(part, cut, loaded)
+    found = [responses.section(each) for each in cut.cuts]
+    known: list[Marker] = []
+    middle_first = sorted(range(len(found)), key=lambda k: abs(2 * k - len(found) + 1))
+    for k in middle_first:  # loads are far from there
+        own = found[k]
+        if own is not None:
+            found[k] = like = _like_a_known(own, known, part.space.x)
+            known += [like] if like is own else []
+    return tuple(found)
+
+
+class _Responses:
+    """Static deflections of a whole part by loads on both sides of its cuts."""
+
+    def __init__(self, part: FlexiblePart, cut: CutPart, loaded: Sequence[str]) -> None:
+        self._part, self._cut = part, cut
+        self._labels = np.empty(len(part.space.element_nodes), dtype=np.int64)
+        for k, piece in enumerate(cut.pieces):
+            self._labels[piece.cells] = k
+        self._facets = interior_facets(part.space)
+        floating = {part.joint.marker} if part.joint.floating else set()
+        self._ports = {name: cut.holds(name) for name in loaded if name not in floating}
+        self._origin = part.fe.m.sum(axis=0) @ part.fe.x / part.fe.mass
+        self._solver: FreeBodySolver = replace(part.model).solver  # a copy: what it factorises is let go with it
+        self._solved: dict[tuple[tuple[str, ...], ...], tuple[Array, Array]] = {}
+
+    def section(self, cut: Cut) -> Marker | None:
+        """Return the marker of a cut; ``None`` where there is none."""
+        space, labels = self._part.space, self._labels
+        at = np.unique(self._facets[0][cut.facets])
+        first, second = (space.element_nodes[at[labels[at] == number]] for number in (cut.first, cut.second))
+        nodes = np.intersect1d(first, second)
+        touching = np.isin(space.element_nodes, nodes).any(axis=1)
+        if any(marker.rigid and np.isin(marker.nodes, nodes).any() for marker in self._part.markers.values()):
+            return None
+        u, f = self._deflect(cut, nodes)
+        forces = self._nodal_forces(np.flatnonzero(touching & (labels == cut.second)), nodes, u) - f[nodes]
+        forces *= self._share(cut, nodes)[:, None, None]
+        centre = self._middle(cut)
+        forces = forces.transpose(2, 0, 1)
+        # A force at the origin has a moment about the middle of the section; without it resultants differ less in size.
+        forces[:3] -= np.einsum("km,mib->kib", np.cross(self._origin - centre, np.eye(3)), forces[3:])
+        try:
+            return traction_marker(centre, nodes, space.x[nodes], forces)
+        except ValueError:
+            return None
+
+    def _share(self, cut: Cut, nodes: IntArray) -> Array:
+        """Share of a cut in the forces on its second piece at nodes (n,): less than 1 where that has cuts to others."""
+        areas = {each: self._areas_at_nodes(each)[nodes] for each in self._cut.cuts if cut.second in each.pieces}
+        return np.asarray(areas[cut] / np.sum(list(areas.values()), axis=0))
+
+    def _areas_at_nodes(self, cut: Cut) -> Array:
+        """Sum of the areas of a cut's facets around each node of the part [m²], shape (n_nodes,)."""
+        space, (elements, local) = self._part.space, self._facets
+        pairs = space.element_nodes[elements[cut.facets]]
+        shared = (pairs[:, 0, :, None] == pairs[:, 1, None]).any(axis=2)
+        areas = facet_areas(space, elements[cut.facets, 0], local[cut.facets, 0])
+        found = np.bincount(pairs[:, 0][shared], (areas[:, None] * shared)[shared], minlength=len(space.x))
+        return np.asarray(found, dtype=float)
+
+    def _middle(self, cut: Cut) -> Array:
+        """Middle of a cut's facets [m], shape (3,)."""
+        space, (elements, local) = self._part.space, self._facets
+        elements, local = elements[cut.facets, 0], local[cut.facets, 0]
+        areas = facet_areas(space, elements, local)
+        corners = space.kind.facet_corners
+        middles = [
+            space.x[space.element_nodes[e, corners[k]]].mean(axis=0) for e, k in zip(elements, local, strict=True)
+        ]
+        return np.asarray(areas @ np.array(middles) / areas.sum())
+
+    def _deflect(self, cut: Cut, nodes: IntArray) -> tuple[Array, Array]:
+        """Return deflections (n_nodes, 3, 6) by six loads through a cut, and the loads beyond the cut."""
+        ports: list[tuple[str, ...]] = [(), ()]
+        beyond = _reached(cut, self._cut.cuts, len(self._cut.pieces))
+        if cut.first in beyond:  # a ring: forces may go round the other way, too
+            sides = {cut.second}, {cut.first}
+        else:
+            sides = beyond, set(range(len(self._cut.pieces))) - beyond
+            ports = [tuple(name for name, at in self._ports.items() if at in side) for side in sides]
+        known = tuple(ports)
+        if all(ports) and known in self._solved:
+            return self._solved[known]
+        f, back = (self._unit_loads(side, own, nodes) for side, own in zip(sides, ports, strict=True))
+        supported = self._part.shape.support and 0 not in sides[0]
+        u = self._solver.static_response(f if supported else f - back)
+        if all(ports):
+            self._solved = {known: (u, f)}
+        return u, f
+
+    def _unit_loads(self, side: set[int], ports: tuple[str, ...], nodes: IntArray) -> Array:
+        """Return nodal loads of unit forces and torques about the origin on one side of a cut, (n_nodes, 3, 6)."""
+        fe = self._part.fe
+        if not ports:  # inertia in six motions
+            inside = np.zeros(len(fe.x))
+            inside[self._part.space.element_nodes[np.isin(self._labels, list(side))]] = 1.0
+            inside[nodes] = 0.0
+            R = rigid_motions(fe.x - self._origin)
+            f = inside[:, None, None] * (fe.m @ (R * inside[:, None, None]).reshape(len(R), -1)).reshape(R.shape)
+            return np.asarray(f @ np.linalg.inv(np.einsum("iak,ial->kl", R, f)))
+        f = np.zeros((len(fe.x), 3, 6))
+        for name in ports:
+            marker = self._part.markers[name]
+            f += marker.columns(len(fe.x), np.eye(3)) @ move_loads(self._origin - marker.position) / len(ports)
+        return f
+
+    def _nodal_forces(self, elements: IntArray, nodes: IntArray, u: Array) -> Array:
+        """Return the nodal forces that deform elements, at some of their nodes, shape (n, 3, k)."""
+        part, mesh = self._part, self._part.mesh
+        used, cells = np.unique(mesh.cells[elements], return_inverse=True)
+        own = SolidMesh(mesh.points[used], cells.reshape(-1, mesh.cells.shape[1]), mesh.cell_type, {}, {})
+        material = part.material
+        if not isinstance(material, Material):
+            material = MaterialOfElements(material.materials, material.numbers[elements])
+        fe = assemble(own, part.order, material, part.formulation)
+        place = cKDTree(part.space.x).query(fe.x)[1]
+        forces = (fe.K @ u[place].reshape(fe.K.shape[0], -1)).reshape(len(place), 3, -1)
+        order = np.argsort(place)
+        return np.asarray(forces[order[np.searchsorted(place[order], nodes)]])
+
+
+def _reached(cut: Cut, cuts: Sequence[Cut], count: int) -> set[int]:
+    """Return the numbers of the pieces that hang together with a cut's second piece but for this cut."""
+    found, new = {cut.second}, [cut.second]
+    while new:
+        at = new.pop()
+        for other in cuts:
+            if other is not cut and at in (other.first, other.second):
+                beside = other.first + other.second - at
+                if beside not in found:
+                    found.add(beside)
+                    new.append(beside)
+    return found
+
+
+def _like_a_known(marker: Marker, known: Sequence[Marker], x: Array) -> Marker:
+    """Return a marker with the weights of a known one if both sections are equal but for a translation.
+
+    So the equal pieces of a bar stay equal to the bit.
+    """
+    r, extent = x[marker.nodes] - marker.position, float(np.ptp(x, axis=0).max())
+    for other in known:
+        if len(other.nodes) != len(marker.nodes):
+            continue
+        away, place = cKDTree(x[other.nodes] - other.position).query(r)
+        if away.max() > _SAME_PLACE * extent:
+            continue
+        pairs = [
+            (other.translation_weights[:, place], marker.translation_weights),
+            (other.rotation_weights[:, place], marker.rotation_weights),
+        ]
+        if all(np.abs(a - b).max() < _SAME_WEIGHT * np.abs(b).max() for a, b in pairs):
+            return replace(marker, translation_weights=pairs[0][0], rotation_weights=pairs[1][0])
+    return marker

@@ -1,0 +1,212 @@
+"""Flexible parts of a scene as they are reduced: whole, or as pieces of a whole that is shown as one."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, field, replace
+from functools import cached_property
+from typing import TYPE_CHECKING
+
+import numpy as np
+from numpy.typing import NDArray
+
+from fmd.core.arrays import Array, IntArray
+from fmd.core.errors import InputError
+from fmd.recovery.stress import StressHistory
+from fmd.scene.scene import Scene
+from fmd.stages.divided_scene import divide_scene, find_place, loaded_places, piece_name
+from fmd.stages.part import FlexiblePart
+from fmd.stages.piece_mesh import CutPart
+from fmd.stages.pieces_at_rest import (
+    PiecesAtRest,
+    deflection_error,
+    frequency_error,
+    measure_part,
+    put_together,
+)
+
+if TYPE_CHECKING:
+    from fmd.recovery.motion import Motion
+    from fmd.reduction.body import FlexibleBody
+
+
+@dataclass(frozen=True)
+class DividedPart:
+    """A part in pieces, shown as one.
+
+    Attributes
+    ----------
+    whole : FlexiblePart
+        The part as the scene has it.
+    cut : CutPart
+        Its cuts.
+    pieces : tuple of FlexiblePart
+        The pieces, the first at the part's joint.
+    ports : tuple of str
+        Names of the markers at which joints and loads act.
+    """
+
+    whole: FlexiblePart
+    cut: CutPart
+    pieces: tuple[FlexiblePart, ...]
+    ports: tuple[str, ...]
+
+    @cached_property
+    def nodes(self) -> tuple[IntArray, ...]:
+        """For each piece the numbers of its nodes in the whole, shape (n_nodes_of_piece,) each."""
+        from scipy.spatial import cKDTree
+
+        tree = cKDTree(self.whole.space.x)
+        return tuple(
+            np.asarray(tree.query(part.space.x + piece.offset)[1])
+            for part, piece in zip(self.pieces, self.cut.pieces, strict=True)
+        )
+
+    def find_node(self, node: int) -> tuple[FlexiblePart, int]:
+        """Return the first piece that holds a node of the whole, and the node's number there."""
+        places = zip(self.pieces, (np.flatnonzero(nodes == node) for nodes in self.nodes), strict=True)
+        return next((part, int(found[0])) for part, found in places if len(found))
+
+    @cached_property
+    def at_rest(self) -> PiecesAtRest:
+        """The pieces together at rest, free but for the supports, as the part's own modes are by default."""
+        bodies = [part.for_any_motion(part.body) for part in self.pieces]
+        return put_together(bodies, self.cut, bool(self.whole.shape.support))
+
+    @property
+    def frequencies_hz(self) -> Array:
+        """Frequencies of the pieces together at rest [Hz]: as many as each has modes wanted."""
+        return self.at_rest.frequencies_hz[: self.whole.shape.modes.count]
+
+    @cached_property
+    def errors(self) -> dict[str, float]:
+        """Relative errors of the lowest frequencies and of deflections under loads against the part in one piece."""
+        whole = measure_part(self.whole, self.ports)
+        return {
+            "lowest frequencies": frequency_error(self.at_rest, self.whole, whole),
+            "deflections": deflection_error(self.at_rest, self.whole, whole, self.ports),
+        }
+
+    def deform(self, motion: Motion, bodies: Mapping[str, FlexibleBody], frames: Sequence[int] | IntArray) -> Array:
+        """Return the displacement of all nodes in the frame of the first piece, shape (n_frames, n_nodes, 3) [m].
+
+        Nodes on a cut, which two pieces move, have the mean of both.
+        """
+        first, x = self.pieces[0].name, self.whole.space.x
+        origin = bodies[first].origin + self.cut.pieces[0].offset
+        total, count = np.zeros((len(frames), len(x), 3)), np.zeros(len(x))
+        for part, nodes in zip(self.pieces, self.nodes, strict=True):
+            body, q = bodies[part.name], motion.modal(part.name)
+            count[nodes] += 1
+            for row, k in enumerate(frames):
+                placed = motion.placed(part.name, body.x + body.shapes @ q[k], int(k))
+                total[row, nodes] += motion.seen_from(first, placed, int(k)) + origin - x[nodes]
+        return np.asarray(total / count[:, None])
+
+    def nodal_stress_at(self, motion: Motion, frame: int) -> NDArray[np.float32]:
+        """Return the stress at all nodes at an output time, (n_nodes, 6) [Pa]; on a cut the mean of both sides."""
+        total = np.zeros((len(self.whole.space.x), 6), dtype=np.float32)
+        count = np.zeros(len(total), dtype=np.float32)
+        for part, nodes in zip(self.pieces, self.nodes, strict=True):
+            count[nodes] += 1
+            total[nodes] += part.nodal_stress @ motion.modal(part.name)[frame].astype(np.float32)
+        return np.asarray(total / count[:, None])
+
+    def stress(self, motion: Motion) -> StressHistory:
+        """Return the stress on the surface of the whole over a motion, nodes on a cut with the mean of both pieces."""
+        surface, ends = self.whole.surface.nodes, np.cumsum([0, *(len(part.body.omega) for part in self.pieces)])
+        place = np.full(len(self.whole.space.x), -1)
+        place[surface] = np.arange(len(surface))
+        modal, count = np.zeros((len(surface), 6, int(ends[-1]))), np.zeros(len(surface))
+        for k, (part, nodes) in enumerate(zip(self.pieces, self.nodes, strict=True)):
+            rows = place[nodes[part.surface.nodes]]  # of a cut's inner nodes there are none
+            on_surface = np.flatnonzero(rows >= 0)
+            count[rows[on_surface]] += 1
+            modal[rows[on_surface], :, ends[k] : ends[k + 1]] = part.surface_stress[on_surface]
+        q = np.concatenate([motion.modal(part.name) for part in self.pieces], axis=1)
+        return StressHistory(surface, modal / count[:, None, None], motion.times, q)
+
+
+@dataclass(frozen=True)
+class Division:
+    """The parts of a scene as they are reduced.
+
+    Attributes
+    ----------
+    scene : Scene
+        The scene with pieces as bodies of their own.
+    parts : mapping of str to FlexiblePart
+        Parts and pieces by name.
+    divided : mapping of str to DividedPart
+        The parts in pieces by name; empty in most scenes.
+    """
+
+    scene: Scene
+    parts: Mapping[str, FlexiblePart]
+    divided: Mapping[str, DividedPart] = field(default_factory=dict)
+
+    def with_parts(self, parts: Mapping[str, FlexiblePart]) -> Division:
+        """Return the division with other parts and pieces of the same names."""
+        divided = {
+            name: replace(each, pieces=tuple(parts[piece.name] for piece in each.pieces))
+            for name, each in self.divided.items()
+        }
+        return Division(self.scene, parts, divided)
+
+    def find_place(self, place: str) -> str:
+        """Return ``"body.marker"`` with the name of the piece that holds the marker."""
+        return find_place(place, {name: part.cut for name, part in self.divided.items()})
+
+
+def divide_parts(scene: Scene, wholes: Mapping[str, FlexiblePart], like: Division | None = None) -> Division:
+    """Divide the parts of a scene that are to be in pieces.
+
+    Parameters
+    ----------
+    scene : Scene
+        With a simulation.
+    wholes : mapping of str to FlexiblePart
+        The parts as the scene has them.
+    like : Division, optional
+        That of another scene, from which results are taken that both have in common.
+
+    Raises
+    ------
+    InputError
+        The number of pieces is still open, or a part can't be cut; as `cut_part`.
+    """
+    from fmd.stages.piece_markers import mark_pieces
+    from fmd.stages.pieces import cut_part
+
+    for name, count in scene.pieces.items():
+        if count == "auto":
+            problem = "is still open here; `fmd run` finds the number, and then names it"
+            raise InputError(scene.file, f"body.{name}.pieces", count, problem)
+    loaded = loaded_places(scene)
+    cuts, ports = {}, {}
+    for name, count in scene.pieces.items():
+        whole = wholes[name]
+        ports[name] = tuple(
+            whole.shape.modes.interface or (at for at in whole.shape.marker if f"{name}.{at}" in loaded)
+        )
+        cuts[name] = mark_pieces(whole, cut_part(whole, int(count)), ports[name])
+    if not cuts:
+        return Division(scene, wholes)
+    found = divide_scene(scene, cuts, {name: wholes[name].elements for name in cuts})
+    parts: dict[str, FlexiblePart] = {}
+    divided = {}
+    for name, whole in wholes.items():
+        if name not in cuts:
+            parts[name] = FlexiblePart(found, name, whole.store, like=whole)
+            continue
+        shared: dict[str, FlexiblePart] = {}
+        for k, piece in enumerate(cuts[name].pieces):
+            own = piece_name(name, k)
+            before = None if like is None else like.parts.get(own)
+            part = FlexiblePart(found, own, whole.store, like=before, piece=piece)
+            if not part.shape.element:
+                part.results = shared.setdefault(part.key("body"), part).results  # equal pieces are reduced once
+            parts[own] = part
+        names = [piece_name(name, k) for k in range(len(cuts[name].pieces))]
+        divided[name] = DividedPart(whole, cuts[name], tuple(parts[own] for own in names), ports[name])
+    return Division(found, parts, divided)

@@ -1,0 +1,161 @@
+"""From a scene's springs, bushings and bearings, and joints' stops and friction, to force elements and laws."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Sequence
+from dataclasses import replace
+from typing import TYPE_CHECKING
+
+import numpy as np
+
+from fmd.core.arrays import Array
+from fmd.core.errors import InputError
+from fmd.core.formula import parse_formula
+from fmd.core.rotations import rotation_matrix
+from fmd.dynamics.closures import Place
+from fmd.dynamics.element_motion import element_strain
+from fmd.dynamics.elements import Attachment, Element, PointSpring, SixAxisSpring
+from fmd.dynamics.force_laws import ForceCurve, ForceLaw, Stop, smooth_curve, straight_curve
+from fmd.dynamics.kinematics import Kinematics
+from fmd.dynamics.mechanism import Mechanism
+from fmd.scene.force_curves import ForceByElongation
+from fmd.scene.force_elements import AngleStop, Bearing, Bushing, LengthStop, Spring
+from fmd.scene.joints import Joint
+
+if TYPE_CHECKING:
+    from fmd.scene.scene import Scene
+
+Locate = Callable[[str], tuple[Place, Array]]
+"""Returns a marker or a place on the ground by its name, and its axes in those of its body."""
+
+
+def joint_laws(joint: Joint) -> tuple[ForceLaw, ...]:
+    """Return the force laws along a joint's coordinates, beside the spring and damper of one with a single axis."""
+    if joint.type == "universal":
+        return tuple(_linear_law(*at) for at in zip(joint.springs, joint.rests, joint.dampers, strict=True))
+    if joint.type == "cylindrical":
+        along = _linear_law(joint.spring, joint.rest, joint.damper)
+        return along, _linear_law(joint.turning_spring, joint.rest_angle, joint.turning_damper)
+    if joint.type not in ("revolute", "prismatic", "screw") or not (joint.stop or joint.friction):
+        return ()
+    return (ForceLaw(stops=_stops(joint.stop), friction=joint.friction, friction_rate=joint.friction_rate),)
+
+
+def _linear_law(stiffness: float, rest: float, damping: float) -> ForceLaw:
+    return ForceLaw(ForceCurve((-stiffness * rest, stiffness)), damping)
+
+
+def add_elements(
+    scene: Scene, mechanism: Mechanism, locate: Locate, place_joints: Callable[[Scene, Mechanism], tuple[Array, Array]]
+) -> Mechanism:
+    """Give a mechanism the springs, bushings and bearings of its scene.
+
+    Those whose rest isn't given are unstrained at the start, with the bodies undeformed.
+
+    Raises
+    ------
+    InputError
+        A matrix of a bushing isn't symmetric or has a negative eigenvalue, or a formula has no value at the start.
+    """
+    springs = [(name, spring, _spring(name, spring, locate)) for name, spring in scene.spring.items()]
+    bushings = [(name, table, _bushing(scene, name, table, locate)) for name, table in scene.bushing.items()]
+    bearings = [_bearing(name, table, locate) for name, table in scene.bearing.items()]
+    if not (springs or bushings or bearings):
+        return mechanism
+    q, _ = place_joints(scene, mechanism)
+    states = Kinematics(mechanism, np.zeros(1), q[None], np.zeros((1, mechanism.n))).states
+
+    def strain(element: Element) -> Array:
+        return np.asarray(element_strain(states, element).values[0])
+
+    elements: list[Element] = []
+    for name, given, spring in springs:
+        rest = float(strain(spring)[0]) if given.length == "start" else spring.rest
+        stops = tuple(replace(stop, at=stop.at - rest) for stop in spring.law.stops)  # given by the length
+        resting = replace(spring, rest=rest, law=replace(spring.law, stops=stops))
+        if not np.isfinite(resting.law.forces(strain(resting), np.zeros(1))).all():
+            formula = given.force.formula if given.force else None
+            raise InputError(scene.file, f"spring.{name}.force.formula", formula, "has no finite value at the start")
+        elements.append(resting)
+    for _, table, bushing in bushings:
+        elements.append(_relaxed(bushing, strain(bushing), table.position == "start", table.turn == "start"))
+    elements += [_relaxed(bearing, strain(bearing), True, False) for bearing in bearings]
+    return replace(mechanism, elements=elements)
+
+
+def _spring(name: str, given: Spring, locate: Locate) -> PointSpring:
+    curve = ForceCurve((0.0, given.stiffness)) if given.force is None else _curve(given.force)
+    rest = 0.0 if given.length == "start" else float(given.length)
+    law = ForceLaw(curve, given.damper, _stops(given.stop), given.friction, given.friction_rate)
+    return PointSpring(name, _ends(given.between, locate), law, rest)
+
+
+def _bushing(scene: Scene, name: str, given: Bushing, locate: Locate) -> SixAxisSpring:
+    first, second = _ends(given.between, locate)
+    first = replace(first, axes=first.axes @ _rotation(given.rotation))
+    if given.turn != "start":
+        second = replace(second, axes=second.axes @ _rotation(given.turn).T)
+    K, C = (_matrix(*pair) for pair in ((given.stiffness, given.stiffness_matrix), (given.damper, given.damper_matrix)))
+    position = np.zeros(3) if given.position == "start" else np.array(given.position, dtype=float)
+    try:
+        return SixAxisSpring(name, (first, second), K, C, position)
+    except ValueError as error:
+        raise InputError(scene.file, f"bushing.{name}", None, str(error)) from error
+
+
+def _bearing(name: str, given: Bearing, locate: Locate) -> SixAxisSpring:
+    """Make the bushing of a bearing, whose z axis is the shaft's; its rotations are free."""
+    first, second = _ends(given.between, locate)
+    axis = np.array(given.axis, dtype=float)
+    first = replace(first, axes=first.axes @ _turned_to(axis / np.linalg.norm(axis)))
+    K = np.diag([given.radial, given.radial, given.axial, 0.0, 0.0, 0.0])
+    C = np.diag([given.radial_damper, given.radial_damper, given.axial_damper, 0.0, 0.0, 0.0])
+    return SixAxisSpring(name, (first, second), K, C)
+
+
+def _relaxed(bushing: SixAxisSpring, strain: Array, position: bool, turn: bool) -> SixAxisSpring:
+    """Move the rest of a bushing to where it is, by its position, by its turn, or by both."""
+    first, second = bushing.ends
+    if turn:
+        second = replace(second, axes=second.axes @ _rotation(strain[3:]).T)
+    moved = bushing.position + strain[:3] if position else bushing.position
+    return replace(bushing, position=moved, ends=(first, second))
+
+
+def _ends(between: tuple[str, str], locate: Locate) -> tuple[Attachment, Attachment]:
+    (first, of_first), (second, of_second) = (locate(place) for place in between)
+    return Attachment(first.body, first.marker, of_first), Attachment(second.body, second.marker, of_second)
+
+
+def _stops(given: LengthStop | AngleStop | None) -> tuple[Stop, ...]:
+    if given is None:
+        return ()
+    sides = ((given.low, -1.0), (given.high, 1.0))
+    return tuple(Stop(at, side, given.stiffness, given.damper, given.width) for at, side in sides if at is not None)
+
+
+def _curve(given: ForceByElongation) -> ForceCurve:
+    if given.formula is not None:
+        return ForceCurve(formula=parse_formula(given.formula, "x"), factor=given.factor)
+    assert given.elongations is not None  # the scene's own check
+    assert given.values is not None
+    values = [given.factor * value for value in given.values]
+    return (smooth_curve if given.between == "smooth" else straight_curve)(given.elongations, values)
+
+
+def _matrix(diagonal: Sequence[float] | None, full: Sequence[Sequence[float]] | None) -> Array:
+    if full is not None:
+        return np.array(full, dtype=float)
+    return np.zeros((6, 6)) if diagonal is None else np.diag(np.array(diagonal, dtype=float))
+
+
+def _rotation(vector: Sequence[float] | Array) -> Array:
+    return np.asarray(rotation_matrix(np.array([vector], dtype=float))[0])
+
+
+def _turned_to(axis: Array) -> Array:
+    """Rotation whose third column is a unit vector."""
+    other = np.eye(3)[int(np.argmin(np.abs(axis)))]
+    x = np.cross(other, axis)
+    x /= np.linalg.norm(x)
+    return np.stack([x, np.cross(axis, x), axis], axis=1)

@@ -1,0 +1,157 @@
+"""The joint that carries a flexible body, the loads that reach it, and what both mean for its modes."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+
+from fmd.core.arrays import Array
+from fmd.scene.compound_joints import Planar
+from fmd.scene.joints import Prismatic, Revolute
+from fmd.scene.loads import Drive
+from fmd.scene.scene import Scene
+from fmd.stages.ground import axes_in_space, joint_axes, place_axes
+
+Direction = tuple[float, float, float]
+
+_ROUND_OFF = 1e-12
+
+
+@dataclass(frozen=True)
+class InboardJoint:
+    """The joint that carries a body, as far as the body's reduction depends on it.
+
+    Attributes
+    ----------
+    marker : str
+        The body's marker at the joint; empty in a scene of parts alone.
+    axis : tuple of float
+        Normal of the plane of motion: the hinge's axis, or that of the other hinges.
+    free : tuple
+        Directions (k, 3) about which the joint lets the body turn by itself: its frame floats about them.
+    floating : bool
+        Holds nothing at all: a free joint, or none.
+    prescribed : bool
+        Its motion is given.
+    planar : bool
+        Every joint of the scene keeps to the plane across ``axis``, and so do gravity and all loads.
+    normal : int
+        Number of the only coordinate axis that the body turns about in space, on a hinge to the ground; else -1.
+    accelerated : bool
+        The joint moves through space, or gravity acts: the body's frame accelerates.
+    loaded : tuple of (str, bool)
+        Markers where other bodies hang or loads act, by name, and if those keep to the plane of motion.
+    """
+
+    marker: str
+    axis: Direction
+    free: tuple[Direction, ...]
+    floating: bool
+    prescribed: bool
+    planar: bool
+    normal: int = -1
+    accelerated: bool = True
+    loaded: tuple[tuple[str, bool], ...] = ()
+
+    @property
+    def free_directions(self) -> Array:
+        """Unit vectors about which the body turns freely, shape (k, 3)."""
+        free = np.array(self.free, dtype=float).reshape(-1, 3)
+        return np.asarray(free / np.linalg.norm(free, axis=1, keepdims=True))
+
+    @property
+    def plane(self) -> Array | None:
+        """Normal of the plane of motion, shape (3,); ``None`` if the scene moves in space."""
+        return np.array(self.axis) if self.planar else None
+
+
+def read_inboard_joint(scene: Scene, body: str) -> InboardJoint:
+    """Read from a scene how the joint that carries a flexible body holds it."""
+    gravity = scene.moves and any(scene.simulation.gravity)
+    if body not in scene.carrying:  # a scene of parts alone
+        axis = (0.0, 0.0, 1.0)
+        loaded = _loaded_markers(scene, body, axis)
+        return InboardJoint("", axis, (), floating=True, prescribed=False, planar=False, loaded=loaded)
+    name = scene.carrying[body]
+    joint = scene.joint[name]
+    prescribed = any(drive.type == "motion" and drive.joint == name for drive in scene.drive.values())
+    hinges = [_axis_in_space(scene, other) for other in scene.joint.values() if other.type in ("revolute", "planar")]
+    into_body = axes_in_space(scene, body).T
+    axis = _turned(into_body, hinges[0]) if hinges else (0.0, 0.0, 1.0)
+    if joint.type == "revolute":
+        x, y, z = joint_axes(scene, joint).axis_in_child(joint.axis)
+        axis = float(x), float(y), float(z)
+    normal = _turned(into_body.T, axis)
+    in_plane = [_parallel(normal, hinge) for hinge in hinges]
+    in_plane += [other.type in ("fixed", "revolute", "prismatic", "planar") for other in scene.joint.values()]
+    slides = [_axis_in_space(scene, other) for other in scene.joint.values() if other.type == "prismatic"]
+    in_plane += [_across(normal, slide) for slide in slides]
+    in_plane += [not gravity or _across(normal, scene.simulation.gravity)]
+    in_plane += [_acts_in_plane(scene, drive, normal) for drive in scene.drive.values()]
+    in_plane += [not any(scene.elements.values())]  # which may pull across any plane
+    free: tuple[Direction, ...] = ()
+    if joint.type == "revolute" and not prescribed:
+        free = (axis,)
+    elif joint.type == "spherical":
+        free = ((1.0, 0.0, 0.0), (0.0, 1.0, 0.0), (0.0, 0.0, 1.0))
+    on_ground = joint.parent.partition(".")[0] == "ground"
+    about_an_axis = joint.type == "revolute" and on_ground and np.count_nonzero(axis) == 1
+    return InboardJoint(
+        marker=joint.child.partition(".")[2],
+        axis=axis,
+        free=free,
+        floating=joint.type == "free",
+        prescribed=prescribed,
+        planar=all(in_plane),
+        normal=int(np.argmax(np.abs(axis))) if about_an_axis else -1,
+        accelerated=gravity or not on_ground or joint.type not in ("fixed", "revolute", "spherical", "universal"),
+        loaded=_loaded_markers(scene, body, normal),
+    )
+
+
+def _loaded_markers(scene: Scene, body: str, normal: Direction) -> tuple[tuple[str, bool], ...]:
+    closing = [scene.joint[name] for name in scene.closing]
+    ends = [*(joint.parent for joint in scene.joint.values()), *(joint.child for joint in closing)]
+    places = dict.fromkeys(ends, True)
+    if any(joint.type == "fixed" for joint in closing):
+        # What walls clamp at both ends may buckle across the plane, too.
+        clamps = [joint for joint in scene.joint.values() if joint.type == "fixed"]
+        places |= {at: False for joint in clamps for at in (joint.parent, joint.child)}
+    for drive in scene.drive.values():
+        if drive.type in ("point force", "point torque"):
+            places[drive.marker] = places.get(drive.marker, True) and _acts_in_plane(scene, drive, normal)
+    places |= {at: False for table in scene.elements.values() for element in table.values() for at in element.between}
+    own = {place.partition(".")[2]: flat for place, flat in places.items() if place.partition(".")[0] == body}
+    return tuple(sorted(own.items()))
+
+
+def _acts_in_plane(scene: Scene, drive: Drive, normal: Direction) -> bool:
+    """Return False for a force or torque at a point that acts out of the plane across a direction in space."""
+    if drive.type not in ("point force", "point torque"):
+        return True
+    turned = axes_in_space(scene, drive.marker.partition(".")[0]) if drive.following else np.eye(3)
+    turned = turned @ place_axes(scene, drive.marker) if drive.following else turned
+    direction = _turned(turned, drive.direction)
+    return _parallel(normal, direction) if drive.type == "point torque" else _across(normal, direction)
+
+
+def _axis_in_space(scene: Scene, joint: Revolute | Prismatic | Planar) -> Direction:
+    return _turned(
+        axes_in_space(scene, joint.parent.partition(".")[0]) @ joint_axes(scene, joint).in_parent, joint.axis
+    )
+
+
+def _turned(R: Array, direction: Direction) -> Direction:
+    if (np.eye(3) == R).all():
+        return direction
+    x, y, z = R @ np.array(direction, dtype=float)
+    return float(x), float(y), float(z)
+
+
+def _parallel(a: Direction, b: Direction) -> bool:
+    return bool(np.linalg.norm(np.cross(a, b)) <= _ROUND_OFF * np.linalg.norm(a) * np.linalg.norm(b))
+
+
+def _across(a: Direction, b: Direction) -> bool:
+    return bool(abs(np.dot(a, b)) <= _ROUND_OFF * np.linalg.norm(a) * np.linalg.norm(b))

@@ -1,0 +1,187 @@
+"""From a scene to its linear model: names of inputs and outputs, static correction, and the state of linearisation."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass, replace
+from typing import TYPE_CHECKING
+
+import numpy as np
+
+from fmd.core.arrays import Array
+from fmd.core.errors import InputError
+from fmd.core.units import to_si
+from fmd.responses.linearisation import Linearisation
+from fmd.responses.ports import MotionPort
+from fmd.responses.state_space import StateSpace
+from fmd.scene.variants import correct_statically, open_to_space, replace_start
+from fmd.stability.tangent import OperatingPoint
+from fmd.stages.linear_ports import SINGLE, find_input, find_output
+
+if TYPE_CHECKING:
+    from fmd.dynamics.mechanism import Mechanism
+    from fmd.scene.scene import Scene
+    from fmd.stages.pipeline import Pipeline
+
+STARTS = ("start", "equilibrium", "steady")
+_STILL = 1e-3  # accelerations of joints below are none [rad/s² or m/s²], beside the squared rates
+_SETTLED = 1e-4  # of the largest modal coordinate
+
+
+@dataclass(frozen=True)
+class LinearModel:
+    """A scene's linear model, with what belongs to its inputs.
+
+    Attributes
+    ----------
+    model : StateSpace
+        The model.
+    about : str
+        State about which the scene is linearised.
+    motions : ndarray of bool, shape (n_inputs,)
+        Inputs that are the acceleration of a prescribed motion.
+    warnings : list of dict
+        ``code`` and ``text`` of what the answers suffer from.
+    """
+
+    model: StateSpace
+    about: str
+    motions: Array
+    warnings: list[dict[str, str]]
+
+    def input_names(self, as_positions: bool) -> list[tuple[str, str]]:
+        """Return names and units of the inputs; prescribed motions by position, or by acceleration as in the model."""
+        return [
+            (name.removesuffix(".acceleration"), unit.removesuffix("/s^2")) if moves and as_positions else (name, unit)
+            for (name, unit), moves in zip(self.model.inputs, self.motions, strict=True)
+        ]
+
+    def frequency_response(self, frequencies_hz: Array) -> Array:
+        """Return the response of outputs to inputs, (n_frequencies, n_outputs, n_inputs); to positions of motions."""
+        found = self.model.frequency_response(frequencies_hz)
+        square = -((2 * np.pi * np.asarray(frequencies_hz)) ** 2)
+        found[:, :, self.motions] *= square[:, None, None]
+        return found
+
+
+def linearise_scene(run: Pipeline, inputs: Sequence[str], outputs: Sequence[str], about: str = "start") -> LinearModel:
+    """Linearise a scene.
+
+    Parameters
+    ----------
+    run : Pipeline
+        The scene's.
+    inputs, outputs : sequence of str
+        Names, as docs/responses.md lists them.
+    about : str
+        ``start``, ``equilibrium``, ``steady``, or a time [s] of the scene's first run.
+
+    Raises
+    ------
+    InputError
+        A name is unknown, doesn't fit its use, or isn't linear; or there is no such time.
+    AccuracyError
+        There is no equilibrium or steady state, or the march to the time diverged.
+    """
+    time = read_about(run, about)
+    simulation = run.scene.simulation
+    wanted = [find_input(run.scene, name) for name in inputs]
+    scene = correct_statically(open_to_space(run.scene), [at.drive for at in wanted if at.drive is not None])
+    if about in ("equilibrium", "steady"):
+        scene = replace_start(scene, about)
+    corrected = run.variant(scene, run.store.monitor)
+    mechanism, state = _operating_state(corrected, time)
+    ports_in = [at.port(mechanism) for at in wanted]
+    ports_out = [find_output(corrected, mechanism, name) for name in outputs]
+    linearisation = Linearisation(mechanism, ports_in, ports_out)
+    model = linearisation.at(state)
+    name = about if time is None else f"t = {time:g} s"
+    if about == "start" and simulation.start != "undeformed":
+        name = simulation.start
+    accelerations = linearisation.accelerations(state)
+    motions = np.array([isinstance(port, MotionPort) for port in ports_in], dtype=bool)
+    warnings = _find_warnings(model, mechanism, state, accelerations, name)
+    return LinearModel(model, name, motions, [*warnings, *_reduced_bodies(corrected)])
+
+
+def _reduced_bodies(run: Pipeline) -> list[dict[str, str]]:
+    """Warn of bodies whose shapes are those of a file: nothing is known of what these leave out."""
+    return [
+        {
+            "code": "not-corrected",
+            "text": f"{name} has the shapes of its file alone: without static correction, zeros can be off",
+        }
+        for name, part in run.parts.items()
+        if part.is_reduced
+    ]
+
+
+def default_inputs(scene: Scene) -> list[str]:
+    """Return the names of a scene's drives as inputs; without any, the forces on its tip."""
+    return [f"drive.{name}" for name in scene.drive] or [f"{scene.simulation.tip}.{way}" for way in "xyz"]
+
+
+def default_outputs(scene: Scene) -> list[str]:
+    """Return the names of a scene's tip and of its joints with one position as outputs."""
+    joints = [name for name, joint in scene.joint.items() if joint.type in SINGLE and name not in scene.closing]
+    return [*(f"{scene.simulation.tip}.{way}" for way in "xyz"), *(f"{name}.position" for name in joints)]
+
+
+def read_about(run: Pipeline, about: str) -> float | None:
+    """Return the time [s] of a state of linearisation, ``None`` for the start.
+
+    Raises
+    ------
+    InputError
+        It is neither a state's name nor a time of the scene.
+    """
+    duration = run.scene.simulation.duration
+    if about in STARTS:
+        return None
+    try:
+        time = float(about)
+    except ValueError:
+        try:
+            time = to_si(about, "time")
+        except ValueError:
+            time = np.nan
+    if not 0.0 <= time <= duration:
+        mend = f"must be one of {', '.join(STARTS)}, or a time of the scene, 0 … {duration:g} s"
+        raise InputError("--about", "", about, mend)
+    return time
+
+
+def _operating_state(run: Pipeline, time: float | None) -> tuple[Mechanism, OperatingPoint]:
+    """Return a scene's mechanism with the state at its start, or at a time of its first run."""
+    if not time:
+        q, v = run.start
+        return run.mechanism, OperatingPoint(0.0, q, v)
+    plan = replace(next(iter(run.plans.values())), excited=None, excited_system=None)
+    trajectory = plan.march(np.array([0.0, time]))
+    return plan.mechanism, OperatingPoint(time, trajectory.q[-1], trajectory.v[-1])
+
+
+def _find_warnings(
+    model: StateSpace, mechanism: Mechanism, state: OperatingPoint, a: Array, about: str
+) -> list[dict[str, str]]:
+    """Warn of a state that doesn't last, and of one from which a motion grows by itself."""
+    found = []
+    modes = np.concatenate([mechanism.modes_of(k) for k in range(len(mechanism.links))])
+    omega = np.concatenate([link.omega for link in mechanism.links])
+    joints = np.setdiff1d(np.arange(mechanism.n), modes)
+    allowed = _STILL * (1.0 + float((state.v**2).max(initial=0.0)))
+    deflections = state.q[modes + mechanism.n_positions - mechanism.n]
+    shift = np.abs(a[modes]) / omega**2
+    moves = np.abs(a[joints]).max(initial=0.0) > allowed
+    if moves or shift.max(initial=0.0) > _SETTLED * max(np.abs(deflections).max(initial=0.0), 1e-8):
+        text = f"the mechanism accelerates at the state of linearisation ({about}): the answers are of one instant"
+        text += "; --about equilibrium or --about steady take a state that lasts" if about == "start" else ""
+        found.append({"code": "not-steady", "text": text})
+    if model.growth:
+        text = f"from the state of linearisation ({about}) a small motion grows by {model.growth:.3g} 1/s"
+        found.append({"code": "unstable", "text": text})
+    elif (undamped := model.poles_hz[model.damping < 1e-9]).size:
+        text = f"no damping at {undamped[0]:.5g} Hz{' and others' if undamped.size > 1 else ''}: the response is "
+        text += "unbounded there; modes.damping, or dampers, bound it"
+        found.append({"code": "undamped", "text": text})
+    return found

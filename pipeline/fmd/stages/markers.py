@@ -1,0 +1,138 @@
+"""Markers and supports of a flexible body on its mesh or on the nodes of its matrices."""
+
+from __future__ import annotations
+
+import re
+from collections.abc import Callable, Mapping
+from typing import TypeVar
+
+import numpy as np
+
+from fmd.core.arrays import IntArray
+from fmd.core.errors import InputError
+from fmd.fem.formats.matrices import MatrixModel, node_marker, nodes_in_plane
+from fmd.fem.local_markers import edge_marker, point_marker, single_node_marker
+from fmd.fem.markers import Marker, face_marker, facets_on_face
+from fmd.fem.selection import facets_in_plane, facets_near, node_at, nodes_on_edge, nodes_on_faces
+from fmd.fem.space import Discretisation
+from fmd.scene.any_body import Flexible
+from fmd.scene.places import MarkerPlace
+from fmd.stages.meshing.bodies import find_name
+
+T = TypeVar("T")
+
+
+def place_markers(
+    shape: Flexible, space: Discretisation, file: str, body: str, given: Mapping[str, Marker] | None = None
+) -> dict[str, Marker]:
+    """Place a body's markers on the surface of its mesh, but for those that are given.
+
+    Raises
+    ------
+    InputError
+        A face isn't there, or no part of the surface is.
+    """
+
+    def place(name: str, marker: MarkerPlace) -> Marker:
+        if given is not None and name in given:
+            return given[name]
+        rigid = marker.attachment == "rigid"
+        if marker.plane is not None:
+            return face_marker(space, facets_in_plane(space, *marker.plane), rigid)
+        if marker.near is not None:
+            return face_marker(space, facets_near(space, np.array(marker.near), _cad_faces(shape, space)), rigid)
+        if marker.at is not None:
+            return point_marker(space, np.array(marker.at))
+        if marker.node is not None:
+            return single_node_marker(space, int(node_at(space, np.array(marker.node))[0]))
+        if marker.edge is not None and not marker.edge_faces:
+            return edge_marker(space, nodes_on_edge(space, np.array(marker.edge)))
+        key = f"body.{body}.marker.{name}.face"
+        if marker.edge_faces:
+            key = f"body.{body}.marker.{name}.edge"
+            names = [find_name(space.mesh.faces, face, file, key) for face in marker.edge_faces]
+            return edge_marker(space, nodes_on_faces(space, [space.mesh.faces[face] for face in names]))
+        faces = [space.mesh.faces[find_name(space.mesh.faces, face, file, key)] for face in marker.faces]
+        return face_marker(space, faces, rigid)
+
+    return _placed(shape, place, file, body)
+
+
+def find_marker_facets(shape: Flexible, space: Discretisation, file: str, body: str) -> dict[str, IntArray]:
+    """Find the boundary facets of each marker of a body that is on a face; raises as `place_markers`."""
+
+    def find(name: str, marker: MarkerPlace) -> IntArray:
+        faces = _faces(shape, space, name, marker, file, body)
+        facets = np.unique(np.concatenate([facets_on_face(space, face) for face in faces]))
+        if not facets.size:
+            raise ValueError("no boundary facet of the mesh lies on the face")
+        return facets
+
+    on_faces = {name: at for name, at in shape.marker.items() if isinstance(at, MarkerPlace) and at.is_face}
+    return _placed(shape.model_copy(update={"marker": on_faces}), find, file, body)
+
+
+def _faces(
+    shape: Flexible, space: Discretisation, name: str, marker: MarkerPlace, file: str, body: str
+) -> list[IntArray]:
+    """Return the faces that a marker is on, as `face_marker` takes them."""
+    if marker.plane is not None:
+        return [facets_in_plane(space, *marker.plane)]
+    if marker.near is not None:
+        return [facets_near(space, np.array(marker.near), _cad_faces(shape, space))]
+    key = f"body.{body}.marker.{name}.face"
+    return [space.mesh.faces[find_name(space.mesh.faces, face, file, key)] for face in marker.faces]
+
+
+def place_node_markers(shape: Flexible, model: MatrixModel, file: str, body: str) -> dict[str, Marker]:
+    """Place the markers of a body that is given by its matrices on its nodes; raises as `place_markers`."""
+
+    def place(name: str, marker: MarkerPlace) -> Marker:
+        nodes = nodes_in_plane(model, *marker.plane) if marker.plane else np.array(marker.nodes)
+        return node_marker(model, nodes, marker.attachment == "rigid")
+
+    return _placed(shape, place, file, body)
+
+
+def fixed_unknowns(shape: Flexible, space: Discretisation, file: str, body: str) -> IntArray:
+    """Return the unknowns that a body's supports hold, shape (n_fixed,).
+
+    Raises
+    ------
+    InputError
+        A face isn't there, or no node lies where a support is to hold.
+    """
+    fixed = []
+    for number, support in enumerate(shape.support):
+        key = f"body.{body}.support.{number}"
+        try:
+            if support.edge is not None:
+                nodes = nodes_on_edge(space, np.array(support.edge))
+            elif support.point is not None:
+                nodes = node_at(space, np.array(support.point))
+            else:
+                names = [find_name(space.mesh.faces, face, file, f"{key}.face") for face in support.faces]
+                nodes = nodes_on_faces(space, [space.mesh.faces[name] for name in names])
+        except ValueError as error:
+            raise InputError(file, key, support.edge or support.faces, str(error)) from error
+        fixed += [3 * nodes + "xyz".index(axis) for axis in support.fixed]
+    return np.unique(np.concatenate(fixed))
+
+
+def _placed(shape: Flexible, place: Callable[[str, MarkerPlace], T], file: str, body: str) -> dict[str, T]:
+    markers = {}
+    for name, marker in shape.marker.items():
+        assert isinstance(marker, MarkerPlace)
+        try:
+            markers[name] = place(name, marker)
+        except ValueError as error:
+            given = next(iter(marker.where.values()))
+            raise InputError(file, f"body.{body}.marker.{name}", given, str(error)) from error
+    return markers
+
+
+def _cad_faces(shape: Flexible, space: Discretisation) -> list[IntArray]:
+    """Return the faces that CAD itself keeps apart; fillets, which have no sharp edges, are among them."""
+    if shape.shape != "cad":
+        return []
+    return [face for name, face in space.mesh.faces.items() if re.fullmatch(r"face-\d+", name)]

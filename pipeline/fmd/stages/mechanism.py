@@ -1,0 +1,304 @@
+"""From a scene's bodies, joints and drives to the mechanism that its runs integrate."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+
+from fmd.core.arrays import Array
+from fmd.core.errors import InputError
+from fmd.dynamics.closures import Closure, Constraint, Coupler, Place, close_joint, fixed_place
+from fmd.dynamics.compiled_system.shared import share_system
+from fmd.dynamics.compiled_system.steady import find_steady_state
+from fmd.dynamics.compiled_system.system import CompiledSystem
+from fmd.dynamics.links import (
+    CYLINDRICAL,
+    FIXED,
+    FREE,
+    PLANAR,
+    PRISMATIC,
+    REVOLUTE,
+    SCREW,
+    SPHERICAL,
+    UNIVERSAL,
+    Link,
+    PointLoad,
+    rigid_gram,
+)
+from fmd.dynamics.mechanism import Mechanism
+from fmd.dynamics.signals.signal import Signal, constant, half_sine, total
+from fmd.reduction.body import FlexibleBody, MarkerShapes
+from fmd.reduction.inertia import InertiaGram
+from fmd.scene.damping import damping_ratios
+from fmd.stages.assembly import assemble, close_start, following_joints, given_joints
+from fmd.stages.divided_scene import part_of
+from fmd.stages.equilibrium import find_equilibrium
+from fmd.stages.force_elements import add_elements, joint_laws
+from fmd.stages.ground import ground_place, joint_axes, place_axes
+from fmd.stages.inboard_joint import read_inboard_joint
+from fmd.stages.loop_steady import find_closed_steady_state
+from fmd.stages.signals import require_sound_drives, signal_of
+
+if TYPE_CHECKING:
+    from fmd.scene.scene import Scene
+
+_JOINTS = {
+    "fixed": FIXED,
+    "revolute": REVOLUTE,
+    "prismatic": PRISMATIC,
+    "spherical": SPHERICAL,
+    "free": FREE,
+    "universal": UNIVERSAL,
+    "cylindrical": CYLINDRICAL,
+    "planar": PLANAR,
+    "screw": SCREW,
+}
+
+
+def build_mechanism(
+    scene: Scene,
+    bodies: Mapping[str, FlexibleBody],
+    fast_joints: Sequence[str] | None = None,
+    slow_modes: Mapping[str, int] | None = None,
+) -> Mechanism:
+    """Build the mechanism of a scene; each body's frame sits at the marker of the joint that carries it.
+
+    Parameters
+    ----------
+    bodies : mapping of str to FlexibleBody
+        The scene's flexible bodies, reduced.
+    fast_joints, slow_modes
+        As in `Mechanism`; by default the joints that the scene lists as fast, and no mode slow.
+
+    Raises
+    ------
+    InputError
+        A prescribed motion jumps, or a load or motion has no finite value at some time of the scene.
+    """
+    require_sound_drives(scene)
+    places = _Places(scene, bodies)
+    if fast_joints is None:
+        fast_joints = [scene.joint[name].child.partition(".")[0] for name in scene.simulation.fast]
+    links = [_link(scene, places, body) for body in places.order]
+    gravity, loads = np.array(scene.simulation.gravity), _point_loads(scene, places)
+    closures: list[Constraint] = [*(_closure(scene, places, name) for name in scene.closing), *_couplers(scene)]
+    try:
+        mechanism = Mechanism(links, fast_joints, gravity, loads, slow_modes or {}, scene.simulation.duration, closures)
+    except ValueError as error:
+        raise InputError(scene.file, "drive", None, str(error)) from error
+    mechanism = assemble(scene, mechanism) if closures else mechanism
+    return add_elements(scene, mechanism, places.on_either, place_joints)
+
+
+def find_start(scene: Scene, system: CompiledSystem) -> tuple[Array, Array]:
+    """Find positions and rates of a scene's mechanism at the start.
+
+    Returns
+    -------
+    tuple of ndarray, shapes (n_positions,) and (n,)
+        With the joints where the scene has them, the bodies undeformed or, on a steady start, at rest in their frames;
+        or all at rest under the loads of the start.
+
+    Raises
+    ------
+    AccuracyError
+        There is no steady state, or no equilibrium.
+    """
+    q0, v0 = place_joints(scene, system.mechanism)
+    if scene.simulation.start == "equilibrium":
+        q0, v0 = find_equilibrium(system, q0), np.zeros(system.n)
+        return (q0, close_start(scene, system, q0, v0)[1]) if system.mechanism.closures else (q0, v0)
+    if scene.simulation.start == "steady" and system.mechanism.closures:
+        return find_closed_steady_state(system, q0, v0, following_joints(scene, system.mechanism))
+    return (find_steady_state(system, q0, v0), v0) if scene.simulation.start == "steady" else (q0, v0)
+
+
+def place_joints(scene: Scene, mechanism: Mechanism) -> tuple[Array, Array]:
+    """Return positions (n_positions,) and rates (n,) of the undeformed mechanism, its joints where the scene starts.
+
+    Loops close: joints whose position or rate the scene leaves open move first.
+    """
+    q0, v0 = given_joints(scene, mechanism)
+    return close_start(scene, share_system(mechanism), q0, v0) if mechanism.closures else (q0, v0)
+
+
+class _Places:
+    """Places of a scene's markers in the frames of their bodies."""
+
+    def __init__(self, scene: Scene, bodies: Mapping[str, FlexibleBody]) -> None:
+        self.scene, self.bodies = scene, bodies
+        self.carried = scene.carrying
+        self.order: list[str] = []
+        for body in self.carried:
+            self._after_parent(body)
+
+    def parent(self, body: str) -> str:
+        return self.scene.joint[self.carried[body]].parent.partition(".")[0]
+
+    def _after_parent(self, body: str) -> None:
+        parent = self.parent(body)
+        if parent != "ground" and parent not in self.order:
+            self._after_parent(parent)
+        if body not in self.order:
+            self.order.append(body)
+
+    def on_either(self, place: str) -> tuple[Place, Array]:
+        """A marker of a body, or a place on the ground, and its axes in those of the body."""
+        body = place.partition(".")[0]
+        if body == "ground":
+            position, axes = ground_place(self.scene, place)
+            return fixed_place(position), axes
+        return Place(body, self.marker(place)), place_axes(self.scene, place)
+
+    def marker(self, place: str) -> MarkerShapes:
+        body, _, name = place.partition(".")
+        return self.markers(body)[name]
+
+    def markers(self, body: str) -> Mapping[str, MarkerShapes]:
+        """All markers of a body by their names."""
+        if body in self.bodies:
+            return self.bodies[body].markers
+        given: Any = self.scene.body[body].marker
+        nothing, origin = np.zeros((3, 0)), self.origin(body)
+        return {name: MarkerShapes(np.subtract(at.at, origin), nothing, nothing) for name, at in given.items()}
+
+    def origin(self, body: str) -> Array:
+        """Place of a rigid body's joint, the origin of its frame, in the scene's coordinates of the body [m]."""
+        given: Any = self.scene.body[body].marker
+        return np.array(given[self.joint_marker(body)].at)
+
+    def joint_marker(self, body: str) -> str:
+        return self.scene.joint[self.carried[body]].child.partition(".")[2]
+
+
+def _link(scene: Scene, places: _Places, body: str) -> Link:
+    name = places.carried[body]
+    joint = scene.joint[name]
+    axes = joint_axes(scene, joint)
+    settings: dict[str, Any] = {"joint_name": name, "markers": places.markers(body), "place_axes": axes.of_child}
+    settings["part"] = part_of(body)
+    if body in places.bodies:
+        reduced, damping = places.bodies[body], scene.flexible[body].modes.damping
+        gram = reduced.gram
+        told = reduced.damping.size and not damping  # by the file that holds the body
+        settings |= {
+            "omega": reduced.omega,
+            "damping": reduced.damping if told else np.array(damping_ratios(damping, reduced.omega.tolist())),
+        }
+        settings["section"] = _section(scene, places, body)
+    else:
+        gram = _gram(scene.body[body], places.origin(body))
+    if joint.type in ("universal", "cylindrical", "planar"):
+        settings |= {"axis": axes.axis_in_child(joint.axis), "laws": joint_laws(joint)}
+    if joint.type == "universal":
+        settings["other_axis"] = axes.axis_in_child(joint.child_axis)
+    if joint.type == "screw":
+        settings["lead"] = joint.lead / (2 * np.pi)
+    if joint.type in ("revolute", "prismatic", "screw"):
+        axis = axes.axis_in_child(joint.axis)
+        settings |= {"spring": joint.spring, "rest": joint.rest, "damper": joint.damper}
+        motion = _motion(scene, name)
+        settings["laws"] = joint_laws(joint) if motion is None else ()
+        settings |= {"axis": axis, "motion": motion, "load": _load(scene, name, gram, axis)}
+        if joint.type == "revolute" and body in places.bodies and settings["motion"] is None:
+            settings |= {"joint_rotation": reduced.joint_rotation, "joint_bow": reduced.joint_bow}
+    parent = places.parent(body)
+    if parent != "ground":
+        at = places.marker(joint.parent)
+        settings |= {"parent": places.order.index(parent), "place": at.position}
+        settings |= {"place_shapes": at.translation, "place_rotations": at.rotation, "place_bow": at.bow}
+    else:
+        settings["place"] = ground_place(scene, joint.parent)[0]
+    return Link(body, gram, _JOINTS[joint.type], **settings)
+
+
+def _closure(scene: Scene, places: _Places, name: str) -> Closure:
+    joint = scene.joint[name]
+    first, second = (places.on_either(place)[0] for place in (joint.parent, joint.child))
+    if joint.type == "distance":
+        return Closure(name, first, second, distance=joint.length)
+    axes = joint_axes(scene, joint)
+    axis = np.array(getattr(joint, "axis", (0.0, 0.0, 1.0)), dtype=float)
+    other = np.array(getattr(joint, "child_axis", None) or axis, dtype=float)
+    return close_joint(joint.type, name, first, second, axis, other, axes.in_parent, axes.in_child)
+
+
+def _couplers(scene: Scene) -> list[Coupler]:
+    """Gears and racks, as relations of the joints' coordinates."""
+    bodies = {name: joint.child.partition(".")[0] for name, joint in scene.joint.items()}
+    couplers = []
+    for name, coupler in scene.coupler.items():
+        if coupler.type == "gear":
+            first, second, ratio = coupler.joint, coupler.driver, coupler.ratio
+        else:
+            first, second, ratio = coupler.rack, coupler.pinion, coupler.radius
+        couplers.append(Coupler(name, (bodies[first], bodies[second]), (1.0, -ratio), coupler.offset))
+    return couplers
+
+
+def _section(scene: Scene, places: _Places, body: str) -> str:
+    """Marker on the section from which a body's deflections are seen; none where supports hold the body in its frame.
+
+    A supported body on a free hinge turns with the face there that its supports hold.
+    """
+    supported = bool(scene.flexible[body].support) and not read_inboard_joint(scene, body).free
+    return "" if supported else places.joint_marker(body)
+
+
+def _gram(part: Any, origin: Array) -> InertiaGram:
+    """Inertia integrals of a rigid body about a place in its frame."""
+    match part.shape:
+        case "rod":
+            across = part.mass * part.length**2 / 12
+            centre, inertia = np.array([part.length / 2, 0.0, 0.0]), np.diag([0.0, across, across])
+        case "point":
+            centre, inertia = np.zeros(3), np.zeros((3, 3))
+        case _:
+            centre, inertia = np.array(part.centre), np.diag(part.inertia)
+    return rigid_gram(part.mass, centre - origin, inertia)
+
+
+def _load(scene: Scene, joint: str, gram: InertiaGram, axis: Array) -> Signal:
+    """Torque or force on a joint; a pulse that is given by a speed is sized by the body that the joint carries."""
+    loads = []
+    for drive in scene.drive.values():
+        if drive.type == "torque" and drive.joint == joint:
+            loads.append(signal_of(drive.torque))
+        elif drive.type == "force" and drive.joint == joint:
+            loads.append(signal_of(drive.force))
+        elif drive.type == "torque pulse" and drive.joint == joint:
+            e = axis / np.linalg.norm(axis)
+            inertia = float(e @ gram.inertia(np.eye(1, gram.G.shape[-1])[0]) @ e)
+            loads.append(half_sine(drive.start, drive.duration, _peak(drive, inertia)))
+    return total(loads) if loads else constant(0.0)
+
+
+def _peak(drive: Any, inertia: float) -> float:
+    """Largest torque of a pulse whose impulse gives an inertia [kg m²] the wanted rate [N m]."""
+    return float(drive.torque) if drive.speed is None else np.pi / 2 * inertia * drive.speed / drive.duration
+
+
+def _motion(scene: Scene, joint: str) -> Signal | None:
+    for drive in scene.drive.values():
+        if drive.type == "motion" and drive.joint == joint:
+            moves = drive.angle or drive.position
+            assert moves is not None  # the scene's own check
+            return signal_of(moves)
+    return None
+
+
+def _point_loads(scene: Scene, places: _Places) -> list[PointLoad]:
+    loads = []
+    for drive in scene.drive.values():
+        if drive.type in ("point force", "point torque"):
+            at = places.marker(drive.marker)
+            size = signal_of(drive.force if drive.type == "point force" else drive.torque)
+            direction = np.array(drive.direction, dtype=float)
+            if drive.following:
+                direction = place_axes(scene, drive.marker) @ direction
+            body, turns = drive.marker.partition(".")[0], drive.type == "point torque"
+            place = {"place": at.position, "shapes": at.translation, "rotations": at.rotation, "bow": at.bow}
+            loads.append(PointLoad(body, direction, size, turns, drive.following, **place))
+    return loads

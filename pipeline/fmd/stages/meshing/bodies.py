@@ -1,0 +1,139 @@
+"""Meshes, matrices and materials of flexible bodies, from their tables in the scene."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from typing import TYPE_CHECKING
+
+import numpy as np
+
+from fmd.core.arrays import IntArray
+from fmd.core.errors import InputError
+from fmd.core.units import unit_ratio
+from fmd.fem.material import AnyMaterial, Material, MaterialOfElements
+from fmd.fem.mesh import SolidMesh
+from fmd.scene.imported_bodies import CadPart, MatrixPart, MeshedPart
+from fmd.scene.reading import suggest_name
+from fmd.scene.reduced_bodies import ReducedPart
+from fmd.scene.source_files import SourceFiles
+from fmd.stages.meshing.cad_files import mesh_cad_file
+
+if TYPE_CHECKING:
+    from fmd.fem.model import FEModel
+    from fmd.meshes.gmsh_session import MeshArrays
+    from fmd.scene.any_body import Flexible
+    from fmd.scene.bodies import Bar
+    from fmd.scene.propeller import Propeller
+
+
+_SMALLEST, _LARGEST = 1e-5, 1e4  # m, of bars that are meshed as they are
+
+
+def make_mesh(shape: Flexible, source: SourceFiles | None) -> SolidMesh:
+    """Mesh a body, or read its mesh from the file that it comes from."""
+    if shape.shape == "mesh":
+        from fmd.fem.formats.import_mesh import read_mesh
+
+        assert source is not None
+        return read_mesh(source.path, unit_ratio(shape.mesh.unit, "m"), shape.mesh.repair)
+    if shape.shape == "cad":
+        assert source is not None
+        return mesh_cad_file(source.path, shape.mesh.size, shape.mesh.order)
+    assert not isinstance(shape, MatrixPart | ReducedPart)
+    return SolidMesh(*_mesh_arrays(shape))
+
+
+def read_body_matrices(shape: Flexible, source: SourceFiles | None) -> FEModel:
+    """Read a body that is given by its matrices."""
+    from fmd.fem.formats.matrices import read_matrices
+
+    assert shape.shape == "matrices"
+    assert source is not None
+    given, paths = shape.matrices, source.paths
+    units = unit_ratio(given.unit, "m"), unit_ratio(given.stiffness_unit, "N/m"), unit_ratio(given.mass_unit, "kg")
+    return read_matrices(paths["stiffness"], paths["mass"], paths["nodes"], units)
+
+
+def find_material(shape: Flexible, mesh: SolidMesh, file: str, body: str) -> AnyMaterial:
+    """Return a body's material: of the whole, or of each part of its mesh that has one of its own.
+
+    Raises
+    ------
+    InputError
+        The mesh has no part of a name that the scene gives a material to.
+    """
+    assert not isinstance(shape, MatrixPart | ReducedPart)
+    whole = Material(shape.E, shape.nu, shape.rho)
+    if not isinstance(shape, MeshedPart | CadPart) or not shape.material:
+        return whole
+    numbers = np.zeros(len(mesh.cells), dtype=np.int64)
+    names = [find_name(mesh.parts, name, file, f"body.{body}.material.{name}.part") for name in shape.material]
+    cells = {k: mesh.parts[name] for k, name in enumerate(names, start=1)}
+    for k in sorted(cells, key=lambda k: -len(cells[k])):  # of parts within parts the smallest counts
+        numbers[cells[k]] = k
+    own = (Material(table.E, table.nu, table.rho) for table in shape.material.values())
+    return MaterialOfElements((whole, *own), numbers)
+
+
+def find_name(names: Mapping[str, IntArray], given: str, file: str, key: str) -> str:
+    """Return a face's or a part's name as the mesh has it; upper and lower case may differ.
+
+    Parameters
+    ----------
+    names : mapping of str to ndarray
+        The mesh's faces or parts.
+    given : str
+        The name in the scene.
+    file, key : str
+        Where the scene gives it; the key of a part ends with ``part``.
+
+    Raises
+    ------
+    InputError
+        There is none of that name.
+    """
+    alike = [known for known in names if known.casefold() == given.casefold()]
+    if given not in names and len(alike) != 1:
+        what = "part" if key.endswith("part") else "face"
+        raise InputError(file, key, given, f"no such {what}; {suggest_name(given, names, f'the {what}s')}")
+    return given if given in names else alike[0]
+
+
+def _mesh_arrays(part: Bar | Propeller) -> MeshArrays:
+    if part.shape == "propeller":
+        from fmd.meshes.propeller import PropellerCounts, PropellerShape, propeller
+
+        mesh = part.mesh
+        shape = PropellerShape(
+            part.blades,
+            bore=part.bore / 2,
+            hub=part.hub / 2,
+            root=part.root / 2,
+            tip=part.diameter / 2,
+            length=part.length,
+            chord=part.chord,
+            thickness=part.thickness,
+            pitch=part.pitch,
+            camber=part.camber,
+            edge=part.edge,
+            seat=part.seat,
+        )
+        counts = PropellerCounts(*mesh.sleeve, *mesh.joint[1:], mesh.blade[2], mesh.growth)
+        return propeller(shape, counts, mesh.element, mesh.order)
+    return _bar_arrays(part)
+
+
+def _bar_arrays(part: Bar) -> MeshArrays:
+    """Mesh a bar; a tiny or huge one as one of 1 m, since Gmsh takes lengths near its fixed tolerances for none."""
+    from fmd.meshes.bar import hexahedral_bar, tetrahedral_bar
+
+    size = np.array([part.length, part.depth, part.width])
+    unit = 1.0 if size.min() > _SMALLEST and size.max() < _LARGEST else part.length
+    length, depth, width = (size / unit).tolist()
+    if part.mesh.element == "hexahedron":
+        assert part.mesh.divisions is not None  # the scene's own check
+        arrays = hexahedral_bar(length, depth, width, part.mesh.divisions)
+    else:
+        assert part.mesh.size is not None
+        arrays = tetrahedral_bar(length, depth, width, part.mesh.size / unit)
+    return arrays if unit == 1.0 else arrays._replace(points=unit * arrays.points)

@@ -1,0 +1,142 @@
+"""CAD files as meshes and as descriptions of their faces, by Gmsh in a process of its own."""
+
+from __future__ import annotations
+
+import json
+import math
+import subprocess
+import sys
+import tempfile
+from dataclasses import dataclass
+from pathlib import Path
+
+from fmd.core.errors import InputError
+from fmd.fem.formats.raw_mesh import MeshFileError, RawMesh
+from fmd.fem.mesh import SolidMesh
+
+_MOST_SECONDS = 1800
+_TETRAHEDRON = 0.117851  # volume of the regular tetrahedron of unit edge
+_ELEMENTS = 4000  # of a mesh whose size nobody gave; around bores and fillets there are more
+_DIGITS = 2
+
+
+@dataclass(frozen=True)
+class FaceOutline:
+    """A face of a CAD part.
+
+    Attributes
+    ----------
+    name : str
+        Its name in the file, else that by its place, ``xmin`` or ``hole-1``, else its number, ``face-7``.
+    kind : str
+        Kind of surface: ``plane``, ``cylinder``, ``cone``, ``sphere``, ``torus`` or ``free-form``.
+    area : float
+        [m²].
+    centre : tuple of float
+        Its centroid [m].
+    """
+
+    name: str
+    kind: str
+    area: float
+    centre: tuple[float, float, float]
+
+
+@dataclass(frozen=True)
+class PartOutline:
+    """A CAD part before it is meshed.
+
+    Attributes
+    ----------
+    solids : int
+        Number of solids.
+    volume : float
+        [m³].
+    low, high : tuple of float
+        Corners of the box around it [m].
+    faces : tuple of FaceOutline
+        Its faces, in the file's order.
+    """
+
+    solids: int
+    volume: float
+    low: tuple[float, float, float]
+    high: tuple[float, float, float]
+    faces: tuple[FaceOutline, ...]
+
+
+def cad_suffixes() -> tuple[str, ...]:
+    """Return the suffixes of CAD files that are read."""
+    from fmd.meshes.cad import SUFFIXES
+
+    return SUFFIXES
+
+
+def is_cad_file(path: Path) -> bool:
+    """Return true if a file's suffix is that of a CAD file."""
+    return path.suffix.lower() in cad_suffixes()
+
+
+def mesh_cad_file(path: Path, size: float, order: int) -> SolidMesh:
+    """Mesh a CAD file with tetrahedra, and check what comes as a mesh from a file is checked.
+
+    Parameters
+    ----------
+    path : Path
+        STEP, IGES or BREP.
+    size : float
+        Edge length of an element [m].
+    order : int
+        Polynomial order, 1 or 2.
+
+    Raises
+    ------
+    InputError
+        The file isn't there, is no CAD file, or can't be meshed.
+    """
+    from fmd.fem.formats.import_mesh import solid_mesh
+    from fmd.meshes.cad import load
+
+    with tempfile.TemporaryDirectory(prefix="fmd-") as folder:
+        arrays = Path(folder) / "arrays.npz"
+        _run_gmsh(path, arrays, repr(size), str(order))
+        mesh = load(arrays)
+    cell_type = {1: "tetra", 2: "tetra10"}[order]
+    raw = RawMesh(mesh.points, [(cell_type, mesh.cells)], {name: [cells] for name, cells in mesh.parts.items()})
+    raw.facet_sets = {name: [corners] for name, corners in mesh.faces.items()}
+    try:
+        return solid_mesh(raw, 1.0, repair=True)
+    except MeshFileError as error:
+        raise InputError(str(path), "", None, str(error)) from error
+
+
+def describe_cad_file(path: Path) -> PartOutline:
+    """Describe the part in a CAD file by its faces, without meshing it; raises as `mesh_cad_file`."""
+    with tempfile.TemporaryDirectory(prefix="fmd-") as folder:
+        description = Path(folder) / "part.json"
+        _run_gmsh(path, description)
+        found = json.loads(description.read_text(encoding="utf-8"))
+    faces = tuple(FaceOutline(**face | {"centre": tuple(face["centre"])}) for face in found["faces"])
+    return PartOutline(found["solids"], found["volume"], tuple(found["low"]), tuple(found["high"]), faces)
+
+
+def choose_element_size(part: PartOutline) -> float:
+    """Return an edge length that gives a part some 4000 elements or more, rounded [m]."""
+    size = math.cbrt(part.volume / (_TETRAHEDRON * _ELEMENTS))
+    return float(f"{size:.{_DIGITS - 1}e}")
+
+
+def _run_gmsh(path: Path, target: Path, *sizes: str) -> None:
+    """Let the mesher read a CAD file and write what it makes of it."""
+    if not is_cad_file(path):
+        raise InputError(str(path), "", None, f"is no CAD file that is read; these are: {' '.join(cad_suffixes())}")
+    if not path.is_file():
+        raise InputError(str(path), "", None, "no such file")
+    command = [sys.executable, "-P", "-m", "fmd.meshes.cad", str(path.resolve()), str(target), *sizes]
+    try:
+        done = subprocess.run(command, capture_output=True, check=False, timeout=_MOST_SECONDS)
+    except subprocess.TimeoutExpired:
+        raise InputError(str(path), "", None, f"wasn't meshed in {_MOST_SECONDS} s; take a larger size") from None
+    if done.returncode != 0 or not target.is_file():
+        said = done.stderr.decode(errors="replace").strip()
+        raise InputError(str(path), "", None, said or "Gmsh's OpenCASCADE stopped on it; is it damaged?")

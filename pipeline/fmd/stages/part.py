@@ -1,0 +1,383 @@
+"""One flexible body of a scene and the table of its stages, from its mesh to its modal stress."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import replace
+from functools import cached_property
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from fmd.core.arrays import Array, IntArray
+from fmd.core.errors import InputError
+from fmd.fem.surface import SurfaceTopology, surface_elements, surface_topology
+from fmd.recovery.deformation import DeformationShapes, deformation_shapes, node_deformation_shapes
+from fmd.recovery.stress import element_stress, modal_stress, point_stress
+from fmd.reduction.body import MarkerShapes
+from fmd.reduction.inertia import InertiaGram, add_normal_blocks, normal_blocks
+from fmd.scene.any_body import Flexible
+from fmd.scene.bodies import Bar
+from fmd.scene.imported_bodies import CadPart, MatrixPart
+from fmd.scene.propeller import Propeller
+from fmd.scene.reduced_bodies import ReducedPart
+from fmd.scene.scene import Scene
+from fmd.scene.source_files import SourceFiles
+from fmd.scene.values import Formulation
+from fmd.stages.inboard_joint import read_inboard_joint
+from fmd.stages.meshing.bodies import find_material, find_name, make_mesh, read_body_matrices
+from fmd.stages.part_inputs import (
+    assembly_inputs,
+    body_inputs,
+    digest_of_body,
+    element_inputs,
+    mesh_inputs,
+    modes_inputs,
+)
+from fmd.stages.reduced_files import (
+    file_notes,
+    file_stress,
+    file_surface,
+    modes_of_file,
+    place_file_markers,
+    read_reduced_body,
+    reduce_file_body,
+)
+from fmd.stages.stage import Stage, stages_of
+from fmd.stages.store import StageStore
+
+if TYPE_CHECKING:
+    from fmd.fem.markers import Marker
+    from fmd.fem.material import AnyMaterial
+    from fmd.fem.mesh import SolidMesh
+    from fmd.fem.model import FEModel
+    from fmd.fem.space import Discretisation
+    from fmd.reduction.body import FlexibleBody
+    from fmd.reduction.modes import Modes
+    from fmd.stages.basis import HeldModel
+    from fmd.stages.piece_mesh import PieceMesh
+
+NO_MESH = "is given by its {}: without elements it has no mesh, no stress and no picture"
+_FEM = ("fmd/fem",)
+_BASIS = ("fmd/stages/basis.py", "fmd/stages/markers.py", "fmd/stages/reduced_files.py")
+_REDUCTION = ("fmd/fem", "fmd/reduction", *_BASIS)
+_STRESS = ("fmd/fem", "fmd/recovery/stress.py")
+_DEFORMATION = ("fmd/fem", "fmd/recovery/deformation.py")
+_PACKAGES = ("numpy", "scipy", "scikit-fem", "gmsh")
+# Of another scene's part with the same modes: enrichment, damping and the joint's frame leave them alone.
+_OF_THE_MODES = ("mesh", "assembly", "modes", "surface")
+_OF_THE_MODEL = ("space", "markers", "fixed", "model")
+SecondOrder = tuple[InertiaGram, Mapping[str, MarkerShapes]]
+"""Inertia and markers of a stiffened body."""
+
+
+# Computations of the stages; what they need of heavy packages is loaded here.
+
+
+def _compute_mesh(part: FlexiblePart) -> SolidMesh:
+    if not part.has_mesh:
+        key, what = ("body", "file") if part.is_reduced else ("matrices", "matrices")
+        raise InputError(part.file, f"body.{part.name}.{key}", None, NO_MESH.format(what))
+    return make_mesh(part.shape, part.source)
+
+
+def _assemble(part: FlexiblePart) -> FEModel:
+    from fmd.fem.assembly import assemble
+
+    if part.is_reduced:
+        return read_reduced_body(part.source)
+    if not part.has_mesh:
+        return read_body_matrices(part.shape, part.source)
+    if part.formulation == "plain" and part.space.kind.name != "hex8":
+        problem = f"belongs to linear hexahedra; the elements here are {part.space.kind.name}"
+        raise InputError(part.file, f"body.{part.name}.mesh.formulation", "plain", problem)
+    return assemble(part.mesh, part.order, part.material, part.formulation)
+
+
+def _compute_modes(part: FlexiblePart) -> Modes:
+    from fmd.stages.basis import compute_modes
+
+    if part.is_reduced:
+        return modes_of_file(part.fe)
+    return compute_modes(part.model, part.shape.modes)
+
+
+def _reduce(part: FlexiblePart) -> FlexibleBody:
+    from fmd.stages.basis import reduce_body
+
+    if part.is_reduced:
+        return reduce_file_body(part.model, part.modes, part.shape, part.frame, part.stiffening)
+    return reduce_body(part.model, part.modes, part.shape.modes, part.frame)
+
+
+def _stiffen(part: FlexiblePart) -> SecondOrder:
+    from fmd.stages.basis import stiffen_reduced
+
+    if part.is_reduced and part.body.gram.stiffening.size:  # by its file
+        return part.body.gram, part.body.markers
+    if not part.has_mesh:
+        given = NO_MESH.format("file" if part.is_reduced else "matrices")
+        mend = f"stiffening by inertia loads takes stress, and the body {given}; 'off' leaves it out"
+        raise InputError(part.file, "simulation.stiffening", None, mend)
+    body = stiffen_reduced(part.model, part.body)
+    return body.gram, body.markers
+
+
+def _integrate_along_normal(part: FlexiblePart) -> Array:
+    return normal_blocks(part.body.x, part.fe.m, part.body.shapes, part.body.gram.normal)
+
+
+def _find_surface(part: FlexiblePart) -> SurfaceTopology:
+    if part.is_reduced:
+        found = file_surface(part.fe)
+        if found is None:
+            raise InputError(part.file, f"body.{part.name}.body", None, "is of a file without a surface's stress")
+        return found
+    return surface_topology(part.space)
+
+
+def _recover_surface_stress(part: FlexiblePart) -> Array:
+    if part.is_reduced:
+        return file_stress(part.fe, part.body)
+    return modal_stress(part.space, part.material, part.body.shapes, part.surface.nodes)
+
+
+def _recover_element_stress(part: FlexiblePart) -> Array:
+    numbers = np.array(list(part.elements.values()))
+    return element_stress(part.space, part.material, part.body.shapes, numbers)
+
+
+def _evaluate_deformation(part: FlexiblePart) -> DeformationShapes:
+    if not part.has_mesh:
+        return node_deformation_shapes(part.body, part.is_supported, of_matter=not part.is_reduced)
+    return deformation_shapes(part.space, part.body, part.is_supported)
+
+
+def _recover_nodal_stress(part: FlexiblePart) -> NDArray[np.float32]:
+    nodes = np.arange(len(part.space.x))
+    return modal_stress(part.space, part.material, part.body.shapes, nodes).astype(np.float32)
+
+
+class FlexiblePart:
+    """A flexible body of a scene, whose stages run on first use.
+
+    Parameters
+    ----------
+    scene : Scene
+        The scene.
+    name : str
+        The body's name in it.
+    store : StageStore
+        Runs the stages and keeps their results.
+    like : FlexiblePart, optional
+        The part of another scene; results that both have in common are taken from it.
+    modes : Modes, optional
+        Modes to use in place of the scene's; nothing may be kept in a cache then.
+    piece : PieceMesh, optional
+        The piece of another part that this part is.
+    """
+
+    # The table of stages, in their order.
+    mesh: Stage[SolidMesh] = Stage(
+        "mesh",
+        _compute_mesh,
+        (),
+        mesh_inputs,
+        ("fmd/meshes", "fmd/stages/meshing", *_FEM),
+        ("gmsh", "meshio"),
+    )
+    # Never kept, since what follows is.
+    fe: Stage[FEModel] = Stage("assembly", _assemble, ("mesh",), shared_inputs=assembly_inputs)
+    modes: Stage[Modes] = Stage(
+        "modes", _compute_modes, ("mesh", "assembly"), modes_inputs, ("fmd/meshes", *_REDUCTION), _PACKAGES
+    )
+    body: Stage[FlexibleBody] = Stage("body", _reduce, ("mesh", "assembly", "modes"), body_inputs, _REDUCTION)
+    second_order: Stage[SecondOrder] = Stage(
+        "stiffening", _stiffen, ("mesh", "assembly", "body"), digest_of_body, _REDUCTION, _PACKAGES
+    )
+    surface: Stage[SurfaceTopology] = Stage("surface", _find_surface, ("mesh",), mesh_inputs, ("fmd/meshes", *_FEM))
+    surface_stress: Stage[Array] = Stage(
+        "stress", _recover_surface_stress, ("mesh", "surface", "body"), digest_of_body, _STRESS
+    )
+    element_stress: Stage[Array] = Stage(
+        "element stress", _recover_element_stress, ("mesh", "body"), element_inputs, _STRESS, in_key=("mesh",)
+    )
+    deformation_shapes: Stage[DeformationShapes] = Stage(
+        "deformation", _evaluate_deformation, ("mesh", "body"), digest_of_body, _DEFORMATION
+    )
+    nodal_stress: Stage[NDArray[np.float32]] = Stage(
+        "nodal stress", _recover_nodal_stress, ("mesh", "body"), digest_of_body, _STRESS
+    )
+    inertia_along_normal: Stage[Array] = Stage(
+        "inertia", _integrate_along_normal, ("mesh", "assembly", "body"), digest_of_body, _REDUCTION
+    )
+
+    def __init__(
+        self,
+        scene: Scene,
+        name: str,
+        store: StageStore,
+        like: FlexiblePart | None = None,
+        modes: Modes | None = None,
+        piece: PieceMesh | None = None,
+    ) -> None:
+        own = store if modes is None else store.alone()
+        self.name, self.file, self.piece, self.store = name, scene.file, piece, own
+        self.shape: Flexible = scene.flexible[name]
+        self.source = SourceFiles.find(self.shape, scene.file, name) if piece is None else None
+        self.joint = read_inboard_joint(scene, name)
+        self.frame = scene.simulation.frame if scene.moves else "joint-conforming"
+        self.stiffening = scene.simulation.stiffening if scene.moves else "auto"
+        self.results: dict[str, Any] = {} if piece is None else {"mesh": piece.mesh}
+        if like is not None and like.key("modes") == self.key("modes"):
+            self.results |= {stage: like.results[stage] for stage in _OF_THE_MODES if stage in like.results}
+            if (like.shape.marker, like.joint) == (self.shape.marker, self.joint):
+                self.__dict__ |= {name: value for name, value in vars(like).items() if name in _OF_THE_MODEL}
+        if modes is not None:
+            self.results["modes"] = modes
+
+    def key(self, stage: str) -> str:
+        """Return the key that a stage's result is kept under; empty if it never is."""
+        return PART_STAGES[stage].key(self)
+
+    @property
+    def has_mesh(self) -> bool:
+        """A mesh, and so stress and pictures: bodies that are given by their matrices have none."""
+        return self.shape.shape not in ("matrices", "reduced")
+
+    @property
+    def has_stress(self) -> bool:
+        """A surface with its stress: of a mesh, or of a file that tells it for a reduced body."""
+        return self.has_mesh or (self.is_reduced and file_surface(self.fe) is not None)
+
+    @property
+    def is_reduced(self) -> bool:
+        """A file holds the body reduced, by another program or by this one."""
+        return self.shape.shape == "reduced"
+
+    @cached_property
+    def order(self) -> int:
+        """Polynomial order of the displacement in an element."""
+        chosen = None if isinstance(self.shape, MatrixPart | ReducedPart) else self.shape.mesh.order
+        return chosen or self.mesh.order
+
+    @property
+    def formulation(self) -> Formulation:
+        """Strain of linear hexahedra, ``enhanced`` or ``plain``."""
+        return "enhanced" if isinstance(self.shape, MatrixPart | ReducedPart | CadPart) else self.shape.mesh.formulation
+
+    @property
+    def is_supported(self) -> bool:
+        """True if supports hold the body in its frame, and not its joint's section alone, which may turn freely."""
+        return bool(self.shape.support) and not self.joint.free
+
+    @property
+    def mesh_notes(self) -> tuple[str, ...]:
+        """Faults in the file that the body comes from, if it comes from one, and how they were mended."""
+        if self.is_reduced:
+            return file_notes(self.fe)
+        return self.mesh.notes if self.shape.shape in ("mesh", "cad") else ()
+
+    @cached_property
+    def space(self) -> Discretisation:
+        """Nodes and elements, without matrices."""
+        from fmd.fem.space import Discretisation
+
+        return Discretisation(self.mesh, self.order, self.formulation)
+
+    @property
+    def material(self) -> AnyMaterial:
+        """Material of the body, or of each part of its mesh."""
+        return find_material(self.shape, self.mesh, self.file, self.name)
+
+    @property
+    def mass(self) -> float:
+        """Mass from the volumes of the elements [kg]."""
+        if isinstance(self.shape, Bar | Propeller):
+            return self.shape.rho * self.mesh.volume
+        volumes, material = self.space.volumes, self.material
+        return float(sum(own.rho * volumes[mine].sum() for own, mine in material.over(slice(None))))
+
+    @cached_property
+    def markers(self) -> dict[str, Marker]:
+        """Markers on the finite element model, by name."""
+        from fmd.fem.formats.matrices import MatrixModel
+        from fmd.stages.markers import place_markers, place_node_markers
+
+        if self.has_mesh:
+            given = self.piece.given if self.piece else None
+            return place_markers(self.shape, self.space, self.file, self.name, given)
+        if self.is_reduced:
+            return place_file_markers(self.fe, self.shape, self.file, self.name)
+        assert isinstance(self.fe, MatrixModel)
+        return place_node_markers(self.shape, self.fe, self.file, self.name)
+
+    @cached_property
+    def fixed(self) -> IntArray | None:
+        """Unknowns that the supports hold, shape (n_fixed,); ``None`` if there are none."""
+        from fmd.stages.markers import fixed_unknowns
+
+        return fixed_unknowns(self.shape, self.space, self.file, self.name) if self.shape.support else None
+
+    @cached_property
+    def model(self) -> HeldModel:
+        """The finite element model with its markers, supports and joint."""
+        from fmd.stages.basis import HeldModel, choose_factorisation
+
+        return HeldModel(
+            file=self.file,
+            name=self.name,
+            solver_name=self.shape.modes.solver,
+            factorise=choose_factorisation(self.shape.modes),
+            fe=self.fe,
+            sectors=self.mesh.sectors if self.has_mesh else 1,
+            markers=self.markers,
+            fixed=self.fixed,
+            joint=self.joint,
+        )
+
+    @property
+    def stiffened(self) -> FlexibleBody:
+        """The reduced body, stiffened by all loads that pass through it."""
+        gram, markers = self.second_order
+        return replace(self.body, gram=gram, markers=markers)
+
+    def for_any_motion(self, body: FlexibleBody) -> FlexibleBody:
+        """Add the inertia integrals that motion about one axis doesn't take to the reduced body, stiffened or not."""
+        if body.gram.normal < 0:
+            return body
+        return replace(body, gram=add_normal_blocks(body.gram, self.inertia_along_normal))
+
+    @cached_property
+    def elements(self) -> dict[str, int]:
+        """Numbers of the named elements."""
+        if not self.shape.element:
+            return {}  # without a mesh
+        x = self.mesh.points[self.mesh.cells].mean(axis=1)
+        numbers = {}
+        for name, element in self.shape.element.items():
+            chosen = np.arange(len(x))
+            if element.part:
+                key = f"body.{self.name}.element.{name}.part"
+                chosen = self.mesh.parts[find_name(self.mesh.parts, element.part, self.file, key)]
+            numbers[name] = int(chosen[np.linalg.norm(x[chosen] - element.at, axis=1).argmin()])
+        return numbers
+
+    @cached_property
+    def element_places(self) -> Array:
+        """Middles of the named elements, shape (n_elements, 3) [m]."""
+        cells = self.mesh.cells[list(self.elements.values())]
+        return np.asarray(self.mesh.points[cells].mean(axis=1)).reshape(-1, 3)
+
+    def stress_at(self, points: Array) -> Array:
+        """Return the stress of each modal coordinate at points (n, 3) [m] of the mesh, shape (n, 6, n_modes) [Pa]."""
+        return point_stress(self.space, self.material, self.body.shapes, points)
+
+    @cached_property
+    def surface_elements(self) -> IntArray:
+        """Element that each of the surface's triangles belongs to, shape (n_triangles,)."""
+        return surface_elements(self.space)
+
+
+PART_STAGES: Mapping[str, Stage[Any]] = {stage.name: stage for stage in stages_of(FlexiblePart)}

@@ -1,0 +1,90 @@
+"""Inputs of the keys that the results of a flexible body's stages are kept under."""
+
+from __future__ import annotations
+
+from typing import Any, Protocol
+
+from fmd.scene.any_body import Flexible
+from fmd.scene.source_files import SourceFiles
+from fmd.stages.inboard_joint import InboardJoint
+from fmd.stages.piece_mesh import PieceMesh
+
+
+class KeyedPart(Protocol):
+    """Flexible body as the keys of its stages see it."""
+
+    shape: Flexible
+    source: SourceFiles | None
+    piece: PieceMesh | None
+    joint: InboardJoint
+    frame: str
+    stiffening: str
+
+    @property
+    def is_reduced(self) -> bool:
+        """A file holds the body reduced."""
+
+    @property
+    def elements(self) -> dict[str, int]:
+        """Numbers of the named elements."""
+
+    def key(self, stage: str) -> str:
+        """Return the key of a stage's result."""
+
+
+def mesh_inputs(part: KeyedPart) -> Any:
+    """Return what a mesh depends on: the shape, and neither its material nor what is attached to it."""
+    of_no_shape = ("E", "nu", "rho", "material", "modes", "marker", "support", "element")
+    return _identify(part, dict.fromkeys(of_no_shape, True) | {"mesh": {"formulation"}})
+
+
+def assembly_inputs(part: KeyedPart) -> Any:
+    """Return what stiffness and mass depend on."""
+    return _identify(part, dict.fromkeys(("modes", "marker", "support", "element"), True))
+
+
+def _identify(part: KeyedPart, without: dict[str, Any]) -> Any:
+    """Return all that a stage's result depends on: a part's table but for some keys, its files and its piece."""
+    without |= {"pieces": True, "sections": True}  # which a piece's mesh and markers know
+    table = part.shape.model_dump(mode="json", exclude=without)
+    if part.piece:
+        table["piece"] = part.piece.digest
+    return table if part.source is None else part.source.identity(table)
+
+
+def modes_inputs(part: KeyedPart) -> Any:
+    """Return what modes depend on: what holds them, and no damping or enrichment."""
+    shape, markers, held = part.shape, part.shape.marker, ""
+    without: Any = {"modes": {"damping", "enrich"}, "marker": True, "element": True}
+    if shape.modes.boundary == "joint":
+        held = repr((part.joint.floating, part.joint.free, markers[part.joint.marker].where))
+    elif shape.modes.boundary == "interface":
+        held = repr({name: markers[name] for name in shape.modes.interface or markers})
+    return {
+        "part": _identify(part, without),
+        "axis": part.joint.axis if shape.modes.family != "any" else "",
+        "rigid": {name: marker.where for name, marker in markers.items() if marker.attachment == "rigid"},
+        "held": held,
+    }
+
+
+def body_inputs(part: KeyedPart) -> Any:
+    """Return what the reduced body depends on."""
+    return {
+        "modes": part.key("modes"),
+        "enrich": part.shape.modes.enrich,
+        "markers": part.shape.model_dump(mode="json", include={"marker"}),
+        "joint": repr(part.joint),
+        "frame": part.frame,
+        "stiffening": part.stiffening if part.is_reduced else "",  # that of a file may be left out
+    }
+
+
+def digest_of_body(part: KeyedPart) -> Any:
+    """Return the key of the reduced body, for results that depend on nothing else."""
+    return part.key("body")
+
+
+def element_inputs(part: KeyedPart) -> Any:
+    """Return what the stress of the named elements depends on."""
+    return {"body": part.key("body"), "elements": part.elements}

@@ -1,0 +1,120 @@
+"""Pieces of a part's mesh, and the cuts between them."""
+
+from __future__ import annotations
+
+import hashlib
+from collections.abc import Mapping
+from dataclasses import dataclass, field
+from functools import cached_property
+from typing import TYPE_CHECKING
+
+import numpy as np
+
+from fmd.core.arrays import Array, IntArray
+
+if TYPE_CHECKING:
+    from fmd.fem.markers import Marker
+    from fmd.fem.mesh import SolidMesh
+
+_GRID = 0.7312e-12  # of the extent: places of nodes are rounded to this, so that equal pieces are equal to the bit
+
+
+@dataclass(frozen=True)
+class Cut:
+    """A cut between two pieces: their numbers, and the names of the markers that each has there.
+
+    Attributes
+    ----------
+    first, second : int
+        Numbers of the pieces, from 0; in the tree the first is nearer to the joint that carries the part.
+    of_first, of_second : str
+        Names of the markers on both sides.
+    closes : bool
+        The cut closes a ring of pieces; else it is a branch of the tree.
+    facets : ndarray of int
+        Its facets, by their numbers among all between elements.
+    """
+
+    first: int
+    second: int
+    of_first: str
+    of_second: str
+    closes: bool
+    facets: IntArray = field(repr=False, compare=False)
+
+    @property
+    def pieces(self) -> tuple[int, int]:
+        """Numbers of both pieces."""
+        return self.first, self.second
+
+
+@dataclass(frozen=True)
+class PieceMesh:
+    """Elements of one piece of a part.
+
+    Attributes
+    ----------
+    cells : ndarray of int
+        Their numbers in the mesh of the whole.
+    mesh : SolidMesh
+        The piece's mesh, its origin moved by ``offset``; its faces are those of its markers.
+    offset : ndarray, shape (3,)
+        Origin of the piece's coordinates in those of the whole [m].
+    cut_markers, own_markers : tuple of str
+        Names of the markers at its cuts, and of the whole part's markers that are on it.
+    given : mapping of str to Marker
+        Those of them, by name, that aren't made from a face of the piece's mesh.
+    """
+
+    cells: IntArray
+    mesh: SolidMesh
+    offset: Array
+    cut_markers: tuple[str, ...]
+    own_markers: tuple[str, ...]
+    given: Mapping[str, Marker] = field(default_factory=dict)
+
+    @cached_property
+    def digest(self) -> str:
+        """Digest of the mesh, its faces and its markers, equal for equal pieces."""
+        h = hashlib.sha256()
+        for array in (self.mesh.points, self.mesh.cells):
+            h.update(np.ascontiguousarray(array).tobytes())
+        for table in (self.mesh.faces, self.mesh.parts):
+            for name, array in table.items():
+                h.update(f"{name}:{array.shape}".encode())
+                h.update(np.ascontiguousarray(array).tobytes())
+        for name, marker in self.given.items():
+            h.update(f"{name}:{len(marker.nodes)}".encode())
+            for array in (marker.position, marker.nodes, marker.translation_weights, marker.rotation_weights):
+                h.update(np.ascontiguousarray(array).tobytes())
+        return h.hexdigest()
+
+
+@dataclass(frozen=True)
+class CutPart:
+    """A part's mesh cut into pieces.
+
+    Attributes
+    ----------
+    pieces : tuple of PieceMesh
+        The first carries the marker of the part's joint, each other comes after one that it is welded to.
+    cuts : tuple of Cut
+        Cuts between them, those that close rings last.
+    """
+
+    pieces: tuple[PieceMesh, ...]
+    cuts: tuple[Cut, ...]
+
+    def holds(self, marker: str) -> int:
+        """Return the number of the piece that a marker of the whole is on."""
+        return next(k for k, piece in enumerate(self.pieces) if marker in piece.own_markers)
+
+
+def face_of(marker: str) -> str:
+    """Return the name of the face that a piece's mesh has for a marker."""
+    return f"at-{marker}"
+
+
+def round_to_grid(x: Array, extent: float) -> Array:
+    """Round positions [m] in a part of an extent [m] to a grid finer than any node's place matters."""
+    return np.asarray(np.round(x / (_GRID * extent)) * (_GRID * extent))

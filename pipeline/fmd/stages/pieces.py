@@ -1,0 +1,182 @@
+"""Parts cut into pieces, each a reduced body with a frame of its own, welded to its neighbours at the cuts.
+
+A piece is a flexible part on a share of the elements of the whole part's mesh. Its cuts are faces with markers, which
+make up its interface (Craig & Bampton); rotations between pieces may be of any size, those within one are small.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from typing import TYPE_CHECKING
+
+import numpy as np
+
+from fmd.core.arrays import IntArray
+from fmd.core.errors import InputError
+from fmd.fem.markers import facets_on_face
+from fmd.fem.mesh import SolidMesh
+from fmd.fem.partition import PartitionError, divide_mesh, interior_facets, join_fragments
+from fmd.fem.space import Discretisation
+from fmd.stages.markers import find_marker_facets, fixed_unknowns
+from fmd.stages.piece_cuts import INBOARD, join_pieces
+from fmd.stages.piece_mesh import Cut, CutPart, PieceMesh, face_of, round_to_grid
+
+if TYPE_CHECKING:
+    from fmd.stages.part import FlexiblePart
+
+_MOVES = 5  # of a marker's elements and of those that come loose
+_MOST_OF_PIECE = 0.5  # of a piece's volume: a marker's face whose elements fill more isn't moved into one piece
+
+
+def cut_part(part: FlexiblePart, count: int) -> CutPart:
+    """Cut a part's mesh into connected pieces of about equal volume.
+
+    Raises
+    ------
+    InputError
+        The mesh is too coarse for so many pieces, a marker's face or the supports extend over several pieces, or the
+        body hangs on no joint.
+    """
+    key, space = f"body.{part.name}", part.space
+    if not part.joint.marker:
+        raise InputError(part.file, f"{key}.pieces", count, "the body hangs on no joint: it has modes, but no motion")
+    faces = find_marker_facets(part.shape, space, part.file, part.name)
+    markers = {name: np.unique(_elements_of(space, facets)) for name, facets in faces.items()}
+    markers |= {
+        name: _elements_among(space, part.markers[name].nodes) for name in part.shape.marker if name not in faces
+    }
+    try:
+        labels = divide_mesh(space, count, list(markers.values()))
+    except PartitionError as error:
+        raise InputError(part.file, f"{key}.pieces", count, str(error)) from error
+    labels = _keep_markers_whole(part, labels, markers, count)
+    root = int(labels[markers[part.joint.marker][0]])
+    elements, local = interior_facets(space)
+    try:
+        number, cuts = join_pieces(space, labels, elements, local, root)
+    except PartitionError as error:
+        raise InputError(part.file, f"{key}.pieces", count, str(error)) from error
+    labels = number[labels]
+    _require_supports_on_first(part, labels)
+    places = {name: int(labels[of[0]]) for name, of in markers.items()}
+    pieces = (_piece(part, k, labels, places, faces, cuts, elements, local) for k in range(count))
+    return CutPart(tuple(pieces), tuple(cuts))
+
+
+def _elements_of(space: Discretisation, facets: IntArray) -> IntArray:
+    return np.asarray(space.boundary_facets[0][facets])
+
+
+def _elements_among(space: Discretisation, nodes: IntArray) -> IntArray:
+    """Return the elements all of whose nodes are among the given ones: those that a point or an edge moves with."""
+    return np.flatnonzero(np.isin(space.element_nodes, nodes).all(axis=1))
+
+
+def _keep_markers_whole(part: FlexiblePart, labels: IntArray, markers: Mapping[str, IntArray], count: int) -> IntArray:
+    """Move the elements of each marker into the piece that most of them are in, and loose ones after them."""
+    pairs, volumes = interior_facets(part.space)[0], part.space.volumes
+    for _ in range(_MOVES):
+        moved = labels.copy()
+        for name, elements in markers.items():
+            found = np.bincount(labels[elements], volumes[elements], minlength=count)
+            if np.count_nonzero(found) > 1 and found.sum() > _MOST_OF_PIECE * volumes.sum() / count:
+                key = f"body.{part.name}.marker.{name}"
+                over = f"its face extends over {np.count_nonzero(found)} of the body's {count} pieces"
+                raise InputError(part.file, key, None, f"{over}; take fewer pieces or a smaller face")
+            moved[elements] = found.argmax()
+        joined = join_fragments(moved, pairs, volumes, count)
+        if joined is None:
+            break
+        if all((joined[elements] == joined[elements[0]]).all() for elements in markers.values()):
+            return joined
+        labels = joined
+    problem = "faces of markers lie across the cuts; another number of pieces has its cuts elsewhere"
+    raise InputError(part.file, f"body.{part.name}.pieces", count, problem)
+
+
+def _require_supports_on_first(part: FlexiblePart, labels: IntArray) -> None:
+    if not part.shape.support:
+        return
+    held = np.unique(fixed_unknowns(part.shape, part.space, part.file, part.name) // 3)
+    touched = np.isin(part.space.element_nodes[labels == 0], held)
+    if np.isin(held, part.space.element_nodes[labels == 0][touched]).all():
+        return
+    problem = (
+        "a support holds nodes of several pieces; in a body with pieces it must be on the piece at the joint, whose "
+        "frame it holds nodes in; fewer pieces, or joints in place of the support"
+    )
+    raise InputError(part.file, f"body.{part.name}.support", None, problem)
+
+
+def _piece(
+    part: FlexiblePart,
+    k: int,
+    labels: IntArray,
+    places: Mapping[str, int],
+    faces: Mapping[str, IntArray],
+    cuts: Sequence[Cut],
+    elements: IntArray,
+    local: IntArray,
+) -> PieceMesh:
+    """Make the mesh of one piece, with a face for each of its markers."""
+    space, mesh = part.space, part.mesh
+    mine = np.flatnonzero(labels == k)
+    corners = space.kind.facet_corners
+    own, found = [], dict[str, tuple[IntArray, IntArray]]()
+    of_boundary, number = space.boundary_facets
+    for name, at in places.items():
+        if at != k:
+            continue
+        own.append(name)
+        if name in faces:
+            found[face_of(name)] = of_boundary[faces[name]], number[faces[name]]
+    at_cuts = []
+    for cut in cuts:
+        if k not in (cut.first, cut.second):
+            continue
+        name = cut.of_first if k == cut.first else cut.of_second
+        column = np.where(labels[elements[cut.facets, 0]] == k, 0, 1)
+        at_cuts.append(name)
+        found[face_of(name)] = elements[cut.facets, column], local[cut.facets, column]
+    if k == 0 and part.shape.support:
+        found |= _faces_for_supports(space, mesh, labels)
+    offset = np.zeros(3)
+    if INBOARD in at_cuts:
+        facets = zip(*found[face_of(INBOARD)], strict=True)
+        offset = np.mean([space.x[space.element_nodes[e, corners[f]]].mean(axis=0) for e, f in facets], axis=0)
+    # Numbered by place, so that equal pieces have equal meshes.
+    used = np.unique(mesh.cells[mine])
+    extent = float(np.ptp(mesh.points, axis=0).max())
+    points = round_to_grid(mesh.points[used] - offset, extent)
+    order = np.lexsort(points.T)
+    new = np.full(len(mesh.points), -1)
+    new[used[order]] = np.arange(len(used))
+    cells, points = new[mesh.cells[mine]], points[order]
+    cell_order = np.lexsort(round_to_grid(points[cells].mean(axis=1), 1e3 * extent).T)
+    numbers = np.full(len(mesh.cells), -1)
+    numbers[mine[cell_order]] = np.arange(len(mine))
+    parts = {name: np.sort(numbers[of[labels[of] == k]]) for name, of in mesh.parts.items()}
+    faces = {name: _corners(space, new, *facets) for name, facets in found.items()}
+    piece = SolidMesh(points, cells[cell_order], mesh.cell_type, parts, faces)
+    return PieceMesh(mine[cell_order], piece, offset, tuple(at_cuts), tuple(own))
+
+
+def _corners(space: Discretisation, new: IntArray, elements: IntArray, local: IntArray) -> IntArray:
+    """Return three corners of each facet by the new numbers of the mesh's points, shape (n_facets, 3)."""
+    nodes, corners = space.element_nodes[elements], space.kind.facet_corners
+    rows = np.array([np.sort(new[nodes[k, corners[facet]]])[:3] for k, facet in enumerate(local)], dtype=np.int64)
+    return np.asarray(rows[np.lexsort(rows.T)])
+
+
+def _faces_for_supports(
+    space: Discretisation, mesh: SolidMesh, labels: IntArray
+) -> dict[str, tuple[IntArray, IntArray]]:
+    """Return the facets of the mesh's own faces that are on the first piece, which supports name."""
+    elements, local = space.boundary_facets
+    faces = {}
+    for name, face in mesh.faces.items():
+        facets = facets_on_face(space, face)
+        facets = facets[labels[elements[facets]] == 0]
+        if len(facets):
+            faces[name] = elements[facets], local[facets]
+    return faces

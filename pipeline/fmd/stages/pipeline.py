@@ -1,0 +1,403 @@
+"""From a scene to its motion and stress: each stage runs when something asks for it, once, and not if it is kept."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Mapping, Sequence
+from contextlib import AbstractContextManager, nullcontext
+from functools import cached_property, partial
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from fmd.core.arrays import Array, IntArray
+from fmd.core.cache import Cache, stage_key
+from fmd.core.errors import InputError
+from fmd.core.paths import cache_folder
+from fmd.core.progress import Monitor, silent
+from fmd.recovery.deformation import Deformation, measure_deformation
+from fmd.recovery.envelope import StressEnvelope, stress_envelope
+from fmd.recovery.stress import StressHistory, stress_measure
+from fmd.scene.scene import Scene
+from fmd.scene.source_files import collect_inputs
+from fmd.stages.division import Division, divide_parts
+from fmd.stages.marching import find_motions, march_runs
+from fmd.stages.part import FlexiblePart
+from fmd.stages.stage import Stage
+from fmd.stages.store import Log, StageStore
+from fmd.stages.whole_inertia import complete_inertia
+
+if TYPE_CHECKING:
+    from fmd.dynamics.compiled_system.system import CompiledSystem
+    from fmd.dynamics.mechanism import Mechanism
+    from fmd.fem.mesh import SolidMesh
+    from fmd.fem.model import FEModel
+    from fmd.fem.surface import SurfaceTopology
+    from fmd.integrators.protocol import Trajectory
+    from fmd.recovery.motion import Motion
+    from fmd.reduction.body import FlexibleBody
+    from fmd.reduction.modes import Modes
+    from fmd.stages.runs import Plan
+    from fmd.stages.stiffening_check import SpinCheck, StiffnessChange
+
+_PACKAGES = ("numpy", "scipy", "scikit-fem", "gmsh")
+_NEAR_LARGEST = 0.8  # of the tip's largest deflection
+_FINER = 32  # times as many times there tell what is largest between two output times
+
+
+class Pipeline:
+    """From a scene to its results, each computed on first use and only with what it needs.
+
+    Parameters
+    ----------
+    scene : Scene
+        As `fmd.load_scene` returns it.
+    cache : Cache, optional
+        Where results are kept; the user's cache folder by default.
+    monitor : Monitor, optional
+        Reports each stage's progress.
+    keep_all : bool
+        Integrate modes that nothing can excite, too.
+    division : Division, optional
+        Parts and pieces to use in place of the scene's own.
+    bodies : mapping of str to FlexibleBody, optional
+        Reduced bodies to use in place of those of the parts.
+    spin : mapping of str to SpinCheck, optional
+        Checks of stiffening to use in place of this scene's own.
+
+    Attributes
+    ----------
+    wholes : dict of str to FlexiblePart
+        The flexible bodies as the scene has them.
+    while_timed : callable
+        Makes a context in which each run is timed; it may hold up whatever else uses the processor.
+    store : StageStore
+        Runs the stages and keeps their results.
+    whole_energy : bool
+        Displacements of second order count with their whole kinetic energy: without, a motion would lose its inertia.
+    """
+
+    trajectories: Stage[dict[str, Trajectory]] = Stage("motion", march_runs)
+
+    def __init__(
+        self,
+        scene: Scene,
+        cache: Cache | None = None,
+        monitor: Monitor = silent,
+        keep_all: bool = False,
+        *,
+        division: Division | None = None,
+        bodies: Mapping[str, FlexibleBody] | None = None,
+        spin: Mapping[str, SpinCheck] | None = None,
+    ) -> None:
+        self.scene, self.keep_all, self.whole_energy = scene, keep_all, False
+        self.while_timed: Callable[[], AbstractContextManager[None]] = nullcontext
+        self.store = StageStore(Cache(cache_folder() / "stages") if cache is None else cache, monitor)
+        self.results: dict[str, Any] = {}
+        self.wholes = {name: FlexiblePart(scene, name, self.store) for name in scene.flexible}
+        if division is not None:
+            self.division = division
+            wholes = {name: divided.whole for name, divided in division.divided.items()}
+            self.wholes = {name: wholes[name] if name in wholes else division.parts[name] for name in self.wholes}
+        self._like: Division | None = None
+        self._bodies, self._spin = bodies, spin
+        self._envelopes: dict[str, StressEnvelope] = {}
+
+    def variant(self, scene: Scene, monitor: Monitor = silent, spin: Mapping[str, SpinCheck] | None = None) -> Pipeline:
+        """Return a pipeline for another scene that takes over all results that both have in common."""
+        other = Pipeline(scene, self.store.cache, monitor, self.keep_all, spin=spin)
+        other.whole_energy = self.whole_energy
+        for name, part in self.wholes.items():
+            other.wholes[name] = FlexiblePart(scene, name, other.store, like=part)
+        other._like = vars(self).get("division")
+        return other
+
+    def with_bodies(self, bodies: Mapping[str, FlexibleBody], spin: Mapping[str, SpinCheck] | None = None) -> Pipeline:
+        """Return a pipeline for this scene with other reduced bodies on the same meshes.
+
+        Of their terms of stiffening those stay that count by ``spin``, the run's own by default.
+        """
+        spin = self.spin if spin is None else spin
+        keep_all, division = self.keep_all, self.division
+        other = Pipeline(self.scene, self.store.cache, keep_all=keep_all, division=division, bodies=bodies, spin=spin)
+        other.whole_energy = self.whole_energy
+        return other
+
+    @cached_property
+    def division(self) -> Division:
+        """Parts as they are reduced, those with pieces divided, and the scene with pieces as bodies of their own.
+
+        Raises
+        ------
+        InputError
+            A part can't be divided as the scene wants it.
+        """
+        if not self.scene.moves or not self.scene.pieces:
+            return Division(self.scene, self.wholes)
+        return divide_parts(self.scene, self.wholes, self._like)
+
+    @property
+    def parts(self) -> Mapping[str, FlexiblePart]:
+        """Flexible parts and pieces, each with a reduced body of its own."""
+        return self.division.parts
+
+    @property
+    def divided_scene(self) -> Scene:
+        """The scene with pieces as bodies of their own; the scene itself where nothing has pieces."""
+        return self.division.scene
+
+    def _repr_html_(self) -> str:
+        return self.scene._repr_html_()
+
+    @property
+    def log(self) -> Log:
+        """Time and origin of each stage's results."""
+        return self.store.log
+
+    @property
+    def part(self) -> FlexiblePart:
+        """First flexible body.
+
+        Raises
+        ------
+        InputError
+            There is none.
+        """
+        for part in self.wholes.values():
+            return part
+        raise InputError(self.scene.file, "body", sorted(self.scene.body), "no flexible body: nothing to mesh")
+
+    @property
+    def mesh(self) -> SolidMesh:
+        """Mesh of the first flexible body."""
+        return self.part.mesh
+
+    @property
+    def fe(self) -> FEModel:
+        """Stiffness and mass of the first flexible body."""
+        return self.part.fe
+
+    @property
+    def modes(self) -> Modes:
+        """Modes that the scene chooses for the first flexible body."""
+        return self.part.modes
+
+    @property
+    def body(self) -> FlexibleBody:
+        """First flexible body, reduced and, where it matters, stiffened."""
+        return self.bodies[self.frame_of(self.part.name)]
+
+    @property
+    def surface(self) -> SurfaceTopology:
+        """Outer surface of the first flexible body."""
+        return self.part.surface
+
+    @cached_property
+    def stress(self) -> StressHistory:
+        """Stress on the first flexible body's surface over the first run's motion."""
+        return self.stress_of(self.part.name)
+
+    def stress_of(self, body: str) -> StressHistory:
+        """Stress on a flexible body's surface over the first run's motion."""
+        if body in self.division.divided:
+            return self.division.divided[body].stress(self.motion)
+        part, first = self.parts[body], self.motion
+        return StressHistory(part.surface.nodes, part.surface_stress, first.times, first.modal(body))
+
+    def deform(self, body: str, frames: Sequence[int] | IntArray, nodes: IntArray) -> Array:
+        """Return the displacement of nodes in the frame at a body's joint at output times, (n_frames, n_nodes, 3) [m].
+
+        The body is one of the scene's, whole or in pieces.
+        """
+        if body in self.division.divided:
+            return self.division.divided[body].deform(self.motion, self.bodies, frames)[:, nodes]
+        return np.moveaxis(self.bodies[body].shapes[nodes] @ self.motion.modal(body)[frames].T, 2, 0)
+
+    def nodal_stress_at(self, body: str, frame: int) -> NDArray[np.float32]:
+        """Return the stress at all nodes of one of the scene's bodies at an output time, shape (n_nodes, 6) [Pa]."""
+        if body in self.division.divided:
+            return self.division.divided[body].nodal_stress_at(self.motion, frame)
+        return np.asarray(self.parts[body].nodal_stress @ self.motion.modal(body)[frame].astype(np.float32))
+
+    def node_positions(self, body: str) -> Array:
+        """Return the undeformed positions of a body's nodes from its joint, shape (n_nodes, 3) [m]."""
+        if body in self.division.divided:
+            return np.asarray(self.wholes[body].space.x - self.bodies[self.frame_of(body)].origin)
+        return self.bodies[body].x
+
+    def frame_of(self, body: str) -> str:
+        """Return the name of the body whose frame is that of one of the scene's bodies: its first piece, or itself."""
+        return self.pieces_of(body)[0].name if body in self.parts or body in self.division.divided else body
+
+    def pieces_of(self, body: str) -> tuple[FlexiblePart, ...]:
+        """Return the pieces of one of the scene's flexible bodies; the body itself if it is whole."""
+        divided = self.division.divided.get(body)
+        return (self.parts[body],) if divided is None else divided.pieces
+
+    def envelope_of(self, body: str) -> StressEnvelope:
+        """Envelope of the stress on a flexible body's surface over the first run's motion; found once."""
+        if body not in self._envelopes:
+            self._envelopes[body] = stress_envelope(self.stress_of(body))
+        return self._envelopes[body]
+
+    def element_stress(self, element: str, component: str = "von Mises") -> dict[str, Array]:
+        """Stress in the middle of a named element, ``"body.element"``, over each run's motion, (n_times,) [Pa]."""
+        body, _, name = element.partition(".")
+        part = next(part for part in self.pieces_of(body) if name in part.elements)
+        modal = part.element_stress[list(part.elements).index(name)]
+        return {
+            label: stress_measure(component)((modal @ motion.modal(part.name).T)[None])[0]
+            for label, motion in self.motions.items()
+        }
+
+    @cached_property
+    def deformations(self) -> Mapping[str, Deformation]:
+        """Largest rotation and strain of each flexible body's elastic field over the first run's motion."""
+        return {
+            name: measure_deformation(part.deformation_shapes, self.bodies[name], self.motion.modal(name))
+            for name, part in self.parts.items()
+        }
+
+    @cached_property
+    def inputs(self) -> dict[str, Any]:
+        """Everything in the scene and its files that results depend on, as plain data."""
+        return collect_inputs(self.scene)
+
+    @cached_property
+    def spin(self) -> Mapping[str, SpinCheck]:
+        """Loads through each flexible body, and whether they stiffen it."""
+        from fmd.stages.stiffening_check import check_spins
+
+        if self._spin is not None:
+            return self._spin
+        self.scene.simulation  # noqa: B018 - a scene of parts alone is refused before anything is reduced
+        if not self.parts:
+            return {}
+        bodies = {name: part.body for name, part in self.parts.items()}
+        meshed = [name for name, part in self.parts.items() if part.has_mesh or part.body.gram.stiffening.size]
+        return self.store.read_or_keep(self._key("loads"), lambda: check_spins(self.divided_scene, bodies, meshed))
+
+    def _key(self, name: str) -> str:
+        """Return the key of a result that depends on the whole scene."""
+        return stage_key(name, self.inputs, ("fmd", "fmd/meshes"), _PACKAGES)
+
+    @cached_property
+    def stiffness_changes(self) -> Mapping[str, StiffnessChange]:
+        """Change of the stiffness of each stiffened body by the loads through it."""
+        from fmd.stages.stiffening_check import find_changes
+
+        return {} if self._bodies is not None else find_changes(self.mechanism, self.spin)
+
+    @cached_property
+    def bodies(self) -> Mapping[str, FlexibleBody]:
+        """Reduced flexible bodies, stiffened by the loads through them where these count."""
+        if self._bodies is not None:
+            return self._bodies
+        from fmd.stages.stiffening_check import keep_inertia_of_pieces
+
+        simulation = self.scene.simulation
+        linear = {name: part.body for name, part in self.parts.items()}
+        stiff = {name: part.stiffened for name, part in self.parts.items() if self.spin[name].stiffened}
+        error = 0.0 if simulation.stiffening == "on" else simulation.error
+        return linear | stiff | keep_inertia_of_pieces(linear, stiff, self.spin, error)
+
+    @cached_property
+    def mechanism(self) -> Mechanism:
+        """Bodies, joints and loads of the scene, its joints slow and its modes fast if it doesn't say otherwise."""
+        from fmd.stages.mechanism import build_mechanism
+        from fmd.stages.stiffening_check import keep_what_counts, with_whole_energy
+
+        mechanism = build_mechanism(self.divided_scene, self.bodies)
+        mechanism = keep_what_counts(mechanism, self.spin, self.scene.simulation.error)
+        return with_whole_energy(mechanism) if self.whole_energy else mechanism
+
+    @cached_property
+    def system(self) -> CompiledSystem:
+        """Mechanism as it is marched, by compiled functions."""
+        from fmd.dynamics.compiled_system.shared import share_system
+
+        return share_system(self.mechanism)
+
+    @property
+    def reference_matrices(self) -> tuple[Array, Array]:
+        """Mass and stiffness of the motions of the undeformed mechanism that are free, (n, n) each, slow ones first."""
+        M, K, _, _ = self.system.free_motion
+        return M, K
+
+    @cached_property
+    def start(self) -> tuple[Array, Array]:
+        """Positions and rates at the start."""
+        from fmd.stages.mechanism import find_start
+
+        return find_start(self.divided_scene, self.system)
+
+    @cached_property
+    def plans(self) -> dict[str, Plan]:
+        """Runs of the scene, ready to be integrated, each under the label of its motion; raises as `motions`."""
+        from fmd.stages.runs import make_plans
+
+        if self._bodies is not None or self._spin is not None:  # not the scene's own
+            return make_plans(self)
+        key = self._key("growth with whole energy" if self.whole_energy else "growth")
+        return make_plans(self, partial(self.store.read_or_keep, key))
+
+    @cached_property
+    def motions(self) -> dict[str, Motion]:
+        """Motion by each of the scene's runs, under a label of integrator and ratio.
+
+        Raises
+        ------
+        InputError
+            A step is beyond its stability limit, a body would buckle or lose its stiffness by its spin, a joint moves
+            without any inertia, or the results don't fit into the memory; nothing has been integrated then.
+        AccuracyError
+            A march diverged, or deflections are beyond what a stiffened body describes.
+        """
+        return find_motions(self)
+
+    @property
+    def left_out(self) -> dict[str, list[int]]:
+        """Numbers from 1 of the modes of each body that no run integrates: nothing excites them."""
+        parts = [plan.excited.left_out if plan.excited else {} for plan in self.plans.values()]
+        return {
+            body: [k + 1 for k in modes if all(k in part.get(body, ()) for part in parts)]
+            for body, modes in parts[0].items()
+        }
+
+    def motion_by(self, plan: Plan, trajectory: Trajectory) -> Motion:
+        """Return the motion that a trajectory of one of the scene's plans describes."""
+        from fmd.recovery.motion import Motion
+
+        return Motion(
+            plan.mechanism, trajectory, self.divided_scene.simulation.tip, partial(complete_inertia, self.parts)
+        )
+
+    @property
+    def output_times(self) -> Array:
+        """Times of the results [s]."""
+        simulation = self.scene.simulation
+        n_outputs = int(simulation.duration / simulation.output_step * (1 + 1e-12)) + 1
+        return np.arange(n_outputs, dtype=float) * simulation.output_step
+
+    @cached_property
+    def fine_times(self) -> tuple[Array, IntArray]:
+        """Output times with many more around the tip's largest deflections [s]; which of them are output times."""
+        tip = self.motion.tip_size
+        near = (tip > 0) & (tip >= _NEAR_LARGEST * tip.max())
+        numbers = np.r_[0, np.cumsum(np.where(near[:-1] | near[1:], _FINER, 1))]
+        return np.interp(np.arange(numbers[-1] + 1), numbers, self.output_times), numbers
+
+    @cached_property
+    def fine_motion(self) -> Motion:
+        """First run's motion at the fine times, since fast vibrations are largest between two output times."""
+        if len(self.fine_times[0]) == len(self.output_times):  # nothing flexible is at the tip
+            return self.motion
+        from fmd.stages.runs import repeat_choice
+
+        plan = repeat_choice(next(iter(self.plans.values())), self.motion.trajectory)
+        return self.motion_by(plan, plan.march(self.fine_times[0]))
+
+    @property
+    def motion(self) -> Motion:
+        """Motion by the scene's first run, with which the others are compared."""
+        return next(iter(self.motions.values()))

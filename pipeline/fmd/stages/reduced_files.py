@@ -1,0 +1,136 @@
+"""Flexible bodies that are read as reduced bodies from files, of other programs and of this one."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+from pathlib import Path
+from typing import TYPE_CHECKING
+
+import numpy as np
+
+from fmd.core.errors import InputError
+from fmd.reduction.formats.exudyn_file import read_exudyn
+from fmd.reduction.formats.mbdyn_file import read_mbdyn
+from fmd.reduction.formats.netcdf_file import read_netcdf
+from fmd.reduction.formats.sid_file import read_sid
+from fmd.reduction.modal_data import without_stiffening
+from fmd.scene.reading import suggest_name
+
+if TYPE_CHECKING:
+    from fmd.core.arrays import Array
+    from fmd.fem.markers import Marker
+    from fmd.fem.model import FEModel
+    from fmd.fem.surface import SurfaceTopology
+    from fmd.reduction.body import FlexibleBody
+    from fmd.reduction.equivalent_model import EquivalentModel
+    from fmd.reduction.modes import Modes
+    from fmd.scene.any_body import Flexible
+    from fmd.scene.source_files import SourceFiles
+    from fmd.stages.basis import HeldModel
+
+READERS = {".sid_fem": read_sid, ".fem": read_mbdyn, ".npz": read_exudyn, ".nc": read_netcdf}
+"""Readers of reduced bodies by the suffix of their files, in lower case."""
+
+
+def read_reduced_body(source: SourceFiles | None) -> EquivalentModel:
+    """Read a reduced body from the file that a scene names.
+
+    Raises
+    ------
+    InputError
+        The file's suffix is none of `READERS`, or it can't be read.
+    """
+    from fmd.reduction.equivalent_model import equivalent_model
+
+    assert source is not None
+    path = Path(source.path)
+    if path.suffix.lower() not in READERS:
+        mend = f"is no file of a reduced body that is read; these are: {' '.join(READERS)}"
+        raise InputError(str(path), "", None, mend)
+    return equivalent_model(READERS[path.suffix.lower()](path))
+
+
+def modes_of_file(fe: FEModel) -> Modes:
+    """Return the modes of the free body in the space of its file's shapes."""
+    from fmd.reduction.equivalent_model import modes_of
+
+    return modes_of(_equivalent(fe))
+
+
+def file_notes(fe: FEModel) -> tuple[str, ...]:
+    """Return what a body's file says that can't be right, and what was taken instead."""
+    return _equivalent(fe).data.notes
+
+
+def file_surface(fe: FEModel) -> SurfaceTopology | None:
+    """Return the surface of a body whose file tells it with its stress; else ``None``."""
+    data = _equivalent(fe).data
+    return data.surface if data.stress is not None else None
+
+
+def file_stress(fe: FEModel, body: FlexibleBody) -> Array:
+    """Return the stress at the surface's nodes for each modal coordinate of a body, (n_surface, 6, n) [Pa per unit]."""
+    from fmd.reduction.equivalent_model import combination_of
+
+    model = _equivalent(fe)
+    assert model.data.stress is not None
+    return np.asarray(model.data.stress @ combination_of(model, body))
+
+
+def place_file_markers(fe: FEModel, shape: Flexible, file: str, body: str) -> dict[str, Marker]:
+    """Place a body's markers on the nodes of its file.
+
+    Raises
+    ------
+    InputError
+        There is no such node, or it doesn't turn.
+    """
+    from fmd.reduction.equivalent_model import equivalent_marker
+
+    assert shape.shape == "reduced"
+    model, markers = _equivalent(fe), {}
+    for name, marker in shape.marker.items():
+        key = f"body.{body}.marker.{name}.node"
+        for label in marker.labels:
+            if label not in model.data.nodes:
+                mend = f"no such node; {suggest_name(label, model.data.nodes, 'the nodes of the file')}"
+                raise InputError(file, key, label, mend)
+        try:
+            markers[name] = equivalent_marker(model, [model.data.nodes[label] for label in marker.labels])
+        except ValueError as error:
+            raise InputError(file, key, marker.node, str(error)) from None
+    return markers
+
+
+def reduce_file_body(model: HeldModel, modes: Modes, shape: Flexible, frame: str, stiffening: str) -> FlexibleBody:
+    """Refer a file's body to the joint that carries it, without its geometric stiffening if that is ``"off"``.
+
+    Raises
+    ------
+    InputError
+        Its geometric stiffening belongs to a frame that the joint doesn't keep, or can't be taken out.
+    """
+    from fmd.reduction.equivalent_model import finish_body
+    from fmd.stages.basis import reduce_body
+
+    assert shape.shape == "reduced"
+    in_space = replace(model, joint=replace(model.joint, normal=-1))
+    body = reduce_body(in_space, modes, shape.modes, frame)
+    labels = {name: marker.labels for name, marker in shape.marker.items()}
+    fe = _equivalent(model.fe)
+    if stiffening == "off" and fe.data.in_own_frame:
+        if not fe.data.is_separable:
+            mend = f"can't be told apart from inertia in {shape.body.file}, whose Gr has no first order; take 'auto'"
+            raise InputError(model.file, "simulation.stiffening", stiffening, mend)
+        fe = replace(fe, data=without_stiffening(fe.data))
+    try:
+        return finish_body(fe, body, labels)
+    except ValueError as error:
+        raise InputError(model.file, f"body.{model.name}.body.file", shape.body.file, str(error)) from None
+
+
+def _equivalent(fe: FEModel) -> EquivalentModel:
+    from fmd.reduction.equivalent_model import EquivalentModel
+
+    assert isinstance(fe, EquivalentModel)
+    return fe

@@ -1,0 +1,75 @@
+"""Vibrations of a scene's rotor over its rate of rotation: what turns on a hub, or a shaft in bearings."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from typing import TYPE_CHECKING
+
+import numpy as np
+
+from fmd.reduction.rotating import rotating_modes
+from fmd.responses.whirl import WhirlingModes, hub_modes, whirling_modes
+from fmd.scene.damping import damping_ratios
+from fmd.stages.turning import OnHub, TurningRotor, scene_in_space
+
+if TYPE_CHECKING:
+    from fmd.scene.scene import Scene
+    from fmd.stages.pipeline import Pipeline
+
+Vibrations = Callable[[float], WhirlingModes]
+"""Vibrations at a rate of rotation [rad/s]."""
+
+
+def runs_in_bearings(scene: Scene) -> bool:
+    """Return True if a scene's first body is free, and bearings hold what it carries."""
+    joint = next((scene.joint[name] for name in scene.carrying.values()), None)
+    return bool(scene.bearing) and joint is not None and joint.type == "free"
+
+
+def find_vibrations(run: Pipeline) -> Vibrations:
+    """Return the vibrations of a scene's rotor as a function of its rate of rotation [rad/s].
+
+    Those of a shaft in bearings are seen from space, those of what turns on a hub from the hub. A part that is alone on
+    its hub is linearised undeformed, others where they are at rest in their own turning axes.
+
+    Raises
+    ------
+    InputError
+        There is no flexible part; nothing tells the axis; the equations vary with the rotor's angle, since what holds
+        it isn't the same all around; or a load turns the rotor ever faster.
+    """
+    if _is_alone(run.scene):
+        return _part_on_hub(run)
+    rotor = TurningRotor(run, runs_in_bearings(run.scene))
+
+    def vibrations(rate: float) -> WhirlingModes:
+        model, way = rotor.model(rate), rotor.way
+        first, second, along = np.split(model.C, 3)
+        if isinstance(way, OnHub):
+            hub = [k for k, (name, _) in enumerate(model.states) if name in way.still]
+            return hub_modes(model.A, (first, second), hub)
+        return whirling_modes(model.A, (first, second), along, rate)
+
+    return vibrations
+
+
+def _is_alone(scene: Scene) -> bool:
+    """Return True if a scene is one part on a revolute joint, or has parts alone."""
+    if not scene.moves:
+        return True
+    held = scene.spring or scene.bushing or scene.bearing
+    return len(scene.body) == 1 and [joint.type for joint in scene.joint.values()] == ["revolute"] and not held
+
+
+def _part_on_hub(run: Pipeline) -> Vibrations:
+    """Return the vibrations of a part that turns about its joint, or about its z axis if it has none."""
+    part = run.variant(scene_in_space(run.scene), run.store.monitor).part if run.scene.moves else run.part
+    off = run.scene.moves and run.scene.simulation.stiffening == "off"
+    body = part.body if off else part.stiffened
+    ratios = np.array(damping_ratios(part.shape.modes.damping, body.omega.tolist()))
+
+    def on_hub(rate: float) -> WhirlingModes:
+        found = rotating_modes(body, np.array(part.joint.axis), rate, len(part.joint.free) == 1, ratios)
+        return WhirlingModes(found.omega / (2 * np.pi), found.damping, found.whirl)
+
+    return on_hub

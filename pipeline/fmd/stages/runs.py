@@ -1,0 +1,383 @@
+"""From a scene's runs to integrators, each with the mechanism that it marches, its split and its step."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Mapping, Sequence
+from dataclasses import dataclass, replace
+from typing import TYPE_CHECKING, Any, Protocol
+
+import numpy as np
+
+from fmd.core.arrays import Array
+from fmd.core.errors import InputError, StabilityError
+from fmd.dynamics.compiled_system.positive_mass import require_positive_over
+from fmd.dynamics.compiled_system.shared import share_system
+from fmd.dynamics.compiled_system.system import CompiledSystem
+from fmd.dynamics.excited_modes import Excited, excited_part
+from fmd.dynamics.mechanism import Mechanism
+from fmd.integrators.protocol import Integrator, Progress, Trajectory
+from fmd.integrators.subcycling import Subcycling
+from fmd.stability.safe_step import ALLOWED_GROWTH, longest_safe_step
+from fmd.stages.limit_words import describe_fastest, describe_limit
+from fmd.stages.load_steps import require_countable_steps, require_known_phases, require_resolved_loads
+from fmd.stages.mass_check import require_inertia
+from fmd.stages.mechanism import find_start, place_joints
+
+if TYPE_CHECKING:
+    from fmd.reduction.body import FlexibleBody
+    from fmd.scene.runs import ReversibleSubCyclingRun, Run, SubCyclingRun
+    from fmd.scene.scene import Scene
+    from fmd.scene.simulation import Simulation
+    from fmd.stability.operating_points import OperatingPoints
+
+STABLE = 0.4  # of the largest stable step: for a variant that is unstable at the run's own
+_NO_FORCE = 1e-3  # largest response of a mode that is left out, over the wanted error
+
+
+class BuiltScene(Protocol):
+    """A scene with its mechanism, as a `Pipeline` has it.
+
+    Attributes
+    ----------
+    scene : Scene
+        The scene.
+    keep_all : bool
+        Integrate modes that nothing can excite, too.
+    """
+
+    scene: Scene
+    keep_all: bool
+
+    @property
+    def divided_scene(self) -> Scene:
+        """The scene with pieces as bodies of their own."""
+
+    @property
+    def bodies(self) -> Mapping[str, FlexibleBody]:
+        """Reduced flexible bodies."""
+
+    @property
+    def mechanism(self) -> Mechanism:
+        """Mechanism with the scene's own slow joints."""
+
+    @property
+    def system(self) -> CompiledSystem:
+        """System that marches it."""
+
+    @property
+    def start(self) -> tuple[Array, Array]:
+        """Positions and rates at the start."""
+
+    @property
+    def reference_matrices(self) -> tuple[Array, Array]:
+        """Mass and stiffness of the undeformed mechanism."""
+
+
+@dataclass(frozen=True)
+class Plan:
+    """A run of a scene, ready to be integrated: an integrator, a mechanism and a start.
+
+    Attributes
+    ----------
+    key : str
+        The scene's key of its step.
+    mechanism : Mechanism
+        With the run's own split into slow and fast coordinates.
+    system : CompiledSystem
+        The mechanism as it is marched, whose steps are limited.
+    start : tuple of ndarray, shapes (n_positions,) and (n,)
+        Positions and rates.
+    excited : Excited, optional
+        The part of the mechanism that is integrated, if some modes can be left at rest.
+    excited_system : CompiledSystem, optional
+        That part as it is marched.
+    growth : float
+        Factor by which an explicit method itself makes small vibrations grow over the scene.
+    """
+
+    key: str
+    integrator: Integrator
+    mechanism: Mechanism
+    system: CompiledSystem
+    start: tuple[Array, Array]
+    excited: Excited | None = None
+    excited_system: CompiledSystem | None = None
+    growth: float = 1.0
+
+    def require_positive_mass(self, trajectory: Trajectory) -> None:
+        """Raise ``AccuracyError`` if the mass matrix isn't positive definite along a march of this plan."""
+        require_positive_over(self.system, trajectory.times, trajectory.q)
+
+    def march(self, times: Array, progress: Progress | None = None) -> Trajectory:
+        """Integrate; coordinates of modes that stay at rest are 0. The end is that of what was integrated."""
+        (q0, v0), part = self.start, self.excited
+        if part is None or self.excited_system is None:
+            return self._march(self.system, q0, v0, times, progress)
+        march = self._march(self.excited_system, q0[part.positions], v0[part.rates], times, progress)
+        q, v = np.tile(q0, (len(times), 1)), np.zeros((len(times), len(v0)))
+        q[:, part.positions], v[:, part.rates] = march.q, march.v
+        return replace(march, q=q, v=v)
+
+    def _march(
+        self, system: CompiledSystem, q0: Array, v0: Array, times: Array, progress: Progress | None
+    ) -> Trajectory:
+        """Integrate a system; an error says if a motion has lost its inertia, or which part is too fast to follow."""
+        try:
+            return self.integrator.march(system, q0, v0, times, progress)
+        except StabilityError as failure:
+            system.explain_failure(failure)
+            duration = max(float(times[-1]), self.mechanism.horizon)
+            raise StabilityError(
+                f"{failure}{describe_fastest(system, duration)}", failure.time, failure.positions
+            ) from failure
+
+
+def repeat_choice(plan: Plan, trajectory: Trajectory) -> Plan:
+    """Return a run's plan by the method and the step that an automatic choice ended with, which it made by marching."""
+    return replace(plan, integrator=trajectory.chosen or plan.integrator)
+
+
+@dataclass(frozen=True)
+class Growth:
+    """Step of a run that is safe to take, and the growth of small vibrations by the method itself.
+
+    Attributes
+    ----------
+    step : float, optional
+        Step in place of the plan's, which is too long [s].
+    factor : float
+        Factor by which small vibrations grow over the scene.
+    """
+
+    step: float | None = None
+    factor: float = 1.0
+
+
+Remember = Callable[[Callable[[], tuple[Growth, ...]]], tuple[Growth, ...]]
+
+
+def make_plans(built: BuiltScene, remember: Remember = lambda measure: measure()) -> dict[str, Plan]:
+    """Make a scene's runs ready to be integrated, each under a label of its integrator and ratio.
+
+    Parameters
+    ----------
+    remember : callable
+        Calls the function that it is given, or returns what that has returned for this very scene before.
+
+    Raises
+    ------
+    InputError
+        A motion has no inertia, a step is beyond its stability limit or steps over a load, or vibrations would grow
+        visibly by the method itself.
+    """
+    require_inertia(built.scene, built.system)
+    runs, given = built.scene.simulation.run, _given_step(built)
+    unchecked = [_plan_unchecked(built, k, given) for k in range(len(runs))]
+    steps = any(plan.integrator.step for plan in unchecked)  # else errors choose them, and nothing is measured
+    growths = remember(lambda: _measure_growths(built, unchecked)) if steps else _measure_growths(built, unchecked)
+    plans: dict[str, Plan] = {}
+    for k, (run, plan, growth) in enumerate(zip(runs, unchecked, growths, strict=True)):
+        method: Any = plan.integrator
+        if growth.step is not None:
+            method = replace(method, step=growth.step)
+        label = str(run.integrator) + (f" {getattr(method, 'substeps', 1)}:1" if hasattr(run, "substeps") else "")
+        checked = replace(plan, integrator=method, growth=growth.factor)
+        plans[f"{label} ({k})" if label in plans else label] = _leave_out_modes(built, checked)
+    return plans
+
+
+def _measure_growths(built: BuiltScene, plans: Sequence[Plan]) -> tuple[Growth, ...]:
+    """Measure the growth of small vibrations by the method of each run."""
+    simulation, growths = built.scene.simulation, []
+    known: list[OperatingPoints] = []
+    for run, plan in zip(simulation.run, plans, strict=True):
+        require_countable_steps(built.scene.file, plan.key, plan.integrator.step, simulation.duration)
+        require_known_phases(built.scene.file, plan.key, plan.integrator, plan.system, simulation)
+        require_resolved_loads(built.scene.file, plan.key, plan.integrator, plan.system)
+        growths.append(_measure_growth(built, plan, simulation.step == "auto" and not run.step, known))
+    return tuple(growths)
+
+
+def plan_like(plan: Plan, variant: BuiltScene) -> Plan:
+    """Plan the first run of a scene's variant by the method and the step of a run whose growth is known.
+
+    The step is a shorter one where the variant's highest frequency takes that.
+    """
+    first = _plan_unchecked(variant, 0, _given_step(variant))
+    method: Any = plan.integrator
+    limit = method.largest_step(first.system)
+    if method.step >= limit:
+        method = replace(method, step=STABLE * limit)
+    return _leave_out_modes(variant, replace(first, integrator=method))
+
+
+def _plan_unchecked(built: BuiltScene, k: int, given: float | None) -> Plan:
+    """Plan a run as the scene has it, whose stability isn't known yet."""
+    simulation = built.scene.simulation
+    run = simulation.run[k]
+    key = f"simulation.run.{k}.step" if run.step else "simulation.step"
+    if run.integrator in ("sub-cycling", "reversible-sub-cycling"):
+        return plan_sub_cycled(built, run, key, given)
+    return Plan(key, _make_integrator(run, simulation, given), built.mechanism, built.system, built.start)
+
+
+def _leave_out_modes(built: BuiltScene, plan: Plan) -> Plan:
+    """Leave the modes out of a run that nothing excites, unless all are to be kept."""
+    part = None
+    if not built.keep_all:
+        part = excited_part(plan.mechanism, plan.start[0], _NO_FORCE * built.scene.simulation.error)
+    if part is None:
+        return plan
+    return replace(plan, excited=part, excited_system=share_system(part.mechanism))
+
+
+def _measure_growth(built: BuiltScene, plan: Plan, free: bool, known: list[OperatingPoints]) -> Growth:
+    """Measure the growth of small vibrations by a run's method; shorten its step for that if it is ``free``.
+
+    The operating points of a system are the same for all of its runs; those ``known`` are taken, new ones added.
+    """
+    method: Any = plan.integrator  # a method with a limit has a step, and resumes
+    limit = method.largest_step(plan.system)
+    if not method.step < limit and not free:
+        raise InputError(
+            built.scene.file,
+            plan.key,
+            f"{method.step:.6g} s",
+            f"{method.name} would diverge; the largest stable step of this model is {limit:.4g} s "
+            f"({describe_limit(method, plan.system, limit)})",
+        )
+    # Of what its stages take explicitly, it may couple away from the reference state, and dampers have no limit above.
+    grows = method.name == "exponential" and (plan.system.coupled or _damps_within(plan.system, method.step))
+    if not (np.isfinite(limit) or grows):  # implicit, exact for small motions, or steered by its error
+        return Growth()
+    from fmd.stability.operating_points import find_operating_points
+
+    duration = built.scene.simulation.duration
+    points = next((own for own in known if own.system is plan.system), None)
+    if points is None:
+        try:
+            points = find_operating_points(plan.system, built.mechanism, *built.start, duration)
+        except StabilityError:  # of the mechanism itself: the march will tell
+            return Growth()
+        known.append(points)
+    folds = points.e_folds(method) if method.step < limit else np.inf
+    if folds > np.log(ALLOWED_GROWTH):
+        # A remedy is found from the worst point, at an eighth of the cost; a step to march with counts them all.
+        search = points if free or not method.step < limit else points.worst(method)
+        longest = longest_safe_step(lambda step: search.e_folds(replace(method, step=step)), min(method.step, limit))
+        if not (free and longest):
+            raise InputError(
+                built.scene.file, plan.key, f"{method.step:.6g} s", _describe_growth(method, folds, longest)
+            )
+        return Growth(longest, float(np.exp(points.e_folds(replace(method, step=longest)))))
+    return Growth(None, float(np.exp(folds)))
+
+
+def _damps_within(system: CompiledSystem, step: float) -> bool:
+    """Tell whether dampers stop a motion within a step [s]."""
+    M, _, C = system.stiffest_matrices
+    return bool(step * np.abs(np.linalg.eigvals(np.linalg.solve(M, C))).max(initial=0.0) > 1.0)
+
+
+def _describe_growth(method: Integrator, folds: float, longest: float) -> str:
+    ratio = f" {m}:1" if (m := getattr(method, "substeps", 1)) > 1 else ""
+    grows = "at once" if folds > 100 else f"by a factor of {np.exp(folds):.3g} over the scene"
+    mend = f"a step of {longest:.3g} s keeps that below {ALLOWED_GROWTH:g}" if longest else "no step is short enough"
+    other = ", and reversible-sub-cycling takes longer ones" if method.name == "sub-cycling" else ""
+    return f"{method.name}{ratio} is unstable here: it makes small vibrations grow {grows}; {mend}{other}"
+
+
+def _make_integrator(run: Run, simulation: Simulation, given: float | None) -> Integrator:
+    """Make a run's integrator; its module is loaded here, for each method brings kernels of its own."""
+    step = run.step or given or 0.0
+    match run.integrator:
+        case "central-difference":
+            from fmd.integrators.central_difference import CentralDifference
+
+            return CentralDifference(step)
+        case "exponential":
+            from fmd.integrators.exponential import Exponential
+
+            return Exponential(step)
+        case "exponential-rosenbrock":
+            from fmd.integrators.rosenbrock import ExponentialRosenbrock
+
+            return ExponentialRosenbrock(run.tolerance)
+        case "generalized-alpha":
+            from fmd.integrators.generalized_alpha import GeneralizedAlpha
+
+            return GeneralizedAlpha(step, run.rho)
+        case "runge-kutta":
+            from fmd.integrators.runge_kutta import RungeKutta
+
+            return RungeKutta(run.tolerance)
+        case "auto":
+            from fmd.integrators.automatic import Automatic
+
+            return Automatic(simulation.error, simulation.duration)
+        case "Radau" | "LSODA":
+            from fmd.integrators.scipy_ivp import ScipyIvp
+
+            return ScipyIvp(run.integrator, run.tolerance)
+        case _:
+            raise AssertionError(run)
+
+
+def _make_two_rate_integrator(run: SubCyclingRun | ReversibleSubCyclingRun, step: float, substeps: int) -> Integrator:
+    if run.integrator == "sub-cycling":
+        return Subcycling(step, substeps)
+    if substeps == 1:  # there both have the same limit, and nothing is held
+        from fmd.integrators.central_difference import CentralDifference
+
+        return CentralDifference(step)
+    from fmd.integrators.reversible import ReversibleSubcycling
+
+    return ReversibleSubcycling(step, substeps)
+
+
+def _given_step(built: BuiltScene) -> float | None:
+    """Return the scene's step; "auto" is plain central difference's for the wanted error, about the reference state.
+
+    It is short enough for the loads, too, also where runs hold them over a cycle of steps.
+    """
+    simulation = built.scene.simulation
+    if simulation.step != "auto":
+        return simulation.step
+    from fmd.stability.splitting import longest_step
+
+    longest = longest_step(*built.reference_matrices, simulation.error, simulation.duration)
+    counts = [getattr(run, "substeps", 1) for run in simulation.run]
+    most = max((count for count in counts if isinstance(count, int)), default=1)
+    return built.system.resolving_step(longest * most)[0] / most
+
+
+def plan_sub_cycled(
+    built: BuiltScene, run: SubCyclingRun | ReversibleSubCyclingRun, key: str, given: float | None
+) -> Plan:
+    """Plan a sub-cycled run; each split of the coordinates has a mechanism with an order of its own."""
+    simulation = built.scene.simulation
+    step = run.step or given or 0.0
+    if run.split == "joints":
+        assert run.substeps != "auto"  # the scene's own check
+        method = _make_two_rate_integrator(run, step, run.substeps)
+        return Plan(key, method, built.mechanism, built.system, built.start)
+    from fmd.stability.splitting import choose_split, split_at
+    from fmd.stages.stiffening_check import rigid_spins
+
+    whole, substeps = built.mechanism, run.substeps
+    if run.split == "auto":
+        spins = rigid_spins(whole, *place_joints(built.divided_scene, whole.rigid), simulation.duration)
+        spin = max(float(np.sqrt(np.mean(np.sum(rates**2, axis=1)))) for rates in spins.values())
+        choice = choose_split(built.system, simulation.error, simulation.duration, spin, step or None)
+        frequency, substeps, step = choice.frequency_hz, choice.substeps, choice.step
+        longest, _ = built.system.resolving_step(substeps * step)  # loads are held over a cycle
+        substeps = max(1, int(longest / step * (1 + 1e-12)))
+    else:
+        frequency = run.split
+    assert substeps != "auto"
+    fast_joints, slow_modes = split_at(built.system, frequency)
+    mechanism = replace(whole, fast_joints=fast_joints, slow_modes=slow_modes)
+    system = share_system(mechanism)
+    return Plan(
+        key, _make_two_rate_integrator(run, step, substeps), mechanism, system, find_start(built.divided_scene, system)
+    )

@@ -1,0 +1,101 @@
+"""Flexible bodies as other programs get them: for any motion in space, whatever the scene does with them."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+from typing import TYPE_CHECKING
+
+import numpy as np
+
+from fmd.core.arrays import Array
+from fmd.core.cache import stage_key
+from fmd.core.errors import InputError
+from fmd.recovery.stress import modal_stress
+from fmd.reduction.modes import TooManyModesError
+from fmd.reduction.superelement import Superelement, make_superelement
+from fmd.scene.damping import damping_ratios
+from fmd.stages.basis import reduce_body
+from fmd.stages.part import FlexiblePart
+from fmd.stages.reduced_files import file_stress, reduce_file_body
+
+if TYPE_CHECKING:
+    from fmd.core.arrays import Array
+    from fmd.reduction.body import FlexibleBody
+    from fmd.stages.basis import HeldModel
+
+_SOURCES = ("fmd/fem", "fmd/reduction", "fmd/stages")
+_PACKAGES = ("numpy", "scipy")
+
+
+def spatial_body(part: FlexiblePart, stiffened: bool) -> FlexibleBody:
+    """Reduce a body for any motion in space, on request stiffened by all loads that can act on its markers.
+
+    A body that hangs on a joint keeps the frame that its joint gives it. Without a joint its frame moves with its mean
+    axes, and has its origin at the first marker. Bodies without a mesh are stiffened only if their file is.
+
+    Raises
+    ------
+    InputError
+        The body has no marker, by which another program could hold it.
+    """
+    key = stage_key("spatial body", [part.key("body"), part.key("modes"), stiffened], _SOURCES, _PACKAGES)
+    return part.store.read_or_keep(key, lambda: _reduce(part, stiffened))
+
+
+def _reduce(part: FlexiblePart, stiffened: bool) -> FlexibleBody:
+    model = _held_anywhere(part)
+    if part.is_reduced:
+        body = reduce_file_body(model, part.modes, part.shape, part.frame, "auto" if stiffened else "off")
+    elif part.joint.marker:
+        body = part.for_any_motion(part.body)
+    else:
+        body = reduce_body(model, part.modes, part.shape.modes, part.frame)
+    if not (part.has_mesh and stiffened):
+        return body
+    from fmd.reduction.stiffening import stiffen_body
+
+    joint = model.joint
+    reaction = None if joint.floating or model.fixed is not None else model.reaction
+    free = joint.free_directions if model.fixed is not None else None
+    return stiffen_body(body, model.fe, model.solver, reaction, None, True, model.markers, free)
+
+
+def surface_stress(part: FlexiblePart, body: FlexibleBody) -> Array | None:
+    """Stress of a body that `spatial_body` has made, at its surface's nodes, (n_surface, 6, n); ``None`` without."""
+    if part.has_mesh:
+        return modal_stress(part.space, part.material, body.shapes, part.surface.nodes)
+    return file_stress(part.fe, body) if part.has_stress else None
+
+
+def _held_anywhere(part: FlexiblePart) -> HeldModel:
+    """Return the part's model, on its first marker if no joint carries it."""
+    model = part.model
+    if not model.markers:
+        key = f"body.{part.name}.marker"
+        raise InputError(part.file, key, None, "is missing: a body is held at its markers; give one, e.g. at a face")
+    if part.joint.marker:
+        return model
+    return replace(model, joint=replace(part.joint, marker=next(iter(model.markers))))
+
+
+def superelement(part: FlexiblePart) -> Superelement:
+    """Reduce a body to its interface, the markers that ``modes.interface`` names, or all.
+
+    Raises
+    ------
+    InputError
+        The body has no marker, no matrices, or fewer modes than the scene wants.
+    """
+    if part.is_reduced:
+        mend = "is a reduced body, without the matrices that a superelement is made of"
+        raise InputError(part.file, f"body.{part.name}.body", None, mend)
+    model, settings = _held_anywhere(part), part.shape.modes
+    markers = {name: model.markers[name] for name in settings.interface or model.markers}
+
+    def ratios(omega: Array) -> Array:
+        return np.array(damping_ratios(settings.damping, omega.tolist()))
+
+    try:
+        return make_superelement(model.fe, model.solver, markers, settings.count, ratios)
+    except TooManyModesError as error:
+        raise InputError(part.file, f"body.{part.name}.modes.count", settings.count, str(error)) from error

@@ -1,0 +1,54 @@
+"""Largest stable steps of a scene's own mechanism, with the split of its first sub-cycled run."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator, Sequence
+from dataclasses import replace
+from typing import TYPE_CHECKING
+
+from fmd.core.progress import Advance
+from fmd.stability.limits import MechanismLimits, ReferenceMatrices, find_limits, inertial_coupling
+from fmd.stability.operating_points import find_operating_points
+from fmd.stages.runs import plan_sub_cycled
+
+if TYPE_CHECKING:
+    from fmd.dynamics.compiled_system.system import CompiledSystem
+    from fmd.stages.pipeline import Pipeline
+
+
+def find_scene_limits(pipeline: Pipeline, ratios: Sequence[int], along: bool) -> MechanismLimits:
+    """Find the largest stable steps of a scene's mechanism about its reference state or, ``along`` its motion, too.
+
+    Without a sub-cycled run in the scene its joints are slow.
+    """
+    simulation = pipeline.scene.simulation
+    system = _split(pipeline)
+    reference, points = ReferenceMatrices(*system.stiffest_motion), None
+    if along:
+        points = find_operating_points(system, pipeline.mechanism, *pipeline.start, simulation.duration)
+    with pipeline.store.monitor("stability") as advance:
+        counted = _counted(ratios, advance)
+        limits = find_limits(system, reference, counted, simulation.duration, simulation.error, points)
+    if points and not system.mechanism.closures:
+        masses = [system.mass_matrix(at.q, at.time) for at in points.points]
+        coupling = max(limits.coupling, *(inertial_coupling(mass, system.n_slow) for mass in masses))
+        limits = replace(limits, coupling=coupling)
+    return limits
+
+
+def _counted(ratios: Sequence[int], advance: Advance) -> Iterator[int]:
+    """Go through the ratios, and report the part of them that is done."""
+    for k, m in enumerate(ratios):
+        yield m
+        advance((k + 1) / len(ratios))
+
+
+def _split(pipeline: Pipeline) -> CompiledSystem:
+    """Return the mechanism with the split of the scene's first sub-cycled run, as it is marched."""
+    simulation = pipeline.scene.simulation
+    step = simulation.step if isinstance(simulation.step, float) else 1.0  # only a split that is chosen depends on it
+    for run in simulation.run:
+        if run.integrator in ("sub-cycling", "reversible-sub-cycling"):
+            chosen = run.split == "auto" and simulation.step == "auto"
+            return plan_sub_cycled(pipeline, run, "", None if chosen else run.step or step).system
+    return pipeline.system

@@ -1,0 +1,364 @@
+"""Check if the loads through each flexible body change its stiffness, by the motion with all bodies rigid.
+
+Tension stiffens and compression softens. The linear floating frame knows neither: it softens with spin, by ``Ω²`` times
+a body's second moments, and has no stiffness left at a critical rate.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Collection, Mapping
+from dataclasses import dataclass, field, replace
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+
+from fmd.core.arrays import Array
+from fmd.core.errors import AccuracyError, InputError
+from fmd.dynamics.compiled_system.system import CompiledSystem
+from fmd.dynamics.kinematics import Kinematics
+from fmd.dynamics.least_work import share_open_loads
+from fmd.dynamics.open_loads import largest_gap, open_loads
+from fmd.dynamics.transmitted_loads import (
+    BodyLoads,
+    change_by_inertia,
+    geometric_stiffness_over,
+    transmitted_loads,
+    without_negligible_terms,
+)
+from fmd.scene.damping import damping_ratios
+from fmd.stages.assembly import movable_rigid
+from fmd.stages.divided_scene import part_of
+from fmd.stages.mass_check import require_inertia
+from fmd.stages.mechanism import build_mechanism, place_joints
+
+if TYPE_CHECKING:
+    from fmd.dynamics.mechanism import Mechanism
+    from fmd.integrators.protocol import Integrator
+    from fmd.reduction.body import FlexibleBody
+    from fmd.scene.scene import Scene
+
+_SAMPLES = 401
+# ∫ φ'² dx of a slender body's lowest modes is 1.2 (clamped) to 6 (hinged) times the largest φ² over its length.
+_SLOPES = 10.0
+# Share of a motion that rings, where a change of frequency adds up to one of phase.
+_RINGING = 0.02
+# Terms that change a stiffness by less than this part of the wanted error are left out.
+_NEGLIGIBLE = 1e-2
+# Error of a part that turns, over the change of its pieces' stiffness by their own inertia: 0.1 to 0.3 were measured.
+_OF_PIECES = 0.3
+_SHORT_MARCH = 1000.0  # radians of the highest frequency, about a step each of 0.2 ms; compiling takes seconds
+_MOST_EXPLICIT = 1e6  # leapfrog steps of a march of rigid bodies
+_MOST_RADIANS = 1e6  # of its highest frequency that are followed
+_IMPLICIT_STEPS = 4000  # beyond
+# A deflection that grows by more than e³ has left what geometric stiffness describes.
+_GROWTH = 3.0
+_CLOSED = 1e-6  # m or rad: a gap that bodies close by deforming, not one of round-off
+_SUSPECT = 0.5  # of its buckling load on a body alone: what loops or elements hold is looked at as a whole
+_MOMENTS = 41  # at which the stiffness of what loops or elements hold is looked at
+
+
+@dataclass(frozen=True)
+class SpinCheck:
+    """Loads through a body over a scene, and whether they count.
+
+    Attributes
+    ----------
+    largest_rate : float
+        Largest angular rate of the body over the scene [rad/s].
+    first_frequency : float
+        Its lowest angular frequency [rad/s].
+    critical_rate : float
+        Rate at which it would have no stiffness left without geometric stiffening [rad/s].
+    stiffened : bool
+        True if the body has its geometric stiffness.
+    change : float
+        Estimate from above of how much the loads change the stiffness of a mode, as a part of it.
+    loads : BodyLoads
+        Loads through the body with all bodies rigid.
+    times : ndarray, shape (n_times,)
+        At which they are known [s].
+    positions : ndarray, shape (n_times, n_positions)
+        Of the mechanism with all bodies rigid.
+    """
+
+    largest_rate: float
+    first_frequency: float
+    critical_rate: float
+    stiffened: bool
+    change: float
+    loads: BodyLoads = field(repr=False)
+    times: Array = field(repr=False)
+    positions: Array = field(repr=False)
+
+
+@dataclass(frozen=True)
+class StiffnessChange:
+    """Change of a stiffened body's stiffness by the loads through it.
+
+    Attributes
+    ----------
+    largest : float
+        Largest change of the stiffness of a shape, as a part of it.
+    buckling : float
+        Largest load as a part of the buckling load; 0 if nothing is compressed.
+    buckles_at : float
+        Time at which it first passes the buckling load [s]; infinite if it never does.
+    growth : float
+        Logarithm of the factor by which a deflection grows while the load is beyond that.
+    """
+
+    largest: float
+    buckling: float
+    buckles_at: float
+    growth: float
+
+
+def check_spins(
+    scene: Scene, bodies: Mapping[str, FlexibleBody], meshed: Collection[str] | None = None
+) -> dict[str, SpinCheck]:
+    """Check the loads through each flexible body of a scene, and if they count, before anything is integrated.
+
+    Parameters
+    ----------
+    scene : Scene
+        With a simulation.
+    bodies : mapping of str to FlexibleBody
+        Its flexible bodies, reduced and not stiffened.
+    meshed : collection of str, optional
+        Names of bodies that have elements, and so stress; all by default.
+
+    Raises
+    ------
+    InputError
+        The scene wants no stiffening, and a body would lose its stiffness; or a joint moves without any inertia.
+    """
+    if not bodies:
+        return {}
+    wanted, error = scene.simulation.stiffening, scene.simulation.error
+    mechanism = build_mechanism(scene, bodies)
+    require_inertia(scene, CompiledSystem(mechanism.rigid))
+    rigid = movable_rigid(mechanism)
+    motion = rigid_motion(rigid, *place_joints(scene, rigid), scene.simulation.duration)
+    all_loads = transmitted_loads(motion)
+    if mechanism.closures or mechanism.elements:
+        unknown = open_loads(mechanism.rigid, motion.times, motion.q)
+        all_loads = [replace(loads, open=own) for loads, own in zip(all_loads, unknown, strict=True)]
+        constrained = Kinematics(mechanism.rigid, motion.times, motion.q, motion.v)
+        all_loads = share_open_loads(mechanism, constrained, all_loads)
+    checks = {}
+    for name, body in bodies.items():
+        loads = all_loads[mechanism.number_of(name)]
+        rates = np.linalg.norm(loads.spin, axis=1)
+        largest, first = float(rates.max()), float(body.omega[0])
+        critical = critical_rate(body, loads.spin[rates.argmax()])
+        if wanted == "off" and largest >= critical:
+            raise InputError(
+                scene.file,
+                "simulation.stiffening",
+                "off",
+                f"body '{name}' would diverge: it turns at up to {largest:.4g} rad/s, and from {critical:.4g} rad/s on "
+                "the linear floating frame has no stiffness left; 'auto' adds geometric stiffening",
+            )
+        change = estimate_change(body, loads)
+        (ratio,) = damping_ratios(scene.flexible[name].modes.damping, [first])
+        lasting = 1.0 / max(ratio, 1e-300)  # radians of ringing
+        matters = change * (1.0 + 0.5 * _RINGING * min(first * scene.simulation.duration, lasting)) > error
+        # Displacements of second order in its pieces also make the rotations of a chain converge faster.
+        counts = (matters and (meshed is None or name in meshed)) or bool(part_of(name))
+        stiffened = wanted == "on" or (wanted == "auto" and counts)
+        checks[name] = SpinCheck(largest, first, critical, stiffened, change, loads, motion.times, motion.q)
+    opened = largest_gap(rigid, motion.times, motion.q) > _CLOSED
+    if wanted == "auto" and (opened or any(check.stiffened for check in checks.values())):
+        for name, check in checks.items():  # stretched by a body that deflects, or by a motion that is prescribed
+            held = bool(check.loads.open.any()) and (meshed is None or name in meshed)
+            checks[name] = replace(check, stiffened=check.stiffened or held)
+    return checks
+
+
+def estimate_change(body: FlexibleBody, loads: BodyLoads) -> float:
+    """Estimate from above the part by which loads change the stiffness of a mode, without geometric stiffness."""
+    length = float(np.linalg.norm(body.x, axis=1).max())
+    peaks = (body.shapes**2).sum(axis=1).max(axis=0)
+    spin, turning, acceleration = (np.linalg.norm(a, axis=1) for a in (loads.spin, loads.turning, loads.acceleration))
+    forces = (
+        np.linalg.norm(loads.wrenches[:, :, :3], axis=2) + np.linalg.norm(loads.wrenches[:, :, 3:], axis=2) / length
+    )
+    inertia = body.gram.mass * (acceleration + 0.5 * length * (spin**2 + turning))
+    return float(_SLOPES * (forces.sum(axis=0) + inertia).max() * (peaks / body.omega**2).max() / length)
+
+
+def keep_what_counts(mechanism: Mechanism, checks: Mapping[str, SpinCheck], error: float) -> Mechanism:
+    """Leave out of a mechanism those terms of stiffening that don't count beside a wanted error.
+
+    Pieces keep all: they count by their own deflection, not by the loads alone.
+    """
+    for name, check in checks.items():
+        if check.stiffened and not part_of(name):
+            mechanism = without_negligible_terms(mechanism, mechanism.number_of(name), check.loads, _NEGLIGIBLE * error)
+    return mechanism
+
+
+def keep_inertia_of_pieces(
+    linear: Mapping[str, FlexibleBody],
+    stiffened: Mapping[str, FlexibleBody],
+    checks: Mapping[str, SpinCheck],
+    error: float,
+) -> dict[str, FlexibleBody]:
+    """Return the pieces among stiffened bodies with their inertia of second order where it counts.
+
+    Without it a piece is stiffened by the forces at its ends, but not by its own inertia. All pieces of a part have it
+    or none, so that equal ones stay equal.
+
+    Parameters
+    ----------
+    linear, stiffened : mapping of str to FlexibleBody
+        Bodies without and with displacements of second order, by name.
+    checks : mapping of str to SpinCheck
+        Loads through them.
+    error : float
+        Wanted relative error; 0 if it always counts.
+    """
+    pieces = {name: body for name, body in stiffened.items() if part_of(name)}
+    counts = {
+        part_of(name)
+        for name, body in pieces.items()
+        if not error or _OF_PIECES * change_by_inertia(body, checks[name].loads) > error
+    }
+    return {
+        name: body if part_of(name) in counts else replace(body, gram=linear[name].gram)
+        for name, body in pieces.items()
+    }
+
+
+def with_whole_energy(mechanism: Mechanism) -> Mechanism:
+    """Return a mechanism in which displacements of second order count with their whole kinetic energy."""
+    links = [replace(link, gram=replace(link.gram, whole=True)) for link in mechanism.links]
+    return replace(mechanism, links=links)
+
+
+def find_changes(mechanism: Mechanism, checks: Mapping[str, SpinCheck]) -> dict[str, StiffnessChange]:
+    """Find the change of stiffness of each stiffened body of a mechanism by the loads through it."""
+    changes = {}
+    for name, check in checks.items():
+        body = mechanism.number_of(name)
+        omega = mechanism.links[body].omega
+        if check.stiffened and len(omega):
+            K = geometric_stiffness_over(mechanism, body, check.loads) / np.outer(omega, omega)
+            parts = np.linalg.eigvalsh(K)
+            lowest = np.linalg.eigvalsh(K * np.outer(omega, omega) + np.diag(omega**2))[:, 0]
+            largest, buckling = float(np.abs(parts).max()), float(max(-parts[:, 0].min(), 0.0))
+            changes[name] = StiffnessChange(largest, buckling, *_instability(check.times, lowest))
+    suspects = [name for name, change in changes.items() if change.buckling > _SUSPECT and not part_of(name)]
+    if suspects and (mechanism.closures or mechanism.elements):
+        loads = {mechanism.number_of(name): checks[name].loads for name in changes}
+        held = _find_held_change(mechanism, loads, checks[suspects[0]])
+        changes |= {name: replace(held, largest=changes[name].largest) for name in suspects}
+    return changes
+
+
+def _instability(times: Array, stiffness: Any) -> tuple[float, float]:
+    """Return when the lowest stiffness over mass is first below 0 [s], and the logarithm of what grows by that."""
+    lowest = np.asarray(stiffness, dtype=float)
+    beyond = np.flatnonzero(lowest < 0.0)
+    growth = float(np.trapezoid(np.sqrt(np.maximum(-lowest, 0.0)), times))
+    return float(times[beyond[0]]) if beyond.size else np.inf, growth
+
+
+def _find_held_change(mechanism: Mechanism, loads: Mapping[int, BodyLoads], at: SpinCheck) -> StiffnessChange:
+    """Find how far bodies are from buckling that wouldn't bear their loads alone, but loops or elements hold them."""
+    from fmd.dynamics.compiled_system.shared import share_system
+    from fmd.stages.buckling import held_stiffness
+
+    system = share_system(mechanism)
+    moments = np.unique(np.linspace(0, len(at.times) - 1, _MOMENTS).astype(int))
+    held = [held_stiffness(system, loads, k, float(at.times[k]), at.positions[k]) for k in moments]
+    buckling = max(each.buckling for each in held)
+    return StiffnessChange(buckling, buckling, *_instability(at.times[moments], [each.lowest for each in held]))
+
+
+def require_unbuckled(scene: Scene, changes: Mapping[str, StiffnessChange]) -> None:
+    """Raise ``InputError`` if a body would buckle for so long that its deflection grows beyond what is described.
+
+    Pieces of a part describe what follows buckling.
+    """
+    for name, change in changes.items():
+        if change.growth > _GROWTH and not part_of(name):
+            raise InputError(
+                scene.file,
+                f"body.{name}",
+                None,
+                f"the body would buckle: from t = {change.buckles_at:.4g} s on the loads through it are up to "
+                f"{change.buckling:.3g} times what it bears; reduce them, or make it stiffer",
+            )
+
+
+def critical_rate(body: FlexibleBody, spin: Array) -> float:
+    """Rate about the direction of ``spin`` at which ``ω² − Ω² D`` loses its stiffness [rad/s]; infinite at no spin."""
+    size = np.linalg.norm(spin)
+    if not size:
+        return np.inf
+    e = spin / size
+    D = np.einsum("ab,abij->ij", np.eye(3) - np.outer(e, e), body.gram.G)[1:, 1:]
+    softest = np.linalg.eigvalsh(0.5 * (D + D.T) / np.outer(body.omega, body.omega))[-1]
+    return float(1 / np.sqrt(softest)) if softest > 0 else np.inf
+
+
+def rigid_spins(mechanism: Mechanism, q0: Array, v0: Array, duration: float) -> dict[str, Array]:
+    """Compute the angular velocity of each body in its own axes over a motion in which no body deforms.
+
+    Parameters
+    ----------
+    q0, v0 : ndarray
+        Positions and rates of `Mechanism.rigid` at the start.
+    duration : float
+        Of the motion [s].
+
+    Returns
+    -------
+    dict of str to ndarray, shapes (n_samples, 3)
+        [rad/s]
+    """
+    motion = rigid_motion(mechanism, q0, v0, duration)
+    return {link.name: motion.body_spin(k) for k, link in enumerate(mechanism.links)}
+
+
+def rigid_motion(mechanism: Mechanism, q0: Array, v0: Array, duration: float) -> Kinematics:
+    """Compute the motion of a mechanism in which no body deforms; the arguments are those of `rigid_spins`."""
+    times = np.linspace(0.0, duration, _SAMPLES)
+    q, v = _march_rigid(mechanism.rigid, q0, v0, times)
+    return Kinematics(mechanism.rigid, times, q, v)
+
+
+def _march_rigid(rigid: Mechanism, q0: Array, v0: Array, times: Array) -> tuple[Array, Array]:
+    """Integrate a mechanism of rigid bodies: positions and rates, (n_times, …) each."""
+    if not rigid.n:
+        return np.zeros((len(times), 0)), np.zeros((len(times), 0))
+    system = CompiledSystem(rigid)
+    try:
+        motion = _method_for(system, times[-1]).march(system, q0, v0, times)
+    except AccuracyError as error:
+        raise AccuracyError(f"the scene with all bodies rigid: {error}") from error
+    return motion.q, motion.v
+
+
+def _method_for(system: CompiledSystem, duration: float) -> Integrator:
+    """Return SciPy's method, for which nothing is compiled, or a compiled one where there is much to march.
+
+    Vibrations that are too many to be followed keep their size by the trapezoidal rule, though not their frequency.
+    """
+    if system.highest_frequency * duration > _MOST_RADIANS:
+        from fmd.integrators.generalized_alpha import GeneralizedAlpha
+
+        return GeneralizedAlpha(duration / _IMPLICIT_STEPS, rho=1.0)
+    damped = duration > _MOST_EXPLICIT * system.largest_step  # strongly: explicit steps would take for ever
+    if damped and system.mechanism.closures:
+        from fmd.integrators.rosenbrock import ExponentialRosenbrock
+
+        return ExponentialRosenbrock(1e-4)
+    if damped or (system.highest_frequency * duration < _SHORT_MARCH and not system.mechanism.closures):
+        from fmd.integrators.scipy_ivp import ScipyIvp
+
+        return ScipyIvp("Radau" if damped else "DOP853", 1e-6)
+    from fmd.integrators.runge_kutta import RungeKutta
+
+    return RungeKutta(1e-4)

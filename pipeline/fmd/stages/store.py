@@ -1,0 +1,125 @@
+"""Runs stages, keeps their results, and logs which were computed, which came from the cache, and for how long."""
+
+from __future__ import annotations
+
+import sys
+import time
+from collections.abc import Callable
+from dataclasses import dataclass, field, replace
+from functools import lru_cache
+from typing import Any, TypeVar
+
+from threadpoolctl import ThreadpoolController
+
+from fmd.core.cache import Cache
+from fmd.core.progress import Monitor, silent
+
+T = TypeVar("T")
+
+
+@lru_cache(maxsize=1)
+def _thread_pools(n_modules: int) -> ThreadpoolController:
+    """Return the libraries with threads of their own; those of modules loaded later are found by their number."""
+    return ThreadpoolController()
+
+
+@dataclass
+class Log:
+    """Time and origin of each stage's results, in the order in which they came.
+
+    Attributes
+    ----------
+    seconds : dict of str to float
+        Time that each stage took, computed or read from the cache, of all bodies together [s].
+    run, cached : list of str
+        Stages that were computed and stages that were read.
+    """
+
+    seconds: dict[str, float] = field(default_factory=dict)
+    run: list[str] = field(default_factory=list)
+    cached: list[str] = field(default_factory=list)
+
+    def add(self, stage: str, seconds: float, names: list[str]) -> None:
+        """Add a stage's time, and its name to those run or those cached."""
+        self.seconds[stage] = self.seconds.get(stage, 0.0) + seconds
+        if stage not in names:
+            names.append(stage)
+
+
+@dataclass(frozen=True)
+class StageStore:
+    """Computes results of stages, or reads them from a cache.
+
+    Parameters
+    ----------
+    cache : Cache
+        Where results are kept.
+    monitor : Monitor
+        Reports each stage's progress.
+    log : Log
+        Records what was done.
+    shared : dict of str to object
+        Results by their keys, which bodies of one part have in common.
+    """
+
+    cache: Cache
+    monitor: Monitor = silent
+    log: Log = field(default_factory=Log)
+    shared: dict[str, Any] = field(default_factory=dict)
+
+    def alone(self) -> StageStore:
+        """Return a store that shares no results by their keys, for results that their keys don't describe."""
+        return replace(self, shared={})
+
+    def share_or_compute(self, stage: str, key: str, compute: Callable[[], T]) -> T:
+        """Return the result that another body has under the same key, or compute it; nothing is kept on disk."""
+        if key not in self.shared:
+            self.shared[key] = self.compute(stage, compute)
+        value: T = self.shared[key]
+        return value
+
+    def read_or_compute(
+        self, stage: str, key: str, compute: Callable[[], T], keep: Callable[[T], bool] = lambda result: True
+    ) -> T:
+        """Take a stage's result from another body with the same key, read it, or compute it and ``keep`` it.
+
+        Of several processes that want it, one computes.
+        """
+        if key not in self.shared:
+            self.shared[key] = self._read_or_compute(stage, key, compute, keep)
+        value: T = self.shared[key]
+        return value
+
+    def _read_or_compute(self, stage: str, key: str, compute: Callable[[], T], keep: Callable[[T], bool]) -> T:
+        tick = time.perf_counter()
+        value: T | None = self.cache.load(key)
+        if value is None:
+            with self.cache.lock(key):
+                value = self.cache.load(key)
+                if value is None:
+                    value = self.compute(stage, compute)
+                    if keep(value):
+                        self.cache.save(key, value)
+                    return value
+        self.log.add(stage, time.perf_counter() - tick, self.log.cached)
+        return value
+
+    def read_or_keep(self, key: str, compute: Callable[[], T]) -> T:
+        """Read a result that is a part of another stage, or compute and keep it; the log doesn't have it."""
+        value: T | None = self.cache.load(key)
+        if value is None:
+            value = compute()
+            self.cache.save(key, value)
+        return value
+
+    def compute(self, stage: str, compute: Callable[[], T]) -> T:
+        """Compute a stage, and log its time, also if it fails: that of stages that it needs in turn isn't its own."""
+        others = sum(self.log.seconds.values())
+        tick = time.perf_counter()
+        pools = _thread_pools(len(sys.modules))
+        try:
+            with self.monitor(stage), pools.limit(limits=1):  # the products here are small: two BLAS threads only spin
+                return compute()
+        finally:
+            spent = time.perf_counter() - tick
+            self.log.add(stage, spent - (sum(self.log.seconds.values()) - others), self.log.run)

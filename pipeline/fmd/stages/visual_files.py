@@ -1,0 +1,98 @@
+"""Shapes of rigid bodies that come from STL and CAD files, as triangles."""
+
+from __future__ import annotations
+
+import hashlib
+import subprocess
+import sys
+import tempfile
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from fmd.core.arrays import Array, IntArray
+from fmd.core.cache import Cache, stage_key
+from fmd.core.errors import InputError
+from fmd.core.units import unit_ratio
+from fmd.fem.formats.stl import read_stl
+from fmd.scene.scene import Scene
+
+_MOST_SECONDS = 300
+
+
+def find_visual_files(scene: Scene) -> dict[str, str]:
+    """Return the digests of the files that rigid bodies are shown by, under their keys in the scene.
+
+    Raises
+    ------
+    InputError
+        A file can't be read.
+    """
+    digests = {}
+    for body, table in scene.body.items():
+        for number, visual in enumerate(getattr(table, "visual", ())):
+            if visual.type == "file":
+                key = f"body.{body}.visual.{number}.file"
+                path = Path(scene.file).parent / visual.file
+                try:
+                    with path.open("rb") as stream:
+                        digests[key] = hashlib.file_digest(stream, "blake2b").hexdigest()
+                except (OSError, ValueError) as error:
+                    what = getattr(error, "strerror", None) or error
+                    message = f"can't be read: {what}; it is looked for at {path}"
+                    raise InputError(scene.file, key, visual.file, message) from None
+    return digests
+
+
+def read_visual(scene: Scene, body: str, number: int, cache: Cache) -> tuple[Array, IntArray]:
+    """Read a body's shape from its file.
+
+    Returns
+    -------
+    tuple of ndarray, shapes (n_points, 3) and (n_triangles, 3)
+        Points in the file's axes [m], and the corners of each triangle.
+
+    Raises
+    ------
+    InputError
+        The file can't be read, or holds no shape; the message says why.
+    """
+    table: Any = scene.body[body]
+    visual = table.visual[number]
+    key = f"body.{body}.visual.{number}.file"
+    digest = find_visual_files(scene)[key]
+    path = Path(scene.file).parent / visual.file
+    if path.suffix.lower() == ".stl":
+        try:
+            points, triangles = read_stl(path)
+        except ValueError as error:
+            raise InputError(scene.file, key, visual.file, str(error)) from None
+        return points * unit_ratio(visual.unit, "m"), triangles
+    sources = ("fmd/meshes/cad.py", "fmd/stages/visual_files.py")
+    kept = stage_key("visual", {"content": digest, "kind": path.suffix.lower()}, sources, ("gmsh",))
+    found = cache.load(kept)
+    if found is None:
+        try:
+            found = _triangulate(path)
+        except ValueError as error:
+            raise InputError(scene.file, key, visual.file, str(error)) from None
+        cache.save(kept, found)
+    points, triangles = found
+    return points, triangles
+
+
+def _triangulate(path: Path) -> tuple[Array, IntArray]:
+    """Cut the faces of a CAD file into triangles, by Gmsh in a process of its own; raises ``ValueError``."""
+    with tempfile.TemporaryDirectory(prefix="fmd-") as folder:
+        arrays = Path(folder) / "arrays.npz"
+        command = [sys.executable, "-P", "-m", "fmd.meshes.cad_faces", str(path.resolve()), str(arrays)]
+        try:
+            done = subprocess.run(command, capture_output=True, check=False, timeout=_MOST_SECONDS)
+        except subprocess.TimeoutExpired:
+            raise ValueError(f"wasn't cut into triangles in {_MOST_SECONDS} s; take an STL file") from None
+        if done.returncode != 0 or not arrays.is_file():
+            said = done.stderr.decode(errors="replace").strip()
+            raise ValueError(said or "Gmsh's OpenCASCADE stopped on it; is it damaged?")
+        with np.load(arrays, allow_pickle=False) as file:
+            return np.array(file["points"]), np.array(file["triangles"])

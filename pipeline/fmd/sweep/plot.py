@@ -1,0 +1,120 @@
+"""Plot of a sweep: lines over one varied key, maps over two."""
+
+from __future__ import annotations
+
+import re
+from collections.abc import Sequence
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+
+from fmd.core.arrays import Array
+from fmd.core.html import prefix_for
+from fmd.sweep.points import Variation
+from fmd.sweep.study import Sweep
+
+if TYPE_CHECKING:
+    from fmd.render.sweep_chart import SweepAxis, SweepPanel
+
+FILE = "sweep.png"
+_MOST_MODES = 6
+_MOST_PANELS = 6
+# Figures that are drawn where points differ in them, with their label and SI unit.
+_FIGURES = {
+    "worst_stress.von_mises_pa": ("largest von Mises stress", "Pa"),
+    "peak_tip_deflection_m": ("largest deflection of the tip", "m"),
+    "largest_stable_step_s": ("largest stable step", "s"),
+    "run.0.seconds": ("time of integration", "s"),
+}
+_JOINT = "run.0.final.joint_positions."
+_NUMBER = re.compile(r"\s*[\"']?\s*([-+]?(?:\d+\.?\d*|\.\d+)(?:[eE][-+]?\d+)?)\s*([^\"']*?)\s*[\"']?\s*")
+
+
+def draw_sweep(sweep: Sweep, rows: Sequence[dict[str, Any]], folder: Path, title: str) -> list[str]:
+    """Draw the main figures of a sweep over one or two keys into ``sweep.png``.
+
+    Parameters
+    ----------
+    sweep : Sweep
+        Keys and points.
+    rows : sequence of dict
+        The table's rows, one a point.
+    folder : Path
+        Folder of the picture.
+    title : str
+        Heading.
+
+    Returns
+    -------
+    list of str
+        The file's name; none with three keys or more, or if no point has a figure.
+
+    Raises
+    ------
+    OSError
+        The folder can't be written.
+    """
+    shape = tuple(len(variation.values) for variation in sweep.variations)
+    figures = [*_figures(rows)] if len(shape) in (1, 2) else []
+    if not figures or max(shape) < 2:
+        return []
+    from fmd.render.sweep_chart import draw_sweep_lines, draw_sweep_maps
+
+    axes = [_axis(variation) for variation in sweep.variations]
+    panels = [_panel(label, unit, [(name, values.reshape(shape)) for name, values in lines], len(shape))
+              for label, unit, lines in figures[:_MOST_PANELS]]  # fmt: skip
+    path = folder / FILE
+    if len(axes) == 1:
+        draw_sweep_lines(axes[0], panels, path, title=title)
+    else:
+        draw_sweep_maps(axes[0], axes[1], panels, path, title=title)
+    return [FILE]
+
+
+def _figures(rows: Sequence[dict[str, Any]]) -> list[tuple[str, str, list[tuple[str, Array]]]]:
+    """List label, unit and lines by name of each figure that some point has."""
+    modes = [(f"mode {k + 1}", _column(rows, f"frequencies_hz.{k}")) for k in range(_MOST_MODES)]
+    found = [("frequency", "Hz", [(name, values) for name, values in modes if np.isfinite(values).any()])]
+    named = dict(_FIGURES)
+    for name in rows[0]:
+        if name.startswith(_JOINT):
+            joint = name.removeprefix(_JOINT)
+            unit = next((str(row[key]) for row in rows if row.get(key := f"joint_units.{joint}")), "")
+            named[name] = (f"{joint} at the end", unit)
+    found += [(label, unit, [("", _column(rows, name))]) for name, (label, unit) in named.items()]
+    return [
+        (label, unit, lines) for label, unit, lines in found if any(np.isfinite(values).any() for _, values in lines)
+    ]
+
+
+def _column(rows: Sequence[dict[str, Any]], name: str) -> Array:
+    values = [row.get(name) for row in rows]
+    return np.array([value if isinstance(value, int | float) else np.nan for value in values], dtype=np.float64)
+
+
+def _panel(label: str, unit: str, lines: list[tuple[str, Array]], n_keys: int) -> SweepPanel:
+    """Make a panel with values in a prefixed unit; a map shows the first line alone."""
+    from fmd.render.sweep_chart import SweepPanel
+
+    if n_keys == 2 and len(lines) > 1:
+        label, lines = f"{label} of {lines[0][0]}", lines[:1]
+    largest = max(float(np.nanmax(np.abs(values), initial=0.0)) for _, values in lines)
+    factor, prefix = prefix_for(largest, unit)
+    named = f"{label} [{prefix}{unit}]" if unit else label
+    values = [values / factor for _, values in lines]
+    return SweepPanel(named, values[0] if n_keys == 2 else np.stack(values), tuple(name for name, _ in lines if name))
+
+
+def _axis(variation: Variation) -> SweepAxis:
+    """Make the axis of a key, in the unit of its values if they have one in common."""
+    from fmd.render.sweep_chart import SweepAxis
+
+    key = variation.key
+    found = [_NUMBER.fullmatch(value) for value in variation.values]
+    units = {match[2] for match in found if match is not None}
+    if None in found or len(units) != 1:
+        return SweepAxis(key, variation.values)
+    (unit,) = units
+    texts = tuple(match[1] for match in found if match is not None)
+    return SweepAxis(f"{key} [{unit}]" if unit else key, texts, tuple(map(float, texts)))

@@ -1,0 +1,136 @@
+"""Points of a sweep: keys of the scene with the values that they take, and the scene at each combination."""
+
+from __future__ import annotations
+
+import itertools
+import math
+from collections.abc import Sequence
+from dataclasses import dataclass
+from pathlib import Path
+
+from fmd.core.cache import stage_key
+from fmd.core.errors import InputError
+from fmd.scene.scene import Scene, load_scene
+from fmd.scene.source_files import digest_files
+
+_VARY = "--vary"
+_MOST_POINTS = 100_000
+_OPENING, _CLOSING, _QUOTES = "[{(", "]})", "\"'"
+_PACKAGES = ("gmsh", "numba", "numpy", "scikit-fem", "scipy")
+
+
+@dataclass(frozen=True)
+class Variation:
+    """A key of the scene, dotted as for ``--set``, with its values as text."""
+
+    key: str
+    values: tuple[str, ...]
+
+
+@dataclass(frozen=True)
+class Point:
+    """One combination of values, with its scene or the reason why there is none.
+
+    Parameters
+    ----------
+    values : tuple of str
+        One for each varied key.
+    scene : Scene or None
+        The scene with these values; ``None`` if it is refused.
+    key : str
+        Digest of the scene, its files and the sources that compute it; empty if it is refused.
+    refusal : str
+        The reason, if it is refused.
+    """
+
+    values: tuple[str, ...]
+    scene: Scene | None
+    key: str = ""
+    refusal: str = ""
+
+
+def parse_variations(texts: Sequence[str]) -> tuple[Variation, ...]:
+    """Parse texts like ``simulation.step=1us,2us``; a comma within brackets or quotes belongs to its value.
+
+    Raises
+    ------
+    InputError
+        A text isn't of this form, or a key or value is given twice.
+    """
+    variations: list[Variation] = []
+    for text in texts:
+        key, equals, given = (part.strip() for part in text.partition("="))
+        values = tuple(value.strip() for value in _split(given))
+        if not key or not equals or not all(values):
+            raise InputError(_VARY, "", text, "must look like simulation.step=1us,2us,5us")
+        if len(set(values)) < len(values):
+            raise InputError(_VARY, key, given, "has a value twice")
+        if any(other.key == key for other in variations):
+            raise InputError(_VARY, key, given, "is varied twice; give all its values in one list")
+        variations.append(Variation(key, values))
+    if not variations:
+        raise InputError(_VARY, "", None, "is missing: what to vary, e.g. --vary simulation.step=1us,2us,5us")
+    return tuple(variations)
+
+
+def make_points(scene: str | Path, variations: Sequence[Variation], overrides: Sequence[str] = ()) -> list[Point]:
+    """Load the scene at each combination of values, the last key varying fastest.
+
+    Raises
+    ------
+    InputError
+        There is no such scene, or it is refused at every point; the message is that of the first.
+    """
+    count = math.prod(len(v.values) for v in variations)
+    if count > _MOST_POINTS:
+        raise InputError(_VARY, "", None, f"makes {count} points; at most {_MOST_POINTS} in one sweep")
+    points: list[Point] = []
+    first: InputError | None = None
+    for values in itertools.product(*(v.values for v in variations)):
+        try:
+            own = [f"{v.key}={x}" for v, x in zip(variations, values, strict=True)]
+            loaded = load_scene(scene, [*overrides, *own])
+            points.append(Point(values, loaded, point_key(loaded)))
+        except InputError as error:
+            refused = _naming_vary(error, variations)
+            first = first or refused
+            points.append(Point(values, None, refusal=str(refused)))
+    if first is not None and all(point.scene is None for point in points):
+        raise first
+    return points
+
+
+def point_key(scene: Scene) -> str:
+    """Return the key of a scene's results: a digest of the scene, its files, the sources and packages.
+
+    Raises
+    ------
+    InputError
+        A file isn't there.
+    """
+    inputs = {"scene": scene.model_dump(mode="json"), "files": digest_files(scene)}
+    return stage_key("point", inputs, ("fmd", "fmd/meshes"), _PACKAGES)
+
+
+def _naming_vary(error: InputError, variations: Sequence[Variation]) -> InputError:
+    """Return the error of a varied value with ``--vary`` as its origin, where loading has put ``--set``."""
+    if error.file == "--set" and any(error.key.startswith(v.key) for v in variations):
+        return InputError(_VARY, error.key, error.value, error.mend)
+    return error
+
+
+def _split(text: str) -> list[str]:
+    """Split a text at its commas, but for those within brackets or quotes."""
+    parts, depth, quote = [""], 0, ""
+    for character in text:
+        if quote:
+            quote = "" if character == quote else quote
+        elif character in _QUOTES:
+            quote = character
+        else:
+            depth += (character in _OPENING) - (character in _CLOSING)
+        if character == "," and not quote and depth == 0:
+            parts.append("")
+        else:
+            parts[-1] += character
+    return parts

@@ -1,0 +1,75 @@
+"""A sweep over its points, taken up where an earlier one was stopped."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Iterator, Mapping, Sequence
+from dataclasses import dataclass
+from pathlib import Path
+
+from fmd.core.progress import Monitor, silent
+from fmd.scene.scene import Scene
+from fmd.sweep.points import Point, Variation
+from fmd.sweep.record import STATUSES, Record, read_record, write_record
+
+Compute = Callable[[Mapping[str, Scene]], Iterator[tuple[str, Record]]]
+"""A function that computes scenes by their keys, and yields key and record of each as it is done."""
+
+
+@dataclass(frozen=True)
+class Sweep:
+    """A scene at many values, with the record of each.
+
+    Attributes
+    ----------
+    variations : tuple of Variation
+        Keys and their values.
+    points : tuple of Point
+        All combinations, the last key varying fastest.
+    records : tuple of Record
+        The result of each point.
+    computed : int
+        Number of scenes computed now; the others were kept from before, refused at once, or equal to one of these.
+    """
+
+    variations: tuple[Variation, ...]
+    points: tuple[Point, ...]
+    records: tuple[Record, ...]
+    computed: int
+
+    @property
+    def counts(self) -> dict[str, int]:
+        """Number of points of each status."""
+        return {status: sum(record.status == status for record in self.records) for status in STATUSES}
+
+
+def run_sweep(
+    variations: Sequence[Variation], points: Sequence[Point], folder: Path, compute: Compute, monitor: Monitor = silent
+) -> Sweep:
+    """Compute all points that have no record yet, and keep the record of each as soon as it is done.
+
+    Parameters
+    ----------
+    variations, points
+        Keys with their values, and their combinations, from `fmd.sweep.points`.
+    folder : Path
+        Folder of the records, one file a scene; made if it is missing.
+    compute : callable
+        `fmd.sweep.local.compute_locally` or `fmd.sweep.cluster.compute_on_cluster`, with its workers bound.
+
+    Raises
+    ------
+    OSError
+        The folder can't be written.
+    """
+    folder.mkdir(parents=True, exist_ok=True)
+    scenes = {point.key: point.scene for point in points if point.scene is not None}
+    known = {key: record for key in scenes if (record := read_record(folder / f"{key}.json")) is not None}
+    wanted = {key: scene for key, scene in scenes.items() if key not in known}
+    with monitor(f"{len(wanted)} points") as advance:
+        for number, (key, record) in enumerate(compute(wanted) if wanted else (), start=1):
+            if record.lasting:
+                write_record(record, folder / f"{key}.json")
+            known[key] = record
+            advance(number / len(wanted))
+    records = [known[point.key] if point.key else Record("refused", point.refusal) for point in points]
+    return Sweep(tuple(variations), tuple(points), tuple(records), len(wanted))

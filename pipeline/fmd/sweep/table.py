@@ -1,0 +1,177 @@
+"""A sweep's table: one row a point as CSV, one dimension a varied key as NetCDF."""
+
+from __future__ import annotations
+
+import csv
+from collections.abc import Iterator
+from functools import cached_property
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+
+from fmd.core.files import whole_file
+from fmd.core.units import parse_quantity
+from fmd.scene.reading import parse_value
+from fmd.sweep.points import Variation
+from fmd.sweep.study import Sweep
+
+if TYPE_CHECKING:
+    import xarray
+
+Leaf = float | str | None
+Place = tuple[str | int, ...]
+
+# Of a summary: equal at all points, names of files, and figures that the first run repeats.
+_LEFT_OUT = {"scene", "version", "files", "stages_run", "stages_cached", "stages_skipped", "reference_hz"}
+_LEFT_OUT |= {"mode_numbers", "final", "tip"}
+_NAMES = {"integrations": "run"}  # as in the scene: simulation.run.0
+_DIMENSIONS = {
+    "run_number": "run", "frequencies_hz_number": "mode", "relative_error_number": "mode",
+    "position_m_number": "axis", "deflection_m_number": "axis",
+}  # fmt: skip
+_UNITS = {
+    "_rad_s": "rad/s", "_hz": "Hz", "_pa": "Pa", "_kg": "kg", "_rad": "rad", "_m": "m", "_s": "s", "_j": "J",
+    "seconds": "s",
+}  # fmt: skip
+
+
+class SweepTable:
+    """Figures of a sweep's points, as rows or as arrays over the varied keys.
+
+    Parameters
+    ----------
+    sweep : Sweep
+        Points and their records.
+    """
+
+    def __init__(self, sweep: Sweep) -> None:
+        self.sweep = sweep
+        self._figures = [
+            {place: value for place, value in _leaves(record.summary) if place[0] not in _LEFT_OUT}
+            for record in sweep.records
+        ]
+
+    @cached_property
+    def places(self) -> list[Place]:
+        """Places of all figures in the summaries, e.g. ``("run", 0, "seconds")``."""
+        return list(dict.fromkeys(place for figures in self._figures for place in figures))
+
+    @property
+    def rows(self) -> list[dict[str, Leaf]]:
+        """One row a point: varied values, as SI numbers where they are quantities, status, message, figures."""
+        axes = [axis_values(variation) for variation in self.sweep.variations]
+        rows = []
+        for point, record, figures in zip(self.sweep.points, self.sweep.records, self._figures, strict=True):
+            row: dict[str, Leaf] = {}
+            for variation, (values, unit), value in zip(self.sweep.variations, axes, point.values, strict=True):
+                name = f"{variation.key} [{unit}]" if unit else variation.key
+                row[name] = values[variation.values.index(value)]
+            row |= {"status": record.status, "message": record.message}
+            rows.append(row | {_dotted(place): figures.get(place) for place in self.places})
+        return rows
+
+    def write_csv(self, path: Path) -> None:
+        """Write the rows as CSV, with an empty cell where a point lacks a figure."""
+        rows = self.rows
+        with whole_file(path) as part, part.open("w", newline="", encoding="utf-8") as file:
+            table = csv.DictWriter(file, list(rows[0]), lineterminator="\n")
+            table.writeheader()
+            table.writerows(rows)
+
+    @property
+    def dataset(self) -> xarray.Dataset:
+        """Figures over a dimension for each varied key and each list (``run``, ``mode`` ...); NaN or "" if missing."""
+        import xarray
+
+        axes = {variation.key: axis_values(variation) for variation in self.sweep.variations}
+        shape = tuple(len(values) for values, _ in axes.values())
+        inner = self._inner_sizes()
+        data: dict[str, Any] = {}
+        for name, words in (("status", "status"), ("message", "message")):
+            values = np.array([getattr(record, words) for record in self.sweep.records], dtype=object)
+            data[name] = (tuple(axes), values.reshape(shape))
+        for name, places in self._variables().items():
+            dimensions = _inner_dimensions(places[0])
+            texts = any(isinstance(figures.get(place), str) for figures in self._figures for place in places)
+            full = (len(self._figures), *(inner[dimension] for dimension in dimensions))
+            array = np.full(full, "", dtype=object) if texts else np.full(full, np.nan)
+            for number, figures in enumerate(self._figures):
+                for place in places:
+                    if (value := figures.get(place)) is not None:
+                        array[(number, *(step for step in place if isinstance(step, int)))] = value
+            data[name] = ((*axes, *dimensions), array.reshape(*shape, *full[1:]), _attributes(name))
+        return xarray.Dataset(data, {key: (key, list(values), {"units": unit}) for key, (values, unit) in axes.items()})
+
+    def write_netcdf(self, path: Path) -> None:
+        """Write the data set as NetCDF."""
+        with whole_file(path) as part:
+            self.dataset.to_netcdf(part, engine="scipy")
+
+    def _variables(self) -> dict[str, list[Place]]:
+        """Group the places that differ only by their numbers in lists: each group is one variable."""
+        groups: dict[str, list[Place]] = {}
+        for place in self.places:
+            groups.setdefault(_dotted(tuple(step for step in place if isinstance(step, str))), []).append(place)
+        return groups
+
+    def _inner_sizes(self) -> dict[str, int]:
+        sizes: dict[str, int] = {}
+        for place in self.places:
+            numbers = [step for step in place if isinstance(step, int)]
+            for dimension, number in zip(_inner_dimensions(place), numbers, strict=True):
+                sizes[dimension] = max(sizes.get(dimension, 0), number + 1)
+        return sizes
+
+
+def write_tables(sweep: Sweep, folder: Path) -> tuple[list[str], list[dict[str, Leaf]]]:
+    """Write ``sweep.csv`` and ``sweep.nc`` into ``folder``; return their names and the rows."""
+    table = SweepTable(sweep)
+    table.write_csv(folder / "sweep.csv")
+    table.write_netcdf(folder / "sweep.nc")
+    return ["sweep.csv", "sweep.nc"], table.rows
+
+
+def axis_values(variation: Variation) -> tuple[tuple[Leaf, ...], str]:
+    """Return a key's values as SI numbers and their unit if all are numbers or quantities of a kind, else as text."""
+    try:
+        numbers = [_number(value) for value in variation.values]
+    except ValueError:
+        return variation.values, ""
+    units = {unit for _, unit in numbers}
+    return (tuple(value for value, _ in numbers), units.pop()) if len(units) == 1 else (variation.values, "")
+
+
+def _number(text: str) -> tuple[float, str]:
+    value = parse_value(text)
+    if isinstance(value, int | float) and not isinstance(value, bool):
+        return value, ""
+    return parse_quantity(str(value))
+
+
+def _leaves(value: Any, place: Place = ()) -> Iterator[tuple[Place, Leaf]]:
+    if isinstance(value, dict):
+        for key, inner in value.items():
+            yield from _leaves(inner, (*place, _NAMES.get(key, str(key))))
+    elif isinstance(value, list):
+        for number, inner in enumerate(value):
+            yield from _leaves(inner, (*place, number))
+    else:
+        yield place, value
+
+
+def _dotted(place: Place) -> str:
+    return ".".join(map(str, place))
+
+
+def _inner_dimensions(place: Place) -> tuple[str, ...]:
+    """Name a dimension for each number in a place, after the list that it counts."""
+    names = [str(place[0])]
+    for step in place[1:]:
+        names.append(f"{names[-1]}_number" if isinstance(step, int) else step)
+    lists = [name for name, step in zip(names, place, strict=True) if isinstance(step, int)]
+    return tuple(_DIMENSIONS.get(name, name) for name in lists)
+
+
+def _attributes(name: str) -> dict[str, str]:
+    return next(({"units": unit} for suffix, unit in _UNITS.items() if name.endswith(suffix)), {})

@@ -1,0 +1,42 @@
+"""The computation of one point of a sweep, on this machine or on a cluster."""
+
+from __future__ import annotations
+
+import json
+import threading
+
+from fmd.core.errors import AccuracyError, InputError
+from fmd.output.frequencies import frequency_table
+from fmd.output.summary import summarise
+from fmd.scene.scene import Scene
+from fmd.stages.pipeline import Pipeline
+from fmd.sweep.points import point_key
+from fmd.sweep.record import Record, interrupted_record
+
+_alone = threading.Lock()
+
+
+def compute_point(key: str, scene: Scene) -> Record:
+    """Run a scene without pictures and error budget; its record holds the summary or the error.
+
+    Gmsh keeps one model a process, so a worker with several threads computes one point after the other.
+    """
+    with _alone:
+        try:
+            if point_key(scene) != key:
+                return interrupted_record(
+                    "its worker has another version of this program, of a package or of the scene's files"
+                )
+        except InputError as error:  # a file that this machine doesn't have
+            return interrupted_record(f"its worker: {error}")
+        try:
+            run = Pipeline(scene)
+            summary = frequency_table(run) if not scene.moves else summarise(run, [], budget=False)
+            json.dumps(summary, allow_nan=False)
+        except InputError as error:
+            return Record("refused", str(error))
+        except AccuracyError as error:
+            return Record("failed", str(error))
+        except Exception as error:  # a point is a row of the table, not the end of the sweep
+            return interrupted_record(f"{type(error).__name__}: {error}")
+        return Record("ok", summary=summary)

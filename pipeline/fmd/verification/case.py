@@ -1,0 +1,80 @@
+"""Cases of the verification suite: figures of ours beside published ones, each with its tolerance."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Iterable, Sequence
+from dataclasses import dataclass
+from importlib.resources import as_file, files
+
+from fmd.core.cache import Cache
+from fmd.scene.scene import load_scene
+from fmd.stages.pipeline import Pipeline
+
+
+@dataclass(frozen=True)
+class Figure:
+    """One number of ours beside the published one.
+
+    Parameters
+    ----------
+    quantity : str
+        Name of the quantity, with its unit.
+    ours, published : float
+        Values in that unit.
+    tolerance : float
+        Largest difference allowed, relative to ``published``.
+    """
+
+    quantity: str
+    ours: float
+    published: float
+    tolerance: float
+
+    @property
+    def difference(self) -> float:
+        """Difference of ours from the published number, relative to the latter."""
+        return float(self.ours / self.published - 1)
+
+    @property
+    def holds(self) -> bool:
+        """True if the difference is within the tolerance, which NaN never is."""
+        return abs(self.difference) <= self.tolerance
+
+
+class CaseSkipped(Exception):  # noqa: N818 - no error: what a case needs isn't there
+    """A case needs a program that isn't installed; the message says which, and how it comes there."""
+
+
+@dataclass(frozen=True)
+class VerificationCase:
+    """A case: figures of ours beside those of one publication.
+
+    Parameters
+    ----------
+    name, title, source : str
+        Name on the command line, title in the table, and publication of the numbers or formulas.
+    measure : callable
+        Function that computes the figures; takes the cache of the stages, ``None`` for the user's.
+    """
+
+    name: str
+    title: str
+    source: str
+    measure: Callable[[Cache | None], list[Figure]]
+
+
+def open_scene(name: str, cache: Cache | None, overrides: Sequence[str] = ()) -> Pipeline:
+    """Make the pipeline of a ready scene, or of one of the suite's own, e.g. ``"verification/rod"``."""
+    folder, _, scene = name.rpartition("/")
+    if not folder:
+        return Pipeline(load_scene(scene, overrides), cache)
+    with as_file(files("fmd.models") / folder / f"{scene}.toml") as path:
+        return Pipeline(load_scene(path, overrides), cache)
+
+
+def make_figures(
+    quantities: Iterable[str], ours: Iterable[float], published: Iterable[float], tolerance: float
+) -> list[Figure]:
+    """Pair quantities, our values and published ones as figures of one tolerance, as many as there are names."""
+    rows = zip(quantities, ours, published, strict=False)
+    return [Figure(quantity, float(own), float(other), tolerance) for quantity, own, other in rows]
