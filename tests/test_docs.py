@@ -53,10 +53,10 @@ def test_files_that_a_page_names_exist(path: Path) -> None:
             missing.append(name)
     for name in re.findall(r"`(fmd(?:\.\w+)+)`", page):
         module, _, last = name.replace(".", "/").rpartition("/")
-        source = ROOT / "pipeline" / f"{module}.py"
-        if not source.with_suffix("").joinpath(f"{last}.py").exists() and not (
-            source.exists() and last in source.read_text()
-        ):
+        folder = ROOT / "pipeline" / module
+        places = (folder / last, folder / f"{last}.py")
+        source = folder.with_suffix(".py")
+        if not any(place.exists() for place in places) and not (source.exists() and last in source.read_text()):
             missing.append(name)
     assert not missing
 

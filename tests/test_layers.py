@@ -43,7 +43,7 @@ OWNERS = {
     "petsc4py": "fmd.reduction.factor",
     "slepc4py": "fmd.reduction.factor",
 }
-# Packages that take 50 ms or more to load, so that an import inside a function pays.
+# Packages that take 50 ms or more to load, so that an import inside a function pays; `fmd.meshes` brings Gmsh.
 HEAVY = {
     *("control", "cvxopt", "dask", "distributed", "filelock", "gmsh", "h5py", "imageio", "jinja2", "joblib"),
     *("fmpy", "llvmlite"),
@@ -157,7 +157,7 @@ def _leads_to(name: str, heavy: set[str], loads: Mapping[str, set[str]]) -> bool
     seen, waiting = {name}, [name]
     while waiting:
         name = waiting.pop()
-        if name.partition(".")[0] in heavy:
+        if name.partition(".")[0] in heavy or inside(name, "fmd.meshes"):
             return True
         waiting += loads.get(name, set()) - seen
         seen |= loads.get(name, set())
