@@ -59,7 +59,7 @@ def solve_balanced(K: Any, M: Any, R: Array, inverse: Callable[[Array], Array], 
     defect, answer = loads, inverse(loads)
     size = np.where(zero, 1.0, _energy_norm(defect, answer))
     if not size.all():
-        raise AccuracyError(f"static response {size.argmin()}: round-off is larger than the response, {THIN}")
+        raise _lost(int(size.argmin()))
     u, before = np.zeros_like(loads), np.inf
     for _ in range(_MAX_RESTARTS):
         u += _conjugate_gradients(K, defect, answer, inverse)
@@ -75,12 +75,18 @@ def solve_balanced(K: Any, M: Any, R: Array, inverse: Callable[[Array], Array], 
     if not residual[worst] < STATIC_RESIDUAL_LIMIT:
         defect = balance(rounded_defect(K, u[:, [worst]]))
         rounded = (_energy_norm(defect, inverse(defect)) / size[worst]).item()
+        if rounded > 1.0:
+            raise _lost(worst)
         if not residual[worst] < min(OF_ROUND_OFF * rounded, _MOST_ROUNDED):
             raise AccuracyError(
                 f"static response {worst}: residual {residual[worst]:.1e} exceeds {STATIC_RESIDUAL_LIMIT:.0e}"
                 + (f"; round-off alone leaves {rounded:.0e}, {THIN}" if rounded > 0.1 * _MOST_ROUNDED else "")
             )
     return u
+
+
+def _lost(load: int) -> AccuracyError:
+    return AccuracyError(f"static response {load}: round-off is larger than the response, {THIN}")
 
 
 def _energy_norm(load: Array, answer: Array) -> Array:
