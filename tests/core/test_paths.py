@@ -100,6 +100,21 @@ def test_a_digest_of_a_file_is_that_of_its_content_alone(tmp_path: Path, monkeyp
     assert digest("one.py") == digest("two.py") != digest("one.py", "two.py")
 
 
+def test_a_digest_changes_with_the_numbers_that_its_source_has(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr(folders, "_ROOT", tmp_path)
+    limits = tmp_path / "fmd" / "core" / "limits"
+    limits.mkdir(parents=True)
+    (tmp_path / "one.py").write_text("from fmd.core.limits import first as limits\n")
+    (tmp_path / "two.py").write_text("from fmd.core.limits.second import (\n    MOST,\n)\n")
+    digest, found = source_digest.__wrapped__, []
+    for of_first, of_second in ((1, 1), (2, 1), (2, 2)):
+        (limits / "first.py").write_text(f"MOST = {of_first}\n")
+        (limits / "second.py").write_text(f"MOST = {of_second}\n")
+        found.append((digest("one.py"), digest("two.py")))
+    assert [at == found[0][0] for at, _ in found] == [True, False, False]
+    assert [at == found[0][1] for _, at in found] == [True, True, False]
+
+
 def test_kernels_have_a_new_folder_where_no_other_can_be_made(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     (tmp_path / "file").write_text("in the way")
     (tmp_path / "temporary").mkdir()

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import hashlib
 import os
+import re
 import tempfile
 from functools import cache
 from pathlib import Path
@@ -12,9 +13,11 @@ from stat import S_ISDIR
 import platformdirs
 
 _ROOT = Path(__file__).parents[2]
+# Modules of numbers, as sources import them: by their own name, or for the numbers in them.
+_NUMBERS, _WORDS = re.compile(rb"^from fmd\.core\.limits(?:\.\w+)? import (?:\([^)]*\)|.*)", re.M), re.compile(rb"\w+")
 
-KERNEL_SOURCES = ("fmd/dynamics", "fmd/integrators", "fmd/recovery/kernels")
-"""Folders whose sources kernels are compiled from."""
+KERNEL_SOURCES = ("fmd/dynamics", "fmd/integrators", "fmd/recovery/kernels", "fmd/core/newton.py")
+"""Folders and files whose sources kernels are compiled from."""
 
 
 def cache_folder() -> Path:
@@ -46,19 +49,25 @@ def own_temporary_folder() -> Path:
 def source_digest(*names: str) -> str:
     """Digest the Python sources in folders and files named from the project's root, e.g. ``fmd/fem``.
 
+    The modules of `fmd.core.limits` that these import count among them: a number that decides changes their results.
+
     Raises
     ------
     FileNotFoundError
         A name is no folder and no file: a source that has moved must not silently leave a result's key.
     """
-    digest = hashlib.blake2b(digest_size=8)
+    digest, numbers = hashlib.blake2b(digest_size=8), set()
     for name in names:
         place = _ROOT / name
         if not place.exists():
             raise FileNotFoundError(f"{name}: no such source in {_ROOT}; a stage's key names it")
         for path in [place] if place.is_file() else sorted(place.rglob("*.py")):
             if "__pycache__" not in path.parts:
-                digest.update(path.read_bytes())
+                digest.update(source := path.read_bytes())
+                numbers |= {name for match in _NUMBERS.findall(source) for name in _WORDS.findall(match)}
+    for path in sorted((_ROOT / "fmd" / "core" / "limits").glob("*.py")):
+        if path.stem.encode() in numbers:
+            digest.update(path.read_bytes())
     return digest.hexdigest()
 
 

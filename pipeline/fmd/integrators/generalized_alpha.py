@@ -9,6 +9,7 @@ converges fast.
 
 from __future__ import annotations
 
+import math
 from dataclasses import dataclass, replace
 from functools import cached_property
 from typing import Any
@@ -17,7 +18,9 @@ import numpy as np
 
 from fmd.core.arrays import Array
 from fmd.core.errors import AccuracyError, StabilityError
-from fmd.dynamics.jit.compiled import aligned, inner, meaning
+from fmd.core.limits.newton import CONVERGED, OF_GUESS, POSITION_ROUND_OFF, STALLED, STEP_ITERATIONS, VANISHED
+from fmd.core.newton import settles
+from fmd.dynamics.jit.compiled import aligned, inlined, inner, meaning
 from fmd.dynamics.jit.table import Table
 from fmd.dynamics.system import System, accelerations, advance, project
 from fmd.integrators.fixed_step import (
@@ -40,12 +43,9 @@ from fmd.integrators.protocol import (
     start_state,
 )
 
-_TOLERANCE = 1e-10  # of Newton's corrections, relative to the largest acceleration
-_OF_GUESS = 1e-5  # times the tolerance: the round-off of the acceleration that an iteration starts from
-_ROUND_OFF = 1e-14  # of positions, relative to the largest, or to a radian or metre
-_MOST_ITERATIONS = 12
 _SMALL = 1e-6  # part of the positions by which they are changed
-_VANISHED = 1e-200  # an acceleration below which nothing is left to converge: damped motions underflow in the end
+
+_settles = inlined(settles)
 
 
 @dataclass(frozen=True)
@@ -245,10 +245,10 @@ def _find_end(m: NewmarkSteps, p: Any, end: float) -> bool:
 @inner
 def _renew_tangent(m: NewmarkSteps, p: Any, end: float) -> None:
     """Factor the tangent at the trial accelerations, by differences; ``found`` are the accelerations there."""
-    n, size = m.v.size, _VANISHED
+    n, size = m.v.size, VANISHED
     for i in range(n):
         m.base[i] = m.found[i]
-        size = max(size, abs(m.found[i]), abs(m.new[i]), abs(m.a[i]), _OF_GUESS * abs(m.a[n + i]))
+        size = max(size, abs(m.found[i]), abs(m.new[i]), abs(m.a[i]), OF_GUESS * abs(m.a[n + i]))
     for j in range(n):
         keep = m.new[j]
         nudge = 1e-6 * (abs(keep) + 1e-3 * max(size, m.marks[1]))
@@ -270,11 +270,11 @@ def _converges(m: NewmarkSteps, p: Any, end: float, wary: bool) -> bool:
     Forces that balance leave an acceleration with their own round-off: a correction that no longer shrinks, or shrinks
     to the last, is good enough if it is small beside the largest one so far, or moves positions by their round-off.
     """
-    n, largest_before, peak = m.v.size, 0.0, m.marks[1]
+    n, largest_before, peak = m.v.size, math.inf, m.marks[1]
     to_position = m.h * m.h * m.beta * (1.0 - m.alpha_f) / (1.0 - m.alpha_m)
-    for iteration in range(_MOST_ITERATIONS):
+    for iteration in range(STEP_ITERATIONS):
         _evaluate_end(m, p, end, m.found)
-        size, largest, reached = _VANISHED, 0.0, 1.0
+        size, largest, reached = VANISHED, 0.0, 1.0
         if m.marks[0] == 0.0 or (iteration > 0 and iteration % 4 == 0):
             _renew_tangent(m, p, end)
         for i in range(n):
@@ -284,17 +284,17 @@ def _converges(m: NewmarkSteps, p: Any, end: float, wary: bool) -> bool:
             m.new[i] += m.found[i]
             largest += abs(m.found[i])  # a sum: it keeps a NaN, which max would lose
             # Auxiliary ones too: their round-off is in what is found, and the guess's in new.
-            size = max(size, abs(m.new[i]), abs(m.a[i]), _OF_GUESS * abs(m.a[n + i]))
+            size = max(size, abs(m.new[i]), abs(m.a[i]), OF_GUESS * abs(m.a[n + i]))
         for i in range(m.q.size):
             reached = max(reached, abs(m.q_new[i]))
-        slow = iteration > 0 and largest > 0.3 * largest_before
-        good_enough = max(_TOLERANCE * peak, _ROUND_OFF * reached / to_position)
-        last = iteration == _MOST_ITERATIONS - 1  # beneath round-off it may shrink by a steady factor for long
-        if largest <= _TOLERANCE * size or ((slow or last) and largest <= good_enough):
+        slow = largest > STALLED * largest_before
+        good_enough = max(CONVERGED * peak, POSITION_ROUND_OFF * reached / to_position)
+        last = iteration == STEP_ITERATIONS - 1  # beneath round-off it may shrink by a steady factor for long
+        if _settles(largest, 0.0 if last else largest_before, CONVERGED * size, good_enough):
             m.marks[1] = max(peak, size)
             _evaluate_end(m, p, end, m.found)
             return True
-        if wary and iteration > 0 and largest > largest_before:
+        if wary and largest > largest_before:
             return False
         if slow:
             m.marks[0] = 0.0  # too slow: a fresh tangent

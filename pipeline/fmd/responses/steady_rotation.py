@@ -17,17 +17,14 @@ from scipy.linalg import eigh
 
 from fmd.core.arrays import Array, IntArray
 from fmd.core.errors import AccuracyError
+from fmd.core.limits import newton as limits
+from fmd.core.newton import Tolerance, largest, solve
 from fmd.responses.linearisation import Linearisation, Motions
 from fmd.responses.moving_axes import position_map, turning_axes, with_unit_quaternions
 from fmd.responses.state_space import StateSpace
 from fmd.stability.tangent import OperatingPoint
 
-_CORRECTIONS = 30
-_SETTLED = 1e-9  # last correction, beside what modes and joints have moved
-_ROUND_OFF = 1e-12  # of a correction, in SI units
-_FARTHEST = 0.3  # of a joint in one correction [rad or m]
-_SOFT = 1.0  # 1/s²: stiffness over mass by which a coordinate counts at least
-_DEPENDENT = 1e-10  # of the largest singular value: nothing holds such a motion
+_TOLERANCE = Tolerance(limits.STEADY_CORRECTIONS, relative=limits.TURNING, absolute=limits.TURNING_ROUND_OFF)
 _RIGID = 1e-12  # of the highest squared frequency: a motion without stiffness
 # Squared displacement of points on the axis across it, times the whole mass, for a unit modal mass: more is bending.
 _BENDS = 1e-2
@@ -106,22 +103,35 @@ class SteadyRotation:
         AccuracyError
             There are none: something gives way, or turns ever faster.
         """
-        size, moved = np.inf, 0.0
-        for _ in range(_CORRECTIONS):
+        sizes = [0.0]
+
+        def correction(q: Array, left: Array) -> Array:
             model, free = self._model(rate, q)
-            change = self._correction(model, free, rate, q)
-            joints = change[~np.isin(free, self._modes)]
-            shrink = min(1.0, _FARTHEST / max(float(np.abs(joints).max(initial=0.0)), 1e-300))
-            whole = np.zeros(len(self._names))
-            whole[free] = shrink * change
-            q = self._move(rate, q, whole)
-            size = float(np.abs(change).max(initial=0.0))
-            moved = max(moved, size)
-            if size <= _SETTLED * moved or size <= _ROUND_OFF:
-                return q
+            change = np.zeros(len(self._names))
+            change[free] = self._correction(model, free, left[free])
+            sizes.append(largest(change))
+            return change
+
+        def shorten(change: Array) -> Array:
+            joints = largest(np.delete(change, self._modes))
+            return change * min(1.0, limits.FARTHEST / max(joints, limits.SHORTEST_NORM))
+
+        found = solve(
+            q,
+            lambda q: self.accelerations(rate, q),
+            correction,
+            lambda q, change: self._move(rate, q, change),
+            _TOLERANCE,
+            scale=lambda q: max(sizes),
+            shorten=shorten,
+        )
+        if found.converged:
+            return found.state
+        if found.failure != "too many corrections":
+            raise AccuracyError(f"no steady rotation at {rate:.4g} rad/s: the search for it has run away")
         raise AccuracyError(
-            f"no steady rotation at {rate:.4g} rad/s: modes and joints still change by {size:.1e} after {_CORRECTIONS} "
-            "corrections; something gives way to its inertia or to a load of the start"
+            f"no steady rotation at {rate:.4g} rad/s: modes and joints still change by {found.size:.1e} after "
+            f"{found.corrections} corrections; something gives way to its inertia or to a load of the start"
         )
 
     def accelerations(self, rate: float, q: Array) -> Array:
@@ -147,17 +157,14 @@ class SteadyRotation:
         names = model.states[: len(model.states) // 2]
         return np.array([numbers[name] for name, _ in names], dtype=np.int64)
 
-    def _correction(self, model: StateSpace, free: IntArray, rate: float, q: Array) -> Array:
+    def _correction(self, model: StateSpace, free: IntArray, left: Array) -> Array:
         """Return Newton's correction of the independent coordinates, in axes that turn with free bodies."""
         k = len(free)
         slopes = model.A[k:, :k] - model.A[k:, k:] @ model.A[:k, :k]
-        left = self.accelerations(rate, q)[free]
         basis, dual = self._basis if self._basis else self._turning_with(free)
         own = dual @ slopes @ basis
-        if not (np.isfinite(own).all() and np.isfinite(left).all()):
-            raise AccuracyError(f"no steady rotation at {rate:.4g} rad/s: the search for it has run away")
-        scale = 1.0 / np.sqrt(np.maximum(np.abs(own.diagonal()), _SOFT))
-        found = np.linalg.lstsq(scale[:, None] * own * scale, -scale * (dual @ left), rcond=_DEPENDENT)[0]
+        scale = 1.0 / np.sqrt(np.maximum(np.abs(own.diagonal()), limits.SOFT))
+        found = np.linalg.lstsq(scale[:, None] * own * scale, -scale * (dual @ left), rcond=limits.LOOSE)[0]
         return np.asarray(basis @ (scale * found))
 
     def _turning_with(self, free: IntArray) -> tuple[Array, Array]:

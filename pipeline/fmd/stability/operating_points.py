@@ -15,6 +15,8 @@ import numpy as np
 
 from fmd.core.arrays import Array, IntArray
 from fmd.core.errors import StabilityError
+from fmd.core.limits import newton as limits
+from fmd.core.newton import Tolerance, solve
 from fmd.dynamics.compiled_system.system import CompiledSystem
 from fmd.dynamics.mechanism import Mechanism
 from fmd.dynamics.system import System
@@ -22,7 +24,6 @@ from fmd.integrators.central_difference import CentralDifference
 from fmd.integrators.protocol import ResumableIntegrator, evaluate, evaluate_projection
 from fmd.integrators.runge_kutta import RungeKutta
 from fmd.stability.tangent import (
-    POSITION_NUDGE,
     OperatingPoint,
     cycles_within,
     differentiate,
@@ -34,9 +35,8 @@ _POINTS = 8
 _RIGID_STEPS = 20_000  # of the rigid motion, at least
 _RESOLVED = 0.1  # step of the rigid motion over its largest stable one, at most
 _SPAN = 1e-3  # of the duration: over so long a span the round-off of a tangent map is harmless
-_CORRECTIONS = 20
 _TOLERANCE = 1e-6  # of the rigid motion where fixed steps pass a force unseen
-_SETTLED = 1e-8  # relative change of positions
+_SETTLING = Tolerance(limits.SETTLING_CORRECTIONS, relative=limits.SETTLED, absolute=limits.SETTLED)
 
 
 @dataclass(frozen=True)
@@ -173,16 +173,13 @@ def find_steady_point(system: System, at: OperatingPoint, rates: IntArray) -> Op
         evaluate(parameters, at.time, q, v, a)
         return a[rates]
 
-    values = q[places]
-    for _ in range(_CORRECTIONS):
-        left = accelerations_at(values)
-        slopes = differentiate(accelerations_at, values, np.full(len(values), POSITION_NUDGE))
-        change, *_ = np.linalg.lstsq(slopes, left, rcond=None)
-        values = values - change
-        if np.linalg.norm(change) <= _SETTLED * (1.0 + np.linalg.norm(values)):
-            q[places] = values
-            return replace(at, q=q, v=v)
-    return None
+    def correction(values: Array, left: Array) -> Array:
+        slopes = differentiate(accelerations_at, values, np.full(len(values), limits.NUDGE))
+        return np.asarray(-np.linalg.lstsq(slopes, left, rcond=None)[0])
+
+    found = solve(q[places], accelerations_at, correction, np.add, _SETTLING)
+    q[places] = found.state
+    return replace(at, q=q, v=v) if found.converged else None
 
 
 def _rigid_motion(rigid: Mechanism, q0: Array, v0: Array, times: Array, longest_step: float) -> tuple[Array, Array]:

@@ -10,6 +10,8 @@ import numpy as np
 
 from fmd.core.arrays import Array, IntArray
 from fmd.core.errors import InputError
+from fmd.core.limits import newton as limits
+from fmd.core.newton import Tolerance, largest, solve
 from fmd.core.rotations import quaternion_of_matrix
 from fmd.dynamics.closures import Closure
 from fmd.dynamics.compiled_system.system import CompiledSystem
@@ -23,11 +25,7 @@ if TYPE_CHECKING:
     from fmd.scene.joints import Free, Joint
     from fmd.scene.scene import Scene
 
-_CORRECTIONS = 60
-_HALVINGS = 12
-_CLOSED = 1e-12  # gap that counts as none [m or rad], and rate of one beside the largest rate
-_OPEN = 1e-9
-_DEPENDENT = 1e-9  # of the largest singular value: directions in which nothing closes
+_CLOSING = Tolerance(limits.CLOSING_CORRECTIONS, residual=limits.CLOSED, stalled=limits.OPEN)
 _AWAY = 1e-3  # motion by which the rank of the constraints is tried [rad or m]
 _RANK = 1e-8
 _IDLE = 1e-7  # of what free bodies would do
@@ -119,7 +117,7 @@ def close_start(scene: Scene, system: CompiledSystem, q: Array, v: Array) -> tup
     v = _allow(system, q, v, [_loose(scene, mechanism, "rate"), joints, np.arange(mechanism.n)])
     _, rates = system.compiled.gaps(0.0, q, v)
     worst = int(np.abs(rates).argmax()) if len(rates) else 0
-    if len(rates) and np.abs(rates[worst]) > _OPEN * max(1.0, float(np.abs(v).max(initial=0.0))):
+    if len(rates) and np.abs(rates[worst]) > limits.OPEN * max(1.0, largest(v)):
         row = system.compiled.rows[worst]
         unit = "rad/s" if row.rotational else "m/s"
         raise InputError(
@@ -172,7 +170,7 @@ def _close(system: CompiledSystem, q: Array, groups: Sequence[IntArray]) -> Arra
     closed, weights = q, _flexibility(system)
     for columns in groups:
         closed = _close_by(system, q, columns, weights)
-        if _gap(system, closed) <= _OPEN:
+        if _gap(system, closed) <= limits.OPEN:
             return closed
     return closed
 
@@ -187,34 +185,31 @@ def _flexibility(system: CompiledSystem) -> Array:
     return weights
 
 
+def _gaps(system: CompiledSystem, q: Array) -> Array:
+    return system.compiled.gaps(0.0, q, np.zeros(system.n))[0]
+
+
 def _gap(system: CompiledSystem, q: Array) -> float:
-    g, _ = system.compiled.gaps(0.0, q, np.zeros(system.n))
-    return float(np.abs(g).max(initial=0.0))
+    return largest(_gaps(system, q))
 
 
 def _close_by(system: CompiledSystem, q: Array, columns: IntArray, weights: Array) -> Array:
     """Move some coordinates by Newton's method, the least motion first, in halved steps where a gap would widen."""
-    parameters, gap = system.parameters, _gap(system, q)
-    for _ in range(_CORRECTIONS):
-        if gap <= _CLOSED:
-            break
-        g, _ = system.compiled.gaps(0.0, q, np.zeros(system.n))
+
+    def correction(q: Array, left: Array) -> Array:
         J = system.compiled.constraint_matrix(0.0, q)[:, columns] * weights[columns]
-        step = np.zeros(system.n)
-        step[columns] = -weights[columns] * np.linalg.lstsq(J, g, rcond=_DEPENDENT)[0]
-        for _ in range(_HALVINGS):
-            trial = move_positions(parameters, q, step)
-            narrower = _gap(system, trial)
-            if narrower < gap:
-                break
-            step *= 0.5
-        else:
-            break
-        stalled = narrower > 0.5 * gap and narrower <= _OPEN
-        q, gap = trial, narrower
-        if stalled:
-            break
-    return q
+        change = np.zeros(system.n)
+        change[columns] = -weights[columns] * np.linalg.lstsq(J, left, rcond=limits.DEPENDENT_DIRECTION)[0]
+        return change
+
+    return solve(
+        q,
+        lambda q: _gaps(system, q),
+        correction,
+        lambda q, change: move_positions(system.parameters, q, change),
+        _CLOSING,
+        accepts=lambda trial: largest(trial.after) < largest(trial.before),
+    ).state
 
 
 def _allow(system: CompiledSystem, q: Array, v: Array, groups: Sequence[IntArray]) -> Array:
@@ -225,17 +220,17 @@ def _allow(system: CompiledSystem, q: Array, v: Array, groups: Sequence[IntArray
         for _ in range(2):
             _, rates = system.compiled.gaps(0.0, q, changed)
             part = J[:, columns] * weights[columns]
-            changed[columns] -= weights[columns] * np.linalg.lstsq(part, rates, rcond=_DEPENDENT)[0]
+            changed[columns] -= weights[columns] * np.linalg.lstsq(part, rates, rcond=limits.DEPENDENT_DIRECTION)[0]
         _, rates = system.compiled.gaps(0.0, q, changed)
-        if np.abs(rates).max(initial=0.0) <= _OPEN * max(1.0, float(np.abs(changed).max(initial=0.0))):
+        if largest(rates) <= limits.OPEN * max(1.0, largest(changed)):
             return changed
     return changed
 
 
 def _require_closed(scene: Scene, system: CompiledSystem, q: Array) -> None:
-    g, _ = system.compiled.gaps(0.0, q, np.zeros(system.n))
+    g = _gaps(system, q)
     worst = int(np.abs(g).argmax()) if len(g) else 0
-    if len(g) and abs(g[worst]) > _OPEN:
+    if len(g) and abs(g[worst]) > limits.OPEN:
         row = system.compiled.rows[worst]
         size = f"{np.degrees(abs(g[worst])):.4g} degrees" if row.rotational else f"{abs(g[worst]):.4g} m"
         raise InputError(
@@ -265,11 +260,11 @@ def _require_freedom(scene: Scene, system: CompiledSystem, q: Array) -> None:
 def _require_one_way(scene: Scene, rigid: CompiledSystem, q: Array) -> None:
     """Raise ``InputError`` if more constraints are independent close by than at the positions of the start."""
     rank = constraint_rank(rigid, q)
-    if _gap(rigid, q) > _OPEN or rank == rigid.n:
+    if _gap(rigid, q) > limits.OPEN or rank == rigid.n:
         return
     for way in free_directions(rigid, q).T:
         near = _close_by(rigid, move_positions(rigid.parameters, q, _AWAY * way), np.arange(rigid.n), np.ones(rigid.n))
-        if _gap(rigid, near) <= _OPEN and (others := constraint_rank(rigid, near)) > rank:
+        if _gap(rigid, near) <= limits.OPEN and (others := constraint_rank(rigid, near)) > rank:
             raise InputError(
                 scene.file,
                 "joint",
@@ -288,7 +283,7 @@ def _without_idle_rows(mechanism: Mechanism, rigid: CompiledSystem, q: Array) ->
     for _ in range(_TRIED):
         moved = move_positions(rigid.parameters, q, random.uniform(-_SPREAD, _SPREAD, rigid.n))
         moved = _close_by(rigid, moved, np.arange(rigid.n), np.ones(rigid.n))
-        states += [moved] if _gap(rigid, moved) <= _OPEN else []
+        states += [moved] if _gap(rigid, moved) <= limits.OPEN else []
     system = CompiledSystem(mechanism)
     largest = np.zeros(len(system.compiled.rows))
     for state in states:

@@ -3,12 +3,14 @@
 from __future__ import annotations
 
 from collections.abc import Callable
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 
 from fmd.core.arrays import Array
 from fmd.core.errors import AccuracyError, InertiaError
+from fmd.core.limits import newton as limits
+from fmd.core.newton import Tolerance, Trial, largest, solve
 from fmd.dynamics.compiled_system.positive_mass import TOO_LIGHT
 from fmd.dynamics.compiled_system.system import CompiledSystem
 from fmd.dynamics.mechanism import Mechanism
@@ -17,18 +19,8 @@ from fmd.integrators.protocol import evaluate, evaluate_projection, move_positio
 from fmd.stability.tangent import differentiate
 from fmd.stages.assembly import free_directions
 
-_CORRECTIONS = 200
-_SETTLED = 1e-11  # last correction [rad or m, or modal coordinate], beside the largest position
-_FARTHEST = 0.3  # turn of a joint, and of a marker within its body, in one correction [rad]; of slides at first [m]
-_LONGEST = 1e6  # m: of a slide in one correction
-_NUDGE = 1e-6
-_UNSTABLE = 1e-6  # of the fastest motion: an eigenvalue above is a motion that grows
-_DOWNHILL = 2.0  # times the most negative stiffness over mass is added where there is one
-_SINGULAR = 1e-13  # of the highest stiffness over mass: less counts as none
-_STILL = 1e-9  # 1/s²: no stiffness at all
-_OVERSHOT = 0.9  # of the force along a correction that may act against it at its end
-_HALVINGS = 12
-_CORRECTIONS_A_STEP, _SHORTEST = 14, 1 / 64  # of Newton's method; shortest load step
+_RESTING = Tolerance(limits.REST_CORRECTIONS, relative=limits.AT_REST, absolute=limits.AT_REST)
+_LOAD_STEP = replace(_RESTING, corrections=limits.LOAD_STEP_CORRECTIONS)
 
 
 def find_equilibrium(system: CompiledSystem, q: Array, t: float = 0.0) -> Array:
@@ -50,12 +42,12 @@ def find_equilibrium(system: CompiledSystem, q: Array, t: float = 0.0) -> Array:
     start = _Start(system, t, turns, slides, _forces(system, q, t), _positive_mass(system, q, t))
     found = _follow_loads(start, q)
     if found is None:
-        found = _settle(start, q, 0.0, _CORRECTIONS, _shift)
+        found = _settle(start, q, 0.0, _RESTING, _shift)
     if found is not None:
         return found
     raise AccuracyError(
-        f"no equilibrium after {_CORRECTIONS} corrections; something falls, turns or slides without end under the "
-        "loads of the start, or is about to buckle"
+        f"no equilibrium after {_RESTING.corrections} corrections; something falls, turns or slides without end "
+        "under the loads of the start, or is about to buckle"
     )
 
 
@@ -76,10 +68,10 @@ def _follow_loads(start: _Start, q: Array) -> Array | None:
     done, step = 0.0, 1.0
     while done < 1.0:
         target = min(1.0, done + step)
-        found = _settle(start, q, 1.0 - target, _CORRECTIONS_A_STEP, _no_shift)
+        found = _settle(start, q, 1.0 - target, _LOAD_STEP, _no_shift)
         if found is not None:
             q, done, step = found, target, 2 * step
-        elif step > _SHORTEST:
+        elif step > limits.SHORTEST_LOAD_STEP:
             step /= 2
         else:
             return None
@@ -87,44 +79,62 @@ def _follow_loads(start: _Start, q: Array) -> Array | None:
 
 
 def _settle(
-    start: _Start, q: Array, held: float, corrections: int, shift: Callable[[Array, Array], float | None]
+    start: _Start, q: Array, held: float, tolerance: Tolerance, shift: Callable[[Array, Array], float | None]
 ) -> Array | None:
-    """Find the rest where a part of the forces at the start is held; ``None`` if it isn't found.
+    """Find the rest where a part of the forces at the start is held; ``None`` if it isn't found."""
+    system, t, holding = start.system, start.time, held * start.forces
 
-    A correction is as long as turns of 0.3 rad allow, and halved where forces beyond its end push back harder than
-    they drove it. What slides may go twice as far each time that none is halved.
-    """
-    system, t, none = start.system, start.time, np.zeros(start.system.n)
-    holding = held * start.forces
-    f, reach = _forces(system, q, t) - holding, _FARTHEST
-    for _ in range(corrections):
-        if not np.isfinite(f).all():
-            return None
-        at = q
-        slopes = _slopes(system, at, t)
-        free = free_directions(system, q) if system.mechanism.closures else np.eye(system.n)
-        M, K, down = free.T @ start.mass @ free, -free.T @ slopes @ free, free.T @ f
+    def residual(q: Array) -> Array:
+        return _forces(system, q, t) - holding
+
+    def correction(q: Array, left: Array) -> Array:
+        free, M, K = _stiffness(start, q)
         shifted = shift(K, M)
         if shifted is None:
-            return None
-        change = free @ np.linalg.solve(K + shifted * M, down)
-        moves = np.abs(start.turns @ change)
-        farthest = float(np.where(start.slides, moves * (_FARTHEST / reach), moves).max(initial=0.0))
-        size = float(np.abs(change).max(initial=0.0))
-        change = change * min(1.0, _FARTHEST / max(farthest, 1e-300))
-        drive, reach = float(f @ change), min(2.0 * reach, _LONGEST)
-        for _ in range(_HALVINGS):
-            q, rates = move_positions(system.parameters, at, change), none.copy()
-            evaluate_projection(system.parameters, t, q, rates)
-            f = _forces(system, q, t) - holding
-            if float(f @ change) >= -_OVERSHOT * drive or size <= _SETTLED:
-                break
-            change, drive, reach = 0.5 * change, 0.5 * drive, _FARTHEST
-        if size <= _SETTLED * max(1.0, float(np.abs(q).max(initial=0.0))):
-            if not held:
-                _require_stable(np.asarray(-np.linalg.solve(M, K)))
-            return q
-    return None
+            raise np.linalg.LinAlgError("a motion has no stiffness")
+        return np.asarray(free @ np.linalg.solve(K + shifted * M, free.T @ left))
+
+    def move(q: Array, change: Array) -> Array:
+        moved, rates = move_positions(system.parameters, q, change), np.zeros(system.n)
+        evaluate_projection(system.parameters, t, moved, rates)
+        return moved
+
+    reach = _Reach(start)
+    found = solve(q, residual, correction, move, tolerance, shorten=reach.shorten, accepts=reach.accepts)
+    if not found.converged:
+        return None
+    if not held:
+        _, M, K = _stiffness(start, found.state)
+        _require_stable(np.asarray(-np.linalg.solve(M, K)))
+    return found.state
+
+
+class _Reach:
+    """How far a correction may go: turns up to 0.3 rad, slides twice as far each time that none is halved."""
+
+    def __init__(self, start: _Start) -> None:
+        self._start, self._slide = start, limits.FARTHEST
+
+    def shorten(self, change: Array) -> Array:
+        """Return a correction within reach."""
+        moves = np.abs(self._start.turns @ change)
+        farthest = largest(np.where(self._start.slides, moves * (limits.FARTHEST / self._slide), moves))
+        self._slide = min(2.0 * self._slide, limits.LONGEST_SLIDE)
+        return change * min(1.0, limits.FARTHEST / max(farthest, limits.SHORTEST_NORM))
+
+    def accepts(self, trial: Trial) -> bool:
+        """Return false where forces beyond a correction's end push back harder than they drove it."""
+        if float(trial.after @ trial.change) >= -limits.OVERSHOT * float(trial.before @ trial.change):
+            return True
+        self._slide = limits.FARTHEST
+        return trial.halvings == limits.MOST_HALVINGS - 1  # forces that jump: the shortest has to do
+
+
+def _stiffness(start: _Start, q: Array) -> tuple[Array, Array, Array]:
+    """Return a basis of the free directions, (n, k), and mass and tangent stiffness along them, (k, k)."""
+    system = start.system
+    free = free_directions(system, q) if system.mechanism.closures else np.eye(system.n)
+    return free, free.T @ start.mass @ free, -free.T @ _slopes(system, q, start.time) @ free
 
 
 def _mass(system: CompiledSystem, q: Array, t: float) -> Array:
@@ -167,10 +177,10 @@ def _slopes(system: CompiledSystem, q: Array, t: float) -> Array:
 
 def _nudges(system: CompiledSystem) -> Array:
     """Return the changes by which forces are differentiated: small beside what turns a section by 1 rad."""
-    nudges = np.full(system.n, _NUDGE)
+    nudges = np.full(system.n, limits.NUDGE)
     for k, link in enumerate(system.mechanism.links):
         turn = max((float(np.abs(at.rotation).max(initial=0.0)) for at in link.markers.values()), default=0.0)
-        nudges[system.mechanism.modes_of(k)] = _NUDGE / max(turn, 1.0)
+        nudges[system.mechanism.modes_of(k)] = limits.NUDGE / max(turn, 1.0)
     return nudges
 
 
@@ -195,15 +205,14 @@ def _shift(K: Array, M: Array) -> float:
     from scipy.linalg import eigh
 
     values = eigh(0.5 * (K + K.T), M, eigvals_only=True) if len(K) else np.ones(1)
-    least = max(_SINGULAR * float(np.abs(values).max()), _STILL)
-    return 0.0 if values[0] > least else max(-_DOWNHILL * float(values[0]), least)
+    least = max(limits.NO_STIFFNESS * largest(values), limits.LEAST_STIFFNESS)
+    return 0.0 if values[0] > least else max(-limits.DOWNHILL * float(values[0]), least)
 
 
 def _require_stable(slopes: Array) -> None:
     """Raise ``AccuracyError`` if a motion grows by itself from where nothing accelerates."""
     growing = np.linalg.eigvals(slopes)
-    fastest = float(np.abs(growing).max(initial=0.0))
-    if growing.real.max(initial=0.0) > _UNSTABLE * fastest:
+    if growing.real.max(initial=0.0) > limits.UNSTABLE * largest(growing):
         raise AccuracyError(
             "the equilibrium isn't stable: from where nothing accelerates a motion grows by itself, as of a part that "
             "buckles or a body that stands on its head; start nearer to the stable one"

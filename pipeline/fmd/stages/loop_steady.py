@@ -9,15 +9,13 @@ import numpy as np
 
 from fmd.core.arrays import Array, IntArray
 from fmd.core.errors import AccuracyError
+from fmd.core.limits import newton as limits
+from fmd.core.newton import Tolerance, largest, solve
 from fmd.dynamics.compiled_system.system import CompiledSystem
 from fmd.integrators.protocol import move_positions
 from fmd.stability.tangent import differentiate
 
-_SETTLED, _AT_REST = 1e-7, 1e-6  # last correction, and what is left of forces, beside the largest deflection
-_CORRECTIONS = 30
-_NUDGE = 1e-6  # of positions, in SI units
-_MOMENT = 1e-5  # rad or m: how far rates move the mechanism where gaps are differentiated
-_ROUND_OFF, _NOTHING = 1e-14, 1e-12
+_TOLERANCE = Tolerance(limits.STEADY_CORRECTIONS, relative=limits.LOOPS_STEADY, absolute=limits.LOOPS_ROUND_OFF)
 
 
 def find_closed_steady_state(
@@ -59,38 +57,41 @@ def _find(system: CompiledSystem, q: Array, v: Array, following: IntArray, t: fl
     forces_of = np.empty(n)  # what deflects a mode, or moves a joint about as much, by 1
     forces_of[modes] = stiffness
     forces_of[joints] = softest * system.mass_matrix(q).diagonal()[joints]
-    pull = 1 / np.maximum(np.abs(_constraints(system, q, t)[0] / forces_of).max(axis=1), _ROUND_OFF)
+    pull = 1 / np.maximum(np.abs(_constraints(system, q, t)[0] / forces_of).max(axis=1), limits.LOOPS_ROUND_OFF)
 
-    def moved(by: Array) -> Array:
-        change = np.zeros(n)
-        change[moving] = by
-        return move_positions(system.parameters, q, change)
+    State = tuple[Array, Array]  # positions; accelerations of joints and multipliers
 
-    def left(x: Array) -> Array:
-        """Return the forces, accelerations of gaps and gaps left: by positions, joint accelerations and multipliers."""
-        positions, a = moved(x[:k]), np.zeros(n)
+    def residual(state: State) -> Array:
+        """Return the forces, accelerations of gaps and gaps that are left."""
+        (positions, others), a = state, np.zeros(n)
         J, rest_of_rates = _constraints(system, positions, t)
         rates = _close_rates((J, rest_of_rates), v, following)
-        a[joints] = softest * x[k : k + len(joints)]
-        forces = system.compiled.residual(t, positions, rates, a) - J.T @ (pull * x[k + len(joints) :])
+        a[joints] = softest * others[: len(joints)]
+        forces = system.compiled.residual(t, positions, rates, a) - J.T @ (pull * others[len(joints) :])
         parting = J @ a + _gap_accelerations(system, positions, rates, t)
         return np.concatenate([forces / forces_of, parting / softest, system.compiled.gaps(t, positions, rates)[0]])
 
-    x, size, rest = np.zeros(k + len(joints) + len(pull)), np.inf, np.inf
-    for _ in range(_CORRECTIONS):
-        slopes = differentiate(left, x, np.full(len(x), _NUDGE))
-        change = np.asarray(-np.linalg.lstsq(slopes, left(x), rcond=1e-10)[0], dtype=float)
-        q, size = moved(change[:k]), float(np.abs(change[:k]).max(initial=0.0))
-        x[k:] += change[k:]
-        reached = float(np.abs(q[modes + mechanism.n_positions - n]).max())
-        rest = float(np.abs(left(x)).max())
-        if size <= max(_SETTLED * reached, _ROUND_OFF):
-            if rest <= _AT_REST * reached + _NOTHING:
-                return q, _close_rates(_constraints(system, q, t), v, following)
-            break  # no further correction would help
+    def move(state: State, by: Array) -> State:
+        change = np.zeros(n)
+        change[moving] = by[:k]
+        return move_positions(system.parameters, state[0], change), state[1] + by[k:]
+
+    def correction(state: State, left: Array) -> Array:
+        none = np.zeros(k + len(state[1]))
+        slopes = differentiate(lambda by: residual(move(state, by)), none, np.full(len(none), limits.NUDGE))
+        return np.asarray(-np.linalg.lstsq(slopes, left, rcond=limits.LOOPS_DEPENDENT)[0])
+
+    def reached(state: State) -> float:
+        return largest(state[0][modes + mechanism.n_positions - n])
+
+    start = q, np.zeros(len(joints) + len(pull))
+    found = solve(start, residual, correction, move, _TOLERANCE, size=lambda change: largest(change[:k]), scale=reached)
+    q = found.state[0]
+    if found.converged and found.residual <= limits.LOOPS_AT_REST * reached(found.state) + limits.LOOPS_NO_FORCE:
+        return q, _close_rates(_constraints(system, q, t), v, following)
     raise AccuracyError(
-        f"no steady state: modes and joints still change by {size:.1e}, and forces of {rest:.1e} of what would deflect "
-        "a mode by 1 are left; the scene turns too fast for the bodies' stiffness"
+        f"no steady state: modes and joints still change by {found.size:.1e}, and forces of {found.residual:.1e} of "
+        "what would deflect a mode by 1 are left; the scene turns too fast for the bodies' stiffness"
     )
 
 
@@ -108,13 +109,13 @@ def _close_rates(constraints: tuple[Array, Array], v: Array, following: IntArray
     """Return rates with which the loops stay closed, those of some joints changed."""
     J, rest = constraints
     out = v.copy()
-    out[following] -= np.linalg.lstsq(J[:, following], J @ v + rest, rcond=1e-9)[0]
+    out[following] -= np.linalg.lstsq(J[:, following], J @ v + rest, rcond=limits.DEPENDENT_DIRECTION)[0]
     return out
 
 
 def _gap_accelerations(system: CompiledSystem, q: Array, v: Array, t: float) -> Array:
     """Return the accelerations of the gaps where no coordinate accelerates, (n_rows,)."""
-    h = _MOMENT / max(1.0, float(np.abs(v).max(initial=0.0)))
+    h = limits.LOOPS_MOMENT / max(1.0, largest(v))
 
     def rates(s: float) -> Array:
         return system.compiled.gaps(t + s, move_positions(system.parameters, q, s * v), v)[1]

@@ -12,19 +12,19 @@ import math
 from typing import Any
 
 from fmd.core.arrays import Array
+from fmd.core.limits.newton import NOT_PROJECTED, PROJECTED, PROJECTIONS, RELINEARISED
+from fmd.core.newton import settles
 from fmd.dynamics.compiled_system.kernels import set_inputs
 from fmd.dynamics.compiled_system.parameters import ClosedParameters, Leapfrog, Multipliers, TreeParameters
 from fmd.dynamics.compiler.program import LANES
-from fmd.dynamics.jit.compiled import inner, meaning
+from fmd.dynamics.jit.compiled import inlined, inner, meaning
 from fmd.dynamics.jit.native import call_native
 from fmd.dynamics.system import accelerations, advance, close_gaps, leapfrog_step, project
 
 _DEPENDENT = 1e-9  # of the largest pivot, the square of the ratio of lengths
 _NO_PIVOT = 1e-14  # beside what free bodies would do
-_CLOSED = 1e-14  # gap that is round-off [m or rad]
-_FAILED = 1e-8  # gap after the last correction
-_CORRECTIONS = 8
-_FAR = 1e-7  # gap from which on the constraints are linearised anew
+
+_settles = inlined(settles)
 
 
 @inner
@@ -121,16 +121,16 @@ def _widest(values: Array) -> float:
 def _project(p: ClosedParameters, t: float, q: Array, v: Array) -> None:
     set_inputs(p, float(t))
     last = math.inf
-    for k in range(_CORRECTIONS + 1):
+    for k in range(PROJECTIONS + 1):
         call_native(p.gaps, (p.inputs, q, v, p.g, p.rates))
         widest = _widest(p.g)
-        if k == 0 or widest > _FAR:
+        if k == 0 or widest > RELINEARISED:
             p.whole.fresh[0] = 1.0
             _spread(p, q, 0)
             _factor(p.whole)
-        if widest <= _CLOSED or (widest <= _FAILED and widest > 0.3 * last):
+        if _settles(widest, last, PROJECTED, NOT_PROJECTED):
             break
-        if k == _CORRECTIONS or not widest < math.inf:
+        if k == PROJECTIONS or not widest < math.inf:
             v[0] = math.nan  # which ends the march
             break
         last = widest
@@ -160,12 +160,12 @@ def _leapfrog_step(p: ClosedParameters, leapfrog: Leapfrog, t: float, h: float, 
 def _close_gaps(p: ClosedParameters, t: float, h: float, q: Array, v: Array, a: Array) -> None:
     set_inputs(p, float(t))
     last, anew = math.inf, False
-    for k in range(2 * _CORRECTIONS):
+    for k in range(2 * PROJECTIONS):
         call_native(p.gaps, (p.inputs, q, v, p.g, p.rates))
         widest = _widest(p.g)
-        if widest <= _CLOSED or (widest <= _FAILED and widest > 0.3 * last):
+        if _settles(widest, last, PROJECTED, NOT_PROJECTED):
             return
-        if not anew and (k == _CORRECTIONS or widest > last):  # at a singular position, or in a long step
+        if not anew and (k == PROJECTIONS or widest > last):  # at a singular position, or in a long step
             anew, p.whole.fresh[0] = True, 1.0
             _spread(p, q, 0)
             _factor(p.whole)

@@ -6,11 +6,12 @@ import numpy as np
 
 from fmd.core.arrays import Array
 from fmd.core.errors import AccuracyError
+from fmd.core.limits import newton as limits
+from fmd.core.newton import Tolerance, largest, solve
 from fmd.dynamics.compiled_system.positive_mass import require_positive_mass
 from fmd.dynamics.compiled_system.system import CompiledSystem
 
-_SETTLED = 1e-10
-_CORRECTIONS = 30
+_TOLERANCE = Tolerance(limits.STEADY_CORRECTIONS, relative=limits.STEADY)
 
 
 def find_steady_state(system: CompiledSystem, q: Array, v: Array, t: float = 0.0) -> Array:
@@ -25,33 +26,48 @@ def find_steady_state(system: CompiledSystem, q: Array, v: Array, t: float = 0.0
     mechanism, compiled = system.mechanism, system.compiled
     modes = np.concatenate([mechanism.modes_of(k) for k in range(len(mechanism.links))])
     joints = np.setdiff1d(np.arange(mechanism.n), modes)
-    at, q, inputs = modes + mechanism.n_positions - mechanism.n, q.copy(), compiled.signal_values(t)
+    at, inputs = modes + mechanism.n_positions - mechanism.n, compiled.signal_values(t)
+    State = tuple[Array, Array]  # positions, and accelerations, which are 0 in the modes
+
+    # The forces that are left where the modes don't accelerate are smoother than accelerations: light combinations of
+    # modes make these steep.
+    def residual(state: State) -> Array:
+        return state[1] - compiled.accelerations(t, state[0], v)
+
+    def slopes(state: State) -> tuple[Array, Array]:
+        by_q, _, M = compiled.tangents(inputs, state[0], v, state[1])
+        return by_q[:, at], M
+
+    def correction(state: State, left: Array) -> Array:
+        by_modes, M = slopes(state)
+        return -np.linalg.solve(np.concatenate([M[:, joints], by_modes], axis=1), M @ left)
+
+    def move(state: State, change: Array) -> State:
+        q, a = state[0].copy(), state[1].copy()
+        a[joints] += change[: len(joints)]
+        q[at] += change[len(joints) :]
+        return q, a
+
     a = np.zeros(mechanism.n)
     a[joints] = compiled.accelerations(t, q, v)[joints]
-    size, slopes = 0.0, np.zeros((0, 0))
-    for _ in range(_CORRECTIONS):
-        # Newton's method for the forces that are left where the modes don't accelerate, which are smoother than
-        # accelerations: light combinations of modes make these steep.
-        free = compiled.accelerations(t, q, v)
-        by_q, _, M = compiled.tangents(inputs, q, v, a)
-        try:
-            change = np.linalg.solve(np.concatenate([M[:, joints], by_q[:, at]], axis=1), M @ (a - free))
-            slopes = -np.linalg.solve(M, by_q[:, at])[modes]
-        except np.linalg.LinAlgError:  # the corrections have run away
-            size = np.inf
-            break
-        a[joints] -= change[: len(joints)]
-        q[at] -= change[len(joints) :]
-        size = float(np.linalg.norm(change[len(joints) :]))
-        if size <= _SETTLED * np.linalg.norm(q[at]) or not np.isfinite(size):
-            break
-    if not size <= _SETTLED * np.linalg.norm(q[at]):
+    found = solve(
+        (q, a),
+        residual,
+        correction,
+        move,
+        _TOLERANCE,
+        size=lambda change: largest(change[len(joints) :]),
+        scale=lambda state: largest(state[0][at]),
+    )
+    if not found.converged:
         raise AccuracyError(
-            f"no steady state: the modes still change by {size:.1e} after {_CORRECTIONS} corrections; the scene turns "
-            "too fast for the bodies' stiffness, or bends them too far"
+            f"no steady state: the modes still change by {found.size:.1e} after {_TOLERANCE.corrections} corrections; "
+            "the scene turns too fast for the bodies' stiffness, or bends them too far"
         )
+    q = found.state[0]
     require_positive_mass(system, q, "in the steady state")
-    if not np.linalg.eigvals(slopes).real.max(initial=-1.0) < 0:
+    by_modes, M = slopes(found.state)
+    if not np.linalg.eigvals(-np.linalg.solve(M, by_modes)[modes]).real.max(initial=-1.0) < 0:
         raise AccuracyError(
             "no steady state: a deflection grows by itself; the scene turns too fast for the bodies' stiffness"
         )

@@ -1,0 +1,1 @@
+"""Numbers that decide, one module a subject: tolerances, limits, safety factors and patience, each with its meaning."""
