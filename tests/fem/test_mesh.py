@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 from fmd.core.errors import AccuracyError
-from fmd.fem.cells import vtk_nodes
+from fmd.fem.cells.table import CELLS
 from fmd.fem.mesh import SolidMesh, rows_among
 from fmd.fem.model import FEModel
 
@@ -68,7 +68,7 @@ def test_the_volume_of_a_cell_with_crooked_faces_is_that_of_its_shape_functions(
 @pytest.mark.parametrize("cell_type", ["tetra10", "hexahedron20", "hexahedron27", "wedge15"])
 def test_the_volume_of_a_curved_cell_is_that_of_its_map(cell_type: str) -> None:
     # x + (0.1 y², 0, 0) keeps volumes, and bends edges by polynomials of second degree
-    nodes = vtk_nodes(cell_type, 2)
+    nodes = CELLS[cell_type].nodes
     bent = nodes + 0.1 * nodes[:, 1:2] ** 2 * (1, 0, 0)
     mesh = SolidMesh(bent, np.arange(len(nodes))[None], cell_type, {}, {})
     assert mesh.volume == pytest.approx({"t": 1 / 6, "h": 1.0, "w": 0.5}[cell_type[0]], rel=1e-13)
@@ -81,8 +81,8 @@ def test_rows_are_looked_up_in_a_table() -> None:
 
 
 def test_an_unknown_kind_of_cell_is_refused() -> None:
-    with pytest.raises(ValueError, match="cell_type is 'pyramid', expected one of tetra, tetra10, hexahedron"):
-        SolidMesh(CUBE.copy(), np.arange(6)[None], "pyramid", {}, {})
+    with pytest.raises(ValueError, match="cell_type is 'penta_prism', expected one of tetra, tetra10, hexahedron"):
+        SolidMesh(CUBE.copy(), np.arange(6)[None], "penta_prism", {}, {})
 
 
 def test_points_in_the_plane_are_refused() -> None:

@@ -1,17 +1,16 @@
-"""Solid finite elements: shape functions, quadrature and local numbering, from scikit-fem's reference data."""
+"""Solid finite elements: shape functions, quadrature and local numbering."""
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from dataclasses import dataclass
 from functools import cached_property, lru_cache
 from typing import Any, Literal
 
 import numpy as np
-import skfem
-from skfem.quadrature import get_quadrature
 
 from fmd.core.arrays import Array, IntArray, read_only
-from fmd.fem.wedge import Wedge, wedge_quadrature
+from fmd.fem.cells.shape import CellShape
 
 # Linear hexahedra with enhanced assumed strain, or with the strain of their displacement alone; others have no choice.
 Formulation = Literal["enhanced", "plain"]
@@ -25,49 +24,79 @@ class ElementKind:
     ----------
     name : str
         The element's name in the literature, e.g. ``hex20``.
-    element, geometry : skfem.Element
-        Scalar shape functions of the displacement and of the position.
+    vtk_type : int
+        VTK's number of a cell with the element's nodes.
+    shape : CellShape
+        The cell on which it stands.
+    order : int
+        Order of the displacement, 1 or 2.
+    displacement, position : callable
+        Make the scalar shape functions, of the displacement and of the position, on first use.
     stiffness_order, mass_order : int
         Polynomial degree that the quadrature of K and M integrates exactly: the integrand on cells with a constant
         Jacobian; on curved cells, mass and first moments.
     stress_order : int
         Degree of the quadrature at whose points stresses are most accurate (Barlow 1976).
+    is_affine : bool
+        True if the Jacobian is constant over every cell.
+    can_be_enhanced : bool
+        True if strains of its own may be added to those of its displacement.
     """
 
     name: str
-    element: Any
-    geometry: Any
+    vtk_type: int
+    shape: type[CellShape]
+    order: int
+    displacement: Callable[[], Any]
+    position: Callable[[], Any]
     stiffness_order: int
     mass_order: int
     stress_order: int
+    is_affine: bool = False
+    can_be_enhanced: bool = False
+
+    @cached_property
+    def element(self) -> Any:
+        """Shape functions of the displacement, as scikit-fem's elements have them."""
+        return self.displacement()
+
+    @cached_property
+    def geometry(self) -> Any:
+        """Shape functions of the position."""
+        return self.position()
 
     def quadrature(self, order: int) -> tuple[Array, Array]:
         """Return points (3, n_q) and weights (n_q,) on the reference cell, exact to a polynomial degree."""
-        if isinstance(self.element, Wedge):
-            return wedge_quadrature(order)
-        X, w = get_quadrature(self.element.refdom, order)
-        return X, w
+        return self.shape.quadrature(order)
 
-    @property
-    def order(self) -> int:
-        """Order of the displacement, 1 or 2."""
-        return 2 if self.element.edge_dofs else 1
+    @cached_property
+    def stress_points(self) -> Array:
+        """Points (3, n_q) at which stresses are taken."""
+        return self.shape.stress_points(self.stress_order)
+
+    @cached_property
+    def stress_to_nodes(self) -> Array:
+        """Weights (n_local, n_q) that carry values at the `stress_points` to the element's nodes."""
+        n_q = self.stress_points.shape[1]
+        at_points, at_nodes = (
+            np.stack(self.shape.stress_terms(x)[:n_q]) for x in (self.stress_points, self.element.doflocs.T)
+        )
+        return np.asarray(np.linalg.solve(at_points, at_nodes).T)
+
+    @cached_property
+    def corners(self) -> Array:
+        """Reference coordinates of the corners, the first nodes, shape (n_corners, 3)."""
+        return np.asarray(self.element.doflocs[: len(self.shape.corners)])
 
     @property
     def curved(self) -> bool:
         """True if the edges of the cell may be curved."""
         return bool(self.geometry.edge_dofs)
 
-    @property
-    def is_affine(self) -> bool:
-        """True if the Jacobian is constant over a cell."""
-        return isinstance(self.geometry, skfem.ElementTetP1)
-
     @cached_property
     def facet_corners(self) -> tuple[list[int], ...]:
         """Local corners around each facet."""
-        # scikit-fem repeats the first corner of a wedge's triangles
-        return tuple(list(dict.fromkeys(facet)) for facet in self.element.refdom.facets)
+        return tuple(list(facet) for facet in self.element.refdom.facets)
 
     @cached_property
     def facet_polygons(self) -> tuple[IntArray, ...]:
@@ -80,7 +109,7 @@ class ElementKind:
             for a, b in zip(corners, [*corners[1:], corners[0]], strict=True):
                 around.append(a)
                 if self.element.edge_dofs:
-                    around.append(refdom.nnodes + edge[frozenset((a, b))])
+                    around.append(len(self.corners) + edge[frozenset((a, b))])
             polygons.append(np.array(around, dtype=np.int64))
         return tuple(polygons)
 
@@ -117,31 +146,6 @@ def jacobians(geometry: Any, x: Array, X: Array) -> Array:
     _, dN = shape_functions(geometry, X)
     J = np.ascontiguousarray(x.transpose(2, 0, 1)) @ dN.reshape(len(dN), -1)
     return np.asarray(J.reshape(3, -1, *dN.shape[1:]).transpose(1, 3, 0, 2))
-
-
-@lru_cache
-def element_kind(cell_type: str, order: int) -> ElementKind:
-    """Return the element of displacement order 1 or 2 on a cell, which has meshio's name."""
-    match cell_type, order:
-        case "tetra", 1:
-            return ElementKind("tet4", skfem.ElementTetP1(), skfem.ElementTetP1(), 0, 2, 0)
-        case "tetra", 2:
-            return ElementKind("tet10", skfem.ElementTetP2(), skfem.ElementTetP1(), 2, 4, 2)
-        case "tetra10", 2:
-            return ElementKind("tet10", skfem.ElementTetP2(), skfem.ElementTetP2(), 2, 5, 2)
-        case "hexahedron", 1:
-            return ElementKind("hex8", skfem.ElementHex1(), skfem.ElementHex1(), 3, 3, 3)
-        case "hexahedron", 2:
-            return ElementKind("hex20", skfem.ElementHexS2(), skfem.ElementHex1(), 5, 5, 3)
-        case "hexahedron20", 2:
-            return ElementKind("hex20", skfem.ElementHexS2(), skfem.ElementHexS2(), 5, 7, 3)
-        case "hexahedron27", 2:
-            return ElementKind("hex27", skfem.ElementHex2(), skfem.ElementHex2(), 5, 7, 3)
-        case "wedge", 1:
-            return ElementKind("wedge6", Wedge(1), Wedge(1), 2, 3, 2)
-        case "wedge15", 2:
-            return ElementKind("wedge15", Wedge(2), Wedge(2), 4, 6, 2)
-    raise ValueError(f"no element of order {order} on {cell_type} cells")
 
 
 def match_nodes(wanted: Array, nodes: Array) -> IntArray:

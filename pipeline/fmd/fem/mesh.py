@@ -12,7 +12,9 @@ from numpy.typing import NDArray
 from fmd.core.arrays import Array, IntArray, read_only, require_finite, require_shape
 from fmd.core.errors import AccuracyError
 from fmd.core.short_repr import short_repr
-from fmd.fem.cells import FACES, N_CORNERS, N_NODES, STRAIGHT, scaled_jacobian, vtk_nodes
+from fmd.fem.cells.cell import SolidCell
+from fmd.fem.cells.table import solid_cell
+from fmd.fem.elements import jacobians, match_nodes
 
 
 @dataclass(frozen=True)
@@ -26,8 +28,7 @@ class SolidMesh:
     cells : ndarray, shape (n_cells, n_local)
         Point numbers in meshio's order, those of mid-edge nodes too if the cells are of second order.
     cell_type : str
-        ``tetra``, ``hexahedron``, ``wedge``; with curved edges ``tetra10``, ``hexahedron20``, ``hexahedron27``,
-        ``wedge15``.
+        meshio's name of a cell in `fem.cells.table`, e.g. ``tetra``; with curved edges ``tetra10``.
     parts, faces : mapping of str to ndarray
         Cell numbers of each part; of each face its point numbers (n,), or the corners (n_facets, 3 or 4) of its facets.
     sectors : int
@@ -52,10 +53,8 @@ class SolidMesh:
     __repr__ = short_repr
 
     def __post_init__(self) -> None:
-        if self.cell_type not in STRAIGHT:
-            raise ValueError(f"cell_type is {self.cell_type!r}, expected one of {', '.join(STRAIGHT)}")
         require_shape("points", self.points, (None, 3))
-        require_shape("cells", self.cells, (None, N_NODES[self.cell_type]))
+        require_shape("cells", self.cells, (None, len(self.cell.nodes)))
         require_finite("points", self.points)
         if self.cells.min() < 0 or self.cells.max() >= len(self.points):
             raise ValueError(f"cells name points outside 0…{len(self.points) - 1}")
@@ -66,19 +65,24 @@ class SolidMesh:
             raise AccuracyError(f"{bad} of {len(self.cells)} cells are inverted or flat (scaled Jacobian ≤ 0)")
 
     @property
+    def cell(self) -> SolidCell:
+        """The type of the cells."""
+        return solid_cell(self.cell_type)
+
+    @property
     def corners(self) -> IntArray:
-        """Point numbers of the cells' corners, shape (n_cells, 4, 6 or 8)."""
-        return self.cells[:, : N_CORNERS[STRAIGHT[self.cell_type]]]
+        """Point numbers of the cells' corners, shape (n_cells, n_corners)."""
+        return self.cells[:, : self.cell.n_corners]
 
     @property
     def order(self) -> int:
         """Order of the cells' own nodes: 2 if they have mid-edge nodes."""
-        return 1 if self.cell_type in N_CORNERS else 2
+        return self.cell.order
 
     @cached_property
     def quality(self) -> Array:
         """Smallest scaled Jacobian over the corners of each cell, shape (n_cells,): 1 is the ideal cell."""
-        return scaled_jacobian(self.points[self.corners], STRAIGHT[self.cell_type])
+        return self.cell.shape.scaled_jacobian(self.points[self.corners])
 
     @cached_property
     def volume(self) -> float:
@@ -87,7 +91,7 @@ class SolidMesh:
             return self._curved_volume()
         x = self.points[self.cells]
         volume = 0.0
-        for face in FACES[self.cell_type]:  # tetrahedra from the origin to the faces, these split about their centres
+        for face in self.cell.shape.faces:  # tetrahedra from the origin to the faces, these split about their centres
             corners = x[:, face]  # (n_cells, n_around, 3)
             following = np.roll(corners, -1, axis=1)
             volume += float(np.einsum("eci,ei->", np.cross(corners, following), corners.mean(axis=1)))
@@ -95,10 +99,8 @@ class SolidMesh:
 
     def _curved_volume(self) -> float:
         """Integrate the Jacobian determinants of cells with curved edges [m³]."""
-        from fmd.fem.elements import element_kind, jacobians, match_nodes
-
-        kind = element_kind(self.cell_type, 2)
-        local = match_nodes(kind.element.doflocs, vtk_nodes(self.cell_type, 2))
+        kind = self.cell.element(2)
+        local = match_nodes(kind.element.doflocs, self.cell.nodes)
         X, w = kind.quadrature(kind.mass_order)
         determinants = np.linalg.det(jacobians(kind.geometry, self.points[self.cells[:, local]], X))
         return float(np.abs(determinants @ w).sum())

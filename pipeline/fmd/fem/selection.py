@@ -11,7 +11,6 @@ from scipy.sparse.csgraph import connected_components
 from scipy.spatial import cKDTree
 
 from fmd.core.arrays import Array, IntArray
-from fmd.fem.cells import STRAIGHT
 from fmd.fem.elements import shape_functions
 from fmd.fem.markers import face_marker
 from fmd.fem.mesh import rows_among
@@ -113,10 +112,9 @@ def locate_points(space: Discretisation, points: Array) -> tuple[IntArray, Array
         Reference coordinates, within the reference cell.
     """
     corners, geometry = space.corner_coordinates, space.kind.geometry
-    straight = STRAIGHT[space.mesh.cell_type]
     count = min(_NEAREST, len(corners))
     near = np.asarray(cKDTree(corners.mean(axis=1)).query(points, k=count)[1]).reshape(len(points), count)
-    middle = space.kind.element.refdom.init_refdom()[0].mean(axis=1)
+    middle = space.kind.corners.mean(axis=0)
     elements, X = np.zeros(len(points), dtype=np.int64), np.zeros((len(points), 3))
     for k, (point, candidates) in enumerate(zip(points, near, strict=True)):
         best = np.inf
@@ -128,7 +126,7 @@ def locate_points(space: Discretisation, points: Array) -> tuple[IntArray, Array
                 x = np.clip(x + step, -1.0, 2.0)
                 if np.abs(step).max() < 1e-12:
                     break
-            outside = max(-x.min(), _reach(straight, x) - 1.0)
+            outside = max(-x.min(), space.kind.shape.reach(x) - 1.0)
             if outside < best:
                 best, elements[k], X[k] = outside, element, np.clip(x, 0.0, 1.0)
             if best <= 1e-9:
@@ -199,13 +197,3 @@ def _distance(x: Array, point: Array) -> Array:
     along = np.clip(np.einsum("tci,tci->tc", r, sides) / length2, 0.0, 1.0)
     to_sides = np.linalg.norm(r - along[..., None] * sides, axis=2).min(axis=1)
     return np.asarray(np.where(inside, np.abs(np.einsum("ti,ti->t", r[:, 0], normal)) / size, to_sides))
-
-
-def _reach(cell_type: str, x: Array) -> float:
-    """Return the largest of the expressions of x (3,) that are at most 1 inside the reference cell."""
-    match cell_type:
-        case "tetra":
-            return float(x.sum())
-        case "wedge":
-            return float(max(x[0] + x[1], x[2]))
-    return float(x.max())

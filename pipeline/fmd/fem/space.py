@@ -8,11 +8,11 @@ from typing import Any
 
 import meshio
 import numpy as np
+import skfem
 from skfem.io.meshio import from_meshio
 
 from fmd.core.arrays import Array, IntArray, read_only
-from fmd.fem.cells import STRAIGHT, vtk_nodes
-from fmd.fem.elements import ElementKind, Formulation, element_kind, jacobians, match_nodes, shape_functions
+from fmd.fem.elements import ElementKind, Formulation, jacobians, match_nodes, shape_functions
 from fmd.fem.mesh import SolidMesh
 from fmd.fem.sparsity import BlockStructure
 
@@ -38,12 +38,12 @@ class Discretisation:
     @cached_property
     def kind(self) -> ElementKind:
         """The element on the mesh's cells."""
-        return element_kind(self.mesh.cell_type, self.order)
+        return self.mesh.cell.element(self.order)
 
     @property
     def is_enhanced(self) -> bool:
         """True if the elements add strains of their own to those of the nodes' displacements."""
-        return self.formulation == "enhanced" and self.kind.name == "hex8"
+        return self.formulation == "enhanced" and self.kind.can_be_enhanced
 
     @cached_property
     def skfem_mesh(self) -> Any:
@@ -54,14 +54,14 @@ class Discretisation:
 
     @cached_property
     def _nodes_are_points(self) -> bool:
-        """True if the mesh's points number the nodes: for curved cells and for wedges."""
-        return self.kind.curved or STRAIGHT[self.mesh.cell_type] == "wedge"
+        """True if the mesh's points number the nodes: for curved cells and those that scikit-fem lacks."""
+        return self.kind.curved or not isinstance(self.kind.element, skfem.Element)
 
     @cached_property
     def element_nodes(self) -> IntArray:
         """Node numbers of each element, shape (n_elements, n_local), in scikit-fem's local order."""
         if self._nodes_are_points:
-            local = match_nodes(self.kind.element.doflocs, vtk_nodes(self.mesh.cell_type, self.order))
+            local = match_nodes(self.kind.element.doflocs, self.mesh.cell.nodes_of_order(self.order))
             return read_only(self.mesh.cells[:, local])
         corners = np.asarray(self.skfem_mesh.t.T, dtype=np.int64)
         if not self.kind.element.edge_dofs:

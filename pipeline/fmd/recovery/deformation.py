@@ -14,6 +14,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from fmd.core.arrays import Array, IntArray
+from fmd.fem.gradients import gradients
 
 if TYPE_CHECKING:
     from fmd.fem.space import Discretisation
@@ -91,7 +92,7 @@ def deformation_shapes(space: Discretisation, body: FlexibleBody, supported: boo
     supported : bool
         True if supports hold the body in its frame, so that no section at the joint turns against it.
     """
-    X = space.kind.element.refdom.init_refdom()[0]
+    X = space.kind.corners.T
     n_elements = len(space.element_nodes)
     looked_at = np.linspace(0, n_elements - 1, min(_MOST, n_elements)).astype(int)
     parts = [
@@ -201,7 +202,7 @@ def _rotation_on_lines(space: Discretisation, body: FlexibleBody, supported: boo
     """Return the rotation of the shapes across the line from the joint to each marker, at the nearest elements."""
     from scipy.spatial import cKDTree
 
-    middle = space.kind.element.refdom.init_refdom()[0].mean(axis=1, keepdims=True)
+    middle = space.kind.corners.mean(axis=0)[:, None]
     centres = body.x[space.element_nodes].mean(axis=1)
     tree, joint = cKDTree(centres), body.markers[body.joint]
     lines = {}
@@ -222,8 +223,6 @@ def _rotation_on_lines(space: Discretisation, body: FlexibleBody, supported: boo
 
 def _rotation_and_strain(space: Discretisation, shapes: Array, X: Array, elements: IntArray) -> tuple[Array, Array]:
     """Return rotations (n_elements, n_q, 3, n) and strains (n_elements, n_q, 6, n) at reference points X (3, n_q)."""
-    from fmd.fem.gradients import gradients
-
     local = space.element_nodes[elements]
     g, _ = gradients(space, X, elements)
     u = shapes[local].reshape(len(elements), 1, local.shape[1], -1)

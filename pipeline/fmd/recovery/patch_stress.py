@@ -41,7 +41,7 @@ def patch_stress(space: Discretisation, material: AnyMaterial, shapes: Array, no
     ndarray, shape (6, n)
         xx, yy, zz, yz, xz, xy [Pa per unit of the shape].
     """
-    X, _ = space.kind.quadrature(space.kind.stress_order)
+    X = space.kind.stress_points
     patch = np.flatnonzero((space.element_nodes == node).any(axis=1))
     n_terms = 4 if space.order == 1 else 10
     while len(patch) * X.shape[1] < _SAMPLES_PER_TERM * n_terms:

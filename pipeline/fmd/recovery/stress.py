@@ -56,8 +56,7 @@ def modal_stress(space: Discretisation, material: AnyMaterial, shapes: Array, no
     require_shape("shapes", shapes, (len(space.x), 3, None))
     if len(np.unique(nodes)) < len(nodes):
         raise ValueError("nodes names a node twice")
-    X, _ = space.kind.quadrature(space.kind.stress_order)
-    to_nodes = _extrapolation(X, space.kind.element.doflocs.T)
+    X, to_nodes = space.kind.stress_points, space.kind.stress_to_nodes
     chosen = np.full(len(space.x), -1)
     chosen[nodes] = np.arange(len(nodes))
     elements = np.flatnonzero((chosen[space.element_nodes] >= 0).any(axis=1))
@@ -77,7 +76,7 @@ def element_stress(space: Discretisation, material: AnyMaterial, shapes: Array, 
     """Stress of each shape in the middle of chosen elements, shape (n_chosen, 6, n) [Pa per unit of the shape]."""
     from fmd.fem.strain import stresses
 
-    middle = space.kind.element.refdom.init_refdom()[0].mean(axis=1, keepdims=True)
+    middle = space.kind.corners.mean(axis=0)[:, None]
     return stresses(space, material, shapes, middle, elements)[:, 0]
 
 
@@ -182,15 +181,3 @@ class StressHistory:
             if value[k, node] > peak[2]:
                 peak = float(self.times[start + k]), int(node), float(value[k, node])
         return peak
-
-
-def _extrapolation(X: Array, nodes: Array) -> Array:
-    """Weights (n_local, n_q) that carry values at the points X (3, n_q) to reference nodes (3, n_local)."""
-
-    def monomials(x: Array) -> Array:
-        one, xy = np.ones(x.shape[1]), x[0] * x[1]
-        if X.shape[1] == 6:  # of a wedge: linear in the triangle and along it
-            return np.stack((one, *x, x[1] * x[2], x[2] * x[0]))
-        return np.stack((one, *x, xy, x[1] * x[2], x[2] * x[0], xy * x[2])[: X.shape[1]])
-
-    return np.asarray(np.linalg.solve(monomials(X), monomials(nodes)).T)

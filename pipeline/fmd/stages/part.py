@@ -89,7 +89,7 @@ def _assemble(part: FlexiblePart) -> FEModel:
         return read_reduced_body(part.source)
     if not part.has_mesh:
         return read_body_matrices(part.shape, part.source)
-    if part.formulation == "plain" and part.space.kind.name != "hex8":
+    if part.formulation == "plain" and not part.space.kind.can_be_enhanced:
         problem = f"belongs to linear hexahedra; the elements here are {part.space.kind.name}"
         raise InputError(part.file, f"body.{part.name}.mesh.formulation", "plain", problem)
     return assemble(part.mesh, part.order, part.material, part.formulation)

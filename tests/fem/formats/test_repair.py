@@ -8,10 +8,9 @@ import numpy as np
 import pytest
 
 from fmd.core.arrays import Array, IntArray
-from fmd.fem.cells import EDGES
+from fmd.fem.cells.table import solid_cell
 from fmd.fem.formats.import_mesh import solid_mesh
 from fmd.fem.formats.raw_mesh import MeshFileError, RawMesh
-from fmd.fem.formats.repair import mirrored_order
 from fmd.fem.mesh import SolidMesh
 
 Make = Callable[..., SolidMesh]
@@ -27,7 +26,7 @@ def box(box_mesh: Make) -> RawMesh:
 def second_order(raw: RawMesh) -> RawMesh:
     """A copy with nodes in the middle of the edges."""
     ((_, cells),) = raw.blocks
-    ends = np.sort(cells[:, np.array(EDGES["tetra"])], axis=2)
+    ends = np.sort(cells[:, np.array(solid_cell("tetra").shape.edges)], axis=2)
     pairs, number = np.unique(ends.reshape(-1, 2), axis=0, return_inverse=True)
     points = np.concatenate([raw.points, raw.points[pairs].mean(axis=1)])
     return RawMesh(points, [("tetra10", np.hstack([cells, len(raw.points) + number.reshape(len(cells), 6)]))])
@@ -86,7 +85,7 @@ def test_inverted_elements_are_turned_if_that_is_wanted(box: RawMesh) -> None:
 
 def test_a_mesh_that_is_left_handed_throughout_is_turned_by_itself(box: RawMesh) -> None:
     raw = second_order(box)
-    raw.blocks = [("tetra10", raw.blocks[0][1][:, mirrored_order("tetra10")])]
+    raw.blocks = [("tetra10", raw.blocks[0][1][:, solid_cell("tetra10").mirrored])]
     mesh = solid_mesh(raw, 1.0)
     assert mesh.notes == ("all 48 elements have their nodes in left-handed order and were turned",)
     assert mesh.volume == pytest.approx(VOLUME, rel=1e-13)
@@ -160,8 +159,8 @@ def test_shells_and_beams_that_are_no_faces_are_left_out_if_that_is_wanted(box: 
             "no solid elements; the elements: 1 triangle",
         ),
         (
-            RawMesh(np.eye(5, 3), [("pyramid", np.array([[0, 1, 2, 3, 4]]))]),
-            "solid elements of kind pyramid aren't read",
+            RawMesh(np.eye(5, 3), [("penta_prism", np.array([[0, 1, 2, 3, 4]]))]),
+            "solid elements of kind penta_prism aren't read",
         ),
         (RawMesh(np.full((4, 3), np.nan), [("tetra", np.array([[0, 1, 2, 3]]))]), "4 nodes have coordinates"),
         (RawMesh(np.eye(4, 3), [("tetra", np.array([[0, 1, 2, 9]]))]), "name nodes that aren't there"),

@@ -15,25 +15,15 @@ from typing import Any
 import numpy as np
 
 from fmd.core.arrays import IntArray
+from fmd.fem.cells.table import CELLS
 from fmd.fem.formats.raw_mesh import MeshFileError, RawMesh
 
 _SOLID = re.compile(r"(?:AC|DC|DCC|EC|Q|C)3D(\d+)")
 _PLANE = re.compile(r"(?:S|STRI|DS|SFM3D|M3D|R3D|F3D|CPS|CPE|CPEG|CAX|SAX|CGAX)(\d+)")
 _LINE = re.compile(r"B[23]\d|PIPE|T[23]D|R2D|RB[23]D")
 _DEEPEST = 50  # levels of sets that name sets
-_CELLS = {
-    4: "tetra", 5: "pyramid", 6: "wedge", 8: "hexahedron", 10: "tetra10", 13: "pyramid13", 15: "wedge15", 18: "wedge18",
-    20: "hexahedron20", 27: "hexahedron27",
-}  # fmt: skip
+_CELLS = {len(cell.nodes): cell for cell in CELLS.values()}
 _PLANE_CELLS = {3: "triangle", 4: "quad", 6: "triangle6", 8: "quad8", 9: "quad9"}
-# From Abaqus' 27 nodes, whose inner one comes before those in the faces, to meshio's.
-_HEX27 = [*range(20), 26, 24, 23, 25, 21, 22, 20]
-# Corners of the faces S1, S2 … of a solid element.
-_FACES = {
-    "tetra": ((0, 1, 2), (0, 3, 1), (1, 3, 2), (2, 3, 0)),
-    "hexahedron": ((0, 1, 2, 3), (4, 7, 6, 5), (0, 4, 5, 1), (1, 5, 6, 2), (2, 6, 7, 3), (3, 7, 4, 0)),
-    "wedge": ((0, 1, 2), (3, 5, 4), (0, 3, 4, 1), (1, 4, 5, 2), (2, 5, 3, 0)),
-}
 _GENERATED = ("NGEN", "NFILL", "NCOPY", "NMAP", "ELGEN", "ELCOPY", "SYSTEM", "INCLUDE")
 _WRITE_FLAT = "write the mesh out flat, all nodes and elements in one file without parts and assemblies"
 
@@ -218,7 +208,8 @@ class _Deck:
                     raise MeshFileError(f"element {number} is given twice")
                 where[number] = b, k
             cells = cells.reshape(len(block.numbers), -1)
-            blocks.append((block.kind, cells[:, _HEX27] if block.kind == "hexahedron27" else cells))
+            order = CELLS[block.kind].abaqus_order if block.kind in CELLS else ()
+            blocks.append((block.kind, cells[:, order] if order else cells))
         cell_sets = {
             name: _by_block([where[n] for n in self._members(name, self.element_sets, where)], len(blocks))
             for name in self.element_sets
@@ -280,7 +271,7 @@ class _Deck:
         facets = []
         for (b, face), chosen in cells_of.items():
             kind, cells = raw.blocks[b]
-            corners = _FACES.get(re.sub(r"\d+", "", kind), ())
+            corners = CELLS[kind].shape.abaqus_faces if kind in CELLS else ()
             if face >= len(corners):
                 raise MeshFileError(f"surface {name}: elements of {cells.shape[1]} nodes have no face S{face + 1}")
             facets.append(cells[chosen][:, list(corners[face])])
@@ -293,7 +284,7 @@ def _cell_kind(name: str) -> tuple[str, int]:
         n_local = int(match[1])
         if n_local not in _CELLS:
             raise MeshFileError(f"elements {name} of {n_local} nodes aren't read")
-        return _CELLS[n_local], n_local
+        return _CELLS[n_local].name, n_local
     if match := _PLANE.match(name):
         n_local = int(match[1][0])  # STRI65 has 6, S4R5 4
         return (_PLANE_CELLS[n_local], n_local) if n_local in _PLANE_CELLS else ("", 0)

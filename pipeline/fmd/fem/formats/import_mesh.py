@@ -9,7 +9,7 @@ import numpy as np
 
 from fmd.core.arrays import Array, IntArray
 from fmd.core.errors import InputError
-from fmd.fem.cells import FACES, STRAIGHT
+from fmd.fem.cells.table import CELLS, is_solid, solid_cell
 from fmd.fem.formats import repair as repairs
 from fmd.fem.formats.abaqus import read_abaqus
 from fmd.fem.formats.meshio_reader import read_by_meshio
@@ -21,7 +21,6 @@ _TEXT_READERS = {".inp": read_abaqus, ".bdf": read_nastran, ".nas": read_nastran
 _CAD = (".step", ".stp", ".iges", ".igs", ".brep")
 _LARGEST = 1e30  # of the coordinates: a volume is still finite
 _MOST_BYTES = 2_000_000_000
-_SOLID = ("tetra", "hexahedron", "wedge", "pyramid", "penta_prism", "hexa_prism", "polyhedron")
 _PLANE = ("triangle", "quad", "polygon")
 _NONE = np.empty(0, dtype=np.int64)
 
@@ -132,15 +131,13 @@ def _solid_cells(raw: RawMesh) -> tuple[str, IntArray]:
     for kind, cells in raw.blocks:
         if len(cells):
             count[kind] = count.get(kind, 0) + len(cells)
-    solids = [kind for kind in count if _is_solid(kind)]
+    solids = [kind for kind in count if is_solid(kind)]
     listed = ", ".join(f"{n} {kind}" for kind, n in count.items()) or "none"
     if not solids:
         raise MeshFileError(f"there are no solid elements; the elements: {listed}")
     for kind in solids:
-        if kind not in STRAIGHT:
-            raise MeshFileError(
-                f"solid elements of kind {kind} aren't read, {', '.join(STRAIGHT)} are; it has {listed}"
-            )
+        if kind not in CELLS:
+            raise MeshFileError(f"solid elements of kind {kind} aren't read, {', '.join(CELLS)} are; it has {listed}")
     if len(solids) > 1:
         raise MeshFileError(
             f"a body takes one kind of solid element; it has {listed}. Mesh it with tetrahedra alone or hexahedra alone"
@@ -198,8 +195,8 @@ def _turn_right_side_out(points: Array, cells: IntArray, cell_type: str, finding
     elif turned:
         findings.mendable.append(f"{turned} of {len(cells)} elements are inverted: turned")
     cells = cells.copy()
-    cells[hand < 0] = cells[hand < 0][:, repairs.mirrored_order(cell_type)]
-    if STRAIGHT[cell_type] == cell_type:
+    cells[hand < 0] = cells[hand < 0][:, solid_cell(cell_type).mirrored]
+    if solid_cell(cell_type).order == 1:
         return points, cells
     order = repairs.find_node_order(points, cells, cell_type)
     if order is not None:
@@ -219,8 +216,7 @@ def _turn_right_side_out(points: Array, cells: IntArray, cell_type: str, finding
 
 def _note_loose_elements(raw: RawMesh, cells: IntArray, cell_type: str, first: IntArray, findings: _Findings) -> None:
     """Note the elements that are neither solid nor on a solid's faces or edges: they would be lost."""
-    straight = STRAIGHT[cell_type]
-    facets = np.concatenate([_three(cells[:, list(face)]) for face in FACES[straight]])
+    facets = np.concatenate([_three(cells[:, list(face)]) for face in solid_cell(cell_type).shape.faces])
     sides = np.sort(repairs.edges(cells, cell_type).reshape(-1, 2), axis=1)
     loose: dict[str, int] = dict(raw.others)
     on_solid = 0
@@ -252,7 +248,7 @@ def _complaint(findings: _Findings) -> str:
 
 def _parts(raw: RawMesh, kept: IntArray) -> dict[str, IntArray]:
     """Return the cells of each element set of solids; those of no set are the part ``rest``."""
-    solid = [_is_solid(kind) for kind, _ in raw.blocks]
+    solid = [is_solid(kind) for kind, _ in raw.blocks]
     offsets = np.cumsum([0, *(len(cells) if s else 0 for s, (_, cells) in zip(solid, raw.blocks, strict=True))])
     place = np.full(offsets[-1], -1)
     place[kept] = np.arange(len(kept))
@@ -288,7 +284,3 @@ def _three(corners: IntArray) -> IntArray:
 
 def _corners_of(kind: str) -> int:
     return 3 if kind.startswith("triangle") else 4
-
-
-def _is_solid(kind: str) -> bool:
-    return kind in STRAIGHT or kind.startswith(_SOLID) or "HEXA" in kind or "TETRA" in kind or "WEDGE" in kind

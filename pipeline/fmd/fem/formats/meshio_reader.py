@@ -20,6 +20,7 @@ from typing import Any
 import numpy as np
 
 from fmd.core.arrays import IntArray
+from fmd.fem.cells.table import CELLS, is_solid
 from fmd.fem.formats.raw_mesh import MeshFileError, RawMesh
 
 _SECONDS, _SECONDS_PER_MB = 60.0, 2.0
@@ -104,7 +105,8 @@ def _read(path: Path) -> RawMesh:
     from meshio import _mesh
     from meshio.gmsh import _gmsh41
 
-    _mesh.topological_dimension.setdefault("wedge15", 3)  # missing in meshio 5.3
+    for name in CELLS:
+        _mesh.topological_dimension.setdefault(name, 3)  # wedge15 is missing in meshio 5.3
 
     # If only some entities are in physical groups, meshio 5.3 makes fewer arrays than blocks and then refuses them.
     def mesh(points: Any, cells: Any, *, cell_data: Any, cell_sets: Any, **rest: Any) -> meshio.Mesh:
@@ -195,7 +197,7 @@ def _add(sets: dict[str, list[IntArray]], name: str, chosen: list[IntArray]) -> 
 
 def _dimension(kind: str) -> int:
     """Return the dimension of a cell type: 3, 2 or 1."""
-    if kind.startswith(("tetra", "hexahedron", "wedge", "pyramid")):
+    if is_solid(kind):
         return 3
     return 2 if kind.startswith(("triangle", "quad")) else 1
 

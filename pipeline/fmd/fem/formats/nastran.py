@@ -12,15 +12,13 @@ from collections.abc import Iterator
 
 import numpy as np
 
+from fmd.fem.cells.table import CELLS
 from fmd.fem.formats.raw_mesh import MeshFileError, RawMesh
 
-_SOLIDS = {
-    "CTETRA": {4: "tetra", 10: "tetra10"},
-    "CHEXA": {8: "hexahedron", 20: "hexahedron20"},
-    "CPENTA": {6: "wedge", 15: "wedge15"},
-    "CPYRAM": {5: "pyramid", 13: "pyramid13"},
-    "CPYRA": {5: "pyramid", 13: "pyramid13"},
-}
+_SOLIDS: dict[str, dict[int, str]] = {"CPYRAM": {5: "pyramid", 13: "pyramid13"}}
+for _cell_type in CELLS.values():
+    for _card in _cell_type.nastran:
+        _SOLIDS.setdefault(_card, {})[len(_cell_type.nodes)] = _cell_type.name
 _PLANES = {
     "CTRIA3": {3: "triangle"},
     "CTRIAR": {3: "triangle"},
@@ -33,11 +31,6 @@ _PLANES = {
 _LINES = ("CBAR", "CBEAM", "CROD", "CTUBE", "CBEND")
 _OTHERS = ("CONM1", "CONM2", "CONROD", "CBUSH", "CBUSH1D", "CGAP", "RBE1", "RBE2", "RBE3", "RBAR", "RROD")
 _OTHER = re.compile(r"CELAS\d|CDAMP\d|CMASS\d|CVISC|CWELD|CFAST")
-# From Nastran's nodes, where those of the upright edges come before the upper ones, to meshio's.
-_ORDER = {
-    "hexahedron20": [*range(12), *range(16, 20), *range(12, 16)],
-    "wedge15": [*range(9), *range(12, 15), *range(9, 12)],
-}
 
 
 def read_nastran(text: str) -> RawMesh:
@@ -84,7 +77,8 @@ def read_nastran(text: str) -> RawMesh:
             numbers = np.array([[place[node] for node in row] for row in rows], dtype=np.int64)
         except KeyError as error:
             raise MeshFileError(f"an element names grid point {error}, which isn't there") from None
-        raw.blocks.append((kind, numbers[:, _ORDER.get(kind, list(range(numbers.shape[1])))]))
+        order = CELLS[kind].nastran_order if kind in CELLS else ()
+        raw.blocks.append((kind, numbers[:, order] if order else numbers))
     for b, kind in enumerate(cells):
         own = np.array(properties[kind])
         for label in np.unique(own):

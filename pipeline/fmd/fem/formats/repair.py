@@ -11,8 +11,8 @@ from scipy.sparse.csgraph import connected_components
 from scipy.spatial import cKDTree
 
 from fmd.core.arrays import Array, IntArray
-from fmd.fem.cells import EDGES, N_CORNERS, STRAIGHT, scaled_jacobian, vtk_nodes
-from fmd.fem.elements import element_kind, jacobians, match_nodes, shape_functions
+from fmd.fem.cells.table import solid_cell
+from fmd.fem.elements import jacobians, match_nodes, shape_functions
 
 _COINCIDENT = 1e-5  # distance over the shortest edge
 _BENT = 0.3  # distance of a mid-edge node from its edge's middle over the edge's length
@@ -23,7 +23,7 @@ _ROUNDS = 5  # of straightening
 
 def edges(cells: IntArray, cell_type: str) -> IntArray:
     """Return the corners at the ends of each cell's edges, shape (n_cells, n_edges, 2)."""
-    return np.asarray(cells[:, np.array(EDGES[STRAIGHT[cell_type]])])
+    return np.asarray(cells[:, np.array(solid_cell(cell_type).shape.edges)])
 
 
 def find_coincident(points: Array, cells: IntArray, cell_type: str) -> IntArray:
@@ -65,26 +65,19 @@ def label_pieces(cells: IntArray, n_points: int) -> IntArray:
     return rank[piece]
 
 
-def mirrored_order(cell_type: str) -> IntArray:
-    """Return the order of nodes that turns an inverted cell right side out."""
-    nodes = vtk_nodes(cell_type, 1 if cell_type in N_CORNERS else 2)
-    return match_nodes(nodes[:, [1, 0, 2]], nodes)
-
-
 def handedness(points: Array, cells: IntArray, cell_type: str) -> IntArray:
     """Return 1 for each right-handed cell, -1 for a left-handed one and 0 for a flat or twisted one."""
-    straight = STRAIGHT[cell_type]
-    n_corners = N_CORNERS[straight]
-    corners = cells[:, :n_corners]
-    good = scaled_jacobian(points[corners], straight) > 0
-    turned = scaled_jacobian(points[corners[:, mirrored_order(straight)]], straight) > 0
+    cell = solid_cell(cell_type)
+    quality = cell.shape.scaled_jacobian
+    good = quality(points[cells[:, : cell.n_corners]]) > 0
+    turned = quality(points[cells[:, cell.mirrored[: cell.n_corners]]]) > 0
     return np.where(good, 1, np.where(turned, -1, 0))
 
 
 def mid_edge_offsets(points: Array, cells: IntArray, cell_type: str) -> Array:
     """Return the largest distance of a mid-edge node from its edge's middle over its length, shape (n_cells,)."""
     ends = points[edges(cells, cell_type)]
-    n_corners, n_edges = N_CORNERS[STRAIGHT[cell_type]], ends.shape[1]
+    n_corners, n_edges = solid_cell(cell_type).n_corners, ends.shape[1]
     with np.errstate(invalid="ignore", divide="ignore"):
         off = points[cells[:, n_corners : n_corners + n_edges]] - ends.mean(axis=2)
         length = np.linalg.norm(ends[:, :, 1] - ends[:, :, 0], axis=2)
@@ -96,11 +89,9 @@ def find_node_order(points: Array, cells: IntArray, cell_type: str) -> IntArray 
     if not len(cells) or (mid_edge_offsets(points, cells, cell_type) > _BENT).mean() < _MAJORITY:
         return None
     sample = cells[np.linspace(0, len(cells) - 1, min(len(cells), 200)).astype(int)]
-    nodes = vtk_nodes(cell_type, 2)
-    n_corners = N_CORNERS[STRAIGHT[cell_type]]
+    nodes, n_corners = solid_cell(cell_type).nodes, solid_cell(cell_type).n_corners
+    N, local = _straight_nodes(cell_type)
     # Compare the nodes with those of cells with straight edges.
-    N, _ = shape_functions(element_kind(STRAIGHT[cell_type], 1).geometry, nodes.T)
-    local = match_nodes(element_kind(STRAIGHT[cell_type], 1).geometry.doflocs, vtk_nodes(STRAIGHT[cell_type], 1))
     wanted = N.T @ points[sample[:, local]]
     distance = np.linalg.norm(wanted[:, :, None] - points[sample][:, None], axis=3)
     nearest = distance.argmin(axis=2)
@@ -112,8 +103,8 @@ def find_node_order(points: Array, cells: IntArray, cell_type: str) -> IntArray 
 
 def find_inside_out(points: Array, cells: IntArray, cell_type: str) -> IntArray:
     """Return the cells of second order with a Jacobian that isn't positive at a quadrature point or a node."""
-    kind = element_kind(cell_type, 2)
-    local = match_nodes(kind.element.doflocs, vtk_nodes(cell_type, 2))
+    kind = solid_cell(cell_type).element(2)
+    local = match_nodes(kind.element.doflocs, solid_cell(cell_type).nodes)
     X = np.concatenate(
         [kind.quadrature(kind.stiffness_order)[0], kind.quadrature(kind.mass_order)[0], kind.element.doflocs.T], axis=1
     )
@@ -141,11 +132,8 @@ def straighten_cells(points: Array, cells: IntArray, cell_type: str, chosen: Int
     """
     points, done = points.copy(), np.zeros(len(cells), dtype=bool)
     before = points.copy()
-    straight = STRAIGHT[cell_type]
-    linear = element_kind(straight, 1).geometry
-    N, _ = shape_functions(linear, vtk_nodes(cell_type, 2).T)
-    local = match_nodes(linear.doflocs, vtk_nodes(straight, 1))
-    n_corners = N_CORNERS[straight]
+    N, local = _straight_nodes(cell_type)
+    n_corners = solid_cell(cell_type).n_corners
     for _ in range(_ROUNDS):
         done[chosen] = True
         points[cells[chosen, n_corners:]] = (N.T @ points[cells[chosen][:, local]])[:, n_corners:]
@@ -153,3 +141,10 @@ def straighten_cells(points: Array, cells: IntArray, cell_type: str, chosen: Int
         if not len(chosen):
             break
     return points, int(done.sum()), float(np.linalg.norm(points - before, axis=1).max())
+
+
+def _straight_nodes(cell_type: str) -> tuple[Array, IntArray]:
+    """Return the weights (n_corners, n_nodes) of corners at a straight cell's nodes, and the corners in their order."""
+    cell = solid_cell(cell_type)
+    linear = solid_cell(cell.shape.name).element(1).geometry
+    return shape_functions(linear, cell.nodes.T)[0], match_nodes(linear.doflocs, cell.shape.nodes(1))

@@ -16,13 +16,11 @@ from numpy.typing import NDArray
 
 from fmd.core.arrays import Array, IntArray, require_shape
 from fmd.core.files import whole_file
-from fmd.fem.cells import vtk_nodes
 from fmd.fem.elements import match_nodes
 from fmd.fem.formats.export import part_numbers
 from fmd.fem.space import Discretisation
 
 _VERSION = (2, 0)
-_CELL_TYPES = {"tet4": 10, "hex8": 12, "wedge6": 13, "tet10": 24, "hex20": 25, "wedge15": 26, "hex27": 29}
 _TENSOR = [0, 1, 2, 5, 3, 4]  # from xx, yy, zz, yz, xz, xy to VTK's order, which ends xy, yz, xz
 
 
@@ -75,7 +73,7 @@ def _local_order(space: Discretisation, mirrored: bool) -> IntArray:
 
     An element with a negative Jacobian is right-handed if x and y of the reference cell change places.
     """
-    nodes = vtk_nodes(space.mesh.cell_type, space.order)
+    nodes = space.mesh.cell.nodes_of_order(space.order)
     if mirrored:
         nodes = nodes[:, [1, 0, 2]]
     return match_nodes(nodes, space.kind.element.doflocs)
@@ -90,7 +88,7 @@ def _write_mesh(root: Any, space: Discretisation) -> None:
     root["Points"] = space.x
     root["Connectivity"] = cells.ravel()
     root["Offsets"] = np.arange(0, cells.size + 1, n_local)
-    root["Types"] = np.full(n_cells, _CELL_TYPES[space.kind.name], dtype=np.uint8)
+    root["Types"] = np.full(n_cells, space.kind.vtk_type, dtype=np.uint8)
     root["CellData/part"] = part_numbers(space.mesh)
     root["CellData/part"].attrs["names"] = list(space.mesh.parts)
 

@@ -1,0 +1,71 @@
+"""A type of solid cell: its shape, its nodes, the elements on it, and its names in the files of other programs."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from functools import cached_property
+
+import numpy as np
+
+from fmd.core.arrays import Array, IntArray, read_only
+from fmd.fem.cells.shape import CellShape, Corners
+from fmd.fem.elements import ElementKind, match_nodes
+
+
+@dataclass(frozen=True)
+class SolidCell:
+    """A type of solid cell: a shape with or without mid-edge nodes.
+
+    Parameters
+    ----------
+    name : str
+        meshio's name.
+    shape : CellShape
+        Its corners.
+    order : int
+        2 if it has mid-edge nodes.
+    elements : tuple of ElementKind
+        The elements on it, of different orders of the displacement.
+    centres : tuple of tuple of int
+        Corners at whose centres its further nodes lie, after the mid-edge nodes.
+    nastran : tuple of str
+        Nastran's names of the element; none if it has no such element.
+    nastran_order, abaqus_order : tuple of int
+        Places of its nodes in the other program's order; empty if that is the same.
+    """
+
+    name: str
+    shape: type[CellShape]
+    order: int
+    elements: tuple[ElementKind, ...]
+    centres: tuple[Corners, ...] = ()
+    nastran: tuple[str, ...] = ()
+    nastran_order: Corners = ()
+    abaqus_order: Corners = ()
+
+    @property
+    def n_corners(self) -> int:
+        """Number of corners; they are the first nodes."""
+        return len(self.shape.corners)
+
+    @cached_property
+    def nodes(self) -> Array:
+        """Reference coordinates of the cell's own nodes in meshio's order, shape (n_nodes, 3)."""
+        return self.nodes_of_order(self.order)
+
+    def nodes_of_order(self, order: int) -> Array:
+        """Return the reference coordinates of an element's nodes in meshio's order, shape (n_local, 3)."""
+        nodes = self.shape.nodes(order)
+        return read_only(np.concatenate([nodes, *(nodes[None, list(group)].mean(axis=1) for group in self.centres)]))
+
+    @cached_property
+    def mirrored(self) -> IntArray:
+        """Order of the nodes that turns an inverted cell right side out."""
+        return match_nodes(self.nodes[:, [1, 0, 2]], self.nodes)
+
+    def element(self, order: int) -> ElementKind:
+        """Return the element of displacement order 1 or 2 on the cell."""
+        for kind in self.elements:
+            if kind.order == order:
+                return kind
+        raise ValueError(f"no element of order {order} on {self.name} cells")

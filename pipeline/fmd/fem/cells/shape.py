@@ -1,0 +1,76 @@
+"""The shape of a solid cell: corners, edges and faces, and what follows from them alone."""
+
+from __future__ import annotations
+
+from abc import ABC, abstractmethod
+from typing import ClassVar
+
+import numpy as np
+
+from fmd.core.arrays import Array
+
+Corners = tuple[int, ...]
+
+
+class CellShape(ABC):
+    """Corners, edges and faces of a solid cell, numbered as meshio and VTK number them.
+
+    Attributes
+    ----------
+    name : str
+        meshio's name of the cell with straight edges.
+    corners : tuple of tuple of float
+        Reference coordinates; exchanging the first two of them mirrors the cell into itself.
+    edges : tuple of tuple of int
+        Corners at the ends of each edge, in the order of the mid-edge nodes.
+    faces, abaqus_faces : tuple of tuple of int
+        Corners around each face, counter-clockwise seen from outside; in the order of Abaqus' faces S1, S2 …
+    corner_edges : tuple of tuple of int
+        A corner, and the other ends of three edges that leave it, right-handed.
+    ideal : float
+        Triple product of the unit edges at a corner of the cell with equal edges.
+    """
+
+    name: ClassVar[str]
+    corners: ClassVar[tuple[tuple[float, float, float], ...]]
+    edges: ClassVar[tuple[tuple[int, int], ...]]
+    faces: ClassVar[tuple[Corners, ...]]
+    abaqus_faces: ClassVar[tuple[Corners, ...]]
+    corner_edges: ClassVar[tuple[tuple[int, int, int, int], ...]]
+    ideal: ClassVar[float]
+
+    @staticmethod
+    @abstractmethod
+    def quadrature(order: int) -> tuple[Array, Array]:
+        """Return points (3, n_q) and weights (n_q,) on the reference cell, exact to a polynomial degree."""
+
+    @staticmethod
+    @abstractmethod
+    def reach(x: Array) -> float:
+        """Return the largest of the expressions of x (3,) that are at most 1 inside the reference cell."""
+
+    @staticmethod
+    @abstractmethod
+    def stress_terms(x: Array) -> tuple[Array, ...]:
+        """Return the functions of places x (3, n) by which stresses vary; few points take the first ones."""
+
+    @classmethod
+    def nodes(cls, order: int) -> Array:
+        """Return the reference coordinates of the corners and, for order 2, of the middles of the edges."""
+        corners = np.array(cls.corners, dtype=float)
+        return corners if order == 1 else np.concatenate([corners, corners[np.array(cls.edges)].mean(axis=1)])
+
+    @classmethod
+    def stress_points(cls, order: int) -> Array:
+        """Return the points (3, n_q) at which the stresses of an element are taken, those of a quadrature."""
+        return cls.quadrature(order)[0]
+
+    @classmethod
+    def scaled_jacobian(cls, x: Array) -> Array:
+        """Return the smallest scaled Jacobian over the corners of each straight cell x (n_cells, n_corners, 3)."""
+        corner, *ends = np.array(cls.corner_edges).T
+        edges = np.stack([x[:, end] - x[:, corner] for end in ends], axis=-2)
+        lengths = np.linalg.norm(edges, axis=-1)
+        with np.errstate(invalid="ignore", divide="ignore", over="ignore"):
+            scaled = np.linalg.det(edges / lengths[..., None]) / cls.ideal
+        return np.asarray(np.nan_to_num(scaled, nan=0.0).min(axis=1))

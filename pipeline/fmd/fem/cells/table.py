@@ -1,0 +1,28 @@
+"""All solid cells by meshio's names."""
+
+from __future__ import annotations
+
+from fmd.fem.cells import hexahedron, tetrahedron, wedge
+from fmd.fem.cells.cell import SolidCell
+
+CELLS: dict[str, SolidCell] = {cell.name: cell for cell in (*tetrahedron.CELLS, *hexahedron.CELLS, *wedge.CELLS)}
+# Beginnings of meshio's names of solids, of which some aren't computed.
+_SOLID = (*{cell.shape.name for cell in CELLS.values()}, "pyramid", "penta_prism", "hexa_prism", "polyhedron")
+
+
+def solid_cell(name: str) -> SolidCell:
+    """Return the cell of a name of meshio's.
+
+    Raises
+    ------
+    ValueError
+        It isn't among those that are computed; the message lists them.
+    """
+    if name not in CELLS:
+        raise ValueError(f"cell_type is {name!r}, expected one of {', '.join(CELLS)}")
+    return CELLS[name]
+
+
+def is_solid(name: str) -> bool:
+    """Return True if a cell of this name is a solid, computed or not."""
+    return name.startswith(_SOLID) or "HEXA" in name or "TETRA" in name or "WEDGE" in name
