@@ -126,7 +126,7 @@ def find_paths(file: Path) -> list[str]:
 
 def measure(scene: str, folder: Path) -> dict[str, str]:
     """Export a scene and measure its FMUs; one row of the table."""
-    run = load(scene)
+    run = load(scene).run
     tick = time.perf_counter()
     files = write_fmu(run, None, folder / f"{scene}.fmu")
     seconds = time.perf_counter() - tick

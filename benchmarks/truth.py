@@ -28,7 +28,7 @@ from truth_finer import finer_run
 from truth_references import elastica_reference
 from truth_scenes import Case, random_case
 
-from fmd import Pipeline, load_scene
+from fmd import Pipeline, load_scene, solve
 from fmd.accuracy import time_limit
 from fmd.accuracy.error_budget import state_errors, true_errors
 from fmd.accuracy.error_estimates import Quantity
@@ -87,8 +87,9 @@ def run_case(case: Case, folder: Path) -> tuple[Row, Pipeline | None]:
     file.write_text(case.text)
     row, run, begun = Row(case.seed, case.kind, "compared"), None, time.process_time()
     try:
-        run = Pipeline(load_scene(file), Cache(None))
-        summary = write_results(run, folder / "out", pictures=False)
+        solved = solve(load_scene(file), Cache(None))
+        run = solved.run
+        summary = write_results(solved, folder / "out", pictures=False)
         row.warnings = " ".join(sorted({each["code"] for each in summary["warnings"]}))
     except (InputError, AccuracyError) as error:
         row.outcome, row.said = "refused", str(error).replace(f"{folder}/", "")

@@ -7,11 +7,11 @@ from typing import TYPE_CHECKING
 from fmd.core.version import __version__
 
 if TYPE_CHECKING:
-    from fmd.output.notebook import load
+    from fmd.output.result import Result, load, solve
     from fmd.scene.scene import Scene, load_scene
     from fmd.stages.pipeline import Pipeline
 
-__all__ = ["Pipeline", "Scene", "__version__", "load", "load_scene"]
+__all__ = ["Pipeline", "Result", "Scene", "__version__", "load", "load_scene", "solve"]
 
 
 def __getattr__(name: str) -> object:
@@ -20,10 +20,10 @@ def __getattr__(name: str) -> object:
         from fmd.scene import scene
 
         return getattr(scene, name)
-    if name == "load":
-        from fmd.output.notebook import load
+    if name in ("Result", "load", "solve"):
+        from fmd.output import result
 
-        return load
+        return getattr(result, name)
     if name == "Pipeline":
         from fmd.stages.pipeline import Pipeline
 

@@ -98,10 +98,10 @@ def test_what_is_given_up_is_named_and_the_status_is_3(tmp_path, capsys, monkeyp
         only = accuracy.Round({"bodies": {}, "integration_error": 0.1}, rows[0], {}, (rate,))
         return accuracy.Refinement(run, (only,), 0)
 
-    monkeypatch.setattr("fmd.output.write.meet_accuracy", meets)
+    monkeypatch.setattr("fmd.accuracy.solved_scene.meet_accuracy", meets)
     overrides = ["--set", "accuracy=0.1 %", "--set", "simulation.duration=1 s"]
     with pytest.raises(SystemExit) as stop:
-        main(["run", "rod-slider", *overrides, "--no-pictures", "--out", str(tmp_path)])
+        main(["run", "rod-slider", *overrides, "--no-pictures", "--no-cache", "--out", str(tmp_path)])
     assert stop.value.code == 3
     said = " ".join(capsys.readouterr().err.split())
     assert "fmd: accuracy: finer meshes and more modes hardly lower the error of 'hinge, rate', stated" in said

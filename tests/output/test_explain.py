@@ -5,11 +5,12 @@ from importlib.resources import files
 
 import pytest
 
-from fmd import Pipeline, load_scene
+from fmd import Result, load_scene
 from fmd.cli.app import main
 from fmd.core.cache import Cache
 from fmd.output.explain import Forecast, forecast_run
 from fmd.output.write import write_results
+from fmd.stages.part import PART_STAGES
 
 QUICK = ["body.beam.mesh.divisions=[12, 2, 1]", "simulation.duration=20 ms"]
 MORE = """
@@ -27,11 +28,11 @@ frames = 2
 """
 
 
-def plan_and_run(folder, overrides, scene="beam", budget=False) -> tuple[Forecast, Pipeline]:
+def plan_and_run(folder, overrides, scene="beam", budget=False) -> tuple[Forecast, Result]:
     """Plan, and run by a pipeline of its own."""
     cache, loaded = Cache(folder / "cache"), load_scene(scene, overrides)
-    plan = forecast_run(Pipeline(loaded, cache), pictures=False, budget=budget)
-    run = Pipeline(loaded, cache)
+    plan = forecast_run(Result(loaded, cache), pictures=False, budget=budget)
+    run = Result(loaded, cache)
     write_results(run, folder / "out", pictures=False, budget=budget)
     return plan, run
 
@@ -40,7 +41,7 @@ def stages(plan: Forecast, fate: str) -> set[str]:
     return {step.stage for step in plan.steps if step.fate == fate}
 
 
-def require_foretold(plan: Forecast, run: Pipeline, decided_later: frozenset[str] = frozenset()) -> None:
+def require_foretold(plan: Forecast, run: Result, decided_later: frozenset[str] = frozenset()) -> None:
     assert stages(plan, "run") - decided_later == set(run.log.run) - decided_later
     assert stages(plan, "cached") - decided_later == set(run.log.cached) - decided_later
 
@@ -109,3 +110,19 @@ def test_a_dry_run_prints_the_plan_and_leaves_nothing(tmp_path, monkeypatch, cap
     assert fates["mesh"] == fates["pictures"] == "run"
     assert not (tmp_path / "out").exists()
     assert not (tmp_path / "cache" / "stages").exists()
+
+
+def test_the_plan_of_a_wanted_accuracy_is_open_until_its_settings_are_kept(tmp_path):
+    first, run = plan_and_run(tmp_path, [*QUICK, "output=[]", "accuracy=40 %"], budget=True)
+    assert {step.stage: step.fate for step in first.steps} == {
+        **dict.fromkeys((*PART_STAGES, "error budget"), "open"),
+        "accuracy": "run",
+        "motion": "run",
+        "files": "skipped",
+        "pictures": "skipped",
+    }
+    assert "accuracy" in run.log.run
+    again = plan_and_run(tmp_path, [*QUICK, "output=[]", "accuracy=40 %"], budget=True)
+    require_foretold(*again)
+    assert "accuracy" in stages(again[0], "cached")
+    assert stages(again[0], "run") == {"motion"}

@@ -69,9 +69,9 @@ def test_pictures_are_shown_inline(run, tmp_path):
 
 def test_what_a_console_shows_of_any_result_is_short(run):
     shown = [run, run.scene, run.modes, run.motion, run.stress, run.mesh, run.body, run.fe, run.surface, run.summary]
-    shown += [*run.trajectories.values(), run.picture("mesh", size=[320, 180])]
+    shown += [*run.run.trajectories.values(), run.picture("mesh", size=[320, 180])]
     assert max(len(repr(result)) for result in shown) < 400
-    assert repr(run) == "NotebookRun(beam: Rotating flexible beam; beam)"
+    assert repr(run) == "Result(beam: Rotating flexible beam; beam)"
     assert repr(shown[-1]).startswith("Picture(320 × 180 pixels, ")
     assert "shapes=<float64 " in repr(run.modes)
 

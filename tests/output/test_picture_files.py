@@ -5,7 +5,7 @@ from dataclasses import replace
 
 import pytest
 
-from fmd import Pipeline, load_scene
+from fmd import Result, load_scene
 from fmd.core.cache import Cache
 from fmd.output.explain import forecast_run
 from fmd.output.pictures import DRAWINGS
@@ -38,7 +38,7 @@ def first(drawn_once, tmp_path):
 
 def draw(folder, overrides):
     cache, scene = Cache(folder / "cache"), load_scene("beam", [*SMALL, *overrides])
-    plan, run = forecast_run(Pipeline(scene, cache), True, False), Pipeline(scene, cache)
+    plan, run = forecast_run(Result(scene, cache), True, False), Result(scene, cache)
     write_results(run, folder / "out", pictures=True, budget=False)
     return plan, run
 

@@ -17,7 +17,7 @@ import pytest
 from matplotlib import colormaps
 from matplotlib.image import imread
 
-from fmd import load
+from fmd import load, load_scene, solve
 from fmd.output.report.page import make_page
 from fmd.output.report.shown import show_outputs
 from fmd.output.report.view3d import collect_view
@@ -115,7 +115,7 @@ def test_the_page_needs_no_network(text):
 
 def test_the_mechanism_in_the_page_moves_and_is_stressed_as_the_run_is():
     run = load("beam", *QUICK)
-    data = collect_view(run, 10.0, Camera())
+    data = collect_view(run.run, 10.0, Camera())
     beam, *marks = data["bodies"]
 
     def unpacked(body, name, kind, *shape):
@@ -192,7 +192,7 @@ def test_pictures_and_tables_of_any_output_are_on_the_page():
       {type="envelope", file="all.png", body="beam", size=[160, 90]},
       {type="table", file="t.csv", quantities=["marker_position"], markers=["beam.tip"]},
       {type="film", file="f.mp4", frames=2, rate=1.0}, {type="envelope", file="all.vtu", body="beam"}]"""
-    nodes, picture, table = show_outputs(load("beam", *QUICK, wanted))
+    nodes, picture, table = show_outputs(load("beam", *QUICK, wanted).run)
     assert (nodes["title"], nodes["pictures"]) == ("Envelope: worst.csv", [])
     assert (nodes["table"]["header"][0], len(nodes["table"]["rows"]), nodes["table"]["left_out"]) == ("node", 40, 10)
     assert base64.b64decode(picture["pictures"][0]["png"]).startswith(b"\x89PNG")
@@ -224,9 +224,8 @@ def test_a_part_alone_has_a_page_with_its_modes(fmd, tmp_path):
 
 def test_titles_and_overrides_are_text_even_where_they_look_like_html(tmp_path):
     title, note = "<script>alert(1)</script> & more", "'</code><b>"
-    run = load("beam", QUICK[0], "body.beam.modes.count=1")
-    run.scene = run.scene.model_copy(update={"title": title, "simulation_table": None})
-    text = make_page(run, [note])
+    scene = load_scene("beam", [QUICK[0], "body.beam.modes.count=1"])
+    text = make_page(solve(scene.model_copy(update={"title": title, "simulation_table": None})), [note])
     assert title not in text
     assert note not in text
     page = Page(text)

@@ -7,7 +7,7 @@ from typing import Any
 import numpy as np
 import pytest
 
-from fmd import Pipeline, load_scene
+from fmd import Pipeline, Result, load_scene, solve
 from fmd.core.cache import Cache
 from fmd.output.explain import forecast_run
 from fmd.stages.store import StageStore
@@ -88,9 +88,13 @@ def computed(monkeypatch: pytest.MonkeyPatch) -> Counter[str]:
 
 
 def open_blades(folder: Path, cache: Cache) -> Pipeline:
+    return solve_blades(folder, cache).run
+
+
+def solve_blades(folder: Path, cache: Cache) -> Result:
     file = folder / "blades.toml"
     file.write_text(BLADES)
-    return Pipeline(load_scene(file), cache)
+    return solve(load_scene(file), cache)
 
 
 def test_two_bodies_of_a_part_share_what_they_have_in_common(tmp_path: Path, computed: Counter[str]):
@@ -118,8 +122,9 @@ def test_a_shared_part_has_the_modes_that_it_has_alone(tmp_path: Path):
 
 
 def test_a_shared_result_is_read_once_and_forecast_as_that_of_the_first_body(tmp_path: Path, computed: Counter[str]):
-    run = open_blades(tmp_path, Cache(tmp_path / "cache"))
-    forecast = {(step.stage, step.body): (step.fate, step.why) for step in forecast_run(run, False, False).steps}
+    result = solve_blades(tmp_path, Cache(tmp_path / "cache"))
+    run = result.run
+    forecast = {(step.stage, step.body): (step.fate, step.why) for step in forecast_run(result, False, False).steps}
     assert forecast["modes", "one"] == ("run", "not kept yet")
     assert forecast["modes", "two"] == ("cached", "that of one")
     assert forecast["modes", "steel"] == ("run", "not kept yet")

@@ -15,7 +15,7 @@ from fmd.stages.part import PART_STAGES, FlexiblePart
 from fmd.stages.stage import Stage, stages_of
 from fmd.stages.store import StageStore
 
-ROOT = Path(__file__).parents[2]
+ROOT = Path(__file__).parents[2] / "pipeline"
 
 
 class Sum:

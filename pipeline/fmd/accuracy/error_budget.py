@@ -14,7 +14,7 @@ from fmd.accuracy.quantities import mesh_quantities, motion_quantities, stress_q
 from fmd.accuracy.time_limit import TimeLimit
 from fmd.stages.divided_scene import part_of
 from fmd.stages.pipeline import Pipeline
-from fmd.stages.stage import Stage
+from fmd.stages.stage import ALL_PACKAGES, ALL_SOURCES, Stage
 
 _TIMES_RUN = 3.0  # time limit over the time of the run
 _LEAST_SECONDS = 10.0  # of a time limit
@@ -86,13 +86,7 @@ def state_errors(run: Pipeline, seconds: float = math.inf) -> Budget:
 
     Of one that isn't, the next call makes all estimates anew.
     """
-    name = ERROR_BUDGET.name
-    if name not in run.results:
-        run.results[name] = run.store.read_or_compute(
-            name, ERROR_BUDGET.key(run), lambda: _estimate(run, seconds), keep=lambda budget: not budget.left_out
-        )
-    budget: Budget = run.results[name]
-    return budget
+    return ERROR_BUDGET.of(run, lambda run: _estimate(run, seconds))
 
 
 def allowed_seconds(run: Pipeline) -> float:
@@ -144,16 +138,13 @@ def _join_pieces(rows: list[Row]) -> list[Row]:
     return list(joined.values())
 
 
-def _inputs(run: Pipeline) -> dict[str, Any]:
-    return run.inputs
-
-
 ERROR_BUDGET: Stage[Budget] = Stage(
     "error budget",
     _estimate,
     ("mesh", "assembly", "modes", "body", "surface", "stress"),  # of each part; the rest is in stages of its own
-    _inputs,
-    ("fmd", "fmd/meshes"),
-    ("numpy", "scipy", "scikit-fem", "gmsh"),
+    lambda run: run.inputs,
+    ALL_SOURCES,
+    ALL_PACKAGES,
+    lasts=lambda budget: not budget.left_out,
 )
 """Stage of a run: ``ERROR_BUDGET.of(run)`` is the budget of the scene's first run."""

@@ -25,6 +25,7 @@ NUMERICAL = ("discretisation", "truncation", "time", "recovery")  # sources that
 SOURCES = (*NUMERICAL, "model")
 # An estimate has the size of an error and is no bound: the stated error is this many times all estimates together.
 SAFETY = 2.0
+_LEAST_SHOWN = 1e-5
 _NEAR_PEAK = 0.8  # of the largest value
 _MOST = 0.75
 
@@ -102,6 +103,13 @@ class OrientationQuantity(Quantity):
 
     def _apart(self, other: Quantity) -> float:
         return float(_angles_between(self.values, other.values).max())
+
+
+def percent(error: float) -> str:
+    """Write a relative error in percent, to two digits; whole ones from a hundred on."""
+    if error >= 0.995:
+        return f"{100 * error:.0f}"
+    return f"{100 * error:.2g}" if error >= _LEAST_SHOWN else "<.001"
 
 
 def _angles_between(e: Array, f: Array) -> Array:

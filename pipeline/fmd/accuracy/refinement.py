@@ -7,7 +7,7 @@ from dataclasses import dataclass, field
 from typing import Any
 
 from fmd.accuracy.error_budget import ERROR_BUDGET, Budget
-from fmd.accuracy.error_estimates import NUMERICAL, SAFETY, Row
+from fmd.accuracy.error_estimates import NUMERICAL, SAFETY, Row, percent
 from fmd.core.errors import AccuracyError, InputError
 from fmd.scene.imported_bodies import MatrixPart
 from fmd.scene.reduced_bodies import ReducedPart
@@ -32,6 +32,7 @@ _MESH_POWER = 1 / 3  # between the orders of stress and of all else on quadratic
 _MORE_MODES = 1.6
 _TIME_SHARE = 0.05  # of the wanted accuracy, for time integration at the start: it costs the least
 _LEAST_ERROR = 1e-10
+_FAILED = "a round that failed"
 
 
 @dataclass(frozen=True)
@@ -84,9 +85,33 @@ class Refinement:
     ended_by: str = ""
 
     @property
+    def failed(self) -> bool:
+        """True if a round that couldn't be computed ended the rounds."""
+        return self.ended_by.startswith(_FAILED)
+
+    @property
     def met(self) -> bool:
         """True if every quantity is stated within the wanted accuracy."""
         return not (self.ended_by or self.rounds[self.chosen].given_up)
+
+    @property
+    def unmet(self) -> str:
+        """What the wanted accuracy lacks, and what ended the rounds; empty if it is met."""
+        best, wanted, reasons = self.rounds[self.chosen], self.run.scene.accuracy, []
+        if self.ended_by:
+            assert wanted is not None
+            reasons.append(
+                f"{percent(wanted)} % was not met: refining ended at {self.ended_by}; the best, round "
+                f"{self.chosen + 1}, states {percent(best.worst.numerical)} % for '{best.worst.name}', most of it from "
+                f"{best.worst.dominant}"
+            )
+        if best.given_up:
+            named = "; ".join(
+                f"'{row.name}', stated {percent(row.numerical)} %, most from {row.dominant}" for row in best.given_up
+            )
+            rest = "" if self.ended_by else "; all else is met"
+            reasons.append(f"finer meshes and more modes hardly lower the error of {named}{rest}")
+        return f"accuracy: {'; '.join(reasons)}" if reasons else ""
 
     def summary(self) -> dict[str, Any]:
         """Return the refinement as plain numbers and texts."""
@@ -125,7 +150,7 @@ def meet_accuracy(run: Pipeline) -> Refinement:
         except (AccuracyError, InputError) as error:
             if not rounds:
                 raise
-            ended_by = f"a round that failed: {error}"
+            ended_by = f"{_FAILED}: {error}"
             break
         rows = _counting(budget, run.scene)
         stated.append({row.name: row.numerical for row in rows})

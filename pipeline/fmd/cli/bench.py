@@ -11,7 +11,7 @@ from typing import TYPE_CHECKING, Any
 from threadpoolctl import threadpool_limits
 
 from fmd.bench import whole_runs
-from fmd.cli.inputs import open_pipeline
+from fmd.cli.inputs import solve_scene
 from fmd.cli.options import Flag, Json, Set, print_json
 from fmd.cli.tables import new_table, open_console, print_files
 from fmd.core.errors import InputError
@@ -72,7 +72,7 @@ def _compare_integrators(
 
     rows: list[dict[str, Any]] = []
     for name, scene, own in [(Path(scene).stem, scene, ()) for scene in scenes] if scenes else READY:
-        run = open_pipeline(scene, [*own, *overrides])
+        run = solve_scene(scene, [*own, *overrides])
         result = compare_on_scene(run)
         if peer:
             result = replace(result, rows=(*result.rows, *peer_rows(name)))

@@ -7,7 +7,7 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from fmd.cli.inputs import open_pipeline, read_rate
+from fmd.cli.inputs import read_rate, solve_scene
 from fmd.cli.options import Json, NoCache, SceneName, Set, print_json
 from fmd.cli.tables import new_table, open_console, print_files
 from fmd.core.errors import InputError
@@ -55,7 +55,7 @@ def campbell(
     multiples = _read_orders(orders)
     from fmd.output.campbell import compute_campbell, write_campbell
 
-    pipeline = open_pipeline(scene, set_, no_cache)
+    pipeline = solve_scene(scene, set_, no_cache)
     folder = out or Path("out") / pipeline.scene.name
     diagram = compute_campbell(pipeline, np.linspace(0.0, highest, points), multiples, "rpm" in to)
     files = write_campbell(diagram, folder)

@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING, Annotated, Any
 
 from cyclopts import Parameter
 
-from fmd.cli.inputs import open_pipeline
+from fmd.cli.inputs import solve_scene
 from fmd.cli.options import Flag, Json, NoCache, SceneName, Set, print_json
 from fmd.cli.tables import new_table, open_console
 from fmd.core.errors import InputError
@@ -61,7 +61,7 @@ def compile(
     """
     from fmd.dynamics.compiler.compiled import compile_mechanism
 
-    run = open_pipeline(scene, set_, no_cache)
+    run = solve_scene(scene, set_, no_cache)
     mechanism = run.mechanism
     rows: list[dict[str, Any]] = []
     tick = time.perf_counter()

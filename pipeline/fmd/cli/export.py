@@ -7,13 +7,13 @@ from typing import Annotated
 
 from cyclopts import Parameter
 
-from fmd.cli.inputs import open_pipeline
+from fmd.cli.inputs import open_scene, settle
 from fmd.cli.options import Json, NoCache, SceneName, Set, print_json
 from fmd.cli.tables import print_files
 from fmd.core.errors import InputError
 from fmd.output.formats import write_format
 from fmd.scene.outputs import EXPORT_FORMATS, MECHANISM_FORMATS
-from fmd.stages.pipeline import Pipeline
+from fmd.scene.scene import Scene
 
 _Format = Annotated[str, Parameter(name="--to", help=f"Format: {', '.join(EXPORT_FORMATS)}.")]
 
@@ -39,15 +39,15 @@ def export(
     """
     if to not in EXPORT_FORMATS:
         raise InputError("--to", "", to, f"no such format; there are {', '.join(EXPORT_FORMATS)}")
-    pipeline = open_pipeline(scene, set_, no_cache)
-    chosen = _choose_body(pipeline, to, body)
+    solved = open_scene(scene, set_, no_cache)
+    chosen = _choose_body(solved.scene, to, body)
     suffixes = EXPORT_FORMATS[to]
-    path = out or Path("out") / pipeline.scene.name / f"{chosen or pipeline.scene.name}{suffixes[0]}"
+    path = out or Path("out") / solved.scene.name / f"{chosen or solved.scene.name}{suffixes[0]}"
     if not path.name.endswith(suffixes):
         raise InputError("--out", "", str(path), f"a file of format {to} ends in {' or '.join(suffixes)}")
     try:
         path.parent.mkdir(parents=True, exist_ok=True)
-        files = write_format(pipeline, to, chosen, path)
+        files = write_format(settle(solved), to, chosen, path)
     except OSError as error:
         raise InputError("--out", "", str(path), f"can't be written: {error.strerror or error}") from error
     platforms = _platforms(files) if to == "fmu" else {}
@@ -68,7 +68,7 @@ def _platforms(files: list[Path]) -> dict[str, list[str]]:
     return {"platforms": list_platforms(files[-1])}
 
 
-def _choose_body(pipeline: Pipeline, to: str, body: str | None) -> str | None:
+def _choose_body(scene: Scene, to: str, body: str | None) -> str | None:
     """Return the name of the body that is written, or None for the whole mechanism.
 
     Raises
@@ -76,7 +76,7 @@ def _choose_body(pipeline: Pipeline, to: str, body: str | None) -> str | None:
     InputError
         There is no such flexible body, or it isn't clear which is meant.
     """
-    names, scene = list(pipeline.scene.flexible), pipeline.scene
+    names = list(scene.flexible)
     if to in MECHANISM_FORMATS:
         if body is not None:
             raise InputError("--body", "", body, f"format {to} holds the whole mechanism; leave it out")

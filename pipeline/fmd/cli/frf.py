@@ -7,7 +7,7 @@ from typing import TYPE_CHECKING, Annotated, Any
 
 from cyclopts import Parameter
 
-from fmd.cli.inputs import open_pipeline
+from fmd.cli.inputs import solve_scene
 from fmd.cli.options import Json, NoCache, SceneName, Set, print_json
 from fmd.cli.tables import new_table, open_console, print_files
 from fmd.core.errors import InputError
@@ -66,7 +66,7 @@ def frf(
         raise InputError("--points", "", points, "must be 2 … 100000")
     from fmd.output.responses import compute_response, write_response
 
-    run = open_pipeline(scene, set_, no_cache)
+    run = solve_scene(scene, set_, no_cache)
     density = None if psd is None else (psd, Path(), ("--psd", ""))
     found = compute_response(run, in_, out, highest, lowest, points, about, density)
     where = folder or Path("out") / run.scene.name

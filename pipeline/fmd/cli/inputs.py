@@ -6,6 +6,7 @@ import sys
 from collections.abc import Sequence
 from contextlib import suppress
 
+from fmd.accuracy.solved_scene import SolvedScene
 from fmd.core.cache import Cache
 from fmd.core.errors import InputError
 from fmd.core.progress import bars
@@ -15,18 +16,30 @@ from fmd.scene.source_files import load_repaired
 from fmd.stages.pipeline import Pipeline
 
 
-def open_pipeline(
+def open_scene(
     scene: str, overrides: list[str] | None, no_cache: bool = False, repair: bool = False, keep_all: bool = False
-) -> Pipeline:
-    """Load a scene with a command's options, and make its pipeline with progress bars on the terminal."""
+) -> SolvedScene:
+    """Load a scene with a command's options, to be solved with progress bars on the terminal."""
     loaded = load_repaired(scene, overrides or ()) if repair else load_scene(scene, overrides or ())
-    return Pipeline(loaded, Cache(None) if no_cache else None, bars, keep_all)
+    return SolvedScene(loaded, Cache(None) if no_cache else None, bars, keep_all)
 
 
-def open_as_far_as_sound(
+def solve_scene(scene: str, overrides: list[str] | None, no_cache: bool = False) -> Pipeline:
+    """Return the stages of a scene as it is computed; an accuracy that isn't met is told on standard error."""
+    return settle(open_scene(scene, overrides, no_cache))
+
+
+def settle(solved: SolvedScene) -> Pipeline:
+    """Return the stages of a solved, for commands that print no summary; tells of an accuracy that isn't met."""
+    if solved.settings.unmet:
+        print(f"warning: {solved.settings.unmet}", file=sys.stderr)
+    return solved.run
+
+
+def solve_as_far_as_sound(
     scene: str, overrides: list[str] | None, no_cache: bool, repair: bool, spare: Sequence[Sequence[str]]
 ) -> Pipeline:
-    """Open a scene as `open_pipeline` does; a fault in tables that a command can spare is told, and is no obstacle.
+    """Solve a scene as `solve_scene` does; a fault in tables that a command can spare is told, and is no obstacle.
 
     Parameters
     ----------
@@ -39,14 +52,17 @@ def open_as_far_as_sound(
         Something that the command needs is wrong, too.
     """
     try:
-        return open_pipeline(scene, overrides, no_cache, repair)
+        solved = open_scene(scene, overrides, no_cache, repair)
     except InputError as fault:
         for tables in () if repair else spare:
             with suppress(InputError):
                 loaded = load_scene(scene, overrides or (), tables)
                 print(f"fmd: left out, since this doesn't need it: {fault}", file=sys.stderr)
-                return Pipeline(loaded, Cache(None) if no_cache else None, bars)
-        raise
+                solved = SolvedScene(loaded, Cache(None) if no_cache else None, bars)
+                break
+        else:
+            raise
+    return settle(solved)
 
 
 def read_rate(option: str, text: str) -> float:

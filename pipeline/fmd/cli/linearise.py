@@ -7,7 +7,7 @@ from typing import Annotated, Literal
 
 from cyclopts import Parameter
 
-from fmd.cli.inputs import open_pipeline
+from fmd.cli.inputs import solve_scene
 from fmd.cli.options import Json, NoCache, SceneName, Set, print_json
 from fmd.cli.tables import new_table, open_console, print_files
 
@@ -44,7 +44,7 @@ def linearise(
     from fmd.output.responses import write_model
     from fmd.stages.linear_model import default_inputs, default_outputs, linearise_scene
 
-    run = open_pipeline(scene, set_, no_cache)
+    run = solve_scene(scene, set_, no_cache)
     inputs, outputs = in_ or default_inputs(run.scene), out or default_outputs(run.scene)
     linear = linearise_scene(run, inputs, outputs, about)
     where = folder or Path("out") / run.scene.name

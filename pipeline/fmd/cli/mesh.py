@@ -7,14 +7,14 @@ from typing import TYPE_CHECKING, Annotated, Any
 
 from cyclopts import Parameter
 
-from fmd.cli.inputs import open_as_far_as_sound
+from fmd.cli.inputs import solve_as_far_as_sound
 from fmd.cli.options import Json, NoCache, Repair, Set, print_json
 from fmd.core.errors import InputError
 
 if TYPE_CHECKING:
     from fmd.fem.mesh import SolidMesh
 
-_MOTION = ("reference", "drive", "coupler", "spring", "bushing", "bearing", "simulation")
+_MOTION = ("reference", "drive", "coupler", "spring", "bushing", "bearing", "simulation", "accuracy")
 _SPARE = (("output",), ("output", *_MOTION), ("output", *_MOTION, "joint", "ground"))
 
 Source = Annotated[str, Parameter(help="Ready scene, TOML file, or a CAD or mesh file alone.")]
@@ -51,7 +51,7 @@ def mesh(
                 raise InputError(
                     option, "", value, "belongs to a CAD or mesh file alone; a scene has it in body.NAME.mesh"
                 )
-        pipeline = open_as_far_as_sound(scene, set_, no_cache, repair, _SPARE)
+        pipeline = solve_as_far_as_sound(scene, set_, no_cache, repair, _SPARE)
         found, part = pipeline.mesh, pipeline.part
         figures = _figures(found, part.order, {"mass_kg": part.mass})
     if out is not None:

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from typing import Any
 
-from fmd.cli.inputs import open_as_far_as_sound, read_rate
+from fmd.cli.inputs import read_rate, solve_as_far_as_sound
 from fmd.cli.options import Json, NoCache, Repair, SceneName, Set, print_json
 from fmd.cli.tables import frequency_tables, new_table, open_console
 from fmd.output.frequencies import frequencies_by_body, frequency_table, mode_warnings, rotating_table
@@ -27,7 +27,7 @@ def modes(
         Rate of rotation about the joint, e.g. "20 rad/s": the frequencies of the first flexible body alone on a hub
         that turns so, too; those of a whole rotor are `fmd campbell`'s.
     """
-    pipeline = open_as_far_as_sound(scene, set_, no_cache, repair, [("output",)])
+    pipeline = solve_as_far_as_sound(scene, set_, no_cache, repair, [("output",)])
     result = frequency_table(pipeline)
     if speed is not None:
         result |= rotating_table(pipeline, read_rate("--speed", speed))

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from pathlib import Path
 
-from fmd.cli.inputs import open_pipeline
+from fmd.cli.inputs import open_scene, settle
 from fmd.cli.options import Flag, Json, NoCache, SceneName, Set, print_json
 from fmd.cli.tables import open_console
 from fmd.output.report.page import write_report
@@ -28,11 +28,12 @@ def report(
     no_budget
         Don't estimate the errors of the results.
     """
-    run = open_pipeline(scene, set_, no_cache)
-    path = out or Path("out") / run.scene.name / "report.html"
-    write_report(run, path, set_ or (), budget=not no_budget)
+    solved = open_scene(scene, set_, no_cache)
+    path = out or Path("out") / solved.scene.name / "report.html"
+    write_report(solved, path, set_ or (), budget=not no_budget)
+    settle(solved)  # computed by now
     size = path.stat().st_size
     if json:
-        print_json({"scene": run.scene.name, "file": str(path), "bytes": size})
+        print_json({"scene": solved.scene.name, "file": str(path), "bytes": size})
     else:
         open_console().print(f"{path}: {size / 1e6:.2f} MB; open it in a browser", soft_wrap=True)

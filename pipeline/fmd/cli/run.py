@@ -8,15 +8,16 @@ from typing import Any
 
 from rich.table import Table
 
-from fmd.accuracy.piece_counts import find_open_pieces
-from fmd.cli.inputs import open_pipeline
+from fmd.accuracy.error_estimates import percent
+from fmd.cli.inputs import open_scene
 from fmd.cli.options import Flag, Json, NoCache, Repair, SceneName, Set, print_json
 from fmd.cli.tables import frequency_tables, new_table, open_console
 from fmd.core.errors import AccuracyError, InputError
 from fmd.core.html import scaled
 from fmd.output.explain import Forecast, forecast_run
 from fmd.output.key_figures import largest_deflection, largest_stress
-from fmd.output.stated_errors import ERROR_COLUMNS, error_cells, percent
+from fmd.output.stated_errors import ERROR_COLUMNS, error_cells
+from fmd.output.summary import UNMET, UNMOVED
 from fmd.output.write import write_results
 
 _COUPLED = 1e-6  # inertial coupling of rotation and modes from which on sub-cycling is said to grow
@@ -63,56 +64,32 @@ def run(
         raise InputError(
             "--budget-seconds", "", budget_seconds, "must be a time above 0; --no-budget estimates nothing"
         )
-    pipeline = open_pipeline(scene, set_, no_cache, repair, keep_all)
-    folder = out or Path("out") / pipeline.scene.name
+    solved = open_scene(scene, set_, no_cache, repair, keep_all)
+    folder = out or Path("out") / solved.scene.name
     every_step = explain or dry_run
     # At a terminal a forecast is worth the time that looking through the cache takes.
-    wanted = every_step or (not json and sys.stdout.isatty() and not find_open_pieces(pipeline.scene))
-    forecast = forecast_run(pipeline, not no_pictures, not no_budget) if wanted else None
+    wanted = every_step or (not json and sys.stdout.isatty() and solved.is_settled)
+    forecast = forecast_run(solved, not no_pictures, not no_budget) if wanted else None
     if forecast and not json:
         _print_forecast(forecast, every_step)
     if dry_run:
         if forecast and json:
             print_json({"plan": forecast.summary()})
         return
-    summary = write_results(pipeline, folder, not no_pictures, not no_budget, budget_seconds)
+    summary = write_results(solved, folder, not no_pictures, not no_budget, budget_seconds)
     if json:
         print_json({"plan": forecast.summary(), **summary} if forecast else summary)
     else:
         _print_run(summary, folder)
-    _require_accuracy(summary, folder)
-    _require_motion(summary, folder)
+    _require_sound(summary, folder)
 
 
-def _require_accuracy(summary: dict[str, Any], folder: Path) -> None:
-    """Raise ``AccuracyError`` unless the wanted accuracy is met; the message names what is off, and what ended it."""
-    accuracy = summary.get("accuracy", {"met": True})
-    if accuracy["met"]:
-        return
-    chosen = accuracy["rounds"][accuracy["chosen_round"] - 1]
-    reasons = []
-    if accuracy["ended_by"]:
-        worst = chosen["worst"]
-        reasons.append(
-            f"{percent(accuracy['wanted'])} % was not met: refining ended at {accuracy['ended_by']}; the best, round "
-            f"{accuracy['chosen_round']}, states {percent(worst['stated'])} % for '{worst['quantity']}', most of it "
-            f"from {worst['dominant']}"
-        )
-    if chosen["given_up"]:
-        named = "; ".join(
-            f"'{row['quantity']}', stated {percent(row['stated'])} %, most from {row['dominant']}"
-            for row in chosen["given_up"]
-        )
-        rest = "" if accuracy["ended_by"] else "; all else is met"
-        reasons.append(f"finer meshes and more modes hardly lower the error of {named}{rest}")
-    raise AccuracyError(f"accuracy: {'; '.join(reasons)}; what was computed is in {folder}/")
-
-
-def _require_motion(summary: dict[str, Any], folder: Path) -> None:
-    """Raise ``AccuracyError`` if a load acted in a run and nothing moved."""
-    for warning in summary["warnings"]:
-        if warning["code"] == "load-without-motion":
-            raise AccuracyError(f"{warning['text']}; what was computed is in {folder}/")
+def _require_sound(summary: dict[str, Any], folder: Path) -> None:
+    """Raise ``AccuracyError`` if the wanted accuracy isn't met, or if a load acted in a run and nothing moved."""
+    texts = {warning["code"]: warning["text"] for warning in reversed(summary["warnings"])}
+    for code in (UNMET, UNMOVED):
+        if code in texts:
+            raise AccuracyError(f"{texts[code]}; what was computed is in {folder}/")
 
 
 def _print_forecast(forecast: Forecast, every_step: bool) -> None:

@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING, Annotated, Any
 
 from cyclopts import Parameter
 
-from fmd.cli.inputs import open_pipeline
+from fmd.cli.inputs import solve_scene
 from fmd.cli.options import Flag, Json, NoCache, SceneName, Set, print_json
 from fmd.cli.tables import new_table, open_console, print_files
 from fmd.core.errors import InputError
@@ -70,7 +70,7 @@ def stability(
     from fmd.output.stability_results import summarise_limits
     from fmd.stages.stability_limits import find_scene_limits
 
-    run = open_pipeline(scene, set_, no_cache)
+    run = solve_scene(scene, set_, no_cache)
     result = find_scene_limits(run, [1, substeps] if substeps else list(_RATIOS), along)
     if json:
         print_json(summarise_limits(result))

@@ -7,6 +7,7 @@ from dataclasses import asdict, dataclass, replace
 from typing import Any, Literal
 
 from fmd.accuracy.error_budget import ERROR_BUDGET
+from fmd.accuracy.solved_scene import SETTINGS, SolvedScene
 from fmd.core.cache import stage_key
 from fmd.core.paths import KERNEL_SOURCES, source_digest
 from fmd.output.exports import EXPORTS
@@ -21,7 +22,7 @@ from fmd.stages.pipeline import Pipeline
 
 Fate = Literal["run", "cached", "skipped", "open"]
 
-STAGES = (*PART_STAGES, Pipeline.trajectories.name, ERROR_BUDGET.name, "files", "pictures")
+STAGES = (SETTINGS.name, *PART_STAGES, Pipeline.trajectories.name, ERROR_BUDGET.name, "files", "pictures")
 """Names of all stages of a run, in the order of forecasts."""
 _SAME = "same inputs and source as when it was kept"
 
@@ -79,9 +80,16 @@ class Forecast:
         return {"stages": [asdict(step) for step in self.steps], "seconds": self.seconds, "forecast": self.line}
 
 
-def forecast_run(run: Pipeline, pictures: bool, budget: bool) -> Forecast:
+def forecast_run(solved: SolvedScene, pictures: bool, budget: bool) -> Forecast:
     """Forecast `write_results`; the only stage that this may compute is a spin that decides on another."""
+    if not solved.is_settled:
+        return _forecast_rounds(solved, pictures)
+    run = solved.run
     planner = _Planner(run)
+    if solved.is_open:
+        planner.note(SETTINGS.name, "cached", _SAME)
+    else:
+        planner.note(SETTINGS.name, "skipped", "the scene leaves nothing open")
     outputs = [output for output in run.scene.output if is_drawn(output)]
     wanted = [output for output in run.scene.output if not is_drawn(output)]
     for part in run.parts.values():
@@ -125,6 +133,24 @@ def forecast_run(run: Pipeline, pictures: bool, budget: bool) -> Forecast:
     else:
         why = "left out by --no-pictures" if outputs else "none in the scene's output"
         planner.note("pictures", "skipped", why)
+    planner.skip_others()
+    return planner.forecast()
+
+
+def _forecast_rounds(solved: SolvedScene, pictures: bool) -> Forecast:
+    """Forecast a run whose settings aren't known yet: they decide what else will run."""
+    planner, scene = _Planner(solved.given), solved.scene
+    rounds = "rounds of refinement until the error budget states the wanted accuracy"
+    planner.note(SETTINGS.name, "run", rounds if scene.accuracy is not None else "finds the numbers of pieces")
+    for stage in (*PART_STAGES, ERROR_BUDGET.name):
+        for name in scene.flexible if stage in PART_STAGES else [""]:
+            planner.note(stage, "open", "the settings that are found decide", name)
+    planner.note(Pipeline.trajectories.name, "run", "never kept")
+    for stage, count in (
+        ("files", sum(not is_drawn(output) for output in scene.output)),
+        ("pictures", pictures * sum(map(is_drawn, scene.output))),
+    ):
+        planner.note(stage, "run" if count else "skipped", f"{count} in the scene's output")
     return planner.forecast()
 
 
@@ -235,13 +261,16 @@ class _Planner:
             for part in self._run.parts.values():
                 self.want(part, ERROR_BUDGET.reads)
 
-    def forecast(self) -> Forecast:
-        """Return all stages in their order; those that nothing wants are skipped."""
+    def skip_others(self) -> None:
+        """Note that the stages of bodies that nothing has asked for are skipped."""
+        why = "nothing that runs needs it" if self._run.parts else "no flexible body"
         for stage in PART_STAGES:
             for name in self._run.parts or [""]:
                 if (stage, name) not in self._steps:
-                    why = "nothing that runs needs it" if self._run.parts else "no flexible body"
                     self.note(stage, "skipped", why, name)
+
+    def forecast(self) -> Forecast:
+        """Return all stages in their order."""
         return Forecast(tuple(sorted(self._steps.values(), key=lambda step: STAGES.index(step.stage))))
 
 

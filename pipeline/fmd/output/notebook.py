@@ -1,34 +1,25 @@
-"""Runs in a notebook: a scene in a few lines, its pictures inline."""
+"""What a notebook shows inline: pictures, films and the figures of a summary."""
 
 from __future__ import annotations
 
 import base64
 import tempfile
-from collections.abc import Iterable, Sequence
+from collections.abc import Iterable
 from dataclasses import dataclass
-from functools import cached_property
 from pathlib import Path
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 from pydantic import TypeAdapter, ValidationError
 
-from fmd.accuracy.error_budget import Budget, state_errors
 from fmd.core.errors import InputError
 from fmd.core.html import facts
-from fmd.core.progress import bars
 from fmd.output.key_figures import key_figures
 from fmd.output.pictures import DRAWINGS, draw_modes
-from fmd.output.summary import summarise
 from fmd.scene.outputs import Output
 from fmd.scene.reading import suggest_name
-from fmd.scene.scene import load_scene
 from fmd.stages.pipeline import Pipeline
 
-if TYPE_CHECKING:
-    from fmd.stages.linear_model import LinearModel
-
 _PICTURES = ("chart", "mesh", "modes", "mode sheet", "stress", "mechanism", "envelope", "fatigue")
-_MANY = 5  # bodies, whose names aren't listed
 
 
 @dataclass(frozen=True)
@@ -90,95 +81,6 @@ class Summary(dict[str, Any]):
         return facts(key_figures(self), f"keys: {', '.join(self)}")
 
 
-class NotebookRun(Pipeline):
-    """A pipeline whose pictures, films, summary and error budget are at hand in a notebook."""
-
-    def __repr__(self) -> str:
-        scene = self.scene
-        bodies = ", ".join(scene.body) if len(scene.body) < _MANY else f"{len(scene.body)} bodies"
-        return f"NotebookRun({scene.name}: {scene.title}; {bodies})"
-
-    @cached_property
-    def summary(self) -> Summary:
-        """Figures of the run as in ``summary.json``, without the error budget, which is `budget`."""
-        return Summary(summarise(self, [], budget=False))
-
-    def film(self, **settings: Any) -> Animation:
-        """Film the mechanism, to be played inline: ``film(scale=10, frames=40)``.
-
-        Parameters
-        ----------
-        settings
-            Keys of an ``[[output]]`` of type ``"film"``; 60 frames at 20 a second by default.
-
-        Raises
-        ------
-        InputError
-            There is no such key, or the scene lacks what it shows.
-        """
-        output = _read_output({"type": "film", "file": "film.mp4", "frames": 60, "rate": 20.0, **settings})
-        with tempfile.TemporaryDirectory(prefix="fmd-") as name:
-            (file,) = DRAWINGS["film"].draw(self, output, Path(name))
-            return Animation((Path(name) / file).read_bytes())
-
-    @property
-    def budget(self) -> Budget:
-        """Error budget of the scene's first run."""
-        return state_errors(self)
-
-    def linearise(self, inputs: Sequence[str], outputs: Sequence[str], about: str = "start") -> LinearModel:
-        """Linearise the scene about a state, with inputs and outputs by the names that docs/responses.md lists.
-
-        Raises
-        ------
-        InputError, AccuracyError
-            As `fmd.stages.linear_model.linearise_scene`.
-        """
-        from fmd.stages.linear_model import linearise_scene
-
-        return linearise_scene(self, inputs, outputs, about)
-
-    def picture(self, type: str, mode: int = 1, **settings: Any) -> Picture:
-        """Draw the picture of an ``[[output]]`` of this type, to be shown inline: ``picture("stress", scale=10)``.
-
-        Parameters
-        ----------
-        type : str
-            ``"chart"``, ``"mesh"``, ``"modes"``, ``"mode sheet"``, ``"stress"`` or ``"mechanism"``.
-        mode : int
-            Number of the mode, from 1.
-        settings
-            The output's other keys; ``body`` is the first flexible one by default.
-
-        Raises
-        ------
-        InputError
-            There is no such output or mode, or the scene lacks what it shows.
-        """
-        drawn = draw_inline(self, type, [mode], **settings)
-        if not drawn:
-            raise InputError("picture", "mode", mode, f"must be 1 … {len(self.modes.omega)}")
-        return drawn[0]
-
-
-def load(scene: str | Path, *overrides: str) -> NotebookRun:
-    """Load a scene, ready to be computed: ``load("beam", "body.beam.length=300mm")``.
-
-    Parameters
-    ----------
-    scene : str or Path
-        A ready scene's name or the path of a TOML file.
-    overrides : str
-        As for ``--set``.
-
-    Raises
-    ------
-    InputError
-        As `fmd.load_scene`.
-    """
-    return NotebookRun(load_scene(scene, overrides), monitor=bars)
-
-
 def draw_inline(run: Pipeline, type: str, numbers: Iterable[int] | None = None, **settings: Any) -> tuple[Picture, ...]:
     """Draw the pictures of an ``[[output]]`` that the scene could have, without leaving files.
 
@@ -203,7 +105,7 @@ def draw_inline(run: Pipeline, type: str, numbers: Iterable[int] | None = None, 
         given.setdefault("body", run.part.name)
     if type == "stress" and not any(part.has_stress for part in run.parts.values()):
         raise InputError(run.scene.file, "body", sorted(run.scene.body), "no flexible body with a mesh: no stress")
-    output = _read_output(given)
+    output = read_output(given)
     with tempfile.TemporaryDirectory(prefix="fmd-") as name:
         folder = Path(name)
         files = (
@@ -214,7 +116,7 @@ def draw_inline(run: Pipeline, type: str, numbers: Iterable[int] | None = None, 
         return tuple(Picture((folder / file).read_bytes()) for file in files)
 
 
-def _read_output(given: dict[str, Any]) -> Any:
+def read_output(given: dict[str, Any]) -> Any:
     """Check the keys of an output; raise ``InputError`` with the first that is wrong."""
     try:
         return TypeAdapter[Any](Output).validate_python(given)

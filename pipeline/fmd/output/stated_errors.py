@@ -5,18 +5,10 @@ from __future__ import annotations
 from collections.abc import Mapping
 from typing import Any
 
-from fmd.accuracy.error_estimates import MORE_OF_MESH, MORE_OF_MODEL, NO_PART, SOURCES
+from fmd.accuracy.error_estimates import MORE_OF_MESH, MORE_OF_MODEL, NO_PART, SOURCES, percent
 
 ERROR_COLUMNS = ("mesh", "modes", "time", "stress", "model", "stated")
 """Headings of `error_cells`."""
-_LEAST = 1e-5
-
-
-def percent(error: float) -> str:
-    """Write a relative error in percent, to two digits; whole ones from a hundred on."""
-    if error >= 0.995:
-        return f"{100 * error:.0f}"
-    return f"{100 * error:.2g}" if error >= _LEAST else "<.001"
 
 
 def error_cells(row: Mapping[str, Any]) -> list[str]:

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+from collections.abc import Sequence
 from typing import Any
 
 import numpy as np
@@ -10,6 +11,7 @@ import numpy as np
 from fmd.accuracy.deflection import TOO_LARGE, deflection_warnings
 from fmd.accuracy.error_budget import Budget, state_errors
 from fmd.accuracy.error_estimates import SAFETY
+from fmd.accuracy.solved_scene import SolvedScene
 from fmd.accuracy.stretching import stretching_warnings
 from fmd.accuracy.time_limit import TIME_IS_SHORT
 from fmd.accuracy.uncertain_results import uncertain_warnings
@@ -30,7 +32,25 @@ from fmd.stages.signals import find_idle_drives
 
 # Errors of a part in pieces, beyond which they are told.
 _OF_PIECES = {"lowest frequencies": 0.05, "deflections": 0.01}
+UNMET, UNMOVED = "accuracy-not-met", "load-without-motion"
+"""Codes of warnings of results that fail a check."""
 _MORE_TIME = 5.0  # times the limit of an error budget that isn't whole
+
+
+def summarise_solved(
+    solved: SolvedScene, files: Sequence[str] = (), budget: bool = False, budget_seconds: float = math.inf
+) -> dict[str, Any]:
+    """Gather the figures of a scene as it is computed, of one without a simulation those of its first body's modes.
+
+    Parameters and keys are those of `summarise`; rounds of refinement are under ``"accuracy"``.
+    """
+    run = solved.run
+    if not run.scene.moves:
+        return {**frequency_table(run), "seconds": dict(run.log.seconds)}
+    summary, settings = summarise(run, list(files), budget, budget_seconds), solved.settings
+    if settings.unmet:
+        summary["warnings"].append({"code": UNMET, "text": settings.unmet})
+    return summary | ({"accuracy": settings.refinement} if settings.refinement else {})
 
 
 def summarise(run: Pipeline, files: list[str], budget: bool, budget_seconds: float = math.inf) -> dict[str, Any]:
@@ -185,7 +205,7 @@ def _motion_warnings(run: Pipeline) -> list[dict[str, str]]:
     ]
     return idle + [
         {
-            "code": "load-without-motion",
+            "code": UNMOVED,
             "text": f"{motion.trajectory.integrator}: a load acts, but nothing moves; check its place and direction, "
             "and what the joints leave free",
         }

@@ -7,14 +7,13 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 from fmd.accuracy.error_budget import allowed_seconds, state_errors
-from fmd.accuracy.piece_counts import choose_piece_counts
-from fmd.accuracy.refinement import meet_accuracy
+from fmd.accuracy.solved_scene import SolvedScene
 from fmd.core.errors import InputError
 from fmd.core.files import whole_file
 from fmd.output.explain import remember_times
 from fmd.output.exports import write_file
 from fmd.output.picture_files import Pictures
-from fmd.output.summary import summarise
+from fmd.output.summary import summarise_solved
 from fmd.recovery.motion_file import write_motions
 from fmd.scene.outputs import is_drawn
 from fmd.scene.responses import FrequencyResponseChart
@@ -25,14 +24,14 @@ if TYPE_CHECKING:
 
 
 def write_results(
-    run: Pipeline, folder: Path, pictures: bool, budget: bool = True, budget_seconds: float | None = None
+    solved: SolvedScene, folder: Path, pictures: bool, budget: bool = True, budget_seconds: float | None = None
 ) -> dict[str, Any]:
     """Compute the results that a scene asks for, write them into a folder and return the summary.
 
     Parameters
     ----------
-    run : Pipeline
-        The scene's pipeline.
+    solved : SolvedScene
+        The scene and its stages.
     folder : Path
         Made if it is missing; each file appears whole or not at all.
     pictures : bool
@@ -49,17 +48,14 @@ def write_results(
     AccuracyError
         A march diverged, or a result failed its check.
     """
-    drawn = [output for output in run.scene.output if is_drawn(output)] if pictures else []
-    with Pictures(drawn, run.scene.file) as drawing:
-        drawing.start(run)
-        run, refinement = choose_piece_counts(run), dict[str, Any]()
-        if run.scene.accuracy is not None:
-            if not budget:
-                mend = "can't be: the scene wants an accuracy, which the budget proves"
-                raise InputError("--no-budget", "", None, mend)
+    scene = solved.scene
+    if scene.accuracy is not None and not budget:
+        raise InputError("--no-budget", "", None, "can't be: the scene wants an accuracy, which the budget proves")
+    with Pictures([output for output in scene.output if is_drawn(output)] if pictures else [], scene.file) as drawing:
+        drawing.start(solved.run if solved.is_settled else solved.given)
+        if not solved.is_settled:
             drawing.require_ready()
-            found = meet_accuracy(run)
-            run, refinement = found.run, found.summary()
+        run = solved.run
         run.bodies  # noqa: B018 - the process that draws gets ready meanwhile
         drawing.require_ready()
         drawing.begin(run, still=True)
@@ -69,7 +65,7 @@ def write_results(
         run.motions  # noqa: B018 - refuses or diverges before anything is written
         drawing.begin(run, still=False)
         try:
-            summary = _write(run, folder, drawing, budget, budget_seconds, refinement)
+            summary = _write(solved, folder, drawing, budget, budget_seconds)
             if asked:
                 _add_responses(run, list(zip(asked, answers, strict=True)), folder, pictures, summary)
             _write_summary(summary, folder)
@@ -80,14 +76,10 @@ def write_results(
 
 
 def _write(
-    run: Pipeline,
-    folder: Path,
-    drawing: Pictures,
-    budget: bool,
-    budget_seconds: float | None,
-    refinement: dict[str, Any],
+    solved: SolvedScene, folder: Path, drawing: Pictures, budget: bool, budget_seconds: float | None
 ) -> dict[str, Any]:
     """Write all files of a run that has been integrated, but the summary, while its pictures are drawn."""
+    run = solved.run
     wanted = [output for output in run.scene.output if not is_drawn(output) and output.type != "frf"]
     folder.mkdir(parents=True, exist_ok=True)
     files = [_write_motion(run, folder)]
@@ -97,10 +89,7 @@ def _write(
     if budget and all(part.has_mesh for part in run.parts.values()):
         state_errors(run, seconds)
     files += drawing.write(run, folder)
-    summary = summarise(run, files, budget, seconds)
-    if refinement:
-        summary["accuracy"] = refinement
-    return summary
+    return summarise_solved(solved, files, budget, seconds)
 
 
 def _write_summary(summary: dict[str, Any], folder: Path) -> None:

@@ -44,7 +44,7 @@ from fmd.stages.reduced_files import (
     read_reduced_body,
     reduce_file_body,
 )
-from fmd.stages.stage import Stage, stages_of
+from fmd.stages.stage import ALL_PACKAGES, Stage, stages_of
 from fmd.stages.store import StageStore
 
 if TYPE_CHECKING:
@@ -64,7 +64,6 @@ _BASIS = ("fmd/stages/basis.py", "fmd/stages/markers.py", "fmd/stages/reduced_fi
 _REDUCTION = ("fmd/fem", "fmd/reduction", *_BASIS)
 _STRESS = ("fmd/fem", "fmd/recovery/stress.py")
 _DEFORMATION = ("fmd/fem", "fmd/recovery/deformation.py")
-_PACKAGES = ("numpy", "scipy", "scikit-fem", "gmsh")
 # Of another scene's part with the same modes: enrichment, damping and the joint's frame leave them alone.
 _OF_THE_MODES = ("mesh", "assembly", "modes", "surface")
 _OF_THE_MODEL = ("space", "markers", "fixed", "model")
@@ -190,11 +189,11 @@ class FlexiblePart:
     # Never kept, since what follows is.
     fe: Stage[FEModel] = Stage("assembly", _assemble, ("mesh",), shared_inputs=assembly_inputs)
     modes: Stage[Modes] = Stage(
-        "modes", _compute_modes, ("mesh", "assembly"), modes_inputs, ("fmd/meshes", *_REDUCTION), _PACKAGES
+        "modes", _compute_modes, ("mesh", "assembly"), modes_inputs, ("fmd/meshes", *_REDUCTION), ALL_PACKAGES
     )
     body: Stage[FlexibleBody] = Stage("body", _reduce, ("mesh", "assembly", "modes"), body_inputs, _REDUCTION)
     second_order: Stage[SecondOrder] = Stage(
-        "stiffening", _stiffen, ("mesh", "assembly", "body"), digest_of_body, _REDUCTION, _PACKAGES
+        "stiffening", _stiffen, ("mesh", "assembly", "body"), digest_of_body, _REDUCTION, ALL_PACKAGES
     )
     surface: Stage[SurfaceTopology] = Stage("surface", _find_surface, ("mesh",), mesh_inputs, ("fmd/meshes", *_FEM))
     surface_stress: Stage[Array] = Stage(

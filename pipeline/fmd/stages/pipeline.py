@@ -23,7 +23,7 @@ from fmd.scene.source_files import collect_inputs
 from fmd.stages.division import Division, divide_parts
 from fmd.stages.marching import find_motions, march_runs
 from fmd.stages.part import FlexiblePart
-from fmd.stages.stage import Stage
+from fmd.stages.stage import ALL_PACKAGES, ALL_SOURCES, Stage
 from fmd.stages.store import Log, StageStore
 from fmd.stages.whole_inertia import complete_inertia
 
@@ -40,7 +40,6 @@ if TYPE_CHECKING:
     from fmd.stages.runs import Plan
     from fmd.stages.stiffening_check import SpinCheck, StiffnessChange
 
-_PACKAGES = ("numpy", "scipy", "scikit-fem", "gmsh")
 _NEAR_LARGEST = 0.8  # of the tip's largest deflection
 _FINER = 32  # times as many times there tell what is largest between two output times
 
@@ -279,7 +278,7 @@ class Pipeline:
 
     def _key(self, name: str) -> str:
         """Return the key of a result that depends on the whole scene."""
-        return stage_key(name, self.inputs, ("fmd", "fmd/meshes"), _PACKAGES)
+        return stage_key(name, self.inputs, ALL_SOURCES, ALL_PACKAGES)
 
     @cached_property
     def stiffness_changes(self) -> Mapping[str, StiffnessChange]:

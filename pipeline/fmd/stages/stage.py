@@ -8,12 +8,18 @@ from __future__ import annotations
 
 from collections.abc import Callable, Iterator
 from dataclasses import dataclass
+from functools import partial
 from typing import Any, Generic, Protocol, TypeVar, overload
 
 from fmd.core.cache import stage_key
 from fmd.stages.store import StageStore
 
 T = TypeVar("T")
+
+ALL_SOURCES = ("fmd", "fmd/meshes")
+"""Sources of a result that everything in a scene may change."""
+ALL_PACKAGES = ("numpy", "scipy", "scikit-fem", "gmsh")
+"""Packages that make such a result."""
 
 
 class Staged(Protocol):
@@ -51,6 +57,8 @@ class Stage(Generic[T]):
         Stages whose results are among ``inputs``: while they aren't known, neither is the key.
     shared_inputs : callable, optional
         As ``inputs``, for a result that is never kept but that bodies of one part have in common.
+    lasts : callable
+        Tells of a result whether it may be kept: one that is not whole may not.
     """
 
     name: str
@@ -61,25 +69,27 @@ class Stage(Generic[T]):
     packages: tuple[str, ...] = ()
     in_key: tuple[str, ...] = ()
     shared_inputs: Callable[[Any], Any] | None = None
+    lasts: Callable[[T], bool] = lambda result: True
 
     def key(self, owner: Staged) -> str:
         """Return the key that an object's result is kept under; empty if it never is."""
         return "" if self.inputs is None else stage_key(self.name, self.inputs(owner), self.sources, self.packages)
 
-    def of(self, owner: Staged) -> T:
-        """Return an object's result, computed or read on first use."""
+    def of(self, owner: Staged, compute: Callable[[Any], T] | None = None) -> T:
+        """Return an object's result, computed or read on first use; ``compute`` is used in place of the stage's own."""
         if self.name not in owner.results:
-            if self.shared_inputs is not None:
-                key = stage_key(self.name, self.shared_inputs(owner), self.sources, self.packages)
-                owner.results[self.name] = owner.store.share_or_compute(self.name, key, lambda: self.compute(owner))
-            elif self.inputs is None:
-                owner.results[self.name] = owner.store.compute(self.name, lambda: self.compute(owner))
-            else:
-                owner.results[self.name] = owner.store.read_or_compute(
-                    self.name, self.key(owner), lambda: self.compute(owner)
-                )
+            owner.results[self.name] = self._find(owner, partial(compute or self.compute, owner))
         result: T = owner.results[self.name]
         return result
+
+    def _find(self, owner: Staged, compute: Callable[[], T]) -> T:
+        """Compute a result, unless another body has it or it is kept."""
+        if self.shared_inputs is not None:
+            key = stage_key(self.name, self.shared_inputs(owner), self.sources, self.packages)
+            return owner.store.share_or_compute(self.name, key, compute)
+        if self.inputs is None:
+            return owner.store.compute(self.name, compute)
+        return owner.store.read_or_compute(self.name, self.key(owner), compute, self.lasts)
 
     @overload
     def __get__(self, owner: None, kind: type) -> Stage[T]: ...

@@ -48,7 +48,11 @@ class SweepTable:
     def __init__(self, sweep: Sweep) -> None:
         self.sweep = sweep
         self._figures = [
-            {place: value for place, value in _leaves(record.summary) if place[0] not in _LEFT_OUT}
+            {
+                place: value
+                for place, value in _leaves(record.summary)
+                if place[0] not in _LEFT_OUT and "rounds" not in place
+            }
             for record in sweep.records
         ]
 

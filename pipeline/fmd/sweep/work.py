@@ -5,11 +5,10 @@ from __future__ import annotations
 import json
 import threading
 
+from fmd.accuracy.solved_scene import SolvedScene
 from fmd.core.errors import AccuracyError, InputError
-from fmd.output.frequencies import frequency_table
-from fmd.output.summary import summarise
+from fmd.output.summary import summarise_solved
 from fmd.scene.scene import Scene
-from fmd.stages.pipeline import Pipeline
 from fmd.sweep.points import point_key
 from fmd.sweep.record import Record, interrupted_record
 
@@ -30,8 +29,8 @@ def compute_point(key: str, scene: Scene) -> Record:
         except InputError as error:  # a file that this machine doesn't have
             return interrupted_record(f"its worker: {error}")
         try:
-            run = Pipeline(scene)
-            summary = frequency_table(run) if not scene.moves else summarise(run, [], budget=False)
+            solved = SolvedScene(scene)
+            summary, unmet = summarise_solved(solved), solved.settings.unmet
             json.dumps(summary, allow_nan=False)
         except InputError as error:
             return Record("refused", str(error))
@@ -39,4 +38,4 @@ def compute_point(key: str, scene: Scene) -> Record:
             return Record("failed", str(error))
         except Exception as error:  # a point is a row of the table, not the end of the sweep
             return interrupted_record(f"{type(error).__name__}: {error}")
-        return Record("ok", summary=summary)
+        return Record("failed" if unmet else "ok", unmet, summary)

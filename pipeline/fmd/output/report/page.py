@@ -10,24 +10,23 @@ from pathlib import Path
 from jinja2 import Environment, PackageLoader, StrictUndefined, Template
 
 from fmd.accuracy.error_budget import allowed_seconds
+from fmd.accuracy.solved_scene import SolvedScene
 from fmd.core.errors import InputError
 from fmd.core.files import whole_file
 from fmd.core.html import scaled
-from fmd.output.frequencies import frequency_table
 from fmd.output.report.contents import collect_tables, draw_pictures, versions_table
-from fmd.output.summary import summarise
-from fmd.stages.pipeline import Pipeline
+from fmd.output.summary import summarise_solved
 
 _PACKAGE = "fmd.output.report"
 
 
-def write_report(run: Pipeline, path: Path, overrides: Sequence[str] = (), budget: bool = True) -> None:
+def write_report(solved: SolvedScene, path: Path, overrides: Sequence[str] = (), budget: bool = True) -> None:
     """Compute all that a scene lists, and write it as one page.
 
     Parameters
     ----------
-    run : Pipeline
-        Pipeline of the scene.
+    solved : SolvedScene
+        The scene and its stages.
     path : Path
         The file, in a folder that is made if it is missing; it appears whole or not at all.
     overrides : sequence of str
@@ -44,29 +43,25 @@ def write_report(run: Pipeline, path: Path, overrides: Sequence[str] = (), budge
         path.parent.mkdir(parents=True, exist_ok=True)  # fails at once, not after all is computed
         with whole_file(path) as part:
             part.touch()
-            part.write_text(make_page(run, overrides, budget), encoding="utf-8")
+            part.write_text(make_page(solved, overrides, budget), encoding="utf-8")
     except OSError as error:
         raise InputError("--out", "", str(path), f"can't be written: {error.strerror or error}") from error
 
 
-def make_page(run: Pipeline, overrides: Sequence[str] = (), budget: bool = True) -> str:
+def make_page(solved: SolvedScene, overrides: Sequence[str] = (), budget: bool = True) -> str:
     """Make the page's text; the arguments are those of `write_report`."""
-    moves = run.scene.moves
-    if moves:
+    run = solved.run
+    if run.scene.moves:
         run.motions  # noqa: B018 - refuses or diverges before anything is drawn
     pictures = run.store.compute("pictures", lambda: draw_pictures(run))
-    summary = (
-        summarise(run, [], budget, allowed_seconds(run))
-        if moves
-        else {**frequency_table(run), "seconds": dict(run.log.seconds)}
-    )
+    summary = summarise_solved(solved, (), budget, allowed_seconds(run))
     resources = files(_PACKAGE)
     return _template().render(
         **pictures,
         **collect_tables(run, summary),
         overrides=overrides,
         date=f"{datetime.now(UTC):%Y-%m-%d}",
-        scene_table=run.scene._repr_html_(),
+        scene_table=solved.scene._repr_html_(),
         versions_table=versions_table(),
         style=(resources / "page.css").read_text(encoding="utf-8"),
         script=(resources / "viewer.js").read_text(encoding="utf-8"),
