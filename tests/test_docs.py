@@ -55,8 +55,8 @@ def test_files_that_a_page_names_exist(path: Path) -> None:
         module, _, last = name.replace(".", "/").rpartition("/")
         folder = ROOT / "pipeline" / module
         places = (folder / last, folder / f"{last}.py")
-        source = folder.with_suffix(".py")
-        if not any(place.exists() for place in places) and not (source.exists() and last in source.read_text()):
+        sources = [source for source in (folder.with_suffix(".py"), folder / "__init__.py") if source.exists()]
+        if not any(place.exists() for place in places) and not any(last in source.read_text() for source in sources):
             missing.append(name)
     assert not missing
 

@@ -12,8 +12,8 @@ import pytest
 
 from fmd import Pipeline
 from fmd.cli.app import app
-from fmd.scene.reading import list_ready_scenes
 from fmd.scene.scene import load_scene
+from fmd.scene.toml_files import list_ready_scenes
 
 
 @pytest.mark.slow

@@ -127,7 +127,7 @@ def test_a_body_hangs_on_one_joint(tmp_path: Path) -> None:
         scene_of(tmp_path, BEAM + ARM)
     twice = ELBOW.format("ground") + ELBOW.format("beam.tip").replace("elbow", "other")
     assert scene_of(tmp_path, BEAM + ARM + twice).closing == ("other",)
-    with refused("body.beam: its joints lead round in a circle; one must lead to ground (and 1 more)"):
+    with refused("body.beam: its joints lead round in a circle; one must lead to ground\n"):
         scene_of(tmp_path, BEAM + ARM + ELBOW.format("beam.tip"), "joint.hub.parent=arm.b")
 
 

@@ -59,9 +59,9 @@ def test_a_base_that_is_not_there_is_refused(tmp_path: Path, base: str, message:
 
 def test_a_fault_in_a_base_names_the_bases_file(tmp_path: Path):
     write(tmp_path, "faulty.toml", 'title = "Mine"\n' + ARM.replace("nu = 0.3", "nu = 0.6"))
-    with refused("faulty.toml: body.arm.nu = 0.6: must be below 0.5"):
+    with refused("faulty.toml:9: body.arm.nu = 0.6: must be below 0.5"):
         scene_of(tmp_path, 'base = "faulty.toml"\ntitle = "Variant"\n')
-    with refused("mine.toml: title = 3: must be a valid string"):
+    with refused("mine.toml:2: title = 3: must be a valid string"):
         scene_of(tmp_path, 'base = "faulty.toml"\ntitle = 3\n', "body.arm.nu=0.3")
 
 
@@ -117,7 +117,7 @@ def test_a_scene_sets_single_values_of_its_base(tmp_path: Path):
 @pytest.mark.parametrize(
     ("given", "message"),
     [
-        ('["body.arm.nu=0.9"]', "mine.toml: body.arm.nu = 0.9: must be below 0.5"),
+        ('["body.arm.nu=0.9"]', "mine.toml:2: body.arm.nu = 0.9: must be below 0.5"),
         ('["body.leg.nu=0.3"]', "mine.toml: body.leg.nu: there is no 'leg'"),
         ('["body.arm.nu"]', "mine.toml: set = 'body.arm.nu': must look like body.beam.length=300mm"),
         ('"body.arm.nu=0.3"', "mine.toml: set: must be a list of texts"),

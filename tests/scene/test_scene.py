@@ -10,8 +10,8 @@ from pathlib import Path
 import pytest
 from pydantic import ValidationError
 
-from fmd.scene.reading import list_ready_scenes
 from fmd.scene.scene import load_scene
+from fmd.scene.toml_files import list_ready_scenes
 from tests.scene.scenes import ARM, BEAM, ELBOW, PLATE, SLIDER, refused, scene_of
 
 

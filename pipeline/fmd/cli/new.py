@@ -11,7 +11,8 @@ from cyclopts import Parameter
 from fmd.cli.tables import open_console
 from fmd.core.errors import InputError
 from fmd.scene.inheritance import list_files
-from fmd.scene.reading import list_ready_scenes, read_tables, suggest_name
+from fmd.scene.reading import suggest_name
+from fmd.scene.toml_files import list_ready_scenes, read_tables
 
 
 def new(path: Path, *, from_: Annotated[str | None, Parameter(name="--from")] = None) -> None:

@@ -2,9 +2,15 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
+
+_MOST_SHOWN = 20  # faults in a message
+
 
 class InputError(Exception):
     """A scene, a file or an option is wrong; the command line ends with exit status 2.
+
+    Its message has a line for each fault.
 
     Parameters
     ----------
@@ -16,13 +22,27 @@ class InputError(Exception):
         The offending value; ``None`` if there is none.
     mend : str
         Fault and mend: what is wrong and what would work.
+    line : int, optional
+        Line of the file, from 1.
+    others : sequence of InputError
+        Further faults, found with it.
     """
 
-    def __init__(self, file: str, key: str, value: object, mend: str) -> None:
-        self.file, self.key, self.value, self.mend = file, key, value, mend
-        place = f"{file}: {key}" if key else file
+    def __init__(
+        self,
+        file: str,
+        key: str,
+        value: object,
+        mend: str,
+        line: int | None = None,
+        others: Sequence[InputError] = (),
+    ) -> None:
+        self.file, self.key, self.value, self.mend, self.line, self.others = file, key, value, mend, line, tuple(others)
+        place = ": ".join(part for part in (f"{file}:{line}" if line else file, key) if part)
         given = "" if value is None else f" = {value!r}"
-        super().__init__(f"{place}{given}: {mend}")
+        lines = [f"{place}{given}: {mend}", *map(str, others[: _MOST_SHOWN - 1])]
+        left_out = len(others) + 1 - len(lines)
+        super().__init__("\n".join([*lines, f"and {left_out} more"] if left_out > 0 else lines))
 
 
 class AccuracyError(Exception):

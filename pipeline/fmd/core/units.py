@@ -1,10 +1,11 @@
 """Quantities with units, read from text into SI floats.
 
-A scene gives every quantity as text with its unit, ``"340 mm"``. The types below are floats that read this
-text, convert it to SI units and refuse a bare number, a wrong dimension, an unknown unit and a value that
-isn't finite. Radians count as a dimension here: ``"131.2 Hz"`` is no angular rate and ``"8000 rpm"`` no
-frequency, so no factor 2π is lost on the way. A rotational spring or damper may leave out its radian, as is
-usual: ``"5 N m"`` is ``"5 N m/rad"``.
+A scene gives every quantity as text with its unit, ``"340 mm"``. The types below are floats that read this text,
+convert it to SI units and refuse a wrong dimension, an unknown unit and a value that isn't finite. In a scene file
+they refuse a bare number, too; in Python it is in SI units.
+
+Radians count as a dimension here: ``"131.2 Hz"`` is no angular rate and ``"8000 rpm"`` no frequency, so no factor 2π is
+lost on the way. A rotational spring or damper may leave out its radian, as is usual: ``"5 N m"`` is ``"5 N m/rad"``.
 """
 
 from __future__ import annotations
@@ -14,13 +15,14 @@ import math
 import re
 import shutil
 from contextlib import suppress
+from dataclasses import dataclass
 from decimal import Decimal
-from functools import cache, partial
+from functools import cache
 from importlib.metadata import version
 from pathlib import Path
-from typing import TYPE_CHECKING, Annotated
+from typing import TYPE_CHECKING, Annotated, TypeGuard
 
-from pydantic import AfterValidator, BeforeValidator
+from pydantic import AfterValidator, BeforeValidator, ValidationInfo
 
 from fmd.core.files import whole_file
 from fmd.core.paths import cache_folder
@@ -136,6 +138,31 @@ def to_si(value: object, kind: str) -> float:
     return result
 
 
+def is_si_number(value: object, info: ValidationInfo) -> TypeGuard[float]:
+    """Return True for a number that stands for a quantity in SI units: in Python, but not in a scene file.
+
+    A scene file is checked with the context ``{"units": True}``.
+    """
+    return isinstance(value, int | float) and not isinstance(value, bool) and not (info.context or {}).get("units")
+
+
+@dataclass(frozen=True, slots=True)
+class QuantityReader:
+    """Reader of quantities of one kind, from text with a unit or, in Python, from numbers in SI units.
+
+    Parameters
+    ----------
+    kind : str
+        Kind of quantity, e.g. ``"length"``.
+    """
+
+    kind: str
+
+    def __call__(self, value: object, info: ValidationInfo) -> float:
+        """Return the value in SI units, or raise ``ValueError`` as `to_si` does."""
+        return float(value) if is_si_number(value, info) else to_si(value, self.kind)
+
+
 def parse_quantity(text: str) -> tuple[float, str]:
     """Convert a quantity of any kind to SI units: ``parse_quantity("2 us")`` is ``(2e-06, "s")``.
 
@@ -168,10 +195,18 @@ def parse_percentage(value: object) -> float:
     match = re.fullmatch(rf"\s*({_NUMBER})\s*%\s*", value) if isinstance(value, str) else None
     if match is None:
         raise ValueError("must be a percentage as text, e.g. '1 %'")
-    share = float(match[1]) / 100
+    return _check_share(float(match[1]) / 100)
+
+
+def _check_share(share: float) -> float:
     if not 1e-6 <= share <= 0.5:
         raise ValueError("must be between 0.0001 % and 50 %")
     return share
+
+
+def read_share(value: object, info: ValidationInfo) -> float:
+    """Return a share as a number: parsed as a percentage, or in Python given as it is."""
+    return _check_share(float(value)) if is_si_number(value, info) else parse_percentage(value)
 
 
 def unit_ratio(unit: str, wanted: str) -> float:
@@ -238,24 +273,24 @@ def _not_negative(value: float) -> float:
 Positive = AfterValidator(_positive)
 NonNegative = AfterValidator(_not_negative)
 
-Share = Annotated[float, BeforeValidator(parse_percentage)]
-Length = Annotated[float, BeforeValidator(partial(to_si, kind="length"))]
-Stress = Annotated[float, BeforeValidator(partial(to_si, kind="stress"))]
-Density = Annotated[float, BeforeValidator(partial(to_si, kind="density"))]
-Time = Annotated[float, BeforeValidator(partial(to_si, kind="time"))]
-Frequency = Annotated[float, BeforeValidator(partial(to_si, kind="frequency"))]
-Angle = Annotated[float, BeforeValidator(partial(to_si, kind="angle"))]
-AngularRate = Annotated[float, BeforeValidator(partial(to_si, kind="angular rate"))]
-Torque = Annotated[float, BeforeValidator(partial(to_si, kind="torque"))]
-MomentOfInertia = Annotated[float, BeforeValidator(partial(to_si, kind="moment of inertia"))]
-Mass = Annotated[float, BeforeValidator(partial(to_si, kind="mass"))]
-Velocity = Annotated[float, BeforeValidator(partial(to_si, kind="speed"))]
-TranslationalStiffness = Annotated[float, BeforeValidator(partial(to_si, kind="translational stiffness"))]
-RotationalStiffness = Annotated[float, BeforeValidator(partial(to_si, kind="rotational stiffness"))]
-TranslationalDamping = Annotated[float, BeforeValidator(partial(to_si, kind="translational damping"))]
-RotationalDamping = Annotated[float, BeforeValidator(partial(to_si, kind="rotational damping"))]
-Force = Annotated[float, BeforeValidator(partial(to_si, kind="force"))]
-Acceleration = Annotated[float, BeforeValidator(partial(to_si, kind="acceleration"))]
+Share = Annotated[float, BeforeValidator(read_share)]
+Length = Annotated[float, BeforeValidator(QuantityReader("length"))]
+Stress = Annotated[float, BeforeValidator(QuantityReader("stress"))]
+Density = Annotated[float, BeforeValidator(QuantityReader("density"))]
+Time = Annotated[float, BeforeValidator(QuantityReader("time"))]
+Frequency = Annotated[float, BeforeValidator(QuantityReader("frequency"))]
+Angle = Annotated[float, BeforeValidator(QuantityReader("angle"))]
+AngularRate = Annotated[float, BeforeValidator(QuantityReader("angular rate"))]
+Torque = Annotated[float, BeforeValidator(QuantityReader("torque"))]
+MomentOfInertia = Annotated[float, BeforeValidator(QuantityReader("moment of inertia"))]
+Mass = Annotated[float, BeforeValidator(QuantityReader("mass"))]
+Velocity = Annotated[float, BeforeValidator(QuantityReader("speed"))]
+TranslationalStiffness = Annotated[float, BeforeValidator(QuantityReader("translational stiffness"))]
+RotationalStiffness = Annotated[float, BeforeValidator(QuantityReader("rotational stiffness"))]
+TranslationalDamping = Annotated[float, BeforeValidator(QuantityReader("translational damping"))]
+RotationalDamping = Annotated[float, BeforeValidator(QuantityReader("rotational damping"))]
+Force = Annotated[float, BeforeValidator(QuantityReader("force"))]
+Acceleration = Annotated[float, BeforeValidator(QuantityReader("acceleration"))]
 
 PositiveLength = Annotated[Length, Positive]
 PositiveStress = Annotated[Stress, Positive]

@@ -9,7 +9,7 @@ from pydantic import AfterValidator, BeforeValidator, Field, model_validator
 from fmd.core.units import PositiveDensity, PositiveLength, PositiveStress
 from fmd.scene.damping import Damping, RayleighDamping
 from fmd.scene.places import MarkerPlace, NamedElement, Support
-from fmd.scene.reading import FaultError, SceneTable, suggest_name
+from fmd.scene.reading import FaultError, SceneTable, UnknownNameError
 from fmd.scene.values import Count, Formulation, Name, Number, Order, Text, Words
 
 
@@ -167,16 +167,14 @@ class Solid(SceneTable):
             self._check_faces(support.faces, "support", number, "face")
         for number, name in enumerate(self.modes.interface):
             if name not in self.marker:
-                message = f"no such marker; {suggest_name(name, self.marker, 'the markers')}"
-                raise FaultError(message, "modes", "interface", number)
+                raise UnknownNameError("marker", name, self.marker, "the markers", "modes", "interface", number)
         if self.modes.boundary == "interface" and not self.marker:
             raise FaultError("has no marker to be an interface; give the body one", "modes", "boundary")
         if self.modes.boundary == "joint" and self.support:
             raise FaultError("can't stand beside supports, which hold the body at its joint", "modes", "boundary")
         for name, element in self.element.items():
             if self.parts is not None and element.part not in (None, *self.parts):
-                message = f"no such part; {suggest_name(str(element.part), self.parts, 'the parts')}"
-                raise FaultError(message, "element", name, "part")
+                raise UnknownNameError("part", str(element.part), self.parts, "the parts", "element", name, "part")
         return self
 
     @model_validator(mode="after")
@@ -201,7 +199,7 @@ class Solid(SceneTable):
         known = self.faces
         for face in given:
             if known is not None and face not in known:
-                raise FaultError(f"no such face; {suggest_name(face, known, 'the faces')}", *path)
+                raise UnknownNameError("face", face, known, "the faces", *path)
 
 
 def check_formulation(formulation: Formulation, order: int | None, element: str = "hexahedron") -> None:

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import re
-from collections.abc import Iterator, Mapping, Sequence
+from collections.abc import Collection, Iterator, Mapping, Sequence
 from dataclasses import dataclass
 
 import numpy as np
@@ -19,7 +19,7 @@ from fmd.scene.loads import Drive, MotionDrive, PointForce, PointTorque
 from fmd.scene.loops import OF_COORDINATES, closing_joints
 from fmd.scene.outputs import JOINT_QUANTITIES, MECHANISM_FORMATS, Chart, Export, Output
 from fmd.scene.pictures import BodyPicture, Film, MechanismView, StressPicture
-from fmd.scene.reading import FaultError, suggest_name
+from fmd.scene.reading import FaultError, UnknownNameError, suggest_name
 from fmd.scene.responses import FrequencyResponseChart
 from fmd.scene.runs import ScipyRun
 from fmd.scene.simulation import Simulation
@@ -56,7 +56,15 @@ class CrossCheck:
 
     def find_faults(self) -> list[FaultError]:
         """List all faults; the tree of bodies is checked once the names in it are right."""
-        names = [
+        return self._check_names() or [*self._check_tree()]
+
+    def find_unknown_names(self, left_out: Collection[str]) -> list[FaultError]:
+        """List the names that nothing has, but for those that have been left out because they have faults."""
+        unknown = [fault for fault in self._check_names() if isinstance(fault, UnknownNameError)]
+        return [fault for fault in unknown if not {*fault.name.split(".")} & {*left_out}]
+
+    def _check_names(self) -> list[FaultError]:
+        return [
             *self._check_joints(),
             *self._check_drives(),
             *self._check_elements(),
@@ -64,7 +72,6 @@ class CrossCheck:
             *self._check_simulation(),
             *self._check_outputs(),
         ]
-        return names or [*self._check_tree()]
 
     @property
     def _flexible(self) -> dict[str, Flexible]:
@@ -165,8 +172,7 @@ class CrossCheck:
         if chart.marker is not None:
             yield from self._check_marker(chart.marker, *path, "marker")
         if chart.body is not None and chart.body not in self._flexible:
-            names = suggest_name(chart.body, self._flexible, "the flexible bodies")
-            yield FaultError(f"no such flexible body; {names}", *path, "body")
+            yield UnknownNameError("flexible body", chart.body, self._flexible, "the flexible bodies", *path, "body")
         if chart.quantity == "modal_coordinates" and not self._flexible:
             yield FaultError("needs a flexible body; this scene has none", *path, "quantity")
         if chart.joint is None:
@@ -188,8 +194,7 @@ class CrossCheck:
         """Names of a history or a table exist, and what it takes by default isn't empty."""
         for number, name in enumerate(output.joints):
             if name not in self.joint:
-                fault = f"no such joint; {suggest_name(name, self.joint, 'the joints')}"
-                yield FaultError(fault, *path, "joints", number)
+                yield UnknownNameError("joint", name, self.joint, "the joints", *path, "joints", number)
             elif name in closing_joints(self.joint) and "joint_reaction" not in output.quantities:
                 fault = "closes a loop, so it has a reaction, but no coordinate"
                 yield FaultError(fault, *path, "joints", number)
@@ -200,8 +205,8 @@ class CrossCheck:
         meshed = {name: body for name, body in self._flexible.items() if body.shape != "matrices"}
         for number, name in enumerate(output.nodes):
             if (body := name.partition(".")[0]) not in meshed:
-                names = suggest_name(body, meshed, "the flexible bodies with a mesh")
-                yield FaultError(f"no such body with stress; {names}", *path, "nodes", number)
+                known = "the flexible bodies with a mesh"
+                yield UnknownNameError("body with stress", body, meshed, known, *path, "nodes", number)
         if "element_stress" in output.quantities and not any(body.element for body in meshed.values()):
             yield FaultError("element_stress needs a named element, [body.NAME.element]", *path, "quantities")
 
@@ -221,7 +226,7 @@ class CrossCheck:
                 yield FaultError("needs a flexible body with a mesh; this scene has none", *path, "type")
             return
         if picture.body not in self.body:
-            yield FaultError(f"no such body; {suggest_name(picture.body, self.body, 'the bodies')}", *path, "body")
+            yield UnknownNameError("body", picture.body, self.body, "the bodies", *path, "body")
         elif picture.body not in flexible:
             names = suggest_name(picture.body, flexible, "the flexible bodies")
             yield FaultError(f"is rigid, without modes or stress; {names}", *path, "body")
@@ -282,7 +287,7 @@ class CrossCheck:
 
     def _check_joint(self, name: str, fitting: tuple[str, ...], user: str, *path: str | int) -> Iterator[FaultError]:
         if name not in self.joint:
-            yield FaultError(f"no such joint; {suggest_name(name, self.joint, 'the joints')}", *path)
+            yield UnknownNameError("joint", name, self.joint, "the joints", *path)
         elif name in closing_joints(self.joint):
             mend = "write it before the joint that now carries its child"
             yield FaultError(f"closes a loop, so it has no coordinate that {user} could take; {mend}", *path)
@@ -295,21 +300,21 @@ class CrossCheck:
         if place.partition(".")[0] != "ground":
             yield from self._check_marker(place, *path)
         elif place != "ground" and place not in (known := [f"ground.{name}" for name in self.ground]):
-            yield FaultError(f"no such place; {suggest_name(place, known, 'the places on the ground')}", *path)
+            yield UnknownNameError("place", place, known, "the places on the ground", *path)
 
     def _check_marker(self, place: str, *path: str | int) -> Iterator[FaultError]:
         body = place.partition(".")[0]
         if body not in self.body:
-            yield FaultError(f"no such body; {suggest_name(body, self.body, 'the bodies')}", *path)
+            yield UnknownNameError("body", body, self.body, "the bodies", *path)
             return
         markers = [f"{body}.{marker}" for marker in self.body[body].marker]
         if place not in markers:
-            yield FaultError(f"no such marker; {suggest_name(place, markers, 'the markers')}", *path)
+            yield UnknownNameError("marker", place, markers, "the markers", *path)
 
     def _check_element(self, place: str, *path: str | int) -> Iterator[FaultError]:
         elements = [f"{name}.{element}" for name, body in self._flexible.items() for element in body.element]
         if place not in elements:
-            yield FaultError(f"no such element; {suggest_name(place, elements, 'the named elements')}", *path)
+            yield UnknownNameError("element", place, elements, "the named elements", *path)
 
 
 def _leads_round(body: str, parents: Mapping[str, str]) -> bool:

@@ -5,15 +5,17 @@ from __future__ import annotations
 from collections.abc import Sequence
 from typing import Annotated, Any
 
-from pydantic import BeforeValidator, Discriminator, Field, Tag, model_validator
+from pydantic import BeforeValidator, Discriminator, Field, Tag, ValidationInfo, model_validator
 
-from fmd.core.units import NonNegative, Time, to_si
+from fmd.core.units import NonNegative, Time, is_si_number, to_si
 from fmd.scene.reading import FaultError, SceneTable
 from fmd.scene.values import Number, Words
 
 
-def _read_rate(value: Any) -> float:
+def _read_rate(value: object, info: ValidationInfo) -> float:
     """Read a rate, "12 1/s" [1/s]; it has the unit of a frequency, but no factor 2π belongs to it."""
+    if is_si_number(value, info):
+        return float(value)
     if isinstance(value, str) and value.rstrip().endswith("1/s"):
         return to_si(f"{value.rstrip().removesuffix('1/s')} Hz", "frequency")
     raise ValueError("needs a number and the unit 1/s, e.g. '12 1/s'")

@@ -9,7 +9,7 @@ from pydantic import AfterValidator, Field, model_validator
 from fmd.core.units import PositiveDensity, PositiveLength, PositiveStress
 from fmd.scene.bodies import ModeSettings, Poisson, Solid, check_formulation
 from fmd.scene.places import MarkerPlace, NamedElement, Support
-from fmd.scene.reading import FaultError, SceneTable, suggest_name
+from fmd.scene.reading import FaultError, SceneTable, UnknownNameError
 from fmd.scene.values import Formulation, LengthUnit, Name, Order, PartName, SourceFile, UnitCheck
 
 
@@ -271,6 +271,5 @@ class MatrixPart(SceneTable):
                 )
         for number, name in enumerate(self.modes.interface):
             if name not in self.marker:
-                message = f"no such marker; {suggest_name(name, self.marker, 'the markers')}"
-                raise FaultError(message, "modes", "interface", number)
+                raise UnknownNameError("marker", name, self.marker, "the markers", "modes", "interface", number)
         return self

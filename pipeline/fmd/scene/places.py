@@ -4,9 +4,9 @@ from __future__ import annotations
 
 from typing import Annotated, Any, Literal
 
-from pydantic import BeforeValidator, Field, model_validator
+from pydantic import BeforeValidator, Field, ValidationInfo, model_validator
 
-from fmd.core.units import to_si
+from fmd.core.units import QuantityReader
 from fmd.scene.orientation import Orientation
 from fmd.scene.reading import FaultError, SceneTable
 from fmd.scene.values import FaceName, PartName, Plane, Point, Words
@@ -14,13 +14,14 @@ from fmd.scene.values import FaceName, PartName, Plane, Point, Words
 MARKER_WAYS = ("face", "near", "plane", "edge", "at", "node", "nodes")
 
 
-def _read_edge(edge: object) -> object:
+def _read_edge(edge: object, info: ValidationInfo) -> object:
     """Read two points, or the names of two faces."""
-    if isinstance(edge, list) and len(edge) == 2 and edge[0] != edge[1]:
+    if isinstance(edge, list | tuple) and len(edge) == 2 and edge[0] != edge[1]:
         if all(isinstance(face, str) for face in edge):
             return tuple(edge)
-        if all(isinstance(end, list) and len(end) == 3 for end in edge):
-            return tuple(tuple(to_si(x, "length") for x in end) for end in edge)
+        if all(isinstance(end, list | tuple) and len(end) == 3 for end in edge):
+            length = QuantityReader("length")
+            return tuple(tuple(length(x, info) for x in end) for end in edge)
     raise ValueError("must be two different points, or the names of two faces that meet in it")
 
 

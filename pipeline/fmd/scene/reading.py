@@ -1,22 +1,30 @@
-"""Reading of scene files: finding the file, its TOML, its tables and their faults."""
+"""Tables of a scene as classes, and the faults that are found in what they are made of."""
 
 from __future__ import annotations
 
 import difflib
-import tomllib
-from collections.abc import Iterable
-from importlib.resources import files
-from importlib.resources.abc import Traversable
+import re
+import reprlib
+import sys
+from collections.abc import Callable, Iterable, Mapping, Sequence
 from pathlib import Path
-from typing import Any
+from typing import TYPE_CHECKING, Any, Literal, NamedTuple, get_args, get_origin
 
-from pydantic import BaseModel, ConfigDict, model_validator
+from pydantic import BaseModel, ConfigDict, ModelWrapValidatorHandler, ValidationError, model_validator
+from pydantic_core import ErrorDetails, InitErrorDetails
 
 from fmd.core.errors import InputError
+from fmd.scene.toml_lines import KeyPath
 
-KeyPath = tuple[str | int, ...]
+Place = tuple[str, int | None]
+"""A file and a line in it, from 1; ``None`` where it has no lines."""
 
-_MOST_BYTES = 1_000_000
+_MOST_SHOWN = 80  # characters of a value in a message
+_PACKAGE = str(Path(__file__).parents[1])
+# Where a table may be of several kinds pydantic puts the kind into a fault's path, and the type of other alternatives.
+_TABLES_OF_KINDS = ("body", "joint", "drive", "coupler")
+_LISTS_OF_KINDS = ("output", "run", "visual")
+_ALTERNATIVE = re.compile(r"(literal|function-\w+)\[|\[key\]$|(constrained-)?(str|int|float)$| ")
 
 
 class FaultError(ValueError):
@@ -28,35 +36,227 @@ class FaultError(ValueError):
         What is wrong and what would work.
     path : str or int
         The keys from the table to the value at fault.
-    more : int
-        How many other faults were found with it.
     """
 
-    def __init__(self, message: str, *path: str | int, more: int = 0) -> None:
-        self.path, self.more = path, more
+    def __init__(self, message: str, *path: str | int) -> None:
+        self.path = path
         super().__init__(message)
 
 
+class UnknownNameError(FaultError):
+    """A name that nothing in the scene has.
+
+    Parameters
+    ----------
+    what : str
+        Kind of thing that is named, e.g. ``"joint"``.
+    name : str
+        The name.
+    names : iterable of str
+        Names that there are.
+    words : str
+        What these are, e.g. ``"the joints"``.
+    path : str or int
+        As of `FaultError`.
+    """
+
+    def __init__(self, what: str, name: str, names: Iterable[str], words: str, *path: str | int) -> None:
+        self.name = name
+        super().__init__(f"no such {what}; {suggest_name(name, names, words)}", *path)
+
+
+class Fault(NamedTuple):
+    """A value of a scene that is wrong.
+
+    Attributes
+    ----------
+    path : tuple of str and int
+        The keys that lead to it.
+    mend : str
+        What is wrong and what would work.
+    """
+
+    path: KeyPath
+    mend: str
+
+    def look_up(self, tables: Mapping[str, Any]) -> object:
+        """Return the value; ``None`` if it is missing or too long for a message."""
+        value: Any = tables
+        try:
+            for key in self.path:
+                value = value[key]
+            return value if len(repr(value)) <= _MOST_SHOWN else None
+        except (LookupError, TypeError, ValueError, RecursionError):  # repr refuses very large integers
+            return None
+
+
 class SceneTable(BaseModel):
-    """A table of the scene file, immutable once read; an unknown key in it is a fault, never ignored."""
+    """A table of a scene, immutable once made; an unknown key in it is a fault, never ignored.
+
+    In Python its quantities are numbers in SI units or text with units, ``Rod(mass=2.0, length="1 m", marker={})``, and
+    ``InputError`` tells all that is wrong with it.
+    """
 
     model_config = ConfigDict(frozen=True, extra="forbid", allow_inf_nan=False, defer_build=True)
 
-    @model_validator(mode="before")
+    if not TYPE_CHECKING:  # editors know the keys by the fields
+
+        def __init__(self, /, **values: Any) -> None:
+            try:
+                super().__init__(**values)
+            except ValidationError as error:
+                place, name = find_caller(), type(self).__name__
+                faults = type(self)._list_faults(error, values, {})
+                if name != "Scene":
+                    faults, values = [Fault((name, *path), mend) for path, mend in faults], {name: values}
+                raise join_errors(faults, values, lambda _: place) from None
+
+        __init__.__pydantic_base_init__ = True  # by which pydantic doesn't call it for tables within tables
+
     @classmethod
-    def _know_every_key(cls, table: Any) -> Any:
-        fields = sorted(cls.model_fields.items(), key=lambda item: item[0] not in cls.__annotations__)  # its own first
-        known = [field.alias or name for name, field in fields]
-        unknown = [key for key in table if key not in known] if isinstance(table, dict) else []
-        if unknown:
-            message = f"no such key; {suggest_name(unknown[0], known, 'the keys here')}"
-            raise FaultError(message, unknown[0], more=len(unknown) - 1)
-        return table
+    def __pydantic_init_subclass__(cls, **_: Any) -> None:
+        """Let a class say its kind by itself, which a file has to give: ``Rod()`` has the shape ``"rod"``."""
+        for field in cls.model_fields.values():
+            words = get_args(field.annotation) if get_origin(field.annotation) is Literal else ()
+            if field.is_required() and len(words) == 1:
+                field.default = words[0]
+
+    @classmethod
+    def _list_faults(cls, error: ValidationError, values: Mapping[str, Any], context: Mapping[str, Any]) -> list[Fault]:
+        """List all that is wrong with the values that a table was to be made of."""
+        return list_faults(error)
+
+    @model_validator(mode="wrap")
+    @classmethod
+    def _find_all_faults(cls, table: Any, check: ModelWrapValidatorHandler[Any]) -> Any:
+        """Find the faults of all keys at once, those of unknown ones, too."""
+        try:
+            return check({key: _to_plain(value) for key, value in table.items()} if isinstance(table, dict) else table)
+        except ValidationError as error:
+            details = error.errors(include_url=False)
+            unknown = [str(detail["loc"][0]) for detail in details if detail["type"] == "extra_forbidden"]
+            if not unknown:
+                raise
+            fields = sorted(cls.model_fields.items(), key=lambda item: item[0] not in cls.__annotations__)
+            known = [field.alias or name for name, field in fields]  # its own first
+            meant = [(near[0],) for key in unknown if (near := _near(key, known))]
+            faults = [_detail(UnknownNameError("key", key, known, "the keys here", key)) for key in unknown]
+            faults += [
+                InitErrorDetails(type=f["type"], loc=f["loc"], input=f["input"], ctx=f.get("ctx", {}))
+                for f in details
+                if f["type"] != "extra_forbidden" and not (f["type"] == "missing" and f["loc"] in meant)
+            ]
+            raise ValidationError.from_exception_data(cls.__name__, faults) from None
 
 
-def list_ready_scenes() -> tuple[str, ...]:
-    """List the names of the scenes that come with the package, in alphabetical order."""
-    return tuple(sorted(Path(f.name).stem for f in files("fmd.models").iterdir() if f.name.endswith(".toml")))
+def raise_faults(faults: Iterable[FaultError]) -> None:
+    """Raise several faults of a table at once; none, if there are none."""
+    details = [_detail(fault) for fault in faults]
+    if details:
+        raise ValidationError.from_exception_data("table", details)
+
+
+def _detail(fault: FaultError) -> InitErrorDetails:
+    return InitErrorDetails(type="value_error", loc=(), input=None, ctx={"error": fault})
+
+
+def _to_plain(value: Any) -> Any:
+    """Return NumPy's arrays and numbers as lists and numbers of Python."""
+    if isinstance(value, list | tuple):
+        return [_to_plain(item) for item in value]
+    return value.tolist() if hasattr(value, "tolist") else value
+
+
+def list_faults(error: ValidationError) -> list[Fault]:
+    """List what is wrong with a table, each place once, in the order of its keys."""
+    found: dict[KeyPath, ErrorDetails] = {}
+    for detail in error.errors(include_url=False):
+        path = _find_path(detail)
+        # A quantity that may also be a word has a fault for each; that of the quantity is the better message.
+        if path not in found or found[path]["type"] == "literal_error":
+            found[path] = detail
+    deeper = {path[:length] for path in found for length in range(len(path))}
+    # A list that may also be a text is no text, but that isn't the fault if an item of it has one.
+    return [
+        Fault(path, _write_mend(f)) for path, f in found.items() if path not in deeper or f["type"] != "string_type"
+    ]
+
+
+def join_errors(
+    faults: Sequence[Fault], tables: Mapping[str, Any], find_place: Callable[[KeyPath], Place]
+) -> InputError:
+    """Make one error of all faults, in the order of the lines that they stand on.
+
+    Parameters
+    ----------
+    faults : sequence of Fault
+        At least one.
+    tables : mapping
+        The scene's tables as they were given, for the values in the messages.
+    find_place : callable
+        Returns the file of a path of keys and the line in it.
+    """
+    placed = sorted(((*find_place(fault.path), fault) for fault in faults), key=lambda item: item[1] or 0)
+    errors = [
+        InputError(file, _join_path(fault.path), fault.look_up(tables), fault.mend, line)
+        for file, line, fault in placed
+    ]
+    first = errors[0]
+    return InputError(first.file, first.key, first.value, first.mend, first.line, errors[1:])
+
+
+def _join_path(path: KeyPath) -> str:
+    return ".".join(str(k) if re.fullmatch(r"[\w-]{1,60}", str(k)) else reprlib.repr(k) for k in path)
+
+
+def _find_path(detail: ErrorDetails) -> KeyPath:
+    """Return the keys that lead to a fault, without what pydantic adds to them."""
+    path: KeyPath = ()
+    kind_of: KeyPath | None = None
+    for part in detail["loc"]:
+        if path != kind_of and _is_of_kinds(path):
+            kind_of = path
+        elif len(path) < 2 or not _ALTERNATIVE.search(str(part)):
+            path += (part,)
+    fault = detail.get("ctx", {}).get("error")
+    if isinstance(fault, FaultError):
+        path += fault.path
+    if detail["type"].startswith("union_tag"):
+        path += (detail["ctx"]["discriminator"].strip("'"),)
+    return path
+
+
+def _is_of_kinds(path: KeyPath) -> bool:
+    """Return True if a table at this place may be of several kinds."""
+    if len(path) < 2:
+        return False
+    table, last = path[-2:]
+    return table in _LISTS_OF_KINDS if isinstance(last, int) else len(path) == 2 and table in _TABLES_OF_KINDS
+
+
+def _write_mend(error: ErrorDetails) -> str:
+    match error["type"]:
+        case "value_error":
+            return str(error["ctx"]["error"])
+        case "missing" | "union_tag_not_found":
+            return "is missing"
+        case "union_tag_invalid":
+            return f"must be one of {error['ctx']['expected_tags']}"
+        case "model_type" | "model_attributes_type" | "dict_type":
+            return "must be a table"
+        case "tuple_type":
+            return "must be a list"
+        case _:
+            return re.sub(r"^\w+ should", "must", error["msg"]).replace(" after validation", "")
+
+
+def find_caller() -> Place:
+    """Find the name of the file outside this package, and the line in it, that called into it."""
+    frame = sys._getframe(1)
+    while frame.f_back is not None and frame.f_code.co_filename.startswith(_PACKAGE):
+        frame = frame.f_back
+    file = Path(frame.f_code.co_filename)
+    return file.name if file.is_file() else "input", frame.f_lineno
 
 
 def suggest_name(given: str, names: Iterable[str], what: str) -> str:
@@ -65,66 +265,10 @@ def suggest_name(given: str, names: Iterable[str], what: str) -> str:
     ``suggest_name("hup", ["hub"], "the joints")`` is ``"did you mean 'hub'? the joints: hub"``.
     """
     names = list(names)
-    near = difflib.get_close_matches(given, names, n=1)
+    near = _near(given, names)
     meant = f"did you mean {near[0]!r}? " if near else ""
     return f"{meant}{what}: {', '.join(names) or 'none'}"
 
 
-def find_scene(name: str) -> Traversable:
-    """Find a ready scene by its name, or a file by its path; raises ``InputError`` if no ready scene has the name."""
-    path = Path(name)
-    if path.name != name or path.suffix:
-        return path
-    if name not in list_ready_scenes():
-        mend = f"no such ready scene; {suggest_name(name, list_ready_scenes(), 'the ready scenes')}"
-        raise InputError(name or "scene", "", None, f"{mend}; your own needs its path, e.g. my-scene.toml")
-    return files("fmd.models") / f"{name}.toml"
-
-
-def read_tables(source: Traversable) -> dict[str, Any]:
-    """Read the tables of a scene file.
-
-    Raises
-    ------
-    InputError
-        It can't be read, or isn't TOML; the message says what and where.
-    """
-    file = str(source)
-    return _parse(file, _read(file, source))
-
-
-def _read(file: str, source: Traversable) -> str:
-    try:
-        if source.is_dir():
-            raise InputError(file, "", None, "is a folder; give the scene file in it")
-        if not source.is_file():
-            raise InputError(file, "", None, f"no such file; the ready scenes: {', '.join(list_ready_scenes())}")
-        with source.open("rb") as stream:
-            content = stream.read(_MOST_BYTES + 1)
-    except (OSError, ValueError) as error:
-        raise InputError(file, "", None, f"can't be read: {error}") from None
-    if len(content) > _MOST_BYTES:
-        raise InputError(file, "", None, "is over 1 MB; a scene file is text of a few kB")
-    try:
-        return content.decode("utf-8-sig")
-    except UnicodeDecodeError:
-        raise InputError(file, "", None, "isn't text in UTF-8; a scene file is TOML") from None
-
-
-def _parse(file: str, text: str) -> dict[str, Any]:
-    try:
-        return tomllib.loads(text)
-    except (ValueError, RecursionError) as error:
-        lines = text.split("\n")
-        end = f"at line {len(lines)}, column {len(lines[-1]) + 1}"
-        mend = f"isn't valid TOML: {error}".replace("at end of document", end)
-        raise InputError(file, "", None, mend) from None
-
-
-def parse_value(text: str) -> object:
-    """Parse a TOML value; text that isn't one is returned as a string."""
-    try:
-        table = tomllib.loads(f"value = {text}")
-    except (ValueError, RecursionError):
-        return text
-    return table["value"] if len(table) == 1 else text
+def _near(given: str, names: Iterable[str]) -> list[str]:
+    return difflib.get_close_matches(given, names, n=1)

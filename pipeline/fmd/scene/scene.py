@@ -7,9 +7,9 @@ from __future__ import annotations
 
 from collections.abc import Collection, Mapping, Sequence
 from pathlib import Path
-from typing import Annotated, Any, Literal
+from typing import Any, Literal
 
-from pydantic import Field, PrivateAttr, ValidationError, model_validator
+from pydantic import Field, PrivateAttr, ValidationError, ValidationInfo, model_validator
 
 from fmd.core.errors import InputError
 from fmd.core.html import facts, scaled
@@ -23,10 +23,12 @@ from fmd.scene.joints import Joint
 from fmd.scene.loads import Drive
 from fmd.scene.loops import closing_joints
 from fmd.scene.outputs import Output
-from fmd.scene.reading import SceneTable
-from fmd.scene.scene_files import read_scene_file
+from fmd.scene.reading import Fault, FaultError, SceneTable, list_faults, raise_faults
+from fmd.scene.scene_files import read_source
 from fmd.scene.simulation import Simulation
 from fmd.scene.values import Name
+
+_NAMED = ("body", "ground", "joint", "drive", "coupler", "spring", "bushing", "bearing")  # tables of tables by name
 
 
 class PublishedResults(SceneTable):
@@ -125,7 +127,7 @@ class Scene(SceneTable):
     title: str
     source: str = ""
     accuracy: Share | None = None
-    body: Annotated[dict[Name, Body], Field(min_length=1)]
+    body: dict[Name, Body]
     ground: dict[Name, GroundPlace] = Field(default_factory=dict)
     joint: dict[Name, Joint] = Field(default_factory=dict)
     drive: dict[Name, Drive] = Field(default_factory=dict)
@@ -194,6 +196,11 @@ class Scene(SceneTable):
         closing = self.closing
         return {joint.child.partition(".")[0]: name for name, joint in self.joint.items() if name not in closing}
 
+    @classmethod
+    def _list_faults(cls, error: ValidationError, values: Mapping[str, Any], context: Mapping[str, Any]) -> list[Fault]:
+        faults = list_faults(error)
+        return [*faults, *_find_unknown_names(values, faults, context)]
+
     def __repr__(self) -> str:
         return f"Scene({self.title!r}, bodies: {', '.join(self.body)})"
 
@@ -201,8 +208,8 @@ class Scene(SceneTable):
         return scene_table(self)
 
     @model_validator(mode="after")
-    def _fits_together(self) -> Scene:
-        faults = CrossCheck(
+    def _fits_together(self, info: ValidationInfo) -> Scene:
+        check = CrossCheck(
             self.body,
             self.ground,
             self.joint,
@@ -211,20 +218,26 @@ class Scene(SceneTable):
             self.coupler,
             self.simulation_table,
             self.output,
-        ).find_faults()
-        if faults:
-            faults[0].more = len(faults) - 1
-            raise faults[0]
+        )
+        left_out = (info.context or {}).get("left_out")
+        if left_out is not None:
+            raise_faults(check.find_unknown_names(left_out))
+        elif not self.body:
+            raise FaultError("must have at least 1 item", "body")
+        raise_faults(check.find_faults())
         return self
 
 
-def load_scene(name_or_path: str | Path, overrides: Sequence[str] = (), without: Collection[str] = ()) -> Scene:
-    """Read a scene file and check it.
+def load_scene(
+    source: str | Path | Mapping[str, Any], overrides: Sequence[str] = (), without: Collection[str] = ()
+) -> Scene:
+    """Read a scene and check it.
 
     Parameters
     ----------
-    name_or_path : str or Path
-        A ready scene's name, e.g. ``"beam"``, or the path of a TOML file.
+    source : str, Path or mapping
+        A ready scene's name, e.g. ``"beam"``, the path of a TOML file, or the tables of such a file; their quantities
+        may be numbers in SI units, too, and their files are relative to the working directory.
     overrides : sequence of str
         Values to use instead of the file's: ``"body.beam.length=300mm"``, ``"simulation.run.1.substeps=7"``.
         The items of a list count from 0. What isn't a TOML value is taken as a string.
@@ -239,16 +252,42 @@ def load_scene(name_or_path: str | Path, overrides: Sequence[str] = (), without:
     Raises
     ------
     InputError
-        The file can't be read, or something in it is wrong; the message names the key and what would work.
+        The file can't be read, or something in it is wrong; the message names all that is, with lines, and what would
+        work.
     """
-    source = read_scene_file(name_or_path, overrides)
+    read = read_source(source, overrides)
+    tables = {key: table for key, table in read.data.items() if key not in without}
+    context = {"folder": read.folder, "units": bool(read.file)}
     try:
-        tables = {key: table for key, table in source.data.items() if key not in without}
-        scene = Scene.model_validate(tables, context={"folder": Path(source.file).parent})
+        scene = Scene.model_validate(tables, context=context)
     except ValidationError as error:
-        raise source.make_error(error) from None
-    scene._file = source.file
+        raise read.make_error(Scene._list_faults(error, tables, context)) from None
+    scene._file = read.file
     return scene
+
+
+def _find_unknown_names(tables: Mapping[str, Any], faults: Sequence[Fault], context: Mapping[str, Any]) -> list[Fault]:
+    """Find the names that nothing has among those tables that are right by themselves, if others aren't."""
+    wrong = {fault.path[:2] for fault in faults}
+    if () in wrong or any((table,) in wrong for table in (*_NAMED, "output")):
+        return []
+    rest: dict[str, Any] = {"title": ""}
+    for table in _NAMED:
+        rest[table] = {name: value for name, value in tables.get(table, {}).items() if (table, name) not in wrong}
+    outputs = [k for k in range(len(tables.get("output", ()))) if ("output", k) not in wrong]
+    rest["output"] = [tables["output"][k] for k in outputs]
+    if "simulation" in tables and not any(path[0] == "simulation" for path in wrong):
+        rest["simulation"] = tables["simulation"]
+    try:
+        Scene.model_validate(rest, context={**context, "left_out": [str(path[1]) for path in wrong if len(path) > 1]})
+    except ValidationError as error:
+        return [
+            fault._replace(path=("output", outputs[int(fault.path[1])], *fault.path[2:]))
+            if fault.path[0] == "output"
+            else fault
+            for fault in list_faults(error)
+        ]
+    return []
 
 
 def scene_table(scene: Scene) -> str:

@@ -1,9 +1,7 @@
-"""Scene files as they are read: on top of their base, with values from the command line, and with their errors."""
+"""Scenes as they are read: on top of their base, with values from the command line, and where each stands."""
 
 from __future__ import annotations
 
-import re
-import reprlib
 from collections.abc import Mapping, Sequence
 from copy import deepcopy
 from dataclasses import dataclass
@@ -12,123 +10,121 @@ from importlib.resources.abc import Traversable
 from pathlib import Path
 from typing import Any
 
-from pydantic import ValidationError
-from pydantic_core import ErrorDetails
-
 from fmd.core.errors import InputError
 from fmd.scene.inheritance import complete_bodies, find_template, move_files
-from fmd.scene.reading import (
-    FaultError,
-    KeyPath,
-    find_scene,
-    list_ready_scenes,
-    parse_value,
-    read_tables,
-    suggest_name,
-)
+from fmd.scene.reading import Fault, Place, find_caller, join_errors, suggest_name
+from fmd.scene.toml_files import find_scene, list_ready_scenes, parse_value, read_with_lines
+from fmd.scene.toml_lines import KeyPath
 
-_MOST_SHOWN = 80
 _SET = "--set"
-_TAG = re.compile(r"(literal|function-\w+)\[|\[key\]$")
+Places = dict[KeyPath, Place]
 
 
 @dataclass(frozen=True, slots=True)
-class SceneFile:
-    """Content of a scene file before its values are checked.
+class SceneSource:
+    """Content of a scene before its values are checked.
 
     Parameters
     ----------
     file : str
-        Path that it was read from.
+        Path of the file that it was read from; empty for a scene that was made in Python.
+    folder : Path
+        Folder that the scene's files are relative to.
     data : dict
         Its tables, with the overrides in them.
-    overridden : mapping of tuple to str
-        Where single values were set, the command line or a scene's ``set``, by the path of their keys.
-    origins : mapping of str to str
-        Path of the base scene that a table of the first level comes from, by the table's name.
+    places : mapping
+        File and line of each key, of a base scene or of this one, by the path of keys that leads to it.
     """
 
     file: str
+    folder: Path
     data: dict[str, Any]
-    overridden: Mapping[KeyPath, str]
-    origins: Mapping[str, str]
+    places: Places
 
-    def make_error(self, error: ValidationError) -> InputError:
-        """Turn pydantic's list of faults into one message about the first of them."""
-        faults = [(_remove_tags(fault["loc"]), fault) for fault in error.errors(include_url=False)]
-        path = faults[0][0]
-        # A quantity that may also be a word has a fault for each; that of the quantity is the better message.
-        here = [fault for place, fault in faults if place == path]
-        first = next((fault for fault in here if fault["type"] != "literal_error"), here[0])
-        fault = first.get("ctx", {}).get("error")
-        more = len({place for place, _ in faults}) - 1
-        if isinstance(fault, FaultError):
-            path += fault.path
-            more += fault.more
-        if first["type"].startswith("union_tag"):
-            path += (first["ctx"]["discriminator"].strip("'"),)
-        origin = self.origins.get(str(path[0]), self.file) if path else self.file
-        for key, where in self.overridden.items():
-            origin = where if path[: len(key)] == key else origin
-        mend = _write_mend(first) + (f" (and {more} more)" if more else "")
-        return InputError(origin, _join_path(path), self._value(path), mend)
+    def make_error(self, faults: Sequence[Fault]) -> InputError:
+        """Make one error of all faults, each with its file and line."""
+        return join_errors(faults, self.data, self._find_place)
 
-    def _value(self, path: KeyPath) -> object:
-        """Return the value at a path; ``None`` if it is missing or too long for a message."""
-        value: Any = self.data
-        try:
-            for key in path:
-                value = value[key]
-            return value if len(repr(value)) <= _MOST_SHOWN else None
-        except (LookupError, TypeError, ValueError, RecursionError):  # repr refuses very large integers
-            return None
+    def _find_place(self, path: KeyPath) -> Place:
+        """Find where a value stands; one that is missing or inherited is laid to the table around it."""
+        while path and path not in self.places:
+            path = path[:-1]
+        return self.places[path]
 
 
-def read_scene_file(name_or_path: str | Path, overrides: Sequence[str]) -> SceneFile:
-    """Read a scene file and apply overrides; the arguments are those of ``fmd.scene.scene.load_scene``."""
-    source = find_scene(str(name_or_path))
-    file = str(source)
-    data, origins, overridden = _read_with_base(source, ())
-    overridden |= {_set_value(data, text, _SET): _SET for text in overrides}
-    return SceneFile(file, complete_bodies(data, file), overridden, origins)
+def read_source(source: str | Path | Mapping[str, Any], overrides: Sequence[str]) -> SceneSource:
+    """Read a scene and apply overrides; the arguments are those of ``fmd.scene.scene.load_scene``."""
+    if isinstance(source, Mapping):
+        file, folder, (data, places) = "", Path(), _complete(dict(source), {(): find_caller()}, Path(), ())
+    else:
+        found = find_scene(str(source))
+        file, folder = str(found), Path(str(found)).parent
+        data, places = _read_with_base(found, ())
+    for text in overrides:
+        _place_value(places, _set_value(data, text, _SET), (_SET, None))
+    whole = complete_bodies(data, file)
+    for body, own in whole.get("body", {}).items() if whole is not data else ():
+        _place_inherited(places, data["body"], body) if isinstance(own, dict) else None
+    return SceneSource(file, folder, whole, places)
 
 
-def _read_with_base(
-    source: Traversable, heirs: tuple[Path, ...]
-) -> tuple[dict[str, Any], dict[str, str], dict[KeyPath, str]]:
+def _read_with_base(source: Traversable, heirs: tuple[Path, ...]) -> tuple[dict[str, Any], Places]:
     """Read the tables of a scene and those of its base that it leaves out, and set the single values that it gives.
 
     Returns
     -------
     tuple of dict
-        The tables, the files that tables of a base come from, and the files that have set single values.
+        The tables, and the places of their keys.
     """
-    file, place = str(source), Path(str(source))
-    data = read_tables(source)
+    file = str(source)
+    data, lines = read_with_lines(source)
+    places: Places = {path: (file, line) for path, line in lines.items()}
+    return _complete(data, {(): (file, None)} | places, Path(file), heirs)
+
+
+def _complete(
+    data: dict[str, Any], places: Places, place: Path, heirs: tuple[Path, ...]
+) -> tuple[dict[str, Any], Places]:
+    """Add the tables of a scene's base that it leaves out, and set the single values that it gives."""
+    file = places[()][0]
     changes = data.pop("set", [])
     if not isinstance(changes, list) or not all(isinstance(text, str) for text in changes):
         raise InputError(file, "set", None, "must be a list of texts, e.g. ['body.beam.length=300mm']")
-    origins: dict[str, str] = {}
-    overridden: dict[KeyPath, str] = {}
     if "base" in data:
         given = data.pop("base")
         heirs = (*heirs, place.resolve())
-        base = _find_base(file, given)
+        base = _find_base(file, place.parent, given)
         if Path(str(base)).resolve() in heirs:
             raise InputError(file, "base", given, "leads back to the same scene; one of them must have no base")
-        tables, origins, overridden = _read_with_base(base, heirs)
+        tables, theirs = _read_with_base(base, heirs)
         added = {key: value for key, value in tables.items() if key not in data}
-        origins = {key: origins.get(key, str(base)) for key in added}
-        overridden = {path: where for path, where in overridden.items() if path[0] in added}
+        places |= {path: where for path, where in theirs.items() if path[:1] and path[0] in added}
         data = move_files(added, Path(str(base)).parent, place.parent) | data
-    overridden |= {_set_value(data, text, file): file for text in changes}
-    return data, origins, overridden
+    for number, text in enumerate(changes):
+        _place_value(places, _set_value(data, text, file), places.get(("set", number), (file, None)))
+    return data, places
 
 
-def _find_base(file: str, given: object) -> Traversable:
+def _place_value(places: Places, path: KeyPath, where: Place) -> None:
+    """Note where a value has been set, and all within it."""
+    for below in [key for key in places if key[: len(path)] == path]:
+        del places[below]
+    places[path] = where
+
+
+def _place_inherited(places: Places, bodies: Mapping[str, Any], name: str) -> None:
+    """Note where the keys stand that a body has from one that it is like."""
+    heir, seen = name, {name}
+    while isinstance(bodies[heir], dict) and (heir := bodies[heir].get("like")) is not None and heir not in seen:
+        seen.add(heir)
+        for path in [path for path in places if path[:2] == ("body", heir)]:
+            places.setdefault(("body", name, *path[2:]), places[path])
+
+
+def _find_base(file: str, folder: Path, given: object) -> Traversable:
     """Find a ready scene by its name, or a scene by its path from the file that builds on it."""
     if isinstance(given, str) and (Path(given).name != given or Path(given).suffix):
-        path = Path(file).parent / given
+        path = folder / given
         if not path.is_file():
             raise InputError(file, "base", given, f"no such file; it is looked for at {path}")
         return path
@@ -174,35 +170,3 @@ def _find_key(where: str, dotted: str, node: object, part: str) -> str | int:
     if part not in names:
         raise InputError(where, dotted, None, f"there is no {part!r}; {suggest_name(part, names, 'the keys there')}")
     return part if isinstance(node, dict) else int(part)
-
-
-def _remove_tags(location: KeyPath) -> KeyPath:
-    """Remove what pydantic adds to a path: the kind of a table or value, and a mark for a fault in a key."""
-    if location[:2] == ("simulation", "run"):
-        location = location[:3] + location[4:]
-    elif location[:1] in (("body",), ("joint",), ("drive",), ("output",)):
-        location = location[:2] + location[3:]
-    location = tuple(part for part in location if " " not in str(part))  # no key has a blank, but some kinds of values
-    while location and _TAG.match(str(location[-1])):
-        location = location[:-1]
-    return location
-
-
-def _join_path(path: KeyPath) -> str:
-    return ".".join(str(k) if re.fullmatch(r"[\w-]{1,60}", str(k)) else reprlib.repr(k) for k in path)
-
-
-def _write_mend(error: ErrorDetails) -> str:
-    match error["type"]:
-        case "value_error":
-            return str(error["ctx"]["error"])
-        case "missing" | "union_tag_not_found":
-            return "is missing"
-        case "union_tag_invalid":
-            return f"must be one of {error['ctx']['expected_tags']}"
-        case "model_type" | "model_attributes_type" | "dict_type":
-            return "must be a table"
-        case "tuple_type":
-            return "must be a list"
-        case _:
-            return re.sub(r"^\w+ should", "must", error["msg"]).replace(" after validation", "")

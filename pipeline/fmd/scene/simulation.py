@@ -7,8 +7,9 @@ from typing import Annotated, Literal
 from pydantic import Field, model_validator
 
 from fmd.core.units import Acceleration, PositiveTime
-from fmd.scene.reading import FaultError, KeyPath, SceneTable
+from fmd.scene.reading import FaultError, SceneTable
 from fmd.scene.runs import AutoRun, RosenbrockRun, Run, RungeKuttaRun, ScipyRun
+from fmd.scene.toml_lines import KeyPath
 from fmd.scene.values import JointName, MarkerName, Number
 
 

@@ -11,7 +11,7 @@ from typing import Annotated, NamedTuple
 
 from pydantic import BeforeValidator, ValidationInfo
 
-from fmd.scene.reading import FaultError, SceneTable, suggest_name
+from fmd.scene.reading import FaultError, SceneTable, UnknownNameError
 from fmd.scene.values import Words
 
 _MOST_BYTES = 50_000_000
@@ -172,7 +172,7 @@ def _find_column(header: Sequence[str], key: str, column: str | int) -> int:
         return column - 1
     places = [k for k, name in enumerate(header) if name == column.strip()]
     if not places:
-        raise FaultError(f"no such column; {suggest_name(column, header, 'the columns of the first row')}", key)
+        raise UnknownNameError("column", column, header, "the columns of the first row", key)
     if len(places) > 1:
         numbers = ", ".join(str(k + 1) for k in places)
         raise FaultError(f"is the name of several columns; give a number: {numbers}", key)

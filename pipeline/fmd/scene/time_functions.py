@@ -8,7 +8,7 @@ from typing import Annotated, Any, ClassVar, Literal, Self
 from pydantic import AfterValidator, Field, ValidationInfo, model_validator
 
 from fmd.core.formula import parse_formula
-from fmd.core.units import NonNegativeTime, to_si, unit_ratio
+from fmd.core.units import NonNegativeTime, QuantityReader, unit_ratio
 from fmd.scene.reading import FaultError, SceneTable
 from fmd.scene.table_files import Column, read_table, scene_folder
 from fmd.scene.values import SourceFile, UnitCheck
@@ -75,11 +75,11 @@ class TimeFunction(SceneTable):
 
     @model_validator(mode="before")
     @classmethod
-    def _read_a_constant(cls, value: Any) -> Any:
+    def _read_a_constant(cls, value: Any, info: ValidationInfo) -> Any:
         if isinstance(value, cls):
             return value
         if not isinstance(value, dict):
-            return {"constant": to_si(value, cls.kind)}
+            return {"constant": QuantityReader(cls.kind)(value, info)}
         if "constant" in value:
             raise FaultError(f"no such key; the keys here: {', '.join(_KEYS)}", "constant")
         return value

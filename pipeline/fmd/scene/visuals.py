@@ -21,7 +21,7 @@ def _check_visual_file(file: str) -> str:
 
 
 def _as_list(given: Any) -> Any:
-    return [given] if isinstance(given, dict) else given
+    return [given] if isinstance(given, dict | SceneTable) else given
 
 
 Colour = Annotated[str, Field(pattern="^#[0-9a-fA-F]{6}$"), Words('colour, e.g. ``"#c9bb62"``')]

@@ -12,7 +12,7 @@ import numpy as np
 
 from fmd.core.files import whole_file
 from fmd.core.units import parse_quantity
-from fmd.scene.reading import parse_value
+from fmd.scene.toml_files import parse_value
 from fmd.sweep.points import Variation
 from fmd.sweep.study import Sweep
 

@@ -17,12 +17,13 @@ from fmd.scene.imported_bodies import CadPart, MatrixPart, MeshedPart
 from fmd.scene.joints import Revolute
 from fmd.scene.loads import PulseDrive
 from fmd.scene.outputs import CHART_QUANTITIES, Chart
-from fmd.scene.reading import SceneTable, list_ready_scenes
+from fmd.scene.reading import SceneTable
 from fmd.scene.reduced_bodies import ReducedPart
 from fmd.scene.reference.sections import INTRODUCTION, SECTIONS
 from fmd.scene.reference.values import describe_values, to_markdown
 from fmd.scene.runs import CentralDifferenceRun
 from fmd.scene.time_functions import TimeFunction
+from fmd.scene.toml_files import list_ready_scenes
 
 # Meanings of the key that says a table's kind, by the part of the page.
 _KINDS = {
@@ -98,9 +99,16 @@ def _write_row(table: type[SceneTable], name: str, field: FieldInfo, kind: str, 
     if not meaning:
         raise ValueError(f"{table.__name__} doesn't say in its docstring what {name} means")
     meaning = meaning.replace(f" [{words.unit.replace('^2', '²').replace('^3', '³')}]", "")
-    default = "–" if (table, name) in _KNOWN_BY_FILES else _write_default(field, words.unit)
+    default = _write_default(field, words.unit)
+    if is_kind(name, field):
+        default = "–" if (table, name) in _KNOWN_BY_FILES else "required"
     cells = [f"`{field.alias or name}`", value, words.unit, default, meaning]
     return "| " + " | ".join(cell.replace("|", "\\|") for cell in cells) + " |"
+
+
+def is_kind(name: str, field: FieldInfo) -> bool:
+    """Return True for the key that says of which kind a table is; in Python the class says it."""
+    return name in ("shape", "type", "integrator") and len(get_args(field.annotation)) == 1
 
 
 def _write_default(field: FieldInfo, unit: str) -> str:

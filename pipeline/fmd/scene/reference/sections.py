@@ -86,7 +86,10 @@ charts, pictures and files that are wanted. `fmd new my-part.toml` writes a comm
   name, `base = "propeller"`. Tables of the first level that the file doesn't hold, such as `body` or `output`, come
   from that scene. `set = ["body.beam.length=300mm"]` beside `title` replaces single values of it, as `--set` does.
   The ready scenes are {ready}.
-- **Mistakes** are refused, unknown keys too, by one message with the file, the key, the value and what would work.
+- **Mistakes** are refused, unknown keys too, all in one message, with a line for each: the file and the line in it, the
+  key, the value and what would work.
+- **In Python** each table is a class of the same keys, whose quantities may also be plain numbers in SI units:
+  `Rod(mass=2.0, length="1 m", marker={{}})`.
 
 The tables below give each key's values, its SI unit and its default. A key with a dash may be left out.
 """

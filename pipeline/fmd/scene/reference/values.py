@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import re
 from collections.abc import Iterator, Mapping, Sequence
-from functools import partial
 from types import NoneType, UnionType
 from typing import Annotated, Any, Literal, NamedTuple, Union, get_args, get_origin
 
@@ -12,7 +11,7 @@ from annotated_types import Ge, Gt, Le, Lt, MaxLen, MinLen
 from pydantic import AfterValidator, BaseModel, BeforeValidator
 from pydantic.fields import FieldInfo
 
-from fmd.core.units import NonNegative, Positive, parse_percentage, si_unit, to_si
+from fmd.core.units import NonNegative, Positive, QuantityReader, read_share, si_unit
 from fmd.scene.time_functions import TimeFunction
 
 _PLAIN = {float: "number", int: "whole number", str: "text", bool: "`true` or `false`"}
@@ -111,10 +110,10 @@ def _read_noun(checks: Sequence[Any]) -> tuple[str, str]:
     nouns, unit = [], ""
     for check in checks:
         function = check.func if isinstance(check, AfterValidator | BeforeValidator) else check
-        if isinstance(function, partial) and function.func is to_si:
-            nouns.append(function.keywords["kind"])
-            unit = si_unit(function.keywords["kind"])
-        elif function is parse_percentage:
+        if isinstance(function, QuantityReader):
+            nouns.append(function.kind)
+            unit = si_unit(function.kind)
+        elif function is read_share:
             nouns.append('percentage, e.g. `"1 %"`')
         elif hasattr(function, "description") and not isinstance(function, FieldInfo):
             nouns.append(to_markdown(function.description))

@@ -1,0 +1,86 @@
+"""Scene files as text: finding the file, and reading its TOML."""
+
+from __future__ import annotations
+
+import tomllib
+from importlib.resources import files
+from importlib.resources.abc import Traversable
+from pathlib import Path
+from typing import Any
+
+from fmd.core.errors import InputError
+from fmd.scene.reading import suggest_name
+from fmd.scene.toml_lines import KeyPath, find_lines
+
+_MOST_BYTES = 1_000_000
+
+
+def list_ready_scenes() -> tuple[str, ...]:
+    """List the names of the scenes that come with the package, in alphabetical order."""
+    return tuple(sorted(Path(f.name).stem for f in files("fmd.models").iterdir() if f.name.endswith(".toml")))
+
+
+def find_scene(name: str) -> Traversable:
+    """Find a ready scene by its name, or a file by its path; raises ``InputError`` if no ready scene has the name."""
+    path = Path(name)
+    if path.name != name or path.suffix:
+        return path
+    if name not in list_ready_scenes():
+        mend = f"no such ready scene; {suggest_name(name, list_ready_scenes(), 'the ready scenes')}"
+        raise InputError(name or "scene", "", None, f"{mend}; your own needs its path, e.g. my-scene.toml")
+    return files("fmd.models") / f"{name}.toml"
+
+
+def read_tables(source: Traversable) -> dict[str, Any]:
+    """Read the tables of a scene file; raises as `read_with_lines`."""
+    return read_with_lines(source)[0]
+
+
+def read_with_lines(source: Traversable) -> tuple[dict[str, Any], dict[KeyPath, int]]:
+    """Read the tables of a scene file, and the line that each key of them stands on.
+
+    Raises
+    ------
+    InputError
+        It can't be read, or isn't TOML; the message says what and where.
+    """
+    file = str(source)
+    text = _read(file, source)
+    return _parse(file, text), find_lines(text)
+
+
+def _read(file: str, source: Traversable) -> str:
+    try:
+        if source.is_dir():
+            raise InputError(file, "", None, "is a folder; give the scene file in it")
+        if not source.is_file():
+            raise InputError(file, "", None, f"no such file; the ready scenes: {', '.join(list_ready_scenes())}")
+        with source.open("rb") as stream:
+            content = stream.read(_MOST_BYTES + 1)
+    except (OSError, ValueError) as error:
+        raise InputError(file, "", None, f"can't be read: {error}") from None
+    if len(content) > _MOST_BYTES:
+        raise InputError(file, "", None, "is over 1 MB; a scene file is text of a few kB")
+    try:
+        return content.decode("utf-8-sig")
+    except UnicodeDecodeError:
+        raise InputError(file, "", None, "isn't text in UTF-8; a scene file is TOML") from None
+
+
+def _parse(file: str, text: str) -> dict[str, Any]:
+    try:
+        return tomllib.loads(text)
+    except (ValueError, RecursionError) as error:
+        lines = text.split("\n")
+        end = f"at line {len(lines)}, column {len(lines[-1]) + 1}"
+        mend = f"isn't valid TOML: {error}".replace("at end of document", end)
+        raise InputError(file, "", None, mend) from None
+
+
+def parse_value(text: str) -> object:
+    """Parse a TOML value; text that isn't one is returned as a string."""
+    try:
+        table = tomllib.loads(f"value = {text}")
+    except (ValueError, RecursionError):
+        return text
+    return table["value"] if len(table) == 1 else text
