@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Iterator
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 from math import nan
 from statistics import median
 from typing import NamedTuple
@@ -11,14 +11,11 @@ from typing import NamedTuple
 from fmd.core.arrays import Array
 from fmd.core.errors import AccuracyError
 from fmd.dynamics.system import System
-from fmd.integrators.central_difference import CentralDifference
 from fmd.integrators.exponential import Exponential
-from fmd.integrators.generalized_alpha import GeneralizedAlpha
 from fmd.integrators.protocol import Integrator, Trajectory
 from fmd.integrators.rosenbrock import ExponentialRosenbrock
 from fmd.integrators.runge_kutta import RungeKutta
-from fmd.integrators.scipy_ivp import ScipyIvp
-from fmd.integrators.subcycling import Subcycling
+from fmd.scene.runs import RUNS
 
 
 class Errors(NamedTuple):
@@ -33,6 +30,7 @@ ErrorsOf = Callable[[Trajectory, Trajectory], Errors]
 """A function that returns the errors of one trajectory against another."""
 
 _MOST_SECONDS = 2.0  # a march longer than this ends its method's range
+_STABLE = 0.9  # of the largest stable step
 
 
 @dataclass(frozen=True)
@@ -130,19 +128,12 @@ def compare(
 def _families(system: System, duration: float) -> Iterator[Iterator[tuple[str, Integrator]]]:
     """Yield each method's range, coarse to fine; steps divide a fifth of the duration, where a drive may end."""
     steps = [duration / (5 * 2**k) for k in range(3, 20)]
-    plain = CentralDifference(1.0)
-    explicit = [step for step in steps if step < 0.9 * plain.largest_step(system)][:7]
-    yield ((plain.name, replace(plain, step=step)) for step in explicit)
-    for m in (5, 10):
-        method = Subcycling(1.0, m)
-        stable = [step for step in explicit if step < 0.9 * method.largest_step(system)]
-        yield ((f"{method.name} {m}:1", replace(method, step=step)) for step in stable)
+    explicit = [step for step in steps if step < _STABLE * system.largest_step][:7]
     coarse = [step for step in steps if step >= explicit[-1]]
-    yield (("generalized-alpha", GeneralizedAlpha(step)) for step in coarse)
-    if system.n_positions == system.n:
-        bound = Exponential(1.0).largest_step(system)
-        yield (("exponential", Exponential(step)) for step in coarse if step < 0.9 * bound)
-    yield (("exponential-rosenbrock", ExponentialRosenbrock(10.0**-k)) for k in range(2, 11))
-    yield (("runge-kutta", RungeKutta(10.0**-k)) for k in range(2, 13, 2))
-    for name in ("Radau", "LSODA"):
-        yield ((name, ScipyIvp(name, 10.0**-k)) for k in range(3, 12, 2))
+    for run in RUNS:
+        for family in run.ladders(explicit, coarse):
+            yield (
+                (f"{method.name} {method.substeps}:1" if method.substeps > 1 else method.name, method)
+                for method in family
+                if method.suits(system) and method.step < _STABLE * method.largest_step(system)
+            )

@@ -59,11 +59,11 @@ _SHORTER = 1.5  # times as many steps, where stable ones of the reference state 
 _COMPARED = 100  # output times at which two marches are compared, at least
 _WORTH_A_CORE = 1.5e7  # operations of a march, beside which another thread's start is short
 _GAINS = {
-    "exponential": Gain(3.0, 0.0, math.inf),
-    "runge-kutta": Gain(5.0, 3.0, 30.0),
-    "exponential-rosenbrock": Gain(3.0, 1.0, 6.0),
-    "central-difference": Gain(1.8, 0.0, 1.0, 0.7),
-    "generalized-alpha": Gain(1.8, 0.0, 1.0, 0.7),
+    PiecewiseExponential.name: Gain(3.0, 0.0, math.inf),
+    RungeKutta.name: Gain(5.0, 3.0, 30.0),
+    ExponentialRosenbrock.name: Gain(3.0, 1.0, 6.0),
+    CentralDifference.name: Gain(1.8, 0.0, 1.0, 0.7),
+    GeneralizedAlpha.name: Gain(1.8, 0.0, 1.0, 0.7),
 }
 """What is believed of each method where not all vibrations are resolved.
 
@@ -103,7 +103,7 @@ class _Marches:
 
 
 @dataclass(frozen=True)
-class Automatic:
+class Automatic(Integrator):
     """Method that marches with finer and finer steps until two marches tell an error below ``error``.
 
     Where modes and joints don't couple through the mass matrix, or few of the longest stable steps cover the duration,

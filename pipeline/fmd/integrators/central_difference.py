@@ -6,6 +6,7 @@ Stable for ω_max h < 2.
 
 from __future__ import annotations
 
+from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
 from typing import Any
 
@@ -16,7 +17,9 @@ from fmd.dynamics.jit.compiled import aligned, meaning
 from fmd.dynamics.system import System, advance, leapfrog_step
 from fmd.integrators.fixed_step import SingleSteps, march_fixed_steps, runs_away, sample_within, take_steps
 from fmd.integrators.protocol import (
+    Integrator,
     Progress,
+    ResumableIntegrator,
     State,
     Trajectory,
     march_from,
@@ -26,7 +29,7 @@ from fmd.integrators.protocol import (
 
 
 @dataclass(frozen=True)
-class CentralDifference:
+class CentralDifference(ResumableIntegrator):
     """Central difference method with a constant step [s]: explicit, of order 2."""
 
     step: float
@@ -43,6 +46,11 @@ class CentralDifference:
     def largest_step(self, system: System) -> float:
         """Return ``2/ω_max`` of the coupled system, less what its dampers take [s]."""
         return system.largest_step
+
+    @classmethod
+    def ladders(cls, explicit: Sequence[float], coarse: Sequence[float]) -> Iterator[Sequence[Integrator]]:
+        """Yield the method with every stable step."""
+        yield [cls(step) for step in explicit]
 
     def march(self, system: System, q0: Array, v0: Array, times: Array, progress: Progress | None = None) -> Trajectory:
         """Integrate from time 0 to the last of ``times``."""

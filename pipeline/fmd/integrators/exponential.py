@@ -9,6 +9,7 @@ matrix functions φ₁, φ₂, φ₃ of the method.
 from __future__ import annotations
 
 import math
+from collections.abc import Iterator, Sequence
 from dataclasses import dataclass, replace
 from itertools import pairwise
 from typing import Any
@@ -20,7 +21,9 @@ from fmd.dynamics.jit.compiled import aligned, inner, kernel, meaning
 from fmd.dynamics.system import System, accelerations, project
 from fmd.integrators.fixed_step import SingleSteps, march_fixed_steps, runs_away, sample_within, take_steps
 from fmd.integrators.protocol import (
+    Integrator,
     Progress,
+    ResumableIntegrator,
     State,
     Trajectory,
     march_from,
@@ -34,7 +37,7 @@ _ROUND_OFF = 1e-9  # of the highest squared frequency: less doesn't couple
 
 
 @dataclass(frozen=True)
-class Exponential:
+class Exponential(ResumableIntegrator):
     """Exponential method of order 4 with a constant step [s], for mechanisms without rotations in space."""
 
     step: float
@@ -60,6 +63,34 @@ class Exponential:
         coupling = np.linalg.solve(M, stiffest) - np.diag(K.diagonal() / M.diagonal())
         squared = float(np.abs(np.linalg.eigvals(coupling)).max(initial=0.0))
         return 2.0 / math.sqrt(squared) if squared > _ROUND_OFF * system.highest_frequency**2 else np.inf
+
+    @classmethod
+    def ladders(cls, explicit: Sequence[float], coarse: Sequence[float]) -> Iterator[Sequence[Integrator]]:
+        """Yield the method with every step beyond the stable ones."""
+        yield [cls(step) for step in coarse]
+
+    def suits(self, system: System) -> bool:
+        """Return true for a system without rotations in space, whose quaternions are no oscillators."""
+        return system.n_positions == system.n
+
+    def may_grow(self, system: Any) -> bool:
+        """Tell whether the stages' explicit part may couple away from the reference state, or dampers act in a step."""
+        if system.coupled:
+            return True
+        M, _, C = system.stiffest_matrices
+        return bool(self.step * np.abs(np.linalg.eigvals(np.linalg.solve(M, C))).max(initial=0.0) > 1.0)
+
+    def lost_phase(self, system: System, duration: float) -> float:
+        """Return how much of the fastest vibration's phase round-off hides after a duration [rad]."""
+        return float(np.sqrt(system.stiffness.max(initial=0.0))) * duration * float(np.finfo(float).eps)
+
+    def describe_limit(self, system: Any) -> str:
+        """Say which coupling limits the step."""
+        stops = ", and of end stops" if np.any(system.linear_forces.stop_K) else ""
+        return (
+            f"2/ω with {1 / (np.pi * self.largest_step(system)):.5g} Hz, the frequency of what couples joints and "
+            f"modes through the mass matrix{stops}, which this method doesn't solve exactly"
+        )
 
     def march(self, system: System, q0: Array, v0: Array, times: Array, progress: Progress | None = None) -> Trajectory:
         """Integrate from time 0 to the last of ``times``."""
@@ -97,7 +128,7 @@ class Exponential:
 
 
 @dataclass(frozen=True)
-class PiecewiseExponential:
+class PiecewiseExponential(Integrator):
     """Exponential method that starts anew at each breakpoint of the loads, with a constant step between two of them.
 
     Parameters
@@ -158,7 +189,7 @@ class PiecewiseExponential:
 
 
 def _require_oscillators(system: System) -> None:
-    """Raise ``ValueError`` if a mechanism has a rotation in space, whose quaternion is no oscillator."""
+    """Raise ``ValueError`` if a mechanism has a rotation in space."""
     if system.n_positions != system.n:
         raise ValueError("the exponential method takes no rotations in space; use another integrator")
 

@@ -10,6 +10,7 @@ converges fast.
 from __future__ import annotations
 
 import math
+from collections.abc import Iterator, Sequence
 from dataclasses import dataclass, replace
 from functools import cached_property
 from typing import Any
@@ -33,7 +34,9 @@ from fmd.integrators.fixed_step import (
     take_steps,
 )
 from fmd.integrators.protocol import (
+    Integrator,
     Progress,
+    ResumableIntegrator,
     State,
     Trajectory,
     evaluate,
@@ -49,7 +52,7 @@ _settles = inlined(settles)
 
 
 @dataclass(frozen=True)
-class GeneralizedAlpha:
+class GeneralizedAlpha(ResumableIntegrator):
     """Generalised-α method with a constant step: implicit, of order 2.
 
     Parameters
@@ -84,6 +87,11 @@ class GeneralizedAlpha:
     def largest_step(self, system: System) -> float:
         """Return infinity: the method is stable for linear systems at any step."""
         return np.inf
+
+    @classmethod
+    def ladders(cls, explicit: Sequence[float], coarse: Sequence[float]) -> Iterator[Sequence[Integrator]]:
+        """Yield the method with every step beyond the stable ones."""
+        yield [cls(step) for step in coarse]
 
     def march(self, system: System, q0: Array, v0: Array, times: Array, progress: Progress | None = None) -> Trajectory:
         """Integrate from time 0 to the last of ``times``."""

@@ -130,8 +130,7 @@ class WorkCheck:
                 raise StabilityError(
                     f"{name}: steps of {self._step:.4g} s{held} miss {passes.share:.0%} of the work of {passes.name}, "
                     f"whose force changes too fast at {passes.place:.4g} {passes.unit}; a step of "
-                    f"{round_down(self._step / shorter):g} s works, and auto, runge-kutta and exponential-rosenbrock "
-                    "find theirs"
+                    f"{round_down(self._step / shorter):g} s works, and methods that choose their steps find theirs"
                 )
 
 

@@ -2,9 +2,10 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable
+from abc import ABC, abstractmethod
+from collections.abc import Callable, Iterator, Sequence
 from dataclasses import dataclass, field, replace
-from typing import Any, Protocol
+from typing import Any
 
 import numpy as np
 
@@ -12,6 +13,9 @@ from fmd.core.arrays import Array, require_finite, require_shape
 from fmd.core.short_repr import short_repr
 from fmd.dynamics.jit.compiled import aligned, kernel, meaning
 from fmd.dynamics.system import System, accelerations, advance, close_gaps, project, velocities
+
+_DAMPED = 1.01  # step without dampers over that with them, from which they are named
+_ROUND_OFF = 1e-12
 
 Progress = Callable[[float], None]
 """Called with the part of the march that is done, 0…1."""
@@ -98,30 +102,81 @@ class Trajectory:
     __repr__ = short_repr
 
 
-class Integrator(Protocol):
-    """Method of time integration with its settings."""
+class Integrator(ABC):
+    """Method of time integration with its settings; most methods share the answers that stand here.
 
-    @property
-    def name(self) -> str:
-        """Name of the method in a scene."""
+    Attributes
+    ----------
+    name : str
+        Name of the method in a scene.
+    step : float
+        Fast step [s]; 0 if the method chooses its steps.
+    substeps : int
+        Fast steps to one slow step.
+    """
 
-    @property
-    def step(self) -> float:
-        """Fast step [s]; 0 if the method chooses its steps."""
+    name: str
+    step: float
+    substeps: int = 1
 
+    @abstractmethod
     def order(self, system: System) -> int:
         """Declared order of convergence for a system."""
 
+    @abstractmethod
     def largest_step(self, system: System) -> float:
         """Largest stable fast step for a system [s]; infinity if there is none."""
 
+    @abstractmethod
     def march(self, system: System, q0: Array, v0: Array, times: Array, progress: Progress | None = None) -> Trajectory:
         """Integrate from ``q0``, ``v0`` at time 0 to the last of ``times``, with output at each of them."""
 
+    def suits(self, system: System) -> bool:
+        """Tell whether the method integrates a system's kinds of coordinates."""
+        return True
 
-class ResumableIntegrator(Integrator, Protocol):
+    def load_cycle(self, system: System) -> int:
+        """Return the number of steps between two samples of the loads."""
+        return 1
+
+    def may_grow(self, system: Any) -> bool:
+        """Tell whether vibrations may grow by the method though no step is too long."""
+        return False
+
+    def lost_phase(self, system: System, duration: float) -> float:
+        """Return how much of the fastest vibration's phase round-off hides after a duration, if no step is too long."""
+        return 0.0
+
+    def fast_frequency(self, system: System) -> float:
+        """Return the highest angular frequency that a fast step has to resolve [rad/s]."""
+        return system.highest_frequency
+
+    def describe_limit(self, system: Any) -> str:
+        """Say which frequency limits the step, and what dampers take of that."""
+        limit, m, omega = self.largest_step(system), self.substeps, self.fast_frequency(system)
+        undamped, which = 2.0 / omega, "2/ω of its highest frequency"
+        if m > 1 and system.largest_slow_step <= limit * m * (1.0 + _ROUND_OFF):
+            omega, which = system.highest_slow_frequency, "2/(m ω) of its slow coordinates"
+            undamped = 2.0 / (m * omega)
+        text = f"{which}, {omega / (2 * np.pi):.5g} Hz"
+        return text if undamped <= _DAMPED * limit else f"{text}; without dampers it would be {undamped:.4g} s"
+
+    @classmethod
+    def ladders(cls, explicit: Sequence[float], coarse: Sequence[float]) -> Iterator[Sequence[Integrator]]:
+        """Yield families of this method, coarse to fine, for a comparison of run time and error.
+
+        Parameters
+        ----------
+        explicit, coarse : sequence of float
+            Steps that central difference is stable with, and longer ones up to the shortest of those [s].
+        """
+        yield from ()
+
+
+class ResumableIntegrator(Integrator):
     """Integrator that continues from the end of a march: all of ours but the automatic choice and SciPy's."""
 
+    @abstractmethod
     def resume(self, system: System, start: State, times: Array, progress: Progress | None = None) -> Trajectory:
         """Continue from a state that a march of this method has ended in; earlier output times stay NaN.
 

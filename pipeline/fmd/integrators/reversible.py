@@ -26,7 +26,7 @@ whose pole terms grow with z; all its roots are in [−2, 2], and |λ| = 1, exac
 
 from __future__ import annotations
 
-from dataclasses import dataclass, replace
+from dataclasses import dataclass, field, replace
 from typing import Any
 
 import numpy as np
@@ -46,6 +46,7 @@ from fmd.integrators.fixed_step import (
 )
 from fmd.integrators.protocol import (
     Progress,
+    ResumableIntegrator,
     State,
     Trajectory,
     march_from,
@@ -55,7 +56,7 @@ from fmd.integrators.protocol import (
 
 
 @dataclass(frozen=True)
-class ReversibleSubcycling:
+class ReversibleSubcycling(ResumableIntegrator):
     """Reversible sub-cycling by a fast step [s] and a number of fast steps to a major cycle.
 
     A state's rates are at its own time; ``a`` holds the accelerations of y and q_S, ``memory`` the last change of q_S,
@@ -63,7 +64,7 @@ class ReversibleSubcycling:
     """
 
     step: float
-    substeps: int
+    substeps: int = field()  # none by default
 
     name = "reversible-sub-cycling"
 
@@ -77,6 +78,14 @@ class ReversibleSubcycling:
     def largest_step(self, system: System) -> float:
         """Return the longest step that slow coordinates, and fast ones with the slow free to react, allow [s]."""
         return min(system.largest_reacting_step, system.largest_slow_step / self.substeps)
+
+    def load_cycle(self, system: System) -> int:
+        """Return the steps of a cycle, over which loads are held."""
+        return self.substeps
+
+    def fast_frequency(self, system: System) -> float:
+        """Return the highest angular frequency of the fast coordinates with the slow ones free to react [rad/s]."""
+        return system.highest_reacting_frequency if self.substeps > 1 else system.highest_frequency
 
     def march(self, system: System, q0: Array, v0: Array, times: Array, progress: Progress | None = None) -> Trajectory:
         """Integrate from time 0 until the major cycle that holds the last of ``times`` is complete."""

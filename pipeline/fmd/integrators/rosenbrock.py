@@ -14,6 +14,7 @@ u₁ is of order 4, û of order 3; their difference steers the step. Between, g 
 from __future__ import annotations
 
 import math
+from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
 from typing import Any
 
@@ -38,7 +39,15 @@ from fmd.integrators.adaptive import (
     try_step,
 )
 from fmd.integrators.phi_functions import fill_phi_functions
-from fmd.integrators.protocol import Progress, State, Trajectory, march_from, require_tolerance
+from fmd.integrators.protocol import (
+    Integrator,
+    Progress,
+    ResumableIntegrator,
+    State,
+    Trajectory,
+    march_from,
+    require_tolerance,
+)
 
 _LEVELS = 28  # of doublings at most
 _NUDGE = 1.5e-8  # of a coordinate, or of 1
@@ -47,7 +56,7 @@ _ROUND_OFF = 1e-15  # of the largest rate and acceleration so far, and of what t
 
 
 @dataclass(frozen=True)
-class ExponentialRosenbrock:
+class ExponentialRosenbrock(ResumableIntegrator):
     """Exponential Rosenbrock method of order 4 that chooses its steps by a relative ``tolerance`` of each."""
 
     tolerance: float = 1e-6
@@ -65,6 +74,11 @@ class ExponentialRosenbrock:
     def largest_step(self, system: System) -> float:
         """Return infinity: the step follows the error."""
         return math.inf
+
+    @classmethod
+    def ladders(cls, explicit: Sequence[float], coarse: Sequence[float]) -> Iterator[Sequence[Integrator]]:
+        """Yield the method with nine tolerances."""
+        yield [cls(10.0**-k) for k in range(2, 11)]
 
     def march(self, system: System, q0: Array, v0: Array, times: Array, progress: Progress | None = None) -> Trajectory:
         """Integrate from time 0 until the last of ``times`` is passed."""

@@ -7,6 +7,7 @@ Nørsett & Wanner, Solving Ordinary Differential Equations I (1993), section II.
 from __future__ import annotations
 
 import math
+from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
 from functools import lru_cache
 from typing import Any
@@ -33,7 +34,15 @@ from fmd.integrators.adaptive import (
     set_trial,
     try_step,
 )
-from fmd.integrators.protocol import Progress, State, Trajectory, march_from, require_tolerance
+from fmd.integrators.protocol import (
+    Integrator,
+    Progress,
+    ResumableIntegrator,
+    State,
+    Trajectory,
+    march_from,
+    require_tolerance,
+)
 
 DAMPED = 5.5  # radians in a step at which an undamped vibration shrinks most, by 0.70
 _E3, _E5, _D = 16, 17, 18  # rows of the weights after those of the stages
@@ -94,7 +103,7 @@ def _steps(n_all: int) -> RungeKuttaSteps:
 
 
 @dataclass(frozen=True)
-class RungeKutta:
+class RungeKutta(ResumableIntegrator):
     """Runge–Kutta method of order 8 that chooses its steps by a relative ``tolerance`` of each.
 
     A step has at most so many radians of the highest frequency of the reference state as ``reach`` says. It can't have
@@ -119,6 +128,11 @@ class RungeKutta:
     def largest_step(self, system: System) -> float:
         """Return infinity: the error keeps the step to stable ones."""
         return math.inf
+
+    @classmethod
+    def ladders(cls, explicit: Sequence[float], coarse: Sequence[float]) -> Iterator[Sequence[Integrator]]:
+        """Yield the method with six tolerances."""
+        yield [cls(10.0**-k) for k in range(2, 13, 2)]
 
     def march(self, system: System, q0: Array, v0: Array, times: Array, progress: Progress | None = None) -> Trajectory:
         """Integrate from time 0 until the last of ``times`` is passed."""

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import time
-from collections.abc import Callable
+from collections.abc import Callable, Iterator, Sequence
 from dataclasses import dataclass
 from typing import Any, Literal
 
@@ -17,6 +17,7 @@ from fmd.dynamics.watch import Watch, begin_watch_of, passed_part_of, watch_of
 from fmd.integrators.adaptive import SMALLEST
 from fmd.integrators.endless import StepsLeft
 from fmd.integrators.protocol import (
+    Integrator,
     Progress,
     State,
     Trajectory,
@@ -28,13 +29,14 @@ from fmd.integrators.protocol import (
 )
 
 _METHODS = {"DOP853": DOP853, "Radau": Radau, "LSODA": LSODA}
+IN_SCENES: tuple[Literal["Radau", "LSODA"], ...] = ("Radau", "LSODA")
 _ORDERS = {"DOP853": 8, "Radau": 5, "LSODA": 12}
 _MOST_STEPS, _OVER = 1e8, 2000  # steps that never come to an end, by the mean of so many
 _FAR = 1e9  # [s]: neither an output time nor the end shortens a step, or sets the first one
 
 
 @dataclass(frozen=True)
-class ScipyIvp:
+class ScipyIvp(Integrator):
     """One of SciPy's methods; it chooses its steps by a relative tolerance, and starts anew where a load jumps.
 
     Parameters
@@ -62,6 +64,11 @@ class ScipyIvp:
     def largest_step(self, system: System) -> float:
         """Return infinity: the method keeps to stable steps by itself."""
         return np.inf
+
+    @classmethod
+    def ladders(cls, explicit: Sequence[float], coarse: Sequence[float]) -> Iterator[Sequence[Integrator]]:
+        """Yield the implicit and the switching method, each with five tolerances."""
+        yield from ([cls(name, 10.0**-k) for k in range(3, 12, 2)] for name in IN_SCENES)
 
     def march(self, system: System, q0: Array, v0: Array, times: Array, progress: Progress | None = None) -> Trajectory:
         """Integrate from time 0 until the last of ``times`` is passed.

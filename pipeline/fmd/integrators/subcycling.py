@@ -11,7 +11,8 @@ m = 1 is central difference, bit for bit.
 
 from __future__ import annotations
 
-from dataclasses import dataclass, replace
+from collections.abc import Iterator, Sequence
+from dataclasses import dataclass, field, replace
 from typing import Any
 
 import numpy as np
@@ -31,7 +32,9 @@ from fmd.integrators.fixed_step import (
     take_steps,
 )
 from fmd.integrators.protocol import (
+    Integrator,
     Progress,
+    ResumableIntegrator,
     State,
     Trajectory,
     march_from,
@@ -41,7 +44,7 @@ from fmd.integrators.protocol import (
 
 
 @dataclass(frozen=True)
-class Subcycling:
+class Subcycling(ResumableIntegrator):
     """Sub-cycling by a fast step [s] and a number of fast steps to a major cycle.
 
     Where slow and fast coordinates couple through the mass matrix, the slow acceleration held over the cycle makes
@@ -49,7 +52,7 @@ class Subcycling:
     """
 
     step: float
-    substeps: int
+    substeps: int = field()  # none by default
 
     name = "sub-cycling"
 
@@ -65,6 +68,19 @@ class Subcycling:
         if self.substeps == 1:
             return system.largest_step
         return min(system.largest_fast_step, system.largest_slow_step / self.substeps)
+
+    @classmethod
+    def ladders(cls, explicit: Sequence[float], coarse: Sequence[float]) -> Iterator[Sequence[Integrator]]:
+        """Yield two ratios, each with every step that plain central difference takes."""
+        yield from ([cls(step, m) for step in explicit] for m in (5, 10))
+
+    def load_cycle(self, system: System) -> int:
+        """Return the steps of a cycle, over which loads are held, if there are slow coordinates."""
+        return self.substeps if system.n_slow else 1
+
+    def fast_frequency(self, system: System) -> float:
+        """Return the highest angular frequency of the fast coordinates alone [rad/s]."""
+        return system.highest_fast_frequency if self.substeps > 1 else system.highest_frequency
 
     def march(self, system: System, q0: Array, v0: Array, times: Array, progress: Progress | None = None) -> Trajectory:
         """Integrate from time 0 until the major cycle that holds the last of ``times`` is complete."""

@@ -14,14 +14,14 @@ def coupling_warnings(run: Pipeline) -> list[dict[str, str]]:
     found = []
     for label, plan in run.plans.items():
         system = plan.system
-        if getattr(plan.integrator, "substeps", 1) == 1 or not 0 < system.n_slow < system.n:
+        if plan.integrator.substeps == 1 or not 0 < system.n_slow < system.n:
             continue
         beta = inertial_coupling(system.linear_matrices[0], system.n_slow)
         if beta > STRONG:
             text = (
                 f"{label}: slow and fast coordinates share almost all of their inertia (β = {beta:.5g}, 1 - β² = "
                 f"{1 - beta**2:.2g}), so this run's error can be far larger than that of central differences with the "
-                "same fast step; compare it with a run by runge-kutta, auto or central-difference, or take one of these"
+                "same fast step; compare it with a run by a method without sub-cycling, or take that"
             )
             found.append({"code": "inertial-coupling", "run": label, "text": text})
     return found

@@ -21,7 +21,7 @@ from fmd.scene.outputs import JOINT_QUANTITIES, MECHANISM_FORMATS, Chart, Export
 from fmd.scene.pictures import BodyPicture, Film, MechanismView, StressPicture
 from fmd.scene.reading import FaultError, UnknownNameError, suggest_name
 from fmd.scene.responses import FrequencyResponseChart
-from fmd.scene.runs import ScipyRun
+from fmd.scene.runs import name_methods
 from fmd.scene.simulation import Simulation
 
 _SINGLE = ("revolute", "prismatic", "screw")  # the joints with one coordinate
@@ -150,8 +150,8 @@ class CrossCheck:
                             "has no effect: simulation.start is 'equilibrium', at rest", "joint", name, key
                         )
         for number, run in enumerate(self.simulation.run):
-            if isinstance(run, ScipyRun) and closing_joints(self.joint):
-                mend = "runge-kutta, exponential-rosenbrock and auto do"
+            if not run.keeps_loops and closing_joints(self.joint):
+                mend = f"{name_methods('chooses_steps', 'keeps_loops')} do"
                 yield FaultError(f"doesn't keep loops closed; {mend}", "simulation", "run", number, "integrator")
         for number, name in enumerate(self.simulation.fast):
             yield from self._check_joint(name, _SINGLE, "the fast list", "simulation", "fast", number)

@@ -2,18 +2,20 @@
 
 from __future__ import annotations
 
-from typing import Annotated, Any, ClassVar, Literal
+from typing import Annotated, Any, ClassVar, Literal, get_args
 
 from pydantic import BeforeValidator, Field, model_validator
 
-from fmd.core.units import PositiveFrequency, PositiveTime
-from fmd.scene.reading import FaultError, SceneTable
-from fmd.scene.values import Count, Number
+from fmd.core.units import PositiveTime
+from fmd.scene.reading import FaultError
+from fmd.scene.run_table import RunTable, SteeredRun
+from fmd.scene.sub_cycled_runs import ReversibleSubCyclingRun, SubCyclingRun
+from fmd.scene.values import Number
 
 Tolerance = Annotated[Number, Field(ge=3e-14, lt=1.0)]
 
 
-class CentralDifferenceRun(SceneTable):
+class CentralDifferenceRun(RunTable):
     """Central differences in leapfrog form: explicit, order 2, stable for steps below 2 / ω of the highest mode.
 
     Parameters
@@ -30,77 +32,19 @@ class CentralDifferenceRun(SceneTable):
         step = "10 us"
     """
 
+    title: ClassVar[str] = "Central differences"
+
     integrator: Literal["central-difference"]
     step: PositiveTime | None = None
 
+    @staticmethod
+    def _method() -> type[Any]:
+        from fmd.integrators.central_difference import CentralDifference
 
-class SubCyclingRun(SceneTable):
-    """Central differences with small steps for fast coordinates and large ones for slow coordinates.
-
-    Miao, Zhu, Shi & Chen, Comput Mech 41 (2008) 269-277, eqs. (8)-(11). Where slow and fast coordinates couple through
-    the mass matrix it is weakly unstable at any step; ``fmd stability`` computes what a scene stands.
-
-    Parameters
-    ----------
-    substeps : int or str
-        Number of fast steps in a slow one; ``"auto"`` chooses it together with the split.
-    split : float or str
-        Which coordinates are slow: all joints but those in ``simulation.fast`` (``"joints"``), every coordinate below
-        a frequency [Hz], or the choice with the least work for the wanted error (``"auto"``).
-    step : float, optional
-        Fast step [s]; by default the simulation's step.
-
-    Examples
-    --------
-    ::
-
-        [[simulation.run]]
-        integrator = "sub-cycling"
-        substeps = 10
-        split = "1 kHz"
-    """
-
-    integrator: Literal["sub-cycling"]
-    substeps: Count | Literal["auto"]
-    split: Literal["joints", "auto"] | PositiveFrequency = "joints"
-    step: PositiveTime | None = None
-
-    @model_validator(mode="after")
-    def _both_or_none(self) -> SubCyclingRun:
-        if (self.substeps == "auto") != (self.split == "auto"):
-            raise FaultError("is chosen together with the split: give both 'auto' or none", "substeps")
-        return self
+        return CentralDifference
 
 
-class ReversibleSubCyclingRun(SceneTable):
-    """Sub-cycling that stays stable with inertial coupling: slow coordinates react in every fast step; order 2.
-
-    Parameters
-    ----------
-    substeps : int
-        Number of fast steps in a slow one; with 1 it is central differences.
-    split : float or str
-        Which coordinates are slow: all joints but those in ``simulation.fast`` (``"joints"``), or every coordinate
-        below a frequency [Hz].
-    step : float, optional
-        Fast step [s]; by default the simulation's step.
-
-    Examples
-    --------
-    ::
-
-        [[simulation.run]]
-        integrator = "reversible-sub-cycling"
-        substeps = 10
-    """
-
-    integrator: Literal["reversible-sub-cycling"]
-    substeps: Count
-    split: Literal["joints"] | PositiveFrequency = "joints"
-    step: PositiveTime | None = None
-
-
-class ExponentialRun(SceneTable):
+class ExponentialRun(RunTable):
     """Exponential Runge-Kutta method of order 4 (ETDRK4) that solves the modal oscillators exactly.
 
     It takes no joint with rotations in space: no spherical and no free joint.
@@ -119,11 +63,20 @@ class ExponentialRun(SceneTable):
         step = "1 ms"
     """
 
+    title: ClassVar[str] = "Exponential"
+    limit_remedy: ClassVar[str] = "; exponential-rosenbrock does"
+
     integrator: Literal["exponential"]
     step: PositiveTime | None = None
 
+    @staticmethod
+    def _method() -> type[Any]:
+        from fmd.integrators.exponential import Exponential
 
-class RosenbrockRun(SceneTable):
+        return Exponential
+
+
+class RosenbrockRun(SteeredRun):
     """Exponential Rosenbrock method of order 4 that linearises anew in each step and chooses its steps.
 
     Parameters
@@ -140,13 +93,19 @@ class RosenbrockRun(SceneTable):
         tolerance = 1e-8
     """
 
+    title: ClassVar[str] = "Exponential Rosenbrock"
+
     integrator: Literal["exponential-rosenbrock"]
     tolerance: Tolerance = 1e-6
 
-    step: ClassVar[None] = None
+    @staticmethod
+    def _method() -> type[Any]:
+        from fmd.integrators.rosenbrock import ExponentialRosenbrock
+
+        return ExponentialRosenbrock
 
 
-class RungeKuttaRun(SceneTable):
+class RungeKuttaRun(SteeredRun):
     """Runge-Kutta method of order 8 by Dormand and Prince, explicit, that chooses its steps.
 
     Parameters
@@ -163,13 +122,19 @@ class RungeKuttaRun(SceneTable):
         tolerance = 1e-8
     """
 
+    title: ClassVar[str] = "Runge-Kutta"
+
     integrator: Literal["runge-kutta"]
     tolerance: Tolerance = 1e-9
 
-    step: ClassVar[None] = None
+    @staticmethod
+    def _method() -> type[Any]:
+        from fmd.integrators.runge_kutta import RungeKutta
+
+        return RungeKutta
 
 
-class GeneralizedAlphaRun(SceneTable):
+class GeneralizedAlphaRun(RunTable):
     """Generalised-α method: implicit, order 2, with damping of the high frequencies that its step can't resolve.
 
     Parameters
@@ -189,6 +154,9 @@ class GeneralizedAlphaRun(SceneTable):
         step = "50 us"
     """
 
+    title: ClassVar[str] = "Generalised alpha"
+    passes_over: ClassVar[bool] = True
+
     integrator: Literal["generalized-alpha"]
     rho: Annotated[Number, Field(ge=0.0, le=1.0)] = 0.8
     step: PositiveTime | None = None
@@ -201,8 +169,17 @@ class GeneralizedAlphaRun(SceneTable):
             raise FaultError(message, "tolerance")
         return table
 
+    @staticmethod
+    def _method() -> type[Any]:
+        from fmd.integrators.generalized_alpha import GeneralizedAlpha
 
-class ScipyRun(SceneTable):
+        return GeneralizedAlpha
+
+    def _settings(self, step: float, error: float, duration: float) -> tuple[Any, ...]:
+        return step, self.rho
+
+
+class ScipyRun(SteeredRun):
     """Methods of SciPy that choose their steps, as references: Radau is implicit, LSODA switches by stiffness.
 
     Parameters
@@ -219,13 +196,23 @@ class ScipyRun(SceneTable):
         tolerance = 1e-8
     """
 
+    title: ClassVar[str] = "Methods of SciPy"
+    keeps_loops: ClassVar[bool] = False
+
     integrator: Literal["Radau", "LSODA"]
     tolerance: Tolerance = 1e-9
 
-    step: ClassVar[None] = None
+    @staticmethod
+    def _method() -> type[Any]:
+        from fmd.integrators.scipy_ivp import ScipyIvp
+
+        return ScipyIvp
+
+    def _settings(self, step: float, error: float, duration: float) -> tuple[Any, ...]:
+        return self.integrator, self.tolerance
 
 
-class AutoRun(SceneTable):
+class AutoRun(SteeredRun):
     """The integrator that is cheapest for the mechanism, with a step for the wanted error.
 
     It marches with shorter and shorter steps until two integrations agree to ``simulation.error``: by ``exponential``
@@ -241,9 +228,18 @@ class AutoRun(SceneTable):
         integrator = "auto"
     """
 
+    title: ClassVar[str] = "Automatic"
+
     integrator: Literal["auto"]
 
-    step: ClassVar[None] = None
+    @staticmethod
+    def _method() -> type[Any]:
+        from fmd.integrators.automatic import Automatic
+
+        return Automatic
+
+    def _settings(self, step: float, error: float, duration: float) -> tuple[Any, ...]:
+        return error, duration
 
 
 def _refuse_dop853(table: Any) -> Any:
@@ -265,3 +261,11 @@ Run = Annotated[
     Field(discriminator="integrator"),
     BeforeValidator(_refuse_dop853),
 ]
+
+RUNS: tuple[type[RunTable], ...] = get_args(get_args(Run)[0])
+
+
+def name_methods(*traits: str) -> str:
+    """Name the methods of all runs that have some traits, for a sentence: ``"a, b and c"``."""
+    names = [name for run in RUNS if all(getattr(run, trait) for trait in traits) for name in run.names()]
+    return " and ".join([*([", ".join(names[:-1])] if names[1:] else []), names[-1]])

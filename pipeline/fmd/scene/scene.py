@@ -307,11 +307,7 @@ def scene_table(scene: Scene) -> str:
     if scene.moves:
         simulation = scene.simulation
         spans = f"{scaled(simulation.duration, 's')}, output every {scaled(simulation.output_step, 's')}"
-        methods = ", ".join(
-            f"{run.integrator} {run.substeps}:1" if hasattr(run, "substeps") else run.integrator
-            for run in simulation.run
-        )
-        rows[3:3] = [("simulation", spans), ("runs", methods)]
+        rows[3:3] = [("simulation", spans), ("runs", ", ".join(run.label() for run in simulation.run))]
     return facts([(name, text) for name, text in rows if text], f"{scene.title} ({scene.file})")
 
 

@@ -8,7 +8,7 @@ from pydantic import Field, model_validator
 
 from fmd.core.units import Acceleration, PositiveTime
 from fmd.scene.reading import FaultError, SceneTable
-from fmd.scene.runs import AutoRun, RosenbrockRun, Run, RungeKuttaRun, ScipyRun
+from fmd.scene.runs import Run
 from fmd.scene.toml_lines import KeyPath
 from fmd.scene.values import JointName, MarkerName, Number
 
@@ -80,8 +80,7 @@ class Simulation(SceneTable):
                 raise FaultError(f"must not be longer than the duration, {self.duration:g} s", *path)
         if self.step is None:
             for run in self.run:
-                chooses = isinstance(run, RosenbrockRun | RungeKuttaRun | ScipyRun | AutoRun)
-                if not chooses and run.step is None:
+                if not run.chooses_steps and run.step is None:
                     message = f"is missing: {run.integrator} needs a step, here or in the run, e.g. '10 us'"
                     raise FaultError(message, "step")
         return self

@@ -92,7 +92,7 @@ class OperatingPoints:
         excess = self.excess_growth(method)
         if not np.isfinite(excess).all():
             return np.inf
-        cycle, part = getattr(method, "substeps", 1) * method.step, self.duration / len(self.points)
+        cycle, part = method.substeps * method.step, self.duration / len(self.points)
         late = min((1.5 + 0.5 * cycles_within(_SPAN * self.duration, cycle)) * cycle, part)
         weights = np.full(len(self.points), part)
         weights[0] += late

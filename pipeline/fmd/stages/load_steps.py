@@ -2,13 +2,14 @@
 
 from __future__ import annotations
 
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING
 
 import numpy as np
 
 from fmd.core.errors import InputError
+from fmd.dynamics.fastest_part import find_fastest_part
 from fmd.integrators.missed_work import round_down
-from fmd.stages.limit_words import describe_fastest
+from fmd.scene.runs import name_methods
 
 if TYPE_CHECKING:
     from fmd.dynamics.compiled_system.system import CompiledSystem
@@ -16,6 +17,7 @@ if TYPE_CHECKING:
     from fmd.scene.simulation import Simulation
 
 _MOST_STEPS = 1e12  # a day or more
+_MANY = 1e6  # radians, or times in which a motion falls to 37 %: more are due to one part, which is named
 
 
 def require_resolved_loads(file: str, key: str, method: Integrator, system: CompiledSystem) -> None:
@@ -28,7 +30,7 @@ def require_resolved_loads(file: str, key: str, method: Integrator, system: Comp
     """
     if not method.step:
         return
-    cycle = cycle_of(method, system)
+    cycle = method.load_cycle(system)
     longest, lasts = system.resolving_step(cycle * method.step)
     if longest >= cycle * method.step:
         return
@@ -38,8 +40,8 @@ def require_resolved_loads(file: str, key: str, method: Integrator, system: Comp
         key,
         f"{method.step:.6g} s",
         f"a load acts for {lasts:.4g} s only, which {method.name}{held} would step over; "
-        f"a step of {round_down(longest / cycle):g} s or less works, and auto, runge-kutta and "
-        "exponential-rosenbrock find theirs",
+        f"a step of {round_down(longest / cycle):g} s or less works, and "
+        f"{name_methods('chooses_steps', 'keeps_loops')} find theirs",
     )
 
 
@@ -71,9 +73,7 @@ def require_known_phases(file: str, key: str, method: Integrator, system: Compil
     InputError
         Vibrations are too many; the message names the part that makes them.
     """
-    if method.name != "exponential":
-        return
-    lost = float(np.sqrt(system.stiffness.max(initial=0.0))) * run.duration * np.finfo(float).eps
+    lost = method.lost_phase(system, run.duration)
     if lost > run.error:
         raise InputError(
             file,
@@ -84,8 +84,21 @@ def require_known_phases(file: str, key: str, method: Integrator, system: Compil
         )
 
 
-def cycle_of(method: Integrator, system: CompiledSystem) -> int:
-    """Return the number of a method's steps between two samples of the loads."""
-    two_rate: Any = method
-    held = method.name == "reversible-sub-cycling" or system.n_slow
-    return int(getattr(two_rate, "substeps", 1)) if held else 1
+def describe_fastest(system: CompiledSystem, duration: float) -> str:
+    """Name the part whose vibration or decay is too fast for a duration [s], and a value that is not; else nothing."""
+    part = find_fastest_part(system)
+    if part is None or not part.rate * duration > _MANY:
+        return ""
+    share, times = _MANY / (part.rate * duration), part.rate * duration
+    if part.damps:
+        return (
+            f"; the damper of {part.name} stops what it moves in {1.0 / part.rate:.2g} s, {times:.1e} of which are in "
+            f"{duration:g} s: {share:.1g} times its value or less is quickly marched, and a joint in its place holds "
+            "without any"
+        )
+    hertz = part.rate / (2 * np.pi)
+    return (
+        f"; the stiffness of {part.name} makes vibrations of {hertz:.2g} Hz, {hertz * duration:.1e} in {duration:g} s: "
+        f"{share**2:.1g} times its value or less is quickly marched, a joint in its place holds without any, and "
+        f"{name_methods('passes_over')} passes over fast vibrations"
+    )

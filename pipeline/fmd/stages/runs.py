@@ -16,18 +16,21 @@ from fmd.dynamics.compiled_system.system import CompiledSystem
 from fmd.dynamics.excited_modes import Excited, excited_part
 from fmd.dynamics.mechanism import Mechanism
 from fmd.integrators.protocol import Integrator, Progress, Trajectory
-from fmd.integrators.subcycling import Subcycling
+from fmd.scene.sub_cycled_runs import SubCycledRun
 from fmd.stability.safe_step import ALLOWED_GROWTH, longest_safe_step
-from fmd.stages.limit_words import describe_fastest, describe_limit
-from fmd.stages.load_steps import require_countable_steps, require_known_phases, require_resolved_loads
+from fmd.stages.load_steps import (
+    describe_fastest,
+    require_countable_steps,
+    require_known_phases,
+    require_resolved_loads,
+)
 from fmd.stages.mass_check import require_inertia
 from fmd.stages.mechanism import find_start, place_joints
 
 if TYPE_CHECKING:
     from fmd.reduction.body import FlexibleBody
-    from fmd.scene.runs import ReversibleSubCyclingRun, Run, SubCyclingRun
+    from fmd.scene.runs import Run
     from fmd.scene.scene import Scene
-    from fmd.scene.simulation import Simulation
     from fmd.stability.operating_points import OperatingPoints
 
 STABLE = 0.4  # of the largest stable step: for a variant that is unstable at the run's own
@@ -180,7 +183,7 @@ def make_plans(built: BuiltScene, remember: Remember = lambda measure: measure()
         method: Any = plan.integrator
         if growth.step is not None:
             method = replace(method, step=growth.step)
-        label = str(run.integrator) + (f" {getattr(method, 'substeps', 1)}:1" if hasattr(run, "substeps") else "")
+        label = run.label(method.substeps)
         checked = replace(plan, integrator=method, growth=growth.factor)
         plans[f"{label} ({k})" if label in plans else label] = _leave_out_modes(built, checked)
     return plans
@@ -194,7 +197,7 @@ def _measure_growths(built: BuiltScene, plans: Sequence[Plan]) -> tuple[Growth, 
         require_countable_steps(built.scene.file, plan.key, plan.integrator.step, simulation.duration)
         require_known_phases(built.scene.file, plan.key, plan.integrator, plan.system, simulation)
         require_resolved_loads(built.scene.file, plan.key, plan.integrator, plan.system)
-        growths.append(_measure_growth(built, plan, simulation.step == "auto" and not run.step, known))
+        growths.append(_measure_growth(built, plan, run, known))
     return tuple(growths)
 
 
@@ -216,9 +219,10 @@ def _plan_unchecked(built: BuiltScene, k: int, given: float | None) -> Plan:
     simulation = built.scene.simulation
     run = simulation.run[k]
     key = f"simulation.run.{k}.step" if run.step else "simulation.step"
-    if run.integrator in ("sub-cycling", "reversible-sub-cycling"):
+    if isinstance(run, SubCycledRun):
         return plan_sub_cycled(built, run, key, given)
-    return Plan(key, _make_integrator(run, simulation, given), built.mechanism, built.system, built.start)
+    method = run.make(run.step or given or 0.0, simulation.error, simulation.duration)
+    return Plan(key, method, built.mechanism, built.system, built.start)
 
 
 def _leave_out_modes(built: BuiltScene, plan: Plan) -> Plan:
@@ -231,24 +235,22 @@ def _leave_out_modes(built: BuiltScene, plan: Plan) -> Plan:
     return replace(plan, excited=part, excited_system=share_system(part.mechanism))
 
 
-def _measure_growth(built: BuiltScene, plan: Plan, free: bool, known: list[OperatingPoints]) -> Growth:
-    """Measure the growth of small vibrations by a run's method; shorten its step for that if it is ``free``.
+def _measure_growth(built: BuiltScene, plan: Plan, run: Run, known: list[OperatingPoints]) -> Growth:
+    """Measure the growth of small vibrations by a run's method; shorten its step for that if the scene gives none.
 
     The operating points of a system are the same for all of its runs; those ``known`` are taken, new ones added.
     """
     method: Any = plan.integrator  # a method with a limit has a step, and resumes
-    limit = method.largest_step(plan.system)
+    limit, free = method.largest_step(plan.system), built.scene.simulation.step == "auto" and not run.step
     if not method.step < limit and not free:
         raise InputError(
             built.scene.file,
             plan.key,
             f"{method.step:.6g} s",
             f"{method.name} would diverge; the largest stable step of this model is {limit:.4g} s "
-            f"({describe_limit(method, plan.system, limit)})",
+            f"({method.describe_limit(plan.system)}{run.limit_remedy})",
         )
-    # Of what its stages take explicitly, it may couple away from the reference state, and dampers have no limit above.
-    grows = method.name == "exponential" and (plan.system.coupled or _damps_within(plan.system, method.step))
-    if not (np.isfinite(limit) or grows):  # implicit, exact for small motions, or steered by its error
+    if not (np.isfinite(limit) or method.may_grow(plan.system)):  # implicit, exact, or steered by its error
         return Growth()
     from fmd.stability.operating_points import find_operating_points
 
@@ -267,72 +269,20 @@ def _measure_growth(built: BuiltScene, plan: Plan, free: bool, known: list[Opera
         longest = longest_safe_step(lambda step: search.e_folds(replace(method, step=step)), min(method.step, limit))
         if not (free and longest):
             raise InputError(
-                built.scene.file, plan.key, f"{method.step:.6g} s", _describe_growth(method, folds, longest)
+                built.scene.file,
+                plan.key,
+                f"{method.step:.6g} s",
+                _describe_growth(method, folds, longest) + run.growth_remedy,
             )
         return Growth(longest, float(np.exp(points.e_folds(replace(method, step=longest)))))
     return Growth(None, float(np.exp(folds)))
 
 
-def _damps_within(system: CompiledSystem, step: float) -> bool:
-    """Tell whether dampers stop a motion within a step [s]."""
-    M, _, C = system.stiffest_matrices
-    return bool(step * np.abs(np.linalg.eigvals(np.linalg.solve(M, C))).max(initial=0.0) > 1.0)
-
-
 def _describe_growth(method: Integrator, folds: float, longest: float) -> str:
-    ratio = f" {m}:1" if (m := getattr(method, "substeps", 1)) > 1 else ""
+    ratio = f" {m}:1" if (m := method.substeps) > 1 else ""
     grows = "at once" if folds > 100 else f"by a factor of {np.exp(folds):.3g} over the scene"
     mend = f"a step of {longest:.3g} s keeps that below {ALLOWED_GROWTH:g}" if longest else "no step is short enough"
-    other = ", and reversible-sub-cycling takes longer ones" if method.name == "sub-cycling" else ""
-    return f"{method.name}{ratio} is unstable here: it makes small vibrations grow {grows}; {mend}{other}"
-
-
-def _make_integrator(run: Run, simulation: Simulation, given: float | None) -> Integrator:
-    """Make a run's integrator; its module is loaded here, for each method brings kernels of its own."""
-    step = run.step or given or 0.0
-    match run.integrator:
-        case "central-difference":
-            from fmd.integrators.central_difference import CentralDifference
-
-            return CentralDifference(step)
-        case "exponential":
-            from fmd.integrators.exponential import Exponential
-
-            return Exponential(step)
-        case "exponential-rosenbrock":
-            from fmd.integrators.rosenbrock import ExponentialRosenbrock
-
-            return ExponentialRosenbrock(run.tolerance)
-        case "generalized-alpha":
-            from fmd.integrators.generalized_alpha import GeneralizedAlpha
-
-            return GeneralizedAlpha(step, run.rho)
-        case "runge-kutta":
-            from fmd.integrators.runge_kutta import RungeKutta
-
-            return RungeKutta(run.tolerance)
-        case "auto":
-            from fmd.integrators.automatic import Automatic
-
-            return Automatic(simulation.error, simulation.duration)
-        case "Radau" | "LSODA":
-            from fmd.integrators.scipy_ivp import ScipyIvp
-
-            return ScipyIvp(run.integrator, run.tolerance)
-        case _:
-            raise AssertionError(run)
-
-
-def _make_two_rate_integrator(run: SubCyclingRun | ReversibleSubCyclingRun, step: float, substeps: int) -> Integrator:
-    if run.integrator == "sub-cycling":
-        return Subcycling(step, substeps)
-    if substeps == 1:  # there both have the same limit, and nothing is held
-        from fmd.integrators.central_difference import CentralDifference
-
-        return CentralDifference(step)
-    from fmd.integrators.reversible import ReversibleSubcycling
-
-    return ReversibleSubcycling(step, substeps)
+    return f"{method.name}{ratio} is unstable here: it makes small vibrations grow {grows}; {mend}"
 
 
 def _given_step(built: BuiltScene) -> float | None:
@@ -346,20 +296,17 @@ def _given_step(built: BuiltScene) -> float | None:
     from fmd.stability.splitting import longest_step
 
     longest = longest_step(*built.reference_matrices, simulation.error, simulation.duration)
-    counts = [getattr(run, "substeps", 1) for run in simulation.run]
+    counts = [run.substeps for run in simulation.run if isinstance(run, SubCycledRun)]
     most = max((count for count in counts if isinstance(count, int)), default=1)
     return built.system.resolving_step(longest * most)[0] / most
 
 
-def plan_sub_cycled(
-    built: BuiltScene, run: SubCyclingRun | ReversibleSubCyclingRun, key: str, given: float | None
-) -> Plan:
+def plan_sub_cycled(built: BuiltScene, run: SubCycledRun, key: str, given: float | None) -> Plan:
     """Plan a sub-cycled run; each split of the coordinates has a mechanism with an order of its own."""
     simulation = built.scene.simulation
     step = run.step or given or 0.0
     if run.split == "joints":
-        assert run.substeps != "auto"  # the scene's own check
-        method = _make_two_rate_integrator(run, step, run.substeps)
+        method = run.make(step, simulation.error, simulation.duration)
         return Plan(key, method, built.mechanism, built.system, built.start)
     from fmd.stability.splitting import choose_split, split_at
     from fmd.stages.stiffening_check import rigid_spins
@@ -374,10 +321,8 @@ def plan_sub_cycled(
         substeps = max(1, int(longest / step * (1 + 1e-12)))
     else:
         frequency = run.split
-    assert substeps != "auto"
     fast_joints, slow_modes = split_at(built.system, frequency)
     mechanism = replace(whole, fast_joints=fast_joints, slow_modes=slow_modes)
     system = share_system(mechanism)
-    return Plan(
-        key, _make_two_rate_integrator(run, step, substeps), mechanism, system, find_start(built.divided_scene, system)
-    )
+    method = run.model_copy(update={"substeps": substeps}).make(step, simulation.error, simulation.duration)
+    return Plan(key, method, mechanism, system, find_start(built.divided_scene, system))

@@ -7,6 +7,7 @@ from dataclasses import replace
 from typing import TYPE_CHECKING
 
 from fmd.core.progress import Advance
+from fmd.scene.sub_cycled_runs import SubCycledRun
 from fmd.stability.limits import MechanismLimits, ReferenceMatrices, find_limits, inertial_coupling
 from fmd.stability.operating_points import find_operating_points
 from fmd.stages.runs import plan_sub_cycled
@@ -48,7 +49,7 @@ def _split(pipeline: Pipeline) -> CompiledSystem:
     simulation = pipeline.scene.simulation
     step = simulation.step if isinstance(simulation.step, float) else 1.0  # only a split that is chosen depends on it
     for run in simulation.run:
-        if run.integrator in ("sub-cycling", "reversible-sub-cycling"):
+        if isinstance(run, SubCycledRun):
             chosen = run.split == "auto" and simulation.step == "auto"
             return plan_sub_cycled(pipeline, run, "", None if chosen else run.step or step).system
     return pipeline.system

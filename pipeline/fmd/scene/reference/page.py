@@ -21,7 +21,7 @@ from fmd.scene.reading import SceneTable
 from fmd.scene.reduced_bodies import ReducedPart
 from fmd.scene.reference.sections import INTRODUCTION, SECTIONS
 from fmd.scene.reference.values import describe_values, to_markdown
-from fmd.scene.runs import CentralDifferenceRun
+from fmd.scene.runs import RUNS
 from fmd.scene.time_functions import TimeFunction
 from fmd.scene.toml_files import list_ready_scenes
 
@@ -52,7 +52,7 @@ def write_page() -> str:
     """
     anchors: dict[type, str] = {section.table: section.anchor for section in SECTIONS if section.table}
     # Where a table may be of several kinds, a link leads to the part of the page about all of them.
-    anchors |= {Bar: "#bodies", Revolute: "#joints", PulseDrive: "#drives", CentralDifferenceRun: "#runs"}
+    anchors |= {Bar: "#bodies", Revolute: "#joints", PulseDrive: "#drives", RUNS[0]: "#runs"}
     anchors |= {Chart: "#outputs", Gear: "#couplers"}
     ready = ", ".join(f"`{name}`" for name in list_ready_scenes())
     blocks, kind = [INTRODUCTION.format(ready=ready).strip()], ""

@@ -49,17 +49,7 @@ from fmd.scene.reading import SceneTable
 from fmd.scene.reduced_bodies import BodyFile, FileNode, ReducedModes, ReducedPart
 from fmd.scene.responses import FrequencyResponseChart
 from fmd.scene.rigid_bodies import PointMarker, PointMass, RigidBody, Rod
-from fmd.scene.runs import (
-    AutoRun,
-    CentralDifferenceRun,
-    ExponentialRun,
-    GeneralizedAlphaRun,
-    ReversibleSubCyclingRun,
-    RosenbrockRun,
-    RungeKuttaRun,
-    ScipyRun,
-    SubCyclingRun,
-)
+from fmd.scene.runs import RUNS
 from fmd.scene.scene import PublishedResults, Scene
 from fmd.scene.simulation import Simulation
 from fmd.scene.stress_outputs import Envelope, Fatigue, MeanStress, SnCurve, SurfaceField
@@ -274,15 +264,7 @@ SECTIONS = (
     Section("### Stop of a hinge", AngleStop),
     Section("## Simulation", Simulation),
     Section("## Runs", None, _RUNS),
-    Section("### Central differences", CentralDifferenceRun),
-    Section("### Sub-cycling", SubCyclingRun),
-    Section("### Reversible sub-cycling", ReversibleSubCyclingRun),
-    Section("### Exponential", ExponentialRun),
-    Section("### Exponential Rosenbrock", RosenbrockRun),
-    Section("### Runge-Kutta", RungeKuttaRun),
-    Section("### Generalised alpha", GeneralizedAlphaRun),
-    Section("### Methods of SciPy", ScipyRun),
-    Section("### Automatic", AutoRun),
+    *(Section(f"### {run.title}", run) for run in RUNS),
     Section("## Published results", PublishedResults),
     Section("## Outputs", None, _OUTPUTS),
     Section("### Chart", Chart),

@@ -1,0 +1,82 @@
+"""What every run of a simulation answers: its method, its integrator, its name and its needs."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator, Sequence
+from typing import TYPE_CHECKING, Any, ClassVar, get_args
+
+from fmd.scene.reading import SceneTable
+
+if TYPE_CHECKING:
+    from fmd.integrators.protocol import Integrator
+
+
+class RunTable(SceneTable):
+    """A run by one method of integration: the base of all methods' tables.
+
+    Attributes
+    ----------
+    title : str
+        The method's name in the reference of scene files.
+    chooses_steps : bool
+        Its error sets the steps; any other method is given one, in the run or in the simulation.
+    keeps_loops : bool
+        It brings each step back onto the constraints of loops.
+    passes_over : bool
+        It stays stable where its steps don't resolve fast vibrations.
+    limit_remedy, growth_remedy : str
+        How the messages that refuse a step for its limit, or for vibrations that it makes grow, name another method.
+    """
+
+    title: ClassVar[str]
+    chooses_steps: ClassVar[bool] = False
+    keeps_loops: ClassVar[bool] = True
+    passes_over: ClassVar[bool] = False
+    limit_remedy: ClassVar[str] = ""
+    growth_remedy: ClassVar[str] = ""
+
+    if TYPE_CHECKING:  # a field of each method, which describes it
+        integrator: str
+
+    @classmethod
+    def names(cls) -> tuple[str, ...]:
+        """Return the names that a scene may give the method by."""
+        return get_args(cls.model_fields["integrator"].annotation)
+
+    def make(self, step: float, error: float, duration: float) -> Integrator:
+        """Make the integrator, whose module is loaded here: each brings kernels of its own.
+
+        Parameters
+        ----------
+        step : float
+            Step of a method that is given one [s].
+        error, duration : float
+            The simulation's wanted error, and its duration [s].
+        """
+        integrator: Integrator = self._method()(*self._settings(step, error, duration))
+        return integrator
+
+    @classmethod
+    def ladders(cls, explicit: Sequence[float], coarse: Sequence[float]) -> Iterator[Sequence[Integrator]]:
+        """Yield families of the method for a comparison, as its integrator has them."""
+        yield from cls._method().ladders(explicit, coarse)
+
+    @staticmethod
+    def _method() -> type[Any]:
+        """Return the integrator's class."""
+        raise NotImplementedError
+
+    def _settings(self, step: float, error: float, duration: float) -> tuple[Any, ...]:
+        """Return the integrator's arguments."""
+        return (getattr(self, "tolerance", step),)
+
+    def label(self, substeps: int = 1) -> str:
+        """Return the name of the motion by this run; ``substeps`` are those of the integrator."""
+        return self.integrator
+
+
+class SteeredRun(RunTable):
+    """A run whose error sets the steps."""
+
+    chooses_steps: ClassVar[bool] = True
+    step: ClassVar[None] = None
