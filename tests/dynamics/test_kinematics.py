@@ -10,7 +10,7 @@ from scipy.spatial.transform import Rotation
 
 from fmd.core.arrays import Array
 from fmd.core.formula import parse_formula
-from fmd.core.rotations import quaternion_of_matrix, rotation_matrix, rotation_rate
+from fmd.core.rotations import quaternion_of_matrix, rotation_matrix
 from fmd.dynamics.compiler.compiled import compile_mechanism
 from fmd.dynamics.kinematics import Kinematics
 from fmd.dynamics.links import FREE, REVOLUTE, Link, rigid_gram
@@ -108,14 +108,9 @@ def test_a_prescribed_joint_moves_as_the_released_one_with_its_motion(chain: Mak
 
 
 @pytest.mark.parametrize("size", [0.0, 1e-9, 0.049, 0.051, 1.0, 3.0])
-def test_rotation_vectors_of_any_size_give_rotations_and_their_rates(size: float) -> None:
-    axis = np.array([2.0, -1.0, 3.0]) / np.sqrt(14.0)
-    angle, rate = size * axis[None], np.array([[0.3, 0.8, -0.5]])
-    R = Rotation.from_rotvec(angle).as_matrix()
-    assert rotation_matrix(angle) == pytest.approx(R, abs=1e-14)
-    ahead, behind = (Rotation.from_rotvec(angle + step * rate).as_matrix() for step in (1e-6, -1e-6))
-    spin = (ahead - behind)[0] / 2e-6 @ R[0].T
-    assert rotation_rate(angle, rate)[0] == pytest.approx([spin[2, 1], spin[0, 2], spin[1, 0]], abs=1e-9)
+def test_rotation_vectors_of_any_size_give_rotations(size: float) -> None:
+    angle = size * np.array([[2.0, -1.0, 3.0]]) / np.sqrt(14.0)
+    assert rotation_matrix(angle) == pytest.approx(Rotation.from_rotvec(angle).as_matrix(), abs=1e-14)
 
 
 def test_quaternions_of_a_turning_body_have_no_jump() -> None:

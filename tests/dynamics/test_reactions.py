@@ -9,11 +9,9 @@ import pytest
 
 from fmd.core.arrays import Array
 from fmd.dynamics.closures import Coupler
-from fmd.dynamics.element_motion import element_wrenches, place_motion
 from fmd.dynamics.elements import Attachment
 from fmd.dynamics.kinematics import Kinematics
 from fmd.dynamics.links import FIXED, PRISMATIC, REVOLUTE, SCREW, Link, PointLoad, rigid_gram
-from fmd.dynamics.marker_motion import marker_acceleration, marker_velocity
 from fmd.dynamics.mechanism import Mechanism
 from fmd.dynamics.reactions import JointLoads, joint_loads
 from fmd.dynamics.signals.signal import constant
@@ -48,12 +46,12 @@ def load_wrench(made: PointMechanism, load: PointLoad, q: Array) -> tuple[Array,
 
 def element_pushes(mechanism: Mechanism, q: Array, v: Array) -> dict[str, list[tuple[Array, Array]]]:
     """Force and moment about the ground's origin of the springs and bushings on each body."""
-    states = Kinematics(mechanism, np.array([TIME]), q[None], v[None]).states
+    motion = Kinematics(mechanism, np.array([TIME]), q[None], v[None])
     found: dict[str, list[tuple[Array, Array]]] = {}
     for element in mechanism.elements:
-        for end, (force, moment) in zip(element.ends, element_wrenches(states, element), strict=True):
-            place = place_motion(states, end).origin[0]
-            found.setdefault(end.body, []).append((force[0], moment[0] + np.cross(place, force[0])))
+        for end, wrench in zip(element.ends, motion.wrenches(element)[0], strict=True):
+            (force, moment), place = np.split(wrench, 2), motion.place_motion(end).origin[0]
+            found.setdefault(end.body, []).append((force, moment + np.cross(place, force)))
     return found
 
 
@@ -117,8 +115,9 @@ def test_a_marker_moves_as_the_joint_that_sits_on_it(seed: int) -> None:
     assert rigid
     for k in rigid:
         at = links[k].parent, f"joint {k}"
-        assert marker_velocity(motion, *at)[0] == pytest.approx(motion.frames[k].velocity[0], abs=1e-12)
-        assert marker_acceleration(motion, loads, *at)[0] == pytest.approx(loads.frames[0, k, :3], rel=1e-11, abs=1e-11)
+        assert motion.marker_velocity(*at)[0] == pytest.approx(motion.frames[k].velocity[0], abs=1e-12)
+        found = motion.marker_acceleration(*at, loads.accelerations)[0]
+        assert found == pytest.approx(loads.frames[0, k, :3], rel=1e-11, abs=1e-11)
 
 
 @pytest.mark.parametrize("seed", [5, 13, 38])
@@ -133,7 +132,7 @@ def test_ideal_joints_do_no_work(seed: int) -> None:
     for k, link in enumerate(mechanism.links):
         on_parent, on_child = loads.reactions[f"joint {k}"][0]
         name = mechanism.links[link.parent].name if link.parent >= 0 else ""
-        place = place_motion(motion.states, Attachment(name, link.place_marker))
+        place = motion.place_motion(Attachment(name, link.place_marker))
         power = [on_parent[:3] @ place.velocity[0], on_parent[3:] @ place.spin[0]]
         power += [on_child[:3] @ motion.frames[k].velocity[0], on_child[3:] @ motion.frames[k].spin[0]]
         assert sum(power) == pytest.approx(0.0, abs=1e-11 * (1.0 + np.abs(power).max()))

@@ -9,7 +9,6 @@ import numpy as np
 from fmd.core.arrays import EPSILON, Array
 
 _SMALL = 0.05  # angle [rad] below which series replace differences that cancel
-_NO_TURN = 1e-12
 
 
 class BodyFrame(NamedTuple):
@@ -45,13 +44,6 @@ def rotation_matrix(angle: Array) -> Array:
     return np.asarray(np.eye(3) + sine * skew + one[:, None, None] * (skew @ skew))
 
 
-def rotation_rate(angle: Array, rate: Array) -> Array:
-    """Angular velocity in the axes before the turn of ``exp(θ̃)``: ``(1 + a θ̃ + b θ̃²) θ̇``, (n, 3) [rad/s]."""
-    one, two = (c[:, None] for c in _coefficients((angle**2).sum(axis=1)))
-    across = np.cross(angle, rate)
-    return np.asarray(rate + one * across + two * np.cross(angle, across))
-
-
 def _coefficients(square: Array) -> tuple[Array, Array]:
     """``(1 − cos θ)/θ²`` and ``(θ − sin θ)/θ³`` for the squares of angles."""
     size = np.sqrt(np.maximum(square, _SMALL**2))
@@ -84,16 +76,6 @@ def quaternion_of_matrix(R: Array) -> Array:
     e /= np.linalg.norm(e, axis=1)[:, None]
     flips = np.where((e[1:] * e[:-1]).sum(axis=1) < 0.0, -1.0, 1.0)
     return np.asarray(e * np.cumprod(np.r_[1.0, flips])[:, None])
-
-
-def rotation_vector(R: Array) -> Array:
-    """Rotation vectors (n, 3) of rotations (n, 3, 3) [rad], none longer than half a turn."""
-    e = np.array([quaternion_of_matrix(one[None])[0] for one in R]).reshape(-1, 4)
-    e = np.where(e[:, 3:] < 0.0, -e, e)
-    sine = np.linalg.norm(e[:, :3], axis=1)
-    angle = 2.0 * np.arctan2(sine, e[:, 3])
-    factor = np.divide(angle, sine, out=np.full(len(e), 2.0), where=sine > _NO_TURN)
-    return np.asarray(factor[:, None] * e[:, :3])
 
 
 def rigid_motions(x: Array) -> Array:

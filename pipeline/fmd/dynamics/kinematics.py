@@ -1,31 +1,25 @@
 """Where the bodies of a mechanism are and how they move, at many states at once.
 
-From the ground outwards, each body's frame follows from that of the body that carries it: the joint's place moves and
-turns with the parent's modes, by ``R exp(θ̃)`` with the rotation vector ``θ = Ψ q + ½ qᵀ bow q``, and the joint moves
-the frame on. Energies and momenta take the inertia Gram tensor of each body, in its own axes, with ``p = (1, q)``::
-
-    momentum            P = m V + ω × c + ċ              c = S p + ½ qᵀ bow q
-    angular momentum    L = c × V + J ω + H q̇            J = tr(P₂) 1 − P₂,   P₂ = pᵀ G p
-                                                     H = p·(G[b, c] − G[c, b]) + curl q
-    kinetic energy      T = ½ (V·P + ω·L + q̇·(q̇ + (∂c/∂q)ᵀ V + Hᵀ ω))
-
-Nothing here is compiled, so that a mechanism whose march needs few kernels reports its motion without any more.
+Frames, energies, momenta and forces of elements are those of the mechanism's graph, evaluated by NumPy; see
+`fmd.dynamics.compiler.recorded`.
 """
 
 from __future__ import annotations
 
+from collections.abc import Mapping
 from dataclasses import dataclass
 from functools import cached_property
 from typing import NamedTuple
 
 import numpy as np
 
-from fmd.core.arrays import EPSILON, Array
-from fmd.core.rotations import BodyFrame, matrix_of_quaternion, moved, rotation_matrix, rotation_rate, turned
-from fmd.dynamics.element_motion import States, element_energies
-from fmd.dynamics.links import CYLINDRICAL, FREE, PLANAR, REVOLUTE, SCREW, SPHERICAL, UNIVERSAL, Link
+from fmd.core.arrays import Array
+from fmd.core.rotations import BodyFrame, moved, rotation_matrix, turned
+from fmd.dynamics.closures import Place
+from fmd.dynamics.compiler.interpret import Evaluation
+from fmd.dynamics.compiler.recorded import RecordedMechanism, record_mechanism
+from fmd.dynamics.elements import Element
 from fmd.dynamics.mechanism import Mechanism
-from fmd.reduction.inertia import InertiaGram
 
 
 class Momenta(NamedTuple):
@@ -34,7 +28,6 @@ class Momenta(NamedTuple):
     moment: Array  # (n_times, 3): first moment c [kg m]
     linear: Array  # (n_times, 3) [kg m/s]
     angular: Array  # (n_times, 3) [kg m²/s]
-    energy: Array  # (n_times,) [J]
 
 
 @dataclass(frozen=True)
@@ -83,62 +76,30 @@ class Kinematics:
 
         Of a revolute joint they are those of the body's section that the joint grips: what an encoder reads.
         """
-        link = self.mechanism.links[body]
-        position, rate = (values[:, 0] for values in self.joint_coordinates(body))
-        if link.joint == REVOLUTE and len(link.joint_rotation) and link.motion is None:
-            q, rates = self.modal_coordinates(body), self.modal_rates(body)
-            bow = link.joint_bow[None] if link.joint_bow.size else np.zeros((1, 0, 0))
-            angle, turning = moved(link.joint_rotation[None], bow, q, rates)
-            position, rate = position + angle[:, 0], rate + turning[:, 0]
-        return np.asarray(position), np.asarray(rate)
+        position, rate = self._over(self._recorded.of_joint(body)).T
+        return position, rate
+
+    @property
+    def _recorded(self) -> RecordedMechanism:
+        return record_mechanism(self.mechanism)
+
+    @cached_property
+    def _state(self) -> Mapping[str, Array]:
+        return self._recorded.state(self.times, self.q, self.v)
+
+    def _over(self, quantity: Evaluation, more: Mapping[str, Array] | None = None) -> Array:
+        """Return a quantity at all states, shape (n_times, n_values)."""
+        return quantity.over({**self._state, **(more or {})}, len(self.q))
 
     @cached_property
     def frames(self) -> tuple[BodyFrame, ...]:
         """Each body's frame."""
-        found: list[BodyFrame] = []
-        for body, link in enumerate(self.mechanism.links):
-            found.append(self._through_joint(body, self._joint_place(link, found)))
-        return tuple(found)
+        values = self._over(self._recorded.of_frames)
+        return tuple(_frame(values[:, first : first + 18]) for first in range(0, values.shape[1], 18))
 
-    def _joint_place(self, link: Link, found: list[BodyFrame]) -> BodyFrame:
-        """BodyFrame of the joint on the body that carries it, or on the ground."""
-        n_times = len(self.q)
-        if link.parent < 0:
-            still, axes = np.zeros((n_times, 3)), np.broadcast_to(np.eye(3), (n_times, 3, 3))
-            return BodyFrame(np.broadcast_to(link.place, (n_times, 3)), axes @ link.place_axes, still, still)
-        parent, q, rates = found[link.parent], self.modal_coordinates(link.parent), self.modal_rates(link.parent)
-        rotation, spin = parent.rotation, parent.spin
-        bent, moving = moved(link.place_shapes, link.place_bow[:3], q, rates)
-        if link.place_rotations.size or link.place_bow.size:
-            angle, turning = moved(link.place_rotations, link.place_bow[3:], q, rates)
-            spin = spin + turned(rotation, rotation_rate(angle, turning))
-            rotation = rotation @ rotation_matrix(angle)
-        arm = turned(parent.rotation, link.place + bent)
-        velocity = parent.velocity + np.cross(parent.spin, arm) + turned(parent.rotation, moving)
-        return BodyFrame(parent.origin + arm, rotation @ link.place_axes, velocity, spin)
-
-    def _through_joint(self, body: int, place: BodyFrame) -> BodyFrame:
-        """BodyFrame of a body from that of its joint's place on the body that carries it."""
-        link = self.mechanism.links[body]
-        position, rate = self.joint_coordinates(body)
-        axis = link.axis / np.linalg.norm(link.axis)
-        origin, rotation, velocity, spin = place
-        if link.n_slides or link.joint == SCREW:
-            along = _slide_directions(link)
-            arm, moving = (turned(rotation, values[:, : len(along)] @ along) for values in (position, rate))
-            origin, velocity = origin + arm, velocity + np.cross(spin, arm) + moving
-        if link.joint in (SPHERICAL, FREE):
-            rotation = rotation @ matrix_of_quaternion(position[:, -4:])
-            spin = spin + turned(rotation, rate[:, -3:])  # rates about the body's own axes
-        elif link.joint == UNIVERSAL:
-            other = link.other_axis / np.linalg.norm(link.other_axis)
-            for k, one in enumerate((axis, other)):
-                spin = spin + rate[:, k : k + 1] * (rotation @ one)
-                rotation = rotation @ rotation_matrix(position[:, k : k + 1] * one)
-        elif link.joint in (REVOLUTE, CYLINDRICAL, PLANAR, SCREW):
-            spin = spin + rate[:, -1:] * (rotation @ axis)
-            rotation = rotation @ rotation_matrix(position[:, -1:] * axis)
-        return BodyFrame(origin, rotation, velocity, spin)
+    def place_motion(self, place: Place) -> BodyFrame:
+        """Motion of the section at a place of a body, or of the ground."""
+        return _frame(self._over(self._recorded.of_place(place)))
 
     def body_spin(self, body: int) -> Array:
         """Angular velocity of a body's frame in its own axes [rad/s], shape (n_times, 3)."""
@@ -147,65 +108,29 @@ class Kinematics:
 
     @cached_property
     def momenta(self) -> tuple[Momenta, ...]:
-        """Each body's first moment, momenta and kinetic energy."""
-        return tuple(self._momenta(body) for body in range(len(self.mechanism.links)))
-
-    def _momenta(self, body: int) -> Momenta:
-        gram, frame = self.mechanism.links[body].gram, self.frames[body]
-        q, rates, w = self.modal_coordinates(body), self.modal_rates(body), self.body_spin(body)
-        modal = (rates**2).sum(axis=1)
-        if gram.fields is not None:
-            n, W = q.shape[1], gram.fields.W
-            q, rates = gram.fields.extend(q, rates)
-            gram = InertiaGram(gram.fields.G, gram.fields.S, gram.mass)
-            modal += (rates[:, n:] * (rates[:, n:] + 2.0 * rates[:, :n] @ W.T)).sum(axis=1)
-        V = np.einsum("tij,ti->tj", frame.rotation, frame.velocity)
-        p = np.concatenate([np.ones((len(q), 1)), q], axis=1)
-        Gp = np.tensordot(p, gram.G, (1, 3))  # (n_times, 3, 3, 1 + n)
-        P = np.einsum("tabi,ti->tab", Gp, p)
-        Jw = np.trace(P, axis1=1, axis2=2)[:, None] * w - np.einsum("tab,tb->ta", P + P.swapaxes(1, 2), w) / 2
-        # p·(G[b, c] − G[c, b])·q̇ by the axis a across b and c
-        h = -np.einsum("abc,tbci,ti->ta", EPSILON, Gp[..., 1:], rates)
-        S = np.broadcast_to(gram.S[:, 1:], (len(q), 3, q.shape[1]))
-        c = gram.S[:, 0] + q @ gram.S[:, 1:].T
-        if gram.bow.size:
-            bow = np.einsum("ajk,tk->taj", gram.bow, q)
-            S, c = S + bow, c + 0.5 * np.einsum("taj,tj->ta", bow, q)
-        if gram.curl.size:
-            h = h + np.einsum("ajk,tj,tk->ta", gram.curl, rates, q)
-        c_rate = np.einsum("taj,tj->ta", S, rates)
-        linear = gram.mass * V + np.cross(w, c) + c_rate
-        angular = np.cross(c, V) + Jw + h
-        energy = 0.5 * ((V * (linear + c_rate)).sum(axis=1) + (w * (angular + h)).sum(axis=1) + modal)
-        if gram.second_order is not None:
-            energy = energy + gram.second_order.energy(q, rates)
-        return Momenta(c, linear, angular, energy)
-
-    @cached_property
-    def states(self) -> States:
-        """States of the bodies' frames and modes, for force elements."""
-        names = [link.name for link in self.mechanism.links]
-        q = {name: self.modal_coordinates(k) for k, name in enumerate(names)}
-        rates = {name: self.modal_rates(k) for k, name in enumerate(names)}
-        return States(dict(zip(names, self.frames, strict=True)), q, rates, len(self.q))
+        """Each body's first moment and momenta."""
+        values = self._over(self._recorded.of_momenta).reshape(len(self.q), -1, 3, 3)
+        return tuple(Momenta(*(values[:, k, part] for part in range(3))) for k in range(values.shape[1]))
 
     @cached_property
     def energies(self) -> tuple[Array, Array]:
         """Kinetic and potential energy (strain, springs, stops, force elements, weight) [J], (n_times,) each."""
-        kinetic = np.sum([momenta.energy for momenta in self.momenta], axis=0)
-        potential = np.zeros(len(self.q))
-        for body, link in enumerate(self.mechanism.links):
-            potential += 0.5 * self.modal_coordinates(body) ** 2 @ link.omega**2
-            if link.spring:
-                potential += 0.5 * link.spring * (self.along_joint(body)[0] - link.rest) ** 2
-            for k, law in enumerate(link.laws):
-                along = self.along_joint(body)[0] if link.n_rates == 1 else self.joint_coordinates(body)[0][:, k]
-                potential += law.energies(along)
-        for element in self.mechanism.elements:
-            potential += element_energies(self.states, element)
-        if np.any(self.mechanism.gravity):
-            potential -= self._first_moment @ self.mechanism.gravity
-        return np.asarray(kinetic), potential
+        kinetic, potential = self._over(self._recorded.of_energies).T
+        return kinetic, potential
+
+    def strain(self, element: Element) -> tuple[Array, Array, Array]:
+        """Strain of a force element, its rate, and that of the way from its first place to its second in space.
+
+        Shapes are (n_times, n), twice, and (n_times, 3): of a spring the strain is its elongation [m], of a bushing
+        displacement [m] and, if it counts, rotation [rad] of its second place.
+        """
+        values = self._over(self._recorded.of_strain(element))
+        n = (values.shape[1] - 3) // 2
+        return values[:, :n], values[:, n:-3], values[:, -3:]
+
+    def wrenches(self, element: Element) -> Array:
+        """Force [N] and moment [N m] in space on both places of a force element, shape (n_times, 2, 6)."""
+        return self._over(self._recorded.of_wrenches(element)).reshape(-1, 2, 6)
 
     @property
     def _first_moment(self) -> Array:
@@ -242,6 +167,18 @@ class Kinematics:
         body = self.mechanism.find_marker(body, name)
         frame, marker = self.frames[body], self.mechanism.links[body].markers[name]
         return frame.origin + turned(frame.rotation, marker.position + self._displacement_in_body(body, name))
+
+    def marker_velocity(self, body: int, name: str) -> Array:
+        """Velocity of a marker of a body in space [m/s], shape (n_times, 3)."""
+        return self.place_motion(self._place(body, name)).velocity
+
+    def marker_acceleration(self, body: int, name: str, accelerations: Array) -> Array:
+        """Acceleration of a marker in space [m/s²], (n_times, 3), for accelerations (n_times, n) of the coordinates."""
+        return self._over(self._recorded.of_acceleration(self._place(body, name)), {"a": accelerations.T})
+
+    def _place(self, body: int, name: str) -> Place:
+        link = self.mechanism.links[self.mechanism.find_marker(body, name)]
+        return Place(link.name, link.markers[name])
 
     def displacement(self, body: int, name: str) -> Array:
         """Displacement of a marker by deformation in its body's frame and axes [m], shape (n_times, 3).
@@ -289,11 +226,7 @@ class Kinematics:
         return np.asarray(own - q @ section.translation.T - np.cross(q @ section.rotation.T, arm))
 
 
-def _slide_directions(link: Link) -> Array:
-    """Directions in which a joint's first coordinates move the body, in the joint's axes, shape (n, 3)."""
-    if link.joint == FREE:
-        return np.eye(3)
-    axis = link.axis / np.linalg.norm(link.axis)
-    if link.joint == PLANAR:
-        return link.slide_axes
-    return np.asarray(axis[None] * (link.lead if link.joint == SCREW else 1.0))
+def _frame(values: Array) -> BodyFrame:
+    """Return the frame whose origin, rotation by rows, velocity and angular velocity are (n_times, 18) in a row."""
+    origin, rotation, velocity, spin = (np.ascontiguousarray(part) for part in np.split(values, (3, 12, 15), axis=1))
+    return BodyFrame(origin, rotation.reshape(-1, 3, 3), velocity, spin)

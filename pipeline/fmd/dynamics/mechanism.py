@@ -25,7 +25,7 @@ from fmd.reduction.body import MarkerShapes
 from fmd.reduction.inertia import InertiaGram
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, eq=False)
 class Mechanism:
     """Bodies with the joints that carry them, and what acts on them.
 

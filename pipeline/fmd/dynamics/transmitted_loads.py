@@ -15,7 +15,6 @@ import numpy as np
 from fmd.core.arrays import Array
 from fmd.core.rotations import turned
 from fmd.dynamics.closures import Closure, Place
-from fmd.dynamics.element_motion import element_wrenches
 from fmd.dynamics.kinematics import Kinematics
 from fmd.dynamics.links import PointLoad
 from fmd.dynamics.mechanism import Mechanism
@@ -205,11 +204,7 @@ def loaded_places(
 
 def _element_reactions(motion: Kinematics) -> dict[str, Array]:
     """Force and moment of each force element on its first and on its second place, in space, (n_times, 2, 6) each."""
-    found = {}
-    for element in motion.mechanism.elements:
-        sides = [np.concatenate(wrench, axis=1) for wrench in element_wrenches(motion.states, element)]
-        found[f"{ELEMENT}{element.name}"] = np.stack(sides, axis=1)
-    return found
+    return {f"{ELEMENT}{element.name}": motion.wrenches(element) for element in motion.mechanism.elements}
 
 
 def _rate(motion: Kinematics, values: Array) -> Array:

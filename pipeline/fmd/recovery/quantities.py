@@ -8,7 +8,6 @@ import numpy as np
 
 from fmd.core.arrays import Array
 from fmd.core.rotations import turned
-from fmd.dynamics.marker_motion import marker_acceleration, marker_velocity
 from fmd.recovery.motion import Motion
 from fmd.recovery.motion_file import Variable, joint_variables
 
@@ -62,9 +61,9 @@ def marker_variables(motion: Motion, quantity: str, markers: Sequence[str], in_b
             place = whole.marker_position(number, marker)
             values = place - place[0]
         elif kind == "velocity":
-            values = marker_velocity(whole, number, marker)
+            values = whole.marker_velocity(number, marker)
         else:
-            values = marker_acceleration(whole, motion.joint_loads, number, marker)
+            values = whole.marker_acceleration(number, marker, motion.joint_loads.accelerations)
         if in_body and kind in ("velocity", "acceleration"):
             values = _in_body(motion, body, values)
         where = f"in the axes of {body}" if in_body and kind != "position" else "in space"

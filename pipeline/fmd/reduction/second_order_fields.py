@@ -42,12 +42,6 @@ class SecondOrderFields:
     G: Array
     S: Array
 
-    def extend(self, q: Array, rates: Array) -> tuple[Array, Array]:
-        """Return coordinates and rates (n_times, n) with those of the fields behind them, (n_times, n + k) each."""
-        f = np.einsum("kij,tj->tki", self.F, q)
-        s, ds = (np.einsum("tki,ti->tk", f, values) for values in (0.5 * q, rates))
-        return np.concatenate([q, s], axis=1), np.concatenate([rates, ds], axis=1)
-
 
 def second_order_fields(
     G: Array, S: Array, mass: float, stiffening: Array, bow: Array, curl: Array, normal: int = -1

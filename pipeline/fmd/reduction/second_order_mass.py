@@ -46,11 +46,6 @@ class SecondOrderMass:
         f = self.F @ q
         return np.asarray(self.g.T @ f + f.T @ self.g + f.T @ self.N @ f)
 
-    def energy(self, q: Array, v: Array) -> Array:
-        """Return the kinetic energy of states q and v, (n_times, n) each [J], shape (n_times,)."""
-        momenta = np.einsum("kij,ti,tj->tk", self.F, v, q)
-        return np.asarray((momenta * (v @ self.g.T + 0.5 * momenta @ self.N)).sum(axis=1))
-
 
 def second_order_mass(
     mass: float, c: Array, J: Array, W: Array, bow: Array, curl: Array, normal: int = -1

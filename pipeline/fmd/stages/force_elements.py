@@ -13,7 +13,6 @@ from fmd.core.errors import InputError
 from fmd.core.formula import parse_formula
 from fmd.core.rotations import rotation_matrix
 from fmd.dynamics.closures import Place
-from fmd.dynamics.element_motion import element_strain
 from fmd.dynamics.elements import Attachment, Element, PointSpring, SixAxisSpring
 from fmd.dynamics.force_laws import ForceCurve, ForceLaw, Stop, smooth_curve, straight_curve
 from fmd.dynamics.kinematics import Kinematics
@@ -63,10 +62,10 @@ def add_elements(
     if not (springs or bushings or bearings):
         return mechanism
     q, _ = place_joints(scene, mechanism)
-    states = Kinematics(mechanism, np.zeros(1), q[None], np.zeros((1, mechanism.n))).states
+    motion = Kinematics(mechanism, np.zeros(1), q[None], np.zeros((1, mechanism.n)))
 
     def strain(element: Element) -> Array:
-        return np.asarray(element_strain(states, element).values[0])
+        return np.asarray(motion.strain(element)[0][0])
 
     elements: list[Element] = []
     for name, given, spring in springs:

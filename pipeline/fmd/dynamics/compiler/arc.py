@@ -18,6 +18,9 @@ from __future__ import annotations
 
 import math
 
+import numpy as np
+
+from fmd.core.arrays import Array
 from fmd.dynamics.compiler.writer import Writer, literal
 
 LAST = 3
@@ -35,21 +38,19 @@ def coefficients(k: int) -> tuple[float, ...]:
     return tuple(own[n + k] * math.factorial(n + k) / math.factorial(n) for n in range(_TERMS))
 
 
-def arc(k: int, y: float) -> float:
+def arc(k: int, y: Array | float) -> Array:
     """Return arc_k(y) for y below 1; not a number from there on."""
-    if y < LIMIT:
-        value = 0.0
-        for coefficient in reversed(coefficients(k)):
-            value = coefficient + y * value
-        return value
-    if y >= 1.0:
-        return math.nan
-    product = y * (1.0 - y)
-    values = [math.asin(math.sqrt(y)) / math.sqrt(product)]
+    near = np.polynomial.polynomial.polyval(np.minimum(y, LIMIT), coefficients(k))
+    if np.all(np.less(y, LIMIT)):
+        return np.asarray(near)
+    y = np.asarray(y)
+    far = np.where(y < 1.0, np.maximum(y, LIMIT), np.nan)
+    product = far * (1.0 - far)
+    values = [np.arcsin(np.sqrt(far)) / np.sqrt(product)]
     for j in range(k):
         rest = 2.0 * j * j * values[j - 1] if j else 1.0
-        values.append((rest - (2 * j + 1) * (1.0 - 2.0 * y) * values[j]) / (2.0 * product))
-    return values[k]
+        values.append((rest - (2 * j + 1) * (1.0 - 2.0 * far) * values[j]) / (2.0 * product))
+    return np.where(y < LIMIT, near, values[k])
 
 
 def arc_function(k: int, name: str) -> str:

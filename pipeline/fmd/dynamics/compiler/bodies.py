@@ -39,7 +39,7 @@ from fmd.dynamics.compiler.algebra import (
     times,
     transpose,
 )
-from fmd.dynamics.compiler.cleaning import WholeForms, inertia_forms
+from fmd.dynamics.compiler.cleaning import WholeForms
 from fmd.dynamics.compiler.frames import MovingFrame
 from fmd.dynamics.compiler.graph import Graph, Scalar, Terms, Vector, combine
 
@@ -98,7 +98,7 @@ class Inertia:
 
 def trace_inertia(graph: Graph, frame: MovingFrame) -> Inertia:
     """Trace a body's inertia for its modal coordinates and rates."""
-    forms, q, v = inertia_forms(frame.link), frame.q, frame.v
+    forms, q, v = frame.forms, frame.q, frame.v
     if isinstance(forms, WholeForms):
         return _trace_whole(graph, frame, forms)
     S, c, z, z_rate = list[Vector](), list[Scalar](), list[Vector](), list[Vector]()

@@ -80,15 +80,15 @@ class WholeForms(InertiaForms):
         return SecondOrderMass(self.F, self.W, np.eye(len(self.F)))
 
 
-def inertia_forms(link: Link) -> InertiaForms:
-    """Form a body's inertia integrals without their round-off."""
+def inertia_forms(link: Link, threshold: float = THRESHOLD) -> InertiaForms:
+    """Form a body's inertia integrals without their round-off, of which a threshold of 0 leaves all."""
     gram = link.gram
     fields = gram.fields
     G, S = (gram.G, gram.S) if fields is None else (fields.G, fields.S)
     n = G.shape[-1]
     scale = np.ones(n)  # a mode's is its unit mass
     scale[0] = np.sqrt(max(np.trace(G[:, :, 0, 0]), 1e-300))
-    limit = THRESHOLD * np.outer(scale, scale)
+    limit = threshold * np.outer(scale, scale)
     forms, antisymmetric = np.zeros((3, 3, n, n)), np.zeros((3, n, n))
     for a in range(3):
         b, c = (a + 1) % 3, (a + 2) % 3
@@ -97,36 +97,39 @@ def inertia_forms(link: Link) -> InertiaForms:
         antisymmetric[a] = G[b, c] - G[c, b]
     forms[np.abs(forms) <= limit], antisymmetric[np.abs(antisymmetric) <= limit] = 0.0, 0.0
     units = np.sqrt(gram.mass) * scale
-    S = np.where(np.abs(S) <= THRESHOLD * units, 0.0, S)
+    S = np.where(np.abs(S) <= threshold * units, 0.0, S)
     if fields is not None:
         empty = np.zeros((3, 0, 0))
-        F, W = _cut(fields.F), _cut(fields.W)
+        F, W = _cut(fields.F, threshold), _cut(fields.W, threshold)
         return WholeForms(forms, antisymmetric, S, empty, empty, gram.mass, gram.normal, F, W)
-    return InertiaForms(forms, antisymmetric, S, _cut(gram.bow), _cut(gram.curl), gram.mass, gram.normal)
+    bow, curl = _cut(gram.bow, threshold), _cut(gram.curl, threshold)
+    return InertiaForms(forms, antisymmetric, S, bow, curl, gram.mass, gram.normal)
 
 
-def rigid_constants(link: Link) -> tuple[float, Array, Array]:
-    """Return mass, first moment (3,) and inertia tensor (3, 3) of an undeformed body without round-off."""
-    forms = inertia_forms(link)
+def rigid_constants(forms: InertiaForms) -> tuple[float, Array, Array]:
+    """Return mass, first moment (3,) and inertia tensor (3, 3) of an undeformed body."""
     return forms.mass, forms.S[:, 0], forms.I_ab[:, :, 0, 0]
 
 
-def clean_marker(at: MarkerShapes, n: int) -> MarkerShapes:
+def clean_marker(at: MarkerShapes, n: int, threshold: float = THRESHOLD) -> MarkerShapes:
     """Return a marker of a body of n modes without round-off; shapes that are absent are zero."""
-    shapes, rotations = (_cut(values) if values.size else np.zeros((3, n)) for values in (at.translation, at.rotation))
-    bow = np.concatenate([_cut(at.bow[:3]), _cut(at.bow[3:])]) if at.bow.size else np.zeros((6, n, n))
-    return MarkerShapes(_cut(at.position), shapes, rotations, bow)
+    shapes, rotations = (
+        _cut(values, threshold) if values.size else np.zeros((3, n)) for values in (at.translation, at.rotation)
+    )
+    halves = [_cut(half, threshold) for half in (at.bow[:3], at.bow[3:])]
+    bow = np.concatenate(halves) if at.bow.size else np.zeros((6, n, n))
+    return MarkerShapes(_cut(at.position, threshold), shapes, rotations, bow)
 
 
-def clean_direction(direction: Array) -> Array:
+def clean_direction(direction: Array, threshold: float = THRESHOLD) -> Array:
     """Return the unit vector along a direction, shape (3,), without round-off."""
-    unit = _cut(direction / np.linalg.norm(direction))
+    unit = _cut(direction / np.linalg.norm(direction), threshold)
     return np.asarray(unit / np.linalg.norm(unit))
 
 
-def _cut(values: Array) -> Array:
+def _cut(values: Array, threshold: float) -> Array:
     values = np.asarray(values, dtype=float)
-    return np.where(np.abs(values) <= THRESHOLD * np.abs(values).max(initial=0.0), 0.0, values)
+    return np.where(np.abs(values) <= threshold * np.abs(values).max(initial=0.0), 0.0, values)
 
 
 def orthonormal_rows(rows: Array) -> tuple[Array, Array]:

@@ -6,6 +6,7 @@ import numpy as np
 
 from fmd.core.arrays import Array
 from fmd.dynamics.compiler.algebra import constants
+from fmd.dynamics.compiler.cleaning import THRESHOLD
 from fmd.dynamics.compiler.graph import Graph, Scalar, Vector, combine
 from fmd.dynamics.mechanism import Mechanism
 from fmd.dynamics.signals.signal import ALWAYS, CONSTANT, Signal
@@ -26,7 +27,11 @@ class Coordinates:
     signals : tuple of Signal
         Those that vary, each once: signal k has its value, rate and acceleration at 3 k, 3 k + 1 and 3 k + 2 of the
         argument ``inputs``.
+    threshold : float
+        Share of its natural scale below which an entry of the mechanism's constants is round-off; see `cleaning`.
     """
+
+    threshold = THRESHOLD
 
     def __init__(self, graph: Graph, mechanism: Mechanism) -> None:
         self.graph, self.mechanism = graph, mechanism
@@ -86,6 +91,12 @@ class Coordinates:
             return constants(self.graph, [value, 0.0, 0.0][: 1 + derivatives])
         first = 3 * self.signals.index(signal)
         return [self.graph.scalar_input("inputs", first + k) for k in range(1 + derivatives)]
+
+
+class ExactCoordinates(Coordinates):
+    """Inputs of a mechanism whose constants keep their round-off, as motions are reported."""
+
+    threshold = 0.0
 
 
 class RestingCoordinates(Coordinates):

@@ -44,15 +44,33 @@ def trace_actions(inputs: Coordinates, frames: list[MovingFrame]) -> dict[int, l
     """Trace what a mechanism's force elements do to its bodies, by the bodies' numbers."""
     actions: dict[int, list[Action]] = {}
     for element in inputs.mechanism.elements:
-        first, second = (trace_end(inputs, frames, end) for end in element.ends)
-        if isinstance(element, PointSpring):
-            pair = _spring_actions(element, first, second)
-        else:
-            pair = _bushing_actions(element, first, second)
-        for action in pair:
+        for action in trace_pair(inputs, frames, element):
             if action.end.frame is not None:
                 actions.setdefault(action.end.frame.number, []).append(action)
     return actions
+
+
+def trace_pair(inputs: Coordinates, frames: list[MovingFrame], element: Element) -> list[Action]:
+    """Trace what a force element does at its second place and at its first one."""
+    first, second = (trace_end(inputs, frames, end) for end in element.ends)
+    if isinstance(element, PointSpring):
+        return _spring_actions(element, first, second)
+    return _bushing_actions(element, first, second)
+
+
+def trace_strain(
+    inputs: Coordinates, frames: list[MovingFrame], element: Element
+) -> tuple[list[Scalar], list[Scalar], Vector3]:
+    """Trace the strain of a force element, its rate, and the rate of the way from its first place to its second one.
+
+    Of a spring the strain is its elongation [m], of a bushing displacement [m] and, if it counts, rotation [rad].
+    """
+    first, second = (trace_end(inputs, frames, end) for end in element.ends)
+    swing = subtract(second.v, first.v)
+    if isinstance(element, PointSpring):
+        _, length, rate = _stretching(first, second)
+        return [length - element.rest], [rate], swing
+    return *_bushing_motion(element, first, second).strains(element), swing
 
 
 def trace_element_energy(inputs: Coordinates, frames: list[MovingFrame], element: Element) -> Scalar:
@@ -95,7 +113,7 @@ def _spring_actions(element: PointSpring, first: PlaceMotion, second: PlaceMotio
     way, length, rate = _stretching(first, second)
     pull = scale(trace_law(element.law, length - element.rest, rate) * length.inverse(), way)
     none = scale(0.0, pull)
-    return [Action(first, pull, none), Action(second, scale(-1.0, pull), none)]
+    return [Action(second, scale(-1.0, pull), none), Action(first, pull, none)]
 
 
 @dataclass

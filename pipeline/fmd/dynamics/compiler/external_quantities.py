@@ -6,14 +6,12 @@ from typing import NamedTuple
 
 from fmd.core.arrays import Array
 from fmd.dynamics.compiler.algebra import Matrix, Vector3, add, product, times, transpose
-from fmd.dynamics.compiler.cleaning import clean_marker
 from fmd.dynamics.compiler.coordinates import Coordinates
 from fmd.dynamics.compiler.differentiate import differentiate
 from fmd.dynamics.compiler.forces import section_angle
-from fmd.dynamics.compiler.frames import MovingFrame
+from fmd.dynamics.compiler.frames import MovingFrame, trace_place_on_body
 from fmd.dynamics.compiler.graph import Scalar, Vector, total
 from fmd.dynamics.compiler.joint_loads import trace_joint_loads
-from fmd.dynamics.compiler.marker import trace_marker
 from fmd.dynamics.links import FREE, ONE_AXIS, SPHERICAL
 
 _TINY = 1e-300  # Pa²: the square of a von Mises stress whose root has a derivative at no stress, too
@@ -119,7 +117,7 @@ def marker_quantities(inputs: Coordinates, frames: list[MovingFrame]) -> list[Ex
     for frame in frames:
         origin, R = frame.world
         for name, at in frame.link.markers.items():
-            marker = trace_marker(inputs.graph, clean_marker(at, len(frame.link.omega)), frame.q, frame.v)
+            marker = trace_place_on_body(inputs, frame, at)
             position = add(origin, times(R, marker.arm))
             turned = product(R, marker.R)
             found += _motion_of_marker(inputs, frame.number, name, position, turned)

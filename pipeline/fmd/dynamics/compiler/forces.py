@@ -9,13 +9,12 @@ import numpy as np
 from fmd.core.arrays import Array
 from fmd.dynamics.compiler.algebra import Vector6, constants, cross, subtract, times, transpose
 from fmd.dynamics.compiler.bodies import AXES, Inertia, velocity_forces
-from fmd.dynamics.compiler.cleaning import clean_direction, clean_marker
+from fmd.dynamics.compiler.cleaning import clean_direction
 from fmd.dynamics.compiler.coordinates import Coordinates, RestingCoordinates
 from fmd.dynamics.compiler.elements import trace_actions
-from fmd.dynamics.compiler.frames import MovingFrame
+from fmd.dynamics.compiler.frames import MovingFrame, trace_place_on_body
 from fmd.dynamics.compiler.graph import Graph, Scalar, Terms, Vector, combine
 from fmd.dynamics.compiler.laws import trace_law
-from fmd.dynamics.compiler.marker import trace_marker
 from fmd.dynamics.links import ONE_AXIS, REVOLUTE, PointLoad
 
 JOINT_CONSTANTS = ("spring", "rest", "damper")
@@ -178,7 +177,7 @@ def modal_load(inputs: Coordinates, frame: MovingFrame) -> Terms:
 def point_load(inputs: Coordinates, frame: MovingFrame, at: PointLoad) -> tuple[Vector6, Terms]:
     """Return the force and moment of a load on the body's frame, and the terms of its forces on the modes."""
     graph = inputs.graph
-    marker = trace_marker(graph, clean_marker(at.marker, len(frame.link.omega)), frame.q, frame.v)
+    marker = trace_place_on_body(inputs, frame, at.marker)
     size = inputs.signal(at.size)[0]
     direction = [size * float(x) for x in clean_direction(at.direction)]
     direction = times(marker.R if at.following else transpose(frame.world[1]), direction)

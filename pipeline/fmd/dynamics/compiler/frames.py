@@ -30,11 +30,18 @@ from fmd.dynamics.compiler.algebra import (
     times,
     transpose,
 )
-from fmd.dynamics.compiler.cleaning import clean_direction, clean_marker, rigid_constants
+from fmd.dynamics.compiler.cleaning import (
+    InertiaForms,
+    clean_direction,
+    clean_marker,
+    inertia_forms,
+    rigid_constants,
+)
 from fmd.dynamics.compiler.coordinates import Coordinates
 from fmd.dynamics.compiler.graph import Graph, Scalar, Vector
 from fmd.dynamics.compiler.marker import MarkerMotion, rotation, trace_marker
 from fmd.dynamics.links import CYLINDRICAL, FREE, ONE_AXIS, PLANAR, REVOLUTE, SCREW, SPHERICAL, UNIVERSAL, Link
+from fmd.reduction.body import MarkerShapes
 
 _PARALLEL = 1e-14
 
@@ -65,6 +72,8 @@ class MovingFrame:
         Columns of S.
     velocity : Vector3
         Of the origin.
+    forms : InertiaForms
+        Inertia integrals of the body.
     rigid : RigidInertia
         Of the undeformed body.
     children : list of MovingFrame
@@ -85,6 +94,7 @@ class MovingFrame:
     shift: Vector3
     directions: list[Vector6]
     velocity: Vector3
+    forms: InertiaForms
     rigid: RigidInertia
     children: list[MovingFrame] = field(default_factory=list)
     _world: tuple[Vector3, Matrix] | None = None
@@ -133,9 +143,9 @@ class RigidInertia:
     J: Matrix
 
 
-def trace_rigid_inertia(inputs: Coordinates, body: int) -> RigidInertia:
+def trace_rigid_inertia(inputs: Coordinates, body: int, forms: InertiaForms) -> RigidInertia:
     """Trace a body's rigid inertia from its constants."""
-    mass, S, J = rigid_constants(inputs.mechanism.links[body])
+    mass, S, J = rigid_constants(forms)
     first = [inputs.number(body, f"S {a}", S[a]) for a in range(3)]
     tensor = [[inputs.number(body, f"J {a} {b}", J[a, b]) for b in range(a + 1)] for a in range(3)]
     return RigidInertia(inputs.number(body, "mass", mass), first, tensor)
@@ -159,7 +169,7 @@ def _trace_frame(inputs: Coordinates, number: int, link: Link, parent: MovingFra
     n_parent = len(parent.link.omega) if parent else 0
     none = graph.zeros(0)
     q, v, spin = (parent.q, parent.v, parent.spin) if parent else (none, none, zero3)
-    marker = trace_marker(graph, clean_marker(link.place_marker, n_parent), q, v)
+    marker = trace_marker(graph, clean_marker(link.place_marker, n_parent, inputs.threshold), q, v)
     beta = marker_bias(spin, marker)
     motion = _trace_joint(inputs, number, link, marker)
     w = times(transpose(motion.R), add(spin, marker.turned))  # of the joint's frame on the parent, in the body's axes
@@ -168,6 +178,7 @@ def _trace_frame(inputs: Coordinates, number: int, link: Link, parent: MovingFra
     above = parent.velocity if parent else zero3
     at_marker = add(above, cross(spin, marker.arm), scale(0.5, marker.moving))
     velocity = add(times(transpose(motion.R), at_marker), cross(w, motion.shift), motion.sliding)
+    forms = inertia_forms(link, inputs.threshold)
     return MovingFrame(
         number,
         link,
@@ -183,8 +194,14 @@ def _trace_frame(inputs: Coordinates, number: int, link: Link, parent: MovingFra
         motion.shift,
         motion.directions,
         velocity,
-        trace_rigid_inertia(inputs, number),
+        forms,
+        trace_rigid_inertia(inputs, number, forms),
     )
+
+
+def trace_place_on_body(inputs: Coordinates, frame: MovingFrame, at: MarkerShapes) -> MarkerMotion:
+    """Trace the motion of a marker of a body, in its axes."""
+    return trace_marker(inputs.graph, clean_marker(at, len(frame.link.omega), inputs.threshold), frame.q, frame.v)
 
 
 def marker_bias(spin: Vector3, marker: MarkerMotion) -> Vector6:

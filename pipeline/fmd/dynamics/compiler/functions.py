@@ -7,8 +7,9 @@ found from its matrix, with its derivatives ``arc1`` … (see `arc`).
 
 from __future__ import annotations
 
-import math
+import numpy as np
 
+from fmd.core.arrays import Array
 from fmd.dynamics.compiler.arc import LAST as LAST_ARC
 from fmd.dynamics.compiler.arc import arc, arc_function
 from fmd.dynamics.compiler.stumpff import FIRST, LAST, stumpff
@@ -24,20 +25,16 @@ DECLARATIONS = tuple(f"declare double @{name}(double)" for name in _LIBRARY)
 """Functions of the C library that the code of `FUNCTIONS` calls."""
 
 
-def evaluate_function(function: str, x: float) -> float:
-    """Return the value of one of `FUNCTIONS`; not a number where it has none."""
+def evaluate_function(function: str, x: Array | float) -> Array:
+    """Return the values of one of `FUNCTIONS`; not a number where it has none."""
     if function in STUMPFF:
         return stumpff(int(function.removeprefix("stumpff")), x)
     if function in ARC:
         return arc(int(function.removeprefix("arc")), x)
     if function in ("positive", "step"):
-        return (x if function == "positive" else 1.0) if x > 0.0 else 0.0
-    try:
-        return float(getattr(math, function)(x))
-    except ValueError:
-        return math.nan
-    except OverflowError:
-        return math.inf
+        return np.where(np.greater(x, 0.0), x if function == "positive" else 1.0, 0.0)
+    with np.errstate(all="ignore"):
+        return np.asarray(getattr(np, function)(x))
 
 
 def function_code(function: str) -> str:

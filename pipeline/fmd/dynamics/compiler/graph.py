@@ -159,7 +159,7 @@ class Scalar:
     def apply(self, function: str) -> Scalar:
         """Return one of `FUNCTIONS` of it."""
         if (value := self.constant) is not None:
-            return self.graph.number(evaluate_function(function, value))
+            return self.graph.number(float(evaluate_function(function, value)))
         return self._make(function, self)
 
 

@@ -1,66 +1,147 @@
-"""Evaluation of a graph by NumPy, node by node: slow, and the reference that compiled code is tested against."""
+"""The NumPy printer of a graph: node by node at one state, or at many states at once.
+
+Nothing is compiled, so that a mechanism whose march needs few kernels reports its motion without any more, and code
+that is compiled has a reference.
+"""
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+import operator
+from collections.abc import Callable, Mapping, Sequence
+from functools import partial, reduce
 from typing import Any
 
 import numpy as np
 
 from fmd.core.arrays import Array
 from fmd.dynamics.compiler.functions import FUNCTIONS, evaluate_function
-from fmd.dynamics.compiler.graph import Graph
+from fmd.dynamics.compiler.graph import Graph, Scalar
+
+_AT_ONCE = 1024
+"""States that are evaluated together: the values of a mechanism's nodes at them stay in the processor's cache."""
+
+
+class Evaluation:
+    """Nodes of a graph as a function of arrays, in steps that are found once for many calls.
+
+    Parameters
+    ----------
+    graph : Graph
+        Whose nodes they are.
+    outputs : sequence of int
+        Numbers of the nodes.
+    """
+
+    def __init__(self, graph: Graph, outputs: Sequence[int]) -> None:
+        live = graph.live(outputs)
+        place = {number: k for k, number in enumerate(live)}
+        last = {argument: number for number in live for argument in graph.nodes[number].arguments}
+        dropped: dict[int, list[int]] = {}
+        for argument, number in last.items():
+            if argument not in outputs:
+                dropped.setdefault(number, []).append(place[argument])
+        self._outputs = [place[number] for number in outputs]
+        self._steps = [
+            (_step(graph, number), [place[k] for k in graph.nodes[number].arguments], dropped.get(number, ()))
+            for number in live
+        ]
+
+    def __call__(self, arguments: Mapping[str, Array]) -> list[Any]:
+        """Return the values: (n_states,) of scalars and (size, n_states) of vectors, with 1 for what never changes.
+
+        Parameters
+        ----------
+        arguments : mapping of str to ndarray, shapes (n_places, n_states)
+            What inputs read. Complex entries are carried through, for derivatives by a complex step, by sine and
+            cosine alone of all functions.
+        """
+        values: list[Any] = []
+        with np.errstate(all="ignore"):  # what has no value is not a number
+            for step, taken, dropped in self._steps:
+                values.append(step(arguments, *[values[k] for k in taken]))
+                for k in dropped:
+                    values[k] = None
+        return [values[k] for k in self._outputs]
+
+    def over(self, arguments: Mapping[str, Array], n_states: int) -> Array:
+        """Return the values of scalars at many states, shape (n_states, n_outputs)."""
+        out = np.empty((n_states, len(self._outputs)))
+        for first in range(0, n_states, _AT_ONCE):
+            some = slice(first, first + _AT_ONCE)
+            values = self({name: entries[:, some] for name, entries in arguments.items()})
+            for k, value in enumerate(values):
+                out[some, k] = value
+        return out
+
+
+def evaluate_scalars(values: Sequence[Scalar]) -> Evaluation:
+    """Return the evaluation of scalars, one at least, of one graph."""
+    return Evaluation(values[0].graph, [value.node for value in values])
 
 
 def interpret(graph: Graph, outputs: Sequence[int], arguments: Mapping[str, Array]) -> list[Any]:
-    """Return the values of nodes.
+    """Return the values of nodes at one state, or with an entry for each lane in a last axis.
 
     Parameters
     ----------
     outputs : sequence of int
         Numbers of the nodes.
-    arguments : mapping of str to ndarray
-        What inputs read; those of lanes have an axis more. Complex entries are carried through, for derivatives by a
-        complex step, by sine and cosine alone of all functions.
+    arguments : mapping of str to ndarray, shapes (n_places,) or (n_places, n_lanes)
+        What inputs read.
     """
-    values: dict[int, Any] = {}
-    for number in graph.live(outputs):
-        operation, taken, data, _ = graph.nodes[number]
-        x = [values[k] for k in taken]
-        value: Any
-        if operation == "number":
-            value = data
-        elif operation in ("input", "vector input"):
-            name, places = data  # type: ignore[misc]
-            value = arguments[name][list(places)] if operation == "vector input" else arguments[name][places[0]]
-        elif operation == "array":
-            value = graph.arrays[data]  # type: ignore[index]
-        elif operation == "entry":
-            value = x[0][data]
-        elif operation in ("sin", "cos"):
-            value = getattr(np, operation)(x[0])
-        elif operation in FUNCTIONS:
-            value = evaluate_function(operation, x[0])
-        elif operation in ("diagonal", "matrix"):
-            constant = graph.arrays[data]  # type: ignore[index]
-            value = (np.diag(constant) if operation == "diagonal" else constant) @ x[0]
-        else:
-            value = _ARITHMETIC[operation](x)
-        values[number] = value
-    return [values[number] for number in outputs]
+    given = {name: np.asarray(entries) for name, entries in arguments.items()}
+    lanes = {entries.shape[1] for entries in given.values() if entries.ndim == 2}
+    whole = {name: entries if entries.ndim == 2 else entries[:, None] for name, entries in given.items()}
+    found = []
+    for number, value in zip(outputs, Evaluation(graph, outputs)(whole), strict=True):
+        node = graph.nodes[number]
+        shape = (node.size,) if node.size or node.operation == "array" else ()
+        found.append(np.broadcast_to(value, (*shape, *(lanes or {1}))) if lanes else np.reshape(value, shape))
+    return found
 
 
-def _times(factor: Any, vector: Any) -> Any:
-    """Multiply a vector; an entry for each lane, if either has one, stays in the last axis."""
-    return vector[:, None] * factor if np.ndim(factor) and np.ndim(vector) == 1 else factor * vector
+def _step(graph: Graph, number: int) -> Callable[..., Any]:
+    """Return the function of the arguments and of the values that a node takes."""
+    operation, _, data, _ = graph.nodes[number]
+    if operation == "number":
+        return lambda _: data
+    if operation == "array":
+        column = graph.arrays[data][:, None]  # type: ignore[index]
+        return lambda _: column
+    if operation in ("input", "vector input"):
+        name, places = data  # type: ignore[misc]
+        at = places[0] if operation == "input" else list(places)
+        return lambda arguments: arguments[name][at]
+    if operation == "entry":
+        return lambda _, x: x[data]
+    if operation == "diagonal":
+        factors = graph.arrays[data][:, None]  # type: ignore[index]
+        return lambda _, x: factors * x
+    if operation == "matrix":
+        matrix = graph.arrays[data]  # type: ignore[index]
+        return lambda _, x: matrix @ x
+    function = partial(evaluate_function, operation) if operation in FUNCTIONS else _ARITHMETIC[operation]
+    return lambda _, *x: function(*x)
 
 
-_ARITHMETIC: dict[str, Any] = {
-    "add": lambda x: x[0] + x[1],
-    "subtract": lambda x: x[0] - x[1],
-    "multiply": lambda x: x[0] * x[1],
-    "negate": lambda x: -x[0],
-    "invert": lambda x: 1.0 / x[0],
-    "dot": lambda x: np.tensordot(x[0], x[1], (0, 0)),
-    "combine": lambda x: sum(_times(factor, vector) for factor, vector in zip(x[::2], x[1::2], strict=True)),
+def _dot(x: Array, y: Array) -> Array:
+    if x.shape[1] == 1:
+        return np.asarray(x[:, 0] @ y)
+    return np.asarray(y[:, 0] @ x if y.shape[1] == 1 else np.einsum("nt,nt->t", x, y))
+
+
+def _combine(*terms: Any) -> Any:
+    pairs = zip(terms[::2], terms[1::2], strict=True)
+    products = (vector if isinstance(factor, float) and factor == 1.0 else factor * vector for factor, vector in pairs)
+    return reduce(operator.add, products)
+
+
+_ARITHMETIC: dict[str, Callable[..., Any]] = {
+    "add": operator.add,
+    "subtract": operator.sub,
+    "multiply": operator.mul,
+    "negate": operator.neg,
+    "invert": lambda x: 1.0 / x,
+    "dot": _dot,
+    "combine": _combine,
 }

@@ -153,11 +153,8 @@ class LinearisedMechanism:
         """Return values in the order of rates, rates of gaps, accelerations of gaps."""
         out = np.zeros((self.mechanism.n + 2 * self.n_rows, *lanes))
         found = interpret(self._graph, [value.node for value in values], arguments)
-        for place, value, of in zip(self._places, found, values, strict=True):
-            x = np.asarray(value, dtype=float)
-            if lanes and x.ndim == (0 if isinstance(of, Scalar) else 1):
-                x = x[..., None]  # a constant along all directions
-            out[place] = x
+        for place, value in zip(self._places, found, strict=True):
+            out[place] = value
         return out
 
 

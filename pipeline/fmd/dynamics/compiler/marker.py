@@ -109,7 +109,7 @@ def _only_axis(at: MarkerShapes) -> Array | None:
     axes, sizes, _ = np.linalg.svd(rotations, full_matrices=False)
     if np.sum(sizes > _ONE_AXIS * sizes[0]) > 1:
         return None
-    return clean_direction(axes[:, 0] * np.sign(axes[np.abs(axes[:, 0]).argmax(), 0]))
+    return clean_direction(axes[:, 0] * np.sign(axes[np.abs(axes[:, 0]).argmax(), 0]), _ONE_AXIS)
 
 
 def _turn_by_vector(graph: Graph, t: Vector3, dt: Vector3) -> tuple[Matrix, Matrix, Vector3, Vector3]:

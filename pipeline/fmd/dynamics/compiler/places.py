@@ -19,11 +19,11 @@ from fmd.dynamics.compiler.algebra import (
     times,
     transpose,
 )
-from fmd.dynamics.compiler.cleaning import clean_direction, clean_marker
+from fmd.dynamics.compiler.cleaning import clean_direction
 from fmd.dynamics.compiler.coordinates import Coordinates
-from fmd.dynamics.compiler.frames import MovingFrame, marker_bias
+from fmd.dynamics.compiler.frames import MovingFrame, marker_bias, trace_place_on_body
 from fmd.dynamics.compiler.graph import Terms, Vector
-from fmd.dynamics.compiler.marker import MarkerMotion, trace_marker
+from fmd.dynamics.compiler.marker import MarkerMotion
 
 _AXES = range(3)
 
@@ -86,7 +86,7 @@ def trace_place(inputs: Coordinates, frames: list[MovingFrame], place: Place) ->
         still = constants(graph, [0.0] * 3)
         return PlaceMotion(constants(graph, place.marker.position), still, identity(graph, 3), still)
     frame = frames[inputs.mechanism.number_of(place.body)]
-    marker = trace_marker(graph, clean_marker(place.marker, len(frame.link.omega)), frame.q, frame.v)
+    marker = trace_place_on_body(inputs, frame, place.marker)
     origin, R = frame.world
     moving = add(frame.velocity, cross(frame.spin, marker.arm), scale(0.5, marker.moving))
     spin = times(R, add(frame.spin, marker.turned))

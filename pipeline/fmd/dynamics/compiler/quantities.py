@@ -6,14 +6,12 @@ import numpy as np
 
 from fmd.dynamics.compiler.algebra import Matrix, Vector3, add, constants, cross, dot, product, scale, times
 from fmd.dynamics.compiler.bodies import trace_inertia
-from fmd.dynamics.compiler.cleaning import clean_marker
 from fmd.dynamics.compiler.coordinates import Coordinates
 from fmd.dynamics.compiler.elements import trace_element_energy
 from fmd.dynamics.compiler.forces import section_angle
-from fmd.dynamics.compiler.frames import MovingFrame
+from fmd.dynamics.compiler.frames import MovingFrame, trace_place_on_body
 from fmd.dynamics.compiler.graph import Scalar, total
 from fmd.dynamics.compiler.laws import trace_law_energy
-from fmd.dynamics.compiler.marker import trace_marker
 
 
 def trace_markers(inputs: Coordinates, frames: list[MovingFrame]) -> list[tuple[Vector3, Matrix]]:
@@ -22,7 +20,7 @@ def trace_markers(inputs: Coordinates, frames: list[MovingFrame]) -> list[tuple[
     for frame in frames:
         origin, R = frame.world
         for at in frame.link.markers.values():
-            marker = trace_marker(inputs.graph, clean_marker(at, len(frame.link.omega)), frame.q, frame.v)
+            marker = trace_place_on_body(inputs, frame, at)
             out.append((add(origin, times(R, marker.arm)), product(R, marker.R)))
     return out
 
@@ -32,17 +30,17 @@ def trace_momenta(inputs: Coordinates, frames: list[MovingFrame]) -> tuple[Vecto
     linear, angular = (constants(inputs.graph, [0.0] * 3) for _ in range(2))
     for frame in frames:
         origin, R = frame.world
-        push, turn = (times(R, part) for part in body_momenta(inputs, frame))
+        push, turn = (times(R, part) for part in body_momenta(inputs, frame)[1:])
         linear, angular = add(linear, push), add(angular, turn, cross(origin, push))
     return linear, angular
 
 
-def body_momenta(inputs: Coordinates, frame: MovingFrame) -> tuple[Vector3, Vector3]:
-    """Return a body's momentum and its angular momentum about its origin, in its axes."""
+def body_momenta(inputs: Coordinates, frame: MovingFrame) -> tuple[Vector3, Vector3, Vector3]:
+    """Return a body's first moment, momentum and angular momentum about its origin, in its axes."""
     inertia, w, u = trace_inertia(inputs.graph, frame), frame.spin, frame.velocity
     push = add(scale(inertia.mass, u), cross(w, inertia.c), inertia.c_rate)
     turn = add(cross(inertia.c, u), times(inertia.J, w), scale(-1.0, inertia.h))
-    return push, turn
+    return inertia.c, push, turn
 
 
 def trace_kinetic_energy(inputs: Coordinates, frames: list[MovingFrame]) -> Scalar:
@@ -50,7 +48,7 @@ def trace_kinetic_energy(inputs: Coordinates, frames: list[MovingFrame]) -> Scal
     twice: list[Scalar] = []
     for frame in frames:
         inertia = trace_inertia(inputs.graph, frame)
-        push, turn = body_momenta(inputs, frame)
+        _, push, turn = body_momenta(inputs, frame)
         modal = frame.v.dot(frame.v) + dot(frame.velocity, inertia.c_rate) - dot(frame.spin, inertia.h)
         modal = modal if inertia.more is None else modal + inertia.more.twice_energy(frame.v)
         twice.append(dot(frame.velocity, push) + dot(frame.spin, turn) + modal)

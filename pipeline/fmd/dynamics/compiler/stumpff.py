@@ -9,6 +9,10 @@ from __future__ import annotations
 
 import math
 
+import numpy as np
+
+from fmd.core.arrays import Array
+
 FIRST, LAST = 4, 9
 """The functions that graphs use: c₄ and c₅, and those that their first and second derivatives bring in."""
 
@@ -23,15 +27,14 @@ def coefficients(k: int) -> tuple[float, ...]:
     return tuple((-1) ** j / math.factorial(k + 2 * j) for j in range(_TERMS))
 
 
-def stumpff(k: int, x: float) -> float:
+def stumpff(k: int, x: Array | float) -> Array:
     """Return c_k(x) for x not below 0."""
-    if x < LIMIT:
-        value = 0.0
-        for coefficient in reversed(coefficients(k)):
-            value = coefficient + x * value
-        return value
-    root = math.sqrt(x)
-    value = math.sin(root) / root if k % 2 else math.cos(root)
+    near = np.polynomial.polynomial.polyval(np.minimum(x, LIMIT), coefficients(k))
+    if np.all(np.less(x, LIMIT)):
+        return np.asarray(near)
+    far = np.maximum(x, LIMIT)
+    root = np.sqrt(far)
+    value = np.sin(root) / root if k % 2 else np.cos(root)
     for j in range(k % 2, k, 2):
-        value = (1.0 / math.factorial(j) - value) / x
-    return value
+        value = (1.0 / math.factorial(j) - value) / far
+    return np.where(np.less(x, LIMIT), near, value)

@@ -13,7 +13,7 @@ from functools import cached_property, partial
 import numpy as np
 
 from fmd.core.arrays import Array
-from fmd.dynamics.compiler.cleaning import rigid_constants
+from fmd.dynamics.compiler.cleaning import inertia_forms, rigid_constants
 from fmd.dynamics.compiler.coordinates import Coordinates, LeapingCoordinates, constant_value
 from fmd.dynamics.compiler.digest import digest_mechanism
 from fmd.dynamics.compiler.forces import JOINT_CONSTANTS
@@ -187,7 +187,7 @@ def _constants_of(mechanism: Mechanism) -> dict[Key, float]:
         if len(link.damping):
             table |= {(body, f"damping {k}"): float(x) for k, x in enumerate(2.0 * link.damping * link.omega)}
         if not len(link.omega):
-            mass, S, J = rigid_constants(link)
+            mass, S, J = rigid_constants(inertia_forms(link))
             table[body, "mass"] = mass
             table |= {(body, f"S {a}"): float(S[a]) for a in range(3)}
             table |= {(body, f"J {a} {b}"): float(J[a, b]) for a in range(3) for b in range(a + 1)}

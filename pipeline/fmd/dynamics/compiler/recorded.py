@@ -1,0 +1,111 @@
+"""A mechanism's graph as its motion is reported from: evaluated by NumPy at many states at once.
+
+The constants keep what the march takes for round-off.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass
+from functools import cached_property, lru_cache
+
+import numpy as np
+
+from fmd.core.arrays import Array
+from fmd.dynamics.closures import Place
+from fmd.dynamics.compiler.algebra import Vector3, add, constants, times
+from fmd.dynamics.compiler.coordinates import ExactCoordinates
+from fmd.dynamics.compiler.elements import trace_pair, trace_strain
+from fmd.dynamics.compiler.forces import ActingForces, joint_elongation
+from fmd.dynamics.compiler.frames import MovingFrame, trace_frames
+from fmd.dynamics.compiler.graph import Graph, Scalar
+from fmd.dynamics.compiler.interpret import Evaluation, evaluate_scalars
+from fmd.dynamics.compiler.places import trace_place
+from fmd.dynamics.compiler.quantities import body_momenta, trace_kinetic_energy, trace_potential_energy
+from fmd.dynamics.compiler.residual import trace_motion
+from fmd.dynamics.elements import Element
+from fmd.dynamics.mechanism import Mechanism
+
+
+@dataclass(frozen=True)
+class RecordedMechanism:
+    """Quantities of a mechanism's motion by its state: arguments ``inputs``, ``q`` and ``v``, as in `programs`.
+
+    Parameters
+    ----------
+    inputs : ExactCoordinates
+        The mechanism's.
+    frames : list of MovingFrame
+        Of its bodies.
+    """
+
+    inputs: ExactCoordinates
+    frames: list[MovingFrame]
+
+    @cached_property
+    def of_frames(self) -> Evaluation:
+        """Origin, rotation by rows, velocity and angular velocity of each body in space, 18 values a body."""
+        values: list[Scalar] = []
+        for frame in self.frames:
+            origin, R = frame.world
+            values += [*origin, *(x for row in R for x in row), *times(R, frame.velocity), *times(R, frame.spin)]
+        return evaluate_scalars(values)
+
+    @cached_property
+    def of_momenta(self) -> Evaluation:
+        """First moment, momentum and angular momentum of each body in its axes, 9 values a body."""
+        values: list[Scalar] = []
+        for frame in self.frames:
+            moment, push, turn = body_momenta(self.inputs, frame)
+            values += [*moment, *push, *turn]
+        return evaluate_scalars(values)
+
+    @cached_property
+    def of_energies(self) -> Evaluation:
+        """Kinetic and potential energy [J]."""
+        kinetic = trace_kinetic_energy(self.inputs, self.frames)
+        return evaluate_scalars([kinetic, trace_potential_energy(self.inputs, self.frames)])
+
+    def of_joint(self, body: int) -> Evaluation:
+        """Position and rate of a joint with one axis, of a revolute one of the section that it grips."""
+        link = self.frames[body].link
+        if link.motion is not None:
+            return evaluate_scalars(self.inputs.signal(link.motion, derivatives=1))
+        return evaluate_scalars([*joint_elongation(self.inputs, self.frames[body])])
+
+    def of_strain(self, element: Element) -> Evaluation:
+        """Strain of a force element, its rate, and that of the way from its first place to its second one."""
+        return evaluate_scalars([x for part in trace_strain(self.inputs, self.frames, element) for x in part])
+
+    def of_wrenches(self, element: Element) -> Evaluation:
+        """Force and moment in space on the first and on the second place of a force element."""
+        second, first = trace_pair(self.inputs, self.frames, element)
+        return evaluate_scalars([x for side in (first, second) for x in (*side.force, *side.moment)])
+
+    def of_place(self, place: Place) -> Evaluation:
+        """Position, axes by rows, velocity and angular velocity in space of a place's section, 18 values."""
+        at = trace_place(self.inputs, self.frames, place)
+        return evaluate_scalars([*at.x, *(x for row in at.A for x in row), *at.v, *at.w])
+
+    def of_acceleration(self, place: Place) -> Evaluation:
+        """Acceleration in space of a place on a body for accelerations of the coordinates, the argument ``a``."""
+        body = self.inputs.mechanism.number_of(place.body)
+        falling = ActingForces(self.inputs, self.frames)
+        x = trace_motion(self.inputs, self.frames, falling)[body]
+        eta = self.inputs.inputs_of_modes(body, "a")
+        at = trace_place(self.inputs, self.frames, place).acceleration(x, eta)[0]
+        weight: Vector3 = constants(self.inputs.graph, self.inputs.mechanism.gravity)
+        return evaluate_scalars(add(at, weight))
+
+    def state(self, times: Array, q: Array, v: Array) -> Mapping[str, Array]:
+        """Return the arguments at states, (n_times,), (n_times, n_positions) and (n_times, n), by columns."""
+        values = [row for signal in self.inputs.signals for row in signal.values(times).T]
+        inputs = np.reshape(values, (len(values), len(times)))
+        return {"inputs": inputs, "q": np.ascontiguousarray(q.T), "v": np.ascontiguousarray(v.T)}
+
+
+@lru_cache(maxsize=16)
+def record_mechanism(mechanism: Mechanism) -> RecordedMechanism:
+    """Trace a mechanism's bodies as their motion is reported, once for all who want them."""
+    inputs = ExactCoordinates(Graph(), mechanism)
+    return RecordedMechanism(inputs, trace_frames(inputs))
