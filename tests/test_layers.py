@@ -55,6 +55,24 @@ MISSING_ON_SOME_SYSTEMS = {"resource"}
 # `fmd --help` and `import fmd` load nothing but the standard library and the command line's own package.
 HEAVY_FOR_COMMANDS = HEAVY | {"numpy", "pydantic"}
 
+# Numbers that decide stand by subject in modules of this package; so one is found, weighed and changed in one place.
+LIMITS = "fmd.core.limits"
+# Rooms whose numbers are data: of pictures, of shapes, of published problems, of experiments.
+DATA_ROOMS = {"render", "meshes", "models", "verification", "bench"}
+ROOMS_TO_COME = {"accuracy", "cli", "core", "dynamics", "output", "scene", "stages", "sweep"}
+# Numbers elsewhere that decide nothing: facts of a file format, of a method or of a machine.
+FACTS = {
+    "fmd.fem.formats.stl": {"_HEADER", "_RECORD"},
+    "fmd.fem.local_markers": {"_POINTS"},
+    "fmd.integrators.automatic": {"*"},
+    "fmd.integrators.march_pairs": {"*"},
+    "fmd.integrators.method_costs": {"*"},
+    "fmd.integrators.runge_kutta": {"DAMPED", "_E3", "_E5", "_D"},
+    "fmd.reduction.body_file": {"VERSION"},
+    "fmd.reduction.factor.factor": {"_GIGA"},
+    "fmd.reduction.formats.superelement_files": {"_INTERFACE"},
+}
+
 Sources = Mapping[str, str]
 
 
@@ -204,6 +222,43 @@ def prints(sources: Sources) -> Iterator[str]:
                 yield f"{module}:{node.lineno} calls {ast.unparse(node.func)}"
 
 
+def loose_numbers(sources: Sources) -> Iterator[str]:
+    """Numbers at the top of a module belong to `LIMITS`; tables of numbers, in brackets, are coefficients and stay."""
+    for module, source in sources.items():
+        if inside(module, LIMITS) or folder_of(module) in DATA_ROOMS | ROOMS_TO_COME:
+            continue
+        for node in parse(source).body:
+            names = _names_of_numbers(node) - FACTS.get(module, set())
+            if names and "*" not in FACTS.get(module, set()):
+                yield f"{module}:{node.lineno} decides by {', '.join(sorted(names))}, which belongs to {LIMITS}"
+
+
+def _names_of_numbers(node: ast.stmt) -> set[str]:
+    """Names that a statement gives a number each, be it by arithmetic."""
+    if not isinstance(node, ast.Assign | ast.AnnAssign) or node.value is None:
+        return set()
+    targets = node.targets if isinstance(node, ast.Assign) else [node.target]
+    several = isinstance(targets[0], ast.Tuple) and isinstance(node.value, ast.Tuple)
+    pairs = zip(targets[0].elts, node.value.elts, strict=True) if several else [(targets[0], node.value)]
+    arithmetic = ast.Constant | ast.BinOp | ast.UnaryOp | ast.Name | ast.operator | ast.unaryop | ast.expr_context
+    return {
+        ast.unparse(name)
+        for name, value in pairs
+        if all(isinstance(part, arithmetic) for part in ast.walk(value))
+        and any(isinstance(part, ast.Constant) and type(part.value) in (int, float) for part in ast.walk(value))
+    }
+
+
+def unexplained_numbers(sources: Sources) -> Iterator[str]:
+    """A number that decides has a comment with its meaning, behind it or in the lines before."""
+    for module, source in sources.items():
+        lines = source.splitlines()
+        for node in parse(source).body if inside(module, LIMITS) else []:
+            told = "  # " in lines[node.lineno - 1] or lines[node.lineno - 2].startswith("# ")
+            if _names_of_numbers(node) and not told:
+                yield f"{module}:{node.lineno} has no comment with its meaning"
+
+
 def _is_main_guard(node: ast.stmt) -> bool:
     return isinstance(node, ast.If) and ast.unparse(node.test) == "__name__ == '__main__'"
 
@@ -247,6 +302,8 @@ RULES: list[Callable[[Sources], Iterator[str]]] = [
     misplaced_modules,
     long_files,
     prints,
+    loose_numbers,
+    unexplained_numbers,
 ]
 
 
@@ -287,6 +344,10 @@ def test_every_test_asserts() -> None:
         (misplaced_modules, {"fmd.fem": "'''Doc.'''\nimport fmd.fem.mesh"}, "more than its docstring"),
         (long_files, {"fmd.fem.a": "\n" * (MOST_LINES + 1)}, f"{MOST_LINES + 1} lines"),
         (prints, {"fmd.fem.a": "print(1)"}, "calls print"),
+        (loose_numbers, {"fmd.fem.a": "_SMALL = 1e-9"}, "fmd.fem.a:1 decides by _SMALL"),
+        (loose_numbers, {"fmd.fem.a": "import b\nfirst, _MOST = 3, 2 * b"}, "fmd.fem.a:2 decides by _MOST, first"),
+        (loose_numbers, {"fmd.fem.a": "most: float = -(1 << 4)"}, "decides by most"),
+        (unexplained_numbers, {"fmd.core.limits.a": "# Of all.\n\nMOST = 3"}, "3 has no comment"),
         (assertionless_tests, {"tests.test_a": "def test_f(): g()\ndef g(): pass"}, "test_f asserts nothing"),
     ],
 )
@@ -304,6 +365,9 @@ def test_a_rule_finds_its_fault(rule: Callable[[Sources], Iterator[str]], source
         {"fmd.cli.a": "def f():\n    import fmd.stages.b", "fmd.stages.b": "import numpy"},
         {"fmd.output.a": "def f():\n    import fmd.recovery.b", "fmd.recovery.b": "import scipy.linalg"},
         {"fmd.cli.a": "print(1)"},
+        {"fmd.core.limits.a": "MOST = 3  # tries\n# Of the largest.\nSMALL = 1e-9"},
+        {"fmd.fem.a": "TABLE = (0.5, 0.25)\nHALF_PI = math.pi / 2\nname = 'a'"},
+        {"fmd.render.a": "WIDE = 0.3"},
         {"fmd.meshes.cad": "if __name__ == '__main__':\n    print(1)"},
         {"tests.test_a": "def test_f(): g()\ndef g(): h()\ndef h(): assert True"},
     ],

@@ -15,7 +15,7 @@ def test_a_missing_scene_names_the_ready_ones(fmd, capsys):
 
 
 def test_a_failed_check_ends_with_status_3_and_its_figure(fmd, capsys, monkeypatch):
-    monkeypatch.setattr("fmd.reduction.eigen.RESIDUAL_LIMIT", 0.0)
+    monkeypatch.setattr("fmd.reduction.eigen.LARGEST_RESIDUAL", 0.0)
     assert fmd("modes", "beam", "--no-cache") == 3
     assert "residual" in capsys.readouterr().err
 

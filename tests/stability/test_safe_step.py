@@ -3,7 +3,8 @@
 import numpy as np
 import pytest
 
-from fmd.stability.safe_step import ALLOWED_GROWTH, longest_safe_step
+from fmd.core.limits.stability import ALLOWED_GROWTH
+from fmd.stability.safe_step import longest_safe_step
 
 
 @pytest.mark.parametrize("power", [1, 3])

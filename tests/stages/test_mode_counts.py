@@ -104,7 +104,7 @@ def test_a_family_that_a_mesh_has_too_few_of_is_refused_with_the_number_that_wor
 def test_a_large_mesh_has_no_modes_by_a_dense_solver(
     fmd: Callable[..., int], square: str, capsys: pytest.CaptureFixture[str], monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    monkeypatch.setattr("fmd.reduction.eigen._MOST_DENSE", 40)
+    monkeypatch.setattr("fmd.reduction.eigen.MOST_DENSE", 40)
     small = [
         "--no-cache",
         "--set",

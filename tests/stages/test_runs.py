@@ -9,8 +9,8 @@ import pytest
 from fmd import Pipeline, load_scene
 from fmd.core.cache import Cache
 from fmd.core.errors import InputError, StabilityError
+from fmd.core.limits.stability import ALLOWED_GROWTH
 from fmd.integrators.central_difference import CentralDifference
-from fmd.stability.safe_step import ALLOWED_GROWTH
 from fmd.stages import runs, stiffening_check
 
 

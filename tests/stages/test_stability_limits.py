@@ -5,12 +5,12 @@ import pytest
 
 from fmd import Pipeline, load_scene
 from fmd.core.errors import StabilityError
+from fmd.core.limits.stability import ALLOWED_GROWTH
 from fmd.integrators.central_difference import CentralDifference
 from fmd.integrators.protocol import Integrator
 from fmd.integrators.subcycling import Subcycling
 from fmd.stability.limits import explicit_method
 from fmd.stability.operating_points import settle
-from fmd.stability.safe_step import ALLOWED_GROWTH
 from fmd.stability.tangent import OperatingPoint
 from fmd.stages.stability_limits import find_scene_limits
 

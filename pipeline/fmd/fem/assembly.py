@@ -12,6 +12,7 @@ import numpy as np
 import scipy.sparse as sp
 
 from fmd.core.arrays import Array, IntArray
+from fmd.core.limits.memory import BLOCKS_AT_ONCE, ELEMENTS_AT_ONCE, ENHANCED_AT_ONCE
 from fmd.fem.elements import Formulation, shape_functions
 from fmd.fem.enhanced_strain import condensed_stiffness
 from fmd.fem.gradients import determinants, gradients
@@ -19,10 +20,6 @@ from fmd.fem.material import AnyMaterial, Material
 from fmd.fem.mesh import SolidMesh
 from fmd.fem.model import FEModel
 from fmd.fem.space import Discretisation
-
-_CHUNK = 2048  # elements at a time, fewer if they have many nodes: their matrices stay in the processor's cache
-_ENHANCED_CHUNK = 512
-_BLOCKS = 8192  # blocks at a time, so that they stay in the cache too
 
 
 def assemble(mesh: SolidMesh, order: int, material: AnyMaterial, formulation: Formulation = "enhanced") -> FEModel:
@@ -79,8 +76,8 @@ def _isotropic(T: Array, material: Material) -> Array:
     """Turn sums of gradient products T (n_pairs, 3, 3) into blocks of the stiffness, in place."""
     lam, mu = material.lame
     transposed, diagonal = np.arange(9).reshape(3, 3).T.ravel(), np.eye(3).ravel()
-    for start in range(0, len(T), _BLOCKS):
-        block = T[start : start + _BLOCKS].reshape(-1, 9)
+    for start in range(0, len(T), BLOCKS_AT_ONCE):
+        block = T[start : start + BLOCKS_AT_ONCE].reshape(-1, 9)
         shear = np.take(block, transposed, axis=1)
         trace = block @ diagonal
         for k in np.flatnonzero(diagonal):
@@ -96,8 +93,8 @@ def _condensed_blocks(space: Discretisation, material: AnyMaterial) -> Array:
     n_elements, n_local = space.element_nodes.shape
     blocks = np.empty((n_elements, n_local, n_local, 3, 3))
     flat, by_pairs = blocks.reshape(n_elements, -1), _by_pairs(n_local)
-    for start in range(0, n_elements, _ENHANCED_CHUNK):
-        part = np.arange(start, min(start + _ENHANCED_CHUNK, n_elements))
+    for start in range(0, n_elements, ENHANCED_AT_ONCE):
+        part = np.arange(start, min(start + ENHANCED_AT_ONCE, n_elements))
         stiffness = condensed_stiffness(space, material, part).reshape(len(part), -1)
         np.take(stiffness, by_pairs, axis=1, out=flat[part[0] : part[-1] + 1], mode="clip")
     return blocks
@@ -115,7 +112,7 @@ def _gradient_products(space: Discretisation) -> Array:
     T = np.empty((n_elements, n_local, n_local, 3, 3))
     flat_T = T.reshape(n_elements, -1)
     by_pairs = _by_pairs(n_local)
-    step = max(_CHUNK // 16, 16 * _CHUNK // n_local**2)
+    step = max(ELEMENTS_AT_ONCE // 16, 16 * ELEMENTS_AT_ONCE // n_local**2)
     for start in range(0, n_elements, step):
         chunk = slice(start, start + step)
         g, det = gradients(space, X, chunk)
@@ -136,7 +133,7 @@ def _shape_products(space: Discretisation) -> Array:
         X, weights = X[:, :1], weights.sum(axis=1, keepdims=True)
     n_elements, n_local = space.element_nodes.shape
     products = np.empty((n_elements, n_local**2))
-    for start in range(0, n_elements, _CHUNK):
-        chunk = slice(start, start + _CHUNK)
+    for start in range(0, n_elements, ELEMENTS_AT_ONCE):
+        chunk = slice(start, start + ELEMENTS_AT_ONCE)
         np.matmul(determinants(space.jacobians(X, chunk)), weights.T, out=products[chunk])
     return products.reshape(n_elements, n_local, n_local)

@@ -18,13 +18,13 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from fmd.core.arrays import Array, IntArray
+from fmd.core.limits.mesh import NEARLY_INCOMPRESSIBLE
 from fmd.fem.gradients import gradients, inverse_and_determinant
 from fmd.fem.material import AnyMaterial, Material
 
 if TYPE_CHECKING:
     from fmd.fem.space import Discretisation
 
-NEARLY_INCOMPRESSIBLE = 0.49  # Poisson's ratio above which the volume strains are added
 _MIDDLE = np.full((3, 1), 0.5)
 _COMPONENTS = ((0, 0), (1, 1), (2, 2), (1, 2), (0, 2), (0, 1))
 

@@ -12,11 +12,11 @@ import numpy as np
 import scipy.sparse as sp
 
 from fmd.core.arrays import Array
+from fmd.core.limits.memory import STRESSED_AT_ONCE
 from fmd.fem.gradients import gradients
 from fmd.fem.model import FEModel
 from fmd.fem.strain import stresses
 
-_CHUNK = 256  # elements at a time
 _TENSOR = np.array([[0, 5, 4], [5, 1, 3], [4, 3, 2]])  # places of the components in a vector of six
 
 
@@ -39,8 +39,8 @@ def geometric_stiffness(fe: FEModel, u: Array) -> list[sp.csr_array]:
     X, w = space.kind.quadrature(space.kind.stiffness_order)
     n_elements, n_local = space.element_nodes.shape
     entries = np.empty((n_elements, n_local, n_local, u.shape[2]))
-    for start in range(0, n_elements, _CHUNK):
-        part = np.arange(start, min(start + _CHUNK, n_elements))
+    for start in range(0, n_elements, STRESSED_AT_ONCE):
+        part = np.arange(start, min(start + STRESSED_AT_ONCE, n_elements))
         g, det = gradients(space, X, part)
         stress = stresses(space, fe.material, u, X, part)[:, :, _TENSOR] * (det * w)[..., None, None, None]
         flat = g.swapaxes(1, 2).reshape(len(g), n_local, -1)

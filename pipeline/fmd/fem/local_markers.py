@@ -13,14 +13,12 @@ from typing import NamedTuple
 import numpy as np
 
 from fmd.core.arrays import EPSILON, Array, IntArray
+from fmd.core.limits.mesh import OFF_EDGE, OUTSIDE, STRAIGHT_EDGE
 from fmd.fem.elements import shape_functions
 from fmd.fem.markers import Marker
 from fmd.fem.selection import locate_points
 from fmd.fem.space import Discretisation
 
-_OUTSIDE = 1e-3  # of the body's extent: CAD's curved faces and a mesh's differ by less
-_STRAIGHT = 1e-6  # smallest over largest second moment of an edge that has no width
-_ON_EDGE = 1e-9  # of shape functions of nodes off the edge
 _POINTS = 4  # of Gauss's rule along an edge: exact for products of quadratic functions on a curved edge
 
 
@@ -44,7 +42,7 @@ def point_marker(space: Discretisation, point: Array) -> Marker:
     N, _ = shape_functions(space.kind.geometry, X[0][:, None])
     found = N[:, 0] @ space.corner_coordinates[elements[0]]
     away, extent = float(np.linalg.norm(found - point)), float(np.ptp(space.x, axis=0).max())
-    if away > _OUTSIDE * extent:
+    if away > OUTSIDE * extent:
         place = ", ".join(f"{x:.6g} m" for x in space.x[np.linalg.norm(space.x - point, axis=1).argmin()])
         raise ValueError(f"lies outside the body; the node nearest to it is at [{place}]")
     motion = _collect(space, elements, X[:, None], np.ones((1, 1)))
@@ -96,7 +94,7 @@ def edge_marker(space: Discretisation, nodes: IntArray) -> Marker:
     sizes, axes = np.linalg.eigh(np.trace(second) * np.eye(3) - second)
     rotation = np.zeros_like(moment)
     for size, axis in zip(sizes, axes.T, strict=True):
-        own = motion.rotation if size <= _STRAIGHT * sizes[-1] else moment / size
+        own = motion.rotation if size <= STRAIGHT_EDGE * sizes[-1] else moment / size
         rotation += np.einsum("a,b,bic->aic", axis, axis, own)
     return Marker(centre, motion.nodes, np.where(on_edge, motion.translation, 0.0), rotation)
 
@@ -110,7 +108,7 @@ def _find_edges(space: Discretisation, nodes: IntArray) -> tuple[IntArray, IntAr
     for ends in sorted(pairs):
         start, end = space.kind.element.doflocs[list(ends)]
         N, _ = shape_functions(space.kind.element, np.stack([start + 0.3 * (end - start)], axis=1))
-        local = np.flatnonzero(np.abs(N[:, 0]) > _ON_EDGE)
+        local = np.flatnonzero(np.abs(N[:, 0]) > OFF_EDGE)
         mine = np.flatnonzero(wanted[space.element_nodes[:, local]].all(axis=1))
         elements.append(mine)
         found.append(np.tile(ends, (len(mine), 1)))

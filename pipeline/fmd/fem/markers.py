@@ -11,13 +11,12 @@ from skfem.quadrature import get_quadrature
 from skfem.refdom import RefQuad, RefTri
 
 from fmd.core.arrays import EPSILON, Array, IntArray
+from fmd.core.limits.mesh import OFF_FACE
+from fmd.core.limits.rank import WORST_RESULTANTS
 from fmd.fem.elements import shape_functions
 from fmd.fem.mesh import rows_among
 from fmd.fem.space import Discretisation
 
-# Integrals over a face of the shape functions of nodes off it are round-off.
-_ON_FACE = 1e-12
-_INDEPENDENT = 1e6  # condition of resultants of loads that a section transmits
 _FACET_ORDER = {False: 2, True: 3}  # degree of N_i N_j over the displacement's; one more for a curved facet's area
 
 
@@ -139,7 +138,7 @@ def traction_marker(position: Array, nodes: IntArray, x: Array, forces: Array) -
     extent = np.linalg.norm(r, axis=1).max()
     scaled = resultants / np.repeat([1.0, extent], 3)
     scaled = scaled / np.linalg.norm(scaled, axis=1, keepdims=True)
-    if not np.linalg.cond(scaled) < _INDEPENDENT:
+    if not np.linalg.cond(scaled) < WORST_RESULTANTS:
         raise ValueError("the resultants of the section's forces depend on one another")
     unit = np.einsum("kl,lib->kib", np.linalg.inv(resultants), forces)
     return Marker(position, nodes, unit[:3], unit[3:])
@@ -180,7 +179,7 @@ def _integrate_products(space: Discretisation, elements: IntArray, local: IntArr
     pairs = np.repeat(place, n_local, axis=1).ravel(), np.tile(place, (1, n_local)).ravel()
     A = sp.csr_array(sp.coo_array((entries.ravel(), pairs), shape=(len(nodes), len(nodes))))
     share = A.diagonal()
-    on_face = np.flatnonzero(share > _ON_FACE * share.max())
+    on_face = np.flatnonzero(share > OFF_FACE * share.max())
     return nodes[on_face], A[on_face][:, on_face]
 
 

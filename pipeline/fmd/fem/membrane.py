@@ -10,11 +10,10 @@ from __future__ import annotations
 import numpy as np
 
 from fmd.core.arrays import Array
+from fmd.core.limits.memory import STRESSED_AT_ONCE
 from fmd.fem.geometric_stiffness import geometric_stiffness
 from fmd.fem.gradients import gradients
 from fmd.fem.model import FEModel
-
-_CHUNK = 256  # elements at a time
 
 
 def quadratic_strain_load(fe: FEModel, u: Array) -> tuple[Array, float]:
@@ -37,8 +36,8 @@ def quadratic_strain_load(fe: FEModel, u: Array) -> tuple[Array, float]:
     space = fe.discretisation
     X, w = space.kind.quadrature(space.kind.mass_order)
     f, energy = np.asarray(geometric_stiffness(fe, u[:, :, None])[0] @ u), 0.0
-    for start in range(0, len(space.element_nodes), _CHUNK):
-        part = np.arange(start, min(start + _CHUNK, len(space.element_nodes)))
+    for start in range(0, len(space.element_nodes), STRESSED_AT_ONCE):
+        part = np.arange(start, min(start + STRESSED_AT_ONCE, len(space.element_nodes)))
         g, det = gradients(space, X, part)
         nodes = space.element_nodes[part]
         slopes = np.einsum("eqia,eib->eqab", g, u[nodes], optimize=True)  # ∂_a u_b

@@ -17,15 +17,8 @@ from scipy.sparse.csgraph import connected_components
 from scipy.sparse.linalg import eigsh
 
 from fmd.core.arrays import Array, IntArray
+from fmd.core.limits.mesh import CUT_WINDOW, DIFFUSION_SHIFT, DIVISIONS, FINEST_WEIGHT, FRAGMENT, UNBALANCED, WIDE_GAP
 from fmd.fem.space import Discretisation
-
-_SHIFT = 1e-3  # of the second eigenvalue's size: diffusion itself is singular
-_WINDOW = 0.4  # of a piece's volume: how far a cut may be from an even division to find a gap between two elements
-_WIDE = 0.2  # of the widest gap: less is no gap between layers
-_SEEDS = 8  # divisions that METIS tries; that with the smallest cuts is taken
-_UNBALANCED = 400  # thousandths by which a piece of METIS may exceed the mean
-_FINEST = 10_000  # weights of METIS are whole multiples of the largest over this
-_FRAGMENT = 0.02  # of a piece's volume: loose elements up to this much move to the piece beside them
 
 
 class PartitionError(ValueError):
@@ -137,11 +130,11 @@ def _divide_along_path(space: Discretisation, elements: IntArray, areas: Array, 
     level = path_coordinates(space, elements, areas)[order]
     share = np.cumsum(volumes[order]) / volumes.sum()  # volume up to and with each element
     gaps = np.diff(level)
-    layers = gaps > _WIDE * np.partition(gaps, -min(len(gaps), count))[-min(len(gaps), count)]
+    layers = gaps > WIDE_GAP * np.partition(gaps, -min(len(gaps), count))[-min(len(gaps), count)]
     cuts: list[int] = []
     for k in range(1, count):
         off = np.abs(share[:-1] - k / count) * count
-        near = np.flatnonzero(off <= _WINDOW)
+        near = np.flatnonzero(off <= CUT_WINDOW)
         near = near[near > (cuts[-1] if cuts else -1)]
         if not len(near):
             return None
@@ -175,7 +168,7 @@ def path_coordinates(space: Discretisation, elements: IntArray, areas: Array) ->
     if n < 3:  # too few for the iteration
         _, vectors = eigh((D - A).toarray(), V.toarray())
     else:
-        _, vectors = eigsh(sp.csc_array(D - A), k=2, M=sp.csc_array(V), sigma=-_SHIFT / extent**2, v0=start)
+        _, vectors = eigsh(sp.csc_array(D - A), k=2, M=sp.csc_array(V), sigma=-DIFFUSION_SHIFT / extent**2, v0=start)
     field = vectors[:, np.ptp(vectors, axis=0).argmax()]
     field = field if field[centres[:, np.ptp(centres, axis=0).argmax()].argmin()] < 0 else -field
     # the lowest eigenvector of a straight bar is a cosine: its inverse grows evenly along the bar
@@ -210,7 +203,7 @@ def join_fragments(labels: IntArray, elements: IntArray, volumes: Array, count: 
         of_parts[parts] = labels
         largest = np.array([np.where(of_parts == k, sizes, 0.0).argmax() for k in range(count)])
         loose = ~np.isin(np.arange(n_found), largest)
-        if sizes[loose].max() > _FRAGMENT * volumes.sum() / count:
+        if sizes[loose].max() > FRAGMENT * volumes.sum() / count:
             return None
         labels = labels.copy()
         for part in np.flatnonzero(loose):
@@ -241,8 +234,8 @@ def _divide_by_metis(
     adjacency = pymetis.CSRAdjacency(graph.indptr, graph.indices)
     sizes, strengths = _whole_numbers(np.asarray(np.bincount(vertex, volumes), dtype=float)), _whole_numbers(graph.data)
     found: list[tuple[int, int, float, IntArray]] = []
-    for seed in range(1, 1 + _SEEDS):
-        options = pymetis.Options(contig=1, seed=seed, ufactor=_UNBALANCED)
+    for seed in range(1, 1 + DIVISIONS):
+        options = pymetis.Options(contig=1, seed=seed, ufactor=UNBALANCED)
         parts = pymetis.part_graph(
             count, adjacency, vweights=sizes, eweights=strengths, options=options, recursive=False
         )[1]
@@ -260,5 +253,5 @@ def _divide_by_metis(
 
 def _whole_numbers(sizes: Array) -> list[int]:
     """Return sizes in whole multiples of a small part of the largest, at least 1: the weights that METIS takes."""
-    whole: list[int] = np.maximum(np.rint(_FINEST * sizes / sizes.max()), 1).astype(int).tolist()
+    whole: list[int] = np.maximum(np.rint(FINEST_WEIGHT * sizes / sizes.max()), 1).astype(int).tolist()
     return whole

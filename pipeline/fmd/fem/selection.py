@@ -11,16 +11,14 @@ from scipy.sparse.csgraph import connected_components
 from scipy.spatial import cKDTree
 
 from fmd.core.arrays import Array, IntArray
+from fmd.core.limits.mesh import FACE_IN_PLANE, NEAREST_ELEMENTS, NODES_ON_EDGE
+from fmd.core.limits.newton import LOCATING_CORRECTIONS
 from fmd.fem.elements import shape_functions
 from fmd.fem.markers import face_marker
 from fmd.fem.mesh import rows_among
 from fmd.fem.space import Discretisation
 
-_IN_PLANE = 1e-5  # of the body's extent
-_ON_EDGE = 1e-6  # of the body's extent
 _SHARP = np.cos(np.deg2rad(40.0))
-_NEAREST = 24  # elements to search for a point
-_STEPS = 20  # of Newton's method in each
 
 
 def facets_in_plane(space: Discretisation, axis: int, place: float) -> IntArray:
@@ -28,7 +26,7 @@ def facets_in_plane(space: Discretisation, axis: int, place: float) -> IntArray:
 
     A facet of four corners is identified by three of them.
     """
-    near = _IN_PLANE * float(np.ptp(space.x, axis=0).max())
+    near = FACE_IN_PLANE * float(np.ptp(space.x, axis=0).max())
     corners = _corners(space)
     off = np.abs(space.x[corners][..., axis] - place).max(axis=1)
     return _keys(corners[off <= near])
@@ -86,7 +84,7 @@ def nodes_on_edge(space: Discretisation, ends: Array) -> IntArray:
     share = np.clip(r @ along / (along @ along), 0.0, 1.0)
     away = np.linalg.norm(r - share[:, None] * along, axis=1)
     extent = float(np.ptp(space.x, axis=0).max())
-    nodes = np.flatnonzero(away < _ON_EDGE * extent)
+    nodes = np.flatnonzero(away < NODES_ON_EDGE * extent)
     if not len(nodes):
         raise ValueError(f"no node of the mesh lies there; the nearest is {away.min():.4g} m away")
     return nodes
@@ -112,7 +110,7 @@ def locate_points(space: Discretisation, points: Array) -> tuple[IntArray, Array
         Reference coordinates, within the reference cell.
     """
     corners, geometry = space.corner_coordinates, space.kind.geometry
-    count = min(_NEAREST, len(corners))
+    count = min(NEAREST_ELEMENTS, len(corners))
     near = np.asarray(cKDTree(corners.mean(axis=1)).query(points, k=count)[1]).reshape(len(points), count)
     middle = space.kind.corners.mean(axis=0)
     elements, X = np.zeros(len(points), dtype=np.int64), np.zeros((len(points), 3))
@@ -120,7 +118,7 @@ def locate_points(space: Discretisation, points: Array) -> tuple[IntArray, Array
         best = np.inf
         for element in candidates:
             x = middle
-            for _ in range(_STEPS):
+            for _ in range(LOCATING_CORRECTIONS):
                 N, dN = shape_functions(geometry, x[:, None])
                 step = np.linalg.solve(corners[element].T @ dN[:, :, 0], point - N[:, 0] @ corners[element])
                 x = np.clip(x + step, -1.0, 2.0)

@@ -17,6 +17,22 @@ import numpy as np
 
 from fmd.core.arrays import Array, IntArray
 from fmd.core.errors import StabilityError
+from fmd.core.limits.stepping import (
+    ADAPTIVE_WINDOW,
+    CHUNK,
+    CHUNK_SECONDS,
+    CRAWL,
+    FIRST_CHUNK,
+    FORGIVEN,
+    HARDLY_MOVING,
+    LONG_SECONDS,
+    MOST_ADAPTIVE_STEPS,
+    SHORT_STEP,
+    SHORTEST_STEP,
+    SPARE_STEPS,
+    STEP_SAFETY,
+    STILL_GROUP,
+)
 from fmd.dynamics.jit.compiled import aligned, inner, kernel
 from fmd.dynamics.jit.table import Table
 from fmd.dynamics.system import System, advance, project
@@ -24,18 +40,7 @@ from fmd.dynamics.watch import Watch, begin_watch, foreseen_part, passed_part, w
 from fmd.integrators.endless import StepsLeft
 from fmd.integrators.protocol import Progress, State, Trajectory, require_times, start_state
 
-_FLOOR = 1e-12  # a group that has not moved yet
-_LEAST = 1e-6  # of the largest value of its kind: a group that hardly moves
-SMALLEST = 1e-12  # of the duration
-_SPARE, _FORGIVEN = 256.0, 2.0  # such steps after a breakpoint, as from rest under sqrt(t), and their largest error
-_SHORT = 1e-6  # of the duration: steps from rest, whose error is beside what they move themselves,
 _JITTER = 8.0 * np.finfo(float).eps  # can't be below that of the time's own round-off: this times the time over a step
-_FIRST_CHUNK, _CHUNK = 4, 256  # steps: few at first, lest each takes long and nothing is told in between
-_CHUNK_SECONDS = 0.1
-_LONG = 0.02  # seconds of some steps, beside which a look at what makes them short costs little
-_CRAWL = 0.05  # radians of the highest frequency in a step: of what vibrates faster than the undeformed mechanism
-_SAFETY = 0.9
-_MOST_STEPS, _OVER = 1e10, 20_000  # steps that never come to an end, by the mean of so many
 
 
 def groups_of(system: System) -> IntArray:
@@ -102,7 +107,7 @@ def scaled_error(groups: IntArray, largest: Array, error: Array) -> float:
     """
     worst = 0.0
     for i in range(groups.size):
-        ratio = abs(error[i]) / max(largest[groups[i]], _FLOOR)
+        ratio = abs(error[i]) / max(largest[groups[i]], STILL_GROUP)
         if not (math.isfinite(error[i]) and math.isfinite(largest[groups[i]])):
             return math.nan
         worst = max(worst, ratio)
@@ -133,7 +138,7 @@ def set_trial(s: AdaptiveMarch) -> None:
     for k in range(s.kinds.size):
         s.most[s.kinds[k]] = max(s.most[s.kinds[k]], s.trial[k])
     for k in range(s.kinds.size):
-        s.trial[k] = max(s.trial[k], _LEAST * s.most[s.kinds[k]])
+        s.trial[k] = max(s.trial[k], HARDLY_MOVING * s.most[s.kinds[k]])
 
 
 @inner
@@ -143,7 +148,7 @@ def step_factor(error: float, tolerance: float, order: int) -> float:
         return 4.0
     if not math.isfinite(error):
         return 0.2
-    wanted: float = _SAFETY * (tolerance / error) ** (1.0 / order)
+    wanted: float = STEP_SAFETY * (tolerance / error) ** (1.0 / order)
     return min(4.0, max(0.2, wanted))
 
 
@@ -244,7 +249,7 @@ def end_step(m: Any, p: Any, s: AdaptiveMarch) -> None:
 def _march(m: Any, p: Any, s: AdaptiveMarch, stop: float, n_steps: int) -> int:
     """Take steps until a breakpoint ``stop`` [s] or the last output time; return how many, less than 0 if one fails."""
     n_positions, n, clock, times, cursor = s.q.size, s.v.size, s.clock, s.times, s.cursor
-    smallest, short = SMALLEST * times[times.size - 1], _SHORT * times[times.size - 1]
+    smallest, short = SHORTEST_STEP * times[times.size - 1], SHORT_STEP * times[times.size - 1]
     for done in range(n_steps):
         if cursor[0] >= times.size or clock[0] >= stop:
             return done
@@ -271,7 +276,7 @@ def _march(m: Any, p: Any, s: AdaptiveMarch, stop: float, n_steps: int) -> int:
                 continue
             planned = True
             if h <= smallest:
-                if not (s.spare[0] > 0.0 and size < _FORGIVEN):
+                if not (s.spare[0] > 0.0 and size < FORGIVEN):
                     clock[1] = h
                     return -done - 1
                 s.spare[0], factor = s.spare[0] - 1.0, 1.0
@@ -355,31 +360,31 @@ def march_adaptive_steps(
         cursor,
         evaluations,
         fresh,
-        np.full(1, _SPARE),
+        np.full(1, SPARE_STEPS),
         watch_of(system),
     )
     march = AdaptiveMarch(tolerance, order, longest, settles, *present, trial, begin, new, out, *output)
-    p, chunk = system.parameters, _FIRST_CHUNK
+    p, chunk = system.parameters, FIRST_CHUNK
     explain = getattr(system, "explain_failure", None)
-    left = StepsLeft(name, end, _MOST_STEPS, _OVER, state.step, state.time)
+    left = StepsLeft(name, end, MOST_ADAPTIVE_STEPS, ADAPTIVE_WINDOW, state.step, state.time)
     _march(m, p, march, math.inf, 0)  # compiles, or reads the kernel: not part of the run time
     while cursor[0] < times.size:
         stop = next((point for point in system.breakpoints if point > clock[0]), math.inf)
         if clock[0] in system.breakpoints:
-            march.spare[0] = _SPARE
+            march.spare[0] = SPARE_STEPS
         fresh[0] = settles or clock[0] == 0.0 or clock[0] in system.breakpoints
         tick = time.perf_counter()
         done = int(_march(m, p, march, stop, chunk))
         spent = time.perf_counter() - tick
         seconds += spent
-        chunk = max(1, min(_CHUNK, int(chunk * _CHUNK_SECONDS / max(spent, 1e-9))))
+        chunk = max(1, min(CHUNK, int(chunk * CHUNK_SECONDS / max(spent, 1e-9))))
         state = replace(state, step=state.step + abs(done), time=float(clock[0]), next_step=float(clock[1]))
         if done <= 0 or not (np.isfinite(state.q).all() and np.isfinite(state.v).all()):
             finite = all(np.isfinite(x).all() for x in (state.q, state.v, state.a))
             reason = f"its step fell to {clock[1]:.1e} s" if finite else "the accelerations are not finite"
             message = f"{name} stopped at t = {clock[0]:.6g} s: {reason}"
             raise StabilityError(message, float(clock[0]), state.q)
-        if spent > _LONG and clock[1] * system.highest_frequency < _CRAWL and explain is not None:
+        if spent > LONG_SECONDS and clock[1] * system.highest_frequency < CRAWL and explain is not None:
             explain(StabilityError(f"{name} takes steps of {clock[1]:.1e} s", float(clock[0]), state.q))
         left.require_end(state.step, state.time)
         if progress:

@@ -17,6 +17,7 @@ from typing import Any
 import numpy as np
 
 from fmd.core.arrays import Array
+from fmd.core.limits.round_off import SOLVED
 from fmd.dynamics.jit.compiled import aligned, inner, kernel, meaning
 from fmd.dynamics.system import System, accelerations, project
 from fmd.integrators.fixed_step import SingleSteps, march_fixed_steps, runs_away, sample_within, take_steps
@@ -32,8 +33,6 @@ from fmd.integrators.protocol import (
     require_times,
     start_state,
 )
-
-_ROUND_OFF = 1e-9  # of the highest squared frequency: less doesn't couple
 
 
 @dataclass(frozen=True)
@@ -62,7 +61,7 @@ class Exponential(ResumableIntegrator):
         stiffest = getattr(system, "stiffest_matrices", (M, K))[1]
         coupling = np.linalg.solve(M, stiffest) - np.diag(K.diagonal() / M.diagonal())
         squared = float(np.abs(np.linalg.eigvals(coupling)).max(initial=0.0))
-        return 2.0 / math.sqrt(squared) if squared > _ROUND_OFF * system.highest_frequency**2 else np.inf
+        return 2.0 / math.sqrt(squared) if squared > SOLVED * system.highest_frequency**2 else np.inf
 
     @classmethod
     def ladders(cls, explicit: Sequence[float], coarse: Sequence[float]) -> Iterator[Sequence[Integrator]]:

@@ -16,16 +16,12 @@ import numpy as np
 
 from fmd.core.arrays import Array, IntArray
 from fmd.core.errors import StabilityError
+from fmd.core.limits.stepping import CYCLES_SECONDS, FIRST_CYCLES, RUNAWAY
 from fmd.dynamics.jit.compiled import inlined, kernel, meaning
 from fmd.dynamics.jit.table import Table
 from fmd.dynamics.system import System, project
 from fmd.integrators.missed_work import ElongationLog, WorkCheck, note_elongations
 from fmd.integrators.protocol import Progress, State, require_times
-
-# Rates that add up to more are taken as divergence: no mechanism in SI units comes near it.
-RUNAWAY = 1e30
-_FIRST_CHUNK = 1024  # steps: short marches are one call
-_CHUNK_SECONDS = 0.2
 
 
 @dataclass(frozen=True)
@@ -190,7 +186,7 @@ def march_fixed_steps(
     last = -(-(int(sample_step[-1]) + 1 - state.step) // substeps) * substeps + state.step
     p, check = system.parameters, WorkCheck(system, origin, step, substeps)
     check.begin(state.step, state.q, state.v)
-    seconds, chunk = 0.0, substeps * max(1, _FIRST_CHUNK // substeps)
+    seconds, chunk = 0.0, substeps * max(1, FIRST_CYCLES // substeps)
     _march(method, p, held, samples, check.log, substeps, state.step, 0)  # compiles, or reads the kernel: not timed
     while state.step < last:
         wanted = min(chunk, last - state.step, check.most_steps)
@@ -208,7 +204,7 @@ def march_fixed_steps(
             )
         check.add()
         chunk = substeps * max(
-            64, min(4 * chunk // substeps, int(chunk // substeps * _CHUNK_SECONDS / max(spent, 1e-9)))
+            64, min(4 * chunk // substeps, int(chunk // substeps * CYCLES_SECONDS / max(spent, 1e-9)))
         )
         if progress:
             progress(state.step / last)

@@ -19,7 +19,15 @@ import numpy as np
 
 from fmd.core.arrays import Array
 from fmd.core.errors import AccuracyError, StabilityError
-from fmd.core.limits.newton import CONVERGED, OF_GUESS, POSITION_ROUND_OFF, STALLED, STEP_ITERATIONS, VANISHED
+from fmd.core.limits.newton import (
+    BALANCING_PART,
+    CONVERGED,
+    OF_GUESS,
+    POSITION_ROUND_OFF,
+    STALLED,
+    STEP_ITERATIONS,
+    VANISHED,
+)
 from fmd.core.newton import settles
 from fmd.dynamics.jit.compiled import aligned, inlined, inner, meaning
 from fmd.dynamics.jit.table import Table
@@ -45,8 +53,6 @@ from fmd.integrators.protocol import (
     require_step,
     start_state,
 )
-
-_SMALL = 1e-6  # part of the positions by which they are changed
 
 _settles = inlined(settles)
 
@@ -139,12 +145,12 @@ def _balanced_size(system: System, start: State) -> float:
 
     Where a motion starts at rest under large loads, accelerations are but the round-off of these.
     """
-    change = -_SMALL * start.q[system.n_positions - system.n :]
+    change = -BALANCING_PART * start.q[system.n_positions - system.n :]
     if not change.any():
         return 0.0
     a = np.zeros(system.n)
     evaluate(system.parameters, 0.0, move_positions(system.parameters, start.q, change), start.v, a)
-    return float(np.abs(a - start.a[: system.n]).max(initial=0.0)) / _SMALL
+    return float(np.abs(a - start.a[: system.n]).max(initial=0.0)) / BALANCING_PART
 
 
 @dataclass(frozen=True)

@@ -16,17 +16,18 @@ import numpy as np
 
 from fmd.core.arrays import Array, IntArray
 from fmd.core.errors import StabilityError
+from fmd.core.limits.stepping import (
+    CYCLES_BETWEEN_CHECKS,
+    ELONGATIONS,
+    FINER_DOUBLINGS,
+    MISSED_WORK,
+    SURE_WORK,
+    WORST_STEPS,
+)
 from fmd.dynamics.jit.compiled import inlined
 from fmd.dynamics.jit.table import Table
 from fmd.dynamics.watch import Watch, begin_watch, begin_watch_of, no_watch, watch_of
 from fmd.dynamics.watched_laws import WatchedLaw
-
-_ALLOWED = 0.05  # of a law's energies over the march: work that may be missed in a pass
-_SURE = 0.5  # times that: what the recommended step misses
-_MOST_CYCLES = 4096  # between two checks
-_WINDOW = 64  # steps about the worst one, by which a shorter step is found
-_MOST_DOUBLINGS = 16
-_SAMPLES = 257  # of the elongations that were passed
 
 
 @dataclass(frozen=True)
@@ -88,8 +89,8 @@ class WorkCheck:
     def __init__(self, system: Any, origin: float, step: float, cycle: int) -> None:
         watch = watch_of(system)
         self._step, self._cycle = step, cycle
-        self.most_steps = _MOST_CYCLES * cycle if watch.n_laws else np.iinfo(np.int64).max
-        self.log = _log(watch, origin, step, _MOST_CYCLES) if watch.n_laws else _no_log()
+        self.most_steps = CYCLES_BETWEEN_CHECKS * cycle if watch.n_laws else np.iinfo(np.int64).max
+        self.log = _log(watch, origin, step, CYCLES_BETWEEN_CHECKS) if watch.n_laws else _no_log()
         self._passes = [_Passes(law) for law in getattr(system, "watched_laws", ())]
 
     @property
@@ -154,7 +155,7 @@ class _Passes:
         missed, worst = self._missed(x)
         if worst > self._worst:
             at = int(np.argmax(np.abs(missed)))
-            self._worst, self._about = worst, x[max(at - _WINDOW, 0) : at + _WINDOW].copy()
+            self._worst, self._about = worst, x[max(at - WORST_STEPS, 0) : at + WORST_STEPS].copy()
 
     def _missed(self, x: Array) -> tuple[Array, float]:
         """Return the work that each step misses, and the most in a pass [J]."""
@@ -175,7 +176,7 @@ class _Passes:
     def _energy(self) -> float:
         """How much the law's energy differs over the elongations of the march [J]."""
         inside = self._edges[(self._edges > self._low) & (self._edges < self._high)]
-        places = np.concatenate([np.linspace(self._low, self._high, _SAMPLES), inside])
+        places = np.concatenate([np.linspace(self._low, self._high, ELONGATIONS), inside])
         return float(np.ptp(self._law.energies(places)))
 
     @property
@@ -192,14 +193,14 @@ class _Passes:
 
     def times_as_many(self) -> int:
         """Return how many times as many steps miss little; 1 if these do."""
-        allowed, doublings = _ALLOWED * self._energy, 0
+        allowed, doublings = MISSED_WORK * self._energy, 0
         if not self._worst > allowed:
             return 1
         numbers = np.arange(len(self._about))
-        for doublings in range(1, _MOST_DOUBLINGS + 1):
+        for doublings in range(1, FINER_DOUBLINGS + 1):
             finer = np.interp(
                 np.linspace(0.0, numbers[-1], (len(numbers) - 1) * 2**doublings + 1), numbers, self._about
             )
-            if self._missed(finer)[1] <= _SURE * allowed:
+            if self._missed(finer)[1] <= SURE_WORK * allowed:
                 break
         return int(2**doublings)

@@ -10,12 +10,11 @@ from typing import Any
 import numpy as np
 
 from fmd.core.arrays import Array, require_finite, require_shape
+from fmd.core.limits.round_off import SUMMED
+from fmd.core.limits.stability import DAMPED
 from fmd.core.short_repr import short_repr
 from fmd.dynamics.jit.compiled import aligned, kernel, meaning
 from fmd.dynamics.system import System, accelerations, advance, close_gaps, project, velocities
-
-_DAMPED = 1.01  # step without dampers over that with them, from which they are named
-_ROUND_OFF = 1e-12
 
 Progress = Callable[[float], None]
 """Called with the part of the march that is done, 0…1."""
@@ -155,11 +154,11 @@ class Integrator(ABC):
         """Say which frequency limits the step, and what dampers take of that."""
         limit, m, omega = self.largest_step(system), self.substeps, self.fast_frequency(system)
         undamped, which = 2.0 / omega, "2/ω of its highest frequency"
-        if m > 1 and system.largest_slow_step <= limit * m * (1.0 + _ROUND_OFF):
+        if m > 1 and system.largest_slow_step <= limit * m * (1.0 + SUMMED):
             omega, which = system.highest_slow_frequency, "2/(m ω) of its slow coordinates"
             undamped = 2.0 / (m * omega)
         text = f"{which}, {omega / (2 * np.pi):.5g} Hz"
-        return text if undamped <= _DAMPED * limit else f"{text}; without dampers it would be {undamped:.4g} s"
+        return text if undamped <= DAMPED * limit else f"{text}; without dampers it would be {undamped:.4g} s"
 
     @classmethod
     def ladders(cls, explicit: Sequence[float], coarse: Sequence[float]) -> Iterator[Sequence[Integrator]]:

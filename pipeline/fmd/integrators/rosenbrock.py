@@ -21,6 +21,7 @@ from typing import Any
 import numpy as np
 
 from fmd.core.arrays import Array, IntArray
+from fmd.core.limits.stepping import MOST_HALVED_STEPS, RATE_ROUND_OFF, ROSENBROCK_NUDGE, TICKS
 from fmd.dynamics.jit.compiled import aligned, inner, meaning
 from fmd.dynamics.jit.table import Table
 from fmd.dynamics.system import System, accelerations, velocities
@@ -48,11 +49,6 @@ from fmd.integrators.protocol import (
     march_from,
     require_tolerance,
 )
-
-_LEVELS = 28  # of doublings at most
-_NUDGE = 1.5e-8  # of a coordinate, or of 1
-_TICKS = 16.0  # of the time's round-off, over which a load is differentiated at least
-_ROUND_OFF = 1e-15  # of the largest rate and acceleration so far, and of what they change in a step
 
 
 @dataclass(frozen=True)
@@ -107,7 +103,7 @@ class RosenbrockSteps(Table):
 
     Attributes
     ----------
-    levels : ndarray, shape (_LEVELS, 5, n, n)
+    levels : ndarray, shape (MOST_HALVED_STEPS, 5, n, n)
         φ₀ … φ₄ of the scaled matrix, for half of the step in the end and for half of that below.
     matrices : ndarray, shape (5, n, n)
         Room for powers.
@@ -149,7 +145,7 @@ class RosenbrockSteps(Table):
 
 def make_room(n: int) -> RosenbrockSteps:
     """Make room for a step with n positions and rates together."""
-    levels, c, matrices = np.empty((_LEVELS, 5, n, n)), np.zeros((4, n)), np.empty((5, n, n))
+    levels, c, matrices = np.empty((MOST_HALVED_STEPS, 5, n, n)), np.zeros((4, n)), np.empty((5, n, n))
     J, A, marks, top = np.empty((n, n)), np.empty((n, n)), np.zeros(2), np.zeros(1, dtype=np.int64)
     return RosenbrockSteps(levels, matrices, J, A, c, marks, top, *aligned(*9 * [n]))
 
@@ -170,19 +166,19 @@ def _linearise(m: RosenbrockSteps, p: Any, t: float, dt: float, u: Array, n_posi
     n, nudged, second = u.size, m.room, m.marks[1]
     for j in range(n):
         keep = u[j]
-        u[j] = keep + _NUDGE * max(1.0, abs(keep))
+        u[j] = keep + ROSENBROCK_NUDGE * max(1.0, abs(keep))
         _slope(p, t, u, n_positions, nudged)
         nudge = u[j] - keep  # as it was stored
         u[j] = keep
         for i in range(n):
             change = nudged[i] - m.F[i]
-            noise = _ROUND_OFF * second if i >= n_positions else 0.0
+            noise = RATE_ROUND_OFF * second if i >= n_positions else 0.0
             m.J[i, j] = change / nudge if abs(change) > noise else 0.0
     later = t + dt
     _slope(p, later, u, n_positions, nudged)
     for i in range(n):
         change = nudged[i] - m.F[i]
-        m.dt[i] = change / (later - t) if abs(change) > _ROUND_OFF * second else 0.0
+        m.dt[i] = change / (later - t) if abs(change) > RATE_ROUND_OFF * second else 0.0
 
 
 @inner
@@ -301,7 +297,7 @@ def _begin_step(m: RosenbrockSteps, p: Any, s: AdaptiveMarch, t: float, h: float
     for i in range(n):
         k = 0 if i < n_positions else 1
         m.marks[k] = max(m.marks[k], abs(m.F[i]))
-    dt = max(1e-4 * h, _TICKS * (np.nextafter(start, math.inf) - start))
+    dt = max(1e-4 * h, TICKS * (np.nextafter(start, math.inf) - start))
     _linearise(m, p, start, dt, s.begin, n_positions)
     _balance(m, n_positions, 0.1 / h)
     s.evaluations[0] += n + 2
@@ -332,7 +328,7 @@ def _try_step(m: RosenbrockSteps, p: Any, s: AdaptiveMarch, t: float, h: float, 
     _flow_over(m, phi, 0.5 * h, m.w)
     for i in range(n):
         s.new[i] = s.begin[i] + m.w[i] / m.scale[i]
-        noise = _ROUND_OFF * h * ((change + h * second) if i < n_positions else second)
+        noise = RATE_ROUND_OFF * h * ((change + h * second) if i < n_positions else second)
         error = abs(m.error[i]) / m.scale[i] - noise
         m.error[i] = max(error, 0.0) if math.isfinite(m.error[i]) else math.nan
     set_trial(s)

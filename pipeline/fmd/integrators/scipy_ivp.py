@@ -12,9 +12,9 @@ from scipy.integrate import DOP853, LSODA, Radau
 
 from fmd.core.arrays import Array
 from fmd.core.errors import StabilityError
+from fmd.core.limits.stepping import FAR_OFF, MOST_SCIPY_STEPS, SCIPY_WINDOW, SHORTEST_STEP
 from fmd.dynamics.system import System
 from fmd.dynamics.watch import Watch, begin_watch_of, passed_part_of, watch_of
-from fmd.integrators.adaptive import SMALLEST
 from fmd.integrators.endless import StepsLeft
 from fmd.integrators.protocol import (
     Integrator,
@@ -31,8 +31,6 @@ from fmd.integrators.protocol import (
 _METHODS = {"DOP853": DOP853, "Radau": Radau, "LSODA": LSODA}
 IN_SCENES: tuple[Literal["Radau", "LSODA"], ...] = ("Radau", "LSODA")
 _ORDERS = {"DOP853": 8, "Radau": 5, "LSODA": 12}
-_MOST_STEPS, _OVER = 1e8, 2000  # steps that never come to an end, by the mean of so many
-_FAR = 1e9  # [s]: neither an output time nor the end shortens a step, or sets the first one
 
 
 @dataclass(frozen=True)
@@ -97,11 +95,11 @@ class ScipyIvp(Integrator):
         samples[times == now] = y
         watch = watch_of(system)
         stops = [point for point in system.breakpoints if point > now]
-        left = StepsLeft(self.name, end, _MOST_STEPS, _OVER)
+        left = StepsLeft(self.name, end, MOST_SCIPY_STEPS, SCIPY_WINDOW)
         slope = rates(now, y)  # compiles, or reads kernels: not part of the run time
         tick = time.perf_counter()
         while now < end:
-            stop = stops.pop(0) if stops else _FAR
+            stop = stops.pop(0) if stops else FAR_OFF
             if not np.isfinite(slope).all():  # SciPy would search for a first step for ever
                 raise StabilityError(f"{self.name} stopped at t = {now:.6g} s: the accelerations are not finite")
             solver = self._solver(rates, now, y, stop)
@@ -139,7 +137,7 @@ class ScipyIvp(Integrator):
     def _passed_part(watch: Watch, n_positions: int, before: tuple[float, Array], solver: Any) -> float:
         """Return the part of the solver's last step to be tried instead, 1 if it passed no force unseen."""
         (begin, old), new, h = before, solver.y, solver.t - before[0]
-        if not watch.n_laws or h <= SMALLEST * solver.t:
+        if not watch.n_laws or h <= SHORTEST_STEP * solver.t:
             return 1.0
         begin_watch_of(watch, begin, old[:n_positions].copy(), old[n_positions:].copy())
         return passed_part_of(watch, solver.t, h, new[:n_positions].copy(), new[n_positions:].copy())

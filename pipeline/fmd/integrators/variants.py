@@ -15,13 +15,14 @@ import numpy as np
 
 from fmd.core.arrays import Array, IntArray
 from fmd.core.errors import StabilityError
+from fmd.core.limits.stepping import RUNAWAY
 from fmd.dynamics.compiler.program import LANES
 from fmd.dynamics.compiler.variants import CompiledVariants
 from fmd.dynamics.jit.compiled import inner, kernel
 from fmd.dynamics.jit.native import call_native
 from fmd.dynamics.jit.table import Table
 from fmd.dynamics.mechanism import Mechanism
-from fmd.integrators.fixed_step import RUNAWAY, locate_samples
+from fmd.integrators.fixed_step import locate_samples
 from fmd.integrators.protocol import require_step
 
 

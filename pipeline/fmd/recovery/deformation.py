@@ -14,26 +14,22 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from fmd.core.arrays import Array, IntArray
+from fmd.core.limits.memory import DEFORMED_AT_ONCE, STRAINED_AT_ONCE
+from fmd.core.limits.recovery import (
+    EVEN_POINTS,
+    MOST_PLACES,
+    NEAREST_NODES,
+    OF_LARGEST_STRAIN,
+    OF_SQUARED_ROTATION,
+    POINTS_ON_LINE,
+    TOP_POINTS,
+)
+from fmd.core.limits.round_off import SOLVED
 from fmd.fem.gradients import gradients
 
 if TYPE_CHECKING:
     from fmd.fem.space import Discretisation
     from fmd.reduction.body import FlexibleBody
-
-# Error of a size, a stress or an energy over the square of the largest rotation. A cantilever under a dead load at its
-# end has 0.46 for the deflection across it, 0.38 for its size and 0.27 for the moment at its root, under a moment 0.08
-# and 0; the budget states twice of it.
-_OF_SQUARE = 0.3
-# Of the largest strain: a rod in tension has 1/2 for its stress; in bending, parts of opposite sign cancel.
-_OF_STRAIN = 0.25
-_ON_LINE = 33  # points between a joint and a marker at which rotations are sampled
-_TOP = 4  # points with the largest values of each mode at which rotation and strain are looked for
-_EVEN = 200  # points beside these, spread over the body
-_MOST = 2000  # elements, or nodes without elements, that are looked at, spread over the body
-_NEAR = 5  # nodes that count as a node's nearest, with itself
-_COINCIDENT = 1e-9  # of the body's size: nodes in one place have no way between them
-_CHUNK = 512  # elements at a time
-_FRAMES = 64  # output times at a time
 
 
 @dataclass(frozen=True)
@@ -77,7 +73,7 @@ class Deformation:
     @property
     def second_order_error(self) -> float:
         """Estimated relative error of sizes, stress, energies and joints by the squares that are left out."""
-        return _OF_SQUARE * self.rotation**2 + _OF_STRAIN * self.strain
+        return OF_SQUARED_ROTATION * self.rotation**2 + OF_LARGEST_STRAIN * self.strain
 
 
 def deformation_shapes(space: Discretisation, body: FlexibleBody, supported: bool) -> DeformationShapes:
@@ -94,16 +90,16 @@ def deformation_shapes(space: Discretisation, body: FlexibleBody, supported: boo
     """
     X = space.kind.corners.T
     n_elements = len(space.element_nodes)
-    looked_at = np.linspace(0, n_elements - 1, min(_MOST, n_elements)).astype(int)
+    looked_at = np.linspace(0, n_elements - 1, min(MOST_PLACES, n_elements)).astype(int)
     parts = [
-        _rotation_and_strain(space, body.shapes, X, looked_at[start : start + _CHUNK])
-        for start in range(0, len(looked_at), _CHUNK)
+        _rotation_and_strain(space, body.shapes, X, looked_at[start : start + STRAINED_AT_ONCE])
+        for start in range(0, len(looked_at), STRAINED_AT_ONCE)
     ]
     rotation, strain = (
         np.concatenate(field).reshape(-1, field[0].shape[2], len(body.omega)) for field in zip(*parts, strict=True)
     )
-    largest = [np.argsort(-np.linalg.norm(field, axis=1), axis=0)[:_TOP].ravel() for field in (rotation, strain)]
-    even = np.linspace(0, len(rotation) - 1, min(_EVEN, len(rotation))).astype(int)
+    largest = [np.argsort(-np.linalg.norm(field, axis=1), axis=0)[:TOP_POINTS].ravel() for field in (rotation, strain)]
+    even = np.linspace(0, len(rotation) - 1, min(EVEN_POINTS, len(rotation))).astype(int)
     chosen = np.unique(np.concatenate([*largest, even]))
     rotation, strain = rotation[chosen], strain[chosen]
     return DeformationShapes(rotation, strain, _rotation_on_lines(space, body, supported))
@@ -144,7 +140,7 @@ def node_deformation_shapes(body: FlexibleBody, supported: bool, of_matter: bool
         across = np.eye(3) - np.outer(way, way) / length**2
         bent = marker.translation - joint.translation - np.cross(carried, way, axisa=0).T
         chord = np.cross(way, bent, axisb=0).T / length**2
-        s = ((np.arange(_ON_LINE) + 0.5) / _ON_LINE)[:, None, None]
+        s = ((np.arange(POINTS_ON_LINE) + 0.5) / POINTS_ON_LINE)[:, None, None]
         lines[name] = np.asarray(6 * (s - s**2) * chord + (3 * s**2 - 2 * s) * (across @ (marker.rotation - carried)))
     return DeformationShapes(rotation, stretched, lines)
 
@@ -153,11 +149,11 @@ def _near_pairs(x: Array, shapes: Array) -> tuple[Array, Array]:
     """Return the ways between near points x (n_pairs, 3) and how much each shape changes them (n_pairs, 3, n)."""
     from scipy.spatial import cKDTree
 
-    chosen = np.linspace(0, len(x) - 1, min(_MOST, len(x))).astype(int)
-    near = cKDTree(x).query(x[chosen], min(_NEAR, len(x)))[1].reshape(len(chosen), -1)
+    chosen = np.linspace(0, len(x) - 1, min(MOST_PLACES, len(x))).astype(int)
+    near = cKDTree(x).query(x[chosen], min(NEAREST_NODES, len(x)))[1].reshape(len(chosen), -1)
     first, second = np.repeat(chosen, near.shape[1]), near.ravel()
     apart = np.linalg.norm(x[second] - x[first], axis=1)
-    used = apart > _COINCIDENT * float(np.ptp(x, axis=0).max())
+    used = apart > SOLVED * float(np.ptp(x, axis=0).max())
     first, second = first[used], second[used]
     return x[second] - x[first], shapes[second] - shapes[first]
 
@@ -189,8 +185,8 @@ def _largest(field: Array, q: Array) -> float:
         return 0.0
     bound = np.abs(q) @ np.linalg.norm(field, axis=1).max(axis=0)
     order, largest = np.argsort(-bound), 0.0
-    for start in range(0, len(order), _FRAMES):
-        frames = order[start : start + _FRAMES]
+    for start in range(0, len(order), DEFORMED_AT_ONCE):
+        frames = order[start : start + DEFORMED_AT_ONCE]
         if bound[frames[0]] <= largest:
             break
         values = (field.reshape(-1, field.shape[2]) @ q[frames].T).reshape(*field.shape[:2], -1)
@@ -210,7 +206,7 @@ def _rotation_on_lines(space: Discretisation, body: FlexibleBody, supported: boo
         way = marker.position - joint.position
         if not (length := float(np.linalg.norm(way))) or name == body.joint:
             continue
-        places = joint.position + np.outer((np.arange(_ON_LINE) + 0.5) / _ON_LINE, way)
+        places = joint.position + np.outer((np.arange(POINTS_ON_LINE) + 0.5) / POINTS_ON_LINE, way)
         elements = tree.query(places)[1]
         needed, back = np.unique(elements, return_inverse=True)
         rotation = _rotation_and_strain(space, body.shapes, middle, needed)[0][back, 0]

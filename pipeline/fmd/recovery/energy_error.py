@@ -12,6 +12,8 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from fmd.core.arrays import Array
+from fmd.core.limits.memory import STRAINED_AT_ONCE
+from fmd.core.limits.recovery import EFFECTIVITY
 from fmd.fem.elements import shape_functions
 from fmd.fem.gradients import determinants
 from fmd.fem.strain import stresses
@@ -20,10 +22,6 @@ from fmd.recovery.stress import modal_stress
 if TYPE_CHECKING:
     from fmd.fem.material import AnyMaterial
     from fmd.fem.space import Discretisation
-
-_CHUNK = 512  # elements at a time
-# Part of the error's energy that averaged stress shows: 0.5 to 0.75 on bars and propellers of all four elements.
-EFFECTIVITY = 0.6
 
 
 def energy_errors(space: Discretisation, material: AnyMaterial, shapes: Array) -> Array:
@@ -44,8 +42,8 @@ def energy_errors(space: Discretisation, material: AnyMaterial, shapes: Array) -
     X, w = space.kind.quadrature(space.kind.stiffness_order)
     N, _ = shape_functions(space.kind.element, X)
     total = np.zeros((shapes.shape[2],) * 2)
-    for start in range(0, len(space.element_nodes), _CHUNK):
-        part = np.arange(start, min(start + _CHUNK, len(space.element_nodes)))
+    for start in range(0, len(space.element_nodes), STRAINED_AT_ONCE):
+        part = np.arange(start, min(start + STRAINED_AT_ONCE, len(space.element_nodes)))
         raw = stresses(space, material, shapes, X, part)
         averaged = np.einsum("aq,earn->eqrn", N, recovered[space.element_nodes[part]], optimize=True)
         weights = np.sqrt(determinants(space.jacobians(X, part)) * w)

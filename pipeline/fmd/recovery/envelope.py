@@ -14,10 +14,9 @@ import numpy as np
 from threadpoolctl import threadpool_limits
 
 from fmd.core.arrays import Array, IntArray
+from fmd.core.limits.memory import ENVELOPE_FRAMES, ENVELOPE_NODES
+from fmd.core.limits.recovery import NEAR_LARGEST_STRESS
 from fmd.recovery.stress import StressHistory, von_mises
-
-_NEAR_LARGEST = 0.8  # of the largest von Mises stress
-_NODES, _FRAMES = 64, 256  # 790 kB of stress
 
 
 @dataclass(frozen=True)
@@ -64,18 +63,18 @@ def stress_envelope(stress: StressHistory, workers: int | None = None) -> Stress
     def search(start: int) -> None:
         from fmd.recovery.kernels.extremes import take_extremes
 
-        rows = stress.modal[start : start + _NODES]
+        rows = stress.modal[start : start + ENVELOPE_NODES]
         flat, mine = rows.reshape(-1, rows.shape[2]), slice(start, start + len(rows))
-        room = np.empty((len(flat), _FRAMES))
-        squares, means = np.empty((2, _FRAMES))
-        for first in range(0, n_times, _FRAMES):
-            count = min(_FRAMES, n_times - first)
-            tensors = room if count == _FRAMES else np.empty((len(flat), count))
+        room = np.empty((len(flat), ENVELOPE_FRAMES))
+        squares, means = np.empty((2, ENVELOPE_FRAMES))
+        for first in range(0, n_times, ENVELOPE_FRAMES):
+            count = min(ENVELOPE_FRAMES, n_times - first)
+            tensors = room if count == ENVELOPE_FRAMES else np.empty((len(flat), count))
             np.matmul(flat, q[:, first : first + count], out=tensors)
             take_extremes(tensors.reshape(len(rows), 6, count), first, squares, means, extremes[mine], frames[mine])
 
     with threadpool_limits(1), ThreadPoolExecutor(workers or os.cpu_count()) as threads:
-        list(threads.map(search, range(0, n_nodes, _NODES)))
+        list(threads.map(search, range(0, n_nodes, ENVELOPE_NODES)))
     von_mises, high, low = extremes.T
     return StressEnvelope(stress.nodes, np.sqrt(von_mises), high, low, stress.times[frames])
 
@@ -96,7 +95,7 @@ def estimate_missed_peak(stress: StressHistory, node: int) -> float:
     if len(sizes) < 3 or not sizes.max() > 0.0:
         return 0.0
     bent = von_mises(np.diff(tensors, 2, axis=1)[None])[0] / 8.0
-    near = np.maximum(np.maximum(sizes[:-2], sizes[1:-1]), sizes[2:]) >= _NEAR_LARGEST * sizes.max()
+    near = np.maximum(np.maximum(sizes[:-2], sizes[1:-1]), sizes[2:]) >= NEAR_LARGEST_STRESS * sizes.max()
     return float(bent[near].max() / sizes.max())
 
 

@@ -17,11 +17,9 @@ import numpy as np
 from threadpoolctl import threadpool_limits
 
 from fmd.core.arrays import Array, IntArray
+from fmd.core.limits.memory import FATIGUE_NODES, FATIGUE_ROUND, FATIGUE_STRETCHES
 from fmd.recovery.stress import StressHistory, von_mises
 
-_NODES = 8  # at once in a thread
-_ROUND = 8 * _NODES  # nodes between two looks at the bound
-_STRETCHES = 256  # of time, each with a bound of its own
 _CORRECTIONS = ("none", "goodman", "fkm")  # by the numbers in `kernels.rainflow`
 
 
@@ -189,7 +187,7 @@ def _assess(
 
     n_nodes, (_, n_times), numbers = len(measure.rows), q.shape, law.numbers
     bounds = np.zeros(n_nodes)
-    starts = np.arange(0, n_times, max(1, n_times // _STRETCHES))
+    starts = np.arange(0, n_times, max(1, n_times // FATIGUE_STRETCHES))
     peaks = np.maximum.reduceat(np.abs(q), starts, axis=1)  # of each coordinate in each stretch of time
     bound_damage(measure.sizes @ peaks * (1.0 + 1e-9), np.diff(starts, append=n_times) * 1.0, numbers, bounds)
     order = np.argsort(-bounds, kind="stable")
@@ -210,10 +208,10 @@ def _assess(
         damage[nodes] = own
 
     with threadpool_limits(1), ThreadPoolExecutor(workers or os.cpu_count()) as threads:
-        for start in range(0, n_nodes, _ROUND):
+        for start in range(0, n_nodes, FATIGUE_ROUND):
             if bounds[order[start]] <= (_floor(damage, worst, share) if start else -math.inf):
                 break
-            chosen = order[start : start + _ROUND]
-            list(threads.map(assess, [chosen[k : k + _NODES] for k in range(0, len(chosen), _NODES)]))
+            chosen = order[start : start + FATIGUE_ROUND]
+            list(threads.map(assess, [chosen[k : k + FATIGUE_NODES] for k in range(0, len(chosen), FATIGUE_NODES)]))
             assessed[chosen] = True
     return damage, planes, assessed

@@ -11,15 +11,13 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from fmd.core.arrays import Array
+from fmd.core.limits.recovery import INDEPENDENT_TERM, SAMPLES_PER_TERM
 from fmd.fem.elements import shape_functions
 from fmd.fem.strain import stresses
 
 if TYPE_CHECKING:
     from fmd.fem.material import AnyMaterial
     from fmd.fem.space import Discretisation
-
-_SAMPLES_PER_TERM = 3
-_INDEPENDENT = 0.02
 
 
 def patch_stress(space: Discretisation, material: AnyMaterial, shapes: Array, node: int) -> Array:
@@ -44,7 +42,7 @@ def patch_stress(space: Discretisation, material: AnyMaterial, shapes: Array, no
     X = space.kind.stress_points
     patch = np.flatnonzero((space.element_nodes == node).any(axis=1))
     n_terms = 4 if space.order == 1 else 10
-    while len(patch) * X.shape[1] < _SAMPLES_PER_TERM * n_terms:
+    while len(patch) * X.shape[1] < SAMPLES_PER_TERM * n_terms:
         wider = np.flatnonzero(np.isin(space.element_nodes, space.element_nodes[patch]).any(axis=1))
         if len(wider) == len(patch):
             break
@@ -68,6 +66,6 @@ def _terms(order: int, x: Array) -> Array:
             for b in range(a, 3):
                 term, others = x[:, a] * x[:, b], np.stack(terms, axis=1)
                 rest = term - others @ np.linalg.lstsq(others, term, rcond=None)[0]
-                if np.linalg.norm(rest) > _INDEPENDENT * np.linalg.norm(term):
+                if np.linalg.norm(rest) > INDEPENDENT_TERM * np.linalg.norm(term):
                     terms.append(term)
     return np.stack(terms, axis=1)

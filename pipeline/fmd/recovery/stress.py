@@ -15,6 +15,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from fmd.core.arrays import Array, IntArray, require_shape
+from fmd.core.limits.memory import CACHED_NUMBERS, STRAINED_AT_ONCE, STRESSED_FRAMES
 from fmd.core.short_repr import short_repr
 
 if TYPE_CHECKING:
@@ -22,9 +23,6 @@ if TYPE_CHECKING:
     from fmd.fem.space import Discretisation
 
 _ORDER = ("xx", "yy", "zz", "yz", "xz", "xy")
-_CHUNK = 512  # elements at a time
-_FRAMES = 256  # output times at a time
-_CACHED = 2**17  # numbers that fit into a core's cache
 
 
 def modal_stress(space: Discretisation, material: AnyMaterial, shapes: Array, nodes: IntArray) -> Array:
@@ -62,8 +60,8 @@ def modal_stress(space: Discretisation, material: AnyMaterial, shapes: Array, no
     elements = np.flatnonzero((chosen[space.element_nodes] >= 0).any(axis=1))
     total = np.zeros((len(nodes) + 1, 6, shapes.shape[2]))  # the last row gathers all other nodes
     count = np.zeros(len(nodes) + 1)
-    for start in range(0, len(elements), _CHUNK):
-        part = elements[start : start + _CHUNK]
+    for start in range(0, len(elements), STRAINED_AT_ONCE):
+        part = elements[start : start + STRAINED_AT_ONCE]
         at_points = stresses(space, material, shapes, X, part)
         stress = np.einsum("aq,eqsn->easn", to_nodes, at_points, optimize=True)
         local = chosen[space.element_nodes[part]]
@@ -165,7 +163,7 @@ class StressHistory:
         measure = measure or von_mises
         q = np.ascontiguousarray(self.q[frames].T)
         values = np.empty((len(frames), len(self.nodes)))
-        block = max(1, _CACHED // (6 * len(frames)))
+        block = max(1, CACHED_NUMBERS // (6 * len(frames)))
         for start in range(0, len(self.nodes), block):
             rows = self.modal[start : start + block]
             tensors = (rows.reshape(-1, rows.shape[2]) @ q).reshape(len(rows), 6, -1)
@@ -175,8 +173,8 @@ class StressHistory:
     def worst(self) -> tuple[float, int, float]:
         """Time [s], place in ``nodes`` and value [Pa] of the largest von Mises stress at any output time."""
         peak = (0.0, 0, -1.0)
-        for start in range(0, len(self.times), _FRAMES):
-            value = self.measure_at(np.arange(start, min(start + _FRAMES, len(self.times))))
+        for start in range(0, len(self.times), STRESSED_FRAMES):
+            value = self.measure_at(np.arange(start, min(start + STRESSED_FRAMES, len(self.times))))
             k, node = np.unravel_index(value.argmax(), value.shape)
             if value[k, node] > peak[2]:
                 peak = float(self.times[start + k]), int(node), float(value[k, node])

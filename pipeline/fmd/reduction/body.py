@@ -10,17 +10,14 @@ import numpy as np
 
 from fmd.core.arrays import Array
 from fmd.core.errors import AccuracyError
+from fmd.core.limits.modes import ELASTIC_PART, NO_STIFFNESS
+from fmd.core.limits.rank import INDEPENDENT_MASS
 from fmd.core.short_repr import short_repr
 from fmd.reduction.inertia import InertiaGram, inertia_gram
 
 if TYPE_CHECKING:
     from fmd.fem.markers import Marker
     from fmd.fem.model import FEModel
-
-
-_INDEPENDENT = 1e-9  # of the largest modal mass: less is left of shapes that depend on one another
-_ELASTIC = 1e-6  # of a shape's norm: more of it may not be rigid motion
-_STIFF = 1e-14  # of the highest ω²: below it a shape has no stiffness
 
 
 @dataclass(frozen=True)
@@ -186,7 +183,7 @@ def _require_elastic(fe: FEModel, shapes: Array) -> None:
     R = fe.rigid_modes
     H = R.T @ (fe.M @ shapes.reshape(len(R), -1))
     part = float(np.sqrt(np.einsum("ij,ij->j", H, np.linalg.solve(R.T @ (fe.M @ R), H)).max()))
-    if not part < _ELASTIC:
+    if not part < ELASTIC_PART:
         raise AccuracyError(f"a shape is a rigid motion in part, {part:.1e} of 1; take modes of the free body")
 
 
@@ -205,13 +202,13 @@ def _body(
     n = len(omega)
     mass = np.tensordot(shapes, (fe.m @ shapes.reshape(len(fe.x), -1)).reshape(shapes.shape), ((0, 1), (0, 1)))
     weakest = float(np.linalg.eigvalsh(mass)[0])
-    if not weakest > _INDEPENDENT:
+    if not weakest > INDEPENDENT_MASS:
         raise AccuracyError(
             f"held at '{joint}', the {n} shapes depend on one another: a combination of them keeps {weakest:.1e} of "
             "its mass; take fewer modes or modes of the body held there"
         )
     omega2, turn = eigh(np.diag(omega**2), mass)
-    if not omega2[0] > _STIFF * omega2[-1]:
+    if not omega2[0] > NO_STIFFNESS * omega2[-1]:
         raise AccuracyError(
             f"held at '{joint}', a combination of the {n} shapes is a rigid motion: ω² = {omega2[0]:.1e} rad²/s² "
             f"beside {omega2[-1]:.1e}"

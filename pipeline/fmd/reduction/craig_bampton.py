@@ -14,6 +14,8 @@ from scipy.linalg import eigh
 
 from fmd.core.arrays import Array
 from fmd.core.errors import AccuracyError
+from fmd.core.limits.modes import INTERFACE_DEFECT, RIGID_DEFECT, RIGID_REST, ZERO_EIGENVALUE
+from fmd.core.limits.rank import NEW_SHAPE
 from fmd.reduction.mode_families import classify_by_parity, complete_pairs, modes_of_family
 from fmd.reduction.modes import Modes
 
@@ -21,12 +23,6 @@ if TYPE_CHECKING:
     from fmd.fem.markers import Marker
     from fmd.fem.model import FEModel
     from fmd.reduction.eigen import FreeBodySolver
-
-INTERFACE_LIMIT = 1e-7
-RIGID_LIMIT = 1e-6
-_RIGID = 1e-7  # of a shape's size: less that is left without its rigid motion is none
-_NEW = 1e-6  # a shape with less than this part outside the others depends on them
-_ZERO = 1e-6  # of the shift, which is about the lowest elastic eigenvalue of the free body
 
 
 def interface_columns(fe: FEModel, markers: Sequence[Marker]) -> Array:
@@ -111,7 +107,7 @@ def craig_bampton_modes_of_family(
 def _modes_between(fe: FEModel, solver: FreeBodySolver, held: Array, Psi: Array) -> tuple[int, Array, Array]:
     """Return the number of rigid motions, and omega and shapes of the rest, of held modes and constraint modes."""
     V = np.concatenate([held.reshape(len(Psi), -1), Psi], axis=1)
-    n_rigid = _count_rigid_motions(fe, solver.rigid_modes, V, _ZERO * -solver.shift)
+    n_rigid = _count_rigid_motions(fe, solver.rigid_modes, V, ZERO_EIGENVALUE * -solver.shift)
     return n_rigid, *rayleigh_ritz(fe, _elastic(fe, solver.rigid_modes, V, V.shape[1] - n_rigid))
 
 
@@ -138,7 +134,7 @@ def constraint_modes(fe: FEModel, solver: FreeBodySolver, B: Array) -> Array:
     Raises
     ------
     AccuracyError
-        ``Bᵀ Ψ`` is off by more than `INTERFACE_LIMIT`: markers that can't move apart from one another.
+        ``Bᵀ Ψ`` is off by more than `INTERFACE_DEFECT`: markers that can't move apart from one another.
     """
     G = solver.static_response(B).reshape(len(fe.x) * 3, -1)
     flat, R = B.reshape(len(G), -1), solver.rigid_modes
@@ -151,7 +147,7 @@ def constraint_modes(fe: FEModel, solver: FreeBodySolver, B: Array) -> Array:
     solution = np.linalg.lstsq(system, np.concatenate([np.eye(k), np.zeros((n, k))]), rcond=None)[0]
     Psi = G @ solution[:k] + R @ solution[k:]
     off = float(np.abs(flat.T @ Psi - np.eye(k)).max())
-    if not off < INTERFACE_LIMIT:
+    if not off < INTERFACE_DEFECT:
         raise AccuracyError(
             f"constraint modes move the interface by {off:.1e} of a unit where they should not: its markers can't move "
             "apart from one another; leave out one of them, or a support that holds it"
@@ -182,8 +178,8 @@ def _count_rigid_motions(fe: FEModel, R: Array, V: Array, zero: float) -> int:
     rest = R - V @ (turn[:, :found] @ (turn[:, :found].T @ (V.T @ (fe.M @ R))))
     size = np.einsum("ij,ij->j", R, fe.M @ R)
     off = float(np.sqrt(np.max(np.einsum("ij,ij->j", rest, fe.M @ rest) / size, initial=0.0)))
-    if not off < RIGID_LIMIT:
-        raise AccuracyError(f"the Craig–Bampton space misses {off:.1e} of a rigid motion, above {RIGID_LIMIT:.0e}")
+    if not off < RIGID_DEFECT:
+        raise AccuracyError(f"the Craig–Bampton space misses {off:.1e} of a rigid motion, above {RIGID_DEFECT:.0e}")
     return found
 
 
@@ -194,7 +190,7 @@ def _elastic(fe: FEModel, R: Array, V: Array, n: int) -> Array:
         for _ in range(2):
             V = V - R @ np.linalg.solve(R.T @ MR, MR.T @ V)
         # What is left of a rigid motion, as of each static shape of a body with one marker, is round-off.
-        V = V[:, np.sqrt(np.einsum("ij,ij->j", V, fe.M @ V)) > _RIGID * sizes]
+        V = V[:, np.sqrt(np.einsum("ij,ij->j", V, fe.M @ V)) > RIGID_REST * sizes]
     return _independent(fe, V, n)
 
 
@@ -202,7 +198,7 @@ def _independent(fe: FEModel, V: Array, n: int | None = None) -> Array:
     """M-orthonormal columns that span V: n of them, or all that are independent."""
     V = V / np.sqrt(np.einsum("ij,ij->j", V, fe.M @ V))
     weight, turn = eigh(V.T @ (fe.M @ V))
-    keep = np.flatnonzero(weight > _NEW**2) if n is None else np.arange(len(weight) - n, len(weight))
-    if n is not None and not weight[keep[0]] > _NEW**2:
+    keep = np.flatnonzero(weight > NEW_SHAPE**2) if n is None else np.arange(len(weight) - n, len(weight))
+    if n is not None and not weight[keep[0]] > NEW_SHAPE**2:
         raise AccuracyError(f"the Craig–Bampton shapes depend on one another: {weight[keep[0]]:.1e} of 1 is left")
     return np.asarray(V @ (turn[:, keep] / np.sqrt(weight[keep])))

@@ -18,13 +18,12 @@ from scipy.linalg import cho_factor, cho_solve
 from scipy.sparse.linalg import LinearOperator, eigs, eigsh
 
 from fmd.core.arrays import Array
+from fmd.core.limits.modes import SPARE_MODES
 from fmd.fem.model import FEModel
 from fmd.reduction.eigen import FreeBodySolver
 from fmd.reduction.factor.factor import Factor, factorise
 from fmd.reduction.modes import EigenPairs
 from fmd.reduction.sector import Sector, cut_first_sector, rotation_about_z
-
-_SPARE = 3  # modes of each harmonic beyond its share
 
 
 class CyclicSolver(FreeBodySolver):
@@ -62,7 +61,7 @@ class CyclicSolver(FreeBodySolver):
         highest = np.inf  # below it, no harmonic has a mode that is missing
         for harmonic in range(n_sectors // 2 + 1):
             paired = self._sector.is_paired(harmonic)
-            values, z = self._harmonics.modes(harmonic, (count + 6) // n_sectors + _SPARE)
+            values, z = self._harmonics.modes(harmonic, (count + 6) // n_sectors + SPARE_MODES)
             highest = min(highest, float(values[-1]))
             for value, field in zip(values, z.T / np.sqrt(n_sectors / (1 + paired)), strict=True):
                 modes += [(value, harmonic, field), (value, harmonic, -1j * field)][: 1 + paired]

@@ -13,27 +13,27 @@ from scipy.sparse.linalg import LinearOperator, eigsh, splu
 
 from fmd.core.arrays import Array, IntArray
 from fmd.core.errors import AccuracyError
+from fmd.core.limits.modes import (
+    LANCZOS_RESIDUAL,
+    LANCZOS_TRIES,
+    LARGEST_OVERLAP,
+    LARGEST_RESIDUAL,
+    MOST_DENSE,
+    OF_ROUND_OFF,
+    ROUNDED_RESIDUAL,
+    ZERO_EIGENVALUE,
+)
 from fmd.reduction.factor.factor import Factor, factorise
 from fmd.reduction.inertia_relief import solve_balanced
 from fmd.reduction.missed_modes import missed_eigenvalue
 from fmd.reduction.modes import EigenPairs
-from fmd.reduction.round_off import OF_ROUND_OFF, THIN, rounded_defect
+from fmd.reduction.round_off import THIN, rounded_defect
 from fmd.reduction.supports import remaining_rigid_motions, remove_held_unknowns, tie_rigid_faces
 
 if TYPE_CHECKING:
     from fmd.fem.markers import Marker
     from fmd.fem.model import FEModel
 
-RESIDUAL_LIMIT = 1e-6
-ORTHONORMALITY_LIMIT = 1e-8
-_MOST_ROUNDED = 1e-3  # residuals beyond the limit, if round-off explains them: λ is good to 1e-6
-# Lanczos stops at this residual: an eigenvalue is then good to its square, a shape to itself over the gap. It must stay
-# below 1e-8, where single vectors have been seen to lose one of a pair.
-_TOLERANCE = 1e-9
-_TRIES = 3
-_MOST_DENSE = 4000  # unknowns up to which all modes are computed in half a minute
-# An eigenvalue below this part of the shift is zero: Lanczos leaves about 1e-12, an elastic mode about 1.
-_ZERO = 1e-6
 
 Inverse = Callable[[Array], Array]
 
@@ -143,7 +143,7 @@ class FreeBodySolver:
         """
         n, B = self._K.shape[0], self._holding(held)
         n_elastic: int = n - B.shape[1] - self._rigid_modes_left(B).shape[1]
-        return n_elastic if n <= _MOST_DENSE else (n_elastic - 1) // 2
+        return n_elastic if n <= MOST_DENSE else (n_elastic - 1) // 2
 
     def static_response(self, f: Array) -> Array:
         """Solve ``K u = f`` for loads in equilibrium with the rigid acceleration they cause (inertia relief).
@@ -220,7 +220,7 @@ class FreeBodySolver:
 
         Those are known from geometry; left in, they would be the first that Lanczos finds, and cost solves.
         """
-        for attempt in range(_TRIES):
+        for attempt in range(LANCZOS_TRIES):
             size = min(n_vectors << attempt, len(Z))
             if self._factor.lowest is not None and inverse is self._inverse:
                 theta, Phi = self._factor.lowest(self._M, count, size, Z)
@@ -233,8 +233,8 @@ class FreeBodySolver:
                 return values, Phi
             hertz = np.sqrt(max(missed, 0.0)) / 2 / np.pi
         raise AccuracyError(
-            f"Lanczos missed a mode at {hertz:.6g} Hz, below its highest, {_TRIES} times; ask for a few modes more or "
-            "less"
+            f"Lanczos missed a mode at {hertz:.6g} Hz, below its highest, {LANCZOS_TRIES} times; ask for a few "
+            "modes more or less"
         )
 
     def _lanczos(self, count: int, n_vectors: int, Z: Array, inverse: Inverse, seed: int) -> tuple[Array, Array]:
@@ -248,24 +248,28 @@ class FreeBodySolver:
         start -= Z @ (MZ.T @ start)
         operator = LinearOperator(self._K.shape, matvec=solve, dtype=float)
         values, Phi = eigsh(
-            self._K, count, self._M, self.shift, OPinv=operator, v0=start, ncv=n_vectors, tol=_TOLERANCE
+            self._K, count, self._M, self.shift, OPinv=operator, v0=start, ncv=n_vectors, tol=LANCZOS_RESIDUAL
         )
         return values, Phi
 
     def _verified_pairs(self, eigenvalues: Array, Phi: Array, expected: int, inverse: Inverse) -> EigenPairs:
         """Count the rigid-body modes, verify the others and give each its sign."""
-        n_rigid = int(np.count_nonzero(eigenvalues < _ZERO * -self.shift))
+        n_rigid = int(np.count_nonzero(eigenvalues < ZERO_EIGENVALUE * -self.shift))
         if n_rigid != expected:  # round-off of stiff, thin elements leaves more of a rigid mode's eigenvalue
             sizes = np.abs(Phi)
             rounded = float(np.finfo(float).eps * (sizes * (abs(self._K) @ sizes)).sum(axis=0).max())
-            n_rigid = int(np.count_nonzero(eigenvalues < min(OF_ROUND_OFF * rounded, _MOST_ROUNDED * -self.shift)))
+            n_rigid = int(np.count_nonzero(eigenvalues < min(OF_ROUND_OFF * rounded, ROUNDED_RESIDUAL * -self.shift)))
         if n_rigid != expected:
             lowest = ", ".join(f"{value:.1e}" for value in eigenvalues[:8])
             whole = "a free body" if expected == 6 else "the body as it is held"
             raise AccuracyError(
                 f"found {n_rigid} rigid-body modes, {whole} has {expected}; the lowest eigenvalues are {lowest} "
-                f"rad²/s², of which those below {_ZERO * -self.shift:.1e} count as zero"
-                + (f"; round-off alone leaves {rounded:.0e} rad²/s², {THIN}" if rounded > _ZERO * -self.shift else "")
+                f"rad²/s², of which those below {ZERO_EIGENVALUE * -self.shift:.1e} count as zero"
+                + (
+                    f"; round-off alone leaves {rounded:.0e} rad²/s², {THIN}"
+                    if rounded > ZERO_EIGENVALUE * -self.shift
+                    else ""
+                )
             )
         residual = self._largest_residual(eigenvalues, Phi, n_rigid, inverse)
         shapes = self._nodal(Phi[:, n_rigid:])
@@ -281,20 +285,20 @@ class FreeBodySolver:
         """
         MPhi = self._M @ Phi
         error = float(np.abs(Phi.T @ MPhi - np.eye(len(eigenvalues))).max())
-        if not error < ORTHONORMALITY_LIMIT:
-            raise AccuracyError(f"modes are not M-orthonormal: error {error:.1e} exceeds {ORTHONORMALITY_LIMIT:.0e}")
+        if not error < LARGEST_OVERLAP:
+            raise AccuracyError(f"modes are not M-orthonormal: error {error:.1e} exceeds {LARGEST_OVERLAP:.0e}")
         elastic = eigenvalues[n_rigid:]
         defects = self._K @ Phi[:, n_rigid:] - elastic * MPhi[:, n_rigid:]
         energies = np.einsum("ij,ij->j", defects, inverse(defects))
         residuals = np.sqrt(np.maximum(energies, 0.0) / (elastic - self.shift))
         worst = int(residuals.argmax())
-        if not residuals[worst] < RESIDUAL_LIMIT:
+        if not residuals[worst] < LARGEST_RESIDUAL:
             rounded = self._rounded_residual(elastic[worst], Phi[:, n_rigid + worst], inverse)
-            if not residuals[worst] < min(OF_ROUND_OFF * rounded, _MOST_ROUNDED):
-                thin = rounded > 0.1 * _MOST_ROUNDED
+            if not residuals[worst] < min(OF_ROUND_OFF * rounded, ROUNDED_RESIDUAL):
+                thin = rounded > 0.1 * ROUNDED_RESIDUAL
                 raise AccuracyError(
                     f"mode {worst + 1} at {np.sqrt(elastic[worst]) / 2 / np.pi:.6g} Hz has a residual of "
-                    f"{residuals[worst]:.1e}, above {RESIDUAL_LIMIT:.0e}"
+                    f"{residuals[worst]:.1e}, above {LARGEST_RESIDUAL:.0e}"
                     + (f"; round-off alone leaves {rounded:.0e}, {THIN}" if thin else "")
                 )
         return float(residuals[worst])

@@ -12,19 +12,13 @@ import numpy as np
 from scipy.linalg import eigh, null_space
 
 from fmd.core.arrays import Array
+from fmd.core.limits.modes import SOFTER
+from fmd.core.limits.rank import NEW_RESPONSE
 from fmd.reduction.modes import Modes
 
 if TYPE_CHECKING:
     from fmd.fem.model import FEModel
     from fmd.reduction.eigen import FreeBodySolver
-
-# A static response with less than this part of its norm outside the modes adds nothing but round-off.
-NEW = 1e-4
-# Residual vectors stand for flexibility that is small beside that of the modes: what is above round-off counts.
-RESIDUAL = 1e-8
-# Round-off in motions that no load excites grows from one generation to the next if they are softer than those that
-# are; of what is excited, the first generation holds the softest but for a part of its frequency.
-_SOFTER = 0.5
 
 
 def enrich_modes(
@@ -34,7 +28,7 @@ def enrich_modes(
     loads: Array,
     held: Array | None = None,
     generations: int = 1,
-    least: float = NEW,
+    least: float = NEW_RESPONSE,
 ) -> tuple[Array, Array]:
     """Add the static responses to loads to a modal basis; orthonormalise and diagonalise again.
 
@@ -53,7 +47,7 @@ def enrich_modes(
     generations : int
         1 for the responses to the loads; each further one adds those to the inertia of the one before.
     least : float
-        Part of a response's norm outside the modes from which on it is added, `NEW` or `RESIDUAL`.
+        Part of a response's norm outside the modes from which on it is added, `NEW_RESPONSE` or `NEW_RESIDUAL_VECTOR`.
 
     Returns
     -------
@@ -73,7 +67,7 @@ def enrich_modes(
             softest = eigh(U.T @ (fe.K @ U), eigvals_only=True)[:1].min(initial=np.inf)
     U = basis[:, Phi.shape[1] :]
     omega2, turn = eigh(U.T @ (fe.K @ U))
-    excited = omega2 >= _SOFTER**2 * softest
+    excited = omega2 >= SOFTER**2 * softest
     shapes = np.concatenate([Phi, U @ turn[:, excited]], axis=1).reshape(len(fe.x), 3, -1)
     return np.concatenate([modes.omega, np.sqrt(omega2[excited])]), shapes
 

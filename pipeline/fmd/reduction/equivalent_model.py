@@ -15,16 +15,13 @@ import scipy.sparse as sp
 
 from fmd.core.arrays import EPSILON, Array, IntArray
 from fmd.core.errors import AccuracyError
+from fmd.core.limits.modes import MASSLESS, NO_FREQUENCY, OWN_FRAME
 from fmd.core.rotations import rigid_motions
 from fmd.fem.formats.matrices import MatrixModel
 from fmd.fem.markers import Marker
 from fmd.reduction.body import FlexibleBody, MarkerShapes
 from fmd.reduction.modal_data import ModalData, function_products
 from fmd.reduction.modes import Modes
-
-_STIFF = 1e-12  # of the largest ω²: a mode below it is a rigid motion, or has no stiffness
-_MASSLESS = 1e-12  # of the largest modal mass
-_OWN_FRAME = 1e-6  # of the largest shape
 
 
 @dataclass(frozen=True)
@@ -126,12 +123,12 @@ def modes_of(model: EquivalentModel) -> Modes:
         )
     size = np.sqrt(M.diagonal())
     least = float(np.linalg.eigvalsh(M / np.outer(size, size))[0])
-    if not least > _MASSLESS:
+    if not least > MASSLESS:
         raise AccuracyError(
             f"the {n} shapes depend on one another as motions of mass: a combination of them keeps {least:.1e} of it"
         )
     omega2, turn = eigh(model.data.K, M)
-    if not omega2[0] > _STIFF * omega2[-1]:
+    if not omega2[0] > NO_FREQUENCY * omega2[-1]:
         raise AccuracyError(
             f"a combination of the {n} shapes has no stiffness: ω² = {omega2[0]:.1e} rad²/s² beside {omega2[-1]:.1e}"
         )
@@ -171,7 +168,7 @@ def finish_body(model: EquivalentModel, body: FlexibleBody, markers: Mapping[str
     )
     if not data.in_own_frame:
         return body
-    if np.abs(R @ rigid).max() > _OWN_FRAME * np.abs(body.shapes).max():
+    if np.abs(R @ rigid).max() > OWN_FRAME * np.abs(body.shapes).max():
         raise ValueError(
             "the file holds geometric stiffening in its own frame, which the joint doesn't keep: hang the body on the "
             "node that rests in its frame, or leave stiffening out by simulation.stiffening = 'off'"

@@ -9,15 +9,17 @@ import numpy as np
 
 from fmd.core.arrays import Array
 from fmd.core.errors import AccuracyError
-from fmd.reduction.round_off import OF_ROUND_OFF, THIN, rounded_defect
-
-STATIC_RESIDUAL_LIMIT = 1e-6  # in the energy norm, as that of modes
-_MOST_ROUNDED = 1e-4  # the same, if round-off explains it
-_BALANCED = 1e-12  # what is left below this part of a load is round-off: the body balances it by itself
-_CONVERGED = 1e-12
-_MAX_RESTARTS = 6
-_STEP_GAIN = 1e-4
-_MOST_STEPS = 100
+from fmd.core.limits.modes import (
+    CONVERGED_RESIDUAL,
+    GRADIENT_ROUNDS,
+    GRADIENT_STEPS,
+    OF_ROUND_OFF,
+    ROUND_GAIN,
+    ROUNDED_STATIC_RESIDUAL,
+    STATIC_RESIDUAL,
+)
+from fmd.core.limits.round_off import SUMMED
+from fmd.reduction.round_off import THIN, rounded_defect
 
 
 def solve_balanced(K: Any, M: Any, R: Array, inverse: Callable[[Array], Array], f: Array) -> Array:
@@ -45,7 +47,7 @@ def solve_balanced(K: Any, M: Any, R: Array, inverse: Callable[[Array], Array], 
     Raises
     ------
     AccuracyError
-        The residual stayed above `STATIC_RESIDUAL_LIMIT` and what round-off explains; the message names the load.
+        The residual stayed above `STATIC_RESIDUAL` and what round-off explains; the message names the load.
     """
     MR = M @ R
     rigid_mass = R.T @ MR
@@ -54,33 +56,33 @@ def solve_balanced(K: Any, M: Any, R: Array, inverse: Callable[[Array], Array], 
         return np.asarray(load - MR @ np.linalg.solve(rigid_mass, R.T @ load))
 
     loads = balance(f)
-    zero = np.linalg.norm(loads, axis=0) <= _BALANCED * np.linalg.norm(f, axis=0)
+    zero = np.linalg.norm(loads, axis=0) <= SUMMED * np.linalg.norm(f, axis=0)
     loads[:, zero] = 0.0
     defect, answer = loads, inverse(loads)
     size = np.where(zero, 1.0, _energy_norm(defect, answer))
     if not size.all():
         raise _lost(int(size.argmin()))
     u, before = np.zeros_like(loads), np.inf
-    for _ in range(_MAX_RESTARTS):
+    for _ in range(GRADIENT_ROUNDS):
         u += _conjugate_gradients(K, defect, answer, inverse)
         u -= R @ np.linalg.solve(rigid_mass, MR.T @ u)
         defect = balance(loads - K @ u)
         answer = inverse(defect)
         residual = _energy_norm(defect, answer) / size  # in which round-off of stiff elements counts little
         largest = residual.max()
-        if largest < _CONVERGED or 0.1 * before < largest < STATIC_RESIDUAL_LIMIT:
+        if largest < CONVERGED_RESIDUAL or 0.1 * before < largest < STATIC_RESIDUAL:
             break
         before = largest
     worst = int(residual.argmax())
-    if not residual[worst] < STATIC_RESIDUAL_LIMIT:
+    if not residual[worst] < STATIC_RESIDUAL:
         defect = balance(rounded_defect(K, u[:, [worst]]))
         rounded = (_energy_norm(defect, inverse(defect)) / size[worst]).item()
         if rounded > 1.0:
             raise _lost(worst)
-        if not residual[worst] < min(OF_ROUND_OFF * rounded, _MOST_ROUNDED):
+        if not residual[worst] < min(OF_ROUND_OFF * rounded, ROUNDED_STATIC_RESIDUAL):
             raise AccuracyError(
-                f"static response {worst}: residual {residual[worst]:.1e} exceeds {STATIC_RESIDUAL_LIMIT:.0e}"
-                + (f"; round-off alone leaves {rounded:.0e}, {THIN}" if rounded > 0.1 * _MOST_ROUNDED else "")
+                f"static response {worst}: residual {residual[worst]:.1e} exceeds {STATIC_RESIDUAL:.0e}"
+                + (f"; round-off alone leaves {rounded:.0e}, {THIN}" if rounded > 0.1 * ROUNDED_STATIC_RESIDUAL else "")
             )
     return u
 
@@ -98,8 +100,8 @@ def _conjugate_gradients(K: Any, f: Array, z: Array, inverse: Callable[[Array], 
     """Solve ``K u = f``, all columns side by side, to about four digits, preconditioned by ``inverse``, from its z."""
     u, r = np.zeros_like(f), f.copy()
     p, product = z.copy(), np.einsum("ij,ij->j", r, z)
-    enough = _STEP_GAIN**2 * product
-    for _ in range(_MOST_STEPS):
+    enough = ROUND_GAIN**2 * product
+    for _ in range(GRADIENT_STEPS):
         going = product > enough
         if not going.any():
             break

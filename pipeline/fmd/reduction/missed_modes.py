@@ -13,10 +13,7 @@ import numpy as np
 from scipy.linalg import eigh_tridiagonal
 
 from fmd.core.arrays import Array
-
-_FEWEST_STEPS, _MOST_STEPS = 10, 60  # a Ritz value converges only after some steps
-_TOUCHING = 1e-6
-_EQUAL = 1e-5  # part of the highest eigenvalue, within which another one counts as its equal
+from fmd.core.limits.modes import EQUAL_EIGENVALUES, FEWEST_STEPS, MOST_STEPS, TOUCHING
 
 
 def missed_eigenvalue(
@@ -43,7 +40,7 @@ def missed_eigenvalue(
         Upper bound of the missed eigenvalue [rad²/s²]; ``None`` if no mode is missing.
     """
     missed = shift + 1.0 / _largest_remaining(M, Phi, inverse, 1.0 / (highest - shift))
-    return missed if missed < highest * (1 - _EQUAL) else None
+    return missed if missed < highest * (1 - EQUAL_EIGENVALUES) else None
 
 
 def _largest_remaining(M: Any, Phi: Array, inverse: Callable[[Array], Array], known: float) -> float:
@@ -62,7 +59,7 @@ def _largest_remaining(M: Any, Phi: Array, inverse: Callable[[Array], Array], kn
     diagonal: list[float] = []
     beside: list[float] = []
     theta = 0.0
-    for step in range(min(_MOST_STEPS, len(Phi) - Phi.shape[1])):
+    for step in range(min(MOST_STEPS, len(Phi) - Phi.shape[1])):
         w = outside(inverse(MQ[-1]))
         diagonal.append(float(MQ[-1] @ w))
         for _ in range(2):  # orthogonalised twice against all vectors: no value comes twice by round-off
@@ -74,8 +71,8 @@ def _largest_remaining(M: Any, Phi: Array, inverse: Callable[[Array], Array], kn
         theta, error = float(values[-1]), size * abs(float(vectors[-1, -1]))
         gap = theta - values[-2] if len(values) > 1 else 0.0
         bound = theta + (error**2 / gap if gap > error else error)
-        converged = step >= _FEWEST_STEPS and bound < known * (1 + _TOUCHING)
-        if converged or theta > known * (1 + _TOUCHING) or not size > 0.0:
+        converged = step >= FEWEST_STEPS and bound < known * (1 + TOUCHING)
+        if converged or theta > known * (1 + TOUCHING) or not size > 0.0:
             break
         beside.append(size)
         Q.append(w / size)

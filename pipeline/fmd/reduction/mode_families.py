@@ -9,6 +9,7 @@ from scipy.spatial import cKDTree
 
 from fmd.core.arrays import Array, IntArray
 from fmd.core.errors import AccuracyError
+from fmd.core.limits.modes import CLEAR_PARITY, PAIR, SAME_FREQUENCY
 from fmd.reduction.modes import EigenPairs, Modes, TooManyModesError
 
 if TYPE_CHECKING:
@@ -24,11 +25,6 @@ _FAMILY_OF_PARITY = {
 }
 # Direction of most of the kinetic energy: along the bar, across it in the plane, normal to the plane.
 _MAIN_DIRECTION = {"axial": 0, "in-plane bending": 1, "out-of-plane bending": 2}
-_SAME_FREQUENCY = 1e-6
-_CLEAR = 0.9  # parity of a static deflection: those of an interface askew have any
-# Relative difference up to which the highest of a basis and its successor count as a pair: symmetric bodies on meshes
-# that aren't quite symmetric have pairs that differ by the error of discretisation.
-_PAIR = 1e-3
 
 
 def lowest_modes(solver: FreeBodySolver, count: int, held: Array | None = None) -> Modes:
@@ -68,7 +64,7 @@ def complete_pairs(solver: FreeBodySolver, count: int, held: Array | None = None
     wanted = count + 1
     while True:
         pairs = solver.modes(min(wanted, most), held)
-        n = int(np.count_nonzero(pairs.omega <= pairs.omega[count - 1] * (1 + _PAIR)))
+        n = int(np.count_nonzero(pairs.omega <= pairs.omega[count - 1] * (1 + PAIR)))
         if n < len(pairs.omega) or len(pairs.omega) < wanted:
             return pairs.lowest(n)
         wanted += n - count + 1
@@ -106,7 +102,7 @@ def modes_of_family(
         families, shapes = classify_modes(fe, pairs, normal)
         # The twin of the highest may be missing, without which its plane is not known.
         all_there = len(pairs.omega) < n_all
-        settled = np.full(len(families), all_there) | (pairs.omega < pairs.omega.max() * (1 - _SAME_FREQUENCY))
+        settled = np.full(len(families), all_there) | (pairs.omega < pairs.omega.max() * (1 - SAME_FREQUENCY))
         chosen = [k for k, name in enumerate(families) if name == family and settled[k]][:count]
         if len(chosen) == count:
             numbers = tuple(k + 1 for k in chosen)
@@ -161,7 +157,7 @@ def classify_by_parity(fe: FEModel, omega: Array, shapes: Array, normal: Array) 
     """
     parities, shapes, _ = _find_parities(fe, omega, shapes, normal)
     names = (_FAMILY_OF_PARITY[int(a), int(b)] for a, b in np.sign(parities).T)
-    clear = np.abs(parities).min(axis=0) > _CLEAR
+    clear = np.abs(parities).min(axis=0) > CLEAR_PARITY
     return [name if sure else "other" for name, sure in zip(names, clear.tolist(), strict=True)], shapes
 
 
@@ -236,7 +232,7 @@ def _equal_frequencies(omega: Array) -> list[list[int]]:
     """Group the numbers of modes by equal frequency, lowest first."""
     groups: list[list[int]] = []
     for k in np.argsort(omega):
-        if groups and omega[k] - omega[groups[-1][-1]] < _SAME_FREQUENCY * omega[k]:
+        if groups and omega[k] - omega[groups[-1][-1]] < SAME_FREQUENCY * omega[k]:
             groups[-1].append(k)
         else:
             groups.append([k])

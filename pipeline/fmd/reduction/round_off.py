@@ -8,11 +8,6 @@ import numpy as np
 
 from fmd.core.arrays import Array
 
-OF_ROUND_OFF = 100.0
-"""Residuals beyond their limit count as round-off up to this many times what round-off of one product leaves.
-
-Free bodies were found to have twice that, thin bars that are held at a face ten times.
-"""
 THIN = "since elements are so thin: shorter elements, or a thicker part, have less of it"
 
 

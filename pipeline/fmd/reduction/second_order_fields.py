@@ -18,9 +18,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from fmd.core.arrays import EPSILON, Array
-
-_ROUND_OFF = 1e-10  # of the largest form
-_DEPENDENT = 1e-12  # of a field's square, for what others leave of it
+from fmd.core.limits.rank import DEPENDENT_FIELD, FIELD_ROUND_OFF
 
 
 @dataclass(frozen=True)
@@ -68,7 +66,7 @@ def second_order_fields(
     T = np.block([[np.array([[mass]]), S[None, :, 0]], [S[:, :1], pure[:, :, 0, 0]]])
     B, F = _orthogonal(tests, momenta, T)
     sizes = np.abs(F).max(axis=(1, 2), initial=0.0)
-    kept = sizes > _ROUND_OFF * sizes.max(initial=0.0)
+    kept = sizes > FIELD_ROUND_OFF * sizes.max(initial=0.0)
     if not kept.any():
         return None
     B = B[kept]
@@ -93,7 +91,7 @@ def _stiffening_ways(stiffening: Array) -> Array:
     """
     ways, sizes, _ = np.linalg.svd(stiffening.reshape(9, -1), full_matrices=False)
     way = ways[:, 0].reshape(3, 3) * np.sign(ways[0, 0] + ways[4, 0] + ways[8, 0]) * np.sqrt(2.0)
-    if not (sizes[1:] > _ROUND_OFF * sizes[0]).any() and np.allclose(way @ way, way):
+    if not (sizes[1:] > FIELD_ROUND_OFF * sizes[0]).any() and np.allclose(way @ way, way):
         return np.asarray(way[None])
     units = np.eye(9).reshape(9, 3, 3)[[0, 4, 8, 1, 2, 5]]
     return np.asarray(units + units.swapaxes(1, 2))
@@ -109,7 +107,7 @@ def _orthogonal(tests: list[Array], momenta: list[Array], T: Array) -> tuple[Arr
                 share = float(np.sum((rest @ T) * B))
                 rest, left = rest - share * B, left - share * F
         square = float(np.sum((rest @ T) * rest))
-        if square > _DEPENDENT * float(np.sum((test @ T) * test)):
+        if square > DEPENDENT_FIELD * float(np.sum((test @ T) * test)):
             fields.append(rest / np.sqrt(square))
             forms.append(left / np.sqrt(square))
     return np.array(fields), np.array(forms)

@@ -19,8 +19,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from fmd.core.arrays import Array
-
-_NO_INERTIA = 1e-12  # of the other motions of a frame, for each
+from fmd.core.limits.mechanism import NO_MASS_LEFT
 
 
 @dataclass(frozen=True)
@@ -74,6 +73,6 @@ def second_order_mass(
     sizes = np.sqrt(M.diagonal())
     sizes[sizes == 0.0] = 1.0
     inverse = np.zeros((6, 6))
-    inverse[np.ix_(moves, moves)] = np.linalg.pinv(M / np.outer(sizes, sizes), _NO_INERTIA, hermitian=True)
+    inverse[np.ix_(moves, moves)] = np.linalg.pinv(M / np.outer(sizes, sizes), NO_MASS_LEFT, hermitian=True)
     inverse[np.ix_(moves, moves)] /= np.outer(sizes, sizes)
     return SecondOrderMass(F[kept], inverse[kept] @ W, inverse[np.ix_(kept, kept)])

@@ -11,11 +11,10 @@ from scipy.spatial import cKDTree
 
 from fmd.core.arrays import Array, IntArray
 from fmd.core.errors import AccuracyError
+from fmd.core.limits.mesh import SAME_PLACE
 from fmd.fem.assembly import assemble
 from fmd.fem.mesh import SolidMesh
 from fmd.fem.model import FEModel
-
-_SAME_PLACE = 1e-6  # of the body's extent
 
 
 @dataclass(frozen=True)
@@ -103,7 +102,7 @@ def cut_first_sector(fe: FEModel, sectors: int) -> Sector:
     place[images[1]] = np.arange(len(sector.x))
     high = np.flatnonzero(place[images[0]] >= 0)
     whole = len(np.unique(images)) == len(x) == sectors * (len(sector.x) - len(high))
-    if not (whole and distance < _SAME_PLACE):
+    if not (whole and distance < SAME_PLACE):
         raise AccuracyError(
             f"{sectors} turns of the mesh's first sector don't make the mesh: a node is {distance:.1e} of its size off "
             "its image"

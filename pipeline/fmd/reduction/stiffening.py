@@ -19,6 +19,8 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from fmd.core.arrays import Array, read_only
+from fmd.core.limits.memory import ENTRIES_AT_ONCE
+from fmd.core.limits.round_off import SOLVED
 from fmd.fem.geometric_stiffness import geometric_stiffness
 from fmd.reduction.body import FlexibleBody, MarkerShapes
 from fmd.reduction.loads import PRODUCTS, centrifugal_fields, inertia_of
@@ -27,9 +29,6 @@ if TYPE_CHECKING:
     from fmd.fem.markers import Marker
     from fmd.fem.model import FEModel
     from fmd.reduction.eigen import FreeBodySolver
-
-_ENTRIES = 1200  # of an element's matrices under all loads at a time, for the sake of memory
-_BALANCED = 1e-9  # of a load: less that is left beside the inertia of free motion is round-off
 
 
 def stiffen_body(
@@ -117,10 +116,10 @@ class _Support:
         flat = loads.reshape(-1, loads.shape[-1])
         T, P = self._tests, self._balance
         rest = flat - P @ np.linalg.lstsq(T.T @ P, T.T @ flat, rcond=None)[0] if P.size else flat
-        felt = np.flatnonzero(np.abs(rest).max(axis=0) > _BALANCED * np.abs(flat).max(axis=0))
+        felt = np.flatnonzero(np.abs(rest).max(axis=0) > SOLVED * np.abs(flat).max(axis=0))
         u = self._solver.static_response(rest[:, felt].reshape(*loads.shape[:2], -1))
         out = np.zeros((flat.shape[1], self._shapes.shape[2], self._shapes.shape[2]))
-        at_a_time = max(1, _ENTRIES // self._fe.discretisation.element_nodes.shape[1] ** 2)
+        at_a_time = max(1, ENTRIES_AT_ONCE // self._fe.discretisation.element_nodes.shape[1] ** 2)
         for first in range(0, len(felt), at_a_time):
             part = slice(first, first + at_a_time)
             out[felt[part]] = reduced_geometric_stiffness(self._fe, u[:, :, part], self._shapes)

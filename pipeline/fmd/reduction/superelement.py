@@ -9,6 +9,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from fmd.core.arrays import Array
+from fmd.core.limits.modes import ELASTIC_FREQUENCY
 from fmd.reduction.craig_bampton import constraint_modes, interface_columns
 from fmd.reduction.mode_families import complete_pairs
 
@@ -16,8 +17,6 @@ if TYPE_CHECKING:
     from fmd.fem.markers import Marker
     from fmd.fem.model import FEModel
     from fmd.reduction.eigen import FreeBodySolver
-
-_ELASTIC = 1e-6  # of the highest eigenvalue's root: frequencies below are rigid motions
 
 
 @dataclass(frozen=True)
@@ -105,6 +104,6 @@ def modal_damping(K: Array, M: Array, damping: Callable[[Array], Array]) -> Arra
 
     omega2, V = eigh(K, M)
     omega = np.sqrt(np.maximum(omega2, 0.0))
-    elastic = omega >= _ELASTIC * omega[-1]
+    elastic = omega >= ELASTIC_FREQUENCY * omega[-1]
     MV = M @ V[:, elastic]
     return np.asarray((MV * (2 * damping(omega[elastic]) * omega[elastic])) @ MV.T)

@@ -10,14 +10,12 @@ import scipy.sparse as sp
 from scipy.linalg import null_space
 
 from fmd.core.arrays import Array, IntArray
+from fmd.core.limits.round_off import SOLVED
 from fmd.core.rotations import rigid_motions
 
 if TYPE_CHECKING:
     from fmd.fem.markers import Marker
     from fmd.fem.model import FEModel
-
-# Rows of the rigid motions below this part of the largest are round-off of the nodes' positions.
-_HELD = 1e-9
 
 
 def remaining_rigid_motions(fe: FEModel, fixed: IntArray) -> Array:
@@ -39,7 +37,7 @@ def remaining_rigid_motions(fe: FEModel, fixed: IntArray) -> Array:
     x = fe.x - fe.x.mean(axis=0)
     R = rigid_motions(x).reshape(-1, 6)
     R[:, 3:] /= np.ptp(x, axis=0).max()  # displacements of like size
-    left = np.asarray(R @ null_space(R[fixed], rcond=_HELD))
+    left = np.asarray(R @ null_space(R[fixed], rcond=SOLVED))
     left[fixed] = 0.0
     return left
 

@@ -5,10 +5,8 @@ from __future__ import annotations
 import numpy as np
 
 from fmd.core.arrays import Array
+from fmd.core.limits.responses import LEAST_DAMPING, NEAREST_TO_POLE
 from fmd.responses.state_space import StateSpace
-
-_LEAST_DAMPING = 1e-5  # narrower resonances are taken as so wide
-_NEAREST = 0.05  # of half a bandwidth, distance from the pole
 
 
 def choose_frequencies(model: StateSpace, lowest: float, highest: float, points: int, ratio: float = 1.3) -> Array:
@@ -29,10 +27,12 @@ def choose_frequencies(model: StateSpace, lowest: float, highest: float, points:
     spacing = (highest - lowest) / max(points - 1, 1)
     found: list[Array] = [even]
     for frequency, damping in zip(model.poles_hz, model.damping, strict=True):
-        half = frequency * max(abs(damping), _LEAST_DAMPING)
-        count = int(np.ceil(np.log(max(spacing / (ratio - 1.0) / (_NEAREST * half), 20.0 * ratio)) / np.log(ratio)))
-        away = _NEAREST * half * ratio ** np.arange(count)
+        half = frequency * max(abs(damping), LEAST_DAMPING)
+        count = int(
+            np.ceil(np.log(max(spacing / (ratio - 1.0) / (NEAREST_TO_POLE * half), 20.0 * ratio)) / np.log(ratio))
+        )
+        away = NEAREST_TO_POLE * half * ratio ** np.arange(count)
         peak = frequency * np.sqrt(max(1.0 - 2.0 * damping**2, 0.0))
-        found += [peak - away, peak + away, np.full(int(abs(damping) >= _LEAST_DAMPING), peak)]
+        found += [peak - away, peak + away, np.full(int(abs(damping) >= LEAST_DAMPING), peak)]
     every = np.unique(np.concatenate(found))
     return np.asarray(every[(every >= lowest) & (every <= highest)])

@@ -23,6 +23,7 @@ from scipy.linalg import qr
 
 from fmd.core.arrays import Array, IntArray
 from fmd.core.formula import parse_formula
+from fmd.core.limits.rank import DEPENDENT_CONSTRAINT
 from fmd.dynamics.compiler.linearised import LinearisedMechanism, Tangents
 from fmd.dynamics.kinematics import Kinematics
 from fmd.dynamics.links import FREE, SPHERICAL, PointLoad
@@ -43,8 +44,6 @@ from fmd.stability.tangent import OperatingPoint
 
 Motions = Mapping[int, tuple[float, float, float]]
 """Position, rate and acceleration of each prescribed joint, by the number of the body that it carries."""
-
-_DEPENDENT = 1e-8  # of the largest: constraints that others imply
 
 
 class Linearisation:
@@ -288,9 +287,9 @@ class _Assembly:
         J = J / np.maximum(size, 1e-300)[:, None]
         _, R, order = qr(J, mode="economic", pivoting=True)
         pivots = np.abs(R.diagonal())
-        rank = int((pivots > _DEPENDENT * pivots.max(initial=0.0)).sum())
+        rank = int((pivots > DEPENDENT_CONSTRAINT * pivots.max(initial=0.0)).sum())
         dependent = free[np.sort(order[:rank])]
-        P[dependent] = np.linalg.pinv(self.J[:, dependent] / size[:, None], rcond=_DEPENDENT) / size
+        P[dependent] = np.linalg.pinv(self.J[:, dependent] / size[:, None], rcond=DEPENDENT_CONSTRAINT) / size
         return np.setdiff1d(free, dependent), P
 
     def _outputs(self, columns: Mapping[Port, Array], E: Array, A: Array, B: Array) -> tuple[Array, Array]:

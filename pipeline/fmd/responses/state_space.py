@@ -12,13 +12,8 @@ import numpy as np
 
 from fmd.core.arrays import Array
 from fmd.core.files import whole_file
-
-_ROUND_OFF = 1e-12  # of damping ratios
-_STILL = 1e-6  # of the fastest oscillation: one that moves slower is a rigid motion
-_ROUNDED = 10.0  # round-off of the fastest pole that slow ones may have
-_FAR = 0.2  # a zero with a larger real part, over its imaginary one, makes no response small
-_CANCELS = 1e-6  # distance of a zero from the pole that it cancels, over its size
-_INFINITE = 1e4  # zeros so many times beyond the fastest pole are at infinity
+from fmd.core.limits.responses import CANCELS, FAR_ZERO, INFINITE_ZERO, ROUNDED_POLES, SLOW_POLE
+from fmd.core.limits.round_off import SUMMED
 
 
 class Channel(NamedTuple):
@@ -84,7 +79,7 @@ class StateSpace:
         It is measured by the fastest oscillation: what strong dampers hold decays faster by many orders.
         """
         oscillation = float(self.poles.imag.max(initial=0.0))
-        return max(_STILL * (oscillation or self._fastest), _ROUNDED * np.finfo(float).eps * self._fastest)
+        return max(SLOW_POLE * (oscillation or self._fastest), ROUNDED_POLES * np.finfo(float).eps * self._fastest)
 
     @property
     def oscillating_poles(self) -> Array:
@@ -100,7 +95,7 @@ class StateSpace:
     def damping(self) -> Array:
         """Damping ratios of the oscillating poles, ``−Re λ/|λ|``; negative for a motion that grows."""
         ratios = -self.oscillating_poles.real / np.abs(self.oscillating_poles)
-        return np.where(np.abs(ratios) < _ROUND_OFF, 0.0, ratios)
+        return np.where(np.abs(ratios) < SUMMED, 0.0, ratios)
 
     @property
     def growth(self) -> float:
@@ -127,11 +122,11 @@ class StateSpace:
         pencil = np.block([[self.A / speed, b[:, None] / size_b], [c[None] / size_c, np.array([[d * speed]])]])
         pencil[n, n] /= size_b * size_c
         pair = eigvals(pencil, np.diag(np.r_[np.ones(n), 0.0]), homogeneous_eigvals=True)
-        finite = np.abs(pair[0]) < _INFINITE * np.abs(pair[1])
+        finite = np.abs(pair[0]) < INFINITE_ZERO * np.abs(pair[1])
         zeros = pair[0][finite] / pair[1][finite]
-        zeros = zeros[(zeros.imag > self._still / speed) & (np.abs(zeros.real) < _FAR * zeros.imag)]
+        zeros = zeros[(zeros.imag > self._still / speed) & (np.abs(zeros.real) < FAR_ZERO * zeros.imag)]
         apart = np.abs(zeros[:, None] * speed - self.oscillating_poles).min(axis=1, initial=np.inf)
-        zeros = zeros[apart > _CANCELS * np.abs(zeros) * speed]
+        zeros = zeros[apart > CANCELS * np.abs(zeros) * speed]
         return np.sort(np.abs(zeros)) * speed / (2 * np.pi)
 
     def frequency_response(self, frequencies_hz: Array) -> Array:

@@ -18,6 +18,8 @@ from scipy.linalg import eigh
 from fmd.core.arrays import Array, IntArray
 from fmd.core.errors import AccuracyError
 from fmd.core.limits import newton as limits
+from fmd.core.limits.rotors import BENDS
+from fmd.core.limits.round_off import SUMMED
 from fmd.core.newton import Tolerance, largest, solve
 from fmd.responses.linearisation import Linearisation, Motions
 from fmd.responses.moving_axes import position_map, turning_axes, with_unit_quaternions
@@ -25,9 +27,6 @@ from fmd.responses.state_space import StateSpace
 from fmd.stability.tangent import OperatingPoint
 
 _TOLERANCE = Tolerance(limits.STEADY_CORRECTIONS, relative=limits.TURNING, absolute=limits.TURNING_ROUND_OFF)
-_RIGID = 1e-12  # of the highest squared frequency: a motion without stiffness
-# Squared displacement of points on the axis across it, times the whole mass, for a unit modal mass: more is bending.
-_BENDS = 1e-2
 
 
 @dataclass(frozen=True)
@@ -92,7 +91,7 @@ class SteadyRotation:
         K = -M @ model.A[k:, :k]
         stiffness, ways = eigh(0.5 * (K + K.T), M)
         moved = ((model.C[across][:, :k] @ ways) ** 2).sum(axis=0) * self.linearisation.mechanism.mass
-        kept = (np.abs(stiffness) > _RIGID * np.abs(stiffness).max(initial=0.0)) & (moved < _BENDS)
+        kept = (np.abs(stiffness) > SUMMED * np.abs(stiffness).max(initial=0.0)) & (moved < BENDS)
         self._basis = ways[:, kept], ways[:, kept].T @ M
 
     def find(self, rate: float, q: Array) -> Array:

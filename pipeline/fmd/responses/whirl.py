@@ -8,12 +8,8 @@ from typing import NamedTuple
 import numpy as np
 
 from fmd.core.arrays import Array
-
-_POLARISED = 0.5  # circulation from which on a motion is a whirl
-_ACROSS = 1e-3  # of the markers' motion: a vibration with less of it across the axis doesn't whirl
-_STILL = 1e-9  # of the largest displacement: points that move less don't
-_NOTHING = 1e-18  # of a matrix's largest entry
-_ZERO = 1e-7  # of the fastest: a pole that moves slower is a rigid motion
+from fmd.core.limits.responses import ACROSS_AXIS, NO_ENTRY, POLARISED, RIGID_POLE
+from fmd.core.limits.round_off import SOLVED
 
 
 class WhirlingModes(NamedTuple):
@@ -71,12 +67,12 @@ def whirling_modes(A: Array, across: tuple[Array, Array], along: Array, rate: fl
         Ω [rad/s].
     """
     poles, vectors = _eigen(A)
-    kept = poles.imag > _ZERO * np.abs(poles).max(initial=0.0)
+    kept = poles.imag > RIGID_POLE * np.abs(poles).max(initial=0.0)
     poles, vectors = poles[kept], vectors[:, kept]
     first, second, third = (C @ vectors for C in (*across, along))
     circulation = find_circulation(first, second)
     transverse = (np.abs(first) ** 2 + np.abs(second) ** 2).sum(axis=0)
-    whirls = (np.abs(circulation) > _POLARISED) & (transverse > _ACROSS * (np.abs(third) ** 2).sum(axis=0))
+    whirls = (np.abs(circulation) > POLARISED) & (transverse > ACROSS_AXIS * (np.abs(third) ** 2).sum(axis=0))
     omega = np.where(whirls, rate + np.sign(circulation) * poles.imag, poles.imag)
     whirl = np.where(whirls, np.sign(omega) * np.abs(circulation), 0.0)
     size = np.hypot(poles.real, omega)
@@ -98,13 +94,13 @@ def hub_modes(A: Array, across: tuple[Array, Array], hub: Sequence[int]) -> Whir
         States that turn the hub itself.
     """
     poles, vectors = _eigen(A)
-    kept = np.flatnonzero(poles.imag > _ZERO * np.abs(poles).max(initial=0.0))
+    kept = np.flatnonzero(poles.imag > RIGID_POLE * np.abs(poles).max(initial=0.0))
     kept = kept[np.argsort(poles.imag[kept])]
     poles, seen = poles[kept], vectors[:, kept].copy()
     seen[list(hub)] = 0.0
     first, second = (C @ seen for C in across)
     size = np.abs(vectors[:, kept]).max(axis=0, initial=0.0) * max(float(np.abs(C).max(initial=0.0)) for C in across)
-    moves = np.sqrt((np.abs(first) ** 2 + np.abs(second) ** 2).sum(axis=0)) > _STILL * size
+    moves = np.sqrt((np.abs(first) ** 2 + np.abs(second) ** 2).sum(axis=0)) > SOLVED * size
     whirl = np.where(moves, find_circulation(first, second), 0.0)
     return WhirlingModes(poles.imag / (2 * np.pi), -poles.real / np.abs(poles), whirl)
 
@@ -118,6 +114,6 @@ def _eigen(A: Array) -> tuple[Array, Array]:
     scale = np.ones(len(A))
     scale[:n] = np.sqrt(np.maximum(np.abs(A[n:, :n].diagonal()), 1.0))
     scaled = scale[:, None] * A / scale
-    scaled[np.abs(scaled) < _NOTHING * np.abs(scaled).max(initial=0.0)] = 0.0
+    scaled[np.abs(scaled) < NO_ENTRY * np.abs(scaled).max(initial=0.0)] = 0.0
     poles, vectors = np.linalg.eig(scaled)
     return poles, vectors / scale[:, None]

@@ -10,8 +10,6 @@ import numpy as np
 
 from fmd.core.arrays import Array
 
-STABLE = 1e-9  # a spectral radius that exceeds 1 by less is round-off
-
 
 def amplification_matrix(M: Array, K: Array, n_slow: int, step: float, substeps: int, C: Array | None = None) -> Array:
     """Return the map of positions, rates and accelerations over one major cycle of ``M q̈ + C q̇ + K q = 0``.

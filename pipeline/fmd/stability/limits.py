@@ -13,19 +13,16 @@ from typing import NamedTuple
 import numpy as np
 
 from fmd.core.arrays import Array
+from fmd.core.limits.stability import BELOW_CRITICAL, BEYOND_LIMIT, BISECTIONS, STABLE
 from fmd.dynamics.system import System
 from fmd.dynamics.vibration import highest_frequency
 from fmd.integrators.central_difference import CentralDifference
 from fmd.integrators.protocol import ResumableIntegrator
 from fmd.integrators.subcycling import Subcycling
-from fmd.stability.amplification import STABLE, cycle_growth
+from fmd.stability.amplification import cycle_growth
 from fmd.stability.operating_points import OperatingPoints
 from fmd.stability.safe_step import longest_safe_step
 from fmd.stability.splitting import recommend_step
-
-_BISECTIONS = 30
-_BEYOND = 1.02  # times the limit, where the worst operating point shows
-_BELOW = 0.8  # of the critical step: the longest one to recommend
 
 
 class ReferenceMatrices(NamedTuple):
@@ -111,7 +108,7 @@ def find_limits(
     """
     limits = tuple(find_limit(system, reference, m, duration, points) for m in ratios)
     step, m = recommend_step(reference.M, reference.K, reference.n_slow, error, duration)
-    step = min(step, _BELOW * limits[0].critical_step)
+    step = min(step, BELOW_CRITICAL * limits[0].critical_step)
     if points:
         step, m = _recommend_along(points, step, m, error)
     coupling = inertial_coupling(reference.M, reference.n_slow)
@@ -128,11 +125,11 @@ def find_limit(
     def e_folds(step: float) -> float:
         return float(duration / (m * step) * np.log(max(cycle_growth(M, K, n_slow, step, m, C), 1.0)))
 
-    critical, worst = longest_safe_step(e_folds, sudden, _BISECTIONS), 0.0
+    critical, worst = longest_safe_step(e_folds, sudden, BISECTIONS), 0.0
     if points:
         along = longest_safe_step(lambda step: points.e_folds(explicit_method(step, m)), critical)
         if along < critical:
-            rates = points.excess_growth(explicit_method(min(_BEYOND * along, critical), m)).max(axis=1)
+            rates = points.excess_growth(explicit_method(min(BEYOND_LIMIT * along, critical), m)).max(axis=1)
             critical, worst = along, points.points[int(np.argmax(rates))].time
     return StepLimit(m, critical, worst, sudden, rate)
 
@@ -169,7 +166,7 @@ def find_sudden_step(M: Array, K: Array, n_slow: int, substeps: int) -> tuple[fl
     small = 0.05 * upper
     weak = max(cycle_growth(M, K, n_slow, small, substeps) - 1, 0.0) * (upper / small) ** 2  # by its square
     low, high = 0.0, upper
-    for _ in range(_BISECTIONS):
+    for _ in range(BISECTIONS):
         middle = 0.5 * (low + high)
         allowed = 1 + STABLE + 4 * weak * (middle / upper) ** 2
         if cycle_growth(M, K, n_slow, middle, substeps) <= allowed:

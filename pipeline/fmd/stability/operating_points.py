@@ -16,6 +16,7 @@ import numpy as np
 from fmd.core.arrays import Array, IntArray
 from fmd.core.errors import StabilityError
 from fmd.core.limits import newton as limits
+from fmd.core.limits.stability import OPERATING_POINTS, RESOLVED_STEP, RIGID_STEPS, RIGID_TOLERANCE, SPAN
 from fmd.core.newton import Tolerance, solve
 from fmd.dynamics.compiled_system.system import CompiledSystem
 from fmd.dynamics.mechanism import Mechanism
@@ -31,11 +32,6 @@ from fmd.stability.tangent import (
     system_growth_rates,
 )
 
-_POINTS = 8
-_RIGID_STEPS = 20_000  # of the rigid motion, at least
-_RESOLVED = 0.1  # step of the rigid motion over its largest stable one, at most
-_SPAN = 1e-3  # of the duration: over so long a span the round-off of a tangent map is harmless
-_TOLERANCE = 1e-6  # of the rigid motion where fixed steps pass a force unseen
 _SETTLING = Tolerance(limits.SETTLING_CORRECTIONS, relative=limits.SETTLED, absolute=limits.SETTLED)
 
 
@@ -73,7 +69,7 @@ class OperatingPoints:
         excess = np.full(self.growth_rates.shape, np.inf)
         for row, rates, at in zip(excess, self.growth_rates, self.points, strict=True):
             try:
-                by_scheme = scheme_growth_rates(method, self.system, at, _SPAN * self.duration)
+                by_scheme = scheme_growth_rates(method, self.system, at, SPAN * self.duration)
             except StabilityError:
                 return excess
             row[:] = by_scheme[: row.size] - np.maximum(rates, 0.0)
@@ -93,7 +89,7 @@ class OperatingPoints:
         if not np.isfinite(excess).all():
             return np.inf
         cycle, part = method.substeps * method.step, self.duration / len(self.points)
-        late = min((1.5 + 0.5 * cycles_within(_SPAN * self.duration, cycle)) * cycle, part)
+        late = min((1.5 + 0.5 * cycles_within(SPAN * self.duration, cycle)) * cycle, part)
         weights = np.full(len(self.points), part)
         weights[0] += late
         weights[-1] -= late
@@ -121,9 +117,9 @@ def find_operating_points(
     StabilityError
         The mechanism with all bodies rigid can't be integrated.
     """
-    times = (np.arange(_POINTS) + 0.5) * duration / _POINTS
+    times = (np.arange(OPERATING_POINTS) + 0.5) * duration / OPERATING_POINTS
     wanted = system.mechanism
-    q, v = _rigid_motion(mechanism.rigid, q0, v0, times, duration / _RIGID_STEPS)
+    q, v = _rigid_motion(mechanism.rigid, q0, v0, times, duration / RIGID_STEPS)
     modes = (wanted.modes_of(k).tolist() for k in range(len(wanted.links)))
     resting = np.array(sorted({*range(wanted.n_slow, wanted.n)}.union(*modes)), dtype=np.int64)
     undeformed = [
@@ -190,7 +186,7 @@ def _rigid_motion(rigid: Mechanism, q0: Array, v0: Array, times: Array, longest_
     if not rigid.n:
         return np.zeros((len(times), rigid.n_positions)), np.zeros((len(times), 0))
     system = CompiledSystem(rigid)
-    step = min(longest_step, _RESOLVED * system.largest_step)
+    step = min(longest_step, RESOLVED_STEP * system.largest_step)
     start = OperatingPoint(0.0, q0[: rigid.n_positions], v0[: rigid.n])
     start = find_steady_point(system, start, np.arange(rigid.n_slow, rigid.n)) or start
     try:
@@ -198,7 +194,7 @@ def _rigid_motion(rigid: Mechanism, q0: Array, v0: Array, times: Array, longest_
     except StabilityError:
         if not system.watched_laws:
             raise
-        motion = RungeKutta(_TOLERANCE).march(system, start.q, start.v, times)  # its steps pass no force unseen
+        motion = RungeKutta(RIGID_TOLERANCE).march(system, start.q, start.v, times)  # its steps pass no force unseen
     return motion.q, motion.v
 
 

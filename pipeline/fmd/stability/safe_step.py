@@ -6,10 +6,9 @@ from collections.abc import Callable
 
 import numpy as np
 
-ALLOWED_GROWTH = 10.0  # factor over the duration, beyond which a march is called unstable
+from fmd.core.limits.stability import ALLOWED_GROWTH, SMALLEST_SHARE, SUMMIT
+
 _SCAN = 0.5 ** np.arange(6.0, -0.5, -0.5)  # shares of the upper step
-_SMALLEST = 1e-6  # of the same
-_SUMMIT = 0.5  # of the e-folds allowed: where growth comes so high and falls again, longer steps are not trusted
 
 
 def longest_safe_step(e_folds: Callable[[float], float], upper: float, bisections: int = 8) -> float:
@@ -37,7 +36,7 @@ def longest_safe_step(e_folds: Callable[[float], float], upper: float, bisection
         if folds > allowed:
             high = share * upper
             break
-        if before > max(folds, _SUMMIT * allowed):
+        if before > max(folds, SUMMIT * allowed):
             steps = np.geomspace(low * _SCAN[0] / _SCAN[1], share * upper, 9)[:-1]
             near = np.array([0.0, *(e_folds(step) for step in steps[1:])])
             beyond = np.flatnonzero(near > allowed)
@@ -50,7 +49,7 @@ def longest_safe_step(e_folds: Callable[[float], float], upper: float, bisection
         return upper
     while not low:
         lower = 0.25 * high
-        if lower < _SMALLEST * upper:
+        if lower < SMALLEST_SHARE * upper:
             return 0.0
         if e_folds(lower) > allowed:
             high = lower

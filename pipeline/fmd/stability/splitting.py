@@ -15,14 +15,10 @@ from dataclasses import dataclass
 import numpy as np
 
 from fmd.core.arrays import Array
+from fmd.core.limits.stability import MOST_SUBSTEPS, NO_RESTORING, SLOW_STEPS, STABLE_SHARE
 from fmd.dynamics.compiled_system.system import CompiledSystem
 from fmd.dynamics.vibration import frequencies
 from fmd.stability.amplification import cycle_growth
-
-_MOST_SUBSTEPS = 50
-_STABLE = 0.8  # of the stability limit 2/ω
-_AT_REST = 1e-6  # of the highest frequency: nothing holds what is below
-_STEPS_OVER_MOTION = 200  # slow steps over the duration, at least
 
 
 @dataclass(frozen=True)
@@ -80,19 +76,19 @@ def choose_split(
     omega = own[order]
     stiff = omega[omega > 0]
     if not stiff.size:
-        return Split(np.inf, 1, step or duration / _STEPS_OVER_MOTION)
+        return Split(np.inf, 1, step or duration / SLOW_STEPS)
     limits = step_limits(omega, float(stiff[0]), error, duration)
-    highest = _STABLE * system.largest_step
+    highest = STABLE_SHARE * system.largest_step
     step = step or float(min(highest, limits.min()))
     M, K, _ = system.linear_matrices
     M, K = M[np.ix_(order, order)], K[np.ix_(order, order)]
     best = Split(0.0, 1, step)
     least = _cost(omega.size, omega.size) / step
-    longest = min(duration / _STEPS_OVER_MOTION, 2 * error / (duration * max(spin, 1e-150) ** 2))
+    longest = min(duration / SLOW_STEPS, 2 * error / (duration * max(spin, 1e-150) ** 2))
     for n_slow in range(1, omega.size):
         if omega[n_slow] <= 1.001 * omega[n_slow - 1]:
             continue  # no gap
-        substeps = int(min(limits[:n_slow].min(initial=longest) / step, _MOST_SUBSTEPS))
+        substeps = int(min(limits[:n_slow].min(initial=longest) / step, MOST_SUBSTEPS))
         if substeps < 1:
             break
         n_fast = omega.size - n_slow
@@ -119,8 +115,8 @@ def recommend_step(M: Array, K: Array, n_slow: int, error: float, duration: floa
     fast, slow = (frequencies(M[part, part], K[part, part]) for part in (slice(n_slow, None), slice(0, n_slow)))
     both = frequencies(M, K)
     longest_fast, longest_slow = (_longest_of(omega, _lowest(both), error, duration) for omega in (fast, slow))
-    step = min(longest_fast, 2 * _STABLE / both[-1])
-    for substeps in range(min(max(1, int(longest_slow / step)), _MOST_SUBSTEPS), 1, -1):
+    step = min(longest_fast, 2 * STABLE_SHARE / both[-1])
+    for substeps in range(min(max(1, int(longest_slow / step)), MOST_SUBSTEPS), 1, -1):
         if _stays_below(cycle_growth(M, K, n_slow, step, substeps), substeps * step, error, duration):
             return step, substeps
     return min(step, longest_step(M, K, error, duration)), 1
@@ -128,13 +124,13 @@ def recommend_step(M: Array, K: Array, n_slow: int, error: float, duration: floa
 
 def _lowest(omega: Array) -> float:
     """Return the lowest of ascending frequencies that isn't 0 [rad/s]; never 0, for errors are divided by it."""
-    moving = omega[omega > _AT_REST * omega[-1]]
+    moving = omega[omega > NO_RESTORING * omega[-1]]
     return float(moving[0]) if moving.size else 1e-150
 
 
 def _longest_of(omega: Array, lowest: float, error: float, duration: float) -> float:
     """Return the longest step that is within the limits of all oscillations and resolves the motion [s]."""
-    return float(step_limits(omega, lowest, error, duration).min(initial=duration / _STEPS_OVER_MOTION))
+    return float(step_limits(omega, lowest, error, duration).min(initial=duration / SLOW_STEPS))
 
 
 def _stays_below(radius: float, cycle: float, error: float, duration: float) -> bool:
@@ -149,7 +145,7 @@ def step_limits(omega: Array, lowest: float, error: float, duration: float) -> A
     """
     moving = np.maximum(omega, 1e-150)
     accurate = np.sqrt(24 * error / (duration * moving * lowest**2))
-    return np.asarray(np.minimum(accurate, 2 * _STABLE / moving))
+    return np.asarray(np.minimum(accurate, 2 * STABLE_SHARE / moving))
 
 
 def _cost(n: int, n_fast: int) -> float:

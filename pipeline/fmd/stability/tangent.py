@@ -15,6 +15,7 @@ import numpy as np
 
 from fmd.core.arrays import Array
 from fmd.core.errors import StabilityError
+from fmd.core.limits.stability import ACCELERATION_NUDGE, POSITION_NUDGE, RATE_NUDGE
 from fmd.dynamics.system import System
 from fmd.integrators.protocol import (
     ResumableIntegrator,
@@ -23,8 +24,6 @@ from fmd.integrators.protocol import (
     evaluate_projection,
     evaluate_velocities,
 )
-
-POSITION_NUDGE, RATE_NUDGE, ACCELERATION_NUDGE = 1e-6, 1e-4, 1e-2  # of central differences, in SI units
 
 
 @dataclass(frozen=True)

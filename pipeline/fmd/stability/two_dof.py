@@ -12,14 +12,12 @@ from dataclasses import dataclass
 import numpy as np
 
 from fmd.core.arrays import Array
-from fmd.stability.amplification import STABLE
+from fmd.core.limits.round_off import EXACT
+from fmd.core.limits.stability import HIGHEST_COURANT, SLOWNESS, STABLE
 
-HIGHEST = 2.5  # Courant number up to which maps go
-_ROUND_OFF = 4e-15
 # What the law of the weak instability is fitted to: values of β and of Ω_S in all pairs, and ω_L over ω_S.
 _COUPLINGS = np.array([0.01, 0.03, 0.1, 0.3, 0.77])
 _COURANT = np.array([1e-3, 2e-3, 5e-3])
-_SLOWNESS = 1e-3
 
 
 @dataclass(frozen=True)
@@ -58,7 +56,7 @@ def stability_map(substeps: int, coupling: float, resolution: int, scheme: str =
     scheme : str
         One of `SCHEMES`: the paper's eqs. (8)–(11), or reversible sub-cycling.
     """
-    omega = HIGHEST * np.arange(1, resolution + 1) / resolution
+    omega = HIGHEST_COURANT * np.arange(1, resolution + 1) / resolution
     return StabilityMap(
         substeps, coupling, omega, omega, SCHEMES[scheme](omega[None], omega[:, None], coupling, substeps)
     )
@@ -121,7 +119,7 @@ def reversible_growth(omega_s: Array, omega_l: Array, coupling: float, substeps:
     root = np.sqrt(B**2 - 4 * E + 0j)
     radius = np.ones(total.shape)
     for z in (0.5 * (root - B), -0.5 * (root + B)):
-        oscillates = (z.imag == 0) & (np.abs(z.real) <= 2 + _ROUND_OFF * (1 + np.abs(B)))  # |λ| = 1 exactly
+        oscillates = (z.imag == 0) & (np.abs(z.real) <= 2 + EXACT * (1 + np.abs(B)))  # |λ| = 1 exactly
         s = np.sqrt(z**2 - 4)
         radius = np.maximum(radius, np.where(oscillates, 1.0, np.maximum(np.abs(z + s), np.abs(z - s)) / 2))
     return radius
@@ -151,7 +149,7 @@ class GrowthLaw:
 def fit_growth_law(substeps: int) -> GrowthLaw:
     """Fit the law of the weak instability to the spectral radii at small steps for one ratio."""
     beta, omega = np.meshgrid(_COUPLINGS, _COURANT, indexing="ij")
-    excess = np.array([two_dof_growth(_COURANT, _SLOWNESS * substeps * _COURANT, b, substeps) - 1 for b in _COUPLINGS])
+    excess = np.array([two_dof_growth(_COURANT, SLOWNESS * substeps * _COURANT, b, substeps) - 1 for b in _COUPLINGS])
     left = np.log(excess * (1 - beta**2)).ravel()
     terms = np.stack([np.ones(left.size), np.log(beta).ravel(), np.log(omega).ravel()], axis=1)
     (constant, b, s), *_ = np.linalg.lstsq(terms, left, rcond=None)

@@ -11,13 +11,14 @@ import numpy as np
 
 from fmd.core.arrays import Array, IntArray
 from fmd.core.errors import InputError
+from fmd.core.limits.rank import NEW_RESIDUAL_VECTOR, NEW_RESPONSE
 from fmd.fem.markers import Marker
 from fmd.fem.model import FEModel
 from fmd.reduction.body import FlexibleBody, floating_body, free_frame_body, reduced_body, supported_body
 from fmd.reduction.craig_bampton import craig_bampton_modes, craig_bampton_modes_of_family, rayleigh_ritz
 from fmd.reduction.cyclic import CyclicSolver
 from fmd.reduction.eigen import FreeBodySolver
-from fmd.reduction.enrichment import NEW, RESIDUAL, enrich_modes
+from fmd.reduction.enrichment import enrich_modes
 from fmd.reduction.factor.factor import Factor, MissingSolverError, TooLargeError, factorise
 from fmd.reduction.factor.slepc import factorise_over_ranks
 from fmd.reduction.loads import acceleration_loads, motion_loads
@@ -172,7 +173,7 @@ def _enriched_shapes(model: HeldModel, modes: Modes, settings: AnyModes) -> tupl
         loads = np.concatenate([loads, own], axis=2)
     generations = _RITZ_GENERATIONS if settings.enrich == "ritz" else 1
     held = model.reaction_if_held(settings)
-    least = RESIDUAL if settings.enrich == "residual" else NEW
+    least = NEW_RESIDUAL_VECTOR if settings.enrich == "residual" else NEW_RESPONSE
     omega, shapes = enrich_modes(modes, fe, model.solver, loads, held, generations, least)
     if settings.boundary == "interface":  # no eigenvectors: the new shapes mix with them
         omega, shapes = rayleigh_ritz(fe, shapes.reshape(fe.K.shape[0], -1))

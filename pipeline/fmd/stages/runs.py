@@ -10,6 +10,7 @@ import numpy as np
 
 from fmd.core.arrays import Array
 from fmd.core.errors import InputError, StabilityError
+from fmd.core.limits.stability import ALLOWED_GROWTH
 from fmd.dynamics.compiled_system.positive_mass import require_positive_over
 from fmd.dynamics.compiled_system.shared import share_system
 from fmd.dynamics.compiled_system.system import CompiledSystem
@@ -17,7 +18,7 @@ from fmd.dynamics.excited_modes import Excited, excited_part
 from fmd.dynamics.mechanism import Mechanism
 from fmd.integrators.protocol import Integrator, Progress, Trajectory
 from fmd.scene.sub_cycled_runs import SubCycledRun
-from fmd.stability.safe_step import ALLOWED_GROWTH, longest_safe_step
+from fmd.stability.safe_step import longest_safe_step
 from fmd.stages.load_steps import (
     describe_fastest,
     require_countable_steps,

@@ -56,7 +56,7 @@ def test_every_solver_in_every_order_solves(
     solver: factor.Solver, missing: tuple[str, ...], tetrahedra: FEModel, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     without(monkeypatch, *missing)
-    monkeypatch.setattr(factor, "_SMALL", 0)
+    monkeypatch.setattr(factor, "SMALL_SYSTEM", 0)
     A = positive(tetrahedra)
     u = np.random.default_rng(0).standard_normal((A.shape[0], 2))
     made = factorise(A, solver)
@@ -69,7 +69,7 @@ def test_every_solver_in_every_order_solves(
 def test_modes_are_the_same_without_the_optional_packages(
     missing: tuple[str, ...], tetrahedra: FEModel, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    monkeypatch.setattr(factor, "_SMALL", 0)
+    monkeypatch.setattr(factor, "SMALL_SYSTEM", 0)
     with_all = FreeBodySolver(tetrahedra).modes(12)
     without(monkeypatch, *missing)
     bare = FreeBodySolver(tetrahedra).modes(12)
@@ -109,7 +109,7 @@ def test_the_predicted_nonzeros_are_those_of_a_factor(
 ) -> None:
     """SuperLU's own count, which has each node's few zeros left out, is no more and at most 2 % less."""
     without(monkeypatch, *missing)
-    monkeypatch.setattr(factor, "_SMALL", 0)
+    monkeypatch.setattr(factor, "SMALL_SYSTEM", 0)
     A = positive(request.getfixturevalue(body))
     order, _, nonzeros = factor._ordered(A)
     assert factorise(A).figures.nonzeros == nonzeros
@@ -154,7 +154,7 @@ def test_the_memory_of_a_factor_is_predicted_within_a_third(hexahedra: FEModel) 
 def test_what_does_not_fit_is_refused_before_it_is_factorised(
     tetrahedra: FEModel, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    monkeypatch.setattr(factor, "_SMALL", 0)
+    monkeypatch.setattr(factor, "SMALL_SYSTEM", 0)
     monkeypatch.setattr(factor, "available_memory", lambda: 20e6)
     monkeypatch.setattr(factor, "_cholmod", lambda *_: pytest.fail("was factorised"))
     needs = (

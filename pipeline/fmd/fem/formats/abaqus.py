@@ -15,13 +15,13 @@ from typing import Any
 import numpy as np
 
 from fmd.core.arrays import IntArray
+from fmd.core.limits.files import DEEPEST_SETS
 from fmd.fem.cells.table import CELLS
 from fmd.fem.formats.raw_mesh import MeshFileError, RawMesh
 
 _SOLID = re.compile(r"(?:AC|DC|DCC|EC|Q|C)3D(\d+)")
 _PLANE = re.compile(r"(?:S|STRI|DS|SFM3D|M3D|R3D|F3D|CPS|CPE|CPEG|CAX|SAX|CGAX)(\d+)")
 _LINE = re.compile(r"B[23]\d|PIPE|T[23]D|R2D|RB[23]D")
-_DEEPEST = 50  # levels of sets that name sets
 _CELLS = {len(cell.nodes): cell for cell in CELLS.values()}
 _PLANE_CELLS = {3: "triangle", 4: "quad", 6: "triangle6", 8: "quad8", 9: "quad9"}
 _GENERATED = ("NGEN", "NFILL", "NCOPY", "NMAP", "ELGEN", "ELCOPY", "SYSTEM", "INCLUDE")
@@ -233,7 +233,7 @@ class _Deck:
         self, name: str, sets: dict[str, list[_Item]], known: dict[int, Any], above: tuple[str, ...] = ()
     ) -> set[int]:
         """Return the known numbers in a set and in the sets that it names."""
-        if name in above or len(above) > _DEEPEST:
+        if name in above or len(above) > DEEPEST_SETS:
             raise MeshFileError(f"set {name} holds itself")
         numbers: set[int] = set()
         for item in sets[name]:

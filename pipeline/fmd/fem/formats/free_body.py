@@ -16,16 +16,12 @@ from scipy.spatial import cKDTree
 
 from fmd.core.arrays import Array
 from fmd.core.errors import AccuracyError
+from fmd.core.limits.files import DENSEST, DEPENDENT_SHAPES, FASTEST_WAVE, HELD_STIFFNESS, RIGID_FORCE
 from fmd.core.rotations import rigid_motions
 
 if TYPE_CHECKING:
     from fmd.fem.model import FEModel
 
-_RIGID = 1e-5  # force of a rigid motion over the sum of its terms
-_HELD = 2e-3  # stiffness of a rigid motion over that of the smoothest deformation: a frequency is off by half of it
-_FASTEST = 100e3  # m/s as nodes tell it, which is up to five times too much; diamond has 18e3
-_DENSEST = 30e3  # kg/m³; osmium has 22.6
-_DEPENDENT = 1e-6  # of the largest of some shapes, each of length 1
 _MOTIONS = ("moved along x", "moved along y", "moved along z", "turned about x", "turned about y", "turned about z")
 
 
@@ -47,23 +43,24 @@ def require_free_body(path: Path, model: FEModel) -> None:
     x = (model.x - centre) / size
     R = rigid_motions(x).reshape(-1, 6)
     defect = np.abs(model.K @ R).max(axis=0) / (abs(model.K) @ np.abs(R)).max(axis=0)
-    if not defect.max() < _RIGID:
+    if not defect.max() < RIGID_FORCE:
         raise AccuracyError(
             f"{path}: the body isn't free: {_MOTIONS[int(defect.argmax())]} as a whole it answers with "
-            f"{defect.max():.1e} of its elements' forces (at most {_RIGID:.0e}); write the matrices without supports, "
-            "and check units"
+            f"{defect.max():.1e} of its elements' forces (at most {RIGID_FORCE:.0e}); write the matrices without "
+            "supports, and check units"
         )
     smooth = _smooth_deformations(model, x, R)
     stiffness, mass = (smooth.T @ (A @ smooth) for A in (model.K, model.M))
     softest = float(la.eigvalsh(stiffness, mass)[0])
     of_rigid, ways = la.eigh(R.T @ (model.K @ R), R.T @ (model.M @ R))
     held = float(np.abs(of_rigid).max()) / softest if softest > 0.0 else np.inf
-    if not held < _HELD:
+    if not held < HELD_STIFFNESS:
         worst = ways[:, np.abs(of_rigid).argmax()] * np.sqrt((R.T @ (model.M @ R)).diagonal())
         raise AccuracyError(
             f"{path}: the body isn't free: {_MOTIONS[int(np.abs(worst).argmax())]} as a whole it has "
             f"{100 * held:.2g} % of the stiffness of its softest even bending, and its frequencies are off by about "
-            f"half of that (at most {100 * _HELD:g} %); write the matrices without supports and springs, and all digits"
+            f"half of that (at most {100 * HELD_STIFFNESS:g} %); write the matrices without supports "
+            "and springs, and all digits"
         )
     _require_matter(path, model, size)
 
@@ -75,7 +72,7 @@ def _require_matter(path: Path, model: FEModel, size: float) -> None:
     is that of the material, whatever masses and rigid regions the body has.
     """
     density = model.mass / size**3
-    if density > _DENSEST:
+    if density > DENSEST:
         raise AccuracyError(
             f"{path}: {model.mass:.3g} kg in a cube of {1e3 * size:.3g} mm would be {density:.2g} kg/m³, and no matter "
             "is so dense; check unit and mass_unit of the matrices"
@@ -83,7 +80,7 @@ def _require_matter(path: Path, model: FEModel, size: float) -> None:
     nearest = cKDTree(model.x).query(model.x, 2)[0][:, 1]
     stiffness, mass = model.K.diagonal().reshape(-1, 3).max(axis=1), model.m.diagonal()
     speed = float(np.median(nearest * np.sqrt(stiffness / np.where(mass > 0.0, mass, np.inf))))
-    if speed > _FASTEST:
+    if speed > FASTEST_WAVE:
         raise AccuracyError(
             f"{path}: sound would run through the body at about {1e-3 * speed:.2g} km/s, and in no matter it is so "
             "fast; check unit, stiffness_unit and mass_unit of the matrices"
@@ -98,5 +95,7 @@ def _smooth_deformations(model: FEModel, x: Array, R: Array) -> Array:
     MR = model.M @ R
     shapes = shapes - R @ np.linalg.solve(R.T @ MR, MR.T @ shapes)
     sizes = np.linalg.norm(shapes, axis=0)
-    kept, values, _ = np.linalg.svd(shapes[:, sizes > _DEPENDENT] / sizes[sizes > _DEPENDENT], full_matrices=False)
-    return np.asarray(kept[:, values > _DEPENDENT * values[0]])
+    kept, values, _ = np.linalg.svd(
+        shapes[:, sizes > DEPENDENT_SHAPES] / sizes[sizes > DEPENDENT_SHAPES], full_matrices=False
+    )
+    return np.asarray(kept[:, values > DEPENDENT_SHAPES * values[0]])

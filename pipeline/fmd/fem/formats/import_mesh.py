@@ -9,6 +9,7 @@ import numpy as np
 
 from fmd.core.arrays import Array, IntArray
 from fmd.core.errors import InputError
+from fmd.core.limits.files import LARGEST_COORDINATE, MOST_MESH_BYTES
 from fmd.fem.cells.table import CELLS, is_solid, solid_cell
 from fmd.fem.formats import repair as repairs
 from fmd.fem.formats.abaqus import read_abaqus
@@ -19,8 +20,6 @@ from fmd.fem.mesh import SolidMesh, rows_among
 
 _TEXT_READERS = {".inp": read_abaqus, ".bdf": read_nastran, ".nas": read_nastran, ".fem": read_nastran}
 _CAD = (".step", ".stp", ".iges", ".igs", ".brep")
-_LARGEST = 1e30  # of the coordinates: a volume is still finite
-_MOST_BYTES = 2_000_000_000
 _PLANE = ("triangle", "quad", "polygon")
 _NONE = np.empty(0, dtype=np.int64)
 
@@ -65,8 +64,8 @@ def _read_raw(path: Path) -> RawMesh:
     try:
         if not path.is_file():
             raise MeshFileError("is a folder; give the mesh file in it" if path.is_dir() else "no such file")
-        if path.stat().st_size > _MOST_BYTES:
-            raise MeshFileError(f"is over {_MOST_BYTES / 1e9:g} GB")
+        if path.stat().st_size > MOST_MESH_BYTES:
+            raise MeshFileError(f"is over {MOST_MESH_BYTES / 1e9:g} GB")
         if path.suffix.lower() in _CAD:
             raise MeshFileError("is CAD, no mesh; give it as mesh = { cad = …, size = … }")
         if reader is None:
@@ -114,9 +113,9 @@ def solid_mesh(raw: RawMesh, scale: float, repair: bool = False) -> SolidMesh:
 
 def _require_sound(raw: RawMesh) -> None:
     """Raise ``MeshFileError`` for coordinates, cells or sets that are no mesh at all."""
-    bad = int(np.count_nonzero(~(np.abs(raw.points) < _LARGEST).all(axis=1)))
+    bad = int(np.count_nonzero(~(np.abs(raw.points) < LARGEST_COORDINATE).all(axis=1)))
     if bad:
-        raise MeshFileError(f"{bad} nodes have coordinates that aren't numbers below {_LARGEST:g}")
+        raise MeshFileError(f"{bad} nodes have coordinates that aren't numbers below {LARGEST_COORDINATE:g}")
     for kind, cells in raw.blocks:
         if cells.size and (cells.min() < 0 or cells.max() >= len(raw.points)):
             raise MeshFileError(f"elements ({kind}) name nodes that aren't there")

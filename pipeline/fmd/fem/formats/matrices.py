@@ -13,15 +13,11 @@ import scipy.sparse as sp
 
 from fmd.core.arrays import EPSILON, Array, IntArray
 from fmd.core.errors import AccuracyError, InputError
+from fmd.core.limits.files import IN_LINE, ISOTROPIC, MOST_MATRIX_BYTES, SYMMETRIC
+from fmd.core.limits.mesh import FACE_IN_PLANE
 from fmd.fem.formats.free_body import require_free_body
 from fmd.fem.markers import Marker
 from fmd.fem.model import FEModel
-
-_SYMMETRIC = 1e-7
-_ISOTROPIC = 1e-6  # difference of masses along x, y and z
-_IN_LINE = 1e-6
-_IN_PLANE = 1e-5
-_MOST_BYTES = 4_000_000_000
 
 _Line = tuple[int, list[str]]  # number and items of a line of text
 
@@ -74,7 +70,7 @@ def read_matrices(stiffness: Path, mass: Path, nodes: Path, units: tuple[float, 
     K, M = (_read(path, labels) * unit for path, unit in ((stiffness, units[1]), (mass, units[2])))
     for path, A in ((stiffness, K), (mass, M)):
         apart = abs(A - A.T).max() / abs(A).max() if A.nnz else np.inf
-        if not apart < _SYMMETRIC:
+        if not apart < SYMMETRIC:
             raise AccuracyError(f"{path}: the matrix isn't symmetric, entries differ by {apart:.1e} of the largest")
     K, M = (sp.csr_array(0.5 * (A + A.T)) for A in (K, M))
     K.eliminate_zeros()  # its pattern tells what is connected
@@ -98,9 +94,9 @@ def _scalar(path: Path, M: sp.csr_array) -> sp.csr_array:
     """Return ``m`` of ``M = m ⊗ 1₃``; raise ``AccuracyError`` if masses depend on the direction."""
     m = sp.csr_array(M[::3][:, ::3])
     apart = abs(M - sp.kron(m, sp.eye_array(3), format="csr")).max() / abs(M).max()
-    if not apart < _ISOTROPIC:
+    if not apart < ISOTROPIC:
         raise AccuracyError(
-            f"{path}: masses depend on the direction, by {apart:.1e} of the largest (at most {_ISOTROPIC:.0e}); "
+            f"{path}: masses depend on the direction, by {apart:.1e} of the largest (at most {ISOTROPIC:.0e}); "
             "matrices of solid elements are wanted, of displacements alone and not reduced"
         )
     return m
@@ -145,8 +141,8 @@ def _read(path: Path, labels: IntArray) -> sp.csr_array:
 def _read_npz(path: Path) -> sp.csr_array:
     """Read a matrix that SciPy has saved."""
     with zipfile.ZipFile(path) as archive:
-        if sum(item.file_size for item in archive.infolist()) > _MOST_BYTES:
-            raise ValueError(f"unpacked it is over {_MOST_BYTES / 1e9:g} GB")
+        if sum(item.file_size for item in archive.infolist()) > MOST_MATRIX_BYTES:
+            raise ValueError(f"unpacked it is over {MOST_MATRIX_BYTES / 1e9:g} GB")
     A = sp.load_npz(path)
     if A.format not in ("csr", "csc", "coo"):
         raise ValueError(f"it is in SciPy's format {A.format}; csr, csc and coo are read")
@@ -267,8 +263,8 @@ def _both_halves(row: IntArray, column: IntArray, values: Array) -> tuple[IntArr
 def _text(path: Path) -> str:
     """Read a text file, or raise ``InputError``."""
     try:
-        if path.stat().st_size > _MOST_BYTES:
-            raise InputError(str(path), "", None, f"is over {_MOST_BYTES / 1e9:g} GB")
+        if path.stat().st_size > MOST_MATRIX_BYTES:
+            raise InputError(str(path), "", None, f"is over {MOST_MATRIX_BYTES / 1e9:g} GB")
         return path.read_text(encoding="utf-8", errors="replace")
     except OSError as error:
         raise InputError(str(path), "", None, f"can't be read: {error.strerror or error}") from error
@@ -302,7 +298,7 @@ def node_marker(model: MatrixModel, nodes: IntArray, rigid: bool = False) -> Mar
     own = np.array(sorted({place[int(node)] for node in nodes}), dtype=np.int64)
     r = model.x[own] - model.x[own].sum(axis=0) / max(len(own), 1)
     second = r.T @ r
-    if len(own) < 3 or np.linalg.eigvalsh(second)[1] <= _IN_LINE * np.trace(second):
+    if len(own) < 3 or np.linalg.eigvalsh(second)[1] <= IN_LINE * np.trace(second):
         raise ValueError("a marker takes three nodes at least that don't lie in a line")
     inertia = np.trace(second) * np.eye(3) - second
     moment = np.einsum("acb,ic->aib", EPSILON, r)
@@ -313,5 +309,5 @@ def node_marker(model: MatrixModel, nodes: IntArray, rigid: bool = False) -> Mar
 
 def nodes_in_plane(model: MatrixModel, axis: int, place: float) -> IntArray:
     """Return the numbers of the nodes in the plane across an axis at ``place`` [m]."""
-    near = _IN_PLANE * float(np.ptp(model.x, axis=0).max())
+    near = FACE_IN_PLANE * float(np.ptp(model.x, axis=0).max())
     return np.asarray(model.labels[np.abs(model.x[:, axis] - place) <= near])

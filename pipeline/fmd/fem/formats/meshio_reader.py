@@ -20,13 +20,11 @@ from typing import Any
 import numpy as np
 
 from fmd.core.arrays import IntArray
+from fmd.core.limits.files import MOST_TAGS
+from fmd.core.limits.patience import READING_BYTES, READING_BYTES_PER_BYTE, READING_SECONDS, READING_SECONDS_PER_MB
+from fmd.core.limits.shown import LONGEST_MESSAGE
 from fmd.fem.cells.table import CELLS, is_solid
 from fmd.fem.formats.raw_mesh import MeshFileError, RawMesh
-
-_SECONDS, _SECONDS_PER_MB = 60.0, 2.0
-_BYTES, _BYTES_PER_BYTE = 2 << 30, 60  # of memory, and for each byte of the file
-_MOST_MESSAGE = 160
-_MOST_TAGS = 1000  # integer cell data of more values aren't numbers of parts
 
 
 def read_by_meshio(path: Path) -> RawMesh:
@@ -38,7 +36,7 @@ def read_by_meshio(path: Path) -> RawMesh:
         meshio doesn't understand the file, or it would take too much time or memory.
     """
     size = path.stat().st_size
-    seconds = _SECONDS + _SECONDS_PER_MB * size / 1e6
+    seconds = READING_SECONDS + READING_SECONDS_PER_MB * size / 1e6
     with tempfile.TemporaryDirectory(prefix="fmd-") as folder:
         arrays = Path(folder) / "arrays.npz"
         command = [sys.executable, "-P", "-m", __name__, str(path.resolve()), str(arrays)]
@@ -82,7 +80,7 @@ def main(arguments: list[str]) -> str | None:
         said = said or " ".join(quiet.getvalue().split()) or type(error).__name__
     if said:
         target.unlink(missing_ok=True)
-        return " ".join(said.split())[:_MOST_MESSAGE]
+        return " ".join(said.split())[:LONGEST_MESSAGE]
     return None
 
 
@@ -92,7 +90,7 @@ def _limit_memory(size: int) -> None:
         import resource
     except ImportError:  # on Windows only time is limited
         return
-    limit = _BYTES + _BYTES_PER_BYTE * size
+    limit = READING_BYTES + READING_BYTES_PER_BYTE * size
     with contextlib.suppress(OSError):
         limit += int(Path("/proc/self/statm").read_text().split()[0]) * os.sysconf("SC_PAGE_SIZE")
     _, hard = resource.getrlimit(resource.RLIMIT_AS)
@@ -168,8 +166,8 @@ def _add_tags(raw: RawMesh, found: Any) -> None:
 
 def _few(values: list[Any]) -> list[int]:
     """Return the different values, or none if there are too many."""
-    tags = sorted({int(tag) for v in values for tag in np.unique(v)[: _MOST_TAGS + 1]})
-    return tags if len(tags) <= _MOST_TAGS else []
+    tags = sorted({int(tag) for v in values for tag in np.unique(v)[: MOST_TAGS + 1]})
+    return tags if len(tags) <= MOST_TAGS else []
 
 
 def _tag_names(

@@ -11,14 +11,10 @@ from scipy.sparse.csgraph import connected_components
 from scipy.spatial import cKDTree
 
 from fmd.core.arrays import Array, IntArray
+from fmd.core.limits.memory import CELLS_AT_ONCE
+from fmd.core.limits.mesh import BENT_EDGE, COINCIDENT_NODES, MAJORITY, STRAIGHTENING_ROUNDS
 from fmd.fem.cells.table import solid_cell
 from fmd.fem.elements import jacobians, match_nodes, shape_functions
-
-_COINCIDENT = 1e-5  # distance over the shortest edge
-_BENT = 0.3  # distance of a mid-edge node from its edge's middle over the edge's length
-_MAJORITY = 0.9  # share of the elements that have to agree on another order of nodes
-_CHUNK = 4096  # cells at a time
-_ROUNDS = 5  # of straightening
 
 
 def edges(cells: IntArray, cell_type: str) -> IntArray:
@@ -33,7 +29,7 @@ def find_coincident(points: Array, cells: IntArray, cell_type: str) -> IntArray:
     lengths = np.linalg.norm(ends[:, :, 1] - ends[:, :, 0], axis=2)
     if not (lengths > 0).any():
         return first
-    near = _COINCIDENT * float(lengths[lengths > 0].min())
+    near = COINCIDENT_NODES * float(lengths[lengths > 0].min())
     used = np.unique(cells)
     while True:  # each point finds one other at a time: all pairs of a crowd would be too many
         kept = np.unique(first[used])
@@ -86,7 +82,7 @@ def mid_edge_offsets(points: Array, cells: IntArray, cell_type: str) -> Array:
 
 def find_node_order(points: Array, cells: IntArray, cell_type: str) -> IntArray | None:
     """Return the order that puts mid-edge nodes near their edges, or ``None`` if the given one does or none."""
-    if not len(cells) or (mid_edge_offsets(points, cells, cell_type) > _BENT).mean() < _MAJORITY:
+    if not len(cells) or (mid_edge_offsets(points, cells, cell_type) > BENT_EDGE).mean() < MAJORITY:
         return None
     sample = cells[np.linspace(0, len(cells) - 1, min(len(cells), 200)).astype(int)]
     nodes, n_corners = solid_cell(cell_type).nodes, solid_cell(cell_type).n_corners
@@ -98,7 +94,7 @@ def find_node_order(points: Array, cells: IntArray, cell_type: str) -> IntArray 
     orders, count = np.unique(nearest, axis=0, return_counts=True)
     order = orders[count.argmax()]
     whole = np.array_equal(np.sort(order), np.arange(len(nodes))) and (order[:n_corners] == np.arange(n_corners)).all()
-    return order if whole and count.max() >= _MAJORITY * len(sample) else None
+    return order if whole and count.max() >= MAJORITY * len(sample) else None
 
 
 def find_inside_out(points: Array, cells: IntArray, cell_type: str) -> IntArray:
@@ -110,8 +106,8 @@ def find_inside_out(points: Array, cells: IntArray, cell_type: str) -> IntArray:
     )
     n_inside = X.shape[1] - len(kind.element.doflocs)
     found = []
-    for start in range(0, len(cells), _CHUNK):
-        det = np.linalg.det(jacobians(kind.geometry, points[cells[start : start + _CHUNK][:, local]], X))
+    for start in range(0, len(cells), CELLS_AT_ONCE):
+        det = np.linalg.det(jacobians(kind.geometry, points[cells[start : start + CELLS_AT_ONCE][:, local]], X))
         size = np.abs(det[:, :n_inside]).max(axis=1, keepdims=True)
         # At a node a cell may be flat, as at the end of a fillet that meets a face.
         bad = (det[:, :n_inside] <= 0).any(axis=1) | (det[:, n_inside:] < -1e-6 * size).any(axis=1)
@@ -134,7 +130,7 @@ def straighten_cells(points: Array, cells: IntArray, cell_type: str, chosen: Int
     before = points.copy()
     N, local = _straight_nodes(cell_type)
     n_corners = solid_cell(cell_type).n_corners
-    for _ in range(_ROUNDS):
+    for _ in range(STRAIGHTENING_ROUNDS):
         done[chosen] = True
         points[cells[chosen, n_corners:]] = (N.T @ points[cells[chosen][:, local]])[:, n_corners:]
         chosen = find_inside_out(points, cells, cell_type)

@@ -18,15 +18,14 @@ from scipy.sparse.linalg import splu
 
 from fmd.core.arrays import Array, IntArray
 from fmd.core.errors import AccuracyError
+from fmd.core.limits.memory import BYTES_OF_NONZERO, SMALL_SYSTEM
 from fmd.reduction.factor.factor_size import factor_nonzeros, node_graph
 from fmd.reduction.factor.figures import FactorFigures
 from fmd.reduction.factor.memory import available_memory
 
 Solver = Literal["auto", "cholesky", "superlu"]
 
-_SMALL = 6000  # unknowns, below which SuperLU with an order of its own is as fast as any
 _BYTES = {"cholesky": 10.5, "superlu": 21.0}  # for each nonzero of L; SuperLU keeps U as well
-_BYTES_OF_MATRIX = 60.0  # for each nonzero of A while it is copied from one format to the next
 _GIGA = 1e9
 
 
@@ -78,7 +77,7 @@ def factorise(A: Any, solver: Solver = "auto") -> Factor:
         A is not positive definite.
     """
     chosen = _choose_solver(solver, A.shape[0])
-    if chosen == "superlu" and A.shape[0] < _SMALL:
+    if chosen == "superlu" and A.shape[0] < SMALL_SYSTEM:
         factor = _superlu(A)
         return Factor(factor.solve, _figures(chosen, "MMD", A.shape[0], (factor.nnz + A.shape[0]) // 2))
     A = sp.csr_array(A)
@@ -94,7 +93,7 @@ def _choose_solver(solver: Solver, n: int) -> Literal["cholesky", "superlu"]:
     if solver == "cholesky" and not has_cvxopt:
         raise MissingSolverError("cvxopt, which brings CHOLMOD, is not installed: pip install cvxopt, or use 'superlu'")
     if solver == "auto":
-        return "cholesky" if has_cvxopt and n >= _SMALL else "superlu"
+        return "cholesky" if has_cvxopt and n >= SMALL_SYSTEM else "superlu"
     return solver
 
 
@@ -121,7 +120,7 @@ def _ordered(A: sp.csr_array) -> tuple[IntArray, str, int]:
 
 def _refuse_too_large(figures: FactorFigures, nonzeros: int) -> None:
     """Raise `TooLargeError` if factor and matrix don't fit into the available memory."""
-    needed, there = figures.memory + _BYTES_OF_MATRIX * nonzeros, available_memory()
+    needed, there = figures.memory + BYTES_OF_NONZERO * nonzeros, available_memory()
     if needed > there:
         raise TooLargeError(
             f"the factor of its {figures.unknowns} unknowns needs about {needed / _GIGA:.3g} GB of memory "

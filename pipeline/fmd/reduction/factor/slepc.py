@@ -19,12 +19,12 @@ import scipy.sparse as sp
 
 from fmd.core.arrays import Array
 from fmd.core.errors import AccuracyError
+from fmd.core.limits.shown import LAST_WORDS
 from fmd.reduction.factor.factor import Factor, MissingSolverError
 from fmd.reduction.factor.figures import FactorFigures
 
 PYTHON = "FMD_SLEPC_PYTHON"  # environment variable: the interpreter that has slepc4py, if ours hasn't
 _WORKER = Path(__file__).with_name("slepc_worker.py")
-_LAST_WORDS = 400
 _INSTALL = (
     "slepc4py is not installed: apt-get install python3-slepc4py and set "
     f"{PYTHON}=/usr/bin/python3, or pip install petsc slepc petsc4py slepc4py, which builds for a quarter of an hour"
@@ -131,7 +131,7 @@ class _Ranks:
         self._process.wait()
         self._errors.seek(0)
         lines = [line.strip(" -") for line in self._errors.read().splitlines()]
-        return " ".join(line for line in lines if line)[-_LAST_WORDS:] or "they gave no reason"
+        return " ".join(line for line in lines if line)[-LAST_WORDS:] or "they gave no reason"
 
 
 def _end(process: subprocess.Popen[str], errors: Any, folder: Path) -> None:

@@ -18,12 +18,13 @@ from typing import Any
 import numpy as np
 import petsc4py
 
+from fmd.core.limits.modes import SLEPC_RESIDUAL
+from fmd.core.limits.patience import LOOK_SECONDS
+
 petsc4py.init(["worker"])
 from petsc4py import PETSc  # noqa: E402
 from slepc4py import SLEPc  # noqa: E402
 
-_TOLERANCE = 1e-10
-_LOOK = 0.002  # seconds between two looks for a command
 # Packages that factorise over all ranks, best first.
 _PARALLEL = ("mumps", "superlu_dist")
 
@@ -105,7 +106,7 @@ class _Distributed:
         st.setShift(0.0)
         st.setKSP(self._ksp)
         eps.setDimensions(count, ncv)
-        eps.setTolerances(_TOLERANCE, 1000)
+        eps.setTolerances(SLEPC_RESIDUAL, 1000)
         outside = np.load(self._folder / "f.npy", mmap_mode="r")
         vectors = []
         for k in range(outside.shape[1]):
@@ -135,7 +136,7 @@ def _commands(folder: Path) -> Iterator[list[Any]]:
             draft.write_text(line)
             draft.rename(note)
         while not note.exists():
-            time.sleep(_LOOK)
+            time.sleep(LOOK_SECONDS)
         command = json.loads(note.read_text())
         if not command:
             return

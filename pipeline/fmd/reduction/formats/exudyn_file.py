@@ -18,6 +18,7 @@ from numpy.typing import NDArray
 from fmd.core.arrays import EPSILON, Array
 from fmd.core.errors import InputError
 from fmd.core.files import whole_file
+from fmd.core.limits.files import MARKER_ARM
 from fmd.fem.surface import SurfaceTopology
 from fmd.reduction.body import MarkerShapes
 from fmd.reduction.inertia import InertiaGram
@@ -25,7 +26,6 @@ from fmd.reduction.modal_data import ModalData
 
 CORNERS: Array = np.array([[1.0, 1.0, 1.0], [1.0, -1.0, -1.0], [-1.0, 1.0, -1.0], [-1.0, -1.0, 1.0]])
 """Corners of a tetrahedron about the origin, all inertia axes of which are equal."""
-_ARM = 0.01  # of the body's size, from a marker to its nodes
 
 
 def exudyn_arrays(
@@ -51,7 +51,7 @@ def exudyn_arrays(
     """
     gram, n = data.gram, data.n
     G, S = gram.G, gram.S
-    arm = _ARM * float(np.ptp(x, axis=0).max()) if len(x) else 1.0
+    arm = MARKER_ARM * float(np.ptp(x, axis=0).max()) if len(x) else 1.0
     corners = [node.position + arm * corner for node in data.nodes.values() for corner in CORNERS]
     moves = [
         node.translation + np.cross(node.rotation, arm * corner, axis=0)

@@ -19,6 +19,8 @@ import numpy as np
 from fmd.core.arrays import EPSILON, Array
 from fmd.core.errors import InputError
 from fmd.core.files import whole_file
+from fmd.core.limits.files import MOST_NUMBERS, SAME_MASS
+from fmd.core.limits.rank import INDEPENDENT_FUNCTIONS
 from fmd.reduction.body import MarkerShapes
 from fmd.reduction.inertia import InertiaGram
 from fmd.reduction.modal_data import ModalData, function_products
@@ -29,9 +31,6 @@ _NAMES = {
     7: "NODAL Z COORDINATES", 9: "MODAL MASS MATRIX", 10: "MODAL STIFFNESS MATRIX",
     11: "DIAGONAL OF LUMPED MASS MATRIX", 12: "GLOBAL INERTIA PROPERTIES", 13: "MODAL DAMPING MATRIX",
 }  # fmt: skip
-_MOST_NUMBERS = 10**8
-_ROUND_OFF = 1e-14  # of the largest eigenvalue of the functions' covariance
-_AGREE = 1e-6
 
 _Line = tuple[int, list[str]]  # number and items of a line of text
 
@@ -56,7 +55,7 @@ def inertia_points(data: ModalData) -> tuple[float, Array, Array]:
     size = np.sqrt(np.maximum(products.diagonal()[1:] / mass, np.finfo(float).tiny))
     covariance = (products[1:, 1:] / mass - np.outer(mean, mean)) / np.outer(size, size)
     values, ways = np.linalg.eigh(covariance)
-    kept = values > _ROUND_OFF * values[-1]
+    kept = values > INDEPENDENT_FUNCTIONS * values[-1]
     spread = (ways[:, kept] * np.sqrt(values[kept] * kept.sum())).T * size
     points = np.concatenate([mean + spread, mean - spread])
     n = data.n
@@ -185,7 +184,7 @@ class _Records:
             raise self.fault(self._places[1], "record group 1 isn't a revision and five counts, of nodes and of modes")
         n_nodes, normal, attached, constraint, rejected = map(int, head[-5:])
         n = normal + attached + constraint - rejected
-        if n <= 0 or n_nodes <= 0 or n_nodes * n > _MOST_NUMBERS:
+        if n <= 0 or n_nodes <= 0 or n_nodes * n > MOST_NUMBERS:
             raise self.fault(self._places[1], f"has {n_nodes} nodes and {n} modes")
         labels = [item for _, items in self._lines.get(2, []) for item in items]
         if len(labels) != n_nodes or len(set(labels)) != n_nodes:
@@ -214,7 +213,7 @@ class _Records:
         loss = M - np.einsum("aaij->ij", G)[1:, 1:]
         if 11 not in self._lines:
             notes.append("no record group 11: the inertia of the deformation isn't coupled with the frame's motion")
-        elif np.abs(loss).max() > _AGREE * np.abs(M).max():
+        elif np.abs(loss).max() > SAME_MASS * np.abs(M).max():
             apart = np.abs(loss).max() / np.abs(M).max()
             notes.append(f"the lumped masses give another modal mass than record group 9, by {apart:.1e} of it")
         return InertiaGram(G, S, mass, stiffening=np.eye(3)[:, :, None, None] * loss / 3), tuple(notes)

@@ -16,12 +16,12 @@ import numpy as np
 from fmd.core.arrays import EPSILON, Array
 from fmd.core.errors import InputError
 from fmd.core.files import whole_file
+from fmd.core.limits.files import MOST_ENTRIES
 from fmd.reduction.body import MarkerShapes
 from fmd.reduction.formats.sid_terms import PARTS, Taylor, modal_data_of, sid_terms
 from fmd.reduction.modal_data import ModalData
 
 _ENTRY = re.compile(r"m([01])\s*\(\s*(\d+)\s*,\s*(\d+)\s*(?:,\s*(\d+)\s*)?\)$")
-_MOST_ENTRIES = 10**7
 _OF_NODES = ("origin", "phi", "psi", "AP", "sigma")
 _ZERO, _DIAGONAL, _SYMMETRIC, _FULL, _UNIT = range(5)
 
@@ -214,7 +214,7 @@ class _Reader:
         order, rows, columns, n, structure = (size[key] for key in ("order", "nrow", "ncol", "nq", "structure"))
         if order > 1 or size["nqn"]:
             raise self.fault(f"{name} is of order {order}; terms to first order are read")
-        if structure > _UNIT or rows * columns * max(n, 1) > _MOST_ENTRIES:
+        if structure > _UNIT or rows * columns * max(n, 1) > MOST_ENTRIES:
             raise self.fault(f"{name} has structure {structure} and {rows} x {n} x {columns} entries")
         M0 = np.eye(rows, columns) if structure == _UNIT else np.zeros((rows, columns))
         M1 = np.zeros((rows, n, columns) if order else (rows, 0, columns))

@@ -23,15 +23,13 @@ from typing import Any
 import numpy as np
 
 from fmd.core.arrays import EPSILON, Array
+from fmd.core.limits.files import LOST_BY_SUBTRACTION, SAME_INTEGRAL, STIFFENS
 from fmd.reduction.body import MarkerShapes
 from fmd.reduction.inertia import InertiaGram
 from fmd.reduction.modal_data import ModalData, integrals_of, rate_products, rate_turns
 
 PARTS = ("mdCM", "J", "Ct", "Cr", "Me", "Gr", "Ge", "Oe", "ksigma", "Ke", "De")
 """Terms of a body, in the order of its file."""
-_AGREE = 1e-4  # of the largest entry: terms that hold the same integral, in files of six digits
-# Of the largest entry of Me. Less is what a file of few digits, or of seventeen, loses when terms are subtracted.
-_STIFFENS, _ROUND_OFF = 1e-6, 1e-9
 
 
 @dataclass(frozen=True)
@@ -137,7 +135,11 @@ def modal_data_of(mass: float, terms: Mapping[str, Taylor], nodes: Mapping[str, 
     bow = first["Ct"].transpose(2, 0, 1)
     curl = first["Cr"].transpose(2, 0, 1) - turns.transpose(0, 2, 1) if Cr.order else np.zeros((3, n, n))
     second: dict[str, Any] = {}
-    for name, term, least in (("stiffening", stiffening, _STIFFENS), ("bow", bow, 0.0), ("curl", curl, _ROUND_OFF)):
+    for name, term, least in (
+        ("stiffening", stiffening, STIFFENS),
+        ("bow", bow, 0.0),
+        ("curl", curl, LOST_BY_SUBTRACTION),
+    ):
         if np.abs(term).max(initial=0.0) > least * scale:
             second[name] = 0.5 * (term + term.swapaxes(-1, -2))
     gram = InertiaGram(G, S, mass, **second)
@@ -167,7 +169,7 @@ def _stiffening(Gr: Taylor, Me: Array, modal: Array, scale: float) -> tuple[Arra
         pure = C6.transpose(1, 0, 2, 3) - 0.5 * np.eye(3)[:, :, None, None] * np.einsum("aakj->kj", C6)
         found = pure - modal
         found = 0.25 * (found + found.transpose(1, 0, 2, 3) + found.swapaxes(2, 3) + found.transpose(1, 0, 3, 2))
-        if np.abs(np.einsum("aaij->ij", found) - loss).max(initial=0.0) < _AGREE * scale:
+        if np.abs(np.einsum("aaij->ij", found) - loss).max(initial=0.0) < SAME_INTEGRAL * scale:
             return np.asarray(found), True
     return np.asarray(np.eye(3)[:, :, None, None] * loss / 3), False
 
@@ -177,7 +179,7 @@ def _turns(Ge: Array, scale: float) -> Array:
     n = len(Ge)
     by_modes, by_axes = 0.5 * Ge.reshape(n, n, 3).transpose(2, 1, 0), 0.5 * Ge.reshape(n, 3, n).transpose(1, 2, 0)
     defects = [float(np.abs(turns + turns.transpose(0, 2, 1)).max(initial=0.0)) for turns in (by_modes, by_axes)]
-    if min(defects) > _AGREE * max(scale, float(np.abs(Ge).max(initial=0.0))):
+    if min(defects) > SAME_INTEGRAL * max(scale, float(np.abs(Ge).max(initial=0.0))):
         raise ValueError(f"Ge isn't antisymmetric in the modes: its halves differ by {min(defects):.1e}")
     turns = by_modes if defects[0] <= defects[1] else by_axes
     return np.asarray(0.5 * (turns - turns.transpose(0, 2, 1)))
@@ -187,7 +189,7 @@ def _compare(name: str, term: Array, expected: Array, others: str) -> list[str]:
     """Say how far a term is from what others give, unless they agree."""
     size = max(float(np.abs(term).max(initial=0.0)), float(np.abs(expected).max(initial=0.0)))
     apart = float(np.abs(term - expected).max(initial=0.0))
-    if apart <= _AGREE * size:
+    if apart <= SAME_INTEGRAL * size:
         return []
     return [f"{name} is not what {others} give, by {apart / size:.1e} of its largest entry; the latter are taken"]
 

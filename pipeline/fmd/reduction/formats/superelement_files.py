@@ -11,11 +11,10 @@ import numpy as np
 from fmd.core.arrays import Array
 from fmd.core.errors import InputError
 from fmd.core.files import whole_file
+from fmd.core.limits.files import LONGEST_LINE, MOST_COORDINATES
 from fmd.reduction.superelement import Superelement
 
 _KEYS = {"!mass matrix": "M", "!stiffness matrix": "K", "!damping matrix": "D"}
-_LONGEST_LINE = 4096  # of the loads, which OpenFAST reads as text
-_MOST = 10_000  # coordinates
 _INTERFACE = 6
 
 
@@ -38,8 +37,8 @@ def write_extptfm(path: Path, element: Superelement, gravity: Array) -> list[Pat
         raise ValueError(f"OpenFAST's platform has one interface, and the body {len(element.origins)} markers")
     loads = element.weight @ gravity
     lines = [*_extptfm_lines(element, loads)]
-    if max(map(len, lines[-2:])) >= _LONGEST_LINE:
-        raise ValueError(f"{len(loads)} coordinates don't fit into OpenFAST's lines of {_LONGEST_LINE} characters")
+    if max(map(len, lines[-2:])) >= LONGEST_LINE:
+        raise ValueError(f"{len(loads)} coordinates don't fit into OpenFAST's lines of {LONGEST_LINE} characters")
     main = path.with_name(f"{path.stem}_ExtPtfm.dat")
     for place, text in ((path, "\n".join(lines)), (main, _input_file(path.name, len(loads) - _INTERFACE))):
         with whole_file(place) as part:
@@ -119,7 +118,7 @@ def read_extptfm(path: Path) -> dict[str, Array]:
     low = [" ".join(line.lower().split()) for line in lines]
     heads = [line for line in low if line.startswith("!dimension:")]
     found = re.match(r"!dimension: *(\d+)$", heads[0]) if heads else None
-    if found is None or not _INTERFACE <= int(found[1]) <= _MOST:
+    if found is None or not _INTERFACE <= int(found[1]) <= MOST_COORDINATES:
         mend = "no superelement in FLEX's format: '!Dimension: …', six or more, should stand in its first lines"
         raise InputError(str(path), "", None, mend)
     n, arrays = int(found[1]), {}

@@ -1,0 +1,32 @@
+"""Files: what is read of them, and how large they may be."""
+
+# Meshes and matrices.
+DEEPEST_SETS = 50  # levels of sets that name sets
+LARGEST_COORDINATE = 1e30  # of the coordinates of a mesh, in its unit: a volume is still finite
+MOST_MESH_BYTES = 2_000_000_000  # of a mesh's file: more doesn't fit into the memory of most machines
+SYMMETRIC = 1e-7  # largest difference from the transpose, of the largest entry
+ISOTROPIC = 1e-6  # difference of masses along x, y and z
+IN_LINE = 1e-6  # second moment of a marker's nodes across a line, over the sum of all: they lie in it
+MOST_MATRIX_BYTES = 4_000_000_000  # of a matrix's file: more doesn't fit into the memory of most machines
+
+# Free bodies' matrices.
+RIGID_FORCE = 1e-5  # force of a rigid motion over the sum of its terms
+# Stiffness of a rigid motion over that of the smoothest deformation: a frequency is off by half of it.
+HELD_STIFFNESS = 2e-3
+FASTEST_WAVE = 100e3  # m/s as nodes tell it, which is up to five times too much; diamond has 18e3
+DENSEST = 30e3  # kg/m³; osmium has 22.6
+DEPENDENT_SHAPES = 1e-6  # of the largest of some shapes, each of length 1
+
+# Programs that run beside.
+MOST_TAGS = 1000  # integer cell data of more values aren't numbers of parts
+
+# Reduced bodies.
+MARKER_ARM = 0.01  # of the body's size, from a marker to its nodes
+MOST_NUMBERS = 10**8  # in a file for MBDyn
+SAME_MASS = 1e-6  # difference of masses that two records hold, over the largest
+MOST_ENTRIES = 10**7  # of a matrix in a standard input data file
+SAME_INTEGRAL = 1e-4  # of the largest entry: terms that hold the same integral, in files of six digits
+# Of the largest entry of Me. Less is what a file of few digits, or of seventeen, loses when terms are subtracted.
+STIFFENS, LOST_BY_SUBTRACTION = 1e-6, 1e-9
+LONGEST_LINE = 4096  # of the loads, which OpenFAST reads as text
+MOST_COORDINATES = 10_000  # of a body in a file for OpenFAST

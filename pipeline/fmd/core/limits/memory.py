@@ -1,0 +1,24 @@
+"""Memory: how much is computed at a time."""
+
+# Finite elements.
+# Elements at a time, fewer if they have many nodes: their matrices stay in the processor's cache.
+ELEMENTS_AT_ONCE = 2048
+ENHANCED_AT_ONCE = 512  # elements with enhanced strain at a time: they have more unknowns
+BLOCKS_AT_ONCE = 8192  # 3 × 3 blocks at a time, so that they stay in the cache too
+STRESSED_AT_ONCE = 256  # elements under stress at a time: a matrix for each of all loads
+CELLS_AT_ONCE = 4096  # cells of a file at a time
+
+# Reduction.
+ENTRIES_AT_ONCE = 1200  # entries of an element's matrices under all loads at a time
+SMALL_SYSTEM = 6000  # unknowns, below which SuperLU with an order of its own is as fast as any
+BYTES_OF_NONZERO = 60.0  # for each nonzero of A while it is copied from one format to the next
+
+# Recovery.
+STRAINED_AT_ONCE = 512  # elements whose strain or stress is found at a time
+DEFORMED_AT_ONCE = 64  # output times at which deformation is found at a time
+STRESSED_FRAMES = 256  # output times at which stress is found at a time
+CACHED_NUMBERS = 2**17  # numbers that fit into a core's cache
+ENVELOPE_NODES, ENVELOPE_FRAMES = 64, 256  # nodes and output times at a time: 790 kB of stress
+FATIGUE_NODES = 8  # nodes at a time in a thread
+FATIGUE_ROUND = 8 * FATIGUE_NODES  # nodes between two looks at the bound
+FATIGUE_STRETCHES = 256  # stretches of time, each with a bound of its own

@@ -1,0 +1,33 @@
+"""Meshes: what is accepted, mended and found in them."""
+
+# Elements.
+NEARLY_INCOMPRESSIBLE = 0.49  # Poisson's ratio above which the volume strains are added
+
+# Repair.
+COINCIDENT_NODES = 1e-5  # distance over the shortest edge
+BENT_EDGE = 0.3  # distance of a mid-edge node from its edge's middle over the edge's length
+MAJORITY = 0.9  # share of the elements that have to agree on another order of nodes
+STRAIGHTENING_ROUNDS = 5  # rounds in which bent edges of inverted elements are straightened
+
+# Markers.
+OUTSIDE = 1e-3  # of the body's extent: CAD's curved faces and a mesh's differ by less
+STRAIGHT_EDGE = 1e-6  # smallest over largest second moment of an edge that has no width
+OFF_EDGE = 1e-9  # of shape functions of nodes off the edge
+OFF_FACE = 1e-12  # integrals over a face of the shape functions of nodes off it, over the largest: round-off
+
+# Selection.
+FACE_IN_PLANE = 1e-5  # distance of a face's nodes from a plane, of the body's extent
+NODES_ON_EDGE = 1e-6  # distance of nodes from an edge, of the body's extent
+NEAREST_ELEMENTS = 24  # elements to search for a point
+
+# Partition into pieces.
+DIFFUSION_SHIFT = 1e-3  # of the second eigenvalue's size: diffusion itself is singular
+CUT_WINDOW = 0.4  # of a piece's volume: how far a cut may be from an even division to find a gap between two elements
+WIDE_GAP = 0.2  # of the widest gap: less is no gap between layers
+DIVISIONS = 8  # divisions that METIS tries; that with the smallest cuts is taken
+UNBALANCED = 400  # thousandths by which a piece of METIS may exceed the mean
+FINEST_WEIGHT = 10_000  # weights of METIS are whole multiples of the largest over this
+FRAGMENT = 0.02  # of a piece's volume: loose elements up to this much move to the piece beside them
+
+# Sectors.
+SAME_PLACE = 1e-6  # distance of nodes that coincide when turned, of the body's extent

@@ -1,0 +1,54 @@
+"""Modes and static shapes: residuals, pairs, and what counts as rigid."""
+
+# Shapes of bodies.
+ELASTIC_PART = 1e-6  # of a shape's norm: more of it may not be rigid motion
+NO_STIFFNESS = 1e-14  # of the highest ω²: below it a shape has no stiffness
+# Round-off in motions that no load excites grows from one generation to the next if they are softer than those that
+# are; of what is excited, the first generation holds the softest but for a part of its frequency.
+SOFTER = 0.5
+
+# Craig–Bampton.
+INTERFACE_DEFECT = 1e-7  # part of a unit by which constraint modes may move an interface where they shouldn't
+RIGID_DEFECT = 1e-6  # part of a rigid motion that the Craig–Bampton space may miss
+RIGID_REST = 1e-7  # of a shape's size: less that is left without its rigid motion is none
+ZERO_EIGENVALUE = 1e-6  # of the shift, about the lowest elastic eigenvalue: Lanczos leaves 1e-12, an elastic mode 1
+ELASTIC_FREQUENCY = 1e-6  # of the highest eigenvalue's root: frequencies below are rigid motions
+
+# Eigenproblem.
+LARGEST_RESIDUAL = 1e-6  # of a mode, over its elastic force, in the norm of the mass
+LARGEST_OVERLAP = 1e-8  # largest entry of ΦᵀMΦ − 1
+ROUNDED_RESIDUAL = 1e-3  # residuals beyond the limit, if round-off explains them: λ is good to 1e-6
+# Lanczos stops at this residual: an eigenvalue is then good to its square, a shape to itself over the gap. It must
+# stay below 1e-8, where single vectors have been seen to lose one of a pair.
+LANCZOS_RESIDUAL = 1e-9
+LANCZOS_TRIES = 3  # runs of Lanczos's method, each with twice as many vectors, until no mode is missed
+MOST_DENSE = 4000  # unknowns up to which all modes are computed in half a minute
+SPARE_MODES = 3  # modes of each harmonic beyond its share
+SLEPC_RESIDUAL = 1e-10  # at which SLEPc's iterations stop
+# Of Lanczos's method that looks for missed modes: a Ritz value converges only after some.
+FEWEST_STEPS, MOST_STEPS = 10, 60
+TOUCHING = 1e-6  # by which a missed eigenvalue of the inverse is larger than the last mode's, over that one
+EQUAL_EIGENVALUES = 1e-5  # part of the highest eigenvalue, within which another one counts as its equal
+
+# Equivalent models.
+NO_FREQUENCY = 1e-12  # of the largest ω²: a mode below it is a rigid motion, or has no stiffness
+MASSLESS = 1e-12  # of the largest modal mass
+OWN_FRAME = 1e-6  # of the largest shape
+
+# Static shapes.
+STATIC_RESIDUAL = 1e-6  # largest residual in the energy norm, as that of modes
+ROUNDED_STATIC_RESIDUAL = 1e-4  # the same, if round-off explains it
+CONVERGED_RESIDUAL = 1e-12  # residual in the energy norm that needs no further round of conjugate gradients
+GRADIENT_ROUNDS = 6  # rounds of conjugate gradients, each of which gains four digits
+ROUND_GAIN = 1e-4  # by which a round has to make the residual smaller
+GRADIENT_STEPS = 100  # in a round: a factor of K that is nearly exact needs few
+# Residuals beyond their limit count as round-off up to this many times what round-off of one product leaves. Free
+# bodies were found to have twice that, thin bars that are held at a face ten times.
+OF_ROUND_OFF = 100.0
+
+# Families and pairs.
+SAME_FREQUENCY = 1e-6  # relative difference of frequencies that count as one
+CLEAR_PARITY = 0.9  # parity of a static deflection: those of an interface askew have any
+# Relative difference up to which the highest of a basis and its successor count as a pair: symmetric bodies on meshes
+# that aren't quite symmetric have pairs that differ by the error of discretisation.
+PAIR = 1e-3

@@ -1,0 +1,23 @@
+"""Stress, deformation and fatigue from coordinates."""
+
+# Large deformation.
+# Error of a size, a stress or an energy over the square of the largest rotation. A cantilever under a dead load at
+# its end has 0.46 for the deflection across it, 0.38 for its size and 0.27 for the moment at its root, under a moment
+# 0.08 and 0; the budget states twice of it.
+OF_SQUARED_ROTATION = 0.3
+# Of the largest strain: a rod in tension has 1/2 for its stress; in bending, parts of opposite sign cancel.
+OF_LARGEST_STRAIN = 0.25
+POINTS_ON_LINE = 33  # points between a joint and a marker at which rotations are sampled
+TOP_POINTS = 4  # points with the largest values of each mode at which rotation and strain are looked for
+EVEN_POINTS = 200  # points beside these, spread over the body
+MOST_PLACES = 2000  # elements, or nodes without elements, that are looked at, spread over the body
+NEAREST_NODES = 5  # nodes that count as a node's nearest, with itself
+
+# Error of the mesh.
+# Part of the error's energy that averaged stress shows: 0.5 to 0.75 on bars and propellers of all four elements.
+EFFECTIVITY = 0.6
+SAMPLES_PER_TERM = 3  # points of stress for each term of the polynomial that is fitted to them
+INDEPENDENT_TERM = 0.02  # of a term's norm over the points: with less outside the others it is left out
+
+# Stress.
+NEAR_LARGEST_STRESS = 0.8  # of the largest von Mises stress

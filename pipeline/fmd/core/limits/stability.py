@@ -1,0 +1,27 @@
+"""Stability of steps and coupling."""
+
+# Steps.
+STABLE = 1e-9  # a spectral radius that exceeds 1 by less is round-off
+BISECTIONS = 30  # of the longest safe step: it is then known to the last digits
+BEYOND_LIMIT = 1.02  # times the limit, where the worst operating point shows
+BELOW_CRITICAL = 0.8  # of the critical step: the longest one to recommend
+ALLOWED_GROWTH = 10.0  # factor over the duration, beyond which a march is called unstable
+SMALLEST_SHARE = 1e-6  # of the upper step: no shorter one is tried
+SUMMIT = 0.5  # of the e-folds allowed: where growth comes so high and falls again, longer steps are not trusted
+DAMPED = 1.01  # step without dampers over that with them, from which they are named
+
+# Operating points.
+OPERATING_POINTS = 8  # of a motion, in the middles of equal parts of the duration
+RIGID_STEPS = 20_000  # of the rigid motion, at least
+RESOLVED_STEP = 0.1  # step of the rigid motion over its largest stable one, at most
+SPAN = 1e-3  # of the duration: over so long a span the round-off of a tangent map is harmless
+RIGID_TOLERANCE = 1e-6  # of the rigid motion where fixed steps pass a force unseen
+POSITION_NUDGE, RATE_NUDGE, ACCELERATION_NUDGE = 1e-6, 1e-4, 1e-2  # of central differences, in SI units
+
+# Sub-cycling.
+MOST_SUBSTEPS = 50  # fast steps in a slow one: more gain next to nothing
+STABLE_SHARE = 0.8  # of the stability limit 2/ω
+NO_RESTORING = 1e-6  # of the highest frequency: nothing holds what is below
+SLOW_STEPS = 200  # slow steps over the duration, at least
+HIGHEST_COURANT = 2.5  # Courant number up to which maps go
+SLOWNESS = 1e-3  # slow over fast frequency, at which the law of the weak instability is fitted

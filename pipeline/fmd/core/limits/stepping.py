@@ -1,0 +1,37 @@
+"""Time steps: their errors, ends and resolution of loads."""
+
+# Adaptive steps.
+STILL_GROUP = 1e-12  # size of a group of coordinates that hasn't moved yet [SI units]
+HARDLY_MOVING = 1e-6  # of the largest value of its kind: a group that hardly moves
+SHORTEST_STEP = 1e-12  # of the duration: a shorter step ends the march
+SPARE_STEPS, FORGIVEN = 256.0, 2.0  # such steps after a breakpoint, as from rest under sqrt(t), and their largest error
+SHORT_STEP = 1e-6  # of the duration: steps from rest, whose error is beside what they move themselves
+FIRST_CHUNK, CHUNK = 4, 256  # steps at a time: few at first, lest each takes long and nothing is reported in between
+CHUNK_SECONDS = 0.1  # between two reports of progress
+LONG_SECONDS = 0.02  # seconds of some steps, beside which a look at what makes them short costs little
+CRAWL = 0.05  # radians of the highest frequency in a step: of what vibrates faster than the undeformed mechanism
+STEP_SAFETY = 0.9  # of the step by which the error would just be the tolerance
+MOST_ADAPTIVE_STEPS, ADAPTIVE_WINDOW = 1e10, 20_000  # steps that never come to an end, by the mean of so many
+
+# Fixed steps.
+RUNAWAY = 1e30  # Rates that add up to more are taken as divergence: no mechanism in SI units comes near it.
+FIRST_CYCLES = 1024  # steps: short marches are one call
+CYCLES_SECONDS = 0.2  # between two reports of progress
+
+# Forces that steps pass unseen.
+MISSED_WORK = 0.05  # of a law's energies over the march: work that may be missed in a pass
+SURE_WORK = 0.5  # times that: what the recommended step misses
+CYCLES_BETWEEN_CHECKS = 4096  # between two checks
+WORST_STEPS = 64  # steps about the worst one, by which a shorter step is found
+FINER_DOUBLINGS = 16  # of the number of steps about the worst one
+ELONGATIONS = 257  # of the elongations that were passed
+
+# Exponential Rosenbrock method.
+MOST_HALVED_STEPS = 28  # halvings of a step in one exponential
+ROSENBROCK_NUDGE = 1.5e-8  # of a coordinate, or of 1, for one-sided differences: the root of round-off
+TICKS = 16.0  # of the time's round-off, over which a load is differentiated at least
+RATE_ROUND_OFF = 1e-15  # of the largest rate and acceleration so far, and of what they change in a step
+
+# SciPy's methods.
+MOST_SCIPY_STEPS, SCIPY_WINDOW = 1e8, 2000  # steps that never come to an end, by the mean of so many
+FAR_OFF = 1e9  # [s]: neither an output time nor the end shortens a step, or sets the first one
