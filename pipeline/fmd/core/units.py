@@ -20,9 +20,17 @@ from decimal import Decimal
 from functools import cache
 from importlib.metadata import version
 from pathlib import Path
-from typing import TYPE_CHECKING, Annotated, TypeGuard
+from typing import TYPE_CHECKING, Annotated, Any, TypeGuard
 
-from pydantic import AfterValidator, BeforeValidator, ValidationInfo
+from pydantic import (
+    AfterValidator,
+    BeforeValidator,
+    GetCoreSchemaHandler,
+    GetJsonSchemaHandler,
+    ValidationInfo,
+    WithJsonSchema,
+)
+from pydantic_core import CoreSchema, core_schema
 
 from fmd.core.files import whole_file
 from fmd.core.paths import cache_folder
@@ -158,6 +166,12 @@ class QuantityReader:
 
     kind: str
 
+    def __get_pydantic_core_schema__(self, source: Any, handler: GetCoreSchemaHandler) -> CoreSchema:
+        return core_schema.with_info_before_validator_function(self, handler(source))
+
+    def __get_pydantic_json_schema__(self, _: CoreSchema, __: GetJsonSchemaHandler) -> dict[str, Any]:
+        return {"$quantity": self.kind}  # which `fmd.scene.schema` writes out
+
     def __call__(self, value: object, info: ValidationInfo) -> float:
         """Return the value in SI units, or raise ``ValueError`` as `to_si` does."""
         return float(value) if is_si_number(value, info) else to_si(value, self.kind)
@@ -207,6 +221,27 @@ def _check_share(share: float) -> float:
 def read_share(value: object, info: ValidationInfo) -> float:
     """Return a share as a number: parsed as a percentage, or in Python given as it is."""
     return _check_share(float(value)) if is_si_number(value, info) else parse_percentage(value)
+
+
+def example_of(kind: str) -> str:
+    """Return a quantity of a kind, as text: ``example_of("length")`` is ``"340 mm"``."""
+    return _KINDS[kind][1]
+
+
+def list_units() -> dict[str, list[str]]:
+    """List the names of mechanical units that can be read, without prefixes, by the kind of their quantity.
+
+    Under the key ``""`` are those whose dimension has no name here.
+    """
+    registry = _registry()
+    kinds = {str(registry.get_base_units(si)[1]): kind for kind, (si, _) in reversed(_KINDS.items())}
+    found: dict[str, list[str]] = {kind: [] for kind in ("", *_KINDS)}
+    for name in registry:
+        if re.fullmatch(_UNIT, name):
+            base = str(registry.get_base_units(name)[1])
+            if not re.search("ampere|mole|candela|bit|count|pixel|dimensionless", base):
+                found[kinds.get(base, "")].append(name)
+    return found
 
 
 def unit_ratio(unit: str, wanted: str) -> float:
@@ -273,24 +308,26 @@ def _not_negative(value: float) -> float:
 Positive = AfterValidator(_positive)
 NonNegative = AfterValidator(_not_negative)
 
-Share = Annotated[float, BeforeValidator(read_share)]
-Length = Annotated[float, BeforeValidator(QuantityReader("length"))]
-Stress = Annotated[float, BeforeValidator(QuantityReader("stress"))]
-Density = Annotated[float, BeforeValidator(QuantityReader("density"))]
-Time = Annotated[float, BeforeValidator(QuantityReader("time"))]
-Frequency = Annotated[float, BeforeValidator(QuantityReader("frequency"))]
-Angle = Annotated[float, BeforeValidator(QuantityReader("angle"))]
-AngularRate = Annotated[float, BeforeValidator(QuantityReader("angular rate"))]
-Torque = Annotated[float, BeforeValidator(QuantityReader("torque"))]
-MomentOfInertia = Annotated[float, BeforeValidator(QuantityReader("moment of inertia"))]
-Mass = Annotated[float, BeforeValidator(QuantityReader("mass"))]
-Velocity = Annotated[float, BeforeValidator(QuantityReader("speed"))]
-TranslationalStiffness = Annotated[float, BeforeValidator(QuantityReader("translational stiffness"))]
-RotationalStiffness = Annotated[float, BeforeValidator(QuantityReader("rotational stiffness"))]
-TranslationalDamping = Annotated[float, BeforeValidator(QuantityReader("translational damping"))]
-RotationalDamping = Annotated[float, BeforeValidator(QuantityReader("rotational damping"))]
-Force = Annotated[float, BeforeValidator(QuantityReader("force"))]
-Acceleration = Annotated[float, BeforeValidator(QuantityReader("acceleration"))]
+Share = Annotated[
+    float, BeforeValidator(read_share), WithJsonSchema({"type": "string", "pattern": rf"^\s*({_NUMBER})\s*%\s*$"})
+]
+Length = Annotated[float, QuantityReader("length")]
+Stress = Annotated[float, QuantityReader("stress")]
+Density = Annotated[float, QuantityReader("density")]
+Time = Annotated[float, QuantityReader("time")]
+Frequency = Annotated[float, QuantityReader("frequency")]
+Angle = Annotated[float, QuantityReader("angle")]
+AngularRate = Annotated[float, QuantityReader("angular rate")]
+Torque = Annotated[float, QuantityReader("torque")]
+MomentOfInertia = Annotated[float, QuantityReader("moment of inertia")]
+Mass = Annotated[float, QuantityReader("mass")]
+Velocity = Annotated[float, QuantityReader("speed")]
+TranslationalStiffness = Annotated[float, QuantityReader("translational stiffness")]
+RotationalStiffness = Annotated[float, QuantityReader("rotational stiffness")]
+TranslationalDamping = Annotated[float, QuantityReader("translational damping")]
+RotationalDamping = Annotated[float, QuantityReader("rotational damping")]
+Force = Annotated[float, QuantityReader("force")]
+Acceleration = Annotated[float, QuantityReader("acceleration")]
 
 PositiveLength = Annotated[Length, Positive]
 PositiveStress = Annotated[Stress, Positive]

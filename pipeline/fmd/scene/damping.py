@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Sequence
 from typing import Annotated, Any
 
-from pydantic import BeforeValidator, Discriminator, Field, Tag, ValidationInfo, model_validator
+from pydantic import BeforeValidator, Discriminator, Field, Tag, ValidationInfo, WithJsonSchema, model_validator
 
 from fmd.core.units import NonNegative, Time, is_si_number, to_si
 from fmd.scene.reading import FaultError, SceneTable
@@ -19,6 +19,15 @@ def _read_rate(value: object, info: ValidationInfo) -> float:
     if isinstance(value, str) and value.rstrip().endswith("1/s"):
         return to_si(f"{value.rstrip().removesuffix('1/s')} Hz", "frequency")
     raise ValueError("needs a number and the unit 1/s, e.g. '12 1/s'")
+
+
+Rate = Annotated[
+    float,
+    BeforeValidator(_read_rate),
+    NonNegative,
+    Words("number with 1/s, at least 0"),
+    WithJsonSchema({"type": "string", "pattern": r"^.*\d.*1/s\s*$"}),
+]
 
 
 class RayleighDamping(SceneTable):
@@ -40,7 +49,7 @@ class RayleighDamping(SceneTable):
         beta = "2 us"
     """
 
-    alpha: Annotated[float, BeforeValidator(_read_rate), NonNegative, Words("number with 1/s, at least 0")] = 0.0
+    alpha: Rate = 0.0
     beta: Annotated[Time, NonNegative] = 0.0
 
     @model_validator(mode="after")

@@ -121,7 +121,7 @@ class History(Quantities):
     """
 
     type: Literal["history"]
-    file: Annotated[str, AfterValidator(FileCheck((".csv", ".nc")))]
+    file: Annotated[str, FileCheck((".csv", ".nc"))]
 
 
 class ExtremesTable(Quantities):
@@ -146,4 +146,4 @@ class ExtremesTable(Quantities):
     """
 
     type: Literal["table"]
-    file: Annotated[str, AfterValidator(FileCheck((".csv",)))]
+    file: Annotated[str, FileCheck((".csv",))]

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from typing import Annotated, Literal
 
-from pydantic import AfterValidator, Field, model_validator
+from pydantic import Field, model_validator
 
 from fmd.core.units import PositiveDensity, PositiveLength, PositiveStress
 from fmd.scene.bodies import ModeSettings, Poisson, Solid, check_formulation
@@ -218,8 +218,8 @@ class MatrixFiles(SceneTable):
     mass: SourceFile
     nodes: SourceFile
     unit: LengthUnit
-    stiffness_unit: Annotated[str, AfterValidator(UnitCheck("N/m"))] = "N/m"
-    mass_unit: Annotated[str, AfterValidator(UnitCheck("kg"))] = "kg"
+    stiffness_unit: Annotated[str, UnitCheck("N/m")] = "N/m"
+    mass_unit: Annotated[str, UnitCheck("kg")] = "kg"
 
 
 class MatrixPart(SceneTable):

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from typing import Annotated, Literal
 
-from pydantic import AfterValidator, Field, model_validator
+from pydantic import Field, model_validator
 
 from fmd.core.units import Stress, unit_ratio
 from fmd.scene.histories import ExtremesTable, History
@@ -105,7 +105,7 @@ class Chart(SceneTable):
     """
 
     type: Literal["chart"]
-    file: Annotated[str, AfterValidator(FileCheck((".png", ".pdf", ".svg")))]
+    file: Annotated[str, FileCheck((".png", ".pdf", ".svg"))]
     quantity: Literal[
         "joint_position",
         "joint_rate",
@@ -187,7 +187,7 @@ class Export(SceneTable):
     """
 
     type: Literal["export"]
-    file: Annotated[str, AfterValidator(FileCheck((*_SUFFIXES, *_FORMAT_SUFFIXES)))]
+    file: Annotated[str, FileCheck((*_SUFFIXES, *_FORMAT_SUFFIXES))]
     format: Literal["python", "sid", "exudyn", "mbdyn", "simscape", "openfast", "full", "fmu"] | None = None
     body: BodyName | None = None
     frames: Annotated[int, Field(strict=True, ge=2, le=2000)] = 21

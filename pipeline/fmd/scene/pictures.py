@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from typing import Annotated, Literal
 
-from pydantic import AfterValidator, Field, model_validator
+from pydantic import AfterValidator, Field, WithJsonSchema, model_validator
 
 from fmd.core.units import Angle, NonNegative, NonNegativeTime, Positive, PositiveLength
 from fmd.scene.reading import FaultError, SceneTable
@@ -20,8 +20,13 @@ def _check_mode_file(file: str) -> str:
 
 Pixels = Annotated[int, Field(strict=True, ge=64, le=8192)]
 Scale = Annotated[Number, NonNegative]
-PictureFile = Annotated[str, AfterValidator(FileCheck((".png",)))]
-ModeFile = Annotated[str, AfterValidator(_check_mode_file), Words("name of a ``.png`` file with ``{mode}`` in it")]
+PictureFile = Annotated[str, FileCheck((".png",))]
+ModeFile = Annotated[
+    str,
+    AfterValidator(_check_mode_file),
+    Words("name of a ``.png`` file with ``{mode}`` in it"),
+    WithJsonSchema({"type": "string", "pattern": r"\{mode\}.*\.png$"}),
+]
 Component = Literal["von Mises", "xx", "yy", "zz", "yz", "xz", "xy", "principal 1", "principal 2", "principal 3"]
 
 
@@ -250,6 +255,6 @@ class Film(MechanismView):
     """
 
     type: Literal["film"]
-    file: Annotated[str, AfterValidator(FileCheck((".mp4", ".gif")))]
+    file: Annotated[str, FileCheck((".mp4", ".gif"))]
     frames: Annotated[int, Field(strict=True, ge=2, le=2000)]
     rate: Annotated[Number, Positive]

@@ -102,6 +102,8 @@ class SceneTable(BaseModel):
     if not TYPE_CHECKING:  # editors know the keys by the fields
 
         def __init__(self, /, **values: Any) -> None:
+            fields = type(self).model_fields
+            values = {fields[key].alias or key if key in fields else key: value for key, value in values.items()}
             try:
                 super().__init__(**values)
             except ValidationError as error:

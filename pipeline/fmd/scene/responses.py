@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from typing import Annotated, Any, Literal
 
-from pydantic import AfterValidator, BeforeValidator, Field, model_validator
+from pydantic import BeforeValidator, Field, WithJsonSchema, model_validator
 
 from fmd.core.units import Frequency, NonNegative, PositiveFrequency
 from fmd.scene.reading import FaultError, SceneTable
@@ -16,7 +16,12 @@ def _write_number(value: Any) -> Any:
     return repr(value) if isinstance(value, int | float) and not isinstance(value, bool) else value
 
 
-Density = Annotated[Text, BeforeValidator(_write_number), Words("number, or text: a formula of f or a ``.csv`` file")]
+Density = Annotated[
+    Text,
+    BeforeValidator(_write_number),
+    Words("number, or text: a formula of f or a ``.csv`` file"),
+    WithJsonSchema({"type": ["number", "string"]}),
+]
 PortName = Annotated[Text, Words('text, e.g. ``"plate.tip.z"``')]
 
 
@@ -63,7 +68,7 @@ class FrequencyResponseChart(SceneTable):
     """
 
     type: Literal["frf"]
-    file: Annotated[str, AfterValidator(FileCheck((".png", ".pdf", ".svg")))]
+    file: Annotated[str, FileCheck((".png", ".pdf", ".svg"))]
     input: PortName
     output: PortName | Annotated[tuple[PortName, ...], Field(min_length=1, max_length=20)]
     to: PositiveFrequency

@@ -4,14 +4,14 @@ from __future__ import annotations
 
 from typing import Annotated, Literal
 
-from pydantic import AfterValidator, Field, model_validator
+from pydantic import Field, model_validator
 
 from fmd.core.units import Positive, PositiveStress
 from fmd.scene.pictures import BodyPicture
 from fmd.scene.reading import FaultError, SceneTable
 from fmd.scene.values import Count, FileCheck, Number
 
-FieldFile = Annotated[str, AfterValidator(FileCheck((".png", ".vtu", ".csv")))]
+FieldFile = Annotated[str, FileCheck((".png", ".vtu", ".csv"))]
 Slope = Annotated[Number, Field(ge=1.0, le=100.0)]
 
 

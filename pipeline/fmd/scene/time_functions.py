@@ -5,7 +5,8 @@ from __future__ import annotations
 from itertools import pairwise
 from typing import Annotated, Any, ClassVar, Literal, Self
 
-from pydantic import AfterValidator, Field, ValidationInfo, model_validator
+from pydantic import Field, GetJsonSchemaHandler, ValidationInfo, WithJsonSchema, model_validator
+from pydantic_core import CoreSchema
 
 from fmd.core.formula import parse_formula
 from fmd.core.units import NonNegativeTime, QuantityReader, unit_ratio
@@ -69,9 +70,15 @@ class TimeFunction(SceneTable):
     file: SourceFile | None = None
     time: Column | None = None
     column: Column | None = None
-    time_unit: Annotated[str, AfterValidator(UnitCheck("s"))] = "s"
+    time_unit: Annotated[str, UnitCheck("s")] = "s"
     between: Literal["straight", "smooth"] | None = None
-    unit: str | None = None
+    unit: Annotated[str, WithJsonSchema({"$unit": True})] | None = None
+
+    @classmethod
+    def __get_pydantic_json_schema__(cls, schema: CoreSchema, handler: GetJsonSchemaHandler) -> dict[str, Any]:
+        table = handler.resolve_ref_schema(handler(schema))
+        table["properties"].pop("constant", None)
+        return {"anyOf": [{"$quantity": cls.kind}, dict(table)]}
 
     @model_validator(mode="before")
     @classmethod

@@ -7,12 +7,21 @@ from __future__ import annotations
 
 import re
 from dataclasses import dataclass
-from typing import Annotated, Literal
+from typing import Annotated, Any, Literal
 
-from pydantic import AfterValidator, BeforeValidator, Field
+from pydantic import (
+    AfterValidator,
+    BeforeValidator,
+    Field,
+    GetCoreSchemaHandler,
+    GetJsonSchemaHandler,
+    WithJsonSchema,
+)
+from pydantic_core import CoreSchema, core_schema
 
 from fmd.core.units import Angle, Length, to_si, unit_ratio
 
+_NAME = "[A-Za-z][A-Za-z0-9_-]{0,39}"
 _SHORTEST = 1e-100  # largest component of a direction
 
 
@@ -30,7 +39,7 @@ class Words:
 
 
 def _check_name(name: str) -> str:
-    if not re.fullmatch(r"[A-Za-z][A-Za-z0-9_-]{0,39}", name) or name == "ground":
+    if not re.fullmatch(_NAME, name) or name == "ground":
         raise ValueError("a name is a letter and up to 39 letters, digits, '_' or '-'; 'ground' is taken")
     return name
 
@@ -48,8 +57,27 @@ def _read_plane(text: object) -> tuple[int, float]:
     return "xyz".index(match[1]), 0.0 if re.fullmatch(r"[+-]?0+(\.0*)?", match[2]) else to_si(match[2], "length")
 
 
-@dataclass(frozen=True, slots=True)
-class UnitCheck:
+class TextCheck:
+    """Check for texts that stands beside their type."""
+
+    @property
+    def schema(self) -> dict[str, Any]:
+        """JSON schema of the texts, for editors."""
+        raise NotImplementedError
+
+    def __call__(self, text: str) -> str:
+        """Return the text, or raise ``ValueError``."""
+        raise NotImplementedError
+
+    def __get_pydantic_core_schema__(self, source: Any, handler: GetCoreSchemaHandler) -> CoreSchema:
+        return core_schema.no_info_after_validator_function(self, handler(source))
+
+    def __get_pydantic_json_schema__(self, _: CoreSchema, __: GetJsonSchemaHandler) -> dict[str, Any]:
+        return {"type": "string", **self.schema}
+
+
+@dataclass(frozen=True)
+class UnitCheck(TextCheck):
     """Check for the name of a unit that converts to a given one.
 
     Parameters
@@ -70,6 +98,11 @@ class UnitCheck:
         """Words for the values that pass the check."""
         return f"text: a unit that converts to {self.si}"
 
+    @property
+    def schema(self) -> dict[str, Any]:
+        """Mark for `fmd.scene.schema`, which knows all units."""
+        return {"$unit": True}
+
 
 def check_file_name(file: str, *suffixes: str) -> str:
     """Return a file name, or raise ``ValueError`` if it holds a folder or has none of the suffixes."""
@@ -79,8 +112,8 @@ def check_file_name(file: str, *suffixes: str) -> str:
     return file
 
 
-@dataclass(frozen=True, slots=True)
-class FileCheck:
+@dataclass(frozen=True)
+class FileCheck(TextCheck):
     """Check for the plain name of one file with one of the given suffixes.
 
     Parameters
@@ -103,18 +136,28 @@ class FileCheck:
         """Words for the values that pass the check."""
         return f"name of a {' or '.join(f'``{suffix}``' for suffix in self.suffixes)} file"
 
+    @property
+    def schema(self) -> dict[str, Any]:
+        """Pattern of the names."""
+        return {"pattern": f"({'|'.join(map(re.escape, self.suffixes))})$"}
 
-Name = Annotated[str, AfterValidator(_check_name)]
+
+Name = Annotated[str, AfterValidator(_check_name), WithJsonSchema({"type": "string", "pattern": f"^{_NAME}$"})]
 Text = Annotated[str, Field(max_length=100)]
 BodyName = Annotated[Text, Words("name of a body")]
 JointName = Annotated[Text, Words("name of a joint")]
-MarkerName = Annotated[Text, Words('``"body.marker"``')]
-PlaceName = Annotated[Text, Words('``"body.marker"``, ``"ground"`` or ``"ground.place"``')]
-ElementName = Annotated[Text, Words('``"body.element"``')]
+_IN_A_BODY = WithJsonSchema({"type": "string", "pattern": rf"^{_NAME}\.{_NAME}$"})
+MarkerName = Annotated[Text, Words('``"body.marker"``'), _IN_A_BODY]
+PlaceName = Annotated[
+    Text,
+    Words('``"body.marker"``, ``"ground"`` or ``"ground.place"``'),
+    WithJsonSchema({"type": "string", "pattern": rf"^(ground|{_NAME}\.{_NAME})$"}),
+]
+ElementName = Annotated[Text, Words('``"body.element"``'), _IN_A_BODY]
 FaceName = Annotated[Text, Words("name of a face")]
 PartName = Annotated[Text, Words("name of a part")]
 SourceFile = Annotated[str, Field(min_length=1, max_length=1000), Words("path of a file")]
-LengthUnit = Annotated[str, AfterValidator(UnitCheck("m"))]
+LengthUnit = Annotated[str, UnitCheck("m")]
 Number = Annotated[float, Field(strict=True)]
 Count = Annotated[int, Field(strict=True, ge=1, le=1_000_000)]
 Order = Annotated[int, Field(strict=True, ge=1, le=2)]
@@ -122,4 +165,9 @@ Formulation = Literal["enhanced", "plain"]
 Point = tuple[Length, Length, Length]
 Turn = tuple[Angle, Angle, Angle]
 Axis = Annotated[tuple[Number, Number, Number], AfterValidator(_check_direction), Words("list of 3 numbers, not all 0")]
-Plane = Annotated[tuple[int, float], BeforeValidator(_read_plane), Words('plane, e.g. ``"x = 0"`` or ``"z = 12 mm"``')]
+Plane = Annotated[
+    tuple[int, float],
+    BeforeValidator(_read_plane),
+    Words('plane, e.g. ``"x = 0"`` or ``"z = 12 mm"``'),
+    WithJsonSchema({"type": "string", "pattern": r"^\s*[xyz]\s*="}),
+]

@@ -5,7 +5,8 @@ from __future__ import annotations
 from pathlib import PurePath
 from typing import Annotated, Any, Literal
 
-from pydantic import AfterValidator, BeforeValidator, Field, model_validator
+from pydantic import AfterValidator, Field, GetCoreSchemaHandler, GetJsonSchemaHandler, model_validator
+from pydantic_core import CoreSchema, core_schema
 
 from fmd.core.units import PositiveLength
 from fmd.scene.reading import FaultError, SceneTable
@@ -20,8 +21,19 @@ def _check_visual_file(file: str) -> str:
     return file
 
 
-def _as_list(given: Any) -> Any:
-    return [given] if isinstance(given, dict | SceneTable) else given
+class OneOrMore:
+    """Reader of a list that may be written without brackets if it has one table."""
+
+    def __get_pydantic_core_schema__(self, source: Any, handler: GetCoreSchemaHandler) -> CoreSchema:
+        return core_schema.no_info_before_validator_function(self._as_list, handler(source))
+
+    def __get_pydantic_json_schema__(self, schema: CoreSchema, handler: GetJsonSchemaHandler) -> dict[str, Any]:
+        tables = handler(schema)
+        return {"anyOf": [tables["items"], tables]}
+
+    @staticmethod
+    def _as_list(given: Any) -> Any:
+        return [given] if isinstance(given, dict | SceneTable) else given
 
 
 Colour = Annotated[str, Field(pattern="^#[0-9a-fA-F]{6}$"), Words('colour, e.g. ``"#c9bb62"``')]
@@ -163,4 +175,4 @@ class FileVisual(VisualSettings):
 
 
 Visual = Annotated[BoxVisual | CylinderVisual | RodVisual | FileVisual, Field(discriminator="type")]
-Visuals = Annotated[tuple[Visual, ...], BeforeValidator(_as_list), Field(max_length=100)]
+Visuals = Annotated[tuple[Visual, ...], Field(max_length=100), OneOrMore()]

@@ -39,7 +39,7 @@ _LINKED: dict[tuple[type[SceneTable], str], str] = {
     (Chart, "quantity"): "[quantity](#quantities-of-a-chart)",
     (Quantities, "quantities"): "list of [quantities](#quantities-of-a-history)",
 }
-_KNOWN_BY_FILES = {(table, "shape") for table in (MeshedPart, CadPart, MatrixPart, ReducedPart)}
+KNOWN_BY_FILES = (MeshedPart, CadPart, MatrixPart, ReducedPart)  # kinds of bodies that a file may leave out
 
 
 def write_page() -> str:
@@ -101,7 +101,7 @@ def _write_row(table: type[SceneTable], name: str, field: FieldInfo, kind: str, 
     meaning = meaning.replace(f" [{words.unit.replace('^2', '²').replace('^3', '³')}]", "")
     default = _write_default(field, words.unit)
     if is_kind(name, field):
-        default = "–" if (table, name) in _KNOWN_BY_FILES else "required"
+        default = "–" if table in KNOWN_BY_FILES else "required"
     cells = [f"`{field.alias or name}`", value, words.unit, default, meaning]
     return "| " + " | ".join(cell.replace("|", "\\|") for cell in cells) + " |"
 

@@ -1,0 +1,130 @@
+"""JSON schema of the scene file, by which editors complete and check it: ``python -m fmd.scene.schema``.
+
+It is written from the types of the tables and their docstrings. It knows keys, words and units, also of scenes that
+build on others, but not the names that a scene gives and what fits together; a run checks these, too.
+"""
+
+from __future__ import annotations
+
+import json
+import sys
+from collections.abc import Iterator
+from typing import Any
+
+from pydantic.json_schema import GenerateJsonSchema, JsonSchemaValue
+from pydantic_core import core_schema
+
+from fmd.core.units import example_of, list_units
+from fmd.scene.reference.page import KNOWN_BY_FILES, is_kind, read_docstring, read_meanings
+from fmd.scene.scene import Scene
+
+_DIALECT = "https://json-schema.org/draft/2020-12/schema"
+_NUMBER = r"[+-]?([0-9]+\.?[0-9]*|\.[0-9]+)([eE][+-]?[0-9]+)?"
+_LONGEST_SYMBOL = 3  # letters; only words have a plural
+_PREFIXES = (
+    "da|[YZEPTGMkhdcmunpfazyµμ]|yotta|zetta|exa|peta|tera|giga|mega|kilo|hecto|deka|deca|deci|centi|milli|micro|nano|"
+    "pico|femto|atto|zepto|yocto"
+)
+
+
+def write_schema() -> str:
+    """Return the schema as JSON."""
+    schema = Scene.model_json_schema(schema_generator=_Generator)
+    properties = schema["properties"]
+    properties["base"] = {"type": "string", "description": "Ready scene, or path of a scene, that this one builds on."}
+    properties["set"] = {"type": "array", "items": {"type": "string"}, "description": "Single values to replace."}
+    # A scene that builds on another has its tables, and a body that is like another its keys.
+    schema["anyOf"] = [{"required": ["base"]}, {"required": schema.pop("required")}]
+    body = properties["body"]["patternProperties"]
+    kinds = [schema["$defs"][kind["$ref"].rpartition("/")[2]] for kind in next(iter(body.values()))["oneOf"]]
+    schema["$defs"]["like"] = _join_kinds(kinds)
+    for name, table in body.items():
+        body[name] = {"if": {"required": ["like"]}, "then": {"$ref": "#/$defs/like"}, "else": table}
+    schema["$defs"] |= dict(_describe_quantities())
+    return json.dumps({"$schema": _DIALECT} | _write_references(schema), indent=1, ensure_ascii=False) + "\n"
+
+
+class _Generator(GenerateJsonSchema):
+    """Writer of the tables' schemas as a file has them: without null, and with kinds and meanings."""
+
+    def nullable_schema(self, schema: core_schema.NullableSchema) -> JsonSchemaValue:
+        """Leave null out, which TOML doesn't have."""
+        return self.generate_inner(schema["schema"])
+
+    def default_schema(self, schema: core_schema.WithDefaultSchema) -> JsonSchemaValue:
+        """Leave defaults out, which are in SI units."""
+        return self.generate_inner(schema["schema"])
+
+    def field_title_should_be_set(self, schema: Any) -> bool:
+        """Leave titles out, which repeat the keys."""
+        return False
+
+    def model_schema(self, schema: core_schema.ModelSchema) -> JsonSchemaValue:
+        """Add the meanings of a table and of its keys, and its kind to what it needs."""
+        table, found = schema["cls"], super().model_schema(schema)
+        paragraphs, _ = read_docstring(table)
+        found["description"] = paragraphs[0]
+        for key, meaning in read_meanings(table).items():
+            if key in found.get("properties", ()):
+                found["properties"][key]["description"] = meaning
+        kinds = [name for name, field in table.model_fields.items() if is_kind(name, field)]
+        if table not in KNOWN_BY_FILES:
+            found["required"] = [*kinds, *found.get("required", ())]
+        return found
+
+    def dict_schema(self, schema: core_schema.DictSchema) -> JsonSchemaValue:
+        """Allow no other names than those of the pattern."""
+        return super().dict_schema(schema) | {"additionalProperties": False}
+
+
+def _join_kinds(kinds: list[dict[str, Any]]) -> dict[str, Any]:
+    """Return the schema of a body that is like another: with keys of any kind, and none that it needs."""
+    keys: dict[str, list[Any]] = {}
+    for kind in kinds:
+        for key, values in kind["properties"].items():
+            keys[key] = [*keys.get(key, []), *([values] if values not in keys.get(key, []) else [])]
+    properties = {key: values[0] if len(values) == 1 else {"anyOf": values} for key, values in keys.items()}
+    return {
+        "type": "object",
+        "description": "A body that has the keys of another, and its own in place of them.",
+        "properties": {"like": {"type": "string", "description": "Name of the other body."}, **properties},
+        "additionalProperties": False,
+    }
+
+
+def _describe_quantities() -> Iterator[tuple[str, dict[str, Any]]]:
+    """Describe units and quantities of each kind by patterns: units of its own, or any product of units."""
+    units = list_units()
+    any_unit = _name_pattern([name for names in units.values() for name in names])
+    power = r"((\^|\*\*)-?[1-9]|[²³])"
+    factor = f"{any_unit}{power}?"
+    product = rf"({any_unit}{power}|{factor}((\s*[*/·]\s*|\s+){factor})+)"
+    yield "unit", {"type": "string", "pattern": f"^({factor}|{product})$"}
+    yield "product", {"type": "string", "pattern": rf"^\s*{_NUMBER}\s*{product}\s*$"}
+    for kind, names in units.items():
+        if kind:
+            own = {"type": "string", "pattern": rf"^\s*{_NUMBER}\s*{_name_pattern(names)}\s*$"}
+            alternatives = [own, {"$ref": "#/$defs/product"}] if names else [{"$ref": "#/$defs/product"}]
+            yield kind, {"anyOf": alternatives, "examples": [example_of(kind)]}
+
+
+def _name_pattern(names: list[str]) -> str:
+    plurals = [f"{name}s?" if len(name) > _LONGEST_SYMBOL else name for name in sorted(names)]
+    return f"(({_PREFIXES})?({'|'.join(plurals)}))"
+
+
+def _write_references(node: Any) -> Any:
+    """Return a schema in which quantities and units refer to their definitions."""
+    if isinstance(node, list):
+        return [_write_references(item) for item in node]
+    if not isinstance(node, dict):
+        return node
+    kind = "unit" if "$unit" in node else node.get("$quantity")
+    rest = {key: _write_references(value) for key, value in node.items() if key not in ("$unit", "$quantity")}
+    if kind is None:
+        return rest
+    return {"$ref": f"#/$defs/{kind.replace(' ', '%20')}"} | {key: rest[key] for key in rest if key != "type"}
+
+
+if __name__ == "__main__":
+    sys.stdout.write(write_schema())
