@@ -11,9 +11,8 @@ from typing import NamedTuple
 _CACHE = Path(tempfile.mkdtemp(prefix="fmd-tests-"))
 # The cache folder is read as soon as fmd.dynamics is imported, so it has to be set before that.
 os.environ["FMD_CACHE"] = str(_CACHE)
-# Two processes share the cores: more threads in each would wait for each other.
-if "PYTEST_XDIST_WORKER" in os.environ:
-    os.environ.setdefault("OMP_NUM_THREADS", "1")
+# Processes share the cores: threads of their small products would wait for each other, and 70 times as long.
+os.environ.setdefault("OMP_NUM_THREADS", "1")
 # Kernels are shared by the processes of a run. A developer's stay from run to run, named by their source; the gate's
 # are compiled anew: there the first process makes the folder, and those that it starts inherit its name.
 _COLD = bool(os.environ.get("CI")) and "FMD_TEST_KERNELS" not in os.environ
