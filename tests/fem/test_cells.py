@@ -15,6 +15,8 @@ VTK_CELLS = {
     "hexahedron27": "TriQuadraticHexahedron",
     "wedge": "Wedge",
     "wedge15": "QuadraticWedge",
+    "pyramid": "Pyramid",
+    "pyramid13": "QuadraticPyramid",
 }
 STRAIGHT = [name for name, cell in CELLS.items() if cell.order == 1]
 
@@ -24,6 +26,8 @@ def test_nodes_come_in_vtks_own_order(cell_type: str) -> None:
     cell = getattr(vtkCommonDataModel, f"vtk{VTK_CELLS[cell_type]}")()
     coordinates = cell.GetParametricCoords()
     vtk = np.array([[coordinates[3 * k + a] for a in range(3)] for k in range(cell.GetNumberOfPoints())])
+    if cell_type.startswith("pyramid"):  # VTK's are those of a cube that collapses to the apex
+        vtk[:, :2] *= 1 - vtk[:, 2:]
     assert np.array_equal(CELLS[cell_type].nodes, vtk)
 
 
@@ -36,7 +40,7 @@ def test_faces_are_walked_around_counter_clockwise_seen_from_outside(cell_type: 
         normal = np.cross(around[1] - around[0], around[2] - around[0])
         assert normal @ (around.mean(axis=0) - x.mean(axis=0)) > 0
         volume += np.cross(around, np.roll(around, -1, axis=0)).sum(axis=0) @ around.mean(axis=0) / 6
-    assert volume == pytest.approx({"tetra": 1 / 6, "hexahedron": 1.0, "wedge": 0.5}[cell_type])
+    assert volume == pytest.approx({"tetra": 1 / 6, "hexahedron": 1.0, "wedge": 0.5, "pyramid": 1 / 3}[cell_type])
 
 
 @pytest.mark.parametrize("cell_type", STRAIGHT)

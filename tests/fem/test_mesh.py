@@ -65,13 +65,13 @@ def test_the_volume_of_a_cell_with_crooked_faces_is_that_of_its_shape_functions(
     assert cell(crooked).volume == pytest.approx(total, rel=1e-13)
 
 
-@pytest.mark.parametrize("cell_type", ["tetra10", "hexahedron20", "hexahedron27", "wedge15"])
+@pytest.mark.parametrize("cell_type", ["tetra10", "hexahedron20", "hexahedron27", "wedge15", "pyramid13"])
 def test_the_volume_of_a_curved_cell_is_that_of_its_map(cell_type: str) -> None:
     # x + (0.1 y², 0, 0) keeps volumes, and bends edges by polynomials of second degree
     nodes = CELLS[cell_type].nodes
     bent = nodes + 0.1 * nodes[:, 1:2] ** 2 * (1, 0, 0)
     mesh = SolidMesh(bent, np.arange(len(nodes))[None], cell_type, {}, {})
-    assert mesh.volume == pytest.approx({"t": 1 / 6, "h": 1.0, "w": 0.5}[cell_type[0]], rel=1e-13)
+    assert mesh.volume == pytest.approx({"t": 1 / 6, "h": 1.0, "w": 0.5, "p": 1 / 3}[cell_type[0]], rel=1e-13)
 
 
 def test_rows_are_looked_up_in_a_table() -> None:

@@ -37,10 +37,16 @@ KINDS = {  # cells and how Gmsh is asked for them: order, recombined, with inner
     "hexahedron27": (2, True, True),
     "wedge": (1, False, False),
     "wedge15": (2, False, False),
+    "pyramid": (1, True, False),
+    "pyramid13": (2, True, False),
 }
-WRITTEN = [
-    (form, kind) for form in FORMATS for kind in KINDS if not (kind == "hexahedron27" and form in ("bdf", "med"))
-]
+# Gmsh writes none, or as pyramids of 5 nodes; quadratic pyramids of Nastran have its own order in place of Nastran's.
+UNWRITTEN = {(form, "hexahedron27") for form in ("bdf", "med")} | {
+    (form, "pyramid13") for form in ("bdf", "vtk", "vtu")
+}
+WRITTEN = [(form, kind) for form in FORMATS for kind in KINDS if (form, kind) not in UNWRITTEN]
+# Corners of a hexahedron's faces, counter-clockwise seen from inside.
+INWARDS = ((0, 1, 2, 3), (4, 7, 6, 5), (0, 4, 5, 1), (1, 5, 6, 2), (2, 6, 7, 3), (3, 7, 4, 0))
 VOLUME = 1.5 * 1.0 * 1.2  # a prism on a trapezoid: parallel sides of 2 and 1, 1 apart, 1.2 high
 MATERIAL = Material(70e9, 0.33, 2700.0)
 
@@ -71,6 +77,19 @@ def make_prism(gmsh, order: int, recombined: bool | None, full: bool) -> None:
     gmsh.model.mesh.generate(3)
 
 
+def split_into_pyramids(gmsh, order: int) -> None:
+    """Put six pyramids in place of each hexahedron, and let Gmsh add their mid-edge nodes."""
+    _, hexahedra, nodes = (each[0] for each in gmsh.model.mesh.getElements(3, 1))
+    corners = nodes.reshape(-1, 8).astype(int)
+    x = np.array([[gmsh.model.mesh.getNode(node)[0] for node in cell] for cell in corners])
+    centres = int(gmsh.model.mesh.getMaxNodeTag()) + 1 + np.arange(len(corners))
+    gmsh.model.mesh.addNodes(3, 1, centres, x.mean(axis=1).ravel())
+    gmsh.model.mesh.removeElements(3, 1, hexahedra)
+    cells = [[*cell[list(face)], centre] for cell, centre in zip(corners, centres, strict=True) for face in INWARDS]
+    gmsh.model.mesh.addElementsByType(1, 7, [], np.ravel(cells))
+    gmsh.model.mesh.setOrder(order)
+
+
 @pytest.fixture(scope="module")
 def folder(tmp_path_factory) -> Path:
     """The prism with every kind of cell in every format that Gmsh writes, and VTU written by VTK itself."""
@@ -79,7 +98,9 @@ def folder(tmp_path_factory) -> Path:
     folder = tmp_path_factory.mktemp("meshes")
     for kind, settings in KINDS.items():
         with gmsh_model("prism") as gmsh:
-            make_prism(gmsh, *settings)
+            make_prism(gmsh, *((1, True, False) if kind.startswith("pyramid") else settings))
+            if kind.startswith("pyramid"):
+                split_into_pyramids(gmsh, settings[0])
             for form in FORMATS[:-1]:
                 gmsh.option.setNumber("Mesh.MshFileVersion", 2.2 if form == "v2.msh" else 4.1)
                 gmsh.option.setNumber("Mesh.Binary", form == "v4.msh")

@@ -44,3 +44,18 @@ def test_nastran_files_that_make_no_sense_are_refused_with_the_line(change: tupl
     assert change[0] in NASTRAN
     with pytest.raises(MeshFileError, match=message):
         read_nastran(NASTRAN.replace(*change))
+
+
+@pytest.mark.parametrize("name", ["CPYRAM", "CPYRA"])
+def test_a_pyramid_has_its_mid_edge_nodes_around_the_base_and_then_upwards(name: str) -> None:
+    # base of 1 × 1, height 3: volume 1
+    points = [(0, 0, 0), (1, 0, 0), (1, 1, 0), (0, 1, 0), (0, 0, 3), (0.5, 0, 0), (1, 0.5, 0), (0.5, 1, 0), (0, 0.5, 0)]
+    points += [(0, 0, 1.5), (0.5, 0, 1.5), (0.5, 0.5, 1.5), (0, 0.5, 1.5)]
+    lines = [f"GRID,{k},,{x!r},{y!r},{z!r}" for k, (x, y, z) in enumerate(((*map(float, p),) for p in points), start=1)]
+    for count in (5, 13):
+        nodes = [*map(str, range(1, count + 1))]
+        card = f"{name},7,2,{','.join(nodes[:6])}" + (f"\n+,{','.join(nodes[6:])}" if count > 5 else "")
+        mesh = solid_mesh(read_nastran("\n".join(["BEGIN BULK", *lines, card, "ENDDATA"])), 1.0)
+        assert mesh.cell_type == {5: "pyramid", 13: "pyramid13"}[count]
+        assert mesh.volume == pytest.approx(1.0, rel=1e-13)
+        assert not any("order" in note for note in mesh.notes)

@@ -2,12 +2,14 @@
 
 from __future__ import annotations
 
-from fmd.fem.cells import hexahedron, tetrahedron, wedge
+from fmd.fem.cells import hexahedron, pyramid, tetrahedron, wedge
 from fmd.fem.cells.cell import SolidCell
 
-CELLS: dict[str, SolidCell] = {cell.name: cell for cell in (*tetrahedron.CELLS, *hexahedron.CELLS, *wedge.CELLS)}
+CELLS: dict[str, SolidCell] = {
+    cell.name: cell for cell in (*tetrahedron.CELLS, *hexahedron.CELLS, *wedge.CELLS, *pyramid.CELLS)
+}
 # Beginnings of meshio's names of solids, of which some aren't computed.
-_SOLID = (*{cell.shape.name for cell in CELLS.values()}, "pyramid", "penta_prism", "hexa_prism", "polyhedron")
+_SOLID = (*{cell.shape.name for cell in CELLS.values()}, "penta_prism", "hexa_prism", "polyhedron")
 
 
 def solid_cell(name: str) -> SolidCell:

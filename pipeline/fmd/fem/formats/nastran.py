@@ -15,7 +15,7 @@ import numpy as np
 from fmd.fem.cells.table import CELLS
 from fmd.fem.formats.raw_mesh import MeshFileError, RawMesh
 
-_SOLIDS: dict[str, dict[int, str]] = {"CPYRAM": {5: "pyramid", 13: "pyramid13"}}
+_SOLIDS: dict[str, dict[int, str]] = {}
 for _cell_type in CELLS.values():
     for _card in _cell_type.nastran:
         _SOLIDS.setdefault(_card, {})[len(_cell_type.nodes)] = _cell_type.name
