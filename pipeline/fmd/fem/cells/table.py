@@ -25,6 +25,12 @@ def solid_cell(name: str) -> SolidCell:
     return CELLS[name]
 
 
+def complete_dimensions(dimensions: dict[str, int]) -> None:
+    """Add the solids that are missing in meshio 5.3's table of dimensions by cell, without which it refuses them."""
+    for name in CELLS:
+        dimensions.setdefault(name, 3)
+
+
 def is_solid(name: str) -> bool:
     """Return True if a cell of this name is a solid, computed or not."""
     return name.startswith(_SOLID) or "HEXA" in name or "TETRA" in name or "WEDGE" in name

@@ -2,19 +2,23 @@
 
 from __future__ import annotations
 
+import re
 from collections.abc import Mapping
 from pathlib import Path
 from xml.sax.saxutils import quoteattr
 
 import meshio
 import numpy as np
+from meshio import _mesh
 
 from fmd.core.arrays import Array, IntArray
 from fmd.core.errors import InputError
 from fmd.core.files import whole_file
+from fmd.fem.cells.table import complete_dimensions
 from fmd.fem.mesh import SolidMesh
 
 _UNNAMED = "unnamed"
+complete_dimensions(_mesh.topological_dimension)
 
 
 def write_mesh(mesh: SolidMesh, path: Path) -> None:
@@ -26,7 +30,7 @@ def write_mesh(mesh: SolidMesh, path: Path) -> None:
     Raises
     ------
     InputError
-        meshio doesn't write that format, or the place can't be written.
+        meshio doesn't write that format, or not these cells in it, or the place can't be written.
     """
     if path.suffix not in meshio.extension_to_filetypes:
         known = " ".join(sorted(meshio.extension_to_filetypes))
@@ -42,6 +46,12 @@ def write_mesh(mesh: SolidMesh, path: Path) -> None:
                     _add_part_names(mesh, part)
                 case _:
                     _to_meshio(mesh, {}).write(part)
+            if meshio.extension_to_filetypes[path.suffix] == [
+                "nastran"
+            ]:  # meshio calls elements of second order CHEXA_
+                part.write_text(re.sub(r"^(C[A-Z]+)_", r"\1 ", part.read_text(), flags=re.MULTILINE))
+    except KeyError as error:
+        raise InputError("--out", "", str(path), f"the format has no cells of type {mesh.cell_type}") from error
     except OSError as error:
         raise InputError("--out", "", str(path), f"can't be written: {error.strerror or error}") from error
 

@@ -23,7 +23,7 @@ from fmd.core.arrays import IntArray
 from fmd.core.limits.files import MOST_TAGS
 from fmd.core.limits.patience import READING_BYTES, READING_BYTES_PER_BYTE, READING_SECONDS, READING_SECONDS_PER_MB
 from fmd.core.limits.shown import LONGEST_MESSAGE
-from fmd.fem.cells.table import CELLS, is_solid
+from fmd.fem.cells.table import complete_dimensions, is_solid
 from fmd.fem.formats.raw_mesh import MeshFileError, RawMesh
 
 
@@ -103,8 +103,7 @@ def _read(path: Path) -> RawMesh:
     from meshio import _mesh
     from meshio.gmsh import _gmsh41
 
-    for name in CELLS:
-        _mesh.topological_dimension.setdefault(name, 3)  # wedge15 is missing in meshio 5.3
+    complete_dimensions(_mesh.topological_dimension)
 
     # If only some entities are in physical groups, meshio 5.3 makes fewer arrays than blocks and then refuses them.
     def mesh(points: Any, cells: Any, *, cell_data: Any, cell_sets: Any, **rest: Any) -> meshio.Mesh:
