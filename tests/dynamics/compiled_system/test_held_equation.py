@@ -8,10 +8,7 @@ from fmd.dynamics.compiled_system import system
 from fmd.dynamics.compiled_system.system import CompiledSystem
 from fmd.integrators.subcycling import Subcycling
 from tests.dynamics.compiled_system.held_by_differences import sub_cycle
-from tests.dynamics.compiler.mechanisms import PointMechanism, random_mechanism
-
-# Between them: rotations in space, prescribed joints, fast joints, slow modes, loads of every kind.
-SEEDS = [*range(8), *(pytest.param(k, marks=pytest.mark.slow) for k in range(8, 40))]
+from tests.dynamics.compiler.mechanisms import EACH, PointMechanism, random_mechanism
 
 
 def small_state(made: PointMechanism, seed: int) -> tuple[Array, Array]:
@@ -19,7 +16,7 @@ def small_state(made: PointMechanism, seed: int) -> tuple[Array, Array]:
     return q, 0.5 * v
 
 
-@pytest.mark.parametrize("seed", SEEDS)
+@EACH
 def test_sub_cycling_holds_the_slopes_of_the_residual(seed: int) -> None:
     made, h, m = random_mechanism(seed), 0.004, 5
     start = small_state(made, seed)
@@ -28,7 +25,7 @@ def test_sub_cycling_holds_the_slopes_of_the_residual(seed: int) -> None:
     assert march.q == pytest.approx(want, abs=1e-9)
 
 
-@pytest.mark.parametrize("seed", range(4))
+@pytest.mark.parametrize("seed", range(2))
 def test_a_fast_step_without_loops_is_that_with_loops(seed: int, monkeypatch: pytest.MonkeyPatch) -> None:
     made, h, m = random_mechanism(seed), 0.004, 5
     start, times = small_state(made, seed), m * h * np.arange(20)

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Callable
 from dataclasses import replace
+from functools import cache
 
 import numpy as np
 from scipy.linalg import expm
@@ -69,6 +70,7 @@ def law_force(name: str, law: ForceLaw, x: float, rate: float) -> float:
     return float(force)
 
 
+@cache
 def with_elements(seed: int, second_order: bool = False) -> tuple[PointMechanism, list[str]]:
     """Make a random mechanism with a spring of each kind and two bushings between its bodies and the ground."""
     made, rng = random_mechanism(seed, second_order), np.random.default_rng([seed, 11])

@@ -14,7 +14,7 @@ from tests.dynamics.compiler import kane
 from tests.dynamics.compiler.comparison import TIME, difference, interpreted
 from tests.dynamics.compiler.random_elements import element_forces, with_elements
 
-SEEDS = [*range(3), *(pytest.param(k, marks=pytest.mark.slow) for k in range(3, 30))]
+SEEDS = [*range(2), *(pytest.param(seed, marks=pytest.mark.slow) for seed in range(2, 5))]
 SMOOTH = ForceCurve(formula=parse_formula("3*t + 2*t**3 + tanh(t) + exp(-t*t) + tan(t/4) + 2**t"))
 
 
@@ -25,7 +25,7 @@ def test_elements_do_the_work_of_their_strains(seed: int, second_order: bool) ->
     q, v = made.state(seed)
     M, Q = kane.mass_and_force(made, TIME, q, v)
     expected = np.linalg.solve(M, Q + element_forces(made, TIME, q, v))
-    compiled = compile_mechanism(made.mechanism)
+    compiled = made.compiled
     a = interpreted(compiled, "accelerations", (made.mechanism.n,), q=q, v=v)
     assert difference(a, expected) < 1e-7
     assert difference(compiled.accelerations(TIME, q, v), a) < 1e-12
@@ -33,7 +33,7 @@ def test_elements_do_the_work_of_their_strains(seed: int, second_order: bool) ->
     assert np.abs(residual).max() < 1e-9 * np.abs(M @ a).max()
 
 
-@pytest.mark.parametrize("seed", range(4))
+@pytest.mark.parametrize("seed", range(2))
 def test_elastic_forces_are_the_slopes_of_the_energy(seed: int) -> None:
     made, _ = with_elements(seed)
     links = [replace(link, motion=None, damper=0.0, damping=np.zeros(0)) for link in made.mechanism.links]
@@ -71,11 +71,11 @@ def _undamped(stops: tuple[Stop, ...]) -> tuple[Stop, ...]:
     return tuple(replace(stop, damping=0.0) for stop in stops)
 
 
-@pytest.mark.parametrize("seed", range(4))
+@pytest.mark.parametrize("seed", range(2))
 def test_tangents_with_elements_are_differences_of_the_residual(seed: int) -> None:
     made, _ = with_elements(seed)
     (q, v), n = made.state(seed), made.mechanism.n
-    compiled, a = compile_mechanism(made.mechanism), np.random.default_rng(seed).normal(size=n)
+    compiled, a = made.compiled, np.random.default_rng(seed).normal(size=n)
     inputs = compiled.signal_values(TIME)
     by_q, by_v, _ = compiled.tangents(inputs, q, v, a)
 

@@ -3,22 +3,20 @@
 import numpy as np
 import pytest
 
-from fmd.dynamics.compiler.compiled import compile_mechanism
 from fmd.dynamics.element_linearisation import linearise_forces
 from fmd.dynamics.kinematics import Kinematics
 from tests.dynamics.compiler import kane
 from tests.dynamics.compiler.comparison import TIME, difference, interpreted
-from tests.dynamics.compiler.mechanisms import JOINTS, MORE_JOINTS, random_mechanism
+from tests.dynamics.compiler.mechanisms import EACH, JOINTS, MORE_JOINTS, SEEDS, random_mechanism
 
-SEEDS = [*range(12), *(pytest.param(k, marks=pytest.mark.slow) for k in range(12, 60))]
 KINDS = (*MORE_JOINTS, *MORE_JOINTS, *JOINTS)
 
 
-@pytest.mark.parametrize("seed", SEEDS)
+@EACH
 def test_mass_points_on_more_joints_accelerate_alike_by_dalemberts_principle(seed: int) -> None:
     made = random_mechanism(seed, seed % 2 == 0, KINDS)
     (q, v), n = made.state(seed), made.mechanism.n
-    compiled = compile_mechanism(made.mechanism)
+    compiled = made.compiled
     a = interpreted(compiled, "accelerations", (n,), q=q, v=v)
     assert difference(a, kane.accelerations(made, TIME, q, v)) < 1e-8
     assert difference(compiled.accelerations(TIME, q, v), a) < 1e-11
@@ -27,12 +25,12 @@ def test_mass_points_on_more_joints_accelerate_alike_by_dalemberts_principle(see
     assert np.abs(residual).max() < 1e-10 * (np.abs(M @ a).max() + np.abs(Q).max())
 
 
-@pytest.mark.parametrize("seed", SEEDS[:12])
+@EACH
 def test_frames_energies_and_damping_on_more_joints_are_those_of_the_points(seed: int) -> None:
     made = random_mechanism(seed, False, KINDS)
     (q, v), mechanism = made.state(seed), made.mechanism
     motion = Kinematics(mechanism, np.array([TIME]), q[None], v[None])
-    energies = interpreted(compile_mechanism(mechanism), "energies", (2,), q=q, v=v)
+    energies = interpreted(made.compiled, "energies", (2,), q=q, v=v)
     assert np.concatenate(motion.energies) == pytest.approx(energies, rel=1e-10)
     velocities, spins = kane.velocities(made, TIME, q, v)
     m = np.concatenate([body.m for body in made.points])
@@ -41,12 +39,12 @@ def test_frames_energies_and_damping_on_more_joints_are_those_of_the_points(seed
         assert frame.origin[0] == pytest.approx(np.real(origin), abs=1e-12)
         assert frame.rotation[0] == pytest.approx(np.real(R), abs=1e-12)
         assert frame.spin[0] == pytest.approx(spin, abs=1e-12)
-    compiled, none = compile_mechanism(mechanism), np.zeros(mechanism.n)
+    compiled, none = made.compiled, np.zeros(mechanism.n)
     _, by_v, _ = compiled.tangents(compiled.signal_values(0.0), mechanism.rest_positions, none, none)
     if not any(link.motion for link in mechanism.links):
         assert pytest.approx(by_v, abs=1e-10) == linearise_forces(mechanism).C
 
 
 def test_every_joint_occurs() -> None:
-    found = {link.joint for seed in range(12) for link in random_mechanism(seed, False, KINDS).mechanism.links}
+    found = {link.joint for seed in SEEDS for link in random_mechanism(seed, False, KINDS).mechanism.links}
     assert set(MORE_JOINTS) <= found

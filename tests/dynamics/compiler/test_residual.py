@@ -3,7 +3,6 @@
 from dataclasses import replace
 
 import numpy as np
-import pytest
 from scipy.linalg import expm
 
 from fmd.dynamics.compiler.compiled import compile_mechanism
@@ -11,36 +10,34 @@ from fmd.dynamics.kinematics import Kinematics
 from fmd.reduction.body import MarkerShapes
 from tests.dynamics.compiler import kane
 from tests.dynamics.compiler.comparison import TIME, difference, interpreted
-from tests.dynamics.compiler.mechanisms import random_mechanism
-
-SEEDS = pytest.mark.parametrize("seed", [*range(3), *(pytest.param(k, marks=pytest.mark.slow) for k in range(3, 40))])
+from tests.dynamics.compiler.mechanisms import EACH, random_mechanism
 
 
-@SEEDS
+@EACH
 def test_the_residual_is_mass_times_acceleration_less_force(seed: int) -> None:
     # Differences of order 8 over steps of 0.01 s leave 1e-10 or so of the bias.
     made = random_mechanism(seed, second_order=False)
     q, v = made.state(seed)
     a = np.random.default_rng(seed).normal(size=len(v))
     M, Q = kane.mass_and_force(made, TIME, q, v)
-    compiled = compile_mechanism(made.mechanism)
+    compiled = made.compiled
     assert difference(compiled.residual(TIME, q, v, a), M @ a - Q) < 1e-8
     assert difference(compiled.mass_matrix(compiled.signal_values(TIME), q), M) < 1e-12
 
 
-@SEEDS
+@EACH
 def test_accelerations_leave_no_residual(seed: int) -> None:
     made = random_mechanism(seed)
-    compiled = compile_mechanism(made.mechanism)
+    compiled = made.compiled
     q, v = made.state(seed)
     r = compiled.residual(TIME, q, v, compiled.accelerations(TIME, q, v))
     assert np.abs(r).max() < 1e-12 * max(np.abs(compiled.residual(TIME, q, v, 0.0 * v)).max(), 1.0)
 
 
-@SEEDS
+@EACH
 def test_tangents_are_those_of_differences(seed: int) -> None:
     made = random_mechanism(seed)
-    compiled = compile_mechanism(made.mechanism)
+    compiled = made.compiled
     q, v = made.state(seed)
     a = np.random.default_rng(seed).normal(size=len(v))
     by_q, by_v, by_a = compiled.tangents(compiled.signal_values(TIME), q, v, a)
@@ -59,10 +56,10 @@ def test_tangents_are_those_of_differences(seed: int) -> None:
         assert np.abs(tangent - np.stack(columns, axis=1)).max() < 1e-8 * scale
 
 
-@SEEDS
+@EACH
 def test_tangents_by_the_signals_are_those_of_differences(seed: int) -> None:
     made = random_mechanism(seed)
-    compiled = compile_mechanism(made.mechanism)
+    compiled = made.compiled
     q, v = made.state(seed)
     a, inputs = np.random.default_rng(seed).normal(size=len(v)), compiled.signal_values(TIME)
     r = np.zeros(len(v))
@@ -75,10 +72,10 @@ def test_tangents_by_the_signals_are_those_of_differences(seed: int) -> None:
     assert np.abs(found - columns).max(initial=0.0) < 1e-8 * max(np.abs(columns).max(initial=0.0), 1.0)
 
 
-@SEEDS
+@EACH
 def test_lanes_of_machine_code_do_what_the_interpreter_does(seed: int) -> None:
     made = random_mechanism(seed)
-    compiled, mechanism = compile_mechanism(made.mechanism), made.mechanism
+    compiled, mechanism = made.compiled, made.mechanism
     q, v = made.state(seed)
     rng = np.random.default_rng(seed)
     sizes = {"dinputs": 3 * len(compiled.signals), "dq": len(q), "dv": len(v), "da": len(v)}
@@ -88,7 +85,7 @@ def test_lanes_of_machine_code_do_what_the_interpreter_does(seed: int) -> None:
     assert difference(dr, interpreted(compiled, "tangents", dr.shape, q=q, v=v, a=a, **directions)) < 1e-13
 
 
-@SEEDS
+@EACH
 def test_frames_are_those_of_the_mechanism(seed: int) -> None:
     made = random_mechanism(seed)
     q, v = made.state(seed)
@@ -96,11 +93,11 @@ def test_frames_are_those_of_the_mechanism(seed: int) -> None:
     expected = [
         np.concatenate(values) for values in zip(*((at.origin, at.rotation, at.spin) for at in frames), strict=True)
     ]
-    for found, wanted in zip(compile_mechanism(made.mechanism).frames(TIME, q, v), expected, strict=True):
+    for found, wanted in zip(made.compiled.frames(TIME, q, v), expected, strict=True):
         assert np.abs(found - wanted).max() < 1e-13 * max(np.abs(wanted).max(), 1.0)
 
 
-@SEEDS
+@EACH
 def test_markers_are_where_their_points_are(seed: int) -> None:
     made = random_mechanism(seed)
     rng = np.random.default_rng(seed)
@@ -118,22 +115,22 @@ def test_markers_are_where_their_points_are(seed: int) -> None:
         assert np.allclose(turn, R @ expm(kane.tilde(marker.rotation @ z)), rtol=0, atol=1e-12)
 
 
-@SEEDS
+@EACH
 def test_energies_are_those_of_the_mechanism(seed: int) -> None:
     made = random_mechanism(seed)
     q, v = made.state(seed)
-    energies = compile_mechanism(made.mechanism).energies(TIME, q, v)
+    energies = made.compiled.energies(TIME, q, v)
     expected = Kinematics(made.mechanism, np.array([TIME]), q[None], v[None]).energies
     assert np.allclose(energies, np.ravel(expected), rtol=1e-12, atol=1e-12)
 
 
-@SEEDS
+@EACH
 def test_momenta_are_those_of_the_mass_points(seed: int) -> None:
     made = random_mechanism(seed)
     q, v = made.state(seed)
     u, _ = kane.velocities(made, TIME, q, v)
     points = [o + body.moved(z) @ R.T for (o, R, z), body in zip(kane.frames(made, TIME, q), made.points, strict=True)]
     p = np.concatenate([body.m for body in made.points])[:, None] * u
-    linear, angular = compile_mechanism(made.mechanism).momenta(TIME, q, v)
+    linear, angular = made.compiled.momenta(TIME, q, v)
     assert np.allclose(linear, p.sum(axis=0).real, rtol=0, atol=1e-11)
     assert np.allclose(angular, np.cross(np.concatenate(points).real, p).sum(axis=0), rtol=0, atol=1e-11)

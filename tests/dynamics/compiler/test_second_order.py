@@ -3,7 +3,6 @@
 from dataclasses import replace
 
 import numpy as np
-import pytest
 from scipy.linalg import expm
 
 from fmd.core.arrays import Array
@@ -13,26 +12,14 @@ from fmd.dynamics.mechanism import Mechanism
 from fmd.dynamics.signals.signal import constant
 from tests.dynamics.compiler import kane
 from tests.dynamics.compiler.comparison import TIME, difference, interpreted
-from tests.dynamics.compiler.mechanisms import PointMechanism, random_mechanism
-
-SEEDS = pytest.mark.parametrize("seed", [*range(12), *(pytest.param(k, marks=pytest.mark.slow) for k in range(12, 60))])
-FEW = pytest.mark.parametrize("seed", [*range(3), *(pytest.param(k, marks=pytest.mark.slow) for k in range(3, 40))])
+from tests.dynamics.compiler.mechanisms import EACH, PointMechanism, random_mechanism
 
 
-@SEEDS
-def test_mass_points_accelerate_alike_by_dalemberts_principle(seed: int) -> None:
-    # Differences of order 8 over steps of 0.01 s leave 1e-10 or so of the bias.
-    made = random_mechanism(seed, second_order=True)
-    q, v = made.state(seed)
-    a = interpreted(compile_mechanism(made.mechanism), "accelerations", (made.mechanism.n,), q=q, v=v)
-    assert difference(a, kane.accelerations(made, TIME, q, v)) < 1e-8
-
-
-@FEW
+@EACH
 def test_with_their_whole_energy_they_accelerate_mass_points_by_dalemberts_principle_alone(seed: int) -> None:
     """Points are moved by affine fields of second order, and nothing is added to their inertia."""
     made = random_mechanism(seed, second_order=True, whole=True)
-    compiled, n = compile_mechanism(made.mechanism), made.mechanism.n
+    compiled, n = made.compiled, made.mechanism.n
     q, v = made.state(seed)
     a = interpreted(compiled, "accelerations", (n,), q=q, v=v)
     assert difference(a, kane.accelerations(made, TIME, q, v)) < 1e-8
@@ -48,30 +35,20 @@ def test_with_their_whole_energy_they_accelerate_mass_points_by_dalemberts_princ
         assert np.allclose(found, expected[0], rtol=1e-10, atol=1e-11)
 
 
-@SEEDS
+@EACH
 def test_accelerations_leave_no_residual(seed: int) -> None:
     made = random_mechanism(seed, second_order=True)
-    compiled, n = compile_mechanism(made.mechanism), made.mechanism.n
+    compiled, n = made.compiled, made.mechanism.n
     q, v = made.state(seed)
     a = interpreted(compiled, "accelerations", (n,), q=q, v=v)
     r = interpreted(compiled, "residual", (n,), q=q, v=v, a=a)
     assert np.abs(r).max() < 1e-11 * max(np.abs(interpreted(compiled, "residual", (n,), q=q, v=v, a=0 * v)).max(), 1.0)
 
 
-@FEW
-def test_machine_code_does_what_the_interpreter_does(seed: int) -> None:
-    made = random_mechanism(seed, second_order=True)
-    compiled, n = compile_mechanism(made.mechanism), made.mechanism.n
-    q, v = made.state(seed)
-    assert (
-        difference(compiled.accelerations(TIME, q, v), interpreted(compiled, "accelerations", (n,), q=q, v=v)) < 1e-12
-    )
-
-
-@FEW
+@EACH
 def test_tangents_are_those_of_differences(seed: int) -> None:
     made = random_mechanism(seed, second_order=True)
-    compiled = compile_mechanism(made.mechanism)
+    compiled = made.compiled
     q, v = made.state(seed)
     a = np.random.default_rng(seed).normal(size=len(v))
     by_q, by_v, by_a = compiled.tangents(compiled.signal_values(TIME), q, v, a)
@@ -93,7 +70,7 @@ def conservative(made: PointMechanism) -> Mechanism:
     return replace(made.mechanism, links=[replace(link, **still) for link in made.mechanism.links], loads=[])
 
 
-@SEEDS
+@EACH
 def test_energy_stays_what_it_is_along_every_motion(seed: int) -> None:
     """dE/dt = 0 at a random state, by differences of order 8 along q̇(v) and v̇ = a."""
     made = random_mechanism(seed, second_order=True)
@@ -117,11 +94,11 @@ def test_energy_stays_what_it_is_along_every_motion(seed: int) -> None:
     assert abs(change) < 1e-9 * rate
 
 
-@FEW
+@EACH
 def test_energies_momenta_and_frames_of_compiled_code_are_those_of_numpy(seed: int) -> None:
     made = random_mechanism(seed, second_order=True)
     q, v = made.state(seed)
-    compiled, plain = compile_mechanism(made.mechanism), Kinematics(made.mechanism, np.array([TIME]), q[None], v[None])
+    compiled, plain = made.compiled, Kinematics(made.mechanism, np.array([TIME]), q[None], v[None])
     assert np.allclose(compiled.energies(TIME, q, v), np.ravel(plain.energies), rtol=1e-12, atol=1e-12)
     for found, expected in zip(compiled.momenta(TIME, q, v), (plain.momentum, plain.angular_momentum), strict=True):
         assert np.allclose(found, expected[0], rtol=1e-11, atol=1e-12)
@@ -133,7 +110,7 @@ def test_energies_momenta_and_frames_of_compiled_code_are_those_of_numpy(seed: i
         assert np.abs(found - expected).max() < 1e-13 * max(np.abs(expected).max(), 1.0)
 
 
-@FEW
+@EACH
 def test_momenta_are_those_of_the_mass_points(seed: int) -> None:
     made = random_mechanism(seed, second_order=True)
     q, v = made.state(seed)
@@ -147,11 +124,11 @@ def test_momenta_are_those_of_the_mass_points(seed: int) -> None:
     )
 
 
-@FEW
+@EACH
 def test_markers_are_where_their_points_are(seed: int) -> None:
     made = random_mechanism(seed, second_order=True)
     q, v = made.state(seed)
-    positions, rotations = compile_mechanism(made.mechanism).markers(TIME, q)
+    positions, rotations = made.compiled.markers(TIME, q)
     plain, bodies = Kinematics(made.mechanism, np.array([TIME]), q[None], v[None]), kane.frames(made, TIME, q)
     bent: list[tuple[Array, Array]] = []
     for k, link in enumerate(made.mechanism.links):
