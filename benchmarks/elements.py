@@ -21,13 +21,13 @@ from pathlib import Path
 
 import numpy as np
 import scipy.linalg
+from modes import STUDIES
 from scipy.spatial import cKDTree
 from threadpoolctl import threadpool_limits
 
 from fmd import Pipeline, load_scene
 from fmd.accuracy.error_budget import ERROR_BUDGET
 from fmd.accuracy.matching import match_shapes
-from fmd.bench.mode_study import STUDIES
 from fmd.core.cache import Cache
 from fmd.fem.assembly import _mass, _stiffness, assemble
 from fmd.fem.elements import ElementKind

@@ -25,8 +25,8 @@ import scipy.sparse as sp
 from exudyn_march import IMPLICIT, Twin, add_sensor, import_exudyn, print_rows, refine, relative_error, sample_times
 
 from fmd import Pipeline, load_scene
-from fmd.bench.work_precision import WorkPrecisionRow
 from fmd.integrators.runge_kutta import RungeKutta
+from fmd.output.work_precision import WorkPrecisionRow
 from fmd.recovery.motion import Motion
 
 HERE = Path(__file__).parent

@@ -15,7 +15,7 @@ from typing import Any
 
 import numpy as np
 
-from fmd.bench.work_precision import WorkPrecisionRow
+from fmd.output.work_precision import WorkPrecisionRow
 
 INTERVALS = 100  # between output times; every number of steps is a multiple
 STAGES = {"VelocityVerlet": 1, "RK44": 4, "RK67": 7}  # of explicit solvers, which know no constraints

@@ -31,9 +31,9 @@ from scipy.integrate import solve_ivp
 from scipy.sparse.linalg import eigsh
 
 from fmd import Pipeline, load_scene
-from fmd.bench.work_precision import WorkPrecisionRow
 from fmd.fem.markers import face_marker
 from fmd.integrators.scipy_ivp import ScipyIvp
+from fmd.output.work_precision import WorkPrecisionRow
 from fmd.reduction.inertia import inertia_gram
 
 MOST_SECONDS = 2.0  # a march longer than this, or of an error below the other, ends its solver's range

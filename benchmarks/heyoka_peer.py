@@ -18,13 +18,12 @@ from typing import Any
 import numpy as np
 
 from fmd import Pipeline, load_scene
-from fmd.bench.integrators import errors_of
-from fmd.bench.work_precision import WorkPrecisionRow
 from fmd.core import formula as codes
 from fmd.dynamics.compiler.stumpff import coefficients
 from fmd.dynamics.signals.signal import CONSTANT, PROGRAM, Signal
 from fmd.integrators.protocol import State, Trajectory
 from fmd.integrators.runge_kutta import RungeKutta
+from fmd.output.work_precision import WorkPrecisionRow, errors_of
 
 HERE = Path(__file__).parent
 CASES = {"rod-slider": "rod-slider", "arm": "arm", "robot": str(HERE / "scenes" / "robot.toml")}

@@ -3,8 +3,9 @@
 from __future__ import annotations
 
 import csv
-from collections.abc import Iterable, Sequence
-from dataclasses import asdict, fields
+import platform
+from collections.abc import Iterable
+from dataclasses import asdict
 from math import isfinite
 from pathlib import Path
 from typing import Any
@@ -40,11 +41,17 @@ def format_ratio(ratio: float) -> str:
     return f"{ratio:.0f}" if ratio >= 100 else f"{ratio:.2g}"
 
 
-def write_rows(path: Path, rows: Sequence[Any]) -> None:
-    """Write dataclasses of one type as a CSV file, real numbers to three digits."""
+def write_rows(path: Path, rows: Iterable[Any], *remarks: str, digits: int = 3) -> None:
+    """Write dataclasses or dictionaries with the same keys as a CSV file after remarks; real numbers to some digits."""
+    tables = [row if isinstance(row, dict) else asdict(row) for row in rows]
     with path.open("w", newline="") as file:
-        table = csv.DictWriter(file, [field.name for field in fields(rows[0])], lineterminator="\n")
+        file.writelines(f"# {remark}\n" for remark in remarks)
+        table = csv.DictWriter(file, list(tables[0]), lineterminator="\n")
         table.writeheader()
-        for row in rows:
-            values = asdict(row).items()
-            table.writerow({name: f"{x:.3g}" if isinstance(x, float) else x for name, x in values})
+        for row in tables:
+            table.writerow({name: f"{x:.{digits}g}" if isinstance(x, float) else x for name, x in row.items()})
+
+
+def machine() -> str:
+    """Name the machine and the version of Python, as remark of a table of times."""
+    return f"{platform.machine()}, {platform.system()}, Python {platform.python_version()}"

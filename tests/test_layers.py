@@ -29,8 +29,8 @@ MAY_IMPORT["meshes"] = set()
 MAY_IMPORT["stages"] = {"core", "scene", "meshes", *_PHYSICS}
 MAY_IMPORT["accuracy"] = {"stages", *MAY_IMPORT["stages"]}
 MAY_IMPORT["output"] = {"accuracy", "render", *MAY_IMPORT["accuracy"]}
-MAY_IMPORT |= {folder: {"output", *MAY_IMPORT["output"]} for folder in ("bench", "verification", "sweep")}
-MAY_IMPORT["cli"] = {"bench", "verification", "sweep", *MAY_IMPORT["bench"]}
+MAY_IMPORT |= {folder: {"output", *MAY_IMPORT["output"]} for folder in ("verification", "sweep")}
+MAY_IMPORT["cli"] = {"verification", "sweep", *MAY_IMPORT["sweep"]}
 
 # Packages that only one place may load.
 OWNERS = {

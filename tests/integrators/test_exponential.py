@@ -18,7 +18,6 @@ from fmd.core.arrays import Array
 from fmd.core.errors import AccuracyError, StabilityError
 from fmd.dynamics.compiled_system.system import CompiledSystem
 from fmd.dynamics.jit.compiled import meaning
-from fmd.dynamics.linear.linear import LinearSystem
 from fmd.dynamics.mechanism import Mechanism
 from fmd.dynamics.signals.signal import half_sine
 from fmd.dynamics.system import accelerations
@@ -28,6 +27,7 @@ from fmd.integrators.scipy_ivp import ScipyIvp
 from fmd.recovery.motion import Motion
 from fmd.reduction.body import FlexibleBody
 from tests.dynamics.hinged_body import body_of, energies, hinged
+from tests.linear_system import LinearSystem
 
 Body = Callable[..., FlexibleBody]
 Reference = Callable[..., tuple[Array, Array]]

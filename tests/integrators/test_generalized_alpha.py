@@ -6,8 +6,8 @@ import numpy as np
 import pytest
 import scipy.linalg
 
+from benchmarks.stability import case_builders
 from fmd import Pipeline, load_scene
-from fmd.bench.stress_cases import case_builders
 from fmd.core.errors import AccuracyError
 from fmd.dynamics.compiled_system.system import CompiledSystem
 from fmd.dynamics.links import REVOLUTE, SPHERICAL, Link, rigid_gram

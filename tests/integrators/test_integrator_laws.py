@@ -11,7 +11,6 @@ from fmd import Pipeline, load_scene
 from fmd.core.arrays import Array
 from fmd.core.errors import AccuracyError, InputError, StabilityError
 from fmd.dynamics.compiled_system.system import CompiledSystem
-from fmd.dynamics.linear.linear import LinearSystem
 from fmd.dynamics.links import REVOLUTE, Link, rigid_gram
 from fmd.dynamics.mechanism import Mechanism
 from fmd.dynamics.signals.signal import half_sine
@@ -22,6 +21,7 @@ from fmd.integrators.subcycling import Subcycling
 from fmd.reduction.body import FlexibleBody
 from fmd.reduction.inertia import inertia_gram
 from tests.dynamics.hinged_body import body_of, energies, hinged
+from tests.linear_system import LinearSystem
 
 Body = Callable[..., FlexibleBody]
 Method = Callable[[float], CentralDifference | Subcycling | ReversibleSubcycling]

@@ -6,10 +6,10 @@ from typing import Any, cast
 import numpy as np
 import pytest
 
-from fmd.dynamics.linear.linear import LinearSystem
 from fmd.integrators.central_difference import CentralDifference
 from fmd.integrators.reversible import ReversibleSubcycling
 from fmd.output.coupling import coupling_warnings
+from tests.linear_system import LinearSystem
 
 
 def run_with(beta: float, method: Any) -> Any:

@@ -10,7 +10,6 @@ from scipy.linalg import expm
 
 from fmd.core.arrays import Array
 from fmd.core.errors import StabilityError
-from fmd.dynamics.linear.linear import LinearSystem
 from fmd.integrators.central_difference import CentralDifference
 from fmd.integrators.exponential import Exponential
 from fmd.integrators.generalized_alpha import GeneralizedAlpha
@@ -19,6 +18,7 @@ from fmd.integrators.reversible import ReversibleSubcycling
 from fmd.integrators.subcycling import Subcycling
 from fmd.stability.amplification import amplification_matrix, cycle_growth, spectral_radius
 from fmd.stability.two_dof import reversible_growth
+from tests.linear_system import LinearSystem
 
 
 def random_system(n: int, n_slow: int, seed: int, with_rates: bool) -> LinearSystem:

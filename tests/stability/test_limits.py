@@ -4,7 +4,6 @@ import numpy as np
 import pytest
 
 from fmd.core.errors import StabilityError
-from fmd.dynamics.linear.linear import LinearSystem
 from fmd.integrators.central_difference import CentralDifference
 from fmd.integrators.subcycling import Subcycling
 from fmd.stability.amplification import cycle_growth
@@ -17,6 +16,7 @@ from fmd.stability.limits import (
 )
 from fmd.stability.operating_points import OperatingPoints
 from fmd.stability.tangent import OperatingPoint
+from tests.linear_system import LinearSystem
 
 
 @pytest.mark.parametrize("m", [2, 3, 7])

@@ -6,12 +6,12 @@ import pytest
 from fmd import Pipeline, load_scene
 from fmd.dynamics.compiled_system.system import CompiledSystem
 from fmd.dynamics.kinematics import Kinematics
-from fmd.dynamics.linear.linear import LinearSystem
 from fmd.integrators.central_difference import CentralDifference
 from fmd.integrators.subcycling import Subcycling
 from fmd.stability.amplification import cycle_growth
 from fmd.stability.operating_points import OperatingPoints, find_operating_points, find_steady_point, settle
 from fmd.stability.tangent import OperatingPoint
+from tests.linear_system import LinearSystem
 
 REST = OperatingPoint(0.0, np.zeros(2), np.zeros(2))
 SLIDER = np.array([1])

@@ -5,7 +5,6 @@ import pytest
 
 from fmd import Pipeline, load_scene
 from fmd.dynamics.compiled_system.system import CompiledSystem
-from fmd.dynamics.linear.linear import LinearSystem
 from fmd.integrators.central_difference import CentralDifference
 from fmd.integrators.generalized_alpha import GeneralizedAlpha
 from fmd.integrators.subcycling import Subcycling
@@ -19,6 +18,7 @@ from fmd.stability.tangent import (
     scheme_tangent,
     system_growth_rates,
 )
+from tests.linear_system import LinearSystem
 
 REST = OperatingPoint(0.0, np.zeros(2), np.zeros(2))
 

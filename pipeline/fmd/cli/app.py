@@ -36,7 +36,7 @@ _COMMANDS = {
     "sweep:sweep": "A scene at every combination of values, on all cores or a cluster.",
     "report:report": "One web page of all results, to be opened without a network.",
     "verify:verify": "Published and closed-form results beside ours.",
-    "bench:bench": "Run time against error: integrators, elements, whole runs, stability.",
+    "bench:bench": "Run time against error of every integrator on a scene.",
     "doctor:doctor": "Check what this machine lacks, and print the command that mends it.",
 }
 for _place, _help in _COMMANDS.items():

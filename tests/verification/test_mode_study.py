@@ -1,4 +1,4 @@
-"""The study of elements and meshes: extrapolated frequencies, the fastest mesh, files."""
+"""The study of elements and meshes: extrapolated frequencies, files."""
 
 import csv
 from pathlib import Path
@@ -6,9 +6,8 @@ from pathlib import Path
 import numpy as np
 import pytest
 
+from benchmarks.modes import STUDIES, ConvergedFrequencies, ModeStudyRow, extrapolate, write_study
 from fmd import Pipeline, load_scene
-from fmd.bench.mode_study import STUDIES, ConvergedFrequencies, ModeStudyRow, extrapolate, fastest, write_study
-from fmd.cli.app import main
 from fmd.core.cache import Cache
 
 pytestmark = pytest.mark.slow
@@ -20,22 +19,8 @@ ROWS = [
 ]
 
 
-def test_a_scene_without_a_study_of_modes_is_refused(capsys: pytest.CaptureFixture[str]) -> None:
-    with pytest.raises(SystemExit) as stopped:
-        main(["bench", "arm", "--modes"])
-    assert stopped.value.code == 2
-    assert "must be one of beam, propeller" in capsys.readouterr().err
-
-
-def test_the_fastest_is_looked_for_among_those_within_the_error() -> None:
-    assert fastest(ROWS) is ROWS[2]
-    assert fastest(ROWS, 1e-4) is ROWS[1]
-    assert fastest(ROWS, 1e-9) is None
-
-
 def test_a_study_of_modes_is_written_with_its_reference_and_a_chart(tmp_path: Path) -> None:
-    files = write_study(ROWS, {"beam": ConvergedFrequencies(np.array([131.0]), 1e-6, 60123)}, tmp_path)
-    assert files == ["modes.csv", "modes-beam.png"]
+    write_study(ROWS, {"beam": ConvergedFrequencies(np.array([131.0]), 1e-6, 60123)}, tmp_path)
     assert (tmp_path / "modes-beam.png").stat().st_size > 10_000
     _, reference, *table = (tmp_path / "modes.csv").read_text().splitlines()
     assert reference == "# beam: 131.0000 Hz, the limit by up to 60123 unknowns, good to 1e-06"

@@ -4,15 +4,66 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 from functools import cached_property
+from typing import NamedTuple
 
 import numpy as np
 
 from fmd.core.arrays import Array, require_shape
 from fmd.dynamics.jit.compiled import meaning
-from fmd.dynamics.linear.middle import middle_of
-from fmd.dynamics.linear.parameters import FrozenLinear, LinearParameters, MiddleLinear
-from fmd.dynamics.system import accelerations, advance, fast_steps, hold_slow, leapfrog_step, velocities
+from fmd.dynamics.system import (
+    accelerations,
+    advance,
+    fast_steps,
+    hold_middle,
+    hold_slow,
+    leapfrog_step,
+    reacting_steps,
+    slow_response,
+    velocities,
+)
 from fmd.dynamics.vibration import highest_frequency, largest_leapfrog_step
+
+
+class LinearParameters(NamedTuple):
+    """Constants of ``a = −A q − B v`` and of the fast coordinates' ``a_S = −W (K_SS q_S + C_SS v_S + held)``.
+
+    Matrices lie in memory by columns, so that products run over one column after another in vector instructions.
+    B, C and C_SS have no columns if no term depends on the rates.
+    """
+
+    n_slow: int
+    A: Array  # (n, n) M⁻¹ K
+    B: Array  # (n, n or 0) M⁻¹ C
+    M: Array  # (n, n)
+    C: Array  # (n, n or 0)
+    K: Array  # (n, n)
+    K_SS: Array  # (n_fast, n_fast)
+    C_SS: Array  # (n_fast, n_fast or 0)
+    W: Array  # (n_fast, n_fast) M_SS⁻¹
+    v_now: Array  # (n_fast,), room to work in
+
+
+class FrozenLinear(NamedTuple):
+    """Forces of the slow coordinates on the fast ones over a cycle: ``held = K_SL q_L + C_SL v_L + M_SL a_L``."""
+
+    held: Array  # (n_fast,)
+    right: Array  # (n_fast,), room to work in
+
+
+class MiddleLinear(NamedTuple):
+    """Equations of the fast coordinates with ``y = q_L + D q_S`` held, and the state at the middle of a cycle."""
+
+    D: Array  # (n, n_slow), a row for each fast rate
+    W: Array  # (n_fast, n_fast) S̄⁻¹
+    V: Array  # (n_slow, n_slow) M_LL⁻¹
+    T: Array  # (n, n_fast)
+    K: Array  # (n, n_fast) K T
+    C: Array  # (n, n_fast) C T
+    Q: Array  # (n,) forces at the middle
+    q: Array  # (n,) positions q* at the middle
+    v: Array  # (n,) rates v* at the middle
+    now: Array  # (n,), room to work in
+    right: Array  # (n,)
 
 
 @dataclass(frozen=True)
@@ -221,3 +272,85 @@ def _advance(p: LinearParameters, q: Array, v: Array, h: float, first: int, last
 def _velocities(p: LinearParameters, q: Array, v: Array, dq: Array) -> None:
     for i in range(v.size):
         dq[i] = v[i]
+
+
+def middle_of(M: Array, K: Array, C: Array, n_slow: int) -> MiddleLinear:
+    """Return the constants of reversible sub-cycling for ``M q̈ + C q̇ + K q = 0``, and new work arrays."""
+    n, L, S = len(M), slice(0, n_slow), slice(n_slow, None)
+    D = np.linalg.solve(M[L, L], M[L, S])  # (n_slow, n_fast)
+    T = np.concatenate([-D, np.eye(n - n_slow)])
+    rows = np.concatenate([np.zeros((n_slow, n_slow)), D.T])
+    W, V = np.linalg.inv(T.T @ M @ T), np.linalg.inv(M[L, L])
+    arrays = (rows, W, V, T, K @ T, C @ T)
+    return MiddleLinear(*(np.asfortranarray(a) for a in arrays), *np.zeros((5, n)))
+
+
+@meaning(hold_middle, LinearParameters)
+def _hold_middle(p: LinearParameters, t: float, q: Array, v: Array, D: Array, middle: MiddleLinear) -> None:
+    K, C, Q = p.K, p.C, middle.Q
+    for i in range(v.size):
+        Q[i], middle.q[i], middle.v[i] = 0.0, q[i], v[i]
+        for j in range(p.n_slow):
+            D[i, j] = middle.D[i, j]
+    for j in range(v.size):  # by columns, as the matrices lie in memory
+        for i in range(v.size):
+            Q[i] -= K[i, j] * q[j]
+    for j in range(C.shape[1]):
+        for i in range(v.size):
+            Q[i] -= C[i, j] * v[j]
+
+
+@meaning(reacting_steps, LinearParameters)
+def _reacting_steps(
+    p: LinearParameters, middle: MiddleLinear, first: int, h: float, count: int, q: Array, v: Array, a: Array
+) -> None:
+    W, T, K, C, Q, now, right, n_slow = (
+        middle.W,
+        middle.T,
+        middle.K,
+        middle.C,
+        middle.Q,
+        middle.now,
+        middle.right,
+        p.n_slow,
+    )
+    n, fast = v.size, a[n_slow:]
+    for _ in range(count):
+        for j in range(n_slow, n):
+            now[j] = v[j] + 0.5 * h * a[j] - middle.v[j]
+        for i in range(n):
+            right[i] = Q[i]
+        for j in range(n_slow, n):
+            moved = q[j] - middle.q[j]
+            for i in range(n):
+                right[i] -= K[i, j - n_slow] * moved
+        if p.C.shape[1]:
+            for j in range(n_slow, n):
+                for i in range(n):
+                    right[i] -= C[i, j - n_slow] * now[j]
+        for j in range(n_slow, n):  # below its first rows T is the unit matrix
+            now[j] = right[j]
+            for i in range(n_slow):
+                now[j] += T[i, j - n_slow] * right[i]
+            a[j] = 0.0
+        for j in range(n_slow, n):
+            for i in range(n - n_slow):
+                fast[i] += W[i, j - n_slow] * now[j]
+        for i in range(n_slow, n):
+            v[i] += h * a[i]
+            q[i] += h * v[i]
+
+
+@meaning(slow_response, LinearParameters)
+def _slow_response(
+    p: LinearParameters, middle: MiddleLinear, first: int, h: float, count: int, q: Array, v: Array, a: Array
+) -> None:
+    V, K, C, Q, right, n_slow = middle.V, middle.K, middle.C, middle.Q, middle.right, p.n_slow
+    for i in range(n_slow):
+        right[i] = Q[i]
+        for j in range(n_slow, v.size):
+            right[i] -= K[i, j - n_slow] * (q[j] - middle.q[j]) + C[i, j - n_slow] * (v[j] - middle.v[j])
+    for i in range(n_slow):
+        a[i] = 0.0
+        for j in range(n_slow):
+            a[i] += V[i, j] * right[j]

@@ -1,8 +1,12 @@
-"""Stress tests of stability: long marches at steps below and above the limits, against the prediction by tangents."""
+"""March mechanisms long at steps below and above the limits of stability, against the prediction by tangents.
+
+Run from the project's root: ``python benchmarks/stability.py``. The cases are scenes about their rest, spinning
+bodies, and systems hard on purpose; all take 55 minutes of processor time. Writes ``stability.csv``.
+"""
 
 from __future__ import annotations
 
-import csv
+import sys
 from collections.abc import Callable, Iterator
 from dataclasses import asdict, dataclass
 from functools import cache, partial
@@ -10,14 +14,13 @@ from pathlib import Path
 from typing import Any
 
 import numpy as np
+from joblib import Parallel, delayed
 
-from fmd.bench.stress_cases import StressCase, case_builders
+sys.path.append(str(Path(__file__).parents[1]))
+from benchmarks.table_format import write_rows
+from fmd import Pipeline, load_scene
 from fmd.core.arrays import Array
-from fmd.core.cache import Cache, stage_key
 from fmd.core.errors import AccuracyError
-from fmd.core.files import whole_file
-from fmd.core.paths import cache_folder
-from fmd.core.progress import Advance
 from fmd.integrators.central_difference import CentralDifference
 from fmd.integrators.exponential import Exponential
 from fmd.integrators.generalized_alpha import GeneralizedAlpha
@@ -28,7 +31,108 @@ from fmd.integrators.runge_kutta import RungeKutta
 from fmd.integrators.scipy_ivp import ScipyIvp
 from fmd.integrators.subcycling import Subcycling
 from fmd.stability.limits import find_sudden_step
-from fmd.stability.tangent import scheme_growth_rates, scheme_tangent, system_growth_rates
+from fmd.stability.operating_points import settle
+from fmd.stability.tangent import (
+    OperatingPoint,
+    scheme_growth_rates,
+    scheme_tangent,
+    system_growth_rates,
+)
+from tests.linear_system import LinearSystem
+
+_BEAM_AT_REST = "drive.spin_up.speed=0 rad/s"
+SCENES = {
+    "rod-slider": ("rod-slider", ("drive.motor.torque=0 N m",)),
+    "beam": ("beam", (_BEAM_AT_REST,)),
+    "beam, free frame": ("beam", (_BEAM_AT_REST, 'simulation.frame="free"')),
+    "arm": ("arm", ('drive.swing.torque="0 N m"',)),
+}
+SPEEDS = (0.0, 0.5, 0.9, 1.1, 1.5, 2.0, 3.0)  # over the first frequency
+
+
+@dataclass(frozen=True)
+class StressCase:
+    """Mechanism about a state that it keeps but for small vibrations; M and K at rest, slow coordinates first."""
+
+    family: str
+    name: str
+    system: Any
+    at: OperatingPoint
+    M: Array
+    K: Array
+
+    @property
+    def lowest(self) -> float:
+        """Lowest angular frequency that isn't 0 [rad/s]."""
+        squares = np.sort(np.linalg.eigvals(np.linalg.solve(self.M, self.K)).real)
+        return float(np.sqrt(squares[len(squares) - np.linalg.matrix_rank(self.K)]))
+
+
+Builder = Callable[[], StressCase]
+
+
+def case_builders() -> dict[str, Builder]:
+    """Return the functions that build the cases, by name."""
+    cases: dict[str, Builder] = {name: _of_scene(name) for name in SCENES}
+    for stiffened in (False, True):
+        for speed in SPEEDS:
+            cases[f"beam at {speed:g} ω₁, {'stiffened' if stiffened else 'linear'}"] = _spinning(speed, stiffened)
+    for exponent in (-6, -3, 0, 3, 6):
+        for beta in (0.0, 0.3):
+            cases[f"mass ratio 1e{exponent}, β = {beta}"] = _of_masses(exponent, beta)
+    for n in (1, 20, 200):
+        modes = np.diag(np.r_[0.0, np.linspace(1.0, 30.0, n) ** 2])
+        cases[f"{n} modes"] = _linear("1 to 200 modes", f"{n} modes", np.eye(n + 1), modes)
+    spread = np.diag(np.r_[1e-2, 10.0 ** np.linspace(0, 12, 5)])
+    cases["stiffness from 1 to 1e12"] = _linear("stiffness from 1 to 1e12", "", np.eye(6), spread)
+    turn = np.linalg.qr(np.random.default_rng(0).standard_normal((4, 4)))[0]
+    M = np.eye(5)
+    M[1:, 1:] = turn @ np.diag([1e-10, 1.0, 1.0, 1.0]) @ turn.T
+    cases["M_SS nearly singular, 1e-10"] = _linear(
+        "M_SS nearly singular, 1e-10", "", M, np.diag([0.01, 1.0, 4.0, 9.0, 16.0])
+    )
+    return cases
+
+
+def _linear(family: str, name: str, M: Array, K: Array) -> Builder:
+    rest = OperatingPoint(0.0, np.zeros(len(M)), np.zeros(len(M)))
+    return lambda: StressCase(family, name or family, LinearSystem(M, K, 1), rest, M, K)
+
+
+def _of_masses(exponent: int, beta: float) -> Builder:
+    scale = np.diag([1.0, 10.0 ** (exponent / 2)])
+    M = scale @ np.array([[1.0, beta], [beta, 1.0]]) @ scale
+    K = scale @ np.diag([0.01, 1.0]) @ scale
+    return _linear(f"mass ratio 1e-6 … 1e6, β = {beta}", f"mass ratio 1e{exponent}, β = {beta}", M, K)
+
+
+def _of_scene(name: str) -> Builder:
+    def build() -> StressCase:
+        scene, overrides = SCENES[name]
+        run = Pipeline(load_scene(scene, list(overrides)))
+        q0, _ = run.start
+        q0 = q0 if name == "arm" else np.zeros_like(q0)  # the arm hangs
+        return StressCase(
+            name, name, run.system, OperatingPoint(0.0, q0, np.zeros(run.system.n)), *run.reference_matrices
+        )
+
+    return build
+
+
+def _spinning(speed: float, stiffened: bool) -> Builder:
+    """Return the builder of the beam that turns freely at a rate given over its first frequency."""
+
+    def build() -> StressCase:
+        run = Pipeline(load_scene("beam", ["drive={}", f"simulation.stiffening='{'on' if stiffened else 'off'}'"]))
+        system = run.system
+        rates = np.r_[speed * run.body.omega[0], np.zeros(system.n - 1)]
+        at = settle(system, OperatingPoint(0.0, np.zeros(system.n), rates), np.arange(1, system.n))
+        family = f"beam, 0 … 3 ω₁, {'stiffened' if stiffened else 'without geometric stiffening'}"
+        name = f"beam at {speed:g} ω₁, {'stiffened' if stiffened else 'linear'}"
+        return StressCase(family, name, system, at, *run.reference_matrices)
+
+    return build
+
 
 RATIOS = (1, 2, 3, 5, 10, 20)
 SHARES = (0.1, 0.5, 0.9, 0.98, 1.02, 1.05)  # of the explicit limit
@@ -43,28 +147,14 @@ _GROWN = np.log(1e4)  # e-folds of the largest vibration from which on a march c
 _UNSURE = np.log(300.0)  # by which a start that is no eigenvector, or an end of an oscillation, may shift that
 _NEUTRAL = 1e-5
 _LOOKS = 201  # at a march
-_NO_CACHE = Cache(None)
 
 
 @dataclass(frozen=True)
 class StressTestRow:
-    """Prediction and outcome of one long march.
+    """Prediction (lives, diverges or either) and outcome of one long march.
 
-    Attributes
-    ----------
-    family, case, integrator : str
-        Family and name of the case, and the method.
-    substeps : int
-        Fast steps to a slow one.
-    share : float
-        Fast step over the largest stable explicit one.
-    cycles : int
-        Major cycles, 0 for a method that chooses its steps.
-    predicted, found : str
-        ``lives`` or ``diverges``; the prediction may be ``either``.
-    drift : float
-        Change of the vibrations' energy, summed over the scheme's own modes, over that of the start; NaN where
-        the march diverges.
+    ``share`` is the fast step over the largest stable explicit one, ``cycles`` is 0 for a method that chooses its
+    steps, ``drift`` the change of the vibrations' energy over that of the start, summed over the scheme's own modes.
     """
 
     family: str
@@ -83,47 +173,19 @@ class StressTestRow:
         return self.predicted not in ("either", self.found)
 
 
-def stress_test(folder: Path, advance: Advance) -> list[dict[str, Any]]:
-    """March every case, write the table ``stability.csv`` into a folder, and return its summary."""
-    rows = march_all(keep=Cache(cache_folder()), advance=advance)
-    folder.mkdir(parents=True, exist_ok=True)
-    write_rows(rows, folder / "stability.csv")
-    return summarise_rows(rows)
-
-
-def march_all(
-    cycles: int = CYCLES, only: tuple[str, ...] = (), keep: Cache = _NO_CACHE, advance: Advance = lambda done: None
-) -> list[StressTestRow]:
-    """March every case by every method in two processes; marches in the cache aren't repeated."""
-    from joblib import Parallel, delayed
-
-    marches = [(name, k) for name in only or case_builders() for k in range(len(_marches(name, cycles)))]
+def march_all() -> list[StressTestRow]:
+    """March every case by every method in two processes."""
+    marches = [(name, k) for name in case_builders() for k in range(len(_marches(name, CYCLES)))]
     # The longest first, so that none is waited for in the end.
     longest = sorted(marches, key=lambda march: (march[0] != "arm", -len(_case(march[0]).M)))
-    tasks = (delayed(_kept_row)(*march, cycles, keep) for march in longest)
-    rows: dict[tuple[str, int], StressTestRow] = {}
-    for march, row in zip(longest, Parallel(n_jobs=2, return_as="generator")(tasks), strict=True):
-        rows[march] = row
-        advance(len(rows) / len(marches))
-    return [rows[march] for march in marches]
+    rows = Parallel(n_jobs=2)(delayed(_row)(*march, CYCLES) for march in longest)
+    found = dict(zip(longest, rows, strict=True))
+    return [found[march] for march in marches]
 
 
 def march_case(name: str, cycles: int = CYCLES) -> list[StressTestRow]:
     """March one case by every method."""
     return [_row(name, k, cycles) for k in range(len(_marches(name, cycles)))]
-
-
-def _kept_row(name: str, k: int, cycles: int, keep: Cache) -> StressTestRow:
-    from joblib import hash as digest
-
-    case = _case(name)
-    inputs = [name, k, cycles, digest((case.M, case.K, case.at))]
-    key = stage_key("stress-march", inputs, ("fmd",), ("numba", "numpy", "scipy"))
-    row: StressTestRow | None = keep.load(key)
-    if row is None:
-        row = _row(name, k, cycles)
-        keep.save(key, row)
-    return row
 
 
 def _row(name: str, k: int, cycles: int) -> StressTestRow:
@@ -252,28 +314,14 @@ def _march_adaptively(case: StressCase, method: Integrator, steps: int) -> Stres
     return StressTestRow(*label, "lives", float(energies[-1] / energies[0] - 1))
 
 
-def write_rows(rows: list[StressTestRow], path: Path) -> None:
-    """Write the marches as a CSV table."""
-    with whole_file(path) as part, part.open("w", newline="") as file:
-        table = csv.DictWriter(file, [*asdict(rows[0]), "wrong"], lineterminator="\n")
-        table.writeheader()
-        for row in rows:
-            figures = {"share": f"{row.share:g}", "drift": f"{row.drift:.2e}", "wrong": int(row.wrong)}
-            table.writerow(asdict(row) | figures)
+def main() -> None:
+    """March all, and write ``stability.csv`` beside this file."""
+    from benchmarks.stability import march_all  # the processes that march know this module by its name
+
+    rows = [asdict(row) | {"wrong": int(row.wrong)} for row in march_all()]
+    rows = [row | {"share": f"{row['share']:g}", "drift": f"{row['drift']:.2e}"} for row in rows]
+    write_rows(Path(__file__).with_suffix(".csv"), rows)
 
 
-def summarise_rows(rows: list[StressTestRow]) -> list[dict[str, Any]]:
-    """Count, for each family, the marches, those that lived and diverged, and the predictions that failed."""
-    return [
-        {
-            "family": name,
-            "marches": len(mine := [row for row in rows if row.family == name]),
-            "cycles": max(row.cycles for row in mine),
-            "lived": sum(row.found == "lives" for row in mine),
-            "diverged": sum(row.found == "diverges" for row in mine),
-            "undecided": sum(row.predicted == "either" for row in mine),
-            "wrong": sum(row.wrong for row in mine),
-            "drift": max((row.drift for row in mine if row.found == "lives"), default=0.0),
-        }
-        for name in dict.fromkeys(row.family for row in rows)
-    ]
+if __name__ == "__main__":
+    main()

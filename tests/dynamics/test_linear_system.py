@@ -3,8 +3,8 @@
 import numpy as np
 import pytest
 
-from fmd.dynamics.linear.linear import LinearSystem
 from fmd.integrators.protocol import evaluate
+from tests.linear_system import LinearSystem
 
 
 def test_accelerations_are_those_of_the_matrices() -> None:

@@ -1,24 +1,28 @@
-"""Error of natural frequencies against the time they take, for each element and mesh."""
+"""Error of natural frequencies against the time they take, for each element and mesh of beam and propeller.
+
+Run from the project's root: ``python benchmarks/modes.py``. Writes ``modes.csv`` and a chart of each scene.
+"""
 
 from __future__ import annotations
 
-import csv
-import platform
+import sys
 import time
 from collections.abc import Callable, Iterator, Mapping, Sequence
-from dataclasses import astuple, dataclass, fields
+from dataclasses import dataclass
 from pathlib import Path
 
 import numpy as np
 from scipy.optimize import brentq
+from threadpoolctl import threadpool_limits
 
+sys.path.append(str(Path(__file__).parents[1]))
+from benchmarks.table_format import machine, write_rows
 from fmd.core.arrays import Array
 from fmd.core.cache import Cache
-from fmd.core.files import whole_file
+from fmd.render.precision_chart import draw_work_precision
 from fmd.scene.scene import load_scene
 from fmd.stages.pipeline import Pipeline
 
-WANTED_ERROR = 1e-3
 _IN_PLANE = 0.5  # share of a mode's movement along y: above 0.8 in the plane, in all other modes below 0.25
 _REFINED = (1.0, 1.5, 2.0)  # meshes of a reference, in elements each way
 _SHORT = 2.0  # s, below which a time is measured twice
@@ -26,19 +30,7 @@ _SHORT = 2.0  # s, below which a time is measured twice
 
 @dataclass(frozen=True)
 class ModeStudyRow:
-    """Time and error of one mesh.
-
-    Attributes
-    ----------
-    scene, element, mesh : str
-        Names of the scene, of the element and of its mesh.
-    unknowns : int
-        Number of unknowns.
-    seconds : float
-        Processor time of assembly and modes; where it is short, the less of two runs.
-    error : float
-        Largest relative error of the frequencies.
-    """
+    """Largest relative error of one mesh, and processor time of assembly and modes, the less of two short runs."""
 
     scene: str
     element: str
@@ -50,19 +42,7 @@ class ModeStudyRow:
 
 @dataclass(frozen=True)
 class ModeStudy:
-    """A scene with the meshes that its frequencies are computed on.
-
-    Attributes
-    ----------
-    scene : str
-        Name of the scene.
-    meshes : tuple
-        Element, name of the mesh, and overrides of the scene, coarse to fine.
-    references : tuple
-        For each of two elements the overrides of three meshes, of 1, 1.5 and 2 times as many of them each way.
-    frequencies : callable
-        Function from a pipeline to the frequencies that are compared [Hz].
-    """
+    """A scene, its meshes with overrides, three meshes of each of two elements as references, and what is compared."""
 
     scene: str
     meshes: tuple[tuple[str, str, tuple[str, ...]], ...]
@@ -72,17 +52,7 @@ class ModeStudy:
 
 @dataclass(frozen=True)
 class ConvergedFrequencies:
-    """Frequencies that finer meshes hardly change, and how well two elements agree on them.
-
-    Attributes
-    ----------
-    frequencies : ndarray
-        Limits by the first element of the study's references [Hz].
-    uncertainty : float
-        Largest relative difference from the limits by the second element.
-    unknowns : int
-        Number of unknowns of the finest mesh of the first element.
-    """
+    """Limits of frequencies [Hz], how far two elements differ on them, and unknowns of the finest mesh."""
 
     frequencies: Array
     uncertainty: float
@@ -227,38 +197,34 @@ def measure_meshes(study: ModeStudy, reference: ConvergedFrequencies) -> Iterato
         yield ModeStudyRow(study.scene, element, mesh, 3 * len(run.fe.x), min(seconds), error)
 
 
-def fastest(rows: list[ModeStudyRow], error: float = WANTED_ERROR) -> ModeStudyRow | None:
-    """Return the row that takes least time among those within an error, None if there is none."""
-    return min((row for row in rows if row.error <= error), key=lambda row: row.seconds, default=None)
-
-
-def write_study(rows: list[ModeStudyRow], references: dict[str, ConvergedFrequencies], folder: Path) -> list[str]:
-    """Write the rows as CSV and a chart of each scene; return the files' names."""
-    from fmd.render.precision_chart import draw_work_precision
-
-    folder.mkdir(parents=True, exist_ok=True)
-    files = ["modes.csv"]
-    with whole_file(folder / "modes.csv") as part, part.open("w", newline="") as file:
-        file.write(f"# {platform.machine()}, {platform.system()}, Python {platform.python_version()}, one thread\n")
-        for scene, reference in references.items():
-            hertz = " ".join(f"{frequency:.4f}" for frequency in reference.frequencies)
-            file.write(
-                f"# {scene}: {hertz} Hz, the limit by up to {reference.unknowns} unknowns, "
-                f"good to {reference.uncertainty:.0e}\n"
-            )
-        table = csv.writer(file, lineterminator="\n")
-        table.writerow([field.name for field in fields(ModeStudyRow)])
-        table.writerows([f"{x:.4g}" if isinstance(x, float) else x for x in astuple(row)] for row in rows)
+def write_study(rows: list[ModeStudyRow], references: dict[str, ConvergedFrequencies], folder: Path) -> None:
+    """Write the rows as CSV and a chart of each scene."""
+    limits = [
+        f"{scene}: {' '.join(f'{hertz:.4f}' for hertz in found.frequencies)} Hz, the limit by up to {found.unknowns} "
+        f"unknowns, good to {found.uncertainty:.0e}"
+        for scene, found in references.items()
+    ]
+    write_rows(folder / "modes.csv", rows, f"{machine()}, one thread", *limits, digits=4)
     for scene in references:
         curves: dict[str, list[tuple[float, float]]] = {}
         for row in rows:
             if row.scene == scene:
                 curves.setdefault(row.element, []).append((row.seconds, row.error))
-        files.append(f"modes-{scene}.png")
         draw_work_precision(
             {element: np.array(points) for element, points in curves.items()},
-            folder / files[-1],
+            folder / f"modes-{scene}.png",
             title=f"{scene}: processor time of assembly and modes against error",
             error_label="largest relative error of the frequencies",
         )
-    return files
+
+
+def main() -> None:
+    """Measure both scenes, and write ``modes.csv`` and the charts beside this file."""
+    with threadpool_limits(1):
+        references = {study.scene: converged_frequencies(study) for study in STUDIES}
+        rows = [row for study in STUDIES for row in measure_meshes(study, references[study.scene])]
+    write_study(rows, references, Path(__file__).parent)
+
+
+if __name__ == "__main__":
+    main()

@@ -1,22 +1,24 @@
-"""Time and memory of whole runs of ready scenes: the first one on a machine, and a later one."""
+"""Time and memory of whole runs of ready scenes: the first one on a machine, and a later one.
+
+Run from the project's root: ``python benchmarks/whole_runs.py``. Writes ``pipeline.csv``.
+"""
 
 from __future__ import annotations
 
-import csv
 import json
 import os
-import platform
 import subprocess
 import sys
 import tempfile
 import time
-from collections.abc import Iterator, Sequence
-from dataclasses import astuple, dataclass, fields
+from collections.abc import Iterator
+from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
+sys.path.append(str(Path(__file__).parents[1]))
+from benchmarks.table_format import machine, write_rows
 from fmd.core.errors import AccuracyError
-from fmd.core.files import whole_file
 
 SCENES = ("beam", "rod-slider", "propeller")
 _REST = "start, imports and the rest"
@@ -26,23 +28,7 @@ _PER_MEGABYTE = 1024**2 if sys.platform == "darwin" else 1024  # of the system's
 
 @dataclass(frozen=True)
 class StageRow:
-    """Time of one stage of a run, or time and memory of the whole run.
-
-    Attributes
-    ----------
-    scene : str
-        The scene's name.
-    run : str
-        ``cold``: nothing kept, no kernel compiled; ``warm``: once more.
-    stage : str
-        The stage's name, or ``whole``.
-    seconds, share : float
-        Wall time [s], and its share of the whole.
-    cached : bool
-        True if the result was read from the cache.
-    megabytes : float
-        Largest size of the process, in the row of the whole; else not a number.
-    """
+    """Wall time [s] of one stage of a cold or warm run and its share, or time and largest size of the whole run."""
 
     scene: str
     run: str
@@ -53,7 +39,7 @@ class StageRow:
     megabytes: float
 
 
-def measure_runs(scene: str, overrides: Sequence[str]) -> Iterator[StageRow]:
+def measure_runs(scene: str) -> Iterator[StageRow]:
     """Run a scene twice from an empty cache folder, each time in a process of its own.
 
     Raises
@@ -64,9 +50,8 @@ def measure_runs(scene: str, overrides: Sequence[str]) -> Iterator[StageRow]:
     with tempfile.TemporaryDirectory(prefix="fmd-runs-") as folder:
         # Matplotlib keeps its list of fonts, which a new machine hasn't got either
         kept = {"FMD_CACHE": str(Path(folder) / "cache"), "MPLCONFIGDIR": str(Path(folder) / "fonts")}
-        settings = [f"--set={override}" for override in overrides]
         fmd = [sys.executable, "-c", _COMMAND]
-        command = [*fmd, "run", scene, "--json", "--out", str(Path(folder) / "out"), *settings]
+        command = [*fmd, "run", scene, "--json", "--out", str(Path(folder) / "out")]
         for run in ("cold", "warm"):
             summary, seconds, megabytes = _run(scene, command, os.environ | kept)
             stages = summary["seconds"]
@@ -93,12 +78,12 @@ def _run(scene: str, command: list[str], environment: dict[str, str]) -> tuple[d
         return json.load(output), seconds, usage.ru_maxrss / _PER_MEGABYTE
 
 
-def write_stages(rows: list[StageRow], path: Path) -> None:
-    """Write the rows as CSV, after a line that names the machine."""
-    path.parent.mkdir(parents=True, exist_ok=True)
-    with whole_file(path) as part, part.open("w", newline="") as file:
-        file.write(f"# {platform.machine()}, {platform.system()}, Python {platform.python_version()}, ")
-        file.write(f"{os.cpu_count()} processors\n")
-        table = csv.writer(file, lineterminator="\n")
-        table.writerow([field.name for field in fields(StageRow)])
-        table.writerows([f"{x:.4g}" if isinstance(x, float) else x for x in astuple(row)] for row in rows)
+def main() -> None:
+    """Measure the scenes, and write ``pipeline.csv`` beside this file."""
+    rows = [row for scene in SCENES for row in measure_runs(scene)]
+    remark = f"{machine()}, {os.cpu_count()} processors"
+    write_rows(Path(__file__).with_name("pipeline.csv"), rows, remark, digits=4)
+
+
+if __name__ == "__main__":
+    main()

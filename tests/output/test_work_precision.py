@@ -9,9 +9,9 @@ import numpy as np
 import pytest
 
 from fmd import Pipeline, load_scene
-from fmd.bench.integrators import compare_on_scene
 from fmd.cli.app import main
 from fmd.core.errors import AccuracyError
+from fmd.output.work_precision import Errors, compare, compare_on_scene
 
 SHORT = ["simulation.duration=25 ms"]
 
@@ -48,8 +48,6 @@ def test_errors_fall_at_least_at_the_declared_order(result, name, order):
 
 def test_a_reference_that_cannot_be_confirmed_stops_the_comparison():
     run = Pipeline(load_scene("beam", SHORT))
-    from fmd.bench.work_precision import Errors, compare
-
     times = np.linspace(0, 0.01, 3)
     with pytest.raises(AccuracyError, match=r"two references differ by 1\.0e\+00, above 1e-08"):
         compare(run.system, *run.start, times, lambda found, exact: Errors(1.0, 1.0, 1.0))

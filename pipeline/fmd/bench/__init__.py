@@ -1,1 +1,0 @@
-"""Benchmarks: run time against error, whole runs, and stress tests of stability."""
